@@ -1,0 +1,23 @@
+# Third-party libraries, all from the distribution's packages (README.md names them).
+find_package(Threads REQUIRED)
+find_package(OpenMP REQUIRED COMPONENTS CXX)
+find_package(Eigen3 3.4 REQUIRED NO_MODULE)
+find_package(nlohmann_json REQUIRED)
+find_package(fmt REQUIRED)
+find_package(HDF5 REQUIRED COMPONENTS C)
+find_package(PNG REQUIRED)
+
+add_library(graupel_hdf5 INTERFACE)
+target_include_directories(graupel_hdf5 SYSTEM INTERFACE ${HDF5_INCLUDE_DIRS})
+target_compile_definitions(graupel_hdf5 INTERFACE ${HDF5_DEFINITIONS})
+target_link_libraries(graupel_hdf5 INTERFACE ${HDF5_C_LIBRARIES})
+
+# OpenVDB ships FindOpenVDB.cmake instead of a config file.
+foreach(dir ${CMAKE_PREFIX_PATH} /usr)
+  list(APPEND CMAKE_MODULE_PATH ${dir}/lib/x86_64-linux-gnu/cmake/OpenVDB ${dir}/lib/cmake/OpenVDB)
+endforeach()
+set(OPENVDB_USE_STATIC_LIBS OFF)
+find_package(OpenVDB REQUIRED)
+
+# A BLAS with run-time dispatch makes the CPU inference faster; Eigen's own kernels serve without one.
+find_library(GRAUPEL_OPENBLAS NAMES openblas PATH_SUFFIXES openblas-openmp openblas-pthread)

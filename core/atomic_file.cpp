@@ -1,0 +1,126 @@
+#include "core/atomic_file.h"
+
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+
+#include "core/error.h"
+
+namespace graupel {
+
+namespace fs = std::filesystem;
+
+namespace {
+
+[[noreturn]] void fail(const std::string& what, const std::string& path) {
+  const int code = errno;
+  std::string hint;
+  if (code == ENOSPC) hint = ". Free space on that disk or choose another folder";
+  if (code == EACCES || code == EROFS || code == EPERM) hint = ". Choose a folder you may write to";
+  throw IoError("cannot " + what + " '" + path + "' (" + std::strerror(code) + ")" + hint);
+}
+
+class Descriptor {
+ public:
+  explicit Descriptor(int fd) : fd_(fd) {}
+  ~Descriptor() {
+    if (fd_ >= 0) ::close(fd_);
+  }
+  Descriptor(const Descriptor&) = delete;
+  Descriptor& operator=(const Descriptor&) = delete;
+  int get() const { return fd_; }
+
+ private:
+  int fd_;
+};
+
+void write_all(int fd, std::string_view bytes, const std::string& path) {
+  while (!bytes.empty()) {
+    const ssize_t n = ::write(fd, bytes.data(), bytes.size());
+    if (n < 0) {
+      if (errno == EINTR) continue;
+      fail("write " + std::to_string(bytes.size()) + " bytes to", path);
+    }
+    bytes.remove_prefix(static_cast<std::size_t>(n));
+  }
+}
+
+void sync_path(const std::string& path, int flags) {
+  Descriptor fd(::open(path.c_str(), flags));
+  if (fd.get() < 0) fail("open", path);
+  if (::fsync(fd.get()) != 0 && errno != EINVAL) fail("sync", path);
+}
+
+}  // namespace
+
+void finish_part_file(const std::string& path) {
+  const std::string part = path + ".part";
+  sync_path(part, O_RDONLY);
+  if (std::rename(part.c_str(), path.c_str()) != 0) fail("rename the finished file to", path);
+  const std::string folder = fs::absolute(path).parent_path().string();
+  sync_path(folder, O_RDONLY | O_DIRECTORY);
+}
+
+void write_file_atomically(const std::string& path, std::string_view bytes) {
+  if (path == "-") {
+    write_all(STDOUT_FILENO, bytes, "standard output");
+    return;
+  }
+  struct stat status {};
+  if (::stat(path.c_str(), &status) == 0 && !S_ISREG(status.st_mode)) {
+    if (S_ISDIR(status.st_mode)) {
+      errno = EISDIR;
+      fail("write", path);
+    }
+    Descriptor fd(::open(path.c_str(), O_WRONLY));
+    if (fd.get() < 0) fail("open", path);
+    write_all(fd.get(), bytes, path);
+    return;
+  }
+  const std::string part = path + ".part";
+  try {
+    Descriptor fd(::open(part.c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0644));
+    if (fd.get() < 0) fail("create", part);
+    write_all(fd.get(), bytes, part);
+    if (::fsync(fd.get()) != 0) fail("sync", part);
+  } catch (...) {
+    ::unlink(part.c_str());
+    throw;
+  }
+  finish_part_file(path);
+}
+
+std::string read_file(const std::string& path, std::size_t limit) {
+  std::error_code code;
+  if (fs::is_directory(path, code)) throw InputError("cannot read '" + path + "' (it is a folder, not a file)");
+  std::ifstream stream(path, std::ios::binary);
+  if (!stream) throw InputError("cannot read '" + path + "' (" + std::strerror(errno) + ")");
+  stream.seekg(0, std::ios::end);
+  const auto end = stream.tellg();
+  if (end >= 0 && static_cast<std::size_t>(end) > limit)
+    throw InputError("'" + path + "' is too large (" + std::to_string(end) + " bytes, at most " +
+                     std::to_string(limit) + ")");
+  if (end < 0) {  // a pipe
+    stream.clear();
+    return {std::istreambuf_iterator<char>(stream), {}};
+  }
+  std::string bytes(static_cast<std::size_t>(end), '\0');
+  stream.seekg(0);
+  stream.read(bytes.data(), end);
+  if (!stream) throw InputError("cannot read '" + path + "' (short read)");
+  return bytes;
+}
+
+void make_folder(const std::string& path) {
+  std::error_code code;
+  fs::create_directories(path, code);
+  if (code && !fs::is_directory(path))
+    throw IoError("cannot create folder '" + path + "' (" + code.message() + "). Choose a folder you may write to");
+}
+
+}  // namespace graupel

@@ -1,0 +1,22 @@
+// Whole-file writes that never leave a truncated file: written aside as `<path>.part`, synced, renamed.
+#pragma once
+
+#include <string>
+#include <string_view>
+
+namespace graupel {
+
+/// Writes `bytes` to `path`; throws IoError naming path, system error and size (disk full, no permission).
+/// "-" is standard output; a target that exists and is not a regular file (/dev/null, a pipe) is written directly.
+void write_file_atomically(const std::string& path, std::string_view bytes);
+
+/// fsync of `path`.part, rename to `path`, fsync of the folder: the last step of any streamed writer.
+void finish_part_file(const std::string& path);
+
+/// Reads a whole file; throws InputError when it is missing, unreadable or larger than `limit` bytes.
+std::string read_file(const std::string& path, std::size_t limit = std::size_t(1) << 31);
+
+/// Creates a folder and its parents; throws IoError.
+void make_folder(const std::string& path);
+
+}  // namespace graupel

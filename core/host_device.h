@@ -1,0 +1,8 @@
+// The only portability macro: a function marked GRAUPEL_HD runs on the host and, where nvcc compiles it, on the device.
+#pragma once
+
+#if defined(__CUDACC__)
+#define GRAUPEL_HD __host__ __device__
+#else
+#define GRAUPEL_HD
+#endif

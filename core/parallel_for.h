@@ -1,0 +1,53 @@
+// Runs body(i) for i in [0, n) on a device: OpenMP threads on the CPU, one CUDA thread per item on a GPU.
+// Bodies are function objects over views with a GRAUPEL_HD operator()(int64_t) const. Items must be independent, so
+// that results do not depend on the number of threads. Only files compiled as CUDA may launch on Device::cuda.
+#pragma once
+
+#include <cstdint>
+#include <stdexcept>
+
+#include "core/cuda_check.h"
+#include "core/device.h"
+#include "core/host_device.h"
+
+namespace graupel {
+
+#ifdef __CUDACC__
+template <typename Body>
+__global__ void parallel_for_kernel(int64_t n, Body body) {
+  const int64_t i = static_cast<int64_t>(blockIdx.x) * blockDim.x + threadIdx.x;
+  if (i < n) body(i);
+}
+#endif
+
+/// Items that one CPU thread takes at a time: 1 for heavy items (a block of particles), thousands for light ones.
+struct Grain {
+  int64_t items = 256;
+};
+
+template <typename Body>
+void parallel_for(Device device, int64_t n, const Body& body, Grain grain = {}) {
+  if (n <= 0) return;
+  if (device == Device::cpu) {
+    if (n <= grain.items) {
+      for (int64_t i = 0; i < n; ++i) body(i);
+      return;
+    }
+    const int64_t chunks = (n + grain.items - 1) / grain.items;
+#pragma omp parallel for schedule(dynamic, 1)
+    for (int64_t c = 0; c < chunks; ++c) {
+      const int64_t end = (c + 1) * grain.items < n ? (c + 1) * grain.items : n;
+      for (int64_t i = c * grain.items; i < end; ++i) body(i);
+    }
+    return;
+  }
+#ifdef __CUDACC__
+  constexpr int threads = 128;
+  parallel_for_kernel<<<static_cast<unsigned>((n + threads - 1) / threads), threads>>>(n, body);
+  GRAUPEL_CUDA_CHECK(cudaGetLastError());
+#else
+  throw std::logic_error("parallel_for: this file was not compiled for CUDA");
+#endif
+}
+
+}  // namespace graupel

@@ -1,0 +1,39 @@
+// Particle features of the HGN paper (section 3.1), shared by training and inference.
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "core/scene.h"
+#include "graph/hgn_config.h"
+#include "sparsegrid/cell_normals.h"
+#include "sparsegrid/obstacle_set.h"
+
+namespace graupel::graph {
+
+/// The static surroundings of a scene, built once: obstacles, their cell normals and the walls.
+struct Surroundings {
+  explicit Surroundings(const Scene& scene);
+  sparsegrid::ObstacleSet obstacles;
+  sparsegrid::CellNormals normals;
+  Vec3d wall_low, wall_high;  ///< [m] scene.domain.origin and origin + size: the AABB of the domain
+  Vec3d hold_low, hold_high;  ///< [m] where the walls hold the material (Scene::wall_low/high)
+};
+
+/// Continuous features of each particle, without the type embedding, shape [n, input_width - embedding], row-major:
+///   velocities v^n, v^{n-1}, .. (history x 3, newest first, normalised), cell normal (3, if used), distances to the
+///   six faces of the domain (lower x y z, upper x y z; clamped to +-wall_clamp and divided by it), and, if used, the
+///   obstacle distance (clamped, divided by distance_clamp) and its gradient (3; zero beyond the band).
+/// `positions` holds history + 1 frames, newest last, each [n]; velocities are frame differences (dt = 1).
+std::vector<float> particle_features(const HgnConfig& config, const Normalization& normalization,
+                                     const Surroundings& surroundings,
+                                     const std::vector<std::vector<Vec3f>>& positions);
+
+/// Row of the embedding table for a particle type id, 0..8. Throws InputError for an id outside it.
+int embedding_row(int32_t particle_type);
+inline constexpr int embedding_rows = 9;
+
+/// Moves particles out of obstacles and back inside the walls (in place); returns how many moved.
+int64_t project_out(const Surroundings& surroundings, std::vector<Vec3f>& position);
+
+}  // namespace graupel::graph

@@ -1,0 +1,47 @@
+// Inference of the hierarchical graph network on the CPU (HGN paper, figure 2), without libtorch.
+//
+// Weight names (shapes [out, in]); every FCN has layer1.{weight,bias}, layer2.{weight,bias} and, but for the decoder,
+// norm.{weight,bias}:
+//   embedding.weight [9, E]
+//   encoder                     input_width -> H -> H
+//   particle_to_grid            [f_p, offset (3)] -> H; offset = (centre - x)/R
+//   down.<l>.<k>.edge / .cell   l = 0..L-1, k = 0..M-1: edge [f_sender, f_receiver, e] with e = (x_receiver -
+//   x_sender)/spacing (3)
+//                               for k = 0, the edge latent (H) after; cell [sum of messages, f]
+//   up.<l>.<k>.edge / .cell     l = L-2..0
+//   restrict.<l>                fine l -> coarse l+1: [f_fine, (centre_coarse - centre_fine)/spacing_fine (3)]
+//   prolong.<l>                 coarse l+1 -> fine l: [f_coarse, f_fine, (centre_fine - centre_coarse)/spacing_fine
+//   (3)] grid_to_particle            [f_cell, f_p, (x - centre)/R (3)] -> H decoder                     H -> H -> 3, no
+//   norm
+// FCN(x) = LayerNorm(W2 LeakyReLU_0.01(W1 x + b1) + b2), eps 1e-5.
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "graph/hgn_config.h"
+#include "nn/weights.h"
+#include "sparsegrid/hierarchy.h"
+
+namespace graupel::graph {
+
+class HierarchicalGraphNetwork {
+ public:
+  /// Throws InputError when the file is of another architecture, or a tensor is missing or of another shape.
+  explicit HierarchicalGraphNetwork(const nn::Weights& weights);
+  ~HierarchicalGraphNetwork();
+  HierarchicalGraphNetwork(HierarchicalGraphNetwork&&) noexcept;
+
+  const HgnConfig& config() const;
+  const Normalization& normalization() const;
+
+  /// Normalised accelerations [n, 3] from features [n, input_width - embedding] and particle types [n].
+  std::vector<float> forward(const std::vector<float>& features, const std::vector<int32_t>& particle_type,
+                             const sparsegrid::Hierarchy<3>& hierarchy) const;
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace graupel::graph

@@ -1,0 +1,53 @@
+// A learned simulator: predicts the next frame from the last ones, and rolls out a scene (HGN paper, algorithm 1).
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "core/scene.h"
+#include "core/trajectory.h"
+#include "graph/features.h"
+#include "graph/hierarchical_graph_network.h"
+
+namespace graupel::graph {
+
+/// Seconds of one predicted frame, by part.
+struct FrameTiming {
+  double features = 0, hierarchy = 0, network = 0, projection = 0;
+  double total() const { return features + hierarchy + network + projection; }
+};
+
+class LearnedSimulator {
+ public:
+  explicit LearnedSimulator(const std::string& weights_file);
+  const HgnConfig& config() const;
+  const nn::Weights& weights() const;
+
+  /// Accelerations per frame^2 [m], shape [n], from history + 1 positions, newest last.
+  std::vector<Vec3f> one_step(const Surroundings& surroundings, const std::vector<int32_t>& particle_type,
+                              const std::vector<std::vector<Vec3f>>& positions, FrameTiming* timing = nullptr) const;
+
+  struct RolloutOptions {
+    int64_t frames = 300;
+    std::function<void(int64_t frame, const FrameTiming&)> progress;
+    bool project = true;  ///< out of obstacles, into the walls
+  };
+  /// Predicts options.frames frames after `start` (history positions, newest last; see start_history). The result holds
+  /// the newest start frame and the predicted ones; a rollout with a NaN or a speed over one domain edge a frame stops
+  /// there and sets diverged_at_frame.
+  Trajectory rollout(const Scene& scene, const Surroundings& surroundings, const std::vector<int32_t>& particle_type,
+                     const std::vector<std::vector<Vec3f>>& start, const RolloutOptions& options) const;
+
+ private:
+  std::shared_ptr<const HierarchicalGraphNetwork> network_;
+  std::shared_ptr<const nn::Weights> weights_;
+};
+
+/// History of `frames` positions ending at the scene's start, extrapolated ballistically backwards: particle i was at
+/// x - v k dt + g (k dt)^2 / 2 (semi-implicit in frame steps) k frames before. Used in rollouts and in training alike.
+std::vector<std::vector<Vec3f>> start_history(const std::vector<Vec3f>& position, const std::vector<Vec3f>& velocity,
+                                              const Vec3d& gravity, double frame_time, int frames);
+
+}  // namespace graupel::graph

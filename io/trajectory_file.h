@@ -1,0 +1,75 @@
+// Trajectories and data sets in HDF5, readable by h5py and in the LagrangeBench layout:
+//   /00000/position f32 [T, N, 3], /00000/particle_type i32 [N], /00000/velocity f32 [T, N, 3] (optional),
+//   /00000/initial_velocity f32 [N, 3], /00000/time f64 [T]; attributes: units, scene_json, seed, version, complete.
+// Written as <path>.part, flushed every few frames, synced and renamed, complete=1 last.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "core/scene.h"
+#include "core/trajectory.h"
+
+namespace graupel::io {
+
+struct TrajectoryWriteOptions {
+  bool velocity = true;  ///< store every frame's velocity
+  int deflate = 1;       ///< 0..9
+  int flush_every = 8;   ///< frames between flushes
+  int group = 0;         ///< number of the trajectory in the file, "/00000"
+};
+
+/// Streams one trajectory to a file. A destructor without finish() leaves the .part file with every flushed frame.
+class TrajectoryWriter {
+ public:
+  /// `header` gives particle_type, frame_time, scene_json, seed, made_by (its frames are ignored).
+  TrajectoryWriter(const std::string& path, const Trajectory& header, const TrajectoryWriteOptions& options = {});
+  ~TrajectoryWriter();
+  /// Throws IoError (disk full: bytes needed and where).
+  void append(const ParticleFrame& frame);
+  /// Adds an attribute to the trajectory's group.
+  void attribute(const std::string& name, const std::string& value);
+  /// Flush, complete=1, close, fsync, rename.
+  void finish(int64_t diverged_at_frame = -1);
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+/// A trajectory or data-set file of ours, or one in the LagrangeBench layout. HDF5 plugins, external links and external
+/// storage are refused. Throws InputError for a damaged, truncated or foreign file.
+class TrajectoryReader {
+ public:
+  explicit TrajectoryReader(const std::string& path);
+  ~TrajectoryReader();
+  TrajectoryReader(TrajectoryReader&&) noexcept;
+  int count() const;  ///< trajectories in the file
+  bool complete() const;
+  /// Header of trajectory i: everything but the frames' contents; `frames` has the right length with times only.
+  Trajectory header(int i) const;
+  /// Frames [first, first + count) of trajectory i; velocity from the file, or empty.
+  std::vector<ParticleFrame> frames(int i, int64_t first, int64_t count) const;
+  std::vector<Vec3f> initial_velocity(int i) const;             ///< empty when not stored
+  Trajectory read(int i) const;                                 ///< whole trajectory
+  std::string attribute(int i, const std::string& name) const;  ///< "" when absent
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+/// Recovers `path`.part after a kill: keeps the frames whose checksums pass, returns their number (0: nothing usable).
+/// With `finish`, completes and renames the file.
+int64_t recover_part_file(const std::string& path, bool finish);
+
+/// Merges single-trajectory files into one data-set file with groups /00000.. in the given order (raw chunk copy).
+void merge_trajectories(const std::vector<std::string>& parts, const std::string& path);
+
+/// metadata.json of a data set (GNS/LagrangeBench keys: bounds, sequence_length, default_connectivity_radius, dim, dt,
+/// vel_mean/std, acc_mean/std, num_particles_max ...). Statistics over all particles and frames of the training file.
+void write_data_set_metadata(const std::string& folder, const Scene& any_scene, double connectivity_radius);
+
+}  // namespace graupel::io

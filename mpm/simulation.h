@@ -1,0 +1,85 @@
+// Runs a scene with the explicit material point method, frame by frame.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "core/device.h"
+#include "core/scene.h"
+#include "core/trajectory.h"
+#include "sparsegrid/obstacle_set.h"
+
+namespace graupel::mpm {
+
+enum class Precision { f32, f64 };
+
+struct SimulationOptions {
+  Device device = Device::cpu;
+  Precision precision = Precision::f32;
+  uint64_t seed = 0;  ///< of the particle sampling
+};
+
+/// Conserved and watched quantities [SI]; sums in f64.
+struct Diagnostics {
+  double mass = 0;
+  Vec3d momentum = {0, 0, 0};
+  Vec3d angular_momentum = {0, 0, 0};  ///< about the world origin, affine part included
+  double kinetic_energy = 0, elastic_energy = 0, potential_energy = 0;
+};
+
+/// What the run did so far.
+struct RunStatistics {
+  int64_t substeps = 0;
+  double last_step = 0;                   ///< [s]
+  int64_t pushed_out = 0;                 ///< particle-substeps that the obstacle projection moved
+  Vec3d pushed_out_momentum = {0, 0, 0};  ///< momentum that this took [kg m/s]
+  double sound_courant = 0;               ///< largest c dt / dx seen
+  double share_over_courant = 0;          ///< largest share of particles with c dt / dx > 1 in a frame's last substep
+  int64_t active_blocks = 0, peak_bytes = 0;
+  double solver_seconds = 0;  ///< wall time inside advance_frame
+};
+
+/// Facts before a run, for --dry-run.
+struct Estimate {
+  int64_t particles = 0;
+  int64_t grid_nodes = 0;  ///< of the active blocks at the start
+  int64_t substeps = 0;    ///< whole run, from the first step size
+  int64_t memory_bytes = 0;
+};
+
+class Simulation {
+ public:
+  /// Samples the sources and builds the obstacles. Throws ConfigError when a source lies inside an obstacle or outside
+  /// the walls (naming both), or makes no particle.
+  static std::unique_ptr<Simulation> create(const Scene& scene, const SimulationOptions& options);
+  virtual ~Simulation() = default;
+
+  virtual std::size_t particle_count() const = 0;
+  virtual const std::vector<int32_t>& particle_type() const = 0;  ///< [n], in the order of frame()
+  virtual const sparsegrid::ObstacleSet& obstacles() const = 0;
+  virtual double time() const = 0;  ///< [s]
+
+  /// One frame of scene.frame_time. Throws DivergedError (particle, material, step, suggested step) on NaN, det F <= 0
+  /// or a particle that moves over one cell in a substep; the state is then that of the bad substep.
+  virtual void advance_frame() = 0;
+  /// Positions and velocities in source order, whatever the solver's own order.
+  virtual ParticleFrame frame() const = 0;
+  virtual Diagnostics diagnostics() const = 0;
+  virtual RunStatistics statistics() const = 0;
+
+  /// Whole state, bit for bit: a restored run goes on exactly as if it had not stopped (CPU).
+  virtual std::vector<std::byte> save_state() const = 0;
+  /// Throws InputError when the state belongs to another scene, precision or version.
+  virtual void load_state(const std::vector<std::byte>& state) = 0;
+};
+
+Estimate estimate(const Scene& scene, const SimulationOptions& options);
+
+/// The scene with the largest stable step (policy adaptive).
+Scene fast_variant(const Scene& scene);
+/// The scene at 2 dx and an eighth of the particles.
+Scene coarse_variant(const Scene& scene);
+
+}  // namespace graupel::mpm

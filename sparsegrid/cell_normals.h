@@ -1,0 +1,43 @@
+// Average obstacle normal per grid cell, stored sparsely (HGN paper, section 3): the surface is sampled with points of
+// which no two are closer than dx/4; a point's normal is flipped when it looks away from the centre of its cell; the
+// normals of a cell are added and normalised. Cells without surface hold zero.
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "core/device.h"
+#include "core/scene.h"
+#include "sparsegrid/obstacle_set.h"
+
+namespace graupel::sparsegrid {
+
+/// Poisson-disk points on the surface of the union of obstacles (points inside another obstacle are left out).
+struct SurfaceSamples {
+  std::vector<Vec3d> position;  ///< [m]
+  std::vector<Vec3d> normal;    ///< outward unit normals
+};
+/// No two points closer than `spacing` [m], no hole over 2 `spacing`; the same for the same scene and seed.
+SurfaceSamples sample_surface(const Scene& scene, const ObstacleSet& obstacles, double spacing, uint64_t seed = 0);
+
+/// Sparse grid of unit normals (NanoVDB Vec3f), cell (i,j,k) covers origin + [i, i+1) dx.
+class CellNormals {
+ public:
+  CellNormals() = default;
+  CellNormals(const Scene& scene, const ObstacleSet& obstacles);  ///< spacing scene.domain.dx, samples at dx/4
+
+  /// Normal of the cell that holds x, zero when no surface passes through it.
+  Vec3f at(const Vec3d& x) const;
+  int64_t active_cells() const;
+  std::size_t bytes() const;
+  /// View for kernels on `device`; nullptr when there is no obstacle. Index space is (x - origin) / dx.
+  const nanovdb::Vec3fGrid* view(Device device = Device::cpu) const;
+  void write_vdb(const std::string& path) const;
+
+  struct Impl;
+
+ private:
+  std::shared_ptr<const Impl> impl_;
+};
+
+}  // namespace graupel::sparsegrid

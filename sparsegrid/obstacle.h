@@ -1,0 +1,46 @@
+// Signed distance to obstacles from NanoVDB views, for host and device kernels. Each obstacle keeps its grid in its own
+// frame; the pose is applied at look-up.
+#pragma once
+
+#include <nanovdb/NanoVDB.h>
+
+#include "core/mat.h"
+#include "core/scene.h"
+
+namespace graupel::sparsegrid {
+
+/// Signed distance phi [m] (negative inside) and outward unit normal (zero beyond the narrow band) at a world point.
+template <typename T>
+struct SignedDistance {
+  T phi;
+  Vec<T, 3> normal;
+};
+
+/// One obstacle: grid in its own frame, pose, contact law. `grid` points to memory of the device that reads it.
+struct ObstacleView {
+  const nanovdb::FloatGrid* grid;
+  Mat<double, 3> rotation;  ///< x_world = rotation x_local + position
+  Vec<double, 3> position;  ///< [m]
+  double inverse_voxel;     ///< [1/m]
+  double band;              ///< |phi| is clamped to this [m]
+  Contact contact;
+  double friction;
+};
+
+/// All obstacles of a scene.
+struct ObstacleSetView {
+  const ObstacleView* obstacles;
+  int count;
+};
+
+/// phi and normal of one obstacle: trilinear interpolation of the grid and the gradient of that interpolant.
+template <typename T>
+GRAUPEL_HD SignedDistance<T> signed_distance(const ObstacleView& obstacle, const Vec<T, 3>& x);
+
+/// Signed distance of the union, normal of the nearest obstacle, and its index (-1 when none is within its band).
+template <typename T>
+GRAUPEL_HD SignedDistance<T> signed_distance(const ObstacleSetView& set, const Vec<T, 3>& x, int& nearest);
+
+}  // namespace graupel::sparsegrid
+
+#include "sparsegrid/obstacle_impl.h"

@@ -1,0 +1,56 @@
+// The obstacles of a scene as signed-distance grids: built by OpenVDB (obstacle_vdb.cpp, the only file here that
+// includes it), kept as NanoVDB for look-up on any device.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "core/device.h"
+#include "core/scene.h"
+#include "sparsegrid/obstacle.h"
+
+namespace graupel::sparsegrid {
+
+/// Facts about one grid, for `graupel inspect`.
+struct GridFacts {
+  std::string name, grid_class;
+  double voxel = 0;  ///< [m]
+  int64_t active_voxels = 0;
+  int64_t bytes = 0;
+  Vec3i index_low, index_high;  ///< bounding box of the active voxels
+  Vec3d world_low, world_high;  ///< [m], in the grid's own frame
+  double background = 0;        ///< [m]
+  double min_value = 0, max_value = 0;
+};
+
+/// Immutable after construction; copies share the grids.
+class ObstacleSet {
+ public:
+  ObstacleSet() = default;
+  /// Builds one narrow-band grid per obstacle (voxel scene.voxel(), half width scene.band()).
+  /// Throws InputError for an open mesh or an unusable .vdb file, ConfigError for a shape that cannot be an obstacle.
+  explicit ObstacleSet(const Scene& scene);
+
+  int count() const;
+  /// View for kernels on `device`; valid as long as this set lives. The first call for cuda uploads the grids.
+  ObstacleSetView view(Device device = Device::cpu) const;
+
+  /// Host look-ups of the union.
+  SignedDistance<double> sample(const Vec3d& x, int* nearest = nullptr) const;
+
+  GridFacts facts(int obstacle) const;
+  /// Writes every obstacle's grid (own frame) and the union (world frame, grid "obstacles") into one .vdb file.
+  void write_vdb(const std::string& path) const;
+
+  struct Impl;
+
+ private:
+  std::shared_ptr<const Impl> impl_;
+};
+
+/// Facts of every grid of a .vdb file. Throws InputError.
+std::vector<GridFacts> inspect_vdb(const std::string& path);
+
+}  // namespace graupel::sparsegrid

@@ -1,0 +1,56 @@
+#include "core/atomic_file.h"
+
+#include <gtest/gtest.h>
+
+#include <filesystem>
+
+#include "core/error.h"
+
+namespace graupel {
+namespace {
+
+namespace fs = std::filesystem;
+
+class AtomicFileTest : public testing::Test {
+ protected:
+  void SetUp() override {
+    folder_ = fs::temp_directory_path() / ("graupel_atomic_" + std::to_string(::getpid()));
+    fs::create_directories(folder_);
+  }
+  void TearDown() override { fs::remove_all(folder_); }
+  fs::path folder_;
+};
+
+TEST_F(AtomicFileTest, WritesReplacesAndLeavesNoPart) {
+  const std::string path = folder_ / "a.txt";
+  write_file_atomically(path, "one");
+  write_file_atomically(path, "second");
+  EXPECT_EQ(read_file(path), "second");
+  EXPECT_FALSE(fs::exists(path + ".part"));
+}
+
+TEST_F(AtomicFileTest, MissingFolderIsAnIoErrorThatNamesThePath) {
+  try {
+    write_file_atomically(folder_ / "none" / "a.txt", "x");
+    FAIL();
+  } catch (const IoError& error) {
+    EXPECT_NE(std::string(error.what()).find("none"), std::string::npos);
+    EXPECT_EQ(error.code(), ExitCode::io);
+  }
+}
+
+TEST_F(AtomicFileTest, AFullDeviceIsAnIoErrorAndASpecialFileIsWrittenDirectly) {
+  EXPECT_NO_THROW(write_file_atomically("/dev/null", "x"));
+  if (!fs::exists("/dev/full")) GTEST_SKIP() << "no /dev/full here";
+  EXPECT_THROW(write_file_atomically("/dev/full", "x"), IoError);
+}
+
+TEST_F(AtomicFileTest, ReadingAFolderOrAMissingOrATooLargeFileIsAnInputError) {
+  EXPECT_THROW(read_file(folder_), InputError);
+  EXPECT_THROW(read_file(folder_ / "none"), InputError);
+  write_file_atomically(folder_ / "b", "12345");
+  EXPECT_THROW(read_file(folder_ / "b", 4), InputError);
+}
+
+}  // namespace
+}  // namespace graupel
