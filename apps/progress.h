@@ -1,0 +1,40 @@
+// Progress of long work on standard error: one line with an ETA on a terminal, a line every ten seconds elsewhere.
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <string>
+
+namespace graupel::apps {
+
+class Progress {
+ public:
+  /// Shows nothing when `total` is 0 or progress was switched off by set_quiet.
+  Progress(std::string label, int64_t total);
+  ~Progress();
+  Progress(const Progress&) = delete;
+  Progress& operator=(const Progress&) = delete;
+
+  /// `done` of `total` items are finished; `detail` is appended to the line.
+  void update(int64_t done, const std::string& detail = "");
+  /// Ends the line.
+  void done();
+
+  static void set_quiet(bool quiet);
+
+ private:
+  using Clock = std::chrono::steady_clock;
+  void print(int64_t done, const std::string& detail, bool last);
+
+  std::string label_;
+  int64_t total_;
+  bool terminal_, finished_ = false;
+  Clock::time_point start_, last_print_;
+};
+
+/// "1 h 02 min", "3 min 20 s" or "4.2 s".
+std::string human_time(double seconds);
+/// "1.5 GB".
+std::string human_bytes(double bytes);
+
+}  // namespace graupel::apps
