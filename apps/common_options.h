@@ -1,0 +1,37 @@
+// Flags that every verb takes, and what main sets up around a verb.
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <cstdint>
+#include <nlohmann/json_fwd.hpp>
+#include <string>
+
+#include "core/device.h"
+
+namespace graupel::apps {
+
+struct CommonOptions {
+  uint64_t seed = 0;
+  bool seed_given = false;
+  std::string device = "auto";
+  int threads = 0;
+  std::string json;
+
+  /// Adds --seed, --device, --threads, --json to a verb.
+  void add_to(CLI::App& verb);
+  /// Sets the number of threads; returns the device. Throws ConfigError.
+  Device apply();
+  /// Writes `result` to --json, if given ("-": standard output).
+  void write_json(const nlohmann::ordered_json& result) const;
+};
+
+/// Whether Ctrl-C or SIGTERM came; long loops ask after every frame and call stop_if_interrupted().
+bool interrupted();
+/// Throws Error(ExitCode::interrupted) once interrupted.
+void stop_if_interrupted();
+void install_signal_handlers();
+
+/// "graupel 0.1.0".
+std::string version_text();
+
+}  // namespace graupel::apps

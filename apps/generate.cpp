@@ -1,0 +1,272 @@
+// graupel generate: recipe + seed -> data set. Each scene is one file until all are there; then each split becomes one.
+#include <fmt/format.h>
+#include <omp.h>
+
+#include <atomic>
+#include <cstdio>
+#include <filesystem>
+#include <mutex>
+#include <nlohmann/json.hpp>
+#include <optional>
+
+#include "apps/common_options.h"
+#include "apps/progress.h"
+#include "apps/verbs.h"
+#include "core/atomic_file.h"
+#include "core/error.h"
+#include "io/recipe_reader.h"
+#include "io/scene_reader.h"
+#include "io/trajectory_file.h"
+#include "mpm/scene_recipe.h"
+#include "mpm/simulation.h"
+
+namespace graupel::apps {
+
+namespace fs = std::filesystem;
+
+namespace {
+
+struct GenerateOptions {
+  CommonOptions common;
+  std::string recipe, output, shard = "0/1";
+  std::vector<std::string> set;
+  int64_t minutes = 0;
+  double connectivity_radius = 0.035;
+};
+
+struct Job {
+  mpm::Split split;
+  int64_t index;
+};
+
+struct Shard {
+  int64_t i = 0, n = 1;
+};
+
+Shard parse_shard(const std::string& text) {
+  Shard shard;
+  char tail = 0;
+  long long i = 0, n = 0;
+  if (std::sscanf(text.c_str(), "%lld/%lld%c", &i, &n, &tail) != 2 || n < 1 || i < 0 || i >= n)
+    throw ConfigError("--shard '" + text + "' is not I/N with 0 <= I < N. Example: --shard 2/8");
+  shard.i = i;
+  shard.n = n;
+  return shard;
+}
+
+int64_t count_of(const SceneRecipe& recipe, mpm::Split split) {
+  switch (split) {
+    case mpm::Split::train: return recipe.counts.train;
+    case mpm::Split::valid: return recipe.counts.valid;
+    case mpm::Split::test: return recipe.counts.test;
+  }
+  return 0;
+}
+
+constexpr mpm::Split all_splits[] = {mpm::Split::train, mpm::Split::valid, mpm::Split::test};
+
+/// Makes a data set in a folder: which scenes are missing, running them, merging the splits.
+class DataSet {
+ public:
+  DataSet(const GenerateOptions& options, const SceneRecipe& recipe, Device device)
+      : options_(options), recipe_(recipe), device_(device), folder_(options.output), shard_(parse_shard(options.shard)) {
+    recipe_json_ = io::recipe_to_json(recipe);
+  }
+
+  void run() {
+    make_folder(folder_ / "parts");
+    check_or_write_card();
+    std::vector<Job> jobs;
+    int64_t number = 0, present = 0;
+    for (const mpm::Split split : all_splits) {
+      const bool merged = is_complete(split_file(split));
+      for (int64_t i = 0; i < count_of(recipe_, split); ++i, ++number) {
+        if (number % shard_.n != shard_.i) continue;
+        if (merged || is_complete(part_file({split, i})))
+          ++present;
+        else
+          jobs.push_back({split, i});
+      }
+    }
+    if (present > 0) std::fprintf(stderr, "generate: %lld scenes are there already\n", static_cast<long long>(present));
+    run_jobs(jobs);
+    merge();
+  }
+
+ private:
+  fs::path split_file(mpm::Split split) const { return folder_ / (std::string(mpm::name_of(split)) + ".h5"); }
+  fs::path part_file(const Job& job) const { return folder_ / "parts" / fmt::format("{}-{:05d}.h5", mpm::name_of(job.split), job.index); }
+
+  static bool is_complete(const fs::path& file) {
+    if (!fs::exists(file)) return false;
+    try {
+      return io::TrajectoryReader(file).complete();
+    } catch (const InputError&) {
+      return false;  // a damaged part is made again
+    }
+  }
+
+  /// dataset.json says what the folder holds; a folder of another recipe or seed is refused.
+  void check_or_write_card() {
+    const fs::path card = folder_ / "dataset.json";
+    nlohmann::ordered_json facts = {{"recipe", nlohmann::ordered_json::parse(recipe_json_)}, {"seed", options_.common.seed},
+                                    {"device", name_of(device_)}, {"made_by", version_text()}};
+    if (fs::exists(card)) {
+      const auto old = nlohmann::ordered_json::parse(read_file(card), nullptr, false);
+      if (old.is_discarded() || old.value("recipe", nlohmann::ordered_json()) != facts["recipe"] || old.value("seed", uint64_t(0)) != options_.common.seed)
+        throw ConfigError("'" + folder_.string() + "' holds a data set of another recipe or seed. Choose another --output, or remove that folder");
+      return;
+    }
+    write_file_atomically(card, facts.dump(2) + "\n");
+  }
+
+  void run_jobs(const std::vector<Job>& jobs) {
+    Progress progress("generate", static_cast<int64_t>(jobs.size()));
+    std::atomic<int64_t> next = 0, done = 0;
+    std::exception_ptr failure;
+    std::mutex lock;
+    const auto start = std::chrono::steady_clock::now();
+    // Small scenes leave threads idle, so each thread runs whole scenes; on a GPU one scene runs at a time.
+    const int workers = device_ == Device::cuda ? 1 : num_threads();
+#pragma omp parallel num_threads(workers)
+    {
+      for (;;) {
+        const int64_t j = next++;
+        if (j >= static_cast<int64_t>(jobs.size()) || interrupted()) break;
+        if (options_.minutes > 0 && std::chrono::steady_clock::now() - start > std::chrono::minutes(options_.minutes)) break;
+        try {
+          run_job(jobs[static_cast<std::size_t>(j)]);
+        } catch (...) {
+          const std::lock_guard hold(lock);
+          if (!failure) failure = std::current_exception();
+          next = static_cast<int64_t>(jobs.size());
+        }
+        const std::lock_guard hold(lock);
+        progress.update(++done);
+      }
+    }
+    if (failure) std::rethrow_exception(failure);
+    stop_if_interrupted();
+  }
+
+  void run_job(const Job& job) {
+    constexpr int64_t max_attempts = 20;
+    for (int64_t attempt = 0; attempt < max_attempts; ++attempt) {
+      const Scene scene = mpm::draw_scene(recipe_, options_.common.seed, job.split, job.index, attempt);
+      mpm::SimulationOptions simulation;
+      simulation.device = device_;
+      simulation.seed = mpm::sampling_seed(options_.common.seed, job.split, job.index, attempt);
+      const auto reason = run_scene(scene, simulation, part_file(job));
+      if (!reason) return;
+      log_redraw(job, attempt, *reason);
+    }
+    throw DivergedError(fmt::format("{} scene {} diverged {} times in a row. Use more substeps in the recipe's time_step", mpm::name_of(job.split), job.index, max_attempts));
+  }
+
+  /// Runs and writes one scene; the reason when it diverged (nothing is written then).
+  std::optional<std::string> run_scene(const Scene& scene, const mpm::SimulationOptions& simulation, const fs::path& file) {
+    auto run = mpm::Simulation::create(scene, simulation);
+    Trajectory trajectory;
+    trajectory.particle_type = run->particle_type();
+    trajectory.frame_time = scene.frame_time;
+    trajectory.scene_json = io::scene_to_json(scene);
+    trajectory.seed = simulation.seed;
+    trajectory.made_by = "mpm";
+    trajectory.frames.push_back(run->frame());
+    try {
+      for (int64_t f = 0; f < scene.frames; ++f) {
+        if (interrupted()) return std::nullopt;
+        run->advance_frame();
+        trajectory.frames.push_back(run->frame());
+      }
+    } catch (const DivergedError& error) {
+      return error.what();
+    }
+    // HDF5 serialises its calls anyway, so one thread writes at a time.
+    static std::mutex file_lock;
+    const std::lock_guard hold(file_lock);
+    io::TrajectoryWriteOptions write;
+    write.velocity = false;
+    io::TrajectoryWriter writer(file, trajectory, write);
+    for (const ParticleFrame& frame : trajectory.frames) writer.append(frame);
+    writer.finish();
+    return std::nullopt;
+  }
+
+  void log_redraw(const Job& job, int64_t attempt, const std::string& reason) {
+    static std::mutex log_lock;
+    const std::lock_guard hold(log_lock);
+    const nlohmann::ordered_json line = {{"split", mpm::name_of(job.split)}, {"index", job.index}, {"attempt", attempt}, {"redrawn_because", reason}};
+    std::FILE* log = std::fopen((folder_ / "redrawn.jsonl").c_str(), "a");
+    if (log != nullptr) {
+      std::fprintf(log, "%s\n", line.dump().c_str());
+      std::fclose(log);
+    }
+    std::fprintf(stderr, "generate: %s scene %lld diverged and is redrawn (%s)\n", mpm::name_of(job.split), static_cast<long long>(job.index), reason.c_str());
+  }
+
+  void merge() {
+    nlohmann::ordered_json result = {{"folder", folder_.string()}};
+    bool whole = true;
+    for (const mpm::Split split : all_splits) {
+      const int64_t count = count_of(recipe_, split);
+      if (count == 0 || is_complete(split_file(split))) {
+        result[mpm::name_of(split)] = count;
+        continue;
+      }
+      std::vector<std::string> parts;
+      for (int64_t i = 0; i < count; ++i)
+        if (is_complete(part_file({split, i}))) parts.push_back(part_file({split, i}));
+      if (static_cast<int64_t>(parts.size()) < count) {
+        std::fprintf(stderr, "generate: %s has %zu of %lld scenes; run the same command (or the other shards) for the rest\n", mpm::name_of(split), parts.size(), static_cast<long long>(count));
+        whole = false;
+        continue;
+      }
+      io::merge_trajectories(parts, split_file(split));
+      for (const std::string& part : parts) fs::remove(part);
+      result[mpm::name_of(split)] = count;
+    }
+    result["complete"] = whole;
+    if (whole) {
+      fs::remove(folder_ / "parts");
+      if (recipe_.counts.train > 0)
+        io::write_data_set_metadata(folder_, mpm::draw_scene(recipe_, options_.common.seed, mpm::Split::train, 0), options_.connectivity_radius);
+      std::fprintf(stderr, "generate: '%s' is complete\n", folder_.c_str());
+    }
+    options_.common.write_json(result);
+  }
+
+  const GenerateOptions& options_;
+  const SceneRecipe& recipe_;
+  Device device_;
+  fs::path folder_;
+  Shard shard_;
+  std::string recipe_json_;
+};
+
+void generate(GenerateOptions& options) {
+  const Device device = options.common.apply();
+  const SceneRecipe recipe = io::read_recipe(options.recipe, options.set);
+  DataSet(options, recipe, device).run();
+}
+
+}  // namespace
+
+void add_generate(CLI::App& app) {
+  auto options = std::make_shared<GenerateOptions>();
+  CLI::App* verb = app.add_subcommand("generate", "Make a data set of random scenes");
+  verb->add_option("recipe", options->recipe, "Recipe file (scenes/recipes/*.json)")->required();
+  verb->add_option("-o,--output", options->output, "Folder of the data set")->required();
+  verb->add_option("--set", options->set, "Change a recipe key: --set counts.train=100 (repeatable)")->allow_extra_args(false);
+  verb->add_option("--shard", options->shard, "Make every N-th scene, from I on: I/N")->capture_default_str();
+  verb->add_option("--minutes", options->minutes, "Start no scene after this time (0: no limit)")->check(CLI::NonNegativeNumber);
+  verb->add_option("--connectivity-radius", options->connectivity_radius, "Written to metadata.json for graph networks [m]")->check(CLI::PositiveNumber)->capture_default_str();
+  options->common.add_to(*verb);
+  verb->footer("Complete scenes are skipped, so an interrupted run goes on; a scene that diverges is redrawn and logged in redrawn.jsonl.\n"
+               "A scene's bytes depend on the recipe, the seed and its index alone.\n\nExamples:\n"
+               "  graupel generate scenes/recipes/hgn.json -o data/hgn --set counts.train=100\n"
+               "  graupel generate scenes/recipes/hgn.json -o data/hgn --shard 3/8");
+  verb->callback([options] { generate(*options); });
+}
+
+}  // namespace graupel::apps

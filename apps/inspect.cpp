@@ -1,0 +1,129 @@
+// graupel inspect: what is in a scene, a trajectory, a weights file or a .vdb grid; recovers a trajectory after a kill.
+#include <fmt/format.h>
+
+#include <cstdio>
+#include <nlohmann/json.hpp>
+
+#include "apps/common_options.h"
+#include "apps/progress.h"
+#include "apps/verbs.h"
+#include "core/error.h"
+#include "io/scene_reader.h"
+#include "io/trajectory_file.h"
+#include "nn/weights.h"
+#include "sparsegrid/cell_normals.h"
+#include "sparsegrid/obstacle_set.h"
+
+namespace graupel::apps {
+
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+struct InspectOptions {
+  CommonOptions common;
+  std::string file;
+  bool recover = false;
+};
+
+Json grid_json(const sparsegrid::GridFacts& g) {
+  return {{"name", g.name}, {"class", g.grid_class}, {"voxel_m", g.voxel}, {"active_voxels", g.active_voxels}, {"bytes", g.bytes},
+          {"index_low", {g.index_low[0], g.index_low[1], g.index_low[2]}}, {"index_high", {g.index_high[0], g.index_high[1], g.index_high[2]}},
+          {"world_low_m", {g.world_low[0], g.world_low[1], g.world_low[2]}}, {"world_high_m", {g.world_high[0], g.world_high[1], g.world_high[2]}},
+          {"background_m", g.background}, {"min_m", g.min_value}, {"max_m", g.max_value}};
+}
+
+Json inspect_scene(const std::string& file) {
+  const Scene scene = io::read_scene(file);
+  const sparsegrid::ObstacleSet obstacles(scene);
+  const sparsegrid::CellNormals normals(scene, obstacles);
+  Json grids = Json::array();
+  for (int i = 0; i < obstacles.count(); ++i) grids.push_back(grid_json(obstacles.facts(i)));
+  return {{"kind", "scene"}, {"name", scene.name}, {"description", scene.description}, {"materials", scene.materials.size()},
+          {"sources", scene.sources.size()}, {"frames", scene.frames}, {"frame_time_s", scene.frame_time}, {"dx_m", scene.domain.dx},
+          {"obstacle_grids", grids}, {"normal_cells", normals.active_cells()}, {"normal_bytes", normals.bytes()}};
+}
+
+Json inspect_trajectory(const std::string& file) {
+  const io::TrajectoryReader reader(file);
+  Json list = Json::array();
+  for (int i = 0; i < reader.count(); ++i) {
+    const Trajectory t = reader.header(i);
+    std::map<std::string, int64_t> types;
+    for (const int32_t type : t.particle_type) ++types[particle_type_name(type)];
+    list.push_back({{"index", i}, {"particles", t.particle_count()}, {"types", types}, {"frames", t.frame_count()}, {"frame_time_s", t.frame_time},
+                    {"seed", t.seed}, {"made_by", t.made_by}, {"diverged_at_frame", t.diverged_at_frame}, {"has_scene", !t.scene_json.empty()}});
+  }
+  return {{"kind", "trajectory"}, {"complete", reader.complete()}, {"trajectories", list}};
+}
+
+Json inspect_weights(const std::string& file) {
+  const nn::Weights weights = nn::read_safetensors(file);
+  int64_t parameters = 0;
+  Json tensors = Json::object();
+  for (const auto& [name, tensor] : weights.tensors) {
+    parameters += tensor.count();
+    tensors[name] = tensor.shape;
+  }
+  return {{"kind", "weights"}, {"parameters", parameters}, {"metadata", weights.metadata}, {"tensors", tensors}};
+}
+
+Json inspect_grids(const std::string& file) {
+  Json grids = Json::array();
+  for (const auto& g : sparsegrid::inspect_vdb(file)) grids.push_back(grid_json(g));
+  return {{"kind", "vdb"}, {"grids", grids}};
+}
+
+/// `file` is the finished name; what is on disk is `file`.part.
+Json recover(const std::string& file) {
+  const std::string whole = file.ends_with(".part") ? file.substr(0, file.size() - 5) : file;
+  const int64_t frames = io::recover_part_file(whole, true);
+  if (frames == 0) throw InputError("no frame of '" + whole + ".part' could be recovered (the run was ended before its first flush)");
+  return {{"kind", "recovered"}, {"file", whole}, {"frames", frames}};
+}
+
+/// Plain text: one "key: value" a line, nested values indented; long lists of tensors stay in the JSON.
+void print(const Json& value, int indent) {
+  for (const auto& [key, item] : value.items()) {
+    if (key == "tensors") continue;
+    if (item.is_object() || (item.is_array() && !item.empty() && item.front().is_object())) {
+      std::printf("%*s%s:\n", indent, "", key.c_str());
+      print(item, indent + 2);
+    } else {
+      std::printf("%*s%s: %s\n", indent, "", key.c_str(), item.is_string() ? item.get<std::string>().c_str() : item.dump().c_str());
+    }
+  }
+}
+
+void inspect(InspectOptions& options) {
+  options.common.apply();
+  Json result;
+  if (options.recover)
+    result = recover(options.file);
+  else if (options.file.ends_with(".json"))
+    result = inspect_scene(options.file);
+  else if (options.file.ends_with(".h5"))
+    result = inspect_trajectory(options.file);
+  else if (options.file.ends_with(".safetensors"))
+    result = inspect_weights(options.file);
+  else if (options.file.ends_with(".vdb"))
+    result = inspect_grids(options.file);
+  else
+    throw ConfigError("'" + options.file + "' has no known ending (allowed: .json scene, .h5 trajectory, .safetensors weights, .vdb grids)");
+  print(result, 0);
+  options.common.write_json(result);
+}
+
+}  // namespace
+
+void add_inspect(CLI::App& app) {
+  auto options = std::make_shared<InspectOptions>();
+  CLI::App* verb = app.add_subcommand("inspect", "Look into a scene, trajectory, weights or .vdb file");
+  verb->add_option("file", options->file, "A .json, .h5, .safetensors or .vdb file")->required();
+  verb->add_flag("--recover", options->recover, "Complete FILE from FILE.part, which a killed run left: every frame whose checksums pass");
+  options->common.add_to(*verb);
+  verb->footer("Examples:\n  graupel inspect models/hgn.safetensors\n  graupel inspect --recover steps.h5");
+  verb->callback([options] { inspect(*options); });
+}
+
+}  // namespace graupel::apps

@@ -1,0 +1,70 @@
+// graupel: parses the command line, runs one verb, turns errors into messages and exit codes.
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <exception>
+#include <new>
+
+#include "apps/common_options.h"
+#include "apps/suggestion.h"
+#include "apps/verbs.h"
+#include "core/error.h"
+
+namespace graupel::apps {
+namespace {
+
+/// CLI11's message, with the closest known flag or verb for a mistyped one.
+std::string parse_error_text(const CLI::App& app, const CLI::ParseError& error) {
+  std::string text = error.what();
+  const CLI::App* verb = app.get_subcommands().empty() ? &app : app.get_subcommands().front();
+  for (const std::string& word : verb->remaining(true)) {
+    const std::string close = closest_word(word, known_words(*verb));
+    if (!close.empty()) text += ". Did you mean '" + close + "' instead of '" + word + "'?";
+  }
+  return text;
+}
+
+int run(int argc, char** argv) {
+  CLI::App app{"Graupel: water, sand, snow and solids among obstacles, by the material point method and by learned simulators."};
+  app.set_version_flag("--version", version_text());
+  app.require_subcommand(1);
+  app.footer("Examples:\n  graupel simulate scenes/shared/water_steps.json -o steps.h5\n"
+             "  graupel compare --scenes scenes/shared/water_steps.json --models mpm,models/hgn.safetensors --report report.html\n"
+             "'graupel VERB --help' explains a verb. Exit codes: 0 ok, 1 failed, 2 usage, 3 bad input, 4 diverged, 5 I/O, 130 interrupted.");
+  add_demo(app);
+  add_generate(app);
+  add_simulate(app);
+  add_train(app);
+  add_rollout(app);
+  add_compare(app);
+  add_export(app);
+  add_inspect(app);
+  install_signal_handlers();
+  try {
+    app.parse(argc, argv);
+    return 0;
+  } catch (const CLI::Success& help) {
+    return app.exit(help);
+  } catch (const CLI::ParseError& error) {
+    std::fprintf(stderr, "graupel: %s\nRun 'graupel%s --help' for the flags.\n", parse_error_text(app, error).c_str(),
+                 app.get_subcommands().empty() ? "" : (" " + app.get_subcommands().front()->get_name()).c_str());
+    return static_cast<int>(ExitCode::usage);
+  }
+}
+
+}  // namespace
+}  // namespace graupel::apps
+
+int main(int argc, char** argv) {
+  using graupel::ExitCode;
+  try {
+    return graupel::apps::run(argc, argv);
+  } catch (const graupel::Error& error) {
+    std::fprintf(stderr, "graupel: %s\n", error.what());
+    return static_cast<int>(error.code());
+  } catch (const std::bad_alloc&) {
+    std::fprintf(stderr, "graupel: out of memory. Use fewer particles or a coarser grid ('graupel simulate --dry-run' tells)\n");
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "graupel: %s\n", error.what());
+  }
+  return static_cast<int>(ExitCode::failed);
+}
