@@ -21,3 +21,13 @@ find_package(OpenVDB REQUIRED)
 
 # A BLAS with run-time dispatch makes the CPU inference faster; Eigen's own kernels serve without one.
 find_library(GRAUPEL_OPENBLAS NAMES openblas PATH_SUFFIXES openblas-openmp openblas-pthread)
+
+# Header-only libraries without CMake files; /usr/include itself must not be passed as -isystem.
+find_path(GRAUPEL_RANDOM123 Random123/philox.h REQUIRED)
+find_path(GRAUPEL_NANOVDB nanovdb/NanoVDB.h REQUIRED)
+add_library(graupel_headers INTERFACE)
+foreach(folder ${GRAUPEL_RANDOM123} ${GRAUPEL_NANOVDB})
+  if(NOT folder STREQUAL "/usr/include")
+    target_include_directories(graupel_headers SYSTEM INTERFACE ${folder})
+  endif()
+endforeach()

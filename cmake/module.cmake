@@ -4,7 +4,7 @@
 function(graupel_compile_settings target)
   target_include_directories(${target} PUBLIC ${PROJECT_SOURCE_DIR})
   target_compile_options(${target} PRIVATE $<$<COMPILE_LANGUAGE:CXX>:${GRAUPEL_CXX_OPTIONS}>)
-  target_link_libraries(${target} PUBLIC OpenMP::OpenMP_CXX)
+  target_link_libraries(${target} PUBLIC OpenMP::OpenMP_CXX graupel_headers)
   if(GRAUPEL_HAVE_CUDA)
     set(host_options -Wall,-Wextra)
     if(GRAUPEL_NATIVE)
