@@ -1,0 +1,86 @@
+// The FCN of the HGN paper (figure 4): y = LayerNorm(W2 leaky_relu(W1 x + b1) + b2), the normalisation optional.
+// Its input is often a concatenation [a, b, ..], so W1 can be taken apart: W1 x = Wa a + Wb b + .., each part evaluated
+// where it is cheapest (once per node, or once per table row instead of once per pair).
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "nn/linear.h"
+#include "nn/rows.h"
+#include "nn/weights.h"
+
+namespace graupel::nn {
+
+enum class Norm { none, layer };
+
+/// Weights of one FCN as stored: `<prefix>.layer1.weight` [hidden, in], `.layer1.bias`, `.layer2.weight` [out, hidden],
+/// `.layer2.bias`, and for Norm::layer `.norm.weight`, `.norm.bias` [out].
+struct FcnWeights {
+  int in = 0, hidden = 0, out = 0;
+  std::vector<float> weight1, bias1, weight2, bias2, gamma, beta;
+
+  /// Throws InputError for a tensor that is missing, of another shape or not finite.
+  static FcnWeights load(const Weights& weights, const std::string& prefix, int in, int hidden, int out,
+                         Norm norm = Norm::layer);
+
+  enum class Bias { with, without };
+  /// Columns [column, column + count) of the first layer.
+  Linear first_layer_part(int column, int count, Bias bias) const;
+};
+
+/// Several linear maps of one input, evaluated as one: outputs stand side by side, each padded to its own width.
+class StackedLinear {
+ public:
+  StackedLinear() = default;
+  struct Part {
+    const FcnWeights* fcn;
+    int column;  ///< first column of its first layer
+    FcnWeights::Bias bias;
+  };
+  StackedLinear(int in, const std::vector<Part>& parts);
+  const Linear& linear() const { return linear_; }
+  int width() const { return linear_.width(); }
+
+ private:
+  Linear linear_;
+};
+
+/// Rows W1[:, column .. column + 2] offset, one for each of a fixed set of offsets; [count][padded_width(hidden)].
+class OffsetTable {
+ public:
+  OffsetTable() = default;
+  OffsetTable(const FcnWeights& fcn, int column, const std::vector<std::vector<float>>& offsets);
+  const float* row(int i) const { return rows_.data() + static_cast<int64_t>(i) * width_; }
+
+ private:
+  int width_ = 0;
+  Buffer<float> rows_;
+};
+
+/// Second layer with its layer normalisation. Subtracting the mean is linear, so it is folded into W2 and b2; a row
+/// then is  scale * y * gamma + beta  with  scale = 1 / sqrt(mean(y^2) + eps).
+class NormalizedLayer {
+ public:
+  NormalizedLayer() = default;
+  explicit NormalizedLayer(const FcnWeights& fcn);
+
+  int width() const { return linear_.width(); }
+  /// y = W2' leaky(hidden) + b2', rows of width() columns.
+  void apply(const float* hidden, int64_t rows, float* y) const {
+    linear_.apply(hidden, width_in_, rows, y, linear_.width());
+  }
+  /// scale of a row that apply made.
+  float scale(const float* y) const {
+    return layer_norm_scale(sum_of_squares(y, linear_.width()) * (1.0f / static_cast<float>(linear_.out())));
+  }
+  const float* gamma() const { return gamma_.data(); }
+  const float* beta() const { return beta_.data(); }
+
+ private:
+  int width_in_ = 0;
+  Linear linear_;
+  Buffer<float> gamma_, beta_;  ///< [width], zero in the padding
+};
+
+}  // namespace graupel::nn
