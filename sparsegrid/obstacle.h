@@ -25,6 +25,9 @@ struct ObstacleView {
   double band;              ///< |phi| is clamped to this [m]
   Contact contact;
   double friction;
+  Vec<double, 3> low, high;              ///< world box outside which phi = band [m]
+  Vec<double, 3> solid_low, solid_high;  ///< world box outside which phi > 0 [m]
+  bool is_plane;                         ///< phi is the local y, without bound; the grid holds its part in the domain
 };
 
 /// All obstacles of a scene.
@@ -37,7 +40,11 @@ struct ObstacleSetView {
 template <typename T>
 GRAUPEL_HD SignedDistance<T> signed_distance(const ObstacleView& obstacle, const Vec<T, 3>& x);
 
+/// phi of a set without obstacles [m].
+inline constexpr double no_obstacle_distance = 1e30;
+
 /// Signed distance of the union, normal of the nearest obstacle, and its index (-1 when none is within its band).
+/// Deeper inside than the band, phi is -band, the normal is zero and the index is that of the obstacle.
 template <typename T>
 GRAUPEL_HD SignedDistance<T> signed_distance(const ObstacleSetView& set, const Vec<T, 3>& x, int& nearest);
 

@@ -1,0 +1,22 @@
+// Exact signed distances of the shapes of core/scene.h, each in the body's own frame.
+#pragma once
+
+#include "core/scene.h"
+
+namespace graupel::sparsegrid {
+
+/// Axis-aligned box in a body's own frame [m].
+struct LocalBox {
+  Vec3d low, high;
+};
+
+/// Whether the shape is given by a formula (all but mesh, vdb and points).
+bool is_analytic(Shape shape);
+
+/// Euclidean distance [m] from `local` (the body's own frame) to the surface, negative inside. Analytic shapes only.
+double analytic_distance(const Body& body, const Vec3d& local);
+
+/// Smallest box around the shape; analytic shapes but the plane.
+LocalBox analytic_bounds(const Body& body);
+
+}  // namespace graupel::sparsegrid

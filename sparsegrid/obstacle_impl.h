@@ -1,0 +1,106 @@
+// Definitions of the look-ups of obstacle.h: trilinear interpolation of a NanoVDB level set and its exact gradient.
+#pragma once
+
+#include <cmath>
+
+#include "sparsegrid/obstacle.h"
+
+namespace graupel::sparsegrid {
+
+namespace lookup {
+
+/// low <= x <= high; false for NaN.
+template <typename T>
+GRAUPEL_HD bool in_box(const Vec<T, 3>& x, const Vec<double, 3>& low, const Vec<double, 3>& high) {
+  return x[0] >= low[0] && x[0] <= high[0] && x[1] >= low[1] && x[1] <= high[1] && x[2] >= low[2] && x[2] <= high[2];
+}
+
+/// R v with R given in double precision.
+template <typename T>
+GRAUPEL_HD Vec<T, 3> rotate(const Mat<double, 3>& r, const Vec<T, 3>& v) {
+  Vec<T, 3> y;
+  for (int i = 0; i < 3; ++i) y[i] = T(r.a[i][0]) * v[0] + T(r.a[i][1]) * v[1] + T(r.a[i][2]) * v[2];
+  return y;
+}
+
+/// R^T v.
+template <typename T>
+GRAUPEL_HD Vec<T, 3> rotate_back(const Mat<double, 3>& r, const Vec<T, 3>& v) {
+  Vec<T, 3> y;
+  for (int i = 0; i < 3; ++i) y[i] = T(r.a[0][i]) * v[0] + T(r.a[1][i]) * v[1] + T(r.a[2][i]) * v[2];
+  return y;
+}
+
+template <typename T>
+GRAUPEL_HD Vec<T, 3> to_local(const ObstacleView& obstacle, const Vec<T, 3>& x) {
+  return rotate_back(obstacle.rotation, Vec<T, 3>{x[0] - T(obstacle.position[0]), x[1] - T(obstacle.position[1]),
+                                                  x[2] - T(obstacle.position[2])});
+}
+
+/// Trilinear interpolant of eight corner values, v[i][j][k] at offset (i, j, k), and its gradient.
+template <typename T>
+GRAUPEL_HD T trilinear(const T (&v)[2][2][2], const Vec<T, 3>& t, Vec<T, 3>& gradient) {
+  T line[2][2], slope_z[2][2];
+  for (int i = 0; i < 2; ++i)
+    for (int j = 0; j < 2; ++j) {
+      slope_z[i][j] = v[i][j][1] - v[i][j][0];
+      line[i][j] = v[i][j][0] + t[2] * slope_z[i][j];
+    }
+  T plane[2], plane_z[2], slope_y[2];
+  for (int i = 0; i < 2; ++i) {
+    slope_y[i] = line[i][1] - line[i][0];
+    plane[i] = line[i][0] + t[1] * slope_y[i];
+    plane_z[i] = slope_z[i][0] + t[1] * (slope_z[i][1] - slope_z[i][0]);
+  }
+  gradient = {plane[1] - plane[0], slope_y[0] + t[0] * (slope_y[1] - slope_y[0]),
+              plane_z[0] + t[0] * (plane_z[1] - plane_z[0])};
+  return plane[0] + t[0] * gradient[0];
+}
+
+/// Value and gradient (in index space) at `index`, in voxels.
+template <typename T>
+GRAUPEL_HD T interpolate(const nanovdb::FloatGrid& grid, const Vec<T, 3>& index, Vec<T, 3>& gradient) {
+  const T fx = std::floor(index[0]), fy = std::floor(index[1]), fz = std::floor(index[2]);
+  const nanovdb::Coord base(static_cast<int>(fx), static_cast<int>(fy), static_cast<int>(fz));
+  const auto accessor = grid.getAccessor();
+  T v[2][2][2];
+  for (int i = 0; i < 2; ++i)
+    for (int j = 0; j < 2; ++j)
+      for (int k = 0; k < 2; ++k) v[i][j][k] = static_cast<T>(accessor.getValue(base.offsetBy(i, j, k)));
+  return trilinear(v, {index[0] - fx, index[1] - fy, index[2] - fz}, gradient);
+}
+
+}  // namespace lookup
+
+template <typename T>
+GRAUPEL_HD SignedDistance<T> signed_distance(const ObstacleView& obstacle, const Vec<T, 3>& x) {
+  const T band = static_cast<T>(obstacle.band);
+  if (!lookup::in_box(x, obstacle.low, obstacle.high)) return {band, Vec<T, 3>::zero()};
+  const Vec<T, 3> local = lookup::to_local(obstacle, x);
+  T phi;
+  Vec<T, 3> gradient;
+  if (obstacle.is_plane) {
+    phi = local[1];
+    gradient = {T(0), T(1), T(0)};
+  } else {
+    phi = lookup::interpolate(*obstacle.grid, local * static_cast<T>(obstacle.inverse_voxel), gradient);
+  }
+  if (phi >= band) return {band, Vec<T, 3>::zero()};
+  if (phi <= -band) return {-band, Vec<T, 3>::zero()};
+  return {phi, normalized(lookup::rotate(obstacle.rotation, gradient))};
+}
+
+template <typename T>
+GRAUPEL_HD SignedDistance<T> signed_distance(const ObstacleSetView& set, const Vec<T, 3>& x, int& nearest) {
+  nearest = -1;
+  SignedDistance<T> best = {static_cast<T>(no_obstacle_distance), Vec<T, 3>::zero()};
+  for (int i = 0; i < set.count; ++i) {
+    const SignedDistance<T> one = signed_distance(set.obstacles[i], x);
+    if (one.phi >= best.phi) continue;
+    best = one;
+    nearest = one.phi < static_cast<T>(set.obstacles[i].band) ? i : -1;
+  }
+  return best;
+}
+
+}  // namespace graupel::sparsegrid

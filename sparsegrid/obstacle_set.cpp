@@ -1,0 +1,165 @@
+// Owns the obstacles' grids and the views over them; everything here works on NanoVDB bytes.
+#include "sparsegrid/obstacle_set.h"
+
+#include <algorithm>
+#include <mutex>
+
+#include "core/buffer.h"
+#include "core/error.h"
+#include "sparsegrid/level_set_grid.h"
+
+namespace graupel::sparsegrid {
+
+namespace {
+
+/// World box of a local box under the pose.
+LocalBox to_world_box(const Body& body, const LocalBox& local) {
+  LocalBox box = {Vec3d::filled(1e30), Vec3d::filled(-1e30)};
+  for (int corner = 0; corner < 8; ++corner) {
+    Vec3d x;
+    for (int d = 0; d < 3; ++d) x[d] = corner >> d & 1 ? local.high[d] : local.low[d];
+    x = body.to_world(x);
+    for (int d = 0; d < 3; ++d) {
+      box.low[d] = std::min(box.low[d], x[d]);
+      box.high[d] = std::max(box.high[d], x[d]);
+    }
+  }
+  return box;
+}
+
+/// World box of the points with local y <= level: bounded only where the plane is square to an axis.
+LocalBox below_plane(const Body& body, double level) {
+  LocalBox box = {Vec3d::filled(-1e30), Vec3d::filled(1e30)};
+  const Vec3d up = body.to_world({0, 1, 0}) - body.position;
+  for (int d = 0; d < 3; ++d) {
+    if (up[d] > 1 - 1e-14) box.high[d] = body.position[d] + level;
+    if (up[d] < -1 + 1e-14) box.low[d] = body.position[d] - level;
+  }
+  return box;
+}
+
+ObstacleView view_of(const Obstacle& obstacle, const LevelSetGrid& level_set, double voxel, double band) {
+  ObstacleView view{};
+  view.grid = obstacle.shape == Shape::plane ? nullptr : level_set.grid();
+  view.rotation = obstacle.rotation();
+  view.position = obstacle.position;
+  view.inverse_voxel = 1 / voxel;
+  view.band = static_cast<double>(static_cast<float>(band));  // as stored in the grid
+  view.contact = obstacle.contact;
+  view.friction = obstacle.friction;
+  view.is_plane = obstacle.shape == Shape::plane;
+  const LocalBox near = view.is_plane ? below_plane(obstacle, band + voxel) : to_world_box(obstacle, level_set.near);
+  const LocalBox solid = view.is_plane ? below_plane(obstacle, voxel) : to_world_box(obstacle, level_set.solid);
+  view.low = near.low, view.high = near.high;
+  view.solid_low = solid.low, view.solid_high = solid.high;
+  return view;
+}
+
+std::string words_of(Shape shape) {
+  for (const auto& [word, value] : EnumWords<Shape>::words)
+    if (value == shape) return word;
+  return "";
+}
+
+}  // namespace
+
+struct ObstacleSet::Impl {
+  Scene scene;                      ///< domain and obstacles; for planes, whose grids are made when asked for
+  std::vector<std::string> names;   ///< [count]
+  std::vector<LevelSetGrid> grids;  ///< [count]; without bytes for a plane
+  Buffer<ObstacleView> views{Device::cpu, 0};
+
+  mutable std::once_flag uploaded;
+  mutable std::vector<Buffer<char>> cuda_grids;
+  mutable Buffer<ObstacleView> cuda_views;
+
+  explicit Impl(const Scene& from);
+  void upload() const;
+  LevelSetGrid plane_grid(int i) const { return build_level_set(scene, scene.obstacles[i], names[i]); }
+};
+
+ObstacleSet::Impl::Impl(const Scene& from) {
+  scene.domain = from.domain;
+  scene.obstacles = from.obstacles;
+  scene.obstacle_voxel = from.voxel();
+  scene.obstacle_band = from.band();
+  if (!scene.obstacles.empty() && from.band() < 2 * from.voxel())
+    throw ConfigError("obstacle_band is too narrow (" + std::to_string(from.band()) + " m, at least two voxels of " +
+                      std::to_string(from.voxel()) + " m). Widen the band or lower obstacle_voxel");
+  std::vector<ObstacleView> host;
+  for (const Obstacle& obstacle : scene.obstacles) {
+    const std::string name = "obstacle_" + std::to_string(names.size()) + "_" + words_of(obstacle.shape);
+    if (obstacle.shape == Shape::points)
+      throw ConfigError(name + ": points have no surface. Use a mesh or a .vdb level set as an obstacle");
+    LevelSetGrid grid;
+    if (obstacle.shape != Shape::plane) {
+      grid = build_level_set(scene, obstacle, name);
+      if (grid.solid.low[0] > grid.solid.high[0])
+        throw ConfigError(name + " has no inside on its grid (voxel " + std::to_string(from.voxel()) +
+                          " m). Make it thicker than two voxels or lower obstacle_voxel");
+    }
+    host.push_back(view_of(obstacle, grid, from.voxel(), from.band()));
+    names.push_back(name);
+    grids.push_back(std::move(grid));
+  }
+  views.upload(host);
+}
+
+void ObstacleSet::Impl::upload() const {
+  std::vector<ObstacleView> device_views = views.download();
+  cuda_views = Buffer<ObstacleView>(Device::cuda, device_views.size());
+  for (std::size_t i = 0; i < grids.size(); ++i) {
+    Buffer<char> bytes(Device::cuda, grids[i].bytes.size());
+    device_copy(Device::cuda, bytes.data(), Device::cpu, grids[i].bytes.data(), grids[i].bytes.size());
+    device_views[i].grid = reinterpret_cast<const nanovdb::FloatGrid*>(bytes.data());
+    cuda_grids.push_back(std::move(bytes));
+  }
+  cuda_views.upload(device_views);
+}
+
+ObstacleSet::ObstacleSet(const Scene& scene) : impl_(std::make_shared<Impl>(scene)) {}
+
+int ObstacleSet::count() const { return impl_ ? static_cast<int>(impl_->names.size()) : 0; }
+
+ObstacleSetView ObstacleSet::view(Device device) const {
+  if (count() == 0) return {nullptr, 0};
+  if (device == Device::cpu) return {impl_->views.data(), count()};
+  std::call_once(impl_->uploaded, [this] { impl_->upload(); });
+  return {impl_->cuda_views.data(), count()};
+}
+
+SignedDistance<double> ObstacleSet::sample(const Vec3d& x, int* nearest) const {
+  int index = -1;
+  const auto result = signed_distance(view(), x, index);
+  if (nearest != nullptr) *nearest = index;
+  return result;
+}
+
+GridFacts ObstacleSet::facts(int obstacle) const {
+  const LevelSetGrid& grid = impl_->grids.at(static_cast<std::size_t>(obstacle));
+  return grid.bytes.size() > 0 ? grid.facts : impl_->plane_grid(obstacle).facts;
+}
+
+void ObstacleSet::write_vdb(const std::string& path) const {
+  if (count() == 0) throw ConfigError("there is no obstacle to write to '" + path + "'. Add one to the scene");
+  const Domain& domain = impl_->scene.domain;
+  std::vector<LevelSetGrid> planes(impl_->grids.size());
+  std::vector<const LevelSetGrid*> grids;
+  UnionRequest request{[this](const Vec3d& x) { return sample(x).phi; }, {}, impl_->scene.voxel(), impl_->scene.band()};
+  for (int i = 0; i < count(); ++i) {
+    const LevelSetGrid& own = impl_->grids[i];
+    if (own.bytes.size() == 0) planes[i] = impl_->plane_grid(i);
+    grids.push_back(own.bytes.size() > 0 ? &own : &planes[i]);
+    LocalBox box = to_world_box(impl_->scene.obstacles[i], grids.back()->near);
+    bool meets = true;
+    for (int d = 0; d < 3; ++d) {
+      box.low[d] = std::max(box.low[d], domain.origin[d]);
+      box.high[d] = std::min(box.high[d], domain.origin[d] + domain.size[d]);
+      meets = meets && box.low[d] <= box.high[d];
+    }
+    if (meets) request.boxes.push_back(box);
+  }
+  write_level_sets(path, grids, request);
+}
+
+}  // namespace graupel::sparsegrid

@@ -1,0 +1,104 @@
+// Keeps a point out of obstacles and inside a box, for host and device: projection along the normal of the deepest
+// obstacle, and, where that does not end outside, the last free point of the way that was travelled.
+#pragma once
+
+#include <limits>
+
+#include "sparsegrid/obstacle.h"
+
+namespace graupel::sparsegrid {
+
+namespace lookup {
+
+/// The obstacle that a point is deepest in; phi is no_obstacle_distance where none can be entered.
+template <typename T>
+GRAUPEL_HD SignedDistance<T> deepest(const ObstacleSetView& set, const Vec<T, 3>& x) {
+  SignedDistance<T> found = {static_cast<T>(no_obstacle_distance), Vec<T, 3>::zero()};
+  for (int i = 0; i < set.count; ++i) {
+    if (!in_box(x, set.obstacles[i].solid_low, set.obstacles[i].solid_high)) continue;
+    const SignedDistance<T> one = signed_distance(set.obstacles[i], x);
+    if (one.phi < found.phi) found = one;
+  }
+  return found;
+}
+
+template <typename T>
+GRAUPEL_HD Vec<T, 3> clamp_to_box(Vec<T, 3> x, const Vec<T, 3>& low, const Vec<T, 3>& high) {
+  for (int d = 0; d < 3; ++d) {
+    if (x[d] < low[d]) x[d] = low[d];
+    if (x[d] > high[d]) x[d] = high[d];
+  }
+  return x;
+}
+
+/// Bound of the rounding error of phi at x [m]: a point counts as free only beyond it, so that a look-up in higher
+/// precision finds it free as well.
+template <typename T>
+GRAUPEL_HD T rounding_skin(const Vec<T, 3>& x) {
+  T largest = T(0.1);
+  for (int d = 0; d < 3; ++d) largest = std::abs(x[d]) > largest ? std::abs(x[d]) : largest;
+  return T(8) * std::numeric_limits<T>::epsilon() * largest;
+}
+
+/// Whether the straight way from a to b passes through an obstacle.
+template <typename T>
+GRAUPEL_HD bool way_is_blocked(const ObstacleSetView& set, const Vec<T, 3>& a, const Vec<T, 3>& b, T skin) {
+  constexpr int probes = 8;
+  for (int i = 1; i < probes; ++i)
+    if (deepest(set, a + (b - a) * (T(i) / T(probes))).phi < -skin) return true;
+  return false;
+}
+
+/// The last free point of the way from the free point `from` to `to`, by bisection.
+template <typename T>
+GRAUPEL_HD Vec<T, 3> last_free_point(const ObstacleSetView& set, const Vec<T, 3>& from, const Vec<T, 3>& to, T skin) {
+  Vec<T, 3> best = from;
+  T free = 0, blocked = 1;
+  for (int i = 0; i < 16; ++i) {
+    const T middle = (free + blocked) / 2;
+    const Vec<T, 3> x = from + (to - from) * middle;
+    if (deepest(set, x).phi >= skin) {
+      free = middle;
+      best = x;
+    } else {
+      blocked = middle;
+    }
+  }
+  return best;
+}
+
+}  // namespace lookup
+
+/// Moves x [m] into the box low..high and out of every obstacle; returns whether x changed. When `x_before` is free
+/// (in the box, phi >= 0), so is the result. A point is put back on the side it came from, also at thin plates.
+template <typename T>
+GRAUPEL_HD bool push_out(const ObstacleSetView& set, const Vec<T, 3>& low, const Vec<T, 3>& high,
+                         const Vec<T, 3>& x_before, Vec<T, 3>& x) {
+  const Vec<T, 3> wanted = lookup::clamp_to_box(x, low, high);
+  const T skin = lookup::rounding_skin(wanted);
+  SignedDistance<T> hit = lookup::deepest(set, wanted);
+  if (!(hit.phi < skin)) {
+    const bool clamped = x[0] != wanted[0] || x[1] != wanted[1] || x[2] != wanted[2];
+    x = wanted;
+    return clamped;
+  }
+  const bool from_behind = dot(hit.normal, x_before - wanted) < T(0);
+  Vec<T, 3> y = wanted;
+  constexpr int projections = 8;
+  for (int i = 0; i < projections && hit.phi < skin; ++i) {
+    if (norm2(hit.normal) == T(0)) break;
+    // Near edges the interpolant is flatter than a distance: later steps reach farther.
+    y += hit.normal * ((T(2) * skin - hit.phi) * (T(1) + T(i) / T(4)));
+    y = lookup::clamp_to_box(y, low, high);
+    hit = lookup::deepest(set, y);
+  }
+  const Vec<T, 3> start = lookup::clamp_to_box(x_before, low, high);
+  const bool start_is_free = lookup::deepest(set, start).phi >= T(0);
+  const bool projected = !(hit.phi < skin);
+  if (start_is_free && (!projected || (from_behind && lookup::way_is_blocked(set, start, y, skin))))
+    y = lookup::last_free_point(set, start, wanted, skin);
+  x = y;
+  return true;
+}
+
+}  // namespace graupel::sparsegrid
