@@ -66,7 +66,7 @@ std::string human_bytes(double bytes) {
     bytes /= 1000;
     ++u;
   }
-  return fmt::format(u == 0 ? "{:.0f} {}" : "{:.1f} {}", bytes, units[u]);
+  return fmt::format("{:.{}f} {}", bytes, u == 0 ? 0 : 1, units[u]);
 }
 
 }  // namespace graupel::apps

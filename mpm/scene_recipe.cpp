@@ -66,7 +66,7 @@ void set_size(Body& body, double size) {
 bool overlap(const Body& a, const Body& b) {
   constexpr int n = 12;
   for (const auto& [body, other] : {std::pair(&a, &b), std::pair(&b, &a)}) {
-    const sparsegrid::LocalBox box = sparsegrid::local_bounds(*body);
+    const sparsegrid::LocalBox box = sparsegrid::analytic_bounds(*body);
     for (int i = 0; i <= n; ++i)
       for (int j = 0; j <= n; ++j)
         for (int k = 0; k <= n; ++k) {

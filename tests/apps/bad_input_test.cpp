@@ -1,0 +1,135 @@
+// Bad input ends with a message that names the file, the place, the value and the remedy, and with the right exit code.
+#include <gtest/gtest.h>
+
+#include <sys/mount.h>
+
+#include "tests/apps/program.h"
+
+namespace graupel::test {
+namespace {
+
+TEST(BadInput, BrokenJsonNamesLineAndColumn) {
+  const Folder folder;
+  const auto scene = folder.write("broken.json", "{\n  \"name\": \"x\",\n  \"frames\": 12,,\n}\n");
+  const Outcome outcome = graupel("simulate " + scene + " -o " + folder.file("a.h5"));
+  EXPECT_EQ(outcome.exit_code, 2) << outcome.output;
+  EXPECT_TRUE(outcome.says("broken.json:3")) << outcome.output;
+  EXPECT_TRUE(outcome.says("column")) << outcome.output;
+}
+
+TEST(BadInput, UnknownKeyIsAnsweredWithTheClosestOne) {
+  const Folder folder;
+  const auto scene = folder.write("typo.json", small_scene("  \"gravitty\": [0, -9.8, 0]"));
+  const Outcome outcome = graupel("simulate " + scene);
+  EXPECT_EQ(outcome.exit_code, 2);
+  EXPECT_TRUE(outcome.says("gravitty") && outcome.says("Did you mean 'gravity'")) << outcome.output;
+  EXPECT_TRUE(outcome.says("typo.json:7")) << outcome.output;
+}
+
+TEST(BadInput, NegativeSizeNamesPointerValueAndRange) {
+  const Folder folder;
+  const auto scene = folder.write("negative.json", small_scene("", "{ \"shape\": \"sphere\", \"radius\": -0.1, \"position\": [0.5, 0.5, 0.5], \"material\": \"water\" }"));
+  const Outcome outcome = graupel("simulate " + scene);
+  EXPECT_EQ(outcome.exit_code, 2);
+  EXPECT_TRUE(outcome.says("/sources/0/radius") && outcome.says("-0.1") && outcome.says("> 0")) << outcome.output;
+}
+
+TEST(BadInput, SourceInsideAnObstacleNamesBoth) {
+  const Folder folder;
+  const auto scene = folder.write("inside.json", small_scene("  \"obstacles\": [{ \"shape\": \"sphere\", \"radius\": 0.2, \"position\": [0.5, 0.5, 0.5] }]"));
+  const Outcome outcome = graupel("simulate " + scene + " -o " + folder.file("a.h5"));
+  EXPECT_EQ(outcome.exit_code, 2);
+  EXPECT_TRUE(outcome.says("source 0") && outcome.says("obstacle 0")) << outcome.output;
+  EXPECT_FALSE(std::filesystem::exists(folder.file("a.h5")));
+}
+
+TEST(BadInput, MissingMeshNamesTheResolvedPath) {
+  const Folder folder;
+  const auto scene = folder.write("mesh.json", small_scene("  \"obstacles\": [{ \"shape\": \"mesh\", \"file\": \"none.obj\" }]"));
+  const Outcome outcome = graupel("simulate " + scene);
+  EXPECT_EQ(outcome.exit_code, 3);
+  EXPECT_TRUE(outcome.says(folder.file("none.obj")) && outcome.says("/obstacles/0/file")) << outcome.output;
+}
+
+TEST(BadInput, MissingSceneAndUnknownFlagAndVerb) {
+  EXPECT_EQ(graupel("simulate no-such-scene.json").exit_code, 3);
+  const Outcome flag = graupel("simulate scenes/shared/water_steps.json --frmes 3");
+  EXPECT_EQ(flag.exit_code, 2);
+  EXPECT_TRUE(flag.says("--frames")) << flag.output;
+  const Outcome verb = graupel("simulte scenes/shared/water_steps.json");
+  EXPECT_EQ(verb.exit_code, 2);
+  EXPECT_TRUE(verb.says("simulate")) << verb.output;
+}
+
+TEST(BadInput, TruncatedTrajectory) {
+  const Folder folder;
+  const auto scene = folder.write("small.json", small_scene());
+  ASSERT_EQ(graupel("simulate " + scene + " -o " + folder.file("a.h5")).exit_code, 0);
+  std::ifstream in(folder.file("a.h5"), std::ios::binary);
+  const std::string bytes((std::istreambuf_iterator<char>(in)), {});
+  const auto cut = folder.write("cut.h5", bytes.substr(0, bytes.size() / 2));
+  const Outcome outcome = graupel("inspect " + cut);
+  EXPECT_EQ(outcome.exit_code, 3) << outcome.output;
+  EXPECT_TRUE(outcome.says("cut.h5")) << outcome.output;
+  EXPECT_EQ(graupel("export " + folder.write("text.h5", "not HDF5 at all")).exit_code, 3);
+}
+
+TEST(BadInput, DamagedWeights) {
+  const Folder folder;
+  const Outcome magic = graupel("inspect " + folder.write("magic.safetensors", "PK\x03\x04 this is a zip file, not safetensors"));
+  EXPECT_EQ(magic.exit_code, 3);
+  EXPECT_TRUE(magic.says("magic.safetensors")) << magic.output;
+  std::ifstream in(GRAUPEL_SOURCE_DIR "/models/hgn.safetensors", std::ios::binary);
+  ASSERT_TRUE(in) << "models/hgn.safetensors is missing";
+  const std::string bytes((std::istreambuf_iterator<char>(in)), {});
+  const auto cut = folder.write("cut.safetensors", bytes.substr(0, bytes.size() - 100));
+  const Outcome truncated = graupel("rollout " + cut + " scenes/shared/water_steps.json");
+  EXPECT_EQ(truncated.exit_code, 3) << truncated.output;
+  EXPECT_TRUE(truncated.says("cut.safetensors")) << truncated.output;
+}
+
+TEST(BadInput, WeightsOfAnotherArchitecture) {
+  const Folder folder;
+  const std::string header = R"({"__metadata__":{"architecture":"gns","format_version":"1"},"w":{"dtype":"F32","shape":[1],"data_offsets":[0,4]}})";
+  std::string bytes(8, '\0');
+  for (int i = 0; i < 8; ++i) bytes[static_cast<std::size_t>(i)] = static_cast<char>(header.size() >> (8 * i) & 255);
+  const auto file = folder.write("other.safetensors", bytes + header + std::string(4, '\0'));
+  const Outcome outcome = graupel("rollout " + file + " scenes/shared/water_steps.json");
+  EXPECT_EQ(outcome.exit_code, 3);
+  EXPECT_TRUE(outcome.says("gns") && outcome.says("hgn")) << outcome.output;
+}
+
+TEST(BadInput, OutputFolderNotWritable) {
+  const Folder folder;
+  const auto scene = folder.write("small.json", small_scene());
+  const Outcome outcome = graupel("simulate " + scene + " -o /proc/no/such/place.h5");
+  EXPECT_EQ(outcome.exit_code, 5) << outcome.output;
+  EXPECT_TRUE(outcome.says("/proc/no/such/place.h5")) << outcome.output;
+}
+
+TEST(BadInput, DiskFull) {
+  const Folder folder;
+  const auto scene = folder.write("small.json", small_scene());
+  const std::string mount_point = folder.file("tiny");
+  std::filesystem::create_directory(mount_point);
+  if (::mount("tmpfs", mount_point.c_str(), "tmpfs", 0, "size=64k") != 0) GTEST_SKIP() << "no tmpfs can be mounted here (needs root): disk-full is not tested";
+  const Outcome outcome = graupel("simulate " + scene + " -o " + mount_point + "/a.h5 --frames 40");
+  const bool left = std::filesystem::exists(mount_point + "/a.h5");
+  ::umount(mount_point.c_str());
+  EXPECT_EQ(outcome.exit_code, 5) << outcome.output;
+  EXPECT_TRUE(outcome.says("a.h5")) << outcome.output;
+  EXPECT_FALSE(left) << "a truncated file took the finished one's name";
+}
+
+TEST(BadInput, DivergedRunExitsWithFourAndKeepsTheBadState) {
+  const Folder folder;
+  const auto scene = folder.write("stiff.json", small_scene("  \"time_step\": { \"policy\": \"fixed\", \"substeps_per_frame\": 1 },\n  \"frame_time\": 0.05"));
+  const Outcome outcome = graupel("simulate " + scene + " -o " + folder.file("a.h5"));
+  EXPECT_EQ(outcome.exit_code, 4) << outcome.output;
+  EXPECT_TRUE(outcome.says("particle") && outcome.says("water")) << outcome.output;
+  EXPECT_EQ(graupel("inspect " + folder.file("a.h5")).exit_code, 0);
+  EXPECT_EQ(graupel("inspect " + folder.file("a.h5.blowup.h5")).exit_code, 0);
+}
+
+}  // namespace
+}  // namespace graupel::test
