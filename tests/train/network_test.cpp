@@ -1,0 +1,174 @@
+// The network's passes: gradient against finite differences, independence of batching and of worker order.
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "core/random.h"
+#include "graph/features.h"
+#include "train/hgn_module.h"
+#include "train/parameter_layout.h"
+
+namespace graupel::train {
+namespace {
+
+graph::HgnConfig tiny_config() {
+  graph::HgnConfig config;
+  config.latent = 8;
+  config.levels = 3;
+  config.message_passing = 2;
+  config.embedding = 3;
+  config.history = 2;
+  return config;
+}
+
+/// A cloud of particles with random features and targets.
+SceneGraph random_graph(const graph::HgnConfig& config, uint64_t seed, int particles, double edge) {
+  const Random random(seed, RandomPurpose::test);
+  std::vector<Vec3f> position;
+  SceneGraph scene;
+  for (int i = 0; i < particles; ++i) {
+    const auto draw = static_cast<uint64_t>(i);
+    position.push_back({static_cast<float>(random.uniform(draw, 0, 0.3, 0.3 + edge)),
+                        static_cast<float>(random.uniform(draw, 1, 0.3, 0.3 + edge)),
+                        static_cast<float>(random.uniform(draw, 2, 0.3, 0.3 + edge))});
+    scene.type_row.push_back(static_cast<int32_t>(random.integer(draw, 3, graph::embedding_rows)));
+  }
+  const int64_t width = config.input_width() - config.embedding;
+  for (int64_t i = 0; i < particles * (width + 3); ++i) {
+    double a, b;
+    random.normal(1000000 + static_cast<uint64_t>(i), 0, a, b);
+    (i < particles * width ? scene.features : scene.target).push_back(static_cast<float>(a));
+  }
+  scene.hierarchy =
+      sparsegrid::build_hierarchy<3>(position, config.spacing, {-0.01, -0.02, 0}, static_cast<int>(config.levels));
+  return scene;
+}
+
+/// Largest difference between the gradient and central differences, relative to the largest gradient of that tensor.
+void check_gradient(const graph::HgnConfig& config, const Batch& batch) {
+  HgnModule module(config, Device::cpu, 5, NumberType::f64);
+  std::vector<double> gradient;
+  module.loss_and_gradient(batch, &gradient);
+  const ParameterLayout layout(config);
+  const Random random(1, RandomPurpose::test, 9);
+  constexpr double step = 1e-5;
+  for (const Parameter& parameter : layout.parameters()) {
+    double scale = 0;
+    for (int64_t i = 0; i < parameter.count; ++i)
+      scale = std::max(scale, std::abs(gradient[static_cast<std::size_t>(parameter.begin + i)]));
+    for (uint64_t draw = 0; draw < 4; ++draw) {
+      const int64_t i = parameter.begin + random.integer(draw, 0, static_cast<uint32_t>(parameter.count));
+      module.nudge(i, step);
+      const double above = module.loss(batch);
+      module.nudge(i, -2 * step);
+      const double below = module.loss(batch);
+      module.nudge(i, step);
+      EXPECT_NEAR(gradient[static_cast<std::size_t>(i)], (above - below) / (2 * step), 1e-5 * scale + 1e-8)
+          << parameter.name << " number " << i - parameter.begin;
+    }
+  }
+}
+
+TEST(HgnModule, GradientAgreesWithFiniteDifferences) {
+  const graph::HgnConfig config = tiny_config();
+  check_gradient(config, concatenate({random_graph(config, 1, 40, 0.15), random_graph(config, 2, 25, 0.3)}));
+}
+
+TEST(HgnModule, GradientWithOddWidthAndOneLevel) {
+  graph::HgnConfig config = tiny_config();
+  config.latent = 9;
+  config.levels = 1;
+  config.message_passing = 3;
+  check_gradient(config, concatenate({random_graph(config, 3, 20, 0.1)}));
+}
+
+TEST(HgnModule, GradientWhereTheTopLevelHasNoEdges) {
+  graph::HgnConfig config = tiny_config();
+  config.levels = 6;
+  const Batch batch = concatenate({random_graph(config, 4, 12, 0.02)});
+  ASSERT_EQ(batch.level.back().edges, 0);
+  check_gradient(config, batch);
+}
+
+TEST(HgnModule, ABatchGivesEachSceneItsOwnPrediction) {
+  const graph::HgnConfig config = tiny_config();
+  const HgnModule module(config, Device::cpu, 3);
+  const SceneGraph a = random_graph(config, 5, 30, 0.2), b = random_graph(config, 6, 50, 0.1);
+  std::vector<float> one_by_one = module.predict(concatenate({a}), StateArray::weights);
+  const std::vector<float> second = module.predict(concatenate({b}), StateArray::weights);
+  one_by_one.insert(one_by_one.end(), second.begin(), second.end());
+  const std::vector<float> together = module.predict(concatenate({a, b}), StateArray::weights);
+  ASSERT_EQ(together.size(), one_by_one.size());
+  for (std::size_t i = 0; i < together.size(); ++i) EXPECT_NEAR(together[i], one_by_one[i], 1e-5f);
+}
+
+TEST(HgnModule, TheSameSeedGivesTheSameWeights) {
+  const graph::HgnConfig config = tiny_config();
+  const ParameterLayout layout(config);
+  EXPECT_EQ(layout.initial_values(7), layout.initial_values(7));
+  EXPECT_NE(layout.initial_values(7), layout.initial_values(8));
+  // PyTorch's default for a linear layer: uniform in +-1/sqrt(fan_in), variance 1/(3 fan_in).
+  graph::HgnConfig wide;
+  const ParameterLayout paper(wide);
+  const std::vector<float> values = paper.initial_values(1);
+  const Parameter& weight = paper.find("down.1.2.edge.layer1.weight");
+  ASSERT_EQ(weight.shape, (std::vector<int64_t>{128, 384}));
+  double sum2 = 0, largest = 0;
+  for (int64_t i = 0; i < weight.count; ++i) {
+    const double v = values[static_cast<std::size_t>(weight.begin + i)];
+    sum2 += v * v;
+    largest = std::max(largest, std::abs(v));
+  }
+  EXPECT_NEAR(sum2 / static_cast<double>(weight.count), 1.0 / (3 * 384), 0.02 / (3 * 384));
+  EXPECT_LE(largest, 1 / std::sqrt(384.0));
+  EXPECT_GT(largest, 0.99 / std::sqrt(384.0));
+}
+
+TEST(HgnModule, PaperSizeNetworkHasThreeAndAHalfMillionWeights) {
+  EXPECT_NEAR(static_cast<double>(ParameterLayout(graph::HgnConfig()).parameter_count()), 3.5e6, 0.05e6);
+}
+
+TEST(HgnModule, StateGoesThroughWeightsUnchanged) {
+  const graph::HgnConfig config = tiny_config();
+  HgnModule a(config, Device::cpu, 1), b(config, Device::cpu, 2);
+  const Batch batch = concatenate({random_graph(config, 7, 30, 0.1)});
+  a.train_step(batch, {.learning_rate = 1e-3, .ema_decay = 0.5, .step = 1});
+  for (const StateArray array : all_state_arrays) b.set_state(array, a.state(array));
+  EXPECT_EQ(a.predict(batch, StateArray::weights), b.predict(batch, StateArray::weights));
+  EXPECT_EQ(a.predict(batch, StateArray::ema), b.predict(batch, StateArray::ema));
+  EXPECT_NE(a.predict(batch, StateArray::ema), b.predict(batch, StateArray::weights));
+}
+
+TEST(HgnModule, OneAdamStepMovesEveryUsedWeightByTheLearningRate) {
+  // Adam's first step is -rate * g / (|g| + eps): the rate itself wherever the gradient is not tiny.
+  const graph::HgnConfig config = tiny_config();
+  HgnModule module(config, Device::cpu, 1, NumberType::f64);
+  const Batch batch = concatenate({random_graph(config, 8, 30, 0.1)});
+  std::vector<double> gradient;
+  module.loss_and_gradient(batch, &gradient);
+  const ParameterLayout layout(config);
+  const std::vector<float> before = layout.from_weights(module.state(StateArray::weights));
+  module.train_step(batch, {.learning_rate = 1e-2, .clip_norm = 1e9, .step = 1});
+  const std::vector<float> after = layout.from_weights(module.state(StateArray::weights));
+  int checked = 0;
+  for (std::size_t i = 0; i < gradient.size(); ++i) {
+    if (std::abs(gradient[i]) < 1e-4) continue;
+    EXPECT_NEAR(after[i] - before[i], gradient[i] > 0 ? -1e-2 : 1e-2, 1e-5);
+    ++checked;
+  }
+  EXPECT_GT(checked, 500);
+}
+
+TEST(HgnModule, ANonFiniteTargetChangesNoWeight) {
+  const graph::HgnConfig config = tiny_config();
+  HgnModule module(config, Device::cpu, 1);
+  SceneGraph scene = random_graph(config, 9, 20, 0.1);
+  scene.target[4] = std::nanf("");
+  const nn::Weights before = module.state(StateArray::weights);
+  module.train_step(concatenate({scene}), {.step = 1});
+  EXPECT_TRUE(std::isnan(module.take_means().loss));
+  EXPECT_EQ(before.get("decoder.layer2.bias", {3}), module.state(StateArray::weights).get("decoder.layer2.bias", {3}));
+}
+
+}  // namespace
+}  // namespace graupel::train

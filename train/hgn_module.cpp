@@ -1,0 +1,186 @@
+#include "train/hgn_module.h"
+
+#include <ATen/Context.h>
+#include <ATen/Parallel.h>
+#include <ATen/TensorOperators.h>
+#include <ATen/core/grad_mode.h>
+#include <ATen/ops/from_blob.h>
+#include <ATen/ops/norm.h>
+#include <ATen/ops/pow.h>
+#include <ATen/ops/sum.h>
+#include <ATen/ops/zeros.h>
+#include <torch/version.h>
+
+#include <array>
+#include <cmath>
+
+#include "core/error.h"
+#include "train/hgn_network.h"
+
+namespace graupel::train {
+
+namespace {
+
+at::Tensor square_error(const at::Tensor& difference) {
+  return at::sum(difference * difference) / static_cast<double>(difference.size(0));
+}
+
+}  // namespace
+
+const char* name_of(StateArray array) {
+  switch (array) {
+    case StateArray::weights:
+      return "weights";
+    case StateArray::ema:
+      return "ema";
+    case StateArray::adam_m:
+      return "adam_m";
+    case StateArray::adam_v:
+      return "adam_v";
+  }
+  return "?";
+}
+
+void configure_torch(int threads, bool tf32) {
+  at::set_num_threads(threads);
+  at::globalContext().setAllowTF32CuBLAS(tf32);
+}
+
+std::string torch_version() { return TORCH_VERSION; }
+
+struct HgnModule::Impl {
+  Impl(const graph::HgnConfig& hgn, Device where, uint64_t seed, NumberType number)
+      : config(hgn),
+        layout(hgn),
+        device(where),
+        options(at::TensorOptions()
+                    .device(where == Device::cuda ? at::kCUDA : at::kCPU)
+                    .dtype(number == NumberType::f64 ? at::kDouble : at::kFloat)),
+        gradient(at::zeros({layout.size()}, options)),
+        means(at::zeros({2}, options)) {
+    for (at::Tensor& array : arrays) array = at::zeros({layout.size()}, options);
+    network = std::make_unique<HgnNetwork>(config, layout, get(StateArray::weights), gradient);
+    average = std::make_unique<HgnNetwork>(config, layout, get(StateArray::ema), at::Tensor());
+    const std::vector<float> initial = layout.initial_values(seed);
+    fill(StateArray::weights, initial);
+    fill(StateArray::ema, initial);
+  }
+
+  at::Tensor& get(StateArray array) { return arrays[static_cast<std::size_t>(array)]; }
+  void fill(StateArray array, const std::vector<float>& values) {
+    get(array).copy_(at::from_blob(const_cast<float*>(values.data()), {static_cast<int64_t>(values.size())}, at::kFloat));
+  }
+  std::vector<float> read(const at::Tensor& tensor) const {
+    const at::Tensor host = tensor.to(at::kCPU, at::kFloat).contiguous();
+    return {host.data_ptr<float>(), host.data_ptr<float>() + host.numel()};
+  }
+  /// Loss on the device, and its gradient in `gradient`.
+  at::Tensor forward_backward(const Batch& batch) {
+    GRAUPEL_ASSERT(batch.target.count > 0);
+    const DeviceBatch on_device = network->upload(batch);
+    ForwardRecord record;
+    const at::Tensor difference = network->forward(on_device, &record) - on_device.target;
+    network->backward(on_device, record, difference * (2.0 / static_cast<double>(batch.particles())));
+    return square_error(difference);
+  }
+  template <typename T>
+  void adam(const AdamSettings& settings, const at::Tensor& norm) {
+    adam_step<T>(device, layout.size(), settings, gradient.data_ptr<T>(), norm.data_ptr<T>(),
+                 get(StateArray::weights).data_ptr<T>(), get(StateArray::adam_m).data_ptr<T>(),
+                 get(StateArray::adam_v).data_ptr<T>(), get(StateArray::ema).data_ptr<T>());
+  }
+
+  graph::HgnConfig config;
+  ParameterLayout layout;
+  Device device;
+  at::TensorOptions options;
+  std::array<at::Tensor, 4> arrays;
+  at::Tensor gradient;
+  at::Tensor means;  ///< sums of loss and gradient norm since they were last taken
+  int64_t steps_in_means = 0;
+  std::unique_ptr<HgnNetwork> network, average;
+};
+
+HgnModule::HgnModule(const graph::HgnConfig& config, Device device, uint64_t seed, NumberType number) {
+  const at::NoGradGuard no_grad;
+  impl_ = std::make_unique<Impl>(config, device, seed, number);
+}
+HgnModule::~HgnModule() = default;
+HgnModule::HgnModule(HgnModule&&) noexcept = default;
+
+const graph::HgnConfig& HgnModule::config() const { return impl_->config; }
+int64_t HgnModule::parameter_count() const { return impl_->layout.parameter_count(); }
+
+std::vector<float> HgnModule::predict(const Batch& batch, StateArray which) const {
+  const at::NoGradGuard no_grad;
+  GRAUPEL_ASSERT(which == StateArray::weights || which == StateArray::ema);
+  const HgnNetwork& network = which == StateArray::weights ? *impl_->network : *impl_->average;
+  return impl_->read(network.forward(network.upload(batch), nullptr));
+}
+
+void HgnModule::train_step(const Batch& batch, const StepSettings& settings) {
+  const at::NoGradGuard no_grad;
+  const at::Tensor loss = impl_->forward_backward(batch);
+  const at::Tensor norm = at::norm(impl_->gradient);
+  AdamSettings adam;
+  adam.learning_rate = settings.learning_rate;
+  adam.beta1 = settings.beta1;
+  adam.beta2 = settings.beta2;
+  adam.epsilon = settings.epsilon;
+  adam.correction1 = 1 - std::pow(settings.beta1, static_cast<double>(settings.step));
+  adam.correction2 = 1 - std::pow(settings.beta2, static_cast<double>(settings.step));
+  adam.clip = settings.clip_norm;
+  adam.ema_decay = settings.ema_decay;
+  if (impl_->options.dtype() == at::kDouble)
+    impl_->adam<double>(adam, norm);
+  else
+    impl_->adam<float>(adam, norm);
+  impl_->means.select(0, 0).add_(loss);
+  impl_->means.select(0, 1).add_(norm);
+  ++impl_->steps_in_means;
+}
+
+StepMeans HgnModule::take_means() {
+  const at::NoGradGuard no_grad;
+  const std::vector<float> sums = impl_->read(impl_->means);
+  StepMeans means{.steps = impl_->steps_in_means};
+  if (means.steps > 0) {
+    means.loss = sums[0] / static_cast<double>(means.steps);
+    means.gradient_norm = sums[1] / static_cast<double>(means.steps);
+  }
+  impl_->means.zero_();
+  impl_->steps_in_means = 0;
+  return means;
+}
+
+double HgnModule::loss_and_gradient(const Batch& batch, std::vector<double>* gradient) {
+  const at::NoGradGuard no_grad;
+  const double loss = impl_->forward_backward(batch).item().toDouble();
+  if (gradient) {
+    const at::Tensor host = impl_->gradient.to(at::kCPU, at::kDouble);
+    gradient->assign(host.data_ptr<double>(), host.data_ptr<double>() + host.numel());
+  }
+  return loss;
+}
+
+double HgnModule::loss(const Batch& batch) const {
+  const at::NoGradGuard no_grad;
+  const DeviceBatch on_device = impl_->network->upload(batch);
+  return square_error(impl_->network->forward(on_device, nullptr) - on_device.target).item().toDouble();
+}
+
+void HgnModule::nudge(int64_t index, double change) {
+  const at::NoGradGuard no_grad;
+  impl_->get(StateArray::weights).select(0, index).add_(change);
+}
+
+nn::Weights HgnModule::state(StateArray array) const {
+  return impl_->layout.to_weights(impl_->read(impl_->get(array)));
+}
+
+void HgnModule::set_state(StateArray array, const nn::Weights& weights) {
+  const at::NoGradGuard no_grad;
+  impl_->fill(array, impl_->layout.from_weights(weights));
+}
+
+}  // namespace graupel::train

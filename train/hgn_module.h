@@ -1,0 +1,80 @@
+// The hierarchical graph network with its training state on a device: weights, their moving average, Adam's moments.
+// The only way into libtorch for the rest of train/: no torch type appears here.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "core/device.h"
+#include "graph/hgn_config.h"
+#include "nn/weights.h"
+#include "train/batch.h"
+
+namespace graupel::train {
+
+/// Number type of the weights and of all tensors; f64 is for checks of the gradient.
+enum class NumberType { f32, f64 };
+
+/// The four flat arrays that make up a training state.
+enum class StateArray { weights, ema, adam_m, adam_v };
+inline constexpr StateArray all_state_arrays[] = {StateArray::weights, StateArray::ema, StateArray::adam_m,
+                                                  StateArray::adam_v};
+/// File name of an array in a checkpoint, "weights" ...
+const char* name_of(StateArray array);
+
+/// Settings of one optimiser step.
+struct StepSettings {
+  double learning_rate = 1e-4;
+  double beta1 = 0.9, beta2 = 0.999, epsilon = 1e-8;
+  double clip_norm = 0;  ///< 0: no clipping
+  double ema_decay = 0;
+  int64_t step = 1;  ///< counts from 1: Adam's bias correction
+};
+
+/// Means since they were last taken.
+struct StepMeans {
+  double loss = 0;           ///< squared error of the normalised acceleration, summed over axes, mean over particles
+  double gradient_norm = 0;  ///< before clipping
+  int64_t steps = 0;
+};
+
+/// Threads and number formats of libtorch, for the whole process. `tf32` allows TF32 in matrix products on a GPU.
+void configure_torch(int threads, bool tf32);
+/// libtorch's version, e.g. "1.13.1".
+std::string torch_version();
+
+class HgnModule {
+ public:
+  /// Fresh weights from `seed`.
+  HgnModule(const graph::HgnConfig& config, Device device, uint64_t seed, NumberType number = NumberType::f32);
+  ~HgnModule();
+  HgnModule(HgnModule&&) noexcept;
+
+  const graph::HgnConfig& config() const;
+  int64_t parameter_count() const;
+
+  /// Normalised accelerations [particles, 3], row-major, with the weights or their moving average.
+  std::vector<float> predict(const Batch& batch, StateArray which) const;
+
+  /// Forward, backward and optimiser step. Returns at once on a GPU; the loss is kept there until take_means().
+  void train_step(const Batch& batch, const StepSettings& settings);
+  StepMeans take_means();
+
+  /// Loss and its gradient, flat (ParameterLayout), without a step.
+  double loss_and_gradient(const Batch& batch, std::vector<double>* gradient);
+  double loss(const Batch& batch) const;
+  /// Adds `change` to weight number `index` of the flat array.
+  void nudge(int64_t index, double change);
+
+  nn::Weights state(StateArray array) const;
+  /// Throws InputError when a tensor is missing or of another shape.
+  void set_state(StateArray array, const nn::Weights& weights);
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace graupel::train

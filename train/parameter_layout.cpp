@@ -1,0 +1,108 @@
+#include "train/parameter_layout.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "core/error.h"
+#include "core/random.h"
+#include "graph/features.h"
+
+namespace graupel::train {
+
+namespace {
+constexpr int64_t alignment = 64;  // numbers: every tensor starts on a 256-byte boundary
+}
+
+ParameterLayout::ParameterLayout(const graph::HgnConfig& config) {
+  const int64_t h = config.latent;
+  const auto block = [&](const std::string& name) {
+    for (int64_t k = 0; k < config.message_passing; ++k) {
+      const std::string at = name + "." + std::to_string(k);
+      add_fcn(at + ".edge", k == 0 ? 2 * h + 3 : 3 * h, h, true, h);
+      add_fcn(at + ".cell", 2 * h, h, true, h);
+    }
+  };
+  add("embedding.weight", {graph::embedding_rows, config.embedding}, 0);
+  add_fcn("encoder", config.input_width(), h, true, h);
+  add_fcn("particle_to_grid", h + 3, h, true, h);
+  for (int64_t l = 0; l < config.levels; ++l) {
+    block("down." + std::to_string(l));
+    if (l + 1 < config.levels) add_fcn("restrict." + std::to_string(l), h + 3, h, true, h);
+  }
+  for (int64_t l = config.levels - 2; l >= 0; --l) {
+    add_fcn("prolong." + std::to_string(l), 2 * h + 3, h, true, h);
+    block("up." + std::to_string(l));
+  }
+  add_fcn("grid_to_particle", 2 * h + 3, h, true, h);
+  add_fcn("decoder", h, 3, false, h);
+}
+
+void ParameterLayout::add(const std::string& name, std::vector<int64_t> shape, int64_t fan_in) {
+  int64_t count = 1;
+  for (const int64_t n : shape) count *= n;
+  parameters_.push_back({name, std::move(shape), size_, count, fan_in});
+  size_ += (count + alignment - 1) / alignment * alignment;
+  count_ += count;
+}
+
+void ParameterLayout::add_fcn(const std::string& name, int64_t inputs, int64_t outputs, bool norm, int64_t hidden) {
+  fcns_.push_back({name, inputs, outputs, norm});
+  add(name + ".layer1.weight", {hidden, inputs}, inputs);
+  add(name + ".layer1.bias", {hidden}, inputs);
+  add(name + ".layer2.weight", {outputs, hidden}, hidden);
+  add(name + ".layer2.bias", {outputs}, hidden);
+  if (!norm) return;
+  add(name + ".norm.weight", {outputs}, 0);
+  add(name + ".norm.bias", {outputs}, 0);
+}
+
+const Parameter& ParameterLayout::find(const std::string& name) const {
+  const auto at =
+      std::find_if(parameters_.begin(), parameters_.end(), [&](const Parameter& p) { return p.name == name; });
+  GRAUPEL_ASSERT(at != parameters_.end());
+  return *at;
+}
+
+std::vector<float> ParameterLayout::initial_values(uint64_t seed) const {
+  std::vector<float> flat(static_cast<std::size_t>(size_), 0.0f);
+  for (std::size_t p = 0; p < parameters_.size(); ++p) {
+    const Parameter& parameter = parameters_[p];
+    const Random random(seed, RandomPurpose::weight_init, p);
+    float* const values = flat.data() + parameter.begin;
+    const double bound = parameter.fan_in > 0 ? 1 / std::sqrt(static_cast<double>(parameter.fan_in)) : 0;
+    for (int64_t i = 0; i < parameter.count; ++i) {
+      const auto draw = static_cast<uint64_t>(i / 4);
+      const int c = static_cast<int>(i % 4);
+      if (parameter.fan_in > 0) {
+        values[i] = static_cast<float>(random.uniform(draw, c, -bound, bound));
+      } else if (parameter.name == "embedding.weight") {
+        double a, b;
+        random.normal(draw, c / 2, a, b);
+        values[i] = static_cast<float>(c % 2 == 0 ? a : b);
+      } else {
+        values[i] = parameter.name.ends_with(".norm.weight") ? 1.0f : 0.0f;
+      }
+    }
+  }
+  return flat;
+}
+
+nn::Weights ParameterLayout::to_weights(const std::vector<float>& flat) const {
+  GRAUPEL_ASSERT(static_cast<int64_t>(flat.size()) == size_);
+  nn::Weights weights;
+  for (const Parameter& p : parameters_)
+    weights.tensors[p.name] =
+        nn::Tensor::from_float({flat.begin() + p.begin, flat.begin() + p.begin + p.count}, p.shape);
+  return weights;
+}
+
+std::vector<float> ParameterLayout::from_weights(const nn::Weights& weights) const {
+  std::vector<float> flat(static_cast<std::size_t>(size_), 0.0f);
+  for (const Parameter& p : parameters_) {
+    const std::vector<float> values = weights.get(p.name, p.shape);
+    std::copy(values.begin(), values.end(), flat.begin() + p.begin);
+  }
+  return flat;
+}
+
+}  // namespace graupel::train

@@ -1,0 +1,56 @@
+// Names, shapes and places of the network's weights in one flat array, so that the optimiser, the moving average and
+// the gradient norm are single operations. The names are those of graph/hierarchical_graph_network.h.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "graph/hgn_config.h"
+#include "nn/weights.h"
+
+namespace graupel::train {
+
+/// One tensor of the network: `count` numbers from `begin` of the flat array, row-major.
+struct Parameter {
+  std::string name;
+  std::vector<int64_t> shape;
+  int64_t begin = 0, count = 0;
+  int64_t fan_in = 0;  ///< inputs of the linear layer it belongs to; 0 for norms and the embedding
+};
+
+/// A fully connected network of the architecture: inputs -> H -> outputs, then a layer norm but for the decoder.
+struct FcnShape {
+  std::string name;  ///< e.g. "down.0.1.edge"
+  int64_t inputs = 0, outputs = 0;
+  bool norm = true;
+};
+
+class ParameterLayout {
+ public:
+  explicit ParameterLayout(const graph::HgnConfig& config);
+
+  int64_t size() const { return size_; }              ///< numbers of the flat array, gaps for alignment included
+  int64_t parameter_count() const { return count_; }  ///< numbers that are weights
+  const std::vector<Parameter>& parameters() const { return parameters_; }
+  const std::vector<FcnShape>& fcns() const { return fcns_; }
+  const Parameter& find(const std::string& name) const;
+
+  /// PyTorch's defaults from Graupel's own generator: linear layers uniform in +-1/sqrt(fan_in), embedding N(0, 1),
+  /// norms one and zero. The same seed gives the same numbers with any libtorch.
+  std::vector<float> initial_values(uint64_t seed) const;
+
+  nn::Weights to_weights(const std::vector<float>& flat) const;
+  /// Throws InputError when a tensor is missing or of another shape.
+  std::vector<float> from_weights(const nn::Weights& weights) const;
+
+ private:
+  void add(const std::string& name, std::vector<int64_t> shape, int64_t fan_in);
+  void add_fcn(const std::string& name, int64_t inputs, int64_t outputs, bool norm, int64_t hidden);
+
+  std::vector<Parameter> parameters_;
+  std::vector<FcnShape> fcns_;
+  int64_t size_ = 0, count_ = 0;
+};
+
+}  // namespace graupel::train
