@@ -1,0 +1,86 @@
+// Reads scenes, and writes them and their format.
+#include "io/scene_reader.h"
+
+#include <filesystem>
+
+#include "core/atomic_file.h"
+#include "io/config_description.h"
+#include "io/material_start.h"
+#include "io/scene_checks.h"
+
+namespace graupel::io {
+
+namespace {
+
+/// A small scene that shows every kind of entry, for the defaults file.
+Scene example_scene() {
+  Scene scene;
+  scene.name = "example";
+  MaterialConfig& water = scene.materials["water"];
+  water.name = "water";
+  water.preset = "water";
+  Source source;
+  source.material = "water";
+  source.size = {0.2, 0.2, 0.2};
+  source.position = {0.5, 0.6, 0.5};
+  scene.sources.push_back(source);
+  Obstacle obstacle;
+  obstacle.shape = Shape::sphere;
+  obstacle.radius = 0.1;
+  obstacle.position = {0.5, 0.2, 0.5};
+  scene.obstacles.push_back(obstacle);
+  return scene;
+}
+
+/// Self-contained text: overrides applied, absolute paths, no link to an editor's schema.
+std::string source_text(const ConfigDocument& document) {
+  JsonNode copy = JsonNode::object();
+  for (const auto& member : document.root.members)
+    if (member.key != "$schema") copy.set(member.key, member.value);
+  return write_json(copy, JsonLayout::compact);
+}
+
+}  // namespace
+
+Scene parse_scene(const std::string& text, const std::string& name, const std::string& folder,
+                  const std::vector<std::string>& overrides) {
+  ConfigDocument document = ConfigDocument::parse(text, name, overrides);
+  Scene scene = read_config<Scene>(document);
+  check_scene(document, scene);
+  load_geometry(document, folder, scene);
+  scene.source = source_text(document);
+  return scene;
+}
+
+Scene read_scene(const std::string& path, const std::vector<std::string>& overrides) {
+  constexpr std::size_t limit = std::size_t(16) << 20;
+  const std::string folder = std::filesystem::absolute(path).parent_path().string();
+  Scene scene = parse_scene(read_file(path, limit), path, folder, overrides);
+  scene.file = path;
+  return scene;
+}
+
+std::string scene_to_json(const Scene& scene) { return write_json(json_of(scene), JsonLayout::indented); }
+
+std::string scene_defaults() { return commented_json(describe<Scene>(), json_of(example_scene())); }
+
+std::string scene_format_markdown() {
+  return "# Scene format\n\n"
+         "A scene is a JSON file; `//` and `/* */` comments are allowed. Units are SI, y is up by convention. Unknown "
+         "keys\n"
+         "are errors. Paths are relative to the scene file. `--set key.path=value` replaces a value for one run, e.g.\n"
+         "`--set domain.dx=0.01` or `--set sources.0.velocity=[0,-1,0]`. `graupel --print-defaults` writes a scene "
+         "with\n"
+         "every key. Editors check and complete scenes with `scenes/schema.json` (name it under the key "
+         "`\"$schema\"`).\n\n"
+         "Sources may have every shape but `plane` and `vdb`, obstacles every shape but `points`. The domain needs at "
+         "least\n"
+         "16 cells along each edge inside its walls and at most 2^21 cells along an edge. A material starts from its\n"
+         "`preset`, then its other keys apply.\n\n"
+         "This file is made from the declarations in `core/scene.h` and `core/material_config.h`.\n" +
+         description_markdown(describe<Scene>(), "Top level");
+}
+
+std::string scene_schema_json() { return description_schema(describe<Scene>(), "Graupel scene"); }
+
+}  // namespace graupel::io

@@ -1,0 +1,160 @@
+#include "io/scene_reader.h"
+
+#include <gtest/gtest.h>
+
+#include "core/error.h"
+#include "expect_error.h"
+#include "temporary_folder.h"
+
+namespace graupel::io {
+namespace {
+
+const std::string good = R"({
+  "name": "test",
+  "domain": {"size": [1, 2, 1], "dx": 0.02},  // metres
+  "materials": {
+    "wet": {"preset": "taichi_water", "density": 900},
+    "soft": {"model": "jelly", "youngs_modulus": 5e4}
+  },
+  "sources": [
+    {"shape": "box", "size": [0.2, 0.2, 0.2], "material": "wet", "position": [0.5, 1, 0.5]}
+  ],
+  "obstacles": [
+    {"shape": "cylinder", "radius": 0.1, "height": 0.3, "contact": "slip", "friction": 0.5, "rotation_angle": 45}
+  ]
+}
+)";
+
+Scene parse(const std::string& text, const std::vector<std::string>& overrides = {}) {
+  return parse_scene(text, "s.json", "/", overrides);
+}
+
+std::string replaced(std::string text, const std::string& from, const std::string& to) {
+  const auto at = text.find(from);
+  EXPECT_NE(at, std::string::npos) << from;
+  return text.replace(at, from.size(), to);
+}
+
+void fails(const std::string& from, const std::string& to, const std::vector<std::string>& parts) {
+  expect_error<ConfigError>([&] { parse(replaced(good, from, to)); }, parts);
+}
+
+TEST(SceneReader, ReadsAScene) {
+  const Scene scene = parse(good);
+  EXPECT_EQ(scene.domain.size, (Vec3d{1, 2, 1}));
+  EXPECT_EQ(scene.domain.walls, Contact::separate);
+  EXPECT_EQ(scene.gravity, (Vec3d{0, -9.8, 0}));
+  const MaterialConfig& wet = scene.materials.at("wet");
+  EXPECT_EQ(wet.name, "wet");
+  EXPECT_EQ(wet.density, 900);
+  EXPECT_EQ(wet.bulk_modulus, material_preset("taichi_water")->bulk_modulus);
+  EXPECT_EQ(scene.materials.at("soft").model, MaterialModel::jelly);
+  EXPECT_EQ(scene.materials.at("soft").youngs_modulus, 5e4);
+  ASSERT_EQ(scene.obstacles.size(), 1u);
+  EXPECT_EQ(scene.obstacles[0].shape, Shape::cylinder);
+  EXPECT_EQ(scene.obstacles[0].contact, Contact::slip);
+  EXPECT_EQ(scene.obstacles[0].rotation_angle, 45);
+  EXPECT_DOUBLE_EQ(scene.band(), 0.1);
+}
+
+TEST(SceneReader, PresetDecidesWhichKeysApply) {
+  const Scene scene = parse(replaced(good, "\"model\": \"jelly\"", "\"preset\": \"taichi_snow\", \"hardening\": 7"));
+  EXPECT_EQ(scene.materials.at("soft").model, MaterialModel::snow);
+  EXPECT_EQ(scene.materials.at("soft").hardening, 7);
+  EXPECT_EQ(scene.materials.at("soft").max_hardening, 0);
+}
+
+TEST(SceneReader, RoundTrips) {
+  const Scene scene = parse(good);
+  const std::string text = scene_to_json(scene);
+  EXPECT_EQ(scene_to_json(parse(text)), text);
+  const std::string defaults = scene_defaults();
+  EXPECT_EQ(scene_to_json(parse(scene_to_json(parse(defaults)))), scene_to_json(parse(defaults)));
+}
+
+TEST(SceneReader, SourceTextIsTheSceneWithOverrides) {
+  const Scene scene = parse(replaced(good, "{", "{\"$schema\": \"schema.json\", "), {"domain.dx=0.025", "frames=7"});
+  EXPECT_EQ(scene.domain.dx, 0.025);
+  EXPECT_EQ(scene.frames, 7);
+  EXPECT_EQ(scene.source.find("$schema"), std::string::npos);
+  EXPECT_EQ(scene_to_json(parse(scene.source)), scene_to_json(scene));
+}
+
+TEST(SceneReader, RefusesKeysThatDoNotApply) {
+  fails("\"dx\"", "\"dxx\"", {"s.json:3: /domain/dxx is not a known key", "Did you mean 'dx'?"});
+  fails("\"radius\": 0.1, ", "\"size\": [1, 1, 1], ",
+        {"s.json:12: /obstacles/0/size does not apply here (shape is 'cylinder'; the key is for: box, half_box, "
+         "pyramid)"});
+  fails("\"radius\": 0.1, ", "", {"s.json:12: /obstacles/0 lacks the key 'radius'"});
+  fails("\"model\": \"jelly\", ", "",
+        {"s.json:6: /materials/soft/youngs_modulus does not apply here (model is 'water'"});
+  fails("\"materials\"", "\"$schema\": \"x\", \"material\"",
+        {"s.json:4: /material is not a known key", "Did you mean 'materials'?"});
+  fails("\"shape\": \"box\", ", "", {"s.json:9: /sources/0 lacks the key 'shape'"});
+  fails("\"contact\": \"slip\"", "\"contact\": \"slop\"",
+        {"s.json:12: /obstacles/0/contact is not one of its words (\"slop\", allowed: stick, slip, separate)",
+         "'slip'?"});
+}
+
+TEST(SceneReader, RefusesUnknownPresets) {
+  fails("taichi_water", "taichi_watr",
+        {"s.json:5: /materials/wet/preset is not one of its words (\"taichi_watr\"", "Did you mean 'taichi_water'?"});
+}
+
+TEST(SceneReader, RefusesPartsThatDoNotFit) {
+  fails("\"material\": \"wet\"", "\"material\": \"wett\"",
+        {"s.json:9: /sources/0/material names no material of the scene (\"wett\", there are: soft, wet)", "'wet'?"});
+  fails("\"rotation_angle\": 45", "\"rotation_axis\": [0, 0, 0]",
+        {"s.json:12: /obstacles/0/rotation_axis must not be zero"});
+  fails("\"dx\": 0.02", "\"dx\": 0.05",
+        {"s.json:3: /domain/size is too small for its grid (20 cells along x, at least 22"});
+  fails("\"dx\": 0.02", "\"dx\": 2e-7", {"s.json:3: /domain/size has too many cells", "at most 2097152"});
+  fails("\"shape\": \"box\", \"size\": [0.2, 0.2, 0.2]", "\"shape\": \"plane\"",
+        {"s.json:9: /sources/0/shape cannot be filled with material (\"plane\""});
+  fails("\"shape\": \"box\", \"size\": [0.2, 0.2, 0.2]", "\"shape\": \"vdb\", \"file\": \"a.vdb\"",
+        {"s.json:9: /sources/0/shape cannot be filled with material (\"vdb\""});
+  fails("\"shape\": \"cylinder\", \"radius\": 0.1, \"height\": 0.3", "\"shape\": \"points\", \"file\": \"a.xyz\"",
+        {"s.json:12: /obstacles/0/shape has no surface"});
+  expect_error<ConfigError>([] { parse(good, {"sources=[]"}); }, {"(override sources=[]): /sources must not be empty"});
+}
+
+TEST(SceneReader, LoadsGeometryRelativeToTheScene) {
+  TemporaryFolder folder;
+  folder.write("shared/tet.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n");
+  folder.write("shared/p.xyz", "1 2 3\n4 5 6\n");
+  const std::string path = folder.write("scenes/a.json", R"({"materials": {"w": {}}, "sources": [
+    {"shape": "points", "file": "../shared/p.xyz", "scale": 0.1, "material": "w"}],
+    "obstacles": [{"shape": "mesh", "file": "../shared/tet.obj", "scale": 2}]})");
+  const Scene scene = read_scene(path);
+  ASSERT_TRUE(scene.sources[0].points);
+  EXPECT_DOUBLE_EQ((*scene.sources[0].points)[1][2], 0.6);
+  ASSERT_TRUE(scene.obstacles[0].mesh);
+  EXPECT_EQ(scene.obstacles[0].mesh->vertices[1], (Vec3d{2, 0, 0}));
+  EXPECT_EQ(scene.obstacles[0].file, folder.file("shared/tet.obj"));
+  EXPECT_EQ(scene.file, path);
+  const Scene again = parse_scene(scene.source, "stored", "/");  // self-contained: the folder does not matter
+  EXPECT_EQ(again.obstacles[0].mesh->triangles.size(), 4u);
+}
+
+TEST(SceneReader, NamesMissingAndDamagedGeometry) {
+  TemporaryFolder folder;
+  folder.write("bad.obj", "v 0 0 0\nf 1 2 3\n");
+  const std::string text =
+      "{\"materials\": {\"w\": {}},\n\"sources\": [{\"shape\": \"mesh\", \"material\": \"w\",\n\"file\": \"FILE\"}]}";
+  const std::string missing = folder.write("missing.json", replaced(text, "FILE", "no/../none.obj"));
+  expect_error<InputError>([&] { read_scene(missing); },
+                           {missing + ":3: /sources/0/file names a file that does not exist (\"no/../none.obj\"",
+                            "looked for at '" + folder.file("none.obj") + "'", "relative to the scene file"});
+  const std::string damaged = folder.write("damaged.json", replaced(text, "FILE", "bad.obj"));
+  expect_error<InputError>([&] { read_scene(damaged); },
+                           {damaged + ":3: /sources/0/file", "bad.obj", "does not exist"});
+  expect_error<InputError>([&] { read_scene(folder.file("nothing.json")); }, {"nothing.json", "No such file"});
+}
+
+TEST(SceneReader, EveryTruncationIsAnError) {
+  const std::string text = good.substr(0, good.rfind('}'));
+  for (std::size_t n = 0; n < text.size(); ++n) EXPECT_THROW(parse(text.substr(0, n)), ConfigError) << n;
+}
+
+}  // namespace
+}  // namespace graupel::io
