@@ -128,4 +128,19 @@ LocalBox analytic_bounds(const Body& body) {
   }
 }
 
+LocalBox plane_bounds(const Body& body, const Domain& domain) {
+  LocalBox box = {Vec3d::filled(1e300), Vec3d::filled(-1e300)};
+  for (int corner = 0; corner < 8; ++corner) {
+    Vec3d x = domain.origin;
+    for (int d = 0; d < 3; ++d) x[d] += (corner >> d & 1) * domain.size[d];
+    const Vec3d local = body.to_local(x);
+    for (int d = 0; d < 3; ++d) {
+      box.low[d] = std::min(box.low[d], local[d]);
+      box.high[d] = std::max(box.high[d], local[d]);
+    }
+  }
+  box.low[1] = box.high[1] = 0;
+  return box;
+}
+
 }  // namespace graupel::sparsegrid

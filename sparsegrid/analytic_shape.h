@@ -19,4 +19,7 @@ double analytic_distance(const Body& body, const Vec3d& local);
 /// Smallest box around the shape; analytic shapes but the plane.
 LocalBox analytic_bounds(const Body& body);
 
+/// The rectangle of the plane y = 0 of the body's own frame below and above which the domain lies.
+LocalBox plane_bounds(const Body& body, const Domain& domain);
+
 }  // namespace graupel::sparsegrid

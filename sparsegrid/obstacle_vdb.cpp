@@ -115,22 +115,6 @@ FloatGrid::Ptr sampled_level_set(const DistanceFunction& distance, LocalBox box,
   return grid;
 }
 
-/// The part of the plane y = 0 (own frame) in the domain.
-LocalBox plane_box(const Scene& scene, const Body& body) {
-  LocalBox box = {Vec3d::filled(1e300), Vec3d::filled(-1e300)};
-  for (int corner = 0; corner < 8; ++corner) {
-    Vec3d x = scene.domain.origin;
-    for (int d = 0; d < 3; ++d) x[d] += (corner >> d & 1) * scene.domain.size[d];
-    const Vec3d local = body.to_local(x);
-    for (int d = 0; d < 3; ++d) {
-      box.low[d] = std::min(box.low[d], local[d]);
-      box.high[d] = std::max(box.high[d], local[d]);
-    }
-  }
-  box.low[1] = box.high[1] = 0;
-  return box;
-}
-
 /// Values beyond the band and inactive ones become exactly +-band, inactive.
 void clamp_to_band(FloatGrid& grid, double band) {
   const float limit = static_cast<float>(band);
@@ -344,7 +328,8 @@ LevelSetGrid build_level_set(const Scene& scene, const Obstacle& obstacle, const
   } else if (obstacle.shape == Shape::vdb) {
     grid = file_level_set(obstacle, voxel, band);
   } else {
-    const LocalBox box = obstacle.shape == Shape::plane ? plane_box(scene, obstacle) : analytic_bounds(obstacle);
+    const LocalBox box =
+        obstacle.shape == Shape::plane ? plane_bounds(obstacle, scene.domain) : analytic_bounds(obstacle);
     grid = sampled_level_set([&](const Vec3d& x) { return analytic_distance(obstacle, x); }, box, voxel, band);
   }
   clamp_to_band(*grid, band);

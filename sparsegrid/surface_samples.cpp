@@ -1,0 +1,157 @@
+// Poisson-disk points on level sets. Each grid cell that the surface crosses is cut into sub-cells of 2/3 spacing; one
+// random point of each sub-cell near the surface is moved onto the zero of the trilinear interpolant along its gradient
+// (Newton). These candidates lie denser than the spacing. A candidate is taken unless a taken one is closer than the
+// spacing (dart throwing), so each refused one has a taken one within the spacing and no hole stays.
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+#include "core/error.h"
+#include "core/random.h"
+#include "sparsegrid/analytic_shape.h"
+#include "sparsegrid/cell_normals.h"
+#include "sparsegrid/dart_board.h"
+
+namespace graupel::sparsegrid {
+
+namespace {
+
+constexpr double strata_per_spacing = 1.5;
+
+/// Takes points and normals of one obstacle, in the world.
+class Candidates {
+ public:
+  Candidates(const Scene& scene, const ObstacleSetView& set, int obstacle)
+      : low_(scene.domain.origin), high_(scene.domain.origin + scene.domain.size), set_(set), obstacle_(obstacle) {}
+
+  void add(SurfaceSamples& out, const Vec3d& local, const Vec3d& local_normal) const {
+    const ObstacleView& own = set_.obstacles[obstacle_];
+    const Vec3d x = own.rotation * local + own.position;
+    if (!lookup::in_box(x, low_, high_)) return;
+    for (int i = 0; i < set_.count; ++i)
+      if (i != obstacle_ && signed_distance(set_.obstacles[i], x).phi < 0) return;
+    out.position.push_back(x);
+    out.normal.push_back(own.rotation * local_normal);
+  }
+
+ private:
+  Vec3d low_, high_;
+  const ObstacleSetView& set_;
+  int obstacle_;
+};
+
+void append(SurfaceSamples& to, const SurfaceSamples& from) {
+  to.position.insert(to.position.end(), from.position.begin(), from.position.end());
+  to.normal.insert(to.normal.end(), from.normal.begin(), from.normal.end());
+}
+
+/// Corner values of the grid cell above voxel `base` [voxels]; false when the surface does not cross it.
+template <typename Accessor>
+bool crossed_cell(const Accessor& accessor, const nanovdb::Coord& base, double inverse_voxel, double (&v)[2][2][2]) {
+  int inside = 0;
+  for (int i = 0; i < 2; ++i)
+    for (int j = 0; j < 2; ++j)
+      for (int k = 0; k < 2; ++k) {
+        v[i][j][k] = static_cast<double>(accessor.getValue(base.offsetBy(i, j, k))) * inverse_voxel;
+        inside += v[i][j][k] < 0;
+      }
+  return inside > 0 && inside < 8;
+}
+
+/// Moves t onto the zero of the interpolant inside the cell [0, 1]^3; false when there is none within `reach` of t.
+bool to_surface(const double (&v)[2][2][2], double reach, Vec3d& t, Vec3d& gradient) {
+  double phi = lookup::trilinear(v, t, gradient);
+  if (phi * phi > reach * reach * norm2(gradient)) return false;
+  for (int step = 0; step < 4 && std::abs(phi) > 1e-6; ++step) {
+    t -= gradient * (phi / norm2(gradient));
+    phi = lookup::trilinear(v, t, gradient);
+    if (!(norm2(gradient) > 1e-4)) return false;
+  }
+  const bool inside = std::all_of(t.a, t.a + 3, [](double u) { return u >= -1e-6 && u <= 1 + 1e-6; });
+  return inside && std::abs(phi) < 1e-5;
+}
+
+/// Candidates on the zero of a grid, leaf by leaf.
+SurfaceSamples grid_candidates(const Candidates& candidates, const ObstacleView& view, const Random& random,
+                               double spacing) {
+  const double voxel = 1 / view.inverse_voxel;
+  const int strata = std::max(1, static_cast<int>(std::ceil(strata_per_spacing * voxel / spacing)));
+  const int64_t per_cell = int64_t(strata) * strata * strata;
+  const double reach = 0.5 * std::sqrt(3.0) / strata;
+  const auto& tree = view.grid->tree();
+  const auto* leaves = tree.getFirstNode<0>();
+  std::vector<SurfaceSamples> found(tree.nodeCount(0));
+#pragma omp parallel for schedule(dynamic, 16)
+  for (std::size_t l = 0; l < found.size(); ++l) {
+    const auto accessor = view.grid->getAccessor();
+    double v[2][2][2];
+    for (uint32_t n = 0; n < 512; ++n) {
+      if (std::abs(leaves[l].getValue(n)) > 1.8 * voxel) continue;  // farther than a cell's diagonal
+      const nanovdb::Coord base = leaves[l].offsetToGlobalCoord(n);
+      if (!crossed_cell(accessor, base, view.inverse_voxel, v)) continue;
+      for (int64_t s = 0; s < per_cell; ++s) {
+        const auto index = static_cast<uint64_t>((static_cast<int64_t>(l) * 512 + n) * per_cell + s);
+        const auto word = random.words(index);
+        const int64_t sub[3] = {s % strata, s / strata % strata, s / strata / strata};
+        Vec3d t, gradient;
+        for (int d = 0; d < 3; ++d) t[d] = (static_cast<double>(sub[d]) + word.v[d] * 0x1p-32) / strata;
+        if (!to_surface(v, reach, t, gradient)) continue;
+        t += Vec3i{base.x(), base.y(), base.z()}.cast<double>();
+        candidates.add(found[l], t * voxel, normalized(gradient));
+      }
+    }
+  }
+  SurfaceSamples all;
+  for (const SurfaceSamples& one : found) append(all, one);
+  return all;
+}
+
+/// Candidates on the plane y = 0 below the domain.
+SurfaceSamples plane_candidates(const Candidates& candidates, const LocalBox& box, const Random& random,
+                                double spacing) {
+  const double step = spacing / strata_per_spacing;
+  const auto columns = static_cast<int64_t>(std::ceil((box.high[0] - box.low[0]) / step));
+  const auto rows = static_cast<int64_t>(std::ceil((box.high[2] - box.low[2]) / step));
+  SurfaceSamples all;
+  for (int64_t r = 0; r < rows; ++r)
+    for (int64_t c = 0; c < columns; ++c) {
+      const auto index = static_cast<uint64_t>(r * columns + c);
+      const double x = box.low[0] + (static_cast<double>(c) + random.uniform(index, 0)) * step;
+      const double z = box.low[2] + (static_cast<double>(r) + random.uniform(index, 1)) * step;
+      candidates.add(all, {x, 0, z}, {0, 1, 0});
+    }
+  return all;
+}
+
+/// The candidates that are taken, tried in a scattered but fixed order.
+SurfaceSamples throw_darts(const SurfaceSamples& candidates, double spacing) {
+  SurfaceSamples taken;
+  DartBoard board(spacing);
+  const std::size_t n = candidates.position.size();
+  std::size_t stride = static_cast<std::size_t>(0.6180339887 * static_cast<double>(n)) + 1;
+  while (std::gcd(stride, n) > 1) ++stride;
+  for (std::size_t i = 0, k = 0; i < n; ++i, k = (k + stride) % n)
+    if (board.take(candidates.position[k])) {
+      taken.position.push_back(candidates.position[k]);
+      taken.normal.push_back(candidates.normal[k]);
+    }
+  return taken;
+}
+
+}  // namespace
+
+SurfaceSamples sample_surface(const Scene& scene, const ObstacleSet& obstacles, double spacing, uint64_t seed) {
+  if (!(spacing > 0)) throw ConfigError("the sample spacing is not positive (" + std::to_string(spacing) + " m)");
+  const ObstacleSetView set = obstacles.view();
+  SurfaceSamples all;
+  for (int i = 0; i < set.count; ++i) {
+    const Candidates candidates(scene, set, i);
+    const Random random(seed, RandomPurpose::surface_sample, static_cast<uint64_t>(i));
+    append(all, set.obstacles[i].is_plane
+                    ? plane_candidates(candidates, plane_bounds(scene.obstacles[i], scene.domain), random, spacing)
+                    : grid_candidates(candidates, set.obstacles[i], random, spacing));
+  }
+  return throw_darts(all, spacing);
+}
+
+}  // namespace graupel::sparsegrid
