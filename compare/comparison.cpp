@@ -1,0 +1,55 @@
+#include "compare/comparison.h"
+
+#include <algorithm>
+
+namespace graupel::compare {
+
+MetricValues mean_over_scenes(const Comparison& comparison, const std::string& model) {
+  MetricValues sum;
+  double count = 0;
+  for (const SceneResult& scene : comparison.scenes)
+    for (const ModelResult& result : scene.models) {
+      if (result.model != model) continue;
+      count += 1;
+      for (const auto& [key, value] : result.values) sum[key] += value;
+    }
+  for (auto& [key, value] : sum) value /= count;
+  return sum;
+}
+
+std::vector<std::string> models_of(const Comparison& comparison) {
+  std::vector<std::string> models;
+  if (!comparison.scenes.empty())
+    for (const ModelResult& result : comparison.scenes.front().models) models.push_back(result.model);
+  return models;
+}
+
+bool computed(const Comparison& comparison, MetricGroup group) {
+  return std::find(comparison.groups.begin(), comparison.groups.end(), group) != comparison.groups.end();
+}
+
+MetricValues floors_of(const SceneResult& scene) {
+  MetricValues floors;
+  if (!scene.models.empty())
+    for (const auto& [key, value] : scene.models.front().values)
+      if (key.starts_with("floor_")) floors[key.substr(6)] = value;
+  return floors;
+}
+
+std::string short_name(const std::string& model) { return model.substr(model.find_last_of('/') + 1); }
+
+std::vector<std::string> incomplete_results(const Comparison& comparison) {
+  std::vector<std::string> incomplete;
+  for (const SceneResult& scene : comparison.scenes)
+    for (const ModelResult& result : scene.models) {
+      const std::string where = " of " + result.model + " in " + scene.name;
+      for (const auto& key : missing_metrics(metric_list(), comparison.groups, result.values))
+        incomplete.push_back(key + where);
+      for (const auto& [material, values] : result.materials)
+        for (const auto& key : missing_metrics(material_metric_list(), comparison.groups, values))
+          incomplete.push_back(material + "." + key + where);
+    }
+  return incomplete;
+}
+
+}  // namespace graupel::compare

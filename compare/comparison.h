@@ -1,0 +1,65 @@
+// The result of a comparison: every scene with every model, and what tables, files and the report show of them.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "compare/evaluation.h"
+#include "compare/metric_list.h"
+#include "compare/player_track.h"
+
+namespace graupel::compare {
+
+struct ModelResult {
+  std::string model;  ///< as given: "mpm", "mpm:coarse" or a weights file
+  MetricValues values;
+  std::map<std::string, MetricValues> materials;
+  ErrorCurves curves;
+  int64_t diverged_at_frame = -1;  ///< first frame that is not usable; -1 for none
+  std::string one_step_source;     ///< "true history" or "own rollout"
+  std::string picture;             ///< PNG of the picture row; may be empty
+  PlayerTrack track;
+};
+
+struct SceneResult {
+  std::string name, source;  ///< source: file, and number of the trajectory in a data set
+  std::size_t particles = 0;
+  std::size_t frames = 0;  ///< predicted frames
+  double frame_time = 0;   ///< [s]
+  Vec3d low, size;         ///< domain [m]
+  Vec3d up;
+  std::vector<double> true_energy;     ///< kinetic energy of the truth [J], entry k is frame k + 1
+  std::vector<double> floor_position;  ///< position error curve of MPM with moved particles; empty without floors
+  std::vector<double> floor_density;   ///< density error curve of MPM with another seed
+  std::string picture;                 ///< PNG of the truth's picture row
+  PlayerTrack truth;
+  PlayerObstacles obstacles;
+  std::vector<ModelResult> models;
+};
+
+struct Comparison {
+  std::string command;  ///< that makes it
+  std::string version;
+  std::string machine;  ///< processor, device
+  int threads = 1;
+  std::vector<MetricGroup> groups;  ///< parts that were computed
+  std::vector<SceneResult> scenes;
+};
+
+/// Mean over the scenes of every metric of a model; loses_to_coarse becomes the share of scenes.
+MetricValues mean_over_scenes(const Comparison& comparison, const std::string& model);
+/// Models in the order of the first scene.
+std::vector<std::string> models_of(const Comparison& comparison);
+
+bool computed(const Comparison& comparison, MetricGroup group);
+/// A scene's chaos floors under the names of the metrics that they bound; empty where they were not computed.
+MetricValues floors_of(const SceneResult& scene);
+/// Short name of a model: "mpm", or a weights file without its folder.
+std::string short_name(const std::string& model);
+
+/// "metric of model in scene" for every value that is missing or not finite.
+std::vector<std::string> incomplete_results(const Comparison& comparison);
+
+}  // namespace graupel::compare

@@ -1,0 +1,147 @@
+#include "compare/comparison_files.h"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <nlohmann/json.hpp>
+#include <set>
+
+namespace graupel::compare {
+
+using Json = nlohmann::ordered_json;
+
+namespace {
+
+/// Metrics in the order of the list.
+Json values_json(const std::vector<MetricInfo>& list, const MetricValues& values) {
+  Json json = Json::object();
+  for (const MetricInfo& metric : list)
+    if (const auto value = values.find(metric.key); value != values.end()) json[metric.key] = value->second;
+  return json;
+}
+
+Json model_json(const SceneResult& scene, const ModelResult& result) {
+  Json json = {{"scene", scene.name}, {"model", result.model}, {"one_step_source", result.one_step_source}};
+  if (result.diverged_at_frame >= 0) json["diverged_at_frame"] = result.diverged_at_frame;
+  json.update(values_json(metric_list(), result.values));
+  json["materials"] = Json::object();
+  for (const auto& [material, values] : result.materials)
+    json["materials"][material] = values_json(material_metric_list(), values);
+  json["curves"] = {{"position_error", result.curves.position},
+                    {"density_error", result.curves.density},
+                    {"kinetic_energy", result.curves.kinetic_energy}};
+  return json;
+}
+
+std::string quoted(const std::string& text) {
+  if (text.find_first_of(",\"\n") == std::string::npos) return text;
+  std::string out = "\"";
+  for (const char c : text) out += c == '"' ? std::string("\"\"") : std::string(1, c);
+  return out + "\"";
+}
+
+struct Column {
+  const char* key;
+  const char* title;
+};
+constexpr Column columns[] = {
+    {"frame_ms", "ms/frame"},      {"speed_ratio", "speed"},        {"one_step_normalized", "one-step"},
+    {"position_mse_20", "MSE 20"}, {"position_mse_all", "MSE all"}, {"sinkhorn", "sinkhorn"},
+    {"density_error", "density"},  {"occupancy_iou", "IoU"},        {"inside_share", "inside"}};
+
+std::string table_row(const std::string& name, const MetricValues& values, const std::string& mark) {
+  std::string row = fmt::format("  {:<26.26}", name);
+  for (const Column& column : columns) {
+    const auto value = values.find(column.key);
+    row += fmt::format(" {:>9}", value == values.end() ? "-" : short_number(value->second));
+  }
+  return row + (mark.empty() ? "" : "  " + mark) + "\n";
+}
+
+std::string mark_of(const ModelResult& result) {
+  if (result.diverged_at_frame >= 0) return fmt::format("diverged at frame {}", result.diverged_at_frame);
+  const auto loses = result.values.find("loses_to_coarse");
+  return loses != result.values.end() && loses->second > 0 ? "loses to mpm:coarse" : "";
+}
+
+}  // namespace
+
+std::string short_number(double value) {
+  if (value == 0) return "0";
+  const double size = std::abs(value);
+  if (!std::isfinite(value) || size < 1e-3 || size >= 1e5) return fmt::format("{:.2e}", value);
+  const int decimals = std::max(0, 2 - static_cast<int>(std::floor(std::log10(size))));
+  return fmt::format("{:.{}f}", value, decimals);
+}
+
+Json comparison_json(const Comparison& comparison) {
+  Json json = {{"format", "graupel comparison 1"},
+               {"command", comparison.command},
+               {"version", comparison.version},
+               {"machine", comparison.machine},
+               {"threads", comparison.threads}};
+  json["scenes"] = Json::array();
+  json["results"] = Json::array();
+  for (const SceneResult& scene : comparison.scenes) {
+    Json entry = {
+        {"name", scene.name},     {"source", scene.source},         {"particles", scene.particles},
+        {"frames", scene.frames}, {"frame_time", scene.frame_time}, {"true_kinetic_energy", scene.true_energy}};
+    if (computed(comparison, MetricGroup::floors))
+      entry["floor_curves"] = {{"position_error", scene.floor_position}, {"density_error", scene.floor_density}};
+    json["scenes"].push_back(entry);
+    for (const ModelResult& result : scene.models) json["results"].push_back(model_json(scene, result));
+  }
+  json["mean"] = Json::object();
+  for (const std::string& model : models_of(comparison))
+    json["mean"][model] = values_json(metric_list(), mean_over_scenes(comparison, model));
+  return json;
+}
+
+std::string comparison_csv(const Comparison& comparison) {
+  std::set<std::string> materials;
+  for (const SceneResult& scene : comparison.scenes)
+    for (const ModelResult& result : scene.models)
+      for (const auto& [material, values] : result.materials) materials.insert(material);
+  std::string csv = "scene,model,diverged_at_frame";
+  for (const MetricInfo& metric : metric_list()) csv += "," + metric.key;
+  for (const std::string& material : materials)
+    for (const MetricInfo& metric : material_metric_list()) csv += "," + material + "." + metric.key;
+  csv += "\n";
+  const auto cell = [](const MetricValues& values, const std::string& key) {
+    const auto value = values.find(key);
+    return value == values.end() ? std::string(",") : fmt::format(",{}", value->second);
+  };
+  for (const SceneResult& scene : comparison.scenes)
+    for (const ModelResult& result : scene.models) {
+      csv += quoted(scene.name) + "," + quoted(result.model) + "," +
+             (result.diverged_at_frame >= 0 ? std::to_string(result.diverged_at_frame) : "");
+      for (const MetricInfo& metric : metric_list()) csv += cell(result.values, metric.key);
+      for (const std::string& material : materials) {
+        const auto found = result.materials.find(material);
+        for (const MetricInfo& metric : material_metric_list())
+          csv += cell(found == result.materials.end() ? MetricValues{} : found->second, metric.key);
+      }
+      csv += "\n";
+    }
+  return csv;
+}
+
+std::string comparison_table(const Comparison& comparison) {
+  std::string header = fmt::format("  {:<26}", "model");
+  for (const Column& column : columns) header += fmt::format(" {:>9}", column.title);
+  std::string table;
+  for (const SceneResult& scene : comparison.scenes) {
+    table += fmt::format("{}: {} particles, {} frames\n{}\n", scene.name, scene.particles, scene.frames, header);
+    for (const ModelResult& result : scene.models)
+      table += table_row(short_name(result.model), result.values, mark_of(result));
+    if (computed(comparison, MetricGroup::floors)) table += table_row("(chaos floor)", floors_of(scene), "");
+  }
+  if (comparison.scenes.size() > 1) {
+    table += fmt::format("mean of {} scenes\n{}\n", comparison.scenes.size(), header);
+    for (const std::string& model : models_of(comparison))
+      table += table_row(short_name(model), mean_over_scenes(comparison, model), "");
+  }
+  return table;
+}
+
+}  // namespace graupel::compare

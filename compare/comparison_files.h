@@ -1,0 +1,20 @@
+// A comparison as JSON, CSV and a table for the terminal. docs/metrics.md describes the files.
+#pragma once
+
+#include <nlohmann/json_fwd.hpp>
+#include <string>
+
+#include "compare/comparison.h"
+
+namespace graupel::compare {
+
+nlohmann::ordered_json comparison_json(const Comparison& comparison);
+/// One row a scene and model; columns scene, model, diverged_at_frame, every metric, "<material>.<metric>".
+std::string comparison_csv(const Comparison& comparison);
+/// Main metrics, a block a scene and one of means, at most 120 columns wide.
+std::string comparison_table(const Comparison& comparison);
+
+/// Three significant digits: "0.0123", "4.56e-06", "1230".
+std::string short_number(double value);
+
+}  // namespace graupel::compare

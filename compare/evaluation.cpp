@@ -1,0 +1,186 @@
+#include "compare/evaluation.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+#include "compare/containment.h"
+#include "compare/density_grid.h"
+#include "compare/kinetic_energy.h"
+#include "compare/material_shape.h"
+#include "compare/optimal_transport.h"
+#include "compare/position_error.h"
+#include "core/error.h"
+#include "core/material_config.h"
+
+namespace graupel::compare {
+
+namespace {
+
+constexpr std::size_t transport_points = 500;
+constexpr std::size_t transport_frames = 5;
+
+double mean(const std::vector<double>& values) { return mean_of_first(values, values.size()); }
+
+double mass_of(const ParticleRun& run, int32_t type) {
+  double mass = 0;
+  for (std::size_t i = 0; i < run.size(); ++i)
+    if (run.trajectory.particle_type[i] == type) mass += run.mass[i];
+  return mass;
+}
+
+struct Cloud {
+  std::vector<Vec3d> position;
+  std::vector<double> mass;
+};
+
+Cloud cloud_of(const ParticleRun& run, std::size_t frame, int32_t type) {
+  Cloud cloud;
+  for (std::size_t i = 0; i < run.size(); ++i) {
+    if (run.trajectory.particle_type[i] != type) continue;
+    cloud.position.push_back(run.position(frame)[i].cast<double>());
+    cloud.mass.push_back(run.mass[i]);
+  }
+  return cloud;
+}
+
+/// Mean over five evenly spaced frames, the last one among them.
+double sinkhorn_of_material(const Scene& scene, const ParticleRun& truth, const ParticleRun& run, std::size_t frames,
+                            int32_t type) {
+  const std::size_t count = std::min(transport_frames, frames);
+  double sum = 0;
+  for (std::size_t k = 1; k <= count; ++k) {
+    const std::size_t frame = k * frames / count;
+    const Cloud x = cloud_of(truth, frame, type), y = cloud_of(run, frame, type);
+    WeightedPoints a, b;
+    bin_together(x.position, x.mass, y.position, y.mass, scene.domain.dx, transport_points, a, b);
+    sum += sinkhorn_divergence(a, b, 4 * scene.domain.dx * scene.domain.dx);
+  }
+  return sum / static_cast<double>(count);
+}
+
+MetricValues material_values(const Scene& scene, const ParticleRun& truth, const ParticleRun& run,
+                             const std::vector<int32_t>& counterpart, std::size_t frames, int32_t type) {
+  const int vertical = vertical_axis(scene.gravity);
+  const Vec3d start = center_of_mass(truth, 0, type);
+  std::vector<double> center(frames), front(frames);
+  double last = 0, last_truth = 0;
+  for (std::size_t f = 1; f <= frames; ++f) {
+    center[f - 1] = norm(center_of_mass(run, f, type) - center_of_mass(truth, f, type));
+    last = front_distance(run, f, type, start, vertical);
+    last_truth = front_distance(truth, f, type, start, vertical);
+    front[f - 1] = std::abs(last - last_truth);
+  }
+  const auto& types = run.trajectory.particle_type;
+  return {{"particles", static_cast<double>(std::count(types.begin(), types.end(), type))},
+          {"position_mse_all", mean(position_error_curve(truth, run, counterpart, type))},
+          {"sinkhorn", sinkhorn_of_material(scene, truth, run, frames, type)},
+          {"center_of_mass_error", mean(center)},
+          {"front_error", mean(front)},
+          {"front_final", last},
+          {"front_final_truth", last_truth}};
+}
+
+void density_values(const Scene& scene, const ParticleRun& truth, const ParticleRun& run, std::size_t frames,
+                    Evaluation& evaluation) {
+  const DensityGrid grid(scene.domain);
+  const auto types = types_of(truth.trajectory);
+  double overlap = 0;
+  for (std::size_t f = 1; f <= frames; ++f) {
+    const auto expected = grid.spread(truth, f, types), got = grid.spread(run, f, types);
+    evaluation.curves.density.push_back(DensityGrid::relative_l1(expected, got));
+    overlap += DensityGrid::occupancy_iou(expected, got);
+  }
+  evaluation.values["density_error"] = mean(evaluation.curves.density);
+  evaluation.values["occupancy_iou"] = overlap / static_cast<double>(frames);
+}
+
+void energy_values(const Scene& scene, const ParticleRun& truth, const ParticleRun& run, Evaluation& evaluation) {
+  const double mass = std::accumulate(truth.mass.begin(), truth.mass.end(), 0.0);
+  const double smallest = std::max(1e-12, mass * norm(scene.gravity) * scene.domain.dx);
+  evaluation.curves.kinetic_energy = kinetic_energy_curve(run);
+  const auto error = kinetic_energy_error(kinetic_energy_curve(truth), evaluation.curves.kinetic_energy, smallest);
+  evaluation.values["kinetic_energy_error"] = error.relative;
+  evaluation.values["kinetic_energy_mse"] = error.mean_squared;
+}
+
+}  // namespace
+
+Evaluation evaluate_rollout(const Scene& scene, const sparsegrid::ObstacleSet& obstacles, const ParticleRun& truth,
+                            const ParticleRun& run) {
+  const std::size_t frames = std::min(truth.predicted(), run.predicted());
+  if (frames == 0) throw InputError("nothing to compare (a run has no frame after its start). Use --frames 1 or more");
+  Evaluation evaluation;
+  const auto counterpart = counterparts(truth, run);
+  evaluation.curves.position = position_error_curve(truth, run, counterpart);
+  MetricValues& values = evaluation.values;
+  values["position_mse_20"] = mean_of_first(evaluation.curves.position, 20);
+  values["position_mse_100"] = mean_of_first(evaluation.curves.position, 100);
+  values["position_mse_all"] = mean(evaluation.curves.position);
+
+  const double total_mass = std::accumulate(truth.mass.begin(), truth.mass.end(), 0.0);
+  for (const char* key : {"sinkhorn", "center_of_mass_error", "front_error"}) values[key] = 0;
+  for (const int32_t type : types_of(truth.trajectory)) {
+    const auto material = material_values(scene, truth, run, counterpart, frames, type);
+    const double share = mass_of(truth, type) / total_mass;
+    for (const char* key : {"sinkhorn", "center_of_mass_error", "front_error"}) values[key] += share * material.at(key);
+    evaluation.materials[particle_type_name(type)] = material;
+  }
+  density_values(scene, truth, run, frames, evaluation);
+  energy_values(scene, truth, run, evaluation);
+
+  const Containment inside = containment(scene, obstacles, run);
+  values["penetration_mean"] = inside.mean_depth;
+  values["penetration_max"] = inside.max_depth;
+  values["inside_share"] = inside.inside_share;
+  values["outside_walls_share"] = inside.outside_walls;
+  values["outside_domain_max"] = static_cast<double>(inside.most_outside_domain);
+  return evaluation;
+}
+
+MetricValues one_step_values(const OneStepError& error) {
+  return {{"one_step_mse", error.model},
+          {"one_step_mse_zero", error.zero},
+          {"one_step_mse_ballistic", error.ballistic},
+          {"one_step_normalized", error.model / error.variance},
+          {"one_step_normalized_zero", error.zero / error.variance},
+          {"one_step_normalized_ballistic", error.ballistic / error.variance},
+          {"one_step_mse_airborne", error.model_by_state[0]},
+          {"one_step_mse_near_obstacle", error.model_by_state[1]},
+          {"one_step_mse_bulk", error.model_by_state[2]},
+          {"one_step_share_airborne", error.share[0]},
+          {"one_step_share_near_obstacle", error.share[1]},
+          {"one_step_share_bulk", error.share[2]}};
+}
+
+MetricValues cost_values(const RunCost& cost, std::size_t particles, double mpm_frame) {
+  constexpr double mib = 1024.0 * 1024.0;
+  return {{"particles", static_cast<double>(particles)},
+          {"frame_ms", 1e3 * cost.frame},
+          {"network_ms", 1e3 * cost.network},
+          {"grid_build_ms", 1e3 * cost.grid_build},
+          {"features_ms", 1e3 * cost.features},
+          {"projection_ms", 1e3 * cost.projection},
+          {"output_ms", 1e3 * cost.output},
+          {"speed_ratio", mpm_frame / std::max(cost.frame, 1e-9)},
+          {"peak_memory_mib", cost.peak_bytes / mib},
+          {"added_memory_mib", cost.added_bytes / mib}};
+}
+
+double loses_to_coarse(const MetricValues& model, const MetricValues& coarse) {
+  for (const char* key : {"frame_ms", "position_mse_all", "density_error"})
+    if (!(model.at(key) > coarse.at(key))) return 0;
+  return 1;
+}
+
+MetricValues floor_values(const Evaluation& moved, const Evaluation& reseeded) {
+  MetricValues floors;
+  for (const char* key : {"position_mse_20", "position_mse_100", "position_mse_all"})
+    floors[std::string("floor_") + key] = moved.values.at(key);
+  for (const char* key :
+       {"sinkhorn", "density_error", "occupancy_iou", "kinetic_energy_error", "center_of_mass_error", "front_error"})
+    floors[std::string("floor_") + key] = reseeded.values.at(key);
+  return floors;
+}
+
+}  // namespace graupel::compare

@@ -1,0 +1,33 @@
+// Line plots as SVG text, for the report: linear or logarithmic axes, grid lines, legend.
+#pragma once
+
+#include <string>
+#include <vector>
+
+namespace graupel::compare {
+
+enum class Axis { linear, logarithmic };
+
+struct PlotLine {
+  std::string label;
+  std::vector<double> x, y;  ///< same length; points that the axes cannot show are left out
+  bool dashed = false;       ///< for floors and references
+};
+
+struct Plot {
+  std::string title, x_label, y_label;
+  Axis y_axis = Axis::linear;
+  std::vector<PlotLine> lines;
+  int width = 460, height = 300;  ///< [pixels]
+};
+
+/// An <svg> element. Text and axes take the page's colour (currentColor), so that it reads on dark and light pages.
+std::string plot_svg(const Plot& plot);
+
+/// Text for HTML and XML: & < > " ' replaced by entities.
+std::string escape_markup(const std::string& text);
+
+/// Colour of series k as "#rrggbb"; they repeat after eight.
+const char* series_color(std::size_t k);
+
+}  // namespace graupel::compare
