@@ -61,6 +61,8 @@ std::string words_of(Shape shape) {
   return "";
 }
 
+constexpr double smallest_voxel = 2e-5;  ///< [m] OpenVDB refuses transforms whose determinant is about 1e-15
+
 }  // namespace
 
 struct ObstacleSet::Impl {
@@ -83,6 +85,9 @@ ObstacleSet::Impl::Impl(const Scene& from) {
   scene.obstacles = from.obstacles;
   scene.obstacle_voxel = from.voxel();
   scene.obstacle_band = from.band();
+  if (from.voxel() < smallest_voxel)
+    throw ConfigError("obstacle_voxel is too small (" + std::to_string(from.voxel() * 1e6) +
+                      "e-6 m, at least 20e-6 m). Choose a larger one");
   if (!scene.obstacles.empty() && from.band() < 2 * from.voxel())
     throw ConfigError("obstacle_band is too narrow (" + std::to_string(from.band()) + " m, at least two voxels of " +
                       std::to_string(from.voxel()) + " m). Widen the band or lower obstacle_voxel");

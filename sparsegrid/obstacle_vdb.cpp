@@ -32,6 +32,8 @@ constexpr int64_t max_blocks = int64_t(1) << 24;  ///< 2 KiB each: 32 GiB when a
 constexpr int64_t max_voxels = int64_t(1) << 28;  ///< of a file that is read
 constexpr int64_t max_extent = int64_t(1) << 21;  ///< voxels along an axis of a file that is read
 
+constexpr float spare_voxels = 2;  ///< OpenVDB's distances err at the border of the band it is asked for
+
 void initialize_openvdb() {
   static std::once_flag once;
   std::call_once(once, [] {
@@ -146,7 +148,7 @@ FloatGrid::Ptr mesh_level_set(const Obstacle& obstacle, const std::string& name,
   for (const auto& t : obstacle.mesh->triangles) triangles.emplace_back(t[0], t[1], t[2]);
   const openvdb::tools::QuadAndTriangleDataAdapter<openvdb::Vec3d, openvdb::Vec3I> adapter(points, triangles);
   const auto transform = openvdb::math::Transform::createLinearTransform(voxel);
-  const float width = static_cast<float>(band / voxel);
+  const float width = static_cast<float>(band / voxel) + spare_voxels;
   return openvdb::tools::meshToVolume<FloatGrid>(adapter, *transform, width, width);
 }
 
@@ -227,7 +229,7 @@ FloatGrid::Ptr file_level_set(const Obstacle& obstacle, double voxel, double ban
       return grid;
     }
     const auto transform = openvdb::math::Transform::createLinearTransform(voxel);
-    const float width = static_cast<float>(band / voxel);
+    const float width = static_cast<float>(band / voxel) + spare_voxels;
     return openvdb::tools::levelSetRebuild(*grid, 0.0f, width, width, transform.get());
   });
 }

@@ -1,0 +1,102 @@
+// The look-up and push_out inside kernels: the GPU gives what the CPU gives.
+#include <gtest/gtest.h>
+
+#include "core/buffer.h"
+#include "core/parallel_for.h"
+#include "sparsegrid/cell_normals.h"
+#include "sparsegrid/push_out.h"
+#include "tests/sparsegrid/test_scenes.h"
+
+namespace graupel::sparsegrid {
+namespace {
+
+struct Row {
+  SignedDistance<float> distance;
+  int nearest;
+  Vec3f pushed, cell_normal;
+};
+
+struct LookUp {
+  ObstacleSetView set;
+  const nanovdb::Vec3fGrid* normals;
+  const Vec3f* before;
+  const Vec3f* after;
+  Row* out;
+  float inverse_dx;
+  GRAUPEL_HD void operator()(int64_t i) const {
+    Row& row = out[i];
+    row.distance = signed_distance(set, after[i], row.nearest);
+    row.pushed = after[i];
+    push_out(set, Vec3f::filled(0.05f), Vec3f::filled(0.95f), before[i], row.pushed);
+    const nanovdb::Coord cell(static_cast<int>(std::floor(after[i][0] * inverse_dx)),
+                              static_cast<int>(std::floor(after[i][1] * inverse_dx)),
+                              static_cast<int>(std::floor(after[i][2] * inverse_dx)));
+    const nanovdb::Vec3f n = normals->tree().getValue(cell);
+    row.cell_normal = {n[0], n[1], n[2]};
+  }
+};
+
+std::vector<Row> rows_on(Device device, const ObstacleSet& set, const CellNormals& normals,
+                         const std::vector<Vec3f>& before, const std::vector<Vec3f>& after) {
+  Buffer<Vec3f> a(device, 0), b(device, 0);
+  a.upload(before);
+  b.upload(after);
+  Buffer<Row> out(device, before.size());
+  parallel_for(device, static_cast<int64_t>(before.size()),
+               LookUp{set.view(device), normals.view(device), a.data(), b.data(), out.data(), 64});
+  return out.download();
+}
+
+struct KernelScene {
+  Scene scene = scene_with({make_obstacle(Shape::cone, {0.3, 0.3, 0.3}, {1, 0, 1}, 50),
+                            make_obstacle(Shape::box, {0.6, 0.35, 0.4}, {0, 1, 1}, 70),
+                            make_obstacle(Shape::plane, {0, 0.15, 0}, {1, 0, 0}, 3)});
+  ObstacleSet set{scene};
+  CellNormals normals{scene, set};
+  std::vector<Vec3f> before, after;
+  KernelScene() {
+    const Random random(9, RandomPurpose::test);
+    for (uint64_t i = 0; i < 20000; ++i) {
+      before.push_back(random_point(random, 2 * i, 0.06, 0.94).cast<float>());
+      after.push_back(before.back() + random_point(random, 2 * i + 1, -0.03, 0.03).cast<float>());
+    }
+  }
+};
+
+TEST(ObstacleKernel, CpuKernelEqualsTheHostLookUp) {
+  const KernelScene s;
+  const auto rows = rows_on(Device::cpu, s.set, s.normals, s.before, s.after);
+  int inside = 0, cells = 0;
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    int nearest = -2;
+    const auto expected = s.set.sample(s.after[i].cast<double>(), &nearest);
+    ASSERT_NEAR(rows[i].distance.phi, expected.phi, 1e-6);
+    ASSERT_EQ(rows[i].cell_normal, s.normals.at(s.after[i].cast<double>()));
+    inside += expected.phi < 0;
+    cells += norm(rows[i].cell_normal) > 0;
+  }
+  EXPECT_GT(inside, 500);
+  EXPECT_GT(cells, 200);
+}
+
+TEST(ObstacleKernel, GpuEqualsTheCpu) {
+  if (!cuda_available()) GTEST_SKIP() << "no GPU here: the CUDA path was compiled but not run";
+  const KernelScene s;
+  const auto cpu = rows_on(Device::cpu, s.set, s.normals, s.before, s.after);
+  const auto gpu = rows_on(Device::cuda, s.set, s.normals, s.before, s.after);
+  int index_differs = 0, far = 0;
+  for (std::size_t i = 0; i < cpu.size(); ++i) {
+    ASSERT_NEAR(cpu[i].distance.phi, gpu[i].distance.phi, 1e-6);
+    ASSERT_EQ(cpu[i].cell_normal, gpu[i].cell_normal);
+    index_differs += cpu[i].nearest != gpu[i].nearest;
+    // A decision that falls the other way by rounding leads to another place, which is as free.
+    far += norm(cpu[i].pushed - gpu[i].pushed) > 1e-4f;
+    if (s.set.sample(s.before[i].cast<double>()).phi < 0) continue;
+    ASSERT_GE(s.set.sample(gpu[i].pushed.cast<double>()).phi, -1e-6 / 64);
+  }
+  EXPECT_LE(index_differs, 5);
+  EXPECT_LE(far, 20);
+}
+
+}  // namespace
+}  // namespace graupel::sparsegrid
