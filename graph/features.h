@@ -1,7 +1,7 @@
 // Particle features of the HGN paper (section 3.1), shared by training and inference.
 #pragma once
 
-#include <memory>
+#include <optional>
 #include <vector>
 
 #include "core/scene.h"
@@ -13,9 +13,11 @@ namespace graupel::graph {
 
 /// The static surroundings of a scene, built once: obstacles, their cell normals and the walls.
 struct Surroundings {
-  explicit Surroundings(const Scene& scene);
+  /// `normal_spacing` [m] is the cell size of the obstacle normals, scene.domain.dx unless given.
+  explicit Surroundings(const Scene& scene, std::optional<double> normal_spacing = {});
   sparsegrid::ObstacleSet obstacles;
   sparsegrid::CellNormals normals;
+  double normal_spacing;      ///< [m]
   Vec3d wall_low, wall_high;  ///< [m] scene.domain.origin and origin + size: the AABB of the domain
   Vec3d hold_low, hold_high;  ///< [m] where the walls hold the material (Scene::wall_low/high)
 };
@@ -34,6 +36,8 @@ int embedding_row(int32_t particle_type);
 inline constexpr int embedding_rows = 9;
 
 /// Moves particles out of obstacles and back inside the walls (in place); returns how many moved.
+/// `before` holds free positions that the particles came from: where given, a particle ends on the side it came from.
 int64_t project_out(const Surroundings& surroundings, std::vector<Vec3f>& position);
+int64_t project_out(const Surroundings& surroundings, const std::vector<Vec3f>& before, std::vector<Vec3f>& position);
 
 }  // namespace graupel::graph

@@ -9,6 +9,10 @@
 
 namespace graupel::graph {
 
+/// Values of the metadata keys "architecture" and "format_version" of a weights file.
+inline constexpr const char* hgn_architecture = "hgn";
+inline constexpr const char* hgn_format_version = "1";
+
 /// Defaults are the HGN paper's (mode `paper`); docs/decisions/ settles what it leaves open.
 struct HgnConfig {
   int64_t latent = 128;          ///< H
@@ -74,7 +78,8 @@ struct HgnConfig {
               .name = "dx", .unit = "m", .meaning = "Cell size of the obstacle normals", .range = Range::positive()});
   }
 
-  /// To and from safetensors metadata ("hgn.latent" = "128" ...). Reading throws InputError naming `file` and the key.
+  /// To and from safetensors metadata ("hgn.latent" = "128" ..., with "architecture" and "format_version"). Reading
+  /// throws InputError naming `file`, key and value when a key is missing, unknown, unreadable or out of range.
   std::map<std::string, std::string> to_metadata() const;
   static HgnConfig from_metadata(const std::map<std::string, std::string>& metadata, const std::string& file);
 };

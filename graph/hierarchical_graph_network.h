@@ -1,18 +1,20 @@
 // Inference of the hierarchical graph network on the CPU (HGN paper, figure 2), without libtorch.
 //
 // Weight names (shapes [out, in]); every FCN has layer1.{weight,bias}, layer2.{weight,bias} and, but for the decoder,
-// norm.{weight,bias}:
-//   embedding.weight [9, E]
-//   encoder                     input_width -> H -> H
-//   particle_to_grid            [f_p, offset (3)] -> H; offset = (centre - x)/R
-//   down.<l>.<k>.edge / .cell   l = 0..L-1, k = 0..M-1: edge [f_sender, f_receiver, e] with e = (x_receiver -
-//   x_sender)/spacing (3)
-//                               for k = 0, the edge latent (H) after; cell [sum of messages, f]
-//   up.<l>.<k>.edge / .cell     l = L-2..0
-//   restrict.<l>                fine l -> coarse l+1: [f_fine, (centre_coarse - centre_fine)/spacing_fine (3)]
-//   prolong.<l>                 coarse l+1 -> fine l: [f_coarse, f_fine, (centre_fine - centre_coarse)/spacing_fine
-//   (3)] grid_to_particle            [f_cell, f_p, (x - centre)/R (3)] -> H decoder                     H -> H -> 3, no
-//   norm
+// norm.{weight,bias}. L levels, M iterations, H latent width, E embedding width, R spacing:
+//   embedding.weight      [9, E]
+//   encoder               [features, embedding] -> H
+//   particle_to_grid      [f_p, (centre - x)/R (3)] -> H
+//   down.<l>.<k>.edge     l = 0..L-1, k = 0..M-1: [f_sender, f_receiver, e] -> H; e = (x_receiver - x_sender)/spacing
+//   (3)
+//                         for k = 0, the edge latent (H) after
+//   down.<l>.<k>.cell     [sum of messages, f] -> H
+//   up.<l>.<k>.edge/.cell l = L-2..0, the same
+//   restrict.<l>          fine l -> coarse l+1: [f_fine, (centre_coarse - centre_fine)/spacing_fine (3)] -> H
+//   prolong.<l>           coarse l+1 -> fine l: [f_coarse, f_fine, (centre_fine - centre_coarse)/spacing_fine (3)] -> H
+//   grid_to_particle      [f_cell, f_p, (x - centre)/R (3)] -> H
+//   decoder               H -> H -> 3, no norm
+// Beside them: normalization.* (graph/normalization.h) and the metadata of HgnConfig.
 // FCN(x) = LayerNorm(W2 LeakyReLU_0.01(W1 x + b1) + b2), eps 1e-5.
 #pragma once
 

@@ -34,9 +34,11 @@ class LearnedSimulator {
     std::function<void(int64_t frame, const FrameTiming&)> progress;
     bool project = true;  ///< out of obstacles, into the walls
   };
-  /// Predicts options.frames frames after `start` (history positions, newest last; see start_history). The result holds
-  /// the newest start frame and the predicted ones; a rollout with a NaN or a speed over one domain edge a frame stops
-  /// there and sets diverged_at_frame.
+  /// Predicts options.frames frames after `start` (history + 1 positions or more, newest last; see start_history). The
+  /// result holds the newest start frame and the predicted ones, with velocities as frame differences over the frame
+  /// time; a rollout with a NaN or a speed over one domain edge a frame stops before that frame and sets
+  /// diverged_at_frame. The grid's origin is the domain's lower corner. Throws ConfigError when the scene's frame time
+  /// or the cell size of the obstacle normals is not the one that the network was trained for.
   Trajectory rollout(const Scene& scene, const Surroundings& surroundings, const std::vector<int32_t>& particle_type,
                      const std::vector<std::vector<Vec3f>>& start, const RolloutOptions& options) const;
 
@@ -46,7 +48,9 @@ class LearnedSimulator {
 };
 
 /// History of `frames` positions ending at the scene's start, extrapolated ballistically backwards: particle i was at
-/// x - v k dt + g (k dt)^2 / 2 (semi-implicit in frame steps) k frames before. Used in rollouts and in training alike.
+/// x - v k dt + g (k dt)^2 / 2 k frames before. Frame differences then grow by g dt^2 a frame, and so does the next one
+/// in free flight, x + v dt + g dt^2 / 2: the acceleration to predict is g dt^2 from the first frame on. Used in
+/// rollouts and in training alike.
 std::vector<std::vector<Vec3f>> start_history(const std::vector<Vec3f>& position, const std::vector<Vec3f>& velocity,
                                               const Vec3d& gravity, double frame_time, int frames);
 

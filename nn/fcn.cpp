@@ -54,14 +54,14 @@ StackedLinear::StackedLinear(int in, const std::vector<Part>& parts) {
   linear_ = Linear(static_cast<int>(bias.size()), in, weight.data(), in, bias);
 }
 
-OffsetTable::OffsetTable(const FcnWeights& fcn, int column, const std::vector<std::vector<float>>& offsets)
-    : width_(padded_width(fcn.hidden)), rows_(Device::cpu, offsets.size() * static_cast<std::size_t>(width_)) {
+InputTable::InputTable(const FcnWeights& fcn, int column, const std::vector<std::vector<float>>& values)
+    : width_(padded_width(fcn.hidden)), rows_(Device::cpu, values.size() * static_cast<std::size_t>(width_)) {
   rows_.fill_zero();
-  for (std::size_t i = 0; i < offsets.size(); ++i)
+  for (std::size_t i = 0; i < values.size(); ++i)
     for (int o = 0; o < fcn.hidden; ++o) {
       double sum = 0;
-      for (std::size_t a = 0; a < offsets[i].size(); ++a)
-        sum += static_cast<double>(offsets[i][a]) * fcn.weight1[static_cast<std::size_t>(o) * fcn.in + column + a];
+      for (std::size_t a = 0; a < values[i].size(); ++a)
+        sum += static_cast<double>(values[i][a]) * fcn.weight1[static_cast<std::size_t>(o) * fcn.in + column + a];
       rows_[i * width_ + o] = static_cast<float>(sum);
     }
 }

@@ -46,11 +46,12 @@ class StackedLinear {
   Linear linear_;
 };
 
-/// Rows W1[:, column .. column + 2] offset, one for each of a fixed set of offsets; [count][padded_width(hidden)].
-class OffsetTable {
+/// Rows W1[:, column ..] x for a fixed set of values x of an input part (offsets between cells, embeddings);
+/// [count][padded_width(hidden)].
+class InputTable {
  public:
-  OffsetTable() = default;
-  OffsetTable(const FcnWeights& fcn, int column, const std::vector<std::vector<float>>& offsets);
+  InputTable() = default;
+  InputTable(const FcnWeights& fcn, int column, const std::vector<std::vector<float>>& values);
   const float* row(int i) const { return rows_.data() + static_cast<int64_t>(i) * width_; }
 
  private:
@@ -73,6 +74,18 @@ class NormalizedLayer {
   /// scale of a row that apply made.
   float scale(const float* y) const {
     return layer_norm_scale(sum_of_squares(y, linear_.width()) * (1.0f / static_cast<float>(linear_.out())));
+  }
+  /// y -> scale * y * gamma + beta, in place.
+  void finish(float* y) const {
+    const float s = scale(y);
+    const float *g = gamma(), *b = beta();
+    each_column(width(), [=](int i) { y[i] = s * y[i] * g[i] + b[i]; });
+  }
+  /// sum += scale * y * gamma + beta.
+  void add_to(float* sum, const float* y) const {
+    const float s = scale(y);
+    const float *g = gamma(), *b = beta();
+    each_column(width(), [=](int i) { sum[i] += s * y[i] * g[i] + b[i]; });
   }
   const float* gamma() const { return gamma_.data(); }
   const float* beta() const { return beta_.data(); }

@@ -32,6 +32,14 @@ inline void activate_row(float* y, int width) {
   each_column(width, [=](int c) { y[c] = leaky_relu(y[c]); });
 }
 
+/// y = leaky_relu(a + b), leaky_relu(a + b + c); y may be one of them.
+inline void activate_sum(float* y, const float* a, const float* b, int width) {
+  each_column(width, [=](int i) { y[i] = leaky_relu(a[i] + b[i]); });
+}
+inline void activate_sum(float* y, const float* a, const float* b, const float* c, int width) {
+  each_column(width, [=](int i) { y[i] = leaky_relu(a[i] + b[i] + c[i]); });
+}
+
 inline float sum_of_squares(const float* x, int width) {
   float sum = 0;
 #pragma omp simd reduction(+ : sum)

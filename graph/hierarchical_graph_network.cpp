@@ -1,0 +1,146 @@
+#include "graph/hierarchical_graph_network.h"
+
+#include <algorithm>
+#include <mutex>
+#include <string>
+
+#include "core/error.h"
+#include "graph/features.h"
+#include "graph/level_transfer.h"
+#include "graph/message_passing.h"
+#include "graph/normalization.h"
+#include "graph/particle_transfer.h"
+
+namespace graupel::graph {
+
+namespace {
+
+/// Workspaces not in use, so that several threads may evaluate one network at a time.
+class WorkspacePool {
+ public:
+  std::unique_ptr<Workspace> take() {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    if (idle_.empty()) return std::make_unique<Workspace>();
+    auto workspace = std::move(idle_.back());
+    idle_.pop_back();
+    return workspace;
+  }
+  void give_back(std::unique_ptr<Workspace> workspace) {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    idle_.push_back(std::move(workspace));
+  }
+
+ private:
+  std::mutex mutex_;
+  std::vector<std::unique_ptr<Workspace>> idle_;
+};
+
+HgnConfig read_config(const nn::Weights& weights) {
+  const auto value = [&](const char* key) {
+    const auto found = weights.metadata.find(key);
+    return found == weights.metadata.end() ? std::string() : found->second;
+  };
+  const std::string architecture = value("architecture"), version = value("format_version");
+  if (architecture != hgn_architecture)
+    throw InputError("'" + weights.file + "' holds no hierarchical graph network (architecture '" + architecture +
+                     "', supported: '" + hgn_architecture + "'). Choose a weights file of that architecture");
+  if (version != hgn_format_version)
+    throw InputError("'" + weights.file + "' has another format (format_version '" + version + "', supported: '" +
+                     hgn_format_version + "'). Export the weights again");
+  return HgnConfig::from_metadata(weights.metadata, weights.file);
+}
+
+}  // namespace
+
+void Workspace::prepare(int width, int features) {
+  const auto w = static_cast<std::size_t>(width);
+  const std::size_t particles = topology.order.size();
+  particle.resize_discard(particles * w);
+  particle_part.resize_discard(particles * 2 * w);
+  std::size_t cells = 0, edges = 0;
+  cell.resize(topology.levels.size());
+  for (std::size_t l = 0; l < topology.levels.size(); ++l) {
+    const auto n = static_cast<std::size_t>(topology.levels[l].edges_in.receivers());
+    cell[l].resize_discard(n * w);
+    cells = std::max(cells, n);
+    edges = std::max(edges, topology.levels[l].edges.size());
+  }
+  for (auto& buffer : projection) buffer.resize_discard(cells * 3 * w);
+  edge.resize_discard(edges * w);
+  cell_part.resize_discard(cells * w);
+  scratch.resize(static_cast<std::size_t>(omp_get_max_threads()));
+  const auto tile = static_cast<std::size_t>(tile_rows);
+  for (TileScratch& thread : scratch) {
+    for (Buffer<float>* buffer : {&thread.hidden, &thread.output, &thread.sums}) buffer->resize_discard(tile * w);
+    thread.input.resize_discard(tile * std::max(w, static_cast<std::size_t>(features)));
+  }
+}
+
+struct HierarchicalGraphNetwork::Impl {
+  explicit Impl(const nn::Weights& weights)
+      : config(read_config(weights)),
+        normalization(read_normalization(weights)),
+        width(nn::padded_width(static_cast<int>(config.latent))),
+        particles(weights, config) {
+    const auto levels = static_cast<std::size_t>(config.levels);
+    for (std::size_t l = 0; l < levels; ++l) down.emplace_back(weights, config, "down." + std::to_string(l));
+    for (std::size_t l = 0; l + 1 < levels; ++l) {
+      up.emplace_back(weights, config, "up." + std::to_string(l));
+      between.emplace_back(weights, config, l);
+    }
+  }
+
+  /// Steps 0 to 12 of figure 2 of the paper.
+  void evaluate(const std::vector<float>& features, const std::vector<int32_t>& particle_type,
+                const sparsegrid::Hierarchy<3>& hierarchy, Workspace& workspace,
+                std::vector<float>& acceleration) const {
+    workspace.topology.build(hierarchy);
+    workspace.prepare(width, static_cast<int>(config.input_width()));
+    particles.encode(features, particle_type, hierarchy, workspace);
+    particles.particle_to_grid(hierarchy, workspace);
+    down[0].apply(0, workspace);
+    for (std::size_t l = 0; l < between.size(); ++l) {
+      between[l].restrict_to_coarse(hierarchy, workspace);
+      down[l + 1].apply(l + 1, workspace);
+    }
+    for (std::size_t l = between.size(); l-- > 0;) {
+      between[l].prolong_to_fine(hierarchy, workspace);
+      up[l].apply(l, workspace);
+    }
+    particles.grid_to_particle(hierarchy, workspace, acceleration);
+  }
+
+  HgnConfig config;
+  Normalization normalization;
+  int width;
+  ParticleTransfer particles;
+  std::vector<MessagePassing> down, up;
+  std::vector<LevelTransfer> between;
+  WorkspacePool workspaces;
+};
+
+HierarchicalGraphNetwork::HierarchicalGraphNetwork(const nn::Weights& weights)
+    : impl_(std::make_unique<Impl>(weights)) {}
+HierarchicalGraphNetwork::~HierarchicalGraphNetwork() = default;
+HierarchicalGraphNetwork::HierarchicalGraphNetwork(HierarchicalGraphNetwork&&) noexcept = default;
+
+const HgnConfig& HierarchicalGraphNetwork::config() const { return impl_->config; }
+const Normalization& HierarchicalGraphNetwork::normalization() const { return impl_->normalization; }
+
+std::vector<float> HierarchicalGraphNetwork::forward(const std::vector<float>& features,
+                                                     const std::vector<int32_t>& particle_type,
+                                                     const sparsegrid::Hierarchy<3>& hierarchy) const {
+  const HgnConfig& c = impl_->config;
+  const std::size_t n = particle_type.size();
+  GRAUPEL_ASSERT(features.size() == n * static_cast<std::size_t>(c.input_width() - c.embedding));
+  GRAUPEL_ASSERT(hierarchy.cell.size() == n && hierarchy.levels.size() == static_cast<std::size_t>(c.levels));
+  std::vector<float> acceleration(n * 3);
+  if (n == 0) return acceleration;
+  for (const int32_t type : particle_type) embedding_row(type);  // refuses an unknown type before threads start
+  auto workspace = impl_->workspaces.take();
+  impl_->evaluate(features, particle_type, hierarchy, *workspace, acceleration);
+  impl_->workspaces.give_back(std::move(workspace));
+  return acceleration;
+}
+
+}  // namespace graupel::graph

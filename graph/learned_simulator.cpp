@@ -1,0 +1,158 @@
+#include "graph/learned_simulator.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+
+#include "core/error.h"
+
+namespace graupel::graph {
+
+namespace {
+
+/// Seconds since the last call.
+class Stopwatch {
+ public:
+  double lap() {
+    const auto now = std::chrono::steady_clock::now();
+    return std::chrono::duration<double>(now - std::exchange(last_, now)).count();
+  }
+
+ private:
+  std::chrono::steady_clock::time_point last_ = std::chrono::steady_clock::now();
+};
+
+bool about_equal(double a, double b) { return std::abs(a - b) <= 1e-3 * std::max(std::abs(a), std::abs(b)); }
+
+void check_fit(const HgnConfig& config, const Scene& scene, const Surroundings& surroundings, const std::string& file) {
+  if (!about_equal(scene.frame_time, config.frame_time))
+    throw ConfigError("the network was trained for another frame time (scene " + std::to_string(scene.frame_time) +
+                      " s, '" + file + "' " + std::to_string(config.frame_time) + " s). Set the scene's frame_time");
+  if (config.cell_normal && surroundings.obstacles.count() > 0 && !about_equal(surroundings.normal_spacing, config.dx))
+    throw ConfigError("the network was trained with another cell size of the obstacle normals (scene " +
+                      std::to_string(surroundings.normal_spacing) + " m, '" + file + "' " + std::to_string(config.dx) +
+                      " m). Set the scene's domain.dx");
+}
+
+void check_start(const std::vector<std::vector<Vec3f>>& start, std::size_t frames, std::size_t particles) {
+  if (start.size() < frames)
+    throw InputError("the start of the rollout has too few frames (" + std::to_string(start.size()) +
+                     ", needed at least " + std::to_string(frames) + "). Give more frames or start from the scene");
+  for (const auto& frame : start) {
+    if (frame.size() != particles)
+      throw InputError("a start frame has another number of particles (" + std::to_string(frame.size()) +
+                       ", particle types " + std::to_string(particles) + "). Use frames of one trajectory");
+    for (const Vec3f& x : frame)
+      if (!std::isfinite(x[0] + x[1] + x[2]))
+        throw InputError("a start position is not finite. Use an earlier frame of that trajectory");
+  }
+}
+
+ParticleFrame make_frame(int64_t number, double frame_time, const std::vector<Vec3f>& before,
+                         const std::vector<Vec3f>& now) {
+  ParticleFrame frame;
+  frame.time = static_cast<double>(number) * frame_time;
+  frame.position = now;
+  frame.velocity.resize(now.size());
+  const auto rate = static_cast<float>(1 / frame_time);
+  for (std::size_t i = 0; i < now.size(); ++i) frame.velocity[i] = (now[i] - before[i]) * rate;
+  return frame;
+}
+
+/// v' = v + a, x' = x + v' in frame units. False when a particle leaves the finite numbers or moves more than `limit`.
+bool advance(const std::vector<Vec3f>& before, const std::vector<Vec3f>& now, const std::vector<Vec3f>& acceleration,
+             float limit, std::vector<Vec3f>& next) {
+  next.resize(now.size());
+  bool usable = true;
+  for (std::size_t i = 0; i < now.size(); ++i) {
+    const Vec3f velocity = now[i] - before[i] + acceleration[i];
+    next[i] = now[i] + velocity;
+    usable = usable && norm2(velocity) <= limit * limit;  // false for NaN
+  }
+  return usable;
+}
+
+}  // namespace
+
+LearnedSimulator::LearnedSimulator(const std::string& weights_file) {
+  weights_ = std::make_shared<const nn::Weights>(nn::read_safetensors(weights_file));
+  network_ = std::make_shared<const HierarchicalGraphNetwork>(*weights_);
+}
+
+const HgnConfig& LearnedSimulator::config() const { return network_->config(); }
+const nn::Weights& LearnedSimulator::weights() const { return *weights_; }
+
+std::vector<Vec3f> LearnedSimulator::one_step(const Surroundings& surroundings,
+                                              const std::vector<int32_t>& particle_type,
+                                              const std::vector<std::vector<Vec3f>>& positions,
+                                              FrameTiming* timing) const {
+  const Normalization& normalization = network_->normalization();
+  FrameTiming spent;
+  Stopwatch watch;
+  const std::vector<float> features = particle_features(config(), normalization, surroundings, positions);
+  spent.features = watch.lap();
+  const auto hierarchy = sparsegrid::build_hierarchy<3>(positions.back(), config().spacing, surroundings.wall_low,
+                                                        static_cast<int>(config().levels));
+  spent.hierarchy = watch.lap();
+  const std::vector<float> output = network_->forward(features, particle_type, hierarchy);
+  std::vector<Vec3f> acceleration(particle_type.size());
+  for (std::size_t i = 0; i < acceleration.size(); ++i)
+    for (int axis = 0; axis < 3; ++axis)
+      acceleration[i][axis] = output[i * 3 + static_cast<std::size_t>(axis)] * normalization.acceleration_std[axis] +
+                              normalization.acceleration_mean[axis];
+  spent.network = watch.lap();
+  if (timing != nullptr) *timing = spent;
+  return acceleration;
+}
+
+Trajectory LearnedSimulator::rollout(const Scene& scene, const Surroundings& surroundings,
+                                     const std::vector<int32_t>& particle_type,
+                                     const std::vector<std::vector<Vec3f>>& start,
+                                     const RolloutOptions& options) const {
+  const auto needed = static_cast<std::size_t>(config().history) + 1;
+  check_fit(config(), scene, surroundings, weights_->file);
+  check_start(start, needed, particle_type.size());
+  std::vector<std::vector<Vec3f>> history(start.end() - static_cast<std::ptrdiff_t>(needed), start.end());
+  const Vec3d& size = scene.domain.size;
+  const auto limit = static_cast<float>(std::max({size[0], size[1], size[2]}));
+
+  Trajectory trajectory;
+  trajectory.particle_type = particle_type;
+  trajectory.frame_time = scene.frame_time;
+  trajectory.scene_json = scene.source;
+  trajectory.seed = scene.seed;
+  trajectory.made_by = weights_->file;
+  trajectory.frames.push_back(make_frame(0, scene.frame_time, history[needed - 2], history[needed - 1]));
+  std::vector<Vec3f> next;
+  for (int64_t frame = 1; frame <= options.frames; ++frame) {
+    FrameTiming timing;
+    const std::vector<Vec3f> acceleration = one_step(surroundings, particle_type, history, &timing);
+    if (!advance(history[needed - 2], history[needed - 1], acceleration, limit, next)) {
+      trajectory.diverged_at_frame = frame;
+      break;
+    }
+    Stopwatch watch;
+    if (options.project) project_out(surroundings, history.back(), next);
+    timing.projection = watch.lap();
+    std::rotate(history.begin(), history.begin() + 1, history.end());
+    std::swap(history.back(), next);
+    trajectory.frames.push_back(make_frame(frame, scene.frame_time, history[needed - 2], history[needed - 1]));
+    if (options.progress) options.progress(frame, timing);
+  }
+  return trajectory;
+}
+
+std::vector<std::vector<Vec3f>> start_history(const std::vector<Vec3f>& position, const std::vector<Vec3f>& velocity,
+                                              const Vec3d& gravity, double frame_time, int frames) {
+  GRAUPEL_ASSERT(velocity.size() == position.size() && frames >= 1);
+  std::vector<std::vector<Vec3f>> history(static_cast<std::size_t>(frames), position);
+  for (int k = 1; k < frames; ++k) {
+    const double t = k * frame_time;
+    std::vector<Vec3f>& frame = history[static_cast<std::size_t>(frames - 1 - k)];
+    for (std::size_t i = 0; i < position.size(); ++i)
+      frame[i] = (position[i].cast<double>() - velocity[i].cast<double>() * t + gravity * (t * t / 2)).cast<float>();
+  }
+  return history;
+}
+
+}  // namespace graupel::graph

@@ -1,0 +1,133 @@
+#include "graph/features.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "core/error.h"
+
+namespace graupel::graph {
+namespace {
+
+Scene scene_with_ball() {
+  Scene scene;
+  Obstacle ball;
+  ball.shape = Shape::sphere;
+  ball.radius = 0.2;
+  ball.position = {0.5, 0.5, 0.5};
+  scene.obstacles.push_back(ball);
+  return scene;
+}
+
+Normalization made_normalization() {
+  Normalization n;
+  for (int axis = 0; axis < 3; ++axis) {
+    n.velocity_mean[axis] = 0.001f * static_cast<float>(axis);
+    n.velocity_std[axis] = 0.01f * static_cast<float>(axis + 1);
+  }
+  return n;
+}
+
+TEST(Features, LayoutAndValuesOfAKnownCase) {
+  HgnConfig config;
+  config.history = 2;
+  config.signed_distance = true;
+  config.wall_clamp = 0.3;
+  const Surroundings surroundings(scene_with_ball());
+  const Vec3f x = {0.5f, 0.73f, 0.5f};  // 0.03 above the ball
+  const std::vector<std::vector<Vec3f>> positions = {
+      {x - Vec3f{0.03f, 0, 0}, {0, 0, 0}}, {x - Vec3f{0.02f, 0.01f, 0}, {0, 0, 0}}, {x, {0.05f, 0.5f, 0.9f}}};
+  const Normalization normalization = made_normalization();
+  const std::vector<float> f = particle_features(config, normalization, surroundings, positions);
+  const int width = 2 * 3 + 3 + 6 + 4;
+  ASSERT_EQ(f.size(), 2u * width);
+  // velocities, newest first
+  EXPECT_NEAR(f[0], 0.02 / 0.01, 1e-4);
+  EXPECT_NEAR(f[1], (0.01 - 0.001) / 0.02, 1e-4);
+  EXPECT_NEAR(f[2], -0.002 / 0.03, 1e-4);
+  EXPECT_NEAR(f[3], 0.01 / 0.01, 1e-4);
+  EXPECT_NEAR(f[4], (-0.01 - 0.001) / 0.02, 1e-4);
+  EXPECT_NEAR(f[5], -0.002 / 0.03, 1e-4);
+  // no surface in this cell: no normal
+  for (int i = 6; i < 9; ++i) EXPECT_EQ(f[static_cast<std::size_t>(i)], 0);
+  // lower x y z, upper x y z, clamped to 0.3
+  const double walls[] = {1, 1, 1, 1, 0.27 / 0.3, 1};
+  for (std::size_t i = 0; i < 6; ++i) EXPECT_NEAR(f[9 + i], walls[i], 1e-5) << i;
+  // distance over the clamp of 0.1, and its gradient
+  EXPECT_NEAR(f[15], 0.3, 0.02);
+  EXPECT_NEAR(f[16], 0, 0.05);
+  EXPECT_NEAR(f[17], 1, 0.01);
+  EXPECT_NEAR(f[18], 0, 0.05);
+  // the second particle: far from the ball, near two walls
+  const float* g = f.data() + width;
+  EXPECT_NEAR(g[9], 0.05 / 0.3, 1e-5);
+  EXPECT_NEAR(g[14], 0.1 / 0.3, 1e-5);
+  EXPECT_EQ(g[15], 1);
+  for (int i = 16; i < 19; ++i) EXPECT_EQ(g[i], 0);
+}
+
+TEST(Features, CellNormalIsTheOneOfTheParticlesCell) {
+  HgnConfig config;
+  config.history = 1;
+  const Surroundings surroundings(scene_with_ball());
+  const Vec3f x = {0.5f, 0.702f, 0.5f};  // the cell that the top of the ball passes through
+  const std::vector<float> f = particle_features(config, {}, surroundings, {{x}, {x}});
+  ASSERT_EQ(f.size(), 12u);
+  const Vec3f normal = surroundings.normals.at(x.cast<double>());
+  EXPECT_GT(std::abs(normal[1]), 0.9f);
+  for (int axis = 0; axis < 3; ++axis) EXPECT_EQ(f[static_cast<std::size_t>(3 + axis)], normal[axis]);
+  config.cell_normal = false;
+  EXPECT_EQ(particle_features(config, {}, surroundings, {{x}, {x}}).size(), 9u);
+}
+
+TEST(Features, OutsideTheDomainDistancesAreNegativeAndWithoutObstaclesFar) {
+  HgnConfig config;
+  config.history = 1;
+  config.cell_normal = false;
+  config.signed_distance = true;
+  Scene scene;
+  scene.domain.origin = {-1, 0, 0};
+  scene.domain.size = {2, 1, 1};
+  const Surroundings surroundings(scene);
+  const Vec3f x = {-1.07f, 0.5f, 5.0f};
+  const std::vector<float> f = particle_features(config, {}, surroundings, {{x}, {x}});
+  ASSERT_EQ(f.size(), 13u);
+  EXPECT_NEAR(f[3], -0.07 / 0.28, 1e-5);
+  EXPECT_EQ(f[6], 1);
+  EXPECT_EQ(f[5], 1);
+  EXPECT_EQ(f[8], -1);
+  EXPECT_EQ(f[9], 1);
+  EXPECT_EQ(f[10], 0);
+}
+
+TEST(Features, WrongNumberOfFramesOrParticlesIsAProgrammersError) {
+  const HgnConfig config;
+  const Surroundings surroundings{Scene{}};
+  const std::vector<Vec3f> one(1, Vec3f::zero()), two(2, Vec3f::zero());
+  EXPECT_THROW(particle_features(config, {}, surroundings, std::vector(5, one)), std::logic_error);
+  std::vector<std::vector<Vec3f>> uneven(6, one);
+  uneven[2] = two;
+  EXPECT_THROW(particle_features(config, {}, surroundings, uneven), std::logic_error);
+}
+
+TEST(Features, EmbeddingRows) {
+  EXPECT_EQ(embedding_row(0), 0);
+  EXPECT_EQ(embedding_row(8), 8);
+  EXPECT_THROW(embedding_row(9), InputError);
+  EXPECT_THROW(embedding_row(-1), InputError);
+}
+
+TEST(Features, ProjectionMovesOnlyWhatIsInsideAnObstacleOrBeyondAWall) {
+  const Surroundings surroundings(scene_with_ball());
+  std::vector<Vec3f> x = {{0.5f, 0.69f, 0.5f}, {0.5f, 0.8f, 0.5f}, {0.5f, -0.2f, 0.5f}};
+  const std::vector<Vec3f> before = x;
+  EXPECT_EQ(project_out(surroundings, x), 2);
+  EXPECT_GE(surroundings.obstacles.sample(x[0].cast<double>()).phi, -1e-6);
+  EXPECT_NEAR(x[0][1], 0.7, 0.005);
+  EXPECT_EQ(x[1], before[1]);
+  EXPECT_NEAR(x[2][1], surroundings.hold_low[1], 1e-6);
+  EXPECT_EQ(project_out(surroundings, x), 0);
+}
+
+}  // namespace
+}  // namespace graupel::graph
