@@ -1,0 +1,104 @@
+// Geometry of the sparse grid: nodes in blocks of 4^D, found through a dense directory of blocks (one integer a block),
+// and the arena, the nodes that the particles of one block touch.
+//
+// A particle's home block holds its base node. Its stencil reaches two nodes further, into the upper neighbours, so
+// that all particles of a block touch 6^D nodes: the arena. Rows of an arena (last axis) are padded to 8 nodes, so
+// that a stencil row is 4 nodes x 4 channels, with weight 0 for the fourth.
+#pragma once
+
+#include <cmath>
+#include <cstdint>
+
+#include "core/scene.h"
+
+namespace graupel::mpm {
+
+inline constexpr int block_width = 4;
+inline constexpr int arena_width = 6;
+inline constexpr int arena_row = 8;  ///< nodes of a padded row
+inline constexpr int channels = 4;   ///< momentum or velocity x, y, z (unused in 2-D: zero), mass
+
+template <int D>
+inline constexpr int nodes_per_block = D == 2 ? 16 : 64;
+template <int D>
+inline constexpr int arena_size = (D == 2 ? arena_width : arena_width * arena_width) * arena_row* channels;
+template <int D>
+inline constexpr int upper_neighbors = 1 << D;  ///< the block itself and its upper neighbours
+
+/// Blocks of the whole domain; `directory index` numbers them with the last axis fastest.
+template <typename T, int D>
+struct GridGeometry {
+  Vec<T, D> origin;  ///< position of node 0 [m]
+  T dx, inverse_dx;  ///< [m], [1/m]
+  Vec<int, D> blocks;
+
+  GRAUPEL_HD int64_t directory_size() const {
+    int64_t n = 1;
+    for (int d = 0; d < D; ++d) n *= blocks[d];
+    return n;
+  }
+  GRAUPEL_HD int32_t directory_index(const Vec<int, D>& block) const {
+    int32_t index = 0;
+    for (int d = 0; d < D; ++d) index = index * blocks[d] + block[d];
+    return index;
+  }
+  GRAUPEL_HD Vec<int, D> block_of(int32_t index) const {
+    Vec<int, D> block;
+    for (int d = D - 1; d >= 0; --d) {
+      block[d] = index % blocks[d];
+      index /= blocks[d];
+    }
+    return block;
+  }
+  /// Position in cells from node 0.
+  GRAUPEL_HD Vec<T, D> local(const Vec<T, D>& x) const { return (x - origin) * inverse_dx; }
+  GRAUPEL_HD Vec<T, D> node_position(const Vec<int, D>& node) const {
+    Vec<T, D> x;
+    for (int d = 0; d < D; ++d) x[d] = origin[d] + static_cast<T>(node[d]) * dx;
+    return x;
+  }
+};
+
+/// Node number inside its block -> coordinates 0..3.
+template <int D>
+GRAUPEL_HD inline Vec<int, D> node_in_block(int node) {
+  Vec<int, D> c;
+  for (int d = D - 1; d >= 0; --d) {
+    c[d] = node % block_width;
+    node /= block_width;
+  }
+  return c;
+}
+
+/// First channel of a node in the arena.
+template <int D>
+GRAUPEL_HD inline int arena_offset(const Vec<int, D>& c) {
+  int row = c[0];
+  for (int d = 1; d < D - 1; ++d) row = row * arena_width + c[d];
+  return (row * arena_row + c[D - 1]) * channels;
+}
+
+/// Bit d of `corner` as coordinates: 0 this block, 1 the upper neighbour along axis d.
+template <int D>
+GRAUPEL_HD inline Vec<int, D> corner_bits(int corner) {
+  Vec<int, D> c;
+  for (int d = 0; d < D; ++d) c[d] = (corner >> d) & 1;
+  return c;
+}
+
+/// Number of grid cells along an axis, rounded up.
+inline int64_t cell_count(double size, double dx) { return static_cast<int64_t>(std::ceil(size / dx - 1e-6)); }
+
+/// Grid of a scene's domain: every particle inside the walls (at least two cells from the faces) finds its stencil.
+template <typename T>
+GridGeometry<T, 3> grid_of(const Domain& domain) {
+  GridGeometry<T, 3> grid;
+  grid.origin = domain.origin.cast<T>();
+  grid.dx = static_cast<T>(domain.dx);
+  grid.inverse_dx = static_cast<T>(1 / domain.dx);
+  for (int d = 0; d < 3; ++d)
+    grid.blocks[d] = static_cast<int>((cell_count(domain.size[d], domain.dx) + 1) / block_width) + 2;
+  return grid;
+}
+
+}  // namespace graupel::mpm

@@ -1,0 +1,129 @@
+#include "mpm/host_particles.h"
+
+#include "mpm/material.h"
+
+namespace graupel::mpm {
+
+template <typename T>
+HostParticles<T>::HostParticles(std::size_t n)
+    : position(n),
+      velocity(n),
+      affine_velocity(n, Mat<T, 3>::zero()),
+      deformation_gradient(n, Mat<T, 3>::identity()),
+      stress(n, Vec<T, 6>::zero()),
+      internal(n),
+      volume(n),
+      material(n),
+      source_index(n) {}
+
+template <typename T>
+HostParticles<T> initial_particles(const SampledParticles& sampled, const std::vector<MaterialConfig>& materials) {
+  HostParticles<T> host(sampled.position.size());
+  for (std::size_t i = 0; i < host.size(); ++i) {
+    host.position[i] = sampled.position[i].cast<T>();
+    host.velocity[i] = sampled.velocity[i].cast<T>();
+    host.volume[i] = static_cast<T>(sampled.volume[i]);
+    host.material[i] = sampled.material[i];
+    host.source_index[i] = static_cast<int32_t>(i);
+    host.internal[i] = static_cast<T>(initial_internal_variable(materials[sampled.material[i]].model));
+  }
+  return host;
+}
+
+namespace {
+
+/// Copies K numbers a particle between records and tiles; `to_tiles` chooses the direction.
+template <typename T>
+void write_tiles(std::vector<T>& tiles, const T* records, int64_t n, int components) {
+  tiles.assign(static_cast<std::size_t>(padded_to_tile(n) * components), T(0));
+  for (int64_t p = 0; p < n; ++p)
+    for (int k = 0; k < components; ++k)
+      tiles[static_cast<std::size_t>((p / tile) * (tile * components) + k * tile + p % tile)] =
+          records[p * components + k];
+}
+
+template <typename T>
+void read_tiles(const std::vector<T>& tiles, T* records, int64_t n, int components) {
+  for (int64_t p = 0; p < n; ++p)
+    for (int k = 0; k < components; ++k)
+      records[p * components + k] =
+          tiles[static_cast<std::size_t>((p / tile) * (tile * components) + k * tile + p % tile)];
+}
+
+/// Start of every array of the records, in the order of Particles::for_each_buffer.
+template <typename T>
+std::vector<const void*> arrays_of(const HostParticles<T>& host) {
+  return {host.position.data(),    host.velocity.data(), host.affine_velocity.data(), host.deformation_gradient.data(),
+          host.stress.data(),      host.internal.data(), host.volume.data(),          host.material.data(),
+          host.source_index.data()};
+}
+
+}  // namespace
+
+template <typename T>
+Particles<T> upload_particles(const HostParticles<T>& host, Device device) {
+  const auto n = static_cast<int64_t>(host.size());
+  Particles<T> particles(device, n);
+  const std::vector<const void*> arrays = arrays_of(host);
+  std::size_t next = 0;
+  particles.for_each_buffer([&](auto& buffer) {
+    using Value = std::remove_reference_t<decltype(*buffer.data())>;
+    const int components = static_cast<int>(static_cast<int64_t>(buffer.size()) / padded_to_tile(n));
+    std::vector<Value> tiles;
+    write_tiles(tiles, static_cast<const Value*>(arrays[next++]), n, components);
+    buffer.upload(tiles);
+  });
+  return particles;
+}
+
+template <typename T>
+HostParticles<T> download_particles(Particles<T>& particles) {
+  const int64_t n = particles.count();
+  HostParticles<T> host(static_cast<std::size_t>(n));
+  const std::vector<const void*> arrays = arrays_of(host);
+  std::size_t next = 0;
+  particles.for_each_buffer([&](auto& buffer) {
+    using Value = std::remove_reference_t<decltype(*buffer.data())>;
+    const int components = static_cast<int>(static_cast<int64_t>(buffer.size()) / padded_to_tile(n));
+    read_tiles(buffer.download(), static_cast<Value*>(const_cast<void*>(arrays[next++])), n, components);
+  });
+  return host;
+}
+
+template <typename T>
+Diagnostics diagnose(const HostParticles<T>& particles, const std::vector<MaterialConfig>& materials, double dx,
+                     const Vec3d& gravity) {
+  std::vector<MaterialParameters<double>> parameters;
+  for (const MaterialConfig& m : materials) parameters.push_back(material_parameters<double>(m));
+  Diagnostics sum;
+  for (std::size_t i = 0; i < particles.size(); ++i) {
+    const MaterialParameters<double>& m = parameters[particles.material[i]];
+    const double volume = static_cast<double>(particles.volume[i]), mass = m.density * volume;
+    const Vec3d x = particles.position[i].template cast<double>(), v = particles.velocity[i].template cast<double>();
+    const Mat3d C = particles.affine_velocity[i].template cast<double>();
+    const Vec3d spin = {C(2, 1) - C(1, 2), C(0, 2) - C(2, 0), C(1, 0) - C(0, 1)};
+    sum.mass += mass;
+    sum.momentum += mass * v;
+    sum.angular_momentum += mass * (cross(x, v) + (dx * dx / 4) * spin);
+    sum.kinetic_energy += 0.5 * mass * norm2(v);
+    sum.potential_energy -= mass * dot(gravity, x);
+    sum.elastic_energy += volume * energy_density(m, particles.deformation_gradient[i].template cast<double>(),
+                                                  static_cast<double>(particles.internal[i]));
+  }
+  return sum;
+}
+
+Vec3d particle_box_low(const Scene& scene) { return scene.wall_low() - Vec3d::filled(scene.domain.dx); }
+Vec3d particle_box_high(const Scene& scene) { return scene.wall_high(); }
+
+#define GRAUPEL_INSTANTIATE(T)                                                                                 \
+  template struct HostParticles<T>;                                                                            \
+  template HostParticles<T> initial_particles<T>(const SampledParticles&, const std::vector<MaterialConfig>&); \
+  template Particles<T> upload_particles<T>(const HostParticles<T>&, Device);                                  \
+  template HostParticles<T> download_particles<T>(Particles<T>&);                                              \
+  template Diagnostics diagnose<T>(const HostParticles<T>&, const std::vector<MaterialConfig>&, double, const Vec3d&);
+GRAUPEL_INSTANTIATE(float)
+GRAUPEL_INSTANTIATE(double)
+#undef GRAUPEL_INSTANTIATE
+
+}  // namespace graupel::mpm

@@ -1,0 +1,42 @@
+// The obstacles as the grid sees them: which nodes obey a contact law, with the normal there, computed once, since
+// obstacles do not move. Kept by block; blocks far from every surface take one integer.
+//
+// A node obeys the law of its nearest obstacle where phi < 0. At a plate thinner than a cell no node may lie inside;
+// there the nodes within dx/2 of the surface obey it, from both sides.
+#pragma once
+
+#include "mpm/grid.h"
+#include "mpm/particles.h"
+#include "sparsegrid/obstacle_set.h"
+
+namespace graupel::mpm {
+
+inline constexpr int32_t block_without_surface = -1;
+
+/// For kernels. Node n of a block with number b has entry 64 b + n.
+template <typename T>
+struct ObstacleNodeView {
+  sparsegrid::ObstacleSetView obstacles;
+  const int32_t* block_number;  ///< [directory] or block_without_surface
+  const T* phi;                 ///< signed distance of the union [m]
+  const Vec<T, 3>* normal;      ///< of the nearest obstacle; zero deep inside
+  const int32_t* law;           ///< index of the obstacle whose contact law holds; -1 for none
+};
+
+template <typename T>
+class ObstacleNodes {
+ public:
+  ObstacleNodes() = default;
+  ObstacleNodes(Device device, const GridGeometry<T, 3>& grid, const sparsegrid::ObstacleSet& obstacles);
+
+  ObstacleNodeView<T> view() const;
+  int64_t bytes() const;
+
+ private:
+  sparsegrid::ObstacleSetView obstacles_{};
+  Buffer<int32_t> block_number_, law_;
+  Buffer<T> phi_;
+  Buffer<Vec<T, 3>> normal_;
+};
+
+}  // namespace graupel::mpm

@@ -1,0 +1,13 @@
+// Checks that a scene's particles can start where their sources put them.
+#pragma once
+
+#include "mpm/sampling.h"
+#include "sparsegrid/obstacle_set.h"
+
+namespace graupel::mpm {
+
+/// Throws ConfigError when there is no particle, when one lies outside the walls (naming the source and the allowed
+/// box), or inside an obstacle (naming both).
+void check_start(const Scene& scene, const SampledParticles& particles, const sparsegrid::ObstacleSet& obstacles);
+
+}  // namespace graupel::mpm

@@ -1,0 +1,71 @@
+// The explicit MPM solver of one scene in one precision: MLS-MPM with APIC transfers (Hu et al. 2018, Jiang et al.
+// 2015), quadratic B-splines, symplectic Euler.
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "mpm/phases.h"
+#include "mpm/sampling.h"
+#include "mpm/simulation.h"
+#include "mpm/time_step.h"
+
+namespace graupel::mpm {
+
+template <typename T>
+class Solver final : public Simulation {
+ public:
+  Solver(const Scene& scene, const SimulationOptions& options, const SampledParticles& particles,
+         const sparsegrid::ObstacleSet& obstacles);
+
+  std::size_t particle_count() const override { return particle_type_.size(); }
+  const std::vector<int32_t>& particle_type() const override { return particle_type_; }
+  const sparsegrid::ObstacleSet& obstacles() const override { return obstacles_; }
+  double time() const override { return static_cast<double>(frames_done_) * scene_.frame_time + frame_elapsed_; }
+  void advance_frame() override;
+  ParticleFrame frame() const override;
+  Diagnostics diagnostics() const override;
+  RunStatistics statistics() const override;
+  std::vector<std::byte> save_state() const override;
+  void load_state(const std::vector<std::byte>& state) override;
+
+  /// One substep of the method [s].
+  void substep(double dt);
+  /// Active blocks, before the first substep as well.
+  BlockView find_blocks();
+  int64_t memory_bytes() const;
+  StateSpeeds speeds() const { return {std::sqrt(survey_.largest_speed2), survey_.largest_sound_speed}; }
+
+ private:
+  void sort_particles();
+  void reorder_particles();
+  void record_step(double dt);
+  [[noreturn]] void throw_diverged(double dt, const StateSpeeds& before) const;
+  SolverView<T> view() const;
+
+  Scene scene_;
+  SimulationOptions options_;
+  sparsegrid::ObstacleSet obstacles_;
+  std::vector<MaterialConfig> material_configs_;
+  std::vector<int32_t> particle_type_;
+
+  GridGeometry<T, 3> grid_;
+  WallView<T> walls_;
+  Buffer<MaterialParameters<T>> materials_;
+  mutable Particles<T> particles_;
+  Particles<T> spare_;  ///< target of the next reordering
+  BlockTable blocks_;
+  ObstacleNodes<T> obstacle_nodes_;
+  Buffer<T> arenas_, nodes_;
+  Buffer<Survey> records_;
+
+  Survey survey_;  ///< of the present state
+  int64_t frames_done_ = 0;
+  double frame_elapsed_ = 0;  ///< [s] inside the present frame
+  RunStatistics statistics_;
+};
+
+extern template class Solver<float>;
+extern template class Solver<double>;
+
+}  // namespace graupel::mpm

@@ -1,0 +1,25 @@
+// Step size: fixed, or from the sound speed of the present state and the particles' speed,
+//   dt = courant dx / (max |v| + max c).
+#pragma once
+
+#include "core/scene.h"
+
+namespace graupel::mpm {
+
+/// Fastest motion and fastest wave of a state.
+struct StateSpeeds {
+  double speed = 0;        ///< max |v| [m/s]
+  double sound_speed = 0;  ///< max c [m/s]
+};
+
+/// Largest step that the policy allows for this state [s]; for the fixed policy the frame's equal share.
+double largest_step(const TimeStep& policy, double dx, double frame_time, const StateSpeeds& speeds);
+
+/// Step to take with `left` seconds of the frame to go: equal shares of the rest, so that no sliver remains.
+/// Throws DivergedError when the frame would need over a million steps.
+double next_step(const TimeStep& policy, double dx, double frame_time, const StateSpeeds& speeds, double left);
+
+/// Step that a diverged run should try [s]: a courant number of 0.3.
+double suggested_step(double dx, const StateSpeeds& speeds);
+
+}  // namespace graupel::mpm
