@@ -40,7 +40,8 @@ class TrajectoryWriter {
 };
 
 /// A trajectory or data-set file of ours, or one in the LagrangeBench layout. HDF5 plugins, external links and external
-/// storage are refused. Throws InputError for a damaged, truncated or foreign file.
+/// storage are refused. Throws InputError for a damaged, truncated or foreign file. One reader serves one thread at a
+/// time.
 class TrajectoryReader {
  public:
   explicit TrajectoryReader(const std::string& path);

@@ -23,6 +23,7 @@ class TemporaryFolder {
   std::string file(const std::string& name) const { return path_ + "/" + name; }
   std::string write(const std::string& name, const std::string& bytes) const {
     std::filesystem::create_directories(std::filesystem::path(file(name)).parent_path());
+    std::filesystem::remove(file(name));  // a new file is much faster than one cut to length and written again
     std::ofstream(file(name), std::ios::binary) << bytes;
     return file(name);
   }

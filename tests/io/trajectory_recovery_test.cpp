@@ -1,0 +1,134 @@
+#include <gtest/gtest.h>
+#include <signal.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include "core/error.h"
+#include "expect_error.h"
+#include "io/trajectory_file.h"
+#include "sample_trajectory.h"
+#include "temporary_folder.h"
+
+namespace graupel::io {
+namespace {
+
+constexpr std::size_t particles = 300;
+
+/// A child process writes `frames` frames and is killed without a chance to clean up.
+void write_and_kill(const std::string& path, int frames, int flush_every) {
+  const pid_t child = fork();
+  ASSERT_GE(child, 0);
+  if (child == 0) {
+    TrajectoryWriter writer(path, sample_header(particles), {.flush_every = flush_every});
+    writer.attribute("note", "before the kill");
+    for (int k = 0; k < frames; ++k) writer.append(sample_frame(particles, k));
+    kill(getpid(), SIGKILL);
+  }
+  int status = 0;
+  ASSERT_EQ(waitpid(child, &status, 0), child);
+  ASSERT_TRUE(WIFSIGNALED(status) && WTERMSIG(status) == SIGKILL);
+}
+
+TEST(Recovery, FindsEveryFlushedFrameAfterAKill) {
+  TemporaryFolder folder;
+  // frames appended, flush interval, frames flushed by then (chunks of at most 8 frames)
+  const int cases[][3] = {{7, 2, 6}, {9, 1, 9}, {30, 8, 24}, {50, 20, 48}, {3, 8, 0}};
+  for (const auto& [frames, flush_every, flushed] : cases) {
+    const std::string path = folder.file("a" + std::to_string(frames) + ".h5");
+    write_and_kill(path, frames, flush_every);
+    EXPECT_FALSE(std::filesystem::exists(path));
+    EXPECT_EQ(recover_part_file(path, false), flushed);
+    EXPECT_EQ(recover_part_file(path, true), flushed);
+    EXPECT_EQ(std::filesystem::exists(path), flushed > 0);
+    if (flushed == 0) continue;
+    EXPECT_FALSE(std::filesystem::exists(path + ".part"));
+    const TrajectoryReader reader(path);
+    EXPECT_TRUE(reader.complete());
+    const Trajectory read = reader.read(0);
+    EXPECT_EQ(read.seed, sample_header(1).seed);
+    EXPECT_EQ(read.scene_json, sample_header(1).scene_json);
+    EXPECT_EQ(reader.attribute(0, "note"), "before the kill");
+    ASSERT_EQ(read.frame_count(), static_cast<std::size_t>(flushed));
+    for (int k = 0; k < flushed; ++k) ASSERT_TRUE(same_frame(read.frames[k], sample_frame(particles, k))) << k;
+  }
+}
+
+TEST(Recovery, StopsAtADamagedChunk) {
+  TemporaryFolder folder;
+  const std::string path = folder.file("a.h5");
+  {
+    TrajectoryWriter writer(path, sample_header(particles), {.velocity = false, .flush_every = 4});
+    for (int k = 0; k < 12; ++k) writer.append(sample_frame(particles, k));
+  }
+  ASSERT_EQ(recover_part_file(path, false), 12);
+  std::string bytes = bytes_of(path + ".part");
+  // Chunks lie one after another in the order they were written; the last bytes of the file belong to the third.
+  bytes[bytes.size() - 400] = static_cast<char>(bytes[bytes.size() - 400] ^ 1);
+  folder.write("a.h5.part", bytes);
+  EXPECT_EQ(recover_part_file(path, true), 8);
+  EXPECT_TRUE(same_frame(TrajectoryReader(path).frames(0, 7, 1)[0], [] {
+    ParticleFrame frame = sample_frame(particles, 7);
+    frame.velocity.clear();
+    return frame;
+  }()));
+}
+
+TEST(Recovery, ADestructorWithoutFinishLeavesTheFlushedFrames) {
+  TemporaryFolder folder;
+  const std::string path = folder.file("a.h5");
+  {
+    TrajectoryWriter writer(path, sample_header(3), {.flush_every = 1});
+    for (int k = 0; k < 4; ++k) writer.append(sample_frame(3, k));
+  }
+  EXPECT_FALSE(std::filesystem::exists(path));
+  EXPECT_EQ(recover_part_file(path, false), 4);
+  EXPECT_FALSE(TrajectoryReader(path + ".part").complete());
+}
+
+TEST(Recovery, NothingUsableIsZeroAndNoFileIsAnError) {
+  TemporaryFolder folder;
+  folder.write("a.h5.part", "");
+  EXPECT_EQ(recover_part_file(folder.file("a.h5"), true), 0);
+  expect_error<InputError>([&] { recover_part_file(folder.file("b.h5"), false); }, {"b.h5.part", "to recover"});
+}
+
+TEST(Merge, KeepsTrajectoriesInOrder) {
+  TemporaryFolder folder;
+  std::vector<std::string> parts;
+  for (int i = 0; i < 3; ++i) {
+    parts.push_back(folder.file("p" + std::to_string(i) + ".h5"));
+    TrajectoryWriter writer(parts.back(), sample_header(10 + i));
+    for (int k = 0; k < 4; ++k) writer.append(sample_frame(10 + i, k + i));
+    writer.finish(i);
+  }
+  merge_trajectories(parts, folder.file("train.h5"));
+  const TrajectoryReader reader(folder.file("train.h5"));
+  EXPECT_TRUE(reader.complete());
+  ASSERT_EQ(reader.count(), 3);
+  for (const int i : {2, 0, 1}) {
+    const Trajectory read = reader.read(i);
+    EXPECT_EQ(read.particle_count(), 10u + i);
+    EXPECT_EQ(read.diverged_at_frame, i);
+    EXPECT_EQ(read.scene_json, sample_header(1).scene_json);
+    for (int k = 0; k < 4; ++k) EXPECT_TRUE(same_frame(read.frames[k], sample_frame(10 + i, k + i)));
+  }
+}
+
+TEST(Merge, RefusesUnfinishedAndMergedFiles) {
+  TemporaryFolder folder;
+  {
+    TrajectoryWriter writer(folder.file("a.h5"), sample_header(3), {.flush_every = 1});
+    writer.append(sample_frame(3, 0));
+  }
+  expect_error<InputError>([&] { merge_trajectories({folder.file("a.h5.part")}, folder.file("m.h5")); },
+                           {"a.h5.part", "not complete"});
+  recover_part_file(folder.file("a.h5"), true);
+  merge_trajectories({folder.file("a.h5"), folder.file("a.h5")}, folder.file("two.h5"));
+  expect_error<InputError>([&] { merge_trajectories({folder.file("two.h5")}, folder.file("m.h5")); },
+                           {"two.h5", "has 2 trajectories"});
+  expect_error<InputError>([&] { merge_trajectories({}, folder.file("m.h5")); }, {"no trajectories"});
+  EXPECT_FALSE(std::filesystem::exists(folder.file("m.h5")));
+}
+
+}  // namespace
+}  // namespace graupel::io
