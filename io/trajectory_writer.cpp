@@ -75,7 +75,8 @@ struct TrajectoryWriter::Impl {
     } catch (const hdf5::Failure& failure) {
       closed = true;
       const std::string folder = std::filesystem::absolute(path).parent_path().string();
-      const uint64_t needed = pending_position.size() * particle_bytes * (velocity.is_open() ? 2 : 1) + 4096;
+      const uint64_t frames = written - flushed + pending_time.size();  // not safely on disk yet
+      const uint64_t needed = (frames + 1) * particles * particle_bytes * (options.velocity ? 2 : 1);
       throw IoError("cannot " + doing + " '" + part + "' " + remedy(folder, needed, failure.what()) + "; the " +
                     std::to_string(flushed) + " frames flushed so far can be recovered");
     }

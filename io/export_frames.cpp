@@ -1,0 +1,26 @@
+// Names and folders of exported frames.
+#include "io/export_frames.h"
+
+#include <cstdio>
+
+#include "core/atomic_file.h"
+#include "core/error.h"
+
+namespace graupel::io {
+
+void prepare_export(const Trajectory& trajectory, const std::string& folder, const std::string& name) {
+  const char* allowed = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789._-";
+  if (name.empty() || name.find_first_not_of(allowed) != std::string::npos)
+    throw ConfigError("'" + name + "' cannot name exported files (allowed: letters, digits, '.', '_', '-'). " +
+                      "Choose another name");
+  if (trajectory.frames.empty()) throw ConfigError("the trajectory has no frames (0). Export another one");
+  make_folder(folder);
+}
+
+std::string frame_file_name(const std::string& name, std::size_t frame, const std::string& ending) {
+  char number[24];
+  std::snprintf(number, sizeof number, "_%04zu", frame);
+  return name + number + ending;
+}
+
+}  // namespace graupel::io

@@ -1,0 +1,21 @@
+// What the exporters share: checked names, numbered frame files, little-endian bytes.
+#pragma once
+
+#include <string>
+
+#include "core/trajectory.h"
+
+namespace graupel::io {
+
+/// Makes the folder. Throws ConfigError for a name with other characters than A-Z a-z 0-9 . _ - and for a trajectory
+/// without frames.
+void prepare_export(const Trajectory& trajectory, const std::string& folder, const std::string& name);
+/// "<name>_0007<ending>", with more digits where there are more frames.
+std::string frame_file_name(const std::string& name, std::size_t frame, const std::string& ending);
+/// Appends the bytes of a number as they lie in memory (little-endian on every machine this runs on).
+template <typename T>
+void append_bytes(std::string& out, const T& value) {
+  out.append(reinterpret_cast<const char*>(&value), sizeof value);
+}
+
+}  // namespace graupel::io

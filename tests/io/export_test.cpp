@@ -1,0 +1,156 @@
+#include "io/export.h"
+
+#include <gtest/gtest.h>
+#include <openvdb/openvdb.h>
+#include <openvdb/points/PointAttribute.h>
+#include <openvdb/points/PointConversion.h>
+#include <openvdb/points/PointCount.h>
+
+#include <cstring>
+#include <limits>
+
+#include "core/error.h"
+#include "expect_error.h"
+#include "io/mesh_file.h"
+#include "sample_trajectory.h"
+#include "temporary_folder.h"
+
+namespace graupel::io {
+namespace {
+
+constexpr std::size_t particles = 50;
+
+Trajectory sample() {
+  Trajectory out = sample_header(particles);
+  for (int k = 0; k < 3; ++k) out.frames.push_back(sample_frame(particles, k));
+  return out;
+}
+
+/// Values of a named array of a raw-appended VTK file.
+template <typename T>
+std::vector<T> vtk_array(const std::string& bytes, const std::string& name) {
+  const auto tag = bytes.find("Name=\"" + name + "\"");
+  EXPECT_NE(tag, std::string::npos) << name;
+  const std::size_t offset = std::stoul(bytes.substr(bytes.find("offset=\"", tag) + 8, 20));
+  const std::string mark = "<AppendedData encoding=\"raw\">\n_";
+  const char* block = bytes.data() + bytes.find(mark) + mark.size() + offset;
+  uint64_t size = 0;
+  std::memcpy(&size, block, sizeof size);
+  std::vector<T> values(size / sizeof(T));
+  std::memcpy(values.data(), block + sizeof size, size);
+  return values;
+}
+
+TEST(Export, VtpHoldsPointsVelocitiesTypesAndTimes) {
+  TemporaryFolder folder;
+  const Trajectory trajectory = sample();
+  export_vtp(trajectory, folder.file("out"), "run-1");
+  const std::string bytes = bytes_of(folder.file("out/run-1_0002.vtp"));
+  EXPECT_NE(bytes.find("header_type=\"UInt64\""), std::string::npos);
+  EXPECT_NE(bytes.find("NumberOfPoints=\"50\" NumberOfVerts=\"50\""), std::string::npos);
+  EXPECT_EQ(vtk_array<Vec3f>(bytes, "Points"), trajectory.frames[2].position);
+  EXPECT_EQ(vtk_array<Vec3f>(bytes, "velocity"), trajectory.frames[2].velocity);
+  EXPECT_EQ(vtk_array<int32_t>(bytes, "particle_type"), trajectory.particle_type);
+  EXPECT_EQ(vtk_array<double>(bytes, "TimeValue"), std::vector<double>{trajectory.frames[2].time});
+  EXPECT_EQ(vtk_array<int64_t>(bytes, "connectivity")[49], 49);
+  EXPECT_EQ(vtk_array<int64_t>(bytes, "offsets")[49], 50);
+  const std::string times = bytes_of(folder.file("out/run-1.pvd"));
+  EXPECT_NE(times.find("<DataSet timestep=\"0.1\" file=\"run-1_0000.vtp\"/>"), std::string::npos) << times;
+  EXPECT_NE(times.find("file=\"run-1_0002.vtp\"/>"), std::string::npos);
+}
+
+TEST(Export, PlyReadsBack) {
+  TemporaryFolder folder;
+  const Trajectory trajectory = sample();
+  export_ply(trajectory, folder.path(), "run");
+  const auto points = read_points(folder.file("run_0001.ply"));
+  ASSERT_EQ(points.size(), particles);
+  for (std::size_t i = 0; i < particles; ++i)
+    EXPECT_EQ(points[i], trajectory.frames[1].position[i].cast<double>()) << i;
+  const std::string bytes = bytes_of(folder.file("run_0001.ply"));
+  const std::string mark = "end_header\n";
+  const std::size_t start = bytes.find(mark) + mark.size();
+  EXPECT_EQ(bytes.size() - start, particles * 28);
+  Vec3f velocity;
+  int32_t type;
+  std::memcpy(&velocity, bytes.data() + start + 7 * 28 + 12, sizeof velocity);
+  std::memcpy(&type, bytes.data() + start + 7 * 28 + 24, sizeof type);
+  EXPECT_EQ(velocity, trajectory.frames[1].velocity[7]);
+  EXPECT_EQ(type, trajectory.particle_type[7]);
+}
+
+TEST(Export, PlyWithoutVelocitiesHasNoSuchProperties) {
+  TemporaryFolder folder;
+  Trajectory trajectory = sample();
+  for (auto& frame : trajectory.frames) frame.velocity.clear();
+  export_ply(trajectory, folder.path(), "run");
+  EXPECT_EQ(bytes_of(folder.file("run_0000.ply")).find("vx"), std::string::npos);
+  EXPECT_EQ(read_points(folder.file("run_0000.ply")).size(), particles);
+}
+
+TEST(Export, VdbPointsReadBack) {
+  TemporaryFolder folder;
+  const Trajectory trajectory = sample();
+  export_vdb_points(trajectory, folder.path(), "run");
+  EXPECT_FALSE(std::filesystem::exists(folder.file("run_0002.vdb.part")));
+  openvdb::initialize();
+  openvdb::io::File file(folder.file("run_0002.vdb"));
+  file.open(false);
+  const auto grid = openvdb::gridPtrCast<openvdb::points::PointDataGrid>(file.readGrid("particles"));
+  ASSERT_TRUE(grid);
+  EXPECT_EQ(openvdb::points::pointCount(grid->tree()), particles);
+  std::size_t seen = 0;
+  for (auto leaf = grid->tree().cbeginLeaf(); leaf; ++leaf) {
+    const openvdb::points::AttributeHandle<openvdb::Vec3f> p(leaf->constAttributeArray("P"));
+    const openvdb::points::AttributeHandle<openvdb::Vec3f> v(leaf->constAttributeArray("v"));
+    const openvdb::points::AttributeHandle<int32_t> id(leaf->constAttributeArray("id"));
+    const openvdb::points::AttributeHandle<int32_t> type(leaf->constAttributeArray("type"));
+    for (auto point = leaf->beginIndexOn(); point; ++point, ++seen) {
+      const auto i = static_cast<std::size_t>(id.get(*point));
+      ASSERT_LT(i, particles);
+      EXPECT_EQ(type.get(*point), trajectory.particle_type[i]);
+      const openvdb::Vec3d world = grid->indexToWorld(openvdb::Vec3d(p.get(*point)) + point.getCoord().asVec3d());
+      for (int axis = 0; axis < 3; ++axis) {
+        EXPECT_NEAR(world[axis], trajectory.frames[2].position[i][axis], 1e-5);
+        EXPECT_EQ(v.get(*point)[axis], trajectory.frames[2].velocity[i][axis]);
+      }
+    }
+  }
+  EXPECT_EQ(seen, particles);
+}
+
+TEST(Export, VdbTakesParticlesThatShareAPlace) {
+  TemporaryFolder folder;
+  for (const std::size_t count : {1u, 5u}) {
+    Trajectory trajectory = sample_header(count);
+    trajectory.frames.push_back(
+        {.time = 0, .position = std::vector<Vec3f>(count, Vec3f{0.3f, 0.2f, 0.1f}), .velocity = {}});
+    export_vdb_points(trajectory, folder.path(), "run");
+    openvdb::initialize();
+    openvdb::io::File file(folder.file("run_0000.vdb"));
+    file.open(false);
+    const auto grid = openvdb::gridPtrCast<openvdb::points::PointDataGrid>(file.readGrid("particles"));
+    EXPECT_EQ(openvdb::points::pointCount(grid->tree()), count);
+  }
+}
+
+TEST(Export, RefusesBadNamesAndFolders) {
+  TemporaryFolder folder;
+  const Trajectory trajectory = sample();
+  expect_error<ConfigError>([&] { export_ply(trajectory, folder.path(), "../run"); }, {"'../run'", "allowed: letters"});
+  expect_error<ConfigError>([&] { export_vtp(trajectory, folder.path(), ""); }, {"allowed: letters"});
+  expect_error<ConfigError>([&] { export_vdb_points(sample_header(2), folder.path(), "run"); }, {"no frames"});
+  folder.write("file", "x");
+  expect_error<IoError>([&] { export_ply(trajectory, folder.file("file/sub"), "run"); }, {"file/sub"});
+}
+
+TEST(Export, VdbRefusesPositionsThatAreNotFinite) {
+  TemporaryFolder folder;
+  Trajectory trajectory = sample();
+  trajectory.frames[1].position[3][0] = std::numeric_limits<float>::quiet_NaN();
+  expect_error<DivergedError>([&] { export_vdb_points(trajectory, folder.path(), "run"); },
+                              {"frame 1", "particle 3", "not finite"});
+}
+
+}  // namespace
+}  // namespace graupel::io
