@@ -58,7 +58,7 @@ TEST(Fcn, SplitFirstLayerAndFoldedNormEqualTheFormula) {
   // columns 0..4 and 5..7 as parts, 8..10 as a table row
   const Linear first = f.first_layer_part(0, 5, FcnWeights::Bias::with);
   const Linear second = f.first_layer_part(5, 3, FcnWeights::Bias::without);
-  const OffsetTable table(f, 8, {{0, 0, 1}, {0.5f, -1.0f, 1.0f}});
+  const InputTable table(f, 8, {{0, 0, 1}, {0.5f, -1.0f, 1.0f}});
   Buffer<float> h(Device::cpu, width), y(Device::cpu, padded_width(out));
   first.apply(x.data(), 5, 1, h.data(), width);
   second.add(x.data() + 5, 3, 1, h.data(), width);
