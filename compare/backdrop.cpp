@@ -52,7 +52,7 @@ Vec3f floor_albedo(const Vec3d& point, const Vec3d& low, const Vec3d& high, cons
   int parity = 0;
   for (int d = 0; d < 3; ++d)
     if (std::abs(up[d]) < 0.5) parity += static_cast<int>(std::floor((point[d] - low[d]) / (0.1 * longest)));
-  return Vec3f::filled(parity & 1 ? 0.30f : 0.34f);
+  return Vec3f::filled(parity & 1 ? 0.38f : 0.43f);
 }
 
 class BackdropPainter {
@@ -68,15 +68,14 @@ class BackdropPainter {
     const double to_floor = floor_distance(direction);
     const double to_obstacle = obstacle_distance(b_.camera.eye, direction);
     const double hit = std::min(to_floor, to_obstacle);
-    const float height = static_cast<float>(y) / static_cast<float>(b_.camera.height);
-    b_.albedo[i] = Vec3f{0.17f, 0.18f, 0.21f} * (1.25f - 0.5f * height);
+    b_.albedo[i] = {0.20f, 0.215f, 0.24f};
     if (hit == infinity) return;
     const Vec3d point = b_.camera.eye + direction * hit;
     Vec3d normal = b_.up;
     b_.albedo[i] = floor_albedo(point, b_.low, b_.high, b_.up);
     if (to_obstacle < to_floor) {
       normal = obstacles_.sample(point).normal;
-      b_.albedo[i] = {0.56f, 0.50f, 0.52f};
+      b_.albedo[i] = {0.62f, 0.55f, 0.57f};
     }
     b_.depth[i] = static_cast<float>(hit / length);
     b_.normal[i] = normal.cast<float>();

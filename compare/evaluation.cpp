@@ -12,6 +12,7 @@
 #include "compare/position_error.h"
 #include "core/error.h"
 #include "core/material_config.h"
+#include "core/parallel_for.h"
 
 namespace graupel::compare {
 
@@ -48,15 +49,16 @@ Cloud cloud_of(const ParticleRun& run, std::size_t frame, int32_t type) {
 double sinkhorn_of_material(const Scene& scene, const ParticleRun& truth, const ParticleRun& run, std::size_t frames,
                             int32_t type) {
   const std::size_t count = std::min(transport_frames, frames);
-  double sum = 0;
-  for (std::size_t k = 1; k <= count; ++k) {
-    const std::size_t frame = k * frames / count;
+  std::vector<double> divergence(count);
+  const auto one_frame = [&](int64_t k) {
+    const std::size_t frame = (static_cast<std::size_t>(k) + 1) * frames / count;
     const Cloud x = cloud_of(truth, frame, type), y = cloud_of(run, frame, type);
     WeightedPoints a, b;
-    bin_together(x.position, x.mass, y.position, y.mass, scene.domain.dx, transport_points, a, b);
-    sum += sinkhorn_divergence(a, b, 4 * scene.domain.dx * scene.domain.dx);
-  }
-  return sum / static_cast<double>(count);
+    const double cell = bin_together(x.position, x.mass, y.position, y.mass, scene.domain.dx, transport_points, a, b);
+    divergence[k] = sinkhorn_divergence(a, b, 4 * cell * cell);
+  };
+  parallel_for(Device::cpu, static_cast<int64_t>(count), one_frame, Grain{1});
+  return mean(divergence);
 }
 
 MetricValues material_values(const Scene& scene, const ParticleRun& truth, const ParticleRun& run,

@@ -166,7 +166,7 @@ Vec3f shade(const Vec3f& albedo, const Vec3f& normal, const Vec3f& light, const 
   if (norm2(normal) == 0) return albedo;
   const float facing = std::max(0.0f, dot(normal, light));
   const float gleam = std::pow(std::max(0.0f, dot(normal, normalized(light + to_eye))), 30.0f);
-  return albedo * (0.42f + 0.62f * facing * lit) + Vec3f::filled(0.10f * gleam * lit);
+  return albedo * (0.47f + 0.62f * facing * lit) + Vec3f::filled(0.10f * gleam * lit);
 }
 
 }  // namespace
