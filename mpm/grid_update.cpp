@@ -17,13 +17,13 @@ GRAUPEL_HD inline Vec<T, 3> meet_obstacle(const ObstacleNodeView<T>& obstacles, 
   return apply_contact(obstacle.contact, static_cast<T>(obstacle.friction), normal, v);
 }
 
-/// Walls act on the nodes outside the box: below its lower face, and from its upper face on (Taichi Elements' padding).
+/// Walls act on the nodes on and behind their planes.
 template <typename T>
 GRAUPEL_HD inline Vec<T, 3> meet_walls(const WallView<T>& walls, const Vec<T, 3>& x, T dx, Vec<T, 3> v) {
   const T tolerance = T(1e-3) * dx;
   for (int d = 0; d < 3; ++d) {
     Vec<T, 3> normal = Vec<T, 3>::zero();
-    if (x[d] < walls.low[d] - tolerance) normal[d] = T(1);
+    if (x[d] < walls.low[d] + tolerance) normal[d] = T(1);
     if (x[d] > walls.high[d] - tolerance) normal[d] = T(-1);
     if (normal[d] != T(0)) v = apply_contact(walls.contact, walls.friction, normal, v);
   }

@@ -113,9 +113,6 @@ Diagnostics diagnose(const HostParticles<T>& particles, const std::vector<Materi
   return sum;
 }
 
-Vec3d particle_box_low(const Scene& scene) { return scene.wall_low() - Vec3d::filled(scene.domain.dx); }
-Vec3d particle_box_high(const Scene& scene) { return scene.wall_high(); }
-
 #define GRAUPEL_INSTANTIATE(T)                                                                                 \
   template struct HostParticles<T>;                                                                            \
   template HostParticles<T> initial_particles<T>(const SampledParticles&, const std::vector<MaterialConfig>&); \

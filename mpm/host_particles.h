@@ -36,8 +36,4 @@ template <typename T>
 Diagnostics diagnose(const HostParticles<T>& particles, const std::vector<MaterialConfig>& materials, double dx,
                      const Vec3d& gravity);
 
-/// Box that no particle leaves [m].
-Vec3d particle_box_low(const Scene& scene);
-Vec3d particle_box_high(const Scene& scene);
-
 }  // namespace graupel::mpm

@@ -84,17 +84,15 @@ struct MoveSlots {
         if (found.bad_slot < 0 || slot < found.bad_slot) found.bad_slot = slot;
         return;
       }
-    Vec<T, 3> x = before + step;
+    const Vec<T, 3> wanted = before + step;
+    Vec<T, 3> x = wanted;
     for (int d = 0; d < 3; ++d) {
       x[d] = x[d] < view.walls.particle_low[d] ? view.walls.particle_low[d] : x[d];
       x[d] = x[d] > view.walls.particle_high[d] ? view.walls.particle_high[d] : x[d];
     }
-    if (view.push_out && near_surface(x, norm(step))) {
-      const Vec<T, 3> entered = x;
-      if (sparsegrid::push_out(view.obstacle_nodes.obstacles, view.walls.particle_low, view.walls.particle_high, before,
-                               x))
-        stop_at_surface(slot, x - entered, found);
-    }
+    if (view.push_out && near_surface(x, norm(step)))
+      sparsegrid::push_out(view.obstacle_nodes.obstacles, view.walls.particle_low, view.walls.particle_high, before, x);
+    if (!(x == wanted)) stop_at_surface(slot, x - wanted, found);
     p.position.set_vec(slot, x);
     const int32_t key = home_key(x);
     if (key != view.keys[slot]) {

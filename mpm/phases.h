@@ -12,7 +12,7 @@ namespace graupel::mpm {
 /// What holds the material at the walls.
 template <typename T>
 struct WallView {
-  Vec<T, 3> low, high;                    ///< wall planes: nodes below low or from high on are held [m]
+  Vec<T, 3> low, high;                    ///< wall planes; nodes on and behind them are held [m]
   Vec<T, 3> particle_low, particle_high;  ///< no particle leaves this box [m]
   Contact contact;
   T friction;

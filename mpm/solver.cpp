@@ -13,14 +13,15 @@ namespace graupel::mpm {
 
 namespace {
 
+/// Without push_out particles may creep past the walls, but never so far that their stencil leaves the grid.
 template <typename T>
 WallView<T> walls_of(const Scene& scene) {
   WallView<T> walls;
   walls.low = scene.wall_low().cast<T>();
   walls.high = scene.wall_high().cast<T>();
-  const Vec3d low = particle_box_low(scene), high = particle_box_high(scene);
-  walls.particle_low = low.cast<T>();
-  walls.particle_high = high.cast<T>();
+  const Vec3d inset = Vec3d::filled(0.6 * scene.domain.dx);
+  walls.particle_low = scene.push_out ? walls.low : (scene.domain.origin + inset).cast<T>();
+  walls.particle_high = scene.push_out ? walls.high : (scene.domain.origin + scene.domain.size - inset).cast<T>();
   walls.contact = scene.domain.walls;
   walls.friction = static_cast<T>(scene.domain.wall_friction);
   return walls;
