@@ -40,6 +40,9 @@ struct ObstacleSetView {
 template <typename T>
 GRAUPEL_HD SignedDistance<T> signed_distance(const ObstacleView& obstacle, const Vec<T, 3>& x);
 
+/// Largest difference of a grid's values at neighbouring voxels [voxels]; grids are built so.
+inline constexpr double steepest_grid = 1.1;
+
 /// phi of a set without obstacles [m].
 inline constexpr double no_obstacle_distance = 1e30;
 

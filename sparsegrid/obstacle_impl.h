@@ -57,17 +57,36 @@ GRAUPEL_HD T trilinear(const T (&v)[2][2][2], const Vec<T, 3>& t, Vec<T, 3>& gra
   return plane[0] + t[0] * gradient[0];
 }
 
+GRAUPEL_HD inline nanovdb::Coord to_coord(const Vec<int, 3>& v) { return nanovdb::Coord(v[0], v[1], v[2]); }
+
+template <typename T>
+GRAUPEL_HD Vec<int, 3> floor_of(const Vec<T, 3>& index) {
+  return {static_cast<int>(std::floor(index[0])), static_cast<int>(std::floor(index[1])),
+          static_cast<int>(std::floor(index[2]))};
+}
+
+/// The eight grid values at base + {0, 1}^3; most often they lie in one leaf.
+template <typename T>
+GRAUPEL_HD void read_corners(const nanovdb::FloatGrid& grid, const Vec<int, 3>& base, T (&v)[2][2][2]) {
+  const auto accessor = grid.getAccessor();
+  const nanovdb::Coord first = to_coord(base);
+  const auto* leaf = accessor.probeLeaf(first);
+  const bool in_one_leaf = leaf != nullptr && (base[0] & 7) != 7 && (base[1] & 7) != 7 && (base[2] & 7) != 7;
+  const uint32_t offset = in_one_leaf ? leaf->CoordToOffset(first) : 0;
+  for (int i = 0; i < 2; ++i)
+    for (int j = 0; j < 2; ++j)
+      for (int k = 0; k < 2; ++k)
+        v[i][j][k] = static_cast<T>(in_one_leaf ? leaf->getValue(offset + static_cast<uint32_t>(64 * i + 8 * j + k))
+                                                : accessor.getValue(first.offsetBy(i, j, k)));
+}
+
 /// Value and gradient (in index space) at `index`, in voxels.
 template <typename T>
 GRAUPEL_HD T interpolate(const nanovdb::FloatGrid& grid, const Vec<T, 3>& index, Vec<T, 3>& gradient) {
-  const T fx = std::floor(index[0]), fy = std::floor(index[1]), fz = std::floor(index[2]);
-  const nanovdb::Coord base(static_cast<int>(fx), static_cast<int>(fy), static_cast<int>(fz));
-  const auto accessor = grid.getAccessor();
+  const Vec<int, 3> base = floor_of(index);
   T v[2][2][2];
-  for (int i = 0; i < 2; ++i)
-    for (int j = 0; j < 2; ++j)
-      for (int k = 0; k < 2; ++k) v[i][j][k] = static_cast<T>(accessor.getValue(base.offsetBy(i, j, k)));
-  return trilinear(v, {index[0] - fx, index[1] - fy, index[2] - fz}, gradient);
+  read_corners(grid, base, v);
+  return trilinear(v, index - base.template cast<T>(), gradient);
 }
 
 }  // namespace lookup

@@ -1,14 +1,13 @@
 // Level sets by OpenVDB: sampled from formulas, from closed meshes and from .vdb files; converted to NanoVDB; written,
 // read and inspected. The only file of this folder that includes OpenVDB (nvcc cannot read it, and it is slow to
 // parse).
+#include <nanovdb/util/NanoToOpenVDB.h>
+#include <nanovdb/util/OpenToNanoVDB.h>
 #include <openvdb/openvdb.h>
 #include <openvdb/tools/LevelSetRebuild.h>
 #include <openvdb/tools/MeshToVolume.h>
 #include <openvdb/tools/Prune.h>
 #include <openvdb/tools/SignedFloodFill.h>
-
-#include <nanovdb/util/NanoToOpenVDB.h>
-#include <nanovdb/util/OpenToNanoVDB.h>
 
 #include <algorithm>
 #include <cmath>
@@ -44,17 +43,12 @@ void initialize_openvdb() {
 }
 
 Vec3i to_vec(const Coord& c) { return {c.x(), c.y(), c.z()}; }
-std::string number(double x) {
-  std::ostringstream text;
-  text << x;
-  return text.str();
-}
 
 /// Exception text that came from a file: bounded, printable.
 std::string tame(const std::string& text) {
   std::string out = text.substr(0, 200);
-  for (char& c : out)
-    if (static_cast<unsigned char>(c) < 32) c = ' ';
+  std::replace_if(
+      out.begin(), out.end(), [](unsigned char c) { return c < 32; }, ' ');
   return out;
 }
 
@@ -74,7 +68,7 @@ void for_each_block(const LocalBox& box, double voxel, Visitor&& visit) {
     const double low = std::floor(box.low[d] / voxel / block), high = std::floor(box.high[d] / voxel / block);
     count = high - low < 1e6 ? count * (static_cast<int64_t>(high - low) + 1) : max_blocks + 1;
     if (count > max_blocks)
-      throw ConfigError("an obstacle needs too many blocks of its grid (voxel " + number(voxel) +
+      throw ConfigError("an obstacle needs too many blocks of its grid (voxel " + std::to_string(voxel) +
                         " m, at most 2^24 blocks of 8^3 voxels). Choose a larger obstacle_voxel or a smaller obstacle");
     first[d] = static_cast<int>(low), last[d] = static_cast<int>(high);
   }
@@ -205,12 +199,23 @@ FloatGrid::Ptr read_level_set(const std::string& path) {
 
 /// Whether voxel (i,j,k) of the grid lies at (i,j,k) * voxel.
 bool is_plain(const openvdb::math::Transform& transform, double voxel) {
-  const double far = 1000;
-  for (int d = 0; d < 4; ++d) {
-    openvdb::Vec3d index(0, 0, 0);
-    if (d < 3) index[d] = far;
-    if ((transform.indexToWorld(index) - index * voxel).length() > 1e-5 * voxel * far) return false;
-  }
+  bool plain = true;
+  for (const openvdb::Vec3d& index : {openvdb::Vec3d(0, 0, 0), openvdb::Vec3d(1e3, 0, 0), openvdb::Vec3d(0, 1e3, 1e3)})
+    plain = plain && (transform.indexToWorld(index) - index * voxel).length() < 1e-2 * voxel;
+  return plain;
+}
+
+/// Whether neighbouring values differ as distances do (some programs store level sets that are none).
+bool has_slopes_of_a_distance(const FloatGrid& grid, double voxel) {
+  const auto accessor = grid.getConstAccessor();
+  const double limit = steepest_grid * voxel;
+  for (auto value = grid.cbeginValueOn(); value; ++value)
+    for (int d = 0; d < 3; ++d)
+      for (int side = -1; side <= 1; side += 2) {
+        Coord next = value.getCoord();
+        next[d] += side;
+        if (std::abs(accessor.getValue(next) - *value) > limit) return false;
+      }
   return true;
 }
 
@@ -223,8 +228,9 @@ FloatGrid::Ptr file_level_set(const Obstacle& obstacle, double voxel, double ban
     for (auto value = grid->beginValueAll(); value; ++value) value.setValue(*value * scale);
     grid->tree().root().setBackground(grid->background() * scale, /*updateChildNodes=*/false);
     grid->transform().postScale(obstacle.scale);
-    if (is_plain(grid->transform(), voxel) && grid->background() >= band * (1 - 1e-5)) {
-      openvdb::tools::signedFloodFill(grid->tree());
+    openvdb::tools::signedFloodFill(grid->tree());
+    if (is_plain(grid->transform(), voxel) && grid->background() >= band * (1 - 1e-5) &&
+        has_slopes_of_a_distance(*grid, voxel)) {
       grid->setTransform(openvdb::math::Transform::createLinearTransform(voxel));
       return grid;
     }
@@ -252,10 +258,6 @@ LocalBox padded(const openvdb::CoordBBox& box, double voxel) {
   return {to_vec(box.min().offsetBy(-1)).cast<double>() * voxel, to_vec(box.max().offsetBy(1)).cast<double>() * voxel};
 }
 
-std::string class_of(const openvdb::GridBase& grid) {
-  return openvdb::GridBase::gridClassToString(grid.getGridClass());
-}
-
 template <typename GridType>
 void value_facts(const GridType& grid, GridFacts& facts) {
   facts.background = static_cast<double>(grid.background());
@@ -270,7 +272,7 @@ void value_facts(const GridType& grid, GridFacts& facts) {
 GridFacts facts_of(const openvdb::GridBase& grid) {
   GridFacts facts;
   facts.name = tame(grid.getName());
-  facts.grid_class = class_of(grid);
+  facts.grid_class = openvdb::GridBase::gridClassToString(grid.getGridClass());
   facts.voxel = grid.voxelSize()[0];
   facts.active_voxels = static_cast<int64_t>(grid.activeVoxelCount());
   facts.bytes = static_cast<int64_t>(grid.memUsage());
@@ -369,8 +371,7 @@ VectorGrid build_vector_grid(const std::vector<Vec3i>& coordinate, const std::ve
   grid->setName(name);
   auto accessor = grid->getAccessor();
   for (std::size_t i = 0; i < coordinate.size(); ++i)
-    accessor.setValue(Coord(coordinate[i][0], coordinate[i][1], coordinate[i][2]),
-                      openvdb::Vec3s(value[i][0], value[i][1], value[i][2]));
+    accessor.setValue(Coord(coordinate[i].a), openvdb::Vec3s(value[i].a));
   VectorGrid out;
   out.bytes = to_nano(*grid);
   out.active_cells = static_cast<int64_t>(grid->activeVoxelCount());

@@ -10,12 +10,22 @@ namespace graupel::sparsegrid {
 
 namespace lookup {
 
+/// False when the box of the solid, or one value of the grid, tells that phi is positive at x: spares eight reads.
+template <typename T>
+GRAUPEL_HD bool may_be_inside(const ObstacleView& obstacle, const Vec<T, 3>& x) {
+  if (!in_box(x, obstacle.solid_low, obstacle.solid_high)) return false;
+  if (obstacle.is_plane) return true;
+  const T inverse_voxel = static_cast<T>(obstacle.inverse_voxel);
+  const auto base = to_coord(floor_of(to_local(obstacle, x) * inverse_voxel));
+  return static_cast<T>(obstacle.grid->tree().getValue(base)) * inverse_voxel <= T(3 * steepest_grid);
+}
+
 /// The obstacle that a point is deepest in; phi is no_obstacle_distance where none can be entered.
 template <typename T>
 GRAUPEL_HD SignedDistance<T> deepest(const ObstacleSetView& set, const Vec<T, 3>& x) {
   SignedDistance<T> found = {static_cast<T>(no_obstacle_distance), Vec<T, 3>::zero()};
   for (int i = 0; i < set.count; ++i) {
-    if (!in_box(x, set.obstacles[i].solid_low, set.obstacles[i].solid_high)) continue;
+    if (!may_be_inside(set.obstacles[i], x)) continue;
     const SignedDistance<T> one = signed_distance(set.obstacles[i], x);
     if (one.phi < found.phi) found = one;
   }

@@ -11,6 +11,7 @@
 #include "sparsegrid/analytic_shape.h"
 #include "sparsegrid/cell_normals.h"
 #include "sparsegrid/dart_board.h"
+#include "sparsegrid/push_out.h"
 
 namespace graupel::sparsegrid {
 
@@ -29,7 +30,9 @@ class Candidates {
     const Vec3d x = own.rotation * local + own.position;
     if (!lookup::in_box(x, low_, high_)) return;
     for (int i = 0; i < set_.count; ++i)
-      if (i != obstacle_ && signed_distance(set_.obstacles[i], x).phi < 0) return;
+      if (i != obstacle_ && lookup::may_be_inside(set_.obstacles[i], x) &&
+          signed_distance(set_.obstacles[i], x).phi < 0)
+        return;
     out.position.push_back(x);
     out.normal.push_back(own.rotation * local_normal);
   }
@@ -46,15 +49,13 @@ void append(SurfaceSamples& to, const SurfaceSamples& from) {
 }
 
 /// Corner values of the grid cell above voxel `base` [voxels]; false when the surface does not cross it.
-template <typename Accessor>
-bool crossed_cell(const Accessor& accessor, const nanovdb::Coord& base, double inverse_voxel, double (&v)[2][2][2]) {
+bool crossed_cell(const ObstacleView& view, const Vec3i& base, double (&v)[2][2][2]) {
+  lookup::read_corners(*view.grid, base, v);
   int inside = 0;
-  for (int i = 0; i < 2; ++i)
-    for (int j = 0; j < 2; ++j)
-      for (int k = 0; k < 2; ++k) {
-        v[i][j][k] = static_cast<double>(accessor.getValue(base.offsetBy(i, j, k))) * inverse_voxel;
-        inside += v[i][j][k] < 0;
-      }
+  for (double* value = &v[0][0][0]; value != &v[0][0][0] + 8; ++value) {
+    *value *= view.inverse_voxel;
+    inside += *value < 0;
+  }
   return inside > 0 && inside < 8;
 }
 
@@ -83,12 +84,12 @@ SurfaceSamples grid_candidates(const Candidates& candidates, const ObstacleView&
   std::vector<SurfaceSamples> found(tree.nodeCount(0));
 #pragma omp parallel for schedule(dynamic, 16)
   for (std::size_t l = 0; l < found.size(); ++l) {
-    const auto accessor = view.grid->getAccessor();
     double v[2][2][2];
     for (uint32_t n = 0; n < 512; ++n) {
       if (std::abs(leaves[l].getValue(n)) > 1.8 * voxel) continue;  // farther than a cell's diagonal
-      const nanovdb::Coord base = leaves[l].offsetToGlobalCoord(n);
-      if (!crossed_cell(accessor, base, view.inverse_voxel, v)) continue;
+      const nanovdb::Coord corner = leaves[l].offsetToGlobalCoord(n);
+      const Vec3i base = {corner.x(), corner.y(), corner.z()};
+      if (!crossed_cell(view, base, v)) continue;
       for (int64_t s = 0; s < per_cell; ++s) {
         const auto index = static_cast<uint64_t>((static_cast<int64_t>(l) * 512 + n) * per_cell + s);
         const auto word = random.words(index);
@@ -96,7 +97,7 @@ SurfaceSamples grid_candidates(const Candidates& candidates, const ObstacleView&
         Vec3d t, gradient;
         for (int d = 0; d < 3; ++d) t[d] = (static_cast<double>(sub[d]) + word.v[d] * 0x1p-32) / strata;
         if (!to_surface(v, reach, t, gradient)) continue;
-        t += Vec3i{base.x(), base.y(), base.z()}.cast<double>();
+        t += base.cast<double>();
         candidates.add(found[l], t * voxel, normalized(gradient));
       }
     }

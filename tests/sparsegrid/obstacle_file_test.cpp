@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <fstream>
 
+#include "core/atomic_file.h"
 #include "core/error.h"
 #include "sparsegrid/cell_normals.h"
 #include "sparsegrid/mesh_topology.h"
@@ -163,6 +164,63 @@ TEST(ObstacleFile, BadVdbFilesAreInputErrors) {
   CellNormals(scene, ObstacleSet(scene)).write_vdb(vectors);
   EXPECT_THROW(ObstacleSet(scene_with({vdb_obstacle(vectors, {0, 0, 0})})), InputError);
   std::filesystem::remove(vectors);
+}
+
+/// Replaces the first (or every) `from` in a file by `to` of the same length.
+void patch_file(const std::string& path, const std::string& from, const std::string& to, bool all) {
+  std::string bytes = read_file(path);
+  std::size_t at = bytes.find(from), patched = 0;
+  for (; at != std::string::npos; at = all ? bytes.find(from, at + 1) : std::string::npos, ++patched)
+    bytes.replace(at, to.size(), to);
+  ASSERT_GT(patched, 0u);
+  std::ofstream(path, std::ios::binary) << bytes;
+}
+
+template <typename T>
+std::string bytes_of(const std::vector<T>& values) {
+  return std::string(reinterpret_cast<const char*>(values.data()), values.size() * sizeof(T));
+}
+
+TEST(ObstacleFile, VdbThatSaysItIsHugeIsNotRead) {
+  const std::string file = file_in_temp("huge.vdb");
+  const Scene scene = scene_with({make_obstacle(Shape::sphere, {0.5, 0.5, 0.5})}, 0.05);
+  const ObstacleSet set(scene);
+  set.write_vdb(file);
+  const std::string key = "file_voxel_count" + bytes_of<int32_t>({5}) + "int64" + bytes_of<int32_t>({8});
+  patch_file(file, key + bytes_of<int64_t>({set.facts(0).active_voxels}), key + bytes_of<int64_t>({int64_t(1) << 40}),
+             false);
+  for (const auto& read : {+[](const std::string& f) {
+                             ObstacleSet(scene_with({vdb_obstacle(f, {0, 0, 0})}));
+                           },
+                           +[](const std::string& f) { inspect_vdb(f); }}) {
+    try {
+      read(file);
+      FAIL() << "2^40 voxels were taken";
+    } catch (const InputError& e) {
+      EXPECT_NE(std::string(e.what()).find("too large"), std::string::npos) << e.what();
+    }
+  }
+  std::filesystem::remove(file);
+}
+
+/// What OpenVDB stores of a transform by one scale: scale, voxel, 1/scale, 1/scale^2, 1/(2 scale), three times each.
+std::string scale_map_bytes(double scale) {
+  std::vector<double> values;
+  for (const double v : {scale, scale, 1 / scale, 1 / (scale * scale), 0.5 / scale}) values.insert(values.end(), 3, v);
+  return bytes_of(values);
+}
+
+TEST(ObstacleFile, LevelSetThatIsNoDistanceIsRebuilt) {
+  const std::string file = file_in_temp("steep.vdb");
+  Scene scene = scene_with({make_obstacle(Shape::sphere, {0.5, 0.5, 0.5})}, 1.0 / 32);
+  ObstacleSet(scene).write_vdb(file);
+  // Half the voxel with the same values: a sphere of half the radius whose values are twice the distance.
+  patch_file(file, scale_map_bytes(scene.voxel()), scale_map_bytes(scene.voxel() / 2), true);
+  Scene small = scene_with({make_obstacle(Shape::sphere, {0.5, 0.5, 0.5})}, 1.0 / 64);
+  small.obstacles[0].radius /= 2;
+  const ObstacleSet back(scene_with({vdb_obstacle(file, {0.5, 0.5, 0.5})}, 1.0 / 64));
+  EXPECT_LT(largest_difference(ObstacleSet(small), back), 0.2 * small.voxel());
+  std::filesystem::remove(file);
 }
 
 TEST(ObstacleFile, WritingSaysWhatFailed) {
