@@ -63,7 +63,7 @@ int64_t count_of(const SceneRecipe& recipe, mpm::Split split) {
   return 0;
 }
 
-constexpr mpm::Split all_splits[] = {mpm::Split::train, mpm::Split::valid, mpm::Split::test};
+constexpr mpm::Split all_splits[] = {mpm::Split::test, mpm::Split::valid, mpm::Split::train};
 
 /// Makes a data set in a folder: which scenes are missing, running them, merging the splits.
 class DataSet {

@@ -30,12 +30,14 @@ int run(int argc, char** argv) {
   app.footer("Examples:\n  graupel simulate scenes/shared/water_steps.json -o steps.h5\n"
              "  graupel compare --scenes scenes/shared/water_steps.json --models mpm,models/hgn.safetensors --report report.html\n"
              "'graupel VERB --help' explains a verb. Exit codes: 0 ok, 1 failed, 2 usage, 3 bad input, 4 diverged, 5 I/O, 130 interrupted.");
+#ifndef GRAUPEL_NO_COMPARE
   add_demo(app);
+  add_compare(app);
+#endif
   add_generate(app);
   add_simulate(app);
   add_train(app);
   add_rollout(app);
-  add_compare(app);
   add_export(app);
   add_inspect(app);
   install_signal_handlers();
