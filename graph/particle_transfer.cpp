@@ -3,6 +3,7 @@
 // a particle. The mean-free second layer makes the sum over pairs  gamma sum(w s y) + beta sum(w)  (nn/fcn.h).
 #include "graph/particle_transfer.h"
 
+#include <algorithm>
 #include <cstring>
 
 #include "graph/features.h"
