@@ -1,6 +1,9 @@
 // graupel: parses the command line, runs one verb, turns errors into messages and exit codes.
+#include <unistd.h>
+
 #include <CLI/CLI.hpp>
 #include <cstdio>
+#include <cstdlib>
 #include <exception>
 #include <new>
 
@@ -21,6 +24,15 @@ std::string parse_error_text(const CLI::App& app, const CLI::ParseError& error) 
     if (!close.empty()) text += ". Did you mean '" + close + "' instead of '" + word + "'?";
   }
   return text;
+}
+
+/// Waiting OpenMP threads spin for a few microseconds and then sleep. libgomp's default (seconds of spinning) makes two
+/// threads slower than one wherever another process wants the cores, and it reads its settings before main: so the
+/// program starts itself once more with them. A setting of the user's own is kept.
+void limit_spinning(char** argv) {
+  if (std::getenv("GOMP_SPINCOUNT") != nullptr || std::getenv("OMP_WAIT_POLICY") != nullptr) return;
+  ::setenv("GOMP_SPINCOUNT", "20000", 1);
+  ::execv("/proc/self/exe", argv);  // on failure the run goes on as it is
 }
 
 int run(int argc, char** argv) {
@@ -58,6 +70,7 @@ int run(int argc, char** argv) {
 
 int main(int argc, char** argv) {
   using graupel::ExitCode;
+  graupel::apps::limit_spinning(argv);
   try {
     return graupel::apps::run(argc, argv);
   } catch (const graupel::Error& error) {
