@@ -86,14 +86,19 @@ struct GatherParticle {
 }  // namespace
 
 template <typename T>
+void grid_to_particle_by_particles(const SolverView<T>& view) {
+  parallel_for(view.device, view.particles.count, GatherParticle<T>{view});
+}
+
+template <typename T>
 void grid_to_particle(const SolverView<T>& view) {
-  if (view.device == Device::cpu)
-    parallel_for(Device::cpu, view.blocks.home_count, GatherBlock<T>{view}, Grain{1});
-  else
-    parallel_for(view.device, view.particles.count, GatherParticle<T>{view});
+  if (view.device != Device::cpu) return grid_to_particle_by_particles(view);
+  parallel_for(Device::cpu, view.blocks.home_count, GatherBlock<T>{view}, Grain{1});
 }
 
 template void grid_to_particle<float>(const SolverView<float>&);
 template void grid_to_particle<double>(const SolverView<double>&);
+template void grid_to_particle_by_particles<float>(const SolverView<float>&);
+template void grid_to_particle_by_particles<double>(const SolverView<double>&);
 
 }  // namespace graupel::mpm

@@ -58,6 +58,9 @@ struct Survey {
 /// Node momentum and mass from all particles: MLS-MPM force and APIC momentum.
 template <typename T>
 void particle_to_grid(const SolverView<T>& view, T dt);
+/// The same where every node looks for its particles: the form for GPUs.
+template <typename T>
+void particle_to_grid_by_nodes(const SolverView<T>& view, T dt);
 
 /// Momentum -> velocity, gravity, obstacles, walls.
 template <typename T>
@@ -66,6 +69,9 @@ void update_grid(const SolverView<T>& view, T dt);
 /// Particle velocity and affine velocity from the nodes.
 template <typename T>
 void grid_to_particle(const SolverView<T>& view);
+/// The same where every particle reads its own nodes: the form for GPUs.
+template <typename T>
+void grid_to_particle_by_particles(const SolverView<T>& view);
 
 /// F <- (I + dt C) F, return mapping, stress.
 template <typename T>

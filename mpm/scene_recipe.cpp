@@ -37,7 +37,8 @@ class Draws {
   /// Uniform rotation (Shoemake 1992) as axis and angle [degrees].
   void rotation(Vec3d& axis, double& angle) {
     const double u = uniform(0, 1), a = uniform(0, 2 * pi), b = uniform(0, 2 * pi);
-    const Vec3d imaginary = {std::sqrt(1 - u) * std::sin(a), std::sqrt(1 - u) * std::cos(a), std::sqrt(u) * std::sin(b)};
+    const Vec3d imaginary = {std::sqrt(1 - u) * std::sin(a), std::sqrt(1 - u) * std::cos(a),
+                             std::sqrt(u) * std::sin(b)};
     const double real = std::sqrt(u) * std::cos(b);
     const double length = norm(imaginary);
     axis = length > 1e-12 ? imaginary * (1 / length) : Vec3d{0, 1, 0};
@@ -51,8 +52,12 @@ class Draws {
 
 Shape shape_named(const std::string& word, const char* key) {
   for (const auto& [name, shape] : EnumWords<Shape>::words)
-    if (word == name && shape != Shape::plane && shape != Shape::mesh && shape != Shape::vdb && shape != Shape::points) return shape;
-  throw ConfigError(fmt::format("recipe key '{}': shape '{}' cannot be drawn at random (allowed: box, half_box, sphere, half_sphere, cone, pyramid, cylinder)", key, word));
+    if (word == name && shape != Shape::plane && shape != Shape::mesh && shape != Shape::vdb && shape != Shape::points)
+      return shape;
+  throw ConfigError(
+      fmt::format("recipe key '{}': shape '{}' cannot be drawn at random (allowed: box, half_box, sphere, half_sphere, "
+                  "cone, pyramid, cylinder)",
+                  key, word));
 }
 
 /// A body whose largest extent along its axes is `size`.
@@ -102,7 +107,8 @@ bool add_obstacles(const SceneRecipe& recipe, Draws& draws, Scene& scene) {
       return obstacle;
     };
     const auto fits = [&](const Obstacle& o) {
-      return std::none_of(scene.obstacles.begin(), scene.obstacles.end(), [&](const Obstacle& other) { return overlap(o, other); });
+      return std::none_of(scene.obstacles.begin(), scene.obstacles.end(),
+                          [&](const Obstacle& other) { return overlap(o, other); });
     };
     if (!place(draw, fits)) return false;
     scene.obstacles.push_back(obstacle);
@@ -133,7 +139,8 @@ bool add_groups(const SceneRecipe& recipe, Draws& draws, Scene& scene) {
       const double radius = s.shape == Shape::sphere ? r.size / 2 : r.size / 2 * std::sqrt(3.0);
       for (const Obstacle& o : scene.obstacles)
         if (sparsegrid::analytic_distance(o, o.to_local(s.position)) < radius + scene.domain.dx / 2) return false;
-      return std::none_of(scene.sources.begin(), scene.sources.end(), [&](const Source& other) { return overlap(s, other); });
+      return std::none_of(scene.sources.begin(), scene.sources.end(),
+                          [&](const Source& other) { return overlap(s, other); });
     };
     if (!place(draw, fits)) return false;
     scene.sources.push_back(source);
@@ -145,9 +152,12 @@ bool add_groups(const SceneRecipe& recipe, Draws& draws, Scene& scene) {
 
 const char* name_of(Split split) {
   switch (split) {
-    case Split::train: return "train";
-    case Split::valid: return "valid";
-    case Split::test: return "test";
+    case Split::train:
+      return "train";
+    case Split::valid:
+      return "valid";
+    case Split::test:
+      return "test";
   }
   return "";
 }
@@ -158,10 +168,12 @@ uint64_t sampling_seed(uint64_t seed, Split split, int64_t index, int64_t attemp
 }
 
 Scene draw_scene(const SceneRecipe& recipe, uint64_t seed, Split split, int64_t index, int64_t attempt) {
-  if (recipe.obstacles.count > 0 && recipe.obstacles.shapes.empty()) throw ConfigError("recipe key 'obstacles.shapes' is empty. Name at least one shape");
+  if (recipe.obstacles.count > 0 && recipe.obstacles.shapes.empty())
+    throw ConfigError("recipe key 'obstacles.shapes' is empty. Name at least one shape");
   if (recipe.groups.shapes.empty()) throw ConfigError("recipe key 'groups.shapes' is empty. Name at least one shape");
   for (const std::string& name : recipe.groups.materials)
-    if (!recipe.materials.count(name)) throw ConfigError("recipe key 'groups.materials' names '" + name + "', which 'materials' does not define");
+    if (!recipe.materials.count(name))
+      throw ConfigError("recipe key 'groups.materials' names '" + name + "', which 'materials' does not define");
   Draws draws(seed, stream_of(split, index, attempt));
   // Early bodies can block the rest, so the whole layout is drawn anew when one does not fit.
   for (int layout = 0; layout < 100; ++layout) {
@@ -176,8 +188,10 @@ Scene draw_scene(const SceneRecipe& recipe, uint64_t seed, Split split, int64_t 
     scene.seed = sampling_seed(seed, split, index, attempt);
     if (add_obstacles(recipe, draws, scene) && add_groups(recipe, draws, scene)) return scene;
   }
-  throw ConfigError(fmt::format("no room for {} obstacles of {}-{} m and {} groups of {} m in scene {} of '{}'. Use fewer or smaller bodies",
-                                recipe.obstacles.count, recipe.obstacles.min_size, recipe.obstacles.max_size, recipe.groups.count, recipe.groups.size, index, recipe.name));
+  throw ConfigError(fmt::format(
+      "no room for {} obstacles of {}-{} m and {} groups of {} m in scene {} of '{}'. Use fewer or smaller bodies",
+      recipe.obstacles.count, recipe.obstacles.min_size, recipe.obstacles.max_size, recipe.groups.count,
+      recipe.groups.size, index, recipe.name));
 }
 
 }  // namespace graupel::mpm

@@ -12,8 +12,8 @@ namespace graupel::mpm {
 enum class Split { train, valid, test };
 const char* name_of(Split split);
 
-/// Scene `index` of a split. Depends on (recipe, seed, split, index, attempt) alone; `attempt` > 0 redraws a scene whose
-/// run diverged. Throws ConfigError when no placement without overlaps is found (too many or too large bodies).
+/// Scene `index` of a split. Depends on (recipe, seed, split, index, attempt) alone; `attempt` > 0 redraws a scene
+/// whose run diverged. Throws ConfigError when no placement without overlaps is found (too many or too large bodies).
 Scene draw_scene(const SceneRecipe& recipe, uint64_t seed, Split split, int64_t index, int64_t attempt = 0);
 
 /// Seed of the particle sampling of that scene.

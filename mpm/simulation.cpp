@@ -16,7 +16,8 @@ Estimate estimate_with(const Scene& scene, const SimulationOptions& options, con
   Solver<T> solver(scene, options, particles, obstacles);
   Estimate e;
   e.particles = static_cast<int64_t>(particles.position.size());
-  e.grid_nodes = int64_t(solver.find_blocks().node_count) * nodes_per_block<3>;
+  solver.sort_particles();
+  e.grid_nodes = int64_t(solver.view().blocks.node_count) * nodes_per_block<3>;
   const double step = largest_step(scene.time_step, scene.domain.dx, scene.frame_time, solver.speeds());
   e.substeps = scene.frames * static_cast<int64_t>(std::ceil(scene.frame_time / step - 1e-9));
   e.memory_bytes = solver.memory_bytes();

@@ -6,7 +6,6 @@
 #include <cstring>
 
 #include "core/error.h"
-#include "mpm/host_particles.h"
 #include "mpm/material.h"
 
 namespace graupel::mpm {
@@ -103,12 +102,6 @@ void Solver<T>::sort_particles() {
   nodes_.resize_discard(static_cast<std::size_t>(b.node_count) * nodes_per_block<3> * channels);
 }
 
-template <typename T>
-BlockView Solver<T>::find_blocks() {
-  sort_particles();
-  return blocks_.view();
-}
-
 /// Puts the particles into block order in memory. Done at the start of every frame, so that the order inside a frame,
 /// and with it every sum, depends on the state at the frame's start alone: a restarted run repeats it.
 template <typename T>
@@ -133,7 +126,7 @@ void Solver<T>::record_step(double dt) {
 
 template <typename T>
 void Solver<T>::throw_diverged(double dt, const StateSpeeds& before) const {
-  const HostParticles<T> host = download_particles(particles_);
+  const HostParticles<T> host = particles();
   const auto slot = static_cast<std::size_t>(survey_.bad_slot);
   const int32_t index = host.source_index[slot];
   const MaterialConfig& material = material_configs_[host.material[slot]];
@@ -173,7 +166,7 @@ SolverView<T> Solver<T>::view() const {
 
 template <typename T>
 ParticleFrame Solver<T>::frame() const {
-  const HostParticles<T> host = download_particles(particles_);
+  const HostParticles<T> host = particles();
   ParticleFrame frame;
   frame.time = time();
   frame.position.resize(particle_count());
@@ -187,7 +180,7 @@ ParticleFrame Solver<T>::frame() const {
 
 template <typename T>
 Diagnostics Solver<T>::diagnostics() const {
-  return diagnose(download_particles(particles_), material_configs_, scene_.domain.dx, scene_.gravity);
+  return diagnose(particles(), material_configs_, scene_.domain.dx, scene_.gravity);
 }
 
 template <typename T>

@@ -5,6 +5,7 @@
 #include <memory>
 #include <vector>
 
+#include "mpm/host_particles.h"
 #include "mpm/phases.h"
 #include "mpm/sampling.h"
 #include "mpm/simulation.h"
@@ -31,17 +32,18 @@ class Solver final : public Simulation {
 
   /// One substep of the method [s].
   void substep(double dt);
-  /// Active blocks, before the first substep as well.
-  BlockView find_blocks();
+  /// Particle state in slot order.
+  HostParticles<T> particles() const { return download_particles(particles_); }
+  /// For kernels; blocks and grid storage are those of the last sort_particles().
+  SolverView<T> view() const;
+  void sort_particles();
   int64_t memory_bytes() const;
   StateSpeeds speeds() const { return {std::sqrt(survey_.largest_speed2), survey_.largest_sound_speed}; }
 
  private:
-  void sort_particles();
   void reorder_particles();
   void record_step(double dt);
   [[noreturn]] void throw_diverged(double dt, const StateSpeeds& before) const;
-  SolverView<T> view() const;
 
   Scene scene_;
   SimulationOptions options_;

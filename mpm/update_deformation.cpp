@@ -31,10 +31,8 @@ void update_deformation_portable(const SolverView<T>& view, T dt) {
 
 template <typename T>
 void update_deformation(const SolverView<T>& view, T dt) {
-  if (view.device == Device::cpu)
-    update_deformation_tiles(view, dt);
-  else
-    update_deformation_portable(view, dt);
+  if (view.device != Device::cpu) return update_deformation_portable(view, dt);
+  update_deformation_tiles(view, dt);
 }
 
 template void update_deformation<float>(const SolverView<float>&, float);

@@ -1,0 +1,77 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "core/error.h"
+#include "mpm/simulation.h"
+#include "tests/mpm/test_scenes.h"
+
+namespace graupel::mpm {
+namespace {
+
+Scene falling() {
+  Scene scene = scene_with("taichi_snow", {0.5, 0.12, 0.5});
+  add_box(scene, "taichi_sand", {0.55, 0.2, 0.5});
+  scene.time_step.policy = StepPolicy::adaptive;
+  for (Source& source : scene.sources) source.velocity = {0.3, -2, 0};
+  return scene;
+}
+
+class SavedState : public testing::TestWithParam<Precision> {};
+
+TEST_P(SavedState, ARestartedRunEqualsAnUninterruptedOneByteForByte) {
+  const Scene scene = falling();
+  const SimulationOptions options{.precision = GetParam()};
+  const auto whole = Simulation::create(scene, options), first = Simulation::create(scene, options),
+             second = Simulation::create(scene, options);
+  for (int f = 0; f < 4; ++f) whole->advance_frame();
+  for (int f = 0; f < 2; ++f) first->advance_frame();
+  second->advance_frame();  // restoring replaces whatever the run did before
+  second->load_state(first->save_state());
+  EXPECT_EQ(second->time(), first->time());
+  for (int f = 0; f < 2; ++f) second->advance_frame();
+  EXPECT_TRUE(second->save_state() == whole->save_state());
+  EXPECT_EQ(second->statistics().substeps, whole->statistics().substeps);
+}
+
+INSTANTIATE_TEST_SUITE_P(BothPrecisions, SavedState, testing::Values(Precision::f32, Precision::f64));
+
+std::string input_error(Simulation& sim, const std::vector<std::byte>& state) {
+  try {
+    sim.load_state(state);
+  } catch (const InputError& error) {
+    return error.what();
+  }
+  return "";
+}
+
+TEST(SavedStateErrors, ForeignOrDamagedStatesAreRefused) {
+  const Scene scene = falling();
+  const auto sim = Simulation::create(scene, {}), twin = Simulation::create(scene, {.precision = Precision::f64}),
+             seeded = Simulation::create(scene, {.seed = 4});
+  const std::vector<std::byte> state = sim->save_state();
+  EXPECT_EQ(input_error(*sim, state), "");
+  EXPECT_THAT(input_error(*twin, state), testing::HasSubstr("32 bits"));
+  EXPECT_THAT(input_error(*seeded, state), testing::HasSubstr("another scene or seed"));
+
+  Scene other = scene;
+  other.materials["taichi_snow"].hardening = 9;
+  EXPECT_THAT(input_error(*Simulation::create(other, {}), state), testing::HasSubstr("another scene"));
+  Scene longer = scene;
+  longer.frames += 100;
+  longer.name = "renamed";
+  EXPECT_EQ(input_error(*Simulation::create(longer, {}), state), "");
+
+  std::vector<std::byte> damaged = state;
+  damaged[state.size() / 2] ^= std::byte{1};
+  EXPECT_THAT(input_error(*sim, damaged), testing::HasSubstr("damaged"));
+  damaged = state;
+  damaged.pop_back();
+  EXPECT_THAT(input_error(*sim, damaged), testing::HasSubstr("damaged"));
+  EXPECT_THAT(input_error(*sim, {}), testing::HasSubstr("too short"));
+  damaged = state;
+  damaged[0] ^= std::byte{1};
+  EXPECT_THAT(input_error(*sim, damaged), testing::HasSubstr("not a saved state"));
+}
+
+}  // namespace
+}  // namespace graupel::mpm

@@ -1,0 +1,56 @@
+// Scenes and random tensors for the tests of this folder.
+#pragma once
+
+#include "core/random.h"
+#include "mpm/sampling.h"
+#include "mpm/simulation.h"
+
+namespace graupel::mpm {
+
+inline MaterialConfig preset(const std::string& name) {
+  MaterialConfig m = *material_preset(name);
+  m.name = name;
+  return m;
+}
+
+inline Source box_source(const std::string& material, const Vec3d& centre, const Vec3d& size) {
+  Source source;
+  source.shape = Shape::box;
+  source.size = size;
+  source.position = centre;
+  source.material = material;
+  return source;
+}
+
+/// A scene with one box of a preset material and Taichi's fixed 54 substeps.
+inline Scene scene_with(const std::string& material, const Vec3d& centre = {0.5, 0.5, 0.5}, double size = 0.08) {
+  Scene scene;
+  scene.materials[material] = preset(material);
+  scene.sources.push_back(box_source(material, centre, Vec3d::filled(size)));
+  scene.time_step.policy = StepPolicy::fixed;
+  return scene;
+}
+
+inline void add_box(Scene& scene, const std::string& material, const Vec3d& centre, double size = 0.08) {
+  scene.materials[material] = preset(material);
+  scene.sources.push_back(box_source(material, centre, Vec3d::filled(size)));
+}
+
+template <typename T, int D>
+Mat<T, D> random_matrix(uint64_t i, double scale) {
+  const Random random(11, RandomPurpose::test, D);
+  Mat<T, D> m;
+  for (int r = 0; r < D; ++r)
+    for (int c = 0; c < D; ++c) m(r, c) = static_cast<T>(scale * random.uniform(16 * i + r * D + c, 0, -1, 1));
+  return m;
+}
+
+template <typename T, int D>
+T largest_entry(const Mat<T, D>& m) {
+  T worst = 0;
+  for (int r = 0; r < D; ++r)
+    for (int c = 0; c < D; ++c) worst = std::max(worst, std::abs(m(r, c)));
+  return worst;
+}
+
+}  // namespace graupel::mpm

@@ -1,0 +1,38 @@
+#include "mpm/time_step.h"
+
+#include <gtest/gtest.h>
+
+#include "core/error.h"
+
+namespace graupel::mpm {
+namespace {
+
+constexpr double dx = 0.01, frame = 1.0 / 60;
+
+TEST(TimeStep, FixedStepsShareTheFrame) {
+  TimeStep policy{.policy = StepPolicy::fixed, .substeps_per_frame = 54};
+  EXPECT_DOUBLE_EQ(largest_step(policy, dx, frame, {100, 100}), frame / 54);
+}
+
+TEST(TimeStep, AdaptiveStepFollowsSpeedAndSoundUpToItsLimit) {
+  TimeStep policy{.policy = StepPolicy::adaptive, .courant = 0.5, .max_step = 1e-3};
+  EXPECT_DOUBLE_EQ(largest_step(policy, dx, frame, {3, 17}), 0.5 * dx / 20);
+  EXPECT_DOUBLE_EQ(largest_step(policy, dx, frame, {0, 0}), 1e-3);
+  policy.max_step = 1;
+  EXPECT_DOUBLE_EQ(largest_step(policy, dx, frame, {0, 0.01}), frame);
+}
+
+TEST(TimeStep, TheRestOfAFrameIsSharedEqually) {
+  const TimeStep policy{.policy = StepPolicy::adaptive, .courant = 0.5, .max_step = 1e-3};
+  EXPECT_DOUBLE_EQ(next_step(policy, dx, frame, {0, 0}, 2.5e-3), 2.5e-3 / 3);
+  EXPECT_DOUBLE_EQ(next_step(policy, dx, frame, {0, 0}, 0.4e-3), 0.4e-3);
+}
+
+TEST(TimeStep, AnEndlessFrameIsReportedAsDiverged) {
+  const TimeStep policy{.policy = StepPolicy::adaptive, .courant = 0.5, .max_step = 1};
+  EXPECT_THROW(next_step(policy, dx, frame, {0, 1e9}, frame), DivergedError);
+  EXPECT_THROW(next_step(policy, dx, frame, {0, std::numeric_limits<double>::infinity()}, frame), DivergedError);
+}
+
+}  // namespace
+}  // namespace graupel::mpm
