@@ -14,7 +14,9 @@ extern "C" void remember_signal(int signal) { stop_signal = signal; }
 }  // namespace
 
 void CommonOptions::add_to(CLI::App& verb) {
-  verb.add_option("--seed", seed, "Seed of all random numbers")->each([this](const std::string&) { seed_given = true; });
+  verb.add_option("--seed", seed, "Seed of all random numbers")->each([this](const std::string&) {
+    seed_given = true;
+  });
   verb.add_option("--device", device, "auto, cpu or cuda")->capture_default_str();
   verb.add_option("--threads", threads, "CPU threads (0: all)")->check(CLI::Range(0, 4096))->capture_default_str();
   verb.add_option("--json", json, "Write the result as JSON to this file (-: standard output)");

@@ -20,7 +20,9 @@ struct DemoOptions {
 
 void demo(const DemoOptions& options) {
   const fs::path weights = fs::path(options.models) / "hgn.safetensors";
-  if (!fs::exists(weights)) throw InputError("'" + weights.string() + "' is not there. Run the demo in the repository's root, or name the folder with --models");
+  if (!fs::exists(weights))
+    throw InputError("'" + weights.string() +
+                     "' is not there. Run the demo in the repository's root, or name the folder with --models");
   CompareOptions compare;
   compare.scenes = {fs::path(options.scenes) / "mixed_blocks.json", fs::path(options.scenes) / "water_steps.json"};
   compare.models = {"mpm", "mpm:coarse", weights};
@@ -29,7 +31,8 @@ void demo(const DemoOptions& options) {
   compare.report = options.output;
   compare.command = "graupel demo";
   run_compare(compare);
-  std::printf("\nOpen %s in a browser for pictures, curves and the particle player.\n", fs::absolute(options.output).c_str());
+  std::printf("\nOpen %s in a browser for pictures, curves and the particle player.\n",
+              fs::absolute(options.output).c_str());
 }
 
 }  // namespace
@@ -38,7 +41,9 @@ void add_demo(CLI::App& app) {
   auto options = std::make_shared<DemoOptions>();
   CLI::App* verb = app.add_subcommand("demo", "Two shared scenes through MPM and the shipped network, on the CPU");
   verb->add_option("-o,--output", options->output, "Report to write")->capture_default_str();
-  verb->add_option("--frames", options->frames, "Frames of each scene")->check(CLI::PositiveNumber)->capture_default_str();
+  verb->add_option("--frames", options->frames, "Frames of each scene")
+      ->check(CLI::PositiveNumber)
+      ->capture_default_str();
   verb->add_option("--scenes", options->scenes, "Folder of the shared scenes")->capture_default_str();
   verb->add_option("--models", options->models, "Folder of the shipped weights")->capture_default_str();
   verb->add_option("--threads", options->threads, "CPU threads (0: all)")->capture_default_str();

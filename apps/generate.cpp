@@ -56,9 +56,12 @@ Shard parse_shard(const std::string& text) {
 
 int64_t count_of(const SceneRecipe& recipe, mpm::Split split) {
   switch (split) {
-    case mpm::Split::train: return recipe.counts.train;
-    case mpm::Split::valid: return recipe.counts.valid;
-    case mpm::Split::test: return recipe.counts.test;
+    case mpm::Split::train:
+      return recipe.counts.train;
+    case mpm::Split::valid:
+      return recipe.counts.valid;
+    case mpm::Split::test:
+      return recipe.counts.test;
   }
   return 0;
 }
@@ -69,7 +72,11 @@ constexpr mpm::Split all_splits[] = {mpm::Split::test, mpm::Split::valid, mpm::S
 class DataSet {
  public:
   DataSet(const GenerateOptions& options, const SceneRecipe& recipe, Device device)
-      : options_(options), recipe_(recipe), device_(device), folder_(options.output), shard_(parse_shard(options.shard)) {
+      : options_(options),
+        recipe_(recipe),
+        device_(device),
+        folder_(options.output),
+        shard_(parse_shard(options.shard)) {
     recipe_json_ = io::recipe_to_json(recipe);
   }
 
@@ -95,7 +102,9 @@ class DataSet {
 
  private:
   fs::path split_file(mpm::Split split) const { return folder_ / (std::string(mpm::name_of(split)) + ".h5"); }
-  fs::path part_file(const Job& job) const { return folder_ / "parts" / fmt::format("{}-{:05d}.h5", mpm::name_of(job.split), job.index); }
+  fs::path part_file(const Job& job) const {
+    return folder_ / "parts" / fmt::format("{}-{:05d}.h5", mpm::name_of(job.split), job.index);
+  }
 
   static bool is_complete(const fs::path& file) {
     if (!fs::exists(file)) return false;
@@ -109,12 +118,17 @@ class DataSet {
   /// dataset.json says what the folder holds; a folder of another recipe or seed is refused.
   void check_or_write_card() {
     const fs::path card = folder_ / "dataset.json";
-    nlohmann::ordered_json facts = {{"recipe", nlohmann::ordered_json::parse(recipe_json_)}, {"seed", options_.common.seed},
-                                    {"device", name_of(device_)}, {"made_by", version_text()}};
+    nlohmann::ordered_json facts = {{"recipe", nlohmann::ordered_json::parse(recipe_json_)},
+                                    {"seed", options_.common.seed},
+                                    {"device", name_of(device_)},
+                                    {"made_by", version_text()}};
     if (fs::exists(card)) {
       const auto old = nlohmann::ordered_json::parse(read_file(card), nullptr, false);
-      if (old.is_discarded() || old.value("recipe", nlohmann::ordered_json()) != facts["recipe"] || old.value("seed", uint64_t(0)) != options_.common.seed)
-        throw ConfigError("'" + folder_.string() + "' holds a data set of another recipe or seed. Choose another --output, or remove that folder");
+      if (old.is_discarded() || old.value("recipe", nlohmann::ordered_json()) != facts["recipe"] ||
+          old.value("seed", uint64_t(0)) != options_.common.seed)
+        throw ConfigError(
+            "'" + folder_.string() +
+            "' holds a data set of another recipe or seed. Choose another --output, or remove that folder");
       return;
     }
     write_file_atomically(card, facts.dump(2) + "\n");
@@ -133,7 +147,8 @@ class DataSet {
       for (;;) {
         const int64_t j = next++;
         if (j >= static_cast<int64_t>(jobs.size()) || interrupted()) break;
-        if (options_.minutes > 0 && std::chrono::steady_clock::now() - start > std::chrono::minutes(options_.minutes)) break;
+        if (options_.minutes > 0 && std::chrono::steady_clock::now() - start > std::chrono::minutes(options_.minutes))
+          break;
         try {
           run_job(jobs[static_cast<std::size_t>(j)]);
         } catch (...) {
@@ -160,11 +175,14 @@ class DataSet {
       if (!reason) return;
       log_redraw(job, attempt, *reason);
     }
-    throw DivergedError(fmt::format("{} scene {} diverged {} times in a row. Use more substeps in the recipe's time_step", mpm::name_of(job.split), job.index, max_attempts));
+    throw DivergedError(
+        fmt::format("{} scene {} diverged {} times in a row. Use more substeps in the recipe's time_step",
+                    mpm::name_of(job.split), job.index, max_attempts));
   }
 
   /// Runs and writes one scene; the reason when it diverged (nothing is written then).
-  std::optional<std::string> run_scene(const Scene& scene, const mpm::SimulationOptions& simulation, const fs::path& file) {
+  std::optional<std::string> run_scene(const Scene& scene, const mpm::SimulationOptions& simulation,
+                                       const fs::path& file) {
     auto run = mpm::Simulation::create(scene, simulation);
     Trajectory trajectory;
     trajectory.particle_type = run->particle_type();
@@ -196,13 +214,15 @@ class DataSet {
   void log_redraw(const Job& job, int64_t attempt, const std::string& reason) {
     static std::mutex log_lock;
     const std::lock_guard hold(log_lock);
-    const nlohmann::ordered_json line = {{"split", mpm::name_of(job.split)}, {"index", job.index}, {"attempt", attempt}, {"redrawn_because", reason}};
+    const nlohmann::ordered_json line = {
+        {"split", mpm::name_of(job.split)}, {"index", job.index}, {"attempt", attempt}, {"redrawn_because", reason}};
     std::FILE* log = std::fopen((folder_ / "redrawn.jsonl").c_str(), "a");
     if (log != nullptr) {
       std::fprintf(log, "%s\n", line.dump().c_str());
       std::fclose(log);
     }
-    std::fprintf(stderr, "generate: %s scene %lld diverged and is redrawn (%s)\n", mpm::name_of(job.split), static_cast<long long>(job.index), reason.c_str());
+    std::fprintf(stderr, "generate: %s scene %lld diverged and is redrawn (%s)\n", mpm::name_of(job.split),
+                 static_cast<long long>(job.index), reason.c_str());
   }
 
   void merge() {
@@ -218,7 +238,9 @@ class DataSet {
       for (int64_t i = 0; i < count; ++i)
         if (is_complete(part_file({split, i}))) parts.push_back(part_file({split, i}));
       if (static_cast<int64_t>(parts.size()) < count) {
-        std::fprintf(stderr, "generate: %s has %zu of %lld scenes; run the same command (or the other shards) for the rest\n", mpm::name_of(split), parts.size(), static_cast<long long>(count));
+        std::fprintf(stderr,
+                     "generate: %s has %zu of %lld scenes; run the same command (or the other shards) for the rest\n",
+                     mpm::name_of(split), parts.size(), static_cast<long long>(count));
         whole = false;
         continue;
       }
@@ -230,7 +252,8 @@ class DataSet {
     if (whole) {
       fs::remove(folder_ / "parts");
       if (recipe_.counts.train > 0)
-        io::write_data_set_metadata(folder_, mpm::draw_scene(recipe_, options_.common.seed, mpm::Split::train, 0), options_.connectivity_radius);
+        io::write_data_set_metadata(folder_, mpm::draw_scene(recipe_, options_.common.seed, mpm::Split::train, 0),
+                                    options_.connectivity_radius);
       std::fprintf(stderr, "generate: '%s' is complete\n", folder_.c_str());
     }
     options_.common.write_json(result);
@@ -257,15 +280,22 @@ void add_generate(CLI::App& app) {
   CLI::App* verb = app.add_subcommand("generate", "Make a data set of random scenes");
   verb->add_option("recipe", options->recipe, "Recipe file (scenes/recipes/*.json)")->required();
   verb->add_option("-o,--output", options->output, "Folder of the data set")->required();
-  verb->add_option("--set", options->set, "Change a recipe key: --set counts.train=100 (repeatable)")->allow_extra_args(false);
+  verb->add_option("--set", options->set, "Change a recipe key: --set counts.train=100 (repeatable)")
+      ->allow_extra_args(false);
   verb->add_option("--shard", options->shard, "Make every N-th scene, from I on: I/N")->capture_default_str();
-  verb->add_option("--minutes", options->minutes, "Start no scene after this time (0: no limit)")->check(CLI::NonNegativeNumber);
-  verb->add_option("--connectivity-radius", options->connectivity_radius, "Written to metadata.json for graph networks [m]")->check(CLI::PositiveNumber)->capture_default_str();
+  verb->add_option("--minutes", options->minutes, "Start no scene after this time (0: no limit)")
+      ->check(CLI::NonNegativeNumber);
+  verb->add_option("--connectivity-radius", options->connectivity_radius,
+                   "Written to metadata.json for graph networks [m]")
+      ->check(CLI::PositiveNumber)
+      ->capture_default_str();
   options->common.add_to(*verb);
-  verb->footer("Complete scenes are skipped, so an interrupted run goes on; a scene that diverges is redrawn and logged in redrawn.jsonl.\n"
-               "A scene's bytes depend on the recipe, the seed and its index alone.\n\nExamples:\n"
-               "  graupel generate scenes/recipes/hgn.json -o data/hgn --set counts.train=100\n"
-               "  graupel generate scenes/recipes/hgn.json -o data/hgn --shard 3/8");
+  verb->footer(
+      "Complete scenes are skipped, so an interrupted run goes on; a scene that diverges is redrawn and logged in "
+      "redrawn.jsonl.\n"
+      "A scene's bytes depend on the recipe, the seed and its index alone.\n\nExamples:\n"
+      "  graupel generate scenes/recipes/hgn.json -o data/hgn --set counts.train=100\n"
+      "  graupel generate scenes/recipes/hgn.json -o data/hgn --shard 3/8");
   verb->callback([options] { generate(*options); });
 }
 

@@ -27,10 +27,18 @@ struct InspectOptions {
 };
 
 Json grid_json(const sparsegrid::GridFacts& g) {
-  return {{"name", g.name}, {"class", g.grid_class}, {"voxel_m", g.voxel}, {"active_voxels", g.active_voxels}, {"bytes", g.bytes},
-          {"index_low", {g.index_low[0], g.index_low[1], g.index_low[2]}}, {"index_high", {g.index_high[0], g.index_high[1], g.index_high[2]}},
-          {"world_low_m", {g.world_low[0], g.world_low[1], g.world_low[2]}}, {"world_high_m", {g.world_high[0], g.world_high[1], g.world_high[2]}},
-          {"background_m", g.background}, {"min_m", g.min_value}, {"max_m", g.max_value}};
+  return {{"name", g.name},
+          {"class", g.grid_class},
+          {"voxel_m", g.voxel},
+          {"active_voxels", g.active_voxels},
+          {"bytes", g.bytes},
+          {"index_low", {g.index_low[0], g.index_low[1], g.index_low[2]}},
+          {"index_high", {g.index_high[0], g.index_high[1], g.index_high[2]}},
+          {"world_low_m", {g.world_low[0], g.world_low[1], g.world_low[2]}},
+          {"world_high_m", {g.world_high[0], g.world_high[1], g.world_high[2]}},
+          {"background_m", g.background},
+          {"min_m", g.min_value},
+          {"max_m", g.max_value}};
 }
 
 Json inspect_scene(const std::string& file) {
@@ -39,9 +47,17 @@ Json inspect_scene(const std::string& file) {
   const sparsegrid::CellNormals normals(scene, obstacles);
   Json grids = Json::array();
   for (int i = 0; i < obstacles.count(); ++i) grids.push_back(grid_json(obstacles.facts(i)));
-  return {{"kind", "scene"}, {"name", scene.name}, {"description", scene.description}, {"materials", scene.materials.size()},
-          {"sources", scene.sources.size()}, {"frames", scene.frames}, {"frame_time_s", scene.frame_time}, {"dx_m", scene.domain.dx},
-          {"obstacle_grids", grids}, {"normal_cells", normals.active_cells()}, {"normal_bytes", normals.bytes()}};
+  return {{"kind", "scene"},
+          {"name", scene.name},
+          {"description", scene.description},
+          {"materials", scene.materials.size()},
+          {"sources", scene.sources.size()},
+          {"frames", scene.frames},
+          {"frame_time_s", scene.frame_time},
+          {"dx_m", scene.domain.dx},
+          {"obstacle_grids", grids},
+          {"normal_cells", normals.active_cells()},
+          {"normal_bytes", normals.bytes()}};
 }
 
 Json inspect_trajectory(const std::string& file) {
@@ -51,8 +67,15 @@ Json inspect_trajectory(const std::string& file) {
     const Trajectory t = reader.header(i);
     std::map<std::string, int64_t> types;
     for (const int32_t type : t.particle_type) ++types[particle_type_name(type)];
-    list.push_back({{"index", i}, {"particles", t.particle_count()}, {"types", types}, {"frames", t.frame_count()}, {"frame_time_s", t.frame_time},
-                    {"seed", t.seed}, {"made_by", t.made_by}, {"diverged_at_frame", t.diverged_at_frame}, {"has_scene", !t.scene_json.empty()}});
+    list.push_back({{"index", i},
+                    {"particles", t.particle_count()},
+                    {"types", types},
+                    {"frames", t.frame_count()},
+                    {"frame_time_s", t.frame_time},
+                    {"seed", t.seed},
+                    {"made_by", t.made_by},
+                    {"diverged_at_frame", t.diverged_at_frame},
+                    {"has_scene", !t.scene_json.empty()}});
   }
   return {{"kind", "trajectory"}, {"complete", reader.complete()}, {"trajectories", list}};
 }
@@ -78,7 +101,8 @@ Json inspect_grids(const std::string& file) {
 Json recover(const std::string& file) {
   const std::string whole = file.ends_with(".part") ? file.substr(0, file.size() - 5) : file;
   const int64_t frames = io::recover_part_file(whole, true);
-  if (frames == 0) throw InputError("no frame of '" + whole + ".part' could be recovered (the run was ended before its first flush)");
+  if (frames == 0)
+    throw InputError("no frame of '" + whole + ".part' could be recovered (the run was ended before its first flush)");
   return {{"kind", "recovered"}, {"file", whole}, {"frames", frames}};
 }
 
@@ -90,7 +114,8 @@ void print(const Json& value, int indent) {
       std::printf("%*s%s:\n", indent, "", key.c_str());
       print(item, indent + 2);
     } else {
-      std::printf("%*s%s: %s\n", indent, "", key.c_str(), item.is_string() ? item.get<std::string>().c_str() : item.dump().c_str());
+      std::printf("%*s%s: %s\n", indent, "", key.c_str(),
+                  item.is_string() ? item.get<std::string>().c_str() : item.dump().c_str());
     }
   }
 }
@@ -109,7 +134,8 @@ void inspect(InspectOptions& options) {
   else if (options.file.ends_with(".vdb"))
     result = inspect_grids(options.file);
   else
-    throw ConfigError("'" + options.file + "' has no known ending (allowed: .json scene, .h5 trajectory, .safetensors weights, .vdb grids)");
+    throw ConfigError("'" + options.file +
+                      "' has no known ending (allowed: .json scene, .h5 trajectory, .safetensors weights, .vdb grids)");
   print(result, 0);
   options.common.write_json(result);
 }
@@ -120,7 +146,8 @@ void add_inspect(CLI::App& app) {
   auto options = std::make_shared<InspectOptions>();
   CLI::App* verb = app.add_subcommand("inspect", "Look into a scene, trajectory, weights or .vdb file");
   verb->add_option("file", options->file, "A .json, .h5, .safetensors or .vdb file")->required();
-  verb->add_flag("--recover", options->recover, "Complete FILE from FILE.part, which a killed run left: every frame whose checksums pass");
+  verb->add_flag("--recover", options->recover,
+                 "Complete FILE from FILE.part, which a killed run left: every frame whose checksums pass");
   options->common.add_to(*verb);
   verb->footer("Examples:\n  graupel inspect models/hgn.safetensors\n  graupel inspect --recover steps.h5");
   verb->callback([options] { inspect(*options); });

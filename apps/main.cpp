@@ -36,12 +36,16 @@ void limit_spinning(char** argv) {
 }
 
 int run(int argc, char** argv) {
-  CLI::App app{"Graupel: water, sand, snow and solids among obstacles, by the material point method and by learned simulators."};
+  CLI::App app{
+      "Graupel: water, sand, snow and solids among obstacles, by the material point method and by learned simulators."};
   app.set_version_flag("--version", version_text());
   app.require_subcommand(1);
-  app.footer("Examples:\n  graupel simulate scenes/shared/water_steps.json -o steps.h5\n"
-             "  graupel compare --scenes scenes/shared/water_steps.json --models mpm,models/hgn.safetensors --report report.html\n"
-             "'graupel VERB --help' explains a verb. Exit codes: 0 ok, 1 failed, 2 usage, 3 bad input, 4 diverged, 5 I/O, 130 interrupted.");
+  app.footer(
+      "Examples:\n  graupel simulate scenes/shared/water_steps.json -o steps.h5\n"
+      "  graupel compare --scenes scenes/shared/water_steps.json --models mpm,models/hgn.safetensors --report "
+      "report.html\n"
+      "'graupel VERB --help' explains a verb. Exit codes: 0 ok, 1 failed, 2 usage, 3 bad input, 4 diverged, 5 I/O, 130 "
+      "interrupted.");
 #ifndef GRAUPEL_NO_COMPARE
   add_demo(app);
   add_compare(app);
@@ -77,7 +81,8 @@ int main(int argc, char** argv) {
     std::fprintf(stderr, "graupel: %s\n", error.what());
     return static_cast<int>(error.code());
   } catch (const std::bad_alloc&) {
-    std::fprintf(stderr, "graupel: out of memory. Use fewer particles or a coarser grid ('graupel simulate --dry-run' tells)\n");
+    std::fprintf(
+        stderr, "graupel: out of memory. Use fewer particles or a coarser grid ('graupel simulate --dry-run' tells)\n");
   } catch (const std::exception& error) {
     std::fprintf(stderr, "graupel: %s\n", error.what());
   }

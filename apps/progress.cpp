@@ -15,7 +15,11 @@ bool quiet_progress = false;
 void Progress::set_quiet(bool quiet) { quiet_progress = quiet; }
 
 Progress::Progress(std::string label, int64_t total)
-    : label_(std::move(label)), total_(total), terminal_(::isatty(STDERR_FILENO) == 1), start_(Clock::now()), last_print_(start_) {}
+    : label_(std::move(label)),
+      total_(total),
+      terminal_(::isatty(STDERR_FILENO) == 1),
+      start_(Clock::now()),
+      last_print_(start_) {}
 
 Progress::~Progress() { done(); }
 
@@ -42,8 +46,9 @@ void Progress::print(int64_t done, const std::string& detail, bool last) {
     line = fmt::format("{}: done in {}", label_, human_time(elapsed));
   } else {
     const double left = done > 0 ? elapsed * static_cast<double>(total_ - done) / static_cast<double>(done) : 0;
-    line = fmt::format("{}: {}/{} ({:.0f}%), {} left{}{}", label_, done, total_, 100.0 * static_cast<double>(done) / static_cast<double>(total_),
-                       human_time(left), detail.empty() ? "" : ", ", detail);
+    line = fmt::format("{}: {}/{} ({:.0f}%), {} left{}{}", label_, done, total_,
+                       100.0 * static_cast<double>(done) / static_cast<double>(total_), human_time(left),
+                       detail.empty() ? "" : ", ", detail);
   }
   if (terminal_)
     std::fprintf(stderr, "\r\033[K%s%s", line.c_str(), last ? "\n" : "");
@@ -53,8 +58,10 @@ void Progress::print(int64_t done, const std::string& detail, bool last) {
 }
 
 std::string human_time(double seconds) {
-  if (seconds >= 3600) return fmt::format("{:.0f} h {:02.0f} min", std::floor(seconds / 3600), std::floor(std::fmod(seconds, 3600) / 60));
-  if (seconds >= 60) return fmt::format("{:.0f} min {:02.0f} s", std::floor(seconds / 60), std::floor(std::fmod(seconds, 60)));
+  if (seconds >= 3600)
+    return fmt::format("{:.0f} h {:02.0f} min", std::floor(seconds / 3600), std::floor(std::fmod(seconds, 3600) / 60));
+  if (seconds >= 60)
+    return fmt::format("{:.0f} min {:02.0f} s", std::floor(seconds / 60), std::floor(std::fmod(seconds, 60)));
   if (seconds >= 0.1) return fmt::format("{:.1f} s", seconds);
   return fmt::format("{:.1f} ms", seconds * 1e3);
 }

@@ -45,7 +45,8 @@ Start start_from_scene(const RolloutVerbOptions& options, int history) {
   for (std::size_t p = 0; p < particles.position.size(); ++p) {
     position.push_back(particles.position[p].cast<float>());
     velocity.push_back(particles.velocity[p].cast<float>());
-    start.particle_type.push_back(particle_type_of(start.scene.materials.at(particles.material_names[static_cast<std::size_t>(particles.material[p])]).model));
+    start.particle_type.push_back(particle_type_of(
+        start.scene.materials.at(particles.material_names[static_cast<std::size_t>(particles.material[p])]).model));
   }
   start.history = graph::start_history(position, velocity, start.scene.gravity, start.scene.frame_time, history);
   return start;
@@ -56,7 +57,8 @@ Start start_from_trajectory(const RolloutVerbOptions& options, int history) {
   const io::TrajectoryReader reader(options.input);
   const Trajectory header = reader.header(0);
   if (header.scene_json.empty())
-    throw InputError("'" + options.input + "' holds no scene, so its walls and obstacles are unknown. Give the scene file instead");
+    throw InputError("'" + options.input +
+                     "' holds no scene, so its walls and obstacles are unknown. Give the scene file instead");
   Start start;
   start.scene = io::parse_scene(header.scene_json, options.input, ".", options.set);
   start.particle_type = header.particle_type;
@@ -65,8 +67,11 @@ Start start_from_trajectory(const RolloutVerbOptions& options, int history) {
     auto velocity = reader.initial_velocity(0);
     const auto first = reader.frames(0, 0, 1).front();
     if (velocity.empty()) velocity = first.velocity;
-    if (velocity.empty()) throw InputError("'" + options.input + "' stores no velocity of the first frame. Use --start truth:" + std::to_string(history));
-    start.history = graph::start_history(first.position, velocity, start.scene.gravity, start.scene.frame_time, history);
+    if (velocity.empty())
+      throw InputError("'" + options.input +
+                       "' stores no velocity of the first frame. Use --start truth:" + std::to_string(history));
+    start.history =
+        graph::start_history(first.position, velocity, start.scene.gravity, start.scene.frame_time, history);
     return start;
   }
   for (auto& frame : reader.frames(0, 0, history)) start.history.push_back(std::move(frame.position));
@@ -79,9 +84,12 @@ void rollout(RolloutVerbOptions& options) {
   const int history = static_cast<int>(simulator.config().history) + 1;
   const std::string truth = "truth:" + std::to_string(history);
   if (options.start != "scene" && options.start != truth)
-    throw ConfigError("--start '" + options.start + "' is not usable with these weights (allowed: scene, " + truth + ")");
-  if (options.start != "scene" && !is_trajectory(options.input)) throw ConfigError("--start " + options.start + " needs a trajectory (.h5) as input, not a scene");
-  const Start start = is_trajectory(options.input) ? start_from_trajectory(options, history) : start_from_scene(options, history);
+    throw ConfigError("--start '" + options.start + "' is not usable with these weights (allowed: scene, " + truth +
+                      ")");
+  if (options.start != "scene" && !is_trajectory(options.input))
+    throw ConfigError("--start " + options.start + " needs a trajectory (.h5) as input, not a scene");
+  const Start start =
+      is_trajectory(options.input) ? start_from_trajectory(options, history) : start_from_scene(options, history);
   const graph::Surroundings surroundings(start.scene);
 
   graph::LearnedSimulator::RolloutOptions run;
@@ -106,12 +114,16 @@ void rollout(RolloutVerbOptions& options) {
 
   std::sort(seconds.begin(), seconds.end());
   const double median = seconds.empty() ? 0 : seconds[seconds.size() / 2];
-  std::fprintf(stderr, "%s: %zu particles, %zu frames, %s a frame (median)\n", options.output.c_str(), trajectory.particle_count(),
-               trajectory.frame_count() - 1, human_time(median).c_str());
-  options.common.write_json({{"output", options.output}, {"particles", trajectory.particle_count()}, {"frames", trajectory.frame_count() - 1},
-                             {"seconds_per_frame", median}, {"diverged_at_frame", trajectory.diverged_at_frame}});
+  std::fprintf(stderr, "%s: %zu particles, %zu frames, %s a frame (median)\n", options.output.c_str(),
+               trajectory.particle_count(), trajectory.frame_count() - 1, human_time(median).c_str());
+  options.common.write_json({{"output", options.output},
+                             {"particles", trajectory.particle_count()},
+                             {"frames", trajectory.frame_count() - 1},
+                             {"seconds_per_frame", median},
+                             {"diverged_at_frame", trajectory.diverged_at_frame}});
   if (trajectory.diverged_at_frame >= 0)
-    throw DivergedError(fmt::format("the rollout diverged at frame {}; the frames before it are in '{}'", trajectory.diverged_at_frame, options.output));
+    throw DivergedError(fmt::format("the rollout diverged at frame {}; the frames before it are in '{}'",
+                                    trajectory.diverged_at_frame, options.output));
 }
 
 }  // namespace
@@ -122,13 +134,18 @@ void add_rollout(CLI::App& app) {
   verb->add_option("weights", options->weights, "Weights file (.safetensors)")->required();
   verb->add_option("input", options->input, "Scene (.json) or trajectory (.h5)")->required();
   verb->add_option("-o,--output", options->output, "Trajectory file")->capture_default_str();
-  verb->add_option("--frames", options->frames, "Frames to predict; default the scene's")->check(CLI::NonNegativeNumber);
-  verb->add_option("--set", options->set, "Change a scene key: --set gravity=[0,-5,0] (repeatable)")->allow_extra_args(false);
-  verb->add_option("--start", options->start, "scene: frame 0 with a ballistic past; truth:N: the first N frames of the input")->capture_default_str();
+  verb->add_option("--frames", options->frames, "Frames to predict; default the scene's")
+      ->check(CLI::NonNegativeNumber);
+  verb->add_option("--set", options->set, "Change a scene key: --set gravity=[0,-5,0] (repeatable)")
+      ->allow_extra_args(false);
+  verb->add_option("--start", options->start,
+                   "scene: frame 0 with a ballistic past; truth:N: the first N frames of the input")
+      ->capture_default_str();
   verb->add_flag("--no-project", options->no_project, "Do not move particles out of obstacles");
   options->common.add_to(*verb);
-  verb->footer("Examples:\n  graupel rollout models/hgn.safetensors scenes/shared/water_steps.json -o predicted.h5\n"
-               "  graupel rollout models/hgn.safetensors steps.h5 --start truth:6 --frames 60");
+  verb->footer(
+      "Examples:\n  graupel rollout models/hgn.safetensors scenes/shared/water_steps.json -o predicted.h5\n"
+      "  graupel rollout models/hgn.safetensors steps.h5 --start truth:6 --frames 60");
   verb->callback([options] { rollout(*options); });
 }
 

@@ -16,7 +16,8 @@ namespace {
 [[noreturn]] void start_training(const std::vector<std::string>& arguments) {
   const auto program = std::filesystem::read_symlink("/proc/self/exe").parent_path() / "graupel-train";
   if (!std::filesystem::exists(program))
-    throw ConfigError("'" + program.string() + "' is not there (this build has no training). Install libtorch-dev and run ./run build");
+    throw ConfigError("'" + program.string() +
+                      "' is not there (this build has no training). Install libtorch-dev and run ./run build");
   std::vector<char*> argv;
   std::string name = program;
   argv.push_back(name.data());

@@ -1,4 +1,5 @@
-// Graph-network speed: frames of a shared scene, by part, beside the rate of a plain matrix product on the same threads.
+// Graph-network speed: frames of a shared scene, by part, beside the rate of a plain matrix product on the same
+// threads.
 #include <Eigen/Dense>
 #include <chrono>
 #include <cstdio>
@@ -47,9 +48,11 @@ nlohmann::ordered_json run_hgn(const std::string& weights, const std::string& sc
   for (std::size_t p = 0; p < particles.position.size(); ++p) {
     position.push_back(particles.position[p].cast<float>());
     velocity.push_back(particles.velocity[p].cast<float>());
-    type.push_back(particle_type_of(scene.materials.at(particles.material_names[static_cast<std::size_t>(particles.material[p])]).model));
+    type.push_back(particle_type_of(
+        scene.materials.at(particles.material_names[static_cast<std::size_t>(particles.material[p])]).model));
   }
-  const auto start = graph::start_history(position, velocity, scene.gravity, scene.frame_time, static_cast<int>(simulator.config().history) + 1);
+  const auto start = graph::start_history(position, velocity, scene.gravity, scene.frame_time,
+                                          static_cast<int>(simulator.config().history) + 1);
   std::vector<double> total, hierarchy, network, features;
   graph::LearnedSimulator::RolloutOptions options;
   options.frames = 60;
@@ -62,11 +65,21 @@ nlohmann::ordered_json run_hgn(const std::string& weights, const std::string& sc
   };
   simulator.rollout(scene, surroundings, type, start, options);
   const double rate = product_rate();
-  std::printf("\n%s on %s: %zu particles, %d threads\n", weights.c_str(), scene.name.c_str(), type.size(), num_threads());
-  std::printf("frame %.1f ms: features and projection %.1f, hierarchy %.1f, network %.1f; a plain product reaches %.0f Gflop/s\n", 1e3 * median(total),
-              1e3 * median(features), 1e3 * median(hierarchy), 1e3 * median(network), rate);
-  return {{"weights", weights}, {"scene", scene.name}, {"particles", type.size()}, {"threads", num_threads()}, {"seconds_per_frame", median(total)},
-          {"features", median(features)}, {"hierarchy", median(hierarchy)}, {"network", median(network)}, {"product_gflops", rate}};
+  std::printf("\n%s on %s: %zu particles, %d threads\n", weights.c_str(), scene.name.c_str(), type.size(),
+              num_threads());
+  std::printf(
+      "frame %.1f ms: features and projection %.1f, hierarchy %.1f, network %.1f; a plain product reaches %.0f "
+      "Gflop/s\n",
+      1e3 * median(total), 1e3 * median(features), 1e3 * median(hierarchy), 1e3 * median(network), rate);
+  return {{"weights", weights},
+          {"scene", scene.name},
+          {"particles", type.size()},
+          {"threads", num_threads()},
+          {"seconds_per_frame", median(total)},
+          {"features", median(features)},
+          {"hierarchy", median(hierarchy)},
+          {"network", median(network)},
+          {"product_gflops", rate}};
 }
 
 }  // namespace graupel::bench

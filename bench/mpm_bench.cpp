@@ -39,7 +39,8 @@ Scene cube_scene(const std::string& preset, int64_t cells) {
 
 nlohmann::ordered_json run_mpm(Device device, const std::vector<int64_t>& cells_per_side) {
   nlohmann::ordered_json rows = nlohmann::ordered_json::array();
-  std::printf("%-14s %-4s %10s %8s %12s %14s\n", "material", "type", "particles", "threads", "us/substep", "M updates/s");
+  std::printf("%-14s %-4s %10s %8s %12s %14s\n", "material", "type", "particles", "threads", "us/substep",
+              "M updates/s");
   for (const char* preset : {"taichi_water", "taichi_jelly", "taichi_snow", "taichi_sand"})
     for (const int64_t cells : cells_per_side)
       for (const mpm::Precision precision : {mpm::Precision::f32, mpm::Precision::f64}) {
@@ -54,17 +55,25 @@ nlohmann::ordered_json run_mpm(Device device, const std::vector<int64_t>& cells_
         for (int f = 0; f < 8; ++f) {
           const double before = run->statistics().solver_seconds;
           run->advance_frame();
-          seconds.push_back((run->statistics().solver_seconds - before) / static_cast<double>(scene.time_step.substeps_per_frame));
+          seconds.push_back((run->statistics().solver_seconds - before) /
+                            static_cast<double>(scene.time_step.substeps_per_frame));
         }
         const double substep = median(seconds);
         const double updates = static_cast<double>(run->particle_count()) / substep;
         const char* type = precision == mpm::Precision::f32 ? "f32" : "f64";
         const int threads = device == Device::cpu ? num_threads() : 0;
-        std::printf("%-14s %-4s %10zu %8d %12.1f %14.2f\n", preset, type, run->particle_count(), threads, 1e6 * substep, 1e-6 * updates);
+        std::printf("%-14s %-4s %10zu %8d %12.1f %14.2f\n", preset, type, run->particle_count(), threads, 1e6 * substep,
+                    1e-6 * updates);
         std::fflush(stdout);
-        rows.push_back({{"material", preset}, {"precision", type}, {"particles", run->particle_count()}, {"device", name_of(device)},
-                        {"threads", threads}, {"seconds_per_substep", substep}, {"updates_per_second", updates},
-                        {"bytes_per_particle", static_cast<double>(run->statistics().peak_bytes) / static_cast<double>(run->particle_count())}});
+        rows.push_back({{"material", preset},
+                        {"precision", type},
+                        {"particles", run->particle_count()},
+                        {"device", name_of(device)},
+                        {"threads", threads},
+                        {"seconds_per_substep", substep},
+                        {"updates_per_second", updates},
+                        {"bytes_per_particle", static_cast<double>(run->statistics().peak_bytes) /
+                                                   static_cast<double>(run->particle_count())}});
       }
   return rows;
 }

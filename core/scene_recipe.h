@@ -17,8 +17,10 @@ struct RecipeCounts {
   template <typename Visitor>
   static void fields(Visitor&& visit) {
     using C = RecipeCounts;
-    visit(&C::train, FieldInfo{.name = "train", .unit = "", .meaning = "Training scenes", .range = Range::between(0, 1e6)});
-    visit(&C::valid, FieldInfo{.name = "valid", .unit = "", .meaning = "Validation scenes", .range = Range::between(0, 1e6)});
+    visit(&C::train,
+          FieldInfo{.name = "train", .unit = "", .meaning = "Training scenes", .range = Range::between(0, 1e6)});
+    visit(&C::valid,
+          FieldInfo{.name = "valid", .unit = "", .meaning = "Validation scenes", .range = Range::between(0, 1e6)});
     visit(&C::test, FieldInfo{.name = "test", .unit = "", .meaning = "Test scenes", .range = Range::between(0, 1e6)});
   }
 };
@@ -35,12 +37,26 @@ struct RecipeGroups {
   template <typename Visitor>
   static void fields(Visitor&& visit) {
     using G = RecipeGroups;
-    visit(&G::count, FieldInfo{.name = "count", .unit = "", .meaning = "Groups of particles in a scene", .range = Range::between(1, 1000)});
+    visit(&G::count, FieldInfo{.name = "count",
+                               .unit = "",
+                               .meaning = "Groups of particles in a scene",
+                               .range = Range::between(1, 1000)});
     visit(&G::shapes, FieldInfo{.name = "shapes", .unit = "", .meaning = "Shapes to draw from: sphere, box"});
-    visit(&G::materials, FieldInfo{.name = "materials", .unit = "", .meaning = "Materials to draw from; default: all of the recipe's"});
-    visit(&G::size, FieldInfo{.name = "size", .unit = "m", .meaning = "Edge of a box, diameter of a sphere", .range = Range::positive()});
-    visit(&G::max_speed, FieldInfo{.name = "max_speed", .unit = "m/s", .meaning = "Initial velocity: uniform direction, speed uniform up to this", .range = Range::not_negative()});
-    visit(&G::particles_per_cell, FieldInfo{.name = "particles_per_cell", .unit = "", .meaning = "Particles in a grid cell", .range = Range::positive()});
+    visit(
+        &G::materials,
+        FieldInfo{.name = "materials", .unit = "", .meaning = "Materials to draw from; default: all of the recipe's"});
+    visit(
+        &G::size,
+        FieldInfo{
+            .name = "size", .unit = "m", .meaning = "Edge of a box, diameter of a sphere", .range = Range::positive()});
+    visit(&G::max_speed, FieldInfo{.name = "max_speed",
+                                   .unit = "m/s",
+                                   .meaning = "Initial velocity: uniform direction, speed uniform up to this",
+                                   .range = Range::not_negative()});
+    visit(&G::particles_per_cell, FieldInfo{.name = "particles_per_cell",
+                                            .unit = "",
+                                            .meaning = "Particles in a grid cell",
+                                            .range = Range::positive()});
   }
 };
 
@@ -55,12 +71,25 @@ struct RecipeObstacles {
   template <typename Visitor>
   static void fields(Visitor&& visit) {
     using O = RecipeObstacles;
-    visit(&O::count, FieldInfo{.name = "count", .unit = "", .meaning = "Obstacles in a scene", .range = Range::between(0, 1000)});
-    visit(&O::shapes, FieldInfo{.name = "shapes", .unit = "", .meaning = "Shapes to draw from: box, half_box, sphere, half_sphere, cone, pyramid, cylinder"});
-    visit(&O::min_size, FieldInfo{.name = "min_size", .unit = "m", .meaning = "Smallest edge, diameter or height", .range = Range::positive()});
-    visit(&O::max_size, FieldInfo{.name = "max_size", .unit = "m", .meaning = "Largest edge, diameter or height", .range = Range::positive()});
+    visit(&O::count,
+          FieldInfo{.name = "count", .unit = "", .meaning = "Obstacles in a scene", .range = Range::between(0, 1000)});
+    visit(&O::shapes,
+          FieldInfo{.name = "shapes",
+                    .unit = "",
+                    .meaning = "Shapes to draw from: box, half_box, sphere, half_sphere, cone, pyramid, cylinder"});
+    visit(&O::min_size, FieldInfo{.name = "min_size",
+                                  .unit = "m",
+                                  .meaning = "Smallest edge, diameter or height",
+                                  .range = Range::positive()});
+    visit(&O::max_size, FieldInfo{.name = "max_size",
+                                  .unit = "m",
+                                  .meaning = "Largest edge, diameter or height",
+                                  .range = Range::positive()});
     visit(&O::contact, FieldInfo{.name = "contact", .unit = "", .meaning = "Contact of all obstacles"});
-    visit(&O::friction, FieldInfo{.name = "friction", .unit = "", .meaning = "Coulomb friction coefficient of all obstacles", .range = Range::not_negative()});
+    visit(&O::friction, FieldInfo{.name = "friction",
+                                  .unit = "",
+                                  .meaning = "Coulomb friction coefficient of all obstacles",
+                                  .range = Range::not_negative()});
   }
 };
 
@@ -88,8 +117,11 @@ struct SceneRecipe {
     visit(&R::groups, FieldInfo{.name = "groups", .unit = "", .meaning = "Groups of particles"});
     visit(&R::obstacles, FieldInfo{.name = "obstacles", .unit = "", .meaning = "Obstacles"});
     visit(&R::time_step, FieldInfo{.name = "time_step", .unit = "", .meaning = "Step size"});
-    visit(&R::frames, FieldInfo{.name = "frames", .unit = "", .meaning = "Frames after the first", .range = Range::between(1, 1e6)});
-    visit(&R::frame_time, FieldInfo{.name = "frame_time", .unit = "s", .meaning = "Time between frames", .range = Range::positive()});
+    visit(
+        &R::frames,
+        FieldInfo{.name = "frames", .unit = "", .meaning = "Frames after the first", .range = Range::between(1, 1e6)});
+    visit(&R::frame_time,
+          FieldInfo{.name = "frame_time", .unit = "s", .meaning = "Time between frames", .range = Range::positive()});
     visit(&R::counts, FieldInfo{.name = "counts", .unit = "", .meaning = "Scenes of each split"});
   }
 };

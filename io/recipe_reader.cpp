@@ -19,8 +19,8 @@ void check_recipe(const ConfigDocument& document, const SceneRecipe& recipe) {
     if (recipe.materials.count(name)) continue;
     std::vector<std::string_view> known;
     for (const auto& [key, material] : recipe.materials) known.push_back(key);
-    config_fail(find_place(document, {"groups", "materials", std::to_string(i)}), "'" + name + "' is not in 'materials'",
-                "Define it there or name another." + did_you_mean(name, known));
+    config_fail(find_place(document, {"groups", "materials", std::to_string(i)}),
+                "'" + name + "' is not in 'materials'", "Define it there or name another." + did_you_mean(name, known));
   }
   if (recipe.obstacles.max_size < recipe.obstacles.min_size)
     config_fail(find_place(document, {"obstacles", "max_size"}),

@@ -28,7 +28,10 @@ TEST(BadInput, UnknownKeyIsAnsweredWithTheClosestOne) {
 
 TEST(BadInput, NegativeSizeNamesPointerValueAndRange) {
   const Folder folder;
-  const auto scene = folder.write("negative.json", small_scene("", "{ \"shape\": \"sphere\", \"radius\": -0.1, \"position\": [0.5, 0.5, 0.5], \"material\": \"water\" }"));
+  const auto scene = folder.write(
+      "negative.json",
+      small_scene(
+          "", "{ \"shape\": \"sphere\", \"radius\": -0.1, \"position\": [0.5, 0.5, 0.5], \"material\": \"water\" }"));
   const Outcome outcome = graupel("simulate " + scene);
   EXPECT_EQ(outcome.exit_code, 2);
   EXPECT_TRUE(outcome.says("/sources/0/radius") && outcome.says("-0.1") && outcome.says("> 0")) << outcome.output;
@@ -36,7 +39,9 @@ TEST(BadInput, NegativeSizeNamesPointerValueAndRange) {
 
 TEST(BadInput, SourceInsideAnObstacleNamesBoth) {
   const Folder folder;
-  const auto scene = folder.write("inside.json", small_scene("  \"obstacles\": [{ \"shape\": \"sphere\", \"radius\": 0.2, \"position\": [0.5, 0.5, 0.5] }]"));
+  const auto scene = folder.write(
+      "inside.json",
+      small_scene("  \"obstacles\": [{ \"shape\": \"sphere\", \"radius\": 0.2, \"position\": [0.5, 0.5, 0.5] }]"));
   const Outcome outcome = graupel("simulate " + scene + " -o " + folder.file("a.h5"));
   EXPECT_EQ(outcome.exit_code, 2);
   EXPECT_TRUE(outcome.says("source 0") && outcome.says("obstacle 0")) << outcome.output;
@@ -45,7 +50,8 @@ TEST(BadInput, SourceInsideAnObstacleNamesBoth) {
 
 TEST(BadInput, MissingMeshNamesTheResolvedPath) {
   const Folder folder;
-  const auto scene = folder.write("mesh.json", small_scene("  \"obstacles\": [{ \"shape\": \"mesh\", \"file\": \"none.obj\" }]"));
+  const auto scene =
+      folder.write("mesh.json", small_scene("  \"obstacles\": [{ \"shape\": \"mesh\", \"file\": \"none.obj\" }]"));
   const Outcome outcome = graupel("simulate " + scene);
   EXPECT_EQ(outcome.exit_code, 3);
   EXPECT_TRUE(outcome.says(folder.file("none.obj")) && outcome.says("/obstacles/0/file")) << outcome.output;
@@ -76,7 +82,8 @@ TEST(BadInput, TruncatedTrajectory) {
 
 TEST(BadInput, DamagedWeights) {
   const Folder folder;
-  const Outcome magic = graupel("inspect " + folder.write("magic.safetensors", "PK\x03\x04 this is a zip file, not safetensors"));
+  const Outcome magic =
+      graupel("inspect " + folder.write("magic.safetensors", "PK\x03\x04 this is a zip file, not safetensors"));
   EXPECT_EQ(magic.exit_code, 3);
   EXPECT_TRUE(magic.says("magic.safetensors")) << magic.output;
   std::ifstream in(GRAUPEL_SOURCE_DIR "/models/hgn.safetensors", std::ios::binary);
@@ -90,7 +97,8 @@ TEST(BadInput, DamagedWeights) {
 
 TEST(BadInput, WeightsOfAnotherArchitecture) {
   const Folder folder;
-  const std::string header = R"({"__metadata__":{"architecture":"gns","format_version":"1"},"w":{"dtype":"F32","shape":[1],"data_offsets":[0,4]}})";
+  const std::string header =
+      R"({"__metadata__":{"architecture":"gns","format_version":"1"},"w":{"dtype":"F32","shape":[1],"data_offsets":[0,4]}})";
   std::string bytes(8, '\0');
   for (int i = 0; i < 8; ++i) bytes[static_cast<std::size_t>(i)] = static_cast<char>(header.size() >> (8 * i) & 255);
   const auto file = folder.write("other.safetensors", bytes + header + std::string(4, '\0'));
@@ -112,7 +120,8 @@ TEST(BadInput, DiskFull) {
   const auto scene = folder.write("small.json", small_scene());
   const std::string mount_point = folder.file("tiny");
   std::filesystem::create_directory(mount_point);
-  if (::mount("tmpfs", mount_point.c_str(), "tmpfs", 0, "size=64k") != 0) GTEST_SKIP() << "no tmpfs can be mounted here (needs root): disk-full is not tested";
+  if (::mount("tmpfs", mount_point.c_str(), "tmpfs", 0, "size=64k") != 0)
+    GTEST_SKIP() << "no tmpfs can be mounted here (needs root): disk-full is not tested";
   const Outcome outcome = graupel("simulate " + scene + " -o " + mount_point + "/a.h5 --frames 40");
   const bool left = std::filesystem::exists(mount_point + "/a.h5");
   ::umount(mount_point.c_str());
@@ -123,7 +132,9 @@ TEST(BadInput, DiskFull) {
 
 TEST(BadInput, DivergedRunExitsWithFourAndKeepsTheBadState) {
   const Folder folder;
-  const auto scene = folder.write("stiff.json", small_scene("  \"time_step\": { \"policy\": \"fixed\", \"substeps_per_frame\": 1 },\n  \"frame_time\": 0.05"));
+  const auto scene = folder.write(
+      "stiff.json",
+      small_scene("  \"time_step\": { \"policy\": \"fixed\", \"substeps_per_frame\": 1 },\n  \"frame_time\": 0.05"));
   const Outcome outcome = graupel("simulate " + scene + " -o " + folder.file("a.h5"));
   EXPECT_EQ(outcome.exit_code, 4) << outcome.output;
   EXPECT_TRUE(outcome.says("particle") && outcome.says("water")) << outcome.output;

@@ -10,7 +10,9 @@
 namespace graupel::test {
 namespace {
 
-const std::string recipe_flags = "scenes/recipes/hgn.json --set frames=3 --set counts.train=3 --set counts.valid=1 --set counts.test=1 --device cpu --seed 5";
+const std::string recipe_flags =
+    "scenes/recipes/hgn.json --set frames=3 --set counts.train=3 --set counts.valid=1 --set counts.test=1 --device cpu "
+    "--seed 5";
 
 TEST(Generate, ShardsMakeTheSameBytesAsOneRun) {
   const Folder folder;

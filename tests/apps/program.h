@@ -26,7 +26,8 @@ inline Outcome graupel(const std::string& arguments) {
   std::FILE* pipe = ::popen(line.c_str(), "r");
   if (pipe == nullptr) return outcome;
   std::array<char, 4096> buffer;
-  for (std::size_t n; (n = std::fread(buffer.data(), 1, buffer.size(), pipe)) > 0;) outcome.output.append(buffer.data(), n);
+  for (std::size_t n; (n = std::fread(buffer.data(), 1, buffer.size(), pipe)) > 0;)
+    outcome.output.append(buffer.data(), n);
   const int status = ::pclose(pipe);
   outcome.exit_code = WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
   return outcome;
@@ -60,7 +61,9 @@ inline std::string small_scene(const std::string& extra = "", const std::string&
          "  \"domain\": { \"dx\": 0.03125 },\n"
          "  \"materials\": { \"water\": { \"preset\": \"taichi_water\" } },\n"
          "  \"sources\": [" +
-         (source.empty() ? std::string("{ \"shape\": \"box\", \"size\": [0.15, 0.15, 0.15], \"position\": [0.5, 0.5, 0.5], \"material\": \"water\" }") : source) +
+         (source.empty() ? std::string("{ \"shape\": \"box\", \"size\": [0.15, 0.15, 0.15], \"position\": [0.5, 0.5, "
+                                       "0.5], \"material\": \"water\" }")
+                         : source) +
          "],\n"
          "  \"frames\": 12" +
          (extra.empty() ? "" : ",\n" + extra) + "\n}\n";

@@ -25,15 +25,18 @@ double rollout_error(const std::string& weights, const std::string& scene_file) 
   const graph::Surroundings surroundings(scene);
   graph::LearnedSimulator::RolloutOptions rollout;
   rollout.frames = frames;
-  const Trajectory predicted = simulator.rollout(
-      scene, surroundings, truth->particle_type(),
-      graph::start_history(start.position, start.velocity, scene.gravity, scene.frame_time, static_cast<int>(simulator.config().history) + 1), rollout);
+  const Trajectory predicted =
+      simulator.rollout(scene, surroundings, truth->particle_type(),
+                        graph::start_history(start.position, start.velocity, scene.gravity, scene.frame_time,
+                                             static_cast<int>(simulator.config().history) + 1),
+                        rollout);
   EXPECT_EQ(predicted.diverged_at_frame, -1);
   double sum = 0;
   for (std::size_t f = 1; f <= frames; ++f) {
     truth->advance_frame();
     const ParticleFrame frame = truth->frame();
-    for (std::size_t p = 0; p < frame.position.size(); ++p) sum += norm2((predicted.frames[f].position[p] - frame.position[p]).cast<double>());
+    for (std::size_t p = 0; p < frame.position.size(); ++p)
+      sum += norm2((predicted.frames[f].position[p] - frame.position[p]).cast<double>());
   }
   return sum / static_cast<double>(frames) / static_cast<double>(predicted.particle_count());
 }

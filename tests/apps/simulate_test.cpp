@@ -15,14 +15,17 @@ namespace {
 TEST(Simulate, WritesEveryFrameAndTheSameBytesForAnyNumberOfThreads) {
   const Folder folder;
   const auto scene = folder.write("small.json", small_scene());
-  const Outcome one = graupel("simulate " + scene + " -o " + folder.file("one.h5") + " --device cpu --threads 1 --json " + folder.file("one.json"));
+  const Outcome one = graupel("simulate " + scene + " -o " + folder.file("one.h5") +
+                              " --device cpu --threads 1 --json " + folder.file("one.json"));
   ASSERT_EQ(one.exit_code, 0) << one.output;
   ASSERT_EQ(graupel("simulate " + scene + " -o " + folder.file("two.h5") + " --device cpu --threads 2").exit_code, 0);
-  const Trajectory a = io::TrajectoryReader(folder.file("one.h5")).read(0), b = io::TrajectoryReader(folder.file("two.h5")).read(0);
+  const Trajectory a = io::TrajectoryReader(folder.file("one.h5")).read(0),
+                   b = io::TrajectoryReader(folder.file("two.h5")).read(0);
   ASSERT_EQ(a.frame_count(), 13u);
   ASSERT_EQ(a.particle_count(), 885u);  // int(8 * 0.15^3 / dx^3 + 1)
   for (std::size_t f = 0; f < a.frame_count(); ++f)
-    for (std::size_t p = 0; p < a.particle_count(); ++p) ASSERT_TRUE(a.frames[f].position[p] == b.frames[f].position[p]);
+    for (std::size_t p = 0; p < a.particle_count(); ++p)
+      ASSERT_TRUE(a.frames[f].position[p] == b.frames[f].position[p]);
   std::ifstream stream(folder.file("one.json"));
   const auto json = nlohmann::json::parse(stream);
   EXPECT_EQ(json["particles"], 885);
@@ -34,33 +37,39 @@ TEST(Simulate, DryRunPrintsCostsAndWritesNothing) {
   const auto scene = folder.write("small.json", small_scene());
   const Outcome outcome = graupel("simulate " + scene + " --dry-run -o " + folder.file("a.h5"));
   EXPECT_EQ(outcome.exit_code, 0) << outcome.output;
-  for (const char* word : {"particles", "885", "substeps", "memory", "disk", "time"}) EXPECT_TRUE(outcome.says(word)) << word;
+  for (const char* word : {"particles", "885", "substeps", "memory", "disk", "time"})
+    EXPECT_TRUE(outcome.says(word)) << word;
   EXPECT_FALSE(std::filesystem::exists(folder.file("a.h5")));
 }
 
 TEST(Simulate, KilledRunIsRecoveredFrameByFrame) {
   const Folder folder;
-  const auto scene = folder.write("small.json", small_scene("  \"time_step\": { \"policy\": \"fixed\", \"substeps_per_frame\": 60 }"));
+  const auto scene =
+      folder.write("small.json", small_scene("  \"time_step\": { \"policy\": \"fixed\", \"substeps_per_frame\": 60 }"));
   const std::string out = folder.file("a.h5");
   ASSERT_EQ(graupel("simulate " + scene + " -o " + folder.file("whole.h5") + " --frames 40 --device cpu").exit_code, 0);
   const pid_t child = ::fork();
   if (child == 0) {
     std::freopen("/dev/null", "w", stderr);
-    ::execl(GRAUPEL_BINARY_DIR "/graupel", "graupel", "simulate", scene.c_str(), "-o", out.c_str(), "--frames", "100000", "--device", "cpu", nullptr);
+    ::execl(GRAUPEL_BINARY_DIR "/graupel", "graupel", "simulate", scene.c_str(), "-o", out.c_str(), "--frames",
+            "100000", "--device", "cpu", nullptr);
     ::_exit(127);
   }
   // Wait until a few flushes have happened, then end the run as the out-of-memory killer would.
-  for (int i = 0; i < 300 && !(std::filesystem::exists(out + ".part") && std::filesystem::file_size(out + ".part") > 200000); ++i)
+  for (int i = 0;
+       i < 300 && !(std::filesystem::exists(out + ".part") && std::filesystem::file_size(out + ".part") > 200000); ++i)
     std::this_thread::sleep_for(std::chrono::milliseconds(50));
   ::kill(child, SIGKILL);
   int status = 0;
   ::waitpid(child, &status, 0);
   const Outcome outcome = graupel("inspect --recover " + out);
   ASSERT_EQ(outcome.exit_code, 0) << outcome.output;
-  const Trajectory recovered = io::TrajectoryReader(out).read(0), whole = io::TrajectoryReader(folder.file("whole.h5")).read(0);
+  const Trajectory recovered = io::TrajectoryReader(out).read(0),
+                   whole = io::TrajectoryReader(folder.file("whole.h5")).read(0);
   ASSERT_GE(recovered.frame_count(), 8u);
   for (std::size_t f = 0; f < std::min(recovered.frame_count(), whole.frame_count()); ++f)
-    for (std::size_t p = 0; p < whole.particle_count(); ++p) ASSERT_TRUE(recovered.frames[f].position[p] == whole.frames[f].position[p]) << f;
+    for (std::size_t p = 0; p < whole.particle_count(); ++p)
+      ASSERT_TRUE(recovered.frames[f].position[p] == whole.frames[f].position[p]) << f;
 }
 
 TEST(Simulate, InterruptExitsWith130) {
@@ -69,7 +78,8 @@ TEST(Simulate, InterruptExitsWith130) {
   const pid_t child = ::fork();
   if (child == 0) {
     std::freopen("/dev/null", "w", stderr);
-    ::execl(GRAUPEL_BINARY_DIR "/graupel", "graupel", "simulate", scene.c_str(), "-o", folder.file("a.h5").c_str(), "--frames", "100000", "--device", "cpu", nullptr);
+    ::execl(GRAUPEL_BINARY_DIR "/graupel", "graupel", "simulate", scene.c_str(), "-o", folder.file("a.h5").c_str(),
+            "--frames", "100000", "--device", "cpu", nullptr);
     ::_exit(127);
   }
   std::this_thread::sleep_for(std::chrono::seconds(1));
