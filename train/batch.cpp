@@ -52,7 +52,8 @@ BatchLevel join_level(const std::vector<SceneGraph>& scenes, std::size_t l, std:
     }
     // Links are mutual: the reverse edge is the one that the sender receives through the opposite slot (k ^ 1).
     for (std::size_t e = first_edge; e < sender.size(); ++e)
-      reverse.push_back(edge_at[static_cast<std::size_t>(sender[e] - first_cell)][static_cast<std::size_t>(slot[e] ^ 1)]);
+      reverse.push_back(
+          edge_at[static_cast<std::size_t>(sender[e] - first_cell)][static_cast<std::size_t>(slot[e] ^ 1)]);
     first_cell += static_cast<int32_t>(level.size());
     if (!top) first_parent += static_cast<int32_t>(scene.hierarchy.levels[l + 1].size());
   }
@@ -101,18 +102,16 @@ void join_particles(Batch& batch, const std::vector<SceneGraph>& scenes) {
   batch.pair = append(batch.indices, pairs.item);
 
   auto& numbers = batch.numbers;
-  batch.features = join_numbers(batch, scenes, [&](const SceneGraph& s) {
-    numbers.insert(numbers.end(), s.features.begin(), s.features.end());
-  });
+  batch.features = join_numbers(
+      batch, scenes, [&](const SceneGraph& s) { numbers.insert(numbers.end(), s.features.begin(), s.features.end()); });
   batch.weight = join_numbers(batch, scenes, [&](const SceneGraph& s) {
     for (const auto& w : s.hierarchy.weight) numbers.insert(numbers.end(), w.begin(), w.end());
   });
   batch.offset = join_numbers(batch, scenes, [&](const SceneGraph& s) {
     for (const auto& o : s.hierarchy.offset) numbers.insert(numbers.end(), o.a, o.a + 3);
   });
-  batch.target = join_numbers(batch, scenes, [&](const SceneGraph& s) {
-    numbers.insert(numbers.end(), s.target.begin(), s.target.end());
-  });
+  batch.target = join_numbers(
+      batch, scenes, [&](const SceneGraph& s) { numbers.insert(numbers.end(), s.target.begin(), s.target.end()); });
   const int64_t n = batch.particles();
   batch.feature_width = n > 0 ? batch.features.count / n : 0;
   GRAUPEL_ASSERT(batch.features.count == n * batch.feature_width);

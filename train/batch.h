@@ -1,5 +1,6 @@
 // Several scenes as one graph: particles and cells of all scenes follow each other, indices are offset per scene, and
-// nothing is padded. Everything lies in two arrays (numbers and indices), so that a batch reaches a device in two copies.
+// nothing is padded. Everything lies in two arrays (numbers and indices), so that a batch reaches a device in two
+// copies.
 #pragma once
 
 #include <cstdint>

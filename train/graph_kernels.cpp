@@ -119,8 +119,8 @@ struct AdamStep {
     const T g = gradient[i] * scale;
     const T m = T(s.beta1) * moment1[i] + T(1 - s.beta1) * g;
     const T v = T(s.beta2) * moment2[i] + T(1 - s.beta2) * g * g;
-    const T w = weights[i] -
-                T(s.learning_rate) * (m / T(s.correction1)) / (std::sqrt(v / T(s.correction2)) + T(s.epsilon));
+    const T w =
+        weights[i] - T(s.learning_rate) * (m / T(s.correction1)) / (std::sqrt(v / T(s.correction2)) + T(s.epsilon));
     moment1[i] = m;
     moment2[i] = v;
     weights[i] = w;
@@ -178,12 +178,12 @@ void adam_step(Device device, int64_t count, const AdamSettings& settings, const
   parallel_for(device, count, AdamStep<T>{settings, gradient, gradient_norm, weights, moment1, moment2, ema}, light);
 }
 
-#define GRAUPEL_INSTANTIATE(T)                                                                                        \
-  template void gather_sum_leaky(Device, int64_t, int64_t, const GatherTerm<T>&, const GatherTerm<T>&,                \
-                                 const GatherTerm<T>&, T*);                                                           \
-  template void segment_sum(Device, const Segments&, int64_t, const T*, int64_t, const T*, T*);                       \
-  template void gather_rows(Device, int64_t, int64_t, const T*, int64_t, const RowIndex&, const T*, const T*, T*);    \
-  template void leaky_backward(Device, int64_t, const T*, T*);                                                        \
+#define GRAUPEL_INSTANTIATE(T)                                                                                     \
+  template void gather_sum_leaky(Device, int64_t, int64_t, const GatherTerm<T>&, const GatherTerm<T>&,             \
+                                 const GatherTerm<T>&, T*);                                                        \
+  template void segment_sum(Device, const Segments&, int64_t, const T*, int64_t, const T*, T*);                    \
+  template void gather_rows(Device, int64_t, int64_t, const T*, int64_t, const RowIndex&, const T*, const T*, T*); \
+  template void leaky_backward(Device, int64_t, const T*, T*);                                                     \
   template void adam_step(Device, int64_t, const AdamSettings&, const T*, const T*, T*, T*, T*, T*);
 GRAUPEL_INSTANTIATE(float)
 GRAUPEL_INSTANTIATE(double)

@@ -155,8 +155,8 @@ at::Tensor gather_rows(int64_t rows, const Term& source, const at::Tensor& weigh
   at::Tensor out = at::empty({rows, source.table.size(1)}, source.table.options());
   with_type(out, [&](auto zero) {
     using T = decltype(zero);
-    gather_rows<T>(place_of(out), rows, out.size(1), source.table.data_ptr<T>(), source.table.stride(0),
-                   row_of(source), data_of<T>(weight), data_of<T>(add), out.data_ptr<T>());
+    gather_rows<T>(place_of(out), rows, out.size(1), source.table.data_ptr<T>(), source.table.stride(0), row_of(source),
+                   data_of<T>(weight), data_of<T>(add), out.data_ptr<T>());
   });
   return out;
 }

@@ -68,7 +68,8 @@ struct HgnModule::Impl {
 
   at::Tensor& get(StateArray array) { return arrays[static_cast<std::size_t>(array)]; }
   void fill(StateArray array, const std::vector<float>& values) {
-    get(array).copy_(at::from_blob(const_cast<float*>(values.data()), {static_cast<int64_t>(values.size())}, at::kFloat));
+    get(array).copy_(
+        at::from_blob(const_cast<float*>(values.data()), {static_cast<int64_t>(values.size())}, at::kFloat));
   }
   std::vector<float> read(const at::Tensor& tensor) const {
     const at::Tensor host = tensor.to(at::kCPU, at::kFloat).contiguous();

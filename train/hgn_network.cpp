@@ -58,9 +58,9 @@ DeviceBatch HgnNetwork::upload(const Batch& batch) const {
   on_device.weight = numbers.narrow(0, batch.weight.begin, batch.weight.count);
   on_device.offset = values(batch.offset, 3);
   if (batch.target.count > 0) on_device.target = values(batch.target, 3);
-  on_device.type_one_hot = at::eq(index(batch.type_row).view({-1, 1}),
-                                  at::arange(graph::embedding_rows, indices.options()).view({1, -1}))
-                               .to(number.dtype());
+  on_device.type_one_hot =
+      at::eq(index(batch.type_row).view({-1, 1}), at::arange(graph::embedding_rows, indices.options()).view({1, -1}))
+          .to(number.dtype());
   on_device.cell = index(batch.cell);
   on_device.pair_begin = index(batch.pair_begin);
   on_device.pair = index(batch.pair);
@@ -120,8 +120,9 @@ at::Tensor HgnNetwork::forward(const DeviceBatch& batch, ForwardRecord* record) 
     const DeviceLevel& level = batch.level[l];
     f[l] = pass_messages("down." + std::to_string(l), level, f[l], record ? &record->down[l] : nullptr);
     if (l + 1 == levels) break;
-    const at::Tensor children = fcn_forward(fcn("restrict." + std::to_string(l)), at::cat({f[l], level.parent_offset}, 1),
-                                            record ? &record->restriction[l] : nullptr);
+    const at::Tensor children =
+        fcn_forward(fcn("restrict." + std::to_string(l)), at::cat({f[l], level.parent_offset}, 1),
+                    record ? &record->restriction[l] : nullptr);
     f[l + 1] = segment_sum(children, level.child_begin, level.child, {});
   }
   for (std::size_t l = levels - 1; l-- > 0;) {
@@ -156,7 +157,8 @@ void HgnNetwork::backward(const DeviceBatch& batch, const ForwardRecord& record,
     if (l == 0) break;
     const DeviceLevel& fine = batch.level[l - 1];
     const at::Tensor children = gather_rows(fine.cells, {g, fine.parent}, {}, {});
-    const at::Tensor inputs = fcn_backward(fcn("restrict." + std::to_string(l - 1)), record.restriction[l - 1], children);
+    const at::Tensor inputs =
+        fcn_backward(fcn("restrict." + std::to_string(l - 1)), record.restriction[l - 1], children);
     g = skip[l - 1] + inputs.narrow(1, 0, h);
   }
   particle_to_grid_backward(batch, record.to_grid, g, grad_particles);

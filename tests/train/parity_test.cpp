@@ -1,0 +1,78 @@
+// The libtorch twin and the inference engine of graph/ compute the same function of the same weights.
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "core/random.h"
+#include "graph/features.h"
+#include "graph/hierarchical_graph_network.h"
+#include "graph/normalization.h"
+#include "train/hgn_module.h"
+
+namespace graupel::train {
+namespace {
+
+/// Two clouds that touch many cells, some far from others, with coordinates below zero.
+std::vector<Vec3f> clouds(int n) {
+  const Random random(3, RandomPurpose::test);
+  std::vector<Vec3f> position;
+  for (int i = 0; i < n; ++i) {
+    const auto draw = static_cast<uint64_t>(i);
+    const double shift = i % 2 ? -0.2 : 0.5, edge = i % 2 ? 0.1 : 0.3;
+    position.push_back({static_cast<float>(shift + edge * random.uniform(draw, 0)),
+                        static_cast<float>(shift + edge * random.uniform(draw, 1)),
+                        static_cast<float>(shift + edge * random.uniform(draw, 2))});
+  }
+  return position;
+}
+
+void check_parity(const graph::HgnConfig& config, int particles) {
+  const HgnModule module(config, Device::cpu, 11);
+  nn::Weights weights = module.state(StateArray::weights);
+  weights.metadata = config.to_metadata();
+  graph::add_normalization(weights, {});
+  const graph::HierarchicalGraphNetwork engine(weights);
+
+  const std::vector<Vec3f> position = clouds(particles);
+  SceneGraph scene;
+  scene.hierarchy =
+      sparsegrid::build_hierarchy<3>(position, config.spacing, {0.01, 0.02, 0.03}, static_cast<int>(config.levels));
+  const Random random(4, RandomPurpose::test);
+  std::vector<int32_t> types;
+  constexpr int32_t ids[] = {5, 6, 8, 4};
+  for (int i = 0; i < particles; ++i) {
+    types.push_back(ids[i % 4]);
+    scene.type_row.push_back(graph::embedding_row(ids[i % 4]));
+    for (int64_t k = 0; k < config.input_width() - config.embedding; ++k) {
+      double a, b;
+      random.normal(static_cast<uint64_t>(i * 100 + k), 0, a, b);
+      scene.features.push_back(static_cast<float>(a));
+    }
+  }
+  const std::vector<float> expected = engine.forward(scene.features, types, scene.hierarchy);
+  const std::vector<float> actual = module.predict(concatenate({scene}), StateArray::weights);
+  ASSERT_EQ(actual.size(), expected.size());
+  double difference2 = 0, size2 = 0, largest = 0;
+  for (std::size_t i = 0; i < actual.size(); ++i) {
+    difference2 += std::pow(actual[i] - expected[i], 2);
+    size2 += std::pow(expected[i], 2);
+    largest = std::max(largest, std::abs(static_cast<double>(actual[i]) - expected[i]));
+  }
+  EXPECT_GT(size2, 0);
+  EXPECT_LT(std::sqrt(difference2 / size2), 1e-4);
+  EXPECT_LT(largest, 1e-3 * std::sqrt(size2 / static_cast<double>(actual.size())));
+}
+
+TEST(Parity, PaperSizeNetwork) { check_parity(graph::HgnConfig(), 300); }
+
+TEST(Parity, SmallNetworkWithSignedDistance) {
+  graph::HgnConfig config;
+  config.latent = 32;
+  config.levels = 3;
+  config.message_passing = 2;
+  config.signed_distance = true;
+  check_parity(config, 500);
+}
+
+}  // namespace
+}  // namespace graupel::train

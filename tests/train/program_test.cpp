@@ -1,0 +1,124 @@
+// The program graupel-train: exit codes, signals, kills.
+#include <gtest/gtest.h>
+#include <signal.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <chrono>
+#include <thread>
+
+#include "graph/hgn_config.h"
+#include "nn/weights.h"
+#include "tests/train/tiny_data.h"
+#include "train/run_folder.h"
+
+namespace graupel::train {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// Starts graupel-train with its output in a file.
+pid_t start(std::vector<std::string> words, const std::string& log) {
+  words.insert(words.begin(), std::string(GRAUPEL_BINARY_DIR) + "/graupel-train");
+  const pid_t child = ::fork();
+  if (child == 0) {
+    std::vector<char*> argv;
+    for (std::string& word : words) argv.push_back(word.data());
+    argv.push_back(nullptr);
+    if (!std::freopen(log.c_str(), "w", stdout) || ::dup2(STDOUT_FILENO, STDERR_FILENO) < 0) ::_exit(126);
+    ::execv(argv[0], argv.data());
+    ::_exit(127);
+  }
+  return child;
+}
+/// Exit code, or 1000 + signal.
+int finish(pid_t child) {
+  int status = 0;
+  ::waitpid(child, &status, 0);
+  return WIFEXITED(status) ? WEXITSTATUS(status) : 1000 + WTERMSIG(status);
+}
+
+class Program : public testing::Test {
+ protected:
+  Program() : folder_(test_folder("program")) {
+    write_file_atomically(folder_ + "/config.json", train_config_text(tiny_config()));
+  }
+  ~Program() override { fs::remove_all(folder_); }
+  std::vector<std::string> training(const std::string& run) const {
+    return {"hgn",       "--data", tiny_data_set(), "--out", folder_ + "/" + run, "--config", folder_ + "/config.json",
+            "--threads", "1",      "--device",      "cpu"};
+  }
+  int run(const std::vector<std::string>& words) { return finish(start(words, folder_ + "/log")); }
+  std::string log() const { return read_file(folder_ + "/log"); }
+  /// Starts an endless training, waits for a checkpoint, sends the signal.
+  int interrupt(const std::string& run_name, int signal) {
+    auto words = training(run_name);
+    words.insert(words.end(), {"--steps", "1000000", "--set", "validation_interval=1000000"});
+    const pid_t child = start(words, folder_ + "/log");
+    for (int i = 0; i < 600 && !fs::exists(folder_ + "/" + run_name + "/checkpoints/step-00000010"); ++i)
+      std::this_thread::sleep_for(std::chrono::milliseconds(50));
+    ::kill(child, signal);
+    return finish(child);
+  }
+  std::string folder_;
+};
+
+TEST_F(Program, HelpDefaultsAndUsageErrors) {
+  EXPECT_EQ(run({"hgn", "--help"}), 0);
+  EXPECT_EQ(run({"hgn", "--print-defaults"}), 0);
+  EXPECT_EQ(config_hash(read_train_config(log(), "defaults")), config_hash(TrainConfig()));
+  EXPECT_EQ(run({"hgn"}), 2);
+  EXPECT_EQ(run({"hgn", "--dta", "x"}), 2);
+  EXPECT_EQ(run({"hgn", "--data", folder_ + "/none"}), 3);
+  auto words = training("x");
+  words.insert(words.end(), {"--set", "hgn.latnt=3"});
+  EXPECT_EQ(run(words), 2);
+  EXPECT_NE(log().find("latent"), std::string::npos);  // did you mean
+  EXPECT_FALSE(fs::exists(folder_ + "/x"));
+}
+
+TEST_F(Program, TrainsWritesARunFolderAndEvaluates) {
+  auto words = training("run");
+  words.insert(words.end(), {"--json", folder_ + "/result.json"});
+  ASSERT_EQ(run(words), 0) << log();
+  for (const char* file :
+       {"config.json", "run.json", "command.txt", "log.txt", "normalization.safetensors", "metrics.csv",
+        "metrics.jsonl", "weights.safetensors", "checkpoints/step-00000020/adam_v.safetensors"})
+    EXPECT_TRUE(fs::exists(folder_ + "/run/" + file)) << file;
+  EXPECT_NE(read_file(folder_ + "/result.json").find("\"steps\": 20"), std::string::npos);
+  EXPECT_NE(read_file(folder_ + "/run/log.txt").find("step 10/20"), std::string::npos);
+  ASSERT_EQ(run({"hgn", "--evaluate", folder_ + "/run/weights.safetensors", "--data", tiny_data_set(), "--stride", "3",
+                 "--json", folder_ + "/errors.json"}),
+            0)
+      << log();
+  EXPECT_NE(log().find("airborne"), std::string::npos);
+  EXPECT_NE(read_file(folder_ + "/errors.json").find("near_obstacle"), std::string::npos);
+}
+
+TEST_F(Program, RefusesWeightsOfAnotherArchitecture) {
+  nn::Weights weights;
+  weights.metadata = graph::HgnConfig().to_metadata();
+  weights.metadata["architecture"] = "gns";
+  nn::write_safetensors(folder_ + "/gns.safetensors", weights);
+  EXPECT_EQ(run({"hgn", "--evaluate", folder_ + "/gns.safetensors", "--data", tiny_data_set()}), 3);
+  EXPECT_NE(log().find("gns"), std::string::npos);
+}
+
+TEST_F(Program, SigtermSavesAndEndsWell) {
+  EXPECT_EQ(interrupt("term", SIGTERM), 0) << log();
+  EXPECT_NE(log().find("--resume"), std::string::npos);
+  EXPECT_TRUE(fs::exists(folder_ + "/term/weights.safetensors"));
+}
+
+TEST_F(Program, SigintSavesAndEndsWith130) { EXPECT_EQ(interrupt("int", SIGINT), 130) << log(); }
+
+TEST_F(Program, AKilledRunGoesOnFromItsLastCheckpoint) {
+  EXPECT_EQ(interrupt("killed", SIGKILL), 1000 + SIGKILL);
+  ASSERT_EQ(run({"hgn", "--resume", "latest", "--out", folder_, "--minutes", "0.001", "--threads", "1"}), 0) << log();
+  EXPECT_NE(log().find("resumed at step "), std::string::npos);
+  EXPECT_EQ(log().find("resumed at step 0\n"), std::string::npos);
+  EXPECT_EQ(run({"hgn", "--resume", folder_ + "/killed", "--steps", "5"}), 2);
+}
+
+}  // namespace
+}  // namespace graupel::train

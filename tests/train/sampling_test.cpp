@@ -1,0 +1,198 @@
+// Data set, statistics, training noise, and that batches do not depend on the workers.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <set>
+
+#include "core/error.h"
+#include "tests/train/tiny_data.h"
+#include "train/data_set.h"
+#include "train/sampling.h"
+#include "train/worker_threads.h"
+
+namespace graupel::train {
+namespace {
+
+TEST(DataSplit, HoldsWhatWasWritten) {
+  const DataSplit split(tiny_data_set() + "/train.h5");
+  ASSERT_EQ(split.count(), 4);
+  const Trajectory truth = tiny_trajectory(2, 24, 30);
+  EXPECT_EQ(split.trajectory(1).frames, 30);
+  EXPECT_EQ(split.trajectory(1).initial_velocity, truth.frames[0].velocity);
+  const auto frames = split.positions(1, 7, 2);
+  EXPECT_EQ(frames[0], truth.frames[7].position);
+  EXPECT_EQ(frames[1], truth.frames[8].position);
+  // Equal scenes share their surroundings.
+  EXPECT_EQ(split.trajectory(0).context, split.trajectory(3).context);
+}
+
+TEST(DataSplit, ReadsOnDemandWhatDoesNotFit) {
+  DataSplitOptions small;
+  small.memory_limit = 1;
+  const DataSplit on_demand(tiny_data_set() + "/train.h5", small), resident(tiny_data_set() + "/train.h5");
+  EXPECT_EQ(on_demand.positions(2, 3, 5), resident.positions(2, 3, 5));
+}
+
+TEST(DataSplit, HistoryBeforeTheStartIsBallistic) {
+  const DataSplit split(tiny_data_set() + "/train.h5");
+  const auto history = split.history(0, 1, 4);
+  ASSERT_EQ(history.size(), 5u);
+  EXPECT_EQ(history[4], split.positions(0, 1, 1).front());
+  EXPECT_EQ(history[3], split.positions(0, 0, 1).front());
+  // The tiny trajectories start in free flight: second differences are gravity's all along.
+  const Vec3f gravity = split.trajectory(0).context->gravity_step();
+  for (std::size_t t = 1; t + 1 < history.size(); ++t)
+    for (std::size_t p = 0; p < history[0].size(); ++p)
+      for (int d = 0; d < 3; ++d)
+        EXPECT_NEAR(history[t + 1][p][d] - 2 * history[t][p][d] + history[t - 1][p][d], gravity[d], 3e-7f);
+}
+
+TEST(DataSplit, RefusesDataOfAnotherFrameTimeOrMissingFiles) {
+  const DataSplit split(tiny_data_set() + "/train.h5");
+  graph::HgnConfig config = tiny_config().hgn;
+  EXPECT_NO_THROW(split.check_fits(config));
+  config.frame_time = 0.01;
+  EXPECT_THROW(split.check_fits(config), ConfigError);
+  config = tiny_config().hgn;
+  config.dx = 0.01;
+  EXPECT_THROW(split.check_fits(config), ConfigError);
+  EXPECT_THROW(DataSplit(tiny_data_set() + "/none.h5"), InputError);
+}
+
+TEST(Statistics, AreThoseOfAllFrameDifferencesWithTheNoiseInQuadrature) {
+  const DataSplit split(tiny_data_set() + "/train.h5");
+  std::vector<double> velocity, acceleration;
+  for (uint64_t seed = 1; seed <= 4; ++seed) {
+    const Trajectory t = tiny_trajectory(seed, 24, 30);
+    for (std::size_t f = 1; f < 30; ++f)
+      for (std::size_t p = 0; p < 24; ++p) {
+        const auto y = [&](std::size_t frame) { return static_cast<double>(t.frames[frame].position[p][1]); };
+        velocity.push_back(y(f) - y(f - 1));
+        if (f + 1 < 30) acceleration.push_back(y(f + 1) - 2 * y(f) + y(f - 1));
+      }
+  }
+  const auto moments = [](const std::vector<double>& values) {
+    double mean = 0, variance = 0;
+    for (const double v : values) mean += v / static_cast<double>(values.size());
+    for (const double v : values) variance += (v - mean) * (v - mean) / static_cast<double>(values.size());
+    return std::pair(mean, variance);
+  };
+  constexpr double noise = 2e-3;
+  const graph::Normalization n = split.statistics(noise, 2);
+  const auto [vm, vv] = moments(velocity);
+  const auto [am, av] = moments(acceleration);
+  EXPECT_NEAR(n.velocity_mean[1], vm, 1e-6 * std::abs(vm) + 1e-9);
+  EXPECT_NEAR(n.velocity_std[1], std::sqrt(vv + noise * noise), 1e-5 * std::sqrt(vv));
+  EXPECT_NEAR(n.acceleration_mean[1], am, 1e-4 * std::abs(am));
+  EXPECT_NEAR(n.acceleration_std[1], std::sqrt(av + noise * noise), 1e-5 * std::sqrt(av));
+}
+
+TEST(Noise, IsARandomWalkWhoseLastVelocityHasTheGivenDeviation) {
+  constexpr int m = 5, n = 20000;
+  constexpr double noise_std = 1e-3;
+  std::vector<std::vector<Vec3f>> positions(m + 1, std::vector<Vec3f>(n, Vec3f::zero()));
+  const auto newest = add_random_walk(positions, noise_std, Random(1, RandomPurpose::training_noise, 5));
+  EXPECT_EQ(positions[0], std::vector<Vec3f>(n, Vec3f::zero()));
+  EXPECT_EQ(positions[m], newest);
+  for (int j = 1; j <= m; ++j) {
+    double sum2 = 0, sum = 0;
+    for (std::size_t p = 0; p < n; ++p)
+      for (int d = 0; d < 3; ++d) {
+        const double v =
+            positions[static_cast<std::size_t>(j)][p][d] - positions[static_cast<std::size_t>(j) - 1][p][d];
+        sum += v;
+        sum2 += v * v;
+      }
+    const double expected = noise_std * std::sqrt(static_cast<double>(j) / m);
+    EXPECT_NEAR(std::sqrt(sum2 / (3 * n)), expected, 0.02 * expected) << "velocity " << j;
+    EXPECT_NEAR(sum / (3 * n), 0, 4 * expected / std::sqrt(3.0 * n));
+  }
+}
+
+TEST(Noise, TargetUndoesTheNoiseOfTheNewestVelocity) {
+  // With the noise added to the next position too, the target is the true acceleration minus the velocity's noise.
+  const DataSplit split(tiny_data_set() + "/train.h5");
+  const auto clean = split.history(0, 10, 2);
+  auto noisy = clean;
+  auto next = split.positions(0, 11, 1).front();
+  const auto truth = acceleration_of(next, clean);
+  const auto newest = add_random_walk(noisy, 1e-3, Random(1, RandomPurpose::training_noise));
+  for (std::size_t p = 0; p < next.size(); ++p) next[p] += newest[p];
+  const auto target = acceleration_of(next, noisy);
+  for (std::size_t p = 0; p < next.size(); ++p)
+    for (int d = 0; d < 3; ++d) {
+      const float velocity_noise = (noisy[2][p][d] - noisy[1][p][d]) - (clean[2][p][d] - clean[1][p][d]);
+      EXPECT_NEAR(target[p][d], truth[p][d] - velocity_noise, 3e-7f);
+    }
+}
+
+TEST(Sampling, DrawsEveryTrajectoryAndFrame) {
+  const DataSplit split(tiny_data_set() + "/train.h5");
+  std::set<std::pair<int, int64_t>> seen;
+  for (int64_t step = 0; step < 400; ++step)
+    for (int64_t slot = 0; slot < 4; ++slot) {
+      const SampleKey key = draw_sample(split, 1, step, slot);
+      ASSERT_LT(key.frame, 29);
+      seen.insert({key.trajectory, key.frame});
+    }
+  EXPECT_EQ(seen.size(), 4u * 29u);  // 1600 draws of 116
+}
+
+TEST(Sampling, JitterMovesTheGridWithinTheChosenCell) {
+  TrainConfig config = tiny_config();
+  EXPECT_DOUBLE_EQ(config.jitter_width(), 0.14);  // 0.07 * 2^(2-1)
+  config.jitter = GridJitter::finest;
+  EXPECT_DOUBLE_EQ(config.jitter_width(), 0.07);
+  config.jitter = GridJitter::none;
+  EXPECT_EQ(config.jitter_width(), 0);
+}
+
+TEST(Sampling, BatchesDoNotDependOnTheWorkers) {
+  const DataSplit split(tiny_data_set() + "/train.h5");
+  const TrainConfig config = tiny_config();
+  const graph::Normalization normalization = split.statistics(config.noise_std, 1);
+  const auto batches = [&](int workers, int64_t first) {
+    OrderedQueue<Batch> queue(workers, first, 8, 3,
+                              [&](int64_t k) { return training_batch(split, config, normalization, k); });
+    std::vector<Batch> all;
+    for (int64_t k = first; k < 8; ++k) all.push_back(queue.next());
+    return all;
+  };
+  const auto one = batches(1, 0), three = batches(3, 0), resumed = batches(2, 5);
+  for (std::size_t k = 0; k < 8; ++k) {
+    EXPECT_EQ(one[k].numbers, three[k].numbers);
+    EXPECT_EQ(one[k].indices, three[k].indices);
+    if (k >= 5) {
+      EXPECT_EQ(one[k].numbers, resumed[k - 5].numbers);
+    }
+  }
+  EXPECT_NE(one[0].numbers, one[1].numbers);
+}
+
+TEST(OrderedQueue, HandsOnAWorkersError) {
+  OrderedQueue<int> queue(2, 0, 4, 2, [](int64_t k) -> int {
+    if (k == 1) throw InputError("bad frame");
+    return static_cast<int>(k);
+  });
+  EXPECT_EQ(queue.next(), 0);
+  EXPECT_THROW(queue.next(), InputError);
+  EXPECT_EQ(queue.next(), 2);
+}
+
+TEST(TrainConfig, RateFallsAsThePapersScaledToTheRun) {
+  TrainConfig config;
+  config.steps = 4000;
+  EXPECT_NEAR(config.rate_at(0), 1e-4, 1e-12);
+  EXPECT_NEAR(config.rate_at(1000), 1e-6 + 0.99e-4 * 0.1, 1e-12);
+  EXPECT_NEAR(config.rate_at(4000), 1e-6 + 0.99e-4 * 1e-4, 1e-12);
+  config.decay_steps = 500;
+  EXPECT_NEAR(config.rate_at(1000), 1e-6 + 0.99e-4 * 0.01, 1e-12);
+  config.schedule = RateSchedule::cosine;
+  config.warm_up_steps = 10;
+  EXPECT_NEAR(config.rate_at(0), 1e-5, 1e-8);
+  EXPECT_NEAR(config.rate_at(2000), 1e-6 + 0.99e-4 * 0.5, 1e-12);
+  EXPECT_NEAR(config.rate_at(4000), 1e-6, 1e-12);
+}
+
+}  // namespace
+}  // namespace graupel::train

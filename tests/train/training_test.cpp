@@ -1,0 +1,163 @@
+// Whole training runs on a tiny data set: learning, exact resume, validation, evaluation.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <fstream>
+
+#include "core/error.h"
+#include "graph/hierarchical_graph_network.h"
+#include "tests/train/tiny_data.h"
+#include "train/checkpoint.h"
+#include "train/run_folder.h"
+#include "train/training_loop.h"
+
+namespace graupel::train {
+namespace {
+
+namespace fs = std::filesystem;
+
+TrainingOptions tiny_options(const std::string& run) {
+  TrainingOptions options;
+  options.data = tiny_data_set();
+  options.run = run;
+  options.config = tiny_config();
+  options.threads = 1;
+  options.version = "test";
+  return options;
+}
+
+std::string array_bytes(const std::string& run, const char* step, const char* array) {
+  return read_file(run + "/checkpoints/" + step + "/" + array + ".safetensors");
+}
+
+void expect_equal_states(const std::string& a, const std::string& b, const char* step) {
+  for (const StateArray array : all_state_arrays)
+    EXPECT_TRUE(array_bytes(a, step, name_of(array)) == array_bytes(b, step, name_of(array))) << name_of(array);
+}
+
+TEST(Training, TwentyStepsEqualTenAndResumedTen) {
+  const std::string folder = test_folder("resume");
+  train_hgn(tiny_options(folder + "/whole"));
+  TrainingOptions parts = tiny_options(folder + "/parts");
+  parts.stop_step = 10;
+  EXPECT_EQ(train_hgn(parts).reason, StopReason::reached_stop_step);
+  parts.stop_step = 0;
+  parts.resume = true;
+  const TrainingResult result = train_hgn(parts);
+  EXPECT_EQ(result.reason, StopReason::finished);
+  EXPECT_EQ(result.step, 20);
+  EXPECT_EQ(result.scene_samples, 80);
+  expect_equal_states(folder + "/whole", folder + "/parts", "step-00000020");
+  // Also from a damaged newest checkpoint, and with every step logged once.
+  std::ofstream(folder + "/parts/checkpoints/step-00000020/state.json") << "{";
+  std::string said;
+  parts.message = [&](const std::string& text) { said += text + "\n"; };
+  train_hgn(parts);
+  EXPECT_NE(said.find("WARNING"), std::string::npos);
+  EXPECT_NE(said.find("resumed at step 10"), std::string::npos);
+  expect_equal_states(folder + "/whole", folder + "/parts", "step-00000020");
+  std::ifstream csv(folder + "/parts/metrics.csv");
+  std::vector<std::string> losses;  // the second column after the step
+  for (std::string line; std::getline(csv, line);)
+    if (std::isdigit(line[0]) && line.find(",,") != line.find(',', line.find(',') + 1))
+      losses.push_back(line.substr(0, 3));
+  EXPECT_EQ(losses, (std::vector<std::string>{"10,", "20,"}));
+  fs::remove_all(folder);
+}
+
+TEST(Training, LearnsToBounce) {
+  const std::string folder = test_folder("learn");
+  TrainingOptions options = tiny_options(folder + "/run");
+  options.config.steps = 400;
+  options.config.schedule = RateSchedule::cosine;
+  options.config.log_interval = 20;
+  options.config.checkpoint_interval = 400;
+  options.config.validation_interval = 400;
+  options.config.validation_samples = 40;
+  options.config.ema_decay = 0.98;
+  double first = 0, last = 0;
+  options.progress = [&](const TrainingProgress& p) {
+    if (first == 0) first = p.loss;
+    last = p.loss;
+  };
+  const TrainingResult result = train_hgn(options);
+  EXPECT_LT(last, first / 3);
+  ASSERT_TRUE(result.validation);
+  const SquaredErrors errors = result.validation->one_step.all();
+  EXPECT_LT(errors.raw_mse(Predictor::network), 0.5 * errors.raw_mse(Predictor::zero));
+  EXPECT_LT(errors.raw_mse(Predictor::network), 0.5 * errors.raw_mse(Predictor::ballistic));
+  EXPECT_TRUE(std::isfinite(result.validation->rollout_mse));
+  EXPECT_LT(result.validation->rollout_mse, 1e-3);
+  // The exported weights are complete for the inference engine.
+  const graph::HierarchicalGraphNetwork engine(nn::read_safetensors(result.weights_file));
+  EXPECT_EQ(engine.config().latent, 16);
+  EXPECT_EQ(nn::read_safetensors(result.weights_file).metadata.at("training.scene_samples"), "1600");
+  fs::remove_all(folder);
+}
+
+TEST(Training, StopsCleanlyWhenAskedAndWhenTimeIsOver) {
+  const std::string folder = test_folder("stop");
+  TrainingOptions options = tiny_options(folder + "/asked");
+  int asked = 0;
+  options.should_stop = [&] { return ++asked == 7; };
+  TrainingResult result = train_hgn(options);
+  EXPECT_EQ(result.reason, StopReason::stopped);
+  EXPECT_EQ(result.step, 7);
+  EXPECT_TRUE(fs::exists(folder + "/asked/checkpoints/step-00000007/state.json"));
+  options = tiny_options(folder + "/time");
+  options.minutes = 1e-9;
+  result = train_hgn(options);
+  EXPECT_EQ(result.reason, StopReason::out_of_time);
+  EXPECT_EQ(result.step, 1);
+  EXPECT_TRUE(fs::exists(folder + "/time/weights.safetensors"));
+  fs::remove_all(folder);
+}
+
+TEST(Training, DivergenceIsReported) {
+  const std::string folder = test_folder("diverge");
+  TrainingOptions options = tiny_options(folder + "/run");
+  options.config.learning_rate = 1e18;
+  options.config.clip_norm = 0;
+  EXPECT_THROW(train_hgn(options), DivergedError);
+  fs::remove_all(folder);
+}
+
+TEST(Training, RefusesAnUsedFolderAndChangedSettings) {
+  const std::string folder = test_folder("refuse");
+  TrainingOptions options = tiny_options(folder + "/run");
+  options.config.steps = 2;
+  train_hgn(options);
+  EXPECT_THROW(train_hgn(options), ConfigError);
+  options.resume = true;
+  options.config.learning_rate = 1e-5;
+  EXPECT_THROW(train_hgn(options), ConfigError);
+  EXPECT_EQ(fs::path(latest_run(folder)).filename(), "run");
+  EXPECT_EQ(read_run_facts(folder + "/run").data, fs::path(tiny_data_set()).lexically_normal());
+  EXPECT_THROW(latest_run(folder + "/none"), InputError);
+  EXPECT_THROW(read_run_config(folder), InputError);
+  fs::remove_all(folder);
+}
+
+TEST(Evaluation, BaselinesAndRegionsOfKnownMotion) {
+  const DataSplit split(tiny_data_set() + "/test.h5");
+  const graph::Normalization normalization = split.statistics(0, 1);
+  const HgnModule module(tiny_config().hgn, Device::cpu, 1);
+  const OneStepErrors errors =
+      evaluate_one_step(module, normalization, split, strided_samples(split, 1), {.batch_scenes = 4, .threads = 2});
+  EXPECT_EQ(errors.samples, 29);
+  EXPECT_EQ(errors.all().particles, 29 * 24);
+  const auto& airborne = errors.region[static_cast<std::size_t>(Region::airborne)];
+  const auto& near = errors.region[static_cast<std::size_t>(Region::near_obstacle)];
+  // In flight the ballistic guess is right and no acceleration is wrong by g dt^2.
+  const double g2 = std::pow(9.8 / 3600, 2);
+  EXPECT_GT(airborne.particles, 300);
+  EXPECT_LT(airborne.raw_mse(Predictor::ballistic), 1e-4 * g2);
+  EXPECT_NEAR(airborne.raw_mse(Predictor::zero), g2, 0.01 * g2);
+  // Bounces happen at the wall, within 2 dx of it, and nowhere else.
+  EXPECT_GT(near.particles, 10);
+  EXPECT_GT(near.raw_mse(Predictor::ballistic), 10 * g2);
+  EXPECT_EQ(errors.region[static_cast<std::size_t>(Region::bulk)].particles, 0);
+}
+
+}  // namespace
+}  // namespace graupel::train

@@ -1,0 +1,76 @@
+// Trajectories of a data set as training reads them: positions, types, and the static surroundings of each scene.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "core/scene.h"
+#include "graph/features.h"
+#include "graph/hgn_config.h"
+#include "io/trajectory_file.h"
+
+namespace graupel::train {
+
+/// A scene with what is built of it once.
+struct SceneContext {
+  explicit SceneContext(Scene read_scene) : scene(std::move(read_scene)), surroundings(scene) {}
+  Scene scene;
+  graph::Surroundings surroundings;
+  /// Displacement that gravity adds in a frame: g dt^2 [m/frame^2].
+  Vec3f gravity_step() const;
+};
+
+struct TrajectoryInfo {
+  std::vector<int32_t> type_row;        ///< [n] rows of the embedding table
+  std::vector<Vec3f> initial_velocity;  ///< [n] [m/s]
+  int64_t frames = 0;                   ///< usable ones
+  std::shared_ptr<const SceneContext> context;
+};
+
+struct DataSplitOptions {
+  double memory_limit = 0;  ///< [bytes] of positions kept; the rest is read when needed; 0: half of the machine's
+  int threads = 1;
+  std::function<void(const std::string& what, int64_t done, int64_t total)> progress;
+};
+
+/// One file of a data set. Immutable once open; may be read from many threads.
+class DataSplit {
+ public:
+  /// Throws InputError when the file is missing, damaged, or a trajectory has no scene or fewer than 3 frames.
+  explicit DataSplit(const std::string& file, const DataSplitOptions& options = {});
+
+  const std::string& file() const { return file_; }
+  int count() const { return static_cast<int>(info_.size()); }
+  const TrajectoryInfo& trajectory(int i) const { return info_[static_cast<std::size_t>(i)]; }
+  /// Recorded attribute of the data set, "" when absent (e.g. "recipe", "seed").
+  std::string attribute(const std::string& name) const;
+
+  /// Positions of frames [first, first + count), [count][n] [m].
+  std::vector<std::vector<Vec3f>> positions(int i, int64_t first, int64_t count) const;
+  /// history + 1 positions ending at `frame`, newest last. Frames before the first are those that a rollout starts with
+  /// (graph::start_history).
+  std::vector<std::vector<Vec3f>> history(int i, int64_t frame, int64_t history) const;
+
+  /// Means and standard deviations of v^t = x^t - x^{t-1} and v^{t+1} - v^t over all particles and frames, sums in
+  /// f64; the training noise enters in quadrature.
+  graph::Normalization statistics(double noise_std, int threads) const;
+
+  /// Throws ConfigError when the data were made with another frame time or cell size than the network is for.
+  void check_fits(const graph::HgnConfig& config) const;
+
+ private:
+  void read_headers(const DataSplitOptions& options);
+  void build_contexts(const DataSplitOptions& options);
+  void load_positions(const DataSplitOptions& options);
+
+  std::string file_;
+  std::unique_ptr<io::TrajectoryReader> reader_;
+  std::vector<TrajectoryInfo> info_;
+  std::vector<std::string> scene_json_;
+  std::vector<std::vector<Vec3f>> resident_;  ///< [trajectory][frames * n]; empty where it did not fit
+};
+
+}  // namespace graupel::train

@@ -1,0 +1,201 @@
+#include "train/evaluation.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "train/worker_threads.h"
+
+namespace graupel::train {
+
+namespace {
+
+constexpr double airborne_tolerance = 0.05;  // of |g| dt^2
+constexpr double near_cells = 2;             // in dx
+
+/// Inputs of the network and the truth, for a few samples.
+struct EvaluationBatch {
+  Batch batch;
+  std::vector<Vec3f> truth;    ///< [particles] [m/frame^2]
+  std::vector<Vec3f> gravity;  ///< [scenes] [m/frame^2]
+  std::vector<Region> region;  ///< [particles]
+};
+
+/// Distance to the nearest wall that holds the material; negative outside.
+double wall_distance(const graph::Surroundings& surroundings, const Vec3d& x) {
+  double distance = std::numeric_limits<double>::infinity();
+  for (int d = 0; d < 3; ++d)
+    distance = std::min({distance, x[d] - surroundings.hold_low[d], surroundings.hold_high[d] - x[d]});
+  return distance;
+}
+
+Region region_of(const SceneContext& context, const Vec3f& position, const Vec3f& acceleration) {
+  const Vec3f gravity = context.gravity_step();
+  if (norm(acceleration - gravity) < static_cast<float>(airborne_tolerance) * norm(gravity)) return Region::airborne;
+  const double reach = near_cells * context.scene.domain.dx;
+  const Vec3d x = position.cast<double>();
+  if (wall_distance(context.surroundings, x) < reach) return Region::near_obstacle;
+  const auto& obstacles = context.surroundings.obstacles;
+  if (obstacles.count() > 0 && obstacles.sample(x).phi < reach) return Region::near_obstacle;
+  return Region::bulk;
+}
+
+EvaluationBatch prepare(const graph::HgnConfig& config, const graph::Normalization& normalization,
+                        const DataSplit& split, const SampleKey* first, const SampleKey* last) {
+  EvaluationBatch prepared;
+  std::vector<SceneGraph> graphs;
+  for (const SampleKey* key = first; key != last; ++key) {
+    const TrajectoryInfo& trajectory = split.trajectory(key->trajectory);
+    const auto history = split.history(key->trajectory, key->frame, config.history);
+    const auto truth = acceleration_of(split.positions(key->trajectory, key->frame + 1, 1).front(), history);
+    graphs.push_back(scene_graph(config, normalization, trajectory, history, grid_origin(trajectory)));
+    prepared.gravity.push_back(trajectory.context->gravity_step());
+    for (std::size_t p = 0; p < truth.size(); ++p) {
+      prepared.truth.push_back(truth[p]);
+      prepared.region.push_back(region_of(*trajectory.context, history.back()[p], truth[p]));
+    }
+  }
+  prepared.batch = concatenate(graphs);
+  return prepared;
+}
+
+void accumulate(const EvaluationBatch& prepared, const std::vector<float>& predicted,
+                const graph::Normalization& normalization, OneStepErrors& errors) {
+  for (int64_t s = 0; s < prepared.batch.scenes(); ++s)
+    for (int64_t p = prepared.batch.particle_begin[static_cast<std::size_t>(s)];
+         p < prepared.batch.particle_begin[static_cast<std::size_t>(s) + 1]; ++p) {
+      const auto at = static_cast<std::size_t>(p);
+      SquaredErrors& sums = errors.region[static_cast<std::size_t>(prepared.region[at])];
+      ++sums.particles;
+      for (int d = 0; d < 3; ++d) {
+        const double deviation = normalization.acceleration_std[d], truth = prepared.truth[at][d];
+        const double guesses[3] = {
+            predicted[3 * at + static_cast<std::size_t>(d)] * deviation + normalization.acceleration_mean[d], 0.0,
+            prepared.gravity[static_cast<std::size_t>(s)][d]};
+        for (std::size_t g = 0; g < 3; ++g) {
+          const double error = guesses[g] - truth;
+          sums.raw[g] += error * error;
+          sums.normalized[g] += error * error / (deviation * deviation);
+        }
+      }
+    }
+  errors.samples += prepared.batch.scenes();
+}
+
+/// Histories of the scenes of a rollout, newest last.
+using Histories = std::vector<std::vector<std::vector<Vec3f>>>;
+
+/// Advances every history by one frame.
+void advance(const HgnModule& module, const graph::Normalization& normalization, const DataSplit& split,
+             Histories& histories, const EvaluationOptions& options) {
+  const auto scenes = static_cast<int64_t>(histories.size());
+  std::vector<SceneGraph> graphs(histories.size());
+  for_each_index(options.threads, scenes, [&](int64_t s) {
+    const TrajectoryInfo& trajectory = split.trajectory(static_cast<int>(s));
+    graphs[static_cast<std::size_t>(s)] = scene_graph(module.config(), normalization, trajectory,
+                                                      histories[static_cast<std::size_t>(s)], grid_origin(trajectory));
+  });
+  const Batch batch = concatenate(graphs);
+  const std::vector<float> predicted = module.predict(batch, options.which);
+  for (std::size_t s = 0; s < histories.size(); ++s) {
+    auto& history = histories[s];
+    const std::vector<Vec3f>&now = history.back(), &before = history[history.size() - 2];
+    std::vector<Vec3f> next(now.size());
+    const float* guess = predicted.data() + 3 * batch.particle_begin[s];
+    for (std::size_t p = 0; p < now.size(); ++p)
+      for (int d = 0; d < 3; ++d) {
+        const float a = guess[3 * p + static_cast<std::size_t>(d)] * normalization.acceleration_std[d] +
+                        normalization.acceleration_mean[d];
+        next[p][d] = now[p][d] + (now[p][d] - before[p][d]) + a;
+      }
+    graph::project_out(split.trajectory(static_cast<int>(s)).context->surroundings, next);
+    history.erase(history.begin());
+    history.push_back(std::move(next));
+  }
+}
+
+/// Whether every particle is within one domain edge of where it was a frame ago.
+bool usable(const std::vector<std::vector<Vec3f>>& history, const Scene& scene) {
+  const float limit = static_cast<float>(norm(scene.domain.size));
+  const std::vector<Vec3f>&now = history.back(), &before = history[history.size() - 2];
+  for (std::size_t p = 0; p < now.size(); ++p)
+    if (!(norm(now[p] - before[p]) < limit)) return false;
+  return true;
+}
+
+}  // namespace
+
+const char* name_of(Region region) {
+  constexpr const char* names[] = {"airborne", "near_obstacle", "bulk"};
+  return names[static_cast<std::size_t>(region)];
+}
+
+const char* name_of(Predictor predictor) {
+  constexpr const char* names[] = {"network", "zero", "ballistic"};
+  return names[static_cast<std::size_t>(predictor)];
+}
+
+void SquaredErrors::add(const SquaredErrors& other) {
+  for (std::size_t g = 0; g < 3; ++g) {
+    raw[g] += other.raw[g];
+    normalized[g] += other.normalized[g];
+  }
+  particles += other.particles;
+}
+
+double SquaredErrors::raw_mse(Predictor predictor) const {
+  return particles > 0 ? raw[static_cast<std::size_t>(predictor)] / static_cast<double>(particles) : 0;
+}
+
+double SquaredErrors::normalized_mse(Predictor predictor) const {
+  return particles > 0 ? normalized[static_cast<std::size_t>(predictor)] / static_cast<double>(particles) : 0;
+}
+
+SquaredErrors OneStepErrors::all() const {
+  SquaredErrors sum;
+  for (const SquaredErrors& one : region) sum.add(one);
+  return sum;
+}
+
+OneStepErrors evaluate_one_step(const HgnModule& module, const graph::Normalization& normalization,
+                                const DataSplit& split, const std::vector<SampleKey>& samples,
+                                const EvaluationOptions& options) {
+  const auto total = static_cast<int64_t>(samples.size());
+  const int64_t batches = (total + options.batch_scenes - 1) / options.batch_scenes;
+  OrderedQueue<EvaluationBatch> queue(options.threads, 0, batches, options.threads + 2, [&](int64_t b) {
+    const int64_t last = std::min(total, (b + 1) * options.batch_scenes);
+    return prepare(module.config(), normalization, split, samples.data() + b * options.batch_scenes,
+                   samples.data() + last);
+  });
+  OneStepErrors errors;
+  for (int64_t b = 0; b < batches; ++b) {
+    const EvaluationBatch prepared = queue.next();
+    accumulate(prepared, module.predict(prepared.batch, options.which), normalization, errors);
+  }
+  return errors;
+}
+
+double evaluate_rollout(const HgnModule& module, const graph::Normalization& normalization, const DataSplit& split,
+                        int64_t scenes, int64_t frames, const EvaluationOptions& options) {
+  scenes = std::min<int64_t>(scenes, split.count());
+  Histories histories;
+  for (int64_t s = 0; s < scenes; ++s) {
+    histories.push_back(split.history(static_cast<int>(s), 0, module.config().history));
+    frames = std::min(frames, split.trajectory(static_cast<int>(s)).frames - 1);
+  }
+  double sum = 0;
+  int64_t count = 0;
+  for (int64_t t = 1; t <= frames; ++t) {
+    advance(module, normalization, split, histories, options);
+    for (std::size_t s = 0; s < histories.size(); ++s) {
+      const int i = static_cast<int>(s);
+      if (!usable(histories[s], split.trajectory(i).context->scene)) return std::numeric_limits<double>::infinity();
+      const std::vector<Vec3f> truth = split.positions(i, t, 1).front();
+      for (std::size_t p = 0; p < truth.size(); ++p) sum += norm2((histories[s].back()[p] - truth[p]).cast<double>());
+      count += static_cast<int64_t>(truth.size());
+    }
+  }
+  return count > 0 ? sum / static_cast<double>(count) : 0;
+}
+
+}  // namespace graupel::train

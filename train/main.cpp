@@ -1,0 +1,285 @@
+// graupel-train: trains and evaluates the learned simulators. Parses the command line, calls train/, prints.
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <csignal>
+#include <cstdio>
+#include <ctime>
+#include <exception>
+#include <filesystem>
+#include <fstream>
+#include <new>
+#include <nlohmann/json.hpp>
+
+#include "core/atomic_file.h"
+#include "core/error.h"
+#include "graph/normalization.h"
+#include "train/run_folder.h"
+#include "train/training_loop.h"
+
+namespace graupel::train {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+volatile std::sig_atomic_t stop_signal = 0;
+extern "C" void remember_signal(int signal) { stop_signal = signal; }
+
+void install_signal_handlers() {
+  struct sigaction action {};
+  action.sa_handler = remember_signal;
+  action.sa_flags = SA_RESETHAND;  // a second Ctrl-C stops at once
+  sigaction(SIGINT, &action, nullptr);
+  sigaction(SIGTERM, &action, nullptr);
+}
+
+/// The words of the command line.
+struct Arguments {
+  std::string data, out, config, resume, evaluate, split = "test", device = "auto", json;
+  std::vector<std::string> set;
+  int64_t steps = 0, stop_step = 0, stride = 1;
+  double minutes = 0;
+  uint64_t seed = 0;
+  int threads = 0;
+  bool print_defaults = false;
+  CLI::Option* seed_option = nullptr;
+  std::string command_line;
+};
+
+/// Lines for the terminal and for the run's log.
+class Output {
+ public:
+  void keep(const std::string& file) { log_.open(file, std::ios::app); }
+  void line(const std::string& text) {
+    std::fprintf(stderr, "%s\n", text.c_str());
+    if (log_.is_open()) log_ << text << "\n" << std::flush;
+  }
+
+ private:
+  std::ofstream log_;
+};
+
+std::string human_time(double seconds) {
+  if (seconds >= 3600) return fmt::format("{:.1f} h", seconds / 3600);
+  return seconds >= 60 ? fmt::format("{:.1f} min", seconds / 60) : fmt::format("{:.0f} s", seconds);
+}
+
+std::string progress_line(const TrainingProgress& p) {
+  return fmt::format("step {}/{}  loss {:.4g}  rate {:.2g}  {:.1f} it/s  {:.0f} scenes/s  {} left", p.step, p.steps,
+                     p.loss_average, p.learning_rate, p.steps_per_second, p.scenes_per_second,
+                     human_time(p.seconds_left));
+}
+
+Json json_of(const SquaredErrors& errors) {
+  Json json = {{"particles", errors.particles}};
+  for (const Predictor predictor : all_predictors) {
+    json["raw_mse"][name_of(predictor)] = errors.raw_mse(predictor);
+    json["normalized_mse"][name_of(predictor)] = errors.normalized_mse(predictor);
+  }
+  return json;
+}
+
+Json json_of(const OneStepErrors& errors) {
+  Json json = {{"samples", errors.samples}, {"all", json_of(errors.all())}};
+  for (const Region region : all_regions)
+    json[name_of(region)] = json_of(errors.region[static_cast<std::size_t>(region)]);
+  return json;
+}
+
+Json json_of(const TrainingResult& result, const Arguments& arguments) {
+  Json json = {{"run", arguments.out},
+               {"reason", name_of(result.reason)},
+               {"steps", result.step},
+               {"scene_samples", result.scene_samples},
+               {"seconds", result.seconds},
+               {"loss", result.loss_average},
+               {"parameters", result.parameters},
+               {"weights", result.weights_file},
+               {"best_validation", result.best_validation},
+               {"best_step", result.best_step}};
+  if (result.validation) {
+    json["validation"] = json_of(result.validation->one_step);
+    json["validation"]["step"] = result.validation->step;
+    json["validation"]["rollout_mse"] = result.validation->rollout_mse;  // null when not measured
+  }
+  return json;
+}
+
+void write_json(const std::string& file, const Json& json) {
+  if (!file.empty()) write_file_atomically(file, json.dump(2) + "\n");
+}
+
+std::string utc_name() {
+  const std::time_t now = std::time(nullptr);
+  std::tm utc{};
+  gmtime_r(&now, &utc);
+  char text[32];
+  std::strftime(text, sizeof(text), "hgn-%Y%m%dT%H%M%SZ", &utc);
+  return text;
+}
+
+/// Settings of a new run: file, then --set, then the flags of their own.
+TrainConfig config_of(const Arguments& arguments) {
+  std::vector<std::string> overrides = arguments.set;
+  if (arguments.steps > 0) overrides.push_back("steps=" + std::to_string(arguments.steps));
+  if (arguments.seed_option->count() > 0) overrides.push_back("seed=" + std::to_string(arguments.seed));
+  if (arguments.config.empty()) return read_train_config("{}", "command line", overrides);
+  return read_train_config(read_file(arguments.config), arguments.config, overrides);
+}
+
+void prepare_resume(Arguments& arguments, TrainingOptions& options) {
+  if (!arguments.config.empty() || !arguments.set.empty() || arguments.steps > 0 || arguments.seed_option->count() > 0)
+    throw ConfigError(
+        "a resumed run keeps its settings (--config, --set, --steps and --seed are for new runs). Leave them out");
+  arguments.out =
+      arguments.resume == "latest" ? latest_run(arguments.out.empty() ? "runs" : arguments.out) : arguments.resume;
+  options.resume = true;
+  options.config = read_run_config(arguments.out);
+  if (arguments.data.empty()) arguments.data = read_run_facts(arguments.out).data;
+}
+
+int run_training(Arguments& arguments) {
+  TrainingOptions options;
+  options.device = parse_device(arguments.device);
+  options.threads = num_threads();
+  if (!arguments.resume.empty()) {
+    prepare_resume(arguments, options);
+  } else {
+    if (arguments.data.empty())
+      throw ConfigError("--data is missing. Name the folder of a data set ('graupel generate' makes one)");
+    options.config = config_of(arguments);
+    if (arguments.out.empty()) arguments.out = "runs/" + utc_name();
+  }
+  options.data = arguments.data;
+  options.run = arguments.out;
+  options.minutes = arguments.minutes;
+  options.stop_step = arguments.stop_step;
+  options.command_line = arguments.command_line;
+  options.version = GRAUPEL_VERSION;
+  options.should_stop = [] { return stop_signal != 0; };
+  Output output;
+  bool log_open = false;
+  const auto print = [&](const std::string& text) {
+    if (!log_open && std::filesystem::exists(arguments.out + "/config.json")) {
+      output.keep(arguments.out + "/log.txt");
+      log_open = true;
+    }
+    output.line(text);
+  };
+  options.message = print;
+  options.progress = [&](const TrainingProgress& progress) { print(progress_line(progress)); };
+
+  const TrainingResult result = train_hgn(options);
+  write_json(arguments.json, json_of(result, arguments));
+  print(fmt::format("{} at step {} after {}: {}", name_of(result.reason), result.step, human_time(result.seconds),
+                    result.weights_file));
+  if (result.reason == StopReason::finished) return 0;
+  print(fmt::format("Go on with: graupel train hgn --resume {}", arguments.out));
+  return stop_signal == SIGINT ? static_cast<int>(ExitCode::interrupted) : 0;
+}
+
+int run_evaluation(const Arguments& arguments) {
+  if (arguments.data.empty()) throw ConfigError("--data is missing. Name the folder of the data set");
+  const Device device = parse_device(arguments.device);
+  configure_torch(num_threads(), /*tf32=*/true);
+  const nn::Weights weights = nn::read_safetensors(arguments.evaluate);
+  const auto architecture = weights.metadata.find("architecture");
+  if (architecture == weights.metadata.end() || architecture->second != graph::hgn_architecture)
+    throw InputError("'" + arguments.evaluate + "' is not a hierarchical graph network (architecture '" +
+                     (architecture == weights.metadata.end() ? "" : architecture->second) + "', needed 'hgn')");
+  const graph::HgnConfig config = graph::HgnConfig::from_metadata(weights.metadata, arguments.evaluate);
+  const graph::Normalization normalization = graph::read_normalization(weights);
+  HgnModule module(config, device, 0);
+  module.set_state(StateArray::weights, weights);
+
+  DataSplitOptions split_options;
+  split_options.threads = num_threads();
+  const DataSplit split(arguments.data + "/" + arguments.split + ".h5", split_options);
+  split.check_fits(config);
+  const OneStepErrors errors =
+      evaluate_one_step(module, normalization, split, strided_samples(split, arguments.stride),
+                        {.which = StateArray::weights, .batch_scenes = 16, .threads = num_threads()});
+  fmt::print("one-step error of the acceleration, normalised (raw [m^2/frame^4])\n{:14} {:>10} {:>22} {:>22} {:>22}\n",
+             "region", "particles", "network", "zero", "ballistic");
+  const auto row = [](const char* name, const SquaredErrors& e) {
+    const auto cell = [&](Predictor p) { return fmt::format("{:.4g} ({:.3e})", e.normalized_mse(p), e.raw_mse(p)); };
+    fmt::print("{:14} {:>10} {:>22} {:>22} {:>22}\n", name, e.particles, cell(Predictor::network),
+               cell(Predictor::zero), cell(Predictor::ballistic));
+  };
+  row("all", errors.all());
+  for (const Region region : all_regions) row(name_of(region), errors.region[static_cast<std::size_t>(region)]);
+  Json json = json_of(errors);
+  json["weights"] = arguments.evaluate;
+  json["split"] = split.file();
+  write_json(arguments.json, json);
+  return 0;
+}
+
+void add_options(CLI::App& verb, Arguments& a) {
+  verb.add_option("--data", a.data, "Folder of the data set: train.h5, valid.h5, test.h5");
+  verb.add_option("--out", a.out, "Run folder (default: runs/hgn-<time>)");
+  verb.add_option("--config", a.config, "Settings as JSON (see --print-defaults)");
+  verb.add_option("--set", a.set, "Override a setting: key=value, hgn.latent=64")->take_all();
+  verb.add_option("--steps", a.steps, "Optimiser steps")->check(CLI::PositiveNumber);
+  verb.add_option("--minutes", a.minutes, "Stop after this wall time, with a checkpoint")->check(CLI::PositiveNumber);
+  verb.add_option("--stop-step", a.stop_step, "Stop after this step, with a checkpoint")->check(CLI::PositiveNumber);
+  verb.add_option("--resume", a.resume, "Go on with this run folder, or with the latest one below --out");
+  a.seed_option = verb.add_option("--seed", a.seed, "Seed of all random numbers");
+  verb.add_option("--device", a.device, "auto, cpu or cuda")->capture_default_str();
+  verb.add_option("--threads", a.threads, "CPU threads (0: all)")->check(CLI::Range(0, 4096))->capture_default_str();
+  verb.add_option("--json", a.json, "Write the result as JSON to this file (-: standard output)");
+  verb.add_flag("--print-defaults", a.print_defaults, "Print every setting with its default");
+  verb.add_option("--evaluate", a.evaluate, "Instead of training: one-step errors of this weights file");
+  verb.add_option("--split", a.split, "Split that --evaluate reads: train, valid or test")
+      ->check(CLI::IsMember({"train", "valid", "test"}))
+      ->capture_default_str();
+  verb.add_option("--stride", a.stride, "--evaluate takes every n-th frame")
+      ->check(CLI::PositiveNumber)
+      ->capture_default_str();
+  verb.footer(
+      "Examples:\n  graupel train hgn --data data/hgn --out runs/hgn --minutes 15\n"
+      "  graupel train hgn --evaluate runs/hgn/weights.safetensors --data data/hgn --split test --json errors.json");
+}
+
+int run(int argc, char** argv) {
+  CLI::App app{"graupel-train: trains the learned simulators of Graupel."};
+  app.set_version_flag("--version", std::string("graupel-train ") + GRAUPEL_VERSION + ", libtorch " + torch_version());
+  app.require_subcommand(1);
+  CLI::App* hgn = app.add_subcommand("hgn", "The hierarchical graph network");
+  Arguments arguments;
+  for (int i = 0; i < argc; ++i) arguments.command_line += (i > 0 ? " " : "") + std::string(argv[i]);
+  add_options(*hgn, arguments);
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::Success& help) {
+    return app.exit(help);
+  } catch (const CLI::ParseError& error) {
+    std::fprintf(stderr, "graupel-train: %s\nRun 'graupel-train hgn --help' for the flags.\n", error.what());
+    return static_cast<int>(ExitCode::usage);
+  }
+  if (arguments.print_defaults) {
+    fmt::print("{}\n", train_config_text(TrainConfig()));
+    return 0;
+  }
+  set_num_threads(arguments.threads);
+  install_signal_handlers();
+  return arguments.evaluate.empty() ? run_training(arguments) : run_evaluation(arguments);
+}
+
+}  // namespace
+}  // namespace graupel::train
+
+int main(int argc, char** argv) {
+  using graupel::ExitCode;
+  try {
+    return graupel::train::run(argc, argv);
+  } catch (const graupel::Error& error) {
+    std::fprintf(stderr, "graupel-train: %s\n", error.what());
+    return static_cast<int>(error.code());
+  } catch (const std::bad_alloc&) {
+    std::fprintf(stderr, "graupel-train: out of memory. Set memory_limit lower, or take fewer scenes a batch\n");
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "graupel-train: %s\n", error.what());
+  }
+  return static_cast<int>(ExitCode::failed);
+}

@@ -1,0 +1,97 @@
+#include "train/run_folder.h"
+
+#include <sys/utsname.h>
+
+#include <cstdio>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+
+#include "core/atomic_file.h"
+#include "core/error.h"
+#include "graph/normalization.h"
+#include "io/config_description.h"
+#include "train/crc32c.h"
+
+namespace graupel::train {
+
+namespace fs = std::filesystem;
+
+TrainConfig read_train_config(const std::string& text, const std::string& name,
+                              const std::vector<std::string>& overrides) {
+  return io::read_config<TrainConfig>(text, name, overrides);
+}
+
+std::string train_config_text(const TrainConfig& config) {
+  return io::commented_json(io::describe<TrainConfig>(), io::json_of_struct(config));
+}
+
+std::string config_hash(const TrainConfig& config) {
+  char text[16];
+  std::snprintf(text, sizeof(text), "%08x",
+                crc32c(io::write_json(io::json_of_struct(config), io::JsonLayout::compact)));
+  return text;
+}
+
+void create_run(const std::string& folder, const TrainConfig& config, const RunFacts& facts,
+                const std::string& command_line) {
+  if (fs::exists(folder + "/config.json"))
+    throw ConfigError("'" + folder + "' holds a run already. Go on with it by --resume, or choose another --out");
+  make_folder(folder);
+  make_folder(checkpoint_folder(folder));
+  utsname host{};
+  ::uname(&host);
+  const nlohmann::ordered_json environment = {
+      {"data", facts.data},     {"device", facts.device},  {"threads", facts.threads}, {"host", host.nodename},
+      {"kernel", host.release}, {"compiler", __VERSION__}, {"torch", facts.torch},     {"graupel", facts.version}};
+  write_file_atomically(folder + "/run.json", environment.dump(2) + "\n");
+  write_file_atomically(folder + "/command.txt", command_line + "\n");
+  write_file_atomically(folder + "/config.json", train_config_text(config));
+}
+
+TrainConfig read_run_config(const std::string& folder) {
+  const std::string file = folder + "/config.json";
+  if (!fs::exists(file)) throw InputError("'" + folder + "' is not a training run (it has no config.json)");
+  return read_train_config(read_file(file), file);
+}
+
+RunFacts read_run_facts(const std::string& folder) {
+  const std::string file = folder + "/run.json";
+  const auto json = nlohmann::json::parse(read_file(file), nullptr, /*allow_exceptions=*/false);
+  if (!json.is_object()) throw InputError("'" + file + "' is damaged (not a JSON object). Name the data set by --data");
+  RunFacts facts;
+  facts.data = json.value("data", "");
+  facts.device = json.value("device", "");
+  facts.torch = json.value("torch", "");
+  facts.version = json.value("graupel", "");
+  facts.threads = json.value("threads", 0);
+  return facts;
+}
+
+std::string latest_run(const std::string& folder) {
+  std::string latest;
+  fs::file_time_type newest;
+  if (fs::is_directory(folder))
+    for (const auto& entry : fs::directory_iterator(folder)) {
+      const fs::path config = entry.path() / "config.json", metrics = entry.path() / "metrics.csv";
+      if (!fs::exists(config)) continue;
+      const auto time = fs::last_write_time(fs::exists(metrics) ? metrics : config);
+      if (latest.empty() || time > newest) {
+        latest = entry.path();
+        newest = time;
+      }
+    }
+  if (latest.empty()) throw InputError("there is no training run in '" + folder + "'. Name the run: --resume RUN");
+  return latest;
+}
+
+void write_run_normalization(const std::string& folder, const graph::Normalization& normalization) {
+  nn::Weights weights;
+  graph::add_normalization(weights, normalization);
+  nn::write_safetensors(folder + "/normalization.safetensors", weights);
+}
+
+graph::Normalization read_run_normalization(const std::string& folder) {
+  return graph::read_normalization(nn::read_safetensors(folder + "/normalization.safetensors"));
+}
+
+}  // namespace graupel::train

@@ -1,0 +1,49 @@
+// Training samples: which frame of which trajectory, the noise on its history, and the network's view of it.
+// Everything random depends on (seed, step, scene in the batch) alone.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "core/random.h"
+#include "train/batch.h"
+#include "train/data_set.h"
+#include "train/train_config.h"
+
+namespace graupel::train {
+
+/// One frame of one trajectory; the target is the frame after it.
+struct SampleKey {
+  int trajectory = 0;
+  int64_t frame = 0;
+};
+
+/// Uniform over trajectories, then over their frames.
+SampleKey draw_sample(const DataSplit& split, uint64_t seed, int64_t step, int64_t slot);
+/// `count` samples spread evenly over all frames of a split; the same for the same split.
+std::vector<SampleKey> spread_samples(const DataSplit& split, int64_t count);
+/// Every `stride`-th frame of every trajectory.
+std::vector<SampleKey> strided_samples(const DataSplit& split, int64_t stride);
+
+/// Random-walk noise of GNS (Sanchez-Gonzalez et al. 2020, section 4.3) on `history` + 1 positions, newest last: each
+/// of the m velocities gains an increment of standard deviation noise_std / sqrt(m), increments add up along the
+/// history, so that the newest velocity's noise has noise_std; positions gain the sum, the oldest one none. Returns the
+/// noise of the newest positions, which the target's next position gains too: the target then undoes the noise of the
+/// velocity.
+std::vector<Vec3f> add_random_walk(std::vector<std::vector<Vec3f>>& positions, double noise_std, const Random& random);
+
+/// The acceleration x^{n+1} - 2 x^n + x^{n-1} [m/frame^2], from the next positions and a history (newest last).
+std::vector<Vec3f> acceleration_of(const std::vector<Vec3f>& next, const std::vector<std::vector<Vec3f>>& history);
+
+/// What the network sees of a history, without target; the grid starts at `origin`.
+SceneGraph scene_graph(const graph::HgnConfig& config, const graph::Normalization& normalization,
+                       const TrajectoryInfo& trajectory, const std::vector<std::vector<Vec3f>>& history,
+                       const Vec3d& origin);
+/// Origin of the grid in evaluation and rollouts: the domain's lower corner.
+inline Vec3d grid_origin(const TrajectoryInfo& trajectory) { return trajectory.context->surroundings.wall_low; }
+
+/// Batch number `step` of a run.
+Batch training_batch(const DataSplit& split, const TrainConfig& config, const graph::Normalization& normalization,
+                     int64_t step);
+
+}  // namespace graupel::train

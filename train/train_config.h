@@ -1,0 +1,148 @@
+// Settings of a training run of the hierarchical graph network. Defaults follow the HGN paper, section 3.3, but for the
+// batch (the paper: one scene), the moving average and the grid jitter.
+#pragma once
+
+#include <cstdint>
+
+#include "core/fields.h"
+#include "graph/hgn_config.h"
+
+namespace graupel {
+namespace train {
+
+/// How far the grid's origin is moved at random, towards negative coordinates.
+enum class GridJitter {
+  coarsest,  ///< one cell of the coarsest level, so that every level's phase varies
+  finest,    ///< one cell of the finest level (the paper)
+  none
+};
+
+enum class RateSchedule {
+  exponential,  ///< final + (first - final) 0.1^(step / decay_steps): GNS and the paper
+  cosine        ///< half a cosine from first to final over all steps
+};
+
+}  // namespace train
+
+template <>
+struct EnumWords<train::GridJitter> {
+  static constexpr std::pair<const char*, train::GridJitter> words[] = {{"coarsest", train::GridJitter::coarsest},
+                                                                        {"finest", train::GridJitter::finest},
+                                                                        {"none", train::GridJitter::none}};
+};
+template <>
+struct EnumWords<train::RateSchedule> {
+  static constexpr std::pair<const char*, train::RateSchedule> words[] = {
+      {"exponential", train::RateSchedule::exponential}, {"cosine", train::RateSchedule::cosine}};
+};
+
+namespace train {
+
+struct TrainConfig {
+  graph::HgnConfig hgn;
+  uint64_t seed = 0;
+  int64_t steps = 25000;
+  int64_t batch_scenes = 16;
+  RateSchedule schedule = RateSchedule::exponential;
+  double learning_rate = 1e-4;
+  double final_learning_rate = 1e-6;
+  int64_t decay_steps = 0;  ///< 0: a quarter of the steps, the paper's proportion
+  int64_t warm_up_steps = 0;
+  double clip_norm = 10;
+  double ema_decay = 0.999;
+  double noise_std = 8.48528e-4;  ///< [m/frame]
+  GridJitter jitter = GridJitter::coarsest;
+  bool tf32 = true;
+  int64_t log_interval = 50;
+  int64_t checkpoint_interval = 1000;
+  int64_t validation_interval = 1000;
+  int64_t validation_samples = 40;
+  int64_t rollout_scenes = 2;
+  int64_t rollout_frames = 60;
+  double memory_limit = 0;  ///< [GB]
+
+  /// Learning rate of a step, counted from 0.
+  double rate_at(int64_t step) const;
+  /// Decay of the moving average in a step, counted from 0: lower at first, so that it forgets the initial weights.
+  double ema_decay_at(int64_t step) const;
+  /// Width of the grid jitter [m].
+  double jitter_width() const;
+
+  template <typename Visitor>
+  static void fields(Visitor&& visit) {
+    using C = TrainConfig;
+    visit(&C::hgn, FieldInfo{.name = "hgn", .unit = "", .meaning = "The network"});
+    visit(&C::seed,
+          FieldInfo{.name = "seed", .unit = "", .meaning = "Seed of the weights, the order of samples and the noise"});
+    visit(&C::steps,
+          FieldInfo{.name = "steps", .unit = "", .meaning = "Optimiser steps", .range = Range::between(1, 1e9)});
+    visit(&C::batch_scenes, FieldInfo{.name = "batch_scenes",
+                                      .unit = "",
+                                      .meaning = "Scenes (one frame each) in a step",
+                                      .range = Range::between(1, 1024)});
+    visit(&C::schedule, FieldInfo{.name = "schedule", .unit = "", .meaning = "Course of the learning rate"});
+    visit(
+        &C::learning_rate,
+        FieldInfo{
+            .name = "learning_rate", .unit = "", .meaning = "First learning rate of Adam", .range = Range::positive()});
+    visit(&C::final_learning_rate, FieldInfo{.name = "final_learning_rate",
+                                             .unit = "",
+                                             .meaning = "Learning rate that the schedule tends to",
+                                             .range = Range::not_negative()});
+    visit(&C::decay_steps, FieldInfo{.name = "decay_steps",
+                                     .unit = "",
+                                     .meaning = "Steps in which the rate falls to a tenth; 0 for a quarter of `steps`",
+                                     .range = Range::between(0, 1e9),
+                                     .only_for = "exponential"});
+    visit(&C::warm_up_steps, FieldInfo{.name = "warm_up_steps",
+                                       .unit = "",
+                                       .meaning = "Steps of linear increase before the schedule's rate is reached",
+                                       .range = Range::between(0, 1e9)});
+    visit(&C::clip_norm, FieldInfo{.name = "clip_norm",
+                                   .unit = "",
+                                   .meaning = "Largest norm of the gradient; 0 for no limit",
+                                   .range = Range::not_negative()});
+    visit(&C::ema_decay, FieldInfo{.name = "ema_decay",
+                                   .unit = "",
+                                   .meaning = "Decay per step of the moving average of the weights",
+                                   .range = {.low = 0, .high = 1, .high_open = true}});
+    visit(&C::noise_std,
+          FieldInfo{.name = "noise_std",
+                    .unit = "m/frame",
+                    .meaning = "Standard deviation of the random-walk noise on the newest velocity, per axis",
+                    .range = Range::not_negative()});
+    visit(&C::jitter, FieldInfo{.name = "jitter", .unit = "", .meaning = "Random shift of the grid's origin"});
+    visit(&C::tf32, FieldInfo{.name = "tf32", .unit = "", .meaning = "TF32 matrix products on a GPU"});
+    visit(&C::log_interval, FieldInfo{.name = "log_interval",
+                                      .unit = "steps",
+                                      .meaning = "Steps between lines of the metrics",
+                                      .range = Range::between(1, 1e9)});
+    visit(&C::checkpoint_interval, FieldInfo{.name = "checkpoint_interval",
+                                             .unit = "steps",
+                                             .meaning = "Steps between checkpoints",
+                                             .range = Range::between(1, 1e9)});
+    visit(&C::validation_interval, FieldInfo{.name = "validation_interval",
+                                             .unit = "steps",
+                                             .meaning = "Steps between validations",
+                                             .range = Range::between(1, 1e9)});
+    visit(&C::validation_samples, FieldInfo{.name = "validation_samples",
+                                            .unit = "",
+                                            .meaning = "Frames of the validation split, spread evenly over it",
+                                            .range = Range::between(1, 1e6)});
+    visit(&C::rollout_scenes, FieldInfo{.name = "rollout_scenes",
+                                        .unit = "",
+                                        .meaning = "Validation scenes that are rolled out; 0 for none",
+                                        .range = Range::between(0, 1000)});
+    visit(&C::rollout_frames, FieldInfo{.name = "rollout_frames",
+                                        .unit = "frames",
+                                        .meaning = "Length of these rollouts",
+                                        .range = Range::between(1, 1e6)});
+    visit(&C::memory_limit, FieldInfo{.name = "memory_limit",
+                                      .unit = "GB",
+                                      .meaning = "Positions kept in memory; 0 for half of what the machine has",
+                                      .range = Range::not_negative()});
+  }
+};
+
+}  // namespace train
+}  // namespace graupel

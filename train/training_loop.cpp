@@ -1,0 +1,308 @@
+#include "train/training_loop.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <filesystem>
+#include <memory>
+
+#include "core/error.h"
+#include "graph/normalization.h"
+#include "train/checkpoint.h"
+#include "train/metrics_log.h"
+#include "train/run_folder.h"
+#include "train/sampling.h"
+#include "train/worker_threads.h"
+
+namespace graupel::train {
+
+namespace {
+
+namespace fs = std::filesystem;
+using Clock = std::chrono::steady_clock;
+
+double seconds_since(Clock::time_point start) { return std::chrono::duration<double>(Clock::now() - start).count(); }
+
+/// Batches are prepared on most threads where a GPU computes, on half of them where the CPU does.
+int worker_count(const TrainingOptions& options) {
+  return std::max(1, options.device == Device::cuda ? options.threads - 2 : options.threads / 2);
+}
+
+const std::vector<std::string>& metric_columns() {
+  static const std::vector<std::string> columns = {"seconds",
+                                                   "loss",
+                                                   "learning_rate",
+                                                   "gradient_norm",
+                                                   "scenes_per_second",
+                                                   "valid_one_step_normalized",
+                                                   "valid_one_step_raw",
+                                                   "valid_zero_raw",
+                                                   "valid_ballistic_raw",
+                                                   "valid_rollout_mse"};
+  return columns;
+}
+
+class TrainingRun {
+ public:
+  explicit TrainingRun(const TrainingOptions& options);
+  TrainingResult execute();
+
+ private:
+  void say(const std::string& text) const {
+    if (options_.message) options_.message(text);
+  }
+  std::unique_ptr<DataSplit> open(const std::string& name) const;
+  void prepare_normalization();
+  void restore();
+  void step(const Batch& batch);
+  void report();
+  void validate();
+  void save_checkpoint();
+  std::string export_weights() const;
+  double seconds() const { return state_.seconds + seconds_since(start_); }
+  std::optional<StopReason> stop_reason() const;
+  EvaluationOptions evaluation() const {
+    return {StateArray::ema, config_.batch_scenes, std::max(1, options_.threads - 1)};
+  }
+
+  const TrainingOptions& options_;
+  const TrainConfig& config_;
+  std::unique_ptr<DataSplit> train_, valid_;  ///< valid_ may be null
+  graph::Normalization normalization_;
+  HgnModule module_;
+  CheckpointState state_;  ///< `seconds` is that of the run's earlier parts
+  int64_t saved_step_ = -1;
+  std::optional<Validation> validation_;
+  std::optional<MetricsLog> metrics_;
+  Clock::time_point start_, last_report_;
+};
+
+TrainingRun::TrainingRun(const TrainingOptions& options)
+    : options_(options), config_(options.config), module_(config_.hgn, options.device, config_.seed) {
+  train_ = open("train.h5");
+  if (fs::exists(options_.data + "/valid.h5"))
+    valid_ = open("valid.h5");
+  else
+    say("'" + options_.data + "' has no valid.h5: training without validation");
+  if (!options_.resume)
+    create_run(options_.run, config_,
+               {fs::absolute(options_.data).lexically_normal(), name_of(options_.device), torch_version(),
+                options_.version, options_.threads},
+               options_.command_line);
+  prepare_normalization();
+  state_.seed = config_.seed;
+  state_.config_hash = config_hash(config_);
+  if (options_.resume) restore();
+  metrics_.emplace(options_.run, metric_columns(), state_.step);
+}
+
+std::unique_ptr<DataSplit> TrainingRun::open(const std::string& name) const {
+  DataSplitOptions split;
+  split.memory_limit = config_.memory_limit * 1e9;
+  split.threads = options_.threads;
+  auto last = Clock::now();
+  split.progress = [&](const std::string& what, int64_t done, int64_t total) {
+    if (done < total && seconds_since(last) < 10) return;
+    last = Clock::now();
+    say(name + ": " + what + " " + std::to_string(done) + "/" + std::to_string(total));
+  };
+  auto opened = std::make_unique<DataSplit>(options_.data + "/" + name, split);
+  opened->check_fits(config_.hgn);
+  return opened;
+}
+
+void TrainingRun::prepare_normalization() {
+  if (options_.resume && fs::exists(options_.run + "/normalization.safetensors")) {
+    normalization_ = read_run_normalization(options_.run);
+    return;
+  }
+  normalization_ = train_->statistics(config_.noise_std, options_.threads);
+  write_run_normalization(options_.run, normalization_);
+}
+
+void TrainingRun::restore() {
+  const auto checkpoint = read_latest_checkpoint(checkpoint_folder(options_.run), options_.message);
+  if (!checkpoint) {
+    say("the run has no checkpoint yet: starting at step 0");
+    return;
+  }
+  if (checkpoint->state.config_hash != state_.config_hash)
+    throw ConfigError("the checkpoint was made with other settings (fingerprint " + checkpoint->state.config_hash +
+                      ", config.json has " + state_.config_hash + "). Restore config.json, or start a new run");
+  state_ = checkpoint->state;
+  saved_step_ = state_.step;
+  for (const StateArray array : all_state_arrays) module_.set_state(array, checkpoint->arrays.at(name_of(array)));
+  say("resumed at step " + std::to_string(state_.step));
+}
+
+TrainingResult TrainingRun::execute() {
+  const int workers = worker_count(options_);
+  start_ = last_report_ = Clock::now();
+  StopReason reason = StopReason::finished;
+  {
+    OrderedQueue<Batch> batches(workers, state_.step, config_.steps, 2 * workers + 2,
+                                [&](int64_t k) { return training_batch(*train_, config_, normalization_, k); });
+    while (state_.step < config_.steps) {
+      step(batches.next());
+      if (state_.step % config_.log_interval == 0 || state_.step == config_.steps) report();
+      if (state_.step % config_.validation_interval == 0) validate();
+      if (state_.step % config_.checkpoint_interval == 0) save_checkpoint();
+      if (const auto stop = stop_reason()) {
+        reason = *stop;
+        break;
+      }
+    }
+  }
+  // A signal leaves little time: the state is saved, nothing more is measured.
+  const bool measured = validation_ && validation_->step == state_.step;
+  if (reason != StopReason::stopped && !measured) validate();
+  save_checkpoint();
+  TrainingResult result;
+  result.weights_file = export_weights();
+  result.reason = reason;
+  result.step = state_.step;
+  result.scene_samples = state_.step * config_.batch_scenes;
+  result.seconds = seconds();
+  result.loss_average = state_.loss_average;
+  result.parameters = module_.parameter_count();
+  result.best_validation = state_.best_validation;
+  result.best_step = state_.best_step;
+  result.validation = validation_;
+  return result;
+}
+
+void TrainingRun::step(const Batch& batch) {
+  StepSettings settings;
+  settings.learning_rate = config_.rate_at(state_.step);
+  settings.clip_norm = config_.clip_norm;
+  settings.ema_decay = config_.ema_decay_at(state_.step);
+  settings.step = state_.step + 1;
+  module_.train_step(batch, settings);
+  ++state_.step;
+}
+
+void TrainingRun::report() {
+  const StepMeans means = module_.take_means();
+  if (!std::isfinite(means.loss) || !std::isfinite(means.gradient_norm))
+    throw DivergedError("training diverged (the loss is no longer a number by step " + std::to_string(state_.step) +
+                        "). Lower learning_rate or clip_norm and start a new run; checkpoints of this one remain");
+  state_.loss_average = state_.loss_average == 0 ? means.loss : 0.9 * state_.loss_average + 0.1 * means.loss;
+  TrainingProgress progress;
+  progress.step = state_.step;
+  progress.steps = config_.steps;
+  progress.loss = means.loss;
+  progress.loss_average = state_.loss_average;
+  progress.learning_rate = config_.rate_at(state_.step);
+  progress.steps_per_second = static_cast<double>(means.steps) / std::max(seconds_since(last_report_), 1e-9);
+  progress.scenes_per_second = progress.steps_per_second * static_cast<double>(config_.batch_scenes);
+  progress.seconds_left = static_cast<double>(config_.steps - state_.step) / std::max(progress.steps_per_second, 1e-9);
+  last_report_ = Clock::now();
+  metrics_->write(state_.step, {{"seconds", seconds()},
+                                {"loss", means.loss},
+                                {"learning_rate", progress.learning_rate},
+                                {"gradient_norm", means.gradient_norm},
+                                {"scenes_per_second", progress.scenes_per_second}});
+  if (options_.progress) options_.progress(progress);
+}
+
+void TrainingRun::validate() {
+  if (!valid_) return;
+  const auto begin = Clock::now();
+  Validation validation;
+  validation.step = state_.step;
+  validation.one_step = evaluate_one_step(module_, normalization_, *valid_,
+                                          spread_samples(*valid_, config_.validation_samples), evaluation());
+  if (config_.rollout_scenes > 0)
+    validation.rollout_mse = evaluate_rollout(module_, normalization_, *valid_, config_.rollout_scenes,
+                                              config_.rollout_frames, evaluation());
+  const SquaredErrors all = validation.one_step.all();
+  const double error = all.normalized_mse(Predictor::network);
+  validation_ = validation;
+  metrics_->write(state_.step, {{"seconds", seconds()},
+                                {"valid_one_step_normalized", error},
+                                {"valid_one_step_raw", all.raw_mse(Predictor::network)},
+                                {"valid_zero_raw", all.raw_mse(Predictor::zero)},
+                                {"valid_ballistic_raw", all.raw_mse(Predictor::ballistic)},
+                                {"valid_rollout_mse", validation.rollout_mse}});
+  char text[200];
+  std::snprintf(
+      text, sizeof(text),
+      "step %lld: validation one-step error %.4g (zero acceleration %.4g, ballistic %.4g), rollout MSE %.4g m^2",
+      static_cast<long long>(state_.step), error, all.normalized_mse(Predictor::zero),
+      all.normalized_mse(Predictor::ballistic), validation.rollout_mse);
+  say(text);
+  if (std::isfinite(error) && (state_.best_validation < 0 || error < state_.best_validation)) {
+    state_.best_validation = error;
+    state_.best_step = state_.step;
+    saved_step_ = -1;
+    save_checkpoint();
+  }
+  last_report_ += Clock::now() - begin;
+}
+
+void TrainingRun::save_checkpoint() {
+  if (saved_step_ == state_.step) return;
+  const auto begin = Clock::now();
+  Checkpoint checkpoint{state_, {}};
+  checkpoint.state.seconds = seconds();
+  for (const StateArray array : all_state_arrays) checkpoint.arrays[name_of(array)] = module_.state(array);
+  write_checkpoint(checkpoint_folder(options_.run), checkpoint);
+  prune_checkpoints(checkpoint_folder(options_.run), state_.best_step);
+  saved_step_ = state_.step;
+  last_report_ += Clock::now() - begin;
+}
+
+std::optional<StopReason> TrainingRun::stop_reason() const {
+  if (options_.should_stop && options_.should_stop()) return StopReason::stopped;
+  if (state_.step == config_.steps) return std::nullopt;
+  if (options_.minutes > 0 && seconds_since(start_) > 60 * options_.minutes) return StopReason::out_of_time;
+  if (options_.stop_step > 0 && state_.step >= options_.stop_step) return StopReason::reached_stop_step;
+  return std::nullopt;
+}
+
+std::string TrainingRun::export_weights() const {
+  nn::Weights weights = module_.state(StateArray::ema);
+  graph::add_normalization(weights, normalization_);
+  weights.metadata = config_.hgn.to_metadata();
+  weights.metadata["training.steps"] = std::to_string(state_.step);
+  weights.metadata["training.scene_samples"] = std::to_string(state_.step * config_.batch_scenes);
+  weights.metadata["training.seconds"] = std::to_string(seconds());
+  weights.metadata["training.seed"] = std::to_string(config_.seed);
+  weights.metadata["training.noise_std"] = std::to_string(config_.noise_std);
+  weights.metadata["training.device"] =
+      options_.device == Device::cuda ? cuda_device_name() : std::string(name_of(options_.device));
+  weights.metadata["training.torch"] = torch_version();
+  weights.metadata["training.data"] = fs::path(options_.data).filename();
+  weights.metadata["training.data_trajectories"] = std::to_string(train_->count());
+  for (const char* name : {"recipe", "seed"})
+    if (const std::string value = train_->attribute(name); !value.empty())
+      weights.metadata[std::string("training.data_") + name] = value;
+  if (validation_) {
+    const SquaredErrors all = validation_->one_step.all();
+    weights.metadata["training.validation_one_step_normalized"] =
+        std::to_string(all.normalized_mse(Predictor::network));
+    char text[32];
+    std::snprintf(text, sizeof(text), "%.6e", all.raw_mse(Predictor::network));
+    weights.metadata["training.validation_one_step_raw"] = text;
+    std::snprintf(text, sizeof(text), "%.6e", validation_->rollout_mse);
+    weights.metadata["training.validation_rollout_mse"] = text;
+  }
+  const std::string file = options_.run + "/weights.safetensors";
+  nn::write_safetensors(file, weights);
+  return file;
+}
+
+}  // namespace
+
+const char* name_of(StopReason reason) {
+  constexpr const char* names[] = {"finished", "out_of_time", "stopped", "reached_stop_step"};
+  return names[static_cast<std::size_t>(reason)];
+}
+
+TrainingResult train_hgn(const TrainingOptions& options) {
+  configure_torch(options.threads, options.config.tf32);
+  return TrainingRun(options).execute();
+}
+
+}  // namespace graupel::train
