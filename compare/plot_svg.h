@@ -18,7 +18,7 @@ struct Plot {
   std::string title, x_label, y_label;
   Axis y_axis = Axis::linear;
   std::vector<PlotLine> lines;
-  int width = 460, height = 300;  ///< [pixels]
+  int width = 390, height = 280;  ///< [pixels]
 };
 
 /// An <svg> element. Text and axes take the page's colour (currentColor), so that it reads on dark and light pages.

@@ -36,9 +36,16 @@ const char* const main_keys[] = {
     "frame_ms", "speed_ratio",   "one_step_normalized", "position_mse_20",      "position_mse_all",
     "sinkhorn", "density_error", "occupancy_iou",       "kinetic_energy_error", "inside_share"};
 
+/// A key that may be broken into lines at its underscores.
+std::string breakable(const std::string& key) {
+  std::string text;
+  for (const char c : key) text += c == '_' ? std::string("_<wbr>") : std::string(1, c);
+  return text;
+}
+
 std::string main_header() {
   std::string row = "<thead><tr><th>model</th>";
-  for (const char* key : main_keys) row += fmt::format("<th>{}</th>", key);
+  for (const char* key : main_keys) row += "<th>" + breakable(key) + "</th>";
   return row + "<th></th></tr></thead>\n";
 }
 
@@ -90,7 +97,7 @@ std::string full_table(const SceneResult& scene) {
 std::string material_table(const SceneResult& scene) {
   std::string html =
       "<details><summary>Per material</summary><div class=\"scroll\"><table><thead><tr><th>material, model</th>";
-  for (const MetricInfo& metric : material_metric_list()) html += "<th>" + metric.key + "</th>";
+  for (const MetricInfo& metric : material_metric_list()) html += "<th>" + breakable(metric.key) + "</th>";
   html += "</tr></thead><tbody>\n";
   for (const ModelResult& result : scene.models)
     for (const auto& [material, values] : result.materials) {

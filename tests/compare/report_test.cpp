@@ -56,8 +56,8 @@ TEST(PlotSvg, PlacesPointsByTheAxis) {
   Plot plot{.title = "", .x_label = "", .y_label = "", .lines = {}};
   plot.lines.push_back({"line", {0, 10}, {0, 5}});
   const std::string svg = plot_svg(plot);
-  // Corners of the plotting area: left 62, bottom 300 - 40; right 460 - 14, top 30.
-  EXPECT_NE(svg.find("M62.0 260.0L446.0 30.0"), std::string::npos) << svg;
+  // Corners of the plotting area: left 62, bottom 280 - 40; right 390 - 14, top 30.
+  EXPECT_NE(svg.find("M62.0 240.0L376.0 30.0"), std::string::npos) << svg;
 }
 
 TEST(PlotSvg, EmptyPlotsAreStillPictures) {
@@ -170,7 +170,7 @@ TEST(ComparisonFiles, TableFitsATerminal) {
 
 TEST(Report, HoldsTablesCurvesPicturesAndCommand) {
   const std::string html = report_html(synthetic_comparison());
-  for (const MetricInfo& metric : metric_list()) EXPECT_NE(html.find(metric.key), std::string::npos) << metric.key;
+  for (const MetricInfo& metric : metric_list()) EXPECT_NE(html.find("<code>" + metric.key), std::string::npos) << metric.key;
   EXPECT_EQ(count_of(html, "<svg "), 3u);
   EXPECT_EQ(count_of(html, "data:image/png;base64,"), 3u);
   EXPECT_NE(html.find("--models mpm,&lt;b&gt;&amp;&quot;c&quot;"), std::string::npos);

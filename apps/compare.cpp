@@ -1,0 +1,81 @@
+// graupel compare: scenes x models -> table, CSV, JSON and report.html.
+#include <fstream>
+#include <iterator>
+
+#include "apps/common_options.h"
+#include "apps/compare_runs.h"
+#include "apps/verbs.h"
+
+namespace graupel::apps {
+
+namespace {
+
+/// The command line of this process, quoted for a shell.
+std::string command_line() {
+  std::ifstream file("/proc/self/cmdline", std::ios::binary);
+  const std::string bytes{std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
+  std::string line;
+  for (std::size_t start = 0; start < bytes.size();) {
+    const std::string word = bytes.c_str() + start;
+    start += word.size() + 1;
+    const bool plain = !word.empty() && word.find_first_not_of(
+                                            "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ"
+                                            "0123456789_-+=./,:@%#") == std::string::npos;
+    line += line.empty() ? "" : " ";
+    if (plain) {
+      line += word;
+      continue;
+    }
+    line += "'";
+    for (const char c : word) line += c == '\'' ? std::string("'\\''") : std::string(1, c);
+    line += "'";
+  }
+  return line;
+}
+
+struct CompareVerb {
+  CommonOptions common;
+  CompareOptions compare;
+  bool no_floors = false;
+};
+
+void compare_verb(CompareVerb& verb) {
+  verb.compare.device = verb.common.device;
+  verb.compare.threads = verb.common.threads;
+  verb.compare.json = verb.common.json;
+  if (verb.common.seed_given) verb.compare.seed = verb.common.seed;
+  verb.compare.floors = !verb.no_floors;
+  verb.compare.command = command_line();
+  run_compare(verb.compare);
+}
+
+}  // namespace
+
+void add_compare(CLI::App& app) {
+  auto verb = std::make_shared<CompareVerb>();
+  CompareOptions& options = verb->compare;
+  CLI::App* command = app.add_subcommand("compare", "Hold learned simulators and cheaper MPM settings against MPM");
+  command->add_option("--scenes", options.scenes, "Scene files, folders of them, or data sets (.h5)")->required();
+  command->add_option("--models", options.models, "mpm, mpm:fast, mpm:coarse, weights files; comma-separated")
+      ->required()
+      ->delimiter(',');
+  command->add_option("--frames", options.frames, "Frames to predict; default the scene's")->check(CLI::PositiveNumber);
+  command->add_option("--set", options.set, "Change a scene key: --set domain.dx=0.02 (repeatable)")
+      ->allow_extra_args(false);
+  command->add_option("--one-step-stride", options.one_step_stride, "Frames between one-step errors")
+      ->check(CLI::PositiveNumber)
+      ->capture_default_str();
+  command->add_flag("--one-step-only", options.one_step_only, "No rollouts, one-step errors alone");
+  command->add_flag("--no-floors", verb->no_floors, "Leave out the chaos floors (two MPM runs a scene)");
+  command->add_option("--csv", options.csv, "Write a row a scene and model to this file");
+  command->add_option("--report", options.report, "Write tables, curves, pictures and a 3-D player (.html)");
+  verb->common.add_to(*command);
+  command->footer(
+      "Examples:\n  graupel compare --scenes scenes/shared --models mpm,mpm:coarse,models/hgn.safetensors --report "
+      "report.html\n"
+      "  graupel compare --scenes valid.h5 --models models/hgn.safetensors --frames 100 --json out.json\n"
+      "docs/metrics.md defines the metrics.");
+  command->callback([verb] { compare_verb(*verb); });
+}
+
+}  // namespace graupel::apps

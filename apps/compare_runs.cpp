@@ -1,0 +1,104 @@
+#include "apps/compare_runs.h"
+
+#include <fmt/format.h>
+
+#include <cstdio>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <set>
+
+#include "apps/common_options.h"
+#include "apps/compare_scene.h"
+#include "compare/comparison_files.h"
+#include "compare/report.h"
+#include "core/atomic_file.h"
+#include "core/error.h"
+
+namespace graupel::apps {
+
+namespace {
+
+std::string processor_name() {
+  std::ifstream info("/proc/cpuinfo");
+  for (std::string line; std::getline(info, line);)
+    if (line.starts_with("model name")) return line.substr(line.find(':') + 2);
+  return "unknown processor";
+}
+
+std::vector<ModelChoice> parse_models(const std::vector<std::string>& words) {
+  if (words.empty())
+    throw ConfigError("compare needs at least one model. Example: --models mpm,models/hgn.safetensors");
+  std::vector<ModelChoice> models;
+  std::set<std::string> seen;
+  for (const std::string& word : words) {
+    if (!seen.insert(word).second) throw ConfigError("model '" + word + "' is named twice in --models. Name it once");
+    models.push_back(parse_model(word));
+  }
+  return models;
+}
+
+/// Networks run on the CPU, so that with one of them MPM runs there too unless the user says otherwise.
+Device choose_device(const std::string& word, const std::vector<ModelChoice>& models) {
+  for (const ModelChoice& model : models)
+    if (model.network && word == "auto") return Device::cpu;
+  return parse_device(word);
+}
+
+void write_files(const compare::Comparison& comparison, const CompareOptions& options) {
+  if (!options.json.empty()) write_file_atomically(options.json, compare::comparison_json(comparison).dump(1) + "\n");
+  if (!options.csv.empty()) write_file_atomically(options.csv, compare::comparison_csv(comparison));
+  if (!options.report.empty()) write_file_atomically(options.report, compare::report_html(comparison));
+}
+
+void print_table(const compare::Comparison& comparison, const CompareOptions& options) {
+  const bool output_taken = options.json == "-" || options.csv == "-" || options.report == "-";
+  std::FILE* stream = output_taken ? stderr : stdout;
+  std::fputs(compare::comparison_table(comparison).c_str(), stream);
+  std::fflush(stream);
+  for (const compare::SceneResult& scene : comparison.scenes)
+    for (const compare::ModelResult& result : scene.models)
+      if (result.diverged_at_frame >= 0)
+        std::fprintf(
+            stderr, "graupel: warning: %s diverged at frame %lld of %s; its last usable frame stands in for the rest\n",
+            result.model.c_str(), static_cast<long long>(result.diverged_at_frame), scene.name.c_str());
+}
+
+}  // namespace
+
+compare::Comparison make_comparison(const CompareOptions& options) {
+  set_num_threads(options.threads);
+  const auto models = parse_models(options.models);
+  const Device device = choose_device(options.device, models);
+  std::vector<std::shared_ptr<const graph::LearnedSimulator>> networks;
+  for (const ModelChoice& model : models)
+    networks.push_back(model.network ? std::make_shared<const graph::LearnedSimulator>(model.name) : nullptr);
+  const auto tasks = read_scene_tasks(options);
+
+  compare::Comparison comparison;
+  comparison.command = options.command;
+  comparison.version = version_text();
+  comparison.machine =
+      fmt::format("{}, MPM on {}", processor_name(), device == Device::cuda ? cuda_device_name() : "the CPU");
+  comparison.threads = num_threads();
+  using enum compare::MetricGroup;
+  comparison.groups = {one_step};
+  if (!options.one_step_only) comparison.groups = {rollout, one_step, cost};
+  if (!options.one_step_only && options.floors) comparison.groups.push_back(floors);
+  const auto budget = compare::report_budget(tasks.size() * (models.size() + 1));
+  for (const SceneTask& task : tasks)
+    comparison.scenes.push_back(SceneComparison(options, task, device, budget).run(models, networks));
+  return comparison;
+}
+
+void run_compare(const CompareOptions& options) {
+  const compare::Comparison comparison = make_comparison(options);
+  print_table(comparison, options);
+  write_files(comparison, options);
+  const auto incomplete = compare::incomplete_results(comparison);
+  if (!incomplete.empty())
+    throw Error(ExitCode::failed,
+                fmt::format("{} metrics are missing or not finite, the first: {}. The files hold the others",
+                            incomplete.size(), incomplete.front()));
+}
+
+}  // namespace graupel::apps

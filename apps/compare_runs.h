@@ -1,0 +1,35 @@
+// Compares models on scenes: runs them, evaluates them against the truth, writes the files.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "compare/comparison.h"
+
+namespace graupel::apps {
+
+struct CompareOptions {
+  std::vector<std::string> scenes;  ///< scene files, data sets (.h5), folders of scene files
+  std::vector<std::string> models;  ///< mpm, mpm:fast, mpm:coarse, weights files
+  int64_t frames = 0;               ///< 0: the scene's
+  int64_t one_step_stride = 5;      ///< every how many frames the one-step error is taken
+  std::vector<std::string> set;     ///< scene keys, "key=value"
+  std::optional<uint64_t> seed;     ///< of the particle sampling; default the scene's
+  std::string device = "auto";      ///< of MPM
+  int threads = 0;
+  bool one_step_only = false;  ///< no rollouts: one-step errors alone
+  bool floors = true;          ///< chaos floors: two more MPM runs a scene
+  std::string json, csv, report;
+  std::string command;  ///< that the report names
+};
+
+/// Runs and evaluates everything; writes no file. Throws ConfigError (an unknown model, no scene, no model),
+/// InputError, and DivergedError when the truth itself diverges.
+compare::Comparison make_comparison(const CompareOptions& options);
+
+/// make_comparison, then the table on the terminal, and --json, --csv, --report.
+void run_compare(const CompareOptions& options);
+
+}  // namespace graupel::apps

@@ -1,0 +1,303 @@
+#include "apps/compare_scene.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+
+#include "compare/containment.h"
+#include "compare/one_step_error.h"
+#include "compare/png.h"
+#include "compare/position_error.h"
+#include "compare/raster.h"
+#include "core/error.h"
+#include "core/material_config.h"
+#include "io/scene_reader.h"
+#include "io/trajectory_file.h"
+
+namespace graupel::apps {
+
+namespace fs = std::filesystem;
+
+namespace {
+
+constexpr double moved_by = 1e-4;               ///< [dx], chaos floor of position errors
+constexpr std::size_t history_of_one_step = 5;  ///< frames before the first one-step error
+constexpr std::size_t obstacle_points = 5000;   ///< in the report's player
+
+SceneTask read_scene_file(const std::string& path, const CompareOptions& options) {
+  SceneTask task;
+  task.scene = io::read_scene(path, options.set);
+  if (task.scene.name.empty()) task.scene.name = fs::path(path).stem();
+  task.source = path;
+  task.seed = options.seed.value_or(task.scene.seed);
+  task.frames = options.frames > 0 ? options.frames : task.scene.frames;
+  return task;
+}
+
+std::vector<SceneTask> read_data_set(const std::string& path, const CompareOptions& options) {
+  if (!options.set.empty())
+    throw ConfigError("--set cannot change the scenes of a data set ('" + path +
+                      "'). Leave it out, or name scene files");
+  const io::TrajectoryReader reader(path);
+  std::vector<SceneTask> tasks;
+  for (int i = 0; i < reader.count(); ++i) {
+    Trajectory trajectory = reader.header(i);
+    const std::string source = reader.count() > 1 ? fmt::format("{}#{}", path, i) : path;
+    if (trajectory.scene_json.empty())
+      throw InputError("'" + source +
+                       "' holds no scene, so its walls and obstacles are unknown. Use a data set made by graupel");
+    SceneTask task;
+    task.scene = io::parse_scene(trajectory.scene_json, source, fs::path(path).parent_path());
+    task.scene.name = fmt::format("{}#{}", fs::path(path).stem().string(), i);
+    task.source = source;
+    task.seed = trajectory.seed;
+    const int64_t stored = static_cast<int64_t>(trajectory.frames.size()) - 1;
+    task.frames = options.frames > 0 ? std::min(options.frames, stored) : stored;
+    trajectory.frames = reader.frames(i, 0, task.frames + 1);
+    task.initial_velocity = reader.initial_velocity(i);
+    if (task.initial_velocity.empty()) task.initial_velocity = trajectory.frames.front().velocity;
+    if (task.initial_velocity.empty())
+      throw InputError("'" + source + "' stores no velocity of the first frame. Use a data set made by graupel");
+    for (ParticleFrame& frame : trajectory.frames) std::vector<Vec3f>().swap(frame.velocity);
+    task.stored = std::move(trajectory);
+    tasks.push_back(std::move(task));
+  }
+  return tasks;
+}
+
+std::vector<std::string> expand_folders(const std::vector<std::string>& paths) {
+  std::vector<std::string> files;
+  for (const std::string& path : paths) {
+    if (!fs::is_directory(path)) {
+      files.push_back(path);
+      continue;
+    }
+    std::vector<std::string> inside;
+    for (const auto& entry : fs::directory_iterator(path))
+      if (entry.path().extension() == ".json") inside.push_back(entry.path());
+    if (inside.empty()) throw ConfigError("no scene (*.json) in folder '" + path + "'. Name another with --scenes");
+    std::sort(inside.begin(), inside.end());
+    files.insert(files.end(), inside.begin(), inside.end());
+  }
+  return files;
+}
+
+/// Mass and volume of stored particles: from the sources where they give the same particles, else the mean by material.
+void attach_masses(const Scene& scene, uint64_t seed, compare::ParticleRun& run) {
+  const StartState sampled = start_of(scene, seed);
+  if (sampled.particle_type == run.trajectory.particle_type) {
+    run.mass = sampled.mass;
+    run.volume = sampled.volume;
+    return;
+  }
+  for (const int32_t type : run.trajectory.particle_type) {
+    const auto same = std::find(sampled.particle_type.begin(), sampled.particle_type.end(), type);
+    if (same == sampled.particle_type.end())
+      throw InputError(
+          fmt::format("a trajectory holds particles of type {}, which its scene has not. Make the data set again",
+                      particle_type_name(type)));
+    const auto k = static_cast<std::size_t>(same - sampled.particle_type.begin());
+    run.mass.push_back(sampled.mass[k]);
+    run.volume.push_back(sampled.volume[k]);
+  }
+}
+
+}  // namespace
+
+std::vector<SceneTask> read_scene_tasks(const CompareOptions& options) {
+  std::vector<SceneTask> tasks;
+  for (const std::string& path : expand_folders(options.scenes)) {
+    if (path.ends_with(".h5")) {
+      for (SceneTask& task : read_data_set(path, options)) tasks.push_back(std::move(task));
+    } else {
+      tasks.push_back(read_scene_file(path, options));
+    }
+    if (tasks.back().frames < 1)
+      throw ConfigError("'" + path + "' has no frame after the first. Give --frames 1 or more");
+  }
+  if (tasks.empty()) throw ConfigError("compare needs at least one scene. Example: --scenes scenes/shared");
+  return tasks;
+}
+
+SceneComparison::SceneComparison(const CompareOptions& options, const SceneTask& task, Device device,
+                                 const compare::ReportBudget& budget)
+    : options_(options), task_(task), device_(device), budget_(budget), surroundings_(task.scene) {
+  result_.name = task.scene.name;
+  result_.source = task.source;
+  result_.frames = static_cast<std::size_t>(task.frames);
+  result_.frame_time = task.scene.frame_time;
+  result_.low = task.scene.domain.origin;
+  result_.size = task.scene.domain.size;
+  result_.up = compare::up_axis(task.scene);
+}
+
+TimedRun SceneComparison::run_variant(MpmVariant variant) {
+  const char* name = variant == MpmVariant::fast ? "mpm:fast" : variant == MpmVariant::coarse ? "mpm:coarse" : "mpm";
+  return run_mpm(task_.scene, {.variant = variant,
+                               .device = device_,
+                               .seed = task_.seed,
+                               .frames = task_.frames,
+                               .label = label(name),
+                               .must_finish = variant == MpmVariant::same && !task_.stored});
+}
+
+void SceneComparison::make_truth() {
+  if (task_.stored) {
+    truth_.run.trajectory = *task_.stored;
+    attach_masses(task_.scene, task_.seed, truth_.run);
+    start_.particle_type = truth_.run.trajectory.particle_type;
+    start_.position = truth_.run.position(0);
+    start_.velocity = task_.initial_velocity;
+    start_.mass = truth_.run.mass;
+    start_.volume = truth_.run.volume;
+    if (!options_.one_step_only) {
+      rerun_ = run_variant(MpmVariant::same);
+      truth_.cost = rerun_->cost;
+    }
+  } else {
+    truth_ = run_variant(MpmVariant::same);
+    start_ = start_of(task_.scene, task_.seed);
+  }
+  result_.particles = truth_.run.size();
+}
+
+void SceneComparison::make_references() {
+  const compare::Evaluation self = evaluate_rollout(task_.scene, surroundings_.obstacles, truth_.run, truth_.run);
+  result_.true_energy = self.curves.kinetic_energy;
+  coarse_run_ = run_variant(MpmVariant::coarse);
+  const compare::Evaluation coarse =
+      evaluate_rollout(task_.scene, surroundings_.obstacles, truth_.run, coarse_run_->run);
+  coarse_ = coarse.values;
+  coarse_["frame_ms"] = 1e3 * coarse_run_->cost.frame;
+  if (options_.floors) {
+    MpmRunOptions floor{
+        .device = device_, .seed = task_.seed, .frames = task_.frames, .label = label("moved particles")};
+    const Scene moved = moved_scene(task_.scene, task_.seed, moved_by * task_.scene.domain.dx);
+    const auto position = evaluate_rollout(task_.scene, surroundings_.obstacles, truth_.run, run_mpm(moved, floor).run);
+    floor.label = label("another seed");
+    floor.seed = task_.seed + 1;
+    const auto distribution =
+        evaluate_rollout(task_.scene, surroundings_.obstacles, truth_.run, run_mpm(task_.scene, floor).run);
+    floors_ = compare::floor_values(position, distribution);
+    result_.floor_position = position.curves.position;
+    result_.floor_density = distribution.curves.density;
+  }
+  if (options_.report.empty()) return;
+  const double height = std::sqrt(static_cast<double>(budget_.picture_pixels) * 3 / 4);
+  backdrop_ = compare::make_backdrop(task_.scene, surroundings_.obstacles, static_cast<int>(height * 4 / 3),
+                                     static_cast<int>(height));
+  const auto frames = compare::picture_frames(truth_.run.predicted());
+  result_.picture = compare::encode_png(compare::picture_row(*backdrop_, truth_.run, frames, "truth"));
+  const auto thinning = compare::choose_thinning(truth_.run.size(), truth_.run.predicted(), budget_.track_bytes);
+  result_.truth = compare::make_track(task_.scene, truth_.run, "truth", thinning);
+  result_.obstacles = compare::make_player_obstacles(task_.scene, surroundings_.obstacles, obstacle_points);
+}
+
+std::vector<std::size_t> SceneComparison::one_step_frames() const {
+  const std::size_t last = truth_.run.predicted();
+  const std::size_t first = last > history_of_one_step ? history_of_one_step : 0;
+  std::vector<std::size_t> frames;
+  for (std::size_t n = first; n < last; n += static_cast<std::size_t>(options_.one_step_stride)) frames.push_back(n);
+  return frames;
+}
+
+/// Positions of the truth; before frame 0 its ballistic past.
+std::vector<Vec3f> SceneComparison::true_position(int64_t frame) const {
+  if (frame >= 0) return truth_.run.position(static_cast<std::size_t>(frame));
+  return graph::start_history(start_.position, start_.velocity, task_.scene.gravity, task_.scene.frame_time,
+                              static_cast<int>(1 - frame))
+      .front();
+}
+
+compare::OneStepError SceneComparison::one_step_of_network(const graph::LearnedSimulator& network) const {
+  compare::OneStepAccumulator error(task_.scene.gravity, task_.scene.frame_time, task_.scene.domain.dx);
+  const int64_t history = network.config().history;
+  for (const std::size_t frame : one_step_frames()) {
+    const auto n = static_cast<int64_t>(frame);
+    std::vector<std::vector<Vec3f>> positions;
+    for (int64_t f = n - history; f <= n; ++f) positions.push_back(true_position(f));
+    std::vector<Vec3d> predicted;
+    for (const Vec3f& a : network.one_step(surroundings_, start_.particle_type, positions))
+      predicted.push_back(a.cast<double>());
+    error.add(predicted, compare::frame_accelerations(true_position(n - 1), true_position(n), true_position(n + 1)),
+              compare::clearances(task_.scene, surroundings_.obstacles, true_position(n)));
+  }
+  return error.result();
+}
+
+compare::OneStepError SceneComparison::one_step_of_rollout(const compare::ParticleRun& run) const {
+  compare::OneStepAccumulator error(task_.scene.gravity, task_.scene.frame_time, task_.scene.domain.dx);
+  const auto counterpart = compare::counterparts(truth_.run, run);
+  const auto position = [&](int64_t f) {
+    std::vector<Vec3d> x;
+    if (f >= 0) return compare::carried_positions(truth_.run, run, counterpart, static_cast<std::size_t>(f));
+    for (const Vec3f& p : true_position(f)) x.push_back(p.cast<double>());
+    return x;
+  };
+  for (const std::size_t frame : one_step_frames()) {
+    const auto n = static_cast<int64_t>(frame);
+    std::vector<Vec3d> predicted = position(n + 1);
+    const auto now = position(n), before = position(n - 1);
+    for (std::size_t i = 0; i < predicted.size(); ++i) predicted[i] += before[i] - 2.0 * now[i];
+    error.add(predicted, compare::frame_accelerations(true_position(n - 1), true_position(n), true_position(n + 1)),
+              compare::clearances(task_.scene, surroundings_.obstacles, true_position(n)));
+  }
+  return error.result();
+}
+
+compare::ModelResult SceneComparison::evaluate(const ModelChoice& model, const graph::LearnedSimulator* network) {
+  compare::ModelResult result;
+  result.model = model.name;
+  result.one_step_source = model.network ? "true history" : "own rollout";
+  if (options_.one_step_only) {
+    const bool is_truth = !model.network && model.variant == MpmVariant::same;
+    if (!model.network && !is_truth)
+      throw ConfigError("'" + model.name +
+                        "' has no one-step error without a rollout. Leave it or --one-step-only out");
+    result.values =
+        compare::one_step_values(is_truth ? one_step_of_rollout(truth_.run) : one_step_of_network(*network));
+    return result;
+  }
+  TimedRun own;  // of the models that are not run already
+  const TimedRun* timed = &own;
+  if (model.network) {
+    own =
+        run_network(*network, task_.scene, surroundings_, start_, task_.frames, label(compare::short_name(model.name)));
+  } else if (model.variant == MpmVariant::same) {
+    timed = rerun_ ? &*rerun_ : &truth_;
+  } else if (model.variant == MpmVariant::coarse) {
+    timed = &*coarse_run_;
+  } else {
+    own = run_variant(model.variant);
+  }
+  auto evaluation = evaluate_rollout(task_.scene, surroundings_.obstacles, truth_.run, timed->run);
+  result.values = std::move(evaluation.values);
+  result.materials = std::move(evaluation.materials);
+  result.curves = std::move(evaluation.curves);
+  result.diverged_at_frame = timed->run.trajectory.diverged_at_frame;
+  result.values.merge(compare::cost_values(timed->cost, timed->run.size(), truth_.cost.frame));
+  result.values.merge(
+      compare::one_step_values(network ? one_step_of_network(*network) : one_step_of_rollout(timed->run)));
+  result.values.insert(floors_.begin(), floors_.end());
+  result.values["loses_to_coarse"] = compare::loses_to_coarse(result.values, coarse_);
+  if (backdrop_) {
+    const auto frames = compare::picture_frames(truth_.run.predicted());
+    const std::string name = compare::short_name(model.name);
+    result.picture = compare::encode_png(compare::picture_row(*backdrop_, timed->run, frames, name));
+    const auto thinning = compare::choose_thinning(timed->run.size(), timed->run.predicted(), budget_.track_bytes);
+    result.track = compare::make_track(task_.scene, timed->run, name, thinning);
+  }
+  return result;
+}
+
+compare::SceneResult SceneComparison::run(const std::vector<ModelChoice>& models,
+                                          const std::vector<std::shared_ptr<const graph::LearnedSimulator>>& networks) {
+  make_truth();
+  if (!options_.one_step_only) make_references();
+  for (std::size_t m = 0; m < models.size(); ++m) result_.models.push_back(evaluate(models[m], networks[m].get()));
+  return std::move(result_);
+}
+
+}  // namespace graupel::apps

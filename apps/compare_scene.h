@@ -1,0 +1,66 @@
+// One scene of a comparison: its truth, and the evaluation of each model against it.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "apps/compare_runs.h"
+#include "apps/model_runs.h"
+#include "compare/backdrop.h"
+#include "compare/contact_sheet.h"
+#include "compare/report.h"
+#include "graph/features.h"
+
+namespace graupel::apps {
+
+/// A scene to compare on, and where its truth comes from.
+struct SceneTask {
+  Scene scene;
+  std::string source;  ///< file, "file#3" for a trajectory of a data set
+  uint64_t seed = 0;
+  int64_t frames = 0;
+  std::optional<Trajectory> stored;     ///< truth of a data set
+  std::vector<Vec3f> initial_velocity;  ///< [m/s], of a data set
+};
+
+/// Files and folders of --scenes, in order. Throws ConfigError and InputError.
+std::vector<SceneTask> read_scene_tasks(const CompareOptions& options);
+
+class SceneComparison {
+ public:
+  SceneComparison(const CompareOptions& options, const SceneTask& task, Device device,
+                  const compare::ReportBudget& budget);
+  /// Evaluates the models one after the other. `networks` holds a simulator for each choice that is a network.
+  compare::SceneResult run(const std::vector<ModelChoice>& models,
+                           const std::vector<std::shared_ptr<const graph::LearnedSimulator>>& networks);
+
+ private:
+  void make_truth();
+  void make_references();
+  TimedRun run_variant(MpmVariant variant);
+  compare::ModelResult evaluate(const ModelChoice& model, const graph::LearnedSimulator* network);
+  compare::OneStepError one_step_of_network(const graph::LearnedSimulator& network) const;
+  compare::OneStepError one_step_of_rollout(const compare::ParticleRun& run) const;
+  std::vector<std::size_t> one_step_frames() const;
+  std::vector<Vec3f> true_position(int64_t frame) const;
+  std::string label(const std::string& what) const { return task_.scene.name + ": " + what; }
+
+  const CompareOptions& options_;
+  const SceneTask& task_;
+  Device device_;
+  compare::ReportBudget budget_;
+  graph::Surroundings surroundings_;
+  StartState start_;
+  TimedRun truth_;                 ///< its cost is that of mpm, also where the truth was stored
+  std::optional<TimedRun> rerun_;  ///< mpm run again where the truth was stored
+  compare::MetricValues coarse_;   ///< frame_ms, position_mse_all, density_error of mpm:coarse
+  std::optional<TimedRun> coarse_run_;
+  compare::MetricValues floors_;
+  std::optional<compare::Backdrop> backdrop_;
+  compare::SceneResult result_;
+};
+
+}  // namespace graupel::apps

@@ -1,0 +1,199 @@
+#include "apps/model_runs.h"
+
+#include <malloc.h>
+#include <sys/resource.h>
+
+#include <algorithm>
+#include <chrono>
+#include <fstream>
+
+#include "apps/common_options.h"
+#include "apps/progress.h"
+#include "core/error.h"
+#include "core/random.h"
+#include "mpm/sampling.h"
+#include "mpm/simulation.h"
+
+namespace graupel::apps {
+
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+double seconds_since(Clock::time_point start) { return std::chrono::duration<double>(Clock::now() - start).count(); }
+
+double median(std::vector<double> values) {
+  if (values.empty()) return 0;
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+Scene variant_of(const Scene& scene, MpmVariant variant) {
+  switch (variant) {
+    case MpmVariant::fast:
+      return mpm::fast_variant(scene);
+    case MpmVariant::coarse:
+      return mpm::coarse_variant(scene);
+    case MpmVariant::same:
+      break;
+  }
+  return scene;
+}
+
+/// A line of /proc/self/status in bytes; 0 where there is none.
+double status_bytes(const std::string& key) {
+  std::ifstream status("/proc/self/status");
+  for (std::string line; std::getline(status, line);)
+    if (line.starts_with(key + ":")) return 1024 * std::stod(line.substr(key.size() + 1));
+  return 0;
+}
+
+}  // namespace
+
+ModelChoice parse_model(const std::string& word) {
+  if (word == "mpm") return {word, false, MpmVariant::same};
+  if (word == "mpm:fast") return {word, false, MpmVariant::fast};
+  if (word == "mpm:coarse") return {word, false, MpmVariant::coarse};
+  if (word.starts_with("mpm:"))
+    throw ConfigError("unknown model '" + word +
+                      "' (allowed: mpm, mpm:fast, mpm:coarse or a weights file). Correct --models");
+  return {word, true, MpmVariant::same};
+}
+
+StartState start_of(const Scene& scene, uint64_t seed) {
+  const mpm::SampledParticles particles = mpm::sample_sources(scene, seed);
+  StartState start;
+  for (std::size_t p = 0; p < particles.position.size(); ++p) {
+    const auto& material =
+        scene.materials.at(particles.material_names[static_cast<std::size_t>(particles.material[p])]);
+    start.particle_type.push_back(particle_type_of(material.model));
+    start.position.push_back(particles.position[p].cast<float>());
+    start.velocity.push_back(particles.velocity[p].cast<float>());
+    start.volume.push_back(particles.volume[p]);
+    start.mass.push_back(particles.volume[p] * material.density);
+  }
+  return start;
+}
+
+Scene moved_scene(const Scene& scene, uint64_t seed, double distance) {
+  const mpm::SampledParticles particles = mpm::sample_sources(scene, seed);
+  const Vec3d low = scene.wall_low(), high = scene.wall_high();
+  std::vector<std::vector<Vec3d>> points(scene.sources.size());
+  for (std::size_t p = 0; p < particles.position.size(); ++p) {
+    const Random random(seed, RandomPurpose::metric_subset, p);
+    Vec3d direction;
+    double unused;
+    random.normal(0, 0, direction[0], direction[1]);
+    random.normal(0, 1, direction[2], unused);
+    Vec3d x = particles.position[p] + normalized(direction) * distance;
+    for (int d = 0; d < 3; ++d) x[d] = std::clamp(x[d], low[d], high[d]);
+    points[static_cast<std::size_t>(particles.source[p])].push_back(x);
+  }
+  Scene moved = scene;
+  for (std::size_t s = 0; s < moved.sources.size(); ++s) {
+    Source& source = moved.sources[s];
+    source.shape = Shape::points;
+    source.mesh.reset();
+    source.points = std::make_shared<const std::vector<Vec3d>>(std::move(points[s]));
+    source.position = {0, 0, 0};
+    source.rotation_angle = 0;
+  }
+  return moved;
+}
+
+TimedRun run_mpm(const Scene& scene, const MpmRunOptions& options) {
+  const Scene variant = variant_of(scene, options.variant);
+  const MemoryMeter memory;
+  const auto simulation = mpm::Simulation::create(
+      variant, {.device = options.device, .precision = mpm::Precision::f32, .seed = options.seed});
+  TimedRun result;
+  const StartState start = start_of(variant, options.seed);
+  result.run.mass = start.mass;
+  result.run.volume = start.volume;
+  Trajectory& trajectory = result.run.trajectory;
+  trajectory.particle_type = simulation->particle_type();
+  trajectory.frame_time = variant.frame_time;
+  trajectory.seed = options.seed;
+  trajectory.made_by = "mpm";
+  trajectory.frames.push_back(simulation->frame());
+  std::vector<double> solver, output;
+  Progress progress(options.label, options.frames);
+  for (int64_t f = 1; f <= options.frames; ++f) {
+    stop_if_interrupted();
+    const auto begin = Clock::now();
+    try {
+      simulation->advance_frame();
+    } catch (const DivergedError&) {
+      if (options.must_finish) throw;
+      trajectory.diverged_at_frame = f;
+      break;
+    }
+    solver.push_back(seconds_since(begin));
+    const auto solved = Clock::now();
+    trajectory.frames.push_back(simulation->frame());
+    output.push_back(seconds_since(solved));
+    trajectory.frames.back().velocity.clear();  // the comparison reads positions
+    trajectory.frames.back().velocity.shrink_to_fit();
+    progress.update(f);
+  }
+  progress.done();
+  result.cost.frame = median(solver);
+  result.cost.output = median(output);
+  result.cost.peak_bytes = memory.peak();
+  result.cost.added_bytes = memory.added();
+  compare::hold_last_frame(trajectory, static_cast<std::size_t>(options.frames));
+  return result;
+}
+
+TimedRun run_network(const graph::LearnedSimulator& simulator, const Scene& scene,
+                     const graph::Surroundings& surroundings, const StartState& start, int64_t frames,
+                     const std::string& label) {
+  const MemoryMeter memory;
+  const int history = static_cast<int>(simulator.config().history) + 1;
+  const auto past = graph::start_history(start.position, start.velocity, scene.gravity, scene.frame_time, history);
+  std::vector<double> total, features, hierarchy, network, projection, output;
+  Progress progress(label, frames);
+  graph::LearnedSimulator::RolloutOptions options;
+  options.frames = frames;
+  auto last = Clock::now();
+  options.progress = [&](int64_t frame, const graph::FrameTiming& timing) {
+    stop_if_interrupted();
+    total.push_back(timing.total());
+    features.push_back(timing.features);
+    hierarchy.push_back(timing.hierarchy);
+    network.push_back(timing.network);
+    projection.push_back(timing.projection);
+    output.push_back(std::max(0.0, seconds_since(last) - timing.total()));
+    progress.update(frame);
+    last = Clock::now();
+  };
+  TimedRun result;
+  result.run.trajectory = simulator.rollout(scene, surroundings, start.particle_type, past, options);
+  progress.done();
+  for (ParticleFrame& frame : result.run.trajectory.frames) std::vector<Vec3f>().swap(frame.velocity);
+  result.run.mass = start.mass;
+  result.run.volume = start.volume;
+  result.cost = {median(total),      median(network), median(hierarchy), median(features),
+                 median(projection), median(output),  memory.peak(),     memory.added()};
+  compare::hold_last_frame(result.run.trajectory, static_cast<std::size_t>(frames));
+  return result;
+}
+
+MemoryMeter::MemoryMeter() {
+  malloc_trim(0);
+  std::ofstream("/proc/self/clear_refs") << "5";  // sets VmHWM back to the present size
+  before_ = status_bytes("VmRSS");
+}
+
+double MemoryMeter::peak() const {
+  const double high = status_bytes("VmHWM");
+  if (high > 0) return high;
+  rusage usage{};
+  getrusage(RUSAGE_SELF, &usage);
+  return 1024.0 * static_cast<double>(usage.ru_maxrss);
+}
+
+double MemoryMeter::added() const { return std::max(0.0, peak() - before_); }
+
+}  // namespace graupel::apps

@@ -1,0 +1,72 @@
+// Runs one model on one scene and measures what it costs: MPM and its cheaper variants, and learned simulators.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "compare/evaluation.h"
+#include "compare/particle_run.h"
+#include "core/device.h"
+#include "core/scene.h"
+#include "graph/learned_simulator.h"
+
+namespace graupel::apps {
+
+enum class MpmVariant { same, fast, coarse };
+
+/// What a word of --models means.
+struct ModelChoice {
+  std::string name;  ///< as given
+  bool network = false;
+  MpmVariant variant = MpmVariant::same;
+};
+/// Throws ConfigError for an unknown "mpm:..." word.
+ModelChoice parse_model(const std::string& word);
+
+/// Particles at the start of a scene, with the mass and volume of each.
+struct StartState {
+  std::vector<int32_t> particle_type;
+  std::vector<Vec3f> position;       ///< [m]
+  std::vector<Vec3f> velocity;       ///< [m/s]
+  std::vector<double> mass, volume;  ///< [kg], [m^3]
+};
+StartState start_of(const Scene& scene, uint64_t seed);
+
+/// The scene with its particles as points, each moved by `distance` [m] in a random direction, but not beyond the
+/// walls.
+Scene moved_scene(const Scene& scene, uint64_t seed, double distance);
+
+/// A run with all its frames (the last usable one repeated after a divergence) and its cost.
+struct TimedRun {
+  compare::ParticleRun run;
+  compare::RunCost cost;
+};
+
+struct MpmRunOptions {
+  MpmVariant variant = MpmVariant::same;
+  Device device = Device::cpu;
+  uint64_t seed = 0;
+  int64_t frames = 0;
+  std::string label;         ///< of the progress line
+  bool must_finish = false;  ///< throw DivergedError instead of returning the frames before it (the truth)
+};
+TimedRun run_mpm(const Scene& scene, const MpmRunOptions& options);
+
+/// The same for a learned simulator, from frame 0 with a ballistic past.
+TimedRun run_network(const graph::LearnedSimulator& simulator, const Scene& scene,
+                     const graph::Surroundings& surroundings, const StartState& start, int64_t frames,
+                     const std::string& label);
+
+/// Resident memory of the process while this object lives [bytes].
+class MemoryMeter {
+ public:
+  MemoryMeter();  ///< resets the kernel's peak
+  double peak() const;
+  double added() const;
+
+ private:
+  double before_;
+};
+
+}  // namespace graupel::apps
