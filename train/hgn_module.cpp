@@ -47,6 +47,7 @@ void configure_torch(int threads, bool tf32) {
 }
 
 std::string torch_version() { return TORCH_VERSION; }
+bool torch_has_cuda() { return at::hasCUDA(); }
 
 struct HgnModule::Impl {
   Impl(const graph::HgnConfig& hgn, Device where, uint64_t seed, NumberType number)
@@ -104,6 +105,9 @@ struct HgnModule::Impl {
 
 HgnModule::HgnModule(const graph::HgnConfig& config, Device device, uint64_t seed, NumberType number) {
   const at::NoGradGuard no_grad;
+  if (device == Device::cuda && !torch_has_cuda())
+    throw ConfigError("device 'cuda' is not usable (libtorch " + torch_version() +
+                      " was built without CUDA). Build against a CUDA libtorch, or use --device cpu");
   impl_ = std::make_unique<Impl>(config, device, seed, number);
 }
 HgnModule::~HgnModule() = default;

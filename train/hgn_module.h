@@ -44,10 +44,12 @@ struct StepMeans {
 void configure_torch(int threads, bool tf32);
 /// libtorch's version, e.g. "1.13.1".
 std::string torch_version();
+/// Whether this libtorch can use a GPU.
+bool torch_has_cuda();
 
 class HgnModule {
  public:
-  /// Fresh weights from `seed`.
+  /// Fresh weights from `seed`. Throws ConfigError for Device::cuda where libtorch has no CUDA.
   HgnModule(const graph::HgnConfig& config, Device device, uint64_t seed, NumberType number = NumberType::f32);
   ~HgnModule();
   HgnModule(HgnModule&&) noexcept;

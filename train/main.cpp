@@ -118,6 +118,12 @@ std::string utc_name() {
   return text;
 }
 
+/// "auto" is the GPU only where libtorch can use it too.
+Device device_of(const Arguments& arguments) {
+  if (arguments.device == "auto" && !torch_has_cuda()) return Device::cpu;
+  return parse_device(arguments.device);
+}
+
 /// Settings of a new run: file, then --set, then the flags of their own.
 TrainConfig config_of(const Arguments& arguments) {
   std::vector<std::string> overrides = arguments.set;
@@ -140,7 +146,7 @@ void prepare_resume(Arguments& arguments, TrainingOptions& options) {
 
 int run_training(Arguments& arguments) {
   TrainingOptions options;
-  options.device = parse_device(arguments.device);
+  options.device = device_of(arguments);
   options.threads = num_threads();
   if (!arguments.resume.empty()) {
     prepare_resume(arguments, options);
@@ -180,7 +186,7 @@ int run_training(Arguments& arguments) {
 
 int run_evaluation(const Arguments& arguments) {
   if (arguments.data.empty()) throw ConfigError("--data is missing. Name the folder of the data set");
-  const Device device = parse_device(arguments.device);
+  const Device device = device_of(arguments);
   configure_torch(num_threads(), /*tf32=*/true);
   const nn::Weights weights = nn::read_safetensors(arguments.evaluate);
   const auto architecture = weights.metadata.find("architecture");

@@ -275,7 +275,7 @@ std::string TrainingRun::export_weights() const {
   weights.metadata["training.torch"] = torch_version();
   weights.metadata["training.data"] = fs::path(options_.data).filename();
   weights.metadata["training.data_trajectories"] = std::to_string(train_->count());
-  for (const char* name : {"recipe", "seed"})
+  for (const char* name : {"recipe", "recipe_seed"})
     if (const std::string value = train_->attribute(name); !value.empty())
       weights.metadata[std::string("training.data_") + name] = value;
   if (validation_) {
