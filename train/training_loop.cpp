@@ -232,13 +232,13 @@ void TrainingRun::validate() {
       static_cast<long long>(state_.step), error, all.normalized_mse(Predictor::zero),
       all.normalized_mse(Predictor::ballistic), validation.rollout_mse);
   say(text);
+  last_report_ += Clock::now() - begin;  // not part of the training rate
   if (std::isfinite(error) && (state_.best_validation < 0 || error < state_.best_validation)) {
     state_.best_validation = error;
     state_.best_step = state_.step;
     saved_step_ = -1;
     save_checkpoint();
   }
-  last_report_ += Clock::now() - begin;
 }
 
 void TrainingRun::save_checkpoint() {
