@@ -23,13 +23,12 @@ std::string cell(const MetricValues& values, const std::string& key) {
   return "<td>" + (value == values.end() ? std::string("-") : short_number(value->second)) + "</td>";
 }
 
-std::string mark_cell(const ModelResult& result) {
-  if (result.diverged_at_frame >= 0)
-    return fmt::format("<td class=\"mark\">diverged at frame {}</td>", result.diverged_at_frame);
+/// What must not be overlooked about a result; empty for most.
+std::string mark_of(const ModelResult& result) {
+  if (result.diverged_at_frame >= 0) return fmt::format("diverged at frame {}", result.diverged_at_frame);
   const auto loses = result.values.find("loses_to_coarse");
-  if (loses != result.values.end() && loses->second > 0)
-    return "<td class=\"mark\">slower and less accurate than mpm:coarse</td>";
-  return "<td></td>";
+  const bool marked = loses != result.values.end() && loses->second > 0;
+  return marked ? "slower and less accurate than mpm:coarse" : "";
 }
 
 const char* const main_keys[] = {
@@ -46,20 +45,22 @@ std::string breakable(const std::string& key) {
 std::string main_header() {
   std::string row = "<thead><tr><th>model</th>";
   for (const char* key : main_keys) row += "<th>" + breakable(key) + "</th>";
-  return row + "<th></th></tr></thead>\n";
+  return row + "</tr></thead>\n";
 }
 
 std::string main_row(const std::string& name, const MetricValues& values, const std::string& mark, const char* style) {
-  std::string row = fmt::format("<tr{}><td>{}</td>", style, escape_markup(name));
+  std::string row = fmt::format("<tr{}><td>{}", style, escape_markup(name));
+  if (!mark.empty()) row += "<div class=\"mark\">" + escape_markup(mark) + "</div>";
+  row += "</td>";
   for (const char* key : main_keys) row += cell(values, key);
-  return row + mark + "</tr>\n";
+  return row + "</tr>\n";
 }
 
 std::string scene_table(const Comparison& comparison, const SceneResult& scene) {
   std::string html = "<div class=\"scroll\"><table>" + main_header() + "<tbody>\n";
-  for (const ModelResult& result : scene.models) html += main_row(result.model, result.values, mark_cell(result), "");
+  for (const ModelResult& result : scene.models) html += main_row(result.model, result.values, mark_of(result), "");
   if (computed(comparison, MetricGroup::floors))
-    html += main_row("chaos floor (MPM against itself)", floors_of(scene), "<td></td>", " class=\"floor\"");
+    html += main_row("chaos floor (MPM against itself)", floors_of(scene), "", " class=\"floor\"");
   return html + "</tbody></table></div>\n";
 }
 
@@ -76,7 +77,7 @@ std::string mean_table(const Comparison& comparison) {
     if (loses != mean.end() && loses->second > 0)
       mark +=
           fmt::format("{}loses to mpm:coarse in {:.0f}% of the scenes", mark.empty() ? "" : "; ", 100 * loses->second);
-    html += main_row(model, mean, "<td class=\"mark\">" + mark + "</td>", "");
+    html += main_row(model, mean, mark, "");
   }
   return html + "</tbody></table></div>\n";
 }
@@ -296,7 +297,7 @@ std::string report_html(Comparison comparison, std::size_t limit) {
 ReportBudget report_budget(std::size_t rows) {
   rows = std::max<std::size_t>(1, rows);
   // 11 MB of player data and 8 MB of pictures before base64 makes them a third larger; a pixel takes about 0.6 bytes.
-  const std::size_t track = std::min<std::size_t>(std::size_t(3) << 20, 9000000 / rows);
+  const std::size_t track = std::min<std::size_t>(std::size_t(1) << 20, 9000000 / rows);
   const std::size_t pixels = std::clamp<std::size_t>(6500000 / rows * 10 / 6 / 4, 120 * 90, 400 * 300);
   return {pixels, track};
 }

@@ -170,7 +170,8 @@ TEST(ComparisonFiles, TableFitsATerminal) {
 
 TEST(Report, HoldsTablesCurvesPicturesAndCommand) {
   const std::string html = report_html(synthetic_comparison());
-  for (const MetricInfo& metric : metric_list()) EXPECT_NE(html.find("<code>" + metric.key), std::string::npos) << metric.key;
+  for (const MetricInfo& metric : metric_list())
+    EXPECT_NE(html.find("<code>" + metric.key), std::string::npos) << metric.key;
   EXPECT_EQ(count_of(html, "<svg "), 3u);
   EXPECT_EQ(count_of(html, "data:image/png;base64,"), 3u);
   EXPECT_NE(html.find("--models mpm,&lt;b&gt;&amp;&quot;c&quot;"), std::string::npos);

@@ -1,0 +1,233 @@
+// graupel compare from scenes to files: every key finite, known answers for MPM and for a network that only falls.
+#include "apps/compare_runs.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <CLI/CLI.hpp>
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+
+#include "apps/model_runs.h"
+#include "apps/verbs.h"
+#include "compare/report.h"
+#include "core/atomic_file.h"
+#include "core/error.h"
+#include "io/scene_reader.h"
+#include "io/trajectory_file.h"
+#include "mpm/sampling.h"
+#include "nn/weights.h"
+#include "tests/graph/random_weights.h"
+
+namespace graupel::apps {
+namespace {
+
+using compare::MetricGroup;
+using compare::ModelResult;
+
+/// Some 200 particles of water and sand that fall on a sphere.
+constexpr const char* small_scene = R"({
+  "name": "small",
+  "seed": 3,
+  "domain": { "size": [1, 1, 1], "dx": 0.03125 },
+  "materials": { "water": { "preset": "water", "bulk_modulus": 1e4 }, "sand": { "preset": "sand", "youngs_modulus": 1e5 } },
+  "sources": [
+    { "shape": "box", "size": [0.09, 0.09, 0.09], "position": [0.5, 0.5, 0.5], "material": "water", "velocity": [0, -1, 0] },
+    { "shape": "box", "size": [0.09, 0.09, 0.09], "position": [0.3, 0.7, 0.6], "material": "sand" }
+  ],
+  "obstacles": [ { "shape": "sphere", "radius": 0.15, "position": [0.5, 0.26, 0.5] } ],
+  "frames": 10
+})";
+
+class CompareRuns : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    std::string pattern = (std::filesystem::temp_directory_path() / "graupel_compare_XXXXXX").string();
+    folder_ = ::mkdtemp(pattern.data());
+    scene_ = folder_ + "/small.json";
+    std::ofstream(scene_) << small_scene;
+  }
+  void TearDown() override { std::filesystem::remove_all(folder_); }
+
+  CompareOptions options(const std::vector<std::string>& models) const {
+    CompareOptions o;
+    o.scenes = {scene_};
+    o.models = models;
+    o.threads = 1;
+    return o;
+  }
+
+  /// A network whose acceleration is g dt^2 whatever it sees.
+  std::string ballistic_network() const {
+    graph::HgnConfig config;
+    config.latent = 8;
+    config.levels = 2;
+    config.message_passing = 1;
+    config.dx = 0.03125;
+    graph::Normalization normalization;
+    normalization.acceleration_mean[1] = static_cast<float>(-9.8 / 3600);
+    auto weights = graph::random_weights(config, normalization);
+    graph::silence_decoder(weights);
+    const std::string path = folder_ + "/ballistic.safetensors";
+    nn::write_safetensors(path, weights);
+    return path;
+  }
+
+  std::string folder_, scene_;
+};
+
+TEST_F(CompareRuns, EverySceneAndModelHoldsEveryKey) {
+  CompareOptions o = options({"mpm", "mpm:fast", "mpm:coarse", ballistic_network()});
+  o.json = folder_ + "/out.json";
+  o.csv = folder_ + "/out.csv";
+  o.report = folder_ + "/report.html";
+  o.command = "graupel compare ...";
+  ::testing::internal::CaptureStdout();
+  run_compare(o);
+  EXPECT_THAT(::testing::internal::GetCapturedStdout(), ::testing::HasSubstr("ballistic.safetensors"));
+
+  const auto json = nlohmann::json::parse(read_file(o.json));
+  ASSERT_EQ(json["results"].size(), 4u);
+  for (const auto& entry : json["results"]) {
+    EXPECT_FALSE(entry.contains("diverged_at_frame")) << entry["model"];
+    for (const compare::MetricInfo& metric : compare::metric_list()) {
+      ASSERT_TRUE(entry.contains(metric.key) && entry[metric.key].is_number()) << metric.key;
+      EXPECT_TRUE(std::isfinite(entry[metric.key].get<double>())) << metric.key;
+    }
+    EXPECT_EQ(entry["materials"].size(), 2u);
+    EXPECT_EQ(entry["curves"]["position_error"].size(), 10u);
+    EXPECT_GT(entry["peak_memory_mib"], 1);
+    EXPECT_GT(entry["frame_ms"], 0);
+  }
+  const auto& mpm = json["results"][0];
+  for (const char* key : {"position_mse_all", "sinkhorn", "density_error", "one_step_mse", "loses_to_coarse"})
+    EXPECT_EQ(mpm[key], 0) << key;
+  EXPECT_EQ(mpm["speed_ratio"], 1);
+  EXPECT_GT(mpm["floor_position_mse_all"], 0);
+  EXPECT_LT(mpm["floor_position_mse_20"], 1e-4);
+  EXPECT_LT(json["results"][2]["particles"].get<double>(), mpm["particles"].get<double>() / 6);
+
+  const auto& falling = json["results"][3];
+  EXPECT_EQ(falling["one_step_source"], "true history");
+  EXPECT_NEAR(falling["one_step_mse"], falling["one_step_mse_ballistic"],
+              1e-3 * falling["one_step_mse_ballistic"].get<double>());
+  EXPECT_GT(falling["position_mse_all"], falling["floor_position_mse_all"]);
+  EXPECT_GT(falling["network_ms"], 0);
+  EXPECT_GT(falling["grid_build_ms"], 0);
+  EXPECT_LT(std::filesystem::file_size(o.report), compare::largest_report);
+  EXPECT_GT(std::filesystem::file_size(o.csv), 500u);
+}
+
+TEST_F(CompareRuns, AStoredTrajectoryIsTheTruth) {
+  const Scene scene = io::read_scene(scene_);
+  MpmRunOptions run;
+  run.seed = 3;
+  run.frames = 6;
+  Trajectory truth = run_mpm(scene, run).run.trajectory;
+  truth.scene_json = scene.source;
+  truth.frames[0].velocity = start_of(scene, 3).velocity;
+  for (std::size_t f = 1; f < truth.frames.size(); ++f) truth.frames[f].velocity.resize(truth.particle_count());
+  CompareOptions o = options({"mpm"});
+  o.scenes = {folder_ + "/truth.h5"};
+  o.frames = 5;
+  o.floors = false;
+  io::TrajectoryWriter writer(o.scenes[0], truth);
+  for (const ParticleFrame& frame : truth.frames) writer.append(frame);
+  writer.finish();
+
+  const auto comparison = make_comparison(o);
+  ASSERT_EQ(comparison.scenes.size(), 1u);
+  const ModelResult& mpm = comparison.scenes[0].models[0];
+  EXPECT_EQ(comparison.scenes[0].frames, 5u);
+  EXPECT_EQ(mpm.values.at("position_mse_all"), 0);  // the same run again on the same machine
+  EXPECT_TRUE(compare::incomplete_results(comparison).empty());
+  EXPECT_FALSE(mpm.values.contains("floor_sinkhorn"));
+  o.set = {"frames=3"};
+  EXPECT_THROW(make_comparison(o), ConfigError);
+}
+
+TEST_F(CompareRuns, OneStepOnlyNeedsNoRollouts) {
+  CompareOptions o = options({"mpm", ballistic_network()});
+  o.one_step_only = true;
+  o.frames = 8;
+  const auto comparison = make_comparison(o);
+  EXPECT_EQ(comparison.groups, std::vector<MetricGroup>{MetricGroup::one_step});
+  EXPECT_TRUE(compare::incomplete_results(comparison).empty());
+  const ModelResult& network = comparison.scenes[0].models[1];
+  EXPECT_FALSE(network.values.contains("position_mse_all"));
+  EXPECT_GT(network.values.at("one_step_mse"), 0);
+  EXPECT_NE(compare::report_html(comparison).find("one_step"), std::string::npos);
+  o.models = {"mpm:fast"};
+  EXPECT_THROW(make_comparison(o), ConfigError);
+}
+
+TEST_F(CompareRuns, ADivergedNetworkIsHeldAndMarked) {
+  graph::HgnConfig config;
+  config.latent = 8;
+  config.levels = 2;
+  config.message_passing = 1;
+  config.dx = 0.03125;
+  graph::Normalization normalization;
+  normalization.acceleration_mean[0] = 0.6f;  // 0.6 m a frame^2: over a domain edge a frame from the second frame on
+  auto weights = graph::random_weights(config, normalization);
+  graph::silence_decoder(weights);
+  const std::string path = folder_ + "/wild.safetensors";
+  nn::write_safetensors(path, weights);
+  CompareOptions o = options({path});
+  o.floors = false;
+  const auto comparison = make_comparison(o);
+  const ModelResult& wild = comparison.scenes[0].models[0];
+  EXPECT_GE(wild.diverged_at_frame, 1);
+  EXPECT_LE(wild.diverged_at_frame, 5);
+  EXPECT_EQ(wild.curves.position.size(), 10u);  // the missing frames count
+  EXPECT_TRUE(compare::incomplete_results(comparison).empty());
+}
+
+TEST_F(CompareRuns, RefusesWhatItCannotCompare) {
+  EXPECT_THROW(make_comparison(options({})), ConfigError);
+  EXPECT_THROW(make_comparison(options({"mpm:slow"})), ConfigError);
+  EXPECT_THROW(make_comparison(options({"mpm", "mpm"})), ConfigError);
+  EXPECT_THROW(make_comparison(options({"missing.safetensors"})), InputError);
+  CompareOptions o = options({"mpm"});
+  o.scenes = {};
+  EXPECT_THROW(make_comparison(o), ConfigError);
+  std::filesystem::create_directory(folder_ + "/empty");
+  o.scenes = {folder_ + "/empty"};
+  EXPECT_THROW(make_comparison(o), ConfigError);
+  o.scenes = {folder_ + "/missing.h5"};
+  EXPECT_THROW(make_comparison(o), InputError);
+}
+
+TEST_F(CompareRuns, MovedScenesMoveEveryParticleByTheSameDistance) {
+  const Scene scene = io::read_scene(scene_);
+  const double distance = 1e-4 * scene.domain.dx;
+  const auto before = mpm::sample_sources(scene, 3), after = mpm::sample_sources(moved_scene(scene, 3, distance), 3);
+  ASSERT_EQ(before.position.size(), after.position.size());
+  for (std::size_t p = 0; p < before.position.size(); ++p)
+    EXPECT_NEAR(norm(after.position[p] - before.position[p]), distance, 1e-9 * distance + 1e-15);
+  EXPECT_EQ(before.volume, after.volume);
+  EXPECT_EQ(before.material, after.material);
+}
+
+TEST(MemoryMeter, SeesWhatARunTouches) {
+  const MemoryMeter meter;
+  const std::vector<char> block(std::size_t(64) << 20, 1);
+  EXPECT_GT(meter.peak(), double(block.size()));
+  EXPECT_GT(meter.added(), 0.9 * double(block.size()));
+}
+
+TEST(CompareVerb, HelpIsShortAndHasTwoExamples) {
+  CLI::App app;
+  add_compare(app);
+  const std::string help = app.get_subcommand("compare")->help();
+  EXPECT_LT(std::count(help.begin(), help.end(), '\n'), 40);
+  for (const char* flag : {"--scenes", "--models", "--frames", "--set", "--json", "--csv", "--report", "--seed",
+                           "--threads", "--device", "--one-step-only"})
+    EXPECT_NE(help.find(flag), std::string::npos) << flag;
+  EXPECT_NE(help.find("Examples:"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace graupel::apps
