@@ -24,7 +24,7 @@ namespace {
 
 constexpr double moved_by = 1e-4;               ///< [dx], chaos floor of position errors
 constexpr std::size_t history_of_one_step = 5;  ///< frames before the first one-step error
-constexpr std::size_t obstacle_points = 5000;   ///< in the report's player
+constexpr std::size_t obstacle_points = 12000;  ///< in the report's player
 
 SceneTask read_scene_file(const std::string& path, const CompareOptions& options) {
   SceneTask task;

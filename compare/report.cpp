@@ -86,11 +86,12 @@ std::string mean_table(const Comparison& comparison) {
 std::string full_table(const SceneResult& scene) {
   std::string html = "<details><summary>All metrics</summary><div class=\"scroll\"><table><thead><tr><th>metric</th>";
   for (const ModelResult& result : scene.models) html += "<th>" + escape_markup(result.model) + "</th>";
-  html += "<th>unit</th><th>meaning</th></tr></thead><tbody>\n";
+  html += "<th>unit</th><th class=\"text\">meaning</th></tr></thead><tbody>\n";
   for (const MetricInfo& metric : metric_list()) {
     html += "<tr><td><code>" + metric.key + "</code></td>";
     for (const ModelResult& result : scene.models) html += cell(result.values, metric.key);
-    html += fmt::format("<td>{}</td><td>{}</td></tr>\n", escape_markup(metric.unit), escape_markup(metric.meaning));
+    html += fmt::format("<td>{}</td><td class=\"text\">{}</td></tr>\n", escape_markup(metric.unit),
+                        escape_markup(metric.meaning));
   }
   return html + "</tbody></table></div></details>\n";
 }
