@@ -25,22 +25,25 @@ struct Grain {
   int64_t items = 256;
 };
 
+/// The CPU's part alone: no kernel for a GPU is compiled.
+template <typename Body>
+void parallel_for_cpu(int64_t n, const Body& body, Grain grain = {}) {
+  if (n <= grain.items) {
+    for (int64_t i = 0; i < n; ++i) body(i);
+    return;
+  }
+  const int64_t chunks = (n + grain.items - 1) / grain.items;
+#pragma omp parallel for schedule(dynamic, 1)
+  for (int64_t c = 0; c < chunks; ++c) {
+    const int64_t end = (c + 1) * grain.items < n ? (c + 1) * grain.items : n;
+    for (int64_t i = c * grain.items; i < end; ++i) body(i);
+  }
+}
+
 template <typename Body>
 void parallel_for(Device device, int64_t n, const Body& body, Grain grain = {}) {
   if (n <= 0) return;
-  if (device == Device::cpu) {
-    if (n <= grain.items) {
-      for (int64_t i = 0; i < n; ++i) body(i);
-      return;
-    }
-    const int64_t chunks = (n + grain.items - 1) / grain.items;
-#pragma omp parallel for schedule(dynamic, 1)
-    for (int64_t c = 0; c < chunks; ++c) {
-      const int64_t end = (c + 1) * grain.items < n ? (c + 1) * grain.items : n;
-      for (int64_t i = c * grain.items; i < end; ++i) body(i);
-    }
-    return;
-  }
+  if (device == Device::cpu) return parallel_for_cpu(n, body, grain);
 #ifdef __CUDACC__
   constexpr int threads = 128;
   parallel_for_kernel<<<static_cast<unsigned>((n + threads - 1) / threads), threads>>>(n, body);

@@ -87,13 +87,13 @@ struct GatherParticle {
 
 template <typename T>
 void grid_to_particle_by_particles(const SolverView<T>& view) {
-  parallel_for(view.device, view.particles.count, GatherParticle<T>{view});
+  launch<T>(view.device, view.particles.count, GatherParticle<T>{view});
 }
 
 template <typename T>
 void grid_to_particle(const SolverView<T>& view) {
   if (view.device != Device::cpu) return grid_to_particle_by_particles(view);
-  parallel_for(Device::cpu, view.blocks.home_count, GatherBlock<T>{view}, Grain{1});
+  parallel_for_cpu(view.blocks.home_count, GatherBlock<T>{view}, Grain{1});
 }
 
 template void grid_to_particle<float>(const SolverView<float>&);

@@ -59,7 +59,7 @@ struct UpdateNode {
 
 template <typename T>
 void update_grid(const SolverView<T>& view, T dt) {
-  parallel_for(view.device, view.blocks.node_count * int64_t(nodes_per_block<3>), UpdateNode<T>{view, dt}, Grain{1024});
+  launch<T>(view.device, view.blocks.node_count * int64_t(nodes_per_block<3>), UpdateNode<T>{view, dt}, Grain{1024});
 }
 
 template void update_grid<float>(const SolverView<float>&, float);

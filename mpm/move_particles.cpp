@@ -197,7 +197,7 @@ template <typename T>
 Survey move_particles(const SolverView<T>& view, T dt, Buffer<Survey>& records) {
   const SlotRange range = make_range(view.device, view.particles.count);
   records.resize_discard(static_cast<std::size_t>(2 * range.items));
-  parallel_for(view.device, range.items, MoveSlots<T>{view, range, records.data(), dt}, Grain{2});
+  launch<T>(view.device, range.items, MoveSlots<T>{view, range, records.data(), dt}, Grain{2});
   return total(view.device, records, range.items);
 }
 
@@ -205,13 +205,13 @@ template <typename T>
 Survey survey_particles(const SolverView<T>& view, Buffer<Survey>& records) {
   const SlotRange range = make_range(view.device, view.particles.count);
   records.resize_discard(static_cast<std::size_t>(2 * range.items));
-  parallel_for(view.device, range.items, SurveySlots<T>{view, range, records.data()}, Grain{2});
+  launch<T>(view.device, range.items, SurveySlots<T>{view, range, records.data()}, Grain{2});
   return total(view.device, records, range.items);
 }
 
 template <typename T>
 void find_home_blocks(const SolverView<T>& view) {
-  parallel_for(view.device, view.particles.count, FindHomes<T>{{view, {}, nullptr, T(0)}}, Grain{4096});
+  launch<T>(view.device, view.particles.count, FindHomes<T>{{view, {}, nullptr, T(0)}}, Grain{4096});
 }
 
 template <typename T>
@@ -223,9 +223,9 @@ void permute_particles(Particles<T>& from, Particles<T>& to, const int32_t* orde
   to.for_each_buffer([&](auto& buffer) {
     using Value = std::remove_reference_t<decltype(*buffer.data())>;
     const int components = static_cast<int>(static_cast<int64_t>(buffer.size()) / padded);
-    parallel_for(from.device(), from.count(),
-                 Permute<Value>{static_cast<const Value*>(sources[next++]), buffer.data(), order, components},
-                 Grain{1024});
+    launch<T>(from.device(), from.count(),
+              Permute<Value>{static_cast<const Value*>(sources[next++]), buffer.data(), order, components},
+              Grain{1024});
   });
 }
 

@@ -63,7 +63,7 @@ ObstacleNodes<T>::ObstacleNodes(Device device, const GridGeometry<T, 3>& grid, c
       phi_(device, 0),
       normal_(device, 0) {
   if (obstacles.count() > 0) obstacles_ = obstacles.view(device);
-  parallel_for(device, grid.directory_size(), FindSurfaceBlocks<T>{grid, obstacles_, block_number_.data()}, Grain{64});
+  launch<T>(device, grid.directory_size(), FindSurfaceBlocks<T>{grid, obstacles_, block_number_.data()}, Grain{64});
   std::vector<int32_t> number = block_number_.download(), keys;
   for (std::size_t i = 0; i < number.size(); ++i) {
     const bool surface = number[i] != 0;
@@ -77,9 +77,8 @@ ObstacleNodes<T>::ObstacleNodes(Device device, const GridGeometry<T, 3>& grid, c
   law_.resize_discard(entries);
   phi_.resize_discard(entries);
   normal_.resize_discard(entries);
-  parallel_for(device, static_cast<int64_t>(entries),
-               EvaluateNodes<T>{grid, obstacles_, key_buffer.data(), phi_.data(), normal_.data(), law_.data()},
-               Grain{64});
+  launch<T>(device, static_cast<int64_t>(entries),
+            EvaluateNodes<T>{grid, obstacles_, key_buffer.data(), phi_.data(), normal_.data(), law_.data()}, Grain{64});
   synchronize(device);
 }
 

@@ -104,14 +104,14 @@ struct GatherNode {
 
 template <typename T>
 void particle_to_grid_by_nodes(const SolverView<T>& view, T dt) {
-  parallel_for(view.device, view.blocks.node_count * int64_t(nodes_per_block<3>), GatherNode<T>{view, dt});
+  launch<T>(view.device, view.blocks.node_count * int64_t(nodes_per_block<3>), GatherNode<T>{view, dt});
 }
 
 template <typename T>
 void particle_to_grid(const SolverView<T>& view, T dt) {
   if (view.device != Device::cpu) return particle_to_grid_by_nodes(view, dt);
-  parallel_for(Device::cpu, view.blocks.home_count, ScatterBlock<T>{view, dt}, Grain{1});
-  parallel_for(Device::cpu, view.blocks.node_count, SumArenas<T>{view}, Grain{8});
+  parallel_for_cpu(view.blocks.home_count, ScatterBlock<T>{view, dt}, Grain{1});
+  parallel_for_cpu(view.blocks.node_count, SumArenas<T>{view}, Grain{8});
 }
 
 template void particle_to_grid<float>(const SolverView<float>&, float);

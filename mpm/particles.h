@@ -2,6 +2,7 @@
 // units (16 particles at once) and GPUs (coalesced) alike. A slot is a place in these arrays.
 #pragma once
 
+#include <type_traits>
 #include <utility>
 
 #include "core/buffer.h"
@@ -12,6 +13,16 @@ namespace graupel::mpm {
 
 inline constexpr int64_t tile = 16;
 inline int64_t padded_to_tile(int64_t n) { return (n + tile - 1) / tile * tile; }
+
+/// parallel_for for kernels of precision T: double precision runs on the CPU alone, so no GPU kernel is compiled for
+/// it.
+template <typename T, typename Body>
+void launch(Device device, int64_t n, const Body& body, Grain grain = {}) {
+  if constexpr (std::is_same_v<T, double>)
+    parallel_for_cpu(n, body, grain);
+  else
+    parallel_for(device, n, body, grain);
+}
 
 /// K numbers a particle.
 template <typename T, int K>

@@ -137,7 +137,7 @@ void Solver<T>::throw_diverged(double dt, const StateSpeeds& before) const {
                            : std::isfinite(moved)
                                ? fmt::format("it would move {:.3g} cells in one substep, allowed: 1", moved)
                                : std::string("its state is not a number");
-  const double suggested = suggested_step(scene_.domain.dx, before);
+  const double suggested = suggested_step(scene_.domain.dx, before, dt);
   throw DivergedError(
       fmt::format("the simulation diverged at particle {} ({}, material '{}') in substep {} at t = {:.6g} s with a "
                   "step of {:.4g} s "

@@ -27,8 +27,9 @@ double next_step(const TimeStep& policy, double dx, double frame_time, const Sta
   return left / std::max(1.0, std::ceil(left / limit - 1e-9));
 }
 
-double suggested_step(double dx, const StateSpeeds& speeds) {
-  return 0.3 * dx / std::max(speeds.speed + speeds.sound_speed, 1e-30);
+double suggested_step(double dx, const StateSpeeds& speeds, double dt) {
+  const double stable = 0.3 * dx / (speeds.speed + speeds.sound_speed);
+  return std::isfinite(stable) ? std::clamp(stable, dt / 8, dt / 2) : dt / 8;
 }
 
 }  // namespace graupel::mpm

@@ -19,7 +19,7 @@ double largest_step(const TimeStep& policy, double dx, double frame_time, const 
 /// Throws DivergedError when the frame would need over a million steps.
 double next_step(const TimeStep& policy, double dx, double frame_time, const StateSpeeds& speeds, double left);
 
-/// Step that a diverged run should try [s]: a courant number of 0.3.
-double suggested_step(double dx, const StateSpeeds& speeds);
+/// Step that a run which diverged with steps of `dt` should try [s]: a courant number of 0.3, between dt/8 and dt/2.
+double suggested_step(double dx, const StateSpeeds& speeds, double dt);
 
 }  // namespace graupel::mpm

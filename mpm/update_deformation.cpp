@@ -26,7 +26,7 @@ struct UpdateParticle {
 
 template <typename T>
 void update_deformation_portable(const SolverView<T>& view, T dt) {
-  parallel_for(view.device, view.particles.count, UpdateParticle<T>{view, dt});
+  launch<T>(view.device, view.particles.count, UpdateParticle<T>{view, dt});
 }
 
 template <typename T>

@@ -77,7 +77,7 @@ class UpdateTile {
 
 template <typename T>
 void update_deformation_tiles(const SolverView<T>& view, T dt) {
-  parallel_for(Device::cpu, (view.particles.count + tile - 1) / tile, UpdateTile<T>(view, dt), Grain{32});
+  parallel_for_cpu((view.particles.count + tile - 1) / tile, UpdateTile<T>(view, dt), Grain{32});
 }
 
 template void update_deformation_tiles<float>(const SolverView<float>&, float);

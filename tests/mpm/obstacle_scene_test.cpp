@@ -47,8 +47,14 @@ TEST(ObstacleScene, AThinPlateHoldsAFastBody) {
   for (Source& source : scene.sources) source.velocity = {0, -5, 0};
   scene.time_step.substeps_per_frame = 108;
   const auto sim = Simulation::create(scene, {});
-  EXPECT_GT(deepest_over(*sim, scene, 12), -1e-4);
-  for (const Vec3f& x : sim->frame().position) ASSERT_GT(x[1], 0.4f);  // nothing came through
+  EXPECT_GT(deepest_over(*sim, scene, 8), -1e-4);
+  int above = 0;
+  for (const Vec3f& x : sim->frame().position) {
+    if (std::abs(x[0] - 0.47f) > 0.18f || std::abs(x[2] - 0.47f) > 0.18f) continue;  // the splash leaves over the edges
+    ASSERT_GT(x[1], 0.4f);                                                           // nothing came through
+    ++above;
+  }
+  EXPECT_GT(above, 100);
 }
 
 Scene ball_scene() {
@@ -81,13 +87,13 @@ TEST(ObstacleScene, PushedParticlesAreCountedWithTheMomentumTheyLost) {
 Vec3d after_hitting_a_box(Contact contact, double friction) {
   Scene scene = scene_with("jelly", {0.4, 0.36, 0.5});
   scene.gravity = {0, 0, 0};
-  scene.sources[0].velocity = {1, -1, 0};
+  scene.sources[0].velocity = {3, -1, 0};
   Obstacle box = box_obstacle({0.5, 0.2, 0.5}, {0.6, 0.2, 0.4});
   box.contact = contact;
   box.friction = friction;
   scene.obstacles.push_back(box);
   const auto sim = Simulation::create(scene, {});
-  for (int f = 0; f < 6; ++f) sim->advance_frame();
+  for (int f = 0; f < 5; ++f) sim->advance_frame();
   const Diagnostics d = sim->diagnostics();
   return d.momentum * (1 / d.mass);
 }
@@ -95,12 +101,12 @@ Vec3d after_hitting_a_box(Contact contact, double friction) {
 TEST(ObstacleScene, ObstaclesStickSlipSeparateAndRub) {
   const Vec3d free = after_hitting_a_box(Contact::separate, 0), rough = after_hitting_a_box(Contact::separate, 0.3),
               slip = after_hitting_a_box(Contact::slip, 0), stick = after_hitting_a_box(Contact::stick, 0);
-  EXPECT_NEAR(free[0], 1, 0.02);
+  EXPECT_NEAR(free[0], 3, 0.01);
   EXPECT_GT(free[1], 0.3);
-  EXPECT_NEAR(slip[0], 1, 0.02);
+  EXPECT_NEAR(slip[0], 3, 0.01);
   EXPECT_LT(slip[1], free[1]);
-  EXPECT_NEAR(rough[0], 1 - 0.3 * (1 + rough[1]), 0.06);
-  EXPECT_LT(stick[0], rough[0]);
+  EXPECT_NEAR(rough[0], 3 - 0.3 * (1 + rough[1]), 0.01);  // mu times the normal impulse
+  EXPECT_LT(stick[0], 0.9 * rough[0]);
 }
 
 }  // namespace

@@ -34,5 +34,12 @@ TEST(TimeStep, AnEndlessFrameIsReportedAsDiverged) {
   EXPECT_THROW(next_step(policy, dx, frame, {0, std::numeric_limits<double>::infinity()}, frame), DivergedError);
 }
 
+TEST(TimeStep, SuggestionsAreFiniteAndSmaller) {
+  EXPECT_DOUBLE_EQ(suggested_step(dx, {0, 20}, 1e-3), 0.3 * dx / 20);
+  EXPECT_DOUBLE_EQ(suggested_step(dx, {0, 1e9}, 1e-3), 1e-3 / 8);
+  EXPECT_DOUBLE_EQ(suggested_step(dx, {0, std::numeric_limits<double>::infinity()}, 1e-3), 1e-3 / 8);
+  EXPECT_DOUBLE_EQ(suggested_step(dx, {0, 0}, 1e-3), 1e-3 / 8);
+}
+
 }  // namespace
 }  // namespace graupel::mpm
