@@ -1,9 +1,11 @@
 #include "core/atomic_file.h"
 
+#include <dirent.h>
 #include <fcntl.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cstring>
 #include <filesystem>
@@ -121,6 +123,30 @@ void make_folder(const std::string& path) {
   fs::create_directories(path, code);
   if (code && !fs::is_directory(path))
     throw IoError("cannot create folder '" + path + "' (" + code.message() + "). Choose a folder you may write to");
+}
+
+std::vector<std::string> names_in(const std::string& folder) {
+  std::vector<std::string> names;
+  DIR* const open_folder = ::opendir(folder.c_str());
+  if (open_folder == nullptr) return names;
+  while (const dirent* entry = ::readdir(open_folder)) {
+    const std::string name = entry->d_name;
+    if (name != "." && name != "..") names.push_back(name);
+  }
+  ::closedir(open_folder);
+  std::sort(names.begin(), names.end());
+  return names;
+}
+
+void remove_path(const std::string& path) {
+  struct stat status {};
+  if (::lstat(path.c_str(), &status) != 0) return;
+  if (!S_ISDIR(status.st_mode)) {
+    ::unlink(path.c_str());
+    return;
+  }
+  for (const std::string& name : names_in(path)) remove_path(path + "/" + name);
+  ::rmdir(path.c_str());
 }
 
 }  // namespace graupel

@@ -3,6 +3,7 @@
 
 #include <string>
 #include <string_view>
+#include <vector>
 
 namespace graupel {
 
@@ -18,5 +19,13 @@ std::string read_file(const std::string& path, std::size_t limit = std::size_t(1
 
 /// Creates a folder and its parents; throws IoError.
 void make_folder(const std::string& path);
+
+/// Names in a folder, sorted, without "." and ".."; empty when it is no folder.
+std::vector<std::string> names_in(const std::string& folder);
+
+/// Removes a file or a folder with all it holds; links are removed, not followed. A path that is not there is fine;
+/// what cannot be removed stays. Plain system calls: PyTorch's libraries export an older std::filesystem, whose
+/// remove_all crashes when it replaces ours.
+void remove_path(const std::string& path);
 
 }  // namespace graupel

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cstdio>
-#include <filesystem>
 #include <nlohmann/json.hpp>
 #include <vector>
 
@@ -12,7 +11,6 @@
 
 namespace graupel::train {
 
-namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
 
 namespace {
@@ -28,9 +26,7 @@ std::string folder_name(int64_t step) {
 /// Checkpoints of a folder, oldest first; unfinished ones (".part") are none.
 std::vector<int64_t> steps_in(const std::string& folder) {
   std::vector<int64_t> steps;
-  if (!fs::is_directory(folder)) return steps;
-  for (const auto& entry : fs::directory_iterator(folder)) {
-    const std::string name = entry.path().filename();
+  for (const std::string& name : names_in(folder)) {
     const std::string number = name.starts_with(prefix) ? name.substr(5) : "";
     if (!number.empty() && number.find_first_not_of("0123456789") == std::string::npos)
       steps.push_back(std::stoll(number));
@@ -65,8 +61,7 @@ CheckpointState state_of(const Json& json) {
 
 void write_checkpoint(const std::string& folder, const Checkpoint& checkpoint) {
   const std::string path = folder + "/" + folder_name(checkpoint.state.step), part = path + ".part";
-  std::error_code ignored;
-  fs::remove_all(part, ignored);  // left by a kill
+  remove_path(part);  // left by a kill
   make_folder(part);
   Json json = json_of(checkpoint.state);
   for (const auto& [name, weights] : checkpoint.arrays) {
@@ -75,7 +70,7 @@ void write_checkpoint(const std::string& folder, const Checkpoint& checkpoint) {
     json["crc32c"][name] = crc32c(read_file(file));
   }
   write_file_atomically(part + "/state.json", json.dump(2) + "\n");
-  fs::remove_all(path, ignored);  // a damaged one of the same step
+  remove_path(path);  // a damaged one of the same step
   finish_part_file(path);
 }
 
@@ -114,10 +109,7 @@ std::optional<Checkpoint> read_latest_checkpoint(const std::string& folder,
 void prune_checkpoints(const std::string& folder, int64_t best_step) {
   const std::vector<int64_t> steps = steps_in(folder);
   for (std::size_t i = 0; i + 2 < steps.size(); ++i)
-    if (steps[i] != best_step) {
-      std::error_code ignored;
-      fs::remove_all(folder + "/" + folder_name(steps[i]), ignored);
-    }
+    if (steps[i] != best_step) remove_path(folder + "/" + folder_name(steps[i]));
 }
 
 }  // namespace graupel::train

@@ -70,16 +70,15 @@ RunFacts read_run_facts(const std::string& folder) {
 std::string latest_run(const std::string& folder) {
   std::string latest;
   fs::file_time_type newest;
-  if (fs::is_directory(folder))
-    for (const auto& entry : fs::directory_iterator(folder)) {
-      const fs::path config = entry.path() / "config.json", metrics = entry.path() / "metrics.csv";
-      if (!fs::exists(config)) continue;
-      const auto time = fs::last_write_time(fs::exists(metrics) ? metrics : config);
-      if (latest.empty() || time > newest) {
-        latest = entry.path();
-        newest = time;
-      }
+  for (const std::string& name : names_in(folder)) {
+    const std::string run = folder + "/" + name, config = run + "/config.json", metrics = run + "/metrics.csv";
+    if (!fs::exists(config)) continue;
+    const auto time = fs::last_write_time(fs::exists(metrics) ? metrics : config);
+    if (latest.empty() || time > newest) {
+      latest = run;
+      newest = time;
     }
+  }
   if (latest.empty()) throw InputError("there is no training run in '" + folder + "'. Name the run: --resume RUN");
   return latest;
 }

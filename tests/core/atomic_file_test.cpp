@@ -52,5 +52,17 @@ TEST_F(AtomicFileTest, ReadingAFolderOrAMissingOrATooLargeFileIsAnInputError) {
   EXPECT_THROW(read_file(folder_ / "b", 4), InputError);
 }
 
+TEST_F(AtomicFileTest, RemovesAFolderWithAllItHoldsButNotWhatALinkPointsTo) {
+  fs::create_directories(folder_ / "a" / "b");
+  write_file_atomically(folder_ / "a" / "b" / "x", "1");
+  write_file_atomically(folder_ / "kept", "2");
+  fs::create_symlink(folder_ / "kept", folder_ / "a" / "link");
+  EXPECT_EQ(names_in(folder_ / "a"), (std::vector<std::string>{"b", "link"}));
+  remove_path(folder_ / "a");
+  EXPECT_FALSE(fs::exists(folder_ / "a"));
+  EXPECT_EQ(read_file(folder_ / "kept"), "2");
+  EXPECT_NO_THROW(remove_path(folder_ / "none"));
+}
+
 }  // namespace
 }  // namespace graupel
