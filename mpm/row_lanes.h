@@ -1,5 +1,5 @@
 // One stencil row of an arena, 4 nodes x 4 channels, as one value: GCC's vector types on the host, where they compile
-// to full-width registers (the same loops over an array took four times as long), a plain array elsewhere.
+// to full-width registers (the same loops over an array took three times as long), a plain array elsewhere.
 #pragma once
 
 #include "core/host_device.h"

@@ -1,6 +1,6 @@
 // Singular value decomposition of 16 matrices at once, for the CPU's vector units: the algorithm of core/svd.h with a
 // fixed number of sweeps and selections instead of branches, one matrix a lane.
-// Against core/svd.h called 16 times it was measured to take about a tenth of the time (f32, AVX-512).
+// Measured against core/svd.h (AVX-512, a matrix): f32 29 instead of 270 ns, f64 66 instead of 366 ns.
 #pragma once
 
 #include "core/svd.h"
