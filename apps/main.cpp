@@ -46,10 +46,8 @@ int run(int argc, char** argv) {
       "report.html\n"
       "'graupel VERB --help' explains a verb. Exit codes: 0 ok, 1 failed, 2 usage, 3 bad input, 4 diverged, 5 I/O, 130 "
       "interrupted.");
-#ifndef GRAUPEL_NO_COMPARE
   add_demo(app);
   add_compare(app);
-#endif
   add_generate(app);
   add_simulate(app);
   add_train(app);

@@ -37,6 +37,8 @@ JsonNode JsonNode::of(std::string value) {
   return node;
 }
 
+JsonNode JsonNode::of(const char* value) { return of(std::string(value)); }
+
 JsonNode JsonNode::object() {
   JsonNode node;
   node.kind = Kind::object;

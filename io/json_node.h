@@ -34,7 +34,7 @@ struct JsonNode {
   static JsonNode of(uint64_t value);
   static JsonNode of(double value);
   static JsonNode of(std::string value);
-  static JsonNode of(const char* value) { return of(std::string(value)); }
+  static JsonNode of(const char* value);
   static JsonNode object();
   static JsonNode array();
 
