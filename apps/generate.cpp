@@ -206,6 +206,8 @@ class DataSet {
     io::TrajectoryWriteOptions write;
     write.velocity = false;
     io::TrajectoryWriter writer(file, trajectory, write);
+    writer.attribute("recipe", recipe_.name);
+    writer.attribute("recipe_seed", std::to_string(options_.common.seed));
     for (const ParticleFrame& frame : trajectory.frames) writer.append(frame);
     writer.finish();
     return std::nullopt;

@@ -41,6 +41,8 @@ TEST(Generate, ScenesFollowTheRecipe) {
   ASSERT_EQ(reader.count(), 3);
   for (int i = 0; i < reader.count(); ++i) {
     const Trajectory t = reader.read(i);
+    EXPECT_EQ(reader.attribute(i, "recipe"), "hgn");
+    EXPECT_EQ(reader.attribute(i, "recipe_seed"), "5");
     EXPECT_GE(t.particle_count(), 4 * 563u);   // four spheres
     EXPECT_LE(t.particle_count(), 4 * 1074u);  // four cubes
     const Scene scene = io::parse_scene(t.scene_json, "stored", ".");
