@@ -7,8 +7,10 @@ namespace graupel::io::hdf5 {
 
 namespace {
 
-/// Turns off the library's own printing (kept per thread) and the loading of plugins.
+/// Turns off the library's own printing (kept per thread) and the loading of plugins. Its clean-up at exit is turned
+/// off too: every handle here closes itself, and HDF5 1.10 crashes there on a file that a full disk kept from closing.
 void prepare() {
+  H5dont_atexit();  // heeded only before the library's first other call
   check(H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr), "cannot set up HDF5");
   check(H5PLset_loading_state(0), "cannot set up HDF5");
 }

@@ -55,10 +55,19 @@ class Program : public testing::Test {
     auto words = training(run_name);
     words.insert(words.end(), {"--steps", "1000000", "--set", "validation_interval=1000000"});
     const pid_t child = start(words, folder_ + "/log");
-    for (int i = 0; i < 600 && !fs::exists(folder_ + "/" + run_name + "/checkpoints/step-00000010"); ++i)
+    for (int i = 0; i < 600 && !has_checkpoint(folder_ + "/" + run_name); ++i)
       std::this_thread::sleep_for(std::chrono::milliseconds(50));
     ::kill(child, signal);
     return finish(child);
+  }
+  /// Only the newest checkpoints are kept, so any of many steps will do.
+  static bool has_checkpoint(const std::string& run_folder) {
+    char name[32];
+    for (int step = 10; step <= 20000; step += 10) {
+      std::snprintf(name, sizeof(name), "/step-%08d", step);
+      if (fs::exists(checkpoint_folder(run_folder) + name)) return true;
+    }
+    return false;
   }
   std::string folder_;
 };
