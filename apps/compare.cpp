@@ -69,6 +69,8 @@ void add_compare(CLI::App& app) {
   command->add_flag("--no-floors", verb->no_floors, "Leave out the chaos floors (two MPM runs a scene)");
   command->add_option("--csv", options.csv, "Write a row a scene and model to this file");
   command->add_option("--report", options.report, "Write tables, curves, pictures and a 3-D player (.html)");
+  command->add_option("--pictures", options.pictures,
+                      "Write a contact sheet a scene and model into this folder (.png)");
   verb->common.add_to(*command);
   command->footer(
       "Examples:\n  graupel compare --scenes scenes/shared --models mpm,mpm:coarse,models/hgn.safetensors --report "

@@ -2,7 +2,9 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cstdio>
+#include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <set>
@@ -10,6 +12,8 @@
 #include "apps/common_options.h"
 #include "apps/compare_scene.h"
 #include "compare/comparison_files.h"
+#include "compare/contact_sheet.h"
+#include "compare/png.h"
 #include "compare/report.h"
 #include "core/atomic_file.h"
 #include "core/error.h"
@@ -44,10 +48,23 @@ Device choose_device(const std::string& word, const std::vector<ModelChoice>& mo
   return parse_device(word);
 }
 
+/// One contact sheet a scene and model: the truth above, the model below.
+void write_pictures(const compare::Comparison& comparison, const std::string& folder) {
+  make_folder(folder);
+  for (const compare::SceneResult& scene : comparison.scenes)
+    for (const compare::ModelResult& result : scene.models) {
+      const auto sheet = compare::stack_rows({compare::decode_png(scene.picture), compare::decode_png(result.picture)});
+      std::string model = std::filesystem::path(compare::short_name(result.model)).stem();
+      std::replace(model.begin(), model.end(), ':', '_');
+      write_file_atomically(folder + "/" + scene.name + "-" + model + ".png", compare::encode_png(sheet));
+    }
+}
+
 void write_files(const compare::Comparison& comparison, const CompareOptions& options) {
   if (!options.json.empty()) write_file_atomically(options.json, compare::comparison_json(comparison).dump(1) + "\n");
   if (!options.csv.empty()) write_file_atomically(options.csv, compare::comparison_csv(comparison));
   if (!options.report.empty()) write_file_atomically(options.report, compare::report_html(comparison));
+  if (!options.pictures.empty()) write_pictures(comparison, options.pictures);
 }
 
 void print_table(const compare::Comparison& comparison, const CompareOptions& options) {
@@ -70,6 +87,7 @@ compare::Comparison make_comparison(const CompareOptions& options) {
   const auto models = parse_models(options.models);
   const Device device = choose_device(options.device, models);
   std::vector<std::shared_ptr<const graph::LearnedSimulator>> networks;
+  networks.reserve(models.size());
   for (const ModelChoice& model : models)
     networks.push_back(model.network ? std::make_shared<const graph::LearnedSimulator>(model.name) : nullptr);
   const auto tasks = read_scene_tasks(options);

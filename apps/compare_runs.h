@@ -22,7 +22,8 @@ struct CompareOptions {
   bool one_step_only = false;  ///< no rollouts: one-step errors alone
   bool floors = true;          ///< chaos floors: two more MPM runs a scene
   std::string json, csv, report;
-  std::string command;  ///< that the report names
+  std::string pictures;  ///< folder for contact sheets, one a scene and model
+  std::string command;   ///< that the report names
 };
 
 /// Runs and evaluates everything; writes no file. Throws ConfigError (an unknown model, no scene, no model),

@@ -184,7 +184,7 @@ void SceneComparison::make_references() {
     result_.floor_position = position.curves.position;
     result_.floor_density = distribution.curves.density;
   }
-  if (options_.report.empty()) return;
+  if (options_.report.empty() && options_.pictures.empty()) return;
   const double height = std::sqrt(static_cast<double>(budget_.picture_pixels) * 3 / 4);
   backdrop_ = compare::make_backdrop(task_.scene, surroundings_.obstacles, static_cast<int>(height * 4 / 3),
                                      static_cast<int>(height));
