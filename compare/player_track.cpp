@@ -38,7 +38,8 @@ Thinning choose_thinning(std::size_t particles, std::size_t frames, std::size_t 
   constexpr std::size_t enough_frames = 30;
   while (t.particles * (frames / t.frame_stride + 1) > entries && frames / t.frame_stride > enough_frames)
     ++t.frame_stride;
-  const double excess = static_cast<double>(t.particles * (frames / t.frame_stride + 1)) / static_cast<double>(entries);
+  const std::size_t wanted = t.particles * (frames / t.frame_stride + 1);
+  const double excess = static_cast<double>(wanted) / static_cast<double>(entries);
   if (excess > 1) {
     if (excess > 4) t.frame_stride *= static_cast<std::size_t>(std::ceil(std::sqrt(excess / 4)));
     t.particles = std::max<std::size_t>(1, std::min(particles, entries / (frames / t.frame_stride + 1)));

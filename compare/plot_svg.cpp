@@ -164,8 +164,9 @@ class Painter {
 
   void legend() {
     for (std::size_t k = 0; k < plot_.lines.size(); ++k) {
-      const double x = left + static_cast<double>(k % 2) * 0.5 * (plot_.width - left - right);
-      const double y = plot_.height + 16 * static_cast<double>(k / 2) + 4;
+      const std::size_t row = k / 2, column = k % 2;
+      const double x = left + static_cast<double>(column) * 0.5 * (plot_.width - left - right);
+      const double y = plot_.height + 16 * static_cast<double>(row) + 4;
       out_ += fmt::format(
           "<line x1=\"{0:.1f}\" x2=\"{1:.1f}\" y1=\"{2:.1f}\" y2=\"{2:.1f}\" stroke=\"{3}\" "
           "stroke-width=\"2.5\"{4}/>\n",

@@ -14,8 +14,9 @@ namespace {
 std::vector<std::vector<float>> octant_offsets(float sign) {
   std::vector<std::vector<float>> all;
   for (int octant = 0; octant < 8; ++octant) {
-    std::vector<float> offset;
-    for (int axis = 0; axis < 3; ++axis) offset.push_back(sign * (static_cast<float>(octant >> axis & 1) - 0.5f));
+    std::vector<float> offset(3);
+    for (int axis = 0; axis < 3; ++axis)
+      offset[static_cast<std::size_t>(axis)] = sign * (static_cast<float>(octant >> axis & 1) - 0.5f);
     all.push_back(offset);
   }
   return all;

@@ -4,7 +4,7 @@
 namespace graupel::io {
 
 void ConfigStart<MaterialConfig>::begin(const ConfigPlace& place, const std::string& key, MaterialConfig& out) {
-  if (const JsonNode* node = place.node.find("preset"); node && read_string(place.child("preset", *node)) != "") {
+  if (const JsonNode* node = place.node.find("preset"); node && !read_string(place.child("preset", *node)).empty()) {
     const auto& names = material_preset_names();
     const ConfigPlace preset = place.child("preset", *node);
     read_word(preset, {names.begin(), names.end()});

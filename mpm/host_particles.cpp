@@ -94,6 +94,7 @@ template <typename T>
 Diagnostics diagnose(const HostParticles<T>& particles, const std::vector<MaterialConfig>& materials, double dx,
                      const Vec3d& gravity) {
   std::vector<MaterialParameters<double>> parameters;
+  parameters.reserve(materials.size());
   for (const MaterialConfig& m : materials) parameters.push_back(material_parameters<double>(m));
   Diagnostics sum;
   for (std::size_t i = 0; i < particles.size(); ++i) {

@@ -99,7 +99,7 @@ TEST(Evaluation, CostAndOneStepGroupsAreComplete) {
   EXPECT_NEAR(one_step.at("one_step_normalized"), 0.5, 1e-12);
 }
 
-TEST(Evaluation, LosingToCoarseNeedsBothSlowerAndLessAccurate) {
+TEST(Evaluation, LosingToCoarseNeedsLessSpeedAndLessAccuracy) {
   const MetricValues coarse = {{"frame_ms", 10}, {"position_mse_all", 1e-3}, {"density_error", 0.3}};
   const auto model = [](double ms, double mse, double density) {
     return MetricValues{{"frame_ms", ms}, {"position_mse_all", mse}, {"density_error", density}};
