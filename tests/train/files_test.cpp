@@ -4,6 +4,7 @@
 #include <cstring>
 #include <fstream>
 
+#include "core/atomic_file.h"
 #include "core/error.h"
 #include "tests/train/tiny_data.h"
 #include "train/checkpoint.h"
@@ -63,7 +64,7 @@ TEST(MetricsLog, AResumedRunLogsEachStepOnce) {
   EXPECT_EQ(read_file(folder + "/metrics.csv"), "step,loss,rate\n10,1.5,0.1\n20,1.25,\n30,nan,\n");
   EXPECT_EQ(read_file(folder + "/metrics.jsonl"),
             "{\"step\":10,\"loss\":1.5,\"rate\":0.1}\n{\"step\":20,\"loss\":1.25}\n{\"step\":30,\"loss\":null}\n");
-  fs::remove_all(folder);
+  remove_path(folder);
 }
 
 Checkpoint sample_checkpoint(int64_t step) {
@@ -93,7 +94,7 @@ TEST(Checkpoint, ReadsBackAndKeepsTheLastTwoAndTheBest) {
   EXPECT_EQ(latest->state.seed, 0xfedcba9876543210u);
   EXPECT_EQ(latest->state.best_validation, 0.25);
   EXPECT_EQ(latest->arrays.at("weights").get("a", {3}), (std::vector<float>{1, 2, 400}));
-  fs::remove_all(folder);
+  remove_path(folder);
 }
 
 void flip_byte(const std::string& file, std::size_t from_end) {
@@ -116,7 +117,7 @@ TEST(Checkpoint, ADamagedOneFallsBackLoudlyToTheOneBefore) {
   EXPECT_NE(warnings[0].find("checksum"), std::string::npos);
   std::ofstream(folder + "/step-00000001/state.json") << "{";
   EXPECT_THROW(read_latest_checkpoint(folder, [](const std::string&) {}), InputError);
-  fs::remove_all(folder);
+  remove_path(folder);
 }
 
 TEST(Checkpoint, NoneYetIsNoError) {

@@ -7,6 +7,7 @@
 #include <chrono>
 #include <thread>
 
+#include "core/atomic_file.h"
 #include "graph/hgn_config.h"
 #include "nn/weights.h"
 #include "tests/train/tiny_data.h"
@@ -43,7 +44,7 @@ class Program : public testing::Test {
   Program() : folder_(test_folder("program")) {
     write_file_atomically(folder_ + "/config.json", train_config_text(tiny_config()));
   }
-  ~Program() override { fs::remove_all(folder_); }
+  ~Program() override { remove_path(folder_); }
   std::vector<std::string> training(const std::string& run) const {
     return {"hgn",       "--data", tiny_data_set(), "--out", folder_ + "/" + run, "--config", folder_ + "/config.json",
             "--threads", "1",      "--device",      "cpu"};

@@ -85,7 +85,7 @@ inline void write_split(const std::string& file, uint64_t first_seed, int trajec
 inline std::string test_folder(const std::string& name) {
   const std::string folder =
       (std::filesystem::temp_directory_path() / ("graupel_train_" + std::to_string(::getpid()) + "_" + name)).string();
-  std::filesystem::remove_all(folder);
+  remove_path(folder);
   make_folder(folder);
   return folder;
 }
@@ -98,7 +98,7 @@ inline const std::string& tiny_data_set() {
       write_split(folder + "/valid.h5", 101, 2, 24, 30);
       write_split(folder + "/test.h5", 201, 1, 24, 30);
     }
-    ~Data() { std::filesystem::remove_all(folder); }
+    ~Data() { remove_path(folder); }
     std::string folder;
   } data;
   return data.folder;

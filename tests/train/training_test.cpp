@@ -4,6 +4,7 @@
 #include <cmath>
 #include <fstream>
 
+#include "core/atomic_file.h"
 #include "core/error.h"
 #include "graph/hierarchical_graph_network.h"
 #include "tests/train/tiny_data.h"
@@ -62,7 +63,7 @@ TEST(Training, TwentyStepsEqualTenAndResumedTen) {
     if (std::isdigit(line[0]) && line.find(",,") != line.find(',', line.find(',') + 1))
       losses.push_back(line.substr(0, 3));
   EXPECT_EQ(losses, (std::vector<std::string>{"10,", "20,"}));
-  fs::remove_all(folder);
+  remove_path(folder);
 }
 
 TEST(Training, LearnsToBounce) {
@@ -93,7 +94,7 @@ TEST(Training, LearnsToBounce) {
   const graph::HierarchicalGraphNetwork engine(nn::read_safetensors(result.weights_file));
   EXPECT_EQ(engine.config().latent, 16);
   EXPECT_EQ(nn::read_safetensors(result.weights_file).metadata.at("training.scene_samples"), "1600");
-  fs::remove_all(folder);
+  remove_path(folder);
 }
 
 TEST(Training, StopsCleanlyWhenAskedAndWhenTimeIsOver) {
@@ -111,7 +112,7 @@ TEST(Training, StopsCleanlyWhenAskedAndWhenTimeIsOver) {
   EXPECT_EQ(result.reason, StopReason::out_of_time);
   EXPECT_EQ(result.step, 1);
   EXPECT_TRUE(fs::exists(folder + "/time/weights.safetensors"));
-  fs::remove_all(folder);
+  remove_path(folder);
 }
 
 TEST(Training, DivergenceIsReported) {
@@ -120,7 +121,7 @@ TEST(Training, DivergenceIsReported) {
   options.config.learning_rate = 1e18;
   options.config.clip_norm = 0;
   EXPECT_THROW(train_hgn(options), DivergedError);
-  fs::remove_all(folder);
+  remove_path(folder);
 }
 
 TEST(Training, RefusesAnUsedFolderAndChangedSettings) {
@@ -136,7 +137,7 @@ TEST(Training, RefusesAnUsedFolderAndChangedSettings) {
   EXPECT_EQ(read_run_facts(folder + "/run").data, fs::path(tiny_data_set()).lexically_normal());
   EXPECT_THROW(latest_run(folder + "/none"), InputError);
   EXPECT_THROW(read_run_config(folder), InputError);
-  fs::remove_all(folder);
+  remove_path(folder);
 }
 
 TEST(Evaluation, BaselinesAndRegionsOfKnownMotion) {
