@@ -21,6 +21,7 @@ enum class RandomPurpose : uint32_t {
   weight_init = 6,
   surface_sample = 7,
   metric_subset = 8,
+  training_symmetry = 9,
   test = 99
 };
 

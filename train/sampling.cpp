@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "train/symmetry.h"
+
 namespace graupel::train {
 
 namespace {
@@ -22,6 +24,14 @@ void set_target(SceneGraph& graph, const graph::Normalization& normalization, co
       graph.target.push_back((a[d] - normalization.acceleration_mean[d]) / normalization.acceleration_std[d]);
 }
 
+/// Turns features and positions, from which the hierarchy is built, and the target's accelerations.
+void turn_sample(const Symmetry& symmetry, const graph::HgnConfig& config, const graph::Normalization& normalization,
+                 std::vector<float>& features, std::vector<Vec3f>& now, std::vector<Vec3f>& acceleration) {
+  apply_to_features(symmetry, config, normalization, features);
+  for (Vec3f& x : now) x = symmetry.apply(x);
+  for (Vec3f& a : acceleration) a = symmetry.apply(a);
+}
+
 SceneGraph training_graph(const DataSplit& split, const TrainConfig& config, const graph::Normalization& normalization,
                           int64_t step, int64_t slot) {
   const SampleKey key = draw_sample(split, config.seed, step, slot);
@@ -32,11 +42,24 @@ SceneGraph training_graph(const DataSplit& split, const TrainConfig& config, con
       history, config.noise_std, Random(config.seed, RandomPurpose::training_noise, stream_of(step, slot)));
   for (std::size_t p = 0; p < next.size(); ++p) next[p] += noise[p];
 
+  std::vector<Vec3f> acceleration = acceleration_of(next, history);
+
+  const graph::Surroundings& surroundings = trajectory.context->surroundings;
+  SceneGraph graph;
+  graph.type_row = trajectory.type_row;
+  graph.features = graph::particle_features(config.hgn, normalization, surroundings, history);
+  std::vector<Vec3f> now = std::move(history.back());
+  Vec3d low = surroundings.wall_low, high = surroundings.wall_high;
+  if (config.symmetries) {
+    const Random random(config.seed, RandomPurpose::training_symmetry, stream_of(step, slot));
+    const Symmetry symmetry = draw_symmetry(trajectory.context->scene.gravity, random);
+    turn_sample(symmetry, config.hgn, normalization, graph.features, now, acceleration);
+    apply_to_box(symmetry, low, high);
+  }
   const Random random(config.seed, RandomPurpose::grid_jitter, stream_of(step, slot));
-  Vec3d origin = grid_origin(trajectory);
-  for (int d = 0; d < 3; ++d) origin[d] -= config.jitter_width() * random.uniform(0, d);
-  SceneGraph graph = scene_graph(config.hgn, normalization, trajectory, history, origin);
-  set_target(graph, normalization, acceleration_of(next, history));
+  for (int d = 0; d < 3; ++d) low[d] -= config.jitter_width() * random.uniform(0, d);
+  graph.hierarchy = sparsegrid::build_hierarchy<3>(now, config.hgn.spacing, low, static_cast<int>(config.hgn.levels));
+  set_target(graph, normalization, acceleration);
   return graph;
 }
 

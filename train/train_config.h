@@ -52,6 +52,7 @@ struct TrainConfig {
   double ema_decay = 0.999;
   double noise_std = 8.48528e-4;  ///< [m/frame]
   GridJitter jitter = GridJitter::coarsest;
+  bool symmetries = false;
   bool tf32 = true;
   int64_t log_interval = 50;
   int64_t checkpoint_interval = 1000;
@@ -112,6 +113,11 @@ struct TrainConfig {
                     .meaning = "Standard deviation of the random-walk noise on the newest velocity, per axis",
                     .range = Range::not_negative()});
     visit(&C::jitter, FieldInfo{.name = "jitter", .unit = "", .meaning = "Random shift of the grid's origin"});
+    visit(
+        &C::symmetries,
+        FieldInfo{.name = "symmetries",
+                  .unit = "",
+                  .meaning = "Turn and mirror each sample by a random symmetry of the axes that leaves gravity alone"});
     visit(&C::tf32, FieldInfo{.name = "tf32", .unit = "", .meaning = "TF32 matrix products on a GPU"});
     visit(&C::log_interval, FieldInfo{.name = "log_interval",
                                       .unit = "steps",

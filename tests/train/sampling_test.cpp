@@ -8,6 +8,7 @@
 #include "tests/train/tiny_data.h"
 #include "train/data_set.h"
 #include "train/sampling.h"
+#include "train/symmetry.h"
 #include "train/worker_threads.h"
 
 namespace graupel::train {
@@ -167,6 +168,87 @@ TEST(Sampling, BatchesDoNotDependOnTheWorkers) {
     }
   }
   EXPECT_NE(one[0].numbers, one[1].numbers);
+}
+
+TEST(Symmetry, LeavesGravityAloneAndKeepsLengths) {
+  const Vec3d gravity = {0, -9.8, 0};
+  const auto all = symmetries_of(gravity);
+  EXPECT_EQ(all.size(), 8u);
+  EXPECT_EQ(symmetries_of(Vec3d::zero()).size(), 48u);
+  std::set<std::vector<double>> images;
+  for (const Symmetry& symmetry : all) {
+    const Vec3d image = symmetry.apply(Vec3d{1, 2, 3});
+    EXPECT_EQ(image[1], 2);
+    EXPECT_DOUBLE_EQ(norm2(image), 14);
+    images.insert({image[0], image[1], image[2]});
+  }
+  EXPECT_EQ(images.size(), 8u);
+  std::set<int> drawn;
+  for (uint64_t k = 0; k < 200; ++k) {
+    const Symmetry symmetry = draw_symmetry(gravity, Random(1, RandomPurpose::training_symmetry, k));
+    drawn.insert(9 * symmetry.axis[0] + 3 * symmetry.sign[0] + symmetry.sign[2]);
+  }
+  EXPECT_EQ(drawn.size(), 8u);
+}
+
+TEST(Symmetry, TurnedFeaturesAreThoseOfTheTurnedScene) {
+  // The tiny scene's sphere lies off centre; each turned scene is built anew, sphere and domain moved with it.
+  const std::string text = tiny_scene();
+  const Scene scene = io::parse_scene(text, "tiny", ".");
+  const graph::Surroundings surroundings(scene);
+  graph::HgnConfig config = tiny_config().hgn;
+  graph::Normalization normalization;
+  for (int d = 0; d < 3; ++d) {
+    normalization.velocity_mean[d] = 0.001f * static_cast<float>(d);
+    normalization.velocity_std[d] = 0.01f + 0.002f * static_cast<float>(d);
+  }
+  std::vector<std::vector<Vec3f>> history(3);
+  const Random random(3, RandomPurpose::test);
+  for (uint64_t p = 0; p < 40; ++p)
+    for (std::size_t t = 0; t < 3; ++t) {
+      Vec3f x;
+      for (int d = 0; d < 3; ++d)
+        x[d] = static_cast<float>(random.uniform(p, d, 0.05, 0.45) + 0.004 * random.uniform(40 + 3 * p + t, d));
+      history[t].push_back(x);
+    }
+  for (const Symmetry& symmetry : symmetries_of(scene.gravity)) {
+    Scene turned = scene;
+    Vec3d low = scene.domain.origin, high = scene.domain.origin + scene.domain.size;
+    apply_to_box(symmetry, low, high);
+    turned.domain.origin = low;
+    turned.obstacles[0].position = symmetry.apply(scene.obstacles[0].position);
+    auto turned_history = history;
+    for (auto& frame : turned_history)
+      for (Vec3f& x : frame) x = symmetry.apply(x);
+    const auto expected = graph::particle_features(config, normalization, graph::Surroundings(turned), turned_history);
+    auto features = graph::particle_features(config, normalization, surroundings, history);
+    apply_to_features(symmetry, config, normalization, features);
+    ASSERT_EQ(features.size(), expected.size());
+    const auto width = static_cast<std::size_t>(config.input_width() - config.embedding);
+    for (std::size_t i = 0; i < features.size(); ++i) {
+      if (i % width >= 6 && i % width < 9) continue;  // the turned scene draws the grid of the cell normals anew
+      EXPECT_NEAR(features[i], expected[i], 2e-3) << "particle " << i / width << " feature " << i % width;
+    }
+  }
+}
+
+TEST(Symmetry, BatchesWithSymmetriesHoldTurnedTargets) {
+  const DataSplit split(tiny_data_set() + "/train.h5");
+  TrainConfig config = tiny_config();
+  const graph::Normalization identity;
+  const Batch plain = training_batch(split, config, identity, 0);
+  config.symmetries = true;
+  const Batch turned = training_batch(split, config, identity, 0);
+  ASSERT_EQ(plain.target.count, turned.target.count);
+  bool moved = false;
+  for (int64_t i = 0; i < plain.target.count; i += 3) {
+    const float* a = plain.numbers.data() + plain.target.begin + i;
+    const float* b = turned.numbers.data() + turned.target.begin + i;
+    EXPECT_EQ(a[1], b[1]);
+    EXPECT_FLOAT_EQ(a[0] * a[0] + a[2] * a[2], b[0] * b[0] + b[2] * b[2]);
+    moved = moved || a[0] != b[0];
+  }
+  EXPECT_TRUE(moved);
 }
 
 TEST(OrderedQueue, HandsOnAWorkersError) {
