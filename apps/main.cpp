@@ -54,6 +54,7 @@ int run(int argc, char** argv) {
   add_rollout(app);
   add_export(app);
   add_inspect(app);
+  add_bench(app);
   install_signal_handlers();
   try {
     app.parse(argc, argv);

@@ -1,34 +1,11 @@
-// Grid update: velocity from momentum, gravity, contact with obstacles, then with the walls, so that the walls hold.
-#include "mpm/contact.h"
+// The grid update of every node in use (mpm/node_update.h).
+#include "mpm/node_update.h"
+
 #include "mpm/phases.h"
 
 namespace graupel::mpm {
 
 namespace {
-
-/// Law of the obstacle at a node. Deep inside, where no normal is known, the material stands still.
-template <typename T>
-GRAUPEL_HD inline Vec<T, 3> meet_obstacle(const ObstacleNodeView<T>& obstacles, int64_t entry, const Vec<T, 3>& v) {
-  const int32_t law = obstacles.law[entry];
-  if (law < 0) return v;
-  const Vec<T, 3> normal = obstacles.normal[entry];
-  if (norm2(normal) == T(0)) return Vec<T, 3>::zero();
-  const sparsegrid::ObstacleView& obstacle = obstacles.obstacles.obstacles[law];
-  return apply_contact(obstacle.contact, static_cast<T>(obstacle.friction), normal, v);
-}
-
-/// Walls act on the nodes on and behind their planes.
-template <typename T>
-GRAUPEL_HD inline Vec<T, 3> meet_walls(const WallView<T>& walls, const Vec<T, 3>& x, T dx, Vec<T, 3> v) {
-  const T tolerance = T(1e-3) * dx;
-  for (int d = 0; d < 3; ++d) {
-    Vec<T, 3> normal = Vec<T, 3>::zero();
-    if (x[d] < walls.low[d] + tolerance) normal[d] = T(1);
-    if (x[d] > walls.high[d] - tolerance) normal[d] = T(-1);
-    if (normal[d] != T(0)) v = apply_contact(walls.contact, walls.friction, normal, v);
-  }
-  return v;
-}
 
 template <typename T>
 struct UpdateNode {
@@ -41,16 +18,9 @@ struct UpdateNode {
       for (int c = 0; c < 3; ++c) node[c] = T(0);
       return;
     }
-    const int32_t key = view.blocks.node_key[entry / nodes_per_block<3>];
-    const int inside = static_cast<int>(entry % nodes_per_block<3>);
-    Vec<T, 3> v = Vec<T, 3>{node[0], node[1], node[2]} * (T(1) / mass) + dt * view.gravity;
-    const int32_t surface = view.obstacle_nodes.block_number[key];
-    if (surface != block_without_surface)
-      v = meet_obstacle(view.obstacle_nodes, int64_t(surface) * nodes_per_block<3> + inside, v);
-    Vec<int, 3> at = node_in_block<3>(inside);
-    const Vec<int, 3> block = view.grid.block_of(key);
-    for (int d = 0; d < 3; ++d) at[d] += block_width * block[d];
-    v = meet_walls(view.walls, view.grid.node_position(at), view.grid.dx, v);
+    const Vec<T, 3> v =
+        updated_velocity<T>(view, view.blocks.node_key[entry / nodes_per_block<3>],
+                            static_cast<int>(entry % nodes_per_block<3>), {node[0], node[1], node[2]}, mass, dt);
     for (int c = 0; c < 3; ++c) node[c] = v[c];
   }
 };

@@ -1,9 +1,7 @@
 // Advection, projection out of obstacles, home blocks, and the survey of the new state; and the copying of particles
 // into another order.
-#include "mpm/bspline.h"
-#include "mpm/material.h"
+#include "mpm/particle_motion.h"
 #include "mpm/phases.h"
-#include "sparsegrid/push_out.h"
 
 namespace graupel::mpm {
 
@@ -25,22 +23,12 @@ SlotRange make_range(Device device, int64_t slots) {
   return {(slots + per_item - 1) / per_item, per_item, slots, device != Device::cpu};
 }
 
-/// Whether the state of a particle can go on, and its speeds.
 template <typename T>
-GRAUPEL_HD inline void survey_particle(const SolverView<T>& view, int64_t slot, T dt, Survey& found) {
+GRAUPEL_HD inline void survey_slot(const SolverView<T>& view, int64_t slot, T dt, Survey& found) {
   const ParticleView<T>& p = view.particles;
   const MaterialParameters<T>& m = view.materials[p.material.get(slot)];
-  const T internal = p.internal.get(slot), speed2 = norm2(p.velocity.vec(slot));
-  const bool sound_state = internal_variable_is_volume_ratio(m.model) ? internal > T(0) : internal == internal;
-  if (!(speed2 < T(1e30)) || !sound_state) {
-    if (found.bad_slot < 0 || slot < found.bad_slot) found.bad_slot = slot;
-    return;
-  }
-  if (static_cast<double>(speed2) > found.largest_speed2) found.largest_speed2 = static_cast<double>(speed2);
   const Mat<T, 3> F = m.model == MaterialModel::jelly ? load_matrix<T, 3>(p.deformation_gradient, slot) : Mat<T, 3>{};
-  const T c = sound_speed(m, F, internal);
-  if (static_cast<double>(c) > found.largest_sound_speed) found.largest_sound_speed = static_cast<double>(c);
-  if (c * dt > view.grid.dx) ++found.over_courant;
+  survey_state(view.grid.dx, m, slot, p.velocity.vec(slot), F, p.internal.get(slot), dt, found);
 }
 
 template <typename T>
@@ -52,7 +40,7 @@ struct SurveySlots {
     Survey found;
     for (int64_t i = 0; i < range.slots_per_item; ++i) {
       const int64_t slot = range.slot(item, i);
-      if (slot < range.slots) survey_particle(view, slot, T(0), found);
+      if (slot < range.slots) survey_slot(view, slot, T(0), found);
     }
     records[item] = found;
   }
@@ -71,70 +59,24 @@ struct MoveSlots {
       const int64_t slot = range.slot(item, i);
       if (slot >= range.slots) break;
       move(slot, found);
-      survey_particle(view, slot, dt, found);
+      survey_slot(view, slot, dt, found);
     }
     records[item] = found;
   }
 
   GRAUPEL_HD void move(int64_t slot, Survey& found) const {
     const ParticleView<T>& p = view.particles;
-    const Vec<T, 3> before = p.position.vec(slot), step = dt * p.velocity.vec(slot);
-    for (int d = 0; d < 3; ++d)
-      if (!(std::abs(step[d]) <= view.grid.dx)) {  // also NaN: such a particle stays where it is
-        if (found.bad_slot < 0 || slot < found.bad_slot) found.bad_slot = slot;
-        return;
-      }
-    const Vec<T, 3> wanted = before + step;
-    Vec<T, 3> x = wanted;
-    for (int d = 0; d < 3; ++d) {
-      x[d] = x[d] < view.walls.particle_low[d] ? view.walls.particle_low[d] : x[d];
-      x[d] = x[d] > view.walls.particle_high[d] ? view.walls.particle_high[d] : x[d];
-    }
-    if (view.push_out && near_surface(x, norm(step)))
-      sparsegrid::push_out(view.obstacle_nodes.obstacles, view.walls.particle_low, view.walls.particle_high, before, x);
-    if (!(x == wanted)) stop_at_surface(slot, x - wanted, found);
-    p.position.set_vec(slot, x);
-    const int32_t key = home_key(x);
+    const MaterialParameters<T>& m = view.materials[p.material.get(slot)];
+    const Vec<T, 3> before = p.position.vec(slot), velocity = p.velocity.vec(slot);
+    Vec<T, 3> x = before, v = velocity;
+    move_point(view, slot, m.density * p.volume.get(slot), dt, x, v, found);
+    if (!(v == velocity)) p.velocity.set_vec(slot, v);
+    if (!(x == before)) p.position.set_vec(slot, x);
+    const int32_t key = home_key(view.grid, x);
     if (key != view.keys[slot]) {
       view.keys[slot] = key;
       mark(view.keys_changed);
     }
-  }
-
-  GRAUPEL_HD int32_t home_key(const Vec<T, 3>& x) const {
-    Vec<int, 3> block = base_node(view.grid.local(x));
-    for (int d = 0; d < 3; ++d) block[d] /= block_width;
-    return view.grid.directory_index(block);
-  }
-
-  /// From the signed distance at the nearest node, which phi at x can differ from by at most the distance between them:
-  /// whether a way of length `step` that ends at x may have met a surface.
-  GRAUPEL_HD bool near_surface(const Vec<T, 3>& x, T step) const {
-    const ObstacleNodeView<T>& o = view.obstacle_nodes;
-    if (o.obstacles.count == 0) return false;
-    const Vec<T, 3> local = view.grid.local(x);
-    Vec<int, 3> block;
-    int inside = 0;
-    for (int d = 0; d < 3; ++d) {
-      const int node = static_cast<int>(local[d] + T(0.5));
-      block[d] = node / block_width;
-      inside = inside * block_width + node % block_width;
-    }
-    const int32_t number = o.block_number[view.grid.directory_index(block)];
-    if (number == block_without_surface) return false;
-    return o.phi[int64_t(number) * nodes_per_block<3> + inside] < T(1.3) * view.grid.dx + step;
-  }
-
-  /// A particle that was pushed by `push` loses its velocity against that direction, as in an inelastic contact.
-  GRAUPEL_HD void stop_at_surface(int64_t slot, const Vec<T, 3>& push, Survey& found) const {
-    const ParticleView<T>& p = view.particles;
-    ++found.pushed_out;
-    const Vec<T, 3> normal = normalized(push), v = p.velocity.vec(slot);
-    const T v_n = dot(normal, v);
-    if (!(v_n < T(0))) return;
-    p.velocity.set_vec(slot, v - v_n * normal);
-    const T mass = view.materials[p.material.get(slot)].density * p.volume.get(slot);
-    for (int d = 0; d < 3; ++d) found.pushed_momentum[d] += static_cast<double>(-mass * v_n * normal[d]);
   }
 };
 
@@ -170,9 +112,9 @@ Survey total(Device device, Buffer<Survey>& records, int64_t count) {
 
 template <typename T>
 struct FindHomes {
-  MoveSlots<T> mover;
+  SolverView<T> view;
   GRAUPEL_HD void operator()(int64_t slot) const {
-    mover.view.keys[slot] = mover.home_key(mover.view.particles.position.vec(slot));
+    view.keys[slot] = home_key(view.grid, view.particles.position.vec(slot));
   }
 };
 
@@ -211,7 +153,7 @@ Survey survey_particles(const SolverView<T>& view, Buffer<Survey>& records) {
 
 template <typename T>
 void find_home_blocks(const SolverView<T>& view) {
-  launch<T>(view.device, view.particles.count, FindHomes<T>{{view, {}, nullptr, T(0)}}, Grain{4096});
+  launch<T>(view.device, view.particles.count, FindHomes<T>{view}, Grain{4096});
 }
 
 template <typename T>

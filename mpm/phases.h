@@ -3,56 +3,22 @@
 #pragma once
 
 #include "mpm/block_table.h"
-#include "mpm/material_parameters.h"
-#include "mpm/obstacle_nodes.h"
 #include "mpm/particles.h"
+#include "mpm/scene_view.h"
+#include "mpm/survey.h"
 
 namespace graupel::mpm {
 
-/// What holds the material at the walls.
-template <typename T>
-struct WallView {
-  Vec<T, 3> low, high;                    ///< wall planes; nodes on and behind them are held [m]
-  Vec<T, 3> particle_low, particle_high;  ///< no particle leaves this box [m]
-  Contact contact;
-  T friction;
-};
-
 /// Everything that kernels read or write.
 template <typename T>
-struct SolverView {
+struct SolverView : SceneView<T> {
   Device device;
-  GridGeometry<T, 3> grid;
-  WallView<T> walls;
-  Vec<T, 3> gravity;  ///< [m/s^2]
-  bool push_out;      ///< keep particles out of obstacles
-  const MaterialParameters<T>* materials;
   ParticleView<T> particles;
   BlockView blocks;
-  ObstacleNodeView<T> obstacle_nodes;
   T* arenas;      ///< [home blocks, arena_size]: sums of each block's own particles (CPU)
   T* nodes;       ///< [node blocks, 64, 4]: momentum, then velocity; mass
   int32_t* keys;  ///< [n] home block of each slot
   uint8_t* keys_changed;
-};
-
-/// What a pass over some particles found. Sums are added and bounds are merged in a fixed order.
-struct Survey {
-  double largest_speed2 = 0;       ///< of finite velocities [m^2/s^2]
-  double largest_sound_speed = 0;  ///< [m/s]
-  int64_t over_courant = 0;        ///< particles with c dt / dx > 1
-  int64_t bad_slot = -1;           ///< lowest slot with NaN, J <= 0 or a move over one cell
-  int64_t pushed_out = 0;
-  double pushed_momentum[3] = {0, 0, 0};  ///< [kg m/s]
-
-  GRAUPEL_HD void merge(const Survey& o) {
-    largest_speed2 = o.largest_speed2 > largest_speed2 ? o.largest_speed2 : largest_speed2;
-    largest_sound_speed = o.largest_sound_speed > largest_sound_speed ? o.largest_sound_speed : largest_sound_speed;
-    over_courant += o.over_courant;
-    if (o.bad_slot >= 0 && (bad_slot < 0 || o.bad_slot < bad_slot)) bad_slot = o.bad_slot;
-    pushed_out += o.pushed_out;
-    for (int d = 0; d < 3; ++d) pushed_momentum[d] += o.pushed_momentum[d];
-  }
 };
 
 /// Node momentum and mass from all particles: MLS-MPM force and APIC momentum.

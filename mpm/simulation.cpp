@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "core/error.h"
+#include "mpm/cuda_simulation.h"
 #include "mpm/scene_check.h"
 #include "mpm/solver.h"
 
@@ -40,6 +41,10 @@ std::unique_ptr<Simulation> Simulation::create(const Scene& scene, const Simulat
   const SampledParticles particles = checked_particles(scene, options, obstacles);
   if (options.precision == Precision::f64)
     return std::make_unique<Solver<double>>(scene, options, particles, obstacles);
+#ifdef GRAUPEL_HAVE_CUDA
+  if (options.device == Device::cuda && options.kernels == Kernels::tuned)
+    return make_cuda_simulation(scene, options, particles, obstacles);
+#endif
   return std::make_unique<Solver<float>>(scene, options, particles, obstacles);
 }
 

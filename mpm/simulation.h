@@ -14,11 +14,14 @@
 namespace graupel::mpm {
 
 enum class Precision { f32, f64 };
+/// On a GPU: the tuned kernels, or their portable twins, against which they are tested.
+enum class Kernels { tuned, portable };
 
 struct SimulationOptions {
   Device device = Device::cpu;
   Precision precision = Precision::f32;
   uint64_t seed = 0;  ///< of the particle sampling
+  Kernels kernels = Kernels::tuned;
 };
 
 /// Conserved and watched quantities [SI]; sums in f64.

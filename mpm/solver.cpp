@@ -5,28 +5,10 @@
 #include <chrono>
 #include <cstring>
 
-#include "core/error.h"
+#include "mpm/divergence.h"
 #include "mpm/material.h"
 
 namespace graupel::mpm {
-
-namespace {
-
-/// Without push_out particles may creep past the walls, but never so far that their stencil leaves the grid.
-template <typename T>
-WallView<T> walls_of(const Scene& scene) {
-  WallView<T> walls;
-  walls.low = scene.wall_low().cast<T>();
-  walls.high = scene.wall_high().cast<T>();
-  const Vec3d inset = Vec3d::filled(0.6 * scene.domain.dx);
-  walls.particle_low = scene.push_out ? walls.low : (scene.domain.origin + inset).cast<T>();
-  walls.particle_high = scene.push_out ? walls.high : (scene.domain.origin + scene.domain.size - inset).cast<T>();
-  walls.contact = scene.domain.walls;
-  walls.friction = static_cast<T>(scene.domain.wall_friction);
-  return walls;
-}
-
-}  // namespace
 
 template <typename T>
 Solver<T>::Solver(const Scene& scene, const SimulationOptions& options, const SampledParticles& sampled,
@@ -35,7 +17,7 @@ Solver<T>::Solver(const Scene& scene, const SimulationOptions& options, const Sa
       options_(options),
       obstacles_(obstacles),
       grid_(grid_of<T>(scene.domain)),
-      walls_(walls_of<T>(scene)),
+      walls_(wall_view<T>(scene)),
       materials_(options.device, 0),
       blocks_(options.device, grid_.blocks, static_cast<int64_t>(sampled.position.size())),
       obstacle_nodes_(options.device, grid_, obstacles),
@@ -128,40 +110,35 @@ template <typename T>
 void Solver<T>::throw_diverged(double dt, const StateSpeeds& before) const {
   const HostParticles<T> host = particles();
   const auto slot = static_cast<std::size_t>(survey_.bad_slot);
-  const int32_t index = host.source_index[slot];
-  const MaterialConfig& material = material_configs_[host.material[slot]];
-  const double moved = static_cast<double>(norm(host.velocity[slot])) * dt / scene_.domain.dx;
-  const T internal = host.internal[slot];
-  const bool volume_lost = internal_variable_is_volume_ratio(material.model) && !(internal > T(0));
-  const std::string what = volume_lost ? fmt::format("its volume ratio is {:.4g}, allowed: above 0", internal)
-                           : std::isfinite(moved)
-                               ? fmt::format("it would move {:.3g} cells in one substep, allowed: 1", moved)
-                               : std::string("its state is not a number");
-  const double suggested = suggested_step(scene_.domain.dx, before, dt);
-  throw DivergedError(
-      fmt::format("the simulation diverged at particle {} ({}, material '{}') in substep {} at t = {:.6g} s with a "
-                  "step of {:.4g} s "
-                  "({}). Use a step of at most {:.4g} s: time_step.policy adaptive, or substeps_per_frame {}",
-                  index, particle_type_name(particle_type_of(material.model)), material.name, statistics_.substeps,
-                  time(), dt, what, suggested, static_cast<int64_t>(std::ceil(scene_.frame_time / suggested))));
+  DivergedParticle bad;
+  bad.index = host.source_index[slot];
+  bad.speed = static_cast<double>(norm(host.velocity[slot]));
+  bad.internal = static_cast<double>(host.internal[slot]);
+  bad.substeps = statistics_.substeps;
+  bad.time = time();
+  bad.dt = dt;
+  bad.before = before;
+  mpm::throw_diverged(scene_, material_configs_[static_cast<std::size_t>(host.material[slot])], bad);
 }
 
 template <typename T>
 SolverView<T> Solver<T>::view() const {
   auto& self = const_cast<Solver&>(*this);  // views give kernels access to the arrays; const members only read them
-  return {options_.device,
-          grid_,
-          walls_,
-          scene_.gravity.template cast<T>(),
-          scene_.push_out,
-          materials_.data(),
-          particles_.view(),
-          blocks_.view(),
-          obstacle_nodes_.view(),
-          self.arenas_.data(),
-          self.nodes_.data(),
-          self.blocks_.keys(),
-          self.blocks_.changed_flag()};
+  SolverView<T> v;
+  v.grid = grid_;
+  v.walls = walls_;
+  v.gravity = scene_.gravity.template cast<T>();
+  v.push_out = scene_.push_out;
+  v.obstacle_nodes = obstacle_nodes_.view();
+  v.materials = materials_.data();
+  v.device = options_.device;
+  v.particles = particles_.view();
+  v.blocks = blocks_.view();
+  v.arenas = self.arenas_.data();
+  v.nodes = self.nodes_.data();
+  v.keys = self.blocks_.keys();
+  v.keys_changed = self.blocks_.changed_flag();
+  return v;
 }
 
 template <typename T>

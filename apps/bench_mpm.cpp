@@ -1,0 +1,146 @@
+// graupel bench mpm: speed of the material point method on a falling cube, whole substeps, after a warm-up.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <nlohmann/json.hpp>
+
+#include "apps/common_options.h"
+#include "apps/verbs.h"
+#include "core/error.h"
+#include "mpm/simulation.h"
+
+namespace graupel::apps {
+
+namespace {
+
+constexpr int64_t steps_per_frame = 50;
+constexpr double step = 1e-4;  ///< [s]
+
+struct BenchMpmOptions {
+  CommonOptions common;
+  std::string material = "all", phase = "fall", precision = "f32";
+  std::vector<int64_t> particles = {39304};
+  bool portable = false;
+};
+
+MaterialConfig cube_material(const std::string& name) {
+  MaterialConfig m = *material_preset("taichi_" + name);
+  m.name = name;
+  m.density = 1000;
+  m.youngs_modulus = name == "jelly" ? 5e4 : 1e5;
+  m.poissons_ratio = name == "jelly" ? 0.4 : 0.3;
+  m.friction_angle = 30;
+  m.bulk_modulus = 4e4;
+  return m;
+}
+
+/// A cube of `cells` cells a side with 8 jittered particles a cell, 6 cells above the floor.
+Scene cube_scene(const std::string& material, int64_t cells) {
+  Scene scene;
+  scene.name = material;
+  scene.domain.dx = 1.0 / 256;
+  const double dx = scene.domain.dx, side = static_cast<double>(cells) * dx;
+  scene.domain.size = Vec3d::filled(std::max(1.0, side + 64 * dx));
+  scene.materials[material] = cube_material(material);
+  Source source;
+  source.material = material;
+  source.sampling = Sampling::jittered_lattice;
+  source.size = {side, side, side};
+  const double middle = scene.domain.size[0] / 2;
+  source.position = {middle, static_cast<double>(scene.domain.wall_cells + 6) * dx + side / 2, middle};
+  scene.sources.push_back(source);
+  scene.time_step.policy = StepPolicy::fixed;
+  scene.time_step.substeps_per_frame = steps_per_frame;
+  scene.frame_time = static_cast<double>(steps_per_frame) * step;
+  return scene;
+}
+
+/// Cells a side whose particles come closest to `particles`.
+int64_t cube_side(int64_t particles) {
+  return std::max<int64_t>(1, std::llround(std::cbrt(static_cast<double>(particles) / 8)));
+}
+
+nlohmann::ordered_json measure(const BenchMpmOptions& options, Device device, const std::string& material,
+                               int64_t particles) {
+  mpm::SimulationOptions run_options;
+  run_options.device = device;
+  run_options.precision = options.precision == "f64" ? mpm::Precision::f64 : mpm::Precision::f32;
+  run_options.kernels = options.portable ? mpm::Kernels::portable : mpm::Kernels::tuned;
+  auto run = mpm::Simulation::create(cube_scene(material, cube_side(particles)), run_options);
+  const bool fall = options.phase == "fall";
+  const int64_t warm_up = fall ? 5 : 50, measured = fall ? 8 : 4;  // frames of 50 substeps
+  for (int64_t f = 0; f < warm_up; ++f) {
+    stop_if_interrupted();
+    run->advance_frame();
+  }
+  std::vector<double> seconds;
+  for (int64_t f = 0; f < measured; ++f) {
+    const double before = run->statistics().solver_seconds;
+    run->advance_frame();
+    seconds.push_back((run->statistics().solver_seconds - before) / steps_per_frame);
+  }
+  std::sort(seconds.begin(), seconds.end());
+  const double median = seconds[seconds.size() / 2], n = static_cast<double>(run->particle_count());
+  const auto statistics = run->statistics();
+  return {{"material", material},
+          {"particles", run->particle_count()},
+          {"phase", options.phase},
+          {"device", name_of(device)},
+          {"precision", options.precision},
+          {"kernels", options.portable ? "portable" : "tuned"},
+          {"threads", num_threads()},
+          {"seconds_per_substep", median},
+          {"updates_per_second", n / median},
+          {"bytes_per_particle", static_cast<double>(statistics.peak_bytes) / n},
+          {"active_blocks", statistics.active_blocks}};
+}
+
+void bench_mpm(BenchMpmOptions& options) {
+  const Device device = options.common.apply();
+  std::vector<std::string> materials = {options.material};
+  if (options.material == "all") materials = {"water", "jelly", "snow", "sand"};
+  nlohmann::ordered_json rows = nlohmann::ordered_json::array();
+  std::printf("%-8s %-5s %11s %14s %14s %12s\n", "material", "phase", "particles", "us/substep", "G updates/s",
+              "B/particle");
+  for (const int64_t particles : options.particles)
+    for (const std::string& material : materials) {
+      const auto row = measure(options, device, material, particles);
+      std::printf("%-8s %-5s %11lld %14.2f %14.4f %12.0f\n", material.c_str(), options.phase.c_str(),
+                  row["particles"].get<long long>(), 1e6 * row["seconds_per_substep"].get<double>(),
+                  1e-9 * row["updates_per_second"].get<double>(), row["bytes_per_particle"].get<double>());
+      std::fflush(stdout);
+      rows.push_back(row);
+    }
+  options.common.write_json({{"rows", rows}});
+}
+
+}  // namespace
+
+void add_bench(CLI::App& app) {
+  CLI::App* bench = app.add_subcommand("bench", "Measure speed");
+  bench->require_subcommand(1);
+  auto options = std::make_shared<BenchMpmOptions>();
+  CLI::App* verb = bench->add_subcommand("mpm", "Whole substeps of a falling cube: dx = 1/256 m, steps of 1e-4 s");
+  verb->add_option("--material", options->material, "water, jelly, snow, sand or all")
+      ->check(CLI::IsMember({"water", "jelly", "snow", "sand", "all"}))
+      ->capture_default_str();
+  verb->add_option("--particles", options->particles, "Number of particles (8 a cell of a cube; repeatable)")
+      ->check(CLI::Range(int64_t{8}, int64_t{100000000}))
+      ->capture_default_str();
+  verb->add_option("--phase", options->phase, "fall: substeps 250-650; late: 2500-2700, on the floor")
+      ->check(CLI::IsMember({"fall", "late"}))
+      ->capture_default_str();
+  verb->add_option("--precision", options->precision, "f32 or f64 (CPU)")
+      ->check(CLI::IsMember({"f32", "f64"}))
+      ->capture_default_str();
+  verb->add_flag("--portable", options->portable, "On a GPU: the portable kernels instead of the tuned ones");
+  options->common.add_to(*verb);
+  verb->footer(
+      "Examples:\n  graupel bench mpm --material sand --particles 1000000 --device cuda\n"
+      "  graupel bench mpm --particles 39304 --phase late --threads 1 --json speed.json");
+  verb->callback([options] { bench_mpm(*options); });
+}
+
+}  // namespace graupel::apps

@@ -1,0 +1,87 @@
+// Advection of one particle, kept inside the walls and out of obstacles, and the survey of its new state.
+#pragma once
+
+#include "mpm/bspline.h"
+#include "mpm/material.h"
+#include "mpm/scene_view.h"
+#include "mpm/survey.h"
+#include "sparsegrid/push_out.h"
+
+namespace graupel::mpm {
+
+/// Directory index of the block that holds the base node of x.
+template <typename T>
+GRAUPEL_HD inline int32_t home_key(const GridGeometry<T, 3>& grid, const Vec<T, 3>& x) {
+  Vec<int, 3> block = base_node(grid.local(x));
+  for (int d = 0; d < 3; ++d) block[d] /= block_width;
+  return grid.directory_index(block);
+}
+
+/// From the signed distance at the nearest node, which phi at x can differ from by at most the distance between them:
+/// whether a way of length `step` that ends at x may have met a surface.
+template <typename T>
+GRAUPEL_HD inline bool near_surface(const SceneView<T>& scene, const Vec<T, 3>& x, T step) {
+  const ObstacleNodeView<T>& o = scene.obstacle_nodes;
+  if (o.obstacles.count == 0) return false;
+  const Vec<T, 3> local = scene.grid.local(x);
+  Vec<int, 3> block;
+  int inside = 0;
+  for (int d = 0; d < 3; ++d) {
+    const int node = static_cast<int>(local[d] + T(0.5));
+    block[d] = node / block_width;
+    inside = inside * block_width + node % block_width;
+  }
+  const int32_t number = o.block_number[scene.grid.directory_index(block)];
+  if (number == block_without_surface) return false;
+  return o.phi[int64_t(number) * nodes_per_block<3> + inside] < T(1.3) * scene.grid.dx + step;
+}
+
+GRAUPEL_HD inline void mark_bad(int64_t slot, Survey& found) {
+  if (found.bad_slot < 0 || slot < found.bad_slot) found.bad_slot = slot;
+}
+
+/// A particle that was pushed by `push` loses its velocity against that direction, as in an inelastic contact.
+template <typename T>
+GRAUPEL_HD inline void stop_at_surface(const Vec<T, 3>& push, T mass, Vec<T, 3>& v, Survey& found) {
+  ++found.pushed_out;
+  const Vec<T, 3> normal = normalized(push);
+  const T v_n = dot(normal, v);
+  if (!(v_n < T(0))) return;
+  v = v - v_n * normal;
+  for (int d = 0; d < 3; ++d) found.pushed_momentum[d] += static_cast<double>(-mass * v_n * normal[d]);
+}
+
+/// x <- x + dt v, kept inside the walls and out of obstacles. A particle that would move over one cell, or whose
+/// velocity is not a number, stays where it is and is marked bad.
+template <typename T>
+GRAUPEL_HD inline void move_point(const SceneView<T>& scene, int64_t slot, T mass, T dt, Vec<T, 3>& x, Vec<T, 3>& v,
+                                  Survey& found) {
+  const Vec<T, 3> before = x, step = dt * v;
+  for (int d = 0; d < 3; ++d)
+    if (!(std::abs(step[d]) <= scene.grid.dx)) return mark_bad(slot, found);
+  const Vec<T, 3> wanted = before + step;
+  x = wanted;
+  for (int d = 0; d < 3; ++d) {
+    x[d] = x[d] < scene.walls.particle_low[d] ? scene.walls.particle_low[d] : x[d];
+    x[d] = x[d] > scene.walls.particle_high[d] ? scene.walls.particle_high[d] : x[d];
+  }
+  if (scene.push_out && near_surface(scene, x, norm(step)))
+    sparsegrid::push_out(scene.obstacle_nodes.obstacles, scene.walls.particle_low, scene.walls.particle_high, before,
+                         x);
+  if (!(x == wanted)) stop_at_surface(x - wanted, mass, v, found);
+}
+
+/// Whether the state of a particle can go on, and its speeds. F is read for jelly alone.
+template <typename T>
+GRAUPEL_HD inline void survey_state(T dx, const MaterialParameters<T>& m, int64_t slot, const Vec<T, 3>& v,
+                                    const Mat<T, 3>& F, T internal, T dt, Survey& found) {
+  const T speed2 = norm2(v);
+  const bool sound_state = internal_variable_is_volume_ratio(m.model) ? internal > T(0) : internal == internal;
+  if (!(speed2 < T(1e30)) || !sound_state) return mark_bad(slot, found);
+  if (static_cast<double>(speed2) > found.largest_speed2) found.largest_speed2 = static_cast<double>(speed2);
+  const T c = sound_speed(m, F, internal);
+  if (static_cast<double>(c) > found.largest_sound_speed) found.largest_sound_speed = static_cast<double>(c);
+  if (c * dt > dx) ++found.over_courant;
+}
+
+}  // namespace graupel::mpm

@@ -1,0 +1,137 @@
+// The kernels for GPUs, run on the CPU by fibers: equal to the CPU solver, independent of the other scenes in a batch.
+#include <gtest/gtest.h>
+
+#include "mpm/solver.h"
+#include "tests/mpm/fiber_backend.h"
+#include "tests/mpm/test_scenes.h"
+
+namespace graupel::mpm {
+namespace {
+
+BatchEntry entry_of(const Scene& scene, uint64_t seed) {
+  return {scene, sample_sources(scene, seed), sparsegrid::ObstacleSet(scene)};
+}
+
+/// Four materials that meet each other, the floor and a ball.
+Scene mixed_scene() {
+  Scene scene = scene_with("taichi_water", {0.36, 0.11, 0.4}, 0.06);
+  add_box(scene, "taichi_sand", {0.47, 0.23, 0.42}, 0.06);
+  add_box(scene, "taichi_snow", {0.58, 0.12, 0.43}, 0.06);
+  add_box(scene, "taichi_jelly", {0.4, 0.12, 0.5}, 0.06);
+  Obstacle ball;
+  ball.shape = Shape::sphere;
+  ball.radius = 0.05;
+  ball.position = {0.46, 0.1, 0.4};
+  ball.friction = 0.2;
+  scene.obstacles.push_back(ball);
+  for (Source& source : scene.sources) source.velocity = {0.4, -1.5, 0};
+  scene.time_step.substeps_per_frame = 20;
+  scene.frame_time = 20 * 3e-4;
+  return scene;
+}
+
+void expect_close(const ParticleFrame& a, const ParticleFrame& b, float position, float velocity) {
+  ASSERT_EQ(a.position.size(), b.position.size());
+  float worst_position = 0, worst_velocity = 0;
+  for (std::size_t i = 0; i < a.position.size(); ++i) {
+    worst_position = std::max(worst_position, norm(a.position[i] - b.position[i]));
+    worst_velocity = std::max(worst_velocity, norm(a.velocity[i] - b.velocity[i]));
+  }
+  EXPECT_LT(worst_position, position);
+  EXPECT_LT(worst_velocity, velocity);
+}
+
+TEST(Batch, TwentySubstepsEqualTheCpuSolver) {
+  const Scene scene = mixed_scene();
+  const auto cpu = Simulation::create(scene, {});
+  FiberBackend backend;
+  std::vector<BatchEntry> entries;
+  entries.push_back(entry_of(scene, 0));
+  BatchSolver<FiberBackend> batch(backend, std::move(entries));
+  for (int frame = 0; frame < 2; ++frame) {
+    cpu->advance_frame();
+    batch.advance_frame();
+  }
+  expect_close(cpu->frame(), batch.frame(), 2e-5f, 2e-2f);
+  EXPECT_EQ(batch.control(0).substeps, 40);
+  EXPECT_EQ(batch.control(0).phase, ScenePhase::frame_done);
+  EXPECT_NEAR(static_cast<double>(batch.control(0).pushed_out), static_cast<double>(cpu->statistics().pushed_out),
+              0.02 * static_cast<double>(cpu->statistics().pushed_out) + 2);
+}
+
+TEST(Batch, AdaptiveStepsEqualTheCpuSolver) {
+  Scene scene = scene_with("taichi_jelly", {0.5, 0.12, 0.5}, 0.06);
+  scene.sources[0].velocity = {0.3, -2, 0};
+  scene.time_step.policy = StepPolicy::adaptive;
+  const auto cpu = Simulation::create(scene, {});
+  FiberBackend backend;
+  std::vector<BatchEntry> entries;
+  entries.push_back(entry_of(scene, 0));
+  BatchSolver<FiberBackend> batch(backend, std::move(entries));
+  cpu->advance_frame();
+  batch.advance_frame();
+  expect_close(cpu->frame(), batch.frame(), 2e-5f, 2e-2f);
+  EXPECT_EQ(batch.control(0).substeps, cpu->statistics().substeps);
+}
+
+TEST(Batch, ASceneIsTheSameAloneAndAmongOthers) {
+  const Scene one = mixed_scene();
+  Scene fast = scene_with("taichi_water", {0.5, 0.3, 0.5}, 0.06);
+  fast.sources[0].velocity = {20, 0, 5};  // leaves its blocks' arenas again and again
+  fast.time_step.substeps_per_frame = 20;
+  fast.frame_time = one.frame_time;
+  FiberBackend backend;
+  const auto run = [&](const std::vector<Scene>& scenes) {
+    std::vector<BatchEntry> entries;
+    for (const Scene& scene : scenes) entries.push_back(entry_of(scene, 3));
+    auto batch = std::make_unique<BatchSolver<FiberBackend>>(backend, std::move(entries));
+    batch->advance_frame();
+    return batch;
+  };
+  const auto alone = run({one}), both = run({fast, one});
+  const ParticleFrame a = alone->frame(), b = both->frame();
+  const auto first = static_cast<std::size_t>(both->first_particle(1));
+  for (std::size_t i = 0; i < a.position.size(); ++i) {
+    ASSERT_EQ(a.position[i], b.position[first + i]) << i;
+    ASSERT_EQ(a.velocity[i], b.velocity[first + i]) << i;
+  }
+  EXPECT_EQ(both->control(0).substeps, 20);
+}
+
+TEST(Batch, ADivergedSceneStopsAlone) {
+  Scene wild = scene_with("taichi_water", {0.5, 0.3, 0.5}, 0.04);
+  wild.sources[0].velocity = {300, 0, 0};
+  wild.time_step.substeps_per_frame = 20;
+  Scene calm = wild;
+  calm.sources[0].velocity = {0, 0, 0};
+  FiberBackend backend;
+  std::vector<BatchEntry> entries;
+  entries.push_back(entry_of(wild, 0));
+  entries.push_back(entry_of(calm, 0));
+  BatchSolver<FiberBackend> batch(backend, std::move(entries));
+  batch.advance_frame();
+  EXPECT_EQ(batch.control(0).phase, ScenePhase::diverged);
+  EXPECT_EQ(batch.control(0).bad_particle, 0);
+  EXPECT_EQ(batch.control(1).phase, ScenePhase::frame_done);
+  EXPECT_EQ(batch.control(1).substeps, 20);
+}
+
+TEST(Batch, MomentumAndMassAreConserved) {
+  Scene scene = scene_with("taichi_jelly", {0.5, 0.5, 0.5}, 0.06);
+  scene.gravity = {0, 0, 0};
+  scene.sources[0].velocity = {1, -0.5, 0.25};
+  scene.time_step.substeps_per_frame = 20;
+  scene.frame_time = 20 * 3e-4;
+  FiberBackend backend;
+  std::vector<BatchEntry> entries;
+  entries.push_back(entry_of(scene, 0));
+  BatchSolver<FiberBackend> batch(backend, std::move(entries));
+  const Diagnostics before = diagnose(batch.particles(), batch.setup(0).material_configs, 1.0 / 64, scene.gravity);
+  batch.advance_frame();
+  const Diagnostics after = diagnose(batch.particles(), batch.setup(0).material_configs, 1.0 / 64, scene.gravity);
+  EXPECT_NEAR(after.mass, before.mass, 1e-9 * before.mass);
+  for (int d = 0; d < 3; ++d) EXPECT_NEAR(after.momentum[d], before.momentum[d], 1e-5 * before.mass) << d;
+}
+
+}  // namespace
+}  // namespace graupel::mpm

@@ -1,0 +1,72 @@
+// Runs a BatchSolver's kernels on the CPU, with fibers for threads.
+#pragma once
+
+#include <algorithm>
+#include <cstring>
+#include <numeric>
+
+#include "mpm/batch_solver.h"
+#include "tests/fiber_block.h"
+
+namespace graupel::mpm {
+
+class FiberBackend {
+ public:
+  using Atomics = FiberAtomics;
+
+  Device device() const { return Device::cpu; }
+  void reserve(int64_t, int64_t) {}
+  void forget() {}
+  void wait() {}
+  template <typename Record>
+  void segment(const Record& record) {
+    record();
+  }
+  template <typename Body>
+  void launch(int64_t n, const Body& body) {
+    for (int64_t i = 0; i < n; ++i) body(i);
+  }
+  void fill(void* data, int value, std::size_t bytes) { std::memset(data, value, bytes); }
+  void sort_pairs(const uint32_t* key, uint32_t* sorted_key, const int32_t* value, int32_t* sorted_value, int64_t n,
+                  uint64_t /*keys*/) {
+    std::vector<int32_t> order(static_cast<std::size_t>(n));
+    std::iota(order.begin(), order.end(), 0);
+    std::stable_sort(order.begin(), order.end(), [&](int32_t a, int32_t b) { return key[a] < key[b]; });
+    for (std::size_t i = 0; i < order.size(); ++i) {
+      sorted_key[i] = key[order[i]];
+      sorted_value[i] = value[order[i]];
+    }
+  }
+  void select_marked(const uint8_t* marked, int64_t n, int32_t* selected, int32_t* count) {
+    *count = 0;
+    for (int64_t i = 0; i < n; ++i)
+      if (marked[i]) selected[(*count)++] = static_cast<int32_t>(i);
+  }
+  void particle_to_grid(const BatchView& view) {
+    run<batch::ScatterShared>(view, [](const FiberThread& block, const BatchView& v, batch::ScatterShared& shared) {
+      batch::particle_to_grid(block, v, shared);
+    });
+  }
+  void update_grid(const BatchView& view) {
+    for (int64_t i = 0; i < int64_t(view.node_capacity) * nodes_per_block<3>; ++i) batch::update_node(view, i);
+  }
+  void grid_to_particle(const BatchView& view) {
+    run<batch::GatherShared>(view, [](const FiberThread& block, const BatchView& v, batch::GatherShared& shared) {
+      batch::grid_to_particle(block, v, shared);
+    });
+  }
+
+ private:
+  template <typename Shared, typename Kernel>
+  void run(const BatchView& view, const Kernel& kernel) {
+    const auto shared = std::make_unique<Shared>();
+    const int blocks = std::min(view.home_capacity, view.counts->home + 1);  // one block too many must do nothing
+    for (int i = 0; i < blocks; ++i) {
+      std::memset(static_cast<void*>(shared.get()), 0xa5, sizeof(Shared));  // shared memory starts undefined
+      block_.run(i, [&](const FiberThread& thread) { kernel(thread, view, *shared); });
+    }
+  }
+  FiberBlock block_{batch::block_threads};
+};
+
+}  // namespace graupel::mpm
