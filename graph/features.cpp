@@ -42,7 +42,8 @@ class WayFollower {
     const Vec3f way = x - before;
     const float length = norm(way);
     float free = 0;
-    if (!(length > piece_) || obstacles_.count == 0 || (free = clearance(before)) >= length || free < 0)
+    if (!(length > piece_) || obstacles_.count == 0 || (free = clearance(before)) < 0 || free >= length ||
+        free + clearance(x) >= length)
       return push_out(obstacles_, low_, high_, before, x);
     const float shortest = std::max(piece_, length / most_pieces);
     Vec3f at = before, pushed = Vec3f::zero();
