@@ -5,6 +5,7 @@
 
 #include "core/atomic_file.h"
 #include "io/config_description.h"
+#include "io/geometry_finder.h"
 #include "io/material_start.h"
 #include "io/scene_checks.h"
 
@@ -40,16 +41,26 @@ std::string source_text(const ConfigDocument& document) {
   return write_json(copy, JsonLayout::compact);
 }
 
+Scene parse(const std::string& text, const std::string& name, const GeometryFinder& finder,
+            const std::vector<std::string>& overrides) {
+  ConfigDocument document = ConfigDocument::parse(text, name, overrides);
+  Scene scene = read_config<Scene>(document);
+  check_scene(document, scene);
+  load_geometry(document, finder, scene);
+  scene.source = source_text(document);
+  return scene;
+}
+
 }  // namespace
 
 Scene parse_scene(const std::string& text, const std::string& name, const std::string& folder,
                   const std::vector<std::string>& overrides) {
-  ConfigDocument document = ConfigDocument::parse(text, name, overrides);
-  Scene scene = read_config<Scene>(document);
-  check_scene(document, scene);
-  load_geometry(document, folder, scene);
-  scene.source = source_text(document);
-  return scene;
+  return parse(text, name, SceneFolder(folder), overrides);
+}
+
+Scene parse_stored_scene(const std::string& text, const std::string& name, const std::string& file,
+                         const std::vector<std::string>& overrides) {
+  return parse(text, name, AroundTrajectory(file), overrides);
 }
 
 Scene read_scene(const std::string& path, const std::vector<std::string>& overrides) {

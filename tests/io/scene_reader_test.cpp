@@ -156,5 +156,31 @@ TEST(SceneReader, EveryTruncationIsAnError) {
   for (std::size_t n = 0; n < text.size(); ++n) EXPECT_THROW(parse(text.substr(0, n)), ConfigError) << n;
 }
 
+TEST(SceneReader, AStoredSceneFindsItsGeometryWhereTheTrajectoryWasMoved) {
+  TemporaryFolder folder;
+  const std::string tetrahedron = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n";
+  folder.write("old/scenes/meshes/tet.obj", tetrahedron);
+  const std::string path = folder.write("old/scenes/s.json", R"({"materials": {"w": {}},
+    "sources": [{"shape": "box", "size": [0.2, 0.2, 0.2], "material": "w", "position": [0.5, 0.5, 0.5]}],
+    "obstacles": [{"shape": "mesh", "file": "meshes/tet.obj"}]})");
+  const std::string stored = read_scene(path).source;
+  const auto found = [&](const std::string& h5) {
+    const Scene scene = parse_stored_scene(stored, h5, folder.file(h5));
+    EXPECT_TRUE(scene.obstacles[0].mesh);
+    EXPECT_NE(scene.source.find(scene.obstacles[0].file), std::string::npos);
+    return scene.obstacles[0].file;
+  };
+  const std::string old = folder.file("old/scenes/meshes/tet.obj");
+  EXPECT_EQ(found("elsewhere/a.h5"), old);
+  // The whole folder is moved, then the file alone goes beside the trajectory.
+  std::filesystem::rename(folder.file("old"), folder.file("new"));
+  EXPECT_EQ(found("new/out/a.h5"), folder.file("new/scenes/meshes/tet.obj"));
+  EXPECT_EQ(found("new/scenes/meshes/a.h5"), folder.file("new/scenes/meshes/tet.obj"));
+  expect_error<InputError>([&] { found("new/a/b/c/d/e/a.h5"); },
+                           {"/obstacles/0/file", "looked for at '" + old + "'", "stored in", "put 'tet.obj' beside"});
+  folder.write("far/a/tet.obj", tetrahedron);
+  EXPECT_EQ(found("far/a/a.h5"), folder.file("far/a/tet.obj"));
+}
+
 }  // namespace
 }  // namespace graupel::io
