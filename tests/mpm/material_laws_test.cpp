@@ -230,6 +230,19 @@ TEST(Materials, ElasticSpeedIsTheWaveSpeedAtRest) {
   }
 }
 
+/// NSF, Table 1: name, step [s] and grid spacing [m]. The chosen moduli and densities fit its explicit solver.
+TEST(Materials, NsfPresetsAreStableAtThePapersStepsAndGrids) {
+  const std::tuple<const char*, double, double> scenes[] = {
+      {"nsf_bread", 0.001, 0.0063}, {"nsf_cake", 0.0016, 0.0063},      {"nsf_sand", 0.002, 0.0067},
+      {"nsf_metal", 0.0015, 0.01},  {"nsf_toothpaste", 0.001, 0.0063}, {"nsf_jelly", 0.01, 0.02},
+      {"nsf_ball", 0.002, 0.0067}};
+  for (const auto& [name, dt, dx] : scenes) {
+    const double courant = material_parameters<double>(preset(name)).elastic_speed * dt / dx;
+    EXPECT_LT(courant, 1.0) << name;  // sand, the one set that is published whole, has 0.995
+    EXPECT_GT(courant, 0.3) << name;
+  }
+}
+
 std::string material_error(const MaterialConfig& material) {
   try {
     check_material(material);
