@@ -2,6 +2,8 @@
 #include "io/scene_reader.h"
 
 #include <filesystem>
+#include <iomanip>
+#include <sstream>
 
 #include "core/atomic_file.h"
 #include "io/config_description.h"
@@ -31,6 +33,35 @@ Scene example_scene() {
   obstacle.position = {0.5, 0.2, 0.5};
   scene.obstacles.push_back(obstacle);
   return scene;
+}
+
+/// Six digits are more than any of these constants is known to.
+std::string preset_value(const JsonNode& value) {
+  if (value.kind != JsonNode::Kind::real)
+    return value.text.empty() ? write_json(value, JsonLayout::compact) : value.text;
+  std::ostringstream text;
+  text << std::setprecision(6) << value.real;
+  return text.str();
+}
+
+/// Table of the material presets.
+std::string preset_markdown() {
+  std::string text =
+      "\n## Material presets\n\n`taichi_*` are the constants of Taichi Elements, `nsf_*`, `crom_*` and `licrom_*` "
+      "those "
+      "of the papers on reduced\nmodels, `claymore_*` those of the cubes by which claymore is measured; "
+      "docs/method.md says what those papers leave open.\n\n| Preset | Model | Constants |\n|---|---|---|\n";
+  for (const std::string& name : material_preset_names()) {
+    const MaterialConfig preset = *material_preset(name);
+    std::string constants;
+    for (const auto& member : json_of(preset).members)
+      if (member.key != "preset" && member.key != "model") {
+        constants += constants.empty() ? "" : ", ";
+        constants += "`" + member.key + "` " + preset_value(member.value);
+      }
+    text += "| `" + name + "` | " + word_of(preset.model) + " | " + constants + " |\n";
+  }
+  return text;
 }
 
 /// Self-contained text: overrides applied, absolute paths, no link to an editor's schema.
@@ -89,7 +120,7 @@ std::string scene_format_markdown() {
          "16 cells along each edge inside its walls and at most 2^21 cells along an edge. A material starts from its\n"
          "`preset`, then its other keys apply.\n\n"
          "This file is made from the declarations in `core/scene.h` and `core/material_config.h`.\n" +
-         description_markdown(describe<Scene>(), "Top level");
+         description_markdown(describe<Scene>(), "Top level") + preset_markdown();
 }
 
 std::string scene_schema_json() { return description_schema(describe<Scene>(), "Graupel scene"); }

@@ -96,6 +96,47 @@ TEST(SceneReader, RefusesKeysThatDoNotApply) {
          "'slip'?"});
 }
 
+/// Every range of a material's constants, by one value outside it.
+TEST(SceneReader, RefusesMaterialConstantsOutOfRange) {
+  const std::tuple<std::string, std::string, std::string> bad[] = {{"water", "density", "0"},
+                                                                   {"water", "bulk_modulus", "-1"},
+                                                                   {"water", "viscosity", "-0.1"},
+                                                                   {"metal", "youngs_modulus", "-1e+06"},
+                                                                   {"metal", "poissons_ratio", "0.5"},
+                                                                   {"neo_hookean", "poissons_ratio", "-0.1"},
+                                                                   {"sand", "friction_angle", "90"},
+                                                                   {"sand", "cohesion", "-1"},
+                                                                   {"snow", "critical_compression", "1"},
+                                                                   {"snow", "critical_stretch", "-0.1"},
+                                                                   {"snow", "hardening", "-1"},
+                                                                   {"snow", "max_hardening", "-1"},
+                                                                   {"metal", "yield_stress", "-1"},
+                                                                   {"metal", "hardening_modulus", "-1"},
+                                                                   {"cake", "softening_modulus", "-1"},
+                                                                   {"toothpaste", "consistency", "-1"},
+                                                                   {"foam", "flow_index", "0"}};
+  const auto material = [](const std::string& text) {
+    return replaced(good, "{\"model\": \"jelly\", \"youngs_modulus\": 5e4}", text);
+  };
+  for (const auto& [model, key, value] : bad)
+    expect_error<ConfigError>(
+        [&] { parse(material("{\"model\": \"" + model + "\", \"" + key + "\": " + value + "}")); },
+        {"s.json:6: /materials/soft/" + key + " is out of range (" + value + ", allowed "});
+  expect_error<ConfigError>(
+      [&] { parse(material("{\"model\": \"water\", \"equation_of_state\": \"tait\", \"tait_exponent\": 0.5}")); },
+      {"/materials/soft/tait_exponent is out of range (0.5, allowed >= 1 and <= 20)"});
+  expect_error<ConfigError>([&] { parse(material("{\"model\": \"water\", \"tait_exponent\": 7}")); },
+                            {"tait_exponent does not apply here (equation_of_state is 'linear'"});
+}
+
+TEST(SceneReader, EveryPresetReadsBackToItself) {
+  for (const std::string& name : material_preset_names()) {
+    const Scene scene = parse(replaced(good, "taichi_water\", \"density\": 900", name + "\""));
+    EXPECT_EQ(scene.materials.at("wet").preset, name);
+    EXPECT_EQ(scene_to_json(parse(scene_to_json(scene))), scene_to_json(scene));
+  }
+}
+
 TEST(SceneReader, RefusesUnknownPresets) {
   fails("taichi_water", "taichi_watr",
         {"s.json:5: /materials/wet/preset is not one of its words (\"taichi_watr\"", "Did you mean 'taichi_water'?"});
