@@ -27,8 +27,8 @@ struct CommonOptions {
 
 /// Whether Ctrl-C or SIGTERM came; long loops ask after every frame and call stop_if_interrupted().
 bool interrupted();
-/// Throws Error(ExitCode::interrupted) once interrupted.
-void stop_if_interrupted();
+/// Throws Error(ExitCode::interrupted) once interrupted; `what_now` ends its text: "; recover with ...".
+void stop_if_interrupted(const std::string& what_now = "");
 void install_signal_handlers();
 
 /// "graupel 0.1.0".

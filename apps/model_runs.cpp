@@ -137,7 +137,7 @@ TimedRun run_mpm(const Scene& scene, const MpmRunOptions& options) {
     trajectory.frames.back().velocity.shrink_to_fit();
     progress.update(f);
   }
-  progress.done();
+  if (trajectory.diverged_at_frame < 0) progress.done();
   result.cost.frame = median(solver);
   result.cost.output = median(output);
   result.cost.peak_bytes = memory.peak();
@@ -170,7 +170,7 @@ TimedRun run_network(const graph::LearnedSimulator& simulator, const Scene& scen
   };
   TimedRun result;
   result.run.trajectory = simulator.rollout(scene, surroundings, start.particle_type, past, options);
-  progress.done();
+  if (result.run.trajectory.diverged_at_frame < 0) progress.done();
   for (ParticleFrame& frame : result.run.trajectory.frames) std::vector<Vec3f>().swap(frame.velocity);
   result.run.mass = start.mass;
   result.run.volume = start.volume;

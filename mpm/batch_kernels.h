@@ -256,15 +256,19 @@ GRAUPEL_HD inline float number_of(uint32_t bits) {
 GRAUPEL_HD inline bool advance_particle(const BatchView& view, const SceneView<float>& scene, const Vec<int, 3>& block,
                                         const NodeSum* node, int64_t slot, float dt, Survey& found) {
   const ParticleView<float>& p = view.now();
+  const MaterialParameters<float>& m = scene.materials[p.material.get(slot)];
+  const int32_t place = p.source_index.get(slot);
   Vec<float, 3> x = p.position.vec(slot), v;
+  float internal = p.internal.get(slot);
+  Mat<float, 3> F = Mat<float, 3>::identity();
+  if (m.model == MaterialModel::stationary) {  // keeps place and velocity whatever the grid does
+    survey_state(scene.grid.dx, m, place, p.velocity.vec(slot), F, internal, dt, found);
+    return true;
+  }
   Mat<float, 3> C;
   gather(node, reach_place(scene.grid, block, x), scene.grid.inverse_dx, v, C);
   store_matrix<float, 3>(p.affine_velocity, slot, C);
-  const MaterialParameters<float>& m = scene.materials[p.material.get(slot)];
-  const int32_t place = p.source_index.get(slot);
-  float internal = p.internal.get(slot);
-  Mat<float, 3> F = Mat<float, 3>::identity();
-  const bool solid = needs_svd(m.model);
+  const bool solid = keeps_deformation(m.model);
   if (solid) F = load_matrix<float, 3>(p.deformation_gradient, slot);
   store_symmetric(p.stress, slot, update_material(m, dt, C, F, internal));
   if (solid) store_matrix<float, 3>(p.deformation_gradient, slot, F);

@@ -98,7 +98,8 @@ BatchSolver<Backend>::BatchSolver(Backend& backend, std::vector<BatchEntry> entr
     first_particle_.push_back(count_);
     HostParticles<float> own = initial_particles<float>(entry.particles, s.material_configs);
     for (int32_t& index : own.source_index) index += static_cast<int32_t>(count_);
-    batch_scenes.push_back({s.view(), s.scene.time_step, s.scene.frame_time, static_cast<int32_t>(count_)});
+    batch_scenes.push_back(
+        {s.view(), s.scene.time_step, s.scene.frame_time, s.diffusivity, static_cast<int32_t>(count_)});
     StepControl control{};
     control.phase = ScenePhase::frame_done;
     control.bad_particle = no_bad_particle;

@@ -32,6 +32,7 @@ struct BatchScene {
   SceneView<float> view;
   TimeStep time_step;
   double frame_time;       ///< [s]
+  double diffusivity;      ///< largest kinematic viscosity [m^2/s]
   int32_t first_particle;  ///< its first place in the order of the sources of all scenes
 };
 

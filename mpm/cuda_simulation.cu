@@ -71,7 +71,8 @@ void CudaSimulation::advance_frame() {
 void CudaSimulation::throw_stopped() const {
   const StepControl& c = solver_.control(0);
   if (c.phase == ScenePhase::too_stiff)
-    next_step(scene().time_step, scene().domain.dx, scene().frame_time, {c.speed, c.sound_speed},
+    next_step(scene().time_step, scene().domain.dx, scene().frame_time,
+              {c.speed, c.sound_speed, solver_.setup(0).diffusivity},
               scene().frame_time - c.elapsed);  // throws
   const HostParticles<float> host = solver_.particles();
   DivergedParticle bad;
@@ -79,7 +80,7 @@ void CudaSimulation::throw_stopped() const {
   bad.substeps = c.substeps;
   bad.dt = static_cast<double>(c.dt);
   bad.time = time();
-  bad.before = {c.before_speed, c.before_sound};
+  bad.before = {c.before_speed, c.before_sound, solver_.setup(0).diffusivity};
   const auto slot = static_cast<std::size_t>(
       std::find(host.source_index.begin(), host.source_index.end(), c.bad_particle) - host.source_index.begin());
   bad.speed = static_cast<double>(norm(host.velocity.at(slot)));

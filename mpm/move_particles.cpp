@@ -27,7 +27,8 @@ template <typename T>
 GRAUPEL_HD inline void survey_slot(const SolverView<T>& view, int64_t slot, T dt, Survey& found) {
   const ParticleView<T>& p = view.particles;
   const MaterialParameters<T>& m = view.materials[p.material.get(slot)];
-  const Mat<T, 3> F = m.model == MaterialModel::jelly ? load_matrix<T, 3>(p.deformation_gradient, slot) : Mat<T, 3>{};
+  const Mat<T, 3> F =
+      sound_speed_needs_deformation(m.model) ? load_matrix<T, 3>(p.deformation_gradient, slot) : Mat<T, 3>{};
   survey_state(view.grid.dx, m, slot, p.velocity.vec(slot), F, p.internal.get(slot), dt, found);
 }
 
@@ -66,6 +67,7 @@ struct MoveSlots {
 
   GRAUPEL_HD void move(int64_t slot, Survey& found) const {
     const ParticleView<T>& p = view.particles;
+    if (view.is_stationary(slot)) return;
     const MaterialParameters<T>& m = view.materials[p.material.get(slot)];
     const Vec<T, 3> before = p.position.vec(slot), velocity = p.velocity.vec(slot);
     Vec<T, 3> x = before, v = velocity;

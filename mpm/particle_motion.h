@@ -71,7 +71,7 @@ GRAUPEL_HD inline void move_point(const SceneView<T>& scene, int64_t slot, T mas
   if (!(x == wanted)) stop_at_surface(x - wanted, mass, v, found);
 }
 
-/// Whether the state of a particle can go on, and its speeds. F is read for jelly alone.
+/// Whether the state of a particle can go on, and its speeds. F is read where sound_speed_needs_deformation().
 template <typename T>
 GRAUPEL_HD inline void survey_state(T dx, const MaterialParameters<T>& m, int64_t slot, const Vec<T, 3>& v,
                                     const Mat<T, 3>& F, T internal, T dt, Survey& found) {

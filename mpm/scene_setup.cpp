@@ -1,5 +1,7 @@
 #include "mpm/scene_setup.h"
 
+#include <algorithm>
+
 #include "mpm/particle_motion.h"
 
 namespace graupel::mpm {
@@ -18,6 +20,8 @@ SceneSetup<T>::SceneSetup(Scene read_scene, const SampledParticles& particles, c
     material_configs.push_back(scene.materials.at(name));
     parameters.push_back(material_parameters<T>(material_configs.back()));
   }
+  for (const MaterialConfig& m : material_configs)
+    if (m.model == MaterialModel::water) diffusivity = std::max(diffusivity, m.viscosity / m.density);
   materials.upload(parameters);
   for (const int32_t m : particles.material)
     particle_type.push_back(particle_type_of(material_configs[static_cast<std::size_t>(m)].model));

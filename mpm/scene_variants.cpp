@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/random.h"
 #include "mpm/material_parameters.h"
 #include "mpm/simulation.h"
 
@@ -22,6 +23,18 @@ double speed_at_rest(const Scene& scene) {
       fastest = std::max(fastest, material_parameters<double>(found->second).elastic_speed);
   }
   return fastest;
+}
+
+/// One point at random of every eight, or about eight, that follow one another: at 2 dx each stands for eight times the
+/// volume.
+std::shared_ptr<const std::vector<Vec3d>> every_eighth(const std::vector<Vec3d>& points, const Random& random) {
+  std::vector<Vec3d> kept;
+  const std::size_t n = points.size(), groups = n == 0 ? 0 : std::max<std::size_t>(1, (n + 4) / 8);
+  for (std::size_t g = 0; g < groups; ++g) {
+    const std::size_t first = g * n / groups, end = (g + 1) * n / groups;
+    kept.push_back(points[first + random.integer(g, 0, static_cast<uint32_t>(end - first))]);
+  }
+  return std::make_shared<const std::vector<Vec3d>>(std::move(kept));
 }
 
 }  // namespace
@@ -50,6 +63,11 @@ Scene coarse_variant(const Scene& scene) {
   coarse.obstacle_voxel = scene.voxel();
   coarse.obstacle_band = std::max(scene.band(), 4 * coarse.domain.dx);
   coarse.time_step.substeps_per_frame = std::max<int64_t>(1, (scene.time_step.substeps_per_frame + 1) / 2);
+  for (std::size_t s = 0; s < coarse.sources.size(); ++s) {
+    Source& source = coarse.sources[s];
+    if (source.shape == Shape::points && source.points)
+      source.points = every_eighth(*source.points, Random(scene.seed, RandomPurpose::particle_position, s));
+  }
   return coarse;
 }
 

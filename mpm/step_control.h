@@ -10,10 +10,10 @@ namespace graupel::mpm {
 /// As mpm/time_step.h, without exceptions: the step with `left` seconds of the frame to go, or 0 when the frame would
 /// need over a million steps.
 GRAUPEL_HD inline double device_step(const TimeStep& policy, double dx, double frame_time, double speed,
-                                     double sound_speed, double left) {
+                                     double sound_speed, double diffusivity, double left) {
   if (policy.policy == StepPolicy::fixed) return frame_time / static_cast<double>(policy.substeps_per_frame);
-  const double fastest = speed + sound_speed;
-  double limit = fastest > 0 ? policy.courant * dx / fastest : policy.max_step;
+  const double rate = (speed + sound_speed) / (policy.courant * dx) + 6 * diffusivity / (dx * dx);
+  double limit = rate > 0 ? 1 / rate : policy.max_step;
   limit = limit < policy.max_step ? limit : policy.max_step;
   limit = limit < frame_time ? limit : frame_time;
   if (!(left / limit <= 1e6)) return 0;
@@ -24,7 +24,7 @@ GRAUPEL_HD inline double device_step(const TimeStep& policy, double dx, double f
 GRAUPEL_HD inline void choose_step(const BatchScene& scene, StepControl& control) {
   const double left = scene.frame_time - control.elapsed;
   const double dt = device_step(scene.time_step, static_cast<double>(scene.view.grid.dx), scene.frame_time,
-                                control.speed, control.sound_speed, left);
+                                control.speed, control.sound_speed, scene.diffusivity, left);
   control.dt = static_cast<float>(dt);
   if (!(dt > 0)) control.phase = ScenePhase::too_stiff;
 }
