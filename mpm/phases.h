@@ -23,7 +23,7 @@ struct SolverView : SceneView<T> {
 
   /// Whether a particle keeps its place and velocity whatever the grid does.
   GRAUPEL_HD bool is_stationary(int64_t slot) const {
-    return some_stationary && materials[particles.material.get(slot)].model == MaterialModel::stationary;
+    return some_stationary && this->materials[particles.material.get(slot)].model == MaterialModel::stationary;
   }
 };
 
