@@ -73,11 +73,12 @@ std::string scene_format_markdown() {
          "with\n"
          "every key. Editors check and complete scenes with `scenes/schema.json` (name it under the key "
          "`\"$schema\"`).\n\n"
-         "Sources may have every shape but `plane` and `vdb`, obstacles every shape but `points`. The domain needs at "
+         "Sources may have every shape but `plane` and `vdb`, emitters none of these and no `points`, obstacles every "
+         "shape but\n`points`. The domain needs at "
          "least\n"
          "16 cells along each edge inside its walls and at most 2^21 cells along an edge. A material starts from its\n"
          "`preset`, then its other keys apply.\n\n"
-         "This file is made from the declarations in `core/scene.h` and `core/material_config.h`.\n" +
+         "This file is made from the declarations in `core/scene.h` and the headers that it names.\n" +
          description_markdown(describe<Scene>(), "Top level");
 }
 
