@@ -6,15 +6,55 @@ namespace graupel::mpm {
 
 namespace {
 
-/// Law of the obstacle at a node. Deep inside, where no normal is known, the material stands still.
+/// Law of the obstacle at rest at a node. Deep inside, where no normal is known, the material stands still.
 template <typename T>
-GRAUPEL_HD inline Vec<T, 3> meet_obstacle(const ObstacleNodeView<T>& obstacles, int64_t entry, const Vec<T, 3>& v) {
+GRAUPEL_HD inline Vec<T, 3> meet_fixed_obstacle(const ObstacleNodeView<T>& obstacles, int64_t entry,
+                                                const Vec<T, 3>& v) {
   const int32_t law = obstacles.law[entry];
   if (law < 0) return v;
   const Vec<T, 3> normal = obstacles.normal[entry];
   if (norm2(normal) == T(0)) return Vec<T, 3>::zero();
   const sparsegrid::ObstacleView& obstacle = obstacles.obstacles.obstacles[law];
   return apply_contact(obstacle.contact, static_cast<T>(obstacle.friction), normal, v);
+}
+
+/// The moving obstacle that is nearest to x, or -1 where none holds the material; as EvaluateNodes does for the others.
+template <typename T>
+GRAUPEL_HD inline int32_t holding_obstacle(const MovingObstacleView<T>& moving, const Vec<T, 3>& x, T dx,
+                                           sparsegrid::SignedDistance<T>& here) {
+  int32_t nearest = -1;
+  for (int32_t i = 0; i < moving.count; ++i) {
+    const int32_t index = moving.index[i];
+    const sparsegrid::ObstacleView& obstacle = moving.start.obstacles[index];
+    const auto one = sparsegrid::signed_distance(obstacle, x);
+    if (!(one.phi < T(0.5) * dx) || (nearest >= 0 && one.phi >= here.phi)) continue;
+    if (!(one.phi < T(0)) && !(sparsegrid::signed_distance(obstacle, x - dx * one.normal).phi > T(0))) continue;
+    nearest = index;
+    here = one;
+  }
+  return nearest;
+}
+
+/// The law of the deeper one of the obstacles at rest and the moving ones. Contact is judged in the obstacle's frame:
+/// the velocity of the material relative to the obstacle's point there.
+template <typename T>
+GRAUPEL_HD inline Vec<T, 3> meet_obstacles(const SolverView<T>& view, int32_t key, int inside, const Vec<T, 3>& x,
+                                           const Vec<T, 3>& v) {
+  const int32_t surface = view.obstacle_nodes.block_number[key];
+  const int64_t entry = int64_t(surface) * nodes_per_block<3> + inside;
+  if (view.moving.count > 0) {
+    sparsegrid::SignedDistance<T> here{};
+    const int32_t index = holding_obstacle(view.moving, x, view.grid.dx, here);
+    const bool fixed_is_deeper = surface != block_without_surface && view.obstacle_nodes.law[entry] >= 0 &&
+                                 view.obstacle_nodes.phi[entry] <= here.phi;
+    if (index >= 0 && !fixed_is_deeper) {
+      const Vec<T, 3> u = view.moving.step[index].velocity_at(x);
+      if (norm2(here.normal) == T(0)) return u;
+      const sparsegrid::ObstacleView& obstacle = view.moving.start.obstacles[index];
+      return u + apply_contact(obstacle.contact, static_cast<T>(obstacle.friction), here.normal, v - u);
+    }
+  }
+  return surface != block_without_surface ? meet_fixed_obstacle(view.obstacle_nodes, entry, v) : v;
 }
 
 /// Walls act on the nodes on and behind their planes.
@@ -25,7 +65,8 @@ GRAUPEL_HD inline Vec<T, 3> meet_walls(const WallView<T>& walls, const Vec<T, 3>
     Vec<T, 3> normal = Vec<T, 3>::zero();
     if (x[d] < walls.low[d] + tolerance) normal[d] = T(1);
     if (x[d] > walls.high[d] - tolerance) normal[d] = T(-1);
-    if (normal[d] != T(0)) v = apply_contact(walls.contact, walls.friction, normal, v);
+    const int side = normal[d] < T(0) ? 1 : 0;
+    if (normal[d] != T(0)) v = apply_contact(walls.contact[d][side], walls.friction[d][side], normal, v);
   }
   return v;
 }
@@ -44,13 +85,12 @@ struct UpdateNode {
     const int32_t key = view.blocks.node_key[entry / nodes_per_block<3>];
     const int inside = static_cast<int>(entry % nodes_per_block<3>);
     Vec<T, 3> v = Vec<T, 3>{node[0], node[1], node[2]} * (T(1) / mass) + dt * view.gravity;
-    const int32_t surface = view.obstacle_nodes.block_number[key];
-    if (surface != block_without_surface)
-      v = meet_obstacle(view.obstacle_nodes, int64_t(surface) * nodes_per_block<3> + inside, v);
     Vec<int, 3> at = node_in_block<3>(inside);
     const Vec<int, 3> block = view.grid.block_of(key);
     for (int d = 0; d < 3; ++d) at[d] += block_width * block[d];
-    v = meet_walls(view.walls, view.grid.node_position(at), view.grid.dx, v);
+    const Vec<T, 3> x = view.grid.node_position(at);
+    v = meet_obstacles(view, key, inside, x, v);
+    v = meet_walls(view.walls, x, view.grid.dx, v);
     for (int c = 0; c < 3; ++c) node[c] = v[c];
   }
 };

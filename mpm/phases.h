@@ -4,18 +4,29 @@
 
 #include "mpm/block_table.h"
 #include "mpm/material_parameters.h"
+#include "mpm/moving_obstacles.h"
 #include "mpm/obstacle_nodes.h"
+#include "mpm/particle_roles.h"
 #include "mpm/particles.h"
 
 namespace graupel::mpm {
 
-/// What holds the material at the walls.
+/// The period of an axis in nodes.
+struct PeriodicAxis {
+  int low_node;  ///< node on the lower wall
+  int cells;     ///< of the period; 0: the axis is not periodic
+};
+
+/// What holds the material at the walls, and where it may pass. Index [axis][side], side 0 the lower one.
 template <typename T>
 struct WallView {
-  Vec<T, 3> low, high;                    ///< wall planes; nodes on and behind them are held [m]
+  Vec<T, 3> low, high;                    ///< wall planes; nodes on and behind them are held; far off where none is [m]
   Vec<T, 3> particle_low, particle_high;  ///< no particle leaves this box [m]
-  Contact contact;
-  T friction;
+  Contact contact[3][2];
+  T friction[3][2];
+  bool has_gates;                 ///< whether a wall is open or periodic
+  Vec<T, 3> gate_low, gate_high;  ///< planes of open and periodic walls; far off where none is [m]
+  PeriodicAxis periodic[3];
 };
 
 /// Everything that kernels read or write.
@@ -29,10 +40,12 @@ struct SolverView {
   const MaterialParameters<T>* materials;
   ParticleView<T> particles;
   BlockView blocks;
-  ObstacleNodeView<T> obstacle_nodes;
+  ObstacleNodeView<T> obstacle_nodes;  ///< of obstacles at rest
+  MovingObstacleView<T> moving;
+  RoleView<T> roles;
   T* arenas;      ///< [home blocks, arena_size]: sums of each block's own particles (CPU)
   T* nodes;       ///< [node blocks, 64, 4]: momentum, then velocity; mass
-  int32_t* keys;  ///< [n] home block of each slot
+  int32_t* keys;  ///< [n] home block of each slot, or no_home
   uint8_t* keys_changed;
 };
 
@@ -44,6 +57,7 @@ struct Survey {
   int64_t bad_slot = -1;           ///< lowest slot with NaN, J <= 0 or a move over one cell
   int64_t pushed_out = 0;
   double pushed_momentum[3] = {0, 0, 0};  ///< [kg m/s]
+  int64_t born = 0, removed = 0;          ///< particles that came and went
 
   GRAUPEL_HD void merge(const Survey& o) {
     largest_speed2 = o.largest_speed2 > largest_speed2 ? o.largest_speed2 : largest_speed2;
@@ -51,9 +65,31 @@ struct Survey {
     over_courant += o.over_courant;
     if (o.bad_slot >= 0 && (bad_slot < 0 || o.bad_slot < bad_slot)) bad_slot = o.bad_slot;
     pushed_out += o.pushed_out;
+    born += o.born;
+    removed += o.removed;
     for (int d = 0; d < 3; ++d) pushed_momentum[d] += o.pushed_momentum[d];
   }
 };
+
+/// Momentum given to particles [kg m/s].
+struct Impulse {
+  double momentum[3] = {0, 0, 0};
+  GRAUPEL_HD void merge(const Impulse& o) {
+    for (int d = 0; d < 3; ++d) momentum[d] += o.momentum[d];
+  }
+};
+
+/// Particles that a script leads take its velocity and gradient; returns the momentum that this gave them [kg m/s].
+template <typename T>
+Vec3d lead_particles(const SolverView<T>& view, Buffer<Impulse>& records);
+
+/// Node sums with those of all periodic images, into an array like view.nodes.
+template <typename T>
+void join_periodic(const SolverView<T>& view, T* joined);
+
+/// C <- symmetric sym(C) + rotation skew(C).
+template <typename T>
+void blend_affine(const SolverView<T>& view, T symmetric, T rotation);
 
 /// Node momentum and mass from all particles: MLS-MPM force and APIC momentum.
 template <typename T>
@@ -82,7 +118,8 @@ void update_deformation_portable(const SolverView<T>& view, T dt);
 template <typename T>
 void update_deformation_tiles(const SolverView<T>& view, T dt);
 
-/// x <- x + dt v, kept out of obstacles and inside the walls; new home blocks; the survey of the new state.
+/// x <- x + dt v, kept out of obstacles and inside the walls; particles that are born, leave or pass a periodic wall;
+/// new home blocks; the survey of the new state.
 template <typename T>
 Survey move_particles(const SolverView<T>& view, T dt, Buffer<Survey>& records);
 

@@ -1,5 +1,5 @@
-// Step size: fixed, or from the sound speed of the present state and the particles' speed,
-//   dt = courant dx / (max |v| + max c).
+// Step size: fixed, or from the sound speed of the present state and the speeds of particles and scripted bodies,
+//   dt = courant dx / (max |v| + max |u| + max c), between min_step and max_step.
 #pragma once
 
 #include "core/scene.h"
@@ -10,6 +10,7 @@ namespace graupel::mpm {
 struct StateSpeeds {
   double speed = 0;        ///< max |v| [m/s]
   double sound_speed = 0;  ///< max c [m/s]
+  double scripted = 0;     ///< max |u| of moving obstacles [m/s]
 };
 
 /// Largest step that the policy allows for this state [s]; for the fixed policy the frame's equal share.
