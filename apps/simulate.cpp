@@ -68,8 +68,11 @@ std::string default_output(const Scene& scene) {
 void write_blowup(const std::string& output, const Trajectory& header, const mpm::Simulation& run,
                   const std::string& reason) {
   const std::string path = output + ".blowup.h5";
-  io::TrajectoryWriter writer(path, header);
-  writer.append(run.frame());
+  const ParticleFrame frame = run.frame();
+  io::TrajectoryWriteOptions options;
+  options.active = !frame.active.empty();
+  io::TrajectoryWriter writer(path, header, options);
+  writer.append(frame);
   writer.attribute("reason", reason);
   writer.finish(0);
 }
@@ -99,6 +102,7 @@ void simulate(SimulateOptions& options) {
   header.made_by = "mpm";
   io::TrajectoryWriteOptions write;
   write.velocity = !options.no_velocity;
+  write.active = scene.has_inactive_particles();
   io::TrajectoryWriter writer(output, header, write);
   writer.append(run->frame());
   Progress progress(fmt::format("simulate {} ({} particles)", scene.name, run->particle_count()), scene.frames);
@@ -138,6 +142,9 @@ void simulate(SimulateOptions& options) {
        {"updates_per_second", updates / s.solver_seconds},
        {"pushed_out", s.pushed_out},
        {"pushed_out_momentum", {s.pushed_out_momentum[0], s.pushed_out_momentum[1], s.pushed_out_momentum[2]}},
+       {"born", s.born},
+       {"removed", s.removed},
+       {"scripted_momentum", {s.scripted_momentum[0], s.scripted_momentum[1], s.scripted_momentum[2]}},
        {"sound_courant", s.sound_courant},
        {"share_over_courant", s.share_over_courant},
        {"peak_bytes", s.peak_bytes},
