@@ -37,12 +37,12 @@ GRAUPEL_HD inline int32_t holding_obstacle(const MovingObstacleView<T>& moving, 
 
 /// The law of the deeper one of the obstacles at rest and the moving ones. Contact is judged in the obstacle's frame:
 /// the velocity of the material relative to the obstacle's point there.
-template <typename T>
+template <bool moving, typename T>
 GRAUPEL_HD inline Vec<T, 3> meet_obstacles(const SolverView<T>& view, int32_t key, int inside, const Vec<T, 3>& x,
                                            const Vec<T, 3>& v) {
   const int32_t surface = view.obstacle_nodes.block_number[key];
   const int64_t entry = int64_t(surface) * nodes_per_block<3> + inside;
-  if (view.moving.count > 0) {
+  if (moving) {
     sparsegrid::SignedDistance<T> here{};
     const int32_t index = holding_obstacle(view.moving, x, view.grid.dx, here);
     const bool fixed_is_deeper = surface != block_without_surface && view.obstacle_nodes.law[entry] >= 0 &&
@@ -71,7 +71,7 @@ GRAUPEL_HD inline Vec<T, 3> meet_walls(const WallView<T>& walls, const Vec<T, 3>
   return v;
 }
 
-template <typename T>
+template <typename T, bool moving>
 struct UpdateNode {
   SolverView<T> view;
   T dt;
@@ -89,7 +89,7 @@ struct UpdateNode {
     const Vec<int, 3> block = view.grid.block_of(key);
     for (int d = 0; d < 3; ++d) at[d] += block_width * block[d];
     const Vec<T, 3> x = view.grid.node_position(at);
-    v = meet_obstacles(view, key, inside, x, v);
+    v = meet_obstacles<moving>(view, key, inside, x, v);
     v = meet_walls(view.walls, x, view.grid.dx, v);
     for (int c = 0; c < 3; ++c) node[c] = v[c];
   }
@@ -99,7 +99,11 @@ struct UpdateNode {
 
 template <typename T>
 void update_grid(const SolverView<T>& view, T dt) {
-  launch<T>(view.device, view.blocks.node_count * int64_t(nodes_per_block<3>), UpdateNode<T>{view, dt}, Grain{1024});
+  const int64_t nodes = view.blocks.node_count * int64_t(nodes_per_block<3>);
+  if (view.moving.count > 0)
+    launch<T>(view.device, nodes, UpdateNode<T, true>{view, dt}, Grain{1024});
+  else
+    launch<T>(view.device, nodes, UpdateNode<T, false>{view, dt}, Grain{1024});
 }
 
 template void update_grid<float>(const SolverView<float>&, float);
