@@ -109,7 +109,14 @@ TEST_F(CompareRuns, EverySceneAndModelHoldsEveryKey) {
   EXPECT_LT(mpm["floor_position_mse_20"], 1e-4);
   EXPECT_LT(json["results"][2]["particles"].get<double>(), mpm["particles"].get<double>() / 6);
 
+  const auto& fast = json["results"][1];  // the largest stable step: fewer substeps, so another run
+  EXPECT_LT(fast["substeps_per_frame"], mpm["substeps_per_frame"]);
+  EXPECT_GT(fast["step_search_s"], 0);
+  EXPECT_GT(fast["position_mse_all"], 0);
+  EXPECT_EQ(mpm["step_search_s"], 0);
+
   const auto& falling = json["results"][3];
+  EXPECT_EQ(falling["substeps_per_frame"], 1);
   EXPECT_EQ(falling["one_step_source"], "true history");
   EXPECT_NEAR(falling["one_step_mse"], falling["one_step_mse_ballistic"],
               1e-3 * falling["one_step_mse_ballistic"].get<double>());
