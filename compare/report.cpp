@@ -166,7 +166,10 @@ std::string scene_section(const Comparison& comparison, const SceneResult& scene
   std::string html = "<h2>" + escape_markup(scene.name) + "</h2>\n";
   html += fmt::format("<p class=\"soft\">{} particles, {} frames of {:.4g} s, from <code>{}</code></p>\n",
                       scene.particles, scene.frames, scene.frame_time, escape_markup(scene.source));
-  html += scene_table(comparison, scene) + full_table(scene);
+  html += scene_table(comparison, scene);
+  const std::string mark = mark_of_references(scene);
+  if (!mark.empty()) html += "<p class=\"mark\">Reference runs: " + escape_markup(mark) + "</p>\n";
+  html += full_table(scene);
   if (!computed(comparison, MetricGroup::rollout)) return html;
   return html + material_table(scene) + scene_plots(scene) + scene_pictures(scene);
 }

@@ -138,6 +138,18 @@ TEST(ComparisonFiles, JsonHoldsEveryKeyForEverySceneAndModel) {
   EXPECT_NE(comparison_table(comparison).find("diverged at frame 7"), std::string::npos);
 }
 
+TEST(ComparisonFiles, DivergedReferencesAreMarked) {
+  Comparison comparison = synthetic_comparison(2);
+  EXPECT_EQ(comparison_table(comparison).find("reference runs"), std::string::npos);
+  comparison.scenes[1].diverged_references = {{"moved", 9}, {"mpm:coarse", 4}};
+  const auto json = comparison_json(comparison);
+  EXPECT_FALSE(json["scenes"][0].contains("diverged_references"));
+  EXPECT_EQ(json["scenes"][1]["diverged_references"]["mpm:coarse"], 4);
+  const std::string mark = "moved diverged at frame 9; mpm:coarse diverged at frame 4";
+  EXPECT_NE(comparison_table(comparison).find(mark), std::string::npos);
+  EXPECT_NE(report_html(comparison).find(mark), std::string::npos);
+}
+
 TEST(ComparisonFiles, IncompleteResultsAreNamed) {
   Comparison comparison = synthetic_comparison();
   comparison.scenes[0].models[0].values.erase("sinkhorn");
