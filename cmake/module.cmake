@@ -35,7 +35,7 @@ function(graupel_module name)
 endfunction()
 
 # graupel_test(name SOURCES a_test.cpp.. PORTABLE k_test.cpp.. DEPENDS mpm..): one GoogleTest program, tests/<name>.
-#   Tests called *.Slow* carry the label "slow".
+#   Tests called *.Slow* are left out by tests/run_all.sh unless it is given --slow.
 function(graupel_test name)
   cmake_parse_arguments(TEST "" "" "PORTABLE;SOURCES;DEPENDS;LIBRARIES" ${ARGN})
   add_executable(${name}_test ${TEST_SOURCES} ${TEST_PORTABLE})
