@@ -30,8 +30,8 @@ struct FastStep {
 FastStep find_fast_step(const Scene& scene, const SimulationOptions& options, int64_t frames,
                         const std::function<void()>& every_frame = {});
 
-/// The next shorter step (an eighth more substeps), for a run that blew up later than the trials looked; the scene's own
-/// step, `original`, in the end.
+/// The next shorter step (an eighth more substeps), for a run that blew up later than the trials looked; the scene's
+/// own step, `original`, in the end.
 FastStep shorter_step(const FastStep& step, const Scene& original);
 
 }  // namespace graupel::mpm
