@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
-#include <cmath>
 #include <cstdio>
 
 namespace graupel::apps {
@@ -21,7 +20,9 @@ Progress::Progress(std::string label, int64_t total)
       start_(Clock::now()),
       last_print_(start_) {}
 
-Progress::~Progress() { done(); }
+Progress::~Progress() {
+  if (!finished_ && terminal_ && printed_) std::fputs("\n", stderr);
+}
 
 void Progress::update(int64_t done, const std::string& detail) {
   const auto now = Clock::now();
@@ -50,20 +51,12 @@ void Progress::print(int64_t done, const std::string& detail, bool last) {
                        100.0 * static_cast<double>(done) / static_cast<double>(total_), human_time(left),
                        detail.empty() ? "" : ", ", detail);
   }
+  printed_ = true;
   if (terminal_)
     std::fprintf(stderr, "\r\033[K%s%s", line.c_str(), last ? "\n" : "");
   else
     std::fprintf(stderr, "%s\n", line.c_str());
   std::fflush(stderr);
-}
-
-std::string human_time(double seconds) {
-  if (seconds >= 3600)
-    return fmt::format("{:.0f} h {:02.0f} min", std::floor(seconds / 3600), std::floor(std::fmod(seconds, 3600) / 60));
-  if (seconds >= 60)
-    return fmt::format("{:.0f} min {:02.0f} s", std::floor(seconds / 60), std::floor(std::fmod(seconds, 60)));
-  if (seconds >= 0.1) return fmt::format("{:.1f} s", seconds);
-  return fmt::format("{:.1f} ms", seconds * 1e3);
 }
 
 std::string human_bytes(double bytes) {

@@ -5,19 +5,22 @@
 #include <cstdint>
 #include <string>
 
+#include "core/human_time.h"
+
 namespace graupel::apps {
 
 class Progress {
  public:
   /// Shows nothing when `total` is 0 or progress was switched off by set_quiet.
   Progress(std::string label, int64_t total);
+  /// Ends the line of work that was not done.
   ~Progress();
   Progress(const Progress&) = delete;
   Progress& operator=(const Progress&) = delete;
 
   /// `done` of `total` items are finished; `detail` is appended to the line.
   void update(int64_t done, const std::string& detail = "");
-  /// Ends the line.
+  /// All work is done: says so and ends the line.
   void done();
 
   static void set_quiet(bool quiet);
@@ -28,12 +31,10 @@ class Progress {
 
   std::string label_;
   int64_t total_;
-  bool terminal_, finished_ = false;
+  bool terminal_, finished_ = false, printed_ = false;
   Clock::time_point start_, last_print_;
 };
 
-/// "1 h 02 min", "3 min 20 s" or "4.2 s".
-std::string human_time(double seconds);
 /// "1.5 GB".
 std::string human_bytes(double bytes);
 

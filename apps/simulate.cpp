@@ -7,8 +7,10 @@
 #include <nlohmann/json.hpp>
 
 #include "apps/common_options.h"
+#include "apps/outputs.h"
 #include "apps/progress.h"
 #include "apps/verbs.h"
+#include "core/command_line.h"
 #include "core/error.h"
 #include "io/scene_reader.h"
 #include "io/trajectory_file.h"
@@ -92,6 +94,8 @@ void simulate(SimulateOptions& options) {
   if (options.dry_run) return dry_run(options, scene, simulation);
   const std::string output = options.output.empty() ? default_output(scene) : options.output;
 
+  check_output_file(output);
+  check_output_file(options.write_obstacles);
   auto run = mpm::Simulation::create(scene, simulation);
   if (!options.write_obstacles.empty()) run->obstacles().write_vdb(options.write_obstacles);
   Trajectory header;
@@ -106,8 +110,10 @@ void simulate(SimulateOptions& options) {
   io::TrajectoryWriter writer(output, header, write);
   writer.append(run->frame());
   Progress progress(fmt::format("simulate {} ({} particles)", scene.name, run->particle_count()), scene.frames);
+  const std::string what_now =
+      fmt::format("; '{0}.part' holds the frames so far, recover them with 'graupel inspect --recover {0}'", output);
   for (int64_t f = 1; f <= scene.frames; ++f) {
-    stop_if_interrupted();
+    stop_if_interrupted(what_now);
     try {
       run->advance_frame();
     } catch (const DivergedError& error) {
@@ -159,7 +165,7 @@ void add_simulate(CLI::App& app) {
   CLI::App* verb = app.add_subcommand("simulate", "Run a scene with the material point method");
   verb->add_option("scene", options->scene, "Scene file (JSON)");
   verb->add_option("-o,--output", options->output, "Trajectory file; default NAME.h5");
-  verb->add_option("--frames", options->frames, "Frames to run; default the scene's")->check(CLI::NonNegativeNumber);
+  verb->add_option("--frames", options->frames, "Frames to run; default the scene's")->check(whole_number(0));
   verb->add_option("--set", options->set, "Change a scene key: --set domain.dx=0.02 (repeatable)")
       ->allow_extra_args(false);
   verb->add_option("--precision", options->precision, "f32 or f64")

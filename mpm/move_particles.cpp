@@ -22,7 +22,8 @@ GRAUPEL_HD inline void survey_particle(const SolverView<T>& view, int64_t slot, 
     return;
   }
   if (static_cast<double>(speed2) > found.largest_speed2) found.largest_speed2 = static_cast<double>(speed2);
-  const Mat<T, 3> F = m.model == MaterialModel::jelly ? load_matrix<T, 3>(p.deformation_gradient, slot) : Mat<T, 3>{};
+  const Mat<T, 3> F =
+      sound_speed_needs_deformation(m.model) ? load_matrix<T, 3>(p.deformation_gradient, slot) : Mat<T, 3>{};
   const T c = sound_speed(m, F, internal);
   if (static_cast<double>(c) > found.largest_sound_speed) found.largest_sound_speed = static_cast<double>(c);
   if (c * dt > view.grid.dx) ++found.over_courant;
@@ -80,6 +81,11 @@ struct MoveSlots {
   /// False for a particle that is gone.
   GRAUPEL_HD bool move(int64_t slot, Survey& found) const {
     const ParticleView<T>& p = view.particles;
+    const bool led = !plain && view.roles.script != nullptr && view.roles.leader(p.source_index.get(slot)) != nullptr;
+    if (!led && view.is_stationary(slot)) {
+      settle(slot, p.position.vec(slot));
+      return true;
+    }
     const Vec<T, 3> before = p.position.vec(slot), step = dt * p.velocity.vec(slot);
     for (int d = 0; d < 3; ++d)
       if (!(std::abs(step[d]) <= view.grid.dx)) {  // also NaN: such a particle stays where it is
@@ -92,19 +98,22 @@ struct MoveSlots {
       x[d] = x[d] < view.walls.particle_low[d] ? view.walls.particle_low[d] : x[d];
       x[d] = x[d] > view.walls.particle_high[d] ? view.walls.particle_high[d] : x[d];
     }
-    const bool led = !plain && view.roles.script != nullptr && view.roles.leader(p.source_index.get(slot)) != nullptr;
     if (!led) keep_out(slot, before, wanted, step, x, found);
     if (!plain && !led && (view.walls.has_gates || view.roles.sink_count > 0) && leaves(x)) {
       remove(slot, x, found);
       return false;
     }
     p.position.set_vec(slot, x);
-    const int32_t key = home_key(x);
-    if (key != view.keys[slot]) {
-      view.keys[slot] = key;
-      mark(view.keys_changed);
-    }
+    settle(slot, x);
     return true;
+  }
+
+  /// Brings the home block of a particle at x up to date.
+  GRAUPEL_HD void settle(int64_t slot, const Vec<T, 3>& x) const {
+    const int32_t key = home_key(x);
+    if (key == view.keys[slot]) return;
+    view.keys[slot] = key;
+    mark(view.keys_changed);
   }
 
   /// Projection out of obstacles, and the loss of velocity into what pushed.

@@ -1,42 +1,26 @@
-// The two cheaper forms of a scene that learned models are measured against: larger steps, and a coarser grid.
+// The cheaper form of a scene that learned models are measured against: a coarser grid (fast_step.h has larger steps).
 #include <algorithm>
-#include <cmath>
 
-#include "mpm/material_parameters.h"
+#include "core/random.h"
 #include "mpm/simulation.h"
 
 namespace graupel::mpm {
 
 namespace {
 
-/// Mixed scenes of jelly, sand and snow stay stable up to 1.2 and more; water alone loses particles (J <= 0 in
-/// splashes) from 0.9 on, and ran through at 0.7.
-constexpr double fast_courant = 0.6;
-
-/// Fastest wave of the undeformed materials [m/s].
-double speed_at_rest(const Scene& scene) {
-  double fastest = 0;
-  for (const Source& source : scene.sources) {
-    const auto found = scene.materials.find(source.material);
-    if (found != scene.materials.end())
-      fastest = std::max(fastest, material_parameters<double>(found->second).elastic_speed);
+/// One point at random of every eight, or about eight, that follow one another: at 2 dx each stands for eight times the
+/// volume.
+std::shared_ptr<const std::vector<Vec3d>> every_eighth(const std::vector<Vec3d>& points, const Random& random) {
+  std::vector<Vec3d> kept;
+  const std::size_t n = points.size(), groups = n == 0 ? 0 : std::max<std::size_t>(1, (n + 4) / 8);
+  for (std::size_t g = 0; g < groups; ++g) {
+    const std::size_t first = g * n / groups, end = (g + 1) * n / groups;
+    kept.push_back(points[first + random.integer(g, 0, static_cast<uint32_t>(end - first))]);
   }
-  return fastest;
+  return std::make_shared<const std::vector<Vec3d>>(std::move(kept));
 }
 
 }  // namespace
-
-/// A fixed step that is larger than the adaptive one would be even at rest is kept: the scene is known to run with it.
-Scene fast_variant(const Scene& scene) {
-  Scene fast = scene;
-  const double adaptive = fast_courant * scene.domain.dx / speed_at_rest(scene);
-  const double fixed = scene.frame_time / static_cast<double>(scene.time_step.substeps_per_frame);
-  if (scene.time_step.policy == StepPolicy::fixed && fixed > adaptive) return fast;
-  fast.time_step.policy = StepPolicy::adaptive;
-  fast.time_step.courant = fast_courant;
-  fast.time_step.max_step = std::max(scene.time_step.max_step, scene.frame_time);
-  return fast;
-}
 
 /// The walls stay where they are: the domain's faces move, so that the walls are again a whole number of cells inside.
 Scene coarse_variant(const Scene& scene) {
@@ -50,6 +34,11 @@ Scene coarse_variant(const Scene& scene) {
   coarse.obstacle_voxel = scene.voxel();
   coarse.obstacle_band = std::max(scene.band(), 4 * coarse.domain.dx);
   coarse.time_step.substeps_per_frame = std::max<int64_t>(1, (scene.time_step.substeps_per_frame + 1) / 2);
+  for (std::size_t s = 0; s < coarse.sources.size(); ++s) {
+    Source& source = coarse.sources[s];
+    if (source.shape == Shape::points && source.points)
+      source.points = every_eighth(*source.points, Random(scene.seed, RandomPurpose::particle_position, s));
+  }
   return coarse;
 }
 

@@ -81,8 +81,6 @@ class Simulation {
 
 Estimate estimate(const Scene& scene, const SimulationOptions& options);
 
-/// The scene with the largest step that was measured to be stable: policy adaptive, unless its fixed step is larger.
-Scene fast_variant(const Scene& scene);
 /// The scene at 2 dx and an eighth of the particles.
 Scene coarse_variant(const Scene& scene);
 

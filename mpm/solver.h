@@ -53,6 +53,8 @@ class Solver final : public Simulation {
   sparsegrid::ObstacleSet obstacles_;
   std::vector<MaterialConfig> material_configs_;
   std::vector<int32_t> particle_type_;
+  bool some_stationary_ = false;
+  double diffusivity_ = 0;  ///< largest kinematic viscosity [m^2/s]
 
   GridGeometry<T, 3> grid_;
   WallView<T> walls_;
