@@ -33,8 +33,8 @@ void CommonOptions::write_json(const nlohmann::ordered_json& result) const {
 
 bool interrupted() { return stop_signal() != 0; }
 
-void stop_if_interrupted() {
-  if (interrupted()) throw Error(ExitCode::interrupted, "interrupted");
+void stop_if_interrupted(const std::string& what_now) {
+  if (interrupted()) throw Error(ExitCode::interrupted, "interrupted" + what_now);
 }
 
 void refuse_cuda_for_networks(const std::string& device) {

@@ -27,8 +27,8 @@ struct CommonOptions {
 
 /// Whether Ctrl-C or SIGTERM came; long loops ask after every frame and call stop_if_interrupted().
 bool interrupted();
-/// Throws Error(ExitCode::interrupted) once interrupted.
-void stop_if_interrupted();
+/// Throws Error(ExitCode::interrupted) once interrupted; `what_now` ends its text: "; recover with ...".
+void stop_if_interrupted(const std::string& what_now = "");
 
 /// Throws ConfigError for --device cuda: the networks' inference engine runs on the CPU.
 void refuse_cuda_for_networks(const std::string& device);

@@ -50,7 +50,7 @@ std::vector<SceneTask> read_data_set(const std::string& path, const CompareOptio
       throw InputError("'" + source +
                        "' holds no scene, so its walls and obstacles are unknown. Use a data set made by graupel");
     SceneTask task;
-    task.scene = io::parse_scene(trajectory.scene_json, source, fs::path(path).parent_path());
+    task.scene = io::parse_stored_scene(trajectory.scene_json, source, path);
     task.scene.name = fmt::format("{}#{}", fs::path(path).stem().string(), i);
     task.source = source;
     task.seed = trajectory.seed;

@@ -3,7 +3,9 @@
 #include <omp.h>
 
 #include <atomic>
+#include <cerrno>
 #include <cstdio>
+#include <cstring>
 #include <filesystem>
 #include <mutex>
 #include <nlohmann/json.hpp>
@@ -13,7 +15,9 @@
 #include "apps/progress.h"
 #include "apps/verbs.h"
 #include "core/atomic_file.h"
+#include "core/command_line.h"
 #include "core/error.h"
+#include "core/file_lock.h"
 #include "io/recipe_reader.h"
 #include "io/scene_reader.h"
 #include "io/trajectory_file.h"
@@ -81,6 +85,18 @@ class DataSet {
   }
 
   void run() {
+    make_folder(folder_);
+    run_jobs(missing_scenes());
+    merge();
+  }
+
+ private:
+  /// Shards may run at once: one at a time looks at what is there, and merges.
+  FileLock lock() const { return FileLock::wait(folder_ / ".lock"); }
+
+  /// The scenes of this shard that the folder lacks.
+  std::vector<Job> missing_scenes() const {
+    const FileLock hold = lock();
     make_folder(folder_ / "parts");
     check_or_write_card();
     std::vector<Job> jobs;
@@ -96,11 +112,9 @@ class DataSet {
       }
     }
     if (present > 0) std::fprintf(stderr, "generate: %lld scenes are there already\n", static_cast<long long>(present));
-    run_jobs(jobs);
-    merge();
+    return jobs;
   }
 
- private:
   fs::path split_file(mpm::Split split) const { return folder_ / (std::string(mpm::name_of(split)) + ".h5"); }
   fs::path part_file(const Job& job) const {
     return folder_ / "parts" / fmt::format("{}-{:05d}.h5", mpm::name_of(job.split), job.index);
@@ -109,14 +123,16 @@ class DataSet {
   static bool is_complete(const fs::path& file) {
     if (!fs::exists(file)) return false;
     try {
-      return io::TrajectoryReader(file).complete();
+      const io::TrajectoryReader reader(file);
+      return reader.complete() && reader.attribute(0, "recovered").empty();  // a recovered one lacks frames
     } catch (const InputError&) {
       return false;  // a damaged part is made again
     }
   }
 
-  /// dataset.json says what the folder holds; a folder of another recipe or seed is refused.
-  void check_or_write_card() {
+  /// dataset.json says what the folder holds; a folder of another recipe or seed is refused, and one of another device,
+  /// on which the same scene gives other bytes.
+  void check_or_write_card() const {
     const fs::path card = folder_ / "dataset.json";
     nlohmann::ordered_json facts = {{"recipe", nlohmann::ordered_json::parse(recipe_json_)},
                                     {"seed", options_.common.seed},
@@ -129,6 +145,10 @@ class DataSet {
         throw ConfigError(
             "'" + folder_.string() +
             "' holds a data set of another recipe or seed. Choose another --output, or remove that folder");
+      const std::string device = old.value("device", std::string(name_of(device_)));
+      if (device != name_of(device_))
+        throw ConfigError("'" + folder_.string() + "' holds a data set of another device (there " + device + ", here " +
+                          name_of(device_) + "). Use --device " + device + ", or choose another --output");
       return;
     }
     write_file_atomically(card, facts.dump(2) + "\n");
@@ -161,7 +181,8 @@ class DataSet {
       }
     }
     if (failure) std::rethrow_exception(failure);
-    stop_if_interrupted();
+    stop_if_interrupted("; run the same command again to go on");
+    if (done == static_cast<int64_t>(jobs.size())) progress.done();
   }
 
   void run_job(const Job& job) {
@@ -218,21 +239,25 @@ class DataSet {
     const std::lock_guard hold(log_lock);
     const nlohmann::ordered_json line = {
         {"split", mpm::name_of(job.split)}, {"index", job.index}, {"attempt", attempt}, {"redrawn_because", reason}};
-    std::FILE* log = std::fopen((folder_ / "redrawn.jsonl").c_str(), "a");
-    if (log != nullptr) {
-      std::fprintf(log, "%s\n", line.dump().c_str());
-      std::fclose(log);
-    }
+    const std::string path = folder_ / "redrawn.jsonl";
+    std::FILE* log = std::fopen(path.c_str(), "a");
+    const bool written = log != nullptr && std::fprintf(log, "%s\n", line.dump().c_str()) > 0;
+    const bool closed = log != nullptr && std::fclose(log) == 0;
+    if (!written || !closed)
+      throw IoError("cannot write to '" + path + "' (" + std::strerror(errno) +
+                    "). Free space on that disk, or choose a folder you may write to");
     std::fprintf(stderr, "generate: %s scene %lld diverged and is redrawn (%s)\n", mpm::name_of(job.split),
                  static_cast<long long>(job.index), reason.c_str());
   }
 
   void merge() {
+    const FileLock hold = lock();
     nlohmann::ordered_json result = {{"folder", folder_.string()}};
     bool whole = true;
     for (const mpm::Split split : all_splits) {
       const int64_t count = count_of(recipe_, split);
       if (count == 0 || is_complete(split_file(split))) {
+        remove_parts(split);  // of a run that was killed after the merge
         result[mpm::name_of(split)] = count;
         continue;
       }
@@ -247,18 +272,24 @@ class DataSet {
         continue;
       }
       io::merge_trajectories(parts, split_file(split));
-      for (const std::string& part : parts) fs::remove(part);
+      remove_parts(split);
       result[mpm::name_of(split)] = count;
     }
     result["complete"] = whole;
     if (whole) {
-      fs::remove(folder_ / "parts");
+      std::error_code not_empty;  // while another run of the same shard is at work
+      fs::remove(folder_ / "parts", not_empty);
       if (recipe_.counts.train > 0)
         io::write_data_set_metadata(folder_, mpm::draw_scene(recipe_, options_.common.seed, mpm::Split::train, 0),
                                     options_.connectivity_radius);
       std::fprintf(stderr, "generate: '%s' is complete\n", folder_.c_str());
     }
     options_.common.write_json(result);
+    if (whole) fs::remove(folder_ / ".lock");
+  }
+
+  void remove_parts(mpm::Split split) const {
+    for (int64_t i = 0; i < count_of(recipe_, split); ++i) fs::remove(part_file({split, i}));
   }
 
   const GenerateOptions& options_;
@@ -286,10 +317,10 @@ void add_generate(CLI::App& app) {
       ->allow_extra_args(false);
   verb->add_option("--shard", options->shard, "Make every N-th scene, from I on: I/N")->capture_default_str();
   verb->add_option("--minutes", options->minutes, "Start no scene after this time (0: no limit)")
-      ->check(CLI::NonNegativeNumber);
+      ->check(real_number(LowerBound::zero));
   verb->add_option("--connectivity-radius", options->connectivity_radius,
                    "Written to metadata.json for graph networks [m]")
-      ->check(CLI::PositiveNumber)
+      ->check(real_number(LowerBound::above_zero))
       ->capture_default_str();
   options->common.add_to(*verb);
   verb->footer(

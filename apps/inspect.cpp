@@ -76,6 +76,7 @@ Json inspect_trajectory(const std::string& file) {
                     {"made_by", t.made_by},
                     {"diverged_at_frame", t.diverged_at_frame},
                     {"has_scene", !t.scene_json.empty()}});
+    if (!reader.attribute(i, "recovered").empty()) list.back()["recovered"] = true;
   }
   return {{"kind", "trajectory"}, {"complete", reader.complete()}, {"trajectories", list}};
 }
@@ -102,7 +103,8 @@ Json recover(const std::string& file) {
   const std::string whole = file.ends_with(".part") ? file.substr(0, file.size() - 5) : file;
   const int64_t frames = io::recover_part_file(whole, true);
   if (frames == 0)
-    throw InputError("no frame of '" + whole + ".part' could be recovered (the run was ended before its first flush)");
+    throw InputError("no frame of '" + whole +
+                     ".part' could be recovered (the run was ended before its first flush). Run it again");
   return {{"kind", "recovered"}, {"file", whole}, {"frames", frames}};
 }
 
@@ -147,7 +149,7 @@ void add_inspect(CLI::App& app) {
   CLI::App* verb = app.add_subcommand("inspect", "Look into a scene, trajectory, weights or .vdb file");
   verb->add_option("file", options->file, "A .json, .h5, .safetensors or .vdb file")->required();
   verb->add_flag("--recover", options->recover,
-                 "Complete FILE from FILE.part, which a killed run left: every frame whose checksums pass");
+                 "Make FILE from FILE.part, which a killed run left: every frame whose checksums pass");
   options->common.add_to(*verb);
   verb->footer("Examples:\n  graupel inspect models/hgn.safetensors\n  graupel inspect --recover steps.h5");
   verb->callback([options] { inspect(*options); });

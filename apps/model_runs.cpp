@@ -73,7 +73,7 @@ TimedRun run_as_is(const Scene& variant, const MpmRunOptions& options) {
     trajectory.frames.back().velocity.shrink_to_fit();
     progress.update(f);
   }
-  progress.done();
+  if (trajectory.diverged_at_frame < 0) progress.done();
   result.cost.frame = median(solver);
   result.cost.output = median(output);
   const auto frames_run = static_cast<double>(std::max<std::size_t>(1, solver.size()));
@@ -90,7 +90,7 @@ TimedRun run_fast(const Scene& scene, const MpmRunOptions& options) {
       .device = options.device, .precision = mpm::Precision::f32, .seed = options.seed};
   mpm::FastStep step;
   try {
-    step = mpm::find_fast_step(scene, simulation, options.frames, stop_if_interrupted);
+    step = mpm::find_fast_step(scene, simulation, options.frames, [] { stop_if_interrupted(); });
   } catch (const DivergedError&) {
     return run_as_is(scene, options);  // a stored truth's scene, which does not run here with its own step
   }
@@ -193,7 +193,7 @@ TimedRun run_network(const graph::LearnedSimulator& simulator, const Scene& scen
   };
   TimedRun result;
   result.run.trajectory = simulator.rollout(scene, surroundings, start.particle_type, past, options);
-  progress.done();
+  if (result.run.trajectory.diverged_at_frame < 0) progress.done();
   for (ParticleFrame& frame : result.run.trajectory.frames) std::vector<Vec3f>().swap(frame.velocity);
   result.run.mass = start.mass;
   result.run.volume = start.volume;

@@ -20,7 +20,9 @@ Progress::Progress(std::string label, int64_t total)
       start_(Clock::now()),
       last_print_(start_) {}
 
-Progress::~Progress() { done(); }
+Progress::~Progress() {
+  if (!finished_ && terminal_ && printed_) std::fputs("\n", stderr);
+}
 
 void Progress::update(int64_t done, const std::string& detail) {
   const auto now = Clock::now();
@@ -49,6 +51,7 @@ void Progress::print(int64_t done, const std::string& detail, bool last) {
                        100.0 * static_cast<double>(done) / static_cast<double>(total_), human_time(left),
                        detail.empty() ? "" : ", ", detail);
   }
+  printed_ = true;
   if (terminal_)
     std::fprintf(stderr, "\r\033[K%s%s", line.c_str(), last ? "\n" : "");
   else

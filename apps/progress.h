@@ -13,13 +13,14 @@ class Progress {
  public:
   /// Shows nothing when `total` is 0 or progress was switched off by set_quiet.
   Progress(std::string label, int64_t total);
+  /// Ends the line of work that was not done.
   ~Progress();
   Progress(const Progress&) = delete;
   Progress& operator=(const Progress&) = delete;
 
   /// `done` of `total` items are finished; `detail` is appended to the line.
   void update(int64_t done, const std::string& detail = "");
-  /// Ends the line.
+  /// All work is done: says so and ends the line.
   void done();
 
   static void set_quiet(bool quiet);
@@ -30,7 +31,7 @@ class Progress {
 
   std::string label_;
   int64_t total_;
-  bool terminal_, finished_ = false;
+  bool terminal_, finished_ = false, printed_ = false;
   Clock::time_point start_, last_print_;
 };
 

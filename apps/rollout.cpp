@@ -66,7 +66,7 @@ Start start_from_trajectory(const RolloutVerbOptions& options, int history) {
     throw InputError("'" + options.input +
                      "' holds no scene, so its walls and obstacles are unknown. Give the scene file instead");
   Start start;
-  start.scene = io::parse_scene(header.scene_json, options.input, ".", options.set);
+  start.scene = io::parse_stored_scene(header.scene_json, options.input, options.input, options.set);
   start.particle_type = header.particle_type;
   start.seed = header.seed;
   if (options.start == "scene") {
@@ -121,7 +121,7 @@ void rollout(RolloutVerbOptions& options) {
     progress.update(frame, fmt::format("{:.0f} ms a frame", 1e3 * timing.total()));
   };
   Trajectory trajectory = simulator.rollout(start.scene, surroundings, start.particle_type, start.history, run);
-  progress.done();
+  if (trajectory.diverged_at_frame < 0) progress.done();
   trajectory.seed = start.seed;
   trajectory.made_by = options.weights;
   io::TrajectoryWriteOptions write;

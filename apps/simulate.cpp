@@ -106,8 +106,10 @@ void simulate(SimulateOptions& options) {
   io::TrajectoryWriter writer(output, header, write);
   writer.append(run->frame());
   Progress progress(fmt::format("simulate {} ({} particles)", scene.name, run->particle_count()), scene.frames);
+  const std::string what_now =
+      fmt::format("; '{0}.part' holds the frames so far, recover them with 'graupel inspect --recover {0}'", output);
   for (int64_t f = 1; f <= scene.frames; ++f) {
-    stop_if_interrupted();
+    stop_if_interrupted(what_now);
     try {
       run->advance_frame();
     } catch (const DivergedError& error) {

@@ -6,6 +6,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <atomic>
 #include <cerrno>
 #include <cstring>
 #include <filesystem>
@@ -58,14 +59,28 @@ void sync_path(const std::string& path, int flags) {
   if (::fsync(fd.get()) != 0 && errno != EINVAL) fail("sync", path);
 }
 
-}  // namespace
+/// Creates a file beside `path` that no other thread or process writes; returns its name.
+std::string create_aside(const std::string& path) {
+  static std::atomic<int> number = 0;
+  for (;;) {
+    const std::string part = path + "." + std::to_string(::getpid()) + "-" + std::to_string(number++) + ".part";
+    const Descriptor fd(::open(part.c_str(), O_WRONLY | O_CREAT | O_EXCL, 0644));
+    if (fd.get() >= 0) return part;
+    if (errno != EEXIST) fail("create", part);
+  }
+}
 
-void finish_part_file(const std::string& path) {
-  const std::string part = path + ".part";
-  sync_path(part, O_RDONLY);
+void finish(const std::string& part, const std::string& path) {
   if (std::rename(part.c_str(), path.c_str()) != 0) fail("rename the finished file to", path);
   const std::string folder = fs::absolute(path).parent_path().string();
   sync_path(folder, O_RDONLY | O_DIRECTORY);
+}
+
+}  // namespace
+
+void finish_part_file(const std::string& path) {
+  sync_path(path + ".part", O_RDONLY);
+  finish(path + ".part", path);
 }
 
 void write_file_atomically(const std::string& path, std::string_view bytes) {
@@ -84,17 +99,17 @@ void write_file_atomically(const std::string& path, std::string_view bytes) {
     write_all(fd.get(), bytes, path);
     return;
   }
-  const std::string part = path + ".part";
+  const std::string part = create_aside(path);
   try {
-    Descriptor fd(::open(part.c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0644));
-    if (fd.get() < 0) fail("create", part);
+    Descriptor fd(::open(part.c_str(), O_WRONLY));
+    if (fd.get() < 0) fail("open", part);
     write_all(fd.get(), bytes, part);
     if (::fsync(fd.get()) != 0) fail("sync", part);
+    finish(part, path);
   } catch (...) {
     ::unlink(part.c_str());
     throw;
   }
-  finish_part_file(path);
 }
 
 std::string read_file(const std::string& path, std::size_t limit) {

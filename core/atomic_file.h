@@ -1,4 +1,4 @@
-// Whole-file writes that never leave a truncated file: written aside as `<path>.part`, synced, renamed.
+// Whole-file writes that never leave a truncated file: written aside as `<path>.*part`, synced, renamed.
 #pragma once
 
 #include <string>
@@ -8,7 +8,8 @@
 namespace graupel {
 
 /// Writes `bytes` to `path`; throws IoError naming path, system error and size (disk full, no permission).
-/// "-" is standard output; a target that exists and is not a regular file (/dev/null, a pipe) is written directly.
+/// Several processes may write one path at once: the last whole file stays. "-" is standard output; a target that
+/// exists and is not a regular file (/dev/null, a pipe) is written directly.
 void write_file_atomically(const std::string& path, std::string_view bytes);
 
 /// fsync of `path`.part, rename to `path`, fsync of the folder: the last step of any streamed writer.

@@ -6,3 +6,10 @@
 #else
 #define GRAUPEL_HD
 #endif
+
+/// Kept out of hot host loops that rarely call it.
+#if defined(__GNUC__) && !defined(__CUDA_ARCH__)
+#define GRAUPEL_COLD __attribute__((noinline, cold))
+#else
+#define GRAUPEL_COLD
+#endif

@@ -20,6 +20,7 @@ struct Surroundings {
   double normal_spacing;      ///< [m]
   Vec3d wall_low, wall_high;  ///< [m] scene.domain.origin and origin + size: the AABB of the domain
   Vec3d hold_low, hold_high;  ///< [m] where the walls hold the material (Scene::wall_low/high)
+  double way_piece;           ///< [m] pieces in which project_out follows a particle's way past obstacles
 };
 
 /// Continuous features of each particle, without the type embedding, shape [n, input_width - embedding], row-major:
@@ -36,7 +37,8 @@ int embedding_row(int32_t particle_type);
 inline constexpr int embedding_rows = 9;
 
 /// Moves particles out of obstacles and back inside the walls (in place); returns how many moved.
-/// `before` holds free positions that the particles came from: where given, a particle ends on the side it came from.
+/// `before` holds free positions that the particles came from: where given, a particle stays on the side of an obstacle
+/// that it came from, also when it would have passed through, and slides along the surface for the rest of its way.
 int64_t project_out(const Surroundings& surroundings, std::vector<Vec3f>& position);
 int64_t project_out(const Surroundings& surroundings, const std::vector<Vec3f>& before, std::vector<Vec3f>& position);
 

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "core/error.h"
+#include "graph/frame_step.h"
 
 namespace graupel::graph {
 
@@ -60,19 +61,6 @@ ParticleFrame make_frame(int64_t number, double frame_time, const std::vector<Ve
   return frame;
 }
 
-/// v' = v + a, x' = x + v' in frame units. False when a particle leaves the finite numbers or moves more than `limit`.
-bool advance(const std::vector<Vec3f>& before, const std::vector<Vec3f>& now, const std::vector<Vec3f>& acceleration,
-             float limit, std::vector<Vec3f>& next) {
-  next.resize(now.size());
-  bool usable = true;
-  for (std::size_t i = 0; i < now.size(); ++i) {
-    const Vec3f velocity = now[i] - before[i] + acceleration[i];
-    next[i] = now[i] + velocity;
-    usable = usable && norm2(velocity) <= limit * limit;  // false for NaN
-  }
-  return usable;
-}
-
 }  // namespace
 
 LearnedSimulator::LearnedSimulator(const std::string& weights_file) {
@@ -114,8 +102,6 @@ Trajectory LearnedSimulator::rollout(const Scene& scene, const Surroundings& sur
   check_fit(config(), scene, surroundings, weights_->file);
   check_start(start, needed, particle_type.size());
   std::vector<std::vector<Vec3f>> history(start.end() - static_cast<std::ptrdiff_t>(needed), start.end());
-  const Vec3d& size = scene.domain.size;
-  const auto limit = static_cast<float>(std::max({size[0], size[1], size[2]}));
 
   Trajectory trajectory;
   trajectory.particle_type = particle_type;
@@ -128,7 +114,7 @@ Trajectory LearnedSimulator::rollout(const Scene& scene, const Surroundings& sur
   for (int64_t frame = 1; frame <= options.frames; ++frame) {
     FrameTiming timing;
     const std::vector<Vec3f> acceleration = one_step(surroundings, particle_type, history, &timing);
-    if (!advance(history[needed - 2], history[needed - 1], acceleration, limit, next)) {
+    if (!step_frame(scene, history[needed - 2], history[needed - 1], acceleration, next)) {
       trajectory.diverged_at_frame = frame;
       break;
     }

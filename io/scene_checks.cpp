@@ -67,14 +67,15 @@ JsonNode& file_node(ConfigDocument& document, const char* list, std::size_t inde
   return *document.root.find(list)->items[index].find("file");
 }
 
-void load_body(ConfigDocument& document, const char* list, std::size_t index, const fs::path& folder, Body& body) {
+void load_body(ConfigDocument& document, const char* list, std::size_t index, const GeometryFinder& finder,
+               Body& body) {
   if (body.shape != Shape::mesh && body.shape != Shape::vdb && body.shape != Shape::points) return;
   const std::string where = body_place(document, list, index, "file").text();
   const std::string given = body.file;
-  body.file = fs::absolute(folder / body.file).lexically_normal().string();
+  body.file = finder.find(given);
   if (!fs::is_regular_file(body.file))
     throw InputError(where + " names a file that does not exist (\"" + given + "\", looked for at '" + body.file +
-                     "'). Paths are relative to the scene file; correct the path or add the file");
+                     "'). " + finder.remedy(given));
   try {
     if (body.shape == Shape::mesh) body.mesh = std::make_shared<const TriangleMesh>(read_mesh(body.file, body.scale));
     if (body.shape == Shape::points)
@@ -103,10 +104,10 @@ void check_scene(const ConfigDocument& document, const Scene& scene) {
   }
 }
 
-void load_geometry(ConfigDocument& document, const std::string& folder, Scene& scene) {
-  for (std::size_t i = 0; i < scene.sources.size(); ++i) load_body(document, "sources", i, folder, scene.sources[i]);
+void load_geometry(ConfigDocument& document, const GeometryFinder& finder, Scene& scene) {
+  for (std::size_t i = 0; i < scene.sources.size(); ++i) load_body(document, "sources", i, finder, scene.sources[i]);
   for (std::size_t i = 0; i < scene.obstacles.size(); ++i)
-    load_body(document, "obstacles", i, folder, scene.obstacles[i]);
+    load_body(document, "obstacles", i, finder, scene.obstacles[i]);
 }
 
 }  // namespace graupel::io

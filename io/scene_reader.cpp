@@ -2,9 +2,12 @@
 #include "io/scene_reader.h"
 
 #include <filesystem>
+#include <iomanip>
+#include <sstream>
 
 #include "core/atomic_file.h"
 #include "io/config_description.h"
+#include "io/geometry_finder.h"
 #include "io/material_start.h"
 #include "io/scene_checks.h"
 
@@ -32,6 +35,35 @@ Scene example_scene() {
   return scene;
 }
 
+/// Six digits are more than any of these constants is known to.
+std::string preset_value(const JsonNode& value) {
+  if (value.kind != JsonNode::Kind::real)
+    return value.text.empty() ? write_json(value, JsonLayout::compact) : value.text;
+  std::ostringstream text;
+  text << std::setprecision(6) << value.real;
+  return text.str();
+}
+
+/// Table of the material presets.
+std::string preset_markdown() {
+  std::string text =
+      "\n## Material presets\n\n`taichi_*` are the constants of Taichi Elements, `nsf_*`, `crom_*` and `licrom_*` "
+      "those "
+      "of the papers on reduced\nmodels, `claymore_*` those of the cubes by which claymore is measured; "
+      "docs/method.md says what those papers leave open.\n\n| Preset | Model | Constants |\n|---|---|---|\n";
+  for (const std::string& name : material_preset_names()) {
+    const MaterialConfig preset = *material_preset(name);
+    std::string constants;
+    for (const auto& member : json_of(preset).members)
+      if (member.key != "preset" && member.key != "model") {
+        constants += constants.empty() ? "" : ", ";
+        constants += "`" + member.key + "` " + preset_value(member.value);
+      }
+    text += "| `" + name + "` | " + word_of(preset.model) + " | " + constants + " |\n";
+  }
+  return text;
+}
+
 /// Self-contained text: overrides applied, absolute paths, no link to an editor's schema.
 std::string source_text(const ConfigDocument& document) {
   JsonNode copy = JsonNode::object();
@@ -40,16 +72,26 @@ std::string source_text(const ConfigDocument& document) {
   return write_json(copy, JsonLayout::compact);
 }
 
+Scene parse(const std::string& text, const std::string& name, const GeometryFinder& finder,
+            const std::vector<std::string>& overrides) {
+  ConfigDocument document = ConfigDocument::parse(text, name, overrides);
+  Scene scene = read_config<Scene>(document);
+  check_scene(document, scene);
+  load_geometry(document, finder, scene);
+  scene.source = source_text(document);
+  return scene;
+}
+
 }  // namespace
 
 Scene parse_scene(const std::string& text, const std::string& name, const std::string& folder,
                   const std::vector<std::string>& overrides) {
-  ConfigDocument document = ConfigDocument::parse(text, name, overrides);
-  Scene scene = read_config<Scene>(document);
-  check_scene(document, scene);
-  load_geometry(document, folder, scene);
-  scene.source = source_text(document);
-  return scene;
+  return parse(text, name, SceneFolder(folder), overrides);
+}
+
+Scene parse_stored_scene(const std::string& text, const std::string& name, const std::string& file,
+                         const std::vector<std::string>& overrides) {
+  return parse(text, name, AroundTrajectory(file), overrides);
 }
 
 Scene read_scene(const std::string& path, const std::vector<std::string>& overrides) {
@@ -77,7 +119,7 @@ std::string scene_format_markdown() {
          "16 cells along each edge inside its walls and at most 2^21 cells along an edge. A material starts from its\n"
          "`preset`, then its other keys apply.\n\n"
          "This file is made from the declarations in `core/scene.h` and `core/material_config.h`.\n" +
-         description_markdown(describe<Scene>(), "Top level");
+         description_markdown(describe<Scene>(), "Top level") + preset_markdown();
 }
 
 std::string scene_schema_json() { return description_schema(describe<Scene>(), "Graupel scene"); }

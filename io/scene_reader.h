@@ -17,6 +17,11 @@ Scene read_scene(const std::string& path, const std::vector<std::string>& overri
 Scene parse_scene(const std::string& text, const std::string& name, const std::string& folder,
                   const std::vector<std::string>& overrides = {});
 
+/// The scene that the trajectory or data-set file `file` stores. Its geometry has absolute paths; where a file is not
+/// there any more, the end of its path is looked for beside `file` and in the folders above it, and its name beside it.
+Scene parse_stored_scene(const std::string& text, const std::string& name, const std::string& file,
+                         const std::vector<std::string>& overrides = {});
+
 /// The scene as JSON that parse_scene reads back to the same scene (every field, defaults included).
 std::string scene_to_json(const Scene& scene);
 

@@ -24,7 +24,8 @@ struct TrajectoryWriteOptions {
 /// Streams one trajectory to a file. A destructor without finish() leaves the .part file with every flushed frame.
 class TrajectoryWriter {
  public:
-  /// `header` gives particle_type, frame_time, scene_json, seed, made_by (its frames are ignored).
+  /// Throws IoError also when another run writes the same path. `header` gives particle_type, frame_time, scene_json,
+  /// seed, made_by (its frames are ignored).
   TrajectoryWriter(const std::string& path, const Trajectory& header, const TrajectoryWriteOptions& options = {});
   ~TrajectoryWriter();
   /// Throws IoError (disk full: bytes needed and where).
@@ -63,7 +64,8 @@ class TrajectoryReader {
 };
 
 /// Recovers `path`.part after a kill: keeps the frames whose checksums pass, returns their number (0: nothing usable).
-/// With `finish`, completes and renames the file.
+/// With `finish`, completes and renames the file; its trajectory then has the attribute recovered = "1". Throws
+/// InputError, with the cause, for a file that another run still writes or that cannot be read.
 int64_t recover_part_file(const std::string& path, bool finish);
 
 /// Merges single-trajectory files into one data-set file with groups /00000.. in the given order (raw chunk copy).

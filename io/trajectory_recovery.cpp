@@ -2,9 +2,10 @@
 #include <cmath>
 #include <filesystem>
 
-#include "core/atomic_file.h"
 #include "core/error.h"
+#include "core/file_lock.h"
 #include "io/hdf5_dataset.h"
+#include "io/part_file.h"
 #include "io/trajectory_file.h"
 #include "io/trajectory_layout.h"
 
@@ -93,6 +94,7 @@ void rewrite(const PartFile& part, const std::string& path) {
   for (const std::string& name : hdf5::attribute_names(part.group))
     if (name != "scene_json" && name != "made_by")
       if (const auto value = hdf5::string_attribute(part.group, name)) writer.attribute(name, *value);
+  writer.attribute("recovered", "1");
   for_usable_frames(part, [&](const ParticleFrame& frame) { writer.append(frame); });
   writer.finish();
 }
@@ -123,14 +125,19 @@ int64_t recover_part_file(const std::string& path, bool finish) {
   const std::string part_path = path + ".part";
   if (!fs::is_regular_file(part_path))
     throw InputError("there is no '" + part_path + "' to recover. Name the file the killed run was to write");
+  const auto hold = FileLock::attempt(part_path, LockKind::shared);
+  if (!hold)
+    throw InputError("'" + part_path + "' is still being written by another run. Wait until it ends, or stop it");
   int64_t usable = 0;
+  if (fs::file_size(part_path) == 0) return 0;  // killed before the first flush
   try {
     PartFile part = open_part(part_path);
     usable = for_usable_frames(part, [](const ParticleFrame&) {});
     if (usable == 0 || !finish) return usable;
     rewrite(part, path);
-  } catch (const hdf5::Failure&) {
-    return 0;  // killed before the first flush
+  } catch (const hdf5::Failure& failure) {
+    throw InputError("cannot recover '" + part_path + "' (" + failure.what() +
+                     "). It is damaged or of another kind; run it again");
   }
   fs::rename(path + ".recovered", path);
   fs::remove(part_path);
@@ -146,7 +153,7 @@ void merge_trajectories(const std::vector<std::string>& parts, const std::string
     if (!code) bytes += size;
   }
   try {
-    hdf5::Handle out = hdf5::create_file(path + ".part");
+    hdf5::Handle out = create_part_file(path + ".part");
     hdf5::write_attribute(out, "format", trajectory_format);
     hdf5::write_attribute(out, "format_version", trajectory_format_version);
     hdf5::write_attribute(out, "complete", int64_t(0));
@@ -154,13 +161,12 @@ void merge_trajectories(const std::vector<std::string>& parts, const std::string
     hdf5::check(H5Fflush(out, H5F_SCOPE_LOCAL), "cannot flush");
     hdf5::write_attribute(out, "complete", int64_t(1));
     hdf5::check(H5Fflush(out, H5F_SCOPE_LOCAL), "cannot flush");
-    out.close("cannot close the file");
+    finish_part_file(out, path);
   } catch (const hdf5::Failure& failure) {
     throw IoError("cannot merge " + std::to_string(parts.size()) + " trajectories into '" + path + "' (" +
                   std::to_string(bytes) + " bytes needed; " + failure.what() +
                   "). Free space on that disk or choose another folder");
   }
-  finish_part_file(path);
 }
 
 }  // namespace graupel::io

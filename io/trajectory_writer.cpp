@@ -1,17 +1,13 @@
 // Streams a trajectory to HDF5. Whole chunks only are written, once each, and metadata leaves memory at flushes only:
 // a kill can cost the frames since the last flush, never earlier ones.
-#include <fcntl.h>
 #include <sys/statvfs.h>
-#include <unistd.h>
 
 #include <algorithm>
-#include <cerrno>
-#include <cstring>
 #include <filesystem>
 
-#include "core/atomic_file.h"
 #include "core/error.h"
 #include "io/hdf5_dataset.h"
+#include "io/part_file.h"
 #include "io/trajectory_file.h"
 #include "io/trajectory_layout.h"
 
@@ -34,13 +30,6 @@ std::string remedy(const std::string& folder, uint64_t needed, const std::string
     return "(disk full: " + std::to_string(needed) + " bytes needed, " + std::to_string(free_bytes) +
            " free). Free space on that disk or choose another folder";
   return "(" + problem + "). Check the disk or choose another folder";
-}
-
-void create_empty(const std::string& part) {
-  const int fd = ::open(part.c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0644);
-  if (fd < 0)
-    throw IoError("cannot create '" + part + "' (" + std::strerror(errno) + "). Choose a folder you may write to");
-  ::close(fd);
 }
 
 }  // namespace
@@ -116,7 +105,7 @@ void TrajectoryWriter::Impl::write_header(const Trajectory& header) {
 void TrajectoryWriter::Impl::start(const Trajectory& header) {
   particles = header.particle_count();
   choose_chunks();
-  file = hdf5::create_file(part);
+  file = create_part_file(part);
   group = hdf5::create_group(file, trajectory_group(options.group));
   write_header(header);
   position = frames_dataset("position", "m", "Particle positions [frame, particle, axis]");
@@ -179,7 +168,7 @@ void TrajectoryWriter::Impl::close_all(int64_t diverged_at_frame) {
   group.close("cannot close a group");
   hdf5::write_attribute(file, "complete", int64_t(1));
   flush();
-  file.close("cannot close the file");
+  finish_part_file(file, path);
 }
 
 TrajectoryWriter::TrajectoryWriter(const std::string& path, const Trajectory& header,
@@ -192,7 +181,6 @@ TrajectoryWriter::TrajectoryWriter(const std::string& path, const Trajectory& he
   impl_->path = path;
   impl_->part = path + ".part";
   impl_->options = options;
-  create_empty(impl_->part);
   impl_->guarded("start", [&] { impl_->start(header); });
 }
 
@@ -226,7 +214,6 @@ void TrajectoryWriter::finish(int64_t diverged_at_frame) {
   GRAUPEL_ASSERT(!impl_->closed);
   impl_->guarded("finish", [&] { impl_->close_all(diverged_at_frame); });
   impl_->closed = true;
-  finish_part_file(impl_->path);
 }
 
 }  // namespace graupel::io

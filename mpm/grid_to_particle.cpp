@@ -35,6 +35,7 @@ struct GatherBlock {
     const Vec<int, 3> block = view.grid.block_of(view.blocks.home_key[home]);
     for (int32_t i = view.blocks.start[home]; i < view.blocks.start[home + 1]; ++i) {
       const int64_t slot = view.blocks.order[i];
+      if (view.is_stationary(slot)) continue;
       const auto place = arena_place(view.grid.local(p.position.vec(slot)), block);
       Vec<T, 3> v;
       Mat<T, 3> C;
@@ -52,6 +53,7 @@ struct GatherParticle {
 
   GRAUPEL_HD void operator()(int64_t slot) const {
     const ParticleView<T>& p = view.particles;
+    if (view.is_stationary(slot)) return;
     const int64_t home = view.blocks.home_of_key[view.keys[slot]];
     const Vec<int, 3> block = view.grid.block_of(view.blocks.home_key[home]);
     const auto place = arena_place(view.grid.local(p.position.vec(slot)), block);

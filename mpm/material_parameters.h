@@ -10,15 +10,26 @@ template <typename T>
 struct MaterialParameters {
   MaterialModel model;
   VolumeCorrection volume_correction;
+  EquationOfState equation_of_state;
+  Elasticity elasticity;
+  HardeningUpdate hardening_update;
   T density;               ///< rho0 [kg/m^3]
   T bulk_modulus;          ///< K [Pa], water
+  T tait_exponent;         ///< gamma, water
+  T viscosity;             ///< dynamic [Pa s], water
   T lambda, mu;            ///< Lame constants [Pa]
   T elastic_speed;         ///< sqrt((lambda + 2 mu) / rho0); water: sqrt(K / rho0) [m/s]
   T friction;              ///< alpha = sqrt(2/3) 2 sin(phi) / (3 - sin(phi)), sand
+  T cohesion_length;       ///< |dev eps| that cohesion holds without pressure, sand
+  T tension_limit;         ///< c cot(phi) [Pa], sand
   T critical_compression;  ///< theta_c, snow
   T critical_stretch;      ///< theta_s, snow
   T hardening;             ///< xi, snow
   T max_hardening;         ///< cap of h, 0 for none
+  T yield_strength;        ///< sqrt(2/3) sigma_Y: bound of |dev tau| [Pa]
+  T hardening_slope;       ///< its change with equivalent plastic strain [Pa], below 0 for softening
+  T flow_consistency;      ///< eta: excess of |dev tau| = eta |plastic rate|^n [Pa s^n]
+  T flow_index;            ///< n
 };
 
 /// Constants of a material as a scene names it.
@@ -26,21 +37,37 @@ template <typename T>
 MaterialParameters<T> material_parameters(const MaterialConfig& config) {
   const double E = config.youngs_modulus, nu = config.poissons_ratio;
   const double lambda = E * nu / ((1 + nu) * (1 - 2 * nu)), mu = E / (2 * (1 + nu));
-  const double sine = std::sin(config.friction_angle * 3.14159265358979323846 / 180);
-  const bool water = config.model == MaterialModel::water;
+  const double phi = config.friction_angle * 3.14159265358979323846 / 180, sine = std::sin(phi);
+  const double stiffness = config.model == MaterialModel::water        ? config.bulk_modulus
+                           : config.model == MaterialModel::stationary ? 0
+                                                                       : lambda + 2 * mu;
+  const double slope = config.model == MaterialModel::metal  ? config.hardening_modulus
+                       : config.model == MaterialModel::cake ? -config.softening_modulus
+                                                             : 0;
   MaterialParameters<T> m{};
   m.model = config.model;
   m.volume_correction = config.volume_correction;
+  m.equation_of_state = config.equation_of_state;
+  m.elasticity = config.elasticity;
+  m.hardening_update = config.hardening_update;
   m.density = static_cast<T>(config.density);
   m.bulk_modulus = static_cast<T>(config.bulk_modulus);
+  m.tait_exponent = static_cast<T>(config.tait_exponent);
+  m.viscosity = static_cast<T>(config.model == MaterialModel::water ? config.viscosity : 0);
   m.lambda = static_cast<T>(lambda);
   m.mu = static_cast<T>(mu);
-  m.elastic_speed = static_cast<T>(std::sqrt((water ? config.bulk_modulus : lambda + 2 * mu) / config.density));
+  m.elastic_speed = static_cast<T>(std::sqrt(stiffness / config.density));
   m.friction = static_cast<T>(std::sqrt(2.0 / 3) * 2 * sine / (3 - sine));
+  m.cohesion_length = static_cast<T>(std::sqrt(6.0) * 2 * std::cos(phi) / (3 - sine) * config.cohesion / (2 * mu));
+  m.tension_limit = static_cast<T>(config.cohesion > 0 ? std::fmin(config.cohesion / std::tan(phi), 1e30) : 0);
   m.critical_compression = static_cast<T>(config.critical_compression);
   m.critical_stretch = static_cast<T>(config.critical_stretch);
   m.hardening = static_cast<T>(config.hardening);
   m.max_hardening = static_cast<T>(config.max_hardening);
+  m.yield_strength = static_cast<T>(std::sqrt(2.0 / 3) * config.yield_stress);
+  m.hardening_slope = static_cast<T>(std::sqrt(2.0 / 3) * slope);
+  m.flow_consistency = static_cast<T>(config.consistency * std::pow(2.0, (1 + config.flow_index) / 2));
+  m.flow_index = static_cast<T>(config.flow_index);
   return m;
 }
 
@@ -56,6 +83,39 @@ GRAUPEL_HD inline Mat<T, D> spectral(const Mat<T, D>& U, const Vec<T, D>& values
       m(c, r) = s;
     }
   return m;
+}
+
+template <typename T, int D>
+GRAUPEL_HD inline T sum_of(const Vec<T, D>& values) {
+  T sum = 0;
+  for (int i = 0; i < D; ++i) sum += values[i];
+  return sum;
+}
+
+/// The values less their mean.
+template <typename T, int D>
+GRAUPEL_HD inline Vec<T, D> deviator_of(const Vec<T, D>& values) {
+  return values - Vec<T, D>::filled(sum_of(values) / T(D));
+}
+
+/// Upper bound of the largest squared singular value of F, exact where the others are equal (Wolkowicz and Styan 1980
+/// for B = F F^T: tr B / D + sqrt((D - 1)/D) |dev B|).
+template <typename T, int D>
+GRAUPEL_HD inline T largest_stretch2_bound(const Mat<T, D>& F) {
+  T trace = 0, squares = 0, products = 0;
+  for (int r = 0; r < D; ++r) {
+    T b = 0;
+    for (int i = 0; i < D; ++i) b += F(r, i) * F(r, i);
+    trace += b;
+    squares += b * b;
+    for (int c = 0; c < r; ++c) {
+      T off = 0;
+      for (int i = 0; i < D; ++i) off += F(r, i) * F(c, i);
+      products += off * off;
+    }
+  }
+  const T mean = trace / T(D), dev2 = squares + T(2) * products - T(D) * mean * mean;
+  return mean + std::sqrt(dev2 > T(0) ? dev2 * T(D - 1) / T(D) : T(0));
 }
 
 }  // namespace graupel::mpm

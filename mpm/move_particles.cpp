@@ -37,7 +37,8 @@ GRAUPEL_HD inline void survey_particle(const SolverView<T>& view, int64_t slot, 
     return;
   }
   if (static_cast<double>(speed2) > found.largest_speed2) found.largest_speed2 = static_cast<double>(speed2);
-  const Mat<T, 3> F = m.model == MaterialModel::jelly ? load_matrix<T, 3>(p.deformation_gradient, slot) : Mat<T, 3>{};
+  const Mat<T, 3> F =
+      sound_speed_needs_deformation(m.model) ? load_matrix<T, 3>(p.deformation_gradient, slot) : Mat<T, 3>{};
   const T c = sound_speed(m, F, internal);
   if (static_cast<double>(c) > found.largest_sound_speed) found.largest_sound_speed = static_cast<double>(c);
   if (c * dt > view.grid.dx) ++found.over_courant;
@@ -78,6 +79,7 @@ struct MoveSlots {
 
   GRAUPEL_HD void move(int64_t slot, Survey& found) const {
     const ParticleView<T>& p = view.particles;
+    if (view.is_stationary(slot)) return;
     const Vec<T, 3> before = p.position.vec(slot), step = dt * p.velocity.vec(slot);
     for (int d = 0; d < 3; ++d)
       if (!(std::abs(step[d]) <= view.grid.dx)) {  // also NaN: such a particle stays where it is

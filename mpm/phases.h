@@ -34,6 +34,12 @@ struct SolverView {
   T* nodes;       ///< [node blocks, 64, 4]: momentum, then velocity; mass
   int32_t* keys;  ///< [n] home block of each slot
   uint8_t* keys_changed;
+  bool some_stationary;  ///< whether any material is stationary
+
+  /// Whether a particle keeps its place and velocity whatever the grid does.
+  GRAUPEL_HD bool is_stationary(int64_t slot) const {
+    return some_stationary && materials[particles.material.get(slot)].model == MaterialModel::stationary;
+  }
 };
 
 /// What a pass over some particles found. Sums are added and bounds are merged in a fixed order.

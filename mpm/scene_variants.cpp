@@ -1,9 +1,26 @@
 // The cheaper form of a scene that learned models are measured against: a coarser grid (fast_step.h has larger steps).
 #include <algorithm>
 
+#include "core/random.h"
 #include "mpm/simulation.h"
 
 namespace graupel::mpm {
+
+namespace {
+
+/// One point at random of every eight, or about eight, that follow one another: at 2 dx each stands for eight times the
+/// volume.
+std::shared_ptr<const std::vector<Vec3d>> every_eighth(const std::vector<Vec3d>& points, const Random& random) {
+  std::vector<Vec3d> kept;
+  const std::size_t n = points.size(), groups = n == 0 ? 0 : std::max<std::size_t>(1, (n + 4) / 8);
+  for (std::size_t g = 0; g < groups; ++g) {
+    const std::size_t first = g * n / groups, end = (g + 1) * n / groups;
+    kept.push_back(points[first + random.integer(g, 0, static_cast<uint32_t>(end - first))]);
+  }
+  return std::make_shared<const std::vector<Vec3d>>(std::move(kept));
+}
+
+}  // namespace
 
 /// The walls stay where they are: the domain's faces move, so that the walls are again a whole number of cells inside.
 Scene coarse_variant(const Scene& scene) {
@@ -17,6 +34,11 @@ Scene coarse_variant(const Scene& scene) {
   coarse.obstacle_voxel = scene.voxel();
   coarse.obstacle_band = std::max(scene.band(), 4 * coarse.domain.dx);
   coarse.time_step.substeps_per_frame = std::max<int64_t>(1, (scene.time_step.substeps_per_frame + 1) / 2);
+  for (std::size_t s = 0; s < coarse.sources.size(); ++s) {
+    Source& source = coarse.sources[s];
+    if (source.shape == Shape::points && source.points)
+      source.points = every_eighth(*source.points, Random(scene.seed, RandomPurpose::particle_position, s));
+  }
   return coarse;
 }
 

@@ -28,6 +28,7 @@ SampledParticles checked_particles(const Scene& scene, const SimulationOptions& 
                                    const sparsegrid::ObstacleSet& obstacles) {
   if (options.precision == Precision::f64 && options.device != Device::cpu)
     throw ConfigError("double precision runs on the CPU only. Use --device cpu or single precision");
+  for (const auto& [name, material] : scene.materials) check_material(material);
   SampledParticles particles = sample_sources(scene, options.seed);
   check_start(scene, particles, obstacles);
   return particles;

@@ -48,6 +48,10 @@ Solver<T>::Solver(const Scene& scene, const SimulationOptions& options, const Sa
     parameters.push_back(material_parameters<T>(material_configs_.back()));
   }
   materials_.upload(parameters);
+  for (const MaterialConfig& m : material_configs_) {
+    some_stationary_ = some_stationary_ || m.model == MaterialModel::stationary;
+    if (m.model == MaterialModel::water) diffusivity_ = std::max(diffusivity_, m.viscosity / m.density);
+  }
   for (const int32_t m : sampled.material) particle_type_.push_back(particle_type_of(material_configs_[m].model));
   const auto n = static_cast<int64_t>(sampled.position.size());
   particles_ = upload_particles(initial_particles<T>(sampled, material_configs_), options.device);
@@ -161,7 +165,8 @@ SolverView<T> Solver<T>::view() const {
           self.arenas_.data(),
           self.nodes_.data(),
           self.blocks_.keys(),
-          self.blocks_.changed_flag()};
+          self.blocks_.changed_flag(),
+          some_stationary_};
 }
 
 template <typename T>

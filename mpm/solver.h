@@ -38,7 +38,7 @@ class Solver final : public Simulation {
   SolverView<T> view() const;
   void sort_particles();
   int64_t memory_bytes() const;
-  StateSpeeds speeds() const { return {std::sqrt(survey_.largest_speed2), survey_.largest_sound_speed}; }
+  StateSpeeds speeds() const { return {std::sqrt(survey_.largest_speed2), survey_.largest_sound_speed, diffusivity_}; }
 
  private:
   void reorder_particles();
@@ -50,6 +50,8 @@ class Solver final : public Simulation {
   sparsegrid::ObstacleSet obstacles_;
   std::vector<MaterialConfig> material_configs_;
   std::vector<int32_t> particle_type_;
+  bool some_stationary_ = false;
+  double diffusivity_ = 0;  ///< largest kinematic viscosity [m^2/s]
 
   GridGeometry<T, 3> grid_;
   WallView<T> walls_;

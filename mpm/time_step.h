@@ -1,15 +1,18 @@
 // Step size: fixed, or from the sound speed of the present state and the particles' speed,
-//   dt = courant dx / (max |v| + max c).
+//   1/dt = (max |v| + max c) / (courant dx) + 6 nu / dx^2,
+// whose second term is the limit of explicit diffusion of the momentum by the kinematic viscosity nu in three
+// dimensions. Yield and Herschel-Bulkley flow are implicit and set no limit of their own.
 #pragma once
 
 #include "core/scene.h"
 
 namespace graupel::mpm {
 
-/// Fastest motion and fastest wave of a state.
+/// Fastest motion, wave and diffusion of a state.
 struct StateSpeeds {
   double speed = 0;        ///< max |v| [m/s]
   double sound_speed = 0;  ///< max c [m/s]
+  double diffusivity = 0;  ///< max nu [m^2/s]
 };
 
 /// Largest step that the policy allows for this state [s]; for the fixed policy the frame's equal share.

@@ -17,7 +17,7 @@ class UpdateTile {
     const int64_t first = index * tile;
     const int count = static_cast<int>(view_.particles.count - first < tile ? view_.particles.count - first : tile);
     MatrixTile<T> trial;
-    if (!make_trial(first, count, trial)) return map_water(first, count);
+    if (!make_trial(first, count, trial)) return map_without_svd(first, count);
     SvdTile<T> decomposition;
     svd_tile(trial, decomposition);
     for (int l = 0; l < count; ++l) map_particle(first + l, decomposition.lane(l));
@@ -35,8 +35,8 @@ class UpdateTile {
         const MaterialParameters<T>& m = view_.materials[p.material.get(slot)];
         const Mat<T, 3> C = load_matrix<T, 3>(p.affine_velocity, slot);
         T internal = p.internal.get(slot);
-        if (needs_svd(m.model)) {
-          needed = true;
+        if (keeps_deformation(m.model)) {
+          needed = needed || needs_svd(m.model);
           F = load_matrix<T, 3>(p.deformation_gradient, slot);
           trial_deformation(m, dt_, C, F, internal);
           store_matrix<T, 3>(p.deformation_gradient, slot, F);
@@ -51,10 +51,15 @@ class UpdateTile {
     return needed;
   }
 
-  void map_water(int64_t first, int count) const {
+  void map_without_svd(int64_t first, int count) const {
     const ParticleView<T>& p = view_.particles;
     for (int l = 0; l < count; ++l) {
-      const T s = water_stress(view_.materials[p.material.get(first + l)], p.internal.get(first + l));
+      const MaterialParameters<T>& m = view_.materials[p.material.get(first + l)];
+      if (m.model != MaterialModel::water || m.viscosity > T(0)) {
+        map_particle(first + l, Svd<T, 3>{});
+        continue;
+      }
+      const T s = water_stress(m, p.internal.get(first + l));
       p.stress.set_vec(first + l, {s, s, s, T(0), T(0), T(0)});
     }
   }
@@ -64,9 +69,11 @@ class UpdateTile {
     const MaterialParameters<T>& m = view_.materials[p.material.get(slot)];
     Mat<T, 3> F = load_matrix<T, 3>(p.deformation_gradient, slot);
     T internal = p.internal.get(slot);
-    store_symmetric(p.stress, slot, map_and_stress(m, d, F, internal));
+    Mat<T, 3> tau = map_and_stress(m, dt_, d, F, internal);
+    if (m.viscosity > T(0)) tau += viscous_stress(m, load_matrix<T, 3>(p.affine_velocity, slot), internal);
+    store_symmetric(p.stress, slot, tau);
     p.internal.set(slot, internal);
-    if (needs_svd(m.model)) store_matrix<T, 3>(p.deformation_gradient, slot, F);
+    if (keeps_deformation(m.model)) store_matrix<T, 3>(p.deformation_gradient, slot, F);
   }
 
   SolverView<T> view_;

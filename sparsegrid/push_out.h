@@ -80,7 +80,8 @@ GRAUPEL_HD Vec<T, 3> last_free_point(const ObstacleSetView& set, const Vec<T, 3>
 }  // namespace lookup
 
 /// Moves x [m] into the box low..high and out of every obstacle; returns whether x changed. When `x_before` is free
-/// (in the box, phi >= 0), so is the result. A point is put back on the side it came from, also at thin plates.
+/// (in the box, phi >= 0), so is the result. A point that ends in a plate is put back on the side it came from; one
+/// that ends free stays, whatever lies on its way: longer ways than obstacles are thick must be taken in pieces.
 template <typename T>
 GRAUPEL_HD bool push_out(const ObstacleSetView& set, const Vec<T, 3>& low, const Vec<T, 3>& high,
                          const Vec<T, 3>& x_before, Vec<T, 3>& x) {

@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <filesystem>
 #include <map>
 #include <mutex>
 
@@ -114,14 +113,13 @@ void DataSplit::build_contexts(const DataSplitOptions& options) {
   for (std::size_t i = 0; i < info_.size(); ++i) users[scene_json_[i]].push_back(i);
   std::vector<const std::vector<std::size_t>*> groups;
   for (const auto& [json, trajectories] : users) groups.push_back(&trajectories);
-  const std::string folder = std::filesystem::path(file_).parent_path().string();
   std::mutex mutex;
   int64_t done = 0;
   for_each_index(options.threads, static_cast<int64_t>(groups.size()), [&](int64_t g) {
     const auto& trajectories = *groups[static_cast<std::size_t>(g)];
     const std::string name = file_ + ", scene of trajectory " + std::to_string(trajectories.front());
     const auto context =
-        std::make_shared<const SceneContext>(io::parse_scene(scene_json_[trajectories.front()], name, folder));
+        std::make_shared<const SceneContext>(io::parse_stored_scene(scene_json_[trajectories.front()], name, file_));
     const std::lock_guard lock(mutex);
     for (const std::size_t i : trajectories) info_[i].context = context;
     if (options.progress) options.progress("surroundings", ++done, static_cast<int64_t>(groups.size()));

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 
+#include "graph/frame_step.h"
 #include "train/worker_threads.h"
 
 namespace graupel::train {
@@ -85,8 +86,8 @@ void accumulate(const EvaluationBatch& prepared, const std::vector<float>& predi
 /// Histories of the scenes of a rollout, newest last.
 using Histories = std::vector<std::vector<std::vector<Vec3f>>>;
 
-/// Advances every history by one frame.
-void advance(const HgnModule& module, const graph::Normalization& normalization, const DataSplit& split,
+/// Advances every history by one frame; false when one of them diverged.
+bool advance(const HgnModule& module, const graph::Normalization& normalization, const DataSplit& split,
              Histories& histories, const EvaluationOptions& options) {
   const auto scenes = static_cast<int64_t>(histories.size());
   std::vector<SceneGraph> graphs(histories.size());
@@ -100,26 +101,18 @@ void advance(const HgnModule& module, const graph::Normalization& normalization,
   for (std::size_t s = 0; s < histories.size(); ++s) {
     auto& history = histories[s];
     const std::vector<Vec3f>&now = history.back(), &before = history[history.size() - 2];
-    std::vector<Vec3f> next(now.size());
+    std::vector<Vec3f> acceleration(now.size()), next;
     const float* guess = predicted.data() + 3 * batch.particle_begin[s];
     for (std::size_t p = 0; p < now.size(); ++p)
-      for (int d = 0; d < 3; ++d) {
-        const float a = guess[3 * p + static_cast<std::size_t>(d)] * normalization.acceleration_std[d] +
-                        normalization.acceleration_mean[d];
-        next[p][d] = now[p][d] + (now[p][d] - before[p][d]) + a;
-      }
-    graph::project_out(split.trajectory(static_cast<int>(s)).context->surroundings, next);
+      for (int d = 0; d < 3; ++d)
+        acceleration[p][d] = guess[3 * p + static_cast<std::size_t>(d)] * normalization.acceleration_std[d] +
+                             normalization.acceleration_mean[d];
+    const SceneContext& context = *split.trajectory(static_cast<int>(s)).context;
+    if (!graph::step_frame(context.scene, before, now, acceleration, next)) return false;
+    graph::project_out(context.surroundings, now, next);
     history.erase(history.begin());
     history.push_back(std::move(next));
   }
-}
-
-/// Whether every particle is within one domain edge of where it was a frame ago.
-bool usable(const std::vector<std::vector<Vec3f>>& history, const Scene& scene) {
-  const float limit = static_cast<float>(norm(scene.domain.size));
-  const std::vector<Vec3f>&now = history.back(), &before = history[history.size() - 2];
-  for (std::size_t p = 0; p < now.size(); ++p)
-    if (!(norm(now[p] - before[p]) < limit)) return false;
   return true;
 }
 
@@ -186,10 +179,9 @@ double evaluate_rollout(const HgnModule& module, const graph::Normalization& nor
   double sum = 0;
   int64_t count = 0;
   for (int64_t t = 1; t <= frames; ++t) {
-    advance(module, normalization, split, histories, options);
+    if (!advance(module, normalization, split, histories, options)) return std::numeric_limits<double>::infinity();
     for (std::size_t s = 0; s < histories.size(); ++s) {
       const int i = static_cast<int>(s);
-      if (!usable(histories[s], split.trajectory(i).context->scene)) return std::numeric_limits<double>::infinity();
       const std::vector<Vec3f> truth = split.positions(i, t, 1).front();
       for (std::size_t p = 0; p < truth.size(); ++p) sum += norm2((histories[s].back()[p] - truth[p]).cast<double>());
       count += static_cast<int64_t>(truth.size());

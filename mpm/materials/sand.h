@@ -1,44 +1,15 @@
-// Sand (Klar et al. 2016): StVK-Hencky elasticity psi = mu |ln S|^2 + lambda/2 (tr ln S)^2, Drucker-Prager yield
-// |dev eps| + (D lambda + 2 mu)/(2 mu) tr(eps) alpha <= 0, no cohesion, and a volume correction v_c that lets sand
-// which was stretched apart close up again without pressure.
+// Sand (Klar et al. 2016): StVK-Hencky elasticity and Drucker-Prager yield
+// |dev eps| + (D lambda + 2 mu)/(2 mu) tr(eps) alpha <= |dev eps|_c, whose right-hand side is cohesion (0 for dry
+// sand), with isochoric flow and a volume correction v_c that lets sand which was stretched apart close up again
+// without pressure (Tampubolon et al. 2017): v_c grows by what the projection takes from the volumetric strain.
+// Cohesion c of the Mohr-Coulomb law, matched in triaxial compression as alpha is:
+// |dev tau| <= 2 sqrt(6) / (3 - sin phi) (p sin phi + c cos phi). Grains that the tension p = -c cot phi pulled apart
+// have no cohesion until they close again: keeping it would give energy back as they do.
 #pragma once
 
-#include "core/svd.h"
-#include "mpm/material_parameters.h"
+#include "mpm/materials/hencky.h"
 
 namespace graupel::mpm {
-
-/// tau = U diag(2 mu ln s + lambda tr ln s) U^T [Pa].
-template <typename T, int D>
-GRAUPEL_HD inline Mat<T, D> hencky_stress(const MaterialParameters<T>& m, const Mat<T, D>& U, const Vec<T, D>& strain) {
-  T sum = 0;
-  for (int i = 0; i < D; ++i) sum += strain[i];
-  Vec<T, D> principal;
-  for (int i = 0; i < D; ++i) principal[i] = T(2) * m.mu * strain[i] + m.lambda * sum;
-  return spectral(U, principal);
-}
-
-template <typename T, int D>
-GRAUPEL_HD inline T hencky_energy(const MaterialParameters<T>& m, const Vec<T, D>& strain) {
-  T sum = 0, squares = 0;
-  for (int i = 0; i < D; ++i) {
-    sum += strain[i];
-    squares += strain[i] * strain[i];
-  }
-  return m.mu * squares + T(0.5) * m.lambda * sum * sum;
-}
-
-/// Logarithmic strains of the singular values; |s| below 1e-4 counts as 1e-4 (Taichi Elements), so that a collapsed or
-/// inverted trial F is brought back by the projection.
-template <typename T, int D>
-GRAUPEL_HD inline Vec<T, D> logarithmic_strain(const Vec<T, D>& sigma) {
-  Vec<T, D> strain;
-  for (int i = 0; i < D; ++i) {
-    const T s = std::abs(sigma[i]);
-    strain[i] = std::log(s > T(1e-4) ? s : T(1e-4));
-  }
-  return strain;
-}
 
 /// Drucker-Prager return mapping of logarithmic strains (Klar et al. 2016, eq. 27-29); returns whether they changed.
 /// klar spreads v_c over the strains before the projection; taichi counts it in the trace alone, so that its
@@ -52,7 +23,8 @@ GRAUPEL_HD inline bool sand_return_mapping(const MaterialParameters<T>& m, Vec<T
   }
   T sum = m.volume_correction == VolumeCorrection::taichi ? v_c : T(0);
   for (int i = 0; i < D; ++i) sum += strain[i];
-  if (sum >= T(0)) {  // no tension: the grains come apart
+  const T bulk = m.lambda + T(2) * m.mu / T(D);
+  if (bulk * sum >= (v_c > T(0) ? T(0) : m.tension_limit)) {  // beyond the cone's tip: the grains come apart
     strain = Vec<T, D>::zero();
     v_c = m.volume_correction == VolumeCorrection::none ? T(0) : sum;
     return true;
@@ -61,7 +33,7 @@ GRAUPEL_HD inline bool sand_return_mapping(const MaterialParameters<T>& m, Vec<T
   Vec<T, D> deviator;
   for (int i = 0; i < D; ++i) deviator[i] = strain[i] - sum / T(D);
   const T length = norm(deviator);
-  const T excess = length + (T(D) * m.lambda + T(2) * m.mu) / (T(2) * m.mu) * sum * m.friction;
+  const T excess = length + T(D) * bulk / (T(2) * m.mu) * sum * m.friction - m.cohesion_length;
   if (excess <= T(0)) return changed;
   for (int i = 0; i < D; ++i) strain[i] -= excess / length * deviator[i];
   return true;
@@ -69,13 +41,9 @@ GRAUPEL_HD inline bool sand_return_mapping(const MaterialParameters<T>& m, Vec<T
 
 /// One step of sand from the decomposition `d` of the trial F -> elastic F, v_c; returns the Kirchhoff stress [Pa].
 template <typename T, int D>
-GRAUPEL_HD inline Mat<T, D> sand_update(const MaterialParameters<T>& m, Svd<T, D> d, Mat<T, D>& F, T& v_c) {
+GRAUPEL_HD inline Mat<T, D> sand_update(const MaterialParameters<T>& m, const Svd<T, D>& d, Mat<T, D>& F, T& v_c) {
   Vec<T, D> strain = logarithmic_strain(d.sigma);
-  const bool inverted = !(d.sigma[D - 1] > T(1e-4));
-  if (sand_return_mapping(m, strain, v_c) || inverted) {
-    for (int i = 0; i < D; ++i) d.sigma[i] = std::exp(strain[i]);
-    F = d.U * Mat<T, D>::diagonal(d.sigma) * transpose(d.V);
-  }
+  if (sand_return_mapping(m, strain, v_c) || is_collapsed(d.sigma)) F = deformation_of_strain(d, strain);
   return hencky_stress(m, d.U, strain);
 }
 

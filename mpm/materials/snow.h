@@ -1,6 +1,8 @@
 // Snow (Stomakhin et al. 2013): fixed corotated elasticity, singular values of F held in [1 - theta_c, 1 + theta_s],
 // Lame constants times h = exp(xi (1 - J_p)), J_p the volume ratio that plastic flow took.
-// As in Taichi Elements the stress of a step uses the h of the J_p before that step's return mapping.
+// The stress uses the h of the new J_p, or, as in Taichi Elements, of the J_p before the step's return mapping
+// (hardening_update). Where one axis is stretched while the others are squeezed the clamp can give energy back: the
+// model has no yield surface in stress.
 #pragma once
 
 #include "mpm/materials/jelly.h"
@@ -32,8 +34,11 @@ GRAUPEL_HD inline bool snow_return_mapping(const MaterialParameters<T>& m, Vec<T
 /// One step of snow from the decomposition `d` of the trial F -> elastic F, J_p; returns the Kirchhoff stress [Pa].
 template <typename T, int D>
 GRAUPEL_HD inline Mat<T, D> snow_update(const MaterialParameters<T>& m, Svd<T, D> d, Mat<T, D>& F, T& J_p) {
-  const T h = snow_hardening(m, J_p);
-  if (snow_return_mapping(m, d.sigma, J_p)) F = d.U * Mat<T, D>::diagonal(d.sigma) * transpose(d.V);
+  T h = snow_hardening(m, J_p);
+  if (snow_return_mapping(m, d.sigma, J_p)) {
+    F = d.U * Mat<T, D>::diagonal(d.sigma) * transpose(d.V);
+    if (m.hardening_update == HardeningUpdate::after) h = snow_hardening(m, J_p);
+  }
   return corotated_stress(m, h, d.U, d.sigma);
 }
 

@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 #include <thread>
 
+#include "core/atomic_file.h"
 #include "io/trajectory_file.h"
 #include "tests/apps/program.h"
 
@@ -59,6 +60,11 @@ TEST(Simulate, KilledRunIsRecoveredFrameByFrame) {
   for (int i = 0;
        i < 300 && !(std::filesystem::exists(out + ".part") && std::filesystem::file_size(out + ".part") > 200000); ++i)
     std::this_thread::sleep_for(std::chrono::milliseconds(50));
+  const Outcome early = graupel("inspect --recover " + out), second = graupel("simulate " + scene + " -o " + out);
+  EXPECT_EQ(early.exit_code, 3);
+  EXPECT_TRUE(early.says("still being written")) << early.output;
+  EXPECT_EQ(second.exit_code, 5);
+  EXPECT_TRUE(second.says("another run")) << second.output;
   ::kill(child, SIGKILL);
   int status = 0;
   ::waitpid(child, &status, 0);
@@ -67,6 +73,8 @@ TEST(Simulate, KilledRunIsRecoveredFrameByFrame) {
   const Trajectory recovered = io::TrajectoryReader(out).read(0),
                    whole = io::TrajectoryReader(folder.file("whole.h5")).read(0);
   ASSERT_GE(recovered.frame_count(), 8u);
+  EXPECT_TRUE(graupel("inspect " + out).says("recovered: true"));
+  EXPECT_FALSE(graupel("inspect " + folder.file("whole.h5")).says("recovered"));
   for (std::size_t f = 0; f < std::min(recovered.frame_count(), whole.frame_count()); ++f)
     for (std::size_t p = 0; p < whole.particle_count(); ++p)
       ASSERT_TRUE(recovered.frames[f].position[p] == whole.frames[f].position[p]) << f;
@@ -75,19 +83,26 @@ TEST(Simulate, KilledRunIsRecoveredFrameByFrame) {
 TEST(Simulate, InterruptExitsWith130) {
   const Folder folder;
   const auto scene = folder.write("small.json", small_scene());
+  const std::string said = folder.file("said.txt"), out = folder.file("a.h5");
   const pid_t child = ::fork();
   if (child == 0) {
-    std::freopen("/dev/null", "w", stderr);
-    ::execl(GRAUPEL_BINARY_DIR "/graupel", "graupel", "simulate", scene.c_str(), "-o", folder.file("a.h5").c_str(),
-            "--frames", "100000", "--device", "cpu", nullptr);
+    std::freopen(said.c_str(), "w", stderr);
+    ::execl(GRAUPEL_BINARY_DIR "/graupel", "graupel", "simulate", scene.c_str(), "-o", out.c_str(), "--frames",
+            "100000", "--device", "cpu", nullptr);
     ::_exit(127);
   }
-  std::this_thread::sleep_for(std::chrono::seconds(1));
+  for (int i = 0; i < 200 && !std::filesystem::exists(out + ".part"); ++i)
+    std::this_thread::sleep_for(std::chrono::milliseconds(50));
+  std::this_thread::sleep_for(std::chrono::milliseconds(2500));  // long enough for a line that says "done"
   ::kill(child, SIGINT);
   int status = 0;
   ::waitpid(child, &status, 0);
   ASSERT_TRUE(WIFEXITED(status));
   EXPECT_EQ(WEXITSTATUS(status), 130);
+  const std::string text = read_file(said);
+  EXPECT_NE(text.find("interrupted; '" + out + ".part' holds"), std::string::npos) << text;
+  EXPECT_NE(text.find("graupel inspect --recover " + out), std::string::npos) << text;
+  EXPECT_EQ(text.find("done"), std::string::npos) << text;
 }
 
 TEST(Export, EveryFormat) {

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <filesystem>
+#include <thread>
 
 #include "core/error.h"
 
@@ -26,7 +27,20 @@ TEST_F(AtomicFileTest, WritesReplacesAndLeavesNoPart) {
   write_file_atomically(path, "one");
   write_file_atomically(path, "second");
   EXPECT_EQ(read_file(path), "second");
-  EXPECT_FALSE(fs::exists(path + ".part"));
+  EXPECT_EQ(names_in(folder_), std::vector<std::string>{"a.txt"});
+}
+
+TEST_F(AtomicFileTest, WritersOfOnePathDoNotDisturbEachOther) {
+  const std::string path = folder_ / "a.txt";
+  std::vector<std::thread> writers;
+  for (int w = 0; w < 4; ++w)
+    writers.emplace_back([&, w] {
+      for (int i = 0; i < 50; ++i) write_file_atomically(path, std::string(100000, static_cast<char>('a' + w)));
+    });
+  for (std::thread& writer : writers) writer.join();
+  const std::string text = read_file(path);
+  EXPECT_EQ(text, std::string(100000, text.front()));
+  EXPECT_EQ(names_in(folder_), std::vector<std::string>{"a.txt"});
 }
 
 TEST_F(AtomicFileTest, MissingFolderIsAnIoErrorThatNamesThePath) {

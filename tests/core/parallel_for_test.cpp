@@ -6,6 +6,7 @@
 
 #include "core/buffer.h"
 #include "core/svd.h"
+#include "tests/gpu_only.h"
 
 namespace graupel {
 namespace {
@@ -30,7 +31,7 @@ void squares_on(Device device) {
 TEST(ParallelFor, EveryItemOnceOnTheCpu) { squares_on(Device::cpu); }
 
 TEST(ParallelFor, EveryItemOnceOnTheGpu) {
-  if (!cuda_available()) GTEST_SKIP() << "no GPU here: the CUDA path was compiled but not run";
+  GRAUPEL_NEEDS_GPU();
   squares_on(Device::cuda);
 }
 
@@ -47,7 +48,7 @@ struct PolarOf {
 };
 
 TEST(ParallelFor, PolarDecompositionOnTheGpuEqualsTheCpu) {
-  if (!cuda_available()) GTEST_SKIP() << "no GPU here: the CUDA path was compiled but not run";
+  GRAUPEL_NEEDS_GPU();
   std::vector<Mat3f> host(1000);
   for (std::size_t i = 0; i < host.size(); ++i)
     for (int r = 0; r < 3; ++r)

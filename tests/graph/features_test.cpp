@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "core/error.h"
+#include "core/random.h"
 
 namespace graupel::graph {
 namespace {
@@ -127,6 +128,58 @@ TEST(Features, ProjectionMovesOnlyWhatIsInsideAnObstacleOrBeyondAWall) {
   EXPECT_EQ(x[1], before[1]);
   EXPECT_NEAR(x[2][1], surroundings.hold_low[1], 1e-6);
   EXPECT_EQ(project_out(surroundings, x), 0);
+}
+
+Scene scene_with_plate() {
+  Scene scene;
+  Obstacle plate;
+  plate.shape = Shape::box;
+  plate.size = {0.6, 0.004, 0.6};  // a quarter of a cell
+  plate.position = {0.5, 0.5, 0.5};
+  plate.rotation_axis = {1, 0, 0};
+  plate.rotation_angle = 20;
+  scene.obstacles.push_back(plate);
+  return scene;
+}
+
+TEST(Features, ProjectionLetsNothingThroughAThinPlate) {
+  const Scene scene = scene_with_plate();
+  const Surroundings surroundings(scene);
+  const Vec3d normal = scene.obstacles[0].rotation() * Vec3d{0, 1, 0};
+  const Random random(11, RandomPurpose::test);
+  std::vector<Vec3f> before, x;
+  for (uint64_t i = 0; i < 4000; ++i) {
+    const Vec3d along =
+        scene.obstacles[0].rotation() * Vec3d{random.uniform(i, 0, -0.1, 0.1), 0, random.uniform(i, 1, -0.1, 0.1)};
+    const double way = 8.0 / 60;  // a frame at 8 m/s
+    before.push_back(
+        (scene.obstacles[0].position + along + normal * (0.0025 + 0.95 * way * random.uniform(i, 2))).cast<float>());
+    x.push_back(
+        (before.back().cast<double>() - normal * way + 0.3 * way * Vec3d{random.uniform(i, 3), 0, 0}).cast<float>());
+  }
+  const std::vector<Vec3f> wanted = x;
+  EXPECT_EQ(project_out(surroundings, before, x), 4000);
+  for (std::size_t i = 0; i < x.size(); ++i) {
+    const Vec3d from_plate = x[i].cast<double>() - scene.obstacles[0].position;
+    ASSERT_GT(dot(from_plate, normal), 0) << i;
+    ASSERT_GE(surroundings.obstacles.sample(x[i].cast<double>()).phi, -1e-6) << i;
+    ASSERT_NEAR(x[i][0], wanted[i][0], 1e-5) << i;  // it slides on: the plate holds back its own direction alone
+  }
+}
+
+TEST(Features, ProjectionLeavesAWayPastAnObstacleAsItIs) {
+  const Surroundings surroundings(scene_with_plate());
+  const Random random(12, RandomPurpose::test);
+  std::vector<Vec3f> before, x;
+  for (uint64_t i = 0; i < 4000; ++i) {
+    const float side = static_cast<float>(random.uniform(i, 0, 0.81, 0.9));  // beside the plate, which ends at 0.8
+    before.push_back({side, static_cast<float>(random.uniform(i, 1, 0.1, 0.9)), 0.5f});
+    x.push_back(
+        {side, static_cast<float>(random.uniform(i, 2, 0.1, 0.9)), static_cast<float>(random.uniform(i, 3, 0.2, 0.8))});
+  }
+  const std::vector<Vec3f> wanted = x;
+  EXPECT_EQ(project_out(surroundings, before, x), 0);
+  EXPECT_TRUE(x == wanted);
 }
 
 }  // namespace

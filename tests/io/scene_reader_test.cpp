@@ -96,6 +96,47 @@ TEST(SceneReader, RefusesKeysThatDoNotApply) {
          "'slip'?"});
 }
 
+/// Every range of a material's constants, by one value outside it.
+TEST(SceneReader, RefusesMaterialConstantsOutOfRange) {
+  const std::tuple<std::string, std::string, std::string> bad[] = {{"water", "density", "0"},
+                                                                   {"water", "bulk_modulus", "-1"},
+                                                                   {"water", "viscosity", "-0.1"},
+                                                                   {"metal", "youngs_modulus", "-1e+06"},
+                                                                   {"metal", "poissons_ratio", "0.5"},
+                                                                   {"neo_hookean", "poissons_ratio", "-0.1"},
+                                                                   {"sand", "friction_angle", "90"},
+                                                                   {"sand", "cohesion", "-1"},
+                                                                   {"snow", "critical_compression", "1"},
+                                                                   {"snow", "critical_stretch", "-0.1"},
+                                                                   {"snow", "hardening", "-1"},
+                                                                   {"snow", "max_hardening", "-1"},
+                                                                   {"metal", "yield_stress", "-1"},
+                                                                   {"metal", "hardening_modulus", "-1"},
+                                                                   {"cake", "softening_modulus", "-1"},
+                                                                   {"toothpaste", "consistency", "-1"},
+                                                                   {"foam", "flow_index", "0"}};
+  const auto material = [](const std::string& text) {
+    return replaced(good, "{\"model\": \"jelly\", \"youngs_modulus\": 5e4}", text);
+  };
+  for (const auto& [model, key, value] : bad)
+    expect_error<ConfigError>(
+        [&] { parse(material("{\"model\": \"" + model + "\", \"" + key + "\": " + value + "}")); },
+        {"s.json:6: /materials/soft/" + key + " is out of range (" + value + ", allowed "});
+  expect_error<ConfigError>(
+      [&] { parse(material("{\"model\": \"water\", \"equation_of_state\": \"tait\", \"tait_exponent\": 0.5}")); },
+      {"/materials/soft/tait_exponent is out of range (0.5, allowed >= 1 and <= 20)"});
+  expect_error<ConfigError>([&] { parse(material("{\"model\": \"water\", \"tait_exponent\": 7}")); },
+                            {"tait_exponent does not apply here (equation_of_state is 'linear'"});
+}
+
+TEST(SceneReader, EveryPresetReadsBackToItself) {
+  for (const std::string& name : material_preset_names()) {
+    const Scene scene = parse(replaced(good, "taichi_water\", \"density\": 900", name + "\""));
+    EXPECT_EQ(scene.materials.at("wet").preset, name);
+    EXPECT_EQ(scene_to_json(parse(scene_to_json(scene))), scene_to_json(scene));
+  }
+}
+
 TEST(SceneReader, RefusesUnknownPresets) {
   fails("taichi_water", "taichi_watr",
         {"s.json:5: /materials/wet/preset is not one of its words (\"taichi_watr\"", "Did you mean 'taichi_water'?"});
@@ -154,6 +195,32 @@ TEST(SceneReader, NamesMissingAndDamagedGeometry) {
 TEST(SceneReader, EveryTruncationIsAnError) {
   const std::string text = good.substr(0, good.rfind('}'));
   for (std::size_t n = 0; n < text.size(); ++n) EXPECT_THROW(parse(text.substr(0, n)), ConfigError) << n;
+}
+
+TEST(SceneReader, AStoredSceneFindsItsGeometryWhereTheTrajectoryWasMoved) {
+  TemporaryFolder folder;
+  const std::string tetrahedron = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n";
+  folder.write("old/scenes/meshes/tet.obj", tetrahedron);
+  const std::string path = folder.write("old/scenes/s.json", R"({"materials": {"w": {}},
+    "sources": [{"shape": "box", "size": [0.2, 0.2, 0.2], "material": "w", "position": [0.5, 0.5, 0.5]}],
+    "obstacles": [{"shape": "mesh", "file": "meshes/tet.obj"}]})");
+  const std::string stored = read_scene(path).source;
+  const auto found = [&](const std::string& h5) {
+    const Scene scene = parse_stored_scene(stored, h5, folder.file(h5));
+    EXPECT_TRUE(scene.obstacles[0].mesh);
+    EXPECT_NE(scene.source.find(scene.obstacles[0].file), std::string::npos);
+    return scene.obstacles[0].file;
+  };
+  const std::string old = folder.file("old/scenes/meshes/tet.obj");
+  EXPECT_EQ(found("elsewhere/a.h5"), old);
+  // The whole folder is moved, then the file alone goes beside the trajectory.
+  std::filesystem::rename(folder.file("old"), folder.file("new"));
+  EXPECT_EQ(found("new/out/a.h5"), folder.file("new/scenes/meshes/tet.obj"));
+  EXPECT_EQ(found("new/scenes/meshes/a.h5"), folder.file("new/scenes/meshes/tet.obj"));
+  expect_error<InputError>([&] { found("new/a/b/c/d/e/a.h5"); },
+                           {"/obstacles/0/file", "looked for at '" + old + "'", "stored in", "put 'tet.obj' beside"});
+  folder.write("far/a/tet.obj", tetrahedron);
+  EXPECT_EQ(found("far/a/a.h5"), folder.file("far/a/tet.obj"));
 }
 
 }  // namespace

@@ -48,6 +48,7 @@ TEST(Recovery, FindsEveryFlushedFrameAfterAKill) {
     EXPECT_EQ(read.seed, sample_header(1).seed);
     EXPECT_EQ(read.scene_json, sample_header(1).scene_json);
     EXPECT_EQ(reader.attribute(0, "note"), "before the kill");
+    EXPECT_EQ(reader.attribute(0, "recovered"), "1");
     ASSERT_EQ(read.frame_count(), static_cast<std::size_t>(flushed));
     for (int k = 0; k < flushed; ++k) ASSERT_TRUE(same_frame(read.frames[k], sample_frame(particles, k))) << k;
   }
@@ -90,6 +91,55 @@ TEST(Recovery, NothingUsableIsZeroAndNoFileIsAnError) {
   folder.write("a.h5.part", "");
   EXPECT_EQ(recover_part_file(folder.file("a.h5"), true), 0);
   expect_error<InputError>([&] { recover_part_file(folder.file("b.h5"), false); }, {"b.h5.part", "to recover"});
+}
+
+TEST(Recovery, NamesWhatIsWrongWithADamagedFile) {
+  TemporaryFolder folder;
+  folder.write("a.h5.part", "not a trajectory, but not empty");
+  expect_error<InputError>([&] { recover_part_file(folder.file("a.h5"), true); }, {"a.h5.part", "damaged"});
+  EXPECT_TRUE(std::filesystem::exists(folder.file("a.h5.part")));
+}
+
+TEST(Recovery, AFileThatIsStillWrittenIsLeftAlone) {
+  TemporaryFolder folder;
+  const std::string path = folder.file("a.h5");
+  TrajectoryWriter writer(path, sample_header(3), {.flush_every = 1});
+  for (int k = 0; k < 4; ++k) writer.append(sample_frame(3, k));
+  expect_error<InputError>([&] { recover_part_file(path, true); }, {"a.h5.part", "still being written"});
+  writer.finish();
+  EXPECT_EQ(TrajectoryReader(path).read(0).frame_count(), 4u);
+  EXPECT_EQ(TrajectoryReader(path).attribute(0, "recovered"), "");
+}
+
+TEST(Writer, ASecondOneOfTheSameFileIsRefusedAndTheFirstGoesOn) {
+  TemporaryFolder folder;
+  const std::string path = folder.file("a.h5"), other = folder.file("b.h5");
+  {
+    TrajectoryWriter finished(other, sample_header(3));
+    finished.append(sample_frame(3, 0));
+    finished.finish();
+  }
+  TrajectoryWriter writer(path, sample_header(3), {.flush_every = 1});
+  for (int k = 0; k < 4; ++k) writer.append(sample_frame(3, k));
+  expect_error<IoError>([&] { TrajectoryWriter(path, sample_header(3)); }, {"another run", "a.h5.part"});
+  expect_error<IoError>([&] { merge_trajectories({other}, path); }, {"another run", "a.h5.part"});
+  for (int k = 4; k < 9; ++k) writer.append(sample_frame(3, k));
+  writer.finish();
+  const Trajectory read = TrajectoryReader(path).read(0);
+  ASSERT_EQ(read.frame_count(), 9u);
+  for (int k = 0; k < 9; ++k) EXPECT_TRUE(same_frame(read.frames[k], sample_frame(3, k))) << k;
+  EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder.path()), {}), 2);  // nothing is left beside them
+}
+
+TEST(Writer, TakesThePlaceOfWhatADeadRunLeft) {
+  TemporaryFolder folder;
+  const std::string path = folder.file("a.h5");
+  write_and_kill(path, 9, 1);
+  TrajectoryWriter writer(path, sample_header(3));
+  writer.append(sample_frame(3, 0));
+  writer.finish();
+  EXPECT_EQ(TrajectoryReader(path).read(0).particle_count(), 3u);
+  EXPECT_FALSE(std::filesystem::exists(path + ".part"));
 }
 
 TEST(Merge, KeepsTrajectoriesInOrder) {

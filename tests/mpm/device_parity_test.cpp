@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include "mpm/simulation.h"
+#include "tests/gpu_only.h"
 #include "tests/mpm/test_scenes.h"
 
 namespace graupel::mpm {
@@ -25,7 +26,7 @@ TEST(DeviceParity, TwentySubstepsOnTheGpuEqualTheCpu) {
   scene.frame_time = 20 * 3e-4;
   const auto cpu = Simulation::create(scene, {});
   cpu->advance_frame();
-  if (!cuda_available()) GTEST_SKIP() << "no GPU here: the CUDA path was compiled but not run";
+  GRAUPEL_NEEDS_GPU();
   const auto gpu = Simulation::create(scene, {.device = Device::cuda});
   gpu->advance_frame();
   const ParticleFrame a = cpu->frame(), b = gpu->frame();

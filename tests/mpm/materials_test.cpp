@@ -20,7 +20,7 @@ Mat<double, D> some_rotation() {
 /// Kirchhoff stress of an elastic state (no plastic flow happens for the small F used here).
 template <int D>
 Mat<double, D> stress_at(const MaterialParameters<double>& m, Mat<double, D> F, double internal) {
-  return map_and_stress(m, needs_svd(m.model) ? svd(F) : Svd<double, D>{}, F, internal);
+  return map_and_stress(m, 1e-4, needs_svd(m.model) ? svd(F) : Svd<double, D>{}, F, internal);
 }
 
 /// An elastic state: inside the yield surface of every material.

@@ -22,6 +22,13 @@ TEST(TimeStep, AdaptiveStepFollowsSpeedAndSoundUpToItsLimit) {
   EXPECT_DOUBLE_EQ(largest_step(policy, dx, frame, {0, 0.01}), frame);
 }
 
+TEST(TimeStep, ViscosityLimitsTheStepAsExplicitDiffusionDoes) {
+  const TimeStep policy{.policy = StepPolicy::adaptive, .courant = 0.5, .max_step = 1};
+  EXPECT_DOUBLE_EQ(largest_step(policy, dx, frame, {0, 0, 0.1}), dx * dx / (6 * 0.1));
+  const double wave = 0.5 * dx / 20, both = largest_step(policy, dx, frame, {3, 17, 0.1});
+  EXPECT_DOUBLE_EQ(1 / both, 1 / wave + 6 * 0.1 / (dx * dx));
+}
+
 TEST(TimeStep, TheRestOfAFrameIsSharedEqually) {
   const TimeStep policy{.policy = StepPolicy::adaptive, .courant = 0.5, .max_step = 1e-3};
   EXPECT_DOUBLE_EQ(next_step(policy, dx, frame, {0, 0}, 2.5e-3), 2.5e-3 / 3);

@@ -5,6 +5,7 @@
 #include "core/parallel_for.h"
 #include "sparsegrid/cell_normals.h"
 #include "sparsegrid/push_out.h"
+#include "tests/gpu_only.h"
 #include "tests/sparsegrid/test_scenes.h"
 
 namespace graupel::sparsegrid {
@@ -80,7 +81,7 @@ TEST(ObstacleKernel, CpuKernelEqualsTheHostLookUp) {
 }
 
 TEST(ObstacleKernel, GpuEqualsTheCpu) {
-  if (!cuda_available()) GTEST_SKIP() << "no GPU here: the CUDA path was compiled but not run";
+  GRAUPEL_NEEDS_GPU();
   const KernelScene s;
   const auto cpu = rows_on(Device::cpu, s.set, s.normals, s.before, s.after);
   const auto gpu = rows_on(Device::cuda, s.set, s.normals, s.before, s.after);

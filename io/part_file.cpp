@@ -1,0 +1,56 @@
+#include "io/part_file.h"
+
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <cerrno>
+#include <cstdio>
+#include <cstring>
+
+#include "core/atomic_file.h"
+#include "core/error.h"
+#include "core/file_lock.h"
+
+namespace graupel::io {
+
+namespace {
+
+ino_t number_of(const std::string& file) {
+  struct stat status {};
+  return ::stat(file.c_str(), &status) == 0 ? status.st_ino : 0;
+}
+
+}  // namespace
+
+/// H5Fcreate cuts a file before it asks for its lock. So the new file is made under a name of its own, where HDF5 locks
+/// it undisturbed, and takes the place of the old one, lock and all, while we hold that one's lock.
+hdf5::Handle create_part_file(const std::string& part) {
+  const auto hold = FileLock::attempt(part, LockKind::exclusive);
+  if (!hold)
+    throw IoError("another run is writing or recovering '" + part + "'. Choose another output, or wait until it ends");
+  static std::atomic<int> number = 0;
+  const std::string aside = part + "." + std::to_string(::getpid()) + "-" + std::to_string(number++);
+  try {
+    hdf5::Handle file = hdf5::create_file(aside);
+    if (std::rename(aside.c_str(), part.c_str()) != 0)
+      throw IoError("cannot create '" + part + "' (" + std::strerror(errno) + "). Choose a folder you may write to");
+    return file;
+  } catch (...) {
+    ::unlink(aside.c_str());
+    throw;
+  }
+}
+
+/// HDF5's lock ends with the file: ours follows, and what another run put there in between is left to it.
+void finish_part_file(hdf5::Handle& file, const std::string& path) {
+  const std::string part = path + ".part";
+  const ino_t mine = number_of(part);
+  file.close("cannot close the file");
+  const auto hold = FileLock::attempt(part, LockKind::exclusive);
+  if (!hold || number_of(part) != mine)
+    throw IoError("another run has taken '" + part + "' while this one ended. Run it again with another output");
+  graupel::finish_part_file(path);
+}
+
+}  // namespace graupel::io
