@@ -27,13 +27,19 @@ inline CLI::Validator whole_number(int64_t low, int64_t high = std::numeric_limi
   return CLI::Validator(check, "");
 }
 
-/// A finite number above 0.
-inline CLI::Validator positive_number() {
-  const auto check = [](std::string& text) -> std::string {
+/// What a real number may be at least.
+enum class LowerBound { zero, above_zero };
+
+/// A finite number.
+inline CLI::Validator real_number(LowerBound bound) {
+  const auto check = [bound](std::string& text) -> std::string {
     double value = 0;
     const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-    const bool usable = error == std::errc() && end == text.data() + text.size() && std::isfinite(value) && value > 0;
-    return usable ? "" : "'" + text + "' is not usable (allowed: a number above 0)";
+    if (error == std::errc() && end == text.data() + text.size() && std::isfinite(value) &&
+        (bound == LowerBound::zero ? value >= 0 : value > 0))
+      return "";
+    return "'" + text + "' is not usable (allowed: a number" +
+           (bound == LowerBound::zero ? ", 0 or more)" : " above 0)");
   };
   return CLI::Validator(check, "");
 }

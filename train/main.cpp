@@ -214,7 +214,8 @@ void add_options(CLI::App& verb, Arguments& a) {
   verb.add_option("--config", a.config, "Settings as JSON (see --print-defaults)");
   verb.add_option("--set", a.set, "Override a setting: key=value, hgn.latent=64")->take_all();
   verb.add_option("--steps", a.steps, "Optimiser steps")->check(whole_number(1));
-  verb.add_option("--minutes", a.minutes, "Stop after this wall time, with a checkpoint")->check(positive_number());
+  verb.add_option("--minutes", a.minutes, "Stop after this wall time, with a checkpoint")
+      ->check(real_number(LowerBound::above_zero));
   verb.add_option("--stop-step", a.stop_step, "Stop after this step, with a checkpoint")->check(whole_number(1));
   verb.add_option("--resume", a.resume, "Go on with this run folder, or with the latest one below --out");
   a.seed_option = verb.add_option("--seed", a.seed, "Seed of all random numbers");

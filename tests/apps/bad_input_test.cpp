@@ -74,6 +74,9 @@ TEST(BadInput, NumbersOutOfRangeAreAnsweredInOneLine) {
   const Outcome text = graupel("compare --scenes scenes/shared --models mpm --frames 2.5");
   EXPECT_EQ(text.exit_code, 2);
   EXPECT_TRUE(text.says("whole number")) << text.output;
+  const Outcome minutes = graupel("generate scenes/recipes/hgn.json -o /dev/null/x --minutes -0.5");
+  EXPECT_EQ(minutes.exit_code, 2);
+  EXPECT_TRUE(minutes.says("'-0.5'") && minutes.says("a number, 0 or more")) << minutes.output;
   const Outcome threads = graupel("demo --threads -5");
   EXPECT_EQ(threads.exit_code, 2);
   EXPECT_TRUE(threads.says("0 to 4096")) << threads.output;
