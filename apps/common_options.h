@@ -19,7 +19,7 @@ struct CommonOptions {
 
   /// Adds --seed, --device, --threads, --json to a verb.
   void add_to(CLI::App& verb);
-  /// Sets the number of threads; returns the device. Throws ConfigError.
+  /// Sets the number of threads; returns the device. Throws ConfigError, and IoError when --json cannot be written.
   Device apply();
   /// Writes `result` to --json, if given ("-": standard output).
   void write_json(const nlohmann::ordered_json& result) const;
@@ -29,8 +29,12 @@ struct CommonOptions {
 bool interrupted();
 /// Throws Error(ExitCode::interrupted) once interrupted; `what_now` ends its text: "; recover with ...".
 void stop_if_interrupted(const std::string& what_now = "");
-void install_signal_handlers();
 
+/// Throws ConfigError for --device cuda: the networks' inference engine runs on the CPU.
+void refuse_cuda_for_networks(const std::string& device);
+
+/// The command line of this process, quoted for a shell.
+std::string command_line();
 /// "graupel 0.1.0".
 std::string version_text();
 

@@ -1,37 +1,12 @@
 // graupel compare: scenes x models -> table, CSV, JSON and report.html.
-#include <fstream>
-#include <iterator>
-
 #include "apps/common_options.h"
 #include "apps/compare_runs.h"
 #include "apps/verbs.h"
+#include "core/command_line.h"
 
 namespace graupel::apps {
 
 namespace {
-
-/// The command line of this process, quoted for a shell.
-std::string command_line() {
-  std::ifstream file("/proc/self/cmdline", std::ios::binary);
-  const std::string bytes{std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
-  std::string line;
-  for (std::size_t start = 0; start < bytes.size();) {
-    const std::string word = bytes.c_str() + start;
-    start += word.size() + 1;
-    const bool plain = !word.empty() && word.find_first_not_of(
-                                            "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ"
-                                            "0123456789_-+=./,:@%#") == std::string::npos;
-    line += line.empty() ? "" : " ";
-    if (plain) {
-      line += word;
-      continue;
-    }
-    line += "'";
-    for (const char c : word) line += c == '\'' ? std::string("'\\''") : std::string(1, c);
-    line += "'";
-  }
-  return line;
-}
 
 struct CompareVerb {
   CommonOptions common;
@@ -59,11 +34,11 @@ void add_compare(CLI::App& app) {
   command->add_option("--models", options.models, "mpm, mpm:fast, mpm:coarse, weights files; comma-separated")
       ->required()
       ->delimiter(',');
-  command->add_option("--frames", options.frames, "Frames to predict; default the scene's")->check(CLI::PositiveNumber);
+  command->add_option("--frames", options.frames, "Frames to predict; default the scene's")->check(whole_number(1));
   command->add_option("--set", options.set, "Change a scene key: --set domain.dx=0.02 (repeatable)")
       ->allow_extra_args(false);
   command->add_option("--one-step-stride", options.one_step_stride, "Frames between one-step errors")
-      ->check(CLI::PositiveNumber)
+      ->check(whole_number(1))
       ->capture_default_str();
   command->add_flag("--one-step-only", options.one_step_only, "No rollouts, one-step errors alone");
   command->add_flag("--no-floors", verb->no_floors, "Leave out the chaos floors (two MPM runs a scene)");

@@ -11,6 +11,7 @@
 
 #include "apps/common_options.h"
 #include "apps/compare_scene.h"
+#include "apps/outputs.h"
 #include "compare/comparison_files.h"
 #include "compare/contact_sheet.h"
 #include "compare/png.h"
@@ -41,11 +42,16 @@ std::vector<ModelChoice> parse_models(const std::vector<std::string>& words) {
   return models;
 }
 
-/// Networks run on the CPU, so that with one of them MPM runs there too unless the user says otherwise.
+/// Networks run on the CPU, so with one of them MPM runs there too: a speed ratio is of one device.
 Device choose_device(const std::string& word, const std::vector<ModelChoice>& models) {
-  for (const ModelChoice& model : models)
-    if (model.network && word == "auto") return Device::cpu;
-  return parse_device(word);
+  const bool network = std::any_of(models.begin(), models.end(), [](const ModelChoice& m) { return m.network; });
+  if (network) refuse_cuda_for_networks(word);
+  return network && word == "auto" ? Device::cpu : parse_device(word);
+}
+
+void check_outputs(const CompareOptions& options) {
+  for (const std::string& file : {options.json, options.csv, options.report}) check_output_file(file);
+  check_output_folder(options.pictures);
 }
 
 /// One contact sheet a scene and model: the truth above, the model below.
@@ -72,17 +78,22 @@ void print_table(const compare::Comparison& comparison, const CompareOptions& op
   std::FILE* stream = output_taken ? stderr : stdout;
   std::fputs(compare::comparison_table(comparison).c_str(), stream);
   std::fflush(stream);
-  for (const compare::SceneResult& scene : comparison.scenes)
+  for (const compare::SceneResult& scene : comparison.scenes) {
+    for (const auto& [reference, frame] : scene.diverged_references)
+      std::fprintf(stderr,
+                   "graupel: warning: reference run '%s' diverged at frame %lld of %s; its last usable frame "
+                   "stands in for the rest\n",
+                   reference.c_str(), static_cast<long long>(frame), scene.name.c_str());
     for (const compare::ModelResult& result : scene.models)
       if (result.diverged_at_frame >= 0)
         std::fprintf(
             stderr, "graupel: warning: %s diverged at frame %lld of %s; its last usable frame stands in for the rest\n",
             result.model.c_str(), static_cast<long long>(result.diverged_at_frame), scene.name.c_str());
+  }
 }
 
-}  // namespace
-
-compare::Comparison make_comparison(const CompareOptions& options) {
+/// Fills `comparison` scene by scene, so that the complete ones are there when a truth diverges.
+void compare_scenes(const CompareOptions& options, compare::Comparison& comparison) {
   set_num_threads(options.threads);
   const auto models = parse_models(options.models);
   const Device device = choose_device(options.device, models);
@@ -92,7 +103,6 @@ compare::Comparison make_comparison(const CompareOptions& options) {
     networks.push_back(model.network ? std::make_shared<const graph::LearnedSimulator>(model.name) : nullptr);
   const auto tasks = read_scene_tasks(options);
 
-  compare::Comparison comparison;
   comparison.command = options.command;
   comparison.version = version_text();
   comparison.machine =
@@ -103,15 +113,42 @@ compare::Comparison make_comparison(const CompareOptions& options) {
   if (!options.one_step_only) comparison.groups = {rollout, one_step, cost};
   if (!options.one_step_only && options.floors) comparison.groups.push_back(floors);
   const auto budget = compare::report_budget(tasks.size() * (models.size() + 1));
-  for (const SceneTask& task : tasks)
-    comparison.scenes.push_back(SceneComparison(options, task, device, budget).run(models, networks));
+  for (const SceneTask& task : tasks) {
+    try {
+      comparison.scenes.push_back(SceneComparison(options, task, device, budget).run(models, networks));
+    } catch (const DivergedError& error) {
+      throw DivergedError(
+          fmt::format("the truth of scene '{}' ('{}') diverged: {}", task.scene.name, task.source, error.what()));
+    }
+  }
+}
+
+/// Table and files of what is there.
+void write_results(const compare::Comparison& comparison, const CompareOptions& options) {
+  print_table(comparison, options);
+  write_files(comparison, options);
+}
+
+}  // namespace
+
+compare::Comparison make_comparison(const CompareOptions& options) {
+  compare::Comparison comparison;
+  compare_scenes(options, comparison);
   return comparison;
 }
 
 void run_compare(const CompareOptions& options) {
-  const compare::Comparison comparison = make_comparison(options);
-  print_table(comparison, options);
-  write_files(comparison, options);
+  check_outputs(options);
+  compare::Comparison comparison;
+  try {
+    compare_scenes(options, comparison);
+  } catch (const DivergedError& error) {
+    if (comparison.scenes.empty()) throw;
+    write_results(comparison, options);
+    throw DivergedError(
+        fmt::format("{}. Tables and files hold the {} scenes before it", error.what(), comparison.scenes.size()));
+  }
+  write_results(comparison, options);
   const auto incomplete = compare::incomplete_results(comparison);
   if (!incomplete.empty())
     throw Error(ExitCode::failed,

@@ -27,10 +27,11 @@ struct CompareOptions {
 };
 
 /// Runs and evaluates everything; writes no file. Throws ConfigError (an unknown model, no scene, no model),
-/// InputError, and DivergedError when the truth itself diverges.
+/// InputError, and DivergedError, naming the scene, when a truth itself diverges.
 compare::Comparison make_comparison(const CompareOptions& options);
 
-/// make_comparison, then the table on the terminal, and --json, --csv, --report.
+/// make_comparison, then the table on the terminal, and --json, --csv, --report, --pictures, whose folders are checked
+/// first (IoError). When a truth diverges, the scenes before it are written before the error is thrown.
 void run_compare(const CompareOptions& options);
 
 }  // namespace graupel::apps

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <map>
 
 #include "compare/containment.h"
 #include "compare/one_step_error.h"
@@ -54,7 +55,12 @@ std::vector<SceneTask> read_data_set(const std::string& path, const CompareOptio
     task.source = source;
     task.seed = trajectory.seed;
     const int64_t stored = static_cast<int64_t>(trajectory.frames.size()) - 1;
-    task.frames = options.frames > 0 ? std::min(options.frames, stored) : stored;
+    if (options.frames > stored)
+      throw ConfigError(
+          fmt::format("--frames {} is more than '{}' holds (allowed: 1 to {}). Ask for fewer, or name "
+                      "the scene file",
+                      options.frames, source, stored));
+    task.frames = options.frames > 0 ? options.frames : stored;
     trajectory.frames = reader.frames(i, 0, task.frames + 1);
     task.initial_velocity = reader.initial_velocity(i);
     if (task.initial_velocity.empty()) task.initial_velocity = trajectory.frames.front().velocity;
@@ -104,6 +110,17 @@ void attach_masses(const Scene& scene, uint64_t seed, compare::ParticleRun& run)
   }
 }
 
+/// Names are file names of pictures and keys of rows.
+void check_names_differ(const std::vector<SceneTask>& tasks) {
+  std::map<std::string, std::string> source_of;
+  for (const SceneTask& task : tasks) {
+    const auto [found, added] = source_of.emplace(task.scene.name, task.source);
+    if (!added)
+      throw ConfigError(fmt::format("'{}' and '{}' are both named '{}'. Change \"name\" in one, or compare them apart",
+                                    found->second, task.source, task.scene.name));
+  }
+}
+
 }  // namespace
 
 std::vector<SceneTask> read_scene_tasks(const CompareOptions& options) {
@@ -117,6 +134,7 @@ std::vector<SceneTask> read_scene_tasks(const CompareOptions& options) {
     if (tasks.back().frames < 1)
       throw ConfigError("'" + path + "' has no frame after the first. Give --frames 1 or more");
   }
+  check_names_differ(tasks);
   if (tasks.empty()) throw ConfigError("compare needs at least one scene. Example: --scenes scenes/shared");
   return tasks;
 }
@@ -163,10 +181,16 @@ void SceneComparison::make_truth() {
   result_.particles = truth_.run.size();
 }
 
+void SceneComparison::note_divergence(const std::string& reference, const TimedRun& run) {
+  const int64_t frame = run.run.trajectory.diverged_at_frame;
+  if (frame >= 0) result_.diverged_references[reference] = frame;
+}
+
 void SceneComparison::make_references() {
   const compare::Evaluation self = evaluate_rollout(task_.scene, surroundings_.obstacles, truth_.run, truth_.run);
   result_.true_energy = self.curves.kinetic_energy;
   coarse_run_ = run_variant(MpmVariant::coarse);
+  note_divergence("mpm:coarse", *coarse_run_);
   const compare::Evaluation coarse =
       evaluate_rollout(task_.scene, surroundings_.obstacles, truth_.run, coarse_run_->run);
   coarse_ = coarse.values;
@@ -175,11 +199,14 @@ void SceneComparison::make_references() {
     MpmRunOptions floor{
         .device = device_, .seed = task_.seed, .frames = task_.frames, .label = label("moved particles")};
     const Scene moved = moved_scene(task_.scene, task_.seed, moved_by * task_.scene.domain.dx);
-    const auto position = evaluate_rollout(task_.scene, surroundings_.obstacles, truth_.run, run_mpm(moved, floor).run);
+    const TimedRun moved_run = run_mpm(moved, floor);
+    note_divergence("moved", moved_run);
+    const auto position = evaluate_rollout(task_.scene, surroundings_.obstacles, truth_.run, moved_run.run);
     floor.label = label("another seed");
     floor.seed = task_.seed + 1;
-    const auto distribution =
-        evaluate_rollout(task_.scene, surroundings_.obstacles, truth_.run, run_mpm(task_.scene, floor).run);
+    const TimedRun reseeded = run_mpm(task_.scene, floor);
+    note_divergence("reseeded", reseeded);
+    const auto distribution = evaluate_rollout(task_.scene, surroundings_.obstacles, truth_.run, reseeded.run);
     floors_ = compare::floor_values(position, distribution);
     result_.floor_position = position.curves.position;
     result_.floor_density = distribution.curves.density;

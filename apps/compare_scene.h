@@ -40,6 +40,8 @@ class SceneComparison {
  private:
   void make_truth();
   void make_references();
+  /// Remembers that a reference run diverged.
+  void note_divergence(const std::string& reference, const TimedRun& run);
   TimedRun run_variant(MpmVariant variant);
   compare::ModelResult evaluate(const ModelChoice& model, const graph::LearnedSimulator* network);
   compare::OneStepError one_step_of_network(const graph::LearnedSimulator& network) const;

@@ -2,8 +2,10 @@
 #include <cstdio>
 #include <filesystem>
 
+#include "apps/common_options.h"
 #include "apps/compare_runs.h"
 #include "apps/verbs.h"
+#include "core/command_line.h"
 #include "core/error.h"
 
 namespace graupel::apps {
@@ -13,9 +15,9 @@ namespace {
 namespace fs = std::filesystem;
 
 struct DemoOptions {
+  CommonOptions common;
   std::string output = "report.html", scenes = "scenes/shared", models = "models";
   int64_t frames = 120;
-  int threads = 0;
 };
 
 void demo(const DemoOptions& options) {
@@ -27,12 +29,16 @@ void demo(const DemoOptions& options) {
   compare.scenes = {fs::path(options.scenes) / "mixed_blocks.json", fs::path(options.scenes) / "water_steps.json"};
   compare.models = {"mpm", "mpm:coarse", weights};
   compare.frames = options.frames;
-  compare.threads = options.threads;
+  if (options.common.seed_given) compare.seed = options.common.seed;
+  compare.device = options.common.device;
+  compare.threads = options.common.threads;
+  compare.json = options.common.json;
   compare.report = options.output;
-  compare.command = "graupel demo";
+  compare.command = command_line();
   run_compare(compare);
-  std::printf("\nOpen %s in a browser for pictures, curves and the particle player.\n",
-              fs::absolute(options.output).c_str());
+  std::fprintf(options.common.json == "-" ? stderr : stdout,
+               "\nOpen %s in a browser for pictures, curves and the particle player.\n",
+               fs::absolute(options.output).c_str());
 }
 
 }  // namespace
@@ -41,12 +47,10 @@ void add_demo(CLI::App& app) {
   auto options = std::make_shared<DemoOptions>();
   CLI::App* verb = app.add_subcommand("demo", "Two shared scenes through MPM and the shipped network, on the CPU");
   verb->add_option("-o,--output", options->output, "Report to write")->capture_default_str();
-  verb->add_option("--frames", options->frames, "Frames of each scene")
-      ->check(CLI::PositiveNumber)
-      ->capture_default_str();
+  verb->add_option("--frames", options->frames, "Frames of each scene")->check(whole_number(1))->capture_default_str();
   verb->add_option("--scenes", options->scenes, "Folder of the shared scenes")->capture_default_str();
   verb->add_option("--models", options->models, "Folder of the shipped weights")->capture_default_str();
-  verb->add_option("--threads", options->threads, "CPU threads (0: all)")->capture_default_str();
+  options->common.add_to(*verb);
   verb->footer("Examples:\n  graupel demo\n  graupel demo --frames 300 -o long.html");
   verb->callback([options] { demo(*options); });
 }

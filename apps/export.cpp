@@ -4,6 +4,7 @@
 
 #include "apps/common_options.h"
 #include "apps/verbs.h"
+#include "core/command_line.h"
 #include "core/error.h"
 #include "io/export.h"
 #include "io/trajectory_file.h"
@@ -44,7 +45,9 @@ void add_export(CLI::App& app) {
       ->check(CLI::IsMember({"vtp", "ply", "vdb"}))
       ->capture_default_str();
   verb->add_option("-o,--output", options->output, "Folder; default NAME_FORMAT");
-  verb->add_option("--trajectory", options->trajectory, "Which trajectory of a data set")->capture_default_str();
+  verb->add_option("--trajectory", options->trajectory, "Which trajectory of a data set")
+      ->check(whole_number(0))
+      ->capture_default_str();
   options->common.add_to(*verb);
   verb->footer(
       "Examples:\n  graupel export steps.h5 --format vtp -o steps_vtp\n  graupel export data/hgn/test.h5 --trajectory "

@@ -15,6 +15,7 @@
 #include "apps/progress.h"
 #include "apps/verbs.h"
 #include "core/atomic_file.h"
+#include "core/command_line.h"
 #include "core/error.h"
 #include "core/file_lock.h"
 #include "io/recipe_reader.h"
@@ -316,10 +317,10 @@ void add_generate(CLI::App& app) {
       ->allow_extra_args(false);
   verb->add_option("--shard", options->shard, "Make every N-th scene, from I on: I/N")->capture_default_str();
   verb->add_option("--minutes", options->minutes, "Start no scene after this time (0: no limit)")
-      ->check(CLI::NonNegativeNumber);
+      ->check(real_number(LowerBound::zero));
   verb->add_option("--connectivity-radius", options->connectivity_radius,
                    "Written to metadata.json for graph networks [m]")
-      ->check(CLI::PositiveNumber)
+      ->check(real_number(LowerBound::above_zero))
       ->capture_default_str();
   options->common.add_to(*verb);
   verb->footer(

@@ -8,23 +8,13 @@
 #include <new>
 
 #include "apps/common_options.h"
-#include "apps/suggestion.h"
 #include "apps/verbs.h"
+#include "core/command_line.h"
 #include "core/error.h"
+#include "core/stop_signal.h"
 
 namespace graupel::apps {
 namespace {
-
-/// CLI11's message, with the closest known flag or verb for a mistyped one.
-std::string parse_error_text(const CLI::App& app, const CLI::ParseError& error) {
-  std::string text = error.what();
-  const CLI::App* verb = app.get_subcommands().empty() ? &app : app.get_subcommands().front();
-  for (const std::string& word : verb->remaining(true)) {
-    const std::string close = closest_word(word, known_words(*verb));
-    if (!close.empty()) text += ". Did you mean '" + close + "' instead of '" + word + "'?";
-  }
-  return text;
-}
 
 /// Waiting OpenMP threads spin for a few microseconds and then sleep. libgomp's default (seconds of spinning) makes two
 /// threads slower than one wherever another process wants the cores, and it reads its settings before main: so the
@@ -55,7 +45,7 @@ int run(int argc, char** argv) {
   add_export(app);
   add_inspect(app);
   add_bench(app);
-  install_signal_handlers();
+  catch_stop_signals();
   try {
     app.parse(argc, argv);
     return 0;

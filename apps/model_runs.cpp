@@ -11,6 +11,7 @@
 #include "apps/progress.h"
 #include "core/error.h"
 #include "core/random.h"
+#include "mpm/fast_step.h"
 #include "mpm/sampling.h"
 #include "mpm/simulation.h"
 
@@ -29,24 +30,78 @@ double median(std::vector<double> values) {
   return *middle;
 }
 
-Scene variant_of(const Scene& scene, MpmVariant variant) {
-  switch (variant) {
-    case MpmVariant::fast:
-      return mpm::fast_variant(scene);
-    case MpmVariant::coarse:
-      return mpm::coarse_variant(scene);
-    case MpmVariant::same:
-      break;
-  }
-  return scene;
-}
-
 /// A line of /proc/self/status in bytes; 0 where there is none.
 double status_bytes(const std::string& key) {
   std::ifstream status("/proc/self/status");
   for (std::string line; std::getline(status, line);)
     if (line.starts_with(key + ":")) return 1024 * std::stod(line.substr(key.size() + 1));
   return 0;
+}
+
+/// Runs `variant` as it is, whatever options.variant says.
+TimedRun run_as_is(const Scene& variant, const MpmRunOptions& options) {
+  const MemoryMeter memory;
+  const auto simulation = mpm::Simulation::create(
+      variant, {.device = options.device, .precision = mpm::Precision::f32, .seed = options.seed});
+  TimedRun result;
+  const StartState start = start_of(variant, options.seed);
+  result.run.mass = start.mass;
+  result.run.volume = start.volume;
+  Trajectory& trajectory = result.run.trajectory;
+  trajectory.particle_type = simulation->particle_type();
+  trajectory.frame_time = variant.frame_time;
+  trajectory.seed = options.seed;
+  trajectory.made_by = "mpm";
+  trajectory.frames.push_back(simulation->frame());
+  std::vector<double> solver, output;
+  Progress progress(options.label, options.frames);
+  for (int64_t f = 1; f <= options.frames; ++f) {
+    stop_if_interrupted();
+    const auto begin = Clock::now();
+    try {
+      simulation->advance_frame();
+    } catch (const DivergedError&) {
+      if (options.must_finish) throw;
+      trajectory.diverged_at_frame = f;
+      break;
+    }
+    solver.push_back(seconds_since(begin));
+    const auto solved = Clock::now();
+    trajectory.frames.push_back(simulation->frame());
+    output.push_back(seconds_since(solved));
+    trajectory.frames.back().velocity.clear();  // the comparison reads positions
+    trajectory.frames.back().velocity.shrink_to_fit();
+    progress.update(f);
+  }
+  if (trajectory.diverged_at_frame < 0) progress.done();
+  result.cost.frame = median(solver);
+  result.cost.output = median(output);
+  const auto frames_run = static_cast<double>(std::max<std::size_t>(1, solver.size()));
+  result.cost.substeps = static_cast<double>(simulation->statistics().substeps) / frames_run;
+  result.cost.peak_bytes = memory.peak();
+  result.cost.added_bytes = memory.added();
+  compare::hold_last_frame(trajectory, static_cast<std::size_t>(options.frames));
+  return result;
+}
+
+/// With the largest stable step, searched for; the search and every run that blew up all the same count as its cost.
+TimedRun run_fast(const Scene& scene, const MpmRunOptions& options) {
+  const mpm::SimulationOptions simulation{
+      .device = options.device, .precision = mpm::Precision::f32, .seed = options.seed};
+  mpm::FastStep step;
+  try {
+    step = mpm::find_fast_step(scene, simulation, options.frames, [] { stop_if_interrupted(); });
+  } catch (const DivergedError&) {
+    return run_as_is(scene, options);  // a stored truth's scene, which does not run here with its own step
+  }
+  for (;;) {
+    const auto begin = Clock::now();
+    TimedRun result = run_as_is(step.scene, options);
+    result.cost.search = step.seconds;
+    if (result.run.trajectory.diverged_at_frame < 0 || step.substeps >= step.data_substeps) return result;
+    step = mpm::shorter_step(step, scene);
+    step.seconds += seconds_since(begin);
+  }
 }
 
 }  // namespace
@@ -103,47 +158,15 @@ Scene moved_scene(const Scene& scene, uint64_t seed, double distance) {
 }
 
 TimedRun run_mpm(const Scene& scene, const MpmRunOptions& options) {
-  const Scene variant = variant_of(scene, options.variant);
-  const MemoryMeter memory;
-  const auto simulation = mpm::Simulation::create(
-      variant, {.device = options.device, .precision = mpm::Precision::f32, .seed = options.seed});
-  TimedRun result;
-  const StartState start = start_of(variant, options.seed);
-  result.run.mass = start.mass;
-  result.run.volume = start.volume;
-  Trajectory& trajectory = result.run.trajectory;
-  trajectory.particle_type = simulation->particle_type();
-  trajectory.frame_time = variant.frame_time;
-  trajectory.seed = options.seed;
-  trajectory.made_by = "mpm";
-  trajectory.frames.push_back(simulation->frame());
-  std::vector<double> solver, output;
-  Progress progress(options.label, options.frames);
-  for (int64_t f = 1; f <= options.frames; ++f) {
-    stop_if_interrupted();
-    const auto begin = Clock::now();
-    try {
-      simulation->advance_frame();
-    } catch (const DivergedError&) {
-      if (options.must_finish) throw;
-      trajectory.diverged_at_frame = f;
+  switch (options.variant) {
+    case MpmVariant::fast:
+      return run_fast(scene, options);
+    case MpmVariant::coarse:
+      return run_as_is(mpm::coarse_variant(scene), options);
+    case MpmVariant::same:
       break;
-    }
-    solver.push_back(seconds_since(begin));
-    const auto solved = Clock::now();
-    trajectory.frames.push_back(simulation->frame());
-    output.push_back(seconds_since(solved));
-    trajectory.frames.back().velocity.clear();  // the comparison reads positions
-    trajectory.frames.back().velocity.shrink_to_fit();
-    progress.update(f);
   }
-  if (trajectory.diverged_at_frame < 0) progress.done();
-  result.cost.frame = median(solver);
-  result.cost.output = median(output);
-  result.cost.peak_bytes = memory.peak();
-  result.cost.added_bytes = memory.added();
-  compare::hold_last_frame(trajectory, static_cast<std::size_t>(options.frames));
-  return result;
+  return run_as_is(scene, options);
 }
 
 TimedRun run_network(const graph::LearnedSimulator& simulator, const Scene& scene,
@@ -174,8 +197,16 @@ TimedRun run_network(const graph::LearnedSimulator& simulator, const Scene& scen
   for (ParticleFrame& frame : result.run.trajectory.frames) std::vector<Vec3f>().swap(frame.velocity);
   result.run.mass = start.mass;
   result.run.volume = start.volume;
-  result.cost = {median(total),      median(network), median(hierarchy), median(features),
-                 median(projection), median(output),  memory.peak(),     memory.added()};
+  result.cost = {median(total),
+                 median(network),
+                 median(hierarchy),
+                 median(features),
+                 median(projection),
+                 median(output),
+                 memory.peak(),
+                 memory.added(),
+                 1,
+                 0};
   compare::hold_last_frame(result.run.trajectory, static_cast<std::size_t>(frames));
   return result;
 }

@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
-#include <cmath>
 #include <cstdio>
 
 namespace graupel::apps {
@@ -58,15 +57,6 @@ void Progress::print(int64_t done, const std::string& detail, bool last) {
   else
     std::fprintf(stderr, "%s\n", line.c_str());
   std::fflush(stderr);
-}
-
-std::string human_time(double seconds) {
-  if (seconds >= 3600)
-    return fmt::format("{:.0f} h {:02.0f} min", std::floor(seconds / 3600), std::floor(std::fmod(seconds, 3600) / 60));
-  if (seconds >= 60)
-    return fmt::format("{:.0f} min {:02.0f} s", std::floor(seconds / 60), std::floor(std::fmod(seconds, 60)));
-  if (seconds >= 0.1) return fmt::format("{:.1f} s", seconds);
-  return fmt::format("{:.1f} ms", seconds * 1e3);
 }
 
 std::string human_bytes(double bytes) {

@@ -5,6 +5,8 @@
 #include <cstdint>
 #include <string>
 
+#include "core/human_time.h"
+
 namespace graupel::apps {
 
 class Progress {
@@ -33,8 +35,6 @@ class Progress {
   Clock::time_point start_, last_print_;
 };
 
-/// "1 h 02 min", "3 min 20 s" or "4.2 s".
-std::string human_time(double seconds);
 /// "1.5 GB".
 std::string human_bytes(double bytes);
 

@@ -6,8 +6,10 @@
 #include <nlohmann/json.hpp>
 
 #include "apps/common_options.h"
+#include "apps/outputs.h"
 #include "apps/progress.h"
 #include "apps/verbs.h"
+#include "core/command_line.h"
 #include "core/error.h"
 #include "graph/learned_simulator.h"
 #include "io/scene_reader.h"
@@ -22,7 +24,7 @@ struct RolloutVerbOptions {
   CommonOptions common;
   std::string weights, input, output = "rollout.h5", start = "scene";
   std::vector<std::string> set;
-  int64_t frames = -1;
+  int64_t frames = -1, trajectory = 0;
   bool no_project = false;
 };
 
@@ -55,7 +57,11 @@ Start start_from_scene(const RolloutVerbOptions& options, int history) {
 /// "scene": frame 0 with a ballistic past; "truth:N": the first N frames of the trajectory.
 Start start_from_trajectory(const RolloutVerbOptions& options, int history) {
   const io::TrajectoryReader reader(options.input);
-  const Trajectory header = reader.header(0);
+  if (options.trajectory >= reader.count())
+    throw ConfigError(fmt::format("--trajectory {} is not in '{}' (allowed: 0 to {})", options.trajectory,
+                                  options.input, reader.count() - 1));
+  const int index = static_cast<int>(options.trajectory);
+  const Trajectory header = reader.header(index);
   if (header.scene_json.empty())
     throw InputError("'" + options.input +
                      "' holds no scene, so its walls and obstacles are unknown. Give the scene file instead");
@@ -64,8 +70,8 @@ Start start_from_trajectory(const RolloutVerbOptions& options, int history) {
   start.particle_type = header.particle_type;
   start.seed = header.seed;
   if (options.start == "scene") {
-    auto velocity = reader.initial_velocity(0);
-    const auto first = reader.frames(0, 0, 1).front();
+    auto velocity = reader.initial_velocity(index);
+    const auto first = reader.frames(index, 0, 1).front();
     if (velocity.empty()) velocity = first.velocity;
     if (velocity.empty())
       throw InputError("'" + options.input +
@@ -74,11 +80,23 @@ Start start_from_trajectory(const RolloutVerbOptions& options, int history) {
         graph::start_history(first.position, velocity, start.scene.gravity, start.scene.frame_time, history);
     return start;
   }
-  for (auto& frame : reader.frames(0, 0, history)) start.history.push_back(std::move(frame.position));
+  for (auto& frame : reader.frames(index, 0, history)) start.history.push_back(std::move(frame.position));
   return start;
 }
 
+/// Flags that mean nothing for the kind of input.
+void check_flags(const RolloutVerbOptions& options) {
+  refuse_cuda_for_networks(options.common.device);
+  if (is_trajectory(options.input) && options.common.seed_given)
+    throw ConfigError("--seed has no effect on '" + options.input +
+                      "' (a trajectory's particles are given; --seed samples a scene's). Leave it out");
+  if (!is_trajectory(options.input) && options.trajectory > 0)
+    throw ConfigError("--trajectory needs a data set (.h5) as input, not '" + options.input + "'. Leave it out");
+  check_output_file(options.output);
+}
+
 void rollout(RolloutVerbOptions& options) {
+  check_flags(options);
   options.common.apply();
   const graph::LearnedSimulator simulator(options.weights);
   const int history = static_cast<int>(simulator.config().history) + 1;
@@ -134,12 +152,14 @@ void add_rollout(CLI::App& app) {
   verb->add_option("weights", options->weights, "Weights file (.safetensors)")->required();
   verb->add_option("input", options->input, "Scene (.json) or trajectory (.h5)")->required();
   verb->add_option("-o,--output", options->output, "Trajectory file")->capture_default_str();
-  verb->add_option("--frames", options->frames, "Frames to predict; default the scene's")
-      ->check(CLI::NonNegativeNumber);
+  verb->add_option("--frames", options->frames, "Frames to predict; default the scene's")->check(whole_number(0));
   verb->add_option("--set", options->set, "Change a scene key: --set gravity=[0,-5,0] (repeatable)")
       ->allow_extra_args(false);
   verb->add_option("--start", options->start,
                    "scene: frame 0 with a ballistic past; truth:N: the first N frames of the input")
+      ->capture_default_str();
+  verb->add_option("--trajectory", options->trajectory, "Which trajectory of a data set")
+      ->check(whole_number(0))
       ->capture_default_str();
   verb->add_flag("--no-project", options->no_project, "Do not move particles out of obstacles");
   options->common.add_to(*verb);

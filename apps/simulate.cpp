@@ -7,8 +7,10 @@
 #include <nlohmann/json.hpp>
 
 #include "apps/common_options.h"
+#include "apps/outputs.h"
 #include "apps/progress.h"
 #include "apps/verbs.h"
+#include "core/command_line.h"
 #include "core/error.h"
 #include "io/scene_reader.h"
 #include "io/trajectory_file.h"
@@ -68,8 +70,11 @@ std::string default_output(const Scene& scene) {
 void write_blowup(const std::string& output, const Trajectory& header, const mpm::Simulation& run,
                   const std::string& reason) {
   const std::string path = output + ".blowup.h5";
-  io::TrajectoryWriter writer(path, header);
-  writer.append(run.frame());
+  const ParticleFrame frame = run.frame();
+  io::TrajectoryWriteOptions options;
+  options.active = !frame.active.empty();
+  io::TrajectoryWriter writer(path, header, options);
+  writer.append(frame);
   writer.attribute("reason", reason);
   writer.finish(0);
 }
@@ -89,6 +94,8 @@ void simulate(SimulateOptions& options) {
   if (options.dry_run) return dry_run(options, scene, simulation);
   const std::string output = options.output.empty() ? default_output(scene) : options.output;
 
+  check_output_file(output);
+  check_output_file(options.write_obstacles);
   auto run = mpm::Simulation::create(scene, simulation);
   if (!options.write_obstacles.empty()) run->obstacles().write_vdb(options.write_obstacles);
   Trajectory header;
@@ -99,6 +106,7 @@ void simulate(SimulateOptions& options) {
   header.made_by = "mpm";
   io::TrajectoryWriteOptions write;
   write.velocity = !options.no_velocity;
+  write.active = scene.has_inactive_particles();
   io::TrajectoryWriter writer(output, header, write);
   writer.append(run->frame());
   Progress progress(fmt::format("simulate {} ({} particles)", scene.name, run->particle_count()), scene.frames);
@@ -140,6 +148,9 @@ void simulate(SimulateOptions& options) {
        {"updates_per_second", updates / s.solver_seconds},
        {"pushed_out", s.pushed_out},
        {"pushed_out_momentum", {s.pushed_out_momentum[0], s.pushed_out_momentum[1], s.pushed_out_momentum[2]}},
+       {"born", s.born},
+       {"removed", s.removed},
+       {"scripted_momentum", {s.scripted_momentum[0], s.scripted_momentum[1], s.scripted_momentum[2]}},
        {"sound_courant", s.sound_courant},
        {"share_over_courant", s.share_over_courant},
        {"peak_bytes", s.peak_bytes},
@@ -154,7 +165,7 @@ void add_simulate(CLI::App& app) {
   CLI::App* verb = app.add_subcommand("simulate", "Run a scene with the material point method");
   verb->add_option("scene", options->scene, "Scene file (JSON)");
   verb->add_option("-o,--output", options->output, "Trajectory file; default NAME.h5");
-  verb->add_option("--frames", options->frames, "Frames to run; default the scene's")->check(CLI::NonNegativeNumber);
+  verb->add_option("--frames", options->frames, "Frames to run; default the scene's")->check(whole_number(0));
   verb->add_option("--set", options->set, "Change a scene key: --set domain.dx=0.02 (repeatable)")
       ->allow_extra_args(false);
   verb->add_option("--precision", options->precision, "f32 or f64")

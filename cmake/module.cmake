@@ -7,14 +7,16 @@ function(graupel_compile_settings target)
   target_link_libraries(${target} PUBLIC OpenMP::OpenMP_CXX graupel_headers)
   if(GRAUPEL_HAVE_CUDA)
     set(host_options -Wall,-Wextra)
+    set(nvcc_options --expt-relaxed-constexpr)
     if(GRAUPEL_NATIVE)
       string(APPEND host_options ,-march=native)
     endif()
     if(GRAUPEL_WERROR)
       string(APPEND host_options ,-Werror)
+      string(APPEND nvcc_options " -Werror all-warnings")
     endif()
     target_compile_options(${target} PRIVATE
-      "$<$<COMPILE_LANGUAGE:CUDA>:SHELL:--expt-relaxed-constexpr -Xcompiler ${host_options},-fopenmp -diag-suppress 20012,20013,20014,20015>")
+      "$<$<COMPILE_LANGUAGE:CUDA>:SHELL:${nvcc_options} -Xcompiler ${host_options},-fopenmp -diag-suppress 20012,20013,20014,20015>")
     target_compile_definitions(${target} PUBLIC GRAUPEL_HAVE_CUDA=1)
     target_link_libraries(${target} PUBLIC CUDA::cudart)
   endif()
@@ -35,7 +37,7 @@ function(graupel_module name)
 endfunction()
 
 # graupel_test(name SOURCES a_test.cpp.. PORTABLE k_test.cpp.. DEPENDS mpm..): one GoogleTest program, tests/<name>.
-#   Tests called *.Slow* carry the label "slow".
+#   Tests called *.Slow* are left out by tests/run_all.sh unless it is given --slow.
 function(graupel_test name)
   cmake_parse_arguments(TEST "" "" "PORTABLE;SOURCES;DEPENDS;LIBRARIES" ${ARGN})
   add_executable(${name}_test ${TEST_SOURCES} ${TEST_PORTABLE})

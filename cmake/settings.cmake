@@ -21,8 +21,9 @@ if(GRAUPEL_CUDA)
   include(CheckLanguage)
   if(NOT CMAKE_CUDA_COMPILER)
     find_program(GRAUPEL_NVCC nvcc HINTS ENV CUDACXX ENV CUDA_HOME ENV CUDA_PATH /usr/local/cuda PATH_SUFFIXES bin)
+    unset(CMAKE_CUDA_COMPILER CACHE) # a remembered NOTFOUND
     if(GRAUPEL_NVCC)
-      set(CMAKE_CUDA_COMPILER ${GRAUPEL_NVCC})
+      set(ENV{CUDACXX} ${GRAUPEL_NVCC}) # check_language tests no compiler that CMAKE_CUDA_COMPILER names already
     endif()
   endif()
   if(NOT CMAKE_CUDA_ARCHITECTURES)

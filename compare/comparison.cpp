@@ -36,6 +36,13 @@ MetricValues floors_of(const SceneResult& scene) {
   return floors;
 }
 
+std::string mark_of_references(const SceneResult& scene) {
+  std::string mark;
+  for (const auto& [reference, frame] : scene.diverged_references)
+    mark += (mark.empty() ? "" : "; ") + reference + " diverged at frame " + std::to_string(frame);
+  return mark;
+}
+
 std::string short_name(const std::string& model) { return model.substr(model.find_last_of('/') + 1); }
 
 std::vector<std::string> incomplete_results(const Comparison& comparison) {

@@ -33,7 +33,10 @@ struct SceneResult {
   std::vector<double> true_energy;     ///< kinetic energy of the truth [J], entry k is frame k + 1
   std::vector<double> floor_position;  ///< position error curve of MPM with moved particles; empty without floors
   std::vector<double> floor_density;   ///< density error curve of MPM with another seed
-  std::string picture;                 ///< PNG of the truth's picture row
+  /// First unusable frame of the runs that all models are held against, where one diverged: "mpm:coarse" (behind
+  /// loses_to_coarse), "moved" and "reseeded" (the chaos floors).
+  std::map<std::string, int64_t> diverged_references;
+  std::string picture;  ///< PNG of the truth's picture row
   PlayerTrack truth;
   PlayerObstacles obstacles;
   std::vector<ModelResult> models;
@@ -56,6 +59,8 @@ std::vector<std::string> models_of(const Comparison& comparison);
 bool computed(const Comparison& comparison, MetricGroup group);
 /// A scene's chaos floors under the names of the metrics that they bound; empty where they were not computed.
 MetricValues floors_of(const SceneResult& scene);
+/// What must not be overlooked about the scene's reference runs: "mpm:coarse diverged at frame 7"; empty for most.
+std::string mark_of_references(const SceneResult& scene);
 /// Short name of a model: "mpm", or a weights file without its folder.
 std::string short_name(const std::string& model);
 

@@ -88,6 +88,7 @@ Json comparison_json(const Comparison& comparison) {
         {"frames", scene.frames}, {"frame_time", scene.frame_time}, {"true_kinetic_energy", scene.true_energy}};
     if (computed(comparison, MetricGroup::floors))
       entry["floor_curves"] = {{"position_error", scene.floor_position}, {"density_error", scene.floor_density}};
+    if (!scene.diverged_references.empty()) entry["diverged_references"] = scene.diverged_references;
     json["scenes"].push_back(entry);
     for (const ModelResult& result : scene.models) json["results"].push_back(model_json(scene, result));
   }
@@ -135,6 +136,8 @@ std::string comparison_table(const Comparison& comparison) {
     for (const ModelResult& result : scene.models)
       table += table_row(short_name(result.model), result.values, mark_of(result));
     if (computed(comparison, MetricGroup::floors)) table += table_row("(chaos floor)", floors_of(scene), "");
+    const std::string mark = mark_of_references(scene);
+    if (!mark.empty()) table += "  reference runs: " + mark + "\n";
   }
   if (comparison.scenes.size() > 1) {
     table += fmt::format("mean of {} scenes\n{}\n", comparison.scenes.size(), header);

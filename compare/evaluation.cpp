@@ -165,6 +165,8 @@ MetricValues cost_values(const RunCost& cost, std::size_t particles, double mpm_
           {"projection_ms", 1e3 * cost.projection},
           {"output_ms", 1e3 * cost.output},
           {"speed_ratio", mpm_frame / std::max(cost.frame, 1e-9)},
+          {"substeps_per_frame", cost.substeps},
+          {"step_search_s", cost.search},
           {"peak_memory_mib", cost.peak_bytes / mib},
           {"added_memory_mib", cost.added_bytes / mib}};
 }

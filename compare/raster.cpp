@@ -18,6 +18,18 @@ Color color_of_type(int32_t type) {
       return {240, 244, 250};
     case 4:
       return {92, 190, 104};
+    case 7:
+      return {236, 130, 150};
+    case 9:
+      return {60, 160, 150};
+    case 10:
+      return {150, 156, 168};
+    case 11:
+      return {140, 92, 60};
+    case 12:
+      return {236, 214, 120};
+    case 13:
+      return {110, 104, 100};
     default:
       return {190, 120, 200};
   }

@@ -11,7 +11,7 @@
 
 namespace graupel::compare {
 
-/// Colour of a particle type: water blue, sand ochre, snow white, jelly green.
+/// Colour of a particle type: water blue, sand ochre, snow white, jelly green, ...
 Color color_of_type(int32_t type);
 
 /// Radius of the spheres for particles of a volume [m^3]: neighbours in a full cell touch.

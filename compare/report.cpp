@@ -166,7 +166,10 @@ std::string scene_section(const Comparison& comparison, const SceneResult& scene
   std::string html = "<h2>" + escape_markup(scene.name) + "</h2>\n";
   html += fmt::format("<p class=\"soft\">{} particles, {} frames of {:.4g} s, from <code>{}</code></p>\n",
                       scene.particles, scene.frames, scene.frame_time, escape_markup(scene.source));
-  html += scene_table(comparison, scene) + full_table(scene);
+  html += scene_table(comparison, scene);
+  const std::string mark = mark_of_references(scene);
+  if (!mark.empty()) html += "<p class=\"mark\">Reference runs: " + escape_markup(mark) + "</p>\n";
+  html += full_table(scene);
   if (!computed(comparison, MetricGroup::rollout)) return html;
   return html + material_table(scene) + scene_plots(scene) + scene_pictures(scene);
 }
@@ -241,7 +244,8 @@ std::string head_section(const Comparison& comparison) {
       "<h1>Graupel: learned simulators against MPM</h1>\n"
       "<p class=\"soft\">{} &middot; {} &middot; {} threads</p>\n<p>Made by</p>\n<pre>{}</pre>\n"
       "<p>Errors count predicted frames only, against the truth named with each scene. "
-      "<code>mpm</code> is the solver at the scene's own step, <code>mpm:fast</code> at the largest stable step, "
+      "<code>mpm</code> is the solver at the scene's own step, <code>mpm:fast</code> at the largest stable step "
+      "(searched for each scene; <code>substeps_per_frame</code> and <code>step_search_s</code> tell), "
       "<code>mpm:coarse</code> on a grid twice as coarse with an eighth of the particles. The chaos floor is what MPM "
       "differs from itself when its particles are moved by 1e-4 dx (position errors) or sampled with another seed (the "
       "rest): errors near it cannot be told from chaos. Definitions: <code>docs/metrics.md</code>.</p>\n",

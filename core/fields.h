@@ -9,8 +9,8 @@
 //     }
 //   };
 //
-// Member types: bool, int64_t, double, std::string, Vec3d, an enum with EnumWords, std::optional<double>, another
-// such struct, std::vector of these, std::map<std::string, struct>.
+// Member types: bool, int64_t, double, std::string, Vec3d, an enum with EnumWords, another such struct, std::optional
+// or std::vector of these, std::map<std::string, struct>.
 #pragma once
 
 #include <limits>

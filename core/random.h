@@ -22,6 +22,7 @@ enum class RandomPurpose : uint32_t {
   surface_sample = 7,
   metric_subset = 8,
   training_symmetry = 9,
+  emission = 10,
   test = 99
 };
 

@@ -104,11 +104,4 @@ GRAUPEL_HD inline Svd<T, D> svd(const Mat<T, D>& F) {
   return result;
 }
 
-/// Rotation R of the polar decomposition F = R S, with det R = +1.
-template <typename T, int D>
-GRAUPEL_HD inline Mat<T, D> polar_rotation(const Mat<T, D>& F) {
-  const Svd<T, D> d = svd(F);
-  return d.U * transpose(d.V);
-}
-
 }  // namespace graupel

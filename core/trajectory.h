@@ -14,6 +14,10 @@ struct ParticleFrame {
   double time = 0;              ///< [s]
   std::vector<Vec3f> position;  ///< [m], shape [n, 3]
   std::vector<Vec3f> velocity;  ///< [m/s], shape [n, 3]; empty where it was not stored
+  std::vector<uint8_t> active =
+      {};  ///< shape [n]: 0 for particles that are not in the run (yet, any more); empty: all are
+
+  bool is_active(std::size_t i) const { return active.empty() || active[i] != 0; }
 };
 
 struct Trajectory {

@@ -17,6 +17,22 @@ Scene with_spacing(Scene scene, double dx) {
   return scene;
 }
 
+const Scene& checked(const Scene& scene) {
+  std::string what;
+  if (scene.has_moving_obstacles()) what = "moving obstacles";
+  for (const Source& source : scene.sources)
+    if (source.motion) what = "particles that follow a script";
+  if (!scene.kinematic_regions.empty()) what = "particles that follow a script";
+  if (!scene.emitters.empty()) what = "emitters";
+  if (!scene.sinks.empty()) what = "sinks";
+  if (scene.domain.has_wall(Wall::open)) what = "open walls";
+  if (scene.domain.has_wall(Wall::periodic)) what = "periodic walls";
+  if (!what.empty())
+    throw ConfigError("a learned network cannot run this scene (it has " + what + ", allowed: none). Use `graupel " +
+                      "simulate`, or a scene without them");
+  return scene;
+}
+
 /// Longest piece of a particle's way [m] that cannot jump over an obstacle: a grid's smallest value is half of the
 /// obstacle's greatest thickness, which is what a plate has everywhere.
 double longest_piece(const sparsegrid::ObstacleSet& obstacles, double voxel) {
@@ -123,7 +139,7 @@ class FeatureWriter {
 }  // namespace
 
 Surroundings::Surroundings(const Scene& scene, std::optional<double> spacing)
-    : obstacles(scene),
+    : obstacles(checked(scene)),
       normals(with_spacing(scene, spacing.value_or(scene.domain.dx)), obstacles),
       normal_spacing(spacing.value_or(scene.domain.dx)),
       wall_low(scene.domain.origin),

@@ -13,7 +13,8 @@ namespace graupel::graph {
 
 /// The static surroundings of a scene, built once: obstacles, their cell normals and the walls.
 struct Surroundings {
-  /// `normal_spacing` [m] is the cell size of the obstacle normals, scene.domain.dx unless given.
+  /// `normal_spacing` [m] is the cell size of the obstacle normals, scene.domain.dx unless given. Throws ConfigError
+  /// for what no network was taught: moving obstacles, scripted particles, emitters, sinks, open and periodic walls.
   explicit Surroundings(const Scene& scene, std::optional<double> normal_spacing = {});
   sparsegrid::ObstacleSet obstacles;
   sparsegrid::CellNormals normals;

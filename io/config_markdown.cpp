@@ -1,4 +1,6 @@
 // Config descriptions as Markdown tables and as commented JSON.
+#include <map>
+
 #include "io/config_description.h"
 
 namespace graupel::io {
@@ -58,17 +60,24 @@ std::string only_for_text(const FieldDescription& field) {
   return field.kind_field + ": " + joined(words_of_list(field.info.only_for), ", ");
 }
 
-void write_tables(const StructDescription& description, const std::string& title, std::string& out) {
-  out += "\n## " + title + "\n\n| Key | Type | Unit | Default | Allowed | Only for | Meaning |\n";
-  out += "|---|---|---|---|---|---|---|\n";
+/// One table a struct; one that stands there already is named instead of written again.
+void write_tables(const StructDescription& description, const std::string& title, std::string& out,
+                  std::map<std::string, std::string>& title_of_table) {
+  std::string table = "| Key | Type | Unit | Default | Allowed | Only for | Meaning |\n|---|---|---|---|---|---|---|\n";
   for (const auto& field : description.fields)
-    out += "| `" + std::string(field.info.name) + "` | " + type_text(field) + " | " + std::string(field.info.unit) +
-           " | " + default_text(field) + " | " + allowed_text(field) + " | " + only_for_text(field) + " | " +
-           std::string(field.info.meaning) + " |\n";
+    table += "| `" + std::string(field.info.name) + "` | " + type_text(field) + " | " + std::string(field.info.unit) +
+             " | " + default_text(field) + " | " + allowed_text(field) + " | " + only_for_text(field) + " | " +
+             std::string(field.info.meaning) + " |\n";
+  const auto [known, is_new] = title_of_table.try_emplace(table, title);
+  if (!is_new) {
+    if (known->second != title) out += "\n## " + title + "\n\nAs " + known->second + ".\n";
+    return;
+  }
+  out += "\n## " + title + "\n\n" + table;
   for (const auto& field : description.fields) {
     if (!field.structure) continue;
     const char* suffix = field.shape == FieldShape::list ? "[]" : field.shape == FieldShape::map ? ".<name>" : "";
-    write_tables(*field.structure, "`" + std::string(field.info.name) + suffix + "`", out);
+    write_tables(*field.structure, "`" + std::string(field.info.name) + suffix + "`", out, title_of_table);
   }
 }
 
@@ -103,7 +112,8 @@ JsonNode with_comments(const StructDescription& description, const JsonNode& val
 
 std::string description_markdown(const StructDescription& description, const std::string& title) {
   std::string out;
-  write_tables(description, title, out);
+  std::map<std::string, std::string> title_of_table;
+  write_tables(description, title, out, title_of_table);
   return out;
 }
 

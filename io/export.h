@@ -1,4 +1,4 @@
-// Writes trajectories in the formats other programs read.
+// Writes trajectories in the formats other programs read. Particles that are not in the run in a frame are left out.
 #pragma once
 
 #include <string>

@@ -17,6 +17,19 @@ void prepare_export(const Trajectory& trajectory, const std::string& folder, con
   make_folder(folder);
 }
 
+ActiveFrame active_particles(const Trajectory& trajectory, const ParticleFrame& frame) {
+  ActiveFrame out;
+  out.frame.time = frame.time;
+  for (std::size_t i = 0; i < frame.position.size(); ++i) {
+    if (!frame.is_active(i)) continue;
+    out.id.push_back(static_cast<int32_t>(i));
+    out.particle_type.push_back(trajectory.particle_type[i]);
+    out.frame.position.push_back(frame.position[i]);
+    if (!frame.velocity.empty()) out.frame.velocity.push_back(frame.velocity[i]);
+  }
+  return out;
+}
+
 std::string frame_file_name(const std::string& name, std::size_t frame, const std::string& ending) {
   char number[24];
   std::snprintf(number, sizeof number, "_%04zu", frame);

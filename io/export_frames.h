@@ -12,6 +12,12 @@ namespace graupel::io {
 void prepare_export(const Trajectory& trajectory, const std::string& folder, const std::string& name);
 /// "<name>_0007<ending>", with more digits where there are more frames.
 std::string frame_file_name(const std::string& name, std::size_t frame, const std::string& ending);
+/// The particles of a frame that are in the run: what is exported.
+struct ActiveFrame {
+  ParticleFrame frame;
+  std::vector<int32_t> particle_type, id;  ///< [n] of those; id is the place in the trajectory
+};
+ActiveFrame active_particles(const Trajectory& trajectory, const ParticleFrame& frame);
 /// Appends the bytes of a number as they lie in memory (little-endian on every machine this runs on).
 template <typename T>
 void append_bytes(std::string& out, const T& value) {

@@ -7,7 +7,8 @@ namespace graupel::io {
 
 namespace {
 
-std::string ply_bytes(const Trajectory& trajectory, const ParticleFrame& frame) {
+std::string ply_bytes(const ActiveFrame& active) {
+  const ParticleFrame& frame = active.frame;
   const bool velocity = !frame.velocity.empty();
   std::string out = "ply\nformat binary_little_endian 1.0\nelement vertex " + std::to_string(frame.position.size()) +
                     "\nproperty float x\nproperty float y\nproperty float z\n";
@@ -16,7 +17,7 @@ std::string ply_bytes(const Trajectory& trajectory, const ParticleFrame& frame) 
   for (std::size_t i = 0; i < frame.position.size(); ++i) {
     append_bytes(out, frame.position[i]);
     if (velocity) append_bytes(out, frame.velocity[i]);
-    append_bytes(out, trajectory.particle_type[i]);
+    append_bytes(out, active.particle_type[i]);
   }
   return out;
 }
@@ -26,7 +27,8 @@ std::string ply_bytes(const Trajectory& trajectory, const ParticleFrame& frame) 
 void export_ply(const Trajectory& trajectory, const std::string& folder, const std::string& name) {
   prepare_export(trajectory, folder, name);
   for (std::size_t k = 0; k < trajectory.frames.size(); ++k)
-    write_file_atomically(folder + "/" + frame_file_name(name, k, ".ply"), ply_bytes(trajectory, trajectory.frames[k]));
+    write_file_atomically(folder + "/" + frame_file_name(name, k, ".ply"),
+                          ply_bytes(active_particles(trajectory, trajectory.frames[k])));
 }
 
 }  // namespace graupel::io

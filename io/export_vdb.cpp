@@ -34,7 +34,8 @@ std::vector<openvdb::Vec3s> vdb_vectors(const std::vector<Vec3f>& values) {
   return out;
 }
 
-PointDataGrid::Ptr point_grid(const Trajectory& trajectory, const ParticleFrame& frame) {
+PointDataGrid::Ptr point_grid(const ActiveFrame& active) {
+  const ParticleFrame& frame = active.frame;
   const std::vector<openvdb::Vec3s> positions = vdb_vectors(frame.position);
   const openvdb::points::PointAttributeVector<openvdb::Vec3s> wrapped(positions);
   constexpr int points_per_voxel = 8;
@@ -43,10 +44,8 @@ PointDataGrid::Ptr point_grid(const Trajectory& trajectory, const ParticleFrame&
   const auto index = openvdb::tools::createPointIndexGrid<PointIndexGrid>(wrapped, *transform);
   auto grid =
       openvdb::points::createPointDataGrid<openvdb::points::NullCodec, PointDataGrid>(*index, wrapped, *transform);
-  std::vector<int32_t> ids(positions.size());
-  for (std::size_t i = 0; i < ids.size(); ++i) ids[i] = static_cast<int32_t>(i);
-  add_attribute(*grid, *index, "id", ids);
-  add_attribute(*grid, *index, "type", trajectory.particle_type);
+  add_attribute(*grid, *index, "id", active.id);
+  add_attribute(*grid, *index, "type", active.particle_type);
   if (!frame.velocity.empty()) add_attribute(*grid, *index, "v", vdb_vectors(frame.velocity));
   grid->setName("particles");
   grid->insertMeta("time", openvdb::DoubleMetadata(frame.time));
@@ -78,7 +77,7 @@ void export_vdb_points(const Trajectory& trajectory, const std::string& folder, 
     const std::string path = folder + "/" + frame_file_name(name, k, ".vdb");
     check_finite(trajectory.frames[k], k);
     try {
-      write_grid(point_grid(trajectory, trajectory.frames[k]), path);
+      write_grid(point_grid(active_particles(trajectory, trajectory.frames[k])), path);
     } catch (const openvdb::Exception& error) {
       throw IoError("cannot write '" + path + "' (" + error.what() + "). Free space there or choose another folder");
     } catch (const std::ios_base::failure& error) {

@@ -28,7 +28,8 @@ class AppendedXml {
   std::string xml_, blocks_;
 };
 
-std::string vtp_bytes(const Trajectory& trajectory, const ParticleFrame& frame) {
+std::string vtp_bytes(const ActiveFrame& active) {
+  const ParticleFrame& frame = active.frame;
   const std::size_t count = frame.position.size();
   std::vector<int64_t> connectivity(count), offsets(count);  // one vertex cell a particle: visible without a filter
   for (std::size_t i = 0; i < count; ++i) {
@@ -42,7 +43,7 @@ std::string vtp_bytes(const Trajectory& trajectory, const ParticleFrame& frame) 
   out.array("Float64", "TimeValue", 1, std::vector<double>{frame.time});
   out.text("</FieldData>\n<Piece NumberOfPoints=\"" + std::to_string(count) + "\" NumberOfVerts=\"" +
            std::to_string(count) + "\" NumberOfLines=\"0\" NumberOfStrips=\"0\" NumberOfPolys=\"0\">\n<PointData>\n");
-  out.array("Int32", "particle_type", 1, trajectory.particle_type);
+  out.array("Int32", "particle_type", 1, active.particle_type);
   if (!frame.velocity.empty()) out.array("Float32", "velocity", 3, frame.velocity);
   out.text("</PointData>\n<Points>\n");
   out.array("Float32", "Points", 3, frame.position);
@@ -60,7 +61,7 @@ void export_vtp(const Trajectory& trajectory, const std::string& folder, const s
   std::string times = "<?xml version=\"1.0\"?>\n<VTKFile type=\"Collection\" version=\"0.1\">\n<Collection>\n";
   for (std::size_t k = 0; k < trajectory.frames.size(); ++k) {
     const std::string file = frame_file_name(name, k, ".vtp");
-    write_file_atomically(folder + "/" + file, vtp_bytes(trajectory, trajectory.frames[k]));
+    write_file_atomically(folder + "/" + file, vtp_bytes(active_particles(trajectory, trajectory.frames[k])));
     times += "<DataSet timestep=\"" + number_text(trajectory.frames[k].time) + "\" file=\"" + file + "\"/>\n";
   }
   write_file_atomically(folder + "/" + name + ".pvd", times + "</Collection>\n</VTKFile>\n");

@@ -15,11 +15,15 @@ constexpr std::size_t read_cache = std::size_t(16) << 20;
 hid_t memory_type(Element element) {
   return element == Element::float32   ? H5T_NATIVE_FLOAT
          : element == Element::float64 ? H5T_NATIVE_DOUBLE
+         : element == Element::uint8   ? H5T_NATIVE_UINT8
                                        : H5T_NATIVE_INT32;
 }
 
 hid_t stored_type(Element element) {
-  return element == Element::float32 ? H5T_IEEE_F32LE : element == Element::float64 ? H5T_IEEE_F64LE : H5T_STD_I32LE;
+  return element == Element::float32   ? H5T_IEEE_F32LE
+         : element == Element::float64 ? H5T_IEEE_F64LE
+         : element == Element::uint8   ? H5T_STD_U8LE
+                                       : H5T_STD_I32LE;
 }
 
 Handle make_space(const std::vector<hsize_t>& size, const hsize_t* most = nullptr) {

@@ -9,7 +9,7 @@
 
 namespace graupel::io::hdf5 {
 
-enum class Element { float32, float64, int32 };
+enum class Element { float32, float64, int32, uint8 };
 
 struct DatasetLayout {
   Element element = Element::float32;

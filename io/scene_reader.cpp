@@ -111,15 +111,15 @@ std::string scene_format_markdown() {
          "A scene is a JSON file; `//` and `/* */` comments are allowed. Units are SI, y is up by convention. Unknown "
          "keys\n"
          "are errors. Paths are relative to the scene file. `--set key.path=value` replaces a value for one run, e.g.\n"
-         "`--set domain.dx=0.01` or `--set sources.0.velocity=[0,-1,0]`. `graupel --print-defaults` writes a scene "
-         "with\n"
-         "every key. Editors check and complete scenes with `scenes/schema.json` (name it under the key "
+         "`--set domain.dx=0.01` or `--set sources.0.velocity=[0,-1,0]`. `graupel simulate --print-defaults` writes\n"
+         "a scene with every key. Editors check and complete scenes with `scenes/schema.json` (name it under the key\n"
          "`\"$schema\"`).\n\n"
-         "Sources may have every shape but `plane` and `vdb`, obstacles every shape but `points`. The domain needs at "
+         "Sources may have every shape but `plane` and `vdb`, emitters none of these and no `points`, obstacles every "
+         "shape but\n`points`. The domain needs at "
          "least\n"
          "16 cells along each edge inside its walls and at most 2^21 cells along an edge. A material starts from its\n"
          "`preset`, then its other keys apply.\n\n"
-         "This file is made from the declarations in `core/scene.h` and `core/material_config.h`.\n" +
+         "This file is made from the declarations in `core/scene.h` and the headers that it names.\n" +
          description_markdown(describe<Scene>(), "Top level") + preset_markdown();
 }
 

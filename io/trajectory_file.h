@@ -1,6 +1,7 @@
 // Trajectories and data sets in HDF5, readable by h5py and in the LagrangeBench layout:
 //   /00000/position f32 [T, N, 3], /00000/particle_type i32 [N], /00000/velocity f32 [T, N, 3] (optional),
-//   /00000/initial_velocity f32 [N, 3], /00000/time f64 [T]; attributes: units, scene_json, seed, version, complete.
+//   /00000/initial_velocity f32 [N, 3], /00000/time f64 [T], /00000/active u8 [T, N] (only where particles come or go;
+//   0: not in the run in that frame); attributes: units, scene_json, seed, version, complete.
 // Written as <path>.part, flushed every few frames, synced and renamed, complete=1 last.
 #pragma once
 
@@ -16,6 +17,7 @@ namespace graupel::io {
 
 struct TrajectoryWriteOptions {
   bool velocity = true;  ///< store every frame's velocity
+  bool active = false;   ///< store which particles are in the run in every frame
   int deflate = 1;       ///< 0..9
   int flush_every = 8;   ///< frames between flushes
   int group = 0;         ///< number of the trajectory in the file, "/00000"
@@ -52,7 +54,7 @@ class TrajectoryReader {
   bool complete() const;
   /// Header of trajectory i: everything but the frames' contents; `frames` has the right length with times only.
   Trajectory header(int i) const;
-  /// Frames [first, first + count) of trajectory i; velocity from the file, or empty.
+  /// Frames [first, first + count) of trajectory i; velocity and active from the file, or empty.
   std::vector<ParticleFrame> frames(int i, int64_t first, int64_t count) const;
   std::vector<Vec3f> initial_velocity(int i) const;             ///< empty when not stored
   Trajectory read(int i) const;                                 ///< whole trajectory

@@ -21,7 +21,7 @@ struct OpenTrajectory {
   int number = -1;
   hdf5::Handle group;
   hdf5::Dataset position;
-  std::optional<hdf5::Dataset> velocity;
+  std::optional<hdf5::Dataset> velocity, active;
   std::vector<double> times;
 };
 
@@ -122,6 +122,11 @@ void TrajectoryReader::Impl::open_trajectory(int i) const {
     next.velocity = hdf5::open_dataset(next.group, "velocity", 3, hdf5::NumberKind::real, file_size);
     if (next.velocity->size != size) throw hdf5::Failure("'velocity' and 'position' have different sizes");
   }
+  if (hdf5::has_member(next.group, "active")) {
+    next.active = hdf5::open_dataset(next.group, "active", 2, hdf5::NumberKind::integer, file_size);
+    if (next.active->size != std::vector<hsize_t>{size[0], size[1]})
+      throw hdf5::Failure("'active' and 'position' have different sizes");
+  }
   next.times = read_times(next.group, size[0]);
   current = std::move(next);
 }
@@ -161,6 +166,10 @@ std::vector<ParticleFrame> TrajectoryReader::Impl::frames(int i, int64_t first, 
     frame.time = open.times[row];
     frame.position.assign(particles, Vec3f::zero());
     open.position.read_rows(row, 1, hdf5::Element::float32, frame.position.data());
+    if (open.active) {
+      frame.active.assign(particles, 0);
+      open.active->read_rows(row, 1, hdf5::Element::uint8, frame.active.data());
+    }
     if (!open.velocity) continue;
     frame.velocity.assign(particles, Vec3f::zero());
     open.velocity->read_rows(row, 1, hdf5::Element::float32, frame.velocity.data());

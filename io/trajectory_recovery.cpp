@@ -19,7 +19,7 @@ namespace {
 struct PartFile {
   hdf5::Handle file, group;
   hdf5::Dataset position, time;
-  std::optional<hdf5::Dataset> velocity;
+  std::optional<hdf5::Dataset> velocity, active;
 };
 
 PartFile open_part(const std::string& part) {
@@ -33,6 +33,8 @@ PartFile open_part(const std::string& part) {
   out.time = hdf5::open_dataset(out.group, "time", 1, hdf5::NumberKind::real, size);
   if (hdf5::has_member(out.group, "velocity"))
     out.velocity = hdf5::open_dataset(out.group, "velocity", 3, hdf5::NumberKind::real, size);
+  if (hdf5::has_member(out.group, "active"))
+    out.active = hdf5::open_dataset(out.group, "active", 2, hdf5::NumberKind::integer, size);
   return out;
 }
 
@@ -41,13 +43,19 @@ std::optional<ParticleFrame> read_frame(const PartFile& part, hsize_t row) {
   ParticleFrame frame;
   frame.position.resize(part.position.size[1]);
   const auto usable = [&](const hdf5::Dataset& dataset) { return row < dataset.size[0] && dataset.has_chunks(row); };
-  if (!usable(part.position) || !usable(part.time) || (part.velocity && !usable(*part.velocity))) return std::nullopt;
+  if (!usable(part.position) || !usable(part.time) || (part.velocity && !usable(*part.velocity)) ||
+      (part.active && !usable(*part.active)))
+    return std::nullopt;
   try {
     part.position.read_rows(row, 1, hdf5::Element::float32, frame.position.data());
     part.time.read_rows(row, 1, hdf5::Element::float64, &frame.time);
     if (part.velocity) {
       frame.velocity.resize(part.velocity->size[1]);
       part.velocity->read_rows(row, 1, hdf5::Element::float32, frame.velocity.data());
+    }
+    if (part.active) {
+      frame.active.resize(part.active->size[1]);
+      part.active->read_rows(row, 1, hdf5::Element::uint8, frame.active.data());
     }
   } catch (const hdf5::Failure&) {
     return std::nullopt;
@@ -74,7 +82,8 @@ Trajectory part_header(const PartFile& part, const std::string& path) {
   const auto types =
       hdf5::open_dataset(part.group, "particle_type", 1, hdf5::NumberKind::integer, fs::file_size(path + ".part"));
   if (types.size[0] != part.position.size[1] || part.position.size[2] != 3 ||
-      (part.velocity && (part.velocity->size[1] != types.size[0] || part.velocity->size[2] != 3)))
+      (part.velocity && (part.velocity->size[1] != types.size[0] || part.velocity->size[2] != 3)) ||
+      (part.active && part.active->size[1] != types.size[0]))
     throw hdf5::Failure("its datasets have different sizes");
   header.particle_type.resize(types.size[0]);
   types.read_rows(0, types.size[0], hdf5::Element::int32, header.particle_type.data());
@@ -90,6 +99,7 @@ void rewrite(const PartFile& part, const std::string& path) {
   const std::string aside = path + ".recovered";
   TrajectoryWriteOptions options;
   options.velocity = part.velocity.has_value();
+  options.active = part.active.has_value();
   TrajectoryWriter writer(aside, part_header(part, path), options);
   for (const std::string& name : hdf5::attribute_names(part.group))
     if (name != "scene_json" && name != "made_by")

@@ -40,8 +40,9 @@ struct TrajectoryWriter::Impl {
   hsize_t particles = 0;
   hsize_t chunk_frames = 1;
   hsize_t chunk_particles = 1;
-  hdf5::Handle file, group, position, velocity, time;
+  hdf5::Handle file, group, position, velocity, active, time;
   std::vector<Vec3f> pending_position, pending_velocity;
+  std::vector<uint8_t> pending_active;
   std::vector<double> pending_time;
   hsize_t written = 0;
   hsize_t flushed = 0;
@@ -110,6 +111,15 @@ void TrajectoryWriter::Impl::start(const Trajectory& header) {
   write_header(header);
   position = frames_dataset("position", "m", "Particle positions [frame, particle, axis]");
   if (options.velocity) velocity = frames_dataset("velocity", "m/s", "Particle velocities [frame, particle, axis]");
+  if (options.active)
+    active = hdf5::create_dataset(group, "active",
+                                  {.element = hdf5::Element::uint8,
+                                   .size = {0, particles},
+                                   .chunk = {chunk_frames, chunk_particles},
+                                   .deflate = options.deflate,
+                                   .checksum = true,
+                                   .units = "",
+                                   .description = "1 while a particle is in the run [frame, particle]"});
   // Without filters, chunks of times stay in their place when they grow.
   time = hdf5::create_dataset(group, "time",
                               {.element = hdf5::Element::float64,
@@ -146,10 +156,13 @@ void TrajectoryWriter::Impl::write_pending() {
   hdf5::append_rows(position, written, count, {particles, 3}, hdf5::Element::float32, pending_position.data());
   if (options.velocity)
     hdf5::append_rows(velocity, written, count, {particles, 3}, hdf5::Element::float32, pending_velocity.data());
+  if (options.active)
+    hdf5::append_rows(active, written, count, {particles}, hdf5::Element::uint8, pending_active.data());
   hdf5::append_rows(time, written, count, {}, hdf5::Element::float64, pending_time.data());
   written += count;
   pending_position.clear();
   pending_velocity.clear();
+  pending_active.clear();
   pending_time.clear();
 }
 
@@ -164,6 +177,7 @@ void TrajectoryWriter::Impl::close_all(int64_t diverged_at_frame) {
   flush();
   position.close("cannot close a dataset");
   velocity.close("cannot close a dataset");
+  active.close("cannot close a dataset");
   time.close("cannot close a dataset");
   group.close("cannot close a group");
   hdf5::write_attribute(file, "complete", int64_t(1));
@@ -191,10 +205,16 @@ void TrajectoryWriter::append(const ParticleFrame& frame) {
   GRAUPEL_ASSERT(!state.closed);
   GRAUPEL_ASSERT(frame.position.size() == state.particles);
   GRAUPEL_ASSERT(!state.options.velocity || frame.velocity.size() == state.particles);
+  GRAUPEL_ASSERT(!state.options.active || frame.active.empty() || frame.active.size() == state.particles);
   const bool first = state.written == 0 && state.pending_time.empty();
   state.pending_position.insert(state.pending_position.end(), frame.position.begin(), frame.position.end());
   if (state.options.velocity)
     state.pending_velocity.insert(state.pending_velocity.end(), frame.velocity.begin(), frame.velocity.end());
+  if (state.options.active) {
+    const std::vector<uint8_t> all(frame.active.empty() ? state.particles : 0, 1);
+    const std::vector<uint8_t>& active = frame.active.empty() ? all : frame.active;
+    state.pending_active.insert(state.pending_active.end(), active.begin(), active.end());
+  }
   state.pending_time.push_back(frame.time);
   const std::string doing = "write frame " + std::to_string(state.written + state.pending_time.size() - 1) + " to";
   state.guarded(doing, [&] {

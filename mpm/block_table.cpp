@@ -18,6 +18,7 @@ struct MarkOccupied {
   const int32_t* keys;
   uint8_t* occupied;
   GRAUPEL_HD void operator()(int64_t slot) const {
+    if (keys[slot] < 0) return;
     uint8_t* flag = occupied + keys[slot];
     if (*static_cast<volatile uint8_t*>(flag) == 0) mark(flag);
   }
@@ -29,27 +30,32 @@ struct NumberHomes {
   GRAUPEL_HD void operator()(int64_t home) const { home_of_key[home_key[home]] = static_cast<int32_t>(home); }
 };
 
+/// Place of a slot's home block in a row of counts: slots without one come last.
+GRAUPEL_HD inline int64_t column_of(const int32_t* home_of_key, int32_t key, int64_t columns) {
+  return key < 0 ? columns - 1 : home_of_key[key];
+}
+
 struct CountChunk {
   const int32_t *keys, *home_of_key;
-  int32_t* counts;  ///< [chunks, homes]
-  int64_t homes, chunk, slots;
+  int32_t* counts;  ///< [chunks, columns]
+  int64_t columns, chunk, slots;
   GRAUPEL_HD void operator()(int64_t item) const {
-    int32_t* own = counts + item * homes;
-    for (int64_t h = 0; h < homes; ++h) own[h] = 0;
+    int32_t* own = counts + item * columns;
+    for (int64_t h = 0; h < columns; ++h) own[h] = 0;
     const int64_t end = (item + 1) * chunk < slots ? (item + 1) * chunk : slots;
-    for (int64_t slot = item * chunk; slot < end; ++slot) ++own[home_of_key[keys[slot]]];
+    for (int64_t slot = item * chunk; slot < end; ++slot) ++own[column_of(home_of_key, keys[slot], columns)];
   }
 };
 
 /// Counts of a block -> places inside the block at which each chunk begins.
 struct ScanChunks {
   int32_t *counts, *totals;
-  int64_t homes, chunks;
+  int64_t columns, chunks;
   GRAUPEL_HD void operator()(int64_t home) const {
     int32_t sum = 0;
     for (int64_t c = 0; c < chunks; ++c) {
-      const int32_t n = counts[c * homes + home];
-      counts[c * homes + home] = sum;
+      const int32_t n = counts[c * columns + home];
+      counts[c * columns + home] = sum;
       sum += n;
     }
     totals[home] = sum;
@@ -59,12 +65,12 @@ struct ScanChunks {
 struct PlaceChunk {
   const int32_t *keys, *home_of_key, *start;
   int32_t *counts, *order;
-  int64_t homes, chunk, slots;
+  int64_t columns, chunk, slots;
   GRAUPEL_HD void operator()(int64_t item) const {
-    int32_t* own = counts + item * homes;
+    int32_t* own = counts + item * columns;
     const int64_t end = (item + 1) * chunk < slots ? (item + 1) * chunk : slots;
     for (int64_t slot = item * chunk; slot < end; ++slot) {
-      const int32_t home = home_of_key[keys[slot]];
+      const int64_t home = column_of(home_of_key, keys[slot], columns);
       order[start[home] + own[home]++] = static_cast<int32_t>(slot);
     }
   }
@@ -84,7 +90,7 @@ BlockTable::BlockTable(Device device, const Vec<int, 3>& blocks, int64_t particl
   const auto n = static_cast<std::size_t>(particle_count);
   node_of_key_.assign(directory, -1);
   for (Buffer<int32_t>* b : {&keys_, &home_of_key_, &home_key_, &node_key_, &home_to_node_, &node_to_home_, &start_,
-                             &order_, &chunk_counts_, &totals_})
+                             &order_, &chunk_counts_, &totals_, &device_node_of_key_})
     *b = Buffer<int32_t>(device, 0);
   keys_.resize_discard(n);
   order_.resize_discard(n);
@@ -147,28 +153,29 @@ void BlockTable::link_blocks(const std::vector<int32_t>& home_keys) {
   node_key_.upload(node_keys_);
   home_to_node_.upload(home_to_node);
   node_to_home_.upload(node_to_home);
+  if (keeps_node_lookup_) device_node_of_key_.upload(node_of_key_);
   parallel_for(device_, static_cast<int64_t>(home_keys_.size()), NumberHomes{home_key_.data(), home_of_key_.data()},
                Grain{4096});
 }
 
 void BlockTable::sort_slots() {
-  const auto homes = static_cast<int64_t>(home_keys_.size());
+  const auto columns = static_cast<int64_t>(home_keys_.size()) + 1;
   const int64_t chunk = chunk_size(device_), chunks = (count_ + chunk - 1) / chunk;
-  chunk_counts_.resize_discard(static_cast<std::size_t>(chunks * homes));
-  totals_.resize_discard(static_cast<std::size_t>(homes));
-  start_.resize_discard(static_cast<std::size_t>(homes) + 1);
+  chunk_counts_.resize_discard(static_cast<std::size_t>(chunks * columns));
+  totals_.resize_discard(static_cast<std::size_t>(columns));
+  start_.resize_discard(static_cast<std::size_t>(columns) + 1);
   const Grain grain{device_ == Device::cpu ? 4 : 1};
   parallel_for(device_, chunks,
-               CountChunk{keys_.data(), home_of_key_.data(), chunk_counts_.data(), homes, chunk, count_}, grain);
-  parallel_for(device_, homes, ScanChunks{chunk_counts_.data(), totals_.data(), homes, chunks}, Grain{1024});
-  std::vector<int32_t> start(static_cast<std::size_t>(homes) + 1, 0);
+               CountChunk{keys_.data(), home_of_key_.data(), chunk_counts_.data(), columns, chunk, count_}, grain);
+  parallel_for(device_, columns, ScanChunks{chunk_counts_.data(), totals_.data(), columns, chunks}, Grain{1024});
+  std::vector<int32_t> start(static_cast<std::size_t>(columns) + 1, 0);
   device_copy(Device::cpu, start.data() + 1, device_, totals_.data(),
-              static_cast<std::size_t>(homes) * sizeof(int32_t));
-  for (int64_t h = 0; h < homes; ++h) start[h + 1] += start[h];
+              static_cast<std::size_t>(columns) * sizeof(int32_t));
+  for (int64_t h = 0; h < columns; ++h) start[h + 1] += start[h];
   device_copy(device_, start_.data(), Device::cpu, start.data(), start.size() * sizeof(int32_t));
   parallel_for(device_, chunks,
-               PlaceChunk{keys_.data(), home_of_key_.data(), start_.data(), chunk_counts_.data(), order_.data(), homes,
-                          chunk, count_},
+               PlaceChunk{keys_.data(), home_of_key_.data(), start_.data(), chunk_counts_.data(), order_.data(),
+                          columns, chunk, count_},
                grain);
 }
 
@@ -180,6 +187,7 @@ BlockView BlockTable::view() const {
           home_to_node_.data(),
           node_to_home_.data(),
           home_of_key_.data(),
+          keeps_node_lookup_ ? device_node_of_key_.data() : nullptr,
           start_.data(),
           order_.data()};
 }
@@ -187,7 +195,7 @@ BlockView BlockTable::view() const {
 int64_t BlockTable::bytes() const {
   std::size_t n = node_of_key_.size() + occupied_.size() / 4;
   for (const Buffer<int32_t>* b : {&keys_, &home_of_key_, &home_key_, &node_key_, &home_to_node_, &node_to_home_,
-                                   &start_, &order_, &chunk_counts_, &totals_})
+                                   &start_, &order_, &chunk_counts_, &totals_, &device_node_of_key_})
     n += b->size();
   return static_cast<int64_t>(n * sizeof(int32_t));
 }

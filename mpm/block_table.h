@@ -27,8 +27,9 @@ struct BlockView {
   const int32_t* home_to_node;  ///< [home_count, 8] node block at each corner (bit d: upper along axis d)
   const int32_t* node_to_home;  ///< [node_count, 8] home block of which this is that corner; -1 for none
   const int32_t* home_of_key;   ///< [directory] home block of a directory index; only where one is
+  const int32_t* node_of_key;   ///< [directory] node block of a directory index or -1; null unless asked for
   const int32_t* start;         ///< [home_count + 1] first entry of each home block in `order`
-  const int32_t* order;         ///< [n] slots, by home block, ascending inside one
+  const int32_t* order;         ///< [n] slots, by home block, ascending inside one; then those without one
 };
 
 class BlockTable {
@@ -36,7 +37,10 @@ class BlockTable {
   BlockTable() = default;
   BlockTable(Device device, const Vec<int, 3>& blocks, int64_t particle_count);
 
-  /// Home block of every slot, as a directory index: kept up to date by the kernel that moves particles.
+  /// Fills BlockView::node_of_key from now on.
+  void keep_node_lookup() { keeps_node_lookup_ = true; }
+  /// Home block of every slot, as a directory index, or negative for none: kept up to date by the kernel that moves
+  /// particles.
   int32_t* keys() { return keys_.data(); }
   /// Set by that kernel when a key changed.
   uint8_t* changed_flag() { return changed_.data(); }
@@ -56,11 +60,11 @@ class BlockTable {
   Device device_ = Device::cpu;
   GridGeometry<float, 3> geometry_{};  ///< only its numbering of blocks is used
   int64_t count_ = 0;
-  bool stale_ = true;
+  bool stale_ = true, keeps_node_lookup_ = false;
   std::vector<int32_t> home_keys_, node_keys_;
   std::vector<int32_t> node_of_key_;  ///< [directory] -1 where no node block is
   Buffer<int32_t> keys_, home_of_key_, home_key_, node_key_, home_to_node_, node_to_home_, start_, order_;
-  Buffer<int32_t> chunk_counts_, totals_;
+  Buffer<int32_t> chunk_counts_, totals_, device_node_of_key_;
   Buffer<uint8_t> occupied_, changed_;
 };
 

@@ -53,7 +53,7 @@ struct GatherParticle {
 
   GRAUPEL_HD void operator()(int64_t slot) const {
     const ParticleView<T>& p = view.particles;
-    if (view.is_stationary(slot)) return;
+    if (view.keys[slot] < 0 || view.is_stationary(slot)) return;
     const int64_t home = view.blocks.home_of_key[view.keys[slot]];
     const Vec<int, 3> block = view.grid.block_of(view.blocks.home_key[home]);
     const auto place = arena_place(view.grid.local(p.position.vec(slot)), block);

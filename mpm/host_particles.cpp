@@ -22,6 +22,8 @@ HostParticles<T> initial_particles(const SampledParticles& sampled, const std::v
   for (std::size_t i = 0; i < host.size(); ++i) {
     host.position[i] = sampled.position[i].cast<T>();
     host.velocity[i] = sampled.velocity[i].cast<T>();
+    const Vec<T, 3> w = sampled.spin[i].cast<T>();
+    host.affine_velocity[i] = {{{T(0), -w[2], w[1]}, {w[2], T(0), -w[0]}, {-w[1], w[0], T(0)}}};
     host.volume[i] = static_cast<T>(sampled.volume[i]);
     host.material[i] = sampled.material[i];
     host.source_index[i] = static_cast<int32_t>(i);
@@ -92,12 +94,13 @@ HostParticles<T> download_particles(Particles<T>& particles) {
 
 template <typename T>
 Diagnostics diagnose(const HostParticles<T>& particles, const std::vector<MaterialConfig>& materials, double dx,
-                     const Vec3d& gravity) {
+                     const Vec3d& gravity, const std::vector<uint8_t>& active) {
   std::vector<MaterialParameters<double>> parameters;
   parameters.reserve(materials.size());
   for (const MaterialConfig& m : materials) parameters.push_back(material_parameters<double>(m));
   Diagnostics sum;
   for (std::size_t i = 0; i < particles.size(); ++i) {
+    if (!active.empty() && active[static_cast<std::size_t>(particles.source_index[i])] == 0) continue;
     const MaterialParameters<double>& m = parameters[particles.material[i]];
     const double volume = static_cast<double>(particles.volume[i]), mass = m.density * volume;
     const Vec3d x = particles.position[i].template cast<double>(), v = particles.velocity[i].template cast<double>();
@@ -114,12 +117,13 @@ Diagnostics diagnose(const HostParticles<T>& particles, const std::vector<Materi
   return sum;
 }
 
-#define GRAUPEL_INSTANTIATE(T)                                                                                 \
-  template struct HostParticles<T>;                                                                            \
-  template HostParticles<T> initial_particles<T>(const SampledParticles&, const std::vector<MaterialConfig>&); \
-  template Particles<T> upload_particles<T>(const HostParticles<T>&, Device);                                  \
-  template HostParticles<T> download_particles<T>(Particles<T>&);                                              \
-  template Diagnostics diagnose<T>(const HostParticles<T>&, const std::vector<MaterialConfig>&, double, const Vec3d&);
+#define GRAUPEL_INSTANTIATE(T)                                                                                        \
+  template struct HostParticles<T>;                                                                                   \
+  template HostParticles<T> initial_particles<T>(const SampledParticles&, const std::vector<MaterialConfig>&);        \
+  template Particles<T> upload_particles<T>(const HostParticles<T>&, Device);                                         \
+  template HostParticles<T> download_particles<T>(Particles<T>&);                                                     \
+  template Diagnostics diagnose<T>(const HostParticles<T>&, const std::vector<MaterialConfig>&, double, const Vec3d&, \
+                                   const std::vector<uint8_t>&);
 GRAUPEL_INSTANTIATE(float)
 GRAUPEL_INSTANTIATE(double)
 #undef GRAUPEL_INSTANTIATE

@@ -31,9 +31,9 @@ Particles<T> upload_particles(const HostParticles<T>& host, Device device);
 template <typename T>
 HostParticles<T> download_particles(Particles<T>& particles);
 
-/// Sums in f64.
+/// Sums in f64, over the particles that are `active` (by source index; empty: all).
 template <typename T>
 Diagnostics diagnose(const HostParticles<T>& particles, const std::vector<MaterialConfig>& materials, double dx,
-                     const Vec3d& gravity);
+                     const Vec3d& gravity, const std::vector<uint8_t>& active = {});
 
 }  // namespace graupel::mpm

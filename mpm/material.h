@@ -52,9 +52,10 @@ GRAUPEL_HD inline void trial_deformation(const MaterialParameters<T>& m, T dt, c
     F = increment * F;
 }
 
-/// map_and_stress() of the models beyond water, jelly, snow and sand.
+/// map_and_stress() of the models beyond water, jelly, snow and sand; by value, so that a caller's own copies of the
+/// other models' state can stay in registers.
 template <typename T, int D>
-GRAUPEL_COLD GRAUPEL_HD Mat<T, D> map_and_stress_of_others(const MaterialParameters<T>& m, T dt, const Svd<T, D>& d,
+GRAUPEL_COLD GRAUPEL_HD Mat<T, D> map_and_stress_of_others(const MaterialParameters<T>& m, T dt, Svd<T, D> d,
                                                            Mat<T, D>& F, T& internal) {
   switch (m.model) {
     case MaterialModel::neo_hookean:
@@ -80,7 +81,14 @@ GRAUPEL_HD inline Mat<T, D> map_and_stress(const MaterialParameters<T>& m, T dt,
   if (m.model == MaterialModel::water) return Mat<T, D>::diagonal(Vec<T, D>::filled(water_stress(m, internal)));
   if (m.model == MaterialModel::snow) return snow_update(m, d, F, internal);
   if (m.model == MaterialModel::sand) return sand_update(m, d, F, internal);
-  if (m.model != MaterialModel::jelly) return map_and_stress_of_others(m, dt, d, F, internal);
+  if (m.model != MaterialModel::jelly) {
+    Mat<T, D> F_of_others = F;
+    T internal_of_others = internal;
+    const Mat<T, D> tau = map_and_stress_of_others(m, dt, d, F_of_others, internal_of_others);
+    F = F_of_others;
+    internal = internal_of_others;
+    return tau;
+  }
   internal = determinant(F);
   return corotated_stress(m, T(1), d.U, d.sigma);
 }
@@ -128,7 +136,7 @@ GRAUPEL_HD inline bool sound_speed_needs_deformation(MaterialModel model) {
 
 /// sound_speed() of the models beyond water, jelly, snow and sand.
 template <typename T, int D>
-GRAUPEL_COLD GRAUPEL_HD T sound_speed_of_others(const MaterialParameters<T>& m, const Mat<T, D>& F, T internal) {
+GRAUPEL_COLD GRAUPEL_HD T sound_speed_of_others(const MaterialParameters<T>& m, Mat<T, D> F, T internal) {
   switch (m.model) {
     case MaterialModel::neo_hookean:
       return neo_hookean_sound_speed(m, F);

@@ -1,30 +1,15 @@
-// Advection, projection out of obstacles, home blocks, and the survey of the new state; and the copying of particles
-// into another order.
+// Advection, projection out of obstacles, passage of open and periodic walls, births and sinks, home blocks, and the
+// survey of the new state; and the copying of particles into another order.
 #include "mpm/particle_motion.h"
 #include "mpm/phases.h"
+#include "mpm/slot_range.h"
 
 namespace graupel::mpm {
 
 namespace {
 
-/// Slots of one item: neighbours on the CPU, strided on a GPU so that neighbouring items read neighbouring slots.
-struct SlotRange {
-  int64_t items, slots_per_item, slots;
-  bool strided;
-
-  GRAUPEL_HD int64_t slot(int64_t item, int64_t i) const {
-    return strided ? i * items + item : item * slots_per_item + i;
-  }
-};
-
-SlotRange make_range(Device device, int64_t slots) {
-  int64_t per_item = 512;
-  if (device != Device::cpu) per_item = slots < 8192 * 64 ? slots / 8192 + 1 : 64;
-  return {(slots + per_item - 1) / per_item, per_item, slots, device != Device::cpu};
-}
-
 template <typename T>
-GRAUPEL_HD inline void survey_slot(const SolverView<T>& view, int64_t slot, T dt, Survey& found) {
+GRAUPEL_HD inline void survey_particle(const SolverView<T>& view, int64_t slot, T dt, Survey& found) {
   const ParticleView<T>& p = view.particles;
   const MaterialParameters<T>& m = view.materials[p.material.get(slot)];
   const Mat<T, 3> F =
@@ -41,13 +26,15 @@ struct SurveySlots {
     Survey found;
     for (int64_t i = 0; i < range.slots_per_item; ++i) {
       const int64_t slot = range.slot(item, i);
-      if (slot < range.slots) survey_slot(view, slot, T(0), found);
+      if (slot < range.slots && view.keys[slot] != no_home) survey_particle(view, slot, T(0), found);
     }
     records[item] = found;
   }
 };
 
-template <typename T>
+/// `plain`: nothing moves but the particles, and none comes or goes; tests of all that cost water 3% where they were
+/// made for every particle.
+template <typename T, bool plain>
 struct MoveSlots {
   SolverView<T> view;
   SlotRange range;
@@ -59,64 +46,131 @@ struct MoveSlots {
     for (int64_t i = 0; i < range.slots_per_item; ++i) {
       const int64_t slot = range.slot(item, i);
       if (slot >= range.slots) break;
-      move(slot, found);
-      survey_slot(view, slot, dt, found);
+      if (!plain && view.keys[slot] == no_home && !appear(slot, found)) continue;
+      if (move(slot, found)) survey_particle(view, slot, dt, found);
     }
     records[item] = found;
   }
 
-  GRAUPEL_HD void move(int64_t slot, Survey& found) const {
+  /// A particle whose time of birth falls into this substep starts where it would be had it moved since then: backed
+  /// off by the part of the substep before its birth, so that the step that follows takes it there.
+  GRAUPEL_HD bool appear(int64_t slot, Survey& found) const {
     const ParticleView<T>& p = view.particles;
-    if (view.is_stationary(slot)) return;
-    const MaterialParameters<T>& m = view.materials[p.material.get(slot)];
-    const Vec<T, 3> before = p.position.vec(slot), velocity = p.velocity.vec(slot);
-    Vec<T, 3> x = before, v = velocity;
-    move_point(view, slot, m.density * p.volume.get(slot), dt, x, v, found);
-    if (!(v == velocity)) p.velocity.set_vec(slot, v);
-    if (!(x == before)) p.position.set_vec(slot, x);
-    const int32_t key = home_key(view.grid, x);
-    if (key != view.keys[slot]) {
-      view.keys[slot] = key;
-      mark(view.keys_changed);
+    const int32_t particle = p.source_index.get(slot);
+    if (view.roles.presence[particle] != Presence::unborn) return false;
+    const double age = view.roles.step_end - view.roles.birth_time[particle];
+    if (!(age >= 0)) return false;
+    view.roles.presence[particle] = Presence::active;
+    p.position.set_vec(slot, p.position.vec(slot) + (static_cast<T>(age) - dt) * p.velocity.vec(slot));
+    ++found.born;
+    return true;
+  }
+
+  /// False for a particle that is gone.
+  GRAUPEL_HD bool move(int64_t slot, Survey& found) const {
+    const ParticleView<T>& p = view.particles;
+    const bool led = !plain && view.roles.script != nullptr && view.roles.leader(p.source_index.get(slot)) != nullptr;
+    if (!led && view.is_stationary(slot)) {
+      settle(slot, p.position.vec(slot));
+      return true;
     }
+    const Vec<T, 3> before = p.position.vec(slot), step = dt * p.velocity.vec(slot);
+    for (int d = 0; d < 3; ++d)
+      if (!(std::abs(step[d]) <= view.grid.dx)) {  // also NaN: such a particle stays where it is
+        mark_bad(slot, found);
+        return true;
+      }
+    const Vec<T, 3> wanted = before + step;
+    Vec<T, 3> x = wanted;
+    for (int d = 0; d < 3; ++d) {
+      x[d] = x[d] < view.walls.particle_low[d] ? view.walls.particle_low[d] : x[d];
+      x[d] = x[d] > view.walls.particle_high[d] ? view.walls.particle_high[d] : x[d];
+    }
+    if (!led) keep_out(slot, before, wanted, step, x, found);
+    if (!plain && !led && (view.walls.has_gates || view.roles.sink_count > 0) && leaves(x)) {
+      remove(slot, x, found);
+      return false;
+    }
+    p.position.set_vec(slot, x);
+    settle(slot, x);
+    return true;
+  }
+
+  /// Brings the home block of a particle at x up to date.
+  GRAUPEL_HD void settle(int64_t slot, const Vec<T, 3>& x) const {
+    const int32_t key = home_key(view.grid, x);
+    if (key == view.keys[slot]) return;
+    view.keys[slot] = key;
+    mark(view.keys_changed);
+  }
+
+  /// Projection out of obstacles, and the loss of velocity into what pushed.
+  GRAUPEL_HD void keep_out(int64_t slot, const Vec<T, 3>& before, const Vec<T, 3>& wanted, const Vec<T, 3>& step,
+                           Vec<T, 3>& x, Survey& found) const {
+    Vec<T, 3> surface_velocity = Vec<T, 3>::zero();
+    if (!plain && view.push_out && view.moving.count > 0 && near_moving(x)) {
+      int nearest;
+      sparsegrid::signed_distance(view.moving.end, x, nearest);
+      // In the frame of the obstacle that it met, the particle comes from where that obstacle would have carried it.
+      if (nearest >= 0) surface_velocity = view.moving.step[nearest].velocity_at(before);
+      sparsegrid::push_out(view.moving.end, view.walls.particle_low, view.walls.particle_high,
+                           before + dt * surface_velocity, x);
+    } else if (view.push_out && near_surface<T>(view, x, norm(step))) {
+      sparsegrid::push_out(view.obstacle_nodes.obstacles, view.walls.particle_low, view.walls.particle_high, before, x);
+    }
+    if (x == wanted) return;
+    const ParticleView<T>& p = view.particles;
+    const Vec<T, 3> v = p.velocity.vec(slot);
+    Vec<T, 3> stopped = v;
+    const T mass = view.materials[p.material.get(slot)].density * p.volume.get(slot);
+    stop_at_surface(x - wanted, mass, surface_velocity, stopped, found);
+    if (!(stopped == v)) p.velocity.set_vec(slot, stopped);
+  }
+
+  GRAUPEL_HD bool near_moving(const Vec<T, 3>& x) const {
+    for (int32_t i = 0; i < view.moving.count; ++i) {
+      const sparsegrid::ObstacleView& obstacle = view.moving.end.obstacles[view.moving.index[i]];
+      if (sparsegrid::lookup::in_box(x, obstacle.solid_low, obstacle.solid_high)) return true;
+    }
+    return false;
+  }
+
+  /// Takes x through a periodic wall; true when it passed an open one or entered a sink.
+  GRAUPEL_HD bool leaves(Vec<T, 3>& x) const {
+    const WallView<T>& walls = view.walls;
+    bool out = false;
+    for (int d = 0; d < 3; ++d) {
+      const bool below = x[d]<walls.gate_low[d], above = x[d]> walls.gate_high[d];
+      const T period = static_cast<T>(walls.periodic[d].cells) * view.grid.dx;
+      if (below) x[d] += period;
+      if (above) x[d] -= period;
+      out = out || ((below || above) && walls.periodic[d].cells == 0);
+    }
+    for (int32_t s = 0; s < view.roles.sink_count; ++s)
+      out = out || view.roles.sinks[s].contains(x.template cast<double>());
+    return out;
+  }
+
+  GRAUPEL_HD void remove(int64_t slot, const Vec<T, 3>& x, Survey& found) const {
+    const ParticleView<T>& p = view.particles;
+    view.roles.presence[p.source_index.get(slot)] = Presence::gone;
+    p.position.set_vec(slot, x);
+    p.velocity.set_vec(slot, Vec<T, 3>::zero());
+    store_matrix<T, 3>(p.affine_velocity, slot, Mat<T, 3>::zero());
+    view.keys[slot] = no_home;
+    mark(view.keys_changed);
+    ++found.removed;
   }
 };
-
-/// Merges every `fold` records into one, in order.
-struct MergeRecords {
-  const Survey* from;
-  Survey* to;
-  int64_t count, fold;
-  GRAUPEL_HD void operator()(int64_t item) const {
-    Survey sum;
-    for (int64_t i = item * fold; i < (item + 1) * fold && i < count; ++i) sum.merge(from[i]);
-    to[item] = sum;
-  }
-};
-
-/// Sum of `count` records. The buffer holds twice as many places.
-Survey total(Device device, Buffer<Survey>& records, int64_t count) {
-  const Survey* first = records.data();
-  std::vector<Survey> host;
-  if (device != Device::cpu) {
-    constexpr int64_t fold = 32;
-    const int64_t merged = (count + fold - 1) / fold;
-    parallel_for(device, merged, MergeRecords{records.data(), records.data() + count, count, fold});
-    host.resize(static_cast<std::size_t>(merged));
-    device_copy(Device::cpu, host.data(), device, records.data() + count, host.size() * sizeof(Survey));
-    first = host.data();
-    count = merged;
-  }
-  Survey sum;
-  for (int64_t i = 0; i < count; ++i) sum.merge(first[i]);
-  return sum;
-}
 
 template <typename T>
 struct FindHomes {
-  SolverView<T> view;
+  MoveSlots<T, false> mover;
   GRAUPEL_HD void operator()(int64_t slot) const {
-    view.keys[slot] = home_key(view.grid, view.particles.position.vec(slot));
+    const ParticleView<T>& p = mover.view.particles;
+    const RoleView<T>& roles = mover.view.roles;
+    const bool active = roles.presence == nullptr || roles.is_active(p.source_index.get(slot));
+    mover.view.keys[slot] = active ? home_key(mover.view.grid, p.position.vec(slot)) : no_home;
   }
 };
 
@@ -139,15 +193,20 @@ struct Permute {
 
 template <typename T>
 Survey move_particles(const SolverView<T>& view, T dt, Buffer<Survey>& records) {
-  const SlotRange range = make_range(view.device, view.particles.count);
+  const SlotRange range = make_slot_range(view.device, view.particles.count);
   records.resize_discard(static_cast<std::size_t>(2 * range.items));
-  launch<T>(view.device, range.items, MoveSlots<T>{view, range, records.data(), dt}, Grain{2});
+  const bool plain =
+      view.roles.presence == nullptr && view.roles.script == nullptr && view.moving.count == 0 && !view.walls.has_gates;
+  if (plain)
+    launch<T>(view.device, range.items, MoveSlots<T, true>{view, range, records.data(), dt}, Grain{2});
+  else
+    launch<T>(view.device, range.items, MoveSlots<T, false>{view, range, records.data(), dt}, Grain{2});
   return total(view.device, records, range.items);
 }
 
 template <typename T>
 Survey survey_particles(const SolverView<T>& view, Buffer<Survey>& records) {
-  const SlotRange range = make_range(view.device, view.particles.count);
+  const SlotRange range = make_slot_range(view.device, view.particles.count);
   records.resize_discard(static_cast<std::size_t>(2 * range.items));
   launch<T>(view.device, range.items, SurveySlots<T>{view, range, records.data()}, Grain{2});
   return total(view.device, records, range.items);
@@ -155,7 +214,7 @@ Survey survey_particles(const SolverView<T>& view, Buffer<Survey>& records) {
 
 template <typename T>
 void find_home_blocks(const SolverView<T>& view) {
-  launch<T>(view.device, view.particles.count, FindHomes<T>{view}, Grain{4096});
+  launch<T>(view.device, view.particles.count, FindHomes<T>{{view, {}, nullptr, T(0)}}, Grain{4096});
 }
 
 template <typename T>

@@ -1,5 +1,5 @@
-// Grid update of one node: velocity from momentum, gravity, contact with obstacles, then with the walls, so that the
-// walls hold.
+// Grid update of one node: velocity from momentum, gravity, contact with obstacles at rest, then with the walls, so
+// that the walls hold. Moving obstacles: mpm/grid_update.cpp.
 #pragma once
 
 #include "mpm/contact.h"
@@ -7,9 +7,10 @@
 
 namespace graupel::mpm {
 
-/// Law of the obstacle at a node. Deep inside, where no normal is known, the material stands still.
+/// Law of the obstacle at rest at a node. Deep inside, where no normal is known, the material stands still.
 template <typename T>
-GRAUPEL_HD inline Vec<T, 3> meet_obstacle(const ObstacleNodeView<T>& obstacles, int64_t entry, const Vec<T, 3>& v) {
+GRAUPEL_HD inline Vec<T, 3> meet_fixed_obstacle(const ObstacleNodeView<T>& obstacles, int64_t entry,
+                                                const Vec<T, 3>& v) {
   const int32_t law = obstacles.law[entry];
   if (law < 0) return v;
   const Vec<T, 3> normal = obstacles.normal[entry];
@@ -26,7 +27,8 @@ GRAUPEL_HD inline Vec<T, 3> meet_walls(const WallView<T>& walls, const Vec<T, 3>
     Vec<T, 3> normal = Vec<T, 3>::zero();
     if (x[d] < walls.low[d] + tolerance) normal[d] = T(1);
     if (x[d] > walls.high[d] - tolerance) normal[d] = T(-1);
-    if (normal[d] != T(0)) v = apply_contact(walls.contact, walls.friction, normal, v);
+    const int side = normal[d] < T(0) ? 1 : 0;
+    if (normal[d] != T(0)) v = apply_contact(walls.contact[d][side], walls.friction[d][side], normal, v);
   }
   return v;
 }
@@ -38,7 +40,7 @@ GRAUPEL_HD inline Vec<T, 3> updated_velocity(const SceneView<T>& scene, int32_t 
   Vec<T, 3> v = momentum * (T(1) / mass) + dt * scene.gravity;
   const int32_t surface = scene.obstacle_nodes.block_number[key];
   if (surface != block_without_surface)
-    v = meet_obstacle(scene.obstacle_nodes, int64_t(surface) * nodes_per_block<3> + inside, v);
+    v = meet_fixed_obstacle(scene.obstacle_nodes, int64_t(surface) * nodes_per_block<3> + inside, v);
   Vec<int, 3> at = node_in_block<3>(inside);
   const Vec<int, 3> block = scene.grid.block_of(key);
   for (int d = 0; d < 3; ++d) at[d] += block_width * block[d];

@@ -57,12 +57,12 @@ struct EvaluateNodes {
 }  // namespace
 
 template <typename T>
-ObstacleNodes<T>::ObstacleNodes(Device device, const GridGeometry<T, 3>& grid, const sparsegrid::ObstacleSet& obstacles)
-    : block_number_(device, static_cast<std::size_t>(grid.directory_size())),
+ObstacleNodes<T>::ObstacleNodes(Device device, const GridGeometry<T, 3>& grid, const ObstacleSetView& obstacles)
+    : obstacles_(obstacles),
+      block_number_(device, static_cast<std::size_t>(grid.directory_size())),
       law_(device, 0),
       phi_(device, 0),
       normal_(device, 0) {
-  if (obstacles.count() > 0) obstacles_ = obstacles.view(device);
   launch<T>(device, grid.directory_size(), FindSurfaceBlocks<T>{grid, obstacles_, block_number_.data()}, Grain{64});
   std::vector<int32_t> number = block_number_.download(), keys;
   for (std::size_t i = 0; i < number.size(); ++i) {

@@ -1,5 +1,5 @@
-// The obstacles as the grid sees them: which nodes obey a contact law, with the normal there, computed once, since
-// obstacles do not move. Kept by block; blocks far from every surface take one integer.
+// The obstacles at rest as the grid sees them: which nodes obey a contact law, with the normal there, computed once.
+// Kept by block; blocks far from every surface take one integer.
 //
 // A node obeys the law of its nearest obstacle where phi < 0. At a plate thinner than a cell no node may lie inside;
 // there the nodes within dx/2 of the surface obey it, from both sides.
@@ -27,7 +27,7 @@ template <typename T>
 class ObstacleNodes {
  public:
   ObstacleNodes() = default;
-  ObstacleNodes(Device device, const GridGeometry<T, 3>& grid, const sparsegrid::ObstacleSet& obstacles);
+  ObstacleNodes(Device device, const GridGeometry<T, 3>& grid, const sparsegrid::ObstacleSetView& obstacles);
 
   ObstacleNodeView<T> view() const;
   int64_t bytes() const;

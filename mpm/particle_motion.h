@@ -40,19 +40,21 @@ GRAUPEL_HD inline void mark_bad(int64_t slot, Survey& found) {
   if (found.bad_slot < 0 || slot < found.bad_slot) found.bad_slot = slot;
 }
 
-/// A particle that was pushed by `push` loses its velocity against that direction, as in an inelastic contact.
+/// A particle that was pushed by `push` loses its velocity against that direction, relative to the surface, as in an
+/// inelastic contact.
 template <typename T>
-GRAUPEL_HD inline void stop_at_surface(const Vec<T, 3>& push, T mass, Vec<T, 3>& v, Survey& found) {
+GRAUPEL_HD inline void stop_at_surface(const Vec<T, 3>& push, T mass, const Vec<T, 3>& surface_velocity, Vec<T, 3>& v,
+                                       Survey& found) {
   ++found.pushed_out;
   const Vec<T, 3> normal = normalized(push);
-  const T v_n = dot(normal, v);
+  const T v_n = dot(normal, v - surface_velocity);
   if (!(v_n < T(0))) return;
   v = v - v_n * normal;
   for (int d = 0; d < 3; ++d) found.pushed_momentum[d] += static_cast<double>(-mass * v_n * normal[d]);
 }
 
-/// x <- x + dt v, kept inside the walls and out of obstacles. A particle that would move over one cell, or whose
-/// velocity is not a number, stays where it is and is marked bad.
+/// x <- x + dt v, kept inside the walls and out of obstacles at rest. A particle that would move over one cell, or
+/// whose velocity is not a number, stays where it is and is marked bad.
 template <typename T>
 GRAUPEL_HD inline void move_point(const SceneView<T>& scene, int64_t slot, T mass, T dt, Vec<T, 3>& x, Vec<T, 3>& v,
                                   Survey& found) {
@@ -68,7 +70,7 @@ GRAUPEL_HD inline void move_point(const SceneView<T>& scene, int64_t slot, T mas
   if (scene.push_out && near_surface(scene, x, norm(step)))
     sparsegrid::push_out(scene.obstacle_nodes.obstacles, scene.walls.particle_low, scene.walls.particle_high, before,
                          x);
-  if (!(x == wanted)) stop_at_surface(x - wanted, mass, v, found);
+  if (!(x == wanted)) stop_at_surface(x - wanted, mass, Vec<T, 3>::zero(), v, found);
 }
 
 /// Whether the state of a particle can go on, and its speeds. F is read where sound_speed_needs_deformation().

@@ -3,6 +3,8 @@
 #pragma once
 
 #include "mpm/block_table.h"
+#include "mpm/moving_obstacles.h"
+#include "mpm/particle_roles.h"
 #include "mpm/particles.h"
 #include "mpm/scene_view.h"
 #include "mpm/survey.h"
@@ -15,9 +17,11 @@ struct SolverView : SceneView<T> {
   Device device;
   ParticleView<T> particles;
   BlockView blocks;
+  MovingObstacleView<T> moving;
+  RoleView<T> roles;
   T* arenas;      ///< [home blocks, arena_size]: sums of each block's own particles (CPU)
   T* nodes;       ///< [node blocks, 64, 4]: momentum, then velocity; mass
-  int32_t* keys;  ///< [n] home block of each slot
+  int32_t* keys;  ///< [n] home block of each slot, or no_home
   uint8_t* keys_changed;
   bool some_stationary;  ///< whether any material is stationary
 
@@ -26,6 +30,26 @@ struct SolverView : SceneView<T> {
     return some_stationary && this->materials[particles.material.get(slot)].model == MaterialModel::stationary;
   }
 };
+
+/// Momentum given to particles [kg m/s].
+struct Impulse {
+  double momentum[3] = {0, 0, 0};
+  GRAUPEL_HD void merge(const Impulse& o) {
+    for (int d = 0; d < 3; ++d) momentum[d] += o.momentum[d];
+  }
+};
+
+/// Particles that a script leads take its velocity and gradient; returns the momentum that this gave them [kg m/s].
+template <typename T>
+Vec3d lead_particles(const SolverView<T>& view, Buffer<Impulse>& records);
+
+/// Node sums with those of all periodic images, into an array like view.nodes.
+template <typename T>
+void join_periodic(const SolverView<T>& view, T* joined);
+
+/// C <- symmetric sym(C) + rotation skew(C).
+template <typename T>
+void blend_affine(const SolverView<T>& view, T symmetric, T rotation);
 
 /// Node momentum and mass from all particles: MLS-MPM force and APIC momentum.
 template <typename T>
@@ -54,7 +78,8 @@ void update_deformation_portable(const SolverView<T>& view, T dt);
 template <typename T>
 void update_deformation_tiles(const SolverView<T>& view, T dt);
 
-/// x <- x + dt v, kept out of obstacles and inside the walls; new home blocks; the survey of the new state.
+/// x <- x + dt v, kept out of obstacles and inside the walls; particles that are born, leave or pass a periodic wall;
+/// new home blocks; the survey of the new state.
 template <typename T>
 Survey move_particles(const SolverView<T>& view, T dt, Buffer<Survey>& records);
 

@@ -5,7 +5,7 @@
 #include <cmath>
 
 #include "core/error.h"
-#include "core/random.h"
+#include "mpm/emission.h"
 #include "mpm/source_body.h"
 
 namespace graupel::mpm {
@@ -64,35 +64,89 @@ std::vector<Vec3d> lattice_points(const Source& source, const SourceBody& body, 
   return points;
 }
 
-std::vector<Vec3d> local_points(const Source& source, std::size_t index, double dx, const Random& random) {
+int32_t material_index(const Scene& scene, const std::string& material, const std::string& user) {
+  const auto found = scene.materials.find(material);
+  if (found == scene.materials.end())
+    throw ConfigError(fmt::format("{} has the unknown material '{}'. Define it under materials", user, material));
+  return static_cast<int32_t>(std::distance(scene.materials.begin(), found));
+}
+
+void add_source(const Scene& scene, std::size_t s, uint64_t seed, SampledParticles& all) {
+  const Source& source = scene.sources[s];
+  const double dx = scene.domain.dx;
+  const int32_t material = material_index(scene, source.material, fmt::format("source {}", s));
+  const Mat3d rotation = source.rotation();
+  const Vec3d center = source.spin_center.value_or(source.position);
+  for (const Vec3d& local : sample_body(source, s, dx, Random(seed, RandomPurpose::particle_position, s))) {
+    const Vec3d x = rotation * local + source.position;
+    all.position.push_back(x);
+    all.velocity.push_back(source.velocity + cross(source.angular_velocity, x - center));
+    all.spin.push_back(source.angular_velocity);
+    all.volume.push_back(dx * dx * dx / source.particles_per_cell);
+    all.material.push_back(material);
+    all.source.push_back(static_cast<int32_t>(s));
+  }
+}
+
+void add_emitter(const Scene& scene, std::size_t e, uint64_t seed, SampledParticles& all) {
+  const Emitter& emitter = scene.emitters[e];
+  const double dx = scene.domain.dx;
+  const int32_t material = material_index(scene, emitter.material, fmt::format("emitter {}", e));
+  const EmittedParticles emitted = sample_emitter(emitter, e, dx, seed);
+  for (std::size_t i = 0; i < emitted.position.size(); ++i) {
+    all.position.push_back(emitted.position[i]);
+    all.velocity.push_back(emitter.velocity);
+    all.spin.push_back(Vec3d::zero());
+    all.volume.push_back(dx * dx * dx / emitter.particles_per_cell);
+    all.material.push_back(material);
+    all.source.push_back(static_cast<int32_t>(scene.sources.size() + e));
+    all.birth_time.push_back(emitted.time[i]);
+  }
+}
+
+/// Scripts of sources, then of regions, which take what is inside them at the start from the sources' scripts.
+void add_scripts(const Scene& scene, SampledParticles& all) {
+  constexpr double never = std::numeric_limits<double>::infinity();
+  std::vector<int32_t> of_source(scene.sources.size() + scene.emitters.size(), -1);
+  for (std::size_t s = 0; s < scene.sources.size(); ++s) {
+    const Source& source = scene.sources[s];
+    if (!source.motion) continue;
+    of_source[s] = static_cast<int32_t>(all.scripts.size());
+    all.scripts.push_back(
+        {*source.motion, source.position, source.release_time.value_or(never), fmt::format("source {}", s)});
+  }
+  const auto first_region = static_cast<int32_t>(all.scripts.size());
+  for (std::size_t r = 0; r < scene.kinematic_regions.size(); ++r) {
+    const KinematicRegion& region = scene.kinematic_regions[r];
+    all.scripts.push_back(
+        {region.motion, region.position, region.release_time.value_or(never), fmt::format("kinematic region {}", r)});
+  }
+  if (all.scripts.empty()) return;
+  for (std::size_t i = 0; i < all.position.size(); ++i) {
+    int32_t script = of_source[static_cast<std::size_t>(all.source[i])];
+    const bool at_start = static_cast<std::size_t>(all.source[i]) < scene.sources.size();
+    for (std::size_t r = 0; at_start && r < scene.kinematic_regions.size(); ++r)
+      if (scene.kinematic_regions[r].contains(all.position[i])) script = first_region + static_cast<int32_t>(r);
+    all.script.push_back(script);
+  }
+}
+
+}  // namespace
+
+std::vector<Vec3d> sample_body(const Source& source, std::size_t index, double dx, const Random& random) {
   if (source.shape == Shape::points) return source.points ? *source.points : std::vector<Vec3d>{};
   const SourceBody body(source, index, dx / 4);
   return source.sampling == Sampling::random ? random_points(source, body, dx, random)
                                              : lattice_points(source, body, dx, random);
 }
 
-}  // namespace
-
 SampledParticles sample_sources(const Scene& scene, uint64_t seed) {
   SampledParticles all;
   for (const auto& [name, material] : scene.materials) all.material_names.push_back(name);
-  const double dx = scene.domain.dx;
-  for (std::size_t s = 0; s < scene.sources.size(); ++s) {
-    const Source& source = scene.sources[s];
-    const auto found = scene.materials.find(source.material);
-    if (found == scene.materials.end())
-      throw ConfigError(
-          fmt::format("source {} has the unknown material '{}'. Define it under materials", s, source.material));
-    const auto material = static_cast<int32_t>(std::distance(scene.materials.begin(), found));
-    const Mat3d rotation = source.rotation();
-    for (const Vec3d& local : local_points(source, s, dx, Random(seed, RandomPurpose::particle_position, s))) {
-      all.position.push_back(rotation * local + source.position);
-      all.velocity.push_back(source.velocity);
-      all.volume.push_back(dx * dx * dx / source.particles_per_cell);
-      all.material.push_back(material);
-      all.source.push_back(static_cast<int32_t>(s));
-    }
-  }
+  for (std::size_t s = 0; s < scene.sources.size(); ++s) add_source(scene, s, seed, all);
+  if (!scene.emitters.empty()) all.birth_time.assign(all.position.size(), 0.0);
+  for (std::size_t e = 0; e < scene.emitters.size(); ++e) add_emitter(scene, e, seed, all);
+  add_scripts(scene, all);
   return all;
 }
 

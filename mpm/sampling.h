@@ -2,22 +2,41 @@
 #pragma once
 
 #include <cstdint>
+#include <limits>
 #include <vector>
 
+#include "core/random.h"
 #include "core/scene.h"
 
 namespace graupel::mpm {
 
-/// Particles at the start, source by source. Depends on (seed, source index, particle index) alone.
+/// A motion that some particles follow.
+struct Script {
+  Motion motion;
+  Vec3d body_center;  ///< stands in for a centre that the motion does not give [m]
+  double release_time = std::numeric_limits<double>::infinity();  ///< [s]
+  std::string name;                                               ///< for messages
+};
+
+/// Particles at the start, source by source, and those that emitters will send out, emitter by emitter. Depends on
+/// (seed, source index, particle index) alone.
 struct SampledParticles {
-  std::vector<Vec3d> position;              ///< [m]
-  std::vector<Vec3d> velocity;              ///< [m/s]
-  std::vector<double> volume;               ///< reference volume dx^3 / particles_per_cell [m^3]
-  std::vector<int32_t> material;            ///< index into material_names
-  std::vector<int32_t> source;              ///< index into scene.sources
+  std::vector<Vec3d> position;     ///< [m]
+  std::vector<Vec3d> velocity;     ///< [m/s]
+  std::vector<double> volume;      ///< reference volume dx^3 / particles_per_cell [m^3]
+  std::vector<int32_t> material;   ///< index into material_names
+  std::vector<int32_t> source;     ///< index into scene.sources; behind them, of scene.emitters
+  std::vector<Vec3d> spin;         ///< initial rotation, the antisymmetric part of C [rad/s]
+  std::vector<double> birth_time;  ///< [s]; empty without emitters
+  std::vector<int32_t> script;     ///< index into scripts or -1; empty without scripts
+  std::vector<Script> scripts;
   std::vector<std::string> material_names;  ///< keys of scene.materials, in map order
 };
 
+/// All particles of a scene. Throws ConfigError for sources and emitters that cannot be filled.
 SampledParticles sample_sources(const Scene& scene, uint64_t seed);
+
+/// Particles of one body in its own frame, by its rule.
+std::vector<Vec3d> sample_body(const Source& source, std::size_t index, double dx, const Random& random);
 
 }  // namespace graupel::mpm

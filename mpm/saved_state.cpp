@@ -1,4 +1,4 @@
-// Saving and restoring a solver, bit for bit: header, particle arrays in slot order, checksum.
+// Saving and restoring a solver, bit for bit: header, particle arrays in slot order, who is present, checksum.
 #include <fmt/format.h>
 
 #include <cstring>
@@ -11,7 +11,7 @@ namespace graupel::mpm {
 
 namespace {
 
-constexpr uint64_t magic = 0x31304d504d415247ull;  // "GRAMPM01", little endian
+constexpr uint64_t magic = 0x32304d504d415247ull;  // "GRAMPM02", little endian
 
 struct Header {
   uint64_t magic, scene;
@@ -48,6 +48,7 @@ std::vector<std::byte> Solver<T>::save_state() const {
     bytes.resize(at + size);
     std::memcpy(bytes.data() + at, host.data(), size);
   });
+  for (const Presence p : roles_.presence().download()) bytes.push_back(static_cast<std::byte>(p));
   const uint64_t checksum = fnv1a(fnv_start, bytes.data(), bytes.size());
   const auto* tail = reinterpret_cast<const std::byte*>(&checksum);
   bytes.insert(bytes.end(), tail, tail + sizeof(checksum));
@@ -68,6 +69,7 @@ void Solver<T>::load_state(const std::vector<std::byte>& state) {
     throw InputError(fmt::format("the saved state belongs to another scene or seed{}", remedy));
   std::size_t expected = sizeof(header) + sizeof(uint64_t);
   particles_.for_each_buffer([&](auto& buffer) { expected += buffer.size() * sizeof(*buffer.data()); });
+  expected += roles_.presence().size();
   uint64_t checksum = 0;
   if (state.size() == expected) std::memcpy(&checksum, state.data() + expected - sizeof(checksum), sizeof(checksum));
   if (state.size() != expected || checksum != fnv1a(fnv_start, state.data(), expected - sizeof(checksum)))
@@ -79,6 +81,7 @@ void Solver<T>::load_state(const std::vector<std::byte>& state) {
     device_copy(options_.device, buffer.data(), Device::cpu, from, size);
     from += size;
   });
+  device_copy(options_.device, roles_.presence().data(), Device::cpu, from, roles_.presence().size());
   const double seconds = statistics_.solver_seconds;
   frames_done_ = header.frames_done;
   frame_elapsed_ = header.frame_elapsed;

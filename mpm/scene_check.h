@@ -7,7 +7,7 @@
 namespace graupel::mpm {
 
 /// Throws ConfigError when there is no particle, when one lies outside the walls (naming the source and the allowed
-/// box), or inside an obstacle (naming both).
+/// box) or inside an obstacle (naming both), and when a script leads one out of the walls.
 void check_start(const Scene& scene, const SampledParticles& particles, const sparsegrid::ObstacleSet& obstacles);
 
 }  // namespace graupel::mpm

@@ -17,6 +17,11 @@ struct IsVector : std::false_type {};
 template <typename T>
 struct IsVector<std::vector<T>> : std::true_type {};
 
+template <typename T>
+struct IsOptional : std::false_type {};
+template <typename T>
+struct IsOptional<std::optional<T>> : std::true_type {};
+
 /// Walks the declared fields of a config struct (core/fields.h).
 class FieldHash {
  public:
@@ -36,9 +41,9 @@ class FieldHash {
         add(key);
         add_struct(item);
       }
-    } else if constexpr (std::is_same_v<V, std::optional<double>>) {
+    } else if constexpr (IsOptional<V>::value) {
       add(value.has_value());
-      add(value.value_or(0));
+      if (value) add(*value);
     } else if constexpr (std::is_arithmetic_v<V> || std::is_enum_v<V>) {
       add_bytes(&value, sizeof(value));
     } else if constexpr (std::is_same_v<V, Vec3d>) {

@@ -14,7 +14,7 @@ SceneSetup<T>::SceneSetup(Scene read_scene, const SampledParticles& particles, c
       grid(grid_of<T>(scene.domain)),
       walls(wall_view<T>(scene)),
       materials(device, 0),
-      obstacle_nodes(device, grid, obstacles) {
+      obstacle_nodes(device, grid, obstacles.count() > 0 ? obstacles.view(device) : sparsegrid::ObstacleSetView{}) {
   std::vector<MaterialParameters<T>> parameters;
   for (const std::string& name : particles.material_names) {
     material_configs.push_back(scene.materials.at(name));

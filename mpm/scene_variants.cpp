@@ -1,29 +1,12 @@
-// The two cheaper forms of a scene that learned models are measured against: larger steps, and a coarser grid.
+// The cheaper form of a scene that learned models are measured against: a coarser grid (fast_step.h has larger steps).
 #include <algorithm>
-#include <cmath>
 
 #include "core/random.h"
-#include "mpm/material_parameters.h"
 #include "mpm/simulation.h"
 
 namespace graupel::mpm {
 
 namespace {
-
-/// Mixed scenes of jelly, sand and snow stay stable up to 1.2 and more; water alone loses particles (J <= 0 in
-/// splashes) from 0.9 on, and ran through at 0.7.
-constexpr double fast_courant = 0.6;
-
-/// Fastest wave of the undeformed materials [m/s].
-double speed_at_rest(const Scene& scene) {
-  double fastest = 0;
-  for (const Source& source : scene.sources) {
-    const auto found = scene.materials.find(source.material);
-    if (found != scene.materials.end())
-      fastest = std::max(fastest, material_parameters<double>(found->second).elastic_speed);
-  }
-  return fastest;
-}
 
 /// One point at random of every eight, or about eight, that follow one another: at 2 dx each stands for eight times the
 /// volume.
@@ -38,18 +21,6 @@ std::shared_ptr<const std::vector<Vec3d>> every_eighth(const std::vector<Vec3d>&
 }
 
 }  // namespace
-
-/// A fixed step that is larger than the adaptive one would be even at rest is kept: the scene is known to run with it.
-Scene fast_variant(const Scene& scene) {
-  Scene fast = scene;
-  const double adaptive = fast_courant * scene.domain.dx / speed_at_rest(scene);
-  const double fixed = scene.frame_time / static_cast<double>(scene.time_step.substeps_per_frame);
-  if (scene.time_step.policy == StepPolicy::fixed && fixed > adaptive) return fast;
-  fast.time_step.policy = StepPolicy::adaptive;
-  fast.time_step.courant = fast_courant;
-  fast.time_step.max_step = std::max(scene.time_step.max_step, scene.frame_time);
-  return fast;
-}
 
 /// The walls stay where they are: the domain's faces move, so that the walls are again a whole number of cells inside.
 Scene coarse_variant(const Scene& scene) {

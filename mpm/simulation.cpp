@@ -11,6 +11,17 @@ namespace graupel::mpm {
 
 namespace {
 
+#ifdef GRAUPEL_HAVE_CUDA
+/// Whether the tuned kernels for GPUs know all that a scene has; the portable ones run the others.
+bool is_plain(const Scene& scene) {
+  for (const Source& source : scene.sources)
+    if (source.motion) return false;
+  return !scene.has_moving_obstacles() && scene.kinematic_regions.empty() && scene.emitters.empty() &&
+         scene.sinks.empty() && !scene.domain.has_wall(Wall::open) && !scene.domain.has_wall(Wall::periodic) &&
+         scene.transfer.scheme == TransferScheme::apic && scene.transfer.damping == 0;
+}
+#endif
+
 template <typename T>
 Estimate estimate_with(const Scene& scene, const SimulationOptions& options, const SampledParticles& particles,
                        const sparsegrid::ObstacleSet& obstacles) {
@@ -43,7 +54,7 @@ std::unique_ptr<Simulation> Simulation::create(const Scene& scene, const Simulat
   if (options.precision == Precision::f64)
     return std::make_unique<Solver<double>>(scene, options, particles, obstacles);
 #ifdef GRAUPEL_HAVE_CUDA
-  if (options.device == Device::cuda && options.kernels == Kernels::tuned)
+  if (options.device == Device::cuda && options.kernels == Kernels::tuned && is_plain(scene))
     return make_cuda_simulation(scene, options, particles, obstacles);
 #endif
   return std::make_unique<Solver<float>>(scene, options, particles, obstacles);

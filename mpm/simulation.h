@@ -38,6 +38,8 @@ struct RunStatistics {
   double last_step = 0;                   ///< [s]
   int64_t pushed_out = 0;                 ///< particle-substeps that the obstacle projection moved
   Vec3d pushed_out_momentum = {0, 0, 0};  ///< momentum that this took [kg m/s]
+  int64_t born = 0, removed = 0;          ///< particles that emitters sent out, and that sinks and open walls took
+  Vec3d scripted_momentum = {0, 0, 0};    ///< that scripts gave to the particles they lead [kg m/s]
   double sound_courant = 0;               ///< largest c dt / dx seen
   double share_over_courant = 0;          ///< largest share of particles with c dt / dx > 1 in a frame's last substep
   int64_t active_blocks = 0, peak_bytes = 0;
@@ -55,7 +57,8 @@ struct Estimate {
 class Simulation {
  public:
   /// Samples the sources and builds the obstacles. Throws ConfigError when a source lies inside an obstacle or outside
-  /// the walls (naming both), or makes no particle.
+  /// the walls (naming both), makes no particle, or is led out of the walls by its script, and when a fixed step is too
+  /// long for the speed of a scripted body.
   static std::unique_ptr<Simulation> create(const Scene& scene, const SimulationOptions& options);
   virtual ~Simulation() = default;
 
@@ -67,7 +70,8 @@ class Simulation {
   /// One frame of scene.frame_time. Throws DivergedError (particle, material, step, suggested step) on NaN, det F <= 0
   /// or a particle that moves over one cell in a substep; the state is then that of the bad substep.
   virtual void advance_frame() = 0;
-  /// Positions and velocities in source order, whatever the solver's own order.
+  /// Positions and velocities in source order, whatever the solver's own order; those that are not in the run at their
+  /// place of birth, or where they left.
   virtual ParticleFrame frame() const = 0;
   virtual Diagnostics diagnostics() const = 0;
   virtual RunStatistics statistics() const = 0;
@@ -80,8 +84,6 @@ class Simulation {
 
 Estimate estimate(const Scene& scene, const SimulationOptions& options);
 
-/// The scene with the largest step that was measured to be stable: policy adaptive, unless its fixed step is larger.
-Scene fast_variant(const Scene& scene);
 /// The scene at 2 dx and an eighth of the particles.
 Scene coarse_variant(const Scene& scene);
 

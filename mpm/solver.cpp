@@ -3,8 +3,10 @@
 #include <fmt/format.h>
 
 #include <chrono>
-#include <cstring>
+#include <cmath>
+#include <limits>
 
+#include "core/error.h"
 #include "mpm/divergence.h"
 #include "mpm/material.h"
 
@@ -20,10 +22,15 @@ Solver<T>::Solver(const Scene& scene, const SimulationOptions& options, const Sa
       walls_(wall_view<T>(scene)),
       materials_(options.device, 0),
       blocks_(options.device, grid_.blocks, static_cast<int64_t>(sampled.position.size())),
-      obstacle_nodes_(options.device, grid_, obstacles),
+      moving_(options.device, scene, obstacles),
+      roles_(options.device, scene, sampled),
+      obstacle_nodes_(options.device, grid_, moving_.fixed()),
       arenas_(options.device, 0),
       nodes_(options.device, 0),
-      records_(options.device, 0) {
+      joined_(options.device, 0),
+      records_(options.device, 0),
+      impulses_(options.device, 0) {
+  if (scene.domain.has_wall(Wall::periodic)) blocks_.keep_node_lookup();
   std::vector<MaterialParameters<T>> parameters;
   for (const std::string& name : sampled.material_names) {
     material_configs_.push_back(scene.materials.at(name));
@@ -40,18 +47,62 @@ Solver<T>::Solver(const Scene& scene, const SimulationOptions& options, const Sa
   spare_ = Particles<T>(options.device, n);
   find_home_blocks(view());
   survey_ = survey_particles(view(), records_);
+  check_fixed_step();
+}
+
+template <typename T>
+StateSpeeds Solver<T>::speeds() const {
+  const double from = time(), to = from + scene_.frame_time;
+  return {std::max(std::sqrt(survey_.largest_speed2), roles_.largest_speed(from, to)), survey_.largest_sound_speed,
+          diffusivity_, moving_.largest_speed(from, to)};
+}
+
+/// A fixed step must not let a scripted body cross over one cell.
+template <typename T>
+void Solver<T>::check_fixed_step() const {
+  if (scene_.time_step.policy != StepPolicy::fixed) return;
+  constexpr double forever = std::numeric_limits<double>::infinity();
+  const double dt = scene_.frame_time / static_cast<double>(scene_.time_step.substeps_per_frame);
+  const double speed = std::max(moving_.largest_speed(0, forever), roles_.largest_speed(0, forever));
+  const double cells = speed * dt / scene_.domain.dx;
+  if (cells > 1)
+    throw ConfigError(fmt::format(
+        "a scripted body or an emitter moves {:.3g} cells in a substep of {:.4g} s (at {:.4g} m/s, allowed: 1). Use at "
+        "least {} substeps_per_frame, time_step.policy adaptive, or a slower motion",
+        cells, dt, speed, static_cast<int64_t>(std::ceil(speed * scene_.frame_time / scene_.domain.dx))));
 }
 
 template <typename T>
 void Solver<T>::substep(double dt) {
   const T step = static_cast<T>(dt);
   sort_particles();
-  const SolverView<T> v = view();
+  if (moving_.any()) moving_.begin_step(time(), dt);
+  roles_.begin_step(time(), dt);
+  SolverView<T> v = view();
+  if (roles_.has_scripts()) statistics_.scripted_momentum += lead_particles(v, impulses_);
   particle_to_grid(v, step);
+  if (v.blocks.node_of_key != nullptr) {
+    joined_.resize_discard(nodes_.size());
+    join_periodic(v, joined_.data());
+    std::swap(nodes_, joined_);
+    v = view();
+  }
   update_grid(v, step);
   grid_to_particle(v);
+  if (roles_.has_scripts()) statistics_.scripted_momentum += lead_particles(v, impulses_);
   update_deformation(v, step);
+  carry_affine(dt);
   survey_ = move_particles(v, step, records_);
+}
+
+template <typename T>
+void Solver<T>::carry_affine(double dt) {
+  const TransferConfig& transfer = scene_.transfer;
+  if (transfer.scheme == TransferScheme::apic && transfer.damping == 0) return;
+  const double kept = std::exp(-transfer.damping * dt);
+  const double symmetric = transfer.scheme == TransferScheme::apic ? kept : 0;
+  const double rotation = transfer.scheme == TransferScheme::pic ? 0 : kept;
+  blend_affine(view(), static_cast<T>(symmetric), static_cast<T>(rotation));
 }
 
 template <typename T>
@@ -106,6 +157,8 @@ void Solver<T>::record_step(double dt) {
   statistics_.substeps += 1;
   statistics_.last_step = dt;
   statistics_.pushed_out += survey_.pushed_out;
+  statistics_.born += survey_.born;
+  statistics_.removed += survey_.removed;
   for (int d = 0; d < 3; ++d) statistics_.pushed_out_momentum[d] += survey_.pushed_momentum[d];
   statistics_.sound_courant = std::max(statistics_.sound_courant, survey_.largest_sound_speed * dt / scene_.domain.dx);
 }
@@ -138,6 +191,8 @@ SolverView<T> Solver<T>::view() const {
   v.device = options_.device;
   v.particles = particles_.view();
   v.blocks = blocks_.view();
+  v.moving = moving_.view();
+  v.roles = roles_.view();
   v.arenas = self.arenas_.data();
   v.nodes = self.nodes_.data();
   v.keys = self.blocks_.keys();
@@ -151,18 +206,21 @@ ParticleFrame Solver<T>::frame() const {
   const HostParticles<T> host = particles();
   ParticleFrame frame;
   frame.time = time();
+  frame.active = roles_.active();
   frame.position.resize(particle_count());
   frame.velocity.resize(particle_count());
   for (std::size_t slot = 0; slot < particle_count(); ++slot) {
     frame.position[host.source_index[slot]] = host.position[slot].template cast<float>();
     frame.velocity[host.source_index[slot]] = host.velocity[slot].template cast<float>();
   }
+  for (std::size_t i = 0; i < frame.active.size(); ++i)
+    if (frame.active[i] == 0) frame.velocity[i] = Vec3f::zero();
   return frame;
 }
 
 template <typename T>
 Diagnostics Solver<T>::diagnostics() const {
-  return diagnose(particles(), material_configs_, scene_.domain.dx, scene_.gravity);
+  return diagnose(particles(), material_configs_, scene_.domain.dx, scene_.gravity, roles_.active());
 }
 
 template <typename T>
@@ -176,7 +234,7 @@ RunStatistics Solver<T>::statistics() const {
 template <typename T>
 int64_t Solver<T>::memory_bytes() const {
   return particles_.bytes() + spare_.bytes() + blocks_.bytes() + obstacle_nodes_.bytes() +
-         static_cast<int64_t>((arenas_.size() + nodes_.size()) * sizeof(T));
+         static_cast<int64_t>((arenas_.size() + nodes_.size() + joined_.size()) * sizeof(T));
 }
 
 template class Solver<float>;

@@ -38,11 +38,14 @@ class Solver final : public Simulation {
   SolverView<T> view() const;
   void sort_particles();
   int64_t memory_bytes() const;
-  StateSpeeds speeds() const { return {std::sqrt(survey_.largest_speed2), survey_.largest_sound_speed, diffusivity_}; }
+  /// Of the present state; of scripted bodies and emitters over the next frame_time.
+  StateSpeeds speeds() const;
 
  private:
   void reorder_particles();
   void record_step(double dt);
+  void check_fixed_step() const;
+  void carry_affine(double dt);
   [[noreturn]] void throw_diverged(double dt, const StateSpeeds& before) const;
 
   Scene scene_;
@@ -59,9 +62,13 @@ class Solver final : public Simulation {
   mutable Particles<T> particles_;
   Particles<T> spare_;  ///< target of the next reordering
   BlockTable blocks_;
+  MovingObstacles<T> moving_;
+  ParticleRoles<T> roles_;
   ObstacleNodes<T> obstacle_nodes_;
   Buffer<T> arenas_, nodes_;
+  Buffer<T> joined_;  ///< node sums with those of periodic images
   Buffer<Survey> records_;
+  Buffer<Impulse> impulses_;
 
   Survey survey_;  ///< of the present state
   int64_t frames_done_ = 0;

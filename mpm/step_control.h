@@ -14,6 +14,7 @@ GRAUPEL_HD inline double device_step(const TimeStep& policy, double dx, double f
   if (policy.policy == StepPolicy::fixed) return frame_time / static_cast<double>(policy.substeps_per_frame);
   const double rate = (speed + sound_speed) / (policy.courant * dx) + 6 * diffusivity / (dx * dx);
   double limit = rate > 0 ? 1 / rate : policy.max_step;
+  limit = limit > policy.min_step ? limit : policy.min_step;
   limit = limit < policy.max_step ? limit : policy.max_step;
   limit = limit < frame_time ? limit : frame_time;
   if (!(left / limit <= 1e6)) return 0;

@@ -15,6 +15,7 @@ struct Survey {
   int64_t bad_slot = -1;           ///< lowest slot with NaN, J <= 0 or a move over one cell
   int64_t pushed_out = 0;
   double pushed_momentum[3] = {0, 0, 0};  ///< [kg m/s]
+  int64_t born = 0, removed = 0;          ///< particles that came and went
 
   GRAUPEL_HD void merge(const Survey& o) {
     largest_speed2 = o.largest_speed2 > largest_speed2 ? o.largest_speed2 : largest_speed2;
@@ -22,6 +23,8 @@ struct Survey {
     over_courant += o.over_courant;
     if (o.bad_slot >= 0 && (bad_slot < 0 || o.bad_slot < bad_slot)) bad_slot = o.bad_slot;
     pushed_out += o.pushed_out;
+    born += o.born;
+    removed += o.removed;
     for (int d = 0; d < 3; ++d) pushed_momentum[d] += o.pushed_momentum[d];
   }
 };

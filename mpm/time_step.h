@@ -1,5 +1,5 @@
-// Step size: fixed, or from the sound speed of the present state and the particles' speed,
-//   1/dt = (max |v| + max c) / (courant dx) + 6 nu / dx^2,
+// Step size: fixed, or from the sound speed of the present state and the speeds of particles and scripted bodies,
+//   1/dt = (max |v| + max |u| + max c) / (courant dx) + 6 nu / dx^2, between min_step and max_step,
 // whose second term is the limit of explicit diffusion of the momentum by the kinematic viscosity nu in three
 // dimensions. Yield and Herschel-Bulkley flow are implicit and set no limit of their own.
 #pragma once
@@ -13,6 +13,7 @@ struct StateSpeeds {
   double speed = 0;        ///< max |v| [m/s]
   double sound_speed = 0;  ///< max c [m/s]
   double diffusivity = 0;  ///< max nu [m^2/s]
+  double scripted = 0;     ///< max |u| of moving obstacles [m/s]
 };
 
 /// Largest step that the policy allows for this state [s]; for the fixed policy the frame's equal share.

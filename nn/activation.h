@@ -22,10 +22,4 @@ GRAUPEL_HD T layer_norm_scale(T mean_square) {
   return T(1) / std::sqrt(mean_square + T(layer_norm_epsilon));
 }
 
-/// (x - mean) * scale * gamma + beta.
-template <typename T>
-GRAUPEL_HD T layer_norm(T x, T mean, T scale, T gamma, T beta) {
-  return (x - mean) * scale * gamma + beta;
-}
-
 }  // namespace graupel::nn

@@ -12,13 +12,31 @@ namespace graupel::sparsegrid {
 
 namespace {
 
+/// x_world = rotation x_local + position.
+struct Pose {
+  Mat3d rotation;
+  Vec3d position;
+  Vec3d operator()(const Vec3d& local) const { return rotation * local + position; }
+};
+
+Pose pose_at(const Obstacle& obstacle, double time) {
+  const Pose start = {obstacle.rotation(), obstacle.position};
+  if (!obstacle.motion) return start;
+  const RigidMap moved = obstacle.motion->at(time, obstacle.position);
+  return {moved.rotation * start.rotation, moved(start.position)};
+}
+
+Vec3d corner_of(const LocalBox& box, int corner) {
+  Vec3d x;
+  for (int d = 0; d < 3; ++d) x[d] = corner >> d & 1 ? box.high[d] : box.low[d];
+  return x;
+}
+
 /// World box of a local box under the pose.
-LocalBox to_world_box(const Body& body, const LocalBox& local) {
+LocalBox to_world_box(const Pose& pose, const LocalBox& local) {
   LocalBox box = {Vec3d::filled(1e30), Vec3d::filled(-1e30)};
   for (int corner = 0; corner < 8; ++corner) {
-    Vec3d x;
-    for (int d = 0; d < 3; ++d) x[d] = corner >> d & 1 ? local.high[d] : local.low[d];
-    x = body.to_world(x);
+    const Vec3d x = pose(corner_of(local, corner));
     for (int d = 0; d < 3; ++d) {
       box.low[d] = std::min(box.low[d], x[d]);
       box.high[d] = std::max(box.high[d], x[d]);
@@ -28,30 +46,35 @@ LocalBox to_world_box(const Body& body, const LocalBox& local) {
 }
 
 /// World box of the points with local y <= level: bounded only where the plane is square to an axis.
-LocalBox below_plane(const Body& body, double level) {
+LocalBox below_plane(const Pose& pose, double level) {
   LocalBox box = {Vec3d::filled(-1e30), Vec3d::filled(1e30)};
-  const Vec3d up = body.to_world({0, 1, 0}) - body.position;
+  const Vec3d up = pose({0, 1, 0}) - pose.position;
   for (int d = 0; d < 3; ++d) {
-    if (up[d] > 1 - 1e-14) box.high[d] = body.position[d] + level;
-    if (up[d] < -1 + 1e-14) box.low[d] = body.position[d] - level;
+    if (up[d] > 1 - 1e-14) box.high[d] = pose.position[d] + level;
+    if (up[d] < -1 + 1e-14) box.low[d] = pose.position[d] - level;
   }
   return box;
+}
+
+void set_pose(ObstacleView& view, const Pose& pose, const LevelSetGrid& level_set) {
+  const double voxel = 1 / view.inverse_voxel;
+  view.rotation = pose.rotation;
+  view.position = pose.position;
+  const LocalBox near = view.is_plane ? below_plane(pose, view.band + voxel) : to_world_box(pose, level_set.near);
+  const LocalBox solid = view.is_plane ? below_plane(pose, voxel) : to_world_box(pose, level_set.solid);
+  view.low = near.low, view.high = near.high;
+  view.solid_low = solid.low, view.solid_high = solid.high;
 }
 
 ObstacleView view_of(const Obstacle& obstacle, const LevelSetGrid& level_set, double voxel, double band) {
   ObstacleView view{};
   view.grid = obstacle.shape == Shape::plane ? nullptr : level_set.grid();
-  view.rotation = obstacle.rotation();
-  view.position = obstacle.position;
   view.inverse_voxel = 1 / voxel;
   view.band = static_cast<double>(static_cast<float>(band));  // as stored in the grid
   view.contact = obstacle.contact;
   view.friction = obstacle.friction;
   view.is_plane = obstacle.shape == Shape::plane;
-  const LocalBox near = view.is_plane ? below_plane(obstacle, band + voxel) : to_world_box(obstacle, level_set.near);
-  const LocalBox solid = view.is_plane ? below_plane(obstacle, voxel) : to_world_box(obstacle, level_set.solid);
-  view.low = near.low, view.high = near.high;
-  view.solid_low = solid.low, view.solid_high = solid.high;
+  set_pose(view, pose_at(obstacle, 0), level_set);
   return view;
 }
 
@@ -74,6 +97,7 @@ struct ObstacleSet::Impl {
   mutable std::once_flag uploaded;
   mutable std::vector<Buffer<char>> cuda_grids;
   mutable Buffer<ObstacleView> cuda_views;
+  mutable std::vector<ObstacleView> cuda_views_on_host;
 
   explicit Impl(const Scene& from);
   void upload() const;
@@ -120,6 +144,7 @@ void ObstacleSet::Impl::upload() const {
     cuda_grids.push_back(std::move(bytes));
   }
   cuda_views.upload(device_views);
+  cuda_views_on_host = std::move(device_views);
 }
 
 ObstacleSet::ObstacleSet(const Scene& scene) : impl_(std::make_shared<Impl>(scene)) {}
@@ -131,6 +156,25 @@ ObstacleSetView ObstacleSet::view(Device device) const {
   if (device == Device::cpu) return {impl_->views.data(), count()};
   std::call_once(impl_->uploaded, [this] { impl_->upload(); });
   return {impl_->cuda_views.data(), count()};
+}
+
+std::vector<ObstacleView> ObstacleSet::views_at(double time, Device device) const {
+  if (count() == 0) return {};
+  view(device);
+  std::vector<ObstacleView> views = device == Device::cpu ? impl_->views.download() : impl_->cuda_views_on_host;
+  for (std::size_t i = 0; i < views.size(); ++i)
+    if (impl_->scene.obstacles[i].motion) set_pose(views[i], pose_at(impl_->scene.obstacles[i], time), impl_->grids[i]);
+  return views;
+}
+
+double ObstacleSet::largest_distance(int obstacle, const Vec3d& from) const {
+  const auto i = static_cast<std::size_t>(obstacle);
+  const Obstacle& body = impl_->scene.obstacles[i];
+  const LocalBox box = body.shape == Shape::plane ? plane_bounds(body, impl_->scene.domain) : impl_->grids[i].solid;
+  double largest = 0;
+  for (int corner = 0; corner < 8; ++corner)
+    largest = std::max(largest, norm(pose_at(body, 0)(corner_of(box, corner)) - from));
+  return largest;
 }
 
 SignedDistance<double> ObstacleSet::sample(const Vec3d& x, int* nearest) const {
@@ -155,7 +199,7 @@ void ObstacleSet::write_vdb(const std::string& path) const {
     const LevelSetGrid& own = impl_->grids[i];
     if (own.bytes.size() == 0) planes[i] = impl_->plane_grid(i);
     grids.push_back(own.bytes.size() > 0 ? &own : &planes[i]);
-    LocalBox box = to_world_box(impl_->scene.obstacles[i], grids.back()->near);
+    LocalBox box = to_world_box(pose_at(impl_->scene.obstacles[i], 0), grids.back()->near);
     bool meets = true;
     for (int d = 0; d < 3; ++d) {
       box.low[d] = std::max(box.low[d], domain.origin[d]);

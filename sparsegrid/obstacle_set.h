@@ -37,7 +37,12 @@ class ObstacleSet {
   /// View for kernels on `device`; valid as long as this set lives. The first call for cuda uploads the grids.
   ObstacleSetView view(Device device = Device::cpu) const;
 
-  /// Host look-ups of the union.
+  /// The views with the poses that the obstacles' scripts give at `time` [s], for kernels on `device`.
+  std::vector<ObstacleView> views_at(double time, Device device = Device::cpu) const;
+  /// Upper bound of the distance of the obstacle's initial surface (of a plane: inside the domain) from a point [m].
+  double largest_distance(int obstacle, const Vec3d& from) const;
+
+  /// Host look-ups of the union at the start.
   SignedDistance<double> sample(const Vec3d& x, int* nearest = nullptr) const;
 
   GridFacts facts(int obstacle) const;

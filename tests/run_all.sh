@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Checks format and lint, then runs every test program in build/ and sums up: the last line is
-# "N passed, N failed, N skipped".
+# "N passed, N failed", and the line before it "N skipped".
 #   tests/run_all.sh [--slow] [--filter PATTERN]
 set -uo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
@@ -84,5 +84,6 @@ EOS
   rm -f "$report" "$log"
 done
 [ $slow = 1 ] || echo "tests named *Slow* were left out; tests/run_all.sh --slow runs them"
-echo "$passed passed, $failed failed, $skipped skipped"
+echo "$skipped skipped"
+echo "$passed passed, $failed failed"
 [ $failed = 0 ]

@@ -12,7 +12,10 @@
 #include <nlohmann/json.hpp>
 
 #include "core/atomic_file.h"
+#include "core/command_line.h"
 #include "core/error.h"
+#include "core/human_time.h"
+#include "core/stop_signal.h"
 #include "graph/normalization.h"
 #include "train/run_folder.h"
 #include "train/training_loop.h"
@@ -21,17 +24,6 @@ namespace graupel::train {
 namespace {
 
 using Json = nlohmann::ordered_json;
-
-volatile std::sig_atomic_t stop_signal = 0;
-extern "C" void remember_signal(int signal) { stop_signal = signal; }
-
-void install_signal_handlers() {
-  struct sigaction action {};
-  action.sa_handler = remember_signal;
-  action.sa_flags = SA_RESETHAND;  // a second Ctrl-C stops at once
-  sigaction(SIGINT, &action, nullptr);
-  sigaction(SIGTERM, &action, nullptr);
-}
 
 /// The words of the command line.
 struct Arguments {
@@ -58,11 +50,6 @@ class Output {
  private:
   std::ofstream log_;
 };
-
-std::string human_time(double seconds) {
-  if (seconds >= 3600) return fmt::format("{:.1f} h", seconds / 3600);
-  return seconds >= 60 ? fmt::format("{:.1f} min", seconds / 60) : fmt::format("{:.0f} s", seconds);
-}
 
 std::string progress_line(const TrainingProgress& p) {
   return fmt::format("step {}/{}  loss {:.4g}  rate {:.2g}  {:.1f} it/s  {:.0f} scenes/s  {} left", p.step, p.steps,
@@ -162,7 +149,7 @@ int run_training(Arguments& arguments) {
   options.stop_step = arguments.stop_step;
   options.command_line = arguments.command_line;
   options.version = GRAUPEL_VERSION;
-  options.should_stop = [] { return stop_signal != 0; };
+  options.should_stop = [] { return stop_signal() != 0; };
   Output output;
   bool log_open = false;
   const auto print = [&](const std::string& text) {
@@ -181,7 +168,7 @@ int run_training(Arguments& arguments) {
                     result.weights_file));
   if (result.reason == StopReason::finished) return 0;
   print(fmt::format("Go on with: graupel train hgn --resume {}", arguments.out));
-  return stop_signal == SIGINT ? static_cast<int>(ExitCode::interrupted) : 0;
+  return stop_signal() == SIGINT ? static_cast<int>(ExitCode::interrupted) : 0;
 }
 
 int run_evaluation(const Arguments& arguments) {
@@ -226,13 +213,14 @@ void add_options(CLI::App& verb, Arguments& a) {
   verb.add_option("--out", a.out, "Run folder (default: runs/hgn-<time>)");
   verb.add_option("--config", a.config, "Settings as JSON (see --print-defaults)");
   verb.add_option("--set", a.set, "Override a setting: key=value, hgn.latent=64")->take_all();
-  verb.add_option("--steps", a.steps, "Optimiser steps")->check(CLI::PositiveNumber);
-  verb.add_option("--minutes", a.minutes, "Stop after this wall time, with a checkpoint")->check(CLI::PositiveNumber);
-  verb.add_option("--stop-step", a.stop_step, "Stop after this step, with a checkpoint")->check(CLI::PositiveNumber);
+  verb.add_option("--steps", a.steps, "Optimiser steps")->check(whole_number(1));
+  verb.add_option("--minutes", a.minutes, "Stop after this wall time, with a checkpoint")
+      ->check(real_number(LowerBound::above_zero));
+  verb.add_option("--stop-step", a.stop_step, "Stop after this step, with a checkpoint")->check(whole_number(1));
   verb.add_option("--resume", a.resume, "Go on with this run folder, or with the latest one below --out");
   a.seed_option = verb.add_option("--seed", a.seed, "Seed of all random numbers");
   verb.add_option("--device", a.device, "auto, cpu or cuda")->capture_default_str();
-  verb.add_option("--threads", a.threads, "CPU threads (0: all)")->check(CLI::Range(0, 4096))->capture_default_str();
+  verb.add_option("--threads", a.threads, "CPU threads (0: all)")->check(whole_number(0, 4096))->capture_default_str();
   verb.add_option("--json", a.json, "Write the result as JSON to this file (-: standard output)");
   verb.add_flag("--print-defaults", a.print_defaults, "Print every setting with its default");
   verb.add_option("--evaluate", a.evaluate, "Instead of training: one-step errors of this weights file");
@@ -240,7 +228,7 @@ void add_options(CLI::App& verb, Arguments& a) {
       ->check(CLI::IsMember({"train", "valid", "test"}))
       ->capture_default_str();
   verb.add_option("--stride", a.stride, "--evaluate takes every n-th frame")
-      ->check(CLI::PositiveNumber)
+      ->check(whole_number(1))
       ->capture_default_str();
   verb.footer(
       "Examples:\n  graupel train hgn --data data/hgn --out runs/hgn --minutes 15\n"
@@ -260,7 +248,8 @@ int run(int argc, char** argv) {
   } catch (const CLI::Success& help) {
     return app.exit(help);
   } catch (const CLI::ParseError& error) {
-    std::fprintf(stderr, "graupel-train: %s\nRun 'graupel-train hgn --help' for the flags.\n", error.what());
+    std::fprintf(stderr, "graupel-train: %s\nRun 'graupel-train hgn --help' for the flags.\n",
+                 parse_error_text(app, error).c_str());
     return static_cast<int>(ExitCode::usage);
   }
   if (arguments.print_defaults) {
@@ -268,7 +257,7 @@ int run(int argc, char** argv) {
     return 0;
   }
   set_num_threads(arguments.threads);
-  install_signal_handlers();
+  catch_stop_signals();
   return arguments.evaluate.empty() ? run_training(arguments) : run_evaluation(arguments);
 }
 

@@ -35,12 +35,12 @@ GRAUPEL_HD inline T jelly_energy(const MaterialParameters<T>& m, const Mat<T, D>
   return corotated_energy(m, T(1), svd(F).sigma);
 }
 
-/// Estimate of the wave speed [m/s] in deformed jelly: rho0 c^2 <= 2 mu s^2 + lambda J^2, s the largest stretch, taken
-/// as s^2 = |F|^2 - (D - 1) (exact where the other stretches are 1; a closer bound was a tenth of the whole substep).
+/// Estimate of the wave speed [m/s] in deformed jelly: rho0 c^2 <= 2 mu s^2 + lambda J^2 <= rho0 c0^2 max(s^2, J^2), s
+/// the largest stretch, taken as s^2 = |F|^2 - (D - 1) (exact where the other stretches are 1).
 template <typename T, int D>
 GRAUPEL_HD inline T jelly_sound_speed(const MaterialParameters<T>& m, const Mat<T, D>& F, T J) {
-  const T stretch2 = double_dot(F, F) - T(D - 1);
-  return std::sqrt((T(2) * m.mu * (stretch2 > T(1) ? stretch2 : T(1)) + m.lambda * J * J) / m.density);
+  const T stretch2 = double_dot(F, F) - T(D - 1), growth2 = stretch2 > J * J ? stretch2 : J * J;
+  return m.elastic_speed * std::sqrt(growth2 > T(1) ? growth2 : T(1));
 }
 
 }  // namespace graupel::mpm

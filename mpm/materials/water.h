@@ -42,8 +42,8 @@ GRAUPEL_HD inline T water_energy(const MaterialParameters<T>& m, T J) {
 /// Sound speed [m/s] of water stretched or compressed to J: c^2 = K J^2 / rho0, Tait K J^(1 - gamma) / rho0.
 template <typename T>
 GRAUPEL_HD inline T water_sound_speed(const MaterialParameters<T>& m, T J) {
-  if (m.equation_of_state == EquationOfState::linear) return J * std::sqrt(m.bulk_modulus / m.density);
-  return std::sqrt(m.bulk_modulus / m.density * std::pow(J, T(1) - m.tait_exponent));
+  if (m.equation_of_state == EquationOfState::linear) return J * m.elastic_speed;
+  return m.elastic_speed * std::sqrt(std::pow(J, T(1) - m.tait_exponent));
 }
 
 }  // namespace graupel::mpm

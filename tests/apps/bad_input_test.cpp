@@ -66,6 +66,58 @@ TEST(BadInput, MissingSceneAndUnknownFlagAndVerb) {
   EXPECT_TRUE(verb.says("simulate")) << verb.output;
 }
 
+TEST(BadInput, NumbersOutOfRangeAreAnsweredInOneLine) {
+  const Outcome frames = graupel("simulate scenes/shared/water_steps.json --frames -3");
+  EXPECT_EQ(frames.exit_code, 2);
+  EXPECT_TRUE(frames.says("'-3'") && frames.says("0 or more")) << frames.output;
+  EXPECT_LT(frames.output.size(), 200u) << frames.output;
+  const Outcome text = graupel("compare --scenes scenes/shared --models mpm --frames 2.5");
+  EXPECT_EQ(text.exit_code, 2);
+  EXPECT_TRUE(text.says("whole number")) << text.output;
+  const Outcome minutes = graupel("generate scenes/recipes/hgn.json -o /dev/null/x --minutes -0.5");
+  EXPECT_EQ(minutes.exit_code, 2);
+  EXPECT_TRUE(minutes.says("'-0.5'") && minutes.says("a number, 0 or more")) << minutes.output;
+  const Outcome threads = graupel("demo --threads -5");
+  EXPECT_EQ(threads.exit_code, 2);
+  EXPECT_TRUE(threads.says("0 to 4096")) << threads.output;
+}
+
+TEST(BadInput, EveryVerbTakesTheCommonFlags) {
+  for (const char* verb : {"demo", "compare", "generate", "simulate", "rollout", "export", "inspect"}) {
+    const Outcome help = graupel(std::string(verb) + " --help");
+    for (const char* flag : {"--seed", "--device", "--threads", "--json"})
+      EXPECT_TRUE(help.says(flag)) << verb << " " << flag;
+  }
+}
+
+TEST(BadInput, UnwritableResultsAreFoundBeforeTheWork) {
+  const Folder folder;
+  const auto scene = folder.write("small.json", small_scene());
+  const Outcome json = graupel("simulate " + scene + " -o " + folder.file("a.h5") + " --json " + folder.file("no/x"));
+  EXPECT_EQ(json.exit_code, 5);
+  EXPECT_TRUE(json.says(folder.file("no"))) << json.output;
+  EXPECT_FALSE(std::filesystem::exists(folder.file("a.h5")));
+  EXPECT_EQ(graupel("rollout models/hgn.safetensors " + scene + " -o " + folder.file("no/a.h5")).exit_code, 5);
+  EXPECT_EQ(graupel("demo -o " + folder.file("no/report.html")).exit_code, 5);
+}
+
+TEST(BadInput, RolloutRefusesFlagsThatMeanNothing) {
+  const Folder folder;
+  const auto scene = folder.write("small.json", small_scene());
+  const std::string rollout = "rollout models/hgn.safetensors ", out = " -o " + folder.file("b.h5");
+  const Outcome cuda = graupel(rollout + scene + out + " --device cuda");
+  EXPECT_EQ(cuda.exit_code, 2);
+  EXPECT_TRUE(cuda.says("runs on the CPU")) << cuda.output;
+  EXPECT_EQ(graupel(rollout + scene + out + " --trajectory 1").exit_code, 2);
+  ASSERT_EQ(graupel("simulate " + scene + " --frames 1 -o " + folder.file("a.h5")).exit_code, 0);
+  const Outcome seed = graupel(rollout + folder.file("a.h5") + out + " --seed 3");
+  EXPECT_EQ(seed.exit_code, 2);
+  EXPECT_TRUE(seed.says("--seed")) << seed.output;
+  const Outcome index = graupel(rollout + folder.file("a.h5") + out + " --trajectory 1");
+  EXPECT_EQ(index.exit_code, 2);
+  EXPECT_TRUE(index.says("allowed: 0 to 0")) << index.output;
+}
+
 TEST(BadInput, TruncatedTrajectory) {
   const Folder folder;
   const auto scene = folder.write("small.json", small_scene());

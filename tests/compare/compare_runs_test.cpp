@@ -109,7 +109,14 @@ TEST_F(CompareRuns, EverySceneAndModelHoldsEveryKey) {
   EXPECT_LT(mpm["floor_position_mse_20"], 1e-4);
   EXPECT_LT(json["results"][2]["particles"].get<double>(), mpm["particles"].get<double>() / 6);
 
+  const auto& fast = json["results"][1];  // the largest stable step: fewer substeps, so another run
+  EXPECT_LT(fast["substeps_per_frame"], mpm["substeps_per_frame"]);
+  EXPECT_GT(fast["step_search_s"], 0);
+  EXPECT_GT(fast["position_mse_all"], 0);
+  EXPECT_EQ(mpm["step_search_s"], 0);
+
   const auto& falling = json["results"][3];
+  EXPECT_EQ(falling["substeps_per_frame"], 1);
   EXPECT_EQ(falling["one_step_source"], "true history");
   EXPECT_NEAR(falling["one_step_mse"], falling["one_step_mse_ballistic"],
               1e-3 * falling["one_step_mse_ballistic"].get<double>());
@@ -144,8 +151,58 @@ TEST_F(CompareRuns, AStoredTrajectoryIsTheTruth) {
   EXPECT_EQ(mpm.values.at("position_mse_all"), 0);  // the same run again on the same machine
   EXPECT_TRUE(compare::incomplete_results(comparison).empty());
   EXPECT_FALSE(mpm.values.contains("floor_sinkhorn"));
+  o.frames = 500;
+  EXPECT_THAT([&] { make_comparison(o); },
+              ::testing::ThrowsMessage<ConfigError>(::testing::HasSubstr("500 is more than")));
+  o.frames = 5;
   o.set = {"frames=3"};
   EXPECT_THROW(make_comparison(o), ConfigError);
+}
+
+TEST_F(CompareRuns, ADivergingTruthIsNamedAndTheScenesBeforeItAreWritten) {
+  std::string stiff = small_scene;
+  stiff.replace(stiff.find("\"small\""), 7, "\"stiff\"");
+  stiff.insert(stiff.find("\"seed\""), R"("time_step": { "policy": "fixed", "substeps_per_frame": 1 }, )");
+  CompareOptions o = options({"mpm"});
+  o.scenes.push_back(folder_ + "/other.json");
+  std::ofstream(o.scenes[1]) << stiff;
+  o.floors = false;
+  o.json = folder_ + "/out.json";
+  ::testing::internal::CaptureStdout();
+  EXPECT_THAT([&] { run_compare(o); }, ::testing::ThrowsMessage<DivergedError>(::testing::AllOf(
+                                           ::testing::HasSubstr("scene 'stiff'"), ::testing::HasSubstr("other.json"))));
+  ::testing::internal::GetCapturedStdout();
+  const auto json = nlohmann::json::parse(read_file(o.json));
+  ASSERT_EQ(json["results"].size(), 1u);
+  EXPECT_EQ(json["results"][0]["scene"], "small");
+}
+
+TEST_F(CompareRuns, RefusesTwoScenesOfOneName) {
+  CompareOptions o = options({"mpm"});
+  o.scenes.push_back(folder_ + "/twin.json");
+  std::ofstream(o.scenes[1]) << small_scene;
+  EXPECT_THAT([&] { make_comparison(o); }, ::testing::ThrowsMessage<ConfigError>(::testing::AllOf(
+                                               ::testing::HasSubstr("small.json"), ::testing::HasSubstr("twin.json"))));
+}
+
+TEST_F(CompareRuns, RefusesCudaForNetworks) {
+  CompareOptions o = options({"mpm", ballistic_network()});
+  o.device = "cuda";
+  EXPECT_THAT([&] { make_comparison(o); },
+              ::testing::ThrowsMessage<ConfigError>(::testing::HasSubstr("runs on the CPU")));
+}
+
+TEST_F(CompareRuns, FindsUnwritableOutputsBeforeTheWork) {
+  CompareOptions o = options({"missing.safetensors"});  // would be an InputError once the work begins
+  for (std::string CompareOptions::*target : {&CompareOptions::json, &CompareOptions::csv, &CompareOptions::report}) {
+    CompareOptions bad = o;
+    bad.*target = folder_ + "/none/out";
+    EXPECT_THROW(run_compare(bad), IoError);
+    bad.*target = folder_;
+    EXPECT_THROW(run_compare(bad), IoError);
+  }
+  o.pictures = scene_;  // a file
+  EXPECT_THROW(run_compare(o), IoError);
 }
 
 TEST_F(CompareRuns, OneStepOnlyNeedsNoRollouts) {

@@ -35,6 +35,12 @@ TEST(ParallelFor, EveryItemOnceOnTheGpu) {
   squares_on(Device::cuda);
 }
 
+/// Rotation R of the polar decomposition F = R S.
+GRAUPEL_HD Mat3f polar_rotation(const Mat3f& F) {
+  const Svd<float, 3> d = svd(F);
+  return d.U * transpose(d.V);
+}
+
 struct PolarOf {
   const Mat3f* in;
   Mat3f* out;

@@ -62,7 +62,8 @@ TYPED_TEST(SvdTest, PolarRotationOfARotatedStretchIsTheRotation) {
   using T = TypeParam;
   const auto R = rotation_about(normalized(Vec<T, 3>{1, 2, -1}), T(0.7));
   const auto S = Mat<T, 3>::diagonal({T(1.2), T(0.9), T(1.05)});
-  EXPECT_LT(largest_difference(polar_rotation(R * S), R), T(sizeof(T) == 4 ? 3e-6 : 1e-13));
+  const auto d = svd(R * S);
+  EXPECT_LT(largest_difference(d.U * transpose(d.V), R), T(sizeof(T) == 4 ? 3e-6 : 1e-13));
 }
 
 }  // namespace

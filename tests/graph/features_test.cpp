@@ -111,6 +111,25 @@ TEST(Features, WrongNumberOfFramesOrParticlesIsAProgrammersError) {
   EXPECT_THROW(particle_features(config, {}, surroundings, uneven), std::logic_error);
 }
 
+TEST(Features, ScenesThatNoNetworkWasTaughtAreRefused) {
+  const auto refused = [](auto&& change, const std::string& what) {
+    Scene scene = scene_with_ball();
+    change(scene);
+    try {
+      const Surroundings surroundings(scene);
+    } catch (const ConfigError& error) {
+      return std::string(error.what()).find("it has " + what) != std::string::npos;
+    }
+    return false;
+  };
+  EXPECT_TRUE(refused([](Scene& s) { s.obstacles[0].motion = Motion{}; }, "moving obstacles"));
+  EXPECT_TRUE(refused([](Scene& s) { s.kinematic_regions.emplace_back(); }, "particles that follow a script"));
+  EXPECT_TRUE(refused([](Scene& s) { s.emitters.emplace_back(); }, "emitters"));
+  EXPECT_TRUE(refused([](Scene& s) { s.sinks.emplace_back(); }, "sinks"));
+  EXPECT_TRUE(refused([](Scene& s) { s.domain.faces.x_low = WallConfig{Wall::open, {}}; }, "open walls"));
+  EXPECT_FALSE(refused([](Scene&) {}, ""));
+}
+
 TEST(Features, EmbeddingRows) {
   EXPECT_EQ(embedding_row(0), 0);
   EXPECT_EQ(embedding_row(8), 8);

@@ -11,6 +11,7 @@
 
 #include "core/error.h"
 #include "expect_error.h"
+#include "io/export_frames.h"
 #include "io/mesh_file.h"
 #include "sample_trajectory.h"
 #include "temporary_folder.h"
@@ -77,6 +78,20 @@ TEST(Export, PlyReadsBack) {
   std::memcpy(&type, bytes.data() + start + 7 * 28 + 24, sizeof type);
   EXPECT_EQ(velocity, trajectory.frames[1].velocity[7]);
   EXPECT_EQ(type, trajectory.particle_type[7]);
+}
+
+TEST(Export, ParticlesThatAreNotInTheRunAreLeftOut) {
+  Trajectory trajectory = sample_header(6);
+  trajectory.frames.push_back(sample_frame(6, 0));
+  trajectory.frames[0].active = {1, 0, 0, 1, 1, 0};
+  const ActiveFrame active = active_particles(trajectory, trajectory.frames[0]);
+  EXPECT_EQ(active.id, (std::vector<int32_t>{0, 3, 4}));
+  EXPECT_EQ(active.particle_type, (std::vector<int32_t>{5, 4, 5}));
+  EXPECT_EQ(active.frame.position[1], trajectory.frames[0].position[3]);
+  EXPECT_EQ(active.frame.velocity[2], trajectory.frames[0].velocity[4]);
+  const TemporaryFolder folder;
+  export_ply(trajectory, folder.file("out"), "some");
+  EXPECT_NE(bytes_of(folder.file("out") + "/some_0000.ply").find("element vertex 3\n"), std::string::npos);
 }
 
 TEST(Export, PlyWithoutVelocitiesHasNoSuchProperties) {

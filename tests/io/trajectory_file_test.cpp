@@ -62,6 +62,26 @@ TEST(TrajectoryFile, RoundTrips) {
   EXPECT_TRUE(same_frame(middle[3], sample_frame(37, 12)));
 }
 
+TEST(TrajectoryFile, StoresWhichParticlesAreInTheRun) {
+  const TemporaryFolder folder;
+  const std::string path = folder.file("active.h5");
+  const auto frame = [](int f) {
+    ParticleFrame out = sample_frame(5, f);
+    if (f > 0) out.active = {1, 0, static_cast<uint8_t>(f % 2), 1, 0};
+    return out;
+  };
+  TrajectoryWriteOptions options;
+  options.active = true;
+  TrajectoryWriter writer(path, sample_header(5), options);
+  for (int f = 0; f < 11; ++f) writer.append(frame(f));
+  writer.finish();
+  const Trajectory back = TrajectoryReader(path).read(0);
+  EXPECT_EQ(back.frames[0].active, std::vector<uint8_t>(5, 1));  // a frame that says nothing has all of them
+  for (int f = 1; f < 11; ++f) EXPECT_EQ(back.frames[static_cast<std::size_t>(f)].active, frame(f).active);
+  EXPECT_FALSE(back.frames[2].is_active(2));
+  EXPECT_TRUE(back.frames[3].is_active(2));
+}
+
 TEST(TrajectoryFile, StoresPositionsOnly) {
   TemporaryFolder folder;
   const std::string path = folder.file("a.h5");

@@ -86,6 +86,24 @@ TEST(Recovery, ADestructorWithoutFinishLeavesTheFlushedFrames) {
   EXPECT_FALSE(TrajectoryReader(path + ".part").complete());
 }
 
+TEST(Recovery, KeepsWhichParticlesAreInTheRun) {
+  TemporaryFolder folder;
+  const std::string path = folder.file("active.h5");
+  {
+    TrajectoryWriteOptions options;
+    options.active = true;
+    TrajectoryWriter writer(path, sample_header(4), options);
+    for (int k = 0; k < 20; ++k) {
+      ParticleFrame frame = sample_frame(4, k);
+      frame.active = {1, 1, 0, static_cast<uint8_t>(k % 2)};
+      writer.append(frame);
+    }
+  }
+  EXPECT_EQ(recover_part_file(path, true), 16);
+  const Trajectory back = TrajectoryReader(path).read(0);
+  EXPECT_EQ(back.frames[15].active, (std::vector<uint8_t>{1, 1, 0, 1}));
+}
+
 TEST(Recovery, NothingUsableIsZeroAndNoFileIsAnError) {
   TemporaryFolder folder;
   folder.write("a.h5.part", "");

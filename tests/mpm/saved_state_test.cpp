@@ -35,6 +35,47 @@ TEST_P(SavedState, ARestartedRunEqualsAnUninterruptedOneByteForByte) {
 
 INSTANTIATE_TEST_SUITE_P(BothPrecisions, SavedState, testing::Values(Precision::f32, Precision::f64));
 
+/// All that a run may have beside its particles: emitters, sinks, gates, scripts, moving obstacles.
+TEST_P(SavedState, SoDoesOneWithEmittersSinksScriptsAndMovingObstacles) {
+  Scene scene = falling();
+  Emitter emitter;
+  emitter.size = {0.06, 0.02, 0.06};
+  emitter.position = {0.3, 0.5, 0.5};
+  emitter.material = "taichi_sand";
+  emitter.velocity = {0, -1, 0};
+  scene.emitters.push_back(emitter);
+  Sink sink;
+  sink.position = {0.55, 0.12, 0.5};
+  scene.sinks.push_back(sink);
+  KinematicRegion region;
+  region.position = {0.5, 0.12, 0.5};
+  region.size = {0.04, 0.2, 0.2};
+  region.motion.velocity = {0, 0.1, 0};
+  region.motion.end_time = 1;
+  region.release_time = 0.05;
+  scene.kinematic_regions.push_back(region);
+  Obstacle plate;
+  plate.size = {0.1, 0.05, 0.1};
+  plate.position = {0.3, 0.4, 0.5};
+  plate.motion = Motion{};
+  plate.motion->spin = 1;
+  scene.obstacles.push_back(plate);
+  const WallConfig periodic{.kind = Wall::periodic, .friction = {}};
+  scene.domain.faces.z_low = scene.domain.faces.z_high = periodic;
+  scene.transfer = {TransferScheme::rpic, 3};
+  const SimulationOptions options{.precision = GetParam()};
+  const auto whole = Simulation::create(scene, options), first = Simulation::create(scene, options),
+             second = Simulation::create(scene, options);
+  for (int f = 0; f < 6; ++f) whole->advance_frame();
+  for (int f = 0; f < 3; ++f) first->advance_frame();
+  second->load_state(first->save_state());
+  for (int f = 0; f < 3; ++f) second->advance_frame();
+  EXPECT_TRUE(second->save_state() == whole->save_state());
+  EXPECT_EQ(second->frame().active, whole->frame().active);
+  EXPECT_GT(whole->statistics().born, 0);
+  EXPECT_GT(whole->statistics().removed, 0);
+}
+
 std::string input_error(Simulation& sim, const std::vector<std::byte>& state) {
   try {
     sim.load_state(state);

@@ -22,6 +22,15 @@ TEST(TimeStep, AdaptiveStepFollowsSpeedAndSoundUpToItsLimit) {
   EXPECT_DOUBLE_EQ(largest_step(policy, dx, frame, {0, 0.01}), frame);
 }
 
+TEST(TimeStep, ScriptedBodiesCountAndTheLowerLimitHolds) {
+  TimeStep policy{.policy = StepPolicy::adaptive, .courant = 0.5, .max_step = 1e-3};
+  EXPECT_DOUBLE_EQ(largest_step(policy, dx, frame, {3, 17, 0, 5}), 0.5 * dx / 25);
+  policy.min_step = 4e-4;
+  EXPECT_DOUBLE_EQ(largest_step(policy, dx, frame, {3, 17, 0, 5}), 4e-4);
+  EXPECT_DOUBLE_EQ(largest_step(policy, dx, frame, {0, 1}), 1e-3);
+  EXPECT_DOUBLE_EQ(suggested_step(dx, {0, 10, 0, 10}, 1e-3), 0.3 * dx / 20);
+}
+
 TEST(TimeStep, ViscosityLimitsTheStepAsExplicitDiffusionDoes) {
   const TimeStep policy{.policy = StepPolicy::adaptive, .courant = 0.5, .max_step = 1};
   EXPECT_DOUBLE_EQ(largest_step(policy, dx, frame, {0, 0, 0.1}), dx * dx / (6 * 0.1));

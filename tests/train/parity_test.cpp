@@ -6,7 +6,10 @@
 #include "core/random.h"
 #include "graph/features.h"
 #include "graph/hierarchical_graph_network.h"
+#include "graph/learned_simulator.h"
 #include "graph/normalization.h"
+#include "io/scene_reader.h"
+#include "mpm/simulation.h"
 #include "train/hgn_module.h"
 
 namespace graupel::train {
@@ -24,6 +27,19 @@ std::vector<Vec3f> clouds(int n) {
                         static_cast<float>(shift + edge * random.uniform(draw, 2))});
   }
   return position;
+}
+
+void check_equal(const std::vector<float>& expected, const std::vector<float>& actual) {
+  ASSERT_EQ(actual.size(), expected.size());
+  double difference2 = 0, size2 = 0, largest = 0;
+  for (std::size_t i = 0; i < actual.size(); ++i) {
+    difference2 += std::pow(actual[i] - expected[i], 2);
+    size2 += std::pow(expected[i], 2);
+    largest = std::max(largest, std::abs(static_cast<double>(actual[i]) - expected[i]));
+  }
+  EXPECT_GT(size2, 0);
+  EXPECT_LT(std::sqrt(difference2 / size2), 1e-4);
+  EXPECT_LT(largest, 1e-3 * std::sqrt(size2 / static_cast<double>(actual.size())));
 }
 
 void check_parity(const graph::HgnConfig& config, int particles) {
@@ -49,18 +65,8 @@ void check_parity(const graph::HgnConfig& config, int particles) {
       scene.features.push_back(static_cast<float>(a));
     }
   }
-  const std::vector<float> expected = engine.forward(scene.features, types, scene.hierarchy);
-  const std::vector<float> actual = module.predict(concatenate({scene}), StateArray::weights);
-  ASSERT_EQ(actual.size(), expected.size());
-  double difference2 = 0, size2 = 0, largest = 0;
-  for (std::size_t i = 0; i < actual.size(); ++i) {
-    difference2 += std::pow(actual[i] - expected[i], 2);
-    size2 += std::pow(expected[i], 2);
-    largest = std::max(largest, std::abs(static_cast<double>(actual[i]) - expected[i]));
-  }
-  EXPECT_GT(size2, 0);
-  EXPECT_LT(std::sqrt(difference2 / size2), 1e-4);
-  EXPECT_LT(largest, 1e-3 * std::sqrt(size2 / static_cast<double>(actual.size())));
+  check_equal(engine.forward(scene.features, types, scene.hierarchy),
+              module.predict(concatenate({scene}), StateArray::weights));
 }
 
 TEST(Parity, PaperSizeNetwork) { check_parity(graph::HgnConfig(), 300); }
@@ -72,6 +78,41 @@ TEST(Parity, SmallNetworkWithSignedDistance) {
   config.message_passing = 2;
   config.signed_distance = true;
   check_parity(config, 500);
+}
+
+/// What the program computes: the shipped network on the particles of a shared scene, at its start (ballistic past) and
+/// after two thirds of a second of MPM, when the bodies lie on obstacles and in each other.
+TEST(Parity, ShippedWeightsOnASharedScene) {
+  const nn::Weights weights = nn::read_safetensors(GRAUPEL_SOURCE_DIR "/models/hgn.safetensors");
+  const graph::HgnConfig config = graph::HgnConfig::from_metadata(weights.metadata, "hgn.safetensors");
+  const graph::Normalization normalization = graph::read_normalization(weights);
+  const graph::HierarchicalGraphNetwork engine(weights);
+  HgnModule module(config, Device::cpu, 0);
+  module.set_state(StateArray::weights, weights);
+
+  const Scene scene = io::read_scene(GRAUPEL_SOURCE_DIR "/scenes/shared/mixed_blocks.json");
+  const graph::Surroundings surroundings(scene);
+  const auto simulation = mpm::Simulation::create(scene, {.seed = scene.seed});
+  const std::vector<int32_t>& types = simulation->particle_type();
+  const ParticleFrame start = simulation->frame();
+  const int frames = static_cast<int>(config.history) + 1;
+  auto history = graph::start_history(start.position, start.velocity, scene.gravity, scene.frame_time, frames);
+  const auto check = [&] {
+    SceneGraph graph;
+    graph.features = graph::particle_features(config, normalization, surroundings, history);
+    graph.hierarchy = sparsegrid::build_hierarchy<3>(history.back(), config.spacing, surroundings.wall_low,
+                                                     static_cast<int>(config.levels));
+    for (const int32_t type : types) graph.type_row.push_back(graph::embedding_row(type));
+    check_equal(engine.forward(graph.features, types, graph.hierarchy),
+                module.predict(concatenate({graph}), StateArray::weights));
+  };
+  check();
+  for (int f = 0; f < 40; ++f) {
+    simulation->advance_frame();
+    history.erase(history.begin());
+    history.push_back(simulation->frame().position);
+  }
+  check();
 }
 
 }  // namespace

@@ -79,6 +79,10 @@ TEST_F(Program, HelpDefaultsAndUsageErrors) {
   EXPECT_EQ(config_hash(read_train_config(log(), "defaults")), config_hash(TrainConfig()));
   EXPECT_EQ(run({"hgn"}), 2);
   EXPECT_EQ(run({"hgn", "--dta", "x"}), 2);
+  EXPECT_EQ(run({"hgn", "--stepz", "3"}), 2);
+  EXPECT_NE(log().find("Did you mean '--steps'"), std::string::npos) << log();
+  EXPECT_EQ(run({"hgm"}), 2);
+  EXPECT_NE(log().find("Did you mean 'hgn'"), std::string::npos) << log();
   EXPECT_EQ(run({"hgn", "--data", folder_ + "/none"}), 3);
   auto words = training("x");
   words.insert(words.end(), {"--set", "hgn.latnt=3"});

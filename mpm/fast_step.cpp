@@ -1,0 +1,91 @@
+#include "mpm/fast_step.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <vector>
+
+#include "core/error.h"
+
+namespace graupel::mpm {
+
+namespace {
+
+Scene with_substeps(const Scene& scene, int64_t substeps) {
+  Scene changed = scene;
+  changed.time_step.policy = StepPolicy::fixed;
+  changed.time_step.substeps_per_frame = substeps;
+  return changed;
+}
+
+struct Search {
+  const SimulationOptions& options;
+  int64_t frames;
+  const std::function<void()>& every_frame;
+  std::vector<double> energy;  ///< of the scene's own run after each frame [J]
+  double largest_energy = 0;
+  int64_t data_substeps = 0;
+
+  static double energy_of(const Simulation& simulation) {
+    const Diagnostics d = simulation.diagnostics();
+    return d.kinetic_energy + d.elastic_energy;
+  }
+
+  void run_as_is(const Scene& scene) {
+    const auto simulation = Simulation::create(scene, options);
+    for (int64_t f = 0; f < frames; ++f) {
+      if (every_frame) every_frame();
+      simulation->advance_frame();
+      energy.push_back(energy_of(*simulation));
+      largest_energy = std::max(largest_energy, energy.back());
+    }
+    data_substeps = (simulation->statistics().substeps + frames - 1) / std::max<int64_t>(1, frames);
+  }
+
+  bool holds(const Scene& scene) const {
+    const auto simulation = Simulation::create(scene, options);
+    try {
+      for (const double expected : energy) {
+        if (every_frame) every_frame();
+        simulation->advance_frame();
+        if (!(std::abs(energy_of(*simulation) - expected) <= fast_step_energy * largest_energy)) return false;
+      }
+    } catch (const DivergedError&) {
+      return false;
+    }
+    return true;
+  }
+};
+
+}  // namespace
+
+FastStep find_fast_step(const Scene& scene, const SimulationOptions& options, int64_t frames,
+                        const std::function<void()>& every_frame) {
+  const auto start = std::chrono::steady_clock::now();
+  Search search{options, std::min(frames, fast_step_frames), every_frame, {}};
+  search.run_as_is(scene);
+  FastStep result{scene, search.data_substeps, search.data_substeps, 1, 0};
+  int64_t fails = 0;
+  while (result.substeps - fails > 1) {
+    const int64_t middle = (fails + result.substeps) / 2;
+    const Scene trial = with_substeps(scene, middle);
+    ++result.trials;
+    if (search.holds(trial)) {
+      result.scene = trial;
+      result.substeps = middle;
+    } else {
+      fails = middle;
+    }
+  }
+  result.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  return result;
+}
+
+FastStep shorter_step(const FastStep& step, const Scene& original) {
+  FastStep next = step;
+  next.substeps = std::min(step.data_substeps, step.substeps + std::max<int64_t>(1, step.substeps / 8));
+  next.scene = next.substeps < step.data_substeps ? with_substeps(original, next.substeps) : original;
+  return next;
+}
+
+}  // namespace graupel::mpm

@@ -1,0 +1,123 @@
+// Walls, scripts, emitters, sinks, transfers and steps of a scene: what is read, and every rule once broken.
+#include <gtest/gtest.h>
+
+#include "core/error.h"
+#include "expect_error.h"
+#include "io/scene_reader.h"
+
+namespace graupel::io {
+namespace {
+
+const std::string good = R"({
+  "domain": {"dx": 0.02, "wall_friction": 0.2,
+    "faces": {"x_low": {"kind": "periodic"}, "x_high": {"kind": "periodic"},
+              "y_low": {"kind": "slip", "friction": 0.4}, "y_high": {"kind": "open"}}},
+  "materials": {"m": {"preset": "jelly"}},
+  "sources": [{"shape": "box", "size": [0.1, 0.1, 0.1], "material": "m", "position": [0.5, 0.5, 0.5],
+               "angular_velocity": [0, 1, 0], "spin_center": [0.5, 0.5, 0.4],
+               "motion": {"velocity": [0, 0.1, 0], "start_time": 0.1, "end_time": 0.2}, "release_time": 0.3}],
+  "kinematic_regions": [{"shape": "half_space", "normal": [1, 0, 0], "position": [0.45, 0, 0], "motion": {}}],
+  "emitters": [{"shape": "sphere", "radius": 0.1, "material": "m", "velocity": [1, 0, 0], "end_time": 2, "rate": 50}],
+  "sinks": [{"shape": "sphere", "radius": 0.1, "position": [0.9, 0.2, 0.5]}],
+  "obstacles": [{"shape": "box", "size": [0.2, 0.1, 0.1],
+                 "motion": {"kind": "keyframes", "axis": [0, 0, 1],
+                            "keyframes": [{"time": 1, "angle": 90}, {"time": 2, "translation": [0, 1, 0]}]}}],
+  "transfer": {"scheme": "rpic", "damping": 5},
+  "time_step": {"min_step": 1e-6}
+})";
+
+Scene parse(const std::string& text) { return parse_scene(text, "s.json", "/"); }
+
+std::string replaced(std::string text, const std::string& from, const std::string& to) {
+  const auto at = text.find(from);
+  EXPECT_NE(at, std::string::npos) << from;
+  return text.replace(at, from.size(), to);
+}
+
+void fails(const std::string& from, const std::string& to, const std::vector<std::string>& parts) {
+  expect_error<ConfigError>([&] { parse(replaced(good, from, to)); }, parts);
+}
+
+TEST(ScenePhysics, IsReadAndWrittenBack) {
+  const Scene scene = parse(good);
+  EXPECT_EQ(scene.domain.wall(0, 0), Wall::periodic);
+  EXPECT_EQ(scene.domain.wall(1, 0), Wall::slip);
+  EXPECT_EQ(scene.domain.wall(1, 1), Wall::open);
+  EXPECT_EQ(scene.domain.wall(2, 0), Wall::separate);
+  EXPECT_EQ(scene.domain.friction(1, 0), 0.4);
+  EXPECT_EQ(scene.domain.friction(2, 1), 0.2);
+  EXPECT_EQ(scene.sources[0].angular_velocity, (Vec3d{0, 1, 0}));
+  EXPECT_EQ(*scene.sources[0].spin_center, (Vec3d{0.5, 0.5, 0.4}));
+  EXPECT_EQ(*scene.sources[0].motion->end_time, 0.2);
+  EXPECT_EQ(*scene.sources[0].release_time, 0.3);
+  EXPECT_EQ(scene.kinematic_regions[0].shape, RegionShape::half_space);
+  EXPECT_EQ(*scene.emitters[0].rate, 50);
+  EXPECT_EQ(scene.sinks[0].radius, 0.1);
+  EXPECT_EQ(scene.obstacles[0].motion->keyframes[1].translation, (Vec3d{0, 1, 0}));
+  EXPECT_EQ(scene.transfer.scheme, TransferScheme::rpic);
+  EXPECT_EQ(scene.time_step.min_step, 1e-6);
+  EXPECT_TRUE(scene.has_inactive_particles());
+  EXPECT_TRUE(scene.has_moving_obstacles());
+  const std::string text = scene_to_json(scene);
+  EXPECT_EQ(scene_to_json(parse(text)), text);
+}
+
+TEST(ScenePhysics, OldScenesHaveNoneOfIt) {
+  const Scene scene = parse(
+      R"({"domain": {"walls": "stick"}, "materials": {"m": {"preset": "jelly"}},
+          "sources": [{"shape": "sphere", "radius": 0.1, "material": "m"}]})");
+  for (int face = 0; face < 6; ++face) EXPECT_EQ(scene.domain.wall(face / 2, face % 2), Wall::stick);
+  EXPECT_FALSE(scene.has_inactive_particles());
+  EXPECT_FALSE(scene.has_moving_obstacles());
+  EXPECT_EQ(scene.transfer.scheme, TransferScheme::apic);
+}
+
+TEST(ScenePhysics, WallsThatCannotBe) {
+  fails(R"(, "x_high": {"kind": "periodic"})", "",
+        {"/domain/faces/x_low/kind", "has no partner", "x_high is \"separate\""});
+  fails(R"("dx": 0.02)", R"("dx": 0.019)", {"/domain/faces/x_low", "whole number of cells"});
+  fails(R"("kind": "open")", R"("kind": "opne")", {"/domain/faces/y_high/kind", "open"});
+  fails(R"("kind": "open")", R"("kind": "open", "friction": 1)", {"friction", "slip"});
+  fails(R"("friction": 0.4)", R"("friction": -1)", {"/domain/faces/y_low/friction", ">= 0"});
+}
+
+TEST(ScenePhysics, ScriptsThatCannotBe) {
+  fails(R"("end_time": 0.2)", R"("end_time": 0.05)", {"/sources/0/motion", "ends before it starts"});
+  fails(R"({"time": 1, "angle": 90})", R"({"time": 3, "angle": 90})", {"/obstacles/0/motion", "out of order", "key 1"});
+  fails(R"({"time": 1, "angle": 90})", R"({"time": 0, "angle": 90})", {"/obstacles/0/motion/keyframes/0/time", "> 0"});
+  fails(R"("axis": [0, 0, 1])", R"("axis": [0, 0, 0])", {"/obstacles/0/motion", "no axis"});
+  fails(R"("axis": [0, 0, 1])", R"("velocity": [0, 0, 1])", {"velocity", "constant"});
+  fails(R"([{"time": 1, "angle": 90}, {"time": 2, "translation": [0, 1, 0]}])", "[]", {"no poses"});
+  fails(R"("motion": {}})", R"("motion": {}, "release_time": -1})", {"/kinematic_regions/0/release_time", ">= 0"});
+  fails(R"("normal": [1, 0, 0])", R"("normal": [0, 0, 0])", {"/kinematic_regions/0/normal", "must not be zero"});
+  fails(R"("shape": "half_space", "normal": [1, 0, 0])", R"("shape": "half_space")",
+        {"/kinematic_regions/0", "lacks the key 'normal'"});
+}
+
+TEST(ScenePhysics, EmittersAndSinksThatCannotBe) {
+  fails(R"("velocity": [1, 0, 0], )", "", {"/emitters/0", "needs a velocity"});
+  fails(R"("end_time": 2, )", "", {"/emitters/0", "end_time"});
+  fails(R"("end_time": 2, )", R"("start_time": 3, "end_time": 2, )", {"/emitters/0/end_time", "above start_time"});
+  fails(R"("rate": 50)", R"("rate": 0)", {"/emitters/0/rate", "> 0"});
+  fails(R"("end_time": 2, "rate": 50)", R"("emission": "burst", "times": [])",
+        {"/emitters/0/times", "must not be empty"});
+  fails(R"("end_time": 2, "rate": 50)", R"("emission": "burst", "times": [1, 1])",
+        {"/emitters/0/times", "must ascend"});
+  fails(R"("end_time": 2, "rate": 50)", R"("emission": "burst", "times": [-1])", {"/emitters/0/times/0", ">= 0"});
+  fails(R"("rate": 50)", R"("particle_limit": 0)", {"/emitters/0/particle_limit", ">= 1"});
+  fails(R"("material": "m", "velocity")", R"("material": "n", "velocity")",
+        {"/emitters/0/material", "names no material"});
+  fails(R"("shape": "sphere", "radius": 0.1, "material")", R"("shape": "plane", "material")",
+        {"/emitters/0/shape", "cannot be filled"});
+  fails(R"("radius": 0.1, "position": [0.9, 0.2, 0.5])", R"("radius": 0, "position": [0.9, 0.2, 0.5])",
+        {"/sinks/0/radius", "> 0"});
+}
+
+TEST(ScenePhysics, TransfersAndStepsThatCannotBe) {
+  fails(R"("scheme": "rpic", "damping": 5)", R"("scheme": "pic", "damping": 5)", {"damping", "apic"});
+  fails(R"("damping": 5)", R"("damping": -5)", {"/transfer/damping", ">= 0"});
+  fails(R"("min_step": 1e-6)", R"("min_step": 1)", {"/time_step/min_step", "above max_step"});
+}
+
+}  // namespace
+}  // namespace graupel::io
