@@ -69,11 +69,14 @@ struct PermuteBatch {
   }
 };
 
-/// Per scene: the other arrays are the present ones from now on, and no block is counted yet.
+/// Per scene: the other arrays are the present ones from now on, no block is counted yet, and nothing runs until the
+/// blocks are known to fit.
 struct SwapBatch {
   BatchView view;
   GRAUPEL_HD void operator()(int64_t scene) const {
-    view.controls[scene].blocks = 0;
+    StepControl& control = view.controls[scene];
+    control.blocks = 0;
+    if (control.phase == ScenePhase::running) control.phase = ScenePhase::unsorted;
     if (scene > 0) return;
     view.counts->current = 1 - view.counts->current;
     view.counts->overflow = 0;

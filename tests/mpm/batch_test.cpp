@@ -98,6 +98,33 @@ TEST(Batch, ASceneIsTheSameAloneAndAmongOthers) {
   EXPECT_EQ(both->control(0).substeps, 20);
 }
 
+TEST(Batch, StorageGrowsWhileAFrameRuns) {
+  // Four cubes that each fill one block, and half a block later eight of them: more than was reserved at the start.
+  Scene scene;
+  scene.gravity = {0, 0, 0};
+  scene.time_step.policy = StepPolicy::fixed;
+  for (const double x : {0.2, 0.4})
+    for (const double z : {0.2, 0.6}) {
+      const double block = 4 * scene.domain.dx;
+      const auto inside = [&](double at) { return (std::floor(at / block) + 0.5) * block + 0.5 * scene.domain.dx; };
+      add_box(scene, "taichi_jelly", {inside(x), inside(0.5), inside(z)}, 0.97 * block);
+    }
+  for (Source& source : scene.sources) source.velocity = {4, 4, 4};
+  scene.time_step.substeps_per_frame = 32;
+  scene.frame_time = 32 * 3e-4;
+  const auto cpu = Simulation::create(scene, {});
+  FiberBackend backend;
+  std::vector<BatchEntry> entries;
+  entries.push_back(entry_of(scene, 0));
+  BatchSolver<FiberBackend> batch(backend, std::move(entries));
+  EXPECT_EQ(batch.active_blocks(), 0);
+  batch.advance_frame();
+  cpu->advance_frame();
+  EXPECT_GE(batch.active_blocks(), 32);
+  EXPECT_EQ(batch.control(0).substeps, 32);
+  expect_close(cpu->frame(), batch.frame(), 2e-5f, 2e-2f);
+}
+
 TEST(Batch, ADivergedSceneStopsAlone) {
   Scene wild = scene_with("taichi_water", {0.5, 0.3, 0.5}, 0.04);
   wild.sources[0].velocity = {300, 0, 0};
