@@ -57,5 +57,22 @@ TEST(DeviceParity, TunedKernelsGiveTheSameBytesInEveryRun) {
   }
 }
 
+TEST(DeviceParity, EveryModelMovesTheSameOnTheGpu) {
+  Scene scene = every_model();
+  scene.time_step.policy = StepPolicy::fixed;
+  scene.time_step.substeps_per_frame = 20;
+  scene.frame_time = 20 * 1e-4;
+  const auto cpu = Simulation::create(scene, {});
+  cpu->advance_frame();
+  if (!cuda_available()) GTEST_SKIP() << "no GPU here: the CUDA path was compiled but not run";
+  const auto gpu = Simulation::create(scene, {.device = Device::cuda});
+  gpu->advance_frame();
+  const ParticleFrame a = cpu->frame(), b = gpu->frame();
+  for (std::size_t i = 0; i < a.position.size(); ++i) {
+    ASSERT_LT(norm(a.position[i] - b.position[i]), 1e-5f) << particle_type_name(cpu->particle_type()[i]);
+    ASSERT_LT(norm(a.velocity[i] - b.velocity[i]), 2e-2f) << particle_type_name(cpu->particle_type()[i]);
+  }
+}
+
 }  // namespace
 }  // namespace graupel::mpm

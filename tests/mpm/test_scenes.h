@@ -36,6 +36,22 @@ inline void add_box(Scene& scene, const std::string& material, const Vec3d& cent
   scene.sources.push_back(box_source(material, centre, Vec3d::filled(size)));
 }
 
+/// Small boxes of every model beyond Taichi Elements' four, thrown at the floor and each other, on a stationary one.
+inline Scene every_model() {
+  Scene scene = scene_with("stationary", {0.45, 0.07, 0.45}, 0.04);
+  const char* names[] = {"neo_hookean", "metal",      "cake",     "toothpaste", "foam",
+                         "honey",       "tait_water", "wet_sand", "snow"};
+  int i = 0;
+  for (const char* name : names) {
+    add_box(scene, name, {0.4 + 0.05 * (i % 3), 0.13, 0.4 + 0.05 * (i / 3)}, 0.045);
+    scene.sources.back().velocity = {0.2, -2, 0.1};
+    ++i;
+  }
+  scene.frame_time = 4e-3;
+  scene.time_step.policy = StepPolicy::adaptive;
+  return scene;
+}
+
 template <typename T, int D>
 Mat<T, D> random_matrix(uint64_t i, double scale) {
   const Random random(11, RandomPurpose::test, D);
