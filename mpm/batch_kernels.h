@@ -114,7 +114,7 @@ GRAUPEL_HD inline StagedParticle stage_particle(const BatchView& view, const Sce
 template <typename Block>
 GRAUPEL_HD void particle_to_grid(const Block& block, const BatchView& view, ScatterShared& shared) {
   const int home = block.index();
-  if (home >= view.counts->home) return;
+  if (home >= view.counts->homes_to_run()) return;
   const HomeBlock b = home_block(view, view.home_key[home]);
   const StepControl& control = view.controls[b.scene];
   if (control.phase != ScenePhase::running) return;
@@ -167,7 +167,7 @@ GRAUPEL_HD void particle_to_grid(const Block& block, const BatchView& view, Scat
 /// One node: no barriers, so any number of them may share a block of threads.
 GRAUPEL_HD inline void update_node(const BatchView& view, int64_t entry) {
   const int64_t number = entry / nodes_per_block<3>;
-  if (number >= view.counts->node) return;
+  if (number >= view.counts->nodes_to_run()) return;
   const HomeBlock b = home_block(view, view.node_key[number]);
   const StepControl& control = view.controls[b.scene];
   if (control.phase != ScenePhase::running) return;
@@ -327,7 +327,7 @@ GRAUPEL_HD void report_block(const Block& block, const BatchView& view, int32_t 
 template <typename Block>
 GRAUPEL_HD void grid_to_particle(const Block& block, const BatchView& view, GatherShared& shared) {
   const int home = block.index();
-  if (home >= view.counts->home) return;
+  if (home >= view.counts->homes_to_run()) return;
   const HomeBlock b = home_block(view, view.home_key[home]);
   const StepControl& control = view.controls[b.scene];
   if (control.phase != ScenePhase::running) return;

@@ -77,6 +77,10 @@ struct BlockCounts {
   int32_t home, node;
   int32_t overflow;  ///< set when they exceed the storage: nothing runs until it has grown
   int32_t current;   ///< 0 or 1: the particle arrays in use
+
+  /// Blocks that substeps work on: none while their lists are not complete.
+  GRAUPEL_HD int32_t homes_to_run() const { return overflow ? 0 : home; }
+  GRAUPEL_HD int32_t nodes_to_run() const { return overflow ? 0 : node; }
 };
 
 /// Everything that the kernels of a batch read or write.

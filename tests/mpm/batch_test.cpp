@@ -59,6 +59,21 @@ TEST(Batch, TwentySubstepsEqualTheCpuSolver) {
               0.02 * static_cast<double>(cpu->statistics().pushed_out) + 2);
 }
 
+TEST(Batch, EveryModelMovesAsWithTheCpuSolver) {
+  Scene scene = every_model();
+  scene.time_step.policy = StepPolicy::fixed;
+  scene.time_step.substeps_per_frame = 10;
+  scene.frame_time = 10 * 1e-4;
+  const auto cpu = Simulation::create(scene, {});
+  FiberBackend backend;
+  std::vector<BatchEntry> entries;
+  entries.push_back(entry_of(scene, 0));
+  BatchSolver<FiberBackend> batch(backend, std::move(entries));
+  cpu->advance_frame();
+  batch.advance_frame();
+  expect_close(cpu->frame(), batch.frame(), 1e-5f, 2e-2f);
+}
+
 TEST(Batch, AdaptiveStepsEqualTheCpuSolver) {
   Scene scene = scene_with("taichi_jelly", {0.5, 0.12, 0.5}, 0.06);
   scene.sources[0].velocity = {0.3, -2, 0};
