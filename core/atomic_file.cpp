@@ -63,7 +63,7 @@ void sync_path(const std::string& path, int flags) {
 std::string create_aside(const std::string& path) {
   static std::atomic<int> number = 0;
   for (;;) {
-    const std::string part = path + "." + std::to_string(::getpid()) + "-" + std::to_string(number++) + ".part";
+    std::string part = path + "." + std::to_string(::getpid()) + "-" + std::to_string(number++) + ".part";
     const Descriptor fd(::open(part.c_str(), O_WRONLY | O_CREAT | O_EXCL, 0644));
     if (fd.get() >= 0) return part;
     if (errno != EEXIST) fail("create", part);
