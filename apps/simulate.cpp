@@ -128,6 +128,9 @@ class Run {
     restore(*run_, *saved, options.resume, options.scene);
     frame_ = saved->frame;
     substeps_before_ = run_->statistics().substeps;
+    if (!std::filesystem::exists(output()) && !std::filesystem::exists(output() + ".part"))
+      std::fprintf(stderr, "graupel: note: there is no '%s' to continue; it begins with frame %lld\n", output().c_str(),
+                   static_cast<long long>(frame_));
     writer_ = std::make_unique<io::TrajectoryWriter>(output(), header_, write_, checkpoint_of(*run_, *saved));
   }
 

@@ -17,14 +17,16 @@ struct InterruptedTrajectory {
   UnfinishedTrajectory frames;
 };
 
-/// `path`.part or else `path`, whichever is of the same run as `header` and has the datasets of `options`; nothing when
-/// neither is there. Throws InputError when there are files, but not of this run.
+/// `path`.part or else `path`: the first that is of the same run as `header`, has the datasets of `options` and, with
+/// the checkpoint, all frames; nothing when neither is there. Throws InputError when there are files, but none to
+/// continue.
 std::unique_ptr<InterruptedTrajectory> find_interrupted(const std::string& path, const Trajectory& header,
-                                                        const TrajectoryWriteOptions& options, int64_t frame);
+                                                        const TrajectoryWriteOptions& options,
+                                                        const TrajectoryCheckpoint& checkpoint);
 
 /// Calls `keep` with all frames up to the checkpoint's: those of the file, then those of the checkpoint that it lacks.
-/// Throws InputError when frames are missing, or where the file and the checkpoint differ.
-void copy_kept_frames(InterruptedTrajectory& found, const TrajectoryCheckpoint& checkpoint, double frame_time,
+/// Throws InputError where the file is damaged or differs from the checkpoint.
+void copy_kept_frames(const InterruptedTrajectory& found, const TrajectoryCheckpoint& checkpoint, double frame_time,
                       const std::function<void(const ParticleFrame&)>& keep);
 
 }  // namespace graupel::io

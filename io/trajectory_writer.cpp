@@ -264,7 +264,7 @@ void TrajectoryWriter::Impl::close_all(int64_t diverged_at_frame) {
 
 /// Fills a file of its own, which then replaces what was there: a kill in between costs nothing.
 void TrajectoryWriter::Impl::continue_from(const Trajectory& header, const TrajectoryCheckpoint& checkpoint) {
-  auto found = find_interrupted(path, header, options, checkpoint.frame);
+  auto found = find_interrupted(path, header, options, checkpoint);
   if (!found) {
     guarded("start", [&] { start(header, create_part_file(part)); });
     return append(checkpoint.recent.back());

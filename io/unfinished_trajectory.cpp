@@ -1,5 +1,6 @@
 #include "io/unfinished_trajectory.h"
 
+#include <algorithm>
 #include <filesystem>
 
 #include "io/field_datasets.h"
@@ -53,12 +54,22 @@ bool UnfinishedTrajectory::has_chunks(hsize_t row) const {
   return all;
 }
 
-void UnfinishedTrajectory::read_initial_velocity(ParticleFrame& frame) const {
-  if (!hdf5::has_member(group_, "initial_velocity")) return;
+std::vector<Vec3f> UnfinishedTrajectory::initial_velocity() const {
+  std::vector<Vec3f> values;
+  if (!hdf5::has_member(group_, "initial_velocity")) return values;
   const auto dataset = hdf5::open_dataset(group_, "initial_velocity", 2, hdf5::NumberKind::real, size_);
-  if (dataset.size != std::vector<hsize_t>{position_.size[1], 3}) return;
-  frame.velocity.resize(dataset.size[0]);
-  dataset.read_rows(0, dataset.size[0], hdf5::Element::float32, frame.velocity.data());
+  if (dataset.size != std::vector<hsize_t>{position_.size[1], 3}) return values;
+  values.resize(dataset.size[0]);
+  dataset.read_rows(0, dataset.size[0], hdf5::Element::float32, values.data());
+  return values;
+}
+
+std::vector<double> UnfinishedTrajectory::times() const {
+  std::vector<double> times(std::min(time_.size[0], row_count()));
+  if (!times.empty()) time_.read_rows(0, times.size(), hdf5::Element::float64, times.data());
+  for (std::size_t row = 0; row < times.size(); ++row)
+    if (!has_chunks(row) || (row > 0 && !(times[row] > times[row - 1]))) times.resize(row);
+  return times;
 }
 
 std::optional<ParticleFrame> UnfinishedTrajectory::read(hsize_t row) const {
@@ -72,7 +83,7 @@ std::optional<ParticleFrame> UnfinishedTrajectory::read(hsize_t row) const {
       frame.velocity.resize(position_.size[1]);
       velocity_->read_rows(row, 1, hdf5::Element::float32, frame.velocity.data());
     } else if (row == 0) {
-      read_initial_velocity(frame);
+      frame.velocity = initial_velocity();
     }
     if (active_) {
       frame.active.resize(position_.size[1]);

@@ -16,19 +16,22 @@ class UnfinishedTrajectory {
   explicit UnfinishedTrajectory(const std::string& file);
 
   hsize_t row_count() const { return position_.size[0]; }
+  /// Times of the rows up to the first that the file lacks, whatever its checksums say.
+  std::vector<double> times() const;
+  /// Velocities in the first frame; empty when not stored.
+  std::vector<Vec3f> initial_velocity() const;
   /// Without frames.
   Trajectory header() const;
   /// Which datasets it has.
   TrajectoryWriteOptions contents() const;
-  /// The frame at `row`, or nothing when a chunk is missing or fails its checksum. The first one has velocities even
-  /// where only it has them.
+  /// The frame at `row`, or nothing when a chunk is missing or fails its checksum. The first one has velocities where
+  /// only these are stored.
   std::optional<ParticleFrame> read(hsize_t row) const;
   /// Text attributes of the trajectory.
   std::map<std::string, std::string> attributes() const;
 
  private:
   bool has_chunks(hsize_t row) const;
-  void read_initial_velocity(ParticleFrame& frame) const;
 
   uint64_t size_;
   hdf5::Handle file_, group_;

@@ -22,13 +22,13 @@ std::string busy_scene(const std::string& name = "busy") {
   return "{ \"name\": \"" + name + R"(",
   "domain": { "dx": 0.03125 },
   "materials": { "snow": { "preset": "taichi_snow" }, "sand": { "preset": "taichi_sand" } },
-  "sources": [ { "shape": "box", "size": [0.12, 0.12, 0.12], "position": [0.5, 0.25, 0.5], "velocity": [0.5, -2, 0],
+  "sources": [ { "shape": "box", "size": [0.12, 0.12, 0.12], "position": [0.6, 0.2, 0.5], "velocity": [0.2, -2, 0],
                  "material": "snow" } ],
-  "emitters": [ { "shape": "box", "size": [0.1, 0.04, 0.1], "position": [0.35, 0.6, 0.5], "velocity": [0, -1, 0],
+  "emitters": [ { "shape": "box", "size": [0.1, 0.04, 0.1], "position": [0.35, 0.42, 0.5], "velocity": [0, -1, 0], "end_time": 1,
                   "material": "sand" } ],
-  "sinks": [ { "position": [0.62, 0.1, 0.5], "size": [0.1, 0.06, 0.2] } ],
-  "obstacles": [ { "shape": "box", "size": [0.2, 0.05, 0.2], "position": [0.4, 0.3, 0.5],
-                   "motion": { "velocity": [0.2, 0, 0], "spin": 2 } } ],
+  "sinks": [ { "shape": "box", "position": [0.62, 0.1, 0.5], "size": [0.1, 0.06, 0.2] } ],
+  "obstacles": [ { "shape": "box", "size": [0.2, 0.05, 0.2], "position": [0.35, 0.3, 0.5],
+                   "motion": { "velocity": [0.2, 1, 0], "spin": 2 } } ],
   "time_step": { "policy": "adaptive" }, "frame_time": 0.01, "frames": 12
 })";
 }
@@ -108,7 +108,9 @@ TEST_P(Restart, SomeFramesAndTheRestEqualAllOfThem) {
   ASSERT_EQ(a.frame_count(), 13u);
   expect_same_datasets(a, b);
   EXPECT_NE(a.frames.back().active, a.frames.front().active);
-  EXPECT_EQ(nlohmann::json::parse(read_file(folder.file("rest.json")))["resumed_from_frame"], 5);
+  const auto facts = nlohmann::json::parse(read_file(folder.file("rest.json")));
+  EXPECT_EQ(facts["resumed_from_frame"], 5);
+  for (const char* event : {"pushed_out", "born", "removed"}) EXPECT_GT(facts[event], 0) << event;
 }
 
 INSTANTIATE_TEST_SUITE_P(BothPrecisionsAndThreads, Restart,
@@ -119,12 +121,12 @@ TEST(RestartAfter, AKillBetweenSaves) {
   const Folder folder;
   const std::string scene = folder.write("busy.json", busy_scene()), out = folder.file("a.h5"),
                     state = folder.file("a.state");
-  const pid_t child = start({"simulate", scene, "-o", out, "--frames", "100000", "--device", "cpu", "--save-state",
-                             state, "--save-every", "5"});
+  const pid_t child = start({"simulate", scene, "-o", out, "--frames", "100000", "--device", "cpu", "--threads", "1",
+                             "--save-state", state, "--save-every", "5"});
   wait_for_frame(state, 10);
   ASSERT_TRUE(WIFSIGNALED(end(child, SIGKILL)));
   const int64_t frames = saved_frame(state) + 7;
-  const std::string count = " --frames " + std::to_string(frames);
+  const std::string count = " --threads 1 --frames " + std::to_string(frames);
   const Outcome rest = graupel("simulate --resume " + state + count);
   ASSERT_EQ(rest.exit_code, 0) << rest.output;
   ASSERT_EQ(graupel("simulate " + scene + " --device cpu -o " + folder.file("whole.h5") + count).exit_code, 0);
@@ -142,7 +144,7 @@ TEST(RestartAfter, ASignalWhichSavesTheStateAndSaysHowToGoOn) {
     if (child == 0) {
       std::freopen(said.c_str(), "w", stderr);
       ::execl(GRAUPEL_BINARY_DIR "/graupel", "graupel", "simulate", scene.c_str(), "-o", out.c_str(), "--frames",
-              "100000", "--device", "cpu", "--save-state", state.c_str(), nullptr);
+              "100000", "--device", "cpu", "--threads", "1", "--save-state", state.c_str(), nullptr);
       ::_exit(127);
     }
     for (int i = 0;
@@ -155,7 +157,7 @@ TEST(RestartAfter, ASignalWhichSavesTheStateAndSaysHowToGoOn) {
     EXPECT_NE(read_file(said).find("graupel simulate --resume " + state), std::string::npos) << read_file(said);
     const int64_t saved = saved_frame(state);
     ASSERT_GE(saved, 1);
-    const std::string count = " --frames " + std::to_string(saved + 3);
+    const std::string count = " --threads 1 --frames " + std::to_string(saved + 3);
     ASSERT_EQ(graupel("simulate " + scene + " --resume " + state + " -o " + out + count).exit_code, 0);
     ASSERT_EQ(graupel("simulate " + scene + " --device cpu -o " + folder.file("whole.h5") + count).exit_code, 0);
     expect_same_datasets(read(folder.file("whole.h5")), read(out));
@@ -172,7 +174,8 @@ class SavedRunErrors : public testing::Test {
               0);
   }
   void expect_refused(const std::string& flags, int exit_code, const std::vector<std::string>& words) {
-    const Outcome outcome = graupel("simulate --resume " + state + " --frames 5 " + flags);
+    const std::string frames = flags.find("--frames") == std::string::npos ? " --frames 5 " : " ";
+    const Outcome outcome = graupel("simulate --resume " + state + frames + flags);
     EXPECT_EQ(outcome.exit_code, exit_code) << flags << outcome.output;
     for (const std::string& word : words) EXPECT_TRUE(outcome.says(word)) << word << " is not in " << outcome.output;
     EXPECT_EQ(read(out).frame_count(), 4u);
@@ -237,6 +240,27 @@ TEST_F(SavedRunErrors, FlagsThatMakeNoSense) {
   refused(scene + " --fields stres", 2, "Did you mean 'stress'?");
   refused("", 2, "--resume with a saved state");
   refused(scene + " --device cpu --frames 1 -o " + folder.file("b.h5") + " --save-state /dev/full", 5, "No space left");
+}
+
+TEST(RestartAfter, AStateThatWentElsewhereBeginsATrajectoryOfItsOwn) {
+  const Folder folder;
+  const std::string scene = folder.write("small.json", small_scene()), whole = folder.file("whole.h5"),
+                    state = folder.file("a.state"), rest = folder.file("rest.h5");
+  ASSERT_EQ(graupel("simulate " + scene + " --device cpu -o " + whole).exit_code, 0);
+  ASSERT_EQ(
+      graupel("simulate " + scene + " --device cpu --frames 9 -o " + folder.file("a.h5") + " --save-state " + state)
+          .exit_code,
+      0);
+  std::filesystem::remove(folder.file("a.h5"));
+  const Outcome outcome = graupel("simulate --resume " + state + " --frames 12 -o " + rest);
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.output;
+  EXPECT_TRUE(outcome.says("begins with frame 9")) << outcome.output;
+  const Trajectory a = read(whole), b = read(rest);
+  ASSERT_EQ(b.frame_count(), 4u);
+  for (std::size_t f = 0; f < 4; ++f) {
+    EXPECT_EQ(a.frames[9 + f].time, b.frames[f].time);
+    EXPECT_TRUE(a.frames[9 + f].position == b.frames[f].position) << f;
+  }
 }
 
 TEST(Fields, CountInTheDryRunAndShowInInspect) {

@@ -89,7 +89,7 @@ TEST(TrajectoryFields, AreRecovered) {
   const TemporaryFolder folder;
   const std::string path = folder.file("a.h5");
   {
-    TrajectoryWriter writer(path, sample_header(50), {.velocity = false, .flush_every = 4, .fields = every_field});
+    TrajectoryWriter writer(path, sample_header(50), {.velocity = false, .fields = every_field, .flush_every = 4});
     for (int f = 0; f < 10; ++f) writer.append(frame_with(50, f, every_field));
   }
   EXPECT_EQ(recover_part_file(path, true), 8);

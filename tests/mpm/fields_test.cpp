@@ -124,13 +124,14 @@ TYPED_TEST(Fields, AreInTheOrderOfTheSourcesWhateverTheSolversOwn) {
 TYPED_TEST(Fields, ParticlesThatAreNotInTheRunHaveNoStressAndNoAffineVelocity) {
   Scene scene = scene_with("taichi_jelly", {0.5, 0.12, 0.5});
   scene.sources[0].velocity = {0, -2, 0};
+  scene.frame_time = 0.01;
   scene.time_step.policy = StepPolicy::adaptive;
   Sink sink;
   sink.position = {0.5, 0.08, 0.5};
   sink.size = {1, 0.03, 1};
   scene.sinks.push_back(sink);
   Solver<TypeParam> solver = solver_of<TypeParam>(scene);
-  for (int f = 0; f < 2; ++f) solver.advance_frame();
+  solver.advance_frame();
   const std::vector<uint8_t> active = solver.frame().active;
   const ParticleFields fields = solver.fields(all_fields);
   ASSERT_GT(solver.statistics().removed, 0);
@@ -139,7 +140,9 @@ TYPED_TEST(Fields, ParticlesThatAreNotInTheRunHaveNoStressAndNoAffineVelocity) {
   for (std::size_t i = 0; i < active.size(); ++i)
     for (std::size_t k = 0; k < 6; ++k) {
       const float value = fields[ParticleField::stress][6 * i + k];
-      if (active[i] == 0) ASSERT_EQ(value, 0.0f);
+      if (active[i] == 0) {
+        ASSERT_EQ(value, 0.0f);
+      }
       stress_in_run += std::abs(static_cast<double>(value));
     }
   EXPECT_GT(stress_in_run, 0);
