@@ -288,7 +288,7 @@ void add_simulate(CLI::App& app) {
   CLI::App* verb = app.add_subcommand("simulate", "Run a scene with the material point method");
   verb->add_option("scene", options->scene, "Scene file (JSON)");
   verb->add_option("-o,--output", options->output, "Trajectory file; default NAME.h5");
-  verb->add_option("--frames", options->frames, "Frames to run; default the scene's")->check(whole_number(0));
+  verb->add_option("--frames", options->frames, "Frames of the whole run; default the scene's")->check(whole_number(0));
   verb->add_option("--set", options->set, "Change a scene key: --set domain.dx=0.02 (repeatable)")
       ->allow_extra_args(false);
   verb->add_option("--precision", options->precision, "f32 or f64")

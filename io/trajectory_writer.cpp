@@ -231,12 +231,16 @@ void TrajectoryWriter::Impl::append(const ParticleFrame& frame) {
 void TrajectoryWriter::Impl::write_pending() {
   const hsize_t count = pending.size();
   if (count == 0) return;
-  std::vector<std::byte> rows;
+  std::vector<std::byte> rows;  // several frames; a single one is written from where it lies
   for (const FrameDataset& dataset : datasets) {
-    rows.resize(count * dataset.row_bytes);
-    for (std::size_t f = 0; f < count; ++f)
-      std::memcpy(rows.data() + f * dataset.row_bytes, dataset.values(pending[f]), dataset.row_bytes);
-    hdf5::append_rows(dataset.id, written, count, dataset.row, dataset.element, rows.data());
+    const void* values = dataset.values(pending.front());
+    if (count > 1) {
+      rows.resize(count * dataset.row_bytes);
+      for (std::size_t f = 0; f < count; ++f)
+        std::memcpy(rows.data() + f * dataset.row_bytes, dataset.values(pending[f]), dataset.row_bytes);
+      values = rows.data();
+    }
+    hdf5::append_rows(dataset.id, written, count, dataset.row, dataset.element, values);
   }
   std::vector<double> times;
   for (const ParticleFrame& frame : pending) times.push_back(frame.time);

@@ -11,8 +11,16 @@
 namespace graupel::mpm {
 
 template <typename Batch>
+std::size_t batch_state_bytes(Batch& batch) {
+  std::size_t content = sizeof(int64_t) + static_cast<std::size_t>(batch.scene_count()) * sizeof(StepControl);
+  batch.present_particles().for_each_buffer(
+      [&](const auto& buffer) { content += buffer.size() * sizeof(*buffer.data()); });
+  return content;
+}
+
+template <typename Batch>
 std::vector<std::byte> save_batch(Batch& batch, const StateOwner& owner, int64_t frames_done) {
-  StateWriter writer(owner);
+  StateWriter writer(owner, batch_state_bytes(batch));
   writer.add(frames_done);
   for (int scene = 0; scene < batch.scene_count(); ++scene) writer.add(batch.control(scene));
   batch.present_particles().for_each_buffer([&](const auto& buffer) { writer.add(buffer); });
@@ -22,15 +30,12 @@ std::vector<std::byte> save_batch(Batch& batch, const StateOwner& owner, int64_t
 /// Returns the frames done. Throws InputError for a state of another owner or a damaged one.
 template <typename Batch>
 int64_t load_batch(Batch& batch, const StateOwner& owner, const std::vector<std::byte>& state) {
+  StateReader reader(state, owner, batch_state_bytes(batch));
   int64_t frames_done = 0;
   std::vector<StepControl> controls(static_cast<std::size_t>(batch.scene_count()));
-  std::size_t content = sizeof(frames_done) + controls.size() * sizeof(StepControl);
-  auto& particles = batch.present_particles();
-  particles.for_each_buffer([&](auto& buffer) { content += buffer.size() * sizeof(*buffer.data()); });
-  StateReader reader(state, owner, content);
   reader.get(frames_done);
   reader.get(controls);
-  particles.for_each_buffer([&](auto& buffer) { reader.get(buffer); });
+  batch.present_particles().for_each_buffer([&](auto& buffer) { reader.get(buffer); });
   batch.set_controls(controls);
   return frames_done;
 }

@@ -25,8 +25,15 @@ StateOwner Solver<T>::state_owner() const {
 }
 
 template <typename T>
+std::size_t Solver<T>::state_bytes() const {
+  std::size_t content = sizeof(Course) + roles_.presence().size() * sizeof(Presence);
+  particles_.for_each_buffer([&](const auto& buffer) { content += buffer.size() * sizeof(*buffer.data()); });
+  return content;
+}
+
+template <typename T>
 std::vector<std::byte> Solver<T>::save_state() const {
-  StateWriter writer(state_owner());
+  StateWriter writer(state_owner(), state_bytes());
   Course course{frames_done_, frame_elapsed_, survey_, statistics_};
   course.statistics.solver_seconds = 0;
   writer.add(course);
@@ -37,9 +44,7 @@ std::vector<std::byte> Solver<T>::save_state() const {
 
 template <typename T>
 void Solver<T>::load_state(const std::vector<std::byte>& state) {
-  std::size_t content = sizeof(Course) + roles_.presence().size() * sizeof(Presence);
-  particles_.for_each_buffer([&](auto& buffer) { content += buffer.size() * sizeof(*buffer.data()); });
-  StateReader reader(state, state_owner(), content);
+  StateReader reader(state, state_owner(), state_bytes());
   Course course;
   reader.get(course);
   particles_.for_each_buffer([&](auto& buffer) { reader.get(buffer); });
@@ -56,6 +61,8 @@ void Solver<T>::load_state(const std::vector<std::byte>& state) {
 
 template StateOwner Solver<float>::state_owner() const;
 template StateOwner Solver<double>::state_owner() const;
+template std::size_t Solver<float>::state_bytes() const;
+template std::size_t Solver<double>::state_bytes() const;
 template std::vector<std::byte> Solver<float>::save_state() const;
 template std::vector<std::byte> Solver<double>::save_state() const;
 template void Solver<float>::load_state(const std::vector<std::byte>&);

@@ -49,6 +49,7 @@ class Solver final : public Simulation {
   void check_fixed_step() const;
   void carry_affine(double dt);
   StateOwner state_owner() const;
+  std::size_t state_bytes() const;
   [[noreturn]] void throw_diverged(double dt, const StateSpeeds& before) const;
 
   Scene scene_;

@@ -44,7 +44,10 @@ void check_owner(const StateOwner& found, const StateOwner& owner) {
 
 }  // namespace
 
-StateWriter::StateWriter(const StateOwner& owner) { add(Head{magic, owner}); }
+StateWriter::StateWriter(const StateOwner& owner, std::size_t content_bytes) {
+  bytes_.reserve(sizeof(Head) + content_bytes + sizeof(uint64_t));
+  add(Head{magic, owner});
+}
 
 void StateWriter::add_bytes(const void* from, std::size_t n) {
   const auto* begin = static_cast<const std::byte*>(from);

@@ -25,7 +25,8 @@ struct StateOwner {
 
 class StateWriter {
  public:
-  explicit StateWriter(const StateOwner& owner);
+  /// `content_bytes`: of all parts that will be added.
+  StateWriter(const StateOwner& owner, std::size_t content_bytes);
 
   template <typename T>
   void add(const T& value) {

@@ -5,6 +5,7 @@
 #include "mpm/scene_hash.h"
 #include "mpm/simulation.h"
 #include "mpm/state_bytes.h"
+#include "tests/gpu_only.h"
 #include "tests/mpm/test_scenes.h"
 
 namespace graupel::mpm {
@@ -94,6 +95,24 @@ TEST_P(SavedState, SoDoesOneWithEmittersSinksScriptsAndMovingObstacles) {
   EXPECT_GT(whole->statistics().removed, 0);
 }
 
+TEST(SavedStateOnTheGpu, ARestartedRunEqualsAnUninterruptedOneByteForByte) {
+  GRAUPEL_NEEDS_GPU();
+  const Scene scene = falling();
+  for (const Kernels kernels : {Kernels::tuned, Kernels::portable}) {
+    const SimulationOptions options{.device = Device::cuda, .kernels = kernels};
+    const auto whole = Simulation::create(scene, options), first = Simulation::create(scene, options),
+               second = Simulation::create(scene, options);
+    for (int f = 0; f < 4; ++f) whole->advance_frame();
+    for (int f = 0; f < 2; ++f) first->advance_frame();
+    second->load_state(first->save_state());
+    EXPECT_EQ(second->time(), first->time());
+    for (int f = 0; f < 2; ++f) second->advance_frame();
+    EXPECT_TRUE(second->save_state() == whole->save_state());
+    EXPECT_EQ(second->frame().position, whole->frame().position);
+    EXPECT_THROW(Simulation::create(scene, {})->load_state(first->save_state()), InputError);
+  }
+}
+
 std::string input_error(Simulation& sim, const std::vector<std::byte>& state) {
   try {
     sim.load_state(state);
@@ -121,7 +140,7 @@ TEST(SavedStateErrors, ForeignOrDamagedStatesAreRefused) {
   EXPECT_EQ(input_error(*Simulation::create(longer, {}), state), "");
 
   const auto n = static_cast<int64_t>(sim->particle_count());
-  const std::vector<std::byte> gpu = StateWriter({scene_hash(scene, 0), SolverKind::gpu_tuned, 4, n}).finish();
+  const std::vector<std::byte> gpu = StateWriter({scene_hash(scene, 0), SolverKind::gpu_tuned, 4, n}, 0).finish();
   EXPECT_THAT(input_error(*sim, gpu),
               testing::HasSubstr("a run on a GPU with the tuned kernels, this run is on the CPU"));
 
