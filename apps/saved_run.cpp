@@ -42,9 +42,9 @@ io::SavedRun read_saved_run(const std::string& file, const RunWishes& wishes) {
 
 Scene scene_of(const io::SavedRun& saved, const std::string& state_file, const std::string& scene_file,
                const std::vector<std::string>& overrides) {
-  const Scene scene = scene_file.empty()
-                          ? io::parse_stored_scene(saved.scene_json, "scene in " + state_file, state_file, overrides)
-                          : io::read_scene(scene_file, overrides);
+  Scene scene = scene_file.empty()
+                    ? io::parse_stored_scene(saved.scene_json, "scene in " + state_file, state_file, overrides)
+                    : io::read_scene(scene_file, overrides);
   if (saved.frame > scene.frames)
     throw ConfigError(fmt::format("'{}' is at frame {}, beyond the run's last one ({}). Use --frames with {} or more",
                                   state_file, saved.frame, scene.frames, saved.frame));
