@@ -38,6 +38,7 @@ std::vector<ModelChoice> parse_models(const std::vector<std::string>& words) {
   for (const std::string& word : words) {
     if (!seen.insert(word).second) throw ConfigError("model '" + word + "' is named twice in --models. Name it once");
     models.push_back(parse_model(word));
+    models.back().label = compare::short_name(word, words);
   }
   return models;
 }
@@ -57,11 +58,12 @@ void check_outputs(const CompareOptions& options) {
 /// One contact sheet a scene and model: the truth above, the model below.
 void write_pictures(const compare::Comparison& comparison, const std::string& folder) {
   make_folder(folder);
+  const std::vector<std::string> models = compare::models_of(comparison);
   for (const compare::SceneResult& scene : comparison.scenes)
     for (const compare::ModelResult& result : scene.models) {
       const auto sheet = compare::stack_rows({compare::decode_png(scene.picture), compare::decode_png(result.picture)});
-      std::string model = std::filesystem::path(compare::short_name(result.model)).stem();
-      std::replace(model.begin(), model.end(), ':', '_');
+      std::string model = std::filesystem::path(compare::short_name(result.model, models)).replace_extension();
+      for (const char c : {':', '/'}) std::replace(model.begin(), model.end(), c, '_');
       write_file_atomically(folder + "/" + scene.name + "-" + model + ".png", compare::encode_png(sheet));
     }
 }

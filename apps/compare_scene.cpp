@@ -290,8 +290,7 @@ compare::ModelResult SceneComparison::evaluate(const ModelChoice& model, const g
   TimedRun own;  // of the models that are not run already
   const TimedRun* timed = &own;
   if (model.network) {
-    own =
-        run_network(*network, task_.scene, surroundings_, start_, task_.frames, label(compare::short_name(model.name)));
+    own = run_network(*network, task_.scene, surroundings_, start_, task_.frames, label(model.label));
   } else if (model.variant == MpmVariant::same) {
     timed = rerun_ ? &*rerun_ : &truth_;
   } else if (model.variant == MpmVariant::coarse) {
@@ -311,7 +310,7 @@ compare::ModelResult SceneComparison::evaluate(const ModelChoice& model, const g
   result.values["loses_to_coarse"] = compare::loses_to_coarse(result.values, coarse_);
   if (backdrop_) {
     const auto frames = compare::picture_frames(truth_.run.predicted());
-    const std::string name = compare::short_name(model.name);
+    const std::string name = model.label;
     result.picture = compare::encode_png(compare::picture_row(*backdrop_, timed->run, frames, name));
     const auto thinning = compare::choose_thinning(timed->run.size(), timed->run.predicted(), budget_.track_bytes);
     result.track = compare::make_track(task_.scene, timed->run, name, thinning);

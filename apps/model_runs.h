@@ -20,6 +20,7 @@ struct ModelChoice {
   std::string name;  ///< as given
   bool network = false;
   MpmVariant variant = MpmVariant::same;
+  std::string label = "";  ///< short, and unlike those of the other models
 };
 /// Throws ConfigError for an unknown "mpm:..." word.
 ModelChoice parse_model(const std::string& word);

@@ -7,12 +7,6 @@
 
 namespace graupel::apps {
 
-namespace {
-bool quiet_progress = false;
-}
-
-void Progress::set_quiet(bool quiet) { quiet_progress = quiet; }
-
 Progress::Progress(std::string label, int64_t total)
     : label_(std::move(label)),
       total_(total),
@@ -39,7 +33,7 @@ void Progress::done() {
 }
 
 void Progress::print(int64_t done, const std::string& detail, bool last) {
-  if (quiet_progress || total_ == 0) return;
+  if (total_ == 0) return;
   const double elapsed = std::chrono::duration<double>(Clock::now() - start_).count();
   std::string line;
   if (last) {

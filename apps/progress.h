@@ -11,7 +11,7 @@ namespace graupel::apps {
 
 class Progress {
  public:
-  /// Shows nothing when `total` is 0 or progress was switched off by set_quiet.
+  /// Shows nothing when `total` is 0.
   Progress(std::string label, int64_t total);
   /// Ends the line of work that was not done.
   ~Progress();
@@ -22,8 +22,6 @@ class Progress {
   void update(int64_t done, const std::string& detail = "");
   /// All work is done: says so and ends the line.
   void done();
-
-  static void set_quiet(bool quiet);
 
  private:
   using Clock = std::chrono::steady_clock;

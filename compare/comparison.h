@@ -61,8 +61,8 @@ bool computed(const Comparison& comparison, MetricGroup group);
 MetricValues floors_of(const SceneResult& scene);
 /// What must not be overlooked about the scene's reference runs: "mpm:coarse diverged at frame 7"; empty for most.
 std::string mark_of_references(const SceneResult& scene);
-/// Short name of a model: "mpm", or a weights file without its folder.
-std::string short_name(const std::string& model);
+/// Short name of a model: "mpm", or a weights file with as few of its folders as tell it from the other models.
+std::string short_name(const std::string& model, const std::vector<std::string>& models);
 
 /// "metric of model in scene" for every value that is missing or not finite.
 std::vector<std::string> incomplete_results(const Comparison& comparison);

@@ -130,19 +130,20 @@ std::string comparison_csv(const Comparison& comparison) {
 std::string comparison_table(const Comparison& comparison) {
   std::string header = fmt::format("  {:<26}", "model");
   for (const Column& column : columns) header += fmt::format(" {:>9}", column.title);
+  const std::vector<std::string> models = models_of(comparison);
   std::string table;
   for (const SceneResult& scene : comparison.scenes) {
     table += fmt::format("{}: {} particles, {} frames\n{}\n", scene.name, scene.particles, scene.frames, header);
     for (const ModelResult& result : scene.models)
-      table += table_row(short_name(result.model), result.values, mark_of(result));
+      table += table_row(short_name(result.model, models), result.values, mark_of(result));
     if (computed(comparison, MetricGroup::floors)) table += table_row("(chaos floor)", floors_of(scene), "");
     const std::string mark = mark_of_references(scene);
     if (!mark.empty()) table += "  reference runs: " + mark + "\n";
   }
   if (comparison.scenes.size() > 1) {
     table += fmt::format("mean of {} scenes\n{}\n", comparison.scenes.size(), header);
-    for (const std::string& model : models_of(comparison))
-      table += table_row(short_name(model), mean_over_scenes(comparison, model), "");
+    for (const std::string& model : models)
+      table += table_row(short_name(model, models), mean_over_scenes(comparison, model), "");
   }
   return table;
 }

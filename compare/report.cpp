@@ -123,7 +123,7 @@ PlotLine curve_line(const std::string& label, const std::vector<double>& curve, 
   return line;
 }
 
-std::string scene_plots(const SceneResult& scene) {
+std::string scene_plots(const SceneResult& scene, const std::vector<std::string>& models) {
   Plot position{.title = "Position error",
                 .x_label = "frame",
                 .y_label = "root mean square [m]",
@@ -136,7 +136,7 @@ std::string scene_plots(const SceneResult& scene) {
     return curve;
   };
   for (const ModelResult& result : scene.models) {
-    const std::string name = short_name(result.model);
+    const std::string name = short_name(result.model, models);
     position.lines.push_back(curve_line(name, root(result.curves.position), false));
     density.lines.push_back(curve_line(name, result.curves.density, false));
     energy.lines.push_back(curve_line(name, result.curves.kinetic_energy, false));
@@ -171,7 +171,7 @@ std::string scene_section(const Comparison& comparison, const SceneResult& scene
   if (!mark.empty()) html += "<p class=\"mark\">Reference runs: " + escape_markup(mark) + "</p>\n";
   html += full_table(scene);
   if (!computed(comparison, MetricGroup::rollout)) return html;
-  return html + material_table(scene) + scene_plots(scene) + scene_pictures(scene);
+  return html + material_table(scene) + scene_plots(scene, models_of(comparison)) + scene_pictures(scene);
 }
 
 template <typename T>

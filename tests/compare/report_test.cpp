@@ -172,6 +172,16 @@ TEST(ComparisonFiles, CsvHasOneRowForEachResultAndEqualColumns) {
   }
 }
 
+TEST(ComparisonFiles, ShortNamesTellModelsApart) {
+  const std::vector<std::string> models = {"mpm", "runs/a/weights.safetensors", "runs/b/weights.safetensors",
+                                           "weights.safetensors", "/models/hgn.safetensors"};
+  EXPECT_EQ(short_name(models[0], models), "mpm");
+  EXPECT_EQ(short_name(models[1], models), "a/weights.safetensors");
+  EXPECT_EQ(short_name(models[2], models), "b/weights.safetensors");
+  EXPECT_EQ(short_name(models[3], models), "weights.safetensors");
+  EXPECT_EQ(short_name(models[4], models), "hgn.safetensors");
+}
+
 TEST(ComparisonFiles, TableFitsATerminal) {
   const std::string table = comparison_table(synthetic_comparison(2));
   EXPECT_NE(table.find("mean of 2 scenes"), std::string::npos);
