@@ -60,17 +60,17 @@ std::unique_ptr<Simulation> Simulation::create(const Scene& scene, const Simulat
   return std::make_unique<Solver<float>>(scene, options, particles, obstacles);
 }
 
-ParticleFrame frame_with_fields(const Simulation& simulation, FieldSet wanted) {
-  ParticleFrame frame = simulation.frame();
-  if (!wanted.empty()) frame.fields = simulation.fields(wanted);
-  return frame;
-}
-
 Estimate estimate(const Scene& scene, const SimulationOptions& options) {
   const sparsegrid::ObstacleSet obstacles(scene);
   const SampledParticles particles = checked_particles(scene, options, obstacles);
   if (options.precision == Precision::f64) return estimate_with<double>(scene, options, particles, obstacles);
   return estimate_with<float>(scene, options, particles, obstacles);
+}
+
+ParticleFrame frame_with_fields(const Simulation& simulation, FieldSet wanted) {
+  ParticleFrame frame = simulation.frame();
+  if (!wanted.empty()) frame.fields = simulation.fields(wanted);
+  return frame;
 }
 
 }  // namespace graupel::mpm

@@ -86,12 +86,12 @@ class Simulation {
   virtual void load_state(const std::vector<std::byte>& state) = 0;
 };
 
-/// frame() with the `wanted` fields in it.
-ParticleFrame frame_with_fields(const Simulation& simulation, FieldSet wanted);
-
 Estimate estimate(const Scene& scene, const SimulationOptions& options);
 
 /// The scene at 2 dx and an eighth of the particles.
 Scene coarse_variant(const Scene& scene);
+
+/// frame() with the `wanted` fields in it.
+ParticleFrame frame_with_fields(const Simulation& simulation, FieldSet wanted);
 
 }  // namespace graupel::mpm
