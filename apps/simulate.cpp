@@ -26,7 +26,8 @@ struct SimulateOptions {
   std::string scene, output, precision = "f32", write_obstacles, fields, save_state, resume;
   std::vector<std::string> set;
   int64_t frames = -1, save_every = 0;
-  bool dry_run = false, print_defaults = false, no_velocity = false, deterministic = false, precision_given = false;
+  bool dry_run = false, print_defaults = false, no_velocity = false, precision_given = false;
+  bool deterministic = false;  ///< asked for; every solver is
 
   io::TrajectoryWriteOptions write_options(const Scene& scene_to_run) const {
     io::TrajectoryWriteOptions write;
@@ -135,13 +136,15 @@ class Run {
   }
 
   void finish() {
-    Progress progress(fmt::format("simulate {} ({} particles)", scene_.name, run_->particle_count()), scene_.frames);
+    const int64_t first = frame_;
+    Progress progress(fmt::format("simulate {} ({} particles)", scene_.name, run_->particle_count()),
+                      scene_.frames - first);
     while (frame_ < scene_.frames) {
       if (interrupted()) stop();
       advance();
       if (options_.save_every > 0 && frame_ % options_.save_every == 0 && frame_ < scene_.frames)
         save(writer_->checkpoint());
-      progress.update(frame_, fmt::format("{} substeps", run_->statistics().substeps));
+      progress.update(frame_ - first, fmt::format("{} substeps", run_->statistics().substeps));
     }
     writer_->finish();
     if (!options_.save_state.empty()) save({});

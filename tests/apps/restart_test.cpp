@@ -7,6 +7,7 @@
 #include <thread>
 
 #include "core/atomic_file.h"
+#include "core/device.h"
 #include "io/state_file.h"
 #include "io/trajectory_file.h"
 #include "tests/apps/program.h"
@@ -178,12 +179,13 @@ class SavedRunErrors : public testing::Test {
     ASSERT_EQ(graupel("simulate " + scene + " --device cpu --frames 3 -o " + out + " --save-state " + state).exit_code,
               0);
   }
-  void expect_refused(const std::string& flags, int exit_code, const std::vector<std::string>& words) {
+  void expect_refused(const std::string& flags, int exit_code, const std::vector<std::string>& words,
+                      std::size_t frames_in_trajectory = 4) {
     const std::string frames = flags.find("--frames") == std::string::npos ? " --frames 5 " : " ";
     const Outcome outcome = graupel("simulate --resume " + state + frames + flags);
     EXPECT_EQ(outcome.exit_code, exit_code) << flags << outcome.output;
     for (const std::string& word : words) EXPECT_TRUE(outcome.says(word)) << word << " is not in " << outcome.output;
-    EXPECT_EQ(read(out).frame_count(), 4u);
+    EXPECT_EQ(read(out).frame_count(), frames_in_trajectory);
   }
   Folder folder;
   std::string scene, out, state;
@@ -206,6 +208,11 @@ TEST_F(SavedRunErrors, AnotherSceneSeedPrecisionDeviceOrVersion) {
   EXPECT_EQ(read(out).frame_count(), 6u);
 
   io::SavedRun saved = io::read_state_file(state);
+  if (!cuda_available()) {
+    saved.device = "cuda";
+    io::write_state_file(state, saved);
+    expect_refused("-o " + out, 3, {state, "a run on a GPU, and there is none here"}, 6);
+  }
   saved.version = "graupel 0.0.9";
   io::write_state_file(state, saved);
   const Outcome version = graupel("simulate --resume " + state);

@@ -71,8 +71,8 @@ TYPED_TEST(Fields, ARotationTurnsTheDeformationGradientAndMakesNoStress) {
   }
 }
 
-/// Fixed corotated, F with stretches a and b along x and y and a shear: tau = 2 mu (F - R) F^T + lambda J (J - 1) I;
-/// all six components in their places.
+/// Fixed corotated, F = diag(a, b, 1): tau = 2 mu (F - R) F^T + lambda J (J - 1) I with R = I. Another particle's six
+/// known components show where each is put.
 TYPED_TEST(Fields, AUniformStretchHasTheStressOfTheLaw) {
   using T = TypeParam;
   const MaterialConfig config = preset("taichi_jelly");
