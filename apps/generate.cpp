@@ -32,7 +32,7 @@ namespace {
 
 struct GenerateOptions {
   CommonOptions common;
-  std::string recipe, output, shard = "0/1";
+  std::string recipe, output, shard = "0/1", fields;
   std::vector<std::string> set;
   int64_t minutes = 0;
   double connectivity_radius = 0.035;
@@ -80,7 +80,8 @@ class DataSet {
         recipe_(recipe),
         device_(device),
         folder_(options.output),
-        shard_(parse_shard(options.shard)) {
+        shard_(parse_shard(options.shard)),
+        fields_(FieldSet::parse(options.fields)) {
     recipe_json_ = io::recipe_to_json(recipe);
   }
 
@@ -137,6 +138,7 @@ class DataSet {
     nlohmann::ordered_json facts = {{"recipe", nlohmann::ordered_json::parse(recipe_json_)},
                                     {"seed", options_.common.seed},
                                     {"device", name_of(device_)},
+                                    {"fields", fields_.names()},
                                     {"made_by", version_text()}};
     if (fs::exists(card)) {
       const auto old = nlohmann::ordered_json::parse(read_file(card), nullptr, false);
@@ -149,6 +151,9 @@ class DataSet {
       if (device != name_of(device_))
         throw ConfigError("'" + folder_.string() + "' holds a data set of another device (there " + device + ", here " +
                           name_of(device_) + "). Use --device " + device + ", or choose another --output");
+      if (const std::string fields = old.value("fields", std::string()); fields != fields_.names())
+        throw ConfigError("'" + folder_.string() + "' holds a data set with other fields (there '" + fields +
+                          "', here '" + fields_.names() + "'). Use the same --fields, or choose another --output");
       return;
     }
     write_file_atomically(card, facts.dump(2) + "\n");
@@ -211,12 +216,12 @@ class DataSet {
     trajectory.scene_json = io::scene_to_json(scene);
     trajectory.seed = simulation.seed;
     trajectory.made_by = "mpm";
-    trajectory.frames.push_back(run->frame());
+    trajectory.frames.push_back(mpm::frame_with_fields(*run, fields_));
     try {
       for (int64_t f = 0; f < scene.frames; ++f) {
         if (interrupted()) return std::nullopt;
         run->advance_frame();
-        trajectory.frames.push_back(run->frame());
+        trajectory.frames.push_back(mpm::frame_with_fields(*run, fields_));
       }
     } catch (const DivergedError& error) {
       return error.what();
@@ -226,6 +231,7 @@ class DataSet {
     const std::lock_guard hold(file_lock);
     io::TrajectoryWriteOptions write;
     write.velocity = false;
+    write.fields = fields_;
     io::TrajectoryWriter writer(file, trajectory, write);
     writer.attribute("recipe", recipe_.name);
     writer.attribute("recipe_seed", std::to_string(options_.common.seed));
@@ -297,6 +303,7 @@ class DataSet {
   Device device_;
   fs::path folder_;
   Shard shard_;
+  FieldSet fields_;
   std::string recipe_json_;
 };
 
@@ -315,6 +322,8 @@ void add_generate(CLI::App& app) {
   verb->add_option("-o,--output", options->output, "Folder of the data set")->required();
   verb->add_option("--set", options->set, "Change a recipe key: --set counts.train=100 (repeatable)")
       ->allow_extra_args(false);
+  verb->add_option("--fields", options->fields,
+                   "Store these of every frame too: stress,affine,deformation_gradient,plastic");
   verb->add_option("--shard", options->shard, "Make every N-th scene, from I on: I/N")->capture_default_str();
   verb->add_option("--minutes", options->minutes, "Start no scene after this time (0: no limit)")
       ->check(real_number(LowerBound::zero));

@@ -1,4 +1,5 @@
-// graupel inspect: what is in a scene, a trajectory, a weights file or a .vdb grid; recovers a trajectory after a kill.
+// graupel inspect: what is in a scene, a trajectory, a saved state, a weights file or a .vdb grid; recovers a
+// trajectory after a kill.
 #include <fmt/format.h>
 
 #include <cstdio>
@@ -9,6 +10,7 @@
 #include "apps/verbs.h"
 #include "core/error.h"
 #include "io/scene_reader.h"
+#include "io/state_file.h"
 #include "io/trajectory_file.h"
 #include "nn/weights.h"
 #include "sparsegrid/cell_normals.h"
@@ -76,9 +78,29 @@ Json inspect_trajectory(const std::string& file) {
                     {"made_by", t.made_by},
                     {"diverged_at_frame", t.diverged_at_frame},
                     {"has_scene", !t.scene_json.empty()}});
+    if (const FieldSet fields = reader.fields(i); !fields.empty()) list.back()["fields"] = fields.names();
     if (!reader.attribute(i, "recovered").empty()) list.back()["recovered"] = true;
   }
   return {{"kind", "trajectory"}, {"complete", reader.complete()}, {"trajectories", list}};
+}
+
+Json inspect_state(const std::string& file) {
+  const io::SavedRun run = io::read_state_file(file);
+  const Json scene = Json::parse(run.scene_json, nullptr, false);
+  return {{"kind", "saved state"},
+          {"scene", scene.is_object() ? scene.value("name", "") : ""},
+          {"frame", run.frame},
+          {"of_frames", scene.is_object() ? scene.value("frames", Scene().frames) : 0},
+          {"time_s", run.time},
+          {"particles", run.particles},
+          {"precision", run.precision},
+          {"device", run.device},
+          {"seed", run.seed},
+          {"made_by", run.version},
+          {"trajectory", run.output},
+          {"fields", run.fields.names()},
+          {"state_bytes", run.state.size()},
+          {"recent_frames", run.recent.size()}};
 }
 
 Json inspect_weights(const std::string& file) {
@@ -127,6 +149,8 @@ void inspect(InspectOptions& options) {
   Json result;
   if (options.recover)
     result = recover(options.file);
+  else if (io::is_state_file(options.file))
+    result = inspect_state(options.file);
   else if (options.file.ends_with(".json"))
     result = inspect_scene(options.file);
   else if (options.file.ends_with(".h5"))
@@ -137,7 +161,8 @@ void inspect(InspectOptions& options) {
     result = inspect_grids(options.file);
   else
     throw ConfigError("'" + options.file +
-                      "' has no known ending (allowed: .json scene, .h5 trajectory, .safetensors weights, .vdb grids)");
+                      "' is no saved state and has no known ending (allowed: .json scene, .h5 trajectory, .safetensors "
+                      "weights, .vdb grids). Name one of these");
   print(result, 0);
   options.common.write_json(result);
 }
@@ -146,8 +171,8 @@ void inspect(InspectOptions& options) {
 
 void add_inspect(CLI::App& app) {
   auto options = std::make_shared<InspectOptions>();
-  CLI::App* verb = app.add_subcommand("inspect", "Look into a scene, trajectory, weights or .vdb file");
-  verb->add_option("file", options->file, "A .json, .h5, .safetensors or .vdb file")->required();
+  CLI::App* verb = app.add_subcommand("inspect", "Look into a scene, trajectory, saved state, weights or .vdb file");
+  verb->add_option("file", options->file, "A .json, .h5, .safetensors or .vdb file, or a saved state")->required();
   verb->add_flag("--recover", options->recover,
                  "Make FILE from FILE.part, which a killed run left: every frame whose checksums pass");
   options->common.add_to(*verb);

@@ -53,6 +53,10 @@ void write_all(int fd, std::string_view bytes, const std::string& path) {
   }
 }
 
+void write_all(int fd, const std::vector<std::string_view>& pieces, const std::string& path) {
+  for (const std::string_view piece : pieces) write_all(fd, piece, path);
+}
+
 void sync_path(const std::string& path, int flags) {
   Descriptor fd(::open(path.c_str(), flags));
   if (fd.get() < 0) fail("open", path);
@@ -84,10 +88,11 @@ void finish_part_file(const std::string& path) {
 }
 
 void write_file_atomically(const std::string& path, std::string_view bytes) {
-  if (path == "-") {
-    write_all(STDOUT_FILENO, bytes, "standard output");
-    return;
-  }
+  write_file_atomically(path, std::vector<std::string_view>{bytes});
+}
+
+void write_file_atomically(const std::string& path, const std::vector<std::string_view>& pieces) {
+  if (path == "-") return write_all(STDOUT_FILENO, pieces, "standard output");
   struct stat status {};
   if (::stat(path.c_str(), &status) == 0 && !S_ISREG(status.st_mode)) {
     if (S_ISDIR(status.st_mode)) {
@@ -96,14 +101,14 @@ void write_file_atomically(const std::string& path, std::string_view bytes) {
     }
     Descriptor fd(::open(path.c_str(), O_WRONLY));
     if (fd.get() < 0) fail("open", path);
-    write_all(fd.get(), bytes, path);
+    write_all(fd.get(), pieces, path);
     return;
   }
   const std::string part = create_aside(path);
   try {
     Descriptor fd(::open(part.c_str(), O_WRONLY));
     if (fd.get() < 0) fail("open", part);
-    write_all(fd.get(), bytes, part);
+    write_all(fd.get(), pieces, part);
     if (::fsync(fd.get()) != 0) fail("sync", part);
     finish(part, path);
   } catch (...) {
@@ -111,6 +116,8 @@ void write_file_atomically(const std::string& path, std::string_view bytes) {
     throw;
   }
 }
+
+void sync_file(const std::string& path) { sync_path(path, O_RDONLY); }
 
 std::string read_file(const std::string& path, std::size_t limit) {
   std::error_code code;

@@ -11,6 +11,11 @@ namespace graupel {
 /// Several processes may write one path at once: the last whole file stays. "-" is standard output; a target that
 /// exists and is not a regular file (/dev/null, a pipe) is written directly.
 void write_file_atomically(const std::string& path, std::string_view bytes);
+/// The same for bytes that lie in several places.
+void write_file_atomically(const std::string& path, const std::vector<std::string_view>& pieces);
+
+/// Waits until what was written to `path` is on the disk; throws IoError.
+void sync_file(const std::string& path);
 
 /// fsync of `path`.part, rename to `path`, fsync of the folder: the last step of any streamed writer.
 void finish_part_file(const std::string& path);

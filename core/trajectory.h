@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "core/particle_fields.h"
 #include "core/vec.h"
 
 namespace graupel {
@@ -15,7 +16,8 @@ struct ParticleFrame {
   std::vector<Vec3f> position;  ///< [m], shape [n, 3]
   std::vector<Vec3f> velocity;  ///< [m/s], shape [n, 3]; empty where it was not stored
   std::vector<uint8_t> active =
-      {};  ///< shape [n]: 0 for particles that are not in the run (yet, any more); empty: all are
+      {};                      ///< shape [n]: 0 for particles that are not in the run (yet, any more); empty: all are
+  ParticleFields fields = {};  ///< those that were asked for
 
   bool is_active(std::size_t i) const { return active.empty() || active[i] != 0; }
 };

@@ -102,6 +102,12 @@ Scene read_scene(const std::string& path, const std::vector<std::string>& overri
   return scene;
 }
 
+std::string with_frames(const std::string& scene_json, int64_t frames) {
+  JsonNode root = parse_json(scene_json, "stored scene");
+  root.set("frames", JsonNode::of(frames));
+  return write_json(root, JsonLayout::compact);
+}
+
 std::string scene_to_json(const Scene& scene) { return write_json(json_of(scene), JsonLayout::indented); }
 
 std::string scene_defaults() { return commented_json(describe<Scene>(), json_of(example_scene())); }

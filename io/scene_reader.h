@@ -22,6 +22,9 @@ Scene parse_scene(const std::string& text, const std::string& name, const std::s
 Scene parse_stored_scene(const std::string& text, const std::string& name, const std::string& file,
                          const std::vector<std::string>& overrides = {});
 
+/// The text of a stored scene with another number of frames.
+std::string with_frames(const std::string& scene_json, int64_t frames);
+
 /// The scene as JSON that parse_scene reads back to the same scene (every field, defaults included).
 std::string scene_to_json(const Scene& scene);
 

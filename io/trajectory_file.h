@@ -1,7 +1,8 @@
 // Trajectories and data sets in HDF5, readable by h5py and in the LagrangeBench layout:
 //   /00000/position f32 [T, N, 3], /00000/particle_type i32 [N], /00000/velocity f32 [T, N, 3] (optional),
 //   /00000/initial_velocity f32 [N, 3], /00000/time f64 [T], /00000/active u8 [T, N] (only where particles come or go;
-//   0: not in the run in that frame); attributes: units, scene_json, seed, version, complete.
+//   0: not in the run in that frame), fields that were asked for (core/particle_fields.h); attributes: units,
+//   scene_json, seed, version, complete. docs/file_formats.md describes it for users.
 // Written as <path>.part, flushed every few frames, synced and renamed, complete=1 last.
 #pragma once
 
@@ -18,9 +19,19 @@ namespace graupel::io {
 struct TrajectoryWriteOptions {
   bool velocity = true;  ///< store every frame's velocity
   bool active = false;   ///< store which particles are in the run in every frame
+  FieldSet fields = {};  ///< store these of every frame
   int deflate = 1;       ///< 0..9
   int flush_every = 8;   ///< frames between flushes
   int group = 0;         ///< number of the trajectory in the file, "/00000"
+};
+
+/// Bytes of one particle in one frame, before compression.
+int64_t particle_frame_bytes(const TrajectoryWriteOptions& options);
+
+/// Where an interrupted run goes on.
+struct TrajectoryCheckpoint {
+  int64_t frame = 0;                  ///< number of the last frame to keep
+  std::vector<ParticleFrame> recent;  ///< the last ones up to and with it, as TrajectoryWriter::checkpoint() gave them
 };
 
 /// Streams one trajectory to a file. A destructor without finish() leaves the .part file with every flushed frame.
@@ -29,9 +40,17 @@ class TrajectoryWriter {
   /// Throws IoError also when another run writes the same path. `header` gives particle_type, frame_time, scene_json,
   /// seed, made_by (its frames are ignored).
   TrajectoryWriter(const std::string& path, const Trajectory& header, const TrajectoryWriteOptions& options = {});
+  /// Continues the trajectory of an interrupted run: `path`.part or else `path` holds its frames, which are kept up to
+  /// the checkpoint's. Where neither is there, a new trajectory begins with that frame. Throws InputError when the file
+  /// is of another run, has other datasets, or lacks frames (naming them); it then stays as it was.
+  TrajectoryWriter(const std::string& path, const Trajectory& header, const TrajectoryWriteOptions& options,
+                   const TrajectoryCheckpoint& checkpoint);
   ~TrajectoryWriter();
   /// Throws IoError (disk full: bytes needed and where).
   void append(const ParticleFrame& frame);
+  /// Makes what is written safe on the disk; returns the last frames, which are not written yet. With these a run can
+  /// be continued from here, however it ends.
+  const std::vector<ParticleFrame>& checkpoint();
   /// Adds an attribute to the trajectory's group.
   void attribute(const std::string& name, const std::string& value);
   /// Flush, complete=1, close, fsync, rename.
@@ -54,10 +73,13 @@ class TrajectoryReader {
   bool complete() const;
   /// Header of trajectory i: everything but the frames' contents; `frames` has the right length with times only.
   Trajectory header(int i) const;
-  /// Frames [first, first + count) of trajectory i; velocity and active from the file, or empty.
-  std::vector<ParticleFrame> frames(int i, int64_t first, int64_t count) const;
+  /// Fields that trajectory i stores.
+  FieldSet fields(int i) const;
+  /// Frames [first, first + count) of trajectory i; velocity and active from the file, or empty; of the fields those
+  /// that are `wanted` and stored.
+  std::vector<ParticleFrame> frames(int i, int64_t first, int64_t count, FieldSet wanted = {}) const;
   std::vector<Vec3f> initial_velocity(int i) const;             ///< empty when not stored
-  Trajectory read(int i) const;                                 ///< whole trajectory
+  Trajectory read(int i, FieldSet wanted = {}) const;           ///< whole trajectory
   std::string attribute(int i, const std::string& name) const;  ///< "" when absent
 
  private:

@@ -5,6 +5,7 @@
 
 #include "core/atomic_file.h"
 #include "core/error.h"
+#include "io/field_datasets.h"
 #include "io/hdf5_dataset.h"
 #include "io/json_node.h"
 #include "io/trajectory_file.h"
@@ -22,6 +23,7 @@ struct OpenTrajectory {
   hdf5::Handle group;
   hdf5::Dataset position;
   std::optional<hdf5::Dataset> velocity, active;
+  std::map<ParticleField, hdf5::Dataset> fields;
   std::vector<double> times;
 };
 
@@ -57,7 +59,7 @@ struct TrajectoryReader::Impl {
   double frame_time(hid_t group) const;
   std::vector<double> read_times(hid_t group, hsize_t frames) const;
   Trajectory header(int i) const;
-  std::vector<ParticleFrame> frames(int i, int64_t first, int64_t count) const;
+  std::vector<ParticleFrame> frames(int i, int64_t first, int64_t count, FieldSet wanted) const;
 
   /// Runs HDF5 calls; a failure becomes an InputError.
   template <typename Body>
@@ -127,6 +129,10 @@ void TrajectoryReader::Impl::open_trajectory(int i) const {
     if (next.active->size != std::vector<hsize_t>{size[0], size[1]})
       throw hdf5::Failure("'active' and 'position' have different sizes");
   }
+  next.fields = open_field_datasets(next.group, size[1], file_size);
+  for (const auto& [field, dataset] : next.fields)
+    if (dataset.size[0] != size[0])
+      throw hdf5::Failure("'" + std::string(info_of(field).name) + "' and 'position' have different sizes");
   next.times = read_times(next.group, size[0]);
   current = std::move(next);
 }
@@ -155,7 +161,7 @@ Trajectory TrajectoryReader::Impl::header(int i) const {
   return out;
 }
 
-std::vector<ParticleFrame> TrajectoryReader::Impl::frames(int i, int64_t first, int64_t count) const {
+std::vector<ParticleFrame> TrajectoryReader::Impl::frames(int i, int64_t first, int64_t count, FieldSet wanted) const {
   const OpenTrajectory& open = trajectory(i);
   GRAUPEL_ASSERT(first >= 0 && count >= 0 && first + count <= static_cast<int64_t>(open.times.size()));
   std::vector<ParticleFrame> out(static_cast<std::size_t>(count));
@@ -170,6 +176,8 @@ std::vector<ParticleFrame> TrajectoryReader::Impl::frames(int i, int64_t first, 
       frame.active.assign(particles, 0);
       open.active->read_rows(row, 1, hdf5::Element::uint8, frame.active.data());
     }
+    for (const auto& [field, dataset] : open.fields)
+      if (wanted.contains(field)) read_field_row(dataset, field, row, frame.fields);
     if (!open.velocity) continue;
     frame.velocity.assign(particles, Vec3f::zero());
     open.velocity->read_rows(row, 1, hdf5::Element::float32, frame.velocity.data());
@@ -200,8 +208,16 @@ Trajectory TrajectoryReader::header(int i) const {
   return impl_->guarded([&] { return impl_->header(i); });
 }
 
-std::vector<ParticleFrame> TrajectoryReader::frames(int i, int64_t first, int64_t count) const {
-  return impl_->guarded([&] { return impl_->frames(i, first, count); });
+FieldSet TrajectoryReader::fields(int i) const {
+  return impl_->guarded([&] {
+    FieldSet stored;
+    for (const auto& [field, dataset] : impl_->trajectory(i).fields) stored.add(field);
+    return stored;
+  });
+}
+
+std::vector<ParticleFrame> TrajectoryReader::frames(int i, int64_t first, int64_t count, FieldSet wanted) const {
+  return impl_->guarded([&] { return impl_->frames(i, first, count, wanted); });
 }
 
 std::vector<Vec3f> TrajectoryReader::initial_velocity(int i) const {
@@ -219,9 +235,9 @@ std::vector<Vec3f> TrajectoryReader::initial_velocity(int i) const {
   });
 }
 
-Trajectory TrajectoryReader::read(int i) const {
+Trajectory TrajectoryReader::read(int i, FieldSet wanted) const {
   Trajectory out = header(i);
-  out.frames = frames(i, 0, static_cast<int64_t>(out.frames.size()));
+  out.frames = frames(i, 0, static_cast<int64_t>(out.frames.size()), wanted);
   return out;
 }
 

@@ -1,13 +1,19 @@
 // Streams a trajectory to HDF5. Whole chunks only are written, once each, and metadata leaves memory at flushes only:
 // a kill can cost the frames since the last flush, never earlier ones.
 #include <sys/statvfs.h>
+#include <unistd.h>
 
 #include <algorithm>
+#include <cstring>
 #include <filesystem>
+#include <functional>
 
+#include "core/atomic_file.h"
 #include "core/error.h"
+#include "io/field_datasets.h"
 #include "io/hdf5_dataset.h"
 #include "io/part_file.h"
+#include "io/trajectory_continuation.h"
 #include "io/trajectory_file.h"
 #include "io/trajectory_layout.h"
 
@@ -32,27 +38,45 @@ std::string remedy(const std::string& folder, uint64_t needed, const std::string
   return "(" + problem + "). Check the disk or choose another folder";
 }
 
+/// A dataset with one row a frame.
+struct FrameDataset {
+  hdf5::Handle id;
+  hdf5::Element element;
+  std::vector<hsize_t> row;  ///< size of one frame
+  std::size_t row_bytes;
+  std::function<const void*(const ParticleFrame&)> values;
+};
+
 }  // namespace
+
+int64_t particle_frame_bytes(const TrajectoryWriteOptions& options) {
+  return particle_bytes * (options.velocity ? 2 : 1) + (options.active ? 1 : 0) +
+         int64_t(sizeof(float)) * options.fields.components();
+}
 
 struct TrajectoryWriter::Impl {
   std::string path, part;
   TrajectoryWriteOptions options;
   hsize_t particles = 0;
   hsize_t chunk_frames = 1;
-  hsize_t chunk_particles = 1;
-  hdf5::Handle file, group, position, velocity, active, time;
-  std::vector<Vec3f> pending_position, pending_velocity;
-  std::vector<uint8_t> pending_active;
-  std::vector<double> pending_time;
+  hdf5::Handle file, group, time;
+  std::vector<FrameDataset> datasets;
+  std::vector<ParticleFrame> pending;  ///< not written yet
   hsize_t written = 0;
   hsize_t flushed = 0;
   bool closed = false;
 
-  void start(const Trajectory& header);
+  void start(const Trajectory& header, hdf5::Handle empty_file);
   void write_header(const Trajectory& header);
   void choose_chunks();
-  hdf5::Handle frames_dataset(const char* name, const char* units, const char* description);
+  hsize_t chunk_particles(int64_t bytes) const;
+  void add_dataset(const char* name, const char* units, const char* description, hdf5::Element element, int components,
+                   std::function<const void*(const ParticleFrame&)> values);
+  void add_datasets();
   void store_initial_velocity(const ParticleFrame& frame);
+  ParticleFrame stored_part(const ParticleFrame& frame) const;
+  void append(const ParticleFrame& frame);
+  void continue_from(const Trajectory& header, const TrajectoryCheckpoint& checkpoint);
   void write_pending();
   void flush();
   void close_all(int64_t diverged_at_frame);
@@ -65,8 +89,8 @@ struct TrajectoryWriter::Impl {
     } catch (const hdf5::Failure& failure) {
       closed = true;
       const std::string folder = std::filesystem::absolute(path).parent_path().string();
-      const uint64_t frames = written - flushed + pending_time.size();  // not safely on disk yet
-      const uint64_t needed = (frames + 1) * particles * particle_bytes * (options.velocity ? 2 : 1);
+      const uint64_t frames = written - flushed + pending.size();  // not safely on disk yet
+      const uint64_t needed = (frames + 1) * particles * static_cast<uint64_t>(particle_frame_bytes(options));
       throw IoError("cannot " + doing + " '" + part + "' " + remedy(folder, needed, failure.what()) + "; the " +
                     std::to_string(flushed) + " frames flushed so far can be recovered");
     }
@@ -78,18 +102,54 @@ void TrajectoryWriter::Impl::choose_chunks() {
   const int64_t flush_every = std::max(options.flush_every, 1);
   chunk_frames = static_cast<hsize_t>(
       std::clamp<int64_t>(largest_chunk_bytes / frame_bytes, 1, std::min(most_chunk_frames, flush_every)));
-  chunk_particles = std::min<hsize_t>(particles, largest_chunk_bytes / particle_bytes);
 }
 
-hdf5::Handle TrajectoryWriter::Impl::frames_dataset(const char* name, const char* units, const char* description) {
-  return hdf5::create_dataset(group, name,
-                              {.element = hdf5::Element::float32,
-                               .size = {0, particles, 3},
-                               .chunk = {chunk_frames, chunk_particles, 3},
-                               .deflate = options.deflate,
-                               .checksum = true,
-                               .units = units,
-                               .description = description});
+/// Particles in a chunk of `bytes` a particle and frame; for small ones as for positions.
+hsize_t TrajectoryWriter::Impl::chunk_particles(int64_t bytes) const {
+  const int64_t fitting = largest_chunk_bytes / (static_cast<int64_t>(chunk_frames) * std::max(bytes, particle_bytes));
+  return std::min<hsize_t>(particles, static_cast<hsize_t>(fitting));
+}
+
+void TrajectoryWriter::Impl::add_dataset(const char* name, const char* units, const char* description,
+                                         hdf5::Element element, int components,
+                                         std::function<const void*(const ParticleFrame&)> values) {
+  FrameDataset dataset;
+  const int64_t bytes = components * int64_t(element == hdf5::Element::uint8 ? 1 : sizeof(float));
+  dataset.element = element;
+  dataset.row = {particles};
+  if (components > 1) dataset.row.push_back(static_cast<hsize_t>(components));
+  dataset.row_bytes = static_cast<std::size_t>(particles) * static_cast<std::size_t>(bytes);
+  dataset.values = std::move(values);
+  std::vector<hsize_t> size = dataset.row, chunk = dataset.row;
+  size.insert(size.begin(), 0);
+  chunk[0] = chunk_particles(bytes);
+  chunk.insert(chunk.begin(), chunk_frames);
+  dataset.id = hdf5::create_dataset(group, name,
+                                    {.element = element,
+                                     .size = size,
+                                     .chunk = chunk,
+                                     .deflate = options.deflate,
+                                     .checksum = true,
+                                     .units = units,
+                                     .description = description});
+  datasets.push_back(std::move(dataset));
+}
+
+void TrajectoryWriter::Impl::add_datasets() {
+  add_dataset("position", "m", "Particle positions [frame, particle, axis]", hdf5::Element::float32, 3,
+              [](const ParticleFrame& f) { return f.position.data(); });
+  if (options.velocity)
+    add_dataset("velocity", "m/s", "Particle velocities [frame, particle, axis]", hdf5::Element::float32, 3,
+                [](const ParticleFrame& f) { return f.velocity.data(); });
+  if (options.active)
+    add_dataset("active", "", "1 while a particle is in the run [frame, particle]", hdf5::Element::uint8, 1,
+                [](const ParticleFrame& f) { return f.active.data(); });
+  for (const ParticleField field : all_particle_fields) {
+    if (!options.fields.contains(field)) continue;
+    const ParticleFieldInfo& info = info_of(field);
+    add_dataset(info.name, info.units, info.description, hdf5::Element::float32, info.components,
+                [field](const ParticleFrame& f) { return f.fields[field].data(); });
+  }
 }
 
 void TrajectoryWriter::Impl::write_header(const Trajectory& header) {
@@ -103,23 +163,12 @@ void TrajectoryWriter::Impl::write_header(const Trajectory& header) {
   hdf5::write_attribute(group, "diverged_at_frame", int64_t(-1));
 }
 
-void TrajectoryWriter::Impl::start(const Trajectory& header) {
-  particles = header.particle_count();
+void TrajectoryWriter::Impl::start(const Trajectory& header, hdf5::Handle empty_file) {
   choose_chunks();
-  file = create_part_file(part);
+  file = std::move(empty_file);
   group = hdf5::create_group(file, trajectory_group(options.group));
   write_header(header);
-  position = frames_dataset("position", "m", "Particle positions [frame, particle, axis]");
-  if (options.velocity) velocity = frames_dataset("velocity", "m/s", "Particle velocities [frame, particle, axis]");
-  if (options.active)
-    active = hdf5::create_dataset(group, "active",
-                                  {.element = hdf5::Element::uint8,
-                                   .size = {0, particles},
-                                   .chunk = {chunk_frames, chunk_particles},
-                                   .deflate = options.deflate,
-                                   .checksum = true,
-                                   .units = "",
-                                   .description = "1 while a particle is in the run [frame, particle]"});
+  add_datasets();
   // Without filters, chunks of times stay in their place when they grow.
   time = hdf5::create_dataset(group, "time",
                               {.element = hdf5::Element::float64,
@@ -141,7 +190,7 @@ void TrajectoryWriter::Impl::store_initial_velocity(const ParticleFrame& frame) 
   hdf5::Handle dataset = hdf5::create_dataset(group, "initial_velocity",
                                               {.element = hdf5::Element::float32,
                                                .size = {particles, 3},
-                                               .chunk = {chunk_particles, 3},
+                                               .chunk = {chunk_particles(particle_bytes), 3},
                                                .deflate = options.deflate,
                                                .checksum = true,
                                                .units = "m/s",
@@ -150,20 +199,54 @@ void TrajectoryWriter::Impl::store_initial_velocity(const ParticleFrame& frame) 
   dataset.close("cannot write the initial velocities");
 }
 
+/// What of a frame the file keeps.
+ParticleFrame TrajectoryWriter::Impl::stored_part(const ParticleFrame& frame) const {
+  ParticleFrame kept{frame.time, frame.position, {}, {}, {}};
+  if (options.velocity) kept.velocity = frame.velocity;
+  if (options.active) kept.active = frame.active.empty() ? std::vector<uint8_t>(particles, 1) : frame.active;
+  for (const ParticleField field : all_particle_fields)
+    if (options.fields.contains(field)) kept.fields[field] = frame.fields[field];
+  return kept;
+}
+
+void TrajectoryWriter::Impl::append(const ParticleFrame& frame) {
+  GRAUPEL_ASSERT(!closed);
+  GRAUPEL_ASSERT(frame.position.size() == particles);
+  GRAUPEL_ASSERT(!options.velocity || frame.velocity.size() == particles);
+  GRAUPEL_ASSERT(!options.active || frame.active.empty() || frame.active.size() == particles);
+  for (const ParticleField field : all_particle_fields)
+    GRAUPEL_ASSERT(!options.fields.contains(field) ||
+                   frame.fields[field].size() == particles * static_cast<std::size_t>(info_of(field).components));
+  const bool first = written == 0 && pending.empty();
+  pending.push_back(stored_part(frame));
+  const std::string doing = "write frame " + std::to_string(written + pending.size() - 1) + " to";
+  guarded(doing, [&] {
+    if (first && frame.velocity.size() == particles) store_initial_velocity(frame);
+    if (pending.size() < chunk_frames) return;
+    write_pending();
+    if (written - flushed >= static_cast<hsize_t>(options.flush_every)) flush();
+  });
+}
+
 void TrajectoryWriter::Impl::write_pending() {
-  const hsize_t count = pending_time.size();
+  const hsize_t count = pending.size();
   if (count == 0) return;
-  hdf5::append_rows(position, written, count, {particles, 3}, hdf5::Element::float32, pending_position.data());
-  if (options.velocity)
-    hdf5::append_rows(velocity, written, count, {particles, 3}, hdf5::Element::float32, pending_velocity.data());
-  if (options.active)
-    hdf5::append_rows(active, written, count, {particles}, hdf5::Element::uint8, pending_active.data());
-  hdf5::append_rows(time, written, count, {}, hdf5::Element::float64, pending_time.data());
+  std::vector<std::byte> rows;  // several frames; a single one is written from where it lies
+  for (const FrameDataset& dataset : datasets) {
+    const void* values = dataset.values(pending.front());
+    if (count > 1) {
+      rows.resize(count * dataset.row_bytes);
+      for (std::size_t f = 0; f < count; ++f)
+        std::memcpy(rows.data() + f * dataset.row_bytes, dataset.values(pending[f]), dataset.row_bytes);
+      values = rows.data();
+    }
+    hdf5::append_rows(dataset.id, written, count, dataset.row, dataset.element, values);
+  }
+  std::vector<double> times;
+  for (const ParticleFrame& frame : pending) times.push_back(frame.time);
+  hdf5::append_rows(time, written, count, {}, hdf5::Element::float64, times.data());
   written += count;
-  pending_position.clear();
-  pending_velocity.clear();
-  pending_active.clear();
-  pending_time.clear();
+  pending.clear();
 }
 
 void TrajectoryWriter::Impl::flush() {
@@ -175,9 +258,7 @@ void TrajectoryWriter::Impl::close_all(int64_t diverged_at_frame) {
   write_pending();
   hdf5::write_attribute(group, "diverged_at_frame", diverged_at_frame);
   flush();
-  position.close("cannot close a dataset");
-  velocity.close("cannot close a dataset");
-  active.close("cannot close a dataset");
+  for (FrameDataset& dataset : datasets) dataset.id.close("cannot close a dataset");
   time.close("cannot close a dataset");
   group.close("cannot close a group");
   hdf5::write_attribute(file, "complete", int64_t(1));
@@ -185,44 +266,69 @@ void TrajectoryWriter::Impl::close_all(int64_t diverged_at_frame) {
   finish_part_file(file, path);
 }
 
-TrajectoryWriter::TrajectoryWriter(const std::string& path, const Trajectory& header,
-                                   const TrajectoryWriteOptions& options)
-    : impl_(std::make_unique<Impl>()) {
+/// Fills a file of its own, which then replaces what was there: a kill in between costs nothing.
+void TrajectoryWriter::Impl::continue_from(const Trajectory& header, const TrajectoryCheckpoint& checkpoint) {
+  auto found = find_interrupted(path, header, options, checkpoint);
+  if (!found) {
+    guarded("start", [&] { start(header, create_part_file(part)); });
+    return append(checkpoint.recent.back());
+  }
+  std::string aside;
+  try {
+    guarded("start", [&] { start(header, create_aside_file(part, aside)); });
+    copy_kept_frames(*found, checkpoint, header.frame_time, [&](const ParticleFrame& frame) { append(frame); });
+    guarded("write to", [&] { flush(); });
+    found.reset();
+    replace_part_file(aside, part);
+  } catch (...) {
+    ::unlink(aside.c_str());
+    throw;
+  }
+}
+
+namespace {
+
+void check(const Trajectory& header, const TrajectoryWriteOptions& options) {
   if (header.particle_type.empty()) throw ConfigError("a trajectory needs particles (0 given). Add a source");
   if (options.deflate < 0 || options.deflate > 9)
     throw ConfigError("compression level " + std::to_string(options.deflate) +
                       " does not exist (allowed 0 to 9). Use 1 for speed or 9 for size");
+}
+
+}  // namespace
+
+TrajectoryWriter::TrajectoryWriter(const std::string& path, const Trajectory& header,
+                                   const TrajectoryWriteOptions& options)
+    : impl_(std::make_unique<Impl>()) {
+  check(header, options);
   impl_->path = path;
   impl_->part = path + ".part";
   impl_->options = options;
-  impl_->guarded("start", [&] { impl_->start(header); });
+  impl_->particles = header.particle_count();
+  impl_->guarded("start", [&] { impl_->start(header, create_part_file(impl_->part)); });
+}
+
+TrajectoryWriter::TrajectoryWriter(const std::string& path, const Trajectory& header,
+                                   const TrajectoryWriteOptions& options, const TrajectoryCheckpoint& checkpoint)
+    : impl_(std::make_unique<Impl>()) {
+  check(header, options);
+  GRAUPEL_ASSERT(!checkpoint.recent.empty());
+  impl_->path = path;
+  impl_->part = path + ".part";
+  impl_->options = options;
+  impl_->particles = header.particle_count();
+  impl_->continue_from(header, checkpoint);
 }
 
 TrajectoryWriter::~TrajectoryWriter() = default;
 
-void TrajectoryWriter::append(const ParticleFrame& frame) {
-  Impl& state = *impl_;
-  GRAUPEL_ASSERT(!state.closed);
-  GRAUPEL_ASSERT(frame.position.size() == state.particles);
-  GRAUPEL_ASSERT(!state.options.velocity || frame.velocity.size() == state.particles);
-  GRAUPEL_ASSERT(!state.options.active || frame.active.empty() || frame.active.size() == state.particles);
-  const bool first = state.written == 0 && state.pending_time.empty();
-  state.pending_position.insert(state.pending_position.end(), frame.position.begin(), frame.position.end());
-  if (state.options.velocity)
-    state.pending_velocity.insert(state.pending_velocity.end(), frame.velocity.begin(), frame.velocity.end());
-  if (state.options.active) {
-    const std::vector<uint8_t> all(frame.active.empty() ? state.particles : 0, 1);
-    const std::vector<uint8_t>& active = frame.active.empty() ? all : frame.active;
-    state.pending_active.insert(state.pending_active.end(), active.begin(), active.end());
-  }
-  state.pending_time.push_back(frame.time);
-  const std::string doing = "write frame " + std::to_string(state.written + state.pending_time.size() - 1) + " to";
-  state.guarded(doing, [&] {
-    if (first && frame.velocity.size() == state.particles) state.store_initial_velocity(frame);
-    if (state.pending_time.size() < state.chunk_frames) return;
-    state.write_pending();
-    if (state.written - state.flushed >= static_cast<hsize_t>(state.options.flush_every)) state.flush();
-  });
+void TrajectoryWriter::append(const ParticleFrame& frame) { impl_->append(frame); }
+
+const std::vector<ParticleFrame>& TrajectoryWriter::checkpoint() {
+  GRAUPEL_ASSERT(!impl_->closed);
+  impl_->guarded("write to", [&] { impl_->flush(); });
+  sync_file(impl_->part);
+  return impl_->pending;
 }
 
 void TrajectoryWriter::attribute(const std::string& name, const std::string& value) {

@@ -5,6 +5,7 @@
 
 #include "core/error.h"
 #include "mpm/batch_solver.h"
+#include "mpm/batch_state.h"
 #include "mpm/cuda_backend.cuh"
 #include "mpm/divergence.h"
 #include "mpm/scene_hash.h"
@@ -32,15 +33,14 @@ class CudaSimulation final : public Simulation {
     f.time = time();
     return f;
   }
+  ParticleFields fields(FieldSet wanted) const override { return fields_of(solver_.particles(), wanted); }
   Diagnostics diagnostics() const override {
     return diagnose(solver_.particles(), solver_.setup(0).material_configs, scene().domain.dx, scene().gravity);
   }
   RunStatistics statistics() const override;
-  std::vector<std::byte> save_state() const override {
-    throw ConfigError("runs on a GPU cannot save their state yet. Use --device cpu");
-  }
-  void load_state(const std::vector<std::byte>&) override {
-    throw ConfigError("runs on a GPU cannot be resumed yet. Use --device cpu");
+  std::vector<std::byte> save_state() const override { return save_batch(solver_, state_owner(), frames_done_); }
+  void load_state(const std::vector<std::byte>& state) override {
+    frames_done_ = load_batch(solver_, state_owner(), state);
   }
 
  private:
@@ -51,11 +51,15 @@ class CudaSimulation final : public Simulation {
     return entries;
   }
   const Scene& scene() const { return solver_.setup(0).scene; }
+  StateOwner state_owner() const {
+    return {scene_hash(scene(), options_.seed), SolverKind::gpu_tuned, sizeof(float),
+            static_cast<int64_t>(particle_count())};
+  }
   [[noreturn]] void throw_stopped() const;
 
   SimulationOptions options_;
   CudaBackend backend_;
-  BatchSolver<CudaBackend> solver_;
+  mutable BatchSolver<CudaBackend> solver_;  ///< saving reads its arrays in place
   int64_t frames_done_ = 0;
   double seconds_ = 0;
 };

@@ -93,6 +93,33 @@ HostParticles<T> download_particles(Particles<T>& particles) {
 }
 
 template <typename T>
+ParticleFields fields_of(const HostParticles<T>& particles, FieldSet wanted, const std::vector<uint8_t>& active) {
+  ParticleFields fields;
+  const std::size_t n = particles.size();
+  for (const ParticleField field : all_particle_fields)
+    if (wanted.contains(field)) fields[field].assign(n * static_cast<std::size_t>(info_of(field).components), 0.0f);
+  const auto put_matrix = [&](ParticleField field, std::size_t place, const Mat<T, 3>& m) {
+    for (int k = 0; k < 9; ++k)
+      fields[field][9 * place + static_cast<std::size_t>(k)] = static_cast<float>(m(k / 3, k % 3));
+  };
+  constexpr int kept_as[] = {0, 3, 4, 1, 5, 2};  // xx, xy, xz, yy, yz, zz among xx, yy, zz, xy, xz, yz
+  for (std::size_t slot = 0; slot < n; ++slot) {
+    const auto place = static_cast<std::size_t>(particles.source_index[slot]);
+    const bool in_run = active.empty() || active[place] != 0;
+    if (wanted.contains(ParticleField::stress) && in_run)
+      for (std::size_t k = 0; k < 6; ++k)
+        fields[ParticleField::stress][6 * place + k] = static_cast<float>(particles.stress[slot][kept_as[k]]);
+    if (wanted.contains(ParticleField::affine) && in_run)
+      put_matrix(ParticleField::affine, place, particles.affine_velocity[slot]);
+    if (wanted.contains(ParticleField::deformation_gradient))
+      put_matrix(ParticleField::deformation_gradient, place, particles.deformation_gradient[slot]);
+    if (wanted.contains(ParticleField::plastic))
+      fields[ParticleField::plastic][place] = static_cast<float>(particles.internal[slot]);
+  }
+  return fields;
+}
+
+template <typename T>
 Diagnostics diagnose(const HostParticles<T>& particles, const std::vector<MaterialConfig>& materials, double dx,
                      const Vec3d& gravity, const std::vector<uint8_t>& active) {
   std::vector<MaterialParameters<double>> parameters;
@@ -122,6 +149,7 @@ Diagnostics diagnose(const HostParticles<T>& particles, const std::vector<Materi
   template HostParticles<T> initial_particles<T>(const SampledParticles&, const std::vector<MaterialConfig>&);        \
   template Particles<T> upload_particles<T>(const HostParticles<T>&, Device);                                         \
   template HostParticles<T> download_particles<T>(Particles<T>&);                                                     \
+  template ParticleFields fields_of<T>(const HostParticles<T>&, FieldSet, const std::vector<uint8_t>&);               \
   template Diagnostics diagnose<T>(const HostParticles<T>&, const std::vector<MaterialConfig>&, double, const Vec3d&, \
                                    const std::vector<uint8_t>&);
 GRAUPEL_INSTANTIATE(float)

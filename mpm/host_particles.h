@@ -31,6 +31,11 @@ Particles<T> upload_particles(const HostParticles<T>& host, Device device);
 template <typename T>
 HostParticles<T> download_particles(Particles<T>& particles);
 
+/// The `wanted` fields in the order of the sources. Particles that are not `active` (by source index; empty: all are)
+/// have no stress and no affine velocity.
+template <typename T>
+ParticleFields fields_of(const HostParticles<T>& particles, FieldSet wanted, const std::vector<uint8_t>& active = {});
+
 /// Sums in f64, over the particles that are `active` (by source index; empty: all).
 template <typename T>
 Diagnostics diagnose(const HostParticles<T>& particles, const std::vector<MaterialConfig>& materials, double dx,

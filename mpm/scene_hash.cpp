@@ -2,13 +2,9 @@
 
 #include <type_traits>
 
-namespace graupel::mpm {
+#include "core/fnv1a.h"
 
-uint64_t fnv1a(uint64_t hash, const void* bytes, std::size_t n) {
-  const auto* p = static_cast<const unsigned char*>(bytes);
-  for (std::size_t i = 0; i < n; ++i) hash = (hash ^ p[i]) * 1099511628211ull;
-  return hash;
-}
+namespace graupel::mpm {
 
 namespace {
 

@@ -10,8 +10,4 @@ namespace graupel::mpm {
 /// 64-bit FNV-1a over the declared fields, meshes and points of the scene, and the seed.
 uint64_t scene_hash(const Scene& scene, uint64_t seed);
 
-/// 64-bit FNV-1a of bytes, continuing from `hash`.
-inline constexpr uint64_t fnv_start = 14695981039346656037ull;
-uint64_t fnv1a(uint64_t hash, const void* bytes, std::size_t n);
-
 }  // namespace graupel::mpm

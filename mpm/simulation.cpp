@@ -67,4 +67,10 @@ Estimate estimate(const Scene& scene, const SimulationOptions& options) {
   return estimate_with<float>(scene, options, particles, obstacles);
 }
 
+ParticleFrame frame_with_fields(const Simulation& simulation, FieldSet wanted) {
+  ParticleFrame frame = simulation.frame();
+  if (!wanted.empty()) frame.fields = simulation.fields(wanted);
+  return frame;
+}
+
 }  // namespace graupel::mpm

@@ -73,12 +73,16 @@ class Simulation {
   /// Positions and velocities in source order, whatever the solver's own order; those that are not in the run at their
   /// place of birth, or where they left.
   virtual ParticleFrame frame() const = 0;
+  /// The `wanted` fields of the same state in the same order; no stress and no affine velocity where a particle is not
+  /// in the run.
+  virtual ParticleFields fields(FieldSet wanted) const = 0;
   virtual Diagnostics diagnostics() const = 0;
   virtual RunStatistics statistics() const = 0;
 
-  /// Whole state, bit for bit: a restored run goes on exactly as if it had not stopped (CPU).
+  /// Whole state between two frames, bit for bit: a restored run goes on exactly as if it had not stopped.
   virtual std::vector<std::byte> save_state() const = 0;
-  /// Throws InputError when the state belongs to another scene, precision or version.
+  /// Throws InputError when the state belongs to another scene, seed, precision, kind of device or version, or is
+  /// damaged.
   virtual void load_state(const std::vector<std::byte>& state) = 0;
 };
 
@@ -86,5 +90,8 @@ Estimate estimate(const Scene& scene, const SimulationOptions& options);
 
 /// The scene at 2 dx and an eighth of the particles.
 Scene coarse_variant(const Scene& scene);
+
+/// frame() with the `wanted` fields in it.
+ParticleFrame frame_with_fields(const Simulation& simulation, FieldSet wanted);
 
 }  // namespace graupel::mpm

@@ -219,6 +219,11 @@ ParticleFrame Solver<T>::frame() const {
 }
 
 template <typename T>
+ParticleFields Solver<T>::fields(FieldSet wanted) const {
+  return fields_of(particles(), wanted, roles_.active());
+}
+
+template <typename T>
 Diagnostics Solver<T>::diagnostics() const {
   return diagnose(particles(), material_configs_, scene_.domain.dx, scene_.gravity, roles_.active());
 }

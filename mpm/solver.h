@@ -9,6 +9,7 @@
 #include "mpm/phases.h"
 #include "mpm/sampling.h"
 #include "mpm/simulation.h"
+#include "mpm/state_bytes.h"
 #include "mpm/time_step.h"
 
 namespace graupel::mpm {
@@ -25,6 +26,7 @@ class Solver final : public Simulation {
   double time() const override { return static_cast<double>(frames_done_) * scene_.frame_time + frame_elapsed_; }
   void advance_frame() override;
   ParticleFrame frame() const override;
+  ParticleFields fields(FieldSet wanted) const override;
   Diagnostics diagnostics() const override;
   RunStatistics statistics() const override;
   std::vector<std::byte> save_state() const override;
@@ -46,6 +48,8 @@ class Solver final : public Simulation {
   void record_step(double dt);
   void check_fixed_step() const;
   void carry_affine(double dt);
+  StateOwner state_owner() const;
+  std::size_t state_bytes() const;
   [[noreturn]] void throw_diverged(double dt, const StateSpeeds& before) const;
 
   Scene scene_;

@@ -1,6 +1,7 @@
 // The kernels for GPUs, run on the CPU by fibers: equal to the CPU solver, independent of the other scenes in a batch.
 #include <gtest/gtest.h>
 
+#include "mpm/batch_state.h"
 #include "mpm/solver.h"
 #include "tests/mpm/fiber_backend.h"
 #include "tests/mpm/test_scenes.h"
@@ -111,6 +112,46 @@ TEST(Batch, ASceneIsTheSameAloneAndAmongOthers) {
     ASSERT_EQ(a.velocity[i], b.velocity[first + i]) << i;
   }
   EXPECT_EQ(both->control(0).substeps, 20);
+}
+
+/// Runs five frames at once, and two and three with a state between them, restored into a fresh batch and into one that
+/// has run.
+void expect_exact_restart(const std::vector<Scene>& scenes) {
+  FiberBackend backend;
+  const auto make = [&] {
+    std::vector<BatchEntry> entries;
+    for (const Scene& scene : scenes) entries.push_back(entry_of(scene, 3));
+    return std::make_unique<BatchSolver<FiberBackend>>(backend, std::move(entries));
+  };
+  const auto whole = make(), first = make(), fresh = make(), used = make();
+  const StateOwner owner{77, SolverKind::gpu_tuned, sizeof(float), whole->first_particle(whole->scene_count())};
+  for (int f = 0; f < 5; ++f) whole->advance_frame();
+  for (int f = 0; f < 2; ++f) first->advance_frame();
+  used->advance_frame();
+  const std::vector<std::byte> state = save_batch(*first, owner, 2);
+  for (const auto& batch : {fresh.get(), used.get()}) {
+    EXPECT_EQ(load_batch(*batch, owner, state), 2);
+    EXPECT_TRUE(save_batch(*batch, owner, 2) == state);
+    for (int f = 0; f < 3; ++f) batch->advance_frame();
+    EXPECT_TRUE(save_batch(*batch, owner, 5) == save_batch(*whole, owner, 5));
+    EXPECT_EQ(batch->frame().position, whole->frame().position);
+  }
+  StateOwner other = owner;
+  other.solver = SolverKind::cpu;
+  EXPECT_THROW(load_batch(*fresh, other, state), InputError);
+}
+
+TEST(Batch, ARestoredRunEqualsAnUninterruptedOneByteForByte) {
+  Scene slow = scene_with("taichi_sand", {0.36, 0.11, 0.4}, 0.05);
+  slow.sources[0].velocity = {0.4, -1.5, 0};
+  slow.time_step.substeps_per_frame = 7;
+  slow.frame_time = 7 * 3e-4;
+  expect_exact_restart({slow});
+  Scene fast = scene_with("taichi_snow", {0.5, 0.3, 0.5}, 0.05);  // ends its frames at other times, leaves its arenas
+  fast.sources[0].velocity = {20, 0, 5};
+  fast.time_step.policy = StepPolicy::adaptive;
+  fast.frame_time = 2e-3;
+  expect_exact_restart({fast, slow});
 }
 
 TEST(Batch, StorageGrowsWhileAFrameRuns) {

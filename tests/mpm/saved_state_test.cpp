@@ -2,7 +2,10 @@
 #include <gtest/gtest.h>
 
 #include "core/error.h"
+#include "mpm/scene_hash.h"
 #include "mpm/simulation.h"
+#include "mpm/state_bytes.h"
+#include "tests/gpu_only.h"
 #include "tests/mpm/test_scenes.h"
 
 namespace graupel::mpm {
@@ -31,6 +34,22 @@ TEST_P(SavedState, ARestartedRunEqualsAnUninterruptedOneByteForByte) {
   for (int f = 0; f < 2; ++f) second->advance_frame();
   EXPECT_TRUE(second->save_state() == whole->save_state());
   EXPECT_EQ(second->statistics().substeps, whole->statistics().substeps);
+}
+
+/// The number of threads is no part of the state.
+TEST_P(SavedState, AnyNumberOfThreadsGoesOn) {
+  const Scene scene = falling();
+  const SimulationOptions options{.precision = GetParam()};
+  const auto whole = Simulation::create(scene, options), first = Simulation::create(scene, options),
+             second = Simulation::create(scene, options);
+  set_num_threads(1);
+  for (int f = 0; f < 3; ++f) whole->advance_frame();
+  first->advance_frame();
+  set_num_threads(2);
+  second->load_state(first->save_state());
+  for (int f = 0; f < 2; ++f) second->advance_frame();
+  set_num_threads(0);
+  EXPECT_TRUE(second->save_state() == whole->save_state());
 }
 
 INSTANTIATE_TEST_SUITE_P(BothPrecisions, SavedState, testing::Values(Precision::f32, Precision::f64));
@@ -76,6 +95,24 @@ TEST_P(SavedState, SoDoesOneWithEmittersSinksScriptsAndMovingObstacles) {
   EXPECT_GT(whole->statistics().removed, 0);
 }
 
+TEST(SavedStateOnTheGpu, ARestartedRunEqualsAnUninterruptedOneByteForByte) {
+  GRAUPEL_NEEDS_GPU();
+  const Scene scene = falling();
+  for (const Kernels kernels : {Kernels::tuned, Kernels::portable}) {
+    const SimulationOptions options{.device = Device::cuda, .kernels = kernels};
+    const auto whole = Simulation::create(scene, options), first = Simulation::create(scene, options),
+               second = Simulation::create(scene, options);
+    for (int f = 0; f < 4; ++f) whole->advance_frame();
+    for (int f = 0; f < 2; ++f) first->advance_frame();
+    second->load_state(first->save_state());
+    EXPECT_EQ(second->time(), first->time());
+    for (int f = 0; f < 2; ++f) second->advance_frame();
+    EXPECT_TRUE(second->save_state() == whole->save_state());
+    EXPECT_EQ(second->frame().position, whole->frame().position);
+    EXPECT_THROW(Simulation::create(scene, {})->load_state(first->save_state()), InputError);
+  }
+}
+
 std::string input_error(Simulation& sim, const std::vector<std::byte>& state) {
   try {
     sim.load_state(state);
@@ -101,6 +138,11 @@ TEST(SavedStateErrors, ForeignOrDamagedStatesAreRefused) {
   longer.frames += 100;
   longer.name = "renamed";
   EXPECT_EQ(input_error(*Simulation::create(longer, {}), state), "");
+
+  const auto n = static_cast<int64_t>(sim->particle_count());
+  const std::vector<std::byte> gpu = StateWriter({scene_hash(scene, 0), SolverKind::gpu_tuned, 4, n}, 0).finish();
+  EXPECT_THAT(input_error(*sim, gpu),
+              testing::HasSubstr("a run on a GPU with the tuned kernels, this run is on the CPU"));
 
   std::vector<std::byte> damaged = state;
   damaged[state.size() / 2] ^= std::byte{1};
