@@ -1,4 +1,5 @@
-// graupel bench mpm: speed of the material point method on a falling cube, whole substeps, after a warm-up.
+// graupel bench mpm: speed of the material point method, whole substeps, after a warm-up: on a falling cube, or on a
+// batch of a recipe's scenes.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -9,6 +10,8 @@
 #include "apps/common_options.h"
 #include "apps/verbs.h"
 #include "core/error.h"
+#include "io/recipe_reader.h"
+#include "mpm/scene_recipe.h"
 #include "mpm/simulation.h"
 
 namespace graupel::apps {
@@ -22,12 +25,21 @@ struct BenchMpmOptions {
   CommonOptions common;
   std::string material = "all", phase = "fall", precision = "f32";
   std::vector<int64_t> particles = {39304};
+  std::string recipe;
+  std::vector<int64_t> batch = {1};
+  int64_t frames = 60;
   bool portable = false;
 };
 
 MaterialConfig cube_material(const std::string& name) {
-  MaterialConfig m = *material_preset("taichi_" + name);
+  const bool tait = name == "tait_water";
+  MaterialConfig m = *material_preset(tait ? "taichi_water" : "taichi_" + name);
   m.name = name;
+  if (tait) {
+    m.equation_of_state = EquationOfState::tait;
+    m.tait_exponent = 7.15;
+    m.viscosity = 0.01;
+  }
   m.density = 1000;
   m.youngs_modulus = name == "jelly" ? 5e4 : 1e5;
   m.poissons_ratio = name == "jelly" ? 0.4 : 0.3;
@@ -97,7 +109,62 @@ nlohmann::ordered_json measure(const BenchMpmOptions& options, Device device, co
           {"active_blocks", statistics.active_blocks}};
 }
 
+/// The first `batch` test scenes of a recipe at once: every frame's time after the first five.
+nlohmann::ordered_json measure_batch(const BenchMpmOptions& options, int64_t batch) {
+  const SceneRecipe recipe = io::read_recipe(options.recipe);
+  std::vector<Scene> scenes;
+  std::vector<uint64_t> seeds;
+  for (int64_t i = 0; i < batch; ++i) {
+    scenes.push_back(mpm::draw_scene(recipe, options.common.seed, mpm::Split::test, i));
+    seeds.push_back(mpm::sampling_seed(options.common.seed, mpm::Split::test, i, 0));
+  }
+  const auto run = mpm::SceneBatch::create(scenes, seeds);
+  std::vector<double> seconds;
+  int64_t most_blocks = 0;
+  for (int64_t f = 0; f < 5 + options.frames; ++f) {
+    stop_if_interrupted();
+    const double before = run->statistics().solver_seconds;
+    run->advance_frame();
+    if (f >= 5) seconds.push_back(run->statistics().solver_seconds - before);
+    most_blocks = std::max(most_blocks, run->statistics().active_blocks);
+  }
+  for (int i = 0; i < run->scene_count(); ++i)
+    if (run->diverged(i)) throw DivergedError(fmt::format("test scene {} diverged. Choose another --seed", i));
+  std::sort(seconds.begin(), seconds.end());
+  const double median = seconds[seconds.size() / 2], n = static_cast<double>(run->particle_count());
+  const double substeps = static_cast<double>(run->statistics().substeps) / static_cast<double>(5 + options.frames);
+  return {{"recipe", options.recipe},
+          {"scenes", batch},
+          {"particles", run->particle_count()},
+          {"frames", options.frames},
+          {"substeps_per_frame", substeps},
+          {"seconds_per_frame", median},
+          {"slowest_frame", seconds.back()},
+          {"seconds_per_substep", median / substeps},
+          {"updates_per_second", n * substeps / median},
+          {"most_blocks", most_blocks}};
+}
+
+void bench_recipe(BenchMpmOptions& options) {
+  if (options.common.apply() != Device::cuda)
+    throw ConfigError("--recipe measures batches of scenes, which need a GPU. Use --device cuda");
+  nlohmann::ordered_json rows = nlohmann::ordered_json::array();
+  std::printf("%7s %11s %10s %10s %14s %14s\n", "scenes", "particles", "ms/frame", "slowest", "us/substep",
+              "G updates/s");
+  for (const int64_t batch : options.batch) {
+    const auto row = measure_batch(options, batch);
+    std::printf("%7lld %11lld %10.3f %10.3f %14.2f %14.4f\n", static_cast<long long>(batch),
+                row["particles"].get<long long>(), 1e3 * row["seconds_per_frame"].get<double>(),
+                1e3 * row["slowest_frame"].get<double>(), 1e6 * row["seconds_per_substep"].get<double>(),
+                1e-9 * row["updates_per_second"].get<double>());
+    std::fflush(stdout);
+    rows.push_back(row);
+  }
+  options.common.write_json({{"rows", rows}});
+}
+
 void bench_mpm(BenchMpmOptions& options) {
+  if (!options.recipe.empty()) return bench_recipe(options);
   const Device device = options.common.apply();
   std::vector<std::string> materials = {options.material};
   if (options.material == "all") materials = {"water", "jelly", "snow", "sand"};
@@ -123,8 +190,9 @@ void add_bench(CLI::App& app) {
   bench->require_subcommand(1);
   auto options = std::make_shared<BenchMpmOptions>();
   CLI::App* verb = bench->add_subcommand("mpm", "Whole substeps of a falling cube: dx = 1/256 m, steps of 1e-4 s");
-  verb->add_option("--material", options->material, "water, jelly, snow, sand or all")
-      ->check(CLI::IsMember({"water", "jelly", "snow", "sand", "all"}))
+  verb->add_option("--material", options->material,
+                   "water, jelly, snow, sand, tait_water (exponent 7.15, viscous) or all of the first four")
+      ->check(CLI::IsMember({"water", "jelly", "snow", "sand", "tait_water", "all"}))
       ->capture_default_str();
   verb->add_option("--particles", options->particles, "Number of particles (8 a cell of a cube; repeatable)")
       ->check(CLI::Range(int64_t{8}, int64_t{100000000}))
@@ -135,11 +203,19 @@ void add_bench(CLI::App& app) {
   verb->add_option("--precision", options->precision, "f32 or f64 (CPU)")
       ->check(CLI::IsMember({"f32", "f64"}))
       ->capture_default_str();
+  verb->add_option("--recipe", options->recipe, "Instead of the cube: test scenes of a recipe, all at once (GPU)");
+  verb->add_option("--batch", options->batch, "With --recipe: number of scenes (repeatable)")
+      ->check(CLI::Range(int64_t{1}, int64_t{100000}))
+      ->capture_default_str();
+  verb->add_option("--frames", options->frames, "With --recipe: frames to measure, after five more")
+      ->check(CLI::Range(int64_t{1}, int64_t{100000}))
+      ->capture_default_str();
   verb->add_flag("--portable", options->portable, "On a GPU: the portable kernels instead of the tuned ones");
   options->common.add_to(*verb);
   verb->footer(
       "Examples:\n  graupel bench mpm --material sand --particles 1000000 --device cuda\n"
-      "  graupel bench mpm --particles 39304 --phase late --threads 1 --json speed.json");
+      "  graupel bench mpm --particles 39304 --phase late --threads 1 --json speed.json\n"
+      "  graupel bench mpm --recipe scenes/recipes/hgn.json --batch 1 64 --device cuda");
   verb->callback([options] { bench_mpm(*options); });
 }
 

@@ -15,8 +15,11 @@ struct CudaBlock {
   __device__ int index() const { return static_cast<int>(blockIdx.x); }
   __device__ int thread() const { return static_cast<int>(threadIdx.x); }
   __device__ int threads() const { return static_cast<int>(blockDim.x); }
+  __device__ int blocks() const { return static_cast<int>(gridDim.x); }
   __device__ void sync() const { __syncthreads(); }
   __device__ void sync_warp() const { __syncwarp(); }
+  /// Bit l: whether lane l says yes. All lanes of the warp must ask.
+  __device__ uint32_t ballot(bool yes) const { return __ballot_sync(0xffffffffu, yes); }
   /// Writes before it are seen by other blocks before writes after it.
   __device__ void fence() const { __threadfence(); }
   template <typename T>
@@ -35,6 +38,20 @@ struct CudaBlock {
   __device__ T exchange(T* place, T value) const {
     return atomicExch(place, value);
   }
+  /// What other blocks last wrote, past this multiprocessor's own cache.
+  template <typename T>
+  __device__ T fresh(const T* place) const {
+    if constexpr (sizeof(T) == sizeof(float4)) {
+      const float4 word = __ldcg(reinterpret_cast<const float4*>(place));
+      T value;
+      __builtin_memcpy(&value, &word, sizeof(T));
+      return value;
+    } else {
+      return *static_cast<const volatile T*>(place);
+    }
+  }
+  /// Between two looks at what another block is to write.
+  __device__ void pause() const {}
 };
 #endif
 

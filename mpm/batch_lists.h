@@ -2,7 +2,7 @@
 // them stand a stable sort by key and the selection of marked items (BatchSolver::sort).
 #pragma once
 
-#include "mpm/batch_view.h"
+#include "mpm/batch_home.h"
 #include "mpm/particle_motion.h"
 #include "mpm/step_control.h"
 
@@ -26,9 +26,15 @@ struct WriteSortKeys {
     }
     return low;
   }
+  /// Scenes that run on keep their keys, and so their order.
   GRAUPEL_HD void operator()(int64_t slot) const {
     const ParticleView<float>& p = view.now();
     const int32_t scene = scene_of(p.source_index.get(slot));
+    slots[slot] = static_cast<int32_t>(slot);
+    if (view.controls[scene].phase == ScenePhase::running) {
+      key[slot] = view.sort_key[slot];
+      return;
+    }
     const GridGeometry<float, 3>& grid = view.scenes[scene].view.grid;
     const Vec<int, 3> base = base_node(grid.local(p.position.vec(slot)));
     Vec<int, 3> block;
@@ -39,7 +45,6 @@ struct WriteSortKeys {
     }
     const auto full_key = static_cast<uint32_t>(scene * view.directory + grid.directory_index(block));
     key[slot] = full_key * cells_per_block + static_cast<uint32_t>(cell);
-    slots[slot] = static_cast<int32_t>(slot);
   }
 };
 
@@ -69,14 +74,11 @@ struct PermuteBatch {
   }
 };
 
-/// Per scene: the other arrays are the present ones from now on, no block is counted yet, and nothing runs until the
-/// blocks are known to fit.
+/// Per scene: the other arrays are the present ones from now on, and no block is counted yet.
 struct SwapBatch {
   BatchView view;
   GRAUPEL_HD void operator()(int64_t scene) const {
-    StepControl& control = view.controls[scene];
-    control.blocks = 0;
-    if (control.phase == ScenePhase::running) control.phase = ScenePhase::unsorted;
+    view.controls[scene].blocks = 0;
     if (scene > 0) return;
     view.counts->current = 1 - view.counts->current;
     view.counts->overflow = 0;
@@ -91,6 +93,14 @@ struct MarkHeads {
   }
 };
 
+/// The home block with a number, whose first slots are known.
+GRAUPEL_HD inline HomeBlock named_home(const BatchView& view, int32_t home) {
+  HomeBlock b = block_of_key(view, static_cast<int32_t>(view.sort_key[view.start[home]] / cells_per_block));
+  b.begin = view.start[home];
+  b.end = home + 1 < view.counts->home ? view.start[home + 1] : view.particle_count;
+  return b;
+}
+
 /// Names the home blocks, counts those of each scene, and marks the blocks that their arenas reach.
 template <typename Atomics>
 struct NameHomes {
@@ -103,19 +113,13 @@ struct NameHomes {
       if (home == 0) view.counts->overflow = 1;
       return;
     }
-    const auto key = static_cast<int32_t>(view.sort_key[view.start[home]] / cells_per_block);
-    view.home_key[home] = key;
-    view.home_of_key[key] = static_cast<int32_t>(home);
-    if (home == count - 1) view.start[count] = view.particle_count;
-    const int32_t scene = key / view.directory;
-    atomics.add(&view.controls[scene].blocks, 1);
-    const GridGeometry<float, 3>& grid = view.scenes[scene].view.grid;
-    const Vec<int, 3> at = grid.block_of(key - scene * view.directory);
+    const HomeBlock b = named_home(view, static_cast<int32_t>(home));
+    view.homes[home] = b;
+    view.home_of_key[b.scene * view.directory + b.key] = static_cast<int32_t>(home);
+    atomics.add(&view.controls[b.scene].blocks, 1);
     for (int n = 0; n < 27; ++n) {
-      const Vec<int, 3> other = {at[0] + n / 9 - 1, at[1] + n / 3 % 3 - 1, at[2] + n % 3 - 1};
-      bool inside = true;
-      for (int d = 0; d < 3; ++d) inside = inside && other[d] >= 0 && other[d] < grid.blocks[d];
-      if (inside) view.node_flag[scene * view.directory + grid.directory_index(other)] = 1;
+      const int32_t key = neighbor_key(view, b, n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1);
+      if (key >= 0) view.node_flag[key] = 1;
     }
   }
 };
@@ -136,8 +140,11 @@ struct NameNodes {
 struct ResumeScenes {
   BatchView view;
   GRAUPEL_HD void operator()(int64_t scene) const {
-    ScenePhase& phase = view.controls[scene].phase;
-    if (phase == ScenePhase::unsorted && !view.counts->overflow) phase = ScenePhase::running;
+    view.arrivals[scene] = 0;
+    StepControl& control = view.controls[scene];
+    if (control.phase != ScenePhase::unsorted || view.counts->overflow) return;
+    control.phase = ScenePhase::running;
+    control.since_sort = 0;
   }
 };
 

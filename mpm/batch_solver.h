@@ -1,25 +1,26 @@
 // The tuned solver for GPUs: many scenes in one launch, in single precision (mpm/batch_view.h tells the layout,
 // mpm/batch_kernels.h the kernels). A Backend runs the kernels: CUDA's (mpm/cuda_backend.cuh) or, in tests, fibers.
 //
-// The host launches whole segments, a sort and `segment_substeps` substeps each, without waiting for any of them; the
-// size of every step and the end of the frame are decided on the device. It reads one small record a scene and frame.
+// The host launches whole segments, a sort and some substeps each, without waiting for any of them; the size of every
+// step and the end of the frame are decided on the device. It reads one small record a scene and frame. A segment's
+// substeps are three kernels each, or, for small scenes with fixed steps, all in one (mpm/batch_resident.h).
 #pragma once
 
 #include <algorithm>
 #include <cmath>
 #include <memory>
+#include <numeric>
 #include <string>
 #include <vector>
 
 #include "core/error.h"
 #include "mpm/batch_kernels.h"
-#include "mpm/batch_lists.h"
+#include "mpm/batch_list_homes.h"
+#include "mpm/batch_resident.h"
 #include "mpm/host_particles.h"
 #include "mpm/scene_setup.h"
 
 namespace graupel::mpm {
-
-inline constexpr int segment_substeps = 8;
 
 /// A scene with what is built of it before a run.
 struct BatchEntry {
@@ -57,9 +58,11 @@ class BatchSolver {
  private:
   BatchView view() const;
   void reserve(int64_t homes, int64_t nodes);
-  void sort(const BatchView& v);
-  void segment();
-  int64_t segments_left() const;
+  void sort(const BatchView& v, bool resident);
+  void segment(int substeps);
+  int substeps_until_sort() const;
+  int64_t segments_left(int substeps) const;
+  bool is_resident() const;
   bool read_back();
   void grow();
 
@@ -72,12 +75,16 @@ class BatchSolver {
   int64_t active_blocks_ = 0;
 
   mutable Particles<float> particles_[2];
+  std::vector<BatchScene> host_scenes_;
+  bool fixed_steps_ = true;
+  int64_t home_capacity_ = 0;
   Buffer<BatchScene> batch_scenes_;
   Buffer<StepControl> controls_;
   Buffer<StepReport> reports_;
   Buffer<BlockCounts> counts_;
-  Buffer<int32_t> home_key_, start_, home_of_key_, node_key_, node_of_key_, slots_, sorted_slots_;
-  Buffer<uint32_t> keys_, sorted_keys_;
+  Buffer<HomeBlock> homes_;
+  Buffer<int32_t> start_, home_of_key_, node_key_, node_of_key_, slots_, sorted_slots_;
+  Buffer<uint32_t> keys_, sorted_keys_, arrivals_;
   Buffer<uint8_t> node_flag_, head_;
   Buffer<NodeSum> arenas_, nodes_;
 };
@@ -87,7 +94,6 @@ BatchSolver<Backend>::BatchSolver(Backend& backend, std::vector<BatchEntry> entr
   GRAUPEL_ASSERT(!entries.empty());
   const Device device = backend.device();
   HostParticles<float> all;
-  std::vector<BatchScene> batch_scenes;
   for (BatchEntry& entry : entries) {
     scenes_.push_back(
         std::make_unique<SceneSetup<float>>(std::move(entry.scene), entry.particles, entry.obstacles, device));
@@ -98,7 +104,8 @@ BatchSolver<Backend>::BatchSolver(Backend& backend, std::vector<BatchEntry> entr
     first_particle_.push_back(count_);
     HostParticles<float> own = initial_particles<float>(entry.particles, s.material_configs);
     for (int32_t& index : own.source_index) index += static_cast<int32_t>(count_);
-    batch_scenes.push_back(
+    fixed_steps_ = fixed_steps_ && s.scene.time_step.policy == StepPolicy::fixed;
+    host_scenes_.push_back(
         {s.view(), s.scene.time_step, s.scene.frame_time, s.diffusivity, static_cast<int32_t>(count_)});
     StepControl control{};
     control.phase = ScenePhase::frame_done;
@@ -123,7 +130,7 @@ BatchSolver<Backend>::BatchSolver(Backend& backend, std::vector<BatchEntry> entr
   particles_[0] = upload_particles(all, device);
   particles_[1] = Particles<float>(device, count_);
   batch_scenes_ = Buffer<BatchScene>(device, 0);
-  batch_scenes_.upload(batch_scenes);
+  batch_scenes_.upload(host_scenes_);
   controls_ = Buffer<StepControl>(device, 0);
   controls_.upload(host_controls_);
   std::vector<StepReport> reports(scenes_.size());
@@ -132,7 +139,7 @@ BatchSolver<Backend>::BatchSolver(Backend& backend, std::vector<BatchEntry> entr
   reports_.upload(reports);
   counts_ = Buffer<BlockCounts>(device, 0);
   counts_.upload({BlockCounts{}});
-  home_key_ = Buffer<int32_t>(device, homes + 1);
+  homes_ = Buffer<HomeBlock>(device, homes);
   start_ = Buffer<int32_t>(device, homes + 1);
   home_of_key_ = Buffer<int32_t>(device, keys);
   node_key_ = Buffer<int32_t>(device, keys);
@@ -143,6 +150,7 @@ BatchSolver<Backend>::BatchSolver(Backend& backend, std::vector<BatchEntry> entr
   keys_ = Buffer<uint32_t>(device, n);
   sorted_keys_ = Buffer<uint32_t>(device, n);
   head_ = Buffer<uint8_t>(device, n);
+  arrivals_ = Buffer<uint32_t>(device, scenes_.size());
   arenas_ = Buffer<NodeSum>(device, 0);
   nodes_ = Buffer<NodeSum>(device, 0);
   backend_.reserve(count_, static_cast<int64_t>(keys));
@@ -154,7 +162,9 @@ void BatchSolver<Backend>::reserve(int64_t homes, int64_t nodes) {
   const auto keys = static_cast<int64_t>(node_key_.size());
   homes = std::min({homes, keys, count_});
   nodes = std::min(nodes, keys);
-  arenas_.resize_discard(static_cast<std::size_t>(homes * reach_nodes));
+  home_capacity_ = homes;
+  arenas_.resize_discard(
+      static_cast<std::size_t>(std::max<int64_t>(homes, 2 * backend_.resident_blocks()) * reach_nodes));
   nodes_.resize_discard(static_cast<std::size_t>(nodes * nodes_per_block<3>));
   backend_.forget();
 }
@@ -167,53 +177,73 @@ BatchView BatchSolver<Backend>::view() const {
   v.scene_count = scene_count();
   v.directory = directory_;
   v.particle_count = static_cast<int32_t>(count_);
-  v.home_capacity = static_cast<int32_t>(arenas_.size() / reach_nodes);
+  v.home_capacity = static_cast<int32_t>(home_capacity_);
   v.node_capacity = static_cast<int32_t>(nodes_.size() / nodes_per_block<3>);
   v.scenes = batch_scenes_.data();
   v.controls = self.controls_.data();
   v.reports = self.reports_.data();
   for (int i = 0; i < 2; ++i) v.particles[i] = particles_[i].view();
   v.counts = self.counts_.data();
-  v.home_key = self.home_key_.data();
+  v.homes = self.homes_.data();
   v.start = self.start_.data();
   v.home_of_key = self.home_of_key_.data();
   v.node_key = self.node_key_.data();
   v.node_of_key = self.node_of_key_.data();
   v.node_flag = self.node_flag_.data();
+  v.arrivals = self.arrivals_.data();
   v.sort_key = self.sorted_keys_.data();
   v.arenas = self.arenas_.data();
   v.nodes = self.nodes_.data();
   return v;
 }
 
-/// Particles by block and cell; home blocks with their particles; node blocks.
+/// Particles by block and cell; home blocks with their particles; node blocks, unless a segment is one kernel.
 template <typename Backend>
-void BatchSolver<Backend>::sort(const BatchView& v) {
+void BatchSolver<Backend>::sort(const BatchView& v, bool resident) {
   using namespace batch;
   const auto keys = static_cast<int64_t>(node_flag_.size());
   backend_.launch(count_, WriteSortKeys{v, keys_.data(), slots_.data()});
   backend_.sort_pairs(keys_.data(), sorted_keys_.data(), slots_.data(), sorted_slots_.data(), count_,
                       static_cast<uint64_t>(keys) * cells_per_block);
   backend_.launch(count_, PermuteBatch{v, sorted_slots_.data()});
+  backend_.fill(home_of_key_.data(), 0xff, home_of_key_.size() * sizeof(int32_t));
+  if (resident) return backend_.list_homes(v);
   backend_.launch(v.scene_count, SwapBatch{v});
   backend_.launch(count_, MarkHeads{v.sort_key, head_.data()});
   backend_.select_marked(head_.data(), count_, v.start, &counts_.data()->home);
   backend_.fill(node_flag_.data(), 0, node_flag_.size());
-  backend_.fill(home_of_key_.data(), 0xff, home_of_key_.size() * sizeof(int32_t));
   backend_.fill(node_of_key_.data(), 0xff, node_of_key_.size() * sizeof(int32_t));
-  backend_.launch(static_cast<int64_t>(home_key_.size()) - 1,
+  backend_.launch(static_cast<int64_t>(homes_.size()),
                   NameHomes<typename Backend::Atomics>{v, typename Backend::Atomics{}});
   backend_.select_marked(node_flag_.data(), keys, v.node_key, &counts_.data()->node);
   backend_.launch(keys, NameNodes{v});
   backend_.launch(v.scene_count, ResumeScenes{v});
 }
 
+/// Whether all home blocks can be on the GPU at once and no step waits for a survey of the whole scene. Before the
+/// first sort nothing is known: then it is tried, and does nothing if not.
 template <typename Backend>
-void BatchSolver<Backend>::segment() {
+bool BatchSolver<Backend>::is_resident() const {
+  return fixed_steps_ && active_blocks_ <= backend_.resident_blocks();
+}
+
+/// Substeps of a segment after which scenes are due for a sort together.
+template <typename Backend>
+int BatchSolver<Backend>::substeps_until_sort() const {
+  int substeps = 0;
+  for (const StepControl& c : host_controls_)
+    if (c.phase == ScenePhase::unsorted) substeps = std::gcd(substeps, c.sort_interval);
+  return std::max(substeps, shortest_interval);
+}
+
+template <typename Backend>
+void BatchSolver<Backend>::segment(int substeps) {
   const BatchView v = view();
-  backend_.segment([&] {
-    sort(v);
-    for (int i = 0; i < segment_substeps; ++i) {
+  const bool resident = is_resident();
+  backend_.segment(resident ? 0 : substeps, [&] {
+    sort(v, resident);
+    if (resident) return backend_.run_segment(v);
+    for (int i = 0; i < substeps; ++i) {
       backend_.particle_to_grid(v);
       backend_.update_grid(v);
       backend_.grid_to_particle(v);
@@ -223,7 +253,7 @@ void BatchSolver<Backend>::segment() {
 
 /// Segments that the slowest scene needs for the rest of its frame, from its present step.
 template <typename Backend>
-int64_t BatchSolver<Backend>::segments_left() const {
+int64_t BatchSolver<Backend>::segments_left(int substeps) const {
   int64_t most = 0;
   for (int i = 0; i < scene_count(); ++i) {
     const StepControl& c = control(i);
@@ -232,7 +262,7 @@ int64_t BatchSolver<Backend>::segments_left() const {
     const int64_t steps = s.scene.time_step.policy == StepPolicy::fixed
                               ? s.scene.time_step.substeps_per_frame - c.frame_substeps
                               : static_cast<int64_t>(std::ceil((s.scene.frame_time - c.elapsed) / double(c.dt)));
-    most = std::max(most, (steps + segment_substeps - 1) / segment_substeps);
+    most = std::max(most, (steps + substeps - 1) / substeps);
   }
   return std::min<int64_t>(most, 256);
 }
@@ -240,9 +270,8 @@ int64_t BatchSolver<Backend>::segments_left() const {
 /// Reads the records of all scenes; returns whether storage overflowed.
 template <typename Backend>
 bool BatchSolver<Backend>::read_back() {
-  backend_.wait();
-  host_controls_ = controls_.download();
-  const BlockCounts counts = counts_.download().front();
+  BlockCounts counts;
+  backend_.read(controls_.data(), host_controls_.size(), host_controls_.data(), counts_.data(), 1, &counts);
   active_blocks_ = counts.home;
   return counts.overflow != 0;
 }
@@ -256,9 +285,10 @@ void BatchSolver<Backend>::grow() {
 template <typename Backend>
 void BatchSolver<Backend>::advance_frame() {
   backend_.launch(scene_count(), batch::BeginFrame{view()});
-  read_back();
-  while (const int64_t segments = segments_left()) {
-    for (int64_t i = 0; i < segments; ++i) segment();
+  for (std::size_t i = 0; i < host_scenes_.size(); ++i) begin_frame(host_scenes_[i], host_controls_[i]);
+  const int substeps = substeps_until_sort();
+  while (const int64_t segments = segments_left(substeps)) {
+    for (int64_t i = 0; i < segments; ++i) segment(substeps);
     if (read_back()) grow();
   }
 }

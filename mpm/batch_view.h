@@ -46,8 +46,10 @@ enum class ScenePhase : int32_t {
 
 /// What the particles of a scene report during a substep; taken and cleared by its last block.
 struct StepReport {
-  uint32_t speed2, sound_speed;  ///< largest, as the bits of non-negative floats (ordered as integers)
-  int32_t left_reach;            ///< particles beyond their block's arena
+  uint32_t speed2, sound_speed;                ///< largest, as the bits of non-negative floats (ordered as integers)
+  uint32_t before_speed2, before_sound_speed;  ///< of the substep before, in a report of several
+  uint32_t peak_sound_speed;                   ///< of all substeps but the last
+  int32_t left_reach;                          ///< particles beyond their block's arena
   int32_t over_courant;
   int32_t bad_particle;  ///< lowest place in the order of the sources; no_bad_particle for none
   int32_t blocks_done;   ///< blocks that have reported
@@ -64,12 +66,21 @@ struct StepControl {
   double elapsed;                     ///< inside the frame [s]
   int32_t frame_substeps;             ///< done in this frame
   int32_t blocks;                     ///< home blocks since the last sort
+  int32_t since_sort, sort_interval;  ///< substeps; a scene's own, so that it does not depend on the batch
   double speed, sound_speed;          ///< largest of the present state [m/s]
   double before_speed, before_sound;  ///< of the state before
   int64_t substeps, over_courant, pushed_out;
   double sound_courant;
   int64_t pushed_momentum[3];  ///< units of momentum_unit
   int32_t bad_particle;
+};
+
+/// A block of the grid with the particles that were sorted into it; as wide as two loads.
+struct alignas(16) HomeBlock {
+  int32_t key;  ///< directory index in its scene
+  int32_t scene;
+  Vec<int, 3> at;      ///< block coordinates
+  int32_t begin, end;  ///< its slots
 };
 
 /// Numbers of blocks, on the device.
@@ -92,12 +103,13 @@ struct BatchView {
   StepReport* reports;
   ParticleView<float> particles[2];
   BlockCounts* counts;
-  int32_t* home_key;     ///< [home_capacity] ascending
+  HomeBlock* homes;      ///< [home_capacity] with ascending keys
   int32_t* start;        ///< [n + 1] first slot of each home block
   int32_t* home_of_key;  ///< [scenes * directory] -1 for none
   int32_t* node_key;     ///< [node blocks] ascending
   int32_t* node_of_key;  ///< [scenes * directory] -1 for none
   uint8_t* node_flag;    ///< [scenes * directory]
+  uint32_t* arrivals;    ///< [scenes] blocks at the barriers of the present segment (mpm/batch_resident.h)
   uint32_t* sort_key;    ///< [n] key * 64 + cell, of the sorted slots
   NodeSum* arenas;       ///< [home_capacity, reach_nodes]
   NodeSum* nodes;        ///< [node_capacity, 64]

@@ -6,10 +6,13 @@
 #include <cub/device/device_select.cuh>
 
 #include <algorithm>
+#include <cstring>
+#include <map>
 
 #include "core/buffer.h"
 #include "core/cuda_check.h"
-#include "mpm/batch_kernels.h"
+#include "mpm/batch_list_homes.h"
+#include "mpm/batch_resident.h"
 
 namespace graupel::mpm {
 
@@ -20,16 +23,24 @@ __global__ void items(int64_t n, Body body) {
   const int64_t i = static_cast<int64_t>(blockIdx.x) * blockDim.x + threadIdx.x;
   if (i < n) body(i);
 }
-static __global__ void __launch_bounds__(batch::block_threads) particle_to_grid(BatchView view) {
-  __shared__ batch::ScatterShared shared;
+static __global__ void __launch_bounds__(batch::block_threads, 5) particle_to_grid(BatchView view) {
+  __shared__ batch::ScatterShared<batch::block_warps> shared;
   batch::particle_to_grid(CudaBlock{}, view, shared);
 }
 static __global__ void __launch_bounds__(256) update_grid(BatchView view) {
   batch::update_node(view, static_cast<int64_t>(blockIdx.x) * blockDim.x + threadIdx.x);
 }
-static __global__ void __launch_bounds__(batch::block_threads) grid_to_particle(BatchView view) {
+static __global__ void __launch_bounds__(batch::block_threads, 4) grid_to_particle(BatchView view) {
   __shared__ batch::GatherShared shared;
   batch::grid_to_particle(CudaBlock{}, view, shared);
+}
+static __global__ void __launch_bounds__(batch::list_threads) list_homes(BatchView view) {
+  __shared__ batch::ListShared shared;
+  batch::list_homes(CudaBlock{}, view, shared);
+}
+static __global__ void __launch_bounds__(batch::resident_threads, 2) run_segment(BatchView view) {
+  extern __shared__ __align__(16) unsigned char shared[];
+  batch::run_segment(CudaBlock{}, view, *reinterpret_cast<batch::ResidentShared*>(shared));
 }
 
 }  // namespace kernels
@@ -38,9 +49,24 @@ class CudaBackend {
  public:
   using Atomics = CudaBlock;
 
-  CudaBackend() { GRAUPEL_CUDA_CHECK(cudaStreamCreate(&stream_)); }
+  CudaBackend() {
+    GRAUPEL_CUDA_CHECK(cudaStreamCreate(&stream_));
+    constexpr int shared = sizeof(batch::ResidentShared);
+    int device = 0, processors = 0, blocks = 0;
+    GRAUPEL_CUDA_CHECK(cudaGetDevice(&device));
+    GRAUPEL_CUDA_CHECK(cudaDeviceGetAttribute(&processors, cudaDevAttrMultiProcessorCount, device));
+    if (cudaFuncSetAttribute(kernels::run_segment, cudaFuncAttributeMaxDynamicSharedMemorySize, shared) !=
+        cudaSuccess) {
+      cudaGetLastError();  // too much for this GPU: no segment in one kernel
+      return;
+    }
+    GRAUPEL_CUDA_CHECK(
+        cudaOccupancyMaxActiveBlocksPerMultiprocessor(&blocks, kernels::run_segment, batch::resident_threads, shared));
+    resident_blocks_ = blocks * processors;
+  }
   ~CudaBackend() {
     forget();
+    cudaFreeHost(pinned_);
     cudaStreamDestroy(stream_);
   }
   CudaBackend(const CudaBackend&) = delete;
@@ -48,6 +74,24 @@ class CudaBackend {
 
   Device device() const { return Device::cuda; }
   void wait() { GRAUPEL_CUDA_CHECK(cudaStreamSynchronize(stream_)); }
+
+  /// Copies n and m records to the host after all that was launched, and waits for them.
+  template <typename A, typename B>
+  void read(const A* a, std::size_t n, A* to_a, const B* b, std::size_t m, B* to_b) {
+    const std::size_t bytes = n * sizeof(A) + m * sizeof(B);
+    if (bytes > pinned_bytes_) {
+      cudaFreeHost(pinned_);
+      pinned_ = nullptr;
+      GRAUPEL_CUDA_CHECK(cudaMallocHost(&pinned_, bytes));
+      pinned_bytes_ = bytes;
+    }
+    auto* const second = static_cast<char*>(pinned_) + n * sizeof(A);
+    GRAUPEL_CUDA_CHECK(cudaMemcpyAsync(pinned_, a, n * sizeof(A), cudaMemcpyDeviceToHost, stream_));
+    GRAUPEL_CUDA_CHECK(cudaMemcpyAsync(second, b, m * sizeof(B), cudaMemcpyDeviceToHost, stream_));
+    wait();
+    std::memcpy(to_a, pinned_, n * sizeof(A));
+    std::memcpy(to_b, second, m * sizeof(B));
+  }
 
   /// Storage for sorting `particles` pairs and selecting among `keys` marks.
   void reserve(int64_t particles, int64_t keys) {
@@ -63,23 +107,28 @@ class CudaBackend {
     forget();
   }
 
-  /// Runs what `record` launches; from the second time on as a graph, until forget().
+  /// Blocks of run_segment() that fit on the GPU at once; 0: none.
+  int resident_blocks() const { return resident_blocks_; }
+
+  /// Runs what `record` launches, as a graph; recorded once for each `kind`, until forget().
   template <typename Record>
-  void segment(const Record& record) {
-    if (graph_ == nullptr) {
+  void segment(int kind, const Record& record) {
+    cudaGraphExec_t& graph = graphs_[kind];
+    if (graph == nullptr) {
       cudaGraph_t captured;
       GRAUPEL_CUDA_CHECK(cudaStreamBeginCapture(stream_, cudaStreamCaptureModeThreadLocal));
       record();
       GRAUPEL_CUDA_CHECK(cudaStreamEndCapture(stream_, &captured));
-      GRAUPEL_CUDA_CHECK(cudaGraphInstantiate(&graph_, captured, 0));
+      GRAUPEL_CUDA_CHECK(cudaGraphInstantiate(&graph, captured, 0));
       GRAUPEL_CUDA_CHECK(cudaGraphDestroy(captured));
     }
-    GRAUPEL_CUDA_CHECK(cudaGraphLaunch(graph_, stream_));
+    GRAUPEL_CUDA_CHECK(cudaGraphLaunch(graph, stream_));
   }
-  /// Storage has moved: the next segment is recorded anew.
+  /// Storage has moved: segments are recorded anew.
   void forget() {
-    if (graph_ != nullptr) cudaGraphExecDestroy(graph_);
-    graph_ = nullptr;
+    for (const auto& [kind, graph] : graphs_)
+      if (graph != nullptr) cudaGraphExecDestroy(graph);
+    graphs_.clear();
   }
 
   template <typename Body>
@@ -121,10 +170,31 @@ class CudaBackend {
     kernels::grid_to_particle<<<static_cast<unsigned>(view.home_capacity), batch::block_threads, 0, stream_>>>(view);
     GRAUPEL_CUDA_CHECK(cudaGetLastError());
   }
+  void list_homes(const BatchView& view) {
+    kernels::list_homes<<<1, batch::list_threads, 0, stream_>>>(view);
+    GRAUPEL_CUDA_CHECK(cudaGetLastError());
+  }
+  /// Cooperative: all blocks are on the GPU at once, or the launch fails.
+  void run_segment(const BatchView& view) {
+    cudaLaunchAttribute cooperative{};
+    cooperative.id = cudaLaunchAttributeCooperative;
+    cooperative.val.cooperative = 1;
+    cudaLaunchConfig_t config{};
+    config.gridDim = static_cast<unsigned>(resident_blocks_);
+    config.blockDim = batch::resident_threads;
+    config.dynamicSmemBytes = sizeof(batch::ResidentShared);
+    config.stream = stream_;
+    config.attrs = &cooperative;
+    config.numAttrs = 1;
+    GRAUPEL_CUDA_CHECK(cudaLaunchKernelEx(&config, kernels::run_segment, view));
+  }
 
  private:
   cudaStream_t stream_ = nullptr;
-  cudaGraphExec_t graph_ = nullptr;
+  std::map<int, cudaGraphExec_t> graphs_;
+  int resident_blocks_ = 0;
+  void* pinned_ = nullptr;
+  std::size_t pinned_bytes_ = 0;
   Buffer<uint8_t> scratch_;
 };
 

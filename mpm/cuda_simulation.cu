@@ -107,7 +107,42 @@ RunStatistics CudaSimulation::statistics() const {
   return s;
 }
 
+class CudaBatch final : public SceneBatch {
+ public:
+  explicit CudaBatch(std::vector<BatchEntry> entries) : solver_(backend_, std::move(entries)) {}
+
+  int scene_count() const override { return solver_.scene_count(); }
+  int64_t particle_count() const override { return solver_.first_particle(scene_count()); }
+  void advance_frame() override {
+    const auto begin = std::chrono::steady_clock::now();
+    solver_.advance_frame();
+    seconds_ += std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+  }
+  bool diverged(int scene) const override { return solver_.control(scene).phase != ScenePhase::frame_done; }
+  RunStatistics statistics() const override {
+    RunStatistics s;
+    for (int i = 0; i < scene_count(); ++i) s.substeps = std::max(s.substeps, solver_.control(i).substeps);
+    s.active_blocks = solver_.active_blocks();
+    s.peak_bytes = solver_.memory_bytes();
+    s.solver_seconds = seconds_;
+    return s;
+  }
+
+ private:
+  CudaBackend backend_;
+  BatchSolver<CudaBackend> solver_;
+  double seconds_ = 0;
+};
+
 }  // namespace
+
+std::unique_ptr<SceneBatch> make_cuda_batch(const std::vector<Scene>& scenes,
+                                            const std::vector<SampledParticles>& particles,
+                                            const std::vector<sparsegrid::ObstacleSet>& obstacles) {
+  std::vector<BatchEntry> entries;
+  for (std::size_t i = 0; i < scenes.size(); ++i) entries.push_back({scenes[i], particles[i], obstacles[i]});
+  return std::make_unique<CudaBatch>(std::move(entries));
+}
 
 std::unique_ptr<Simulation> make_cuda_simulation(const Scene& scene, const SimulationOptions& options,
                                                  const SampledParticles& particles,

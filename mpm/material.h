@@ -93,14 +93,33 @@ GRAUPEL_HD inline Mat<T, D> map_and_stress(const MaterialParameters<T>& m, T dt,
   return corotated_stress(m, T(1), d.U, d.sigma);
 }
 
+/// map_and_stress() of one solid particle, which decomposes F as its model needs it.
+template <typename T, int D>
+GRAUPEL_HD inline Mat<T, D> map_and_stress_of_solid(const MaterialParameters<T>& m, T dt, Mat<T, D>& F, T& internal) {
+  if constexpr (D == 3)
+    if (m.model == MaterialModel::jelly) {
+      internal = determinant(F);
+      return jelly_stress(m, F, internal);
+    }
+  return map_and_stress(m, dt, needs_svd(m.model) ? svd(F) : Svd<T, D>{}, F, internal);
+}
+
+/// Kirchhoff stress [Pa] of water and stationary particles.
+template <typename T, int D>
+GRAUPEL_HD inline Mat<T, D> fluid_stress(const MaterialParameters<T>& m, const Mat<T, D>& C, T internal) {
+  if (m.model != MaterialModel::water) return Mat<T, D>::zero();
+  Mat<T, D> tau = Mat<T, D>::diagonal(Vec<T, D>::filled(water_stress(m, internal)));
+  if (m.viscosity > T(0)) tau += viscous_stress(m, C, internal);
+  return tau;
+}
+
 /// One step of a particle's deformation; returns the Kirchhoff stress [Pa].
 template <typename T, int D>
 GRAUPEL_HD inline Mat<T, D> update_material(const MaterialParameters<T>& m, T dt, const Mat<T, D>& C, Mat<T, D>& F,
                                             T& internal) {
   trial_deformation(m, dt, C, F, internal);
-  Mat<T, D> tau = map_and_stress(m, dt, needs_svd(m.model) ? svd(F) : Svd<T, D>{}, F, internal);
-  if (m.viscosity > T(0)) tau += viscous_stress(m, C, internal);
-  return tau;
+  if (!keeps_deformation(m.model)) return fluid_stress(m, C, internal);
+  return map_and_stress_of_solid(m, dt, F, internal);
 }
 
 /// Elastic energy density [J/m^3 of reference volume].

@@ -36,15 +36,18 @@ GRAUPEL_HD inline bool near_surface(const SceneView<T>& scene, const Vec<T, 3>& 
   return o.phi[int64_t(number) * nodes_per_block<3> + inside] < T(1.3) * scene.grid.dx + step;
 }
 
-GRAUPEL_HD inline void mark_bad(int64_t slot, Survey& found) {
-  if (found.bad_slot < 0 || slot < found.bad_slot) found.bad_slot = slot;
+/// `found` is a Survey or has its members.
+template <typename Found>
+GRAUPEL_HD inline void mark_bad(int64_t slot, Found& found) {
+  using Slot = decltype(found.bad_slot);
+  if (found.bad_slot < 0 || slot < found.bad_slot) found.bad_slot = static_cast<Slot>(slot);
 }
 
 /// A particle that was pushed by `push` loses its velocity against that direction, relative to the surface, as in an
 /// inelastic contact.
-template <typename T>
+template <typename T, typename Found>
 GRAUPEL_HD inline void stop_at_surface(const Vec<T, 3>& push, T mass, const Vec<T, 3>& surface_velocity, Vec<T, 3>& v,
-                                       Survey& found) {
+                                       Found& found) {
   ++found.pushed_out;
   const Vec<T, 3> normal = normalized(push);
   const T v_n = dot(normal, v - surface_velocity);
@@ -55,9 +58,9 @@ GRAUPEL_HD inline void stop_at_surface(const Vec<T, 3>& push, T mass, const Vec<
 
 /// x <- x + dt v, kept inside the walls and out of obstacles at rest. A particle that would move over one cell, or
 /// whose velocity is not a number, stays where it is and is marked bad.
-template <typename T>
+template <typename T, typename Found>
 GRAUPEL_HD inline void move_point(const SceneView<T>& scene, int64_t slot, T mass, T dt, Vec<T, 3>& x, Vec<T, 3>& v,
-                                  Survey& found) {
+                                  Found& found) {
   const Vec<T, 3> before = x, step = dt * v;
   for (int d = 0; d < 3; ++d)
     if (!(std::abs(step[d]) <= scene.grid.dx)) return mark_bad(slot, found);
@@ -73,17 +76,34 @@ GRAUPEL_HD inline void move_point(const SceneView<T>& scene, int64_t slot, T mas
   if (!(x == wanted)) stop_at_surface(x - wanted, mass, Vec<T, 3>::zero(), v, found);
 }
 
-/// Whether the state of a particle can go on, and its speeds. F is read where sound_speed_needs_deformation().
-template <typename T>
-GRAUPEL_HD inline void survey_state(T dx, const MaterialParameters<T>& m, int64_t slot, const Vec<T, 3>& v,
-                                    const Mat<T, 3>& F, T internal, T dt, Survey& found) {
-  const T speed2 = norm2(v);
-  const bool sound_state = internal_variable_is_volume_ratio(m.model) ? internal > T(0) : internal == internal;
-  if (!(speed2 < T(1e30)) || !sound_state) return mark_bad(slot, found);
-  if (static_cast<double>(speed2) > found.largest_speed2) found.largest_speed2 = static_cast<double>(speed2);
+/// Whether the deformation of a particle can go on, and its sound speed. F is read where
+/// sound_speed_needs_deformation().
+template <typename T, typename Found>
+GRAUPEL_HD inline bool survey_deformation(T dx, const MaterialParameters<T>& m, const Mat<T, 3>& F, T internal, T dt,
+                                          Found& found) {
+  if (!(internal_variable_is_volume_ratio(m.model) ? internal > T(0) : internal == internal)) return false;
+  using Speed = decltype(found.largest_sound_speed);
   const T c = sound_speed(m, F, internal);
-  if (static_cast<double>(c) > found.largest_sound_speed) found.largest_sound_speed = static_cast<double>(c);
+  if (static_cast<Speed>(c) > found.largest_sound_speed) found.largest_sound_speed = static_cast<Speed>(c);
   if (c * dt > dx) ++found.over_courant;
+  return true;
+}
+
+/// Whether the motion of a particle can go on, and its speed.
+template <typename T, typename Found>
+GRAUPEL_HD inline bool survey_velocity(const Vec<T, 3>& v, Found& found) {
+  const T speed2 = norm2(v);
+  if (!(speed2 < T(1e30))) return false;
+  using Speed = decltype(found.largest_speed2);
+  if (static_cast<Speed>(speed2) > found.largest_speed2) found.largest_speed2 = static_cast<Speed>(speed2);
+  return true;
+}
+
+/// Both.
+template <typename T, typename Found>
+GRAUPEL_HD inline void survey_state(T dx, const MaterialParameters<T>& m, int64_t slot, const Vec<T, 3>& v,
+                                    const Mat<T, 3>& F, T internal, T dt, Found& found) {
+  if (!survey_velocity(v, found) || !survey_deformation(dx, m, F, internal, dt, found)) mark_bad(slot, found);
 }
 
 }  // namespace graupel::mpm

@@ -60,6 +60,23 @@ std::unique_ptr<Simulation> Simulation::create(const Scene& scene, const Simulat
   return std::make_unique<Solver<float>>(scene, options, particles, obstacles);
 }
 
+std::unique_ptr<SceneBatch> SceneBatch::create([[maybe_unused]] const std::vector<Scene>& scenes,
+                                               [[maybe_unused]] const std::vector<uint64_t>& seeds) {
+#ifdef GRAUPEL_HAVE_CUDA
+  std::vector<SampledParticles> particles;
+  std::vector<sparsegrid::ObstacleSet> obstacles;
+  for (std::size_t i = 0; i < scenes.size(); ++i) {
+    if (!is_plain(scenes[i]))
+      throw ConfigError("scene '" + scenes[i].name + "' has features that batches on a GPU do not know. Run it alone");
+    obstacles.emplace_back(scenes[i]);
+    particles.push_back(checked_particles(scenes[i], {.device = Device::cuda, .seed = seeds.at(i)}, obstacles.back()));
+  }
+  return make_cuda_batch(scenes, particles, obstacles);
+#else
+  throw ConfigError("this graupel was built without CUDA, which batches of scenes need. Run the scenes one by one");
+#endif
+}
+
 Estimate estimate(const Scene& scene, const SimulationOptions& options) {
   const sparsegrid::ObstacleSet obstacles(scene);
   const SampledParticles particles = checked_particles(scene, options, obstacles);

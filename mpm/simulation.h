@@ -86,6 +86,23 @@ class Simulation {
   virtual void load_state(const std::vector<std::byte>& state) = 0;
 };
 
+/// Many scenes that a GPU advances together; each moves as it would alone, to the byte.
+class SceneBatch {
+ public:
+  /// Particles of scene i are sampled with seeds[i]. Throws ConfigError without CUDA, for scenes of different grids,
+  /// for what the tuned kernels do not know, and as Simulation::create does.
+  static std::unique_ptr<SceneBatch> create(const std::vector<Scene>& scenes, const std::vector<uint64_t>& seeds);
+  virtual ~SceneBatch() = default;
+
+  virtual int scene_count() const = 0;
+  virtual int64_t particle_count() const = 0;  ///< of all scenes
+  /// One frame of every scene that has not diverged.
+  virtual void advance_frame() = 0;
+  virtual bool diverged(int scene) const = 0;
+  /// Of all scenes together: active_blocks, peak_bytes, solver_seconds, and substeps (the most of any scene).
+  virtual RunStatistics statistics() const = 0;
+};
+
 Estimate estimate(const Scene& scene, const SimulationOptions& options);
 
 /// The scene at 2 dx and an eighth of the particles.

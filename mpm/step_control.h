@@ -30,6 +30,16 @@ GRAUPEL_HD inline void choose_step(const BatchScene& scene, StepControl& control
   if (!(dt > 0)) control.phase = ScenePhase::too_stiff;
 }
 
+/// Substeps between two sorts: those that the fastest particle needs for most of the cell that it may go beyond its
+/// block, a multiple of eight.
+inline constexpr int32_t shortest_interval = 8, longest_interval = 64;
+GRAUPEL_HD inline int32_t interval_of_sorts(const BatchScene& scene, const StepControl& control) {
+  const double way = control.speed * static_cast<double>(control.dt) / static_cast<double>(scene.view.grid.dx);
+  int32_t interval = shortest_interval;
+  while (interval < longest_interval && (interval + shortest_interval) * way <= 0.9) interval += shortest_interval;
+  return interval;
+}
+
 /// Every frame starts with a sort.
 GRAUPEL_HD inline void begin_frame(const BatchScene& scene, StepControl& control) {
   if (control.phase != ScenePhase::frame_done) return;
@@ -37,11 +47,27 @@ GRAUPEL_HD inline void begin_frame(const BatchScene& scene, StepControl& control
   control.elapsed = 0;
   control.frame_substeps = 0;
   choose_step(scene, control);
+  control.sort_interval = interval_of_sorts(scene, control);
 }
 
 GRAUPEL_HD inline void clear_report(StepReport& report) {
   report = {};
   report.bad_particle = no_bad_particle;
+}
+
+/// Counts substeps before the one that finish_substep() is about to end, which did not end the frame: speeds of the
+/// last of them, and the largest sound speed of all.
+GRAUPEL_HD inline void count_earlier_substeps(const BatchScene& scene, int32_t substeps, float speed2,
+                                              float sound_speed, float peak_sound_speed, StepControl& control) {
+  const double dt = static_cast<double>(control.dt);
+  control.substeps += substeps;
+  control.frame_substeps += substeps;
+  control.since_sort += substeps;
+  for (int32_t i = 0; i < substeps; ++i) control.elapsed += dt;
+  control.speed = sqrt(static_cast<double>(speed2));
+  control.sound_speed = static_cast<double>(sound_speed);
+  const double courant = static_cast<double>(peak_sound_speed) * dt / static_cast<double>(scene.view.grid.dx);
+  if (courant > control.sound_courant) control.sound_courant = courant;
 }
 
 /// Ends a substep: `found` is the report of all blocks.
@@ -50,6 +76,7 @@ GRAUPEL_HD inline void finish_substep(const BatchScene& scene, const StepReport&
   const double dt = static_cast<double>(control.dt), left = scene.frame_time - control.elapsed;
   ++control.substeps;
   ++control.frame_substeps;
+  ++control.since_sort;
   control.before_speed = control.speed;
   control.before_sound = control.sound_speed;
   control.speed = sqrt(static_cast<double>(largest_speed2));
@@ -71,7 +98,8 @@ GRAUPEL_HD inline void finish_substep(const BatchScene& scene, const StepReport&
     return;
   }
   control.elapsed += dt;
-  control.phase = found.left_reach > 0 ? ScenePhase::unsorted : ScenePhase::running;
+  const bool sort = found.left_reach > 0 || control.since_sort >= control.sort_interval;
+  control.phase = sort ? ScenePhase::unsorted : ScenePhase::running;
   choose_step(scene, control);
 }
 

@@ -16,6 +16,12 @@ struct SignedDistance {
   Vec<T, 3> normal;
 };
 
+/// The values of a grid in a box of voxels, z fastest, for look-ups without a search; null where there are none.
+struct DenseValues {
+  const float* values;
+  Vec<int, 3> low, size;  ///< [voxels]
+};
+
 /// One obstacle: grid in its own frame, pose, contact law. `grid` points to memory of the device that reads it.
 struct ObstacleView {
   const nanovdb::FloatGrid* grid;
@@ -27,6 +33,7 @@ struct ObstacleView {
   double friction;
   Vec<double, 3> low, high;              ///< world box outside which phi = band [m]
   Vec<double, 3> solid_low, solid_high;  ///< world box outside which phi > 0 [m]
+  DenseValues dense;                     ///< around the solid (GPUs)
   bool is_plane;                         ///< phi is the local y, without bound; the grid holds its part in the domain
 };
 

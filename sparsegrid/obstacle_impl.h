@@ -65,10 +65,36 @@ GRAUPEL_HD Vec<int, 3> floor_of(const Vec<T, 3>& index) {
           static_cast<int>(std::floor(index[2]))};
 }
 
+/// Place of the voxel `at` among the dense values, or -1 where `margin` voxels above it are not all among them.
+GRAUPEL_HD inline int64_t dense_place(const DenseValues& dense, const Vec<int, 3>& at, int margin) {
+  if (dense.values == nullptr) return -1;
+  int64_t place = 0;
+  for (int d = 0; d < 3; ++d) {
+    const int offset = at[d] - dense.low[d];
+    if (offset < 0 || offset + margin >= dense.size[d]) return -1;
+    place = place * dense.size[d] + offset;
+  }
+  return place;
+}
+
+/// The value at one voxel.
+GRAUPEL_HD inline float value_at(const ObstacleView& obstacle, const Vec<int, 3>& at) {
+  const int64_t place = dense_place(obstacle.dense, at, 0);
+  return place >= 0 ? obstacle.dense.values[place] : obstacle.grid->tree().getValue(to_coord(at));
+}
+
 /// The eight grid values at base + {0, 1}^3; most often they lie in one leaf.
 template <typename T>
-GRAUPEL_HD void read_corners(const nanovdb::FloatGrid& grid, const Vec<int, 3>& base, T (&v)[2][2][2]) {
-  const auto accessor = grid.getAccessor();
+GRAUPEL_HD void read_corners(const ObstacleView& obstacle, const Vec<int, 3>& base, T (&v)[2][2][2]) {
+  const int64_t place = dense_place(obstacle.dense, base, 1);
+  if (place >= 0) {
+    const int64_t row = obstacle.dense.size[2], plane = row * obstacle.dense.size[1];
+    for (int i = 0; i < 2; ++i)
+      for (int j = 0; j < 2; ++j)
+        for (int k = 0; k < 2; ++k) v[i][j][k] = static_cast<T>(obstacle.dense.values[place + i * plane + j * row + k]);
+    return;
+  }
+  const auto accessor = obstacle.grid->getAccessor();
   const nanovdb::Coord first = to_coord(base);
   const auto* leaf = accessor.probeLeaf(first);
   const bool in_one_leaf = leaf != nullptr && (base[0] & 7) != 7 && (base[1] & 7) != 7 && (base[2] & 7) != 7;
@@ -82,10 +108,10 @@ GRAUPEL_HD void read_corners(const nanovdb::FloatGrid& grid, const Vec<int, 3>& 
 
 /// Value and gradient (in index space) at `index`, in voxels.
 template <typename T>
-GRAUPEL_HD T interpolate(const nanovdb::FloatGrid& grid, const Vec<T, 3>& index, Vec<T, 3>& gradient) {
+GRAUPEL_HD T interpolate(const ObstacleView& obstacle, const Vec<T, 3>& index, Vec<T, 3>& gradient) {
   const Vec<int, 3> base = floor_of(index);
   T v[2][2][2];
-  read_corners(grid, base, v);
+  read_corners(obstacle, base, v);
   return trilinear(v, index - base.template cast<T>(), gradient);
 }
 
@@ -102,7 +128,7 @@ GRAUPEL_HD SignedDistance<T> signed_distance(const ObstacleView& obstacle, const
     phi = local[1];
     gradient = {T(0), T(1), T(0)};
   } else {
-    phi = lookup::interpolate(*obstacle.grid, local * static_cast<T>(obstacle.inverse_voxel), gradient);
+    phi = lookup::interpolate(obstacle, local * static_cast<T>(obstacle.inverse_voxel), gradient);
   }
   if (phi >= band) return {band, Vec<T, 3>::zero()};
   if (phi <= -band) return {-band, Vec<T, 3>::zero()};

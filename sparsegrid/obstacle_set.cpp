@@ -88,6 +88,24 @@ constexpr double smallest_voxel = 2e-5;  ///< [m] OpenVDB refuses transforms who
 
 }  // namespace
 
+std::vector<float> dense_values(const LevelSetGrid& level_set, double voxel, DenseValues& box) {
+  double count = 1;
+  for (int d = 0; d < 3; ++d) {
+    box.low[d] = static_cast<int>(std::floor(level_set.solid.low[d] / voxel)) - 3;
+    box.size[d] = static_cast<int>(std::ceil(level_set.solid.high[d] / voxel)) + 4 - box.low[d];
+    count *= box.size[d];
+  }
+  std::vector<float> values;
+  if (count > most_dense_voxels) return values;
+  values.reserve(static_cast<std::size_t>(count));
+  const auto accessor = level_set.grid()->getAccessor();
+  for (int x = 0; x < box.size[0]; ++x)
+    for (int y = 0; y < box.size[1]; ++y)
+      for (int z = 0; z < box.size[2]; ++z)
+        values.push_back(accessor.getValue(nanovdb::Coord(box.low[0] + x, box.low[1] + y, box.low[2] + z)));
+  return values;
+}
+
 struct ObstacleSet::Impl {
   Scene scene;                      ///< domain and obstacles; for planes, whose grids are made when asked for
   std::vector<std::string> names;   ///< [count]
@@ -96,6 +114,7 @@ struct ObstacleSet::Impl {
 
   mutable std::once_flag uploaded;
   mutable std::vector<Buffer<char>> cuda_grids;
+  mutable std::vector<Buffer<float>> cuda_dense;
   mutable Buffer<ObstacleView> cuda_views;
   mutable std::vector<ObstacleView> cuda_views_on_host;
 
@@ -142,6 +161,11 @@ void ObstacleSet::Impl::upload() const {
     device_copy(Device::cuda, bytes.data(), Device::cpu, grids[i].bytes.data(), grids[i].bytes.size());
     device_views[i].grid = reinterpret_cast<const nanovdb::FloatGrid*>(bytes.data());
     cuda_grids.push_back(std::move(bytes));
+    if (device_views[i].is_plane) continue;
+    Buffer<float> dense(Device::cuda, 0);
+    dense.upload(dense_values(grids[i], 1 / device_views[i].inverse_voxel, device_views[i].dense));
+    device_views[i].dense.values = dense.size() > 0 ? dense.data() : nullptr;
+    cuda_dense.push_back(std::move(dense));
   }
   cuda_views.upload(device_views);
   cuda_views_on_host = std::move(device_views);

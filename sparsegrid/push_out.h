@@ -16,8 +16,8 @@ GRAUPEL_HD bool may_be_inside(const ObstacleView& obstacle, const Vec<T, 3>& x) 
   if (!in_box(x, obstacle.solid_low, obstacle.solid_high)) return false;
   if (obstacle.is_plane) return true;
   const T inverse_voxel = static_cast<T>(obstacle.inverse_voxel);
-  const auto base = to_coord(floor_of(to_local(obstacle, x) * inverse_voxel));
-  return static_cast<T>(obstacle.grid->tree().getValue(base)) * inverse_voxel <= T(3 * steepest_grid);
+  const Vec<int, 3> base = floor_of(to_local(obstacle, x) * inverse_voxel);
+  return static_cast<T>(value_at(obstacle, base)) * inverse_voxel <= T(3 * steepest_grid);
 }
 
 /// The obstacle that a point is deepest in; phi is no_obstacle_distance where none can be entered.
@@ -103,11 +103,13 @@ GRAUPEL_HD bool push_out(const ObstacleSetView& set, const Vec<T, 3>& low, const
     y = lookup::clamp_to_box(y, low, high);
     hit = lookup::deepest(set, y);
   }
-  const Vec<T, 3> start = lookup::clamp_to_box(x_before, low, high);
-  const bool start_is_free = lookup::deepest(set, start).phi >= T(0);
   const bool projected = !(hit.phi < skin);
-  if (start_is_free && (!projected || (from_behind && lookup::way_is_blocked(set, start, y, skin))))
-    y = lookup::last_free_point(set, start, wanted, skin);
+  if (!projected || from_behind) {
+    const Vec<T, 3> start = lookup::clamp_to_box(x_before, low, high);
+    const bool start_is_free = lookup::deepest(set, start).phi >= T(0);
+    if (start_is_free && (!projected || lookup::way_is_blocked(set, start, y, skin)))
+      y = lookup::last_free_point(set, start, wanted, skin);
+  }
   x = y;
   return true;
 }

@@ -50,7 +50,7 @@ void append(SurfaceSamples& to, const SurfaceSamples& from) {
 
 /// Corner values of the grid cell above voxel `base` [voxels]; false when the surface does not cross it.
 bool crossed_cell(const ObstacleView& view, const Vec3i& base, double (&v)[2][2][2]) {
-  lookup::read_corners(*view.grid, base, v);
+  lookup::read_corners(view, base, v);
   int inside = 0;
   for (double* value = &v[0][0][0]; value != &v[0][0][0] + 8; ++value) {
     *value *= view.inverse_voxel;

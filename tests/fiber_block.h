@@ -44,6 +44,10 @@ struct FiberAtomics {
     return old;
   }
   void fence() const {}
+  template <typename T>
+  T fresh(const T* place) const {
+    return *place;
+  }
 };
 
 /// What one thread of the kernel sees.
@@ -53,8 +57,11 @@ class FiberThread : public FiberAtomics {
   int index() const;
   int thread() const { return thread_; }
   int threads() const;
+  int blocks() const;
   void sync() const;
   void sync_warp() const;
+  uint32_t ballot(bool yes) const;
+  void pause() const;
 
  private:
   FiberBlock* block_;
@@ -66,45 +73,68 @@ class FiberBlock {
   using Kernel = std::function<void(const FiberThread&)>;
 
   explicit FiberBlock(int threads) : fibers_(static_cast<std::size_t>(threads)) {
-    for (Fiber& fiber : fibers_) fiber.stack.resize(256 * 1024);
+    for (Fiber& fiber : fibers_) fiber.stack.reset(new char[stack_bytes]);  // not cleared: few of its pages are touched
   }
   int index() const { return index_; }
   int threads() const { return static_cast<int>(fibers_.size()); }
+  int blocks() const { return blocks_; }
 
   /// Runs the kernel for one block. Throws std::logic_error when threads wait at different barriers for ever.
   void run(int index, const Kernel& kernel) {
-    index_ = index;
-    kernel_ = &kernel;
-    for (std::size_t t = 0; t < fibers_.size(); ++t) start(t);
-    for (;;) {
-      bool running = false;
-      for (std::size_t t = 0; t < fibers_.size(); ++t)
-        if (fibers_[t].state == State::ready) {
-          resume(t);
-          running = true;
-        }
-      if (running) {
-        release_warps();
-        continue;
-      }
-      if (all(0, fibers_.size(), State::done)) return;
-      if (!release(0, fibers_.size(), State::at_block_barrier))
-        throw std::logic_error("threads of a block wait at different barriers");
+    begin(index, index + 1, kernel);
+    while (!go_on()) {
     }
   }
+  /// The same in pieces, for blocks that wait for each other: begin(), then go_on() until it returns true.
+  void begin(int index, int blocks, const Kernel& kernel) {
+    index_ = index;
+    blocks_ = blocks;
+    kernel_ = &kernel;
+    for (std::size_t t = 0; t < fibers_.size(); ++t) start(t);
+  }
+  /// Runs every thread that can to its next barrier or pause; whether all have ended.
+  bool go_on() {
+    bool running = false;
+    for (std::size_t t = 0; t < fibers_.size(); ++t)
+      if (fibers_[t].state == State::ready) {
+        resume(t);
+        running = true;
+      }
+    if (running) {
+      release_warps();
+      return false;
+    }
+    if (all(0, fibers_.size(), State::done)) return true;
+    if (!release(0, fibers_.size(), State::at_block_barrier))
+      throw std::logic_error("threads of a block wait at different barriers");
+    return false;
+  }
 
-  void wait(int thread, bool whole_block) {
+  enum class State { ready, at_warp_barrier, at_block_barrier, done };
+  /// Hands over to the other threads; State::ready for a thread that only looks again later.
+  void wait(int thread, State state) {
     Fiber& fiber = fibers_[static_cast<std::size_t>(thread)];
-    fiber.state = whole_block ? State::at_block_barrier : State::at_warp_barrier;
+    fiber.state = state;
     swapcontext(&fiber.context, &scheduler_);
+  }
+  uint32_t ballot(int thread, bool yes) {
+    fibers_[static_cast<std::size_t>(thread)].vote = yes;
+    wait(thread, State::at_warp_barrier);
+    uint32_t votes = 0;
+    const int first = thread / warp_width * warp_width;
+    for (int lane = 0; lane < warp_width; ++lane)
+      if (fibers_[static_cast<std::size_t>(first + lane)].vote) votes |= uint32_t{1} << lane;
+    wait(thread, State::at_warp_barrier);
+    return votes;
   }
 
  private:
-  enum class State { ready, at_warp_barrier, at_block_barrier, done };
+  static constexpr std::size_t stack_bytes = 128 * 1024;
   struct Fiber {
-    std::vector<char> stack;
+    std::unique_ptr<char[]> stack;
     ucontext_t context;
     State state = State::ready;
+    bool vote = false;
   };
 
   static void enter(unsigned low, unsigned high, unsigned thread) {
@@ -117,8 +147,8 @@ class FiberBlock {
     Fiber& fiber = fibers_[t];
     fiber.state = State::ready;
     getcontext(&fiber.context);
-    fiber.context.uc_stack.ss_sp = fiber.stack.data();
-    fiber.context.uc_stack.ss_size = fiber.stack.size();
+    fiber.context.uc_stack.ss_sp = fiber.stack.get();
+    fiber.context.uc_stack.ss_size = stack_bytes;
     fiber.context.uc_link = nullptr;
     const auto self = reinterpret_cast<uintptr_t>(this);
     makecontext(&fiber.context, reinterpret_cast<void (*)()>(enter), 3, static_cast<unsigned>(self),
@@ -150,12 +180,15 @@ class FiberBlock {
   std::vector<Fiber> fibers_;
   ucontext_t scheduler_;
   const Kernel* kernel_ = nullptr;
-  int index_ = 0;
+  int index_ = 0, blocks_ = 1;
 };
 
 inline int FiberThread::index() const { return block_->index(); }
 inline int FiberThread::threads() const { return block_->threads(); }
-inline void FiberThread::sync() const { block_->wait(thread_, true); }
-inline void FiberThread::sync_warp() const { block_->wait(thread_, false); }
+inline int FiberThread::blocks() const { return block_->blocks(); }
+inline void FiberThread::sync() const { block_->wait(thread_, FiberBlock::State::at_block_barrier); }
+inline void FiberThread::sync_warp() const { block_->wait(thread_, FiberBlock::State::at_warp_barrier); }
+inline uint32_t FiberThread::ballot(bool yes) const { return block_->ballot(thread_, yes); }
+inline void FiberThread::pause() const { block_->wait(thread_, FiberBlock::State::ready); }
 
 }  // namespace graupel

@@ -2,6 +2,7 @@
 // tau = P F^T = 2 mu (F - R) F^T + lambda J (J - 1) I, R the rotation of F.
 #pragma once
 
+#include "core/polar.h"
 #include "core/svd.h"
 #include "mpm/material_parameters.h"
 
@@ -18,6 +19,22 @@ GRAUPEL_HD inline Mat<T, D> corotated_stress(const MaterialParameters<T>& m, T h
   for (int i = 0; i < D; ++i)
     principal[i] = hardening * (T(2) * m.mu * (sigma[i] - T(1)) * sigma[i] + m.lambda * J * (J - T(1)));
   return spectral(U, principal);
+}
+
+/// The same without hardening from the rotation of F, which costs less than its singular values.
+template <typename T>
+GRAUPEL_HD inline Mat<T, 3> jelly_stress(const MaterialParameters<T>& m, const Mat<T, 3>& F, T J) {
+  const Mat<T, 3> R = polar_rotation(F), strain = F - R;
+  const T pressure = m.lambda * J * (J - T(1));
+  Mat<T, 3> tau;
+  for (int r = 0; r < 3; ++r)
+    for (int c = r; c < 3; ++c) {
+      T s = 0;
+      for (int k = 0; k < 3; ++k) s += strain(r, k) * F(c, k);
+      tau(r, c) = T(2) * m.mu * s + (r == c ? pressure : T(0));
+      tau(c, r) = tau(r, c);
+    }
+  return tau;
 }
 
 template <typename T, int D>

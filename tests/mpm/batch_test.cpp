@@ -181,6 +181,64 @@ TEST(Batch, StorageGrowsWhileAFrameRuns) {
   expect_close(cpu->frame(), batch.frame(), 2e-5f, 2e-2f);
 }
 
+/// Frames of a batch whose home blocks all run at once, up to `resident_blocks` of them, or by three kernels (0).
+std::unique_ptr<BatchSolver<FiberBackend>> run_batch(FiberBackend& backend, const std::vector<Scene>& scenes,
+                                                     int frames) {
+  std::vector<BatchEntry> entries;
+  for (const Scene& scene : scenes) entries.push_back(entry_of(scene, 3));
+  auto batch = std::make_unique<BatchSolver<FiberBackend>>(backend, std::move(entries));
+  for (int frame = 0; frame < frames; ++frame) batch->advance_frame();
+  return batch;
+}
+
+void expect_same_bytes(const BatchSolver<FiberBackend>& a, const BatchSolver<FiberBackend>& b) {
+  const ParticleFrame x = a.frame(), y = b.frame();
+  EXPECT_TRUE(x.position == y.position);
+  EXPECT_TRUE(x.velocity == y.velocity);
+  for (int i = 0; i < a.scene_count(); ++i) {
+    const StepControl &c = a.control(i), &d = b.control(i);
+    EXPECT_EQ(c.phase, d.phase);
+    EXPECT_EQ(c.substeps, d.substeps);
+    EXPECT_EQ(c.elapsed, d.elapsed);
+    EXPECT_EQ(c.speed, d.speed);
+    EXPECT_EQ(c.before_speed, d.before_speed);
+    EXPECT_EQ(c.before_sound, d.before_sound);
+    EXPECT_EQ(c.sound_courant, d.sound_courant);
+    EXPECT_EQ(c.over_courant, d.over_courant);
+    EXPECT_EQ(c.pushed_out, d.pushed_out);
+    for (int k = 0; k < 3; ++k) EXPECT_EQ(c.pushed_momentum[k], d.pushed_momentum[k]);
+    EXPECT_EQ(c.bad_particle, d.bad_particle);
+  }
+}
+
+TEST(Batch, OneKernelASegmentGivesTheBytesOfThreeASubstep) {
+  Scene fast = scene_with("taichi_water", {0.5, 0.3, 0.5}, 0.06);
+  fast.sources[0].velocity = {20, 0, 5};  // leaves its blocks' arenas again and again
+  Scene dense = scene_with("taichi_jelly", {0.5, 0.3, 0.5}, 0.06);
+  dense.sources[0].particles_per_cell = 40;  // several rounds of particles a block
+  Scene wild = scene_with("taichi_water", {0.5, 0.3, 0.5}, 0.04);
+  wild.sources[0].velocity = {300, 0, 0};  // diverges
+  std::vector<Scene> scenes = {mixed_scene(), fast, dense, wild};
+  for (Scene& scene : scenes) {
+    scene.time_step.substeps_per_frame = 20;
+    scene.frame_time = 20 * 3e-4;
+  }
+  FiberBackend resident(128), kernels(0);
+  const auto a = run_batch(resident, scenes, 2), b = run_batch(kernels, scenes, 2);
+  EXPECT_GT(a->active_blocks(), 0);
+  EXPECT_LE(a->active_blocks(), 128);
+  expect_same_bytes(*a, *b);
+}
+
+TEST(Batch, MoreBlocksThanFitRunAsThreeKernels) {
+  FiberBackend few(4), none(0);
+  const std::vector<Scene> scenes = {mixed_scene()};
+  const auto a = run_batch(few, scenes, 1), b = run_batch(none, scenes, 1);
+  EXPECT_GT(a->active_blocks(), 4);
+  EXPECT_EQ(a->control(0).substeps, 20);
+  expect_same_bytes(*a, *b);
+}
+
 TEST(Batch, ADivergedSceneStopsAlone) {
   Scene wild = scene_with("taichi_water", {0.5, 0.3, 0.5}, 0.04);
   wild.sources[0].velocity = {300, 0, 0};

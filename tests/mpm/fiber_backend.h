@@ -15,11 +15,14 @@ class FiberBackend {
   using Atomics = FiberAtomics;
 
   Device device() const { return Device::cpu; }
+  /// Home blocks that may run a segment at once: none by default, so that the three kernels run.
+  explicit FiberBackend(int resident_blocks = 0) : resident_blocks_(resident_blocks) {}
+  int resident_blocks() const { return resident_blocks_; }
   void reserve(int64_t, int64_t) {}
   void forget() {}
   void wait() {}
   template <typename Record>
-  void segment(const Record& record) {
+  void segment(int, const Record& record) {
     record();
   }
   template <typename Body>
@@ -43,7 +46,8 @@ class FiberBackend {
       if (marked[i]) selected[(*count)++] = static_cast<int32_t>(i);
   }
   void particle_to_grid(const BatchView& view) {
-    run<batch::ScatterShared>(view, [](const FiberThread& block, const BatchView& v, batch::ScatterShared& shared) {
+    using Shared = batch::ScatterShared<batch::block_warps>;
+    run<Shared>(view, [](const FiberThread& block, const BatchView& v, Shared& shared) {
       batch::particle_to_grid(block, v, shared);
     });
   }
@@ -56,6 +60,43 @@ class FiberBackend {
     });
   }
 
+  template <typename A, typename B>
+  void read(const A* a, std::size_t n, A* to_a, const B* b, std::size_t m, B* to_b) {
+    std::copy_n(a, n, to_a);
+    std::copy_n(b, m, to_b);
+  }
+  void list_homes(const BatchView& view) {
+    batch::ListShared shared;
+    std::memset(static_cast<void*>(&shared), 0xa5, sizeof(shared));
+    FiberBlock(batch::list_threads).run(0, [&](const FiberThread& thread) { batch::list_homes(thread, view, shared); });
+  }
+  /// All blocks take turns, since they wait for each other.
+  void run_segment(const BatchView& view) {
+    struct Grid {
+      std::unique_ptr<FiberBlock> block;
+      std::unique_ptr<batch::ResidentShared> shared;
+      FiberBlock::Kernel kernel;
+      bool done = false;
+    };
+    const int blocks = std::min(resident_blocks_, view.counts->home + 1);  // one too many, which does nothing
+    std::vector<Grid> grid(static_cast<std::size_t>(blocks));
+    for (std::size_t i = 0; i < grid.size(); ++i) {
+      Grid& g = grid[i];
+      g.block = std::make_unique<FiberBlock>(batch::resident_threads);
+      g.shared = std::make_unique<batch::ResidentShared>();
+      std::memset(static_cast<void*>(g.shared.get()), 0xa5, sizeof(batch::ResidentShared));
+      g.kernel = [&g, &view](const FiberThread& thread) { batch::run_segment(thread, view, *g.shared); };
+      g.block->begin(static_cast<int>(i), resident_blocks_, g.kernel);
+    }
+    for (bool running = true; running;) {
+      running = false;
+      for (Grid& g : grid) {
+        if (!g.done) g.done = g.block->go_on();
+        running = running || !g.done;
+      }
+    }
+  }
+
  private:
   template <typename Shared, typename Kernel>
   void run(const BatchView& view, const Kernel& kernel) {
@@ -66,6 +107,7 @@ class FiberBackend {
       block_.run(i, [&](const FiberThread& thread) { kernel(thread, view, *shared); });
     }
   }
+  int resident_blocks_;
   FiberBlock block_{batch::block_threads};
 };
 
