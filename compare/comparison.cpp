@@ -46,7 +46,8 @@ std::string mark_of_references(const SceneResult& scene) {
 std::string short_name(const std::string& model, const std::vector<std::string>& models) {
   for (std::size_t slash = model.rfind('/'); slash != std::string::npos && slash > 0;
        slash = model.rfind('/', slash - 1)) {
-    const std::string name = model.substr(slash + 1), end = "/" + name;
+    std::string name = model.substr(slash + 1);
+    const std::string end = "/" + name;
     const bool shared = std::any_of(models.begin(), models.end(), [&](const std::string& other) {
       return other != model && ("/" + other).ends_with(end);
     });
