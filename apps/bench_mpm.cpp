@@ -119,7 +119,7 @@ void bench_mpm(BenchMpmOptions& options) {
 }  // namespace
 
 void add_bench(CLI::App& app) {
-  CLI::App* bench = app.add_subcommand("bench", "Measure speed");
+  CLI::App* bench = app.add_subcommand("bench", "Measure speed, and agreement with theory");
   bench->require_subcommand(1);
   auto options = std::make_shared<BenchMpmOptions>();
   CLI::App* verb = bench->add_subcommand("mpm", "Whole substeps of a falling cube: dx = 1/256 m, steps of 1e-4 s");
@@ -141,6 +141,7 @@ void add_bench(CLI::App& app) {
       "Examples:\n  graupel bench mpm --material sand --particles 1000000 --device cuda\n"
       "  graupel bench mpm --particles 39304 --phase late --threads 1 --json speed.json");
   verb->callback([options] { bench_mpm(*options); });
+  add_bench_validate(*bench);
 }
 
 }  // namespace graupel::apps
