@@ -1,6 +1,10 @@
 #include "validation/case.h"
+#include "validation/cantilever.h"
+#include "validation/colliding_disks.h"
+#include "validation/elastic_bar.h"
 #include "validation/exact_laws.h"
 #include "validation/rotating_square.h"
+#include "validation/self_weight_column.h"
 
 namespace graupel::validation {
 
@@ -12,6 +16,10 @@ const std::vector<Case>& cases() {
       {"kernel_moments", "Weights of the quadratic B-spline", "partition of unity, D = dx^2/4 I", kernel_moments},
       {"material_laws", "Stress and return maps of all presets", "objectivity, energy, idempotence", material_laws},
       {"rotating_square", "A rotating elastic square in flight", "rigid motion (matter, EnergyTest)", rotating_square},
+      {"colliding_disks", "Two elastic disks collide", "Sulsky, Chen and Schreyer 1994", colliding_disks},
+      {"elastic_bar", "First mode of an elastic bar", "omega = (pi / 2 L) sqrt(E / rho)", elastic_bar},
+      {"cantilever", "A cantilever under its own weight", "Euler-Bernoulli beam", cantilever},
+      {"self_weight_column", "A column under its own weight", "sigma_yy = -rho g (H - y)", self_weight_column},
   };
   return all;
 }

@@ -7,6 +7,7 @@
 #include <set>
 
 #include "core/error.h"
+#include "core/parallel_for.h"
 
 namespace graupel::validation {
 
@@ -17,6 +18,7 @@ namespace {
 class Validation : public testing::TestWithParam<Case> {};
 
 TEST_P(Validation, AgreesWithItsReference) {
+  set_num_threads(1);  // scenes of a few hundred particles
   const Outcome outcome = GetParam().run({});
   EXPECT_FALSE(outcome.checks.empty());
   for (const Check& check : outcome.checks)
