@@ -1,10 +1,14 @@
 #include "validation/case.h"
 #include "validation/cantilever.h"
 #include "validation/colliding_disks.h"
+#include "validation/compression.h"
+#include "validation/curved_track.h"
 #include "validation/elastic_bar.h"
 #include "validation/exact_laws.h"
+#include "validation/hole_in_plate.h"
 #include "validation/rotating_square.h"
 #include "validation/self_weight_column.h"
+#include "validation/sliding_block.h"
 
 namespace graupel::validation {
 
@@ -20,6 +24,13 @@ const std::vector<Case>& cases() {
       {"elastic_bar", "First mode of an elastic bar", "omega = (pi / 2 L) sqrt(E / rho)", elastic_bar},
       {"cantilever", "A cantilever under its own weight", "Euler-Bernoulli beam", cantilever},
       {"self_weight_column", "A column under its own weight", "sigma_yy = -rho g (H - y)", self_weight_column},
+      {"uniaxial_compression", "A cube between smooth plates", "sigma = E u / l", uniaxial_compression},
+      {"bulk_compression", "Soil squeezed in a box", "p = -K ln J", bulk_compression},
+      {"hole_in_plate", "A plate with a hole in tension", "Heywood 1952, 3.14", hole_in_plate},
+      {"sliding_block", "A block on an inclined plane", "x = g t^2/2 (sin th - mu cos th)", sliding_block},
+      {"moving_plane", "A block on a plane that moves", "v = mu g t up to the plane's", moving_plane},
+      {"turntable", "A block on a turning table", "rigid rotation", turntable},
+      {"curved_track", "A block on a smooth curved track", "v = sqrt(2 g h)", curved_track},
   };
   return all;
 }
