@@ -3,12 +3,15 @@
 #include "validation/colliding_disks.h"
 #include "validation/compression.h"
 #include "validation/curved_track.h"
+#include "validation/dam_break.h"
 #include "validation/elastic_bar.h"
 #include "validation/exact_laws.h"
 #include "validation/hole_in_plate.h"
 #include "validation/rotating_square.h"
 #include "validation/self_weight_column.h"
 #include "validation/sliding_block.h"
+#include "validation/viscous_flow.h"
+#include "validation/yield.h"
 
 namespace graupel::validation {
 
@@ -31,6 +34,13 @@ const std::vector<Case>& cases() {
       {"moving_plane", "A block on a plane that moves", "v = mu g t up to the plane's", moving_plane},
       {"turntable", "A block on a turning table", "rigid rotation", turntable},
       {"curved_track", "A block on a smooth curved track", "v = sqrt(2 g h)", curved_track},
+      {"dam_break", "A column of water collapses", "Martin and Moyce 1952", dam_break},
+      {"shear_wave", "Decay of a shear wave in water", "exp(-nu k^2 t)", shear_wave},
+      {"poiseuille_film", "A Newtonian film on an incline", "u = (rho g_x / mu)(H y - y^2/2)", poiseuille_film},
+      {"bingham_film", "A Bingham film on an incline", "plug of thickness tau_0 / (rho g_x)", bingham_film},
+      {"von_mises_bar", "A metal bar pulled beyond its yield stress", "sigma_Y, slope E K / (E + K)", von_mises_bar},
+      {"von_mises_shear", "Metal sheared beyond its yield stress", "sigma_Y / sqrt(3)", von_mises_shear},
+      {"snow_range", "Elastic range and hardening of snow", "Stomakhin et al. 2013; Taichi Elements", snow_range},
   };
   return all;
 }

@@ -47,23 +47,18 @@ std::shared_ptr<const TriangleMesh> prism(double from, double to, double floor, 
 }  // namespace
 
 Outcome curved_track(const RunOptions& options) {
-  const double dx = options.pick(0.025, 0.0125), start_x = -2.1;
+  const double dx = options.pick(0.0125, 0.00625), start_x = -2.1;
   Scene scene = plane_scene(dx, {-3, -0.2}, {2, 2});
   scene.gravity = {0, -gravity, 0};
   Obstacle track;
   track.shape = Shape::mesh;
   track.mesh = prism(-3.5, 2.5, -0.5, 0.5);
-  track.contact = Contact::slip;
+  track.contact = Contact::separate;
   scene.obstacles.push_back(track);
   scene.push_out = false;
-  scene.materials["block"] = elastic(1e5, 0.2, 1000);
-  const Vec2d down = {std::cos(slope), -std::sin(slope)}, normal = {std::sin(slope), std::cos(slope)};
-  const Vec2d corner = {start_x, height(start_x)};
-  const auto inside = [&](const Vec2d& x) {
-    const double along = dot(x - corner, down), above = dot(x - corner, normal);
-    return along > 0 && along < 0.2 && above > 0 && above < 0.1;
-  };
-  add_plane_points(scene, "block", plane_lattice(scene, {-3, 0}, {-1, 2}, 4, inside), 4);
+  scene.materials["block"] = elastic(4e6, 0.2, 1000);
+  const Vec2d down = {std::cos(slope), -std::sin(slope)};
+  add_plane_points(scene, "block", turned_lattice(scene, {start_x, height(start_x)}, down, {0.1, 0.05}, 2), 2);
   set_time(scene, 1.2, 60);
   const auto solver = start(scene);
   const double potential = solver->diagnostics().potential_energy;

@@ -52,6 +52,16 @@ std::vector<Vec2d> plane_lattice(const Scene& scene, const Vec2d& low, const Vec
   return points;
 }
 
+std::vector<Vec2d> turned_lattice(const Scene& scene, const Vec2d& corner, const Vec2d& along, const Vec2d& size,
+                                  int per_axis) {
+  const double spacing = scene.domain.dx / per_axis;
+  const Vec2d left = {-along[1], along[0]};
+  std::vector<Vec2d> points;
+  for (double a = spacing / 2; a < size[0]; a += spacing)
+    for (double b = spacing / 2; b < size[1]; b += spacing) points.push_back(corner + a * along + b * left);
+  return points;
+}
+
 Source& add_points(Scene& scene, const std::string& material, const std::vector<Vec3d>& points, int per_axis) {
   Source source;
   source.shape = Shape::points;

@@ -33,6 +33,10 @@ std::vector<Vec2d> plane_lattice(const Scene& scene, const Vec2d& low, const Vec
 std::vector<Vec3d> space_lattice(const Scene& scene, const Vec3d& low, const Vec3d& high, int per_axis,
                                  const std::function<bool(const Vec3d&)>& inside = {});
 
+/// The same in a box with edges `size` along `along` and the direction to its left, from its corner.
+std::vector<Vec2d> turned_lattice(const Scene& scene, const Vec2d& corner, const Vec2d& along, const Vec2d& size,
+                                  int per_axis);
+
 /// Adds a body of `material` at given points of a lattice with `per_axis` points along a cell's edge.
 Source& add_plane_points(Scene& scene, const std::string& material, const std::vector<Vec2d>& points, int per_axis);
 Source& add_points(Scene& scene, const std::string& material, const std::vector<Vec3d>& points, int per_axis);
