@@ -1,5 +1,5 @@
-#include "validation/case.h"
 #include "validation/cantilever.h"
+#include "validation/case.h"
 #include "validation/colliding_disks.h"
 #include "validation/compression.h"
 #include "validation/curved_track.h"

@@ -16,8 +16,7 @@ Scene disks(double dx) {
     const Vec2d centre = Vec2d::filled(0.5 - 0.3 * sign);
     const auto inside = [&](const Vec2d& x) { return norm(x - centre) <= 0.2; };
     Source& disk = add_plane_points(
-        scene, "rubber",
-        plane_lattice(scene, centre - Vec2d::filled(0.2), centre + Vec2d::filled(0.2), 4, inside), 4);
+        scene, "rubber", plane_lattice(scene, centre - Vec2d::filled(0.2), centre + Vec2d::filled(0.2), 4, inside), 4);
     disk.velocity = {0.1 * sign, 0.1 * sign, 0};
   }
   set_time(scene, 3.5, 350);
@@ -51,7 +50,8 @@ Outcome colliding_disks(const RunOptions& options) {
       absolute("time of contact (1 % of the energy) [s]", first_contact, touch - dx / speed, dx / speed));
   outcome.checks.push_back(absolute("largest momentum over m 0.1 m/s", momentum, 0, 1e-12));
   outcome.checks.push_back(at_most("largest gain of energy, relative", gain, 1e-3));
-  outcome.checks.push_back(relative("energy at the end [J/m]", total.y.back(), total.y.front(), options.pick(0.35, 0.08)));
+  outcome.checks.push_back(
+      relative("energy at the end [J/m]", total.y.back(), total.y.front(), options.pick(0.35, 0.08)));
   outcome.checks.push_back(
       at_least("coefficient of restitution", std::sqrt(kinetic.y.back() / kinetic.y.front()), options.pick(0.8, 0.93)));
   outcome.figures.push_back({"Colliding disks", "time [s]", "energy [J/m]", {kinetic, elastic_energy, total}});

@@ -15,8 +15,8 @@ constexpr double length = 25, speed = 0.1, modulus = 100, density = 1;
 enum class Support { wall, symmetry };
 
 struct Vibration {
-  double period;          ///< [s]
-  Curve displacement;     ///< of the centre of mass of x > 0 [m]
+  double period;       ///< [s]
+  Curve displacement;  ///< of the centre of mass of x > 0 [m]
 };
 
 /// Mean displacement of the particles that start at x > 0.
@@ -38,8 +38,9 @@ Vibration vibrate(int cells, Support support, const RunOptions& options) {
   add_plane_points(scene, "bar", plane_lattice(scene, {begin, 0}, {length, dx}, 2), 2);
   const double period = 4 * length / std::sqrt(modulus / density);
   set_time(scene, 4.5 * period, 450, 0.1);
-  const auto solver =
-      start(scene, [](const Vec3d& x) { return Vec3d{speed * std::sin(pi * x[0] / (2 * length)), 0, 0}; });
+  const auto solver = start(scene, [](const Vec3d& x) {
+    return Vec3d{speed * std::sin(pi * x[0] / (2 * length)), 0, 0};
+  });
   const Particles first = particles_of(*solver);
   Vibration result{0, {fmt::format("{} cells", cells), {}, {}}};
   run_frames(*solver, scene, options, [&] {
@@ -78,12 +79,11 @@ Outcome elastic_bar(const RunOptions& options) {
       curve.x.push_back(n);
       curve.y.push_back(std::abs(errors.back()));
       if (n != 32) continue;
-      outcome.checks.push_back(relative("period [s], 32 cells" + name, vibration.period, period,
-                                        support == Support::wall ? 0.02 : 0.01));
+      outcome.checks.push_back(
+          relative("period [s], 32 cells" + name, vibration.period, period, support == Support::wall ? 0.02 : 0.01));
       Curve theory{"theory", vibration.displacement.x, {}, CurveRole::reference};
       const double omega = 2 * pi / period;
-      for (const double t : theory.x)
-        theory.y.push_back(speed / (pi / 2 * omega) * std::sin(omega * t));
+      for (const double t : theory.x) theory.y.push_back(speed / (pi / 2 * omega) * std::sin(omega * t));
       if (support == Support::wall)
         outcome.figures.push_back(
             {"Elastic bar at a wall", "time [s]", "mean displacement [m]", {vibration.displacement, theory}});

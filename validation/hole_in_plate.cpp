@@ -10,7 +10,7 @@ namespace graupel::validation {
 namespace {
 
 constexpr double radius = 1, half_width = 5, half_height = 7, rate = 1e-5;  ///< strain rate [1/s]
-constexpr double grip = 0.5;                                                ///< height of the led ends
+constexpr double grip = 0.5;                                                ///< height of the gripped ends
 
 Scene plate(double dx) {
   Scene scene = plane_scene(dx, {-half_width - 1, -half_height - 1}, {half_width + 1, half_height + 1});
@@ -21,12 +21,9 @@ Scene plate(double dx) {
                                  [](const Vec2d& x) { return norm(x) > radius; }),
                    2);
   for (const double sign : {-1.0, 1.0}) {
-    KinematicRegion end;
-    end.shape = RegionShape::box;
-    end.size = {2 * half_width + 2, 2 * grip, 1};
-    end.position = {0, sign * half_height, 0};
-    end.motion.velocity = {0, sign * rate * half_height, 0};
-    scene.kinematic_regions.push_back(end);
+    const double inner = sign * (half_height - grip), outer = sign * (half_height + grip);
+    add_grip(scene, {-half_width - 1, std::min(inner, outer), -1}, {half_width + 1, std::max(inner, outer), 1},
+             {0, rate * inner, 0}, Contact::slip);
   }
   return scene;
 }
@@ -55,8 +52,7 @@ Outcome hole_in_plate(const RunOptions& options) {
   const double dx = radius / options.pick(4, 8);
   Scene scene = plate(dx);
   set_time(scene, options.pick(80.0, 160.0), 20);  // sound crosses the plate in 12 s
-  const auto solver =
-      start(scene, [](const Vec3d& x) { return Vec3d{-0.3 / 0.7 * rate * x[0], rate * x[1], 0}; });
+  const auto solver = start(scene, [](const Vec3d& x) { return Vec3d{-0.3 / 0.7 * rate * x[0], rate * x[1], 0}; });
   const Particles first = particles_of(*solver);
   run_frames(*solver, scene, options, [] {});
   const Particles last = particles_of(*solver);
@@ -88,8 +84,8 @@ Outcome hole_in_plate(const RunOptions& options) {
   Outcome outcome;
   outcome.checks.push_back(
       relative("stress at the hole over that far away", parabola_at_one(s, y), 3.14, options.pick(0.10, 0.05)));
-  outcome.figures.push_back({"Hole in a plate", "distance from the centre [R]", "stress over that far away",
-                             {profile, kirsch}});
+  outcome.figures.push_back(
+      {"Hole in a plate", "distance from the centre [R]", "stress over that far away", {profile, kirsch}});
   return outcome;
 }
 

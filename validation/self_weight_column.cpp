@@ -14,11 +14,11 @@ namespace {
 constexpr double height = 0.1, density = 1800, gravity = 9.81, modulus = 1e6;
 
 struct Settled {
-  Curve stress;       ///< -sigma_yy [Pa] over the height [m]
+  Curve stress;        ///< -sigma_yy [Pa] over the height [m]
   double mean_error;   ///< root mean square over the particles above the first cell, of rho g H
   double floor_error;  ///< largest in the first cell, of rho g H
   double base_error;   ///< at the lowest particles, of their own reference
-  double settlement;  ///< of the top particles [m]
+  double settlement;   ///< of the top particles [m]
 };
 
 Settled settle(double dx, const RunOptions& options) {
@@ -64,17 +64,16 @@ Settled settle(double dx, const RunOptions& options) {
 }  // namespace
 
 Outcome self_weight_column(const RunOptions& options) {
-  const std::vector<std::pair<double, double>> cases =
-      options.pick<std::vector<std::pair<double, double>>>({{0.01, 0.048}, {0.005, 0.023}},
-                                                           {{0.01, 0.048}, {0.005, 0.023}, {0.0025, 0.011}});
+  const std::vector<std::pair<double, double>> cases = options.pick<std::vector<std::pair<double, double>>>(
+      {{0.01, 0.048}, {0.005, 0.023}}, {{0.01, 0.048}, {0.005, 0.023}, {0.0025, 0.011}});
   Outcome outcome;
   Figure figure{"Column under its own weight", "height [m]", "-stress [Pa]", {}};
   const double sunk = density * gravity * height * height / (2 * modulus);
   for (const auto& [dx, tolerance] : cases) {
     const Settled settled = settle(dx, options);
     const std::string name = fmt::format(", dx {:g} m", dx);
-    outcome.checks.push_back(at_most("rms error of the stress above the first cell, of rho g H" + name,
-                                     settled.mean_error, tolerance));
+    outcome.checks.push_back(
+        at_most("rms error of the stress above the first cell, of rho g H" + name, settled.mean_error, tolerance));
     outcome.checks.push_back(at_most("largest error in the first cell, of rho g H" + name, settled.floor_error, 0.2));
     outcome.checks.push_back(absolute("relative error at the lowest particle" + name, settled.base_error, 0, 0.048));
     outcome.checks.push_back(relative("settlement of the top [m]" + name, settled.settlement, sunk, tolerance));

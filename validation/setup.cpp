@@ -81,6 +81,17 @@ Source& add_plane_points(Scene& scene, const std::string& material, const std::v
   return source;
 }
 
+void add_grip(Scene& scene, const Vec3d& low, const Vec3d& high, const Vec3d& velocity, Contact contact) {
+  Obstacle box;
+  box.size = high - low;
+  box.position = 0.5 * (low + high);
+  box.contact = contact;
+  box.motion = Motion{};
+  box.motion->velocity = velocity;
+  scene.obstacles.push_back(box);
+  scene.push_out = false;
+}
+
 MaterialConfig preset(const std::string& name) {
   const auto found = material_preset(name);
   if (!found) throw ConfigError(fmt::format("unknown preset '{}'", name));

@@ -41,6 +41,9 @@ std::vector<Vec2d> turned_lattice(const Scene& scene, const Vec2d& corner, const
 Source& add_plane_points(Scene& scene, const std::string& material, const std::vector<Vec2d>& points, int per_axis);
 Source& add_points(Scene& scene, const std::string& material, const std::vector<Vec3d>& points, int per_axis);
 
+/// A moving box that holds the nodes inside it, and so the material there, which it may overlap: push_out is off.
+void add_grip(Scene& scene, const Vec3d& low, const Vec3d& high, const Vec3d& velocity, Contact contact);
+
 /// Fixed corotated solid of these constants.
 MaterialConfig elastic(double youngs_modulus, double poissons_ratio, double density);
 /// A preset, or ConfigError.
