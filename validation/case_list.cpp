@@ -41,7 +41,7 @@ const std::vector<Case>& cases() {
       {"bingham_film", "A Bingham film on an incline", "plug of thickness tau_0 / (rho g_x)", bingham_film},
       {"infinite_slope", "A layer of sand on an incline", "tan = 2 sqrt(3) sin(phi) / (3 - sin(phi))", infinite_slope},
       {"angle_of_repose", "A poured heap of sand", "the cone's angle in simple shear", angle_of_repose},
-      {"column_collapse", "Columns of sand collapse", "Lube et al. 2005, Lajeunesse et al. 2005", column_collapse},
+      {"column_collapse", "Columns of sand collapse", "Lube et al. 2005, Balmforth and Kerswell 2005", column_collapse},
       {"von_mises_bar", "A metal bar pulled beyond its yield stress", "sigma_Y, slope E K / (E + K)", von_mises_bar},
       {"von_mises_shear", "Metal sheared beyond its yield stress", "sigma_Y / sqrt(3)", von_mises_shear},
       {"snow_range", "Elastic range and hardening of snow", "Stomakhin et al. 2013; Taichi Elements", snow_range},
