@@ -56,7 +56,7 @@ Outcome curved_track(const RunOptions& options) {
   track.contact = Contact::separate;
   scene.obstacles.push_back(track);
   scene.push_out = false;
-  scene.materials["block"] = elastic(4e6, 0.2, 1000);
+  scene.materials["block"] = elastic(2e6, 0.2, 1000);
   const Vec2d down = {std::cos(slope), -std::sin(slope)};
   add_plane_points(scene, "block", turned_lattice(scene, {start_x, height(start_x)}, down, {0.1, 0.05}, 2), 2);
   set_time(scene, 1.2, 60);

@@ -71,23 +71,27 @@ struct Heap {
   Curve profile;  ///< height over the distance from the axis [m]
 };
 
-/// Height of the surface in rings around the axis, and the slope of its flank: between a fifth and four fifths of the
-/// heap's height.
-Heap measure_heap(const Solver& solver, double dx) {
+/// Height of the surface in rings of width dx around the axis, a mean over eight sectors, and the slope of its flank,
+/// outside the spout's reach and above a fifth of the height.
+Heap measure_heap(const Solver& solver, double dx, double reach) {
+  constexpr std::size_t sectors = 8;
   std::vector<double> top;
   for (const Vec3d& x : solver.particles().position) {
     const auto ring = static_cast<std::size_t>(std::hypot(x[0], x[2]) / dx);
-    if (top.size() <= ring) top.resize(ring + 1, 0);
-    top[ring] = std::max(top[ring], x[1]);
+    const auto sector = static_cast<std::size_t>((std::atan2(x[2], x[0]) / (2 * pi) + 0.5) * sectors) % sectors;
+    top.resize(std::max(top.size(), (ring + 1) * sectors), 0);
+    top[ring * sectors + sector] = std::max(top[ring * sectors + sector], x[1]);
   }
   Heap heap{0, {"measured", {}, {}}};
   std::vector<double> r, y;
-  for (std::size_t ring = 0; ring < top.size(); ++ring) {
+  for (std::size_t ring = 0; ring < top.size() / sectors; ++ring) {
+    double mean = 0;
+    for (std::size_t s = 0; s < sectors; ++s) mean += top[ring * sectors + s] / sectors;
     heap.profile.x.push_back((static_cast<double>(ring) + 0.5) * dx);
-    heap.profile.y.push_back(top[ring]);
-    if (top[ring] < 0.2 * top[0] || top[ring] > 0.8 * top[0]) continue;
+    heap.profile.y.push_back(mean);
+    if (heap.profile.x.back() < reach || mean < 0.2 * heap.profile.y[0]) continue;
     r.push_back(heap.profile.x.back());
-    y.push_back(top[ring]);
+    y.push_back(mean);
   }
   heap.slope = -std::atan(fit_line(r, y).slope) * 180 / pi;
   return heap;
@@ -107,7 +111,7 @@ Collapse collapse(double aspect, int cells, const RunOptions& options) {
   scene.gravity = {0, -gravity, 0};
   scene.materials["sand"] = sand(friction_angle, 3e5 * std::max(1.0, aspect));
   add_plane_points(scene, "sand", plane_lattice(scene, {0, 0}, {width, height}, 2), 2);
-  set_time(scene, 5 * unit, 50);
+  set_time(scene, 4 * unit, 40);
   const auto solver = start(scene);
   Collapse result{0, {fmt::format("a = {:g}", aspect), {}, {}}};
   run_frames(*solver, scene, options, [&] {
@@ -154,14 +158,14 @@ Outcome infinite_slope(const RunOptions& options) {
 
 Outcome angle_of_repose(const RunOptions& options) {
   constexpr double angle = 30, radius = 0.3;  ///< of the heap, about [m]
-  const double dx = radius / options.pick(8, 20), tangent = std::tan(radians(shear_angle(angle)));
-  const double top = radius * tangent, spout = 2 * dx, speed = 0.4, drop = 3 * dx;
+  const double dx = radius / options.pick(8, 16), tangent = std::tan(radians(shear_angle(angle)));
+  const double top = radius * tangent, spout = radius / 4, speed = 0.4, drop = 3 * dx;
   const double duration = pi / 3 * radius * radius * top / (pi * spout * spout * speed);
   const double side = std::ceil(2 * radius / dx) * dx, ceiling = std::ceil((top + drop) / dx + 6) * dx;
   Scene scene = space_scene(dx, {-side, 0, -side}, {side, ceiling, side});
   scene.domain.faces.y_low = WallConfig{Wall::stick, {}};
   scene.gravity = {0, -gravity, 0};
-  scene.materials["sand"] = sand(angle, 1e5);
+  scene.materials["sand"] = sand(angle, 1e6);
   Emitter emitter;
   emitter.shape = Shape::cylinder;
   emitter.radius = spout;
@@ -174,13 +178,11 @@ Outcome angle_of_repose(const RunOptions& options) {
   set_time(scene, duration + 0.5, 20);
   const auto solver = start(scene);
   run_frames(*solver, scene, options, [] {});
-  const Heap heap = measure_heap(*solver, dx);
+  const Heap heap = measure_heap(*solver, dx, spout + 2 * dx);
   Outcome outcome;
   outcome.checks.push_back(absolute("slope of the heap [degrees]", heap.slope, shear_angle(angle), 3));
-  Curve cone{"angle in simple shear",
-             {0, heap.profile.y.front() / tangent},
-             {heap.profile.y.front(), 0},
-             CurveRole::reference};
+  const double foot = heap.profile.y.front() / tangent + spout;
+  Curve cone{"angle in simple shear", {spout, foot}, {heap.profile.y.front(), 0}, CurveRole::reference};
   outcome.figures.push_back({"Poured heap", "distance from the axis [m]", "height [m]", {heap.profile, cone}});
   return outcome;
 }
