@@ -52,9 +52,10 @@ Outcome curved_track(const RunOptions& options) {
   scene.gravity = {0, -gravity, 0};
   Obstacle track;
   track.shape = Shape::mesh;
-  track.mesh = prism(-3.5, 2.5, -0.5, 0.5);
+  track.mesh = prism(-3.5, 2.5, -0.2, 8 * dx);
   track.contact = Contact::separate;
   scene.obstacles.push_back(track);
+  scene.obstacle_band = 4 * dx;
   scene.push_out = false;
   scene.materials["block"] = elastic(2e6, 0.2, 1000);
   const Vec2d down = {std::cos(slope), -std::sin(slope)};
