@@ -16,6 +16,11 @@ const Curve front_data = {"Martin and Moyce",
                           {.41, .84, 1.19, 1.43, 1.63, 1.83, 1.98, 2.20, 2.32, 2.51, 2.65, 2.83, 2.98, 3.11, 3.33},
                           {1.11, 1.22, 1.44, 1.67, 1.89, 2.11, 2.33, 2.56, 2.78, 3.00, 3.22, 3.44, 3.67, 3.89, 4.11},
                           CurveRole::reference};
+/// The same, their figure 3, digitised (pysph, db_exp_data.py).
+const Curve figure_data = {"Martin and Moyce, figure 3",
+                           {.832, 1.219, 1.997, 2.547, 3.345, 4.034},
+                           {1.217, 1.474, 2.292, 2.995, 4.134, 4.944},
+                           CurveRole::reference};
 const Curve height_data = {"Martin and Moyce",
                            {.56, .77, .93, 1.08, 1.28, 1.46, 1.66, 1.84, 2.00, 2.21, 2.45, 2.70, 3.06, 3.44},
                            {.94, .89, .83, .78, .72, .67, .61, .56, .50, .44, .39, .33, .28, .22},
@@ -95,11 +100,11 @@ Outcome dam_break(const RunOptions& options) {
   Outcome outcome;
   outcome.checks.push_back(relative("speed of the front dZ/dT, T 1.5 to 3.3", slope_between(front, 1.5, 3.3).slope,
                                     slope_between(front_data, 1.5, 3.3).slope, 0.15));
-  outcome.checks.push_back(at_most("front ahead of the experiment, largest share", ahead, 0.25));
+  outcome.checks.push_back(at_most("front ahead of the experiment, largest share", ahead, 0.15));
   outcome.checks.push_back(at_most("fastest dZ/dT (Ritter)", fastest, 2));
   outcome.checks.push_back(at_most("height at the wall, largest error [2a]", worst_height, 0.06));
   outcome.checks.push_back(at_most("change of volume, largest share", loss, 0.02));
-  outcome.figures.push_back({"Dam break: front", "T = t sqrt(2g/a)", "Z = x/a", {front, front_data}});
+  outcome.figures.push_back({"Dam break: front", "T = t sqrt(2g/a)", "Z = x/a", {front, front_data, figure_data}});
   outcome.figures.push_back({"Dam break: height", "t sqrt(g/a)", "H = height/2a", {height, height_data}});
   return outcome;
 }

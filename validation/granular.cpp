@@ -178,12 +178,13 @@ Outcome angle_of_repose(const RunOptions& options) {
   set_time(scene, duration + 0.5, 20);
   const auto solver = start(scene);
   run_frames(*solver, scene, options, [] {});
-  const Heap heap = measure_heap(*solver, dx, spout + 2 * dx);
+  const double reach = spout + 2 * dx;
+  const Heap heap = measure_heap(*solver, dx, reach);
   Outcome outcome;
   outcome.checks.push_back(
       absolute("slope of the heap [degrees]", heap.slope, shear_angle(angle), options.pick(6.0, 3.0)));
-  const double foot = heap.profile.y.front() / tangent + spout;
-  Curve cone{"angle in simple shear", {spout, foot}, {heap.profile.y.front(), 0}, CurveRole::reference};
+  const double high = interpolated(heap.profile.x, heap.profile.y, reach);
+  Curve cone{"angle in simple shear", {reach, reach + high / tangent}, {high, 0}, CurveRole::reference};
   outcome.figures.push_back({"Poured heap", "distance from the axis [m]", "height [m]", {heap.profile, cone}});
   return outcome;
 }
