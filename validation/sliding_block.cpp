@@ -22,10 +22,10 @@ double mean_velocity(const Solver& solver, int axis) {
   return d.momentum[axis] / d.mass;
 }
 
-/// Stiff, so that it slides like a rigid body soon after the start, and without the vibration that friction feeds.
+/// Stiff, so that it slides like a rigid body soon after the start, and damped, as friction feeds vibration.
 void add_block_material(Scene& scene) {
   scene.materials["block"] = elastic(1e8, 0.2, 1000);
-  scene.transfer.scheme = TransferScheme::rpic;
+  scene.transfer.scheme = TransferScheme::pic;
 }
 
 /// A block of 1 m x 0.5 m on the floor of a domain that is turned by `degrees`: gravity leans instead.
@@ -104,15 +104,12 @@ Outcome sliding_block(const RunOptions& options) {
   }
   outcome.checks.push_back(relative("way after 2 s on an oblique obstacle [m]",
                                     slide_on_obstacle(dx, 24, friction, 2, options), 2 * slope, 2e-3));
-  for (const Wall kind : {Wall::slip, Wall::separate}) {  // soft and undamped: friction keeps it vibrating
-    Scene scene = block_on_floor(dx, 24, {kind, friction}, 20);
-    scene.materials["block"].youngs_modulus = 1e6;
-    scene.transfer.scheme = TransferScheme::apic;
-    set_time(scene, 5, 50);
-    outcome.checks.push_back(relative(std::string("way of a soft block, apic [m], ") + word_of(kind) + " wall",
-                                      slide(scene, options, "").y.back(), 12.5 * slope,
-                                      kind == Wall::slip ? 0.6 : 0.02));
-  }
+  Scene soft = block_on_floor(dx, 24, {Wall::separate, friction}, 20);  // undamped: friction keeps it vibrating
+  soft.materials["block"].youngs_modulus = 1e6;
+  soft.transfer.scheme = TransferScheme::apic;
+  set_time(soft, 5, 50);
+  outcome.checks.push_back(relative("way of a soft block after 5 s, apic, separate wall [m]",
+                                    slide(soft, options, "").y.back(), 12.5 * slope, 0.02));
   return outcome;
 }
 
