@@ -68,9 +68,10 @@ double slide_on_obstacle(double dx, double degrees, double friction, double dura
   add_plane_points(scene, "block", turned_lattice(scene, {0, 0}, {down[0], down[1]}, {1, 0.5}, 2), 2);
   set_time(scene, duration, 20);
   const auto solver = start(scene);
-  const double begin = mean_position(*solver, 0);
+  const auto along = [&] { return down[0] * mean_position(*solver, 0) + down[1] * mean_position(*solver, 1); };
+  const double begin = along();
   run_frames(*solver, scene, options, [] {});
-  return (mean_position(*solver, 0) - begin) / down[0];
+  return along() - begin;
 }
 
 }  // namespace
