@@ -164,6 +164,7 @@ Outcome turntable(const RunOptions& options) {
   scene.push_out = false;
   add_block_material(scene);
   scene.materials["block"].youngs_modulus = 1e6;
+  scene.transfer.scheme = TransferScheme::rpic;  // pic would take the block's own rotation away
   add_points(scene, "block", space_lattice(scene, {distance - 0.1, 0, -0.1}, {distance + 0.1, 0.2, 0.1}, 2), 2);
   scene.sources[0].angular_velocity = {0, spin, 0};
   scene.sources[0].spin_center = Vec3d{0, 0, 0};
