@@ -186,7 +186,7 @@ void bench_mpm(BenchMpmOptions& options) {
 }  // namespace
 
 void add_bench(CLI::App& app) {
-  CLI::App* bench = app.add_subcommand("bench", "Measure speed");
+  CLI::App* bench = app.add_subcommand("bench", "Measure speed, and agreement with theory");
   bench->require_subcommand(1);
   auto options = std::make_shared<BenchMpmOptions>();
   CLI::App* verb = bench->add_subcommand("mpm", "Whole substeps of a falling cube: dx = 1/256 m, steps of 1e-4 s");
@@ -217,6 +217,7 @@ void add_bench(CLI::App& app) {
       "  graupel bench mpm --particles 39304 --phase late --threads 1 --json speed.json\n"
       "  graupel bench mpm --recipe scenes/recipes/hgn.json --batch 1 64 --device cuda");
   verb->callback([options] { bench_mpm(*options); });
+  add_bench_validate(*bench);
 }
 
 }  // namespace graupel::apps

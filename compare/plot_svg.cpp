@@ -114,8 +114,9 @@ class Painter {
   std::string paint() {
     out_ = fmt::format(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {0} {1}\" width=\"{0}\" height=\"{1}\" "
-        "font-family=\"sans-serif\" font-size=\"11\" fill=\"currentColor\" role=\"img\">\n<title>{2}</title>\n",
-        plot_.width, plot_.height + legend_height(), escape_markup(plot_.title));
+        "font-family=\"sans-serif\" font-size=\"11\" fill=\"currentColor\" role=\"img\"{3}>\n<title>{2}</title>\n",
+        plot_.width, plot_.height + legend_height(), escape_markup(plot_.title),
+        plot_.standalone ? " style=\"background:#fff;color:#222\"" : "");
     axes();
     for (std::size_t k = 0; k < plot_.lines.size(); ++k) line(plot_.lines[k], k);
     legend();

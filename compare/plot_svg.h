@@ -19,6 +19,7 @@ struct Plot {
   Axis y_axis = Axis::linear;
   std::vector<PlotLine> lines;
   int width = 390, height = 280;  ///< [pixels]
+  bool standalone = false;        ///< a file of its own: dark on white, whatever shows it
 };
 
 /// An <svg> element. Text and axes take the page's colour (currentColor), so that it reads on dark and light pages.

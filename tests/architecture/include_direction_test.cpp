@@ -22,10 +22,11 @@ const Graph allowed = {
     {"nn", {"core"}},
     {"sparsegrid", {"core"}},
     {"mpm", {"core", "sparsegrid"}},
+    {"validation", {"core", "sparsegrid", "mpm"}},
     {"graph", {"core", "nn", "sparsegrid"}},
     {"compare", {"core", "io", "sparsegrid"}},
     {"train", {"core", "io", "nn", "sparsegrid", "graph"}},
-    {"apps", {"core", "io", "nn", "sparsegrid", "mpm", "graph", "compare"}},
+    {"apps", {"core", "io", "nn", "sparsegrid", "mpm", "validation", "graph", "compare"}},
 };
 
 std::string text_of(const fs::path& path) {

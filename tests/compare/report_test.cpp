@@ -60,6 +60,15 @@ TEST(PlotSvg, PlacesPointsByTheAxis) {
   EXPECT_NE(svg.find("M62.0 240.0L376.0 30.0"), std::string::npos) << svg;
 }
 
+TEST(PlotSvg, AFileOfItsOwnHasColoursOfItsOwn) {
+  Plot plot{.title = "", .x_label = "", .y_label = "", .lines = {}};
+  plot.lines.push_back({"line", {0, 10}, {0, 5}});
+  EXPECT_EQ(plot_svg(plot).find("background"), std::string::npos);
+  plot.standalone = true;
+  EXPECT_NE(plot_svg(plot).find("style=\"background:#fff;color:#222\""), std::string::npos);
+  EXPECT_TRUE(well_formed(plot_svg(plot)));
+}
+
 TEST(PlotSvg, EmptyPlotsAreStillPictures) {
   EXPECT_TRUE(well_formed(plot_svg({.title = "none", .x_label = "", .y_label = "", .lines = {}})));
   Plot zero{.title = "", .x_label = "", .y_label = "", .y_axis = Axis::logarithmic, .lines = {}};
