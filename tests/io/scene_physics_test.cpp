@@ -4,6 +4,7 @@
 #include "core/error.h"
 #include "expect_error.h"
 #include "io/scene_reader.h"
+#include "replaced.h"
 
 namespace graupel::io {
 namespace {
@@ -27,12 +28,6 @@ const std::string good = R"({
 })";
 
 Scene parse(const std::string& text) { return parse_scene(text, "s.json", "/"); }
-
-std::string replaced(std::string text, const std::string& from, const std::string& to) {
-  const auto at = text.find(from);
-  EXPECT_NE(at, std::string::npos) << from;
-  return text.replace(at, from.size(), to);
-}
 
 void fails(const std::string& from, const std::string& to, const std::vector<std::string>& parts) {
   expect_error<ConfigError>([&] { parse(replaced(good, from, to)); }, parts);

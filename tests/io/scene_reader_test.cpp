@@ -4,6 +4,7 @@
 
 #include "core/error.h"
 #include "expect_error.h"
+#include "replaced.h"
 #include "temporary_folder.h"
 
 namespace graupel::io {
@@ -27,12 +28,6 @@ const std::string good = R"({
 
 Scene parse(const std::string& text, const std::vector<std::string>& overrides = {}) {
   return parse_scene(text, "s.json", "/", overrides);
-}
-
-std::string replaced(std::string text, const std::string& from, const std::string& to) {
-  const auto at = text.find(from);
-  EXPECT_NE(at, std::string::npos) << from;
-  return text.replace(at, from.size(), to);
 }
 
 void fails(const std::string& from, const std::string& to, const std::vector<std::string>& parts) {

@@ -13,6 +13,12 @@ BatchEntry entry_of(const Scene& scene, uint64_t seed) {
   return {scene, sample_sources(scene, seed), sparsegrid::ObstacleSet(scene)};
 }
 
+std::vector<BatchEntry> entries_of(const std::vector<Scene>& scenes, uint64_t seed) {
+  std::vector<BatchEntry> entries;
+  for (const Scene& scene : scenes) entries.push_back(entry_of(scene, seed));
+  return entries;
+}
+
 /// Four materials that meet each other, the floor and a ball.
 Scene mixed_scene() {
   Scene scene = scene_with("taichi_water", {0.36, 0.11, 0.4}, 0.06);
@@ -46,9 +52,7 @@ TEST(Batch, TwentySubstepsEqualTheCpuSolver) {
   const Scene scene = mixed_scene();
   const auto cpu = Simulation::create(scene, {});
   FiberBackend backend;
-  std::vector<BatchEntry> entries;
-  entries.push_back(entry_of(scene, 0));
-  BatchSolver<FiberBackend> batch(backend, std::move(entries));
+  BatchSolver<FiberBackend> batch(backend, entries_of({scene}, 0));
   for (int frame = 0; frame < 2; ++frame) {
     cpu->advance_frame();
     batch.advance_frame();
@@ -67,9 +71,7 @@ TEST(Batch, EveryModelMovesAsWithTheCpuSolver) {
   scene.frame_time = 10 * 1e-4;
   const auto cpu = Simulation::create(scene, {});
   FiberBackend backend;
-  std::vector<BatchEntry> entries;
-  entries.push_back(entry_of(scene, 0));
-  BatchSolver<FiberBackend> batch(backend, std::move(entries));
+  BatchSolver<FiberBackend> batch(backend, entries_of({scene}, 0));
   cpu->advance_frame();
   batch.advance_frame();
   expect_close(cpu->frame(), batch.frame(), 1e-5f, 2e-2f);
@@ -81,9 +83,7 @@ TEST(Batch, AdaptiveStepsEqualTheCpuSolver) {
   scene.time_step.policy = StepPolicy::adaptive;
   const auto cpu = Simulation::create(scene, {});
   FiberBackend backend;
-  std::vector<BatchEntry> entries;
-  entries.push_back(entry_of(scene, 0));
-  BatchSolver<FiberBackend> batch(backend, std::move(entries));
+  BatchSolver<FiberBackend> batch(backend, entries_of({scene}, 0));
   cpu->advance_frame();
   batch.advance_frame();
   expect_close(cpu->frame(), batch.frame(), 2e-5f, 2e-2f);
@@ -98,8 +98,7 @@ TEST(Batch, ASceneIsTheSameAloneAndAmongOthers) {
   fast.frame_time = one.frame_time;
   FiberBackend backend;
   const auto run = [&](const std::vector<Scene>& scenes) {
-    std::vector<BatchEntry> entries;
-    for (const Scene& scene : scenes) entries.push_back(entry_of(scene, 3));
+    std::vector<BatchEntry> entries = entries_of(scenes, 3);
     auto batch = std::make_unique<BatchSolver<FiberBackend>>(backend, std::move(entries));
     batch->advance_frame();
     return batch;
@@ -119,8 +118,7 @@ TEST(Batch, ASceneIsTheSameAloneAndAmongOthers) {
 void expect_exact_restart(const std::vector<Scene>& scenes) {
   FiberBackend backend;
   const auto make = [&] {
-    std::vector<BatchEntry> entries;
-    for (const Scene& scene : scenes) entries.push_back(entry_of(scene, 3));
+    std::vector<BatchEntry> entries = entries_of(scenes, 3);
     return std::make_unique<BatchSolver<FiberBackend>>(backend, std::move(entries));
   };
   const auto whole = make(), first = make(), fresh = make(), used = make();
@@ -170,9 +168,7 @@ TEST(Batch, StorageGrowsWhileAFrameRuns) {
   scene.frame_time = 32 * 3e-4;
   const auto cpu = Simulation::create(scene, {});
   FiberBackend backend;
-  std::vector<BatchEntry> entries;
-  entries.push_back(entry_of(scene, 0));
-  BatchSolver<FiberBackend> batch(backend, std::move(entries));
+  BatchSolver<FiberBackend> batch(backend, entries_of({scene}, 0));
   EXPECT_EQ(batch.active_blocks(), 0);
   batch.advance_frame();
   cpu->advance_frame();
@@ -184,8 +180,7 @@ TEST(Batch, StorageGrowsWhileAFrameRuns) {
 /// Frames of a batch whose home blocks all run at once, up to `resident_blocks` of them, or by three kernels (0).
 std::unique_ptr<BatchSolver<FiberBackend>> run_batch(FiberBackend& backend, const std::vector<Scene>& scenes,
                                                      int frames) {
-  std::vector<BatchEntry> entries;
-  for (const Scene& scene : scenes) entries.push_back(entry_of(scene, 3));
+  std::vector<BatchEntry> entries = entries_of(scenes, 3);
   auto batch = std::make_unique<BatchSolver<FiberBackend>>(backend, std::move(entries));
   for (int frame = 0; frame < frames; ++frame) batch->advance_frame();
   return batch;
@@ -246,10 +241,7 @@ TEST(Batch, ADivergedSceneStopsAlone) {
   Scene calm = wild;
   calm.sources[0].velocity = {0, 0, 0};
   FiberBackend backend;
-  std::vector<BatchEntry> entries;
-  entries.push_back(entry_of(wild, 0));
-  entries.push_back(entry_of(calm, 0));
-  BatchSolver<FiberBackend> batch(backend, std::move(entries));
+  BatchSolver<FiberBackend> batch(backend, entries_of({wild, calm}, 0));
   batch.advance_frame();
   EXPECT_EQ(batch.control(0).phase, ScenePhase::diverged);
   EXPECT_EQ(batch.control(0).bad_particle, 0);
@@ -264,9 +256,7 @@ TEST(Batch, MomentumAndMassAreConserved) {
   scene.time_step.substeps_per_frame = 20;
   scene.frame_time = 20 * 3e-4;
   FiberBackend backend;
-  std::vector<BatchEntry> entries;
-  entries.push_back(entry_of(scene, 0));
-  BatchSolver<FiberBackend> batch(backend, std::move(entries));
+  BatchSolver<FiberBackend> batch(backend, entries_of({scene}, 0));
   const Diagnostics before = diagnose(batch.particles(), batch.setup(0).material_configs, 1.0 / 64, scene.gravity);
   batch.advance_frame();
   const Diagnostics after = diagnose(batch.particles(), batch.setup(0).material_configs, 1.0 / 64, scene.gravity);
