@@ -192,12 +192,16 @@ struct Permute {
 }  // namespace
 
 template <typename T>
+bool moves_plainly(const SolverView<T>& view) {
+  return view.roles.presence == nullptr && view.roles.script == nullptr && view.moving.count == 0 &&
+         !view.walls.has_gates;
+}
+
+template <typename T>
 Survey move_particles(const SolverView<T>& view, T dt, Buffer<Survey>& records) {
   const SlotRange range = make_slot_range(view.device, view.particles.count);
   records.resize_discard(static_cast<std::size_t>(2 * range.items));
-  const bool plain =
-      view.roles.presence == nullptr && view.roles.script == nullptr && view.moving.count == 0 && !view.walls.has_gates;
-  if (plain)
+  if (moves_plainly(view))
     launch<T>(view.device, range.items, MoveSlots<T, true>{view, range, records.data(), dt}, Grain{2});
   else
     launch<T>(view.device, range.items, MoveSlots<T, false>{view, range, records.data(), dt}, Grain{2});
@@ -210,6 +214,18 @@ Survey survey_particles(const SolverView<T>& view, Buffer<Survey>& records) {
   records.resize_discard(static_cast<std::size_t>(2 * range.items));
   launch<T>(view.device, range.items, SurveySlots<T>{view, range, records.data()}, Grain{2});
   return total(view.device, records, range.items);
+}
+
+template <typename T>
+void move_slots(const SolverView<T>& view, T dt, int64_t first, int64_t end, Survey& found) {
+  const MoveSlots<T, true> mover{view, {}, nullptr, dt};
+  for (int64_t slot = first; slot < end; ++slot)
+    if (mover.move(slot, found)) survey_particle(view, slot, dt, found);
+}
+
+template <typename T>
+void survey_slots(const SolverView<T>& view, T dt, int64_t first, int64_t end, Survey& found) {
+  for (int64_t slot = first; slot < end; ++slot) survey_particle(view, slot, dt, found);
 }
 
 template <typename T>
@@ -232,10 +248,13 @@ void permute_particles(Particles<T>& from, Particles<T>& to, const int32_t* orde
   });
 }
 
-#define GRAUPEL_INSTANTIATE(T)                                                 \
-  template Survey move_particles<T>(const SolverView<T>&, T, Buffer<Survey>&); \
-  template Survey survey_particles<T>(const SolverView<T>&, Buffer<Survey>&);  \
-  template void find_home_blocks<T>(const SolverView<T>&);                     \
+#define GRAUPEL_INSTANTIATE(T)                                                       \
+  template bool moves_plainly<T>(const SolverView<T>&);                              \
+  template void move_slots<T>(const SolverView<T>&, T, int64_t, int64_t, Survey&);   \
+  template void survey_slots<T>(const SolverView<T>&, T, int64_t, int64_t, Survey&); \
+  template Survey move_particles<T>(const SolverView<T>&, T, Buffer<Survey>&);       \
+  template Survey survey_particles<T>(const SolverView<T>&, Buffer<Survey>&);        \
+  template void find_home_blocks<T>(const SolverView<T>&);                           \
   template void permute_particles<T>(Particles<T>&, Particles<T>&, const int32_t*);
 GRAUPEL_INSTANTIATE(float)
 GRAUPEL_INSTANTIATE(double)

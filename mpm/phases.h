@@ -78,10 +78,23 @@ void update_deformation_portable(const SolverView<T>& view, T dt);
 template <typename T>
 void update_deformation_tiles(const SolverView<T>& view, T dt);
 
+/// The same of the slots first..end - 1, at most a tile of them, on the CPU.
+template <typename T>
+void update_deformation_slots(const SolverView<T>& view, T dt, int64_t first, int64_t end);
+
 /// x <- x + dt v, kept out of obstacles and inside the walls; particles that are born, leave or pass a periodic wall;
 /// new home blocks; the survey of the new state.
 template <typename T>
 Survey move_particles(const SolverView<T>& view, T dt, Buffer<Survey>& records);
+
+/// Whether nothing moves but the particles, and none comes or goes.
+template <typename T>
+bool moves_plainly(const SolverView<T>& view);
+/// move_particles(), and the survey alone, of some slots of a scene that moves plainly, on the CPU.
+template <typename T>
+void move_slots(const SolverView<T>& view, T dt, int64_t first, int64_t end, Survey& found);
+template <typename T>
+void survey_slots(const SolverView<T>& view, T dt, int64_t first, int64_t end, Survey& found);
 
 /// The survey alone, for a state that was just made or loaded.
 template <typename T>

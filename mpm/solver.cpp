@@ -9,6 +9,7 @@
 #include "core/error.h"
 #include "mpm/divergence.h"
 #include "mpm/material.h"
+#include "mpm/simd/tuned_phases.h"
 
 namespace graupel::mpm {
 
@@ -29,7 +30,8 @@ Solver<T>::Solver(const Scene& scene, const SimulationOptions& options, const Sa
       nodes_(options.device, 0),
       joined_(options.device, 0),
       records_(options.device, 0),
-      impulses_(options.device, 0) {
+      impulses_(options.device, 0),
+      instruction_set_(instruction_set()) {
   if (scene.domain.has_wall(Wall::periodic)) blocks_.keep_node_lookup();
   std::vector<MaterialParameters<T>> parameters;
   for (const std::string& name : sampled.material_names) {
@@ -75,12 +77,16 @@ void Solver<T>::check_fixed_step() const {
 template <typename T>
 void Solver<T>::substep(double dt) {
   const T step = static_cast<T>(dt);
+  const bool tuned = options_.device == Device::cpu && options_.kernels == Kernels::tuned;
   sort_particles();
   if (moving_.any()) moving_.begin_step(time(), dt);
   roles_.begin_step(time(), dt);
   SolverView<T> v = view();
   if (roles_.has_scripts()) statistics_.scripted_momentum += lead_particles(v, impulses_);
-  particle_to_grid(v, step);
+  if (tuned)
+    particle_to_grid_tuned(v, step, instruction_set_);
+  else
+    particle_to_grid(v, step);
   if (v.blocks.node_of_key != nullptr) {
     joined_.resize_discard(nodes_.size());
     join_periodic(v, joined_.data());
@@ -88,6 +94,33 @@ void Solver<T>::substep(double dt) {
     v = view();
   }
   update_grid(v, step);
+  if (tuned)
+    advance_particles(v, dt);
+  else
+    advance_particles_portably(v, dt);
+}
+
+/// As much in one pass over the particles as nothing else has to come between.
+template <typename T>
+void Solver<T>::advance_particles(const SolverView<T>& v, double dt) {
+  const T step = static_cast<T>(dt);
+  const bool keeps_affine = scene_.transfer.scheme == TransferScheme::apic && scene_.transfer.damping == 0;
+  const AdvanceParts parts = roles_.has_scripts()               ? AdvanceParts::gather
+                             : keeps_affine && moves_plainly(v) ? AdvanceParts::all
+                                                                : AdvanceParts::gather_and_deform;
+  survey_ = advance_tuned(v, step, parts, records_, instruction_set_);
+  if (parts == AdvanceParts::all) return;
+  if (parts == AdvanceParts::gather) {
+    statistics_.scripted_momentum += lead_particles(v, impulses_);
+    update_deformation(v, step);
+  }
+  carry_affine(dt);
+  survey_ = move_particles(v, step, records_);
+}
+
+template <typename T>
+void Solver<T>::advance_particles_portably(const SolverView<T>& v, double dt) {
+  const T step = static_cast<T>(dt);
   grid_to_particle(v);
   if (roles_.has_scripts()) statistics_.scripted_momentum += lead_particles(v, impulses_);
   update_deformation(v, step);

@@ -8,6 +8,7 @@
 #include "mpm/host_particles.h"
 #include "mpm/phases.h"
 #include "mpm/sampling.h"
+#include "mpm/simd/instruction_set.h"
 #include "mpm/simulation.h"
 #include "mpm/state_bytes.h"
 #include "mpm/time_step.h"
@@ -48,6 +49,8 @@ class Solver final : public Simulation {
   void record_step(double dt);
   void check_fixed_step() const;
   void carry_affine(double dt);
+  void advance_particles(const SolverView<T>& v, double dt);
+  void advance_particles_portably(const SolverView<T>& v, double dt);
   StateOwner state_owner() const;
   std::size_t state_bytes() const;
   [[noreturn]] void throw_diverged(double dt, const StateSpeeds& before) const;
@@ -73,6 +76,7 @@ class Solver final : public Simulation {
   Buffer<T> joined_;  ///< node sums with those of periodic images
   Buffer<Survey> records_;
   Buffer<Impulse> impulses_;
+  InstructionSet instruction_set_;
 
   Survey survey_;  ///< of the present state
   int64_t frames_done_ = 0;

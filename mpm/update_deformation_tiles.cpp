@@ -15,7 +15,11 @@ class UpdateTile {
 
   void operator()(int64_t index) const {
     const int64_t first = index * tile;
-    const int count = static_cast<int>(view_.particles.count - first < tile ? view_.particles.count - first : tile);
+    update(first, static_cast<int>(view_.particles.count - first < tile ? view_.particles.count - first : tile));
+  }
+
+  /// At most a tile of slots.
+  void update(int64_t first, int count) const {
     MatrixTile<T> trial;
     if (!make_trial(first, count, trial)) return map_without_svd(first, count);
     SvdTile<T> decomposition;
@@ -87,6 +91,13 @@ void update_deformation_tiles(const SolverView<T>& view, T dt) {
   parallel_for_cpu((view.particles.count + tile - 1) / tile, UpdateTile<T>(view, dt), Grain{32});
 }
 
+template <typename T>
+void update_deformation_slots(const SolverView<T>& view, T dt, int64_t first, int64_t end) {
+  UpdateTile<T>(view, dt).update(first, static_cast<int>(end - first));
+}
+
+template void update_deformation_slots<float>(const SolverView<float>&, float, int64_t, int64_t);
+template void update_deformation_slots<double>(const SolverView<double>&, double, int64_t, int64_t);
 template void update_deformation_tiles<float>(const SolverView<float>&, float);
 template void update_deformation_tiles<double>(const SolverView<double>&, double);
 
