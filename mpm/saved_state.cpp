@@ -15,12 +15,18 @@ struct Course {
   RunStatistics statistics;
 };
 
+SolverKind solver_kind(const SimulationOptions& options, InstructionSet set) {
+  if (options.device != Device::cpu) return SolverKind::gpu_portable;
+  if (options.kernels == Kernels::portable) return SolverKind::cpu_portable;
+  if (set == InstructionSet::avx512) return SolverKind::cpu_avx512;
+  return set == InstructionSet::avx2 ? SolverKind::cpu_avx2 : SolverKind::cpu_baseline;
+}
+
 }  // namespace
 
 template <typename T>
 StateOwner Solver<T>::state_owner() const {
-  return {scene_hash(scene_, options_.seed),
-          options_.device == Device::cpu ? SolverKind::cpu : SolverKind::gpu_portable, sizeof(T),
+  return {scene_hash(scene_, options_.seed), solver_kind(options_, instruction_set_), sizeof(T),
           static_cast<int64_t>(particle_count())};
 }
 

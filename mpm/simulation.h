@@ -3,18 +3,20 @@
 
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "core/device.h"
 #include "core/scene.h"
 #include "core/trajectory.h"
+#include "mpm/simd/instruction_set.h"
 #include "sparsegrid/obstacle_set.h"
 
 namespace graupel::mpm {
 
 enum class Precision { f32, f64 };
-/// On a GPU: the tuned kernels, or their portable twins, against which they are tested.
+/// The tuned kernels, or their portable twins, against which they are tested.
 enum class Kernels { tuned, portable };
 
 struct SimulationOptions {
@@ -22,6 +24,8 @@ struct SimulationOptions {
   Precision precision = Precision::f32;
   uint64_t seed = 0;  ///< of the particle sampling
   Kernels kernels = Kernels::tuned;
+  /// Of the tuned kernels for the CPU; else instruction_set().
+  std::optional<InstructionSet> instruction_set = {};
 };
 
 /// Conserved and watched quantities [SI]; sums in f64.

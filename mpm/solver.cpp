@@ -31,7 +31,7 @@ Solver<T>::Solver(const Scene& scene, const SimulationOptions& options, const Sa
       joined_(options.device, 0),
       records_(options.device, 0),
       impulses_(options.device, 0),
-      instruction_set_(instruction_set()) {
+      instruction_set_(options.instruction_set.value_or(instruction_set())) {
   if (scene.domain.has_wall(Wall::periodic)) blocks_.keep_node_lookup();
   std::vector<MaterialParameters<T>> parameters;
   for (const std::string& name : sampled.material_names) {

@@ -9,7 +9,7 @@ namespace graupel::mpm {
 
 namespace {
 
-constexpr uint64_t magic = 0x33304d504d415247ull;  // "GRAMPM03", little endian
+constexpr uint64_t magic = 0x34304d504d415247ull;  // "GRAMPM04", little endian
 
 struct Head {
   uint64_t magic;
@@ -17,12 +17,19 @@ struct Head {
 };
 static_assert(std::is_trivially_copyable_v<Head> && sizeof(Head) == 32);
 
-constexpr const char* remedy = ". Restart from the scene, or use the state that this scene, precision and device wrote";
+constexpr const char* remedy =
+    ". Restart from the scene, or use the state that this scene, precision, device and instruction set wrote";
 
 const char* text_of(SolverKind solver) {
   switch (solver) {
-    case SolverKind::cpu:
-      return "the CPU";
+    case SolverKind::cpu_portable:
+      return "the CPU with the portable kernels";
+    case SolverKind::cpu_baseline:
+      return "the CPU with GRAUPEL_SIMD=baseline";
+    case SolverKind::cpu_avx2:
+      return "the CPU with GRAUPEL_SIMD=avx2";
+    case SolverKind::cpu_avx512:
+      return "the CPU with GRAUPEL_SIMD=avx512";
     case SolverKind::gpu_portable:
       return "a GPU with the portable kernels";
     case SolverKind::gpu_tuned:

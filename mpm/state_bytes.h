@@ -12,13 +12,13 @@
 
 namespace graupel::mpm {
 
-/// Solvers sum in different orders, so each continues its own states only.
-enum class SolverKind : uint32_t { cpu, gpu_portable, gpu_tuned };
+/// Solvers sum in different orders, and instruction sets round differently, so each continues its own states only.
+enum class SolverKind : uint32_t { cpu_portable, gpu_portable, gpu_tuned, cpu_baseline, cpu_avx2, cpu_avx512 };
 
 /// What a state belongs to.
 struct StateOwner {
   uint64_t scene = 0;  ///< scene_hash()
-  SolverKind solver = SolverKind::cpu;
+  SolverKind solver = SolverKind::cpu_portable;
   uint32_t scalar_bytes = 4;
   int64_t particles = 0;
 };

@@ -135,7 +135,7 @@ void expect_exact_restart(const std::vector<Scene>& scenes) {
     EXPECT_EQ(batch->frame().position, whole->frame().position);
   }
   StateOwner other = owner;
-  other.solver = SolverKind::cpu;
+  other.solver = SolverKind::cpu_portable;
   EXPECT_THROW(load_batch(*fresh, other, state), InputError);
 }
 

@@ -1,0 +1,20 @@
+# Fails when an object file of the kernels for one instruction set defines a symbol that the linker might take for the
+# whole program: any weak one, or any other than its tables of functions.
+#   cmake -DNM=nm -DOBJECTS=a.o,b.o -P exported_symbols.cmake
+string(REPLACE "," ";" objects "${OBJECTS}")
+if(NOT objects)
+  message(FATAL_ERROR "no object files were given")
+endif()
+foreach(object ${objects})
+  execute_process(COMMAND ${NM} --defined-only --extern-only -C ${object} OUTPUT_VARIABLE symbols COMMAND_ERROR_IS_FATAL ANY)
+  string(REGEX MATCHALL "[^\n]+" lines "${symbols}")
+  list(LENGTH lines count)
+  if(NOT count EQUAL 2)
+    message(FATAL_ERROR "${object} defines ${count} global symbols instead of its two tables:\n${symbols}")
+  endif()
+  foreach(line ${lines})
+    if(NOT line MATCHES " [DR] graupel::mpm::[a-z0-9]+::kernels_f(32|64)$")
+      message(FATAL_ERROR "${object} defines ${line}: not a table of functions, or weak")
+    endif()
+  endforeach()
+endforeach()
