@@ -12,6 +12,7 @@
 #include "core/error.h"
 #include "io/recipe_reader.h"
 #include "mpm/scene_recipe.h"
+#include "mpm/simd/instruction_set.h"
 #include "mpm/simulation.h"
 
 namespace graupel::apps {
@@ -29,6 +30,7 @@ struct BenchMpmOptions {
   std::vector<int64_t> batch = {1};
   int64_t frames = 60;
   bool portable = false;
+  std::string table;
 };
 
 MaterialConfig cube_material(const std::string& name) {
@@ -69,6 +71,11 @@ Scene cube_scene(const std::string& material, int64_t cells) {
   return scene;
 }
 
+std::vector<std::string> materials_of(const BenchMpmOptions& options) {
+  if (options.material == "all") return {"water", "jelly", "snow", "sand"};
+  return {options.material};
+}
+
 /// Cells a side whose particles come closest to `particles`.
 int64_t cube_side(int64_t particles) {
   return std::max<int64_t>(1, std::llround(std::cbrt(static_cast<double>(particles) / 8)));
@@ -102,6 +109,7 @@ nlohmann::ordered_json measure(const BenchMpmOptions& options, Device device, co
           {"device", name_of(device)},
           {"precision", options.precision},
           {"kernels", options.portable ? "portable" : "tuned"},
+          {"instruction_set", device == Device::cpu ? name_of(mpm::instruction_set()) : ""},
           {"threads", num_threads()},
           {"seconds_per_substep", median},
           {"updates_per_second", n / median},
@@ -163,16 +171,49 @@ void bench_recipe(BenchMpmOptions& options) {
   options.common.write_json({{"rows", rows}});
 }
 
+/// All materials in both precisions on one thread and on all: millions of particle-updates a second.
+void bench_cpu_table(BenchMpmOptions& options) {
+  if (options.common.device == "cuda")
+    throw ConfigError("--table cpu measures the CPU (--device cuda, allowed: auto, cpu). Leave out --device");
+  options.common.device = "cpu";
+  const Device device = options.common.apply();
+  const int all = num_threads();
+  std::vector<int> threads = {1};
+  if (all > 1) threads.push_back(all);
+  nlohmann::ordered_json rows = nlohmann::ordered_json::array();
+  std::printf("%s\n%-8s %-5s %11s %-9s", name_of(mpm::instruction_set()), "material", "phase", "particles",
+              "precision");
+  for (const int n : threads) std::printf(" %6d %s", n, n == 1 ? "thread " : "threads");
+  std::printf("  [M updates/s]\n");
+  for (const int64_t particles : options.particles)
+    for (const std::string& material : materials_of(options))
+      for (const char* precision : {"f32", "f64"}) {
+        options.precision = precision;
+        for (const int n : threads) {
+          set_num_threads(n);
+          const auto row = measure(options, device, material, particles);
+          if (n == 1)
+            std::printf("%-8s %-5s %11lld %-9s", material.c_str(), options.phase.c_str(),
+                        row["particles"].get<long long>(), precision);
+          std::printf(" %14.2f", 1e-6 * row["updates_per_second"].get<double>());
+          std::fflush(stdout);
+          rows.push_back(row);
+        }
+        std::printf("\n");
+      }
+  set_num_threads(all);
+  options.common.write_json({{"command", command_line()}, {"rows", rows}});
+}
+
 void bench_mpm(BenchMpmOptions& options) {
   if (!options.recipe.empty()) return bench_recipe(options);
+  if (!options.table.empty()) return bench_cpu_table(options);
   const Device device = options.common.apply();
-  std::vector<std::string> materials = {options.material};
-  if (options.material == "all") materials = {"water", "jelly", "snow", "sand"};
   nlohmann::ordered_json rows = nlohmann::ordered_json::array();
   std::printf("%-8s %-5s %11s %14s %14s %12s\n", "material", "phase", "particles", "us/substep", "G updates/s",
               "B/particle");
   for (const int64_t particles : options.particles)
-    for (const std::string& material : materials) {
+    for (const std::string& material : materials_of(options)) {
       const auto row = measure(options, device, material, particles);
       std::printf("%-8s %-5s %11lld %14.2f %14.4f %12.0f\n", material.c_str(), options.phase.c_str(),
                   row["particles"].get<long long>(), 1e6 * row["seconds_per_substep"].get<double>(),
@@ -210,11 +251,16 @@ void add_bench(CLI::App& app) {
   verb->add_option("--frames", options->frames, "With --recipe: frames to measure, after five more")
       ->check(CLI::Range(int64_t{1}, int64_t{100000}))
       ->capture_default_str();
-  verb->add_flag("--portable", options->portable, "On a GPU: the portable kernels instead of the tuned ones");
+  verb->add_option("--table", options->table,
+                   "cpu: instead, f32 and f64 on one thread and on all, in one table (with --particles 100000, say)")
+      ->check(CLI::IsMember({"cpu"}))
+      ->excludes("--recipe");
+  verb->add_flag("--portable", options->portable, "The portable kernels instead of the tuned ones");
   options->common.add_to(*verb);
   verb->footer(
       "Examples:\n  graupel bench mpm --material sand --particles 1000000 --device cuda\n"
       "  graupel bench mpm --particles 39304 --phase late --threads 1 --json speed.json\n"
+      "  graupel bench mpm --table cpu --particles 100000 --json cpu.json\n"
       "  graupel bench mpm --recipe scenes/recipes/hgn.json --batch 1 64 --device cuda");
   verb->callback([options] { bench_mpm(*options); });
   add_bench_validate(*bench);

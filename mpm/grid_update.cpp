@@ -80,6 +80,20 @@ void update_grid(const SolverView<T>& view, T dt) {
     launch<T>(view.device, nodes, UpdateNode<T, false>{view, dt}, Grain{1024});
 }
 
+template <typename T>
+void update_grid_block(const SolverView<T>& view, T dt, int64_t block) {
+  const int64_t first = block * nodes_per_block<3>, end = first + nodes_per_block<3>;
+  if (view.moving.count > 0) {
+    const UpdateNode<T, true> update{view, dt};
+    for (int64_t entry = first; entry < end; ++entry) update(entry);
+  } else {
+    const UpdateNode<T, false> update{view, dt};
+    for (int64_t entry = first; entry < end; ++entry) update(entry);
+  }
+}
+
+template void update_grid_block<float>(const SolverView<float>&, float, int64_t);
+template void update_grid_block<double>(const SolverView<double>&, double, int64_t);
 template void update_grid<float>(const SolverView<float>&, float);
 template void update_grid<double>(const SolverView<double>&, double);
 

@@ -62,6 +62,10 @@ void particle_to_grid_by_nodes(const SolverView<T>& view, T dt);
 template <typename T>
 void update_grid(const SolverView<T>& view, T dt);
 
+/// The same of one node block, on the CPU.
+template <typename T>
+void update_grid_block(const SolverView<T>& view, T dt, int64_t block);
+
 /// Particle velocity and affine velocity from the nodes.
 template <typename T>
 void grid_to_particle(const SolverView<T>& view);

@@ -83,17 +83,18 @@ void Solver<T>::substep(double dt) {
   roles_.begin_step(time(), dt);
   SolverView<T> v = view();
   if (roles_.has_scripts()) statistics_.scripted_momentum += lead_particles(v, impulses_);
+  const bool periodic = v.blocks.node_of_key != nullptr;
   if (tuned)
-    particle_to_grid_tuned(v, step, instruction_set_);
+    particle_to_grid_tuned(v, step, instruction_set_, periodic ? GridParts::sums : GridParts::velocities);
   else
     particle_to_grid(v, step);
-  if (v.blocks.node_of_key != nullptr) {
+  if (periodic) {
     joined_.resize_discard(nodes_.size());
     join_periodic(v, joined_.data());
     std::swap(nodes_, joined_);
     v = view();
   }
-  update_grid(v, step);
+  if (periodic || !tuned) update_grid(v, step);
   if (tuned)
     advance_particles(v, dt);
   else
@@ -168,8 +169,12 @@ template <typename T>
 void Solver<T>::sort_particles() {
   blocks_.update();
   const BlockView b = blocks_.view();
-  if (options_.device == Device::cpu) arenas_.resize_discard(static_cast<std::size_t>(b.home_count) * arena_size<3>);
-  nodes_.resize_discard(static_cast<std::size_t>(b.node_count) * nodes_per_block<3> * channels);
+  // With room for more: while material spreads there are more blocks in every substep.
+  const auto make_room = [](Buffer<T>& buffer, std::size_t n) {
+    if (n > buffer.size()) buffer.resize_discard(n + n / 4);
+  };
+  if (options_.device == Device::cpu) make_room(arenas_, static_cast<std::size_t>(b.home_count) * arena_size<3>);
+  make_room(nodes_, static_cast<std::size_t>(b.node_count) * nodes_per_block<3> * channels);
 }
 
 /// Puts the particles into block order in memory. Done at the start of every frame, so that the order inside a frame,

@@ -70,6 +70,14 @@ CpuStep<T> cpu_step(const SolverView<T>& v, T dt) {
     s.particle_low[d] = v.walls.particle_low[d];
     s.particle_high[d] = v.walls.particle_high[d];
   }
+  for (int d = 0; d < 3; ++d) {
+    s.gravity[d] = v.gravity[d];
+    s.wall_low[d] = v.walls.low[d];
+    s.wall_high[d] = v.walls.high[d];
+  }
+  s.node_key = v.blocks.node_key;
+  s.node_surfaces = v.obstacle_nodes.block_number;
+  s.obstacles_move = v.moving.count > 0;
   s.home_key = v.blocks.home_key;
   s.home_to_node = v.blocks.home_to_node;
   s.node_to_home = v.blocks.node_to_home;
@@ -85,6 +93,7 @@ CpuStep<T> cpu_step(const SolverView<T>& v, T dt) {
   s.deform_slots = [](const void* view, T step, int64_t first, int64_t end) {
     update_deformation_slots(view_of<T>(view), step, first, end);
   };
+  s.update_block = [](const void* view, T step, int64_t block) { update_grid_block(view_of<T>(view), step, block); };
   s.move_slots = [](const void* view, T step, int64_t first, int64_t end, Survey& found) {
     move_slots(view_of<T>(view), step, first, end, found);
   };
@@ -97,13 +106,18 @@ CpuStep<T> cpu_step(const SolverView<T>& v, T dt) {
 }  // namespace
 
 template <typename T>
-void particle_to_grid_tuned(const SolverView<T>& view, T dt, InstructionSet set) {
+void particle_to_grid_tuned(const SolverView<T>& view, T dt, InstructionSet set, GridParts parts) {
   const CpuKernels<T>& kernels = cpu_kernels<T>(set);
   const CpuStep<T> step = cpu_step(view, dt);
   parallel_for_cpu(
       view.blocks.home_count, [&](int64_t home) { kernels.scatter(step, home); }, Grain{1});
   parallel_for_cpu(
-      view.blocks.node_count, [&](int64_t block) { kernels.sum_arenas(step, block); }, Grain{8});
+      view.blocks.node_count,
+      [&](int64_t block) {
+        kernels.sum_arenas(step, block);
+        if (parts == GridParts::velocities) kernels.update_nodes(step, block);
+      },
+      Grain{8});
 }
 
 template <typename T>
@@ -126,8 +140,8 @@ Survey advance_tuned(const SolverView<T>& view, T dt, AdvanceParts parts, Buffer
   return total(view.device, records, items);
 }
 
-#define GRAUPEL_INSTANTIATE(T)                                                      \
-  template void particle_to_grid_tuned<T>(const SolverView<T>&, T, InstructionSet); \
+#define GRAUPEL_INSTANTIATE(T)                                                                 \
+  template void particle_to_grid_tuned<T>(const SolverView<T>&, T, InstructionSet, GridParts); \
   template Survey advance_tuned<T>(const SolverView<T>&, T, AdvanceParts, Buffer<Survey>&, InstructionSet);
 GRAUPEL_INSTANTIATE(float)
 GRAUPEL_INSTANTIATE(double)

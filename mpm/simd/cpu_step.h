@@ -39,12 +39,18 @@ struct CpuStep {
   int32_t* keys;
   uint8_t* keys_changed;
 
+  T gravity[3], wall_low[3], wall_high[3];
+  const int32_t* node_key;
+  const int32_t* node_surfaces;  ///< [directory] negative where no obstacle at rest acts on nodes
+  bool obstacles_move;           ///< some do
+
   T particle_low[3], particle_high[3];
-  const int32_t* surface_blocks;  ///< [directory] negative where no obstacle is near; null without obstacles
+  const int32_t* surface_blocks;  ///< node_surfaces, or null where obstacles do not push particles
 
   /// The general code, for particles that the tables' functions leave to it.
   const void* view;
   void (*deform_slots)(const void* view, T dt, int64_t first, int64_t end);  ///< at most a tile
+  void (*update_block)(const void* view, T dt, int64_t node_block);
   void (*move_slots)(const void* view, T dt, int64_t first, int64_t end, Survey& found);
   void (*survey_slots)(const void* view, T dt, int64_t first, int64_t end, Survey& found);
 };
@@ -52,9 +58,10 @@ struct CpuStep {
 /// Each call is one item of a parallel loop.
 template <typename T>
 struct CpuKernels {
-  void (*scatter)(const CpuStep<T>&, int64_t home);           ///< P2G: the home block's particles into its arena
-  void (*sum_arenas)(const CpuStep<T>&, int64_t node_block);  ///< arenas -> nodes
-  void (*fill_arena)(const CpuStep<T>&, int64_t home);        ///< node velocities -> the home block's arena
+  void (*scatter)(const CpuStep<T>&, int64_t home);             ///< P2G: the home block's particles into its arena
+  void (*sum_arenas)(const CpuStep<T>&, int64_t node_block);    ///< arenas -> nodes
+  void (*update_nodes)(const CpuStep<T>&, int64_t node_block);  ///< momentum -> velocity, gravity, contact
+  void (*fill_arena)(const CpuStep<T>&, int64_t home);          ///< node velocities -> the home block's arena
   /// G2P from the arenas, and more, of the slots of one record.
   void (*advance)(const CpuStep<T>&, AdvanceParts, int64_t record, Survey& found);
 };

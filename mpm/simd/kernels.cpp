@@ -23,8 +23,8 @@ GRAUPEL_LANES void block_low(const CpuStep<T>& s, int32_t key, int32_t (&low)[3]
 
 template <typename T>
 void scatter(const CpuStep<T>& s, int64_t home) {
-  alignas(64) T rows[row_numbers];
-  for (int i = 0; i < row_numbers; i += width<T>) store(rows + i, Lanes<T>{});
+  T* arena = s.arenas + home * arena_numbers;
+  for (int i = 0; i < arena_numbers; i += width<T>) store(arena + i, Lanes<T>{});
   int32_t low[3];
   block_low(s, s.home_key[home], low);
   const Ints<T> lows[3] = {Ints<T>{} + low[0], Ints<T>{} + low[1], Ints<T>{} + low[2]};
@@ -36,9 +36,8 @@ void scatter(const CpuStep<T>& s, int64_t home) {
       prepared = slot / tile_lanes;
       prepare_scatter(s, prepared, lows, work);
     }
-    scatter_one(work, slot % tile_lanes, rows);
+    scatter_one(work, slot % tile_lanes, arena);
   }
-  join_rows(rows, s.arenas + home * arena_numbers);
 }
 
 /// Rows that an arena and the node block at its corner `c` share; body(row in the arena, row in the block, its length).
@@ -67,6 +66,33 @@ void sum_arenas(const CpuStep<T>& s, int64_t node_block) {
         store(at, load_as<Node<T>>(at) + load_as<Node<T>>(arena + from + z * channels));
       }
     });
+  }
+}
+
+/// Whether no wall and no obstacle acts on a block's nodes.
+template <typename T>
+GRAUPEL_LANES bool is_free(const CpuStep<T>& s, int32_t key) {
+  if (s.obstacles_move || s.node_surfaces[key] >= 0) return false;
+  int32_t low[3];
+  block_low(s, key, low);
+  bool inside = true;
+  for (int d = 0; d < 3; ++d) {
+    const T first = s.origin[d] + static_cast<T>(low[d]) * s.dx, last = first + (block_width - 1) * s.dx;
+    inside = inside && first > s.wall_low[d] + T(0.5) * s.dx && last < s.wall_high[d] - T(0.5) * s.dx;
+  }
+  return inside;
+}
+
+template <typename T>
+void update_nodes(const CpuStep<T>& s, int64_t node_block) {
+  if (!is_free(s, s.node_key[node_block])) return s.update_block(s.view, s.dt, node_block);
+  T* nodes = s.nodes + node_block * node_numbers;
+  const Node<T> gravity = {s.dt * s.gravity[0], s.dt * s.gravity[1], s.dt * s.gravity[2], T(0)};
+  const Lanes<T> fall = repeated<T>(gravity), is_mass = repeated<T>(Node<T>{T(0), T(0), T(0), T(1)});
+  for (int i = 0; i < node_numbers; i += width<T>) {
+    const Lanes<T> sums = load(nodes + i), mass = last_channel(sums);
+    const Lanes<T> velocity = sums * (T(1) / mass) + fall;
+    store(nodes + i, is_mass != T(0) ? sums : mass > T(0) ? velocity : Lanes<T>{});
   }
 }
 
@@ -245,8 +271,10 @@ void advance(const CpuStep<T>& s, AdvanceParts parts, int64_t record, Survey& fo
 namespace GRAUPEL_ISA {
 extern const CpuKernels<float> kernels_f32;
 extern const CpuKernels<double> kernels_f64;
-const CpuKernels<float> kernels_f32 = {scatter<float>, sum_arenas<float>, fill_arena<float>, advance<float>};
-const CpuKernels<double> kernels_f64 = {scatter<double>, sum_arenas<double>, fill_arena<double>, advance<double>};
+const CpuKernels<float> kernels_f32 = {scatter<float>, sum_arenas<float>, update_nodes<float>, fill_arena<float>,
+                                       advance<float>};
+const CpuKernels<double> kernels_f64 = {scatter<double>, sum_arenas<double>, update_nodes<double>, fill_arena<double>,
+                                        advance<double>};
 }  // namespace GRAUPEL_ISA
 
 }  // namespace graupel::mpm

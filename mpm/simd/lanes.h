@@ -172,7 +172,8 @@ GRAUPEL_LANES V odd_lanes(V a, V b) {
     return __builtin_shufflevector(a, b, 1, 3, 5, 7, 9, 11, 13, 15, 17, 19, 21, 23, 25, 27, 29, 31);
 }
 
-// GCC 12 moves parts of wide vectors through memory where it is given shuffles of unequal lengths, hence the intrinsics.
+// GCC 12 moves parts of wide vectors through memory where it is given shuffles of unequal lengths, hence the
+// intrinsics.
 /// The four channels of a node, repeated.
 template <typename T>
 GRAUPEL_LANES Lanes<T> repeated(Node<T> v) {
@@ -210,6 +211,16 @@ GRAUPEL_LANES Lanes<T> stairs(Node<T> v) {
 #else
   return __builtin_shufflevector(v, v, n, n, n, n);
 #endif
+}
+/// The last channel of each node at all its channels.
+template <typename V>
+GRAUPEL_LANES V last_channel(V v) {
+  if constexpr (sizeof(V) / sizeof(v[0]) == 4)
+    return __builtin_shufflevector(v, v, 3, 3, 3, 3);
+  else if constexpr (sizeof(V) / sizeof(v[0]) == 8)
+    return __builtin_shufflevector(v, v, 3, 3, 3, 3, 7, 7, 7, 7);
+  else
+    return __builtin_shufflevector(v, v, 3, 3, 3, 3, 7, 7, 7, 7, 11, 11, 11, 11, 15, 15, 15, 15);
 }
 /// Sum over the nodes of a vector.
 template <typename T>

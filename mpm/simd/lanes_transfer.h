@@ -12,6 +12,9 @@ namespace graupel::mpm {
 namespace {
 
 constexpr int tile_lanes = static_cast<int>(tile);
+/// Numbers in a row of an arena.
+constexpr int row_stride = arena_row * channels;
+
 /// Vectors that hold the three nodes of a row.
 template <typename T>
 constexpr int row_parts = (12 + width<T> - 1) / width<T>;
@@ -28,20 +31,22 @@ GRAUPEL_LANES void set_component(T* data, int64_t tile_index, int k, int lane, L
 /// Where particles lie in the arenas of their home blocks.
 template <typename T>
 struct LanePlace {
-  Ints<T> inside[3];  ///< base node, from the lowest of the home block
-  Lanes<T> fx[3];     ///< cells above it
+  Ints<T> offset;  ///< of the base node in the arena
+  Lanes<T> fx[3];  ///< cells above it
 };
 
 /// `low`: lowest node of the home block. The base is kept inside the block, as arena_place() does.
 template <typename T>
 GRAUPEL_LANES LanePlace<T> place_of(const CpuStep<T>& s, int64_t tile_index, int lane, const Ints<T> (&low)[3]) {
   LanePlace<T> place;
+  Ints<T> inside[3];
   for (int d = 0; d < 3; ++d) {
     const Lanes<T> local = (component<T, 3>(s.position, tile_index, d, lane) - s.origin[d]) * s.inverse_dx;
     const Ints<T> base = __builtin_convertvector(local - T(0.5), Ints<T>) - low[d];
-    place.inside[d] = base < 0 ? Ints<T>{} : base > block_width - 1 ? Ints<T>{} + (block_width - 1) : base;
-    place.fx[d] = local - __builtin_convertvector(low[d] + place.inside[d], Lanes<T>);
+    inside[d] = base < 0 ? Ints<T>{} : base > block_width - 1 ? Ints<T>{} + (block_width - 1) : base;
+    place.fx[d] = local - __builtin_convertvector(low[d] + inside[d], Lanes<T>);
   }
+  place.offset = (inside[0] * arena_width + inside[1]) * row_stride + inside[2] * channels;
   return place;
 }
 
@@ -53,12 +58,6 @@ GRAUPEL_LANES void spline_weights(Lanes<T> fx, Lanes<T> (&w)[3]) {
   w[2] = T(0.5) * high * high;
 }
 
-/// Sums of a block's particles while they are made: for each row of the arena one row of three nodes (the fourth is
-/// padding) for each base along it. So no two particles' rows overlap by a part, which processors cannot forward from
-/// stores to loads, and none crosses a cache line: 49 -> ROWS ns a particle (Zen 4, AVX-512).
-constexpr int padded_row = 4 * channels, row_stride = block_width * padded_row;
-constexpr int row_numbers = arena_width * arena_width * row_stride;
-
 /// What 16 particles add to an arena, ready for scatter_one().
 template <typename T>
 struct ScatterTile {
@@ -66,7 +65,7 @@ struct ScatterTile {
   alignas(64) T last_weight[4 * tile_lanes];  ///< along a row; by particle
   alignas(64) T at_base[4 * tile_lanes];      ///< momentum and mass there; by particle
   alignas(64) T change[3][4 * tile_lanes];    ///< from node to node along each axis; by particle
-  alignas(64) int32_t row[tile_lanes];        ///< first number of the base node's row
+  alignas(64) int32_t offset[tile_lanes];     ///< of the base node in the arena
 };
 
 template <typename T>
@@ -86,7 +85,7 @@ GRAUPEL_LANES void prepare_scatter(const CpuStep<T>& s, int64_t tile_index, cons
                                    ScatterTile<T>& out) {
   for (int lane = 0; lane < tile_lanes; lane += width<T>) {
     const LanePlace<T> place = place_of(s, tile_index, lane, low);
-    store(out.row + lane, ((place.inside[0] * arena_width + place.inside[1]) * block_width + place.inside[2]) * padded_row);
+    store(out.offset + lane, place.offset);
     Lanes<T> w[3][3];
     for (int d = 0; d < 3; ++d) spline_weights<T>(place.fx[d], w[d]);
     for (int r = 0; r < 9; ++r) store(out.weight[r] + lane, w[0][r / 3] * w[1][r % 3]);
@@ -114,12 +113,12 @@ GRAUPEL_LANES Lanes<T> four_channels(const T* by_particle, int l) {
 }
 
 template <typename T, int part>
-GRAUPEL_LANES void scatter_part(const ScatterTile<T>& t, int l, T* rows) {
+GRAUPEL_LANES void scatter_part(const ScatterTile<T>& t, int l, T* arena) {
   const Node<T> steps = {T(0), T(1), T(2), T(0)};
   const Lanes<T> along = stairs<T, part>(load_as<Node<T>>(t.last_weight + 4 * l));
   Lanes<T> row_x = along * (four_channels(t.at_base, l) + stairs<T, part>(steps) * four_channels(t.change[2], l));
   const Lanes<T> change_x = along * four_channels(t.change[0], l), change_y = along * four_channels(t.change[1], l);
-  T* to = rows + t.row[l] + part * width<T>;
+  T* to = arena + t.offset[l] + part * width<T>;
 #pragma GCC unroll 3
   for (int x = 0; x < 3; ++x) {
     Lanes<T> row = row_x;
@@ -133,26 +132,13 @@ GRAUPEL_LANES void scatter_part(const ScatterTile<T>& t, int l, T* rows) {
   }
 }
 
-/// Adds particle l of the tile to the rows of its block.
+/// Adds particle l of the tile to an arena.
 template <typename T>
-GRAUPEL_LANES void scatter_one(const ScatterTile<T>& t, int l, T* rows) {
+GRAUPEL_LANES void scatter_one(const ScatterTile<T>& t, int l, T* arena) {
   constexpr int parts = row_parts<T>;
-  scatter_part<T, 0>(t, l, rows);
-  if constexpr (parts > 1) scatter_part<T, 1>(t, l, rows);
-  if constexpr (parts > 2) scatter_part<T, 2>(t, l, rows);
-}
-
-/// Rows of a block -> its arena.
-template <typename T>
-GRAUPEL_LANES void join_rows(const T* rows, T* arena) {
-  for (int column = 0; column < arena_width * arena_width; ++column) {
-    const T* from = rows + column * row_stride;
-    T* to = arena + column * (arena_row * channels);
-    Node<T> nodes[arena_row] = {};
-    for (int base = 0; base < block_width; ++base)
-      for (int k = 0; k < 3; ++k) nodes[base + k] += load_as<Node<T>>(from + base * padded_row + k * channels);
-    for (int z = 0; z < arena_row; ++z) store(to + z * channels, nodes[z]);
-  }
+  scatter_part<T, 0>(t, l, arena);
+  if constexpr (parts > 1) scatter_part<T, 1>(t, l, arena);
+  if constexpr (parts > 2) scatter_part<T, 2>(t, l, arena);
 }
 
 /// Weights of 16 particles for gather_one(): w, and w times the node's distance from the particle.
@@ -169,8 +155,7 @@ template <typename T>
 GRAUPEL_LANES void prepare_gather(const CpuStep<T>& s, int64_t tile_index, int lane, const Ints<T> (&low)[3],
                                   GatherTile<T>& out) {
   const LanePlace<T> place = place_of(s, tile_index, lane, low);
-  store(out.offset + lane,
-        ((place.inside[0] * arena_width + place.inside[1]) * arena_row + place.inside[2]) * channels);
+  store(out.offset + lane, place.offset);
   Lanes<T> w[3], moment[3];
   for (int d = 0; d < 3; ++d) {
     spline_weights<T>(place.fx[d], w);

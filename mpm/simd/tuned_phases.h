@@ -8,9 +8,12 @@
 
 namespace graupel::mpm {
 
-/// Node momentum and mass from all particles.
+enum class GridParts {
+  sums,       ///< node momentum and mass from all particles
+  velocities  ///< and the grid update
+};
 template <typename T>
-void particle_to_grid_tuned(const SolverView<T>& view, T dt, InstructionSet set);
+void particle_to_grid_tuned(const SolverView<T>& view, T dt, InstructionSet set, GridParts parts);
 
 /// G2P, and of deformation and motion what `parts` says; the survey is complete with AdvanceParts::all only, which is
 /// for particles that all take part, with nothing that moves but they (moves_plainly()).

@@ -131,8 +131,7 @@ void check_substep(Solver<T>& solver, const std::vector<std::byte>& start, Advan
   for (const InstructionSet set : available_instruction_sets()) {
     SCOPED_TRACE(name_of(set));
     view = restore();
-    particle_to_grid_tuned(view, step_of_tests<T>, set);
-    update_grid(view, step_of_tests<T>);
+    particle_to_grid_tuned(view, step_of_tests<T>, set, GridParts::velocities);
     const Survey found = advance_tuned(view, step_of_tests<T>, parts, records, set);
     expect_close(solver.particles(), particles, tolerance);
     if (parts != AdvanceParts::all) continue;
@@ -177,7 +176,7 @@ void check_particle_to_grid() {
     SCOPED_TRACE(name_of(set));
     const SolverPointer<T> solver = state_of<T>(four_materials(), 2);
     const SolverView<T> view = solver->view();
-    particle_to_grid_tuned(view, step_of_tests<T>, set);
+    particle_to_grid_tuned(view, step_of_tests<T>, set, GridParts::sums);
     const std::vector<T> tuned = nodes_of(view);
     particle_to_grid_by_nodes(view, step_of_tests<T>);
     const std::vector<T> twin = nodes_of(view);
@@ -230,8 +229,7 @@ TEST(TunedCpu, BadParticlesAreFoundWhereTheyAre) {
     for (const int64_t slot : {int64_t{0}, int64_t{517}}) {
       const SolverPointer<float> solver = state_of<float>(scene_with("taichi_water", {0.4, 0.1, 0.4}), 1);
       const SolverView<float> view = solver->view();
-      particle_to_grid_tuned(view, step_of_tests<float>, set);
-      update_grid(view, step_of_tests<float>);
+      particle_to_grid_tuned(view, step_of_tests<float>, set, GridParts::velocities);
       view.particles.internal.set(slot, -1.0F);
       Buffer<Survey> records(Device::cpu, 0);
       const Survey found = advance_tuned(view, step_of_tests<float>, AdvanceParts::all, records, set);
