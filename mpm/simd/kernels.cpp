@@ -250,15 +250,14 @@ void advance(const CpuStep<T>& s, AdvanceParts parts, int64_t record, Survey& fo
     }
     for (int l = 0; l < tile_lanes; ++l) gather_one(work, l, homes.arena[l]);
     const MaterialModel model = s.materials[s.material[t * tile_lanes]].model;
-    if (!homes.uniform || parts == AdvanceParts::gather)
-      finish_any_tile(s, parts, work, homes, t, found);
-    else if (model == MaterialModel::water)
+    const bool simple = homes.uniform && parts != AdvanceParts::gather;
+    if (simple && model == MaterialModel::water)
       finish_tile<T, MaterialModel::water>(s, parts, work, homes, t, survey, found);
-    else if (model == MaterialModel::jelly)
+    else if (simple && model == MaterialModel::jelly)
       finish_tile<T, MaterialModel::jelly>(s, parts, work, homes, t, survey, found);
-    else if (model == MaterialModel::snow)
+    else if (simple && model == MaterialModel::snow)
       finish_tile<T, MaterialModel::snow>(s, parts, work, homes, t, survey, found);
-    else if (model == MaterialModel::sand)
+    else if (simple && model == MaterialModel::sand)
       finish_tile<T, MaterialModel::sand>(s, parts, work, homes, t, survey, found);
     else
       finish_any_tile(s, parts, work, homes, t, found);

@@ -8,6 +8,11 @@
 #include <immintrin.h>
 #endif
 
+#if defined(__GNUC__) && !defined(__clang__)
+#pragma GCC diagnostic ignored "-Wpsabi"                // no vector crosses a call
+#pragma GCC diagnostic ignored "-Wmaybe-uninitialized"  // GCC 12 warns of its own intrinsics
+#endif
+
 #define GRAUPEL_LANES [[gnu::always_inline]] static inline
 #define GRAUPEL_LANES_MEMBER [[gnu::always_inline]] inline
 
