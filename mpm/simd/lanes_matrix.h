@@ -1,8 +1,6 @@
 // 3 x 3 matrices, one in every lane: rotation by Newton's method (core/polar.h) and eigenvectors of symmetric matrices.
 #pragma once
 
-#include <limits>
-
 #include "mpm/simd/lanes.h"
 
 namespace graupel::mpm {
@@ -86,6 +84,10 @@ GRAUPEL_LANES LaneMatrix<T> rotation_of(const LaneMatrix<T>& F) {
   return X;
 }
 
+/// The smallest normal number.
+template <typename T>
+constexpr T tiny = sizeof(T) == 4 ? T(1.17549435e-38) : T(2.2250738585072014e-308);
+
 /// Jacobi's rotation that makes entry (p, q) vanish, p < q, r the third axis (Golub and Van Loan, section 8.5).
 template <typename T, int p, int q>
 GRAUPEL_LANES void turn(LaneSymmetric<T>& A, LaneMatrix<T>& U) {
@@ -93,7 +95,7 @@ GRAUPEL_LANES void turn(LaneSymmetric<T>& A, LaneMatrix<T>& U) {
   Lanes<T>&pp = A.s[p], &qq = A.s[q], &pq = A.s[symmetric_entry(p, q)];
   Lanes<T>&pr = A.s[symmetric_entry(p, r)], &qr = A.s[symmetric_entry(q, r)];
   const Lanes<T> d = qq - pp, twice = pq + pq;
-  const Lanes<T> root = square_root(d * d + twice * twice) + std::numeric_limits<T>::min();
+  const Lanes<T> root = square_root(d * d + twice * twice) + tiny<T>;
   const Lanes<T> t = twice / (d >= T(0) ? d + root : d - root);
   const Lanes<T> c = T(1) / square_root(t * t + T(1)), s = c * t;
   pp -= t * pq;

@@ -2,7 +2,7 @@
 #pragma once
 
 #include "mpm/simd/lanes_materials.h"
-#include "mpm/simd/lanes_transfer.h"
+#include "mpm/simd/lanes_place.h"
 
 namespace graupel::mpm {
 namespace {

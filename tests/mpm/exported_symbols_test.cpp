@@ -30,8 +30,11 @@ TEST(ExportedSymbols, KernelsExportTheirTwoTablesAlone) {
     ++files;
     int symbols = 0;
     std::istringstream lines(output_of(GRAUPEL_NM " --defined-only --extern-only -C '" + object + "'"));
-    for (std::string line; std::getline(lines, line); ++symbols)
+    for (std::string line; std::getline(lines, line);) {
+      if (line.find(" __odr_asan.") != std::string::npos) continue;  // of builds with a sanitizer
+      ++symbols;
       EXPECT_TRUE(std::regex_match(line, table)) << object << " defines " << line;
+    }
     EXPECT_EQ(symbols, 2) << object;
   }
   EXPECT_GE(files, 1);
