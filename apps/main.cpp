@@ -35,7 +35,8 @@ int run(int argc, char** argv) {
       "  graupel compare --scenes scenes/shared/water_steps.json --models mpm,models/hgn.safetensors --report "
       "report.html\n"
       "'graupel VERB --help' explains a verb. Exit codes: 0 ok, 1 failed, 2 usage, 3 bad input, 4 diverged, 5 I/O, 130 "
-      "interrupted.");
+      "interrupted.\nGRAUPEL_SIMD=baseline, avx2 or avx512 in the environment chooses the instruction set of MPM's "
+      "kernels on the CPU (default: the best there is).");
   add_demo(app);
   add_compare(app);
   add_generate(app);
