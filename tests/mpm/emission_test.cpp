@@ -140,7 +140,7 @@ TEST(Emission, MoreParticlesThanTheLimitAreRefused) {
       FAIL();
     } catch (const ConfigError& error) {
       EXPECT_THAT(error.what(),
-                  testing::AllOf(HasSubstr("emitter 0 (box of 'water')"), HasSubstr("particle_limit: 100")));
+                  testing::AllOf(HasSubstr("emitter 0 (/emitters/0, box of 'water')"), HasSubstr("particle_limit: 100")));
     }
   }
 }
