@@ -8,7 +8,9 @@
 #include <vector>
 
 #include "core/error.h"
+#include "core/trajectory.h"
 #include "mpm/divergence.h"
+#include "mpm/host_particles.h"
 #include "mpm/step_control.h"
 
 namespace graupel::mpm {

@@ -90,7 +90,7 @@ void expect_same_bytes_for_every_batch(const std::string& flags) {
   // What a kill leaves: some scenes, and a piece of one that is taken for nothing.
   const std::string killed = folder.file("killed");
   ASSERT_EQ(graupel("generate " + flags + " --shard 0/2 -o " + killed).exit_code, 0);
-  folder.write("killed/parts/train-00000.h5.part", "half a file");
+  folder.write("killed/parts/train-00001.h5.part", "half a file");
   folder.write("killed/parts/train-00002.h5", "not HDF5");
   const Outcome resumed = graupel("generate " + flags + " --batch 3 -o " + killed);
   ASSERT_EQ(resumed.exit_code, 0) << resumed.output;

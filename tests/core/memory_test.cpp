@@ -7,6 +7,8 @@
 #include <fstream>
 #include <limits>
 
+#include "tests/gpu_only.h"
+
 namespace graupel {
 namespace {
 
@@ -69,9 +71,11 @@ TEST(Memory, GroupsOfTheFirstVersionCountToo) {
   EXPECT_EQ(kernel.left(), 900000u);
 }
 
-TEST(Memory, ThisMachineHasSome) {
-  EXPECT_GT(available_bytes(Device::cpu), 1u << 20);
-  if (cuda_available()) EXPECT_GT(available_bytes(Device::cuda), 1u << 20);
+TEST(Memory, ThisMachineHasSome) { EXPECT_GT(available_bytes(Device::cpu), 1u << 20); }
+
+TEST(Memory, AGpuHasSome) {
+  GRAUPEL_NEEDS_GPU();
+  EXPECT_GT(available_bytes(Device::cuda), 1u << 20);
 }
 
 }  // namespace
