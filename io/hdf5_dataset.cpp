@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cstring>
+#include <exception>
 #include <limits>
 
 namespace graupel::io::hdf5 {
@@ -264,14 +265,22 @@ ChunkRow filter_rows(const std::vector<const void*>& rows, const std::vector<hsi
   out.count = rows.size();
   const std::size_t particle = row_bytes(row_size, filters.element_bytes) / row_size[0];
   const std::size_t chunk_line = particle * chunk[1];
-  for (hsize_t start = 0; start < row_size[0]; start += chunk[1]) {
-    std::vector<std::byte> values(chunk[0] * chunk_line);
-    const std::size_t here = particle * std::min(chunk[1], row_size[0] - start);
-    for (std::size_t r = 0; r < rows.size(); ++r)
-      std::memcpy(values.data() + r * chunk_line, static_cast<const std::byte*>(rows[r]) + start * particle, here);
-    out.start.push_back(start);
-    out.chunks.push_back(filter_chunk(values, filters));
-  }
+  for (hsize_t start = 0; start < row_size[0]; start += chunk[1]) out.start.push_back(start);
+  out.chunks.resize(out.start.size());
+  std::exception_ptr failure;
+#pragma omp parallel for schedule(dynamic) if (out.chunks.size() > 1)
+  for (std::size_t i = 0; i < out.chunks.size(); ++i) try {
+      std::vector<std::byte> values(chunk[0] * chunk_line);
+      const std::size_t here = particle * std::min(chunk[1], row_size[0] - out.start[i]);
+      for (std::size_t r = 0; r < rows.size(); ++r)
+        std::memcpy(values.data() + r * chunk_line, static_cast<const std::byte*>(rows[r]) + out.start[i] * particle,
+                    here);
+      out.chunks[i] = filter_chunk(values, filters);
+    } catch (...) {
+#pragma omp critical
+      failure = std::current_exception();
+    }
+  if (failure) std::rethrow_exception(failure);
   return out;
 }
 

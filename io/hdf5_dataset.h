@@ -53,7 +53,8 @@ enum class NumberKind { real, integer };
 /// bytes can hold and that stores nothing elsewhere.
 Dataset open_dataset(hid_t group, const std::string& name, int rank, NumberKind kind, uint64_t file_size);
 
-/// Chunks of `count` rows that a dataset gets next, ready for the disk: made without a call of the library.
+/// Chunks of `count` rows that a dataset gets next, ready for the disk: made by several threads, without a call of the
+/// library.
 struct ChunkRow {
   hsize_t count = 0;
   std::vector<hsize_t> start;  ///< of each chunk, along the second dimension

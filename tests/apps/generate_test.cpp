@@ -123,7 +123,7 @@ void expect_scenes_equal_simulate(const std::string& flags, const std::string& d
 }
 
 const std::string batch_recipe =
-    "scenes/recipes/hgn.json --set frames=9 --set time_step.substeps_per_frame=20 --set frame_time=0.006 --set "
+    "scenes/recipes/hgn.json --set frames=9 --set time_step.substeps_per_frame=8 --set frame_time=0.0024 --set "
     "counts.train=3 --set counts.valid=1 --set counts.test=1 --seed 5";
 
 TEST(Generate, BytesDoNotDependOnTheBatchOnTheCpu) {
@@ -141,16 +141,13 @@ TEST(Generate, ScenesEqualTheirSingleRunOnTheGpu) {
   expect_scenes_equal_simulate(batch_recipe + " --device cuda --batch 3", "cuda");
 }
 
-TEST(Generate, AStoppedRunLeavesNoPiecesAndGoesOn) {
+TEST(Generate, AStoppedRunLeavesNoPieces) {
   const Folder folder;
   const std::string set = folder.file("set");
   const std::string flags = recipe_flags + " --set frames=400 --set counts.train=2 --threads 2 -o " + set;
   const Outcome stopped = graupel("generate " + flags + " & pid=$!; sleep 2; kill -INT $pid; wait $pid");
   EXPECT_EQ(stopped.exit_code, 130) << stopped.output;
   for (const std::string& name : names_in(set + "/parts")) EXPECT_EQ(name.find(".part"), std::string::npos) << name;
-  const Outcome resumed =
-      graupel("generate " + recipe_flags + " --set frames=400 --set counts.train=2 --seed 6 -o " + set);
-  EXPECT_EQ(resumed.exit_code, 2);  // the folder still says what it holds
 }
 
 TEST(Generate, AFullDiskIsAnIoErrorAndLeavesNoWholeScene) {
@@ -159,7 +156,8 @@ TEST(Generate, AFullDiskIsAnIoErrorAndLeavesNoWholeScene) {
   std::filesystem::create_directory(disk);
   if (::mount("tmpfs", disk.c_str(), "tmpfs", 0, "size=256k") != 0)
     GTEST_SKIP() << "no tmpfs can be mounted here (needs root): disk-full is not tested";
-  const Outcome outcome = graupel("generate " + recipe_flags + " --batch 3 --set frames=20 -o " + disk + "/set");
+  const Outcome outcome =
+      graupel("generate " + batch_recipe + " --device cpu --batch 3 --set frames=20 -o " + disk + "/set");
   const std::vector<std::string> left = names_in(disk + "/set/parts");
   ::umount(disk.c_str());
   EXPECT_EQ(outcome.exit_code, 5) << outcome.output;
