@@ -95,6 +95,7 @@ class SceneRunner {
 
   void run() {
     std::vector<std::thread> workers;
+    workers.reserve(static_cast<std::size_t>(workers_));
     for (int i = 0; i < workers_; ++i) workers.emplace_back([this] { work(); });
     for (std::thread& worker : workers) worker.join();
     if (failure_) std::rethrow_exception(failure_);
@@ -168,6 +169,7 @@ std::vector<mpm::PreparedScene> SceneRunner::prepare(const Jobs& jobs) const {
     scenes[i].emplace(mpm::draw_scene(recipe_, options_.seed, job.split, job.index, job.attempt), simulation);
   });
   std::vector<mpm::PreparedScene> prepared;
+  prepared.reserve(jobs.size());
   for (auto& scene : scenes) prepared.push_back(std::move(*scene));
   return prepared;
 }
