@@ -118,15 +118,16 @@ nlohmann::ordered_json measure(const BenchMpmOptions& options, Device device, co
 }
 
 /// The first `batch` test scenes of a recipe at once: every frame's time after the first five.
-nlohmann::ordered_json measure_batch(const BenchMpmOptions& options, int64_t batch) {
+nlohmann::ordered_json measure_batch(const BenchMpmOptions& options, Device device, int64_t batch) {
   const SceneRecipe recipe = io::read_recipe(options.recipe);
-  std::vector<Scene> scenes;
-  std::vector<uint64_t> seeds;
+  std::vector<mpm::PreparedScene> scenes;
   for (int64_t i = 0; i < batch; ++i) {
-    scenes.push_back(mpm::draw_scene(recipe, options.common.seed, mpm::Split::test, i));
-    seeds.push_back(mpm::sampling_seed(options.common.seed, mpm::Split::test, i, 0));
+    mpm::SimulationOptions simulation;
+    simulation.device = device;
+    simulation.seed = mpm::sampling_seed(options.common.seed, mpm::Split::test, i, 0);
+    scenes.emplace_back(mpm::draw_scene(recipe, options.common.seed, mpm::Split::test, i), simulation);
   }
-  const auto run = mpm::SceneBatch::create(scenes, seeds);
+  const auto run = mpm::SceneBatch::create(scenes);
   std::vector<double> seconds;
   int64_t most_blocks = 0;
   for (int64_t f = 0; f < 5 + options.frames; ++f) {
@@ -137,7 +138,7 @@ nlohmann::ordered_json measure_batch(const BenchMpmOptions& options, int64_t bat
     most_blocks = std::max(most_blocks, run->statistics().active_blocks);
   }
   for (int i = 0; i < run->scene_count(); ++i)
-    if (run->diverged(i)) throw DivergedError(fmt::format("test scene {} diverged. Choose another --seed", i));
+    if (const auto reason = run->divergence(i)) throw DivergedError(fmt::format("test scene {}: {}", i, *reason));
   std::sort(seconds.begin(), seconds.end());
   const double median = seconds[seconds.size() / 2], n = static_cast<double>(run->particle_count());
   const double substeps = static_cast<double>(run->statistics().substeps) / static_cast<double>(5 + options.frames);
@@ -146,6 +147,7 @@ nlohmann::ordered_json measure_batch(const BenchMpmOptions& options, int64_t bat
           {"particles", run->particle_count()},
           {"frames", options.frames},
           {"substeps_per_frame", substeps},
+          {"device", name_of(device)},
           {"seconds_per_frame", median},
           {"slowest_frame", seconds.back()},
           {"seconds_per_substep", median / substeps},
@@ -154,13 +156,12 @@ nlohmann::ordered_json measure_batch(const BenchMpmOptions& options, int64_t bat
 }
 
 void bench_recipe(BenchMpmOptions& options) {
-  if (options.common.apply() != Device::cuda)
-    throw ConfigError("--recipe measures batches of scenes, which need a GPU. Use --device cuda");
+  const Device device = options.common.apply();
   nlohmann::ordered_json rows = nlohmann::ordered_json::array();
   std::printf("%7s %11s %10s %10s %14s %14s\n", "scenes", "particles", "ms/frame", "slowest", "us/substep",
               "G updates/s");
   for (const int64_t batch : options.batch) {
-    const auto row = measure_batch(options, batch);
+    const auto row = measure_batch(options, device, batch);
     std::printf("%7lld %11lld %10.3f %10.3f %14.2f %14.4f\n", static_cast<long long>(batch),
                 row["particles"].get<long long>(), 1e3 * row["seconds_per_frame"].get<double>(),
                 1e3 * row["slowest_frame"].get<double>(), 1e6 * row["seconds_per_substep"].get<double>(),
@@ -244,7 +245,7 @@ void add_bench(CLI::App& app) {
   verb->add_option("--precision", options->precision, "f32 or f64 (CPU)")
       ->check(CLI::IsMember({"f32", "f64"}))
       ->capture_default_str();
-  verb->add_option("--recipe", options->recipe, "Instead of the cube: test scenes of a recipe, all at once (GPU)");
+  verb->add_option("--recipe", options->recipe, "Instead of the cube: test scenes of a recipe, all at once");
   verb->add_option("--batch", options->batch, "With --recipe: number of scenes (repeatable)")
       ->check(CLI::Range(int64_t{1}, int64_t{100000}))
       ->capture_default_str();

@@ -1,28 +1,22 @@
 // graupel generate: recipe + seed -> data set. Each scene is one file until all are there; then each split becomes one.
 #include <fmt/format.h>
-#include <omp.h>
 
-#include <atomic>
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
 #include <filesystem>
-#include <mutex>
 #include <nlohmann/json.hpp>
-#include <optional>
 
 #include "apps/common_options.h"
-#include "apps/progress.h"
+#include "apps/scene_batches.h"
 #include "apps/verbs.h"
 #include "core/atomic_file.h"
 #include "core/command_line.h"
 #include "core/error.h"
 #include "core/file_lock.h"
 #include "io/recipe_reader.h"
-#include "io/scene_reader.h"
 #include "io/trajectory_file.h"
 #include "mpm/scene_recipe.h"
-#include "mpm/simulation.h"
 
 namespace graupel::apps {
 
@@ -34,13 +28,8 @@ struct GenerateOptions {
   CommonOptions common;
   std::string recipe, output, shard = "0/1", fields;
   std::vector<std::string> set;
-  int64_t minutes = 0;
+  int64_t minutes = 0, batch = 0;
   double connectivity_radius = 0.035;
-};
-
-struct Job {
-  mpm::Split split;
-  int64_t index;
 };
 
 struct Shard {
@@ -96,11 +85,11 @@ class DataSet {
   FileLock lock() const { return FileLock::wait(folder_ / ".lock"); }
 
   /// The scenes of this shard that the folder lacks.
-  std::vector<Job> missing_scenes() const {
+  std::vector<SceneJob> missing_scenes() const {
     const FileLock hold = lock();
     make_folder(folder_ / "parts");
     check_or_write_card();
-    std::vector<Job> jobs;
+    std::vector<SceneJob> jobs;
     int64_t number = 0, present = 0;
     for (const mpm::Split split : all_splits) {
       const bool merged = is_complete(split_file(split));
@@ -117,7 +106,7 @@ class DataSet {
   }
 
   fs::path split_file(mpm::Split split) const { return folder_ / (std::string(mpm::name_of(split)) + ".h5"); }
-  fs::path part_file(const Job& job) const {
+  fs::path part_file(const SceneJob& job) const {
     return folder_ / "parts" / fmt::format("{}-{:05d}.h5", mpm::name_of(job.split), job.index);
   }
 
@@ -159,92 +148,24 @@ class DataSet {
     write_file_atomically(card, facts.dump(2) + "\n");
   }
 
-  void run_jobs(const std::vector<Job>& jobs) {
-    Progress progress("generate", static_cast<int64_t>(jobs.size()));
-    std::atomic<int64_t> next = 0, done = 0;
-    std::exception_ptr failure;
-    std::mutex lock;
-    const auto start = std::chrono::steady_clock::now();
-    // Small scenes leave threads idle, so each thread runs whole scenes; on a GPU one scene runs at a time.
-    const int workers = device_ == Device::cuda ? 1 : num_threads();
-#pragma omp parallel num_threads(workers)
-    {
-      for (;;) {
-        const int64_t j = next++;
-        if (j >= static_cast<int64_t>(jobs.size()) || interrupted()) break;
-        if (options_.minutes > 0 && std::chrono::steady_clock::now() - start > std::chrono::minutes(options_.minutes))
-          break;
-        try {
-          run_job(jobs[static_cast<std::size_t>(j)]);
-        } catch (...) {
-          const std::lock_guard hold(lock);
-          if (!failure) failure = std::current_exception();
-          next = static_cast<int64_t>(jobs.size());
-        }
-        const std::lock_guard hold(lock);
-        progress.update(++done);
-      }
-    }
-    if (failure) std::rethrow_exception(failure);
+  void run_jobs(const std::vector<SceneJob>& jobs) const {
+    SceneBatchOptions batches;
+    batches.seed = options_.common.seed;
+    batches.device = device_;
+    batches.fields = fields_;
+    batches.batch = options_.batch > 0 ? options_.batch : default_batch(device_);
+    batches.minutes = options_.minutes;
+    batches.file = [this](const SceneJob& job) { return part_file(job).string(); };
+    batches.log_redraw = [this](const SceneJob& job, const std::string& reason) { log_redraw(job, reason); };
+    run_scenes(recipe_, jobs, batches);
     stop_if_interrupted("; run the same command again to go on");
-    if (done == static_cast<int64_t>(jobs.size())) progress.done();
   }
 
-  void run_job(const Job& job) {
-    constexpr int64_t max_attempts = 20;
-    for (int64_t attempt = 0; attempt < max_attempts; ++attempt) {
-      const Scene scene = mpm::draw_scene(recipe_, options_.common.seed, job.split, job.index, attempt);
-      mpm::SimulationOptions simulation;
-      simulation.device = device_;
-      simulation.seed = mpm::sampling_seed(options_.common.seed, job.split, job.index, attempt);
-      const auto reason = run_scene(scene, simulation, part_file(job));
-      if (!reason) return;
-      log_redraw(job, attempt, *reason);
-    }
-    throw DivergedError(
-        fmt::format("{} scene {} diverged {} times in a row. Use more substeps in the recipe's time_step",
-                    mpm::name_of(job.split), job.index, max_attempts));
-  }
-
-  /// Runs and writes one scene; the reason when it diverged (nothing is written then).
-  std::optional<std::string> run_scene(const Scene& scene, const mpm::SimulationOptions& simulation,
-                                       const fs::path& file) {
-    auto run = mpm::Simulation::create(scene, simulation);
-    Trajectory trajectory;
-    trajectory.particle_type = run->particle_type();
-    trajectory.frame_time = scene.frame_time;
-    trajectory.scene_json = io::scene_to_json(scene);
-    trajectory.seed = simulation.seed;
-    trajectory.made_by = "mpm";
-    trajectory.frames.push_back(mpm::frame_with_fields(*run, fields_));
-    try {
-      for (int64_t f = 0; f < scene.frames; ++f) {
-        if (interrupted()) return std::nullopt;
-        run->advance_frame();
-        trajectory.frames.push_back(mpm::frame_with_fields(*run, fields_));
-      }
-    } catch (const DivergedError& error) {
-      return error.what();
-    }
-    // HDF5 serialises its calls anyway, so one thread writes at a time.
-    static std::mutex file_lock;
-    const std::lock_guard hold(file_lock);
-    io::TrajectoryWriteOptions write;
-    write.velocity = false;
-    write.fields = fields_;
-    io::TrajectoryWriter writer(file, trajectory, write);
-    writer.attribute("recipe", recipe_.name);
-    writer.attribute("recipe_seed", std::to_string(options_.common.seed));
-    for (const ParticleFrame& frame : trajectory.frames) writer.append(frame);
-    writer.finish();
-    return std::nullopt;
-  }
-
-  void log_redraw(const Job& job, int64_t attempt, const std::string& reason) {
-    static std::mutex log_lock;
-    const std::lock_guard hold(log_lock);
-    const nlohmann::ordered_json line = {
-        {"split", mpm::name_of(job.split)}, {"index", job.index}, {"attempt", attempt}, {"redrawn_because", reason}};
+  void log_redraw(const SceneJob& job, const std::string& reason) const {
+    const nlohmann::ordered_json line = {{"split", mpm::name_of(job.split)},
+                                         {"index", job.index},
+                                         {"attempt", job.attempt},
+                                         {"redrawn_because", reason}};
     const std::string path = folder_ / "redrawn.jsonl";
     std::FILE* log = std::fopen(path.c_str(), "a");
     const bool written = log != nullptr && std::fprintf(log, "%s\n", line.dump().c_str()) > 0;
@@ -325,6 +246,11 @@ void add_generate(CLI::App& app) {
   verb->add_option("--fields", options->fields,
                    "Store these of every frame too: stress,affine,deformation_gradient,plastic");
   verb->add_option("--shard", options->shard, "Make every N-th scene, from I on: I/N")->capture_default_str();
+  verb->add_option(
+          "--batch", options->batch,
+          "Scenes that advance together (0: 64 on a GPU, 1 a thread on the CPU); the bytes do not depend on it")
+      ->check(whole_number(0))
+      ->capture_default_str();
   verb->add_option("--minutes", options->minutes, "Start no scene after this time (0: no limit)")
       ->check(real_number(LowerBound::zero));
   verb->add_option("--connectivity-radius", options->connectivity_radius,
@@ -335,9 +261,11 @@ void add_generate(CLI::App& app) {
   verb->footer(
       "Complete scenes are skipped, so an interrupted run goes on; a scene that diverges is redrawn and logged in "
       "redrawn.jsonl.\n"
-      "A scene's bytes depend on the recipe, the seed and its index alone.\n\nExamples:\n"
+      "A scene's bytes depend on the recipe, the seed, its index and the kind of device alone: not on the batch, the\n"
+      "shard or the threads.\n\nExamples:\n"
       "  graupel generate scenes/recipes/hgn.json -o data/hgn --set counts.train=100\n"
-      "  graupel generate scenes/recipes/hgn.json -o data/hgn --shard 3/8");
+      "  graupel generate scenes/recipes/hgn.json -o data/hgn --shard 3/8\n"
+      "  graupel generate scenes/recipes/hgn.json -o data/hgn --device cuda --batch 128");
   verb->callback([options] { generate(*options); });
 }
 

@@ -13,6 +13,7 @@
 #include "apps/verbs.h"
 #include "core/command_line.h"
 #include "core/error.h"
+#include "core/memory.h"
 #include "io/scene_reader.h"
 #include "io/trajectory_file.h"
 #include "mpm/simulation.h"
@@ -46,28 +47,43 @@ mpm::SimulationOptions simulation_options(const SimulateOptions& options, const 
   return simulation;
 }
 
+/// Runs `body`; what it finds wrong with the scene is told with the name of the scene's file.
+template <typename Body>
+auto of_file(const SimulateOptions& options, const Body& body) {
+  try {
+    return body();
+  } catch (const ConfigError& error) {
+    throw ConfigError((options.scene.empty() ? options.resume : options.scene) + ": " + error.what());
+  }
+}
+
 void dry_run(const SimulateOptions& options, const Scene& scene, const mpm::SimulationOptions& simulation) {
-  const mpm::Estimate e = mpm::estimate(scene, simulation);
+  const mpm::Estimate e = of_file(options, [&] { return mpm::estimate(scene, simulation); });
   const double disk = static_cast<double>(e.particles) * static_cast<double>(scene.frames + 1) *
                       static_cast<double>(io::particle_frame_bytes(options.write_options(scene)));
-  std::printf(
-      "particles        %lld\ngrid nodes       %lld (active at the start)\nsubsteps         %lld\n"
-      "memory           %s\ndisk, at most    %s\n",
-      static_cast<long long>(e.particles), static_cast<long long>(e.grid_nodes), static_cast<long long>(e.substeps),
-      human_bytes(static_cast<double>(e.memory_bytes)).c_str(), human_bytes(disk).c_str());
-  // The time is measured on this machine: a few substeps of the real scene.
+  std::printf("particles        %lld\ngrid nodes       %lld (active at the start)\nsubsteps         %lld\n",
+              static_cast<long long>(e.particles), static_cast<long long>(e.grid_nodes),
+              static_cast<long long>(e.substeps));
+  // Memory and time are measured on this machine: the first frame of the real scene.
   Scene probe = scene;
   probe.frames = 1;
   auto run = mpm::Simulation::create(probe, simulation);
   run->advance_frame();
   const auto statistics = run->statistics();
+  const double memory = static_cast<double>(statistics.peak_bytes);
+  const double per_particle = memory / static_cast<double>(e.particles);
   const double seconds = statistics.solver_seconds / static_cast<double>(std::max<int64_t>(1, statistics.substeps)) *
                          static_cast<double>(e.substeps);
-  std::printf("time, about      %s (from the first frame on this machine)\n", human_time(seconds).c_str());
+  std::printf("memory           %s on the device (%.0f peak bytes per particle), %s available\n",
+              human_bytes(memory).c_str(), per_particle,
+              human_bytes(static_cast<double>(available_bytes(simulation.device)) + memory).c_str());
+  std::printf("disk, at most    %s\ntime, about      %s (from the first frame on this machine)\n",
+              human_bytes(disk).c_str(), human_time(seconds).c_str());
   options.common.write_json({{"particles", e.particles},
                              {"grid_nodes", e.grid_nodes},
                              {"substeps", e.substeps},
-                             {"memory_bytes", e.memory_bytes},
+                             {"memory_bytes", statistics.peak_bytes},
+                             {"peak_bytes_per_particle", per_particle},
                              {"disk_bytes", disk},
                              {"seconds", seconds}});
 }
@@ -114,7 +130,7 @@ class Run {
   Run(const SimulateOptions& options, const Scene& scene, const mpm::SimulationOptions& simulation,
       const std::optional<io::SavedRun>& saved)
       : options_(options), scene_(scene), write_(options.write_options(scene)), saved_(saved) {
-    run_ = mpm::Simulation::create(scene, simulation);
+    run_ = of_file(options, [&] { return mpm::Simulation::create(scene, simulation); });
     if (!options.write_obstacles.empty()) run_->obstacles().write_vdb(options.write_obstacles);
     header_.particle_type = run_->particle_type();
     header_.frame_time = scene.frame_time;

@@ -6,6 +6,8 @@
 #include <stdexcept>
 
 #include "core/cuda_check.h"
+#include "core/error.h"
+#include "core/memory.h"
 
 namespace graupel {
 
@@ -22,7 +24,14 @@ void* device_allocate(Device device, std::size_t bytes) {
   }
 #ifdef GRAUPEL_HAVE_CUDA
   void* pointer = nullptr;
-  GRAUPEL_CUDA_CHECK(cudaMalloc(&pointer, bytes));
+  const cudaError_t status = cudaMalloc(&pointer, bytes);
+  if (status == cudaErrorMemoryAllocation) {
+    cudaGetLastError();
+    throw ConfigError("the GPU's memory is full (" + std::to_string(bytes) + " bytes more needed, " +
+                      std::to_string(available_bytes(Device::cuda)) +
+                      " available). Use fewer particles, a larger dx, a smaller --batch or --device cpu");
+  }
+  GRAUPEL_CUDA_CHECK(status);
   return pointer;
 #else
   no_cuda();

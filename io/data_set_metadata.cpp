@@ -1,11 +1,15 @@
 // metadata.json of a data set: what GNS and LagrangeBench read, with the statistics of the training set.
 #include <algorithm>
 #include <array>
+#include <atomic>
 #include <cmath>
+#include <exception>
 #include <filesystem>
 
 #include "core/atomic_file.h"
+#include "core/device.h"
 #include "core/error.h"
+#include "io/hdf5.h"
 #include "io/json_node.h"
 #include "io/trajectory_file.h"
 
@@ -22,6 +26,11 @@ class Moments {
       square_[axis] += value[axis] * value[axis];
     }
     ++count_;
+  }
+  void add(const Moments& more) {
+    sum_ += more.sum_;
+    square_ += more.square_;
+    count_ += more.count_;
   }
   Vec3d mean() const { return sum_ * (1 / std::max(count_, 1.0)); }
   Vec3d deviation() const {
@@ -59,8 +68,13 @@ SetSummary summarize(const TrajectoryReader& reader) {
   return out;
 }
 
+struct MotionMoments {
+  Moments velocity, acceleration;
+};
+
 /// Differences of frames: v_t = x_t - x_(t-1) [m per frame], a_t = v_(t+1) - v_t.
-void add_differences(const TrajectoryReader& reader, int i, Moments& velocity, Moments& acceleration) {
+MotionMoments motion_moments(const TrajectoryReader& reader, int i) {
+  MotionMoments out;
   const Trajectory header = reader.header(i);
   const auto usable = header.diverged_at_frame >= 0
                           ? std::min<int64_t>(header.diverged_at_frame, static_cast<int64_t>(header.frame_count()))
@@ -72,10 +86,35 @@ void add_differences(const TrajectoryReader& reader, int i, Moments& velocity, M
     for (std::size_t p = 0; frame >= 1 && p < x[2].size(); ++p) {
       if (header.particle_type[p] == obstacle_particle_type) continue;
       const Vec3d v = x[2][p].cast<double>() - x[1][p].cast<double>();
-      velocity.add(v);
-      if (frame >= 2) acceleration.add(v - (x[1][p].cast<double>() - x[0][p].cast<double>()));
+      out.velocity.add(v);
+      if (frame >= 2) out.acceleration.add(v - (x[1][p].cast<double>() - x[0][p].cast<double>()));
     }
   }
+  return out;
+}
+
+/// Of all trajectories. Each thread has a reader of its own; the sums are added in the order of the file.
+MotionMoments motion_moments(const std::string& path, int count) {
+  std::vector<MotionMoments> each(static_cast<std::size_t>(count));
+  std::exception_ptr failure;
+  std::atomic<int> next = 0;
+  const int threads = hdf5::threads_may_call() ? std::min(num_threads(), std::max(count, 1)) : 1;
+#pragma omp parallel num_threads(threads)
+  try {
+    const TrajectoryReader reader(path);
+    for (int i = 0; (i = next++) < count;) each[static_cast<std::size_t>(i)] = motion_moments(reader, i);
+  } catch (...) {
+#pragma omp critical
+    failure = std::current_exception();
+    next = count;
+  }
+  if (failure) std::rethrow_exception(failure);
+  MotionMoments all;
+  for (const MotionMoments& one : each) {
+    all.velocity.add(one.velocity);
+    all.acceleration.add(one.acceleration);
+  }
+  return all;
 }
 
 JsonNode numbers(const Vec3d& v) {
@@ -121,8 +160,7 @@ JsonNode type_names(const std::vector<int32_t>& types) {
 void write_data_set_metadata(const std::string& folder, const Scene& any_scene, double connectivity_radius) {
   const TrajectoryReader train(folder + "/train.h5");
   const SetSummary summary = summarize(train);
-  Moments velocity, acceleration;
-  for (int i = 0; i < train.count(); ++i) add_differences(train, i, velocity, acceleration);
+  const auto [velocity, acceleration] = motion_moments(folder + "/train.h5", train.count());
 
   JsonNode out = JsonNode::object();
   out.set("case", JsonNode::of(any_scene.name));

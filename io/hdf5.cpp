@@ -99,6 +99,17 @@ void fail(const std::string& what) {
   throw Failure(message);
 }
 
+bool threads_may_call() {
+  hbool_t safe = false;
+  return H5is_library_threadsafe(&safe) >= 0 && safe;
+}
+
+std::unique_lock<std::recursive_mutex> library_lock() {
+  static std::recursive_mutex mutex;
+  static const bool needed = !threads_may_call();
+  return needed ? std::unique_lock(mutex) : std::unique_lock<std::recursive_mutex>();
+}
+
 Handle create_file(const std::string& path) {
   prepare();
   const Handle access = property_list(H5P_FILE_ACCESS);

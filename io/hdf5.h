@@ -5,6 +5,7 @@
 #define H5_USE_110_API
 #include <hdf5.h>
 
+#include <mutex>
 #include <optional>
 #include <stdexcept>
 #include <string>
@@ -19,6 +20,11 @@ struct Failure : std::runtime_error {
 };
 
 [[noreturn]] void fail(const std::string& what);
+
+/// Whether the library takes calls of several threads (it then runs them one at a time).
+bool threads_may_call();
+/// Held around calls that several threads make: does nothing where threads may call.
+std::unique_lock<std::recursive_mutex> library_lock();
 
 template <typename Status>
 Status check(Status status, const char* what) {

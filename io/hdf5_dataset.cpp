@@ -2,6 +2,8 @@
 #include "io/hdf5_dataset.h"
 
 #include <algorithm>
+#include <cstring>
+#include <exception>
 #include <limits>
 
 namespace graupel::io::hdf5 {
@@ -11,6 +13,7 @@ namespace {
 constexpr uint64_t largest_chunk = uint64_t(1) << 30;
 constexpr uint64_t largest_ratio = 1100;  // deflate shrinks at most 1032 times
 constexpr std::size_t read_cache = std::size_t(16) << 20;
+constexpr uint64_t most_expanded = uint64_t(64) << 20;  // bytes of one row of chunks that are kept
 
 hid_t memory_type(Element element) {
   return element == Element::float32   ? H5T_NATIVE_FLOAT
@@ -82,6 +85,46 @@ std::vector<hsize_t> check_storage(hid_t creation, const std::string& name, int 
   return chunk;
 }
 
+/// The filters of a dataset, where they are those of unfilter_chunk() in its order.
+std::optional<ChunkFilters> known_filters(hid_t creation, std::size_t element_bytes) {
+  constexpr H5Z_filter_t order[] = {H5Z_FILTER_SHUFFLE, H5Z_FILTER_DEFLATE, H5Z_FILTER_FLETCHER32};
+  ChunkFilters found{.element_bytes = element_bytes, .shuffle = false, .deflate = 0, .checksum = false};
+  const int count = check(H5Pget_nfilters(creation), "cannot read filters");
+  const H5Z_filter_t* next = std::begin(order);
+  for (int i = 0; i < count; ++i) {
+    unsigned flags = 0, config = 0;
+    std::size_t values = 0;
+    const auto filter =
+        check(H5Pget_filter2(creation, static_cast<unsigned>(i), &flags, &values, nullptr, 0, nullptr, &config),
+              "cannot read filters");
+    next = std::find(next, std::end(order), filter);
+    if (next == std::end(order)) return std::nullopt;
+    ++next;
+    found.shuffle = found.shuffle || filter == H5Z_FILTER_SHUFFLE;
+    found.checksum = found.checksum || filter == H5Z_FILTER_FLETCHER32;
+    if (filter == H5Z_FILTER_DEFLATE) found.deflate = 1;
+  }
+  return found;
+}
+
+/// The element type that a dataset stores just as memory holds it.
+std::optional<Element> plain_element(hid_t dataset) {
+  const Handle type(H5Dget_type(dataset), H5Tclose, "cannot read a type");
+  for (const Element element : {Element::float32, Element::float64, Element::int32, Element::uint8})
+    if (H5Tequal(type, stored_type(element)) > 0 && H5Tequal(memory_type(element), stored_type(element)) > 0)
+      return element;
+  return std::nullopt;
+}
+
+std::size_t bytes_of(Element element) { return element == Element::uint8 ? 1 : element == Element::float64 ? 8 : 4; }
+
+/// Bytes of one row of `size` elements each.
+std::size_t row_bytes(const std::vector<hsize_t>& row_size, std::size_t element_bytes) {
+  std::size_t bytes = element_bytes;
+  for (const hsize_t n : row_size) bytes *= n;
+  return bytes;
+}
+
 std::vector<hsize_t> check_shape(hid_t dataset, const std::string& name, int rank) {
   const Handle space(H5Dget_space(dataset), H5Sclose, "cannot read a size");
   if (H5Sis_simple(space) <= 0 || H5Sget_simple_extent_ndims(space) != rank)
@@ -136,10 +179,55 @@ Dataset open_dataset(hid_t group, const std::string& name, int rank, NumberKind 
     throw Failure("'" + name + "' claims more values than the file can hold");
   if (!dataset.chunk.empty() && product(dataset.chunk, bytes, name) > largest_chunk)
     throw Failure("'" + name + "' has chunks that are too large (at most 1 GiB)");
+  dataset.plain_type = plain_element(dataset.id);
+  if (!dataset.chunk.empty() && dataset.plain_type) dataset.filters = known_filters(creation, bytes);
   return dataset;
 }
 
+bool Dataset::expands_chunks(Element element) const {
+  if (!filters || plain_type != element || size.size() < 2) return false;
+  // Only the second dimension (particles) may be split, and a row of chunks is kept whole.
+  const std::vector<hsize_t> row(size.begin() + 1, size.end());
+  const uint64_t bytes = chunk[0] * row_bytes(row, bytes_of(element));
+  return bytes <= most_expanded && std::equal(size.begin() + 2, size.end(), chunk.begin() + 2);
+}
+
+/// Reads the row of chunks that starts at `row`; false when the file does not hold all of it.
+bool Dataset::expand_chunks(hsize_t row) const {
+  if (expanded_row_ == row) return true;
+  expanded_row_.reset();
+  const std::vector<hsize_t> row_size(size.begin() + 1, size.end());
+  const std::size_t element = bytes_of(*plain_type),
+                    particle = row_bytes(row_size, element) / std::max<hsize_t>(size[1], 1);
+  const std::size_t line = particle * size[1], chunk_line = particle * chunk[1];
+  expanded_.resize(chunk[0] * line);
+  std::vector<hsize_t> at(size.size(), 0);
+  at[0] = row;
+  for (at[1] = 0; at[1] < size[1]; at[1] += chunk[1]) {
+    hsize_t bytes = 0;
+    if (H5Dget_chunk_storage_size(id, at.data(), &bytes) < 0 || bytes == 0) return false;
+    if (bytes > 2 * chunk[0] * chunk_line + 64) throw Failure("a chunk claims more bytes than its values have");
+    FilteredChunk packed;
+    packed.bytes.resize(bytes);
+    check(H5Dread_chunk(id, H5P_DEFAULT, at.data(), &packed.skipped, packed.bytes.data()), "cannot read values");
+    const std::vector<std::byte> values = unfilter_chunk(packed, *filters, chunk[0] * chunk_line);
+    const std::size_t here = particle * std::min(chunk[1], size[1] - at[1]);
+    for (hsize_t r = 0; r < chunk[0]; ++r)
+      std::memcpy(expanded_.data() + r * line + at[1] * particle, values.data() + r * chunk_line, here);
+  }
+  expanded_row_ = row;
+  return true;
+}
+
 void Dataset::read_rows(hsize_t first, hsize_t count, Element element, void* out) const {
+  const bool expands = expands_chunks(element) && !(size.size() == 3 && size[2] == 2);
+  for (auto* to = static_cast<std::byte*>(out); expands && count > 0; ++first, --count) {
+    if (first >= size[0] || !expand_chunks(first - first % chunk[0])) break;
+    const std::size_t line = expanded_.size() / chunk[0];
+    std::memcpy(to, expanded_.data() + (first % chunk[0]) * line, line);
+    out = to += line;
+  }
+  if (count == 0) return;
   std::vector<hsize_t> start(size.size(), 0), extent = size, memory_size;
   start[0] = first;
   extent[0] = count;
@@ -169,6 +257,44 @@ bool Dataset::has_chunks(hsize_t row) const {
     if (address == HADDR_UNDEF || stored == 0) return false;
   }
   return true;
+}
+
+ChunkRow filter_rows(const std::vector<const void*>& rows, const std::vector<hsize_t>& row_size,
+                     const std::vector<hsize_t>& chunk, const ChunkFilters& filters) {
+  ChunkRow out;
+  out.count = rows.size();
+  const std::size_t particle = row_bytes(row_size, filters.element_bytes) / row_size[0];
+  const std::size_t chunk_line = particle * chunk[1];
+  for (hsize_t start = 0; start < row_size[0]; start += chunk[1]) out.start.push_back(start);
+  out.chunks.resize(out.start.size());
+  std::exception_ptr failure;
+#pragma omp parallel for schedule(dynamic) if (out.chunks.size() > 1)
+  for (std::size_t i = 0; i < out.chunks.size(); ++i) try {
+      std::vector<std::byte> values(chunk[0] * chunk_line);
+      const std::size_t here = particle * std::min(chunk[1], row_size[0] - out.start[i]);
+      for (std::size_t r = 0; r < rows.size(); ++r)
+        std::memcpy(values.data() + r * chunk_line, static_cast<const std::byte*>(rows[r]) + out.start[i] * particle,
+                    here);
+      out.chunks[i] = filter_chunk(values, filters);
+    } catch (...) {
+#pragma omp critical
+      failure = std::current_exception();
+    }
+  if (failure) std::rethrow_exception(failure);
+  return out;
+}
+
+void append_chunks(hid_t dataset, hsize_t present, const std::vector<hsize_t>& row_size, const ChunkRow& row) {
+  std::vector<hsize_t> total = row_size, at(row_size.size() + 1, 0);
+  total.insert(total.begin(), present + row.count);
+  check(H5Dset_extent(dataset, total.data()), "cannot extend a dataset");
+  at[0] = present;
+  for (std::size_t i = 0; i < row.chunks.size(); ++i) {
+    at[1] = row.start[i];
+    const FilteredChunk& packed = row.chunks[i];
+    check(H5Dwrite_chunk(dataset, H5P_DEFAULT, packed.skipped, at.data(), packed.bytes.size(), packed.bytes.data()),
+          "cannot write values");
+  }
 }
 
 void append_rows(hid_t dataset, hsize_t present, hsize_t count, const std::vector<hsize_t>& row_size, Element element,

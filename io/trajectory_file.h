@@ -34,7 +34,8 @@ struct TrajectoryCheckpoint {
   std::vector<ParticleFrame> recent;  ///< the last ones up to and with it, as TrajectoryWriter::checkpoint() gave them
 };
 
-/// Streams one trajectory to a file. A destructor without finish() leaves the .part file with every flushed frame.
+/// Streams one trajectory to a file. Several threads may each have a writer: they compress at once. A destructor
+/// without finish() leaves the .part file with every flushed frame.
 class TrajectoryWriter {
  public:
   /// Throws IoError also when another run writes the same path. `header` gives particle_type, frame_time, scene_json,
@@ -96,7 +97,8 @@ int64_t recover_part_file(const std::string& path, bool finish);
 void merge_trajectories(const std::vector<std::string>& parts, const std::string& path);
 
 /// metadata.json of a data set (GNS/LagrangeBench keys: bounds, sequence_length, default_connectivity_radius, dim, dt,
-/// vel_mean/std, acc_mean/std, num_particles_max ...). Statistics over all particles and frames of the training file.
+/// vel_mean/std, acc_mean/std, num_particles_max ...). Statistics over all particles and frames of the training file,
+/// the same for any number of threads.
 void write_data_set_metadata(const std::string& folder, const Scene& any_scene, double connectivity_radius);
 
 }  // namespace graupel::io

@@ -4,7 +4,6 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <cstring>
 #include <filesystem>
 #include <functional>
 
@@ -43,7 +42,7 @@ struct FrameDataset {
   hdf5::Handle id;
   hdf5::Element element;
   std::vector<hsize_t> row;  ///< size of one frame
-  std::size_t row_bytes;
+  std::vector<hsize_t> chunk;
   std::function<const void*(const ParticleFrame&)> values;
 };
 
@@ -77,13 +76,15 @@ struct TrajectoryWriter::Impl {
   ParticleFrame stored_part(const ParticleFrame& frame) const;
   void append(const ParticleFrame& frame);
   void continue_from(const Trajectory& header, const TrajectoryCheckpoint& checkpoint);
-  void write_pending();
+  std::vector<hdf5::ChunkRow> filter_pending() const;
+  void write_pending(const std::vector<hdf5::ChunkRow>& rows);
   void flush();
   void close_all(int64_t diverged_at_frame);
 
   /// Runs HDF5 calls; a failure becomes an IoError, after which the writer is of no more use.
   template <typename Body>
   void guarded(const std::string& doing, Body&& body) {
+    const auto hold = hdf5::library_lock();
     try {
       body();
     } catch (const hdf5::Failure& failure) {
@@ -118,16 +119,16 @@ void TrajectoryWriter::Impl::add_dataset(const char* name, const char* units, co
   dataset.element = element;
   dataset.row = {particles};
   if (components > 1) dataset.row.push_back(static_cast<hsize_t>(components));
-  dataset.row_bytes = static_cast<std::size_t>(particles) * static_cast<std::size_t>(bytes);
   dataset.values = std::move(values);
-  std::vector<hsize_t> size = dataset.row, chunk = dataset.row;
+  std::vector<hsize_t> size = dataset.row;
   size.insert(size.begin(), 0);
-  chunk[0] = chunk_particles(bytes);
-  chunk.insert(chunk.begin(), chunk_frames);
+  dataset.chunk = dataset.row;
+  dataset.chunk[0] = chunk_particles(bytes);
+  dataset.chunk.insert(dataset.chunk.begin(), chunk_frames);
   dataset.id = hdf5::create_dataset(group, name,
                                     {.element = element,
                                      .size = size,
-                                     .chunk = chunk,
+                                     .chunk = dataset.chunk,
                                      .deflate = options.deflate,
                                      .checksum = true,
                                      .units = units,
@@ -220,28 +221,35 @@ void TrajectoryWriter::Impl::append(const ParticleFrame& frame) {
   const bool first = written == 0 && pending.empty();
   pending.push_back(stored_part(frame));
   const std::string doing = "write frame " + std::to_string(written + pending.size() - 1) + " to";
+  if (first && frame.velocity.size() == particles) guarded(doing, [&] { store_initial_velocity(frame); });
+  if (pending.size() < chunk_frames) return;
+  const auto chunks = filter_pending();
   guarded(doing, [&] {
-    if (first && frame.velocity.size() == particles) store_initial_velocity(frame);
-    if (pending.size() < chunk_frames) return;
-    write_pending();
+    write_pending(chunks);
     if (written - flushed >= static_cast<hsize_t>(options.flush_every)) flush();
   });
 }
 
-void TrajectoryWriter::Impl::write_pending() {
+/// The pending frames of every dataset, ready for the disk. Many writers do this at once.
+std::vector<hdf5::ChunkRow> TrajectoryWriter::Impl::filter_pending() const {
+  std::vector<hdf5::ChunkRow> rows;
+  if (pending.empty()) return rows;
+  for (const FrameDataset& dataset : datasets) {
+    std::vector<const void*> values;
+    for (const ParticleFrame& frame : pending) values.push_back(dataset.values(frame));
+    const std::size_t element_bytes = dataset.element == hdf5::Element::uint8 ? 1 : sizeof(float);
+    rows.push_back(hdf5::filter_rows(
+        values, dataset.row, dataset.chunk,
+        {.element_bytes = element_bytes, .shuffle = true, .deflate = options.deflate, .checksum = true}));
+  }
+  return rows;
+}
+
+void TrajectoryWriter::Impl::write_pending(const std::vector<hdf5::ChunkRow>& rows) {
   const hsize_t count = pending.size();
   if (count == 0) return;
-  std::vector<std::byte> rows;  // several frames; a single one is written from where it lies
-  for (const FrameDataset& dataset : datasets) {
-    const void* values = dataset.values(pending.front());
-    if (count > 1) {
-      rows.resize(count * dataset.row_bytes);
-      for (std::size_t f = 0; f < count; ++f)
-        std::memcpy(rows.data() + f * dataset.row_bytes, dataset.values(pending[f]), dataset.row_bytes);
-      values = rows.data();
-    }
-    hdf5::append_rows(dataset.id, written, count, dataset.row, dataset.element, values);
-  }
+  for (std::size_t i = 0; i < datasets.size(); ++i)
+    hdf5::append_chunks(datasets[i].id, written, datasets[i].row, rows[i]);
   std::vector<double> times;
   for (const ParticleFrame& frame : pending) times.push_back(frame.time);
   hdf5::append_rows(time, written, count, {}, hdf5::Element::float64, times.data());
@@ -255,15 +263,18 @@ void TrajectoryWriter::Impl::flush() {
 }
 
 void TrajectoryWriter::Impl::close_all(int64_t diverged_at_frame) {
-  write_pending();
-  hdf5::write_attribute(group, "diverged_at_frame", diverged_at_frame);
-  flush();
-  for (FrameDataset& dataset : datasets) dataset.id.close("cannot close a dataset");
-  time.close("cannot close a dataset");
-  group.close("cannot close a group");
-  hdf5::write_attribute(file, "complete", int64_t(1));
-  flush();
-  finish_part_file(file, path);
+  const auto chunks = filter_pending();
+  guarded("finish", [&] {
+    write_pending(chunks);
+    hdf5::write_attribute(group, "diverged_at_frame", diverged_at_frame);
+    flush();
+    for (FrameDataset& dataset : datasets) dataset.id.close("cannot close a dataset");
+    time.close("cannot close a dataset");
+    group.close("cannot close a group");
+    hdf5::write_attribute(file, "complete", int64_t(1));
+    flush();
+    finish_part_file(file, path);
+  });
 }
 
 /// Fills a file of its own, which then replaces what was there: a kill in between costs nothing.
@@ -320,7 +331,10 @@ TrajectoryWriter::TrajectoryWriter(const std::string& path, const Trajectory& he
   impl_->continue_from(header, checkpoint);
 }
 
-TrajectoryWriter::~TrajectoryWriter() = default;
+TrajectoryWriter::~TrajectoryWriter() {
+  const auto hold = hdf5::library_lock();
+  impl_.reset();
+}
 
 void TrajectoryWriter::append(const ParticleFrame& frame) { impl_->append(frame); }
 
@@ -338,7 +352,7 @@ void TrajectoryWriter::attribute(const std::string& name, const std::string& val
 
 void TrajectoryWriter::finish(int64_t diverged_at_frame) {
   GRAUPEL_ASSERT(!impl_->closed);
-  impl_->guarded("finish", [&] { impl_->close_all(diverged_at_frame); });
+  impl_->close_all(diverged_at_frame);
   impl_->closed = true;
 }
 

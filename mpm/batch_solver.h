@@ -162,6 +162,10 @@ void BatchSolver<Backend>::reserve(int64_t homes, int64_t nodes) {
   const auto keys = static_cast<int64_t>(node_key_.size());
   homes = std::min({homes, keys, count_});
   nodes = std::min(nodes, keys);
+  constexpr int64_t most_nodes = 0x7fffffff / nodes_per_block<3>;  // a node's place is a 32-bit number
+  if (nodes > most_nodes)
+    throw ConfigError("the particles spread over too many grid blocks (" + std::to_string(nodes) +
+                      ", allowed: " + std::to_string(most_nodes) + "). Use fewer scenes, a larger dx or less material");
   home_capacity_ = homes;
   arenas_.resize_discard(
       static_cast<std::size_t>(std::max<int64_t>(homes, 2 * backend_.resident_blocks()) * reach_nodes));

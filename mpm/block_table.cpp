@@ -4,6 +4,7 @@
 #include <cstring>
 
 #include "core/error.h"
+#include "mpm/memory_need.h"
 
 namespace graupel::mpm {
 
@@ -11,8 +12,12 @@ namespace {
 
 constexpr int corners = upper_neighbors<3>;
 
-/// Slots that one item counts and places; fixed, so that the order does not depend on threads.
-int64_t chunk_size(Device device) { return device == Device::cpu ? 2048 : 256; }
+/// Slots that one item counts and places: in so many items at most, since each has a counter for every block. The order
+/// depends neither on it nor on threads.
+int64_t chunk_size(Device device, int64_t slots) {
+  const int64_t smallest = device == Device::cpu ? 2048 : 256, most_items = device == Device::cpu ? 1024 : 4096;
+  return std::max(smallest, (slots + most_items - 1) / most_items);
+}
 
 struct MarkOccupied {
   const int32_t* keys;
@@ -82,9 +87,7 @@ BlockTable::BlockTable(Device device, const Vec<int, 3>& blocks, int64_t particl
     : device_(device), count_(particle_count) {
   double size = 1;
   for (int d = 0; d < 3; ++d) size *= blocks[d];
-  if (size > 1e9)
-    throw ConfigError("the domain has too many grid blocks (" + std::to_string(static_cast<int64_t>(size)) +
-                      ", at most 1000000000). Use a larger dx or a smaller domain");
+  check_block_count(size);
   geometry_.blocks = blocks;
   const auto directory = static_cast<std::size_t>(geometry_.directory_size());
   const auto n = static_cast<std::size_t>(particle_count);
@@ -160,7 +163,7 @@ void BlockTable::link_blocks(const std::vector<int32_t>& home_keys) {
 
 void BlockTable::sort_slots() {
   const auto columns = static_cast<int64_t>(home_keys_.size()) + 1;
-  const int64_t chunk = chunk_size(device_), chunks = (count_ + chunk - 1) / chunk;
+  const int64_t chunk = chunk_size(device_, count_), chunks = (count_ + chunk - 1) / chunk;
   chunk_counts_.resize_discard(static_cast<std::size_t>(chunks * columns));
   totals_.resize_discard(static_cast<std::size_t>(columns));
   start_.resize_discard(static_cast<std::size_t>(columns) + 1);

@@ -4,10 +4,10 @@
 #include <cstring>
 
 #include "core/error.h"
+#include "mpm/batch_results.h"
 #include "mpm/batch_solver.h"
 #include "mpm/batch_state.h"
 #include "mpm/cuda_backend.cuh"
-#include "mpm/divergence.h"
 #include "mpm/scene_hash.h"
 
 namespace graupel::mpm {
@@ -55,7 +55,6 @@ class CudaSimulation final : public Simulation {
     return {scene_hash(scene(), options_.seed), SolverKind::gpu_tuned, sizeof(float),
             static_cast<int64_t>(particle_count())};
   }
-  [[noreturn]] void throw_stopped() const;
 
   SimulationOptions options_;
   CudaBackend backend_;
@@ -68,28 +67,8 @@ void CudaSimulation::advance_frame() {
   const auto begin = std::chrono::steady_clock::now();
   solver_.advance_frame();
   seconds_ += std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
-  if (solver_.control(0).phase != ScenePhase::frame_done) throw_stopped();
+  if (solver_.control(0).phase != ScenePhase::frame_done) throw_stopped(solver_, 0, time());
   ++frames_done_;
-}
-
-void CudaSimulation::throw_stopped() const {
-  const StepControl& c = solver_.control(0);
-  if (c.phase == ScenePhase::too_stiff)
-    next_step(scene().time_step, scene().domain.dx, scene().frame_time,
-              {c.speed, c.sound_speed, solver_.setup(0).diffusivity},
-              scene().frame_time - c.elapsed);  // throws
-  const HostParticles<float> host = solver_.particles();
-  DivergedParticle bad;
-  bad.index = c.bad_particle;
-  bad.substeps = c.substeps;
-  bad.dt = static_cast<double>(c.dt);
-  bad.time = time();
-  bad.before = {c.before_speed, c.before_sound, solver_.setup(0).diffusivity};
-  const auto slot = static_cast<std::size_t>(
-      std::find(host.source_index.begin(), host.source_index.end(), c.bad_particle) - host.source_index.begin());
-  bad.speed = static_cast<double>(norm(host.velocity.at(slot)));
-  bad.internal = static_cast<double>(host.internal[slot]);
-  throw_diverged(scene(), solver_.setup(0).material_configs[static_cast<std::size_t>(host.material[slot])], bad);
 }
 
 RunStatistics CudaSimulation::statistics() const {
@@ -109,16 +88,18 @@ RunStatistics CudaSimulation::statistics() const {
 
 class CudaBatch final : public SceneBatch {
  public:
-  explicit CudaBatch(std::vector<BatchEntry> entries) : solver_(backend_, std::move(entries)) {}
+  explicit CudaBatch(std::vector<BatchEntry> entries)
+      : divergence_(entries.size()), solver_(backend_, std::move(entries)) {}
 
   int scene_count() const override { return solver_.scene_count(); }
-  int64_t particle_count() const override { return solver_.first_particle(scene_count()); }
-  void advance_frame() override {
-    const auto begin = std::chrono::steady_clock::now();
-    solver_.advance_frame();
-    seconds_ += std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+  const std::vector<int32_t>& particle_type(int scene) const override { return solver_.setup(scene).particle_type; }
+  void advance_frame() override;
+  std::optional<std::string> divergence(int scene) const override {
+    return divergence_[static_cast<std::size_t>(scene)];
   }
-  bool diverged(int scene) const override { return solver_.control(scene).phase != ScenePhase::frame_done; }
+  std::vector<ParticleFrame> frames(FieldSet wanted) const override {
+    return frames_of_scenes(solver_, wanted, frames_done_);
+  }
   RunStatistics statistics() const override {
     RunStatistics s;
     for (int i = 0; i < scene_count(); ++i) s.substeps = std::max(s.substeps, solver_.control(i).substeps);
@@ -129,10 +110,22 @@ class CudaBatch final : public SceneBatch {
   }
 
  private:
+  std::vector<std::optional<std::string>> divergence_;
+  int64_t frames_done_ = 0;
   CudaBackend backend_;
   BatchSolver<CudaBackend> solver_;
   double seconds_ = 0;
 };
+
+void CudaBatch::advance_frame() {
+  const auto begin = std::chrono::steady_clock::now();
+  solver_.advance_frame();
+  seconds_ += std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+  for (int i = 0; i < scene_count(); ++i)
+    if (solver_.control(i).phase != ScenePhase::frame_done && !divergence(i))
+      divergence_[static_cast<std::size_t>(i)] = why_stopped(solver_, i, frames_done_);
+  ++frames_done_;
+}
 
 }  // namespace
 

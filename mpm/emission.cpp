@@ -5,7 +5,9 @@
 #include <cmath>
 
 #include "core/error.h"
+#include "core/memory.h"
 #include "core/random.h"
+#include "mpm/memory_need.h"
 #include "mpm/source_body.h"
 
 namespace graupel::mpm {
@@ -13,7 +15,7 @@ namespace graupel::mpm {
 namespace {
 
 std::string name_of(const Emitter& emitter, std::size_t index) {
-  return fmt::format("emitter {} ({} of '{}')", index, word_of(emitter.shape), emitter.material);
+  return fmt::format("emitter {0} (/emitters/{0}, {1} of '{2}')", index, word_of(emitter.shape), emitter.material);
 }
 
 Source source_of(const Emitter& emitter) {
@@ -75,6 +77,12 @@ void check_limit(const Emitter& emitter, std::size_t index, double count) {
         "{} would send out too many particles ({:.0f}, particle_limit: {}). Raise particle_limit, lower the rate or "
         "particles_per_cell, or end the emission earlier",
         name_of(emitter, index), count, emitter.particle_limit));
+  const double needed = count * set_up_bytes, available = static_cast<double>(available_bytes(Device::cpu));
+  if (needed > available)
+    throw ConfigError(fmt::format(
+        "{} would send out more particles than fit into memory ({:.0f}, which need at least {:.4g} GB, {:.4g} GB "
+        "available). Lower the rate or particles_per_cell, or end the emission earlier",
+        name_of(emitter, index), count, 1e-9 * needed, 1e-9 * available));
 }
 
 /// Lines of the lattice across the stream that meet the body, numbered; each layer has one particle a line.

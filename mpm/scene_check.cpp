@@ -14,10 +14,11 @@ std::string name_of_source(const Scene& scene, int32_t index) {
   const auto s = static_cast<std::size_t>(index);
   if (s >= scene.sources.size()) {
     const std::size_t e = s - scene.sources.size();
-    return fmt::format("emitter {} ({} of '{}')", e, word_of(scene.emitters[e].shape), scene.emitters[e].material);
+    return fmt::format("emitter {0} (/emitters/{0}, {1} of '{2}')", e, word_of(scene.emitters[e].shape),
+                       scene.emitters[e].material);
   }
   const Source& source = scene.sources[s];
-  return fmt::format("source {} ({} of '{}')", index, word_of(source.shape), source.material);
+  return fmt::format("source {0} (/sources/{0}, {1} of '{2}')", index, word_of(source.shape), source.material);
 }
 
 /// Follows every led particle at 64 times of its script and at its keyframes.
@@ -68,10 +69,12 @@ void check_start(const Scene& scene, const SampledParticles& particles, const sp
     int nearest = -1;
     const double phi = obstacles.sample(x, &nearest).phi;
     if (phi < -1e-4 * scene.domain.dx)
-      throw ConfigError(fmt::format(
-          "{} overlaps obstacle {} ({}): particle at {} lies {:.3g} m inside. Move the source or the obstacle",
-          name_of_source(scene, particles.source[i]), nearest, word_of(scene.obstacles[nearest].shape), text_of(x),
-          -phi));
+      throw ConfigError(
+          fmt::format("{0} overlaps obstacle {1} (/obstacles/{1}, {2}): particle at {3} lies {4:.3g} m inside. Move "
+                      "the source or the "
+                      "obstacle",
+                      name_of_source(scene, particles.source[i]), nearest, word_of(scene.obstacles[nearest].shape),
+                      text_of(x), -phi));
   }
   check_scripts(scene, particles);
 }

@@ -1,10 +1,13 @@
 #include "mpm/simulation.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include "core/error.h"
 #include "mpm/cuda_simulation.h"
+#include "mpm/memory_need.h"
 #include "mpm/scene_check.h"
+#include "mpm/side_by_side.h"
 #include "mpm/solver.h"
 
 namespace graupel::mpm {
@@ -19,6 +22,11 @@ bool is_plain(const Scene& scene) {
   return !scene.has_moving_obstacles() && scene.kinematic_regions.empty() && scene.emitters.empty() &&
          scene.sinks.empty() && !scene.domain.has_wall(Wall::open) && !scene.domain.has_wall(Wall::periodic) &&
          scene.transfer.scheme == TransferScheme::apic && scene.transfer.damping == 0;
+}
+
+bool runs_tuned(const PreparedScene& prepared) {
+  return prepared.options.device == Device::cuda && prepared.options.kernels == Kernels::tuned &&
+         is_plain(prepared.scene);
 }
 #endif
 
@@ -36,52 +44,78 @@ Estimate estimate_with(const Scene& scene, const SimulationOptions& options, con
   return e;
 }
 
-SampledParticles checked_particles(const Scene& scene, const SimulationOptions& options,
-                                   const sparsegrid::ObstacleSet& obstacles) {
+/// The scene, once it is known that the device may run it and that it can fit.
+const Scene& fitting(const Scene& scene, const SimulationOptions& options) {
   if (options.precision == Precision::f64 && options.device != Device::cpu)
     throw ConfigError("double precision runs on the CPU only. Use --device cpu or single precision");
+  check_memory(least_memory(scene, options), options.device);
+  return scene;
+}
+
+SampledParticles checked_particles(const Scene& scene, const SimulationOptions& options,
+                                   const sparsegrid::ObstacleSet& obstacles) {
   for (const auto& [name, material] : scene.materials) check_material(material);
   SampledParticles particles = sample_sources(scene, options.seed);
+  check_memory(least_memory(scene.domain, options, static_cast<double>(particles.position.size())), options.device);
   check_start(scene, particles, obstacles);
   return particles;
 }
 
 }  // namespace
 
-std::unique_ptr<Simulation> Simulation::create(const Scene& scene, const SimulationOptions& options) {
-  const sparsegrid::ObstacleSet obstacles(scene);
-  const SampledParticles particles = checked_particles(scene, options, obstacles);
+PreparedScene::PreparedScene(const Scene& read_scene, const SimulationOptions& run_options)
+    : scene(read_scene),
+      options(run_options),
+      obstacles(fitting(scene, options)),
+      particles(checked_particles(scene, options, obstacles)) {}
+
+std::unique_ptr<Simulation> Simulation::create(const PreparedScene& prepared) {
+  const auto& [scene, options, obstacles, particles] = prepared;
   if (options.precision == Precision::f64)
     return std::make_unique<Solver<double>>(scene, options, particles, obstacles);
 #ifdef GRAUPEL_HAVE_CUDA
-  if (options.device == Device::cuda && options.kernels == Kernels::tuned && is_plain(scene))
-    return make_cuda_simulation(scene, options, particles, obstacles);
+  if (runs_tuned(prepared)) return make_cuda_simulation(scene, options, particles, obstacles);
 #endif
   return std::make_unique<Solver<float>>(scene, options, particles, obstacles);
 }
 
-std::unique_ptr<SceneBatch> SceneBatch::create([[maybe_unused]] const std::vector<Scene>& scenes,
-                                               [[maybe_unused]] const std::vector<uint64_t>& seeds) {
+std::unique_ptr<Simulation> Simulation::create(const Scene& scene, const SimulationOptions& options) {
+  return create(PreparedScene(scene, options));
+}
+
+std::unique_ptr<SceneBatch> SceneBatch::create(const std::vector<PreparedScene>& scenes) {
+  GRAUPEL_ASSERT(!scenes.empty());
 #ifdef GRAUPEL_HAVE_CUDA
-  std::vector<SampledParticles> particles;
-  std::vector<sparsegrid::ObstacleSet> obstacles;
-  for (std::size_t i = 0; i < scenes.size(); ++i) {
-    if (!is_plain(scenes[i]))
-      throw ConfigError("scene '" + scenes[i].name + "' has features that batches on a GPU do not know. Run it alone");
-    obstacles.emplace_back(scenes[i]);
-    particles.push_back(checked_particles(scenes[i], {.device = Device::cuda, .seed = seeds.at(i)}, obstacles.back()));
+  const Domain& grid = scenes.front().scene.domain;
+  if (std::all_of(scenes.begin(), scenes.end(), [&](const PreparedScene& s) {
+        return runs_tuned(s) && s.scene.domain.dx == grid.dx && s.scene.domain.size == grid.size;
+      })) {
+    std::vector<Scene> of_batch;
+    std::vector<SampledParticles> particles;
+    std::vector<sparsegrid::ObstacleSet> obstacles;
+    for (const PreparedScene& s : scenes) {
+      of_batch.push_back(s.scene);
+      particles.push_back(s.particles);
+      obstacles.push_back(s.obstacles);
+    }
+    check_memory(least_memory(scenes), Device::cuda);
+    return make_cuda_batch(of_batch, particles, obstacles);
   }
-  return make_cuda_batch(scenes, particles, obstacles);
-#else
-  throw ConfigError("this graupel was built without CUDA, which batches of scenes need. Run the scenes one by one");
 #endif
+  return make_side_by_side(scenes);
+}
+
+int64_t SceneBatch::particle_count() const {
+  int64_t count = 0;
+  for (int i = 0; i < scene_count(); ++i) count += static_cast<int64_t>(particle_type(i).size());
+  return count;
 }
 
 Estimate estimate(const Scene& scene, const SimulationOptions& options) {
-  const sparsegrid::ObstacleSet obstacles(scene);
-  const SampledParticles particles = checked_particles(scene, options, obstacles);
-  if (options.precision == Precision::f64) return estimate_with<double>(scene, options, particles, obstacles);
-  return estimate_with<float>(scene, options, particles, obstacles);
+  const PreparedScene prepared(scene, options);
+  if (options.precision == Precision::f64)
+    return estimate_with<double>(scene, options, prepared.particles, prepared.obstacles);
+  return estimate_with<float>(scene, options, prepared.particles, prepared.obstacles);
 }
 
 ParticleFrame frame_with_fields(const Simulation& simulation, FieldSet wanted) {

@@ -10,6 +10,7 @@
 #include "core/device.h"
 #include "core/scene.h"
 #include "core/trajectory.h"
+#include "mpm/sampling.h"
 #include "mpm/simd/instruction_set.h"
 #include "sparsegrid/obstacle_set.h"
 
@@ -58,11 +59,24 @@ struct Estimate {
   int64_t memory_bytes = 0;
 };
 
+/// A scene with its particles and obstacles, made on the host: what a run starts from. Several threads may each prepare
+/// one.
+struct PreparedScene {
+  /// Samples the sources and builds the obstacles. Throws ConfigError when a source lies inside an obstacle or outside
+  /// the walls (naming both), makes no particle, or is led out of the walls by its script.
+  PreparedScene(const Scene& scene, const SimulationOptions& options);
+
+  Scene scene;
+  SimulationOptions options;
+  sparsegrid::ObstacleSet obstacles;
+  SampledParticles particles;
+};
+
 class Simulation {
  public:
-  /// Samples the sources and builds the obstacles. Throws ConfigError when a source lies inside an obstacle or outside
-  /// the walls (naming both), makes no particle, or is led out of the walls by its script, and when a fixed step is too
-  /// long for the speed of a scripted body.
+  /// Throws ConfigError when a fixed step is too long for the speed of a scripted body.
+  static std::unique_ptr<Simulation> create(const PreparedScene& prepared);
+  /// The same, after PreparedScene(scene, options).
   static std::unique_ptr<Simulation> create(const Scene& scene, const SimulationOptions& options);
   virtual ~Simulation() = default;
 
@@ -90,21 +104,28 @@ class Simulation {
   virtual void load_state(const std::vector<std::byte>& state) = 0;
 };
 
-/// Many scenes that a GPU advances together; each moves as it would alone, to the byte.
+/// Many scenes that advance together; each moves as it would alone, to the byte. On a GPU one launch advances all,
+/// where the tuned kernels know all that the scenes have and these have one grid; otherwise one scene after another. On
+/// the CPU each thread advances scenes of its own.
 class SceneBatch {
  public:
-  /// Particles of scene i are sampled with seeds[i]. Throws ConfigError without CUDA, for scenes of different grids,
-  /// for what the tuned kernels do not know, and as Simulation::create does.
-  static std::unique_ptr<SceneBatch> create(const std::vector<Scene>& scenes, const std::vector<uint64_t>& seeds);
+  /// All scenes must have the same options but for the seed. Throws as Simulation::create does.
+  static std::unique_ptr<SceneBatch> create(const std::vector<PreparedScene>& scenes);
   virtual ~SceneBatch() = default;
 
   virtual int scene_count() const = 0;
-  virtual int64_t particle_count() const = 0;  ///< of all scenes
+  /// Types of a scene's particles, in the order of frames().
+  virtual const std::vector<int32_t>& particle_type(int scene) const = 0;
   /// One frame of every scene that has not diverged.
   virtual void advance_frame() = 0;
-  virtual bool diverged(int scene) const = 0;
+  /// Why a scene has diverged, in the words of Simulation::advance_frame's DivergedError; nothing while it has not.
+  virtual std::optional<std::string> divergence(int scene) const = 0;
+  /// Of each scene, as Simulation::frame() with the `wanted` fields in it. That of a diverged scene is of no use.
+  virtual std::vector<ParticleFrame> frames(FieldSet wanted) const = 0;
   /// Of all scenes together: active_blocks, peak_bytes, solver_seconds, and substeps (the most of any scene).
   virtual RunStatistics statistics() const = 0;
+
+  int64_t particle_count() const;  ///< of all scenes
 };
 
 Estimate estimate(const Scene& scene, const SimulationOptions& options);

@@ -57,6 +57,10 @@ sparsegrid::ObstacleSet level_set_of(const Source& source, double voxel) {
 
 }  // namespace
 
+double body_volume(const Body& body) {
+  return body.shape == Shape::mesh && body.mesh ? mesh_volume(*body.mesh) : analytic_volume(body);
+}
+
 SourceBody::SourceBody(const Source& source, std::size_t index, double voxel) : source_(source) {
   if (source.shape == Shape::plane)
     throw ConfigError(fmt::format("source {} is a plane, which has no volume. Use a box", index));

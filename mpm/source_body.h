@@ -7,6 +7,9 @@
 
 namespace graupel::mpm {
 
+/// Volume of a body in its own frame [m^3]: exact for analytic shapes and meshes, 0 for all others.
+double body_volume(const Body& body);
+
 class SourceBody {
  public:
   /// `voxel` [m] is the resolution of the inside test of meshes and .vdb level sets.

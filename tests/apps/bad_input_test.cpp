@@ -181,6 +181,81 @@ TEST(BadInput, DiskFull) {
   EXPECT_FALSE(left) << "a truncated file took the finished one's name";
 }
 
+TEST(BadInput, WhatIsWrongWithASceneNamesItsFileThePointerTheValueAndARemedy) {
+  const Folder folder;
+  const auto source = [](const std::string& keys) {
+    return "{ \"shape\": \"box\", \"size\": [0.15, 0.15, 0.15], \"position\": [0.5, 0.5, 0.5], \"material\": "
+           "\"water\", " +
+           keys + " }";
+  };
+  const std::string emitter =
+      "  \"emitters\": [{ \"shape\": \"box\", \"size\": [0.1, 0.1, 0.1], \"position\": [0.3, 0.8, 0.3], \"material\": "
+      "\"water\", \"velocity\": [0, -5, 0], \"end_time\": ";
+  struct Case {
+    std::string name, scene;
+    std::vector<std::string> says;
+  };
+  const std::vector<Case> cases = {
+      {"far",
+       small_scene("",
+                   "{ \"shape\": \"box\", \"size\": [0.15, 0.15, 0.15], \"position\": [5, 5, 5], \"material\": "
+                   "\"water\" }"),
+       {"/sources/0", "outside the walls", "allowed: (0.09375", "Move or shrink it"}},
+      {"many",
+       small_scene("", source("\"particles_per_cell\": 1e9")),
+       {"/sources/0/particles_per_cell", "1e+09", "<= 1000", "Change the value"}},
+      {"runaway",
+       small_scene(emitter + "1e6 }]"),
+       {"/emitters/0", "15680000000", "particle_limit: 1000000", "end the emission earlier"}},
+  };
+  for (const Case& c : cases) {
+    const auto file = folder.write(c.name + ".json", c.scene);
+    const Outcome outcome = graupel("simulate " + file + " -o " + folder.file("a.h5"));
+    EXPECT_EQ(outcome.exit_code, 2) << outcome.output;
+    EXPECT_TRUE(outcome.says(c.name + ".json")) << outcome.output;
+    for (const std::string& part : c.says) EXPECT_TRUE(outcome.says(part)) << part << " is not in: " << outcome.output;
+    EXPECT_FALSE(std::filesystem::exists(folder.file("a.h5")));
+  }
+}
+
+TEST(BadInput, AFixedStepThatBlowsUpSuggestsOne) {
+  const Folder folder;
+  const auto scene = folder.write("stiff.json", small_scene("  \"time_step\": { \"policy\": \"fixed\", "
+                                                            "\"substeps_per_frame\": 1 },\n  \"frame_time\": 0.05"));
+  const std::string hint = "substeps_per_frame ";
+  int substeps = 1;
+  // Following what it suggests, at most a step of an eighth at a time, soon ends in a run.
+  for (int attempt = 0; attempt < 5; ++attempt) {
+    const Outcome run =
+        graupel("simulate " + scene + " --set time_step.substeps_per_frame=" + std::to_string(substeps) + " -o " +
+                folder.file("a.h5"));
+    if (attempt > 0 && run.exit_code == 0) return;
+    EXPECT_EQ(run.exit_code, 4) << run.output;
+    EXPECT_TRUE(run.says("diverged at particle")) << run.output;
+    const std::size_t at = run.output.find(hint);
+    ASSERT_NE(at, std::string::npos) << run.output;
+    const int suggested = std::atoi(run.output.c_str() + at + hint.size());
+    EXPECT_GT(suggested, substeps);
+    substeps = suggested;
+  }
+  ADD_FAILURE() << substeps << " substeps a frame still diverge";
+}
+
+TEST(BadInput, ASceneThatCannotFitIsRefusedAtOnce) {
+  const Folder folder;
+  const auto scene = folder.write("fine.json", small_scene("",
+                                                           "{ \"shape\": \"box\", \"size\": [0.5, 0.5, 0.5], "
+                                                           "\"position\": [0.5, 0.5, 0.5], \"material\": \"water\", "
+                                                           "\"particles_per_cell\": 1000 }"));
+  for (const char* verb : {"simulate ", "simulate --dry-run "}) {
+    const Outcome outcome = graupel(verb + scene + " --device cpu --set domain.dx=0.0005");
+    EXPECT_EQ(outcome.exit_code, 2) << outcome.output;
+    for (const char* part : {"fine.json", "memory of the CPU", "GB needed for 1000000000000 particles", "GB available",
+                             "fewer particles_per_cell, a larger dx"})
+      EXPECT_TRUE(outcome.says(part)) << part << " is not in: " << outcome.output;
+  }
+}
+
 TEST(BadInput, DivergedRunExitsWithFourAndKeepsTheBadState) {
   const Folder folder;
   const auto scene = folder.write(

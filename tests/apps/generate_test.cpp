@@ -1,13 +1,17 @@
 // Data sets: the same bytes whatever the sharding, complete scenes skipped, other recipes refused.
 #include <gtest/gtest.h>
+#include <sys/mount.h>
 
+#include <algorithm>
 #include <future>
+#include <sstream>
 
 #include "core/atomic_file.h"
 #include "io/scene_reader.h"
 #include "io/trajectory_file.h"
 #include "sparsegrid/obstacle_set.h"
 #include "tests/apps/program.h"
+#include "tests/gpu_only.h"
 
 namespace graupel::test {
 namespace {
@@ -60,6 +64,134 @@ TEST(Generate, ShardsAtOnceMakeTheSameBytesAsOneRun) {
   for (const char* name : {"train.h5", "valid.h5", "test.h5", "metadata.json"})
     EXPECT_TRUE(read_file(whole + "/" + name) == read_file(shards + "/" + name)) << name << " differs";
   EXPECT_EQ(names_in(shards), names_in(whole));  // nothing is left behind
+}
+
+/// Makes the set with `flags`, and parts of it with other batches, shards and after a kill: all have the same bytes.
+void expect_same_bytes_for_every_batch(const std::string& flags) {
+  const Folder folder;
+  const std::string whole = folder.file("whole");
+  const Outcome one = graupel("generate " + flags + " --batch 1 -o " + whole);
+  ASSERT_EQ(one.exit_code, 0) << one.output;
+  const auto expect_whole = [&](const std::string& made) {
+    for (const char* name : {"train.h5", "valid.h5", "test.h5", "metadata.json"})
+      EXPECT_TRUE(read_file(whole + "/" + name) == read_file(made + "/" + name)) << made << "/" << name << " differs";
+    EXPECT_EQ(names_in(made), names_in(whole));
+  };
+  for (const char* batch : {"3", "100"}) {
+    const std::string made = folder.file(std::string("batch") + batch);
+    const Outcome outcome = graupel("generate " + flags + " --batch " + batch + " -o " + made);
+    ASSERT_EQ(outcome.exit_code, 0) << outcome.output;
+    expect_whole(made);
+  }
+  const std::string shards = folder.file("shards");
+  for (const char* shard : {"1/2", "0/2"})
+    ASSERT_EQ(graupel("generate " + flags + " --batch 2 --shard " + shard + " -o " + shards).exit_code, 0);
+  expect_whole(shards);
+
+  // What a kill leaves: some scenes, and a piece of one that is taken for nothing.
+  const std::string killed = folder.file("killed");
+  ASSERT_EQ(graupel("generate " + flags + " --shard 0/2 -o " + killed).exit_code, 0);
+  folder.write("killed/parts/train-00001.h5.part", "half a file");
+  folder.write("killed/parts/train-00002.h5", "not HDF5");
+  const Outcome resumed = graupel("generate " + flags + " --batch 3 -o " + killed);
+  ASSERT_EQ(resumed.exit_code, 0) << resumed.output;
+  EXPECT_TRUE(resumed.says("scenes are there already")) << resumed.output;
+  expect_whole(killed);
+}
+
+/// The stored scene, run by `simulate`, has the bytes of its trajectory in the set.
+void expect_scenes_equal_simulate(const std::string& flags, const std::string& device) {
+  const Folder folder;
+  const std::string whole = folder.file("whole");
+  ASSERT_EQ(graupel("generate " + flags + " -o " + whole).exit_code, 0);
+  const io::TrajectoryReader set(whole + "/train.h5");
+  for (int i = 0; i < set.count(); ++i) {
+    const Trajectory made = set.read(i);
+    const std::string scene = folder.write("scene.json", made.scene_json), out = folder.file("alone.h5");
+    const Outcome alone = graupel("simulate " + scene + " --no-velocity --seed " + std::to_string(made.seed) +
+                                  " --device " + device + " -o " + out);
+    ASSERT_EQ(alone.exit_code, 0) << alone.output;
+    const io::TrajectoryReader reader(out);
+    const Trajectory single = reader.read(0);
+    EXPECT_EQ(made.particle_type, single.particle_type);
+    EXPECT_EQ(set.initial_velocity(i), reader.initial_velocity(0));
+    ASSERT_EQ(made.frame_count(), single.frame_count());
+    for (std::size_t f = 0; f < made.frame_count(); ++f) {
+      EXPECT_EQ(made.frames[f].time, single.frames[f].time);
+      EXPECT_TRUE(made.frames[f].position == single.frames[f].position) << "scene " << i << ", frame " << f;
+    }
+  }
+}
+
+const std::string batch_recipe =
+    "scenes/recipes/hgn.json --set frames=9 --set time_step.substeps_per_frame=8 --set frame_time=0.0024 --set "
+    "counts.train=3 --set counts.valid=1 --set counts.test=1 --seed 5";
+
+TEST(Generate, BytesDoNotDependOnTheBatchOnTheCpu) {
+  expect_same_bytes_for_every_batch(batch_recipe + " --device cpu --threads 2");
+}
+TEST(Generate, BytesDoNotDependOnTheBatchOnTheGpu) {
+  GRAUPEL_NEEDS_GPU();
+  expect_same_bytes_for_every_batch(batch_recipe + " --device cuda");
+}
+TEST(Generate, ScenesEqualTheirSingleRunOnTheCpu) {
+  expect_scenes_equal_simulate(batch_recipe + " --device cpu --batch 3", "cpu");
+}
+TEST(Generate, ScenesEqualTheirSingleRunOnTheGpu) {
+  GRAUPEL_NEEDS_GPU();
+  expect_scenes_equal_simulate(batch_recipe + " --device cuda --batch 3", "cuda");
+}
+
+/// With so few substeps some scenes diverge: they are redrawn, and their neighbours in a batch are as they were.
+void expect_same_redraws_for_every_batch(const std::string& device) {
+  const Folder folder;
+  std::vector<std::string> log[2], sets;
+  for (const char* batch : {"1", "4"}) {
+    sets.push_back(folder.file(std::string("batch") + batch));
+    const Outcome outcome = graupel(
+        "generate scenes/recipes/hgn.json --set frames=4 --set time_step.substeps_per_frame=22 --set "
+        "groups.max_speed=6 "
+        "--set counts.train=4 --set counts.valid=1 --set counts.test=1 --seed 5 --threads 2 --device " +
+        device + " --batch " + batch + " -o " + sets.back());
+    ASSERT_EQ(outcome.exit_code, 0) << outcome.output;
+    std::istringstream lines(read_file(sets.back() + "/redrawn.jsonl"));
+    for (std::string line; std::getline(lines, line);) log[sets.size() - 1].push_back(line);
+    std::sort(log[sets.size() - 1].begin(), log[sets.size() - 1].end());
+  }
+  EXPECT_GT(log[0].size(), 1u);
+  EXPECT_EQ(log[0], log[1]);
+  for (const char* name : {"train.h5", "valid.h5", "test.h5", "metadata.json"})
+    EXPECT_TRUE(read_file(sets[0] + "/" + name) == read_file(sets[1] + "/" + name)) << name << " differs";
+}
+
+TEST(Generate, DivergedScenesAreRedrawnTheSameInEveryBatchOnTheCpu) { expect_same_redraws_for_every_batch("cpu"); }
+TEST(Generate, DivergedScenesAreRedrawnTheSameInEveryBatchOnTheGpu) {
+  GRAUPEL_NEEDS_GPU();
+  expect_same_redraws_for_every_batch("cuda");
+}
+
+TEST(Generate, AStoppedRunLeavesNoPieces) {
+  const Folder folder;
+  const std::string set = folder.file("set");
+  const std::string flags = recipe_flags + " --set frames=400 --set counts.train=2 --threads 2 -o " + set;
+  const Outcome stopped = graupel("generate " + flags + " & pid=$!; sleep 2; kill -INT $pid; wait $pid");
+  EXPECT_EQ(stopped.exit_code, 130) << stopped.output;
+  for (const std::string& name : names_in(set + "/parts")) EXPECT_EQ(name.find(".part"), std::string::npos) << name;
+}
+
+TEST(Generate, AFullDiskIsAnIoErrorAndLeavesNoWholeScene) {
+  const Folder folder;
+  const std::string disk = folder.file("tiny");
+  std::filesystem::create_directory(disk);
+  if (::mount("tmpfs", disk.c_str(), "tmpfs", 0, "size=256k") != 0)
+    GTEST_SKIP() << "no tmpfs can be mounted here (needs root): disk-full is not tested";
+  const Outcome outcome =
+      graupel("generate " + batch_recipe + " --device cpu --batch 3 --set frames=20 -o " + disk + "/set");
+  const std::vector<std::string> left = names_in(disk + "/set/parts");
+  ::umount(disk.c_str());
+  EXPECT_EQ(outcome.exit_code, 5) << outcome.output;
+  EXPECT_TRUE(outcome.says("disk full")) << outcome.output;
+  EXPECT_EQ(std::count_if(left.begin(), left.end(), [](const std::string& name) { return name.ends_with(".h5"); }), 0);
 }
 
 TEST(Generate, ALogThatCannotBeWrittenIsAnIoError) {

@@ -5,6 +5,8 @@
 
 #include <array>
 #include <cstdio>
+#include <cstring>
+#include <tuple>
 
 #include "core/error.h"
 #include "expect_error.h"
@@ -130,6 +132,51 @@ TEST(TrajectoryFile, EveryTruncationIsRefused) {
   }
 }
 
+/// All values of a dataset as the HDF5 library itself reads them.
+std::vector<float> library_values(const std::string& path, const char* name) {
+  const hdf5::Handle file = hdf5::open_file(path);
+  const hdf5::Handle dataset(H5Dopen2(file, name, H5P_DEFAULT), H5Dclose, "cannot open");
+  const hdf5::Handle space(H5Dget_space(dataset), H5Sclose, "cannot open");
+  std::vector<float> values(static_cast<std::size_t>(H5Sget_simple_extent_npoints(space)));
+  hdf5::check(H5Dread(dataset, H5T_NATIVE_FLOAT, H5S_ALL, H5S_ALL, H5P_DEFAULT, values.data()), "cannot read");
+  return values;
+}
+
+TEST(TrajectoryFile, TheLibraryReadsWhatThreadsCompressed) {
+  // One chunk a frame and more, chunks of several frames whose last one is not full, no compression.
+  const TemporaryFolder folder;
+  const std::string path = folder.file("a.h5");
+  for (const auto& [particles, frames, level] : {std::tuple(400000, 2, 1), {50000, 9, 1}, {700, 19, 6}, {700, 3, 0}}) {
+    TrajectoryWriteOptions options;
+    options.deflate = level;
+    write(path, static_cast<std::size_t>(particles), frames, options);
+    const std::vector<float> position = library_values(path, "/00000/position");
+    const std::vector<float> velocity = library_values(path, "/00000/velocity");
+    const TrajectoryReader reader(path);
+    ASSERT_EQ(position.size(), static_cast<std::size_t>(3 * particles * frames));
+    for (int f = 0; f < frames; ++f) {
+      const ParticleFrame frame = sample_frame(static_cast<std::size_t>(particles), f);
+      const std::size_t bytes = frame.position.size() * sizeof(Vec3f), at = static_cast<std::size_t>(3 * particles * f);
+      EXPECT_EQ(std::memcmp(frame.position.data(), position.data() + at, bytes), 0) << particles << ", frame " << f;
+      EXPECT_EQ(std::memcmp(frame.velocity.data(), velocity.data() + at, bytes), 0) << particles << ", frame " << f;
+      EXPECT_TRUE(same_frame(reader.frames(0, f, 1)[0], frame)) << particles << ", frame " << f;
+    }
+  }
+}
+
+TEST(TrajectoryFile, WritersOfSeveralThreadsDoNotDisturbEachOther) {
+  const TemporaryFolder folder;
+#pragma omp parallel for num_threads(4)
+  for (int i = 0; i < 8; ++i) write(folder.file(std::to_string(i)), 500 + static_cast<std::size_t>(i), 20);
+  for (int i = 0; i < 8; ++i) {
+    const auto particles = 500 + static_cast<std::size_t>(i);
+    const Trajectory read = TrajectoryReader(folder.file(std::to_string(i))).read(0);
+    ASSERT_EQ(read.frame_count(), 20u);
+    for (int f = 0; f < 20; ++f)
+      EXPECT_TRUE(same_frame(read.frames[static_cast<std::size_t>(f)], sample_frame(particles, f))) << i;
+  }
+}
+
 TEST(TrajectoryFile, ADamagedChunkIsNoticed) {
   TemporaryFolder folder;
   write(folder.file("a.h5"), 500, 8, {.velocity = false});
@@ -146,7 +193,7 @@ TEST(TrajectoryFile, ADamagedChunkIsNoticed) {
   std::string bytes = bytes_of(folder.file("a.h5"));
   bytes[address + stored - 10] = static_cast<char>(bytes[address + stored - 10] ^ 0x10);
   const std::string damaged = folder.write("b.h5", bytes);
-  expect_error<InputError>([&] { TrajectoryReader(damaged).read(0); }, {"b.h5", "cannot read values"});
+  expect_error<InputError>([&] { TrajectoryReader(damaged).read(0); }, {"b.h5", "checksum is wrong"});
 }
 
 TEST(TrajectoryFile, NamesMissingAndForeignFiles) {

@@ -1,6 +1,7 @@
 // The kernels for GPUs, run on the CPU by fibers: equal to the CPU solver, independent of the other scenes in a batch.
 #include <gtest/gtest.h>
 
+#include "mpm/batch_results.h"
 #include "mpm/batch_state.h"
 #include "mpm/solver.h"
 #include "tests/mpm/fiber_backend.h"
@@ -247,6 +248,30 @@ TEST(Batch, ADivergedSceneStopsAlone) {
   EXPECT_EQ(batch.control(0).bad_particle, 0);
   EXPECT_EQ(batch.control(1).phase, ScenePhase::frame_done);
   EXPECT_EQ(batch.control(1).substeps, 20);
+}
+
+TEST(Batch, FramesAndErrorsOfScenesAreThoseOfSingleRuns) {
+  Scene wild = scene_with("taichi_water", {0.5, 0.3, 0.5}, 0.04);
+  wild.sources[0].velocity = {300, 0, 0};
+  Scene calm = scene_with("taichi_snow", {0.5, 0.1, 0.5}, 0.05);
+  wild.time_step.substeps_per_frame = calm.time_step.substeps_per_frame = 10;
+  FieldSet wanted;
+  wanted.add(ParticleField::stress);
+  FiberBackend backend;
+  BatchSolver<FiberBackend> both(backend, entries_of({calm, wild, calm}, 3));
+  BatchSolver<FiberBackend> alone(backend, entries_of({calm}, 3)), wild_alone(backend, entries_of({wild}, 3));
+  for (auto* batch : {&both, &alone, &wild_alone}) batch->advance_frame();
+  const auto frames = frames_of_scenes(both, wanted, 1), one = frames_of_scenes(alone, wanted, 1);
+  for (const std::size_t i : {0u, 2u}) {
+    EXPECT_EQ(frames[i].time, calm.frame_time);
+    EXPECT_TRUE(frames[i].position == one[0].position);
+    EXPECT_TRUE(frames[i].velocity == one[0].velocity);
+    EXPECT_TRUE(frames[i].fields == one[0].fields);
+    EXPECT_EQ(frames[i].fields[ParticleField::stress].size(), 6 * frames[i].position.size());
+  }
+  EXPECT_EQ(why_stopped(both, 1, 0), why_stopped(wild_alone, 0, 0));
+  EXPECT_NE(why_stopped(both, 1, 0).find("diverged at particle 0 (water"), std::string::npos)
+      << why_stopped(both, 1, 0);
 }
 
 TEST(Batch, MomentumAndMassAreConserved) {

@@ -139,8 +139,8 @@ TEST(Emission, MoreParticlesThanTheLimitAreRefused) {
       Simulation::create(with_nozzle(emitter), {});
       FAIL();
     } catch (const ConfigError& error) {
-      EXPECT_THAT(error.what(),
-                  testing::AllOf(HasSubstr("emitter 0 (box of 'water')"), HasSubstr("particle_limit: 100")));
+      EXPECT_THAT(error.what(), testing::AllOf(HasSubstr("emitter 0 (/emitters/0, box of 'water')"),
+                                               HasSubstr("particle_limit: 100")));
     }
   }
 }

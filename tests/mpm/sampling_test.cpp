@@ -148,8 +148,9 @@ TEST(Sampling, ImpossibleSourcesAreErrorsThatNameThem) {
   EXPECT_THAT(config_error([&] { sample_sources(unknown, 1); }), HasSubstr("unknown material 'honey'"));
 
   Scene outside = scene_with("water", {0.5, 0.02, 0.5});
-  EXPECT_THAT(config_error([&] { Simulation::create(outside, {}); }),
-              testing::AllOf(HasSubstr("source 0"), HasSubstr("outside the walls"), HasSubstr("allowed")));
+  EXPECT_THAT(
+      config_error([&] { Simulation::create(outside, {}); }),
+      testing::AllOf(HasSubstr("source 0 (/sources/0, "), HasSubstr("outside the walls"), HasSubstr("allowed")));
   Scene inside = scene_with("water");
   Obstacle sphere;
   sphere.shape = Shape::sphere;
@@ -157,7 +158,7 @@ TEST(Sampling, ImpossibleSourcesAreErrorsThatNameThem) {
   sphere.position = {0.55, 0.5, 0.5};
   inside.obstacles.push_back(sphere);
   EXPECT_THAT(config_error([&] { Simulation::create(inside, {}); }),
-              testing::AllOf(HasSubstr("source 0"), HasSubstr("obstacle 0 (sphere)"), HasSubstr("Move")));
+              testing::AllOf(HasSubstr("source 0"), HasSubstr("obstacle 0 (/obstacles/0, sphere)"), HasSubstr("Move")));
   Scene none = scene_with("water");
   none.sources.clear();
   EXPECT_THAT(config_error([&] { Simulation::create(none, {}); }), HasSubstr("no particles"));

@@ -1,0 +1,19 @@
+// How much memory a device still has for this process.
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "core/device.h"
+
+namespace graupel {
+
+/// Bytes that can still be taken. On the CPU what the system calls available, or what the control groups of this
+/// process leave where that is less (caches of files count as free); on a GPU its free memory. The largest number when
+/// unknown.
+uint64_t available_bytes(Device device);
+
+/// The same on the CPU with the files of the kernel below `root` ("/" for the real ones).
+uint64_t available_host_bytes(const std::string& root);
+
+}  // namespace graupel
