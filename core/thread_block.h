@@ -20,6 +20,9 @@ struct CudaBlock {
   __device__ void sync_warp() const { __syncwarp(); }
   /// Bit l: whether lane l says yes. All lanes of the warp must ask.
   __device__ uint32_t ballot(bool yes) const { return __ballot_sync(0xffffffffu, yes); }
+  /// `value` of the lane whose number differs in the bits of `mask`. All lanes of the warp must take part.
+  __device__ float shuffle_xor(float value, int mask) const { return __shfl_xor_sync(0xffffffffu, value, mask); }
+  __device__ long long nearest_integer(float value) const { return __float2ll_rn(value); }
   /// Writes before it are seen by other blocks before writes after it.
   __device__ void fence() const { __threadfence(); }
   template <typename T>

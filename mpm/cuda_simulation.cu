@@ -9,11 +9,14 @@
 #include "mpm/cuda_backend.cuh"
 #include "mpm/divergence.h"
 #include "mpm/scene_hash.h"
+#include "mpm/small_scene_solver.h"
 
 namespace graupel::mpm {
 
 namespace {
 
+/// One scene. `BatchOf` is SmallSceneSolver or BatchSolver.
+template <template <typename> class BatchOf>
 class CudaSimulation final : public Simulation {
  public:
   CudaSimulation(const Scene& scene, const SimulationOptions& options, const SampledParticles& particles,
@@ -59,12 +62,13 @@ class CudaSimulation final : public Simulation {
 
   SimulationOptions options_;
   CudaBackend backend_;
-  mutable BatchSolver<CudaBackend> solver_;  ///< saving reads its arrays in place
+  mutable BatchOf<CudaBackend> solver_;  ///< saving reads its arrays in place
   int64_t frames_done_ = 0;
   double seconds_ = 0;
 };
 
-void CudaSimulation::advance_frame() {
+template <template <typename> class BatchOf>
+void CudaSimulation<BatchOf>::advance_frame() {
   const auto begin = std::chrono::steady_clock::now();
   solver_.advance_frame();
   seconds_ += std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
@@ -72,7 +76,8 @@ void CudaSimulation::advance_frame() {
   ++frames_done_;
 }
 
-void CudaSimulation::throw_stopped() const {
+template <template <typename> class BatchOf>
+void CudaSimulation<BatchOf>::throw_stopped() const {
   const StepControl& c = solver_.control(0);
   if (c.phase == ScenePhase::too_stiff)
     next_step(scene().time_step, scene().domain.dx, scene().frame_time,
@@ -89,10 +94,11 @@ void CudaSimulation::throw_stopped() const {
       std::find(host.source_index.begin(), host.source_index.end(), c.bad_particle) - host.source_index.begin());
   bad.speed = static_cast<double>(norm(host.velocity.at(slot)));
   bad.internal = static_cast<double>(host.internal[slot]);
-  throw_diverged(scene(), solver_.setup(0).material_configs[static_cast<std::size_t>(host.material[slot])], bad);
+  mpm::throw_diverged(scene(), solver_.setup(0).material_configs[static_cast<std::size_t>(host.material[slot])], bad);
 }
 
-RunStatistics CudaSimulation::statistics() const {
+template <template <typename> class BatchOf>
+RunStatistics CudaSimulation<BatchOf>::statistics() const {
   const StepControl& c = solver_.control(0);
   RunStatistics s;
   s.substeps = c.substeps;
@@ -107,30 +113,55 @@ RunStatistics CudaSimulation::statistics() const {
   return s;
 }
 
+/// Small scenes and the others, each kind with its solver.
 class CudaBatch final : public SceneBatch {
  public:
-  explicit CudaBatch(std::vector<BatchEntry> entries) : solver_(backend_, std::move(entries)) {}
+  explicit CudaBatch(std::vector<BatchEntry> entries) {
+    std::vector<BatchEntry> small, others;
+    for (BatchEntry& entry : entries) {
+      const bool is_small = is_small_scene(entry.scene, entry.particles.position.size());
+      std::vector<BatchEntry>& group = is_small ? small : others;
+      places_.push_back({is_small, static_cast<int>(group.size())});
+      particle_count_ += static_cast<int64_t>(entry.particles.position.size());
+      group.push_back(std::move(entry));
+    }
+    if (!small.empty()) small_ = std::make_unique<SmallSceneSolver<CudaBackend>>(small_backend_, std::move(small));
+    if (!others.empty()) others_ = std::make_unique<BatchSolver<CudaBackend>>(backend_, std::move(others));
+  }
 
-  int scene_count() const override { return solver_.scene_count(); }
-  int64_t particle_count() const override { return solver_.first_particle(scene_count()); }
+  int scene_count() const override { return static_cast<int>(places_.size()); }
+  int64_t particle_count() const override { return particle_count_; }
   void advance_frame() override {
     const auto begin = std::chrono::steady_clock::now();
-    solver_.advance_frame();
+    if (small_) small_->advance_frame();
+    if (others_) others_->advance_frame();
     seconds_ += std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
   }
-  bool diverged(int scene) const override { return solver_.control(scene).phase != ScenePhase::frame_done; }
+  bool diverged(int scene) const override { return control(scene).phase != ScenePhase::frame_done; }
   RunStatistics statistics() const override {
     RunStatistics s;
-    for (int i = 0; i < scene_count(); ++i) s.substeps = std::max(s.substeps, solver_.control(i).substeps);
-    s.active_blocks = solver_.active_blocks();
-    s.peak_bytes = solver_.memory_bytes();
+    for (int i = 0; i < scene_count(); ++i) s.substeps = std::max(s.substeps, control(i).substeps);
+    if (others_) s.active_blocks = others_->active_blocks();
+    s.peak_bytes = (small_ ? small_->memory_bytes() : 0) + (others_ ? others_->memory_bytes() : 0);
     s.solver_seconds = seconds_;
     return s;
   }
 
  private:
-  CudaBackend backend_;
-  BatchSolver<CudaBackend> solver_;
+  struct Place {
+    bool small;
+    int number;  ///< among the scenes of its solver
+  };
+  const StepControl& control(int scene) const {
+    const Place& place = places_[static_cast<std::size_t>(scene)];
+    return place.small ? small_->control(place.number) : others_->control(place.number);
+  }
+
+  std::vector<Place> places_;
+  int64_t particle_count_ = 0;
+  CudaBackend small_backend_, backend_;
+  std::unique_ptr<SmallSceneSolver<CudaBackend>> small_;
+  std::unique_ptr<BatchSolver<CudaBackend>> others_;
   double seconds_ = 0;
 };
 
@@ -147,7 +178,9 @@ std::unique_ptr<SceneBatch> make_cuda_batch(const std::vector<Scene>& scenes,
 std::unique_ptr<Simulation> make_cuda_simulation(const Scene& scene, const SimulationOptions& options,
                                                  const SampledParticles& particles,
                                                  const sparsegrid::ObstacleSet& obstacles) {
-  return std::make_unique<CudaSimulation>(scene, options, particles, obstacles);
+  if (is_small_scene(scene, particles.position.size()))
+    return std::make_unique<CudaSimulation<SmallSceneSolver>>(scene, options, particles, obstacles);
+  return std::make_unique<CudaSimulation<BatchSolver>>(scene, options, particles, obstacles);
 }
 
 }  // namespace graupel::mpm
