@@ -61,8 +61,7 @@ class CudaBackend {
     int device = 0, processors = 0, blocks = 0;
     GRAUPEL_CUDA_CHECK(cudaGetDevice(&device));
     GRAUPEL_CUDA_CHECK(cudaDeviceGetAttribute(&processors, cudaDevAttrMultiProcessorCount, device));
-    GRAUPEL_CUDA_CHECK(
-        cudaOccupancyMaxActiveBlocksPerMultiprocessor(&blocks, kernels::run_frame, small::threads, 0));
+    GRAUPEL_CUDA_CHECK(cudaOccupancyMaxActiveBlocksPerMultiprocessor(&blocks, kernels::run_frame, small::threads, 0));
     small_blocks_ = blocks * processors;
     if (cudaFuncSetAttribute(kernels::run_segment, cudaFuncAttributeMaxDynamicSharedMemorySize, shared) !=
         cudaSuccess) {

@@ -65,7 +65,6 @@ class SmallSceneSolver {
   Buffer<StepControl> controls_;
   Buffer<StepReport> reports_;
   Buffer<UnitPair> sums_;
-  Buffer<uint8_t> held_;
   Buffer<NodeContact> contact_;
   Buffer<int32_t> base_;
   Buffer<uint32_t> arrivals_;
@@ -79,7 +78,6 @@ SmallSceneSolver<Backend>::SmallSceneSolver(Backend& backend, std::vector<BatchE
       controls_(backend.device(), 0),
       reports_(backend.device(), 0),
       sums_(backend.device(), 0),
-      held_(backend.device(), 0),
       contact_(backend.device(), 0),
       base_(backend.device(), 0),
       arrivals_(backend.device(), 0) {
@@ -105,7 +103,6 @@ void SmallSceneSolver<Backend>::make_grids() {
     first_node_.push_back(first_node_.back() + s->grid.directory_size() * int64_t(nodes_per_block<3>));
   const auto nodes = static_cast<std::size_t>(first_node_.back());
   sums_.resize_discard(3 * 2 * nodes);
-  held_.resize_discard(nodes);
   contact_.resize_discard(nodes);
   base_.resize_discard(3 * static_cast<std::size_t>(particles_.count()));
   clear_grids();
@@ -114,8 +111,7 @@ void SmallSceneSolver<Backend>::make_grids() {
     small.push_back(small_scene(i));
     const int64_t first = first_node_[static_cast<std::size_t>(i)];
     backend_.launch(first_node_[static_cast<std::size_t>(i) + 1] - first,
-                    small::FindContacts{setup(i).view(), small.back().nodes, held_.data() + first,
-                                        contact_.data() + first});
+                    small::FindContacts{setup(i).view(), small.back().nodes, contact_.data() + first});
   }
   small_scenes_.upload(small);
   backend_.wait();
@@ -151,7 +147,6 @@ SmallScene SmallSceneSolver<Backend>::small_scene(int scene) const {
   const auto place = static_cast<std::size_t>(scene);
   const int64_t nodes = first_node_.back(), first = first_node_[place];
   for (int grid = 0; grid < 3; ++grid) small.sums[grid] = self.sums_.data() + 2 * (grid * nodes + first);
-  small.held = held_.data() + first;
   small.contact = contact_.data() + first;
   return small;
 }
@@ -210,15 +205,15 @@ void SmallSceneSolver<Backend>::set_controls(const std::vector<StepControl>& con
 template <typename Backend>
 ParticleFrame SmallSceneSolver<Backend>::frame() const {
   Buffer<float> packed(backend_.device(), static_cast<std::size_t>(6 * particles_.count()));
-  backend_.launch(particles_.count(), batch::PackParticles{particles_.view(), packed.data(),
-                                                           packed.data() + 3 * particles_.count()});
+  backend_.launch(particles_.count(),
+                  batch::PackParticles{particles_.view(), packed.data(), packed.data() + 3 * particles_.count()});
   backend_.wait();
   return unpack_frame(packed.download());
 }
 
 template <typename Backend>
 int64_t SmallSceneSolver<Backend>::memory_bytes() const {
-  return particles_.bytes() + static_cast<int64_t>(sums_.size() * sizeof(UnitPair) + held_.size() +
+  return particles_.bytes() + static_cast<int64_t>(sums_.size() * sizeof(UnitPair) +
                                                    contact_.size() * sizeof(NodeContact) + 4 * base_.size());
 }
 

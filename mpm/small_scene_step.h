@@ -39,6 +39,9 @@ union Staged {
 };
 struct Shared {
   Staged staged[warps][warp_width];
+  BatchScene scene;
+  SmallScene small;
+  int32_t half_node[2 * stencil_nodes];  ///< place of every UnitPair of a stencil, from that of its base node
   StepReport report;
   uint32_t arrivals;
 };
@@ -49,7 +52,7 @@ struct Worker {
   const Block& block;
   const SmallBatchView& view;
   Shared& shared;
-  const BatchScene& scene;
+  const BatchScene& scene;  ///< copies in shared memory
   const SmallScene& small;
   int32_t number;  ///< of the scene
   int32_t blocks;  ///< of the group
@@ -127,19 +130,36 @@ GRAUPEL_HD inline Vec<float, 3> meet_node(const SceneView<float>& scene, const N
 }
 
 /// Velocity after gravity and contact of a node with these sums; zero without mass.
-GRAUPEL_HD inline Vec<float, 3> node_velocity(const SceneView<float>& scene, const SmallScene& small, int32_t node,
-                                              const UnitPair& low, const UnitPair& high, float dt) {
+GRAUPEL_HD inline Vec<float, 3> node_velocity(const SceneView<float>& scene, const SmallScene& small,
+                                              const NodeContact& contact, const UnitPair& low, const UnitPair& high,
+                                              float dt) {
   if (high.b <= 0) return Vec<float, 3>::zero();
   const float scale = small.momentum_unit / (static_cast<float>(high.b) * small.mass_unit);
   const Vec<float, 3> v = Vec<float, 3>{static_cast<float>(low.a) * scale, static_cast<float>(low.b) * scale,
                                         static_cast<float>(high.a) * scale} +
                           dt * scene.gravity;
-  return small.held[node] ? meet_node(scene, small.contact[node], v) : v;
+  return contact.code != 0 ? meet_node(scene, contact, v) : v;
 }
 
-template <typename T>
-GRAUPEL_HD inline T pick(int i, T zero, T one, T two) {
-  return i == 0 ? zero : i == 1 ? one : two;
+GRAUPEL_HD inline float pick(int i, const AxisWeights<float>& weight) {
+  return i == 0 ? weight.w[0] : i == 1 ? weight.w[1] : weight.w[2];
+}
+
+/// Sums of twelve values over the eight lanes of a particle, three of them in every lane: with every step, a lane gives
+/// away the half of its values that its partner keeps. Returns the place of its first.
+template <typename Block>
+GRAUPEL_HD inline int add_lanes(const Block& block, int part, float (&value)[12]) {
+  const bool upper = (part & 4) != 0, second = (part & 2) != 0;
+  for (int i = 0; i < 6; ++i) {
+    const float given = upper ? value[i] : value[i + 6], kept = upper ? value[i + 6] : value[i];
+    value[i] = kept + block.shuffle_xor(given, 4);
+  }
+  for (int i = 0; i < 3; ++i) {
+    const float given = second ? value[i] : value[i + 3], kept = second ? value[i + 3] : value[i];
+    value[i] = kept + block.shuffle_xor(given, 2);
+  }
+  for (int i = 0; i < 3; ++i) value[i] += block.shuffle_xor(value[i], 1);
+  return (upper ? 6 : 0) + (second ? 3 : 0);
 }
 
 /// G2P of a turn: moments of the particles into the warp's staged ones.
@@ -148,43 +168,39 @@ GRAUPEL_HD void gather_turn(const Worker<Block>& w, int32_t first, int32_t count
   const SceneView<float>& scene = w.scene.view;
   const SmallScene& small = w.small;
   const int part = w.lane() % particle_lanes;
+  constexpr int rounds = (stencil_nodes + particle_lanes - 1) / particle_lanes;
   for (int32_t n = 0; n < count; n += warp_width / particle_lanes) {
     const int32_t particle = n + w.lane() / particle_lanes, at = particle < count ? particle : count - 1;
     const Stencil s =
         stencil_at(scene.grid, small.nodes, w.view.particles.position.vec(int64_t(small.first) + first + at));
-    AxisWeights<float> weight[3];
-    for (int d = 0; d < 3; ++d) weight[d] = bspline_weights(s.fx[d]);
-    Moment m = {};
-    constexpr int rounds = (stencil_nodes + particle_lanes - 1) / particle_lanes;
     UnitPair low[rounds], high[rounds];
+    NodeContact contact[rounds];
     for (int r = 0; r < rounds; ++r) {
-      const int node = part + particle_lanes * r;
-      const int32_t place =
-          s.base + (node < stencil_nodes ? (node / 9 * small.nodes[1] + node / 3 % 3) * small.nodes[2] + node % 3 : 0);
+      const int node = part + particle_lanes * r < stencil_nodes ? part + particle_lanes * r : 0;
+      const int32_t place = s.base + w.shared.half_node[2 * node] / 2;
       low[r] = w.block.fresh(sums + 2 * int64_t(place));
       high[r] = w.block.fresh(sums + 2 * int64_t(place) + 1);
+      contact[r] = small.contact[place];
     }
+    AxisWeights<float> weight[3];
+    for (int d = 0; d < 3; ++d) weight[d] = bspline_weights(s.fx[d]);
+    float sum[12] = {};
     for (int r = 0; r < rounds; ++r) {
       const int node = part + particle_lanes * r;
       if (node >= stencil_nodes) continue;
       const int i = node / 9, j = node / 3 % 3, k = node % 3;
-      const Vec<float, 3> v = node_velocity(scene, small, s.base + (i * small.nodes[1] + j) * small.nodes[2] + k,
-                                            low[r], high[r], w.dt);
-      const float wx = pick(i, weight[0].w[0], weight[0].w[1], weight[0].w[2]),
-                  wy = pick(j, weight[1].w[0], weight[1].w[1], weight[1].w[2]),
-                  wz = pick(k, weight[2].w[0], weight[2].w[1], weight[2].w[2]);
-      const Vec<float, 3> part_v = wx * wy * wz * v;
-      const Vec<float, 3> offset = {static_cast<float>(i) - s.fx[0], static_cast<float>(j) - s.fx[1],
-                                    static_cast<float>(k) - s.fx[2]};
+      const Vec<float, 3> v = (pick(i, weight[0]) * pick(j, weight[1]) * pick(k, weight[2])) *
+                              node_velocity(scene, small, contact[r], low[r], high[r], w.dt);
+      const float offset[3] = {static_cast<float>(i) - s.fx[0], static_cast<float>(j) - s.fx[1],
+                               static_cast<float>(k) - s.fx[2]};
       for (int c = 0; c < 3; ++c) {
-        m.value[c] += part_v[c];
-        for (int d = 0; d < 3; ++d) m.value[3 + 3 * c + d] += part_v[c] * offset[d];
+        sum[c] += v[c];
+        for (int d = 0; d < 3; ++d) sum[3 + 3 * c + d] += v[c] * offset[d];
       }
     }
-    for (int mask = 1; mask < particle_lanes; mask *= 2)
-      for (float& value : m.value) value += w.block.shuffle_xor(value, mask);
-    if (part == 0 && particle < count)
-      for (int c = 0; c < 12; ++c) w.staged()[particle].moment.value[c] = m.value[c];
+    const int place = add_lanes(w.block, part, sum);
+    if (part % 2 == 0 && particle < count)
+      for (int c = 0; c < 3; ++c) w.staged()[particle].moment.value[place + c] = sum[c];
   }
 }
 
@@ -217,8 +233,9 @@ GRAUPEL_HD Share present_share(const Worker<Block>& w, int64_t slot) {
   const ParticleView<float>& p = w.view.particles;
   const SceneView<float>& scene = w.scene.view;
   const float volume = p.volume.get(slot), mass = scene.materials[p.material.get(slot)].density * volume;
-  const Mat<float, 3> A = affine_momentum(scene.grid.dx, scene.grid.inverse_dx, mass, volume, w.dt,
-                                          load_matrix<float, 3>(p.affine_velocity, slot), load_symmetric(p.stress, slot));
+  const Mat<float, 3> A =
+      affine_momentum(scene.grid.dx, scene.grid.inverse_dx, mass, volume, w.dt,
+                      load_matrix<float, 3>(p.affine_velocity, slot), load_symmetric(p.stress, slot));
   return share_of(scene, w.small, p.position.vec(slot), p.velocity.vec(slot), A, mass);
 }
 
@@ -273,33 +290,41 @@ GRAUPEL_HD Share advance(Worker<Block>& w, int64_t slot, const Moment& moment, b
   return share_of(scene, w.small, x, v, A, mass);
 }
 
-/// P2G of a turn: adds the staged particles to a grid, four lanes to the four sums of a node.
+/// P2G of a turn: adds the staged particles to a grid. Four lanes stand for the four sums of a node, and twice four
+/// share a particle: the others see the stencil from its far corner, with mirrored weights, and stop before the node in
+/// its middle.
 template <typename Block>
 GRAUPEL_HD void scatter_turn(const Worker<Block>& w, int32_t count, UnitPair* sums) {
-  const SmallScene& small = w.small;
   const int channel = w.lane() % 4;
-  const bool odd = w.lane() / 4 % 2 == 1;
-  auto* const channels_at = reinterpret_cast<unsigned long long*>(sums) + channel;
+  const bool mirrored = w.lane() / 4 % 2 == 1;
+  const int32_t row = 4 * w.small.nodes[2], plane = row * w.small.nodes[1];
+  const int32_t step[3] = {mirrored ? -plane : plane, mirrored ? -row : row, mirrored ? -4 : 4};
+  const int32_t corner = channel + (mirrored ? 2 * (plane + row + 4) : 0);
+  auto* const units = reinterpret_cast<long long*>(sums);
   for (int32_t n = 0; n < count; n += warp_width / particle_lanes) {
     const int32_t particle = n + w.lane() / particle_lanes;
     if (particle >= count) continue;
     const Share& s = w.staged()[particle].share;
     AxisWeights<float> weight[3];
-    for (int d = 0; d < 3; ++d) weight[d] = bspline_weights(s.fx[d]);
-    const float row[4] = {s.row[channel][0], s.row[channel][1], s.row[channel][2], s.row[channel][3]};
-    const int32_t base = s.base;
-    for (int node = 0; node < stencil_nodes; node += 2) {
-      const int even_node = node, odd_node = node + 1;
-      if (odd && odd_node == stencil_nodes) break;
-      const int at[3] = {odd ? odd_node / 9 : even_node / 9, odd ? odd_node / 3 % 3 : even_node / 3 % 3,
-                         odd ? odd_node % 3 : even_node % 3};
-      const float w_node = odd ? weight[0].w[odd_node / 9] * weight[1].w[odd_node / 3 % 3] * weight[2].w[odd_node % 3]
-                               : weight[0].w[even_node / 9] * weight[1].w[even_node / 3 % 3] * weight[2].w[even_node % 3];
-      const float value = w_node * (row[0] + row[1] * static_cast<float>(at[0]) + row[2] * static_cast<float>(at[1]) +
-                                    row[3] * static_cast<float>(at[2]));
-      const int64_t place = base + (at[0] * small.nodes[1] + at[1]) * small.nodes[2] + at[2];
-      w.block.add(channels_at + 4 * place, static_cast<unsigned long long>(w.block.nearest_integer(value)));
+    for (int d = 0; d < 3; ++d) weight[d] = bspline_weights(mirrored ? 2.0f - s.fx[d] : s.fx[d]);
+    float at_corner = s.row[channel][0], slope[3] = {s.row[channel][1], s.row[channel][2], s.row[channel][3]};
+    if (mirrored) {
+      at_corner += 2.0f * (slope[0] + slope[1] + slope[2]);
+      for (float& change : slope) change = -change;
     }
+    long long* const at = units + 4 * int64_t(s.base) + corner;
+    for (int i = 0; i < 2; ++i)
+      for (int j = 0; j < 3; ++j) {
+        long long* const at_row = at + i * step[0] + j * step[1];
+        const float w_row = weight[0].w[i] * weight[1].w[j];
+        const float value = at_corner + static_cast<float>(i) * slope[0] + static_cast<float>(j) * slope[1];
+        for (int k = 0; k < 3; ++k) {
+          const int node = 9 * i + 3 * j + k;
+          if (node > stencil_nodes / 2 || (node == stencil_nodes / 2 && mirrored)) continue;
+          w.block.add_units(at_row + k * step[2], w.block.nearest_integer(w_row * weight[2].w[k] *
+                                                                          (value + static_cast<float>(k) * slope[2])));
+        }
+      }
   }
 }
 
@@ -312,11 +337,8 @@ GRAUPEL_HD void clear_turn(const Worker<Block>& w, int32_t first, int32_t count,
     if (particle >= count) continue;
     const int32_t base = bases[w.small.first + first + particle];
     if (base < 0) continue;
-    for (int half = part; half < 2 * stencil_nodes; half += particle_lanes) {
-      const int node = half / 2;
-      const int64_t place = base + (node / 9 * w.small.nodes[1] + node / 3 % 3) * w.small.nodes[2] + node % 3;
-      sums[2 * place + half % 2] = {0, 0};
-    }
+    for (int half = part; half < 2 * stencil_nodes; half += particle_lanes)
+      sums[2 * int64_t(base) + w.shared.half_node[half]] = {0, 0};
   }
 }
 
@@ -354,8 +376,8 @@ GRAUPEL_HD void substep(Worker<Block>& w, int64_t k, bool last) {
     const int lane = w.lane(), own = lane % w.view.turn, at = own < count ? own : count - 1;
     const Moment moment = w.staged()[at].moment;
     w.block.sync_warp();
-    const Share share = advance(w, int64_t(w.small.first) + first + at, moment, lane < count,
-                                last ? Keep::everything : Keep::motion);
+    const Share share =
+        advance(w, int64_t(w.small.first) + first + at, moment, lane < count, last ? Keep::everything : Keep::motion);
     if (last) return;
     stage(w, first, count, share, bases(k + 1));
     scatter_turn(w, count, next);
@@ -369,8 +391,6 @@ GRAUPEL_HD void run_scene(Worker<Block>& w) {
   const StepControl& control = w.view.controls[w.number];
   const int64_t k = control.substeps;
   const auto substeps = static_cast<int32_t>(w.scene.time_step.substeps_per_frame);
-  if (w.block.thread() == 0) clear_report(w.shared.report);
-  w.block.sync();
   w.for_turns([&](int32_t first, int32_t count) {
     const int own = w.lane() % w.view.turn, at = own < count ? own : count - 1;
     stage(w, first, count, present_share(w, int64_t(w.small.first) + first + at),
@@ -398,6 +418,21 @@ GRAUPEL_HD void run_scene(Worker<Block>& w) {
   w.block.sync();
 }
 
+template <typename Block>
+GRAUPEL_HD void load_scene(const Block& block, const SmallBatchView& view, int32_t scene, Shared& shared) {
+  if (block.thread() == 0) {
+    shared.scene = view.scenes[scene];
+    shared.small = view.small[scene];
+    clear_report(shared.report);
+  }
+  for (int half = block.thread(); half < 2 * stencil_nodes; half += block.threads()) {
+    const Vec<int, 3>& nodes = view.small[scene].nodes;
+    const int node = half / 2;
+    shared.half_node[half] = 2 * ((node / 9 * nodes[1] + node / 3 % 3) * nodes[2] + node % 3) + half % 2;
+  }
+  block.sync();
+}
+
 /// A frame of every scene that waits for one.
 template <typename Block>
 GRAUPEL_HD void run_frame(const Block& block, const SmallBatchView& view, Shared& shared) {
@@ -405,7 +440,15 @@ GRAUPEL_HD void run_frame(const Block& block, const SmallBatchView& view, Shared
   if (group >= view.groups) return;
   for (int32_t scene = group; scene < view.scene_count; scene += view.groups) {
     if (view.controls[scene].phase != ScenePhase::unsorted) continue;
-    Worker<Block> w{block, view, shared, view.scenes[scene], view.small[scene], scene, blocks, block.index() % blocks,
+    load_scene(block, view, scene, shared);
+    Worker<Block> w{block,
+                    view,
+                    shared,
+                    shared.scene,
+                    shared.small,
+                    scene,
+                    blocks,
+                    block.index() % blocks,
                     view.controls[scene].dt};
     run_scene(w);
   }
@@ -426,7 +469,6 @@ struct BeginFrame {
 struct FindContacts {
   SceneView<float> scene;
   Vec<int, 3> nodes;
-  uint8_t* held;
   NodeContact* contact;
 
   GRAUPEL_HD void operator()(int64_t entry) const {
@@ -447,7 +489,6 @@ struct FindContacts {
     }
     const Vec<float, 3> x = scene.grid.node_position(at);
     for (int d = 0; d < 3; ++d) found.code |= wall_side(scene.walls, x, scene.grid.dx, d) << (16 + 2 * d);
-    held[entry] = found.code != 0;
     contact[entry] = found;
   }
 };

@@ -28,12 +28,11 @@ inline constexpr int64_t most_small_particles = 16384;
 
 /// What a scene has beside its BatchScene.
 struct SmallScene {
-  int32_t first, count;  ///< slots
-  Vec<int, 3> nodes;     ///< along each axis, the last one fastest
+  int32_t first, count;                    ///< slots
+  Vec<int, 3> nodes;                       ///< along each axis, the last one fastest
   float momentum_unit, per_momentum_unit;  ///< [kg m/s] and its inverse, powers of two
   float mass_unit, per_mass_unit;          ///< [kg]
   UnitPair* sums[3];                       ///< [nodes, 2] each
-  const uint8_t* held;                     ///< [nodes] whether there is contact
   const NodeContact* contact;              ///< [nodes]
 };
 

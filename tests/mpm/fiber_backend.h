@@ -73,9 +73,10 @@ class FiberBackend {
   }
   void run_segment(const BatchView& view) {
     const int blocks = std::min(resident_blocks_, view.counts->home + 1);  // one too many, which does nothing
-    run_together<batch::ResidentShared>(
-        blocks, resident_blocks_, batch::resident_threads,
-        [&view](const FiberThread& thread, batch::ResidentShared& shared) { batch::run_segment(thread, view, shared); });
+    run_together<batch::ResidentShared>(blocks, resident_blocks_, batch::resident_threads,
+                                        [&view](const FiberThread& thread, batch::ResidentShared& shared) {
+                                          batch::run_segment(thread, view, shared);
+                                        });
   }
   static constexpr int small_threads = 64;
   static int small_warps() { return small_threads / warp_width; }
