@@ -13,3 +13,10 @@
 #else
 #define GRAUPEL_COLD
 #endif
+
+/// Before a loop over arrays that must stay in registers on a GPU.
+#if defined(__CUDA_ARCH__)
+#define GRAUPEL_UNROLL _Pragma("unroll")
+#else
+#define GRAUPEL_UNROLL
+#endif

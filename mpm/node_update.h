@@ -27,14 +27,20 @@ GRAUPEL_HD inline int wall_side(const WallView<T>& walls, const Vec<T, 3>& x, T 
   return x[axis] < walls.low[axis] + tolerance ? 1 : 0;
 }
 
+/// Normal of the wall at a side (0 lower, 1 upper) of an axis.
+template <typename T>
+GRAUPEL_HD inline Vec<T, 3> wall_normal(int axis, int side) {
+  Vec<T, 3> normal = Vec<T, 3>::zero();
+  normal[axis] = side == 1 ? T(-1) : T(1);
+  return normal;
+}
+
 template <typename T>
 GRAUPEL_HD inline Vec<T, 3> meet_walls(const WallView<T>& walls, const Vec<T, 3>& x, T dx, Vec<T, 3> v) {
   for (int d = 0; d < 3; ++d) {
     const int side = wall_side(walls, x, dx, d) - 1;
     if (side < 0) continue;
-    Vec<T, 3> normal = Vec<T, 3>::zero();
-    normal[d] = side == 1 ? T(-1) : T(1);
-    v = apply_contact(walls.contact[d][side], walls.friction[d][side], normal, v);
+    v = apply_contact(walls.contact[d][side], walls.friction[d][side], wall_normal<T>(d, side), v);
   }
   return v;
 }

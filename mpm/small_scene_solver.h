@@ -19,7 +19,17 @@ inline bool is_small_scene(const Scene& scene, std::size_t particles) {
   int64_t nodes = 1;
   for (int d = 0; d < 3; ++d) nodes *= block_width * int64_t(blocks[d]);
   return scene.time_step.policy == StepPolicy::fixed && static_cast<int64_t>(particles) <= most_small_particles &&
-         nodes <= most_small_nodes;
+         nodes <= most_small_nodes && scene.obstacles.size() < 65000;
+}
+
+/// The contact laws of a scene, in the order of ContactLaw.
+inline std::vector<ContactLaw> laws_of(const SceneSetup<float>& s) {
+  std::vector<ContactLaw> laws;
+  for (const Obstacle& o : s.scene.obstacles) laws.push_back({o.contact, static_cast<float>(o.friction)});
+  for (int axis = 0; axis < 3; ++axis)
+    for (int side = 0; side < 2; ++side) laws.push_back({s.walls.contact[axis][side], s.walls.friction[axis][side]});
+  laws.push_back({Contact::stick, 0.0f});
+  return laws;
 }
 
 template <typename Backend>
@@ -66,6 +76,7 @@ class SmallSceneSolver {
   Buffer<StepReport> reports_;
   Buffer<UnitPair> sums_;
   Buffer<NodeContact> contact_;
+  std::vector<Buffer<ContactLaw>> laws_;  ///< of every scene
   Buffer<int32_t> base_;
   Buffer<uint32_t> arrivals_;
 };
@@ -108,6 +119,8 @@ void SmallSceneSolver<Backend>::make_grids() {
   clear_grids();
   std::vector<SmallScene> small;
   for (int i = 0; i < scene_count(); ++i) {
+    laws_.emplace_back(backend_.device(), 0);
+    laws_.back().upload(laws_of(setup(i)));
     small.push_back(small_scene(i));
     const int64_t first = first_node_[static_cast<std::size_t>(i)];
     backend_.launch(first_node_[static_cast<std::size_t>(i) + 1] - first,
@@ -148,6 +161,7 @@ SmallScene SmallSceneSolver<Backend>::small_scene(int scene) const {
   const int64_t nodes = first_node_.back(), first = first_node_[place];
   for (int grid = 0; grid < 3; ++grid) small.sums[grid] = self.sums_.data() + 2 * (grid * nodes + first);
   small.contact = contact_.data() + first;
+  small.laws = laws_[place].data();
   return small;
 }
 

@@ -10,7 +10,7 @@
 
 #include "core/thread_block.h"
 #include "mpm/batch_report.h"
-#include "mpm/contact.h"
+#include "mpm/node_update.h"
 #include "mpm/particle_motion.h"
 #include "mpm/small_scene_view.h"
 
@@ -78,16 +78,15 @@ struct Worker {
     block.sync();
     if (block.thread() == 0) {
       uint32_t* const arrivals = view.arrivals + number;
-      block.fence();
-      block.add(arrivals, shared.report.bad_particle != no_bad_particle ? arrival_stop + 1 : 1u);
+      block.arrive(arrivals, shared.report.bad_particle != no_bad_particle ? arrival_stop + 1 : 1u);
       const auto all = static_cast<uint32_t>(blocks) * static_cast<uint32_t>(n);
       uint32_t seen = block.fresh(arrivals);
       while (seen % arrival_stop < all) {
         block.pause();
         seen = block.fresh(arrivals);
       }
-      block.fence();
       shared.arrivals = seen;
+      shared.report.over_courant = 0;  // only those of a frame's last substep count
     }
     block.sync();
     return shared.arrivals >= arrival_stop;
@@ -110,21 +109,15 @@ GRAUPEL_HD inline Stencil stencil_at(const GridGeometry<float, 3>& grid, const V
 }
 
 /// Contact at a node: the obstacle at rest, then the walls, so that these hold (mpm/node_update.h).
-GRAUPEL_HD inline Vec<float, 3> meet_node(const SceneView<float>& scene, const NodeContact& node, Vec<float, 3> v) {
-  const int32_t law = (node.code & 0xffff) - 1;
-  if (law >= 0) {
-    const sparsegrid::ObstacleView& obstacle = scene.obstacle_nodes.obstacles.obstacles[law];
-    v = norm2(node.normal) == 0.0f
-            ? Vec<float, 3>::zero()
-            : apply_contact(obstacle.contact, static_cast<float>(obstacle.friction), node.normal, v);
-  }
-  for (int d = 0; d < 3; ++d) {
-    const int32_t sides = node.code >> (16 + 2 * d) & 3;
-    if (sides == 0) continue;
-    const int side = sides & 2 ? 1 : 0;
-    Vec<float, 3> normal = Vec<float, 3>::zero();
-    normal[d] = side == 1 ? -1.0f : 1.0f;
-    v = apply_contact(scene.walls.contact[d][side], scene.walls.friction[d][side], normal, v);
+GRAUPEL_HD inline Vec<float, 3> meet_node(const SceneView<float>& scene, const SmallScene& small,
+                                          const NodeContact& node, Vec<float, 3> v) {
+  const ContactLaw law = small.laws[(node.code & 0xffff) - 1];
+  v = apply_contact(law.contact, law.friction, node.normal, v);
+  for (int32_t walls = node.code >> 16, axis = 0; walls != 0; walls >>= 2, ++axis) {
+    if ((walls & 3) == 0) continue;
+    const int side = walls & 2 ? 1 : 0;
+    const Vec<float, 3> normal = wall_normal<float>(axis, side);
+    v = apply_contact(scene.walls.contact[axis][side], scene.walls.friction[axis][side], normal, v);
   }
   return v;
 }
@@ -138,7 +131,7 @@ GRAUPEL_HD inline Vec<float, 3> node_velocity(const SceneView<float>& scene, con
   const Vec<float, 3> v = Vec<float, 3>{static_cast<float>(low.a) * scale, static_cast<float>(low.b) * scale,
                                         static_cast<float>(high.a) * scale} +
                           dt * scene.gravity;
-  return contact.code != 0 ? meet_node(scene, contact, v) : v;
+  return contact.code != 0 ? meet_node(scene, small, contact, v) : v;
 }
 
 GRAUPEL_HD inline float pick(int i, const AxisWeights<float>& weight) {
@@ -175,6 +168,7 @@ GRAUPEL_HD void gather_turn(const Worker<Block>& w, int32_t first, int32_t count
         stencil_at(scene.grid, small.nodes, w.view.particles.position.vec(int64_t(small.first) + first + at));
     UnitPair low[rounds], high[rounds];
     NodeContact contact[rounds];
+    GRAUPEL_UNROLL
     for (int r = 0; r < rounds; ++r) {
       const int node = part + particle_lanes * r < stencil_nodes ? part + particle_lanes * r : 0;
       const int32_t place = s.base + w.shared.half_node[2 * node] / 2;
@@ -185,12 +179,11 @@ GRAUPEL_HD void gather_turn(const Worker<Block>& w, int32_t first, int32_t count
     AxisWeights<float> weight[3];
     for (int d = 0; d < 3; ++d) weight[d] = bspline_weights(s.fx[d]);
     float sum[12] = {};
+    GRAUPEL_UNROLL
     for (int r = 0; r < rounds; ++r) {
-      const int node = part + particle_lanes * r;
-      if (node >= stencil_nodes) continue;
-      const int i = node / 9, j = node / 3 % 3, k = node % 3;
-      const Vec<float, 3> v = (pick(i, weight[0]) * pick(j, weight[1]) * pick(k, weight[2])) *
-                              node_velocity(scene, small, contact[r], low[r], high[r], w.dt);
+      const int node = part + particle_lanes * r, i = node / 9, j = node / 3 % 3, k = node % 3;
+      const float w_node = node < stencil_nodes ? pick(i, weight[0]) * pick(j, weight[1]) * pick(k, weight[2]) : 0.0f;
+      const Vec<float, 3> v = w_node * node_velocity(scene, small, contact[r], low[r], high[r], w.dt);
       const float offset[3] = {static_cast<float>(i) - s.fx[0], static_cast<float>(j) - s.fx[1],
                                static_cast<float>(k) - s.fx[2]};
       for (int c = 0; c < 3; ++c) {
@@ -337,6 +330,7 @@ GRAUPEL_HD void clear_turn(const Worker<Block>& w, int32_t first, int32_t count,
     if (particle >= count) continue;
     const int32_t base = bases[w.small.first + first + particle];
     if (base < 0) continue;
+    GRAUPEL_UNROLL
     for (int half = part; half < 2 * stencil_nodes; half += particle_lanes)
       sums[2 * int64_t(base) + w.shared.half_node[half]] = {0, 0};
   }
@@ -402,8 +396,6 @@ GRAUPEL_HD void run_scene(Worker<Block>& w) {
   int32_t done = 0;
   while (!stop && done < substeps) {
     begin_substep(w);
-    if (w.block.thread() == 0) w.shared.report.over_courant = 0;
-    w.block.sync();
     substep(w, k + done, done + 1 == substeps);
     ++done;
     if (done < substeps) stop = w.meet(1 + done);
@@ -474,21 +466,32 @@ struct FindContacts {
   GRAUPEL_HD void operator()(int64_t entry) const {
     const auto n = static_cast<int32_t>(entry);
     const Vec<int, 3> at = {n / (nodes[1] * nodes[2]), n / nodes[2] % nodes[1], n % nodes[2]};
-    NodeContact found = {Vec<float, 3>::zero(), 0};
     Vec<int, 3> block;
     int inside = 0;
     for (int d = 0; d < 3; ++d) {
       block[d] = at[d] / block_width;
       inside = inside * block_width + at[d] % block_width;
     }
+    NodeContact found = {Vec<float, 3>::zero(), 0};
+    const int obstacles = scene.obstacle_nodes.obstacles.count;
     const int32_t surface = scene.obstacle_nodes.block_number[scene.grid.directory_index(block)];
-    if (surface != block_without_surface) {
-      const int64_t value = int64_t(surface) * nodes_per_block<3> + inside;
+    const int64_t value = int64_t(surface) * nodes_per_block<3> + inside;
+    if (surface != block_without_surface && scene.obstacle_nodes.law[value] >= 0) {
       found.normal = scene.obstacle_nodes.normal[value];
-      found.code = scene.obstacle_nodes.law[value] + 1;
+      const int law = norm2(found.normal) > 0.0f ? scene.obstacle_nodes.law[value] : obstacles + laws_of_walls;
+      found.code = law + 1;
     }
     const Vec<float, 3> x = scene.grid.node_position(at);
-    for (int d = 0; d < 3; ++d) found.code |= wall_side(scene.walls, x, scene.grid.dx, d) << (16 + 2 * d);
+    for (int d = 0; d < 3; ++d) {
+      const int side = wall_side(scene.walls, x, scene.grid.dx, d) - 1;
+      if (side < 0) continue;
+      if (found.code != 0) {
+        found.code |= (side + 1) << (16 + 2 * d);
+      } else {
+        found.normal = wall_normal<float>(d, side);
+        found.code = obstacles + 2 * d + side + 1;
+      }
+    }
     contact[entry] = found;
   }
 };

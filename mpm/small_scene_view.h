@@ -18,9 +18,17 @@ struct alignas(16) UnitPair {
 
 /// What holds the material at a node.
 struct alignas(16) NodeContact {
-  Vec<float, 3> normal;  ///< of the obstacle; zero deep inside
-  int32_t code;          ///< obstacle + 1 (0: none) in the low 16 bits; above, bit 2 axis + side: the node is on a wall
+  Vec<float, 3> normal;
+  int32_t code;  ///< law + 1 (0: none) in the low 16 bits; above, bit 2 axis + side: a further wall that holds it
 };
+
+/// A contact law: first those of the obstacles, then of the walls (2 axis + side), last that of obstacles deep inside,
+/// where no normal is known and the material stands still.
+struct ContactLaw {
+  Contact contact;
+  float friction;
+};
+inline constexpr int laws_of_walls = 6;
 
 /// Most nodes and particles of a small scene: 400 MB of grids; above, sorted blocks are faster (docs/performance.md).
 inline constexpr int64_t most_small_nodes = int64_t{1} << 22;
@@ -34,6 +42,7 @@ struct SmallScene {
   float mass_unit, per_mass_unit;          ///< [kg]
   UnitPair* sums[3];                       ///< [nodes, 2] each
   const NodeContact* contact;              ///< [nodes]
+  const ContactLaw* laws;                  ///< [obstacles + 7]
 };
 
 /// Blocks of threads stand in groups; a group takes one scene after the other.

@@ -63,6 +63,7 @@ class FiberThread : public FiberAtomics {
   void sync_warp() const;
   uint32_t ballot(bool yes) const;
   float shuffle_xor(float value, int mask) const;
+  void arrive(uint32_t* arrivals, uint32_t count) const { *arrivals += count; }
   void add_units(long long* sum, long long units) const { *sum += units; }
   long long nearest_integer(float value) const { return std::llrint(value); }
   void pause() const;

@@ -38,9 +38,10 @@ Scene mixed_scene() {
   ball.friction = 0.2;
   scene.obstacles.push_back(ball);
   for (Source& source : scene.sources) {
-    source.velocity = {0.4, -4, 0};
+    source.velocity = {0.4, -1.5, 0};
     source.particles_per_cell = 4;
   }
+  scene.sources[1].velocity = {0, -6, 0};
   set_steps(scene, 10, 3e-4);
   return scene;
 }
