@@ -67,7 +67,6 @@ class SmallSceneSolver {
   std::vector<StepControl> host_controls_;
   std::vector<int64_t> first_node_;  ///< of every scene's grid, and one past the last scene's
   int32_t groups_ = 1, blocks_ = 1;  ///< of threads, in a group
-  int32_t turn_ = warp_width;
 
   mutable Particles<float> particles_;
   Buffer<BatchScene> batch_scenes_;
@@ -161,23 +160,20 @@ SmallScene SmallSceneSolver<Backend>::small_scene(int scene) const {
   const int64_t nodes = first_node_.back(), first = first_node_[place];
   for (int grid = 0; grid < 3; ++grid) small.sums[grid] = self.sums_.data() + 2 * (grid * nodes + first);
   small.contact = contact_.data() + first;
+  small.first_wall_law = static_cast<int32_t>(s.scene.obstacles.size());
   small.laws = laws_[place].data();
   return small;
 }
 
-/// One group a scene, as far as the GPU holds them at once; turns as short as its warps allow.
+/// One group a scene, as far as the GPU holds them at once, and no more blocks than give every warp four particles.
 template <typename Backend>
 void SmallSceneSolver<Backend>::share_out_blocks() {
+  int64_t most = 0;
+  for (int i = 0; i < scene_count(); ++i) most = std::max(most, first_particle(i + 1) - first_particle(i));
+  const int64_t per_block = int64_t(backend_.small_warps()) * (warp_width / small::particle_lanes);
   const int at_once = backend_.small_blocks();
-  int32_t most = 0;
-  for (int i = 0; i < scene_count(); ++i)
-    most = std::max(most, static_cast<int32_t>(first_particle(i + 1) - first_particle(i)));
   groups_ = std::min(scene_count(), at_once);
-  blocks_ = at_once / groups_;
-  turn_ = warp_width / small::particle_lanes;
-  while (turn_ < warp_width && turn_ * blocks_ * backend_.small_warps() < most) turn_ *= 2;
-  const int32_t needed = (most + turn_ * backend_.small_warps() - 1) / (turn_ * backend_.small_warps());
-  blocks_ = std::min(blocks_, std::max(1, needed));
+  blocks_ = std::min(at_once / groups_, static_cast<int32_t>((most + per_block - 1) / per_block));
 }
 
 template <typename Backend>
@@ -186,7 +182,6 @@ SmallBatchView SmallSceneSolver<Backend>::view() const {
   SmallBatchView v{};
   v.scene_count = scene_count();
   v.groups = groups_;
-  v.turn = turn_;
   v.scenes = batch_scenes_.data();
   v.small = small_scenes_.data();
   v.controls = self.controls_.data();

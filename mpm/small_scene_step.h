@@ -41,7 +41,7 @@ struct Shared {
   Staged staged[warps][warp_width];
   BatchScene scene;
   SmallScene small;
-  int32_t half_node[2 * stencil_nodes];  ///< place of every UnitPair of a stencil, from that of its base node
+  int32_t node[stencil_nodes];  ///< place of every node of a stencil, from that of its base node
   StepReport report;
   uint32_t arrivals;
 };
@@ -57,6 +57,7 @@ struct Worker {
   int32_t number;  ///< of the scene
   int32_t blocks;  ///< of the group
   int32_t member;  ///< this block's place among them
+  int32_t turn;    ///< particles that a warp takes at once, a multiple of four
   float dt;
   float speed2 = 0, sound_speed = 0;  ///< largest of this thread's particles in a substep
   float before_speed2 = 0, before_sound_speed = 0, peak_sound_speed = 0;
@@ -67,10 +68,10 @@ struct Worker {
   /// Calls work(first, count) for every turn of this warp: particles first .. first + count - 1 of the scene.
   template <typename Work>
   GRAUPEL_HD void for_turns(const Work& work) const {
-    const int32_t own_warps = block.threads() / warp_width, stride = blocks * own_warps * view.turn;
-    for (int32_t first = (member * own_warps + block.thread() / warp_width) * view.turn; first < small.count;
+    const int32_t own_warps = block.threads() / warp_width, stride = blocks * own_warps * turn;
+    for (int32_t first = (member * own_warps + block.thread() / warp_width) * turn; first < small.count;
          first += stride)
-      work(first, small.count - first < view.turn ? small.count - first : view.turn);
+      work(first, small.count - first < turn ? small.count - first : turn);
   }
 
   /// Waits for the blocks of the scene, the n-th time (from 1); whether one of them had to stop.
@@ -108,30 +109,39 @@ GRAUPEL_HD inline Stencil stencil_at(const GridGeometry<float, 3>& grid, const V
   return s;
 }
 
+/// apply_contact() without branches or quotients: particles meet a node 27 times as often as others do.
+GRAUPEL_HD inline Vec<float, 3> meet_surface(const ContactLaw& law, const Vec<float, 3>& normal,
+                                             const Vec<float, 3>& v) {
+  const float v_n = dot(normal, v), loss = v_n < 0.0f ? -v_n * law.friction : 0.0f;
+  const Vec<float, 3> tangential = v - v_n * normal;
+  const float speed2 = norm2(tangential), slowed = 1.0f - loss * fast_inverse_root(speed2);
+  const float kept = law.contact == Contact::stick ? 0.0f : loss == 0.0f ? 1.0f : slowed > 0.0f ? slowed : 0.0f;
+  const bool leaves = law.contact == Contact::separate && v_n >= 0.0f;
+  return leaves ? v : kept * tangential;
+}
+
 /// Contact at a node: the obstacle at rest, then the walls, so that these hold (mpm/node_update.h).
-GRAUPEL_HD inline Vec<float, 3> meet_node(const SceneView<float>& scene, const SmallScene& small,
-                                          const NodeContact& node, Vec<float, 3> v) {
-  const ContactLaw law = small.laws[(node.code & 0xffff) - 1];
-  v = apply_contact(law.contact, law.friction, node.normal, v);
+GRAUPEL_HD inline Vec<float, 3> meet_node(const SmallScene& small, const NodeContact& node, Vec<float, 3> v) {
+  const ContactLaw* const laws = small.laws;
+  v = meet_surface(laws[(node.code & 0xffff) - 1], node.normal, v);
   for (int32_t walls = node.code >> 16, axis = 0; walls != 0; walls >>= 2, ++axis) {
     if ((walls & 3) == 0) continue;
     const int side = walls & 2 ? 1 : 0;
-    const Vec<float, 3> normal = wall_normal<float>(axis, side);
-    v = apply_contact(scene.walls.contact[axis][side], scene.walls.friction[axis][side], normal, v);
+    v = meet_surface(laws[small.first_wall_law + 2 * axis + side], wall_normal<float>(axis, side), v);
   }
   return v;
 }
 
-/// Velocity after gravity and contact of a node with these sums; zero without mass.
-GRAUPEL_HD inline Vec<float, 3> node_velocity(const SceneView<float>& scene, const SmallScene& small,
-                                              const NodeContact& contact, const UnitPair& low, const UnitPair& high,
-                                              float dt) {
-  if (high.b <= 0) return Vec<float, 3>::zero();
-  const float scale = small.momentum_unit / (static_cast<float>(high.b) * small.mass_unit);
+/// Velocity after gravity (`gain` [m/s]) and contact of a node with these sums; zero without mass.
+GRAUPEL_HD inline Vec<float, 3> node_velocity(const SmallScene& small, float momentum_per_mass_unit,
+                                              const Vec<float, 3>& gain, const NodeContact& contact,
+                                              const UnitPair& low, const UnitPair& high) {
+  const float mass = static_cast<float>(high.b);
+  const float scale = mass > 0.0f ? momentum_per_mass_unit * fast_reciprocal(mass) : 0.0f;
   const Vec<float, 3> v = Vec<float, 3>{static_cast<float>(low.a) * scale, static_cast<float>(low.b) * scale,
                                         static_cast<float>(high.a) * scale} +
-                          dt * scene.gravity;
-  return contact.code != 0 ? meet_node(scene, small, contact, v) : v;
+                          gain;
+  return contact.code != 0 ? meet_node(small, contact, v) : v;
 }
 
 GRAUPEL_HD inline float pick(int i, const AxisWeights<float>& weight) {
@@ -161,6 +171,8 @@ GRAUPEL_HD void gather_turn(const Worker<Block>& w, int32_t first, int32_t count
   const SceneView<float>& scene = w.scene.view;
   const SmallScene& small = w.small;
   const int part = w.lane() % particle_lanes;
+  const Vec<float, 3> gain = w.dt * scene.gravity;
+  const float per_mass = small.momentum_unit * small.per_mass_unit;
   constexpr int rounds = (stencil_nodes + particle_lanes - 1) / particle_lanes;
   for (int32_t n = 0; n < count; n += warp_width / particle_lanes) {
     const int32_t particle = n + w.lane() / particle_lanes, at = particle < count ? particle : count - 1;
@@ -171,7 +183,7 @@ GRAUPEL_HD void gather_turn(const Worker<Block>& w, int32_t first, int32_t count
     GRAUPEL_UNROLL
     for (int r = 0; r < rounds; ++r) {
       const int node = part + particle_lanes * r < stencil_nodes ? part + particle_lanes * r : 0;
-      const int32_t place = s.base + w.shared.half_node[2 * node] / 2;
+      const int32_t place = s.base + w.shared.node[node];
       low[r] = w.block.fresh(sums + 2 * int64_t(place));
       high[r] = w.block.fresh(sums + 2 * int64_t(place) + 1);
       contact[r] = small.contact[place];
@@ -183,7 +195,7 @@ GRAUPEL_HD void gather_turn(const Worker<Block>& w, int32_t first, int32_t count
     for (int r = 0; r < rounds; ++r) {
       const int node = part + particle_lanes * r, i = node / 9, j = node / 3 % 3, k = node % 3;
       const float w_node = node < stencil_nodes ? pick(i, weight[0]) * pick(j, weight[1]) * pick(k, weight[2]) : 0.0f;
-      const Vec<float, 3> v = w_node * node_velocity(scene, small, contact[r], low[r], high[r], w.dt);
+      const Vec<float, 3> v = w_node * node_velocity(small, per_mass, gain, contact[r], low[r], high[r]);
       const float offset[3] = {static_cast<float>(i) - s.fx[0], static_cast<float>(j) - s.fx[1],
                                static_cast<float>(k) - s.fx[2]};
       for (int c = 0; c < 3; ++c) {
@@ -332,7 +344,7 @@ GRAUPEL_HD void clear_turn(const Worker<Block>& w, int32_t first, int32_t count,
     if (base < 0) continue;
     GRAUPEL_UNROLL
     for (int half = part; half < 2 * stencil_nodes; half += particle_lanes)
-      sums[2 * int64_t(base) + w.shared.half_node[half]] = {0, 0};
+      sums[2 * int64_t(base + w.shared.node[half / 2]) + half % 2] = {0, 0};
   }
 }
 
@@ -367,7 +379,7 @@ GRAUPEL_HD void substep(Worker<Block>& w, int64_t k, bool last) {
     clear_turn(w, first, count, bases(k + 2), old);
     gather_turn(w, first, count, now);
     w.block.sync_warp();
-    const int lane = w.lane(), own = lane % w.view.turn, at = own < count ? own : count - 1;
+    const int lane = w.lane(), own = lane % w.turn, at = own < count ? own : count - 1;
     const Moment moment = w.staged()[at].moment;
     w.block.sync_warp();
     const Share share =
@@ -386,7 +398,7 @@ GRAUPEL_HD void run_scene(Worker<Block>& w) {
   const int64_t k = control.substeps;
   const auto substeps = static_cast<int32_t>(w.scene.time_step.substeps_per_frame);
   w.for_turns([&](int32_t first, int32_t count) {
-    const int own = w.lane() % w.view.turn, at = own < count ? own : count - 1;
+    const int own = w.lane() % w.turn, at = own < count ? own : count - 1;
     stage(w, first, count, present_share(w, int64_t(w.small.first) + first + at),
           w.view.base + k % 3 * w.view.particles.count);
     scatter_turn(w, count, w.small.sums[k % 3]);
@@ -410,6 +422,13 @@ GRAUPEL_HD void run_scene(Worker<Block>& w) {
   w.block.sync();
 }
 
+/// Turns of equal length: as few as `warps` of them at once allow, in steps of four particles.
+GRAUPEL_HD inline int32_t turn_of(int32_t count, int32_t warps) {
+  constexpr int32_t step = warp_width / particle_lanes;
+  const int32_t rounds = (count + warps * warp_width - 1) / (warps * warp_width), turns = rounds * warps * step;
+  return (count + turns - 1) / turns * step;
+}
+
 template <typename Block>
 GRAUPEL_HD void load_scene(const Block& block, const SmallBatchView& view, int32_t scene, Shared& shared) {
   if (block.thread() == 0) {
@@ -417,10 +436,9 @@ GRAUPEL_HD void load_scene(const Block& block, const SmallBatchView& view, int32
     shared.small = view.small[scene];
     clear_report(shared.report);
   }
-  for (int half = block.thread(); half < 2 * stencil_nodes; half += block.threads()) {
+  for (int node = block.thread(); node < stencil_nodes; node += block.threads()) {
     const Vec<int, 3>& nodes = view.small[scene].nodes;
-    const int node = half / 2;
-    shared.half_node[half] = 2 * ((node / 9 * nodes[1] + node / 3 % 3) * nodes[2] + node % 3) + half % 2;
+    shared.node[node] = (node / 9 * nodes[1] + node / 3 % 3) * nodes[2] + node % 3;
   }
   block.sync();
 }
@@ -441,6 +459,7 @@ GRAUPEL_HD void run_frame(const Block& block, const SmallBatchView& view, Shared
                     scene,
                     blocks,
                     block.index() % blocks,
+                    turn_of(shared.small.count, blocks * (block.threads() / warp_width)),
                     view.controls[scene].dt};
     run_scene(w);
   }

@@ -42,13 +42,13 @@ struct SmallScene {
   float mass_unit, per_mass_unit;          ///< [kg]
   UnitPair* sums[3];                       ///< [nodes, 2] each
   const NodeContact* contact;              ///< [nodes]
-  const ContactLaw* laws;                  ///< [obstacles + 7]
+  int32_t first_wall_law;
+  const ContactLaw* laws;  ///< [obstacles + 7]
 };
 
 /// Blocks of threads stand in groups; a group takes one scene after the other.
 struct SmallBatchView {
   int32_t scene_count, groups;
-  int32_t turn;  ///< particles that a warp takes at once: 4, 8, 16 or 32
   const BatchScene* scenes;
   const SmallScene* small;
   StepControl* controls;
