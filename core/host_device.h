@@ -35,7 +35,7 @@ GRAUPEL_HD inline float fast_reciprocal(float x) {
 }
 GRAUPEL_HD inline float fast_inverse_root(float x) {
 #if defined(__CUDA_ARCH__)
-  return __frsqrt_rn(x);
+  return rsqrtf(x);
 #else
   return 1.0f / std::sqrt(x);
 #endif
