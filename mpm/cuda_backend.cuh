@@ -47,8 +47,8 @@ static __global__ void __launch_bounds__(batch::resident_threads, 2) run_segment
 /// Alone on a multiprocessor, a block has registers for everything; two hide more of each other's waiting.
 template <int BlocksAtOnce>
 __global__ void __launch_bounds__(small::threads, BlocksAtOnce) run_frame(SmallBatchView view) {
-  extern __shared__ __align__(16) unsigned char shared[];
-  small::run_frame(CudaBlock{}, view, *reinterpret_cast<small::Shared*>(shared));
+  __shared__ small::Shared shared;
+  small::run_frame(CudaBlock{}, view, shared);
 }
 
 }  // namespace kernels
@@ -63,9 +63,6 @@ class CudaBackend {
     int device = 0, processors = 0, blocks = 0;
     GRAUPEL_CUDA_CHECK(cudaGetDevice(&device));
     GRAUPEL_CUDA_CHECK(cudaDeviceGetAttribute(&processors, cudaDevAttrMultiProcessorCount, device));
-    for (auto* kernel : {kernels::run_frame<1>, kernels::run_frame<2>})
-      GRAUPEL_CUDA_CHECK(
-          cudaFuncSetAttribute(kernel, cudaFuncAttributeMaxDynamicSharedMemorySize, sizeof(small::Shared)));
     processors_ = processors;
     if (cudaFuncSetAttribute(kernels::run_segment, cudaFuncAttributeMaxDynamicSharedMemorySize, shared) !=
         cudaSuccess) {
@@ -197,7 +194,6 @@ class CudaBackend {
     cudaLaunchConfig_t config{};
     config.gridDim = static_cast<unsigned>(blocks);
     config.blockDim = small::threads;
-    config.dynamicSmemBytes = sizeof(small::Shared);
     config.stream = stream_;
     config.attrs = &cooperative;
     config.numAttrs = 1;

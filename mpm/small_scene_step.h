@@ -3,14 +3,13 @@
 // (gravity, contact), moves, and adds its share to the next grid by integer atomics. Where particles are spread thin,
 // this is less work than the blocks around them (mpm/batch_kernels.h); measured in docs/performance.md.
 //
-// Nine lanes of a warp share a particle while it reads, a row of its stencil each, and eight while it adds; in between,
-// every lane has a particle of its own (or several lanes the same one, when there are more lanes than particles). All
-// sums have a fixed order, so the number of particles that a warp takes at once does not change a bit.
+// Eight lanes of a warp share a particle while it reads or adds; in between, every lane has a particle of its own (or
+// several lanes the same one, when there are more lanes than particles). The eight partial sums are added in a fixed
+// order, so the number of particles that a warp takes at once does not change a bit.
 #pragma once
 
 #include "core/thread_block.h"
 #include "mpm/batch_report.h"
-#include "mpm/batch_scatter.h"
 #include "mpm/node_update.h"
 #include "mpm/particle_motion.h"
 #include "mpm/small_scene_view.h"
@@ -19,29 +18,24 @@ namespace graupel::mpm::small {
 
 inline constexpr int threads = 256;
 inline constexpr int warps = threads / warp_width;
-inline constexpr int row_lanes = 9;  ///< lanes of a particle that reads
-inline constexpr int readers = warp_width / row_lanes;
-inline constexpr int adding_lanes = 8;  ///< lanes of a particle that adds
-inline constexpr int adders = warp_width / adding_lanes;
-inline constexpr int longest_turn = warp_width / readers * readers;
+inline constexpr int particle_lanes = 8;  ///< lanes of a particle
 inline constexpr int stencil_nodes = 27;
 inline constexpr uint32_t arrival_stop = 1u << 20;  ///< added to the number of arrivals by a block that must stop
 
-/// What a row of a stencil (three nodes along z) gives its particle: sum of w v, and of w v (z_i - z_p) / dx.
-struct alignas(16) RowMoment {
-  float velocity[3], along[3];
+/// A particle between reading and adding. Odd lengths, so that lanes with a particle each meet different banks.
+struct Moment {
+  float value[12];  ///< sum of w v, then of w v (x_i - x_p)^T / dx row by row
+  float pad;
 };
-/// What a particle adds.
-struct alignas(16) Share {
+struct Share {
   float fx[3];
   int32_t base;
   float row[4][4];  ///< sum of channel c at node (i, j, k) of the stencil: w (row[c] . (1, i, j, k)), in units
+  float pad;
 };
-/// A particle between reading and adding; as long as keeps eight lanes with a particle each from the same banks.
 union Staged {
-  RowMoment row[row_lanes];
+  Moment moment;
   Share share;
-  float length[76];
 };
 struct Shared {
   Staged staged[warps][warp_width];
@@ -63,7 +57,7 @@ struct Worker {
   int32_t number;  ///< of the scene
   int32_t blocks;  ///< of the group
   int32_t member;  ///< this block's place among them
-  int32_t turn;    ///< particles that a warp takes at once
+  int32_t turn;    ///< particles that a warp takes at once, a multiple of four
   float dt;
   float speed2 = 0, sound_speed = 0;  ///< largest of this thread's particles in a substep
   float before_speed2 = 0, before_sound_speed = 0, peak_sound_speed = 0;
@@ -150,67 +144,63 @@ GRAUPEL_HD inline Vec<float, 3> node_velocity(const SmallScene& small, float mom
   return contact.code != 0 ? meet_node(small, contact, v) : v;
 }
 
-/// G2P of a turn: the rows of its particles into the warp's staged ones.
+/// Sums of twelve values over the eight lanes of a particle, three of them in every lane: with every step, a lane gives
+/// away the half of its values that its partner keeps. Returns the place of its first.
+template <typename Block>
+GRAUPEL_HD inline int add_lanes(const Block& block, int part, float (&value)[12]) {
+  const bool upper = (part & 4) != 0, second = (part & 2) != 0;
+  for (int i = 0; i < 6; ++i) {
+    const float given = upper ? value[i] : value[i + 6], kept = upper ? value[i + 6] : value[i];
+    value[i] = kept + block.shuffle_xor(given, 4);
+  }
+  for (int i = 0; i < 3; ++i) {
+    const float given = second ? value[i] : value[i + 3], kept = second ? value[i + 3] : value[i];
+    value[i] = kept + block.shuffle_xor(given, 2);
+  }
+  for (int i = 0; i < 3; ++i) value[i] += block.shuffle_xor(value[i], 1);
+  return (upper ? 6 : 0) + (second ? 3 : 0);
+}
+
+/// G2P of a turn: moments of the particles into the warp's staged ones.
 template <typename Block>
 GRAUPEL_HD void gather_turn(const Worker<Block>& w, int32_t first, int32_t count, const UnitPair* sums) {
   const SceneView<float>& scene = w.scene.view;
   const SmallScene& small = w.small;
-  const int group = w.lane() / row_lanes, row = w.lane() % row_lanes;
-  if (group == readers) return;
-  const batch::LaneWeight wx = batch::lane_weight(row / 3), wy = batch::lane_weight(row % 3);
-  const int32_t row_place = w.shared.node[3 * row];
+  const int part = w.lane() % particle_lanes;
   const Vec<float, 3> gain = w.dt * scene.gravity;
   const float per_mass = small.momentum_unit * small.per_mass_unit;
-  for (int32_t particle = group; particle < count; particle += readers) {
+  constexpr int rounds = (stencil_nodes + particle_lanes - 1) / particle_lanes;
+  for (int32_t n = 0; n < count; n += warp_width / particle_lanes) {
+    const int32_t particle = n + w.lane() / particle_lanes, at = particle < count ? particle : count - 1;
     const Stencil s =
-        stencil_at(scene.grid, small.nodes, w.view.particles.position.vec(int64_t(small.first) + first + particle));
-    const int64_t place = s.base + row_place;
-    UnitPair low[3], high[3];
-    NodeContact contact[3];
+        stencil_at(scene.grid, small.nodes, w.view.particles.position.vec(int64_t(small.first) + first + at));
+    UnitPair low[rounds], high[rounds];
+    NodeContact contact[rounds];
     GRAUPEL_UNROLL
-    for (int k = 0; k < 3; ++k) {
-      low[k] = w.block.fresh(sums + 2 * (place + k));
-      high[k] = w.block.fresh(sums + 2 * (place + k) + 1);
-      contact[k] = small.contact[place + k];
+    for (int r = 0; r < rounds; ++r) {
+      const int node = part + particle_lanes * r < stencil_nodes ? part + particle_lanes * r : 0;
+      const int32_t place = s.base + w.shared.node[node];
+      low[r] = w.block.fresh(sums + 2 * int64_t(place));
+      high[r] = w.block.fresh(sums + 2 * int64_t(place) + 1);
+      contact[r] = small.contact[place];
     }
-    const float w_row = batch::weight_at(wx, s.fx[0]) * batch::weight_at(wy, s.fx[1]);
-    const AxisWeights<float> wz = bspline_weights(s.fx[2]);
-    RowMoment moment = {};
+    float sum[12] = {};
     GRAUPEL_UNROLL
-    for (int k = 0; k < 3; ++k) {
-      const Vec<float, 3> v = (w_row * wz.w[k]) * node_velocity(small, per_mass, gain, contact[k], low[k], high[k]);
+    for (int r = 0; r < rounds; ++r) {
+      const int node = part + particle_lanes * r;
+      const float offset[3] = {static_cast<float>(node / 9) - s.fx[0], static_cast<float>(node / 3 % 3) - s.fx[1],
+                               static_cast<float>(node % 3) - s.fx[2]};
+      const float w_node = node < stencil_nodes ? bspline(offset[0]) * bspline(offset[1]) * bspline(offset[2]) : 0.0f;
+      const Vec<float, 3> v = w_node * node_velocity(small, per_mass, gain, contact[r], low[r], high[r]);
       for (int c = 0; c < 3; ++c) {
-        moment.velocity[c] += v[c];
-        moment.along[c] += (static_cast<float>(k) - s.fx[2]) * v[c];
+        sum[c] += v[c];
+        for (int d = 0; d < 3; ++d) sum[3 + 3 * c + d] += v[c] * offset[d];
       }
     }
-    w.staged()[particle].row[row] = moment;
+    const int place = add_lanes(w.block, part, sum);
+    if (part % 2 == 0 && particle < count)
+      for (int c = 0; c < 3; ++c) w.staged()[particle].moment.value[place + c] = sum[c];
   }
-}
-
-/// Velocity and affine velocity of a particle from the rows of its stencil.
-GRAUPEL_HD inline void sum_rows(const RowMoment (&row)[row_lanes], const Vec<float, 3>& fx, float inverse_dx,
-                                Vec<float, 3>& v, Mat<float, 3>& C) {
-  Vec<float, 3> along[3] = {Vec<float, 3>::zero(), Vec<float, 3>::zero(),
-                            Vec<float, 3>::zero()};  // sum of w v (x_i - x_p) / dx along every axis
-  v = Vec<float, 3>::zero();
-  GRAUPEL_UNROLL
-  for (int i = 0; i < 3; ++i) {
-    Vec<float, 3> plane = Vec<float, 3>::zero();
-    GRAUPEL_UNROLL
-    for (int j = 0; j < 3; ++j) {
-      const RowMoment m = row[3 * i + j];
-      for (int c = 0; c < 3; ++c) {
-        plane[c] += m.velocity[c];
-        along[1][c] += (static_cast<float>(j) - fx[1]) * m.velocity[c];
-        along[2][c] += m.along[c];
-      }
-    }
-    v += plane;
-    along[0] += (static_cast<float>(i) - fx[0]) * plane;
-  }
-  for (int c = 0; c < 3; ++c)
-    for (int d = 0; d < 3; ++d) C(c, d) = 4.0f * inverse_dx * along[d][c];
 }
 
 /// What a particle adds to the nodes of its stencil: w (m v + A (x_i - x_p)), with A = m C - dt V0 (4 / dx^2) tau.
@@ -250,10 +240,9 @@ GRAUPEL_HD Share present_share(const Worker<Block>& w, int64_t slot) {
 
 enum class Keep { motion, everything };  ///< what of a particle's new state is stored
 
-/// A particle from the rows of its stencil to its new state and what it adds to the next grid. `reports`: this lane
-/// speaks for it.
+/// A particle from its moments to its new state and what it adds to the next grid. `reports`: this lane speaks for it.
 template <typename Block>
-GRAUPEL_HD Share advance(Worker<Block>& w, int64_t slot, const Staged& staged, bool reports, Keep keep) {
+GRAUPEL_HD Share advance(Worker<Block>& w, int64_t slot, const Moment& moment, bool reports, Keep keep) {
   const ParticleView<float>& p = w.view.particles;
   const SceneView<float>& scene = w.scene.view;
   const MaterialParameters<float>& m = scene.materials[p.material.get(slot)];
@@ -268,7 +257,10 @@ GRAUPEL_HD Share advance(Worker<Block>& w, int64_t slot, const Staged& staged, b
     survey_state(dx, m, place, v, F, internal, w.dt, found);
   } else {
     Mat<float, 3> C;
-    sum_rows(staged.row, stencil_at(scene.grid, w.small.nodes, x).fx, scene.grid.inverse_dx, v, C);
+    for (int r = 0; r < 3; ++r) {
+      v[r] = moment.value[r];
+      for (int c = 0; c < 3; ++c) C(r, c) = 4.0f * scene.grid.inverse_dx * moment.value[3 + 3 * r + c];
+    }
     if (keeps_deformation(m.model)) F = load_matrix<float, 3>(p.deformation_gradient, slot);
     const Mat<float, 3> tau = update_material(m, w.dt, C, F, internal);
     A = affine_momentum(dx, scene.grid.inverse_dx, mass, volume, w.dt, C, tau);
@@ -308,8 +300,8 @@ GRAUPEL_HD void scatter_turn(const Worker<Block>& w, int32_t count, UnitPair* su
   const int32_t step[3] = {mirrored ? -plane : plane, mirrored ? -row : row, mirrored ? -4 : 4};
   const int32_t corner = channel + (mirrored ? 2 * (plane + row + 4) : 0);
   auto* const units = reinterpret_cast<long long*>(sums);
-  for (int32_t n = 0; n < count; n += adders) {
-    const int32_t particle = n + w.lane() / adding_lanes;
+  for (int32_t n = 0; n < count; n += warp_width / particle_lanes) {
+    const int32_t particle = n + w.lane() / particle_lanes;
     if (particle >= count) continue;
     const Share& s = w.staged()[particle].share;
     AxisWeights<float> weight[3];
@@ -338,14 +330,14 @@ GRAUPEL_HD void scatter_turn(const Worker<Block>& w, int32_t count, UnitPair* su
 /// Clears the nodes that the particles of a turn last added to in a grid.
 template <typename Block>
 GRAUPEL_HD void clear_turn(const Worker<Block>& w, int32_t first, int32_t count, const int32_t* bases, UnitPair* sums) {
-  const int part = w.lane() % adding_lanes;
-  for (int32_t n = 0; n < count; n += adders) {
-    const int32_t particle = n + w.lane() / adding_lanes;
+  const int part = w.lane() % particle_lanes;
+  for (int32_t n = 0; n < count; n += warp_width / particle_lanes) {
+    const int32_t particle = n + w.lane() / particle_lanes;
     if (particle >= count) continue;
     const int32_t base = bases[w.small.first + first + particle];
     if (base < 0) continue;
     GRAUPEL_UNROLL
-    for (int half = part; half < 2 * stencil_nodes; half += adding_lanes)
+    for (int half = part; half < 2 * stencil_nodes; half += particle_lanes)
       sums[2 * int64_t(base + w.shared.node[half / 2]) + half % 2] = {0, 0};
   }
 }
@@ -382,9 +374,10 @@ GRAUPEL_HD void substep(Worker<Block>& w, int64_t k, bool last) {
     gather_turn(w, first, count, now);
     w.block.sync_warp();
     const int lane = w.lane(), own = lane % w.turn, at = own < count ? own : count - 1;
-    const Share share = advance(w, int64_t(w.small.first) + first + at, w.staged()[at], lane < count,
-                                last ? Keep::everything : Keep::motion);
+    const Moment moment = w.staged()[at].moment;
     w.block.sync_warp();
+    const Share share =
+        advance(w, int64_t(w.small.first) + first + at, moment, lane < count, last ? Keep::everything : Keep::motion);
     if (last) return;
     stage(w, first, count, share, bases(k + 1));
     scatter_turn(w, count, next);
@@ -423,11 +416,12 @@ GRAUPEL_HD void run_scene(Worker<Block>& w) {
   w.block.sync();
 }
 
-/// Turns of equal length, as few as `all_warps` of them at once allow.
+/// Turns of equal length: as few as `all_warps` of them at once allow, in steps of four particles.
 GRAUPEL_HD inline int32_t turn_of(int32_t count, int32_t all_warps) {
-  const int32_t rounds = (count + all_warps * longest_turn - 1) / (all_warps * longest_turn),
-                turns = rounds * all_warps * readers;
-  return (count + turns - 1) / turns * readers;
+  constexpr int32_t step = warp_width / particle_lanes;
+  const int32_t rounds = (count + all_warps * warp_width - 1) / (all_warps * warp_width),
+                turns = rounds * all_warps * step;
+  return (count + turns - 1) / turns * step;
 }
 
 template <typename Block>
