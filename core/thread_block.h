@@ -20,6 +20,19 @@ struct CudaBlock {
   __device__ void sync_warp() const { __syncwarp(); }
   /// Bit l: whether lane l says yes. All lanes of the warp must ask.
   __device__ uint32_t ballot(bool yes) const { return __ballot_sync(0xffffffffu, yes); }
+  /// `value` of the lane whose number differs in the bits of `mask`. All lanes of the warp must take part.
+  __device__ float shuffle_xor(float value, int mask) const { return __shfl_xor_sync(0xffffffffu, value, mask); }
+  /// Counts this block at a barrier after all that it wrote. Unlike fence(), this leaves the multiprocessor's own cache
+  /// alone: whoever goes on must read with fresh() what other blocks wrote.
+  __device__ void arrive(uint32_t* arrivals, uint32_t count) const {
+    asm volatile("red.release.gpu.global.add.u32 [%0], %1;" ::"l"(__cvta_generic_to_global(arrivals)), "r"(count)
+                 : "memory");
+  }
+  /// Adds to a sum in global memory.
+  __device__ void add_units(long long* sum, long long units) const {
+    asm volatile("red.global.add.u64 [%0], %1;" ::"l"(__cvta_generic_to_global(sum)), "l"(units) : "memory");
+  }
+  __device__ long long nearest_integer(float value) const { return __float2ll_rn(value); }
   /// Writes before it are seen by other blocks before writes after it.
   __device__ void fence() const { __threadfence(); }
   template <typename T>

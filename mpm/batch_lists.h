@@ -154,18 +154,22 @@ struct BeginFrame {
 };
 
 /// Positions and velocities in the order of the sources, [n, 3] each.
-struct PackFrame {
-  BatchView view;
+struct PackParticles {
+  ParticleView<float> particles;
   float *position, *velocity;
   GRAUPEL_HD void operator()(int64_t slot) const {
-    const ParticleView<float>& p = view.now();
-    const int64_t place = p.source_index.get(slot);
-    const Vec<float, 3> x = p.position.vec(slot), v = p.velocity.vec(slot);
+    const int64_t place = particles.source_index.get(slot);
+    const Vec<float, 3> x = particles.position.vec(slot), v = particles.velocity.vec(slot);
     for (int d = 0; d < 3; ++d) {
       position[3 * place + d] = x[d];
       velocity[3 * place + d] = v[d];
     }
   }
+};
+struct PackFrame {
+  BatchView view;
+  float *position, *velocity;
+  GRAUPEL_HD void operator()(int64_t slot) const { PackParticles{view.now(), position, velocity}(slot); }
 };
 
 }  // namespace graupel::mpm::batch

@@ -46,9 +46,10 @@ GRAUPEL_HD void report_rare(const Block& block, const ParticleFindings& found, b
     block.add(&report.pushed_momentum[d], static_cast<unsigned long long>(found.pushed_momentum[d].units));
 }
 
-/// Adds a block's report of `substeps` substeps to its scene's; the last block of a scene ends them.
-template <typename Block>
-GRAUPEL_HD void report_block(const Block& block, const BatchView& view, int32_t scene, const StepReport& mine,
+/// Adds a block's report of `substeps` substeps to its scene's; the last block of a scene ends them. `view` is a
+/// BatchView or has its scenes, controls and reports.
+template <typename Block, typename View>
+GRAUPEL_HD void report_block(const Block& block, const View& view, int32_t scene, const StepReport& mine,
                              int32_t substeps) {
   StepReport& all = view.reports[scene];
   StepControl& control = view.controls[scene];

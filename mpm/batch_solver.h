@@ -17,17 +17,9 @@
 #include "mpm/batch_kernels.h"
 #include "mpm/batch_list_homes.h"
 #include "mpm/batch_resident.h"
-#include "mpm/host_particles.h"
-#include "mpm/scene_setup.h"
+#include "mpm/batch_setup.h"
 
 namespace graupel::mpm {
-
-/// A scene with what is built of it before a run.
-struct BatchEntry {
-  Scene scene;
-  SampledParticles particles;
-  sparsegrid::ObstacleSet obstacles;
-};
 
 template <typename Backend>
 class BatchSolver {
@@ -91,33 +83,19 @@ class BatchSolver {
 
 template <typename Backend>
 BatchSolver<Backend>::BatchSolver(Backend& backend, std::vector<BatchEntry> entries) : backend_(backend) {
-  GRAUPEL_ASSERT(!entries.empty());
   const Device device = backend.device();
-  HostParticles<float> all;
-  for (BatchEntry& entry : entries) {
-    scenes_.push_back(
-        std::make_unique<SceneSetup<float>>(std::move(entry.scene), entry.particles, entry.obstacles, device));
-    const SceneSetup<float>& s = *scenes_.back();
-    const Domain &first = scenes_.front()->scene.domain, &domain = s.scene.domain;
+  BatchSetup batch = set_up_batch(std::move(entries), device);
+  scenes_ = std::move(batch.scenes);
+  first_particle_ = batch.first_particle;
+  host_scenes_ = batch.records;
+  host_controls_ = batch.controls;
+  count_ = first_particle_.back();
+  for (const auto& s : scenes_) {
+    const Domain &first = scenes_.front()->scene.domain, &domain = s->scene.domain;
     if (domain.dx != first.dx || !(domain.size == first.size))
       throw ConfigError("scenes of one batch must have the same grid (domain.size and domain.dx)");
-    first_particle_.push_back(count_);
-    HostParticles<float> own = initial_particles<float>(entry.particles, s.material_configs);
-    for (int32_t& index : own.source_index) index += static_cast<int32_t>(count_);
-    fixed_steps_ = fixed_steps_ && s.scene.time_step.policy == StepPolicy::fixed;
-    host_scenes_.push_back(
-        {s.view(), s.scene.time_step, s.scene.frame_time, s.diffusivity, static_cast<int32_t>(count_)});
-    StepControl control{};
-    control.phase = ScenePhase::frame_done;
-    control.bad_particle = no_bad_particle;
-    const Survey survey = survey_start(s, own);
-    control.speed = std::sqrt(survey.largest_speed2);
-    control.sound_speed = survey.largest_sound_speed;
-    host_controls_.push_back(control);
-    count_ += static_cast<int64_t>(own.size());
-    append(all, own);
+    fixed_steps_ = fixed_steps_ && s->scene.time_step.policy == StepPolicy::fixed;
   }
-  first_particle_.push_back(count_);
   const double directory =
       static_cast<double>(scenes_.front()->view().grid.directory_size()) * static_cast<double>(scenes_.size());
   if (directory >= double(1 << 26) || count_ > 0x7ffffff0)
@@ -127,7 +105,7 @@ BatchSolver<Backend>::BatchSolver(Backend& backend, std::vector<BatchEntry> entr
   directory_ = static_cast<int32_t>(scenes_.front()->view().grid.directory_size());
   const auto n = static_cast<std::size_t>(count_);
   const auto keys = static_cast<std::size_t>(directory_) * scenes_.size(), homes = std::min(n, keys);
-  particles_[0] = upload_particles(all, device);
+  particles_[0] = upload_particles(batch.particles, device);
   particles_[1] = Particles<float>(device, count_);
   batch_scenes_ = Buffer<BatchScene>(device, 0);
   batch_scenes_.upload(host_scenes_);
@@ -302,16 +280,7 @@ ParticleFrame BatchSolver<Backend>::frame() const {
   Buffer<float> packed(backend_.device(), static_cast<std::size_t>(6 * count_));
   backend_.launch(count_, batch::PackFrame{view(), packed.data(), packed.data() + 3 * count_});
   backend_.wait();
-  const std::vector<float> host = packed.download();
-  ParticleFrame frame;
-  frame.position.resize(static_cast<std::size_t>(count_));
-  frame.velocity.resize(static_cast<std::size_t>(count_));
-  for (std::size_t i = 0; i < frame.position.size(); ++i)
-    for (int d = 0; d < 3; ++d) {
-      frame.position[i][d] = host[3 * i + static_cast<std::size_t>(d)];
-      frame.velocity[i][d] = host[3 * (frame.position.size() + i) + static_cast<std::size_t>(d)];
-    }
-  return frame;
+  return unpack_frame(packed.download());
 }
 
 template <typename Backend>

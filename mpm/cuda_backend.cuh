@@ -13,6 +13,7 @@
 #include "core/cuda_check.h"
 #include "mpm/batch_list_homes.h"
 #include "mpm/batch_resident.h"
+#include "mpm/small_scene_step.h"
 
 namespace graupel::mpm {
 
@@ -43,6 +44,13 @@ static __global__ void __launch_bounds__(batch::resident_threads, 2) run_segment
   batch::run_segment(CudaBlock{}, view, *reinterpret_cast<batch::ResidentShared*>(shared));
 }
 
+/// Alone on a multiprocessor, a block has registers for everything; two hide more of each other's waiting.
+template <int BlocksAtOnce>
+__global__ void __launch_bounds__(small::threads, BlocksAtOnce) run_frame(SmallBatchView view) {
+  __shared__ small::Shared shared;
+  small::run_frame(CudaBlock{}, view, shared);
+}
+
 }  // namespace kernels
 
 class CudaBackend {
@@ -55,6 +63,7 @@ class CudaBackend {
     int device = 0, processors = 0, blocks = 0;
     GRAUPEL_CUDA_CHECK(cudaGetDevice(&device));
     GRAUPEL_CUDA_CHECK(cudaDeviceGetAttribute(&processors, cudaDevAttrMultiProcessorCount, device));
+    processors_ = processors;
     if (cudaFuncSetAttribute(kernels::run_segment, cudaFuncAttributeMaxDynamicSharedMemorySize, shared) !=
         cudaSuccess) {
       cudaGetLastError();  // too much for this GPU: no segment in one kernel
@@ -174,7 +183,24 @@ class CudaBackend {
     kernels::list_homes<<<1, batch::list_threads, 0, stream_>>>(view);
     GRAUPEL_CUDA_CHECK(cudaGetLastError());
   }
+  /// Blocks of run_frame() that fit on the GPU at once, and the warps of each.
+  int small_blocks() const { return 2 * processors_; }
+  static int small_warps() { return small::warps; }
   /// Cooperative: all blocks are on the GPU at once, or the launch fails.
+  void run_frame(const SmallBatchView& view, int blocks) {
+    cudaLaunchAttribute cooperative{};
+    cooperative.id = cudaLaunchAttributeCooperative;
+    cooperative.val.cooperative = 1;
+    cudaLaunchConfig_t config{};
+    config.gridDim = static_cast<unsigned>(blocks);
+    config.blockDim = small::threads;
+    config.stream = stream_;
+    config.attrs = &cooperative;
+    config.numAttrs = 1;
+    GRAUPEL_CUDA_CHECK(
+        cudaLaunchKernelEx(&config, blocks <= processors_ ? kernels::run_frame<1> : kernels::run_frame<2>, view));
+  }
+  /// The same for run_segment().
   void run_segment(const BatchView& view) {
     cudaLaunchAttribute cooperative{};
     cooperative.id = cudaLaunchAttributeCooperative;
@@ -192,7 +218,7 @@ class CudaBackend {
  private:
   cudaStream_t stream_ = nullptr;
   std::map<int, cudaGraphExec_t> graphs_;
-  int resident_blocks_ = 0;
+  int processors_ = 0, resident_blocks_ = 0;
   void* pinned_ = nullptr;
   std::size_t pinned_bytes_ = 0;
   Buffer<uint8_t> scratch_;

@@ -9,11 +9,14 @@
 #include "mpm/batch_state.h"
 #include "mpm/cuda_backend.cuh"
 #include "mpm/scene_hash.h"
+#include "mpm/small_scene_solver.h"
 
 namespace graupel::mpm {
 
 namespace {
 
+/// One scene. `BatchOf` is SmallSceneSolver or BatchSolver.
+template <template <typename> class BatchOf>
 class CudaSimulation final : public Simulation {
  public:
   CudaSimulation(const Scene& scene, const SimulationOptions& options, const SampledParticles& particles,
@@ -58,12 +61,13 @@ class CudaSimulation final : public Simulation {
 
   SimulationOptions options_;
   CudaBackend backend_;
-  mutable BatchSolver<CudaBackend> solver_;  ///< saving reads its arrays in place
+  mutable BatchOf<CudaBackend> solver_;  ///< saving reads its arrays in place
   int64_t frames_done_ = 0;
   double seconds_ = 0;
 };
 
-void CudaSimulation::advance_frame() {
+template <template <typename> class BatchOf>
+void CudaSimulation<BatchOf>::advance_frame() {
   const auto begin = std::chrono::steady_clock::now();
   solver_.advance_frame();
   seconds_ += std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
@@ -71,7 +75,8 @@ void CudaSimulation::advance_frame() {
   ++frames_done_;
 }
 
-RunStatistics CudaSimulation::statistics() const {
+template <template <typename> class BatchOf>
+RunStatistics CudaSimulation<BatchOf>::statistics() const {
   const StepControl& c = solver_.control(0);
   RunStatistics s;
   s.substeps = c.substeps;
@@ -86,44 +91,107 @@ RunStatistics CudaSimulation::statistics() const {
   return s;
 }
 
+/// The scenes of a batch that one kind of solver runs.
+template <template <typename> class BatchOf>
+class BatchPart {
+ public:
+  void add(int scene, BatchEntry entry) {
+    scenes_.push_back(scene);
+    entries_.push_back(std::move(entry));
+  }
+  void begin() {
+    if (!entries_.empty()) solver_ = std::make_unique<BatchOf<CudaBackend>>(backend_, std::move(entries_));
+  }
+  void advance_frame() {
+    if (solver_) solver_->advance_frame();
+  }
+  /// Calls visit(solver, number in it, number in the batch) for every scene.
+  template <typename Visit>
+  void for_scenes(const Visit& visit) const {
+    for (std::size_t i = 0; i < scenes_.size(); ++i) visit(*solver_, static_cast<int>(i), scenes_[i]);
+  }
+  void give_frames(FieldSet wanted, int64_t frames_done, std::vector<ParticleFrame>& frames) const {
+    if (!solver_) return;
+    std::vector<ParticleFrame> own = frames_of_scenes(*solver_, wanted, frames_done);
+    for (std::size_t i = 0; i < scenes_.size(); ++i) frames[static_cast<std::size_t>(scenes_[i])] = std::move(own[i]);
+  }
+  int64_t active_blocks() const { return solver_ ? solver_->active_blocks() : 0; }
+  int64_t memory_bytes() const { return solver_ ? solver_->memory_bytes() : 0; }
+
+ private:
+  std::vector<int> scenes_;
+  std::vector<BatchEntry> entries_;
+  CudaBackend backend_;
+  std::unique_ptr<BatchOf<CudaBackend>> solver_;
+};
+
+/// Small scenes and the others, each kind with its solver.
 class CudaBatch final : public SceneBatch {
  public:
-  explicit CudaBatch(std::vector<BatchEntry> entries)
-      : divergence_(entries.size()), solver_(backend_, std::move(entries)) {}
+  explicit CudaBatch(std::vector<BatchEntry> entries) : divergence_(entries.size()), types_(entries.size()) {
+    for (std::size_t i = 0; i < entries.size(); ++i) {
+      const auto scene = static_cast<int>(i);
+      if (is_small_scene(entries[i].scene, entries[i].particles.position.size()))
+        small_.add(scene, std::move(entries[i]));
+      else
+        others_.add(scene, std::move(entries[i]));
+    }
+    small_.begin();
+    others_.begin();
+    for_scenes([&](const auto& solver, int number, int scene) {
+      types_[static_cast<std::size_t>(scene)] = &solver.setup(number).particle_type;
+    });
+  }
 
-  int scene_count() const override { return solver_.scene_count(); }
-  const std::vector<int32_t>& particle_type(int scene) const override { return solver_.setup(scene).particle_type; }
+  int scene_count() const override { return static_cast<int>(types_.size()); }
+  const std::vector<int32_t>& particle_type(int scene) const override {
+    return *types_[static_cast<std::size_t>(scene)];
+  }
   void advance_frame() override;
   std::optional<std::string> divergence(int scene) const override {
     return divergence_[static_cast<std::size_t>(scene)];
   }
   std::vector<ParticleFrame> frames(FieldSet wanted) const override {
-    return frames_of_scenes(solver_, wanted, frames_done_);
+    std::vector<ParticleFrame> all(types_.size());
+    small_.give_frames(wanted, frames_done_, all);
+    others_.give_frames(wanted, frames_done_, all);
+    return all;
   }
   RunStatistics statistics() const override {
     RunStatistics s;
-    for (int i = 0; i < scene_count(); ++i) s.substeps = std::max(s.substeps, solver_.control(i).substeps);
-    s.active_blocks = solver_.active_blocks();
-    s.peak_bytes = solver_.memory_bytes();
+    for_scenes([&](const auto& solver, int number, int) {
+      s.substeps = std::max(s.substeps, solver.control(number).substeps);
+    });
+    s.active_blocks = others_.active_blocks();
+    s.peak_bytes = small_.memory_bytes() + others_.memory_bytes();
     s.solver_seconds = seconds_;
     return s;
   }
 
  private:
+  template <typename Visit>
+  void for_scenes(const Visit& visit) const {
+    small_.for_scenes(visit);
+    others_.for_scenes(visit);
+  }
+
   std::vector<std::optional<std::string>> divergence_;
+  std::vector<const std::vector<int32_t>*> types_;
+  BatchPart<SmallSceneSolver> small_;
+  BatchPart<BatchSolver> others_;
   int64_t frames_done_ = 0;
-  CudaBackend backend_;
-  BatchSolver<CudaBackend> solver_;
   double seconds_ = 0;
 };
 
 void CudaBatch::advance_frame() {
   const auto begin = std::chrono::steady_clock::now();
-  solver_.advance_frame();
+  small_.advance_frame();
+  others_.advance_frame();
   seconds_ += std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
-  for (int i = 0; i < scene_count(); ++i)
-    if (solver_.control(i).phase != ScenePhase::frame_done && !divergence(i))
-      divergence_[static_cast<std::size_t>(i)] = why_stopped(solver_, i, frames_done_);
+  for_scenes([&](const auto& solver, int number, int scene) {
+    if (solver.control(number).phase != ScenePhase::frame_done && !divergence(scene))
+      divergence_[static_cast<std::size_t>(scene)] = why_stopped(solver, number, frames_done_);
+  });
   ++frames_done_;
 }
 
@@ -140,7 +208,9 @@ std::unique_ptr<SceneBatch> make_cuda_batch(const std::vector<Scene>& scenes,
 std::unique_ptr<Simulation> make_cuda_simulation(const Scene& scene, const SimulationOptions& options,
                                                  const SampledParticles& particles,
                                                  const sparsegrid::ObstacleSet& obstacles) {
-  return std::make_unique<CudaSimulation>(scene, options, particles, obstacles);
+  if (is_small_scene(scene, particles.position.size()))
+    return std::make_unique<CudaSimulation<SmallSceneSolver>>(scene, options, particles, obstacles);
+  return std::make_unique<CudaSimulation<BatchSolver>>(scene, options, particles, obstacles);
 }
 
 }  // namespace graupel::mpm

@@ -19,16 +19,28 @@ GRAUPEL_HD inline Vec<T, 3> meet_fixed_obstacle(const ObstacleNodeView<T>& obsta
   return apply_contact(obstacle.contact, static_cast<T>(obstacle.friction), normal, v);
 }
 
-/// Walls act on the nodes on and behind their planes.
+/// Which wall of an axis acts on a node at x, those on and behind its plane: 0 none, 1 the lower, 2 the upper one.
+template <typename T>
+GRAUPEL_HD inline int wall_side(const WallView<T>& walls, const Vec<T, 3>& x, T dx, int axis) {
+  const T tolerance = T(1e-3) * dx;
+  if (x[axis] > walls.high[axis] - tolerance) return 2;
+  return x[axis] < walls.low[axis] + tolerance ? 1 : 0;
+}
+
+/// Normal of the wall at a side (0 lower, 1 upper) of an axis.
+template <typename T>
+GRAUPEL_HD inline Vec<T, 3> wall_normal(int axis, int side) {
+  Vec<T, 3> normal = Vec<T, 3>::zero();
+  normal[axis] = side == 1 ? T(-1) : T(1);
+  return normal;
+}
+
 template <typename T>
 GRAUPEL_HD inline Vec<T, 3> meet_walls(const WallView<T>& walls, const Vec<T, 3>& x, T dx, Vec<T, 3> v) {
-  const T tolerance = T(1e-3) * dx;
   for (int d = 0; d < 3; ++d) {
-    Vec<T, 3> normal = Vec<T, 3>::zero();
-    if (x[d] < walls.low[d] + tolerance) normal[d] = T(1);
-    if (x[d] > walls.high[d] - tolerance) normal[d] = T(-1);
-    const int side = normal[d] < T(0) ? 1 : 0;
-    if (normal[d] != T(0)) v = apply_contact(walls.contact[d][side], walls.friction[d][side], normal, v);
+    const int side = wall_side(walls, x, dx, d) - 1;
+    if (side < 0) continue;
+    v = apply_contact(walls.contact[d][side], walls.friction[d][side], wall_normal<T>(d, side), v);
   }
   return v;
 }

@@ -23,6 +23,7 @@ SceneSetup<T>::SceneSetup(Scene read_scene, const SampledParticles& particles, c
   for (const MaterialConfig& m : material_configs)
     if (m.model == MaterialModel::water) diffusivity = std::max(diffusivity, m.viscosity / m.density);
   materials.upload(parameters);
+  for (const double volume : particles.volume) largest_volume = std::max(largest_volume, volume);
   for (const int32_t m : particles.material)
     particle_type.push_back(particle_type_of(material_configs[static_cast<std::size_t>(m)].model));
 }

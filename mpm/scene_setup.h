@@ -17,6 +17,7 @@ struct SceneSetup {
   sparsegrid::ObstacleSet obstacles;
   std::vector<MaterialConfig> material_configs;  ///< by the particles' material index
   std::vector<int32_t> particle_type;            ///< [n] in the order of the sources
+  double largest_volume = 0;                     ///< of a particle [m^3]
   double diffusivity = 0;                        ///< largest kinematic viscosity [m^2/s]
   GridGeometry<T, 3> grid;
   WallView<T> walls;

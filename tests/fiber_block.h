@@ -5,6 +5,7 @@
 
 #include <ucontext.h>
 
+#include <cmath>
 #include <cstdint>
 #include <functional>
 #include <memory>
@@ -61,6 +62,10 @@ class FiberThread : public FiberAtomics {
   void sync() const;
   void sync_warp() const;
   uint32_t ballot(bool yes) const;
+  float shuffle_xor(float value, int mask) const;
+  void arrive(uint32_t* arrivals, uint32_t count) const { *arrivals += count; }
+  void add_units(long long* sum, long long units) const { *sum += units; }
+  long long nearest_integer(float value) const { return std::llrint(value); }
   void pause() const;
 
  private:
@@ -128,6 +133,14 @@ class FiberBlock {
     return votes;
   }
 
+  float shuffle_xor(int thread, float value, int mask) {
+    fibers_[static_cast<std::size_t>(thread)].shown = value;
+    wait(thread, State::at_warp_barrier);
+    const float other = fibers_[static_cast<std::size_t>(thread ^ mask)].shown;
+    wait(thread, State::at_warp_barrier);
+    return other;
+  }
+
  private:
   static constexpr std::size_t stack_bytes = 128 * 1024;
   struct Fiber {
@@ -135,6 +148,7 @@ class FiberBlock {
     ucontext_t context;
     State state = State::ready;
     bool vote = false;
+    float shown = 0;
   };
 
   static void enter(unsigned low, unsigned high, unsigned thread) {
@@ -189,6 +203,7 @@ inline int FiberThread::blocks() const { return block_->blocks(); }
 inline void FiberThread::sync() const { block_->wait(thread_, FiberBlock::State::at_block_barrier); }
 inline void FiberThread::sync_warp() const { block_->wait(thread_, FiberBlock::State::at_warp_barrier); }
 inline uint32_t FiberThread::ballot(bool yes) const { return block_->ballot(thread_, yes); }
+inline float FiberThread::shuffle_xor(float value, int mask) const { return block_->shuffle_xor(thread_, value, mask); }
 inline void FiberThread::pause() const { block_->wait(thread_, FiberBlock::State::ready); }
 
 }  // namespace graupel

@@ -6,6 +6,7 @@
 #include <numeric>
 
 #include "mpm/batch_solver.h"
+#include "mpm/small_scene_solver.h"
 #include "tests/fiber_block.h"
 
 namespace graupel::mpm {
@@ -70,23 +71,40 @@ class FiberBackend {
     std::memset(static_cast<void*>(&shared), 0xa5, sizeof(shared));
     FiberBlock(batch::list_threads).run(0, [&](const FiberThread& thread) { batch::list_homes(thread, view, shared); });
   }
-  /// All blocks take turns, since they wait for each other.
   void run_segment(const BatchView& view) {
+    const int blocks = std::min(resident_blocks_, view.counts->home + 1);  // one too many, which does nothing
+    run_together<batch::ResidentShared>(blocks, resident_blocks_, batch::resident_threads,
+                                        [&view](const FiberThread& thread, batch::ResidentShared& shared) {
+                                          batch::run_segment(thread, view, shared);
+                                        });
+  }
+  static constexpr int small_threads = 64;
+  static int small_warps() { return small_threads / warp_width; }
+  int small_blocks() const { return 4; }
+  void run_frame(const SmallBatchView& view, int blocks) {
+    run_together<small::Shared>(
+        blocks, blocks, small_threads,
+        [&view](const FiberThread& thread, small::Shared& shared) { small::run_frame(thread, view, shared); });
+  }
+
+ private:
+  /// All blocks take turns, since they wait for each other.
+  template <typename Shared, typename Kernel>
+  void run_together(int blocks, int blocks_in_grid, int threads, const Kernel& kernel) {
     struct Grid {
       std::unique_ptr<FiberBlock> block;
-      std::unique_ptr<batch::ResidentShared> shared;
+      std::unique_ptr<Shared> shared;
       FiberBlock::Kernel kernel;
       bool done = false;
     };
-    const int blocks = std::min(resident_blocks_, view.counts->home + 1);  // one too many, which does nothing
     std::vector<Grid> grid(static_cast<std::size_t>(blocks));
     for (std::size_t i = 0; i < grid.size(); ++i) {
       Grid& g = grid[i];
-      g.block = std::make_unique<FiberBlock>(batch::resident_threads);
-      g.shared = std::make_unique<batch::ResidentShared>();
-      std::memset(static_cast<void*>(g.shared.get()), 0xa5, sizeof(batch::ResidentShared));
-      g.kernel = [&g, &view](const FiberThread& thread) { batch::run_segment(thread, view, *g.shared); };
-      g.block->begin(static_cast<int>(i), resident_blocks_, g.kernel);
+      g.block = std::make_unique<FiberBlock>(threads);
+      g.shared = std::make_unique<Shared>();
+      std::memset(static_cast<void*>(g.shared.get()), 0xa5, sizeof(Shared));
+      g.kernel = [&g, &kernel](const FiberThread& thread) { kernel(thread, *g.shared); };
+      g.block->begin(static_cast<int>(i), blocks_in_grid, g.kernel);
     }
     for (bool running = true; running;) {
       running = false;
@@ -96,8 +114,6 @@ class FiberBackend {
       }
     }
   }
-
- private:
   template <typename Shared, typename Kernel>
   void run(const BatchView& view, const Kernel& kernel) {
     const auto shared = std::make_unique<Shared>();
