@@ -34,7 +34,7 @@ struct SurveySlots {
 
 /// `plain`: nothing moves but the particles, and none comes or goes; tests of all that cost water 3% where they were
 /// made for every particle.
-template <typename T, bool plain>
+template <typename T, bool plain, int D>
 struct MoveSlots {
   SolverView<T> view;
   SlotRange range;
@@ -98,7 +98,7 @@ struct MoveSlots {
 
   /// Brings the home block of a particle at x up to date.
   GRAUPEL_HD void settle(int64_t slot, const Vec<T, 3>& x) const {
-    const int32_t key = home_key(view.grid, x);
+    const int32_t key = home_key(view.grid, x, static_cast<T>(base_shift(view.spline)));
     if (key == view.keys[slot]) return;
     view.keys[slot] = key;
     mark(view.keys_changed);
@@ -113,10 +113,11 @@ struct MoveSlots {
       sparsegrid::signed_distance(view.moving.end, x, nearest);
       // In the frame of the obstacle that it met, the particle comes from where that obstacle would have carried it.
       if (nearest >= 0) surface_velocity = view.moving.step[nearest].velocity_at(before);
-      sparsegrid::push_out(view.moving.end, view.walls.particle_low, view.walls.particle_high,
-                           before + dt * surface_velocity, x);
-    } else if (view.push_out && near_surface<T>(view, x, norm(step))) {
-      sparsegrid::push_out(view.obstacle_nodes.obstacles, view.walls.particle_low, view.walls.particle_high, before, x);
+      sparsegrid::push_out<D>(view.moving.end, view.walls.particle_low, view.walls.particle_high,
+                              before + dt * surface_velocity, x);
+    } else if (view.push_out && near_surface<D, T>(view, x, norm(step))) {
+      sparsegrid::push_out<D>(view.obstacle_nodes.obstacles, view.walls.particle_low, view.walls.particle_high, before,
+                              x);
     }
     if (x == wanted) return;
     const ParticleView<T>& p = view.particles;
@@ -165,12 +166,12 @@ struct MoveSlots {
 
 template <typename T>
 struct FindHomes {
-  MoveSlots<T, false> mover;
+  SolverView<T> view;
   GRAUPEL_HD void operator()(int64_t slot) const {
-    const ParticleView<T>& p = mover.view.particles;
-    const RoleView<T>& roles = mover.view.roles;
-    const bool active = roles.presence == nullptr || roles.is_active(p.source_index.get(slot));
-    mover.view.keys[slot] = active ? home_key(mover.view.grid, p.position.vec(slot)) : no_home;
+    const ParticleView<T>& p = view.particles;
+    const bool active = view.roles.presence == nullptr || view.roles.is_active(p.source_index.get(slot));
+    const T shift = static_cast<T>(base_shift(view.spline));
+    view.keys[slot] = active ? home_key(view.grid, p.position.vec(slot), shift) : no_home;
   }
 };
 
@@ -197,10 +198,13 @@ Survey move_particles(const SolverView<T>& view, T dt, Buffer<Survey>& records) 
   records.resize_discard(static_cast<std::size_t>(2 * range.items));
   const bool plain =
       view.roles.presence == nullptr && view.roles.script == nullptr && view.moving.count == 0 && !view.walls.has_gates;
-  if (plain)
-    launch<T>(view.device, range.items, MoveSlots<T, true>{view, range, records.data(), dt}, Grain{2});
+  const auto move = [&](auto kernel) {
+    launch<T>(view.device, range.items, decltype(kernel){view, range, records.data(), dt}, Grain{2});
+  };
+  if (view.dimensions == 2)
+    plain ? move(MoveSlots<T, true, 2>{}) : move(MoveSlots<T, false, 2>{});
   else
-    launch<T>(view.device, range.items, MoveSlots<T, false>{view, range, records.data(), dt}, Grain{2});
+    plain ? move(MoveSlots<T, true, 3>{}) : move(MoveSlots<T, false, 3>{});
   return total(view.device, records, range.items);
 }
 
@@ -214,7 +218,7 @@ Survey survey_particles(const SolverView<T>& view, Buffer<Survey>& records) {
 
 template <typename T>
 void find_home_blocks(const SolverView<T>& view) {
-  launch<T>(view.device, view.particles.count, FindHomes<T>{{view, {}, nullptr, T(0)}}, Grain{4096});
+  launch<T>(view.device, view.particles.count, FindHomes<T>{view}, Grain{4096});
 }
 
 template <typename T>

@@ -9,6 +9,7 @@
 #include "core/error.h"
 #include "mpm/divergence.h"
 #include "mpm/material.h"
+#include "mpm/transfer_form.h"
 
 namespace graupel::mpm {
 
@@ -21,10 +22,10 @@ Solver<T>::Solver(const Scene& scene, const SimulationOptions& options, const Sa
       grid_(grid_of<T>(scene.domain)),
       walls_(wall_view<T>(scene)),
       materials_(options.device, 0),
-      blocks_(options.device, grid_.blocks, static_cast<int64_t>(sampled.position.size())),
+      blocks_(options.device, grid_.blocks, scene.domain.axes(), static_cast<int64_t>(sampled.position.size())),
       moving_(options.device, scene, obstacles),
       roles_(options.device, scene, sampled),
-      obstacle_nodes_(options.device, grid_, moving_.fixed()),
+      obstacle_nodes_(options.device, grid_, moving_.fixed(), scene.domain.axes()),
       arenas_(options.device, 0),
       nodes_(options.device, 0),
       joined_(options.device, 0),
@@ -134,9 +135,13 @@ void Solver<T>::advance_frame() {
 template <typename T>
 void Solver<T>::sort_particles() {
   blocks_.update();
-  const BlockView b = blocks_.view();
-  if (options_.device == Device::cpu) arenas_.resize_discard(static_cast<std::size_t>(b.home_count) * arena_size<3>);
-  nodes_.resize_discard(static_cast<std::size_t>(b.node_count) * nodes_per_block<3> * channels);
+  with_form(view(), [&](auto form) {
+    constexpr int D = decltype(form)::D;
+    const BlockView b = blocks_.view();
+    if (options_.device == Device::cpu)
+      arenas_.resize_discard(static_cast<std::size_t>(b.home_count) * arena_size<D, decltype(form)::spline>);
+    nodes_.resize_discard(static_cast<std::size_t>(b.node_count) * nodes_per_block<D> * channels);
+  });
 }
 
 /// Puts the particles into block order in memory. Done at the start of every frame, so that the order inside a frame,
@@ -193,6 +198,8 @@ SolverView<T> Solver<T>::view() const {
   v.blocks = blocks_.view();
   v.moving = moving_.view();
   v.roles = roles_.view();
+  v.dimensions = scene_.domain.axes();
+  v.spline = scene_.transfer.spline;
   v.arenas = self.arenas_.data();
   v.nodes = self.nodes_.data();
   v.keys = self.blocks_.keys();
@@ -225,7 +232,7 @@ ParticleFields Solver<T>::fields(FieldSet wanted) const {
 
 template <typename T>
 Diagnostics Solver<T>::diagnostics() const {
-  return diagnose(particles(), material_configs_, scene_.domain.dx, scene_.gravity, roles_.active());
+  return diagnose(particles(), material_configs_, scene_, roles_.active());
 }
 
 template <typename T>

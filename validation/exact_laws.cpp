@@ -187,7 +187,7 @@ Outcome kernel_moments(const RunOptions&) {
     const double fx = 0.5 + i / 1000.0;
     const mpm::AxisWeights<double> weights = mpm::bspline_weights(fx);
     double moments[3] = {};
-    for (int k = 0; k < mpm::stencil_width; ++k)
+    for (int k = 0; k < mpm::stencil_width<>; ++k)
       for (int power = 0; power < 3; ++power) moments[power] += weights.w[k] * std::pow(k - fx, power);
     sum = std::max(sum, std::abs(moments[0] - 1));
     first = std::max(first, std::abs(moments[1]));

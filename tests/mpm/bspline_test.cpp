@@ -10,7 +10,7 @@ TEST(Bspline, WeightsSumToOneWithZeroFirstAndQuarterSecondMoment) {
     const double fx = 0.5 + i / 100.0;
     const auto weights = bspline_weights(fx);
     double sum = 0, first = 0, second = 0;
-    for (int k = 0; k < stencil_width; ++k) {
+    for (int k = 0; k < stencil_width<>; ++k) {
       EXPECT_GE(weights.w[k], 0);
       sum += weights.w[k];
       first += weights.w[k] * (k - fx);
@@ -28,7 +28,7 @@ TEST(Bspline, GradientsSumToZeroAndToTheUnitSlope) {
   for (const double fx : {0.6, 0.9, 1.0, 1.3, 1.49}) {
     const auto low = bspline_weights(fx - h), high = bspline_weights(fx + h);
     double sum = 0, slope = 0;
-    for (int k = 0; k < stencil_width; ++k) {
+    for (int k = 0; k < stencil_width<>; ++k) {
       const double gradient = (high.w[k] - low.w[k]) / (2 * h);
       sum += gradient;
       slope += gradient * k;

@@ -18,8 +18,8 @@ struct Arena {
     for (int i = 0; i < (D == 2 ? 36 : 216); ++i) {
       int rest = i;
       for (int d = D - 1; d >= 0; --d) {
-        c[d] = rest % arena_width;
-        rest /= arena_width;
+        c[d] = rest % arena_width<>;
+        rest /= arena_width<>;
       }
       visit(c, node + arena_offset(c));
     }
