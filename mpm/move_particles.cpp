@@ -8,8 +8,11 @@ namespace graupel::mpm {
 
 namespace {
 
+/// Inlined into each form of the mover: as a call, which compilers choose where there are many forms, other products
+/// are fused with sums, and the last bits of a run change.
 template <typename T>
-GRAUPEL_HD inline void survey_particle(const SolverView<T>& view, int64_t slot, T dt, Survey& found) {
+[[gnu::always_inline]] GRAUPEL_HD inline void survey_particle(const SolverView<T>& view, int64_t slot, T dt,
+                                                              Survey& found) {
   const ParticleView<T>& p = view.particles;
   const MaterialParameters<T>& m = view.materials[p.material.get(slot)];
   const Mat<T, 3> F =
@@ -32,8 +35,8 @@ struct SurveySlots {
   }
 };
 
-/// `plain`: nothing moves but the particles, and none comes or goes; tests of all that cost water 3% where they were
-/// made for every particle.
+/// `plain` (in space only): nothing moves but the particles, and none comes or goes; tests of all that cost water 3%
+/// where they were made for every particle.
 template <typename T, bool plain, int D>
 struct MoveSlots {
   SolverView<T> view;
@@ -202,7 +205,7 @@ Survey move_particles(const SolverView<T>& view, T dt, Buffer<Survey>& records) 
     launch<T>(view.device, range.items, decltype(kernel){view, range, records.data(), dt}, Grain{2});
   };
   if (view.dimensions == 2)
-    plain ? move(MoveSlots<T, true, 2>{}) : move(MoveSlots<T, false, 2>{});
+    move(MoveSlots<T, false, 2>{});
   else
     plain ? move(MoveSlots<T, true, 3>{}) : move(MoveSlots<T, false, 3>{});
   return total(view.device, records, range.items);

@@ -46,10 +46,11 @@ GRAUPEL_HD inline void mark_bad(int64_t slot, Found& found) {
 }
 
 /// A particle that was pushed by `push` loses its velocity against that direction, relative to the surface, as in an
-/// inelastic contact.
+/// inelastic contact. Inlined whatever the number of its callers: see survey_particle.
 template <typename T, typename Found>
-GRAUPEL_HD inline void stop_at_surface(const Vec<T, 3>& push, T mass, const Vec<T, 3>& surface_velocity, Vec<T, 3>& v,
-                                       Found& found) {
+[[gnu::always_inline]] GRAUPEL_HD inline void stop_at_surface(const Vec<T, 3>& push, T mass,
+                                                              const Vec<T, 3>& surface_velocity, Vec<T, 3>& v,
+                                                              Found& found) {
   ++found.pushed_out;
   const Vec<T, 3> normal = normalized(push);
   const T v_n = dot(normal, v - surface_velocity);

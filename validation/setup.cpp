@@ -24,6 +24,8 @@ Scene space_scene(double dx, const Vec3d& low, const Vec3d& high) {
 Scene plane_scene(double dx, const Vec2d& low, const Vec2d& high) {
   Scene scene = space_scene(dx, {low[0], low[1], 0}, {high[0], high[1], dx});
   scene.domain.dimensions = 2;
+  scene.domain.origin[2] = -plane_depth / 2;
+  scene.domain.size[2] = plane_depth;
   return scene;
 }
 

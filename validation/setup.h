@@ -1,7 +1,7 @@
 // What the cases share: scenes in the plane, runs in f64 that start from any velocity field, and their particles in the
 // order of the sources.
 //
-// A plane case lies in x and y: a scene with two dimensions, 1 m deep.
+// A plane case is a scene with two dimensions at z = 0.
 #pragma once
 
 #include <functional>
