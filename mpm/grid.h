@@ -101,18 +101,17 @@ inline int64_t cell_count(double size, double dx) { return static_cast<int64_t>(
 /// The first D components or axes of a vector, a matrix or a grid, and a vector or matrix with zeros for the others.
 template <int D, typename T>
 GRAUPEL_HD inline Vec<T, D> in_axes(const Vec<T, 3>& v) {
-  if constexpr (D == 3) return v;
-  Vec<T, D> part;
-  for (int d = 0; d < D; ++d) part[d] = v[d];
-  return part;
+  if constexpr (D == 3)
+    return v;
+  else
+    return {v[0], v[1]};
 }
 template <int D, typename T>
 GRAUPEL_HD inline Mat<T, D> in_axes(const Mat<T, 3>& m) {
-  if constexpr (D == 3) return m;
-  Mat<T, D> part;
-  for (int r = 0; r < D; ++r)
-    for (int c = 0; c < D; ++c) part(r, c) = m(r, c);
-  return part;
+  if constexpr (D == 3)
+    return m;
+  else
+    return {{{m(0, 0), m(0, 1)}, {m(1, 0), m(1, 1)}}};
 }
 template <int D, typename T>
 GRAUPEL_HD inline GridGeometry<T, D> in_axes(const GridGeometry<T, 3>& grid) {
@@ -120,18 +119,17 @@ GRAUPEL_HD inline GridGeometry<T, D> in_axes(const GridGeometry<T, 3>& grid) {
 }
 template <typename T, int D>
 GRAUPEL_HD inline Vec<T, 3> in_space(const Vec<T, D>& v) {
-  if constexpr (D == 3) return v;
-  Vec<T, 3> whole = Vec<T, 3>::zero();
-  for (int d = 0; d < D; ++d) whole[d] = v[d];
-  return whole;
+  if constexpr (D == 3)
+    return v;
+  else
+    return {v[0], v[1], T(0)};
 }
 template <typename T, int D>
 GRAUPEL_HD inline Mat<T, 3> in_space(const Mat<T, D>& m) {
-  if constexpr (D == 3) return m;
-  Mat<T, 3> whole = Mat<T, 3>::zero();
-  for (int r = 0; r < D; ++r)
-    for (int c = 0; c < D; ++c) whole(r, c) = m(r, c);
-  return whole;
+  if constexpr (D == 3)
+    return m;
+  else
+    return {{{m(0, 0), m(0, 1), T(0)}, {m(1, 0), m(1, 1), T(0)}, {T(0), T(0), T(0)}}};
 }
 
 /// Where node `inside` of the block with directory index `key` lies [m].

@@ -17,9 +17,11 @@ inline constexpr int32_t block_without_surface = -1;
 /// known.
 template <int D, typename T>
 GRAUPEL_HD inline Vec<T, 3> normal_in_axes(Vec<T, 3> normal) {
-  if (D == 3) return normal;
-  normal[2] = T(0);
-  return norm2(normal) > T(1e-6) ? normalized(normal) : Vec<T, 3>::zero();
+  if constexpr (D == 2) {
+    normal[2] = T(0);
+    normal = norm2(normal) > T(1e-6) ? normalized(normal) : Vec<T, 3>::zero();
+  }
+  return normal;
 }
 
 /// For kernels. Node n of a block with number b has entry 64 b + n (16 b + n in the plane).

@@ -24,11 +24,12 @@ GRAUPEL_HD bool may_be_inside(const ObstacleView& obstacle, const Vec<T, 3>& x) 
 /// far way, which is cut.
 template <int D, typename T>
 GRAUPEL_HD Vec<T, 3> way_out(Vec<T, 3> normal) {
-  if (D == 3) return normal;
-  normal[2] = T(0);
-  const T slope = norm(normal), least = T(0.25);
-  if (!(slope > T(1e-3))) return Vec<T, 3>::zero();
-  return normal * (T(1) / (slope * (slope > least ? slope : least)));
+  if constexpr (D == 2) {
+    normal[2] = T(0);
+    const T slope = norm(normal), least = T(0.25);
+    normal *= slope > T(1e-3) ? T(1) / (slope * (slope > least ? slope : least)) : T(0);
+  }
+  return normal;
 }
 
 /// The obstacle that a point is deepest in; phi is no_obstacle_distance where none can be entered.
