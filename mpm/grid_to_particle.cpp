@@ -18,7 +18,7 @@ struct GatherBlock {
     for (int corner = 0; corner < upper_neighbors<D>; ++corner) {
       const int64_t block = view.blocks.home_to_node[home * upper_neighbors<D> + corner];
       const T* nodes = view.nodes + block * (nodes_per_block<D> * channels);
-      for_each_arena_row<Form>(corner, [&](int offset, int node, int) {
+      for_each_arena_row<Form>(corner, [&](int offset, int node, auto) {
         T* to = arena + offset;
         const T* from = nodes + node * channels;
         for (int l = 0; l < block_width * channels; ++l) to[l] = from[l];

@@ -56,10 +56,10 @@ struct SumArenas {
       const int32_t home = view.blocks.node_to_home[block * upper_neighbors<D> + corner];
       if (home < 0) continue;
       const T* arena = view.arenas + static_cast<int64_t>(home) * arena_size<D, Form::spline>;
-      for_each_arena_row<Form>(corner, [&](int offset, int node, int count) {
+      for_each_arena_row<Form>(corner, [&](int offset, int node, auto count) {
         const T* from = arena + offset;
         T* to = nodes + node * channels;
-        for (int l = 0; l < count * channels; ++l) to[l] += from[l];
+        for (int l = 0; l < decltype(count)::value * channels; ++l) to[l] += from[l];
       });
     }
   }
