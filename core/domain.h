@@ -1,6 +1,7 @@
 // The domain of a scene: its box, its grid, and what each of its six walls does.
 #pragma once
 
+#include <cmath>
 #include <cstdint>
 #include <optional>
 
@@ -79,8 +80,11 @@ struct Faces {
   }
 };
 
-/// Axis-aligned domain with walls.
+/// Axis-aligned domain with walls. With two dimensions it is a plane of constant z, half way between the domain's
+/// faces, in plane strain: nothing moves along z or depends on it, and its walls do nothing. Masses, volumes, forces
+/// and energies are then those of 1 m of depth.
 struct Domain {
+  int64_t dimensions = 3;    ///< 2 or 3
   Vec3d origin = {0, 0, 0};  ///< lower corner [m]
   Vec3d size = {1, 1, 1};    ///< [m]
   double dx = 1.0 / 64;      ///< [m]
@@ -99,17 +103,36 @@ struct Domain {
     return own ? own->friction.value_or(wall_friction) : wall_friction;
   }
   bool has_wall(Wall kind) const {
-    for (int face = 0; face < 6; ++face)
+    for (int face = 0; face < 2 * axes(); ++face)
       if (wall(face / 2, face % 2) == kind) return true;
     return false;
   }
-  /// Lower and upper corner of the box that holds the material [m].
-  Vec3d wall_low() const { return origin + Vec3d::filled(static_cast<double>(wall_cells) * dx); }
-  Vec3d wall_high() const { return origin + size - Vec3d::filled(static_cast<double>(wall_cells) * dx); }
+  bool is_plane() const { return dimensions == 2; }
+  /// Axes with nodes: x and y, or all.
+  int axes() const { return static_cast<int>(dimensions); }
+  /// The z of a plane run [m].
+  double plane() const { return origin[2] + size[2] / 2; }
+  /// Of a grid cell [m^3].
+  double cell_volume() const { return is_plane() ? dx * dx : dx * dx * dx; }
+  /// Of particles on a lattice with this many in a cell [m].
+  double spacing(double particles_per_cell) const {
+    return dx / (is_plane() ? std::sqrt(particles_per_cell) : std::cbrt(particles_per_cell));
+  }
+  /// Lower and upper corner of the box that holds the material [m]; the whole domain along z in the plane.
+  Vec3d wall_low() const { return origin + wall_distance(); }
+  Vec3d wall_high() const { return origin + size - wall_distance(); }
+  Vec3d wall_distance() const {
+    const double distance = static_cast<double>(wall_cells) * dx;
+    return {distance, distance, is_plane() ? 0 : distance};
+  }
 
   template <typename Visitor>
   static void fields(Visitor&& visit) {
     using D = Domain;
+    visit(&D::dimensions, FieldInfo{.name = "dimensions",
+                                    .unit = "",
+                                    .meaning = "3: space; 2: the plane half way along z, in plane strain",
+                                    .range = Range::between(2, 3)});
     visit(&D::origin, FieldInfo{.name = "origin", .unit = "m", .meaning = "Lower corner of the domain"});
     visit(&D::size,
           FieldInfo{.name = "size", .unit = "m", .meaning = "Edge lengths of the domain", .range = Range::positive()});

@@ -18,6 +18,10 @@ Scene with_spacing(Scene scene, double dx) {
 }
 
 const Scene& checked(const Scene& scene) {
+  if (scene.domain.is_plane())
+    throw ConfigError(
+        "learned networks and their comparison take scenes with three dimensions only (domain.dimensions: 2). Use "
+        "`graupel simulate`, or set domain.dimensions to 3");
   std::string what;
   if (scene.has_moving_obstacles()) what = "moving obstacles";
   for (const Source& source : scene.sources)

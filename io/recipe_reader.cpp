@@ -22,6 +22,9 @@ void check_recipe(const ConfigDocument& document, const SceneRecipe& recipe) {
     config_fail(find_place(document, {"groups", "materials", std::to_string(i)}),
                 "'" + name + "' is not in 'materials'", "Define it there or name another." + did_you_mean(name, known));
   }
+  if (recipe.domain.is_plane())
+    config_fail(find_place(document, {"domain", "dimensions"}), "must be 3: recipes draw scenes in space (2)",
+                "Leave it out");
   if (recipe.obstacles.max_size < recipe.obstacles.min_size)
     config_fail(find_place(document, {"obstacles", "max_size"}),
                 "is smaller than min_size (" + number_text(recipe.obstacles.min_size) + ")", "Swap them");

@@ -5,6 +5,7 @@
 #include <filesystem>
 
 #include "core/error.h"
+#include "core/plane_check.h"
 #include "io/config_values.h"
 #include "io/mesh_file.h"
 
@@ -22,7 +23,7 @@ ConfigPlace body_place(const ConfigDocument& document, const char* list, std::si
 }
 
 void check_domain(const ConfigDocument& document, const Domain& domain) {
-  for (int axis = 0; axis < 3; ++axis) {
+  for (int axis = 0; axis < domain.axes(); ++axis) {
     const double cells = domain.size[axis] / domain.dx;
     const double needed = fewest_cells + 2 * static_cast<double>(domain.wall_cells);
     const std::string figures = number_text(cells) + " cells along " + std::string(1, "xyz"[axis]) + ", ";
@@ -43,7 +44,7 @@ const char* face_name(int axis, int side) {
 }
 
 void check_faces(const ConfigDocument& document, const Domain& domain) {
-  for (int axis = 0; axis < 3; ++axis) {
+  for (int axis = 0; axis < domain.axes(); ++axis) {
     const bool low = domain.wall(axis, 0) == Wall::periodic, high = domain.wall(axis, 1) == Wall::periodic;
     if (!low && !high) continue;
     const ConfigPlace place = find_place(document, {"domain", "faces", face_name(axis, low ? 0 : 1), "kind"});
@@ -165,6 +166,8 @@ void load_body(ConfigDocument& document, const char* list, std::size_t index, co
 void check_scene(const ConfigDocument& document, const Scene& scene) {
   check_domain(document, scene.domain);
   check_faces(document, scene.domain);
+  if (const auto out = first_out_of_plane(scene))
+    config_fail(find_place(document, out->path), out->problem, out->remedy);
   if (scene.sources.empty() && scene.emitters.empty())
     config_fail(find_place(document, {"sources"}), "must not be empty", "Add a source, or there is no material");
   if (scene.time_step.min_step > scene.time_step.max_step)

@@ -10,8 +10,6 @@ namespace graupel::mpm {
 
 namespace {
 
-constexpr int corners = upper_neighbors<3>;
-
 /// Slots that one item counts and places: in so many items at most, since each has a counter for every block. The order
 /// depends neither on it nor on threads.
 int64_t chunk_size(Device device, int64_t slots) {
@@ -83,8 +81,8 @@ struct PlaceChunk {
 
 }  // namespace
 
-BlockTable::BlockTable(Device device, const Vec<int, 3>& blocks, int64_t particle_count)
-    : device_(device), count_(particle_count) {
+BlockTable::BlockTable(Device device, const Vec<int, 3>& blocks, int dimensions, int64_t particle_count)
+    : device_(device), corners_(std::size_t{1} << dimensions), count_(particle_count) {
   double size = 1;
   for (int d = 0; d < 3; ++d) size *= blocks[d];
   check_block_count(size);
@@ -136,21 +134,23 @@ void BlockTable::link_blocks(const std::vector<int32_t>& home_keys) {
   for (const int32_t key : node_keys_) node_of_key_[key] = -1;
   home_keys_ = home_keys;
   node_keys_.clear();
-  std::vector<int32_t> corner_key(home_keys.size() * corners);
+  std::vector<int32_t> corner_key(home_keys.size() * corners_);
   for (std::size_t h = 0; h < home_keys.size(); ++h)
-    for (int c = 0; c < corners; ++c) {
-      const int32_t key = geometry_.directory_index(geometry_.block_of(home_keys[h]) + corner_bits<3>(c));
-      corner_key[h * corners + c] = key;
+    for (std::size_t c = 0; c < corners_; ++c) {
+      const Vec<int, 3> at = geometry_.block_of(home_keys[h]) + corner_bits<3>(static_cast<int>(c));
+      const int32_t key = geometry_.directory_index(at);
+      corner_key[h * corners_ + c] = key;
       if (node_of_key_[key] >= 0) continue;
       node_of_key_[key] = 0;
       node_keys_.push_back(key);
     }
   std::sort(node_keys_.begin(), node_keys_.end());
   for (std::size_t i = 0; i < node_keys_.size(); ++i) node_of_key_[node_keys_[i]] = static_cast<int32_t>(i);
-  std::vector<int32_t> home_to_node(corner_key.size()), node_to_home(node_keys_.size() * corners, -1);
+  std::vector<int32_t> home_to_node(corner_key.size()), node_to_home(node_keys_.size() * corners_, -1);
   for (std::size_t i = 0; i < corner_key.size(); ++i) {
     home_to_node[i] = node_of_key_[corner_key[i]];
-    node_to_home[home_to_node[i] * corners + i % corners] = static_cast<int32_t>(i / corners);
+    node_to_home[static_cast<std::size_t>(home_to_node[i]) * corners_ + i % corners_] =
+        static_cast<int32_t>(i / corners_);
   }
   home_key_.upload(home_keys_);
   node_key_.upload(node_keys_);

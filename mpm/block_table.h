@@ -24,8 +24,8 @@ struct BlockView {
   int32_t home_count, node_count;
   const int32_t* home_key;      ///< [home_count] directory index, ascending
   const int32_t* node_key;      ///< [node_count] directory index, ascending
-  const int32_t* home_to_node;  ///< [home_count, 8] node block at each corner (bit d: upper along axis d)
-  const int32_t* node_to_home;  ///< [node_count, 8] home block of which this is that corner; -1 for none
+  const int32_t* home_to_node;  ///< [home_count, 2^D] node block at each corner (bit d: upper along axis d)
+  const int32_t* node_to_home;  ///< [node_count, 2^D] home block of which this is that corner; -1 for none
   const int32_t* home_of_key;   ///< [directory] home block of a directory index; only where one is
   const int32_t* node_of_key;   ///< [directory] node block of a directory index or -1; null unless asked for
   const int32_t* start;         ///< [home_count + 1] first entry of each home block in `order`
@@ -35,7 +35,8 @@ struct BlockView {
 class BlockTable {
  public:
   BlockTable() = default;
-  BlockTable(Device device, const Vec<int, 3>& blocks, int64_t particle_count);
+  /// `blocks` along each axis; those of a plane run lie in one layer.
+  BlockTable(Device device, const Vec<int, 3>& blocks, int dimensions, int64_t particle_count);
 
   /// Fills BlockView::node_of_key from now on.
   void keep_node_lookup() { keeps_node_lookup_ = true; }
@@ -58,6 +59,7 @@ class BlockTable {
   void sort_slots();
 
   Device device_ = Device::cpu;
+  std::size_t corners_ = upper_neighbors<3>;
   GridGeometry<float, 3> geometry_{};  ///< only its numbering of blocks is used
   int64_t count_ = 0;
   bool stale_ = true, keeps_node_lookup_ = false;

@@ -38,7 +38,7 @@ class CudaSimulation final : public Simulation {
   }
   ParticleFields fields(FieldSet wanted) const override { return fields_of(solver_.particles(), wanted); }
   Diagnostics diagnostics() const override {
-    return diagnose(solver_.particles(), solver_.setup(0).material_configs, scene().domain.dx, scene().gravity);
+    return diagnose(solver_.particles(), solver_.setup(0).material_configs, scene());
   }
   RunStatistics statistics() const override;
   std::vector<std::byte> save_state() const override { return save_batch(solver_, state_owner(), frames_done_); }

@@ -8,7 +8,7 @@
 #include "core/memory.h"
 #include "core/random.h"
 #include "mpm/memory_need.h"
-#include "mpm/source_body.h"
+#include "mpm/plane_section.h"
 
 namespace graupel::mpm {
 
@@ -35,8 +35,13 @@ struct View {
 
   View(const sparsegrid::LocalBox& box, const Vec3d& direction) : along(direction) {
     const Vec3d helper = std::abs(along[0]) < 0.9 ? Vec3d{1, 0, 0} : Vec3d{0, 1, 0};
-    across[0] = normalized(cross(along, helper));
-    across[1] = cross(along, across[0]);
+    const Vec3d first = normalized(cross(along, helper));
+    look_across(box, first, cross(along, first));
+  }
+  /// Takes these for the unit vectors across the direction.
+  void look_across(const sparsegrid::LocalBox& box, const Vec3d& first, const Vec3d& second) {
+    across[0] = first;
+    across[1] = second;
     low[0] = low[1] = back = 1e300;
     high[0] = high[1] = front = -1e300;
     for (int corner = 0; corner < 8; ++corner) {
@@ -85,10 +90,12 @@ void check_limit(const Emitter& emitter, std::size_t index, double count) {
         name_of(emitter, index), count, 1e-9 * needed, 1e-9 * available));
 }
 
-/// Lines of the lattice across the stream that meet the body, numbered; each layer has one particle a line.
+/// Lines of the lattice across the stream that meet the body, numbered; each layer has one particle a line. In the
+/// plane there is one row of them, which lies in it.
 struct Lattice {
   double spacing, low[2];
   int64_t n[2];
+  bool flat = false;
 
   Lattice(const View& view, double spacing_) : spacing(spacing_) {
     for (int a = 0; a < 2; ++a) {
@@ -96,20 +103,32 @@ struct Lattice {
       low[a] = (view.low[a] + view.high[a] - static_cast<double>(n[a]) * spacing) / 2;
     }
   }
+  /// The row at `height` along the second direction across.
+  void flatten(double height) {
+    flat = true;
+    n[1] = 1;
+    low[1] = height;
+  }
   double at(int axis, int64_t cell, double share) const {
+    if (flat && axis == 1) return low[1];
     return low[axis] + (static_cast<double>(cell) + share) * spacing;
   }
 };
 
-EmittedParticles stream(const Emitter& emitter, std::size_t index, double dx, uint64_t seed) {
-  const double speed = norm(emitter.velocity), spacing = dx / std::cbrt(emitter.particles_per_cell);
+EmittedParticles stream(const Emitter& emitter, std::size_t index, const Domain& domain, uint64_t seed) {
+  const double speed = norm(emitter.velocity), spacing = domain.spacing(emitter.particles_per_cell);
   if (!(speed > 0))
     throw ConfigError(fmt::format("{} has no velocity (0 m/s, above 0 for a stream). Give it one, or use bursts",
                                   name_of(emitter, index)));
-  const SourceBody body(source_of(emitter), index, dx / 4);
-  const Mat3d rotation = emitter.rotation();
-  const View view(body.bounds(), transpose(rotation) * (emitter.velocity * (1 / speed)));
-  const Lattice lattice(view, spacing);
+  const SourceBody body(source_of(emitter), index, domain.dx / 4);
+  const Mat3d to_body = transpose(emitter.rotation());
+  View view(body.bounds(), to_body * (emitter.velocity * (1 / speed)));
+  if (domain.is_plane()) {
+    const Vec3d normal = to_body * Vec3d{0, 0, 1};
+    view.look_across(body.bounds(), cross(normal, view.along), normal);
+  }
+  Lattice lattice(view, spacing);
+  if (domain.is_plane()) lattice.flatten(domain.plane() - emitter.position[2]);
   std::vector<int64_t> lines;
   double s;
   for (int64_t line = 0; line < lattice.n[0] * lattice.n[1]; ++line)
@@ -150,9 +169,9 @@ EmittedParticles stream(const Emitter& emitter, std::size_t index, double dx, ui
   return out;
 }
 
-EmittedParticles bursts(const Emitter& emitter, std::size_t index, double dx, uint64_t seed) {
+EmittedParticles bursts(const Emitter& emitter, std::size_t index, const Domain& domain, uint64_t seed) {
   const Source source = source_of(emitter);
-  const SourceBody body(source, index, dx / 4);
+  const SourceBody body(source, index, domain.dx / 4);
   const double speed = norm(emitter.velocity);
   const View view(body.bounds(),
                   speed > 0 ? transpose(emitter.rotation()) * (emitter.velocity * (1 / speed)) : Vec3d{0, 1, 0});
@@ -164,12 +183,14 @@ EmittedParticles bursts(const Emitter& emitter, std::size_t index, double dx, ui
           "Leave more time between bursts or raise the velocity",
           name_of(emitter, index), emitter.times[k], moved, length));
   }
-  const double expected = body.volume() * emitter.particles_per_cell / (dx * dx * dx);
+  const double measure = domain.is_plane() ? PlaneSection(source, body, domain.plane()).area() : body.volume();
+  const double expected = measure * emitter.particles_per_cell / domain.cell_volume();
   check_limit(emitter, index, expected * static_cast<double>(emitter.times.size()));
   EmittedParticles out;
   for (std::size_t k = 0; k < emitter.times.size(); ++k) {
     const uint64_t stream_number = index + (static_cast<uint64_t>(k + 1) << 32);
-    for (const Vec3d& local : sample_body(source, index, dx, Random(seed, RandomPurpose::emission, stream_number))) {
+    for (const Vec3d& local :
+         sample_body(source, index, domain, Random(seed, RandomPurpose::emission, stream_number))) {
       out.position.push_back(emitter.to_world(local));
       out.time.push_back(emitter.times[k]);
     }
@@ -179,9 +200,9 @@ EmittedParticles bursts(const Emitter& emitter, std::size_t index, double dx, ui
 
 }  // namespace
 
-EmittedParticles sample_emitter(const Emitter& emitter, std::size_t index, double dx, uint64_t seed) {
-  EmittedParticles particles =
-      emitter.emission == Emission::stream ? stream(emitter, index, dx, seed) : bursts(emitter, index, dx, seed);
+EmittedParticles sample_emitter(const Emitter& emitter, std::size_t index, const Domain& domain, uint64_t seed) {
+  EmittedParticles particles = emitter.emission == Emission::stream ? stream(emitter, index, domain, seed)
+                                                                    : bursts(emitter, index, domain, seed);
   check_limit(emitter, index, static_cast<double>(particles.position.size()));
   return particles;
 }

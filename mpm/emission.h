@@ -15,6 +15,6 @@ struct EmittedParticles {
 /// when it passes the body's front, so that no two particles are closer than in a body at rest. Bursts are samples of
 /// the body. Depends on (seed, emitter index, particle index) alone. Throws ConfigError for a stream without velocity,
 /// a rate or a sequence of bursts that would overlap what was sent out before, and more particles than the limit.
-EmittedParticles sample_emitter(const Emitter& emitter, std::size_t index, double dx, uint64_t seed);
+EmittedParticles sample_emitter(const Emitter& emitter, std::size_t index, const Domain& domain, uint64_t seed);
 
 }  // namespace graupel::mpm

@@ -7,14 +7,15 @@ namespace graupel::mpm {
 namespace {
 
 /// The moving obstacle that is nearest to x, or -1 where none holds the material; as EvaluateNodes does for the others.
-template <typename T>
+template <int D, typename T>
 GRAUPEL_HD inline int32_t holding_obstacle(const MovingObstacleView<T>& moving, const Vec<T, 3>& x, T dx,
                                            sparsegrid::SignedDistance<T>& here) {
   int32_t nearest = -1;
   for (int32_t i = 0; i < moving.count; ++i) {
     const int32_t index = moving.index[i];
     const sparsegrid::ObstacleView& obstacle = moving.start.obstacles[index];
-    const auto one = sparsegrid::signed_distance(obstacle, x);
+    auto one = sparsegrid::signed_distance(obstacle, x);
+    one.normal = normal_in_axes<D>(one.normal);
     if (!(one.phi < T(0.5) * dx) || (nearest >= 0 && one.phi >= here.phi)) continue;
     if (!(one.phi < T(0)) && !(sparsegrid::signed_distance(obstacle, x - dx * one.normal).phi > T(0))) continue;
     nearest = index;
@@ -25,14 +26,14 @@ GRAUPEL_HD inline int32_t holding_obstacle(const MovingObstacleView<T>& moving, 
 
 /// The law of the deeper one of the obstacles at rest and the moving ones. Contact is judged in the obstacle's frame:
 /// the velocity of the material relative to the obstacle's point there.
-template <bool moving, typename T>
+template <bool moving, int D, typename T>
 GRAUPEL_HD inline Vec<T, 3> meet_obstacles(const SolverView<T>& view, int32_t key, int inside, const Vec<T, 3>& x,
                                            const Vec<T, 3>& v) {
   const int32_t surface = view.obstacle_nodes.block_number[key];
-  const int64_t entry = int64_t(surface) * nodes_per_block<3> + inside;
+  const int64_t entry = int64_t(surface) * nodes_per_block<D> + inside;
   if (moving) {
     sparsegrid::SignedDistance<T> here{};
-    const int32_t index = holding_obstacle(view.moving, x, view.grid.dx, here);
+    const int32_t index = holding_obstacle<D>(view.moving, x, view.grid.dx, here);
     const bool fixed_is_deeper = surface != block_without_surface && view.obstacle_nodes.law[entry] >= 0 &&
                                  view.obstacle_nodes.phi[entry] <= here.phi;
     if (index >= 0 && !fixed_is_deeper) {
@@ -45,7 +46,7 @@ GRAUPEL_HD inline Vec<T, 3> meet_obstacles(const SolverView<T>& view, int32_t ke
   return surface != block_without_surface ? meet_fixed_obstacle(view.obstacle_nodes, entry, v) : v;
 }
 
-template <typename T, bool moving>
+template <typename T, int D, bool moving>
 struct UpdateNode {
   SolverView<T> view;
   T dt;
@@ -56,28 +57,30 @@ struct UpdateNode {
       for (int c = 0; c < 3; ++c) node[c] = T(0);
       return;
     }
-    const int32_t key = view.blocks.node_key[entry / nodes_per_block<3>];
-    const int inside = static_cast<int>(entry % nodes_per_block<3>);
+    const int32_t key = view.blocks.node_key[entry / nodes_per_block<D>];
+    const int inside = static_cast<int>(entry % nodes_per_block<D>);
     Vec<T, 3> v = Vec<T, 3>{node[0], node[1], node[2]} * (T(1) / mass) + dt * view.gravity;
-    Vec<int, 3> at = node_in_block<3>(inside);
-    const Vec<int, 3> block = view.grid.block_of(key);
-    for (int d = 0; d < 3; ++d) at[d] += block_width * block[d];
-    const Vec<T, 3> x = view.grid.node_position(at);
-    v = meet_obstacles<moving>(view, key, inside, x, v);
+    const Vec<T, 3> x = node_position<D>(view.grid, key, inside);
+    v = meet_obstacles<moving, D>(view, key, inside, x, v);
     v = meet_walls(view.walls, x, view.grid.dx, v);
     for (int c = 0; c < 3; ++c) node[c] = v[c];
   }
 };
 
+template <int D, typename T>
+void update_nodes(const SolverView<T>& view, T dt) {
+  const int64_t nodes = view.blocks.node_count * int64_t(nodes_per_block<D>);
+  if (view.moving.count > 0)
+    launch<T>(view.device, nodes, UpdateNode<T, D, true>{view, dt}, Grain{1024});
+  else
+    launch<T>(view.device, nodes, UpdateNode<T, D, false>{view, dt}, Grain{1024});
+}
+
 }  // namespace
 
 template <typename T>
 void update_grid(const SolverView<T>& view, T dt) {
-  const int64_t nodes = view.blocks.node_count * int64_t(nodes_per_block<3>);
-  if (view.moving.count > 0)
-    launch<T>(view.device, nodes, UpdateNode<T, true>{view, dt}, Grain{1024});
-  else
-    launch<T>(view.device, nodes, UpdateNode<T, false>{view, dt}, Grain{1024});
+  view.dimensions == 2 ? update_nodes<2>(view, dt) : update_nodes<3>(view, dt);
 }
 
 template <typename T>

@@ -1,5 +1,6 @@
 #include "mpm/host_particles.h"
 
+#include "mpm/bspline.h"
 #include "mpm/material.h"
 
 namespace graupel::mpm {
@@ -120,8 +121,9 @@ ParticleFields fields_of(const HostParticles<T>& particles, FieldSet wanted, con
 }
 
 template <typename T>
-Diagnostics diagnose(const HostParticles<T>& particles, const std::vector<MaterialConfig>& materials, double dx,
-                     const Vec3d& gravity, const std::vector<uint8_t>& active) {
+Diagnostics diagnose(const HostParticles<T>& particles, const std::vector<MaterialConfig>& materials,
+                     const Scene& scene, const std::vector<uint8_t>& active) {
+  const double dx = scene.domain.dx, second_moment = dx * dx / inverse_moment(scene.transfer.spline);
   std::vector<MaterialParameters<double>> parameters;
   parameters.reserve(materials.size());
   for (const MaterialConfig& m : materials) parameters.push_back(material_parameters<double>(m));
@@ -135,22 +137,22 @@ Diagnostics diagnose(const HostParticles<T>& particles, const std::vector<Materi
     const Vec3d spin = {C(2, 1) - C(1, 2), C(0, 2) - C(2, 0), C(1, 0) - C(0, 1)};
     sum.mass += mass;
     sum.momentum += mass * v;
-    sum.angular_momentum += mass * (cross(x, v) + (dx * dx / 4) * spin);
+    sum.angular_momentum += mass * (cross(x, v) + second_moment * spin);
     sum.kinetic_energy += 0.5 * mass * norm2(v);
-    sum.potential_energy -= mass * dot(gravity, x);
+    sum.potential_energy -= mass * dot(scene.gravity, x);
     sum.elastic_energy += volume * energy_density(m, particles.deformation_gradient[i].template cast<double>(),
                                                   static_cast<double>(particles.internal[i]));
   }
   return sum;
 }
 
-#define GRAUPEL_INSTANTIATE(T)                                                                                        \
-  template struct HostParticles<T>;                                                                                   \
-  template HostParticles<T> initial_particles<T>(const SampledParticles&, const std::vector<MaterialConfig>&);        \
-  template Particles<T> upload_particles<T>(const HostParticles<T>&, Device);                                         \
-  template HostParticles<T> download_particles<T>(Particles<T>&);                                                     \
-  template ParticleFields fields_of<T>(const HostParticles<T>&, FieldSet, const std::vector<uint8_t>&);               \
-  template Diagnostics diagnose<T>(const HostParticles<T>&, const std::vector<MaterialConfig>&, double, const Vec3d&, \
+#define GRAUPEL_INSTANTIATE(T)                                                                                 \
+  template struct HostParticles<T>;                                                                            \
+  template HostParticles<T> initial_particles<T>(const SampledParticles&, const std::vector<MaterialConfig>&); \
+  template Particles<T> upload_particles<T>(const HostParticles<T>&, Device);                                  \
+  template HostParticles<T> download_particles<T>(Particles<T>&);                                              \
+  template ParticleFields fields_of<T>(const HostParticles<T>&, FieldSet, const std::vector<uint8_t>&);        \
+  template Diagnostics diagnose<T>(const HostParticles<T>&, const std::vector<MaterialConfig>&, const Scene&,  \
                                    const std::vector<uint8_t>&);
 GRAUPEL_INSTANTIATE(float)
 GRAUPEL_INSTANTIATE(double)

@@ -38,7 +38,7 @@ ParticleFields fields_of(const HostParticles<T>& particles, FieldSet wanted, con
 
 /// Sums in f64, over the particles that are `active` (by source index; empty: all).
 template <typename T>
-Diagnostics diagnose(const HostParticles<T>& particles, const std::vector<MaterialConfig>& materials, double dx,
-                     const Vec3d& gravity, const std::vector<uint8_t>& active = {});
+Diagnostics diagnose(const HostParticles<T>& particles, const std::vector<MaterialConfig>& materials,
+                     const Scene& scene, const std::vector<uint8_t>& active = {});
 
 }  // namespace graupel::mpm

@@ -8,8 +8,11 @@ namespace graupel::mpm {
 
 namespace {
 
+/// Inlined into each form of the mover: as a call, which compilers choose where there are many forms, other products
+/// are fused with sums, and the last bits of a run change.
 template <typename T>
-GRAUPEL_HD inline void survey_particle(const SolverView<T>& view, int64_t slot, T dt, Survey& found) {
+[[gnu::always_inline]] GRAUPEL_HD inline void survey_particle(const SolverView<T>& view, int64_t slot, T dt,
+                                                              Survey& found) {
   const ParticleView<T>& p = view.particles;
   const MaterialParameters<T>& m = view.materials[p.material.get(slot)];
   const Mat<T, 3> F =
@@ -32,9 +35,9 @@ struct SurveySlots {
   }
 };
 
-/// `plain`: nothing moves but the particles, and none comes or goes; tests of all that cost water 3% where they were
-/// made for every particle.
-template <typename T, bool plain>
+/// `plain` (in space only): nothing moves but the particles, and none comes or goes; tests of all that cost water 3%
+/// where they were made for every particle.
+template <typename T, bool plain, int D>
 struct MoveSlots {
   SolverView<T> view;
   SlotRange range;
@@ -98,7 +101,7 @@ struct MoveSlots {
 
   /// Brings the home block of a particle at x up to date.
   GRAUPEL_HD void settle(int64_t slot, const Vec<T, 3>& x) const {
-    const int32_t key = home_key(view.grid, x);
+    const int32_t key = home_key(view.grid, x, static_cast<T>(base_shift(view.spline)));
     if (key == view.keys[slot]) return;
     view.keys[slot] = key;
     mark(view.keys_changed);
@@ -113,10 +116,11 @@ struct MoveSlots {
       sparsegrid::signed_distance(view.moving.end, x, nearest);
       // In the frame of the obstacle that it met, the particle comes from where that obstacle would have carried it.
       if (nearest >= 0) surface_velocity = view.moving.step[nearest].velocity_at(before);
-      sparsegrid::push_out(view.moving.end, view.walls.particle_low, view.walls.particle_high,
-                           before + dt * surface_velocity, x);
-    } else if (view.push_out && near_surface<T>(view, x, norm(step))) {
-      sparsegrid::push_out(view.obstacle_nodes.obstacles, view.walls.particle_low, view.walls.particle_high, before, x);
+      sparsegrid::push_out<D>(view.moving.end, view.walls.particle_low, view.walls.particle_high,
+                              before + dt * surface_velocity, x);
+    } else if (view.push_out && near_surface<D, T>(view, x, norm(step))) {
+      sparsegrid::push_out<D>(view.obstacle_nodes.obstacles, view.walls.particle_low, view.walls.particle_high, before,
+                              x);
     }
     if (x == wanted) return;
     const ParticleView<T>& p = view.particles;
@@ -165,12 +169,12 @@ struct MoveSlots {
 
 template <typename T>
 struct FindHomes {
-  MoveSlots<T, false> mover;
+  SolverView<T> view;
   GRAUPEL_HD void operator()(int64_t slot) const {
-    const ParticleView<T>& p = mover.view.particles;
-    const RoleView<T>& roles = mover.view.roles;
-    const bool active = roles.presence == nullptr || roles.is_active(p.source_index.get(slot));
-    mover.view.keys[slot] = active ? home_key(mover.view.grid, p.position.vec(slot)) : no_home;
+    const ParticleView<T>& p = view.particles;
+    const bool active = view.roles.presence == nullptr || view.roles.is_active(p.source_index.get(slot));
+    const T shift = static_cast<T>(base_shift(view.spline));
+    view.keys[slot] = active ? home_key(view.grid, p.position.vec(slot), shift) : no_home;
   }
 };
 
@@ -201,10 +205,15 @@ template <typename T>
 Survey move_particles(const SolverView<T>& view, T dt, Buffer<Survey>& records) {
   const SlotRange range = make_slot_range(view.device, view.particles.count);
   records.resize_discard(static_cast<std::size_t>(2 * range.items));
-  if (moves_plainly(view))
-    launch<T>(view.device, range.items, MoveSlots<T, true>{view, range, records.data(), dt}, Grain{2});
+  const auto move = [&](auto kernel) {
+    launch<T>(view.device, range.items, decltype(kernel){view, range, records.data(), dt}, Grain{2});
+  };
+  if (view.dimensions == 2)
+    move(MoveSlots<T, false, 2>{});
+  else if (moves_plainly(view))
+    move(MoveSlots<T, true, 3>{});
   else
-    launch<T>(view.device, range.items, MoveSlots<T, false>{view, range, records.data(), dt}, Grain{2});
+    move(MoveSlots<T, false, 3>{});
   return total(view.device, records, range.items);
 }
 
@@ -218,7 +227,7 @@ Survey survey_particles(const SolverView<T>& view, Buffer<Survey>& records) {
 
 template <typename T>
 void move_slots(const SolverView<T>& view, T dt, int64_t first, int64_t end, Survey& found) {
-  const MoveSlots<T, true> mover{view, {}, nullptr, dt};
+  const MoveSlots<T, true, 3> mover{view, {}, nullptr, dt};
   for (int64_t slot = first; slot < end; ++slot)
     if (mover.move(slot, found)) survey_particle(view, slot, dt, found);
 }
@@ -230,7 +239,7 @@ void survey_slots(const SolverView<T>& view, T dt, int64_t first, int64_t end, S
 
 template <typename T>
 void find_home_blocks(const SolverView<T>& view) {
-  launch<T>(view.device, view.particles.count, FindHomes<T>{{view, {}, nullptr, T(0)}}, Grain{4096});
+  launch<T>(view.device, view.particles.count, FindHomes<T>{view}, Grain{4096});
 }
 
 template <typename T>

@@ -16,6 +16,7 @@ MovingObstacles<T>::MovingObstacles(Device device, const Scene& scene, const spa
       start_(device, 0),
       end_(device, 0),
       steps_(device, 0) {
+  scene_.domain = scene.domain;
   scene_.obstacles = scene.obstacles;
   std::vector<ObstacleView> fixed = obstacles.views_at(0, device);
   for (std::size_t i = 0; i < scene.obstacles.size(); ++i) {
@@ -44,7 +45,9 @@ void MovingObstacles<T>::begin_step(double time, double dt) {
   std::vector<RigidStep<T>> steps(scene_.obstacles.size(), {Mat<T, 3>::zero(), Vec<T, 3>::zero(), Vec<T, 3>::zero()});
   for (const int32_t i : index_) {
     const Obstacle& obstacle = scene_.obstacles[static_cast<std::size_t>(i)];
-    steps[static_cast<std::size_t>(i)] = rigid_step<T>(*obstacle.motion, obstacle.position, time, dt);
+    RigidStep<T>& step = steps[static_cast<std::size_t>(i)];
+    step = rigid_step<T>(*obstacle.motion, obstacle.position, time, dt);
+    if (scene_.domain.is_plane()) step = in_plane(step);
   }
   start_.upload(obstacles_.views_at(time, device_));
   end_.upload(obstacles_.views_at(time + dt, device_));

@@ -28,7 +28,7 @@ struct FindSurfaceBlocks {
   }
 };
 
-template <typename T>
+template <typename T, int D>
 struct EvaluateNodes {
   GridGeometry<T, 3> grid;
   ObstacleSetView obstacles;
@@ -37,12 +37,11 @@ struct EvaluateNodes {
   Vec<T, 3>* normal;
   int32_t* law;
   GRAUPEL_HD void operator()(int64_t entry) const {
-    const Vec<int, 3> block = grid.block_of(keys[entry / nodes_per_block<3>]);
-    Vec<int, 3> node = node_in_block<3>(static_cast<int>(entry % nodes_per_block<3>));
-    for (int d = 0; d < 3; ++d) node[d] += block_width * block[d];
-    const Vec<T, 3> x = grid.node_position(node);
+    const Vec<T, 3> x =
+        node_position<D>(grid, keys[entry / nodes_per_block<D>], static_cast<int>(entry % nodes_per_block<D>));
     int nearest;
-    const auto here = signed_distance(obstacles, x, nearest);
+    auto here = signed_distance(obstacles, x, nearest);
+    here.normal = normal_in_axes<D>(here.normal);
     phi[entry] = here.phi;
     normal[entry] = here.normal;
     bool holds = here.phi < T(0);
@@ -57,7 +56,8 @@ struct EvaluateNodes {
 }  // namespace
 
 template <typename T>
-ObstacleNodes<T>::ObstacleNodes(Device device, const GridGeometry<T, 3>& grid, const ObstacleSetView& obstacles)
+ObstacleNodes<T>::ObstacleNodes(Device device, const GridGeometry<T, 3>& grid, const ObstacleSetView& obstacles,
+                                int dimensions)
     : obstacles_(obstacles),
       block_number_(device, static_cast<std::size_t>(grid.directory_size())),
       law_(device, 0),
@@ -73,12 +73,17 @@ ObstacleNodes<T>::ObstacleNodes(Device device, const GridGeometry<T, 3>& grid, c
   block_number_.upload(number);
   Buffer<int32_t> key_buffer(device, 0);
   key_buffer.upload(keys);
-  const std::size_t entries = keys.size() * nodes_per_block<3>;
+  const std::size_t entries =
+      keys.size() * static_cast<std::size_t>(dimensions == 2 ? nodes_per_block<2> : nodes_per_block<3>);
   law_.resize_discard(entries);
   phi_.resize_discard(entries);
   normal_.resize_discard(entries);
-  launch<T>(device, static_cast<int64_t>(entries),
-            EvaluateNodes<T>{grid, obstacles_, key_buffer.data(), phi_.data(), normal_.data(), law_.data()}, Grain{64});
+  const auto evaluate = [&](auto kernel) {
+    launch<T>(device, static_cast<int64_t>(entries),
+              decltype(kernel){grid, obstacles_, key_buffer.data(), phi_.data(), normal_.data(), law_.data()},
+              Grain{64});
+  };
+  dimensions == 2 ? evaluate(EvaluateNodes<T, 2>{}) : evaluate(EvaluateNodes<T, 3>{});
   synchronize(device);
 }
 

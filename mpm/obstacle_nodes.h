@@ -13,13 +13,24 @@ namespace graupel::mpm {
 
 inline constexpr int32_t block_without_surface = -1;
 
-/// For kernels. Node n of a block with number b has entry 64 b + n.
+/// An outward normal; in a plane run the direction in which the obstacle's section is left, or zero where none is
+/// known.
+template <int D, typename T>
+GRAUPEL_HD inline Vec<T, 3> normal_in_axes(Vec<T, 3> normal) {
+  if constexpr (D == 2) {
+    normal[2] = T(0);
+    normal = norm2(normal) > T(1e-6) ? normalized(normal) : Vec<T, 3>::zero();
+  }
+  return normal;
+}
+
+/// For kernels. Node n of a block with number b has entry 64 b + n (16 b + n in the plane).
 template <typename T>
 struct ObstacleNodeView {
   sparsegrid::ObstacleSetView obstacles;
   const int32_t* block_number;  ///< [directory] or block_without_surface
   const T* phi;                 ///< signed distance of the union [m]
-  const Vec<T, 3>* normal;      ///< of the nearest obstacle; zero deep inside
+  const Vec<T, 3>* normal;      ///< of the nearest obstacle (normal_in_axes); zero deep inside
   const int32_t* law;           ///< index of the obstacle whose contact law holds; -1 for none
 };
 
@@ -27,7 +38,8 @@ template <typename T>
 class ObstacleNodes {
  public:
   ObstacleNodes() = default;
-  ObstacleNodes(Device device, const GridGeometry<T, 3>& grid, const sparsegrid::ObstacleSetView& obstacles);
+  ObstacleNodes(Device device, const GridGeometry<T, 3>& grid, const sparsegrid::ObstacleSetView& obstacles,
+                int dimensions = 3);
 
   ObstacleNodeView<T> view() const;
   int64_t bytes() const;

@@ -9,31 +9,33 @@
 
 namespace graupel::mpm {
 
-/// Directory index of the block that holds the base node of x.
+/// Directory index of the block that holds the base node of x, floor(x/dx - shift); in a plane run the plane's layer of
+/// blocks is the only one.
 template <typename T>
-GRAUPEL_HD inline int32_t home_key(const GridGeometry<T, 3>& grid, const Vec<T, 3>& x) {
-  Vec<int, 3> block = base_node(grid.local(x));
-  for (int d = 0; d < 3; ++d) block[d] /= block_width;
+GRAUPEL_HD inline int32_t home_key(const GridGeometry<T, 3>& grid, const Vec<T, 3>& x, T shift) {
+  const Vec<T, 3> local = grid.local(x);
+  Vec<int, 3> block;
+  for (int d = 0; d < 3; ++d) block[d] = static_cast<int>(local[d] - shift) / block_width;
   return grid.directory_index(block);
 }
 
 /// From the signed distance at the nearest node, which phi at x can differ from by at most the distance between them:
 /// whether a way of length `step` that ends at x may have met a surface.
-template <typename T>
+template <int D = 3, typename T>
 GRAUPEL_HD inline bool near_surface(const SceneView<T>& scene, const Vec<T, 3>& x, T step) {
   const ObstacleNodeView<T>& o = scene.obstacle_nodes;
   if (o.obstacles.count == 0) return false;
-  const Vec<T, 3> local = scene.grid.local(x);
-  Vec<int, 3> block;
+  const Vec<T, D> local = in_axes<D>(scene.grid.local(x));
+  Vec<int, D> block;
   int inside = 0;
-  for (int d = 0; d < 3; ++d) {
+  for (int d = 0; d < D; ++d) {
     const int node = static_cast<int>(local[d] + T(0.5));
     block[d] = node / block_width;
     inside = inside * block_width + node % block_width;
   }
-  const int32_t number = o.block_number[scene.grid.directory_index(block)];
+  const int32_t number = o.block_number[in_axes<D>(scene.grid).directory_index(block)];
   if (number == block_without_surface) return false;
-  return o.phi[int64_t(number) * nodes_per_block<3> + inside] < T(1.3) * scene.grid.dx + step;
+  return o.phi[int64_t(number) * nodes_per_block<D> + inside] < T(1.3) * scene.grid.dx + step;
 }
 
 /// `found` is a Survey or has its members.
@@ -44,10 +46,11 @@ GRAUPEL_HD inline void mark_bad(int64_t slot, Found& found) {
 }
 
 /// A particle that was pushed by `push` loses its velocity against that direction, relative to the surface, as in an
-/// inelastic contact.
+/// inelastic contact. Inlined whatever the number of its callers: see survey_particle.
 template <typename T, typename Found>
-GRAUPEL_HD inline void stop_at_surface(const Vec<T, 3>& push, T mass, const Vec<T, 3>& surface_velocity, Vec<T, 3>& v,
-                                       Found& found) {
+[[gnu::always_inline]] GRAUPEL_HD inline void stop_at_surface(const Vec<T, 3>& push, T mass,
+                                                              const Vec<T, 3>& surface_velocity, Vec<T, 3>& v,
+                                                              Found& found) {
   ++found.pushed_out;
   const Vec<T, 3> normal = normalized(push);
   const T v_n = dot(normal, v - surface_velocity);

@@ -6,7 +6,8 @@ namespace graupel::mpm {
 
 template <typename T>
 ParticleRoles<T>::ParticleRoles(Device device, const Scene& scene, const SampledParticles& sampled)
-    : scripts_(sampled.scripts),
+    : plane_(scene.domain.is_plane()),
+      scripts_(sampled.scripts),
       reach_(sampled.scripts.size(), 0.0),
       emitters_(scene.emitters),
       presence_(device, 0),
@@ -40,8 +41,10 @@ void ParticleRoles<T>::begin_step(double time, double dt) {
   step_end_ = time + dt;
   if (!has_scripts()) return;
   std::vector<ScriptStep<T>> steps;
-  for (const Script& script : scripts_)
-    steps.push_back({rigid_step<T>(script.motion, script.body_center, time, dt), time < script.release_time});
+  for (const Script& script : scripts_) {
+    const RigidStep<T> motion = rigid_step<T>(script.motion, script.body_center, time, dt);
+    steps.push_back({plane_ ? in_plane(motion) : motion, time < script.release_time});
+  }
   steps_.upload(steps);
 }
 

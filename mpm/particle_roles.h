@@ -65,6 +65,7 @@ class ParticleRoles {
   double largest_speed(double from, double to) const;
 
  private:
+  bool plane_ = false;  ///< a run of two dimensions
   std::vector<Script> scripts_;
   std::vector<double> reach_;  ///< largest distance of a particle from its script's centre [m]
   std::vector<Emitter> emitters_;

@@ -19,8 +19,10 @@ struct SolverView : SceneView<T> {
   BlockView blocks;
   MovingObstacleView<T> moving;
   RoleView<T> roles;
+  int dimensions;  ///< 2 or 3
+  Spline spline;
   T* arenas;      ///< [home blocks, arena_size]: sums of each block's own particles (CPU)
-  T* nodes;       ///< [node blocks, 64, 4]: momentum, then velocity; mass
+  T* nodes;       ///< [node blocks, 16 or 64, 4]: momentum, then velocity; mass
   int32_t* keys;  ///< [n] home block of each slot, or no_home
   uint8_t* keys_changed;
   bool some_stationary;  ///< whether any material is stationary

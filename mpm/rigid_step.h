@@ -16,6 +16,14 @@ struct RigidStep {
   GRAUPEL_HD Vec<T, 3> velocity_at(const Vec<T, 3>& x) const { return gradient * (x - center) + velocity; }
 };
 
+/// The same without its part along z, for plane runs: rounding only, where the motion lies in the plane.
+template <typename T>
+RigidStep<T> in_plane(RigidStep<T> step) {
+  step.velocity[2] = T(0);
+  for (int d = 0; d < 3; ++d) step.gradient(2, d) = step.gradient(d, 2) = T(0);
+  return step;
+}
+
 /// The substep of `dt` seconds from `time` on.
 template <typename T>
 RigidStep<T> rigid_step(const Motion& motion, const Vec3d& body_center, double time, double dt) {

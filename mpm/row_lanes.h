@@ -55,9 +55,9 @@ struct RowLanes {
     const typename LanesOf<T>::Type lanes = {a, b, c, d, a, b, c, d, a, b, c, d, a, b, c, d};
     return {lanes};
   }
-  /// a at every channel of node 0, b of node 1, c of node 2, zero at node 3.
-  GRAUPEL_HD static RowLanes stairs(T a, T b, T c) {
-    const typename LanesOf<T>::Type lanes = {a, a, a, a, b, b, b, b, c, c, c, c, 0, 0, 0, 0};
+  /// a at every channel of node 0, b of node 1, c of node 2, d of node 3.
+  GRAUPEL_HD static RowLanes stairs(T a, T b, T c, T d = T(0)) {
+    const typename LanesOf<T>::Type lanes = {a, a, a, a, b, b, b, b, c, c, c, c, d, d, d, d};
     return {lanes};
   }
   GRAUPEL_HD friend RowLanes operator+(const RowLanes& x, const RowLanes& y) { return {x.v + y.v}; }

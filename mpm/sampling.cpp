@@ -6,7 +6,7 @@
 
 #include "core/error.h"
 #include "mpm/emission.h"
-#include "mpm/source_body.h"
+#include "mpm/plane_section.h"
 
 namespace graupel::mpm {
 
@@ -19,9 +19,9 @@ Vec3d random_point(const Random& random, uint64_t index, const sparsegrid::Local
   return x;
 }
 
-/// Taichi Elements' counts: int(n V/dx^3 + 1) for boxes, ceil(n V/dx^3) for all others.
-int64_t particle_number(const Source& source, double volume, double dx) {
-  const double expected = source.particles_per_cell * volume / (dx * dx * dx);
+/// Taichi Elements' counts: int(n V/dx^3 + 1) for boxes, ceil(n V/dx^3) for all others; in the plane with A/dx^2.
+int64_t particle_number(const Source& source, double measure, double cell) {
+  const double expected = source.particles_per_cell * measure / cell;
   return static_cast<int64_t>(source.shape == Shape::box ? expected + 1 : std::ceil(expected));
 }
 
@@ -29,7 +29,7 @@ int64_t particle_number(const Source& source, double volume, double dx) {
 /// number alone.
 std::vector<Vec3d> random_points(const Source& source, const SourceBody& body, double dx, const Random& random) {
   constexpr uint64_t most_attempts = 1000000;
-  std::vector<Vec3d> points(static_cast<std::size_t>(particle_number(source, body.volume(), dx)));
+  std::vector<Vec3d> points(static_cast<std::size_t>(particle_number(source, body.volume(), dx * dx * dx)));
   for (std::size_t i = 0; i < points.size(); ++i) {
     uint64_t attempt = 0;
     do {
@@ -64,6 +64,57 @@ std::vector<Vec3d> lattice_points(const Source& source, const SourceBody& body, 
   return points;
 }
 
+/// The same two rules in the plane.
+std::vector<Vec3d> random_points(const Source& source, const PlaneSection& section, double dx, const Random& random) {
+  std::vector<Vec3d> points(static_cast<std::size_t>(particle_number(source, section.area(), dx * dx)));
+  constexpr uint64_t most_attempts = 1000000;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    Vec2d x;
+    uint64_t attempt = 0;
+    do {
+      for (int a = 0; a < 2; ++a) x[a] = random.uniform(i + (attempt << 32), a, section.low()[a], section.high()[a]);
+    } while (!section.contains(x) && ++attempt < most_attempts);
+    if (attempt == most_attempts)
+      throw ConfigError(fmt::format("no point of a {} was found in the plane. Check that it encloses an area",
+                                    word_of(source.shape)));
+    points[i] = section.local(x);
+  }
+  return points;
+}
+
+std::vector<Vec3d> lattice_points(const PlaneSection& section, double spacing, const Random& random) {
+  Vec<int64_t, 2> n;
+  Vec2d low;
+  for (int a = 0; a < 2; ++a) {
+    n[a] = static_cast<int64_t>(std::ceil((section.high()[a] - section.low()[a]) / spacing - 1e-9));
+    low[a] = (section.low()[a] + section.high()[a] - static_cast<double>(n[a]) * spacing) / 2;
+  }
+  std::vector<Vec3d> points;
+  for (int64_t i = 0; i < n[0]; ++i)
+    for (int64_t j = 0; j < n[1]; ++j) {
+      const Vec2d corner = low + spacing * Vec<int64_t, 2>{i, j}.cast<double>();
+      Vec2d x;
+      for (int a = 0; a < 2; ++a)
+        x[a] = random.uniform(static_cast<uint64_t>(i * n[1] + j), a, corner[a], corner[a] + spacing);
+      if (section.contains(x)) points.push_back(section.local(x));
+    }
+  return points;
+}
+
+std::vector<Vec3d> plane_points(const Source& source, std::size_t index, const SourceBody& body, const Domain& domain,
+                                const Random& random) {
+  const PlaneSection section(source, body, domain.plane());
+  if (!section.is_met())
+    throw ConfigError(
+        fmt::format("source {} ({} of '{}') does not reach the plane of a scene with two dimensions (z = {:.6g} m, its "
+                    "centre is at "
+                    "{:.6g} m). Move it, or the domain",
+                    index, word_of(source.shape), source.material, domain.plane(), source.position[2]));
+  return source.sampling == Sampling::random
+             ? random_points(source, section, domain.dx, random)
+             : lattice_points(section, domain.spacing(source.particles_per_cell), random);
+}
+
 int32_t material_index(const Scene& scene, const std::string& material, const std::string& user) {
   const auto found = scene.materials.find(material);
   if (found == scene.materials.end())
@@ -73,16 +124,16 @@ int32_t material_index(const Scene& scene, const std::string& material, const st
 
 void add_source(const Scene& scene, std::size_t s, uint64_t seed, SampledParticles& all) {
   const Source& source = scene.sources[s];
-  const double dx = scene.domain.dx;
   const int32_t material = material_index(scene, source.material, fmt::format("source {}", s));
   const Mat3d rotation = source.rotation();
   const Vec3d center = source.spin_center.value_or(source.position);
-  for (const Vec3d& local : sample_body(source, s, dx, Random(seed, RandomPurpose::particle_position, s))) {
-    const Vec3d x = rotation * local + source.position;
+  for (const Vec3d& local : sample_body(source, s, scene.domain, Random(seed, RandomPurpose::particle_position, s))) {
+    Vec3d x = rotation * local + source.position;
+    if (scene.domain.is_plane()) x[2] = scene.domain.plane();
     all.position.push_back(x);
     all.velocity.push_back(source.velocity + cross(source.angular_velocity, x - center));
     all.spin.push_back(source.angular_velocity);
-    all.volume.push_back(dx * dx * dx / source.particles_per_cell);
+    all.volume.push_back(scene.domain.cell_volume() / source.particles_per_cell);
     all.material.push_back(material);
     all.source.push_back(static_cast<int32_t>(s));
   }
@@ -90,14 +141,14 @@ void add_source(const Scene& scene, std::size_t s, uint64_t seed, SampledParticl
 
 void add_emitter(const Scene& scene, std::size_t e, uint64_t seed, SampledParticles& all) {
   const Emitter& emitter = scene.emitters[e];
-  const double dx = scene.domain.dx;
   const int32_t material = material_index(scene, emitter.material, fmt::format("emitter {}", e));
-  const EmittedParticles emitted = sample_emitter(emitter, e, dx, seed);
+  const EmittedParticles emitted = sample_emitter(emitter, e, scene.domain, seed);
   for (std::size_t i = 0; i < emitted.position.size(); ++i) {
     all.position.push_back(emitted.position[i]);
+    if (scene.domain.is_plane()) all.position.back()[2] = scene.domain.plane();
     all.velocity.push_back(emitter.velocity);
     all.spin.push_back(Vec3d::zero());
-    all.volume.push_back(dx * dx * dx / emitter.particles_per_cell);
+    all.volume.push_back(scene.domain.cell_volume() / emitter.particles_per_cell);
     all.material.push_back(material);
     all.source.push_back(static_cast<int32_t>(scene.sources.size() + e));
     all.birth_time.push_back(emitted.time[i]);
@@ -133,9 +184,11 @@ void add_scripts(const Scene& scene, SampledParticles& all) {
 
 }  // namespace
 
-std::vector<Vec3d> sample_body(const Source& source, std::size_t index, double dx, const Random& random) {
+std::vector<Vec3d> sample_body(const Source& source, std::size_t index, const Domain& domain, const Random& random) {
   if (source.shape == Shape::points) return source.points ? *source.points : std::vector<Vec3d>{};
+  const double dx = domain.dx;
   const SourceBody body(source, index, dx / 4);
+  if (domain.is_plane()) return plane_points(source, index, body, domain, random);
   return source.sampling == Sampling::random ? random_points(source, body, dx, random)
                                              : lattice_points(source, body, dx, random);
 }

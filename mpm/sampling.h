@@ -19,11 +19,12 @@ struct Script {
 };
 
 /// Particles at the start, source by source, and those that emitters will send out, emitter by emitter. Depends on
-/// (seed, source index, particle index) alone.
+/// (seed, source index, particle index) alone. With two dimensions all lie in the plane: bodies are cut by it, points
+/// are moved into it.
 struct SampledParticles {
   std::vector<Vec3d> position;     ///< [m]
   std::vector<Vec3d> velocity;     ///< [m/s]
-  std::vector<double> volume;      ///< reference volume dx^3 / particles_per_cell [m^3]
+  std::vector<double> volume;      ///< reference volume: that of a cell / particles_per_cell [m^3]
   std::vector<int32_t> material;   ///< index into material_names
   std::vector<int32_t> source;     ///< index into scene.sources; behind them, of scene.emitters
   std::vector<Vec3d> spin;         ///< initial rotation, the antisymmetric part of C [rad/s]
@@ -36,7 +37,8 @@ struct SampledParticles {
 /// All particles of a scene. Throws ConfigError for sources and emitters that cannot be filled.
 SampledParticles sample_sources(const Scene& scene, uint64_t seed);
 
-/// Particles of one body in its own frame, by its rule.
-std::vector<Vec3d> sample_body(const Source& source, std::size_t index, double dx, const Random& random);
+/// Particles of one body in its own frame, by its rule. Throws ConfigError for a body that does not reach the plane of
+/// a run with two dimensions.
+std::vector<Vec3d> sample_body(const Source& source, std::size_t index, const Domain& domain, const Random& random);
 
 }  // namespace graupel::mpm

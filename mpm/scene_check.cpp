@@ -1,8 +1,10 @@
 #include "mpm/scene_check.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include "core/error.h"
+#include "core/plane_check.h"
 
 namespace graupel::mpm {
 
@@ -38,7 +40,7 @@ void check_scripts(const Scene& scene, const SampledParticles& particles) {
       for (std::size_t i = 0; i < particles.position.size(); ++i) {
         if (particles.script[i] != static_cast<int32_t>(s)) continue;
         const Vec3d x = pose(particles.position[i]);
-        for (int d = 0; d < 3; ++d)
+        for (int d = 0; d < scene.domain.axes(); ++d)
           if (!(x[d] >= low[d] - tolerance && x[d] <= high[d] + tolerance))
             throw ConfigError(
                 fmt::format("the motion of {} leads particles out of the walls (to {} at {:.4g} s, allowed: {} to {}). "
@@ -52,6 +54,14 @@ void check_scripts(const Scene& scene, const SampledParticles& particles) {
 
 }  // namespace
 
+void check_plane(const Scene& scene) {
+  if (scene.domain.dimensions != 2 && scene.domain.dimensions != 3)
+    throw ConfigError(fmt::format("domain.dimensions must be 2 or 3 ({})", scene.domain.dimensions));
+  const auto out = first_out_of_plane(scene);
+  if (!out) return;
+  throw ConfigError(fmt::format("{} {}. {}", fmt::join(out->path, "."), out->problem, out->remedy));
+}
+
 void check_start(const Scene& scene, const SampledParticles& particles, const sparsegrid::ObstacleSet& obstacles) {
   if (particles.position.empty())
     throw ConfigError("the scene has no particles. Add a source, or make one larger than a grid cell");
@@ -59,7 +69,7 @@ void check_start(const Scene& scene, const SampledParticles& particles, const sp
   const double tolerance = 1e-6 * scene.domain.dx;
   for (std::size_t i = 0; i < particles.position.size(); ++i) {
     const Vec3d& x = particles.position[i];
-    for (int d = 0; d < 3; ++d)
+    for (int d = 0; d < scene.domain.axes(); ++d)
       if (!(x[d] >= low[d] - tolerance && x[d] <= high[d] + tolerance))
         throw ConfigError(
             fmt::format("{} reaches outside the walls (particle at {}, allowed: {} to {}). Move or shrink it, or "

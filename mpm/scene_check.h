@@ -6,6 +6,10 @@
 
 namespace graupel::mpm {
 
+/// Throws ConfigError for a number of dimensions other than 2 and 3, and when something leads out of the plane of a
+/// scene with two.
+void check_plane(const Scene& scene);
+
 /// Throws ConfigError when there is no particle, when one lies outside the walls (naming the source and the allowed
 /// box) or inside an obstacle (naming both), and when a script leads one out of the walls.
 void check_start(const Scene& scene, const SampledParticles& particles, const sparsegrid::ObstacleSet& obstacles);

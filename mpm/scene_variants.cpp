@@ -8,11 +8,12 @@ namespace graupel::mpm {
 
 namespace {
 
-/// One point at random of every eight, or about eight, that follow one another: at 2 dx each stands for eight times the
-/// volume.
-std::shared_ptr<const std::vector<Vec3d>> every_eighth(const std::vector<Vec3d>& points, const Random& random) {
+/// One point at random of every `group`, or about as many, that follow one another: at 2 dx each stands for that many
+/// times the volume.
+std::shared_ptr<const std::vector<Vec3d>> one_of_each(std::size_t group, const std::vector<Vec3d>& points,
+                                                      const Random& random) {
   std::vector<Vec3d> kept;
-  const std::size_t n = points.size(), groups = n == 0 ? 0 : std::max<std::size_t>(1, (n + 4) / 8);
+  const std::size_t n = points.size(), groups = n == 0 ? 0 : std::max<std::size_t>(1, (n + group / 2) / group);
   for (std::size_t g = 0; g < groups; ++g) {
     const std::size_t first = g * n / groups, end = (g + 1) * n / groups;
     kept.push_back(points[first + random.integer(g, 0, static_cast<uint32_t>(end - first))]);
@@ -28,7 +29,7 @@ Scene coarse_variant(const Scene& scene) {
   const Vec3d low = scene.wall_low(), high = scene.wall_high();
   coarse.domain.dx = 2 * scene.domain.dx;
   coarse.domain.wall_cells = std::max<int64_t>(2, (scene.domain.wall_cells + 1) / 2);
-  const Vec3d margin = Vec3d::filled(static_cast<double>(coarse.domain.wall_cells) * coarse.domain.dx);
+  const Vec3d margin = coarse.domain.wall_distance();
   coarse.domain.origin = low - margin;
   coarse.domain.size = high - low + 2.0 * margin;
   coarse.obstacle_voxel = scene.voxel();
@@ -37,7 +38,8 @@ Scene coarse_variant(const Scene& scene) {
   for (std::size_t s = 0; s < coarse.sources.size(); ++s) {
     Source& source = coarse.sources[s];
     if (source.shape == Shape::points && source.points)
-      source.points = every_eighth(*source.points, Random(scene.seed, RandomPurpose::particle_position, s));
+      source.points = one_of_each(scene.domain.is_plane() ? 4 : 8, *source.points,
+                                  Random(scene.seed, RandomPurpose::particle_position, s));
   }
   return coarse;
 }

@@ -43,6 +43,13 @@ void set_wall(const Scene& scene, int axis, int side, WallView<T>& walls) {
   walls.periodic[axis].cells = static_cast<int>(std::lround(cells));
 }
 
+/// Nothing is held along an axis that a run does not have.
+template <typename T>
+void remove_walls(int axis, WallView<T>& walls) {
+  walls.low[axis] = walls.particle_low[axis] = walls.gate_low[axis] = static_cast<T>(-far_off);
+  walls.high[axis] = walls.particle_high[axis] = walls.gate_high[axis] = static_cast<T>(far_off);
+}
+
 }  // namespace
 
 /// Without push_out particles may creep past the walls, but never so far that their stencil leaves the grid.
@@ -51,11 +58,12 @@ WallView<T> wall_view(const Scene& scene) {
   WallView<T> walls{};
   walls.low = scene.wall_low().cast<T>();
   walls.high = scene.wall_high().cast<T>();
-  const Vec3d inset = Vec3d::filled(0.6 * scene.domain.dx);
+  const Vec3d inset = Vec3d::filled((base_shift(scene.transfer.spline) + 0.1) * scene.domain.dx);
   walls.particle_low = scene.push_out ? walls.low : (scene.domain.origin + inset).cast<T>();
   walls.particle_high = scene.push_out ? walls.high : (scene.domain.origin + scene.domain.size - inset).cast<T>();
-  for (int d = 0; d < 3; ++d)
+  for (int d = 0; d < scene.domain.axes(); ++d)
     for (int side = 0; side < 2; ++side) set_wall(scene, d, side, walls);
+  if (scene.domain.is_plane()) remove_walls(2, walls);
   return walls;
 }
 

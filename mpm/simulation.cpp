@@ -15,18 +15,25 @@ namespace graupel::mpm {
 namespace {
 
 #ifdef GRAUPEL_HAVE_CUDA
-/// Whether the tuned kernels for GPUs know all that a scene has; the portable ones run the others.
-bool is_plain(const Scene& scene) {
+/// What the tuned kernels for GPUs do not know, "" for nothing; the portable ones know all.
+std::string beyond_tuned_kernels(const Scene& scene) {
   for (const Source& source : scene.sources)
-    if (source.motion) return false;
-  return !scene.has_moving_obstacles() && scene.kinematic_regions.empty() && scene.emitters.empty() &&
-         scene.sinks.empty() && !scene.domain.has_wall(Wall::open) && !scene.domain.has_wall(Wall::periodic) &&
-         scene.transfer.scheme == TransferScheme::apic && scene.transfer.damping == 0;
+    if (source.motion) return "led particles";
+  if (scene.domain.is_plane()) return "two dimensions";
+  if (scene.transfer.spline != Spline::quadratic) return "cubic splines";
+  if (scene.has_moving_obstacles()) return "moving obstacles";
+  if (!scene.kinematic_regions.empty()) return "led particles";
+  if (!scene.emitters.empty()) return "emitters";
+  if (!scene.sinks.empty()) return "sinks";
+  if (scene.domain.has_wall(Wall::open)) return "open walls";
+  if (scene.domain.has_wall(Wall::periodic)) return "periodic walls";
+  if (scene.transfer.scheme != TransferScheme::apic) return "other transfers than apic";
+  return scene.transfer.damping == 0 ? "" : "damped transfers";
 }
 
 bool runs_tuned(const PreparedScene& prepared) {
   return prepared.options.device == Device::cuda && prepared.options.kernels == Kernels::tuned &&
-         is_plain(prepared.scene);
+         beyond_tuned_kernels(prepared.scene).empty();
 }
 #endif
 
@@ -37,7 +44,8 @@ Estimate estimate_with(const Scene& scene, const SimulationOptions& options, con
   Estimate e;
   e.particles = static_cast<int64_t>(particles.position.size());
   solver.sort_particles();
-  e.grid_nodes = int64_t(solver.view().blocks.node_count) * nodes_per_block<3>;
+  const int nodes = scene.domain.is_plane() ? nodes_per_block<2> : nodes_per_block<3>;
+  e.grid_nodes = int64_t(solver.view().blocks.node_count) * nodes;
   const double step = largest_step(scene.time_step, scene.domain.dx, scene.frame_time, solver.speeds());
   e.substeps = scene.frames * static_cast<int64_t>(std::ceil(scene.frame_time / step - 1e-9));
   e.memory_bytes = solver.memory_bytes();
@@ -48,6 +56,7 @@ Estimate estimate_with(const Scene& scene, const SimulationOptions& options, con
 const Scene& fitting(const Scene& scene, const SimulationOptions& options) {
   if (options.precision == Precision::f64 && options.device != Device::cpu)
     throw ConfigError("double precision runs on the CPU only. Use --device cpu or single precision");
+  check_plane(scene);
   check_memory(least_memory(scene, options), options.device);
   return scene;
 }

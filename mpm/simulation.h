@@ -130,7 +130,7 @@ class SceneBatch {
 
 Estimate estimate(const Scene& scene, const SimulationOptions& options);
 
-/// The scene at 2 dx and an eighth of the particles.
+/// The scene at 2 dx and an eighth of the particles (a quarter in the plane).
 Scene coarse_variant(const Scene& scene);
 
 /// frame() with the `wanted` fields in it.

@@ -10,6 +10,7 @@
 #include "mpm/divergence.h"
 #include "mpm/material.h"
 #include "mpm/simd/tuned_phases.h"
+#include "mpm/transfer_form.h"
 
 namespace graupel::mpm {
 
@@ -22,10 +23,10 @@ Solver<T>::Solver(const Scene& scene, const SimulationOptions& options, const Sa
       grid_(grid_of<T>(scene.domain)),
       walls_(wall_view<T>(scene)),
       materials_(options.device, 0),
-      blocks_(options.device, grid_.blocks, static_cast<int64_t>(sampled.position.size())),
+      blocks_(options.device, grid_.blocks, scene.domain.axes(), static_cast<int64_t>(sampled.position.size())),
       moving_(options.device, scene, obstacles),
       roles_(options.device, scene, sampled),
-      obstacle_nodes_(options.device, grid_, moving_.fixed()),
+      obstacle_nodes_(options.device, grid_, moving_.fixed(), scene.domain.axes()),
       arenas_(options.device, 0),
       nodes_(options.device, 0),
       joined_(options.device, 0),
@@ -77,7 +78,8 @@ void Solver<T>::check_fixed_step() const {
 template <typename T>
 void Solver<T>::substep(double dt) {
   const T step = static_cast<T>(dt);
-  const bool tuned = options_.device == Device::cpu && options_.kernels == Kernels::tuned;
+  const bool tuned = options_.device == Device::cpu && options_.kernels == Kernels::tuned &&
+                     !scene_.domain.is_plane() && scene_.transfer.spline == Spline::quadratic;
   sort_particles();
   if (moving_.any()) moving_.begin_step(time(), dt);
   roles_.begin_step(time(), dt);
@@ -168,13 +170,17 @@ void Solver<T>::advance_frame() {
 template <typename T>
 void Solver<T>::sort_particles() {
   blocks_.update();
-  const BlockView b = blocks_.view();
   // With room for more: while material spreads there are more blocks in every substep.
   const auto make_room = [](Buffer<T>& buffer, std::size_t n) {
     if (n > buffer.size()) buffer.resize_discard(n + n / 4);
   };
-  if (options_.device == Device::cpu) make_room(arenas_, static_cast<std::size_t>(b.home_count) * arena_size<3>);
-  make_room(nodes_, static_cast<std::size_t>(b.node_count) * nodes_per_block<3> * channels);
+  with_form(view(), [&](auto form) {
+    constexpr int D = decltype(form)::D;
+    const BlockView b = blocks_.view();
+    if (options_.device == Device::cpu)
+      make_room(arenas_, static_cast<std::size_t>(b.home_count) * arena_size<D, decltype(form)::spline>);
+    make_room(nodes_, static_cast<std::size_t>(b.node_count) * nodes_per_block<D> * channels);
+  });
 }
 
 /// Puts the particles into block order in memory. Done at the start of every frame, so that the order inside a frame,
@@ -231,6 +237,8 @@ SolverView<T> Solver<T>::view() const {
   v.blocks = blocks_.view();
   v.moving = moving_.view();
   v.roles = roles_.view();
+  v.dimensions = scene_.domain.axes();
+  v.spline = scene_.transfer.spline;
   v.arenas = self.arenas_.data();
   v.nodes = self.nodes_.data();
   v.keys = self.blocks_.keys();
@@ -263,7 +271,7 @@ ParticleFields Solver<T>::fields(FieldSet wanted) const {
 
 template <typename T>
 Diagnostics Solver<T>::diagnostics() const {
-  return diagnose(particles(), material_configs_, scene_.domain.dx, scene_.gravity, roles_.active());
+  return diagnose(particles(), material_configs_, scene_, roles_.active());
 }
 
 template <typename T>

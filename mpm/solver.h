@@ -1,5 +1,5 @@
 // The explicit MPM solver of one scene in one precision: MLS-MPM with APIC transfers (Hu et al. 2018, Jiang et al.
-// 2015), quadratic B-splines, symplectic Euler.
+// 2015), quadratic or cubic B-splines, symplectic Euler, in space or in the plane (plane strain).
 #pragma once
 
 #include <memory>

@@ -20,6 +20,18 @@ GRAUPEL_HD bool may_be_inside(const ObstacleView& obstacle, const Vec<T, 3>& x) 
   return static_cast<T>(value_at(obstacle, base)) * inverse_voxel <= T(3 * steepest_grid);
 }
 
+/// In a plane run: the way out of an obstacle's section along the plane, per phi. A shallow section may be left by a
+/// far way, which is cut.
+template <int D, typename T>
+GRAUPEL_HD Vec<T, 3> way_out(Vec<T, 3> normal) {
+  if constexpr (D == 2) {
+    normal[2] = T(0);
+    const T slope = norm(normal), least = T(0.25);
+    normal *= slope > T(1e-3) ? T(1) / (slope * (slope > least ? slope : least)) : T(0);
+  }
+  return normal;
+}
+
 /// The obstacle that a point is deepest in; phi is no_obstacle_distance where none can be entered.
 template <typename T>
 GRAUPEL_HD SignedDistance<T> deepest(const ObstacleSetView& set, const Vec<T, 3>& x) {
@@ -81,8 +93,9 @@ GRAUPEL_HD Vec<T, 3> last_free_point(const ObstacleSetView& set, const Vec<T, 3>
 
 /// Moves x [m] into the box low..high and out of every obstacle; returns whether x changed. When `x_before` is free
 /// (in the box, phi >= 0), so is the result. A point that ends in a plate is put back on the side it came from; one
-/// that ends free stays, whatever lies on its way: longer ways than obstacles are thick must be taken in pieces.
-template <typename T>
+/// that ends free stays, whatever lies on its way: longer ways than obstacles are thick must be taken in pieces. With
+/// D = 2 it is moved along x and y only.
+template <int D = 3, typename T>
 GRAUPEL_HD bool push_out(const ObstacleSetView& set, const Vec<T, 3>& low, const Vec<T, 3>& high,
                          const Vec<T, 3>& x_before, Vec<T, 3>& x) {
   const Vec<T, 3> wanted = lookup::clamp_to_box(x, low, high);
@@ -97,9 +110,10 @@ GRAUPEL_HD bool push_out(const ObstacleSetView& set, const Vec<T, 3>& low, const
   Vec<T, 3> y = wanted;
   constexpr int projections = 8;
   for (int i = 0; i < projections && hit.phi < skin; ++i) {
-    if (norm2(hit.normal) == T(0)) break;
+    const Vec<T, 3> direction = lookup::way_out<D>(hit.normal);
+    if (norm2(direction) == T(0)) break;
     // Near edges the interpolant is flatter than a distance: later steps reach farther.
-    y += hit.normal * ((T(2) * skin - hit.phi) * (T(1) + T(i) / T(4)));
+    y += direction * ((T(2) * skin - hit.phi) * (T(1) + T(i) / T(4)));
     y = lookup::clamp_to_box(y, low, high);
     hit = lookup::deepest(set, y);
   }

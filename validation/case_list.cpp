@@ -21,7 +21,7 @@ const std::vector<Case>& cases() {
       {"free_fall", "A cube in free fall", "x_n = x_0 + n v_0 dt - g dt^2 n (n + 1) / 2", free_fall},
       {"conservation", "One substep of a random state", "Jiang et al. 2015", conservation},
       {"affine_field", "One substep of v = A x + b", "Jiang et al. 2015", affine_field},
-      {"kernel_moments", "Weights of the quadratic B-spline", "partition of unity, D = dx^2/4 I", kernel_moments},
+      {"kernel_moments", "Weights of the B-splines", "partition of unity, D = dx^2/4 I, dx^2/3 I", kernel_moments},
       {"material_laws", "Stress and return maps of all presets", "objectivity, energy, idempotence", material_laws},
       {"rotating_square", "A rotating elastic square in flight", "rigid motion (matter, EnergyTest)", rotating_square},
       {"colliding_disks", "Two elastic disks collide", "Sulsky, Chen and Schreyer 1994", colliding_disks},

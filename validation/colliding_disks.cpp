@@ -34,7 +34,7 @@ Outcome colliding_disks(const RunOptions& options) {
   double momentum = 0, first_contact = 0, start_energy = 0, gain = 0;
   run_frames(*solver, scene, options, [&] {
     const mpm::Diagnostics d = solver->diagnostics();
-    const double depth = thickness(scene), k = d.kinetic_energy / depth, e = d.elastic_energy / depth;
+    const double k = d.kinetic_energy / plane_depth, e = d.elastic_energy / plane_depth;
     if (start_energy == 0) start_energy = k;
     if (first_contact == 0 && k < 0.99 * start_energy) first_contact = solver->time();
     momentum = std::max(momentum, norm(d.momentum) / (d.mass * 0.1));

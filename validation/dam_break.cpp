@@ -66,7 +66,6 @@ Outcome dam_break(const RunOptions& options) {
   const double dx = width / options.pick(16, 64);
   Scene scene = plane_scene(dx, {0, 0}, {8 * width, 3 * width});
   scene.domain.walls = Contact::separate;
-  scene.domain.faces.z_low = scene.domain.faces.z_high = WallConfig{Wall::slip, {}};
   scene.gravity = {0, -gravity, 0};
   MaterialConfig water = preset("water");
   water.viscosity = 0;

@@ -12,9 +12,25 @@ namespace graupel::validation {
 
 namespace {
 
+/// What a law is checked for: space and plane, quadratic and cubic splines.
+struct LawForm {
+  int64_t dimensions = 3;
+  Spline spline = Spline::quadratic;
+};
+constexpr LawForm other_forms[] = {{2, Spline::quadratic}, {3, Spline::cubic}, {2, Spline::cubic}};
+
 template <typename T>
-const char* precision_name() {
-  return sizeof(T) == 4 ? ", f32" : ", f64";
+std::string name_of(const LawForm& form) {
+  std::string name = sizeof(T) == 4 ? ", f32" : ", f64";
+  if (form.dimensions == 2) name += ", plane";
+  if (form.spline == Spline::cubic) name += ", cubic";
+  return name;
+}
+
+/// A vector or matrix of the state, without its part across the plane.
+template <typename State>
+State in_form(const LawForm& form, const State& state) {
+  return form.dimensions == 2 ? mpm::in_space(mpm::in_axes<2>(state)) : state;
 }
 
 double random_number(uint64_t i, double scale) { return Random(1, RandomPurpose::test).uniform(i, 0, -scale, scale); }
@@ -39,9 +55,11 @@ std::unique_ptr<mpm::Solver<T>> solver_of(const Scene& scene) {
                                           sparsegrid::ObstacleSet(scene));
 }
 
-/// A cube of side 0.2 of random particles in the middle of a domain of side 1.
-Scene cube_scene() {
+/// A cube (or square) of side 0.2 of random particles in the middle of a domain of side 1.
+Scene cube_scene(const LawForm& form) {
   Scene scene;
+  scene.domain.dimensions = form.dimensions;
+  scene.transfer.spline = form.spline;
   scene.domain.dx = 1.0 / 32;
   scene.gravity = {0, 0, 0};
   scene.materials["jelly"] = preset("jelly");
@@ -54,10 +72,10 @@ Scene cube_scene() {
 }
 
 template <typename T>
-void check_free_fall(double tolerance, Outcome& outcome) {
-  Scene scene = cube_scene();
+void check_free_fall(const LawForm& form, double tolerance, Outcome& outcome) {
+  Scene scene = cube_scene(form);
   scene.gravity = {0, -9.81, 0};
-  scene.sources[0].velocity = {0.3, 1, -0.2};
+  scene.sources[0].velocity = in_form(form, Vec3d{0.3, 1, -0.2});
   const auto solver = solver_of<T>(scene);
   const mpm::HostParticles<T> first = solver->particles();
   constexpr int steps = 150;
@@ -74,47 +92,46 @@ void check_free_fall(double tolerance, Outcome& outcome) {
     strain = std::max(strain, largest_entry(last.deformation_gradient[i] - Mat<T, 3>::identity()));
     affine = std::max(affine, dt * largest_entry(last.affine_velocity[i]));
   }
-  const char* name = precision_name<T>();
-  outcome.checks.push_back(absolute(std::string("largest error of position [m]") + name, way, 0, tolerance));
-  outcome.checks.push_back(absolute(std::string("largest error of velocity [m/s]") + name, speed, 0, tolerance));
-  outcome.checks.push_back(absolute(std::string("largest entry of F - I") + name, strain, 0, tolerance));
-  outcome.checks.push_back(absolute(std::string("largest entry of C dt") + name, affine, 0, tolerance));
+  const std::string name = name_of<T>(form);
+  outcome.checks.push_back(absolute("largest error of position [m]" + name, way, 0, tolerance));
+  outcome.checks.push_back(absolute("largest error of velocity [m/s]" + name, speed, 0, tolerance));
+  outcome.checks.push_back(absolute("largest entry of F - I" + name, strain, 0, tolerance));
+  outcome.checks.push_back(absolute("largest entry of C dt" + name, affine, 0, tolerance));
 }
 
 /// Random velocities, affine velocities and stresses.
 template <typename T>
-void disturb(mpm::Solver<T>& solver) {
+void disturb(const LawForm& form, mpm::Solver<T>& solver) {
   const mpm::ParticleView<T> p = solver.view().particles;
   for (int64_t slot = 0; slot < p.count; ++slot) {
     const auto seed = static_cast<uint64_t>(slot);
     const Mat<T, 3> A = random_matrix<T>(3 * seed, 2), stress = random_matrix<T>(3 * seed + 1, 1e4);
-    p.velocity.set_vec(slot, A * Vec<T, 3>{T(1), T(0), T(0)});
-    mpm::store_matrix(p.affine_velocity, slot, random_matrix<T>(3 * seed + 2, 20));
+    p.velocity.set_vec(slot, in_form(form, A * Vec<T, 3>{T(1), T(0), T(0)}));
+    mpm::store_matrix(p.affine_velocity, slot, in_form(form, random_matrix<T>(3 * seed + 2, 20)));
     mpm::store_symmetric(p.stress, slot, stress + transpose(stress));
   }
 }
 
 template <typename T>
-void check_conservation(double tolerance, Outcome& outcome) {
-  const Scene scene = cube_scene();
-  const auto solver = solver_of<T>(scene);
-  disturb(*solver);
+void check_conservation(const LawForm& form, double tolerance, Outcome& outcome) {
+  const auto solver = solver_of<T>(cube_scene(form));
+  disturb(form, *solver);
   const mpm::Diagnostics before = solver->diagnostics();
   const double speed = std::sqrt(2 * before.kinetic_energy / before.mass);
   solver->substep(1e-4);
   const mpm::Diagnostics after = solver->diagnostics();
-  outcome.checks.push_back(absolute(std::string("change of momentum over m v_rms") + precision_name<T>(),
+  outcome.checks.push_back(absolute("change of momentum over m v_rms" + name_of<T>(form),
                                     norm(after.momentum - before.momentum) / (before.mass * speed), 0, tolerance));
-  outcome.checks.push_back(absolute(std::string("change of angular momentum over m v_rms 1 m") + precision_name<T>(),
+  outcome.checks.push_back(absolute("change of angular momentum over m v_rms 1 m" + name_of<T>(form),
                                     norm(after.angular_momentum - before.angular_momentum) / (before.mass * speed), 0,
                                     tolerance));
 }
 
 template <typename T>
-void check_affine(double tolerance, Outcome& outcome) {
-  const auto solver = solver_of<T>(cube_scene());
-  const Mat<T, 3> A = random_matrix<T>(1, 1);
-  const Vec<T, 3> b = {T(0.3), T(-0.2), T(0.5)};
+void check_affine(const LawForm& form, double tolerance, Outcome& outcome) {
+  const auto solver = solver_of<T>(cube_scene(form));
+  const Mat<T, 3> A = in_form(form, random_matrix<T>(1, 1));
+  const Vec<T, 3> b = in_form(form, Vec<T, 3>{T(0.3), T(-0.2), T(0.5)});
   const T dt = T(1e-3);
   const mpm::ParticleView<T> p = solver->view().particles;
   for (int64_t slot = 0; slot < p.count; ++slot) {
@@ -130,10 +147,29 @@ void check_affine(double tolerance, Outcome& outcome) {
     affine = std::max(affine, largest_entry(after.affine_velocity[i] - A));
     strain = std::max(strain, largest_entry(after.deformation_gradient[i] - (Mat<T, 3>::identity() + dt * A)));
   }
-  const char* name = precision_name<T>();
-  outcome.checks.push_back(absolute(std::string("largest change of v = A x + b [m/s]") + name, velocity, 0, tolerance));
-  outcome.checks.push_back(absolute(std::string("largest entry of C - A [1/s]") + name, affine, 0, 10 * tolerance));
-  outcome.checks.push_back(absolute(std::string("largest entry of F - (I + dt A)") + name, strain, 0, tolerance));
+  const std::string name = name_of<T>(form);
+  outcome.checks.push_back(absolute("largest change of v = A x + b [m/s]" + name, velocity, 0, tolerance));
+  outcome.checks.push_back(absolute("largest entry of C - A [1/s]" + name, affine, 0, 10 * tolerance));
+  outcome.checks.push_back(absolute("largest entry of F - (I + dt A)" + name, strain, 0, tolerance));
+}
+
+template <Spline S>
+void check_moments(const std::string& moment_text, double moment, Outcome& outcome) {
+  double sum = 0, first = 0, second = 0;
+  for (int i = 0; i < 1000; ++i) {
+    const double fx = mpm::BSpline<S>::base_shift + i / 1000.0;
+    const mpm::AxisWeights<double, S> weights = mpm::bspline_weights<S>(fx);
+    double moments[3] = {};
+    for (int k = 0; k < mpm::stencil_width<S>; ++k)
+      for (int power = 0; power < 3; ++power) moments[power] += weights.w[k] * std::pow(k - fx, power);
+    sum = std::max(sum, std::abs(moments[0] - 1));
+    first = std::max(first, std::abs(moments[1]));
+    second = std::max(second, std::abs(moments[2] - moment));
+  }
+  const std::string name = S == Spline::cubic ? ", cubic" : "";
+  outcome.checks.push_back(absolute("sum of the weights - 1" + name, sum, 0, 1e-14));
+  outcome.checks.push_back(absolute("first moment [dx]" + name, first, 0, 1e-14));
+  outcome.checks.push_back(absolute("second moment - " + moment_text + " [dx^2]" + name, second, 0, 1e-14));
 }
 
 /// Derivative of the energy by central differences, times F^T, against the stress.
@@ -162,41 +198,32 @@ bool flows_on(const mpm::MaterialParameters<double>& m) {
 
 Outcome free_fall(const RunOptions&) {
   Outcome outcome;
-  check_free_fall<float>(1e-5, outcome);
-  check_free_fall<double>(1e-12, outcome);
+  check_free_fall<float>({}, 1e-5, outcome);
+  check_free_fall<double>({}, 1e-12, outcome);
+  for (const LawForm& form : other_forms) check_free_fall<double>(form, 1e-12, outcome);
   return outcome;
 }
 
 Outcome conservation(const RunOptions&) {
   Outcome outcome;
-  check_conservation<float>(1e-6, outcome);
-  check_conservation<double>(1e-14, outcome);
+  check_conservation<float>({}, 1e-6, outcome);
+  check_conservation<double>({}, 1e-14, outcome);
+  for (const LawForm& form : other_forms) check_conservation<double>(form, 1e-14, outcome);
   return outcome;
 }
 
 Outcome affine_field(const RunOptions&) {
   Outcome outcome;
-  check_affine<float>(1e-5, outcome);
-  check_affine<double>(1e-13, outcome);
+  check_affine<float>({}, 1e-5, outcome);
+  check_affine<double>({}, 1e-13, outcome);
+  for (const LawForm& form : other_forms) check_affine<double>(form, 1e-13, outcome);
   return outcome;
 }
 
 Outcome kernel_moments(const RunOptions&) {
-  double sum = 0, first = 0, second = 0;
-  for (int i = 0; i < 1000; ++i) {
-    const double fx = 0.5 + i / 1000.0;
-    const mpm::AxisWeights<double> weights = mpm::bspline_weights(fx);
-    double moments[3] = {};
-    for (int k = 0; k < mpm::stencil_width; ++k)
-      for (int power = 0; power < 3; ++power) moments[power] += weights.w[k] * std::pow(k - fx, power);
-    sum = std::max(sum, std::abs(moments[0] - 1));
-    first = std::max(first, std::abs(moments[1]));
-    second = std::max(second, std::abs(moments[2] - 0.25));
-  }
   Outcome outcome;
-  outcome.checks.push_back(absolute("sum of the weights - 1", sum, 0, 1e-14));
-  outcome.checks.push_back(absolute("first moment [dx]", first, 0, 1e-14));
-  outcome.checks.push_back(absolute("second moment - 1/4 [dx^2]", second, 0, 1e-14));
+  check_moments<Spline::quadratic>("1/4", 0.25, outcome);
+  check_moments<Spline::cubic>("1/3", 1.0 / 3, outcome);
   return outcome;
 }
 

@@ -22,7 +22,11 @@ Scene space_scene(double dx, const Vec3d& low, const Vec3d& high) {
 }
 
 Scene plane_scene(double dx, const Vec2d& low, const Vec2d& high) {
-  return space_scene(dx, {low[0], low[1], 0}, {high[0], high[1], dx});
+  Scene scene = space_scene(dx, {low[0], low[1], 0}, {high[0], high[1], dx});
+  scene.domain.dimensions = 2;
+  scene.domain.origin[2] = -plane_depth / 2;
+  scene.domain.size[2] = plane_depth;
+  return scene;
 }
 
 std::vector<Vec3d> space_lattice(const Scene& scene, const Vec3d& low, const Vec3d& high, int per_axis,
@@ -75,9 +79,9 @@ Source& add_points(Scene& scene, const std::string& material, const std::vector<
 Source& add_plane_points(Scene& scene, const std::string& material, const std::vector<Vec2d>& points, int per_axis) {
   std::vector<Vec3d> in_space;
   in_space.reserve(points.size());
-  for (const Vec2d& x : points) in_space.push_back({x[0], x[1], scene.domain.dx / 2});
+  for (const Vec2d& x : points) in_space.push_back({x[0], x[1], scene.domain.plane()});
   Source& source = add_points(scene, material, in_space, per_axis);
-  source.particles_per_cell = per_axis * per_axis;  // one layer fills the thickness
+  source.particles_per_cell = per_axis * per_axis;
   return source;
 }
 

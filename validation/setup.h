@@ -1,8 +1,7 @@
 // What the cases share: scenes in the plane, runs in f64 that start from any velocity field, and their particles in the
 // order of the sources.
 //
-// A plane case lies in x and y: one layer of particles in a slab one cell thick between slip walls. All nodes of the
-// slab lie on or behind these walls, so that v_z = 0 everywhere and nothing depends on z: plane strain to rounding.
+// A plane case is a scene with two dimensions at z = 0.
 #pragma once
 
 #include <functional>
@@ -24,8 +23,8 @@ inline double radians(double degrees) { return degrees * pi / 180; }
 Scene plane_scene(double dx, const Vec2d& low, const Vec2d& high);
 /// The same in space.
 Scene space_scene(double dx, const Vec3d& low, const Vec3d& high);
-/// The slab's thickness [m].
-inline double thickness(const Scene& scene) { return scene.domain.dx; }
+/// Depth of a plane scene [m].
+inline constexpr double plane_depth = 1;
 
 /// Centres of `per_axis` sub-cells along each axis of the grid's cells, inside the box and where `inside` holds.
 std::vector<Vec2d> plane_lattice(const Scene& scene, const Vec2d& low, const Vec2d& high, int per_axis,

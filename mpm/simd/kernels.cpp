@@ -48,12 +48,12 @@ void scatter(const CpuStep<T>& s, int64_t home) {
 template <typename Body>
 GRAUPEL_LANES void for_shared_rows(int c, Body body) {
   const int x0 = (c & 1) * block_width, y0 = (c >> 1 & 1) * block_width, z0 = (c >> 2 & 1) * block_width;
-  const int nx = x0 > 0 ? arena_width - block_width : block_width,
-            ny = y0 > 0 ? arena_width - block_width : block_width;
-  const int nz = z0 > 0 ? arena_width - block_width : block_width;
+  const int nx = x0 > 0 ? arena_width<> - block_width : block_width,
+            ny = y0 > 0 ? arena_width<> - block_width : block_width;
+  const int nz = z0 > 0 ? arena_width<> - block_width : block_width;
   for (int x = 0; x < nx; ++x)
     for (int y = 0; y < ny; ++y)
-      body((((x0 + x) * arena_width + y0 + y) * arena_row + z0) * channels, (x * block_width + y) * node_row, nz);
+      body((((x0 + x) * arena_width<> + y0 + y) * arena_row + z0) * channels, (x * block_width + y) * node_row, nz);
 }
 
 template <typename T>

@@ -49,7 +49,7 @@ GRAUPEL_LANES void gather_part(GatherTile<T>& t, int l, const T* arena, Node<T> 
     Lanes<T> v = Lanes<T>{}, moment = Lanes<T>{};
 #pragma GCC unroll 3
     for (int y = 0; y < 3; ++y) {
-      const Lanes<T> row = load(from + (x * arena_width + y) * (arena_row * channels));
+      const Lanes<T> row = load(from + (x * arena_width<> + y) * (arena_row * channels));
       v += t.weight[1][y][l] * row;
       moment += t.moment[1][y][l] * row;
     }

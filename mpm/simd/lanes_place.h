@@ -44,7 +44,7 @@ GRAUPEL_LANES LanePlace<T> place_of(const CpuStep<T>& s, int64_t tile_index, int
     inside[d] = base < 0 ? Ints<T>{} : base > block_width - 1 ? Ints<T>{} + (block_width - 1) : base;
     place.fx[d] = local - __builtin_convertvector(low[d] + inside[d], Lanes<T>);
   }
-  place.offset = (inside[0] * arena_width + inside[1]) * row_stride + inside[2] * channels;
+  place.offset = (inside[0] * arena_width<> + inside[1]) * row_stride + inside[2] * channels;
   return place;
 }
 

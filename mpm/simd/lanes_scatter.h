@@ -74,7 +74,7 @@ GRAUPEL_LANES void scatter_part(const ScatterTile<T>& t, int l, T* arena) {
     Lanes<T> row = row_x;
 #pragma GCC unroll 3
     for (int y = 0; y < 3; ++y) {
-      T* at = to + (x * arena_width + y) * row_stride;
+      T* at = to + (x * arena_width<> + y) * row_stride;
       store(at, load(at) + t.weight[3 * x + y][l] * row);
       row += change_y;
     }

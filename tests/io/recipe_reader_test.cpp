@@ -41,6 +41,8 @@ TEST(RecipeReader, RefusesNoMaterialAndSizesOutOfOrder) {
   const auto sizes =
       folder.write("sizes.json", "{" + water + ", \"obstacles\": { \"min_size\": 0.4, \"max_size\": 0.2 } }");
   expect_error<ConfigError>([&] { read_recipe(sizes); }, {"/obstacles/max_size", "min_size (0.4)"});
+  const auto plane = folder.write("plane.json", "{" + water + ", \"domain\": { \"dimensions\": 2 } }");
+  expect_error<ConfigError>([&] { read_recipe(plane); }, {"/domain/dimensions", "must be 3"});
   expect_error<InputError>([&] { read_recipe(folder.file("absent.json")); }, {"absent.json"});
 }
 

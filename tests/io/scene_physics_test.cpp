@@ -76,6 +76,48 @@ TEST(ScenePhysics, WallsThatCannotBe) {
   fails(R"("friction": 0.4)", R"("friction": -1)", {"/domain/faces/y_low/friction", ">= 0"});
 }
 
+const std::string plane = R"({
+  "domain": {"dx": 0.02, "dimensions": 2, "size": [1, 1, 0.1]}, "gravity": [0, -9.8, 0],
+  "materials": {"m": {"preset": "jelly"}},
+  "sources": [{"shape": "box", "size": [0.1, 0.1, 0.1], "material": "m", "position": [0.5, 0.5, 0.05],
+               "velocity": [1, 2, 0], "angular_velocity": [0, 0, 1]}],
+  "kinematic_regions": [{"shape": "half_space", "normal": [1, 0, 0], "motion": {"spin": 1, "axis": [0, 0, 1]}}],
+  "emitters": [{"shape": "sphere", "radius": 0.1, "material": "m", "velocity": [3, 0, 0], "end_time": 2}],
+  "obstacles": [{"shape": "box", "size": [0.2, 0.1, 0.1], "rotation_axis": [1, 0, 0], "rotation_angle": 30,
+                 "motion": {"kind": "keyframes", "axis": [0, 0, 2],
+                            "keyframes": [{"time": 1, "angle": 90}, {"time": 2, "translation": [4, 1, 0]}]}}],
+  "transfer": {"spline": "cubic"}
+})";
+
+TEST(ScenePhysics, ScenesInThePlane) {
+  const Scene scene = parse(plane);
+  EXPECT_TRUE(scene.domain.is_plane());
+  EXPECT_DOUBLE_EQ(scene.domain.plane(), 0.05);
+  EXPECT_EQ(scene.transfer.spline, Spline::cubic);
+  EXPECT_EQ(scene_to_json(parse(scene_to_json(scene))), scene_to_json(scene));
+  EXPECT_EQ(parse(good).domain.dimensions, 3);
+  EXPECT_EQ(parse(good).transfer.spline, Spline::quadratic);
+}
+
+TEST(ScenePhysics, WhatLeadsOutOfThePlane) {
+  const auto fails_in_plane = [](const std::string& from, const std::string& to,
+                                 const std::vector<std::string>& parts) {
+    expect_error<ConfigError>([&] { parse(replaced(plane, from, to)); }, parts);
+  };
+  fails_in_plane(R"("dimensions": 2)", R"("dimensions": 4)", {"/domain/dimensions", "4", "2", "3"});
+  fails_in_plane(R"("size": [1, 1, 0.1])", R"("size": [1, 0.2, 0.1])", {"/domain/size", "along y", "at least 22"});
+  fails_in_plane("[0, -9.8, 0]", "[0, 0, -9.8]", {"/gravity", "out of the plane", "-9.8", "domain.dimensions"});
+  fails_in_plane("[1, 2, 0]", "[1, 2, 3]", {"/sources/0/velocity", "out of the plane", "[1, 2, 3]"});
+  fails_in_plane(R"("angular_velocity": [0, 0, 1])", R"("angular_velocity": [0, 1, 1])",
+                 {"/sources/0/angular_velocity", "turns out of the plane"});
+  fails_in_plane(R"("spin": 1, "axis": [0, 0, 1])", R"("spin": 1, "axis": [0, 1, 1])",
+                 {"/kinematic_regions/0/motion/axis", "turns out of the plane", "[0, 0, 1]"});
+  fails_in_plane("[3, 0, 0]", "[3, 0, -1]", {"/emitters/0/velocity", "out of the plane"});
+  fails_in_plane("[4, 1, 0]", "[4, 1, 1]", {"/obstacles/0/motion/keyframes/1/translation", "out of the plane"});
+  fails_in_plane("[0, 0, 2]", "[0, 1, 0]", {"/obstacles/0/motion/axis", "turns out of the plane"});
+  fails_in_plane(R"("spline": "cubic")", R"("spline": "cubik")", {"/transfer/spline", "cubic", "quadratic"});
+}
+
 TEST(ScenePhysics, ScriptsThatCannotBe) {
   fails(R"("end_time": 0.2)", R"("end_time": 0.05)", {"/sources/0/motion", "ends before it starts"});
   fails(R"({"time": 1, "angle": 90})", R"({"time": 3, "angle": 90})", {"/obstacles/0/motion", "out of order", "key 1"});

@@ -282,9 +282,9 @@ TEST(Batch, MomentumAndMassAreConserved) {
   scene.frame_time = 20 * 3e-4;
   FiberBackend backend;
   BatchSolver<FiberBackend> batch(backend, entries_of({scene}, 0));
-  const Diagnostics before = diagnose(batch.particles(), batch.setup(0).material_configs, 1.0 / 64, scene.gravity);
+  const Diagnostics before = diagnose(batch.particles(), batch.setup(0).material_configs, scene);
   batch.advance_frame();
-  const Diagnostics after = diagnose(batch.particles(), batch.setup(0).material_configs, 1.0 / 64, scene.gravity);
+  const Diagnostics after = diagnose(batch.particles(), batch.setup(0).material_configs, scene);
   EXPECT_NEAR(after.mass, before.mass, 1e-9 * before.mass);
   for (int d = 0; d < 3; ++d) EXPECT_NEAR(after.momentum[d], before.momentum[d], 1e-5 * before.mass) << d;
 }

@@ -34,7 +34,7 @@ Scene with_nozzle(const Emitter& emitter) {
 
 TEST(Emission, AStreamFillsTheSpaceThatItSweeps) {
   const Emitter emitter = nozzle();
-  const EmittedParticles p = sample_emitter(emitter, 0, dx, 1);
+  const EmittedParticles p = sample_emitter(emitter, 0, Domain{}, 1);
   const double volume = 0.1 * 0.08 * 1.2 * 0.25, each = dx * dx * dx / 8;
   // The lattice has whole cells across the stream: 13 x 11 for 12.8 x 10.24.
   EXPECT_NEAR(static_cast<double>(p.time.size()) * each / volume, 13 * 11 / (12.8 * 10.24), 0.02);
@@ -51,10 +51,10 @@ TEST(Emission, ARateIsKeptAndOneThatOverlapsIsRefused) {
   emitter.rate = 4000;
   emitter.start_time = 0.05;
   emitter.end_time = 1.05;
-  EXPECT_NEAR(static_cast<double>(sample_emitter(emitter, 0, dx, 1).time.size()), 4000, 150);
+  EXPECT_NEAR(static_cast<double>(sample_emitter(emitter, 0, Domain{}, 1).time.size()), 4000, 150);
   emitter.rate = 1e5;
   try {
-    sample_emitter(emitter, 2, dx, 1);
+    sample_emitter(emitter, 2, Domain{}, 1);
     FAIL();
   } catch (const ConfigError& error) {
     EXPECT_THAT(error.what(), testing::AllOf(HasSubstr("emitter 2"), HasSubstr("overlap"), HasSubstr("at most")));
@@ -69,7 +69,7 @@ TEST(Emission, AStreamThroughATurnedCylinderKeepsItsSection) {
   emitter.rotation_axis = {0, 0, 1};
   emitter.rotation_angle = 90;
   emitter.velocity = {0.9, 0, 0};
-  const EmittedParticles p = sample_emitter(emitter, 0, dx, 1);
+  const EmittedParticles p = sample_emitter(emitter, 0, Domain{}, 1);
   const double each = dx * dx * dx / 8, section = 3.14159 * 0.05 * 0.05;
   EXPECT_NEAR(static_cast<double>(p.time.size()) * each, section * 0.9 * 0.25, 0.08 * section * 0.9 * 0.25);
   for (const Vec3d& x : p.position) {
@@ -111,7 +111,7 @@ TEST(Emission, BurstsAppearWholeAndMustNotOverlap) {
   emitter.shape = Shape::sphere;
   emitter.radius = 0.05;
   emitter.times = {0, 0.1};
-  const EmittedParticles p = sample_emitter(emitter, 0, dx, 1);
+  const EmittedParticles p = sample_emitter(emitter, 0, Domain{}, 1);
   const auto first = static_cast<std::size_t>(std::count(p.time.begin(), p.time.end(), 0.0));
   EXPECT_NEAR(static_cast<double>(first) * dx * dx * dx / 8, 4.0 / 3 * 3.14159 * 1.25e-4, 3e-5);
   EXPECT_NEAR(static_cast<double>(p.time.size()), 2 * static_cast<double>(first), 0.06 * static_cast<double>(first));
@@ -121,7 +121,7 @@ TEST(Emission, BurstsAppearWholeAndMustNotOverlap) {
 
   emitter.times = {0, 0.08};  // 0.096 m for a sphere of 0.1 m
   try {
-    sample_emitter(emitter, 0, dx, 1);
+    sample_emitter(emitter, 0, Domain{}, 1);
     FAIL();
   } catch (const ConfigError& error) {
     EXPECT_THAT(error.what(),

@@ -9,14 +9,24 @@
 namespace graupel::mpm {
 namespace {
 
+/// The forms that transfers come in.
+struct TransferCase {
+  int dimensions;
+  Spline spline;
+};
+constexpr TransferCase transfer_cases[] = {
+    {3, Spline::quadratic}, {3, Spline::cubic}, {2, Spline::quadratic}, {2, Spline::cubic}};
+
 /// Four materials that have just met the floor and each other.
 template <typename T>
-std::unique_ptr<Solver<T>> state_in_motion() {
+std::unique_ptr<Solver<T>> state_in_motion(const TransferCase& form = transfer_cases[0]) {
   Scene scene = scene_with("taichi_water", {0.4, 0.1, 0.4});
   add_box(scene, "taichi_sand", {0.45, 0.19, 0.42});
   add_box(scene, "taichi_snow", {0.52, 0.11, 0.43});
   add_box(scene, "taichi_jelly", {0.44, 0.12, 0.5});
   for (Source& source : scene.sources) source.velocity = {0.3, -2, 0.1};
+  scene.transfer.spline = form.spline;
+  if (form.dimensions == 2) scene = in_the_plane(scene);
   auto solver =
       std::make_unique<Solver<T>>(scene, SimulationOptions{}, sample_sources(scene, 1), sparsegrid::ObstacleSet(scene));
   for (int i = 0; i < 2; ++i) solver->advance_frame();
@@ -26,12 +36,13 @@ std::unique_ptr<Solver<T>> state_in_motion() {
 
 template <typename T>
 std::vector<T> nodes_of(const SolverView<T>& view) {
-  return {view.nodes, view.nodes + int64_t(view.blocks.node_count) * nodes_per_block<3> * channels};
+  const int nodes = view.dimensions == 2 ? nodes_per_block<2> : nodes_per_block<3>;
+  return {view.nodes, view.nodes + int64_t(view.blocks.node_count) * nodes * channels};
 }
 
 template <typename T>
-void check_particle_to_grid() {
-  const auto solver = state_in_motion<T>();
+void check_particle_to_grid(const TransferCase& form) {
+  const auto solver = state_in_motion<T>(form);
   const SolverView<T> view = solver->view();
   const T dt = T(3e-4), tolerance = sizeof(T) == 4 ? T(2e-6) : T(1e-14);
   particle_to_grid(view, dt);
@@ -50,8 +61,10 @@ void check_particle_to_grid() {
 }
 
 TEST(Phases, BothFormsOfParticleToGridAgreeAndKeepTheMass) {
-  check_particle_to_grid<float>();
-  check_particle_to_grid<double>();
+  for (const TransferCase& form : transfer_cases) {
+    check_particle_to_grid<float>(form);
+    check_particle_to_grid<double>(form);
+  }
 }
 
 template <typename T>
@@ -65,8 +78,8 @@ T largest_difference(const HostParticles<T>& a, const HostParticles<T>& b) {
 }
 
 template <typename T>
-void check_grid_to_particle() {
-  const auto solver = state_in_motion<T>();
+void check_grid_to_particle(const TransferCase& form) {
+  const auto solver = state_in_motion<T>(form);
   const SolverView<T> view = solver->view();
   particle_to_grid(view, T(3e-4));
   update_grid(view, T(3e-4));
@@ -77,8 +90,10 @@ void check_grid_to_particle() {
 }
 
 TEST(Phases, BothFormsOfGridToParticleAgree) {
-  check_grid_to_particle<float>();
-  check_grid_to_particle<double>();
+  for (const TransferCase& form : transfer_cases) {
+    check_grid_to_particle<float>(form);
+    check_grid_to_particle<double>(form);
+  }
 }
 
 template <typename T>

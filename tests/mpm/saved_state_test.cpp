@@ -52,6 +52,22 @@ TEST_P(SavedState, AnyNumberOfThreadsGoesOn) {
   EXPECT_TRUE(second->save_state() == whole->save_state());
 }
 
+TEST_P(SavedState, SoDoRunsInThePlaneAndWithCubicSplines) {
+  for (const int dimensions : {2, 3})
+    for (const Spline spline : {Spline::quadratic, Spline::cubic}) {
+      Scene scene = dimensions == 2 ? in_the_plane(falling()) : falling();
+      scene.transfer.spline = spline;
+      const SimulationOptions options{.precision = GetParam()};
+      const auto whole = Simulation::create(scene, options), first = Simulation::create(scene, options),
+                 second = Simulation::create(scene, options);
+      for (int f = 0; f < 4; ++f) whole->advance_frame();
+      for (int f = 0; f < 2; ++f) first->advance_frame();
+      second->load_state(first->save_state());
+      for (int f = 0; f < 2; ++f) second->advance_frame();
+      EXPECT_TRUE(second->save_state() == whole->save_state()) << dimensions << word_of(spline);
+    }
+}
+
 INSTANTIATE_TEST_SUITE_P(BothPrecisions, SavedState, testing::Values(Precision::f32, Precision::f64));
 
 /// All that a run may have beside its particles: emitters, sinks, gates, scripts, moving obstacles.
@@ -134,6 +150,11 @@ TEST(SavedStateErrors, ForeignOrDamagedStatesAreRefused) {
   Scene other = scene;
   other.materials["taichi_snow"].hardening = 9;
   EXPECT_THAT(input_error(*Simulation::create(other, {}), state), testing::HasSubstr("another scene"));
+  other = scene;
+  other.transfer.spline = Spline::cubic;
+  EXPECT_THAT(input_error(*Simulation::create(other, {}), state), testing::HasSubstr("another scene"));
+  const Scene plane = in_the_plane(scene);
+  EXPECT_THAT(input_error(*Simulation::create(plane, {}), state), testing::HasSubstr("another scene"));
   Scene longer = scene;
   longer.frames += 100;
   longer.name = "renamed";

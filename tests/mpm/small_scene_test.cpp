@@ -160,9 +160,7 @@ TEST(SmallScene, MomentumAndMassAreConserved) {
   set_steps(scene, 10, 3e-4);
   FiberBackend backend;
   const auto small = solver_of(backend, {scene});
-  const auto judge = [&] {
-    return diagnose(small->particles(), small->setup(0).material_configs, scene.domain.dx, scene.gravity);
-  };
+  const auto judge = [&] { return diagnose(small->particles(), small->setup(0).material_configs, scene); };
   const Diagnostics before = judge();
   for (int frame = 0; frame < 3; ++frame) small->advance_frame();
   const Diagnostics after = judge();

@@ -52,6 +52,18 @@ inline Scene every_model() {
   return scene;
 }
 
+/// The scene with two dimensions: bodies that reach the plane in the middle of the domain, as thick as they are wide,
+/// and with no velocity across it.
+inline Scene in_the_plane(Scene scene) {
+  scene.domain.dimensions = 2;
+  scene.gravity[2] = 0;
+  for (Source& source : scene.sources) {
+    source.position[2] = scene.domain.plane();
+    source.velocity[2] = 0;
+  }
+  return scene;
+}
+
 template <typename T, int D>
 Mat<T, D> random_matrix(uint64_t i, double scale) {
   const Random random(11, RandomPurpose::test, D);
