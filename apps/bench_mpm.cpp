@@ -5,8 +5,10 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <map>
 #include <nlohmann/json.hpp>
 
+#include "apps/ceilings.h"
 #include "apps/common_options.h"
 #include "apps/verbs.h"
 #include "core/error.h"
@@ -81,6 +83,14 @@ int64_t cube_side(int64_t particles) {
   return std::max<int64_t>(1, std::llround(std::cbrt(static_cast<double>(particles) / 8)));
 }
 
+/// memory_bandwidth() of the present number of threads, measured once.
+double memory_bandwidth_of(Device device) {
+  static std::map<std::pair<Device, int>, double> known;
+  double& bandwidth = known[{device, num_threads()}];
+  if (bandwidth == 0) bandwidth = memory_bandwidth(device);
+  return bandwidth;
+}
+
 nlohmann::ordered_json measure(const BenchMpmOptions& options, Device device, const std::string& material,
                                int64_t particles) {
   mpm::SimulationOptions run_options;
@@ -95,26 +105,38 @@ nlohmann::ordered_json measure(const BenchMpmOptions& options, Device device, co
     run->advance_frame();
   }
   std::vector<double> seconds;
+  InstructionCounter counter;
+  counter.start();
   for (int64_t f = 0; f < measured; ++f) {
     const double before = run->statistics().solver_seconds;
     run->advance_frame();
     seconds.push_back((run->statistics().solver_seconds - before) / steps_per_frame);
   }
+  const auto counted = counter.stop();
   std::sort(seconds.begin(), seconds.end());
   const double median = seconds[seconds.size() / 2], n = static_cast<double>(run->particle_count());
   const auto statistics = run->statistics();
-  return {{"material", material},
-          {"particles", run->particle_count()},
-          {"phase", options.phase},
-          {"device", name_of(device)},
-          {"precision", options.precision},
-          {"kernels", options.portable ? "portable" : "tuned"},
-          {"instruction_set", device == Device::cpu ? name_of(mpm::instruction_set()) : ""},
-          {"threads", num_threads()},
-          {"seconds_per_substep", median},
-          {"updates_per_second", n / median},
-          {"bytes_per_particle", static_cast<double>(statistics.peak_bytes) / n},
-          {"active_blocks", statistics.active_blocks}};
+  const bool single = run_options.precision == mpm::Precision::f32;
+  const double bytes = static_cast<double>(least_bytes_per_update(cube_material(material).model, single ? 4 : 8));
+  nlohmann::ordered_json row = {{"material", material},
+                                {"particles", run->particle_count()},
+                                {"phase", options.phase},
+                                {"device", name_of(device)},
+                                {"precision", options.precision},
+                                {"kernels", options.portable ? "portable" : "tuned"},
+                                {"instruction_set", device == Device::cpu ? name_of(mpm::instruction_set()) : ""},
+                                {"threads", num_threads()},
+                                {"seconds_per_substep", median},
+                                {"updates_per_second", n / median},
+                                {"bytes_per_particle", static_cast<double>(statistics.peak_bytes) / n},
+                                {"active_blocks", statistics.active_blocks},
+                                {"least_bytes_per_update", bytes},
+                                {"memory_share", bytes * n / median / memory_bandwidth_of(device)}};
+  if (device == Device::cpu && counted) {
+    row["instructions_per_update"] = counted->instructions / (n * static_cast<double>(measured * steps_per_frame));
+    row["instructions_per_cycle"] = counted->instructions / counted->cycles;
+  }
+  return row;
 }
 
 /// The first `batch` test scenes of a recipe at once: every frame's time after the first five.
@@ -206,9 +228,36 @@ void bench_cpu_table(BenchMpmOptions& options) {
   options.common.write_json({{"command", command_line()}, {"rows", rows}});
 }
 
+/// A GPU beside the set-up of docs/performance.md: thousand millions of particle-updates a second, falling and late.
+void bench_cuda_table(BenchMpmOptions& options) {
+  options.common.device = "cuda";
+  const Device device = options.common.apply();
+  nlohmann::ordered_json rows = nlohmann::ordered_json::array();
+  std::printf(
+      "%s, %.2f TB/s; G updates/s, share of the memory's peak that the state alone takes\n%-10s %11s %10s %8s %10s "
+      "%8s\n",
+      cuda_device_name().c_str(), 1e-12 * memory_bandwidth_of(device), "material", "particles", "fall", "", "late", "");
+  for (const int64_t particles : options.particles)
+    for (const std::string& material : materials_of(options)) {
+      std::printf("%-10s", material.c_str());
+      for (const char* phase : {"fall", "late"}) {
+        options.phase = phase;
+        const auto row = measure(options, device, material, particles);
+        if (options.phase == "fall") std::printf(" %11lld", row["particles"].get<long long>());
+        std::printf(" %10.4f %6.1f %%", 1e-9 * row["updates_per_second"].get<double>(),
+                    100 * row["memory_share"].get<double>());
+        std::fflush(stdout);
+        rows.push_back(row);
+      }
+      std::printf("\n");
+    }
+  options.common.write_json({{"command", command_line()}, {"gpu", cuda_device_name()}, {"rows", rows}});
+}
+
 void bench_mpm(BenchMpmOptions& options) {
   if (!options.recipe.empty()) return bench_recipe(options);
-  if (!options.table.empty()) return bench_cpu_table(options);
+  if (options.table == "cpu") return bench_cpu_table(options);
+  if (options.table == "cuda") return bench_cuda_table(options);
   const Device device = options.common.apply();
   nlohmann::ordered_json rows = nlohmann::ordered_json::array();
   std::printf("%-8s %-5s %11s %14s %14s %12s\n", "material", "phase", "particles", "us/substep", "G updates/s",
@@ -253,8 +302,8 @@ void add_bench(CLI::App& app) {
       ->check(CLI::Range(int64_t{1}, int64_t{100000}))
       ->capture_default_str();
   verb->add_option("--table", options->table,
-                   "cpu: instead, f32 and f64 on one thread and on all, in one table (with --particles 100000, say)")
-      ->check(CLI::IsMember({"cpu"}))
+                   "Instead, one table. cpu: f32 and f64 on one thread and on all; cuda: falling and late")
+      ->check(CLI::IsMember({"cpu", "cuda"}))
       ->excludes("--recipe");
   verb->add_flag("--portable", options->portable, "The portable kernels instead of the tuned ones");
   options->common.add_to(*verb);
@@ -262,6 +311,7 @@ void add_bench(CLI::App& app) {
       "Examples:\n  graupel bench mpm --material sand --particles 1000000 --device cuda\n"
       "  graupel bench mpm --particles 39304 --phase late --threads 1 --json speed.json\n"
       "  graupel bench mpm --table cpu --particles 100000 --json cpu.json\n"
+      "  graupel bench mpm --table cuda --particles 4096 39304 262144 1000000 10077696 --json gpu.json\n"
       "  graupel bench mpm --recipe scenes/recipes/hgn.json --batch 1 64 --device cuda");
   verb->callback([options] { bench_mpm(*options); });
   add_bench_validate(*bench);

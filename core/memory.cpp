@@ -86,4 +86,15 @@ uint64_t available_bytes(Device device) {
 #endif
 }
 
+double cuda_memory_bandwidth() {
+#ifdef GRAUPEL_HAVE_CUDA
+  int kilohertz = 0, bits = 0;
+  GRAUPEL_CUDA_CHECK(cudaDeviceGetAttribute(&kilohertz, cudaDevAttrMemoryClockRate, 0));
+  GRAUPEL_CUDA_CHECK(cudaDeviceGetAttribute(&bits, cudaDevAttrGlobalMemoryBusWidth, 0));
+  return 2e3 * kilohertz * bits / 8;  // two transfers a clock
+#else
+  return 0;
+#endif
+}
+
 }  // namespace graupel

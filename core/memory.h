@@ -16,4 +16,7 @@ uint64_t available_bytes(Device device);
 /// The same on the CPU with the files of the kernel below `root` ("/" for the real ones).
 uint64_t available_host_bytes(const std::string& root);
 
+/// Peak of a GPU's memory from its clock and width [bytes/s]; 0 without a GPU.
+double cuda_memory_bandwidth();
+
 }  // namespace graupel

@@ -87,10 +87,10 @@ template <typename T>
 void update_grid_block(const SolverView<T>& view, T dt, int64_t block) {
   const int64_t first = block * nodes_per_block<3>, end = first + nodes_per_block<3>;
   if (view.moving.count > 0) {
-    const UpdateNode<T, true> update{view, dt};
+    const UpdateNode<T, 3, true> update{view, dt};
     for (int64_t entry = first; entry < end; ++entry) update(entry);
   } else {
-    const UpdateNode<T, false> update{view, dt};
+    const UpdateNode<T, 3, false> update{view, dt};
     for (int64_t entry = first; entry < end; ++entry) update(entry);
   }
 }

@@ -362,22 +362,19 @@ TEST(PlaneErrors, WhatLeadsOutOfThePlaneIsNamed) {
   EXPECT_THAT(error_of(bad), HasSubstr("source 1 (box of 'jelly') does not reach the plane"));
 }
 
-TEST(PlaneErrors, BatchesOfScenesAreRefused) {
-  using testing::HasSubstr;
-  const auto refusal = [](const Scene& scene) {
-    try {
-      SceneBatch::create({scene}, {0});
-    } catch (const ConfigError& error) {
-      return std::string(error.what());
+TEST(Plane, SceneOfABatchMovesAsAlone) {
+  for (const Device device : {Device::cpu, Device::cuda}) {
+    if (device == Device::cuda && !cuda_available()) continue;
+    for (const Scene& scene :
+         {with_form(collision("jelly"), 2, Spline::quadratic), with_form(collision("jelly"), 3, Spline::cubic)}) {
+      const PreparedScene prepared(scene, {.device = device});
+      const auto batch = SceneBatch::create({prepared, prepared});
+      const auto alone = Simulation::create(prepared);
+      batch->advance_frame();
+      alone->advance_frame();
+      for (const ParticleFrame& frame : batch->frames({})) EXPECT_TRUE(frame.position == alone->frame().position);
     }
-    return std::string();
-  };
-#ifdef GRAUPEL_HAVE_CUDA
-  EXPECT_THAT(refusal(with_form(collision("jelly"), 2, Spline::quadratic)), HasSubstr("has two dimensions"));
-  EXPECT_THAT(refusal(with_form(collision("jelly"), 3, Spline::cubic)), HasSubstr("has cubic splines"));
-#else
-  EXPECT_THAT(refusal(with_form(collision("jelly"), 2, Spline::quadratic)), HasSubstr("without CUDA"));
-#endif
+  }
 }
 
 /// A body sampled in the plane z = 0.5: its mass [kg/m] over the density.
