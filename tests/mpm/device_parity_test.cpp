@@ -107,6 +107,7 @@ std::vector<std::pair<std::string, Scene>> scenes_beyond_tuned_kernels() {
     scenes.emplace_back(name, scene_with("taichi_jelly", {0.5, 0.2, 0.5}));
     scenes.back().second.sources[0].velocity = {1, -2, 0};
     set_steps(scenes.back().second, 20, 3e-4);
+    scenes.back().second.frames = 2;
     return scenes.back().second;
   };
   Scene& carried = add("moving and turning obstacle");
@@ -149,8 +150,11 @@ std::vector<std::pair<std::string, Scene>> scenes_beyond_tuned_kernels() {
     for (const Spline spline : {Spline::quadratic, Spline::cubic}) {
       if (dimensions == 3 && spline == Spline::quadratic) continue;
       Scene scene = four_materials();
-      scene.obstacles[0].position[2] = 0.5;
-      if (dimensions == 2) scene = in_the_plane(scene);
+      if (dimensions == 2) {
+        scene.obstacles[0].position[2] = 0.5;
+        scene.sources[3].position = {0.62, 0.25, 0.5};
+        scene = in_the_plane(scene);
+      }
       scene.transfer.spline = spline;
       scenes.emplace_back(std::to_string(dimensions) + "-D " + word_of(spline), scene);
     }
