@@ -165,14 +165,14 @@ SmallScene SmallSceneSolver<Backend>::small_scene(int scene) const {
   return small;
 }
 
-/// One group a scene, as far as the GPU holds them at once, and no more blocks than give every warp four particles.
+/// One group a scene, as far as there are eight blocks for each, and no more blocks than give every warp four particles.
 template <typename Backend>
 void SmallSceneSolver<Backend>::share_out_blocks() {
   int64_t most = 0;
   for (int i = 0; i < scene_count(); ++i) most = std::max(most, first_particle(i + 1) - first_particle(i));
   const int64_t per_block = int64_t(backend_.small_warps()) * (warp_width / small::particle_lanes);
   const int at_once = backend_.small_blocks();
-  groups_ = std::min(scene_count(), at_once);
+  groups_ = std::min(scene_count(), std::max(2, at_once / 8));
   blocks_ = std::min(at_once / groups_, static_cast<int32_t>((most + per_block - 1) / per_block));
 }
 
