@@ -20,24 +20,6 @@ std::vector<BatchEntry> entries_of(const std::vector<Scene>& scenes, uint64_t se
   return entries;
 }
 
-/// Four materials that meet each other, the floor and a ball.
-Scene mixed_scene() {
-  Scene scene = scene_with("taichi_water", {0.36, 0.11, 0.4}, 0.06);
-  add_box(scene, "taichi_sand", {0.47, 0.23, 0.42}, 0.06);
-  add_box(scene, "taichi_snow", {0.58, 0.12, 0.43}, 0.06);
-  add_box(scene, "taichi_jelly", {0.4, 0.12, 0.5}, 0.06);
-  Obstacle ball;
-  ball.shape = Shape::sphere;
-  ball.radius = 0.05;
-  ball.position = {0.46, 0.1, 0.4};
-  ball.friction = 0.2;
-  scene.obstacles.push_back(ball);
-  for (Source& source : scene.sources) source.velocity = {0.4, -1.5, 0};
-  scene.time_step.substeps_per_frame = 20;
-  scene.frame_time = 20 * 3e-4;
-  return scene;
-}
-
 void expect_close(const ParticleFrame& a, const ParticleFrame& b, float position, float velocity) {
   ASSERT_EQ(a.position.size(), b.position.size());
   float worst_position = 0, worst_velocity = 0;
@@ -50,7 +32,7 @@ void expect_close(const ParticleFrame& a, const ParticleFrame& b, float position
 }
 
 TEST(Batch, TwentySubstepsEqualTheCpuSolver) {
-  const Scene scene = mixed_scene();
+  const Scene scene = four_materials(0.06);
   const auto cpu = Simulation::create(scene, {});
   FiberBackend backend;
   BatchSolver<FiberBackend> batch(backend, entries_of({scene}, 0));
@@ -92,7 +74,7 @@ TEST(Batch, AdaptiveStepsEqualTheCpuSolver) {
 }
 
 TEST(Batch, ASceneIsTheSameAloneAndAmongOthers) {
-  const Scene one = mixed_scene();
+  const Scene one = four_materials(0.06);
   Scene fast = scene_with("taichi_water", {0.5, 0.3, 0.5}, 0.06);
   fast.sources[0].velocity = {20, 0, 5};  // leaves its blocks' arenas again and again
   fast.time_step.substeps_per_frame = 20;
@@ -214,7 +196,7 @@ TEST(Batch, OneKernelASegmentGivesTheBytesOfThreeASubstep) {
   dense.sources[0].particles_per_cell = 40;  // several rounds of particles a block
   Scene wild = scene_with("taichi_water", {0.5, 0.3, 0.5}, 0.04);
   wild.sources[0].velocity = {300, 0, 0};  // diverges
-  std::vector<Scene> scenes = {mixed_scene(), fast, dense, wild};
+  std::vector<Scene> scenes = {four_materials(0.06), fast, dense, wild};
   for (Scene& scene : scenes) {
     scene.time_step.substeps_per_frame = 20;
     scene.frame_time = 20 * 3e-4;
@@ -228,7 +210,7 @@ TEST(Batch, OneKernelASegmentGivesTheBytesOfThreeASubstep) {
 
 TEST(Batch, MoreBlocksThanFitRunAsThreeKernels) {
   FiberBackend few(4), none(0);
-  const std::vector<Scene> scenes = {mixed_scene()};
+  const std::vector<Scene> scenes = {four_materials(0.06)};
   const auto a = run_batch(few, scenes, 1), b = run_batch(none, scenes, 1);
   EXPECT_GT(a->active_blocks(), 4);
   EXPECT_EQ(a->control(0).substeps, 20);

@@ -12,29 +12,6 @@
 namespace graupel::mpm {
 namespace {
 
-void set_steps(Scene& scene, int substeps, double dt) {
-  scene.time_step.policy = StepPolicy::fixed;
-  scene.time_step.substeps_per_frame = substeps;
-  scene.frame_time = substeps * dt;
-}
-
-/// Four materials that meet each other, the floor and a ball.
-Scene four_materials() {
-  Scene scene = scene_with("taichi_water", {0.36, 0.11, 0.4});
-  add_box(scene, "taichi_sand", {0.47, 0.23, 0.42});
-  add_box(scene, "taichi_snow", {0.58, 0.12, 0.43});
-  add_box(scene, "taichi_jelly", {0.4, 0.12, 0.5});
-  Obstacle ball;
-  ball.shape = Shape::sphere;
-  ball.radius = 0.05;
-  ball.position = {0.46, 0.1, 0.4};
-  ball.friction = 0.2;
-  scene.obstacles.push_back(ball);
-  for (Source& source : scene.sources) source.velocity = {0.4, -1.5, 0};
-  set_steps(scene, 20, 3e-4);
-  return scene;
-}
-
 void expect_close(const ParticleFrame& a, const ParticleFrame& b, const std::string& what) {
   ASSERT_EQ(a.position.size(), b.position.size());
   EXPECT_TRUE(a.active == b.active) << what;

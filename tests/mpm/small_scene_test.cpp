@@ -19,13 +19,7 @@ std::unique_ptr<SmallSolver> solver_of(FiberBackend& backend, const std::vector<
   return std::make_unique<SmallSolver>(backend, std::move(entries));
 }
 
-void set_steps(Scene& scene, int substeps, double dt) {
-  scene.time_step.policy = StepPolicy::fixed;
-  scene.time_step.substeps_per_frame = substeps;
-  scene.frame_time = substeps * dt;
-}
-
-/// Four materials that meet each other, the floor and a ball; few particles, since fibers are slow.
+/// four_materials() closer together and with few particles, since fibers are slow.
 Scene mixed_scene() {
   Scene scene = scene_with("taichi_water", {0.34, 0.08, 0.4}, 0.04);
   add_box(scene, "taichi_sand", {0.43, 0.16, 0.4}, 0.04);

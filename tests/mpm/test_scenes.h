@@ -36,6 +36,30 @@ inline void add_box(Scene& scene, const std::string& material, const Vec3d& cent
   scene.sources.push_back(box_source(material, centre, Vec3d::filled(size)));
 }
 
+/// Fixed substeps of dt [s].
+inline void set_steps(Scene& scene, int substeps, double dt) {
+  scene.time_step.policy = StepPolicy::fixed;
+  scene.time_step.substeps_per_frame = substeps;
+  scene.frame_time = substeps * dt;
+}
+
+/// Four materials that meet each other, the floor and a ball.
+inline Scene four_materials(double size = 0.08) {
+  Scene scene = scene_with("taichi_water", {0.36, 0.11, 0.4}, size);
+  add_box(scene, "taichi_sand", {0.47, 0.23, 0.42}, size);
+  add_box(scene, "taichi_snow", {0.58, 0.12, 0.43}, size);
+  add_box(scene, "taichi_jelly", {0.4, 0.12, 0.5}, size);
+  Obstacle ball;
+  ball.shape = Shape::sphere;
+  ball.radius = 0.05;
+  ball.position = {0.46, 0.1, 0.4};
+  ball.friction = 0.2;
+  scene.obstacles.push_back(ball);
+  for (Source& source : scene.sources) source.velocity = {0.4, -1.5, 0};
+  set_steps(scene, 20, 3e-4);
+  return scene;
+}
+
 /// Small boxes of every model beyond Taichi Elements' four, thrown at the floor and each other, on a stationary one.
 inline Scene every_model() {
   Scene scene = scene_with("stationary", {0.45, 0.07, 0.45}, 0.04);
