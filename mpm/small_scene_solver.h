@@ -165,7 +165,8 @@ SmallScene SmallSceneSolver<Backend>::small_scene(int scene) const {
   return small;
 }
 
-/// One group a scene, as far as there are eight blocks for each, and no more blocks than give every warp four particles.
+/// One group a scene, as far as there are eight blocks for each, with no more blocks than give every warp four
+/// particles.
 template <typename Backend>
 void SmallSceneSolver<Backend>::share_out_blocks() {
   int64_t most = 0;
