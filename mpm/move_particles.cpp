@@ -89,7 +89,7 @@ struct MoveSlots {
       x[d] = x[d] < view.walls.particle_low[d] ? view.walls.particle_low[d] : x[d];
       x[d] = x[d] > view.walls.particle_high[d] ? view.walls.particle_high[d] : x[d];
     }
-    if (!led) keep_out(slot, before, wanted, step, x, found);
+    if (!led) keep_out(slot, before, wanted, x, found);
     if (!plain && !led && (view.walls.has_gates || view.roles.sink_count > 0) && leaves(x)) {
       remove(slot, x, found);
       return false;
@@ -108,8 +108,8 @@ struct MoveSlots {
   }
 
   /// Projection out of obstacles, and the loss of velocity into what pushed.
-  GRAUPEL_HD void keep_out(int64_t slot, const Vec<T, 3>& before, const Vec<T, 3>& wanted, const Vec<T, 3>& step,
-                           Vec<T, 3>& x, Survey& found) const {
+  GRAUPEL_HD void keep_out(int64_t slot, const Vec<T, 3>& before, const Vec<T, 3>& wanted, Vec<T, 3>& x,
+                           Survey& found) const {
     Vec<T, 3> surface_velocity = Vec<T, 3>::zero();
     if (!plain && view.push_out && view.moving.count > 0 && near_moving(x)) {
       int nearest;
@@ -118,7 +118,7 @@ struct MoveSlots {
       if (nearest >= 0) surface_velocity = view.moving.step[nearest].velocity_at(before);
       sparsegrid::push_out<D>(view.moving.end, view.walls.particle_low, view.walls.particle_high,
                               before + dt * surface_velocity, x);
-    } else if (view.push_out && near_surface<D, T>(view, x, norm(step))) {
+    } else if (view.push_out && near_surface<D, T>(view, x)) {
       sparsegrid::push_out<D>(view.obstacle_nodes.obstacles, view.walls.particle_low, view.walls.particle_high, before,
                               x);
     }
@@ -134,7 +134,8 @@ struct MoveSlots {
   GRAUPEL_HD bool near_moving(const Vec<T, 3>& x) const {
     for (int32_t i = 0; i < view.moving.count; ++i) {
       const sparsegrid::ObstacleView& obstacle = view.moving.end.obstacles[view.moving.index[i]];
-      if (sparsegrid::lookup::in_box(x, obstacle.solid_low, obstacle.solid_high)) return true;
+      const sparsegrid::ObstacleFrame<T>& frame = obstacle.template frame<T>();
+      if (sparsegrid::lookup::in_box(x, frame.solid_low, frame.solid_high)) return true;
     }
     return false;
   }

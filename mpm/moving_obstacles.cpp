@@ -25,8 +25,10 @@ MovingObstacles<T>::MovingObstacles(Device device, const Scene& scene, const spa
     index_.push_back(static_cast<int32_t>(i));
     reach_.push_back(
         obstacles.largest_distance(static_cast<int>(i), obstacle.motion->center.value_or(obstacle.position)));
-    fixed[i].low = fixed[i].solid_low = Vec3d::filled(1);  // an empty box: every look-up ends there
-    fixed[i].high = fixed[i].solid_high = Vec3d::filled(-1);
+    sparsegrid::ObstacleFrame<double> nowhere = fixed[i].exact;
+    nowhere.low = nowhere.solid_low = Vec3d::filled(1);  // an empty box: every look-up ends there
+    nowhere.high = nowhere.solid_high = Vec3d::filled(-1);
+    fixed[i].set_frame(nowhere);
   }
   if (!any()) return;
   fixed_.upload(fixed);

@@ -19,23 +19,27 @@ GRAUPEL_HD inline int32_t home_key(const GridGeometry<T, 3>& grid, const Vec<T, 
   return grid.directory_index(block);
 }
 
-/// From the signed distance at the nearest node, which phi at x can differ from by at most the distance between them:
-/// whether a way of length `step` that ends at x may have met a surface.
+/// From the signed distance at the nearest node, which phi at x can differ from by at most the distance between them
+/// and a part of a voxel: whether x may lie inside an obstacle.
 template <int D = 3, typename T>
-GRAUPEL_HD inline bool near_surface(const SceneView<T>& scene, const Vec<T, 3>& x, T step) {
+GRAUPEL_HD inline bool near_surface(const SceneView<T>& scene, const Vec<T, 3>& x) {
   const ObstacleNodeView<T>& o = scene.obstacle_nodes;
   if (o.obstacles.count == 0) return false;
   const Vec<T, D> local = in_axes<D>(scene.grid.local(x));
   Vec<int, D> block;
   int inside = 0;
+  T distance2 = 0;  // [cells^2]
   for (int d = 0; d < D; ++d) {
     const int node = static_cast<int>(local[d] + T(0.5));
+    const T offset = local[d] - static_cast<T>(node);
+    distance2 += offset * offset;
     block[d] = node / block_width;
     inside = inside * block_width + node % block_width;
   }
   const int32_t number = o.block_number[in_axes<D>(scene.grid).directory_index(block)];
   if (number == block_without_surface) return false;
-  return o.phi[int64_t(number) * nodes_per_block<D> + inside] < T(1.3) * scene.grid.dx + step;
+  const T reach = (T(1.1) * std::sqrt(distance2) + T(0.35)) * scene.grid.dx;
+  return o.phi[int64_t(number) * nodes_per_block<D> + inside] < reach;
 }
 
 /// `found` is a Survey or has its members.
@@ -73,7 +77,7 @@ GRAUPEL_HD inline void move_point(const SceneView<T>& scene, int64_t slot, T mas
     x[d] = x[d] < scene.walls.particle_low[d] ? scene.walls.particle_low[d] : x[d];
     x[d] = x[d] > scene.walls.particle_high[d] ? scene.walls.particle_high[d] : x[d];
   }
-  if (scene.push_out && near_surface(scene, x, norm(step)))
+  if (scene.push_out && near_surface(scene, x))
     sparsegrid::push_out(scene.obstacle_nodes.obstacles, scene.walls.particle_low, scene.walls.particle_high, before,
                          x);
   if (!(x == wanted)) stop_at_surface(x - wanted, mass, Vec<T, 3>::zero(), v, found);

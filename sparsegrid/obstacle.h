@@ -4,6 +4,8 @@
 
 #include <nanovdb/NanoVDB.h>
 
+#include <type_traits>
+
 #include "core/mat.h"
 #include "core/scene.h"
 
@@ -22,19 +24,37 @@ struct DenseValues {
   Vec<int, 3> low, size;  ///< [voxels]
 };
 
+/// Where an obstacle lies, in the precision of a look-up.
+template <typename T>
+struct ObstacleFrame {
+  Mat<T, 3> rotation;               ///< x_world = rotation x_local + position
+  Vec<T, 3> position;               ///< [m]
+  T inverse_voxel;                  ///< [1/m]
+  T band;                           ///< |phi| is clamped to this [m]
+  Vec<T, 3> low, high;              ///< world box outside which phi = band [m]
+  Vec<T, 3> solid_low, solid_high;  ///< world box outside which phi > 0 [m]
+};
+
 /// One obstacle: grid in its own frame, pose, contact law. `grid` points to memory of the device that reads it.
 struct ObstacleView {
   const nanovdb::FloatGrid* grid;
-  Mat<double, 3> rotation;  ///< x_world = rotation x_local + position
-  Vec<double, 3> position;  ///< [m]
-  double inverse_voxel;     ///< [1/m]
-  double band;              ///< |phi| is clamped to this [m]
+  ObstacleFrame<double> exact;
+  ObstacleFrame<float> single;  ///< the same rounded, boxes outwards: a GPU converts slowly
   Contact contact;
   double friction;
-  Vec<double, 3> low, high;              ///< world box outside which phi = band [m]
-  Vec<double, 3> solid_low, solid_high;  ///< world box outside which phi > 0 [m]
-  DenseValues dense;                     ///< around the solid (GPUs)
-  bool is_plane;                         ///< phi is the local y, without bound; the grid holds its part in the domain
+  DenseValues dense;  ///< around the solid (GPUs)
+  bool is_plane;      ///< phi is the local y, without bound; the grid holds its part in the domain
+
+  /// Changes the frame, in both precisions.
+  void set_frame(const ObstacleFrame<double>& frame);
+
+  template <typename T>
+  GRAUPEL_HD const ObstacleFrame<T>& frame() const {
+    if constexpr (std::is_same_v<T, float>)
+      return single;
+    else
+      return exact;
+  }
 };
 
 /// All obstacles of a scene.

@@ -11,30 +11,17 @@ namespace lookup {
 
 /// low <= x <= high; false for NaN.
 template <typename T>
-GRAUPEL_HD bool in_box(const Vec<T, 3>& x, const Vec<double, 3>& low, const Vec<double, 3>& high) {
+GRAUPEL_HD bool in_box(const Vec<T, 3>& x, const Vec<T, 3>& low, const Vec<T, 3>& high) {
   return x[0] >= low[0] && x[0] <= high[0] && x[1] >= low[1] && x[1] <= high[1] && x[2] >= low[2] && x[2] <= high[2];
 }
 
-/// R v with R given in double precision.
 template <typename T>
-GRAUPEL_HD Vec<T, 3> rotate(const Mat<double, 3>& r, const Vec<T, 3>& v) {
-  Vec<T, 3> y;
-  for (int i = 0; i < 3; ++i) y[i] = T(r.a[i][0]) * v[0] + T(r.a[i][1]) * v[1] + T(r.a[i][2]) * v[2];
-  return y;
-}
-
-/// R^T v.
-template <typename T>
-GRAUPEL_HD Vec<T, 3> rotate_back(const Mat<double, 3>& r, const Vec<T, 3>& v) {
-  Vec<T, 3> y;
-  for (int i = 0; i < 3; ++i) y[i] = T(r.a[0][i]) * v[0] + T(r.a[1][i]) * v[1] + T(r.a[2][i]) * v[2];
-  return y;
-}
-
-template <typename T>
-GRAUPEL_HD Vec<T, 3> to_local(const ObstacleView& obstacle, const Vec<T, 3>& x) {
-  return rotate_back(obstacle.rotation, Vec<T, 3>{x[0] - T(obstacle.position[0]), x[1] - T(obstacle.position[1]),
-                                                  x[2] - T(obstacle.position[2])});
+GRAUPEL_HD Vec<T, 3> to_local(const ObstacleFrame<T>& frame, const Vec<T, 3>& x) {
+  const Vec<T, 3> v = x - frame.position;
+  Vec<T, 3> local;
+  for (int i = 0; i < 3; ++i)
+    local[i] = frame.rotation.a[0][i] * v[0] + frame.rotation.a[1][i] * v[1] + frame.rotation.a[2][i] * v[2];
+  return local;
 }
 
 /// Trilinear interpolant of eight corner values, v[i][j][k] at offset (i, j, k), and its gradient.
@@ -119,20 +106,20 @@ GRAUPEL_HD T interpolate(const ObstacleView& obstacle, const Vec<T, 3>& index, V
 
 template <typename T>
 GRAUPEL_HD SignedDistance<T> signed_distance(const ObstacleView& obstacle, const Vec<T, 3>& x) {
-  const T band = static_cast<T>(obstacle.band);
-  if (!lookup::in_box(x, obstacle.low, obstacle.high)) return {band, Vec<T, 3>::zero()};
-  const Vec<T, 3> local = lookup::to_local(obstacle, x);
+  const ObstacleFrame<T>& frame = obstacle.template frame<T>();
+  if (!lookup::in_box(x, frame.low, frame.high)) return {frame.band, Vec<T, 3>::zero()};
+  const Vec<T, 3> local = lookup::to_local(frame, x);
   T phi;
   Vec<T, 3> gradient;
   if (obstacle.is_plane) {
     phi = local[1];
     gradient = {T(0), T(1), T(0)};
   } else {
-    phi = lookup::interpolate(obstacle, local * static_cast<T>(obstacle.inverse_voxel), gradient);
+    phi = lookup::interpolate(obstacle, local * frame.inverse_voxel, gradient);
   }
-  if (phi >= band) return {band, Vec<T, 3>::zero()};
-  if (phi <= -band) return {-band, Vec<T, 3>::zero()};
-  return {phi, normalized(lookup::rotate(obstacle.rotation, gradient))};
+  if (phi >= frame.band) return {frame.band, Vec<T, 3>::zero()};
+  if (phi <= -frame.band) return {-frame.band, Vec<T, 3>::zero()};
+  return {phi, normalized(frame.rotation * gradient)};
 }
 
 template <typename T>
@@ -143,7 +130,7 @@ GRAUPEL_HD SignedDistance<T> signed_distance(const ObstacleSetView& set, const V
     const SignedDistance<T> one = signed_distance(set.obstacles[i], x);
     if (one.phi >= best.phi) continue;
     best = one;
-    nearest = one.phi < static_cast<T>(set.obstacles[i].band) ? i : -1;
+    nearest = one.phi < set.obstacles[i].template frame<T>().band ? i : -1;
   }
   return best;
 }

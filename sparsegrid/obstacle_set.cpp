@@ -57,20 +57,22 @@ LocalBox below_plane(const Pose& pose, double level) {
 }
 
 void set_pose(ObstacleView& view, const Pose& pose, const LevelSetGrid& level_set) {
-  const double voxel = 1 / view.inverse_voxel;
-  view.rotation = pose.rotation;
-  view.position = pose.position;
-  const LocalBox near = view.is_plane ? below_plane(pose, view.band + voxel) : to_world_box(pose, level_set.near);
+  ObstacleFrame<double> frame = view.exact;
+  const double voxel = 1 / frame.inverse_voxel;
+  frame.rotation = pose.rotation;
+  frame.position = pose.position;
+  const LocalBox near = view.is_plane ? below_plane(pose, frame.band + voxel) : to_world_box(pose, level_set.near);
   const LocalBox solid = view.is_plane ? below_plane(pose, voxel) : to_world_box(pose, level_set.solid);
-  view.low = near.low, view.high = near.high;
-  view.solid_low = solid.low, view.solid_high = solid.high;
+  frame.low = near.low, frame.high = near.high;
+  frame.solid_low = solid.low, frame.solid_high = solid.high;
+  view.set_frame(frame);
 }
 
 ObstacleView view_of(const Obstacle& obstacle, const LevelSetGrid& level_set, double voxel, double band) {
   ObstacleView view{};
   view.grid = obstacle.shape == Shape::plane ? nullptr : level_set.grid();
-  view.inverse_voxel = 1 / voxel;
-  view.band = static_cast<double>(static_cast<float>(band));  // as stored in the grid
+  view.exact.inverse_voxel = 1 / voxel;
+  view.exact.band = static_cast<double>(static_cast<float>(band));  // as stored in the grid
   view.contact = obstacle.contact;
   view.friction = obstacle.friction;
   view.is_plane = obstacle.shape == Shape::plane;
@@ -86,7 +88,28 @@ std::string words_of(Shape shape) {
 
 constexpr double smallest_voxel = 2e-5;  ///< [m] OpenVDB refuses transforms whose determinant is about 1e-15
 
+/// The floats next to `x` that are not above it, not below it.
+float round_down(double x) {
+  const auto rounded = static_cast<float>(x);
+  return static_cast<double>(rounded) > x ? std::nextafter(rounded, -INFINITY) : rounded;
+}
+float round_up(double x) { return -round_down(-x); }
+
 }  // namespace
+
+void ObstacleView::set_frame(const ObstacleFrame<double>& frame) {
+  exact = frame;
+  single.rotation = frame.rotation.cast<float>();
+  single.position = frame.position.cast<float>();
+  single.inverse_voxel = static_cast<float>(frame.inverse_voxel);
+  single.band = static_cast<float>(frame.band);
+  for (int d = 0; d < 3; ++d) {
+    single.low[d] = round_down(frame.low[d]);
+    single.high[d] = round_up(frame.high[d]);
+    single.solid_low[d] = round_down(frame.solid_low[d]);
+    single.solid_high[d] = round_up(frame.solid_high[d]);
+  }
+}
 
 std::vector<float> dense_values(const LevelSetGrid& level_set, double voxel, DenseValues& box) {
   double count = 1;
@@ -163,7 +186,7 @@ void ObstacleSet::Impl::upload() const {
     cuda_grids.push_back(std::move(bytes));
     if (device_views[i].is_plane) continue;
     Buffer<float> dense(Device::cuda, 0);
-    dense.upload(dense_values(grids[i], 1 / device_views[i].inverse_voxel, device_views[i].dense));
+    dense.upload(dense_values(grids[i], 1 / device_views[i].exact.inverse_voxel, device_views[i].dense));
     device_views[i].dense.values = dense.size() > 0 ? dense.data() : nullptr;
     cuda_dense.push_back(std::move(dense));
   }

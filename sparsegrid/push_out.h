@@ -13,11 +13,11 @@ namespace lookup {
 /// False when the box of the solid, or one value of the grid, tells that phi is positive at x: spares eight reads.
 template <typename T>
 GRAUPEL_HD bool may_be_inside(const ObstacleView& obstacle, const Vec<T, 3>& x) {
-  if (!in_box(x, obstacle.solid_low, obstacle.solid_high)) return false;
+  const ObstacleFrame<T>& frame = obstacle.template frame<T>();
+  if (!in_box(x, frame.solid_low, frame.solid_high)) return false;
   if (obstacle.is_plane) return true;
-  const T inverse_voxel = static_cast<T>(obstacle.inverse_voxel);
-  const Vec<int, 3> base = floor_of(to_local(obstacle, x) * inverse_voxel);
-  return static_cast<T>(value_at(obstacle, base)) * inverse_voxel <= T(3 * steepest_grid);
+  const Vec<int, 3> base = floor_of(to_local(frame, x) * frame.inverse_voxel);
+  return static_cast<T>(value_at(obstacle, base)) * frame.inverse_voxel <= T(3 * steepest_grid);
 }
 
 /// In a plane run: the way out of an obstacle's section along the plane, per phi. A shallow section may be left by a

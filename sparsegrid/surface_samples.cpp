@@ -26,7 +26,7 @@ class Candidates {
       : low_(scene.domain.origin), high_(scene.domain.origin + scene.domain.size), set_(set), obstacle_(obstacle) {}
 
   void add(SurfaceSamples& out, const Vec3d& local, const Vec3d& local_normal) const {
-    const ObstacleView& own = set_.obstacles[obstacle_];
+    const ObstacleFrame<double>& own = set_.obstacles[obstacle_].exact;
     const Vec3d x = own.rotation * local + own.position;
     if (!lookup::in_box(x, low_, high_)) return;
     for (int i = 0; i < set_.count; ++i)
@@ -53,7 +53,7 @@ bool crossed_cell(const ObstacleView& view, const Vec3i& base, double (&v)[2][2]
   lookup::read_corners(view, base, v);
   int inside = 0;
   for (double* value = &v[0][0][0]; value != &v[0][0][0] + 8; ++value) {
-    *value *= view.inverse_voxel;
+    *value *= view.exact.inverse_voxel;
     inside += *value < 0;
   }
   return inside > 0 && inside < 8;
@@ -75,7 +75,7 @@ bool to_surface(const double (&v)[2][2][2], double reach, Vec3d& t, Vec3d& gradi
 /// Candidates on the zero of a grid, leaf by leaf.
 SurfaceSamples grid_candidates(const Candidates& candidates, const ObstacleView& view, const Random& random,
                                double spacing) {
-  const double voxel = 1 / view.inverse_voxel;
+  const double voxel = 1 / view.exact.inverse_voxel;
   const int strata = std::max(1, static_cast<int>(std::ceil(strata_per_spacing * voxel / spacing)));
   const int64_t per_cell = int64_t(strata) * strata * strata;
   const double reach = 0.5 * std::sqrt(3.0) / strata;
