@@ -186,36 +186,32 @@ class CudaBackend {
   /// Blocks of run_frame() that fit on the GPU at once, and the warps of each.
   int small_blocks() const { return 2 * processors_; }
   static int small_warps() { return small::warps; }
-  /// Cooperative: all blocks are on the GPU at once, or the launch fails.
   void run_frame(const SmallBatchView& view, int blocks) {
+    launch_cooperative(blocks <= processors_ ? kernels::run_frame<1> : kernels::run_frame<2>, blocks, small::threads, 0,
+                       view);
+  }
+  void run_segment(const BatchView& view) {
+    launch_cooperative(kernels::run_segment, resident_blocks_, batch::resident_threads, sizeof(batch::ResidentShared),
+                       view);
+  }
+
+ private:
+  /// All blocks are on the GPU at once, or the launch fails.
+  template <typename View>
+  void launch_cooperative(void (*kernel)(View), int blocks, int threads, std::size_t shared_bytes, const View& view) {
     cudaLaunchAttribute cooperative{};
     cooperative.id = cudaLaunchAttributeCooperative;
     cooperative.val.cooperative = 1;
     cudaLaunchConfig_t config{};
     config.gridDim = static_cast<unsigned>(blocks);
-    config.blockDim = small::threads;
+    config.blockDim = static_cast<unsigned>(threads);
+    config.dynamicSmemBytes = shared_bytes;
     config.stream = stream_;
     config.attrs = &cooperative;
     config.numAttrs = 1;
-    GRAUPEL_CUDA_CHECK(
-        cudaLaunchKernelEx(&config, blocks <= processors_ ? kernels::run_frame<1> : kernels::run_frame<2>, view));
-  }
-  /// The same for run_segment().
-  void run_segment(const BatchView& view) {
-    cudaLaunchAttribute cooperative{};
-    cooperative.id = cudaLaunchAttributeCooperative;
-    cooperative.val.cooperative = 1;
-    cudaLaunchConfig_t config{};
-    config.gridDim = static_cast<unsigned>(resident_blocks_);
-    config.blockDim = batch::resident_threads;
-    config.dynamicSmemBytes = sizeof(batch::ResidentShared);
-    config.stream = stream_;
-    config.attrs = &cooperative;
-    config.numAttrs = 1;
-    GRAUPEL_CUDA_CHECK(cudaLaunchKernelEx(&config, kernels::run_segment, view));
+    GRAUPEL_CUDA_CHECK(cudaLaunchKernelEx(&config, kernel, view));
   }
 
- private:
   cudaStream_t stream_ = nullptr;
   std::map<int, cudaGraphExec_t> graphs_;
   int processors_ = 0, resident_blocks_ = 0;
