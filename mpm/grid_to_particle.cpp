@@ -106,6 +106,13 @@ void grid_to_particle(const SolverView<T>& view) {
   });
 }
 
+template <typename T>
+void grid_to_particle_slots(const SolverView<T>& view, int64_t count) {
+  with_form(view, [&](auto form) { parallel_for_cpu(count, GatherParticle<T, decltype(form)>{view}); });
+}
+
+template void grid_to_particle_slots<float>(const SolverView<float>&, int64_t);
+template void grid_to_particle_slots<double>(const SolverView<double>&, int64_t);
 template void grid_to_particle<float>(const SolverView<float>&);
 template void grid_to_particle<double>(const SolverView<double>&);
 template void grid_to_particle_by_particles<float>(const SolverView<float>&);

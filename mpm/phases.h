@@ -75,6 +75,10 @@ void grid_to_particle(const SolverView<T>& view);
 template <typename T>
 void grid_to_particle_by_particles(const SolverView<T>& view);
 
+/// The same of the slots 0..count - 1, on the CPU.
+template <typename T>
+void grid_to_particle_slots(const SolverView<T>& view, int64_t count);
+
 /// F <- (I + dt C) F, return mapping, stress.
 template <typename T>
 void update_deformation(const SolverView<T>& view, T dt);

@@ -1,0 +1,66 @@
+// Branches: what multiplies the spatial modes of a factored field, f(X; s) = mean(X) + sum_k W_k(X) a_k(s), as a
+// function of the latent state s = (q, q', mu).
+#pragma once
+
+#include <memory>
+
+#include "rom/coefficient_map.h"
+#include "rom/latent_state.h"
+
+namespace graupel::rom {
+
+class Branch {
+ public:
+  virtual ~Branch() = default;
+  virtual int count() const = 0;  ///< of modes
+  /// a(s), [count].
+  virtual void coefficients(const LatentState& state, double* a) const = 0;
+};
+
+/// Deformation: the first r coefficients are the latent itself, the others follow from it.
+///   a(q) = (q_1 .. q_r, c_1(q) ..)
+class ClosureBranch final : public Branch {
+ public:
+  ClosureBranch(int latents, CoefficientMap closure) : latents_(latents), closure_(std::move(closure)) {}
+  int count() const override { return latents_ + closure_.outputs(); }
+  void coefficients(const LatentState& state, double* a) const override { coefficients(state.latent.data(), a); }
+  void coefficients(const double* latent, double* a) const;
+  /// da/dq, [count, r].
+  void jacobian(const double* latent, double* jacobian) const;
+  int latents() const { return latents_; }
+  const CoefficientMap& closure() const { return closure_; }
+
+ private:
+  int latents_;
+  CoefficientMap closure_;
+};
+
+/// Stress: a(q, mu).
+class MapBranch final : public Branch {
+ public:
+  explicit MapBranch(CoefficientMap map) : map_(std::move(map)) {}
+  int count() const override { return map_.outputs(); }
+  void coefficients(const LatentState& state, double* a) const override;
+  const CoefficientMap& map() const { return map_; }
+
+ private:
+  CoefficientMap map_;
+};
+
+/// Affine velocity: a = M(q, mu) q'. C is a velocity gradient, so it scales with the speed along the manifold.
+class RateBranch final : public Branch {
+ public:
+  RateBranch(int latents, CoefficientMap map) : latents_(latents), map_(std::move(map)) {}
+  int count() const override { return map_.outputs() / latents_; }
+  void coefficients(const LatentState& state, double* a) const override;
+  const CoefficientMap& map() const { return map_; }
+
+ private:
+  int latents_;
+  CoefficientMap map_;  ///< outputs [count, r]
+};
+
+/// (q, mu), the input of maps.
+std::vector<double> map_input(const LatentState& state, int inputs);
+
+}  // namespace graupel::rom

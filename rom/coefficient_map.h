@@ -1,0 +1,51 @@
+// A smooth map R^n -> R^m from scattered values: radial basis functions with a linear part,
+//   c(z) = b + L y + sum_i w_i |y - y_i|^3,   y = (z - shift) * scale.
+// The cubic kernel grows fast outside of its data, so there y is held at the data's box (widened by a tenth) for the
+// radial part, and the linear part alone goes on.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "nn/weights.h"
+
+namespace graupel::rom {
+
+class CoefficientMap {
+ public:
+  CoefficientMap() = default;
+  /// `centers` [k, inputs] in the inputs' own units, `weights` [k, outputs], `linear` [1 + inputs, outputs], the
+  /// constant first.
+  CoefficientMap(int inputs, int outputs, std::vector<double> shift, std::vector<double> scale,
+                 std::vector<double> centers, std::vector<double> weights, std::vector<double> linear);
+
+  int inputs() const { return inputs_; }
+  int outputs() const { return outputs_; }
+
+  /// c(z), [outputs].
+  void evaluate(const double* z, double* c) const;
+  /// dc/dz_j for the first `wrt` inputs, [outputs, wrt].
+  void derivative(const double* z, int wrt, double* jacobian) const;
+
+  /// Tensors <prefix>.shift, .scale [inputs], .centers [k, inputs], .weights [k, outputs], .linear [1 + inputs,
+  /// outputs]. Throws InputError for one that is missing, of another shape or not finite.
+  static CoefficientMap load(const nn::Weights& weights, const std::string& prefix, int inputs, int outputs);
+  void store(nn::Weights& weights, const std::string& prefix) const;
+
+ private:
+  /// Standardised z, and the same held at the data's box; `held[j]`: input j is.
+  struct Place {
+    std::vector<double> y, inside;
+    std::vector<bool> held;
+  };
+  Place place(const double* z) const;
+
+  int inputs_ = 0, outputs_ = 0, count_ = 0;
+  std::vector<double> shift_, scale_;
+  std::vector<double> centers_;    ///< standardised [count, inputs]
+  std::vector<double> weights_;    ///< [count, outputs]
+  std::vector<double> linear_;     ///< [1 + inputs, outputs]
+  std::vector<double> low_, high_;  ///< box of the radial part, standardised [inputs]
+};
+
+}  // namespace graupel::rom

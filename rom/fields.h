@@ -1,0 +1,67 @@
+// The fields of a reduced-order model over its reference body (NSF section 4): deformation g(X, q), Kirchhoff stress
+// h(X, q, mu), affine velocity l(X, ..). Bound to the particles in use, so that what depends on X alone is prepared
+// once.
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "mpm/particles.h"
+#include "rom/gauss_newton.h"
+#include "rom/latent_state.h"
+
+namespace graupel::rom {
+
+/// All three fields at some particles: fills position [m], velocity dg/dq q' [m/s], stress [Pa] and affine velocity
+/// [1/s] of the slots.
+template <typename T>
+class PointFields {
+ public:
+  virtual ~PointFields() = default;
+  virtual void decode(const LatentState& state, const mpm::ParticleView<T>& particles) = 0;
+  virtual int64_t bytes() const = 0;
+};
+
+/// The deformation alone.
+template <typename T>
+class PointPositions {
+ public:
+  virtual ~PointPositions() = default;
+  /// g(X_p, q) [m] into tiles of 16 slots x 3 (mpm/particles.h).
+  virtual void decode(const LatentState& state, T* position) = 0;
+  /// The same, and dg/dq q' [m/s].
+  virtual void decode(const LatentState& state, T* position, T* velocity) = 0;
+  virtual int64_t bytes() const = 0;
+};
+
+class Fields {
+ public:
+  virtual ~Fields() = default;
+  virtual int latents() const = 0;
+  virtual int64_t particles() const = 0;  ///< of the reference body
+  /// At particles where all fields are known; throws ConfigError, naming one, where they are not.
+  virtual std::unique_ptr<PointFields<float>> bind_f32(const std::vector<int32_t>& particles) const = 0;
+  virtual std::unique_ptr<PointFields<double>> bind_f64(const std::vector<int32_t>& particles) const = 0;
+  virtual std::unique_ptr<PointPositions<float>> bind_positions_f32(const std::vector<int32_t>& particles) const = 0;
+  virtual std::unique_ptr<PointPositions<double>> bind_positions_f64(const std::vector<int32_t>& particles) const = 0;
+  virtual std::unique_ptr<SampleField> bind_samples(const std::vector<int32_t>& samples) const = 0;
+  /// Whether stress and affine velocity are known at a particle too.
+  virtual bool keeps_stress(int32_t particle) const = 0;
+};
+
+template <typename T>
+std::unique_ptr<PointFields<T>> bind_fields(const Fields& fields, const std::vector<int32_t>& particles) {
+  if constexpr (sizeof(T) == sizeof(float))
+    return fields.bind_f32(particles);
+  else
+    return fields.bind_f64(particles);
+}
+template <typename T>
+std::unique_ptr<PointPositions<T>> bind_positions(const Fields& fields, const std::vector<int32_t>& particles) {
+  if constexpr (sizeof(T) == sizeof(float))
+    return fields.bind_positions_f32(particles);
+  else
+    return fields.bind_positions_f64(particles);
+}
+
+}  // namespace graupel::rom

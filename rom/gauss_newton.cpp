@@ -1,0 +1,87 @@
+#include "rom/gauss_newton.h"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+#include "core/error.h"
+
+namespace graupel::rom {
+
+namespace {
+
+/// Distances of the samples, their weights, and the median.
+struct Weighing {
+  std::vector<double> distance2, weight;
+  double down_weighted = 0;
+
+  Weighing(const Eigen::VectorXd& residual, double factor) {
+    const auto n = static_cast<std::size_t>(residual.size() / 3);
+    distance2.resize(n);
+    weight.assign(n, 1.0);
+    for (std::size_t s = 0; s < n; ++s)
+      distance2[s] = residual.segment<3>(3 * static_cast<Eigen::Index>(s)).squaredNorm();
+    if (factor <= 0 || n == 0) return;
+    std::vector<double> sorted = distance2;
+    const auto middle = sorted.begin() + static_cast<std::ptrdiff_t>(n / 2);
+    std::nth_element(sorted.begin(), middle, sorted.end());
+    const double limit2 = factor * factor * *middle;
+    std::size_t beyond = 0;
+    for (std::size_t s = 0; s < n; ++s) {
+      if (!(distance2[s] > limit2)) continue;
+      weight[s] = limit2 / distance2[s];
+      ++beyond;
+    }
+    down_weighted = static_cast<double>(beyond) / static_cast<double>(n);
+  }
+
+  double root_mean() const {
+    double sum = 0, total = 0;
+    for (std::size_t s = 0; s < weight.size(); ++s) {
+      sum += weight[s] * distance2[s];
+      total += weight[s];
+    }
+    return total > 0 ? std::sqrt(sum / total) : 0;
+  }
+};
+
+}  // namespace
+
+FitReport fit_latent(const SampleField& field, const Eigen::VectorXd& target, const FitOptions& options,
+                     Eigen::VectorXd& latent) {
+  constexpr double ridge = 1e-12;  ///< of the mean diagonal
+  FitReport report;
+  Eigen::VectorXd position;
+  Eigen::MatrixXd jacobian;
+  field.evaluate(latent.data(), position);
+  Eigen::VectorXd residual = target - position;
+  while (report.iterations < options.iterations) {
+    const Weighing weighing(residual, options.outlier_factor);
+    field.jacobian(latent.data(), jacobian);
+    Eigen::MatrixXd weighted = jacobian;
+    for (Eigen::Index s = 0; s < field.samples(); ++s)
+      weighted.middleRows(3 * s, 3) *= weighing.weight[static_cast<std::size_t>(s)];
+    Eigen::MatrixXd normal = weighted.transpose() * jacobian;
+    normal.diagonal().array() += ridge * normal.trace() / static_cast<double>(normal.rows());
+    const Eigen::LLT<Eigen::MatrixXd> factor(normal);
+    const Eigen::VectorXd change = factor.solve(weighted.transpose() * residual);
+    if (factor.info() != Eigen::Success || !change.allFinite())
+      throw DivergedError(
+          "the inversion of the deformation field failed (its normal equations are singular or not finite). Use more "
+          "samples, a smaller time step factor, or parameters nearer to those of the training");
+    const auto diagonal = factor.matrixLLT().diagonal();
+    report.condition = std::pow(diagonal.maxCoeff() / diagonal.minCoeff(), 2);
+    latent += change;
+    ++report.iterations;
+    field.evaluate(latent.data(), position);
+    residual = target - position;
+    if (change.norm() <= options.tolerance * (1 + latent.norm())) break;
+  }
+  const Weighing last(residual, options.outlier_factor);
+  report.down_weighted = last.down_weighted;
+  report.distance = last.root_mean();
+  return report;
+}
+
+}  // namespace graupel::rom

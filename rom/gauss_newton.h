@@ -1,0 +1,41 @@
+// Inversion of the deformation field (NSF eq. 10): the latent whose sample positions lie nearest to those that the grid
+// has moved,
+//   q = argmin sum_s w_s |g(X_s, q) - x_s|^2,
+// by Gauss-Newton in f64. A node with little mass can throw one sample far off, and plain least squares follows it; so
+// samples count less beyond a multiple of the median distance: w = min(1, (limit / distance)^2), limit = factor median.
+#pragma once
+
+#include <Eigen/Core>
+
+namespace graupel::rom {
+
+/// The deformation field at the samples.
+class SampleField {
+ public:
+  virtual ~SampleField() = default;
+  virtual int samples() const = 0;
+  /// g(X_s, q) [m], [3 samples].
+  virtual void evaluate(const double* latent, Eigen::VectorXd& position) const = 0;
+  /// dg/dq [m], [3 samples, r].
+  virtual void jacobian(const double* latent, Eigen::MatrixXd& jacobian) const = 0;
+};
+
+struct FitOptions {
+  int iterations = 4;         ///< at most; 1: the first-order inversion
+  double outlier_factor = 3;  ///< of the median distance; 0: plain least squares
+  double tolerance = 1e-9;    ///< of the latent's change, relative to its size
+};
+
+struct FitReport {
+  int iterations = 0;
+  double distance = 0;       ///< root of the weighted mean of |g(X_s, q) - x_s|^2 [m]
+  double down_weighted = 0;  ///< share of samples with w < 1
+  double condition = 0;      ///< largest over smallest eigenvalue of J^T W J, estimated from its Cholesky factor
+};
+
+/// Improves `latent` from its value on entry. Throws DivergedError when the normal equations are singular or not
+/// finite.
+FitReport fit_latent(const SampleField& field, const Eigen::VectorXd& target, const FitOptions& options,
+                     Eigen::VectorXd& latent);
+
+}  // namespace graupel::rom

@@ -1,0 +1,14 @@
+// The state of a reduced-order model: where it is on the manifold of its fields, and how fast it moves along it.
+#pragma once
+
+#include <vector>
+
+namespace graupel::rom {
+
+struct LatentState {
+  std::vector<double> latent;      ///< q [r], without unit
+  std::vector<double> velocity;    ///< q' [r] [1/s]
+  std::vector<double> parameters;  ///< mu [p], in the units of the scene
+};
+
+}  // namespace graupel::rom

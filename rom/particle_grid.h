@@ -1,0 +1,62 @@
+// One step of the full model's grid for some of its particles: their state goes to the active nodes, the nodes move,
+// and the sample particles read their new positions. mpm's own transfers, contact and scripts, on compact arrays; no
+// deformation gradient, no return mapping (NSF section 5.2).
+#pragma once
+
+#include <vector>
+
+#include "mpm/phases.h"
+#include "mpm/simd/instruction_set.h"
+#include "mpm/simulation.h"
+
+namespace graupel::rom {
+
+/// Which particles take part, and how much of the body each stands for.
+struct GridParticles {
+  std::vector<int32_t> particles;  ///< numbers in the scene; the samples first
+  std::vector<double> share;       ///< of every particle: 1 stands for itself alone, 0 only reads the grid
+  int64_t samples = 0;
+};
+
+template <typename T>
+class ParticleGrid {
+ public:
+  ParticleGrid(const mpm::PreparedScene& prepared);
+
+  /// From now on these take part; their state must be written before the next step.
+  void choose(const GridParticles& chosen);
+  /// Slot i is chosen.particles[i]: position, velocity, affine velocity and stress are to be written before a step.
+  mpm::ParticleView<T> particles() { return particles_.view(); }
+  /// Advances the grid by dt from `time` [s] on; the samples' positions and velocities are then those after the step.
+  /// Throws DivergedError when a sample is not finite or moves over one cell.
+  void step(double time, double dt);
+  int64_t active_nodes() const;
+  int64_t bytes() const;
+
+ private:
+  mpm::SolverView<T> view();
+  void make_room();
+  void move_samples(const mpm::SolverView<T>& v, T dt);
+
+  mpm::PreparedScene const& prepared_;
+  std::vector<MaterialConfig> configs_;
+  mpm::GridGeometry<T, 3> grid_;
+  mpm::WallView<T> walls_;
+  Buffer<mpm::MaterialParameters<T>> materials_;
+  mpm::MovingObstacles<T> moving_;
+  mpm::ParticleRoles<T> roles_;
+  mpm::ObstacleNodes<T> obstacle_nodes_;
+  mpm::Particles<T> particles_;
+  mpm::BlockTable blocks_;
+  int64_t samples_ = 0;
+  Buffer<T> arenas_, nodes_, joined_;
+  Buffer<mpm::Survey> records_;
+  Buffer<mpm::Impulse> impulses_;
+  mpm::InstructionSet instruction_set_;
+  bool some_stationary_ = false;
+};
+
+extern template class ParticleGrid<float>;
+extern template class ParticleGrid<double>;
+
+}  // namespace graupel::rom

@@ -1,0 +1,151 @@
+#include "rom/reduced_model.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <nlohmann/json.hpp>
+
+#include "core/error.h"
+#include "rom/tensors.h"
+
+namespace graupel::rom {
+
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+/// Metadata keys of the file that the model itself reads; the others are provenance.
+constexpr const char* own_keys[] = {"architecture", "scene", "settings"};
+
+const std::string& metadata(const nn::Weights& weights, const std::string& key) {
+  const auto at = weights.metadata.find(key);
+  if (at == weights.metadata.end())
+    throw InputError("'" + weights.file + "' is no reduced-order model (it lacks '" + key +
+                     "'). 'graupel train nsf' makes one");
+  return at->second;
+}
+
+std::vector<float> floats(const std::vector<double>& values) { return {values.begin(), values.end()}; }
+std::vector<double> doubles(const std::vector<float>& values) { return {values.begin(), values.end()}; }
+
+void check_indices(const nn::Weights& weights, const std::vector<int32_t>& indices, int64_t count, const char* what) {
+  for (const int32_t i : indices)
+    if (i >= count)
+      throw InputError(fmt::format("'{}' names particle {} among its {} (allowed: 0 to {}). Train the model again",
+                                   weights.file, i, what, count - 1));
+}
+
+void read_settings(const Json& settings, ReducedModel& model) {
+  for (const Json& p : settings.at("parameters"))
+    model.parameters.push_back({p.at("name"), p.at("unit"), p.at("key"), p.at("low"), p.at("high")});
+  model.substeps_per_frame = settings.at("substeps_per_frame");
+  model.frame_time = settings.at("frame_time");
+  model.latent_reach = settings.at("latent_reach");
+  model.usual_residual = settings.at("usual_residual");
+}
+
+FactoredFields read_fields(const nn::Weights& weights, int latents, int inputs) {
+  ModeTable deformation = ModeTable::load(weights, "deformation", 3), stress = ModeTable::load(weights, "stress", 6),
+            affine = ModeTable::load(weights, "affine", 9);
+  if (deformation.modes < latents)
+    throw InputError(fmt::format("'{}' has {} latents but {} modes of the deformation. Train the model again",
+                                 weights.file, latents, deformation.modes));
+  for (std::size_t i = 0; i < deformation.particles.size(); ++i)
+    if (deformation.particles[i] != static_cast<int32_t>(i))
+      throw InputError("'" + weights.file + "' lacks the deformation of some particles. Train the model again");
+  ClosureBranch closure(latents,
+                        CoefficientMap::load(weights, "deformation.branch", latents, deformation.modes - latents));
+  MapBranch stress_branch(CoefficientMap::load(weights, "stress.branch", inputs, stress.modes));
+  RateBranch affine_branch(latents, CoefficientMap::load(weights, "affine.branch", inputs, affine.modes * latents));
+  return {std::move(deformation),   std::move(closure), std::move(stress),
+          std::move(stress_branch), std::move(affine),  std::move(affine_branch)};
+}
+
+}  // namespace
+
+ReducedModel ReducedModel::load(const nn::Weights& weights) {
+  ReducedModel model;
+  if (metadata(weights, "architecture") != nsf_architecture)
+    throw InputError("'" + weights.file + "' is no reduced-order model (architecture '" +
+                     metadata(weights, "architecture") + "', needed '" + nsf_architecture + "')");
+  model.scene_json = metadata(weights, "scene");
+  try {
+    read_settings(Json::parse(metadata(weights, "settings")), model);
+  } catch (const Json::exception& error) {
+    throw InputError("the settings of '" + weights.file + "' cannot be read (" + error.what() +
+                     "). Train the model again");
+  }
+  const auto latents = static_cast<int>(extent(weights, "latent.start", 0));
+  if (latents < 1) throw InputError("'" + weights.file + "' has no latent. Train the model again");
+  const int inputs = latents + static_cast<int>(model.parameters.size());
+  model.fields = std::make_shared<const FactoredFields>(read_fields(weights, latents, inputs));
+  const int64_t n = model.fields->particles();
+  model.reference = weights.get("reference", {n, 3});
+  model.samples = get_indices(weights, "samples");
+  model.encoder = get_indices(weights, "encoder");
+  model.quadrature.particles = get_indices(weights, "quadrature.particles");
+  model.quadrature.share =
+      doubles(weights.get("quadrature.share", {static_cast<int64_t>(model.quadrature.particles.size())}));
+  check_indices(weights, model.samples, n, "samples");
+  check_indices(weights, model.encoder, n, "encoder's particles");
+  check_indices(weights, model.quadrature.particles, n, "integration points");
+  model.start_latent = doubles(weights.get("latent.start", {latents}));
+  model.training_latents = weights.get("latent.training", {extent(weights, "latent.training", 0), latents});
+  model.latent_scale = weights.get("latent.scale", {latents});
+  for (const auto& [key, value] : weights.metadata)
+    if (std::find(std::begin(own_keys), std::end(own_keys), key) == std::end(own_keys)) model.provenance[key] = value;
+  return model;
+}
+
+nn::Weights ReducedModel::store(nn::DType modes) const {
+  nn::Weights weights;
+  weights.metadata = provenance;
+  weights.metadata["architecture"] = nsf_architecture;
+  weights.metadata["scene"] = scene_json;
+  Json settings = {{"parameters", Json::array()},
+                   {"substeps_per_frame", substeps_per_frame},
+                   {"frame_time", frame_time},
+                   {"latent_reach", latent_reach},
+                   {"usual_residual", usual_residual}};
+  for (const ModelParameter& p : parameters)
+    settings["parameters"].push_back(
+        {{"name", p.name}, {"unit", p.unit}, {"key", p.key}, {"low", p.low}, {"high", p.high}});
+  weights.metadata["settings"] = settings.dump();
+  fields->deformation().store(weights, "deformation", modes);
+  fields->stress().store(weights, "stress", modes);
+  fields->affine().store(weights, "affine", modes);
+  fields->deformation_branch().closure().store(weights, "deformation.branch");
+  fields->stress_branch().map().store(weights, "stress.branch");
+  fields->affine_branch().map().store(weights, "affine.branch");
+  const int r = latents();
+  weights.tensors["reference"] = nn::Tensor::from_float(reference, {fields->particles(), 3});
+  weights.tensors["samples"] = index_tensor(samples);
+  weights.tensors["encoder"] = index_tensor(encoder);
+  weights.tensors["quadrature.particles"] = index_tensor(quadrature.particles);
+  weights.tensors["quadrature.share"] =
+      nn::Tensor::from_float(floats(quadrature.share), {static_cast<int64_t>(quadrature.share.size())});
+  weights.tensors["latent.start"] = nn::Tensor::from_float(floats(start_latent), {r});
+  weights.tensors["latent.training"] =
+      nn::Tensor::from_float(training_latents, {static_cast<int64_t>(training_latents.size()) / r, r});
+  weights.tensors["latent.scale"] = nn::Tensor::from_float(latent_scale, {r});
+  return weights;
+}
+
+double latent_distance(const ReducedModel& model, const std::vector<double>& latent) {
+  const auto r = static_cast<std::size_t>(model.latents());
+  double least = std::numeric_limits<double>::infinity();
+  for (std::size_t i = 0; i + r <= model.training_latents.size(); i += r) {
+    double distance2 = 0;
+    for (std::size_t j = 0; j < r; ++j) {
+      const double d =
+          (latent[j] - static_cast<double>(model.training_latents[i + j])) / static_cast<double>(model.latent_scale[j]);
+      distance2 += d * d;
+    }
+    least = std::min(least, distance2);
+  }
+  return std::sqrt(least);
+}
+
+}  // namespace graupel::rom

@@ -1,0 +1,54 @@
+// A reduced-order model as a weights file keeps it: fields, samples and quadrature, the scene that it was trained on
+// with the parameters that may change, and what it needs to judge itself.
+#pragma once
+
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "nn/weights.h"
+#include "rom/factored_fields.h"
+#include "rom/quadrature.h"
+
+namespace graupel::rom {
+
+inline constexpr const char* nsf_architecture = "nsf";
+
+/// A key of the scene that differs from run to run.
+struct ModelParameter {
+  std::string name, unit, key;  ///< key: "materials.sand.friction_angle"
+  double low = 0, high = 0;     ///< of the training runs
+};
+
+struct ReducedModel {
+  std::string scene_json;  ///< of a training run
+  std::vector<ModelParameter> parameters;
+  int64_t substeps_per_frame = 1;  ///< of the training runs
+  double frame_time = 0;           ///< [s]
+  std::shared_ptr<const FactoredFields> fields;
+  std::vector<float> reference;      ///< X, [particles, 3] [m]
+  std::vector<int32_t> samples;      ///< by default
+  Quadrature quadrature;             ///< by default
+  std::vector<int32_t> encoder;      ///< particles whose positions give the latent
+  std::vector<double> start_latent;  ///< mean over the training runs [r]
+  /// Latents of the training snapshots [n, r], the scale of each axis [r], and the largest distance of a held-out
+  /// training run to the others in that scale: beyond it a state is unlike those of the training.
+  std::vector<float> training_latents;
+  std::vector<float> latent_scale;
+  double latent_reach = 0;
+  double usual_residual = 0;                      ///< of Gauss-Newton in the training's own rollouts [m]; 0: unknown
+  std::map<std::string, std::string> provenance;  ///< data set, command, errors; kept as it is
+
+  int latents() const { return fields->latents(); }
+
+  /// Throws InputError for a file that is no reduced-order model, or damaged.
+  static ReducedModel load(const nn::Weights& weights);
+  /// `modes`: how the modes are stored, f32 or f16.
+  nn::Weights store(nn::DType modes) const;
+};
+
+/// Distance of a latent to the nearest of the training, in the model's scale.
+double latent_distance(const ReducedModel& model, const std::vector<double>& latent);
+
+}  // namespace graupel::rom

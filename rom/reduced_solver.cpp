@@ -1,0 +1,195 @@
+#include "rom/reduced_solver.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <utility>
+
+#include "core/error.h"
+
+namespace graupel::rom {
+
+namespace {
+
+/// Adds the time since the last lap to a sum.
+class LapTimer {
+ public:
+  void lap(double& sum) {
+    const auto now = Clock::now();
+    sum += std::chrono::duration<double>(now - last_).count();
+    last_ = now;
+  }
+
+ private:
+  using Clock = std::chrono::steady_clock;
+  Clock::time_point last_ = Clock::now();
+};
+
+void check_particles(const ReducedModel& model, const mpm::PreparedScene& prepared) {
+  const auto& position = prepared.particles.position;
+  const auto n = static_cast<std::size_t>(model.fields->particles());
+  if (position.size() != n)
+    throw ConfigError(fmt::format(
+        "the scene has {} particles, the model {}. Use the scene and the seed that the model was trained with",
+        position.size(), n));
+  const double tolerance = 1e-4 * prepared.scene.domain.dx;
+  for (std::size_t p = 0; p < n; ++p)
+    for (int d = 0; d < 3; ++d)
+      if (!(std::abs(position[p][d] - static_cast<double>(model.reference[3 * p + static_cast<std::size_t>(d)])) <=
+            tolerance))
+        throw ConfigError(fmt::format(
+            "particle {} of the scene starts elsewhere than the model's (coordinate {}: {:.6g} m, the model's {:.6g} "
+            "m). Use the scene and the seed that the model was trained with",
+            p, d, position[p][d], model.reference[3 * p + static_cast<std::size_t>(d)]));
+}
+
+std::vector<int32_t> all_of(int64_t n) { return all_particles(n).particles; }
+
+}  // namespace
+
+template <typename T>
+ReducedSolver<T>::ReducedSolver(const ReducedModel& model, mpm::PreparedScene prepared, std::vector<double> parameters,
+                                const ReducedOptions& options)
+    : model_(model),
+      prepared_(std::move(prepared)),
+      options_(options),
+      samples_(options.samples.value_or(model.samples)),
+      grid_(prepared_),
+      points_(*model.fields, options.quadrature.value_or(model.quadrature), samples_,
+              mpm::grid_of<T>(prepared_.scene.domain)),
+      sample_field_(model.fields->bind_samples(samples_)),
+      output_(model.fields->bind_positions_f32(all_of(model.fields->particles()))) {
+  check_particles(model_, prepared_);
+  GRAUPEL_ASSERT(parameters.size() == model_.parameters.size());
+  if (!(options_.step_factor > 0))
+    throw ConfigError(fmt::format("a time step factor of {} is out of range (above 0). Use 1", options_.step_factor));
+  state_.parameters = std::move(parameters);
+  start();
+}
+
+/// The latent of the scene's first state, and the velocity along the manifold that is nearest to its velocities.
+template <typename T>
+void ReducedSolver<T>::start() {
+  const auto encoder = model_.fields->bind_samples(model_.encoder);
+  const auto rows = static_cast<Eigen::Index>(3 * model_.encoder.size());
+  Eigen::VectorXd position(rows), velocity(rows);
+  for (std::size_t i = 0; i < model_.encoder.size(); ++i)
+    for (int d = 0; d < 3; ++d) {
+      const auto p = static_cast<std::size_t>(model_.encoder[i]);
+      position[static_cast<Eigen::Index>(3 * i) + d] = prepared_.particles.position[p][d];
+      velocity[static_cast<Eigen::Index>(3 * i) + d] = prepared_.particles.velocity[p][d];
+    }
+  const auto r = static_cast<Eigen::Index>(model_.start_latent.size());
+  Eigen::VectorXd latent = Eigen::Map<const Eigen::VectorXd>(model_.start_latent.data(), r);
+  fit_latent(*encoder, position, {.iterations = 20, .outlier_factor = 0}, latent);
+  Eigen::MatrixXd jacobian;
+  encoder->jacobian(latent.data(), jacobian);
+  const Eigen::VectorXd rate = (jacobian.transpose() * jacobian).ldlt().solve(jacobian.transpose() * velocity);
+  state_.latent.assign(latent.data(), latent.data() + r);
+  state_.velocity.assign(rate.data(), rate.data() + r);
+}
+
+template <typename T>
+void ReducedSolver<T>::advance_frame() {
+  const double frame_time = prepared_.scene.frame_time, training_step = model_.frame_time /
+                                                                        static_cast<double>(model_.substeps_per_frame);
+  const auto steps = std::max<int64_t>(
+      1, static_cast<int64_t>(std::ceil(frame_time / (training_step * options_.step_factor) - 1e-6)));
+  trust_ = {};
+  down_weighted_sum_ = 0;
+  for (int64_t i = 0; i < steps; ++i) step(frame_time / static_cast<double>(steps));
+  trust_.down_weighted = down_weighted_sum_ / static_cast<double>(steps);
+  trust_.latent_distance = latent_distance(model_, state_.latent) / model_.latent_reach;
+}
+
+template <typename T>
+void ReducedSolver<T>::step(double dt) {
+  LapTimer timer;
+  StepTiming& timing = statistics_.timing;
+  if (due_) choose_points();
+  timer.lap(timing.search);
+  fields_->decode(state_, grid_.particles());
+  timer.lap(timing.decode);
+  sample_field_->evaluate(state_.latent.data(), before_);
+  grid_.step(time_, dt);
+  timer.lap(timing.grid);
+  invert(dt);
+  timer.lap(timing.inversion);
+  time_ += dt;
+  ++timing.steps;
+}
+
+template <typename T>
+void ReducedSolver<T>::choose_points() {
+  const GridParticles chosen = points_.find(state_);
+  grid_.choose(chosen);
+  fields_ = bind_fields<T>(*model_.fields, chosen.particles);
+  due_ = false;
+}
+
+/// q <- argmin |g(X_s, q) - x_s|^2 from where the latent's velocity takes it; q' is the change over dt.
+template <typename T>
+void ReducedSolver<T>::invert(double dt) {
+  const auto r = static_cast<Eigen::Index>(state_.latent.size());
+  const mpm::ParticleView<T> particles = grid_.particles();
+  target_.resize(before_.size());
+  double moved2 = 0, furthest = 0;
+  for (Eigen::Index s = 0; s < target_.size() / 3; ++s) {
+    const Vec<T, 3> x = particles.position.vec(s);
+    for (int d = 0; d < 3; ++d) target_[3 * s + d] = static_cast<double>(x[d]);
+    const double way2 = (target_.segment<3>(3 * s) - before_.segment<3>(3 * s)).squaredNorm();
+    moved2 += way2;
+    furthest = std::max(furthest, way2);
+  }
+  const Eigen::Map<const Eigen::VectorXd> old(state_.latent.data(), r), rate(state_.velocity.data(), r);
+  Eigen::VectorXd latent = old + dt * rate;
+  const FitReport report = fit_latent(*sample_field_, target_, options_.fit, latent);
+  const Eigen::VectorXd velocity = (latent - old) / dt;
+  state_.latent.assign(latent.data(), latent.data() + r);
+  state_.velocity.assign(velocity.data(), velocity.data() + r);
+
+  const auto samples = static_cast<double>(samples_.size());
+  const double moved = std::sqrt(moved2 / samples), least = 1e-4 * prepared_.scene.domain.dx;
+  trust_.residual = std::max(trust_.residual, report.distance / std::max(moved, least));
+  down_weighted_sum_ += report.down_weighted;
+  due_ = points_.stale_after(std::sqrt(furthest));
+  statistics_.largest_condition = std::max(statistics_.largest_condition, report.condition);
+  iteration_sum_ += report.iterations;
+  integration_sum_ += particles.count;
+  statistics_.most_integration = std::max(statistics_.most_integration, particles.count);
+}
+
+template <typename T>
+ParticleFrame ReducedSolver<T>::frame() const {
+  const int64_t n = model_.fields->particles();
+  std::vector<float> position(static_cast<std::size_t>(3 * mpm::padded_to_tile(n))), velocity(position.size());
+  output_->decode(state_, position.data(), velocity.data());
+  ParticleFrame frame;
+  frame.time = time_;
+  frame.position.resize(static_cast<std::size_t>(n));
+  frame.velocity.resize(static_cast<std::size_t>(n));
+  for (int64_t p = 0; p < n; ++p) {
+    frame.position[static_cast<std::size_t>(p)] = mpm::TiledView<float, 3>{position.data()}.vec(p);
+    frame.velocity[static_cast<std::size_t>(p)] = mpm::TiledView<float, 3>{velocity.data()}.vec(p);
+  }
+  return frame;
+}
+
+template <typename T>
+ReducedStatistics ReducedSolver<T>::statistics() const {
+  ReducedStatistics s = statistics_;
+  const auto steps = static_cast<double>(std::max<int64_t>(1, s.timing.steps));
+  s.samples = static_cast<int64_t>(samples_.size());
+  s.mean_integration = static_cast<double>(integration_sum_) / steps;
+  s.mean_iterations = static_cast<double>(iteration_sum_) / steps;
+  s.bytes = grid_.bytes() + points_.bytes() + output_->bytes() + (fields_ ? fields_->bytes() : 0);
+  return s;
+}
+
+template class ReducedSolver<float>;
+template class ReducedSolver<double>;
+
+}  // namespace graupel::rom

@@ -1,0 +1,97 @@
+// Runs a scene in the latent space of a reduced-order model (NSF section 5): decode the fields at the integration
+// particles, advance them on mpm's grid, invert the deformation field at the samples. After the start no step of the
+// full model is taken.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "core/trajectory.h"
+#include "mpm/simulation.h"
+#include "rom/gauss_newton.h"
+#include "rom/integration_points.h"
+#include "rom/particle_grid.h"
+#include "rom/reduced_model.h"
+
+namespace graupel::rom {
+
+struct ReducedOptions {
+  double step_factor = 1;  ///< of the training's step
+  FitOptions fit;
+  std::optional<std::vector<int32_t>> samples;  ///< instead of the model's
+  std::optional<Quadrature> quadrature;         ///< instead of the model's
+};
+
+/// Seconds of the parts of steps, summed.
+struct StepTiming {
+  double decode = 0, grid = 0, inversion = 0, search = 0;
+  int64_t steps = 0;
+  double total() const { return decode + grid + inversion + search; }
+};
+
+/// How far the model may be trusted, without the full model's run; of one frame.
+struct TrustIndicator {
+  double residual = 0;         ///< distance that the inversion left over the distance that the samples moved, largest
+  double down_weighted = 0;    ///< share of samples that did not fit the others, mean
+  double latent_distance = 0;  ///< to the nearest training snapshot, over the reach of the training runs
+};
+
+struct ReducedStatistics {
+  StepTiming timing;
+  int64_t samples = 0;
+  double mean_integration = 0;  ///< particles
+  int64_t most_integration = 0;
+  double mean_iterations = 0;  ///< of Gauss-Newton
+  double largest_condition = 0;
+  int64_t bytes = 0;
+};
+
+template <typename T>
+class ReducedSolver {
+ public:
+  /// `parameters`: of the model, in its order. Throws ConfigError when the scene's particles are not those of the
+  /// model, or it has what a reduced model cannot know.
+  ReducedSolver(const ReducedModel& model, mpm::PreparedScene prepared, std::vector<double> parameters,
+                const ReducedOptions& options);
+
+  double time() const { return time_; }
+  const LatentState& state() const { return state_; }
+  /// One frame of the scene. Throws DivergedError.
+  void advance_frame();
+  /// One step of dt [s].
+  void step(double dt);
+  /// Positions and velocities of all particles, in the order of the sources.
+  ParticleFrame frame() const;
+  /// Of the last frame.
+  const TrustIndicator& trust() const { return trust_; }
+  ReducedStatistics statistics() const;
+
+ private:
+  void start();
+  void choose_points();
+  void invert(double dt);
+
+  const ReducedModel& model_;
+  mpm::PreparedScene prepared_;
+  ReducedOptions options_;
+  std::vector<int32_t> samples_;
+  ParticleGrid<T> grid_;
+  IntegrationPoints<T> points_;
+  std::unique_ptr<SampleField> sample_field_;
+  std::unique_ptr<PointFields<T>> fields_;
+  std::unique_ptr<PointPositions<float>> output_;
+  LatentState state_;
+  Eigen::VectorXd before_, target_;
+  double time_ = 0;
+  bool due_ = true;  ///< integration points are to be found again
+  TrustIndicator trust_;
+  ReducedStatistics statistics_;
+  double down_weighted_sum_ = 0;
+  int64_t integration_sum_ = 0, iteration_sum_ = 0;
+};
+
+extern template class ReducedSolver<float>;
+extern template class ReducedSolver<double>;
+
+}  // namespace graupel::rom

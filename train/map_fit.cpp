@@ -1,0 +1,204 @@
+#include "train/map_fit.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <set>
+
+#include "core/error.h"
+
+namespace graupel::train {
+
+namespace {
+
+constexpr int folds = 4;
+constexpr double map_ridges[] = {1e-3, 1e-2, 3e-2, 0.1, 0.3, 1, 3, 10};
+constexpr double rate_ridges[] = {1e-8, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2};
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+/// Shift and scale that give every input mean 0 and mean square 1.
+struct Standard {
+  std::vector<double> shift, scale;
+  MatrixXd values;
+
+  explicit Standard(const MatrixXd& inputs) : values(inputs) {
+    for (Index j = 0; j < inputs.cols(); ++j) {
+      const double mean = inputs.col(j).mean();
+      const double deviation = std::sqrt((inputs.col(j).array() - mean).square().mean());
+      shift.push_back(mean);
+      scale.push_back(deviation > 1e-12 * (1 + std::abs(mean)) ? 1 / deviation : 1);
+      values.col(j) = (inputs.col(j).array() - mean) * scale.back();
+    }
+  }
+};
+
+MatrixXd rows_of(const MatrixXd& from, const std::vector<Index>& rows) { return from(rows, Eigen::all); }
+
+/// |a_i - b_j|^3.
+MatrixXd cubic_kernel(const MatrixXd& a, const MatrixXd& b) {
+  MatrixXd distance2 = -2 * a * b.transpose();
+  distance2.colwise() += a.rowwise().squaredNorm();
+  distance2.rowwise() += b.rowwise().squaredNorm().transpose();
+  return distance2.array().max(0.0).pow(1.5);
+}
+
+MatrixXd with_ones(const MatrixXd& y) {
+  MatrixXd tail(y.rows(), y.cols() + 1);
+  tail << VectorXd::Ones(y.rows()), y;
+  return tail;
+}
+
+/// Weights and linear part of the smoothing spline: (K + ridge) w + P l = c, P^T w = 0.
+struct Spline {
+  MatrixXd weights, linear;
+  Spline(const MatrixXd& y, const MatrixXd& c, double ridge) {
+    const Index n = y.rows(), p = y.cols() + 1;
+    MatrixXd system = MatrixXd::Zero(n + p, n + p), right = MatrixXd::Zero(n + p, c.cols());
+    system.topLeftCorner(n, n) = cubic_kernel(y, y);
+    system.topLeftCorner(n, n).diagonal().array() += ridge;
+    system.topRightCorner(n, p) = with_ones(y);
+    system.bottomLeftCorner(p, n) = system.topRightCorner(n, p).transpose();
+    system.bottomRightCorner(p, p).diagonal().array() -= 1e-9;  // a constant input would make it singular
+    right.topRows(n) = c;
+    const MatrixXd solution = system.partialPivLu().solve(right);
+    weights = solution.topRows(n);
+    linear = solution.bottomRows(p);
+  }
+};
+
+struct Fold {
+  std::vector<Index> kept, held;
+};
+std::vector<Fold> folds_of(const std::vector<int>& run) {
+  const std::set<int> runs(run.begin(), run.end());
+  const int count = std::min<int>(folds, static_cast<int>(runs.size()));
+  std::vector<Fold> result(static_cast<std::size_t>(std::max(1, count)));
+  if (count < 2) return {};
+  int place = 0;
+  for (const int r : runs) {
+    const auto own = static_cast<std::size_t>(place++ % count);
+    for (std::size_t i = 0; i < run.size(); ++i) {
+      if (run[i] != r) continue;
+      for (std::size_t f = 0; f < result.size(); ++f)
+        (f == own ? result[f].held : result[f].kept).push_back(static_cast<Index>(i));
+    }
+  }
+  return result;
+}
+
+std::vector<double> row_major(const MatrixXd& m) {
+  const Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> rows = m;
+  return {rows.data(), rows.data() + rows.size()};
+}
+
+/// The ridge of a list with the least error over held-out runs; error(ridge, fold) is a sum of squares.
+template <typename Error>
+double best_ridge(const std::vector<Fold>& parts, const double* first, const double* last, double sum_of_squares,
+                  double& relative_error, const Error& error) {
+  double best = *std::min_element(first, last), least = std::numeric_limits<double>::infinity();
+  if (parts.empty()) {  // one run only
+    relative_error = 0;
+    return first[(last - first) / 2];
+  }
+  for (const double* ridge = first; ridge != last; ++ridge) {
+    double sum = 0;
+    for (const Fold& fold : parts) sum += error(*ridge, fold);
+    if (sum < least) {
+      least = sum;
+      best = *ridge;
+    }
+  }
+  relative_error = std::sqrt(least / std::max(sum_of_squares, std::numeric_limits<double>::min()));
+  return best;
+}
+
+/// Rows far from each other, the first one nearest to the mean.
+std::vector<Index> spread_rows(const MatrixXd& y, int count) {
+  Index next;
+  y.rowwise().squaredNorm().minCoeff(&next);
+  std::vector<Index> chosen;
+  VectorXd least = VectorXd::Constant(y.rows(), std::numeric_limits<double>::infinity());
+  while (static_cast<int>(chosen.size()) < std::min<Index>(count, y.rows())) {
+    chosen.push_back(next);
+    least = least.cwiseMin((y.rowwise() - y.row(next)).rowwise().squaredNorm());
+    if (!(least.maxCoeff(&next) > 0)) break;
+  }
+  return chosen;
+}
+
+}  // namespace
+
+MapFit fit_map(const MatrixXd& inputs, const MatrixXd& outputs, const std::vector<int>& run) {
+  const Standard standard(inputs);
+  const MatrixXd& y = standard.values;
+  MapFit fit;
+  fit.ridge = best_ridge(folds_of(run), std::begin(map_ridges), std::end(map_ridges), outputs.squaredNorm(),
+                         fit.held_out_error, [&](double ridge, const Fold& fold) {
+                           const MatrixXd kept = rows_of(y, fold.kept), held = rows_of(y, fold.held);
+                           const Spline spline(kept, rows_of(outputs, fold.kept), ridge);
+                           const MatrixXd predicted =
+                               cubic_kernel(held, kept) * spline.weights + with_ones(held) * spline.linear;
+                           return (predicted - rows_of(outputs, fold.held)).squaredNorm();
+                         });
+  const Spline spline(y, outputs, fit.ridge);
+  fit.map = {static_cast<int>(inputs.cols()),
+             static_cast<int>(outputs.cols()),
+             standard.shift,
+             standard.scale,
+             row_major(inputs),
+             row_major(spline.weights),
+             row_major(spline.linear)};
+  return fit;
+}
+
+MapFit fit_rate_map(const MatrixXd& inputs, const MatrixXd& rates, const MatrixXd& outputs,
+                    const std::vector<int>& run, int centers) {
+  const Standard standard(inputs);
+  const MatrixXd& y = standard.values;
+  const std::vector<Index> chosen = spread_rows(y, centers);
+  const MatrixXd middle = rows_of(y, chosen);
+  // Features (1, y, |y - y_i|^3) times each rate, all of mean square 1.
+  const MatrixXd linear = with_ones(y), radial = cubic_kernel(y, middle);
+  MatrixXd shapes(y.rows(), linear.cols() + radial.cols());
+  shapes << linear, radial;
+  const Index r = rates.cols(), count = shapes.cols();
+  MatrixXd features(y.rows(), count * r);
+  for (Index s = 0; s < count; ++s)
+    for (Index j = 0; j < r; ++j) features.col(s * r + j) = shapes.col(s).cwiseProduct(rates.col(j));
+  const VectorXd size =
+      (features.colwise().squaredNorm() / static_cast<double>(y.rows())).cwiseSqrt().cwiseMax(1e-30).transpose();
+  features.array().rowwise() /= size.transpose().array();
+  const auto solve = [&](const MatrixXd& a, const MatrixXd& c, double ridge) {
+    MatrixXd normal = a.transpose() * a;
+    normal.diagonal().array() += ridge * static_cast<double>(a.rows());
+    return MatrixXd(normal.ldlt().solve(a.transpose() * c));
+  };
+  MapFit fit;
+  fit.ridge = best_ridge(folds_of(run), std::begin(rate_ridges), std::end(rate_ridges), outputs.squaredNorm(),
+                         fit.held_out_error, [&](double ridge, const Fold& fold) {
+                           const MatrixXd w = solve(rows_of(features, fold.kept), rows_of(outputs, fold.kept), ridge);
+                           return (rows_of(features, fold.held) * w - rows_of(outputs, fold.held)).squaredNorm();
+                         });
+  const MatrixXd solution = solve(features, outputs, fit.ridge);
+  // Row of shape s: outputs [m, r].
+  const Index m = outputs.cols();
+  MatrixXd by_shape(count, m * r);
+  for (Index s = 0; s < count; ++s)
+    for (Index k = 0; k < m; ++k)
+      for (Index j = 0; j < r; ++j) by_shape(s, k * r + j) = solution(s * r + j, k) / size[s * r + j];
+  fit.map = {static_cast<int>(inputs.cols()),
+             static_cast<int>(m * r),
+             standard.shift,
+             standard.scale,
+             row_major(rows_of(inputs, chosen)),
+             row_major(by_shape.bottomRows(radial.cols())),
+             row_major(by_shape.topRows(linear.cols()))};
+  return fit;
+}
+
+}  // namespace graupel::train

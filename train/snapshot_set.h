@@ -1,0 +1,53 @@
+// The snapshots that a reduced-order model is trained on: the runs of a parameter sweep, which share their particles.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "core/particle_fields.h"
+#include "core/scene.h"
+#include "core/vec.h"
+
+namespace graupel::train {
+
+/// A parameter of the sweep with its value in every run.
+struct SweptParameter {
+  std::string name, unit, key;
+  std::vector<double> values;  ///< [runs]
+};
+
+enum class SnapshotField { position, velocity, stress, affine };
+/// Numbers a particle.
+int components_of(SnapshotField field);
+
+class SnapshotSet {
+ public:
+  /// A split of a data set ('graupel generate' of a sweep). Throws InputError when a run lacks a field, has other
+  /// particles or another frame time than the first, or diverged.
+  explicit SnapshotSet(const std::string& file);
+
+  const std::string& file() const { return file_; }
+  int runs() const { return static_cast<int>(first_snapshot_.size()) - 1; }
+  int64_t particles() const { return static_cast<int64_t>(reference_.size()); }
+  /// Snapshots of all runs one after the other; those of run i from first_snapshot(i) on.
+  int64_t snapshots() const { return first_snapshot_.back(); }
+  int64_t first_snapshot(int run) const { return first_snapshot_[static_cast<std::size_t>(run)]; }
+  const std::vector<SweptParameter>& parameters() const { return parameters_; }
+  const std::vector<Vec3f>& reference() const { return reference_; }  ///< X: positions of the first frame [m]
+  const std::string& scene_json() const { return scene_json_; }       ///< of the first run
+  double frame_time() const { return frame_time_; }
+
+  /// A field of all snapshots and the particles first .. first + count - 1, [snapshots, count * components].
+  std::vector<float> read(SnapshotField field, int64_t first, int64_t count) const;
+
+ private:
+  void open_run(int run);
+
+  std::string file_, scene_json_;
+  double frame_time_ = 0;
+  std::vector<int64_t> first_snapshot_ = {0};
+  std::vector<SweptParameter> parameters_;
+  std::vector<Vec3f> reference_;
+};
+
+}  // namespace graupel::train
