@@ -79,6 +79,11 @@ Json inspect_trajectory(const std::string& file) {
                     {"diverged_at_frame", t.diverged_at_frame},
                     {"has_scene", !t.scene_json.empty()}});
     if (const FieldSet fields = reader.fields(i); !fields.empty()) list.back()["fields"] = fields.names();
+    for (const io::NamedValue& parameter : reader.parameters(i)) {
+      Json& entry = list.back()["parameters"][parameter.name];
+      entry["value"] = parameter.value;
+      if (!parameter.unit.empty()) entry["unit"] = parameter.unit;
+    }
     if (!reader.attribute(i, "recovered").empty()) list.back()["recovered"] = true;
   }
   return {{"kind", "trajectory"}, {"complete", reader.complete()}, {"trajectories", list}};

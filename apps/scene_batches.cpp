@@ -44,10 +44,8 @@ void for_each_scene(std::size_t n, int threads, const Body& body) {
 /// The trajectory of one scene on its way to the disk; what is not finished is removed.
 class SceneFile {
  public:
-  SceneFile(std::string path, Trajectory header, FieldSet fields) : path_(std::move(path)), header_(std::move(header)) {
-    write_.velocity = false;
-    write_.fields = fields;
-  }
+  SceneFile(std::string path, Trajectory header, const io::TrajectoryWriteOptions& write)
+      : path_(std::move(path)), header_(std::move(header)), write_(write) {}
   ~SceneFile() {
     if (!writer_) return;
     writer_.reset();
@@ -56,11 +54,12 @@ class SceneFile {
   SceneFile(const SceneFile&) = delete;
   SceneFile& operator=(const SceneFile&) = delete;
 
-  void append(const ParticleFrame& frame, const SceneRecipe& recipe, uint64_t seed) {
+  void append(const ParticleFrame& frame, const SceneSource& source, const SceneJob& job) {
     if (!writer_) {
       writer_ = std::make_unique<io::TrajectoryWriter>(path_, header_, write_);
-      writer_->attribute("recipe", recipe.name);
-      writer_->attribute("recipe_seed", std::to_string(seed));
+      writer_->attribute("recipe", source.name());
+      writer_->attribute("recipe_seed", std::to_string(source.seed()));
+      writer_->parameters(source.parameters(job));
     }
     writer_->append(frame);
   }
@@ -79,8 +78,8 @@ class SceneFile {
 /// Hands out the jobs and runs them on several workers.
 class SceneRunner {
  public:
-  SceneRunner(const SceneRecipe& recipe, const std::vector<SceneJob>& jobs, const SceneBatchOptions& options)
-      : recipe_(recipe),
+  SceneRunner(const SceneSource& source, const std::vector<SceneJob>& jobs, const SceneBatchOptions& options)
+      : source_(source),
         options_(options),
         waiting_(jobs.begin(), jobs.end()),
         total_(static_cast<int64_t>(jobs.size())),
@@ -116,15 +115,15 @@ class SceneRunner {
   void run_batch(const Jobs& jobs);
   std::vector<mpm::PreparedScene> prepare(const Jobs& jobs) const;
   Files open_files(const Jobs& jobs, const std::vector<mpm::PreparedScene>& scenes, const mpm::SceneBatch& batch) const;
-  bool advance(mpm::SceneBatch& batch, const Files& files, std::future<void>& writing);
-  void write(const Block& block, const Files& files) const;
+  bool advance(mpm::SceneBatch& batch, const Jobs& jobs, const Files& files, std::future<void>& writing);
+  void write(const Block& block, const Jobs& jobs, const Files& files) const;
   void finish(const Files& files, const std::vector<bool>& usable) const;
-  void draw_again(const SceneJob& job, const std::string& reason);
+  void diverged(const SceneJob& job, const std::string& reason);
   bool time_is_up() const {
     return options_.minutes > 0 && std::chrono::steady_clock::now() - start_ > std::chrono::minutes(options_.minutes);
   }
 
-  const SceneRecipe& recipe_;
+  const SceneSource& source_;
   const SceneBatchOptions& options_;
   const std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
   int workers_ = 1, worker_threads_ = 1;
@@ -165,8 +164,13 @@ std::vector<mpm::PreparedScene> SceneRunner::prepare(const Jobs& jobs) const {
     const SceneJob& job = jobs[i];
     mpm::SimulationOptions simulation;
     simulation.device = options_.device;
-    simulation.seed = mpm::sampling_seed(options_.seed, job.split, job.index, job.attempt);
-    scenes[i].emplace(mpm::draw_scene(recipe_, options_.seed, job.split, job.index, job.attempt), simulation);
+    const Scene scene = source_.scene(job);
+    simulation.seed = scene.seed;
+    try {
+      scenes[i].emplace(scene, simulation);
+    } catch (const ConfigError& error) {
+      throw ConfigError(source_.text(job) + ": " + error.what());
+    }
   });
   std::vector<mpm::PreparedScene> prepared;
   prepared.reserve(jobs.size());
@@ -184,7 +188,12 @@ SceneRunner::Files SceneRunner::open_files(const Jobs& jobs, const std::vector<m
     header.scene_json = io::scene_to_json(scenes[i].scene);
     header.seed = scenes[i].options.seed;
     header.made_by = "mpm";
-    files.push_back(std::make_unique<SceneFile>(options_.file(jobs[i]), std::move(header), options_.fields));
+    io::TrajectoryWriteOptions write;
+    write.velocity = false;
+    write.active = scenes[i].scene.has_inactive_particles();
+    write.fields = source_.fields();
+    write.deflate = source_.deflate();
+    files.push_back(std::make_unique<SceneFile>(options_.file(jobs[i]), std::move(header), write));
   }
   return files;
 }
@@ -201,7 +210,7 @@ void SceneRunner::run_batch(const Jobs& jobs) {
     const auto batch = mpm::SceneBatch::create(scenes);
     files = open_files(jobs, scenes, *batch);
     scenes.clear();
-    if (!advance(*batch, files, writing)) return;
+    if (!advance(*batch, jobs, files, writing)) return;
     for (int i = 0; i < batch->scene_count(); ++i) {
       divergence.push_back(batch->divergence(i));
       usable.push_back(!divergence.back());
@@ -210,38 +219,39 @@ void SceneRunner::run_batch(const Jobs& jobs) {
   writing.get();
   finish(files, usable);
   for (std::size_t i = 0; i < jobs.size(); ++i)
-    if (divergence[i]) draw_again(jobs[i], *divergence[i]);
+    if (divergence[i]) diverged(jobs[i], *divergence[i]);
   const std::lock_guard hold(lock_);
   finished_ += std::count(usable.begin(), usable.end(), true);
 }
 
 /// All frames of a batch. The solver waits for the disk only when a block of frames is full before the last one is
 /// written. False when it was stopped.
-bool SceneRunner::advance(mpm::SceneBatch& batch, const Files& files, std::future<void>& writing) {
+bool SceneRunner::advance(mpm::SceneBatch& batch, const Jobs& jobs, const Files& files, std::future<void>& writing) {
   Block block;
-  for (int64_t f = 0; f <= recipe_.frames; ++f) {
+  for (int64_t f = 0; f <= source_.frames(); ++f) {
     if (interrupted()) return false;
     if (f > 0) batch.advance_frame();
-    block.frames.push_back(batch.frames(options_.fields));
+    block.frames.push_back(batch.frames(source_.fields()));
     {
       const std::lock_guard hold(lock_);
-      if (f > 0) frames_done_ += static_cast<double>(files.size()) / static_cast<double>(recipe_.frames);
+      if (f > 0) frames_done_ += static_cast<double>(files.size()) / static_cast<double>(source_.frames());
       progress_.update(std::min(total_, static_cast<int64_t>(frames_done_)));
     }
-    if (block.frames.size() < frames_a_block && f < recipe_.frames) continue;
+    if (block.frames.size() < frames_a_block && f < source_.frames()) continue;
     block.usable.clear();
     for (int i = 0; i < batch.scene_count(); ++i) block.usable.push_back(!batch.divergence(i));
     if (writing.valid()) writing.get();
-    writing = std::async(std::launch::async, [this, &files, full = std::move(block)] { write(full, files); });
+    writing =
+        std::async(std::launch::async, [this, &jobs, &files, full = std::move(block)] { write(full, jobs, files); });
     block = {};
   }
   return true;
 }
 
-void SceneRunner::write(const Block& block, const Files& files) const {
+void SceneRunner::write(const Block& block, const Jobs& jobs, const Files& files) const {
   for_each_scene(files.size(), worker_threads_, [&](std::size_t i) {
     if (!block.usable[i]) return;
-    for (const auto& frames : block.frames) files[i]->append(frames[i], recipe_, options_.seed);
+    for (const auto& frames : block.frames) files[i]->append(frames[i], source_, jobs[i]);
   });
 }
 
@@ -251,23 +261,21 @@ void SceneRunner::finish(const Files& files, const std::vector<bool>& usable) co
   });
 }
 
-void SceneRunner::draw_again(const SceneJob& job, const std::string& reason) {
+void SceneRunner::diverged(const SceneJob& job, const std::string& reason) {
   const std::lock_guard hold(lock_);
-  options_.log_redraw(job, reason);
+  options_.diverged(job, reason);
+  if (source_.on_divergence() == OnDivergence::report) return;
   if (job.attempt + 1 == most_attempts)
-    throw DivergedError(
-        fmt::format("{} scene {} diverged {} times in a row. Use more substeps in the recipe's time_step",
-                    mpm::name_of(job.split), job.index, most_attempts));
+    throw DivergedError(fmt::format("{} diverged {} times in a row. Use more substeps in the recipe's time_step",
+                                    source_.text(job), most_attempts));
   waiting_.push_front({job.split, job.index, job.attempt + 1});
   frames_done_ -= 1;
 }
 
 }  // namespace
 
-int64_t default_batch(Device device) { return device == Device::cuda ? 64 : 1; }
-
-void run_scenes(const SceneRecipe& recipe, const std::vector<SceneJob>& jobs, const SceneBatchOptions& options) {
-  SceneRunner(recipe, jobs, options).run();
+void run_scenes(const SceneSource& source, const std::vector<SceneJob>& jobs, const SceneBatchOptions& options) {
+  SceneRunner(source, jobs, options).run();
 }
 
 }  // namespace graupel::apps

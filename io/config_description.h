@@ -12,7 +12,7 @@ struct StructDescription;
 
 /// How a field holds its type.
 enum class FieldShape { single, list, map };
-enum class FieldType { boolean, integer, natural, number, text, vector3, word, structure };
+enum class FieldType { boolean, integer, natural, number, text, vector3, word, any, structure };
 
 struct FieldDescription {
   FieldInfo info;
@@ -49,6 +49,8 @@ void describe_type(FieldDescription& field) {
   } else if constexpr (ConfigStruct<T>) {
     field.type = FieldType::structure;
     field.structure = std::make_shared<StructDescription>(describe<T>());
+  } else if constexpr (std::is_same_v<T, AnyValue>) {
+    field.type = FieldType::any;
   } else {
     field.type = std::is_same_v<T, bool>       ? FieldType::boolean
                  : std::is_same_v<T, int64_t>  ? FieldType::integer

@@ -36,24 +36,6 @@ std::vector<std::string> split(const std::string& path) {
   }
 }
 
-void mark_override(JsonNode& node, const std::string& text) {
-  node.override_text = text;
-  node.line = 0;
-  for (auto& item : node.items) mark_override(item, text);
-  for (auto& member : node.members) mark_override(member.value, text);
-}
-
-JsonNode override_value(const std::string& value, const std::string& where) {
-  JsonNode node;
-  try {
-    node = parse_json(value, where);
-  } catch (const ConfigError&) {
-    if (!value.empty() && std::string_view("[{\"").find(value[0]) != std::string_view::npos) throw;
-    node = JsonNode::of(value);
-  }
-  return node;
-}
-
 JsonNode& list_item(JsonNode& list, const std::string& key, const std::string& where) {
   std::size_t index = 0;
   const auto result = std::from_chars(key.data(), key.data() + key.size(), index);
@@ -98,6 +80,24 @@ std::string shortened(std::string text, std::size_t limit) {
 }
 
 }  // namespace
+
+void mark_override(JsonNode& node, const std::string& text) {
+  node.override_text = text;
+  node.line = 0;
+  for (auto& item : node.items) mark_override(item, text);
+  for (auto& member : node.members) mark_override(member.value, text);
+}
+
+JsonNode override_value(const std::string& value, const std::string& where) {
+  JsonNode node;
+  try {
+    node = parse_json(value, where);
+  } catch (const ConfigError&) {
+    if (!value.empty() && std::string_view("[{\"").find(value[0]) != std::string_view::npos) throw;
+    node = JsonNode::of(value);
+  }
+  return node;
+}
 
 ConfigDocument ConfigDocument::parse(const std::string& text, const std::string& name,
                                      const std::vector<std::string>& overrides) {

@@ -20,6 +20,12 @@ struct ConfigDocument {
                               const std::vector<std::string>& overrides = {});
 };
 
+/// The value of an override: JSON, or a bare word as a string. Throws ConfigError that begins with `where` for a list,
+/// object or string that is not closed.
+JsonNode override_value(const std::string& value, const std::string& where);
+/// Says of a value and all inside it that the override `text` made it.
+void mark_override(JsonNode& node, const std::string& text);
+
 /// A value and where it stands.
 struct ConfigPlace {
   const ConfigDocument& document;

@@ -35,11 +35,14 @@ std::string type_text(const FieldDescription& field) {
     case FieldType::word:
       one = "word";
       break;
+    case FieldType::any:
+      one = "value";
+      break;
     case FieldType::structure:
       one = "object";
   }
   if (field.shape == FieldShape::list) return "list of " + one + "s";
-  if (field.shape == FieldShape::map) return "objects by name";
+  if (field.shape == FieldShape::map) return one + "s by name";
   return one;
 }
 

@@ -11,6 +11,7 @@
 #include <optional>
 #include <type_traits>
 
+#include "core/any_value.h"
 #include "io/config_values.h"
 
 namespace graupel::io {
@@ -76,6 +77,8 @@ void read_value(const ConfigPlace& place, const FieldInfo& info, T& out) {
     out = read_number(place, info.range);
   } else if constexpr (std::is_same_v<T, std::string>) {
     out = read_string(place);
+  } else if constexpr (std::is_same_v<T, AnyValue>) {
+    out.json = write_json(place.node, JsonLayout::compact);
   } else if constexpr (std::is_same_v<T, Vec3d>) {
     read_numbers(place, info.range, out.a, 3);
   } else if constexpr (ConfigEnum<T>) {
@@ -91,7 +94,11 @@ void read_value(const ConfigPlace& place, const FieldInfo& info, T& out) {
     for (const auto& member : read_members(place)) {
       const ConfigPlace entry = place.child(member.key, member.value);
       check_entry(place, member.key, entry);
-      read_struct(entry, member.key, out[member.key]);
+      if constexpr (ConfigStruct<typename T::mapped_type>) {
+        read_struct(entry, member.key, out[member.key]);
+      } else {
+        read_value(entry, info, out[member.key]);
+      }
     }
   } else {
     static_assert(ConfigStruct<T>, "a config field of a type that core/fields.h does not list");

@@ -60,6 +60,8 @@ JsonNode single_schema(const FieldDescription& field) {
       schema.set("enum", word_list(field.words));
       return schema;
     }
+    case FieldType::any:
+      return JsonNode::object();
     case FieldType::structure:
       return struct_schema(*field.structure);
   }

@@ -10,7 +10,9 @@ JsonNode json_of_struct(const T& value);
 
 template <typename T>
 JsonNode json_of(const T& value) {
-  if constexpr (std::is_same_v<T, Vec3d>) {
+  if constexpr (std::is_same_v<T, AnyValue>) {
+    return parse_json(value.json, "value");
+  } else if constexpr (std::is_same_v<T, Vec3d>) {
     JsonNode list = JsonNode::array();
     for (int i = 0; i < 3; ++i) list.items.push_back(JsonNode::of(value[i]));
     return list;
@@ -24,7 +26,7 @@ JsonNode json_of(const T& value) {
     return list;
   } else if constexpr (IsMap<T>::value) {
     JsonNode object = JsonNode::object();
-    for (const auto& [key, item] : value) object.set(key, json_of_struct(item));
+    for (const auto& [key, item] : value) object.set(key, json_of(item));
     return object;
   } else if constexpr (ConfigStruct<T>) {
     return json_of_struct(value);

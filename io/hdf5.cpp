@@ -43,18 +43,39 @@ void keep_metadata_until_flush(hid_t access) {
   check(H5Pset_mdc_config(access, &config), "cannot set up HDF5");
 }
 
-void write_scalar(hid_t object, const std::string& name, hid_t stored, hid_t memory, const void* value) {
+Handle list_space(std::size_t count) {
+  const hsize_t size = count;
+  return {H5Screate_simple(1, &size, nullptr), H5Sclose, "cannot make an HDF5 space"};
+}
+
+void write_values(hid_t object, const std::string& name, const Handle& space, hid_t stored, hid_t memory,
+                  const void* values) {
   const std::string what = "cannot write the attribute '" + name + "'";
   Handle attribute;
   if (check(H5Aexists(object, name.c_str()), what.c_str()) > 0) {
     attribute = Handle(H5Aopen(object, name.c_str(), H5P_DEFAULT), H5Aclose, what.c_str());
   } else {
-    const Handle space = scalar_space();
     attribute =
         Handle(H5Acreate2(object, name.c_str(), stored, space, H5P_DEFAULT, H5P_DEFAULT), H5Aclose, what.c_str());
   }
-  check(H5Awrite(attribute, memory, value), what.c_str());
+  check(H5Awrite(attribute, memory, values), what.c_str());
   attribute.close(what.c_str());
+}
+
+void write_scalar(hid_t object, const std::string& name, hid_t stored, hid_t memory, const void* value) {
+  write_values(object, name, scalar_space(), stored, memory, value);
+}
+
+constexpr hssize_t longest_list = 4096;
+
+/// The attribute when it is there, with the number of its values.
+std::optional<std::pair<Handle, std::size_t>> open_list(hid_t object, const std::string& name) {
+  if (check(H5Aexists(object, name.c_str()), "cannot look for an attribute") <= 0) return std::nullopt;
+  Handle attribute(H5Aopen(object, name.c_str(), H5P_DEFAULT), H5Aclose, "cannot open an attribute");
+  const Handle space(H5Aget_space(attribute), H5Sclose, "cannot read an attribute");
+  const hssize_t count = H5Sget_simple_extent_npoints(space);
+  if (count < 1 || count > longest_list) return std::nullopt;
+  return std::pair(std::move(attribute), static_cast<std::size_t>(count));
 }
 
 /// The attribute when it is there and holds one value.
@@ -149,6 +170,17 @@ void write_attribute(hid_t object, const std::string& name, uint64_t value) {
   write_scalar(object, name, H5T_STD_U64LE, H5T_NATIVE_UINT64, &value);
 }
 
+void write_attribute(hid_t object, const std::string& name, const std::vector<std::string>& values) {
+  const Handle type = string_type();
+  std::vector<const char*> texts;
+  for (const std::string& value : values) texts.push_back(value.c_str());
+  write_values(object, name, list_space(values.size()), type, type, texts.data());
+}
+
+void write_attribute(hid_t object, const std::string& name, const std::vector<double>& values) {
+  write_values(object, name, list_space(values.size()), H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, values.data());
+}
+
 std::optional<std::string> string_attribute(hid_t object, const std::string& name) {
   const auto attribute = open_scalar(object, name);
   if (!attribute) return std::nullopt;
@@ -180,6 +212,34 @@ std::optional<int64_t> integer_attribute(hid_t object, const std::string& name) 
 
 std::optional<uint64_t> natural_attribute(hid_t object, const std::string& name) {
   return number_attribute<uint64_t>(object, name, H5T_NATIVE_UINT64);
+}
+
+std::vector<std::string> string_list_attribute(hid_t object, const std::string& name) {
+  const auto list = open_list(object, name);
+  if (!list) return {};
+  const auto& [attribute, count] = *list;
+  const Handle type(H5Aget_type(attribute), H5Tclose, "cannot read an attribute");
+  if (H5Tget_class(type) != H5T_STRING || H5Tis_variable_str(type) <= 0) return {};
+  std::vector<char*> texts(count, nullptr);
+  check(H5Aread(attribute, type, texts.data()), "cannot read an attribute");
+  std::vector<std::string> values;
+  for (char* text : texts) {
+    values.emplace_back(text ? text : "");
+    H5free_memory(text);
+  }
+  return values;
+}
+
+std::vector<double> real_list_attribute(hid_t object, const std::string& name) {
+  const auto list = open_list(object, name);
+  if (!list) return {};
+  const auto& [attribute, count] = *list;
+  const Handle type(H5Aget_type(attribute), H5Tclose, "cannot read an attribute");
+  const H5T_class_t kind = H5Tget_class(type);
+  if (kind != H5T_INTEGER && kind != H5T_FLOAT) return {};
+  std::vector<double> values(count);
+  check(H5Aread(attribute, H5T_NATIVE_DOUBLE, values.data()), "cannot read an attribute");
+  return values;
 }
 
 std::vector<std::string> attribute_names(hid_t object) {

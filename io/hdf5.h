@@ -70,12 +70,17 @@ void write_attribute(hid_t object, const std::string& name, const std::string& v
 void write_attribute(hid_t object, const std::string& name, double value);
 void write_attribute(hid_t object, const std::string& name, int64_t value);
 void write_attribute(hid_t object, const std::string& name, uint64_t value);
+void write_attribute(hid_t object, const std::string& name, const std::vector<std::string>& values);
+void write_attribute(hid_t object, const std::string& name, const std::vector<double>& values);
 
 /// Empty when there is none, or one of another kind.
 std::optional<std::string> string_attribute(hid_t object, const std::string& name);
 std::optional<double> real_attribute(hid_t object, const std::string& name);
 std::optional<int64_t> integer_attribute(hid_t object, const std::string& name);
 std::optional<uint64_t> natural_attribute(hid_t object, const std::string& name);
+/// At most 4096 values; empty also where there are more.
+std::vector<std::string> string_list_attribute(hid_t object, const std::string& name);
+std::vector<double> real_list_attribute(hid_t object, const std::string& name);
 std::vector<std::string> attribute_names(hid_t object);
 
 /// Names of the hard links in a group, sorted. Fails for links that lead elsewhere.

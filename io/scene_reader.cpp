@@ -6,6 +6,7 @@
 #include <sstream>
 
 #include "core/atomic_file.h"
+#include "core/sweep_recipe.h"
 #include "io/config_description.h"
 #include "io/geometry_finder.h"
 #include "io/material_start.h"
@@ -62,6 +63,33 @@ std::string preset_markdown() {
     text += "| `" + name + "` | " + word_of(preset.model) + " | " + constants + " |\n";
   }
   return text;
+}
+
+/// Recipes that name a scene.
+std::string sweep_markdown() {
+  return "\n# Sweeps\n\n"
+         "A recipe with the key `scene` is a sweep: `graupel generate` runs that scene once for each value of its "
+         "parameters\nand stores the values with the trajectories (docs/file_formats.md). Run i, from 0 on, takes item "
+         "i of every list.\n\n"
+         "    {\n"
+         "      \"scene\": \"../heap.json\",\n"
+         "      \"set\": { \"domain.dx\": 0.02, \"frames\": 60 },\n"
+         "      \"parameters\": [\n"
+         "        { \"name\": \"friction_angle\", \"unit\": \"degrees\", \"key\": "
+         "\"materials.sand.friction_angle\", \"values\": [20, 25, 30],\n"
+         "          \"also\": [ { \"key\": \"sources.0.velocity\", \"values\": [[0, 0, 0], [1, 0, 0], [2, 0, 0]] } "
+         "] }\n"
+         "      ],\n"
+         "      \"test\": [1], \"fields\": \"stress,affine\"\n"
+         "    }\n\n"
+         "All runs start with the same particles, which are a reduced model's reference points: a parameter that moves "
+         "them at\nthe start is an error, as is one of `frames`, `frame_time` or `seed`. The seed is the scene's, or "
+         "`--seed`. The scene's\nkeys change in the order: scene file, `set`, parameters. For one data set "
+         "`--set deflate=4` changes a key of the recipe and\n`--set scene.domain.dx=0.03` one of its scene. To store a "
+         "frame every k substeps, give the scene\n`\"time_step\": { \"policy\": \"fixed\", "
+         "\"substeps_per_frame\": k }` and a `frame_time` of k steps.\n\n"
+         "These tables are made from `core/sweep_recipe.h`.\n" +
+         description_markdown(describe<SweepRecipe>(), "Top level of a sweep");
 }
 
 /// Self-contained text: overrides applied, absolute paths, no link to an editor's schema.
@@ -126,7 +154,7 @@ std::string scene_format_markdown() {
          "16 cells along each edge inside its walls and at most 2^21 cells along an edge. A material starts from its\n"
          "`preset`, then its other keys apply.\n\n"
          "This file is made from the declarations in `core/scene.h` and the headers that it names.\n" +
-         description_markdown(describe<Scene>(), "Top level") + preset_markdown();
+         description_markdown(describe<Scene>(), "Top level") + preset_markdown() + sweep_markdown();
 }
 
 std::string scene_schema_json() { return description_schema(describe<Scene>(), "Graupel scene"); }

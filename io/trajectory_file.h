@@ -25,6 +25,13 @@ struct TrajectoryWriteOptions {
   int group = 0;         ///< number of the trajectory in the file, "/00000"
 };
 
+/// A parameter that tells a trajectory from the others of its data set.
+struct NamedValue {
+  std::string name, unit;
+  double value = 0;
+  bool operator==(const NamedValue&) const = default;
+};
+
 /// Bytes of one particle in one frame, before compression.
 int64_t particle_frame_bytes(const TrajectoryWriteOptions& options);
 
@@ -54,6 +61,8 @@ class TrajectoryWriter {
   const std::vector<ParticleFrame>& checkpoint();
   /// Adds an attribute to the trajectory's group.
   void attribute(const std::string& name, const std::string& value);
+  /// Stores the parameters of the run, once.
+  void parameters(const std::vector<NamedValue>& values);
   /// Flush, complete=1, close, fsync, rename.
   void finish(int64_t diverged_at_frame = -1);
 
@@ -82,6 +91,7 @@ class TrajectoryReader {
   std::vector<Vec3f> initial_velocity(int i) const;             ///< empty when not stored
   Trajectory read(int i, FieldSet wanted = {}) const;           ///< whole trajectory
   std::string attribute(int i, const std::string& name) const;  ///< "" when absent
+  std::vector<NamedValue> parameters(int i) const;              ///< of the run, in the recipe's order; empty for none
 
  private:
   struct Impl;

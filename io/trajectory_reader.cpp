@@ -8,6 +8,7 @@
 #include "io/field_datasets.h"
 #include "io/hdf5_dataset.h"
 #include "io/json_node.h"
+#include "io/run_parameters.h"
 #include "io/trajectory_file.h"
 #include "io/trajectory_layout.h"
 
@@ -244,6 +245,10 @@ Trajectory TrajectoryReader::read(int i, FieldSet wanted) const {
 std::string TrajectoryReader::attribute(int i, const std::string& name) const {
   return impl_->guarded(
       [&] { return hdf5::string_attribute(impl_->trajectory(i).group, name).value_or(std::string()); });
+}
+
+std::vector<NamedValue> TrajectoryReader::parameters(int i) const {
+  return impl_->guarded([&] { return read_parameters(impl_->trajectory(i).group); });
 }
 
 }  // namespace graupel::io

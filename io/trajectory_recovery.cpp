@@ -20,6 +20,7 @@ void rewrite(const UnfinishedTrajectory& part, const std::string& path) {
   TrajectoryWriter writer(path + ".recovered", part.header(), part.contents());
   for (const auto& [name, value] : part.attributes())
     if (name != "scene_json" && name != "made_by") writer.attribute(name, value);
+  writer.parameters(part.parameters());
   writer.attribute("recovered", "1");
   for_usable_frames(part, [&](const ParticleFrame& frame) { writer.append(frame); });
   writer.finish();

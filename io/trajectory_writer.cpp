@@ -12,6 +12,7 @@
 #include "io/field_datasets.h"
 #include "io/hdf5_dataset.h"
 #include "io/part_file.h"
+#include "io/run_parameters.h"
 #include "io/trajectory_continuation.h"
 #include "io/trajectory_file.h"
 #include "io/trajectory_layout.h"
@@ -348,6 +349,11 @@ const std::vector<ParticleFrame>& TrajectoryWriter::checkpoint() {
 void TrajectoryWriter::attribute(const std::string& name, const std::string& value) {
   GRAUPEL_ASSERT(!impl_->closed);
   impl_->guarded("write to", [&] { hdf5::write_attribute(impl_->group, name, value); });
+}
+
+void TrajectoryWriter::parameters(const std::vector<NamedValue>& values) {
+  GRAUPEL_ASSERT(!impl_->closed);
+  impl_->guarded("write to", [&] { write_parameters(impl_->group, values); });
 }
 
 void TrajectoryWriter::finish(int64_t diverged_at_frame) {

@@ -4,6 +4,7 @@
 #include <filesystem>
 
 #include "io/field_datasets.h"
+#include "io/run_parameters.h"
 
 namespace graupel::io {
 
@@ -99,8 +100,11 @@ std::optional<ParticleFrame> UnfinishedTrajectory::read(hsize_t row) const {
 std::map<std::string, std::string> UnfinishedTrajectory::attributes() const {
   std::map<std::string, std::string> found;
   for (const std::string& name : hdf5::attribute_names(group_))
-    if (const auto value = hdf5::string_attribute(group_, name)) found[name] = *value;
+    if (const auto value = hdf5::string_attribute(group_, name); value && !is_parameter_attribute(name))
+      found[name] = *value;
   return found;
 }
+
+std::vector<NamedValue> UnfinishedTrajectory::parameters() const { return read_parameters(group_); }
 
 }  // namespace graupel::io

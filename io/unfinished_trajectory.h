@@ -27,8 +27,9 @@ class UnfinishedTrajectory {
   /// The frame at `row`, or nothing when a chunk is missing or fails its checksum. The first one has velocities where
   /// only these are stored.
   std::optional<ParticleFrame> read(hsize_t row) const;
-  /// Text attributes of the trajectory.
+  /// Text attributes of the trajectory, without those of its parameters.
   std::map<std::string, std::string> attributes() const;
+  std::vector<NamedValue> parameters() const;
 
  private:
   bool has_chunks(hsize_t row) const;

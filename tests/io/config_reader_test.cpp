@@ -47,6 +47,8 @@ struct Machine {
   std::vector<Wheel> wheels;
   std::vector<double> gears = {1, 2};
   std::map<std::string, Wheel> drawer;
+  AnyValue cargo;
+  std::map<std::string, AnyValue> notes;
 
   template <typename Visitor>
   static void fields(Visitor&& visit) {
@@ -68,6 +70,8 @@ struct Machine {
     visit(&M::wheels, FieldInfo{.name = "wheels", .unit = "", .meaning = "Wheels"});
     visit(&M::gears, FieldInfo{.name = "gears", .unit = "", .meaning = "Ratios", .range = Range::positive()});
     visit(&M::drawer, FieldInfo{.name = "drawer", .unit = "", .meaning = "Spares by name"});
+    visit(&M::cargo, FieldInfo{.name = "cargo", .unit = "", .meaning = "Whatever it is"});
+    visit(&M::notes, FieldInfo{.name = "notes", .unit = "", .meaning = "Remarks by subject"});
   }
 };
 
@@ -78,7 +82,7 @@ Machine read(const std::string& text, const std::vector<std::string>& overrides 
 TEST(ConfigReader, ReadsEveryType) {
   const Machine m = read(R"({"engine": "wind", "sail": 7.5, "loud": false, "crew": 4, "serial": 18446744073709551615,
     "owner": "Ada", "place": [1, 2.5, -3], "weight": 1e3, "spare": {"radius": 1}, "wheels": [{"radius": 2}, {"radius": 3}],
-    "gears": [4], "drawer": {"a b": {"radius": 5}}, "$schema": "machine.schema.json"})");
+    "gears": [4], "drawer": {"a b": {"radius": 5}}, "cargo": [1, {"x": "y"}], "notes": {"a.b": null, "c": -2.5}, "$schema": "machine.schema.json"})");
   EXPECT_EQ(m.engine, Engine::wind);
   EXPECT_EQ(m.sail, 7.5);
   EXPECT_FALSE(m.loud);
@@ -92,6 +96,10 @@ TEST(ConfigReader, ReadsEveryType) {
   EXPECT_EQ(m.wheels[1].radius, 3);
   EXPECT_EQ(m.gears, std::vector<double>{4});
   EXPECT_EQ(m.drawer.at("a b").radius, 5);
+  EXPECT_EQ(m.cargo.json, R"([1,{"x":"y"}])");
+  ASSERT_EQ(m.notes.size(), 2u);
+  EXPECT_EQ(m.notes.at("a.b").json, "null");
+  EXPECT_EQ(m.notes.at("c").json, "-2.5");
 }
 
 TEST(ConfigReader, KeepsDefaultsOfAbsentKeys) {
@@ -102,7 +110,8 @@ TEST(ConfigReader, KeepsDefaultsOfAbsentKeys) {
 }
 
 TEST(ConfigReader, RoundTrips) {
-  const Machine m = read(R"({"engine": "wind", "sail": 0.1, "weight": 2, "wheels": [{"radius": 0.7}]})");
+  const Machine m = read(R"({"engine": "wind", "sail": 0.1, "weight": 2, "wheels": [{"radius": 0.7}],
+    "cargo": {"a": [true]}, "notes": {"b": "c"}})");
   const std::string text = write_json(json_of(m), JsonLayout::indented);
   EXPECT_EQ(write_json(json_of(read(text)), JsonLayout::indented), text);
 }

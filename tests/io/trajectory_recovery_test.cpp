@@ -21,6 +21,7 @@ void write_and_kill(const std::string& path, int frames, int flush_every) {
   if (child == 0) {
     TrajectoryWriter writer(path, sample_header(particles), {.flush_every = flush_every});
     writer.attribute("note", "before the kill");
+    writer.parameters({{"speed", "m/s", 1.5}});
     for (int k = 0; k < frames; ++k) writer.append(sample_frame(particles, k));
     kill(getpid(), SIGKILL);
   }
@@ -49,6 +50,7 @@ TEST(Recovery, FindsEveryFlushedFrameAfterAKill) {
     EXPECT_EQ(read.scene_json, sample_header(1).scene_json);
     EXPECT_EQ(reader.attribute(0, "note"), "before the kill");
     EXPECT_EQ(reader.attribute(0, "recovered"), "1");
+    EXPECT_EQ(reader.parameters(0), (std::vector<NamedValue>{{"speed", "m/s", 1.5}}));
     ASSERT_EQ(read.frame_count(), static_cast<std::size_t>(flushed));
     for (int k = 0; k < flushed; ++k) ASSERT_TRUE(same_frame(read.frames[k], sample_frame(particles, k))) << k;
   }
