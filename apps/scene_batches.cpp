@@ -189,7 +189,7 @@ SceneRunner::Files SceneRunner::open_files(const Jobs& jobs, const std::vector<m
     header.seed = scenes[i].options.seed;
     header.made_by = "mpm";
     io::TrajectoryWriteOptions write;
-    write.velocity = false;
+    write.velocity = source_.velocities();
     write.active = scenes[i].scene.has_inactive_particles();
     write.fields = source_.fields();
     write.deflate = source_.deflate();

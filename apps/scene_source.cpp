@@ -44,6 +44,7 @@ class RandomScenes : public SceneSource {
   uint64_t seed() const override { return seed_; }
   FieldSet fields() const override { return fields_; }
   int deflate() const override { return 1; }
+  bool velocities() const override { return false; }
   OnDivergence on_divergence() const override { return OnDivergence::redraw; }
   int64_t default_batch(Device device) const override { return device == Device::cuda ? most_scenes_at_once : 1; }
   Scene scene(const SceneJob& job) const override {
@@ -80,6 +81,7 @@ class SweepScenes : public SceneSource {
   uint64_t seed() const override { return seed_; }
   FieldSet fields() const override { return fields_; }
   int deflate() const override { return static_cast<int>(sweep_.recipe.deflate); }
+  bool velocities() const override { return true; }
   OnDivergence on_divergence() const override { return OnDivergence::report; }
   int64_t default_batch(Device device) const override {
     if (device != Device::cuda) return 1;
@@ -94,8 +96,11 @@ class SweepScenes : public SceneSource {
   }
   std::vector<io::NamedValue> parameters(const SceneJob& job) const override {
     std::vector<io::NamedValue> values;
-    for (const SweepParameter& parameter : sweep_.recipe.parameters)
-      values.push_back({parameter.name, parameter.unit, parameter.values[static_cast<std::size_t>(run_of(job))]});
+    for (const SweepParameter& parameter : sweep_.recipe.parameters) {
+      values.push_back(
+          {parameter.name, parameter.unit, parameter.values[static_cast<std::size_t>(run_of(job))], {parameter.key}});
+      for (const SweepFollower& follower : parameter.also) values.back().keys.push_back(follower.key);
+    }
     return values;
   }
   std::string text(const SceneJob& job) const override { return sweep_.run_text(run_of(job)); }

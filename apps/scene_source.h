@@ -35,6 +35,7 @@ class SceneSource {
   virtual uint64_t seed() const = 0;
   virtual FieldSet fields() const = 0;  ///< stored in every frame
   virtual int deflate() const = 0;
+  virtual bool velocities() const = 0;  ///< whether those of every frame are stored
   virtual OnDivergence on_divergence() const = 0;
   /// Scenes that advance together unless the user says otherwise: as many as fill a GPU; on the CPU a thread each.
   virtual int64_t default_batch(Device device) const = 0;

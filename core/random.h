@@ -23,6 +23,7 @@ enum class RandomPurpose : uint32_t {
   metric_subset = 8,
   training_symmetry = 9,
   emission = 10,
+  sample_particle = 11,
   test = 99
 };
 

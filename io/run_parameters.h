@@ -1,4 +1,5 @@
-// Parameters of a run as attributes of its trajectory: parameter_names, parameter_units, parameter_values.
+// Parameters of a run as attributes of its trajectory: parameter_names, parameter_units, parameter_values,
+// parameter_keys (those of a parameter joined by spaces).
 #pragma once
 
 #include "io/hdf5.h"

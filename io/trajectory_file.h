@@ -29,6 +29,7 @@ struct TrajectoryWriteOptions {
 struct NamedValue {
   std::string name, unit;
   double value = 0;
+  std::vector<std::string> keys = {};  ///< of the scene that follow it, as dotted paths; the first has its value
   bool operator==(const NamedValue&) const = default;
 };
 

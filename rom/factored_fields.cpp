@@ -20,6 +20,16 @@ struct Deformation {
   void update(const LatentState& state) {
     const auto m = static_cast<std::size_t>(branch.count()), r = static_cast<std::size_t>(branch.latents());
     std::vector<double> value(m), slope(m * r);
+    if (state.last_step > 0) {
+      std::vector<double> before = state.latent, old(m);
+      for (std::size_t j = 0; j < r; ++j) before[j] -= state.last_step * state.velocity[j];
+      branch.coefficients(state.latent.data(), value.data());
+      branch.coefficients(before.data(), old.data());
+      a.assign(value.begin(), value.end());
+      rate.resize(m);
+      for (std::size_t k = 0; k < m; ++k) rate[k] = static_cast<T>((value[k] - old[k]) / state.last_step);
+      return;
+    }
     branch.coefficients(state.latent.data(), value.data());
     branch.jacobian(state.latent.data(), slope.data());
     a.assign(value.begin(), value.end());

@@ -16,24 +16,30 @@ struct Weighing {
   std::vector<double> distance2, weight;
   double down_weighted = 0;
 
-  Weighing(const Eigen::VectorXd& residual, double factor) {
+  Weighing(const Eigen::VectorXd& residual, const std::vector<bool>& lost, double factor) {
     const auto n = static_cast<std::size_t>(residual.size() / 3);
     distance2.resize(n);
     weight.assign(n, 1.0);
-    for (std::size_t s = 0; s < n; ++s)
-      distance2[s] = residual.segment<3>(3 * static_cast<Eigen::Index>(s)).squaredNorm();
-    if (factor <= 0 || n == 0) return;
-    std::vector<double> sorted = distance2;
-    const auto middle = sorted.begin() + static_cast<std::ptrdiff_t>(n / 2);
-    std::nth_element(sorted.begin(), middle, sorted.end());
-    const double limit2 = factor * factor * *middle;
-    std::size_t beyond = 0;
+    std::vector<double> sorted;
     for (std::size_t s = 0; s < n; ++s) {
-      if (!(distance2[s] > limit2)) continue;
-      weight[s] = limit2 / distance2[s];
-      ++beyond;
+      distance2[s] = residual.segment<3>(3 * static_cast<Eigen::Index>(s)).squaredNorm();
+      if (!lost.empty() && lost[s])
+        weight[s] = 0;
+      else
+        sorted.push_back(distance2[s]);
     }
-    down_weighted = static_cast<double>(beyond) / static_cast<double>(n);
+    std::size_t beyond = n - sorted.size();
+    if (factor > 0 && !sorted.empty()) {
+      const auto middle = sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() / 2);
+      std::nth_element(sorted.begin(), middle, sorted.end());
+      const double limit2 = factor * factor * *middle;
+      for (std::size_t s = 0; s < n; ++s) {
+        if (weight[s] == 0 || !(distance2[s] > limit2)) continue;
+        weight[s] = limit2 / distance2[s];
+        ++beyond;
+      }
+    }
+    down_weighted = n > 0 ? static_cast<double>(beyond) / static_cast<double>(n) : 0;
   }
 
   double root_mean() const {
@@ -48,16 +54,26 @@ struct Weighing {
 
 }  // namespace
 
-FitReport fit_latent(const SampleField& field, const Eigen::VectorXd& target, const FitOptions& options,
-                     Eigen::VectorXd& latent) {
+FitReport fit_latent(const SampleField& field, const Eigen::VectorXd& target, const std::vector<bool>& lost,
+                     const FitOptions& options, Eigen::VectorXd& latent) {
   constexpr double ridge = 1e-12;  ///< of the mean diagonal
   FitReport report;
+  if (2 * std::count(lost.begin(), lost.end(), true) > field.samples())
+    throw DivergedError(
+        "more than half of the samples of the reduced model move over one cell in a step, or are not finite. Use a "
+        "smaller time step factor, more samples, or parameters nearer to those of the training");
   Eigen::VectorXd position;
   Eigen::MatrixXd jacobian;
-  field.evaluate(latent.data(), position);
-  Eigen::VectorXd residual = target - position;
+  Eigen::VectorXd residual;
+  const auto update_residual = [&] {
+    field.evaluate(latent.data(), position);
+    residual = target - position;
+    for (std::size_t s = 0; s < lost.size(); ++s)
+      if (lost[s]) residual.segment<3>(3 * static_cast<Eigen::Index>(s)).setZero();
+  };
+  update_residual();
   while (report.iterations < options.iterations) {
-    const Weighing weighing(residual, options.outlier_factor);
+    const Weighing weighing(residual, lost, options.outlier_factor);
     field.jacobian(latent.data(), jacobian);
     Eigen::MatrixXd weighted = jacobian;
     for (Eigen::Index s = 0; s < field.samples(); ++s)
@@ -74,11 +90,10 @@ FitReport fit_latent(const SampleField& field, const Eigen::VectorXd& target, co
     report.condition = std::pow(diagonal.maxCoeff() / diagonal.minCoeff(), 2);
     latent += change;
     ++report.iterations;
-    field.evaluate(latent.data(), position);
-    residual = target - position;
+    update_residual();
     if (change.norm() <= options.tolerance * (1 + latent.norm())) break;
   }
-  const Weighing last(residual, options.outlier_factor);
+  const Weighing last(residual, lost, options.outlier_factor);
   report.down_weighted = last.down_weighted;
   report.distance = last.root_mean();
   return report;

@@ -6,6 +6,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <vector>
 
 namespace graupel::rom {
 
@@ -29,13 +30,13 @@ struct FitOptions {
 struct FitReport {
   int iterations = 0;
   double distance = 0;       ///< root of the weighted mean of |g(X_s, q) - x_s|^2 [m]
-  double down_weighted = 0;  ///< share of samples with w < 1
+  double down_weighted = 0;  ///< share of samples with w < 1, lost ones included
   double condition = 0;      ///< largest over smallest eigenvalue of J^T W J, estimated from its Cholesky factor
 };
 
-/// Improves `latent` from its value on entry. Throws DivergedError when the normal equations are singular or not
-/// finite.
-FitReport fit_latent(const SampleField& field, const Eigen::VectorXd& target, const FitOptions& options,
-                     Eigen::VectorXd& latent);
+/// Improves `latent` from its value on entry. `lost[s]`: sample s does not count (empty: all do). Throws DivergedError
+/// when more than half are lost, or the normal equations are singular or not finite.
+FitReport fit_latent(const SampleField& field, const Eigen::VectorXd& target, const std::vector<bool>& lost,
+                     const FitOptions& options, Eigen::VectorXd& latent);
 
 }  // namespace graupel::rom

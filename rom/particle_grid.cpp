@@ -1,8 +1,7 @@
 #include "rom/particle_grid.h"
 
-#include <fmt/format.h>
-
 #include <algorithm>
+#include <cmath>
 
 #include "core/error.h"
 #include "mpm/material.h"
@@ -102,7 +101,7 @@ void ParticleGrid<T>::make_room() {
 }
 
 template <typename T>
-void ParticleGrid<T>::step(double time, double dt) {
+void ParticleGrid<T>::step(double time, double dt, std::vector<bool>& lost) {
   const T step = static_cast<T>(dt);
   const Scene& scene = prepared_.scene;
   const bool tuned = !scene.domain.is_plane() && scene.transfer.spline == Spline::quadratic;
@@ -129,19 +128,23 @@ void ParticleGrid<T>::step(double time, double dt) {
   if (periodic || !tuned) mpm::update_grid(v, step);
   mpm::grid_to_particle_slots(v, samples_);
   if (roles_.has_scripts()) mpm::lead_particles(v, impulses_);
-  move_samples(v, step);
+  move_samples(v, step, lost);
 }
 
 template <typename T>
-void ParticleGrid<T>::move_samples(const mpm::SolverView<T>& v, T dt) {
+void ParticleGrid<T>::move_samples(const mpm::SolverView<T>& v, T dt, std::vector<bool>& lost) {
+  lost.assign(static_cast<std::size_t>(samples_), false);
+  for (int64_t s = 0; s < samples_; ++s) {
+    const Vec<T, 3> velocity = v.particles.velocity.vec(s);
+    bool fits = true;
+    for (int d = 0; d < 3; ++d) fits = fits && std::abs(dt * velocity[d]) <= grid_.dx;  // false for NaN
+    if (fits) continue;
+    lost[static_cast<std::size_t>(s)] = true;
+    v.particles.velocity.set_vec(s, Vec<T, 3>::zero());
+  }
   mpm::SolverView<T> samples = v;
   samples.particles.count = samples_;
-  const mpm::Survey found = mpm::move_particles(samples, dt, records_);
-  if (found.bad_slot >= 0)
-    throw DivergedError(fmt::format(
-        "sample particle {} of the reduced model moves over one cell in a step, or is not finite. Use a smaller time "
-        "step factor, more samples, or parameters nearer to those of the training",
-        v.particles.source_index.get(found.bad_slot)));
+  mpm::move_particles(samples, dt, records_);
 }
 
 template <typename T>

@@ -28,15 +28,15 @@ class ParticleGrid {
   /// Slot i is chosen.particles[i]: position, velocity, affine velocity and stress are to be written before a step.
   mpm::ParticleView<T> particles() { return particles_.view(); }
   /// Advances the grid by dt from `time` [s] on; the samples' positions and velocities are then those after the step.
-  /// Throws DivergedError when a sample is not finite or moves over one cell.
-  void step(double time, double dt);
+  /// `lost[s]`: sample s is not finite or would move over one cell, as beside a node with hardly any mass; it stays.
+  void step(double time, double dt, std::vector<bool>& lost);
   int64_t active_nodes() const;
   int64_t bytes() const;
 
  private:
   mpm::SolverView<T> view();
   void make_room();
-  void move_samples(const mpm::SolverView<T>& v, T dt);
+  void move_samples(const mpm::SolverView<T>& v, T dt, std::vector<bool>& lost);
 
   mpm::PreparedScene const& prepared_;
   std::vector<MaterialConfig> configs_;

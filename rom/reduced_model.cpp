@@ -39,7 +39,7 @@ void check_indices(const nn::Weights& weights, const std::vector<int32_t>& indic
 
 void read_settings(const Json& settings, ReducedModel& model) {
   for (const Json& p : settings.at("parameters"))
-    model.parameters.push_back({p.at("name"), p.at("unit"), p.at("key"), p.at("low"), p.at("high")});
+    model.parameters.push_back({p.at("name"), p.at("unit"), p.at("keys"), p.at("low"), p.at("high")});
   model.substeps_per_frame = settings.at("substeps_per_frame");
   model.frame_time = settings.at("frame_time");
   model.latent_reach = settings.at("latent_reach");
@@ -111,7 +111,7 @@ nn::Weights ReducedModel::store(nn::DType modes) const {
                    {"usual_residual", usual_residual}};
   for (const ModelParameter& p : parameters)
     settings["parameters"].push_back(
-        {{"name", p.name}, {"unit", p.unit}, {"key", p.key}, {"low", p.low}, {"high", p.high}});
+        {{"name", p.name}, {"unit", p.unit}, {"keys", p.keys}, {"low", p.low}, {"high", p.high}});
   weights.metadata["settings"] = settings.dump();
   fields->deformation().store(weights, "deformation", modes);
   fields->stress().store(weights, "stress", modes);

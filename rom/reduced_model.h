@@ -17,7 +17,8 @@ inline constexpr const char* nsf_architecture = "nsf";
 
 /// A key of the scene that differs from run to run.
 struct ModelParameter {
-  std::string name, unit, key;  ///< key: "materials.sand.friction_angle"
+  std::string name, unit;
+  std::vector<std::string> keys;  ///< of the scene that follow it: "materials.sand.friction_angle"; the first has its value
   double low = 0, high = 0;     ///< of the training runs
 };
 

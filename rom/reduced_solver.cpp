@@ -84,7 +84,7 @@ void ReducedSolver<T>::start() {
     }
   const auto r = static_cast<Eigen::Index>(model_.start_latent.size());
   Eigen::VectorXd latent = Eigen::Map<const Eigen::VectorXd>(model_.start_latent.data(), r);
-  fit_latent(*encoder, position, {.iterations = 20, .outlier_factor = 0}, latent);
+  fit_latent(*encoder, position, {}, {.iterations = 20, .outlier_factor = 0}, latent);
   Eigen::MatrixXd jacobian;
   encoder->jacobian(latent.data(), jacobian);
   const Eigen::VectorXd rate = (jacobian.transpose() * jacobian).ldlt().solve(jacobian.transpose() * velocity);
@@ -114,7 +114,7 @@ void ReducedSolver<T>::step(double dt) {
   fields_->decode(state_, grid_.particles());
   timer.lap(timing.decode);
   sample_field_->evaluate(state_.latent.data(), before_);
-  grid_.step(time_, dt);
+  grid_.step(time_, dt, lost_);
   timer.lap(timing.grid);
   invert(dt);
   timer.lap(timing.inversion);
@@ -124,10 +124,12 @@ void ReducedSolver<T>::step(double dt) {
 
 template <typename T>
 void ReducedSolver<T>::choose_points() {
-  const GridParticles chosen = points_.find(state_);
-  grid_.choose(chosen);
-  fields_ = bind_fields<T>(*model_.fields, chosen.particles);
   due_ = false;
+  GridParticles found = points_.find(state_);
+  if (fields_ && found.particles == chosen_.particles) return;
+  chosen_ = std::move(found);
+  grid_.choose(chosen_);
+  fields_ = bind_fields<T>(*model_.fields, chosen_.particles);
 }
 
 /// q <- argmin |g(X_s, q) - x_s|^2 from where the latent's velocity takes it; q' is the change over dt.
@@ -146,8 +148,9 @@ void ReducedSolver<T>::invert(double dt) {
   }
   const Eigen::Map<const Eigen::VectorXd> old(state_.latent.data(), r), rate(state_.velocity.data(), r);
   Eigen::VectorXd latent = old + dt * rate;
-  const FitReport report = fit_latent(*sample_field_, target_, options_.fit, latent);
+  const FitReport report = fit_latent(*sample_field_, target_, lost_, options_.fit, latent);
   const Eigen::VectorXd velocity = (latent - old) / dt;
+  state_.last_step = dt;
   state_.latent.assign(latent.data(), latent.data() + r);
   state_.velocity.assign(velocity.data(), velocity.data() + r);
 

@@ -78,11 +78,13 @@ class ReducedSolver {
   std::vector<int32_t> samples_;
   ParticleGrid<T> grid_;
   IntegrationPoints<T> points_;
+  GridParticles chosen_;  ///< integration particles
   std::unique_ptr<SampleField> sample_field_;
   std::unique_ptr<PointFields<T>> fields_;
   std::unique_ptr<PointPositions<float>> output_;
   LatentState state_;
   Eigen::VectorXd before_, target_;
+  std::vector<bool> lost_;  ///< samples that the last step threw off
   double time_ = 0;
   bool due_ = true;  ///< integration points are to be found again
   TrustIndicator trust_;

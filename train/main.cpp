@@ -17,6 +17,7 @@
 #include "core/human_time.h"
 #include "core/stop_signal.h"
 #include "graph/normalization.h"
+#include "train/nsf_command.h"
 #include "train/run_folder.h"
 #include "train/training_loop.h"
 
@@ -243,6 +244,8 @@ int run(int argc, char** argv) {
   Arguments arguments;
   for (int i = 0; i < argc; ++i) arguments.command_line += (i > 0 ? " " : "") + std::string(argv[i]);
   add_options(*hgn, arguments);
+  int exit_code = 0;
+  add_nsf_command(app, arguments.command_line, exit_code);
   try {
     app.parse(argc, argv);
   } catch (const CLI::Success& help) {
@@ -252,6 +255,7 @@ int run(int argc, char** argv) {
                  parse_error_text(app, error).c_str());
     return static_cast<int>(ExitCode::usage);
   }
+  if (!hgn->parsed()) return exit_code;
   if (arguments.print_defaults) {
     fmt::print("{}\n", train_config_text(TrainConfig()));
     return 0;

@@ -19,10 +19,12 @@ double Pod::tail(int count) const {
   return all > 0 ? std::sqrt(singular.tail(singular.size() - kept).squaredNorm() / all) : 0;
 }
 
-Pod pod(const SnapshotMatrix& snapshots, int modes) {
+Pod pod(const SnapshotMatrix& snapshots, int modes, PodMean about) {
   const Eigen::Index n = snapshots.rows(), width = snapshots.cols();
   Pod result;
-  const Eigen::RowVectorXf mean = (snapshots.cast<double>().colwise().sum() / static_cast<double>(n)).cast<float>();
+  Eigen::RowVectorXf mean = Eigen::RowVectorXf::Zero(width);
+  if (about == PodMean::removed)
+    mean = (snapshots.cast<double>().colwise().sum() / static_cast<double>(n)).cast<float>();
   result.mean.assign(mean.data(), mean.data() + width);
   Eigen::MatrixXd gram = Eigen::MatrixXd::Zero(n, n);
   for (Eigen::Index first = 0; first < width; first += block) {

@@ -20,8 +20,13 @@ struct Pod {
   double tail(int count) const;
 };
 
+enum class PodMean {
+  removed,  ///< modes of the differences from the mean
+  kept      ///< the mean is zero: for fields that vanish with the velocity
+};
+
 /// At most `modes` of them, and none that is rounding only.
-Pod pod(const SnapshotMatrix& snapshots, int modes);
+Pod pod(const SnapshotMatrix& snapshots, int modes, PodMean about = PodMean::removed);
 
 /// Coefficients of other rows (without the mean) in a basis of pod(): least squares, [rows, modes].
 Eigen::MatrixXd project(const SnapshotMatrix& rows, const Pod& pod, int modes);

@@ -6,6 +6,7 @@
 #include <cstring>
 
 #include "core/error.h"
+#include "io/scene_reader.h"
 #include "io/trajectory_file.h"
 
 namespace graupel::train {
@@ -68,17 +69,20 @@ SnapshotSet::SnapshotSet(const std::string& file) : file_(file) {
       frame_time_ = header.frame_time;
       scene_json_ = header.scene_json;
       if (scene_json_.empty()) throw wrong("lacks its scene");
+      const Scene scene = io::parse_stored_scene(scene_json_, file, file);
+      if (scene.time_step.policy != StepPolicy::fixed) throw wrong("has no fixed step (time_step.policy)");
+      substeps_per_frame_ = scene.time_step.substeps_per_frame;
     } else if (!(start.position == reference_)) {
       throw wrong("starts with other particles than the first run");
     } else if (header.frame_time != frame_time_) {
       throw wrong("has another time between frames than the first run");
     }
-    const std::vector<SceneParameter> values = reader.parameters(run);
+    const std::vector<io::NamedValue> values = reader.parameters(run);
     if (run == 0)
-      for (const SceneParameter& p : values) parameters_.push_back({p.name, p.unit, p.key, {}});
+      for (const io::NamedValue& p : values) parameters_.push_back({p.name, p.unit, p.keys, {}});
     if (values.size() != parameters_.size()) throw wrong("has other parameters than the first run");
     for (std::size_t i = 0; i < values.size(); ++i) {
-      if (values[i].key != parameters_[i].key) throw wrong("has other parameters than the first run");
+      if (values[i].keys != parameters_[i].keys) throw wrong("has other parameters than the first run");
       parameters_[i].values.push_back(values[i].value);
     }
     first_snapshot_.push_back(first_snapshot_.back() + static_cast<int64_t>(header.frame_count()));

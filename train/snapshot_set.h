@@ -12,7 +12,8 @@ namespace graupel::train {
 
 /// A parameter of the sweep with its value in every run.
 struct SweptParameter {
-  std::string name, unit, key;
+  std::string name, unit;
+  std::vector<std::string> keys;  ///< of the scene that follow it; the first has its value
   std::vector<double> values;  ///< [runs]
 };
 
@@ -35,16 +36,16 @@ class SnapshotSet {
   const std::vector<SweptParameter>& parameters() const { return parameters_; }
   const std::vector<Vec3f>& reference() const { return reference_; }  ///< X: positions of the first frame [m]
   const std::string& scene_json() const { return scene_json_; }       ///< of the first run
-  double frame_time() const { return frame_time_; }
+  double frame_time() const { return frame_time_; }                    ///< [s]
+  int64_t substeps_per_frame() const { return substeps_per_frame_; }
 
   /// A field of all snapshots and the particles first .. first + count - 1, [snapshots, count * components].
   std::vector<float> read(SnapshotField field, int64_t first, int64_t count) const;
 
  private:
-  void open_run(int run);
-
   std::string file_, scene_json_;
   double frame_time_ = 0;
+  int64_t substeps_per_frame_ = 1;
   std::vector<int64_t> first_snapshot_ = {0};
   std::vector<SweptParameter> parameters_;
   std::vector<Vec3f> reference_;

@@ -25,8 +25,9 @@ const Graph allowed = {
     {"validation", {"core", "sparsegrid", "mpm"}},
     {"graph", {"core", "nn", "sparsegrid"}},
     {"compare", {"core", "io", "sparsegrid"}},
-    {"train", {"core", "io", "nn", "sparsegrid", "graph"}},
-    {"apps", {"core", "io", "nn", "sparsegrid", "mpm", "validation", "graph", "compare"}},
+    {"rom", {"core", "nn", "sparsegrid", "mpm"}},
+    {"train", {"core", "io", "nn", "sparsegrid", "mpm", "graph", "rom"}},
+    {"apps", {"core", "io", "nn", "sparsegrid", "mpm", "validation", "graph", "compare", "rom"}},
 };
 
 std::string text_of(const fs::path& path) {

@@ -1,0 +1,107 @@
+#include "apps/reduced_runs.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cstdio>
+#include <nlohmann/json.hpp>
+#include <set>
+
+#include "core/error.h"
+#include "io/scene_reader.h"
+
+namespace graupel::apps {
+
+namespace {
+
+using Json = nlohmann::json;
+
+/// Keys that a reduced run may have otherwise than the training.
+const std::set<std::string> free_keys = {"/name", "/description", "/seed", "/frames"};
+
+std::string pointer_of(std::string key) {
+  std::replace(key.begin(), key.end(), '.', '/');
+  return "/" + key;
+}
+
+Json without_free_keys(const std::string& scene_json, const rom::ReducedModel& model) {
+  Json scene = Json::parse(scene_json);
+  std::set<std::string> keys = free_keys;
+  for (const rom::ModelParameter& p : model.parameters)
+    for (const std::string& key : p.keys) keys.insert(pointer_of(key));
+  for (const std::string& key : keys) {
+    const Json::json_pointer pointer(key);
+    if (scene.contains(pointer)) scene[pointer] = nullptr;
+  }
+  return scene;
+}
+
+double number_at(const Json& scene, const rom::ModelParameter& parameter, const std::string& file) {
+  const Json::json_pointer pointer(pointer_of(parameter.keys.front()));
+  if (!scene.contains(pointer) || !scene.at(pointer).is_number())
+    throw ConfigError("the scene has no number at '" + parameter.keys.front() + "', which '" + file +
+                      "' was trained on. Use the scene that the model was trained with");
+  return scene.at(pointer).get<double>();
+}
+
+}  // namespace
+
+LoadedModel::LoadedModel(const std::string& path)
+    : file(path), model(rom::ReducedModel::load(nn::read_safetensors(path))) {
+  // As the scene reader writes it, with every default of this version.
+  model.scene_json = io::scene_to_json(io::parse_stored_scene(model.scene_json, file, file));
+}
+
+bool is_reduced_model(const std::string& file) {
+  const nn::Weights weights = nn::read_safetensors(file);
+  const auto architecture = weights.metadata.find("architecture");
+  return architecture != weights.metadata.end() && architecture->second == rom::nsf_architecture;
+}
+
+std::vector<double> parameters_of(const LoadedModel& loaded, const Scene& scene) {
+  const std::string text = io::scene_to_json(scene);
+  const Json own = without_free_keys(text, loaded.model), trained = without_free_keys(loaded.model.scene_json, loaded.model);
+  const Json difference = Json::diff(trained, own);
+  if (!difference.empty()) {
+    const std::string path = difference.front().at("path");
+    const Json::json_pointer pointer(path);
+    const auto text_at = [&](const Json& json) { return json.contains(pointer) ? json.at(pointer).dump() : "nothing"; };
+    throw ConfigError(fmt::format(
+        "'{}' is for another scene ('{}' has {} there, the scene of the training {}). Use that scene; 'graupel inspect' "
+        "shows it",
+        loaded.file, path, text_at(own), text_at(trained)));
+  }
+  std::vector<double> parameters;
+  const Json whole = Json::parse(text);
+  for (const rom::ModelParameter& p : loaded.model.parameters) parameters.push_back(number_at(whole, p, loaded.file));
+  return parameters;
+}
+
+std::vector<std::string> outside_range(const rom::ReducedModel& model, const std::vector<double>& parameters) {
+  std::vector<std::string> lines;
+  for (std::size_t i = 0; i < parameters.size(); ++i) {
+    const rom::ModelParameter& p = model.parameters[i];
+    const double tolerance = 1e-6 * (p.high - p.low);
+    if (parameters[i] < p.low - tolerance || parameters[i] > p.high + tolerance)
+      lines.push_back(fmt::format("{} = {:g} {}, trained on {:g} to {:g}", p.name, parameters[i], p.unit, p.low, p.high));
+  }
+  return lines;
+}
+
+ReducedRun::ReducedRun(const LoadedModel& loaded, const Scene& scene, uint64_t seed, const rom::ReducedOptions& options,
+                       Arithmetic arithmetic)
+    : parameters_(parameters_of(loaded, scene)) {
+  for (const std::string& line : outside_range(loaded.model, parameters_))
+    std::fprintf(stderr, "graupel: warning: %s is outside of what '%s' was trained on: %s\n", scene.name.c_str(),
+                 loaded.file.c_str(), line.c_str());
+  mpm::PreparedScene prepared(scene, {.device = Device::cpu, .seed = seed});
+  for (const int32_t material : prepared.particles.material)
+    particle_type_.push_back(particle_type_of(
+        scene.materials.at(prepared.particles.material_names[static_cast<std::size_t>(material)]).model));
+  if (arithmetic == Arithmetic::f32)
+    single_ = std::make_unique<rom::ReducedSolver<float>>(loaded.model, std::move(prepared), parameters_, options);
+  else
+    exact_ = std::make_unique<rom::ReducedSolver<double>>(loaded.model, std::move(prepared), parameters_, options);
+}
+
+}  // namespace graupel::apps

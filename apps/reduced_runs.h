@@ -1,0 +1,52 @@
+// Reduced-order models on scenes: which scenes a model is for, and runs that are measured.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "core/scene.h"
+#include "rom/reduced_solver.h"
+
+namespace graupel::apps {
+
+/// A weights file, read once.
+struct LoadedModel {
+  explicit LoadedModel(const std::string& file);
+  std::string file;
+  rom::ReducedModel model;
+};
+
+/// Whether a weights file holds a reduced-order model.
+bool is_reduced_model(const std::string& file);
+
+/// The model's parameters as this scene has them. Throws ConfigError, naming the first key that differs, for a scene
+/// that differs from that of the training in more than its parameters, frames and names.
+std::vector<double> parameters_of(const LoadedModel& model, const Scene& scene);
+/// A line for every parameter outside of the training's range: "friction_angle = 55 degrees, trained on 21 to 38.5".
+std::vector<std::string> outside_range(const rom::ReducedModel& model, const std::vector<double>& parameters);
+
+enum class Arithmetic { f32, f64 };
+
+/// A reduced run of either precision.
+class ReducedRun {
+ public:
+  /// Prints a warning for parameters outside of the training's range, unless `quiet`.
+  ReducedRun(const LoadedModel& model, const Scene& scene, uint64_t seed, const rom::ReducedOptions& options,
+             Arithmetic arithmetic = Arithmetic::f32);
+  void advance_frame() { single_ ? single_->advance_frame() : exact_->advance_frame(); }
+  ParticleFrame frame() const { return single_ ? single_->frame() : exact_->frame(); }
+  const rom::TrustIndicator& trust() const { return single_ ? single_->trust() : exact_->trust(); }
+  rom::ReducedStatistics statistics() const { return single_ ? single_->statistics() : exact_->statistics(); }
+  const std::vector<int32_t>& particle_type() const { return particle_type_; }
+  const std::vector<double>& parameters() const { return parameters_; }
+
+ private:
+  std::vector<double> parameters_;
+  std::vector<int32_t> particle_type_;
+  std::unique_ptr<rom::ReducedSolver<float>> single_;
+  std::unique_ptr<rom::ReducedSolver<double>> exact_;
+};
+
+}  // namespace graupel::apps

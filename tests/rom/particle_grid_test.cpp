@@ -1,0 +1,85 @@
+// The grid step of a reduced model against a step of the full model.
+#include "rom/particle_grid.h"
+
+#include <gtest/gtest.h>
+
+#include <numeric>
+
+#include "io/scene_reader.h"
+
+namespace graupel::rom {
+namespace {
+
+Scene column(const std::string& more = "") {
+  return io::parse_scene(R"({
+    "domain": { "size": [0.5, 0.5, 0.5], "dx": 0.02, "walls": "stick" },
+    "gravity": [0, -4, 0],
+    "materials": { "sand": { "preset": "nsf_sand", "friction_angle": 30 } },
+    "sources": [ { "shape": "box", "size": [0.1, 0.18, 0.1], "position": [0.25, 0.152, 0.25], "material": "sand" } ],
+    "time_step": { "policy": "fixed", "substeps_per_frame": 1 },
+    "frame_time": 0.004, "seed": 3)" +
+                             more + "}",
+                         "scene", "");
+}
+
+/// Position, velocity, stress and affine velocity of a frame into the slots.
+template <typename T>
+void write_state(const ParticleFrame& frame, const std::vector<int32_t>& particles, const mpm::ParticleView<T>& view) {
+  for (std::size_t slot = 0; slot < particles.size(); ++slot) {
+    const auto p = static_cast<std::size_t>(particles[slot]);
+    const auto s = static_cast<int64_t>(slot);
+    view.position.set_vec(s, frame.position[p].cast<T>());
+    view.velocity.set_vec(s, frame.velocity[p].cast<T>());
+    const float* tau = frame.fields[ParticleField::stress].data() + 6 * p;  // xx, xy, xz, yy, yz, zz
+    view.stress.set_vec(s, Vec<float, 6>{tau[0], tau[3], tau[5], tau[1], tau[2], tau[4]}.cast<T>());
+    Mat<T, 3> C;
+    for (int i = 0; i < 9; ++i)
+      C.a[i / 3][i % 3] = static_cast<T>(frame.fields[ParticleField::affine][9 * p + static_cast<std::size_t>(i)]);
+    mpm::store_matrix<T, 3>(view.affine_velocity, s, C);
+  }
+}
+
+class ParticleGridTest : public testing::TestWithParam<const char*> {};
+
+TEST_P(ParticleGridTest, WithAllParticlesAStepIsThatOfTheFullModel) {
+  const Scene scene = column(GetParam());
+  const mpm::PreparedScene prepared(scene, {.seed = scene.seed});
+  const auto full = mpm::Simulation::create(prepared);
+  for (int i = 0; i < 60; ++i) full->advance_frame();
+  GridParticles all;
+  all.particles.resize(full->particle_count());
+  std::iota(all.particles.begin(), all.particles.end(), 0);
+  all.share.assign(all.particles.size(), 1);
+  all.samples = static_cast<int64_t>(all.particles.size());
+  ParticleGrid<float> grid(prepared);
+  grid.choose(all);
+  const FieldSet fields = {ParticleField::stress, ParticleField::affine};
+  for (int i = 0; i < 5; ++i) {
+    const ParticleFrame before = mpm::frame_with_fields(*full, fields);
+    write_state(before, all.particles, grid.particles());
+    std::vector<bool> lost;
+    grid.step(full->time(), scene.frame_time, lost);
+    full->advance_frame();
+    const ParticleFrame after = full->frame();
+    double worst = 0, way = 0;
+    for (std::size_t p = 0; p < all.particles.size(); ++p) {
+      ASSERT_FALSE(lost[p]);
+      const Vec3f x = grid.particles().position.vec(static_cast<int64_t>(p));
+      worst = std::max(worst, static_cast<double>(norm(x - after.position[p])));
+      way = std::max(way, static_cast<double>(norm(after.position[p] - before.position[p])));
+    }
+    EXPECT_GT(way, 1e-4);
+    EXPECT_LT(worst, 2e-6 * way / 1e-3 + 1e-7) << "frame " << i << ", largest way " << way;
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Scenes, ParticleGridTest,
+    testing::Values("", R"(, "obstacles": [ { "shape": "sphere", "radius": 0.025, "position": [0.335, 0.08, 0.25] } ])",
+                    R"(, "obstacles": [ { "shape": "box", "size": [0.05, 0.1, 0.3], "position": [0.35, 0.12, 0.25],
+                       "motion": { "velocity": [-0.4, 0, 0] } } ])",
+                    R"(, "kinematic_regions": [ { "shape": "box", "size": [0.2, 0.05, 0.2],
+                       "position": [0.25, 0.24, 0.25], "motion": { "velocity": [0.1, 0, 0], "end_time": 1 } } ])"));
+
+}  // namespace
+}  // namespace graupel::rom

@@ -1,0 +1,75 @@
+// Settings of the training of a reduced-order model with stress field (NSF).
+#pragma once
+
+#include <cstdint>
+
+#include "core/fields.h"
+
+namespace graupel {
+namespace train {
+
+/// How the modes are stored in the weights file.
+enum class ModeStorage { f32, f16 };
+
+}  // namespace train
+
+template <>
+struct EnumWords<train::ModeStorage> {
+  static constexpr std::pair<const char*, train::ModeStorage> words[] = {{"f32", train::ModeStorage::f32},
+                                                                         {"f16", train::ModeStorage::f16}};
+};
+
+namespace train {
+
+struct NsfConfig {
+  int64_t latents = 6;
+  int64_t deformation_modes = 32, stress_modes = 64, affine_modes = 64;
+  int64_t affine_centers = 24;
+  int64_t samples = 150;
+  int64_t thinning = 1;
+  int64_t encoder_particles = 2000;
+  ModeStorage storage = ModeStorage::f32;
+  uint64_t seed = 0;
+
+  template <typename Visitor>
+  static void fields(Visitor&& visit) {
+    using C = NsfConfig;
+    visit(&C::latents, FieldInfo{.name = "latents",
+                                 .unit = "",
+                                 .meaning = "Numbers of the latent state",
+                                 .range = Range::between(1, 32)});
+    visit(&C::deformation_modes, FieldInfo{.name = "deformation_modes",
+                                           .unit = "",
+                                           .meaning = "Spatial modes of the deformation field, at most",
+                                           .range = Range::between(1, 512)});
+    visit(&C::stress_modes, FieldInfo{.name = "stress_modes",
+                                      .unit = "",
+                                      .meaning = "Spatial modes of the stress field, at most",
+                                      .range = Range::between(1, 512)});
+    visit(&C::affine_modes, FieldInfo{.name = "affine_modes",
+                                      .unit = "",
+                                      .meaning = "Spatial modes of the affine field, at most",
+                                      .range = Range::between(1, 512)});
+    visit(&C::affine_centers, FieldInfo{.name = "affine_centers",
+                                        .unit = "",
+                                        .meaning = "Centres of the affine field's branch",
+                                        .range = Range::between(0, 1000)});
+    visit(&C::samples, FieldInfo{.name = "samples",
+                                 .unit = "",
+                                 .meaning = "Sample particles, drawn at random",
+                                 .range = Range::between(1, 1e6)});
+    visit(&C::thinning, FieldInfo{.name = "thinning",
+                                  .unit = "",
+                                  .meaning = "One of so many particles is an integration point; 1: every one",
+                                  .range = Range::between(1, 1000)});
+    visit(&C::encoder_particles, FieldInfo{.name = "encoder_particles",
+                                           .unit = "",
+                                           .meaning = "Particles whose positions give the latent of a state, at most",
+                                           .range = Range::between(1, 1e6)});
+    visit(&C::storage, FieldInfo{.name = "storage", .unit = "", .meaning = "How the weights file keeps the modes"});
+    visit(&C::seed, FieldInfo{.name = "seed", .unit = "", .meaning = "Seed of the choice of samples"});
+  }
+};
+
+}  // namespace train
+}  // namespace graupel
