@@ -1,5 +1,5 @@
 // A sweep: one scene run for several values of its parameters, the snapshots that reduced-order models are trained on
-// (Neural Stress Fields, Zong et al. 2023, section 5).
+// (Neural Stress Fields, Zong et al. 2023).
 #pragma once
 
 #include <cstdint>
@@ -77,9 +77,11 @@ struct SweepRecipe {
                     .unit = "",
                     .meaning = "Scene file, relative to the recipe's folder; this key makes a recipe a sweep",
                     .required = true});
-    visit(&R::set, FieldInfo{.name = "set",
-                             .unit = "",
-                             .meaning = "Scene keys that all runs change, by dotted path: \"domain.dx\": 0.02"});
+    visit(&R::set,
+          FieldInfo{.name = "set",
+                    .unit = "",
+                    .meaning = "Scene keys that all runs change, by dotted path (\"domain.dx\": 0.02); an object "
+                               "replaces the scene's as a whole"});
     visit(&R::parameters, FieldInfo{.name = "parameters",
                                     .unit = "",
                                     .meaning = "What differs between the runs; all lists of values have one length",

@@ -193,6 +193,13 @@ TEST_F(SweepSet, BadRecipesAreUsageErrors) {
   EXPECT_FALSE(std::filesystem::exists(folder_.file("set")));
 }
 
+TEST_F(SweepSet, InspectShowsARecipe) {
+  const Outcome outcome = graupel("inspect " + recipe_);
+  EXPECT_EQ(outcome.exit_code, 0) << outcome.output;
+  for (const char* part : {"kind: sweep", "runs: 5", "key: materials.sand.friction_angle", "unit: degrees"})
+    EXPECT_TRUE(outcome.says(part)) << part << "\n" << outcome.output;
+}
+
 TEST_F(SweepSet, HelpIsShort) {
   const Outcome help = graupel("generate --help");
   EXPECT_LT(std::count(help.output.begin(), help.output.end(), '\n'), 40);

@@ -5,6 +5,7 @@
 
 #include "core/error.h"
 #include "expect_error.h"
+#include "io/recipe_reader.h"
 #include "io/scene_reader.h"
 #include "replaced.h"
 #include "temporary_folder.h"
@@ -98,6 +99,17 @@ TEST_F(SweepReader, OverridesChangeTheRecipeAndItsScene) {
 TEST_F(SweepReader, TellsSweepsFromRandomRecipes) {
   EXPECT_TRUE(is_sweep(folder_.write("sweep.json", recipe_text)));
   EXPECT_FALSE(is_sweep(GRAUPEL_SOURCE_DIR "/scenes/recipes/hgn.json"));
+}
+
+TEST_F(SweepReader, ShippedRecipesAreGood) {
+  int count = 0;
+  for (const auto& entry : std::filesystem::directory_iterator(GRAUPEL_SOURCE_DIR "/scenes/recipes")) {
+    if (entry.path().extension() != ".json") continue;
+    const std::string path = entry.path().string();
+    EXPECT_NO_THROW(is_sweep(path) ? (void)read_sweep(path) : (void)read_recipe(path)) << path;
+    ++count;
+  }
+  EXPECT_GT(count, 0);
 }
 
 TEST_F(SweepReader, RefusesBadRecipesOneRuleEach) {
