@@ -1,4 +1,4 @@
-// graupel inspect: what is in a scene, a trajectory, a saved state, a weights file or a .vdb grid; recovers a
+// graupel inspect: what is in a scene, a sweep, a trajectory, a saved state, a weights file or a .vdb grid; recovers a
 // trajectory after a kill.
 #include <fmt/format.h>
 
@@ -11,6 +11,7 @@
 #include "core/error.h"
 #include "io/scene_reader.h"
 #include "io/state_file.h"
+#include "io/sweep_reader.h"
 #include "io/trajectory_file.h"
 #include "nn/weights.h"
 #include "sparsegrid/cell_normals.h"
@@ -60,6 +61,25 @@ Json inspect_scene(const std::string& file) {
           {"obstacle_grids", grids},
           {"normal_cells", normals.active_cells()},
           {"normal_bytes", normals.bytes()}};
+}
+
+Json inspect_sweep(const std::string& file) {
+  const io::Sweep sweep = io::read_sweep(file);
+  Json parameters = Json::object();
+  for (const SweepParameter& parameter : sweep.recipe.parameters) {
+    Json& entry = parameters[parameter.name] = {{"key", parameter.key}, {"values", parameter.values}};
+    if (!parameter.unit.empty()) entry["unit"] = parameter.unit;
+  }
+  return {{"kind", "sweep"},
+          {"name", sweep.recipe.name},
+          {"description", sweep.recipe.description},
+          {"scene", sweep.recipe.scene},
+          {"runs", sweep.run_count()},
+          {"test", sweep.recipe.test},
+          {"valid", sweep.recipe.valid},
+          {"frames", sweep.scenes.front().frames},
+          {"fields", sweep.recipe.fields_stored},
+          {"parameters", parameters}};
 }
 
 Json inspect_trajectory(const std::string& file) {
@@ -157,7 +177,7 @@ void inspect(InspectOptions& options) {
   else if (io::is_state_file(options.file))
     result = inspect_state(options.file);
   else if (options.file.ends_with(".json"))
-    result = inspect_scene(options.file);
+    result = io::is_sweep(options.file) ? inspect_sweep(options.file) : inspect_scene(options.file);
   else if (options.file.ends_with(".h5"))
     result = inspect_trajectory(options.file);
   else if (options.file.ends_with(".safetensors"))
@@ -165,9 +185,10 @@ void inspect(InspectOptions& options) {
   else if (options.file.ends_with(".vdb"))
     result = inspect_grids(options.file);
   else
-    throw ConfigError("'" + options.file +
-                      "' is no saved state and has no known ending (allowed: .json scene, .h5 trajectory, .safetensors "
-                      "weights, .vdb grids). Name one of these");
+    throw ConfigError(
+        "'" + options.file +
+        "' is no saved state and has no known ending (allowed: .json scene or sweep, .h5 trajectory, .safetensors "
+        "weights, .vdb grids). Name one of these");
   print(result, 0);
   options.common.write_json(result);
 }
@@ -176,7 +197,8 @@ void inspect(InspectOptions& options) {
 
 void add_inspect(CLI::App& app) {
   auto options = std::make_shared<InspectOptions>();
-  CLI::App* verb = app.add_subcommand("inspect", "Look into a scene, trajectory, saved state, weights or .vdb file");
+  CLI::App* verb =
+      app.add_subcommand("inspect", "Look into a scene, sweep, trajectory, saved state, weights or .vdb file");
   verb->add_option("file", options->file, "A .json, .h5, .safetensors or .vdb file, or a saved state")->required();
   verb->add_flag("--recover", options->recover,
                  "Make FILE from FILE.part, which a killed run left: every frame whose checksums pass");

@@ -1,16 +1,25 @@
 // A sweep: one scene run for several values of its parameters, the snapshots that reduced-order models are trained on
-// (Neural Stress Fields, Zong et al. 2023, section 5).
+// (Neural Stress Fields, Zong et al. 2023).
 #pragma once
 
 #include <cstdint>
 #include <map>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "core/any_value.h"
 #include "core/fields.h"
 
 namespace graupel {
+
+/// Which runs are for training: those in neither list, or none.
+enum class TrainingRuns { rest, none };
+template <>
+struct EnumWords<TrainingRuns> {
+  static constexpr std::pair<const char*, TrainingRuns> words[] = {{"rest", TrainingRuns::rest},
+                                                                   {"none", TrainingRuns::none}};
+};
 
 /// A further scene key that follows a parameter.
 struct SweepFollower {
@@ -64,6 +73,7 @@ struct SweepRecipe {
   std::map<std::string, AnyValue> set;  ///< by scene key
   std::vector<SweepParameter> parameters;
   std::vector<int64_t> test, valid;  ///< numbers of runs, in ascending order
+  TrainingRuns training = TrainingRuns::rest;
   std::string fields_stored;
   int64_t deflate = 1;
 
@@ -77,9 +87,11 @@ struct SweepRecipe {
                     .unit = "",
                     .meaning = "Scene file, relative to the recipe's folder; this key makes a recipe a sweep",
                     .required = true});
-    visit(&R::set, FieldInfo{.name = "set",
-                             .unit = "",
-                             .meaning = "Scene keys that all runs change, by dotted path: \"domain.dx\": 0.02"});
+    visit(&R::set,
+          FieldInfo{.name = "set",
+                    .unit = "",
+                    .meaning = "Scene keys that all runs change, by dotted path (\"domain.dx\": 0.02); an object "
+                               "replaces the scene's as a whole"});
     visit(&R::parameters, FieldInfo{.name = "parameters",
                                     .unit = "",
                                     .meaning = "What differs between the runs; all lists of values have one length",
@@ -88,10 +100,11 @@ struct SweepRecipe {
         &R::test,
         FieldInfo{
             .name = "test", .unit = "", .meaning = "Runs for testing, counted from 0", .range = Range::not_negative()});
-    visit(&R::valid, FieldInfo{.name = "valid",
-                               .unit = "",
-                               .meaning = "Runs for validation; all others are for training",
-                               .range = Range::not_negative()});
+    visit(&R::valid,
+          FieldInfo{.name = "valid", .unit = "", .meaning = "Runs for validation", .range = Range::not_negative()});
+    visit(&R::training, FieldInfo{.name = "training",
+                                  .unit = "",
+                                  .meaning = "Runs for training: rest, all in neither list; none, a set for testing"});
     visit(&R::fields_stored,
           FieldInfo{.name = "fields",
                     .unit = "",

@@ -173,6 +173,7 @@ void write_attribute(hid_t object, const std::string& name, uint64_t value) {
 void write_attribute(hid_t object, const std::string& name, const std::vector<std::string>& values) {
   const Handle type = string_type();
   std::vector<const char*> texts;
+  texts.reserve(values.size());
   for (const std::string& value : values) texts.push_back(value.c_str());
   write_values(object, name, list_space(values.size()), type, type, texts.data());
 }

@@ -110,11 +110,17 @@ void check_splits(const ConfigDocument& document, const SweepRecipe& recipe) {
       if (!used.insert((*list)[i]).second)
         config_fail(place, "names a run twice (" + run + ")", "Each run belongs to one of test, valid and training");
     }
-  if (static_cast<int64_t>(used.size()) == runs)
+  const bool none_left = static_cast<int64_t>(used.size()) == runs;
+  if (none_left && recipe.training == TrainingRuns::rest)
     config_fail(
         find_place(document, {"test"}),
         "and 'valid' leave no run for training (" + std::to_string(runs) + " of " + std::to_string(runs) + " used)",
-        "Take some out of the lists, or add values");
+        "Take some out of the lists, or write \"training\": \"none\" for a set that only tests");
+  if (!none_left && recipe.training == TrainingRuns::none)
+    config_fail(find_place(document, {"training"}),
+                "is none, and " + std::to_string(runs - static_cast<int64_t>(used.size())) +
+                    " runs are in neither 'test' nor 'valid'",
+                "Add them to these lists");
 }
 
 void check_fields(const ConfigDocument& document, const SweepRecipe& recipe) {

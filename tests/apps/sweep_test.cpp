@@ -150,6 +150,14 @@ TEST_F(SweepSet, FlagsChangeSeedFieldsAndScene) {
   EXPECT_FALSE(io::TrajectoryReader(folder_.file("scenes_seed/train.h5")).frames(0, 0, 1)[0].position == first);
 }
 
+TEST_F(SweepSet, ASetForTestingHasNoTrainingFile) {
+  const Outcome outcome =
+      generate("--set scene.frames=1 --set test=[0,1,2,3,4] --set valid=[] --set training=none", "set");
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.output;
+  EXPECT_EQ(io::TrajectoryReader(folder_.file("set/test.h5")).count(), 5);
+  EXPECT_EQ(names_in(folder_.file("set")), (std::vector<std::string>{"dataset.json", "test.h5"}));
+}
+
 TEST_F(SweepSet, ADivergedRunIsAnErrorAfterTheOthers) {
   const std::string set = folder_.file("set");
   // Far more than a cell in a substep.
@@ -191,6 +199,13 @@ TEST_F(SweepSet, BadRecipesAreUsageErrors) {
   EXPECT_EQ(missing.exit_code, 3);
   EXPECT_TRUE(missing.says("absent.json")) << missing.output;
   EXPECT_FALSE(std::filesystem::exists(folder_.file("set")));
+}
+
+TEST_F(SweepSet, InspectShowsARecipe) {
+  const Outcome outcome = graupel("inspect " + recipe_);
+  EXPECT_EQ(outcome.exit_code, 0) << outcome.output;
+  for (const char* part : {"kind: sweep", "runs: 5", "key: materials.sand.friction_angle", "unit: degrees"})
+    EXPECT_TRUE(outcome.says(part)) << part << "\n" << outcome.output;
 }
 
 TEST_F(SweepSet, HelpIsShort) {

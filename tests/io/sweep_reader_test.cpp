@@ -5,6 +5,7 @@
 
 #include "core/error.h"
 #include "expect_error.h"
+#include "io/recipe_reader.h"
 #include "io/scene_reader.h"
 #include "replaced.h"
 #include "temporary_folder.h"
@@ -95,9 +96,25 @@ TEST_F(SweepReader, OverridesChangeTheRecipeAndItsScene) {
   EXPECT_EQ(read(without, {"scene.frames=2"}).scenes[0].frames, 2);
 }
 
+TEST_F(SweepReader, ASetForTestingHasNoTrainingRun) {
+  const std::string all = replaced(recipe_text, "\"test\": [3, 1]", "\"test\": [0, 3, 1]");
+  EXPECT_EQ(read(replaced(all, "\"deflate\": 4", "\"training\": \"none\"")).recipe.training, TrainingRuns::none);
+}
+
 TEST_F(SweepReader, TellsSweepsFromRandomRecipes) {
   EXPECT_TRUE(is_sweep(folder_.write("sweep.json", recipe_text)));
   EXPECT_FALSE(is_sweep(GRAUPEL_SOURCE_DIR "/scenes/recipes/hgn.json"));
+}
+
+TEST_F(SweepReader, ShippedRecipesAreGood) {
+  int count = 0;
+  for (const auto& entry : std::filesystem::directory_iterator(GRAUPEL_SOURCE_DIR "/scenes/recipes")) {
+    if (entry.path().extension() != ".json") continue;
+    const std::string path = entry.path().string();
+    EXPECT_NO_THROW(is_sweep(path) ? (void)read_sweep(path) : (void)read_recipe(path)) << path;
+    ++count;
+  }
+  EXPECT_GT(count, 0);
 }
 
 TEST_F(SweepReader, RefusesBadRecipesOneRuleEach) {
@@ -121,6 +138,7 @@ TEST_F(SweepReader, RefusesBadRecipesOneRuleEach) {
   fails("\"test\": [3, 1]", "\"test\": [3, 1, 3]", {"/test/2 names a run twice (3)"});
   fails("\"valid\": [2]", "\"valid\": [1]", {"/valid/0 names a run twice (1)"});
   fails("\"test\": [3, 1]", "\"test\": [0, 1, 3]", {"leave no run for training (4 of 4 used)"});
+  fails("\"deflate\": 4", "\"training\": \"none\"", {"/training is none, and 1 runs are in neither"});
   expect_error<ConfigError>([&] { read("{\"scene\": \"scenes/heap.json\", \"parameters\": []}"); },
                             {"/parameters names no parameter"});
 }
