@@ -26,7 +26,8 @@ struct BenchRomOptions {
   std::string model, data, split = "test";
   std::vector<double> step_factors = {1};
   int64_t samples = 0, thinning = 0;
-  bool f64 = false, full_order = false;
+  rom::FitOptions fit;
+  bool f64 = false;
 };
 
 /// One run of the reduced model against a stored truth.
@@ -38,11 +39,14 @@ struct Measured {
   double seconds = 0;
   rom::ReducedStatistics statistics;
   rom::TrustIndicator worst;
+  std::vector<double> frame_error;  ///< relative to the displacement in that frame
+  std::vector<rom::TrustIndicator> trust;
 };
 
 rom::ReducedOptions reduced_options(const BenchRomOptions& options, const rom::ReducedModel& model, double factor) {
   rom::ReducedOptions reduced;
   reduced.step_factor = factor;
+  reduced.fit = options.fit;
   if (options.samples > 0) {
     const auto n = std::min<std::size_t>(static_cast<std::size_t>(options.samples), model.encoder.size());
     std::vector<int32_t> samples;  // spread over the encoder's, which are drawn at random
@@ -68,7 +72,8 @@ Measured measure(const BenchRomOptions& options, const LoadedModel& loaded, cons
                  options.f64 ? Arithmetic::f64 : Arithmetic::f32);
   Measured result;
   result.parameters = run.parameters();
-  compare::DisplacementError error(reader.frames(i, 0, 1).front().position);
+  const std::vector<Vec3f> reference = reader.frames(i, 0, 1).front().position;
+  compare::DisplacementError error(reference);
   const auto frames = static_cast<int64_t>(header.frame_count());
   try {
     for (int64_t f = 1; f < frames; ++f) {
@@ -76,7 +81,12 @@ Measured measure(const BenchRomOptions& options, const LoadedModel& loaded, cons
       const auto begin = std::chrono::steady_clock::now();
       run.advance_frame();
       result.seconds += std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
-      error.add(reader.frames(i, f, 1).front().position, run.frame().position);
+      const std::vector<Vec3f> truth = reader.frames(i, f, 1).front().position, position = run.frame().position;
+      error.add(truth, position);
+      compare::DisplacementError now(reference);
+      now.add(truth, position);
+      result.frame_error.push_back(now.displacement_relative());
+      result.trust.push_back(run.trust());
       result.worst.residual = std::max(result.worst.residual, run.trust().residual);
       result.worst.down_weighted = std::max(result.worst.down_weighted, run.trust().down_weighted);
       result.worst.latent_distance = std::max(result.worst.latent_distance, run.trust().latent_distance);
@@ -119,6 +129,12 @@ Json json_of(const Measured& m, double factor) {
   json["trust"] = {{"residual", m.worst.residual},
                    {"down_weighted", m.worst.down_weighted},
                    {"latent_distance", m.worst.latent_distance}};
+  json["frame_displacement_relative_error"] = m.frame_error;
+  for (const rom::TrustIndicator& trust : m.trust) {
+    json["frame_trust"]["residual"].push_back(trust.residual);
+    json["frame_trust"]["down_weighted"].push_back(trust.down_weighted);
+    json["frame_trust"]["latent_distance"].push_back(trust.latent_distance);
+  }
   return json;
 }
 
@@ -153,7 +169,8 @@ void bench_rom(BenchRomOptions& options) {
       print_row(m, factor);
       rows.push_back(json_of(m, factor));
     }
-  options.common.write_json({{"model", options.model}, {"data", options.data}, {"split", options.split}, {"rows", rows}});
+  options.common.write_json(
+      {{"model", options.model}, {"data", options.data}, {"split", options.split}, {"rows", rows}});
 }
 
 }  // namespace
@@ -173,6 +190,13 @@ void add_bench_rom(CLI::App& bench) {
       ->check(whole_number(1));
   verb->add_option("--thinning", options->thinning, "One of so many particles as integration point")
       ->check(whole_number(1));
+  verb->add_option("--outlier-factor", options->fit.outlier_factor,
+                   "Samples count less beyond this multiple of the median distance (0: plain least squares)")
+      ->check(real_number(LowerBound::zero))
+      ->capture_default_str();
+  verb->add_option("--iterations", options->fit.iterations, "Gauss-Newton iterations at most (1: first order)")
+      ->check(whole_number(1))
+      ->capture_default_str();
   verb->add_flag("--f64", options->f64, "Double precision");
   options->common.add_to(*verb);
   verb->footer(

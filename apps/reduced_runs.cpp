@@ -60,16 +60,18 @@ bool is_reduced_model(const std::string& file) {
 
 std::vector<double> parameters_of(const LoadedModel& loaded, const Scene& scene) {
   const std::string text = io::scene_to_json(scene);
-  const Json own = without_free_keys(text, loaded.model), trained = without_free_keys(loaded.model.scene_json, loaded.model);
+  const Json own = without_free_keys(text, loaded.model),
+             trained = without_free_keys(loaded.model.scene_json, loaded.model);
   const Json difference = Json::diff(trained, own);
   if (!difference.empty()) {
     const std::string path = difference.front().at("path");
     const Json::json_pointer pointer(path);
     const auto text_at = [&](const Json& json) { return json.contains(pointer) ? json.at(pointer).dump() : "nothing"; };
-    throw ConfigError(fmt::format(
-        "'{}' is for another scene ('{}' has {} there, the scene of the training {}). Use that scene; 'graupel inspect' "
-        "shows it",
-        loaded.file, path, text_at(own), text_at(trained)));
+    throw ConfigError(
+        fmt::format("'{}' is for another scene ('{}' has {} there, the scene of the training {}). Use that scene; "
+                    "'graupel inspect' "
+                    "shows it",
+                    loaded.file, path, text_at(own), text_at(trained)));
   }
   std::vector<double> parameters;
   const Json whole = Json::parse(text);
@@ -83,7 +85,8 @@ std::vector<std::string> outside_range(const rom::ReducedModel& model, const std
     const rom::ModelParameter& p = model.parameters[i];
     const double tolerance = 1e-6 * (p.high - p.low);
     if (parameters[i] < p.low - tolerance || parameters[i] > p.high + tolerance)
-      lines.push_back(fmt::format("{} = {:g} {}, trained on {:g} to {:g}", p.name, parameters[i], p.unit, p.low, p.high));
+      lines.push_back(
+          fmt::format("{} = {:g} {}, trained on {:g} to {:g}", p.name, parameters[i], p.unit, p.low, p.high));
   }
   return lines;
 }

@@ -8,8 +8,7 @@ namespace graupel::rom {
 
 std::vector<double> map_input(const LatentState& state, int inputs) {
   std::vector<double> z = state.latent;
-  if (static_cast<std::size_t>(inputs) > z.size())
-    z.insert(z.end(), state.parameters.begin(), state.parameters.end());
+  if (static_cast<std::size_t>(inputs) > z.size()) z.insert(z.end(), state.parameters.begin(), state.parameters.end());
   GRAUPEL_ASSERT(z.size() == static_cast<std::size_t>(inputs));
   return z;
 }

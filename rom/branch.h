@@ -15,6 +15,7 @@ class Branch {
   virtual int count() const = 0;  ///< of modes
   /// a(s), [count].
   virtual void coefficients(const LatentState& state, double* a) const = 0;
+  virtual const CoefficientMap& map() const = 0;
 };
 
 /// Deformation: the first r coefficients are the latent itself, the others follow from it.
@@ -28,20 +29,20 @@ class ClosureBranch final : public Branch {
   /// da/dq, [count, r].
   void jacobian(const double* latent, double* jacobian) const;
   int latents() const { return latents_; }
-  const CoefficientMap& closure() const { return closure_; }
+  const CoefficientMap& map() const override { return closure_; }
 
  private:
   int latents_;
   CoefficientMap closure_;
 };
 
-/// Stress: a(q, mu).
+/// Stress, and the paper's affine velocity l(X, q): a(q, mu).
 class MapBranch final : public Branch {
  public:
   explicit MapBranch(CoefficientMap map) : map_(std::move(map)) {}
   int count() const override { return map_.outputs(); }
   void coefficients(const LatentState& state, double* a) const override;
-  const CoefficientMap& map() const { return map_; }
+  const CoefficientMap& map() const override { return map_; }
 
  private:
   CoefficientMap map_;
@@ -53,7 +54,7 @@ class RateBranch final : public Branch {
   RateBranch(int latents, CoefficientMap map) : latents_(latents), map_(std::move(map)) {}
   int count() const override { return map_.outputs() / latents_; }
   void coefficients(const LatentState& state, double* a) const override;
-  const CoefficientMap& map() const { return map_; }
+  const CoefficientMap& map() const override { return map_; }
 
  private:
   int latents_;

@@ -113,7 +113,8 @@ CoefficientMap CoefficientMap::load(const nn::Weights& weights, const std::strin
     return std::vector<double>(values.begin(), values.end());
   };
   const auto centers = weights.tensors.find(prefix + ".centers");
-  const int64_t count = centers == weights.tensors.end() || centers->second.shape.empty() ? 0 : centers->second.shape[0];
+  const int64_t count =
+      centers == weights.tensors.end() || centers->second.shape.empty() ? 0 : centers->second.shape[0];
   return {inputs,
           outputs,
           get(".shift", {inputs}),

@@ -42,9 +42,9 @@ class CoefficientMap {
 
   int inputs_ = 0, outputs_ = 0, count_ = 0;
   std::vector<double> shift_, scale_;
-  std::vector<double> centers_;    ///< standardised [count, inputs]
-  std::vector<double> weights_;    ///< [count, outputs]
-  std::vector<double> linear_;     ///< [1 + inputs, outputs]
+  std::vector<double> centers_;     ///< standardised [count, inputs]
+  std::vector<double> weights_;     ///< [count, outputs]
+  std::vector<double> linear_;      ///< [1 + inputs, outputs]
   std::vector<double> low_, high_;  ///< box of the radial part, standardised [inputs]
 };
 

@@ -144,7 +144,7 @@ class FactoredSamples final : public SampleField {
 }  // namespace
 
 FactoredFields::FactoredFields(ModeTable deformation, ClosureBranch deformation_branch, ModeTable stress,
-                               MapBranch stress_branch, ModeTable affine, RateBranch affine_branch)
+                               MapBranch stress_branch, ModeTable affine, std::shared_ptr<const Branch> affine_branch)
     : deformation_(std::move(deformation)),
       stress_(std::move(stress)),
       affine_(std::move(affine)),
@@ -158,8 +158,7 @@ std::unique_ptr<PointFields<float>> FactoredFields::bind_f32(const std::vector<i
 std::unique_ptr<PointFields<double>> FactoredFields::bind_f64(const std::vector<int32_t>& particles) const {
   return std::make_unique<FactoredPoints<double>>(*this, particles);
 }
-std::unique_ptr<PointPositions<float>> FactoredFields::bind_positions_f32(
-    const std::vector<int32_t>& particles) const {
+std::unique_ptr<PointPositions<float>> FactoredFields::bind_positions_f32(const std::vector<int32_t>& particles) const {
   return std::make_unique<FactoredPositions<float>>(*this, particles);
 }
 std::unique_ptr<PointPositions<double>> FactoredFields::bind_positions_f64(

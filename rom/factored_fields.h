@@ -12,7 +12,7 @@ namespace graupel::rom {
 class FactoredFields final : public Fields {
  public:
   FactoredFields(ModeTable deformation, ClosureBranch deformation_branch, ModeTable stress, MapBranch stress_branch,
-                 ModeTable affine, RateBranch affine_branch);
+                 ModeTable affine, std::shared_ptr<const Branch> affine_branch);
 
   int latents() const override { return deformation_branch_.latents(); }
   int64_t particles() const override { return deformation_.rows(); }
@@ -28,13 +28,13 @@ class FactoredFields final : public Fields {
   const ModeTable& affine() const { return affine_; }            ///< row by row [1/s]
   const ClosureBranch& deformation_branch() const { return deformation_branch_; }
   const MapBranch& stress_branch() const { return stress_branch_; }
-  const RateBranch& affine_branch() const { return affine_branch_; }
+  const Branch& affine_branch() const { return *affine_branch_; }
 
  private:
   ModeTable deformation_, stress_, affine_;
   ClosureBranch deformation_branch_;
   MapBranch stress_branch_;
-  RateBranch affine_branch_;
+  std::shared_ptr<const Branch> affine_branch_;
 };
 
 }  // namespace graupel::rom

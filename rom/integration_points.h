@@ -18,7 +18,8 @@ class IntegrationPoints {
   IntegrationPoints(const Fields& fields, const Quadrature& quadrature, std::vector<int32_t> samples,
                     const mpm::GridGeometry<T, 3>& grid);
 
-  /// The samples, then the quadrature's particles within reach of them at this state. Throws ConfigError as Fields::bind.
+  /// The samples, then the quadrature's particles within reach of them at this state. Throws ConfigError as
+  /// Fields::bind.
   GridParticles find(const LatentState& state);
   /// Tells of a step in which no particle moved further than `distance` [m]; whether find() is due.
   bool stale_after(double distance);

@@ -22,7 +22,8 @@ uint64_t spread_bits(uint64_t x) {
 }
 
 struct Box {
-  Vec3f low = Vec3f::filled(std::numeric_limits<float>::max()), high = Vec3f::filled(std::numeric_limits<float>::lowest());
+  Vec3f low = Vec3f::filled(std::numeric_limits<float>::max()),
+        high = Vec3f::filled(std::numeric_limits<float>::lowest());
   float longest = 0;
 };
 

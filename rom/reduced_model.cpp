@@ -42,11 +42,14 @@ void read_settings(const Json& settings, ReducedModel& model) {
     model.parameters.push_back({p.at("name"), p.at("unit"), p.at("keys"), p.at("low"), p.at("high")});
   model.substeps_per_frame = settings.at("substeps_per_frame");
   model.frame_time = settings.at("frame_time");
+  const std::string affine = settings.at("affine");
+  for (const auto& [word, kind] : EnumWords<AffineKind>::words)
+    if (affine == word) model.affine_kind = kind;
   model.latent_reach = settings.at("latent_reach");
   model.usual_residual = settings.at("usual_residual");
 }
 
-FactoredFields read_fields(const nn::Weights& weights, int latents, int inputs) {
+FactoredFields read_fields(const nn::Weights& weights, int latents, int inputs, AffineKind affine_kind) {
   ModeTable deformation = ModeTable::load(weights, "deformation", 3), stress = ModeTable::load(weights, "stress", 6),
             affine = ModeTable::load(weights, "affine", 9);
   if (deformation.modes < latents)
@@ -58,7 +61,13 @@ FactoredFields read_fields(const nn::Weights& weights, int latents, int inputs) 
   ClosureBranch closure(latents,
                         CoefficientMap::load(weights, "deformation.branch", latents, deformation.modes - latents));
   MapBranch stress_branch(CoefficientMap::load(weights, "stress.branch", inputs, stress.modes));
-  RateBranch affine_branch(latents, CoefficientMap::load(weights, "affine.branch", inputs, affine.modes * latents));
+  std::shared_ptr<const Branch> affine_branch;
+  if (affine_kind == AffineKind::rate)
+    affine_branch = std::make_shared<const RateBranch>(
+        latents, CoefficientMap::load(weights, "affine.branch", inputs, affine.modes * latents));
+  else
+    affine_branch =
+        std::make_shared<const MapBranch>(CoefficientMap::load(weights, "affine.branch", inputs, affine.modes));
   return {std::move(deformation),   std::move(closure), std::move(stress),
           std::move(stress_branch), std::move(affine),  std::move(affine_branch)};
 }
@@ -80,7 +89,7 @@ ReducedModel ReducedModel::load(const nn::Weights& weights) {
   const auto latents = static_cast<int>(extent(weights, "latent.start", 0));
   if (latents < 1) throw InputError("'" + weights.file + "' has no latent. Train the model again");
   const int inputs = latents + static_cast<int>(model.parameters.size());
-  model.fields = std::make_shared<const FactoredFields>(read_fields(weights, latents, inputs));
+  model.fields = std::make_shared<const FactoredFields>(read_fields(weights, latents, inputs, model.affine_kind));
   const int64_t n = model.fields->particles();
   model.reference = weights.get("reference", {n, 3});
   model.samples = get_indices(weights, "samples");
@@ -104,11 +113,9 @@ nn::Weights ReducedModel::store(nn::DType modes) const {
   weights.metadata = provenance;
   weights.metadata["architecture"] = nsf_architecture;
   weights.metadata["scene"] = scene_json;
-  Json settings = {{"parameters", Json::array()},
-                   {"substeps_per_frame", substeps_per_frame},
-                   {"frame_time", frame_time},
-                   {"latent_reach", latent_reach},
-                   {"usual_residual", usual_residual}};
+  Json settings = {{"parameters", Json::array()},  {"substeps_per_frame", substeps_per_frame},
+                   {"frame_time", frame_time},     {"affine", affine_kind == AffineKind::rate ? "rate" : "position"},
+                   {"latent_reach", latent_reach}, {"usual_residual", usual_residual}};
   for (const ModelParameter& p : parameters)
     settings["parameters"].push_back(
         {{"name", p.name}, {"unit", p.unit}, {"keys", p.keys}, {"low", p.low}, {"high", p.high}});
@@ -116,7 +123,7 @@ nn::Weights ReducedModel::store(nn::DType modes) const {
   fields->deformation().store(weights, "deformation", modes);
   fields->stress().store(weights, "stress", modes);
   fields->affine().store(weights, "affine", modes);
-  fields->deformation_branch().closure().store(weights, "deformation.branch");
+  fields->deformation_branch().map().store(weights, "deformation.branch");
   fields->stress_branch().map().store(weights, "stress.branch");
   fields->affine_branch().map().store(weights, "affine.branch");
   const int r = latents();

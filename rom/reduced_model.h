@@ -7,19 +7,38 @@
 #include <string>
 #include <vector>
 
+#include "core/fields.h"
 #include "nn/weights.h"
 #include "rom/factored_fields.h"
 #include "rom/quadrature.h"
 
-namespace graupel::rom {
+namespace graupel {
+namespace rom {
+
+/// What the affine velocity is a function of.
+enum class AffineKind {
+  rate,     ///< M(q, mu) q': it follows the velocity
+  position  ///< l(q, mu), as in the paper
+};
+
+}  // namespace rom
+
+template <>
+struct EnumWords<rom::AffineKind> {
+  static constexpr std::pair<const char*, rom::AffineKind> words[] = {{"rate", rom::AffineKind::rate},
+                                                                      {"position", rom::AffineKind::position}};
+};
+
+namespace rom {
 
 inline constexpr const char* nsf_architecture = "nsf";
 
 /// A key of the scene that differs from run to run.
 struct ModelParameter {
   std::string name, unit;
-  std::vector<std::string> keys;  ///< of the scene that follow it: "materials.sand.friction_angle"; the first has its value
-  double low = 0, high = 0;     ///< of the training runs
+  std::vector<std::string>
+      keys;                  ///< of the scene that follow it: "materials.sand.friction_angle"; the first has its value
+  double low = 0, high = 0;  ///< of the training runs
 };
 
 struct ReducedModel {
@@ -27,6 +46,7 @@ struct ReducedModel {
   std::vector<ModelParameter> parameters;
   int64_t substeps_per_frame = 1;  ///< of the training runs
   double frame_time = 0;           ///< [s]
+  AffineKind affine_kind = AffineKind::rate;
   std::shared_ptr<const FactoredFields> fields;
   std::vector<float> reference;      ///< X, [particles, 3] [m]
   std::vector<int32_t> samples;      ///< by default
@@ -52,4 +72,5 @@ struct ReducedModel {
 /// Distance of a latent to the nearest of the training, in the model's scale.
 double latent_distance(const ReducedModel& model, const std::vector<double>& latent);
 
-}  // namespace graupel::rom
+}  // namespace rom
+}  // namespace graupel

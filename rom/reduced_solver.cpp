@@ -94,10 +94,10 @@ void ReducedSolver<T>::start() {
 
 template <typename T>
 void ReducedSolver<T>::advance_frame() {
-  const double frame_time = prepared_.scene.frame_time, training_step = model_.frame_time /
-                                                                        static_cast<double>(model_.substeps_per_frame);
-  const auto steps = std::max<int64_t>(
-      1, static_cast<int64_t>(std::ceil(frame_time / (training_step * options_.step_factor) - 1e-6)));
+  const double frame_time = prepared_.scene.frame_time,
+               training_step = model_.frame_time / static_cast<double>(model_.substeps_per_frame);
+  const auto steps =
+      std::max<int64_t>(1, static_cast<int64_t>(std::ceil(frame_time / (training_step * options_.step_factor) - 1e-6)));
   trust_ = {};
   down_weighted_sum_ = 0;
   for (int64_t i = 0; i < steps; ++i) step(frame_time / static_cast<double>(steps));

@@ -156,8 +156,8 @@ MapFit fit_map(const MatrixXd& inputs, const MatrixXd& outputs, const std::vecto
   return fit;
 }
 
-MapFit fit_rate_map(const MatrixXd& inputs, const MatrixXd& rates, const MatrixXd& outputs,
-                    const std::vector<int>& run, int centers) {
+MapFit fit_rate_map(const MatrixXd& inputs, const MatrixXd& rates, const MatrixXd& outputs, const std::vector<int>& run,
+                    int centers) {
   const Standard standard(inputs);
   const MatrixXd& y = standard.values;
   const std::vector<Index> chosen = spread_rows(y, centers);

@@ -37,10 +37,8 @@ NsfConfig config_of(const Arguments& arguments) {
 }
 
 Json json_of(const FieldReport& field) {
-  return {{"modes", field.modes},
-          {"tail", field.tail},
-          {"held_out_error", field.held_out_error},
-          {"ridge", field.ridge}};
+  return {
+      {"modes", field.modes}, {"tail", field.tail}, {"held_out_error", field.held_out_error}, {"ridge", field.ridge}};
 }
 
 void train(const Arguments& arguments, const std::string& command_line) {
@@ -50,7 +48,8 @@ void train(const Arguments& arguments, const std::string& command_line) {
   }
   if (arguments.data.empty())
     throw ConfigError(
-        "--data is missing. Name the folder of a sweep ('graupel generate scenes/recipes/nsf_sand_quick.json' makes one)");
+        "--data is missing. Name the folder of a sweep ('graupel generate scenes/recipes/nsf_sand_quick.json' makes "
+        "one)");
   set_num_threads(arguments.threads);
   NsfTrainingOptions options;
   options.data = arguments.data;
@@ -93,11 +92,14 @@ void add_nsf_command(CLI::App& app, const std::string& command_line, int& exit_c
   verb->add_option("--config", a->config, "Settings as JSON (see --print-defaults)");
   verb->add_option("--set", a->set, "Override a setting: key=value, samples=300")->take_all();
   a->seed_option = verb->add_option("--seed", a->seed, "Seed of the choice of samples");
-  verb->add_option("--threads", a->threads, "CPU threads (0: all)")->check(whole_number(0, 4096))->capture_default_str();
+  verb->add_option("--threads", a->threads, "CPU threads (0: all)")
+      ->check(whole_number(0, 4096))
+      ->capture_default_str();
   verb->add_option("--json", a->json, "Write the result as JSON to this file (-: standard output)");
   verb->add_flag("--print-defaults", a->print_defaults, "Print every setting with its default");
-  verb->footer("Examples:\n  graupel train nsf --data data/nsf_sand_column --out runs/nsf-sand\n"
-               "  graupel train nsf --data data/nsf_sand_column --set latents=5 --set storage=f16 --out runs/small");
+  verb->footer(
+      "Examples:\n  graupel train nsf --data data/nsf_sand_column --out runs/nsf-sand\n"
+      "  graupel train nsf --data data/nsf_sand_column --set latents=5 --set storage=f16 --out runs/small");
   verb->callback([a, command_line, &exit_code] {
     train(*a, command_line);
     exit_code = 0;

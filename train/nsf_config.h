@@ -4,6 +4,7 @@
 #include <cstdint>
 
 #include "core/fields.h"
+#include "rom/reduced_model.h"
 
 namespace graupel {
 namespace train {
@@ -24,6 +25,7 @@ namespace train {
 struct NsfConfig {
   int64_t latents = 6;
   int64_t deformation_modes = 32, stress_modes = 64, affine_modes = 64;
+  rom::AffineKind affine = rom::AffineKind::rate;
   int64_t affine_centers = 24;
   int64_t samples = 150;
   int64_t thinning = 1;
@@ -34,10 +36,9 @@ struct NsfConfig {
   template <typename Visitor>
   static void fields(Visitor&& visit) {
     using C = NsfConfig;
-    visit(&C::latents, FieldInfo{.name = "latents",
-                                 .unit = "",
-                                 .meaning = "Numbers of the latent state",
-                                 .range = Range::between(1, 32)});
+    visit(&C::latents,
+          FieldInfo{
+              .name = "latents", .unit = "", .meaning = "Numbers of the latent state", .range = Range::between(1, 32)});
     visit(&C::deformation_modes, FieldInfo{.name = "deformation_modes",
                                            .unit = "",
                                            .meaning = "Spatial modes of the deformation field, at most",
@@ -50,6 +51,9 @@ struct NsfConfig {
                                       .unit = "",
                                       .meaning = "Spatial modes of the affine field, at most",
                                       .range = Range::between(1, 512)});
+    visit(&C::affine, FieldInfo{.name = "affine",
+                                .unit = "",
+                                .meaning = "What the affine field follows: the latent's velocity, or its position"});
     visit(&C::affine_centers, FieldInfo{.name = "affine_centers",
                                         .unit = "",
                                         .meaning = "Centres of the affine field's branch",

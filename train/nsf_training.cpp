@@ -137,14 +137,18 @@ class FactoredTraining {
     return rom::MapBranch(fit.map);
   }
 
-  rom::RateBranch fit_affine(rom::ModeTable& table) {
+  std::shared_ptr<const rom::Branch> fit_affine(rom::ModeTable& table) {
     const std::vector<float> affine = read(SnapshotField::affine);
     const Pod pod = train::pod(matrix(affine), static_cast<int>(config_.affine_modes), PodMean::kept);
-    const MapFit fit = fit_rate_map(inputs(), rates_, weighted(pod), run_of_, static_cast<int>(config_.affine_centers));
+    const bool rate = config_.affine == rom::AffineKind::rate;
+    const MapFit fit =
+        rate ? fit_rate_map(inputs(), rates_, weighted(pod), run_of_, static_cast<int>(config_.affine_centers))
+             : fit_map(inputs(), weighted(pod), run_of_);
     report_.affine = {pod.modes(), pod.tail(pod.modes()), fit.held_out_error, fit.ridge};
     table = unweighted_table(pod, SnapshotField::affine);
     tell("affine", report_.affine);
-    return {static_cast<int>(config_.latents), fit.map};
+    if (rate) return std::make_shared<const rom::RateBranch>(static_cast<int>(config_.latents), fit.map);
+    return std::make_shared<const rom::MapBranch>(fit.map);
   }
 
   /// Coefficients that count as much as their modes do.
@@ -163,6 +167,7 @@ class FactoredTraining {
   }
 
   void describe(rom::ReducedModel& model) const {
+    model.affine_kind = config_.affine;
     model.scene_json = set_.scene_json();
     model.frame_time = set_.frame_time();
     model.substeps_per_frame = set_.substeps_per_frame();

@@ -29,8 +29,7 @@ Pod pod(const SnapshotMatrix& snapshots, int modes, PodMean about) {
   Eigen::MatrixXd gram = Eigen::MatrixXd::Zero(n, n);
   for (Eigen::Index first = 0; first < width; first += block) {
     const Eigen::Index count = std::min(block, width - first);
-    const Eigen::MatrixXf part =
-        snapshots.middleCols(first, count).rowwise() - mean.segment(first, count);
+    const Eigen::MatrixXf part = snapshots.middleCols(first, count).rowwise() - mean.segment(first, count);
     gram += (part * part.transpose()).cast<double>();
   }
   const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(gram);
@@ -46,11 +45,10 @@ Pod pod(const SnapshotMatrix& snapshots, int modes, PodMean about) {
   const Eigen::MatrixXf weights = (vectors / std::sqrt(static_cast<double>(n))).cast<float>();
   result.basis.resize(static_cast<std::size_t>(width * kept));
   Eigen::Map<Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>> basis(result.basis.data(), width,
-                                                                                         kept);
+                                                                                          kept);
   for (Eigen::Index first = 0; first < width; first += block) {
     const Eigen::Index count = std::min(block, width - first);
-    const Eigen::MatrixXf part =
-        snapshots.middleCols(first, count).rowwise() - mean.segment(first, count);
+    const Eigen::MatrixXf part = snapshots.middleCols(first, count).rowwise() - mean.segment(first, count);
     basis.middleRows(first, count).noalias() = part.transpose() * weights;
   }
   return result;

@@ -55,9 +55,10 @@ SnapshotSet::SnapshotSet(const std::string& file) : file_(file) {
   for (int run = 0; run < reader.count(); ++run) {
     const Trajectory header = reader.header(run);
     const auto wrong = [&](const std::string& what) {
-      return InputError(fmt::format(
-          "run {} of '{}' {}. Reduced models train on the runs of a sweep: 'graupel generate scenes/recipes/nsf_*.json'",
-          run, file, what));
+      return InputError(
+          fmt::format("run {} of '{}' {}. Reduced models train on the runs of a sweep: 'graupel generate "
+                      "scenes/recipes/nsf_*.json'",
+                      run, file, what));
     };
     if (header.diverged_at_frame >= 0) throw wrong("diverged");
     for (const ParticleField field : {ParticleField::stress, ParticleField::affine})

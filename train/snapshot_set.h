@@ -14,7 +14,7 @@ namespace graupel::train {
 struct SweptParameter {
   std::string name, unit;
   std::vector<std::string> keys;  ///< of the scene that follow it; the first has its value
-  std::vector<double> values;  ///< [runs]
+  std::vector<double> values;     ///< [runs]
 };
 
 enum class SnapshotField { position, velocity, stress, affine };
@@ -36,7 +36,7 @@ class SnapshotSet {
   const std::vector<SweptParameter>& parameters() const { return parameters_; }
   const std::vector<Vec3f>& reference() const { return reference_; }  ///< X: positions of the first frame [m]
   const std::string& scene_json() const { return scene_json_; }       ///< of the first run
-  double frame_time() const { return frame_time_; }                    ///< [s]
+  double frame_time() const { return frame_time_; }                   ///< [s]
   int64_t substeps_per_frame() const { return substeps_per_frame_; }
 
   /// A field of all snapshots and the particles first .. first + count - 1, [snapshots, count * components].

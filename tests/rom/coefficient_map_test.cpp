@@ -21,9 +21,12 @@ CoefficientMap some_map(int inputs, int outputs, int count) {
   };
   std::vector<double> scale = numbers(inputs);
   for (double& s : scale) s = 0.5 + std::abs(s);
-  return {inputs,         outputs,
-          numbers(inputs), scale,
-          numbers(count * inputs), numbers(count * outputs),
+  return {inputs,
+          outputs,
+          numbers(inputs),
+          scale,
+          numbers(count * inputs),
+          numbers(count * outputs),
           numbers((1 + inputs) * outputs)};
 }
 
