@@ -25,7 +25,7 @@ struct BenchRomOptions {
   CommonOptions common;
   std::string model, data, split = "test";
   std::vector<double> step_factors = {1};
-  int64_t samples = 0, thinning = 0;
+  int64_t samples = 0, cluster = 0;
   rom::FitOptions fit;
   bool f64 = false;
 };
@@ -53,14 +53,14 @@ rom::ReducedOptions reduced_options(const BenchRomOptions& options, const rom::R
     for (std::size_t i = 0; i < n; ++i) samples.push_back(model.encoder[i * model.encoder.size() / n]);
     reduced.samples = samples;
   }
-  if (options.thinning > 0) {
-    std::vector<Vec3f> reference;
-    for (std::size_t i = 0; i < model.reference.size(); i += 3)
-      reference.push_back({model.reference[i], model.reference[i + 1], model.reference[i + 2]});
-    reduced.quadrature = rom::thinned_particles(reference, std::vector<double>(reference.size(), 1.0),
-                                                static_cast<int>(options.thinning));
-  }
   return reduced;
+}
+
+void take_clusters(rom::ReducedModel& model, int size) {
+  std::vector<Vec3f> reference;
+  for (std::size_t i = 0; i < model.reference.size(); i += 3)
+    reference.push_back({model.reference[i], model.reference[i + 1], model.reference[i + 2]});
+  model.take_clusters(rom::make_clusters(reference, particle_kinds(model), size));
 }
 
 Measured measure(const BenchRomOptions& options, const LoadedModel& loaded, const io::TrajectoryReader& reader, int i,
@@ -157,7 +157,8 @@ void print_row(const Measured& m, double factor) {
 
 void bench_rom(BenchRomOptions& options) {
   options.common.apply();
-  const LoadedModel loaded(options.model);
+  LoadedModel loaded(options.model);
+  if (options.cluster > 1) take_clusters(loaded.model, static_cast<int>(options.cluster));
   const io::TrajectoryReader reader(options.data + "/" + options.split + ".h5");
   Json rows = Json::array();
   std::printf("%12s %6s %9s %9s %7s %8s %8s %8s %8s %8s %8s %8s %6s %6s %7s\n", "parameters", "factor", "delta %",
@@ -188,8 +189,7 @@ void add_bench_rom(CLI::App& bench) {
       ->capture_default_str();
   verb->add_option("--samples", options->samples, "So many random samples instead of the model's")
       ->check(whole_number(1));
-  verb->add_option("--thinning", options->thinning, "One of so many particles as integration point")
-      ->check(whole_number(1));
+  verb->add_option("--cluster", options->cluster, "So many particles as one integration point")->check(whole_number(1));
   verb->add_option("--outlier-factor", options->fit.outlier_factor,
                    "Samples count less beyond this multiple of the median distance (0: plain least squares)")
       ->check(real_number(LowerBound::zero))

@@ -18,6 +18,9 @@ struct LoadedModel {
   rom::ReducedModel model;
 };
 
+/// [particles] of the model's scene: equal for particles of one material and script.
+std::vector<int32_t> particle_kinds(const rom::ReducedModel& model);
+
 /// Whether a weights file holds a reduced-order model.
 bool is_reduced_model(const std::string& file);
 

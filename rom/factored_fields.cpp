@@ -55,11 +55,11 @@ std::vector<T> coefficients_of(const Branch& branch, const LatentState& state) {
 template <typename T>
 class FactoredPoints final : public PointFields<T> {
  public:
-  FactoredPoints(const FactoredFields& fields, const std::vector<int32_t>& particles)
+  FactoredPoints(const FactoredFields& fields, const std::vector<int32_t>& points)
       : fields_(fields), deformation_(fields.deformation_branch()) {
-    position_.assign(fields.deformation(), particles, vector_order);
-    stress_.assign(fields.stress(), particles, stress_order);
-    affine_.assign(fields.affine(), particles, matrix_order);
+    position_.assign(fields.deformation(), fields.cluster_deformation(), points, vector_order);
+    stress_.assign(fields.stress(), points, stress_order);
+    affine_.assign(fields.affine(), points, matrix_order);
   }
 
   void decode(const LatentState& state, const mpm::ParticleView<T>& particles) override {
@@ -83,9 +83,9 @@ class FactoredPoints final : public PointFields<T> {
 template <typename T>
 class FactoredPositions final : public PointPositions<T> {
  public:
-  FactoredPositions(const FactoredFields& fields, const std::vector<int32_t>& particles)
+  FactoredPositions(const FactoredFields& fields, const std::vector<int32_t>& points)
       : deformation_(fields.deformation_branch()) {
-    position_.assign(fields.deformation(), particles, vector_order);
+    position_.assign(fields.deformation(), fields.cluster_deformation(), points, vector_order);
   }
   void decode(const LatentState& state, T* position) override {
     deformation_.update(state);
@@ -144,33 +144,41 @@ class FactoredSamples final : public SampleField {
 }  // namespace
 
 FactoredFields::FactoredFields(ModeTable deformation, ClosureBranch deformation_branch, ModeTable stress,
-                               MapBranch stress_branch, ModeTable affine, std::shared_ptr<const Branch> affine_branch)
+                               MapBranch stress_branch, ModeTable affine, std::shared_ptr<const Branch> affine_branch,
+                               const Clusters& clusters)
     : deformation_(std::move(deformation)),
+      cluster_deformation_(deformation_.averaged(clusters, static_cast<int32_t>(deformation_.rows()))),
       stress_(std::move(stress)),
       affine_(std::move(affine)),
       deformation_branch_(std::move(deformation_branch)),
       stress_branch_(std::move(stress_branch)),
       affine_branch_(std::move(affine_branch)) {}
 
-std::unique_ptr<PointFields<float>> FactoredFields::bind_f32(const std::vector<int32_t>& particles) const {
-  return std::make_unique<FactoredPoints<float>>(*this, particles);
+std::unique_ptr<PointFields<float>> FactoredFields::bind_f32(const std::vector<int32_t>& points) const {
+  return std::make_unique<FactoredPoints<float>>(*this, points);
 }
-std::unique_ptr<PointFields<double>> FactoredFields::bind_f64(const std::vector<int32_t>& particles) const {
-  return std::make_unique<FactoredPoints<double>>(*this, particles);
+std::unique_ptr<PointFields<double>> FactoredFields::bind_f64(const std::vector<int32_t>& points) const {
+  return std::make_unique<FactoredPoints<double>>(*this, points);
 }
-std::unique_ptr<PointPositions<float>> FactoredFields::bind_positions_f32(const std::vector<int32_t>& particles) const {
-  return std::make_unique<FactoredPositions<float>>(*this, particles);
+std::unique_ptr<PointPositions<float>> FactoredFields::bind_positions_f32(const std::vector<int32_t>& points) const {
+  return std::make_unique<FactoredPositions<float>>(*this, points);
 }
-std::unique_ptr<PointPositions<double>> FactoredFields::bind_positions_f64(
-    const std::vector<int32_t>& particles) const {
-  return std::make_unique<FactoredPositions<double>>(*this, particles);
+std::unique_ptr<PointPositions<double>> FactoredFields::bind_positions_f64(const std::vector<int32_t>& points) const {
+  return std::make_unique<FactoredPositions<double>>(*this, points);
 }
 std::unique_ptr<SampleField> FactoredFields::bind_samples(const std::vector<int32_t>& samples) const {
   return std::make_unique<FactoredSamples>(*this, samples);
 }
 
-bool FactoredFields::keeps_stress(int32_t particle) const {
-  return std::binary_search(stress_.particles.begin(), stress_.particles.end(), particle);
+FactoredFields FactoredFields::clustered(const Clusters& clusters) const {
+  const auto first = static_cast<int32_t>(particles());
+  return {deformation_,
+          deformation_branch_,
+          stress_.averaged(clusters, first),
+          stress_branch_,
+          affine_.averaged(clusters, first),
+          affine_branch_,
+          clusters};
 }
 
 }  // namespace graupel::rom

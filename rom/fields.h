@@ -38,30 +38,29 @@ class Fields {
  public:
   virtual ~Fields() = default;
   virtual int latents() const = 0;
-  virtual int64_t particles() const = 0;  ///< of the reference body
-  /// At particles where all fields are known; throws ConfigError, naming one, where they are not.
-  virtual std::unique_ptr<PointFields<float>> bind_f32(const std::vector<int32_t>& particles) const = 0;
-  virtual std::unique_ptr<PointFields<double>> bind_f64(const std::vector<int32_t>& particles) const = 0;
-  virtual std::unique_ptr<PointPositions<float>> bind_positions_f32(const std::vector<int32_t>& particles) const = 0;
-  virtual std::unique_ptr<PointPositions<double>> bind_positions_f64(const std::vector<int32_t>& particles) const = 0;
+  virtual int64_t particles()
+      const = 0;  ///< of the reference body: points 0 to particles() - 1; clusters come after them
+  /// Stress and affine velocity are zero at points where they are not known.
+  virtual std::unique_ptr<PointFields<float>> bind_f32(const std::vector<int32_t>& points) const = 0;
+  virtual std::unique_ptr<PointFields<double>> bind_f64(const std::vector<int32_t>& points) const = 0;
+  virtual std::unique_ptr<PointPositions<float>> bind_positions_f32(const std::vector<int32_t>& points) const = 0;
+  virtual std::unique_ptr<PointPositions<double>> bind_positions_f64(const std::vector<int32_t>& points) const = 0;
   virtual std::unique_ptr<SampleField> bind_samples(const std::vector<int32_t>& samples) const = 0;
-  /// Whether stress and affine velocity are known at a particle too.
-  virtual bool keeps_stress(int32_t particle) const = 0;
 };
 
 template <typename T>
-std::unique_ptr<PointFields<T>> bind_fields(const Fields& fields, const std::vector<int32_t>& particles) {
+std::unique_ptr<PointFields<T>> bind_fields(const Fields& fields, const std::vector<int32_t>& points) {
   if constexpr (sizeof(T) == sizeof(float))
-    return fields.bind_f32(particles);
+    return fields.bind_f32(points);
   else
-    return fields.bind_f64(particles);
+    return fields.bind_f64(points);
 }
 template <typename T>
-std::unique_ptr<PointPositions<T>> bind_positions(const Fields& fields, const std::vector<int32_t>& particles) {
+std::unique_ptr<PointPositions<T>> bind_positions(const Fields& fields, const std::vector<int32_t>& points) {
   if constexpr (sizeof(T) == sizeof(float))
-    return fields.bind_positions_f32(particles);
+    return fields.bind_positions_f32(points);
   else
-    return fields.bind_positions_f64(particles);
+    return fields.bind_positions_f64(points);
 }
 
 }  // namespace graupel::rom

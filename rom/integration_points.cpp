@@ -8,11 +8,11 @@ namespace graupel::rom {
 using mpm::tile;
 
 template <typename T>
-IntegrationPoints<T>::IntegrationPoints(const Fields& fields, const Quadrature& quadrature,
-                                        std::vector<int32_t> samples, const mpm::GridGeometry<T, 3>& grid)
-    : samples_(std::move(samples)), quadrature_(quadrature), grid_(grid) {
+IntegrationPoints<T>::IntegrationPoints(const Fields& fields, GridParticles all, std::vector<int32_t> samples,
+                                        const mpm::GridGeometry<T, 3>& grid)
+    : samples_(std::move(samples)), all_(std::move(all)), grid_(grid) {
   std::vector<int32_t> candidates = samples_;
-  candidates.insert(candidates.end(), quadrature_.particles.begin(), quadrature_.particles.end());
+  candidates.insert(candidates.end(), all_.points.begin(), all_.points.end());
   candidates_ = bind_positions<T>(fields, candidates);
   position_.resize(static_cast<std::size_t>(3 * mpm::padded_to_tile(static_cast<int64_t>(candidates.size()))));
   std::size_t cells = 1;
@@ -54,27 +54,18 @@ GridParticles IntegrationPoints<T>::find(const LatentState& state) {
   }
   // Where most are within reach anyway, taking all saves the work of choosing again.
   std::size_t reached = 0;
-  for (std::size_t i = 0; i < quadrature_.particles.size(); ++i)
+  for (std::size_t i = 0; i < all_.points.size(); ++i)
     reached += stamp_[number(cell_of(samples_.size() + i))] == round_;
-  const bool take_all = 10 * reached > 8 * quadrature_.particles.size();
+  const bool take_all = 10 * reached > 8 * all_.points.size();
   GridParticles found;
-  found.particles = samples_;
+  found.points = found.particles = samples_;
   found.samples = static_cast<int64_t>(samples_.size());
   found.share.assign(samples_.size(), 0.0);
-  std::vector<std::pair<int32_t, std::size_t>> place;  // of the samples by particle
-  for (std::size_t s = 0; s < samples_.size(); ++s) place.emplace_back(samples_[s], s);
-  std::sort(place.begin(), place.end());
-  auto next = place.begin();
-  for (std::size_t i = 0; i < quadrature_.particles.size(); ++i) {
-    const int32_t particle = quadrature_.particles[i];
-    while (next != place.end() && next->first < particle) ++next;
-    if (next != place.end() && next->first == particle) {
-      found.share[next->second] = quadrature_.share[i];
-      continue;
-    }
+  for (std::size_t i = 0; i < all_.points.size(); ++i) {
     if (!take_all && stamp_[number(cell_of(samples_.size() + i))] != round_) continue;
-    found.particles.push_back(particle);
-    found.share.push_back(quadrature_.share[i]);
+    found.points.push_back(all_.points[i]);
+    found.particles.push_back(all_.particles[i]);
+    found.share.push_back(all_.share[i]);
   }
   moved_ = 0;
   return found;

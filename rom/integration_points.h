@@ -8,18 +8,17 @@
 
 #include "rom/fields.h"
 #include "rom/particle_grid.h"
-#include "rom/quadrature.h"
 
 namespace graupel::rom {
 
 template <typename T>
 class IntegrationPoints {
  public:
-  IntegrationPoints(const Fields& fields, const Quadrature& quadrature, std::vector<int32_t> samples,
+  /// `all`: every integration point there is, without samples. `samples` are particles of the scene.
+  IntegrationPoints(const Fields& fields, GridParticles all, std::vector<int32_t> samples,
                     const mpm::GridGeometry<T, 3>& grid);
 
-  /// The samples, then the quadrature's particles within reach of them at this state. Throws ConfigError as
-  /// Fields::bind.
+  /// The samples, then the integration points within reach of them at this state.
   GridParticles find(const LatentState& state);
   /// Tells of a step in which no particle moved further than `distance` [m]; whether find() is due.
   bool stale_after(double distance);
@@ -29,8 +28,8 @@ class IntegrationPoints {
 
  private:
   std::vector<int32_t> samples_;
-  Quadrature quadrature_;
-  std::unique_ptr<PointPositions<T>> candidates_;  ///< the samples, then the quadrature
+  GridParticles all_;
+  std::unique_ptr<PointPositions<T>> candidates_;  ///< the samples, then all integration points
   mpm::GridGeometry<T, 3> grid_;
   std::vector<T> position_;
   Vec<int, 3> cells_;

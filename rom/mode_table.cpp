@@ -1,11 +1,8 @@
 #include "rom/mode_table.h"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <cmath>
 
-#include "core/error.h"
 #include "core/parallel_for.h"
 #include "rom/tensors.h"
 
@@ -13,20 +10,37 @@ namespace graupel::rom {
 
 using mpm::tile;
 
-int64_t ModeTable::row_of(int32_t particle) const {
-  const auto at = std::lower_bound(particles.begin(), particles.end(), particle);
-  if (at == particles.end() || *at != particle)
-    throw ConfigError(fmt::format(
-        "the weights hold no field values at particle {} (they keep {} of the particles). Train with --keep all, or "
-        "choose integration points that are kept",
-        particle, particles.size()));
-  return at - particles.begin();
+int64_t ModeTable::row_of(int32_t point) const {
+  const auto at = std::lower_bound(points.begin(), points.end(), point);
+  return at == points.end() || *at != point ? -1 : at - points.begin();
+}
+
+ModeTable ModeTable::averaged(const Clusters& clusters, int32_t first_point) const {
+  const auto count = static_cast<std::size_t>(clusters.count);
+  ModeTable means;
+  means.components = components;
+  means.modes = modes;
+  for (std::size_t i = 0; i < count; ++i) means.points.push_back(first_point + static_cast<int32_t>(i));
+  std::vector<float> members(count, 0);
+  for (const int32_t cluster : clusters.of_particle) members[static_cast<std::size_t>(cluster)] += 1;
+  const auto average = [&](const std::vector<float>& values, std::size_t width) {
+    std::vector<float> sums(count * width, 0);
+    for (std::size_t p = 0; p < clusters.of_particle.size(); ++p) {
+      const auto to = static_cast<std::size_t>(clusters.of_particle[p]);
+      const auto from = static_cast<std::size_t>(row_of(static_cast<int32_t>(p)));
+      for (std::size_t k = 0; k < width; ++k) sums[to * width + k] += values[from * width + k] / members[to];
+    }
+    return sums;
+  };
+  means.mean = average(mean, static_cast<std::size_t>(components));
+  means.basis = average(basis, static_cast<std::size_t>(components) * static_cast<std::size_t>(modes));
+  return means;
 }
 
 ModeTable ModeTable::load(const nn::Weights& weights, const std::string& prefix, int components) {
   ModeTable table;
   table.components = components;
-  table.particles = get_indices(weights, prefix + ".particles");
+  table.points = get_indices(weights, prefix + ".points");
   table.modes = static_cast<int>(extent(weights, prefix + ".amplitude", 0));
   const int64_t rows = table.rows();
   const std::vector<float> amplitude = weights.get(prefix + ".amplitude", {table.modes});
@@ -43,38 +57,44 @@ void ModeTable::store(nn::Weights& weights, const std::string& prefix, nn::DType
   for (std::size_t i = 0; i < basis.size(); ++i) amplitude[i % m] = std::max(amplitude[i % m], std::abs(basis[i]));
   for (float& a : amplitude) a = a > 0 ? a : 1;
   for (std::size_t i = 0; i < basis.size(); ++i) scaled[i] /= amplitude[i % m];
-  weights.tensors[prefix + ".particles"] = index_tensor(particles);
+  weights.tensors[prefix + ".points"] = index_tensor(points);
   weights.tensors[prefix + ".mean"] = nn::Tensor::from_float(mean, {rows(), components});
   weights.tensors[prefix + ".amplitude"] = nn::Tensor::from_float(amplitude, {modes});
   weights.tensors[prefix + ".basis"] = nn::Tensor::from_float(scaled, {rows(), components, modes}, dtype);
 }
 
 template <typename T>
-void TiledModes<T>::assign(const ModeTable& table, const std::vector<int32_t>& particles,
+void TiledModes<T>::assign(const ModeTable& table, const std::vector<int32_t>& points, const std::vector<int>& order) {
+  assign(table, ModeTable(), points, order);
+}
+
+template <typename T>
+void TiledModes<T>::assign(const ModeTable& first, const ModeTable& more, const std::vector<int32_t>& points,
                            const std::vector<int>& order) {
-  slots_ = static_cast<int64_t>(particles.size());
+  slots_ = static_cast<int64_t>(points.size());
   components_ = static_cast<int>(order.size());
-  modes_ = table.modes;
+  modes_ = first.modes;
   const int64_t tiles = mpm::padded_to_tile(slots_) / tile;
   mean_.resize_discard(static_cast<std::size_t>(tiles * components_ * tile));
   basis_.resize_discard(static_cast<std::size_t>(tiles * components_ * modes_ * tile));
   const auto fill_tile = [&](int64_t t) {
     for (int64_t l = 0; l < tile; ++l) {
       const int64_t slot = t * tile + l;
-      // The slots that fill up the last tile repeat its last particle.
-      const int64_t row = table.row_of(particles[static_cast<std::size_t>(std::min(slot, slots_ - 1))]);
+      const int32_t point = slot < slots_ ? points[static_cast<std::size_t>(slot)] : -1;
+      const int64_t own = first.row_of(point);
+      const ModeTable& table = own >= 0 ? first : more;
+      const int64_t row = own >= 0 ? own : more.row_of(point);
       for (int c = 0; c < components_; ++c) {
         const int64_t from = row * table.components + order[static_cast<std::size_t>(c)];
         const int64_t to = t * components_ + c;
-        mean_[static_cast<std::size_t>(to * tile + l)] = static_cast<T>(table.mean[static_cast<std::size_t>(from)]);
+        mean_[static_cast<std::size_t>(to * tile + l)] =
+            row < 0 ? T(0) : static_cast<T>(table.mean[static_cast<std::size_t>(from)]);
         for (int k = 0; k < modes_; ++k)
           basis_[static_cast<std::size_t>((to * modes_ + k) * tile + l)] =
-              static_cast<T>(table.basis[static_cast<std::size_t>(from * modes_ + k)]);
+              row < 0 ? T(0) : static_cast<T>(table.basis[static_cast<std::size_t>(from * modes_ + k)]);
       }
     }
   };
-  if (slots_ > 0)
-    for (const int32_t particle : particles) table.row_of(particle);  // throws here, not in a thread
   parallel_for_cpu(tiles, fill_tile, Grain{16});
 }
 

@@ -10,22 +10,24 @@
 #include "core/buffer.h"
 #include "mpm/particles.h"
 #include "nn/weights.h"
+#include "rom/quadrature.h"
 
 namespace graupel::rom {
 
-/// As stored. A field may be kept at some of the particles only (stress and affine velocity where integration points
-/// can be).
+/// As stored. A field may be kept at some of the points only (stress and affine velocity at the integration points).
 struct ModeTable {
   int components = 0, modes = 0;
-  std::vector<int32_t> particles;  ///< of every row, ascending
-  std::vector<float> mean;         ///< [rows, components]
-  std::vector<float> basis;        ///< [rows, components, modes]
+  std::vector<int32_t> points;  ///< of every row, ascending
+  std::vector<float> mean;      ///< [rows, components]
+  std::vector<float> basis;     ///< [rows, components, modes]
 
-  int64_t rows() const { return static_cast<int64_t>(particles.size()); }
-  /// Row of a particle. Throws ConfigError when the table has none.
-  int64_t row_of(int32_t particle) const;
+  int64_t rows() const { return static_cast<int64_t>(points.size()); }
+  /// Row of a point, or -1.
+  int64_t row_of(int32_t point) const;
+  /// Rows for points first_point + i, each the mean over the particles of cluster i. The table must have all of these.
+  ModeTable averaged(const Clusters& clusters, int32_t first_point) const;
 
-  /// Tensors <prefix>.particles i32 [rows], .mean f32 [rows, components], .basis [rows, components, modes] (f16 or f32,
+  /// Tensors <prefix>.points i32 [rows], .mean f32 [rows, components], .basis [rows, components, modes] (f16 or f32,
   /// each mode over its largest value) and .amplitude f32 [modes]. Throws InputError as nn::Weights::get.
   static ModeTable load(const nn::Weights& weights, const std::string& prefix, int components);
   void store(nn::Weights& weights, const std::string& prefix, nn::DType dtype) const;
@@ -37,8 +39,12 @@ template <typename T>
 class TiledModes {
  public:
   TiledModes() = default;
-  /// One slot for each particle; `order[c]` is the component that stands at place c of the result.
-  void assign(const ModeTable& table, const std::vector<int32_t>& particles, const std::vector<int>& order);
+  /// One slot for each point, zero where the table has no row; `order[c]` is the component that stands at place c of
+  /// the result.
+  void assign(const ModeTable& table, const std::vector<int32_t>& points, const std::vector<int>& order);
+  /// The same from two tables that share modes but no points.
+  void assign(const ModeTable& table, const ModeTable& more, const std::vector<int32_t>& points,
+              const std::vector<int>& order);
 
   int64_t slots() const { return slots_; }
   int modes() const { return modes_; }

@@ -1,4 +1,6 @@
-// The particles that integration points are chosen from, and how much of the body each stands for.
+// Integration points: the particles of the body, or clusters of neighbours. Fields whose modes are averaged over a
+// cluster give the cluster's mean position, velocity, stress and affine velocity, so that a cluster carries the mass,
+// momentum and mean stress of its members; picking single particles instead would keep the noise of their stress.
 #pragma once
 
 #include <cstdint>
@@ -8,15 +10,16 @@
 
 namespace graupel::rom {
 
-struct Quadrature {
-  std::vector<int32_t> particles;  ///< ascending
-  std::vector<double> share;       ///< > 0; mass and volume over the particle's own; all 1: everyone for itself
+/// Which cluster every particle belongs to.
+struct Clusters {
+  int64_t count = 0;
+  std::vector<int32_t> of_particle;  ///< [particles], 0 to count - 1
+  /// First particle of every cluster, [count].
+  std::vector<int32_t> first_members() const;
 };
 
-/// Every particle of the body.
-Quadrature all_particles(int64_t count);
-/// One of `step` particles, spread evenly over the body (every step-th along a curve that fills space); each stands for
-/// all particles that it is nearest to in the reference body.
-Quadrature thinned_particles(const std::vector<Vec3f>& reference, const std::vector<double>& volume, int step);
+/// Clusters of about `size` particles that lie together in the reference body; the particles of a cluster have one
+/// `kind` (material, script). With size 1 every particle is its own.
+Clusters make_clusters(const std::vector<Vec3f>& reference, const std::vector<int32_t>& kind, int size);
 
 }  // namespace graupel::rom

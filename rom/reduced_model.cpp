@@ -49,15 +49,19 @@ void read_settings(const Json& settings, ReducedModel& model) {
   model.usual_residual = settings.at("usual_residual");
 }
 
-FactoredFields read_fields(const nn::Weights& weights, int latents, int inputs, AffineKind affine_kind) {
+FactoredFields read_fields(const nn::Weights& weights, int latents, int inputs, AffineKind affine_kind,
+                           const Clusters& clusters) {
   ModeTable deformation = ModeTable::load(weights, "deformation", 3), stress = ModeTable::load(weights, "stress", 6),
             affine = ModeTable::load(weights, "affine", 9);
   if (deformation.modes < latents)
     throw InputError(fmt::format("'{}' has {} latents but {} modes of the deformation. Train the model again",
                                  weights.file, latents, deformation.modes));
-  for (std::size_t i = 0; i < deformation.particles.size(); ++i)
-    if (deformation.particles[i] != static_cast<int32_t>(i))
+  if (deformation.points.size() != clusters.of_particle.size())
+    throw InputError("'" + weights.file + "' has clusters of other particles than its own. Train the model again");
+  for (std::size_t i = 0; i < deformation.points.size(); ++i)
+    if (deformation.points[i] != static_cast<int32_t>(i))
       throw InputError("'" + weights.file + "' lacks the deformation of some particles. Train the model again");
+  const bool single = clusters.count == static_cast<int64_t>(clusters.of_particle.size());
   ClosureBranch closure(latents,
                         CoefficientMap::load(weights, "deformation.branch", latents, deformation.modes - latents));
   MapBranch stress_branch(CoefficientMap::load(weights, "stress.branch", inputs, stress.modes));
@@ -68,8 +72,19 @@ FactoredFields read_fields(const nn::Weights& weights, int latents, int inputs, 
   else
     affine_branch =
         std::make_shared<const MapBranch>(CoefficientMap::load(weights, "affine.branch", inputs, affine.modes));
-  return {std::move(deformation),   std::move(closure), std::move(stress),
-          std::move(stress_branch), std::move(affine),  std::move(affine_branch)};
+  return {std::move(deformation),        std::move(closure), std::move(stress),
+          std::move(stress_branch),      std::move(affine),  std::move(affine_branch),
+          single ? Clusters() : clusters};
+}
+
+Clusters read_clusters(const nn::Weights& weights) {
+  Clusters clusters;
+  clusters.of_particle = get_indices(weights, "clusters");
+  for (const int32_t c : clusters.of_particle) clusters.count = std::max<int64_t>(clusters.count, c + 1);
+  const std::vector<int32_t> first = clusters.first_members();
+  if (std::find(first.begin(), first.end(), -1) != first.end())
+    throw InputError("'" + weights.file + "' has a cluster without particles. Train the model again");
+  return clusters;
 }
 
 }  // namespace
@@ -89,17 +104,15 @@ ReducedModel ReducedModel::load(const nn::Weights& weights) {
   const auto latents = static_cast<int>(extent(weights, "latent.start", 0));
   if (latents < 1) throw InputError("'" + weights.file + "' has no latent. Train the model again");
   const int inputs = latents + static_cast<int>(model.parameters.size());
-  model.fields = std::make_shared<const FactoredFields>(read_fields(weights, latents, inputs, model.affine_kind));
+  model.clusters = read_clusters(weights);
+  model.fields =
+      std::make_shared<const FactoredFields>(read_fields(weights, latents, inputs, model.affine_kind, model.clusters));
   const int64_t n = model.fields->particles();
   model.reference = weights.get("reference", {n, 3});
   model.samples = get_indices(weights, "samples");
   model.encoder = get_indices(weights, "encoder");
-  model.quadrature.particles = get_indices(weights, "quadrature.particles");
-  model.quadrature.share =
-      doubles(weights.get("quadrature.share", {static_cast<int64_t>(model.quadrature.particles.size())}));
   check_indices(weights, model.samples, n, "samples");
   check_indices(weights, model.encoder, n, "encoder's particles");
-  check_indices(weights, model.quadrature.particles, n, "integration points");
   model.start_latent = doubles(weights.get("latent.start", {latents}));
   model.training_latents = weights.get("latent.training", {extent(weights, "latent.training", 0), latents});
   model.latent_scale = weights.get("latent.scale", {latents});
@@ -130,14 +143,38 @@ nn::Weights ReducedModel::store(nn::DType modes) const {
   weights.tensors["reference"] = nn::Tensor::from_float(reference, {fields->particles(), 3});
   weights.tensors["samples"] = index_tensor(samples);
   weights.tensors["encoder"] = index_tensor(encoder);
-  weights.tensors["quadrature.particles"] = index_tensor(quadrature.particles);
-  weights.tensors["quadrature.share"] =
-      nn::Tensor::from_float(floats(quadrature.share), {static_cast<int64_t>(quadrature.share.size())});
+  weights.tensors["clusters"] = index_tensor(clusters.of_particle);
   weights.tensors["latent.start"] = nn::Tensor::from_float(floats(start_latent), {r});
   weights.tensors["latent.training"] =
       nn::Tensor::from_float(training_latents, {static_cast<int64_t>(training_latents.size()) / r, r});
   weights.tensors["latent.scale"] = nn::Tensor::from_float(latent_scale, {r});
   return weights;
+}
+
+GridParticles ReducedModel::integration_points(const std::vector<double>& volume) const {
+  GridParticles all;
+  const auto n = static_cast<int32_t>(fields->particles());
+  const bool single = clusters.count == n;
+  all.particles = clusters.first_members();
+  all.share.assign(all.particles.size(), 0.0);
+  for (std::size_t p = 0; p < volume.size(); ++p)
+    all.share[static_cast<std::size_t>(clusters.of_particle[p])] += volume[p];
+  for (std::size_t i = 0; i < all.particles.size(); ++i) {
+    all.share[i] /= volume[static_cast<std::size_t>(all.particles[i])];
+    all.points.push_back(single ? all.particles[i] : n + static_cast<int32_t>(i));
+  }
+  return all;
+}
+
+void ReducedModel::take_clusters(Clusters made) {
+  if (clusters.count != fields->particles())
+    throw ConfigError(fmt::format(
+        "the model has {} clusters of particles as integration points, which cannot be divided anew. Train it with "
+        "cluster=1",
+        clusters.count));
+  clusters = std::move(made);
+  if (clusters.count < fields->particles())
+    fields = std::make_shared<const FactoredFields>(fields->clustered(clusters));
 }
 
 double latent_distance(const ReducedModel& model, const std::vector<double>& latent) {

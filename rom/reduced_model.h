@@ -10,6 +10,7 @@
 #include "core/fields.h"
 #include "nn/weights.h"
 #include "rom/factored_fields.h"
+#include "rom/particle_grid.h"
 #include "rom/quadrature.h"
 
 namespace graupel {
@@ -50,7 +51,7 @@ struct ReducedModel {
   std::shared_ptr<const FactoredFields> fields;
   std::vector<float> reference;      ///< X, [particles, 3] [m]
   std::vector<int32_t> samples;      ///< by default
-  Quadrature quadrature;             ///< by default
+  Clusters clusters;                 ///< integration points; as many as particles: these themselves
   std::vector<int32_t> encoder;      ///< particles whose positions give the latent
   std::vector<double> start_latent;  ///< mean over the training runs [r]
   /// Latents of the training snapshots [n, r], the scale of each axis [r], and the largest distance of a held-out
@@ -62,6 +63,10 @@ struct ReducedModel {
   std::map<std::string, std::string> provenance;  ///< data set, command, errors; kept as it is
 
   int latents() const { return fields->latents(); }
+  /// All integration points with the particles that they stand for, from the particles' volumes [m^3].
+  GridParticles integration_points(const std::vector<double>& volume) const;
+  /// Takes clusters instead of the particles as integration points. Throws ConfigError when it has clusters already.
+  void take_clusters(Clusters made);
 
   /// Throws InputError for a file that is no reduced-order model, or damaged.
   static ReducedModel load(const nn::Weights& weights);

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <numeric>
 #include <utility>
 
 #include "core/error.h"
@@ -28,7 +29,8 @@ class LapTimer {
   Clock::time_point last_ = Clock::now();
 };
 
-void check_particles(const ReducedModel& model, const mpm::PreparedScene& prepared) {
+/// The scene, once its particles are known to be the model's.
+mpm::PreparedScene checked(const ReducedModel& model, mpm::PreparedScene prepared) {
   const auto& position = prepared.particles.position;
   const auto n = static_cast<std::size_t>(model.fields->particles());
   if (position.size() != n)
@@ -44,9 +46,14 @@ void check_particles(const ReducedModel& model, const mpm::PreparedScene& prepar
             "particle {} of the scene starts elsewhere than the model's (coordinate {}: {:.6g} m, the model's {:.6g} "
             "m). Use the scene and the seed that the model was trained with",
             p, d, position[p][d], model.reference[3 * p + static_cast<std::size_t>(d)]));
+  return prepared;
 }
 
-std::vector<int32_t> all_of(int64_t n) { return all_particles(n).particles; }
+std::vector<int32_t> all_of(int64_t n) {
+  std::vector<int32_t> all(static_cast<std::size_t>(n));
+  std::iota(all.begin(), all.end(), 0);
+  return all;
+}
 
 }  // namespace
 
@@ -54,15 +61,14 @@ template <typename T>
 ReducedSolver<T>::ReducedSolver(const ReducedModel& model, mpm::PreparedScene prepared, std::vector<double> parameters,
                                 const ReducedOptions& options)
     : model_(model),
-      prepared_(std::move(prepared)),
+      prepared_(checked(model, std::move(prepared))),
       options_(options),
       samples_(options.samples.value_or(model.samples)),
       grid_(prepared_),
-      points_(*model.fields, options.quadrature.value_or(model.quadrature), samples_,
+      points_(*model.fields, model.integration_points(prepared_.particles.volume), samples_,
               mpm::grid_of<T>(prepared_.scene.domain)),
       sample_field_(model.fields->bind_samples(samples_)),
       output_(model.fields->bind_positions_f32(all_of(model.fields->particles()))) {
-  check_particles(model_, prepared_);
   GRAUPEL_ASSERT(parameters.size() == model_.parameters.size());
   if (!(options_.step_factor > 0))
     throw ConfigError(fmt::format("a time step factor of {} is out of range (above 0). Use 1", options_.step_factor));
@@ -126,10 +132,10 @@ template <typename T>
 void ReducedSolver<T>::choose_points() {
   due_ = false;
   GridParticles found = points_.find(state_);
-  if (fields_ && found.particles == chosen_.particles) return;
+  if (fields_ && found.points == chosen_.points) return;
   chosen_ = std::move(found);
   grid_.choose(chosen_);
-  fields_ = bind_fields<T>(*model_.fields, chosen_.particles);
+  fields_ = bind_fields<T>(*model_.fields, chosen_.points);
 }
 
 /// q <- argmin |g(X_s, q) - x_s|^2 from where the latent's velocity takes it; q' is the change over dt.

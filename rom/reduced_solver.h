@@ -20,7 +20,6 @@ struct ReducedOptions {
   double step_factor = 1;  ///< of the training's step
   FitOptions fit;
   std::optional<std::vector<int32_t>> samples;  ///< instead of the model's
-  std::optional<Quadrature> quadrature;         ///< instead of the model's
 };
 
 /// Seconds of the parts of steps, summed.

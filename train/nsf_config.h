@@ -26,9 +26,9 @@ struct NsfConfig {
   int64_t latents = 6;
   int64_t deformation_modes = 32, stress_modes = 64, affine_modes = 64;
   rom::AffineKind affine = rom::AffineKind::position;
-  int64_t centers = 400, affine_centers = 24;
-  int64_t samples = 150;
-  int64_t thinning = 1;
+  int64_t centers = 1000, affine_centers = 24;
+  int64_t samples = 300;
+  int64_t cluster = 1;
   int64_t encoder_particles = 2000;
   ModeStorage storage = ModeStorage::f32;
   uint64_t seed = 0;
@@ -66,10 +66,10 @@ struct NsfConfig {
                                  .unit = "",
                                  .meaning = "Sample particles, drawn at random",
                                  .range = Range::between(1, 1e6)});
-    visit(&C::thinning, FieldInfo{.name = "thinning",
-                                  .unit = "",
-                                  .meaning = "One of so many particles is an integration point; 1: every one",
-                                  .range = Range::between(1, 1000)});
+    visit(&C::cluster, FieldInfo{.name = "cluster",
+                                 .unit = "",
+                                 .meaning = "So many particles that lie together are one integration point",
+                                 .range = Range::between(1, 1000)});
     visit(&C::encoder_particles, FieldInfo{.name = "encoder_particles",
                                            .unit = "",
                                            .meaning = "Particles whose positions give the latent of a state, at most",

@@ -47,11 +47,15 @@ class FactoredTraining {
     rom::ModeTable stress, affine;
     auto stress_branch = fit_stress(stress);
     auto affine_branch = fit_affine(affine);
+    model.clusters = rom::make_clusters(set_.reference(), set_.particle_kind(), 1);
     model.fields = std::make_shared<const rom::FactoredFields>(std::move(deformation_), *closure_, std::move(stress),
                                                                std::move(stress_branch), std::move(affine),
-                                                               std::move(affine_branch));
+                                                               std::move(affine_branch), rom::Clusters());
     describe(model);
     choose_particles(model);
+    if (config_.cluster > 1)
+      model.take_clusters(
+          rom::make_clusters(set_.reference(), set_.particle_kind(), static_cast<int>(config_.cluster)));
     return model;
   }
 
@@ -75,8 +79,8 @@ class FactoredTraining {
     rom::ModeTable table;
     table.components = components_of(field);
     table.modes = pod.modes();
-    table.particles.resize(static_cast<std::size_t>(set_.particles()));
-    std::iota(table.particles.begin(), table.particles.end(), 0);
+    table.points.resize(static_cast<std::size_t>(set_.particles()));
+    std::iota(table.points.begin(), table.points.end(), 0);
     table.mean = pod.mean;
     table.basis = pod.basis;
     return table;
@@ -221,8 +225,6 @@ class FactoredTraining {
     };
     model.samples = first(config_.samples);
     model.encoder = first(config_.encoder_particles);
-    const std::vector<double> volume(static_cast<std::size_t>(n), 1.0);
-    model.quadrature = rom::thinned_particles(set_.reference(), volume, static_cast<int>(config_.thinning));
   }
 
   const NsfTrainingOptions& options_;

@@ -8,6 +8,7 @@
 #include "core/error.h"
 #include "io/scene_reader.h"
 #include "io/trajectory_file.h"
+#include "mpm/sampling.h"
 
 namespace graupel::train {
 
@@ -73,6 +74,12 @@ SnapshotSet::SnapshotSet(const std::string& file) : file_(file) {
       const Scene scene = io::parse_stored_scene(scene_json_, file, file);
       if (scene.time_step.policy != StepPolicy::fixed) throw wrong("has no fixed step (time_step.policy)");
       substeps_per_frame_ = scene.time_step.substeps_per_frame;
+      const mpm::SampledParticles particles = mpm::sample_sources(scene, header.seed);
+      if (particles.position.size() != reference_.size()) throw wrong("has other particles than its scene");
+      const auto scripts = static_cast<int32_t>(particles.scripts.size()) + 1;
+      for (std::size_t p = 0; p < reference_.size(); ++p)
+        particle_kind_.push_back(particles.material[p] * scripts +
+                                 (particles.script.empty() ? 0 : particles.script[p] + 1));
     } else if (!(start.position == reference_)) {
       throw wrong("starts with other particles than the first run");
     } else if (header.frame_time != frame_time_) {

@@ -35,8 +35,10 @@ class SnapshotSet {
   int64_t first_snapshot(int run) const { return first_snapshot_[static_cast<std::size_t>(run)]; }
   const std::vector<SweptParameter>& parameters() const { return parameters_; }
   const std::vector<Vec3f>& reference() const { return reference_; }  ///< X: positions of the first frame [m]
-  const std::string& scene_json() const { return scene_json_; }       ///< of the first run
-  double frame_time() const { return frame_time_; }                   ///< [s]
+  /// [particles]: equal for particles of one material and script.
+  const std::vector<int32_t>& particle_kind() const { return particle_kind_; }
+  const std::string& scene_json() const { return scene_json_; }  ///< of the first run
+  double frame_time() const { return frame_time_; }              ///< [s]
   int64_t substeps_per_frame() const { return substeps_per_frame_; }
 
   /// A field of all snapshots and the particles first .. first + count - 1, [snapshots, count * components].
@@ -49,6 +51,7 @@ class SnapshotSet {
   std::vector<int64_t> first_snapshot_ = {0};
   std::vector<SweptParameter> parameters_;
   std::vector<Vec3f> reference_;
+  std::vector<int32_t> particle_kind_;
 };
 
 }  // namespace graupel::train
