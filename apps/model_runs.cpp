@@ -107,13 +107,13 @@ TimedRun run_fast(const Scene& scene, const MpmRunOptions& options) {
 }  // namespace
 
 ModelChoice parse_model(const std::string& word) {
-  if (word == "mpm") return {word, false, MpmVariant::same};
-  if (word == "mpm:fast") return {word, false, MpmVariant::fast};
-  if (word == "mpm:coarse") return {word, false, MpmVariant::coarse};
+  if (word == "mpm") return {word, ModelKind::mpm, MpmVariant::same};
+  if (word == "mpm:fast") return {word, ModelKind::mpm, MpmVariant::fast};
+  if (word == "mpm:coarse") return {word, ModelKind::mpm, MpmVariant::coarse};
   if (word.starts_with("mpm:"))
     throw ConfigError("unknown model '" + word +
                       "' (allowed: mpm, mpm:fast, mpm:coarse or a weights file). Correct --models");
-  return {word, true, MpmVariant::same};
+  return {word, is_reduced_model(word) ? ModelKind::reduced : ModelKind::network};
 }
 
 StartState start_of(const Scene& scene, uint64_t seed) {
@@ -208,6 +208,61 @@ TimedRun run_network(const graph::LearnedSimulator& simulator, const Scene& scen
                  1,
                  0};
   compare::hold_last_frame(result.run.trajectory, static_cast<std::size_t>(frames));
+  return result;
+}
+
+TimedRun run_reduced(const LoadedModel& model, const Scene& scene, uint64_t seed, int64_t frames,
+                     const std::string& label) {
+  const MemoryMeter memory;
+  ReducedRun run(model, scene, seed, {}, Arithmetic::f32, OutsideRange::be_quiet);
+  TimedRun result;
+  StartState start = start_of(scene, seed);
+  result.run.mass = std::move(start.mass);
+  result.run.volume = std::move(start.volume);
+  Trajectory& trajectory = result.run.trajectory;
+  trajectory.particle_type = run.particle_type();
+  trajectory.frame_time = scene.frame_time;
+  trajectory.seed = seed;
+  trajectory.made_by = model.file;
+  const auto keep_frame = [&] {
+    trajectory.frames.push_back(run.frame());
+    std::vector<Vec3f>().swap(trajectory.frames.back().velocity);
+  };
+  keep_frame();
+  std::vector<double> total, fields, grid, search, output;
+  rom::StepTiming before;
+  Progress progress(label, frames);
+  for (int64_t f = 1; f <= frames; ++f) {
+    stop_if_interrupted();
+    const auto begin = Clock::now();
+    try {
+      run.advance_frame();
+    } catch (const DivergedError&) {
+      trajectory.diverged_at_frame = f;
+      break;
+    }
+    total.push_back(seconds_since(begin));
+    const auto solved = Clock::now();
+    keep_frame();
+    output.push_back(seconds_since(solved));
+    const rom::StepTiming now = run.statistics().timing;
+    fields.push_back(now.decode + now.inversion - before.decode - before.inversion);
+    grid.push_back(now.grid - before.grid);
+    search.push_back(now.search - before.search);
+    before = now;
+    progress.update(f);
+  }
+  if (trajectory.diverged_at_frame < 0) progress.done();
+  const auto frames_run = static_cast<double>(std::max<std::size_t>(1, total.size()));
+  result.cost = {.frame = median(total),
+                 .network = median(fields),
+                 .grid_build = median(grid),
+                 .features = median(search),
+                 .output = median(output),
+                 .peak_bytes = memory.peak(),
+                 .added_bytes = memory.added(),
+                 .substeps = static_cast<double>(before.steps) / frames_run};
+  compare::hold_last_frame(trajectory, static_cast<std::size_t>(frames));
   return result;
 }
 
