@@ -104,6 +104,30 @@ TimedRun run_fast(const Scene& scene, const MpmRunOptions& options) {
   }
 }
 
+/// Times of a reduced run's frames [s].
+struct ReducedTimes {
+  std::vector<double> frame, fields, grid, search, output;
+  rom::StepTiming sum;  ///< of all frames so far
+
+  void add_parts(const rom::StepTiming& now) {
+    fields.push_back(now.decode + now.inversion - sum.decode - sum.inversion);
+    grid.push_back(now.grid - sum.grid);
+    search.push_back(now.search - sum.search);
+    sum = now;
+  }
+  compare::RunCost cost(const MemoryMeter& memory) const {
+    const auto frames = static_cast<double>(std::max<std::size_t>(1, frame.size()));
+    return {.frame = median(frame),
+            .network = median(fields),
+            .grid_build = median(grid),
+            .features = median(search),
+            .output = median(output),
+            .peak_bytes = memory.peak(),
+            .added_bytes = memory.added(),
+            .substeps = static_cast<double>(sum.steps) / frames};
+  }
+};
+
 }  // namespace
 
 ModelChoice parse_model(const std::string& word) {
@@ -229,8 +253,7 @@ TimedRun run_reduced(const LoadedModel& model, const Scene& scene, uint64_t seed
     std::vector<Vec3f>().swap(trajectory.frames.back().velocity);
   };
   keep_frame();
-  std::vector<double> total, fields, grid, search, output;
-  rom::StepTiming before;
+  ReducedTimes times;
   Progress progress(label, frames);
   for (int64_t f = 1; f <= frames; ++f) {
     stop_if_interrupted();
@@ -241,27 +264,15 @@ TimedRun run_reduced(const LoadedModel& model, const Scene& scene, uint64_t seed
       trajectory.diverged_at_frame = f;
       break;
     }
-    total.push_back(seconds_since(begin));
+    times.frame.push_back(seconds_since(begin));
     const auto solved = Clock::now();
     keep_frame();
-    output.push_back(seconds_since(solved));
-    const rom::StepTiming now = run.statistics().timing;
-    fields.push_back(now.decode + now.inversion - before.decode - before.inversion);
-    grid.push_back(now.grid - before.grid);
-    search.push_back(now.search - before.search);
-    before = now;
+    times.output.push_back(seconds_since(solved));
+    times.add_parts(run.statistics().timing);
     progress.update(f);
   }
   if (trajectory.diverged_at_frame < 0) progress.done();
-  const auto frames_run = static_cast<double>(std::max<std::size_t>(1, total.size()));
-  result.cost = {.frame = median(total),
-                 .network = median(fields),
-                 .grid_build = median(grid),
-                 .features = median(search),
-                 .output = median(output),
-                 .peak_bytes = memory.peak(),
-                 .added_bytes = memory.added(),
-                 .substeps = static_cast<double>(before.steps) / frames_run};
+  result.cost = times.cost(memory);
   compare::hold_last_frame(trajectory, static_cast<std::size_t>(frames));
   return result;
 }
