@@ -17,7 +17,8 @@ namespace {
 using Json = nlohmann::json;
 
 /// Keys that a reduced run may have otherwise than the training.
-const std::set<std::string> free_keys = {"/name", "/description", "/seed", "/frames"};
+const std::set<std::string> free_keys = {"/name",   "/description", "/seed",
+                                         "/frames", "/frame_time",  "/time_step/substeps_per_frame"};
 
 std::string pointer_of(std::string key) {
   std::replace(key.begin(), key.end(), '.', '/');

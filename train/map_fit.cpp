@@ -15,7 +15,7 @@ namespace {
 
 constexpr int folds = 4;
 constexpr double map_ridges[] = {1e-3, 1e-2, 3e-2, 0.1, 0.3, 1, 3, 10};
-constexpr double rate_ridges[] = {1e-8, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2};
+constexpr double rate_ridges[] = {1e-10, 1e-9, 1e-8, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2};
 
 using Eigen::Index;
 using Eigen::MatrixXd;
@@ -74,19 +74,17 @@ struct Spline {
 struct Fold {
   std::vector<Index> kept, held;
 };
+/// One run held out in each, none of them the first or the last: a new parameter lies between those of the training.
 std::vector<Fold> folds_of(const std::vector<int>& run) {
-  const std::set<int> runs(run.begin(), run.end());
-  const int count = std::min<int>(folds, static_cast<int>(runs.size()));
-  std::vector<Fold> result(static_cast<std::size_t>(std::max(1, count)));
-  if (count < 2) return {};
-  int place = 0;
-  for (const int r : runs) {
-    const auto own = static_cast<std::size_t>(place++ % count);
-    for (std::size_t i = 0; i < run.size(); ++i) {
-      if (run[i] != r) continue;
-      for (std::size_t f = 0; f < result.size(); ++f)
-        (f == own ? result[f].held : result[f].kept).push_back(static_cast<Index>(i));
-    }
+  const std::set<int> distinct(run.begin(), run.end());
+  const std::vector<int> runs(distinct.begin(), distinct.end());
+  const int inner = static_cast<int>(runs.size()) - 2, count = std::min(folds, inner);
+  std::vector<Fold> result;
+  for (int f = 0; f < count; ++f) {
+    const int held = runs[static_cast<std::size_t>(1 + (2 * f + 1) * inner / (2 * count))];
+    Fold& fold = result.emplace_back();
+    for (std::size_t i = 0; i < run.size(); ++i)
+      (run[i] == held ? fold.held : fold.kept).push_back(static_cast<Index>(i));
   }
   return result;
 }
@@ -96,9 +94,10 @@ std::vector<double> row_major(const MatrixXd& m) {
   return {rows.data(), rows.data() + rows.size()};
 }
 
-/// The ridge of a list with the least error over held-out runs; error(ridge, fold) is a sum of squares.
+/// The ridge of a list with the least error over held-out runs; error(ridge, fold) is a sum of squares. The middle one
+/// where there are too few runs to hold any out.
 template <typename Error>
-double best_ridge(const std::vector<Fold>& parts, const double* first, const double* last, double sum_of_squares,
+double best_ridge(const std::vector<Fold>& parts, const double* first, const double* last, const MatrixXd& outputs,
                   double& relative_error, const Error& error) {
   double best = *std::min_element(first, last), least = std::numeric_limits<double>::infinity();
   if (parts.empty()) {  // one run only
@@ -113,7 +112,9 @@ double best_ridge(const std::vector<Fold>& parts, const double* first, const dou
       best = *ridge;
     }
   }
-  relative_error = std::sqrt(least / std::max(sum_of_squares, std::numeric_limits<double>::min()));
+  double squares = 0;
+  for (const Fold& fold : parts) squares += rows_of(outputs, fold.held).squaredNorm();
+  relative_error = std::sqrt(least / std::max(squares, std::numeric_limits<double>::min()));
   return best;
 }
 
@@ -133,12 +134,13 @@ std::vector<Index> spread_rows(const MatrixXd& y, int count) {
 
 }  // namespace
 
-MapFit fit_map(const MatrixXd& inputs, const MatrixXd& outputs, const std::vector<int>& run) {
+MapFit fit_map(const MatrixXd& inputs, const MatrixXd& outputs, const std::vector<int>& run, int centers) {
+  if (centers < inputs.rows()) return fit_rate_map(inputs, MatrixXd::Ones(inputs.rows(), 1), outputs, run, centers);
   const Standard standard(inputs);
   const MatrixXd& y = standard.values;
   MapFit fit;
-  fit.ridge = best_ridge(folds_of(run), std::begin(map_ridges), std::end(map_ridges), outputs.squaredNorm(),
-                         fit.held_out_error, [&](double ridge, const Fold& fold) {
+  fit.ridge = best_ridge(folds_of(run), std::begin(map_ridges), std::end(map_ridges), outputs, fit.held_out_error,
+                         [&](double ridge, const Fold& fold) {
                            const MatrixXd kept = rows_of(y, fold.kept), held = rows_of(y, fold.held);
                            const Spline spline(kept, rows_of(outputs, fold.kept), ridge);
                            const MatrixXd predicted =
@@ -179,8 +181,8 @@ MapFit fit_rate_map(const MatrixXd& inputs, const MatrixXd& rates, const MatrixX
     return MatrixXd(normal.ldlt().solve(a.transpose() * c));
   };
   MapFit fit;
-  fit.ridge = best_ridge(folds_of(run), std::begin(rate_ridges), std::end(rate_ridges), outputs.squaredNorm(),
-                         fit.held_out_error, [&](double ridge, const Fold& fold) {
+  fit.ridge = best_ridge(folds_of(run), std::begin(rate_ridges), std::end(rate_ridges), outputs, fit.held_out_error,
+                         [&](double ridge, const Fold& fold) {
                            const MatrixXd w = solve(rows_of(features, fold.kept), rows_of(outputs, fold.kept), ridge);
                            return (rows_of(features, fold.held) * w - rows_of(outputs, fold.held)).squaredNorm();
                          });

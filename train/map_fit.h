@@ -16,8 +16,9 @@ struct MapFit {
   double held_out_error = 0;  ///< relative, root of the sum of squares over the held-out runs
 };
 
-/// c(z) for rows of `inputs` [n, d] and `outputs` [n, m] with a centre at every row; `run` [n].
-MapFit fit_map(const Eigen::MatrixXd& inputs, const Eigen::MatrixXd& outputs, const std::vector<int>& run);
+/// c(z) for rows of `inputs` [n, d] and `outputs` [n, m]; `run` [n]. `centers`: at so many rows, far apart; at every row
+/// where there are no more.
+MapFit fit_map(const Eigen::MatrixXd& inputs, const Eigen::MatrixXd& outputs, const std::vector<int>& run, int centers);
 
 /// M(z) with outputs = M(z) rates: `rates` [n, r]; the map's outputs are [m, r]. `centers`: how many, far apart.
 MapFit fit_rate_map(const Eigen::MatrixXd& inputs, const Eigen::MatrixXd& rates, const Eigen::MatrixXd& outputs,

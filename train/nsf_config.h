@@ -25,8 +25,8 @@ namespace train {
 struct NsfConfig {
   int64_t latents = 6;
   int64_t deformation_modes = 32, stress_modes = 64, affine_modes = 64;
-  rom::AffineKind affine = rom::AffineKind::rate;
-  int64_t affine_centers = 24;
+  rom::AffineKind affine = rom::AffineKind::position;
+  int64_t centers = 400, affine_centers = 24;
   int64_t samples = 150;
   int64_t thinning = 1;
   int64_t encoder_particles = 2000;
@@ -54,9 +54,13 @@ struct NsfConfig {
     visit(&C::affine, FieldInfo{.name = "affine",
                                 .unit = "",
                                 .meaning = "What the affine field follows: the latent's velocity, or its position"});
+    visit(&C::centers, FieldInfo{.name = "centers",
+                                 .unit = "",
+                                 .meaning = "Centres of the branches; every snapshot where there are no more",
+                                 .range = Range::between(0, 10000)});
     visit(&C::affine_centers, FieldInfo{.name = "affine_centers",
                                         .unit = "",
-                                        .meaning = "Centres of the affine field's branch",
+                                        .meaning = "Centres of the affine field's branch, when it follows the rate",
                                         .range = Range::between(0, 1000)});
     visit(&C::samples, FieldInfo{.name = "samples",
                                  .unit = "",

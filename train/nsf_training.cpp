@@ -118,7 +118,7 @@ class FactoredTraining {
     field.modes = pod.modes();
     field.tail = pod.tail(pod.modes());
     report_.latent_tail = pod.tail(static_cast<int>(r));
-    const MapFit fit = fit_map(latents_, weighted(pod).rightCols(pod.modes() - r), run_of_);
+    const MapFit fit = fit_map(latents_, weighted(pod).rightCols(pod.modes() - r), run_of_, centers());
     field.held_out_error = fit.held_out_error;
     field.ridge = fit.ridge;
     closure_.emplace(static_cast<int>(r), fit.map);
@@ -130,7 +130,7 @@ class FactoredTraining {
   rom::MapBranch fit_stress(rom::ModeTable& table) {
     const std::vector<float> stress = read(SnapshotField::stress);
     const Pod pod = train::pod(matrix(stress), static_cast<int>(config_.stress_modes));
-    const MapFit fit = fit_map(inputs(), weighted(pod), run_of_);
+    const MapFit fit = fit_map(inputs(), weighted(pod), run_of_, centers());
     report_.stress = {pod.modes(), pod.tail(pod.modes()), fit.held_out_error, fit.ridge};
     table = unweighted_table(pod, SnapshotField::stress);
     tell("stress", report_.stress);
@@ -143,13 +143,15 @@ class FactoredTraining {
     const bool rate = config_.affine == rom::AffineKind::rate;
     const MapFit fit =
         rate ? fit_rate_map(inputs(), rates_, weighted(pod), run_of_, static_cast<int>(config_.affine_centers))
-             : fit_map(inputs(), weighted(pod), run_of_);
+             : fit_map(inputs(), weighted(pod), run_of_, centers());
     report_.affine = {pod.modes(), pod.tail(pod.modes()), fit.held_out_error, fit.ridge};
     table = unweighted_table(pod, SnapshotField::affine);
     tell("affine", report_.affine);
     if (rate) return std::make_shared<const rom::RateBranch>(static_cast<int>(config_.latents), fit.map);
     return std::make_shared<const rom::MapBranch>(fit.map);
   }
+
+  int centers() const { return static_cast<int>(config_.centers); }
 
   /// Coefficients that count as much as their modes do.
   static MatrixXd weighted(const Pod& pod) {
