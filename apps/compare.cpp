@@ -31,7 +31,9 @@ void add_compare(CLI::App& app) {
   CompareOptions& options = verb->compare;
   CLI::App* command = app.add_subcommand("compare", "Hold learned simulators and cheaper MPM settings against MPM");
   command->add_option("--scenes", options.scenes, "Scene files, folders of them, or data sets (.h5)")->required();
-  command->add_option("--models", options.models, "mpm, mpm:fast, mpm:coarse, weights files; comma-separated")
+  command
+      ->add_option("--models", options.models,
+                   "mpm, mpm:fast, mpm:coarse, weights files of networks and reduced-order models; comma-separated")
       ->required()
       ->delimiter(',');
   command->add_option("--frames", options.frames, "Frames to predict; default the scene's")->check(whole_number(1));
@@ -51,6 +53,8 @@ void add_compare(CLI::App& app) {
       "Examples:\n  graupel compare --scenes scenes/shared --models mpm,mpm:coarse,models/hgn.safetensors --report "
       "report.html\n"
       "  graupel compare --scenes valid.h5 --models models/hgn.safetensors --frames 100 --json out.json\n"
+      "  graupel compare --scenes scenes/shared/sand_column.json --models mpm,models/nsf-sand.safetensors --set "
+      "materials.sand.friction_angle=33\n"
       "docs/metrics.md defines the metrics.");
   command->callback([verb] { compare_verb(*verb); });
 }

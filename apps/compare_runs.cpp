@@ -43,11 +43,49 @@ std::vector<ModelChoice> parse_models(const std::vector<std::string>& words) {
   return models;
 }
 
-/// Networks run on the CPU, so with one of them MPM runs there too: a speed ratio is of one device.
+/// Learned simulators run on the CPU, so with one of them MPM runs there too: a speed ratio is of one device.
 Device choose_device(const std::string& word, const std::vector<ModelChoice>& models) {
-  const bool network = std::any_of(models.begin(), models.end(), [](const ModelChoice& m) { return m.network; });
-  if (network) refuse_cuda_for_networks(word);
-  return network && word == "auto" ? Device::cpu : parse_device(word);
+  const bool learned =
+      std::any_of(models.begin(), models.end(), [](const ModelChoice& m) { return m.kind != ModelKind::mpm; });
+  if (learned) refuse_cuda_for_networks(word);
+  return learned && word == "auto" ? Device::cpu : parse_device(word);
+}
+
+std::vector<ComparedModel> load_models(const std::vector<ModelChoice>& choices) {
+  std::vector<ComparedModel> models;
+  for (const ModelChoice& choice : choices) {
+    ComparedModel model{choice, nullptr, nullptr};
+    if (choice.kind == ModelKind::network) model.network = std::make_shared<const graph::LearnedSimulator>(choice.name);
+    if (choice.kind == ModelKind::reduced) model.reduced = std::make_shared<const LoadedModel>(choice.name);
+    models.push_back(std::move(model));
+  }
+  return models;
+}
+
+void check_one_step_only(const std::vector<ModelChoice>& models) {
+  for (const ModelChoice& model : models)
+    if (model.kind == ModelKind::reduced || (model.kind == ModelKind::mpm && model.variant != MpmVariant::same))
+      throw ConfigError("'" + model.name +
+                        "' has no one-step error without a rollout. Leave it or --one-step-only out");
+}
+
+/// The models that run on a scene. A reduced-order model is for one scene, and which is found out before anything long
+/// is run; warnings about its parameters come here too.
+std::vector<ComparedModel> models_for(const SceneTask& task, const std::vector<ComparedModel>& models,
+                                      OtherScenes other_scenes) {
+  std::vector<ComparedModel> fitting;
+  for (const ComparedModel& model : models) {
+    if (model.reduced) {
+      try {
+        const ReducedRun runs_here(*model.reduced, task.scene, task.seed, {});
+      } catch (const ConfigError&) {
+        if (other_scenes == OtherScenes::leave_out) continue;
+        throw;
+      }
+    }
+    fitting.push_back(model);
+  }
+  return fitting;
 }
 
 void check_outputs(const CompareOptions& options) {
@@ -97,13 +135,13 @@ void print_table(const compare::Comparison& comparison, const CompareOptions& op
 /// Fills `comparison` scene by scene, so that the complete ones are there when a truth diverges.
 void compare_scenes(const CompareOptions& options, compare::Comparison& comparison) {
   set_num_threads(options.threads);
-  const auto models = parse_models(options.models);
-  const Device device = choose_device(options.device, models);
-  std::vector<std::shared_ptr<const graph::LearnedSimulator>> networks;
-  networks.reserve(models.size());
-  for (const ModelChoice& model : models)
-    networks.push_back(model.network ? std::make_shared<const graph::LearnedSimulator>(model.name) : nullptr);
+  const auto choices = parse_models(options.models);
+  const Device device = choose_device(options.device, choices);
+  if (options.one_step_only) check_one_step_only(choices);
+  const auto models = load_models(choices);
   const auto tasks = read_scene_tasks(options);
+  std::vector<std::vector<ComparedModel>> models_of_task;
+  for (const SceneTask& task : tasks) models_of_task.push_back(models_for(task, models, options.other_scenes));
 
   comparison.command = options.command;
   comparison.version = version_text();
@@ -115,9 +153,10 @@ void compare_scenes(const CompareOptions& options, compare::Comparison& comparis
   if (!options.one_step_only) comparison.groups = {rollout, one_step, cost};
   if (!options.one_step_only && options.floors) comparison.groups.push_back(floors);
   const auto budget = compare::report_budget(tasks.size() * (models.size() + 1));
-  for (const SceneTask& task : tasks) {
+  for (std::size_t t = 0; t < tasks.size(); ++t) {
+    const SceneTask& task = tasks[t];
     try {
-      comparison.scenes.push_back(SceneComparison(options, task, device, budget).run(models, networks));
+      comparison.scenes.push_back(SceneComparison(options, task, device, budget).run(models_of_task[t]));
     } catch (const DivergedError& error) {
       throw DivergedError(
           fmt::format("the truth of scene '{}' ('{}') diverged: {}", task.scene.name, task.source, error.what()));

@@ -10,6 +10,9 @@
 
 namespace graupel::apps {
 
+/// A reduced-order model is for one scene: what becomes of the others.
+enum class OtherScenes { refuse, leave_out };
+
 struct CompareOptions {
   std::vector<std::string> scenes;  ///< scene files, data sets (.h5), folders of scene files
   std::vector<std::string> models;  ///< mpm, mpm:fast, mpm:coarse, weights files
@@ -19,6 +22,7 @@ struct CompareOptions {
   std::optional<uint64_t> seed;     ///< of the particle sampling; default the scene's
   std::string device = "auto";      ///< of MPM
   int threads = 0;
+  OtherScenes other_scenes = OtherScenes::refuse;
   bool one_step_only = false;  ///< no rollouts: one-step errors alone
   bool floors = true;          ///< chaos floors: two more MPM runs a scene
   std::string json, csv, report;
@@ -26,8 +30,9 @@ struct CompareOptions {
   std::string command;   ///< that the report names
 };
 
-/// Runs and evaluates everything; writes no file. Throws ConfigError (an unknown model, no scene, no model),
-/// InputError, and DivergedError, naming the scene, when a truth itself diverges.
+/// Runs and evaluates everything; writes no file. Throws ConfigError (an unknown model, no scene, no model, a
+/// reduced-order model with a scene that it is not for), InputError, and DivergedError, naming the scene, when a truth
+/// itself diverges.
 compare::Comparison make_comparison(const CompareOptions& options);
 
 /// make_comparison, then the table on the terminal, and --json, --csv, --report, --pictures, whose folders are checked

@@ -274,55 +274,62 @@ compare::OneStepError SceneComparison::one_step_of_rollout(const compare::Partic
   return error.result();
 }
 
-compare::ModelResult SceneComparison::evaluate(const ModelChoice& model, const graph::LearnedSimulator* network) {
+const TimedRun& SceneComparison::run_of(const ComparedModel& model, TimedRun& own) {
+  const ModelChoice& choice = model.choice;
+  switch (choice.kind) {
+    case ModelKind::network:
+      return own = run_network(*model.network, task_.scene, surroundings_, start_, task_.frames, label(choice.label));
+    case ModelKind::reduced:
+      return own = run_reduced(*model.reduced, task_.scene, task_.seed, task_.frames, label(choice.label));
+    case ModelKind::mpm:
+      break;
+  }
+  switch (choice.variant) {
+    case MpmVariant::coarse:
+      return *coarse_run_;
+    case MpmVariant::fast:
+      return own = run_variant(MpmVariant::fast);
+    case MpmVariant::same:
+      break;
+  }
+  return rerun_ ? *rerun_ : truth_;
+}
+
+compare::ModelResult SceneComparison::evaluate(const ComparedModel& model) {
   compare::ModelResult result;
-  result.model = model.name;
+  result.model = model.choice.name;
   result.one_step_source = model.network ? "true history" : "own rollout";
   if (options_.one_step_only) {
-    const bool is_truth = !model.network && model.variant == MpmVariant::same;
-    if (!model.network && !is_truth)
-      throw ConfigError("'" + model.name +
-                        "' has no one-step error without a rollout. Leave it or --one-step-only out");
     result.values =
-        compare::one_step_values(is_truth ? one_step_of_rollout(truth_.run) : one_step_of_network(*network));
+        compare::one_step_values(model.network ? one_step_of_network(*model.network) : one_step_of_rollout(truth_.run));
     return result;
   }
   TimedRun own;  // of the models that are not run already
-  const TimedRun* timed = &own;
-  if (model.network) {
-    own = run_network(*network, task_.scene, surroundings_, start_, task_.frames, label(model.label));
-  } else if (model.variant == MpmVariant::same) {
-    timed = rerun_ ? &*rerun_ : &truth_;
-  } else if (model.variant == MpmVariant::coarse) {
-    timed = &*coarse_run_;
-  } else {
-    own = run_variant(model.variant);
-  }
-  auto evaluation = evaluate_rollout(task_.scene, surroundings_.obstacles, truth_.run, timed->run);
+  const TimedRun& timed = run_of(model, own);
+  auto evaluation = evaluate_rollout(task_.scene, surroundings_.obstacles, truth_.run, timed.run);
   result.values = std::move(evaluation.values);
   result.materials = std::move(evaluation.materials);
   result.curves = std::move(evaluation.curves);
-  result.diverged_at_frame = timed->run.trajectory.diverged_at_frame;
-  result.values.merge(compare::cost_values(timed->cost, timed->run.size(), truth_.cost.frame));
+  result.diverged_at_frame = timed.run.trajectory.diverged_at_frame;
+  result.values.merge(compare::cost_values(timed.cost, timed.run.size(), truth_.cost.frame));
   result.values.merge(
-      compare::one_step_values(network ? one_step_of_network(*network) : one_step_of_rollout(timed->run)));
+      compare::one_step_values(model.network ? one_step_of_network(*model.network) : one_step_of_rollout(timed.run)));
   result.values.insert(floors_.begin(), floors_.end());
   result.values["loses_to_coarse"] = compare::loses_to_coarse(result.values, coarse_);
   if (backdrop_) {
     const auto frames = compare::picture_frames(truth_.run.predicted());
-    const std::string name = model.label;
-    result.picture = compare::encode_png(compare::picture_row(*backdrop_, timed->run, frames, name));
-    const auto thinning = compare::choose_thinning(timed->run.size(), timed->run.predicted(), budget_.track_bytes);
-    result.track = compare::make_track(task_.scene, timed->run, name, thinning);
+    const std::string name = model.choice.label;
+    result.picture = compare::encode_png(compare::picture_row(*backdrop_, timed.run, frames, name));
+    const auto thinning = compare::choose_thinning(timed.run.size(), timed.run.predicted(), budget_.track_bytes);
+    result.track = compare::make_track(task_.scene, timed.run, name, thinning);
   }
   return result;
 }
 
-compare::SceneResult SceneComparison::run(const std::vector<ModelChoice>& models,
-                                          const std::vector<std::shared_ptr<const graph::LearnedSimulator>>& networks) {
+compare::SceneResult SceneComparison::run(const std::vector<ComparedModel>& models) {
   make_truth();
   if (!options_.one_step_only) make_references();
-  for (std::size_t m = 0; m < models.size(); ++m) result_.models.push_back(evaluate(models[m], networks[m].get()));
+  for (const ComparedModel& model : models) result_.models.push_back(evaluate(model));
   return std::move(result_);
 }
 

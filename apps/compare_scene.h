@@ -29,13 +29,19 @@ struct SceneTask {
 /// Files and folders of --scenes, in order. Throws ConfigError and InputError.
 std::vector<SceneTask> read_scene_tasks(const CompareOptions& options);
 
+/// A model with what it needs to run.
+struct ComparedModel {
+  ModelChoice choice;
+  std::shared_ptr<const graph::LearnedSimulator> network;
+  std::shared_ptr<const LoadedModel> reduced;
+};
+
 class SceneComparison {
  public:
   SceneComparison(const CompareOptions& options, const SceneTask& task, Device device,
                   const compare::ReportBudget& budget);
-  /// Evaluates the models one after the other. `networks` holds a simulator for each choice that is a network.
-  compare::SceneResult run(const std::vector<ModelChoice>& models,
-                           const std::vector<std::shared_ptr<const graph::LearnedSimulator>>& networks);
+  /// Evaluates the models one after the other.
+  compare::SceneResult run(const std::vector<ComparedModel>& models);
 
  private:
   void make_truth();
@@ -43,7 +49,9 @@ class SceneComparison {
   /// Remembers that a reference run diverged.
   void note_divergence(const std::string& reference, const TimedRun& run);
   TimedRun run_variant(MpmVariant variant);
-  compare::ModelResult evaluate(const ModelChoice& model, const graph::LearnedSimulator* network);
+  /// The run of a model: one that is there, or `own` once it is made.
+  const TimedRun& run_of(const ComparedModel& model, TimedRun& own);
+  compare::ModelResult evaluate(const ComparedModel& model);
   compare::OneStepError one_step_of_network(const graph::LearnedSimulator& network) const;
   compare::OneStepError one_step_of_rollout(const compare::ParticleRun& run) const;
   std::vector<std::size_t> one_step_frames() const;

@@ -1,4 +1,4 @@
-// graupel demo: two shared scenes through MPM and the shipped network; table on the terminal and report.html.
+// graupel demo: shared scenes through MPM and the shipped weights; table on the terminal and report.html.
 #include <cstdio>
 #include <filesystem>
 
@@ -20,6 +20,15 @@ struct DemoOptions {
   int64_t frames = 120;
 };
 
+/// The shipped reduced-order model, and the scene that it is for.
+void add_reduced_model(const DemoOptions& options, CompareOptions& compare) {
+  const fs::path weights = fs::path(options.models) / "nsf-sand.safetensors";
+  if (!fs::exists(weights)) return;
+  compare.scenes.push_back(fs::path(options.scenes) / "sand_column.json");
+  compare.models.push_back(weights);
+  compare.other_scenes = OtherScenes::leave_out;
+}
+
 void demo(const DemoOptions& options) {
   const fs::path weights = fs::path(options.models) / "hgn.safetensors";
   if (!fs::exists(weights))
@@ -28,6 +37,7 @@ void demo(const DemoOptions& options) {
   CompareOptions compare;
   compare.scenes = {fs::path(options.scenes) / "mixed_blocks.json", fs::path(options.scenes) / "water_steps.json"};
   compare.models = {"mpm", "mpm:coarse", weights};
+  add_reduced_model(options, compare);
   compare.frames = options.frames;
   if (options.common.seed_given) compare.seed = options.common.seed;
   compare.device = options.common.device;
@@ -45,7 +55,7 @@ void demo(const DemoOptions& options) {
 
 void add_demo(CLI::App& app) {
   auto options = std::make_shared<DemoOptions>();
-  CLI::App* verb = app.add_subcommand("demo", "Two shared scenes through MPM and the shipped network, on the CPU");
+  CLI::App* verb = app.add_subcommand("demo", "Shared scenes through MPM and the shipped weights, on the CPU");
   verb->add_option("-o,--output", options->output, "Report to write")->capture_default_str();
   verb->add_option("--frames", options->frames, "Frames of each scene")->check(whole_number(1))->capture_default_str();
   verb->add_option("--scenes", options->scenes, "Folder of the shared scenes")->capture_default_str();

@@ -104,16 +104,40 @@ TimedRun run_fast(const Scene& scene, const MpmRunOptions& options) {
   }
 }
 
+/// Times of a reduced run's frames [s].
+struct ReducedTimes {
+  std::vector<double> frame, fields, grid, search, output;
+  rom::StepTiming sum;  ///< of all frames so far
+
+  void add_parts(const rom::StepTiming& now) {
+    fields.push_back(now.decode + now.inversion - sum.decode - sum.inversion);
+    grid.push_back(now.grid - sum.grid);
+    search.push_back(now.search - sum.search);
+    sum = now;
+  }
+  compare::RunCost cost(const MemoryMeter& memory) const {
+    const auto frames = static_cast<double>(std::max<std::size_t>(1, frame.size()));
+    return {.frame = median(frame),
+            .network = median(fields),
+            .grid_build = median(grid),
+            .features = median(search),
+            .output = median(output),
+            .peak_bytes = memory.peak(),
+            .added_bytes = memory.added(),
+            .substeps = static_cast<double>(sum.steps) / frames};
+  }
+};
+
 }  // namespace
 
 ModelChoice parse_model(const std::string& word) {
-  if (word == "mpm") return {word, false, MpmVariant::same};
-  if (word == "mpm:fast") return {word, false, MpmVariant::fast};
-  if (word == "mpm:coarse") return {word, false, MpmVariant::coarse};
+  if (word == "mpm") return {word, ModelKind::mpm, MpmVariant::same};
+  if (word == "mpm:fast") return {word, ModelKind::mpm, MpmVariant::fast};
+  if (word == "mpm:coarse") return {word, ModelKind::mpm, MpmVariant::coarse};
   if (word.starts_with("mpm:"))
     throw ConfigError("unknown model '" + word +
                       "' (allowed: mpm, mpm:fast, mpm:coarse or a weights file). Correct --models");
-  return {word, true, MpmVariant::same};
+  return {word, is_reduced_model(word) ? ModelKind::reduced : ModelKind::network};
 }
 
 StartState start_of(const Scene& scene, uint64_t seed) {
@@ -208,6 +232,48 @@ TimedRun run_network(const graph::LearnedSimulator& simulator, const Scene& scen
                  1,
                  0};
   compare::hold_last_frame(result.run.trajectory, static_cast<std::size_t>(frames));
+  return result;
+}
+
+TimedRun run_reduced(const LoadedModel& model, const Scene& scene, uint64_t seed, int64_t frames,
+                     const std::string& label) {
+  const MemoryMeter memory;
+  ReducedRun run(model, scene, seed, {}, Arithmetic::f32, OutsideRange::be_quiet);
+  TimedRun result;
+  StartState start = start_of(scene, seed);
+  result.run.mass = std::move(start.mass);
+  result.run.volume = std::move(start.volume);
+  Trajectory& trajectory = result.run.trajectory;
+  trajectory.particle_type = run.particle_type();
+  trajectory.frame_time = scene.frame_time;
+  trajectory.seed = seed;
+  trajectory.made_by = model.file;
+  const auto keep_frame = [&] {
+    trajectory.frames.push_back(run.frame());
+    std::vector<Vec3f>().swap(trajectory.frames.back().velocity);
+  };
+  keep_frame();
+  ReducedTimes times;
+  Progress progress(label, frames);
+  for (int64_t f = 1; f <= frames; ++f) {
+    stop_if_interrupted();
+    const auto begin = Clock::now();
+    try {
+      run.advance_frame();
+    } catch (const DivergedError&) {
+      trajectory.diverged_at_frame = f;
+      break;
+    }
+    times.frame.push_back(seconds_since(begin));
+    const auto solved = Clock::now();
+    keep_frame();
+    times.output.push_back(seconds_since(solved));
+    times.add_parts(run.statistics().timing);
+    progress.update(f);
+  }
+  if (trajectory.diverged_at_frame < 0) progress.done();
+  result.cost = times.cost(memory);
+  compare::hold_last_frame(trajectory, static_cast<std::size_t>(frames));
   return result;
 }
 

@@ -1,10 +1,12 @@
-// Runs one model on one scene and measures what it costs: MPM and its cheaper variants, and learned simulators.
+// Runs one model on one scene and measures what it costs: MPM and its cheaper variants, graph networks and
+// reduced-order models.
 #pragma once
 
 #include <cstdint>
 #include <string>
 #include <vector>
 
+#include "apps/reduced_runs.h"
 #include "compare/evaluation.h"
 #include "compare/particle_run.h"
 #include "core/device.h"
@@ -14,15 +16,16 @@
 namespace graupel::apps {
 
 enum class MpmVariant { same, fast, coarse };
+enum class ModelKind { mpm, network, reduced };
 
 /// What a word of --models means.
 struct ModelChoice {
   std::string name;  ///< as given
-  bool network = false;
+  ModelKind kind = ModelKind::mpm;
   MpmVariant variant = MpmVariant::same;
   std::string label = "";  ///< short, and unlike those of the other models
 };
-/// Throws ConfigError for an unknown "mpm:..." word.
+/// Throws ConfigError for an unknown "mpm:..." word, InputError for a weights file that cannot be read.
 ModelChoice parse_model(const std::string& word);
 
 /// Particles at the start of a scene, with the mass and volume of each.
@@ -57,6 +60,10 @@ TimedRun run_mpm(const Scene& scene, const MpmRunOptions& options);
 /// The same for a learned simulator, from frame 0 with a ballistic past.
 TimedRun run_network(const graph::LearnedSimulator& simulator, const Scene& scene,
                      const graph::Surroundings& surroundings, const StartState& start, int64_t frames,
+                     const std::string& label);
+
+/// The same for a reduced-order model, from the start of the scene. Frame 0 is the nearest state that the model knows.
+TimedRun run_reduced(const LoadedModel& model, const Scene& scene, uint64_t seed, int64_t frames,
                      const std::string& label);
 
 /// Resident memory of the process while this object lives [bytes].

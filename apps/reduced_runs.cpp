@@ -103,9 +103,11 @@ std::vector<std::string> outside_range(const rom::ReducedModel& model, const std
 }
 
 ReducedRun::ReducedRun(const LoadedModel& loaded, const Scene& scene, uint64_t seed, const rom::ReducedOptions& options,
-                       Arithmetic arithmetic)
+                       Arithmetic arithmetic, OutsideRange outside)
     : parameters_(parameters_of(loaded, scene)) {
-  for (const std::string& line : outside_range(loaded.model, parameters_))
+  const auto lines =
+      outside == OutsideRange::warn ? outside_range(loaded.model, parameters_) : std::vector<std::string>{};
+  for (const std::string& line : lines)
     std::fprintf(stderr, "graupel: warning: %s is outside of what '%s' was trained on: %s\n", scene.name.c_str(),
                  loaded.file.c_str(), line.c_str());
   mpm::PreparedScene prepared(scene, {.device = Device::cpu, .seed = seed});

@@ -31,13 +31,15 @@ std::vector<double> parameters_of(const LoadedModel& model, const Scene& scene);
 std::vector<std::string> outside_range(const rom::ReducedModel& model, const std::vector<double>& parameters);
 
 enum class Arithmetic { f32, f64 };
+/// What is said about parameters outside of the training's range.
+enum class OutsideRange { warn, be_quiet };
 
 /// A reduced run of either precision.
 class ReducedRun {
  public:
-  /// Prints a warning for parameters outside of the training's range, unless `quiet`.
+  /// Throws ConfigError as parameters_of and rom::ReducedSolver.
   ReducedRun(const LoadedModel& model, const Scene& scene, uint64_t seed, const rom::ReducedOptions& options,
-             Arithmetic arithmetic = Arithmetic::f32);
+             Arithmetic arithmetic = Arithmetic::f32, OutsideRange outside = OutsideRange::warn);
   void advance_frame() { single_ ? single_->advance_frame() : exact_->advance_frame(); }
   ParticleFrame frame() const { return single_ ? single_->frame() : exact_->frame(); }
   const rom::TrustIndicator& trust() const { return single_ ? single_->trust() : exact_->trust(); }

@@ -1,4 +1,4 @@
-// graupel rollout: weights + scene (or the first frames of a trajectory) -> predicted trajectory.
+// graupel rollout: weights + scene (or a trajectory) -> predicted trajectory.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -8,6 +8,7 @@
 #include "apps/common_options.h"
 #include "apps/outputs.h"
 #include "apps/progress.h"
+#include "apps/rollout.h"
 #include "apps/verbs.h"
 #include "core/command_line.h"
 #include "core/error.h"
@@ -18,15 +19,24 @@
 
 namespace graupel::apps {
 
-namespace {
+bool is_trajectory(const std::string& path) { return path.ends_with(".h5"); }
 
-struct RolloutVerbOptions {
-  CommonOptions common;
-  std::string weights, input, output = "rollout.h5", start = "scene";
-  std::vector<std::string> set;
-  int64_t frames = -1, trajectory = 0;
-  bool no_project = false;
-};
+Trajectory chosen_header(const io::TrajectoryReader& reader, const RolloutOptions& options) {
+  if (options.trajectory >= reader.count())
+    throw ConfigError(fmt::format("--trajectory {} is not in '{}' (allowed: 0 to {})", options.trajectory,
+                                  options.input, reader.count() - 1));
+  Trajectory header = reader.header(static_cast<int>(options.trajectory));
+  if (header.scene_json.empty())
+    throw InputError("'" + options.input +
+                     "' holds no scene, so its walls and obstacles are unknown. Give the scene file instead");
+  return header;
+}
+
+Scene stored_scene(const Trajectory& header, const RolloutOptions& options) {
+  return io::parse_stored_scene(header.scene_json, options.input, options.input, options.set);
+}
+
+namespace {
 
 struct Start {
   Scene scene;
@@ -35,10 +45,8 @@ struct Start {
   uint64_t seed = 0;
 };
 
-bool is_trajectory(const std::string& path) { return path.ends_with(".h5"); }
-
 /// The scene's particles at rest or at their initial velocity, with a ballistic past.
-Start start_from_scene(const RolloutVerbOptions& options, int history) {
+Start start_from_scene(const RolloutOptions& options, int history) {
   Start start;
   start.scene = io::read_scene(options.input, options.set);
   start.seed = options.common.seed_given ? options.common.seed : start.scene.seed;
@@ -55,18 +63,12 @@ Start start_from_scene(const RolloutVerbOptions& options, int history) {
 }
 
 /// "scene": frame 0 with a ballistic past; "truth:N": the first N frames of the trajectory.
-Start start_from_trajectory(const RolloutVerbOptions& options, int history) {
+Start start_from_trajectory(const RolloutOptions& options, int history) {
   const io::TrajectoryReader reader(options.input);
-  if (options.trajectory >= reader.count())
-    throw ConfigError(fmt::format("--trajectory {} is not in '{}' (allowed: 0 to {})", options.trajectory,
-                                  options.input, reader.count() - 1));
+  const Trajectory header = chosen_header(reader, options);
   const int index = static_cast<int>(options.trajectory);
-  const Trajectory header = reader.header(index);
-  if (header.scene_json.empty())
-    throw InputError("'" + options.input +
-                     "' holds no scene, so its walls and obstacles are unknown. Give the scene file instead");
   Start start;
-  start.scene = io::parse_stored_scene(header.scene_json, options.input, options.input, options.set);
+  start.scene = stored_scene(header, options);
   start.particle_type = header.particle_type;
   start.seed = header.seed;
   if (options.start == "scene") {
@@ -85,7 +87,7 @@ Start start_from_trajectory(const RolloutVerbOptions& options, int history) {
 }
 
 /// Flags that mean nothing for the kind of input.
-void check_flags(const RolloutVerbOptions& options) {
+void check_flags(const RolloutOptions& options) {
   refuse_cuda_for_networks(options.common.device);
   if (is_trajectory(options.input) && options.common.seed_given)
     throw ConfigError("--seed has no effect on '" + options.input +
@@ -95,9 +97,26 @@ void check_flags(const RolloutVerbOptions& options) {
   check_output_file(options.output);
 }
 
-void rollout(RolloutVerbOptions& options) {
-  check_flags(options);
-  options.common.apply();
+/// Flags that the kind of model does not know.
+void check_flags_of_network(const RolloutOptions& options) {
+  const char* flag = options.step_factor ? "--step-factor" : options.arithmetic == Arithmetic::f64 ? "--f64" : nullptr;
+  if (flag != nullptr)
+    throw ConfigError(
+        fmt::format("{} is of reduced-order models, and '{}' is a graph network. Leave it out", flag, options.weights));
+}
+
+void check_flags_of_reduced_model(const RolloutOptions& options) {
+  if (options.start != "scene")
+    throw ConfigError(fmt::format(
+        "--start {} is of graph networks; '{}' is a reduced-order model, which starts with its scene (allowed: scene). "
+        "Leave it out",
+        options.start, options.weights));
+  if (options.no_project)
+    throw ConfigError("--no-project is of graph networks; '" + options.weights +
+                      "' is a reduced-order model, which moves no particle out of obstacles. Leave it out");
+}
+
+void rollout_network(const RolloutOptions& options) {
   const graph::LearnedSimulator simulator(options.weights);
   const int history = static_cast<int>(simulator.config().history) + 1;
   const std::string truth = "truth:" + std::to_string(history);
@@ -144,11 +163,20 @@ void rollout(RolloutVerbOptions& options) {
                                     trajectory.diverged_at_frame, options.output));
 }
 
+void rollout(RolloutOptions& options) {
+  check_flags(options);
+  options.common.apply();
+  const bool reduced = is_reduced_model(options.weights);
+  reduced ? check_flags_of_reduced_model(options) : check_flags_of_network(options);
+  reduced ? rollout_reduced(options) : rollout_network(options);
+}
+
 }  // namespace
 
 void add_rollout(CLI::App& app) {
-  auto options = std::make_shared<RolloutVerbOptions>();
-  CLI::App* verb = app.add_subcommand("rollout", "Predict a scene with a learned simulator");
+  auto options = std::make_shared<RolloutOptions>();
+  CLI::App* verb = app.add_subcommand(
+      "rollout", "Predict a scene with a learned simulator: a graph network or a reduced-order model");
   verb->add_option("weights", options->weights, "Weights file (.safetensors)")->required();
   verb->add_option("input", options->input, "Scene (.json) or trajectory (.h5)")->required();
   verb->add_option("-o,--output", options->output, "Trajectory file")->capture_default_str();
@@ -156,16 +184,22 @@ void add_rollout(CLI::App& app) {
   verb->add_option("--set", options->set, "Change a scene key: --set gravity=[0,-5,0] (repeatable)")
       ->allow_extra_args(false);
   verb->add_option("--start", options->start,
-                   "scene: frame 0 with a ballistic past; truth:N: the first N frames of the input")
+                   "Of networks. scene: frame 0 with a ballistic past; truth:N: the first N frames of the input")
       ->capture_default_str();
   verb->add_option("--trajectory", options->trajectory, "Which trajectory of a data set")
       ->check(whole_number(0))
       ->capture_default_str();
-  verb->add_flag("--no-project", options->no_project, "Do not move particles out of obstacles");
+  verb->add_flag("--no-project", options->no_project, "Of networks: do not move particles out of obstacles");
+  verb->add_option("--step-factor", options->step_factor, "Of reduced-order models: steps over those of the training")
+      ->check(real_number(LowerBound::above_zero));
+  verb->add_flag_callback(
+      "--f64", [options] { options->arithmetic = Arithmetic::f64; }, "Of reduced-order models: double precision");
   options->common.add_to(*verb);
   verb->footer(
       "Examples:\n  graupel rollout models/hgn.safetensors scenes/shared/water_steps.json -o predicted.h5\n"
-      "  graupel rollout models/hgn.safetensors steps.h5 --start truth:6 --frames 60");
+      "  graupel rollout models/hgn.safetensors steps.h5 --start truth:6 --frames 60\n"
+      "  graupel rollout models/nsf-sand.safetensors scenes/shared/sand_column.json --set "
+      "materials.sand.friction_angle=33");
   verb->callback([options] { rollout(*options); });
 }
 

@@ -19,9 +19,20 @@ MetricValues mean_over_scenes(const Comparison& comparison, const std::string& m
 
 std::vector<std::string> models_of(const Comparison& comparison) {
   std::vector<std::string> models;
-  if (!comparison.scenes.empty())
-    for (const ModelResult& result : comparison.scenes.front().models) models.push_back(result.model);
+  for (const SceneResult& scene : comparison.scenes)
+    for (const ModelResult& result : scene.models)
+      if (std::find(models.begin(), models.end(), result.model) == models.end()) models.push_back(result.model);
   return models;
+}
+
+std::string mark_of_missing_scenes(const Comparison& comparison, const std::string& model) {
+  const auto has_it = [&](const SceneResult& scene) {
+    return std::any_of(scene.models.begin(), scene.models.end(),
+                       [&](const ModelResult& result) { return result.model == model; });
+  };
+  const auto all = static_cast<std::ptrdiff_t>(comparison.scenes.size()),
+             there = std::count_if(comparison.scenes.begin(), comparison.scenes.end(), has_it);
+  return there == all ? "" : std::to_string(there) + " of " + std::to_string(all) + " scenes";
 }
 
 bool computed(const Comparison& comparison, MetricGroup group) {

@@ -51,10 +51,13 @@ struct Comparison {
   std::vector<SceneResult> scenes;
 };
 
-/// Mean over the scenes of every metric of a model; loses_to_coarse becomes the share of scenes.
+/// Mean of every metric of a model over the scenes that it is run on; loses_to_coarse becomes the share of scenes.
 MetricValues mean_over_scenes(const Comparison& comparison, const std::string& model);
-/// Models in the order of the first scene.
+/// Models of any scene, in the order in which they come first.
 std::vector<std::string> models_of(const Comparison& comparison);
+
+/// "1 of 3 scenes" for a model that is not run on all of them, else empty.
+std::string mark_of_missing_scenes(const Comparison& comparison, const std::string& model);
 
 bool computed(const Comparison& comparison, MetricGroup group);
 /// A scene's chaos floors under the names of the metrics that they bound; empty where they were not computed.

@@ -143,7 +143,8 @@ std::string comparison_table(const Comparison& comparison) {
   if (comparison.scenes.size() > 1) {
     table += fmt::format("mean of {} scenes\n{}\n", comparison.scenes.size(), header);
     for (const std::string& model : models)
-      table += table_row(short_name(model, models), mean_over_scenes(comparison, model), "");
+      table += table_row(short_name(model, models), mean_over_scenes(comparison, model),
+                         mark_of_missing_scenes(comparison, model));
   }
   return table;
 }

@@ -6,6 +6,7 @@
 
 #include "compare/containment.h"
 #include "compare/density_grid.h"
+#include "compare/displacement_error.h"
 #include "compare/kinetic_energy.h"
 #include "compare/material_shape.h"
 #include "compare/optimal_transport.h"
@@ -83,6 +84,14 @@ MetricValues material_values(const Scene& scene, const ParticleRun& truth, const
           {"front_final_truth", last_truth}};
 }
 
+void displacement_values(const ParticleRun& truth, const ParticleRun& run, const std::vector<int32_t>& counterpart,
+                         std::size_t frames, MetricValues& values) {
+  DisplacementError error(truth.position(0));
+  for (std::size_t f = 1; f <= frames; ++f) error.add(truth.position(f), carried_positions(truth, run, counterpart, f));
+  values["delta"] = error.delta();
+  values["displacement_relative_error"] = error.displacement_relative();
+}
+
 void density_values(const Scene& scene, const ParticleRun& truth, const ParticleRun& run, std::size_t frames,
                     Evaluation& evaluation) {
   const DensityGrid grid(scene.domain);
@@ -119,6 +128,7 @@ Evaluation evaluate_rollout(const Scene& scene, const sparsegrid::ObstacleSet& o
   values["position_mse_20"] = mean_of_first(evaluation.curves.position, 20);
   values["position_mse_100"] = mean_of_first(evaluation.curves.position, 100);
   values["position_mse_all"] = mean(evaluation.curves.position);
+  displacement_values(truth, run, counterpart, frames, values);
 
   const double total_mass = std::accumulate(truth.mass.begin(), truth.mass.end(), 0.0);
   for (const char* key : {"sinkhorn", "center_of_mass_error", "front_error"}) values[key] = 0;

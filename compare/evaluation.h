@@ -33,11 +33,12 @@ Evaluation evaluate_rollout(const Scene& scene, const sparsegrid::ObstacleSet& o
 /// Metrics of group one_step.
 MetricValues one_step_values(const OneStepError& error);
 
-/// What a run cost. Times are medians over its frames [s].
+/// What a run cost. Times are medians over its frames [s]; of a reduced-order model, network: decoding and inversion,
+/// grid_build: the grid's step, features: the search for integration points.
 struct RunCost {
   double frame = 0, network = 0, grid_build = 0, features = 0, projection = 0, output = 0;
   double peak_bytes = 0, added_bytes = 0;
-  double substeps = 1;  ///< mean a frame; 1 for a network
+  double substeps = 1;  ///< mean a frame; 1 for a graph network
   double search = 0;    ///< wall time of the search for a step before the run [s]
 };
 /// Metrics of group cost but loses_to_coarse; `mpm_frame` [s] is the time of a frame of mpm on the same threads.

@@ -71,12 +71,12 @@ std::string mean_table(const Comparison& comparison) {
     int64_t diverged = 0;
     for (const SceneResult& scene : comparison.scenes)
       for (const ModelResult& result : scene.models) diverged += result.model == model && result.diverged_at_frame >= 0;
-    std::string mark;
-    if (diverged > 0) mark = fmt::format("diverged in {} of {} scenes", diverged, comparison.scenes.size());
+    std::string mark = mark_of_missing_scenes(comparison, model);
+    const auto add = [&mark](const std::string& more) { mark += (mark.empty() ? "" : "; ") + more; };
+    if (diverged > 0) add(fmt::format("diverged in {} of {} scenes", diverged, comparison.scenes.size()));
     const auto loses = mean.find("loses_to_coarse");
     if (loses != mean.end() && loses->second > 0)
-      mark +=
-          fmt::format("{}loses to mpm:coarse in {:.0f}% of the scenes", mark.empty() ? "" : "; ", 100 * loses->second);
+      add(fmt::format("loses to mpm:coarse in {:.0f}% of the scenes", 100 * loses->second));
     html += main_row(model, mean, mark, "");
   }
   return html + "</tbody></table></div>\n";

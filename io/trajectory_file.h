@@ -33,6 +33,13 @@ struct NamedValue {
   bool operator==(const NamedValue&) const = default;
 };
 
+/// Values of every frame that are not of particles.
+struct FrameTable {
+  std::string name, units, description;
+  int columns = 1;
+  std::vector<float> values;  ///< [frames, columns]
+};
+
 /// Bytes of one particle in one frame, before compression.
 int64_t particle_frame_bytes(const TrajectoryWriteOptions& options);
 
@@ -64,6 +71,8 @@ class TrajectoryWriter {
   void attribute(const std::string& name, const std::string& value);
   /// Stores the parameters of the run, once.
   void parameters(const std::vector<NamedValue>& values);
+  /// Adds a dataset to the trajectory's group, once for a name.
+  void table(const FrameTable& table);
   /// Flush, complete=1, close, fsync, rename.
   void finish(int64_t diverged_at_frame = -1);
 

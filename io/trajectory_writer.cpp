@@ -356,6 +356,19 @@ void TrajectoryWriter::parameters(const std::vector<NamedValue>& values) {
   impl_->guarded("write to", [&] { write_parameters(impl_->group, values); });
 }
 
+void TrajectoryWriter::table(const FrameTable& table) {
+  GRAUPEL_ASSERT(!impl_->closed && table.columns > 0);
+  const auto columns = static_cast<hsize_t>(table.columns);
+  impl_->guarded("write to", [&] {
+    const hdf5::Handle dataset = hdf5::create_dataset(impl_->group, table.name,
+                                                      {.element = hdf5::Element::float32,
+                                                       .size = {table.values.size() / columns, columns},
+                                                       .units = table.units,
+                                                       .description = table.description});
+    hdf5::write_all(dataset, hdf5::Element::float32, table.values.data());
+  });
+}
+
 void TrajectoryWriter::finish(int64_t diverged_at_frame) {
   GRAUPEL_ASSERT(!impl_->closed);
   impl_->close_all(diverged_at_frame);

@@ -68,8 +68,9 @@ TEST_F(SweepSet, RunsShareParticlesAndKeepTheirParameters) {
       EXPECT_EQ(frame.fields[ParticleField::stress].size(), 6 * t.particle_count());
       EXPECT_EQ(frame.fields[ParticleField::affine].size(), 9 * t.particle_count());
     }
-    const std::vector<io::NamedValue> expected = {{"angle", "degrees", 20.0 + 5 * run},
-                                                  {"friction", "", std::vector{0.1, 0.2, 0.3, 0.4, 0.5}[run]}};
+    const std::vector<io::NamedValue> expected = {
+        {"angle", "degrees", 20.0 + 5 * run, {"materials.sand.friction_angle", "sources.0.velocity"}},
+        {"friction", "", std::vector{0.1, 0.2, 0.3, 0.4, 0.5}[run], {"domain.wall_friction"}}};
     EXPECT_EQ(reader.parameters(i), expected);
     const Scene scene = io::parse_scene(t.scene_json, "stored", ".");
     EXPECT_EQ(scene.materials.at("sand").friction_angle, 20.0 + 5 * run);

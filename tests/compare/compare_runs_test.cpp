@@ -19,6 +19,7 @@
 #include "io/trajectory_file.h"
 #include "mpm/sampling.h"
 #include "nn/weights.h"
+#include "tests/apps/falling_model.h"
 #include "tests/graph/random_weights.h"
 
 namespace graupel::apps {
@@ -284,6 +285,25 @@ TEST(CompareVerb, HelpIsShortAndHasTwoExamples) {
                            "--threads", "--device", "--one-step-only"})
     EXPECT_NE(help.find(flag), std::string::npos) << flag;
   EXPECT_NE(help.find("Examples:"), std::string::npos);
+}
+
+TEST_F(CompareRuns, AReducedModelRunsOnItsOwnSceneOnly) {
+  const std::string falling = folder_ + "/falling.json", model = folder_ + "/falling.safetensors";
+  std::ofstream(falling) << test::falling_scene();
+  nn::write_safetensors(model, test::falling_model(io::read_scene(falling)).store(nn::DType::f32));
+  CompareOptions o = options({"mpm", model});
+  o.scenes.push_back(falling);
+  o.frames = 2;
+  o.floors = false;
+  EXPECT_THROW(make_comparison(o), ConfigError);
+  o.other_scenes = OtherScenes::leave_out;
+  const compare::Comparison comparison = make_comparison(o);
+  ASSERT_EQ(comparison.scenes.size(), 2u);
+  EXPECT_EQ(comparison.scenes[0].models.size(), 1u);
+  ASSERT_EQ(comparison.scenes[1].models.size(), 2u);
+  EXPECT_EQ(comparison.scenes[1].models[1].model, model);
+  EXPECT_TRUE(compare::incomplete_results(comparison).empty());
+  EXPECT_THAT(compare::report_html(comparison), ::testing::HasSubstr("1 of 2 scenes"));
 }
 
 }  // namespace

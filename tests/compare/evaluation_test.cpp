@@ -35,8 +35,8 @@ TEST(Evaluation, ARunAgainstItselfHasNoError) {
   const auto truth = falling_blocks(8);
   const auto e = evaluate_rollout(scene, obstacles, truth, truth);
   EXPECT_TRUE(missing_metrics(metric_list(), {MetricGroup::rollout}, e.values).empty());
-  for (const char* key : {"position_mse_20", "position_mse_all", "sinkhorn", "density_error", "kinetic_energy_error",
-                          "center_of_mass_error", "front_error"})
+  for (const char* key : {"position_mse_20", "position_mse_all", "delta", "displacement_relative_error", "sinkhorn",
+                          "density_error", "kinetic_energy_error", "center_of_mass_error", "front_error"})
     EXPECT_EQ(e.values.at(key), 0) << key;
   EXPECT_EQ(e.values.at("occupancy_iou"), 1);
   ASSERT_EQ(e.materials.size(), 2u);
@@ -72,6 +72,7 @@ TEST(Evaluation, ACoarseRunIsComparedByMass) {
   for (auto& v : run.volume) v *= 8;
   const auto e = evaluate_rollout(scene, obstacles, truth, run);
   EXPECT_LT(e.values.at("position_mse_all"), 1e-12);
+  EXPECT_LT(e.values.at("displacement_relative_error"), 1e-4);  // carried along by the coarse particles
   EXPECT_NEAR(e.values.at("center_of_mass_error"), 0, 1e-6);
   EXPECT_NEAR(e.values.at("kinetic_energy_error"), 0, 1e-6);
   EXPECT_LT(e.values.at("density_error"), 0.3);
@@ -116,6 +117,21 @@ TEST(Evaluation, FloorsTakePositionsFromMovedAndTheRestFromReseeded) {
   const auto truth = falling_blocks(3);
   const auto e = evaluate_rollout(scene, {}, truth, truth);
   EXPECT_TRUE(missing_metrics(metric_list(), {MetricGroup::floors}, floor_values(e, e)).empty());
+}
+
+TEST(Comparison, AModelOfSomeScenesIsMarked) {
+  ModelResult one, other;
+  one.model = "mpm";
+  other.model = "sand.safetensors";
+  one.values["delta"] = other.values["delta"] = 2;
+  Comparison comparison;
+  comparison.scenes.resize(2);
+  comparison.scenes[0].models = {one};
+  comparison.scenes[1].models = {one, other};
+  EXPECT_EQ(models_of(comparison), (std::vector<std::string>{"mpm", "sand.safetensors"}));
+  EXPECT_EQ(mark_of_missing_scenes(comparison, "mpm"), "");
+  EXPECT_EQ(mark_of_missing_scenes(comparison, "sand.safetensors"), "1 of 2 scenes");
+  EXPECT_EQ(mean_over_scenes(comparison, "sand.safetensors").at("delta"), 2);
 }
 
 TEST(MetricList, MissingAndNonFiniteValuesAreFound) {

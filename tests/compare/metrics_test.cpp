@@ -5,6 +5,7 @@
 
 #include "compare/containment.h"
 #include "compare/density_grid.h"
+#include "compare/displacement_error.h"
 #include "compare/kinetic_energy.h"
 #include "compare/material_shape.h"
 #include "compare/one_step_error.h"
@@ -234,6 +235,22 @@ TEST(MaterialShape, CentreOfMassIsWeighted) {
   EXPECT_NEAR(center_of_mass(run, 1, 5)[0], 0.75, 1e-12);
   EXPECT_NEAR(center_of_mass(run, 1, 6)[1], 4, 1e-12);
   EXPECT_NEAR(center_of_mass(run, 1)[0], 0.5, 1e-12);
+}
+
+TEST(DisplacementError, OfTwoParticlesByHand) {
+  DisplacementError error({{1, 0, 0}, {0, 2, 0}});
+  error.add({{1, 1, 0}, {0, 2, 0}}, std::vector<Vec3f>{{1, 1, 3}, {0, 2, 0}});   // off by 3; moved by 1 and 0
+  error.add({{1, 2, 0}, {0, 0, 0}}, std::vector<Vec3d>{{1, 2, 0}, {0, -4, 0}});  // off by 4; moved by 2 and 2
+  EXPECT_NEAR(error.delta(), std::sqrt((9. + 16) / (2 + 4 + 5 + 0)), 1e-12);
+  EXPECT_NEAR(error.displacement_relative(), std::sqrt((9. + 16) / (1 + 4 + 4)), 1e-12);
+  EXPECT_NEAR(error.root_mean_square(), 2.5, 1e-12);
+}
+
+TEST(DisplacementError, OfATruthAtRestIsZero) {
+  DisplacementError error({{1, 0, 0}});
+  error.add({{1, 0, 0}}, std::vector<Vec3f>{{1, 1, 0}});
+  EXPECT_EQ(error.displacement_relative(), 0);
+  EXPECT_NEAR(error.delta(), 1, 1e-12);
 }
 
 TEST(MaterialShape, FrontIsThe99thPercentileOfTheHorizontalDistance) {

@@ -1,0 +1,192 @@
+// Reduced-order models through the verbs that graph networks go through: rollout and compare, and what is refused.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "core/atomic_file.h"
+#include "io/hdf5_dataset.h"
+#include "io/trajectory_file.h"
+#include "tests/apps/falling_model.h"
+#include "tests/apps/program.h"
+
+namespace graupel::test {
+namespace {
+
+/// A scene of falling sand, and the weights of the model that is exact for it.
+class ReducedModels : public ::testing::Test {
+ protected:
+  void SetUp() override { use_gravity(-9.8); }
+
+  void use_gravity(double gravity) {
+    scene_ = folder_.write("falling.json", falling_scene(gravity));
+    model_ = folder_.file("falling.safetensors");
+    nn::write_safetensors(model_, falling_model(io::read_scene(scene_)).store(nn::DType::f32));
+  }
+
+  Outcome rollout(const std::string& flags, const std::string& input = "") const {
+    return graupel("rollout " + model_ + " " + (input.empty() ? scene_ : input) + " -o " + folder_.file("out.h5") +
+                   " --json " + folder_.file("out.json") + " " + flags);
+  }
+  Trajectory predicted() const { return io::TrajectoryReader(folder_.file("out.h5")).read(0); }
+  nlohmann::json summary(const std::string& name = "out.json") const {
+    return nlohmann::json::parse(read_file(folder_.file(name)));
+  }
+
+  /// How far symplectic Euler falls in n steps of dt [m].
+  static double fallen(int n, double dt) { return -9.8 * dt * dt * n * (n + 1) / 2; }
+
+  Folder folder_;
+  std::string scene_, model_;
+};
+
+TEST_F(ReducedModels, ARolloutFollowsTheLawOfFalling) {
+  const Outcome outcome = rollout("--threads 1 --f64");
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.output;
+  EXPECT_TRUE(outcome.says("integration particles") && outcome.says("decode") && outcome.says("trust"))
+      << outcome.output;
+  const Trajectory run = predicted();
+  ASSERT_EQ(run.frames.size(), 9u);
+  const double dt = 1.0 / 60 / falling_steps;
+  for (std::size_t f = 0; f < run.frames.size(); ++f) {
+    const int n = static_cast<int>(f) * falling_steps;
+    ASSERT_EQ(run.frames[f].velocity.size(), run.particle_count());
+    for (std::size_t p = 0; p < run.particle_count(); ++p) {
+      EXPECT_NEAR(run.frames[f].position[p][1] - run.frames[0].position[p][1], fallen(n, dt), 1e-6);
+      EXPECT_NEAR(run.frames[f].velocity[p][1], -9.8 * dt * n, 1e-5);
+      EXPECT_NEAR(run.frames[f].velocity[p][0], 0, 1e-6);
+    }
+  }
+  EXPECT_EQ(summary()["steps"], 8 * falling_steps);
+  EXPECT_EQ(summary()["diverged_at_frame"], -1);
+}
+
+TEST_F(ReducedModels, EveryFrameSaysHowFarItIsFromTheTraining) {
+  ASSERT_EQ(rollout("--threads 1 --f64").exit_code, 0);
+  const auto file = io::hdf5::open_file(folder_.file("out.h5"));
+  const auto size = std::filesystem::file_size(folder_.file("out.h5"));
+  const auto trust = io::hdf5::open_dataset(file, "00000/trust", 2, io::hdf5::NumberKind::real, size);
+  ASSERT_EQ(trust.size, (std::vector<hsize_t>{9, 3}));
+  std::vector<float> rows(27);
+  trust.read_rows(0, 9, io::hdf5::Element::float32, rows.data());
+  const double dt = 1.0 / 60 / falling_steps;
+  for (int f = 1; f < 9; ++f) {
+    const double q = fallen(f * falling_steps, dt);
+    const double distance = std::min(std::abs(q), std::abs(q - falling_training_low)) / falling_reach;
+    EXPECT_NEAR(rows[static_cast<std::size_t>(3 * f + 2)], distance, 1e-5 * (1 + distance)) << f;
+  }
+  EXPECT_NEAR(summary()["trust"]["latent_distance"].get<double>(), rows[26], 1e-5);
+  EXPECT_EQ(rows[0], 0);
+}
+
+TEST_F(ReducedModels, ATrajectoryGivesItsSceneAndSeed) {
+  ASSERT_EQ(graupel("simulate " + scene_ + " -o " + folder_.file("truth.h5")).exit_code, 0);
+  ASSERT_EQ(rollout("--threads 1").exit_code, 0);
+  const Trajectory from_scene = predicted();
+  const Outcome outcome = rollout("--threads 1", folder_.file("truth.h5"));
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.output;
+  const Trajectory from_trajectory = predicted();
+  ASSERT_EQ(from_trajectory.frames.size(), from_scene.frames.size());
+  EXPECT_EQ(from_trajectory.frames.back().position, from_scene.frames.back().position);
+  EXPECT_EQ(from_trajectory.seed, from_scene.seed);
+  ASSERT_EQ(rollout("--frames 2 --trajectory 1", folder_.file("truth.h5")).exit_code, 2);
+}
+
+TEST_F(ReducedModels, LongerStepsAndDoublePrecision) {
+  ASSERT_EQ(rollout("--frames 4 --step-factor 2 --f64 --threads 1").exit_code, 0);
+  EXPECT_EQ(summary()["steps"], 4 * falling_steps / 2);
+  const Trajectory run = predicted();
+  EXPECT_NEAR(run.frames[4].position[0][1] - run.frames[0].position[0][1],
+              fallen(2 * falling_steps, 2.0 / 60 / falling_steps), 1e-6);
+}
+
+TEST_F(ReducedModels, ADivergedRolloutKeepsItsFrames) {
+  use_gravity(-2000);  // over a cell a step in the second frame
+  const Outcome outcome = rollout("--threads 1");
+  EXPECT_EQ(outcome.exit_code, 4) << outcome.output;
+  EXPECT_TRUE(outcome.says("diverged at frame 2")) << outcome.output;
+  const Trajectory run = predicted();
+  EXPECT_EQ(run.frames.size(), 2u);
+  EXPECT_EQ(run.diverged_at_frame, 2);
+}
+
+TEST_F(ReducedModels, ParametersOutsideOfTheTrainingWarn) {
+  const Outcome inside = rollout("--frames 1 --set materials.sand.friction_angle=38");
+  EXPECT_EQ(inside.exit_code, 0) << inside.output;
+  EXPECT_FALSE(inside.says("warning")) << inside.output;
+  EXPECT_EQ(summary()["parameters"], std::vector<double>{38});
+  const Outcome outside = rollout("--frames 1 --set materials.sand.friction_angle=45");
+  EXPECT_EQ(outside.exit_code, 0) << outside.output;
+  EXPECT_TRUE(outside.says("friction_angle = 45 degrees, trained on 30 to 40")) << outside.output;
+}
+
+TEST_F(ReducedModels, AnotherSceneIsRefusedByTheKeyThatDiffers) {
+  const Outcome gravity = rollout("--set gravity=[0,-5,0]");
+  EXPECT_EQ(gravity.exit_code, 2) << gravity.output;
+  EXPECT_TRUE(gravity.says("/gravity/1") && gravity.says("falling.safetensors")) << gravity.output;
+  const Outcome seed = rollout("--seed 77");
+  EXPECT_EQ(seed.exit_code, 2) << seed.output;
+  EXPECT_TRUE(seed.says("starts elsewhere")) << seed.output;
+  const Outcome compare = graupel("compare --scenes " + scene_ + " scenes/shared/water_steps.json --models mpm," +
+                                  model_ + " --json " + folder_.file("no.json"));
+  EXPECT_EQ(compare.exit_code, 2) << compare.output;
+  EXPECT_TRUE(compare.says("is for another scene")) << compare.output;
+  EXPECT_FALSE(std::filesystem::exists(folder_.file("no.json")));
+}
+
+TEST_F(ReducedModels, CompareHoldsThemBesideMpm) {
+  const Outcome outcome =
+      graupel("compare --scenes " + scene_ + " --models mpm," + model_ +
+              " --no-floors --threads 1 --set materials.sand.friction_angle=33 --json " + folder_.file("compare.json"));
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.output;
+  const auto results = summary("compare.json")["results"];
+  ASSERT_EQ(results.size(), 2u);
+  EXPECT_EQ(results[0]["delta"], 0);
+  EXPECT_EQ(results[0]["displacement_relative_error"], 0);
+  const auto& model = results[1];
+  EXPECT_EQ(model["model"], model_);
+  EXPECT_EQ(model["one_step_source"], "own rollout");
+  EXPECT_GT(model["displacement_relative_error"], 0);
+  EXPECT_LT(model["displacement_relative_error"], 5e-3);  // single precision rounds all samples' steps alike
+  EXPECT_LT(model["delta"].get<double>(), model["displacement_relative_error"].get<double>());
+  EXPECT_LT(model["one_step_mse"].get<double>(), 1e-4 * model["one_step_mse_zero"].get<double>());
+  EXPECT_EQ(model["substeps_per_frame"], falling_steps);
+  const double frame = model["frame_ms"], parts = model["network_ms"].get<double>() +
+                                                  model["grid_build_ms"].get<double>() +
+                                                  model["features_ms"].get<double>();
+  EXPECT_GT(model["network_ms"], 0);
+  EXPECT_GT(model["grid_build_ms"], 0);
+  EXPECT_LT(parts, 1.5 * frame);
+  EXPECT_GT(parts, 0.3 * frame);
+}
+
+TEST_F(ReducedModels, FlagsOfTheOtherKindAreRefused) {
+  for (const char* flag : {"--no-project", "--start truth:6", "--device cuda"}) {
+    const Outcome outcome = rollout(flag);
+    EXPECT_EQ(outcome.exit_code, 2) << flag << ": " << outcome.output;
+    EXPECT_TRUE(outcome.says(std::string(flag).substr(0, 7))) << outcome.output;
+  }
+  for (const char* flag : {"--step-factor 2", "--f64"}) {
+    const Outcome outcome = graupel("rollout models/hgn.safetensors " + scene_ + " -o " + folder_.file("a.h5 ") + flag);
+    EXPECT_EQ(outcome.exit_code, 2) << flag << ": " << outcome.output;
+    EXPECT_TRUE(outcome.says("graph network")) << outcome.output;
+  }
+  const Outcome one_step = graupel("compare --scenes " + scene_ + " --models mpm," + model_ + " --one-step-only");
+  EXPECT_EQ(one_step.exit_code, 2) << one_step.output;
+  EXPECT_TRUE(one_step.says("no one-step error without a rollout")) << one_step.output;
+  EXPECT_EQ(rollout("--step-factor 0").exit_code, 2);
+}
+
+TEST_F(ReducedModels, DamagedAndForeignWeightsAreNamed) {
+  const std::string bytes = read_file(model_);
+  const auto cut = folder_.write("cut.safetensors", bytes.substr(0, bytes.size() - 50));
+  const Outcome truncated = graupel("rollout " + cut + " " + scene_ + " -o " + folder_.file("a.h5"));
+  EXPECT_EQ(truncated.exit_code, 3) << truncated.output;
+  EXPECT_TRUE(truncated.says("cut.safetensors")) << truncated.output;
+  const Outcome foreign = graupel("bench rom models/hgn.safetensors " + folder_.file("none"));
+  EXPECT_EQ(foreign.exit_code, 3) << foreign.output;
+  EXPECT_TRUE(foreign.says("no reduced-order model") && foreign.says("hgn")) << foreign.output;
+}
+
+}  // namespace
+}  // namespace graupel::test
