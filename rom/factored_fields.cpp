@@ -57,7 +57,7 @@ class FactoredPoints final : public PointFields<T> {
  public:
   FactoredPoints(const FactoredFields& fields, const std::vector<int32_t>& points)
       : fields_(fields), deformation_(fields.deformation_branch()) {
-    position_.assign(fields.deformation(), fields.cluster_deformation(), points, vector_order);
+    position_.assign(fields.deformation(), points, vector_order);
     stress_.assign(fields.stress(), points, stress_order);
     affine_.assign(fields.affine(), points, matrix_order);
   }
@@ -85,7 +85,7 @@ class FactoredPositions final : public PointPositions<T> {
  public:
   FactoredPositions(const FactoredFields& fields, const std::vector<int32_t>& points)
       : deformation_(fields.deformation_branch()) {
-    position_.assign(fields.deformation(), fields.cluster_deformation(), points, vector_order);
+    position_.assign(fields.deformation(), points, vector_order);
   }
   void decode(const LatentState& state, T* position) override {
     deformation_.update(state);
@@ -144,10 +144,8 @@ class FactoredSamples final : public SampleField {
 }  // namespace
 
 FactoredFields::FactoredFields(ModeTable deformation, ClosureBranch deformation_branch, ModeTable stress,
-                               MapBranch stress_branch, ModeTable affine, std::shared_ptr<const Branch> affine_branch,
-                               const Clusters& clusters)
+                               MapBranch stress_branch, ModeTable affine, std::shared_ptr<const Branch> affine_branch)
     : deformation_(std::move(deformation)),
-      cluster_deformation_(deformation_.averaged(clusters, static_cast<int32_t>(deformation_.rows()))),
       stress_(std::move(stress)),
       affine_(std::move(affine)),
       deformation_branch_(std::move(deformation_branch)),
@@ -171,14 +169,8 @@ std::unique_ptr<SampleField> FactoredFields::bind_samples(const std::vector<int3
 }
 
 FactoredFields FactoredFields::clustered(const Clusters& clusters) const {
-  const auto first = static_cast<int32_t>(particles());
-  return {deformation_,
-          deformation_branch_,
-          stress_.averaged(clusters, first),
-          stress_branch_,
-          affine_.averaged(clusters, first),
-          affine_branch_,
-          clusters};
+  return {deformation_,   deformation_branch_,        stress_.averaged(clusters),
+          stress_branch_, affine_.averaged(clusters), affine_branch_};
 }
 
 }  // namespace graupel::rom

@@ -11,10 +11,10 @@ namespace graupel::rom {
 
 class FactoredFields final : public Fields {
  public:
-  /// `clusters`: the points that come after the particles; their deformation is the mean of their members'.
   FactoredFields(ModeTable deformation, ClosureBranch deformation_branch, ModeTable stress, MapBranch stress_branch,
-                 ModeTable affine, std::shared_ptr<const Branch> affine_branch, const Clusters& clusters);
-  /// The same fields with stress and affine velocity at these clusters; they must be known at all particles.
+                 ModeTable affine, std::shared_ptr<const Branch> affine_branch);
+  /// The same fields with the means of stress and affine velocity over these clusters at their representatives; so far
+  /// they must be known at all particles.
   FactoredFields clustered(const Clusters& clusters) const;
 
   int latents() const override { return deformation_branch_.latents(); }
@@ -25,16 +25,15 @@ class FactoredFields final : public Fields {
   std::unique_ptr<PointPositions<double>> bind_positions_f64(const std::vector<int32_t>& points) const override;
   std::unique_ptr<SampleField> bind_samples(const std::vector<int32_t>& samples) const override;
 
-  const ModeTable& deformation() const { return deformation_; }  ///< of the particles; mean: positions [m]
-  const ModeTable& cluster_deformation() const { return cluster_deformation_; }
-  const ModeTable& stress() const { return stress_; }  ///< xx, xy, xz, yy, yz, zz [Pa]
-  const ModeTable& affine() const { return affine_; }  ///< row by row [1/s]
+  const ModeTable& deformation() const { return deformation_; }  ///< mean: positions [m]
+  const ModeTable& stress() const { return stress_; }            ///< xx, xy, xz, yy, yz, zz [Pa]
+  const ModeTable& affine() const { return affine_; }            ///< row by row [1/s]
   const ClosureBranch& deformation_branch() const { return deformation_branch_; }
   const MapBranch& stress_branch() const { return stress_branch_; }
   const Branch& affine_branch() const { return *affine_branch_; }
 
  private:
-  ModeTable deformation_, cluster_deformation_, stress_, affine_;
+  ModeTable deformation_, stress_, affine_;
   ClosureBranch deformation_branch_;
   MapBranch stress_branch_;
   std::shared_ptr<const Branch> affine_branch_;

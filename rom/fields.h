@@ -38,8 +38,7 @@ class Fields {
  public:
   virtual ~Fields() = default;
   virtual int latents() const = 0;
-  virtual int64_t particles()
-      const = 0;  ///< of the reference body: points 0 to particles() - 1; clusters come after them
+  virtual int64_t particles() const = 0;  ///< of the reference body
   /// Stress and affine velocity are zero at points where they are not known.
   virtual std::unique_ptr<PointFields<float>> bind_f32(const std::vector<int32_t>& points) const = 0;
   virtual std::unique_ptr<PointFields<double>> bind_f64(const std::vector<int32_t>& points) const = 0;

@@ -12,7 +12,7 @@ IntegrationPoints<T>::IntegrationPoints(const Fields& fields, GridParticles all,
                                         const mpm::GridGeometry<T, 3>& grid)
     : samples_(std::move(samples)), all_(std::move(all)), grid_(grid) {
   std::vector<int32_t> candidates = samples_;
-  candidates.insert(candidates.end(), all_.points.begin(), all_.points.end());
+  candidates.insert(candidates.end(), all_.particles.begin(), all_.particles.end());
   candidates_ = bind_positions<T>(fields, candidates);
   position_.resize(static_cast<std::size_t>(3 * mpm::padded_to_tile(static_cast<int64_t>(candidates.size()))));
   std::size_t cells = 1;
@@ -54,16 +54,15 @@ GridParticles IntegrationPoints<T>::find(const LatentState& state) {
   }
   // Where most are within reach anyway, taking all saves the work of choosing again.
   std::size_t reached = 0;
-  for (std::size_t i = 0; i < all_.points.size(); ++i)
+  for (std::size_t i = 0; i < all_.particles.size(); ++i)
     reached += stamp_[number(cell_of(samples_.size() + i))] == round_;
-  const bool take_all = 10 * reached > 8 * all_.points.size();
+  const bool take_all = 10 * reached > 8 * all_.particles.size();
   GridParticles found;
-  found.points = found.particles = samples_;
+  found.particles = samples_;
   found.samples = static_cast<int64_t>(samples_.size());
   found.share.assign(samples_.size(), 0.0);
-  for (std::size_t i = 0; i < all_.points.size(); ++i) {
+  for (std::size_t i = 0; i < all_.particles.size(); ++i) {
     if (!take_all && stamp_[number(cell_of(samples_.size() + i))] != round_) continue;
-    found.points.push_back(all_.points[i]);
     found.particles.push_back(all_.particles[i]);
     found.share.push_back(all_.share[i]);
   }

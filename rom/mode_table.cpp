@@ -15,20 +15,24 @@ int64_t ModeTable::row_of(int32_t point) const {
   return at == points.end() || *at != point ? -1 : at - points.begin();
 }
 
-ModeTable ModeTable::averaged(const Clusters& clusters, int32_t first_point) const {
-  const auto count = static_cast<std::size_t>(clusters.count);
+ModeTable ModeTable::averaged(const Clusters& clusters) const {
   ModeTable means;
   means.components = components;
   means.modes = modes;
-  for (std::size_t i = 0; i < count; ++i) means.points.push_back(first_point + static_cast<int32_t>(i));
-  std::vector<float> members(count, 0);
+  const std::vector<int32_t> chosen = clusters.representatives();
+  means.points = chosen;
+  std::sort(means.points.begin(), means.points.end());
+  std::vector<std::size_t> row(chosen.size());  // of every cluster
+  for (std::size_t c = 0; c < chosen.size(); ++c) row[c] = static_cast<std::size_t>(means.row_of(chosen[c]));
+  std::vector<float> members(chosen.size(), 0);
   for (const int32_t cluster : clusters.of_particle) members[static_cast<std::size_t>(cluster)] += 1;
   const auto average = [&](const std::vector<float>& values, std::size_t width) {
-    std::vector<float> sums(count * width, 0);
+    std::vector<float> sums(chosen.size() * width, 0);
     for (std::size_t p = 0; p < clusters.of_particle.size(); ++p) {
-      const auto to = static_cast<std::size_t>(clusters.of_particle[p]);
+      const auto cluster = static_cast<std::size_t>(clusters.of_particle[p]);
       const auto from = static_cast<std::size_t>(row_of(static_cast<int32_t>(p)));
-      for (std::size_t k = 0; k < width; ++k) sums[to * width + k] += values[from * width + k] / members[to];
+      for (std::size_t k = 0; k < width; ++k)
+        sums[row[cluster] * width + k] += values[from * width + k] / members[cluster];
     }
     return sums;
   };
@@ -65,15 +69,9 @@ void ModeTable::store(nn::Weights& weights, const std::string& prefix, nn::DType
 
 template <typename T>
 void TiledModes<T>::assign(const ModeTable& table, const std::vector<int32_t>& points, const std::vector<int>& order) {
-  assign(table, ModeTable(), points, order);
-}
-
-template <typename T>
-void TiledModes<T>::assign(const ModeTable& first, const ModeTable& more, const std::vector<int32_t>& points,
-                           const std::vector<int>& order) {
   slots_ = static_cast<int64_t>(points.size());
   components_ = static_cast<int>(order.size());
-  modes_ = first.modes;
+  modes_ = table.modes;
   const int64_t tiles = mpm::padded_to_tile(slots_) / tile;
   mean_.resize_discard(static_cast<std::size_t>(tiles * components_ * tile));
   basis_.resize_discard(static_cast<std::size_t>(tiles * components_ * modes_ * tile));
@@ -81,9 +79,7 @@ void TiledModes<T>::assign(const ModeTable& first, const ModeTable& more, const 
     for (int64_t l = 0; l < tile; ++l) {
       const int64_t slot = t * tile + l;
       const int32_t point = slot < slots_ ? points[static_cast<std::size_t>(slot)] : -1;
-      const int64_t own = first.row_of(point);
-      const ModeTable& table = own >= 0 ? first : more;
-      const int64_t row = own >= 0 ? own : more.row_of(point);
+      const int64_t row = table.row_of(point);
       for (int c = 0; c < components_; ++c) {
         const int64_t from = row * table.components + order[static_cast<std::size_t>(c)];
         const int64_t to = t * components_ + c;

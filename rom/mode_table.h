@@ -24,8 +24,9 @@ struct ModeTable {
   int64_t rows() const { return static_cast<int64_t>(points.size()); }
   /// Row of a point, or -1.
   int64_t row_of(int32_t point) const;
-  /// Rows for points first_point + i, each the mean over the particles of cluster i. The table must have all of these.
-  ModeTable averaged(const Clusters& clusters, int32_t first_point) const;
+  /// Rows for the clusters' representatives, each the mean over the particles of its cluster. The table must have all
+  /// of these.
+  ModeTable averaged(const Clusters& clusters) const;
 
   /// Tensors <prefix>.points i32 [rows], .mean f32 [rows, components], .basis [rows, components, modes] (f16 or f32,
   /// each mode over its largest value) and .amplitude f32 [modes]. Throws InputError as nn::Weights::get.
@@ -42,9 +43,6 @@ class TiledModes {
   /// One slot for each point, zero where the table has no row; `order[c]` is the component that stands at place c of
   /// the result.
   void assign(const ModeTable& table, const std::vector<int32_t>& points, const std::vector<int>& order);
-  /// The same from two tables that share modes but no points.
-  void assign(const ModeTable& table, const ModeTable& more, const std::vector<int32_t>& points,
-              const std::vector<int>& order);
 
   int64_t slots() const { return slots_; }
   int modes() const { return modes_; }

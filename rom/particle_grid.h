@@ -13,9 +13,8 @@ namespace graupel::rom {
 
 /// Which particles take part, and how much of the body each stands for.
 struct GridParticles {
-  std::vector<int32_t> points;     ///< of the fields; the samples first
-  std::vector<int32_t> particles;  ///< of the scene, whose material and script each point has
-  std::vector<double> share;       ///< of that particle's mass and volume; 0: the point only reads the grid
+  std::vector<int32_t> particles;  ///< numbers in the scene; the samples first
+  std::vector<double> share;       ///< mass and volume over the particle's own; 0: it only reads the grid
   int64_t samples = 0;
 };
 
@@ -26,7 +25,7 @@ class ParticleGrid {
 
   /// From now on these take part; their state must be written before the next step.
   void choose(const GridParticles& chosen);
-  /// Slot i is chosen.points[i]: position, velocity, affine velocity and stress are to be written before a step.
+  /// Slot i is chosen.particles[i]: position, velocity, affine velocity and stress are to be written before a step.
   mpm::ParticleView<T> particles() { return particles_.view(); }
   /// Advances the grid by dt from `time` [s] on; the samples' positions and velocities are then those after the step.
   /// `lost[s]`: sample s is not finite or would move over one cell, as beside a node with hardly any mass; it stays.

@@ -1,90 +1,72 @@
 #include "rom/quadrature.h"
 
 #include <algorithm>
-#include <limits>
-#include <utility>
+#include <map>
 
 #include "core/error.h"
+#include "core/random.h"
 
 namespace graupel::rom {
 
 namespace {
 
-/// Bits of x, 0 to 2^21 - 1, with two zeros between any two.
-uint64_t spread_bits(uint64_t x) {
-  x = (x | x << 32) & 0x1f00000000ffff;
-  x = (x | x << 16) & 0x1f0000ff0000ff;
-  x = (x | x << 8) & 0x100f00f00f00f00f;
-  x = (x | x << 4) & 0x10c30c30c30c30c3;
-  return (x | x << 2) & 0x1249249249249249;
-}
+using Iterator = std::vector<int32_t>::iterator;
 
-struct Box {
-  Vec3f low = Vec3f::filled(std::numeric_limits<float>::max()),
-        high = Vec3f::filled(std::numeric_limits<float>::lowest());
-  float longest = 0;
-};
-
-Box box_of(const std::vector<Vec3f>& points) {
-  Box box;
-  for (const Vec3f& x : points)
+/// Axis along which some particles reach furthest.
+int longest_axis(const std::vector<Vec3f>& reference, Iterator begin, Iterator end) {
+  Vec3f low = reference[static_cast<std::size_t>(*begin)], high = low;
+  for (Iterator p = begin; p != end; ++p)
     for (int d = 0; d < 3; ++d) {
-      box.low[d] = std::min(box.low[d], x[d]);
-      box.high[d] = std::max(box.high[d], x[d]);
+      low[d] = std::min(low[d], reference[static_cast<std::size_t>(*p)][d]);
+      high[d] = std::max(high[d], reference[static_cast<std::size_t>(*p)][d]);
     }
-  for (int d = 0; d < 3; ++d) box.longest = std::max(box.longest, box.high[d] - box.low[d]);
-  return box;
+  const Vec3f size = high - low;
+  return size[0] >= size[1] && size[0] >= size[2] ? 0 : size[1] >= size[2] ? 1 : 2;
 }
 
-/// Particles in Morton order.
-std::vector<int32_t> curve_order(const std::vector<Vec3f>& points) {
-  const Box box = box_of(points);
-  const float scale = box.longest > 0 ? 2097151.0f / box.longest : 0;
-  std::vector<std::pair<uint64_t, int32_t>> keyed;
-  keyed.reserve(points.size());
-  for (std::size_t i = 0; i < points.size(); ++i) {
-    uint64_t key = 0;
-    for (int d = 0; d < 3; ++d)
-      key |= spread_bits(static_cast<uint64_t>((points[i][d] - box.low[d]) * scale)) << (2 - d);
-    keyed.emplace_back(key, static_cast<int32_t>(i));
+/// Halves the particles across their longest axis until no more than `size` are left together.
+void divide(const std::vector<Vec3f>& reference, int size, Iterator begin, Iterator end, Clusters& clusters) {
+  const std::ptrdiff_t count = end - begin;
+  if (count <= size) {
+    for (Iterator p = begin; p != end; ++p)
+      clusters.of_particle[static_cast<std::size_t>(*p)] = static_cast<int32_t>(clusters.count);
+    ++clusters.count;
+    return;
   }
-  std::sort(keyed.begin(), keyed.end());
-  std::vector<int32_t> order;
-  order.reserve(points.size());
-  for (const auto& [key, particle] : keyed) order.push_back(particle);
-  return order;
+  const int axis = longest_axis(reference, begin, end);
+  // Whole clusters on the lower side.
+  const std::ptrdiff_t whole = (count + size - 1) / size, lower = count * (whole / 2) / whole;
+  std::nth_element(begin, begin + lower, end, [&](int32_t a, int32_t b) {
+    const float x = reference[static_cast<std::size_t>(a)][axis], y = reference[static_cast<std::size_t>(b)][axis];
+    return x < y || (x == y && a < b);
+  });
+  divide(reference, size, begin, begin + lower, clusters);
+  divide(reference, size, begin + lower, end, clusters);
 }
 
 }  // namespace
 
-std::vector<int32_t> Clusters::first_members() const {
-  std::vector<int32_t> first(static_cast<std::size_t>(count), -1);
+std::vector<int32_t> Clusters::representatives() const {
+  std::vector<int32_t> chosen(static_cast<std::size_t>(count), -1);
+  std::vector<uint32_t> least(chosen.size());
+  const Random random(0, RandomPurpose::sample_particle, 1);
   for (std::size_t p = 0; p < of_particle.size(); ++p) {
-    int32_t& member = first[static_cast<std::size_t>(of_particle[p])];
-    if (member < 0) member = static_cast<int32_t>(p);
+    const auto cluster = static_cast<std::size_t>(of_particle[p]);
+    const uint32_t lot = random.words(p).v[0];
+    if (chosen[cluster] >= 0 && least[cluster] <= lot) continue;
+    chosen[cluster] = static_cast<int32_t>(p);
+    least[cluster] = lot;
   }
-  return first;
+  return chosen;
 }
 
 Clusters make_clusters(const std::vector<Vec3f>& reference, const std::vector<int32_t>& kind, int size) {
   GRAUPEL_ASSERT(size >= 1 && reference.size() == kind.size());
   Clusters clusters;
   clusters.of_particle.resize(reference.size());
-  // Runs of particles of one kind along a curve that fills space.
-  std::vector<int32_t> order = curve_order(reference);
-  std::stable_sort(order.begin(), order.end(), [&](int32_t a, int32_t b) {
-    return kind[static_cast<std::size_t>(a)] < kind[static_cast<std::size_t>(b)];
-  });
-  int members = size;
-  for (std::size_t i = 0; i < order.size(); ++i) {
-    const auto p = static_cast<std::size_t>(order[i]);
-    if (members == size || kind[p] != kind[static_cast<std::size_t>(order[i - 1])]) {
-      ++clusters.count;
-      members = 0;
-    }
-    clusters.of_particle[p] = static_cast<int32_t>(clusters.count - 1);
-    ++members;
-  }
+  std::map<int32_t, std::vector<int32_t>> by_kind;
+  for (std::size_t p = 0; p < kind.size(); ++p) by_kind[kind[p]].push_back(static_cast<int32_t>(p));
+  for (auto& [unused, members] : by_kind) divide(reference, size, members.begin(), members.end(), clusters);
   return clusters;
 }
 

@@ -1,6 +1,6 @@
-// Integration points: the particles of the body, or clusters of neighbours. Fields whose modes are averaged over a
-// cluster give the cluster's mean position, velocity, stress and affine velocity, so that a cluster carries the mass,
-// momentum and mean stress of its members; picking single particles instead would keep the noise of their stress.
+// Integration points: the particles of the body, or one for each cluster of neighbours, which stands for the mass and
+// volume of all with their mean stress and affine velocity. It keeps its own place: at the clusters' centres the body
+// would end too early, at its surface and on the floor (docs/reduced-order.md).
 #pragma once
 
 #include <cstdint>
@@ -14,8 +14,8 @@ namespace graupel::rom {
 struct Clusters {
   int64_t count = 0;
   std::vector<int32_t> of_particle;  ///< [particles], 0 to count - 1
-  /// First particle of every cluster, [count].
-  std::vector<int32_t> first_members() const;
+  /// A particle of every cluster, drawn at random, [count]; -1 for a cluster without any.
+  std::vector<int32_t> representatives() const;
 };
 
 /// Clusters of about `size` particles that lie together in the reference body; the particles of a cluster have one

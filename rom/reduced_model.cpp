@@ -50,18 +50,17 @@ void read_settings(const Json& settings, ReducedModel& model) {
 }
 
 FactoredFields read_fields(const nn::Weights& weights, int latents, int inputs, AffineKind affine_kind,
-                           const Clusters& clusters) {
+                           int64_t particles) {
   ModeTable deformation = ModeTable::load(weights, "deformation", 3), stress = ModeTable::load(weights, "stress", 6),
             affine = ModeTable::load(weights, "affine", 9);
   if (deformation.modes < latents)
     throw InputError(fmt::format("'{}' has {} latents but {} modes of the deformation. Train the model again",
                                  weights.file, latents, deformation.modes));
-  if (deformation.points.size() != clusters.of_particle.size())
+  if (deformation.rows() != particles)
     throw InputError("'" + weights.file + "' has clusters of other particles than its own. Train the model again");
   for (std::size_t i = 0; i < deformation.points.size(); ++i)
     if (deformation.points[i] != static_cast<int32_t>(i))
       throw InputError("'" + weights.file + "' lacks the deformation of some particles. Train the model again");
-  const bool single = clusters.count == static_cast<int64_t>(clusters.of_particle.size());
   ClosureBranch closure(latents,
                         CoefficientMap::load(weights, "deformation.branch", latents, deformation.modes - latents));
   MapBranch stress_branch(CoefficientMap::load(weights, "stress.branch", inputs, stress.modes));
@@ -72,17 +71,16 @@ FactoredFields read_fields(const nn::Weights& weights, int latents, int inputs, 
   else
     affine_branch =
         std::make_shared<const MapBranch>(CoefficientMap::load(weights, "affine.branch", inputs, affine.modes));
-  return {std::move(deformation),        std::move(closure), std::move(stress),
-          std::move(stress_branch),      std::move(affine),  std::move(affine_branch),
-          single ? Clusters() : clusters};
+  return {std::move(deformation),   std::move(closure), std::move(stress),
+          std::move(stress_branch), std::move(affine),  std::move(affine_branch)};
 }
 
 Clusters read_clusters(const nn::Weights& weights) {
   Clusters clusters;
   clusters.of_particle = get_indices(weights, "clusters");
   for (const int32_t c : clusters.of_particle) clusters.count = std::max<int64_t>(clusters.count, c + 1);
-  const std::vector<int32_t> first = clusters.first_members();
-  if (std::find(first.begin(), first.end(), -1) != first.end())
+  const std::vector<int32_t> chosen = clusters.representatives();
+  if (std::find(chosen.begin(), chosen.end(), -1) != chosen.end())
     throw InputError("'" + weights.file + "' has a cluster without particles. Train the model again");
   return clusters;
 }
@@ -105,8 +103,8 @@ ReducedModel ReducedModel::load(const nn::Weights& weights) {
   if (latents < 1) throw InputError("'" + weights.file + "' has no latent. Train the model again");
   const int inputs = latents + static_cast<int>(model.parameters.size());
   model.clusters = read_clusters(weights);
-  model.fields =
-      std::make_shared<const FactoredFields>(read_fields(weights, latents, inputs, model.affine_kind, model.clusters));
+  model.fields = std::make_shared<const FactoredFields>(read_fields(
+      weights, latents, inputs, model.affine_kind, static_cast<int64_t>(model.clusters.of_particle.size())));
   const int64_t n = model.fields->particles();
   model.reference = weights.get("reference", {n, 3});
   model.samples = get_indices(weights, "samples");
@@ -153,16 +151,12 @@ nn::Weights ReducedModel::store(nn::DType modes) const {
 
 GridParticles ReducedModel::integration_points(const std::vector<double>& volume) const {
   GridParticles all;
-  const auto n = static_cast<int32_t>(fields->particles());
-  const bool single = clusters.count == n;
-  all.particles = clusters.first_members();
+  all.particles = clusters.representatives();
   all.share.assign(all.particles.size(), 0.0);
   for (std::size_t p = 0; p < volume.size(); ++p)
     all.share[static_cast<std::size_t>(clusters.of_particle[p])] += volume[p];
-  for (std::size_t i = 0; i < all.particles.size(); ++i) {
+  for (std::size_t i = 0; i < all.particles.size(); ++i)
     all.share[i] /= volume[static_cast<std::size_t>(all.particles[i])];
-    all.points.push_back(single ? all.particles[i] : n + static_cast<int32_t>(i));
-  }
   return all;
 }
 

@@ -132,10 +132,10 @@ template <typename T>
 void ReducedSolver<T>::choose_points() {
   due_ = false;
   GridParticles found = points_.find(state_);
-  if (fields_ && found.points == chosen_.points) return;
+  if (fields_ && found.particles == chosen_.particles) return;
   chosen_ = std::move(found);
   grid_.choose(chosen_);
-  fields_ = bind_fields<T>(*model_.fields, chosen_.points);
+  fields_ = bind_fields<T>(*model_.fields, chosen_.particles);
 }
 
 /// q <- argmin |g(X_s, q) - x_s|^2 from where the latent's velocity takes it; q' is the change over dt.
@@ -146,8 +146,13 @@ void ReducedSolver<T>::invert(double dt) {
   target_.resize(before_.size());
   double moved2 = 0, furthest = 0;
   for (Eigen::Index s = 0; s < target_.size() / 3; ++s) {
-    const Vec<T, 3> x = particles.position.vec(s);
-    for (int d = 0; d < 3; ++d) target_[3 * s + d] = static_cast<double>(x[d]);
+    const Vec<T, 3> x = particles.position.vec(s), way = static_cast<T>(dt) * particles.velocity.vec(s);
+    for (int d = 0; d < 3; ++d) {
+      // Without an obstacle or wall in the way, not rounded to the precision of positions: it would count in
+      // velocities.
+      const bool free = x[d] == static_cast<T>(before_[3 * s + d]) + way[d];
+      target_[3 * s + d] = free ? before_[3 * s + d] + static_cast<double>(way[d]) : static_cast<double>(x[d]);
+    }
     const double way2 = (target_.segment<3>(3 * s) - before_.segment<3>(3 * s)).squaredNorm();
     moved2 += way2;
     furthest = std::max(furthest, way2);

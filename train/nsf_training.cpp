@@ -50,7 +50,7 @@ class FactoredTraining {
     model.clusters = rom::make_clusters(set_.reference(), set_.particle_kind(), 1);
     model.fields = std::make_shared<const rom::FactoredFields>(std::move(deformation_), *closure_, std::move(stress),
                                                                std::move(stress_branch), std::move(affine),
-                                                               std::move(affine_branch), rom::Clusters());
+                                                               std::move(affine_branch));
     describe(model);
     choose_particles(model);
     if (config_.cluster > 1)
