@@ -9,6 +9,7 @@
 #include <numeric>
 
 #include "core/error.h"
+#include "core/parallel_for.h"
 #include "core/random.h"
 #include "train/map_fit.h"
 #include "train/pod.h"
@@ -38,6 +39,8 @@ class FactoredTraining {
       run_of_.insert(run_of_.end(), static_cast<std::size_t>(set_.first_snapshot(run + 1) - set_.first_snapshot(run)),
                      run);
     report_.snapshots = set_.snapshots();
+    clusters_ = rom::make_clusters(set_.reference(), set_.particle_kind(), static_cast<int>(config_.cluster));
+    representatives_ = clusters_.representatives();
     say(fmt::format("{} runs, {} snapshots of {} particles", set_.runs(), set_.snapshots(), set_.particles()));
   }
 
@@ -47,15 +50,12 @@ class FactoredTraining {
     rom::ModeTable stress, affine;
     auto stress_branch = fit_stress(stress);
     auto affine_branch = fit_affine(affine);
-    model.clusters = rom::make_clusters(set_.reference(), set_.particle_kind(), 1);
+    model.clusters = clusters_;
     model.fields = std::make_shared<const rom::FactoredFields>(std::move(deformation_), *closure_, std::move(stress),
                                                                std::move(stress_branch), std::move(affine),
                                                                std::move(affine_branch));
     describe(model);
     choose_particles(model);
-    if (config_.cluster > 1)
-      model.take_clusters(
-          rom::make_clusters(set_.reference(), set_.particle_kind(), static_cast<int>(config_.cluster)));
     return model;
   }
 
@@ -70,6 +70,26 @@ class FactoredTraining {
     report_.read_seconds += watch.seconds();
     return values;
   }
+  /// A field at the integration points: means over the clusters, cluster by cluster. What single particles have beside
+  /// them is noise that no other run repeats.
+  std::vector<float> read_means(SnapshotField field) {
+    const std::vector<float> values = read(field);
+    const auto width = static_cast<std::size_t>(components_of(field)), n = clusters_.of_particle.size();
+    const std::size_t row = representatives_.size() * width;
+    std::vector<float> means(static_cast<std::size_t>(set_.snapshots()) * row, 0.0f),
+        members(representatives_.size(), 0.0f);
+    for (const int32_t c : clusters_.of_particle) members[static_cast<std::size_t>(c)] += 1;
+    const auto average = [&](int64_t snapshot) {
+      const auto i = static_cast<std::size_t>(snapshot);
+      for (std::size_t p = 0; p < n; ++p) {
+        const auto c = static_cast<std::size_t>(clusters_.of_particle[p]);
+        for (std::size_t k = 0; k < width; ++k)
+          means[i * row + c * width + k] += values[(i * n + p) * width + k] / members[c];
+      }
+    };
+    parallel_for(Device::cpu, set_.snapshots(), average, Grain{1});
+    return means;
+  }
   SnapshotMatrix matrix(const std::vector<float>& values) const {
     const auto rows = static_cast<Index>(set_.snapshots());
     return {values.data(), rows, static_cast<Index>(values.size()) / rows};
@@ -79,10 +99,31 @@ class FactoredTraining {
     rom::ModeTable table;
     table.components = components_of(field);
     table.modes = pod.modes();
-    table.points.resize(static_cast<std::size_t>(set_.particles()));
+    table.points.resize(pod.mean.size() / static_cast<std::size_t>(table.components));
     std::iota(table.points.begin(), table.points.end(), 0);
     table.mean = pod.mean;
     table.basis = pod.basis;
+    return table;
+  }
+
+  /// A table of clusters as one of their representatives.
+  rom::ModeTable at_representatives(const rom::ModeTable& by_cluster) const {
+    rom::ModeTable table;
+    table.components = by_cluster.components;
+    table.modes = by_cluster.modes;
+    std::vector<std::pair<int32_t, std::size_t>> order;
+    for (std::size_t c = 0; c < representatives_.size(); ++c) order.emplace_back(representatives_[c], c);
+    std::sort(order.begin(), order.end());
+    const auto width = static_cast<std::size_t>(table.components), m = static_cast<std::size_t>(table.modes);
+    for (const auto& [particle, c] : order) {
+      table.points.push_back(particle);
+      const auto append = [c = c](std::vector<float>& to, const std::vector<float>& from, std::size_t count) {
+        const auto first = from.begin() + static_cast<std::ptrdiff_t>(c * count);
+        to.insert(to.end(), first, first + static_cast<std::ptrdiff_t>(count));
+      };
+      append(table.mean, by_cluster.mean, width);
+      append(table.basis, by_cluster.basis, width * m);
+    }
     return table;
   }
 
@@ -132,24 +173,24 @@ class FactoredTraining {
   }
 
   rom::MapBranch fit_stress(rom::ModeTable& table) {
-    const std::vector<float> stress = read(SnapshotField::stress);
+    const std::vector<float> stress = read_means(SnapshotField::stress);
     const Pod pod = train::pod(matrix(stress), static_cast<int>(config_.stress_modes));
     const MapFit fit = fit_map(inputs(), weighted(pod), run_of_, centers());
     report_.stress = {pod.modes(), pod.tail(pod.modes()), fit.held_out_error, fit.ridge};
-    table = unweighted_table(pod, SnapshotField::stress);
+    table = at_representatives(unweighted_table(pod, SnapshotField::stress));
     tell("stress", report_.stress);
     return rom::MapBranch(fit.map);
   }
 
   std::shared_ptr<const rom::Branch> fit_affine(rom::ModeTable& table) {
-    const std::vector<float> affine = read(SnapshotField::affine);
+    const std::vector<float> affine = read_means(SnapshotField::affine);
     const Pod pod = train::pod(matrix(affine), static_cast<int>(config_.affine_modes), PodMean::kept);
     const bool rate = config_.affine == rom::AffineKind::rate;
     const MapFit fit =
         rate ? fit_rate_map(inputs(), rates_, weighted(pod), run_of_, static_cast<int>(config_.affine_centers))
              : fit_map(inputs(), weighted(pod), run_of_, centers());
     report_.affine = {pod.modes(), pod.tail(pod.modes()), fit.held_out_error, fit.ridge};
-    table = unweighted_table(pod, SnapshotField::affine);
+    table = at_representatives(unweighted_table(pod, SnapshotField::affine));
     tell("affine", report_.affine);
     if (rate) return std::make_shared<const rom::RateBranch>(static_cast<int>(config_.latents), fit.map);
     return std::make_shared<const rom::MapBranch>(fit.map);
@@ -232,6 +273,8 @@ class FactoredTraining {
   NsfReport& report_;
   SnapshotSet set_;
   std::vector<int> run_of_;  ///< [snapshots]
+  rom::Clusters clusters_;
+  std::vector<int32_t> representatives_;  ///< of the clusters
   MatrixXd latents_, rates_;
   rom::ModeTable deformation_;
   std::optional<rom::ClosureBranch> closure_;

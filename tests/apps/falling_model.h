@@ -35,7 +35,7 @@ inline rom::ModeTable still_modes(const std::vector<int32_t>& particles, int com
   rom::ModeTable table;
   table.components = components;
   table.modes = 1;
-  table.particles = particles;
+  table.points = particles;
   table.mean.assign(particles.size() * static_cast<std::size_t>(components), 0);
   table.basis = table.mean;
   return table;
@@ -48,18 +48,19 @@ inline rom::ReducedModel falling_model(const Scene& scene) {
   deformation.components = 3;
   deformation.modes = 2;  // the second one is of no use
   for (std::size_t p = 0; p < start.size(); ++p) {
-    deformation.particles.push_back(static_cast<int32_t>(p));
+    deformation.points.push_back(static_cast<int32_t>(p));
     for (int d = 0; d < 3; ++d) {
       deformation.mean.push_back(static_cast<float>(start[p][d]));
       deformation.basis.insert(deformation.basis.end(), {d == 1 ? 1.0f : 0.0f, 0.0f});
     }
   }
   model.reference = deformation.mean;
-  model.samples = model.encoder = deformation.particles;
-  model.quadrature = rom::all_particles(static_cast<int64_t>(start.size()));
+  model.samples = model.encoder = deformation.points;
+  model.clusters.count = static_cast<int64_t>(start.size());
+  model.clusters.of_particle = deformation.points;
   const rom::CoefficientMap closure(1, 1, {0}, {1}, {0}, {0}, {0, 0});
   const rom::CoefficientMap nothing(2, 1, {0, 35}, {1, 1}, {0, 35}, {0}, {0, 0, 0});
-  rom::ModeTable stress = still_modes(deformation.particles, 6), affine = still_modes(deformation.particles, 9);
+  rom::ModeTable stress = still_modes(deformation.points, 6), affine = still_modes(deformation.points, 9);
   model.fields = std::make_shared<const rom::FactoredFields>(
       std::move(deformation), rom::ClosureBranch(1, closure), std::move(stress), rom::MapBranch(nothing),
       std::move(affine), std::make_shared<const rom::MapBranch>(nothing));

@@ -1,0 +1,137 @@
+// Integration points: no particle that reaches a sample's nodes is missing; clusters keep mass and mean stress.
+#include "rom/integration_points.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <numeric>
+
+#include "core/random.h"
+#include "rom/factored_fields.h"
+#include "rom/quadrature.h"
+
+namespace graupel::rom {
+namespace {
+
+constexpr int count = 3000;
+
+std::vector<Vec3f> random_points() {
+  const Random random(4, RandomPurpose::test);
+  std::vector<Vec3f> x(count);
+  for (std::size_t i = 0; i < x.size(); ++i)
+    for (int d = 0; d < 3; ++d) x[i][d] = static_cast<float>(random.uniform(i, d, 0.1, 0.5));
+  return x;
+}
+
+/// A body that the one latent moves along x; stress and affine velocity are the particle's number.
+FactoredFields sliding(const std::vector<Vec3f>& x) {
+  const auto table = [&](int components) {
+    ModeTable t;
+    t.components = components;
+    t.modes = 1;
+    t.points.resize(x.size());
+    std::iota(t.points.begin(), t.points.end(), 0);
+    for (std::size_t i = 0; i < x.size(); ++i)
+      for (int c = 0; c < components; ++c) {
+        t.mean.push_back(components == 3 ? x[i][c] : static_cast<float>(i));
+        t.basis.push_back(components == 3 && c == 0 ? 1.0f : 0.0f);
+      }
+    return t;
+  };
+  const CoefficientMap constant(1, 1, {0}, {1}, {}, {}, {1, 0});
+  return {table(3), ClosureBranch(1, CoefficientMap(1, 0, {0}, {1}, {}, {}, {})),
+          table(6), MapBranch(constant),
+          table(9), std::make_shared<const MapBranch>(constant)};
+}
+
+TEST(IntegrationPoints, ContainEveryParticleThatSharesANodeWithASample) {
+  const std::vector<Vec3f> x = random_points();
+  const FactoredFields fields = sliding(x);
+  Domain domain;
+  domain.size = {0.8, 0.6, 0.6};
+  domain.dx = 0.02;
+  const auto grid = mpm::grid_of<float>(domain);
+  GridParticles all;
+  all.particles = fields.deformation().points;
+  all.share.assign(x.size(), 1);
+  const std::vector<int32_t> samples = {7, 500, 2999};
+  IntegrationPoints<float> points(fields, all, samples, grid);
+  for (const double q : {0.0, 0.03, 0.17}) {
+    const GridParticles found = points.find({{q}, {0}, {}});
+    EXPECT_EQ(found.samples, 3);
+    EXPECT_LT(found.particles.size(), x.size() / 2);
+    const auto base = [&](int32_t p) {
+      return mpm::base_node(grid.local(x[static_cast<std::size_t>(p)] + Vec3f{static_cast<float>(q), 0, 0}));
+    };
+    for (int32_t p = 0; p < count; ++p) {
+      const bool reaches = std::any_of(samples.begin(), samples.end(), [&](int32_t s) {
+        const Vec<int, 3> a = base(p), b = base(s);
+        return std::abs(a[0] - b[0]) <= 2 && std::abs(a[1] - b[1]) <= 2 && std::abs(a[2] - b[2]) <= 2;
+      });
+      if (!reaches) continue;
+      double share = 0;  // a sample stands twice: to read the grid and, as one of all, with its mass
+      for (std::size_t i = 0; i < found.particles.size(); ++i)
+        if (found.particles[i] == p) share += found.share[i];
+      EXPECT_EQ(share, 1) << "particle " << p << " at q = " << q;
+    }
+  }
+}
+
+TEST(Clusters, AreSmallCompactAndOfOneKind) {
+  const std::vector<Vec3f> x = random_points();
+  std::vector<int32_t> kind(x.size());
+  for (std::size_t i = 0; i < kind.size(); ++i) kind[i] = x[i][1] > 0.3f ? 5 : 2;
+  const Clusters clusters = make_clusters(x, kind, 4);
+  const std::vector<int32_t> chosen = clusters.representatives();
+  std::vector<int> members(chosen.size(), 0);
+  for (std::size_t p = 0; p < x.size(); ++p) {
+    const auto c = static_cast<std::size_t>(clusters.of_particle[p]);
+    ++members[c];
+    EXPECT_EQ(kind[p], kind[static_cast<std::size_t>(chosen[c])]);
+    EXPECT_LT(norm(x[p] - x[static_cast<std::size_t>(chosen[c])]), 0.15);  // particles are some 0.028 apart
+  }
+  EXPECT_LE(*std::max_element(members.begin(), members.end()), 4);
+  EXPECT_GE(*std::min_element(members.begin(), members.end()), 2);
+  EXPECT_EQ(make_clusters(x, kind, 1).count, count);
+}
+
+TEST(Clusters, RepresentativesCarryTheMeanStress) {
+  const std::vector<Vec3f> x = random_points();
+  const FactoredFields fields = sliding(x);
+  const Clusters clusters = make_clusters(x, std::vector<int32_t>(x.size()), 5);
+  const FactoredFields clustered = fields.clustered(clusters);
+  std::vector<double> sum(static_cast<std::size_t>(clusters.count)), members(sum.size());
+  for (std::size_t p = 0; p < x.size(); ++p) {
+    sum[static_cast<std::size_t>(clusters.of_particle[p])] += static_cast<double>(p);
+    members[static_cast<std::size_t>(clusters.of_particle[p])] += 1;
+  }
+  const std::vector<int32_t> chosen = clusters.representatives();
+  for (std::size_t c = 0; c < chosen.size(); ++c) {
+    const int64_t row = clustered.stress().row_of(chosen[c]);
+    ASSERT_GE(row, 0);
+    EXPECT_NEAR(static_cast<double>(clustered.stress().mean[static_cast<std::size_t>(6 * row)]), sum[c] / members[c],
+                1e-3);
+  }
+}
+
+TEST(TiledModes, GiveMeanPlusModesAndZeroWhereTheTableHasNoRow) {
+  ModeTable table;
+  table.components = 2;
+  table.modes = 3;
+  table.points = {4, 9};
+  table.mean = {1, 2, 3, 4};
+  table.basis = {1, 0, 0, 0, 1, 0, 0, 0, 1, 1, 1, 1};
+  TiledModes<double> modes;
+  modes.assign(table, {9, 4, 5}, {1, 0});
+  const double a[] = {10, 20, 30}, rate[] = {1, 2, 3};
+  std::vector<double> values(32), rates(32);
+  modes.evaluate(a, rate, values.data(), rates.data());
+  const double expected[2][3] = {{4 + 60, 2 + 20, 0}, {3 + 30, 1 + 10, 0}};
+  for (int c = 0; c < 2; ++c)
+    for (int s = 0; s < 3; ++s) EXPECT_EQ(values[static_cast<std::size_t>(16 * c + s)], expected[c][s]);
+  EXPECT_EQ(rates[0], 6);
+  EXPECT_EQ(rates[16], 3);
+}
+
+}  // namespace
+}  // namespace graupel::rom
