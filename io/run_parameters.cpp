@@ -50,7 +50,8 @@ std::vector<NamedValue> read_parameters(hid_t group) {
     throw hdf5::Failure("its parameters have " + std::to_string(names.size()) + " names, " +
                         std::to_string(units.size()) + " units and " + std::to_string(numbers.size()) + " values");
   std::vector<NamedValue> values;
-  for (std::size_t i = 0; i < names.size(); ++i) values.push_back({names[i], units[i], numbers[i], i < keys.size() ? split(keys[i]) : std::vector<std::string>{}});
+  for (std::size_t i = 0; i < names.size(); ++i)
+    values.push_back({names[i], units[i], numbers[i], i < keys.size() ? split(keys[i]) : std::vector<std::string>{}});
   return values;
 }
 
