@@ -141,6 +141,7 @@ void compare_scenes(const CompareOptions& options, compare::Comparison& comparis
   const auto models = load_models(choices);
   const auto tasks = read_scene_tasks(options);
   std::vector<std::vector<ComparedModel>> models_of_task;
+  models_of_task.reserve(tasks.size());
   for (const SceneTask& task : tasks) models_of_task.push_back(models_for(task, models, options.other_scenes));
 
   comparison.command = options.command;
