@@ -26,7 +26,7 @@ struct BenchRomOptions {
   std::string model, data, split = "test";
   std::vector<double> step_factors = {1};
   int64_t samples = 0, cluster = 0;
-  rom::FitOptions fit;
+  rom::FitOptions fit = rom::ReducedOptions().fit;
   bool f64 = false;
 };
 
@@ -48,9 +48,11 @@ rom::ReducedOptions reduced_options(const BenchRomOptions& options, const rom::R
   reduced.step_factor = factor;
   reduced.fit = options.fit;
   if (options.samples > 0) {
-    const auto n = std::min<std::size_t>(static_cast<std::size_t>(options.samples), model.encoder.size());
-    std::vector<int32_t> samples;  // spread over the encoder's, which are drawn at random
-    for (std::size_t i = 0; i < n; ++i) samples.push_back(model.encoder[i * model.encoder.size() / n]);
+    // Clusters that follow each other lie together: every so manyth is spread over the body.
+    const std::vector<int32_t> points = model.clusters.representatives();
+    const auto n = std::min<std::size_t>(static_cast<std::size_t>(options.samples), points.size());
+    std::vector<int32_t> samples;
+    for (std::size_t i = 0; i < n; ++i) samples.push_back(points[i * points.size() / n]);
     reduced.samples = samples;
   }
   return reduced;
@@ -187,7 +189,7 @@ void add_bench_rom(CLI::App& bench) {
   verb->add_option("--step-factor", options->step_factors, "Steps over those of the training (repeatable)")
       ->check(real_number(LowerBound::above_zero))
       ->capture_default_str();
-  verb->add_option("--samples", options->samples, "So many random samples instead of the model's")
+  verb->add_option("--samples", options->samples, "So many samples, spread over the body, instead of the model's")
       ->check(whole_number(1));
   verb->add_option("--cluster", options->cluster, "So many particles as one integration point")->check(whole_number(1));
   verb->add_option("--outlier-factor", options->fit.outlier_factor,

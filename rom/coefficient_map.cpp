@@ -19,92 +19,72 @@ nn::Tensor tensor_of(const std::vector<double>& values, std::vector<int64_t> sha
 }  // namespace
 
 CoefficientMap::CoefficientMap(int inputs, int outputs, std::vector<double> shift, std::vector<double> scale,
-                               std::vector<double> centers, std::vector<double> weights, std::vector<double> linear)
+                               const std::vector<double>& centers, const std::vector<double>& weights,
+                               const std::vector<double>& linear)
     : inputs_(inputs),
       outputs_(outputs),
       count_(static_cast<int>(centers.size()) / inputs),
       shift_(std::move(shift)),
       scale_(std::move(scale)),
-      centers_(std::move(centers)),
-      weights_(std::move(weights)),
-      linear_(std::move(linear)),
-      low_(static_cast<std::size_t>(inputs), INFINITY),
-      high_(static_cast<std::size_t>(inputs), -INFINITY) {
+      centers_(count_, inputs),
+      weights_(Eigen::Map<const Eigen::MatrixXd>(weights.data(), outputs, count_)),
+      linear_(Eigen::Map<const Eigen::MatrixXd>(linear.data(), outputs, 1 + inputs)) {
   const auto n = static_cast<std::size_t>(inputs_);
   GRAUPEL_ASSERT(shift_.size() == n && scale_.size() == n);
-  GRAUPEL_ASSERT(weights_.size() == static_cast<std::size_t>(count_) * static_cast<std::size_t>(outputs_));
-  GRAUPEL_ASSERT(linear_.size() == (n + 1) * static_cast<std::size_t>(outputs_));
-  for (std::size_t i = 0; i < centers_.size(); ++i) {
-    const std::size_t j = i % n;
-    centers_[i] = (centers_[i] - shift_[j]) * scale_[j];
-    low_[j] = std::min(low_[j], centers_[i]);
-    high_[j] = std::max(high_[j], centers_[i]);
-  }
+  GRAUPEL_ASSERT(weights.size() == static_cast<std::size_t>(count_) * static_cast<std::size_t>(outputs_));
+  GRAUPEL_ASSERT(linear.size() == (n + 1) * static_cast<std::size_t>(outputs_));
   for (std::size_t j = 0; j < n; ++j) {
-    const double margin = box_margin * (high_[j] - low_[j]);
-    low_[j] -= margin;
-    high_[j] += margin;
+    const auto column = static_cast<Eigen::Index>(j);
+    for (Eigen::Index i = 0; i < count_; ++i)
+      centers_(i, column) = (centers[static_cast<std::size_t>(i) * n + j] - shift_[j]) * scale_[j];
+    const double low = count_ > 0 ? centers_.col(column).minCoeff() : 0,
+                 high = count_ > 0 ? centers_.col(column).maxCoeff() : 0, margin = box_margin * (high - low);
+    low_.push_back(low - margin);
+    high_.push_back(high + margin);
   }
 }
 
 CoefficientMap::Place CoefficientMap::place(const double* z) const {
   const auto n = static_cast<std::size_t>(inputs_);
-  Place p{std::vector<double>(n), std::vector<double>(n), std::vector<bool>(n)};
+  Place p{Eigen::VectorXd(inputs_), Eigen::VectorXd(inputs_), std::vector<bool>(n)};
   for (std::size_t j = 0; j < n; ++j) {
-    p.y[j] = (z[j] - shift_[j]) * scale_[j];
-    p.inside[j] = count_ > 0 ? std::clamp(p.y[j], low_[j], high_[j]) : p.y[j];
-    p.held[j] = p.inside[j] != p.y[j];
+    const auto at = static_cast<Eigen::Index>(j);
+    p.y[at] = (z[j] - shift_[j]) * scale_[j];
+    p.inside[at] = count_ > 0 ? std::clamp(p.y[at], low_[j], high_[j]) : p.y[at];
+    p.held[j] = p.inside[at] != p.y[at];
   }
   return p;
 }
 
+Eigen::ArrayXd CoefficientMap::squared_distances(const Eigen::VectorXd& y) const {
+  Eigen::ArrayXd r2 = Eigen::ArrayXd::Zero(count_);
+  for (Eigen::Index j = 0; j < inputs_; ++j) r2 += (centers_.col(j) - y[j]).square();
+  return r2;
+}
+
 void CoefficientMap::evaluate(const double* z, double* c) const {
   const Place p = place(z);
-  std::copy_n(linear_.begin(), outputs_, c);
-  for (int j = 0; j < inputs_; ++j) {
-    const double* row = linear_.data() + (1 + j) * outputs_;
-    for (int k = 0; k < outputs_; ++k) c[k] += p.y[static_cast<std::size_t>(j)] * row[k];
-  }
-  for (int i = 0; i < count_; ++i) {
-    double r2 = 0;
-    for (int j = 0; j < inputs_; ++j) {
-      const double d = p.inside[static_cast<std::size_t>(j)] - centers_[static_cast<std::size_t>(i * inputs_ + j)];
-      r2 += d * d;
-    }
-    const double kernel = r2 * std::sqrt(r2);
-    const double* w = weights_.data() + static_cast<std::ptrdiff_t>(i) * outputs_;
-    for (int k = 0; k < outputs_; ++k) c[k] += kernel * w[k];
-  }
+  const Eigen::ArrayXd r2 = squared_distances(p.inside);
+  Eigen::Map<Eigen::VectorXd> to(c, outputs_);
+  to.noalias() = linear_.col(0) + linear_.rightCols(inputs_) * p.y;
+  to.noalias() += weights_ * (r2 * r2.sqrt()).matrix();
 }
 
 void CoefficientMap::derivative(const double* z, int wrt, double* jacobian) const {
   const Place p = place(z);
-  // d|d|^3 / dd = 3 |d| d; summed with the outputs in the inner loop, transposed at the end.
-  std::vector<double> rows(static_cast<std::size_t>(wrt) * static_cast<std::size_t>(outputs_));
-  for (int j = 0; j < wrt; ++j)
-    for (int k = 0; k < outputs_; ++k)
-      rows[static_cast<std::size_t>(j * outputs_ + k)] = linear_[static_cast<std::size_t>((1 + j) * outputs_ + k)];
-  std::vector<double> d(static_cast<std::size_t>(inputs_));
-  for (int i = 0; i < count_; ++i) {
-    double r2 = 0;
-    for (int j = 0; j < inputs_; ++j) {
-      const auto at = static_cast<std::size_t>(j);
-      d[at] = p.inside[at] - centers_[static_cast<std::size_t>(i * inputs_ + j)];
-      r2 += d[at] * d[at];
-    }
-    const double factor = 3 * std::sqrt(r2);
-    const double* w = weights_.data() + static_cast<std::ptrdiff_t>(i) * outputs_;
-    for (int j = 0; j < wrt; ++j) {
-      const auto at = static_cast<std::size_t>(j);
-      if (p.held[at]) continue;
-      const double slope = factor * d[at];
-      double* row = rows.data() + static_cast<std::ptrdiff_t>(j) * outputs_;
-      for (int k = 0; k < outputs_; ++k) row[k] += slope * w[k];
-    }
+  // d|d|^3 / dd = 3 |d| d.
+  const Eigen::ArrayXd slope = 3 * squared_distances(p.inside).sqrt();
+  Eigen::MatrixXd radial(count_, wrt);
+  for (Eigen::Index j = 0; j < wrt; ++j) {
+    if (p.held[static_cast<std::size_t>(j)])
+      radial.col(j).setZero();
+    else
+      radial.col(j) = slope * (p.inside[j] - centers_.col(j));
   }
-  for (int k = 0; k < outputs_; ++k)
-    for (int j = 0; j < wrt; ++j)
-      jacobian[k * wrt + j] = rows[static_cast<std::size_t>(j * outputs_ + k)] * scale_[static_cast<std::size_t>(j)];
+  using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+  Eigen::Map<RowMajor> to(jacobian, outputs_, wrt);
+  to.noalias() = linear_.middleCols(1, wrt) + weights_ * radial;
+  for (Eigen::Index j = 0; j < wrt; ++j) to.col(j) *= scale_[static_cast<std::size_t>(j)];
 }
 
 CoefficientMap CoefficientMap::load(const nn::Weights& weights, const std::string& prefix, int inputs, int outputs) {
@@ -125,14 +105,16 @@ CoefficientMap CoefficientMap::load(const nn::Weights& weights, const std::strin
 }
 
 void CoefficientMap::store(nn::Weights& weights, const std::string& prefix) const {
-  std::vector<double> centers = centers_;
-  const auto n = static_cast<std::size_t>(inputs_);
-  for (std::size_t i = 0; i < centers.size(); ++i) centers[i] = centers[i] / scale_[i % n] + shift_[i % n];
+  std::vector<double> centers;
+  for (Eigen::Index i = 0; i < count_; ++i)
+    for (Eigen::Index j = 0; j < inputs_; ++j)
+      centers.push_back(centers_(i, j) / scale_[static_cast<std::size_t>(j)] + shift_[static_cast<std::size_t>(j)]);
+  const auto values = [](const Eigen::MatrixXd& m) { return std::vector<double>(m.data(), m.data() + m.size()); };
   weights.tensors[prefix + ".shift"] = tensor_of(shift_, {inputs_});
   weights.tensors[prefix + ".scale"] = tensor_of(scale_, {inputs_});
   weights.tensors[prefix + ".centers"] = tensor_of(centers, {count_, inputs_});
-  weights.tensors[prefix + ".weights"] = tensor_of(weights_, {count_, outputs_});
-  weights.tensors[prefix + ".linear"] = tensor_of(linear_, {1 + inputs_, outputs_});
+  weights.tensors[prefix + ".weights"] = tensor_of(values(weights_), {count_, outputs_});
+  weights.tensors[prefix + ".linear"] = tensor_of(values(linear_), {1 + inputs_, outputs_});
 }
 
 }  // namespace graupel::rom

@@ -4,6 +4,7 @@
 // radial part, and the linear part alone goes on.
 #pragma once
 
+#include <Eigen/Core>
 #include <string>
 #include <vector>
 
@@ -17,7 +18,8 @@ class CoefficientMap {
   /// `centers` [k, inputs] in the inputs' own units, `weights` [k, outputs], `linear` [1 + inputs, outputs], the
   /// constant first.
   CoefficientMap(int inputs, int outputs, std::vector<double> shift, std::vector<double> scale,
-                 std::vector<double> centers, std::vector<double> weights, std::vector<double> linear);
+                 const std::vector<double>& centers, const std::vector<double>& weights,
+                 const std::vector<double>& linear);
 
   int inputs() const { return inputs_; }
   int outputs() const { return outputs_; }
@@ -35,16 +37,18 @@ class CoefficientMap {
  private:
   /// Standardised z, and the same held at the data's box; `held[j]`: input j is.
   struct Place {
-    std::vector<double> y, inside;
+    Eigen::VectorXd y, inside;
     std::vector<bool> held;
   };
   Place place(const double* z) const;
+  /// |y - y_i|^2, [count].
+  Eigen::ArrayXd squared_distances(const Eigen::VectorXd& y) const;
 
   int inputs_ = 0, outputs_ = 0, count_ = 0;
   std::vector<double> shift_, scale_;
-  std::vector<double> centers_;     ///< standardised [count, inputs]
-  std::vector<double> weights_;     ///< [count, outputs]
-  std::vector<double> linear_;      ///< [1 + inputs, outputs]
+  Eigen::ArrayXXd centers_;         ///< standardised [count, inputs]
+  Eigen::MatrixXd weights_;         ///< [outputs, count]
+  Eigen::MatrixXd linear_;          ///< [outputs, 1 + inputs]
   std::vector<double> low_, high_;  ///< box of the radial part, standardised [inputs]
 };
 

@@ -3,6 +3,9 @@
 #include <algorithm>
 #include <utility>
 
+#include "core/parallel_for.h"
+#include "rom/tiled_modes.h"
+
 namespace graupel::rom {
 
 namespace {
@@ -12,45 +15,50 @@ const std::vector<int> stress_order = {0, 3, 5, 1, 2, 4};
 const std::vector<int> vector_order = {0, 1, 2};
 const std::vector<int> matrix_order = {0, 1, 2, 3, 4, 5, 6, 7, 8};
 
-/// Coefficients of the deformation's modes and their rates, in the precision of the modes.
-template <typename T>
-struct Deformation {
-  explicit Deformation(const ClosureBranch& from) : branch(from) {}
+/// Coefficients of the deformation's modes and their rates.
+class Deformation {
+ public:
+  explicit Deformation(const ClosureBranch& from) : branch_(from) {}
 
   void update(const LatentState& state) {
-    const auto m = static_cast<std::size_t>(branch.count()), r = static_cast<std::size_t>(branch.latents());
-    std::vector<double> value(m), slope(m * r);
+    const auto m = static_cast<std::size_t>(branch_.count()), r = static_cast<std::size_t>(branch_.latents());
+    if (state.latent != latent) {
+      std::swap(before, a);
+      std::swap(latent_before, latent);
+      latent = state.latent;
+      a.resize(m);
+      branch_.coefficients(latent.data(), a.data());
+    }
+    rate.assign(m, 0.0);
     if (state.last_step > 0) {
-      std::vector<double> before = state.latent, old(m);
-      for (std::size_t j = 0; j < r; ++j) before[j] -= state.last_step * state.velocity[j];
-      branch.coefficients(state.latent.data(), value.data());
-      branch.coefficients(before.data(), old.data());
-      a.assign(value.begin(), value.end());
-      rate.resize(m);
-      for (std::size_t k = 0; k < m; ++k) rate[k] = static_cast<T>((value[k] - old[k]) / state.last_step);
+      if (state.previous != latent_before) {
+        latent_before = state.previous;
+        before.resize(m);
+        branch_.coefficients(latent_before.data(), before.data());
+      }
+      for (std::size_t k = 0; k < m; ++k) rate[k] = (a[k] - before[k]) / state.last_step;
       return;
     }
-    branch.coefficients(state.latent.data(), value.data());
-    branch.jacobian(state.latent.data(), slope.data());
-    a.assign(value.begin(), value.end());
-    rate.assign(m, T(0));
-    for (std::size_t k = 0; k < m; ++k) {
-      double sum = 0;
-      for (std::size_t j = 0; j < r; ++j) sum += slope[k * r + j] * state.velocity[j];
-      rate[k] = static_cast<T>(sum);
-    }
+    std::vector<double> slope(m * r);
+    branch_.jacobian(latent.data(), slope.data());
+    for (std::size_t k = 0; k < m; ++k)
+      for (std::size_t j = 0; j < r; ++j) rate[k] += slope[k * r + j] * state.velocity[j];
   }
 
-  const ClosureBranch& branch;
-  std::vector<T> a, rate;
+  std::vector<double> a, rate;
+
+ private:
+  const ClosureBranch& branch_;
+  std::vector<double> latent, latent_before, before;  ///< what a and the coefficients one step before belong to
 };
 
-template <typename T>
-std::vector<T> coefficients_of(const Branch& branch, const LatentState& state) {
+std::vector<double> coefficients_of(const Branch& branch, const LatentState& state) {
   std::vector<double> a(static_cast<std::size_t>(branch.count()));
   branch.coefficients(state, a.data());
-  return {a.begin(), a.end()};
+  return a;
 }
+
+constexpr Grain some_tiles{8};
 
 template <typename T>
 class FactoredPoints final : public PointFields<T> {
@@ -64,19 +72,23 @@ class FactoredPoints final : public PointFields<T> {
 
   void decode(const LatentState& state, const mpm::ParticleView<T>& particles) override {
     deformation_.update(state);
-    const std::vector<T> stress = coefficients_of<T>(fields_.stress_branch(), state),
-                         affine = coefficients_of<T>(fields_.affine_branch(), state);
-    position_.evaluate(deformation_.a.data(), deformation_.rate.data(), particles.position.data,
-                       particles.velocity.data);
-    stress_.evaluate(stress.data(), particles.stress.data);
-    affine_.evaluate(affine.data(), particles.affine_velocity.data);
+    position_.set_coefficients(deformation_.a.data());
+    position_.set_rates(deformation_.rate.data());
+    stress_.set_coefficients(coefficients_of(fields_.stress_branch(), state).data());
+    affine_.set_coefficients(coefficients_of(fields_.affine_branch(), state).data());
+    const auto decode_tile = [&](int64_t t) {
+      position_.evaluate(t, particles.position.data, particles.velocity.data);
+      stress_.evaluate(t, particles.stress.data);
+      affine_.evaluate(t, particles.affine_velocity.data);
+    };
+    parallel_for_cpu(position_.tiles(), decode_tile, some_tiles);
   }
 
   int64_t bytes() const override { return position_.bytes() + stress_.bytes() + affine_.bytes(); }
 
  private:
   const FactoredFields& fields_;
-  Deformation<T> deformation_;
+  Deformation deformation_;
   TiledModes<T> position_, stress_, affine_;
 };
 
@@ -89,20 +101,26 @@ class FactoredPositions final : public PointPositions<T> {
   }
   void decode(const LatentState& state, T* position) override {
     deformation_.update(state);
-    position_.evaluate(deformation_.a.data(), position);
+    position_.set_coefficients(deformation_.a.data());
+    parallel_for_cpu(
+        position_.tiles(), [&](int64_t t) { position_.evaluate(t, position); }, some_tiles);
   }
   void decode(const LatentState& state, T* position, T* velocity) override {
     deformation_.update(state);
-    position_.evaluate(deformation_.a.data(), deformation_.rate.data(), position, velocity);
+    position_.set_coefficients(deformation_.a.data());
+    position_.set_rates(deformation_.rate.data());
+    parallel_for_cpu(
+        position_.tiles(), [&](int64_t t) { position_.evaluate(t, position, velocity); }, some_tiles);
   }
   int64_t bytes() const override { return position_.bytes(); }
 
  private:
-  Deformation<T> deformation_;
+  Deformation deformation_;
   TiledModes<T> position_;
 };
 
-/// Rows of the samples in f64: few, and the inversion needs the digits.
+/// Rows of the samples in f64: few, and the inversion needs the digits. With J = U da/dq the normal equations follow
+/// from the Gram matrix U^T W U, which changes by the few samples that do not count in full.
 class FactoredSamples final : public SampleField {
  public:
   FactoredSamples(const FactoredFields& fields, const std::vector<int32_t>& samples)
@@ -122,6 +140,8 @@ class FactoredSamples final : public SampleField {
               table.basis[from * static_cast<std::size_t>(table.modes) + static_cast<std::size_t>(k)]);
       }
     }
+    gram_.noalias() = basis_.transpose() * basis_;
+    slope_.resize(branch_.count(), branch_.latents());
   }
   int samples() const override { return static_cast<int>(mean_.size() / 3); }
   void evaluate(const double* latent, Eigen::VectorXd& position) const override {
@@ -130,15 +150,33 @@ class FactoredSamples final : public SampleField {
     position.noalias() = mean_ + basis_ * a;
   }
   void jacobian(const double* latent, Eigen::MatrixXd& jacobian) const override {
-    Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> slope(branch_.count(), branch_.latents());
+    RowMajor slope(branch_.count(), branch_.latents());
     branch_.jacobian(latent, slope.data());
     jacobian.noalias() = basis_ * slope;
   }
+  void linearise(const double* latent) override { branch_.jacobian(latent, slope_.data()); }
+  void normal_equations(const std::vector<double>& weight, const Eigen::VectorXd& residual, Eigen::MatrixXd& normal,
+                        Eigen::VectorXd& right) const override {
+    Eigen::MatrixXd gram = gram_;
+    Eigen::VectorXd weighted = residual;
+    for (std::size_t s = 0; s < weight.size(); ++s) {
+      if (weight[s] == 1) continue;
+      const auto row = 3 * static_cast<Eigen::Index>(s);
+      const auto sample = basis_.middleRows<3>(row);
+      gram.noalias() -= sample.transpose() * ((1 - weight[s]) * sample);
+      weighted.segment<3>(row) *= weight[s];
+    }
+    normal.noalias() = slope_.transpose() * (gram * slope_);
+    right.noalias() = slope_.transpose() * (basis_.transpose() * weighted);
+  }
 
  private:
+  using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
   const ClosureBranch& branch_;
   Eigen::VectorXd mean_;
-  Eigen::MatrixXd basis_;
+  RowMajor basis_;        ///< U [3 samples, modes]
+  Eigen::MatrixXd gram_;  ///< U^T U
+  RowMajor slope_;        ///< da/dq where it was linearised
 };
 
 }  // namespace

@@ -54,7 +54,15 @@ struct Weighing {
 
 }  // namespace
 
-FitReport fit_latent(const SampleField& field, const Eigen::VectorXd& target, const std::vector<bool>& lost,
+void SampleField::normal_equations(const std::vector<double>& weight, const Eigen::VectorXd& residual,
+                                   Eigen::MatrixXd& normal, Eigen::VectorXd& right) const {
+  Eigen::MatrixXd weighted = jacobian_;
+  for (std::size_t s = 0; s < weight.size(); ++s) weighted.middleRows(3 * static_cast<Eigen::Index>(s), 3) *= weight[s];
+  normal.noalias() = weighted.transpose() * jacobian_;
+  right.noalias() = weighted.transpose() * residual;
+}
+
+FitReport fit_latent(SampleField& field, const Eigen::VectorXd& target, const std::vector<bool>& lost,
                      const FitOptions& options, Eigen::VectorXd& latent) {
   constexpr double ridge = 1e-12;  ///< of the mean diagonal
   FitReport report;
@@ -62,9 +70,8 @@ FitReport fit_latent(const SampleField& field, const Eigen::VectorXd& target, co
     throw DivergedError(
         "more than half of the samples of the reduced model move over one cell in a step, or are not finite. Use a "
         "smaller time step factor, more samples, or parameters nearer to those of the training");
-  Eigen::VectorXd position;
-  Eigen::MatrixXd jacobian;
-  Eigen::VectorXd residual;
+  Eigen::VectorXd position, residual, right;
+  Eigen::MatrixXd normal;
   const auto update_residual = [&] {
     field.evaluate(latent.data(), position);
     residual = target - position;
@@ -74,14 +81,12 @@ FitReport fit_latent(const SampleField& field, const Eigen::VectorXd& target, co
   update_residual();
   while (report.iterations < options.iterations) {
     const Weighing weighing(residual, lost, options.outlier_factor);
-    field.jacobian(latent.data(), jacobian);
-    Eigen::MatrixXd weighted = jacobian;
-    for (Eigen::Index s = 0; s < field.samples(); ++s)
-      weighted.middleRows(3 * s, 3) *= weighing.weight[static_cast<std::size_t>(s)];
-    Eigen::MatrixXd normal = weighted.transpose() * jacobian;
+    if (report.iterations == 0 || options.linearisation == Linearisation::every_iteration)
+      field.linearise(latent.data());
+    field.normal_equations(weighing.weight, residual, normal, right);
     normal.diagonal().array() += ridge * normal.trace() / static_cast<double>(normal.rows());
     const Eigen::LLT<Eigen::MatrixXd> factor(normal);
-    const Eigen::VectorXd change = factor.solve(weighted.transpose() * residual);
+    const Eigen::VectorXd change = factor.solve(right);
     if (factor.info() != Eigen::Success || !change.allFinite())
       throw DivergedError(
           "the inversion of the deformation field failed (its normal equations are singular or not finite). Use more "

@@ -19,12 +19,28 @@ class SampleField {
   virtual void evaluate(const double* latent, Eigen::VectorXd& position) const = 0;
   /// dg/dq [m], [3 samples, r].
   virtual void jacobian(const double* latent, Eigen::MatrixXd& jacobian) const = 0;
+
+  /// From now on the normal equations have J = dg/dq of this latent.
+  virtual void linearise(const double* latent) { jacobian(latent, jacobian_); }
+  /// J^T W J [r, r] and J^T W residual [r], with one weight a sample.
+  virtual void normal_equations(const std::vector<double>& weight, const Eigen::VectorXd& residual,
+                                Eigen::MatrixXd& normal, Eigen::VectorXd& right) const;
+
+ private:
+  Eigen::MatrixXd jacobian_;
+};
+
+/// Where the Jacobian is taken.
+enum class Linearisation {
+  every_iteration,
+  once  ///< at the first latent: enough for the short way of a time step
 };
 
 struct FitOptions {
   int iterations = 4;         ///< at most; 1: the first-order inversion
   double outlier_factor = 3;  ///< of the median distance; 0: plain least squares
   double tolerance = 1e-9;    ///< of the latent's change, relative to its size
+  Linearisation linearisation = Linearisation::every_iteration;
 };
 
 struct FitReport {
@@ -36,7 +52,7 @@ struct FitReport {
 
 /// Improves `latent` from its value on entry. `lost[s]`: sample s does not count (empty: all do). Throws DivergedError
 /// when more than half are lost, or the normal equations are singular or not finite.
-FitReport fit_latent(const SampleField& field, const Eigen::VectorXd& target, const std::vector<bool>& lost,
+FitReport fit_latent(SampleField& field, const Eigen::VectorXd& target, const std::vector<bool>& lost,
                      const FitOptions& options, Eigen::VectorXd& latent);
 
 }  // namespace graupel::rom

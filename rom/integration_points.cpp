@@ -1,6 +1,7 @@
 #include "rom/integration_points.h"
 
 #include <algorithm>
+#include <map>
 #include <utility>
 
 namespace graupel::rom {
@@ -11,6 +12,21 @@ template <typename T>
 IntegrationPoints<T>::IntegrationPoints(const Fields& fields, GridParticles all, std::vector<int32_t> samples,
                                         const mpm::GridGeometry<T, 3>& grid)
     : samples_(std::move(samples)), all_(std::move(all)), grid_(grid) {
+  std::map<int32_t, std::size_t> place;
+  for (std::size_t i = 0; i < all_.particles.size(); ++i) place[all_.particles[i]] = i;
+  std::vector<bool> taken(all_.particles.size(), false);
+  GridParticles others;
+  for (const int32_t sample : samples_) {
+    const auto at = place.find(sample);
+    sample_share_.push_back(at == place.end() ? 0.0 : all_.share[at->second]);
+    if (at != place.end()) taken[at->second] = true;
+  }
+  for (std::size_t i = 0; i < all_.particles.size(); ++i) {
+    if (taken[i]) continue;
+    others.particles.push_back(all_.particles[i]);
+    others.share.push_back(all_.share[i]);
+  }
+  all_ = std::move(others);
   std::vector<int32_t> candidates = samples_;
   candidates.insert(candidates.end(), all_.particles.begin(), all_.particles.end());
   candidates_ = bind_positions<T>(fields, candidates);
@@ -60,7 +76,7 @@ GridParticles IntegrationPoints<T>::find(const LatentState& state) {
   GridParticles found;
   found.particles = samples_;
   found.samples = static_cast<int64_t>(samples_.size());
-  found.share.assign(samples_.size(), 0.0);
+  found.share = sample_share_;
   for (std::size_t i = 0; i < all_.particles.size(); ++i) {
     if (!take_all && stamp_[number(cell_of(samples_.size() + i))] != round_) continue;
     found.particles.push_back(all_.particles[i]);

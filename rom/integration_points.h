@@ -14,11 +14,12 @@ namespace graupel::rom {
 template <typename T>
 class IntegrationPoints {
  public:
-  /// `all`: every integration point there is, without samples. `samples` are particles of the scene.
+  /// `all`: every integration point there is. `samples` are particles of the scene, no two the same; they may be
+  /// integration points themselves.
   IntegrationPoints(const Fields& fields, GridParticles all, std::vector<int32_t> samples,
                     const mpm::GridGeometry<T, 3>& grid);
 
-  /// The samples, then the integration points within reach of them at this state.
+  /// The samples, then the other integration points within reach of them at this state.
   GridParticles find(const LatentState& state);
   /// Tells of a step in which no particle moved further than `distance` [m]; whether find() is due.
   bool stale_after(double distance);
@@ -28,7 +29,8 @@ class IntegrationPoints {
 
  private:
   std::vector<int32_t> samples_;
-  GridParticles all_;
+  std::vector<double> sample_share_;               ///< of the body; 0 for a sample that is no integration point
+  GridParticles all_;                              ///< the other integration points
   std::unique_ptr<PointPositions<T>> candidates_;  ///< the samples, then all integration points
   mpm::GridGeometry<T, 3> grid_;
   std::vector<T> position_;

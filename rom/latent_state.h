@@ -10,6 +10,7 @@ struct LatentState {
   std::vector<double> velocity;    ///< q' [r] [1/s]
   std::vector<double> parameters;  ///< mu [p], in the units of the scene
   double last_step = 0;            ///< over which the velocity was taken [s]; 0 at the start
+  std::vector<double> previous;    ///< q one step before [r]; empty at the start
 };
 
 }  // namespace graupel::rom

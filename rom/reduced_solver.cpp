@@ -162,6 +162,7 @@ void ReducedSolver<T>::invert(double dt) {
   const FitReport report = fit_latent(*sample_field_, target_, lost_, options_.fit, latent);
   const Eigen::VectorXd velocity = (latent - old) / dt;
   state_.last_step = dt;
+  std::swap(state_.previous, state_.latent);
   state_.latent.assign(latent.data(), latent.data() + r);
   state_.velocity.assign(velocity.data(), velocity.data() + r);
 

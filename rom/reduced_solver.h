@@ -18,7 +18,7 @@ namespace graupel::rom {
 
 struct ReducedOptions {
   double step_factor = 1;  ///< of the training's step
-  FitOptions fit;
+  FitOptions fit = {.linearisation = Linearisation::once};
   std::optional<std::vector<int32_t>> samples;  ///< instead of the model's
 };
 

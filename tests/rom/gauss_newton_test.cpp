@@ -38,7 +38,7 @@ class BentField final : public SampleField {
 const Eigen::VectorXd truth = (Eigen::VectorXd(4) << 0.5, -0.3, 0.8, 0.1).finished();
 
 TEST(GaussNewton, RecoversALatent) {
-  const BentField field(30, 4);
+  BentField field(30, 4);
   Eigen::VectorXd target, latent = Eigen::VectorXd::Zero(4);
   field.evaluate(truth.data(), target);
   const FitReport report = fit_latent(field, target, {}, {.iterations = 10}, latent);
@@ -47,8 +47,16 @@ TEST(GaussNewton, RecoversALatent) {
   EXPECT_GT(report.condition, 1);
 }
 
+TEST(GaussNewton, OneLinearisationLeadsToTheSameLatentWhereTheWayIsShort) {
+  BentField field(30, 4);
+  Eigen::VectorXd target, latent = truth.array() + 1e-3;
+  field.evaluate(truth.data(), target);
+  fit_latent(field, target, {}, {.iterations = 4, .linearisation = Linearisation::once}, latent);
+  EXPECT_LT((latent - truth).norm(), 1e-10);
+}
+
 TEST(GaussNewton, OutliersCountLessAndLostSamplesNotAtAll) {
-  const BentField field(60, 4);
+  BentField field(60, 4);
   Eigen::VectorXd target;
   field.evaluate(truth.data(), target);
   const Random random(9, RandomPurpose::test);
@@ -68,7 +76,7 @@ TEST(GaussNewton, OutliersCountLessAndLostSamplesNotAtAll) {
 }
 
 TEST(GaussNewton, StopsWhenMostSamplesAreLost) {
-  const BentField field(10, 4);
+  BentField field(10, 4);
   Eigen::VectorXd target, latent = truth;
   field.evaluate(truth.data(), target);
   EXPECT_THROW(fit_latent(field, target, std::vector<bool>(10, true), {}, latent), DivergedError);

@@ -1,5 +1,6 @@
 // Integration points: no particle that reaches a sample's nodes is missing; clusters keep mass and mean stress.
 #include "rom/integration_points.h"
+#include "rom/tiled_modes.h"
 
 #include <gtest/gtest.h>
 
@@ -57,7 +58,8 @@ TEST(IntegrationPoints, ContainEveryParticleThatSharesANodeWithASample) {
   const std::vector<int32_t> samples = {7, 500, 2999};
   IntegrationPoints<float> points(fields, all, samples, grid);
   for (const double q : {0.0, 0.03, 0.17}) {
-    const GridParticles found = points.find({{q}, {0}, {}});
+    const GridParticles found =
+        points.find({.latent = {q}, .velocity = {0}, .parameters = {}, .last_step = 0, .previous = {}});
     EXPECT_EQ(found.samples, 3);
     EXPECT_LT(found.particles.size(), x.size() / 2);
     const auto base = [&](int32_t p) {
@@ -114,23 +116,52 @@ TEST(Clusters, RepresentativesCarryTheMeanStress) {
   }
 }
 
-TEST(TiledModes, GiveMeanPlusModesAndZeroWhereTheTableHasNoRow) {
+/// Three components of two points, with three modes.
+ModeTable small_table() {
   ModeTable table;
-  table.components = 2;
+  table.components = 3;
   table.modes = 3;
   table.points = {4, 9};
-  table.mean = {1, 2, 3, 4};
-  table.basis = {1, 0, 0, 0, 1, 0, 0, 0, 1, 1, 1, 1};
+  table.mean = {1, 2, 0, 3, 4, 0};
+  table.basis = {1, 0, 0, 0, 1, 0, 0, 0, 0, 0, 0, 1, 1, 1, 1, 0, 0, 0.5};
+  return table;
+}
+
+TEST(TiledModes, GiveMeanPlusModesAndZeroWhereTheTableHasNoRow) {
   TiledModes<double> modes;
-  modes.assign(table, {9, 4, 5}, {1, 0});
+  modes.assign(small_table(), {9, 4, 5}, {1, 0, 2});
   const double a[] = {10, 20, 30}, rate[] = {1, 2, 3};
-  std::vector<double> values(32), rates(32);
-  modes.evaluate(a, rate, values.data(), rates.data());
-  const double expected[2][3] = {{4 + 60, 2 + 20, 0}, {3 + 30, 1 + 10, 0}};
-  for (int c = 0; c < 2; ++c)
+  std::vector<double> values(48), rates(48);
+  modes.set_coefficients(a);
+  modes.set_rates(rate);
+  modes.evaluate(0, values.data(), rates.data());
+  const double expected[3][3] = {{4 + 60, 2 + 20, 0}, {3 + 30, 1 + 10, 0}, {15, 0, 0}};
+  for (int c = 0; c < 3; ++c)
     for (int s = 0; s < 3; ++s) EXPECT_EQ(values[static_cast<std::size_t>(16 * c + s)], expected[c][s]);
   EXPECT_EQ(rates[0], 6);
   EXPECT_EQ(rates[16], 3);
+}
+
+TEST(TiledModes, OfSixteenBitsAreThoseOfTheWeightsFile) {
+  ModeTable table = small_table();
+  for (float& w : table.basis) w = 0.3f * w + 0.01f;
+  nn::Weights weights;
+  table.store(weights, "x", nn::DType::f16);
+  const ModeTable stored = ModeTable::load(weights, "x", 3);
+  ASSERT_EQ(stored.precision, ModePrecision::half);
+  ModeTable wide = stored;
+  wide.precision = ModePrecision::full;
+  TiledModes<float> half, full;
+  half.assign(stored, {9, 4}, {0, 1, 2});
+  full.assign(wide, {9, 4}, {0, 1, 2});
+  EXPECT_LT(half.bytes(), full.bytes());
+  const double a[] = {10, 20, 30};
+  std::vector<float> values(48), expected(48);
+  half.set_coefficients(a);
+  full.set_coefficients(a);
+  half.evaluate(0, values.data());
+  full.evaluate(0, expected.data());
+  for (std::size_t i = 0; i < values.size(); ++i) EXPECT_NEAR(values[i], expected[i], 1e-5);
 }
 
 }  // namespace
