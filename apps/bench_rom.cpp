@@ -14,6 +14,7 @@
 #include "core/error.h"
 #include "io/scene_reader.h"
 #include "io/trajectory_file.h"
+#include "rom/sample_rules.h"
 
 namespace graupel::apps {
 
@@ -26,7 +27,10 @@ struct BenchRomOptions {
   std::string model, data, split = "test";
   std::vector<double> step_factors = {1};
   int64_t samples = 0, cluster = 0;
-  rom::FitOptions fit = rom::ReducedOptions().fit;
+  std::string rule = "spread";
+  int iterations = rom::ReducedOptions().iterations;
+  double outlier_factor = 0;
+  CLI::Option* outlier_option = nullptr;
   bool f64 = false;
 };
 
@@ -46,15 +50,14 @@ struct Measured {
 rom::ReducedOptions reduced_options(const BenchRomOptions& options, const rom::ReducedModel& model, double factor) {
   rom::ReducedOptions reduced;
   reduced.step_factor = factor;
-  reduced.fit = options.fit;
-  if (options.samples > 0) {
-    // Clusters that follow each other lie together: every so manyth is spread over the body.
-    const std::vector<int32_t> points = model.clusters.representatives();
-    const auto n = std::min<std::size_t>(static_cast<std::size_t>(options.samples), points.size());
-    std::vector<int32_t> samples;
-    for (std::size_t i = 0; i < n; ++i) samples.push_back(points[i * points.size() / n]);
-    reduced.samples = samples;
-  }
+  reduced.iterations = options.iterations;
+  if (options.outlier_option->count() > 0) reduced.outlier_factor = options.outlier_factor;
+  rom::SampleRule rule = rom::SampleRule::random;
+  for (const auto& [word, value] : EnumWords<rom::SampleRule>::words)
+    if (options.rule == word) rule = value;
+  if (options.samples > 0)
+    reduced.samples =
+        rom::choose_samples(rule, model.fields->deformation(), model.clusters.representatives(), options.samples, 0);
   return reduced;
 }
 
@@ -189,14 +192,16 @@ void add_bench_rom(CLI::App& bench) {
   verb->add_option("--step-factor", options->step_factors, "Steps over those of the training (repeatable)")
       ->check(real_number(LowerBound::above_zero))
       ->capture_default_str();
-  verb->add_option("--samples", options->samples, "So many samples, spread over the body, instead of the model's")
-      ->check(whole_number(1));
-  verb->add_option("--cluster", options->cluster, "So many particles as one integration point")->check(whole_number(1));
-  verb->add_option("--outlier-factor", options->fit.outlier_factor,
-                   "Samples count less beyond this multiple of the median distance (0: plain least squares)")
-      ->check(real_number(LowerBound::zero))
+  verb->add_option("--samples", options->samples, "So many samples instead of the model's")->check(whole_number(1));
+  verb->add_option("--sample-rule", options->rule, "With --samples: random, spread or optimal")
+      ->check(CLI::IsMember({"random", "spread", "optimal"}))
       ->capture_default_str();
-  verb->add_option("--iterations", options->fit.iterations, "Gauss-Newton iterations at most (1: first order)")
+  verb->add_option("--cluster", options->cluster, "So many particles as one integration point")->check(whole_number(1));
+  options->outlier_option = verb->add_option("--outlier-factor", options->outlier_factor,
+                                             "Samples count less beyond this multiple of the median distance (0: plain "
+                                             "least squares) instead of the model's")
+                                ->check(real_number(LowerBound::zero));
+  verb->add_option("--iterations", options->iterations, "Gauss-Newton iterations at most (1: first order)")
       ->check(whole_number(1))
       ->capture_default_str();
   verb->add_flag("--f64", options->f64, "Double precision");

@@ -6,6 +6,19 @@ namespace graupel::mpm {
 
 namespace {
 
+/// Whether the box low .. high may hold nodes that a moving obstacle holds: those nearer to it than half a cell, where
+/// phi is a little uneven.
+template <typename T>
+GRAUPEL_HD inline bool within_reach(const sparsegrid::ObstacleView& obstacle, const Vec<T, 3>& low,
+                                    const Vec<T, 3>& high, T dx) {
+  if (obstacle.is_plane) return true;
+  const sparsegrid::ObstacleFrame<T>& frame = obstacle.template frame<T>();
+  bool meets = true;
+  for (int d = 0; d < 3; ++d)
+    meets = meets && low[d] <= frame.solid_high[d] + T(2) * dx && high[d] >= frame.solid_low[d] - T(2) * dx;
+  return meets;
+}
+
 /// The moving obstacle that is nearest to x, or -1 where none holds the material; as EvaluateNodes does for the others.
 template <int D, typename T>
 GRAUPEL_HD inline int32_t holding_obstacle(const MovingObstacleView<T>& moving, const Vec<T, 3>& x, T dx,
@@ -14,6 +27,7 @@ GRAUPEL_HD inline int32_t holding_obstacle(const MovingObstacleView<T>& moving, 
   for (int32_t i = 0; i < moving.count; ++i) {
     const int32_t index = moving.index[i];
     const sparsegrid::ObstacleView& obstacle = moving.start.obstacles[index];
+    if (!within_reach(obstacle, x, x, dx)) continue;
     auto one = sparsegrid::signed_distance(obstacle, x);
     one.normal = normal_in_axes<D>(one.normal);
     if (!(one.phi < T(0.5) * dx) || (nearest >= 0 && one.phi >= here.phi)) continue;
@@ -95,6 +109,17 @@ void update_grid_block(const SolverView<T>& view, T dt, int64_t block) {
   }
 }
 
+template <typename T>
+bool meets_moving_obstacle(const SolverView<T>& view, int32_t key) {
+  const Vec<T, 3> low = node_position<3>(view.grid, key, 0),
+                  high = node_position<3>(view.grid, key, nodes_per_block<3> - 1);
+  for (int32_t i = 0; i < view.moving.count; ++i)
+    if (within_reach(view.moving.start.obstacles[view.moving.index[i]], low, high, view.grid.dx)) return true;
+  return false;
+}
+
+template bool meets_moving_obstacle<float>(const SolverView<float>&, int32_t);
+template bool meets_moving_obstacle<double>(const SolverView<double>&, int32_t);
 template void update_grid_block<float>(const SolverView<float>&, float, int64_t);
 template void update_grid_block<double>(const SolverView<double>&, double, int64_t);
 template void update_grid<float>(const SolverView<float>&, float);

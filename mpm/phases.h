@@ -67,6 +67,9 @@ void update_grid(const SolverView<T>& view, T dt);
 /// The same of one node block, on the CPU.
 template <typename T>
 void update_grid_block(const SolverView<T>& view, T dt, int64_t block);
+/// Whether a moving obstacle may hold nodes of the block with this key.
+template <typename T>
+bool meets_moving_obstacle(const SolverView<T>& view, int32_t key);
 
 /// Particle velocity and affine velocity from the nodes.
 template <typename T>

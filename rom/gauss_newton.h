@@ -37,8 +37,8 @@ enum class Linearisation {
 };
 
 struct FitOptions {
-  int iterations = 4;         ///< at most; 1: the first-order inversion
-  double outlier_factor = 3;  ///< of the median distance; 0: plain least squares
+  int iterations = 3;         ///< at most; 1: the first-order inversion
+  double outlier_factor = 0;  ///< of the median distance; 0: plain least squares
   double tolerance = 1e-9;    ///< of the latent's change, relative to its size
   Linearisation linearisation = Linearisation::every_iteration;
 };

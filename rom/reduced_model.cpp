@@ -47,6 +47,7 @@ void read_settings(const Json& settings, ReducedModel& model) {
     if (affine == word) model.affine_kind = kind;
   model.latent_reach = settings.at("latent_reach");
   model.usual_residual = settings.at("usual_residual");
+  model.outlier_factor = settings.value("outlier_factor", 0.0);
 }
 
 FactoredFields read_fields(const nn::Weights& weights, int latents, int inputs, AffineKind affine_kind,
@@ -124,9 +125,10 @@ nn::Weights ReducedModel::store(nn::DType modes) const {
   weights.metadata = provenance;
   weights.metadata["architecture"] = nsf_architecture;
   weights.metadata["scene"] = scene_json;
-  Json settings = {{"parameters", Json::array()},  {"substeps_per_frame", substeps_per_frame},
-                   {"frame_time", frame_time},     {"affine", affine_kind == AffineKind::rate ? "rate" : "position"},
-                   {"latent_reach", latent_reach}, {"usual_residual", usual_residual}};
+  Json settings = {{"parameters", Json::array()},     {"substeps_per_frame", substeps_per_frame},
+                   {"frame_time", frame_time},        {"affine", affine_kind == AffineKind::rate ? "rate" : "position"},
+                   {"latent_reach", latent_reach},    {"usual_residual", usual_residual},
+                   {"outlier_factor", outlier_factor}};
   for (const ModelParameter& p : parameters)
     settings["parameters"].push_back(
         {{"name", p.name}, {"unit", p.unit}, {"keys", p.keys}, {"low", p.low}, {"high", p.high}});

@@ -51,6 +51,7 @@ struct ReducedModel {
   std::shared_ptr<const FactoredFields> fields;
   std::vector<float> reference;      ///< X, [particles, 3] [m]
   std::vector<int32_t> samples;      ///< by default
+  double outlier_factor = 0;         ///< of the inversion, by default (FitOptions)
   Clusters clusters;                 ///< integration points; as many as particles: these themselves
   std::vector<int32_t> encoder;      ///< particles whose positions give the latent
   std::vector<double> start_latent;  ///< mean over the training runs [r]

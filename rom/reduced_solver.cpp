@@ -159,7 +159,10 @@ void ReducedSolver<T>::invert(double dt) {
   }
   const Eigen::Map<const Eigen::VectorXd> old(state_.latent.data(), r), rate(state_.velocity.data(), r);
   Eigen::VectorXd latent = old + dt * rate;
-  const FitReport report = fit_latent(*sample_field_, target_, lost_, options_.fit, latent);
+  const FitOptions fit{.iterations = options_.iterations,
+                       .outlier_factor = options_.outlier_factor.value_or(model_.outlier_factor),
+                       .linearisation = Linearisation::once};
+  const FitReport report = fit_latent(*sample_field_, target_, lost_, fit, latent);
   const Eigen::VectorXd velocity = (latent - old) / dt;
   state_.last_step = dt;
   std::swap(state_.previous, state_.latent);

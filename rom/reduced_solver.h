@@ -17,8 +17,9 @@
 namespace graupel::rom {
 
 struct ReducedOptions {
-  double step_factor = 1;  ///< of the training's step
-  FitOptions fit = {.linearisation = Linearisation::once};
+  double step_factor = 1;                       ///< of the training's step
+  int iterations = 3;                           ///< of the inversion
+  std::optional<double> outlier_factor;         ///< of the inversion, instead of the model's
   std::optional<std::vector<int32_t>> samples;  ///< instead of the model's
 };
 

@@ -5,6 +5,7 @@
 
 #include "core/fields.h"
 #include "rom/reduced_model.h"
+#include "rom/sample_rules.h"
 
 namespace graupel {
 namespace train {
@@ -28,9 +29,11 @@ struct NsfConfig {
   rom::AffineKind affine = rom::AffineKind::position;
   int64_t centers = 1000, affine_centers = 24;
   int64_t samples = 300;
+  rom::SampleRule sample_rule = rom::SampleRule::random;
+  double outlier_factor = 0;
   int64_t cluster = 1;
   int64_t encoder_particles = 2000;
-  ModeStorage storage = ModeStorage::f32;
+  ModeStorage storage = ModeStorage::f16;
   uint64_t seed = 0;
 
   template <typename Visitor>
@@ -62,10 +65,14 @@ struct NsfConfig {
                                         .unit = "",
                                         .meaning = "Centres of the affine field's branch, when it follows the rate",
                                         .range = Range::between(0, 1000)});
-    visit(&C::samples, FieldInfo{.name = "samples",
-                                 .unit = "",
-                                 .meaning = "Sample particles, drawn at random",
-                                 .range = Range::between(1, 1e6)});
+    visit(&C::samples,
+          FieldInfo{.name = "samples", .unit = "", .meaning = "Sample particles", .range = Range::between(1, 1e6)});
+    visit(&C::sample_rule, FieldInfo{.name = "sample_rule", .unit = "", .meaning = "How the samples are chosen"});
+    visit(&C::outlier_factor, FieldInfo{.name = "outlier_factor",
+                                        .unit = "",
+                                        .meaning = "Samples count less beyond this multiple of the median distance; 0: "
+                                                   "all count the same",
+                                        .range = Range::between(0, 1e6)});
     visit(&C::cluster, FieldInfo{.name = "cluster",
                                  .unit = "",
                                  .meaning = "So many particles that lie together are one integration point",

@@ -264,7 +264,9 @@ class FactoredTraining {
       std::sort(chosen.begin(), chosen.end());
       return chosen;
     };
-    model.samples = first(config_.samples);
+    model.samples = rom::choose_samples(config_.sample_rule, model.fields->deformation(), representatives_,
+                                        config_.samples, config_.seed);
+    model.outlier_factor = config_.outlier_factor;
     model.encoder = first(config_.encoder_particles);
   }
 

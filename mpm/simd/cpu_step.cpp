@@ -94,6 +94,7 @@ CpuStep<T> cpu_step(const SolverView<T>& v, T dt) {
     update_deformation_slots(view_of<T>(view), step, first, end);
   };
   s.update_block = [](const void* view, T step, int64_t block) { update_grid_block(view_of<T>(view), step, block); };
+  s.meets_moving_obstacle = [](const void* view, int32_t key) { return meets_moving_obstacle(view_of<T>(view), key); };
   s.move_slots = [](const void* view, T step, int64_t first, int64_t end, Survey& found) {
     move_slots(view_of<T>(view), step, first, end, found);
   };

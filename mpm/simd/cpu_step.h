@@ -51,6 +51,7 @@ struct CpuStep {
   const void* view;
   void (*deform_slots)(const void* view, T dt, int64_t first, int64_t end);  ///< at most a tile
   void (*update_block)(const void* view, T dt, int64_t node_block);
+  bool (*meets_moving_obstacle)(const void* view, int32_t key);
   void (*move_slots)(const void* view, T dt, int64_t first, int64_t end, Survey& found);
   void (*survey_slots)(const void* view, T dt, int64_t first, int64_t end, Survey& found);
 };

@@ -76,7 +76,7 @@ void sum_arenas(const CpuStep<T>& s, int64_t node_block) {
 /// Whether no wall and no obstacle acts on a block's nodes.
 template <typename T>
 GRAUPEL_LANES bool is_free(const CpuStep<T>& s, int32_t key) {
-  if (s.obstacles_move || s.node_surfaces[key] >= 0) return false;
+  if (s.node_surfaces[key] >= 0 || (s.obstacles_move && s.meets_moving_obstacle(s.view, key))) return false;
   int32_t low[3];
   block_low(s, key, low);
   bool inside = true;
