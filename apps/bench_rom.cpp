@@ -28,6 +28,7 @@ struct BenchRomOptions {
   std::vector<double> step_factors = {1};
   int64_t samples = 0, cluster = 0;
   std::string rule = "spread";
+  std::vector<double> box;
   int iterations = rom::ReducedOptions().iterations;
   double outlier_factor = 0;
   CLI::Option* outlier_option = nullptr;
@@ -55,9 +56,13 @@ rom::ReducedOptions reduced_options(const BenchRomOptions& options, const rom::R
   rom::SampleRule rule = rom::SampleRule::random;
   for (const auto& [word, value] : EnumWords<rom::SampleRule>::words)
     if (options.rule == word) rule = value;
+  std::vector<int32_t> candidates = model.clusters.representatives();
+  if (!options.box.empty())
+    candidates = rom::points_within(candidates, model.reference, {options.box[0], options.box[1], options.box[2]},
+                                    {options.box[3], options.box[4], options.box[5]});
+  if (candidates.empty()) throw ConfigError("no integration point lies in the box of '--sample-box'. Widen it");
   if (options.samples > 0)
-    reduced.samples =
-        rom::choose_samples(rule, model.fields->deformation(), model.clusters.representatives(), options.samples, 0);
+    reduced.samples = rom::choose_samples(rule, model.fields->deformation(), candidates, options.samples, 0);
   return reduced;
 }
 
@@ -193,6 +198,8 @@ void add_bench_rom(CLI::App& bench) {
       ->check(real_number(LowerBound::above_zero))
       ->capture_default_str();
   verb->add_option("--samples", options->samples, "So many samples instead of the model's")->check(whole_number(1));
+  verb->add_option("--sample-box", options->box, "With --samples: within this box of the reference body: low, high [m]")
+      ->expected(6);
   verb->add_option("--sample-rule", options->rule, "With --samples: random, spread or optimal")
       ->check(CLI::IsMember({"random", "spread", "optimal"}))
       ->capture_default_str();

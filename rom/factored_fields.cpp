@@ -71,18 +71,20 @@ class FactoredPoints final : public PointFields<T> {
     affine_.assign(fields.affine(), points, matrix_order);
   }
 
-  void decode(const LatentState& state, const mpm::ParticleView<T>& particles) override {
+  void decode(const LatentState& state, const std::vector<int32_t>& tiles,
+              const mpm::ParticleView<T>& particles) override {
     deformation_.update(state);
     position_.set_coefficients(deformation_.a.data());
     position_.set_rates(deformation_.rate.data());
     stress_.set_coefficients(coefficients_of(fields_.stress_branch(), state).data());
     affine_.set_coefficients(coefficients_of(fields_.affine_branch(), state).data());
-    const auto decode_tile = [&](int64_t t) {
-      position_.evaluate(t, particles.position.data, particles.velocity.data);
-      stress_.evaluate(t, particles.stress.data);
-      affine_.evaluate(t, particles.affine_velocity.data);
+    const auto decode_tile = [&](int64_t to) {
+      const int64_t from = tiles[static_cast<std::size_t>(to)], slot = to * mpm::tile;
+      position_.evaluate(from, particles.position.at(slot), particles.velocity.at(slot));
+      stress_.evaluate(from, particles.stress.at(slot));
+      affine_.evaluate(from, particles.affine_velocity.at(slot));
     };
-    parallel_for_cpu(position_.tiles(), decode_tile, some_tiles);
+    parallel_for_cpu(static_cast<int64_t>(tiles.size()), decode_tile, some_tiles);
   }
 
   int64_t bytes() const override { return position_.bytes() + stress_.bytes() + affine_.bytes(); }
@@ -104,14 +106,16 @@ class FactoredPositions final : public PointPositions<T> {
     deformation_.update(state);
     position_.set_coefficients(deformation_.a.data());
     parallel_for_cpu(
-        position_.tiles(), [&](int64_t t) { position_.evaluate(t, position); }, some_tiles);
+        position_.tiles(), [&](int64_t t) { position_.evaluate(t, position + t * 3 * mpm::tile); }, some_tiles);
   }
   void decode(const LatentState& state, T* position, T* velocity) override {
     deformation_.update(state);
     position_.set_coefficients(deformation_.a.data());
     position_.set_rates(deformation_.rate.data());
     parallel_for_cpu(
-        position_.tiles(), [&](int64_t t) { position_.evaluate(t, position, velocity); }, some_tiles);
+        position_.tiles(),
+        [&](int64_t t) { position_.evaluate(t, position + t * 3 * mpm::tile, velocity + t * 3 * mpm::tile); },
+        some_tiles);
   }
   int64_t bytes() const override { return position_.bytes(); }
 

@@ -12,13 +12,15 @@
 
 namespace graupel::rom {
 
-/// All three fields at some particles: fills position [m], velocity dg/dq q' [m/s], stress [Pa] and affine velocity
-/// [1/s] of the slots.
+/// All three fields at some particles.
 template <typename T>
 class PointFields {
  public:
   virtual ~PointFields() = default;
-  virtual void decode(const LatentState& state, const mpm::ParticleView<T>& particles) = 0;
+  /// Fills position [m], velocity [m/s], stress [Pa] and affine velocity [1/s] of tiles of 16 slots: tile j of the
+  /// particles is tile tiles[j] of the points that the fields are bound to.
+  virtual void decode(const LatentState& state, const std::vector<int32_t>& tiles,
+                      const mpm::ParticleView<T>& particles) = 0;
   virtual int64_t bytes() const = 0;
 };
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 
 #include "core/error.h"
 #include "mpm/material.h"
@@ -42,18 +43,14 @@ template <typename T>
 void ParticleGrid<T>::choose(const GridParticles& chosen) {
   const auto n = static_cast<int64_t>(chosen.particles.size());
   const mpm::SampledParticles& all = prepared_.particles;
-  particles_ = mpm::Particles<T>(Device::cpu, n);
+  chosen_ = mpm::Particles<T>(Device::cpu, n);
   samples_ = chosen.samples;
-  const mpm::ParticleView<T> p = particles_.view();
+  const mpm::ParticleView<T> p = chosen_.view();
   for (int64_t slot = 0; slot < n; ++slot) {
     const auto particle = static_cast<std::size_t>(chosen.particles[static_cast<std::size_t>(slot)]);
     const int32_t material = all.material[particle];
     const MaterialModel model = configs_[static_cast<std::size_t>(material)].model;
-    p.position.set_vec(slot, all.position[particle].cast<T>());
-    p.velocity.set_vec(slot, Vec<T, 3>::zero());
-    mpm::store_matrix<T, 3>(p.affine_velocity, slot, Mat<T, 3>::zero());
     mpm::store_matrix<T, 3>(p.deformation_gradient, slot, Mat<T, 3>::identity());
-    p.stress.set_vec(slot, Vec<T, 6>::zero());
     p.internal.set(slot, static_cast<T>(mpm::initial_internal_variable(model)));
     p.volume.set(slot, static_cast<T>(all.volume[particle] * chosen.share[static_cast<std::size_t>(slot)]));
     p.material.set(slot, material);
@@ -61,6 +58,38 @@ void ParticleGrid<T>::choose(const GridParticles& chosen) {
   }
   blocks_ = mpm::BlockTable(Device::cpu, grid_.blocks, prepared_.scene.domain.axes(), n);
   if (prepared_.scene.domain.has_wall(Wall::periodic)) blocks_.keep_node_lookup();
+  particles_ = mpm::Particles<T>(Device::cpu, n);
+  std::vector<int32_t> tiles(static_cast<std::size_t>(mpm::padded_to_tile(n) / mpm::tile));
+  std::iota(tiles.begin(), tiles.end(), 0);
+  select(tiles);
+}
+
+template <typename T>
+void ParticleGrid<T>::select(const std::vector<int32_t>& tiles) {
+  const mpm::ParticleView<T> all = chosen_.view(), to = particles_.view();
+  const auto copy = [](const auto& from, const auto& into, int64_t source, int64_t target) {
+    const int64_t numbers = from.at(mpm::tile) - from.at(0);
+    std::copy_n(from.at(source * mpm::tile), numbers, into.at(target * mpm::tile));
+  };
+  for (std::size_t j = 0; j < tiles.size(); ++j) {
+    const auto target = static_cast<int64_t>(j);
+    copy(all.deformation_gradient, to.deformation_gradient, tiles[j], target);
+    copy(all.internal, to.internal, tiles[j], target);
+    copy(all.volume, to.volume, tiles[j], target);
+    copy(all.material, to.material, tiles[j], target);
+    copy(all.source_index, to.source_index, tiles[j], target);
+  }
+  const auto tile_count = static_cast<int64_t>(tiles.size());
+  const int64_t missing = tiles.empty() ? 0 : std::max<int64_t>(0, (tiles.back() + 1) * mpm::tile - all.count);
+  count_ = tile_count * mpm::tile - missing;
+  std::fill_n(blocks_.keys() + count_, all.count - count_, -1);  // without a block: they take no part
+}
+
+template <typename T>
+mpm::ParticleView<T> ParticleGrid<T>::particles() {
+  mpm::ParticleView<T> view = particles_.view();
+  view.count = count_;
+  return view;
 }
 
 template <typename T>
@@ -73,7 +102,7 @@ mpm::SolverView<T> ParticleGrid<T>::view() {
   v.obstacle_nodes = obstacle_nodes_.view();
   v.materials = materials_.data();
   v.device = Device::cpu;
-  v.particles = particles_.view();
+  v.particles = particles();
   v.blocks = blocks_.view();
   v.moving = moving_.view();
   v.roles = roles_.view();
@@ -155,7 +184,7 @@ int64_t ParticleGrid<T>::active_nodes() const {
 
 template <typename T>
 int64_t ParticleGrid<T>::bytes() const {
-  return particles_.bytes() + blocks_.bytes() + obstacle_nodes_.bytes() +
+  return particles_.bytes() + chosen_.bytes() + blocks_.bytes() + obstacle_nodes_.bytes() +
          static_cast<int64_t>((arenas_.size() + nodes_.size() + joined_.size()) * sizeof(T));
 }
 

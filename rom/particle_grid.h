@@ -23,10 +23,13 @@ class ParticleGrid {
  public:
   ParticleGrid(const mpm::PreparedScene& prepared);
 
-  /// From now on these take part; their state must be written before the next step.
+  /// From now on these take part, all of them.
   void choose(const GridParticles& chosen);
-  /// Slot i is chosen.particles[i]: position, velocity, affine velocity and stress are to be written before a step.
-  mpm::ParticleView<T> particles() { return particles_.view(); }
+  /// From now on these tiles of 16 of the chosen ones take part; ascending, those of the samples among them.
+  void select(const std::vector<int32_t>& tiles);
+  /// Slot i of tile j is particle 16 tiles[j] + i of the chosen ones: position, velocity, affine velocity and stress
+  /// are to be written before a step.
+  mpm::ParticleView<T> particles();
   /// Advances the grid by dt from `time` [s] on; the samples' positions and velocities are then those after the step.
   /// `lost[s]`: sample s is not finite or would move over one cell, as beside a node with hardly any mass; it stays.
   void step(double time, double dt, std::vector<bool>& lost);
@@ -46,9 +49,9 @@ class ParticleGrid {
   mpm::MovingObstacles<T> moving_;
   mpm::ParticleRoles<T> roles_;
   mpm::ObstacleNodes<T> obstacle_nodes_;
-  mpm::Particles<T> particles_;
+  mpm::Particles<T> particles_, chosen_;  ///< that take part; all there are
   mpm::BlockTable blocks_;
-  int64_t samples_ = 0;
+  int64_t samples_ = 0, count_ = 0;
   Buffer<T> arenas_, nodes_, joined_;
   Buffer<mpm::Survey> records_;
   Buffer<mpm::Impulse> impulses_;

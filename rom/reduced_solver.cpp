@@ -73,6 +73,8 @@ ReducedSolver<T>::ReducedSolver(const ReducedModel& model, mpm::PreparedScene pr
   if (!(options_.step_factor > 0))
     throw ConfigError(fmt::format("a time step factor of {} is out of range (above 0). Use 1", options_.step_factor));
   state_.parameters = std::move(parameters);
+  grid_.choose(points_.candidates());
+  fields_ = bind_fields<T>(*model_.fields, points_.candidates().particles);
   start();
 }
 
@@ -117,7 +119,7 @@ void ReducedSolver<T>::step(double dt) {
   StepTiming& timing = statistics_.timing;
   if (due_) choose_points();
   timer.lap(timing.search);
-  fields_->decode(state_, grid_.particles());
+  fields_->decode(state_, tiles_, grid_.particles());
   timer.lap(timing.decode);
   sample_field_->evaluate(state_.latent.data(), before_);
   grid_.step(time_, dt, lost_);
@@ -131,11 +133,10 @@ void ReducedSolver<T>::step(double dt) {
 template <typename T>
 void ReducedSolver<T>::choose_points() {
   due_ = false;
-  GridParticles found = points_.find(state_);
-  if (fields_ && found.particles == chosen_.particles) return;
-  chosen_ = std::move(found);
-  grid_.choose(chosen_);
-  fields_ = bind_fields<T>(*model_.fields, chosen_.particles);
+  std::vector<int32_t> found = points_.find(state_);
+  if (found == tiles_) return;
+  tiles_ = std::move(found);
+  grid_.select(tiles_);
 }
 
 /// q <- argmin |g(X_s, q) - x_s|^2 from where the latent's velocity takes it; q' is the change over dt.

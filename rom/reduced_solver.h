@@ -78,7 +78,7 @@ class ReducedSolver {
   std::vector<int32_t> samples_;
   ParticleGrid<T> grid_;
   IntegrationPoints<T> points_;
-  GridParticles chosen_;  ///< integration particles
+  std::vector<int32_t> tiles_;  ///< of the integration points' candidates, that take part
   std::unique_ptr<SampleField> sample_field_;
   std::unique_ptr<PointFields<T>> fields_;
   std::unique_ptr<PointPositions<float>> output_;

@@ -65,6 +65,20 @@ std::vector<int32_t> optimal_samples(const ModeTable& table, const std::vector<i
 
 }  // namespace
 
+std::vector<int32_t> points_within(const std::vector<int32_t>& points, const std::vector<float>& reference,
+                                   const Vec3d& low, const Vec3d& high) {
+  std::vector<int32_t> inside;
+  for (const int32_t point : points) {
+    bool is_inside = true;
+    for (int d = 0; d < 3; ++d) {
+      const auto x = static_cast<double>(reference[static_cast<std::size_t>(3 * point + d)]);
+      is_inside = is_inside && x >= low[d] && x <= high[d];
+    }
+    if (is_inside) inside.push_back(point);
+  }
+  return inside;
+}
+
 std::vector<int32_t> choose_samples(SampleRule rule, const ModeTable& deformation,
                                     const std::vector<int32_t>& candidates, int64_t count, uint64_t seed) {
   const auto n = std::min(static_cast<std::size_t>(count), candidates.size());

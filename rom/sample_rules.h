@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "core/fields.h"
+#include "core/vec.h"
 #include "rom/mode_table.h"
 
 namespace graupel {
@@ -25,6 +26,10 @@ struct EnumWords<rom::SampleRule> {
 };
 
 namespace rom {
+
+/// Those of the points whose place in the reference body [particles, 3] lies in a box [m], in their order.
+std::vector<int32_t> points_within(const std::vector<int32_t>& points, const std::vector<float>& reference,
+                                   const Vec3d& low, const Vec3d& high);
 
 /// `count` of the candidates (all of them where there are no more), ascending. `candidates`: integration points in the
 /// order of their clusters.

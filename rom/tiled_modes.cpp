@@ -126,18 +126,11 @@ template <typename T>
 template <int C>
 void TiledModes<T>::evaluate_tile(int64_t t, T* values, T* rates) const {
   const T* mean = mean_.data() + t * C * tile;
-  T* to = values + t * C * tile;
-  T* rates_to = rates ? rates + t * C * tile : nullptr;
   const int64_t first = t * modes_ * C * tile;
   if constexpr (std::is_same_v<T, float>)
     if (half_.size() > 0)
-      return sum_modes<C>(mean, half_.data() + first, modes_, a_.data(), rate_.data(), to, rates_to);
-  sum_modes<C>(mean, basis_.data() + first, modes_, a_.data(), rate_.data(), to, rates_to);
-}
-
-template <typename T>
-void TiledModes<T>::evaluate(int64_t t, T* values) const {
-  evaluate(t, values, nullptr);
+      return sum_modes<C>(mean, half_.data() + first, modes_, a_.data(), rate_.data(), values, rates);
+  sum_modes<C>(mean, basis_.data() + first, modes_, a_.data(), rate_.data(), values, rates);
 }
 
 template <typename T>

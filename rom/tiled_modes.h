@@ -25,8 +25,8 @@ class TiledModes {
   /// The coefficients a, and a', that evaluations use from now on, [modes].
   void set_coefficients(const double* a);
   void set_rates(const double* a_rate);
-  /// Tile t of mean + sum_k W_k a_k; `values` is the whole array of slots x components in tiles.
-  void evaluate(int64_t t, T* values) const;
+  /// Tile t of mean + sum_k W_k a_k, [components, 16].
+  void evaluate(int64_t t, T* values) const { evaluate(t, values, nullptr); }
   /// The same, and of rates = sum_k W_k a'_k.
   void evaluate(int64_t t, T* values, T* rates) const;
   int64_t bytes() const {

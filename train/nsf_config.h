@@ -30,6 +30,7 @@ struct NsfConfig {
   int64_t centers = 1000, affine_centers = 24;
   int64_t samples = 300;
   rom::SampleRule sample_rule = rom::SampleRule::random;
+  Vec3d sample_low = Vec3d::filled(-1e30), sample_high = Vec3d::filled(1e30);
   double outlier_factor = 0;
   int64_t cluster = 1;
   int64_t encoder_particles = 2000;
@@ -68,6 +69,11 @@ struct NsfConfig {
     visit(&C::samples,
           FieldInfo{.name = "samples", .unit = "", .meaning = "Sample particles", .range = Range::between(1, 1e6)});
     visit(&C::sample_rule, FieldInfo{.name = "sample_rule", .unit = "", .meaning = "How the samples are chosen"});
+    visit(&C::sample_low, FieldInfo{.name = "sample_low",
+                                    .unit = "m",
+                                    .meaning = "Lower corner of the box of the reference body that samples lie in"});
+    visit(&C::sample_high,
+          FieldInfo{.name = "sample_high", .unit = "m", .meaning = "Upper corner of the samples' box"});
     visit(&C::outlier_factor, FieldInfo{.name = "outlier_factor",
                                         .unit = "",
                                         .meaning = "Samples count less beyond this multiple of the median distance; 0: "

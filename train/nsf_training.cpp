@@ -264,8 +264,14 @@ class FactoredTraining {
       std::sort(chosen.begin(), chosen.end());
       return chosen;
     };
-    model.samples = rom::choose_samples(config_.sample_rule, model.fields->deformation(), representatives_,
-                                        config_.samples, config_.seed);
+    const auto candidates =
+        rom::points_within(representatives_, model.reference, config_.sample_low, config_.sample_high);
+    if (candidates.empty())
+      throw ConfigError(
+          "no integration point lies in the samples' box (sample_low, sample_high). Widen it; 'graupel inspect' of the "
+          "data set shows where the body is");
+    model.samples = rom::choose_samples(config_.sample_rule, model.fields->deformation(), candidates, config_.samples,
+                                        config_.seed);
     model.outlier_factor = config_.outlier_factor;
     model.encoder = first(config_.encoder_particles);
   }

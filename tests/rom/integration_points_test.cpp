@@ -52,15 +52,23 @@ TEST(IntegrationPoints, ContainEveryParticleThatSharesANodeWithASample) {
   domain.size = {0.8, 0.6, 0.6};
   domain.dx = 0.02;
   const auto grid = mpm::grid_of<float>(domain);
-  GridParticles all;
-  all.particles = fields.deformation().points;
+  GridParticles all;  // neighbours after each other
+  all.particles = make_clusters(x, std::vector<int32_t>(x.size(), 0), 1).representatives();
   all.share.assign(x.size(), 1);
   const std::vector<int32_t> samples = {7, 500, 2999};
   IntegrationPoints<float> points(fields, all, samples, grid);
   for (const double q : {0.0, 0.03, 0.17}) {
-    const GridParticles found =
+    const std::vector<int32_t> tiles =
         points.find({.latent = {q}, .velocity = {0}, .parameters = {}, .last_step = 0, .previous = {}});
-    EXPECT_EQ(found.samples, 3);
+    GridParticles found;
+    for (const int32_t t : tiles)
+      for (std::size_t i = 16 * static_cast<std::size_t>(t);
+           i < std::min<std::size_t>(16 * static_cast<std::size_t>(t) + 16, x.size()); ++i) {
+        found.particles.push_back(points.candidates().particles[i]);
+        found.share.push_back(points.candidates().share[i]);
+      }
+    ASSERT_EQ(points.candidates().samples, 3);
+    EXPECT_TRUE(std::equal(samples.begin(), samples.end(), found.particles.begin()));
     EXPECT_LT(found.particles.size(), x.size() / 2);
     const auto base = [&](int32_t p) {
       return mpm::base_node(grid.local(x[static_cast<std::size_t>(p)] + Vec3f{static_cast<float>(q), 0, 0}));
@@ -71,7 +79,7 @@ TEST(IntegrationPoints, ContainEveryParticleThatSharesANodeWithASample) {
         return std::abs(a[0] - b[0]) <= 2 && std::abs(a[1] - b[1]) <= 2 && std::abs(a[2] - b[2]) <= 2;
       });
       if (!reaches) continue;
-      double share = 0;  // a sample stands twice: to read the grid and, as one of all, with its mass
+      double share = 0;
       for (std::size_t i = 0; i < found.particles.size(); ++i)
         if (found.particles[i] == p) share += found.share[i];
       EXPECT_EQ(share, 1) << "particle " << p << " at q = " << q;
