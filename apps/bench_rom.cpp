@@ -25,12 +25,13 @@ using Json = nlohmann::ordered_json;
 struct BenchRomOptions {
   CommonOptions common;
   std::string model, data, split = "test";
-  std::vector<double> step_factors = {1};
+  std::vector<double> step_factors;
   int64_t samples = 0, cluster = 0;
   std::string rule = "spread";
   std::vector<double> box;
   int iterations = rom::ReducedOptions().iterations;
   double outlier_factor = 0;
+  std::optional<double> manifold_pull;
   CLI::Option* outlier_option = nullptr;
   bool f64 = false;
 };
@@ -52,6 +53,7 @@ rom::ReducedOptions reduced_options(const BenchRomOptions& options, const rom::R
   rom::ReducedOptions reduced;
   reduced.step_factor = factor;
   reduced.iterations = options.iterations;
+  reduced.manifold_pull = options.manifold_pull;
   if (options.outlier_option->count() > 0) reduced.outlier_factor = options.outlier_factor;
   rom::SampleRule rule = rom::SampleRule::random;
   for (const auto& [word, value] : EnumWords<rom::SampleRule>::words)
@@ -174,6 +176,7 @@ void bench_rom(BenchRomOptions& options) {
   std::printf("%12s %6s %9s %9s %7s %8s %8s %8s %8s %8s %8s %8s %6s %6s %7s\n", "parameters", "factor", "delta %",
               "displ. %", "cells", "|N|", "us/step", "decode", "grid", "invert", "search", "residual", "down", "latent",
               "s");
+  if (options.step_factors.empty()) options.step_factors = {loaded.model.step_factor};
   for (const double factor : options.step_factors)
     for (int i = 0; i < reader.count(); ++i) {
       const Measured m = measure(options, loaded, reader, i, factor);
@@ -194,9 +197,9 @@ void add_bench_rom(CLI::App& bench) {
   verb->add_option("--split", options->split, "test, valid or train")
       ->check(CLI::IsMember({"train", "valid", "test"}))
       ->capture_default_str();
-  verb->add_option("--step-factor", options->step_factors, "Steps over those of the training (repeatable)")
-      ->check(real_number(LowerBound::above_zero))
-      ->capture_default_str();
+  verb->add_option("--step-factor", options->step_factors,
+                   "Steps over those of the training, instead of the model's (repeatable)")
+      ->check(real_number(LowerBound::above_zero));
   verb->add_option("--samples", options->samples, "So many samples instead of the model's")->check(whole_number(1));
   verb->add_option("--sample-box", options->box, "With --samples: within this box of the reference body: low, high [m]")
       ->expected(6);
@@ -208,6 +211,9 @@ void add_bench_rom(CLI::App& bench) {
                                              "Samples count less beyond this multiple of the median distance (0: plain "
                                              "least squares) instead of the model's")
                                 ->check(real_number(LowerBound::zero));
+  verb->add_option("--manifold-pull", options->manifold_pull,
+                   "Share of the way back to the states of the training that a step takes, instead of the model's")
+      ->check(CLI::Range(0.0, 1.0));
   verb->add_option("--iterations", options->iterations, "Gauss-Newton iterations at most (1: first order)")
       ->check(whole_number(1))
       ->capture_default_str();

@@ -32,7 +32,7 @@ SceneAndSeed scene_of(const RolloutOptions& options) {
 
 rom::ReducedOptions reduced_options(const RolloutOptions& options) {
   rom::ReducedOptions reduced;
-  reduced.step_factor = options.step_factor.value_or(1);
+  reduced.step_factor = options.step_factor;
   return reduced;
 }
 

@@ -1,6 +1,5 @@
 #include "rom/factored_fields.h"
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <utility>
 
@@ -124,10 +123,8 @@ class FactoredPositions final : public PointPositions<T> {
   TiledModes<T> position_;
 };
 
-/// Rows of the samples in f64: few, and the inversion needs the digits. The samples' distances give coefficients of all
-/// modes, a* = a + (U^T W U)^-1 U^T W (x - g), and the latent is the one nearest to these in the norm of the whole
-/// body: (a* - a(q))^T M (a* - a(q)), M = sum over all particles of U_p^T U_p. With U^T W U in place of M it would be
-/// nearest at the samples only, which few samples follow to where the body is not.
+/// Rows of the samples in f64: few, and the inversion needs the digits. With J = U da/dq the normal equations follow
+/// from the Gram matrix U^T W U, which changes by the few samples that do not count in full.
 class FactoredSamples final : public SampleField {
  public:
   FactoredSamples(const FactoredFields& fields, const std::vector<int32_t>& samples)
@@ -148,8 +145,6 @@ class FactoredSamples final : public SampleField {
       }
     }
     gram_.noalias() = basis_.transpose() * basis_;
-    metric_ = static_cast<double>(samples.size()) / static_cast<double>(table.rows()) * fields.deformation_gram();
-    gram_ += unseen * metric_;
     slope_.resize(branch_.count(), branch_.latents());
   }
   int samples() const override { return static_cast<int>(mean_.size() / 3); }
@@ -175,20 +170,17 @@ class FactoredSamples final : public SampleField {
       gram.noalias() -= sample.transpose() * ((1 - weight[s]) * sample);
       weighted.segment<3>(row) *= weight[s];
     }
-    const Eigen::MatrixXd on_manifold = metric_ * slope_;
-    normal.noalias() = slope_.transpose() * on_manifold;
-    right.noalias() = on_manifold.transpose() * gram.ldlt().solve(basis_.transpose() * weighted);
+    normal.noalias() = slope_.transpose() * (gram * slope_);
+    right.noalias() = slope_.transpose() * (basis_.transpose() * weighted);
   }
 
  private:
-  static constexpr double unseen = 1e-3;  ///< of M is added to U^T W U: modes that no sample sees stay as they are
   using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
   const ClosureBranch& branch_;
   Eigen::VectorXd mean_;
-  RowMajor basis_;          ///< U [3 samples, modes]
-  Eigen::MatrixXd gram_;    ///< U^T U
-  Eigen::MatrixXd metric_;  ///< Gram matrix of all particles, times the share that samples are of them
-  RowMajor slope_;          ///< da/dq where it was linearised
+  RowMajor basis_;        ///< U [3 samples, modes]
+  Eigen::MatrixXd gram_;  ///< U^T U
+  RowMajor slope_;        ///< da/dq where it was linearised
 };
 
 }  // namespace
@@ -200,17 +192,7 @@ FactoredFields::FactoredFields(ModeTable deformation, ClosureBranch deformation_
       affine_(std::move(affine)),
       deformation_branch_(std::move(deformation_branch)),
       stress_branch_(std::move(stress_branch)),
-      affine_branch_(std::move(affine_branch)) {
-  using Rows = Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
-  const auto m = static_cast<Eigen::Index>(deformation_.modes);
-  const Eigen::Map<const Rows> basis(deformation_.basis.data(), 3 * deformation_.rows(), m);
-  deformation_gram_ = Eigen::MatrixXd::Zero(m, m);
-  constexpr Eigen::Index block = 4096;  // rows that are widened at a time
-  for (Eigen::Index first = 0; first < basis.rows(); first += block) {
-    const Eigen::MatrixXd rows = basis.middleRows(first, std::min(block, basis.rows() - first)).cast<double>();
-    deformation_gram_.noalias() += rows.transpose() * rows;
-  }
-}
+      affine_branch_(std::move(affine_branch)) {}
 
 std::unique_ptr<PointFields<float>> FactoredFields::bind_f32(const std::vector<int32_t>& points) const {
   return std::make_unique<FactoredPoints<float>>(*this, points);

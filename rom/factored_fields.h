@@ -31,15 +31,12 @@ class FactoredFields final : public Fields {
   const ClosureBranch& deformation_branch() const { return deformation_branch_; }
   const MapBranch& stress_branch() const { return stress_branch_; }
   const Branch& affine_branch() const { return *affine_branch_; }
-  /// sum over all particles of U_p^T U_p, U the deformation's modes, [modes, modes].
-  const Eigen::MatrixXd& deformation_gram() const { return deformation_gram_; }
 
  private:
   ModeTable deformation_, stress_, affine_;
   ClosureBranch deformation_branch_;
   MapBranch stress_branch_;
   std::shared_ptr<const Branch> affine_branch_;
-  Eigen::MatrixXd deformation_gram_;
 };
 
 }  // namespace graupel::rom

@@ -48,6 +48,8 @@ void read_settings(const Json& settings, ReducedModel& model) {
   model.latent_reach = settings.at("latent_reach");
   model.usual_residual = settings.at("usual_residual");
   model.outlier_factor = settings.value("outlier_factor", 0.0);
+  model.step_factor = settings.value("step_factor", 1.0);
+  model.manifold_pull = settings.value("manifold_pull", 0.0);
 }
 
 FactoredFields read_fields(const nn::Weights& weights, int latents, int inputs, AffineKind affine_kind,
@@ -114,6 +116,13 @@ ReducedModel ReducedModel::load(const nn::Weights& weights) {
   check_indices(weights, model.encoder, n, "encoder's particles");
   model.start_latent = doubles(weights.get("latent.start", {latents}));
   model.training_latents = weights.get("latent.training", {extent(weights, "latent.training", 0), latents});
+  if (weights.tensors.count("latent.run") > 0) {
+    model.training_run = get_indices(weights, "latent.run");
+    if (model.training_run.size() * static_cast<std::size_t>(latents) != model.training_latents.size() ||
+        !std::is_sorted(model.training_run.begin(), model.training_run.end()))
+      throw InputError("'" + weights.file +
+                       "' has runs of other snapshots than its latents ('latent.run'). Train the model again");
+  }
   model.latent_scale = weights.get("latent.scale", {latents});
   for (const auto& [key, value] : weights.metadata)
     if (std::find(std::begin(own_keys), std::end(own_keys), key) == std::end(own_keys)) model.provenance[key] = value;
@@ -125,10 +134,12 @@ nn::Weights ReducedModel::store(nn::DType modes) const {
   weights.metadata = provenance;
   weights.metadata["architecture"] = nsf_architecture;
   weights.metadata["scene"] = scene_json;
-  Json settings = {{"parameters", Json::array()},     {"substeps_per_frame", substeps_per_frame},
-                   {"frame_time", frame_time},        {"affine", affine_kind == AffineKind::rate ? "rate" : "position"},
-                   {"latent_reach", latent_reach},    {"usual_residual", usual_residual},
-                   {"outlier_factor", outlier_factor}};
+  Json settings = {
+      {"parameters", Json::array()},      {"substeps_per_frame", substeps_per_frame},
+      {"frame_time", frame_time},         {"affine", affine_kind == AffineKind::rate ? "rate" : "position"},
+      {"latent_reach", latent_reach},     {"usual_residual", usual_residual},
+      {"outlier_factor", outlier_factor}, {"step_factor", step_factor},
+      {"manifold_pull", manifold_pull}};
   for (const ModelParameter& p : parameters)
     settings["parameters"].push_back(
         {{"name", p.name}, {"unit", p.unit}, {"keys", p.keys}, {"low", p.low}, {"high", p.high}});
@@ -147,6 +158,7 @@ nn::Weights ReducedModel::store(nn::DType modes) const {
   weights.tensors["latent.start"] = nn::Tensor::from_float(floats(start_latent), {r});
   weights.tensors["latent.training"] =
       nn::Tensor::from_float(training_latents, {static_cast<int64_t>(training_latents.size()) / r, r});
+  if (!training_run.empty()) weights.tensors["latent.run"] = index_tensor(training_run);
   weights.tensors["latent.scale"] = nn::Tensor::from_float(latent_scale, {r});
   return weights;
 }

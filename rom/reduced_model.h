@@ -52,12 +52,15 @@ struct ReducedModel {
   std::vector<float> reference;      ///< X, [particles, 3] [m]
   std::vector<int32_t> samples;      ///< by default
   double outlier_factor = 0;         ///< of the inversion, by default (FitOptions)
+  double manifold_pull = 0;          ///< share of the way back to the training's sheet that a step takes
+  double step_factor = 1;            ///< steps over those of the training, by default
   Clusters clusters;                 ///< integration points; as many as particles: these themselves
   std::vector<int32_t> encoder;      ///< particles whose positions give the latent
   std::vector<double> start_latent;  ///< mean over the training runs [r]
   /// Latents of the training snapshots [n, r], the scale of each axis [r], and the largest distance of a held-out
   /// training run to the others in that scale: beyond it a state is unlike those of the training.
   std::vector<float> training_latents;
+  std::vector<int32_t> training_run;  ///< that each belongs to [n], ascending; empty in files without
   std::vector<float> latent_scale;
   double latent_reach = 0;
   double usual_residual = 0;                      ///< of Gauss-Newton in the training's own rollouts [m]; 0: unknown

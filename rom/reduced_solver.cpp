@@ -63,6 +63,10 @@ ReducedSolver<T>::ReducedSolver(const ReducedModel& model, mpm::PreparedScene pr
     : model_(model),
       prepared_(checked(model, std::move(prepared))),
       options_(options),
+      step_factor_(options.step_factor.value_or(model.step_factor)),
+      manifold_pull_(options.manifold_pull.value_or(model.manifold_pull)),
+      manifold_(model.training_latents, model.latents(), model.training_run,
+                1 + static_cast<int>(model.parameters.size())),
       samples_(options.samples.value_or(model.samples)),
       grid_(prepared_),
       points_(*model.fields, model.integration_points(prepared_.particles.volume), samples_,
@@ -70,8 +74,8 @@ ReducedSolver<T>::ReducedSolver(const ReducedModel& model, mpm::PreparedScene pr
       sample_field_(model.fields->bind_samples(samples_)),
       output_(model.fields->bind_positions_f32(all_of(model.fields->particles()))) {
   GRAUPEL_ASSERT(parameters.size() == model_.parameters.size());
-  if (!(options_.step_factor > 0))
-    throw ConfigError(fmt::format("a time step factor of {} is out of range (above 0). Use 1", options_.step_factor));
+  if (!(step_factor_ > 0))
+    throw ConfigError(fmt::format("a time step factor of {} is out of range (above 0). Use 1", step_factor_));
   state_.parameters = std::move(parameters);
   grid_.choose(points_.candidates());
   fields_ = bind_fields<T>(*model_.fields, points_.candidates().particles);
@@ -105,7 +109,7 @@ void ReducedSolver<T>::advance_frame() {
   const double frame_time = prepared_.scene.frame_time,
                training_step = model_.frame_time / static_cast<double>(model_.substeps_per_frame);
   const auto steps =
-      std::max<int64_t>(1, static_cast<int64_t>(std::ceil(frame_time / (training_step * options_.step_factor) - 1e-6)));
+      std::max<int64_t>(1, static_cast<int64_t>(std::ceil(frame_time / (training_step * step_factor_) - 1e-6)));
   trust_ = {};
   down_weighted_sum_ = 0;
   for (int64_t i = 0; i < steps; ++i) step(frame_time / static_cast<double>(steps));
@@ -165,8 +169,14 @@ void ReducedSolver<T>::invert(double dt) {
                        .linearisation = Linearisation::once};
   const FitReport report = fit_latent(*sample_field_, target_, lost_, fit, latent);
   const Eigen::VectorXd velocity = (latent - old) / dt;
+  Eigen::VectorXd previous = old;
+  if (manifold_pull_ > 0) {
+    const Eigen::VectorXd way = manifold_pull_ * (manifold_.project(latent) - latent);
+    latent += way;
+    previous += way;
+  }
   state_.last_step = dt;
-  std::swap(state_.previous, state_.latent);
+  state_.previous.assign(previous.data(), previous.data() + r);
   state_.latent.assign(latent.data(), latent.data() + r);
   state_.velocity.assign(velocity.data(), velocity.data() + r);
 

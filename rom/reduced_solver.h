@@ -11,14 +11,16 @@
 #include "mpm/simulation.h"
 #include "rom/gauss_newton.h"
 #include "rom/integration_points.h"
+#include "rom/latent_manifold.h"
 #include "rom/particle_grid.h"
 #include "rom/reduced_model.h"
 
 namespace graupel::rom {
 
 struct ReducedOptions {
-  double step_factor = 1;                       ///< of the training's step
+  std::optional<double> step_factor;            ///< steps over those of the training, instead of the model's
   int iterations = 3;                           ///< of the inversion
+  std::optional<double> manifold_pull;          ///< instead of the model's
   std::optional<double> outlier_factor;         ///< of the inversion, instead of the model's
   std::optional<std::vector<int32_t>> samples;  ///< instead of the model's
 };
@@ -75,6 +77,8 @@ class ReducedSolver {
   const ReducedModel& model_;
   mpm::PreparedScene prepared_;
   ReducedOptions options_;
+  double step_factor_, manifold_pull_;
+  LatentManifold manifold_;
   std::vector<int32_t> samples_;
   ParticleGrid<T> grid_;
   IntegrationPoints<T> points_;

@@ -31,7 +31,9 @@ struct NsfConfig {
   int64_t samples = 300;
   rom::SampleRule sample_rule = rom::SampleRule::random;
   Vec3d sample_low = Vec3d::filled(-1e30), sample_high = Vec3d::filled(1e30);
-  double outlier_factor = 0;
+  double sample_support = 0.5;
+  double manifold_pull = 0;
+  double outlier_factor = 0, step_factor = 1;
   int64_t cluster = 1;
   int64_t encoder_particles = 2000;
   ModeStorage storage = ModeStorage::f16;
@@ -74,11 +76,25 @@ struct NsfConfig {
                                     .meaning = "Lower corner of the box of the reference body that samples lie in"});
     visit(&C::sample_high,
           FieldInfo{.name = "sample_high", .unit = "m", .meaning = "Upper corner of the samples' box"});
+    visit(&C::sample_support, FieldInfo{.name = "sample_support",
+                                        .unit = "",
+                                        .meaning = "Integration points with fewer others around than this share of the "
+                                                   "median, at any time, are no samples",
+                                        .range = Range::between(0, 1)});
+    visit(&C::manifold_pull,
+          FieldInfo{.name = "manifold_pull",
+                    .unit = "",
+                    .meaning = "Share of the way back to the states of the training that a step takes",
+                    .range = Range::between(0, 1)});
     visit(&C::outlier_factor, FieldInfo{.name = "outlier_factor",
                                         .unit = "",
                                         .meaning = "Samples count less beyond this multiple of the median distance; 0: "
                                                    "all count the same",
                                         .range = Range::between(0, 1e6)});
+    visit(&C::step_factor, FieldInfo{.name = "step_factor",
+                                     .unit = "",
+                                     .meaning = "Time steps of the model over those of its data, unless told otherwise",
+                                     .range = Range::positive()});
     visit(&C::cluster, FieldInfo{.name = "cluster",
                                  .unit = "",
                                  .meaning = "So many particles that lie together are one integration point",

@@ -11,6 +11,7 @@
 #include "core/error.h"
 #include "core/parallel_for.h"
 #include "core/random.h"
+#include "io/scene_reader.h"
 #include "train/map_fit.h"
 #include "train/pod.h"
 
@@ -251,6 +252,31 @@ class FactoredTraining {
     return furthest > 0 ? furthest : 1;
   }
 
+  /// Integration points with enough of the body around them in some snapshots of the training.
+  std::vector<int32_t> supported_points(const rom::ReducedModel& model) const {
+    constexpr Index states = 12;
+    const auto decoder = model.fields->bind_positions_f32(representatives_);
+    const auto count = static_cast<int64_t>(representatives_.size());
+    std::vector<float> tiles(static_cast<std::size_t>(3 * mpm::padded_to_tile(count)));
+    std::vector<std::vector<Vec3f>> positions;
+    for (Index s = 0; s < states; ++s) {
+      const Eigen::VectorXd latent = latents_.row((2 * s + 1) * latents_.rows() / (2 * states));
+      rom::LatentState state;
+      state.latent.assign(latent.data(), latent.data() + latent.size());
+      state.velocity.assign(state.latent.size(), 0.0);
+      decoder->decode(state, tiles.data());
+      std::vector<Vec3f>& places = positions.emplace_back();
+      for (int64_t i = 0; i < count; ++i) places.push_back(mpm::TiledView<float, 3>{tiles.data()}.vec(i));
+    }
+    const std::vector<double> support = rom::least_support(positions, cell_size());
+    std::vector<int32_t> points;
+    for (std::size_t i = 0; i < support.size(); ++i)
+      if (support[i] >= config_.sample_support) points.push_back(representatives_[i]);
+    return points;
+  }
+
+  double cell_size() const { return io::parse_stored_scene(set_.scene_json(), set_.file(), set_.file()).domain.dx; }
+
   void choose_particles(rom::ReducedModel& model) const {
     const auto n = static_cast<int32_t>(set_.particles());
     std::vector<int32_t> order(static_cast<std::size_t>(n));
@@ -265,7 +291,7 @@ class FactoredTraining {
       return chosen;
     };
     const auto candidates =
-        rom::points_within(representatives_, model.reference, config_.sample_low, config_.sample_high);
+        rom::points_within(supported_points(model), model.reference, config_.sample_low, config_.sample_high);
     if (candidates.empty())
       throw ConfigError(
           "no integration point lies in the samples' box (sample_low, sample_high). Widen it; 'graupel inspect' of the "
@@ -273,6 +299,9 @@ class FactoredTraining {
     model.samples = rom::choose_samples(config_.sample_rule, model.fields->deformation(), candidates, config_.samples,
                                         config_.seed);
     model.outlier_factor = config_.outlier_factor;
+    model.step_factor = config_.step_factor;
+    model.manifold_pull = config_.manifold_pull;
+    model.training_run.assign(run_of_.begin(), run_of_.end());
     model.encoder = first(config_.encoder_particles);
   }
 
