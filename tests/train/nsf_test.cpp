@@ -38,7 +38,8 @@ std::vector<float> low_rank(int snapshots, int width) {
 TEST(Pod, FindsAllModesOfLowRankSnapshots) {
   const std::vector<float> values = low_rank(20, 6000);  // more than one block of columns
   const SnapshotMatrix snapshots(values.data(), 20, 6000);
-  const Pod modes = pod(snapshots, 10);
+  MatrixBlocks whole(snapshots);
+  const Pod modes = pod(whole, 10);
   ASSERT_GE(modes.modes(), 3);
   EXPECT_LT(modes.tail(3), 1e-3);  // the rounding of f32 products
   EXPECT_GT(modes.tail(2), 1e-3);
@@ -57,11 +58,12 @@ TEST(Pod, FindsAllModesOfLowRankSnapshots) {
 
 TEST(Pod, ProjectionReturnsCoefficients) {
   const std::vector<float> values = low_rank(20, 900);
-  const SnapshotMatrix snapshots(values.data(), 20, 900);
+  MatrixBlocks snapshots(SnapshotMatrix(values.data(), 20, 900));
   const Pod modes = pod(snapshots, 3);
   std::vector<float> rows = values;
   for (std::size_t i = 0; i < rows.size(); ++i) rows[i] -= modes.mean[i % 900];
-  const Eigen::MatrixXd again = project(SnapshotMatrix(rows.data(), 20, 900), modes, 3);
+  MatrixBlocks others(SnapshotMatrix(rows.data(), 20, 900));
+  const Eigen::MatrixXd again = project(others, modes, 3);
   EXPECT_LT((again - modes.coefficients).cwiseAbs().maxCoeff(), 1e-4);
 }
 
@@ -197,6 +199,25 @@ TEST_F(NsfTraining, RollsOutAParameterThatItWasNotTrainedOn) {
   EXPECT_LT(report.deformation.tail, 0.01);
   EXPECT_LT(displacement_error<float>(model, 29, {}), 0.03);
   EXPECT_LT(displacement_error<double>(model, 29, {}), 0.03);
+}
+
+TEST_F(NsfTraining, BlocksOfSnapshotsGiveTheSameModel) {
+  NsfReport report;
+  for (const auto& [cluster, affine] : {std::pair{1, rom::AffineKind::rate}, {3, rom::AffineKind::position}}) {
+    NsfTrainingOptions whole = options();
+    whole.config.cluster = cluster;
+    whole.config.affine = affine;
+    NsfTrainingOptions parts = whole;
+    parts.config.memory = 1e-6;  // a piece of columns at a time
+    int said = 0;
+    parts.message = [&](const std::string& text) { said += text.find("blocks of snapshots") != std::string::npos; };
+    const nn::Weights a = train_factored(whole, report).store(nn::DType::f32),
+                      b = train_factored(parts, report).store(nn::DType::f32);
+    EXPECT_GE(said, cluster == 1 ? 3 : 2);
+    ASSERT_EQ(a.tensors.size(), b.tensors.size());
+    for (const auto& [name, tensor] : a.tensors)
+      EXPECT_EQ(tensor.bytes, b.tensors.at(name).bytes) << name << " with clusters of " << cluster;
+  }
 }
 
 TEST_F(NsfTraining, KeepsStressAtTheIntegrationPointsOnly) {
