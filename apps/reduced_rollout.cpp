@@ -153,6 +153,9 @@ class ReducedRollout {
     std::fprintf(stderr, "  %lld samples, %.0f integration particles in the mean, %lld at most\n",
                  static_cast<long long>(statistics.samples), statistics.mean_integration,
                  static_cast<long long>(statistics.most_integration));
+    if (statistics.reduced_steps > 0)
+      std::fprintf(stderr, "  %lld of %lld steps were taken back and repeated at half the length\n",
+                   static_cast<long long>(statistics.reduced_steps), static_cast<long long>(t.steps));
     std::fprintf(stderr, "  trust, largest: residual %.3g, down-weighted %.3g, latent distance %.3g%s\n",
                  worst_.residual, worst_.down_weighted, worst_.latent_distance,
                  worst_.latent_distance > 1 ? " (above 1: further from the training than its own runs are)" : "");
@@ -168,6 +171,7 @@ class ReducedRollout {
             {"parameters", run_.parameters()},
             {"seconds_per_frame", median_frame()},
             {"steps", t.steps},
+            {"reduced_steps", statistics.reduced_steps},
             {"seconds_per_step",
              {{"decode", t.decode / steps},
               {"grid", t.grid / steps},
