@@ -77,7 +77,7 @@ Decoded decode(const Fields& fields, const TrunkParticles& body, const Reference
   TrunkPositions<T> trunk(fields, body, points);
   const auto n = static_cast<int64_t>(points.position.size());
   std::vector<T> x(static_cast<std::size_t>(3 * mpm::padded_to_tile(n))), v(x.size()), f(3 * x.size());
-  const LatentState state{{1}, {2}, {}, 0};
+  const LatentState state{{1}, {2}, {}, 0, {}};
   trunk.decode_with_gradient(state, x.data(), f.data());
   std::vector<T> again(x.size());
   trunk.decode(state, again.data());

@@ -286,7 +286,7 @@ std::pair<double, double> left_out_error(const rom::ReducedModel& model, int64_t
   const auto r = static_cast<std::size_t>(model.latents());
   for (std::size_t snapshot = 25; snapshot < model.training_latents.size() / r; snapshot += 26) {
     const auto first = model.training_latents.begin() + static_cast<std::ptrdiff_t>(snapshot * r);
-    const rom::LatentState state{{first, first + static_cast<std::ptrdiff_t>(r)}, std::vector<double>(r), {}, 0};
+    const rom::LatentState state{{first, first + static_cast<std::ptrdiff_t>(r)}, std::vector<double>(r), {}, 0, {}};
     trunk.decode(state, x.data());
     exact->decode(state, truth.data());
     const mpm::TiledView<double, 3> at{truth.data()}, by_trunk{x.data()};
