@@ -33,7 +33,7 @@ struct BenchRomOptions {
   double outlier_factor = 0;
   std::optional<double> manifold_pull;
   CLI::Option* outlier_option = nullptr;
-  bool f64 = false;
+  bool f64 = false, keep_steps = false;
 };
 
 /// One run of the reduced model against a stored truth.
@@ -65,6 +65,7 @@ rom::ReducedOptions reduced_options(const BenchRomOptions& options, const rom::R
   if (candidates.empty()) throw ConfigError("no integration point lies in the box of '--sample-box'. Widen it");
   if (options.samples > 0)
     reduced.samples = rom::choose_samples(rule, model.fields->deformation(), candidates, options.samples, 0);
+  if (options.keep_steps) reduced.long_steps = rom::LongSteps::kept;
   return reduced;
 }
 
@@ -129,6 +130,7 @@ Json json_of(const Measured& m, double factor) {
   json["integration_mean"] = m.statistics.mean_integration;
   json["integration_max"] = m.statistics.most_integration;
   json["steps"] = t.steps;
+  json["reduced_steps"] = m.statistics.reduced_steps;
   json["seconds"] = m.seconds;
   json["seconds_per_step"] = {{"decode", t.decode / steps},
                               {"grid", t.grid / steps},
@@ -159,11 +161,11 @@ void print_row(const Measured& m, double factor) {
     std::printf("%12s %6.2f  stopped after %lld steps: %s\n", parameters.c_str(), factor,
                 static_cast<long long>(t.steps), m.trouble.c_str());
   else
-    std::printf("%12s %6.2f %9.4f %9.3f %7.3f %8.0f %8.0f %8.0f %8.0f %8.0f %8.0f %8.3f %6.3f %6.2f %7.3f\n",
+    std::printf("%12s %6.2f %9.4f %9.3f %7.3f %8.0f %8.0f %8.0f %8.0f %8.0f %8.0f %8.3f %6.3f %6.2f %7lld %7.3f\n",
                 parameters.c_str(), factor, 100 * m.delta, 100 * m.displacement_relative, m.error_cells,
                 m.statistics.mean_integration, per_step * t.total(), per_step * t.decode, per_step * t.grid,
                 per_step * t.inversion, per_step * t.search, m.worst.residual, m.worst.down_weighted,
-                m.worst.latent_distance, m.seconds);
+                m.worst.latent_distance, static_cast<long long>(m.statistics.reduced_steps), m.seconds);
   std::fflush(stdout);
 }
 
@@ -173,9 +175,9 @@ void bench_rom(BenchRomOptions& options) {
   if (options.cluster > 1) take_clusters(loaded.model, static_cast<int>(options.cluster));
   const io::TrajectoryReader reader(options.data + "/" + options.split + ".h5");
   Json rows = Json::array();
-  std::printf("%12s %6s %9s %9s %7s %8s %8s %8s %8s %8s %8s %8s %6s %6s %7s\n", "parameters", "factor", "delta %",
+  std::printf("%12s %6s %9s %9s %7s %8s %8s %8s %8s %8s %8s %8s %6s %6s %7s %7s\n", "parameters", "factor", "delta %",
               "displ. %", "cells", "|N|", "us/step", "decode", "grid", "invert", "search", "residual", "down", "latent",
-              "s");
+              "reduced", "s");
   if (options.step_factors.empty()) options.step_factors = {loaded.model.step_factor};
   for (const double factor : options.step_factors)
     for (int i = 0; i < reader.count(); ++i) {
@@ -217,6 +219,7 @@ void add_bench_rom(CLI::App& bench) {
   verb->add_option("--iterations", options->iterations, "Gauss-Newton iterations at most (1: first order)")
       ->check(whole_number(1))
       ->capture_default_str();
+  verb->add_flag("--keep-steps", options->keep_steps, "Repeat no step at half the length where it leaves too much");
   verb->add_flag("--f64", options->f64, "Double precision");
   options->common.add_to(*verb);
   verb->footer(

@@ -4,8 +4,10 @@
 #include <chrono>
 #include <cstdio>
 #include <nlohmann/json.hpp>
+#include <utility>
 
 #include "apps/progress.h"
+#include "apps/refined_body.h"
 #include "apps/rollout.h"
 #include "core/error.h"
 #include "io/scene_reader.h"
@@ -44,7 +46,9 @@ class ReducedRollout {
         scene_(task.scene),
         frames_(options.frames >= 0 ? options.frames : task.scene.frames),
         run_(loaded, task.scene, task.seed, reduced_options(options), options.arithmetic),
-        writer_(options.output, header_of(task)) {
+        refined_(options.refine ? std::make_unique<RefinedBody>(loaded, task.scene, task.seed, *options.refine)
+                                : nullptr),
+        writer_(options.output, header_of(task), {.velocity = !refined_}) {
     std::vector<io::NamedValue> values;
     for (std::size_t i = 0; i < run_.parameters().size(); ++i) {
       const rom::ModelParameter& p = loaded.model.parameters[i];
@@ -63,7 +67,7 @@ class ReducedRollout {
          .description = "Largest residual, share of down-weighted samples, latent distance [frame, indicator]",
          .columns = 3,
          .values = trust_});
-    writer_.finish(diverged_at_);
+    writer_.finish(diverged_at_ < 0 ? -1 : written_);
     print_summary();
     options_.common.write_json(summary());
     if (diverged_at_ >= 0)
@@ -74,25 +78,38 @@ class ReducedRollout {
  private:
   Trajectory header_of(const SceneAndSeed& task) const {
     Trajectory header;
-    header.particle_type = run_.particle_type();
-    header.frame_time = task.scene.frame_time;
+    header.particle_type = refined_ ? refined_->particle_type() : run_.particle_type();
+    header.frame_time = task.scene.frame_time * static_cast<double>(options_.stride);
     header.scene_json = task.scene.source;
     header.seed = task.seed;
     header.made_by = options_.weights;
     return header;
   }
 
+  /// `trust`: the largest since the frame before.
   void write_frame(const rom::TrustIndicator& trust) {
-    writer_.append(run_.frame());
+    if (refined_) {
+      const auto begin = std::chrono::steady_clock::now();
+      const ParticleFrame frame = refined_->frame(run_.state(), run_.time());
+      refine_seconds_.push_back(std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count());
+      writer_.append(frame);
+    } else {
+      writer_.append(run_.frame());
+    }
+    ++written_;
     for (const double value : {trust.residual, trust.down_weighted, trust.latent_distance})
       trust_.push_back(static_cast<float>(value));
-    worst_.residual = std::max(worst_.residual, trust.residual);
-    worst_.down_weighted = std::max(worst_.down_weighted, trust.down_weighted);
-    worst_.latent_distance = std::max(worst_.latent_distance, trust.latent_distance);
+    worst_ = larger(worst_, trust);
+  }
+
+  static rom::TrustIndicator larger(const rom::TrustIndicator& a, const rom::TrustIndicator& b) {
+    return {std::max(a.residual, b.residual), std::max(a.down_weighted, b.down_weighted),
+            std::max(a.latent_distance, b.latent_distance)};
   }
 
   void advance() {
     Progress progress(fmt::format("rollout {} ({} particles)", scene_.name, run_.particle_type().size()), frames_);
+    rom::TrustIndicator since;
     for (int64_t f = 1; f <= frames_; ++f) {
       stop_if_interrupted(fmt::format("; 'graupel inspect --recover {}' keeps the frames so far", options_.output));
       const auto begin = std::chrono::steady_clock::now();
@@ -104,18 +121,19 @@ class ReducedRollout {
         return;
       }
       seconds_.push_back(std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count());
-      write_frame(run_.trust());
+      since = larger(since, run_.trust());
+      if (f % options_.stride == 0) write_frame(std::exchange(since, {}));
       progress.update(f, fmt::format("{:.0f} ms a frame, residual {:.2g}, latent distance {:.2g}",
                                      1e3 * seconds_.back(), run_.trust().residual, run_.trust().latent_distance));
     }
     progress.done();
   }
 
-  double median_frame() const {
-    std::vector<double> sorted = seconds_;
-    std::sort(sorted.begin(), sorted.end());
-    return sorted.empty() ? 0 : sorted[sorted.size() / 2];
+  static double median(std::vector<double> values) {
+    std::sort(values.begin(), values.end());
+    return values.empty() ? 0 : values[values.size() / 2];
   }
+  double median_frame() const { return median(seconds_); }
 
   void print_summary() const {
     const rom::ReducedStatistics statistics = run_.statistics();
@@ -124,6 +142,10 @@ class ReducedRollout {
                  percent = 100 / std::max(t.total(), 1e-12);
     std::fprintf(stderr, "%s: %zu particles, %zu frames, %s a frame (median)\n", options_.output.c_str(),
                  run_.particle_type().size(), seconds_.size(), human_time(median_frame()).c_str());
+    if (refined_)
+      std::fprintf(stderr, "  refined to %zu points: %s a frame that was written (median of %lld)\n",
+                   refined_->particle_type().size(), human_time(median(refine_seconds_)).c_str(),
+                   static_cast<long long>(written_));
     if (t.steps == 0) return;
     std::fprintf(stderr, "  %s a step: decode %.0f %%, grid %.0f %%, inversion %.0f %%, search %.0f %%\n",
                  human_time(step).c_str(), percent * t.decode, percent * t.grid, percent * t.inversion,
@@ -131,6 +153,9 @@ class ReducedRollout {
     std::fprintf(stderr, "  %lld samples, %.0f integration particles in the mean, %lld at most\n",
                  static_cast<long long>(statistics.samples), statistics.mean_integration,
                  static_cast<long long>(statistics.most_integration));
+    if (statistics.reduced_steps > 0)
+      std::fprintf(stderr, "  %lld of %lld steps were taken back and repeated at half the length\n",
+                   static_cast<long long>(statistics.reduced_steps), static_cast<long long>(t.steps));
     std::fprintf(stderr, "  trust, largest: residual %.3g, down-weighted %.3g, latent distance %.3g%s\n",
                  worst_.residual, worst_.down_weighted, worst_.latent_distance,
                  worst_.latent_distance > 1 ? " (above 1: further from the training than its own runs are)" : "");
@@ -146,6 +171,7 @@ class ReducedRollout {
             {"parameters", run_.parameters()},
             {"seconds_per_frame", median_frame()},
             {"steps", t.steps},
+            {"reduced_steps", statistics.reduced_steps},
             {"seconds_per_step",
              {{"decode", t.decode / steps},
               {"grid", t.grid / steps},
@@ -159,6 +185,9 @@ class ReducedRollout {
              {{"residual", worst_.residual},
               {"down_weighted", worst_.down_weighted},
               {"latent_distance", worst_.latent_distance}}},
+            {"points", refined_ ? refined_->particle_type().size() : 0},
+            {"frames_written", written_},
+            {"seconds_to_refine", median(refine_seconds_)},
             {"diverged_at_frame", diverged_at_}};
   }
 
@@ -166,10 +195,13 @@ class ReducedRollout {
   const Scene& scene_;
   int64_t frames_;
   ReducedRun run_;
+  std::unique_ptr<RefinedBody> refined_;  ///< where it was asked for
   io::TrajectoryWriter writer_;
+  int64_t written_ = 0;       ///< frames
   std::vector<float> trust_;  ///< [frames, 3]
   rom::TrustIndicator worst_;
-  std::vector<double> seconds_;  ///< of each frame
+  std::vector<double> seconds_;         ///< of each frame
+  std::vector<double> refine_seconds_;  ///< of each frame that was written
   int64_t diverged_at_ = -1;
   std::string trouble_;
 };

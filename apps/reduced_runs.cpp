@@ -53,14 +53,17 @@ LoadedModel::LoadedModel(const std::string& path)
   model.scene_json = io::scene_to_json(io::parse_stored_scene(model.scene_json, file, file));
 }
 
-std::vector<int32_t> particle_kinds(const rom::ReducedModel& model) {
-  const Scene scene = io::parse_scene(model.scene_json, "the model's scene", "");
-  const mpm::SampledParticles particles = mpm::sample_sources(scene, scene.seed);
+std::vector<int32_t> particle_kinds(const mpm::SampledParticles& particles) {
   const auto scripts = static_cast<int32_t>(particles.scripts.size()) + 1;
   std::vector<int32_t> kinds;
   for (std::size_t p = 0; p < particles.position.size(); ++p)
     kinds.push_back(particles.material[p] * scripts + (particles.script.empty() ? 0 : particles.script[p] + 1));
   return kinds;
+}
+
+std::vector<int32_t> particle_kinds(const rom::ReducedModel& model) {
+  const Scene scene = io::parse_scene(model.scene_json, "the model's scene", "");
+  return particle_kinds(mpm::sample_sources(scene, scene.seed));
 }
 
 bool is_reduced_model(const std::string& file) {

@@ -18,7 +18,9 @@ struct LoadedModel {
   rom::ReducedModel model;
 };
 
-/// [particles] of the model's scene: equal for particles of one material and script.
+/// [particles]: equal for particles of one material and script.
+std::vector<int32_t> particle_kinds(const mpm::SampledParticles& particles);
+/// Of the model's scene.
 std::vector<int32_t> particle_kinds(const rom::ReducedModel& model);
 
 /// Whether a weights file holds a reduced-order model.
@@ -41,6 +43,8 @@ class ReducedRun {
   ReducedRun(const LoadedModel& model, const Scene& scene, uint64_t seed, const rom::ReducedOptions& options,
              Arithmetic arithmetic = Arithmetic::f32, OutsideRange outside = OutsideRange::warn);
   void advance_frame() { single_ ? single_->advance_frame() : exact_->advance_frame(); }
+  double time() const { return single_ ? single_->time() : exact_->time(); }
+  const rom::LatentState& state() const { return single_ ? single_->state() : exact_->state(); }
   ParticleFrame frame() const { return single_ ? single_->frame() : exact_->frame(); }
   const rom::TrustIndicator& trust() const { return single_ ? single_->trust() : exact_->trust(); }
   rom::ReducedStatistics statistics() const { return single_ ? single_->statistics() : exact_->statistics(); }

@@ -99,7 +99,11 @@ void check_flags(const RolloutOptions& options) {
 
 /// Flags that the kind of model does not know.
 void check_flags_of_network(const RolloutOptions& options) {
-  const char* flag = options.step_factor ? "--step-factor" : options.arithmetic == Arithmetic::f64 ? "--f64" : nullptr;
+  const char* flag = options.step_factor                     ? "--step-factor"
+                     : options.refine                        ? "--refine"
+                     : options.stride != 1                   ? "--stride"
+                     : options.arithmetic == Arithmetic::f64 ? "--f64"
+                                                             : nullptr;
   if (flag != nullptr)
     throw ConfigError(
         fmt::format("{} is of reduced-order models, and '{}' is a graph network. Leave it out", flag, options.weights));
@@ -194,12 +198,19 @@ void add_rollout(CLI::App& app) {
       ->check(real_number(LowerBound::above_zero));
   verb->add_flag_callback(
       "--f64", [options] { options->arithmetic = Arithmetic::f64; }, "Of reduced-order models: double precision");
+  verb->add_option("--refine", options->refine,
+                   "Of reduced-order models: write so many points in the volume of every particle (positions alone)")
+      ->check(whole_number(1, 1000000));
+  verb->add_option("--stride", options->stride, "Of reduced-order models: write every n-th frame")
+      ->check(whole_number(1))
+      ->capture_default_str();
   options->common.add_to(*verb);
   verb->footer(
       "Examples:\n  graupel rollout models/hgn.safetensors scenes/shared/water_steps.json -o predicted.h5\n"
       "  graupel rollout models/hgn.safetensors steps.h5 --start truth:6 --frames 60\n"
       "  graupel rollout models/nsf-sand.safetensors scenes/shared/sand_column.json --set "
-      "materials.sand.friction_angle=33");
+      "materials.sand.friction_angle=33\n"
+      "  graupel rollout models/nsf-sand.safetensors scenes/shared/sand_column.json --refine 100 --stride 10");
   verb->callback([options] { rollout(*options); });
 }
 

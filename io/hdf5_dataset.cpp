@@ -13,6 +13,7 @@ namespace {
 constexpr uint64_t largest_chunk = uint64_t(1) << 30;
 constexpr uint64_t largest_ratio = 1100;  // deflate shrinks at most 1032 times
 constexpr std::size_t read_cache = std::size_t(16) << 20;
+constexpr std::size_t chunks_at_once = 32;
 constexpr uint64_t most_expanded = uint64_t(64) << 20;  // bytes of one row of chunks that are kept
 
 hid_t memory_type(Element element) {
@@ -192,35 +193,85 @@ bool Dataset::expands_chunks(Element element) const {
   return bytes <= most_expanded && std::equal(size.begin() + 2, size.end(), chunk.begin() + 2);
 }
 
+/// Of one place of the second dimension.
+std::size_t Dataset::particle_bytes() const {
+  const std::vector<hsize_t> row_size(size.begin() + 1, size.end());
+  return row_bytes(row_size, bytes_of(*plain_type)) / std::max<hsize_t>(size[1], 1);
+}
+
+/// A chunk as the file has it; false when the file does not hold it.
+bool Dataset::read_chunk(hsize_t row, hsize_t second, FilteredChunk& packed) const {
+  std::vector<hsize_t> at(size.size(), 0);
+  at[0] = row;
+  at[1] = second;
+  hsize_t bytes = 0;
+  if (H5Dget_chunk_storage_size(id, at.data(), &bytes) < 0 || bytes == 0) return false;
+  if (bytes > 2 * chunk[0] * chunk[1] * particle_bytes() + 64)
+    throw Failure("a chunk claims more bytes than its values have");
+  packed.bytes.resize(bytes);
+  check(H5Dread_chunk(id, H5P_DEFAULT, at.data(), &packed.skipped, packed.bytes.data()), "cannot read values");
+  return true;
+}
+
 /// Reads the row of chunks that starts at `row`; false when the file does not hold all of it.
 bool Dataset::expand_chunks(hsize_t row) const {
   if (expanded_row_ == row) return true;
   expanded_row_.reset();
-  const std::vector<hsize_t> row_size(size.begin() + 1, size.end());
-  const std::size_t element = bytes_of(*plain_type),
-                    particle = row_bytes(row_size, element) / std::max<hsize_t>(size[1], 1);
-  const std::size_t line = particle * size[1], chunk_line = particle * chunk[1];
+  const std::size_t particle = particle_bytes(), line = particle * size[1], chunk_line = particle * chunk[1];
   expanded_.resize(chunk[0] * line);
-  std::vector<hsize_t> at(size.size(), 0);
-  at[0] = row;
-  for (at[1] = 0; at[1] < size[1]; at[1] += chunk[1]) {
-    hsize_t bytes = 0;
-    if (H5Dget_chunk_storage_size(id, at.data(), &bytes) < 0 || bytes == 0) return false;
-    if (bytes > 2 * chunk[0] * chunk_line + 64) throw Failure("a chunk claims more bytes than its values have");
+  for (hsize_t second = 0; second < size[1]; second += chunk[1]) {
     FilteredChunk packed;
-    packed.bytes.resize(bytes);
-    check(H5Dread_chunk(id, H5P_DEFAULT, at.data(), &packed.skipped, packed.bytes.data()), "cannot read values");
+    if (!read_chunk(row, second, packed)) return false;
     const std::vector<std::byte> values = unfilter_chunk(packed, *filters, chunk[0] * chunk_line);
-    const std::size_t here = particle * std::min(chunk[1], size[1] - at[1]);
+    const std::size_t here = particle * std::min(chunk[1], size[1] - second);
     for (hsize_t r = 0; r < chunk[0]; ++r)
-      std::memcpy(expanded_.data() + r * line + at[1] * particle, values.data() + r * chunk_line, here);
+      std::memcpy(expanded_.data() + r * line + second * particle, values.data() + r * chunk_line, here);
   }
   expanded_row_ = row;
   return true;
 }
 
+/// Rows straight to `out`: a few chunks at a time are read, then expanded by all threads. False when the file does not
+/// hold one of them.
+bool Dataset::expand_rows(hsize_t first, hsize_t count, std::byte* out) const {
+  struct Task {
+    hsize_t row, second;
+    FilteredChunk packed;
+  };
+  const std::size_t particle = particle_bytes(), line = particle * size[1], chunk_line = particle * chunk[1];
+  std::vector<Task> tasks;
+  for (hsize_t row = first - first % chunk[0]; row < first + count; row += chunk[0])
+    for (hsize_t second = 0; second < size[1]; second += chunk[1]) tasks.push_back({row, second, {}});
+  const auto place = [&](Task& task) {
+    const std::vector<std::byte> values = unfilter_chunk(task.packed, *filters, chunk[0] * chunk_line);
+    task.packed = {};
+    const std::size_t here = particle * std::min(chunk[1], size[1] - task.second);
+    const hsize_t begin = std::max(task.row, first), end = std::min(task.row + chunk[0], first + count);
+    for (hsize_t r = begin; r < end; ++r)
+      std::memcpy(out + (r - first) * line + task.second * particle, values.data() + (r - task.row) * chunk_line, here);
+  };
+  for (std::size_t begin = 0; begin < tasks.size(); begin += chunks_at_once) {
+    const std::size_t end = std::min(tasks.size(), begin + chunks_at_once);
+    for (std::size_t i = begin; i < end; ++i)
+      if (!read_chunk(tasks[i].row, tasks[i].second, tasks[i].packed)) return false;
+    std::exception_ptr failure;
+#pragma omp parallel for schedule(dynamic)
+    for (std::size_t i = begin; i < end; ++i) try {
+        place(tasks[i]);
+      } catch (...) {
+#pragma omp critical
+        failure = std::current_exception();
+      }
+    if (failure) std::rethrow_exception(failure);
+  }
+  return true;
+}
+
 void Dataset::read_rows(hsize_t first, hsize_t count, Element element, void* out) const {
   const bool expands = expands_chunks(element) && !(size.size() == 3 && size[2] == 2);
+  if (expands && count > 1 && count >= chunk[0] && first + count <= size[0] &&
+      expand_rows(first, count, static_cast<std::byte*>(out)))
+    return;
   for (auto* to = static_cast<std::byte*>(out); expands && count > 0; ++first, --count) {
     if (first >= size[0] || !expand_chunks(first - first % chunk[0])) break;
     const std::size_t line = expanded_.size() / chunk[0];

@@ -34,7 +34,7 @@ struct Dataset {
   std::optional<Element> plain_type;
 
   /// Rows [first, first + count) of the first dimension. When the last dimension is 2, the values are placed 3 apart
-  /// and the third is left alone.
+  /// and the third is left alone. Chunks of many rows are expanded by all threads.
   void read_rows(hsize_t first, hsize_t count, Element element, void* out) const;
   /// Whether read_rows() expands chunks of this type itself, beside other threads.
   bool expands_chunks(Element element) const;
@@ -42,7 +42,10 @@ struct Dataset {
   bool has_chunks(hsize_t row) const;
 
  private:
+  bool read_chunk(hsize_t row, hsize_t second, FilteredChunk& packed) const;
   bool expand_chunks(hsize_t row) const;
+  bool expand_rows(hsize_t first, hsize_t count, std::byte* out) const;
+  std::size_t particle_bytes() const;
 
   mutable std::optional<hsize_t> expanded_row_;  ///< first row of the chunks in expanded_
   mutable std::vector<std::byte> expanded_;      ///< rows of the chunks that were read last

@@ -98,6 +98,11 @@ class TrajectoryReader {
   /// Frames [first, first + count) of trajectory i; velocity and active from the file, or empty; of the fields those
   /// that are `wanted` and stored.
   std::vector<ParticleFrame> frames(int i, int64_t first, int64_t count, FieldSet wanted = {}) const;
+  /// One quantity of frames [first, first + count) alone, [count, particles, components]; all threads expand it. Throws
+  /// InputError when it is not stored.
+  std::vector<float> positions(int i, int64_t first, int64_t count) const;
+  std::vector<float> velocities(int i, int64_t first, int64_t count) const;
+  std::vector<float> values(int i, ParticleField field, int64_t first, int64_t count) const;
   std::vector<Vec3f> initial_velocity(int i) const;             ///< empty when not stored
   Trajectory read(int i, FieldSet wanted = {}) const;           ///< whole trajectory
   std::string attribute(int i, const std::string& name) const;  ///< "" when absent

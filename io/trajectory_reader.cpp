@@ -61,6 +61,7 @@ struct TrajectoryReader::Impl {
   std::vector<double> read_times(hid_t group, hsize_t frames) const;
   Trajectory header(int i) const;
   std::vector<ParticleFrame> frames(int i, int64_t first, int64_t count, FieldSet wanted) const;
+  std::vector<float> rows(const hdf5::Dataset& dataset, int components, int64_t first, int64_t count) const;
 
   /// Runs HDF5 calls; a failure becomes an InputError.
   template <typename Body>
@@ -186,6 +187,15 @@ std::vector<ParticleFrame> TrajectoryReader::Impl::frames(int i, int64_t first, 
   return out;
 }
 
+std::vector<float> TrajectoryReader::Impl::rows(const hdf5::Dataset& dataset, int components, int64_t first,
+                                                int64_t count) const {
+  GRAUPEL_ASSERT(first >= 0 && count >= 0 && first + count <= static_cast<int64_t>(dataset.size[0]));
+  std::vector<float> out(static_cast<std::size_t>(count) * dataset.size[1] * static_cast<std::size_t>(components));
+  if (count > 0)
+    dataset.read_rows(static_cast<hsize_t>(first), static_cast<hsize_t>(count), hdf5::Element::float32, out.data());
+  return out;
+}
+
 TrajectoryReader::TrajectoryReader(const std::string& path) : impl_(std::make_unique<Impl>()) {
   impl_->path = path;
   std::error_code code;
@@ -219,6 +229,27 @@ FieldSet TrajectoryReader::fields(int i) const {
 
 std::vector<ParticleFrame> TrajectoryReader::frames(int i, int64_t first, int64_t count, FieldSet wanted) const {
   return impl_->guarded([&] { return impl_->frames(i, first, count, wanted); });
+}
+
+std::vector<float> TrajectoryReader::positions(int i, int64_t first, int64_t count) const {
+  return impl_->guarded([&] { return impl_->rows(impl_->trajectory(i).position, 3, first, count); });
+}
+
+std::vector<float> TrajectoryReader::velocities(int i, int64_t first, int64_t count) const {
+  return impl_->guarded([&] {
+    const auto& velocity = impl_->trajectory(i).velocity;
+    if (!velocity) throw hdf5::Failure("it stores no velocities");
+    return impl_->rows(*velocity, 3, first, count);
+  });
+}
+
+std::vector<float> TrajectoryReader::values(int i, ParticleField field, int64_t first, int64_t count) const {
+  return impl_->guarded([&] {
+    const auto& fields = impl_->trajectory(i).fields;
+    const auto at = fields.find(field);
+    if (at == fields.end()) throw hdf5::Failure("it lacks the field '" + std::string(info_of(field).name) + "'");
+    return impl_->rows(at->second, info_of(field).components, first, count);
+  });
 }
 
 std::vector<Vec3f> TrajectoryReader::initial_velocity(int i) const {

@@ -49,6 +49,18 @@ mpm::PreparedScene checked(const ReducedModel& model, mpm::PreparedScene prepare
   return prepared;
 }
 
+/// Steps of a frame, and how often each may be halved: until it is no longer than the training's.
+int64_t steps_of(const ReducedModel& model, double frame_time, double factor) {
+  const double training_step = model.frame_time / static_cast<double>(model.substeps_per_frame);
+  return std::max<int64_t>(1, static_cast<int64_t>(std::ceil(frame_time / (training_step * factor) - 1e-6)));
+}
+int halvings_of(const ReducedModel& model, double frame_time, double factor, LongSteps long_steps) {
+  if (long_steps == LongSteps::kept || !(factor > 0)) return 0;
+  const double step = frame_time / static_cast<double>(steps_of(model, frame_time, factor)),
+               training_step = model.frame_time / static_cast<double>(model.substeps_per_frame);
+  return std::max(0, static_cast<int>(std::ceil(std::log2(step / training_step) - 1e-6)));
+}
+
 std::vector<int32_t> all_of(int64_t n) {
   std::vector<int32_t> all(static_cast<std::size_t>(n));
   std::iota(all.begin(), all.end(), 0);
@@ -72,7 +84,8 @@ ReducedSolver<T>::ReducedSolver(const ReducedModel& model, mpm::PreparedScene pr
       points_(*model.fields, model.integration_points(prepared_.particles.volume), samples_,
               mpm::grid_of<T>(prepared_.scene.domain)),
       sample_field_(model.fields->bind_samples(samples_)),
-      output_(model.fields->bind_positions_f32(all_of(model.fields->particles()))) {
+      output_(model.fields->bind_positions_f32(all_of(model.fields->particles()))),
+      control_(halvings_of(model, prepared_.scene.frame_time, step_factor_, options.long_steps)) {
   GRAUPEL_ASSERT(parameters.size() == model_.parameters.size());
   if (!(step_factor_ > 0))
     throw ConfigError(fmt::format("a time step factor of {} is out of range (above 0). Use 1", step_factor_));
@@ -106,15 +119,49 @@ void ReducedSolver<T>::start() {
 
 template <typename T>
 void ReducedSolver<T>::advance_frame() {
-  const double frame_time = prepared_.scene.frame_time,
-               training_step = model_.frame_time / static_cast<double>(model_.substeps_per_frame);
-  const auto steps =
-      std::max<int64_t>(1, static_cast<int64_t>(std::ceil(frame_time / (training_step * step_factor_) - 1e-6)));
+  const double frame_time = prepared_.scene.frame_time;
   trust_ = {};
   down_weighted_sum_ = 0;
-  for (int64_t i = 0; i < steps; ++i) step(frame_time / static_cast<double>(steps));
+  // In ticks, the shortest steps that there may be.
+  const int64_t wanted = control_.longest(), ticks = wanted * steps_of(model_, frame_time, step_factor_);
+  int64_t steps = 0;
+  for (int64_t tick = 0; tick < ticks;) {
+    if (tick % (2 * control_.length()) == 0) control_.lengthen_if_due();
+    const int64_t length = control_.length();
+    if (!try_step(frame_time * static_cast<double>(length) / static_cast<double>(ticks))) continue;
+    tick += length;
+    ++steps;
+  }
   trust_.down_weighted = down_weighted_sum_ / static_cast<double>(steps);
   trust_.latent_distance = latent_distance(model_, state_.latent) / model_.latent_reach;
+}
+
+/// A step, or false where it is to be repeated at half the length; then nothing has changed but the statistics.
+template <typename T>
+bool ReducedSolver<T>::try_step(double dt) {
+  const LatentState state = state_;
+  const TrustIndicator trust = trust_;
+  const double time = time_, down_weighted = down_weighted_sum_;
+  const auto take_back = [&] {
+    state_ = state;
+    trust_ = trust;
+    time_ = time;
+    down_weighted_sum_ = down_weighted;
+    ++statistics_.reduced_steps;
+    return false;
+  };
+  try {
+    step(dt);
+  } catch (const DivergedError&) {
+    if (!control_.can_halve()) throw;
+    control_.halve();
+    return take_back();
+  }
+  const auto lost = static_cast<double>(std::count(lost_.begin(), lost_.end(), true));
+  constexpr double negligible = 2e-3;  // of dx
+  return control_.keep(misfit_, negligible * prepared_.scene.domain.dx / dt,
+                       lost / static_cast<double>(samples_.size())) ||
+         take_back();
 }
 
 template <typename T>
@@ -169,6 +216,7 @@ void ReducedSolver<T>::invert(double dt) {
                        .linearisation = Linearisation::once};
   const FitReport report = fit_latent(*sample_field_, target_, lost_, fit, latent);
   const Eigen::VectorXd velocity = (latent - old) / dt;
+  misfit_ = report.distance / dt;
   Eigen::VectorXd previous = old;
   if (manifold_pull_ > 0) {
     const Eigen::VectorXd way = manifold_pull_ * (manifold_.project(latent) - latent);

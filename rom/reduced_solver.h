@@ -14,11 +14,19 @@
 #include "rom/latent_manifold.h"
 #include "rom/particle_grid.h"
 #include "rom/reduced_model.h"
+#include "rom/step_control.h"
 
 namespace graupel::rom {
 
+/// What becomes of steps longer than the training's when their inversion fails or leaves much more than usual.
+enum class LongSteps {
+  shortened,  ///< taken back and repeated at half the length (rom/step_control.h)
+  kept
+};
+
 struct ReducedOptions {
   std::optional<double> step_factor;            ///< steps over those of the training, instead of the model's
+  LongSteps long_steps = LongSteps::shortened;  ///< steps above the training's
   int iterations = 3;                           ///< of the inversion
   std::optional<double> manifold_pull;          ///< instead of the model's
   std::optional<double> outlier_factor;         ///< of the inversion, instead of the model's
@@ -41,6 +49,7 @@ struct TrustIndicator {
 
 struct ReducedStatistics {
   StepTiming timing;
+  int64_t reduced_steps = 0;  ///< that were taken back and repeated at half the length; they count as steps, too
   int64_t samples = 0;
   double mean_integration = 0;  ///< particles
   int64_t most_integration = 0;
@@ -61,7 +70,7 @@ class ReducedSolver {
   const LatentState& state() const { return state_; }
   /// One frame of the scene. Throws DivergedError.
   void advance_frame();
-  /// One step of dt [s].
+  /// One step of dt [s], which is kept. Throws DivergedError.
   void step(double dt);
   /// Positions and velocities of all particles, in the order of the sources.
   ParticleFrame frame() const;
@@ -73,6 +82,7 @@ class ReducedSolver {
   void start();
   void choose_points();
   void invert(double dt);
+  bool try_step(double dt);
 
   const ReducedModel& model_;
   mpm::PreparedScene prepared_;
@@ -91,6 +101,8 @@ class ReducedSolver {
   std::vector<bool> lost_;  ///< samples that the last step threw off
   double time_ = 0;
   bool due_ = true;  ///< integration points are to be found again
+  StepControl control_;
+  double misfit_ = 0;  ///< distance that the last inversion left, over its dt [m/s]
   TrustIndicator trust_;
   ReducedStatistics statistics_;
   double down_weighted_sum_ = 0;

@@ -37,6 +37,7 @@ struct NsfConfig {
   int64_t cluster = 1;
   int64_t encoder_particles = 2000;
   ModeStorage storage = ModeStorage::f16;
+  double memory = 0;
   uint64_t seed = 0;
 
   template <typename Visitor>
@@ -104,6 +105,11 @@ struct NsfConfig {
                                            .meaning = "Particles whose positions give the latent of a state, at most",
                                            .range = Range::between(1, 1e6)});
     visit(&C::storage, FieldInfo{.name = "storage", .unit = "", .meaning = "How the weights file keeps the modes"});
+    visit(&C::memory, FieldInfo{.name = "memory",
+                                .unit = "GB",
+                                .meaning = "Memory for the snapshots of a field; more of them are read in blocks. 0: "
+                                           "half of what is free",
+                                .range = Range::not_negative()});
     visit(&C::seed, FieldInfo{.name = "seed", .unit = "", .meaning = "Seed of the choice of samples"});
   }
 };

@@ -9,7 +9,7 @@
 #include <numeric>
 
 #include "core/error.h"
-#include "core/parallel_for.h"
+#include "core/memory.h"
 #include "core/random.h"
 #include "io/scene_reader.h"
 #include "train/map_fit.h"
@@ -31,7 +31,7 @@ class Stopwatch {
   Clock::time_point start_ = Clock::now();
 };
 
-/// One training from the snapshots to the model; the fields' arrays are in memory one after the other.
+/// One training from the snapshots to the model; the fields' snapshots are in memory one after the other, or in blocks.
 class FactoredTraining {
  public:
   FactoredTraining(const NsfTrainingOptions& options, NsfReport& report)
@@ -65,35 +65,20 @@ class FactoredTraining {
     if (options_.message) options_.message(text);
   }
 
-  std::vector<float> read(SnapshotField field) {
-    const Stopwatch watch;
-    std::vector<float> values = set_.read(field, 0, set_.particles());
-    report_.read_seconds += watch.seconds();
-    return values;
+  /// A field of the particles, or at the integration points: means over the clusters, cluster by cluster. What single
+  /// particles have beside them is noise that no other run repeats.
+  FieldBlocks blocks_of(SnapshotField field, const rom::Clusters* clusters) const {
+    const double bytes =
+        config_.memory > 0 ? 1e9 * config_.memory : 0.5 * static_cast<double>(available_bytes(Device::cpu));
+    FieldBlocks blocks(set_, field, clusters, bytes);
+    if (blocks.blocks() > 1) say(fmt::format("{} blocks of snapshots, one after the other", blocks.blocks()));
+    return blocks;
   }
-  /// A field at the integration points: means over the clusters, cluster by cluster. What single particles have beside
-  /// them is noise that no other run repeats.
-  std::vector<float> read_means(SnapshotField field) {
-    const std::vector<float> values = read(field);
-    const auto width = static_cast<std::size_t>(components_of(field)), n = clusters_.of_particle.size();
-    const std::size_t row = representatives_.size() * width;
-    std::vector<float> means(static_cast<std::size_t>(set_.snapshots()) * row, 0.0f),
-        members(representatives_.size(), 0.0f);
-    for (const int32_t c : clusters_.of_particle) members[static_cast<std::size_t>(c)] += 1;
-    const auto average = [&](int64_t snapshot) {
-      const auto i = static_cast<std::size_t>(snapshot);
-      for (std::size_t p = 0; p < n; ++p) {
-        const auto c = static_cast<std::size_t>(clusters_.of_particle[p]);
-        for (std::size_t k = 0; k < width; ++k)
-          means[i * row + c * width + k] += values[(i * n + p) * width + k] / members[c];
-      }
-    };
-    parallel_for(Device::cpu, set_.snapshots(), average, Grain{1});
-    return means;
-  }
-  SnapshotMatrix matrix(const std::vector<float>& values) const {
-    const auto rows = static_cast<Index>(set_.snapshots());
-    return {values.data(), rows, static_cast<Index>(values.size()) / rows};
+  Pod decompose(SnapshotField field, const rom::Clusters* clusters, int64_t modes, PodMean about = PodMean::removed) {
+    FieldBlocks blocks = blocks_of(field, clusters);
+    Pod pod = train::pod(blocks, static_cast<int>(modes), about);
+    report_.read_seconds += blocks.seconds();
+    return pod;
   }
 
   rom::ModeTable table_of(const Pod& pod, SnapshotField field) const {
@@ -145,21 +130,20 @@ class FactoredTraining {
                     100 * field.tail, 100 * field.held_out_error, field.ridge));
   }
 
-  /// Deformation, and with it the latents and their velocities.
+  /// Deformation, and with it the latents, and their velocities where they are asked for.
   void fit_deformation() {
-    Pod pod;
-    {
-      const std::vector<float> position = read(SnapshotField::position);
-      pod = train::pod(matrix(position), static_cast<int>(config_.deformation_modes));
-    }
+    const Pod pod = decompose(SnapshotField::position, nullptr, config_.deformation_modes);
     const auto r = static_cast<Index>(config_.latents);
     if (pod.modes() < r)
       throw ConfigError(fmt::format(
           "{} latents are more than the modes that the snapshots have ({}). Set latents lower, or train on more runs",
           r, pod.modes()));
     latents_ = pod.coefficients.leftCols(r);
-    const std::vector<float> velocity = read(SnapshotField::velocity);
-    rates_ = project(matrix(velocity), pod, static_cast<int>(r));
+    if (config_.affine == rom::AffineKind::rate) {
+      FieldBlocks velocity = blocks_of(SnapshotField::velocity, nullptr);
+      rates_ = project(velocity, pod, static_cast<int>(r));
+      report_.read_seconds += velocity.seconds();
+    }
     FieldReport& field = report_.deformation;
     field.modes = pod.modes();
     field.tail = pod.tail(pod.modes());
@@ -174,8 +158,7 @@ class FactoredTraining {
   }
 
   rom::MapBranch fit_stress(rom::ModeTable& table) {
-    const std::vector<float> stress = read_means(SnapshotField::stress);
-    const Pod pod = train::pod(matrix(stress), static_cast<int>(config_.stress_modes));
+    const Pod pod = decompose(SnapshotField::stress, &clusters_, config_.stress_modes);
     const MapFit fit = fit_map(inputs(), weighted(pod), run_of_, centers());
     report_.stress = {pod.modes(), pod.tail(pod.modes()), fit.held_out_error, fit.ridge};
     table = at_representatives(unweighted_table(pod, SnapshotField::stress));
@@ -184,8 +167,7 @@ class FactoredTraining {
   }
 
   std::shared_ptr<const rom::Branch> fit_affine(rom::ModeTable& table) {
-    const std::vector<float> affine = read_means(SnapshotField::affine);
-    const Pod pod = train::pod(matrix(affine), static_cast<int>(config_.affine_modes), PodMean::kept);
+    const Pod pod = decompose(SnapshotField::affine, &clusters_, config_.affine_modes, PodMean::kept);
     const bool rate = config_.affine == rom::AffineKind::rate;
     const MapFit fit =
         rate ? fit_rate_map(inputs(), rates_, weighted(pod), run_of_, static_cast<int>(config_.affine_centers))
@@ -312,7 +294,8 @@ class FactoredTraining {
   std::vector<int> run_of_;  ///< [snapshots]
   rom::Clusters clusters_;
   std::vector<int32_t> representatives_;  ///< of the clusters
-  MatrixXd latents_, rates_;
+  MatrixXd latents_;
+  MatrixXd rates_;  ///< where the affine field follows the velocity
   rom::ModeTable deformation_;
   std::optional<rom::ClosureBranch> closure_;
 };

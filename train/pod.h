@@ -1,14 +1,14 @@
 // Proper orthogonal decomposition by the method of snapshots: the modes that hold the most of a set of snapshots, from
-// the eigenvectors of their Gram matrix (Sirovich 1987). Products of snapshots are summed in f64 over blocks.
+// the eigenvectors of their Gram matrix (Sirovich 1987). Products of snapshots are summed in f64 over pieces of
+// columns.
 #pragma once
 
 #include <Eigen/Core>
 #include <vector>
 
-namespace graupel::train {
+#include "train/snapshot_blocks.h"
 
-/// A snapshot a row.
-using SnapshotMatrix = Eigen::Map<const Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>>;
+namespace graupel::train {
 
 struct Pod {
   std::vector<float> mean;       ///< of the snapshots [width]
@@ -25,10 +25,11 @@ enum class PodMean {
   kept      ///< the mean is zero: for fields that vanish with the velocity
 };
 
-/// At most `modes` of them, and none that is rounding only.
-Pod pod(const SnapshotMatrix& snapshots, int modes, PodMean about = PodMean::removed);
+/// At most `modes` of them, and none that is rounding only. Two passes over the blocks, the second one backwards: the
+/// last block is still in memory then.
+Pod pod(SnapshotBlocks& snapshots, int modes, PodMean about = PodMean::removed);
 
 /// Coefficients of other rows (without the mean) in a basis of pod(): least squares, [rows, modes].
-Eigen::MatrixXd project(const SnapshotMatrix& rows, const Pod& pod, int modes);
+Eigen::MatrixXd project(SnapshotBlocks& rows, const Pod& pod, int modes);
 
 }  // namespace graupel::train

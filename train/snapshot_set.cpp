@@ -3,9 +3,9 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cstring>
 
 #include "core/error.h"
+#include "core/parallel_for.h"
 #include "io/scene_reader.h"
 #include "io/trajectory_file.h"
 #include "mpm/sampling.h"
@@ -14,25 +14,21 @@ namespace graupel::train {
 
 namespace {
 
-FieldSet fields_for(SnapshotField field) {
-  if (field == SnapshotField::stress) return {ParticleField::stress};
-  if (field == SnapshotField::affine) return {ParticleField::affine};
-  return {};
-}
+constexpr int64_t bytes_at_once = int64_t(96) << 20;  ///< of the values that are read together
 
-/// The numbers of a field in a frame, particle by particle.
-const float* values_of(const ParticleFrame& frame, SnapshotField field) {
+std::vector<float> read_values(const io::TrajectoryReader& reader, int run, SnapshotField field, int64_t first,
+                               int64_t count) {
   switch (field) {
     case SnapshotField::position:
-      return frame.position.data()->a;
+      return reader.positions(run, first, count);
     case SnapshotField::velocity:
-      return frame.velocity.data()->a;
+      return reader.velocities(run, first, count);
     case SnapshotField::stress:
-      return frame.fields[ParticleField::stress].data();
+      return reader.values(run, ParticleField::stress, first, count);
     case SnapshotField::affine:
-      return frame.fields[ParticleField::affine].data();
+      return reader.values(run, ParticleField::affine, first, count);
   }
-  return nullptr;
+  return {};
 }
 
 }  // namespace
@@ -97,20 +93,19 @@ SnapshotSet::SnapshotSet(const std::string& file) : file_(file) {
   }
 }
 
-std::vector<float> SnapshotSet::read(SnapshotField field, int64_t first, int64_t count) const {
+void SnapshotSet::visit(SnapshotField field, const std::function<void(int64_t, const float*)>& use) const {
   const io::TrajectoryReader reader(file_);
-  const auto width = static_cast<std::size_t>(components_of(field));
-  const std::size_t row = static_cast<std::size_t>(count) * width;
-  std::vector<float> values(static_cast<std::size_t>(snapshots()) * row);
-  float* to = values.data();
+  const int64_t row = particles() * components_of(field);
+  const int64_t at_once = std::max<int64_t>(1, bytes_at_once / (row * static_cast<int64_t>(sizeof(float))));
   for (int run = 0; run < runs(); ++run) {
     const int64_t frames = first_snapshot(run + 1) - first_snapshot(run);
-    for (int64_t f = 0; f < frames; ++f, to += row) {
-      const ParticleFrame frame = reader.frames(run, f, 1, fields_for(field)).front();
-      std::memcpy(to, values_of(frame, field) + static_cast<std::size_t>(first) * width, row * sizeof(float));
+    for (int64_t f = 0; f < frames; f += at_once) {
+      const int64_t count = std::min(at_once, frames - f);
+      const std::vector<float> values = read_values(reader, run, field, f, count);
+      const auto visit_one = [&](int64_t i) { use(first_snapshot(run) + f + i, values.data() + i * row); };
+      parallel_for_cpu(count, visit_one, Grain{1});
     }
   }
-  return values;
 }
 
 }  // namespace graupel::train

@@ -1,6 +1,7 @@
 // The snapshots that a reduced-order model is trained on: the runs of a parameter sweep, which share their particles.
 #pragma once
 
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -41,8 +42,8 @@ class SnapshotSet {
   double frame_time() const { return frame_time_; }              ///< [s]
   int64_t substeps_per_frame() const { return substeps_per_frame_; }
 
-  /// A field of all snapshots and the particles first .. first + count - 1, [snapshots, count * components].
-  std::vector<float> read(SnapshotField field, int64_t first, int64_t count) const;
+  /// Calls use(snapshot, values [particles, components]) once for every snapshot, from several threads.
+  void visit(SnapshotField field, const std::function<void(int64_t, const float*)>& use) const;
 
  private:
   std::string file_, scene_json_;

@@ -4,7 +4,9 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
+#include "apps/refined_body.h"
 #include "core/atomic_file.h"
+#include "core/error.h"
 #include "io/hdf5_dataset.h"
 #include "io/trajectory_file.h"
 #include "tests/apps/falling_model.h"
@@ -100,6 +102,48 @@ TEST_F(ReducedModels, LongerStepsAndDoublePrecision) {
               fallen(2 * falling_steps, 2.0 / 60 / falling_steps), 1e-6);
 }
 
+TEST_F(ReducedModels, ARefinedBodyFallsWithItsParticles) {
+  ASSERT_EQ(rollout("--threads 1 --f64").exit_code, 0);
+  const Trajectory particles = predicted();
+  const Outcome outcome = rollout("--threads 1 --f64 --refine 20 --stride 3");
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.output;
+  EXPECT_TRUE(outcome.says("refined to")) << outcome.output;
+  const Trajectory points = predicted();
+  const std::size_t n = particles.particle_count();
+  ASSERT_EQ(points.particle_count(), 20 * n);
+  ASSERT_EQ(points.frames.size(), 3u);  // 0, 3 and 6 of 8
+  EXPECT_DOUBLE_EQ(points.frame_time, 3 * particles.frame_time);
+  for (std::size_t f = 0; f < points.frames.size(); ++f) {
+    EXPECT_DOUBLE_EQ(points.frames[f].time, particles.frames[3 * f].time);
+    EXPECT_TRUE(points.frames[f].velocity.empty());
+    for (std::size_t i = 0; i < points.particle_count(); ++i) {
+      EXPECT_EQ(points.particle_type[i], particles.particle_type[i / 20]);
+      const Vec3f d = points.frames[f].position[i] - particles.frames[3 * f].position[i / 20];
+      for (int c = 0; c < 3; ++c) EXPECT_LE(std::abs(d[c]), 0.51f * 0.03125f / 2);  // 8 particles a cell
+    }
+  }
+  EXPECT_EQ(summary()["points"], 20 * n);
+  EXPECT_EQ(summary()["frames_written"], 3);
+}
+
+TEST_F(ReducedModels, RefinedBodiesThatDoNotFitAreRefused) {
+  EXPECT_EQ(rollout("--refine 0").exit_code, 2);
+  EXPECT_EQ(rollout("--stride 0").exit_code, 2);
+  const Outcome outcome = graupel("rollout models/nsf-sand.safetensors scenes/shared/sand_column.json -o " +
+                                  folder_.file("huge.h5") + " --refine 1000000");
+  EXPECT_EQ(outcome.exit_code, 2) << outcome.output;
+  EXPECT_TRUE(outcome.says("--refine 1000000 makes 9866000000 points")) << outcome.output;
+  EXPECT_FALSE(std::filesystem::exists(folder_.file("huge.h5.part")));
+  EXPECT_NO_THROW(apps::check_refined_size(1000, 100, 20'000'000));
+  try {
+    apps::check_refined_size(1000, 100, 10'000'000);
+    FAIL() << "accepted points that do not fit into memory";
+  } catch (const ConfigError& error) {
+    EXPECT_NE(std::string(error.what()).find("100000 points, which need about 0.013 GB"), std::string::npos)
+        << error.what();
+  }
+}
+
 TEST_F(ReducedModels, ADivergedRolloutKeepsItsFrames) {
   use_gravity(-2000);  // over a cell a step in the second frame
   const Outcome outcome = rollout("--threads 1");
@@ -166,7 +210,7 @@ TEST_F(ReducedModels, FlagsOfTheOtherKindAreRefused) {
     EXPECT_EQ(outcome.exit_code, 2) << flag << ": " << outcome.output;
     EXPECT_TRUE(outcome.says(std::string(flag).substr(0, 7))) << outcome.output;
   }
-  for (const char* flag : {"--step-factor 2", "--f64"}) {
+  for (const char* flag : {"--step-factor 2", "--f64", "--refine 2", "--stride 2"}) {
     const Outcome outcome = graupel("rollout models/hgn.safetensors " + scene_ + " -o " + folder_.file("a.h5 ") + flag);
     EXPECT_EQ(outcome.exit_code, 2) << flag << ": " << outcome.output;
     EXPECT_TRUE(outcome.says("graph network")) << outcome.output;

@@ -3,6 +3,7 @@
 
 #include <array>
 #include <cstdio>
+#include <cstring>
 
 #include "core/error.h"
 #include "expect_error.h"
@@ -49,6 +50,32 @@ TEST(TrajectoryFields, RoundTrip) {
   EXPECT_EQ(reader.read(0).frames[3].fields, ParticleFields{});  // read only where wanted
   const FieldSet plastic = {ParticleField::plastic};
   EXPECT_EQ(reader.read(0, plastic).frames[20].fields, frame_with(37, 20, plastic).fields);
+}
+
+TEST(TrajectoryFields, OneQuantityAloneIsThatOfTheFrames) {
+  const TemporaryFolder folder;
+  // 300,000 particles: more than a chunk, one frame each; 37: several frames a chunk.
+  for (const auto& [particles, count] : {std::pair<std::size_t, int>{37, 21}, {300000, 3}}) {
+    const FieldSet stored = {ParticleField::affine};
+    const TrajectoryReader reader(write(folder, "a.h5", particles, count, stored));
+    for (const auto& [first, some] : {std::pair{0, count}, {1, 2}, {count - 1, 1}, {count, 0}}) {
+      const auto frames = reader.frames(0, first, some, stored);
+      const std::vector<float> position = reader.positions(0, first, some),
+                               velocity = reader.velocities(0, first, some),
+                               affine = reader.values(0, ParticleField::affine, first, some);
+      ASSERT_EQ(position.size(), 3 * particles * static_cast<std::size_t>(some));
+      ASSERT_EQ(affine.size(), 9 * particles * static_cast<std::size_t>(some));
+      for (std::size_t f = 0; f < frames.size(); ++f) {
+        const std::size_t bytes = 3 * particles * sizeof(float);
+        EXPECT_EQ(std::memcmp(position.data() + 3 * particles * f, frames[f].position.data(), bytes), 0);
+        EXPECT_EQ(std::memcmp(velocity.data() + 3 * particles * f, frames[f].velocity.data(), bytes), 0);
+        EXPECT_EQ(
+            std::memcmp(affine.data() + 9 * particles * f, frames[f].fields[ParticleField::affine].data(), 3 * bytes),
+            0);
+      }
+    }
+    expect_error<InputError>([&] { reader.values(0, ParticleField::stress, 0, 1); }, {"lacks the field 'stress'"});
+  }
 }
 
 TEST(TrajectoryFields, OnlyThoseAskedForAreStored) {

@@ -10,6 +10,7 @@
 #include "io/trajectory_file.h"
 #include "mpm/simulation.h"
 #include "rom/reduced_solver.h"
+#include "rom/trunk.h"
 #include "train/map_fit.h"
 #include "train/nsf_training.h"
 #include "train/pod.h"
@@ -38,7 +39,8 @@ std::vector<float> low_rank(int snapshots, int width) {
 TEST(Pod, FindsAllModesOfLowRankSnapshots) {
   const std::vector<float> values = low_rank(20, 6000);  // more than one block of columns
   const SnapshotMatrix snapshots(values.data(), 20, 6000);
-  const Pod modes = pod(snapshots, 10);
+  MatrixBlocks whole(snapshots);
+  const Pod modes = pod(whole, 10);
   ASSERT_GE(modes.modes(), 3);
   EXPECT_LT(modes.tail(3), 1e-3);  // the rounding of f32 products
   EXPECT_GT(modes.tail(2), 1e-3);
@@ -57,11 +59,12 @@ TEST(Pod, FindsAllModesOfLowRankSnapshots) {
 
 TEST(Pod, ProjectionReturnsCoefficients) {
   const std::vector<float> values = low_rank(20, 900);
-  const SnapshotMatrix snapshots(values.data(), 20, 900);
+  MatrixBlocks snapshots(SnapshotMatrix(values.data(), 20, 900));
   const Pod modes = pod(snapshots, 3);
   std::vector<float> rows = values;
   for (std::size_t i = 0; i < rows.size(); ++i) rows[i] -= modes.mean[i % 900];
-  const Eigen::MatrixXd again = project(SnapshotMatrix(rows.data(), 20, 900), modes, 3);
+  MatrixBlocks others(SnapshotMatrix(rows.data(), 20, 900));
+  const Eigen::MatrixXd again = project(others, modes, 3);
   EXPECT_LT((again - modes.coefficients).cwiseAbs().maxCoeff(), 1e-4);
 }
 
@@ -199,6 +202,25 @@ TEST_F(NsfTraining, RollsOutAParameterThatItWasNotTrainedOn) {
   EXPECT_LT(displacement_error<double>(model, 29, {}), 0.03);
 }
 
+TEST_F(NsfTraining, BlocksOfSnapshotsGiveTheSameModel) {
+  NsfReport report;
+  for (const auto& [cluster, affine] : {std::pair{1, rom::AffineKind::rate}, {3, rom::AffineKind::position}}) {
+    NsfTrainingOptions whole = options();
+    whole.config.cluster = cluster;
+    whole.config.affine = affine;
+    NsfTrainingOptions parts = whole;
+    parts.config.memory = 1e-6;  // a piece of columns at a time
+    int said = 0;
+    parts.message = [&](const std::string& text) { said += text.find("blocks of snapshots") != std::string::npos; };
+    const nn::Weights a = train_factored(whole, report).store(nn::DType::f32),
+                      b = train_factored(parts, report).store(nn::DType::f32);
+    EXPECT_GE(said, cluster == 1 ? 3 : 2);
+    ASSERT_EQ(a.tensors.size(), b.tensors.size());
+    for (const auto& [name, tensor] : a.tensors)
+      EXPECT_EQ(tensor.bytes, b.tensors.at(name).bytes) << name << " with clusters of " << cluster;
+  }
+}
+
 TEST_F(NsfTraining, KeepsStressAtTheIntegrationPointsOnly) {
   NsfReport report;
   NsfTrainingOptions few = options();
@@ -224,6 +246,71 @@ TEST_F(NsfTraining, SurvivesStorageAndTakesClustersAndLongerSteps) {
   EXPECT_EQ(model.fields->stress().rows(), model.clusters.count);
   EXPECT_LT(displacement_error<double>(model, 31, {}), 0.1);
   EXPECT_THROW(model.take_clusters({}), ConfigError);
+}
+
+/// Root mean square error of the trunk of some particles at the others, and that of their nearest neighbours'
+/// displacement, in dx; over the last states of the training runs.
+std::pair<double, double> left_out_error(const rom::ReducedModel& model, int64_t every, double spacing, double dx) {
+  rom::TrunkParticles known;
+  rom::ReferencePoints points;
+  std::vector<int32_t> all, left_out;
+  for (int32_t p = 0; p < static_cast<int32_t>(model.fields->particles()); ++p) {
+    const auto x = static_cast<std::size_t>(3 * p);
+    const Vec3f reference{model.reference[x], model.reference[x + 1], model.reference[x + 2]};
+    all.push_back(p);
+    const bool out =
+        Random(4, RandomPurpose::test).integer(static_cast<uint64_t>(p), 0, static_cast<uint32_t>(every)) == 0;
+    if (out) {
+      left_out.push_back(p);
+      points.position.push_back(reference);
+      points.kind.push_back(0);
+    } else {
+      known.numbers.push_back(p);
+      known.reference.push_back(reference);
+      known.kind.push_back(0);
+    }
+  }
+  known.spacing = spacing;
+  std::vector<std::size_t> nearest;
+  for (const Vec3f& x : points.position) {
+    std::size_t best = 0;
+    for (std::size_t i = 1; i < known.reference.size(); ++i)
+      if (norm2(known.reference[i] - x) < norm2(known.reference[best] - x)) best = i;
+    nearest.push_back(best);
+  }
+  rom::TrunkPositions<double> trunk(*model.fields, known, points);
+  const auto exact = model.fields->bind_positions_f64(all);
+  std::vector<double> truth(static_cast<std::size_t>(3 * mpm::padded_to_tile(model.fields->particles()))),
+      x(static_cast<std::size_t>(3 * mpm::padded_to_tile(static_cast<int64_t>(left_out.size()))));
+  double error2 = 0, nearest2 = 0, count = 0;
+  const auto r = static_cast<std::size_t>(model.latents());
+  for (std::size_t snapshot = 25; snapshot < model.training_latents.size() / r; snapshot += 26) {
+    const auto first = model.training_latents.begin() + static_cast<std::ptrdiff_t>(snapshot * r);
+    const rom::LatentState state{{first, first + static_cast<std::ptrdiff_t>(r)}, std::vector<double>(r), {}, 0, {}};
+    trunk.decode(state, x.data());
+    exact->decode(state, truth.data());
+    const mpm::TiledView<double, 3> at{truth.data()}, by_trunk{x.data()};
+    for (std::size_t i = 0; i < left_out.size(); ++i) {
+      const Vec3d own = at.vec(left_out[i]);
+      const Vec3d moved = at.vec(known.numbers[nearest[i]]) - known.reference[nearest[i]].cast<double>();
+      error2 += norm2(by_trunk.vec(static_cast<int64_t>(i)) - own);
+      nearest2 += norm2(points.position[i].cast<double>() + moved - own);
+      count += 1;
+    }
+  }
+  return {std::sqrt(error2 / count) / dx, std::sqrt(nearest2 / count) / dx};
+}
+
+TEST_F(NsfTraining, TheTrunkFollowsParticlesThatItDoesNotKnow) {
+  NsfReport report;
+  const rom::ReducedModel model = train_factored(options(), report);
+  const double dx = 0.02, spacing = dx / std::cbrt(static_cast<double>(column(30).sources[0].particles_per_cell));
+  for (const int64_t every : {10, 2}) {
+    const auto [trunk, nearest] = left_out_error(model, every, spacing * (every == 2 ? 1.3 : 1), dx);
+    RecordProperty("left_out_" + std::to_string(every), std::to_string(trunk));
+    EXPECT_LT(trunk, 0.15) << "one of " << every << " left out";
+    EXPECT_LT(trunk, 0.7 * nearest);
+  }
 }
 
 TEST_F(NsfTraining, RefusesWhatIsNoSweep) {
