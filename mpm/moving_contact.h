@@ -1,5 +1,5 @@
-// Contact with moving obstacles, of a grid node and of a particle. Both are judged in the obstacle's frame: the velocity
-// of the material relative to the obstacle's point there.
+// Contact with moving obstacles, of a grid node and of a particle. Both are judged in the obstacle's frame: the
+// velocity of the material relative to the obstacle's point there.
 #pragma once
 
 #include "mpm/moving_obstacles.h"

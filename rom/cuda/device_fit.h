@@ -1,6 +1,6 @@
 // The last kernel of a reduced-order model's step: Gauss-Newton for the latent (rom/gauss_newton.h), by a team of
-// blocks that share the samples and the centres of the closure and write into each other's shared memory; and, where the
-// samples have moved far enough, the nodes that they may read from now on.
+// blocks that share the samples and the centres of the closure and write into each other's shared memory; and, where
+// the samples have moved far enough, the nodes that they may read from now on.
 //
 // All lengths are ways of the step, not positions: residual = way - U (a(q) - a(q_0)). Single precision is then enough
 // for the rows; sums over samples, the coefficients and the solution are in double precision.
@@ -467,8 +467,7 @@ struct Fit {
       const float* const x = arrays.residual + 3 * s;
       const Stencil stencil = stencil_at(instance, {x[0], x[1], x[2]});
       if (!stencil.inside) return;
-      const Vec<int, 3> at =
-          stencil.base + Vec<int, 3>{n / (width * width) - 1, n / width % width - 1, n % width - 1};
+      const Vec<int, 3> at = stencil.base + Vec<int, 3>{n / (width * width) - 1, n / width % width - 1, n % width - 1};
       for (int d = 0; d < 3; ++d)
         if (at[d] < 0 || at[d] >= instance.nodes[d]) return;
       const auto node = static_cast<int32_t>(node_number(instance.nodes, at));

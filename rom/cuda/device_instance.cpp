@@ -41,8 +41,7 @@ InstanceStore::InstanceStore(Device device, const ModelTable& model, InstanceTab
   view_.node_list = make(node_list_, marked);
   view_.sums = make(sums_, marked * mpm::channels);
   view_.point_list = make(point_list_, model.point_particle.size());
-  view_.map_rows =
-      make(map_rows_, static_cast<std::size_t>(model.stress_map.outputs + model.affine_map.outputs));
+  view_.map_rows = make(map_rows_, static_cast<std::size_t>(model.stress_map.outputs + model.affine_map.outputs));
   view_.way = make(way_, 3 * model.samples.size());
   view_.lost = make(lost_, model.samples.size());
   view_.parameters = keep(parameters_, table_.parameters);

@@ -1,5 +1,5 @@
-// Runs of one reduced-order model on a device, many instances at once: their arrays there, and the order of the kernels.
-// `Backend` launches them: CUDA (rom/cuda/cuda_run.cu) or, in tests, fibers on a CPU (tests/rom/fiber_run.h).
+// Runs of one reduced-order model on a device, many instances at once: their arrays there, and the order of the
+// kernels. `Backend` launches them: CUDA (rom/cuda/cuda_run.cu) or, in tests, fibers on a CPU (tests/rom/fiber_run.h).
 #pragma once
 
 #include <algorithm>
@@ -59,8 +59,8 @@ class MapStore {
     linear_.upload(table.linear);
   }
   MapView view() const {
-    return {inputs_,      outputs_,     count_,          shift_.data(),   scale_.data(),
-            low_.data(),  high_.data(), centers_.data(), weights_.data(), linear_.data()};
+    return {inputs_,     outputs_,     count_,          shift_.data(),   scale_.data(),
+            low_.data(), high_.data(), centers_.data(), weights_.data(), linear_.data()};
   }
   int64_t bytes() const {
     return static_cast<int64_t>((centers_.size() + weights_.size() + linear_.size()) * sizeof(double));
@@ -87,7 +87,8 @@ class ModelStore {
     view_.deformation_modes = table.deformation_modes;
     view_.stress_modes = table.stress_modes;
     view_.affine_modes = table.affine_modes;
-    view_.deformation_stride = (table.deformation_modes + deformation_group - 1) / deformation_group * deformation_group;
+    view_.deformation_stride =
+        (table.deformation_modes + deformation_group - 1) / deformation_group * deformation_group;
     view_.stress_stride = static_cast<int>(table.stress_scale.size());
     view_.affine_stride = static_cast<int>(table.affine_scale.size());
     view_.deformation = keep(floats_, table.deformation);

@@ -56,19 +56,24 @@ GRAUPEL_HD inline T sum_of_warp(const Block& block, T value) {
   return value;
 }
 
-/// Sums of 32 values over the lanes, each in the lane of its number: with every exchange a lane gives away the half of
-/// its values that its partner keeps.
+/// One exchange of sums_by_lane(): a lane gives away the half of its values that its partner keeps.
+template <int half, typename Block>
+GRAUPEL_HD inline void exchange_halves(const Block& block, int lane, float (&value)[warp_width]) {
+  const bool upper = (lane & half) != 0;
+  GRAUPEL_UNROLL
+  for (int i = 0; i < half; ++i) {
+    const float given = upper ? value[i] : value[i + half], kept = upper ? value[i + half] : value[i];
+    value[i] = kept + block.shuffle_xor(given, half);
+  }
+}
+/// Sums of 32 values over the lanes, each in the lane of its number.
 template <typename Block>
 GRAUPEL_HD inline float sums_by_lane(const Block& block, int lane, float (&value)[warp_width]) {
-  GRAUPEL_UNROLL
-  for (int half = warp_width / 2; half > 0; half /= 2) {
-    const bool upper = (lane & half) != 0;
-    GRAUPEL_UNROLL
-    for (int i = 0; i < half; ++i) {
-      const float given = upper ? value[i] : value[i + half], kept = upper ? value[i + half] : value[i];
-      value[i] = kept + block.shuffle_xor(given, half);
-    }
-  }
+  exchange_halves<16>(block, lane, value);
+  exchange_halves<8>(block, lane, value);
+  exchange_halves<4>(block, lane, value);
+  exchange_halves<2>(block, lane, value);
+  exchange_halves<1>(block, lane, value);
   return value[0];
 }
 
@@ -94,9 +99,7 @@ GRAUPEL_HD inline int64_t node_number(const Vec<int, 3>& nodes, const Vec<int, 3
 GRAUPEL_HD inline Vec<int, 3> stencil_node(int n) { return {n / 9, n / 3 % 3, n % 3}; }
 
 /// y = (z - shift) * scale of input j.
-GRAUPEL_HD inline double standardised(const MapView& map, int j, double z) {
-  return (z - map.shift[j]) * map.scale[j];
-}
+GRAUPEL_HD inline double standardised(const MapView& map, int j, double z) { return (z - map.shift[j]) * map.scale[j]; }
 /// The same held at the box of the centres.
 GRAUPEL_HD inline double held(const MapView& map, int j, double y) {
   if (map.count == 0) return y;
@@ -163,8 +166,7 @@ GRAUPEL_HD Vec<float, 3> decoded_position(const Block& block, const ModelView& m
     const auto a = static_cast<float>(instance.coefficient[k]);
     for (int c = 0; c < 3; ++c) x[c] += modes[c * model.deformation_stride + k] * a;
   }
-  for (int c = 0; c < 3; ++c)
-    x[c] = sum_of_warp(block, x[c]) + model.deformation_mean[3 * int64_t(particle) + c];
+  for (int c = 0; c < 3; ++c) x[c] = sum_of_warp(block, x[c]) + model.deformation_mean[3 * int64_t(particle) + c];
   return x;
 }
 
@@ -230,8 +232,7 @@ GRAUPEL_HD void load_coefficients(const Block& block, const ModelView& model, co
     shared.rate[k] = real ? static_cast<float>(instance.rate[k]) : 0.0f;
   }
   for (int k = first; k < model.stress_stride; k += step)
-    shared.stress[k] =
-        k < model.stress_modes ? static_cast<float>(instance.map_rows[k]) * model.stress_scale[k] : 0.0f;
+    shared.stress[k] = k < model.stress_modes ? static_cast<float>(instance.map_rows[k]) * model.stress_scale[k] : 0.0f;
   const double* const rows = instance.map_rows + model.stress_map.outputs;
   for (int k = first; k < model.affine_stride; k += step) {
     double a = 0;
@@ -369,8 +370,8 @@ GRAUPEL_HD Vec<double, 3> sample_position(const Block& block, const ModelView& m
 }
 
 /// Velocity after gravity and contact at a node of the grid with these sums; zero without mass.
-GRAUPEL_HD inline Vec<float, 3> node_velocity(const RunView& view, const InstanceView& instance,
-                                              const Vec<int, 3>& at, const float* sums) {
+GRAUPEL_HD inline Vec<float, 3> node_velocity(const RunView& view, const InstanceView& instance, const Vec<int, 3>& at,
+                                              const float* sums) {
   const mpm::SceneView<float>& scene = instance.scene;
   const float mass = sums[3];
   if (!(mass > 0.0f)) return Vec<float, 3>::zero();
@@ -408,8 +409,8 @@ GRAUPEL_HD inline Vec<float, 3> sample_way(const RunView& view, const InstanceVi
     if (moving.count > 0 && mpm::near_moving(moving, x))
       surface = mpm::push_out_of_moving<3>(scene, moving, dt, from, x);
     else if (mpm::near_surface<3, float>(scene, x))
-      sparsegrid::push_out<3>(scene.obstacle_nodes.obstacles, scene.walls.particle_low, scene.walls.particle_high,
-                              from, x);
+      sparsegrid::push_out<3>(scene.obstacle_nodes.obstacles, scene.walls.particle_low, scene.walls.particle_high, from,
+                              x);
   }
   Vec<float, 3> slowed = v;
   if (!led && !(x == wanted)) {
@@ -445,8 +446,8 @@ GRAUPEL_HD void gather_sample(const Block& block, const RunView& view, const Ins
   const bool still = leader == nullptr && instance.sample_still[sample] != 0;
   bool fits = s.inside;
   for (int d = 0; d < 3; ++d) fits = fits && std::abs(static_cast<float>(view.dt) * v[d]) <= instance.scene.grid.dx;
-  const Vec<float, 3> way = !fits || still ? Vec<float, 3>::zero()
-                                           : sample_way(view, instance, leader != nullptr, before, v);
+  const Vec<float, 3> way =
+      !fits || still ? Vec<float, 3>::zero() : sample_way(view, instance, leader != nullptr, before, v);
   for (int d = 0; d < 3; ++d) instance.way[3 * sample + d] = way[d];
   instance.lost[sample] = fits || still ? 0 : 1;
 }
@@ -480,7 +481,8 @@ GRAUPEL_HD void write_frame(const Block& block, const RunView& view, int number,
       }
     }
     const float sum = sums_by_lane(block, lane, value);
-    if (lane < 6) frame[6 * int64_t(p) + lane] = sum + (lane < 3 ? model.deformation_mean[3 * int64_t(p) + lane] : 0.0f);
+    if (lane < 6)
+      frame[6 * int64_t(p) + lane] = sum + (lane < 3 ? model.deformation_mean[3 * int64_t(p) + lane] : 0.0f);
   }
 }
 

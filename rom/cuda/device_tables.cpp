@@ -91,9 +91,10 @@ void add_samples(const ModeTable& table, const std::vector<int32_t>& samples, Mo
 
 void check_size(const char* what, int value, int most) {
   if (value > most)
-    throw ConfigError(fmt::format("the reduced model has {} {}, too many for the GPU (allowed: up to {}). Use --device "
-                                  "cpu, or train a model with fewer",
-                                  value, what, most));
+    throw ConfigError(
+        fmt::format("the reduced model has {} {}, too many for the GPU (allowed: up to {}). Use --device "
+                    "cpu, or train a model with fewer",
+                    value, what, most));
 }
 
 }  // namespace
@@ -128,14 +129,14 @@ ModelTable model_table(const ReducedModel& model, const std::vector<int32_t>& sa
 }
 
 void check_scene(const Scene& scene) {
-  const char* what = scene.domain.is_plane()                          ? "a plane"
-                     : scene.transfer.spline != Spline::quadratic     ? "cubic splines"
-                     : scene.domain.has_wall(Wall::periodic)          ? "periodic walls"
-                     : scene.has_inactive_particles()                 ? "particles that come or go"
-                                                                      : nullptr;
+  const char* what = scene.domain.is_plane()                      ? "a plane"
+                     : scene.transfer.spline != Spline::quadratic ? "cubic splines"
+                     : scene.domain.has_wall(Wall::periodic)      ? "periodic walls"
+                     : scene.has_inactive_particles()             ? "particles that come or go"
+                                                                  : nullptr;
   if (what != nullptr)
-    throw ConfigError(fmt::format("reduced models on the GPU know no {} (scene '{}'). Use --device cpu", what,
-                                  scene.name));
+    throw ConfigError(
+        fmt::format("reduced models on the GPU know no {} (scene '{}'). Use --device cpu", what, scene.name));
 }
 
 InstanceTable instance_table(const ReducedModel& model, mpm::PreparedScene prepared, const LatentState& state) {

@@ -43,14 +43,14 @@ struct ModelTable {
 struct InstanceTable {
   mpm::PreparedScene prepared;
   std::vector<double> parameters, latent, velocity;  ///< mu, q, q'
-  std::vector<double> coefficient, rate;             ///< of the deformation's modes at the start, and their change [1/s]
-  std::vector<double> point_share;                   ///< [points] mass and volume over the particle's own
+  std::vector<double> coefficient, rate;  ///< of the deformation's modes at the start, and their change [1/s]
+  std::vector<double> point_share;        ///< [points] mass and volume over the particle's own
 };
 
 /// Throws ConfigError for a model whose fields no kernel knows, or that is too large for them.
 ModelTable model_table(const ReducedModel& model, const std::vector<int32_t>& samples);
-/// Throws ConfigError for a scene with what no kernel knows: a plane, cubic splines, periodic walls, particles that come
-/// or go.
+/// Throws ConfigError for a scene with what no kernel knows: a plane, cubic splines, periodic walls, particles that
+/// come or go.
 void check_scene(const Scene& scene);
 /// `state` is that of the scene's start.
 InstanceTable instance_table(const ReducedModel& model, mpm::PreparedScene prepared, const LatentState& state);

@@ -38,10 +38,10 @@ struct ModelView {
   const float* field_mean;                               ///< [points, 15]
   const int32_t* point_particle;                         ///< [points] integration points in the body
   MapView closure, stress_map, affine_map;
-  bool affine_is_rate;  ///< the map gives rows of M(q, mu) with l = M q'
-  int sample_rows;      ///< 3 samples, with padding
-  const float* sample_modes;   ///< [deformation modes, sample_rows]
-  const double* sample_mean;   ///< [3 samples] [m]
+  bool affine_is_rate;        ///< the map gives rows of M(q, mu) with l = M q'
+  int sample_rows;            ///< 3 samples, with padding
+  const float* sample_modes;  ///< [deformation modes, sample_rows]
+  const double* sample_mean;  ///< [3 samples] [m]
 };
 
 enum class RunStatus : int32_t {
@@ -53,10 +53,10 @@ enum class RunStatus : int32_t {
 /// What a step leaves of an instance, beside its arrays.
 struct InstanceState {
   double latent[most_latents], velocity[most_latents];
-  double moved;          ///< since the integration points were found [m]
-  double residual;       ///< largest of the frame, over the samples' way
-  double down_weighted;  ///< shares of samples, summed over the frame
-  double condition;      ///< largest of the run
+  double moved;                           ///< since the integration points were found [m]
+  double residual;                        ///< largest of the frame, over the samples' way
+  double down_weighted;                   ///< shares of samples, summed over the frame
+  double condition;                       ///< largest of the run
   int64_t iterations, points_sum, steps;  ///< of the run
   RunStatus status;
   int32_t step;                     ///< of the frame
@@ -68,28 +68,31 @@ struct InstanceState {
 struct InstanceView {
   mpm::SceneView<float> scene;
   int32_t moving_count, obstacle_count, script_count;
-  const int32_t* moving_index;                            ///< [moving_count]
+  const int32_t* moving_index;                                ///< [moving_count]
   const sparsegrid::ObstacleView *moving_start, *moving_end;  ///< poses [steps of a frame, obstacles]
-  const mpm::RigidStep<float>* moving_step;               ///< [steps, obstacles]
-  const mpm::ScriptStep<float>* scripts;                  ///< [steps, scripts]
-  const float *point_mass, *point_volume;                 ///< [points] [kg], [m^3]
-  const int32_t *point_script, *sample_script;            ///< -1: none; null: no particle has one
-  const uint8_t* sample_still;                            ///< [samples] of a stationary material
+  const mpm::RigidStep<float>* moving_step;                   ///< [steps, obstacles]
+  const mpm::ScriptStep<float>* scripts;                      ///< [steps, scripts]
+  const float *point_mass, *point_volume;                     ///< [points] [kg], [m^3]
+  const int32_t *point_script, *sample_script;                ///< -1: none; null: no particle has one
+  const uint8_t* sample_still;                                ///< [samples] of a stationary material
   const double* parameters;
-  Vec<int, 3> nodes;      ///< of the grid
-  int32_t* node_place;    ///< [nodes] 0: not marked; else place + first_place
-  int32_t* node_list;     ///< [marked nodes]
-  float* sums;            ///< [marked nodes, 4] momentum [kg m/s], mass [kg]
-  int32_t* point_list;    ///< [points] those in reach
-  double* map_rows;       ///< outputs of stress_map, then of affine_map
+  Vec<int, 3> nodes;           ///< of the grid
+  int32_t* node_place;         ///< [nodes] 0: not marked; else place + first_place
+  int32_t* node_list;          ///< [marked nodes]
+  float* sums;                 ///< [marked nodes, 4] momentum [kg m/s], mass [kg]
+  int32_t* point_list;         ///< [points] those in reach
+  double* map_rows;            ///< outputs of stress_map, then of affine_map
   double *coefficient, *rate;  ///< of the deformation's modes, and their change in time [deformation modes]
-  float* way;             ///< [samples, 3] over the step [m]
-  uint8_t* lost;          ///< [samples]
+  float* way;                  ///< [samples, 3] over the step [m]
+  uint8_t* lost;               ///< [samples]
   InstanceState* state;
 
   GRAUPEL_HD mpm::MovingObstacleView<float> moving(int step) const {
     const int64_t first = int64_t(step) * obstacle_count;
-    return {moving_count, moving_index, {moving_start + first, obstacle_count}, {moving_end + first, obstacle_count},
+    return {moving_count,
+            moving_index,
+            {moving_start + first, obstacle_count},
+            {moving_end + first, obstacle_count},
             moving_step + first};
   }
   /// The motion that leads a particle with this script, or null.

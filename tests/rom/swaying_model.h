@@ -1,5 +1,6 @@
-// A small reduced-order model with everything that a step reads: two latents that carry a body along x and y, modes that
-// follow them by a closure, smooth stress and affine velocity that depend on the latents and the parameter, clusters.
+// A small reduced-order model with everything that a step reads: two latents that carry a body along x and y, modes
+// that follow them by a closure, smooth stress and affine velocity that depend on the latents and the parameter,
+// clusters.
 #pragma once
 
 #include <cmath>
@@ -21,8 +22,8 @@ inline Scene swaying_scene(const std::string& more = "") {
     "materials": { "sand": { "preset": "nsf_sand", "friction_angle": 30 } },
     "sources": [ { "shape": "box", "size": [0.06, 0.1, 0.06], "position": [0.25, 0.152, 0.25], "material": "sand",
                    "velocity": [0.6, -0.3, 0] } ],
-    "time_step": { "policy": "fixed", "substeps_per_frame": 4 },
-    "frame_time": 0.016, "seed": 3)" +
+    "time_step": { "policy": "fixed", "substeps_per_frame": 2 },
+    "frame_time": 0.008, "seed": 3)" +
                              more + "}",
                          "scene", "");
 }
@@ -39,12 +40,13 @@ inline CoefficientMap random_map(int inputs, int outputs, double size, uint64_t 
   };
   const auto n = static_cast<std::size_t>(inputs), m = static_cast<std::size_t>(outputs);
   std::vector<double> scale(n, 10.0);
-  return {inputs, outputs, draw(n, 0.02), scale, draw(count * n, 0.1), draw(count * m, size / 10), draw((1 + n) * m, size)};
+  return {
+      inputs, outputs, draw(n, 0.02), scale, draw(count * n, 0.1), draw(count * m, size / 10), draw((1 + n) * m, size)};
 }
 
 /// Modes that wave through the body, largest value 1.
-inline ModeTable waving_modes(const std::vector<Vec3d>& x, const std::vector<int32_t>& points, int components, int modes,
-                              double mean) {
+inline ModeTable waving_modes(const std::vector<Vec3d>& x, const std::vector<int32_t>& points, int components,
+                              int modes, double mean) {
   ModeTable table;
   table.components = components;
   table.modes = modes;
@@ -77,22 +79,22 @@ inline ReducedModel swaying_model(const Scene& scene) {
     }
   }
   model.reference = deformation.mean;
-  model.clusters = make_clusters(reference, std::vector<int32_t>(x.size(), 0), 3);
+  model.clusters = make_clusters(reference, std::vector<int32_t>(x.size(), 0), 6);
   const std::vector<int32_t> chosen = model.clusters.representatives();
   std::vector<int32_t> points = chosen;
   std::sort(points.begin(), points.end());
-  for (std::size_t i = 0; i < all.size(); i += 7) model.samples.push_back(all[i]);
+  for (std::size_t i = 0; i < all.size(); i += 11) model.samples.push_back(all[i]);
   for (std::size_t i = 0; i < all.size(); i += 3) model.encoder.push_back(all[i]);
   // The closure is 0 and flat at the start, so that the body starts in its reference shape.
   CoefficientMap closure = random_map(latents, 3, 2e-3, 11);
   model.fields = std::make_shared<const FactoredFields>(
-      std::move(deformation), ClosureBranch(latents, std::move(closure)), waving_modes(x, points, 6, 70, 40),
-      MapBranch(random_map(latents + 1, 70, 3, 12)), waving_modes(x, points, 9, 4, 0.1),
+      std::move(deformation), ClosureBranch(latents, std::move(closure)), waving_modes(x, points, 6, 70, 2),
+      MapBranch(random_map(latents + 1, 70, 0.1, 12)), waving_modes(x, points, 9, 4, 0.1),
       std::make_shared<const RateBranch>(latents, random_map(latents + 1, 4 * latents, 0.5, 13)));
   model.affine_kind = AffineKind::rate;
   model.scene_json = io::scene_to_json(scene);
   model.parameters = {{"friction_angle", "degrees", {"materials.sand.friction_angle"}, 30, 40}};
-  model.substeps_per_frame = 4;
+  model.substeps_per_frame = 2;
   model.frame_time = scene.frame_time;
   model.start_latent = {0, 0};
   model.training_latents = {0, 0, 0.1f, -0.1f};
