@@ -50,8 +50,8 @@ double difference(const LatentState& a, const double* b) {
 
 const char* const scenes[] = {
     "",
-    R"(, "obstacles": [ { "shape": "sphere", "radius": 0.025, "position": [0.315, 0.13, 0.25], "friction": 0.3 } ])",
-    R"(, "obstacles": [ { "shape": "box", "size": [0.05, 0.1, 0.3], "position": [0.315, 0.12, 0.25],
+    R"(, "obstacles": [ { "shape": "sphere", "radius": 0.025, "position": [0.305, 0.13, 0.25], "friction": 0.3 } ])",
+    R"(, "obstacles": [ { "shape": "box", "size": [0.05, 0.1, 0.3], "position": [0.305, 0.12, 0.25],
          "motion": { "velocity": [-0.4, 0, 0], "spin": 2 } },
          { "shape": "sphere", "radius": 0.02, "position": [0.2, 0.1, 0.25] } ])",
     R"(, "kinematic_regions": [ { "shape": "box", "size": [0.2, 0.03, 0.2], "position": [0.25, 0.19, 0.25],
@@ -74,7 +74,9 @@ TEST_P(DeviceStep, IsTheStepOfTheCpu) {
     EXPECT_NEAR(run->state(0).down_weighted / 2, cpu.trust().down_weighted, 0.02);
   }
   EXPECT_EQ(run->state(0).steps, 4);
-  EXPECT_GT(std::abs(cpu.state().latent[0]), 0.5 * 0.02);  // so that points were found again
+  if (std::string(GetParam()).empty()) {  // the way is counted anew where points were found again
+    EXPECT_LT(run->state(0).moved, std::abs(cpu.state().latent[0]));
+  }
   const ParticleFrame truth = cpu.frame();
   const std::vector<float> frame = run->frame(0);
   for (std::size_t p = 0; p < truth.position.size(); ++p)

@@ -20,7 +20,7 @@ inline Scene swaying_scene(const std::string& more = "") {
     "domain": { "size": [0.5, 0.5, 0.5], "dx": 0.02, "walls": "stick" },
     "gravity": [0, -4, 0],
     "materials": { "sand": { "preset": "nsf_sand", "friction_angle": 30 } },
-    "sources": [ { "shape": "box", "size": [0.06, 0.1, 0.06], "position": [0.25, 0.152, 0.25], "material": "sand",
+    "sources": [ { "shape": "box", "size": [0.04, 0.06, 0.04], "position": [0.25, 0.152, 0.25], "material": "sand",
                    "velocity": [0.6, -0.3, 0] } ],
     "time_step": { "policy": "fixed", "substeps_per_frame": 2 },
     "frame_time": 0.008, "seed": 3)" +
@@ -79,11 +79,11 @@ inline ReducedModel swaying_model(const Scene& scene) {
     }
   }
   model.reference = deformation.mean;
-  model.clusters = make_clusters(reference, std::vector<int32_t>(x.size(), 0), 6);
+  model.clusters = make_clusters(reference, std::vector<int32_t>(x.size(), 0), 3);
   const std::vector<int32_t> chosen = model.clusters.representatives();
   std::vector<int32_t> points = chosen;
   std::sort(points.begin(), points.end());
-  for (std::size_t i = 0; i < all.size(); i += 11) model.samples.push_back(all[i]);
+  for (std::size_t i = 0; i < all.size(); i += 5) model.samples.push_back(all[i]);
   for (std::size_t i = 0; i < all.size(); i += 3) model.encoder.push_back(all[i]);
   // The closure is 0 and flat at the start, so that the body starts in its reference shape.
   CoefficientMap closure = random_map(latents, 3, 2e-3, 11);
