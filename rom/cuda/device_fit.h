@@ -14,17 +14,19 @@
 namespace graupel::rom::device {
 
 inline constexpr int fit_centers = 128;  ///< whose kernels a block keeps at once
-inline constexpr int most_normal_values = most_latents * (most_latents + 1) / 2 + most_latents + 3;
+inline constexpr int most_sums = most_deformation_modes + 3;
 
 /// Fixed part of a block's shared memory.
 struct FitShared {
   double latent[most_latents], start[most_latents], change[most_latents];
   double matrix[most_latents * most_latents], right[most_latents];
-  double normal[most_normal_values];  ///< of the own samples; other blocks read it
-  double total[most_normal_values];   ///< of all samples
+  double normal[most_sums];  ///< of the own samples; other blocks read it
+  double total[most_sums];   ///< of all samples
   double coefficient[most_deformation_modes];
-  float increment[most_deformation_modes];             ///< a(q) - a(q_0)
-  float slope[most_deformation_modes * most_latents];  ///< da/dq
+  double fitted[most_deformation_modes];                      ///< M (a* - a), see solve()
+  double on_manifold[most_deformation_modes * most_latents];  ///< M da/dq
+  float increment[most_deformation_modes];                    ///< a(q) - a(q_0)
+  double slope[most_deformation_modes * most_latents];        ///< da/dq
   double warp[fit_threads / warp_width];
   double condition, moved2;
   float median, furthest;  ///< the median is written by the block that finds it
@@ -37,7 +39,6 @@ struct FitArrays {
   double* group;     ///< [items, groups]
   double* kernel;    ///< [1 + r, fit_centers]
   float* distance2;  ///< [samples] of all blocks; below 0 for lost ones
-  float* jacobian;   ///< [r, own rows]
   float* residual;   ///< [own rows]
   float* weight;     ///< [own samples]
   int* rank;         ///< [own samples] among all distances
@@ -57,7 +58,6 @@ GRAUPEL_HD inline int64_t lay_out(const ModelView& model, int team, unsigned cha
   take(to.group, items > fit_threads ? items : fit_threads);
   take(to.kernel, (1 + r) * fit_centers);
   take(to.distance2, model.samples);
-  take(to.jacobian, r * 3 * own);
   take(to.residual, 3 * own);
   take(to.weight, own);
   take(to.rank, own);
@@ -186,34 +186,21 @@ struct Fit {
           slope = (map.linear[int64_t(output) * (1 + r) + 1 + j] +
                    over_team(arrays.partial, (1 + j) * map.outputs + output)) *
                   map.scale[j];
-        shared.slope[k * r + j] = static_cast<float>(slope);
+        shared.slope[k * r + j] = slope;
       });
     team.sync();
   }
 
   // Samples.
 
-  /// Residuals of the own rows, their Jacobian where it is wanted, and the distances, which all blocks get.
-  GRAUPEL_HD void residuals(bool with_slope) const {
-    const int r = model.latents, n = rows();
-    each(n, [&](int row) {
+  /// Residuals of the own rows and the distances, which all blocks get.
+  GRAUPEL_HD void residuals() const {
+    each(rows(), [&](int row) {
       const float* const modes = model.sample_modes + 3 * first + row;
-      float residual = instance.way[3 * first + row], slope[most_latents] = {};
-      for (int k = 0; k < model.deformation_modes; ++k) {
-        const float mode = modes[int64_t(k) * model.sample_rows];
-        residual -= mode * shared.increment[k];
-        if (with_slope) {
-          GRAUPEL_UNROLL
-          for (int j = 0; j < most_latents; ++j)
-            if (j < r) slope[j] += mode * shared.slope[k * r + j];
-        }
-      }
+      float residual = instance.way[3 * first + row];
+      for (int k = 0; k < model.deformation_modes; ++k)
+        residual -= modes[int64_t(k) * model.sample_rows] * shared.increment[k];
       arrays.residual[row] = instance.lost[first + row / 3] != 0 ? 0.0f : residual;
-      if (with_slope) {
-        GRAUPEL_UNROLL
-        for (int j = 0; j < most_latents; ++j)
-          if (j < r) arrays.jacobian[j * n + row] = slope[j];
-      }
     });
     team.sync();
     each(count * team.size(), [&](int i) {
@@ -262,47 +249,61 @@ struct Fit {
     team.sync();
   }
 
-  /// J^T W J by its lower triangle, J^T W residual, then sum of w d^2, of w, and the number of samples with w < 1;
-  /// from value `begin` on, of all samples in shared.total.
+  /// U^T W residual, then sum of w d^2, of w, and the number of samples with w < 1; from value `begin` on, of all
+  /// samples in shared.total.
   GRAUPEL_HD void sum_up(int begin) const {
-    const int r = model.latents, triangle = r * (r + 1) / 2, n = rows(), lane = team.thread() % warp_width;
-    for (int v = begin + team.thread() / warp_width; v < triangle + r + 3; v += team.threads() / warp_width) {
-      int i = 0, j = v;
-      while (j > i) j -= ++i;
-      const float* const a = arrays.jacobian + (v < triangle ? i : v - triangle) * n;
-      const float* const b = v < triangle ? arrays.jacobian + j * n : arrays.residual;
+    const int m = model.deformation_modes, n = rows(), lane = team.thread() % warp_width;
+    for (int v = begin + team.thread() / warp_width; v < m + 3; v += team.threads() / warp_width) {
       float sum = 0;
-      if (v < triangle + r)
-        for (int row = lane; row < n; row += warp_width) sum += arrays.weight[row / 3] * a[row] * b[row];
-      else
+      if (v < m) {
+        const float* const mode = model.sample_modes + int64_t(v) * model.sample_rows + 3 * first;
+        for (int row = lane; row < n; row += warp_width)
+          sum += arrays.weight[row / 3] * mode[row] * arrays.residual[row];
+      } else {
         for (int s = lane; s < count; s += warp_width) {
           const float w = arrays.weight[s], d = arrays.distance2[first + s];
-          sum += v == triangle + r ? (d > 0.0f ? w * d : 0.0f) : v == triangle + r + 1 ? w : w < 1.0f ? 1.0f : 0.0f;
+          sum += v == m ? (d > 0.0f ? w * d : 0.0f) : v == m + 1 ? w : w < 1.0f ? 1.0f : 0.0f;
         }
+      }
       const double all = sum_of_warp(team, static_cast<double>(sum));
       if (lane == 0) shared.normal[v] = all;
     }
     team.team_sync();
-    each(triangle + r + 3 - begin, [&](int v) { shared.total[begin + v] = over_team(shared.normal, begin + v); });
+    each(m + 3 - begin, [&](int v) { shared.total[begin + v] = over_team(shared.normal, begin + v); });
     team.sync();
   }
 
   // Solution.
 
-  /// Solves the normal equations for the change of the latent by L D L^T, in the first warp; adds it. False, in all
-  /// threads, when they are singular or not finite.
+  /// The coefficients of all modes that the samples ask for are a* = a + (U^T U + 1e-3 M)^-1 U^T W residual; solves
+  /// (da/dq)^T M da/dq change = (da/dq)^T M (a* - a) by L D L^T, in the first warp, and adds the change. A sample of
+  /// less weight pulls less, but holds as the others do. False, in all threads, when the equations are singular or not
+  /// finite.
   GRAUPEL_HD bool solve() const {
-    const int r = model.latents, triangle = r * (r + 1) / 2;
+    const int r = model.latents, m = model.deformation_modes;
+    each(m * (r + 1), [&](int i) {
+      const int k = i / (r + 1), j = i % (r + 1);
+      const double* const row = (j == r ? model.gain : model.metric) + int64_t(k) * m;
+      double sum = 0;
+      for (int l = 0; l < m; ++l) sum += row[l] * (j == r ? shared.total[l] : shared.slope[l * r + j]);
+      (j == r ? shared.fitted[k] : shared.on_manifold[k * r + j]) = sum;
+    });
+    team.sync();
+    each(r * (r + 1), [&](int e) {
+      const int i = e / (r + 1), j = e % (r + 1);
+      double sum = 0;
+      for (int k = 0; k < m; ++k)
+        sum += shared.slope[k * r + i] * (j == r ? shared.fitted[k] : shared.on_manifold[k * r + j]);
+      (j == r ? shared.right[i] : shared.matrix[i * r + j]) = sum;
+    });
+    team.sync();
     if (team.thread() < warp_width) {
       const int lane = team.thread();
       double trace = 0;
-      for (int i = 0; i < r; ++i) trace += shared.total[i * (i + 1) / 2 + i];
+      for (int i = 0; i < r; ++i) trace += shared.matrix[i * r + i];
       constexpr double ridge = 1e-12;  // of the mean diagonal
-      for (int e = lane; e < r * r; e += warp_width) {
-        const int i = e / r, j = e % r;
-        if (j <= i) shared.matrix[e] = shared.total[i * (i + 1) / 2 + j] + (i == j ? ridge * trace / r : 0.0);
-      }
-      if (lane < r) shared.right[lane] = shared.total[triangle + lane];
+      team.sync_warp();
+      if (lane < r) shared.matrix[lane * r + lane] += ridge * trace / r;
       team.sync_warp();
       eliminate(lane);
       substitute(lane);
@@ -364,7 +365,7 @@ struct Fit {
   /// Improves shared.latent; the number of iterations, or -1 where it failed.
   GRAUPEL_HD int improve() const {
     evaluate(true);
-    residuals(true);
+    residuals();
     int iterations = 0;
     while (iterations < view.fit.iterations) {
       weigh();
@@ -373,11 +374,11 @@ struct Fit {
       ++iterations;
       const bool with_slope = view.fit.linearise_always;
       evaluate(with_slope);
-      residuals(with_slope);
+      residuals();
       if (converged()) break;
     }
     weigh();
-    sum_up(model.latents * (model.latents + 1) / 2 + model.latents);
+    sum_up(model.deformation_modes);
     return iterations;
   }
 
@@ -425,7 +426,7 @@ struct Fit {
       state.latent[j] = shared.latent[j];
     });
     if (team.thread() != 0) return;
-    const double* const sums = shared.total + r * (r + 1) / 2 + r;  // of w d^2, of w, number of w < 1
+    const double* const sums = shared.total + model.deformation_modes;  // of w d^2, of w, number of w < 1
     const double distance = sums[1] > 0 ? std::sqrt(sums[0] / sums[1]) : 0.0;
     const double way = std::sqrt(shared.moved2 / model.samples), least = 1e-4 * static_cast<double>(dx());
     const double residual = distance / (way > least ? way : least);

@@ -101,6 +101,8 @@ class ModelStore {
     view_.affine = keep(pairs_, table.affine);
     view_.point_particle = keep(indices_, table.point_particle);
     view_.sample_mean = keep(doubles_, table.sample_mean);
+    view_.metric = keep(doubles_, table.metric);
+    view_.gain = keep(doubles_, table.gain);
     view_.sample_rows = 3 * view_.samples;
     view_.closure = closure_.view();
     view_.stress_map = stress_map_.view();

@@ -2,12 +2,14 @@
 
 #include <fmt/format.h>
 
+#include <Eigen/Cholesky>
 #include <algorithm>
 #include <utility>
 
 #include "core/error.h"
 #include "rom/factored_fields.h"
 #include "rom/reduced_model.h"
+#include "rom/reduced_solver.h"
 
 namespace graupel::rom::device {
 
@@ -89,6 +91,24 @@ void add_samples(const ModeTable& table, const std::vector<int32_t>& samples, Mo
     }
 }
 
+/// M and M (U^T U + 1e-3 M)^-1 as in rom/factored_fields.cpp.
+void add_norm(const FactoredFields& fields, ModelTable& to) {
+  const auto m = static_cast<Eigen::Index>(to.deformation_modes);
+  const auto rows = static_cast<Eigen::Index>(3 * to.samples.size());
+  using RowMajor = Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+  const Eigen::MatrixXd modes = Eigen::Map<const RowMajor>(to.sample_modes.data(), m, rows).cast<double>();
+  const Eigen::MatrixXd metric = static_cast<double>(to.samples.size()) /
+                                 static_cast<double>(fields.deformation().rows()) * fields.deformation_gram();
+  constexpr double unseen = 1e-3;
+  const Eigen::MatrixXd gram = modes * modes.transpose() + unseen * metric;
+  const Eigen::MatrixXd gain = gram.ldlt().solve(metric).transpose();  // both are symmetric
+  for (Eigen::Index k = 0; k < m; ++k)
+    for (Eigen::Index j = 0; j < m; ++j) {
+      to.metric.push_back(metric(k, j));
+      to.gain.push_back(gain(k, j));
+    }
+}
+
 void check_size(const char* what, int value, int most) {
   if (value > most)
     throw ConfigError(
@@ -121,6 +141,7 @@ ModelTable model_table(const ReducedModel& model, const std::vector<int32_t>& sa
   add_field(fields->affine(), table.point_particle, {0, 1, 2, 3, 4, 5, 6, 7, 8}, table.affine, table.affine_scale);
   add_means(*fields, stress_order, table);
   add_samples(fields->deformation(), samples, table);
+  add_norm(*fields, table);
   table.closure = map_table(fields->deformation_branch().map(), WeightOrder::by_center);
   table.stress_map = map_table(fields->stress_branch().map(), WeightOrder::by_output);
   table.affine_map = map_table(fields->affine_branch().map(), WeightOrder::by_output);
@@ -155,9 +176,8 @@ InstanceTable instance_table(const ReducedModel& model, mpm::PreparedScene prepa
   return table;
 }
 
-FitView fit_view(const FitOptions& options) {
-  return {options.iterations, options.outlier_factor, options.tolerance,
-          options.linearisation == Linearisation::every_iteration};
+FitView fit_view(const ReducedModel& model, const ReducedOptions& options) {
+  return {options.iterations, options.outlier_factor.value_or(model.outlier_factor), FitOptions{}.tolerance, false};
 }
 
 }  // namespace graupel::rom::device

@@ -12,9 +12,9 @@
 
 namespace graupel::rom {
 
-struct FitOptions;
 struct LatentState;
 struct ReducedModel;
+struct ReducedOptions;
 
 namespace device {
 
@@ -31,7 +31,7 @@ struct ModelTable {
   std::vector<float> deformation, deformation_mean, stress_scale, affine_scale, field_mean, sample_modes;
   std::vector<uint32_t> stress, affine;
   std::vector<int32_t> point_particle, samples;
-  std::vector<double> sample_mean;
+  std::vector<double> sample_mean, metric, gain;
   MapTable closure, stress_map, affine_map;
   bool affine_is_rate = false;
 
@@ -54,7 +54,7 @@ ModelTable model_table(const ReducedModel& model, const std::vector<int32_t>& sa
 void check_scene(const Scene& scene);
 /// `state` is that of the scene's start.
 InstanceTable instance_table(const ReducedModel& model, mpm::PreparedScene prepared, const LatentState& state);
-FitView fit_view(const FitOptions& options);
+FitView fit_view(const ReducedModel& model, const ReducedOptions& options);
 
 }  // namespace device
 }  // namespace graupel::rom

@@ -42,6 +42,9 @@ struct ModelView {
   int sample_rows;            ///< 3 samples, with padding
   const float* sample_modes;  ///< [deformation modes, sample_rows]
   const double* sample_mean;  ///< [3 samples] [m]
+  /// M and M (U^T U + 1e-3 M)^-1 over the samples' modes U: the latent is the nearest in the norm M of the whole body
+  /// (rom/factored_fields.cpp), [deformation modes, deformation modes].
+  const double *metric, *gain;
 };
 
 enum class RunStatus : int32_t {

@@ -53,7 +53,7 @@ ReducedDeviceSolver::ReducedDeviceSolver(const ReducedModel& model, std::vector<
   device::RunSettings settings;
   settings.steps_per_frame = steps_;
   settings.dt = dt_;
-  settings.fit = device::fit_view(options.fit);
+  settings.fit = device::fit_view(model, options);
   run_ = device::make_cuda_run(table, std::move(tables), settings);
 }
 

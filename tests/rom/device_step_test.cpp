@@ -21,8 +21,8 @@ using Run = device::DeviceRunOn<device::FiberBackend<team_size>>;
 
 mpm::PreparedScene prepare(const Scene& scene) { return {scene, {.seed = scene.seed}}; }
 
-device::RunSettings settings_of(const Scene& scene, const ReducedOptions& options) {
-  return {2, scene.frame_time / 2, device::fit_view(options.fit)};
+device::RunSettings settings_of(const ReducedModel& model, const Scene& scene, const ReducedOptions& options) {
+  return {2, scene.frame_time / 2, device::fit_view(model, options)};
 }
 
 /// The kernels with fibers, one instance a parameter.
@@ -34,7 +34,8 @@ std::unique_ptr<Run> fiber_run(const ReducedModel& model, const Scene& scene, co
     tables.push_back(device::instance_table(model, prepare(scene), start.state()));
   }
   const auto samples = options.samples.value_or(model.samples);
-  return std::make_unique<Run>(device::model_table(model, samples), std::move(tables), settings_of(scene, options));
+  return std::make_unique<Run>(device::model_table(model, samples), std::move(tables),
+                               settings_of(model, scene, options));
 }
 
 /// Largest distance of the latents, over the way since the start. The CPU's run is of single precision too: in double
@@ -71,7 +72,8 @@ TEST_P(DeviceStep, IsTheStepOfTheCpu) {
     ASSERT_EQ(run->state(0).status, device::RunStatus::running);
     EXPECT_LT(difference(cpu.state(), run->state(0).latent), 5e-4) << "frame " << frame;
     EXPECT_NEAR(run->state(0).residual, cpu.trust().residual, 1e-2 * cpu.trust().residual);
-    EXPECT_NEAR(run->state(0).down_weighted / 2, cpu.trust().down_weighted, 0.02);
+    EXPECT_EQ(cpu.trust().down_weighted, 0);
+    EXPECT_EQ(run->state(0).down_weighted, 0);
   }
   EXPECT_EQ(run->state(0).steps, 4);
   if (std::string(GetParam()).empty()) {  // the way is counted anew where points were found again
@@ -101,13 +103,24 @@ TEST(DeviceRun, FindsThePointsThatReachSamples) {
   const ReducedModel model = swaying_model(scene);
   ReducedOptions options;
   options.samples = {5};  // few points reach one sample
-  options.fit.outlier_factor = 0;
   const auto run = fiber_run(model, scene, {33}, options);
   const mpm::PreparedScene prepared = prepare(scene);
-  IntegrationPoints<float> points(*model.fields, model.integration_points(prepared.particles.volume), *options.samples,
-                                  mpm::grid_of<float>(scene.domain));
+  // At the start all particles are where the scene has them, but for rounding and the closure.
+  const auto positions = model.fields->bind_positions_f64(model.clusters.representatives());
   const ReducedSolver<float> start(model, prepared, {33}, options);
-  const GridParticles expected = points.find(start.state());
+  const std::vector<int32_t> all = model.clusters.representatives();
+  std::vector<double> x(3 * static_cast<std::size_t>(mpm::padded_to_tile(static_cast<int64_t>(all.size()))));
+  positions->decode(start.state(), x.data());
+  const auto grid = mpm::grid_of<double>(scene.domain);
+  const ParticleFrame first = start.frame();
+  const Vec<int, 3> base = mpm::base_node(grid.local(first.position[5].cast<double>()));
+  std::set<int32_t> expected;
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    const Vec<int, 3> b = mpm::base_node(grid.local(mpm::TiledView<double, 3>{x.data()}.vec(static_cast<int64_t>(i))));
+    bool near = true;
+    for (int d = 0; d < 3; ++d) near = near && std::abs(b[d] - base[d]) <= 3;
+    if (near) expected.insert(all[i]);
+  }
   run->begin_frame();
   run->backend().branch(run->view());
   const device::InstanceView& instance = run->view().instances[0];
@@ -115,55 +128,86 @@ TEST(DeviceRun, FindsThePointsThatReachSamples) {
   for (int32_t i = 0; i < instance.state->point_count; ++i)
     found.insert(run->view().model.point_particle[instance.point_list[i]]);
   EXPECT_EQ(static_cast<int32_t>(found.size()), instance.state->point_count);
-  found.insert(5);
-  EXPECT_EQ(found, std::set<int32_t>(expected.particles.begin(), expected.particles.end()));
+  EXPECT_EQ(found, expected);
   EXPECT_GT(found.size(), 3u);
   EXPECT_EQ(instance.state->node_count, 125);
 }
 
-TEST(DeviceFit, IsGaussNewtonOfTheCpuWithOutliers) {
-  const Scene scene = swaying_scene();
-  const ReducedModel model = swaying_model(scene);
-  for (const Linearisation linearisation : {Linearisation::once, Linearisation::every_iteration})
-    for (const double factor : {0.0, 3.0}) {
-      ReducedOptions options;
-      options.fit.linearisation = linearisation;
-      options.fit.outlier_factor = factor;
-      const auto run = fiber_run(model, scene, {33}, options);
-      const device::InstanceView& instance = run->view().instances[0];
-      const auto field = model.fields->bind_samples(model.samples);
-      const int samples = field->samples();
-      const double dt = run->view().dt;
-      Eigen::VectorXd before, target(3 * samples);
-      Eigen::VectorXd latent(2), start(2);
-      for (int j = 0; j < 2; ++j) {
-        start[j] = instance.state->latent[j];
-        latent[j] = start[j] + dt * instance.state->velocity[j];
-      }
-      field->evaluate(start.data(), before);
-      const Random random(8, RandomPurpose::test);
-      std::vector<bool> lost(static_cast<std::size_t>(samples), false);
-      for (int s = 0; s < samples; ++s) {
-        lost[static_cast<std::size_t>(s)] = s % 9 == 4;
-        instance.lost[s] = s % 9 == 4 ? 1 : 0;
-        for (int d = 0; d < 3; ++d) {
-          const double noise = random.uniform(static_cast<uint64_t>(3 * s + d), 0, -1, 1);
-          float& way = instance.way[3 * s + d];
-          way = static_cast<float>((d == 0 ? 2e-3 : 5e-4) + 1e-4 * noise + (s % 7 == 2 ? 5e-3 * noise : 0));
-          target[3 * s + d] = before[3 * s + d] + static_cast<double>(way);
-        }
-      }
-      const FitReport report = fit_latent(*field, target, lost, options.fit, latent);
-      run->backend().fit(run->view(), 1 << 17);
-      ASSERT_EQ(instance.state->status, device::RunStatus::running);
-      for (int j = 0; j < 2; ++j) {
-        EXPECT_NEAR(instance.state->latent[j] - start[j], latent[j] - start[j], 1e-6 * (latent - start).norm());
-        EXPECT_NEAR(instance.state->velocity[j], (latent[j] - start[j]) / dt, 1e-6 * (latent - start).norm() / dt);
-      }
-      EXPECT_NEAR(instance.state->down_weighted, report.down_weighted, 1e-12);
-      EXPECT_NEAR(instance.state->condition, report.condition, 1e-3 * report.condition);
-      EXPECT_NEAR(static_cast<double>(instance.state->iterations), report.iterations, 1);
+/// Ways that samples have gone, into the arrays of a run; every seventh far off by `outliers` [m]. Gauss-Newton of the
+/// CPU and of the kernels go on from there.
+struct TwoFits {
+  TwoFits(const ReducedModel& model, const ReducedOptions& options, double outliers, int lost_every) {
+    const Scene scene = swaying_scene();
+    run = fiber_run(model, scene, {33}, options);
+    const device::InstanceView& instance = run->view().instances[0];
+    const auto field = model.fields->bind_samples(model.samples);
+    const int samples = field->samples();
+    const double dt = run->view().dt;
+    Eigen::VectorXd before, target(3 * samples);
+    latent.resize(2);
+    start.resize(2);
+    for (int j = 0; j < 2; ++j) {
+      start[j] = instance.state->latent[j];
+      latent[j] = start[j] + dt * instance.state->velocity[j];
     }
+    field->evaluate(start.data(), before);
+    const Random random(8, RandomPurpose::test);
+    std::vector<bool> lost(static_cast<std::size_t>(samples), false);
+    for (int s = 0; s < samples; ++s) {
+      const bool is_lost = lost_every > 0 && s % lost_every == 4;
+      lost[static_cast<std::size_t>(s)] = is_lost;
+      instance.lost[s] = is_lost ? 1 : 0;
+      for (int d = 0; d < 3; ++d) {
+        const double noise = random.uniform(static_cast<uint64_t>(3 * s + d), 0, -1, 1);
+        float& way = instance.way[3 * s + d];
+        way = static_cast<float>((d == 0 ? 2e-3 : 5e-4) + 1e-4 * noise + (s % 7 == 2 ? outliers * noise : 0));
+        target[3 * s + d] = before[3 * s + d] + static_cast<double>(way);
+      }
+    }
+    report = fit_latent(*field, target, lost,
+                        {.iterations = options.iterations,
+                         .outlier_factor = options.outlier_factor.value_or(0),
+                         .linearisation = Linearisation::once},
+                        latent);
+    run->backend().fit(run->view(), 1 << 17);
+  }
+  const device::InstanceState& state() const { return *run->view().instances[0].state; }
+  /// Distance of the two solutions over the way.
+  double difference() const {
+    double sum = 0;
+    for (int j = 0; j < 2; ++j) sum += std::pow(state().latent[j] - latent[j], 2);
+    return std::sqrt(sum) / (latent - start).norm();
+  }
+
+  std::unique_ptr<Run> run;
+  Eigen::VectorXd start, latent;
+  FitReport report;
+};
+
+TEST(DeviceFit, IsGaussNewtonOfTheCpu) {
+  const ReducedModel model = swaying_model(swaying_scene());
+  const TwoFits fits(model, {}, 1e-4, 0);
+  ASSERT_EQ(fits.state().status, device::RunStatus::running);
+  EXPECT_LT(fits.difference(), 1e-5);
+  EXPECT_NEAR(fits.state().condition, fits.report.condition, 1e-3 * fits.report.condition);
+  EXPECT_NEAR(static_cast<double>(fits.state().iterations), fits.report.iterations, 1);
+  for (int j = 0; j < 2; ++j)
+    EXPECT_NEAR(fits.state().velocity[j] * fits.run->view().dt, fits.state().latent[j] - fits.start[j], 1e-12);
+}
+
+TEST(DeviceFit, OutliersAndLostSamplesPullLess) {
+  const ReducedModel model = swaying_model(swaying_scene());
+  ReducedOptions robust;
+  robust.iterations = 10;
+  robust.outlier_factor = 3;
+  const TwoFits truth(model, {}, 0, 0), plain(model, {}, 2e-2, 9), weighed(model, robust, 2e-2, 9);
+  ASSERT_EQ(weighed.state().status, device::RunStatus::running);
+  EXPECT_NEAR(weighed.state().down_weighted, weighed.report.down_weighted, 0.1);
+  EXPECT_GT(weighed.state().down_weighted, 0.1);
+  const auto error = [&](const TwoFits& fit) {
+    return std::hypot(fit.state().latent[0] - truth.latent[0], fit.state().latent[1] - truth.latent[1]);
+  };
+  EXPECT_LT(error(weighed), 0.5 * error(plain));
 }
 
 TEST(DeviceFit, StopsWhenMostSamplesAreLost) {

@@ -88,8 +88,8 @@ inline ReducedModel swaying_model(const Scene& scene) {
   // The closure is 0 and flat at the start, so that the body starts in its reference shape.
   CoefficientMap closure = random_map(latents, 3, 2e-3, 11);
   model.fields = std::make_shared<const FactoredFields>(
-      std::move(deformation), ClosureBranch(latents, std::move(closure)), waving_modes(x, points, 6, 70, 2),
-      MapBranch(random_map(latents + 1, 70, 0.1, 12)), waving_modes(x, points, 9, 4, 0.1),
+      std::move(deformation), ClosureBranch(latents, std::move(closure)), waving_modes(x, points, 6, 70, 0.2),
+      MapBranch(random_map(latents + 1, 70, 0.01, 12)), waving_modes(x, points, 9, 4, 0.1),
       std::make_shared<const RateBranch>(latents, random_map(latents + 1, 4 * latents, 0.5, 13)));
   model.affine_kind = AffineKind::rate;
   model.scene_json = io::scene_to_json(scene);
