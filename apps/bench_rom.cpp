@@ -34,6 +34,7 @@ struct BenchRomOptions {
   std::optional<double> manifold_pull;
   CLI::Option* outlier_option = nullptr;
   bool f64 = false, keep_steps = false;
+  int64_t instances = 1;
 };
 
 /// One run of the reduced model against a stored truth.
@@ -82,7 +83,8 @@ Measured measure(const BenchRomOptions& options, const LoadedModel& loaded, cons
   const std::string file = options.data + "/" + options.split + ".h5";
   const Scene scene = io::parse_stored_scene(header.scene_json, file, file);
   ReducedRun run(loaded, scene, header.seed, reduced_options(options, loaded.model, factor),
-                 options.f64 ? Arithmetic::f64 : Arithmetic::f32);
+                 options.f64 ? Arithmetic::f64 : Arithmetic::f32, OutsideRange::warn,
+                 device_of_reduced_models(options.common.device));
   Measured result;
   result.parameters = run.parameters();
   const std::vector<Vec3f> reference = reader.frames(i, 0, 1).front().position;
@@ -169,12 +171,67 @@ void print_row(const Measured& m, double factor) {
   std::fflush(stdout);
 }
 
+/// Steps on a GPU alone: the first run of the split, `instances` times, with parameters spread around its own.
+Json time_on_gpu(const BenchRomOptions& options, const LoadedModel& loaded, const io::TrajectoryReader& reader,
+                 double factor) {
+  constexpr int warm_up = 3, measured = 20;  // frames; the run starts anew when its scene ends
+  const Trajectory header = reader.header(0);
+  const std::string file = options.data + "/" + options.split + ".h5";
+  const Scene scene = io::parse_stored_scene(header.scene_json, file, file);
+  const rom::ReducedInstance one{mpm::PreparedScene(scene, {.device = Device::cpu, .seed = header.seed}),
+                                 parameters_of(loaded, scene)};
+  std::vector<rom::ReducedInstance> instances(static_cast<std::size_t>(options.instances), one);
+  for (std::size_t i = 0; i < instances.size(); ++i)
+    for (std::size_t p = 0; p < one.parameters.size(); ++p) {
+      const rom::ModelParameter& known = loaded.model.parameters[p];
+      const double place = (static_cast<double>(i) + 0.5) / static_cast<double>(instances.size());
+      if (instances.size() > 1) instances[i].parameters[p] = known.low + place * (known.high - known.low);
+    }
+  rom::ReducedDeviceSolver solver(loaded.model, std::move(instances), reduced_options(options, loaded.model, factor));
+  std::vector<double> step;
+  for (int64_t f = 0; f < std::min<int64_t>(warm_up + measured, scene.frames); ++f) {
+    const double seconds = solver.timed_frame() / static_cast<double>(solver.steps_per_frame());
+    if (f >= warm_up) step.push_back(seconds);
+  }
+  if (step.empty())
+    throw ConfigError(fmt::format("the scene has {} frames, too few to time steps (allowed: {} and more). Use another",
+                                  scene.frames, warm_up + 1));
+  std::sort(step.begin(), step.end());
+  const double median = 1e6 * step[step.size() / 2], low = 1e6 * step.front(), high = 1e6 * step.back();
+  int64_t diverged = 0;
+  for (int i = 0; i < solver.count(); ++i) diverged += solver.divergence(i) ? 1 : 0;
+  const rom::ReducedStatistics statistics = solver.statistics(0);
+  std::printf(
+      "on the GPU, %lld instances: %.2f us a step of all (median of %zu frames of %lld steps; %.2f to %.2f), %.3f us "
+      "an "
+      "instance; %lld samples, %.0f integration points, %.1f iterations, %.2f GB; %lld diverged\n",
+      static_cast<long long>(options.instances), median, step.size(), static_cast<long long>(solver.steps_per_frame()),
+      low, high, median / static_cast<double>(options.instances), static_cast<long long>(statistics.samples),
+      statistics.mean_integration, statistics.mean_iterations, 1e-9 * static_cast<double>(statistics.bytes),
+      static_cast<long long>(diverged));
+  return {{"instances", options.instances},
+          {"step_factor", factor},
+          {"us_per_step", median},
+          {"us_per_step_low", low},
+          {"us_per_step_high", high},
+          {"steps_per_frame", solver.steps_per_frame()},
+          {"integration_mean", statistics.mean_integration},
+          {"iterations", statistics.mean_iterations},
+          {"bytes", statistics.bytes},
+          {"diverged", diverged}};
+}
+
 void bench_rom(BenchRomOptions& options) {
   options.common.apply();
+  const Device device = device_of_reduced_models(options.common.device);
+  if (options.instances > 1 && device != Device::cuda)
+    throw ConfigError(
+        "--instances is of the GPU (on the CPU one run follows the other; allowed there: 1). Add --device "
+        "cuda");
   LoadedModel loaded(options.model);
   if (options.cluster > 1) take_clusters(loaded.model, static_cast<int>(options.cluster));
   const io::TrajectoryReader reader(options.data + "/" + options.split + ".h5");
-  Json rows = Json::array();
+  Json rows = Json::array(), steps = Json::array();
   std::printf("%12s %6s %9s %9s %7s %8s %8s %8s %8s %8s %8s %8s %6s %6s %7s %7s\n", "parameters", "factor", "delta %",
               "displ. %", "cells", "|N|", "us/step", "decode", "grid", "invert", "search", "residual", "down", "latent",
               "reduced", "s");
@@ -185,8 +242,13 @@ void bench_rom(BenchRomOptions& options) {
       print_row(m, factor);
       rows.push_back(json_of(m, factor));
     }
-  options.common.write_json(
-      {{"model", options.model}, {"data", options.data}, {"split", options.split}, {"rows", rows}});
+  if (device == Device::cuda)
+    for (const double factor : options.step_factors) steps.push_back(time_on_gpu(options, loaded, reader, factor));
+  options.common.write_json({{"model", options.model},
+                             {"data", options.data},
+                             {"split", options.split},
+                             {"rows", rows},
+                             {"gpu_steps", steps}});
 }
 
 }  // namespace
@@ -221,6 +283,9 @@ void add_bench_rom(CLI::App& bench) {
       ->capture_default_str();
   verb->add_flag("--keep-steps", options->keep_steps, "Repeat no step at half the length where it leaves too much");
   verb->add_flag("--f64", options->f64, "Double precision");
+  verb->add_option("--instances", options->instances, "With --device cuda: so many runs at once while steps are timed")
+      ->check(whole_number(1))
+      ->capture_default_str();
   options->common.add_to(*verb);
   verb->footer(
       "Examples:\n  graupel bench rom models/nsf-sand.safetensors data/nsf_sand_column\n"

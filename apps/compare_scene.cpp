@@ -280,7 +280,7 @@ const TimedRun& SceneComparison::run_of(const ComparedModel& model, TimedRun& ow
     case ModelKind::network:
       return own = run_network(*model.network, task_.scene, surroundings_, start_, task_.frames, label(choice.label));
     case ModelKind::reduced:
-      return own = run_reduced(*model.reduced, task_.scene, task_.seed, task_.frames, label(choice.label));
+      return own = run_reduced(*model.reduced, task_.scene, task_.seed, task_.frames, device_, label(choice.label));
     case ModelKind::mpm:
       break;
   }

@@ -111,7 +111,7 @@ struct ReducedTimes {
 
   void add_parts(const rom::StepTiming& now) {
     fields.push_back(now.decode + now.inversion - sum.decode - sum.inversion);
-    grid.push_back(now.grid - sum.grid);
+    grid.push_back(now.grid + now.device - sum.grid - sum.device);
     search.push_back(now.search - sum.search);
     sum = now;
   }
@@ -235,10 +235,10 @@ TimedRun run_network(const graph::LearnedSimulator& simulator, const Scene& scen
   return result;
 }
 
-TimedRun run_reduced(const LoadedModel& model, const Scene& scene, uint64_t seed, int64_t frames,
+TimedRun run_reduced(const LoadedModel& model, const Scene& scene, uint64_t seed, int64_t frames, Device device,
                      const std::string& label) {
   const MemoryMeter memory;
-  ReducedRun run(model, scene, seed, {}, Arithmetic::f32, OutsideRange::be_quiet);
+  ReducedRun run(model, scene, seed, {}, Arithmetic::f32, OutsideRange::be_quiet, device);
   TimedRun result;
   StartState start = start_of(scene, seed);
   result.run.mass = std::move(start.mass);

@@ -63,7 +63,7 @@ TimedRun run_network(const graph::LearnedSimulator& simulator, const Scene& scen
                      const std::string& label);
 
 /// The same for a reduced-order model, from the start of the scene. Frame 0 is the nearest state that the model knows.
-TimedRun run_reduced(const LoadedModel& model, const Scene& scene, uint64_t seed, int64_t frames,
+TimedRun run_reduced(const LoadedModel& model, const Scene& scene, uint64_t seed, int64_t frames, Device device,
                      const std::string& label);
 
 /// Resident memory of the process while this object lives [bytes].

@@ -45,7 +45,8 @@ class ReducedRollout {
       : options_(options),
         scene_(task.scene),
         frames_(options.frames >= 0 ? options.frames : task.scene.frames),
-        run_(loaded, task.scene, task.seed, reduced_options(options), options.arithmetic),
+        run_(loaded, task.scene, task.seed, reduced_options(options), options.arithmetic, OutsideRange::warn,
+             device_of_reduced_models(options.common.device)),
         refined_(options.refine ? std::make_unique<RefinedBody>(loaded, task.scene, task.seed, *options.refine)
                                 : nullptr),
         writer_(options.output, header_of(task), {.velocity = !refined_}) {
@@ -147,9 +148,12 @@ class ReducedRollout {
                    refined_->particle_type().size(), human_time(median(refine_seconds_)).c_str(),
                    static_cast<long long>(written_));
     if (t.steps == 0) return;
-    std::fprintf(stderr, "  %s a step: decode %.0f %%, grid %.0f %%, inversion %.0f %%, search %.0f %%\n",
-                 human_time(step).c_str(), percent * t.decode, percent * t.grid, percent * t.inversion,
-                 percent * t.search);
+    if (t.device > 0)
+      std::fprintf(stderr, "  %s a step, on the GPU\n", human_time(step).c_str());
+    else
+      std::fprintf(stderr, "  %s a step: decode %.0f %%, grid %.0f %%, inversion %.0f %%, search %.0f %%\n",
+                   human_time(step).c_str(), percent * t.decode, percent * t.grid, percent * t.inversion,
+                   percent * t.search);
     std::fprintf(stderr, "  %lld samples, %.0f integration particles in the mean, %lld at most\n",
                  static_cast<long long>(statistics.samples), statistics.mean_integration,
                  static_cast<long long>(statistics.most_integration));

@@ -105,8 +105,13 @@ std::vector<std::string> outside_range(const rom::ReducedModel& model, const std
   return lines;
 }
 
+Device device_of_reduced_models(const std::string& word) {
+  const Device device = parse_device(word);
+  return word == name_of(Device::cuda) ? device : Device::cpu;
+}
+
 ReducedRun::ReducedRun(const LoadedModel& loaded, const Scene& scene, uint64_t seed, const rom::ReducedOptions& options,
-                       Arithmetic arithmetic, OutsideRange outside)
+                       Arithmetic arithmetic, OutsideRange outside, Device device)
     : parameters_(parameters_of(loaded, scene)) {
   const auto lines =
       outside == OutsideRange::warn ? outside_range(loaded.model, parameters_) : std::vector<std::string>{};
@@ -117,10 +122,22 @@ ReducedRun::ReducedRun(const LoadedModel& loaded, const Scene& scene, uint64_t s
   for (const int32_t material : prepared.particles.material)
     particle_type_.push_back(particle_type_of(
         scene.materials.at(prepared.particles.material_names[static_cast<std::size_t>(material)]).model));
-  if (arithmetic == Arithmetic::f32)
+  if (device == Device::cuda && arithmetic == Arithmetic::f64)
+    throw ConfigError("reduced models run in single precision on the GPU (asked for: --f64). Use --device cpu");
+  if (device == Device::cuda)
+    gpu_ = std::make_unique<rom::ReducedDeviceSolver>(
+        loaded.model, std::vector<rom::ReducedInstance>{{std::move(prepared), parameters_}}, options);
+  else if (arithmetic == Arithmetic::f32)
     single_ = std::make_unique<rom::ReducedSolver<float>>(loaded.model, std::move(prepared), parameters_, options);
   else
     exact_ = std::make_unique<rom::ReducedSolver<double>>(loaded.model, std::move(prepared), parameters_, options);
+}
+
+void ReducedRun::advance_frame() {
+  if (single_) return single_->advance_frame();
+  if (exact_) return exact_->advance_frame();
+  gpu_->advance_frame();
+  if (const auto why = gpu_->divergence(0)) throw DivergedError(*why);
 }
 
 }  // namespace graupel::apps

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "core/scene.h"
+#include "rom/cuda/reduced_cuda.h"
 #include "rom/reduced_solver.h"
 
 namespace graupel::apps {
@@ -36,18 +37,26 @@ enum class Arithmetic { f32, f64 };
 /// What is said about parameters outside of the training's range.
 enum class OutsideRange { warn, be_quiet };
 
-/// A reduced run of either precision.
+/// Where reduced models run for a --device: on the GPU where it is asked for by name, else on the CPU. Throws
+/// ConfigError as parse_device.
+Device device_of_reduced_models(const std::string& word);
+
+/// A reduced run of either precision, or on a GPU.
 class ReducedRun {
  public:
-  /// Throws ConfigError as parameters_of and rom::ReducedSolver.
+  /// Throws ConfigError as parameters_of, rom::ReducedSolver and rom::ReducedDeviceSolver, and for f64 on a GPU.
   ReducedRun(const LoadedModel& model, const Scene& scene, uint64_t seed, const rom::ReducedOptions& options,
-             Arithmetic arithmetic = Arithmetic::f32, OutsideRange outside = OutsideRange::warn);
-  void advance_frame() { single_ ? single_->advance_frame() : exact_->advance_frame(); }
-  double time() const { return single_ ? single_->time() : exact_->time(); }
-  const rom::LatentState& state() const { return single_ ? single_->state() : exact_->state(); }
-  ParticleFrame frame() const { return single_ ? single_->frame() : exact_->frame(); }
-  const rom::TrustIndicator& trust() const { return single_ ? single_->trust() : exact_->trust(); }
-  rom::ReducedStatistics statistics() const { return single_ ? single_->statistics() : exact_->statistics(); }
+             Arithmetic arithmetic = Arithmetic::f32, OutsideRange outside = OutsideRange::warn,
+             Device device = Device::cpu);
+  /// Throws DivergedError.
+  void advance_frame();
+  double time() const { return gpu_ ? gpu_->time() : single_ ? single_->time() : exact_->time(); }
+  rom::LatentState state() const { return gpu_ ? gpu_->state(0) : single_ ? single_->state() : exact_->state(); }
+  ParticleFrame frame() const { return gpu_ ? gpu_->frame(0) : single_ ? single_->frame() : exact_->frame(); }
+  rom::TrustIndicator trust() const { return gpu_ ? gpu_->trust(0) : single_ ? single_->trust() : exact_->trust(); }
+  rom::ReducedStatistics statistics() const {
+    return gpu_ ? gpu_->statistics(0) : single_ ? single_->statistics() : exact_->statistics();
+  }
   const std::vector<int32_t>& particle_type() const { return particle_type_; }
   const std::vector<double>& parameters() const { return parameters_; }
 
@@ -56,6 +65,7 @@ class ReducedRun {
   std::vector<int32_t> particle_type_;
   std::unique_ptr<rom::ReducedSolver<float>> single_;
   std::unique_ptr<rom::ReducedSolver<double>> exact_;
+  std::unique_ptr<rom::ReducedDeviceSolver> gpu_;
 };
 
 }  // namespace graupel::apps

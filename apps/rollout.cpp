@@ -88,7 +88,6 @@ Start start_from_trajectory(const RolloutOptions& options, int history) {
 
 /// Flags that mean nothing for the kind of input.
 void check_flags(const RolloutOptions& options) {
-  refuse_cuda_for_networks(options.common.device);
   if (is_trajectory(options.input) && options.common.seed_given)
     throw ConfigError("--seed has no effect on '" + options.input +
                       "' (a trajectory's particles are given; --seed samples a scene's). Leave it out");
@@ -99,6 +98,7 @@ void check_flags(const RolloutOptions& options) {
 
 /// Flags that the kind of model does not know.
 void check_flags_of_network(const RolloutOptions& options) {
+  refuse_cuda_for_networks(options.common.device);
   const char* flag = options.step_factor                     ? "--step-factor"
                      : options.refine                        ? "--refine"
                      : options.stride != 1                   ? "--stride"

@@ -9,9 +9,10 @@ export GOMP_SPINCOUNT=${GOMP_SPINCOUNT:-20000}
   echo "commit  $commit"
   nvidia-smi --query-gpu=name,driver_version --format=csv,noheader | sed 's/^/gpu     /; s/, /\ndriver  /' | head -2
   echo "command bench/gpu_tests.sh"
-  for module in core sparsegrid mpm graph train apps; do
+  for module in core sparsegrid mpm graph rom train apps; do
     log=$(mktemp) filter='-*Slow*'
     [ $module = apps ] && filter='*Gpu'
+    [ $module = rom ] && filter='*Cuda*'
     timeout 240 "$build/${module}_test" --gtest_filter="$filter" > "$log" 2>&1
     status=$?
     echo

@@ -1,5 +1,6 @@
 // Advection, projection out of obstacles, passage of open and periodic walls, births and sinks, home blocks, and the
 // survey of the new state; and the copying of particles into another order.
+#include "mpm/moving_contact.h"
 #include "mpm/particle_motion.h"
 #include "mpm/phases.h"
 #include "mpm/slot_range.h"
@@ -111,13 +112,8 @@ struct MoveSlots {
   GRAUPEL_HD void keep_out(int64_t slot, const Vec<T, 3>& before, const Vec<T, 3>& wanted, Vec<T, 3>& x,
                            Survey& found) const {
     Vec<T, 3> surface_velocity = Vec<T, 3>::zero();
-    if (!plain && view.push_out && view.moving.count > 0 && near_moving(x)) {
-      int nearest;
-      sparsegrid::signed_distance(view.moving.end, x, nearest);
-      // In the frame of the obstacle that it met, the particle comes from where that obstacle would have carried it.
-      if (nearest >= 0) surface_velocity = view.moving.step[nearest].velocity_at(before);
-      sparsegrid::push_out<D>(view.moving.end, view.walls.particle_low, view.walls.particle_high,
-                              before + dt * surface_velocity, x);
+    if (!plain && view.push_out && view.moving.count > 0 && near_moving(view.moving, x)) {
+      surface_velocity = push_out_of_moving<D, T>(view, view.moving, dt, before, x);
     } else if (view.push_out && near_surface<D, T>(view, x)) {
       sparsegrid::push_out<D>(view.obstacle_nodes.obstacles, view.walls.particle_low, view.walls.particle_high, before,
                               x);
@@ -129,15 +125,6 @@ struct MoveSlots {
     const T mass = view.materials[p.material.get(slot)].density * p.volume.get(slot);
     stop_at_surface(x - wanted, mass, surface_velocity, stopped, found);
     if (!(stopped == v)) p.velocity.set_vec(slot, stopped);
-  }
-
-  GRAUPEL_HD bool near_moving(const Vec<T, 3>& x) const {
-    for (int32_t i = 0; i < view.moving.count; ++i) {
-      const sparsegrid::ObstacleView& obstacle = view.moving.end.obstacles[view.moving.index[i]];
-      const sparsegrid::ObstacleFrame<T>& frame = obstacle.template frame<T>();
-      if (sparsegrid::lookup::in_box(x, frame.solid_low, frame.solid_high)) return true;
-    }
-    return false;
   }
 
   /// Takes x through a periodic wall; true when it passed an open one or entered a sink.

@@ -87,6 +87,17 @@ void CoefficientMap::derivative(const double* z, int wrt, double* jacobian) cons
   for (Eigen::Index j = 0; j < wrt; ++j) to.col(j) *= scale_[static_cast<std::size_t>(j)];
 }
 
+CoefficientMap::Parts CoefficientMap::parts() const {
+  Parts parts{count_, shift_, scale_, low_, high_, {}, {}, {}};
+  for (Eigen::Index j = 0; j < inputs_; ++j)
+    for (Eigen::Index i = 0; i < count_; ++i) parts.centers.push_back(centers_(i, j));
+  for (Eigen::Index k = 0; k < outputs_; ++k) {
+    for (Eigen::Index i = 0; i < count_; ++i) parts.weights.push_back(weights_(k, i));
+    for (Eigen::Index j = 0; j <= inputs_; ++j) parts.linear.push_back(linear_(k, j));
+  }
+  return parts;
+}
+
 CoefficientMap CoefficientMap::load(const nn::Weights& weights, const std::string& prefix, int inputs, int outputs) {
   const auto get = [&](const char* name, const std::vector<int64_t>& shape) {
     const std::vector<float> values = weights.get(prefix + name, shape);

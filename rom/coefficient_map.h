@@ -34,6 +34,16 @@ class CoefficientMap {
   static CoefficientMap load(const nn::Weights& weights, const std::string& prefix, int inputs, int outputs);
   void store(nn::Weights& weights, const std::string& prefix) const;
 
+  /// The numbers themselves, for other implementations of evaluate().
+  struct Parts {
+    int count;
+    std::vector<double> shift, scale, low, high;  ///< [inputs]; the box is standardised
+    std::vector<double> centers;                  ///< standardised [inputs, count]
+    std::vector<double> weights;                  ///< [outputs, count]
+    std::vector<double> linear;                   ///< [outputs, 1 + inputs]
+  };
+  Parts parts() const;
+
  private:
   /// Standardised z, and the same held at the data's box; `held[j]`: input j is.
   struct Place {

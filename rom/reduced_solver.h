@@ -36,8 +36,9 @@ struct ReducedOptions {
 /// Seconds of the parts of steps, summed.
 struct StepTiming {
   double decode = 0, grid = 0, inversion = 0, search = 0;
+  double device = 0;  ///< all of these, on a GPU, whose steps are not taken apart
   int64_t steps = 0;
-  double total() const { return decode + grid + inversion + search; }
+  double total() const { return decode + grid + inversion + search + device; }
 };
 
 /// How far the model may be trusted, without the full model's run; of one frame.

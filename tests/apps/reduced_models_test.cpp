@@ -11,6 +11,7 @@
 #include "io/trajectory_file.h"
 #include "tests/apps/falling_model.h"
 #include "tests/apps/program.h"
+#include "tests/gpu_only.h"
 
 namespace graupel::test {
 namespace {
@@ -205,7 +206,7 @@ TEST_F(ReducedModels, CompareHoldsThemBesideMpm) {
 }
 
 TEST_F(ReducedModels, FlagsOfTheOtherKindAreRefused) {
-  for (const char* flag : {"--no-project", "--start truth:6", "--device cuda"}) {
+  for (const char* flag : {"--no-project", "--start truth:6"}) {
     const Outcome outcome = rollout(flag);
     EXPECT_EQ(outcome.exit_code, 2) << flag << ": " << outcome.output;
     EXPECT_TRUE(outcome.says(std::string(flag).substr(0, 7))) << outcome.output;
@@ -219,6 +220,36 @@ TEST_F(ReducedModels, FlagsOfTheOtherKindAreRefused) {
   EXPECT_EQ(one_step.exit_code, 2) << one_step.output;
   EXPECT_TRUE(one_step.says("no one-step error without a rollout")) << one_step.output;
   EXPECT_EQ(rollout("--step-factor 0").exit_code, 2);
+}
+
+TEST_F(ReducedModels, WithoutAGpuCudaIsRefused) {
+  if (cuda_available()) GTEST_SKIP() << "there is a GPU here";
+  const Outcome outcome = rollout("--device cuda");
+  EXPECT_EQ(outcome.exit_code, 2) << outcome.output;
+  EXPECT_TRUE(outcome.says("cuda")) << outcome.output;
+  const Outcome bench = graupel("bench rom " + model_ + " " + folder_.file("none") + " --instances 2");
+  EXPECT_EQ(bench.exit_code, 2) << bench.output;
+  EXPECT_TRUE(bench.says("--instances")) << bench.output;
+}
+
+TEST_F(ReducedModels, RunOnTheGpu) {
+  GRAUPEL_NEEDS_GPU();
+  const Outcome f64 = rollout("--device cuda --f64");
+  EXPECT_EQ(f64.exit_code, 2) << f64.output;
+  const Outcome outcome = rollout("--device cuda");
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.output;
+  EXPECT_TRUE(outcome.says("on the GPU")) << outcome.output;
+  const Trajectory run = predicted();
+  ASSERT_EQ(run.frames.size(), 9u);
+  const double dt = 1.0 / 60 / falling_steps;
+  for (std::size_t f = 0; f < run.frames.size(); ++f)
+    for (std::size_t p = 0; p < run.particle_count(); ++p)
+      EXPECT_NEAR(run.frames[f].position[p][1] - run.frames[0].position[p][1],
+                  fallen(static_cast<int>(f) * falling_steps, dt), 2e-6 + 1e-4 * static_cast<double>(f * f) / 64);
+  const Outcome compare = graupel("compare --scenes " + scene_ + " --models mpm," + model_ +
+                                  " --no-floors --device cuda --json " + folder_.file("compare.json"));
+  ASSERT_EQ(compare.exit_code, 0) << compare.output;
+  EXPECT_LT(summary("compare.json")["results"][1]["displacement_relative_error"], 1e-2);
 }
 
 TEST_F(ReducedModels, DamagedAndForeignWeightsAreNamed) {

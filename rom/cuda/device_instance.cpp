@@ -1,0 +1,118 @@
+#include <numeric>
+
+#include "mpm/scene_setup.h"
+#include "rom/cuda/device_run.h"
+
+namespace graupel::rom::device {
+
+InstanceStore::InstanceStore(Device device, const ModelTable& model, InstanceTable table, int64_t steps_per_frame,
+                             InstanceState* state)
+    : device_(device),
+      table_(std::move(table)),
+      steps_(steps_per_frame),
+      moving_(device, table_.prepared.scene, table_.prepared.obstacles),
+      obstacle_nodes_(device, mpm::grid_of<float>(table_.prepared.scene.domain), moving_.fixed()) {
+  const Scene& scene = table_.prepared.scene;
+  view_.scene.grid = mpm::grid_of<float>(scene.domain);
+  view_.scene.walls = mpm::wall_view<float>(scene);
+  view_.scene.gravity = scene.gravity.cast<float>();
+  view_.scene.push_out = scene.push_out;
+  view_.scene.obstacle_nodes = obstacle_nodes_.view();
+  view_.scene.materials = nullptr;  // no kernel asks for the material of a point
+  int64_t nodes = 1;
+  for (int d = 0; d < 3; ++d) {
+    view_.nodes[d] = mpm::block_width * view_.scene.grid.blocks[d];
+    nodes *= view_.nodes[d];
+  }
+  set_particles(model);
+  const auto moving = moving_.view();
+  view_.moving_count = moving.count;
+  view_.moving_index = moving.index;
+  view_.obstacle_count = moving.count > 0 ? static_cast<int32_t>(scene.obstacles.size()) : 0;
+  view_.script_count = static_cast<int32_t>(table_.prepared.particles.scripts.size());
+  const auto obstacle_steps = static_cast<std::size_t>(steps_ * view_.obstacle_count);
+  view_.moving_start = make(moving_start_, obstacle_steps);
+  view_.moving_end = make(moving_end_, obstacle_steps);
+  view_.moving_step = make(moving_step_, obstacle_steps);
+  view_.scripts = make(scripts_, static_cast<std::size_t>(steps_ * view_.script_count));
+  constexpr int64_t reach = 125;  // nodes that a sample marks
+  const auto marked = static_cast<std::size_t>(std::min(nodes, reach * static_cast<int64_t>(model.samples.size())));
+  view_.node_place = make(node_place_, static_cast<std::size_t>(nodes));
+  view_.node_list = make(node_list_, marked);
+  view_.sums = make(sums_, marked * mpm::channels);
+  view_.point_list = make(point_list_, model.point_particle.size());
+  view_.map_rows = make(map_rows_, static_cast<std::size_t>(model.stress_map.outputs + model.affine_map.outputs));
+  view_.way = make(way_, 3 * model.samples.size());
+  view_.lost = make(lost_, model.samples.size());
+  view_.parameters = keep(parameters_, table_.parameters);
+  keep(coefficient_, table_.coefficient);
+  keep(rate_, table_.rate);
+  view_.coefficient = coefficient_.data();
+  view_.rate = rate_.data();
+  view_.state = state;
+}
+
+void InstanceStore::set_particles(const ModelTable& model) {
+  const mpm::SampledParticles& all = table_.prepared.particles;
+  std::vector<float> density;
+  std::vector<uint8_t> still;
+  for (const std::string& name : all.material_names) {
+    const MaterialConfig& config = table_.prepared.scene.materials.at(name);
+    density.push_back(mpm::material_parameters<float>(config).density);
+    still.push_back(config.model == MaterialModel::stationary ? 1 : 0);
+  }
+  std::vector<float> mass, volume;
+  std::vector<uint8_t> sample_still;
+  std::vector<int32_t> point_script, sample_script;
+  const bool scripted = !all.scripts.empty();
+  for (std::size_t i = 0; i < model.point_particle.size(); ++i) {
+    const auto p = static_cast<std::size_t>(model.point_particle[i]);
+    volume.push_back(static_cast<float>(all.volume[p] * table_.point_share[i]));
+    mass.push_back(density[static_cast<std::size_t>(all.material[p])] * volume.back());
+    if (scripted) point_script.push_back(all.script[p]);
+  }
+  for (const int32_t sample : model.samples) {
+    const auto p = static_cast<std::size_t>(sample);
+    sample_still.push_back(still[static_cast<std::size_t>(all.material[p])]);
+    if (scripted) sample_script.push_back(all.script[p]);
+  }
+  view_.point_mass = keep(point_mass_, mass);
+  view_.point_volume = keep(point_volume_, volume);
+  view_.sample_still = keep(sample_still_, sample_still);
+  view_.point_script = scripted ? keep(point_script_, point_script) : nullptr;
+  view_.sample_script = scripted ? keep(sample_script_, sample_script) : nullptr;
+}
+
+InstanceState InstanceStore::start() const {
+  InstanceState state{};
+  std::copy(table_.latent.begin(), table_.latent.end(), state.latent);
+  std::copy(table_.velocity.begin(), table_.velocity.end(), state.velocity);
+  return state;
+}
+
+void InstanceStore::begin_frame(double time, double dt) {
+  const Scene& scene = table_.prepared.scene;
+  std::vector<sparsegrid::ObstacleView> start, end;
+  std::vector<mpm::RigidStep<float>> moves;
+  std::vector<mpm::ScriptStep<float>> scripts;
+  for (int64_t i = 0; i < steps_; ++i, time += dt) {
+    for (const mpm::Script& script : table_.prepared.particles.scripts)
+      scripts.push_back(
+          {mpm::rigid_step<float>(script.motion, script.body_center, time, dt), time < script.release_time});
+    if (view_.moving_count == 0) continue;
+    const auto from = table_.prepared.obstacles.views_at(time, device_),
+               to = table_.prepared.obstacles.views_at(time + dt, device_);
+    start.insert(start.end(), from.begin(), from.end());
+    end.insert(end.end(), to.begin(), to.end());
+    for (const Obstacle& obstacle : scene.obstacles)
+      moves.push_back(obstacle.motion ? mpm::rigid_step<float>(*obstacle.motion, obstacle.position, time, dt)
+                                      : mpm::RigidStep<float>{Mat3f::zero(), Vec3f::zero(), Vec3f::zero()});
+  }
+  if (!scripts.empty()) scripts_.upload(scripts);
+  if (moves.empty()) return;
+  moving_start_.upload(start);
+  moving_end_.upload(end);
+  moving_step_.upload(moves);
+}
+
+}  // namespace graupel::rom::device

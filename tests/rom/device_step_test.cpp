@@ -1,0 +1,287 @@
+// The GPU's step of a reduced-order model against the CPU's: its kernels run here with fibers for threads, and, where
+// there is a GPU, on it.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <set>
+
+#include "core/error.h"
+#include "rom/cuda/reduced_cuda.h"
+#include "tests/gpu_only.h"
+#include "tests/rom/fiber_run.h"
+#include "tests/rom/swaying_model.h"
+
+namespace graupel::rom {
+namespace {
+
+using test::swaying_model;
+using test::swaying_scene;
+constexpr int team_size = 3;
+using Run = device::DeviceRunOn<device::FiberBackend<team_size>>;
+
+mpm::PreparedScene prepare(const Scene& scene) { return {scene, {.seed = scene.seed}}; }
+
+device::RunSettings settings_of(const ReducedModel& model, const Scene& scene, const ReducedOptions& options) {
+  return {2, scene.frame_time / 2, device::fit_view(model, options)};
+}
+
+/// The kernels with fibers, one instance a parameter.
+std::unique_ptr<Run> fiber_run(const ReducedModel& model, const Scene& scene, const std::vector<double>& parameters,
+                               const ReducedOptions& options = {}) {
+  std::vector<device::InstanceTable> tables;
+  for (const double mu : parameters) {
+    const ReducedSolver<float> start(model, prepare(scene), {mu}, options);
+    tables.push_back(device::instance_table(model, prepare(scene), start.state()));
+  }
+  const auto samples = options.samples.value_or(model.samples);
+  return std::make_unique<Run>(device::model_table(model, samples), std::move(tables),
+                               settings_of(model, scene, options));
+}
+
+/// Largest distance of the latents, over the way since the start. The CPU's run is of single precision too: in double
+/// precision other nodes and samples meet obstacles.
+double difference(const LatentState& a, const double* b) {
+  double worst = 0, way = 0;
+  for (std::size_t j = 0; j < a.latent.size(); ++j) {
+    worst = std::max(worst, std::abs(a.latent[j] - b[j]));
+    way = std::max(way, std::abs(a.latent[j]));
+  }
+  return worst / way;
+}
+
+const char* const scenes[] = {
+    "",
+    R"(, "obstacles": [ { "shape": "sphere", "radius": 0.025, "position": [0.305, 0.13, 0.25], "friction": 0.3 } ])",
+    R"(, "obstacles": [ { "shape": "box", "size": [0.05, 0.1, 0.3], "position": [0.305, 0.12, 0.25],
+         "motion": { "velocity": [-0.4, 0, 0], "spin": 2 } },
+         { "shape": "sphere", "radius": 0.02, "position": [0.2, 0.1, 0.25] } ])",
+    R"(, "kinematic_regions": [ { "shape": "box", "size": [0.2, 0.03, 0.2], "position": [0.25, 0.19, 0.25],
+         "motion": { "velocity": [0.1, 0, 0], "end_time": 1 } } ])"};
+
+class DeviceStep : public testing::TestWithParam<const char*> {};
+INSTANTIATE_TEST_SUITE_P(Scenes, DeviceStep, testing::ValuesIn(scenes));
+
+TEST_P(DeviceStep, IsTheStepOfTheCpu) {
+  const Scene scene = swaying_scene(GetParam());
+  const ReducedModel model = swaying_model(scene);
+  ReducedSolver<float> cpu(model, prepare(scene), {33}, {});
+  const auto run = fiber_run(model, scene, {33});
+  {
+    cpu.advance_frame();
+    run->advance_frame();
+    ASSERT_EQ(run->state(0).status, device::RunStatus::running);
+    EXPECT_LT(difference(cpu.state(), run->state(0).latent), 5e-4);
+    EXPECT_NEAR(run->state(0).residual, cpu.trust().residual, 1e-2 * cpu.trust().residual);
+    EXPECT_EQ(cpu.trust().down_weighted, 0);
+    EXPECT_EQ(run->state(0).down_weighted, 0);
+  }
+  EXPECT_EQ(run->state(0).steps, 2);
+  const ParticleFrame truth = cpu.frame();
+  const std::vector<float> frame = run->frame(0);
+  for (std::size_t p = 0; p < truth.position.size(); ++p)
+    for (std::size_t d = 0; d < 3; ++d) {
+      EXPECT_NEAR(frame[6 * p + d], truth.position[p][static_cast<int>(d)], 2e-5);
+      EXPECT_NEAR(frame[6 * p + 3 + d], truth.velocity[p][static_cast<int>(d)], 5e-3);
+    }
+}
+
+TEST(DeviceRun, InstancesMoveAsTheyDoAlone) {
+  const Scene scene = swaying_scene(scenes[1]);
+  const ReducedModel model = swaying_model(scene);
+  const auto both = fiber_run(model, scene, {31, 39}), second = fiber_run(model, scene, {39});
+  both->advance_frame();
+  second->advance_frame();
+  for (int j = 0; j < 2; ++j) EXPECT_EQ(both->state(1).latent[j], second->state(0).latent[j]);
+  EXPECT_NE(both->state(0).latent[0], both->state(1).latent[0]);
+}
+
+TEST(DeviceRun, FindsThePointsThatReachSamples) {
+  const Scene scene = swaying_scene();
+  const ReducedModel model = swaying_model(scene);
+  ReducedOptions options;
+  options.samples = {5};  // few points reach one sample
+  const auto run = fiber_run(model, scene, {33}, options);
+  const mpm::PreparedScene prepared = prepare(scene);
+  // At the start all particles are where the scene has them, but for rounding and the closure.
+  const auto positions = model.fields->bind_positions_f64(model.clusters.representatives());
+  const ReducedSolver<float> start(model, prepared, {33}, options);
+  const std::vector<int32_t> all = model.clusters.representatives();
+  std::vector<double> x(3 * static_cast<std::size_t>(mpm::padded_to_tile(static_cast<int64_t>(all.size()))));
+  positions->decode(start.state(), x.data());
+  const auto grid = mpm::grid_of<double>(scene.domain);
+  const ParticleFrame first = start.frame();
+  const Vec<int, 3> base = mpm::base_node(grid.local(first.position[5].cast<double>()));
+  std::set<int32_t> expected;
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    const Vec<int, 3> b = mpm::base_node(grid.local(mpm::TiledView<double, 3>{x.data()}.vec(static_cast<int64_t>(i))));
+    bool near = true;
+    for (int d = 0; d < 3; ++d) near = near && std::abs(b[d] - base[d]) <= 3;
+    if (near) expected.insert(all[i]);
+  }
+  run->begin_frame();
+  run->backend().branch(run->view());
+  const device::InstanceView& instance = run->view().instances[0];
+  std::set<int32_t> found;
+  for (int32_t i = 0; i < instance.state->point_count; ++i)
+    found.insert(run->view().model.point_particle[instance.point_list[i]]);
+  EXPECT_EQ(static_cast<int32_t>(found.size()), instance.state->point_count);
+  EXPECT_EQ(found, expected);
+  EXPECT_GT(found.size(), 3u);
+  EXPECT_EQ(instance.state->node_count, 125);
+}
+
+/// Ways that samples have gone, into the arrays of a run; every seventh far off by `outliers` [m]. Gauss-Newton of the
+/// CPU and of the kernels go on from there.
+struct TwoFits {
+  TwoFits(const ReducedModel& model, const ReducedOptions& options, double outliers, int lost_every) {
+    const Scene scene = swaying_scene();
+    run = fiber_run(model, scene, {33}, options);
+    const device::InstanceView& instance = run->view().instances[0];
+    const auto field = model.fields->bind_samples(model.samples);
+    const int samples = field->samples();
+    const double dt = run->view().dt;
+    Eigen::VectorXd before, target(3 * samples);
+    latent.resize(2);
+    start.resize(2);
+    for (int j = 0; j < 2; ++j) {
+      start[j] = instance.state->latent[j];
+      latent[j] = start[j] + dt * instance.state->velocity[j];
+    }
+    field->evaluate(start.data(), before);
+    const Random random(8, RandomPurpose::test);
+    std::vector<bool> lost(static_cast<std::size_t>(samples), false);
+    for (int s = 0; s < samples; ++s) {
+      const bool is_lost = lost_every > 0 && s % lost_every == 4;
+      lost[static_cast<std::size_t>(s)] = is_lost;
+      instance.lost[s] = is_lost ? 1 : 0;
+      for (int d = 0; d < 3; ++d) {
+        const double noise = random.uniform(static_cast<uint64_t>(3 * s + d), 0, -1, 1);
+        float& way = instance.way[3 * s + d];
+        way = static_cast<float>((d == 0 ? 2e-3 : 5e-4) + 1e-4 * noise + (s % 7 == 2 ? outliers * noise : 0));
+        target[3 * s + d] = before[3 * s + d] + static_cast<double>(way);
+      }
+    }
+    report = fit_latent(*field, target, lost,
+                        {.iterations = options.iterations,
+                         .outlier_factor = options.outlier_factor.value_or(0),
+                         .linearisation = Linearisation::once},
+                        latent);
+    run->backend().fit(run->view(), 1 << 17);
+  }
+  const device::InstanceState& state() const { return *run->view().instances[0].state; }
+  /// Distance of the two solutions over the way.
+  double difference() const {
+    double sum = 0;
+    for (int j = 0; j < 2; ++j) sum += std::pow(state().latent[j] - latent[j], 2);
+    return std::sqrt(sum) / (latent - start).norm();
+  }
+
+  std::unique_ptr<Run> run;
+  Eigen::VectorXd start, latent;
+  FitReport report;
+};
+
+TEST(DeviceFit, IsGaussNewtonOfTheCpu) {
+  const ReducedModel model = swaying_model(swaying_scene());
+  const TwoFits fits(model, {}, 1e-4, 0);
+  ASSERT_EQ(fits.state().status, device::RunStatus::running);
+  EXPECT_LT(fits.difference(), 1e-5);
+  EXPECT_NEAR(fits.state().condition, fits.report.condition, 1e-3 * fits.report.condition);
+  EXPECT_NEAR(static_cast<double>(fits.state().iterations), fits.report.iterations, 1);
+  for (int j = 0; j < 2; ++j)
+    EXPECT_NEAR(fits.state().velocity[j] * fits.run->view().dt, fits.state().latent[j] - fits.start[j], 1e-12);
+}
+
+TEST(DeviceFit, OutliersAndLostSamplesPullLess) {
+  const ReducedModel model = swaying_model(swaying_scene());
+  ReducedOptions robust;
+  robust.iterations = 10;
+  robust.outlier_factor = 3;
+  const TwoFits truth(model, {}, 0, 0), plain(model, {}, 2e-2, 9), weighed(model, robust, 2e-2, 9);
+  ASSERT_EQ(weighed.state().status, device::RunStatus::running);
+  EXPECT_NEAR(weighed.state().down_weighted, weighed.report.down_weighted, 0.1);
+  EXPECT_GT(weighed.state().down_weighted, 0.1);
+  const auto error = [&](const TwoFits& fit) {
+    return std::hypot(fit.state().latent[0] - truth.latent[0], fit.state().latent[1] - truth.latent[1]);
+  };
+  EXPECT_LT(error(weighed), 0.5 * error(plain));
+}
+
+TEST(DeviceFit, StopsWhenMostSamplesAreLost) {
+  const Scene scene = swaying_scene();
+  const ReducedModel model = swaying_model(scene);
+  const auto run = fiber_run(model, scene, {33});
+  const device::InstanceView& instance = run->view().instances[0];
+  std::fill_n(instance.lost, run->view().model.samples, uint8_t{1});
+  const double before = instance.state->latent[0];
+  run->backend().fit(run->view(), 1 << 17);
+  EXPECT_EQ(instance.state->status, device::RunStatus::samples_lost);
+  run->advance_frame();  // nothing moves any more
+  EXPECT_EQ(run->state(0).latent[0], before);
+  EXPECT_EQ(run->state(0).steps, 0);
+}
+
+TEST(DeviceHalf, IsTheStoredHalf) {
+  for (const float value : {0.0f, 1.0f, -1.0f, 0.333f, -65504.0f, 6e-8f, 5.5e-5f, 1e-3f}) {
+    const uint16_t bits = nn::f16_from_float(value);
+    EXPECT_EQ(device::float_of_half(bits), nn::float_from_f16(bits)) << value;
+  }
+}
+
+TEST(DeviceTables, RefuseWhatNoKernelKnows) {
+  EXPECT_THROW(device::check_scene(swaying_scene(R"(, "transfer": { "spline": "cubic" })")), ConfigError);
+  EXPECT_NO_THROW(device::check_scene(swaying_scene()));
+}
+
+TEST(ReducedCuda, SaysThatThereIsNoGpu) {
+  if (cuda_available()) GTEST_SKIP() << "there is a GPU here";
+  const Scene scene = swaying_scene();
+  const ReducedModel model = swaying_model(scene);
+  EXPECT_THROW(ReducedDeviceSolver(model, {{prepare(scene), {33}}}, {}), ConfigError);
+}
+
+class ReducedCudaStep : public testing::TestWithParam<const char*> {};
+INSTANTIATE_TEST_SUITE_P(Scenes, ReducedCudaStep, testing::ValuesIn(scenes));
+
+TEST_P(ReducedCudaStep, IsTheStepOfTheCpuOnTheGpu) {
+  GRAUPEL_NEEDS_GPU();
+  const Scene scene = swaying_scene(GetParam());
+  const ReducedModel model = swaying_model(scene);
+  ReducedSolver<float> cpu(model, prepare(scene), {33}, {});
+  ReducedDeviceSolver gpu(model, {{prepare(scene), {33}}}, {});
+  {
+    cpu.advance_frame();
+    gpu.advance_frame();
+    ASSERT_FALSE(gpu.divergence(0)) << *gpu.divergence(0);
+    EXPECT_LT(difference(cpu.state(), gpu.state(0).latent.data()), 5e-4);
+    EXPECT_NEAR(gpu.trust(0).residual, cpu.trust().residual, 1e-2 * cpu.trust().residual);
+    EXPECT_NEAR(gpu.trust(0).latent_distance, cpu.trust().latent_distance, 1e-3);
+  }
+  const ParticleFrame truth = cpu.frame(), frame = gpu.frame(0);
+  ASSERT_EQ(frame.position.size(), truth.position.size());
+  for (std::size_t p = 0; p < truth.position.size(); ++p) {
+    EXPECT_LT(norm(frame.position[p] - truth.position[p]), 2e-5);
+    EXPECT_LT(norm(frame.velocity[p] - truth.velocity[p]), 5e-3);
+  }
+  EXPECT_EQ(gpu.statistics(0).timing.steps, 2);
+}
+
+TEST(ReducedCuda, InstancesMoveAsTheyDoAlone) {
+  GRAUPEL_NEEDS_GPU();
+  const Scene scene = swaying_scene(scenes[2]);
+  const ReducedModel model = swaying_model(scene);
+  std::vector<ReducedInstance> all;
+  for (int i = 0; i < 20; ++i) all.push_back({prepare(scene), {30.0 + i}});
+  ReducedDeviceSolver together(model, all, {});
+  together.advance_frame();
+  for (const int i : {0, 7, 19}) {
+    ReducedDeviceSolver alone(model, {all[static_cast<std::size_t>(i)]}, {});
+    alone.advance_frame();
+    // Sums at nodes are of floats in any order: equal up to rounding.
+    EXPECT_LT(difference(alone.state(0), together.state(i).latent.data()), 2e-5);
+  }
+  EXPECT_GT(difference(together.state(0), together.state(19).latent.data()), 1e-4);
+}
+
+}  // namespace
+}  // namespace graupel::rom
