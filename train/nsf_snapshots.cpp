@@ -1,0 +1,134 @@
+#include "train/nsf_snapshots.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numeric>
+
+#include "core/error.h"
+#include "core/parallel_for.h"
+#include "core/random.h"
+#include "train/stopwatch.h"
+
+namespace graupel::train {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+
+NsfSnapshots::NsfSnapshots(const std::string& data, const NsfConfig& config)
+    : config_(config), set_(data + "/train.h5") {
+  for (int run = 0; run < set_.runs(); ++run)
+    run_of_.insert(run_of_.end(), static_cast<std::size_t>(set_.first_snapshot(run + 1) - set_.first_snapshot(run)),
+                   run);
+  clusters_ = rom::make_clusters(set_.reference(), set_.particle_kind(), static_cast<int>(config_.cluster));
+  representatives_ = clusters_.representatives();
+}
+
+std::vector<float> NsfSnapshots::read(SnapshotField field) {
+  const Stopwatch watch;
+  std::vector<float> values = set_.read(field, 0, set_.particles());
+  read_seconds_ += watch.seconds();
+  return values;
+}
+
+std::vector<float> NsfSnapshots::read_means(SnapshotField field) {
+  const std::vector<float> values = read(field);
+  const auto width = static_cast<std::size_t>(components_of(field)), n = clusters_.of_particle.size();
+  const std::size_t row = representatives_.size() * width;
+  std::vector<float> means(static_cast<std::size_t>(set_.snapshots()) * row, 0.0f),
+      members(representatives_.size(), 0.0f);
+  for (const int32_t c : clusters_.of_particle) members[static_cast<std::size_t>(c)] += 1;
+  const auto average = [&](int64_t snapshot) {
+    const auto i = static_cast<std::size_t>(snapshot);
+    for (std::size_t p = 0; p < n; ++p) {
+      const auto c = static_cast<std::size_t>(clusters_.of_particle[p]);
+      for (std::size_t k = 0; k < width; ++k)
+        means[i * row + c * width + k] += values[(i * n + p) * width + k] / members[c];
+    }
+  };
+  parallel_for_cpu(set_.snapshots(), average, Grain{1});
+  return means;
+}
+
+SnapshotMatrix NsfSnapshots::matrix(const std::vector<float>& values) const {
+  const auto rows = static_cast<Index>(set_.snapshots());
+  return {values.data(), rows, static_cast<Index>(values.size()) / rows};
+}
+
+MatrixXd NsfSnapshots::inputs(const MatrixXd& latents) const {
+  const auto& parameters = set_.parameters();
+  MatrixXd z(latents.rows(), latents.cols() + static_cast<Index>(parameters.size()));
+  z.leftCols(latents.cols()) = latents;
+  for (std::size_t p = 0; p < parameters.size(); ++p)
+    for (Index i = 0; i < z.rows(); ++i)
+      z(i, latents.cols() + static_cast<Index>(p)) =
+          parameters[p].values[static_cast<std::size_t>(run_of_[static_cast<std::size_t>(i)])];
+  return z;
+}
+
+void NsfSnapshots::describe(const MatrixXd& latents, const std::vector<double>& scale,
+                            const rom::ModeTable& deformation, rom::ReducedModel& model) const {
+  model.clusters = clusters_;
+  model.scene_json = set_.scene_json();
+  model.frame_time = set_.frame_time();
+  model.substeps_per_frame = set_.substeps_per_frame();
+  for (const SweptParameter& p : set_.parameters()) {
+    const auto [low, high] = std::minmax_element(p.values.begin(), p.values.end());
+    model.parameters.push_back({p.name, p.unit, p.keys, *low, *high});
+  }
+  for (const Vec3f& x : set_.reference())
+    for (int d = 0; d < 3; ++d) model.reference.push_back(x[d]);
+  const auto r = static_cast<std::size_t>(latents.cols());
+  model.start_latent.assign(r, 0);
+  for (int run = 0; run < set_.runs(); ++run)
+    for (std::size_t j = 0; j < r; ++j)
+      model.start_latent[j] += latents(static_cast<Index>(set_.first_snapshot(run)), static_cast<Index>(j)) /
+                               static_cast<double>(set_.runs());
+  model.latent_scale.assign(scale.begin(), scale.end());
+  for (Index i = 0; i < latents.rows(); ++i)
+    for (std::size_t j = 0; j < r; ++j)
+      model.training_latents.push_back(static_cast<float>(latents(i, static_cast<Index>(j))));
+  MatrixXd scaled = latents;
+  for (std::size_t j = 0; j < r; ++j) scaled.col(static_cast<Index>(j)) /= scale[j];
+  model.latent_reach = reach(scaled);
+  choose_particles(deformation, model);
+}
+
+/// Largest distance of a snapshot to the nearest one of another run.
+double NsfSnapshots::reach(const MatrixXd& latents) const {
+  double furthest = 0;
+  for (Index i = 0; i < latents.rows(); ++i) {
+    double least = std::numeric_limits<double>::infinity();
+    for (Index j = 0; j < latents.rows(); ++j)
+      if (run_of_[static_cast<std::size_t>(i)] != run_of_[static_cast<std::size_t>(j)])
+        least = std::min(least, (latents.row(i) - latents.row(j)).norm());
+    if (std::isfinite(least)) furthest = std::max(furthest, least);
+  }
+  return furthest > 0 ? furthest : 1;
+}
+
+void NsfSnapshots::choose_particles(const rom::ModeTable& deformation, rom::ReducedModel& model) const {
+  const auto n = static_cast<int32_t>(set_.particles());
+  std::vector<int32_t> order(static_cast<std::size_t>(n));
+  std::iota(order.begin(), order.end(), 0);
+  const Random random(config_.seed, RandomPurpose::sample_particle);
+  for (int32_t i = n - 1; i > 0; --i)
+    std::swap(order[static_cast<std::size_t>(i)],
+              order[random.integer(static_cast<uint64_t>(i), 0, static_cast<uint32_t>(i + 1))]);
+  const auto first = [&](int64_t count) {
+    std::vector<int32_t> chosen(order.begin(), order.begin() + std::min<int64_t>(count, n));
+    std::sort(chosen.begin(), chosen.end());
+    return chosen;
+  };
+  const auto candidates =
+      rom::points_within(representatives_, model.reference, config_.sample_low, config_.sample_high);
+  if (candidates.empty())
+    throw ConfigError(
+        "no integration point lies in the samples' box (sample_low, sample_high). Widen it; 'graupel inspect' of the "
+        "data set shows where the body is");
+  model.samples = rom::choose_samples(config_.sample_rule, deformation, candidates, config_.samples, config_.seed);
+  model.outlier_factor = config_.outlier_factor;
+  model.encoder = first(config_.encoder_particles);
+}
+
+}  // namespace graupel::train
