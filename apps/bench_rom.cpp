@@ -14,6 +14,7 @@
 #include "core/error.h"
 #include "io/scene_reader.h"
 #include "io/trajectory_file.h"
+#include "rom/factored_fields.h"
 #include "rom/sample_rules.h"
 
 namespace graupel::apps {
@@ -64,9 +65,13 @@ rom::ReducedOptions reduced_options(const BenchRomOptions& options, const rom::R
     candidates = rom::points_within(candidates, model.reference, {options.box[0], options.box[1], options.box[2]},
                                     {options.box[3], options.box[4], options.box[5]});
   if (candidates.empty()) throw ConfigError("no integration point lies in the box of '--sample-box'. Widen it");
-  if (options.samples > 0)
-    reduced.samples = rom::choose_samples(rule, model.fields->deformation(), candidates, options.samples, 0);
   if (options.keep_steps) reduced.long_steps = rom::LongSteps::kept;
+  if (options.samples == 0) return reduced;
+  const auto* factored = dynamic_cast<const rom::FactoredFields*>(model.fields.get());
+  if (!factored && rule == rom::SampleRule::optimal)
+    throw ConfigError("networks have no modes, by which the rule 'optimal' chooses. Use random or spread");
+  reduced.samples =
+      rom::choose_samples(rule, factored ? factored->deformation() : rom::ModeTable(), candidates, options.samples, 0);
   return reduced;
 }
 

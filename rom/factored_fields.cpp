@@ -215,4 +215,17 @@ FactoredFields FactoredFields::clustered(const Clusters& clusters) const {
           stress_branch_, affine_.averaged(clusters), affine_branch_};
 }
 
+std::shared_ptr<const Fields> FactoredFields::with_clusters(const Clusters& clusters) const {
+  return std::make_shared<const FactoredFields>(clustered(clusters));
+}
+
+void FactoredFields::store(nn::Weights& weights, nn::DType modes) const {
+  deformation_.store(weights, "deformation", modes);
+  stress_.store(weights, "stress", modes);
+  affine_.store(weights, "affine", modes);
+  deformation_branch_.map().store(weights, "deformation.branch");
+  stress_branch_.map().store(weights, "stress.branch");
+  affine_branch_->map().store(weights, "affine.branch");
+}
+
 }  // namespace graupel::rom

@@ -25,6 +25,10 @@ class FactoredFields final : public Fields {
   std::unique_ptr<PointPositions<double>> bind_positions_f64(const std::vector<int32_t>& points) const override;
   std::unique_ptr<SampleField> bind_samples(const std::vector<int32_t>& samples) const override;
 
+  FieldKind kind() const override { return FieldKind::factored; }
+  std::shared_ptr<const Fields> with_clusters(const Clusters& clusters) const override;
+  void store(nn::Weights& weights, nn::DType modes) const override;
+
   const ModeTable& deformation() const { return deformation_; }  ///< mean: positions [m]
   const ModeTable& stress() const { return stress_; }            ///< xx, xy, xz, yy, yz, zz [Pa]
   const ModeTable& affine() const { return affine_; }            ///< row by row [1/s]

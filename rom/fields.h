@@ -6,11 +6,31 @@
 #include <memory>
 #include <vector>
 
+#include "core/fields.h"
 #include "mpm/particles.h"
+#include "nn/weights.h"
 #include "rom/gauss_newton.h"
 #include "rom/latent_state.h"
+#include "rom/quadrature.h"
 
-namespace graupel::rom {
+namespace graupel {
+namespace rom {
+
+/// How the fields are represented; `field` in the metadata of a weights file.
+enum class FieldKind {
+  factored,  ///< spatial modes times coefficients (rom/factored_fields.h)
+  mlp        ///< the paper's networks (rom/mlp_fields.h)
+};
+
+}  // namespace rom
+
+template <>
+struct EnumWords<rom::FieldKind> {
+  static constexpr std::pair<const char*, rom::FieldKind> words[] = {{"factored", rom::FieldKind::factored},
+                                                                     {"mlp", rom::FieldKind::mlp}};
+};
+
+namespace rom {
 
 /// All three fields at some particles.
 template <typename T>
@@ -47,6 +67,12 @@ class Fields {
   virtual std::unique_ptr<PointPositions<float>> bind_positions_f32(const std::vector<int32_t>& points) const = 0;
   virtual std::unique_ptr<PointPositions<double>> bind_positions_f64(const std::vector<int32_t>& points) const = 0;
   virtual std::unique_ptr<SampleField> bind_samples(const std::vector<int32_t>& samples) const = 0;
+
+  virtual FieldKind kind() const = 0;
+  /// Fields for clusters of particles as integration points, which have their means of stress and affine velocity.
+  virtual std::shared_ptr<const Fields> with_clusters(const Clusters& clusters) const = 0;
+  /// Adds the fields' tensors; `modes` is the type of the large ones, where there are such.
+  virtual void store(nn::Weights& weights, nn::DType modes) const = 0;
 };
 
 template <typename T>
@@ -64,4 +90,5 @@ std::unique_ptr<PointPositions<T>> bind_positions(const Fields& fields, const st
     return fields.bind_positions_f64(points);
 }
 
-}  // namespace graupel::rom
+}  // namespace rom
+}  // namespace graupel

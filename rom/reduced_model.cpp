@@ -8,6 +8,8 @@
 #include <nlohmann/json.hpp>
 
 #include "core/error.h"
+#include "rom/factored_fields.h"
+#include "rom/mlp_fields.h"
 #include "rom/tensors.h"
 
 namespace graupel::rom {
@@ -17,7 +19,7 @@ namespace {
 using Json = nlohmann::ordered_json;
 
 /// Metadata keys of the file that the model itself reads; the others are provenance.
-constexpr const char* own_keys[] = {"architecture", "scene", "settings"};
+constexpr const char* own_keys[] = {"architecture", "field", "scene", "settings"};
 
 const std::string& metadata(const nn::Weights& weights, const std::string& key) {
   const auto at = weights.metadata.find(key);
@@ -52,8 +54,8 @@ void read_settings(const Json& settings, ReducedModel& model) {
   model.manifold_pull = settings.value("manifold_pull", 0.0);
 }
 
-FactoredFields read_fields(const nn::Weights& weights, int latents, int inputs, AffineKind affine_kind,
-                           int64_t particles) {
+FactoredFields read_factored(const nn::Weights& weights, int latents, int inputs, AffineKind affine_kind,
+                             int64_t particles) {
   ModeTable deformation = ModeTable::load(weights, "deformation", 3), stress = ModeTable::load(weights, "stress", 6),
             affine = ModeTable::load(weights, "affine", 9);
   if (deformation.modes < latents)
@@ -76,6 +78,16 @@ FactoredFields read_fields(const nn::Weights& weights, int latents, int inputs, 
         std::make_shared<const MapBranch>(CoefficientMap::load(weights, "affine.branch", inputs, affine.modes));
   return {std::move(deformation),   std::move(closure), std::move(stress),
           std::move(stress_branch), std::move(affine),  std::move(affine_branch)};
+}
+
+/// Files of the first version say nothing: their fields are factored.
+FieldKind read_kind(const nn::Weights& weights) {
+  const auto at = weights.metadata.find("field");
+  if (at == weights.metadata.end()) return FieldKind::factored;
+  for (const auto& [word, kind] : EnumWords<FieldKind>::words)
+    if (at->second == word) return kind;
+  throw InputError("'" + weights.file + "' has fields of an unknown kind ('" + at->second +
+                   "', allowed: factored, mlp). Use the version of Graupel that it was trained with");
 }
 
 Clusters read_clusters(const nn::Weights& weights) {
@@ -106,14 +118,19 @@ ReducedModel ReducedModel::load(const nn::Weights& weights) {
   if (latents < 1) throw InputError("'" + weights.file + "' has no latent. Train the model again");
   const int inputs = latents + static_cast<int>(model.parameters.size());
   model.clusters = read_clusters(weights);
-  model.fields = std::make_shared<const FactoredFields>(read_fields(
-      weights, latents, inputs, model.affine_kind, static_cast<int64_t>(model.clusters.of_particle.size())));
-  const int64_t n = model.fields->particles();
+  const auto n = static_cast<int64_t>(model.clusters.of_particle.size());
   model.reference = weights.get("reference", {n, 3});
+  if (read_kind(weights) == FieldKind::mlp)
+    model.fields = MlpFields::load(weights, latents, static_cast<int>(model.parameters.size()), model.reference);
+  else
+    model.fields =
+        std::make_shared<const FactoredFields>(read_factored(weights, latents, inputs, model.affine_kind, n));
   model.samples = get_indices(weights, "samples");
   model.encoder = get_indices(weights, "encoder");
   check_indices(weights, model.samples, n, "samples");
   check_indices(weights, model.encoder, n, "encoder's particles");
+  if (weights.tensors.count("encoder.latent.weight") > 0)
+    model.conv_encoder = ConvEncoder::load(weights, "encoder", n, latents);
   model.start_latent = doubles(weights.get("latent.start", {latents}));
   model.training_latents = weights.get("latent.training", {extent(weights, "latent.training", 0), latents});
   if (weights.tensors.count("latent.run") > 0) {
@@ -133,6 +150,7 @@ nn::Weights ReducedModel::store(nn::DType modes) const {
   nn::Weights weights;
   weights.metadata = provenance;
   weights.metadata["architecture"] = nsf_architecture;
+  weights.metadata["field"] = word_of(fields->kind());
   weights.metadata["scene"] = scene_json;
   Json settings = {
       {"parameters", Json::array()},      {"substeps_per_frame", substeps_per_frame},
@@ -144,16 +162,12 @@ nn::Weights ReducedModel::store(nn::DType modes) const {
     settings["parameters"].push_back(
         {{"name", p.name}, {"unit", p.unit}, {"keys", p.keys}, {"low", p.low}, {"high", p.high}});
   weights.metadata["settings"] = settings.dump();
-  fields->deformation().store(weights, "deformation", modes);
-  fields->stress().store(weights, "stress", modes);
-  fields->affine().store(weights, "affine", modes);
-  fields->deformation_branch().map().store(weights, "deformation.branch");
-  fields->stress_branch().map().store(weights, "stress.branch");
-  fields->affine_branch().map().store(weights, "affine.branch");
+  fields->store(weights, modes);
   const int r = latents();
   weights.tensors["reference"] = nn::Tensor::from_float(reference, {fields->particles(), 3});
   weights.tensors["samples"] = index_tensor(samples);
   weights.tensors["encoder"] = index_tensor(encoder);
+  if (conv_encoder) conv_encoder->store(weights, "encoder");
   weights.tensors["clusters"] = index_tensor(clusters.of_particle);
   weights.tensors["latent.start"] = nn::Tensor::from_float(floats(start_latent), {r});
   weights.tensors["latent.training"] =
@@ -181,8 +195,7 @@ void ReducedModel::take_clusters(Clusters made) {
         "cluster=1",
         clusters.count));
   clusters = std::move(made);
-  if (clusters.count < fields->particles())
-    fields = std::make_shared<const FactoredFields>(fields->clustered(clusters));
+  if (clusters.count < fields->particles()) fields = fields->with_clusters(clusters);
 }
 
 double latent_distance(const ReducedModel& model, const std::vector<double>& latent) {

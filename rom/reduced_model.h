@@ -4,12 +4,14 @@
 
 #include <map>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "core/fields.h"
 #include "nn/weights.h"
-#include "rom/factored_fields.h"
+#include "rom/conv_encoder.h"
+#include "rom/fields.h"
 #include "rom/particle_grid.h"
 #include "rom/quadrature.h"
 
@@ -48,15 +50,16 @@ struct ReducedModel {
   int64_t substeps_per_frame = 1;  ///< of the training runs
   double frame_time = 0;           ///< [s]
   AffineKind affine_kind = AffineKind::rate;
-  std::shared_ptr<const FactoredFields> fields;
-  std::vector<float> reference;      ///< X, [particles, 3] [m]
-  std::vector<int32_t> samples;      ///< by default
-  double outlier_factor = 0;         ///< of the inversion, by default (FitOptions)
-  double manifold_pull = 0;          ///< share of the way back to the training's sheet that a step takes
-  double step_factor = 1;            ///< steps over those of the training, by default
-  Clusters clusters;                 ///< integration points; as many as particles: these themselves
-  std::vector<int32_t> encoder;      ///< particles whose positions give the latent
-  std::vector<double> start_latent;  ///< mean over the training runs [r]
+  std::shared_ptr<const Fields> fields;
+  std::vector<float> reference;             ///< X, [particles, 3] [m]
+  std::vector<int32_t> samples;             ///< by default
+  double outlier_factor = 0;                ///< of the inversion, by default (FitOptions)
+  double manifold_pull = 0;                 ///< share of the way back to the training's sheet that a step takes
+  double step_factor = 1;                   ///< steps over those of the training, by default
+  Clusters clusters;                        ///< integration points; as many as particles: these themselves
+  std::vector<int32_t> encoder;             ///< particles whose positions give the latent, by least squares
+  std::optional<ConvEncoder> conv_encoder;  ///< the paper's, which then gives the latent instead
+  std::vector<double> start_latent;         ///< mean over the training runs [r]
   /// Latents of the training snapshots [n, r], the scale of each axis [r], and the largest distance of a held-out
   /// training run to the others in that scale: beyond it a state is unlike those of the training.
   std::vector<float> training_latents;

@@ -109,7 +109,14 @@ void ReducedSolver<T>::start() {
     }
   const auto r = static_cast<Eigen::Index>(model_.start_latent.size());
   Eigen::VectorXd latent = Eigen::Map<const Eigen::VectorXd>(model_.start_latent.data(), r);
-  fit_latent(*encoder, position, {}, {.iterations = 20, .outlier_factor = 0}, latent);
+  if (model_.conv_encoder) {
+    std::vector<double> all;
+    for (const Vec3d& x : prepared_.particles.position) all.insert(all.end(), x.a, x.a + 3);
+    const std::vector<double> encoded = model_.conv_encoder->encode(all);
+    std::copy(encoded.begin(), encoded.end(), latent.data());
+  } else {
+    fit_latent(*encoder, position, {}, {.iterations = 20, .outlier_factor = 0}, latent);
+  }
   Eigen::MatrixXd jacobian;
   encoder->jacobian(latent.data(), jacobian);
   const Eigen::VectorXd rate = (jacobian.transpose() * jacobian).ldlt().solve(jacobian.transpose() * velocity);

@@ -6,6 +6,7 @@
 #include "core/fields.h"
 #include "rom/reduced_model.h"
 #include "rom/sample_rules.h"
+#include "train/mlp_config.h"
 
 namespace graupel {
 namespace train {
@@ -24,6 +25,7 @@ struct EnumWords<train::ModeStorage> {
 namespace train {
 
 struct NsfConfig {
+  rom::FieldKind field = rom::FieldKind::factored;
   int64_t latents = 6;
   int64_t deformation_modes = 32, stress_modes = 64, affine_modes = 64;
   rom::AffineKind affine = rom::AffineKind::position;
@@ -39,10 +41,15 @@ struct NsfConfig {
   ModeStorage storage = ModeStorage::f16;
   double memory = 0;
   uint64_t seed = 0;
+  MlpConfig mlp;
 
   template <typename Visitor>
   static void fields(Visitor&& visit) {
     using C = NsfConfig;
+    visit(&C::field,
+          FieldInfo{.name = "field",
+                    .unit = "",
+                    .meaning = "Fields: spatial modes and a regression (factored), or the paper's networks"});
     visit(&C::latents,
           FieldInfo{
               .name = "latents", .unit = "", .meaning = "Numbers of the latent state", .range = Range::between(1, 32)});
@@ -110,7 +117,8 @@ struct NsfConfig {
                                 .meaning = "Memory for the snapshots of a field; more of them are read in blocks. 0: "
                                            "half of what is free",
                                 .range = Range::not_negative()});
-    visit(&C::seed, FieldInfo{.name = "seed", .unit = "", .meaning = "Seed of the choice of samples"});
+    visit(&C::seed, FieldInfo{.name = "seed", .unit = "", .meaning = "Seed of samples, weights and batches"});
+    visit(&C::mlp, FieldInfo{.name = "mlp", .unit = "", .meaning = "The paper's networks and their training"});
   }
 };
 

@@ -3,17 +3,14 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <chrono>
-#include <cmath>
-#include <limits>
 #include <numeric>
 
 #include "core/error.h"
-#include "core/memory.h"
-#include "core/random.h"
-#include "io/scene_reader.h"
+#include "rom/factored_fields.h"
 #include "train/map_fit.h"
+#include "train/nsf_snapshots.h"
 #include "train/pod.h"
+#include "train/stopwatch.h"
 
 namespace graupel::train {
 
@@ -22,27 +19,14 @@ namespace {
 using Eigen::Index;
 using Eigen::MatrixXd;
 
-class Stopwatch {
- public:
-  double seconds() const { return std::chrono::duration<double>(Clock::now() - start_).count(); }
-
- private:
-  using Clock = std::chrono::steady_clock;
-  Clock::time_point start_ = Clock::now();
-};
-
 /// One training from the snapshots to the model; the fields' snapshots are in memory one after the other, or in blocks.
 class FactoredTraining {
  public:
   FactoredTraining(const NsfTrainingOptions& options, NsfReport& report)
-      : options_(options), config_(options.config), report_(report), set_(options.data + "/train.h5") {
-    for (int run = 0; run < set_.runs(); ++run)
-      run_of_.insert(run_of_.end(), static_cast<std::size_t>(set_.first_snapshot(run + 1) - set_.first_snapshot(run)),
-                     run);
-    report_.snapshots = set_.snapshots();
-    clusters_ = rom::make_clusters(set_.reference(), set_.particle_kind(), static_cast<int>(config_.cluster));
-    representatives_ = clusters_.representatives();
-    say(fmt::format("{} runs, {} snapshots of {} particles", set_.runs(), set_.snapshots(), set_.particles()));
+      : options_(options), config_(options.config), report_(report), snapshots_(options.data, config_) {
+    const SnapshotSet& set = snapshots_.set();
+    report_.snapshots = set.snapshots();
+    say(fmt::format("{} runs, {} snapshots of {} particles", set.runs(), set.snapshots(), set.particles()));
   }
 
   rom::ReducedModel run() {
@@ -51,12 +35,15 @@ class FactoredTraining {
     rom::ModeTable stress, affine;
     auto stress_branch = fit_stress(stress);
     auto affine_branch = fit_affine(affine);
-    model.clusters = clusters_;
     model.fields = std::make_shared<const rom::FactoredFields>(std::move(deformation_), *closure_, std::move(stress),
                                                                std::move(stress_branch), std::move(affine),
                                                                std::move(affine_branch));
-    describe(model);
-    choose_particles(model);
+    model.affine_kind = config_.affine;
+    model.provenance = options_.provenance;
+    const auto& fields = dynamic_cast<const rom::FactoredFields&>(*model.fields);
+    snapshots_.describe(latents_, std::vector<double>(static_cast<std::size_t>(latents_.cols()), 1.0),
+                        fields.deformation(), model);
+    report_.read_seconds = snapshots_.read_seconds();
     return model;
   }
 
@@ -67,17 +54,11 @@ class FactoredTraining {
 
   /// A field of the particles, or at the integration points: means over the clusters, cluster by cluster. What single
   /// particles have beside them is noise that no other run repeats.
-  FieldBlocks blocks_of(SnapshotField field, const rom::Clusters* clusters) const {
-    const double bytes =
-        config_.memory > 0 ? 1e9 * config_.memory : 0.5 * static_cast<double>(available_bytes(Device::cpu));
-    FieldBlocks blocks(set_, field, clusters, bytes);
-    if (blocks.blocks() > 1) say(fmt::format("{} blocks of snapshots, one after the other", blocks.blocks()));
-    return blocks;
-  }
   Pod decompose(SnapshotField field, const rom::Clusters* clusters, int64_t modes, PodMean about = PodMean::removed) {
-    FieldBlocks blocks = blocks_of(field, clusters);
+    FieldBlocks blocks = snapshots_.blocks(field, clusters);
+    if (blocks.blocks() > 1) say(fmt::format("{} blocks of snapshots, one after the other", blocks.blocks()));
     Pod pod = train::pod(blocks, static_cast<int>(modes), about);
-    report_.read_seconds += blocks.seconds();
+    snapshots_.add_read_seconds(blocks.seconds());
     return pod;
   }
 
@@ -97,8 +78,9 @@ class FactoredTraining {
     rom::ModeTable table;
     table.components = by_cluster.components;
     table.modes = by_cluster.modes;
+    const std::vector<int32_t>& representatives = snapshots_.representatives();
     std::vector<std::pair<int32_t, std::size_t>> order;
-    for (std::size_t c = 0; c < representatives_.size(); ++c) order.emplace_back(representatives_[c], c);
+    for (std::size_t c = 0; c < representatives.size(); ++c) order.emplace_back(representatives[c], c);
     std::sort(order.begin(), order.end());
     const auto width = static_cast<std::size_t>(table.components), m = static_cast<std::size_t>(table.modes);
     for (const auto& [particle, c] : order) {
@@ -111,18 +93,6 @@ class FactoredTraining {
       append(table.basis, by_cluster.basis, width * m);
     }
     return table;
-  }
-
-  /// (q, mu) of every snapshot.
-  MatrixXd inputs() const {
-    const auto& parameters = set_.parameters();
-    MatrixXd z(latents_.rows(), latents_.cols() + static_cast<Index>(parameters.size()));
-    z.leftCols(latents_.cols()) = latents_;
-    for (std::size_t p = 0; p < parameters.size(); ++p)
-      for (Index i = 0; i < z.rows(); ++i)
-        z(i, latents_.cols() + static_cast<Index>(p)) =
-            parameters[p].values[static_cast<std::size_t>(run_of_[static_cast<std::size_t>(i)])];
-    return z;
   }
 
   void tell(const char* name, const FieldReport& field) const {
@@ -140,15 +110,15 @@ class FactoredTraining {
           r, pod.modes()));
     latents_ = pod.coefficients.leftCols(r);
     if (config_.affine == rom::AffineKind::rate) {
-      FieldBlocks velocity = blocks_of(SnapshotField::velocity, nullptr);
+      FieldBlocks velocity = snapshots_.blocks(SnapshotField::velocity, nullptr);
       rates_ = project(velocity, pod, static_cast<int>(r));
-      report_.read_seconds += velocity.seconds();
+      snapshots_.add_read_seconds(velocity.seconds());
     }
     FieldReport& field = report_.deformation;
     field.modes = pod.modes();
     field.tail = pod.tail(pod.modes());
     report_.latent_tail = pod.tail(static_cast<int>(r));
-    const MapFit fit = fit_map(latents_, weighted(pod).rightCols(pod.modes() - r), run_of_, centers());
+    const MapFit fit = fit_map(latents_, weighted(pod).rightCols(pod.modes() - r), snapshots_.run_of(), centers());
     field.held_out_error = fit.held_out_error;
     field.ridge = fit.ridge;
     closure_.emplace(static_cast<int>(r), fit.map);
@@ -158,8 +128,8 @@ class FactoredTraining {
   }
 
   rom::MapBranch fit_stress(rom::ModeTable& table) {
-    const Pod pod = decompose(SnapshotField::stress, &clusters_, config_.stress_modes);
-    const MapFit fit = fit_map(inputs(), weighted(pod), run_of_, centers());
+    const Pod pod = decompose(SnapshotField::stress, &snapshots_.clusters(), config_.stress_modes);
+    const MapFit fit = fit_map(snapshots_.inputs(latents_), weighted(pod), snapshots_.run_of(), centers());
     report_.stress = {pod.modes(), pod.tail(pod.modes()), fit.held_out_error, fit.ridge};
     table = at_representatives(unweighted_table(pod, SnapshotField::stress));
     tell("stress", report_.stress);
@@ -167,11 +137,11 @@ class FactoredTraining {
   }
 
   std::shared_ptr<const rom::Branch> fit_affine(rom::ModeTable& table) {
-    const Pod pod = decompose(SnapshotField::affine, &clusters_, config_.affine_modes, PodMean::kept);
+    const Pod pod = decompose(SnapshotField::affine, &snapshots_.clusters(), config_.affine_modes, PodMean::kept);
     const bool rate = config_.affine == rom::AffineKind::rate;
-    const MapFit fit =
-        rate ? fit_rate_map(inputs(), rates_, weighted(pod), run_of_, static_cast<int>(config_.affine_centers))
-             : fit_map(inputs(), weighted(pod), run_of_, centers());
+    const MapFit fit = rate ? fit_rate_map(snapshots_.inputs(latents_), rates_, weighted(pod), snapshots_.run_of(),
+                                           static_cast<int>(config_.affine_centers))
+                            : fit_map(snapshots_.inputs(latents_), weighted(pod), snapshots_.run_of(), centers());
     report_.affine = {pod.modes(), pod.tail(pod.modes()), fit.held_out_error, fit.ridge};
     table = at_representatives(unweighted_table(pod, SnapshotField::affine));
     tell("affine", report_.affine);
@@ -196,104 +166,10 @@ class FactoredTraining {
     return table;
   }
 
-  void describe(rom::ReducedModel& model) const {
-    model.affine_kind = config_.affine;
-    model.scene_json = set_.scene_json();
-    model.frame_time = set_.frame_time();
-    model.substeps_per_frame = set_.substeps_per_frame();
-    model.provenance = options_.provenance;
-    for (const SweptParameter& p : set_.parameters()) {
-      const auto [low, high] = std::minmax_element(p.values.begin(), p.values.end());
-      model.parameters.push_back({p.name, p.unit, p.keys, *low, *high});
-    }
-    for (const Vec3f& x : set_.reference())
-      for (int d = 0; d < 3; ++d) model.reference.push_back(x[d]);
-    const auto r = static_cast<std::size_t>(config_.latents);
-    model.start_latent.assign(r, 0);
-    for (int run = 0; run < set_.runs(); ++run)
-      for (std::size_t j = 0; j < r; ++j)
-        model.start_latent[j] += latents_(static_cast<Index>(set_.first_snapshot(run)), static_cast<Index>(j)) /
-                                 static_cast<double>(set_.runs());
-    model.latent_scale.assign(r, 1.0f);
-    for (Index i = 0; i < latents_.rows(); ++i)
-      for (std::size_t j = 0; j < r; ++j)
-        model.training_latents.push_back(static_cast<float>(latents_(i, static_cast<Index>(j))));
-    model.latent_reach = reach();
-  }
-
-  /// Largest distance of a snapshot to the nearest one of another run.
-  double reach() const {
-    double furthest = 0;
-    for (Index i = 0; i < latents_.rows(); ++i) {
-      double least = std::numeric_limits<double>::infinity();
-      for (Index j = 0; j < latents_.rows(); ++j)
-        if (run_of_[static_cast<std::size_t>(i)] != run_of_[static_cast<std::size_t>(j)])
-          least = std::min(least, (latents_.row(i) - latents_.row(j)).norm());
-      if (std::isfinite(least)) furthest = std::max(furthest, least);
-    }
-    return furthest > 0 ? furthest : 1;
-  }
-
-  /// Integration points with enough of the body around them in some snapshots of the training.
-  std::vector<int32_t> supported_points(const rom::ReducedModel& model) const {
-    constexpr Index states = 12;
-    const auto decoder = model.fields->bind_positions_f32(representatives_);
-    const auto count = static_cast<int64_t>(representatives_.size());
-    std::vector<float> tiles(static_cast<std::size_t>(3 * mpm::padded_to_tile(count)));
-    std::vector<std::vector<Vec3f>> positions;
-    for (Index s = 0; s < states; ++s) {
-      const Eigen::VectorXd latent = latents_.row((2 * s + 1) * latents_.rows() / (2 * states));
-      rom::LatentState state;
-      state.latent.assign(latent.data(), latent.data() + latent.size());
-      state.velocity.assign(state.latent.size(), 0.0);
-      decoder->decode(state, tiles.data());
-      std::vector<Vec3f>& places = positions.emplace_back();
-      for (int64_t i = 0; i < count; ++i) places.push_back(mpm::TiledView<float, 3>{tiles.data()}.vec(i));
-    }
-    const std::vector<double> support = rom::least_support(positions, cell_size());
-    std::vector<int32_t> points;
-    for (std::size_t i = 0; i < support.size(); ++i)
-      if (support[i] >= config_.sample_support) points.push_back(representatives_[i]);
-    return points;
-  }
-
-  double cell_size() const { return io::parse_stored_scene(set_.scene_json(), set_.file(), set_.file()).domain.dx; }
-
-  void choose_particles(rom::ReducedModel& model) const {
-    const auto n = static_cast<int32_t>(set_.particles());
-    std::vector<int32_t> order(static_cast<std::size_t>(n));
-    std::iota(order.begin(), order.end(), 0);
-    const Random random(config_.seed, RandomPurpose::sample_particle);
-    for (int32_t i = n - 1; i > 0; --i)
-      std::swap(order[static_cast<std::size_t>(i)],
-                order[random.integer(static_cast<uint64_t>(i), 0, static_cast<uint32_t>(i + 1))]);
-    const auto first = [&](int64_t count) {
-      std::vector<int32_t> chosen(order.begin(), order.begin() + std::min<int64_t>(count, n));
-      std::sort(chosen.begin(), chosen.end());
-      return chosen;
-    };
-    const auto candidates =
-        rom::points_within(supported_points(model), model.reference, config_.sample_low, config_.sample_high);
-    if (candidates.empty())
-      throw ConfigError(
-          "no integration point lies in the samples' box (sample_low, sample_high). Widen it; 'graupel inspect' of the "
-          "data set shows where the body is");
-    model.samples = rom::choose_samples(config_.sample_rule, model.fields->deformation(), candidates, config_.samples,
-                                        config_.seed);
-    model.outlier_factor = config_.outlier_factor;
-    model.step_factor = config_.step_factor;
-    model.manifold_pull = config_.manifold_pull;
-    model.training_run.assign(run_of_.begin(), run_of_.end());
-    model.encoder = first(config_.encoder_particles);
-  }
-
   const NsfTrainingOptions& options_;
   const NsfConfig& config_;
   NsfReport& report_;
-  SnapshotSet set_;
-  std::vector<int> run_of_;  ///< [snapshots]
-  rom::Clusters clusters_;
-  std::vector<int32_t> representatives_;  ///< of the clusters
+  NsfSnapshots snapshots_;
   MatrixXd latents_;
   MatrixXd rates_;  ///< where the affine field follows the velocity
   rom::ModeTable deformation_;

@@ -25,14 +25,22 @@ std::string train_config_text(const TrainConfig& config) {
   return io::commented_json(io::describe<TrainConfig>(), io::json_of_struct(config));
 }
 
-std::string config_hash(const TrainConfig& config) {
+std::string config_hash(const std::string& config_json) {
   char text[16];
-  std::snprintf(text, sizeof(text), "%08x",
-                crc32c(io::write_json(io::json_of_struct(config), io::JsonLayout::compact)));
+  std::snprintf(text, sizeof(text), "%08x", crc32c(config_json));
   return text;
 }
 
+std::string config_hash(const TrainConfig& config) {
+  return config_hash(io::write_json(io::json_of_struct(config), io::JsonLayout::compact));
+}
+
 void create_run(const std::string& folder, const TrainConfig& config, const RunFacts& facts,
+                const std::string& command_line) {
+  create_run(folder, train_config_text(config), facts, command_line);
+}
+
+void create_run(const std::string& folder, const std::string& config_text, const RunFacts& facts,
                 const std::string& command_line) {
   if (fs::exists(folder + "/config.json"))
     throw ConfigError("'" + folder + "' holds a run already. Go on with it by --resume, or choose another --out");
@@ -45,7 +53,7 @@ void create_run(const std::string& folder, const TrainConfig& config, const RunF
       {"kernel", host.release}, {"compiler", __VERSION__}, {"torch", facts.torch},     {"graupel", facts.version}};
   write_file_atomically(folder + "/run.json", environment.dump(2) + "\n");
   write_file_atomically(folder + "/command.txt", command_line + "\n");
-  write_file_atomically(folder + "/config.json", train_config_text(config));
+  write_file_atomically(folder + "/config.json", config_text);
 }
 
 TrainConfig read_run_config(const std::string& folder) {

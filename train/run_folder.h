@@ -26,9 +26,13 @@ TrainConfig read_train_config(const std::string& text, const std::string& name,
 std::string train_config_text(const TrainConfig& config);
 /// Short fingerprint of all settings.
 std::string config_hash(const TrainConfig& config);
+std::string config_hash(const std::string& config_json);
 
 /// Makes the folder of a new run. Throws ConfigError when it holds a run already.
 void create_run(const std::string& folder, const TrainConfig& config, const RunFacts& facts,
+                const std::string& command_line);
+/// The same with the text of config.json.
+void create_run(const std::string& folder, const std::string& config_text, const RunFacts& facts,
                 const std::string& command_line);
 /// Settings and facts of an existing run. Throws InputError when `folder` is none.
 TrainConfig read_run_config(const std::string& folder);

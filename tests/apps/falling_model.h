@@ -8,6 +8,7 @@
 #include "io/scene_reader.h"
 #include "mpm/sampling.h"
 #include "nn/weights.h"
+#include "rom/factored_fields.h"
 #include "rom/reduced_model.h"
 
 namespace graupel::test {

@@ -1,0 +1,75 @@
+// One network of the paper's reduced-order fields (rom/mlp.h) in training on a device, for the deformation with the
+// paper's encoder (rom/conv_encoder.h): weights, Adam's moments, and the snapshots that it is trained on. No torch type
+// appears here.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "core/device.h"
+#include "nn/weights.h"
+#include "train/hgn_module.h"
+
+namespace graupel::train {
+
+struct MlpShape {
+  int latents = 0, parameters = 0;  ///< inputs beside X: q, and mu where the field follows it
+  int width = 0, outputs = 0;
+  int64_t encoder_particles = 0;  ///< of the convolutional encoder, which then gives q; 0: none
+  int inputs() const { return 3 + latents + parameters; }
+};
+
+/// Rows of a batch: every chosen point of every chosen snapshot.
+struct MlpBatch {
+  std::vector<int64_t> snapshots, points;
+};
+
+/// The arrays that make up a training state.
+enum class MlpArray { weights, adam_m, adam_v };
+inline constexpr MlpArray all_mlp_arrays[] = {MlpArray::weights, MlpArray::adam_m, MlpArray::adam_v};
+/// File name of an array in a checkpoint.
+const char* name_of(MlpArray array);
+
+class MlpModule {
+ public:
+  /// Xavier-uniform weights from `seed`, biases 0. Throws ConfigError for Device::cuda where libtorch has no CUDA.
+  MlpModule(const MlpShape& shape, Device device, uint64_t seed, NumberType number = NumberType::f32);
+  ~MlpModule();
+  MlpModule(MlpModule&&) noexcept;
+
+  /// The training's data, standardised. X [points, 3]; (q, mu) [snapshots, latents + parameters], not with an encoder;
+  /// y [snapshots, points, outputs], on the device when it takes no more than `limit` bytes; positions of all
+  /// particles for the encoder [snapshots, 3, particles].
+  void set_points(const std::vector<float>& points);
+  void set_states(const std::vector<float>& states);
+  void set_targets(const std::vector<float>& targets, double limit);
+  void set_encoder_positions(const std::vector<float>& positions);
+
+  /// Forward, backward, Adam. `step` counts from 1. Returns at once on a GPU.
+  void train_step(const MlpBatch& batch, double learning_rate, int64_t step);
+  /// Mean over the steps since it was last taken, of the mean of squares over rows and outputs.
+  double take_loss();
+  /// Sums of (prediction - target)^2 and target^2.
+  struct Squares {
+    double error = 0, target = 0;
+  };
+  Squares squares(const MlpBatch& batch) const;
+  /// y [snapshots, points, outputs].
+  std::vector<double> predict(const MlpBatch& batch) const;
+  /// q of snapshots, [snapshots, latents], by the encoder.
+  std::vector<double> encode(const std::vector<int64_t>& snapshots) const;
+
+  /// Mean of squares and its gradient by name.
+  double loss_and_gradient(const MlpBatch& batch, nn::Weights* gradient);
+
+  nn::Weights state(MlpArray array) const;
+  /// Throws InputError when a tensor is missing or of another shape.
+  void set_state(MlpArray array, const nn::Weights& weights);
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace graupel::train

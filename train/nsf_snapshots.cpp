@@ -1,0 +1,152 @@
+#include "train/nsf_snapshots.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numeric>
+
+#include "core/error.h"
+#include "core/memory.h"
+#include "core/random.h"
+#include "io/scene_reader.h"
+
+namespace graupel::train {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+
+NsfSnapshots::NsfSnapshots(const std::string& data, const NsfConfig& config)
+    : config_(config), set_(data + "/train.h5") {
+  for (int run = 0; run < set_.runs(); ++run)
+    run_of_.insert(run_of_.end(), static_cast<std::size_t>(set_.first_snapshot(run + 1) - set_.first_snapshot(run)),
+                   run);
+  clusters_ = rom::make_clusters(set_.reference(), set_.particle_kind(), static_cast<int>(config_.cluster));
+  representatives_ = clusters_.representatives();
+}
+
+FieldBlocks NsfSnapshots::blocks(SnapshotField field, const rom::Clusters* clusters) const {
+  const double bytes =
+      config_.memory > 0 ? 1e9 * config_.memory : 0.5 * static_cast<double>(available_bytes(Device::cpu));
+  return {set_, field, clusters, bytes};
+}
+
+std::vector<float> NsfSnapshots::whole(SnapshotField field, const rom::Clusters* clusters) {
+  FieldBlocks blocks(set_, field, clusters, std::numeric_limits<double>::infinity());
+  const SnapshotMatrix all = blocks.load(0);
+  read_seconds_ += blocks.seconds();
+  return {all.data(), all.data() + all.size()};
+}
+
+std::vector<float> NsfSnapshots::read(SnapshotField field) { return whole(field, nullptr); }
+
+std::vector<float> NsfSnapshots::read_means(SnapshotField field) { return whole(field, &clusters_); }
+
+SnapshotMatrix NsfSnapshots::matrix(const std::vector<float>& values) const {
+  const auto rows = static_cast<Index>(set_.snapshots());
+  return {values.data(), rows, static_cast<Index>(values.size()) / rows};
+}
+
+MatrixXd NsfSnapshots::inputs(const MatrixXd& latents) const {
+  const auto& parameters = set_.parameters();
+  MatrixXd z(latents.rows(), latents.cols() + static_cast<Index>(parameters.size()));
+  z.leftCols(latents.cols()) = latents;
+  for (std::size_t p = 0; p < parameters.size(); ++p)
+    for (Index i = 0; i < z.rows(); ++i)
+      z(i, latents.cols() + static_cast<Index>(p)) =
+          parameters[p].values[static_cast<std::size_t>(run_of_[static_cast<std::size_t>(i)])];
+  return z;
+}
+
+void NsfSnapshots::describe(const MatrixXd& latents, const std::vector<double>& scale,
+                            const rom::ModeTable& deformation, rom::ReducedModel& model) const {
+  model.clusters = clusters_;
+  model.scene_json = set_.scene_json();
+  model.frame_time = set_.frame_time();
+  model.substeps_per_frame = set_.substeps_per_frame();
+  for (const SweptParameter& p : set_.parameters()) {
+    const auto [low, high] = std::minmax_element(p.values.begin(), p.values.end());
+    model.parameters.push_back({p.name, p.unit, p.keys, *low, *high});
+  }
+  for (const Vec3f& x : set_.reference())
+    for (int d = 0; d < 3; ++d) model.reference.push_back(x[d]);
+  const auto r = static_cast<std::size_t>(latents.cols());
+  model.start_latent.assign(r, 0);
+  for (int run = 0; run < set_.runs(); ++run)
+    for (std::size_t j = 0; j < r; ++j)
+      model.start_latent[j] += latents(static_cast<Index>(set_.first_snapshot(run)), static_cast<Index>(j)) /
+                               static_cast<double>(set_.runs());
+  model.latent_scale.assign(scale.begin(), scale.end());
+  for (Index i = 0; i < latents.rows(); ++i)
+    for (std::size_t j = 0; j < r; ++j)
+      model.training_latents.push_back(static_cast<float>(latents(i, static_cast<Index>(j))));
+  MatrixXd scaled = latents;
+  for (std::size_t j = 0; j < r; ++j) scaled.col(static_cast<Index>(j)) /= scale[j];
+  model.latent_reach = reach(scaled);
+  choose_particles(latents, deformation, model);
+}
+
+/// Largest distance of a snapshot to the nearest one of another run.
+double NsfSnapshots::reach(const MatrixXd& latents) const {
+  double furthest = 0;
+  for (Index i = 0; i < latents.rows(); ++i) {
+    double least = std::numeric_limits<double>::infinity();
+    for (Index j = 0; j < latents.rows(); ++j)
+      if (run_of_[static_cast<std::size_t>(i)] != run_of_[static_cast<std::size_t>(j)])
+        least = std::min(least, (latents.row(i) - latents.row(j)).norm());
+    if (std::isfinite(least)) furthest = std::max(furthest, least);
+  }
+  return furthest > 0 ? furthest : 1;
+}
+
+std::vector<int32_t> NsfSnapshots::supported_points(const MatrixXd& latents, const rom::ReducedModel& model) const {
+  constexpr Index states = 12;
+  const auto decoder = model.fields->bind_positions_f32(representatives_);
+  const auto count = static_cast<int64_t>(representatives_.size());
+  std::vector<float> tiles(static_cast<std::size_t>(3 * mpm::padded_to_tile(count)));
+  std::vector<std::vector<Vec3f>> positions;
+  for (Index s = 0; s < states; ++s) {
+    const Eigen::VectorXd latent = latents.row((2 * s + 1) * latents.rows() / (2 * states));
+    rom::LatentState state;
+    state.latent.assign(latent.data(), latent.data() + latent.size());
+    state.velocity.assign(state.latent.size(), 0.0);
+    decoder->decode(state, tiles.data());
+    std::vector<Vec3f>& places = positions.emplace_back();
+    for (int64_t i = 0; i < count; ++i) places.push_back(mpm::TiledView<float, 3>{tiles.data()}.vec(i));
+  }
+  const double dx = io::parse_stored_scene(set_.scene_json(), set_.file(), set_.file()).domain.dx;
+  const std::vector<double> support = rom::least_support(positions, dx);
+  std::vector<int32_t> points;
+  for (std::size_t i = 0; i < support.size(); ++i)
+    if (support[i] >= config_.sample_support) points.push_back(representatives_[i]);
+  return points;
+}
+
+void NsfSnapshots::choose_particles(const MatrixXd& latents, const rom::ModeTable& deformation,
+                                    rom::ReducedModel& model) const {
+  const auto n = static_cast<int32_t>(set_.particles());
+  std::vector<int32_t> order(static_cast<std::size_t>(n));
+  std::iota(order.begin(), order.end(), 0);
+  const Random random(config_.seed, RandomPurpose::sample_particle);
+  for (int32_t i = n - 1; i > 0; --i)
+    std::swap(order[static_cast<std::size_t>(i)],
+              order[random.integer(static_cast<uint64_t>(i), 0, static_cast<uint32_t>(i + 1))]);
+  const auto first = [&](int64_t count) {
+    std::vector<int32_t> chosen(order.begin(), order.begin() + std::min<int64_t>(count, n));
+    std::sort(chosen.begin(), chosen.end());
+    return chosen;
+  };
+  const auto candidates =
+      rom::points_within(supported_points(latents, model), model.reference, config_.sample_low, config_.sample_high);
+  if (candidates.empty())
+    throw ConfigError(
+        "no integration point lies in the samples' box (sample_low, sample_high). Widen it; 'graupel inspect' of the "
+        "data set shows where the body is");
+  model.samples = rom::choose_samples(config_.sample_rule, deformation, candidates, config_.samples, config_.seed);
+  model.outlier_factor = config_.outlier_factor;
+  model.step_factor = config_.step_factor;
+  model.manifold_pull = config_.manifold_pull;
+  model.training_run.assign(run_of_.begin(), run_of_.end());
+  model.encoder = first(config_.encoder_particles);
+}
+
+}  // namespace graupel::train
