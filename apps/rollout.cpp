@@ -98,7 +98,6 @@ void check_flags(const RolloutOptions& options) {
 
 /// Flags that the kind of model does not know.
 void check_flags_of_network(const RolloutOptions& options) {
-  refuse_cuda_for_networks(options.common.device);
   const char* flag = options.step_factor                     ? "--step-factor"
                      : options.refine                        ? "--refine"
                      : options.stride != 1                   ? "--stride"
@@ -169,8 +168,9 @@ void rollout_network(const RolloutOptions& options) {
 
 void rollout(RolloutOptions& options) {
   check_flags(options);
-  options.common.apply();
   const bool reduced = is_reduced_model(options.weights);
+  if (!reduced) refuse_cuda_for_networks(options.common.device);
+  options.common.apply();
   reduced ? check_flags_of_reduced_model(options) : check_flags_of_network(options);
   reduced ? rollout_reduced(options) : rollout_network(options);
 }

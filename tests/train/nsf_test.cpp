@@ -148,7 +148,7 @@ TEST_F(NsfTraining, RollsOutAParameterThatItWasNotTrainedOn) {
 
 TEST_F(NsfTraining, BlocksOfSnapshotsGiveTheSameModel) {
   NsfReport report;
-  for (const auto& [cluster, affine] : {std::pair{1, rom::AffineKind::rate}, {3, rom::AffineKind::position}}) {
+  for (const auto& [cluster, affine] : {std::pair{1, rom::AffineKind::rate}, {2, rom::AffineKind::position}}) {
     NsfTrainingOptions whole = options();
     whole.config.cluster = cluster;
     whole.config.affine = affine;
@@ -158,7 +158,7 @@ TEST_F(NsfTraining, BlocksOfSnapshotsGiveTheSameModel) {
     parts.message = [&](const std::string& text) { said += text.find("blocks of snapshots") != std::string::npos; };
     const nn::Weights a = train_factored(whole, report).store(nn::DType::f32),
                       b = train_factored(parts, report).store(nn::DType::f32);
-    EXPECT_GE(said, cluster == 1 ? 3 : 2);
+    EXPECT_GE(said, cluster == 1 ? 2 : 1);
     ASSERT_EQ(a.tensors.size(), b.tensors.size());
     for (const auto& [name, tensor] : a.tensors)
       EXPECT_EQ(tensor.bytes, b.tensors.at(name).bytes) << name << " with clusters of " << cluster;
