@@ -3,9 +3,6 @@
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
 #include <algorithm>
-#include <array>
-#include <cmath>
-#include <map>
 
 #include "core/random.h"
 
@@ -80,31 +77,6 @@ std::vector<int32_t> points_within(const std::vector<int32_t>& points, const std
     if (is_inside) inside.push_back(point);
   }
   return inside;
-}
-
-std::vector<double> least_support(const std::vector<std::vector<Vec3f>>& positions, double dx) {
-  std::vector<double> least;
-  for (const std::vector<Vec3f>& state : positions) {
-    std::map<std::array<int, 3>, int> points_in;
-    std::vector<std::array<int, 3>> cell(state.size());
-    for (std::size_t i = 0; i < state.size(); ++i) {
-      for (std::size_t d = 0; d < 3; ++d)
-        cell[i][d] = static_cast<int>(std::floor(static_cast<double>(state[i][static_cast<int>(d)]) / dx));
-      ++points_in[cell[i]];
-    }
-    std::vector<double> around(state.size(), 0);
-    for (std::size_t i = 0; i < state.size(); ++i)
-      for (int n = 0; n < 27; ++n) {
-        const auto found = points_in.find({cell[i][0] + n / 9 - 1, cell[i][1] + n / 3 % 3 - 1, cell[i][2] + n % 3 - 1});
-        if (found != points_in.end()) around[i] += found->second;
-      }
-    std::vector<double> sorted = around;
-    const auto middle = sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() / 2);
-    std::nth_element(sorted.begin(), middle, sorted.end());
-    least.resize(state.size(), 1e30);
-    for (std::size_t i = 0; i < state.size(); ++i) least[i] = std::min(least[i], around[i] / *middle);
-  }
-  return least;
 }
 
 std::vector<int32_t> choose_samples(SampleRule rule, const ModeTable& deformation,

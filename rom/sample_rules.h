@@ -31,11 +31,6 @@ namespace rom {
 std::vector<int32_t> points_within(const std::vector<int32_t>& points, const std::vector<float>& reference,
                                    const Vec3d& low, const Vec3d& high);
 
-/// How much of the body lies around each of some points, least over some states of the body: the number of points in
-/// the 27 cells of `dx` [m] around it, over the median of that. A sample with little around reads nodes with hardly any
-/// mass, whose velocity a small error of the stress makes wild. `positions`: of the points, [states][points].
-std::vector<double> least_support(const std::vector<std::vector<Vec3f>>& positions, double dx);
-
 /// `count` of the candidates (all of them where there are no more), ascending. `candidates`: integration points in the
 /// order of their clusters.
 ///   optimal: from U the rows of the deformation's modes and A = 1e-3 U^T U / particles, takes again and again the

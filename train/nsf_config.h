@@ -33,7 +33,6 @@ struct NsfConfig {
   int64_t samples = 300;
   rom::SampleRule sample_rule = rom::SampleRule::random;
   Vec3d sample_low = Vec3d::filled(-1e30), sample_high = Vec3d::filled(1e30);
-  double sample_support = 0.5;
   double manifold_pull = 0;
   double outlier_factor = 0, step_factor = 1;
   int64_t cluster = 1;
@@ -84,11 +83,6 @@ struct NsfConfig {
                                     .meaning = "Lower corner of the box of the reference body that samples lie in"});
     visit(&C::sample_high,
           FieldInfo{.name = "sample_high", .unit = "m", .meaning = "Upper corner of the samples' box"});
-    visit(&C::sample_support, FieldInfo{.name = "sample_support",
-                                        .unit = "",
-                                        .meaning = "Integration points with fewer others around than this share of the "
-                                                   "median, at any time, are no samples",
-                                        .range = Range::between(0, 1)});
     visit(&C::manifold_pull,
           FieldInfo{.name = "manifold_pull",
                     .unit = "",

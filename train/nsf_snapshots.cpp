@@ -8,7 +8,6 @@
 #include "core/error.h"
 #include "core/memory.h"
 #include "core/random.h"
-#include "io/scene_reader.h"
 
 namespace graupel::train {
 
@@ -82,7 +81,7 @@ void NsfSnapshots::describe(const MatrixXd& latents, const std::vector<double>& 
   MatrixXd scaled = latents;
   for (std::size_t j = 0; j < r; ++j) scaled.col(static_cast<Index>(j)) /= scale[j];
   model.latent_reach = reach(scaled);
-  choose_particles(latents, deformation, model);
+  choose_particles(deformation, model);
 }
 
 /// Largest distance of a snapshot to the nearest one of another run.
@@ -98,31 +97,7 @@ double NsfSnapshots::reach(const MatrixXd& latents) const {
   return furthest > 0 ? furthest : 1;
 }
 
-std::vector<int32_t> NsfSnapshots::supported_points(const MatrixXd& latents, const rom::ReducedModel& model) const {
-  constexpr Index states = 12;
-  const auto decoder = model.fields->bind_positions_f32(representatives_);
-  const auto count = static_cast<int64_t>(representatives_.size());
-  std::vector<float> tiles(static_cast<std::size_t>(3 * mpm::padded_to_tile(count)));
-  std::vector<std::vector<Vec3f>> positions;
-  for (Index s = 0; s < states; ++s) {
-    const Eigen::VectorXd latent = latents.row((2 * s + 1) * latents.rows() / (2 * states));
-    rom::LatentState state;
-    state.latent.assign(latent.data(), latent.data() + latent.size());
-    state.velocity.assign(state.latent.size(), 0.0);
-    decoder->decode(state, tiles.data());
-    std::vector<Vec3f>& places = positions.emplace_back();
-    for (int64_t i = 0; i < count; ++i) places.push_back(mpm::TiledView<float, 3>{tiles.data()}.vec(i));
-  }
-  const double dx = io::parse_stored_scene(set_.scene_json(), set_.file(), set_.file()).domain.dx;
-  const std::vector<double> support = rom::least_support(positions, dx);
-  std::vector<int32_t> points;
-  for (std::size_t i = 0; i < support.size(); ++i)
-    if (support[i] >= config_.sample_support) points.push_back(representatives_[i]);
-  return points;
-}
-
-void NsfSnapshots::choose_particles(const MatrixXd& latents, const rom::ModeTable& deformation,
-                                    rom::ReducedModel& model) const {
+void NsfSnapshots::choose_particles(const rom::ModeTable& deformation, rom::ReducedModel& model) const {
   const auto n = static_cast<int32_t>(set_.particles());
   std::vector<int32_t> order(static_cast<std::size_t>(n));
   std::iota(order.begin(), order.end(), 0);
@@ -136,7 +111,7 @@ void NsfSnapshots::choose_particles(const MatrixXd& latents, const rom::ModeTabl
     return chosen;
   };
   const auto candidates =
-      rom::points_within(supported_points(latents, model), model.reference, config_.sample_low, config_.sample_high);
+      rom::points_within(representatives_, model.reference, config_.sample_low, config_.sample_high);
   if (candidates.empty())
     throw ConfigError(
         "no integration point lies in the samples' box (sample_low, sample_high). Widen it; 'graupel inspect' of the "

@@ -39,7 +39,7 @@ class NsfSnapshots {
   Eigen::MatrixXd inputs(const Eigen::MatrixXd& latents) const;
 
   /// Fills in the scene, parameters, clusters, particles and latents of the training; `scale`: of each latent [r],
-  /// `deformation`: modes that samples are chosen by; the model's fields must be there. Throws ConfigError when no
+  /// `deformation`: modes that samples are chosen by. Throws ConfigError when no
   /// sample is within the configured box.
   void describe(const Eigen::MatrixXd& latents, const std::vector<double>& scale, const rom::ModeTable& deformation,
                 rom::ReducedModel& model) const;
@@ -47,10 +47,7 @@ class NsfSnapshots {
  private:
   double reach(const Eigen::MatrixXd& latents) const;
   std::vector<float> whole(SnapshotField field, const rom::Clusters* clusters);
-  /// Integration points with enough of the body around them in some snapshots of the training.
-  std::vector<int32_t> supported_points(const Eigen::MatrixXd& latents, const rom::ReducedModel& model) const;
-  void choose_particles(const Eigen::MatrixXd& latents, const rom::ModeTable& deformation,
-                        rom::ReducedModel& model) const;
+  void choose_particles(const rom::ModeTable& deformation, rom::ReducedModel& model) const;
 
   const NsfConfig& config_;
   SnapshotSet set_;

@@ -12,7 +12,7 @@ namespace {
 
 class MlpTraining : public testing::Test {
  protected:
-  static void SetUpTestSuite() { data_ = tiny_sweep("mlp_test_data").string(); }
+  static void SetUpTestSuite() { data_ = tiny_sweep("mlp_test_data"); }
 
   /// A quick training in a folder of its own.
   static MlpTrainingOptions options(const std::string& name) {

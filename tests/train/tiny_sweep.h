@@ -3,10 +3,10 @@
 #pragma once
 
 #include <cmath>
-#include <filesystem>
 #include <string>
 #include <vector>
 
+#include "core/atomic_file.h"
 #include "io/scene_reader.h"
 #include "io/trajectory_file.h"
 #include "mpm/simulation.h"
@@ -43,14 +43,15 @@ inline Trajectory run_of(const Scene& scene) {
 }
 
 /// The folder `name` of the data set, made anew below the build folder.
-inline std::filesystem::path tiny_sweep(const std::string& name) {
-  const std::filesystem::path folder = std::filesystem::path(GRAUPEL_BINARY_DIR) / name;
-  std::filesystem::create_directories(folder);
+inline std::string tiny_sweep(const std::string& name) {
+  const std::string folder = std::string(GRAUPEL_BINARY_DIR) + "/" + name;
+  remove_path(folder);
+  make_folder(folder);
   std::vector<std::string> parts;
   for (int i = 0; i < 7; ++i) {
     const double angle = 24 + 2 * i;
     const Trajectory run = run_of(column(angle));
-    parts.push_back((folder / ("part" + std::to_string(i) + ".h5")).string());
+    parts.push_back(folder + "/part" + std::to_string(i) + ".h5");
     io::TrajectoryWriteOptions options;
     options.fields = {ParticleField::stress, ParticleField::affine};
     io::TrajectoryWriter writer(parts.back(), run, options);
@@ -58,7 +59,7 @@ inline std::filesystem::path tiny_sweep(const std::string& name) {
     for (const ParticleFrame& frame : run.frames) writer.append(frame);
     writer.finish();
   }
-  io::merge_trajectories(parts, (folder / "train.h5").string());
+  io::merge_trajectories(parts, folder + "/train.h5");
   return folder;
 }
 
