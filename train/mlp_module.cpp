@@ -6,8 +6,6 @@
 #include <ATen/TensorOperators.h>
 #include <ATen/core/grad_mode.h>
 #include <ATen/ops/addmm.h>
-#include <ATen/ops/conv1d.h>
-#include <ATen/ops/convolution_backward.h>
 #include <ATen/ops/elu.h>
 #include <ATen/ops/elu_backward.h>
 #include <ATen/ops/from_blob.h>
@@ -16,6 +14,7 @@
 #include <ATen/ops/norm.h>
 #include <ATen/ops/sum.h>
 #include <ATen/ops/zeros.h>
+#include <ATen/ops/zeros_like.h>
 
 #include <array>
 #include <cmath>
@@ -175,12 +174,40 @@ struct MlpModule::Impl {
     return {there.narrow(0, 0, k), there.narrow(0, k, m)};
   }
 
+  /// What a convolution of the encoder reads for each of its places, [k * places, channels * kernel]: it is a matrix
+  /// product then. (The libraries' own convolution fails beside other versions of the C++ library.)
+  static at::Tensor windows(const at::Tensor& x) {
+    return x.unfold(2, ConvEncoder::kernel, ConvEncoder::stride)
+        .permute({0, 2, 1, 3})
+        .reshape({-1, ConvEncoder::channels * ConvEncoder::kernel});
+  }
+  static at::Tensor convolve(const Layer& layer, const at::Tensor& x) {
+    const at::Tensor y = at::addmm(layer.bias, windows(x), layer.weight.reshape({ConvEncoder::channels, -1}).t());
+    return y.reshape({x.size(0), -1, ConvEncoder::channels}).transpose(1, 2);
+  }
+  /// Fills the gradients of the weights; gradient with respect to x where it is asked for.
+  static at::Tensor convolution_backward(const Layer& layer, const at::Tensor& x, const at::Tensor& grad,
+                                         bool with_input) {
+    const int64_t places = grad.size(2);
+    const at::Tensor rows = grad.transpose(1, 2).reshape({-1, ConvEncoder::channels});
+    layer.weight_gradient.copy_(at::mm(rows.t(), windows(x)).reshape(layer.weight.sizes()));
+    layer.bias_gradient.copy_(at::sum(rows, 0));
+    if (!with_input) return {};
+    const at::Tensor to_windows = at::mm(rows, layer.weight.reshape({ConvEncoder::channels, -1}))
+                                      .reshape({x.size(0), places, ConvEncoder::channels, ConvEncoder::kernel});
+    at::Tensor to_input = at::zeros_like(x);
+    for (int64_t j = 0; j < ConvEncoder::kernel; ++j)
+      to_input.slice(2, j, j + ConvEncoder::stride * (places - 1) + 1, ConvEncoder::stride)
+          .add_(to_windows.select(3, j).transpose(1, 2));
+    return to_input;
+  }
+
   at::Tensor encode(const at::Tensor& snapshots, Record* record) const {
     const int64_t k = snapshots.size(0);
     at::Tensor x = at::index_select(positions, 0, snapshots);
     for (const Layer& c : convolutions) {
       if (record) record->signal.push_back(x);
-      x = at::elu(at::conv1d(x, c.weight, c.bias, ConvEncoder::stride));
+      x = at::elu(convolve(c, x));
     }
     x = x.reshape({k, -1});
     if (record) record->signal.push_back(x);
@@ -203,13 +230,7 @@ struct MlpModule::Impl {
       const at::Tensor& input = record.signal[l];
       const int64_t k = input.size(0);
       grad = elu_backward(grad.reshape({k, ConvEncoder::channels, -1}), result.reshape({k, ConvEncoder::channels, -1}));
-      const auto [to_input, to_weight, to_bias] =
-          at::convolution_backward(grad, input, convolutions[l].weight, at::IntArrayRef({ConvEncoder::channels}),
-                                   {ConvEncoder::stride}, {0}, {1},
-                                   /*transposed=*/false, {0}, /*groups=*/1, {l > 0, true, true});
-      convolutions[l].weight_gradient.copy_(to_weight);
-      convolutions[l].bias_gradient.copy_(to_bias);
-      grad = to_input;
+      grad = convolution_backward(convolutions[l], input, grad, l > 0);
       result = input;
     }
   }
