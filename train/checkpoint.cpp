@@ -106,6 +106,17 @@ std::optional<Checkpoint> read_latest_checkpoint(const std::string& folder,
   throw InputError("no checkpoint in '" + folder + "' can be used (all are damaged). Start the run anew");
 }
 
+std::optional<Checkpoint> checkpoint_to_resume(const std::string& folder, const std::string& config_hash,
+                                               const std::function<void(const std::string&)>& say) {
+  auto checkpoint = read_latest_checkpoint(folder, say);
+  if (!checkpoint)
+    say("the run has no checkpoint yet: starting at step 0");
+  else if (checkpoint->state.config_hash != config_hash)
+    throw ConfigError("the checkpoint was made with other settings (fingerprint " + checkpoint->state.config_hash +
+                      ", config.json has " + config_hash + "). Restore config.json, or start a new run");
+  return checkpoint;
+}
+
 void prune_checkpoints(const std::string& folder, int64_t best_step) {
   const std::vector<int64_t> steps = steps_in(folder);
   for (std::size_t i = 0; i + 2 < steps.size(); ++i)

@@ -39,6 +39,11 @@ Checkpoint read_checkpoint(const std::string& path);
 std::optional<Checkpoint> read_latest_checkpoint(const std::string& folder,
                                                  const std::function<void(const std::string&)>& warn);
 
+/// The same, for a run that goes on: `say` gets these messages too, and one where there is no checkpoint yet. Throws
+/// ConfigError for a checkpoint of other settings than `config_hash`.
+std::optional<Checkpoint> checkpoint_to_resume(const std::string& folder, const std::string& config_hash,
+                                               const std::function<void(const std::string&)>& say);
+
 /// Removes all but the newest two and that of `best_step`.
 void prune_checkpoints(const std::string& folder, int64_t best_step);
 

@@ -159,14 +159,9 @@ class MlpTraining {
   bool conv() const { return config_.encoder == EncoderKind::conv; }
 
   void restore() {
-    const auto checkpoint = read_latest_checkpoint(checkpoint_folder(options_.run), options_.message);
-    if (!checkpoint) {
-      say("the run has no checkpoint yet: starting at step 0");
-      return;
-    }
-    if (checkpoint->state.config_hash != state_.config_hash)
-      throw ConfigError("the checkpoint was made with other settings (fingerprint " + checkpoint->state.config_hash +
-                        ", config.json has " + state_.config_hash + "). Restore config.json, or start a new run");
+    const auto checkpoint = checkpoint_to_resume(checkpoint_folder(options_.run), state_.config_hash,
+                                                 [this](const std::string& text) { say(text); });
+    if (!checkpoint) return;
     state_ = checkpoint->state;
     restored_ = checkpoint->arrays;
     const auto& facts = restored_.at("stage").metadata;
