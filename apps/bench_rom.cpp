@@ -14,7 +14,6 @@
 #include "core/error.h"
 #include "io/scene_reader.h"
 #include "io/trajectory_file.h"
-#include "rom/sample_rules.h"
 
 namespace graupel::apps {
 
@@ -27,12 +26,8 @@ struct BenchRomOptions {
   std::string model, data, split = "test";
   std::vector<double> step_factors = {1};
   int64_t samples = 0, cluster = 0;
-  std::string rule = "spread";
-  std::vector<double> box;
-  int iterations = rom::ReducedOptions().iterations;
-  double outlier_factor = 0;
-  CLI::Option* outlier_option = nullptr;
-  bool f64 = false;
+  rom::FitOptions fit;
+  bool f64 = false, other_scene = false;
 };
 
 /// One run of the reduced model against a stored truth.
@@ -51,18 +46,13 @@ struct Measured {
 rom::ReducedOptions reduced_options(const BenchRomOptions& options, const rom::ReducedModel& model, double factor) {
   rom::ReducedOptions reduced;
   reduced.step_factor = factor;
-  reduced.iterations = options.iterations;
-  if (options.outlier_option->count() > 0) reduced.outlier_factor = options.outlier_factor;
-  rom::SampleRule rule = rom::SampleRule::random;
-  for (const auto& [word, value] : EnumWords<rom::SampleRule>::words)
-    if (options.rule == word) rule = value;
-  std::vector<int32_t> candidates = model.clusters.representatives();
-  if (!options.box.empty())
-    candidates = rom::points_within(candidates, model.reference, {options.box[0], options.box[1], options.box[2]},
-                                    {options.box[3], options.box[4], options.box[5]});
-  if (candidates.empty()) throw ConfigError("no integration point lies in the box of '--sample-box'. Widen it");
-  if (options.samples > 0)
-    reduced.samples = rom::choose_samples(rule, model.fields->deformation(), candidates, options.samples, 0);
+  reduced.fit = options.fit;
+  if (options.samples > 0) {
+    const auto n = std::min<std::size_t>(static_cast<std::size_t>(options.samples), model.encoder.size());
+    std::vector<int32_t> samples;  // spread over the encoder's, which are drawn at random
+    for (std::size_t i = 0; i < n; ++i) samples.push_back(model.encoder[i * model.encoder.size() / n]);
+    reduced.samples = samples;
+  }
   return reduced;
 }
 
@@ -79,7 +69,8 @@ Measured measure(const BenchRomOptions& options, const LoadedModel& loaded, cons
   const std::string file = options.data + "/" + options.split + ".h5";
   const Scene scene = io::parse_stored_scene(header.scene_json, file, file);
   ReducedRun run(loaded, scene, header.seed, reduced_options(options, loaded.model, factor),
-                 options.f64 ? Arithmetic::f64 : Arithmetic::f32);
+                 {.arithmetic = options.f64 ? Arithmetic::f64 : Arithmetic::f32,
+                  .foreign = options.other_scene ? ForeignScene::run : ForeignScene::refuse});
   Measured result;
   result.parameters = run.parameters();
   const std::vector<Vec3f> reference = reader.frames(i, 0, 1).front().position;
@@ -197,21 +188,20 @@ void add_bench_rom(CLI::App& bench) {
   verb->add_option("--step-factor", options->step_factors, "Steps over those of the training (repeatable)")
       ->check(real_number(LowerBound::above_zero))
       ->capture_default_str();
-  verb->add_option("--samples", options->samples, "So many samples instead of the model's")->check(whole_number(1));
-  verb->add_option("--sample-box", options->box, "With --samples: within this box of the reference body: low, high [m]")
-      ->expected(6);
-  verb->add_option("--sample-rule", options->rule, "With --samples: random, spread or optimal")
-      ->check(CLI::IsMember({"random", "spread", "optimal"}))
-      ->capture_default_str();
+  verb->add_option("--samples", options->samples, "So many random samples instead of the model's")
+      ->check(whole_number(1));
   verb->add_option("--cluster", options->cluster, "So many particles as one integration point")->check(whole_number(1));
-  options->outlier_option = verb->add_option("--outlier-factor", options->outlier_factor,
-                                             "Samples count less beyond this multiple of the median distance (0: plain "
-                                             "least squares) instead of the model's")
-                                ->check(real_number(LowerBound::zero));
-  verb->add_option("--iterations", options->iterations, "Gauss-Newton iterations at most (1: first order)")
+  verb->add_option("--outlier-factor", options->fit.outlier_factor,
+                   "Samples count less beyond this multiple of the median distance (0: plain least squares)")
+      ->check(real_number(LowerBound::zero))
+      ->capture_default_str();
+  verb->add_option("--iterations", options->fit.iterations, "Gauss-Newton iterations at most (1: first order)")
       ->check(whole_number(1))
       ->capture_default_str();
   verb->add_flag("--f64", options->f64, "Double precision");
+  verb->add_flag(
+      "--other-scene", options->other_scene,
+      "Run the model even where a scene differs in more than its parameters (the particles must be the same)");
   options->common.add_to(*verb);
   verb->footer(
       "Examples:\n  graupel bench rom models/nsf-sand.safetensors data/nsf_sand_column\n"

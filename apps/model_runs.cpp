@@ -238,7 +238,7 @@ TimedRun run_network(const graph::LearnedSimulator& simulator, const Scene& scen
 TimedRun run_reduced(const LoadedModel& model, const Scene& scene, uint64_t seed, int64_t frames,
                      const std::string& label) {
   const MemoryMeter memory;
-  ReducedRun run(model, scene, seed, {}, Arithmetic::f32, OutsideRange::be_quiet);
+  ReducedRun run(model, scene, seed, {}, {.outside = OutsideRange::be_quiet});
   TimedRun result;
   StartState start = start_of(scene, seed);
   result.run.mass = std::move(start.mass);

@@ -43,7 +43,7 @@ class ReducedRollout {
       : options_(options),
         scene_(task.scene),
         frames_(options.frames >= 0 ? options.frames : task.scene.frames),
-        run_(loaded, task.scene, task.seed, reduced_options(options), options.arithmetic),
+        run_(loaded, task.scene, task.seed, reduced_options(options), {.arithmetic = options.arithmetic}),
         writer_(options.output, header_of(task)) {
     std::vector<io::NamedValue> values;
     for (std::size_t i = 0; i < run_.parameters().size(); ++i) {

@@ -69,21 +69,27 @@ bool is_reduced_model(const std::string& file) {
   return architecture != weights.metadata.end() && architecture->second == rom::nsf_architecture;
 }
 
-std::vector<double> parameters_of(const LoadedModel& loaded, const Scene& scene) {
-  const std::string text = io::scene_to_json(scene);
+namespace {
+
+void check_same_scene(const LoadedModel& loaded, const std::string& text) {
   const Json own = without_free_keys(text, loaded.model),
              trained = without_free_keys(loaded.model.scene_json, loaded.model);
   const Json difference = Json::diff(trained, own);
-  if (!difference.empty()) {
-    const std::string path = difference.front().at("path");
-    const Json::json_pointer pointer(path);
-    const auto text_at = [&](const Json& json) { return json.contains(pointer) ? json.at(pointer).dump() : "nothing"; };
-    throw ConfigError(
-        fmt::format("'{}' is for another scene ('{}' has {} there, the scene of the training {}). Use that scene; "
-                    "'graupel inspect' "
-                    "shows it",
-                    loaded.file, path, text_at(own), text_at(trained)));
-  }
+  if (difference.empty()) return;
+  const std::string path = difference.front().at("path");
+  const Json::json_pointer pointer(path);
+  const auto text_at = [&](const Json& json) { return json.contains(pointer) ? json.at(pointer).dump() : "nothing"; };
+  throw ConfigError(fmt::format(
+      "'{}' is for another scene ('{}' has {} there, the scene of the training {}). Use that scene; 'graupel inspect' "
+      "shows it",
+      loaded.file, path, text_at(own), text_at(trained)));
+}
+
+}  // namespace
+
+std::vector<double> parameters_of(const LoadedModel& loaded, const Scene& scene, ForeignScene foreign) {
+  const std::string text = io::scene_to_json(scene);
+  if (foreign == ForeignScene::refuse) check_same_scene(loaded, text);
   std::vector<double> parameters;
   const Json whole = Json::parse(text);
   for (const rom::ModelParameter& p : loaded.model.parameters) parameters.push_back(number_at(whole, p, loaded.file));
@@ -103,10 +109,10 @@ std::vector<std::string> outside_range(const rom::ReducedModel& model, const std
 }
 
 ReducedRun::ReducedRun(const LoadedModel& loaded, const Scene& scene, uint64_t seed, const rom::ReducedOptions& options,
-                       Arithmetic arithmetic, OutsideRange outside)
-    : parameters_(parameters_of(loaded, scene)) {
+                       const ReducedRunOptions& how)
+    : parameters_(parameters_of(loaded, scene, how.foreign)) {
   const auto lines =
-      outside == OutsideRange::warn ? outside_range(loaded.model, parameters_) : std::vector<std::string>{};
+      how.outside == OutsideRange::warn ? outside_range(loaded.model, parameters_) : std::vector<std::string>{};
   for (const std::string& line : lines)
     std::fprintf(stderr, "graupel: warning: %s is outside of what '%s' was trained on: %s\n", scene.name.c_str(),
                  loaded.file.c_str(), line.c_str());
@@ -114,7 +120,7 @@ ReducedRun::ReducedRun(const LoadedModel& loaded, const Scene& scene, uint64_t s
   for (const int32_t material : prepared.particles.material)
     particle_type_.push_back(particle_type_of(
         scene.materials.at(prepared.particles.material_names[static_cast<std::size_t>(material)]).model));
-  if (arithmetic == Arithmetic::f32)
+  if (how.arithmetic == Arithmetic::f32)
     single_ = std::make_unique<rom::ReducedSolver<float>>(loaded.model, std::move(prepared), parameters_, options);
   else
     exact_ = std::make_unique<rom::ReducedSolver<double>>(loaded.model, std::move(prepared), parameters_, options);

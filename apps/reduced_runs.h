@@ -24,9 +24,16 @@ std::vector<int32_t> particle_kinds(const rom::ReducedModel& model);
 /// Whether a weights file holds a reduced-order model.
 bool is_reduced_model(const std::string& file);
 
-/// The model's parameters as this scene has them. Throws ConfigError, naming the first key that differs, for a scene
-/// that differs from that of the training in more than its parameters, frames and names.
-std::vector<double> parameters_of(const LoadedModel& model, const Scene& scene);
+/// What becomes of a scene that differs from that of the training in more than its parameters, frames and names.
+enum class ForeignScene {
+  refuse,
+  run  ///< all the same, for tests of the trust verdict; the particles must be the model's
+};
+
+/// The model's parameters as this scene has them. Throws ConfigError for a scene that lacks one, and, naming the first
+/// key that differs, for a foreign scene that is to be refused.
+std::vector<double> parameters_of(const LoadedModel& model, const Scene& scene,
+                                  ForeignScene foreign = ForeignScene::refuse);
 /// A line for every parameter outside of the training's range: "friction_angle = 55 degrees, trained on 21 to 38.5".
 std::vector<std::string> outside_range(const rom::ReducedModel& model, const std::vector<double>& parameters);
 
@@ -34,12 +41,18 @@ enum class Arithmetic { f32, f64 };
 /// What is said about parameters outside of the training's range.
 enum class OutsideRange { warn, be_quiet };
 
+struct ReducedRunOptions {
+  Arithmetic arithmetic = Arithmetic::f32;
+  OutsideRange outside = OutsideRange::warn;
+  ForeignScene foreign = ForeignScene::refuse;
+};
+
 /// A reduced run of either precision.
 class ReducedRun {
  public:
   /// Throws ConfigError as parameters_of and rom::ReducedSolver.
   ReducedRun(const LoadedModel& model, const Scene& scene, uint64_t seed, const rom::ReducedOptions& options,
-             Arithmetic arithmetic = Arithmetic::f32, OutsideRange outside = OutsideRange::warn);
+             const ReducedRunOptions& how = {});
   void advance_frame() { single_ ? single_->advance_frame() : exact_->advance_frame(); }
   ParticleFrame frame() const { return single_ ? single_->frame() : exact_->frame(); }
   const rom::TrustIndicator& trust() const { return single_ ? single_->trust() : exact_->trust(); }
