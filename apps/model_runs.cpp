@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cstdio>
 #include <fstream>
 
 #include "apps/common_options.h"
@@ -272,6 +273,7 @@ TimedRun run_reduced(const LoadedModel& model, const Scene& scene, uint64_t seed
     progress.update(f);
   }
   if (trajectory.diverged_at_frame < 0) progress.done();
+  std::fprintf(stderr, "%s: %s\n", label.c_str(), trust_line(model.model, run.trust_record()).c_str());
   result.cost = times.cost(memory);
   compare::hold_last_frame(trajectory, static_cast<std::size_t>(frames));
   return result;

@@ -43,6 +43,7 @@ class ReducedRollout {
       : options_(options),
         scene_(task.scene),
         frames_(options.frames >= 0 ? options.frames : task.scene.frames),
+        model_(loaded.model),
         run_(loaded, task.scene, task.seed, reduced_options(options), {.arithmetic = options.arithmetic}),
         writer_(options.output, header_of(task)) {
     std::vector<io::NamedValue> values;
@@ -60,8 +61,9 @@ class ReducedRollout {
     writer_.table(
         {.name = "trust",
          .units = "",
-         .description = "Largest residual, share of down-weighted samples, latent distance [frame, indicator]",
-         .columns = 3,
+         .description =
+             "Largest residual, share of down-weighted samples, latent distance, trust number [frame, indicator]",
+         .columns = 4,
          .values = trust_});
     writer_.finish(diverged_at_);
     print_summary();
@@ -84,7 +86,7 @@ class ReducedRollout {
 
   void write_frame(const rom::TrustIndicator& trust) {
     writer_.append(run_.frame());
-    for (const double value : {trust.residual, trust.down_weighted, trust.latent_distance})
+    for (const double value : {trust.residual, trust.down_weighted, trust.latent_distance, run_.trust_number()})
       trust_.push_back(static_cast<float>(value));
     worst_.residual = std::max(worst_.residual, trust.residual);
     worst_.down_weighted = std::max(worst_.down_weighted, trust.down_weighted);
@@ -131,6 +133,7 @@ class ReducedRollout {
     std::fprintf(stderr, "  %lld samples, %.0f integration particles in the mean, %lld at most\n",
                  static_cast<long long>(statistics.samples), statistics.mean_integration,
                  static_cast<long long>(statistics.most_integration));
+    std::fprintf(stderr, "  %s\n", trust_line(model_, run_.trust_record()).c_str());
     std::fprintf(stderr, "  trust, largest: residual %.3g, down-weighted %.3g, latent distance %.3g%s\n",
                  worst_.residual, worst_.down_weighted, worst_.latent_distance,
                  worst_.latent_distance > 1 ? " (above 1: further from the training than its own runs are)" : "");
@@ -158,16 +161,19 @@ class ReducedRollout {
             {"trust",
              {{"residual", worst_.residual},
               {"down_weighted", worst_.down_weighted},
-              {"latent_distance", worst_.latent_distance}}},
+              {"latent_distance", worst_.latent_distance},
+              {"number", run_.trust_record().number()},
+              {"verdict", rom::verdict_text(run_.trust_record().verdict())}}},
             {"diverged_at_frame", diverged_at_}};
   }
 
   const RolloutOptions& options_;
   const Scene& scene_;
   int64_t frames_;
+  const rom::ReducedModel& model_;
   ReducedRun run_;
   io::TrajectoryWriter writer_;
-  std::vector<float> trust_;  ///< [frames, 3]
+  std::vector<float> trust_;  ///< [frames, 4]
   rom::TrustIndicator worst_;
   std::vector<double> seconds_;  ///< of each frame
   int64_t diverged_at_ = -1;

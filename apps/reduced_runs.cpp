@@ -9,6 +9,7 @@
 
 #include "core/error.h"
 #include "io/scene_reader.h"
+#include "rom/material_difference.h"
 
 namespace graupel::apps {
 
@@ -43,6 +44,22 @@ double number_at(const Json& scene, const rom::ModelParameter& parameter, const 
     throw ConfigError("the scene has no number at '" + parameter.keys.front() + "', which '" + file +
                       "' was trained on. Use the scene that the model was trained with");
   return scene.at(pointer).get<double>();
+}
+
+/// How much of the body has other materials than in the scene of the training with the same parameters.
+double foreign_share(const LoadedModel& loaded, const Scene& scene, const mpm::SampledParticles& particles) {
+  const Json own = Json::parse(io::scene_to_json(scene));
+  Json trained = Json::parse(loaded.model.scene_json);
+  for (const rom::ModelParameter& p : loaded.model.parameters)
+    for (const std::string& key : p.keys) {
+      const Json::json_pointer pointer(pointer_of(key));
+      if (own.contains(pointer)) trained[pointer] = own.at(pointer);
+    }
+  const Scene before = io::parse_scene(trained.dump(), "the model's scene", "");
+  const mpm::SampledParticles others = mpm::sample_sources(before, before.seed);
+  return others.position.size() == particles.position.size()
+             ? rom::material_difference(scene, particles, before, others)
+             : 1;
 }
 
 }  // namespace
@@ -120,10 +137,28 @@ ReducedRun::ReducedRun(const LoadedModel& loaded, const Scene& scene, uint64_t s
   for (const int32_t material : prepared.particles.material)
     particle_type_.push_back(particle_type_of(
         scene.materials.at(prepared.particles.material_names[static_cast<std::size_t>(material)]).model));
+  record_.emplace(loaded.model.usual,
+                  how.foreign == ForeignScene::run ? foreign_share(loaded, prepared.scene, prepared.particles) : 0.0);
   if (how.arithmetic == Arithmetic::f32)
     single_ = std::make_unique<rom::ReducedSolver<float>>(loaded.model, std::move(prepared), parameters_, options);
   else
     exact_ = std::make_unique<rom::ReducedSolver<double>>(loaded.model, std::move(prepared), parameters_, options);
+}
+
+void ReducedRun::advance_frame() {
+  try {
+    single_ ? single_->advance_frame() : exact_->advance_frame();
+  } catch (const DivergedError&) {
+    record_->diverged();
+    throw;
+  }
+  trust_number_ = record_->add(trust());
+}
+
+std::string trust_line(const rom::ReducedModel& model, const rom::TrustRecord& record) {
+  if (model.usual.empty()) return "trust unknown (the model was trained without calibration_runs)";
+  return fmt::format("trust {:.2f}, {}; training runs were rolled out with errors up to {:.2g} % of the displacement",
+                     record.number(), rom::verdict_text(record.verdict()), 100 * model.usual_error);
 }
 
 }  // namespace graupel::apps

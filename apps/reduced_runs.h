@@ -8,6 +8,7 @@
 
 #include "core/scene.h"
 #include "rom/reduced_solver.h"
+#include "rom/trust.h"
 
 namespace graupel::apps {
 
@@ -47,15 +48,23 @@ struct ReducedRunOptions {
   ForeignScene foreign = ForeignScene::refuse;
 };
 
+/// "trust 0.93, ok; training runs rolled out with errors up to 1.2 % of the displacement".
+std::string trust_line(const rom::ReducedModel& model, const rom::TrustRecord& record);
+
 /// A reduced run of either precision.
 class ReducedRun {
  public:
   /// Throws ConfigError as parameters_of and rom::ReducedSolver.
   ReducedRun(const LoadedModel& model, const Scene& scene, uint64_t seed, const rom::ReducedOptions& options,
              const ReducedRunOptions& how = {});
-  void advance_frame() { single_ ? single_->advance_frame() : exact_->advance_frame(); }
+  /// Throws DivergedError, which the record on trust then knows.
+  void advance_frame();
   ParticleFrame frame() const { return single_ ? single_->frame() : exact_->frame(); }
   const rom::TrustIndicator& trust() const { return single_ ? single_->trust() : exact_->trust(); }
+  const rom::LatentState& state() const { return single_ ? single_->state() : exact_->state(); }
+  /// Number of the last frame, and the verdict on the run so far.
+  double trust_number() const { return trust_number_; }
+  const rom::TrustRecord& trust_record() const { return *record_; }
   rom::ReducedStatistics statistics() const { return single_ ? single_->statistics() : exact_->statistics(); }
   const std::vector<int32_t>& particle_type() const { return particle_type_; }
   const std::vector<double>& parameters() const { return parameters_; }
@@ -63,6 +72,8 @@ class ReducedRun {
  private:
   std::vector<double> parameters_;
   std::vector<int32_t> particle_type_;
+  std::optional<rom::TrustRecord> record_;
+  double trust_number_ = 0;
   std::unique_ptr<rom::ReducedSolver<float>> single_;
   std::unique_ptr<rom::ReducedSolver<double>> exact_;
 };

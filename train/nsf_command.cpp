@@ -69,7 +69,12 @@ void train(const Arguments& arguments, const std::string& command_line) {
                       {"latent_tail", report.latent_tail},
                       {"deformation", json_of(report.deformation)},
                       {"stress", json_of(report.stress)},
-                      {"affine", json_of(report.affine)}};
+                      {"affine", json_of(report.affine)},
+                      {"calibration",
+                       {{"runs", report.calibration.runs},
+                        {"diverged", report.calibration.diverged},
+                        {"seconds", report.calibration.seconds},
+                        {"displacement_relative_errors", report.calibration.errors}}}};
   model.provenance["training"] = facts.dump();
   make_folder(arguments.out);
   const std::string weights = arguments.out + "/weights.safetensors";

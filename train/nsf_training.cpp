@@ -13,6 +13,7 @@
 #include "core/random.h"
 #include "train/map_fit.h"
 #include "train/pod.h"
+#include "train/trust_calibration.h"
 
 namespace graupel::train {
 
@@ -56,6 +57,10 @@ class FactoredTraining {
                                                                std::move(affine_branch));
     describe(model);
     choose_particles(model);
+    calibrate_trust(model, {set_.file(), static_cast<int>(config_.calibration_runs)}, report_.calibration);
+    if (config_.calibration_runs > 0)
+      say(fmt::format("trust: {} training runs rolled out in {:.1f} s, error up to {:.3g} % of the displacement",
+                      report_.calibration.runs, report_.calibration.seconds, 100 * model.usual_error));
     return model;
   }
 
@@ -151,6 +156,7 @@ class FactoredTraining {
       const std::vector<float> position = read(SnapshotField::position);
       pod = train::pod(matrix(position), static_cast<int>(config_.deformation_modes));
     }
+    keep_singular_values("deformation", pod);
     const auto r = static_cast<Index>(config_.latents);
     if (pod.modes() < r)
       throw ConfigError(fmt::format(
@@ -175,6 +181,7 @@ class FactoredTraining {
   rom::MapBranch fit_stress(rom::ModeTable& table) {
     const std::vector<float> stress = read_means(SnapshotField::stress);
     const Pod pod = train::pod(matrix(stress), static_cast<int>(config_.stress_modes));
+    keep_singular_values("stress", pod);
     const MapFit fit = fit_map(inputs(), weighted(pod), run_of_, centers());
     report_.stress = {pod.modes(), pod.tail(pod.modes()), fit.held_out_error, fit.ridge};
     table = at_representatives(unweighted_table(pod, SnapshotField::stress));
@@ -185,6 +192,7 @@ class FactoredTraining {
   std::shared_ptr<const rom::Branch> fit_affine(rom::ModeTable& table) {
     const std::vector<float> affine = read_means(SnapshotField::affine);
     const Pod pod = train::pod(matrix(affine), static_cast<int>(config_.affine_modes), PodMean::kept);
+    keep_singular_values("affine", pod);
     const bool rate = config_.affine == rom::AffineKind::rate;
     const MapFit fit =
         rate ? fit_rate_map(inputs(), rates_, weighted(pod), run_of_, static_cast<int>(config_.affine_centers))
@@ -194,6 +202,10 @@ class FactoredTraining {
     tell("affine", report_.affine);
     if (rate) return std::make_shared<const rom::RateBranch>(static_cast<int>(config_.latents), fit.map);
     return std::make_shared<const rom::MapBranch>(fit.map);
+  }
+
+  void keep_singular_values(const std::string& field, const Pod& pod) {
+    singular_values_[field].assign(pod.singular.data(), pod.singular.data() + pod.singular.size());
   }
 
   int centers() const { return static_cast<int>(config_.centers); }
@@ -219,6 +231,7 @@ class FactoredTraining {
     model.frame_time = set_.frame_time();
     model.substeps_per_frame = set_.substeps_per_frame();
     model.provenance = options_.provenance;
+    model.singular_values = singular_values_;
     for (const SweptParameter& p : set_.parameters()) {
       const auto [low, high] = std::minmax_element(p.values.begin(), p.values.end());
       model.parameters.push_back({p.name, p.unit, p.keys, *low, *high});
@@ -286,6 +299,7 @@ class FactoredTraining {
   MatrixXd latents_, rates_;
   rom::ModeTable deformation_;
   std::optional<rom::ClosureBranch> closure_;
+  std::map<std::string, std::vector<float>> singular_values_;
 };
 
 }  // namespace
