@@ -139,6 +139,8 @@ ReducedRun::ReducedRun(const LoadedModel& loaded, const Scene& scene, uint64_t s
         scene.materials.at(prepared.particles.material_names[static_cast<std::size_t>(material)]).model));
   record_.emplace(loaded.model.usual,
                   how.foreign == ForeignScene::run ? foreign_share(loaded, prepared.scene, prepared.particles) : 0.0);
+  // A model that is no better than a body at rest on runs of its own training has failed before it starts.
+  if (loaded.model.usual_error >= 1) record_->diverged();
   if (how.arithmetic == Arithmetic::f32)
     single_ = std::make_unique<rom::ReducedSolver<float>>(loaded.model, std::move(prepared), parameters_, options);
   else
