@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cstdio>
 #include <fstream>
 
 #include "apps/common_options.h"
@@ -238,7 +239,7 @@ TimedRun run_network(const graph::LearnedSimulator& simulator, const Scene& scen
 TimedRun run_reduced(const LoadedModel& model, const Scene& scene, uint64_t seed, int64_t frames, Device device,
                      const std::string& label) {
   const MemoryMeter memory;
-  ReducedRun run(model, scene, seed, {}, Arithmetic::f32, OutsideRange::be_quiet, device);
+  ReducedRun run(model, scene, seed, {}, {.outside = OutsideRange::be_quiet, .device = device});
   TimedRun result;
   StartState start = start_of(scene, seed);
   result.run.mass = std::move(start.mass);
@@ -272,6 +273,7 @@ TimedRun run_reduced(const LoadedModel& model, const Scene& scene, uint64_t seed
     progress.update(f);
   }
   if (trajectory.diverged_at_frame < 0) progress.done();
+  std::fprintf(stderr, "%s: %s\n", label.c_str(), trust_line(model.model, run.trust_record()).c_str());
   result.cost = times.cost(memory);
   compare::hold_last_frame(trajectory, static_cast<std::size_t>(frames));
   return result;

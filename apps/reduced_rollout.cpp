@@ -45,8 +45,9 @@ class ReducedRollout {
       : options_(options),
         scene_(task.scene),
         frames_(options.frames >= 0 ? options.frames : task.scene.frames),
-        run_(loaded, task.scene, task.seed, reduced_options(options), options.arithmetic, OutsideRange::warn,
-             device_of_reduced_models(options.common.device)),
+        model_(loaded.model),
+        run_(loaded, task.scene, task.seed, reduced_options(options),
+             {.arithmetic = options.arithmetic, .device = device_of_reduced_models(options.common.device)}),
         refined_(options.refine ? std::make_unique<RefinedBody>(loaded, task.scene, task.seed, *options.refine)
                                 : nullptr),
         writer_(options.output, header_of(task), {.velocity = !refined_}) {
@@ -65,8 +66,9 @@ class ReducedRollout {
     writer_.table(
         {.name = "trust",
          .units = "",
-         .description = "Largest residual, share of down-weighted samples, latent distance [frame, indicator]",
-         .columns = 3,
+         .description =
+             "Largest residual, share of down-weighted samples, latent distance, trust number [frame, indicator]",
+         .columns = 4,
          .values = trust_});
     writer_.finish(diverged_at_ < 0 ? -1 : written_);
     print_summary();
@@ -98,7 +100,7 @@ class ReducedRollout {
       writer_.append(run_.frame());
     }
     ++written_;
-    for (const double value : {trust.residual, trust.down_weighted, trust.latent_distance})
+    for (const double value : {trust.residual, trust.down_weighted, trust.latent_distance, run_.trust_number()})
       trust_.push_back(static_cast<float>(value));
     worst_ = larger(worst_, trust);
   }
@@ -160,6 +162,7 @@ class ReducedRollout {
     if (statistics.reduced_steps > 0)
       std::fprintf(stderr, "  %lld of %lld steps were taken back and repeated at half the length\n",
                    static_cast<long long>(statistics.reduced_steps), static_cast<long long>(t.steps));
+    std::fprintf(stderr, "  %s\n", trust_line(model_, run_.trust_record()).c_str());
     std::fprintf(stderr, "  trust, largest: residual %.3g, down-weighted %.3g, latent distance %.3g%s\n",
                  worst_.residual, worst_.down_weighted, worst_.latent_distance,
                  worst_.latent_distance > 1 ? " (above 1: further from the training than its own runs are)" : "");
@@ -188,7 +191,9 @@ class ReducedRollout {
             {"trust",
              {{"residual", worst_.residual},
               {"down_weighted", worst_.down_weighted},
-              {"latent_distance", worst_.latent_distance}}},
+              {"latent_distance", worst_.latent_distance},
+              {"number", run_.trust_record().number()},
+              {"verdict", rom::verdict_text(run_.trust_record().verdict())}}},
             {"points", refined_ ? refined_->particle_type().size() : 0},
             {"frames_written", written_},
             {"seconds_to_refine", median(refine_seconds_)},
@@ -198,11 +203,12 @@ class ReducedRollout {
   const RolloutOptions& options_;
   const Scene& scene_;
   int64_t frames_;
+  const rom::ReducedModel& model_;
   ReducedRun run_;
   std::unique_ptr<RefinedBody> refined_;  ///< where it was asked for
   io::TrajectoryWriter writer_;
   int64_t written_ = 0;       ///< frames
-  std::vector<float> trust_;  ///< [frames, 3]
+  std::vector<float> trust_;  ///< [frames, 4]
   rom::TrustIndicator worst_;
   std::vector<double> seconds_;         ///< of each frame
   std::vector<double> refine_seconds_;  ///< of each frame that was written

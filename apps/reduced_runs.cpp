@@ -9,6 +9,7 @@
 
 #include "core/error.h"
 #include "io/scene_reader.h"
+#include "rom/material_difference.h"
 
 namespace graupel::apps {
 
@@ -45,6 +46,22 @@ double number_at(const Json& scene, const rom::ModelParameter& parameter, const 
   return scene.at(pointer).get<double>();
 }
 
+/// How much of the body has other materials than in the scene of the training with the same parameters.
+double foreign_share(const LoadedModel& loaded, const Scene& scene, const mpm::SampledParticles& particles) {
+  const Json own = Json::parse(io::scene_to_json(scene));
+  Json trained = Json::parse(loaded.model.scene_json);
+  for (const rom::ModelParameter& p : loaded.model.parameters)
+    for (const std::string& key : p.keys) {
+      const Json::json_pointer pointer(pointer_of(key));
+      if (own.contains(pointer)) trained[pointer] = own.at(pointer);
+    }
+  const Scene before = io::parse_scene(trained.dump(), "the model's scene", "");
+  const mpm::SampledParticles others = mpm::sample_sources(before, before.seed);
+  return others.position.size() == particles.position.size()
+             ? rom::material_difference(scene, particles, before, others)
+             : 1;
+}
+
 }  // namespace
 
 LoadedModel::LoadedModel(const std::string& path)
@@ -72,21 +89,27 @@ bool is_reduced_model(const std::string& file) {
   return architecture != weights.metadata.end() && architecture->second == rom::nsf_architecture;
 }
 
-std::vector<double> parameters_of(const LoadedModel& loaded, const Scene& scene) {
-  const std::string text = io::scene_to_json(scene);
+namespace {
+
+void check_same_scene(const LoadedModel& loaded, const std::string& text) {
   const Json own = without_free_keys(text, loaded.model),
              trained = without_free_keys(loaded.model.scene_json, loaded.model);
   const Json difference = Json::diff(trained, own);
-  if (!difference.empty()) {
-    const std::string path = difference.front().at("path");
-    const Json::json_pointer pointer(path);
-    const auto text_at = [&](const Json& json) { return json.contains(pointer) ? json.at(pointer).dump() : "nothing"; };
-    throw ConfigError(
-        fmt::format("'{}' is for another scene ('{}' has {} there, the scene of the training {}). Use that scene; "
-                    "'graupel inspect' "
-                    "shows it",
-                    loaded.file, path, text_at(own), text_at(trained)));
-  }
+  if (difference.empty()) return;
+  const std::string path = difference.front().at("path");
+  const Json::json_pointer pointer(path);
+  const auto text_at = [&](const Json& json) { return json.contains(pointer) ? json.at(pointer).dump() : "nothing"; };
+  throw ConfigError(fmt::format(
+      "'{}' is for another scene ('{}' has {} there, the scene of the training {}). Use that scene; 'graupel inspect' "
+      "shows it",
+      loaded.file, path, text_at(own), text_at(trained)));
+}
+
+}  // namespace
+
+std::vector<double> parameters_of(const LoadedModel& loaded, const Scene& scene, ForeignScene foreign) {
+  const std::string text = io::scene_to_json(scene);
+  if (foreign == ForeignScene::refuse) check_same_scene(loaded, text);
   std::vector<double> parameters;
   const Json whole = Json::parse(text);
   for (const rom::ModelParameter& p : loaded.model.parameters) parameters.push_back(number_at(whole, p, loaded.file));
@@ -111,10 +134,10 @@ Device device_of_reduced_models(const std::string& word) {
 }
 
 ReducedRun::ReducedRun(const LoadedModel& loaded, const Scene& scene, uint64_t seed, const rom::ReducedOptions& options,
-                       Arithmetic arithmetic, OutsideRange outside, Device device)
-    : parameters_(parameters_of(loaded, scene)) {
+                       const ReducedRunOptions& how)
+    : parameters_(parameters_of(loaded, scene, how.foreign)) {
   const auto lines =
-      outside == OutsideRange::warn ? outside_range(loaded.model, parameters_) : std::vector<std::string>{};
+      how.outside == OutsideRange::warn ? outside_range(loaded.model, parameters_) : std::vector<std::string>{};
   for (const std::string& line : lines)
     std::fprintf(stderr, "graupel: warning: %s is outside of what '%s' was trained on: %s\n", scene.name.c_str(),
                  loaded.file.c_str(), line.c_str());
@@ -122,22 +145,38 @@ ReducedRun::ReducedRun(const LoadedModel& loaded, const Scene& scene, uint64_t s
   for (const int32_t material : prepared.particles.material)
     particle_type_.push_back(particle_type_of(
         scene.materials.at(prepared.particles.material_names[static_cast<std::size_t>(material)]).model));
-  if (device == Device::cuda && arithmetic == Arithmetic::f64)
+  record_.emplace(loaded.model.usual,
+                  how.foreign == ForeignScene::run ? foreign_share(loaded, prepared.scene, prepared.particles) : 0.0);
+  // A model that is no better than a body at rest on runs of its own training has failed before it starts.
+  if (loaded.model.usual_error >= 1) record_->diverged();
+  if (how.device == Device::cuda && how.arithmetic == Arithmetic::f64)
     throw ConfigError("reduced models run in single precision on the GPU (asked for: --f64). Use --device cpu");
-  if (device == Device::cuda)
+  if (how.device == Device::cuda)
     gpu_ = std::make_unique<rom::ReducedDeviceSolver>(
         loaded.model, std::vector<rom::ReducedInstance>{{std::move(prepared), parameters_}}, options);
-  else if (arithmetic == Arithmetic::f32)
+  else if (how.arithmetic == Arithmetic::f32)
     single_ = std::make_unique<rom::ReducedSolver<float>>(loaded.model, std::move(prepared), parameters_, options);
   else
     exact_ = std::make_unique<rom::ReducedSolver<double>>(loaded.model, std::move(prepared), parameters_, options);
 }
 
 void ReducedRun::advance_frame() {
-  if (single_) return single_->advance_frame();
-  if (exact_) return exact_->advance_frame();
-  gpu_->advance_frame();
-  if (const auto why = gpu_->divergence(0)) throw DivergedError(*why);
+  try {
+    if (single_) single_->advance_frame();
+    if (exact_) exact_->advance_frame();
+    if (gpu_) gpu_->advance_frame();
+    if (const auto why = gpu_ ? gpu_->divergence(0) : std::nullopt) throw DivergedError(*why);
+  } catch (const DivergedError&) {
+    record_->diverged();
+    throw;
+  }
+  trust_number_ = record_->add(trust());
+}
+
+std::string trust_line(const rom::ReducedModel& model, const rom::TrustRecord& record) {
+  if (model.usual.empty()) return "trust unknown (the model was trained without calibration_runs)";
+  return fmt::format("trust {:.2f}, {}; training runs were rolled out with errors up to {:.2g} % of the displacement",
+                     record.number(), rom::verdict_text(record.verdict()), 100 * model.usual_error);
 }
 
 }  // namespace graupel::apps

@@ -149,7 +149,15 @@ class Painter {
     text(13, middle, "middle", plot_.y_label, fmt::format("transform=\"rotate(-90 13 {:.1f})\"", middle).c_str());
   }
 
+  void points(const PlotLine& l, std::size_t k) {
+    for (std::size_t i = 0; i < l.x.size(); ++i)
+      if (std::isfinite(l.x[i]) && y_.shows(l.y[i]))
+        out_ += fmt::format("<circle cx=\"{:.1f}\" cy=\"{:.1f}\" r=\"3.2\" fill=\"{}\" fill-opacity=\"0.8\"/>\n",
+                            px(l.x[i]), py(l.y[i]), series_color(k));
+  }
+
   void line(const PlotLine& l, std::size_t k) {
+    if (l.style == LineStyle::points) return points(l, k);
     std::string path;
     bool pen_down = false;
     for (std::size_t i = 0; i < l.x.size(); ++i) {

@@ -7,11 +7,13 @@
 namespace graupel::compare {
 
 enum class Axis { linear, logarithmic };
+enum class LineStyle { line, points };
 
 struct PlotLine {
   std::string label;
   std::vector<double> x, y;  ///< same length; points that the axes cannot show are left out
   bool dashed = false;       ///< for floors and references
+  LineStyle style = LineStyle::line;
 };
 
 struct Plot {

@@ -48,7 +48,7 @@ void read_settings(const Json& settings, ReducedModel& model) {
   for (const auto& [word, kind] : EnumWords<AffineKind>::words)
     if (affine == word) model.affine_kind = kind;
   model.latent_reach = settings.at("latent_reach");
-  model.usual_residual = settings.at("usual_residual");
+  model.usual_error = settings.value("usual_error", 0.0);
   model.outlier_factor = settings.value("outlier_factor", 0.0);
   model.step_factor = settings.value("step_factor", 1.0);
   model.manifold_pull = settings.value("manifold_pull", 0.0);
@@ -100,6 +100,31 @@ Clusters read_clusters(const nn::Weights& weights) {
   return clusters;
 }
 
+constexpr const char* field_names[] = {"deformation", "stress", "affine"};
+
+/// What older files may lack.
+void read_judgement(const nn::Weights& weights, ReducedModel& model) {
+  if (weights.tensors.count("trust.usual") > 0) {
+    const int64_t frames = extent(weights, "trust.usual", 0);
+    const std::vector<float> levels = weights.get("trust.usual", {frames, 3});
+    for (std::size_t i = 0; i < levels.size(); i += 3) model.usual.push_back({levels[i], levels[i + 1], levels[i + 2]});
+  }
+  for (const std::string field : field_names)
+    if (weights.tensors.count(field + ".singular") > 0)
+      model.singular_values[field] = weights.get(field + ".singular", {extent(weights, field + ".singular", 0)});
+}
+
+void store_judgement(const ReducedModel& model, nn::Weights& weights) {
+  std::vector<double> levels;
+  for (const TrustIndicator& frame : model.usual)
+    levels.insert(levels.end(), {frame.residual, frame.down_weighted, frame.latent_distance});
+  if (!levels.empty())
+    weights.tensors["trust.usual"] =
+        nn::Tensor::from_float(floats(levels), {static_cast<int64_t>(model.usual.size()), 3});
+  for (const auto& [field, values] : model.singular_values)
+    weights.tensors[field + ".singular"] = nn::Tensor::from_float(values, {static_cast<int64_t>(values.size())});
+}
+
 }  // namespace
 
 ReducedModel ReducedModel::load(const nn::Weights& weights) {
@@ -141,6 +166,7 @@ ReducedModel ReducedModel::load(const nn::Weights& weights) {
                        "' has runs of other snapshots than its latents ('latent.run'). Train the model again");
   }
   model.latent_scale = weights.get("latent.scale", {latents});
+  read_judgement(weights, model);
   for (const auto& [key, value] : weights.metadata)
     if (std::find(std::begin(own_keys), std::end(own_keys), key) == std::end(own_keys)) model.provenance[key] = value;
   return model;
@@ -155,7 +181,7 @@ nn::Weights ReducedModel::store(nn::DType modes) const {
   Json settings = {
       {"parameters", Json::array()},      {"substeps_per_frame", substeps_per_frame},
       {"frame_time", frame_time},         {"affine", affine_kind == AffineKind::rate ? "rate" : "position"},
-      {"latent_reach", latent_reach},     {"usual_residual", usual_residual},
+      {"latent_reach", latent_reach},     {"usual_error", usual_error},
       {"outlier_factor", outlier_factor}, {"step_factor", step_factor},
       {"manifold_pull", manifold_pull}};
   for (const ModelParameter& p : parameters)
@@ -163,6 +189,7 @@ nn::Weights ReducedModel::store(nn::DType modes) const {
         {{"name", p.name}, {"unit", p.unit}, {"keys", p.keys}, {"low", p.low}, {"high", p.high}});
   weights.metadata["settings"] = settings.dump();
   fields->store(weights, modes);
+  store_judgement(*this, weights);
   const int r = latents();
   weights.tensors["reference"] = nn::Tensor::from_float(reference, {fields->particles(), 3});
   weights.tensors["samples"] = index_tensor(samples);

@@ -14,6 +14,7 @@
 #include "rom/fields.h"
 #include "rom/particle_grid.h"
 #include "rom/quadrature.h"
+#include "rom/trust.h"
 
 namespace graupel {
 namespace rom {
@@ -66,7 +67,10 @@ struct ReducedModel {
   std::vector<int32_t> training_run;  ///< that each belongs to [n], ascending; empty in files without
   std::vector<float> latent_scale;
   double latent_reach = 0;
-  double usual_residual = 0;                      ///< of Gauss-Newton in the training's own rollouts [m]; 0: unknown
+  TrustLevels usual;       ///< of every frame in roll-outs of training runs
+  double usual_error = 0;  ///< largest displacement-relative error of these, over all frames of a run
+  /// Singular values of the snapshots of each field ("deformation", "stress", "affine"), falling.
+  std::map<std::string, std::vector<float>> singular_values;
   std::map<std::string, std::string> provenance;  ///< data set, command, errors; kept as it is
 
   int latents() const { return fields->latents(); }

@@ -61,6 +61,21 @@ int halvings_of(const ReducedModel& model, double frame_time, double factor, Lon
   return std::max(0, static_cast<int>(std::ceil(std::log2(step / training_step) - 1e-6)));
 }
 
+/// Decoded positions are not held inside the walls, and the grid ends a few cells behind them.
+template <typename T>
+void check_inside(const Scene& scene, const mpm::ParticleView<T>& particles) {
+  const Vec3d low = scene.wall_low(), high = scene.wall_high();
+  const double margin = scene.domain.dx;
+  for (int64_t slot = 0; slot < particles.count; ++slot) {
+    const Vec<T, 3> x = particles.position.vec(slot);
+    for (int d = 0; d < 3; ++d)
+      if (!(static_cast<double>(x[d]) > low[d] - margin && static_cast<double>(x[d]) < high[d] + margin))
+        throw DivergedError(
+            "the body of the reduced model has left the domain. Use more samples, a smaller time step factor, or "
+            "parameters nearer to those of the training");
+  }
+}
+
 std::vector<int32_t> all_of(int64_t n) {
   std::vector<int32_t> all(static_cast<std::size_t>(n));
   std::iota(all.begin(), all.end(), 0);
@@ -178,6 +193,7 @@ void ReducedSolver<T>::step(double dt) {
   if (due_) choose_points();
   timer.lap(timing.search);
   fields_->decode(state_, tiles_, grid_.particles());
+  check_inside(prepared_.scene, grid_.particles());
   timer.lap(timing.decode);
   sample_field_->evaluate(state_.latent.data(), before_);
   grid_.step(time_, dt, lost_);

@@ -15,6 +15,7 @@
 #include "rom/particle_grid.h"
 #include "rom/reduced_model.h"
 #include "rom/step_control.h"
+#include "rom/trust.h"
 
 namespace graupel::rom {
 
@@ -39,13 +40,6 @@ struct StepTiming {
   double device = 0;  ///< all of these, on a GPU, whose steps are not taken apart
   int64_t steps = 0;
   double total() const { return decode + grid + inversion + search + device; }
-};
-
-/// How far the model may be trusted, without the full model's run; of one frame.
-struct TrustIndicator {
-  double residual = 0;         ///< distance that the inversion left over the distance that the samples moved, largest
-  double down_weighted = 0;    ///< share of samples that did not fit the others, mean
-  double latent_distance = 0;  ///< to the nearest training snapshot, over the reach of the training runs
 };
 
 struct ReducedStatistics {

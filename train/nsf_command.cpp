@@ -85,7 +85,13 @@ void train_modes(const Arguments& arguments, const NsfConfig& config, const std:
                       {"latent_tail", report.latent_tail},
                       {"deformation", json_of(report.deformation)},
                       {"stress", json_of(report.stress)},
-                      {"affine", json_of(report.affine)}};
+                      {"affine", json_of(report.affine)},
+                      {"calibration",
+                       {{"runs", report.calibration.runs},
+                        {"diverged", report.calibration.diverged},
+                        {"seconds", report.calibration.seconds},
+                        {"displacement_relative_errors", report.calibration.errors}}}};
+  model.provenance["training"] = facts.dump();
   make_folder(arguments.out);
   write_file_atomically(arguments.out + "/config.json", config_json + "\n");
   write_result(arguments, model, facts, config.storage);

@@ -37,6 +37,7 @@ struct NsfConfig {
   double outlier_factor = 0, step_factor = 1;
   int64_t cluster = 1;
   int64_t encoder_particles = 2000;
+  int64_t calibration_runs = 4;
   ModeStorage storage = ModeStorage::f16;
   double memory = 0;
   uint64_t seed = 0;
@@ -105,6 +106,11 @@ struct NsfConfig {
                                            .unit = "",
                                            .meaning = "Particles whose positions give the latent of a state, at most",
                                            .range = Range::between(1, 1e6)});
+    visit(&C::calibration_runs,
+          FieldInfo{.name = "calibration_runs",
+                    .unit = "",
+                    .meaning = "Training runs that the model rolls out to learn what is usual (0: no verdict on trust)",
+                    .range = Range::between(0, 1000)});
     visit(&C::storage, FieldInfo{.name = "storage", .unit = "", .meaning = "How the weights file keeps the modes"});
     visit(&C::memory, FieldInfo{.name = "memory",
                                 .unit = "GB",

@@ -11,6 +11,7 @@
 #include "train/nsf_snapshots.h"
 #include "train/pod.h"
 #include "train/stopwatch.h"
+#include "train/trust_calibration.h"
 
 namespace graupel::train {
 
@@ -40,10 +41,15 @@ class FactoredTraining {
                                                                std::move(affine_branch));
     model.affine_kind = config_.affine;
     model.provenance = options_.provenance;
+    model.singular_values = singular_values_;
     const auto& fields = dynamic_cast<const rom::FactoredFields&>(*model.fields);
     snapshots_.describe(latents_, std::vector<double>(static_cast<std::size_t>(latents_.cols()), 1.0),
                         fields.deformation(), model);
     report_.read_seconds = snapshots_.read_seconds();
+    calibrate_trust(model, {snapshots_.set().file(), static_cast<int>(config_.calibration_runs)}, report_.calibration);
+    if (config_.calibration_runs > 0)
+      say(fmt::format("trust: {} training runs rolled out in {:.1f} s, error up to {:.3g} % of the displacement",
+                      report_.calibration.runs, report_.calibration.seconds, 100 * model.usual_error));
     return model;
   }
 
@@ -103,6 +109,7 @@ class FactoredTraining {
   /// Deformation, and with it the latents, and their velocities where they are asked for.
   void fit_deformation() {
     const Pod pod = decompose(SnapshotField::position, nullptr, config_.deformation_modes);
+    keep_singular_values("deformation", pod);
     const auto r = static_cast<Index>(config_.latents);
     if (pod.modes() < r)
       throw ConfigError(fmt::format(
@@ -129,6 +136,7 @@ class FactoredTraining {
 
   rom::MapBranch fit_stress(rom::ModeTable& table) {
     const Pod pod = decompose(SnapshotField::stress, &snapshots_.clusters(), config_.stress_modes);
+    keep_singular_values("stress", pod);
     const MapFit fit = fit_map(snapshots_.inputs(latents_), weighted(pod), snapshots_.run_of(), centers());
     report_.stress = {pod.modes(), pod.tail(pod.modes()), fit.held_out_error, fit.ridge};
     table = at_representatives(unweighted_table(pod, SnapshotField::stress));
@@ -138,6 +146,7 @@ class FactoredTraining {
 
   std::shared_ptr<const rom::Branch> fit_affine(rom::ModeTable& table) {
     const Pod pod = decompose(SnapshotField::affine, &snapshots_.clusters(), config_.affine_modes, PodMean::kept);
+    keep_singular_values("affine", pod);
     const bool rate = config_.affine == rom::AffineKind::rate;
     const MapFit fit = rate ? fit_rate_map(snapshots_.inputs(latents_), rates_, weighted(pod), snapshots_.run_of(),
                                            static_cast<int>(config_.affine_centers))
@@ -147,6 +156,10 @@ class FactoredTraining {
     tell("affine", report_.affine);
     if (rate) return std::make_shared<const rom::RateBranch>(static_cast<int>(config_.latents), fit.map);
     return std::make_shared<const rom::MapBranch>(fit.map);
+  }
+
+  void keep_singular_values(const std::string& field, const Pod& pod) {
+    singular_values_[field].assign(pod.singular.data(), pod.singular.data() + pod.singular.size());
   }
 
   int centers() const { return static_cast<int>(config_.centers); }
@@ -174,6 +187,7 @@ class FactoredTraining {
   MatrixXd rates_;  ///< where the affine field follows the velocity
   rom::ModeTable deformation_;
   std::optional<rom::ClosureBranch> closure_;
+  std::map<std::string, std::vector<float>> singular_values_;
 };
 
 }  // namespace

@@ -4,7 +4,9 @@
 #pragma once
 
 #include <functional>
+#include <map>
 #include <string>
+#include <vector>
 
 #include "rom/reduced_model.h"
 #include "train/nsf_config.h"
@@ -20,8 +22,16 @@ struct FieldReport {
   double ridge = 0;
 };
 
+/// The roll-outs of training runs that tell what is usual.
+struct CalibrationReport {
+  int runs = 0, diverged = 0;
+  double seconds = 0;
+  std::vector<double> errors;  ///< displacement-relative, of each run that did not diverge
+};
+
 struct NsfReport {
   FieldReport deformation, stress, affine;
+  CalibrationReport calibration;
   double latent_tail = 0;  ///< as FieldReport::tail, of the latent's modes alone
   int64_t snapshots = 0;
   double read_seconds = 0, seconds = 0;  ///< reading the snapshots; all

@@ -69,16 +69,16 @@ TEST_F(ReducedModels, EveryFrameSaysHowFarItIsFromTheTraining) {
   const auto file = io::hdf5::open_file(folder_.file("out.h5"));
   const auto size = std::filesystem::file_size(folder_.file("out.h5"));
   const auto trust = io::hdf5::open_dataset(file, "00000/trust", 2, io::hdf5::NumberKind::real, size);
-  ASSERT_EQ(trust.size, (std::vector<hsize_t>{9, 3}));
-  std::vector<float> rows(27);
+  ASSERT_EQ(trust.size, (std::vector<hsize_t>{9, 4}));
+  std::vector<float> rows(36);
   trust.read_rows(0, 9, io::hdf5::Element::float32, rows.data());
   const double dt = 1.0 / 60 / falling_steps;
   for (int f = 1; f < 9; ++f) {
     const double q = fallen(f * falling_steps, dt);
     const double distance = std::min(std::abs(q), std::abs(q - falling_training_low)) / falling_reach;
-    EXPECT_NEAR(rows[static_cast<std::size_t>(3 * f + 2)], distance, 1e-5 * (1 + distance)) << f;
+    EXPECT_NEAR(rows[static_cast<std::size_t>(4 * f + 2)], distance, 1e-5 * (1 + distance)) << f;
   }
-  EXPECT_NEAR(summary()["trust"]["latent_distance"].get<double>(), rows[26], 1e-5);
+  EXPECT_NEAR(summary()["trust"]["latent_distance"].get<double>(), rows[34], 1e-5);
   EXPECT_EQ(rows[0], 0);
 }
 

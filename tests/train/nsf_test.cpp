@@ -1,6 +1,7 @@
 // Training of reduced-order models: decomposition, branches, and a small sweep from snapshots to rollouts.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
 
@@ -162,6 +163,46 @@ TEST_F(NsfTraining, BlocksOfSnapshotsGiveTheSameModel) {
     ASSERT_EQ(a.tensors.size(), b.tensors.size());
     for (const auto& [name, tensor] : a.tensors)
       EXPECT_EQ(tensor.bytes, b.tensors.at(name).bytes) << name << " with clusters of " << cluster;
+  }
+}
+
+/// The record on trust of a whole run.
+rom::TrustRecord record_of(const rom::ReducedModel& model, const Scene& scene, double angle) {
+  rom::ReducedSolver<float> solver(model, mpm::PreparedScene(scene, {.seed = scene.seed}), {angle}, {});
+  rom::TrustRecord record(model.usual);
+  for (int64_t f = 0; f < scene.frames; ++f) {
+    solver.advance_frame();
+    record.add(solver.trust());
+  }
+  return record;
+}
+
+TEST_F(NsfTraining, TrustsWhatItKnowsAndNotAStateThatLeavesIt) {
+  NsfReport report;
+  const rom::ReducedModel model = rom::ReducedModel::load(train_factored(options(), report).store(nn::DType::f32));
+  EXPECT_EQ(report.calibration.runs, 4);
+  EXPECT_EQ(report.calibration.errors.size(), 4u);
+  ASSERT_EQ(model.usual.size(), 25u);
+  EXPECT_NEAR(model.usual_error, *std::max_element(report.calibration.errors.begin(), report.calibration.errors.end()),
+              1e-12);
+  EXPECT_LE(record_of(model, column(24), 24).number(), 1.01);  // of the calibration
+  EXPECT_EQ(record_of(model, column(29), 29).verdict(), rom::Verdict::ok);
+  Scene pushed = column(29);
+  pushed.gravity = {3, -4, 0};  // no training run moves sideways
+  EXPECT_EQ(record_of(model, pushed, 29).verdict(), rom::Verdict::do_not_trust);
+  NsfTrainingOptions without = options();
+  without.config.calibration_runs = 0;
+  NsfReport none;
+  EXPECT_EQ(record_of(train_factored(without, none), column(24), 24).verdict(), rom::Verdict::unknown);
+}
+
+TEST_F(NsfTraining, KeepsTheDecayOfTheModes) {
+  NsfReport report;
+  const auto values = rom::ReducedModel::load(train_factored(options(), report).store(nn::DType::f32)).singular_values;
+  for (const char* field : {"deformation", "stress", "affine"}) {
+    const std::vector<float>& falling = values.at(field);
+    ASSERT_EQ(falling.size(), 7u * 26);
+    EXPECT_TRUE(std::is_sorted(falling.rbegin(), falling.rend())) << field;
   }
 }
 
