@@ -32,7 +32,7 @@ struct BenchRomOptions {
   int64_t cluster = 0;
   std::string rule = "spread";
   std::vector<double> box;
-  int iterations = rom::ReducedOptions().iterations;
+  std::optional<int> iterations;
   std::optional<double> outlier_factor, manifold_pull;
   bool f64 = false, other_scene = false, keep_steps = false;
   int64_t instances = 1;
@@ -131,19 +131,22 @@ Json json_of(const GpuSteps& steps, double factor) {
           {"us_per_step_high", steps.high},
           {"steps_per_frame", steps.steps_per_frame},
           {"integration_mean", steps.statistics.mean_integration},
-          {"iterations", steps.statistics.mean_iterations},
+          {"kernel_seconds", steps.kernels},
           {"bytes", steps.statistics.bytes},
           {"diverged", steps.diverged}};
 }
 
 void print_gpu_steps(const GpuSteps& s) {
   std::printf(
-      "on the GPU, %lld instances: %.2f us a step of all (median of %lld frames of %lld steps; %.2f to %.2f), %.3f us an "
-      "instance; %lld samples, %.0f integration points, %.1f iterations, %.2f GB; %lld diverged\n",
+      "on the GPU, %lld instances: %.2f us a step of all (median of %lld frames of %lld steps; %.2f to %.2f), %.3f us "
+      "an "
+      "instance; %lld samples, %.0f integration points, %.2f GB; %lld diverged\n"
+      "each kernel alone: branch %.1f us, decode %.1f, gather %.1f, fit %.1f\n",
       static_cast<long long>(s.instances), s.median, static_cast<long long>(s.frames),
       static_cast<long long>(s.steps_per_frame), s.low, s.high, s.median / static_cast<double>(s.instances),
-      static_cast<long long>(s.statistics.samples), s.statistics.mean_integration, s.statistics.mean_iterations,
-      1e-9 * static_cast<double>(s.statistics.bytes), static_cast<long long>(s.diverged));
+      static_cast<long long>(s.statistics.samples), s.statistics.mean_integration,
+      1e-9 * static_cast<double>(s.statistics.bytes), static_cast<long long>(s.diverged), 1e6 * s.kernels[0],
+      1e6 * s.kernels[1], 1e6 * s.kernels[2], 1e6 * s.kernels[3]);
 }
 
 std::string parameters_text(const RomMeasurement& m) {
@@ -312,7 +315,8 @@ void bench_rom(BenchRomOptions& options) {
 }
 
 void add_run_flags(CLI::App& verb, BenchRomOptions& options) {
-  verb.add_option("--step-factor", options.step_factors, "Steps over those of the training, instead of the model's: 1,1.5,2,4")
+  verb.add_option("--step-factor", options.step_factors,
+                  "Steps over those of the training, instead of the model's: 1,1.5,2,4")
       ->delimiter(',')
       ->check(real_number(LowerBound::above_zero));
   verb.add_option("--samples", options.samples, "So many samples instead of the model's: 50,100,300")
@@ -321,8 +325,8 @@ void add_run_flags(CLI::App& verb, BenchRomOptions& options) {
       ->default_str("the model's");
   verb.add_option("--sample-box", options.box, "With --samples: within this box of the reference body: low, high [m]")
       ->expected(6);
-  verb.add_option("--sample-rule", options.rule, "With --samples: random, spread or optimal")
-      ->check(CLI::IsMember({"random", "spread", "optimal"}))
+  verb.add_option("--sample-rule", options.rule, "With --samples: random, spread, patches or optimal")
+      ->check(CLI::IsMember({"random", "spread", "patches", "optimal"}))
       ->capture_default_str();
   verb.add_option("--cluster", options.cluster, "So many particles as one integration point")->check(whole_number(1));
   verb.add_option("--outlier-factor", options.outlier_factor,
@@ -332,9 +336,9 @@ void add_run_flags(CLI::App& verb, BenchRomOptions& options) {
   verb.add_option("--manifold-pull", options.manifold_pull,
                   "Share of the way back to the states of the training that a step takes, instead of the model's")
       ->check(CLI::Range(0.0, 1.0));
-  verb.add_option("--iterations", options.iterations, "Gauss-Newton iterations at most (1: first order)")
-      ->check(whole_number(1))
-      ->capture_default_str();
+  verb.add_option("--iterations", options.iterations,
+                  "Gauss-Newton iterations at most (by default 1, with outlier factors 3)")
+      ->check(whole_number(1));
   verb.add_flag("--keep-steps", options.keep_steps, "Repeat no step at half the length where it leaves too much");
   verb.add_flag("--f64", options.f64, "Double precision");
   verb.add_option("--instances", options.instances, "With --device cuda: so many runs at once while steps are timed")

@@ -39,6 +39,7 @@ GpuSteps time_gpu_steps_of(const LoadedModel& model, const StoredRun& run, const
                   .high = step.back(),
                   .statistics = solver.statistics(0)};
   for (int i = 0; i < solver.count(); ++i) result.diverged += solver.divergence(i) ? 1 : 0;
+  result.kernels = solver.kernel_seconds();
   return result;
 }
 

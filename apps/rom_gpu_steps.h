@@ -1,6 +1,8 @@
 // Steps of a reduced-order model on a GPU, timed alone.
 #pragma once
 
+#include <array>
+
 #include "apps/rom_measurement.h"
 
 namespace graupel::apps {
@@ -10,6 +12,7 @@ struct GpuSteps {
   double median = 0, low = 0, high = 0;  ///< of the frames: a step of all instances [us]
   rom::ReducedStatistics statistics;     ///< of the first instance
   int64_t diverged = 0;                  ///< instances
+  std::array<double, 4> kernels{};       ///< branch, decode, gather, fit, each launched alone [s]
 };
 
 /// The run, `instances` times at once, with parameters spread over the training's range (one instance: the run's own).

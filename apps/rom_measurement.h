@@ -18,7 +18,7 @@ struct RomRunOptions {
   int64_t samples = 0;                             ///< 0: the model's
   rom::SampleRule rule = rom::SampleRule::spread;  ///< of these, as the two below
   std::vector<double> box = {};                    ///< of the reference body that they lie in: low, high [m]; or none
-  int iterations = rom::ReducedOptions().iterations;
+  std::optional<int> iterations = {};
   std::optional<double> outlier_factor = {}, manifold_pull = {};  ///< instead of the model's
   Arithmetic arithmetic = Arithmetic::f32;
   ForeignScene foreign = ForeignScene::refuse;

@@ -28,7 +28,9 @@ enum class LongSteps {
 struct ReducedOptions {
   std::optional<double> step_factor;            ///< steps over those of the training, instead of the model's
   LongSteps long_steps = LongSteps::shortened;  ///< steps above the training's
-  int iterations = 3;                           ///< of the inversion
+  /// Of the inversion; by default 1, and 3 where samples are weighed: the first step of Gauss-Newton from where the
+  /// latent's velocity takes it is exact to rounding in all measurements.
+  std::optional<int> iterations;
   std::optional<double> manifold_pull;          ///< instead of the model's
   std::optional<double> outlier_factor;         ///< of the inversion, instead of the model's
   std::optional<std::vector<int32_t>> samples;  ///< instead of the model's

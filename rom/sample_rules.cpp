@@ -26,6 +26,19 @@ std::vector<int32_t> spread_samples(const std::vector<int32_t>& candidates, std:
   return samples;
 }
 
+std::vector<int32_t> patched_samples(const std::vector<int32_t>& candidates, std::size_t count) {
+  constexpr std::size_t patch = 16;
+  const std::size_t patches = (count + patch - 1) / patch;
+  std::vector<int32_t> samples;
+  for (std::size_t i = 0; i < patches; ++i) {
+    // The patch in the middle of its part of the order.
+    const std::size_t part = candidates.size() / patches, size = std::min(patch, count - i * patch),
+                      first = i * candidates.size() / patches + (part - std::min(part, size)) / 2;
+    for (std::size_t j = 0; j < size; ++j) samples.push_back(candidates[first + j]);
+  }
+  return samples;
+}
+
 std::vector<int32_t> optimal_samples(const ModeTable& table, const std::vector<int32_t>& candidates,
                                      std::size_t count) {
   const auto m = static_cast<Eigen::Index>(table.modes), n = static_cast<Eigen::Index>(candidates.size());
@@ -82,9 +95,10 @@ std::vector<int32_t> points_within(const std::vector<int32_t>& points, const std
 std::vector<int32_t> choose_samples(SampleRule rule, const ModeTable& deformation,
                                     const std::vector<int32_t>& candidates, int64_t count, uint64_t seed) {
   const auto n = std::min(static_cast<std::size_t>(count), candidates.size());
-  std::vector<int32_t> samples = rule == SampleRule::random   ? random_samples(candidates, n, seed)
-                                 : rule == SampleRule::spread ? spread_samples(candidates, n)
-                                                              : optimal_samples(deformation, candidates, n);
+  std::vector<int32_t> samples = rule == SampleRule::random    ? random_samples(candidates, n, seed)
+                                 : rule == SampleRule::spread  ? spread_samples(candidates, n)
+                                 : rule == SampleRule::patches ? patched_samples(candidates, n)
+                                                               : optimal_samples(deformation, candidates, n);
   std::sort(samples.begin(), samples.end());
   return samples;
 }

@@ -12,17 +12,20 @@ namespace graupel {
 namespace rom {
 
 enum class SampleRule {
-  random,  ///< as in the paper
-  spread,  ///< every so manyth in an order in which neighbours follow each other
-  optimal  ///< those that tell most of the modes: greedy D-optimal design
+  random,   ///< as in the paper
+  spread,   ///< every so manyth in an order in which neighbours follow each other
+  patches,  ///< the same, in groups of 16 neighbours, which need fewer integration points
+  optimal   ///< those that tell most of the modes: greedy D-optimal design
 };
 
 }  // namespace rom
 
 template <>
 struct EnumWords<rom::SampleRule> {
-  static constexpr std::pair<const char*, rom::SampleRule> words[] = {
-      {"random", rom::SampleRule::random}, {"spread", rom::SampleRule::spread}, {"optimal", rom::SampleRule::optimal}};
+  static constexpr std::pair<const char*, rom::SampleRule> words[] = {{"random", rom::SampleRule::random},
+                                                                      {"spread", rom::SampleRule::spread},
+                                                                      {"patches", rom::SampleRule::patches},
+                                                                      {"optimal", rom::SampleRule::optimal}};
 };
 
 namespace rom {

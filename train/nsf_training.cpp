@@ -46,14 +46,25 @@ class FactoredTraining {
     snapshots_.describe(latents_, std::vector<double>(static_cast<std::size_t>(latents_.cols()), 1.0),
                         fields.deformation(), model);
     report_.read_seconds = snapshots_.read_seconds();
-    calibrate_trust(model, {snapshots_.set().file(), static_cast<int>(config_.calibration_runs)}, report_.calibration);
-    if (config_.calibration_runs > 0)
-      say(fmt::format("trust: {} training runs rolled out in {:.1f} s, error up to {:.3g} % of the displacement",
-                      report_.calibration.runs, report_.calibration.seconds, 100 * model.usual_error));
+    calibrate(model);
     return model;
   }
 
  private:
+  /// Data of another machine may lack the meshes that its scenes name; the fields do not need them.
+  void calibrate(rom::ReducedModel& model) {
+    if (config_.calibration_runs == 0) return;
+    CalibrationReport& report = report_.calibration;
+    try {
+      calibrate_trust(model, {snapshots_.set().file(), static_cast<int>(config_.calibration_runs)}, report);
+    } catch (const InputError& error) {
+      say(fmt::format("no verdict on trust: the training runs cannot be rolled out ({})", error.what()));
+      return;
+    }
+    say(fmt::format("trust: {} training runs rolled out in {:.1f} s, error up to {:.3g} % of the displacement",
+                    report.runs, report.seconds, 100 * model.usual_error));
+  }
+
   void say(const std::string& text) const {
     if (options_.message) options_.message(text);
   }

@@ -1,5 +1,3 @@
-#include <cooperative_groups.h>
-
 #include <map>
 #include <string>
 
@@ -10,39 +8,6 @@
 namespace graupel::rom::device {
 
 namespace {
-
-/// The blocks of a cluster, which read and write each other's shared memory; one block where there are no clusters.
-struct ClusterTeam : CudaBlock {
-  __device__ int rank() const {
-#if defined(__CUDA_ARCH__) && __CUDA_ARCH__ >= 900
-    return static_cast<int>(cooperative_groups::this_cluster().block_rank());
-#else
-    return 0;
-#endif
-  }
-  __device__ int size() const {
-#if defined(__CUDA_ARCH__) && __CUDA_ARCH__ >= 900
-    return static_cast<int>(cooperative_groups::this_cluster().num_blocks());
-#else
-    return 1;
-#endif
-  }
-  __device__ void team_sync() const {
-#if defined(__CUDA_ARCH__) && __CUDA_ARCH__ >= 900
-    cooperative_groups::this_cluster().sync();
-#else
-    __syncthreads();
-#endif
-  }
-  template <typename T>
-  __device__ T* at(T* own, [[maybe_unused]] int other) const {
-#if defined(__CUDA_ARCH__) && __CUDA_ARCH__ >= 900
-    return cooperative_groups::this_cluster().map_shared_rank(own, other);
-#else
-    return own;
-#endif
-  }
-};
 
 namespace kernels {
 
@@ -59,17 +24,17 @@ __global__ void __launch_bounds__(step_threads, 4) run_decode(RunView view) {
   __shared__ DecodeShared shared;
   decode(CudaBlock{}, view, shared);
 }
-__global__ void __launch_bounds__(step_threads) run_gather(RunView view) { gather(CudaBlock{}, view); }
-__global__ void __launch_bounds__(fit_threads) run_fit(RunView view) {
-  extern __shared__ __align__(16) unsigned char memory[];
-  fit(ClusterTeam{}, view, memory);
+__global__ void __launch_bounds__(step_threads) run_gather(RunView view) {
+  __shared__ GatherShared shared;
+  gather(CudaBlock{}, view, shared);
 }
-__global__ void __launch_bounds__(fit_threads) run_mark(RunView view) {
-  extern __shared__ __align__(16) unsigned char memory[];
-  mark(ClusterTeam{}, view, memory);
+__global__ void __launch_bounds__(step_threads) run_fit(RunView view) {
+  __shared__ FitShared shared;
+  fit(CudaBlock{}, view, shared);
 }
 __global__ void __launch_bounds__(step_threads) run_frame(RunView view, int instance, float* frame) {
-  write_frame(CudaBlock{}, view, instance, frame);
+  __shared__ DecodeShared shared;
+  write_frame(CudaBlock{}, view, instance, frame, shared);
 }
 
 }  // namespace kernels
@@ -77,12 +42,9 @@ __global__ void __launch_bounds__(step_threads) run_frame(RunView view, int inst
 class CudaBackend {
  public:
   CudaBackend() {
-    int device = 0, major = 0;
+    int device = 0;
     GRAUPEL_CUDA_CHECK(cudaGetDevice(&device));
     GRAUPEL_CUDA_CHECK(cudaDeviceGetAttribute(&processors_, cudaDevAttrMultiProcessorCount, device));
-    GRAUPEL_CUDA_CHECK(cudaDeviceGetAttribute(&major, cudaDevAttrComputeCapabilityMajor, device));
-    GRAUPEL_CUDA_CHECK(cudaDeviceGetAttribute(&shared_limit_, cudaDevAttrMaxSharedMemoryPerBlockOptin, device));
-    team_ = major >= 9 ? 8 : 1;  // the largest cluster that every such GPU has
     GRAUPEL_CUDA_CHECK(cudaStreamCreate(&stream_));
     GRAUPEL_CUDA_CHECK(cudaEventCreate(&begin_));
     GRAUPEL_CUDA_CHECK(cudaEventCreate(&end_));
@@ -98,18 +60,7 @@ class CudaBackend {
 
   Device device() const { return Device::cuda; }
   int processors() const { return processors_; }
-  int team() const { return team_; }
   void wait() { GRAUPEL_CUDA_CHECK(cudaStreamSynchronize(stream_)); }
-
-  /// Makes room for the shared memory of a fit.
-  void prepare(int64_t bytes) {
-    if (bytes > shared_limit_)
-      throw ConfigError("so many samples do not fit into the shared memory of this GPU (" + std::to_string(bytes) +
-                        " bytes, allowed: up to " + std::to_string(shared_limit_) + "). Use fewer, or --device cpu");
-    for (const auto kernel : {kernels::run_fit, kernels::run_mark})
-      GRAUPEL_CUDA_CHECK(
-          cudaFuncSetAttribute(kernel, cudaFuncAttributeMaxDynamicSharedMemorySize, static_cast<int>(bytes)));
-  }
 
   template <typename Body>
   void launch(int64_t n, const Body& body) {
@@ -118,12 +69,11 @@ class CudaBackend {
     GRAUPEL_CUDA_CHECK(cudaGetLastError());
   }
   void branch(const RunView& view) {
-    start(kernels::run_branch, view.instance_count * (view.branch_blocks + view.worker_blocks), view);
+    start(kernels::run_branch, view.instance_count * (BranchBlocks(view.model).all() + view.worker_blocks), view);
   }
   void decode(const RunView& view) { start(kernels::run_decode, view.instance_count * view.decode_blocks, view); }
   void gather(const RunView& view) { start(kernels::run_gather, view.instance_count * view.gather_blocks, view); }
-  void fit(const RunView& view, int64_t bytes) { start_team(kernels::run_fit, view, bytes); }
-  void mark(const RunView& view, int64_t bytes) { start_team(kernels::run_mark, view, bytes); }
+  void fit(const RunView& view) { start(kernels::run_fit, view.instance_count, view); }
   void write_frame(const RunView& view, int instance, float* frame) {
     const int blocks = std::min((view.model.particles + step_warps - 1) / step_warps, 8 * processors_);
     kernels::run_frame<<<static_cast<unsigned>(blocks), step_threads, 0, stream_>>>(view, instance, frame);
@@ -169,25 +119,10 @@ class CudaBackend {
     kernel<<<static_cast<unsigned>(blocks), step_threads, 0, stream_>>>(view);
     GRAUPEL_CUDA_CHECK(cudaGetLastError());
   }
-  void start_team(void (*kernel)(RunView), const RunView& view, int64_t bytes) {
-    cudaLaunchAttribute cluster{};
-    cluster.id = cudaLaunchAttributeClusterDimension;
-    cluster.val.clusterDim.x = static_cast<unsigned>(team_);
-    cluster.val.clusterDim.y = cluster.val.clusterDim.z = 1;
-    cudaLaunchConfig_t config{};
-    config.gridDim = static_cast<unsigned>(view.instance_count * team_);
-    config.blockDim = fit_threads;
-    config.dynamicSmemBytes = static_cast<std::size_t>(bytes);
-    config.stream = stream_;
-    config.attrs = &cluster;
-    config.numAttrs = team_ > 1 ? 1 : 0;
-    GRAUPEL_CUDA_CHECK(cudaLaunchKernelEx(&config, kernel, view));
-  }
-
   cudaStream_t stream_ = nullptr;
   cudaEvent_t begin_ = nullptr, end_ = nullptr;
   std::map<int, cudaGraphExec_t> graphs_;
-  int processors_ = 0, team_ = 1, shared_limit_ = 0;
+  int processors_ = 0;
 };
 
 }  // namespace

@@ -37,16 +37,21 @@ InstanceStore::InstanceStore(Device device, const ModelTable& model, InstanceTab
   view_.scripts = make(scripts_, static_cast<std::size_t>(steps_ * view_.script_count));
   constexpr int64_t reach = 125;  // nodes that a sample marks
   const auto marked = static_cast<std::size_t>(std::min(nodes, reach * static_cast<int64_t>(model.samples.size())));
-  view_.node_place = make(node_place_, static_cast<std::size_t>(nodes));
-  view_.node_list = make(node_list_, marked);
+  view_.node_mark = make(node_mark_, static_cast<std::size_t>(nodes));
   view_.sums = make(sums_, marked * mpm::channels);
-  view_.point_list = make(point_list_, model.point_particle.size());
+  view_.point_taken = make(point_taken_, model.point_particle.size());
   view_.map_rows = make(map_rows_, static_cast<std::size_t>(model.stress_map.outputs + model.affine_map.outputs));
-  view_.way = make(way_, 3 * model.samples.size());
+  const std::size_t modes = table_.coefficient.size();
+  view_.ahead = make(ahead_, modes);
+  view_.slope = make(slope_, modes * static_cast<std::size_t>(model.latents));
+  view_.gram = make(gram_, modes * modes);
+  view_.ways = make(ways_, 1);
   view_.lost = make(lost_, model.samples.size());
   view_.parameters = keep(parameters_, table_.parameters);
   keep(coefficient_, table_.coefficient);
   keep(rate_, table_.rate);
+  keep(reached_, table_.coefficient);
+  view_.reached = reached_.data();
   view_.coefficient = coefficient_.data();
   view_.rate = rate_.data();
   view_.state = state;
@@ -87,6 +92,7 @@ InstanceState InstanceStore::start() const {
   InstanceState state{};
   std::copy(table_.latent.begin(), table_.latent.end(), state.latent);
   std::copy(table_.velocity.begin(), table_.velocity.end(), state.velocity);
+  state.due = state.round = 1;
   return state;
 }
 

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <list>
 #include <memory>
@@ -12,7 +13,10 @@
 #include "core/buffer.h"
 #include "core/error.h"
 #include "mpm/material_parameters.h"
+#include "rom/cuda/device_branch.h"
+#include "rom/cuda/device_decode.h"
 #include "rom/cuda/device_fit.h"
+#include "rom/cuda/device_gather.h"
 #include "rom/cuda/device_tables.h"
 
 namespace graupel::rom::device {
@@ -20,7 +24,6 @@ namespace graupel::rom::device {
 struct RunSettings {
   int64_t steps_per_frame = 1;
   double dt = 0;  ///< [s]
-  FitView fit{};
 };
 
 class DeviceRun {
@@ -30,6 +33,8 @@ class DeviceRun {
   virtual void advance_frame() = 0;
   /// `steps` more steps within a frame, without a word to the host; seconds on the device.
   virtual double timed_steps(int64_t steps) = 0;
+  /// Seconds that each kernel takes on the device, in the order of the step. The run is of no use afterwards.
+  virtual std::array<double, 4> kernel_seconds() = 0;
   virtual const InstanceState& state(int instance) const = 0;
   /// Positions [m] and velocities [m/s] of all particles, [particles, 6].
   virtual std::vector<float> frame(int instance) const = 0;
@@ -169,10 +174,12 @@ class InstanceStore {
   Buffer<sparsegrid::ObstacleView> moving_start_, moving_end_;
   Buffer<mpm::RigidStep<float>> moving_step_;
   Buffer<mpm::ScriptStep<float>> scripts_;
-  Buffer<float> point_mass_, point_volume_, sums_, way_;
-  Buffer<int32_t> point_script_, sample_script_, node_place_, node_list_, point_list_;
-  Buffer<uint8_t> sample_still_, lost_;
-  Buffer<double> parameters_, map_rows_, coefficient_, rate_;
+  Buffer<float> point_mass_, point_volume_, sums_;
+  Buffer<int32_t> point_script_, sample_script_;
+  Buffer<long long> node_mark_;
+  Buffer<uint8_t> sample_still_, lost_, point_taken_;
+  Buffer<double> parameters_, map_rows_, coefficient_, rate_, ahead_, slope_, reached_, gram_;
+  Buffer<WaySums> ways_;
 };
 
 struct BeginFrame {
@@ -202,8 +209,6 @@ class DeviceRunOn final : public DeviceRun {
     views_.upload(views);
     states_.upload(host_);
     set_view();
-    backend_.prepare(memory_bytes());
-    backend_.mark(view_, memory_bytes());
     backend_.wait();
   }
 
@@ -222,6 +227,18 @@ class DeviceRunOn final : public DeviceRun {
     const double seconds = backend_.timed([&] { run_steps(steps); });
     for (int64_t i = 0; i < steps; ++i) time_ += settings_.dt;
     backend_.read(states_.data(), host_.size(), host_.data());
+    return seconds;
+  }
+  std::array<double, 4> kernel_seconds() override {
+    constexpr int times = 32;
+    std::array<double, 4> seconds{};
+    for (int kernel = 0; kernel < 4; ++kernel) {
+      backend_.record(first_kernel + kernel, [&] {
+        for (int i = 0; i < times; ++i) launch(kernel);
+      });
+      backend_.play(first_kernel + kernel);
+      seconds[static_cast<std::size_t>(kernel)] = backend_.timed([&] { backend_.play(first_kernel + kernel); }) / times;
+    }
     return seconds;
   }
   const InstanceState& state(int instance) const override { return host_[static_cast<std::size_t>(instance)]; }
@@ -245,35 +262,38 @@ class DeviceRunOn final : public DeviceRun {
     for (InstanceStore& instance : instances_) instance.begin_frame(time_, settings_.dt);
   }
   void step() {
-    backend_.branch(view_);
-    backend_.decode(view_);
-    backend_.gather(view_);
-    backend_.fit(view_, memory_bytes());
+    for (int kernel = 0; kernel < 4; ++kernel) launch(kernel);
   }
 
  private:
   /// Steps of the longer one of the two graphs.
   static constexpr int64_t graph_steps = 32;
-  enum Segment { one_step, many_steps };
+  enum Segment { one_step, many_steps, first_kernel };
+
+  void launch(int kernel) {
+    switch (kernel) {
+      case 0:
+        return backend_.branch(view_);
+      case 1:
+        return backend_.decode(view_);
+      case 2:
+        return backend_.gather(view_);
+      default:
+        return backend_.fit(view_);
+    }
+  }
 
   void set_view() {
     view_.model = model_.view();
     view_.instances = views_.data();
     view_.instance_count = static_cast<int>(instances_.size());
     view_.dt = settings_.dt;
-    view_.fit = settings_.fit;
     const auto blocks_for = [](int items) { return (items + step_warps - 1) / step_warps; };
     // A few blocks a multiprocessor, shared by the instances; but no more than there is work for.
     const int share = std::max(4, 4 * backend_.processors() / view_.instance_count);
-    view_.branch_blocks = branch_blocks(view_.model);
     view_.worker_blocks = std::max(1, std::min(share, blocks_for(view_.model.points)));
     view_.decode_blocks = view_.worker_blocks;
     view_.gather_blocks = std::max(1, blocks_for(view_.model.samples));
-    view_.team = backend_.team();
-  }
-  int64_t memory_bytes() const {
-    FitArrays unused;
-    return lay_out(view_.model, view_.team, nullptr, unused);
   }
   void prepare_graphs(int64_t steps) {
     if (steps >= graph_steps) backend_.record(many_steps, [&] { steps_now(graph_steps); });

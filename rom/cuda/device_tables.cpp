@@ -14,31 +14,16 @@ namespace graupel::rom::device {
 
 namespace {
 
-enum class WeightOrder { by_output, by_center };
-
-MapTable map_table(const CoefficientMap& map, WeightOrder order) {
-  MapTable table;
-  table.inputs = map.inputs();
-  table.outputs = map.outputs();
+MapTable map_table(const CoefficientMap& map) {
   const CoefficientMap::Parts parts = map.parts();
-  table.count = parts.count;
-  table.shift = parts.shift;
-  table.scale = parts.scale;
-  table.low = parts.low;
-  table.high = parts.high;
-  table.centers = parts.centers;
-  table.linear = parts.linear;
-  table.weights = parts.weights;
-  if (order == WeightOrder::by_output) return table;
-  const auto outputs = static_cast<std::size_t>(table.outputs), count = static_cast<std::size_t>(table.count);
-  for (std::size_t i = 0; i < count; ++i)
-    for (std::size_t k = 0; k < outputs; ++k) table.weights[i * outputs + k] = parts.weights[k * count + i];
-  return table;
+  return {map.inputs(), map.outputs(), parts.count,   parts.shift,   parts.scale,
+          parts.low,    parts.high,    parts.centers, parts.weights, parts.linear};
 }
 
 int padded(int modes, int group) { return (modes + group - 1) / group * group; }
 
-/// Rows of some points in pairs of f16 over each mode's largest value; components in `order`.
+/// Rows of some points in pairs of f16 over each mode's largest value, group by group of modes; components in `order`
+/// (-1: none).
 void add_field(const ModeTable& table, const std::vector<int32_t>& points, const std::vector<int>& order,
                std::vector<uint32_t>& modes, std::vector<float>& scale) {
   const int stride = padded(table.modes, field_group);
@@ -46,14 +31,16 @@ void add_field(const ModeTable& table, const std::vector<int32_t>& points, const
   scale.resize(static_cast<std::size_t>(stride), 1.0f);
   modes.reserve(points.size() * order.size() * static_cast<std::size_t>(stride / 2));
   const auto half = [&](int64_t row, int component, int k) -> uint32_t {
-    if (row < 0 || k >= table.modes) return 0;
+    if (row < 0 || component < 0 || k >= table.modes) return 0;
     const auto from = static_cast<std::size_t>((row * table.components + component) * table.modes + k);
     return nn::f16_from_float(table.basis[from] / scale[static_cast<std::size_t>(k)]);
   };
   for (const int32_t point : points) {
     const int64_t row = table.row_of(point);
-    for (const int component : order)
-      for (int k = 0; k < stride; k += 2) modes.push_back(half(row, component, k) | half(row, component, k + 1) << 16);
+    for (int first = 0; first < stride; first += field_group)
+      for (const int component : order)
+        for (int k = first; k < first + field_group; k += 2)
+          modes.push_back(half(row, component, k) | half(row, component, k + 1) << 16);
   }
 }
 
@@ -129,13 +116,13 @@ ModelTable model_table(const ReducedModel& model, const std::vector<int32_t>& sa
   const std::vector<int> stress_order = {0, 3, 5, 1, 2, 4};  // as mpm's arrays: xx, yy, zz, xy, xz, yz
   add_deformation(fields->deformation(), table);
   add_field(fields->stress(), table.point_particle, stress_order, table.stress, table.stress_scale);
-  add_field(fields->affine(), table.point_particle, {0, 1, 2, 3, 4, 5, 6, 7, 8}, table.affine, table.affine_scale);
+  add_field(fields->affine(), table.point_particle, {0, 1, 2, 3, 4, 5, 6, 7, 8, -1}, table.affine, table.affine_scale);
   add_means(*fields, stress_order, table);
   add_samples(fields->deformation(), samples, table);
   add_gram(table);
-  table.closure = map_table(fields->deformation_branch().map(), WeightOrder::by_center);
-  table.stress_map = map_table(fields->stress_branch().map(), WeightOrder::by_output);
-  table.affine_map = map_table(fields->affine_branch().map(), WeightOrder::by_output);
+  table.closure = map_table(fields->deformation_branch().map());
+  table.stress_map = map_table(fields->stress_branch().map());
+  table.affine_map = map_table(fields->affine_branch().map());
   table.affine_is_rate = model.affine_kind == AffineKind::rate;
   return table;
 }
@@ -167,8 +154,14 @@ InstanceTable instance_table(const ReducedModel& model, mpm::PreparedScene prepa
   return table;
 }
 
-FitView fit_view(const ReducedModel& model, const ReducedOptions& options) {
-  return {options.iterations, options.outlier_factor.value_or(model.outlier_factor), FitOptions{}.tolerance, false};
+void check_options(const ReducedModel& model, const ReducedOptions& options) {
+  const char* what = options.manifold_pull.value_or(model.manifold_pull) > 0
+                         ? "take no way back to the training's states (manifold_pull)"
+                     : options.outlier_factor.value_or(model.outlier_factor) > 0 ? "weigh no samples (outlier_factor)"
+                     : options.iterations.value_or(1) > 1 ? "take one iteration of the inversion (iterations)"
+                                                          : nullptr;
+  if (what != nullptr)
+    throw ConfigError(fmt::format("reduced models on the GPU {}. Use --device cpu, or a model without it", what));
 }
 
 }  // namespace graupel::rom::device

@@ -18,7 +18,7 @@ struct ReducedOptions;
 
 namespace device {
 
-/// A coefficient map; `weights` as MapView has it.
+/// A coefficient map, as MapView has it.
 struct MapTable {
   int inputs = 0, outputs = 0, count = 0;
   std::vector<double> shift, scale, low, high, centers, weights, linear;
@@ -54,7 +54,8 @@ ModelTable model_table(const ReducedModel& model, const std::vector<int32_t>& sa
 void check_scene(const Scene& scene);
 /// `state` is that of the scene's start.
 InstanceTable instance_table(const ReducedModel& model, mpm::PreparedScene prepared, const LatentState& state);
-FitView fit_view(const ReducedModel& model, const ReducedOptions& options);
+/// Throws ConfigError for what no kernel does: manifold_pull, outlier_factor, more than one iteration.
+void check_options(const ReducedModel& model, const ReducedOptions& options);
 
 }  // namespace device
 }  // namespace graupel::rom

@@ -13,18 +13,18 @@ namespace graupel::rom::device {
 inline constexpr int most_latents = 16;
 inline constexpr int most_deformation_modes = 128, most_field_modes = 256;
 inline constexpr int deformation_group = 32;  ///< modes are padded to this: one f32 a lane
-inline constexpr int field_group = 64;        ///< of stress and affine velocity: two f16 a lane
-inline constexpr int field_components = 15;   ///< stress xx, yy, zz, xy, xz, yz; affine velocity row by row
-inline constexpr int step_threads = 256, fit_threads = 384;
+inline constexpr int field_group = 32;        ///< of stress and affine velocity: two f16 a lane of half a warp
+inline constexpr int stress_pairs = 3, affine_pairs = 5;  ///< of components, that a warp reads at once
+inline constexpr int field_components = 15;               ///< stress xx, yy, zz, xy, xz, yz; affine velocity row by row
+inline constexpr int step_threads = 256;
 
-/// A coefficient map (rom/coefficient_map.h). The kernels read `weights` as [outputs, count], but those of the
-/// deformation's closure as [count, outputs].
+/// A coefficient map (rom/coefficient_map.h).
 struct MapView {
   int inputs, outputs, count;
   const double *shift, *scale, *low, *high;  ///< [inputs]
   const double* centers;                     ///< standardised [inputs, count]
-  const double* weights;
-  const double* linear;  ///< [outputs, 1 + inputs]
+  const double* weights;                     ///< [outputs, count]
+  const double* linear;                      ///< [outputs, 1 + inputs]
 };
 
 struct ModelView {
@@ -33,10 +33,11 @@ struct ModelView {
   int deformation_stride, stress_stride, affine_stride;  ///< modes with their padding
   const float* deformation;                              ///< [particles, 3, stride]
   const float* deformation_mean;                         ///< [particles, 3] [m]
-  const uint32_t *stress, *affine;                       ///< pairs of f16 over the scale [points, 6 or 9, stride / 2]
-  const float *stress_scale, *affine_scale;              ///< [stride]
-  const float* field_mean;                               ///< [points, 15]
-  const int32_t* point_particle;                         ///< [points] integration points in the body
+  /// Pairs of f16 over the scale [points, groups of modes, 6 or 10 components, group / 2].
+  const uint32_t *stress, *affine;
+  const float *stress_scale, *affine_scale;  ///< [stride]
+  const float* field_mean;                   ///< [points, 15]
+  const int32_t* point_particle;             ///< [points] integration points in the body
   MapView closure, stress_map, affine_map;
   bool affine_is_rate;        ///< the map gives rows of M(q, mu) with l = M q'
   int sample_rows;            ///< 3 samples, with padding
@@ -55,16 +56,25 @@ enum class RunStatus : int32_t {
 /// What a step leaves of an instance, beside its arrays.
 struct InstanceState {
   double latent[most_latents], velocity[most_latents];
-  double moved;                           ///< since the integration points were found [m]
-  double residual;                        ///< largest of the frame, over the samples' way
-  double down_weighted;                   ///< shares of samples, summed over the frame
-  double condition;                       ///< largest of the run
-  int64_t iterations, points_sum, steps;  ///< of the run
+  double moved;               ///< since nodes were marked [m]
+  double residual;            ///< largest of the frame, over the samples' way
+  double down_weighted;       ///< shares of samples, summed over the frame
+  double condition;           ///< largest of the run
+  int64_t points_sum, steps;  ///< of the run
   RunStatus status;
   int32_t step;                     ///< of the frame
-  int32_t due;                      ///< nodes were marked anew: points are to be found
+  int32_t due;                      ///< nodes are to be marked anew, and points found
+  int32_t round;                    ///< of marking
   int32_t node_count, point_count;  ///< marked nodes; integration points in reach of them
   int32_t most_points;
+};
+
+/// What a step's fit needs of the samples that are not lost.
+struct WaySums {
+  double projection[most_deformation_modes];  ///< U^T way
+  double moved2;                              ///< sum of the squares of the ways [m^2]
+  int32_t furthest;                           ///< bits of the longest way's square, a float
+  int32_t lost;                               ///< samples
 };
 
 struct InstanceView {
@@ -79,14 +89,16 @@ struct InstanceView {
   const uint8_t* sample_still;                                ///< [samples] of a stationary material
   const double* parameters;
   Vec<int, 3> nodes;           ///< of the grid
-  int32_t* node_place;         ///< [nodes] 0: not marked; else place + first_place
-  int32_t* node_list;          ///< [marked nodes]
+  long long* node_mark;        ///< [nodes] the round in which it was last marked and, below, its place among the sums
   float* sums;                 ///< [marked nodes, 4] momentum [kg m/s], mass [kg]
-  int32_t* point_list;         ///< [points] those in reach
+  uint8_t* point_taken;        ///< [points] whether it is in reach of a marked node
   double* map_rows;            ///< outputs of stress_map, then of affine_map
   double *coefficient, *rate;  ///< of the deformation's modes, and their change in time [deformation modes]
-  float* way;                  ///< [samples, 3] over the step [m]
-  uint8_t* lost;               ///< [samples]
+  double *ahead, *slope;       ///< coefficients where the velocity takes q, and da/dq there [deformation modes, r]
+  double* reached;             ///< coefficients after the step, to first order
+  double* gram;                ///< room for G of some of the samples
+  WaySums* ways;
+  uint8_t* lost;  ///< [samples]
   InstanceState* state;
 
   GRAUPEL_HD mpm::MovingObstacleView<float> moving(int step) const {
@@ -105,24 +117,13 @@ struct InstanceView {
   }
 };
 
-/// Of a marked node in `node_place`; 1 is a node that is being marked.
-inline constexpr int32_t first_place = 2;
-
-struct FitView {
-  int iterations;
-  double outlier_factor, tolerance;
-  bool linearise_always;
-};
-
 struct RunView {
   ModelView model;
   const InstanceView* instances;
   int instance_count;
-  double dt;  ///< [s]
-  FitView fit;
-  int branch_blocks, worker_blocks;  ///< of an instance: for rows of the maps, and for clearing and finding points
+  double dt;          ///< [s]
+  int worker_blocks;  ///< of an instance: for clearing and marking nodes
   int decode_blocks, gather_blocks;
-  int team;  ///< blocks that fit one instance together
 };
 
 }  // namespace graupel::rom::device

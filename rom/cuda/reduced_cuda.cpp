@@ -35,6 +35,7 @@ ReducedDeviceSolver::ReducedDeviceSolver(const ReducedModel& model, std::vector<
     : model_(model) {
   GRAUPEL_ASSERT(!instances.empty());
   check_device();
+  device::check_options(model, options);
   const std::vector<int32_t>& samples = options.samples ? *options.samples : model.samples;
   const device::ModelTable table = device::model_table(model, samples);
   samples_ = static_cast<int64_t>(samples.size());
@@ -46,10 +47,6 @@ ReducedDeviceSolver::ReducedDeviceSolver(const ReducedModel& model, std::vector<
     tables.push_back(start_of(model, instance, options));
     parameters_.push_back(instance.parameters);
   }
-  if (options.manifold_pull.value_or(model.manifold_pull) > 0)
-    throw ConfigError(
-        "reduced models on the GPU take no way back to the training's states (manifold_pull). Use --device cpu, or a "
-        "model that was trained with manifold_pull=0");
   const double training_step = model.frame_time / static_cast<double>(model.substeps_per_frame);
   steps_ = std::max<int64_t>(
       1, static_cast<int64_t>(
@@ -58,7 +55,6 @@ ReducedDeviceSolver::ReducedDeviceSolver(const ReducedModel& model, std::vector<
   device::RunSettings settings;
   settings.steps_per_frame = steps_;
   settings.dt = dt_;
-  settings.fit = device::fit_view(model, options);
   run_ = device::make_cuda_run(table, std::move(tables), settings);
 }
 
@@ -79,6 +75,8 @@ double ReducedDeviceSolver::timed_frame() {
   time_ += dt_ * static_cast<double>(steps_);
   return seconds;
 }
+
+std::array<double, 4> ReducedDeviceSolver::kernel_seconds() { return run_->kernel_seconds(); }
 
 std::optional<std::string> ReducedDeviceSolver::divergence(int instance) const {
   switch (report(instance).status) {
@@ -136,7 +134,7 @@ ReducedStatistics ReducedDeviceSolver::statistics(int instance) const {
   s.samples = samples_;
   s.mean_integration = static_cast<double>(from.points_sum) / steps;
   s.most_integration = from.most_points;
-  s.mean_iterations = static_cast<double>(from.iterations) / steps;
+  s.mean_iterations = 1;
   s.largest_condition = from.condition;
   s.bytes = run_->bytes();
   return s;

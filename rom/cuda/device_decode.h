@@ -1,0 +1,234 @@
+// The second kernel of a reduced-order model's step: a warp decodes an integration point's fields, its lanes then add
+// the point's share to their nodes. Nothing of a point is stored: its position, velocity, stress and affine velocity
+// live in a warp. Where nodes were marked anew, the points in reach of them are found on the way.
+#pragma once
+
+#include "rom/cuda/device_step.h"
+
+namespace graupel::rom::device {
+
+struct DecodeShared {
+  float deformation[most_deformation_modes], rate[most_deformation_modes];
+  float stress[most_field_modes], affine[most_field_modes];  ///< times the modes' scales
+  float decoded[step_warps][warp_width];
+  int32_t points;  ///< found by the block
+};
+
+template <typename Block>
+GRAUPEL_HD void load_coefficients(const Block& block, const ModelView& model, const InstanceView& instance,
+                                  DecodeShared& shared) {
+  const int first = block.thread(), step = block.threads(), r = model.latents;
+  for (int k = first; k < model.deformation_stride; k += step) {
+    const bool real = k < model.deformation_modes;
+    shared.deformation[k] = real ? static_cast<float>(instance.coefficient[k]) : 0.0f;
+    shared.rate[k] = real ? static_cast<float>(instance.rate[k]) : 0.0f;
+  }
+  for (int k = first; k < model.stress_stride; k += step)
+    shared.stress[k] = k < model.stress_modes ? static_cast<float>(instance.map_rows[k]) * model.stress_scale[k] : 0.0f;
+  const double* const rows = instance.map_rows + model.stress_map.outputs;
+  for (int k = first; k < model.affine_stride; k += step) {
+    double a = 0;
+    if (k < model.affine_modes) {
+      if (model.affine_is_rate)
+        for (int j = 0; j < r; ++j) a += rows[k * r + j] * instance.state->velocity[j];
+      else
+        a = rows[k];
+      a *= static_cast<double>(model.affine_scale[k]);
+    }
+    shared.affine[k] = static_cast<float>(a);
+  }
+}
+
+/// Half of `count` values goes to the lane whose number differs in the bit `mask`, the other half is kept, with the
+/// partner's added.
+template <int count, typename Block>
+GRAUPEL_HD inline void exchange_halves(const Block& block, int mask, float* value) {
+  const bool upper = (block.thread() % warp_width & mask) != 0;
+  GRAUPEL_UNROLL
+  for (int i = 0; i < count / 2; ++i) {
+    const float given = upper ? value[i] : value[i + count / 2], kept = upper ? value[i + count / 2] : value[i];
+    value[i] = kept + block.shuffle_xor(given, mask);
+  }
+}
+
+/// Position and velocity of a particle into to[0 .. 5]; a mode a lane.
+template <typename Block>
+GRAUPEL_HD void decode_deformation(const Block& block, const ModelView& model, int64_t particle,
+                                   const DecodeShared& shared, float* to) {
+  const int lane = block.thread() % warp_width;
+  float value[8] = {};
+  const float* const modes = model.deformation + particle * 3 * model.deformation_stride;
+  for (int k = lane; k < model.deformation_stride; k += warp_width) {
+    const float a = shared.deformation[k], rate = shared.rate[k];
+    GRAUPEL_UNROLL
+    for (int c = 0; c < 3; ++c) {
+      const float mode = modes[c * model.deformation_stride + k];
+      value[c] += mode * a;
+      value[3 + c] += mode * rate;
+    }
+  }
+  exchange_halves<8>(block, 16, value);
+  exchange_halves<4>(block, 8, value);
+  exchange_halves<2>(block, 4, value);
+  float sum = value[0] + block.shuffle_xor(value[0], 2);
+  sum += block.shuffle_xor(sum, 1);
+  const int n = (lane & 16) / 4 + (lane & 8) / 4 + (lane & 4) / 4;  // whose sum this lane has
+  if (lane % 4 != 0 || n >= 6) return;
+  to[n] = n < 3 ? sum + model.deformation_mean[3 * particle + n] : sum;
+}
+
+/// Stress and affine velocity of a point into to[6 .. 20]; two modes a lane, of even components in the lower half of
+/// the warp and of odd ones in the upper half.
+template <typename Block>
+GRAUPEL_HD void decode_fields(const Block& block, const ModelView& model, int32_t point, const DecodeShared& shared,
+                              float* to) {
+  const int lane = block.thread() % warp_width, k = 2 * (lane % 16), odd = lane / 16;
+  float value[8] = {};
+  const auto add_field = [&](auto pairs, int at, const uint32_t* rows, int stride, const float* coefficient) {
+    constexpr int count = decltype(pairs)::value;  // of components
+    const uint32_t* row = rows + int64_t(point) * count * stride + lane;
+    for (int first = 0; first < stride; first += field_group, row += count * field_group) {
+      const float a = coefficient[first + k], b = coefficient[first + k + 1];
+      GRAUPEL_UNROLL
+      for (int p = 0; p < count; ++p) {
+        const uint32_t pair = row[p * warp_width];
+        value[at + p] += float_of_half(static_cast<uint16_t>(pair)) * a;
+        value[at + p] += float_of_half(static_cast<uint16_t>(pair >> 16)) * b;
+      }
+    }
+  };
+  add_field(std::integral_constant<int, stress_pairs>{}, 0, model.stress, model.stress_stride, shared.stress);
+  add_field(std::integral_constant<int, affine_pairs>{}, stress_pairs, model.affine, model.affine_stride,
+            shared.affine);
+  exchange_halves<8>(block, 8, value);
+  exchange_halves<4>(block, 4, value);
+  exchange_halves<2>(block, 2, value);
+  const float sum = value[0] + block.shuffle_xor(value[0], 1);
+  const int n = 2 * ((lane & 8) / 2 + (lane & 4) / 2 + (lane & 2) / 2) + odd;  // component whose sum this lane has
+  if (lane % 2 == 0 && n < field_components) to[6 + n] = sum + model.field_mean[int64_t(point) * field_components + n];
+}
+
+/// Adds to the four sums of a node.
+template <typename Block>
+GRAUPEL_HD inline void add_to_node(const Block& block, float* node, const Vec<float, 3>& momentum, float mass) {
+#if defined(__CUDA_ARCH__) && __CUDA_ARCH__ >= 900
+  atomicAdd(reinterpret_cast<float4*>(node), make_float4(momentum[0], momentum[1], momentum[2], mass));
+#else
+  for (int c = 0; c < 3; ++c) block.add(node + c, momentum[c]);
+  block.add(node + 3, mass);
+#endif
+}
+
+/// A lane's node of the stencil takes its share: w (m v + A (x_i - x_p)) with A = m C - dt V0 (4 / dx^2) tau
+/// (mpm/transfer.h).
+template <typename Block>
+GRAUPEL_HD void scatter_point(const Block& block, const RunView& view, const InstanceView& instance, int32_t point,
+                              const float* decoded) {
+  const int lane = block.thread() % warp_width;
+  if (lane >= stencil_nodes) return;
+  const Vec<float, 3> x = {decoded[0], decoded[1], decoded[2]};
+  const Stencil s = stencil_at(instance, x);
+  if (!s.inside) return;
+  const Vec<int, 3> offset = stencil_node(lane);
+  const int32_t place = place_of(instance, node_number(instance.nodes, s.base + offset), instance.state->round);
+  if (place < 0) return;
+  Vec<float, 3> v = {decoded[3], decoded[4], decoded[5]};
+  Mat<float, 3> C;
+  for (int i = 0; i < 9; ++i) C(i / 3, i % 3) = decoded[12 + i];
+  const mpm::RigidStep<float>* const leader =
+      instance.point_script == nullptr ? nullptr : instance.leader(instance.point_script[point], instance.state->step);
+  if (leader != nullptr) {
+    v = leader->velocity_at(x);
+    C = leader->gradient;
+  }
+  const Mat<float, 3> tau = {{{decoded[6], decoded[9], decoded[10]},
+                              {decoded[9], decoded[7], decoded[11]},
+                              {decoded[10], decoded[11], decoded[8]}}};
+  const mpm::GridGeometry<float, 3>& grid = instance.scene.grid;
+  const float mass = instance.point_mass[point];
+  const float force = -static_cast<float>(view.dt) * instance.point_volume[point] * 4.0f * grid.inverse_dx;
+  const Mat<float, 3> A = C * (mass * grid.dx) + tau * force;
+  float w = 1;
+  Vec<float, 3> from_point;
+  for (int d = 0; d < 3; ++d) {
+    from_point[d] = static_cast<float>(offset[d]) - s.fx[d];
+    w *= mpm::bspline(from_point[d]);
+  }
+  add_to_node(block, instance.sums + int64_t(place) * mpm::channels, w * (mass * v + A * from_point), w * mass);
+}
+
+/// Whether a stencil at this position has a corner in a marked node: a box of three nodes that meets one of the marked
+/// boxes, which are larger, has.
+template <typename Block>
+GRAUPEL_HD bool reaches_marked(const Block& block, const InstanceView& instance, const Vec<float, 3>& x) {
+  const int lane = block.thread() % warp_width;
+  const Stencil s = stencil_at(instance, x);
+  bool reaches = false;
+  if (s.inside && lane < 8) {
+    Vec<int, 3> corner = s.base;
+    for (int d = 0; d < 3; ++d) corner[d] += 2 * (lane >> d & 1);
+    reaches = place_of(instance, node_number(instance.nodes, corner), instance.state->round) >= 0;
+  }
+  return block.ballot(reaches) != 0;
+}
+
+template <typename Block>
+GRAUPEL_HD void decode(const Block& block, const RunView& view, DecodeShared& shared) {
+  const InstanceView& instance = view.instances[block.index() / view.decode_blocks];
+  if (instance.state->status != RunStatus::running) return;
+  load_coefficients(block, view.model, instance, shared);
+  if (block.thread() == 0) shared.points = 0;
+  block.sync();
+  const int warp = block.thread() / warp_width, lane = block.thread() % warp_width;
+  float* const decoded = shared.decoded[warp];
+  const bool due = instance.state->due != 0;
+  for (int32_t point = block.index() % view.decode_blocks * step_warps + warp; point < view.model.points;
+       point += view.decode_blocks * step_warps) {
+    if (!due && instance.point_taken[point] == 0) continue;
+    decode_deformation(block, view.model, view.model.point_particle[point], shared, decoded);
+    block.sync_warp();
+    if (due) {
+      const bool taken = reaches_marked(block, instance, {decoded[0], decoded[1], decoded[2]});
+      if (lane == 0) {
+        instance.point_taken[point] = taken ? 1 : 0;
+        if (taken) block.add(&shared.points, int32_t{1});
+      }
+      if (!taken) continue;
+    }
+    decode_fields(block, view.model, point, shared, decoded);
+    block.sync_warp();
+    scatter_point(block, view, instance, point, decoded);
+    block.sync_warp();
+  }
+  if (!due) return;
+  block.sync();
+  if (block.thread() == 0 && shared.points > 0) block.add(&instance.state->point_count, shared.points);
+}
+
+// frames -------------------------------------------------------------------------------------------------------------
+
+/// Position and velocity of all particles of an instance, [particles, 6].
+template <typename Block>
+GRAUPEL_HD void write_frame(const Block& block, const RunView& view, int number, float* frame, DecodeShared& shared) {
+  const InstanceView& instance = view.instances[number];
+  const ModelView& model = view.model;
+  for (int k = block.thread(); k < model.deformation_stride; k += block.threads()) {
+    const bool real = k < model.deformation_modes;
+    // instance.coefficient is of the state before the last step until the next one begins.
+    const double rate = !real                        ? 0.0
+                        : instance.state->steps == 0 ? instance.rate[k]
+                                                     : (instance.reached[k] - instance.coefficient[k]) / view.dt;
+    shared.deformation[k] = real ? static_cast<float>(instance.reached[k]) : 0.0f;
+    shared.rate[k] = static_cast<float>(rate);
+  }
+  block.sync();
+  const int warp = block.thread() / warp_width, lane = block.thread() % warp_width;
+  for (int32_t p = block.index() * step_warps + warp; p < model.particles; p += block.blocks() * step_warps) {
+    decode_deformation(block, model, p, shared, shared.decoded[warp]);
+    block.sync_warp();
+    if (lane < 6) frame[6 * int64_t(p) + lane] = shared.decoded[warp][lane];
+    block.sync_warp();
+  }
+}
+
+}  // namespace graupel::rom::device

@@ -1,0 +1,150 @@
+// The third kernel of a reduced-order model's step: a warp moves a sample. Each lane makes its node's sums a velocity
+// (gravity, contact) and the warp reads it; the ways of all samples are then projected onto the modes, which is all
+// that the fit needs of them.
+#pragma once
+
+#include "rom/cuda/device_step.h"
+
+namespace graupel::rom::device {
+
+struct GatherShared {
+  double projection[most_deformation_modes];  ///< U^T way of the block's samples
+  double moved2;                              ///< sum of the squares of their ways [m^2]
+  int32_t furthest;                           ///< bits of the longest way's square
+  int32_t lost;                               ///< samples
+  float way[step_warps][3];                   ///< [m]
+};
+
+/// Velocity after gravity and contact at a node of the grid with these sums; zero without mass.
+GRAUPEL_HD inline Vec<float, 3> node_velocity(const RunView& view, const InstanceView& instance, const Vec<int, 3>& at,
+                                              const float* sums) {
+  const mpm::SceneView<float>& scene = instance.scene;
+  const float mass = sums[3];
+  if (!(mass > 0.0f)) return Vec<float, 3>::zero();
+  Vec<float, 3> v =
+      Vec<float, 3>{sums[0], sums[1], sums[2]} * (1.0f / mass) + static_cast<float>(view.dt) * scene.gravity;
+  Vec<int, 3> block;
+  int inside = 0;
+  for (int d = 0; d < 3; ++d) {
+    block[d] = at[d] / mpm::block_width;
+    inside = inside * mpm::block_width + at[d] % mpm::block_width;
+  }
+  const Vec<float, 3> x = scene.grid.node_position(at);
+  const int32_t key = scene.grid.directory_index(block);
+  const mpm::MovingObstacleView<float> moving = instance.moving(instance.state->step);
+  v = moving.count > 0 ? mpm::meet_obstacles<true, 3, float>(scene, moving, key, inside, x, v)
+                       : mpm::meet_obstacles<false, 3, float>(scene, moving, key, inside, x, v);
+  return mpm::meet_walls(scene.walls, x, scene.grid.dx, v);
+}
+
+/// Where a sample goes with velocity v, kept inside the walls and out of obstacles as mpm/move_particles.cpp does. The
+/// way [m] is not rounded to the precision of positions where nothing is in the way: that would count in velocities.
+GRAUPEL_HD inline Vec<float, 3> sample_way(const RunView& view, const InstanceView& instance, bool led,
+                                           const Vec<double, 3>& before, const Vec<float, 3>& v) {
+  const mpm::SceneView<float>& scene = instance.scene;
+  const auto dt = static_cast<float>(view.dt);
+  const Vec<float, 3> from = before.cast<float>(), step = dt * v, wanted = from + step;
+  Vec<float, 3> x = wanted;
+  for (int d = 0; d < 3; ++d) {
+    x[d] = x[d] < scene.walls.particle_low[d] ? scene.walls.particle_low[d] : x[d];
+    x[d] = x[d] > scene.walls.particle_high[d] ? scene.walls.particle_high[d] : x[d];
+  }
+  Vec<float, 3> surface = Vec<float, 3>::zero();
+  if (!led && scene.push_out) {
+    const mpm::MovingObstacleView<float> moving = instance.moving(instance.state->step);
+    if (moving.count > 0 && mpm::near_moving(moving, x))
+      surface = mpm::push_out_of_moving<3>(scene, moving, dt, from, x);
+    else if (mpm::near_surface<3, float>(scene, x))
+      sparsegrid::push_out<3>(scene.obstacle_nodes.obstacles, scene.walls.particle_low, scene.walls.particle_high, from,
+                              x);
+  }
+  Vec<float, 3> slowed = v;
+  if (!led && !(x == wanted)) {
+    mpm::Survey unused;
+    mpm::stop_at_surface(x - wanted, 1.0f, surface, slowed, unused);
+  }
+  Vec<float, 3> way = step;
+  for (int d = 0; d < 3; ++d)
+    if (!(x[d] == wanted[d] && slowed[d] == v[d])) way[d] = static_cast<float>(static_cast<double>(x[d]) - before[d]);
+  return way;
+}
+
+template <typename Block>
+GRAUPEL_HD void gather_sample(const Block& block, const RunView& view, const InstanceView& instance, int sample,
+                              float* to) {
+  const int lane = block.thread() % warp_width;
+  const Vec<double, 3> before = sample_position(block, view.model, instance.coefficient, sample);
+  const Stencil s = stencil_at(instance, before.cast<float>());
+  Vec<float, 3> v = Vec<float, 3>::zero();
+  if (s.inside && lane < stencil_nodes) {
+    const Vec<int, 3> offset = stencil_node(lane), at = s.base + offset;
+    const int32_t place = place_of(instance, node_number(instance.nodes, at), instance.state->round);
+    float w = 1;
+    for (int d = 0; d < 3; ++d) w *= mpm::bspline(static_cast<float>(offset[d]) - s.fx[d]);
+    if (place >= 0) v = w * node_velocity(view, instance, at, instance.sums + int64_t(place) * mpm::channels);
+  }
+  for (int d = 0; d < 3; ++d) v[d] = sum_of_warp(block, v[d]);
+  if (lane != 0) return;
+  const mpm::RigidStep<float>* const leader =
+      instance.sample_script == nullptr ? nullptr
+                                        : instance.leader(instance.sample_script[sample], instance.state->step);
+  if (leader != nullptr) v = leader->velocity_at(before.cast<float>());
+  const bool still = leader == nullptr && instance.sample_still[sample] != 0;
+  bool fits = s.inside;
+  for (int d = 0; d < 3; ++d) fits = fits && std::abs(static_cast<float>(view.dt) * v[d]) <= instance.scene.grid.dx;
+  const Vec<float, 3> way =
+      !fits || still ? Vec<float, 3>::zero() : sample_way(view, instance, leader != nullptr, before, v);
+  for (int d = 0; d < 3; ++d) to[d] = way[d];
+  instance.lost[sample] = fits || still ? 0 : 1;
+}
+
+/// Adds a sample's way to the block's sums, a mode a lane.
+template <typename Block>
+GRAUPEL_HD void project_way(const Block& block, const RunView& view, const InstanceView& instance, int sample,
+                            const float* way, GatherShared& shared) {
+  const ModelView& model = view.model;
+  const int lane = block.thread() % warp_width;
+  for (int k = lane; k < model.deformation_modes; k += warp_width) {
+    const float* const mode = model.sample_modes + int64_t(k) * model.sample_rows + 3 * sample;
+    double sum = 0;
+    for (int c = 0; c < 3; ++c) sum += static_cast<double>(mode[c]) * static_cast<double>(way[c]);
+    block.add(shared.projection + k, sum);
+  }
+  if (lane != 0) return;
+  const float way2 = way[0] * way[0] + way[1] * way[1] + way[2] * way[2];
+  int32_t bits;
+  __builtin_memcpy(&bits, &way2, sizeof bits);
+  block.add(&shared.moved2, static_cast<double>(way2));
+  block.max(&shared.furthest, bits);
+  if (instance.lost[sample] != 0) block.add(&shared.lost, int32_t{1});
+}
+
+template <typename Block>
+GRAUPEL_HD void gather(const Block& block, const RunView& view, GatherShared& shared) {
+  const InstanceView& instance = view.instances[block.index() / view.gather_blocks];
+  if (instance.state->status != RunStatus::running) return;
+  for (int k = block.thread(); k < view.model.deformation_modes; k += block.threads()) shared.projection[k] = 0;
+  if (block.thread() == 0) {
+    shared.moved2 = 0;
+    shared.furthest = shared.lost = 0;
+  }
+  block.sync();
+  const int warp = block.thread() / warp_width;
+  for (int sample = block.index() % view.gather_blocks * step_warps + warp; sample < view.model.samples;
+       sample += view.gather_blocks * step_warps) {
+    gather_sample(block, view, instance, sample, shared.way[warp]);
+    block.sync_warp();
+    project_way(block, view, instance, sample, shared.way[warp], shared);
+    block.sync_warp();
+  }
+  block.sync();
+  WaySums& sums = *instance.ways;
+  for (int k = block.thread(); k < view.model.deformation_modes; k += block.threads())
+    block.add(sums.projection + k, shared.projection[k]);
+  if (block.thread() != 0) return;
+  block.add(&sums.moved2, shared.moved2);
+  block.max(&sums.furthest, shared.furthest);
+  if (shared.lost > 0) block.add(&sums.lost, shared.lost);
+}
+
+}  // namespace graupel::rom::device
