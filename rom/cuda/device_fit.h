@@ -9,7 +9,15 @@
 
 namespace graupel::rom::device {
 
+/// G has room in shared memory up to so many modes.
+inline constexpr int small_gram = 32;
+
 struct FitShared {
+  InstanceState state;  ///< at work; written back in the end
+  WaySums ways;
+  double ahead[most_deformation_modes], before[most_deformation_modes];  ///< a(q*), a_0
+  double slope[most_deformation_modes * most_latents];                   ///< S
+  double gram[small_gram * small_gram];
   double change[most_latents], right[most_latents];
   double matrix[most_latents * most_latents];
   double projected[most_deformation_modes];              ///< U^T way - G (a(q*) - a_0)
@@ -46,6 +54,32 @@ struct Fit {
     return sum;
   }
 
+  /// A struct by words of eight bytes.
+  template <typename T>
+  GRAUPEL_HD void copy(const T& from, T& to) const {
+    static_assert(sizeof(T) % 8 == 0 && alignof(T) == 8);
+    each(static_cast<int>(sizeof(T) / 8), [&](int i) {
+      __builtin_memcpy(reinterpret_cast<char*>(&to) + 8 * i, reinterpret_cast<const char*>(&from) + 8 * i, 8);
+    });
+  }
+
+  /// All that the step needs, into shared memory at once.
+  GRAUPEL_HD void load() {
+    const int m = model.deformation_modes;
+    copy(*instance.state, shared.state);
+    copy(*instance.ways, shared.ways);
+    each(m, [&](int k) {
+      shared.ahead[k] = instance.ahead[k];
+      shared.before[k] = instance.coefficient[k];
+    });
+    each(m * model.latents, [&](int i) { shared.slope[i] = instance.slope[i]; });
+    if (m <= small_gram) {
+      each(m * m, [&](int i) { shared.gram[i] = model.gram[i]; });
+      gram = shared.gram;
+    }
+    block.sync();
+  }
+
   /// G without the samples that are lost.
   GRAUPEL_HD void leave_out_lost() {
     const int m = model.deformation_modes;
@@ -65,14 +99,14 @@ struct Fit {
   /// The normal equations' two sides.
   GRAUPEL_HD void assemble() const {
     const int r = model.latents, m = model.deformation_modes;
-    const double* const slope = instance.slope;
+    const double* const slope = shared.slope;
     each(m * (1 + r), [&](int i) {
       const int k = i % m, j = i / m - 1;
       double sum = 0;
       for (int l = 0; l < m; ++l)
-        sum += gram[int64_t(l) * m + k] * (j < 0 ? instance.ahead[l] - instance.coefficient[l] : slope[l * r + j]);
+        sum += gram[int64_t(l) * m + k] * (j < 0 ? shared.ahead[l] - shared.before[l] : slope[l * r + j]);
       if (j < 0)
-        shared.projected[k] = instance.ways->projection[k] - sum;
+        shared.projected[k] = shared.ways.projection[k] - sum;
       else
         shared.turned[k * r + j] = sum;
     });
@@ -150,26 +184,26 @@ struct Fit {
   GRAUPEL_HD double distance2() const {
     const int r = model.latents, m = model.deformation_modes;
     each(m, [&](int k) {
-      double a = instance.ahead[k];
-      for (int j = 0; j < r; ++j) a += instance.slope[k * r + j] * shared.change[j];
+      double a = shared.ahead[k];
+      for (int j = 0; j < r; ++j) a += shared.slope[k * r + j] * shared.change[j];
       instance.reached[k] = a;
-      shared.increment[k] = a - instance.coefficient[k];
+      shared.increment[k] = a - shared.before[k];
     });
     block.sync();
     double sum = 0;
     each(m, [&](int k) {
-      double turned = -2 * instance.ways->projection[k];
+      double turned = -2 * shared.ways.projection[k];
       for (int l = 0; l < m; ++l) turned += gram[int64_t(l) * m + k] * shared.increment[l];
       sum += turned * shared.increment[k];
     });
-    sum = block_sum(sum) + instance.ways->moved2;
+    sum = block_sum(sum) + shared.ways.moved2;
     return sum > 0 ? sum : 0.0;
   }
 
   /// The new state; one thread.
   GRAUPEL_HD void store(double left2) const {
-    InstanceState& state = *instance.state;
-    const WaySums& ways = *instance.ways;
+    InstanceState& state = shared.state;
+    const WaySums& ways = shared.ways;
     for (int j = 0; j < model.latents; ++j) {
       const double latent = state.latent[j] + view.dt * state.velocity[j] + shared.change[j];
       state.velocity[j] = (latent - state.latent[j]) / view.dt;
@@ -201,29 +235,29 @@ template <typename Block>
 GRAUPEL_HD void fit(const Block& block, const RunView& view, FitShared& shared) {
   const InstanceView& instance = view.instances[block.index()];
   const ModelView& model = view.model;
-  InstanceState& state = *instance.state;
-  if (state.status != RunStatus::running) return;
-  const int lost = instance.ways->lost;
-  block.sync();  // all have read the state
   Fit<Block> f{block, view, model, instance, shared, model.gram};
-  if (2 * lost > model.samples) {
-    if (block.thread() == 0) state.status = RunStatus::samples_lost;
-    return;
+  f.load();
+  if (shared.state.status != RunStatus::running) return;
+  RunStatus status = RunStatus::running;
+  if (2 * shared.ways.lost > model.samples) {
+    status = RunStatus::samples_lost;
+  } else {
+    if (shared.ways.lost > 0) f.leave_out_lost();
+    f.assemble();
+    if (!f.solve()) status = RunStatus::singular;
   }
-  if (lost > 0) f.leave_out_lost();
-  f.assemble();
-  if (!f.solve()) {
-    if (block.thread() == 0) state.status = RunStatus::singular;
+  if (status != RunStatus::running) {
+    if (block.thread() == 0) instance.state->status = status;
     return;
   }
   const double left2 = f.distance2();
   if (block.thread() == 0) f.store(left2);
   block.sync();
+  f.copy(shared.state, *instance.state);
   f.each(model.deformation_modes, [&](int k) { instance.ways->projection[k] = 0; });
-  if (block.thread() == 0) {
-    instance.ways->moved2 = 0;
-    instance.ways->furthest = instance.ways->lost = 0;
-  }
+  if (block.thread() != 0) return;
+  instance.ways->moved2 = 0;
+  instance.ways->furthest = instance.ways->lost = 0;
 }
 
 }  // namespace graupel::rom::device

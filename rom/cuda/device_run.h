@@ -266,8 +266,8 @@ class DeviceRunOn final : public DeviceRun {
   }
 
  private:
-  /// Steps of the longer one of the two graphs.
-  static constexpr int64_t graph_steps = 32;
+  /// Steps of the longer one of the two graphs: a frame's, where these are not too many.
+  int64_t graph_steps() const { return std::min<int64_t>(settings_.steps_per_frame, 64); }
   enum Segment { one_step, many_steps, first_kernel };
 
   void launch(int kernel) {
@@ -296,7 +296,7 @@ class DeviceRunOn final : public DeviceRun {
     view_.gather_blocks = std::max(1, blocks_for(view_.model.samples));
   }
   void prepare_graphs(int64_t steps) {
-    if (steps >= graph_steps) backend_.record(many_steps, [&] { steps_now(graph_steps); });
+    if (steps >= graph_steps()) backend_.record(many_steps, [&] { steps_now(graph_steps()); });
     backend_.record(one_step, [&] { steps_now(1); });
   }
   void steps_now(int64_t steps) {
@@ -304,7 +304,7 @@ class DeviceRunOn final : public DeviceRun {
   }
   void run_steps(int64_t steps) {
     prepare_graphs(steps);
-    for (; steps >= graph_steps; steps -= graph_steps) backend_.play(many_steps);
+    for (; steps >= graph_steps(); steps -= graph_steps()) backend_.play(many_steps);
     for (; steps > 0; --steps) backend_.play(one_step);
   }
 

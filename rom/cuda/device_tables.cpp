@@ -109,6 +109,7 @@ ModelTable model_table(const ReducedModel& model, const std::vector<int32_t>& sa
   table.stress_modes = fields->stress().modes;
   table.affine_modes = fields->affine().modes;
   check_size("latents", table.latents, most_latents);
+  check_size("parameters", static_cast<int>(model.parameters.size()), most_latents);
   check_size("modes of the deformation", table.deformation_modes, most_deformation_modes);
   check_size("modes of the stress", table.stress_modes, most_field_modes);
   check_size("modes of the affine velocity", table.affine_modes, most_field_modes);

@@ -53,8 +53,8 @@ enum class RunStatus : int32_t {
   singular       ///< the normal equations are singular or not finite
 };
 
-/// What a step leaves of an instance, beside its arrays.
-struct InstanceState {
+/// What a step leaves of an instance, beside its arrays; copied by words of eight bytes.
+struct alignas(8) InstanceState {
   double latent[most_latents], velocity[most_latents];
   double moved;               ///< since nodes were marked [m]
   double residual;            ///< largest of the frame, over the samples' way
@@ -70,7 +70,7 @@ struct InstanceState {
 };
 
 /// What a step's fit needs of the samples that are not lost.
-struct WaySums {
+struct alignas(8) WaySums {
   double projection[most_deformation_modes];  ///< U^T way
   double moved2;                              ///< sum of the squares of the ways [m^2]
   int32_t furthest;                           ///< bits of the longest way's square, a float

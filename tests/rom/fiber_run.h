@@ -3,6 +3,8 @@
 
 #include <algorithm>
 #include <cstring>
+#include <functional>
+#include <map>
 #include <vector>
 
 #include "rom/cuda/device_run.h"
@@ -47,10 +49,10 @@ class FiberBackend {
     std::copy_n(from, n, to);
   }
   template <typename Work>
-  void record(int, const Work& work) {
-    last_ = work;
+  void record(int kind, const Work& work) {
+    recorded_[kind] = work;
   }
-  void play(int) { last_(); }
+  void play(int kind) { recorded_.at(kind)(); }
   template <typename Work>
   double timed(const Work& work) {
     work();
@@ -67,7 +69,7 @@ class FiberBackend {
       }
     }
   }
-  std::function<void()> last_;
+  std::map<int, std::function<void()>> recorded_;
   FiberBlock block_{step_threads};
 };
 
