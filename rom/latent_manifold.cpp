@@ -2,6 +2,8 @@
 
 #include <Eigen/Eigenvalues>
 #include <algorithm>
+#include <limits>
+#include <numeric>
 #include <utility>
 
 namespace graupel::rom {
@@ -52,6 +54,39 @@ Eigen::VectorXd LatentManifold::project(const Eigen::VectorXd& q) const {
   const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(covariance);
   const Eigen::MatrixXd plane = solver.eigenvectors().rightCols(dimensions_);
   return mean + plane * (plane.transpose() * (q - mean));
+}
+
+Eigen::MatrixXd LatentManifold::between(const std::vector<float>& values, double value) const {
+  const std::size_t runs = first_.empty() ? 0 : first_.size() - 1;
+  if (runs < 2 || values.size() != runs) return {};
+  const Index length = first_[1] - first_[0];
+  for (std::size_t run = 0; run < runs; ++run)
+    if (first_[run + 1] - first_[run] != length) return {};
+  std::vector<std::size_t> order(runs);
+  std::iota(order.begin(), order.end(), std::size_t{0});
+  std::sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) { return values[a] < values[b]; });
+  std::size_t above = 1;
+  while (above + 1 < runs && static_cast<double>(values[order[above]]) < value) ++above;
+  const std::size_t low = order[above - 1], high = order[above];
+  const double from = static_cast<double>(values[low]), to = static_cast<double>(values[high]);
+  const double share = to > from ? (value - from) / (to - from) : 0.0;
+  return (1 - share) * latents_.middleCols(first_[low], length) + share * latents_.middleCols(first_[high], length);
+}
+
+Eigen::VectorXd nearest_on_curve(const Eigen::MatrixXd& curve, const Eigen::VectorXd& q, double place) {
+  Eigen::VectorXd best = q;
+  double least = std::numeric_limits<double>::infinity();
+  const auto now = static_cast<Index>(place);
+  for (Index i = std::max<Index>(0, now - curve_window); i + 1 < curve.cols() && i <= now + curve_window; ++i) {
+    const Eigen::VectorXd way = curve.col(i + 1) - curve.col(i);
+    const double share = std::clamp(way.dot(q - curve.col(i)) / std::max(way.squaredNorm(), 1e-300), 0.0, 1.0);
+    const Eigen::VectorXd point = curve.col(i) + share * way;
+    const double distance = (q - point).squaredNorm();
+    if (distance >= least) continue;
+    least = distance;
+    best = point;
+  }
+  return best;
 }
 
 }  // namespace graupel::rom

@@ -5,6 +5,10 @@
 
 namespace graupel::rom {
 
+/// Parts of the training's curve before and behind the present time among which the nearest point is looked for
+/// (rom/latent_manifold.h).
+inline constexpr int curve_window = 3;
+
 struct LatentState {
   std::vector<double> latent;      ///< q [r], without unit
   std::vector<double> velocity;    ///< q' [r] [1/s]

@@ -165,6 +165,9 @@ ReducedModel ReducedModel::load(const nn::Weights& weights) {
       throw InputError("'" + weights.file +
                        "' has runs of other snapshots than its latents ('latent.run'). Train the model again");
   }
+  if (weights.tensors.count("latent.parameters") > 0)
+    model.run_parameters = weights.get(
+        "latent.parameters", {extent(weights, "latent.parameters", 0), static_cast<int64_t>(model.parameters.size())});
   model.latent_scale = weights.get("latent.scale", {latents});
   read_judgement(weights, model);
   for (const auto& [key, value] : weights.metadata)
@@ -200,6 +203,11 @@ nn::Weights ReducedModel::store(nn::DType modes) const {
   weights.tensors["latent.training"] =
       nn::Tensor::from_float(training_latents, {static_cast<int64_t>(training_latents.size()) / r, r});
   if (!training_run.empty()) weights.tensors["latent.run"] = index_tensor(training_run);
+  if (!run_parameters.empty()) {
+    const auto width = static_cast<int64_t>(parameters.size());
+    weights.tensors["latent.parameters"] =
+        nn::Tensor::from_float(run_parameters, {static_cast<int64_t>(run_parameters.size()) / width, width});
+  }
   weights.tensors["latent.scale"] = nn::Tensor::from_float(latent_scale, {r});
   return weights;
 }

@@ -65,6 +65,7 @@ struct ReducedModel {
   /// training run to the others in that scale: beyond it a state is unlike those of the training.
   std::vector<float> training_latents;
   std::vector<int32_t> training_run;  ///< that each belongs to [n], ascending; empty in files without
+  std::vector<float> run_parameters;  ///< of every training run [runs, parameters]; empty in files without
   std::vector<float> latent_scale;
   double latent_reach = 0;
   TrustLevels usual;       ///< of every frame in roll-outs of training runs

@@ -116,6 +116,7 @@ ReducedSolver<T>::ReducedSolver(const ReducedModel& model, mpm::PreparedScene pr
   if (!(step_factor_ > 0))
     throw ConfigError(fmt::format("a time step factor of {} is out of range (above 0). Use 1", step_factor_));
   state_.parameters = std::move(parameters);
+  if (state_.parameters.size() == 1) curve_ = manifold_.between(model.run_parameters, state_.parameters.front());
   grid_.choose(points_.candidates());
   fields_ = bind_fields<T>(*model_.fields, points_.candidates().particles);
   start();
@@ -254,7 +255,10 @@ void ReducedSolver<T>::invert(double dt) {
   misfit_ = report.distance / dt;
   Eigen::VectorXd previous = old;
   if (manifold_pull_ > 0) {
-    const Eigen::VectorXd way = manifold_pull_ * (manifold_.project(latent) - latent);
+    const double place = (time_ + dt) / model_.frame_time;
+    const Eigen::VectorXd way =
+        manifold_pull_ *
+        ((curve_.size() > 0 ? nearest_on_curve(curve_, latent, place) : manifold_.project(latent)) - latent);
     latent += way;
     previous += way;
   }

@@ -86,6 +86,7 @@ class ReducedSolver {
   ReducedOptions options_;
   double step_factor_, manifold_pull_;
   LatentManifold manifold_;
+  Eigen::MatrixXd curve_;  ///< of the manifold at the run's parameter; may be none
   std::vector<int32_t> samples_;
   ParticleGrid<T> grid_;
   IntegrationPoints<T> points_;

@@ -121,6 +121,9 @@ void NsfSnapshots::choose_particles(const rom::ModeTable& deformation, rom::Redu
   model.step_factor = config_.step_factor;
   model.manifold_pull = config_.manifold_pull;
   model.training_run.assign(run_of_.begin(), run_of_.end());
+  for (int run = 0; run < set_.runs(); ++run)
+    for (const SweptParameter& p : set_.parameters())
+      model.run_parameters.push_back(static_cast<float>(p.values[static_cast<std::size_t>(run)]));
   model.encoder = first(config_.encoder_particles);
 }
 

@@ -71,19 +71,26 @@ struct BranchBlocks {
   GRAUPEL_HD int all() const { return stress + affine + now + ahead; }
 };
 
-/// Coefficients of the deformation at q, and their change since the last step over dt; before the first step both are
-/// those of the start.
+/// Coefficients of the deformation at q, and their change from q - dt q' over dt; before the first step both are those
+/// of the start.
 template <typename Block>
 GRAUPEL_HD void deformation_now(const Block& block, const RunView& view, const InstanceView& instance, int mode,
                                 BranchShared& shared) {
   const InstanceState& state = *instance.state;
   if (state.steps == 0) return;
-  double a[1] = {mode < view.model.latents ? state.latent[mode] : 0.0};
-  if (mode >= view.model.latents)
-    map_output<false>(
-        block, view.model.closure, [&](int j) { return state.latent[j]; }, mode - view.model.latents, shared, a);
+  const auto now = [&](int j) { return state.latent[j]; };
+  const auto before = [&](int j) { return state.latent[j] - view.dt * state.velocity[j]; };
+  double a[1], b[1];
+  if (mode < view.model.latents) {
+    a[0] = now(mode);
+    b[0] = before(mode);
+  } else {
+    map_output<false>(block, view.model.closure, now, mode - view.model.latents, shared, a);
+    block.sync();
+    map_output<false>(block, view.model.closure, before, mode - view.model.latents, shared, b);
+  }
   if (block.thread() != 0) return;
-  instance.rate[mode] = (a[0] - instance.coefficient[mode]) / view.dt;
+  instance.rate[mode] = (a[0] - b[0]) / view.dt;
   instance.coefficient[mode] = a[0];
 }
 

@@ -214,12 +214,9 @@ GRAUPEL_HD void write_frame(const Block& block, const RunView& view, int number,
   const ModelView& model = view.model;
   for (int k = block.thread(); k < model.deformation_stride; k += block.threads()) {
     const bool real = k < model.deformation_modes;
-    // instance.coefficient is of the state before the last step until the next one begins.
-    const double rate = !real                        ? 0.0
-                        : instance.state->steps == 0 ? instance.rate[k]
-                                                     : (instance.reached[k] - instance.coefficient[k]) / view.dt;
+    // Until the next step begins, instance.coefficient is of the state before the last one.
     shared.deformation[k] = real ? static_cast<float>(instance.reached[k]) : 0.0f;
-    shared.rate[k] = static_cast<float>(rate);
+    shared.rate[k] = real ? static_cast<float>(instance.rate[k]) : 0.0f;
   }
   block.sync();
   const int warp = block.thread() / warp_width, lane = block.thread() % warp_width;

@@ -3,14 +3,18 @@
 // deformation's coefficients, S = da/dq at q*, and a_0 those before the step,
 //   S^T G S dq = S^T (U^T way - G (a(q*) - a_0)),   q <- q* + dq:
 // the samples themselves are not needed any more. Lengths are ways, not positions, so that nothing is lost to rounding.
+// A part of the way back to the training's curve follows, without a change of velocity.
 #pragma once
 
 #include "rom/cuda/device_step.h"
+#include "rom/latent_state.h"
 
 namespace graupel::rom::device {
 
 /// G has room in shared memory up to so many modes.
 inline constexpr int small_gram = 32;
+
+inline constexpr int curve_parts = 2 * curve_window + 1;
 
 struct FitShared {
   InstanceState state;  ///< at work; written back in the end
@@ -25,6 +29,8 @@ struct FitShared {
   double increment[most_deformation_modes];              ///< of the coefficients over the step
   double warp[step_warps];
   double condition;
+  double way[most_latents];                                     ///< of the way back that the step takes
+  double part_distance2[curve_parts], part_share[curve_parts];  ///< of parts of the curve
   int solved;
 };
 
@@ -179,15 +185,57 @@ struct Fit {
     shared.solved = fine ? 1 : 0;
   }
 
+  /// The way back to the curve of the training (rom/latent_manifold.h), as far as the step takes it; a part of the
+  /// curve a thread.
+  GRAUPEL_HD void find_way_back() const {
+    const int r = model.latents;
+    const InstanceState& state = shared.state;
+    const auto latent = [&](int j) { return state.latent[j] + view.dt * state.velocity[j] + shared.change[j]; };
+    const auto now = static_cast<int32_t>(static_cast<double>(state.steps + 1) * view.curve_step);
+    const int first = now > curve_window ? now - curve_window : 0, last = instance.curve_points - 2;
+    each(curve_parts, [&](int part) {
+      shared.part_distance2[part] = 1e300;
+      if (first + part > (now + curve_window < last ? now + curve_window : last)) return;
+      const double* const from = instance.curve + int64_t(first + part) * r;
+      double along = 0, length2 = 0, distance2 = 0;
+      for (int j = 0; j < r; ++j) {
+        along += (from[r + j] - from[j]) * (latent(j) - from[j]);
+        length2 += (from[r + j] - from[j]) * (from[r + j] - from[j]);
+      }
+      double share = along / (length2 > 1e-300 ? length2 : 1e-300);
+      share = share < 0 ? 0.0 : share > 1 ? 1.0 : share;
+      for (int j = 0; j < r; ++j) {
+        const double d = latent(j) - from[j] - share * (from[r + j] - from[j]);
+        distance2 += d * d;
+      }
+      shared.part_distance2[part] = distance2;
+      shared.part_share[part] = share;
+    });
+    block.sync();
+    each(r, [&](int j) {
+      int nearest = 0;
+      for (int part = 1; part < curve_parts; ++part)
+        if (shared.part_distance2[part] < shared.part_distance2[nearest]) nearest = part;
+      if (!(shared.part_distance2[nearest] < 1e300)) return;  // the run is longer than the training's
+      const double* const from = instance.curve + int64_t(first + nearest) * r;
+      const double point = from[j] + shared.part_share[nearest] * (from[r + j] - from[j]);
+      shared.way[j] = view.pull * (point - latent(j));
+    });
+  }
+
   /// Square of the distance that is left: way^2 - 2 b . da + da^T G da with b = U^T way and da the coefficients'
   /// change, to first order in the latent's.
   GRAUPEL_HD double distance2() const {
     const int r = model.latents, m = model.deformation_modes;
     each(m, [&](int k) {
-      double a = shared.ahead[k];
-      for (int j = 0; j < r; ++j) a += shared.slope[k * r + j] * shared.change[j];
-      instance.reached[k] = a;
+      double a = shared.ahead[k], back = 0;
+      for (int j = 0; j < r; ++j) {
+        a += shared.slope[k * r + j] * shared.change[j];
+        back += shared.slope[k * r + j] * shared.way[j];
+      }
       shared.increment[k] = a - shared.before[k];
+      instance.reached[k] = a + back;
+      instance.rate[k] = shared.increment[k] / view.dt;
     });
     block.sync();
     double sum = 0;
@@ -207,7 +255,7 @@ struct Fit {
     for (int j = 0; j < model.latents; ++j) {
       const double latent = state.latent[j] + view.dt * state.velocity[j] + shared.change[j];
       state.velocity[j] = (latent - state.latent[j]) / view.dt;
-      state.latent[j] = latent;
+      state.latent[j] = latent + shared.way[j];
     }
     const double distance = std::sqrt(left2 / (model.samples - ways.lost)), dx = instance.scene.grid.dx;
     const double way = std::sqrt(ways.moved2 / model.samples), least = 1e-4 * dx;
@@ -250,6 +298,10 @@ GRAUPEL_HD void fit(const Block& block, const RunView& view, FitShared& shared) 
     if (block.thread() == 0) instance.state->status = status;
     return;
   }
+  f.each(model.latents, [&](int j) { shared.way[j] = 0; });
+  block.sync();
+  if (view.pull > 0) f.find_way_back();
+  block.sync();
   const double left2 = f.distance2();
   if (block.thread() == 0) f.store(left2);
   block.sync();

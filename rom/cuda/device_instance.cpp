@@ -52,6 +52,8 @@ InstanceStore::InstanceStore(Device device, const ModelTable& model, InstanceTab
   keep(rate_, table_.rate);
   keep(reached_, table_.coefficient);
   view_.reached = reached_.data();
+  view_.curve = keep(curve_, table_.curve);
+  view_.curve_points = static_cast<int32_t>(table_.curve.size() / static_cast<std::size_t>(model.latents));
   view_.coefficient = coefficient_.data();
   view_.rate = rate_.data();
   view_.state = state;

@@ -23,7 +23,9 @@ namespace graupel::rom::device {
 
 struct RunSettings {
   int64_t steps_per_frame = 1;
-  double dt = 0;  ///< [s]
+  double dt = 0;          ///< [s]
+  double pull = 0;        ///< as RunView has it
+  double curve_step = 0;  ///< as RunView has it
 };
 
 class DeviceRun {
@@ -178,7 +180,7 @@ class InstanceStore {
   Buffer<int32_t> point_script_, sample_script_;
   Buffer<long long> node_mark_;
   Buffer<uint8_t> sample_still_, lost_, point_taken_;
-  Buffer<double> parameters_, map_rows_, coefficient_, rate_, ahead_, slope_, reached_, gram_;
+  Buffer<double> parameters_, map_rows_, coefficient_, rate_, ahead_, slope_, reached_, gram_, curve_;
   Buffer<WaySums> ways_;
 };
 
@@ -288,6 +290,8 @@ class DeviceRunOn final : public DeviceRun {
     view_.instances = views_.data();
     view_.instance_count = static_cast<int>(instances_.size());
     view_.dt = settings_.dt;
+    view_.pull = settings_.pull;
+    view_.curve_step = settings_.curve_step;
     const auto blocks_for = [](int items) { return (items + step_warps - 1) / step_warps; };
     // A few blocks a multiprocessor, shared by the instances; but no more than there is work for.
     const int share = std::max(4, 4 * backend_.processors() / view_.instance_count);

@@ -7,6 +7,7 @@
 
 #include "core/error.h"
 #include "rom/factored_fields.h"
+#include "rom/latent_manifold.h"
 #include "rom/reduced_model.h"
 #include "rom/reduced_solver.h"
 
@@ -95,6 +96,14 @@ void check_size(const char* what, int value, int most) {
                     value, what, most));
 }
 
+/// Where runs go at these parameters, [n, latents]; nothing where that is not known.
+std::vector<double> curve_of(const ReducedModel& model, const std::vector<double>& parameters) {
+  if (parameters.size() != 1) return {};
+  const LatentManifold manifold(model.training_latents, model.latents(), model.training_run, 2);
+  const Eigen::MatrixXd curve = manifold.between(model.run_parameters, parameters.front());
+  return {curve.data(), curve.data() + curve.size()};
+}
+
 }  // namespace
 
 ModelTable model_table(const ReducedModel& model, const std::vector<int32_t>& samples) {
@@ -143,7 +152,8 @@ InstanceTable instance_table(const ReducedModel& model, mpm::PreparedScene prepa
   const auto& fields = dynamic_cast<const FactoredFields&>(static_cast<const Fields&>(*model.fields));
   const ClosureBranch& branch = fields.deformation_branch();
   const auto m = static_cast<std::size_t>(branch.count()), r = static_cast<std::size_t>(branch.latents());
-  InstanceTable table{std::move(prepared), state.parameters, state.latent, state.velocity, {}, {}, {}};
+  InstanceTable table{std::move(prepared), state.parameters, state.latent, state.velocity, {}, {}, {}, {}};
+  table.curve = curve_of(model, state.parameters);
   table.point_share = model.integration_points(table.prepared.particles.volume).share;
   table.coefficient.resize(m);
   table.rate.assign(m, 0.0);
@@ -156,11 +166,12 @@ InstanceTable instance_table(const ReducedModel& model, mpm::PreparedScene prepa
 }
 
 void check_options(const ReducedModel& model, const ReducedOptions& options) {
-  const char* what = options.manifold_pull.value_or(model.manifold_pull) > 0
-                         ? "take no way back to the training's states (manifold_pull)"
-                     : options.outlier_factor.value_or(model.outlier_factor) > 0 ? "weigh no samples (outlier_factor)"
+  const bool pulled = options.manifold_pull.value_or(model.manifold_pull) > 0;
+  const char* what = options.outlier_factor.value_or(model.outlier_factor) > 0 ? "weigh no samples (outlier_factor)"
                      : options.iterations.value_or(1) > 1 ? "take one iteration of the inversion (iterations)"
-                                                          : nullptr;
+                     : pulled && curve_of(model, std::vector<double>(model.parameters.size(), 0)).empty()
+                         ? "take no way back to training runs of several parameters or lengths (manifold_pull)"
+                         : nullptr;
   if (what != nullptr)
     throw ConfigError(fmt::format("reduced models on the GPU {}. Use --device cpu, or a model without it", what));
 }

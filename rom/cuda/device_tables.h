@@ -45,6 +45,7 @@ struct InstanceTable {
   std::vector<double> parameters, latent, velocity;  ///< mu, q, q'
   std::vector<double> coefficient, rate;  ///< of the deformation's modes at the start, and their change [1/s]
   std::vector<double> point_share;        ///< [points] mass and volume over the particle's own
+  std::vector<double> curve;              ///< where runs go at these parameters [n, latents]; may be empty
 };
 
 /// Throws ConfigError for a model whose fields no kernel knows, or that is too large for them.
@@ -54,7 +55,8 @@ ModelTable model_table(const ReducedModel& model, const std::vector<int32_t>& sa
 void check_scene(const Scene& scene);
 /// `state` is that of the scene's start.
 InstanceTable instance_table(const ReducedModel& model, mpm::PreparedScene prepared, const LatentState& state);
-/// Throws ConfigError for what no kernel does: manifold_pull, outlier_factor, more than one iteration.
+/// Throws ConfigError for what no kernel does: outlier_factor, more than one iteration, and manifold_pull with more
+/// than one parameter.
 void check_options(const ReducedModel& model, const ReducedOptions& options);
 
 }  // namespace device

@@ -96,6 +96,8 @@ struct InstanceView {
   double *coefficient, *rate;  ///< of the deformation's modes, and their change in time [deformation modes]
   double *ahead, *slope;       ///< coefficients where the velocity takes q, and da/dq there [deformation modes, r]
   double* reached;             ///< coefficients after the step, to first order
+  const double* curve;         ///< where runs go at the instance's parameters [curve_points, r]
+  int32_t curve_points;        ///< 0: none
   double* gram;                ///< room for G of some of the samples
   WaySums* ways;
   uint8_t* lost;  ///< [samples]
@@ -122,6 +124,8 @@ struct RunView {
   const InstanceView* instances;
   int instance_count;
   double dt;          ///< [s]
+  double pull;        ///< share of the way to the curve that a step takes
+  double curve_step;  ///< parts of the curve that a step is
   int worker_blocks;  ///< of an instance: for clearing and marking nodes
   int decode_blocks, gather_blocks;
 };

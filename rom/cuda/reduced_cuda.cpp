@@ -55,6 +55,8 @@ ReducedDeviceSolver::ReducedDeviceSolver(const ReducedModel& model, std::vector<
   device::RunSettings settings;
   settings.steps_per_frame = steps_;
   settings.dt = dt_;
+  settings.pull = options.manifold_pull.value_or(model.manifold_pull);
+  settings.curve_step = dt_ / model.frame_time;
   run_ = device::make_cuda_run(table, std::move(tables), settings);
 }
 

@@ -29,8 +29,10 @@ std::unique_ptr<Run> fiber_run(const ReducedModel& model, const Scene& scene, co
     tables.push_back(device::instance_table(model, prepare(scene), start.state()));
   }
   const auto samples = options.samples.value_or(model.samples);
-  return std::make_unique<Run>(device::model_table(model, samples), std::move(tables),
-                               device::RunSettings{2, scene.frame_time / 2});
+  return std::make_unique<Run>(
+      device::model_table(model, samples), std::move(tables),
+      device::RunSettings{2, scene.frame_time / 2, options.manifold_pull.value_or(model.manifold_pull),
+                          scene.frame_time / 2 / model.frame_time});
 }
 
 /// Largest distance of the latents, over the way since the start. The CPU's run is of single precision too: in double
@@ -78,6 +80,39 @@ TEST_P(DeviceStep, IsTheStepOfTheCpu) {
       EXPECT_NEAR(frame[6 * p + d], truth.position[p][static_cast<int>(d)], 2e-5);
       EXPECT_NEAR(frame[6 * p + 3 + d], truth.velocity[p][static_cast<int>(d)], 5e-3);
     }
+}
+
+/// The swaying model with two training runs, whose curve a run at 33 is pulled to.
+ReducedModel pulled_model(const Scene& scene) {
+  ReducedModel model = swaying_model(scene);
+  model.manifold_pull = 0.4;
+  model.training_latents.clear();
+  model.training_run.clear();
+  model.run_parameters = {30, 40};
+  for (const int32_t run : {0, 1})
+    for (int step = 0; step < 5; ++step) {
+      model.training_latents.insert(model.training_latents.end(), {0.004f * step, 0.01f * run - 0.002f * step});
+      model.training_run.push_back(run);
+    }
+  return model;
+}
+
+TEST(DeviceRun, TakesTheSameWayBackToTheTraining) {
+  const Scene scene = swaying_scene();
+  const ReducedModel model = pulled_model(scene);
+  ReducedModel free = model;
+  free.manifold_pull = 0;
+  ReducedOptions options;
+  ReducedSolver<float> cpu(model, prepare(scene), {33}, options), other(free, prepare(scene), {33}, options);
+  const auto run = fiber_run(model, scene, {33}, options);
+  cpu.advance_frame();
+  other.advance_frame();
+  run->advance_frame();
+  EXPECT_LT(difference(cpu.state(), run->state(0).latent), 1e-3);
+  EXPECT_GT(difference(other.state(), run->state(0).latent), 0.05);
+  for (int j = 0; j < 2; ++j)
+    EXPECT_NEAR(run->state(0).velocity[j], cpu.state().velocity[static_cast<std::size_t>(j)],
+                2e-3 * std::abs(cpu.state().velocity[0]));
 }
 
 TEST(DeviceRun, InstancesMoveAsTheyDoAlone) {
@@ -228,7 +263,8 @@ TEST(DeviceTables, RefuseWhatNoKernelKnows) {
   EXPECT_THROW(device::check_options(model, options), ConfigError);
   ReducedOptions pulled;
   pulled.manifold_pull = 0.1;
-  EXPECT_THROW(device::check_options(model, pulled), ConfigError);
+  EXPECT_NO_THROW(device::check_options(pulled_model(swaying_scene()), pulled));
+  EXPECT_THROW(device::check_options(model, pulled), ConfigError);  // it knows no runs
   ReducedOptions robust;
   robust.outlier_factor = 3;
   EXPECT_THROW(device::check_options(model, robust), ConfigError);

@@ -41,6 +41,36 @@ TEST(LatentManifold, OfABentSheetIsNearIt) {
   EXPECT_LT(std::abs(manifold.project(beside)[3]), 1e-6);
 }
 
+TEST(LatentManifold, BetweenRunsIsALineInTheirParameter) {
+  // Runs (t, mu), in no order of mu.
+  std::vector<float> latents;
+  const std::vector<float> values = {3, 1, 2};
+  for (const float mu : values)
+    for (int step = 0; step < 4; ++step) latents.insert(latents.end(), {static_cast<float>(step), mu * mu});
+  const LatentManifold manifold(latents, 2, {0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2}, 2);
+  for (const auto& [value, squared] : {std::pair{1.0, 1.0}, {1.25, 1.75}, {2.5, 6.5}, {4.0, 14.0}, {0.0, -2.0}}) {
+    const Eigen::MatrixXd curve = manifold.between(values, value);
+    ASSERT_EQ(curve.cols(), 4);
+    for (int step = 0; step < 4; ++step) {
+      EXPECT_NEAR(curve(0, step), step, 1e-6);
+      EXPECT_NEAR(curve(1, step), squared, 1e-6) << value;
+    }
+  }
+  EXPECT_EQ(manifold.between({1, 2}, 1.5).size(), 0);
+  EXPECT_EQ(LatentManifold({0, 1, 2}, 1, {0, 0, 1}, 1).between({1, 2}, 1.5).size(), 0);  // runs of other lengths
+}
+
+TEST(LatentManifold, NearestPointOfACurveIsLookedForAroundThePresent) {
+  Eigen::MatrixXd curve(2, 21);  // there and back
+  for (int i = 0; i <= 20; ++i) curve.col(i) << (i < 10 ? i : 20 - i), 0.1 * i;
+  const Eigen::Vector2d q(4.2, 0.5);
+  EXPECT_NEAR(nearest_on_curve(curve, q, 4)[1], 0.42, 0.02);
+  EXPECT_NEAR(nearest_on_curve(curve, q, 16)[1], 1.58, 0.12);
+  EXPECT_EQ(nearest_on_curve(curve, q, 40), q);  // past its end
+  const Eigen::VectorXd once = nearest_on_curve(curve, q, 4);
+  EXPECT_LT((nearest_on_curve(curve, once, 4) - once).norm(), 1e-12);
+}
+
 TEST(LatentManifold, OfOneRunLeavesTheStateWhereItIs) {
   const LatentManifold manifold({0, 0, 0, 1, 1, 1}, 3, {0, 0}, 2);
   const Eigen::Vector3d q(5, -2, 7);
