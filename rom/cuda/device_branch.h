@@ -11,6 +11,7 @@ inline constexpr int most_inputs = 2 * most_latents;  ///< latents and parameter
 struct BranchShared {
   double place[most_inputs], inside[most_inputs];  ///< standardised input, and the same held at the centres' box
   double sums[step_warps][1 + most_latents];
+  int32_t first_place[step_warps];  ///< of the nodes that a warp marks at once
 };
 
 /// c_k(z) and, for `slope`, dc_k/dz_j, by a block, in its first thread. `input(j)` is z_j.
@@ -113,43 +114,54 @@ GRAUPEL_HD void deformation_ahead(const Block& block, const RunView& view, const
   for (int j = 0; j < r; ++j) instance.slope[mode * r + j] = a[1 + j];
 }
 
-/// Marks a node, once, and clears its sums.
+/// Marks a node a lane, each once, and clears their sums; `node` -1: none. All lanes of the warp must call it.
 template <typename Block>
-GRAUPEL_HD void mark_node(const Block& block, const InstanceView& instance, int64_t node, int32_t round) {
+GRAUPEL_HD void mark_warp(const Block& block, const InstanceView& instance, int64_t node, int32_t round,
+                          BranchShared& shared) {
   using Mark = long long;
-  Mark* const mark = instance.node_mark + node;
   const auto round_of = [](Mark value) { return static_cast<int32_t>(value >> 32); };
-  if (round_of(*mark) == round || round_of(block.max(mark, Mark{round} << 32)) == round) return;
-  const int32_t number = block.add(&instance.state->node_count, int32_t{1});
-  for (int c = 0; c < mpm::channels; ++c) instance.sums[int64_t(number) * mpm::channels + c] = 0.0f;
-  *mark = Mark{round} << 32 | number;
+  Mark* const mark = instance.node_mark + (node < 0 ? 0 : node);
+  const bool mine = node >= 0 && round_of(*mark) != round && round_of(block.max(mark, Mark{round} << 32)) != round;
+  // One count for all lanes: adding one by one, thousands of threads would wait for each other.
+  const uint32_t all = block.ballot(mine);
+  if (all == 0) return;
+  const int lane = block.thread() % warp_width, warp = block.thread() / warp_width;
+  if (lane == 0) shared.first_place[warp] = block.add(&instance.state->node_count, ones_of(all));
+  block.sync_warp();
+  const int32_t place = shared.first_place[warp] + ones_of(all & ((uint32_t{1} << lane) - 1));
+  block.sync_warp();
+  if (!mine) return;
+  for (int c = 0; c < mpm::channels; ++c) instance.sums[int64_t(place) * mpm::channels + c] = 0.0f;
+  *mark = Mark{round} << 32 | place;
 }
 
 /// Marks the nodes that samples can read until they have moved by half a cell: their stencils and one node more on
 /// every side; a warp a sample.
 template <typename Block>
 GRAUPEL_HD void mark_nodes(const Block& block, const RunView& view, const InstanceView& instance, int first_warp,
-                           int warps) {
+                           int warps, BranchShared& shared) {
   constexpr int width = 5;
   for (int s = first_warp; s < view.model.samples; s += warps) {
     const Vec<double, 3> x = sample_position(block, view.model, instance.reached, s);
     const Stencil stencil = stencil_at(instance, x.template cast<float>());
     if (!stencil.inside) continue;
-    for (int n = block.thread() % warp_width; n < width * width * width; n += warp_width) {
+    for (int first = 0; first < width * width * width; first += warp_width) {
+      const int n = first + block.thread() % warp_width;
       const Vec<int, 3> at = stencil.base + Vec<int, 3>{n / (width * width) - 1, n / width % width - 1, n % width - 1};
-      bool inside = true;
+      bool inside = n < width * width * width;
       for (int d = 0; d < 3; ++d) inside = inside && at[d] >= 0 && at[d] < instance.nodes[d];
-      if (inside) mark_node(block, instance, node_number(instance.nodes, at), instance.state->round);
+      mark_warp(block, instance, inside ? node_number(instance.nodes, at) : -1, instance.state->round, shared);
     }
   }
 }
 
 /// Clears the sums of all marked nodes, or marks others.
 template <typename Block>
-GRAUPEL_HD void prepare_nodes(const Block& block, const RunView& view, const InstanceView& instance, int worker) {
+GRAUPEL_HD void prepare_nodes(const Block& block, const RunView& view, const InstanceView& instance, int worker,
+                              BranchShared& shared) {
   if (instance.state->due != 0) {
     mark_nodes(block, view, instance, worker * step_warps + block.thread() / warp_width,
-               view.worker_blocks * step_warps);
+               view.worker_blocks * step_warps, shared);
     return;
   }
   const int64_t sums = int64_t(instance.state->node_count) * mpm::channels;
@@ -171,7 +183,7 @@ GRAUPEL_HD void branch(const Block& block, const RunView& view, BranchShared& sh
   if (part < blocks.now) return deformation_now(block, view, instance, part, shared);
   part -= blocks.now;
   if (part >= blocks.stress + blocks.affine)
-    return prepare_nodes(block, view, instance, part - blocks.stress - blocks.affine);
+    return prepare_nodes(block, view, instance, part - blocks.stress - blocks.affine, shared);
   const bool stress = part < blocks.stress;
   const auto input = [&](int j) {
     return j < model.latents ? instance.state->latent[j] : instance.parameters[j - model.latents];

@@ -51,22 +51,46 @@ GRAUPEL_HD inline void exchange_halves(const Block& block, int mask, float* valu
   }
 }
 
-/// Position and velocity of a particle into to[0 .. 5]; a mode a lane.
+/// What a lane reads of a point's modes, of the first group of each field: asked for while the point before is at work.
+struct PointModes {
+  float deformation[3];
+  uint32_t pair[stress_pairs + affine_pairs];
+};
 template <typename Block>
-GRAUPEL_HD void decode_deformation(const Block& block, const ModelView& model, int64_t particle,
+GRAUPEL_HD PointModes load_modes(const Block& block, const ModelView& model, int32_t point) {
+  const int lane = block.thread() % warp_width;
+  PointModes modes;
+  const float* const deformation =
+      model.deformation + int64_t(model.point_particle[point]) * 3 * model.deformation_stride + lane;
+  GRAUPEL_UNROLL
+  for (int c = 0; c < 3; ++c) modes.deformation[c] = deformation[c * model.deformation_stride];
+  const uint32_t* const stress = model.stress + int64_t(point) * stress_pairs * model.stress_stride + lane;
+  const uint32_t* const affine = model.affine + int64_t(point) * affine_pairs * model.affine_stride + lane;
+  GRAUPEL_UNROLL
+  for (int p = 0; p < stress_pairs; ++p) modes.pair[p] = stress[p * warp_width];
+  GRAUPEL_UNROLL
+  for (int p = 0; p < affine_pairs; ++p) modes.pair[stress_pairs + p] = affine[p * warp_width];
+  return modes;
+}
+
+/// Position and velocity of a particle into to[0 .. 5]; a mode a lane, the first of each component given.
+template <typename Block>
+GRAUPEL_HD void decode_deformation(const Block& block, const ModelView& model, int64_t particle, const float* given,
                                    const DecodeShared& shared, float* to) {
   const int lane = block.thread() % warp_width;
   float value[8] = {};
+  GRAUPEL_UNROLL
+  for (int c = 0; c < 3; ++c) {
+    value[c] = given[c] * shared.deformation[lane];
+    value[3 + c] = given[c] * shared.rate[lane];
+  }
   const float* const modes = model.deformation + particle * 3 * model.deformation_stride;
-  for (int k = lane; k < model.deformation_stride; k += warp_width) {
-    const float a = shared.deformation[k], rate = shared.rate[k];
-    GRAUPEL_UNROLL
+  for (int k = lane + warp_width; k < model.deformation_stride; k += warp_width)
     for (int c = 0; c < 3; ++c) {
       const float mode = modes[c * model.deformation_stride + k];
-      value[c] += mode * a;
-      value[3 + c] += mode * rate;
+      value[c] += mode * shared.deformation[k];
+      value[3 + c] += mode * shared.rate[k];
     }
-  }
   exchange_halves<8>(block, 16, value);
   exchange_halves<4>(block, 8, value);
   exchange_halves<2>(block, 4, value);
@@ -78,23 +102,24 @@ GRAUPEL_HD void decode_deformation(const Block& block, const ModelView& model, i
 }
 
 /// Stress and affine velocity of a point into to[6 .. 20]; two modes a lane, of even components in the lower half of
-/// the warp and of odd ones in the upper half.
+/// the warp and of odd ones in the upper half, the first of each given.
 template <typename Block>
-GRAUPEL_HD void decode_fields(const Block& block, const ModelView& model, int32_t point, const DecodeShared& shared,
-                              float* to) {
+GRAUPEL_HD void decode_fields(const Block& block, const ModelView& model, int32_t point, const uint32_t* given,
+                              const DecodeShared& shared, float* to) {
   const int lane = block.thread() % warp_width, k = 2 * (lane % 16), odd = lane / 16;
   float value[8] = {};
+  const auto add_pair = [&](float& sum, uint32_t pair, const float* coefficient) {
+    sum += float_of_half(static_cast<uint16_t>(pair)) * coefficient[0];
+    sum += float_of_half(static_cast<uint16_t>(pair >> 16)) * coefficient[1];
+  };
   const auto add_field = [&](auto pairs, int at, const uint32_t* rows, int stride, const float* coefficient) {
     constexpr int count = decltype(pairs)::value;  // of components
+    GRAUPEL_UNROLL
+    for (int p = 0; p < count; ++p) add_pair(value[at + p], given[at + p], coefficient + k);
     const uint32_t* row = rows + int64_t(point) * count * stride + lane;
-    for (int first = 0; first < stride; first += field_group, row += count * field_group) {
-      const float a = coefficient[first + k], b = coefficient[first + k + 1];
-      GRAUPEL_UNROLL
-      for (int p = 0; p < count; ++p) {
-        const uint32_t pair = row[p * warp_width];
-        value[at + p] += float_of_half(static_cast<uint16_t>(pair)) * a;
-        value[at + p] += float_of_half(static_cast<uint16_t>(pair >> 16)) * b;
-      }
+    for (int first = field_group; first < stride; first += field_group) {
+      row += count * field_group;
+      for (int p = 0; p < count; ++p) add_pair(value[at + p], row[p * warp_width], coefficient + first + k);
     }
   };
   add_field(std::integral_constant<int, stress_pairs>{}, 0, model.stress, model.stress_stride, shared.stress);
@@ -172,6 +197,27 @@ GRAUPEL_HD bool reaches_marked(const Block& block, const InstanceView& instance,
   return block.ballot(reaches) != 0;
 }
 
+/// A point whose modes are there. Where nodes were marked anew (`due`), whether it takes part is found first.
+template <typename Block>
+GRAUPEL_HD void take_point(const Block& block, const RunView& view, const InstanceView& instance, int32_t point,
+                           const PointModes& modes, bool due, DecodeShared& shared) {
+  const int lane = block.thread() % warp_width;
+  float* const decoded = shared.decoded[block.thread() / warp_width];
+  decode_deformation(block, view.model, view.model.point_particle[point], modes.deformation, shared, decoded);
+  decode_fields(block, view.model, point, modes.pair, shared, decoded);
+  block.sync_warp();
+  bool taken = true;
+  if (due) {
+    taken = reaches_marked(block, instance, {decoded[0], decoded[1], decoded[2]});
+    if (lane == 0) {
+      instance.point_taken[point] = taken ? 1 : 0;
+      if (taken) block.add(&shared.points, int32_t{1});
+    }
+  }
+  if (taken) scatter_point(block, view, instance, point, decoded);
+  block.sync_warp();
+}
+
 template <typename Block>
 GRAUPEL_HD void decode(const Block& block, const RunView& view, DecodeShared& shared) {
   const InstanceView& instance = view.instances[block.index() / view.decode_blocks];
@@ -179,26 +225,22 @@ GRAUPEL_HD void decode(const Block& block, const RunView& view, DecodeShared& sh
   load_coefficients(block, view.model, instance, shared);
   if (block.thread() == 0) shared.points = 0;
   block.sync();
-  const int warp = block.thread() / warp_width, lane = block.thread() % warp_width;
-  float* const decoded = shared.decoded[warp];
   const bool due = instance.state->due != 0;
-  for (int32_t point = block.index() % view.decode_blocks * step_warps + warp; point < view.model.points;
-       point += view.decode_blocks * step_warps) {
-    if (!due && instance.point_taken[point] == 0) continue;
-    decode_deformation(block, view.model, view.model.point_particle[point], shared, decoded);
-    block.sync_warp();
-    if (due) {
-      const bool taken = reaches_marked(block, instance, {decoded[0], decoded[1], decoded[2]});
-      if (lane == 0) {
-        instance.point_taken[point] = taken ? 1 : 0;
-        if (taken) block.add(&shared.points, int32_t{1});
-      }
-      if (!taken) continue;
-    }
-    decode_fields(block, view.model, point, shared, decoded);
-    block.sync_warp();
-    scatter_point(block, view, instance, point, decoded);
-    block.sync_warp();
+  const int32_t points = view.model.points, step = view.decode_blocks * step_warps;
+  const auto next = [&](int32_t point) {
+    while (point < points && !due && instance.point_taken[point] == 0) point += step;
+    return point;
+  };
+  int32_t point = next(block.index() % view.decode_blocks * step_warps + block.thread() / warp_width);
+  PointModes modes{};
+  if (point < points) modes = load_modes(block, view.model, point);
+  while (point < points) {
+    const int32_t after = next(point + step);
+    PointModes upcoming{};
+    if (after < points) upcoming = load_modes(block, view.model, after);
+    take_point(block, view, instance, point, modes, due, shared);
+    modes = upcoming;
+    point = after;
   }
   if (!due) return;
   block.sync();
@@ -221,7 +263,9 @@ GRAUPEL_HD void write_frame(const Block& block, const RunView& view, int number,
   block.sync();
   const int warp = block.thread() / warp_width, lane = block.thread() % warp_width;
   for (int32_t p = block.index() * step_warps + warp; p < model.particles; p += block.blocks() * step_warps) {
-    decode_deformation(block, model, p, shared, shared.decoded[warp]);
+    float given[3];
+    for (int c = 0; c < 3; ++c) given[c] = model.deformation[(3 * int64_t(p) + c) * model.deformation_stride + lane];
+    decode_deformation(block, model, p, given, shared, shared.decoded[warp]);
     block.sync_warp();
     if (lane < 6) frame[6 * int64_t(p) + lane] = shared.decoded[warp][lane];
     block.sync_warp();

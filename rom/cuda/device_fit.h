@@ -22,13 +22,14 @@ struct FitShared {
   double ahead[most_deformation_modes], before[most_deformation_modes];  ///< a(q*), a_0
   double slope[most_deformation_modes * most_latents];                   ///< S
   double gram[small_gram * small_gram];
-  double change[most_latents], right[most_latents];
+  double change[most_latents], right[most_latents], inverse[most_latents];
   double matrix[most_latents * most_latents];
   double projected[most_deformation_modes];              ///< U^T way - G (a(q*) - a_0)
   double turned[most_deformation_modes * most_latents];  ///< G S
   double increment[most_deformation_modes];              ///< of the coefficients over the step
   double warp[step_warps];
   double condition;
+  double curve[(curve_parts + 1) * most_latents];               ///< around the present
   double way[most_latents];                                     ///< of the way back that the step takes
   double part_distance2[curve_parts], part_share[curve_parts];  ///< of parts of the curve
   int solved;
@@ -146,12 +147,13 @@ struct Fit {
     return shared.solved != 0;
   }
 
-  /// Leaves L D below the diagonal, D on it, and L^-1 right.
+  /// Leaves L D below the diagonal, D on it and its inverse beside, and L^-1 right.
   GRAUPEL_HD void eliminate(int lane) const {
     const int r = model.latents;
     double* const A = shared.matrix;
-    for (int j = 0; j + 1 < r; ++j) {
+    for (int j = 0; j < r; ++j) {
       const double inverse = 1 / A[j * r + j];
+      if (lane == 0) shared.inverse[j] = inverse;
       const int n = r - j - 1;
       for (int e = lane; e < n * n; e += warp_width) {
         const int i = j + 1 + e / n, k = j + 1 + e % n;
@@ -165,7 +167,7 @@ struct Fit {
     const int r = model.latents;
     const double* const A = shared.matrix;
     for (int j = r - 1; j >= 0; --j) {
-      const double x = shared.right[j] / A[j * r + j];
+      const double x = shared.right[j] * shared.inverse[j];
       for (int k = lane; k < j; k += warp_width) shared.right[k] -= A[j * r + k] * x;
       if (lane == 0) shared.change[j] = x;
       block.sync_warp();
@@ -193,10 +195,15 @@ struct Fit {
     const auto latent = [&](int j) { return state.latent[j] + view.dt * state.velocity[j] + shared.change[j]; };
     const auto now = static_cast<int32_t>(static_cast<double>(state.steps + 1) * view.curve_step);
     const int first = now > curve_window ? now - curve_window : 0, last = instance.curve_points - 2;
+    const int there = (instance.curve_points - first) * r;  // numbers of the curve from the first part on
+    each((curve_parts + 1) * r, [&](int i) {
+      if (i < there) shared.curve[i] = instance.curve[int64_t(first) * r + i];
+    });
+    block.sync();
     each(curve_parts, [&](int part) {
       shared.part_distance2[part] = 1e300;
       if (first + part > (now + curve_window < last ? now + curve_window : last)) return;
-      const double* const from = instance.curve + int64_t(first + part) * r;
+      const double* const from = shared.curve + part * r;
       double along = 0, length2 = 0, distance2 = 0;
       for (int j = 0; j < r; ++j) {
         along += (from[r + j] - from[j]) * (latent(j) - from[j]);
@@ -217,7 +224,7 @@ struct Fit {
       for (int part = 1; part < curve_parts; ++part)
         if (shared.part_distance2[part] < shared.part_distance2[nearest]) nearest = part;
       if (!(shared.part_distance2[nearest] < 1e300)) return;  // the run is longer than the training's
-      const double* const from = instance.curve + int64_t(first + nearest) * r;
+      const double* const from = shared.curve + nearest * r;
       const double point = from[j] + shared.part_share[nearest] * (from[r + j] - from[j]);
       shared.way[j] = view.pull * (point - latent(j));
     });
@@ -257,9 +264,9 @@ struct Fit {
       state.velocity[j] = (latent - state.latent[j]) / view.dt;
       state.latent[j] = latent + shared.way[j];
     }
-    const double distance = std::sqrt(left2 / (model.samples - ways.lost)), dx = instance.scene.grid.dx;
-    const double way = std::sqrt(ways.moved2 / model.samples), least = 1e-4 * dx;
-    const double residual = distance / (way > least ? way : least);
+    const double dx = instance.scene.grid.dx, least = 1e-4 * dx, counted = model.samples - ways.lost;
+    const double way2 = ways.moved2 / model.samples;
+    const double residual = std::sqrt(left2 / (counted * (way2 > least * least ? way2 : least * least)));
     state.residual = residual > state.residual ? residual : state.residual;
     state.down_weighted += static_cast<double>(ways.lost) / model.samples;
     state.condition = shared.condition > state.condition ? shared.condition : state.condition;
@@ -269,7 +276,7 @@ struct Fit {
     ++state.step;
     float furthest2;
     __builtin_memcpy(&furthest2, &ways.furthest, sizeof furthest2);
-    state.moved += std::sqrt(static_cast<double>(furthest2));
+    state.moved += static_cast<double>(std::sqrt(furthest2));
     state.due = 2 * state.moved > dx ? 1 : 0;  // a sample and a point may move towards each other
     if (state.due == 0) return;
     ++state.round;

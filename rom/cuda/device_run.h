@@ -238,6 +238,8 @@ class DeviceRunOn final : public DeviceRun {
       backend_.record(first_kernel + kernel, [&] {
         for (int i = 0; i < times; ++i) launch(kernel);
       });
+      for (InstanceStore& instance : instances_) instance.begin_frame(time_, settings_.dt);
+      backend_.launch(view_.instance_count, BeginFrame{states_.data()});
       backend_.play(first_kernel + kernel);
       seconds[static_cast<std::size_t>(kernel)] = backend_.timed([&] { backend_.play(first_kernel + kernel); }) / times;
     }

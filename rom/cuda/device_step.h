@@ -36,6 +36,15 @@ GRAUPEL_HD inline float float_of_half(uint16_t bits) {
 #endif
 }
 
+/// Bits that are set.
+GRAUPEL_HD inline int32_t ones_of(uint32_t bits) {
+#if defined(__CUDA_ARCH__)
+  return __popc(bits);
+#else
+  return __builtin_popcount(bits);
+#endif
+}
+
 /// `value` of the lane whose number differs in the bits of `mask`.
 template <typename Block>
 GRAUPEL_HD inline double shuffle_xor(const Block& block, double value, int mask) {

@@ -11,7 +11,7 @@
 namespace graupel::rom::device {
 
 inline constexpr int most_latents = 16;
-inline constexpr int most_deformation_modes = 128, most_field_modes = 256;
+inline constexpr int most_deformation_modes = 96, most_field_modes = 256;
 inline constexpr int deformation_group = 32;  ///< modes are padded to this: one f32 a lane
 inline constexpr int field_group = 32;        ///< of stress and affine velocity: two f16 a lane of half a warp
 inline constexpr int stress_pairs = 3, affine_pairs = 5;  ///< of components, that a warp reads at once

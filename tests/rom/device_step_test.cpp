@@ -97,6 +97,14 @@ ReducedModel pulled_model(const Scene& scene) {
   return model;
 }
 
+TEST(DeviceRun, TimesItsKernels) {
+  const Scene scene = swaying_scene(scenes[2]);  // the obstacle's poses are those of one frame
+  const auto run = fiber_run(swaying_model(scene), scene, {33});
+  run->advance_frame();
+  for (const double seconds : run->kernel_seconds()) EXPECT_GE(seconds, 0);
+  EXPECT_LE(run->view().instances[0].state->step, 64 + 2);
+}
+
 TEST(DeviceRun, TakesTheSameWayBackToTheTraining) {
   const Scene scene = swaying_scene();
   const ReducedModel model = pulled_model(scene);
