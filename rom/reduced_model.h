@@ -58,6 +58,7 @@ struct ReducedModel {
   double manifold_pull = 0;                 ///< share of the way back to the training's sheet that a step takes
   double step_factor = 1;                   ///< steps over those of the training, by default
   Clusters clusters;                        ///< integration points; as many as particles: these themselves
+  std::vector<float> quadrature;            ///< weight of each cluster's point on the mass of all, [clusters]; empty: 1
   std::vector<int32_t> encoder;             ///< particles whose positions give the latent, by least squares
   std::optional<ConvEncoder> conv_encoder;  ///< the paper's, which then gives the latent instead
   std::vector<double> start_latent;         ///< mean over the training runs [r]

@@ -14,12 +14,35 @@ namespace train {
 /// How the modes are stored in the weights file.
 enum class ModeStorage { f32, f16 };
 
+/// Which of its particles a cluster's integration point is.
+enum class ClusterPoint {
+  random,
+  matched  ///< the one with which sums at grid nodes are most like those of all particles (train/grid_sums.h)
+};
+
+/// What an integration point counts.
+enum class Quadrature {
+  mass,   ///< as much as the particles that it stands for
+  fitted  ///< what makes sums at grid nodes those of all particles (train/grid_sums.h)
+};
+
 }  // namespace train
 
 template <>
 struct EnumWords<train::ModeStorage> {
   static constexpr std::pair<const char*, train::ModeStorage> words[] = {{"f32", train::ModeStorage::f32},
                                                                          {"f16", train::ModeStorage::f16}};
+};
+
+template <>
+struct EnumWords<train::ClusterPoint> {
+  static constexpr std::pair<const char*, train::ClusterPoint> words[] = {{"random", train::ClusterPoint::random},
+                                                                          {"matched", train::ClusterPoint::matched}};
+};
+template <>
+struct EnumWords<train::Quadrature> {
+  static constexpr std::pair<const char*, train::Quadrature> words[] = {{"mass", train::Quadrature::mass},
+                                                                        {"fitted", train::Quadrature::fitted}};
 };
 
 namespace train {
@@ -36,6 +59,9 @@ struct NsfConfig {
   double manifold_pull = 0;
   double outlier_factor = 0, step_factor = 1;
   int64_t cluster = 1;
+  ClusterPoint cluster_point = ClusterPoint::matched;
+  Quadrature quadrature = Quadrature::mass;
+  int64_t quadrature_snapshots = 16;
   int64_t encoder_particles = 2000;
   int64_t calibration_runs = 4;
   ModeStorage storage = ModeStorage::f16;
@@ -102,6 +128,20 @@ struct NsfConfig {
                                  .unit = "",
                                  .meaning = "So many particles that lie together are one integration point",
                                  .range = Range::between(1, 1000)});
+    visit(&C::cluster_point,
+          FieldInfo{.name = "cluster_point",
+                    .unit = "",
+                    .meaning = "Which particle of a cluster is its integration point: a random one, or "
+                               "the one that matches the training's sums at grid nodes"});
+    visit(&C::quadrature,
+          FieldInfo{.name = "quadrature",
+                    .unit = "",
+                    .meaning = "What an integration point counts: the mass of its particles, or weights "
+                               "fitted to the training's sums at grid nodes"});
+    visit(&C::quadrature_snapshots, FieldInfo{.name = "quadrature_snapshots",
+                                              .unit = "",
+                                              .meaning = "Training snapshots that points and weights are fitted to",
+                                              .range = Range::between(1, 1000)});
     visit(&C::encoder_particles, FieldInfo{.name = "encoder_particles",
                                            .unit = "",
                                            .meaning = "Particles whose positions give the latent of a state, at most",

@@ -1,5 +1,7 @@
 #include "train/nsf_snapshots.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -8,6 +10,7 @@
 #include "core/error.h"
 #include "core/memory.h"
 #include "core/random.h"
+#include "train/quadrature_fit.h"
 
 namespace graupel::train {
 
@@ -40,6 +43,20 @@ std::vector<float> NsfSnapshots::read(SnapshotField field) { return whole(field,
 
 std::vector<float> NsfSnapshots::read_means(SnapshotField field) { return whole(field, &clusters_); }
 
+void NsfSnapshots::fit_quadrature(const std::function<void(const std::string&)>& message) {
+  const bool as_made = config_.cluster_point == ClusterPoint::random && config_.quadrature == Quadrature::mass;
+  if (config_.cluster == 1 || as_made) return;
+  FittedQuadrature fit = train::fit_quadrature(set_, clusters_, config_);
+  clusters_.points = representatives_ = std::move(fit.points);
+  weights_ = std::move(fit.weights);
+  read_seconds_ += fit.read_seconds;
+  if (message)
+    message(fmt::format(
+        "quadrature: nodes' masses off by {:.3g} instead of {:.3g} %, forces by {:.3g} instead of "
+        "{:.3g} % ({:.1f} s)",
+        100 * fit.after.mass, 100 * fit.before.mass, 100 * fit.after.force, 100 * fit.before.force, fit.seconds));
+}
+
 SnapshotMatrix NsfSnapshots::matrix(const std::vector<float>& values) const {
   const auto rows = static_cast<Index>(set_.snapshots());
   return {values.data(), rows, static_cast<Index>(values.size()) / rows};
@@ -59,6 +76,7 @@ MatrixXd NsfSnapshots::inputs(const MatrixXd& latents) const {
 void NsfSnapshots::describe(const MatrixXd& latents, const std::vector<double>& scale,
                             const rom::ModeTable& deformation, rom::ReducedModel& model) const {
   model.clusters = clusters_;
+  model.quadrature = weights_;
   model.scene_json = set_.scene_json();
   model.frame_time = set_.frame_time();
   model.substeps_per_frame = set_.substeps_per_frame();
