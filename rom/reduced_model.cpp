@@ -109,6 +109,43 @@ Clusters read_clusters(const nn::Weights& weights) {
   return clusters;
 }
 
+/// Samples of later times; `particles`: of the body.
+std::vector<SampleWindow> read_windows(const nn::Weights& weights, int64_t particles) {
+  if (weights.tensors.count("samples.later") == 0) return {};
+  const std::vector<int32_t> all = get_indices(weights, "samples.later"),
+                             sizes = get_indices(weights, "samples.later.count");
+  const auto count = static_cast<int64_t>(sizes.size());
+  const std::vector<float> times = weights.get("samples.later.time", {count});
+  check_indices(weights, all, particles, "samples");
+  std::vector<SampleWindow> windows;
+  auto from = all.begin();
+  for (std::size_t i = 0; i < sizes.size(); ++i) {
+    const auto time = static_cast<double>(times[i]);
+    if (sizes[i] < 1 || sizes[i] > all.end() - from || !(time > (i > 0 ? windows.back().time : 0)))
+      throw InputError(fmt::format(
+          "'{}' has {} samples from {} s on (needed: times above 0 in ascending order, 1 sample and more of those "
+          "stored). Train the model again",
+          weights.file, sizes[i], time));
+    windows.push_back({time, {from, from + sizes[i]}});
+    from += sizes[i];
+  }
+  return windows;
+}
+
+void store_windows(const std::vector<SampleWindow>& windows, nn::Weights& weights) {
+  if (windows.empty()) return;
+  std::vector<int32_t> all, sizes;
+  std::vector<float> times;
+  for (const SampleWindow& window : windows) {
+    all.insert(all.end(), window.samples.begin(), window.samples.end());
+    sizes.push_back(static_cast<int32_t>(window.samples.size()));
+    times.push_back(static_cast<float>(window.time));
+  }
+  weights.tensors["samples.later"] = index_tensor(all);
+  weights.tensors["samples.later.count"] = index_tensor(sizes);
+  weights.tensors["samples.later.time"] = nn::Tensor::from_float(times, {static_cast<int64_t>(times.size())});
+}
+
 constexpr const char* field_names[] = {"deformation", "stress", "affine"};
 
 /// Weights of the integration points; a file without has each with the mass of its cluster.
@@ -175,6 +212,7 @@ ReducedModel ReducedModel::load(const nn::Weights& weights) {
   model.samples = get_indices(weights, "samples");
   model.encoder = get_indices(weights, "encoder");
   check_indices(weights, model.samples, n, "samples");
+  model.later_samples = read_windows(weights, n);
   check_indices(weights, model.encoder, n, "encoder's particles");
   if (weights.tensors.count("encoder.latent.weight") > 0)
     model.conv_encoder = ConvEncoder::load(weights, "encoder", n, latents);
@@ -215,6 +253,7 @@ nn::Weights ReducedModel::store(nn::DType modes) const {
   const int r = latents();
   weights.tensors["reference"] = nn::Tensor::from_float(reference, {fields->particles(), 3});
   weights.tensors["samples"] = index_tensor(samples);
+  store_windows(later_samples, weights);
   weights.tensors["encoder"] = index_tensor(encoder);
   if (conv_encoder) conv_encoder->store(weights, "encoder");
   weights.tensors["clusters"] = index_tensor(clusters.of_particle);

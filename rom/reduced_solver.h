@@ -31,7 +31,7 @@ struct ReducedOptions {
   int iterations = 3;                           ///< of the inversion
   std::optional<double> manifold_pull;          ///< instead of the model's
   std::optional<double> outlier_factor;         ///< of the inversion, instead of the model's
-  std::optional<std::vector<int32_t>> samples;  ///< instead of the model's
+  std::optional<std::vector<int32_t>> samples;  ///< instead of the model's, all the time
 };
 
 /// Seconds of the parts of steps, summed.
@@ -44,8 +44,8 @@ struct StepTiming {
 
 struct ReducedStatistics {
   StepTiming timing;
-  int64_t reduced_steps = 0;  ///< that were taken back and repeated at half the length; they count as steps, too
-  int64_t samples = 0;
+  int64_t reduced_steps = 0;    ///< that were taken back and repeated at half the length; they count as steps, too
+  int64_t samples = 0;          ///< at the end
   double mean_integration = 0;  ///< particles
   int64_t most_integration = 0;
   double mean_iterations = 0;  ///< of Gauss-Newton
@@ -75,6 +75,8 @@ class ReducedSolver {
 
  private:
   void start();
+  void take_samples(std::vector<int32_t> samples);
+  void take_due_samples(double dt);
   void choose_points();
   void invert(double dt);
   bool try_step(double dt);
@@ -84,6 +86,8 @@ class ReducedSolver {
   ReducedOptions options_;
   double step_factor_, manifold_pull_;
   LatentManifold manifold_;
+  std::vector<SampleWindow> later_samples_;
+  std::size_t next_samples_ = 0;  ///< of later_samples_
   std::vector<int32_t> samples_;
   ParticleGrid<T> grid_;
   IntegrationPoints<T> points_;

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <vector>
 
 #include "core/fields.h"
 #include "rom/reduced_model.h"
@@ -47,6 +48,28 @@ struct EnumWords<train::Quadrature> {
 
 namespace train {
 
+/// Samples from a time on.
+struct SampleWindowConfig {
+  double time = 0;
+  Vec3d low = Vec3d::filled(-1e30), high = Vec3d::filled(1e30);
+  int64_t samples = 300;
+
+  template <typename Visitor>
+  static void fields(Visitor&& visit) {
+    using C = SampleWindowConfig;
+    visit(&C::time, FieldInfo{.name = "time",
+                              .unit = "s",
+                              .meaning = "From the first step at or after this time on",
+                              .range = Range::not_negative()});
+    visit(&C::low, FieldInfo{.name = "low",
+                             .unit = "m",
+                             .meaning = "Lower corner of the box of the reference body that these samples lie in"});
+    visit(&C::high, FieldInfo{.name = "high", .unit = "m", .meaning = "Upper corner of the box"});
+    visit(&C::samples,
+          FieldInfo{.name = "samples", .unit = "", .meaning = "Sample particles", .range = Range::between(1, 1e6)});
+  }
+};
+
 struct NsfConfig {
   rom::FieldKind field = rom::FieldKind::factored;
   int64_t latents = 6;
@@ -56,6 +79,7 @@ struct NsfConfig {
   int64_t samples = 300;
   rom::SampleRule sample_rule = rom::SampleRule::random;
   Vec3d sample_low = Vec3d::filled(-1e30), sample_high = Vec3d::filled(1e30);
+  std::vector<SampleWindowConfig> sample_windows;
   double manifold_pull = 0;
   double outlier_factor = 0, step_factor = 1;
   int64_t cluster = 1;
@@ -110,6 +134,12 @@ struct NsfConfig {
                                     .meaning = "Lower corner of the box of the reference body that samples lie in"});
     visit(&C::sample_high,
           FieldInfo{.name = "sample_high", .unit = "m", .meaning = "Upper corner of the samples' box"});
+    visit(&C::sample_windows,
+          FieldInfo{.name = "sample_windows",
+                    .unit = "",
+                    .meaning =
+                        "Other samples from given times on, ascending; before the first of them samples, sample_low "
+                        "and sample_high hold"});
     visit(&C::manifold_pull,
           FieldInfo{.name = "manifold_pull",
                     .unit = "",

@@ -50,6 +50,9 @@ class NsfSnapshots {
  private:
   double reach(const Eigen::MatrixXd& latents) const;
   std::vector<float> whole(SnapshotField field, const rom::Clusters* clusters);
+  /// `box`: its name in messages.
+  std::vector<int32_t> samples_within(const Vec3d& low, const Vec3d& high, int64_t count, const std::string& box,
+                                      const rom::ModeTable& deformation, const std::vector<float>& reference) const;
   void choose_particles(const rom::ModeTable& deformation, rom::ReducedModel& model) const;
 
   const NsfConfig& config_;

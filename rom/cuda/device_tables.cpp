@@ -167,6 +167,14 @@ InstanceTable instance_table(const ReducedModel& model, mpm::PreparedScene prepa
   return table;
 }
 
+void check_samples(const ReducedModel& model, const ReducedOptions& options) {
+  if (!options.samples && !model.later_samples.empty())
+    throw ConfigError(
+        fmt::format("reduced models on the GPU keep their samples (this one takes others from {:g} s on, "
+                    "sample_windows). Use --device cpu, or a model that was trained without sample_windows",
+                    model.later_samples.front().time));
+}
+
 FitView fit_view(const ReducedModel& model, const ReducedOptions& options) {
   return {options.iterations, options.outlier_factor.value_or(model.outlier_factor), FitOptions{}.tolerance, false};
 }
