@@ -47,6 +47,7 @@ void divide(const std::vector<Vec3f>& reference, int size, Iterator begin, Itera
 }  // namespace
 
 std::vector<int32_t> Clusters::representatives() const {
+  if (!points.empty()) return points;
   std::vector<int32_t> chosen(static_cast<std::size_t>(count), -1);
   std::vector<uint32_t> least(chosen.size());
   const Random random(0, RandomPurpose::sample_particle, 1);

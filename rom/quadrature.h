@@ -14,7 +14,8 @@ namespace graupel::rom {
 struct Clusters {
   int64_t count = 0;
   std::vector<int32_t> of_particle;  ///< [particles], 0 to count - 1
-  /// A particle of every cluster, drawn at random, [count]; -1 for a cluster without any.
+  std::vector<int32_t> points;       ///< the particle of each that is its integration point; empty: a random one
+  /// Integration point of every cluster, [count]; -1 for a cluster without particles.
   std::vector<int32_t> representatives() const;
 };
 

@@ -97,10 +97,68 @@ Clusters read_clusters(const nn::Weights& weights) {
   const std::vector<int32_t> chosen = clusters.representatives();
   if (std::find(chosen.begin(), chosen.end(), -1) != chosen.end())
     throw InputError("'" + weights.file + "' has a cluster without particles. Train the model again");
+  if (weights.tensors.count("cluster_points") > 0) clusters.points = get_indices(weights, "cluster_points");
+  for (std::size_t c = 0; c < clusters.points.size(); ++c) {
+    const auto p = static_cast<std::size_t>(clusters.points[c]);
+    if (clusters.points.size() != chosen.size() || p >= clusters.of_particle.size() ||
+        clusters.of_particle[p] != static_cast<int32_t>(c))
+      throw InputError(fmt::format(
+          "'{}' has particle {} as the point of cluster {}, to which it does not belong. Train the model again",
+          weights.file, p, c));
+  }
   return clusters;
 }
 
+/// Samples of later times; `particles`: of the body.
+std::vector<SampleWindow> read_windows(const nn::Weights& weights, int64_t particles) {
+  if (weights.tensors.count("samples.later") == 0) return {};
+  const std::vector<int32_t> all = get_indices(weights, "samples.later"),
+                             sizes = get_indices(weights, "samples.later.count");
+  const auto count = static_cast<int64_t>(sizes.size());
+  const std::vector<float> times = weights.get("samples.later.time", {count});
+  check_indices(weights, all, particles, "samples");
+  std::vector<SampleWindow> windows;
+  auto from = all.begin();
+  for (std::size_t i = 0; i < sizes.size(); ++i) {
+    const auto time = static_cast<double>(times[i]);
+    if (sizes[i] < 1 || sizes[i] > all.end() - from || !(time > (i > 0 ? windows.back().time : 0)))
+      throw InputError(fmt::format(
+          "'{}' has {} samples from {} s on (needed: times above 0 in ascending order, 1 sample and more of those "
+          "stored). Train the model again",
+          weights.file, sizes[i], time));
+    windows.push_back({time, {from, from + sizes[i]}});
+    from += sizes[i];
+  }
+  return windows;
+}
+
+void store_windows(const std::vector<SampleWindow>& windows, nn::Weights& weights) {
+  if (windows.empty()) return;
+  std::vector<int32_t> all, sizes;
+  std::vector<float> times;
+  for (const SampleWindow& window : windows) {
+    all.insert(all.end(), window.samples.begin(), window.samples.end());
+    sizes.push_back(static_cast<int32_t>(window.samples.size()));
+    times.push_back(static_cast<float>(window.time));
+  }
+  weights.tensors["samples.later"] = index_tensor(all);
+  weights.tensors["samples.later.count"] = index_tensor(sizes);
+  weights.tensors["samples.later.time"] = nn::Tensor::from_float(times, {static_cast<int64_t>(times.size())});
+}
+
 constexpr const char* field_names[] = {"deformation", "stress", "affine"};
+
+/// Weights of the integration points; a file without has each with the mass of its cluster.
+std::vector<float> read_quadrature(const nn::Weights& weights, int64_t points) {
+  if (weights.tensors.count("quadrature") == 0) return {};
+  std::vector<float> quadrature = weights.get("quadrature", {points});
+  for (const float w : quadrature)
+    if (!(w >= 0 && std::isfinite(w)))
+      throw InputError(fmt::format(
+          "'{}' has a weight of {} among those of its integration points (allowed: 0 and above). Train the model again",
+          weights.file, w));
+  return quadrature;
+}
 
 /// What older files may lack.
 void read_judgement(const nn::Weights& weights, ReducedModel& model) {
@@ -143,6 +201,7 @@ ReducedModel ReducedModel::load(const nn::Weights& weights) {
   if (latents < 1) throw InputError("'" + weights.file + "' has no latent. Train the model again");
   const int inputs = latents + static_cast<int>(model.parameters.size());
   model.clusters = read_clusters(weights);
+  model.quadrature = read_quadrature(weights, model.clusters.count);
   const auto n = static_cast<int64_t>(model.clusters.of_particle.size());
   model.reference = weights.get("reference", {n, 3});
   if (read_kind(weights) == FieldKind::mlp)
@@ -153,6 +212,7 @@ ReducedModel ReducedModel::load(const nn::Weights& weights) {
   model.samples = get_indices(weights, "samples");
   model.encoder = get_indices(weights, "encoder");
   check_indices(weights, model.samples, n, "samples");
+  model.later_samples = read_windows(weights, n);
   check_indices(weights, model.encoder, n, "encoder's particles");
   if (weights.tensors.count("encoder.latent.weight") > 0)
     model.conv_encoder = ConvEncoder::load(weights, "encoder", n, latents);
@@ -196,9 +256,12 @@ nn::Weights ReducedModel::store(nn::DType modes) const {
   const int r = latents();
   weights.tensors["reference"] = nn::Tensor::from_float(reference, {fields->particles(), 3});
   weights.tensors["samples"] = index_tensor(samples);
+  store_windows(later_samples, weights);
   weights.tensors["encoder"] = index_tensor(encoder);
   if (conv_encoder) conv_encoder->store(weights, "encoder");
   weights.tensors["clusters"] = index_tensor(clusters.of_particle);
+  if (!clusters.points.empty()) weights.tensors["cluster_points"] = index_tensor(clusters.points);
+  if (!quadrature.empty()) weights.tensors["quadrature"] = nn::Tensor::from_float(quadrature, {clusters.count});
   weights.tensors["latent.start"] = nn::Tensor::from_float(floats(start_latent), {r});
   weights.tensors["latent.training"] =
       nn::Tensor::from_float(training_latents, {static_cast<int64_t>(training_latents.size()) / r, r});
@@ -218,6 +281,7 @@ GridParticles ReducedModel::integration_points(const std::vector<double>& volume
   all.share.assign(all.particles.size(), 0.0);
   for (std::size_t p = 0; p < volume.size(); ++p)
     all.share[static_cast<std::size_t>(clusters.of_particle[p])] += volume[p];
+  for (std::size_t i = 0; i < quadrature.size(); ++i) all.share[i] *= static_cast<double>(quadrature[i]);
   for (std::size_t i = 0; i < all.particles.size(); ++i)
     all.share[i] /= volume[static_cast<std::size_t>(all.particles[i])];
   return all;
@@ -230,6 +294,7 @@ void ReducedModel::take_clusters(Clusters made) {
         "cluster=1",
         clusters.count));
   clusters = std::move(made);
+  quadrature.clear();
   if (clusters.count < fields->particles()) fields = fields->with_clusters(clusters);
 }
 

@@ -33,7 +33,7 @@ struct ReducedOptions {
   std::optional<int> iterations;
   std::optional<double> manifold_pull;          ///< instead of the model's
   std::optional<double> outlier_factor;         ///< of the inversion, instead of the model's
-  std::optional<std::vector<int32_t>> samples;  ///< instead of the model's
+  std::optional<std::vector<int32_t>> samples;  ///< instead of the model's, all the time
 };
 
 /// Seconds of the parts of steps, summed.
@@ -46,8 +46,8 @@ struct StepTiming {
 
 struct ReducedStatistics {
   StepTiming timing;
-  int64_t reduced_steps = 0;  ///< that were taken back and repeated at half the length; they count as steps, too
-  int64_t samples = 0;
+  int64_t reduced_steps = 0;    ///< that were taken back and repeated at half the length; they count as steps, too
+  int64_t samples = 0;          ///< at the end
   double mean_integration = 0;  ///< particles
   int64_t most_integration = 0;
   double mean_iterations = 0;  ///< of Gauss-Newton
@@ -77,6 +77,8 @@ class ReducedSolver {
 
  private:
   void start();
+  void take_samples(std::vector<int32_t> samples);
+  void take_due_samples(double dt);
   void choose_points();
   void invert(double dt);
   bool try_step(double dt);
@@ -87,6 +89,8 @@ class ReducedSolver {
   double step_factor_, manifold_pull_;
   LatentManifold manifold_;
   Eigen::MatrixXd curve_;  ///< of the manifold at the run's parameter; may be none
+  std::vector<SampleWindow> later_samples_;
+  std::size_t next_samples_ = 0;  ///< of later_samples_
   std::vector<int32_t> samples_;
   ParticleGrid<T> grid_;
   IntegrationPoints<T> points_;

@@ -128,6 +128,7 @@ class MlpTraining {
 
   std::optional<rom::ReducedModel> run() {
     report_.stages.clear();
+    snapshots_.fit_quadrature(options_.message);
     for (stage_ = 0; stage_ < stage_count; ++stage_) {
       Stage stage = prepare();
       if (restored_stage_ <= stage_) {

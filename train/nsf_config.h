@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <vector>
 
 #include "core/fields.h"
 #include "rom/reduced_model.h"
@@ -14,6 +15,18 @@ namespace train {
 /// How the modes are stored in the weights file.
 enum class ModeStorage { f32, f16 };
 
+/// Which of its particles a cluster's integration point is.
+enum class ClusterPoint {
+  random,
+  matched  ///< the one with which sums at grid nodes are most like those of all particles (train/grid_sums.h)
+};
+
+/// What an integration point counts.
+enum class Quadrature {
+  mass,   ///< as much as the particles that it stands for
+  fitted  ///< what makes sums at grid nodes those of all particles (train/grid_sums.h)
+};
+
 }  // namespace train
 
 template <>
@@ -22,7 +35,40 @@ struct EnumWords<train::ModeStorage> {
                                                                          {"f16", train::ModeStorage::f16}};
 };
 
+template <>
+struct EnumWords<train::ClusterPoint> {
+  static constexpr std::pair<const char*, train::ClusterPoint> words[] = {{"random", train::ClusterPoint::random},
+                                                                          {"matched", train::ClusterPoint::matched}};
+};
+template <>
+struct EnumWords<train::Quadrature> {
+  static constexpr std::pair<const char*, train::Quadrature> words[] = {{"mass", train::Quadrature::mass},
+                                                                        {"fitted", train::Quadrature::fitted}};
+};
+
 namespace train {
+
+/// Samples from a time on.
+struct SampleWindowConfig {
+  double time = 0;
+  Vec3d low = Vec3d::filled(-1e30), high = Vec3d::filled(1e30);
+  int64_t samples = 300;
+
+  template <typename Visitor>
+  static void fields(Visitor&& visit) {
+    using C = SampleWindowConfig;
+    visit(&C::time, FieldInfo{.name = "time",
+                              .unit = "s",
+                              .meaning = "From the first step at or after this time on",
+                              .range = Range::not_negative()});
+    visit(&C::low, FieldInfo{.name = "low",
+                             .unit = "m",
+                             .meaning = "Lower corner of the box of the reference body that these samples lie in"});
+    visit(&C::high, FieldInfo{.name = "high", .unit = "m", .meaning = "Upper corner of the box"});
+    visit(&C::samples,
+          FieldInfo{.name = "samples", .unit = "", .meaning = "Sample particles", .range = Range::between(1, 1e6)});
+  }
+};
 
 struct NsfConfig {
   rom::FieldKind field = rom::FieldKind::factored;
@@ -33,9 +79,13 @@ struct NsfConfig {
   int64_t samples = 300;
   rom::SampleRule sample_rule = rom::SampleRule::random;
   Vec3d sample_low = Vec3d::filled(-1e30), sample_high = Vec3d::filled(1e30);
+  std::vector<SampleWindowConfig> sample_windows;
   double manifold_pull = 0;
   double outlier_factor = 0, step_factor = 1;
   int64_t cluster = 1;
+  ClusterPoint cluster_point = ClusterPoint::matched;
+  Quadrature quadrature = Quadrature::mass;
+  int64_t quadrature_snapshots = 16;
   int64_t encoder_particles = 2000;
   int64_t calibration_runs = 4;
   ModeStorage storage = ModeStorage::f16;
@@ -84,6 +134,12 @@ struct NsfConfig {
                                     .meaning = "Lower corner of the box of the reference body that samples lie in"});
     visit(&C::sample_high,
           FieldInfo{.name = "sample_high", .unit = "m", .meaning = "Upper corner of the samples' box"});
+    visit(&C::sample_windows,
+          FieldInfo{.name = "sample_windows",
+                    .unit = "",
+                    .meaning =
+                        "Other samples from given times on, ascending; before the first of them samples, sample_low "
+                        "and sample_high hold"});
     visit(&C::manifold_pull,
           FieldInfo{.name = "manifold_pull",
                     .unit = "",
@@ -102,6 +158,20 @@ struct NsfConfig {
                                  .unit = "",
                                  .meaning = "So many particles that lie together are one integration point",
                                  .range = Range::between(1, 1000)});
+    visit(&C::cluster_point,
+          FieldInfo{.name = "cluster_point",
+                    .unit = "",
+                    .meaning = "Which particle of a cluster is its integration point: a random one, or "
+                               "the one that matches the training's sums at grid nodes"});
+    visit(&C::quadrature,
+          FieldInfo{.name = "quadrature",
+                    .unit = "",
+                    .meaning = "What an integration point counts: the mass of its particles, or weights "
+                               "fitted to the training's sums at grid nodes"});
+    visit(&C::quadrature_snapshots, FieldInfo{.name = "quadrature_snapshots",
+                                              .unit = "",
+                                              .meaning = "Training snapshots that points and weights are fitted to",
+                                              .range = Range::between(1, 1000)});
     visit(&C::encoder_particles, FieldInfo{.name = "encoder_particles",
                                            .unit = "",
                                            .meaning = "Particles whose positions give the latent of a state, at most",

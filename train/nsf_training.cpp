@@ -32,6 +32,7 @@ class FactoredTraining {
 
   rom::ReducedModel run() {
     rom::ReducedModel model;
+    snapshots_.fit_quadrature(options_.message);
     fit_deformation();
     rom::ModeTable stress, affine;
     auto stress_branch = fit_stress(stress);

@@ -73,9 +73,13 @@ SnapshotSet::SnapshotSet(const std::string& file) : file_(file) {
       const mpm::SampledParticles particles = mpm::sample_sources(scene, header.seed);
       if (particles.position.size() != reference_.size()) throw wrong("has other particles than its scene");
       const auto scripts = static_cast<int32_t>(particles.scripts.size()) + 1;
-      for (std::size_t p = 0; p < reference_.size(); ++p)
+      particle_volume_ = particles.volume;
+      for (std::size_t p = 0; p < reference_.size(); ++p) {
         particle_kind_.push_back(particles.material[p] * scripts +
                                  (particles.script.empty() ? 0 : particles.script[p] + 1));
+        const std::string& material = particles.material_names[static_cast<std::size_t>(particles.material[p])];
+        particle_mass_.push_back(particles.volume[p] * scene.materials.at(material).density);
+      }
     } else if (!(start.position == reference_)) {
       throw wrong("starts with other particles than the first run");
     } else if (header.frame_time != frame_time_) {
@@ -91,6 +95,12 @@ SnapshotSet::SnapshotSet(const std::string& file) : file_(file) {
     }
     first_snapshot_.push_back(first_snapshot_.back() + static_cast<int64_t>(header.frame_count()));
   }
+}
+
+std::vector<float> SnapshotSet::read(SnapshotField field, int64_t snapshot) const {
+  int run = 0;
+  while (first_snapshot(run + 1) <= snapshot) ++run;
+  return read_values(io::TrajectoryReader(file_), run, field, snapshot - first_snapshot(run), 1);
 }
 
 void SnapshotSet::visit(SnapshotField field, const std::function<void(int64_t, const float*)>& use) const {

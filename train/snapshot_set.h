@@ -38,10 +38,14 @@ class SnapshotSet {
   const std::vector<Vec3f>& reference() const { return reference_; }  ///< X: positions of the first frame [m]
   /// [particles]: equal for particles of one material and script.
   const std::vector<int32_t>& particle_kind() const { return particle_kind_; }
-  const std::string& scene_json() const { return scene_json_; }  ///< of the first run
-  double frame_time() const { return frame_time_; }              ///< [s]
+  const std::vector<double>& particle_volume() const { return particle_volume_; }  ///< of the reference body [m^3]
+  const std::vector<double>& particle_mass() const { return particle_mass_; }      ///< [kg]
+  const std::string& scene_json() const { return scene_json_; }                    ///< of the first run
+  double frame_time() const { return frame_time_; }                                ///< [s]
   int64_t substeps_per_frame() const { return substeps_per_frame_; }
 
+  /// A field in one snapshot, [particles, components].
+  std::vector<float> read(SnapshotField field, int64_t snapshot) const;
   /// Calls use(snapshot, values [particles, components]) once for every snapshot, from several threads.
   void visit(SnapshotField field, const std::function<void(int64_t, const float*)>& use) const;
 
@@ -53,6 +57,7 @@ class SnapshotSet {
   std::vector<SweptParameter> parameters_;
   std::vector<Vec3f> reference_;
   std::vector<int32_t> particle_kind_;
+  std::vector<double> particle_volume_, particle_mass_;
 };
 
 }  // namespace graupel::train

@@ -58,6 +58,21 @@ const char* const scenes[] = {
 class DeviceStep : public testing::TestWithParam<const char*> {};
 INSTANTIATE_TEST_SUITE_P(Scenes, DeviceStep, testing::ValuesIn(scenes));
 
+TEST(DeviceWeights, CountAsOnTheCpu) {
+  const Scene scene = swaying_scene();
+  ReducedModel model = swaying_model(scene);
+  ReducedSolver<float> plain(model, prepare(scene), {33}, {});
+  for (int64_t c = 0; c < model.clusters.count; ++c) model.quadrature.push_back(c % 2 == 0 ? 0.2f : 1.8f);
+  ReducedSolver<float> cpu(model, prepare(scene), {33}, {});
+  const auto run = fiber_run(model, scene, {33});
+  plain.advance_frame();
+  cpu.advance_frame();
+  run->advance_frame();
+  const double off = difference(cpu.state(), run->state(0).latent);
+  EXPECT_LT(off, 5e-4);
+  EXPECT_GT(difference(plain.state(), cpu.state().latent.data()), 10 * off);
+}
+
 TEST_P(DeviceStep, IsTheStepOfTheCpu) {
   const Scene scene = swaying_scene(GetParam());
   const ReducedModel model = swaying_model(scene);

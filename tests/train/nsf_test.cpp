@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <numeric>
 
 #include "core/error.h"
 #include "core/random.h"
@@ -214,6 +215,61 @@ TEST_F(NsfTraining, KeepsStressAtTheIntegrationPointsOnly) {
   EXPECT_EQ(factored(model).stress().rows(), model.clusters.count);
   EXPECT_LT(model.clusters.count, model.fields->particles() / 2);
   EXPECT_LT(displacement_error<double>(rom::ReducedModel::load(model.store(nn::DType::f16)), 29, {}), 0.1);
+}
+
+TEST_F(NsfTraining, FitsPointsAndWeightsOfClusters) {
+  NsfReport report;
+  NsfTrainingOptions some = options();
+  some.config.cluster = 6;
+  some.config.quadrature = Quadrature::fitted;
+  bool said = false;
+  some.message = [&](const std::string& text) { said = said || text.find("quadrature") == 0; };
+  const rom::ReducedModel model = train_factored(some, report);
+  EXPECT_TRUE(said);
+  ASSERT_EQ(static_cast<int64_t>(model.quadrature.size()), model.clusters.count);
+  const rom::ReducedModel stored = rom::ReducedModel::load(model.store(nn::DType::f32));
+  EXPECT_EQ(stored.quadrature, model.quadrature);
+  EXPECT_EQ(stored.clusters.representatives(), model.clusters.points);
+  std::vector<double> volume(static_cast<std::size_t>(model.fields->particles()), 2e-6);
+  const rom::GridParticles points = stored.integration_points(volume);
+  EXPECT_NEAR(std::accumulate(points.share.begin(), points.share.end(), 0.0), static_cast<double>(volume.size()),
+              1e-3 * static_cast<double>(volume.size()));
+  EXPECT_LT(displacement_error<float>(stored, 29, {}), 0.1);
+
+  some.config.cluster_point = ClusterPoint::random;
+  some.config.quadrature = Quadrature::mass;
+  const rom::ReducedModel random = train_factored(some, report);
+  EXPECT_TRUE(random.quadrature.empty());
+  EXPECT_TRUE(random.clusters.points.empty());
+  EXPECT_NE(random.clusters.representatives(), model.clusters.points);
+}
+
+TEST_F(NsfTraining, SamplesMayChangeWithTime) {
+  NsfReport report;
+  NsfTrainingOptions some = options();
+  some.config.calibration_runs = 0;
+  const nn::Weights fixed = train_factored(some, report).store(nn::DType::f32);
+  some.config.sample_windows = {{.samples = some.config.samples}};
+  const nn::Weights one = train_factored(some, report).store(nn::DType::f32);
+  ASSERT_EQ(one.tensors.size(), fixed.tensors.size());
+  for (const auto& [name, tensor] : fixed.tensors) EXPECT_EQ(tensor.bytes, one.tensors.at(name).bytes) << name;
+
+  const Vec3d middle = {0.25, 0.12, 0.25}, far = {2, 2, 2};
+  some.config.sample_windows = {{.samples = 100}, {.time = 0.2, .high = middle, .samples = 40}};
+  const rom::ReducedModel model = train_factored(some, report);
+  EXPECT_EQ(model.samples.size(), 100u);
+  ASSERT_EQ(model.later_samples.size(), 1u);
+  EXPECT_EQ(model.later_samples[0].time, 0.2);
+  EXPECT_EQ(model.later_samples[0].samples.size(), 40u);
+  for (const int32_t s : model.later_samples[0].samples)
+    for (std::size_t d = 0; d < 3; ++d)
+      EXPECT_LE(static_cast<double>(model.reference[3 * static_cast<std::size_t>(s) + d]), middle[static_cast<int>(d)]);
+  EXPECT_LT(displacement_error<float>(model, 29, {}), 0.05);
+
+  some.config.sample_windows = {{.time = 0.2}, {.time = 0.2}};
+  EXPECT_THROW(train_factored(some, report), ConfigError);
+  some.config.sample_windows = {{.time = 0.1, .low = far, .high = far}};
+  EXPECT_THROW(train_factored(some, report), ConfigError);
 }
 
 TEST_F(NsfTraining, SurvivesStorageAndTakesClustersAndLongerSteps) {
