@@ -16,7 +16,12 @@ namespace {
 
 enum class WeightOrder { by_output, by_center };
 
-MapTable map_table(const CoefficientMap& map, WeightOrder order) {
+MapTable map_table(const BranchMap& branch, WeightOrder order) {
+  if (branch.kind() != BranchKind::rbf)
+    throw ConfigError(
+        "reduced models with networks for branches run on the CPU only (allowed on the GPU: branch=rbf). Use --device "
+        "cpu, or train the model with branch=rbf");
+  const auto& map = dynamic_cast<const CoefficientMap&>(branch);
   MapTable table;
   table.inputs = map.inputs();
   table.outputs = map.outputs();
