@@ -5,16 +5,19 @@
 #include <Eigen/Cholesky>
 #include <cmath>
 #include <limits>
+#include <mutex>
 #include <numbers>
-#include <numeric>
+#include <optional>
 #include <utility>
 
+#include "core/device.h"
 #include "core/error.h"
 #include "core/random.h"
 #include "train/mlp_batches.h"
 #include "train/mlp_module.h"
 #include "train/run_folds.h"
 #include "train/stopwatch.h"
+#include "train/worker_threads.h"
 
 namespace graupel::train {
 
@@ -174,22 +177,35 @@ double squared_error(const rom::MlpMap& map, const MatrixXd& inputs, const Regre
   return sum;
 }
 
+/// The networks without a run each and the one of all rows, a thread each: single steps are too small to share.
 NetworkFit fit(const MatrixXd& inputs, const Regression& data, const std::vector<int>& run,
                const NetworkFitOptions& options) {
   const std::vector<Fold> parts = folds_of(run);
-  double error = 0, squares = 0;
-  for (const Fold& fold : parts) {
+  std::optional<rom::MlpMap> map;
+  std::vector<double> error(parts.size());
+  std::mutex speaks;
+  for_each_index(num_threads(), static_cast<int64_t>(parts.size()) + 1, [&](int64_t task) {
+    if (task == 0) {
+      map = fit_rows(data, options);
+      return;
+    }
+    const auto i = static_cast<std::size_t>(task - 1);
+    const Fold& fold = parts[i];
     const Stopwatch watch;
-    const double own = squared_error(fit_rows(data.chosen(fold.kept), options), inputs, data, fold.held);
-    const double all = data.outputs(fold.held, Eigen::all).squaredNorm();
-    error += own;
-    squares += all;
-    if (options.message && all > 0)
-      options.message(fmt::format("network without run {}: {:.3g} % in that run, {:.1f} s",
-                                  run[static_cast<std::size_t>(fold.held.front())], 100 * std::sqrt(own / all),
-                                  watch.seconds()));
+    error[i] = squared_error(fit_rows(data.chosen(fold.kept), options), inputs, data, fold.held);
+    const double squares = data.outputs(fold.held, Eigen::all).squaredNorm();
+    if (!options.message || squares == 0) return;
+    const std::lock_guard lock(speaks);
+    options.message(fmt::format("network without run {}: {:.3g} % in that run, {:.1f} s",
+                                run[static_cast<std::size_t>(fold.held.front())], 100 * std::sqrt(error[i] / squares),
+                                watch.seconds()));
+  });
+  double sum = 0, squares = 0;
+  for (std::size_t i = 0; i < parts.size(); ++i) {
+    sum += error[i];
+    squares += data.outputs(parts[i].held, Eigen::all).squaredNorm();
   }
-  return {fit_rows(data, options), squares > 0 ? std::sqrt(error / squares) : 0};
+  return {std::move(*map), squares > 0 ? std::sqrt(sum / squares) : 0};
 }
 
 }  // namespace

@@ -20,7 +20,7 @@ struct NetworkFitOptions {
   double learning_rate = 1e-2;  ///< the first
   double noise = 0.1;           ///< standard deviation of what is added to standardised inputs
   uint64_t seed = 0;
-  std::function<void(const std::string&)> message = {};
+  std::function<void(const std::string&)> message = {};  ///< one call at a time, from any thread
 };
 
 struct NetworkFit {

@@ -162,10 +162,10 @@ class FactoredTraining {
     field.modes = pod.modes();
     field.tail = pod.tail(pod.modes());
     report_.latent_tail = pod.tail(static_cast<int>(r));
+    say(fmt::format("latent: {} modes leave out {:.3g} %", r, 100 * report_.latent_tail));
     closure_.emplace(static_cast<int>(r),
                      fit_branch("deformation", latents_, nullptr, weighted(pod).rightCols(pod.modes() - r), field));
     deformation_ = unweighted_table(pod, SnapshotField::position, static_cast<int>(r));
-    say(fmt::format("latent: {} modes leave out {:.3g} %", r, 100 * report_.latent_tail));
     tell("deformation", field);
   }
 

@@ -6,6 +6,7 @@
 
 #include <cmath>
 
+#include "core/device.h"
 #include "core/error.h"
 #include "rom/factored_fields.h"
 #include "tests/train/curves.h"
@@ -258,12 +259,15 @@ TEST_F(NetworkBranches, FollowRatesAndNoModesBeyondTheLatents) {
   EXPECT_LT(displacement_error<double>(model, 29, {}), 0.1);
 }
 
-TEST_F(NetworkBranches, AreTheSameBytesAgain) {
+TEST_F(NetworkBranches, AreTheSameBytesAgainForAnyNumberOfThreads) {
   NsfTrainingOptions few = options();
   few.config.branch_steps = 40;
   NsfReport report;
-  const nn::Weights a = train_factored(few, report).store(nn::DType::f32),
-                    b = train_factored(few, report).store(nn::DType::f32);
+  const int threads = num_threads();
+  const nn::Weights a = train_factored(few, report).store(nn::DType::f32);
+  set_num_threads(1);
+  const nn::Weights b = train_factored(few, report).store(nn::DType::f32);
+  set_num_threads(threads);
   ASSERT_EQ(a.tensors.size(), b.tensors.size());
   for (const auto& [name, tensor] : a.tensors) EXPECT_EQ(tensor.bytes, b.tensors.at(name).bytes) << name;
 }
