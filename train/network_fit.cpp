@@ -13,6 +13,7 @@
 #include "core/device.h"
 #include "core/error.h"
 #include "core/random.h"
+#include "train/blas_threads.h"
 #include "train/mlp_batches.h"
 #include "train/mlp_module.h"
 #include "train/run_folds.h"
@@ -181,6 +182,7 @@ double squared_error(const rom::MlpMap& map, const MatrixXd& inputs, const Regre
 NetworkFit fit(const MatrixXd& inputs, const Regression& data, const std::vector<int>& run,
                const NetworkFitOptions& options) {
   const std::vector<Fold> parts = folds_of(run);
+  const SingleThreadedBlas one_thread;
   std::optional<rom::MlpMap> map;
   std::vector<double> error(parts.size());
   std::mutex speaks;
