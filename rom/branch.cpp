@@ -15,22 +15,22 @@ std::vector<double> map_input(const LatentState& state, int inputs) {
 
 void ClosureBranch::coefficients(const double* latent, double* a) const {
   std::copy_n(latent, latents_, a);
-  if (closure_.outputs() > 0) closure_.evaluate(latent, a + latents_);
+  if (closure_->outputs() > 0) closure_->evaluate(latent, a + latents_);
 }
 
 void ClosureBranch::jacobian(const double* latent, double* jacobian) const {
   std::fill_n(jacobian, latents_ * latents_, 0.0);
   for (int j = 0; j < latents_; ++j) jacobian[j * latents_ + j] = 1;
-  if (closure_.outputs() > 0) closure_.derivative(latent, latents_, jacobian + latents_ * latents_);
+  if (closure_->outputs() > 0) closure_->derivative(latent, latents_, jacobian + latents_ * latents_);
 }
 
 void MapBranch::coefficients(const LatentState& state, double* a) const {
-  map_.evaluate(map_input(state, map_.inputs()).data(), a);
+  map_->evaluate(map_input(state, map_->inputs()).data(), a);
 }
 
 void RateBranch::coefficients(const LatentState& state, double* a) const {
-  std::vector<double> rows(static_cast<std::size_t>(map_.outputs()));
-  map_.evaluate(map_input(state, map_.inputs()).data(), rows.data());
+  std::vector<double> rows(static_cast<std::size_t>(map_->outputs()));
+  map_->evaluate(map_input(state, map_->inputs()).data(), rows.data());
   for (int k = 0; k < count(); ++k) {
     a[k] = 0;
     for (int j = 0; j < latents_; ++j)

@@ -8,11 +8,11 @@
 #include <string>
 #include <vector>
 
-#include "nn/weights.h"
+#include "rom/branch_map.h"
 
 namespace graupel::rom {
 
-class CoefficientMap {
+class CoefficientMap final : public BranchMap {
  public:
   CoefficientMap() = default;
   /// `centers` [k, inputs] in the inputs' own units, `weights` [k, outputs], `linear` [1 + inputs, outputs], the
@@ -21,18 +21,16 @@ class CoefficientMap {
                  const std::vector<double>& centers, const std::vector<double>& weights,
                  const std::vector<double>& linear);
 
-  int inputs() const { return inputs_; }
-  int outputs() const { return outputs_; }
-
-  /// c(z), [outputs].
-  void evaluate(const double* z, double* c) const;
-  /// dc/dz_j for the first `wrt` inputs, [outputs, wrt].
-  void derivative(const double* z, int wrt, double* jacobian) const;
+  BranchKind kind() const override { return BranchKind::rbf; }
+  int inputs() const override { return inputs_; }
+  int outputs() const override { return outputs_; }
+  void evaluate(const double* z, double* c) const override;
+  void derivative(const double* z, int wrt, double* jacobian) const override;
 
   /// Tensors <prefix>.shift, .scale [inputs], .centers [k, inputs], .weights [k, outputs], .linear [1 + inputs,
   /// outputs]. Throws InputError for one that is missing, of another shape or not finite.
   static CoefficientMap load(const nn::Weights& weights, const std::string& prefix, int inputs, int outputs);
-  void store(nn::Weights& weights, const std::string& prefix) const;
+  void store(nn::Weights& weights, const std::string& prefix) const override;
 
   /// The numbers themselves, for other implementations of evaluate().
   struct Parts {

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "core/error.h"
 #include "core/parallel_for.h"
 #include "rom/tiled_modes.h"
 
@@ -192,7 +193,10 @@ FactoredFields::FactoredFields(ModeTable deformation, ClosureBranch deformation_
       affine_(std::move(affine)),
       deformation_branch_(std::move(deformation_branch)),
       stress_branch_(std::move(stress_branch)),
-      affine_branch_(std::move(affine_branch)) {}
+      affine_branch_(std::move(affine_branch)) {
+  const BranchKind kind = deformation_branch_.map().kind();
+  GRAUPEL_ASSERT(stress_branch_.map().kind() == kind && affine_branch_->map().kind() == kind);
+}
 
 std::unique_ptr<PointFields<float>> FactoredFields::bind_f32(const std::vector<int32_t>& points) const {
   return std::make_unique<FactoredPoints<float>>(*this, points);
@@ -226,6 +230,7 @@ void FactoredFields::store(nn::Weights& weights, nn::DType modes) const {
   deformation_branch_.map().store(weights, "deformation.branch");
   stress_branch_.map().store(weights, "stress.branch");
   affine_branch_->map().store(weights, "affine.branch");
+  weights.metadata["branch"] = word_of(deformation_branch_.map().kind());
 }
 
 }  // namespace graupel::rom

@@ -11,6 +11,7 @@ namespace graupel::rom {
 
 class FactoredFields final : public Fields {
  public:
+  /// The branches are of one kind.
   FactoredFields(ModeTable deformation, ClosureBranch deformation_branch, ModeTable stress, MapBranch stress_branch,
                  ModeTable affine, std::shared_ptr<const Branch> affine_branch);
   /// The same fields with the means of stress and affine velocity over these clusters at their representatives; so far

@@ -78,6 +78,24 @@ void Mlp::evaluate(const Rows& z, Rows& y, Rows& jacobian) const {
   jacobian = (back * weight_[0]).array().rowwise() * row_of(input_.scale).array();
 }
 
+void Mlp::tangents(const Rows& z, int wrt, Rows& y, Rows& slopes) const {
+  Rows h = Rows::Zero(1 + wrt, inputs());  // the values, then their derivatives
+  h.row(0) = (z.row(0) - row_of(input_.shift)).array() * row_of(input_.scale).array();
+  for (int j = 0; j < wrt; ++j) h(1 + j, j) = input_.scale[static_cast<std::size_t>(j)];
+  for (int l = 0; l < layer_count; ++l) {
+    const auto i = static_cast<std::size_t>(l);
+    h = (h * weight_[i].transpose()).eval();
+    h.row(0) += bias_[i];
+    if (l == hidden_layers) break;
+    h.row(0) = h.row(0).unaryExpr([](double x) { return x > 0 ? x : std::expm1(x); }).eval();
+    const Eigen::RowVectorXd slope = h.row(0).unaryExpr([](double e) { return e > 0 ? 1.0 : e + 1.0; });
+    h.bottomRows(wrt).array().rowwise() *= slope.array();
+  }
+  h.array().rowwise() *= row_of(output_.scale).array();
+  y = h.row(0) + row_of(output_.shift);
+  slopes = h.bottomRows(wrt);
+}
+
 int mlp_inputs(const nn::Weights& weights, const std::string& prefix) {
   return static_cast<int>(extent(weights, layer_name(prefix, 0) + ".weight", 1));
 }

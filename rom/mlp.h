@@ -42,6 +42,9 @@ class Mlp {
   void evaluate(const Rows& z, Rows& y) const;
   /// The same and dy/dz, row n * outputs + c holding output c of row n, [n outputs, inputs].
   void evaluate(const Rows& z, Rows& y, Rows& jacobian) const;
+  /// y of one row z [1, inputs] and dy/dz_j for its first `wrt` inputs, [wrt, outputs], by one forward pass: for
+  /// networks of more outputs than that.
+  void tangents(const Rows& z, int wrt, Rows& y, Rows& slopes) const;
 
   /// Tensors <prefix>.layer0.weight [width, inputs], .layer0.bias [width] .. .layer5, .input.shift, .input.scale
   /// [inputs], .output.shift, .output.scale [outputs]. Throws InputError as nn::Weights::get, and for a scale of 0.

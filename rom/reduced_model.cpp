@@ -19,7 +19,7 @@ namespace {
 using Json = nlohmann::ordered_json;
 
 /// Metadata keys of the file that the model itself reads; the others are provenance.
-constexpr const char* own_keys[] = {"architecture", "field", "scene", "settings"};
+constexpr const char* own_keys[] = {"architecture", "field", "branch", "scene", "settings"};
 
 const std::string& metadata(const nn::Weights& weights, const std::string& key) {
   const auto at = weights.metadata.find(key);
@@ -66,16 +66,16 @@ FactoredFields read_factored(const nn::Weights& weights, int latents, int inputs
   for (std::size_t i = 0; i < deformation.points.size(); ++i)
     if (deformation.points[i] != static_cast<int32_t>(i))
       throw InputError("'" + weights.file + "' lacks the deformation of some particles. Train the model again");
-  ClosureBranch closure(latents,
-                        CoefficientMap::load(weights, "deformation.branch", latents, deformation.modes - latents));
-  MapBranch stress_branch(CoefficientMap::load(weights, "stress.branch", inputs, stress.modes));
+  const auto map = [&, kind = read_branch_kind(weights)](const char* prefix, int from, int outputs) {
+    return load_branch_map(weights, prefix, kind, from, outputs);
+  };
+  ClosureBranch closure(latents, map("deformation.branch", latents, deformation.modes - latents));
+  MapBranch stress_branch(map("stress.branch", inputs, stress.modes));
   std::shared_ptr<const Branch> affine_branch;
   if (affine_kind == AffineKind::rate)
-    affine_branch = std::make_shared<const RateBranch>(
-        latents, CoefficientMap::load(weights, "affine.branch", inputs, affine.modes * latents));
+    affine_branch = std::make_shared<const RateBranch>(latents, map("affine.branch", inputs, affine.modes * latents));
   else
-    affine_branch =
-        std::make_shared<const MapBranch>(CoefficientMap::load(weights, "affine.branch", inputs, affine.modes));
+    affine_branch = std::make_shared<const MapBranch>(map("affine.branch", inputs, affine.modes));
   return {std::move(deformation),   std::move(closure), std::move(stress),
           std::move(stress_branch), std::move(affine),  std::move(affine_branch)};
 }

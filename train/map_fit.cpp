@@ -5,37 +5,19 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <set>
 
-#include "core/error.h"
+#include "train/run_folds.h"
 
 namespace graupel::train {
 
 namespace {
 
-constexpr int folds = 4;
 constexpr double map_ridges[] = {1e-3, 1e-2, 3e-2, 0.1, 0.3, 1, 3, 10};
 constexpr double rate_ridges[] = {1e-10, 1e-9, 1e-8, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2};
 
 using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
-
-/// Shift and scale that give every input mean 0 and mean square 1.
-struct Standard {
-  std::vector<double> shift, scale;
-  MatrixXd values;
-
-  explicit Standard(const MatrixXd& inputs) : values(inputs) {
-    for (Index j = 0; j < inputs.cols(); ++j) {
-      const double mean = inputs.col(j).mean();
-      const double deviation = std::sqrt((inputs.col(j).array() - mean).square().mean());
-      shift.push_back(mean);
-      scale.push_back(deviation > 1e-12 * (1 + std::abs(mean)) ? 1 / deviation : 1);
-      values.col(j) = (inputs.col(j).array() - mean) * scale.back();
-    }
-  }
-};
 
 MatrixXd rows_of(const MatrixXd& from, const std::vector<Index>& rows) { return from(rows, Eigen::all); }
 
@@ -45,12 +27,6 @@ MatrixXd cubic_kernel(const MatrixXd& a, const MatrixXd& b) {
   distance2.colwise() += a.rowwise().squaredNorm();
   distance2.rowwise() += b.rowwise().squaredNorm().transpose();
   return distance2.array().max(0.0).pow(1.5);
-}
-
-MatrixXd with_ones(const MatrixXd& y) {
-  MatrixXd tail(y.rows(), y.cols() + 1);
-  tail << VectorXd::Ones(y.rows()), y;
-  return tail;
 }
 
 /// Weights and linear part of the smoothing spline: (K + ridge) w + P l = c, P^T w = 0.
@@ -70,29 +46,6 @@ struct Spline {
     linear = solution.bottomRows(p);
   }
 };
-
-struct Fold {
-  std::vector<Index> kept, held;
-};
-/// One run held out in each, none of them the first or the last: a new parameter lies between those of the training.
-std::vector<Fold> folds_of(const std::vector<int>& run) {
-  const std::set<int> distinct(run.begin(), run.end());
-  const std::vector<int> runs(distinct.begin(), distinct.end());
-  const int inner = static_cast<int>(runs.size()) - 2, count = std::min(folds, inner);
-  std::vector<Fold> result;
-  for (int f = 0; f < count; ++f) {
-    const int held = runs[static_cast<std::size_t>(1 + (2 * f + 1) * inner / (2 * count))];
-    Fold& fold = result.emplace_back();
-    for (std::size_t i = 0; i < run.size(); ++i)
-      (run[i] == held ? fold.held : fold.kept).push_back(static_cast<Index>(i));
-  }
-  return result;
-}
-
-std::vector<double> row_major(const MatrixXd& m) {
-  const Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> rows = m;
-  return {rows.data(), rows.data() + rows.size()};
-}
 
 /// The ridge of a list with the least error over held-out runs; error(ridge, fold) is a sum of squares. The middle one
 /// where there are too few runs to hold any out.
@@ -136,8 +89,8 @@ std::vector<Index> spread_rows(const MatrixXd& y, int count) {
 
 MapFit fit_map(const MatrixXd& inputs, const MatrixXd& outputs, const std::vector<int>& run, int centers) {
   if (centers < inputs.rows()) return fit_rate_map(inputs, MatrixXd::Ones(inputs.rows(), 1), outputs, run, centers);
-  const Standard standard(inputs);
-  const MatrixXd& y = standard.values;
+  const rom::Standardization standard = column_standardization(inputs);
+  const MatrixXd y = standardized(inputs, standard);
   MapFit fit;
   fit.ridge = best_ridge(folds_of(run), std::begin(map_ridges), std::end(map_ridges), outputs, fit.held_out_error,
                          [&](double ridge, const Fold& fold) {
@@ -160,8 +113,8 @@ MapFit fit_map(const MatrixXd& inputs, const MatrixXd& outputs, const std::vecto
 
 MapFit fit_rate_map(const MatrixXd& inputs, const MatrixXd& rates, const MatrixXd& outputs, const std::vector<int>& run,
                     int centers) {
-  const Standard standard(inputs);
-  const MatrixXd& y = standard.values;
+  const rom::Standardization standard = column_standardization(inputs);
+  const MatrixXd y = standardized(inputs, standard);
   const std::vector<Index> chosen = spread_rows(y, centers);
   const MatrixXd middle = rows_of(y, chosen);
   // Features (1, y, |y - y_i|^3) times each rate, all of mean square 1.

@@ -114,6 +114,7 @@ struct MlpModule::Impl {
     gradient = at::zeros({size}, options);
     average = at::zeros({size}, options);
     loss_sum = at::zeros({}, options);
+    points = at::zeros({1, shape.coordinates}, options);
     for (int l = 0; l < Mlp::layer_count; ++l) layers.push_back(layer("layer" + std::to_string(l)));
     if (shape.encoder_particles > 0) {
       const std::size_t count = ConvEncoder::lengths(shape.encoder_particles).size() - 1;
@@ -235,13 +236,31 @@ struct MlpModule::Impl {
     }
   }
 
+  /// Of the first layer's weights.
+  at::Tensor state_columns(const at::Tensor& w) const {
+    return w.narrow(1, shape.coordinates, w.size(1) - shape.coordinates);
+  }
+
+  /// The targets' prediction from the outputs [rows, outputs], y_k = sum_j M_kj q'_j where there are rates.
+  at::Tensor times_rates(const at::Tensor& outputs, const DeviceRows& rows) const {
+    if (shape.rates == 0) return outputs;
+    const at::Tensor rate = at::index_select(rates, 0, rows.snapshots).unsqueeze(1);
+    return at::sum(outputs.view({-1, shape.targets(), shape.rates}) * rate, 2);
+  }
+  /// The gradient with respect to the outputs from that with respect to the prediction.
+  at::Tensor times_rates_backward(const at::Tensor& grad, const DeviceRows& rows) const {
+    if (shape.rates == 0) return grad;
+    const at::Tensor rate = at::index_select(rates, 0, rows.snapshots).unsqueeze(1);
+    return (grad.unsqueeze(2) * rate).view({-1, shape.outputs});
+  }
+
   at::Tensor forward(const DeviceRows& rows, Record* record) const {
     const int64_t k = rows.snapshots.size(0), m = rows.points.size(0);
     const at::Tensor x = at::index_select(points, 0, rows.points);
     const at::Tensor z =
         shape.encoder_particles > 0 ? encode(rows.snapshots, record) : at::index_select(states, 0, rows.snapshots);
-    const at::Tensor &w = layers[0].weight, by_point = at::mm(x, w.narrow(1, 0, 3).t()),
-                     by_state = at::addmm(layers[0].bias, z, w.narrow(1, 3, w.size(1) - 3).t());
+    const at::Tensor &w = layers[0].weight, by_point = at::mm(x, w.narrow(1, 0, shape.coordinates).t()),
+                     by_state = at::addmm(layers[0].bias, z, state_columns(w).t());
     at::Tensor h = (by_state.unsqueeze(1) + by_point.unsqueeze(0)).view({k * m, -1});
     at::elu_(h);
     if (record) {
@@ -269,11 +288,11 @@ struct MlpModule::Impl {
     grad = grad.view({k, m, -1});
     const at::Tensor by_state = at::sum(grad, 1), by_point = at::sum(grad, 0);
     const at::Tensor& w = layers[0].weight_gradient;
-    w.narrow(1, 0, 3).copy_(at::mm(by_point.t(), record.points));
-    w.narrow(1, 3, w.size(1) - 3).copy_(at::mm(by_state.t(), record.states));
+    w.narrow(1, 0, shape.coordinates).copy_(at::mm(by_point.t(), record.points));
+    state_columns(w).copy_(at::mm(by_state.t(), record.states));
     layers[0].bias_gradient.copy_(at::sum(by_state, 0));
     if (shape.encoder_particles > 0)
-      encode_backward(record, at::mm(by_state, layers[0].weight.narrow(1, 3, shape.latents)));
+      encode_backward(record, at::mm(by_state, layers[0].weight.narrow(1, shape.coordinates, shape.latents)));
   }
 
   /// `rows` are on the device, the targets perhaps not.
@@ -291,9 +310,9 @@ struct MlpModule::Impl {
   at::Tensor forward_backward(const MlpBatch& batch) {
     const DeviceRows rows = upload(batch);
     Record record;
-    const at::Tensor difference = forward(rows, &record) - targets_of(batch, rows);
+    const at::Tensor difference = times_rates(forward(rows, &record), rows) - targets_of(batch, rows);
     const auto count = static_cast<double>(difference.numel());
-    backward(record, difference * (2 / count));
+    backward(record, times_rates_backward(difference * (2 / count), rows));
     return at::sum(difference * difference) / count;
   }
 
@@ -325,7 +344,7 @@ struct MlpModule::Impl {
   int64_t steps_in_loss = 0;
   std::vector<Layer> layers, convolutions;
   Layer encoder_hidden, encoder_latent;
-  at::Tensor points, states, targets, positions;
+  at::Tensor points, states, rates, targets, positions;
 };
 
 MlpModule::MlpModule(const MlpShape& shape, Device device, uint64_t seed, NumberType number) {
@@ -347,8 +366,13 @@ void MlpModule::set_states(const std::vector<float>& states) {
   impl_->states = impl_->to_device(states, {static_cast<int64_t>(states.size()) / width, width});
 }
 
+void MlpModule::set_rates(const std::vector<float>& rates) {
+  const int64_t width = impl_->shape.rates;
+  impl_->rates = impl_->to_device(rates, {static_cast<int64_t>(rates.size()) / width, width});
+}
+
 void MlpModule::set_targets(const std::vector<float>& targets, double limit) {
-  const int64_t width = impl_->shape.outputs, rows = static_cast<int64_t>(targets.size()) / width;
+  const int64_t width = impl_->shape.targets(), rows = static_cast<int64_t>(targets.size()) / width;
   const bool fits = static_cast<double>(targets.size() * sizeof(float)) <= limit;
   const at::Tensor values = Impl::host(targets, {rows, width});
   const auto dtype = c10::typeMetaToScalarType(impl_->options.dtype());
@@ -388,13 +412,16 @@ double MlpModule::take_loss() {
 MlpModule::Squares MlpModule::squares(const MlpBatch& batch) const {
   const at::NoGradGuard no_grad;
   const DeviceRows rows = impl_->upload(batch);
-  const at::Tensor target = impl_->targets_of(batch, rows), difference = impl_->forward(rows, nullptr) - target;
+  const at::Tensor target = impl_->targets_of(batch, rows),
+                   difference = impl_->times_rates(impl_->forward(rows, nullptr), rows) - target;
   return {at::sum(difference * difference).item().toDouble(), at::sum(target * target).item().toDouble()};
 }
 
 std::vector<double> MlpModule::predict(const MlpBatch& batch) const {
   const at::NoGradGuard no_grad;
-  const at::Tensor values = impl_->forward(impl_->upload(batch), nullptr).to(at::kCPU, at::kDouble).contiguous();
+  const DeviceRows rows = impl_->upload(batch);
+  const at::Tensor values =
+      impl_->times_rates(impl_->forward(rows, nullptr), rows).to(at::kCPU, at::kDouble).contiguous();
   return {values.data_ptr<double>(), values.data_ptr<double>() + values.numel()};
 }
 

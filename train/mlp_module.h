@@ -1,6 +1,6 @@
 // One network of the paper's reduced-order fields (rom/mlp.h) in training on a device, for the deformation with the
-// paper's encoder (rom/conv_encoder.h): weights, Adam's moments, and the snapshots that it is trained on. No torch type
-// appears here.
+// paper's encoder (rom/conv_encoder.h), or that of a factored field's branch (rom/mlp_map.h): weights, Adam's moments,
+// and the snapshots that it is trained on. No torch type appears here.
 #pragma once
 
 #include <cstdint>
@@ -17,7 +17,10 @@ struct MlpShape {
   int latents = 0, parameters = 0;  ///< inputs beside X: q, and mu where the field follows it
   int width = 0, outputs = 0;
   int64_t encoder_particles = 0;  ///< of the convolutional encoder, which then gives q; 0: none
-  int inputs() const { return 3 + latents + parameters; }
+  int coordinates = 3;            ///< of X; 0: a function of the state alone, whose only point has no place
+  int rates = 0;  ///< targets [outputs / rates] are the outputs, as a matrix, times so many rates; 0: none
+  int inputs() const { return coordinates + latents + parameters; }
+  int targets() const { return rates > 0 ? outputs / rates : outputs; }
 };
 
 /// Rows of a batch: every chosen point of every chosen snapshot.
@@ -38,11 +41,13 @@ class MlpModule {
   ~MlpModule();
   MlpModule(MlpModule&&) noexcept;
 
-  /// The training's data, standardised. X [points, 3]; (q, mu) [snapshots, latents + parameters], not with an encoder;
-  /// y [snapshots, points, outputs], on the device when it takes no more than `limit` bytes; positions of all
-  /// particles for the encoder [snapshots, 3, particles].
+  /// The training's data, standardised. X [points, 3], not of a function of the state alone; (q, mu) [snapshots,
+  /// latents + parameters], not with an encoder; rates [snapshots, rates], of a function of the state alone; y
+  /// [snapshots, points, targets], on the device when it takes no more than `limit` bytes; positions of all particles
+  /// for the encoder [snapshots, 3, particles].
   void set_points(const std::vector<float>& points);
   void set_states(const std::vector<float>& states);
+  void set_rates(const std::vector<float>& rates);
   void set_targets(const std::vector<float>& targets, double limit);
   void set_encoder_positions(const std::vector<float>& positions);
 
@@ -55,7 +60,7 @@ class MlpModule {
     double error = 0, target = 0;
   };
   Squares squares(const MlpBatch& batch) const;
-  /// y [snapshots, points, outputs].
+  /// y [snapshots, points, targets].
   std::vector<double> predict(const MlpBatch& batch) const;
   /// q of snapshots, [snapshots, latents], by the encoder.
   std::vector<double> encode(const std::vector<int64_t>& snapshots) const;

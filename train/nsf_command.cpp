@@ -44,8 +44,11 @@ NsfConfig config_of(const Arguments& arguments) {
 }
 
 Json json_of(const FieldReport& field) {
-  return {
-      {"modes", field.modes}, {"tail", field.tail}, {"held_out_error", field.held_out_error}, {"ridge", field.ridge}};
+  return {{"modes", field.modes},
+          {"tail", field.tail},
+          {"held_out_error", field.held_out_error},
+          {"ridge", field.ridge},
+          {"branch_seconds", field.branch_seconds}};
 }
 
 /// The model and what the training tells, in the run folder.

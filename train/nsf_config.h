@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "core/fields.h"
+#include "rom/branch_map.h"
 #include "rom/reduced_model.h"
 #include "rom/sample_rules.h"
 #include "train/mlp_config.h"
@@ -75,7 +76,10 @@ struct NsfConfig {
   int64_t latents = 6;
   int64_t deformation_modes = 32, stress_modes = 64, affine_modes = 64;
   rom::AffineKind affine = rom::AffineKind::position;
+  rom::BranchKind branch = rom::BranchKind::rbf;
   int64_t centers = 1000, affine_centers = 24;
+  int64_t branch_width = 64, branch_steps = 3000, branch_batch = 128;
+  double branch_learning_rate = 1e-2, branch_noise = 0.1;
   int64_t samples = 300;
   rom::SampleRule sample_rule = rom::SampleRule::random;
   Vec3d sample_low = Vec3d::filled(-1e30), sample_high = Vec3d::filled(1e30);
@@ -118,6 +122,11 @@ struct NsfConfig {
     visit(&C::affine, FieldInfo{.name = "affine",
                                 .unit = "",
                                 .meaning = "What the affine field follows: the latent's velocity, or its position"});
+    visit(&C::branch,
+          FieldInfo{.name = "branch",
+                    .unit = "",
+                    .meaning = "What gives the coefficients of the modes: radial basis functions (rbf), or a "
+                               "small network (mlp)"});
     visit(&C::centers, FieldInfo{.name = "centers",
                                  .unit = "",
                                  .meaning = "Centres of the branches; every snapshot where there are no more",
@@ -126,6 +135,28 @@ struct NsfConfig {
                                         .unit = "",
                                         .meaning = "Centres of the affine field's branch, when it follows the rate",
                                         .range = Range::between(0, 1000)});
+    visit(&C::branch_width, FieldInfo{.name = "branch_width",
+                                      .unit = "",
+                                      .meaning = "Hidden width of a branch's network",
+                                      .range = Range::between(1, 1024)});
+    visit(&C::branch_steps, FieldInfo{.name = "branch_steps",
+                                      .unit = "",
+                                      .meaning = "Steps of Adam that train a branch's network",
+                                      .range = Range::between(1, 1e7)});
+    visit(&C::branch_batch, FieldInfo{.name = "branch_batch",
+                                      .unit = "",
+                                      .meaning = "Snapshots of such a step; all where there are no more",
+                                      .range = Range::between(1, 1e6)});
+    visit(&C::branch_learning_rate, FieldInfo{.name = "branch_learning_rate",
+                                              .unit = "",
+                                              .meaning = "First learning rate of them; it falls to 0 as half a cosine",
+                                              .range = Range::positive()});
+    visit(&C::branch_noise,
+          FieldInfo{.name = "branch_noise",
+                    .unit = "",
+                    .meaning = "Standard deviation of the noise on their inputs (standardised), which "
+                               "keeps a network flat beside the states of the training",
+                    .range = Range::between(0, 10)});
     visit(&C::samples,
           FieldInfo{.name = "samples", .unit = "", .meaning = "Sample particles", .range = Range::between(1, 1e6)});
     visit(&C::sample_rule, FieldInfo{.name = "sample_rule", .unit = "", .meaning = "How the samples are chosen"});

@@ -8,6 +8,7 @@
 #include "core/error.h"
 #include "rom/factored_fields.h"
 #include "train/map_fit.h"
+#include "train/network_fit.h"
 #include "train/nsf_snapshots.h"
 #include "train/pod.h"
 #include "train/stopwatch.h"
@@ -114,8 +115,44 @@ class FactoredTraining {
   }
 
   void tell(const char* name, const FieldReport& field) const {
-    say(fmt::format("{}: {} modes leave out {:.3g} %, branch {:.3g} % in held-out runs (ridge {:g})", name, field.modes,
-                    100 * field.tail, 100 * field.held_out_error, field.ridge));
+    const std::string fit = config_.branch == rom::BranchKind::mlp
+                                ? fmt::format("network, {:.1f} s", field.branch_seconds)
+                                : fmt::format("ridge {:g}", field.ridge);
+    say(fmt::format("{}: {} modes leave out {:.3g} %, branch {:.3g} % in held-out runs ({})", name, field.modes,
+                    100 * field.tail, 100 * field.held_out_error, fit));
+  }
+
+  /// The map of a field's branch, from its inputs to the coefficients, or to those over `rates` where they are given.
+  rom::SharedMap fit_branch(const char* name, const MatrixXd& inputs, const MatrixXd* rates, const MatrixXd& outputs,
+                            FieldReport& field) {
+    const Stopwatch watch;
+    const std::vector<int>& run = snapshots_.run_of();
+    if (config_.branch == rom::BranchKind::mlp) {
+      const NetworkFitOptions options = network_options(name);
+      NetworkFit fit =
+          rates ? fit_rate_network(inputs, *rates, outputs, run, options) : fit_network(inputs, outputs, run, options);
+      field.held_out_error = fit.held_out_error;
+      field.branch_seconds = watch.seconds();
+      return std::move(fit.map);
+    }
+    MapFit fit = rates ? fit_rate_map(inputs, *rates, outputs, run, static_cast<int>(config_.affine_centers))
+                       : fit_map(inputs, outputs, run, static_cast<int>(config_.centers));
+    field.held_out_error = fit.held_out_error;
+    field.ridge = fit.ridge;
+    field.branch_seconds = watch.seconds();
+    return std::move(fit.map);
+  }
+
+  NetworkFitOptions network_options(const char* name) const {
+    NetworkFitOptions options;
+    options.width = static_cast<int>(config_.branch_width);
+    options.steps = config_.branch_steps;
+    options.batch = config_.branch_batch;
+    options.learning_rate = config_.branch_learning_rate;
+    options.noise = config_.branch_noise;
+    options.seed = config_.seed;
+    options.message = [this, name](const std::string& text) { say(std::string(name) + ": " + text); };
+    return options;
   }
 
   /// Deformation, and with it the latents, and their velocities where they are asked for.
@@ -137,44 +174,42 @@ class FactoredTraining {
     field.modes = pod.modes();
     field.tail = pod.tail(pod.modes());
     report_.latent_tail = pod.tail(static_cast<int>(r));
-    const MapFit fit = fit_map(latents_, weighted(pod).rightCols(pod.modes() - r), snapshots_.run_of(), centers());
-    field.held_out_error = fit.held_out_error;
-    field.ridge = fit.ridge;
-    closure_.emplace(static_cast<int>(r), fit.map);
-    deformation_ = unweighted_table(pod, SnapshotField::position, static_cast<int>(r));
     say(fmt::format("latent: {} modes leave out {:.3g} %", r, 100 * report_.latent_tail));
+    closure_.emplace(static_cast<int>(r),
+                     fit_branch("deformation", latents_, nullptr, weighted(pod).rightCols(pod.modes() - r), field));
+    deformation_ = unweighted_table(pod, SnapshotField::position, static_cast<int>(r));
     tell("deformation", field);
   }
 
   rom::MapBranch fit_stress(rom::ModeTable& table) {
     const Pod pod = decompose(SnapshotField::stress, &snapshots_.clusters(), config_.stress_modes);
     keep_singular_values("stress", pod);
-    const MapFit fit = fit_map(snapshots_.inputs(latents_), weighted(pod), snapshots_.run_of(), centers());
-    report_.stress = {pod.modes(), pod.tail(pod.modes()), fit.held_out_error, fit.ridge};
+    report_.stress.modes = pod.modes();
+    report_.stress.tail = pod.tail(pod.modes());
+    const rom::SharedMap map =
+        fit_branch("stress", snapshots_.inputs(latents_), nullptr, weighted(pod), report_.stress);
     table = at_representatives(unweighted_table(pod, SnapshotField::stress));
     tell("stress", report_.stress);
-    return rom::MapBranch(fit.map);
+    return rom::MapBranch(map);
   }
 
   std::shared_ptr<const rom::Branch> fit_affine(rom::ModeTable& table) {
     const Pod pod = decompose(SnapshotField::affine, &snapshots_.clusters(), config_.affine_modes, PodMean::kept);
     keep_singular_values("affine", pod);
     const bool rate = config_.affine == rom::AffineKind::rate;
-    const MapFit fit = rate ? fit_rate_map(snapshots_.inputs(latents_), rates_, weighted(pod), snapshots_.run_of(),
-                                           static_cast<int>(config_.affine_centers))
-                            : fit_map(snapshots_.inputs(latents_), weighted(pod), snapshots_.run_of(), centers());
-    report_.affine = {pod.modes(), pod.tail(pod.modes()), fit.held_out_error, fit.ridge};
+    report_.affine.modes = pod.modes();
+    report_.affine.tail = pod.tail(pod.modes());
+    const rom::SharedMap map =
+        fit_branch("affine", snapshots_.inputs(latents_), rate ? &rates_ : nullptr, weighted(pod), report_.affine);
     table = at_representatives(unweighted_table(pod, SnapshotField::affine));
     tell("affine", report_.affine);
-    if (rate) return std::make_shared<const rom::RateBranch>(static_cast<int>(config_.latents), fit.map);
-    return std::make_shared<const rom::MapBranch>(fit.map);
+    if (rate) return std::make_shared<const rom::RateBranch>(static_cast<int>(config_.latents), map);
+    return std::make_shared<const rom::MapBranch>(map);
   }
 
   void keep_singular_values(const std::string& field, const Pod& pod) {
     singular_values_[field].assign(pod.singular.data(), pod.singular.data() + pod.singular.size());
   }
-
-  int centers() const { return static_cast<int>(config_.centers); }
 
   /// Coefficients that count as much as their modes do.
   static MatrixXd weighted(const Pod& pod) {

@@ -19,7 +19,8 @@ struct FieldReport {
   int modes = 0;
   double tail = 0;            ///< root of the share of squares that the modes leave out of the training snapshots
   double held_out_error = 0;  ///< of the branch in runs that were held out, relative to the coefficients
-  double ridge = 0;
+  double ridge = 0;           ///< of radial basis functions
+  double branch_seconds = 0;
 };
 
 /// The roll-outs of training runs that tell what is usual.
@@ -44,7 +45,8 @@ struct NsfTrainingOptions {
   std::map<std::string, std::string> provenance = {};  ///< kept in the weights' metadata
 };
 
-/// Throws InputError for a data set that is no sweep, ConfigError for more latents than the snapshots have modes.
+/// Throws InputError for a data set that is no sweep, ConfigError for more latents than the snapshots have modes,
+/// DivergedError when the training of a branch diverges.
 rom::ReducedModel train_factored(const NsfTrainingOptions& options, NsfReport& report);
 
 }  // namespace graupel::train

@@ -15,7 +15,12 @@ namespace graupel::rom::device {
 
 namespace {
 
-MapTable map_table(const CoefficientMap& map) {
+MapTable map_table(const BranchMap& branch) {
+  if (branch.kind() != BranchKind::rbf)
+    throw ConfigError(
+        "reduced models with networks for branches run on the CPU only (allowed on the GPU: branch=rbf). Use --device "
+        "cpu, or train the model with branch=rbf");
+  const auto& map = dynamic_cast<const CoefficientMap&>(branch);
   const CoefficientMap::Parts parts = map.parts();
   return {map.inputs(), map.outputs(), parts.count,   parts.shift,   parts.scale,
           parts.low,    parts.high,    parts.centers, parts.weights, parts.linear};

@@ -10,36 +10,14 @@
 #include "rom/mlp_points.h"
 #include "rom/reduced_solver.h"
 #include "tests/apps/falling_model.h"
+#include "tests/rom/random_network.h"
 
 namespace graupel::rom {
 namespace {
 
-double noise(uint64_t i) { return Random(5, RandomPurpose::test).uniform(i, 0, -1, 1); }
+using test::random_network;
 
-/// Random weights of about Xavier's size.
-Mlp random_network(int inputs, int width, int outputs, uint64_t seed) {
-  std::vector<MlpLayer> layers;
-  uint64_t draw = seed * 1000000;
-  for (int l = 0; l < Mlp::layer_count; ++l) {
-    MlpLayer layer;
-    layer.in = l == 0 ? inputs : width;
-    layer.out = l == Mlp::hidden_layers ? outputs : width;
-    for (int i = 0; i < layer.in * layer.out; ++i)
-      layer.weight.push_back(static_cast<float>(std::sqrt(6.0 / (layer.in + layer.out)) * noise(draw++)));
-    for (int i = 0; i < layer.out; ++i) layer.bias.push_back(static_cast<float>(0.3 * noise(draw++)));
-    layers.push_back(layer);
-  }
-  Standardization input, output;
-  for (int i = 0; i < inputs; ++i) {
-    input.shift.push_back(0.1 * i);
-    input.scale.push_back(1 + 0.2 * i);
-  }
-  for (int i = 0; i < outputs; ++i) {
-    output.shift.push_back(1.0 + i);
-    output.scale.push_back(2.0 + 0.5 * i);
-  }
-  return {std::move(layers), input, output};
-}
+double noise(uint64_t i) { return test::network_noise(i); }
 
 Mlp::Rows random_rows(Eigen::Index rows, Eigen::Index columns) {
   Mlp::Rows z(rows, columns);
@@ -67,6 +45,17 @@ TEST(Mlp, DerivativesAreTheSlopesOfTheValues) {
         EXPECT_NEAR(jacobian(6 * r + c, i), slope(r, c), 1e-7 * (1 + std::abs(slope(r, c))))
             << i << " " << r << " " << c;
   }
+}
+
+TEST(Mlp, ForwardAndReverseDerivativesAgree) {
+  const Mlp net = random_network(7, 24, 32, 6);
+  const Mlp::Rows z = random_rows(1, 7);
+  Mlp::Rows y, jacobian, forward, slopes;
+  net.evaluate(z, y, jacobian);
+  net.tangents(z, 6, forward, slopes);
+  ASSERT_EQ(slopes.rows(), 6);
+  EXPECT_LT((forward - y).cwiseAbs().maxCoeff(), 1e-12);
+  EXPECT_LT((slopes.transpose() - jacobian.leftCols(6)).cwiseAbs().maxCoeff(), 1e-12);
 }
 
 /// Widths that are no multiple of the kernel's panels, and more points than a block.
@@ -174,13 +163,13 @@ Mlp sliding(int inputs, int outputs, float slope) {
 }
 
 ReducedModel falling_networks(const Scene& scene) {
-  ReducedModel model = test::falling_model(scene);
+  ReducedModel model = graupel::test::falling_model(scene);
   model.fields =
       std::make_shared<const MlpFields>(1, model.reference, sliding(4, 3, 1), sliding(5, 6, 0), sliding(4, 9, 0));
   return model;
 }
 
-Scene falling_scene() { return io::parse_scene(test::falling_scene(), "falling", ""); }
+Scene falling_scene() { return io::parse_scene(graupel::test::falling_scene(), "falling", ""); }
 
 template <typename T>
 double fall(const ReducedModel& model, int frames) {
@@ -196,8 +185,8 @@ double fall(const ReducedModel& model, int frames) {
 
 TEST(MlpFields, ARolloutFollowsTheLawOfFalling) {
   const ReducedModel model = falling_networks(falling_scene());
-  const int n = 3 * test::falling_steps;
-  const double dt = 1.0 / 60 / test::falling_steps, law = -9.8 * dt * dt * n * (n + 1) / 2;
+  const int n = 3 * graupel::test::falling_steps;
+  const double dt = 1.0 / 60 / graupel::test::falling_steps, law = -9.8 * dt * dt * n * (n + 1) / 2;
   EXPECT_NEAR(fall<double>(model, 3), law, 1e-6);
   EXPECT_NEAR(fall<float>(model, 3), law, 1e-4);
 }
@@ -217,7 +206,7 @@ TEST(MlpFields, SurviveAFile) {
 }
 
 TEST(MlpFields, AFileWithoutAKindIsFactored) {
-  nn::Weights weights = test::falling_model(falling_scene()).store(nn::DType::f32);
+  nn::Weights weights = graupel::test::falling_model(falling_scene()).store(nn::DType::f32);
   weights.metadata.erase("field");
   EXPECT_EQ(ReducedModel::load(weights).fields->kind(), FieldKind::factored);
 }
