@@ -139,9 +139,27 @@ std::vector<SceneTask> read_scene_tasks(const CompareOptions& options) {
   return tasks;
 }
 
+namespace {
+
+/// The scene without its moving obstacles, of which the metrics know nothing. Throws ConfigError for scenes whose
+/// frames cannot be compared particle by particle.
+Scene fixed_part(Scene scene) {
+  const char* what = scene.domain.is_plane()                 ? "two dimensions (domain.dimensions: 2)"
+                     : scene.has_inactive_particles()        ? "particles that come or go (emitters, sinks, open walls)"
+                     : scene.domain.has_wall(Wall::periodic) ? "periodic walls"
+                                                             : nullptr;
+  if (what != nullptr)
+    throw ConfigError("compare cannot run '" + scene.name + "': it has " + what +
+                      " (allowed: none). Use `graupel simulate`, or a scene without them");
+  std::erase_if(scene.obstacles, [](const Obstacle& obstacle) { return obstacle.motion.has_value(); });
+  return scene;
+}
+
+}  // namespace
+
 SceneComparison::SceneComparison(const CompareOptions& options, const SceneTask& task, Device device,
                                  const compare::ReportBudget& budget)
-    : options_(options), task_(task), device_(device), budget_(budget), surroundings_(task.scene) {
+    : options_(options), task_(task), device_(device), budget_(budget), obstacles_(fixed_part(task.scene)) {
   result_.name = task.scene.name;
   result_.source = task.source;
   result_.frames = static_cast<std::size_t>(task.frames);
@@ -187,12 +205,11 @@ void SceneComparison::note_divergence(const std::string& reference, const TimedR
 }
 
 void SceneComparison::make_references() {
-  const compare::Evaluation self = evaluate_rollout(task_.scene, surroundings_.obstacles, truth_.run, truth_.run);
+  const compare::Evaluation self = evaluate_rollout(task_.scene, obstacles_, truth_.run, truth_.run);
   result_.true_energy = self.curves.kinetic_energy;
   coarse_run_ = run_variant(MpmVariant::coarse);
   note_divergence("mpm:coarse", *coarse_run_);
-  const compare::Evaluation coarse =
-      evaluate_rollout(task_.scene, surroundings_.obstacles, truth_.run, coarse_run_->run);
+  const compare::Evaluation coarse = evaluate_rollout(task_.scene, obstacles_, truth_.run, coarse_run_->run);
   coarse_ = coarse.values;
   coarse_["frame_ms"] = 1e3 * coarse_run_->cost.frame;
   if (options_.floors) {
@@ -201,25 +218,25 @@ void SceneComparison::make_references() {
     const Scene moved = moved_scene(task_.scene, task_.seed, moved_by * task_.scene.domain.dx);
     const TimedRun moved_run = run_mpm(moved, floor);
     note_divergence("moved", moved_run);
-    const auto position = evaluate_rollout(task_.scene, surroundings_.obstacles, truth_.run, moved_run.run);
+    const auto position = evaluate_rollout(task_.scene, obstacles_, truth_.run, moved_run.run);
     floor.label = label("another seed");
     floor.seed = task_.seed + 1;
     const TimedRun reseeded = run_mpm(task_.scene, floor);
     note_divergence("reseeded", reseeded);
-    const auto distribution = evaluate_rollout(task_.scene, surroundings_.obstacles, truth_.run, reseeded.run);
+    const auto distribution = evaluate_rollout(task_.scene, obstacles_, truth_.run, reseeded.run);
     floors_ = compare::floor_values(position, distribution);
     result_.floor_position = position.curves.position;
     result_.floor_density = distribution.curves.density;
   }
   if (options_.report.empty() && options_.pictures.empty()) return;
   const double height = std::sqrt(static_cast<double>(budget_.picture_pixels) * 3 / 4);
-  backdrop_ = compare::make_backdrop(task_.scene, surroundings_.obstacles, static_cast<int>(height * 4 / 3),
-                                     static_cast<int>(height));
+  backdrop_ =
+      compare::make_backdrop(task_.scene, obstacles_, static_cast<int>(height * 4 / 3), static_cast<int>(height));
   const auto frames = compare::picture_frames(truth_.run.predicted());
   result_.picture = compare::encode_png(compare::picture_row(*backdrop_, truth_.run, frames, "truth"));
   const auto thinning = compare::choose_thinning(truth_.run.size(), truth_.run.predicted(), budget_.track_bytes);
   result_.truth = compare::make_track(task_.scene, truth_.run, "truth", thinning);
-  result_.obstacles = compare::make_player_obstacles(task_.scene, surroundings_.obstacles, obstacle_points);
+  result_.obstacles = compare::make_player_obstacles(task_.scene, obstacles_, obstacle_points);
 }
 
 std::vector<std::size_t> SceneComparison::one_step_frames() const {
@@ -238,7 +255,12 @@ std::vector<Vec3f> SceneComparison::true_position(int64_t frame) const {
       .front();
 }
 
-compare::OneStepError SceneComparison::one_step_of_network(const graph::LearnedSimulator& network) const {
+const graph::Surroundings& SceneComparison::surroundings() {
+  if (!surroundings_) surroundings_.emplace(task_.scene);
+  return *surroundings_;
+}
+
+compare::OneStepError SceneComparison::one_step_of_network(const graph::LearnedSimulator& network) {
   compare::OneStepAccumulator error(task_.scene.gravity, task_.scene.frame_time, task_.scene.domain.dx);
   const int64_t history = network.config().history;
   for (const std::size_t frame : one_step_frames()) {
@@ -246,10 +268,10 @@ compare::OneStepError SceneComparison::one_step_of_network(const graph::LearnedS
     std::vector<std::vector<Vec3f>> positions;
     for (int64_t f = n - history; f <= n; ++f) positions.push_back(true_position(f));
     std::vector<Vec3d> predicted;
-    for (const Vec3f& a : network.one_step(surroundings_, start_.particle_type, positions))
+    for (const Vec3f& a : network.one_step(surroundings(), start_.particle_type, positions))
       predicted.push_back(a.cast<double>());
     error.add(predicted, compare::frame_accelerations(true_position(n - 1), true_position(n), true_position(n + 1)),
-              compare::clearances(task_.scene, surroundings_.obstacles, true_position(n)));
+              compare::clearances(task_.scene, obstacles_, true_position(n)));
   }
   return error.result();
 }
@@ -269,7 +291,7 @@ compare::OneStepError SceneComparison::one_step_of_rollout(const compare::Partic
     const auto now = position(n), before = position(n - 1);
     for (std::size_t i = 0; i < predicted.size(); ++i) predicted[i] += before[i] - 2.0 * now[i];
     error.add(predicted, compare::frame_accelerations(true_position(n - 1), true_position(n), true_position(n + 1)),
-              compare::clearances(task_.scene, surroundings_.obstacles, true_position(n)));
+              compare::clearances(task_.scene, obstacles_, true_position(n)));
   }
   return error.result();
 }
@@ -278,7 +300,7 @@ const TimedRun& SceneComparison::run_of(const ComparedModel& model, TimedRun& ow
   const ModelChoice& choice = model.choice;
   switch (choice.kind) {
     case ModelKind::network:
-      return own = run_network(*model.network, task_.scene, surroundings_, start_, task_.frames, label(choice.label));
+      return own = run_network(*model.network, task_.scene, surroundings(), start_, task_.frames, label(choice.label));
     case ModelKind::reduced:
       return own = run_reduced(*model.reduced, task_.scene, task_.seed, task_.frames, device_, label(choice.label));
     case ModelKind::mpm:
@@ -306,7 +328,7 @@ compare::ModelResult SceneComparison::evaluate(const ComparedModel& model) {
   }
   TimedRun own;  // of the models that are not run already
   const TimedRun& timed = run_of(model, own);
-  auto evaluation = evaluate_rollout(task_.scene, surroundings_.obstacles, truth_.run, timed.run);
+  auto evaluation = evaluate_rollout(task_.scene, obstacles_, truth_.run, timed.run);
   result.values = std::move(evaluation.values);
   result.materials = std::move(evaluation.materials);
   result.curves = std::move(evaluation.curves);

@@ -52,7 +52,8 @@ class SceneComparison {
   /// The run of a model: one that is there, or `own` once it is made.
   const TimedRun& run_of(const ComparedModel& model, TimedRun& own);
   compare::ModelResult evaluate(const ComparedModel& model);
-  compare::OneStepError one_step_of_network(const graph::LearnedSimulator& network) const;
+  const graph::Surroundings& surroundings();
+  compare::OneStepError one_step_of_network(const graph::LearnedSimulator& network);
   compare::OneStepError one_step_of_rollout(const compare::ParticleRun& run) const;
   std::vector<std::size_t> one_step_frames() const;
   std::vector<Vec3f> true_position(int64_t frame) const;
@@ -62,7 +63,8 @@ class SceneComparison {
   const SceneTask& task_;
   Device device_;
   compare::ReportBudget budget_;
-  graph::Surroundings surroundings_;
+  sparsegrid::ObstacleSet obstacles_;                ///< those that stay where they are
+  std::optional<graph::Surroundings> surroundings_;  ///< for networks; made when one runs
   StartState start_;
   TimedRun truth_;                 ///< its cost is that of mpm, also where the truth was stored
   std::optional<TimedRun> rerun_;  ///< mpm run again where the truth was stored
