@@ -133,15 +133,15 @@ TEST_F(ReducedModels, AreComparedAmongMovingObstaclesAndScriptedParticles) {
         graupel("compare --scenes scenes/nsf/" + scene + ".json --models mpm,models/" + model +
                 ".safetensors --frames 8 --no-floors --json " + folder_.file("compared.json") + settings);
     EXPECT_EQ(outcome.exit_code, 0) << outcome.output;
-    return Json::parse(read_file(folder_.file("compared.json")));
+    return nlohmann::json::parse(read_file(folder_.file("compared.json")));
   };
-  const Json metal = compared("metal", "nsf-metal",
-                              " --set domain.dx=0.02 --set time_step.substeps_per_frame=5 --set "
-                              "materials.metal.hardening_modulus=0.276923");
+  const nlohmann::json metal = compared("metal", "nsf-metal",
+                                        " --set domain.dx=0.02 --set time_step.substeps_per_frame=5 --set "
+                                        "materials.metal.hardening_modulus=0.276923");
   EXPECT_LT(metal.at("mean").at("models/nsf-metal.safetensors").at("delta"), 0.002);
-  const Json jelly = compared("jelly", "nsf-jelly",
-                              " --set domain.dx=0.025 --set 'domain.origin=[0, -0.015, 0]' --set "
-                              "sources.0.velocity.0=0.385");
+  const nlohmann::json jelly = compared("jelly", "nsf-jelly",
+                                        " --set domain.dx=0.025 --set 'domain.origin=[0, -0.015, 0]' --set "
+                                        "sources.0.velocity.0=0.385");
   EXPECT_LT(jelly.at("mean").at("models/nsf-jelly.safetensors").at("delta"), 0.002);
   const Outcome network =
       graupel("compare --scenes scenes/nsf/metal.json --models mpm,models/hgn.safetensors --frames 2");
