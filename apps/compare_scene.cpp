@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <map>
 
+#include "apps/trained_materials.h"
 #include "compare/containment.h"
 #include "compare/one_step_error.h"
 #include "compare/png.h"
@@ -321,6 +322,12 @@ compare::ModelResult SceneComparison::evaluate(const ComparedModel& model) {
   compare::ModelResult result;
   result.model = model.choice.name;
   result.one_step_source = model.network ? "true history" : "own rollout";
+  if (model.network)
+    for (const std::string& line : unlike_training(model.network->weights(), task_.scene)) {
+      result.remarks.push_back("the network knows materials by their type alone: " + line);
+      std::fprintf(stderr, "graupel: warning: %s: '%s' %s\n", task_.scene.name.c_str(), model.choice.name.c_str(),
+                   result.remarks.back().c_str());
+    }
   if (options_.one_step_only) {
     result.values =
         compare::one_step_values(model.network ? one_step_of_network(*model.network) : one_step_of_rollout(truth_.run));

@@ -17,9 +17,10 @@ struct ModelResult {
   MetricValues values;
   std::map<std::string, MetricValues> materials;
   ErrorCurves curves;
-  int64_t diverged_at_frame = -1;  ///< first frame that is not usable; -1 for none
-  std::string one_step_source;     ///< "true history" or "own rollout"
-  std::string picture;             ///< PNG of the picture row; may be empty
+  int64_t diverged_at_frame = -1;    ///< first frame that is not usable; -1 for none
+  std::string one_step_source;       ///< "true history" or "own rollout"
+  std::vector<std::string> remarks;  ///< what a reader must know of this run, a sentence each
+  std::string picture;               ///< PNG of the picture row; may be empty
   PlayerTrack track;
 };
 

@@ -23,6 +23,7 @@ Json values_json(const std::vector<MetricInfo>& list, const MetricValues& values
 Json model_json(const SceneResult& scene, const ModelResult& result) {
   Json json = {{"scene", scene.name}, {"model", result.model}, {"one_step_source", result.one_step_source}};
   if (result.diverged_at_frame >= 0) json["diverged_at_frame"] = result.diverged_at_frame;
+  if (!result.remarks.empty()) json["remarks"] = result.remarks;
   json.update(values_json(metric_list(), result.values));
   json["materials"] = Json::object();
   for (const auto& [material, values] : result.materials)
@@ -61,7 +62,9 @@ std::string table_row(const std::string& name, const MetricValues& values, const
 std::string mark_of(const ModelResult& result) {
   if (result.diverged_at_frame >= 0) return fmt::format("diverged at frame {}", result.diverged_at_frame);
   const auto loses = result.values.find("loses_to_coarse");
-  return loses != result.values.end() && loses->second > 0 ? "loses to mpm:coarse" : "";
+  const std::string taught = result.remarks.empty() ? "" : "not its materials";
+  if (loses == result.values.end() || !(loses->second > 0)) return taught;
+  return "loses to mpm:coarse" + (taught.empty() ? "" : "; " + taught);
 }
 
 }  // namespace

@@ -28,7 +28,9 @@ std::string mark_of(const ModelResult& result) {
   if (result.diverged_at_frame >= 0) return fmt::format("diverged at frame {}", result.diverged_at_frame);
   const auto loses = result.values.find("loses_to_coarse");
   const bool marked = loses != result.values.end() && loses->second > 0;
-  return marked ? "slower and less accurate than mpm:coarse" : "";
+  std::string mark = marked ? "slower and less accurate than mpm:coarse" : "";
+  for (const std::string& remark : result.remarks) mark += (mark.empty() ? "" : "; ") + remark;
+  return mark;
 }
 
 const char* const main_keys[] = {

@@ -47,6 +47,8 @@ class DataSplit {
   const TrajectoryInfo& trajectory(int i) const { return info_[static_cast<std::size_t>(i)]; }
   /// Recorded attribute of the data set, "" when absent (e.g. "recipe", "seed").
   std::string attribute(const std::string& name) const;
+  /// The scene of a trajectory, as it is stored.
+  const std::string& scene_json(int i) const { return scene_json_[static_cast<std::size_t>(i)]; }
 
   /// Positions of frames [first, first + count), [count][n] [m].
   std::vector<std::vector<Vec3f>> positions(int i, int64_t first, int64_t count) const;

@@ -6,9 +6,11 @@
 #include <cstdio>
 #include <filesystem>
 #include <memory>
+#include <nlohmann/json.hpp>
 
 #include "core/error.h"
 #include "graph/normalization.h"
+#include "io/scene_reader.h"
 #include "train/checkpoint.h"
 #include "train/metrics_log.h"
 #include "train/run_folder.h"
@@ -256,6 +258,16 @@ std::optional<StopReason> TrainingRun::stop_reason() const {
   return std::nullopt;
 }
 
+namespace {
+
+/// Every field of the materials of a stored scene.
+std::string resolved_materials(const std::string& scene_json, const std::string& file) {
+  const Scene scene = io::parse_stored_scene(scene_json, file, file);
+  return nlohmann::json::parse(io::scene_to_json(scene)).at("materials").dump();
+}
+
+}  // namespace
+
 std::string TrainingRun::export_weights() const {
   nn::Weights weights = module_.state(StateArray::ema);
   graph::add_normalization(weights, normalization_);
@@ -270,6 +282,8 @@ std::string TrainingRun::export_weights() const {
   weights.metadata["training.torch"] = torch_version();
   weights.metadata["training.data"] = fs::path(options_.data).filename();
   weights.metadata["training.data_trajectories"] = std::to_string(train_->count());
+  // What networks see of a material is its type alone, so that users must know which one they were taught.
+  weights.metadata["training.materials"] = resolved_materials(train_->scene_json(0), train_->file());
   for (const char* name : {"recipe", "recipe_seed"})
     if (const std::string value = train_->attribute(name); !value.empty())
       weights.metadata[std::string("training.data_") + name] = value;

@@ -1,0 +1,46 @@
+// Networks know materials by their type; a scene with others than those of the training is told of.
+#include "apps/trained_materials.h"
+
+#include <gtest/gtest.h>
+
+#include "core/error.h"
+#include "io/scene_reader.h"
+
+namespace graupel::apps {
+namespace {
+
+Scene scene_with(const std::string& materials) {
+  return io::parse_scene(R"({"domain": {"size": [1, 1, 1], "dx": 0.1}, "materials": )" + materials + "}", "scene", ".");
+}
+
+nn::Weights taught(const std::string& materials) {
+  nn::Weights weights;
+  weights.file = "net.safetensors";
+  weights.metadata["training.materials"] = materials;
+  return weights;
+}
+
+TEST(TrainedMaterials, TellOfAnotherParameter) {
+  const nn::Weights weights = taught(R"({"sand": {"preset": "taichi_sand"}, "water": {"preset": "taichi_water"}})");
+  EXPECT_TRUE(unlike_training(weights, scene_with(R"({"dune": {"preset": "taichi_sand"}})")).empty());
+  const auto lines =
+      unlike_training(weights, scene_with(R"({"dune": {"preset": "taichi_sand", "friction_angle": 33}})"));
+  ASSERT_EQ(lines.size(), 1u);
+  EXPECT_NE(lines[0].find("dune: friction_angle is 33"), std::string::npos) << lines[0];
+  EXPECT_NE(lines[0].find("of the training 45"), std::string::npos) << lines[0];
+}
+
+TEST(TrainedMaterials, TellOfMaterialsThatWereNotThere) {
+  const auto lines = unlike_training(taught(R"({"sand": {"preset": "taichi_sand"}})"),
+                                     scene_with(R"({"snow": {"preset": "taichi_snow"}})"));
+  ASSERT_EQ(lines.size(), 1u);
+  EXPECT_EQ(lines[0], "snow: the training had no such material");
+}
+
+TEST(TrainedMaterials, SayNothingWhereWeightsDoNot) {
+  EXPECT_TRUE(unlike_training({}, scene_with(R"({"snow": {"preset": "taichi_snow"}})")).empty());
+  EXPECT_THROW(unlike_training(taught("{"), scene_with("{}")), InputError);
+}
+
+}  // namespace
+}  // namespace graupel::apps
