@@ -24,7 +24,13 @@ Json resolved(const MaterialConfig& material) {
 std::map<std::string, MaterialConfig> read_materials(const nn::Weights& weights, const std::string& text) {
   const std::string place = "'" + weights.file + "' (metadata training.materials)";
   try {
-    const Json scene = {{"domain", {{"size", {1, 1, 1}}, {"dx", 0.1}}}, {"materials", Json::parse(text)}};
+    const Json materials = Json::parse(text);
+    const Json body = {{"shape", "box"},
+                       {"size", {0.1, 0.1, 0.1}},
+                       {"position", {0.5, 0.5, 0.5}},
+                       {"material", materials.begin().key()}};  // scenes have one
+    const Json scene = {
+        {"domain", {{"size", {1, 1, 1}}, {"dx", 0.03125}}}, {"materials", materials}, {"sources", {body}}};
     return io::parse_stored_scene(scene.dump(), place, weights.file).materials;
   } catch (const Json::exception& error) {
     throw InputError(place + " is no JSON (" + error.what() + "). Train the network again");

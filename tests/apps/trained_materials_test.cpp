@@ -9,8 +9,13 @@
 namespace graupel::apps {
 namespace {
 
-Scene scene_with(const std::string& materials) {
-  return io::parse_scene(R"({"domain": {"size": [1, 1, 1], "dx": 0.1}, "materials": )" + materials + "}", "scene", ".");
+Scene scene_with(const std::string& name, const std::string& material) {
+  return io::parse_scene(R"({"domain": {"size": [1, 1, 1], "dx": 0.03125}, "materials": {")" + name + R"(": )" +
+                             material +
+                             R"(}, "sources": [{"shape": "box", "size": [0.1, 0.1, 0.1], "position": [0.5, 0.5, 0.5],
+                             "material": ")" +
+                             name + R"("}]})",
+                         "scene", ".");
 }
 
 nn::Weights taught(const std::string& materials) {
@@ -22,9 +27,8 @@ nn::Weights taught(const std::string& materials) {
 
 TEST(TrainedMaterials, TellOfAnotherParameter) {
   const nn::Weights weights = taught(R"({"sand": {"preset": "taichi_sand"}, "water": {"preset": "taichi_water"}})");
-  EXPECT_TRUE(unlike_training(weights, scene_with(R"({"dune": {"preset": "taichi_sand"}})")).empty());
-  const auto lines =
-      unlike_training(weights, scene_with(R"({"dune": {"preset": "taichi_sand", "friction_angle": 33}})"));
+  EXPECT_TRUE(unlike_training(weights, scene_with("dune", R"({"preset": "taichi_sand"})")).empty());
+  const auto lines = unlike_training(weights, scene_with("dune", R"({"preset": "taichi_sand", "friction_angle": 33})"));
   ASSERT_EQ(lines.size(), 1u);
   EXPECT_NE(lines[0].find("dune: friction_angle is 33"), std::string::npos) << lines[0];
   EXPECT_NE(lines[0].find("of the training 45"), std::string::npos) << lines[0];
@@ -32,14 +36,14 @@ TEST(TrainedMaterials, TellOfAnotherParameter) {
 
 TEST(TrainedMaterials, TellOfMaterialsThatWereNotThere) {
   const auto lines = unlike_training(taught(R"({"sand": {"preset": "taichi_sand"}})"),
-                                     scene_with(R"({"snow": {"preset": "taichi_snow"}})"));
+                                     scene_with("snow", R"({"preset": "taichi_snow"})"));
   ASSERT_EQ(lines.size(), 1u);
   EXPECT_EQ(lines[0], "snow: the training had no such material");
 }
 
 TEST(TrainedMaterials, SayNothingWhereWeightsDoNot) {
-  EXPECT_TRUE(unlike_training({}, scene_with(R"({"snow": {"preset": "taichi_snow"}})")).empty());
-  EXPECT_THROW(unlike_training(taught("{"), scene_with("{}")), InputError);
+  EXPECT_TRUE(unlike_training({}, scene_with("snow", R"({"preset": "taichi_snow"})")).empty());
+  EXPECT_THROW(unlike_training(taught("{"), scene_with("snow", R"({"preset": "taichi_snow"})")), InputError);
 }
 
 }  // namespace
