@@ -62,7 +62,7 @@ std::string table_row(const std::string& name, const MetricValues& values, const
 std::string mark_of(const ModelResult& result) {
   if (result.diverged_at_frame >= 0) return fmt::format("diverged at frame {}", result.diverged_at_frame);
   const auto loses = result.values.find("loses_to_coarse");
-  const std::string taught = result.remarks.empty() ? "" : "not its materials";
+  std::string taught = result.remarks.empty() ? "" : "not its materials";
   if (loses == result.values.end() || !(loses->second > 0)) return taught;
   return "loses to mpm:coarse" + (taught.empty() ? "" : "; " + taught);
 }
