@@ -17,6 +17,7 @@
 #include "train/nsf_snapshots.h"
 #include "train/run_folder.h"
 #include "train/stopwatch.h"
+#include "train/trained_layers.h"
 
 namespace graupel::train {
 
@@ -72,19 +73,8 @@ rom::Standardization inverse_scale(rom::Standardization s) {
   return s;
 }
 
-rom::MlpLayer layer_of(const nn::Weights& weights, const std::string& name, int out, int in,
-                       std::vector<int64_t> shape) {
-  return {in, out, weights.get(name + ".weight", shape), weights.get(name + ".bias", {out})};
-}
-
 rom::Mlp network_of(const Stage& stage, const nn::Weights& weights) {
-  std::vector<rom::MlpLayer> layers;
-  for (int l = 0; l < rom::Mlp::layer_count; ++l) {
-    const int in = l == 0 ? stage.shape.inputs() : stage.shape.width,
-              out = l == rom::Mlp::hidden_layers ? stage.shape.outputs : stage.shape.width;
-    layers.push_back(layer_of(weights, "layer" + std::to_string(l), out, in, {out, in}));
-  }
-  return {std::move(layers), stage.input, inverse_scale(stage.output)};
+  return {layers_of(weights, stage.shape), stage.input, inverse_scale(stage.output)};
 }
 
 rom::ConvEncoder encoder_of(const Stage& stage, const nn::Weights& weights, rom::Standardization position) {

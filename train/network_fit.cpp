@@ -18,6 +18,7 @@
 #include "train/mlp_module.h"
 #include "train/run_folds.h"
 #include "train/stopwatch.h"
+#include "train/trained_layers.h"
 #include "train/worker_threads.h"
 
 namespace graupel::train {
@@ -75,15 +76,8 @@ MatrixXd linear_part(const Regression& data) {
 
 rom::MlpMap map_of(const Regression& data, const MlpShape& shape, const nn::Weights& weights,
                    std::vector<double> output_scale, const MatrixXd& linear) {
-  std::vector<rom::MlpLayer> layers;
-  for (int l = 0; l < rom::Mlp::layer_count; ++l) {
-    const std::string name = "layer" + std::to_string(l);
-    const int in = l == 0 ? shape.inputs() : shape.width,
-              out = l == rom::Mlp::hidden_layers ? shape.outputs : shape.width;
-    layers.push_back({in, out, weights.get(name + ".weight", {out, in}), weights.get(name + ".bias", {out})});
-  }
   rom::Standardization output{std::vector<double>(output_scale.size(), 0.0), std::move(output_scale)};
-  return {rom::Mlp(std::move(layers), data.input, std::move(output)), row_major(linear)};
+  return {rom::Mlp(layers_of(weights, shape), data.input, std::move(output)), row_major(linear)};
 }
 
 /// The states of a batch beside where they are, each by normal noise of its own.

@@ -179,9 +179,6 @@ void check_options(const ReducedModel& model, const ReducedOptions& options) {
                          : nullptr;
   if (what != nullptr)
     throw ConfigError(fmt::format("reduced models on the GPU {}. Use --device cpu, or a model without it", what));
-}
-
-void check_samples(const ReducedModel& model, const ReducedOptions& options) {
   if (!options.samples && !model.later_samples.empty())
     throw ConfigError(
         fmt::format("reduced models on the GPU keep their samples (this one takes others from {:g} s on, "

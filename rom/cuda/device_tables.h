@@ -53,12 +53,10 @@ ModelTable model_table(const ReducedModel& model, const std::vector<int32_t>& sa
 /// Throws ConfigError for a scene with what no kernel knows: a plane, cubic splines, periodic walls, particles that
 /// come or go.
 void check_scene(const Scene& scene);
-/// Throws ConfigError for a model whose samples change.
-void check_samples(const ReducedModel& model, const ReducedOptions& options);
 /// `state` is that of the scene's start.
 InstanceTable instance_table(const ReducedModel& model, mpm::PreparedScene prepared, const LatentState& state);
-/// Throws ConfigError for what no kernel does: outlier_factor, more than one iteration, and manifold_pull with more
-/// than one parameter.
+/// Throws ConfigError for what no kernel does: samples that change, outlier_factor, more than one iteration, and
+/// manifold_pull with more than one parameter.
 void check_options(const ReducedModel& model, const ReducedOptions& options);
 
 }  // namespace device

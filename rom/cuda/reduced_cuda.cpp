@@ -36,7 +36,6 @@ ReducedDeviceSolver::ReducedDeviceSolver(const ReducedModel& model, std::vector<
   GRAUPEL_ASSERT(!instances.empty());
   check_device();
   device::check_options(model, options);
-  device::check_samples(model, options);
   const std::vector<int32_t>& samples = options.samples ? *options.samples : model.samples;
   const device::ModelTable table = device::model_table(model, samples);
   samples_ = static_cast<int64_t>(samples.size());

@@ -82,7 +82,7 @@ TEST(SampleWindows, GiveWayToSamplesOfTheOptions) {
   auto solver = solver_of<float>(model, options);
   for (int i = 0; i < 3; ++i) solver.step(dt);
   EXPECT_EQ(solver.statistics().samples, static_cast<int64_t>(options.samples->size()));
-  EXPECT_NO_THROW(device::check_samples(model, options));
+  EXPECT_NO_THROW(device::check_options(model, options));
 }
 
 TEST(SampleWindows, AreStoredAndRefusedWhenDamaged) {
@@ -107,10 +107,10 @@ TEST(SampleWindows, AreStoredAndRefusedWhenDamaged) {
 
 TEST(SampleWindows, AreRefusedOnTheGpuByName) {
   ReducedModel model = swaying_model(swaying_scene());
-  EXPECT_NO_THROW(device::check_samples(model, {}));
+  EXPECT_NO_THROW(device::check_options(model, {}));
   model.later_samples = {{0.25, model.samples}};
   try {
-    device::check_samples(model, {});
+    device::check_options(model, {});
     FAIL();
   } catch (const ConfigError& error) {
     EXPECT_NE(std::string(error.what()).find("sample_windows"), std::string::npos) << error.what();

@@ -6,8 +6,10 @@
 #include "core/random.h"
 #include "rom/conv_encoder.h"
 #include "rom/mlp_points.h"
+#include "tests/train/gradient_check.h"
 #include "train/mlp_batches.h"
 #include "train/mlp_module.h"
+#include "train/trained_layers.h"
 
 namespace graupel::train {
 namespace {
@@ -45,18 +47,11 @@ MlpBatch all_rows() {
 }
 
 rom::Mlp engine_of(const MlpShape& shape, const nn::Weights& weights) {
-  std::vector<rom::MlpLayer> layers;
-  for (int l = 0; l < rom::Mlp::layer_count; ++l) {
-    const std::string name = "layer" + std::to_string(l);
-    const int in = l == 0 ? shape.inputs() : shape.width,
-              out = l == rom::Mlp::hidden_layers ? shape.outputs : shape.width;
-    layers.push_back({in, out, weights.get(name + ".weight", {out, in}), weights.get(name + ".bias", {out})});
-  }
   const auto same = [](int n) {
     const auto count = static_cast<std::size_t>(n);
     return rom::Standardization{std::vector<double>(count, 0.0), std::vector<double>(count, 1.0)};
   };
-  return {std::move(layers), same(shape.inputs()), same(shape.outputs)};
+  return {layers_of(weights, shape), same(shape.inputs()), same(shape.outputs)};
 }
 
 /// Largest difference of libtorch and the engine, over the size of the values.
@@ -125,27 +120,7 @@ void check_gradient(const MlpShape& shape) {
   MlpBatch batch;
   batch.snapshots = {0, 3, 4};
   batch.points = {5, 6, 66, 5};
-  nn::Weights gradient;
-  module.loss_and_gradient(batch, &gradient);
-  const nn::Weights weights = module.state(MlpArray::weights);
-  constexpr float h = 1.0f / 1024;
-  for (const auto& [name, tensor] : weights.tensors) {
-    const std::vector<float> values = tensor.as_float(), slope = gradient.tensors.at(name).as_float();
-    for (const std::size_t i : {std::size_t{0}, values.size() / 2, values.size() - 1}) {
-      double loss[2];
-      for (const int side : {0, 1}) {
-        std::vector<float> nudged = values;
-        nudged[i] += side ? h : -h;
-        nn::Weights changed = weights;
-        changed.tensors[name] = nn::Tensor::from_float(nudged, tensor.shape);
-        module.set_state(MlpArray::weights, changed);
-        loss[side] = module.loss_and_gradient(batch, nullptr);
-      }
-      const double moved = static_cast<double>((values[i] + h) - (values[i] - h)),
-                   expected = (loss[1] - loss[0]) / moved;
-      EXPECT_NEAR(static_cast<double>(slope[i]), expected, 1e-4 * (0.01 + std::abs(expected))) << name << " " << i;
-    }
-  }
+  expect_slope_of_loss(module, batch);
 }
 
 TEST(MlpGradient, IsTheSlopeOfTheLoss) { check_gradient({4, 1, 20, 6}); }

@@ -10,6 +10,7 @@
 #include "core/error.h"
 #include "rom/factored_fields.h"
 #include "tests/train/curves.h"
+#include "tests/train/gradient_check.h"
 #include "tests/train/tiny_sweep.h"
 #include "train/mlp_module.h"
 #include "train/nsf_training.h"
@@ -189,28 +190,7 @@ TEST(NetworkFit, LibtorchAndTheEngineAgree) {
 TEST(NetworkFit, TheGradientIsTheSlopeOfTheLoss) {
   for (const int r : {0, 3}) {
     Branch branch(r);
-    const MlpBatch batch = Branch::all();
-    nn::Weights gradient;
-    branch.module.loss_and_gradient(batch, &gradient);
-    const nn::Weights weights = branch.module.state(MlpArray::weights);
-    constexpr float h = 1.0f / 1024;
-    for (const auto& [name, tensor] : weights.tensors) {
-      const std::vector<float> values = tensor.as_float(), slope = gradient.tensors.at(name).as_float();
-      for (const std::size_t i : {std::size_t{0}, values.size() / 2, values.size() - 1}) {
-        double loss[2];
-        for (const int side : {0, 1}) {
-          std::vector<float> nudged = values;
-          nudged[i] += side ? h : -h;
-          nn::Weights changed = weights;
-          changed.tensors[name] = nn::Tensor::from_float(nudged, tensor.shape);
-          branch.module.set_state(MlpArray::weights, changed);
-          loss[side] = branch.module.loss_and_gradient(batch, nullptr);
-        }
-        const double moved = static_cast<double>((values[i] + h) - (values[i] - h)),
-                     expected = (loss[1] - loss[0]) / moved;
-        EXPECT_NEAR(static_cast<double>(slope[i]), expected, 1e-4 * (0.01 + std::abs(expected))) << name << " " << i;
-      }
-    }
+    expect_slope_of_loss(branch.module, Branch::all());
   }
 }
 
