@@ -1,9 +1,9 @@
 // The third kernel of a reduced-order model's step: a warp moves a sample. Each lane makes its node's sums a velocity
 // (gravity, contact) and the warp reads it; the ways of all samples are then projected onto the modes, which is all
-// that the fit needs of them.
+// that the fit needs of them. A block more prepares the fit meanwhile.
 #pragma once
 
-#include "rom/cuda/device_step.h"
+#include "rom/cuda/device_equations.h"
 
 namespace graupel::rom::device {
 
@@ -13,6 +13,7 @@ struct GatherShared {
   int32_t furthest;                           ///< bits of the longest way's square
   int32_t lost;                               ///< samples
   float way[step_warps][3];                   ///< [m]
+  EquationShared equations;                   ///< of the block that prepares the fit
 };
 
 /// Velocity after gravity and contact at a node of the grid with these sums; zero without mass.
@@ -74,14 +75,15 @@ GRAUPEL_HD void gather_sample(const Block& block, const RunView& view, const Ins
                               float* to) {
   const int lane = block.thread() % warp_width;
   const Vec<double, 3> before = sample_position(block, view.model, instance.coefficient, sample);
-  const Stencil s = stencil_at(instance, before.cast<float>());
+  const MarkedGrid grid(instance);
+  const Stencil s = grid.stencil_at(before.cast<float>());
   Vec<float, 3> v = Vec<float, 3>::zero();
   if (s.inside && lane < stencil_nodes) {
     const Vec<int, 3> offset = stencil_node(lane), at = s.base + offset;
-    const int32_t place = place_of(instance, node_number(instance.nodes, at), instance.state->round);
+    const float* const sums = grid.sums_of(at);
     float w = 1;
     for (int d = 0; d < 3; ++d) w *= mpm::bspline(static_cast<float>(offset[d]) - s.fx[d]);
-    if (place >= 0) v = w * node_velocity(view, instance, at, instance.sums + int64_t(place) * mpm::channels);
+    if (sums != nullptr) v = w * node_velocity(view, instance, at, sums);
   }
   for (int d = 0; d < 3; ++d) v[d] = sum_of_warp(block, v[d]);
   if (lane != 0) return;
@@ -121,8 +123,10 @@ GRAUPEL_HD void project_way(const Block& block, const RunView& view, const Insta
 
 template <typename Block>
 GRAUPEL_HD void gather(const Block& block, const RunView& view, GatherShared& shared) {
-  const InstanceView& instance = view.instances[block.index() / view.gather_blocks];
+  const int per_instance = 1 + view.gather_blocks, part = block.index() % per_instance;
+  const InstanceView& instance = view.instances[block.index() / per_instance];
   if (instance.state->status != RunStatus::running) return;
+  if (part == 0) return Equations<Block>{block, view.model, instance, shared.equations}.solve(view.model.gram);
   for (int k = block.thread(); k < view.model.deformation_modes; k += block.threads()) shared.projection[k] = 0;
   if (block.thread() == 0) {
     shared.moved2 = 0;
@@ -130,7 +134,7 @@ GRAUPEL_HD void gather(const Block& block, const RunView& view, GatherShared& sh
   }
   block.sync();
   const int warp = block.thread() / warp_width;
-  for (int sample = block.index() % view.gather_blocks * step_warps + warp; sample < view.model.samples;
+  for (int sample = (part - 1) * step_warps + warp; sample < view.model.samples;
        sample += view.gather_blocks * step_warps) {
     gather_sample(block, view, instance, sample, shared.way[warp]);
     block.sync_warp();

@@ -33,8 +33,15 @@ class FiberBackend {
   }
   void gather(const RunView& view) {
     GatherShared shared;
-    run(view.instance_count * view.gather_blocks, shared,
+    run(view.instance_count * (1 + view.gather_blocks), shared,
         [&](const FiberThread& thread) { device::gather(thread, view, shared); });
+  }
+  /// What the first block of gather does for an instance.
+  void solve_equations(const RunView& view) {
+    EquationShared shared;
+    run(view.instance_count, shared, [&](const FiberThread& thread) {
+      Equations<FiberThread>{thread, view.model, view.instances[thread.index()], shared}.solve(view.model.gram);
+    });
   }
   void fit(const RunView& view) {
     FitShared shared;
