@@ -16,21 +16,37 @@ __global__ void items(int64_t n, Body body) {
   const int64_t i = static_cast<int64_t>(blockIdx.x) * blockDim.x + threadIdx.x;
   if (i < n) body(i);
 }
-__global__ void __launch_bounds__(step_threads) run_branch(RunView view) {
+/// A kernel's blocks may take their places while the kernel before still works; what that wrote is there afterwards.
+__device__ inline void await_kernel_before() {
+#if __CUDA_ARCH__ >= 900
+  cudaTriggerProgrammaticLaunchCompletion();  // of the one after: it waits itself
+  cudaGridDependencySynchronize();
+#endif
+}
+/// Shared memory that the launch sizes.
+__device__ inline double* equation_room() {
+  extern __shared__ double room[];
+  return room;
+}
+__global__ void __launch_bounds__(step_threads, 1) run_branch(RunView view) {
   __shared__ BranchShared shared;
+  await_kernel_before();
   branch(CudaBlock{}, view, shared);
 }
 __global__ void __launch_bounds__(step_threads, 4) run_decode(RunView view) {
   __shared__ DecodeShared shared;
-  decode(CudaBlock{}, view, shared);
+  await_kernel_before();
+  decode(CudaBlock{}, view, shared, equation_room());
 }
-__global__ void __launch_bounds__(step_threads) run_gather(RunView view) {
+__global__ void __launch_bounds__(step_threads, 1) run_gather(RunView view) {
   __shared__ GatherShared shared;
+  await_kernel_before();
   gather(CudaBlock{}, view, shared);
 }
-__global__ void __launch_bounds__(step_threads) run_fit(RunView view) {
+__global__ void __launch_bounds__(step_threads, 1) run_fit(RunView view) {
   __shared__ FitShared shared;
-  fit(CudaBlock{}, view, shared);
+  await_kernel_before();
+  fit(CudaBlock{}, view, shared, equation_room());
 }
 __global__ void __launch_bounds__(step_threads) run_frame(RunView view, int instance, float* frame) {
   __shared__ DecodeShared shared;
@@ -45,6 +61,9 @@ class CudaBackend {
     int device = 0;
     GRAUPEL_CUDA_CHECK(cudaGetDevice(&device));
     GRAUPEL_CUDA_CHECK(cudaDeviceGetAttribute(&processors_, cudaDevAttrMultiProcessorCount, device));
+    int capability = 0;
+    GRAUPEL_CUDA_CHECK(cudaDeviceGetAttribute(&capability, cudaDevAttrComputeCapabilityMajor, device));
+    early_launch_ = capability >= 9;
     GRAUPEL_CUDA_CHECK(cudaStreamCreate(&stream_));
     GRAUPEL_CUDA_CHECK(cudaEventCreate(&begin_));
     GRAUPEL_CUDA_CHECK(cudaEventCreate(&end_));
@@ -71,9 +90,11 @@ class CudaBackend {
   void branch(const RunView& view) {
     start(kernels::run_branch, view.instance_count * (BranchBlocks(view.model).all() + view.worker_blocks), view);
   }
-  void decode(const RunView& view) { start(kernels::run_decode, view.instance_count * view.decode_blocks, view); }
+  void decode(const RunView& view) {
+    start(kernels::run_decode, view.instance_count * (1 + view.decode_blocks), view, equation_bytes(view));
+  }
   void gather(const RunView& view) { start(kernels::run_gather, view.instance_count * view.gather_blocks, view); }
-  void fit(const RunView& view) { start(kernels::run_fit, view.instance_count, view); }
+  void fit(const RunView& view) { start(kernels::run_fit, view.instance_count, view, equation_bytes(view)); }
   void write_frame(const RunView& view, int instance, float* frame) {
     const int blocks = std::min((view.model.particles + step_warps - 1) / step_warps, 8 * processors_);
     kernels::run_frame<<<static_cast<unsigned>(blocks), step_threads, 0, stream_>>>(view, instance, frame);
@@ -115,14 +136,27 @@ class CudaBackend {
   }
 
  private:
-  void start(void (*kernel)(RunView), int blocks, const RunView& view) {
-    kernel<<<static_cast<unsigned>(blocks), step_threads, 0, stream_>>>(view);
-    GRAUPEL_CUDA_CHECK(cudaGetLastError());
+  static std::size_t equation_bytes(const RunView& view) {
+    return static_cast<std::size_t>(EquationRoom::size(view.model)) * sizeof(double);
+  }
+  void start(void (*kernel)(RunView), int blocks, const RunView& view, std::size_t shared_bytes = 0) {
+    cudaLaunchAttribute early{};
+    early.id = cudaLaunchAttributeProgrammaticStreamSerialization;
+    early.val.programmaticStreamSerializationAllowed = 1;
+    cudaLaunchConfig_t launch{};
+    launch.gridDim = static_cast<unsigned>(blocks);
+    launch.blockDim = step_threads;
+    launch.dynamicSmemBytes = shared_bytes;
+    launch.stream = stream_;
+    launch.attrs = &early;
+    launch.numAttrs = early_launch_ ? 1 : 0;
+    GRAUPEL_CUDA_CHECK(cudaLaunchKernelEx(&launch, kernel, view));
   }
   cudaStream_t stream_ = nullptr;
   cudaEvent_t begin_ = nullptr, end_ = nullptr;
   std::map<int, cudaGraphExec_t> graphs_;
   int processors_ = 0;
+  bool early_launch_ = false;  ///< kernels may take their places early (await_kernel_before)
 };
 
 }  // namespace

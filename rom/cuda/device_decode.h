@@ -1,27 +1,32 @@
 // The second kernel of a reduced-order model's step: a warp decodes an integration point's fields, its lanes then add
 // the point's share to their nodes. Nothing of a point is stored: its position, velocity, stress and affine velocity
-// live in a warp. Where nodes were marked anew, the points in reach of them are found on the way.
+// live in a warp. Where blocks were marked anew, the points in reach of them are found on the way. A
+// block more prepares the fit meanwhile.
 #pragma once
 
-#include "rom/cuda/device_step.h"
+#include "rom/cuda/device_equations.h"
 
 namespace graupel::rom::device {
 
 struct DecodeShared {
   float deformation[most_deformation_modes], rate[most_deformation_modes];
   float stress[most_field_modes], affine[most_field_modes];  ///< times the modes' scales
-  float decoded[step_warps][warp_width];
+  alignas(16) float decoded[step_warps][warp_width];
   int32_t points;  ///< found by the block
 };
 
 template <typename Block>
-GRAUPEL_HD void load_coefficients(const Block& block, const ModelView& model, const InstanceView& instance,
+GRAUPEL_HD void load_coefficients(const Block& block, const RunView& view, const InstanceView& instance,
                                   DecodeShared& shared) {
+  const ModelView& model = view.model;
   const int first = block.thread(), step = block.threads(), r = model.latents;
   for (int k = first; k < model.deformation_stride; k += step) {
     const bool real = k < model.deformation_modes;
     shared.deformation[k] = real ? static_cast<float>(instance.coefficient[k]) : 0.0f;
-    shared.rate[k] = real ? static_cast<float>(instance.rate[k]) : 0.0f;
+    const double rate = !real                       ? 0
+                        : instance.state->steps > 0 ? (instance.coefficient[k] - instance.earlier[k]) / view.dt
+                                                    : instance.rate[k];
+    shared.rate[k] = static_cast<float>(rate);
   }
   for (int k = first; k < model.stress_stride; k += step)
     shared.stress[k] = k < model.stress_modes ? static_cast<float>(instance.map_rows[k]) * model.stress_scale[k] : 0.0f;
@@ -38,6 +43,25 @@ GRAUPEL_HD void load_coefficients(const Block& block, const ModelView& model, co
     shared.affine[k] = static_cast<float>(a);
   }
 }
+
+/// A lane's coefficients of the first group of modes, which are all modes of most models.
+struct LaneMotion {
+  float deformation, rate;
+  template <typename Block>
+  GRAUPEL_HD LaneMotion(const Block& block, const DecodeShared& shared)
+      : deformation(shared.deformation[block.thread() % warp_width]), rate(shared.rate[block.thread() % warp_width]) {}
+};
+struct LaneFields {
+  float stress[2], affine[2];
+  template <typename Block>
+  GRAUPEL_HD LaneFields(const Block& block, const DecodeShared& shared) {
+    const int k = 2 * (block.thread() % 16);
+    for (int i = 0; i < 2; ++i) {
+      stress[i] = shared.stress[k + i];
+      affine[i] = shared.affine[k + i];
+    }
+  }
+};
 
 /// Half of `count` values goes to the lane whose number differs in the bit `mask`, the other half is kept, with the
 /// partner's added.
@@ -76,13 +100,13 @@ GRAUPEL_HD PointModes load_modes(const Block& block, const ModelView& model, int
 /// Position and velocity of a particle into to[0 .. 5]; a mode a lane, the first of each component given.
 template <typename Block>
 GRAUPEL_HD void decode_deformation(const Block& block, const ModelView& model, int64_t particle, const float* given,
-                                   const DecodeShared& shared, float* to) {
+                                   const LaneMotion& own, const DecodeShared& shared, float* to) {
   const int lane = block.thread() % warp_width;
   float value[8] = {};
   GRAUPEL_UNROLL
   for (int c = 0; c < 3; ++c) {
-    value[c] = given[c] * shared.deformation[lane];
-    value[3 + c] = given[c] * shared.rate[lane];
+    value[c] = given[c] * own.deformation;
+    value[3 + c] = given[c] * own.rate;
   }
   const float* const modes = model.deformation + particle * 3 * model.deformation_stride;
   for (int k = lane + warp_width; k < model.deformation_stride; k += warp_width)
@@ -105,25 +129,27 @@ GRAUPEL_HD void decode_deformation(const Block& block, const ModelView& model, i
 /// the warp and of odd ones in the upper half, the first of each given.
 template <typename Block>
 GRAUPEL_HD void decode_fields(const Block& block, const ModelView& model, int32_t point, const uint32_t* given,
-                              const DecodeShared& shared, float* to) {
+                              const LaneFields& own, const DecodeShared& shared, float* to) {
   const int lane = block.thread() % warp_width, k = 2 * (lane % 16), odd = lane / 16;
   float value[8] = {};
   const auto add_pair = [&](float& sum, uint32_t pair, const float* coefficient) {
     sum += float_of_half(static_cast<uint16_t>(pair)) * coefficient[0];
     sum += float_of_half(static_cast<uint16_t>(pair >> 16)) * coefficient[1];
   };
-  const auto add_field = [&](auto pairs, int at, const uint32_t* rows, int stride, const float* coefficient) {
+  const auto add_field = [&](auto pairs, int at, const uint32_t* rows, int stride, const float* first_two,
+                             const float* coefficient) {
     constexpr int count = decltype(pairs)::value;  // of components
     GRAUPEL_UNROLL
-    for (int p = 0; p < count; ++p) add_pair(value[at + p], given[at + p], coefficient + k);
+    for (int p = 0; p < count; ++p) add_pair(value[at + p], given[at + p], first_two);
     const uint32_t* row = rows + int64_t(point) * count * stride + lane;
     for (int first = field_group; first < stride; first += field_group) {
       row += count * field_group;
       for (int p = 0; p < count; ++p) add_pair(value[at + p], row[p * warp_width], coefficient + first + k);
     }
   };
-  add_field(std::integral_constant<int, stress_pairs>{}, 0, model.stress, model.stress_stride, shared.stress);
-  add_field(std::integral_constant<int, affine_pairs>{}, stress_pairs, model.affine, model.affine_stride,
+  add_field(std::integral_constant<int, stress_pairs>{}, 0, model.stress, model.stress_stride, own.stress,
+            shared.stress);
+  add_field(std::integral_constant<int, affine_pairs>{}, stress_pairs, model.affine, model.affine_stride, own.affine,
             shared.affine);
   exchange_halves<8>(block, 8, value);
   exchange_halves<4>(block, 4, value);
@@ -147,16 +173,18 @@ GRAUPEL_HD inline void add_to_node(const Block& block, float* node, const Vec<fl
 /// A lane's node of the stencil takes its share: w (m v + A (x_i - x_p)) with A = m C - dt V0 (4 / dx^2) tau
 /// (mpm/transfer.h).
 template <typename Block>
-GRAUPEL_HD void scatter_point(const Block& block, const RunView& view, const InstanceView& instance, int32_t point,
-                              const float* decoded) {
+GRAUPEL_HD void scatter_point(const Block& block, const RunView& view, const InstanceView& instance,
+                              const MarkedGrid& grid, int32_t point, const float* from) {
   const int lane = block.thread() % warp_width;
   if (lane >= stencil_nodes) return;
+  float decoded[24];
+  __builtin_memcpy(decoded, __builtin_assume_aligned(from, 16), sizeof decoded);
   const Vec<float, 3> x = {decoded[0], decoded[1], decoded[2]};
-  const Stencil s = stencil_at(instance, x);
+  const Stencil s = grid.stencil_at(x);
   if (!s.inside) return;
   const Vec<int, 3> offset = stencil_node(lane);
-  const int32_t place = place_of(instance, node_number(instance.nodes, s.base + offset), instance.state->round);
-  if (place < 0) return;
+  float* const sums = grid.sums_of(s.base + offset);
+  if (sums == nullptr) return;
   Vec<float, 3> v = {decoded[3], decoded[4], decoded[5]};
   Mat<float, 3> C;
   for (int i = 0; i < 9; ++i) C(i / 3, i % 3) = decoded[12 + i];
@@ -169,76 +197,82 @@ GRAUPEL_HD void scatter_point(const Block& block, const RunView& view, const Ins
   const Mat<float, 3> tau = {{{decoded[6], decoded[9], decoded[10]},
                               {decoded[9], decoded[7], decoded[11]},
                               {decoded[10], decoded[11], decoded[8]}}};
-  const mpm::GridGeometry<float, 3>& grid = instance.scene.grid;
   const float mass = instance.point_mass[point];
-  const float force = -static_cast<float>(view.dt) * instance.point_volume[point] * 4.0f * grid.inverse_dx;
-  const Mat<float, 3> A = C * (mass * grid.dx) + tau * force;
+  const float force = -static_cast<float>(view.dt) * instance.point_volume[point] * 4.0f * grid.grid.inverse_dx;
+  const Mat<float, 3> A = C * (mass * grid.grid.dx) + tau * force;
   float w = 1;
   Vec<float, 3> from_point;
   for (int d = 0; d < 3; ++d) {
     from_point[d] = static_cast<float>(offset[d]) - s.fx[d];
     w *= mpm::bspline(from_point[d]);
   }
-  add_to_node(block, instance.sums + int64_t(place) * mpm::channels, w * (mass * v + A * from_point), w * mass);
+  add_to_node(block, sums, w * (mass * v + A * from_point), w * mass);
 }
 
-/// Whether a stencil at this position has a corner in a marked node: a box of three nodes that meets one of the marked
-/// boxes, which are larger, has.
+/// Whether a stencil at this position has a corner in a marked block: a box of three nodes that meets one, which is
+/// larger, has.
 template <typename Block>
-GRAUPEL_HD bool reaches_marked(const Block& block, const InstanceView& instance, const Vec<float, 3>& x) {
+GRAUPEL_HD bool reaches_marked(const Block& block, const MarkedGrid& grid, const Vec<float, 3>& x) {
   const int lane = block.thread() % warp_width;
-  const Stencil s = stencil_at(instance, x);
+  const Stencil s = grid.stencil_at(x);
   bool reaches = false;
   if (s.inside && lane < 8) {
     Vec<int, 3> corner = s.base;
     for (int d = 0; d < 3; ++d) corner[d] += 2 * (lane >> d & 1);
-    reaches = place_of(instance, node_number(instance.nodes, corner), instance.state->round) >= 0;
+    reaches = grid.is_marked(corner);
   }
   return block.ballot(reaches) != 0;
 }
 
-/// A point whose modes are there. Where nodes were marked anew (`due`), whether it takes part is found first.
+/// A point whose modes are there. Where blocks were marked anew (`due`), whether it takes part is found first.
 template <typename Block>
-GRAUPEL_HD void take_point(const Block& block, const RunView& view, const InstanceView& instance, int32_t point,
+GRAUPEL_HD void take_point(const Block& block, const RunView& view, const InstanceView& instance,
+                           const MarkedGrid& grid, const LaneMotion& motion, const LaneFields& fields, int32_t point,
                            const PointModes& modes, bool due, DecodeShared& shared) {
   const int lane = block.thread() % warp_width;
   float* const decoded = shared.decoded[block.thread() / warp_width];
-  decode_deformation(block, view.model, view.model.point_particle[point], modes.deformation, shared, decoded);
-  decode_fields(block, view.model, point, modes.pair, shared, decoded);
+  decode_deformation(block, view.model, view.model.point_particle[point], modes.deformation, motion, shared, decoded);
+  decode_fields(block, view.model, point, modes.pair, fields, shared, decoded);
   block.sync_warp();
   bool taken = true;
   if (due) {
-    taken = reaches_marked(block, instance, {decoded[0], decoded[1], decoded[2]});
+    taken = reaches_marked(block, grid, {decoded[0], decoded[1], decoded[2]});
     if (lane == 0) {
       instance.point_taken[point] = taken ? 1 : 0;
       if (taken) block.add(&shared.points, int32_t{1});
     }
   }
-  if (taken) scatter_point(block, view, instance, point, decoded);
+  if (taken) scatter_point(block, view, instance, grid, point, decoded);
   block.sync_warp();
 }
 
 template <typename Block>
-GRAUPEL_HD void decode(const Block& block, const RunView& view, DecodeShared& shared) {
-  const InstanceView& instance = view.instances[block.index() / view.decode_blocks];
+GRAUPEL_HD void decode(const Block& block, const RunView& view, DecodeShared& shared, double* equation_room) {
+  const int per_instance = 1 + view.decode_blocks, part = block.index() % per_instance;
+  const InstanceView& instance = view.instances[block.index() / per_instance];
   if (instance.state->status != RunStatus::running) return;
-  load_coefficients(block, view.model, instance, shared);
+  if (part == 0)
+    return Equations<Block>{block, view.model, instance, {equation_room, view.model}}.solve(view.model.gram);
+  load_coefficients(block, view, instance, shared);
   if (block.thread() == 0) shared.points = 0;
   block.sync();
+  const MarkedGrid grid(instance);
+  const LaneMotion motion(block, shared);
+  const LaneFields fields(block, shared);
   const bool due = instance.state->due != 0;
   const int32_t points = view.model.points, step = view.decode_blocks * step_warps;
   const auto next = [&](int32_t point) {
     while (point < points && !due && instance.point_taken[point] == 0) point += step;
     return point;
   };
-  int32_t point = next(block.index() % view.decode_blocks * step_warps + block.thread() / warp_width);
+  int32_t point = next((part - 1) * step_warps + block.thread() / warp_width);
   PointModes modes{};
   if (point < points) modes = load_modes(block, view.model, point);
   while (point < points) {
     const int32_t after = next(point + step);
     PointModes upcoming{};
     if (after < points) upcoming = load_modes(block, view.model, after);
-    take_point(block, view, instance, point, modes, due, shared);
+    take_point(block, view, instance, grid, motion, fields, point, modes, due, shared);
     modes = upcoming;
     point = after;
   }
@@ -261,11 +295,12 @@ GRAUPEL_HD void write_frame(const Block& block, const RunView& view, int number,
     shared.rate[k] = real ? static_cast<float>(instance.rate[k]) : 0.0f;
   }
   block.sync();
+  const LaneMotion motion(block, shared);
   const int warp = block.thread() / warp_width, lane = block.thread() % warp_width;
   for (int32_t p = block.index() * step_warps + warp; p < model.particles; p += block.blocks() * step_warps) {
     float given[3];
     for (int c = 0; c < 3; ++c) given[c] = model.deformation[(3 * int64_t(p) + c) * model.deformation_stride + lane];
-    decode_deformation(block, model, p, given, shared, shared.decoded[warp]);
+    decode_deformation(block, model, p, given, motion, shared, shared.decoded[warp]);
     block.sync_warp();
     if (lane < 6) frame[6 * int64_t(p) + lane] = shared.decoded[warp][lane];
     block.sync_warp();

@@ -74,14 +74,15 @@ GRAUPEL_HD void gather_sample(const Block& block, const RunView& view, const Ins
                               float* to) {
   const int lane = block.thread() % warp_width;
   const Vec<double, 3> before = sample_position(block, view.model, instance.coefficient, sample);
-  const Stencil s = stencil_at(instance, before.cast<float>());
+  const MarkedGrid grid(instance);
+  const Stencil s = grid.stencil_at(before.cast<float>());
   Vec<float, 3> v = Vec<float, 3>::zero();
   if (s.inside && lane < stencil_nodes) {
     const Vec<int, 3> offset = stencil_node(lane), at = s.base + offset;
-    const int32_t place = place_of(instance, node_number(instance.nodes, at), instance.state->round);
+    const float* const sums = grid.sums_of(at);
     float w = 1;
     for (int d = 0; d < 3; ++d) w *= mpm::bspline(static_cast<float>(offset[d]) - s.fx[d]);
-    if (place >= 0) v = w * node_velocity(view, instance, at, instance.sums + int64_t(place) * mpm::channels);
+    if (sums != nullptr) v = w * node_velocity(view, instance, at, sums);
   }
   for (int d = 0; d < 3; ++d) v[d] = sum_of_warp(block, v[d]);
   if (lane != 0) return;

@@ -19,11 +19,7 @@ InstanceStore::InstanceStore(Device device, const ModelTable& model, InstanceTab
   view_.scene.push_out = scene.push_out;
   view_.scene.obstacle_nodes = obstacle_nodes_.view();
   view_.scene.materials = nullptr;  // no kernel asks for the material of a point
-  int64_t nodes = 1;
-  for (int d = 0; d < 3; ++d) {
-    view_.nodes[d] = mpm::block_width * view_.scene.grid.blocks[d];
-    nodes *= view_.nodes[d];
-  }
+  const int64_t blocks = view_.scene.grid.directory_size();
   set_particles(model);
   const auto moving = moving_.view();
   view_.moving_count = moving.count;
@@ -35,21 +31,23 @@ InstanceStore::InstanceStore(Device device, const ModelTable& model, InstanceTab
   view_.moving_end = make(moving_end_, obstacle_steps);
   view_.moving_step = make(moving_step_, obstacle_steps);
   view_.scripts = make(scripts_, static_cast<std::size_t>(steps_ * view_.script_count));
-  constexpr int64_t reach = 125;  // nodes that a sample marks
-  const auto marked = static_cast<std::size_t>(std::min(nodes, reach * static_cast<int64_t>(model.samples.size())));
-  view_.node_mark = make(node_mark_, static_cast<std::size_t>(nodes));
-  view_.sums = make(sums_, marked * mpm::channels);
+  constexpr int64_t reach = 8;  // blocks that a sample marks
+  const auto marked = static_cast<std::size_t>(std::min(blocks, reach * static_cast<int64_t>(model.samples.size())));
+  view_.block_mark = make(block_mark_, static_cast<std::size_t>(blocks));
+  view_.sums = make(sums_, marked * block_nodes * mpm::channels);
   view_.point_taken = make(point_taken_, model.point_particle.size());
   view_.map_rows = make(map_rows_, static_cast<std::size_t>(model.stress_map.outputs + model.affine_map.outputs));
   const std::size_t modes = table_.coefficient.size();
   view_.ahead = make(ahead_, modes);
   view_.slope = make(slope_, modes * static_cast<std::size_t>(model.latents));
   view_.gram = make(gram_, modes * modes);
+  view_.equations = make(equations_, 1);
   view_.ways = make(ways_, 1);
   view_.lost = make(lost_, model.samples.size());
   view_.parameters = keep(parameters_, table_.parameters);
   keep(coefficient_, table_.coefficient);
   keep(rate_, table_.rate);
+  view_.earlier = make(earlier_, modes);
   keep(reached_, table_.coefficient);
   view_.reached = reached_.data();
   view_.curve = keep(curve_, table_.curve);

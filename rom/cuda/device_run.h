@@ -35,8 +35,9 @@ class DeviceRun {
   virtual void advance_frame() = 0;
   /// `steps` more steps within a frame, without a word to the host; seconds on the device.
   virtual double timed_steps(int64_t steps) = 0;
-  /// Seconds that each kernel takes on the device, in the order of the step. The run is of no use afterwards.
-  virtual std::array<double, 4> kernel_seconds() = 0;
+  /// Seconds that each kernel takes on the device, in the order of the step, as a mean over so many. The run is of no
+  /// use afterwards.
+  virtual std::array<double, 4> kernel_seconds(int times) = 0;
   virtual const InstanceState& state(int instance) const = 0;
   /// Positions [m] and velocities [m/s] of all particles, [particles, 6].
   virtual std::vector<float> frame(int instance) const = 0;
@@ -178,9 +179,10 @@ class InstanceStore {
   Buffer<mpm::ScriptStep<float>> scripts_;
   Buffer<float> point_mass_, point_volume_, sums_;
   Buffer<int32_t> point_script_, sample_script_;
-  Buffer<long long> node_mark_;
+  Buffer<long long> block_mark_;
   Buffer<uint8_t> sample_still_, lost_, point_taken_;
-  Buffer<double> parameters_, map_rows_, coefficient_, rate_, ahead_, slope_, reached_, gram_, curve_;
+  Buffer<double> parameters_, map_rows_, coefficient_, earlier_, rate_, ahead_, slope_, reached_, gram_, curve_;
+  Buffer<NormalEquations> equations_;
   Buffer<WaySums> ways_;
 };
 
@@ -231,8 +233,7 @@ class DeviceRunOn final : public DeviceRun {
     backend_.read(states_.data(), host_.size(), host_.data());
     return seconds;
   }
-  std::array<double, 4> kernel_seconds() override {
-    constexpr int times = 32;
+  std::array<double, 4> kernel_seconds(int times) override {
     std::array<double, 4> seconds{};
     for (int kernel = 0; kernel < 4; ++kernel) {
       backend_.record(first_kernel + kernel, [&] {
@@ -298,7 +299,7 @@ class DeviceRunOn final : public DeviceRun {
     // A few blocks a multiprocessor, shared by the instances; but no more than there is work for.
     const int share = std::max(4, 4 * backend_.processors() / view_.instance_count);
     view_.worker_blocks = std::max(1, std::min(share, blocks_for(view_.model.points)));
-    view_.decode_blocks = view_.worker_blocks;
+    view_.decode_blocks = std::max(1, view_.worker_blocks - 1);  // beside that of the equations
     view_.gather_blocks = std::max(1, blocks_for(view_.model.samples));
   }
   void prepare_graphs(int64_t steps) {

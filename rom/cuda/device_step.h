@@ -1,9 +1,10 @@
-// What the kernels of a reduced-order model's step share: sums over warps, stencils, coefficient maps, marked nodes.
-//   branch   (device_branch.h)  coefficients of all fields, at q and where the velocity takes it; sums cleared; nodes
-//                               marked that samples can read, where that is due
-//   decode   (device_decode.h)  a warp decodes an integration point's fields and adds its share to its nodes
+// What the kernels of a reduced-order model's step share: sums over warps, stencils, coefficient maps, marked blocks.
+//   branch   (device_branch.h)  coefficients of all fields, at q and where the velocity takes it; sums cleared;
+//                               blocks marked that samples can read, where that is due
+//   decode   (device_decode.h)  a warp decodes an integration point's fields and adds its share to its nodes; a block
+//                               beside solves the normal equations for any ways of samples (device_equations.h)
 //   gather   (device_gather.h)  a warp moves a sample; ways are projected onto the modes
-//   fit      (device_fit.h)     a block solves for the latent
+//   fit      (device_fit.h)     a block finds the latent
 // All are templates over core/thread_block.h: GPUs run them, and tests with fibers on a CPU.
 #pragma once
 
@@ -22,6 +23,7 @@ namespace graupel::rom::device {
 
 inline constexpr int step_warps = step_threads / warp_width;
 inline constexpr int stencil_nodes = 27;
+inline constexpr int block_nodes = mpm::block_width * mpm::block_width * mpm::block_width;
 
 /// IEEE half precision.
 GRAUPEL_HD inline float float_of_half(uint16_t bits) {
@@ -72,19 +74,44 @@ struct Stencil {
   Vec<float, 3> fx;
   bool inside;
 };
-GRAUPEL_HD inline Stencil stencil_at(const InstanceView& instance, const Vec<float, 3>& x) {
-  const Vec<float, 3> local = instance.scene.grid.local(x);
-  Stencil s{Vec<int, 3>::zero(), Vec<float, 3>::zero(), true};
-  for (int d = 0; d < 3; ++d)
-    s.inside = s.inside && local[d] >= 0.5f && local[d] < static_cast<float>(instance.nodes[d]) - 2.0f;
-  if (!s.inside) return s;
-  s.base = mpm::base_node(local);
-  for (int d = 0; d < 3; ++d) s.fx[d] = local[d] - static_cast<float>(s.base[d]);
-  return s;
-}
-GRAUPEL_HD inline int64_t node_number(const Vec<int, 3>& nodes, const Vec<int, 3>& at) {
-  return (int64_t(at[0]) * nodes[1] + at[1]) * nodes[2] + at[2];
-}
+
+/// An instance's grid with its marked blocks, held by every thread that asks for nodes often.
+struct MarkedGrid {
+  mpm::GridGeometry<float, 3> grid;
+  const long long* block_mark;
+  float* sums;
+  int32_t round;
+  GRAUPEL_HD explicit MarkedGrid(const InstanceView& instance)
+      : grid(instance.scene.grid), block_mark(instance.block_mark), sums(instance.sums), round(instance.state->round) {}
+
+  GRAUPEL_HD int nodes(int axis) const { return mpm::block_width * grid.blocks[axis]; }
+  GRAUPEL_HD Stencil stencil_at(const Vec<float, 3>& x) const {
+    const Vec<float, 3> local = grid.local(x);
+    Stencil s{Vec<int, 3>::zero(), Vec<float, 3>::zero(), true};
+    for (int d = 0; d < 3; ++d)
+      s.inside = s.inside && local[d] >= 0.5f && local[d] < static_cast<float>(nodes(d)) - 2.0f;
+    if (!s.inside) return s;
+    s.base = mpm::base_node(local);
+    for (int d = 0; d < 3; ++d) s.fx[d] = local[d] - static_cast<float>(s.base[d]);
+    return s;
+  }
+  /// Of the block that holds a node.
+  GRAUPEL_HD int32_t block_index(const Vec<int, 3>& at) const {
+    return grid.directory_index({at[0] / mpm::block_width, at[1] / mpm::block_width, at[2] / mpm::block_width});
+  }
+  /// Whether a node's block is marked.
+  GRAUPEL_HD bool is_marked(const Vec<int, 3>& at) const {
+    return static_cast<int32_t>(block_mark[block_index(at)] >> 32) == round;
+  }
+  /// The four sums of a node; null where its block is not marked.
+  GRAUPEL_HD float* sums_of(const Vec<int, 3>& at) const {
+    const long long mark = block_mark[block_index(at)];
+    if (static_cast<int32_t>(mark >> 32) != round) return nullptr;
+    constexpr int w = mpm::block_width;
+    const int inside = (at[0] % w * w + at[1] % w) * w + at[2] % w;
+    return sums + ((mark & 0xffffffff) * block_nodes + inside) * mpm::channels;
+  }
+};
 GRAUPEL_HD inline Vec<int, 3> stencil_node(int n) { return {n / 9, n / 3 % 3, n % 3}; }
 
 /// y = (z - shift) * scale of input j.
@@ -93,12 +120,6 @@ GRAUPEL_HD inline double standardised(const MapView& map, int j, double z) { ret
 GRAUPEL_HD inline double held(const MapView& map, int j, double y) {
   if (map.count == 0) return y;
   return y < map.low[j] ? map.low[j] : y > map.high[j] ? map.high[j] : y;
-}
-
-/// Place of a marked node among the sums, or -1.
-GRAUPEL_HD inline int32_t place_of(const InstanceView& instance, int64_t node, int32_t round) {
-  const long long mark = instance.node_mark[node];
-  return static_cast<int32_t>(mark >> 32) == round ? static_cast<int32_t>(mark & 0xffffffff) : -1;
 }
 
 /// Position of a sample with these coefficients of the deformation, in all lanes [m].

@@ -56,16 +56,16 @@ enum class RunStatus : int32_t {
 /// What a step leaves of an instance, beside its arrays; copied by words of eight bytes.
 struct alignas(8) InstanceState {
   double latent[most_latents], velocity[most_latents];
-  double moved;               ///< since nodes were marked [m]
+  double moved;               ///< since blocks were marked [m]
   double residual;            ///< largest of the frame, over the samples' way
   double down_weighted;       ///< shares of samples, summed over the frame
   double condition;           ///< largest of the run
   int64_t points_sum, steps;  ///< of the run
   RunStatus status;
-  int32_t step;                     ///< of the frame
-  int32_t due;                      ///< nodes are to be marked anew, and points found
-  int32_t round;                    ///< of marking
-  int32_t node_count, point_count;  ///< marked nodes; integration points in reach of them
+  int32_t step;                      ///< of the frame
+  int32_t due;                       ///< blocks are to be marked anew, and points found
+  int32_t round;                     ///< of marking
+  int32_t block_count, point_count;  ///< marked blocks of nodes; integration points in reach of them
   int32_t most_points;
 };
 
@@ -75,6 +75,17 @@ struct alignas(8) WaySums {
   double moved2;                              ///< sum of the squares of the ways [m^2]
   int32_t furthest;                           ///< bits of the longest way's square, a float
   int32_t lost;                               ///< samples
+};
+
+/// The least-squares problem of a step's fit, solved for any U^T way (rom/cuda/device_fit.h): dq = P (U^T way) - p.
+struct alignas(8) NormalEquations {
+  double solution[most_latents * most_deformation_modes];  ///< P = M^-1 S^T [r, modes]
+  double offset[most_latents];                             ///< p = M^-1 S^T G d, d = a(q*) - a_0
+  double turned[most_latents];                             ///< S^T G d
+  double matrix[most_latents * most_latents];              ///< M = S^T G S
+  double square;                                           ///< d^T G d
+  double condition;                                        ///< largest pivot of M over the smallest
+  int64_t solved;                                          ///< 0: M is singular or not finite
 };
 
 struct InstanceView {
@@ -88,17 +99,18 @@ struct InstanceView {
   const int32_t *point_script, *sample_script;                ///< -1: none; null: no particle has one
   const uint8_t* sample_still;                                ///< [samples] of a stationary material
   const double* parameters;
-  Vec<int, 3> nodes;           ///< of the grid
-  long long* node_mark;        ///< [nodes] the round in which it was last marked and, below, its place among the sums
-  float* sums;                 ///< [marked nodes, 4] momentum [kg m/s], mass [kg]
-  uint8_t* point_taken;        ///< [points] whether it is in reach of a marked node
-  double* map_rows;            ///< outputs of stress_map, then of affine_map
-  double *coefficient, *rate;  ///< of the deformation's modes, and their change in time [deformation modes]
-  double *ahead, *slope;       ///< coefficients where the velocity takes q, and da/dq there [deformation modes, r]
-  double* reached;             ///< coefficients after the step, to first order
-  const double* curve;         ///< where runs go at the instance's parameters [curve_points, r]
-  int32_t curve_points;        ///< 0: none
-  double* gram;                ///< room for G of some of the samples
+  long long* block_mark;  ///< [blocks of nodes] the round in which it was last marked and, below, its place in the sums
+  float* sums;            ///< [marked blocks, nodes of a block, 4] momentum [kg m/s], mass [kg]
+  uint8_t* point_taken;   ///< [points] whether it is in reach of a marked block
+  double* map_rows;       ///< outputs of stress_map, then of affine_map
+  double *coefficient, *earlier;  ///< of the deformation's modes, and a step earlier [deformation modes]
+  double* rate;                   ///< their change in time, at the start and after a step
+  double *ahead, *slope;          ///< coefficients where the velocity takes q, and da/dq there [deformation modes, r]
+  double* reached;                ///< coefficients after the step, to first order
+  const double* curve;            ///< where runs go at the instance's parameters [curve_points, r]
+  int32_t curve_points;           ///< 0: none
+  double* gram;                   ///< room for G of some of the samples
+  NormalEquations* equations;
   WaySums* ways;
   uint8_t* lost;  ///< [samples]
   InstanceState* state;

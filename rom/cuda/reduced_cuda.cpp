@@ -78,7 +78,7 @@ double ReducedDeviceSolver::timed_frame() {
   return seconds;
 }
 
-std::array<double, 4> ReducedDeviceSolver::kernel_seconds() { return run_->kernel_seconds(); }
+std::array<double, 4> ReducedDeviceSolver::kernel_seconds() { return run_->kernel_seconds(32); }
 
 std::optional<std::string> ReducedDeviceSolver::divergence(int instance) const {
   switch (report(instance).status) {

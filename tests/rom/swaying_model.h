@@ -15,12 +15,13 @@
 namespace graupel::rom::test {
 
 /// A block of sand that flies along x and falls; `more` are further keys.
-inline Scene swaying_scene(const std::string& more = "") {
+inline Scene swaying_scene(const std::string& more = "", const std::string& size = "[0.04, 0.06, 0.04]") {
   return io::parse_scene(R"({
     "domain": { "size": [0.5, 0.5, 0.5], "dx": 0.02, "walls": "stick" },
     "gravity": [0, -4, 0],
     "materials": { "sand": { "preset": "nsf_sand", "friction_angle": 30 } },
-    "sources": [ { "shape": "box", "size": [0.04, 0.06, 0.04], "position": [0.25, 0.152, 0.25], "material": "sand",
+    "sources": [ { "shape": "box", "size": )" +
+                             size + R"(, "position": [0.25, 0.152, 0.25], "material": "sand",
                    "velocity": [0.6, -0.3, 0] } ],
     "time_step": { "policy": "fixed", "substeps_per_frame": 2 },
     "frame_time": 0.008, "seed": 3)" +
