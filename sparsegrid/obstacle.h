@@ -9,6 +9,14 @@
 #include "core/mat.h"
 #include "core/scene.h"
 
+/// Kernels that look up seldom, in many places, are compiled with GRAUPEL_COMPACT_LOOKUP: a look-up is then called. Its
+/// code in every place would not fit into a GPU's instruction cache.
+#if defined(GRAUPEL_COMPACT_LOOKUP) && defined(__CUDA_ARCH__)
+#define GRAUPEL_LOOKUP __noinline__
+#else
+#define GRAUPEL_LOOKUP
+#endif
+
 namespace graupel::sparsegrid {
 
 /// Signed distance phi [m] (negative inside) and outward unit normal (zero beyond the narrow band) at a world point.
@@ -65,7 +73,7 @@ struct ObstacleSetView {
 
 /// phi and normal of one obstacle: trilinear interpolation of the grid and the gradient of that interpolant.
 template <typename T>
-GRAUPEL_HD SignedDistance<T> signed_distance(const ObstacleView& obstacle, const Vec<T, 3>& x);
+GRAUPEL_LOOKUP GRAUPEL_HD SignedDistance<T> signed_distance(const ObstacleView& obstacle, const Vec<T, 3>& x);
 
 /// Largest difference of a grid's values at neighbouring voxels [voxels]; grids are built so.
 inline constexpr double steepest_grid = 1.1;

@@ -34,7 +34,7 @@ GRAUPEL_HD Vec<T, 3> way_out(Vec<T, 3> normal) {
 
 /// The obstacle that a point is deepest in; phi is no_obstacle_distance where none can be entered.
 template <typename T>
-GRAUPEL_HD SignedDistance<T> deepest(const ObstacleSetView& set, const Vec<T, 3>& x) {
+GRAUPEL_LOOKUP GRAUPEL_HD SignedDistance<T> deepest(const ObstacleSetView& set, const Vec<T, 3>& x) {
   SignedDistance<T> found = {static_cast<T>(no_obstacle_distance), Vec<T, 3>::zero()};
   for (int i = 0; i < set.count; ++i) {
     if (!may_be_inside(set.obstacles[i], x)) continue;
