@@ -90,7 +90,8 @@ void add_convert(CLI::App& app) {
                    "Particle types of the other program: NUMBER=MATERIAL,..., or NUMBER=obstacle; the rest as below");
   verb->add_option("--split", options->splits, "Convert these alone: train,valid,test (default: all there are)")
       ->check(CLI::IsMember({"train", "valid", "test"}))
-      ->delimiter(',');
+      ->delimiter(',')
+      ->allow_extra_args(false);
   verb->add_option("--set", options->set,
                    "Change a key of the scenes that are made: --set gravity=[0,-9.8,0] --set domain.dx=0.02")
       ->allow_extra_args(false);
@@ -105,7 +106,7 @@ void add_convert(CLI::App& app) {
       "Their pickles are never executed. The output appears when all of it is written.\n\nExamples:\n"
       "  graupel convert data/hgn data/hgn-gns --format gns\n"
       "  graupel convert WaterDropSample data/water --set gravity=[0,-9.8,0]\n"
-      "  graupel convert 3D_DAM data/dam --types 3=jelly --split train,valid");
+      "  graupel convert 3D_LDC_8160_10kevery100 data/ldc --types 2=obstacle --split train,valid");
   verb->callback([options] { convert(*options); });
 }
 

@@ -64,7 +64,7 @@ class HeaderParser {
     if (quote != '\'' && quote != '"') fail("describes records or something else than one element type");
     const std::size_t end = rest_.find(quote, 1);
     if (end == std::string_view::npos) fail("is cut short");
-    const std::string text(rest_.substr(1, end - 1));
+    std::string text(rest_.substr(1, end - 1));
     rest_.remove_prefix(end + 1);
     return text;
   }

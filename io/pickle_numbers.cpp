@@ -42,7 +42,7 @@ std::vector<Out> converted(const PickleValue& array) {
     const auto value = element<Number>(array, reorder ? fortran_index(array.shape, i) : i);
     if constexpr (std::is_same_v<Number, uint64_t>)
       if (value > uint64_t(std::numeric_limits<int64_t>::max())) throw Unreadable("a whole number is above 2^63");
-    out[i] = static_cast<Out>(value);
+    out[i] = static_cast<Out>(+value);
   }
   return out;
 }

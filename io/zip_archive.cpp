@@ -178,7 +178,7 @@ void write_zip(const std::string& path, const std::vector<std::string>& names,
     if (failure) std::rethrow_exception(failure);
     fail_writing(path, zip_strerror(archive.get()));
   }
-  archive.release();
+  static_cast<void>(archive.release());  // zip_close has freed it
 }
 
 }  // namespace graupel::io

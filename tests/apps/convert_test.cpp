@@ -13,15 +13,19 @@ namespace {
 
 class ConvertVerb : public testing::Test {
  protected:
-  void SetUp() override {
+  static void SetUpTestSuite() {
+    made_ = std::make_unique<Folder>();
     const Outcome made = graupel(
         "generate scenes/recipes/hgn.json --set frames=4 --set counts.train=2 --set counts.valid=1 --set counts.test=1 "
         "--device cpu --seed 5 -o " +
-        set_);
+        made_->file("own"));
     ASSERT_EQ(made.exit_code, 0) << made.output;
   }
+  static void TearDownTestSuite() { made_.reset(); }
+
+  static inline std::unique_ptr<Folder> made_;
   Folder folder_;
-  std::string set_ = folder_.file("own");
+  std::string set_ = made_->file("own");
 };
 
 TEST_F(ConvertVerb, GoesToBothFormatsAndBack) {
@@ -44,6 +48,46 @@ TEST_F(ConvertVerb, GoesToBothFormatsAndBack) {
     }
     EXPECT_EQ(graupel("inspect " + back + "/test.h5").exit_code, 0);
   }
+}
+
+bool training_is_built() { return std::filesystem::exists(GRAUPEL_BINARY_DIR "/graupel-train"); }
+
+const std::string tiny_training =
+    " --device cpu --threads 1 --steps 3 --set hgn.latent=16 --set hgn.levels=2 --set hgn.message_passing=1 "
+    "--set batch_scenes=1 --set validation_samples=2 --set rollout_scenes=1 --set rollout_frames=2";
+
+TEST_F(ConvertVerb, NetworksTrainOnWhatCameBack) {
+  if (!training_is_built())
+    GTEST_SKIP() << "graupel-train is not built (needs libtorch): no training on converted data";
+  for (const std::string format : {"gns", "lagrangebench"}) {
+    const std::string there = folder_.file(format), back = folder_.file(format + "-back"), run = folder_.file("run");
+    ASSERT_EQ(graupel("convert " + set_ + " " + there + " --format " + format).exit_code, 0);
+    ASSERT_EQ(graupel("convert " + there + " " + back).exit_code, 0);
+    const Outcome trained = graupel("train hgn --data " + back + " --out " + run + tiny_training);
+    ASSERT_EQ(trained.exit_code, 0) << trained.output;
+    EXPECT_TRUE(trained.says("finished at step 3")) << trained.output;
+    const Outcome rolled =
+        graupel("rollout " + run + "/weights.safetensors " + back + "/test.h5 --frames 2 -o " + folder_.file("r.h5"));
+    EXPECT_EQ(rolled.exit_code, 0) << rolled.output;
+    EXPECT_EQ(io::TrajectoryReader(folder_.file("r.h5")).header(0).frame_count(), 3u);
+    remove_path(run);
+  }
+}
+
+TEST_F(ConvertVerb, DataInThePlaneAreRefusedByTheTraining) {
+  if (!training_is_built()) GTEST_SKIP() << "graupel-train is not built (needs libtorch): no training on plane data";
+  const std::string plane = folder_.file("plane"),
+                    scene = folder_.write("plane.json", small_scene(R"("gravity": [0, -9.8, 0])"));
+  make_folder(plane);
+  ASSERT_EQ(
+      graupel("simulate " + scene + " --set domain.dimensions=2 --set frames=5 -o " + plane + "/train.h5").exit_code,
+      0);
+  const Outcome there = graupel("convert " + plane + " " + plane + "-gns --format gns --connectivity-radius 0.07");
+  ASSERT_EQ(there.exit_code, 0) << there.output;
+  ASSERT_EQ(graupel("convert " + plane + "-gns " + plane + "-back").exit_code, 0);
+  const Outcome trained = graupel("train hgn --data " + plane + "-back --out " + plane + "-run" + tiny_training);
+  EXPECT_EQ(trained.exit_code, 2) << trained.output;
+  EXPECT_TRUE(trained.says("three dimensions only")) << trained.output;
 }
 
 TEST_F(ConvertVerb, SaysWhatIsWrong) {
