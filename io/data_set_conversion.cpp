@@ -96,8 +96,8 @@ MotionMoments motion_of(const ParticleSeries& series, const Vec3d& period) {
 
 MotionFigures figures_of(const MotionMoments& moments, int dimensions) {
   const auto axes = [&](const Vec3d& v) {
-    std::vector<double> out;
-    for (int axis = 0; axis < dimensions; ++axis) out.push_back(v[axis]);
+    std::vector<double> out = {v[0], v[1], v[2]};
+    out.resize(static_cast<std::size_t>(dimensions));
     return out;
   };
   return {axes(moments.velocity.mean()), axes(moments.velocity.deviation()), axes(moments.acceleration.mean()),

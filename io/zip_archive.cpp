@@ -1,5 +1,6 @@
 #include "io/zip_archive.h"
 
+#include <unistd.h>
 #include <zip.h>
 
 #include <algorithm>
@@ -13,8 +14,13 @@ namespace graupel::io {
 namespace {
 
 constexpr uint64_t largest_ratio = 1100;  // deflate unfolds at most 1032 times
+constexpr std::size_t piece = std::size_t(64) << 20;
 constexpr int deflate_level = 1;          // positions hardly shrink; NumPy reads what is written fast
 constexpr zip_uint16_t first_day = 0x21;  // 1980-01-01: no times in the file
+
+uint64_t memory_bytes() {
+  return static_cast<uint64_t>(::sysconf(_SC_PHYS_PAGES)) * static_cast<uint64_t>(::sysconf(_SC_PAGE_SIZE));
+}
 
 std::string text_of(zip_error_t* error) {
   std::string text = zip_error_strerror(error);
@@ -69,11 +75,15 @@ std::string ZipReader::read(std::size_t member) const {
   if ((facts.valid & ZIP_STAT_SIZE) == 0 || (facts.valid & ZIP_STAT_COMP_SIZE) == 0)
     impl_->fail(member, "its size is not known");
   if (facts.size / largest_ratio > facts.comp_size) impl_->fail(member, "it claims more bytes than it can unfold to");
+  if (facts.size > memory_bytes())
+    impl_->fail(member, "it unfolds to " + std::to_string(facts.size) + " bytes, more than this machine's memory");
   std::unique_ptr<zip_file_t, int (*)(zip_file_t*)> file(zip_fopen_index(impl_->archive, member, 0), zip_fclose);
   if (!file) impl_->fail(member, zip_strerror(impl_->archive));
-  std::string bytes(facts.size, '\0');
+  std::string bytes;
   std::size_t have = 0;
-  while (have < bytes.size()) {
+  while (have < facts.size) {
+    if (have == bytes.size())
+      bytes.resize(have + std::min<std::size_t>(piece, facts.size - have));  // as far as it is true
     const zip_int64_t got = zip_fread(file.get(), bytes.data() + have, bytes.size() - have);
     if (got < 0) impl_->fail(member, zip_file_strerror(file.get()));
     if (got == 0) impl_->fail(member, "it is cut short");

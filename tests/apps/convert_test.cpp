@@ -2,7 +2,7 @@
 #include <gtest/gtest.h>
 #include <sys/mount.h>
 
-#include <nlohmann/json.hpp>
+#include <memory>
 
 #include "core/atomic_file.h"
 #include "io/trajectory_file.h"

@@ -220,6 +220,25 @@ TEST_F(Convert, PeriodicWallsStay) {
   expect_error<InputError>([&] { convert(set, folder_.file("gns"), DataSetFormat::gns); }, {"periodic walls"});
 }
 
+TEST_F(Convert, FramesFromADivergenceOnAreLeftOut) {
+  const std::string set = own_set(3);
+  Trajectory header;
+  header.particle_type = {5};
+  header.frame_time = 0.02;
+  header.scene_json = scene_text(3);
+  TrajectoryWriter writer(set + "/test.h5", header, {.velocity = false});
+  for (const float x : {1.0f, 1.5f, 1e30f}) {
+    ParticleFrame frame;
+    frame.position = {{x, 1, 1}};
+    writer.append(frame);
+  }
+  writer.finish(2);
+  convert(set, folder_.file("gns"), DataSetFormat::gns);
+  const ParticleSeries series = open_gns_split(folder_.file("gns/test.npz"))->read(0);
+  EXPECT_EQ(series.position, (std::vector<float>{1, 1, 1, 1.5f, 1, 1}));
+  EXPECT_TRUE(metadata(folder_.file("gns"))["sequence_length"].is_null());
+}
+
 TEST_F(Convert, ChosenSplitsAlone) {
   const auto result = convert(own_set(3), folder_.file("gns"), DataSetFormat::gns,
                               [](ConversionOptions& options) { options.splits = {"test"}; });

@@ -49,6 +49,13 @@ TEST(Pickle, ArraysComeBack) {
   EXPECT_EQ(whole_numbers(wholes), (std::vector<int64_t>{7, -8, int64_t(1) << 40}));
 }
 
+TEST(Pickle, ArraysOfNumPyTwoAreRead) {
+  std::string bytes = sample_pickle();
+  const std::string one = "cnumpy.core.", two = "cnumpy._core.";
+  for (std::size_t at = bytes.find(one); at != std::string::npos; at = bytes.find(one, at)) bytes.replace(at, 12, two);
+  EXPECT_EQ(read_pickle(bytes).root().items.size(), 2u);
+}
+
 TEST(Pickle, ArraysOfPythonTwoAreRead) {
   const std::string bytes = numbers("K\x02", "u1", "\x05\xff");
   const Pickle pickle = read_pickle(bytes);
