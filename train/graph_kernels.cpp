@@ -117,10 +117,12 @@ struct AdamStep {
     if (!(norm - norm == T(0))) return;  // infinite or not a number
     const T scale = s.clip > 0 && norm > T(s.clip) ? T(s.clip) / norm : T(1);
     const T g = gradient[i] * scale;
+    const T rate = T(s.scheduled ? s.scheduled[0] : s.learning_rate),
+            correction1 = T(s.scheduled ? s.scheduled[1] : s.correction1),
+            correction2 = T(s.scheduled ? s.scheduled[2] : s.correction2);
     const T m = T(s.beta1) * moment1[i] + T(1 - s.beta1) * g;
     const T v = T(s.beta2) * moment2[i] + T(1 - s.beta2) * g * g;
-    const T w =
-        weights[i] - T(s.learning_rate) * (m / T(s.correction1)) / (std::sqrt(v / T(s.correction2)) + T(s.epsilon));
+    const T w = weights[i] - rate * (m / correction1) / (std::sqrt(v / correction2) + T(s.epsilon));
     moment1[i] = m;
     moment2[i] = v;
     weights[i] = w;
@@ -129,6 +131,22 @@ struct AdamStep {
 };
 
 constexpr Grain light{.items = 4096};
+
+/// parallel_for, on a GPU in a stream's order.
+template <typename Body>
+void parallel_for_in(void* stream, Device device, int64_t n, const Body& body) {
+#ifdef __CUDACC__
+  if (device == Device::cuda && n > 0) {
+    constexpr int threads = 128;
+    parallel_for_kernel<<<static_cast<unsigned>((n + threads - 1) / threads), threads, 0,
+                          static_cast<cudaStream_t>(stream)>>>(n, body);
+    GRAUPEL_CUDA_CHECK(cudaGetLastError());
+    return;
+  }
+#endif
+  static_cast<void>(stream);
+  parallel_for(device, n, body, light);
+}
 
 bool packable(int64_t width, int64_t stride) { return width % 4 == 0 && stride % 4 == 0; }
 
@@ -174,8 +192,9 @@ void leaky_backward(Device device, int64_t count, const T* activated, T* grad) {
 
 template <typename T>
 void adam_step(Device device, int64_t count, const AdamSettings& settings, const T* gradient, const T* gradient_norm,
-               T* weights, T* moment1, T* moment2, T* ema) {
-  parallel_for(device, count, AdamStep<T>{settings, gradient, gradient_norm, weights, moment1, moment2, ema}, light);
+               T* weights, T* moment1, T* moment2, T* ema, void* stream) {
+  parallel_for_in(stream, device, count,
+                  AdamStep<T>{settings, gradient, gradient_norm, weights, moment1, moment2, ema});
 }
 
 #define GRAUPEL_INSTANTIATE(T)                                                                                     \
@@ -184,7 +203,7 @@ void adam_step(Device device, int64_t count, const AdamSettings& settings, const
   template void segment_sum(Device, const Segments&, int64_t, const T*, int64_t, const T*, T*);                    \
   template void gather_rows(Device, int64_t, int64_t, const T*, int64_t, const RowIndex&, const T*, const T*, T*); \
   template void leaky_backward(Device, int64_t, const T*, T*);                                                     \
-  template void adam_step(Device, int64_t, const AdamSettings&, const T*, const T*, T*, T*, T*, T*);
+  template void adam_step(Device, int64_t, const AdamSettings&, const T*, const T*, T*, T*, T*, T*, void*);
 GRAUPEL_INSTANTIATE(float)
 GRAUPEL_INSTANTIATE(double)
 

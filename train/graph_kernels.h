@@ -63,9 +63,13 @@ struct AdamSettings {
   double correction1 = 1, correction2 = 1;  ///< 1 - beta^step
   double clip = 0;                          ///< 0: no clipping
   double ema_decay = 0;
+  /// Where not null, in the device's memory: the learning rate and both corrections that are used in place of those
+  /// above. A recorded step is replayed with others.
+  const double* scheduled = nullptr;
 };
+/// `stream`: the cudaStream_t to launch on; null: the default one.
 template <typename T>
 void adam_step(Device device, int64_t count, const AdamSettings& settings, const T* gradient, const T* gradient_norm,
-               T* weights, T* moment1, T* moment2, T* ema);
+               T* weights, T* moment1, T* moment2, T* ema, void* stream = nullptr);
 
 }  // namespace graupel::train

@@ -9,6 +9,7 @@
 
 #include "core/device.h"
 #include "nn/weights.h"
+#include "train/captured_step.h"
 #include "train/hgn_module.h"
 
 namespace graupel::train {
@@ -37,7 +38,9 @@ const char* name_of(MlpArray array);
 class MlpModule {
  public:
   /// Xavier-uniform weights from `seed`, biases 0. Throws ConfigError for Device::cuda where libtorch has no CUDA.
-  MlpModule(const MlpShape& shape, Device device, uint64_t seed, NumberType number = NumberType::f32);
+  /// `launch`: of steps on a GPU.
+  MlpModule(const MlpShape& shape, Device device, uint64_t seed, NumberType number = NumberType::f32,
+            StepLaunch launch = StepLaunch::graph);
   ~MlpModule();
   MlpModule(MlpModule&&) noexcept;
 
@@ -51,8 +54,11 @@ class MlpModule {
   void set_targets(const std::vector<float>& targets, double limit);
   void set_encoder_positions(const std::vector<float>& positions);
 
-  /// Forward, backward, Adam. `step` counts from 1. Returns at once on a GPU.
+  /// Forward, backward, Adam. `step` counts from 1. Returns at once on a GPU, where steps with batches of one size and
+  /// the same data are recorded once and replayed.
   void train_step(const MlpBatch& batch, double learning_rate, int64_t step);
+  /// Steps that were replayed.
+  int64_t replayed_steps() const;
   /// Mean over the steps since it was last taken, of the mean of squares over rows and outputs.
   double take_loss();
   /// Sums of (prediction - target)^2 and target^2.

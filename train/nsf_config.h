@@ -78,6 +78,7 @@ struct NsfConfig {
   rom::AffineKind affine = rom::AffineKind::position;
   rom::BranchKind branch = rom::BranchKind::rbf;
   int64_t centers = 1000, affine_centers = 24;
+  int64_t between_runs = 0;
   int64_t branch_width = 64, branch_steps = 3000, branch_batch = 128;
   double branch_learning_rate = 1e-2, branch_noise = 0.1;
   int64_t samples = 300;
@@ -135,6 +136,12 @@ struct NsfConfig {
                                         .unit = "",
                                         .meaning = "Centres of the affine field's branch, when it follows the rate",
                                         .range = Range::between(0, 1000)});
+    visit(&C::between_runs,
+          FieldInfo{.name = "between_runs",
+                    .unit = "",
+                    .meaning = "States that branches also learn between each two neighbouring runs, by linear "
+                               "interpolation at equal times; for sweeps with one parameter",
+                    .range = Range::between(0, 100)});
     visit(&C::branch_width, FieldInfo{.name = "branch_width",
                                       .unit = "",
                                       .meaning = "Hidden width of a branch's network",

@@ -25,7 +25,11 @@ using Eigen::MatrixXd;
 class FactoredTraining {
  public:
   FactoredTraining(const NsfTrainingOptions& options, NsfReport& report)
-      : options_(options), config_(options.config), report_(report), snapshots_(options.data, config_) {
+      : options_(options),
+        config_(options.config),
+        report_(report),
+        snapshots_(options.data, config_),
+        between_(RunInterpolation::of(snapshots_.set(), config_.between_runs)) {
     const SnapshotSet& set = snapshots_.set();
     report_.snapshots = set.snapshots();
     say(fmt::format("{} runs, {} snapshots of {} particles", set.runs(), set.snapshots(), set.particles()));
@@ -135,8 +139,8 @@ class FactoredTraining {
       field.branch_seconds = watch.seconds();
       return std::move(fit.map);
     }
-    MapFit fit = rates ? fit_rate_map(inputs, *rates, outputs, run, static_cast<int>(config_.affine_centers))
-                       : fit_map(inputs, outputs, run, static_cast<int>(config_.centers));
+    MapFit fit = rates ? fit_rate_map(inputs, *rates, outputs, run, static_cast<int>(config_.affine_centers), between_)
+                       : fit_map(inputs, outputs, run, static_cast<int>(config_.centers), between_);
     field.held_out_error = fit.held_out_error;
     field.ridge = fit.ridge;
     field.branch_seconds = watch.seconds();
@@ -151,6 +155,7 @@ class FactoredTraining {
     options.learning_rate = config_.branch_learning_rate;
     options.noise = config_.branch_noise;
     options.seed = config_.seed;
+    options.between = between_;
     options.message = [this, name](const std::string& text) { say(std::string(name) + ": " + text); };
     return options;
   }
@@ -230,6 +235,7 @@ class FactoredTraining {
   const NsfConfig& config_;
   NsfReport& report_;
   NsfSnapshots snapshots_;
+  RunInterpolation between_;
   MatrixXd latents_;
   MatrixXd rates_;  ///< where the affine field follows the velocity
   rom::ModeTable deformation_;

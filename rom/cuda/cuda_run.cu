@@ -23,6 +23,11 @@ __device__ inline void await_kernel_before() {
   cudaGridDependencySynchronize();
 #endif
 }
+/// Shared memory that the launch sizes.
+__device__ inline double* equation_room() {
+  extern __shared__ double room[];
+  return room;
+}
 __global__ void __launch_bounds__(step_threads, 1) run_branch(RunView view) {
   __shared__ BranchShared shared;
   await_kernel_before();
@@ -31,7 +36,7 @@ __global__ void __launch_bounds__(step_threads, 1) run_branch(RunView view) {
 __global__ void __launch_bounds__(step_threads, 4) run_decode(RunView view) {
   __shared__ DecodeShared shared;
   await_kernel_before();
-  decode(CudaBlock{}, view, shared);
+  decode(CudaBlock{}, view, shared, equation_room());
 }
 __global__ void __launch_bounds__(step_threads, 1) run_gather(RunView view) {
   __shared__ GatherShared shared;
@@ -41,7 +46,7 @@ __global__ void __launch_bounds__(step_threads, 1) run_gather(RunView view) {
 __global__ void __launch_bounds__(step_threads, 1) run_fit(RunView view) {
   __shared__ FitShared shared;
   await_kernel_before();
-  fit(CudaBlock{}, view, shared);
+  fit(CudaBlock{}, view, shared, equation_room());
 }
 __global__ void __launch_bounds__(step_threads) run_frame(RunView view, int instance, float* frame) {
   __shared__ DecodeShared shared;
@@ -85,9 +90,11 @@ class CudaBackend {
   void branch(const RunView& view) {
     start(kernels::run_branch, view.instance_count * (BranchBlocks(view.model).all() + view.worker_blocks), view);
   }
-  void decode(const RunView& view) { start(kernels::run_decode, view.instance_count * view.decode_blocks, view); }
-  void gather(const RunView& view) { start(kernels::run_gather, view.instance_count * (1 + view.gather_blocks), view); }
-  void fit(const RunView& view) { start(kernels::run_fit, view.instance_count, view); }
+  void decode(const RunView& view) {
+    start(kernels::run_decode, view.instance_count * (1 + view.decode_blocks), view, equation_bytes(view));
+  }
+  void gather(const RunView& view) { start(kernels::run_gather, view.instance_count * view.gather_blocks, view); }
+  void fit(const RunView& view) { start(kernels::run_fit, view.instance_count, view, equation_bytes(view)); }
   void write_frame(const RunView& view, int instance, float* frame) {
     const int blocks = std::min((view.model.particles + step_warps - 1) / step_warps, 8 * processors_);
     kernels::run_frame<<<static_cast<unsigned>(blocks), step_threads, 0, stream_>>>(view, instance, frame);
@@ -129,13 +136,17 @@ class CudaBackend {
   }
 
  private:
-  void start(void (*kernel)(RunView), int blocks, const RunView& view) {
+  static std::size_t equation_bytes(const RunView& view) {
+    return static_cast<std::size_t>(EquationRoom::size(view.model)) * sizeof(double);
+  }
+  void start(void (*kernel)(RunView), int blocks, const RunView& view, std::size_t shared_bytes = 0) {
     cudaLaunchAttribute early{};
     early.id = cudaLaunchAttributeProgrammaticStreamSerialization;
     early.val.programmaticStreamSerializationAllowed = 1;
     cudaLaunchConfig_t launch{};
     launch.gridDim = static_cast<unsigned>(blocks);
     launch.blockDim = step_threads;
+    launch.dynamicSmemBytes = shared_bytes;
     launch.stream = stream_;
     launch.attrs = &early;
     launch.numAttrs = early_launch_ ? 1 : 0;

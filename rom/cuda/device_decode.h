@@ -1,9 +1,10 @@
 // The second kernel of a reduced-order model's step: a warp decodes an integration point's fields, its lanes then add
 // the point's share to their nodes. Nothing of a point is stored: its position, velocity, stress and affine velocity
-// live in a warp. Where blocks were marked anew, the points in reach of them are found on the way.
+// live in a warp. Where blocks were marked anew, the points in reach of them are found on the way. A
+// block more prepares the fit meanwhile.
 #pragma once
 
-#include "rom/cuda/device_step.h"
+#include "rom/cuda/device_equations.h"
 
 namespace graupel::rom::device {
 
@@ -246,9 +247,12 @@ GRAUPEL_HD void take_point(const Block& block, const RunView& view, const Instan
 }
 
 template <typename Block>
-GRAUPEL_HD void decode(const Block& block, const RunView& view, DecodeShared& shared) {
-  const InstanceView& instance = view.instances[block.index() / view.decode_blocks];
+GRAUPEL_HD void decode(const Block& block, const RunView& view, DecodeShared& shared, double* equation_room) {
+  const int per_instance = 1 + view.decode_blocks, part = block.index() % per_instance;
+  const InstanceView& instance = view.instances[block.index() / per_instance];
   if (instance.state->status != RunStatus::running) return;
+  if (part == 0)
+    return Equations<Block>{block, view.model, instance, {equation_room, view.model}}.solve(view.model.gram);
   load_coefficients(block, view, instance, shared);
   if (block.thread() == 0) shared.points = 0;
   block.sync();
@@ -261,7 +265,7 @@ GRAUPEL_HD void decode(const Block& block, const RunView& view, DecodeShared& sh
     while (point < points && !due && instance.point_taken[point] == 0) point += step;
     return point;
   };
-  int32_t point = next(block.index() % view.decode_blocks * step_warps + block.thread() / warp_width);
+  int32_t point = next((part - 1) * step_warps + block.thread() / warp_width);
   PointModes modes{};
   if (point < points) modes = load_modes(block, view.model, point);
   while (point < points) {

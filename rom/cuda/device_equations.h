@@ -2,8 +2,8 @@
 // With U the modes at the samples, G = U^T U, a(q) the deformation's coefficients, a_0 those before the step, q* = q +
 // dt q' and S = da/dq there, Gauss-Newton's first step from q* is
 //   M dq = S^T (U^T way - G d),   M = S^T G S,   d = a(q*) - a_0   =>   dq = P (U^T way) - p
-// with P = M^-1 S^T and p = M^-1 S^T G d. A block of the gather kernel finds P and p while the others move samples; the
-// fit, on which the next step waits, then is a product. Lengths are ways, not positions, so that nothing is lost to
+// with P = M^-1 S^T and p = M^-1 S^T G d. A block of the decode kernel finds P and p while the others decode; the fit,
+// on which the next step waits, then is a product. Lengths are ways, not positions, so that nothing is lost to
 // rounding; all in f64.
 #pragma once
 
@@ -13,14 +13,30 @@ namespace graupel::rom::device {
 
 /// G has room in shared memory up to so many modes.
 inline constexpr int small_gram = 32;
-static_assert(small_gram * small_gram <= most_latents * (most_latents + most_deformation_modes + 1));
 
-struct EquationShared {
-  double slope[most_deformation_modes * most_latents];         ///< S
-  double turned[most_deformation_modes * (1 + most_latents)];  ///< G (S, d)
-  double ahead[most_deformation_modes];                        ///< d
-  /// M, S^T and S^T G d, side by side; before that, room for G.
-  double table[most_latents * (most_latents + most_deformation_modes + 1)];
+/// What a block needs of shared memory for it.
+struct EquationRoom {
+  double* slope;   ///< S [modes, r]
+  double* turned;  ///< G (S, d) [modes, r + 1]
+  double* ahead;   ///< d [modes]
+  double* table;   ///< M, S^T and S^T G d, side by side [r, r + modes + 1]; before that, room for G
+
+  /// Numbers of all of it.
+  GRAUPEL_HD static int size(const ModelView& model) {
+    const int r = model.latents, m = model.deformation_modes;
+    return m * (2 * r + 2) + table_size(r, m);
+  }
+  GRAUPEL_HD EquationRoom(double* room, const ModelView& model)
+      : slope(room),
+        turned(slope + model.deformation_modes * model.latents),
+        ahead(turned + model.deformation_modes * (1 + model.latents)),
+        table(ahead + model.deformation_modes) {}
+
+ private:
+  GRAUPEL_HD static int table_size(int r, int m) {
+    const int table = r * (r + m + 1), gram = m <= small_gram ? m * m : 0;
+    return table > gram ? table : gram;
+  }
 };
 
 template <typename Block>
@@ -28,7 +44,7 @@ struct Equations {
   const Block& block;
   const ModelView& model;
   const InstanceView& instance;
-  EquationShared& shared;
+  EquationRoom room;
 
   /// f(i) for i = 0 .. n - 1, by the threads of the block.
   template <typename F>
@@ -39,11 +55,11 @@ struct Equations {
   /// Into instance.equations; `gram` is G of the samples that count.
   GRAUPEL_HD void solve(const double* gram) const {
     const int m = model.deformation_modes;
-    each(m, [&](int k) { shared.ahead[k] = instance.ahead[k] - instance.coefficient[k]; });
-    each(m * model.latents, [&](int i) { shared.slope[i] = instance.slope[i]; });
+    each(m, [&](int k) { room.ahead[k] = instance.ahead[k] - instance.coefficient[k]; });
+    each(m * model.latents, [&](int i) { room.slope[i] = instance.slope[i]; });
     if (m <= small_gram) {
-      each(m * m, [&](int i) { shared.table[i] = gram[i]; });
-      gram = shared.table;
+      each(m * m, [&](int i) { room.table[i] = gram[i]; });
+      gram = room.table;
     }
     block.sync();
     turn(gram);
@@ -60,9 +76,8 @@ struct Equations {
     each(m * (1 + r), [&](int i) {
       const int k = i % m, j = i / m;
       double sum = 0;
-      for (int l = 0; l < m; ++l)
-        sum += gram[int64_t(l) * m + k] * (j == r ? shared.ahead[l] : shared.slope[l * r + j]);
-      shared.turned[k * (1 + r) + j] = sum;
+      for (int l = 0; l < m; ++l) sum += gram[int64_t(l) * m + k] * (j == r ? room.ahead[l] : room.slope[l * r + j]);
+      room.turned[k * (1 + r) + j] = sum;
     });
   }
 
@@ -77,16 +92,16 @@ struct Equations {
       if (i == r && j < r) return;
       double sum = 0;
       for (int k = 0; k < m; ++k)
-        sum += (i == r ? shared.ahead[k] : shared.slope[k * r + i]) * shared.turned[k * (1 + r) + j];
+        sum += (i == r ? room.ahead[k] : room.slope[k * r + i]) * room.turned[k * (1 + r) + j];
       if (i == r) {
         to.square = sum;
       } else if (j == r) {
-        to.turned[i] = shared.table[i * columns() + r + m] = sum;
+        to.turned[i] = room.table[i * columns() + r + m] = sum;
       } else {
-        to.matrix[i * r + j] = shared.table[i * columns() + j] = sum;
+        to.matrix[i * r + j] = room.table[i * columns() + j] = sum;
       }
     });
-    each(r * m, [&](int e) { shared.table[e / m * columns() + r + e % m] = shared.slope[e % m * r + e / m]; });
+    each(r * m, [&](int e) { room.table[e / m * columns() + r + e % m] = room.slope[e % m * r + e / m]; });
   }
 
   /// Gauss-Jordan without a search for pivots, for M, with a ridge, is symmetric and positive: of every row, all that
@@ -94,7 +109,7 @@ struct Equations {
   GRAUPEL_HD void eliminate() const {
     constexpr double ridge = 1e-12;  // of the mean diagonal
     const int r = model.latents, width = columns();
-    double* const A = shared.table;
+    double* const A = room.table;
     double trace = 0;
     for (int j = 0; j < r; ++j) trace += A[j * width + j];
     block.sync();
@@ -114,7 +129,7 @@ struct Equations {
   /// P, p, and whether they can be trusted.
   GRAUPEL_HD void store() const {
     const int r = model.latents, m = model.deformation_modes, width = columns();
-    const double* const A = shared.table;
+    const double* const A = room.table;
     NormalEquations& to = *instance.equations;
     each(r * (m + 1), [&](int e) {
       const int j = e / (m + 1), c = e % (m + 1);

@@ -12,8 +12,7 @@ namespace graupel::rom::device {
 inline constexpr int curve_parts = 2 * curve_window + 1;
 
 struct FitShared {
-  EquationShared equations;  ///< its slope and, for P, its room `turned` are the fit's too
-  InstanceState state;       ///< at work; written back in the end
+  InstanceState state;  ///< at work; written back in the end
   WaySums ways;
   double change[most_latents];                                  ///< dq
   double seen[most_latents];                                    ///< S^T U^T way
@@ -32,6 +31,7 @@ struct Fit {
   const ModelView& model;
   const InstanceView& instance;
   FitShared& shared;
+  EquationRoom room;  ///< slope: S; turned: P
   double inverse_dt;  ///< [1/s]
 
   /// f(i) for i = 0 .. n - 1, by the threads of the block from thread `first` on.
@@ -77,8 +77,8 @@ struct Fit {
     copy(*instance.state, shared.state);
     copy(*instance.ways, shared.ways);
     each(m * r, [&](int i) {
-      shared.equations.slope[i] = instance.slope[i];
-      shared.equations.turned[i] = instance.equations->solution[i];
+      room.slope[i] = instance.slope[i];
+      room.turned[i] = instance.equations->solution[i];
     });
     if (block.thread() == 0) shared.failed = instance.equations->solved == 0 ? 1 : 0;
     each(r, [&](int j) { shared.way[j] = 0; });
@@ -98,8 +98,8 @@ struct Fit {
       double change = 0, seen = 0;
       for (int k = lane; k < m; k += warp_width) {
         if (j < r) {
-          change += shared.equations.turned[j * m + k] * b[k];
-          seen += shared.equations.slope[k * r + j] * b[k];
+          change += room.turned[j * m + k] * b[k];
+          seen += room.slope[k * r + j] * b[k];
         } else {
           seen += (instance.ahead[k] - instance.coefficient[k]) * b[k];
         }
@@ -204,8 +204,8 @@ struct Fit {
     each(model.deformation_modes, [&](int k) {
       double increment = instance.ahead[k] - instance.coefficient[k], back = 0;
       for (int j = 0; j < r; ++j) {
-        increment += shared.equations.slope[k * r + j] * shared.change[j];
-        back += shared.equations.slope[k * r + j] * shared.way[j];
+        increment += room.slope[k * r + j] * shared.change[j];
+        back += room.slope[k * r + j] * shared.way[j];
       }
       instance.reached[k] = instance.coefficient[k] + increment + back;
       instance.rate[k] = increment * inverse_dt;
@@ -227,11 +227,12 @@ struct Fit {
 
 /// The kernel.
 template <typename Block>
-GRAUPEL_HD void fit(const Block& block, const RunView& view, FitShared& shared) {
+GRAUPEL_HD void fit(const Block& block, const RunView& view, FitShared& shared, double* equation_room) {
   const InstanceView& instance = view.instances[block.index()];
   const ModelView& model = view.model;
   if (instance.state->status != RunStatus::running) return;
-  const Fit<Block> f{block, view, model, instance, shared, 1 / view.dt};
+  const EquationRoom room(equation_room, model);
+  const Fit<Block> f{block, view, model, instance, shared, room, 1 / view.dt};
   const int lost = instance.ways->lost, warp = block.thread() / warp_width, lane = block.thread() % warp_width;
   if (2 * lost > model.samples) {
     if (block.thread() == 0) instance.state->status = RunStatus::samples_lost;
@@ -239,7 +240,7 @@ GRAUPEL_HD void fit(const Block& block, const RunView& view, FitShared& shared) 
   }
   if (lost > 0) {
     f.leave_out_lost();
-    Equations<Block>{block, model, instance, shared.equations}.solve(instance.gram);
+    Equations<Block>{block, model, instance, room}.solve(instance.gram);
     block.sync();
   }
   f.load();

@@ -1,9 +1,9 @@
 // The third kernel of a reduced-order model's step: a warp moves a sample. Each lane makes its node's sums a velocity
 // (gravity, contact) and the warp reads it; the ways of all samples are then projected onto the modes, which is all
-// that the fit needs of them. A block more prepares the fit meanwhile.
+// that the fit needs of them.
 #pragma once
 
-#include "rom/cuda/device_equations.h"
+#include "rom/cuda/device_step.h"
 
 namespace graupel::rom::device {
 
@@ -13,7 +13,6 @@ struct GatherShared {
   int32_t furthest;                           ///< bits of the longest way's square
   int32_t lost;                               ///< samples
   float way[step_warps][3];                   ///< [m]
-  EquationShared equations;                   ///< of the block that prepares the fit
 };
 
 /// Velocity after gravity and contact at a node of the grid with these sums; zero without mass.
@@ -123,10 +122,8 @@ GRAUPEL_HD void project_way(const Block& block, const RunView& view, const Insta
 
 template <typename Block>
 GRAUPEL_HD void gather(const Block& block, const RunView& view, GatherShared& shared) {
-  const int per_instance = 1 + view.gather_blocks, part = block.index() % per_instance;
-  const InstanceView& instance = view.instances[block.index() / per_instance];
+  const InstanceView& instance = view.instances[block.index() / view.gather_blocks];
   if (instance.state->status != RunStatus::running) return;
-  if (part == 0) return Equations<Block>{block, view.model, instance, shared.equations}.solve(view.model.gram);
   for (int k = block.thread(); k < view.model.deformation_modes; k += block.threads()) shared.projection[k] = 0;
   if (block.thread() == 0) {
     shared.moved2 = 0;
@@ -134,7 +131,7 @@ GRAUPEL_HD void gather(const Block& block, const RunView& view, GatherShared& sh
   }
   block.sync();
   const int warp = block.thread() / warp_width;
-  for (int sample = (part - 1) * step_warps + warp; sample < view.model.samples;
+  for (int sample = block.index() % view.gather_blocks * step_warps + warp; sample < view.model.samples;
        sample += view.gather_blocks * step_warps) {
     gather_sample(block, view, instance, sample, shared.way[warp]);
     block.sync_warp();

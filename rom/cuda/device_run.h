@@ -299,7 +299,7 @@ class DeviceRunOn final : public DeviceRun {
     // A few blocks a multiprocessor, shared by the instances; but no more than there is work for.
     const int share = std::max(4, 4 * backend_.processors() / view_.instance_count);
     view_.worker_blocks = std::max(1, std::min(share, blocks_for(view_.model.points)));
-    view_.decode_blocks = view_.worker_blocks;
+    view_.decode_blocks = std::max(1, view_.worker_blocks - 1);  // beside that of the equations
     view_.gather_blocks = std::max(1, blocks_for(view_.model.samples));
   }
   void prepare_graphs(int64_t steps) {

@@ -1,9 +1,9 @@
 // What the kernels of a reduced-order model's step share: sums over warps, stencils, coefficient maps, marked blocks.
 //   branch   (device_branch.h)  coefficients of all fields, at q and where the velocity takes it; sums cleared;
 //                               blocks marked that samples can read, where that is due
-//   decode   (device_decode.h)  a warp decodes an integration point's fields and adds its share to its nodes
-//   gather   (device_gather.h)  a warp moves a sample; ways are projected onto the modes; a block beside solves the
-//                               normal equations for all that they can ask (device_equations.h)
+//   decode   (device_decode.h)  a warp decodes an integration point's fields and adds its share to its nodes; a block
+//                               beside solves the normal equations for any ways of samples (device_equations.h)
+//   gather   (device_gather.h)  a warp moves a sample; ways are projected onto the modes
 //   fit      (device_fit.h)     a block finds the latent
 // All are templates over core/thread_block.h: GPUs run them, and tests with fibers on a CPU.
 #pragma once

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <algorithm>
+#include <cmath>
 #include <cstring>
 #include <functional>
 #include <map>
@@ -28,24 +29,29 @@ class FiberBackend {
   }
   void decode(const RunView& view) {
     DecodeShared shared;
-    run(view.instance_count * view.decode_blocks, shared,
-        [&](const FiberThread& thread) { device::decode(thread, view, shared); });
+    std::vector<double> room = equation_room(view);
+    run(view.instance_count * (1 + view.decode_blocks), shared,
+        [&](const FiberThread& thread) { device::decode(thread, view, shared, room.data()); });
   }
   void gather(const RunView& view) {
     GatherShared shared;
-    run(view.instance_count * (1 + view.gather_blocks), shared,
+    run(view.instance_count * view.gather_blocks, shared,
         [&](const FiberThread& thread) { device::gather(thread, view, shared); });
   }
-  /// What the first block of gather does for an instance.
+  /// What the first block of decode does for an instance.
   void solve_equations(const RunView& view) {
-    EquationShared shared;
-    run(view.instance_count, shared, [&](const FiberThread& thread) {
-      Equations<FiberThread>{thread, view.model, view.instances[thread.index()], shared}.solve(view.model.gram);
+    int unused = 0;
+    std::vector<double> room = equation_room(view);
+    run(view.instance_count, unused, [&](const FiberThread& thread) {
+      const InstanceView& instance = view.instances[thread.index()];
+      Equations<FiberThread>{thread, view.model, instance, {room.data(), view.model}}.solve(view.model.gram);
     });
   }
   void fit(const RunView& view) {
     FitShared shared;
-    run(view.instance_count, shared, [&](const FiberThread& thread) { device::fit(thread, view, shared); });
+    std::vector<double> room = equation_room(view);
+    run(view.instance_count, shared,
+        [&](const FiberThread& thread) { device::fit(thread, view, shared, room.data()); });
   }
   void write_frame(const RunView& view, int instance, float* frame) {
     DecodeShared shared;
@@ -67,6 +73,9 @@ class FiberBackend {
   }
 
  private:
+  static std::vector<double> equation_room(const RunView& view) {
+    return std::vector<double>(static_cast<std::size_t>(EquationRoom::size(view.model)), std::nan(""));
+  }
   template <typename Shared>
   void run(int blocks, Shared& shared, const FiberBlock::Kernel& kernel) {
     for (int i = 0; i < blocks; ++i) {

@@ -3,41 +3,17 @@
 
 #include <cmath>
 
-#include "core/random.h"
 #include "rom/conv_encoder.h"
 #include "rom/mlp_points.h"
 #include "tests/train/gradient_check.h"
+#include "tests/train/mlp_data.h"
 #include "train/mlp_batches.h"
-#include "train/mlp_module.h"
 #include "train/trained_layers.h"
 
 namespace graupel::train {
 namespace {
 
-constexpr int64_t snapshots = 5, points = 70;
-
-std::vector<float> noise(std::size_t count, uint64_t stream) {
-  const Random random(7, RandomPurpose::test, stream);
-  std::vector<float> values(count);
-  for (std::size_t i = 0; i < count; ++i) values[i] = static_cast<float>(random.uniform(i, 0, -1.5, 1.5));
-  return values;
-}
-
-/// A module with random data, and biases that are not 0.
-MlpModule module_of(const MlpShape& shape, NumberType number) {
-  MlpModule module(shape, Device::cpu, 3, number);
-  nn::Weights weights = module.state(MlpArray::weights);
-  for (auto& [name, tensor] : weights.tensors)
-    if (name.ends_with(".bias"))
-      tensor = nn::Tensor::from_float(noise(static_cast<std::size_t>(tensor.count()), 50), tensor.shape);
-  module.set_state(MlpArray::weights, weights);
-  module.set_points(noise(points * 3, 1));
-  module.set_states(noise(static_cast<std::size_t>(snapshots * (shape.latents + shape.parameters)), 2));
-  module.set_targets(noise(static_cast<std::size_t>(snapshots * points * shape.outputs), 3), 1e9);
-  if (shape.encoder_particles > 0)
-    module.set_encoder_positions(noise(static_cast<std::size_t>(snapshots * 3 * shape.encoder_particles), 4));
-  return module;
-}
+constexpr int64_t snapshots = mlp_snapshots, points = mlp_points;
 
 MlpBatch all_rows() {
   MlpBatch batch;

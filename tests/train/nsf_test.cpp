@@ -130,6 +130,18 @@ TEST_F(NsfTraining, RollsOutAParameterThatItWasNotTrainedOn) {
   EXPECT_LT(displacement_error<double>(model, 29, {}), 0.03);
 }
 
+TEST_F(NsfTraining, BranchesLearnStatesBetweenTheRuns) {
+  NsfTrainingOptions between = options();
+  between.config.between_runs = 1;
+  between.config.centers = 2000;  // more than rows
+  NsfReport report;
+  const rom::ReducedModel model = train_factored(between, report);
+  EXPECT_EQ(report.snapshots, 7 * 26);  // no snapshot is made
+  const auto& closure = dynamic_cast<const rom::CoefficientMap&>(factored(model).deformation_branch().map());
+  EXPECT_EQ(closure.parts().count, (7 + 6) * 26);
+  EXPECT_LT(displacement_error<float>(model, 29, {}), 0.03);
+}
+
 TEST_F(NsfTraining, BlocksOfSnapshotsGiveTheSameModel) {
   NsfReport report;
   for (const auto& [cluster, affine] : {std::pair{1, rom::AffineKind::rate}, {2, rom::AffineKind::position}}) {
