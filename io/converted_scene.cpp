@@ -95,15 +95,12 @@ Scene converted_scene(const SimulatorMetadata& metadata, DataSetFormat format, c
   scene.gravity = {gravity[0], gravity[1], gravity[2]};
   scene.frames = series.frames - 1;
   scene.frame_time = metadata.frame_time;
-  for (const MaterialModel model :
-       {MaterialModel::water, MaterialModel::jelly, MaterialModel::snow, MaterialModel::sand,
-        MaterialModel::neo_hookean, MaterialModel::metal, MaterialModel::cake, MaterialModel::toothpaste,
-        MaterialModel::foam, MaterialModel::stationary}) {
-    const auto boxes = boxes_of(series, scene.domain.plane());
+  const auto boxes = boxes_of(series, scene.domain.plane());
+  for (const auto& [name, model] : EnumWords<MaterialModel>::words) {
     const auto found = boxes.find(particle_type_of(model));
     if (found == boxes.end()) continue;
-    MaterialConfig& material = scene.materials[word_of(model)];
-    material.name = word_of(model);
+    MaterialConfig& material = scene.materials[name];
+    material.name = name;
     material.model = model;
     scene.sources.push_back(source_of(material.name, found->second, scene.domain));
   }
