@@ -44,6 +44,7 @@ int run(int argc, char** argv) {
   add_train(app);
   add_rollout(app);
   add_export(app);
+  add_convert(app);
   add_inspect(app);
   add_bench(app);
   catch_stop_signals();

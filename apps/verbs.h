@@ -16,6 +16,7 @@ void add_train(CLI::App& app);
 void add_rollout(CLI::App& app);
 void add_compare(CLI::App& app);
 void add_export(CLI::App& app);
+void add_convert(CLI::App& app);
 void add_inspect(CLI::App& app);
 
 }  // namespace graupel::apps

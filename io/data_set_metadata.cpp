@@ -11,39 +11,12 @@
 #include "core/error.h"
 #include "io/hdf5.h"
 #include "io/json_node.h"
+#include "io/motion_moments.h"
 #include "io/trajectory_file.h"
 
 namespace graupel::io {
 
 namespace {
-
-/// Mean and standard deviation of each axis in double precision, over particles that move by themselves.
-class Moments {
- public:
-  void add(const Vec3d& value) {
-    for (int axis = 0; axis < 3; ++axis) {
-      sum_[axis] += value[axis];
-      square_[axis] += value[axis] * value[axis];
-    }
-    ++count_;
-  }
-  void add(const Moments& more) {
-    sum_ += more.sum_;
-    square_ += more.square_;
-    count_ += more.count_;
-  }
-  Vec3d mean() const { return sum_ * (1 / std::max(count_, 1.0)); }
-  Vec3d deviation() const {
-    Vec3d out;
-    for (int axis = 0; axis < 3; ++axis)
-      out[axis] = std::sqrt(std::max(0.0, square_[axis] / std::max(count_, 1.0) - mean()[axis] * mean()[axis]));
-    return out;
-  }
-
- private:
-  Vec3d sum_ = Vec3d::zero(), square_ = Vec3d::zero();
-  double count_ = 0;
-};
 
 struct SetSummary {
   int64_t trajectories = 0;
@@ -68,12 +41,8 @@ SetSummary summarize(const TrajectoryReader& reader) {
   return out;
 }
 
-struct MotionMoments {
-  Moments velocity, acceleration;
-};
-
-/// Differences of frames: v_t = x_t - x_(t-1) [m per frame], a_t = v_(t+1) - v_t.
-MotionMoments motion_moments(const TrajectoryReader& reader, int i) {
+/// Of the frames that are usable.
+MotionMoments motion_moments(const TrajectoryReader& reader, int i, const Vec3d& period) {
   MotionMoments out;
   const Trajectory header = reader.header(i);
   const auto usable = header.diverged_at_frame >= 0
@@ -84,17 +53,17 @@ MotionMoments motion_moments(const TrajectoryReader& reader, int i) {
     std::rotate(x.begin(), x.begin() + 1, x.end());
     x[2] = std::move(reader.frames(i, frame, 1)[0].position);
     for (std::size_t p = 0; frame >= 1 && p < x[2].size(); ++p) {
-      if (header.particle_type[p] == obstacle_particle_type) continue;
-      const Vec3d v = x[2][p].cast<double>() - x[1][p].cast<double>();
+      if (!moves_by_itself(header.particle_type[p])) continue;
+      const Vec3d v = displacement(x[1][p], x[2][p], period);
       out.velocity.add(v);
-      if (frame >= 2) out.acceleration.add(v - (x[1][p].cast<double>() - x[0][p].cast<double>()));
+      if (frame >= 2) out.acceleration.add(v - displacement(x[0][p], x[1][p], period));
     }
   }
   return out;
 }
 
 /// Of all trajectories. Each thread has a reader of its own; the sums are added in the order of the file.
-MotionMoments motion_moments(const std::string& path, int count) {
+MotionMoments motion_moments(const std::string& path, int count, const Vec3d& period) {
   std::vector<MotionMoments> each(static_cast<std::size_t>(count));
   std::exception_ptr failure;
   std::atomic<int> next = 0;
@@ -102,7 +71,7 @@ MotionMoments motion_moments(const std::string& path, int count) {
 #pragma omp parallel num_threads(threads)
   try {
     const TrajectoryReader reader(path);
-    for (int i = 0; (i = next++) < count;) each[static_cast<std::size_t>(i)] = motion_moments(reader, i);
+    for (int i = 0; (i = next++) < count;) each[static_cast<std::size_t>(i)] = motion_moments(reader, i, period);
   } catch (...) {
 #pragma omp critical
     failure = std::current_exception();
@@ -110,10 +79,7 @@ MotionMoments motion_moments(const std::string& path, int count) {
   }
   if (failure) std::rethrow_exception(failure);
   MotionMoments all;
-  for (const MotionMoments& one : each) {
-    all.velocity.add(one.velocity);
-    all.acceleration.add(one.acceleration);
-  }
+  for (const MotionMoments& one : each) all.add(one);
   return all;
 }
 
@@ -160,7 +126,8 @@ JsonNode type_names(const std::vector<int32_t>& types) {
 void write_data_set_metadata(const std::string& folder, const Scene& any_scene, double connectivity_radius) {
   const TrajectoryReader train(folder + "/train.h5");
   const SetSummary summary = summarize(train);
-  const auto [velocity, acceleration] = motion_moments(folder + "/train.h5", train.count());
+  const Vec3d period = period_of(any_scene.domain);
+  const auto [velocity, acceleration] = motion_moments(folder + "/train.h5", train.count(), period);
 
   JsonNode out = JsonNode::object();
   out.set("case", JsonNode::of(any_scene.name));
@@ -175,7 +142,7 @@ void write_data_set_metadata(const std::string& folder, const Scene& any_scene, 
   for (const char* name : {"train", "valid", "test"}) add_set(out, folder, name, most_particles);
   out.set("num_particles_max", JsonNode::of(most_particles));
   JsonNode periodic = JsonNode::array();
-  for (int axis = 0; axis < 3; ++axis) periodic.items.push_back(JsonNode::of(false));
+  for (int axis = 0; axis < 3; ++axis) periodic.items.push_back(JsonNode::of(period[axis] > 0));
   out.set("periodic_boundary_conditions", std::move(periodic));
   out.set("bounds", bounds_of(any_scene));
   out.set("default_connectivity_radius", JsonNode::of(connectivity_radius));

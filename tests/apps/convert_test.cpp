@@ -1,0 +1,131 @@
+// graupel convert: a data set made by generate goes to other programs' formats and back; errors, full disks.
+#include <gtest/gtest.h>
+#include <sys/mount.h>
+
+#include <memory>
+
+#include "core/atomic_file.h"
+#include "io/trajectory_file.h"
+#include "tests/apps/program.h"
+
+namespace graupel::test {
+namespace {
+
+class ConvertVerb : public testing::Test {
+ protected:
+  static void SetUpTestSuite() {
+    made_ = std::make_unique<Folder>();
+    const Outcome made = graupel(
+        "generate scenes/recipes/hgn.json --set frames=4 --set counts.train=2 --set counts.valid=1 --set counts.test=1 "
+        "--device cpu --seed 5 -o " +
+        made_->file("own"));
+    ASSERT_EQ(made.exit_code, 0) << made.output;
+  }
+  static void TearDownTestSuite() { made_.reset(); }
+
+  static inline std::unique_ptr<Folder> made_;
+  Folder folder_;
+  std::string set_ = made_->file("own");
+};
+
+TEST_F(ConvertVerb, GoesToBothFormatsAndBack) {
+  for (const std::string format : {"gns", "lagrangebench"}) {
+    const std::string there = folder_.file(format), back = folder_.file(format + "-back");
+    const Outcome to = graupel("convert " + set_ + " " + there + " --format " + format + " --json -");
+    ASSERT_EQ(to.exit_code, 0) << to.output;
+    EXPECT_TRUE(to.says("2 train, 1 valid, 1 test trajectories, graupel to " + format)) << to.output;
+    EXPECT_TRUE(to.says("obstacles of 4 trajectories are left out")) << to.output;
+    EXPECT_TRUE(to.says("\"most_frames\": 5")) << to.output;
+    const Outcome from = graupel("convert " + there + " " + back + " --set domain.walls=stick");
+    ASSERT_EQ(from.exit_code, 0) << from.output;
+    for (const char* split : {"/train.h5", "/valid.h5", "/test.h5"}) {
+      const io::TrajectoryReader was(set_ + split), is(back + split);
+      ASSERT_EQ(was.count(), is.count());
+      for (int i = 0; i < was.count(); ++i) {
+        EXPECT_TRUE(was.positions(i, 0, 5) == is.positions(i, 0, 5)) << split << i;
+        EXPECT_EQ(was.header(i).particle_type, is.header(i).particle_type);
+      }
+    }
+    EXPECT_EQ(graupel("inspect " + back + "/test.h5").exit_code, 0);
+  }
+}
+
+bool training_is_built() { return std::filesystem::exists(GRAUPEL_BINARY_DIR "/graupel-train"); }
+
+const std::string tiny_training =
+    " --device cpu --threads 1 --steps 3 --set hgn.latent=16 --set hgn.levels=2 --set hgn.message_passing=1 "
+    "--set batch_scenes=1 --set validation_samples=2 --set rollout_scenes=1 --set rollout_frames=2";
+
+TEST_F(ConvertVerb, NetworksTrainOnWhatCameBack) {
+  if (!training_is_built())
+    GTEST_SKIP() << "graupel-train is not built (needs libtorch): no training on converted data";
+  for (const std::string format : {"gns", "lagrangebench"}) {
+    const std::string there = folder_.file(format), back = folder_.file(format + "-back"), run = folder_.file("run");
+    ASSERT_EQ(graupel("convert " + set_ + " " + there + " --format " + format).exit_code, 0);
+    ASSERT_EQ(graupel("convert " + there + " " + back).exit_code, 0);
+    const Outcome trained = graupel("train hgn --data " + back + " --out " + run + tiny_training);
+    ASSERT_EQ(trained.exit_code, 0) << trained.output;
+    EXPECT_TRUE(trained.says("finished at step 3")) << trained.output;
+    const Outcome rolled =
+        graupel("rollout " + run + "/weights.safetensors " + back + "/test.h5 --frames 2 -o " + folder_.file("r.h5"));
+    EXPECT_EQ(rolled.exit_code, 0) << rolled.output;
+    EXPECT_EQ(io::TrajectoryReader(folder_.file("r.h5")).header(0).frame_count(), 3u);
+    remove_path(run);
+  }
+}
+
+TEST_F(ConvertVerb, DataInThePlaneAreRefusedByTheTraining) {
+  if (!training_is_built()) GTEST_SKIP() << "graupel-train is not built (needs libtorch): no training on plane data";
+  const std::string plane = folder_.file("plane"),
+                    scene = folder_.write("plane.json", small_scene(R"("gravity": [0, -9.8, 0])"));
+  make_folder(plane);
+  ASSERT_EQ(
+      graupel("simulate " + scene + " --set domain.dimensions=2 --set frames=5 -o " + plane + "/train.h5").exit_code,
+      0);
+  const Outcome there = graupel("convert " + plane + " " + plane + "-gns --format gns --connectivity-radius 0.07");
+  ASSERT_EQ(there.exit_code, 0) << there.output;
+  ASSERT_EQ(graupel("convert " + plane + "-gns " + plane + "-back").exit_code, 0);
+  const Outcome trained = graupel("train hgn --data " + plane + "-back --out " + plane + "-run" + tiny_training);
+  EXPECT_EQ(trained.exit_code, 2) << trained.output;
+  EXPECT_TRUE(trained.says("three dimensions only")) << trained.output;
+}
+
+TEST_F(ConvertVerb, SaysWhatIsWrong) {
+  const auto refused = [&](const std::string& arguments, int code, const std::string& words) {
+    const Outcome outcome = graupel("convert " + arguments);
+    EXPECT_EQ(outcome.exit_code, code) << outcome.output;
+    EXPECT_TRUE(outcome.says(words)) << outcome.output;
+  };
+  const std::string out = folder_.file("out");
+  refused(set_ + " " + out, 2, "format graupel already");
+  refused(set_ + " " + out + " --format npz", 2, "--format");
+  refused(set_ + " " + out + " --format gns --types 5=sandd", 2, "Did you mean 'sand'?");
+  refused(set_ + " " + out + " --format gns --split all", 2, "--split");
+  refused(folder_.file("nowhere") + " " + out, 3, "is no folder");
+  EXPECT_FALSE(std::filesystem::exists(out));
+}
+
+TEST_F(ConvertVerb, AFullDiskLeavesNothing) {
+  const std::string disk = folder_.file("disk");
+  std::filesystem::create_directory(disk);
+  for (const std::string format : {"gns", "lagrangebench"}) {
+    if (::mount("tmpfs", disk.c_str(), "tmpfs", 0, "size=64k") != 0)
+      GTEST_SKIP() << "no tmpfs can be mounted here (needs root): disk-full is not tested";
+    const Outcome outcome = graupel("convert " + set_ + " " + disk + "/out --format " + format);
+    const auto left = names_in(disk);
+    ::umount(disk.c_str());
+    EXPECT_EQ(outcome.exit_code, 5) << outcome.output;
+    EXPECT_TRUE(outcome.says("Free space on that disk")) << outcome.output;
+    EXPECT_TRUE(left.empty()) << left.front();
+  }
+  ASSERT_EQ(graupel("convert " + set_ + " " + folder_.file("gns") + " --format gns").exit_code, 0);
+  ASSERT_EQ(::mount("tmpfs", disk.c_str(), "tmpfs", 0, "size=64k"), 0);
+  const Outcome outcome = graupel("convert " + folder_.file("gns") + " " + disk + "/out");
+  const auto left = names_in(disk);
+  ::umount(disk.c_str());
+  EXPECT_EQ(outcome.exit_code, 5) << outcome.output;
+  EXPECT_TRUE(left.empty()) << left.front();
+}
+
+}  // namespace
+}  // namespace graupel::test
