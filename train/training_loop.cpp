@@ -90,7 +90,10 @@ class TrainingRun {
 };
 
 TrainingRun::TrainingRun(const TrainingOptions& options)
-    : options_(options), config_(options.config), module_(config_.hgn, options.device, config_.seed) {
+    : options_(options),
+      config_(options.config),
+      module_(config_.hgn, options.device, config_.seed,
+              config_.mixed_precision ? NumberType::mixed : NumberType::f32) {
   train_ = open("train.h5");
   if (fs::exists(options_.data + "/valid.h5"))
     valid_ = open("valid.h5");
