@@ -42,8 +42,14 @@ SceneGraph scene_graph(const graph::HgnConfig& config, const graph::Normalizatio
 /// Origin of the grid in evaluation and rollouts: the domain's lower corner.
 inline Vec3d grid_origin(const TrajectoryInfo& trajectory) { return trajectory.context->surroundings.wall_low; }
 
-/// Batch number `step` of a run.
+/// The scenes of a batch that one of several ranks takes: `first`, `first` + `stride` ...
+struct BatchShare {
+  int64_t first = 0, stride = 1;
+};
+
+/// Batch number `step` of a run, or a rank's share of it. What a scene is depends on its place in the whole batch
+/// alone.
 Batch training_batch(const DataSplit& split, const TrainConfig& config, const graph::Normalization& normalization,
-                     int64_t step);
+                     int64_t step, BatchShare share = {});
 
 }  // namespace graupel::train

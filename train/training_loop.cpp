@@ -31,6 +31,9 @@ int worker_count(const TrainingOptions& options) {
   return std::max(1, options.device == Device::cuda ? options.threads - 2 : options.threads / 2);
 }
 
+/// Steps between two agreements of several ranks on whether to stop; on a GPU each waits until the GPU is done.
+int64_t agreement_interval(Device device) { return device == Device::cuda ? 10 : 1; }
+
 const std::vector<std::string>& metric_columns() {
   static const std::vector<std::string> columns = {"seconds",
                                                    "loss",
@@ -52,37 +55,58 @@ class TrainingRun {
 
  private:
   void say(const std::string& text) const {
-    if (options_.message) options_.message(text);
+    if (options_.message && comm_.leads()) options_.message(text);
   }
+  void begin_run();
   std::unique_ptr<DataSplit> open(const std::string& name) const;
   void prepare_normalization();
   void restore();
+  StopReason train();
   void step(const Batch& batch);
   void report();
   void validate();
   void save_checkpoint();
   std::string export_weights() const;
   double seconds() const { return state_.seconds + seconds_since(start_); }
-  std::optional<StopReason> stop_reason() const;
+  std::optional<StopReason> stop_reason();
+  bool any_rank(bool own);
   EvaluationOptions evaluation() const {
     return {StateArray::ema, config_.batch_scenes, std::max(1, options_.threads - 1)};
   }
 
   const TrainingOptions& options_;
   const TrainConfig& config_;
+  Comm& comm_;
   std::unique_ptr<DataSplit> train_, valid_;  ///< valid_ may be null
   graph::Normalization normalization_;
   HgnModule module_;
   CheckpointState state_;  ///< `seconds` is that of the run's earlier parts
   int64_t saved_step_ = -1;
   std::optional<Validation> validation_;
-  std::optional<MetricsLog> metrics_;
+  std::optional<MetricsLog> metrics_;  ///< of rank 0
   Clock::time_point start_, last_report_;
 };
 
 TrainingRun::TrainingRun(const TrainingOptions& options)
-    : options_(options), config_(options.config), module_(config_.hgn, options.device, config_.seed) {
+    : options_(options),
+      config_(options.config),
+      comm_(*options.comm),
+      module_(config_.hgn, options.device, config_.seed) {
+  if (comm_.size() > config_.batch_scenes)
+    throw ConfigError(std::to_string(comm_.size()) + " ranks are too many for batches of " +
+                      std::to_string(config_.batch_scenes) +
+                      " scenes (each takes one or more). Start fewer, or set batch_scenes higher");
   train_ = open("train.h5");
+  state_.seed = config_.seed;
+  state_.config_hash = config_hash(config_);
+  if (comm_.leads()) begin_run();
+  broadcast_value(comm_, normalization_);
+  broadcast_value(comm_, state_.step);
+  module_.share_state(comm_);
+}
+
+/// What rank 0 does alone: the run folder, the normalisation, the checkpoint to go on from.
+void TrainingRun::begin_run() {
   if (fs::exists(options_.data + "/valid.h5"))
     valid_ = open("valid.h5");
   else
@@ -90,11 +114,9 @@ TrainingRun::TrainingRun(const TrainingOptions& options)
   if (!options_.resume)
     create_run(options_.run, config_,
                {fs::absolute(options_.data).lexically_normal(), name_of(options_.device), torch_version(),
-                options_.version, options_.threads},
+                options_.version, options_.threads, comm_.size()},
                options_.command_line);
   prepare_normalization();
-  state_.seed = config_.seed;
-  state_.config_hash = config_hash(config_);
   if (options_.resume) restore();
   metrics_.emplace(options_.run, metric_columns(), state_.step);
 }
@@ -102,6 +124,7 @@ TrainingRun::TrainingRun(const TrainingOptions& options)
 std::unique_ptr<DataSplit> TrainingRun::open(const std::string& name) const {
   DataSplitOptions split;
   split.memory_limit = config_.memory_limit * 1e9;
+  split.processes = options_.local_ranks;
   split.threads = options_.threads;
   auto last = Clock::now();
   split.progress = [&](const std::string& what, int64_t done, int64_t total) {
@@ -130,33 +153,41 @@ void TrainingRun::restore() {
   state_ = checkpoint->state;
   saved_step_ = state_.step;
   for (const StateArray array : all_state_arrays) module_.set_state(array, checkpoint->arrays.at(name_of(array)));
-  say("resumed at step " + std::to_string(state_.step));
+  say("resumed at step " + std::to_string(state_.step) +
+      (comm_.alone() ? "" : " on " + std::to_string(comm_.size()) + " ranks"));
+}
+
+StopReason TrainingRun::train() {
+  const int workers = worker_count(options_);
+  const BatchShare share = {comm_.rank(), comm_.size()};
+  OrderedQueue<Batch> batches(workers, state_.step, config_.steps, 2 * workers + 2,
+                              [&](int64_t k) { return training_batch(*train_, config_, normalization_, k, share); });
+  while (state_.step < config_.steps) {
+    step(batches.next());
+    if (state_.step % config_.log_interval == 0 || state_.step == config_.steps) report();
+    if (state_.step % config_.validation_interval == 0) validate();
+    if (state_.step % config_.checkpoint_interval == 0) save_checkpoint();
+    if (const auto stop = stop_reason()) return *stop;
+  }
+  return StopReason::finished;
 }
 
 TrainingResult TrainingRun::execute() {
-  const int workers = worker_count(options_);
   start_ = last_report_ = Clock::now();
   StopReason reason = StopReason::finished;
-  {
-    OrderedQueue<Batch> batches(workers, state_.step, config_.steps, 2 * workers + 2,
-                                [&](int64_t k) { return training_batch(*train_, config_, normalization_, k); });
-    while (state_.step < config_.steps) {
-      step(batches.next());
-      if (state_.step % config_.log_interval == 0 || state_.step == config_.steps) report();
-      if (state_.step % config_.validation_interval == 0) validate();
-      if (state_.step % config_.checkpoint_interval == 0) save_checkpoint();
-      if (const auto stop = stop_reason()) {
-        reason = *stop;
-        break;
-      }
-    }
+  try {
+    reason = train();
+  } catch (const CommError&) {
+    save_checkpoint();  // the state of the last whole step
+    throw;
   }
   // A signal leaves little time: the state is saved, nothing more is measured.
   const bool measured = validation_ && validation_->step == state_.step;
   if (reason != StopReason::stopped && !measured) validate();
   save_checkpoint();
   TrainingResult result;
-  result.weights_file = export_weights();
+  if (comm_.leads()) result.weights_file = export_weights();
+  comm_.barrier();  // launchers take the first rank that ends for the end of all
   result.reason = reason;
   result.step = state_.step;
   result.scene_samples = state_.step * config_.batch_scenes;
@@ -175,7 +206,7 @@ void TrainingRun::step(const Batch& batch) {
   settings.clip_norm = config_.clip_norm;
   settings.ema_decay = config_.ema_decay_at(state_.step);
   settings.step = state_.step + 1;
-  module_.train_step(batch, settings);
+  module_.train_step(batch, settings, comm_);
   ++state_.step;
 }
 
@@ -184,6 +215,7 @@ void TrainingRun::report() {
   if (!std::isfinite(means.loss) || !std::isfinite(means.gradient_norm))
     throw DivergedError("training diverged (the loss is no longer a number by step " + std::to_string(state_.step) +
                         "). Lower learning_rate or clip_norm and start a new run; checkpoints of this one remain");
+  if (!comm_.leads()) return;
   state_.loss_average = state_.loss_average == 0 ? means.loss : 0.9 * state_.loss_average + 0.1 * means.loss;
   TrainingProgress progress;
   progress.step = state_.step;
@@ -239,7 +271,7 @@ void TrainingRun::validate() {
 }
 
 void TrainingRun::save_checkpoint() {
-  if (saved_step_ == state_.step) return;
+  if (!comm_.leads() || saved_step_ == state_.step) return;
   const auto begin = Clock::now();
   Checkpoint checkpoint{state_, {}};
   checkpoint.state.seconds = seconds();
@@ -250,12 +282,19 @@ void TrainingRun::save_checkpoint() {
   last_report_ += Clock::now() - begin;
 }
 
-std::optional<StopReason> TrainingRun::stop_reason() const {
-  if (options_.should_stop && options_.should_stop()) return StopReason::stopped;
+std::optional<StopReason> TrainingRun::stop_reason() {
+  if (options_.should_stop && any_rank(options_.should_stop())) return StopReason::stopped;
   if (state_.step == config_.steps) return std::nullopt;
-  if (options_.minutes > 0 && seconds_since(start_) > 60 * options_.minutes) return StopReason::out_of_time;
+  if (options_.minutes > 0 && any_rank(seconds_since(start_) > 60 * options_.minutes)) return StopReason::out_of_time;
   if (options_.stop_step > 0 && state_.step >= options_.stop_step) return StopReason::reached_stop_step;
   return std::nullopt;
+}
+
+/// Whether one of the ranks says yes: all of them must stop after the same step.
+bool TrainingRun::any_rank(bool own) {
+  if (comm_.alone()) return own;
+  if (state_.step % agreement_interval(options_.device) != 0) return false;
+  return sum_over_ranks(comm_, {own ? 1.0 : 0.0}).front() > 0;
 }
 
 namespace {
@@ -280,6 +319,7 @@ std::string TrainingRun::export_weights() const {
   weights.metadata["training.device"] =
       options_.device == Device::cuda ? cuda_device_name() : std::string(name_of(options_.device));
   weights.metadata["training.torch"] = torch_version();
+  weights.metadata["training.ranks"] = std::to_string(comm_.size());
   weights.metadata["training.data"] = fs::path(options_.data).filename();
   weights.metadata["training.data_trajectories"] = std::to_string(train_->count());
   // What networks see of a material is its type alone, so that users must know which one they were taught.
