@@ -12,6 +12,7 @@
 #include "nn/weights.h"
 #include "train/batch.h"
 #include "train/comm.h"
+#include "train/device_samples.h"
 
 namespace graupel::train {
 
@@ -64,6 +65,8 @@ class HgnModule {
   /// Forward, backward and optimiser step. Returns at once on a GPU; the loss is kept there until take_means(). With
   /// several ranks `batch` is this rank's share: loss and gradient are those of all shares as one batch.
   void train_step(const Batch& batch, const StepSettings& settings, Comm& comm = single_process());
+  /// The same with a batch that lies in the module's device.
+  void train_step(const SampleArrays& batch, const StepSettings& settings, Comm& comm = single_process());
   StepMeans take_means();
 
   /// Loss and its gradient, flat (ParameterLayout), without a step.
