@@ -201,6 +201,7 @@ void Supervisor::become(int rank, int port, int output, pid_t parent) const {
   std::vector<std::string> words = {settings_.program};
   words.insert(words.end(), settings_.arguments.begin(), settings_.arguments.end());
   std::vector<char*> argv;
+  argv.reserve(words.size() + 1);
   for (std::string& word : words) argv.push_back(word.data());
   argv.push_back(nullptr);
   ::execv(argv[0], argv.data());

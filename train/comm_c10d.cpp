@@ -1,5 +1,7 @@
+// The only file that includes c10d. What of it there is depends on the libtorch: Debian's 1.13 has Gloo (headers:
+// libgloo-dev) and no NCCL, PyTorch's own packages for CUDA have NCCL (nccl.h from the nvidia-nccl package) and no
+// headers of Gloo.
 #if defined(USE_DISTRIBUTED) && __has_include(<torch/csrc/distributed/c10d/TCPStore.hpp>)
-#define GRAUPEL_C10D
 #include <torch/version.h>
 #include <torch/csrc/distributed/c10d/PrefixStore.hpp>
 #include <torch/csrc/distributed/c10d/TCPStore.hpp>
@@ -12,7 +14,7 @@
 #define GRAUPEL_GLOO
 #include <torch/csrc/distributed/c10d/ProcessGroupGloo.hpp>
 #endif
-#if defined(USE_C10D_NCCL) && __has_include(<nccl.h>) && TORCH_VERSION_MAJOR >= 2
+#if defined(USE_C10D_NCCL) && __has_include(<nccl.h>) && __has_include(<cuda_runtime.h>) && TORCH_VERSION_MAJOR >= 2
 #define GRAUPEL_NCCL
 #include <torch/csrc/distributed/c10d/ProcessGroupNCCL.hpp>
 #endif

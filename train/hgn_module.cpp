@@ -16,6 +16,9 @@
 
 #include "core/error.h"
 #include "train/hgn_network.h"
+#ifdef GRAUPEL_HAVE_CUDA
+#include "train/fused_network.h"
+#endif
 
 namespace graupel::train {
 
@@ -61,6 +64,10 @@ struct HgnModule::Impl {
         gradient(reduced.narrow(0, 0, layout.size())),
         means(at::zeros({2}, options)) {
     for (at::Tensor& array : arrays) array = at::zeros({layout.size()}, options);
+#ifdef GRAUPEL_HAVE_CUDA
+    if (number == NumberType::mixed && FusedNetwork::fits(config, device))
+      fused = std::make_unique<FusedNetwork>(config, layout, get(StateArray::weights), gradient);
+#endif
     network = std::make_unique<HgnNetwork>(config, layout, get(StateArray::weights), gradient);
     average = std::make_unique<HgnNetwork>(config, layout, get(StateArray::ema), at::Tensor());
     const std::vector<float> initial = layout.initial_values(seed);
@@ -80,9 +87,17 @@ struct HgnModule::Impl {
   /// Loss on the device, and its gradient in `gradient`.
   at::Tensor forward_backward(const DeviceBatch& on_device) {
     GRAUPEL_ASSERT(on_device.target.defined());
+    const double scale = 2.0 / static_cast<double>(on_device.particles);
+#ifdef GRAUPEL_HAVE_CUDA
+    if (fused) {
+      const at::Tensor difference = fused->forward(on_device) - on_device.target;
+      fused->backward(on_device, difference * scale);
+      return square_error(difference);
+    }
+#endif
     ForwardRecord record;
     const at::Tensor difference = network->forward(on_device, &record) - on_device.target;
-    network->backward(on_device, record, difference * (2.0 / static_cast<double>(on_device.particles)));
+    network->backward(on_device, record, difference * scale);
     return square_error(difference);
   }
   /// Loss and gradient of all ranks' shares as one batch. Both are means over particles, so that a share counts by its
@@ -115,6 +130,9 @@ struct HgnModule::Impl {
   at::Tensor means;     ///< sums of loss and gradient norm since they were last taken
   int64_t steps_in_means = 0;
   std::unique_ptr<HgnNetwork> network, average;
+#ifdef GRAUPEL_HAVE_CUDA
+  std::unique_ptr<FusedNetwork> fused;  ///< takes the training steps where it is there
+#endif
 };
 
 HgnModule::HgnModule(const graph::HgnConfig& config, Device device, uint64_t seed, NumberType number) {
@@ -128,6 +146,13 @@ HgnModule::~HgnModule() = default;
 HgnModule::HgnModule(HgnModule&&) noexcept = default;
 
 const graph::HgnConfig& HgnModule::config() const { return impl_->config; }
+bool HgnModule::is_mixed() const {
+#ifdef GRAUPEL_HAVE_CUDA
+  return impl_->fused != nullptr;
+#else
+  return false;
+#endif
+}
 int64_t HgnModule::parameter_count() const { return impl_->layout.parameter_count(); }
 
 std::vector<float> HgnModule::predict(const Batch& batch, StateArray which) const {

@@ -54,6 +54,7 @@ struct TrainConfig {
   GridJitter jitter = GridJitter::coarsest;
   bool symmetries = false;
   bool tf32 = true;
+  bool mixed_precision = true;
   int64_t log_interval = 50;
   int64_t checkpoint_interval = 1000;
   int64_t validation_interval = 1000;
@@ -119,6 +120,11 @@ struct TrainConfig {
                   .unit = "",
                   .meaning = "Turn and mirror each sample by a random symmetry of the axes that leaves gravity alone"});
     visit(&C::tf32, FieldInfo{.name = "tf32", .unit = "", .meaning = "TF32 matrix products on a GPU"});
+    visit(&C::mixed_precision,
+          FieldInfo{
+              .name = "mixed_precision",
+              .unit = "",
+              .meaning = "Training steps on a GPU with products in bf16, sums and weights in f32 (latent width 128)"});
     visit(&C::log_interval, FieldInfo{.name = "log_interval",
                                       .unit = "steps",
                                       .meaning = "Steps between lines of the metrics",

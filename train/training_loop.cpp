@@ -100,7 +100,8 @@ TrainingRun::TrainingRun(const TrainingOptions& options)
     : options_(options),
       config_(options.config),
       comm_(*options.comm),
-      module_(config_.hgn, options.device, config_.seed) {
+      module_(config_.hgn, options.device, config_.seed,
+              config_.mixed_precision ? NumberType::mixed : NumberType::f32) {
   if (comm_.size() > config_.batch_scenes)
     throw ConfigError(std::to_string(comm_.size()) + " ranks are too many for batches of " +
                       std::to_string(config_.batch_scenes) +

@@ -78,6 +78,26 @@ TEST_F(Ranks, SumsAndBroadcastsReachEveryRank) {
   }));
 }
 
+// As torchrun, which listens itself and starts ranks anew: here the store of another group on the same port.
+TEST_F(Ranks, MeetAtAStoreThatTheLauncherKeeps) {
+  const int port = free_port();
+  const auto launcher = join_ranks(local_rank(0, 1, port), {Device::cpu, 60, {}});
+  for (const int restart : {1, 2}) {
+    std::vector<double> sums(2);
+    std::vector<std::thread> threads;
+    for (int rank = 0; rank < 2; ++rank)
+      threads.emplace_back([&, rank] {
+        RankEnvironment environment = local_rank(rank, 2, port);
+        environment.served = true;
+        environment.restart = restart;
+        const auto comm = join_ranks(environment, {Device::cpu, 60, {}});
+        sums[static_cast<std::size_t>(rank)] = sum_over_ranks(*comm, {rank + 1.0}).front();
+      });
+    for (std::thread& thread : threads) thread.join();
+    EXPECT_EQ(sums, (std::vector<double>{3, 3}));
+  }
+}
+
 TEST_F(Ranks, ARankThatLeavesIsNoticedAtOnce) {
   const auto start = Clock::now();
   const auto errors = run_ranks(2, [](Comm& comm) {
