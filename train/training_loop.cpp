@@ -205,7 +205,10 @@ std::optional<StopReason> TrainingRun::after_step() {
   ++state_.step;
   if (state_.step % config_.log_interval == 0 || state_.step == config_.steps) report();
   if (state_.step % config_.validation_interval == 0) validate();
-  if (state_.step % config_.checkpoint_interval == 0) save_checkpoint();
+  if (state_.step % config_.checkpoint_interval == 0) {
+    module_.share_state(comm_);  // ranks whose machines or threads round otherwise do not drift apart
+    save_checkpoint();
+  }
   return stop_reason();
 }
 
