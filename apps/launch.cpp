@@ -14,11 +14,11 @@ namespace graupel::apps {
 namespace {
 
 void check_command(const std::vector<std::string>& words) {
-  if (words.size() >= 2 && words[0] == "train" && words[1] == "hgn") return;
+  if (words.front() == "train") return;
   throw ConfigError(
-      "'" + words[0] +
-      "' cannot be launched (other verbs than 'train hgn' know nothing of ranks). Example: graupel launch "
-      "-n 2 -- train hgn --data data/hgn");
+      "'" + words.front() +
+      "' cannot be launched (other verbs than 'train' know nothing of ranks). Example: graupel launch -n 2 "
+      "-- train hgn --data data/hgn");
 }
 
 }  // namespace
@@ -29,7 +29,7 @@ void add_launch(CLI::App& app, int& exit_code) {
   verb->add_option("-n,--ranks", ranks->count, "Processes: one for a GPU, or some on the CPU")
       ->check(whole_number(1, 1024))
       ->required();
-  verb->add_option("command", ranks->arguments, "What to start: 'train hgn' and its flags, after '--'")->required();
+  verb->add_option("command", ranks->arguments, "What to start: 'train' and its words, after '--'")->required();
   verb->footer(
       "Starts the same training N times. The ranks divide each batch and add up their gradients, so that the steps "
       "are\n"

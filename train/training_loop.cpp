@@ -6,15 +6,14 @@
 #include <cstdio>
 #include <filesystem>
 #include <memory>
-#include <nlohmann/json.hpp>
 
 #include "core/error.h"
 #include "core/memory.h"
 #include "graph/normalization.h"
-#include "io/scene_reader.h"
 #include "train/checkpoint.h"
 #include "train/device_samples.h"
 #include "train/metrics_log.h"
+#include "train/provenance.h"
 #include "train/run_folder.h"
 #include "train/sampling.h"
 #include "train/worker_threads.h"
@@ -50,6 +49,14 @@ const std::vector<std::string>& metric_columns() {
   return columns;
 }
 
+/// "key: a, here b" of the first entry that differs.
+std::string first_difference(const std::map<std::string, std::string>& a, const std::map<std::string, std::string>& b) {
+  for (const auto& [key, value] : a)
+    if (const auto other = b.find(key); other == b.end() || other->second != value)
+      return key + ": " + value + ", here " + (other == b.end() ? "none" : other->second);
+  return "";
+}
+
 class TrainingRun {
  public:
   explicit TrainingRun(const TrainingOptions& options);
@@ -62,6 +69,7 @@ class TrainingRun {
   void begin_run();
   std::unique_ptr<DataSplit> open(const std::string& name) const;
   void prepare_normalization();
+  void start_from_weights();
   void restore();
   void prepare_samples();
   /// Trains from batches made on the device, or by worker threads.
@@ -152,8 +160,24 @@ void TrainingRun::prepare_normalization() {
     normalization_ = read_run_normalization(options_.run);
     return;
   }
-  normalization_ = train_->statistics(config_.noise_std, options_.threads);
+  if (options_.from.empty())
+    normalization_ = train_->statistics(config_.noise_std, options_.threads);
+  else
+    start_from_weights();
   write_run_normalization(options_.run, normalization_);
+}
+
+void TrainingRun::start_from_weights() {
+  const nn::Weights weights = nn::read_safetensors(options_.from);
+  const graph::HgnConfig theirs = graph::HgnConfig::from_metadata(weights.metadata, options_.from);
+  if (theirs.to_metadata() != config_.hgn.to_metadata())
+    throw ConfigError("'" + options_.from + "' is a network with other settings than this run's (" +
+                      first_difference(theirs.to_metadata(), config_.hgn.to_metadata()) +
+                      "). Give this run the file's, with --set");
+  // What the weights mean depends on the statistics that they were trained with.
+  normalization_ = graph::read_normalization(weights);
+  for (const StateArray array : {StateArray::weights, StateArray::ema}) module_.set_state(array, weights);
+  say("starts from '" + options_.from + "'");
 }
 
 void TrainingRun::restore() {
@@ -337,46 +361,13 @@ bool TrainingRun::any_rank(bool own) {
   return sum_over_ranks(comm_, {own ? 1.0 : 0.0}).front() > 0;
 }
 
-namespace {
-
-/// Every field of the materials of a stored scene.
-std::string resolved_materials(const std::string& scene_json, const std::string& file) {
-  const Scene scene = io::parse_stored_scene(scene_json, file, file);
-  return nlohmann::json::parse(io::scene_to_json(scene)).at("materials").dump();
-}
-
-}  // namespace
-
 std::string TrainingRun::export_weights() const {
   nn::Weights weights = module_.state(StateArray::ema);
   graph::add_normalization(weights, normalization_);
   weights.metadata = config_.hgn.to_metadata();
-  weights.metadata["training.steps"] = std::to_string(state_.step);
-  weights.metadata["training.scene_samples"] = std::to_string(state_.step * config_.batch_scenes);
-  weights.metadata["training.seconds"] = std::to_string(seconds());
-  weights.metadata["training.seed"] = std::to_string(config_.seed);
-  weights.metadata["training.noise_std"] = std::to_string(config_.noise_std);
-  weights.metadata["training.device"] =
-      options_.device == Device::cuda ? cuda_device_name() : std::string(name_of(options_.device));
-  weights.metadata["training.torch"] = torch_version();
-  weights.metadata["training.ranks"] = std::to_string(comm_.size());
-  weights.metadata["training.data"] = fs::path(options_.data).filename();
-  weights.metadata["training.data_trajectories"] = std::to_string(train_->count());
-  // What networks see of a material is its type alone, so that users must know which one they were taught.
-  weights.metadata["training.materials"] = resolved_materials(train_->scene_json(0), train_->file());
-  for (const char* name : {"recipe", "recipe_seed"})
-    if (const std::string value = train_->attribute(name); !value.empty())
-      weights.metadata[std::string("training.data_") + name] = value;
-  if (validation_) {
-    const SquaredErrors all = validation_->one_step.all();
-    weights.metadata["training.validation_one_step_normalized"] =
-        std::to_string(all.normalized_mse(Predictor::network));
-    char text[32];
-    std::snprintf(text, sizeof(text), "%.6e", all.raw_mse(Predictor::network));
-    weights.metadata["training.validation_one_step_raw"] = text;
-    std::snprintf(text, sizeof(text), "%.6e", validation_->rollout_mse);
-    weights.metadata["training.validation_rollout_mse"] = text;
-  }
+  CheckpointState state = state_;
+  state.seconds = seconds();
+  weights.metadata.merge(training_provenance(options_, state, *train_, validation_));
   const std::string file = options_.run + "/weights.safetensors";
   nn::write_safetensors(file, weights);
   return file;
