@@ -160,7 +160,7 @@ class Supervisor {
   std::vector<Rank> ranks_;
   bool stopping_ = false;     ///< a signal was forwarded: the ranks end in their own time
   bool interrupted_ = false;  ///< a rank has ended so
-  int failure_ = 0;           ///< exit code of the first rank that failed
+  int failure_ = 0;           ///< exit code of the rank that failed of itself
   std::optional<Clock::time_point> deadline_;
 };
 
@@ -251,13 +251,18 @@ void Supervisor::end_of(std::size_t rank, int status) {
     interrupted_ = true;
     return;
   }
-  if (failure_ != 0) return;
+  constexpr int failed = static_cast<int>(ExitCode::failed);
+  const bool first = failure_ == 0;
+  // A rank that loses another one fails, often sooner than the other has ended: what is more than that is the cause.
+  const bool by_launcher = killed && (WTERMSIG(status) == SIGTERM || WTERMSIG(status) == SIGKILL);
+  if (!first && (failure_ != failed || code == failed || by_launcher)) return;
   failure_ = code;
-  deadline_ = Clock::now() + std::chrono::milliseconds(static_cast<int64_t>(1000 * settings_.grace));
   const std::string how = killed ? std::string("was ended by signal ") + ::strsignal(WTERMSIG(status))
                                  : "ended with exit code " + std::to_string(code);
   std::fprintf(stderr, "graupel launch: rank %zu %s%s\n", rank, how.c_str(),
-               any_running() ? "; ending the other ranks" : "");
+               first && any_running() ? "; ending the other ranks" : "");
+  if (!first) return;
+  deadline_ = Clock::now() + std::chrono::milliseconds(static_cast<int64_t>(1000 * settings_.grace));
   if (!stopping_) send(SIGTERM);
 }
 

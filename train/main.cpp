@@ -165,12 +165,19 @@ void settle_run(Arguments& arguments, TrainingOptions& options) {
 
 void share_run(Comm& comm, Arguments& arguments, TrainingOptions& options) {
   Json run;
-  if (comm.leads()) {
-    settle_run(arguments, options);
+  std::exception_ptr refusal;
+  try {
+    if (comm.leads()) settle_run(arguments, options);
     run = {{"config", train_config_text(options.config)}, {"data", options.data}, {"run", options.run}};
+  } catch (const Error& error) {
+    refusal = std::current_exception();
+    run = {{"refused", error.code()}};
   }
   run = Json::parse(broadcast_text(comm, run.dump()));
+  if (refusal) std::rethrow_exception(refusal);
   if (comm.leads()) return;
+  if (run.contains("refused"))
+    throw Error(run.at("refused").get<ExitCode>(), "rank 0 refuses the run; its message says why");
   options.config = read_train_config(run.at("config"), "the settings of rank 0");
   options.data = run.at("data");
   options.run = run.at("run");

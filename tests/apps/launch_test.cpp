@@ -163,6 +163,11 @@ TEST_F(Launch, AnErrorOfTheRanksIsTheErrorOfTheLauncher) {
   EXPECT_EQ(outcome.exit_code, 3) << outcome.output;
   EXPECT_TRUE(outcome.says("train.h5")) << outcome.output;
   EXPECT_TRUE(outcome.says("ended with exit code 3")) << outcome.output;
+  // Found by rank 0 alone, which tells the others.
+  const Outcome usage = graupel("launch -n 3 -- train hgn " + training("usage") + "--set hgn.latnt=3");
+  EXPECT_EQ(usage.exit_code, 2) << usage.output;
+  EXPECT_TRUE(usage.says("Did you mean 'latent'")) << usage.output;
+  EXPECT_TRUE(usage.says("[rank 2] graupel-train: rank 0 refuses the run")) << usage.output;
 }
 
 TEST_F(Launch, AKilledRankEndsTheOthersAndTheRunGoesOn) {
