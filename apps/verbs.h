@@ -13,6 +13,8 @@ void add_bench_validate(CLI::App& bench);
 void add_generate(CLI::App& app);
 void add_simulate(CLI::App& app);
 void add_train(CLI::App& app);
+/// Sets `exit_code` to that of the ranks.
+void add_launch(CLI::App& app, int& exit_code);
 void add_rollout(CLI::App& app);
 void add_compare(CLI::App& app);
 void add_export(CLI::App& app);

@@ -89,17 +89,20 @@ struct DeviceSamples::Slot {
 };
 
 struct DeviceSamples::Impl {
-  Impl(const DataSplit& data, const TrainConfig& train_config, const graph::Normalization& normalization, Device where)
+  Impl(const DataSplit& data, const TrainConfig& train_config, const graph::Normalization& normalization, Device where,
+       BatchShare rank_share)
       : split(data),
         config(train_config),
         rules(sample_rules(train_config, normalization)),
         device(where),
+        share(rank_share),
         slots{Slot(where, train_config.hgn), Slot(where, train_config.hgn)} {}
 
   const DataSplit& split;
   TrainConfig config;
   SampleRules rules;
   Device device;
+  BatchShare share;
   std::vector<ResidentTrajectory> resident;
   std::array<Slot, 2> slots;
   int64_t started = 0, taken = 0;
@@ -144,8 +147,8 @@ SceneSample DeviceSamples::Impl::sample_of(const SampleDraw& draw, int64_t first
 }
 
 DeviceSamples::DeviceSamples(const DataSplit& split, const TrainConfig& config,
-                             const graph::Normalization& normalization, Device device)
-    : impl_(std::make_unique<Impl>(split, config, normalization, device)) {
+                             const graph::Normalization& normalization, Device device, BatchShare share)
+    : impl_(std::make_unique<Impl>(split, config, normalization, device, share)) {
   GRAUPEL_ASSERT(device == Device::cpu || with_cuda);
   GRAUPEL_ASSERT(config.hgn.history <= graph::most_history);
   impl_->load();
@@ -181,7 +184,7 @@ void DeviceSamples::start(int64_t step) {
   std::vector<graph::SceneGrid> grids;
   slot.particles = 0;
   slot.step = step;
-  for (int64_t k = 0; k < impl.config.batch_scenes; ++k) {
+  for (int64_t k = impl.share.first; k < impl.config.batch_scenes; k += impl.share.stride) {
     const SampleDraw draw = draw_training_sample(impl.split, impl.config, step, k);
     samples.push_back(impl.sample_of(draw, slot.particles));
     grids.push_back({draw.origin, draw.low, draw.high, samples.back().frames.particles});

@@ -153,10 +153,10 @@ SceneGraph scene_graph(const graph::HgnConfig& config, const graph::Normalizatio
 }
 
 Batch training_batch(const DataSplit& split, const TrainConfig& config, const graph::Normalization& normalization,
-                     int64_t step) {
+                     int64_t step, BatchShare share) {
   const SampleRules rules = sample_rules(config, normalization);
   std::vector<SceneGraph> graphs;
-  for (int64_t slot = 0; slot < config.batch_scenes; ++slot)
+  for (int64_t slot = share.first; slot < config.batch_scenes; slot += share.stride)
     graphs.push_back(training_graph(split, config, rules, step, slot));
   return concatenate(graphs);
 }
