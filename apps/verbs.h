@@ -8,6 +8,7 @@ namespace graupel::apps {
 
 void add_demo(CLI::App& app);
 void add_bench(CLI::App& app);
+void add_bench_graph(CLI::App& bench);
 void add_bench_rom(CLI::App& bench);
 void add_bench_validate(CLI::App& bench);
 void add_generate(CLI::App& app);
