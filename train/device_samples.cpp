@@ -141,7 +141,7 @@ SceneSample DeviceSamples::Impl::sample_of(const SampleDraw& draw, int64_t first
   const TrajectoryInfo& info = split.trajectory(draw.key.trajectory);
   const ResidentTrajectory& trajectory = resident[static_cast<std::size_t>(draw.key.trajectory)];
   const Scene& scene = info.context->scene;
-  return {{first, draw.stream, draw.turn, info.context->surroundings.view(device)},
+  return {{first, draw.stream, draw.turn, draw.displacement, draw.drift, info.context->surroundings.view(device)},
           {trajectory.position.data(), trajectory.initial_velocity.data(), trajectory.type_row.data(),
            static_cast<int64_t>(info.type_row.size()), draw.key.frame, scene.gravity, scene.frame_time}};
 }

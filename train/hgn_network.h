@@ -26,6 +26,7 @@ struct DeviceLevel {
 struct DeviceBatch {
   int64_t particles = 0;
   at::Tensor features, weight, offset, target;
+  at::Tensor type_row;      ///< [particles] row of the embedding table
   at::Tensor type_one_hot;  ///< [particles, embedding rows]
   at::Tensor cell, pair_begin, pair;
   std::vector<DeviceLevel> level;

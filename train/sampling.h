@@ -52,6 +52,7 @@ struct SampleDraw {
   AxisMap turn;
   Vec3d low, high;  ///< [m] the domain, turned
   Vec3d origin;     ///< [m] of the grid, jittered
+  Waves displacement, drift;
 };
 SampleDraw draw_training_sample(const DataSplit& split, const TrainConfig& config, int64_t step, int64_t slot);
 SampleRules sample_rules(const TrainConfig& config, const graph::Normalization& normalization);
