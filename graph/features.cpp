@@ -103,7 +103,7 @@ float clamped(double distance, double limit) { return static_cast<float>(std::cl
 /// Writes the features of particle i from `row` on.
 class FeatureWriter {
  public:
-  FeatureWriter(const HgnConfig& config, const Normalization& normalization, const Surroundings& surroundings,
+  FeatureWriter(const FeatureConfig& config, const Normalization& normalization, const Surroundings& surroundings,
                 const std::vector<std::vector<Vec3f>>& positions)
       : config_(config), normalization_(normalization), surroundings_(surroundings), positions_(positions) {}
 
@@ -134,7 +134,7 @@ class FeatureWriter {
     return row;
   }
 
-  const HgnConfig& config_;
+  const FeatureConfig& config_;
   const Normalization& normalization_;
   const Surroundings& surroundings_;
   const std::vector<std::vector<Vec3f>>& positions_;
@@ -145,6 +145,7 @@ class FeatureWriter {
 Surroundings::Surroundings(const Scene& scene, std::optional<double> spacing)
     : obstacles(checked(scene)),
       normals(with_spacing(scene, spacing.value_or(scene.domain.dx)), obstacles),
+      obstacle_particles(scene, obstacles),
       normal_spacing(spacing.value_or(scene.domain.dx)),
       wall_low(scene.domain.origin),
       wall_high(scene.domain.origin + scene.domain.size),
@@ -152,7 +153,7 @@ Surroundings::Surroundings(const Scene& scene, std::optional<double> spacing)
       hold_high(scene.wall_high()),
       way_piece(longest_piece(obstacles, scene.voxel())) {}
 
-std::vector<float> particle_features(const HgnConfig& config, const Normalization& normalization,
+std::vector<float> particle_features(const FeatureConfig& config, const Normalization& normalization,
                                      const Surroundings& surroundings,
                                      const std::vector<std::vector<Vec3f>>& positions) {
   GRAUPEL_ASSERT(positions.size() == static_cast<std::size_t>(config.history) + 1);

@@ -5,7 +5,8 @@
 #include <vector>
 
 #include "core/scene.h"
-#include "graph/hgn_config.h"
+#include "graph/feature_config.h"
+#include "graph/obstacle_particles.h"
 #include "sparsegrid/cell_normals.h"
 #include "sparsegrid/obstacle_set.h"
 
@@ -18,6 +19,7 @@ struct Surroundings {
   explicit Surroundings(const Scene& scene, std::optional<double> normal_spacing = {});
   sparsegrid::ObstacleSet obstacles;
   sparsegrid::CellNormals normals;
+  ObstacleParticles obstacle_particles;
   double normal_spacing;      ///< [m]
   Vec3d wall_low, wall_high;  ///< [m] scene.domain.origin and origin + size: the AABB of the domain
   Vec3d hold_low, hold_high;  ///< [m] where the walls hold the material (Scene::wall_low/high)
@@ -29,7 +31,7 @@ struct Surroundings {
 ///   six faces of the domain (lower x y z, upper x y z; clamped to +-wall_clamp and divided by it), and, if used, the
 ///   obstacle distance (clamped, divided by distance_clamp) and its gradient (3; zero beyond the band).
 /// `positions` holds history + 1 frames, newest last, each [n]; velocities are frame differences (dt = 1).
-std::vector<float> particle_features(const HgnConfig& config, const Normalization& normalization,
+std::vector<float> particle_features(const FeatureConfig& config, const Normalization& normalization,
                                      const Surroundings& surroundings,
                                      const std::vector<std::vector<Vec3f>>& positions);
 
