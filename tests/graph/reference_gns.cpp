@@ -41,17 +41,17 @@ class Networks {
     double mean = 0, variance = 0;
     for (const double v : y) mean += v / n;
     for (const double v : y) variance += (v - mean) * (v - mean) / n;
-    for (std::size_t i = 0; i < y.size(); ++i)
-      y[i] = (y[i] - mean) / std::sqrt(variance + 1e-5) * values(name + ".norm.weight")[i] +
-             values(name + ".norm.bias")[i];
+    const Row &gamma = values(name + ".norm.weight"), &beta = values(name + ".norm.bias");
+    for (std::size_t i = 0; i < y.size(); ++i) y[i] = (y[i] - mean) / std::sqrt(variance + 1e-5) * gamma[i] + beta[i];
     return y;
   }
 
  private:
   Row linear(const std::string& name, const Row& x) const {
+    const Row& weight = values(name + ".weight");
     Row y = values(name + ".bias");
     for (std::size_t o = 0; o < y.size(); ++o)
-      for (std::size_t i = 0; i < x.size(); ++i) y[o] += values(name + ".weight")[o * x.size() + i] * x[i];
+      for (std::size_t i = 0; i < x.size(); ++i) y[o] += weight[o * x.size() + i] * x[i];
     return y;
   }
 
