@@ -97,49 +97,6 @@ class WayFollower {
   float piece_;
 };
 
-/// Distance clamped to +-limit, divided by it.
-float clamped(double distance, double limit) { return static_cast<float>(std::clamp(distance, -limit, limit) / limit); }
-
-/// Writes the features of particle i from `row` on.
-class FeatureWriter {
- public:
-  FeatureWriter(const FeatureConfig& config, const Normalization& normalization, const Surroundings& surroundings,
-                const std::vector<std::vector<Vec3f>>& positions)
-      : config_(config), normalization_(normalization), surroundings_(surroundings), positions_(positions) {}
-
-  void write(std::size_t i, float* row) const {
-    const Vec3d x = positions_.back()[i].cast<double>();
-    row = write_velocities(i, row);
-    if (config_.cell_normal) row = put(surroundings_.normals.at(x), row);
-    for (int axis = 0; axis < 3; ++axis) *row++ = clamped(x[axis] - surroundings_.wall_low[axis], config_.wall_clamp);
-    for (int axis = 0; axis < 3; ++axis) *row++ = clamped(surroundings_.wall_high[axis] - x[axis], config_.wall_clamp);
-    if (!config_.signed_distance) return;
-    const sparsegrid::SignedDistance<double> obstacle = surroundings_.obstacles.sample(x);
-    *row++ = clamped(obstacle.phi, config_.distance_clamp);
-    put(obstacle.normal.cast<float>(), row);
-  }
-
- private:
-  static float* put(const Vec3f& v, float* row) {
-    for (int axis = 0; axis < 3; ++axis) *row++ = v[axis];
-    return row;
-  }
-
-  float* write_velocities(std::size_t i, float* row) const {
-    for (std::size_t newer = positions_.size() - 1; newer > 0; --newer) {
-      const Vec3f velocity = positions_[newer][i] - positions_[newer - 1][i];
-      for (int axis = 0; axis < 3; ++axis)
-        *row++ = (velocity[axis] - normalization_.velocity_mean[axis]) / normalization_.velocity_std[axis];
-    }
-    return row;
-  }
-
-  const FeatureConfig& config_;
-  const Normalization& normalization_;
-  const Surroundings& surroundings_;
-  const std::vector<std::vector<Vec3f>>& positions_;
-};
-
 }  // namespace
 
 Surroundings::Surroundings(const Scene& scene, std::optional<double> spacing)
@@ -153,17 +110,25 @@ Surroundings::Surroundings(const Scene& scene, std::optional<double> spacing)
       hold_high(scene.wall_high()),
       way_piece(longest_piece(obstacles, scene.voxel())) {}
 
+SurroundingsView Surroundings::view(Device device) const {
+  return {obstacles.view(device), normals.view(device), wall_low, wall_high};
+}
+
 std::vector<float> particle_features(const FeatureConfig& config, const Normalization& normalization,
-                                     const Surroundings& surroundings,
-                                     const std::vector<std::vector<Vec3f>>& positions) {
+                                     const Surroundings& surroundings, const std::vector<std::vector<Vec3f>>& positions,
+                                     const AxisMap& turn) {
   GRAUPEL_ASSERT(positions.size() == static_cast<std::size_t>(config.history) + 1);
   const std::size_t n = positions.back().size();
   for (const auto& frame : positions) GRAUPEL_ASSERT(frame.size() == n);
   const auto width = static_cast<std::size_t>(config.input_width() - config.embedding);
   std::vector<float> features(n * width);
-  const FeatureWriter writer(config, normalization, surroundings, positions);
+  const FeatureRules rules(config, normalization);
+  const SurroundingsView view = surroundings.view(Device::cpu);
   parallel_for(Device::cpu, static_cast<int64_t>(n), [&](int64_t i) {
-    writer.write(static_cast<std::size_t>(i), features.data() + static_cast<std::size_t>(i) * width);
+    const auto p = static_cast<std::size_t>(i);
+    Vec3f history[most_history + 1];
+    for (std::size_t t = 0; t < positions.size(); ++t) history[t] = positions[t][p];
+    write_feature_row(rules, view, turn, history, features.data() + p * width);
   });
   return features;
 }

@@ -6,6 +6,7 @@
 
 #include "core/scene.h"
 #include "graph/feature_config.h"
+#include "graph/feature_row.h"
 #include "graph/obstacle_particles.h"
 #include "sparsegrid/cell_normals.h"
 #include "sparsegrid/obstacle_set.h"
@@ -23,17 +24,20 @@ struct Surroundings {
   double normal_spacing;      ///< [m]
   Vec3d wall_low, wall_high;  ///< [m] scene.domain.origin and origin + size: the AABB of the domain
   Vec3d hold_low, hold_high;  ///< [m] where the walls hold the material (Scene::wall_low/high)
-  double way_piece;           ///< [m] pieces in which project_out follows a particle's way past obstacles
+  /// For kernels on `device`; valid as long as this lives.
+  SurroundingsView view(Device device) const;
+  double way_piece;  ///< [m] pieces in which project_out follows a particle's way past obstacles
 };
 
 /// Continuous features of each particle, without the type embedding, shape [n, input_width - embedding], row-major:
 ///   velocities v^n, v^{n-1}, .. (history x 3, newest first, normalised), cell normal (3, if used), distances to the
 ///   six faces of the domain (lower x y z, upper x y z; clamped to +-wall_clamp and divided by it), and, if used, the
 ///   obstacle distance (clamped, divided by distance_clamp) and its gradient (3; zero beyond the band).
-/// `positions` holds history + 1 frames, newest last, each [n]; velocities are frame differences (dt = 1).
+/// `positions` holds history + 1 frames, newest last, each [n]; velocities are frame differences (dt = 1). The features
+/// are those of the scene turned by `turn`.
 std::vector<float> particle_features(const FeatureConfig& config, const Normalization& normalization,
-                                     const Surroundings& surroundings,
-                                     const std::vector<std::vector<Vec3f>>& positions);
+                                     const Surroundings& surroundings, const std::vector<std::vector<Vec3f>>& positions,
+                                     const AxisMap& turn = {});
 
 /// Row of the embedding table for a particle type id, 0..8. Throws InputError for an id outside it.
 int embedding_row(int32_t particle_type);

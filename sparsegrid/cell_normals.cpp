@@ -60,28 +60,21 @@ CellNormals::CellNormals(const Scene& scene, const ObstacleSet& obstacles) {
   impl_ = impl;
 }
 
-Vec3f CellNormals::at(const Vec3d& x) const {
-  if (!impl_) return Vec3f::zero();
-  const Vec3d u = (x - impl_->origin) * impl_->inverse_spacing;
-  const nanovdb::Coord cell(static_cast<int>(std::floor(u[0])), static_cast<int>(std::floor(u[1])),
-                            static_cast<int>(std::floor(u[2])));
-  const nanovdb::Vec3f n = impl_->grid.grid()->tree().getValue(cell);
-  return {n[0], n[1], n[2]};
-}
-
 int64_t CellNormals::active_cells() const { return impl_ ? impl_->grid.active_cells : 0; }
 
 std::size_t CellNormals::bytes() const { return impl_ ? impl_->grid.bytes.size() : 0; }
 
-const nanovdb::Vec3fGrid* CellNormals::view(Device device) const {
-  if (!impl_) return nullptr;
-  if (device == Device::cpu) return impl_->grid.grid();
+CellNormalsView CellNormals::view(Device device) const {
+  if (!impl_) return {};
+  CellNormalsView view{impl_->grid.grid(), impl_->origin, impl_->inverse_spacing};
+  if (device == Device::cpu) return view;
   std::call_once(impl_->uploaded, [this] {
     const Buffer<char>& host = impl_->grid.bytes;
     impl_->cuda_grid = Buffer<char>(Device::cuda, host.size());
     device_copy(Device::cuda, impl_->cuda_grid.data(), Device::cpu, host.data(), host.size());
   });
-  return reinterpret_cast<const nanovdb::Vec3fGrid*>(impl_->cuda_grid.data());
+  view.grid = reinterpret_cast<const nanovdb::Vec3fGrid*>(impl_->cuda_grid.data());
+  return view;
 }
 
 void CellNormals::write_vdb(const std::string& path) const {

@@ -20,6 +20,22 @@ struct SurfaceSamples {
 /// No two points closer than `spacing` [m], no hole over 2 `spacing`; the same for the same scene and seed.
 SurfaceSamples sample_surface(const Scene& scene, const ObstacleSet& obstacles, double spacing, uint64_t seed = 0);
 
+/// The normals in the memory of one device.
+struct CellNormalsView {
+  const nanovdb::Vec3fGrid* grid = nullptr;  ///< null without obstacles
+  Vec3d origin;                              ///< [m]
+  double inverse_spacing = 0;                ///< [1/m]
+
+  /// Normal of the cell that holds x, zero when no surface passes through it.
+  GRAUPEL_HD Vec3f at(const Vec3d& x) const {
+    if (grid == nullptr) return Vec3f::zero();
+    const Vec3d u = (x - origin) * inverse_spacing;
+    const nanovdb::Vec3f n = grid->tree().getValue(nanovdb::Coord(
+        static_cast<int>(std::floor(u[0])), static_cast<int>(std::floor(u[1])), static_cast<int>(std::floor(u[2]))));
+    return {n[0], n[1], n[2]};
+  }
+};
+
 /// Sparse grid of unit normals (NanoVDB Vec3f), cell (i,j,k) covers origin + [i, i+1) dx.
 class CellNormals {
  public:
@@ -27,11 +43,11 @@ class CellNormals {
   CellNormals(const Scene& scene, const ObstacleSet& obstacles);  ///< spacing scene.domain.dx, samples at dx/4
 
   /// Normal of the cell that holds x, zero when no surface passes through it.
-  Vec3f at(const Vec3d& x) const;
+  Vec3f at(const Vec3d& x) const { return view().at(x); }
   int64_t active_cells() const;
   std::size_t bytes() const;
-  /// View for kernels on `device`; nullptr when there is no obstacle. Index space is (x - origin) / dx.
-  const nanovdb::Vec3fGrid* view(Device device = Device::cpu) const;
+  /// View for kernels on `device`; the first call for cuda uploads the grid.
+  CellNormalsView view(Device device = Device::cpu) const;
   void write_vdb(const std::string& path) const;
 
   struct Impl;

@@ -2,7 +2,7 @@
 
 #include <cmath>
 
-#include "core/parallel_for.h"
+#include "core/parallel_for_in.h"
 
 namespace graupel::train {
 
@@ -132,22 +132,6 @@ struct AdamStep {
 
 constexpr Grain light{.items = 4096};
 
-/// parallel_for, on a GPU in a stream's order.
-template <typename Body>
-void parallel_for_in(void* stream, Device device, int64_t n, const Body& body) {
-#ifdef __CUDACC__
-  if (device == Device::cuda && n > 0) {
-    constexpr int threads = 128;
-    parallel_for_kernel<<<static_cast<unsigned>((n + threads - 1) / threads), threads, 0,
-                          static_cast<cudaStream_t>(stream)>>>(n, body);
-    GRAUPEL_CUDA_CHECK(cudaGetLastError());
-    return;
-  }
-#endif
-  static_cast<void>(stream);
-  parallel_for(device, n, body, light);
-}
-
 bool packable(int64_t width, int64_t stride) { return width % 4 == 0 && stride % 4 == 0; }
 
 }  // namespace
@@ -193,8 +177,8 @@ void leaky_backward(Device device, int64_t count, const T* activated, T* grad) {
 template <typename T>
 void adam_step(Device device, int64_t count, const AdamSettings& settings, const T* gradient, const T* gradient_norm,
                T* weights, T* moment1, T* moment2, T* ema, void* stream) {
-  parallel_for_in(stream, device, count,
-                  AdamStep<T>{settings, gradient, gradient_norm, weights, moment1, moment2, ema});
+  parallel_for_in(stream, device, count, AdamStep<T>{settings, gradient, gradient_norm, weights, moment1, moment2, ema},
+                  light);
 }
 
 #define GRAUPEL_INSTANTIATE(T)                                                                                     \

@@ -77,14 +77,14 @@ struct HgnModule::Impl {
     return {host.data_ptr<float>(), host.data_ptr<float>() + host.numel()};
   }
   /// Loss on the device, and its gradient in `gradient`.
-  at::Tensor forward_backward(const Batch& batch) {
-    GRAUPEL_ASSERT(batch.target.count > 0);
-    const DeviceBatch on_device = network->upload(batch);
+  at::Tensor forward_backward(const DeviceBatch& on_device) {
+    GRAUPEL_ASSERT(on_device.target.defined());
     ForwardRecord record;
     const at::Tensor difference = network->forward(on_device, &record) - on_device.target;
-    network->backward(on_device, record, difference * (2.0 / static_cast<double>(batch.particles())));
+    network->backward(on_device, record, difference * (2.0 / static_cast<double>(on_device.particles)));
     return square_error(difference);
   }
+  void train_step(const DeviceBatch& batch, const StepSettings& settings);
   template <typename T>
   void adam(const AdamSettings& settings, const at::Tensor& norm) {
     adam_step<T>(device, layout.size(), settings, gradient.data_ptr<T>(), norm.data_ptr<T>(),
@@ -123,26 +123,35 @@ std::vector<float> HgnModule::predict(const Batch& batch, StateArray which) cons
   return impl_->read(network.forward(network.upload(batch), nullptr));
 }
 
+void HgnModule::Impl::train_step(const DeviceBatch& batch, const StepSettings& settings) {
+  const at::Tensor loss = forward_backward(batch);
+  const at::Tensor norm = at::norm(gradient);
+  AdamSettings rule;
+  rule.learning_rate = settings.learning_rate;
+  rule.beta1 = settings.beta1;
+  rule.beta2 = settings.beta2;
+  rule.epsilon = settings.epsilon;
+  rule.correction1 = 1 - std::pow(settings.beta1, static_cast<double>(settings.step));
+  rule.correction2 = 1 - std::pow(settings.beta2, static_cast<double>(settings.step));
+  rule.clip = settings.clip_norm;
+  rule.ema_decay = settings.ema_decay;
+  if (options.dtype() == at::kDouble)
+    adam<double>(rule, norm);
+  else
+    adam<float>(rule, norm);
+  means.select(0, 0).add_(loss);
+  means.select(0, 1).add_(norm);
+  ++steps_in_means;
+}
+
 void HgnModule::train_step(const Batch& batch, const StepSettings& settings) {
   const at::NoGradGuard no_grad;
-  const at::Tensor loss = impl_->forward_backward(batch);
-  const at::Tensor norm = at::norm(impl_->gradient);
-  AdamSettings adam;
-  adam.learning_rate = settings.learning_rate;
-  adam.beta1 = settings.beta1;
-  adam.beta2 = settings.beta2;
-  adam.epsilon = settings.epsilon;
-  adam.correction1 = 1 - std::pow(settings.beta1, static_cast<double>(settings.step));
-  adam.correction2 = 1 - std::pow(settings.beta2, static_cast<double>(settings.step));
-  adam.clip = settings.clip_norm;
-  adam.ema_decay = settings.ema_decay;
-  if (impl_->options.dtype() == at::kDouble)
-    impl_->adam<double>(adam, norm);
-  else
-    impl_->adam<float>(adam, norm);
-  impl_->means.select(0, 0).add_(loss);
-  impl_->means.select(0, 1).add_(norm);
-  ++impl_->steps_in_means;
+  impl_->train_step(impl_->network->upload(batch), settings);
+}
+
+void HgnModule::train_step(const SampleArrays& batch, const StepSettings& settings) {
+  const at::NoGradGuard no_grad;
+  impl_->train_step(impl_->network->attach(batch), settings);
 }
 
 StepMeans HgnModule::take_means() {
@@ -160,7 +169,7 @@ StepMeans HgnModule::take_means() {
 
 double HgnModule::loss_and_gradient(const Batch& batch, std::vector<double>* gradient) {
   const at::NoGradGuard no_grad;
-  const double loss = impl_->forward_backward(batch).item().toDouble();
+  const double loss = impl_->forward_backward(impl_->network->upload(batch)).item().toDouble();
   if (gradient) {
     const at::Tensor host = impl_->gradient.to(at::kCPU, at::kDouble);
     gradient->assign(host.data_ptr<double>(), host.data_ptr<double>() + host.numel());

@@ -11,6 +11,7 @@
 #include "graph/hgn_config.h"
 #include "nn/weights.h"
 #include "train/batch.h"
+#include "train/device_samples.h"
 
 namespace graupel::train {
 
@@ -62,6 +63,8 @@ class HgnModule {
 
   /// Forward, backward and optimiser step. Returns at once on a GPU; the loss is kept there until take_means().
   void train_step(const Batch& batch, const StepSettings& settings);
+  /// The same with a batch that lies in the module's device.
+  void train_step(const SampleArrays& batch, const StepSettings& settings);
   StepMeans take_means();
 
   /// Loss and its gradient, flat (ParameterLayout), without a step.

@@ -58,9 +58,7 @@ DeviceBatch HgnNetwork::upload(const Batch& batch) const {
   on_device.weight = numbers.narrow(0, batch.weight.begin, batch.weight.count);
   on_device.offset = values(batch.offset, 3);
   if (batch.target.count > 0) on_device.target = values(batch.target, 3);
-  on_device.type_one_hot =
-      at::eq(index(batch.type_row).view({-1, 1}), at::arange(graph::embedding_rows, indices.options()).view({1, -1}))
-          .to(number.dtype());
+  on_device.type_one_hot = one_hot(index(batch.type_row));
   on_device.cell = index(batch.cell);
   on_device.pair_begin = index(batch.pair_begin);
   on_device.pair = index(batch.pair);
@@ -72,18 +70,78 @@ DeviceBatch HgnNetwork::upload(const Batch& batch) const {
     links.receiver = index(level.receiver);
     links.slot = index(level.slot);
     links.reverse = index(level.reverse);
-    links.direction = at::index_select(slot_vector_, 0, links.slot);
     if (level.parent.count > 0) {
       links.parent = index(level.parent);
       links.child_begin = index(level.child_begin);
       links.child = index(level.child);
-      // A child at corner b of its parent lies at (b - 1/2) spacings from the parent's centre.
-      const at::Tensor axis = at::arange(3, indices.options()).view({1, 3});
-      links.parent_offset = 0.5 - index(level.octant).view({-1, 1}).__rshift__(axis).bitwise_and(1).to(number.dtype());
     }
+    add_offsets(links, index(level.octant));
     on_device.level.push_back(std::move(links));
   }
   return on_device;
+}
+
+DeviceBatch HgnNetwork::attach(const SampleArrays& arrays) const {
+  const at::TensorOptions number = embedding_.options();
+  const auto wrap = [&](const auto* data, int64_t begin, int64_t count, at::ScalarType type) {
+    // from_blob takes no const data; the tensor is only read.
+    return at::from_blob(const_cast<std::decay_t<decltype(*data)>*>(data) + begin, {count}, number.dtype(type));
+  };
+  const auto values = [&](const float* data, int64_t width) {
+    const at::Tensor all = wrap(data, 0, arrays.particles * width, at::kFloat).to(number.dtype());
+    return width == 1 ? all : all.view({-1, width});
+  };
+  const auto index = [&](const int32_t* data, int64_t begin, int64_t count) {
+    return wrap(data, begin, count, at::kInt);
+  };
+  const graph::GridLinks& links = arrays.links;
+  DeviceBatch batch;
+  batch.particles = arrays.particles;
+  batch.features = values(arrays.features, arrays.feature_width);
+  batch.weight = values(links.weight, corners).view({-1});
+  batch.offset = values(links.offset, 3);
+  batch.target = values(arrays.target, 3);
+  batch.type_one_hot = one_hot(index(arrays.type_row, 0, arrays.particles));
+  batch.cell = index(links.cell, 0, corners * arrays.particles);
+  batch.pair_begin = index(links.pair_begin, 0, arrays.counts.cells[0] + 1);
+  batch.pair = index(links.pair, 0, corners * arrays.particles);
+  int64_t first_cell = 0, first_edge = 0;
+  for (int l = 0; l < arrays.counts.levels; ++l) {
+    const int64_t cells = arrays.counts.cells[static_cast<std::size_t>(l)],
+                  edges = arrays.counts.edges[static_cast<std::size_t>(l)];
+    DeviceLevel level;
+    level.cells = cells;
+    level.edge_begin = index(links.edge_begin, first_cell, cells + 1) - first_edge;
+    level.sender = index(links.sender, first_edge, edges);
+    level.receiver = index(links.receiver, first_edge, edges);
+    level.slot = index(links.slot, first_edge, edges);
+    level.reverse = index(links.reverse, first_edge, edges);
+    if (l + 1 < arrays.counts.levels) {
+      // All cells of a level are children of the next one, and level 0 has none: children are counted as cells are.
+      const int64_t parents = arrays.counts.cells[static_cast<std::size_t>(l) + 1];
+      level.parent = index(links.parent, first_cell, cells);
+      level.child_begin = index(links.child_begin, first_cell + cells, parents + 1) - first_cell;
+      level.child = index(links.child, first_cell, cells);
+    }
+    add_offsets(level, index(links.octant, first_cell, cells));
+    batch.level.push_back(std::move(level));
+    first_cell += cells;
+    first_edge += edges;
+  }
+  return batch;
+}
+
+at::Tensor HgnNetwork::one_hot(const at::Tensor& type_row) const {
+  return at::eq(type_row.view({-1, 1}), at::arange(graph::embedding_rows, type_row.options()).view({1, -1}))
+      .to(embedding_.dtype());
+}
+
+void HgnNetwork::add_offsets(DeviceLevel& level, const at::Tensor& octant) const {
+  level.direction = at::index_select(slot_vector_, 0, level.slot);
+  if (!level.parent.defined()) return;
+  // A child at corner b of its parent lies at (b - 1/2) spacings from the parent's centre.
+  const at::Tensor axis = at::arange(3, octant.options()).view({1, 3});
+  level.parent_offset = 0.5 - octant.view({-1, 1}).__rshift__(axis).bitwise_and(1).to(embedding_.dtype());
 }
 
 HgnNetwork::HgnNetwork(const graph::HgnConfig& config, const ParameterLayout& layout, const at::Tensor& flat,

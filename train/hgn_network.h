@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "train/batch.h"
+#include "train/device_samples.h"
 #include "train/hgn_layers.h"
 
 namespace graupel::train {
@@ -54,6 +55,8 @@ class HgnNetwork {
 
   /// Copies a batch to the weights' device; two copies, asynchronous on a GPU.
   DeviceBatch upload(const Batch& batch) const;
+  /// A batch that was made on the weights' device; the arrays are not copied.
+  DeviceBatch attach(const SampleArrays& arrays) const;
   /// Normalised accelerations [particles, 3]. The record may be null.
   at::Tensor forward(const DeviceBatch& batch, ForwardRecord* record) const;
   /// Writes the gradient of every weight; `grad` is the gradient of forward()'s result.
@@ -71,6 +74,9 @@ class HgnNetwork {
   at::Tensor pass_messages(const std::string& name, const DeviceLevel& level, at::Tensor nodes, Block* record) const;
   at::Tensor pass_messages_backward(const std::string& name, const DeviceLevel& level, const Block& record,
                                     at::Tensor grad) const;
+  at::Tensor one_hot(const at::Tensor& type_row) const;
+  /// Directions of the edges and ways to the parents.
+  void add_offsets(DeviceLevel& level, const at::Tensor& octant) const;
   const Fcn& fcn(const std::string& name) const { return fcns_.at(name); }
 
   graph::HgnConfig config_;

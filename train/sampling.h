@@ -8,6 +8,7 @@
 #include "core/random.h"
 #include "train/batch.h"
 #include "train/data_set.h"
+#include "train/sample_rules.h"
 #include "train/train_config.h"
 
 namespace graupel::train {
@@ -18,6 +19,8 @@ struct SampleKey {
   int64_t frame = 0;
 };
 
+/// Stream of the random numbers of one scene of one batch.
+uint64_t stream_of(int64_t step, int64_t slot);
 /// Uniform over trajectories, then over their frames.
 SampleKey draw_sample(const DataSplit& split, uint64_t seed, int64_t step, int64_t slot);
 /// `count` samples spread evenly over all frames of a split; the same for the same split.
@@ -41,6 +44,17 @@ SceneGraph scene_graph(const graph::HgnConfig& config, const graph::Normalizatio
                        const Vec3d& origin);
 /// Origin of the grid in evaluation and rollouts: the domain's lower corner.
 inline Vec3d grid_origin(const TrajectoryInfo& trajectory) { return trajectory.context->surroundings.wall_low; }
+
+/// Scene number `slot` of batch number `step` of a run: which sample, and how the network sees its scene.
+struct SampleDraw {
+  SampleKey key;
+  uint64_t stream = 0;
+  AxisMap turn;
+  Vec3d low, high;  ///< [m] the domain, turned
+  Vec3d origin;     ///< [m] of the grid, jittered
+};
+SampleDraw draw_training_sample(const DataSplit& split, const TrainConfig& config, int64_t step, int64_t slot);
+SampleRules sample_rules(const TrainConfig& config, const graph::Normalization& normalization);
 
 /// Batch number `step` of a run.
 Batch training_batch(const DataSplit& split, const TrainConfig& config, const graph::Normalization& normalization,

@@ -9,9 +9,11 @@
 #include <nlohmann/json.hpp>
 
 #include "core/error.h"
+#include "core/memory.h"
 #include "graph/normalization.h"
 #include "io/scene_reader.h"
 #include "train/checkpoint.h"
+#include "train/device_samples.h"
 #include "train/metrics_log.h"
 #include "train/run_folder.h"
 #include "train/sampling.h"
@@ -57,7 +59,13 @@ class TrainingRun {
   std::unique_ptr<DataSplit> open(const std::string& name) const;
   void prepare_normalization();
   void restore();
-  void step(const Batch& batch);
+  void prepare_samples();
+  /// Trains from batches made on the device, or by worker threads.
+  StopReason train_on_device();
+  StopReason train_with_workers();
+  StepSettings step_settings() const;
+  /// What follows a step; whether and why to stop.
+  std::optional<StopReason> after_step();
   void report();
   void validate();
   void save_checkpoint();
@@ -73,7 +81,8 @@ class TrainingRun {
   std::unique_ptr<DataSplit> train_, valid_;  ///< valid_ may be null
   graph::Normalization normalization_;
   HgnModule module_;
-  CheckpointState state_;  ///< `seconds` is that of the run's earlier parts
+  std::unique_ptr<DeviceSamples> samples_;  ///< null where worker threads make the batches
+  CheckpointState state_;                   ///< `seconds` is that of the run's earlier parts
   int64_t saved_step_ = -1;
   std::optional<Validation> validation_;
   std::optional<MetricsLog> metrics_;
@@ -133,24 +142,52 @@ void TrainingRun::restore() {
   say("resumed at step " + std::to_string(state_.step));
 }
 
-TrainingResult TrainingRun::execute() {
-  const int workers = worker_count(options_);
-  start_ = last_report_ = Clock::now();
-  StopReason reason = StopReason::finished;
-  {
-    OrderedQueue<Batch> batches(workers, state_.step, config_.steps, 2 * workers + 2,
-                                [&](int64_t k) { return training_batch(*train_, config_, normalization_, k); });
-    while (state_.step < config_.steps) {
-      step(batches.next());
-      if (state_.step % config_.log_interval == 0 || state_.step == config_.steps) report();
-      if (state_.step % config_.validation_interval == 0) validate();
-      if (state_.step % config_.checkpoint_interval == 0) save_checkpoint();
-      if (const auto stop = stop_reason()) {
-        reason = *stop;
-        break;
-      }
-    }
+void TrainingRun::prepare_samples() {
+  if (options_.device != Device::cuda) return;
+  const uint64_t needed = DeviceSamples::bytes_for(*train_), free = available_bytes(Device::cuda);
+  if (needed > free / 2) {
+    say("the data set (" + std::to_string(needed >> 20) + " MiB) is too large for half of the GPU's free memory (" +
+        std::to_string(free >> 20) + " MiB): batches are made by the CPU, more slowly");
+    return;
   }
+  samples_ = std::make_unique<DeviceSamples>(*train_, config_, normalization_, Device::cuda);
+}
+
+StopReason TrainingRun::train_on_device() {
+  samples_->start(state_.step);
+  while (state_.step < config_.steps) {
+    const SampleArrays batch = samples_->take();
+    if (state_.step + 1 < config_.steps) samples_->start(state_.step + 1);
+    module_.train_step(batch, step_settings());
+    samples_->release();
+    if (const auto stop = after_step()) return *stop;
+  }
+  return StopReason::finished;
+}
+
+StopReason TrainingRun::train_with_workers() {
+  const int workers = worker_count(options_);
+  OrderedQueue<Batch> batches(workers, state_.step, config_.steps, 2 * workers + 2,
+                              [&](int64_t k) { return training_batch(*train_, config_, normalization_, k); });
+  while (state_.step < config_.steps) {
+    module_.train_step(batches.next(), step_settings());
+    if (const auto stop = after_step()) return *stop;
+  }
+  return StopReason::finished;
+}
+
+std::optional<StopReason> TrainingRun::after_step() {
+  ++state_.step;
+  if (state_.step % config_.log_interval == 0 || state_.step == config_.steps) report();
+  if (state_.step % config_.validation_interval == 0) validate();
+  if (state_.step % config_.checkpoint_interval == 0) save_checkpoint();
+  return stop_reason();
+}
+
+TrainingResult TrainingRun::execute() {
+  start_ = last_report_ = Clock::now();
+  prepare_samples();
+  const StopReason reason = samples_ ? train_on_device() : train_with_workers();
   // A signal leaves little time: the state is saved, nothing more is measured.
   const bool measured = validation_ && validation_->step == state_.step;
   if (reason != StopReason::stopped && !measured) validate();
@@ -169,14 +206,13 @@ TrainingResult TrainingRun::execute() {
   return result;
 }
 
-void TrainingRun::step(const Batch& batch) {
+StepSettings TrainingRun::step_settings() const {
   StepSettings settings;
   settings.learning_rate = config_.rate_at(state_.step);
   settings.clip_norm = config_.clip_norm;
   settings.ema_decay = config_.ema_decay_at(state_.step);
   settings.step = state_.step + 1;
-  module_.train_step(batch, settings);
-  ++state_.step;
+  return settings;
 }
 
 void TrainingRun::report() {

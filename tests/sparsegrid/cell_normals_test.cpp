@@ -150,7 +150,7 @@ TEST(CellNormals, OfASphereFollowTheFlipRule) {
 
 TEST(CellNormals, WithoutObstaclesThereAreNone) {
   const CellNormals none{Scene(), ObstacleSet(Scene())};
-  EXPECT_EQ(none.view(), nullptr);
+  EXPECT_EQ(none.view().grid, nullptr);
   EXPECT_EQ(none.active_cells(), 0);
   EXPECT_EQ(norm(none.at({0.5, 0.5, 0.5})), 0);
 }

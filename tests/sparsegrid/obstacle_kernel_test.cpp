@@ -19,21 +19,16 @@ struct Row {
 
 struct LookUp {
   ObstacleSetView set;
-  const nanovdb::Vec3fGrid* normals;
+  CellNormalsView normals;
   const Vec3f* before;
   const Vec3f* after;
   Row* out;
-  float inverse_dx;
   GRAUPEL_HD void operator()(int64_t i) const {
     Row& row = out[i];
     row.distance = signed_distance(set, after[i], row.nearest);
     row.pushed = after[i];
     push_out(set, Vec3f::filled(0.05f), Vec3f::filled(0.95f), before[i], row.pushed);
-    const nanovdb::Coord cell(static_cast<int>(std::floor(after[i][0] * inverse_dx)),
-                              static_cast<int>(std::floor(after[i][1] * inverse_dx)),
-                              static_cast<int>(std::floor(after[i][2] * inverse_dx)));
-    const nanovdb::Vec3f n = normals->tree().getValue(cell);
-    row.cell_normal = {n[0], n[1], n[2]};
+    row.cell_normal = normals.at(after[i].cast<double>());
   }
 };
 
@@ -44,7 +39,7 @@ std::vector<Row> rows_on(Device device, const ObstacleSet& set, const CellNormal
   b.upload(after);
   Buffer<Row> out(device, before.size());
   parallel_for(device, static_cast<int64_t>(before.size()),
-               LookUp{set.view(device), normals.view(device), a.data(), b.data(), out.data(), 64});
+               LookUp{set.view(device), normals.view(device), a.data(), b.data(), out.data()});
   return out.download();
 }
 

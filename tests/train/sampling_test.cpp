@@ -176,7 +176,7 @@ TEST(Symmetry, LeavesGravityAloneAndKeepsLengths) {
   EXPECT_EQ(all.size(), 8u);
   EXPECT_EQ(symmetries_of(Vec3d::zero()).size(), 48u);
   std::set<std::vector<double>> images;
-  for (const Symmetry& symmetry : all) {
+  for (const AxisMap& symmetry : all) {
     const Vec3d image = symmetry.apply(Vec3d{1, 2, 3});
     EXPECT_EQ(image[1], 2);
     EXPECT_DOUBLE_EQ(norm2(image), 14);
@@ -185,7 +185,7 @@ TEST(Symmetry, LeavesGravityAloneAndKeepsLengths) {
   EXPECT_EQ(images.size(), 8u);
   std::set<int> drawn;
   for (uint64_t k = 0; k < 200; ++k) {
-    const Symmetry symmetry = draw_symmetry(gravity, Random(1, RandomPurpose::training_symmetry, k));
+    const AxisMap symmetry = draw_symmetry(gravity, Random(1, RandomPurpose::training_symmetry, k));
     drawn.insert(9 * symmetry.axis[0] + 3 * symmetry.sign[0] + symmetry.sign[2]);
   }
   EXPECT_EQ(drawn.size(), 8u);
@@ -211,7 +211,7 @@ TEST(Symmetry, TurnedFeaturesAreThoseOfTheTurnedScene) {
         x[d] = static_cast<float>(random.uniform(p, d, 0.05, 0.45) + 0.004 * random.uniform(40 + 3 * p + t, d));
       history[t].push_back(x);
     }
-  for (const Symmetry& symmetry : symmetries_of(scene.gravity)) {
+  for (const AxisMap& symmetry : symmetries_of(scene.gravity)) {
     Scene turned = scene;
     Vec3d low = scene.domain.origin, high = scene.domain.origin + scene.domain.size;
     apply_to_box(symmetry, low, high);
@@ -221,8 +221,7 @@ TEST(Symmetry, TurnedFeaturesAreThoseOfTheTurnedScene) {
     for (auto& frame : turned_history)
       for (Vec3f& x : frame) x = symmetry.apply(x);
     const auto expected = graph::particle_features(config, normalization, graph::Surroundings(turned), turned_history);
-    auto features = graph::particle_features(config, normalization, surroundings, history);
-    apply_to_features(symmetry, config, normalization, features);
+    const auto features = graph::particle_features(config, normalization, surroundings, history, symmetry);
     ASSERT_EQ(features.size(), expected.size());
     const auto width = static_cast<std::size_t>(config.input_width() - config.embedding);
     for (std::size_t i = 0; i < features.size(); ++i) {

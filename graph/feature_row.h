@@ -1,0 +1,78 @@
+// The features of one particle, for kernels of any device: rollouts, evaluation and training make them here.
+#pragma once
+
+#include "core/axis_map.h"
+#include "graph/feature_config.h"
+#include "sparsegrid/cell_normals.h"
+#include "sparsegrid/obstacle.h"
+
+namespace graupel::graph {
+
+inline constexpr int most_history = 16;
+
+/// What a FeatureConfig and a Normalization say about features.
+struct FeatureRules {
+  FeatureRules() = default;
+  FeatureRules(const FeatureConfig& config, const Normalization& statistics)
+      : history(static_cast<int>(config.history)),
+        width(static_cast<int>(config.input_width() - config.embedding)),
+        cell_normal(config.cell_normal),
+        signed_distance(config.signed_distance),
+        wall_clamp(config.wall_clamp),
+        distance_clamp(config.distance_clamp),
+        normalization(statistics) {}
+
+  int history = 0;  ///< velocities
+  int width = 0;    ///< numbers a particle
+  bool cell_normal = false, signed_distance = false;
+  double wall_clamp = 1, distance_clamp = 1;  ///< [m]
+  Normalization normalization;
+};
+
+/// Static surroundings in the memory of one device (graph/features.h, Surroundings::view).
+struct SurroundingsView {
+  sparsegrid::ObstacleSetView obstacles;
+  sparsegrid::CellNormalsView normals;
+  Vec3d wall_low, wall_high;  ///< [m]
+};
+
+namespace feature_row {
+
+/// Distance clamped to +-limit, divided by it.
+GRAUPEL_HD inline float clamped(double distance, double limit) {
+  return static_cast<float>((distance < -limit ? -limit : distance > limit ? limit : distance) / limit);
+}
+
+GRAUPEL_HD inline float* put(const Vec3f& v, float* row) {
+  for (int d = 0; d < 3; ++d) *row++ = v[d];
+  return row;
+}
+
+}  // namespace feature_row
+
+/// Writes rules.width features of a particle, in the order of particle_features(), as those of the scene turned by
+/// `turn`. `position` [m] holds rules.history + 1 frames, newest last, unturned.
+GRAUPEL_HD inline void write_feature_row(const FeatureRules& rules, const SurroundingsView& surroundings,
+                                         const AxisMap& turn, const Vec3f* position, float* row) {
+  using namespace feature_row;
+  const Vec3d x = position[rules.history].cast<double>();
+  for (int newer = rules.history; newer > 0; --newer) {
+    const Vec3f velocity = turn.apply(position[newer] - position[newer - 1]);
+    for (int d = 0; d < 3; ++d)
+      *row++ = (velocity[d] - rules.normalization.velocity_mean[d]) / rules.normalization.velocity_std[d];
+  }
+  if (rules.cell_normal) row = put(turn.apply(surroundings.normals.at(x)), row);
+  for (int face = 0; face < 6; ++face) {
+    const int axis = turn.axis[face % 3];
+    const bool lower = (face < 3) == (turn.sign[face % 3] > 0);  // a reflection exchanges the two faces
+    *row++ = clamped(lower ? x[axis] - surroundings.wall_low[axis] : surroundings.wall_high[axis] - x[axis],
+                     rules.wall_clamp);
+  }
+  if (!rules.signed_distance) return;
+  int nearest = -1;
+  const sparsegrid::SignedDistance<double> obstacle = signed_distance(surroundings.obstacles, x, nearest);
+  *row++ = clamped(obstacle.phi, rules.distance_clamp);
+  put(turn.apply(obstacle.normal.cast<float>()), row);
+}
+
+}  // namespace graupel::graph

@@ -1,0 +1,83 @@
+// The grid hierarchy of a batch of scenes (sparsegrid/hierarchy.h, HGN paper, section 3.2), built where its network
+// runs: the active cells of every level are bits of a box of cells, a cell's number counts the bits before its own.
+// Cells of a level are numbered scene by scene, within a scene by (z, y, x), as those of sparsegrid::build_hierarchy.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "core/buffer.h"
+#include "core/vec.h"
+#include "graph/device_lists.h"
+
+namespace graupel::graph {
+
+/// Where the cells of one scene may lie.
+struct SceneGrid {
+  Vec3d origin;       ///< of the grid [m]
+  Vec3d low, high;    ///< [m] box that holds the particles, give or take `margin` cells
+  int64_t particles;  ///< of this scene; scenes follow each other
+};
+
+inline constexpr int most_levels = 8;
+
+/// Arrays that say who is linked to whom, in the device's memory. Those of cells hold all levels, one after the other,
+/// finest first: cell c of level l is at level_begin[l] + c. Numbers of cells and edges count within a level.
+struct GridLinks {
+  const int32_t* level_begin;  ///< [levels + 1] first cell of each level
+  const int32_t* edge_level;   ///< [levels + 1] first edge of each level
+  const Vec3i* coordinate;     ///< [cells]
+  const int32_t* neighbor;     ///< [cells, 6] -x, +x, -y, +y, -z, +z; -1 for none
+  const int32_t* parent;       ///< [cells] cell of the next level; unset at the top
+  const int32_t* octant;       ///< [cells] child slot, 0..7
+  const int32_t* edge_begin;   ///< [cells + 1] edges by receiver, counted over all levels
+  const int32_t* sender;       ///< [edges]
+  const int32_t* receiver;     ///< [edges]
+  const int32_t* slot;         ///< [edges] 0..5: the sender lies at -x, +x, -y, +y, -z, +z
+  const int32_t* reverse;      ///< [edges] the edge from receiver to sender, counted within the level
+  const int32_t* child_begin;  ///< [cells + 1] children by parent, counted over all levels; level 0 has none
+  const int32_t* child;        ///< [children] cell of the finer level
+  const int32_t* cell;         ///< [particles, 8] level-0 cells; corner bit d: upper along axis d
+  const float* weight;         ///< [particles, 8] trilinear, sum 1
+  const float* offset;         ///< [particles, 3] (x - centre of corner 0) / spacing
+  const int32_t* pair_begin;   ///< [level-0 cells + 1] pairs by cell
+  const int32_t* pair;         ///< [particles * 8] particle * 8 + corner
+};
+
+/// Counts of one build, on the host.
+struct GridCounts {
+  int levels = 0;
+  std::array<int64_t, most_levels> cells{}, edges{};
+  bool overflow = false;  ///< a particle lay outside the boxes: the links are of no use
+};
+
+class GridBuilder {
+ public:
+  /// Grids of `levels` levels (at most most_levels), the finest of `spacing` [m]; boxes are widened by `margin` cells.
+  GridBuilder(Device device, double spacing, int levels, int margin = 3);
+  ~GridBuilder();
+
+  /// Boxes and memory for these scenes. Throws ConfigError when a box has
+  /// more than 2^30 cells.
+  void prepare(const std::vector<SceneGrid>& scenes, void* stream = nullptr);
+  /// Links for `position` [particles] in the device's memory; launches alone, nothing is waited for.
+  void build(const Vec3f* position, void* stream = nullptr);
+  /// Counts of the last build; waits for it.
+  GridCounts counts(void* stream = nullptr) const;
+  GridLinks links() const;
+
+ private:
+  struct Arrays;
+
+  Device device_;
+  double spacing_;
+  int levels_, margin_, scenes_ = 0;
+  int64_t particles_ = 0;
+  int64_t words_ = 0, level0_words_ = 0;      ///< of bits
+  int64_t most_cells_ = 0, most_level0_ = 0;  ///< that particles and boxes allow
+  std::unique_ptr<Arrays> arrays_;
+};
+
+}  // namespace graupel::graph

@@ -1,0 +1,228 @@
+#include "train/device_samples.h"
+
+#include <string>
+
+#include "core/cuda_check.h"
+#include "core/error.h"
+#include "core/parallel_for_in.h"
+
+namespace graupel::train {
+
+namespace {
+
+/// Where the frames of a sample's trajectory lie.
+struct SampleFrames {
+  const Vec3f* position;          ///< [frames, particles]
+  const Vec3f* initial_velocity;  ///< [particles] [m/s]
+  const int32_t* type_row;        ///< [particles]
+  int64_t particles, frame;
+  Vec3d gravity;      ///< [m/s^2]
+  double frame_time;  ///< [s]
+
+  /// Position at a frame; before the first that of graph::start_history.
+  GRAUPEL_HD Vec3f at(int64_t t, int64_t p) const {
+    if (t >= 0) return position[t * particles + p];
+    const double before = -static_cast<double>(t) * frame_time;
+    return (position[p].cast<double>() - initial_velocity[p].cast<double>() * before + gravity * (before * before / 2))
+        .cast<float>();
+  }
+};
+
+struct SceneSample {
+  SampleScene scene;
+  SampleFrames frames;
+};
+
+/// One particle of the batch.
+struct MakeSample {
+  SampleRules rules;
+  const SceneSample* sample;
+  int scenes;
+  float *features, *target;
+  Vec3f* now;
+  int32_t* type_row;
+  GRAUPEL_HD void operator()(int64_t i) const {
+    int s = 0;
+    while (s + 1 < scenes && sample[s + 1].scene.first <= i) ++s;
+    const SampleFrames& frames = sample[s].frames;
+    const int64_t p = i - sample[s].scene.first;
+    Vec3f position[graph::most_history + 1];
+    for (int t = 0; t <= rules.features.history; ++t)
+      position[t] = frames.at(frames.frame - rules.features.history + t, p);
+    now[i] = write_sample(rules, sample[s].scene, static_cast<uint64_t>(p), position, frames.at(frames.frame + 1, p),
+                          features + i * rules.features.width, target + 3 * i);
+    type_row[i] = frames.type_row[p];
+  }
+};
+
+struct ResidentTrajectory {
+  Buffer<Vec3f> position, initial_velocity;
+  Buffer<int32_t> type_row;
+};
+
+#ifdef __CUDACC__
+constexpr bool with_cuda = true;
+#else
+constexpr bool with_cuda = false;
+#endif
+
+}  // namespace
+
+/// Memory of one batch.
+struct DeviceSamples::Slot {
+  Slot(Device device, const graph::HgnConfig& config)
+      : builder(device, config.spacing, static_cast<int>(config.levels)),
+        samples(device, 0),
+        features(device, 0),
+        target(device, 0),
+        now(device, 0),
+        type_row(device, 0) {}
+  graph::GridBuilder builder;
+  Buffer<SceneSample> samples;
+  Buffer<float> features, target;
+  Buffer<Vec3f> now;
+  Buffer<int32_t> type_row;
+  int64_t particles = 0, step = 0;
+#ifdef __CUDACC__
+  cudaEvent_t released = nullptr;  ///< the launches that read this batch are done
+#endif
+};
+
+struct DeviceSamples::Impl {
+  Impl(const DataSplit& data, const TrainConfig& train_config, const graph::Normalization& normalization, Device where)
+      : split(data),
+        config(train_config),
+        rules(sample_rules(train_config, normalization)),
+        device(where),
+        slots{Slot(where, train_config.hgn), Slot(where, train_config.hgn)} {}
+
+  const DataSplit& split;
+  TrainConfig config;
+  SampleRules rules;
+  Device device;
+  std::vector<ResidentTrajectory> resident;
+  std::array<Slot, 2> slots;
+  int64_t started = 0, taken = 0;
+  void* stream = nullptr;
+
+  Slot& slot(int64_t number) { return slots[static_cast<std::size_t>(number % 2)]; }
+  void load();
+  SceneSample sample_of(const SampleDraw& draw, int64_t first) const;
+};
+
+uint64_t DeviceSamples::bytes_for(const DataSplit& split) {
+  uint64_t bytes = 0;
+  for (int i = 0; i < split.count(); ++i) {
+    const TrajectoryInfo& info = split.trajectory(i);
+    bytes += info.type_row.size() * (sizeof(Vec3f) * (static_cast<uint64_t>(info.frames) + 1) + sizeof(int32_t));
+  }
+  return bytes;
+}
+
+void DeviceSamples::Impl::load() {
+  for (int i = 0; i < split.count(); ++i) {
+    const TrajectoryInfo& info = split.trajectory(i);
+    std::vector<Vec3f> all;
+    all.reserve(static_cast<std::size_t>(info.frames) * info.type_row.size());
+    for (const std::vector<Vec3f>& frame : split.positions(i, 0, info.frames))
+      all.insert(all.end(), frame.begin(), frame.end());
+    ResidentTrajectory trajectory{Buffer<Vec3f>(device, 0), Buffer<Vec3f>(device, 0), Buffer<int32_t>(device, 0)};
+    trajectory.position.upload(all);
+    trajectory.initial_velocity.upload(info.initial_velocity);
+    trajectory.type_row.upload(info.type_row);
+    resident.push_back(std::move(trajectory));
+  }
+}
+
+SceneSample DeviceSamples::Impl::sample_of(const SampleDraw& draw, int64_t first) const {
+  const TrajectoryInfo& info = split.trajectory(draw.key.trajectory);
+  const ResidentTrajectory& trajectory = resident[static_cast<std::size_t>(draw.key.trajectory)];
+  const Scene& scene = info.context->scene;
+  return {{first, draw.stream, draw.turn, info.context->surroundings.view(device)},
+          {trajectory.position.data(), trajectory.initial_velocity.data(), trajectory.type_row.data(),
+           static_cast<int64_t>(info.type_row.size()), draw.key.frame, scene.gravity, scene.frame_time}};
+}
+
+DeviceSamples::DeviceSamples(const DataSplit& split, const TrainConfig& config,
+                             const graph::Normalization& normalization, Device device)
+    : impl_(std::make_unique<Impl>(split, config, normalization, device)) {
+  GRAUPEL_ASSERT(device == Device::cpu || with_cuda);
+  GRAUPEL_ASSERT(config.hgn.history <= graph::most_history);
+  impl_->load();
+#ifdef __CUDACC__
+  if (device == Device::cuda) {
+    cudaStream_t stream = nullptr;
+    // Beside the default stream, not ordered by it.
+    GRAUPEL_CUDA_CHECK(cudaStreamCreateWithFlags(&stream, cudaStreamNonBlocking));
+    impl_->stream = stream;
+    for (Slot& slot : impl_->slots)
+      GRAUPEL_CUDA_CHECK(cudaEventCreateWithFlags(&slot.released, cudaEventDisableTiming));
+  }
+#endif
+}
+
+DeviceSamples::~DeviceSamples() {
+#ifdef __CUDACC__
+  if (impl_->stream == nullptr) return;
+  cudaDeviceSynchronize();
+  for (Slot& slot : impl_->slots) cudaEventDestroy(slot.released);
+  cudaStreamDestroy(static_cast<cudaStream_t>(impl_->stream));
+#endif
+}
+
+void DeviceSamples::start(int64_t step) {
+  Impl& impl = *impl_;
+  GRAUPEL_ASSERT(impl.started - impl.taken < 2);
+  Slot& slot = impl.slot(impl.started++);
+#ifdef __CUDACC__
+  if (impl.stream) GRAUPEL_CUDA_CHECK(cudaStreamWaitEvent(static_cast<cudaStream_t>(impl.stream), slot.released, 0));
+#endif
+  std::vector<SceneSample> samples;
+  std::vector<graph::SceneGrid> grids;
+  slot.particles = 0;
+  slot.step = step;
+  for (int64_t k = 0; k < impl.config.batch_scenes; ++k) {
+    const SampleDraw draw = draw_training_sample(impl.split, impl.config, step, k);
+    samples.push_back(impl.sample_of(draw, slot.particles));
+    grids.push_back({draw.origin, draw.low, draw.high, samples.back().frames.particles});
+    slot.particles += samples.back().frames.particles;
+  }
+  const auto n = static_cast<std::size_t>(slot.particles);
+  slot.features.resize_discard(n * static_cast<std::size_t>(impl.rules.features.width));
+  slot.target.resize_discard(3 * n);
+  slot.now.resize_discard(n);
+  slot.type_row.resize_discard(n);
+  upload_in(impl.stream, slot.samples, samples);
+  slot.builder.prepare(grids, impl.stream);
+  parallel_for_in(impl.stream, impl.device, slot.particles,
+                  MakeSample{impl.rules, slot.samples.data(), static_cast<int>(samples.size()), slot.features.data(),
+                             slot.target.data(), slot.now.data(), slot.type_row.data()});
+  slot.builder.build(slot.now.data(), impl.stream);
+}
+
+SampleArrays DeviceSamples::take() {
+  Impl& impl = *impl_;
+  GRAUPEL_ASSERT(impl.taken < impl.started);
+  Slot& slot = impl.slot(impl.taken++);
+  SampleArrays arrays;
+  arrays.counts = slot.builder.counts(impl.stream);
+  if (arrays.counts.overflow)
+    throw InputError("'" + impl.split.file() + "': a particle of training step " + std::to_string(slot.step) +
+                     " lies outside the domain of its scene by more than three cells of the network's grid. Generate " +
+                     "the data set anew, or lower noise_std");
+  arrays.particles = slot.particles;
+  arrays.feature_width = impl.rules.features.width;
+  arrays.features = slot.features.data();
+  arrays.target = slot.target.data();
+  arrays.type_row = slot.type_row.data();
+  arrays.links = slot.builder.links();
+  return arrays;
+}
+
+void DeviceSamples::release() {
+#ifdef __CUDACC__
+  if (impl_->stream) GRAUPEL_CUDA_CHECK(cudaEventRecord(impl_->slot(impl_->taken - 1).released, nullptr));
+#endif
+}
+
+}  // namespace graupel::train

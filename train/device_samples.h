@@ -1,0 +1,47 @@
+// Training batches made on the device that trains: the positions of the data set lie in its memory, and one launch a
+// particle draws noise, features and targets. The numbers are those of training_batch().
+#pragma once
+
+#include <cstdint>
+#include <memory>
+
+#include "graph/grid_builder.h"
+#include "train/sampling.h"
+
+namespace graupel::train {
+
+/// A batch in the device's memory, as a Batch has it on the host; valid until the call of start() after the next one.
+struct SampleArrays {
+  int64_t particles = 0;
+  int feature_width = 0;
+  const float* features = nullptr;    ///< [particles, feature_width]
+  const float* target = nullptr;      ///< [particles, 3]
+  const int32_t* type_row = nullptr;  ///< [particles]
+  graph::GridLinks links{};
+  graph::GridCounts counts;
+};
+
+class DeviceSamples {
+ public:
+  /// Bytes of the device that the positions of a data set take.
+  static uint64_t bytes_for(const DataSplit& split);
+
+  /// Copies all positions to `device`. `split` must live as long as this.
+  DeviceSamples(const DataSplit& split, const TrainConfig& config, const graph::Normalization& normalization,
+                Device device);
+  ~DeviceSamples();
+
+  /// Starts to make batch number `step`, beside what the device computes; two batches may be held at a time.
+  void start(int64_t step);
+  /// The batch that was started first; waits for it. Throws InputError when a particle lies outside its domain.
+  SampleArrays take();
+  /// Says that all launches that read the batch taken last are in the default stream.
+  void release();
+
+ private:
+  struct Slot;
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace graupel::train

@@ -1,0 +1,67 @@
+// One particle of a training sample, for kernels of any device: its history with noise, the features that the network
+// sees and the acceleration that it is to predict.
+#pragma once
+
+#include "core/random.h"
+#include "graph/feature_row.h"
+
+namespace graupel::train {
+
+struct SampleRules {
+  graph::FeatureRules features;
+  uint64_t seed = 0;
+  double noise_std = 0;  ///< [m/frame]
+};
+
+/// One scene of a batch.
+struct SampleScene {
+  int64_t first = 0;    ///< its first particle in the batch
+  uint64_t stream = 0;  ///< of its random numbers
+  AxisMap turn;         ///< the scene as the network sees it
+  graph::SurroundingsView surroundings;
+};
+
+/// Random-walk noise of GNS (Sanchez-Gonzalez et al. 2020, section 4.3) on velocities + 1 positions of particle p,
+/// newest last; see add_random_walk. Returns the noise of the newest position.
+GRAUPEL_HD inline Vec3f add_noise(const Random& random, double noise_std, int velocities, uint64_t p, Vec3f* position) {
+  if (!(noise_std > 0)) return Vec3f::zero();
+  const double increment = noise_std / std::sqrt(static_cast<double>(velocities));
+  const auto draws = static_cast<uint64_t>(3 * velocities + 3) / 4;  // of four normal numbers each
+  double normal[4] = {};
+  Vec3d velocity_noise = Vec3d::zero(), position_noise = Vec3d::zero();
+  for (int j = 0; j < velocities; ++j) {
+    for (int d = 0; d < 3; ++d) {
+      const int number = 3 * j + d;
+      if (number % 4 == 0)
+        for (int pair = 0; pair < 2; ++pair)
+          random.normal(p * draws + static_cast<uint64_t>(number / 4), pair, normal[2 * pair], normal[2 * pair + 1]);
+      velocity_noise[d] += increment * normal[number % 4];
+    }
+    position_noise += velocity_noise;
+    position[j + 1] = (position[j + 1].cast<double>() + position_noise).cast<float>();
+  }
+  return position_noise.cast<float>();
+}
+
+/// The acceleration x^{n+1} - 2 x^n + x^{n-1} [m/frame^2].
+GRAUPEL_HD inline Vec3f acceleration_at(const Vec3f& next, const Vec3f& now, const Vec3f& before) {
+  const Vec3d x = now.cast<double>();
+  return ((next.cast<double>() - x) - (x - before.cast<double>())).cast<float>();
+}
+
+/// Particle p of a scene: features [rules.features.width], normalised acceleration [3], and where the grid has it.
+/// `position` holds history + 1 true frames, newest last, and is changed; `next` is the frame after them.
+GRAUPEL_HD inline Vec3f write_sample(const SampleRules& rules, const SampleScene& scene, uint64_t p, Vec3f* position,
+                                     Vec3f next, float* feature_row, float* target) {
+  const int history = rules.features.history;
+  next +=
+      add_noise(Random(rules.seed, RandomPurpose::training_noise, scene.stream), rules.noise_std, history, p, position);
+  const Vec3f acceleration = scene.turn.apply(acceleration_at(next, position[history], position[history - 1]));
+  const graph::Normalization& statistics = rules.features.normalization;
+  for (int d = 0; d < 3; ++d)
+    target[d] = (acceleration[d] - statistics.acceleration_mean[d]) / statistics.acceleration_std[d];
+  graph::write_feature_row(rules.features, scene.surroundings, scene.turn, position, feature_row);
+  return scene.turn.apply(position[history]);
+}
+
+}  // namespace graupel::train
