@@ -111,9 +111,10 @@ std::vector<float> GnsNetwork::predict(const Surroundings& surroundings, const s
 void add_obstacle_particles(const GnsConfig& config, const Surroundings& surroundings,
                             std::vector<std::vector<Vec3f>>& positions, std::vector<int32_t>& particle_type) {
   if (!config.obstacle_particles) return;
-  const std::vector<Vec3f> near = within_reach(surroundings.obstacle_particles.at_spacing(config.obstacle_spacing),
-                                               positions.back(), config.reach());
-  for (std::vector<Vec3f>& frame : positions) frame.insert(frame.end(), near.begin(), near.end());
+  const std::vector<Vec3f>& points = surroundings.obstacle_particles.at_spacing(config.obstacle_spacing);
+  const std::vector<int32_t> near = within_reach(points, positions.back(), config.reach());
+  for (std::vector<Vec3f>& frame : positions)
+    for (const int32_t p : near) frame.push_back(points[static_cast<std::size_t>(p)]);
   particle_type.insert(particle_type.end(), near.size(), obstacle_particle_type);
 }
 

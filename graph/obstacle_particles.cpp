@@ -76,8 +76,8 @@ const std::vector<Vec3f>& ObstacleParticles::at_spacing(double spacing) const {
   return entry->second;
 }
 
-std::vector<Vec3f> within_reach(const std::vector<Vec3f>& points, const std::vector<Vec3f>& particles, double reach) {
-  std::vector<Vec3f> near;
+std::vector<int32_t> within_reach(const std::vector<Vec3f>& points, const std::vector<Vec3f>& particles, double reach) {
+  std::vector<int32_t> near;
   if (points.empty() || particles.empty()) return near;
   const sparsegrid::CellList point_cells(points, reach / cells_in_reach),
       particle_cells(particles, reach / cells_in_reach);
@@ -112,7 +112,7 @@ std::vector<Vec3f> within_reach(const std::vector<Vec3f>& points, const std::vec
       },
       Grain{8});
   for (std::size_t p = 0; p < points.size(); ++p)
-    if (kept[p]) near.push_back(points[p]);
+    if (kept[p]) near.push_back(static_cast<int32_t>(p));
   return near;
 }
 

@@ -2,6 +2,7 @@
 // messages can reach a particle.
 #pragma once
 
+#include <cstdint>
 #include <memory>
 #include <vector>
 
@@ -24,7 +25,7 @@ class ObstacleParticles {
   std::shared_ptr<Cache> cache_;
 };
 
-/// Those of `points` that are no farther than `reach` [m] from some point of `particles`, in their order.
-std::vector<Vec3f> within_reach(const std::vector<Vec3f>& points, const std::vector<Vec3f>& particles, double reach);
+/// Numbers of those `points` that are no farther than `reach` [m] from some point of `particles`, ascending.
+std::vector<int32_t> within_reach(const std::vector<Vec3f>& points, const std::vector<Vec3f>& particles, double reach);
 
 }  // namespace graupel::graph

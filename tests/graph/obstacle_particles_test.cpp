@@ -54,11 +54,11 @@ TEST(WithinReach, AgreesWithAllPairs) {
   const std::vector<Vec3f> points = blobs(40, 2000, 0.2, 3);
   for (const double reach : {0.01, 0.1, 0.35, 5.0})
     for (const std::vector<Vec3f>& particles : {blobs(1, 1, 0), blobs(2, 200, 0.05), blobs(9, 900, 0.02, 7)}) {
-      std::vector<Vec3f> expected;
-      for (const Vec3f& x : points)
+      std::vector<int32_t> expected;
+      for (std::size_t i = 0; i < points.size(); ++i)
         for (const Vec3f& p : particles)
-          if (norm2(x.cast<double>() - p.cast<double>()) <= reach * reach) {
-            expected.push_back(x);
+          if (norm2(points[i].cast<double>() - p.cast<double>()) <= reach * reach) {
+            expected.push_back(static_cast<int32_t>(i));
             break;
           }
       EXPECT_EQ(within_reach(points, particles, reach), expected) << reach;
