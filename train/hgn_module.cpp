@@ -15,7 +15,7 @@
 #include <cmath>
 
 #include "core/error.h"
-#include "train/hgn_network.h"
+#include "train/network_passes.h"
 
 namespace graupel::train {
 
@@ -50,9 +50,9 @@ std::string torch_version() { return TORCH_VERSION; }
 bool torch_has_cuda() { return at::hasCUDA(); }
 
 struct HgnModule::Impl {
-  Impl(const graph::HgnConfig& hgn, Device where, uint64_t seed, NumberType number)
-      : config(hgn),
-        layout(hgn),
+  Impl(const NetworkConfig& network_config, Device where, uint64_t seed, NumberType number, int64_t checkpoint_layers)
+      : config(network_config),
+        layout(network_config),
         device(where),
         options(at::TensorOptions()
                     .device(where == Device::cuda ? at::kCUDA : at::kCPU)
@@ -60,8 +60,8 @@ struct HgnModule::Impl {
         gradient(at::zeros({layout.size()}, options)),
         means(at::zeros({2}, options)) {
     for (at::Tensor& array : arrays) array = at::zeros({layout.size()}, options);
-    network = std::make_unique<HgnNetwork>(config, layout, get(StateArray::weights), gradient);
-    average = std::make_unique<HgnNetwork>(config, layout, get(StateArray::ema), at::Tensor());
+    network = make_passes(config, checkpoint_layers, layout, get(StateArray::weights), gradient);
+    average = make_passes(config, checkpoint_layers, layout, get(StateArray::ema), at::Tensor());
     const std::vector<float> initial = layout.initial_values(seed);
     fill(StateArray::weights, initial);
     fill(StateArray::ema, initial);
@@ -92,7 +92,7 @@ struct HgnModule::Impl {
                  get(StateArray::adam_v).data_ptr<T>(), get(StateArray::ema).data_ptr<T>());
   }
 
-  graph::HgnConfig config;
+  NetworkConfig config;
   ParameterLayout layout;
   Device device;
   at::TensorOptions options;
@@ -100,26 +100,27 @@ struct HgnModule::Impl {
   at::Tensor gradient;
   at::Tensor means;  ///< sums of loss and gradient norm since they were last taken
   int64_t steps_in_means = 0;
-  std::unique_ptr<HgnNetwork> network, average;
+  std::unique_ptr<NetworkPasses> network, average;
 };
 
-HgnModule::HgnModule(const graph::HgnConfig& config, Device device, uint64_t seed, NumberType number) {
+HgnModule::HgnModule(const NetworkConfig& config, Device device, uint64_t seed, NumberType number,
+                     int64_t checkpoint_layers) {
   const at::NoGradGuard no_grad;
   if (device == Device::cuda && !torch_has_cuda())
     throw ConfigError("device 'cuda' is not usable (libtorch " + torch_version() +
                       " was built without CUDA). Build against a CUDA libtorch, or use --device cpu");
-  impl_ = std::make_unique<Impl>(config, device, seed, number);
+  impl_ = std::make_unique<Impl>(config, device, seed, number, checkpoint_layers);
 }
 HgnModule::~HgnModule() = default;
 HgnModule::HgnModule(HgnModule&&) noexcept = default;
 
-const graph::HgnConfig& HgnModule::config() const { return impl_->config; }
+const NetworkConfig& HgnModule::config() const { return impl_->config; }
 int64_t HgnModule::parameter_count() const { return impl_->layout.parameter_count(); }
 
 std::vector<float> HgnModule::predict(const Batch& batch, StateArray which) const {
   const at::NoGradGuard no_grad;
   GRAUPEL_ASSERT(which == StateArray::weights || which == StateArray::ema);
-  const HgnNetwork& network = which == StateArray::weights ? *impl_->network : *impl_->average;
+  const NetworkPasses& network = which == StateArray::weights ? *impl_->network : *impl_->average;
   return impl_->read(network.forward(network.upload(batch), nullptr));
 }
 

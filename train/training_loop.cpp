@@ -90,7 +90,9 @@ class TrainingRun {
 };
 
 TrainingRun::TrainingRun(const TrainingOptions& options)
-    : options_(options), config_(options.config), module_(config_.hgn, options.device, config_.seed) {
+    : options_(options),
+      config_(options.config),
+      module_(config_.network(), options.device, config_.seed, NumberType::f32, config_.checkpoint_layers) {
   train_ = open("train.h5");
   if (fs::exists(options_.data + "/valid.h5"))
     valid_ = open("valid.h5");
@@ -119,7 +121,7 @@ std::unique_ptr<DataSplit> TrainingRun::open(const std::string& name) const {
     say(name + ": " + what + " " + std::to_string(done) + "/" + std::to_string(total));
   };
   auto opened = std::make_unique<DataSplit>(options_.data + "/" + name, split);
-  opened->check_fits(config_.hgn);
+  opened->check_fits(config_.network());
   return opened;
 }
 
@@ -143,7 +145,7 @@ void TrainingRun::restore() {
 }
 
 void TrainingRun::prepare_samples() {
-  if (options_.device != Device::cuda) return;
+  if (options_.device != Device::cuda || config_.architecture != Architecture::hgn) return;
   const uint64_t needed = DeviceSamples::bytes_for(*train_), free = available_bytes(Device::cuda);
   if (needed > free / 2) {
     say("the data set (" + std::to_string(needed >> 20) + " MiB) is too large for half of the GPU's free memory (" +
@@ -307,7 +309,7 @@ std::string resolved_materials(const std::string& scene_json, const std::string&
 std::string TrainingRun::export_weights() const {
   nn::Weights weights = module_.state(StateArray::ema);
   graph::add_normalization(weights, normalization_);
-  weights.metadata = config_.hgn.to_metadata();
+  weights.metadata = metadata_of(config_.network());
   weights.metadata["training.steps"] = std::to_string(state_.step);
   weights.metadata["training.scene_samples"] = std::to_string(state_.step * config_.batch_scenes);
   weights.metadata["training.seconds"] = std::to_string(seconds());
