@@ -16,6 +16,9 @@
 
 #include "core/error.h"
 #include "train/network_passes.h"
+#ifdef GRAUPEL_HAVE_CUDA
+#include "train/fused_network.h"
+#endif
 
 namespace graupel::train {
 
@@ -60,6 +63,11 @@ struct HgnModule::Impl {
         gradient(at::zeros({layout.size()}, options)),
         means(at::zeros({2}, options)) {
     for (at::Tensor& array : arrays) array = at::zeros({layout.size()}, options);
+#ifdef GRAUPEL_HAVE_CUDA
+    const auto* hgn = std::get_if<graph::HgnConfig>(&config);
+    if (hgn && number == NumberType::mixed && FusedNetwork::fits(*hgn, device))
+      fused = std::make_unique<FusedNetwork>(*hgn, layout, get(StateArray::weights), gradient);
+#endif
     network = make_passes(config, checkpoint_layers, layout, get(StateArray::weights), gradient);
     average = make_passes(config, checkpoint_layers, layout, get(StateArray::ema), at::Tensor());
     const std::vector<float> initial = layout.initial_values(seed);
@@ -79,9 +87,17 @@ struct HgnModule::Impl {
   /// Loss on the device, and its gradient in `gradient`.
   at::Tensor forward_backward(const DeviceBatch& on_device) {
     GRAUPEL_ASSERT(on_device.target.defined());
+    const double scale = 2.0 / static_cast<double>(on_device.particles);
+#ifdef GRAUPEL_HAVE_CUDA
+    if (fused) {
+      const at::Tensor difference = fused->forward(on_device) - on_device.target;
+      fused->backward(on_device, difference * scale);
+      return square_error(difference);
+    }
+#endif
     ForwardRecord record;
     const at::Tensor difference = network->forward(on_device, &record) - on_device.target;
-    network->backward(on_device, record, difference * (2.0 / static_cast<double>(on_device.particles)));
+    network->backward(on_device, record, difference * scale);
     return square_error(difference);
   }
   void train_step(const DeviceBatch& batch, const StepSettings& settings);
@@ -101,6 +117,9 @@ struct HgnModule::Impl {
   at::Tensor means;  ///< sums of loss and gradient norm since they were last taken
   int64_t steps_in_means = 0;
   std::unique_ptr<NetworkPasses> network, average;
+#ifdef GRAUPEL_HAVE_CUDA
+  std::unique_ptr<FusedNetwork> fused;  ///< takes the training steps where it is there
+#endif
 };
 
 HgnModule::HgnModule(const NetworkConfig& config, Device device, uint64_t seed, NumberType number,
@@ -115,6 +134,13 @@ HgnModule::~HgnModule() = default;
 HgnModule::HgnModule(HgnModule&&) noexcept = default;
 
 const NetworkConfig& HgnModule::config() const { return impl_->config; }
+bool HgnModule::is_mixed() const {
+#ifdef GRAUPEL_HAVE_CUDA
+  return impl_->fused != nullptr;
+#else
+  return false;
+#endif
+}
 int64_t HgnModule::parameter_count() const { return impl_->layout.parameter_count(); }
 
 std::vector<float> HgnModule::predict(const Batch& batch, StateArray which) const {

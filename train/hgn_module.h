@@ -15,8 +15,10 @@
 
 namespace graupel::train {
 
-/// Number type of the weights and of all tensors; f64 is for checks of the gradient.
-enum class NumberType { f32, f64 };
+/// Number type of the weights and of all tensors; f64 is for checks of the gradient. `mixed` is f32 with matrix
+/// products in bf16 (sums in f32), in kernels of their own, where those exist (a GPU, latent width 128); elsewhere it
+/// is f32.
+enum class NumberType { f32, f64, mixed };
 
 /// The four flat arrays that make up a training state.
 enum class StateArray { weights, ema, adam_m, adam_v };
@@ -59,6 +61,8 @@ class HgnModule {
 
   const NetworkConfig& config() const;
   int64_t parameter_count() const;
+  /// Whether training steps take the kernels in mixed precision.
+  bool is_mixed() const;
 
   /// Normalised accelerations [particles, 3], row-major, with the weights or their moving average.
   std::vector<float> predict(const Batch& batch, StateArray which) const;

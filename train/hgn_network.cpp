@@ -122,6 +122,7 @@ DeviceBatch HgnNetwork::attach(const SampleArrays& arrays) const {
 
 void HgnNetwork::add_offsets(DeviceLevel& level, const at::Tensor& octant) const {
   level.direction = at::index_select(slot_vector_, 0, level.slot);
+  level.octant = octant;
   if (!level.parent.defined()) return;
   // A child at corner b of its parent lies at (b - 1/2) spacings from the parent's centre.
   const at::Tensor axis = at::arange(3, octant.options()).view({1, 3});

@@ -17,6 +17,7 @@ struct DeviceLevel {
   int64_t cells = 0;
   at::Tensor edge_begin, sender, receiver, slot, reverse, parent, child_begin, child;
   at::Tensor direction;      ///< [edges, 3] unit vector from sender to receiver; of GNS [edges, 4] edge features
+  at::Tensor octant;         ///< [cells] child slot
   at::Tensor parent_offset;  ///< [cells, 3] (centre of the parent - centre) / spacing
 };
 

@@ -57,6 +57,7 @@ struct TrainConfig {
   bool symmetries = false;
   bool tf32 = true;
   int64_t checkpoint_layers = 0;
+  bool mixed_precision = true;
   int64_t log_interval = 50;
   int64_t checkpoint_interval = 1000;
   int64_t validation_interval = 1000;
@@ -137,6 +138,12 @@ struct TrainConfig {
                                "back: less memory, a third more time; 0 keeps all",
                     .range = Range::between(0, 64),
                     .only_for = "gns"});
+    visit(&C::mixed_precision,
+          FieldInfo{
+              .name = "mixed_precision",
+              .unit = "",
+              .meaning = "Training steps on a GPU with products in bf16, sums and weights in f32 (latent width 128)",
+              .only_for = "hgn"});
     visit(&C::log_interval, FieldInfo{.name = "log_interval",
                                       .unit = "steps",
                                       .meaning = "Steps between lines of the metrics",

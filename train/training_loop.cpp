@@ -92,7 +92,8 @@ class TrainingRun {
 TrainingRun::TrainingRun(const TrainingOptions& options)
     : options_(options),
       config_(options.config),
-      module_(config_.network(), options.device, config_.seed, NumberType::f32, config_.checkpoint_layers) {
+      module_(config_.network(), options.device, config_.seed,
+              config_.mixed_precision ? NumberType::mixed : NumberType::f32, config_.checkpoint_layers) {
   train_ = open("train.h5");
   if (fs::exists(options_.data + "/valid.h5"))
     valid_ = open("valid.h5");

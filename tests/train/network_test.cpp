@@ -5,6 +5,7 @@
 
 #include "core/random.h"
 #include "graph/features.h"
+#include "tests/gpu_only.h"
 #include "train/hgn_module.h"
 #include "train/parameter_layout.h"
 
@@ -100,6 +101,51 @@ TEST(HgnModule, ABatchGivesEachSceneItsOwnPrediction) {
   const std::vector<float> together = module.predict(concatenate({a, b}), StateArray::weights);
   ASSERT_EQ(together.size(), one_by_one.size());
   for (std::size_t i = 0; i < together.size(); ++i) EXPECT_NEAR(together[i], one_by_one[i], 1e-5f);
+}
+
+/// Gradient in mixed precision on a GPU beside that in double precision on the CPU; the difference of a tensor over its
+/// size.
+void check_mixed_gradient(const graph::HgnConfig& config, const Batch& batch) {
+  HgnModule exact(config, Device::cpu, 5, NumberType::f64), mixed(config, Device::cuda, 5, NumberType::mixed);
+  ASSERT_TRUE(mixed.is_mixed());
+  std::vector<double> expected, gradient, again;
+  const double loss = exact.loss_and_gradient(batch, &expected);
+  EXPECT_NEAR(mixed.loss_and_gradient(batch, &gradient), loss, 3e-3 * loss);
+  mixed.loss_and_gradient(batch, &again);
+  EXPECT_EQ(gradient, again) << "sums are made in a fixed order";
+  double all_difference = 0, all_size = 0;
+  const ParameterLayout layout(config);
+  for (const Parameter& parameter : layout.parameters()) {
+    double difference = 0, size = 0;
+    for (int64_t i = parameter.begin; i < parameter.begin + parameter.count; ++i) {
+      const auto at = static_cast<std::size_t>(i);
+      difference += std::pow(gradient[at] - expected[at], 2);
+      size += std::pow(expected[at], 2);
+    }
+    all_difference += difference;
+    all_size += size;
+    EXPECT_LT(std::sqrt(difference), 0.06 * std::sqrt(size) + 1e-9) << parameter.name << " " << std::sqrt(size);
+  }
+  EXPECT_LT(std::sqrt(all_difference / all_size), 0.015);
+}
+
+TEST(MixedPrecision, GradientIsThatOfDoublePrecisionOnTheGpu) {
+  GRAUPEL_NEEDS_GPU();
+  graph::HgnConfig config = tiny_config();
+  config.latent = 128;
+  config.embedding = 16;
+  config.history = 5;
+  check_mixed_gradient(config, concatenate({random_graph(config, 1, 150, 0.25), random_graph(config, 2, 333, 0.4)}));
+  config.levels = 5;  // the top level has no edges
+  config.message_passing = 3;
+  check_mixed_gradient(config, concatenate({random_graph(config, 4, 12, 0.02)}));
+  config.levels = 1;
+  config.message_passing = 1;
+  check_mixed_gradient(config, concatenate({random_graph(config, 7, 900, 0.1)}));
+}
+
+TEST(MixedPrecision, IsLeftOutWhereItDoesNotExist) {
+  EXPECT_FALSE(HgnModule(tiny_config(), Device::cpu, 1, NumberType::mixed).is_mixed());
 }
 
 TEST(HgnModule, TheSameSeedGivesTheSameWeights) {

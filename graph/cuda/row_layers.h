@@ -1,0 +1,163 @@
+// The two-layer networks of the hierarchical graph network over many rows (pairs, edges, cells), each in one kernel:
+// rows are gathered, both matrix products run on tensor cores (bf16 operands, f32 sums), the layer norm and what
+// follows it in registers. Forward for rollouts and training, backward with recomputation for training. Width 128;
+// compute capability 8.0 or later. All pointers are to the GPU's memory; bf16 numbers are kept as uint16_t.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+namespace graupel::graph {
+
+inline constexpr int layer_width = 128;
+/// A layer's matrix [out, in] as a tile: 128 x 128 bf16 numbers without gaps.
+inline constexpr int tile_numbers = layer_width * layer_width;
+
+/// Which row of a table belongs to row r: index[r], or (r >> shift) & mask where there is no index.
+struct RowOf {
+  const int32_t* index = nullptr;
+  int shift = 0;
+  int32_t mask = -1;
+};
+
+/// A bf16 operand of the first layer, [*, 128]: row index[r]; or the sum of the rows item[i], i in
+/// [begin[r], begin[r + 1]) (item null: i itself), where `begin` is given.
+struct RowOperand {
+  const uint16_t* rows = nullptr;
+  const int32_t* index = nullptr;
+  const int32_t* begin = nullptr;
+  const int32_t* item = nullptr;
+  uint16_t* save = nullptr;          ///< [rows, 128] the operand as it was used, if wanted
+  const uint16_t* weight = nullptr;  ///< tile
+};
+
+/// An f32 addend of the first layer, [*, 128].
+struct RowTable {
+  const float* table = nullptr;
+  RowOf row;
+};
+
+/// y[r] = LayerNorm(W2 LeakyReLU_0.01(sum of operands W1^T + sum of tables) + b2), r < rows, eps 1e-5.
+struct RowNetwork {
+  int64_t rows = 0;
+  RowOperand operand[2];
+  RowTable table[3];
+  const uint16_t* w2 = nullptr;  ///< tile
+  const float *b2 = nullptr, *gamma = nullptr, *beta = nullptr;
+
+  // Results, where wanted
+  uint16_t* out16 = nullptr;        ///< y
+  const uint16_t* add16 = nullptr;  ///< sum16 = add16 + y
+  uint16_t* sum16 = nullptr;
+  const float* add32 = nullptr;  ///< sum32 = add32 + y; null: 0
+  float* sum32 = nullptr;
+  uint16_t* copy16 = nullptr;  ///< sum32 rounded
+};
+void forward(const RowNetwork& network, void* stream);
+
+/// Gradient of an operand: result = add + d, f32 or bf16.
+struct OperandGradient {
+  const float* add32 = nullptr;
+  float* d32 = nullptr;
+  const uint16_t* add16 = nullptr;
+  uint16_t* d16 = nullptr;
+};
+
+/// What goes back through a RowNetwork whose results' gradient is
+///   g[r] = scale * weight[r] * g32[row(r)] + g16[r]      (absent parts: weight 1, g 0).
+struct RowNetworkGradient {
+  RowNetwork network;  ///< results are not written
+  const float* g32 = nullptr;
+  RowOf g_row = {};
+  const float* g_weight = nullptr;
+  float g_scale = 1;
+  const uint16_t* g16 = nullptr;
+
+  uint16_t* hidden = nullptr;  ///< [rows, 128] activations of the first layer
+  uint16_t* d_raw = nullptr;   ///< [rows, 128] gradient before the layer norm
+  uint16_t* d_sum = nullptr;   ///< [rows, 128] gradient before the activation
+  OperandGradient operand[2] = {};
+  float* norm_partial = nullptr;  ///< [most_norm_partials(), 256] gamma's and beta's gradients, to be added
+};
+int most_norm_partials();
+/// Returns how many partial sums of the norm's gradients it writes.
+int backward(const RowNetworkGradient& gradient, void* stream);
+
+/// Products of rows with up to two tiles: out[j] = x W[j]^T + bias[j] + add[j] (f32 tables of a first layer).
+struct RowProjection {
+  int64_t rows = 0;
+  const uint16_t* x = nullptr;
+  const uint16_t* weight[2] = {nullptr, nullptr};
+  const float* bias[2] = {nullptr, nullptr};  ///< [128]
+  const float* add[2] = {nullptr, nullptr};   ///< [rows, 128]
+  float* out[2] = {nullptr, nullptr};
+};
+void project(const RowProjection& projection, void* stream);
+
+/// The way back: sum32 = add32 + sum over j of d[j] W[j]; d[j] are operands (summed rows, mostly), `save` keeps them.
+struct ProjectionGradient {
+  int64_t rows = 0;
+  RowOperand d[2];
+  const float* add32 = nullptr;
+  float* sum32 = nullptr;
+};
+void project_back(const ProjectionGradient& gradient, void* stream);
+
+/// out[s] = add32[s] + scale * sum of weight[i] source[i] over the rows i of segment s.
+struct SegmentRows {
+  int64_t segments = 0;
+  const int32_t* begin = nullptr;  ///< [segments + 1]; null: `fixed` rows each
+  const int32_t* item = nullptr;   ///< rows; null: as they stand
+  int32_t fixed = 0;
+  const uint16_t* source = nullptr;
+  const float* weight = nullptr;  ///< of a row
+  float scale = 1;
+  const float* add32 = nullptr;
+  float* out32 = nullptr;
+  uint16_t* out16 = nullptr;
+};
+void sum_segments(const SegmentRows& segments, void* stream);
+
+/// A matrix [128, columns], rows `stride` apart, of which a tile is made; columns from `columns` on are 0.
+struct TileSource {
+  const float* source;
+  int32_t stride, columns;
+};
+/// Tiles of `count` matrices; `sources` lies in the GPU's memory.
+void pack_tiles(int count, const TileSource* sources, uint16_t* tiles, void* stream);
+/// Rows [rows, columns] of f32 numbers, columns <= 128, as [rows, 128] bf16 numbers, padded with 0.
+void pack_rows(int64_t rows, int columns, const float* source, uint16_t* packed, void* stream);
+
+/// One product of the gradients of weights, out[i, k] = sum over rows of d[r, i] x[r, k], k < columns, rows of `out`
+/// `stride` apart; and, where wanted, bias[i] = sum over rows of d[r, i]. Or, without x: sums over `rows` rows of
+/// partial sums [rows, 256], the first 128 to `out`, the others to `bias`.
+struct WeightProduct {
+  int64_t rows = 0;
+  const uint16_t* d = nullptr;
+  const uint16_t* x = nullptr;
+  const float* partial = nullptr;
+  float* out = nullptr;
+  int32_t stride = 0, columns = layer_width;
+  float scale = 1;
+  float* bias = nullptr;
+};
+
+/// All products of a step in two launches. Sums are made in a fixed order.
+class WeightProducts {
+ public:
+  WeightProducts();
+  ~WeightProducts();
+  WeightProducts(const WeightProducts&) = delete;
+  WeightProducts& operator=(const WeightProducts&) = delete;
+  void add(const WeightProduct& product) { products_.push_back(product); }
+  /// Runs what was added, and forgets it.
+  void run(void* stream);
+
+ private:
+  struct Memory;
+  std::vector<WeightProduct> products_;
+  std::unique_ptr<Memory> memory_;
+};
+
+}  // namespace graupel::graph
