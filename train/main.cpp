@@ -29,7 +29,7 @@ using Json = nlohmann::ordered_json;
 /// The words of the command line.
 struct Arguments {
   Architecture architecture = Architecture::hgn;
-  std::string data, out, config, resume, evaluate, split = "test", device = "auto", json;
+  std::string data, out, config, from, resume, evaluate, split = "test", device = "auto", json;
   std::vector<std::string> set;
   int64_t steps = 0, stop_step = 0, stride = 1;
   double minutes = 0;
@@ -124,9 +124,11 @@ TrainConfig config_of(const Arguments& arguments) {
 }
 
 void prepare_resume(Arguments& arguments, TrainingOptions& options) {
-  if (!arguments.config.empty() || !arguments.set.empty() || arguments.steps > 0 || arguments.seed_option->count() > 0)
+  if (!arguments.config.empty() || !arguments.set.empty() || arguments.steps > 0 || !arguments.from.empty() ||
+      arguments.seed_option->count() > 0)
     throw ConfigError(
-        "a resumed run keeps its settings (--config, --set, --steps and --seed are for new runs). Leave them out");
+        "a resumed run keeps its settings (--config, --set, --steps, --from and --seed are for new runs). Leave them "
+        "out");
   arguments.out =
       arguments.resume == "latest" ? latest_run(arguments.out.empty() ? "runs" : arguments.out) : arguments.resume;
   options.resume = true;
@@ -154,6 +156,7 @@ int run_training(Arguments& arguments) {
   options.run = arguments.out;
   options.minutes = arguments.minutes;
   options.stop_step = arguments.stop_step;
+  options.from = arguments.from;
   options.command_line = arguments.command_line;
   options.version = GRAUPEL_VERSION;
   options.should_stop = [] { return stop_signal() != 0; };
@@ -225,6 +228,7 @@ void add_options(CLI::App& verb, Arguments& a) {
   verb.add_option("--minutes", a.minutes, "Stop after this wall time, with a checkpoint")
       ->check(real_number(LowerBound::above_zero));
   verb.add_option("--stop-step", a.stop_step, "Stop after this step, with a checkpoint")->check(whole_number(1));
+  verb.add_option("--from", a.from, "Start from this weights file, with its normalisation, instead of fresh weights");
   verb.add_option("--resume", a.resume, "Go on with this run folder, or with the latest one below --out");
   a.seed_option = verb.add_option("--seed", a.seed, "Seed of all random numbers");
   verb.add_option("--device", a.device, "auto, cpu or cuda")->capture_default_str();

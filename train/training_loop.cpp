@@ -47,6 +47,14 @@ const std::vector<std::string>& metric_columns() {
   return columns;
 }
 
+/// "key: a, here b" of the first entry that differs.
+std::string first_difference(const std::map<std::string, std::string>& a, const std::map<std::string, std::string>& b) {
+  for (const auto& [key, value] : a)
+    if (const auto other = b.find(key); other == b.end() || other->second != value)
+      return key + ": " + value + ", here " + (other == b.end() ? "none" : other->second);
+  return "";
+}
+
 class TrainingRun {
  public:
   explicit TrainingRun(const TrainingOptions& options);
@@ -58,6 +66,7 @@ class TrainingRun {
   }
   std::unique_ptr<DataSplit> open(const std::string& name) const;
   void prepare_normalization();
+  void start_from_weights();
   void restore();
   void prepare_samples();
   /// Trains from batches made on the device, or by worker threads.
@@ -131,8 +140,23 @@ void TrainingRun::prepare_normalization() {
     normalization_ = read_run_normalization(options_.run);
     return;
   }
-  normalization_ = train_->statistics(config_.noise_std, options_.threads);
+  if (options_.from.empty())
+    normalization_ = train_->statistics(config_.noise_std, options_.threads);
+  else
+    start_from_weights();
   write_run_normalization(options_.run, normalization_);
+}
+
+void TrainingRun::start_from_weights() {
+  const nn::Weights weights = nn::read_safetensors(options_.from);
+  const auto theirs = metadata_of(network_config_of(weights)), ours = metadata_of(config_.network());
+  if (theirs != ours)
+    throw ConfigError("'" + options_.from + "' is a network with other settings than this run's (" +
+                      first_difference(theirs, ours) + "). Give this run the file's, with --set");
+  // What the weights mean depends on the statistics that they were trained with.
+  normalization_ = graph::read_normalization(weights);
+  for (const StateArray array : {StateArray::weights, StateArray::ema}) module_.set_state(array, weights);
+  say("starts from '" + options_.from + "'");
 }
 
 void TrainingRun::restore() {

@@ -37,6 +37,7 @@ struct TrainingOptions {
   std::string data;  ///< folder with train.h5 and, for validation, valid.h5
   std::string run;   ///< run folder, see run_folder.h
   TrainConfig config;
+  std::string from;     ///< weights file to start a new run from, with its normalisation; "": fresh weights
   bool resume = false;  ///< go on from the newest sound checkpoint; config must be the run's
   Device device = Device::cpu;
   int threads = 1;        ///< for libtorch on the CPU, and for the workers that prepare batches

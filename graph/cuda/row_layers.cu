@@ -12,8 +12,9 @@ namespace {
 
 using namespace tile;
 
-constexpr int warps = 8;
-constexpr int threads = 32 * warps;
+constexpr int threads = 256;
+/// Warps of a block: as many as registers and shared memory allow, for their loads to overlap.
+constexpr int few_warps = 8, many_warps = 12;
 constexpr float slope = 0.01f;
 
 int multiprocessors() {
@@ -26,13 +27,17 @@ int multiprocessors() {
   return count;
 }
 
+/// First row of a warp: neighbouring rows go to different blocks, so that few rows keep many multiprocessors busy.
+__device__ int64_t first_row(int warp) { return (int64_t{warp} * gridDim.x + blockIdx.x) * warp_rows; }
+
 /// Blocks for `rows` rows when `resident` of them run on a multiprocessor at a time.
 int blocks_for(int64_t rows, int resident) {
-  const int64_t wanted = (rows + warps * warp_rows - 1) / (warps * warp_rows);
+  const int64_t wanted = (rows + warp_rows - 1) / warp_rows;
   return static_cast<int>(std::clamp<int64_t>(wanted, 1, int64_t{resident} * multiprocessors()));
 }
 
 /// The shared memory of a block: tiles, then `parts` times 16 rows a warp.
+template <int warps>
 struct Shared {
   uint16_t* numbers;
   int tiles;
@@ -41,13 +46,13 @@ struct Shared {
     return numbers + tiles * (tile_bytes / 2) + (part * warps + warp) * (warp_bytes / 2);
   }
 };
-constexpr int shared_bytes(int tiles, int parts) { return tiles * tile_bytes + parts * warps * warp_bytes; }
+constexpr int shared_bytes(int warps, int tiles, int parts) { return tiles * tile_bytes + parts * warps * warp_bytes; }
 
 extern __shared__ __align__(16) uint16_t shared_numbers[];
 
 /// First-layer sums of a warp's rows; with `keep`, operands are saved where the network asks for it.
-template <int operands>
-__device__ void first_layer(Sums& c, const RowNetwork& n, const Shared& shared, uint16_t* mine, int64_t first,
+template <int operands, int warps>
+__device__ void first_layer(Sums& c, const RowNetwork& n, const Shared<warps>& shared, uint16_t* mine, int64_t first,
                             int lane) {
   clear(c);
 #pragma unroll
@@ -67,8 +72,8 @@ __device__ void first_layer(Sums& c, const RowNetwork& n, const Shared& shared, 
     for (int i = 0; i < 4; ++i) c[j][i] = c[j][i] > 0 ? c[j][i] : slope * c[j][i];
 }
 
-template <int operands>
-__device__ void load_weights(const RowNetwork& n, const Shared& shared) {
+template <int operands, int warps>
+__device__ void load_weights(const RowNetwork& n, const Shared<warps>& shared) {
   load_tile(shared.tile(0), n.w2);
 #pragma unroll
   for (int j = 0; j < operands; ++j) load_tile(shared.tile(1 + j), n.operand[j].weight);
@@ -102,14 +107,14 @@ __device__ void write_sums(const RowNetwork& n, const Sums& c, int64_t first, in
   }
 }
 
-template <int operands>
-__global__ void __launch_bounds__(threads, operands == 2 ? 1 : 2) forward_kernel(RowNetwork n) {
-  const Shared shared{shared_numbers, 1 + operands};
+template <int operands, int warps>
+__global__ void __launch_bounds__(32 * warps, operands == 2 ? 1 : 2) forward_kernel(RowNetwork n) {
+  const Shared<warps> shared{shared_numbers, 1 + operands};
   load_weights<operands>(n, shared);
   const int warp = static_cast<int>(threadIdx.x) / 32, lane = static_cast<int>(threadIdx.x) % 32;
   uint16_t* const mine = shared.rows(0, warp);
   const int64_t step = int64_t{gridDim.x} * warps * warp_rows;
-  for (int64_t first = (int64_t{blockIdx.x} * warps + warp) * warp_rows; first < n.rows; first += step) {
+  for (int64_t first = first_row(warp); first < n.rows; first += step) {
     Sums c;
     first_layer<operands>(c, n, shared, mine, first, lane);
     store_rows(mine, c, lane);
@@ -231,16 +236,16 @@ __device__ void write_operand_gradient(const OperandGradient& d, const Sums& c, 
   }
 }
 
-template <int operands>
-__global__ void __launch_bounds__(threads, 1) backward_kernel(RowNetworkGradient d) {
+template <int operands, int warps>
+__global__ void __launch_bounds__(32 * warps, 1) backward_kernel(RowNetworkGradient d) {
   const RowNetwork& n = d.network;
-  const Shared shared{shared_numbers, 1 + operands};
+  const Shared<warps> shared{shared_numbers, 1 + operands};
   load_weights<operands>(n, shared);
   const int warp = static_cast<int>(threadIdx.x) / 32, lane = static_cast<int>(threadIdx.x) % 32;
   uint16_t *const hidden = shared.rows(0, warp), *const raw = shared.rows(1, warp);
   float gamma_sums[4] = {0, 0, 0, 0}, beta_sums[4] = {0, 0, 0, 0};
   const int64_t step = int64_t{gridDim.x} * warps * warp_rows;
-  for (int64_t first = (int64_t{blockIdx.x} * warps + warp) * warp_rows; first < n.rows; first += step) {
+  for (int64_t first = first_row(warp); first < n.rows; first += step) {
     Sums c;
     first_layer<operands>(c, n, shared, hidden, first, lane);
     store_rows(hidden, c, lane);
@@ -291,13 +296,15 @@ __global__ void __launch_bounds__(threads, 1) backward_kernel(RowNetworkGradient
     sums[warp * 2 * layer_width + layer_width + column] = beta_sums[i];
   }
   __syncthreads();
+  if (threadIdx.x >= 2 * layer_width) return;
   float total = 0;
   for (int w = 0; w < warps; ++w) total += sums[w * 2 * layer_width + static_cast<int>(threadIdx.x)];
   d.norm_partial[int64_t{blockIdx.x} * 2 * layer_width + threadIdx.x] = total;
 }
 
 __global__ void __launch_bounds__(threads, 2) project_kernel(RowProjection p) {
-  const Shared shared{shared_numbers, 2};
+  constexpr int warps = few_warps;
+  const Shared<warps> shared{shared_numbers, 2};
   for (int j = 0; j < 2; ++j)
     if (p.weight[j]) load_tile(shared.tile(j), p.weight[j]);
   __syncthreads();
@@ -305,7 +312,7 @@ __global__ void __launch_bounds__(threads, 2) project_kernel(RowProjection p) {
   uint16_t* const mine = shared.rows(0, warp);
   const RowOperand x{p.x};
   const int64_t step = int64_t{gridDim.x} * warps * warp_rows;
-  for (int64_t first = (int64_t{blockIdx.x} * warps + warp) * warp_rows; first < p.rows; first += step) {
+  for (int64_t first = first_row(warp); first < p.rows; first += step) {
     gather_rows(mine, x, first, p.rows, lane);
     __syncwarp();
 #pragma unroll
@@ -322,14 +329,15 @@ __global__ void __launch_bounds__(threads, 2) project_kernel(RowProjection p) {
 }
 
 __global__ void __launch_bounds__(threads, 2) project_back_kernel(ProjectionGradient p) {
-  const Shared shared{shared_numbers, 2};
+  constexpr int warps = few_warps;
+  const Shared<warps> shared{shared_numbers, 2};
   for (int j = 0; j < 2; ++j)
     if (p.d[j].weight) load_tile(shared.tile(j), p.d[j].weight);
   __syncthreads();
   const int warp = static_cast<int>(threadIdx.x) / 32, lane = static_cast<int>(threadIdx.x) % 32;
   uint16_t* const mine = shared.rows(0, warp);
   const int64_t step = int64_t{gridDim.x} * warps * warp_rows;
-  for (int64_t first = (int64_t{blockIdx.x} * warps + warp) * warp_rows; first < p.rows; first += step) {
+  for (int64_t first = first_row(warp); first < p.rows; first += step) {
     Sums c;
     clear(c);
 #pragma unroll
@@ -345,29 +353,47 @@ __global__ void __launch_bounds__(threads, 2) project_back_kernel(ProjectionGrad
   }
 }
 
-/// A warp a segment; a lane has four columns.
+/// Half a warp a segment; a lane has eight columns.
 __global__ void __launch_bounds__(threads) sum_segments_kernel(SegmentRows s) {
-  const int64_t segment = int64_t{blockIdx.x} * warps + threadIdx.x / 32;
-  const int lane = static_cast<int>(threadIdx.x) % 32;
+  const int64_t segment = int64_t{blockIdx.x} * (threads / 16) + threadIdx.x / 16;
+  const int lane = static_cast<int>(threadIdx.x) % 16;
   if (segment >= s.segments) return;
   const int64_t begin = s.begin ? s.begin[segment] : segment * s.fixed;
   const int64_t end = s.begin ? s.begin[segment + 1] : begin + s.fixed;
-  float sum[4] = {0, 0, 0, 0};
-  for (int64_t i = begin; i < end; ++i) {
-    const int64_t row = s.item ? s.item[i] : i;
-    const float weight = s.weight ? s.weight[row] : 1.0f;
-    const uint2 word = *(reinterpret_cast<const uint2*>(s.source + row * layer_width) + lane);
-    const float2 a = unpack(word.x), b = unpack(word.y);
-    sum[0] += weight * a.x, sum[1] += weight * a.y, sum[2] += weight * b.x, sum[3] += weight * b.y;
+  float sum[8] = {};
+  constexpr int under_way = 8;
+  for (int64_t at = begin; at < end; at += under_way) {
+    uint4 word[under_way];
+    float weight[under_way];
+#pragma unroll
+    for (int k = 0; k < under_way; ++k) {
+      word[k] = {0, 0, 0, 0};
+      weight[k] = 0;
+      if (at + k >= end) continue;
+      const int64_t row = s.item ? s.item[at + k] : at + k;
+      weight[k] = s.weight ? s.weight[row] : 1.0f;
+      word[k] = *(reinterpret_cast<const uint4*>(s.source + row * layer_width) + lane);
+    }
+#pragma unroll
+    for (int k = 0; k < under_way; ++k) add_numbers(sum, word[k], weight[k]);
   }
-  const int64_t at = segment * layer_width + 4 * lane;
-  float4 total{s.scale * sum[0], s.scale * sum[1], s.scale * sum[2], s.scale * sum[3]};
-  if (s.add32) {
-    const float4 before = *reinterpret_cast<const float4*>(s.add32 + at);
-    total.x += before.x, total.y += before.y, total.z += before.z, total.w += before.w;
-  }
-  if (s.out32) *reinterpret_cast<float4*>(s.out32 + at) = total;
-  if (s.out16) *reinterpret_cast<uint2*>(s.out16 + at) = {pack(total.x, total.y), pack(total.z, total.w)};
+  const int64_t place = segment * layer_width + 8 * lane;
+#pragma unroll
+  for (int i = 0; i < 8; ++i) sum[i] *= s.scale;
+  if (s.add32)
+#pragma unroll
+    for (int i = 0; i < 2; ++i) {
+      const float4 before = *reinterpret_cast<const float4*>(s.add32 + place + 4 * i);
+      sum[4 * i] += before.x, sum[4 * i + 1] += before.y, sum[4 * i + 2] += before.z, sum[4 * i + 3] += before.w;
+    }
+  if (s.out32)
+#pragma unroll
+    for (int i = 0; i < 2; ++i)
+      *reinterpret_cast<float4*>(s.out32 + place + 4 * i) = {sum[4 * i], sum[4 * i + 1], sum[4 * i + 2],
+                                                             sum[4 * i + 3]};
+  if (s.out16)
+    *reinterpret_cast<uint4*>(s.out16 + place) = {pack(sum[0], sum[1]), pack(sum[2], sum[3]), pack(sum[4], sum[5]),
+                                                  pack(sum[6], sum[7])};
 }
 
 __global__ void __launch_bounds__(threads) pack_tiles_kernel(const TileSource* sources, uint16_t* tiles) {
@@ -391,10 +417,24 @@ __global__ void __launch_bounds__(threads)
 
 /// Launches with the shared memory that the kernel needs.
 template <typename Kernel, typename Argument>
-void launch(Kernel kernel, int blocks, int bytes, const Argument& argument, void* stream) {
+void launch(Kernel kernel, int blocks, int block_threads, int bytes, const Argument& argument, void* stream) {
   GRAUPEL_CUDA_CHECK(cudaFuncSetAttribute(kernel, cudaFuncAttributeMaxDynamicSharedMemorySize, bytes));
-  kernel<<<blocks, threads, bytes, static_cast<cudaStream_t>(stream)>>>(argument);
+  kernel<<<blocks, block_threads, bytes, static_cast<cudaStream_t>(stream)>>>(argument);
   GRAUPEL_CUDA_CHECK(cudaGetLastError());
+}
+
+template <int operands, int warps>
+void launch_forward(const RowNetwork& n, int resident, void* stream) {
+  launch(forward_kernel<operands, warps>, blocks_for(n.rows, resident), 32 * warps,
+         shared_bytes(warps, 1 + operands, 1), n, stream);
+}
+
+template <int operands>
+int launch_backward(const RowNetworkGradient& d, void* stream) {
+  constexpr int warps = many_warps;
+  const int blocks = blocks_for(d.network.rows, 1);
+  launch(backward_kernel<operands, warps>, blocks, 32 * warps, shared_bytes(warps, 1 + operands, 2), d, stream);
+  return blocks;
 }
 
 int operands_of(const RowNetwork& n) { return n.operand[1].rows ? 2 : n.operand[0].rows ? 1 : 0; }
@@ -405,44 +445,42 @@ void forward(const RowNetwork& network, void* stream) {
   if (network.rows == 0) return;
   switch (operands_of(network)) {
     case 0:
-      return launch(forward_kernel<0>, blocks_for(network.rows, 2), shared_bytes(1, 1), network, stream);
+      return launch_forward<0, few_warps>(network, 2, stream);
     case 1:
-      return launch(forward_kernel<1>, blocks_for(network.rows, 2), shared_bytes(2, 1), network, stream);
+      return launch_forward<1, few_warps>(network, 2, stream);
     default:
-      return launch(forward_kernel<2>, blocks_for(network.rows, 1), shared_bytes(3, 1), network, stream);
+      return launch_forward<2, many_warps>(network, 1, stream);
   }
 }
 
 int backward(const RowNetworkGradient& gradient, void* stream) {
-  const int blocks = blocks_for(gradient.network.rows, 1);
   switch (operands_of(gradient.network)) {
     case 0:
-      launch(backward_kernel<0>, blocks, shared_bytes(1, 2), gradient, stream);
-      break;
+      return launch_backward<0>(gradient, stream);
     case 1:
-      launch(backward_kernel<1>, blocks, shared_bytes(2, 2), gradient, stream);
-      break;
+      return launch_backward<1>(gradient, stream);
     default:
-      launch(backward_kernel<2>, blocks, shared_bytes(3, 2), gradient, stream);
+      return launch_backward<2>(gradient, stream);
   }
-  return blocks;
 }
 
 int most_norm_partials() { return multiprocessors(); }
 
 void project(const RowProjection& projection, void* stream) {
   if (projection.rows == 0) return;
-  launch(project_kernel, blocks_for(projection.rows, 2), shared_bytes(2, 1), projection, stream);
+  launch(project_kernel, blocks_for(projection.rows, 2), threads, shared_bytes(few_warps, 2, 1), projection, stream);
 }
 
 void project_back(const ProjectionGradient& gradient, void* stream) {
   if (gradient.rows == 0) return;
-  launch(project_back_kernel, blocks_for(gradient.rows, 2), shared_bytes(2, 1), gradient, stream);
+  launch(project_back_kernel, blocks_for(gradient.rows, 2), threads, shared_bytes(few_warps, 2, 1), gradient, stream);
 }
 
 void sum_segments(const SegmentRows& segments, void* stream) {
   if (segments.segments == 0) return;
-  launch(sum_segments_kernel, static_cast<int>((segments.segments + warps - 1) / warps), 0, segments, stream);
+  constexpr int a_block = threads / 16;
+  launch(sum_segments_kernel, static_cast<int>((segments.segments + a_block - 1) / a_block), threads, 0, segments,
+         stream);
 }
 
 void pack_tiles(int count, const TileSource* sources, uint16_t* tiles, void* stream) {

@@ -125,6 +125,19 @@ __device__ inline void copy_out(uint16_t* to, const uint16_t* from, int64_t firs
   }
 }
 
+/// Adds eight bf16 numbers, times `weight`.
+__device__ inline void add_numbers(float (&sum)[8], const uint4& word, float weight = 1) {
+  const uint32_t parts[4] = {word.x, word.y, word.z, word.w};
+#pragma unroll
+  for (int i = 0; i < 4; ++i) {
+    const float2 pair = unpack(parts[i]);
+    sum[2 * i] += weight * pair.x;
+    sum[2 * i + 1] += weight * pair.y;
+  }
+}
+
+inline constexpr int rows_under_way = 6;  ///< as many as a cell has neighbours
+
 /// Gathers a warp's rows of an operand into shared memory; rows beyond the last are 0.
 __device__ inline void gather_rows(uint16_t* to, const RowOperand& x, int64_t first, int64_t rows, int lane) {
   if (x.begin == nullptr) {
@@ -140,18 +153,28 @@ __device__ inline void gather_rows(uint16_t* to, const RowOperand& x, int64_t fi
     }
     return;
   }
-  for (int r = 0; r < warp_rows; ++r) {
-    float sum[4] = {0, 0, 0, 0};
-    if (first + r < rows) {
-      const int32_t end = x.begin[first + r + 1];
-      for (int32_t i = x.begin[first + r]; i < end; ++i) {
-        const int64_t from = x.item ? x.item[i] : i;
-        const uint2 word = *(reinterpret_cast<const uint2*>(x.rows + from * layer_width) + lane);
-        const float2 a = unpack(word.x), b = unpack(word.y);
-        sum[0] += a.x, sum[1] += a.y, sum[2] += b.x, sum[3] += b.y;
+  // Two rows at a time, 16 lanes and eight columns a lane each; loads of several rows are under way together.
+  const int64_t place = first + lane % warp_rows;
+  const int32_t begins = place < rows ? x.begin[place] : 0, ends = place < rows ? x.begin[place + 1] : 0;
+#pragma unroll 2
+  for (int i = 0; i < warp_rows / 2; ++i) {
+    const int r = 2 * i + lane / 16;
+    const int32_t begin = __shfl_sync(0xffffffffu, begins, r), end = __shfl_sync(0xffffffffu, ends, r);
+    float sum[8] = {};
+    for (int32_t at = begin; at < end; at += rows_under_way) {
+      uint4 word[rows_under_way];
+#pragma unroll
+      for (int k = 0; k < rows_under_way; ++k) {
+        word[k] = {0, 0, 0, 0};
+        if (at + k >= end) continue;
+        const int64_t from = x.item ? x.item[at + k] : at + k;
+        word[k] = *(reinterpret_cast<const uint4*>(x.rows + from * layer_width) + lane % 16);
       }
+#pragma unroll
+      for (int k = 0; k < rows_under_way; ++k) add_numbers(sum, word[k]);
     }
-    *reinterpret_cast<uint2*>(to + r * row_stride + lane * 4) = {pack(sum[0], sum[1]), pack(sum[2], sum[3])};
+    *reinterpret_cast<uint4*>(to + r * row_stride + (lane % 16) * 8) = {pack(sum[0], sum[1]), pack(sum[2], sum[3]),
+                                                                        pack(sum[4], sum[5]), pack(sum[6], sum[7])};
   }
 }
 

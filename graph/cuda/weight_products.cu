@@ -19,7 +19,7 @@ constexpr int threads = 32 * warps;
 constexpr int stage_rows = 64;
 constexpr int stage_bytes = stage_rows * row_stride * 2;
 constexpr int most_chunks = 64;
-constexpr int least_chunk = 256;
+constexpr int least_chunk = 2048;
 
 /// Rows [first, first + rows) of a product; its partial sums.
 struct Chunk {
