@@ -14,6 +14,7 @@ namespace {
 std::vector<std::vector<float>> embedding_rows_of(const nn::Weights& weights, int width) {
   const std::vector<float> table = weights.get("embedding.weight", {embedding_rows, width});
   std::vector<std::vector<float>> rows;
+  rows.reserve(embedding_rows);
   for (int r = 0; r < embedding_rows; ++r)
     rows.emplace_back(table.begin() + r * width, table.begin() + (r + 1) * width);
   return rows;
