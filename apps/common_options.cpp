@@ -37,13 +37,6 @@ void stop_if_interrupted(const std::string& what_now) {
   if (interrupted()) throw Error(ExitCode::interrupted, "interrupted" + what_now);
 }
 
-void refuse_cuda_for_networks(const std::string& device) {
-  if (device == "cuda")
-    throw ConfigError(
-        "--device cuda is not usable with a learned simulator (its engine runs on the CPU; allowed: auto, cpu). Use "
-        "--device cpu, or leave the weights file out");
-}
-
 std::string command_line() {
   std::ifstream file("/proc/self/cmdline", std::ios::binary);
   const std::string bytes{std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};

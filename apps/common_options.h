@@ -30,9 +30,6 @@ bool interrupted();
 /// Throws Error(ExitCode::interrupted) once interrupted; `what_now` ends its text: "; recover with ...".
 void stop_if_interrupted(const std::string& what_now = "");
 
-/// Throws ConfigError for --device cuda: the networks' inference engine runs on the CPU.
-void refuse_cuda_for_networks(const std::string& device);
-
 /// The command line of this process, quoted for a shell.
 std::string command_line();
 /// "graupel 0.1.0".

@@ -43,14 +43,12 @@ std::vector<ModelChoice> parse_models(const std::vector<std::string>& words) {
   return models;
 }
 
-/// Networks run on the CPU, so with one of them MPM runs there too: a speed ratio is of one device. Reduced-order
-/// models run on the GPU where it is asked for.
+/// All models and MPM run on one device, as a speed ratio is of one; with learned models on the GPU where it is asked
+/// for.
 Device choose_device(const std::string& word, const std::vector<ModelChoice>& models) {
-  const auto any_of_kind = [&](ModelKind kind) {
-    return std::any_of(models.begin(), models.end(), [&](const ModelChoice& m) { return m.kind == kind; });
-  };
-  const bool networks = any_of_kind(ModelKind::network), learned = networks || any_of_kind(ModelKind::reduced);
-  if (networks) refuse_cuda_for_networks(word);
+  const bool learned = std::any_of(models.begin(), models.end(), [](const ModelChoice& m) {
+    return m.kind == ModelKind::network || m.kind == ModelKind::reduced;
+  });
   return learned && word == "auto" ? Device::cpu : parse_device(word);
 }
 

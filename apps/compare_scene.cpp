@@ -269,7 +269,9 @@ compare::OneStepError SceneComparison::one_step_of_network(const graph::LearnedS
     std::vector<std::vector<Vec3f>> positions;
     for (int64_t f = n - history; f <= n; ++f) positions.push_back(true_position(f));
     std::vector<Vec3d> predicted;
-    for (const Vec3f& a : network.one_step(surroundings(), start_.particle_type, positions))
+    for (const Vec3f& a : device_ == Device::cuda
+                              ? network.one_step_on_gpu(task_.scene, surroundings(), start_.particle_type, positions)
+                              : network.one_step(surroundings(), start_.particle_type, positions))
       predicted.push_back(a.cast<double>());
     error.add(predicted, compare::frame_accelerations(true_position(n - 1), true_position(n), true_position(n + 1)),
               compare::clearances(task_.scene, obstacles_, true_position(n)));
@@ -301,7 +303,8 @@ const TimedRun& SceneComparison::run_of(const ComparedModel& model, TimedRun& ow
   const ModelChoice& choice = model.choice;
   switch (choice.kind) {
     case ModelKind::network:
-      return own = run_network(*model.network, task_.scene, surroundings(), start_, task_.frames, label(choice.label));
+      return own = run_network(*model.network, task_.scene, surroundings(), start_, task_.frames, device_,
+                               label(choice.label));
     case ModelKind::reduced:
       return own = run_reduced(*model.reduced, task_.scene, task_.seed, task_.frames, device_, label(choice.label));
     case ModelKind::mpm:

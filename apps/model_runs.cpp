@@ -195,7 +195,7 @@ TimedRun run_mpm(const Scene& scene, const MpmRunOptions& options) {
 }
 
 TimedRun run_network(const graph::LearnedSimulator& simulator, const Scene& scene,
-                     const graph::Surroundings& surroundings, const StartState& start, int64_t frames,
+                     const graph::Surroundings& surroundings, const StartState& start, int64_t frames, Device device,
                      const std::string& label) {
   const MemoryMeter memory;
   const int history = static_cast<int>(simulator.config().history) + 1;
@@ -204,6 +204,7 @@ TimedRun run_network(const graph::LearnedSimulator& simulator, const Scene& scen
   Progress progress(label, frames);
   graph::LearnedSimulator::RolloutOptions options;
   options.frames = frames;
+  options.device = device;
   auto last = Clock::now();
   options.progress = [&](int64_t frame, const graph::FrameTiming& timing) {
     stop_if_interrupted();

@@ -59,7 +59,7 @@ TimedRun run_mpm(const Scene& scene, const MpmRunOptions& options);
 
 /// The same for a learned simulator, from frame 0 with a ballistic past.
 TimedRun run_network(const graph::LearnedSimulator& simulator, const Scene& scene,
-                     const graph::Surroundings& surroundings, const StartState& start, int64_t frames,
+                     const graph::Surroundings& surroundings, const StartState& start, int64_t frames, Device device,
                      const std::string& label);
 
 /// The same for a reduced-order model, from the start of the scene. Frame 0 is the nearest state that the model knows.

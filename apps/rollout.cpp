@@ -119,7 +119,7 @@ void check_flags_of_reduced_model(const RolloutOptions& options) {
                       "' is a reduced-order model, which moves no particle out of obstacles. Leave it out");
 }
 
-void rollout_network(const RolloutOptions& options) {
+void rollout_network(const RolloutOptions& options, Device device) {
   const graph::LearnedSimulator simulator(options.weights);
   const int history = static_cast<int>(simulator.config().history) + 1;
   const std::string truth = "truth:" + std::to_string(history);
@@ -135,6 +135,7 @@ void rollout_network(const RolloutOptions& options) {
   graph::LearnedSimulator::RolloutOptions run;
   run.frames = options.frames >= 0 ? options.frames : start.scene.frames;
   run.project = !options.no_project;
+  run.device = device;
   Progress progress(fmt::format("rollout {} ({} particles)", start.scene.name, start.particle_type.size()), run.frames);
   std::vector<double> seconds;
   run.progress = [&](int64_t frame, const graph::FrameTiming& timing) {
@@ -169,10 +170,11 @@ void rollout_network(const RolloutOptions& options) {
 void rollout(RolloutOptions& options) {
   check_flags(options);
   const bool reduced = is_reduced_model(options.weights);
-  if (!reduced) refuse_cuda_for_networks(options.common.device);
+  // Learned simulators take the GPU where it is asked for.
+  const Device device = options.common.device == "auto" ? Device::cpu : parse_device(options.common.device);
   options.common.apply();
   reduced ? check_flags_of_reduced_model(options) : check_flags_of_network(options);
-  reduced ? rollout_reduced(options) : rollout_network(options);
+  reduced ? rollout_reduced(options) : rollout_network(options, device);
 }
 
 }  // namespace

@@ -6,7 +6,6 @@
 
 #include "core/error.h"
 #include "core/parallel_for.h"
-#include "sparsegrid/push_out.h"
 
 namespace graupel::graph {
 
@@ -47,56 +46,6 @@ double longest_piece(const sparsegrid::ObstacleSet& obstacles, double voxel) {
   return std::max(piece, voxel / 64);
 }
 
-/// push_out for a way that may lead through obstacles thinner than it is long: taken in pieces, each as long as the
-/// obstacles are far (phi grows by at most steepest_grid per way), so that free flight takes one.
-class WayFollower {
- public:
-  explicit WayFollower(const Surroundings& surroundings)
-      : obstacles_(surroundings.obstacles.view()),
-        low_(surroundings.hold_low.cast<float>()),
-        high_(surroundings.hold_high.cast<float>()),
-        piece_(static_cast<float>(surroundings.way_piece)) {}
-
-  /// Moves x, reached from `before`; returns whether it changed.
-  bool follow(const Vec3f& before, Vec3f& x) const {
-    const Vec3f way = x - before;
-    const float length = norm(way);
-    float free = 0;
-    if (!(length > piece_) || obstacles_.count == 0 || (free = clearance(before)) < 0 || free >= length ||
-        free + clearance(x) >= length)
-      return push_out(obstacles_, low_, high_, before, x);
-    const float shortest = std::max(piece_, length / most_pieces);
-    Vec3f at = before, pushed = Vec3f::zero();
-    bool moved = false;
-    for (float done = 0; done < length; free = clearance(at)) {
-      const float step = std::max(shortest, free);
-      const bool last = done + step >= length;
-      const Vec3f wanted = (last ? x : before + way * ((done + step) / length)) + pushed;
-      Vec3f next = wanted;
-      if (push_out(obstacles_, low_, high_, at, next)) {
-        moved = true;
-        pushed += next - wanted;
-      }
-      at = next;
-      done = last ? length : done + step;
-    }
-    x = at;
-    return moved;
-  }
-
- private:
-  static constexpr float most_pieces = 1000;
-
-  float clearance(const Vec3f& x) const {
-    int nearest = -1;
-    return signed_distance(obstacles_, x, nearest).phi / static_cast<float>(sparsegrid::steepest_grid);
-  }
-
-  sparsegrid::ObstacleSetView obstacles_;
-  Vec3f low_, high_;
-  float piece_;
-};
-
 }  // namespace
 
 Surroundings::Surroundings(const Scene& scene, std::optional<double> spacing)
@@ -109,6 +58,10 @@ Surroundings::Surroundings(const Scene& scene, std::optional<double> spacing)
       hold_low(scene.wall_low()),
       hold_high(scene.wall_high()),
       way_piece(longest_piece(obstacles, scene.voxel())) {}
+
+WayFollower Surroundings::way_follower(Device device) const {
+  return {obstacles.view(device), hold_low.cast<float>(), hold_high.cast<float>(), static_cast<float>(way_piece)};
+}
 
 SurroundingsView Surroundings::view(Device device) const {
   return {obstacles.view(device), normals.view(device), wall_low, wall_high};
@@ -146,7 +99,7 @@ int64_t project_out(const Surroundings& surroundings, std::vector<Vec3f>& positi
 
 int64_t project_out(const Surroundings& surroundings, const std::vector<Vec3f>& before, std::vector<Vec3f>& position) {
   GRAUPEL_ASSERT(before.size() == position.size());
-  const WayFollower way(surroundings);
+  const WayFollower way = surroundings.way_follower(Device::cpu);
   std::atomic<int64_t> moved = 0;
   parallel_for(Device::cpu, static_cast<int64_t>(position.size()), [&](int64_t i) {
     const auto p = static_cast<std::size_t>(i);

@@ -8,6 +8,7 @@
 #include "graph/feature_config.h"
 #include "graph/feature_row.h"
 #include "graph/obstacle_particles.h"
+#include "graph/way_follower.h"
 #include "sparsegrid/cell_normals.h"
 #include "sparsegrid/obstacle_set.h"
 
@@ -26,6 +27,7 @@ struct Surroundings {
   Vec3d hold_low, hold_high;  ///< [m] where the walls hold the material (Scene::wall_low/high)
   /// For kernels on `device`; valid as long as this lives.
   SurroundingsView view(Device device) const;
+  WayFollower way_follower(Device device) const;
   double way_piece;  ///< [m] pieces in which project_out follows a particle's way past obstacles
 };
 

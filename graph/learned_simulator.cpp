@@ -4,8 +4,13 @@
 #include <cmath>
 
 #include "core/error.h"
+#include "graph/config_metadata.h"
 #include "graph/frame_step.h"
+#include "graph/hgn_config.h"
 #include "graph/lap_timer.h"
+#ifdef GRAUPEL_HAVE_CUDA
+#include "graph/cuda/cuda_simulator.h"
+#endif
 
 namespace graupel::graph {
 
@@ -38,6 +43,12 @@ void check_start(const std::vector<std::vector<Vec3f>>& start, std::size_t frame
   }
 }
 
+void check_gpu(const nn::Weights& weights) {
+  if (architecture_of(weights) != hgn_architecture)
+    throw ConfigError("'" + weights.file + "' has no kernels for a GPU (architecture '" + architecture_of(weights) +
+                      "', with kernels: '" + hgn_architecture + "'). Use --device cpu");
+}
+
 ParticleFrame make_frame(int64_t number, double frame_time, const std::vector<Vec3f>& before,
                          const std::vector<Vec3f>& now) {
   ParticleFrame frame;
@@ -47,6 +58,16 @@ ParticleFrame make_frame(int64_t number, double frame_time, const std::vector<Ve
   const auto rate = static_cast<float>(1 / frame_time);
   for (std::size_t i = 0; i < now.size(); ++i) frame.velocity[i] = (now[i] - before[i]) * rate;
   return frame;
+}
+
+Trajectory empty_trajectory(const Scene& scene, const std::vector<int32_t>& particle_type, const std::string& made_by) {
+  Trajectory trajectory;
+  trajectory.particle_type = particle_type;
+  trajectory.frame_time = scene.frame_time;
+  trajectory.scene_json = scene.source;
+  trajectory.seed = scene.seed;
+  trajectory.made_by = made_by;
+  return trajectory;
 }
 
 }  // namespace
@@ -84,12 +105,11 @@ Trajectory LearnedSimulator::rollout(const Scene& scene, const Surroundings& sur
   check_start(start, needed, particle_type.size());
   std::vector<std::vector<Vec3f>> history(start.end() - static_cast<std::ptrdiff_t>(needed), start.end());
 
-  Trajectory trajectory;
-  trajectory.particle_type = particle_type;
-  trajectory.frame_time = scene.frame_time;
-  trajectory.scene_json = scene.source;
-  trajectory.seed = scene.seed;
-  trajectory.made_by = weights_->file;
+  if (options.device == Device::cuda) {
+    check_gpu(*weights_);
+    return rollout_on_gpu(scene, surroundings, particle_type, start, options);
+  }
+  Trajectory trajectory = empty_trajectory(scene, particle_type, weights_->file);
   trajectory.frames.push_back(make_frame(0, scene.frame_time, history[needed - 2], history[needed - 1]));
   std::vector<Vec3f> next;
   for (int64_t frame = 1; frame <= options.frames; ++frame) {
@@ -109,6 +129,58 @@ Trajectory LearnedSimulator::rollout(const Scene& scene, const Surroundings& sur
   }
   return trajectory;
 }
+
+#ifdef GRAUPEL_HAVE_CUDA
+Trajectory LearnedSimulator::rollout_on_gpu(const Scene& scene, const Surroundings& surroundings,
+                                            const std::vector<int32_t>& particle_type,
+                                            const std::vector<std::vector<Vec3f>>& start,
+                                            const RolloutOptions& options) const {
+  CudaSimulator simulator(*weights_);
+  simulator.start(scene, surroundings, particle_type, start, options.project);
+  Trajectory trajectory = empty_trajectory(scene, particle_type, weights_->file);
+  std::vector<Vec3f> before = start.back();
+  trajectory.frames.push_back(make_frame(0, scene.frame_time, start[start.size() - 2], before));
+  for (int64_t frame = 1; frame <= options.frames; ++frame) {
+    if (!simulator.advance()) {
+      trajectory.diverged_at_frame = frame;
+      break;
+    }
+    std::vector<Vec3f> now = simulator.positions();
+    trajectory.frames.push_back(make_frame(frame, scene.frame_time, before, now));
+    before = std::move(now);
+    const CudaFrameTime spent = simulator.frame_time();
+    if (options.progress)
+      options.progress(frame,
+                       {spent.features / 1e3, spent.hierarchy / 1e3, spent.network / 1e3, spent.projection / 1e3});
+  }
+  return trajectory;
+}
+
+std::vector<Vec3f> LearnedSimulator::one_step_on_gpu(const Scene& scene, const Surroundings& surroundings,
+                                                     const std::vector<int32_t>& particle_type,
+                                                     const std::vector<std::vector<Vec3f>>& positions) const {
+  check_gpu(*weights_);
+  CudaSimulator simulator(*weights_);
+  simulator.start(scene, surroundings, particle_type, positions, false);
+  return simulator.accelerations();
+}
+#else
+namespace {
+[[noreturn]] void no_cuda() {
+  throw ConfigError("device 'cuda' is not usable (this program was built without CUDA). Use --device cpu");
+}
+}  // namespace
+
+Trajectory LearnedSimulator::rollout_on_gpu(const Scene&, const Surroundings&, const std::vector<int32_t>&,
+                                            const std::vector<std::vector<Vec3f>>&, const RolloutOptions&) const {
+  no_cuda();
+}
+
+std::vector<Vec3f> LearnedSimulator::one_step_on_gpu(const Scene&, const Surroundings&, const std::vector<int32_t>&,
+                                                     const std::vector<std::vector<Vec3f>>&) const {
+  no_cuda();
+}
+#endif
 
 std::vector<std::vector<Vec3f>> start_history(const std::vector<Vec3f>& position, const std::vector<Vec3f>& velocity,
                                               const Vec3d& gravity, double frame_time, int frames) {

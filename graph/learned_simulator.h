@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "core/device.h"
 #include "core/scene.h"
 #include "core/trajectory.h"
 #include "graph/features.h"
@@ -23,11 +24,16 @@ class LearnedSimulator {
   /// Accelerations per frame^2 [m], shape [n], from history + 1 positions, newest last.
   std::vector<Vec3f> one_step(const Surroundings& surroundings, const std::vector<int32_t>& particle_type,
                               const std::vector<std::vector<Vec3f>>& positions, FrameTiming* timing = nullptr) const;
+  /// The same on a GPU, as rollouts there have it. Throws ConfigError without one.
+  std::vector<Vec3f> one_step_on_gpu(const Scene& scene, const Surroundings& surroundings,
+                                     const std::vector<int32_t>& particle_type,
+                                     const std::vector<std::vector<Vec3f>>& positions) const;
 
   struct RolloutOptions {
     int64_t frames = 300;
     std::function<void(int64_t frame, const FrameTiming&)> progress;
-    bool project = true;  ///< out of obstacles, into the walls
+    bool project = true;          ///< out of obstacles, into the walls
+    Device device = Device::cpu;  ///< on a GPU matrix products are in bf16, and latents have to be 128 wide
   };
   /// Predicts options.frames frames after `start` (history + 1 positions or more, newest last; see start_history). The
   /// result holds the newest start frame and the predicted ones, with velocities as frame differences over the frame
@@ -38,6 +44,10 @@ class LearnedSimulator {
                      const std::vector<std::vector<Vec3f>>& start, const RolloutOptions& options) const;
 
  private:
+  Trajectory rollout_on_gpu(const Scene& scene, const Surroundings& surroundings,
+                            const std::vector<int32_t>& particle_type, const std::vector<std::vector<Vec3f>>& start,
+                            const RolloutOptions& options) const;
+
   std::shared_ptr<const Network> network_;
   std::shared_ptr<const nn::Weights> weights_;
 };

@@ -41,7 +41,8 @@ DeviceBatch GnsPasses::upload(const Batch& batch) const {
   on_device.particles = batch.particles();
   on_device.features = values(batch.features, batch.feature_width);
   if (batch.target.count > 0) on_device.target = values(batch.target, 3);
-  on_device.type_one_hot = one_hot(index(batch.type_row), embedding_.scalar_type());
+  on_device.type_row = index(batch.type_row);
+  on_device.type_one_hot = one_hot(on_device.type_row, embedding_.scalar_type());
   const BatchLevel& level = batch.level.front();
   DeviceLevel links;
   links.cells = level.cells;

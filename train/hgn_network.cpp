@@ -47,7 +47,8 @@ DeviceBatch HgnNetwork::upload(const Batch& batch) const {
   on_device.weight = numbers.narrow(0, batch.weight.begin, batch.weight.count);
   on_device.offset = values(batch.offset, 3);
   if (batch.target.count > 0) on_device.target = values(batch.target, 3);
-  on_device.type_one_hot = one_hot(index(batch.type_row), embedding_.scalar_type());
+  on_device.type_row = index(batch.type_row);
+  on_device.type_one_hot = one_hot(on_device.type_row, embedding_.scalar_type());
   on_device.cell = index(batch.cell);
   on_device.pair_begin = index(batch.pair_begin);
   on_device.pair = index(batch.pair);
@@ -90,7 +91,8 @@ DeviceBatch HgnNetwork::attach(const SampleArrays& arrays) const {
   batch.weight = values(links.weight, corners).view({-1});
   batch.offset = values(links.offset, 3);
   batch.target = values(arrays.target, 3);
-  batch.type_one_hot = one_hot(index(arrays.type_row, 0, arrays.particles), embedding_.scalar_type());
+  batch.type_row = index(arrays.type_row, 0, arrays.particles);
+  batch.type_one_hot = one_hot(batch.type_row, embedding_.scalar_type());
   batch.cell = index(links.cell, 0, corners * arrays.particles);
   batch.pair_begin = index(links.pair_begin, 0, arrays.counts.cells[0] + 1);
   batch.pair = index(links.pair, 0, corners * arrays.particles);

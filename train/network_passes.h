@@ -25,6 +25,7 @@ struct DeviceLevel {
 struct DeviceBatch {
   int64_t particles = 0;
   at::Tensor features, weight, offset, target;
+  at::Tensor type_row;      ///< [nodes] row of the embedding table
   at::Tensor type_one_hot;  ///< [nodes, embedding rows]
   at::Tensor cell, pair_begin, pair;
   std::vector<DeviceLevel> level;

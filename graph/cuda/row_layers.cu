@@ -16,6 +16,7 @@ constexpr int threads = 256;
 /// Warps of a block: as many as registers and shared memory allow, for their loads to overlap.
 constexpr int few_warps = 8, many_warps = 12;
 constexpr float slope = 0.01f;
+constexpr int types = 9;  ///< rows of the embedding table (graph/features.h)
 
 int multiprocessors() {
   static const int count = [] {
@@ -302,6 +303,29 @@ __global__ void __launch_bounds__(32 * warps, 1) backward_kernel(RowNetworkGradi
   d.norm_partial[int64_t{blockIdx.x} * 2 * layer_width + threadIdx.x] = total;
 }
 
+__device__ void add_offsets(Sums& c, const RowProjection& p, int j, int64_t first, int lane) {
+  float offset[2][3] = {};
+#pragma unroll
+  for (int half = 0; half < 2; ++half) {
+    const int64_t r = first + lane / 4 + 8 * half;
+    if (r >= p.rows) continue;
+#pragma unroll
+    for (int d = 0; d < 3; ++d) offset[half][d] = p.offset_sign[j] * p.offset[3 * r + d];
+  }
+#pragma unroll
+  for (int block = 0; block < column_blocks; ++block)
+#pragma unroll
+    for (int i = 0; i < 2; ++i) {
+      const float* const row = p.offset_weight[j] + int64_t{8 * block + 2 * (lane % 4) + i} * p.offset_stride[j];
+#pragma unroll
+      for (int d = 0; d < 3; ++d) {
+        const float w = row[d];
+        c[block][i] += w * offset[0][d];
+        c[block][2 + i] += w * offset[1][d];
+      }
+    }
+}
+
 __global__ void __launch_bounds__(threads, 2) project_kernel(RowProjection p) {
   constexpr int warps = few_warps;
   const Shared<warps> shared{shared_numbers, 2};
@@ -322,7 +346,8 @@ __global__ void __launch_bounds__(threads, 2) project_kernel(RowProjection p) {
       clear(c);
       product(c, mine, shared.tile(j), lane);
       if (p.bias[j]) add_bias(c, p.bias[j], lane);
-      write_operand_gradient({p.add[j], p.out[j]}, c, first, p.rows, lane);
+      if (p.offset) add_offsets(c, p, j, first, lane);
+      write_operand_gradient({nullptr, p.out[j]}, c, first, p.rows, lane);
     }
     __syncwarp();
   }
@@ -358,8 +383,8 @@ __global__ void __launch_bounds__(threads) sum_segments_kernel(SegmentRows s) {
   const int64_t segment = int64_t{blockIdx.x} * (threads / 16) + threadIdx.x / 16;
   const int lane = static_cast<int>(threadIdx.x) % 16;
   if (segment >= s.segments) return;
-  const int64_t begin = s.begin ? s.begin[segment] : segment * s.fixed;
-  const int64_t end = s.begin ? s.begin[segment + 1] : begin + s.fixed;
+  const int64_t begin = s.begin ? s.begin[segment] - s.first : segment * s.fixed;
+  const int64_t end = s.begin ? s.begin[segment + 1] - s.first : begin + s.fixed;
   float sum[8] = {};
   constexpr int under_way = 8;
   for (int64_t at = begin; at < end; at += under_way) {
@@ -403,6 +428,98 @@ __global__ void __launch_bounds__(threads) pack_tiles_kernel(const TileSource* s
     const int row = i / (layer_width / 2), column = 2 * (i % (layer_width / 2));
     const float* const from = source.source + int64_t{row} * source.stride + column;
     to[i] = pack(column < source.columns ? from[0] : 0, column + 1 < source.columns ? from[1] : 0);
+  }
+}
+
+/// Offset d of row t.
+__device__ float offset_of(Offsets offsets, int t, int d) {
+  const float bit = static_cast<float>(t >> d & 1);
+  switch (offsets) {
+    case Offsets::corner:
+      return bit;
+    case Offsets::octant:
+      return 0.5f - bit;
+    default:  // a sender at -x (slot 0) sees its receiver at +x
+      return t / 2 != d ? 0.0f : t % 2 == 0 ? 1.0f : -1.0f;
+  }
+}
+
+__global__ void __launch_bounds__(layer_width) make_tables_kernel(const OffsetTable* tables, float* out) {
+  const OffsetTable table = tables[blockIdx.x];
+  const int t = static_cast<int>(blockIdx.y), column = static_cast<int>(threadIdx.x);
+  const bool is_embedding = table.offsets == Offsets::embedding;
+  if (is_embedding ? t >= types : t >= 8) return;
+  float sum = 0;
+  for (int d = 0; d < (is_embedding ? table.width : 3); ++d)
+    sum += (is_embedding ? table.embedding[t * table.width + d] : offset_of(table.offsets, t, d)) *
+           table.w[int64_t{column} * table.stride + d];
+  out[(int64_t{blockIdx.x} * most_table_rows + t) * layer_width + column] =
+      table.sign * sum + (table.bias ? table.bias[column] : 0);
+}
+
+/// A thread a column, some rows a block: the matrix is read once a block.
+constexpr int feature_rows = 32;
+__global__ void __launch_bounds__(layer_width) encode_kernel(FeatureLayer layer) {
+  __shared__ float features[feature_rows * layer_width];
+  const int column = static_cast<int>(threadIdx.x);
+  const int64_t first = int64_t{blockIdx.x} * feature_rows;
+  const int rows = static_cast<int>(layer.rows - first < feature_rows ? layer.rows - first : feature_rows);
+  for (int i = column; i < feature_rows * layer.width; i += layer_width)
+    features[i] = i < rows * layer.width ? layer.features[first * layer.width + i] : 0;
+  __syncthreads();
+  float sums[feature_rows] = {};
+  const float* const weights = layer.w1 + int64_t{column} * layer.stride;
+  for (int k = 0; k < layer.width; ++k) {
+    const float w = weights[k];
+#pragma unroll
+    for (int r = 0; r < feature_rows; ++r) sums[r] += w * features[r * layer.width + k];
+  }
+#pragma unroll
+  for (int r = 0; r < feature_rows; ++r)
+    if (r < rows)
+      layer.out[(first + r) * layer_width + column] =
+          sums[r] + layer.type_table[int64_t{layer.type_row[first + r]} * layer_width + column];
+}
+
+__global__ void __launch_bounds__(threads, 2) decode_kernel(Decoder n) {
+  constexpr int warps = few_warps;
+  const Shared<warps> shared{shared_numbers, 1};
+  load_tile(shared.tile(0), n.w1);
+  __syncthreads();
+  const int warp = static_cast<int>(threadIdx.x) / 32, lane = static_cast<int>(threadIdx.x) % 32;
+  uint16_t* const mine = shared.rows(0, warp);
+  const int64_t step = int64_t{gridDim.x} * warps * warp_rows;
+  for (int64_t first = first_row(warp); first < n.rows; first += step) {
+    for (int r = 0; r < warp_rows; ++r) {
+      float4 x{0, 0, 0, 0};
+      if (first + r < n.rows) x = *(reinterpret_cast<const float4*>(n.x + (first + r) * layer_width) + lane);
+      *reinterpret_cast<uint2*>(mine + r * row_stride + 4 * lane) = {pack(x.x, x.y), pack(x.z, x.w)};
+    }
+    __syncwarp();
+    Sums c;
+    clear(c);
+    product(c, mine, shared.tile(0), lane);
+    add_bias(c, n.b1, lane);
+#pragma unroll
+    for (int d = 0; d < 3; ++d) {
+      float sum[2] = {0, 0};
+#pragma unroll
+      for (int j = 0; j < column_blocks; ++j) {
+        const float2 w = columns_of(n.w2 + d * layer_width, j, lane);
+#pragma unroll
+        for (int half = 0; half < 2; ++half) {
+          const float x = c[j][2 * half], y = c[j][2 * half + 1];
+          sum[half] += w.x * (x > 0 ? x : slope * x) + w.y * (y > 0 ? y : slope * y);
+        }
+      }
+#pragma unroll
+      for (int half = 0; half < 2; ++half) {
+        const float total = row_sum(sum[half]) + n.b2[d];
+        const int64_t r = first + lane / 4 + 8 * half;
+        if (lane % 4 == 0 && r < n.rows) n.out[3 * r + d] = total;
+      }
+    }
+    __syncwarp();
   }
 }
 
@@ -486,6 +603,25 @@ void sum_segments(const SegmentRows& segments, void* stream) {
 void pack_tiles(int count, const TileSource* sources, uint16_t* tiles, void* stream) {
   pack_tiles_kernel<<<count, threads, 0, static_cast<cudaStream_t>(stream)>>>(sources, tiles);
   GRAUPEL_CUDA_CHECK(cudaGetLastError());
+}
+
+void make_tables(int count, const OffsetTable* tables, float* out, void* stream) {
+  make_tables_kernel<<<dim3(static_cast<unsigned>(count), most_table_rows), layer_width, 0,
+                       static_cast<cudaStream_t>(stream)>>>(tables, out);
+  GRAUPEL_CUDA_CHECK(cudaGetLastError());
+}
+
+void encode_features(const FeatureLayer& layer, void* stream) {
+  if (layer.rows == 0) return;
+  GRAUPEL_ASSERT(layer.width <= layer_width);
+  encode_kernel<<<static_cast<unsigned>((layer.rows + feature_rows - 1) / feature_rows), layer_width, 0,
+                  static_cast<cudaStream_t>(stream)>>>(layer);
+  GRAUPEL_CUDA_CHECK(cudaGetLastError());
+}
+
+void decode(const Decoder& decoder, void* stream) {
+  if (decoder.rows == 0) return;
+  launch(decode_kernel, blocks_for(decoder.rows, 2), threads, shared_bytes(few_warps, 1, 1), decoder, stream);
 }
 
 void pack_rows(int64_t rows, int columns, const float* source, uint16_t* packed, void* stream) {

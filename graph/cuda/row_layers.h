@@ -22,11 +22,12 @@ struct RowOf {
 };
 
 /// A bf16 operand of the first layer, [*, 128]: row index[r]; or the sum of the rows item[i], i in
-/// [begin[r], begin[r + 1]) (item null: i itself), where `begin` is given.
+/// [begin[r] - first, begin[r + 1] - first) (item null: i itself), where `begin` is given.
 struct RowOperand {
   const uint16_t* rows = nullptr;
   const int32_t* index = nullptr;
   const int32_t* begin = nullptr;
+  int32_t first = 0;
   const int32_t* item = nullptr;
   uint16_t* save = nullptr;          ///< [rows, 128] the operand as it was used, if wanted
   const uint16_t* weight = nullptr;  ///< tile
@@ -84,13 +85,17 @@ int most_norm_partials();
 /// Returns how many partial sums of the norm's gradients it writes.
 int backward(const RowNetworkGradient& gradient, void* stream);
 
-/// Products of rows with up to two tiles: out[j] = x W[j]^T + bias[j] + add[j] (f32 tables of a first layer).
+/// Products of rows with up to two tiles: out[j] = x W[j]^T + bias[j] + sign[j] V[j] offset (f32 tables of a first
+/// layer), V[j] [128, 3] with rows `offset_stride` apart.
 struct RowProjection {
   int64_t rows = 0;
   const uint16_t* x = nullptr;
   const uint16_t* weight[2] = {nullptr, nullptr};
   const float* bias[2] = {nullptr, nullptr};  ///< [128]
-  const float* add[2] = {nullptr, nullptr};   ///< [rows, 128]
+  const float* offset = nullptr;              ///< [rows, 3]; null: none
+  const float* offset_weight[2] = {nullptr, nullptr};
+  int32_t offset_stride[2] = {0, 0};
+  float offset_sign[2] = {1, 1};
   float* out[2] = {nullptr, nullptr};
 };
 void project(const RowProjection& projection, void* stream);
@@ -108,6 +113,7 @@ void project_back(const ProjectionGradient& gradient, void* stream);
 struct SegmentRows {
   int64_t segments = 0;
   const int32_t* begin = nullptr;  ///< [segments + 1]; null: `fixed` rows each
+  int32_t first = 0;               ///< subtracted from `begin`
   const int32_t* item = nullptr;   ///< rows; null: as they stand
   int32_t fixed = 0;
   const uint16_t* source = nullptr;
@@ -126,11 +132,51 @@ struct TileSource {
 };
 /// Tiles of `count` matrices; `sources` lies in the GPU's memory.
 void pack_tiles(int count, const TileSource* sources, uint16_t* tiles, void* stream);
+/// Offsets that few things have: of corners (their bits), octants (1/2 - bits), neighbour slots (the unit vector from
+/// sender to receiver), and embeddings of types.
+enum class Offsets : int32_t { corner, octant, slot, embedding };
+inline constexpr int most_table_rows = 16;
+/// Rows bias + sign W offset, W with rows `stride` apart; an embedding [types, width] takes the offsets' place.
+struct OffsetTable {
+  Offsets offsets;
+  float sign;
+  const float* w;
+  int32_t stride;
+  const float* bias;
+  const float* embedding;
+  int32_t width;
+};
+/// Tables [count, most_table_rows, 128]; `tables` lies in the GPU's memory.
+void make_tables(int count, const OffsetTable* tables, float* out, void* stream);
+
+/// First layer of the encoder before its activation, in f32: out[r] = W1 features[r] + type_table[type_row[r]].
+struct FeatureLayer {
+  int64_t rows = 0;
+  const float* features = nullptr;  ///< [rows, width], width at most 128
+  int width = 0;
+  const float* w1 = nullptr;  ///< [128, width], rows `stride` apart
+  int32_t stride = 0;
+  const int32_t* type_row = nullptr;
+  const float* type_table = nullptr;  ///< with the layer's bias
+  float* out = nullptr;
+};
+void encode_features(const FeatureLayer& layer, void* stream);
+
+/// The decoder: out[r] = W2 LeakyReLU_0.01(W1 x[r] + b1) + b2, W2 [3, 128].
+struct Decoder {
+  int64_t rows = 0;
+  const float* x = nullptr;      ///< [rows, 128]
+  const uint16_t* w1 = nullptr;  ///< tile
+  const float *b1 = nullptr, *w2 = nullptr, *b2 = nullptr;
+  float* out = nullptr;  ///< [rows, 3]
+};
+void decode(const Decoder& decoder, void* stream);
+
 /// Rows [rows, columns] of f32 numbers, columns <= 128, as [rows, 128] bf16 numbers, padded with 0.
 void pack_rows(int64_t rows, int columns, const float* source, uint16_t* packed, void* stream);
 
 /// One product of the gradients of weights, out[i, k] = sum over rows of d[r, i] x[r, k], k < columns, rows of `out`
-/// `stride` apart; and, where wanted, bias[i] = sum over rows of d[r, i]. Or, without x: sums over `rows` rows of
+/// `stride` apart; and, where wanted, bias[i] = sum over rows of d[r, i]. Or, with `partial`: sums over `rows` rows of
 /// partial sums [rows, 256], the first 128 to `out`, the others to `bias`.
 struct WeightProduct {
   int64_t rows = 0;

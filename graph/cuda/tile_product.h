@@ -155,7 +155,8 @@ __device__ inline void gather_rows(uint16_t* to, const RowOperand& x, int64_t fi
   }
   // Two rows at a time, 16 lanes and eight columns a lane each; loads of several rows are under way together.
   const int64_t place = first + lane % warp_rows;
-  const int32_t begins = place < rows ? x.begin[place] : 0, ends = place < rows ? x.begin[place + 1] : 0;
+  const int32_t begins = place < rows ? x.begin[place] - x.first : 0,
+                ends = place < rows ? x.begin[place + 1] - x.first : 0;
 #pragma unroll 2
   for (int i = 0; i < warp_rows / 2; ++i) {
     const int r = 2 * i + lane / 16;

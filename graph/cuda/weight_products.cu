@@ -166,7 +166,7 @@ WeightProducts::~WeightProducts() = default;
 void WeightProducts::run(void* stream) {
   int64_t parts = 0;
   for (const WeightProduct& p : products_)
-    if (p.x && p.rows > 0) parts += (p.rows + chunk_rows(p.rows) - 1) / chunk_rows(p.rows);
+    if (!p.partial && p.rows > 0) parts += (p.rows + chunk_rows(p.rows) - 1) / chunk_rows(p.rows);
   constexpr int64_t part_numbers = tile_numbers + layer_width;
   memory_->sums.resize_discard(static_cast<std::size_t>(parts * part_numbers));
   float* sums = memory_->sums.data();
@@ -174,7 +174,7 @@ void WeightProducts::run(void* stream) {
   std::vector<Chunk> chunks;
   std::vector<Addition> additions;
   for (const WeightProduct& p : products_) {
-    if (!p.x) {
+    if (p.partial) {
       additions.push_back({p.partial, nullptr, p.rows, p.out, p.bias, 0, 0, p.scale, true});
       continue;
     }

@@ -236,6 +236,14 @@ TEST_F(LearnedSimulatorTest, AGnsRollsOutWithItsObstacleParticles) {
   }
   set_num_threads(0);
   EXPECT_EQ(runs[0].frames.back().position, runs[1].frames.back().position);
+  options.device = Device::cuda;
+  try {
+    random.rollout(scene, surroundings, std::vector<int32_t>(100, 6), start, options);
+    ADD_FAILURE();
+  } catch (const ConfigError& error) {
+    EXPECT_NE(std::string(error.what()).find("no kernels for a GPU (architecture 'gns'"), std::string::npos)
+        << error.what();
+  }
 }
 
 TEST_F(LearnedSimulatorTest, RolloutsDoNotDependOnTheNumberOfThreads) {

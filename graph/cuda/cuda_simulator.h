@@ -1,0 +1,45 @@
+// Rollouts of the hierarchical graph network on a GPU: features, grid, network and projection run there, and the
+// positions stay there. The function is that of LearnedSimulator on the CPU, with matrix products in bf16.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "core/scene.h"
+#include "graph/features.h"
+#include "nn/weights.h"
+
+namespace graupel::graph {
+
+/// Milliseconds of one frame on the GPU.
+struct CudaFrameTime {
+  double features = 0, hierarchy = 0, network = 0, projection = 0;
+  double total() const { return features + hierarchy + network + projection; }
+};
+
+class CudaSimulator {
+ public:
+  /// Throws ConfigError where there is no GPU or no kernels for such a network.
+  explicit CudaSimulator(const nn::Weights& weights);
+  ~CudaSimulator();
+
+  /// A rollout from history + 1 positions, newest last. `scene` and `surroundings` must live as long as it runs.
+  void start(const Scene& scene, const Surroundings& surroundings, const std::vector<int32_t>& particle_type,
+             const std::vector<std::vector<Vec3f>>& positions, bool project);
+  /// Predicts the next frame; false when it has diverged (step_frame) or a particle has left the domain's surroundings.
+  bool advance();
+  /// Accelerations of the newest frame [m/frame^2], without moving.
+  std::vector<Vec3f> accelerations();
+  std::vector<Vec3f> positions() const;
+  /// Of the last frame, by events on the GPU.
+  CudaFrameTime frame_time() const;
+  /// Bytes of the GPU's memory that this holds.
+  uint64_t bytes() const;
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace graupel::graph

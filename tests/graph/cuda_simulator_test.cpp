@@ -1,0 +1,143 @@
+// Rollouts on a GPU are those of the CPU's engine, but for products in bf16.
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <cmath>
+#include <filesystem>
+
+#include "core/error.h"
+#include "core/random.h"
+#include "graph/learned_simulator.h"
+#include "random_weights.h"
+#include "tests/gpu_only.h"
+
+namespace graupel::graph {
+namespace {
+
+HgnConfig wide_config() {
+  HgnConfig config;
+  config.latent = 128;
+  config.levels = 4;
+  config.message_passing = 3;
+  config.signed_distance = true;
+  return config;
+}
+
+Normalization statistics() {
+  Normalization n;
+  for (int axis = 0; axis < 3; ++axis) {
+    n.velocity_std[axis] = 0.01f;
+    n.acceleration_std[axis] = 0.001f;
+  }
+  n.acceleration_mean[1] = -0.0027f;
+  return n;
+}
+
+struct Case {
+  Scene scene;
+  std::vector<int32_t> type;
+  std::vector<std::vector<Vec3f>> history;
+};
+
+/// Clouds of particles around and in an obstacle, some at the walls.
+Case make_case(int particles) {
+  Case c;
+  c.scene.name = "clouds";
+  Obstacle ball;
+  ball.shape = Shape::sphere;
+  ball.radius = 0.15;
+  ball.position = {0.5, 0.2, 0.5};
+  c.scene.obstacles.push_back(ball);
+  const Random random(5, RandomPurpose::test);
+  constexpr int32_t ids[] = {5, 6, 8};
+  c.history.resize(6);
+  for (int i = 0; i < particles; ++i) {
+    const auto draw = static_cast<uint64_t>(i);
+    const double shift = i % 2 ? 0.05 : 0.45;
+    Vec3d x, v;
+    for (int d = 0; d < 3; ++d) {
+      x[d] = shift + 0.25 * random.uniform(draw, d);
+      v[d] = 0.02 * (random.uniform(1000000 + draw, d) - 0.5);
+    }
+    c.type.push_back(ids[i % 3]);
+    for (int t = 0; t < 6; ++t) c.history[static_cast<std::size_t>(t)].push_back((x + v * static_cast<double>(t - 5)).cast<float>());
+  }
+  return c;
+}
+
+class CudaSimulatorTest : public ::testing::Test {
+ protected:
+  void TearDown() override { std::filesystem::remove(path_); }
+  LearnedSimulator make(const HgnConfig& config) const {
+    nn::write_safetensors(path_, random_weights(config, statistics()));
+    return LearnedSimulator(path_);
+  }
+  std::string path_ = (std::filesystem::temp_directory_path() /
+                       ("graupel_cuda_simulator_" + std::to_string(::getpid()) + ".safetensors"))
+                          .string();
+};
+
+/// Root mean square of the difference over that of the deviation from the mean acceleration.
+double difference(const std::vector<Vec3f>& a, const std::vector<Vec3f>& b) {
+  double squares = 0, size = 0;
+  for (std::size_t i = 0; i < a.size(); ++i)
+    for (int d = 0; d < 3; ++d) {
+      squares += std::pow(a[i][d] - b[i][d], 2);
+      size += std::pow(b[i][d] - statistics().acceleration_mean[d], 2);
+    }
+  return std::sqrt(squares / size);
+}
+
+TEST_F(CudaSimulatorTest, AccelerationsAreThoseOfTheCpu) {
+  GRAUPEL_NEEDS_GPU();
+  for (const int particles : {1, 37, 3000}) {
+    const Case c = make_case(particles);
+    const Surroundings surroundings(c.scene);
+    const LearnedSimulator simulator = make(wide_config());
+    const auto expected = simulator.one_step(surroundings, c.type, c.history);
+    const auto actual = simulator.one_step_on_gpu(c.scene, surroundings, c.type, c.history);
+    ASSERT_EQ(actual.size(), expected.size());
+    EXPECT_LT(difference(actual, expected), 0.02) << particles;
+    EXPECT_EQ(simulator.one_step_on_gpu(c.scene, surroundings, c.type, c.history), actual) << "the same every time";
+  }
+}
+
+TEST_F(CudaSimulatorTest, RolloutsFollowThoseOfTheCpu) {
+  GRAUPEL_NEEDS_GPU();
+  const Case c = make_case(800);
+  const Surroundings surroundings(c.scene);
+  const LearnedSimulator simulator = make(wide_config());
+  LearnedSimulator::RolloutOptions options;
+  options.frames = 8;
+  const Trajectory expected = simulator.rollout(c.scene, surroundings, c.type, c.history, options);
+  options.device = Device::cuda;
+  const Trajectory actual = simulator.rollout(c.scene, surroundings, c.type, c.history, options);
+  ASSERT_EQ(actual.frames.size(), expected.frames.size());
+  double squares = 0, way = 0;
+  for (std::size_t i = 0; i < c.type.size(); ++i) {
+    squares += norm2((actual.frames.back().position[i] - expected.frames.back().position[i]).cast<double>());
+    way += norm2((expected.frames.back().position[i] - expected.frames.front().position[i]).cast<double>());
+  }
+  EXPECT_LT(std::sqrt(squares / way), 0.01);
+  for (const Vec3f& x : actual.frames.back().position)
+    EXPECT_GT(surroundings.obstacles.sample(x.cast<double>()).phi, -1e-4);
+}
+
+TEST_F(CudaSimulatorTest, RefusesNetworksWithoutKernels) {
+  GRAUPEL_NEEDS_GPU();
+  HgnConfig config = wide_config();
+  config.latent = 64;
+  const Case c = make_case(10);
+  const Surroundings surroundings(c.scene);
+  EXPECT_THROW(make(config).one_step_on_gpu(c.scene, surroundings, c.type, c.history), ConfigError);
+}
+
+TEST_F(CudaSimulatorTest, SaysWhereThereIsNoGpu) {
+  if (cuda_available()) GTEST_SKIP() << "there is a GPU here";
+  const Case c = make_case(10);
+  const Surroundings surroundings(c.scene);
+  EXPECT_THROW(make(wide_config()).one_step_on_gpu(c.scene, surroundings, c.type, c.history), ConfigError);
+}
+
+}  // namespace
+}  // namespace graupel::graph
