@@ -31,7 +31,8 @@ namespace {
 }  // namespace
 
 void add_train(CLI::App& app) {
-  CLI::App* verb = app.add_subcommand("train", "Train a model on a data set (graupel train hgn --help)");
+  CLI::App* verb =
+      app.add_subcommand("train", "Train a model on a data set (hgn, gns or nsf: graupel train hgn --help)");
   verb->prefix_command();
   verb->set_help_flag();
   verb->footer("Examples:\n  graupel train hgn --data data/hgn --out runs/hgn\n  graupel train hgn --resume runs/hgn");

@@ -2,7 +2,7 @@
 #pragma once
 
 #include "core/axis_map.h"
-#include "graph/hgn_config.h"
+#include "graph/feature_config.h"
 #include "sparsegrid/cell_normals.h"
 #include "sparsegrid/obstacle.h"
 
@@ -10,10 +10,10 @@ namespace graupel::graph {
 
 inline constexpr int most_history = 16;
 
-/// What an HgnConfig and a Normalization say about features.
+/// What a FeatureConfig and a Normalization say about features.
 struct FeatureRules {
   FeatureRules() = default;
-  FeatureRules(const HgnConfig& config, const Normalization& statistics)
+  FeatureRules(const FeatureConfig& config, const Normalization& statistics)
       : history(static_cast<int>(config.history)),
         width(static_cast<int>(config.input_width() - config.embedding)),
         cell_normal(config.cell_normal),

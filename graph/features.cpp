@@ -51,6 +51,7 @@ double longest_piece(const sparsegrid::ObstacleSet& obstacles, double voxel) {
 Surroundings::Surroundings(const Scene& scene, std::optional<double> spacing)
     : obstacles(checked(scene)),
       normals(with_spacing(scene, spacing.value_or(scene.domain.dx)), obstacles),
+      obstacle_particles(scene, obstacles),
       normal_spacing(spacing.value_or(scene.domain.dx)),
       wall_low(scene.domain.origin),
       wall_high(scene.domain.origin + scene.domain.size),
@@ -66,7 +67,7 @@ SurroundingsView Surroundings::view(Device device) const {
   return {obstacles.view(device), normals.view(device), wall_low, wall_high};
 }
 
-std::vector<float> particle_features(const HgnConfig& config, const Normalization& normalization,
+std::vector<float> particle_features(const FeatureConfig& config, const Normalization& normalization,
                                      const Surroundings& surroundings, const std::vector<std::vector<Vec3f>>& positions,
                                      const AxisMap& turn) {
   GRAUPEL_ASSERT(positions.size() == static_cast<std::size_t>(config.history) + 1);

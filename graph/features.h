@@ -5,8 +5,9 @@
 #include <vector>
 
 #include "core/scene.h"
+#include "graph/feature_config.h"
 #include "graph/feature_row.h"
-#include "graph/hgn_config.h"
+#include "graph/obstacle_particles.h"
 #include "graph/way_follower.h"
 #include "sparsegrid/cell_normals.h"
 #include "sparsegrid/obstacle_set.h"
@@ -20,6 +21,7 @@ struct Surroundings {
   explicit Surroundings(const Scene& scene, std::optional<double> normal_spacing = {});
   sparsegrid::ObstacleSet obstacles;
   sparsegrid::CellNormals normals;
+  ObstacleParticles obstacle_particles;
   double normal_spacing;      ///< [m]
   Vec3d wall_low, wall_high;  ///< [m] scene.domain.origin and origin + size: the AABB of the domain
   Vec3d hold_low, hold_high;  ///< [m] where the walls hold the material (Scene::wall_low/high)
@@ -35,7 +37,7 @@ struct Surroundings {
 ///   obstacle distance (clamped, divided by distance_clamp) and its gradient (3; zero beyond the band).
 /// `positions` holds history + 1 frames, newest last, each [n]; velocities are frame differences (dt = 1). The features
 /// are those of the scene turned by `turn`.
-std::vector<float> particle_features(const HgnConfig& config, const Normalization& normalization,
+std::vector<float> particle_features(const FeatureConfig& config, const Normalization& normalization,
                                      const Surroundings& surroundings, const std::vector<std::vector<Vec3f>>& positions,
                                      const AxisMap& turn = {});
 

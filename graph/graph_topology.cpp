@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <numeric>
 
+#include "graph/tiles.h"
+
 namespace graupel::graph {
 
 namespace {

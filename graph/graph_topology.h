@@ -48,7 +48,4 @@ struct GraphTopology {
   void build(const sparsegrid::Hierarchy<3>& hierarchy);
 };
 
-/// Rows that a thread works on at once: with 128 columns its buffers stay in the second-level cache.
-inline constexpr int32_t tile_rows = 96;
-
 }  // namespace graupel::graph

@@ -1,51 +1,22 @@
 #include "graph/hierarchical_graph_network.h"
 
-#include <mutex>
 #include <string>
 
 #include "core/error.h"
-#include "graph/features.h"
+#include "graph/config_metadata.h"
+#include "graph/lap_timer.h"
 #include "graph/level_transfer.h"
 #include "graph/message_passing.h"
 #include "graph/normalization.h"
 #include "graph/particle_transfer.h"
+#include "graph/workspace_pool.h"
 
 namespace graupel::graph {
 
 namespace {
 
-/// Workspaces not in use, so that several threads may evaluate one network at a time.
-class WorkspacePool {
- public:
-  std::unique_ptr<Workspace> take() {
-    const std::lock_guard<std::mutex> lock(mutex_);
-    if (idle_.empty()) return std::make_unique<Workspace>();
-    auto workspace = std::move(idle_.back());
-    idle_.pop_back();
-    return workspace;
-  }
-  void give_back(std::unique_ptr<Workspace> workspace) {
-    const std::lock_guard<std::mutex> lock(mutex_);
-    idle_.push_back(std::move(workspace));
-  }
-
- private:
-  std::mutex mutex_;
-  std::vector<std::unique_ptr<Workspace>> idle_;
-};
-
 HgnConfig read_config(const nn::Weights& weights) {
-  const auto value = [&](const char* key) {
-    const auto found = weights.metadata.find(key);
-    return found == weights.metadata.end() ? std::string() : found->second;
-  };
-  const std::string architecture = value("architecture"), version = value("format_version");
-  if (architecture != hgn_architecture)
-    throw InputError("'" + weights.file + "' holds no hierarchical graph network (architecture '" + architecture +
-                     "', supported: '" + hgn_architecture + "'). Choose a weights file of that architecture");
-  if (version != hgn_format_version)
-    throw InputError("'" + weights.file + "' has another format (format_version '" + version + "', supported: '" +
-                     hgn_format_version + "'). Export the weights again");
+  check_architecture(weights, hgn_architecture, hgn_format_version, "hierarchical graph network");
   return HgnConfig::from_metadata(weights.metadata, weights.file);
 }
 
@@ -91,7 +62,7 @@ struct HierarchicalGraphNetwork::Impl {
   ParticleTransfer particles;
   std::vector<MessagePassing> down, up;
   std::vector<LevelTransfer> between;
-  WorkspacePool workspaces;
+  WorkspacePool<Workspace> workspaces;
 };
 
 HierarchicalGraphNetwork::HierarchicalGraphNetwork(const nn::Weights& weights)
@@ -100,6 +71,7 @@ HierarchicalGraphNetwork::~HierarchicalGraphNetwork() = default;
 HierarchicalGraphNetwork::HierarchicalGraphNetwork(HierarchicalGraphNetwork&&) noexcept = default;
 
 const HgnConfig& HierarchicalGraphNetwork::config() const { return impl_->config; }
+const FeatureConfig& HierarchicalGraphNetwork::feature_config() const { return impl_->config; }
 const Normalization& HierarchicalGraphNetwork::normalization() const { return impl_->normalization; }
 
 std::vector<float> HierarchicalGraphNetwork::forward(const std::vector<float>& features,
@@ -115,6 +87,22 @@ std::vector<float> HierarchicalGraphNetwork::forward(const std::vector<float>& f
   auto workspace = impl_->workspaces.take();
   impl_->evaluate(features, particle_type, hierarchy, *workspace, acceleration);
   impl_->workspaces.give_back(std::move(workspace));
+  return acceleration;
+}
+
+std::vector<float> HierarchicalGraphNetwork::predict(const Surroundings& surroundings,
+                                                     const std::vector<int32_t>& particle_type,
+                                                     const std::vector<std::vector<Vec3f>>& positions,
+                                                     FrameTiming& timing) const {
+  const HgnConfig& c = impl_->config;
+  LapTimer watch;
+  const std::vector<float> features = particle_features(c, impl_->normalization, surroundings, positions);
+  timing.features += watch.lap();
+  const auto hierarchy =
+      sparsegrid::build_hierarchy<3>(positions.back(), c.spacing, surroundings.wall_low, static_cast<int>(c.levels));
+  timing.hierarchy += watch.lap();
+  std::vector<float> acceleration = forward(features, particle_type, hierarchy);
+  timing.network += watch.lap();
   return acceleration;
 }
 

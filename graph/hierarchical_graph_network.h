@@ -22,24 +22,29 @@
 #include <vector>
 
 #include "graph/hgn_config.h"
-#include "nn/weights.h"
+#include "graph/network.h"
 #include "sparsegrid/hierarchy.h"
 
 namespace graupel::graph {
 
-class HierarchicalGraphNetwork {
+class HierarchicalGraphNetwork : public Network {
  public:
   /// Throws InputError when the file is of another architecture, or a tensor is missing or of another shape.
   explicit HierarchicalGraphNetwork(const nn::Weights& weights);
-  ~HierarchicalGraphNetwork();
+  ~HierarchicalGraphNetwork() override;
   HierarchicalGraphNetwork(HierarchicalGraphNetwork&&) noexcept;
 
   const HgnConfig& config() const;
-  const Normalization& normalization() const;
+  const FeatureConfig& feature_config() const override;
+  const Normalization& normalization() const override;
 
   /// Normalised accelerations [n, 3] from features [n, input_width - embedding] and particle types [n].
   std::vector<float> forward(const std::vector<float>& features, const std::vector<int32_t>& particle_type,
                              const sparsegrid::Hierarchy<3>& hierarchy) const;
+
+  /// The grid's origin is the domain's lower corner.
+  std::vector<float> predict(const Surroundings& surroundings, const std::vector<int32_t>& particle_type,
+                             const std::vector<std::vector<Vec3f>>& positions, FrameTiming& timing) const override;
 
  private:
   struct Impl;

@@ -1,12 +1,13 @@
 #include "graph/learned_simulator.h"
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
-#include <utility>
 
 #include "core/error.h"
+#include "graph/config_metadata.h"
 #include "graph/frame_step.h"
+#include "graph/hgn_config.h"
+#include "graph/lap_timer.h"
 #ifdef GRAUPEL_HAVE_CUDA
 #include "graph/cuda/cuda_simulator.h"
 #endif
@@ -15,21 +16,10 @@ namespace graupel::graph {
 
 namespace {
 
-/// Seconds since the last call.
-class Stopwatch {
- public:
-  double lap() {
-    const auto now = std::chrono::steady_clock::now();
-    return std::chrono::duration<double>(now - std::exchange(last_, now)).count();
-  }
-
- private:
-  std::chrono::steady_clock::time_point last_ = std::chrono::steady_clock::now();
-};
-
 bool about_equal(double a, double b) { return std::abs(a - b) <= 1e-3 * std::max(std::abs(a), std::abs(b)); }
 
-void check_fit(const HgnConfig& config, const Scene& scene, const Surroundings& surroundings, const std::string& file) {
+void check_fit(const FeatureConfig& config, const Scene& scene, const Surroundings& surroundings,
+               const std::string& file) {
   if (!about_equal(scene.frame_time, config.frame_time))
     throw ConfigError("the network was trained for another frame time (scene " + std::to_string(scene.frame_time) +
                       " s, '" + file + "' " + std::to_string(config.frame_time) + " s). Set the scene's frame_time");
@@ -51,6 +41,12 @@ void check_start(const std::vector<std::vector<Vec3f>>& start, std::size_t frame
       if (!std::isfinite(x[0] + x[1] + x[2]))
         throw InputError("a start position is not finite. Use an earlier frame of that trajectory");
   }
+}
+
+void check_gpu(const nn::Weights& weights) {
+  if (architecture_of(weights) != hgn_architecture)
+    throw ConfigError("'" + weights.file + "' has no kernels for a GPU (architecture '" + architecture_of(weights) +
+                      "', with kernels: '" + hgn_architecture + "'). Use --device cpu");
 }
 
 ParticleFrame make_frame(int64_t number, double frame_time, const std::vector<Vec3f>& before,
@@ -78,10 +74,10 @@ Trajectory empty_trajectory(const Scene& scene, const std::vector<int32_t>& part
 
 LearnedSimulator::LearnedSimulator(const std::string& weights_file) {
   weights_ = std::make_shared<const nn::Weights>(nn::read_safetensors(weights_file));
-  network_ = std::make_shared<const HierarchicalGraphNetwork>(*weights_);
+  network_ = load_network(*weights_);
 }
 
-const HgnConfig& LearnedSimulator::config() const { return network_->config(); }
+const FeatureConfig& LearnedSimulator::config() const { return network_->feature_config(); }
 const nn::Weights& LearnedSimulator::weights() const { return *weights_; }
 
 std::vector<Vec3f> LearnedSimulator::one_step(const Surroundings& surroundings,
@@ -90,19 +86,12 @@ std::vector<Vec3f> LearnedSimulator::one_step(const Surroundings& surroundings,
                                               FrameTiming* timing) const {
   const Normalization& normalization = network_->normalization();
   FrameTiming spent;
-  Stopwatch watch;
-  const std::vector<float> features = particle_features(config(), normalization, surroundings, positions);
-  spent.features = watch.lap();
-  const auto hierarchy = sparsegrid::build_hierarchy<3>(positions.back(), config().spacing, surroundings.wall_low,
-                                                        static_cast<int>(config().levels));
-  spent.hierarchy = watch.lap();
-  const std::vector<float> output = network_->forward(features, particle_type, hierarchy);
+  const std::vector<float> output = network_->predict(surroundings, particle_type, positions, spent);
   std::vector<Vec3f> acceleration(particle_type.size());
   for (std::size_t i = 0; i < acceleration.size(); ++i)
     for (int axis = 0; axis < 3; ++axis)
       acceleration[i][axis] = output[i * 3 + static_cast<std::size_t>(axis)] * normalization.acceleration_std[axis] +
                               normalization.acceleration_mean[axis];
-  spent.network = watch.lap();
   if (timing != nullptr) *timing = spent;
   return acceleration;
 }
@@ -116,7 +105,10 @@ Trajectory LearnedSimulator::rollout(const Scene& scene, const Surroundings& sur
   check_start(start, needed, particle_type.size());
   std::vector<std::vector<Vec3f>> history(start.end() - static_cast<std::ptrdiff_t>(needed), start.end());
 
-  if (options.device == Device::cuda) return rollout_on_gpu(scene, surroundings, particle_type, start, options);
+  if (options.device == Device::cuda) {
+    check_gpu(*weights_);
+    return rollout_on_gpu(scene, surroundings, particle_type, start, options);
+  }
   Trajectory trajectory = empty_trajectory(scene, particle_type, weights_->file);
   trajectory.frames.push_back(make_frame(0, scene.frame_time, history[needed - 2], history[needed - 1]));
   std::vector<Vec3f> next;
@@ -127,7 +119,7 @@ Trajectory LearnedSimulator::rollout(const Scene& scene, const Surroundings& sur
       trajectory.diverged_at_frame = frame;
       break;
     }
-    Stopwatch watch;
+    LapTimer watch;
     if (options.project) project_out(surroundings, history.back(), next);
     timing.projection = watch.lap();
     std::rotate(history.begin(), history.begin() + 1, history.end());
@@ -167,6 +159,7 @@ Trajectory LearnedSimulator::rollout_on_gpu(const Scene& scene, const Surroundin
 std::vector<Vec3f> LearnedSimulator::one_step_on_gpu(const Scene& scene, const Surroundings& surroundings,
                                                      const std::vector<int32_t>& particle_type,
                                                      const std::vector<std::vector<Vec3f>>& positions) const {
+  check_gpu(*weights_);
   CudaSimulator simulator(*weights_);
   simulator.start(scene, surroundings, particle_type, positions, false);
   return simulator.accelerations();

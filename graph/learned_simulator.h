@@ -10,20 +10,15 @@
 #include "core/scene.h"
 #include "core/trajectory.h"
 #include "graph/features.h"
-#include "graph/hierarchical_graph_network.h"
+#include "graph/network.h"
 
 namespace graupel::graph {
 
-/// Seconds of one predicted frame, by part.
-struct FrameTiming {
-  double features = 0, hierarchy = 0, network = 0, projection = 0;
-  double total() const { return features + hierarchy + network + projection; }
-};
-
 class LearnedSimulator {
  public:
+  /// Throws InputError for a file that is missing, damaged or holds no graph network.
   explicit LearnedSimulator(const std::string& weights_file);
-  const HgnConfig& config() const;
+  const FeatureConfig& config() const;
   const nn::Weights& weights() const;
 
   /// Accelerations per frame^2 [m], shape [n], from history + 1 positions, newest last.
@@ -43,7 +38,7 @@ class LearnedSimulator {
   /// Predicts options.frames frames after `start` (history + 1 positions or more, newest last; see start_history). The
   /// result holds the newest start frame and the predicted ones, with velocities as frame differences over the frame
   /// time; a rollout with a NaN or a speed over one domain edge a frame stops before that frame and sets
-  /// diverged_at_frame. The grid's origin is the domain's lower corner. Throws ConfigError when the scene's frame time
+  /// diverged_at_frame. Throws ConfigError when the scene's frame time
   /// or the cell size of the obstacle normals is not the one that the network was trained for.
   Trajectory rollout(const Scene& scene, const Surroundings& surroundings, const std::vector<int32_t>& particle_type,
                      const std::vector<std::vector<Vec3f>>& start, const RolloutOptions& options) const;
@@ -53,7 +48,7 @@ class LearnedSimulator {
                             const std::vector<int32_t>& particle_type, const std::vector<std::vector<Vec3f>>& start,
                             const RolloutOptions& options) const;
 
-  std::shared_ptr<const HierarchicalGraphNetwork> network_;
+  std::shared_ptr<const Network> network_;
   std::shared_ptr<const nn::Weights> weights_;
 };
 

@@ -4,9 +4,6 @@
 #include "graph/particle_transfer.h"
 
 #include <algorithm>
-#include <cstring>
-
-#include "graph/features.h"
 
 namespace graupel::graph {
 
@@ -29,27 +26,14 @@ Vectors corners(float sign) {
 
 Vectors axes(float sign) { return {{sign, 0, 0}, {0, sign, 0}, {0, 0, sign}}; }
 
-Vectors embedding_rows_of(const nn::Weights& weights, int width) {
-  const std::vector<float> table = weights.get("embedding.weight", {embedding_rows, width});
-  Vectors rows;
-  for (int r = 0; r < embedding_rows; ++r)
-    rows.emplace_back(table.begin() + r * width, table.begin() + (r + 1) * width);
-  return rows;
-}
-
 }  // namespace
 
 ParticleTransfer::ParticleTransfer(const nn::Weights& weights, const HgnConfig& config)
-    : latent_(static_cast<int>(config.latent)),
-      width_(nn::padded_width(latent_)),
-      features_(static_cast<int>(config.input_width() - config.embedding)),
-      p2g_scale_(static_cast<float>(config.p2g_scale)) {
-  const int h = latent_, input = static_cast<int>(config.input_width());
-  const FcnWeights encoder = FcnWeights::load(weights, "encoder", input, h, h);
-  encoder_first_ = encoder.first_layer_part(0, features_, Bias::with);
-  embedding_ = nn::InputTable(encoder, features_, embedding_rows_of(weights, static_cast<int>(config.embedding)));
-  encoder_second_ = nn::NormalizedLayer(encoder);
-
+    : width_(nn::padded_width(static_cast<int>(config.latent))),
+      p2g_scale_(static_cast<float>(config.p2g_scale)),
+      encoder_(weights, "encoder", config, {.latent = static_cast<int>(config.latent)}),
+      decoder_(weights, {.latent = static_cast<int>(config.latent)}) {
+  const int h = static_cast<int>(config.latent);
   const FcnWeights p2g = FcnWeights::load(weights, "particle_to_grid", h + 3, h, h);
   const FcnWeights g2p = FcnWeights::load(weights, "grid_to_particle", 2 * h + 3, h, h);
   particle_part_ = nn::StackedLinear(h, {{&p2g, 0, Bias::with}, {&g2p, h, Bias::with}});
@@ -60,10 +44,6 @@ ParticleTransfer::ParticleTransfer(const nn::Weights& weights, const HgnConfig& 
   g2p_axis_ = nn::InputTable(g2p, 2 * h, axes(1));
   g2p_second_ = nn::NormalizedLayer(g2p);
   g2p_cell_part_ = g2p.first_layer_part(0, h, Bias::without);
-
-  const FcnWeights decoder = FcnWeights::load(weights, "decoder", h, h, 3, nn::Norm::none);
-  decoder_first_ = decoder.first_layer_part(0, h, Bias::with);
-  decoder_second_ = nn::Linear(3, h, decoder.weight2.data(), h, decoder.bias2);
 }
 
 void ParticleTransfer::encode(const std::vector<float>& features, const std::vector<int32_t>& particle_type,
@@ -79,18 +59,8 @@ void ParticleTransfer::encode_tile(int32_t begin, int32_t end, const std::vector
                                    Workspace& workspace, TileScratch& scratch) const {
   const int rows = end - begin;
   const int32_t* order = workspace.topology.order.data() + begin;
-  for (int r = 0; r < rows; ++r)
-    std::memcpy(scratch.input.data() + r * features_, features.data() + static_cast<int64_t>(order[r]) * features_,
-                sizeof(float) * static_cast<std::size_t>(features_));
-  encoder_first_.apply(scratch.input.data(), features_, rows, scratch.hidden.data(), width_);
-  for (int r = 0; r < rows; ++r) {
-    float* hidden = scratch.hidden.data() + r * width_;
-    nn::add_row(hidden, embedding_.row(embedding_row(particle_type[static_cast<std::size_t>(order[r])])), width_);
-    nn::activate_row(hidden, width_);
-  }
   float* latent = workspace.particle.data() + static_cast<int64_t>(begin) * width_;
-  encoder_second_.apply(scratch.hidden.data(), rows, latent);
-  for (int r = 0; r < rows; ++r) encoder_second_.finish(latent + r * width_);
+  encoder_.apply(order, rows, features, particle_type, scratch, latent);
 
   float* part = workspace.particle_part.data() + static_cast<int64_t>(begin) * 2 * width_;
   particle_part_.linear().apply(latent, width_, rows, part, 2 * width_);
@@ -189,13 +159,7 @@ void ParticleTransfer::decode_tile(int32_t begin, int32_t end, const sparsegrid:
     const float* latent = workspace.particle.data() + static_cast<int64_t>(begin + p) * width_;
     nn::each_column(width_, [=](int i) { sum[i] = latent[i] + gamma[i] * sum[i] + total_weight * beta[i]; });
   }
-  decoder_first_.apply(scratch.sums.data(), width_, particles, scratch.hidden.data(), width_);
-  for (int p = 0; p < particles; ++p) nn::activate_row(scratch.hidden.data() + p * width_, width_);
-  decoder_second_.apply(scratch.hidden.data(), width_, particles, scratch.output.data(), width_);
-  for (int p = 0; p < particles; ++p)
-    for (int axis = 0; axis < 3; ++axis)
-      acceleration[static_cast<std::size_t>(order[p]) * 3 + static_cast<std::size_t>(axis)] =
-          scratch.output[static_cast<std::size_t>(p * width_ + axis)];
+  decoder_.apply(scratch.sums.data(), order, particles, scratch, acceleration);
 }
 
 }  // namespace graupel::graph

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "graph/hgn_config.h"
+#include "graph/particle_codec.h"
 #include "graph/workspace.h"
 #include "nn/fcn.h"
 
@@ -32,17 +33,15 @@ class ParticleTransfer {
   void decode_tile(int32_t begin, int32_t end, const sparsegrid::Hierarchy<3>& hierarchy, Workspace& workspace,
                    TileScratch& scratch, std::vector<float>& acceleration) const;
 
-  int latent_, width_, features_;
+  int width_;
   float p2g_scale_;
-  nn::Linear encoder_first_;
-  nn::InputTable embedding_;  ///< per type, its part of the encoder's first layer
-  nn::NormalizedLayer encoder_second_;
+  ParticleEncoder encoder_;
   nn::StackedLinear particle_part_;         ///< of f_p: P2G, G2P
   nn::InputTable p2g_corner_, g2p_corner_;  ///< per corner, the part of its integer offset
   nn::InputTable p2g_axis_, g2p_axis_;      ///< per axis, the part of a unit offset
   nn::NormalizedLayer p2g_second_, g2p_second_;
   nn::Linear g2p_cell_part_;
-  nn::Linear decoder_first_, decoder_second_;
+  ParticleDecoder decoder_;
 };
 
 }  // namespace graupel::graph

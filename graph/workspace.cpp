@@ -20,12 +20,7 @@ void Workspace::prepare(int width, int features) {
   for (auto& buffer : projection) buffer.resize_discard(cells * 3 * w);
   edge.resize_discard(edges * w);
   cell_part.resize_discard(cells * w);
-  scratch.resize(static_cast<std::size_t>(omp_get_max_threads()));
-  const auto tile = static_cast<std::size_t>(tile_rows);
-  for (TileScratch& thread : scratch) {
-    for (Buffer<float>* buffer : {&thread.hidden, &thread.output, &thread.sums}) buffer->resize_discard(tile * w);
-    thread.input.resize_discard(tile * std::max(w, static_cast<std::size_t>(features)));
-  }
+  prepare_scratch(scratch, width, features);
 }
 
 }  // namespace graupel::graph

@@ -10,10 +10,10 @@ namespace graupel::nn {
 inline constexpr float leaky_slope = 0.01f;         ///< PyTorch's default
 inline constexpr float layer_norm_epsilon = 1e-5f;  ///< PyTorch's default
 
-/// x for x >= 0, else 0.01 x.
+/// x for x >= 0, else slope x; a slope of 0 is ReLU.
 template <typename T>
-GRAUPEL_HD T leaky_relu(T x) {
-  return x >= T(0) ? x : T(leaky_slope) * x;
+GRAUPEL_HD T leaky_relu(T x, T slope = T(leaky_slope)) {
+  return x >= T(0) ? x : slope * x;
 }
 
 /// 1 / sqrt(variance + eps), from the mean of the squares of centred values.

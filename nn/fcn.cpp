@@ -1,6 +1,7 @@
 #include "nn/fcn.h"
 
 #include <algorithm>
+#include <utility>
 
 #include "core/error.h"
 
@@ -17,15 +18,21 @@ Buffer<float> padded(const std::vector<float>& values) {
 
 }  // namespace
 
-FcnWeights FcnWeights::load(const Weights& weights, const std::string& prefix, int in, int hidden, int out, Norm norm) {
+FcnWeights FcnWeights::load(const Weights& weights, const std::string& prefix, int in, int hidden, int out, Norm norm,
+                            int hidden_layers) {
   FcnWeights fcn;
   fcn.in = in;
   fcn.hidden = hidden;
   fcn.out = out;
   fcn.weight1 = weights.get(prefix + ".layer1.weight", {hidden, in});
   fcn.bias1 = weights.get(prefix + ".layer1.bias", {hidden});
-  fcn.weight2 = weights.get(prefix + ".layer2.weight", {out, hidden});
-  fcn.bias2 = weights.get(prefix + ".layer2.bias", {out});
+  for (int l = 2; l <= hidden_layers; ++l) {
+    const std::string layer = prefix + ".layer" + std::to_string(l);
+    fcn.middle.push_back({weights.get(layer + ".weight", {hidden, hidden}), weights.get(layer + ".bias", {hidden})});
+  }
+  const std::string last = prefix + ".layer" + std::to_string(hidden_layers + 1);
+  fcn.weight2 = weights.get(last + ".weight", {out, hidden});
+  fcn.bias2 = weights.get(last + ".bias", {out});
   if (norm == Norm::layer) {
     fcn.gamma = weights.get(prefix + ".norm.weight", {out});
     fcn.beta = weights.get(prefix + ".norm.bias", {out});
@@ -64,6 +71,21 @@ InputTable::InputTable(const FcnWeights& fcn, int column, const std::vector<std:
         sum += static_cast<double>(values[i][a]) * fcn.weight1[static_cast<std::size_t>(o) * fcn.in + column + a];
       rows_[i * width_ + o] = static_cast<float>(sum);
     }
+}
+
+MiddleLayers::MiddleLayers(const FcnWeights& fcn, float slope) : slope_(slope) {
+  for (const FcnWeights::Layer& layer : fcn.middle)
+    layers_.emplace_back(fcn.hidden, fcn.hidden, layer.weight.data(), fcn.hidden, layer.bias);
+}
+
+float* MiddleLayers::apply(float* hidden, float* spare, int64_t rows) const {
+  for (const Linear& layer : layers_) {
+    const int width = layer.width();
+    layer.apply(hidden, width, rows, spare, width);
+    for (int64_t r = 0; r < rows; ++r) activate_row(spare + r * width, width, slope_);
+    std::swap(hidden, spare);
+  }
+  return hidden;
 }
 
 NormalizedLayer::NormalizedLayer(const FcnWeights& fcn)

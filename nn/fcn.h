@@ -1,4 +1,5 @@
-// The FCN of the HGN paper (figure 4): y = LayerNorm(W2 leaky_relu(W1 x + b1) + b2), the normalisation optional.
+// The FCN of the HGN paper (figure 4): y = LayerNorm(W2 leaky_relu(W1 x + b1) + b2), the normalisation optional. The
+// networks of GNS may have further hidden layers between the first and the last.
 // Its input is often a concatenation [a, b, ..], so W1 can be taken apart: W1 x = Wa a + Wb b + .., each part evaluated
 // where it is cheapest (once per node, or once per table row instead of once per pair).
 #pragma once
@@ -15,14 +16,21 @@ namespace graupel::nn {
 enum class Norm { none, layer };
 
 /// Weights of one FCN as stored: `<prefix>.layer1.weight` [hidden, in], `.layer1.bias`, `.layer2.weight` [out, hidden],
-/// `.layer2.bias`, and for Norm::layer `.norm.weight`, `.norm.bias` [out].
+/// `.layer2.bias`, and for Norm::layer `.norm.weight`, `.norm.bias` [out]. With n hidden layers, `.layer2` to
+/// `.layer<n>` are [hidden, hidden] and `.layer<n + 1>` is the last one.
 struct FcnWeights {
+  struct Layer {
+    std::vector<float> weight, bias;
+  };
   int in = 0, hidden = 0, out = 0;
-  std::vector<float> weight1, bias1, weight2, bias2, gamma, beta;
+  std::vector<float> weight1, bias1;
+  std::vector<Layer> middle;          ///< of further hidden layers
+  std::vector<float> weight2, bias2;  ///< of the last layer
+  std::vector<float> gamma, beta;
 
   /// Throws InputError for a tensor that is missing, of another shape or not finite.
   static FcnWeights load(const Weights& weights, const std::string& prefix, int in, int hidden, int out,
-                         Norm norm = Norm::layer);
+                         Norm norm = Norm::layer, int hidden_layers = 1);
 
   enum class Bias { with, without };
   /// Columns [column, column + count) of the first layer.
@@ -59,7 +67,22 @@ class InputTable {
   Buffer<float> rows_;
 };
 
-/// Second layer with its layer normalisation. Subtracting the mean is linear, so it is folded into W2 and b2; a row
+/// The hidden layers after the first one: h <- leaky_relu(W h + b) for each.
+class MiddleLayers {
+ public:
+  MiddleLayers() = default;
+  MiddleLayers(const FcnWeights& fcn, float slope);
+
+  /// `hidden` holds activated rows of padded_width(hidden) columns, `spare` has room for as many. Returns the one of
+  /// the two that holds the result.
+  float* apply(float* hidden, float* spare, int64_t rows) const;
+
+ private:
+  float slope_ = leaky_slope;
+  std::vector<Linear> layers_;
+};
+
+/// Last layer with its layer normalisation. Subtracting the mean is linear, so it is folded into W2 and b2; a row
 /// then is  scale * y * gamma + beta  with  scale = 1 / sqrt(mean(y^2) + eps).
 class NormalizedLayer {
  public:

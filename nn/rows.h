@@ -28,16 +28,17 @@ inline void add_scaled_row(float* y, float s, const float* x, int width) {
 }
 
 /// y = leaky_relu(y).
-inline void activate_row(float* y, int width) {
-  each_column(width, [=](int c) { y[c] = leaky_relu(y[c]); });
+inline void activate_row(float* y, int width, float slope = leaky_slope) {
+  each_column(width, [=](int c) { y[c] = leaky_relu(y[c], slope); });
 }
 
 /// y = leaky_relu(a + b), leaky_relu(a + b + c); y may be one of them.
-inline void activate_sum(float* y, const float* a, const float* b, int width) {
-  each_column(width, [=](int i) { y[i] = leaky_relu(a[i] + b[i]); });
+inline void activate_sum(float* y, const float* a, const float* b, int width, float slope = leaky_slope) {
+  each_column(width, [=](int i) { y[i] = leaky_relu(a[i] + b[i], slope); });
 }
-inline void activate_sum(float* y, const float* a, const float* b, const float* c, int width) {
-  each_column(width, [=](int i) { y[i] = leaky_relu(a[i] + b[i] + c[i]); });
+inline void activate_sum(float* y, const float* a, const float* b, const float* c, int width,
+                         float slope = leaky_slope) {
+  each_column(width, [=](int i) { y[i] = leaky_relu(a[i] + b[i] + c[i], slope); });
 }
 
 inline float sum_of_squares(const float* x, int width) {

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "core/error.h"
+#include "graph/gns_graph.h"
 
 namespace graupel::train {
 
@@ -118,11 +119,119 @@ void join_particles(Batch& batch, const std::vector<SceneGraph>& scenes) {
   GRAUPEL_ASSERT(batch.target.count == 0 || batch.target.count == 3 * n);
 }
 
+/// Numbers of a scene's particles in the batch: moving particles of all scenes first, then those of obstacles.
+class RowMap {
+ public:
+  RowMap(const SceneGraph& scene, int64_t first_moving, int64_t first_obstacle)
+      : moving_(scene.moving()), first_moving_(first_moving), shift_(first_obstacle - scene.moving()) {}
+  int32_t operator()(int32_t row) const { return static_cast<int32_t>(row + (row < moving_ ? first_moving_ : shift_)); }
+
+ private:
+  int64_t moving_, first_moving_, shift_;
+};
+
+/// Edges of all scenes by receiver. The receivers of a scene are two runs of the batch's rows, so their edges are, too.
+struct JoinedLinks {
+  std::vector<int32_t> begin = {0}, sender, receiver, reverse;
+  std::vector<float> features;
+
+  void add(const SceneGraph& scene, const RowMap& row, int32_t first, int32_t last, std::vector<int32_t>& place) {
+    for (int32_t r = first; r < last; ++r) {
+      for (int32_t e = scene.links.begin[static_cast<std::size_t>(r)];
+           e < scene.links.begin[static_cast<std::size_t>(r) + 1]; ++e) {
+        place[static_cast<std::size_t>(e)] = static_cast<int32_t>(sender.size());
+        sender.push_back(row(scene.links.sender[static_cast<std::size_t>(e)]));
+        receiver.push_back(row(r));
+        const float* feature = scene.edge_features.data() + static_cast<std::size_t>(e) * graph::edge_feature_count;
+        features.insert(features.end(), feature, feature + graph::edge_feature_count);
+      }
+      begin.push_back(static_cast<int32_t>(sender.size()));
+    }
+  }
+  /// `place` of a scene's edges in the batch.
+  void add_reverse(const SceneGraph& scene, const std::vector<int32_t>& place) {
+    reverse.resize(sender.size());
+    const auto& links = scene.links;
+    for (int32_t r = 0; r < links.points(); ++r)
+      for (int32_t e = links.begin[static_cast<std::size_t>(r)]; e < links.begin[static_cast<std::size_t>(r) + 1];
+           ++e) {
+        const auto s = static_cast<std::size_t>(links.sender[static_cast<std::size_t>(e)]);
+        const auto first = links.sender.begin() + links.begin[s], last = links.sender.begin() + links.begin[s + 1];
+        const auto back = std::lower_bound(first, last, r);
+        GRAUPEL_ASSERT(back != last && *back == r);
+        reverse[static_cast<std::size_t>(place[static_cast<std::size_t>(e)])] =
+            place[static_cast<std::size_t>(back - links.sender.begin())];
+      }
+  }
+};
+
+void join_links(Batch& batch, const std::vector<SceneGraph>& scenes) {
+  int64_t first_moving = 0, first_obstacle = batch.particles();
+  std::vector<RowMap> rows;
+  std::vector<std::vector<int32_t>> place;
+  for (const SceneGraph& scene : scenes) {
+    rows.emplace_back(scene, first_moving, first_obstacle);
+    place.emplace_back(scene.links.sender.size());
+    first_moving += scene.moving();
+    first_obstacle += scene.obstacle_particles;
+  }
+  JoinedLinks joined;
+  for (std::size_t s = 0; s < scenes.size(); ++s)
+    joined.add(scenes[s], rows[s], 0, static_cast<int32_t>(scenes[s].moving()), place[s]);
+  for (std::size_t s = 0; s < scenes.size(); ++s)
+    joined.add(scenes[s], rows[s], static_cast<int32_t>(scenes[s].moving()), scenes[s].links.points(), place[s]);
+  for (std::size_t s = 0; s < scenes.size(); ++s) joined.add_reverse(scenes[s], place[s]);
+  BatchLevel level;
+  level.cells = first_obstacle;
+  level.edges = static_cast<int64_t>(joined.sender.size());
+  level.edge_begin = append(batch.indices, joined.begin);
+  level.sender = append(batch.indices, joined.sender);
+  level.receiver = append(batch.indices, joined.receiver);
+  level.reverse = append(batch.indices, joined.reverse);
+  batch.level.push_back(level);
+  batch.edge_features = {static_cast<int64_t>(batch.numbers.size()), static_cast<int64_t>(joined.features.size())};
+  batch.numbers.insert(batch.numbers.end(), joined.features.begin(), joined.features.end());
+}
+
+/// Particles, obstacle particles and links of GNS.
+Batch concatenate_gns(const std::vector<SceneGraph>& scenes) {
+  Batch batch;
+  std::vector<int32_t> type_row;
+  int64_t rows = 0;
+  for (const SceneGraph& scene : scenes) {
+    GRAUPEL_ASSERT(scene.links.points() == static_cast<int32_t>(scene.type_row.size()));
+    batch.particle_begin.push_back(batch.particles() + scene.moving());
+    rows += static_cast<int64_t>(scene.type_row.size());
+  }
+  const auto width_of = [](const SceneGraph& scene) {
+    return scene.type_row.empty() ? 0 : scene.features.size() / scene.type_row.size();
+  };
+  auto& numbers = batch.numbers;
+  for (const bool obstacles : {false, true})
+    for (const SceneGraph& scene : scenes) {
+      const auto moving = static_cast<std::ptrdiff_t>(scene.moving());
+      const auto cut = scene.features.begin() + moving * static_cast<std::ptrdiff_t>(width_of(scene));
+      numbers.insert(numbers.end(), obstacles ? cut : scene.features.begin(), obstacles ? scene.features.end() : cut);
+      type_row.insert(type_row.end(), scene.type_row.begin() + (obstacles ? moving : 0),
+                      obstacles ? scene.type_row.end() : scene.type_row.begin() + moving);
+    }
+  batch.features = {0, static_cast<int64_t>(numbers.size())};
+  batch.type_row = append(batch.indices, type_row);
+  batch.target = join_numbers(
+      batch, scenes, [&](const SceneGraph& s) { numbers.insert(numbers.end(), s.target.begin(), s.target.end()); });
+  batch.feature_width = rows > 0 ? batch.features.count / rows : 0;
+  GRAUPEL_ASSERT(batch.features.count == rows * batch.feature_width);
+  GRAUPEL_ASSERT(batch.target.count == 0 || batch.target.count == 3 * batch.particles());
+  join_links(batch, scenes);
+  return batch;
+}
+
 }  // namespace
 
 Batch concatenate(const std::vector<SceneGraph>& scenes) {
   GRAUPEL_ASSERT(!scenes.empty());
   const std::size_t levels = scenes.front().hierarchy.levels.size();
+  if (levels == 0) return concatenate_gns(scenes);
   std::size_t particles = 0;
   for (const SceneGraph& scene : scenes) {
     GRAUPEL_ASSERT(scene.hierarchy.levels.size() == levels);

@@ -185,14 +185,16 @@ graph::Normalization DataSplit::statistics(double noise_std, int threads) const 
   return normalization;
 }
 
-void DataSplit::check_fits(const graph::HgnConfig& config) const {
+void DataSplit::check_fits(const NetworkConfig& network_config) const {
+  const graph::FeatureConfig& config = features_of(network_config);
+  const std::string section = word_of(architecture_of(network_config));
   const auto differs = [](double a, double b) { return std::abs(a - b) > 1e-6 * std::abs(b); };
   for (int i = 0; i < count(); ++i) {
     const Scene& scene = trajectory(i).context->scene;
     const auto refuse = [&](const std::string& what, double data, double network) {
       throw ConfigError("'" + file_ + "': trajectory " + std::to_string(i) + " has " + what + " " +
-                        std::to_string(data) + ", the network is for " + std::to_string(network) + ". Set hgn." + what +
-                        " to that of the data");
+                        std::to_string(data) + ", the network is for " + std::to_string(network) + ". Set " + section +
+                        "." + what + " to that of the data");
     };
     if (differs(scene.frame_time, config.frame_time)) refuse("frame_time", scene.frame_time, config.frame_time);
     if (config.cell_normal && differs(scene.domain.dx, config.dx)) refuse("dx", scene.domain.dx, config.dx);

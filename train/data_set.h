@@ -9,8 +9,8 @@
 
 #include "core/scene.h"
 #include "graph/features.h"
-#include "graph/hgn_config.h"
 #include "io/trajectory_file.h"
+#include "train/network_config.h"
 
 namespace graupel::train {
 
@@ -62,7 +62,7 @@ class DataSplit {
   graph::Normalization statistics(double noise_std, int threads) const;
 
   /// Throws ConfigError when the data were made with another frame time or cell size than the network is for.
-  void check_fits(const graph::HgnConfig& config) const;
+  void check_fits(const NetworkConfig& config) const;
 
  private:
   void read_headers(const DataSplitOptions& options);

@@ -1,5 +1,5 @@
 // Training batches made on the device that trains: the positions of the data set lie in its memory, and one launch a
-// particle draws noise, features and targets. The numbers are those of training_batch().
+// particle draws noise, features and targets. The numbers are those of training_batch(). For HGN.
 #pragma once
 
 #include <cstdint>

@@ -41,13 +41,13 @@ Region region_of(const SceneContext& context, const Vec3f& position, const Vec3f
   return Region::bulk;
 }
 
-EvaluationBatch prepare(const graph::HgnConfig& config, const graph::Normalization& normalization,
-                        const DataSplit& split, const SampleKey* first, const SampleKey* last) {
+EvaluationBatch prepare(const NetworkConfig& config, const graph::Normalization& normalization, const DataSplit& split,
+                        const SampleKey* first, const SampleKey* last) {
   EvaluationBatch prepared;
   std::vector<SceneGraph> graphs;
   for (const SampleKey* key = first; key != last; ++key) {
     const TrajectoryInfo& trajectory = split.trajectory(key->trajectory);
-    const auto history = split.history(key->trajectory, key->frame, config.history);
+    const auto history = split.history(key->trajectory, key->frame, features_of(config).history);
     const auto truth = acceleration_of(split.positions(key->trajectory, key->frame + 1, 1).front(), history);
     graphs.push_back(scene_graph(config, normalization, trajectory, history, grid_origin(trajectory)));
     prepared.gravity.push_back(trajectory.context->gravity_step());
@@ -173,7 +173,7 @@ double evaluate_rollout(const HgnModule& module, const graph::Normalization& nor
   scenes = std::min<int64_t>(scenes, split.count());
   Histories histories;
   for (int64_t s = 0; s < scenes; ++s) {
-    histories.push_back(split.history(static_cast<int>(s), 0, module.config().history));
+    histories.push_back(split.history(static_cast<int>(s), 0, features_of(module.config()).history));
     frames = std::min(frames, split.trajectory(static_cast<int>(s)).frames - 1);
   }
   double sum = 0;

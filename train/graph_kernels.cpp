@@ -26,8 +26,8 @@ GRAUPEL_HD inline int64_t row_of(const RowIndex& row, int64_t r) {
   return row.index ? row.index[r] : (r >> row.shift) & row.mask;
 }
 template <typename T>
-GRAUPEL_HD T leaky(T x) {
-  return x > T(0) ? x : T(leaky_slope) * x;
+GRAUPEL_HD T leaky(T x, T slope) {
+  return x > T(0) ? x : slope * x;
 }
 
 template <typename T, int W>
@@ -35,6 +35,7 @@ struct GatherSumLeaky {
   int64_t packs;  // per row
   GatherTerm<T> a, b, c;
   T* out;
+  T slope;
   GRAUPEL_HD void operator()(int64_t i) const {
     const int64_t r = i / packs, column = (i - r * packs) * W;
     Pack<T, W> x = load<T, W>(a.table + row_of(a.row, r) * a.stride + column);
@@ -44,7 +45,7 @@ struct GatherSumLeaky {
       const Pack<T, W> z = load<T, W>(c.table + row_of(c.row, r) * c.stride + column);
       for (int k = 0; k < W; ++k) x.v[k] += z.v[k];
     }
-    for (int k = 0; k < W; ++k) x.v[k] = leaky(x.v[k]);
+    for (int k = 0; k < W; ++k) x.v[k] = leaky(x.v[k], slope);
     store<T, W>(out + i * W, x);
   }
 };
@@ -98,10 +99,11 @@ template <typename T, int W>
 struct LeakyBackward {
   const T* activated;
   T* grad;
+  T slope;
   GRAUPEL_HD void operator()(int64_t i) const {
     const Pack<T, W> h = load<T, W>(activated + i * W);
     Pack<T, W> g = load<T, W>(grad + i * W);
-    for (int k = 0; k < W; ++k) g.v[k] = h.v[k] > T(0) ? g.v[k] : T(leaky_slope) * g.v[k];
+    for (int k = 0; k < W; ++k) g.v[k] = h.v[k] > T(0) ? g.v[k] : slope * g.v[k];
     store<T, W>(grad + i * W, g);
   }
 };
@@ -138,11 +140,11 @@ bool packable(int64_t width, int64_t stride) { return width % 4 == 0 && stride %
 
 template <typename T>
 void gather_sum_leaky(Device device, int64_t rows, int64_t width, const GatherTerm<T>& a, const GatherTerm<T>& b,
-                      const GatherTerm<T>& c, T* out) {
+                      const GatherTerm<T>& c, T* out, double slope) {
   if (packable(width, a.stride) && packable(width, b.stride) && (!c.table || packable(width, c.stride)))
-    parallel_for(device, rows * (width / 4), GatherSumLeaky<T, 4>{width / 4, a, b, c, out}, light);
+    parallel_for(device, rows * (width / 4), GatherSumLeaky<T, 4>{width / 4, a, b, c, out, T(slope)}, light);
   else
-    parallel_for(device, rows * width, GatherSumLeaky<T, 1>{width, a, b, c, out}, light);
+    parallel_for(device, rows * width, GatherSumLeaky<T, 1>{width, a, b, c, out, T(slope)}, light);
 }
 
 template <typename T>
@@ -167,11 +169,11 @@ void gather_rows(Device device, int64_t rows, int64_t width, const T* source, in
 }
 
 template <typename T>
-void leaky_backward(Device device, int64_t count, const T* activated, T* grad) {
+void leaky_backward(Device device, int64_t count, const T* activated, T* grad, double slope) {
   if (count % 4 == 0)
-    parallel_for(device, count / 4, LeakyBackward<T, 4>{activated, grad}, light);
+    parallel_for(device, count / 4, LeakyBackward<T, 4>{activated, grad, T(slope)}, light);
   else
-    parallel_for(device, count, LeakyBackward<T, 1>{activated, grad}, light);
+    parallel_for(device, count, LeakyBackward<T, 1>{activated, grad, T(slope)}, light);
 }
 
 template <typename T>
@@ -183,10 +185,10 @@ void adam_step(Device device, int64_t count, const AdamSettings& settings, const
 
 #define GRAUPEL_INSTANTIATE(T)                                                                                     \
   template void gather_sum_leaky(Device, int64_t, int64_t, const GatherTerm<T>&, const GatherTerm<T>&,             \
-                                 const GatherTerm<T>&, T*);                                                        \
+                                 const GatherTerm<T>&, T*, double);                                                \
   template void segment_sum(Device, const Segments&, int64_t, const T*, int64_t, const T*, T*);                    \
   template void gather_rows(Device, int64_t, int64_t, const T*, int64_t, const RowIndex&, const T*, const T*, T*); \
-  template void leaky_backward(Device, int64_t, const T*, T*);                                                     \
+  template void leaky_backward(Device, int64_t, const T*, T*, double);                                             \
   template void adam_step(Device, int64_t, const AdamSettings&, const T*, const T*, T*, T*, T*, T*, void*);
 GRAUPEL_INSTANTIATE(float)
 GRAUPEL_INSTANTIATE(double)

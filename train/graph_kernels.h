@@ -9,7 +9,7 @@
 
 namespace graupel::train {
 
-/// Slope of the networks' LeakyReLU.
+/// Slope of HGN's LeakyReLU; a slope of 0 is ReLU.
 inline constexpr double leaky_slope = 0.01;
 
 /// Which row of a table belongs to row r: index[r], or (r >> shift) & mask where there is no index.
@@ -31,7 +31,7 @@ struct GatherTerm {
 /// is read row by row (RowIndex{}). Pass c.table = nullptr for two terms.
 template <typename T>
 void gather_sum_leaky(Device device, int64_t rows, int64_t width, const GatherTerm<T>& a, const GatherTerm<T>& b,
-                      const GatherTerm<T>& c, T* out);
+                      const GatherTerm<T>& c, T* out, double slope = leaky_slope);
 
 /// Rows that are summed: segment s holds item[i] for i in [begin[s], begin[s+1]); `item` null means i itself, `begin`
 /// null means `fixed` rows a segment.
@@ -52,9 +52,9 @@ template <typename T>
 void gather_rows(Device device, int64_t rows, int64_t width, const T* source, int64_t source_stride,
                  const RowIndex& row, const T* weight, const T* add, T* out);
 
-/// grad *= LeakyReLU'(.), from the activated values (the slope keeps their sign).
+/// grad *= LeakyReLU'(.), from the activated values (a slope keeps their sign; ReLU has the slope 0 at 0).
 template <typename T>
-void leaky_backward(Device device, int64_t count, const T* activated, T* grad);
+void leaky_backward(Device device, int64_t count, const T* activated, T* grad, double slope = leaky_slope);
 
 /// Adam (Kingma and Ba 2015, algorithm 1) with the gradient scaled to at most `clip` in norm, and the moving average
 /// ema = decay ema + (1 - decay) weights. A gradient that is not finite changes nothing.

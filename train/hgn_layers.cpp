@@ -36,6 +36,14 @@ void with_type(const at::Tensor& tensor, const Body& body) {
     body(float());
 }
 
+/// grad *= the activation's slope at the activated values.
+void through_activation(const at::Tensor& activated, at::Tensor& grad, double slope) {
+  with_type(grad, [&](auto zero) {
+    using T = decltype(zero);
+    leaky_backward<T>(place_of(grad), grad.numel(), activated.data_ptr<T>(), grad.data_ptr<T>(), slope);
+  });
+}
+
 }  // namespace
 
 at::Tensor view_of(const Parameter& parameter, const at::Tensor& flat) {
@@ -48,6 +56,7 @@ std::map<std::string, Fcn> bind_fcns(const ParameterLayout& layout, const at::Te
   for (const FcnShape& shape : layout.fcns()) {
     Fcn fcn;
     fcn.norm = shape.norm;
+    fcn.slope = shape.slope;
     const auto bind = [&](const std::string& name, at::Tensor& value, at::Tensor& grad) {
       const Parameter& parameter = layout.find(shape.name + name);
       value = view_of(parameter, flat);
@@ -55,8 +64,14 @@ std::map<std::string, Fcn> bind_fcns(const ParameterLayout& layout, const at::Te
     };
     bind(".layer1.weight", fcn.w1, fcn.w1_grad);
     bind(".layer1.bias", fcn.b1, fcn.b1_grad);
-    bind(".layer2.weight", fcn.w2, fcn.w2_grad);
-    bind(".layer2.bias", fcn.b2, fcn.b2_grad);
+    for (int64_t l = 2; l <= shape.hidden_layers; ++l) {
+      Fcn::Layer& layer = fcn.middle.emplace_back();
+      bind(".layer" + std::to_string(l) + ".weight", layer.w, layer.w_grad);
+      bind(".layer" + std::to_string(l) + ".bias", layer.b, layer.b_grad);
+    }
+    const std::string last = ".layer" + std::to_string(shape.hidden_layers + 1);
+    bind(last + ".weight", fcn.w2, fcn.w2_grad);
+    bind(last + ".bias", fcn.b2, fcn.b2_grad);
     if (shape.norm) {
       bind(".norm.weight", fcn.gamma, fcn.gamma_grad);
       bind(".norm.bias", fcn.beta, fcn.beta_grad);
@@ -66,7 +81,13 @@ std::map<std::string, Fcn> bind_fcns(const ParameterLayout& layout, const at::Te
   return fcns;
 }
 
-at::Tensor second_layer(const Fcn& fcn, const at::Tensor& hidden, FcnRecord* record) {
+at::Tensor second_layer(const Fcn& fcn, const at::Tensor& first_hidden, FcnRecord* record) {
+  at::Tensor hidden = first_hidden;
+  for (const Fcn::Layer& layer : fcn.middle) {
+    if (record) record->earlier.push_back(hidden);
+    hidden = at::addmm(layer.b, hidden, layer.w.t());
+    at::leaky_relu_(hidden, fcn.slope);
+  }
   const at::Tensor raw = at::addmm(fcn.b2, hidden, fcn.w2.t());
   if (record) record->hidden = hidden;
   if (!fcn.norm) return raw;
@@ -92,16 +113,21 @@ at::Tensor second_layer_backward(const Fcn& fcn, const FcnRecord& record, const 
   at::mm_out(w2_grad, grad_raw.t(), record.hidden);
   at::sum_out(b2_grad, grad_raw, 0);
   at::Tensor grad_sum = at::mm(grad_raw, fcn.w2);
-  with_type(grad_sum, [&](auto zero) {
-    using T = decltype(zero);
-    leaky_backward<T>(place_of(grad_sum), grad_sum.numel(), record.hidden.data_ptr<T>(), grad_sum.data_ptr<T>());
-  });
+  through_activation(record.hidden, grad_sum, fcn.slope);
+  for (std::size_t l = fcn.middle.size(); l-- > 0;) {
+    const Fcn::Layer& layer = fcn.middle[l];
+    at::Tensor w_grad = layer.w_grad, b_grad = layer.b_grad;
+    at::mm_out(w_grad, grad_sum.t(), record.earlier[l]);
+    at::sum_out(b_grad, grad_sum, 0);
+    grad_sum = at::mm(grad_sum, layer.w);
+    through_activation(record.earlier[l], grad_sum, fcn.slope);
+  }
   return grad_sum;
 }
 
 at::Tensor fcn_forward(const Fcn& fcn, const at::Tensor& input, FcnRecord* record) {
   at::Tensor hidden = at::addmm(fcn.b1, input, fcn.w1.t());
-  at::leaky_relu_(hidden, leaky_slope);
+  at::leaky_relu_(hidden, fcn.slope);
   if (record) record->input = input;
   return second_layer(fcn, hidden, record);
 }
@@ -116,11 +142,11 @@ at::Tensor fcn_backward(const Fcn& fcn, const FcnRecord& record, const at::Tenso
 
 Device place_of(const at::Tensor& tensor) { return tensor.is_cuda() ? Device::cuda : Device::cpu; }
 
-void gather_sum_leaky_into(const at::Tensor& out, const Term& a, const Term& b, const Term& c) {
+void gather_sum_leaky_into(const at::Tensor& out, const Term& a, const Term& b, const Term& c, double slope) {
   with_type(out, [&](auto zero) {
     using T = decltype(zero);
     gather_sum_leaky<T>(place_of(out), out.size(0), out.size(1), term_of<T>(a), term_of<T>(b), term_of<T>(c),
-                        out.data_ptr<T>());
+                        out.data_ptr<T>(), slope);
   });
 }
 

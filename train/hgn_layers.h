@@ -1,5 +1,5 @@
-// Building blocks of the HGN's training passes on libtorch tensors. Internal: only the .cpp files of train/ that are
-// compiled with libtorch include this.
+// Building blocks of the graph networks' training passes on libtorch tensors. Internal: only the .cpp files of train/
+// that are compiled with libtorch include this.
 //
 // Every weight is used once in a forward pass, so each backward function writes its weights' gradients straight into
 // the flat gradient (mm_out, sum_out): no autograd graph, no zeroing and no accumulation, which are half of the
@@ -10,6 +10,7 @@
 
 #include <map>
 #include <string>
+#include <vector>
 
 #include "train/graph_kernels.h"
 #include "train/parameter_layout.h"
@@ -18,8 +19,13 @@ namespace graupel::train {
 
 /// Views of one FCN's weights and of their gradients; gradients are undefined where only inference is wanted.
 struct Fcn {
-  at::Tensor w1, b1, w2, b2, gamma, beta;
+  struct Layer {
+    at::Tensor w, b, w_grad, b_grad;
+  };
+  at::Tensor w1, b1, w2, b2, gamma, beta;  ///< first layer, last layer, norm
   at::Tensor w1_grad, b1_grad, w2_grad, b2_grad, gamma_grad, beta_grad;
+  std::vector<Layer> middle;  ///< further hidden layers
+  double slope = leaky_slope;
   bool norm = true;
 };
 
@@ -30,13 +36,15 @@ at::Tensor view_of(const Parameter& parameter, const at::Tensor& flat);
 
 /// What the backward pass of an FCN needs.
 struct FcnRecord {
-  at::Tensor input;   ///< of layer 1, where it is one tensor
-  at::Tensor hidden;  ///< activated, [rows, H]
-  at::Tensor raw;     ///< before the norm
+  at::Tensor input;                 ///< of layer 1, where it is one tensor
+  std::vector<at::Tensor> earlier;  ///< inputs of the middle layers: activated, [rows, H]
+  at::Tensor hidden;                ///< input of the last layer: activated, [rows, H]
+  at::Tensor raw;                   ///< before the norm
   at::Tensor mean, rstd;
 };
 
-/// LayerNorm(W2 hidden + b2), from activated values. A record may be null (inference).
+/// The rest of an FCN after the first activation, LayerNorm(W2 hidden + b2) behind the middle layers. A record may be
+/// null (inference).
 at::Tensor second_layer(const Fcn& fcn, const at::Tensor& hidden, FcnRecord* record);
 /// Gradient of the sum that entered the activation.
 at::Tensor second_layer_backward(const Fcn& fcn, const FcnRecord& record, const at::Tensor& grad);
@@ -57,7 +65,8 @@ struct Term {
 };
 at::Tensor gather_sum_leaky(int64_t rows, const Term& a, const Term& b, const Term& c);
 /// The same into `out`, which may be c's table.
-void gather_sum_leaky_into(const at::Tensor& out, const Term& a, const Term& b, const Term& c);
+void gather_sum_leaky_into(const at::Tensor& out, const Term& a, const Term& b, const Term& c,
+                           double slope = leaky_slope);
 /// Sums over sorted segments; `item` and `weight` may be undefined.
 at::Tensor segment_sum(const at::Tensor& source, const at::Tensor& begin, const at::Tensor& item,
                        const at::Tensor& weight);

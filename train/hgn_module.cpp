@@ -15,7 +15,7 @@
 #include <cmath>
 
 #include "core/error.h"
-#include "train/hgn_network.h"
+#include "train/network_passes.h"
 #ifdef GRAUPEL_HAVE_CUDA
 #include "train/fused_network.h"
 #endif
@@ -53,9 +53,9 @@ std::string torch_version() { return TORCH_VERSION; }
 bool torch_has_cuda() { return at::hasCUDA(); }
 
 struct HgnModule::Impl {
-  Impl(const graph::HgnConfig& hgn, Device where, uint64_t seed, NumberType number)
-      : config(hgn),
-        layout(hgn),
+  Impl(const NetworkConfig& network_config, Device where, uint64_t seed, NumberType number, int64_t checkpoint_layers)
+      : config(network_config),
+        layout(network_config),
         device(where),
         options(at::TensorOptions()
                     .device(where == Device::cuda ? at::kCUDA : at::kCPU)
@@ -65,11 +65,12 @@ struct HgnModule::Impl {
         means(at::zeros({2}, options)) {
     for (at::Tensor& array : arrays) array = at::zeros({layout.size()}, options);
 #ifdef GRAUPEL_HAVE_CUDA
-    if (number == NumberType::mixed && FusedNetwork::fits(config, device))
-      fused = std::make_unique<FusedNetwork>(config, layout, get(StateArray::weights), gradient);
+    const auto* hgn = std::get_if<graph::HgnConfig>(&config);
+    if (hgn && number == NumberType::mixed && FusedNetwork::fits(*hgn, device))
+      fused = std::make_unique<FusedNetwork>(*hgn, layout, get(StateArray::weights), gradient);
 #endif
-    network = std::make_unique<HgnNetwork>(config, layout, get(StateArray::weights), gradient);
-    average = std::make_unique<HgnNetwork>(config, layout, get(StateArray::ema), at::Tensor());
+    network = make_passes(config, checkpoint_layers, layout, get(StateArray::weights), gradient);
+    average = make_passes(config, checkpoint_layers, layout, get(StateArray::ema), at::Tensor());
     const std::vector<float> initial = layout.initial_values(seed);
     fill(StateArray::weights, initial);
     fill(StateArray::ema, initial);
@@ -120,7 +121,7 @@ struct HgnModule::Impl {
                  get(StateArray::adam_v).data_ptr<T>(), get(StateArray::ema).data_ptr<T>());
   }
 
-  graph::HgnConfig config;
+  NetworkConfig config;
   ParameterLayout layout;
   Device device;
   at::TensorOptions options;
@@ -129,23 +130,24 @@ struct HgnModule::Impl {
   at::Tensor gradient;  ///< part of `reduced`
   at::Tensor means;     ///< sums of loss and gradient norm since they were last taken
   int64_t steps_in_means = 0;
-  std::unique_ptr<HgnNetwork> network, average;
+  std::unique_ptr<NetworkPasses> network, average;
 #ifdef GRAUPEL_HAVE_CUDA
   std::unique_ptr<FusedNetwork> fused;  ///< takes the training steps where it is there
 #endif
 };
 
-HgnModule::HgnModule(const graph::HgnConfig& config, Device device, uint64_t seed, NumberType number) {
+HgnModule::HgnModule(const NetworkConfig& config, Device device, uint64_t seed, NumberType number,
+                     int64_t checkpoint_layers) {
   const at::NoGradGuard no_grad;
   if (device == Device::cuda && !torch_has_cuda())
     throw ConfigError("device 'cuda' is not usable (libtorch " + torch_version() +
                       " was built without CUDA). Build against a CUDA libtorch, or use --device cpu");
-  impl_ = std::make_unique<Impl>(config, device, seed, number);
+  impl_ = std::make_unique<Impl>(config, device, seed, number, checkpoint_layers);
 }
 HgnModule::~HgnModule() = default;
 HgnModule::HgnModule(HgnModule&&) noexcept = default;
 
-const graph::HgnConfig& HgnModule::config() const { return impl_->config; }
+const NetworkConfig& HgnModule::config() const { return impl_->config; }
 bool HgnModule::is_mixed() const {
 #ifdef GRAUPEL_HAVE_CUDA
   return impl_->fused != nullptr;
@@ -158,7 +160,7 @@ int64_t HgnModule::parameter_count() const { return impl_->layout.parameter_coun
 std::vector<float> HgnModule::predict(const Batch& batch, StateArray which) const {
   const at::NoGradGuard no_grad;
   GRAUPEL_ASSERT(which == StateArray::weights || which == StateArray::ema);
-  const HgnNetwork& network = which == StateArray::weights ? *impl_->network : *impl_->average;
+  const NetworkPasses& network = which == StateArray::weights ? *impl_->network : *impl_->average;
   return impl_->read(network.forward(network.upload(batch), nullptr));
 }
 

@@ -1,4 +1,4 @@
-// The hierarchical graph network with its training state on a device: weights, their moving average, Adam's moments.
+// A graph network with its training state on a device: weights, their moving average, Adam's moments.
 // The only way into libtorch for the rest of train/: no torch type appears here.
 #pragma once
 
@@ -8,11 +8,11 @@
 #include <vector>
 
 #include "core/device.h"
-#include "graph/hgn_config.h"
 #include "nn/weights.h"
 #include "train/batch.h"
 #include "train/comm.h"
 #include "train/device_samples.h"
+#include "train/network_config.h"
 
 namespace graupel::train {
 
@@ -54,11 +54,13 @@ bool torch_has_cuda();
 class HgnModule {
  public:
   /// Fresh weights from `seed`. Throws ConfigError for Device::cuda where libtorch has no CUDA.
-  HgnModule(const graph::HgnConfig& config, Device device, uint64_t seed, NumberType number = NumberType::f32);
+  /// `checkpoint_layers`: see GnsPasses.
+  HgnModule(const NetworkConfig& config, Device device, uint64_t seed, NumberType number = NumberType::f32,
+            int64_t checkpoint_layers = 0);
   ~HgnModule();
   HgnModule(HgnModule&&) noexcept;
 
-  const graph::HgnConfig& config() const;
+  const NetworkConfig& config() const;
   int64_t parameter_count() const;
   /// Whether training steps take the kernels in mixed precision.
   bool is_mixed() const;
@@ -69,7 +71,7 @@ class HgnModule {
   /// Forward, backward and optimiser step. Returns at once on a GPU; the loss is kept there until take_means(). With
   /// several ranks `batch` is this rank's share: loss and gradient are those of all shares as one batch.
   void train_step(const Batch& batch, const StepSettings& settings, Comm& comm = single_process());
-  /// The same with a batch that lies in the module's device.
+  /// The same with a batch of HGN that lies in the module's device.
   void train_step(const SampleArrays& batch, const StepSettings& settings, Comm& comm = single_process());
   StepMeans take_means();
 

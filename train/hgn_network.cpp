@@ -5,7 +5,6 @@
 #include <ATen/ops/addmm.h>
 #include <ATen/ops/arange.h>
 #include <ATen/ops/cat.h>
-#include <ATen/ops/eq.h>
 #include <ATen/ops/from_blob.h>
 #include <ATen/ops/index_select.h>
 #include <ATen/ops/mm.h>
@@ -20,16 +19,6 @@ namespace graupel::train {
 namespace {
 
 constexpr int corners = 8;
-
-/// One copy of a host array to the device, through page-locked memory on the way to a GPU.
-template <typename T>
-at::Tensor to_device(const std::vector<T>& values, at::ScalarType type, const at::Device& device) {
-  // from_blob takes no const data; the tensor is only read.
-  const at::Tensor host = at::from_blob(const_cast<T*>(values.data()), {static_cast<int64_t>(values.size())},
-                                        at::TensorOptions().dtype(type));
-  if (device.is_cpu()) return host.clone();
-  return host.pin_memory().to(device, /*non_blocking=*/true);
-}
 
 /// Row r of a [pairs, .] tensor belongs to particle r / 8 and corner r % 8.
 Term by_particle(const at::Tensor& table) { return {table, {}, 3, -1}; }
@@ -46,8 +35,8 @@ at::Tensor sum_by_corner(const at::Tensor& pairs) {
 
 DeviceBatch HgnNetwork::upload(const Batch& batch) const {
   const at::TensorOptions number = embedding_.options();
-  const at::Tensor indices = to_device(batch.indices, at::kInt, number.device());
-  const at::Tensor numbers = to_device(batch.numbers, at::kFloat, number.device()).to(number.dtype());
+  const at::Tensor indices = to_device(batch.indices, number.device());
+  const at::Tensor numbers = to_device(batch.numbers, number.device()).to(number.dtype());
   const auto index = [&](const Part& part) { return indices.narrow(0, part.begin, part.count); };
   const auto values = [&](const Part& part, int64_t width) {
     return numbers.narrow(0, part.begin, part.count).view({-1, width});
@@ -59,7 +48,7 @@ DeviceBatch HgnNetwork::upload(const Batch& batch) const {
   on_device.offset = values(batch.offset, 3);
   if (batch.target.count > 0) on_device.target = values(batch.target, 3);
   on_device.type_row = index(batch.type_row);
-  on_device.type_one_hot = one_hot(on_device.type_row);
+  on_device.type_one_hot = one_hot(on_device.type_row, embedding_.scalar_type());
   on_device.cell = index(batch.cell);
   on_device.pair_begin = index(batch.pair_begin);
   on_device.pair = index(batch.pair);
@@ -103,7 +92,7 @@ DeviceBatch HgnNetwork::attach(const SampleArrays& arrays) const {
   batch.offset = values(links.offset, 3);
   batch.target = values(arrays.target, 3);
   batch.type_row = index(arrays.type_row, 0, arrays.particles);
-  batch.type_one_hot = one_hot(batch.type_row);
+  batch.type_one_hot = one_hot(batch.type_row, embedding_.scalar_type());
   batch.cell = index(links.cell, 0, corners * arrays.particles);
   batch.pair_begin = index(links.pair_begin, 0, arrays.counts.cells[0] + 1);
   batch.pair = index(links.pair, 0, corners * arrays.particles);
@@ -133,11 +122,6 @@ DeviceBatch HgnNetwork::attach(const SampleArrays& arrays) const {
   return batch;
 }
 
-at::Tensor HgnNetwork::one_hot(const at::Tensor& type_row) const {
-  return at::eq(type_row.view({-1, 1}), at::arange(graph::embedding_rows, type_row.options()).view({1, -1}))
-      .to(embedding_.dtype());
-}
-
 void HgnNetwork::add_offsets(DeviceLevel& level, const at::Tensor& octant) const {
   level.direction = at::index_select(slot_vector_, 0, level.slot);
   level.octant = octant;
@@ -159,8 +143,8 @@ HgnNetwork::HgnNetwork(const graph::HgnConfig& config, const ParameterLayout& la
   // A sender at -x (slot 0) sees its receiver at +x.
   for (int slot = 0; slot < 6; ++slot)
     for (int d = 0; d < 3; ++d) directions.push_back(slot / 2 != d ? 0.0f : slot % 2 == 0 ? 1.0f : -1.0f);
-  corner_bits_ = to_device(bits, at::kFloat, flat.device()).to(flat.dtype()).view({corners, 3});
-  slot_vector_ = to_device(directions, at::kFloat, flat.device()).to(flat.dtype()).view({6, 3});
+  corner_bits_ = to_device(bits, flat.device()).to(flat.dtype()).view({corners, 3});
+  slot_vector_ = to_device(directions, flat.device()).to(flat.dtype()).view({6, 3});
 }
 
 at::Tensor HgnNetwork::forward(const DeviceBatch& batch, ForwardRecord* record) const {

@@ -7,62 +7,20 @@
 #include <string>
 #include <vector>
 
-#include "train/batch.h"
-#include "train/device_samples.h"
-#include "train/hgn_layers.h"
+#include "train/network_passes.h"
 
 namespace graupel::train {
 
-/// Links of one level on the device; see BatchLevel.
-struct DeviceLevel {
-  int64_t cells = 0;
-  at::Tensor edge_begin, sender, receiver, slot, reverse, parent, child_begin, child;
-  at::Tensor direction;      ///< [edges, 3] unit vector from sender to receiver
-  at::Tensor octant;         ///< [cells] child slot
-  at::Tensor parent_offset;  ///< [cells, 3] (centre of the parent - centre) / spacing
-};
-
-/// A batch on the device; see Batch.
-struct DeviceBatch {
-  int64_t particles = 0;
-  at::Tensor features, weight, offset, target;
-  at::Tensor type_row;      ///< [particles] row of the embedding table
-  at::Tensor type_one_hot;  ///< [particles, embedding rows]
-  at::Tensor cell, pair_begin, pair;
-  std::vector<DeviceLevel> level;
-};
-
-/// What the backward pass needs of each part of the forward pass.
-struct MessageRecord {
-  FcnRecord edge, cell;
-  at::Tensor nodes, edges;  ///< f and e before the iteration
-};
-struct PairRecord {
-  FcnRecord fcn;
-  at::Tensor particle_input;  ///< [particles, H + 3]
-  at::Tensor cells;           ///< [cells, H]
-};
-struct ForwardRecord {
-  FcnRecord encoder, decoder;
-  PairRecord to_grid, to_particle;
-  std::vector<std::vector<MessageRecord>> down, up;  ///< [level][iteration]
-  std::vector<FcnRecord> restriction, prolongation;
-};
-
-class HgnNetwork {
+class HgnNetwork : public NetworkPasses {
  public:
   /// `gradient` may be undefined; then only forward() may be called.
   HgnNetwork(const graph::HgnConfig& config, const ParameterLayout& layout, const at::Tensor& flat,
              const at::Tensor& gradient);
 
-  /// Copies a batch to the weights' device; two copies, asynchronous on a GPU.
-  DeviceBatch upload(const Batch& batch) const;
-  /// A batch that was made on the weights' device; the arrays are not copied.
-  DeviceBatch attach(const SampleArrays& arrays) const;
-  /// Normalised accelerations [particles, 3]. The record may be null.
-  at::Tensor forward(const DeviceBatch& batch, ForwardRecord* record) const;
-  /// Writes the gradient of every weight; `grad` is the gradient of forward()'s result.
-  void backward(const DeviceBatch& batch, const ForwardRecord& record, const at::Tensor& grad) const;
+  DeviceBatch upload(const Batch& batch) const override;
+  DeviceBatch attach(const SampleArrays& arrays) const override;
+  at::Tensor forward(const DeviceBatch& batch, ForwardRecord* record) const override;
+  void backward(const DeviceBatch& batch, const ForwardRecord& record, const at::Tensor& grad) const override;
 
  private:
   using Block = std::vector<MessageRecord>;
@@ -76,7 +34,6 @@ class HgnNetwork {
   at::Tensor pass_messages(const std::string& name, const DeviceLevel& level, at::Tensor nodes, Block* record) const;
   at::Tensor pass_messages_backward(const std::string& name, const DeviceLevel& level, const Block& record,
                                     at::Tensor grad) const;
-  at::Tensor one_hot(const at::Tensor& type_row) const;
   /// Directions of the edges and ways to the parents.
   void add_offsets(DeviceLevel& level, const at::Tensor& octant) const;
   const Fcn& fcn(const std::string& name) const { return fcns_.at(name); }

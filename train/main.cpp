@@ -33,6 +33,7 @@ using Json = nlohmann::ordered_json;
 
 /// The words of the command line.
 struct Arguments {
+  Architecture architecture = Architecture::hgn;
   std::string data, out, config, from, resume, evaluate, split = "test", device = "auto", json;
   std::vector<std::string> set;
   int64_t steps = 0, stop_step = 0, stride = 1;
@@ -102,13 +103,13 @@ void write_json(const std::string& file, const Json& json) {
   if (!file.empty()) write_file_atomically(file, json.dump(2) + "\n");
 }
 
-std::string utc_name() {
+std::string utc_name(Architecture architecture) {
   const std::time_t now = std::time(nullptr);
   std::tm utc{};
   gmtime_r(&now, &utc);
   char text[32];
-  std::strftime(text, sizeof(text), "hgn-%Y%m%dT%H%M%SZ", &utc);
-  return text;
+  std::strftime(text, sizeof(text), "-%Y%m%dT%H%M%SZ", &utc);
+  return std::string(word_of(architecture)) + text;
 }
 
 /// "auto" is the GPU only where libtorch can use it too.
@@ -119,7 +120,8 @@ Device device_of(const Arguments& arguments) {
 
 /// Settings of a new run: file, then --set, then the flags of their own.
 TrainConfig config_of(const Arguments& arguments) {
-  std::vector<std::string> overrides = arguments.set;
+  std::vector<std::string> overrides = {std::string("architecture=") + word_of(arguments.architecture)};
+  overrides.insert(overrides.end(), arguments.set.begin(), arguments.set.end());
   if (arguments.steps > 0) overrides.push_back("steps=" + std::to_string(arguments.steps));
   if (arguments.seed_option->count() > 0) overrides.push_back("seed=" + std::to_string(arguments.seed));
   if (arguments.config.empty()) return read_train_config("{}", "command line", overrides);
@@ -136,6 +138,10 @@ void prepare_resume(Arguments& arguments, TrainingOptions& options) {
       arguments.resume == "latest" ? latest_run(arguments.out.empty() ? "runs" : arguments.out) : arguments.resume;
   options.resume = true;
   options.config = read_run_config(arguments.out);
+  if (options.config.architecture != arguments.architecture)
+    throw ConfigError(fmt::format(
+        "'{}' is a run of another network ({}). Go on with it by graupel train {} --resume {}", arguments.out,
+        word_of(options.config.architecture), word_of(options.config.architecture), arguments.out));
   if (arguments.data.empty()) arguments.data = read_run_facts(arguments.out).data;
 }
 
@@ -157,7 +163,7 @@ void settle_run(Arguments& arguments, TrainingOptions& options) {
     if (arguments.data.empty())
       throw ConfigError("--data is missing. Name the folder of a data set ('graupel generate' makes one)");
     options.config = config_of(arguments);
-    if (arguments.out.empty()) arguments.out = "runs/" + utc_name();
+    if (arguments.out.empty()) arguments.out = "runs/" + utc_name(arguments.architecture);
   }
   options.data = arguments.data;
   options.run = arguments.out;
@@ -225,7 +231,7 @@ int run_training(Arguments& arguments) {
   print(fmt::format("{} at step {} after {}: {}", name_of(result.reason), result.step, human_time(result.seconds),
                     result.weights_file));
   if (result.reason == StopReason::finished) return 0;
-  print(fmt::format("Go on with: graupel train hgn --resume {}", arguments.out));
+  print(fmt::format("Go on with: graupel train {} --resume {}", word_of(arguments.architecture), arguments.out));
   return stop_signal() == SIGINT ? static_cast<int>(ExitCode::interrupted) : 0;
 }
 
@@ -235,11 +241,11 @@ int run_evaluation(const Arguments& arguments) {
   const Device device = device_of(arguments);
   configure_torch(num_threads(), /*tf32=*/true);
   const nn::Weights weights = nn::read_safetensors(arguments.evaluate);
-  const auto architecture = weights.metadata.find("architecture");
-  if (architecture == weights.metadata.end() || architecture->second != graph::hgn_architecture)
-    throw InputError("'" + arguments.evaluate + "' is not a hierarchical graph network (architecture '" +
-                     (architecture == weights.metadata.end() ? "" : architecture->second) + "', needed 'hgn')");
-  const graph::HgnConfig config = graph::HgnConfig::from_metadata(weights.metadata, arguments.evaluate);
+  const NetworkConfig config = network_config_of(weights);
+  if (architecture_of(config) != arguments.architecture)
+    throw InputError(fmt::format("'{}' holds another network (architecture '{}', needed '{}'). Use graupel train {}",
+                                 arguments.evaluate, word_of(architecture_of(config)), word_of(arguments.architecture),
+                                 word_of(architecture_of(config))));
   const graph::Normalization normalization = graph::read_normalization(weights);
   HgnModule module(config, device, 0);
   module.set_state(StateArray::weights, weights);
@@ -268,10 +274,11 @@ int run_evaluation(const Arguments& arguments) {
 }
 
 void add_options(CLI::App& verb, Arguments& a) {
+  const std::string word = word_of(a.architecture);
   verb.add_option("--data", a.data, "Folder of the data set: train.h5, valid.h5, test.h5");
-  verb.add_option("--out", a.out, "Run folder (default: runs/hgn-<time>)");
+  verb.add_option("--out", a.out, fmt::format("Run folder (default: runs/{}-<time>)", word));
   verb.add_option("--config", a.config, "Settings as JSON (see --print-defaults)");
-  verb.add_option("--set", a.set, "Override a setting: key=value, hgn.latent=64")->take_all();
+  verb.add_option("--set", a.set, fmt::format("Override a setting: key=value, {}.latent=64", word))->take_all();
   verb.add_option("--steps", a.steps, "Optimiser steps")->check(whole_number(1));
   verb.add_option("--minutes", a.minutes, "Stop after this wall time, with a checkpoint")
       ->check(real_number(LowerBound::above_zero));
@@ -296,20 +303,27 @@ void add_options(CLI::App& verb, Arguments& a) {
       ->check(whole_number(1))
       ->capture_default_str();
   verb.footer(
-      "Examples:\n  graupel train hgn --data data/hgn --out runs/hgn --minutes 15\n"
-      "  graupel train hgn --evaluate runs/hgn/weights.safetensors --data data/hgn --split test --json errors.json");
+      fmt::format("Examples:\n  graupel train {0} --data data/hgn --out runs/{0} --minutes 15\n"
+                  "  graupel train {0} --evaluate runs/{0}/weights.safetensors --data data/hgn --split test --json "
+                  "errors.json",
+                  word));
 }
 
 int run(int argc, char** argv) {
   CLI::App app{"graupel-train: trains the learned simulators of Graupel."};
   app.set_version_flag("--version", std::string("graupel-train ") + GRAUPEL_VERSION + ", libtorch " + torch_version());
   app.require_subcommand(1);
+  std::string command_line;
+  for (int i = 0; i < argc; ++i) command_line += (i > 0 ? " " : "") + std::string(argv[i]);
   CLI::App* hgn = app.add_subcommand("hgn", "The hierarchical graph network");
-  Arguments arguments;
-  for (int i = 0; i < argc; ++i) arguments.command_line += (i > 0 ? " " : "") + std::string(argv[i]);
-  add_options(*hgn, arguments);
+  CLI::App* gns = app.add_subcommand("gns", "The graph network simulator that it is compared with (GNS)");
+  Arguments of_hgn, of_gns;
+  of_gns.architecture = Architecture::gns;
+  of_hgn.command_line = of_gns.command_line = command_line;
+  add_options(*hgn, of_hgn);
+  add_options(*gns, of_gns);
   int exit_code = 0;
-  add_nsf_command(app, arguments.command_line, exit_code);
+  add_nsf_command(app, command_line, exit_code);
   try {
     app.parse(argc, argv);
   } catch (const CLI::Success& help) {
@@ -319,9 +333,12 @@ int run(int argc, char** argv) {
                  parse_error_text(app, error).c_str());
     return static_cast<int>(ExitCode::usage);
   }
-  if (!hgn->parsed()) return exit_code;
+  if (!hgn->parsed() && !gns->parsed()) return exit_code;
+  Arguments& arguments = hgn->parsed() ? of_hgn : of_gns;
   if (arguments.print_defaults) {
-    fmt::print("{}\n", train_config_text(TrainConfig()));
+    TrainConfig defaults;
+    defaults.architecture = arguments.architecture;
+    fmt::print("{}\n", train_config_text(defaults));
     return 0;
   }
   set_num_threads(arguments.threads);

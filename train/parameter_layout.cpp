@@ -6,6 +6,7 @@
 #include "core/error.h"
 #include "core/random.h"
 #include "graph/features.h"
+#include "graph/gns_graph.h"
 
 namespace graupel::train {
 
@@ -13,7 +14,27 @@ namespace {
 constexpr int64_t alignment = 64;  // numbers: every tensor starts on a 256-byte boundary
 }
 
-ParameterLayout::ParameterLayout(const graph::HgnConfig& config) {
+ParameterLayout::ParameterLayout(const NetworkConfig& config) {
+  if (const auto* hgn = std::get_if<graph::HgnConfig>(&config)) add_hgn(*hgn);
+  if (const auto* gns = std::get_if<graph::GnsConfig>(&config)) add_gns(*gns);
+}
+
+void ParameterLayout::add_gns(const graph::GnsConfig& config) {
+  const int64_t h = config.latent;
+  const auto fcn = [&](const std::string& name, int64_t inputs, int64_t outputs, bool norm) {
+    add_fcn({name, inputs, outputs, norm, config.hidden_layers, config.leaky_slope}, h);
+  };
+  add("embedding.weight", {graph::embedding_rows, config.embedding}, 0);
+  fcn("encoder.node", config.input_width(), h, true);
+  fcn("encoder.edge", graph::edge_feature_count, h, true);
+  for (int64_t k = 0; k < config.message_passing; ++k) {
+    fcn("step." + std::to_string(k) + ".edge", 3 * h, h, true);
+    fcn("step." + std::to_string(k) + ".node", 2 * h, h, true);
+  }
+  fcn("decoder", h, 3, false);
+}
+
+void ParameterLayout::add_hgn(const graph::HgnConfig& config) {
   const int64_t h = config.latent;
   const auto block = [&](const std::string& name) {
     for (int64_t k = 0; k < config.message_passing; ++k) {
@@ -45,15 +66,17 @@ void ParameterLayout::add(const std::string& name, std::vector<int64_t> shape, i
   count_ += count;
 }
 
-void ParameterLayout::add_fcn(const std::string& name, int64_t inputs, int64_t outputs, bool norm, int64_t hidden) {
-  fcns_.push_back({name, inputs, outputs, norm});
-  add(name + ".layer1.weight", {hidden, inputs}, inputs);
-  add(name + ".layer1.bias", {hidden}, inputs);
-  add(name + ".layer2.weight", {outputs, hidden}, hidden);
-  add(name + ".layer2.bias", {outputs}, hidden);
-  if (!norm) return;
-  add(name + ".norm.weight", {outputs}, 0);
-  add(name + ".norm.bias", {outputs}, 0);
+void ParameterLayout::add_fcn(const FcnShape& shape, int64_t hidden) {
+  fcns_.push_back(shape);
+  for (int64_t l = 1; l <= shape.hidden_layers + 1; ++l) {
+    const std::string layer = shape.name + ".layer" + std::to_string(l);
+    const int64_t rows = l <= shape.hidden_layers ? hidden : shape.outputs, columns = l == 1 ? shape.inputs : hidden;
+    add(layer + ".weight", {rows, columns}, columns);
+    add(layer + ".bias", {rows}, columns);
+  }
+  if (!shape.norm) return;
+  add(shape.name + ".norm.weight", {shape.outputs}, 0);
+  add(shape.name + ".norm.bias", {shape.outputs}, 0);
 }
 
 const Parameter& ParameterLayout::find(const std::string& name) const {

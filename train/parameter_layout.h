@@ -1,13 +1,15 @@
 // Names, shapes and places of the network's weights in one flat array, so that the optimiser, the moving average and
-// the gradient norm are single operations. The names are those of graph/hierarchical_graph_network.h.
+// the gradient norm are single operations. The names are those of graph/hierarchical_graph_network.h and
+// graph/gns_network.h.
 #pragma once
 
 #include <cstdint>
 #include <string>
 #include <vector>
 
-#include "graph/hgn_config.h"
 #include "nn/weights.h"
+#include "train/graph_kernels.h"
+#include "train/network_config.h"
 
 namespace graupel::train {
 
@@ -19,16 +21,19 @@ struct Parameter {
   int64_t fan_in = 0;  ///< inputs of the linear layer it belongs to; 0 for norms and the embedding
 };
 
-/// A fully connected network of the architecture: inputs -> H -> outputs, then a layer norm but for the decoder.
+/// A fully connected network of the architecture: inputs -> H (once or more) -> outputs, then a layer norm but for the
+/// decoder.
 struct FcnShape {
   std::string name;  ///< e.g. "down.0.1.edge"
   int64_t inputs = 0, outputs = 0;
   bool norm = true;
+  int64_t hidden_layers = 1;
+  double slope = leaky_slope;  ///< of the activation
 };
 
 class ParameterLayout {
  public:
-  explicit ParameterLayout(const graph::HgnConfig& config);
+  explicit ParameterLayout(const NetworkConfig& config);
 
   int64_t size() const { return size_; }              ///< numbers of the flat array, gaps for alignment included
   int64_t parameter_count() const { return count_; }  ///< numbers that are weights
@@ -45,8 +50,13 @@ class ParameterLayout {
   std::vector<float> from_weights(const nn::Weights& weights) const;
 
  private:
+  void add_hgn(const graph::HgnConfig& config);
+  void add_gns(const graph::GnsConfig& config);
   void add(const std::string& name, std::vector<int64_t> shape, int64_t fan_in);
-  void add_fcn(const std::string& name, int64_t inputs, int64_t outputs, bool norm, int64_t hidden);
+  void add_fcn(const FcnShape& shape, int64_t hidden);
+  void add_fcn(const std::string& name, int64_t inputs, int64_t outputs, bool norm, int64_t hidden) {
+    add_fcn({name, inputs, outputs, norm}, hidden);
+  }
 
   std::vector<Parameter> parameters_;
   std::vector<FcnShape> fcns_;

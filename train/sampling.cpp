@@ -5,6 +5,9 @@
 #include <numbers>
 
 #include "core/error.h"
+#include "core/material_config.h"
+#include "graph/gns_graph.h"
+#include "graph/gns_network.h"
 #include "train/symmetry.h"
 
 namespace graupel::train {
@@ -14,15 +17,54 @@ namespace {
 /// Frames of a trajectory that have a next one.
 int64_t usable(const TrajectoryInfo& trajectory) { return trajectory.frames - 1; }
 
+/// Hierarchy or links between particles at `now`.
+void set_graph(SceneGraph& graph, const NetworkConfig& config, const std::vector<Vec3f>& now, const Vec3d& origin) {
+  if (const auto* hgn = std::get_if<graph::HgnConfig>(&config)) {
+    graph.hierarchy = sparsegrid::build_hierarchy<3>(now, hgn->spacing, origin, static_cast<int>(hgn->levels));
+    return;
+  }
+  const auto& gns = std::get<graph::GnsConfig>(config);
+  graph.links = sparsegrid::build_radius_graph(now, gns.radius, sparsegrid::SelfEdges::with);
+  graph.edge_features.reserve(graph.links.sender.size() * graph::edge_feature_count);
+  for (std::size_t r = 0; r < now.size(); ++r)
+    for (int32_t e = graph.links.begin[r]; e < graph.links.begin[r + 1]; ++e) {
+      const auto s = static_cast<std::size_t>(graph.links.sender[static_cast<std::size_t>(e)]);
+      const auto features = graph::edge_features(now[s], now[r], gns.radius);
+      graph.edge_features.insert(graph.edge_features.end(), features.begin(), features.end());
+    }
+}
+
+/// Appends the obstacle particles within reach of the turned positions `now`, their features and types.
+void add_obstacles(SceneGraph& graph, const graph::GnsConfig& config, const SampleRules& rules,
+                   const graph::Surroundings& surroundings, const SampleScene& scene, std::vector<Vec3f>& now) {
+  if (!config.obstacle_particles) return;
+  const std::vector<Vec3f>& points = surroundings.obstacle_particles.at_spacing(config.obstacle_spacing);
+  std::vector<Vec3f> turned;
+  for (const Vec3f& x : points) turned.push_back(scene.turn.apply(x));
+  const std::vector<int32_t> near = graph::within_reach(turned, now, config.reach());
+  const auto width = static_cast<std::size_t>(rules.features.width);
+  for (const int32_t p : near) {
+    Vec3f position[graph::most_history + 1];
+    std::fill(std::begin(position), std::end(position), points[static_cast<std::size_t>(p)]);
+    graph.features.resize(graph.features.size() + width);
+    graph::write_feature_row(rules.features, scene.surroundings, scene.turn, position,
+                             graph.features.data() + graph.features.size() - width);
+    now.push_back(turned[static_cast<std::size_t>(p)]);
+  }
+  graph.type_row.insert(graph.type_row.end(), near.size(), graph::embedding_row(obstacle_particle_type));
+  graph.obstacle_particles = static_cast<int64_t>(near.size());
+}
+
 SceneGraph training_graph(const DataSplit& split, const TrainConfig& config, const SampleRules& rules, int64_t step,
                           int64_t slot) {
   const SampleDraw draw = draw_training_sample(split, config, step, slot);
   const TrajectoryInfo& trajectory = split.trajectory(draw.key.trajectory);
   const std::vector<std::vector<Vec3f>> history =
-      split.history(draw.key.trajectory, draw.key.frame, config.hgn.history);
+      split.history(draw.key.trajectory, draw.key.frame, rules.features.history);
   const std::vector<Vec3f> next = split.positions(draw.key.trajectory, draw.key.frame + 1, 1).front();
+  const graph::Surroundings& surroundings = trajectory.context->surroundings;
   const SampleScene scene{
-      0, draw.stream, draw.turn, draw.displacement, draw.drift, trajectory.context->surroundings.view(Device::cpu)};
+      0, draw.stream, draw.turn, draw.displacement, draw.drift, surroundings.view(Device::cpu)};
   SceneGraph graph;
   graph.type_row = trajectory.type_row;
   graph.features.resize(next.size() * static_cast<std::size_t>(rules.features.width));
@@ -35,8 +77,8 @@ SceneGraph training_graph(const DataSplit& split, const TrainConfig& config, con
                           graph.features.data() + p * static_cast<std::size_t>(rules.features.width),
                           graph.target.data() + 3 * p);
   }
-  graph.hierarchy =
-      sparsegrid::build_hierarchy<3>(now, config.hgn.spacing, draw.origin, static_cast<int>(config.hgn.levels));
+  if (config.architecture == Architecture::gns) add_obstacles(graph, config.gns, rules, surroundings, scene, now);
+  set_graph(graph, config.network(), now, draw.origin);
   return graph;
 }
 
@@ -117,7 +159,7 @@ SampleDraw draw_training_sample(const DataSplit& split, const TrainConfig& confi
 }
 
 SampleRules sample_rules(const TrainConfig& config, const graph::Normalization& normalization) {
-  return {graph::FeatureRules(config.hgn, normalization), config.seed, config.noise_std,
+  return {graph::FeatureRules(config.features(), normalization), config.seed, config.noise_std,
           static_cast<float>(config.wave_recovery)};
 }
 
@@ -141,14 +183,22 @@ std::vector<Vec3f> acceleration_of(const std::vector<Vec3f>& next, const std::ve
   return acceleration;
 }
 
-SceneGraph scene_graph(const graph::HgnConfig& config, const graph::Normalization& normalization,
+SceneGraph scene_graph(const NetworkConfig& config, const graph::Normalization& normalization,
                        const TrajectoryInfo& trajectory, const std::vector<std::vector<Vec3f>>& history,
                        const Vec3d& origin) {
+  const graph::Surroundings& surroundings = trajectory.context->surroundings;
   SceneGraph graph;
-  graph.features = graph::particle_features(config, normalization, trajectory.context->surroundings, history);
   graph.type_row = trajectory.type_row;
-  graph.hierarchy =
-      sparsegrid::build_hierarchy<3>(history.back(), config.spacing, origin, static_cast<int>(config.levels));
+  if (const auto* gns = std::get_if<graph::GnsConfig>(&config); gns && gns->obstacle_particles) {
+    std::vector<std::vector<Vec3f>> all = history;
+    graph::add_obstacle_particles(*gns, surroundings, all, graph.type_row);
+    graph.obstacle_particles = static_cast<int64_t>(all.back().size() - history.back().size());
+    graph.features = graph::particle_features(*gns, normalization, surroundings, all);
+    set_graph(graph, config, all.back(), origin);
+    return graph;
+  }
+  graph.features = graph::particle_features(features_of(config), normalization, surroundings, history);
+  set_graph(graph, config, history.back(), origin);
   return graph;
 }
 

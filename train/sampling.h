@@ -38,8 +38,8 @@ std::vector<Vec3f> add_random_walk(std::vector<std::vector<Vec3f>>& positions, d
 /// The acceleration x^{n+1} - 2 x^n + x^{n-1} [m/frame^2], from the next positions and a history (newest last).
 std::vector<Vec3f> acceleration_of(const std::vector<Vec3f>& next, const std::vector<std::vector<Vec3f>>& history);
 
-/// What the network sees of a history, without target; the grid starts at `origin`.
-SceneGraph scene_graph(const graph::HgnConfig& config, const graph::Normalization& normalization,
+/// What the network sees of a history, without target; HGN's grid starts at `origin`.
+SceneGraph scene_graph(const NetworkConfig& config, const graph::Normalization& normalization,
                        const TrajectoryInfo& trajectory, const std::vector<std::vector<Vec3f>>& history,
                        const Vec3d& origin);
 /// Origin of the grid in evaluation and rollouts: the domain's lower corner.

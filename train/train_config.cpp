@@ -5,6 +5,16 @@
 
 namespace graupel::train {
 
+NetworkConfig TrainConfig::network() const {
+  if (architecture == Architecture::gns) return gns;
+  return hgn;
+}
+
+const graph::FeatureConfig& TrainConfig::features() const {
+  if (architecture == Architecture::gns) return gns;
+  return hgn;
+}
+
 double TrainConfig::rate_at(int64_t step) const {
   const auto at = static_cast<double>(step), all = static_cast<double>(steps);
   const double share = schedule == RateSchedule::cosine
@@ -20,6 +30,7 @@ double TrainConfig::ema_decay_at(int64_t step) const {
 }
 
 double TrainConfig::jitter_width() const {
+  if (architecture != Architecture::hgn) return 0;
   switch (jitter) {
     case GridJitter::coarsest:
       return hgn.spacing * static_cast<double>(int64_t{1} << (hgn.levels - 1));

@@ -1,11 +1,11 @@
-// Settings of a training run of the hierarchical graph network. Defaults follow the HGN paper, section 3.3, but for the
+// Settings of a training run of a graph network. Defaults follow the HGN paper, section 3.3, but for the
 // batch (the paper: one scene), the moving average and the grid jitter.
 #pragma once
 
 #include <cstdint>
 
 #include "core/fields.h"
-#include "graph/hgn_config.h"
+#include "train/network_config.h"
 
 namespace graupel {
 namespace train {
@@ -39,7 +39,9 @@ struct EnumWords<train::RateSchedule> {
 namespace train {
 
 struct TrainConfig {
+  Architecture architecture = Architecture::hgn;
   graph::HgnConfig hgn;
+  graph::GnsConfig gns;
   uint64_t seed = 0;
   int64_t steps = 25000;
   int64_t batch_scenes = 16;
@@ -59,6 +61,7 @@ struct TrainConfig {
   GridJitter jitter = GridJitter::coarsest;
   bool symmetries = false;
   bool tf32 = true;
+  int64_t checkpoint_layers = 0;
   bool mixed_precision = true;
   int64_t log_interval = 50;
   int64_t checkpoint_interval = 1000;
@@ -68,6 +71,9 @@ struct TrainConfig {
   int64_t rollout_frames = 60;
   double memory_limit = 0;  ///< [GB]
 
+  /// The network that is trained.
+  NetworkConfig network() const;
+  const graph::FeatureConfig& features() const;
   /// Learning rate of a step, counted from 0.
   double rate_at(int64_t step) const;
   /// Decay of the moving average in a step, counted from 0: lower at first, so that it forgets the initial weights.
@@ -78,7 +84,11 @@ struct TrainConfig {
   template <typename Visitor>
   static void fields(Visitor&& visit) {
     using C = TrainConfig;
-    visit(&C::hgn, FieldInfo{.name = "hgn", .unit = "", .meaning = "The network"});
+    visit(&C::architecture, FieldInfo{.name = "architecture",
+                                      .unit = "",
+                                      .meaning = "Which network: the command `train hgn` or `train gns` sets it"});
+    visit(&C::hgn, FieldInfo{.name = "hgn", .unit = "", .meaning = "The network", .only_for = "hgn"});
+    visit(&C::gns, FieldInfo{.name = "gns", .unit = "", .meaning = "The network", .only_for = "gns"});
     visit(&C::seed,
           FieldInfo{.name = "seed", .unit = "", .meaning = "Seed of the weights, the order of samples and the noise"});
     visit(&C::steps,
@@ -140,18 +150,27 @@ struct TrainConfig {
         FieldInfo{.name = "wave_shortest", .unit = "m", .meaning = "Shortest wavelength", .range = Range::positive()});
     visit(&C::wave_longest,
           FieldInfo{.name = "wave_longest", .unit = "m", .meaning = "Longest wavelength", .range = Range::positive()});
-    visit(&C::jitter, FieldInfo{.name = "jitter", .unit = "", .meaning = "Random shift of the grid's origin"});
+    visit(&C::jitter,
+          FieldInfo{.name = "jitter", .unit = "", .meaning = "Random shift of the grid's origin", .only_for = "hgn"});
     visit(
         &C::symmetries,
         FieldInfo{.name = "symmetries",
                   .unit = "",
                   .meaning = "Turn and mirror each sample by a random symmetry of the axes that leaves gravity alone"});
     visit(&C::tf32, FieldInfo{.name = "tf32", .unit = "", .meaning = "TF32 matrix products on a GPU"});
+    visit(&C::checkpoint_layers,
+          FieldInfo{.name = "checkpoint_layers",
+                    .unit = "",
+                    .meaning = "Keep the latents of every so many steps and evaluate those between again on the way "
+                               "back: less memory, a third more time; 0 keeps all",
+                    .range = Range::between(0, 64),
+                    .only_for = "gns"});
     visit(&C::mixed_precision,
           FieldInfo{
               .name = "mixed_precision",
               .unit = "",
-              .meaning = "Training steps on a GPU with products in bf16, sums and weights in f32 (latent width 128)"});
+              .meaning = "Training steps on a GPU with products in bf16, sums and weights in f32 (latent width 128)",
+              .only_for = "hgn"});
     visit(&C::log_interval, FieldInfo{.name = "log_interval",
                                       .unit = "steps",
                                       .meaning = "Steps between lines of the metrics",

@@ -108,8 +108,8 @@ TrainingRun::TrainingRun(const TrainingOptions& options)
     : options_(options),
       config_(options.config),
       comm_(*options.comm),
-      module_(config_.hgn, options.device, config_.seed,
-              config_.mixed_precision ? NumberType::mixed : NumberType::f32) {
+      module_(config_.network(), options.device, config_.seed,
+              config_.mixed_precision ? NumberType::mixed : NumberType::f32, config_.checkpoint_layers) {
   if (comm_.size() > config_.batch_scenes)
     throw ConfigError(std::to_string(comm_.size()) + " ranks are too many for batches of " +
                       std::to_string(config_.batch_scenes) +
@@ -151,7 +151,7 @@ std::unique_ptr<DataSplit> TrainingRun::open(const std::string& name) const {
     say(name + ": " + what + " " + std::to_string(done) + "/" + std::to_string(total));
   };
   auto opened = std::make_unique<DataSplit>(options_.data + "/" + name, split);
-  opened->check_fits(config_.hgn);
+  opened->check_fits(config_.network());
   return opened;
 }
 
@@ -169,11 +169,10 @@ void TrainingRun::prepare_normalization() {
 
 void TrainingRun::start_from_weights() {
   const nn::Weights weights = nn::read_safetensors(options_.from);
-  const graph::HgnConfig theirs = graph::HgnConfig::from_metadata(weights.metadata, options_.from);
-  if (theirs.to_metadata() != config_.hgn.to_metadata())
+  const auto theirs = metadata_of(network_config_of(weights)), ours = metadata_of(config_.network());
+  if (theirs != ours)
     throw ConfigError("'" + options_.from + "' is a network with other settings than this run's (" +
-                      first_difference(theirs.to_metadata(), config_.hgn.to_metadata()) +
-                      "). Give this run the file's, with --set");
+                      first_difference(theirs, ours) + "). Give this run the file's, with --set");
   // What the weights mean depends on the statistics that they were trained with.
   normalization_ = graph::read_normalization(weights);
   for (const StateArray array : {StateArray::weights, StateArray::ema}) module_.set_state(array, weights);
@@ -192,7 +191,7 @@ void TrainingRun::restore() {
 }
 
 void TrainingRun::prepare_samples() {
-  if (options_.device != Device::cuda) return;
+  if (options_.device != Device::cuda || config_.architecture != Architecture::hgn) return;
   const uint64_t needed = DeviceSamples::bytes_for(*train_), free = available_bytes(Device::cuda);
   if (needed > free / 2) {
     say("the data set (" + std::to_string(needed >> 20) + " MiB) is too large for half of the GPU's free memory (" +
@@ -364,7 +363,7 @@ bool TrainingRun::any_rank(bool own) {
 std::string TrainingRun::export_weights() const {
   nn::Weights weights = module_.state(StateArray::ema);
   graph::add_normalization(weights, normalization_);
-  weights.metadata = config_.hgn.to_metadata();
+  weights.metadata = metadata_of(config_.network());
   CheckpointState state = state_;
   state.seconds = seconds();
   weights.metadata.merge(training_provenance(options_, state, *train_, validation_));

@@ -1,4 +1,4 @@
-// Trains a hierarchical graph network on a data set, in a run folder; stops, resumes and validates.
+// Trains a graph network on a data set, in a run folder; stops, resumes and validates.
 #pragma once
 
 #include <cstdint>

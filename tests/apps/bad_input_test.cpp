@@ -152,13 +152,13 @@ TEST(BadInput, DamagedWeights) {
 TEST(BadInput, WeightsOfAnotherArchitecture) {
   const Folder folder;
   const std::string header =
-      R"({"__metadata__":{"architecture":"gns","format_version":"1"},"w":{"dtype":"F32","shape":[1],"data_offsets":[0,4]}})";
+      R"({"__metadata__":{"architecture":"segnn","format_version":"1"},"w":{"dtype":"F32","shape":[1],"data_offsets":[0,4]}})";
   std::string bytes(8, '\0');
   for (int i = 0; i < 8; ++i) bytes[static_cast<std::size_t>(i)] = static_cast<char>(header.size() >> (8 * i) & 255);
   const auto file = folder.write("other.safetensors", bytes + header + std::string(4, '\0'));
   const Outcome outcome = graupel("rollout " + file + " scenes/shared/water_steps.json");
   EXPECT_EQ(outcome.exit_code, 3);
-  EXPECT_TRUE(outcome.says("gns") && outcome.says("hgn")) << outcome.output;
+  EXPECT_TRUE(outcome.says("segnn") && outcome.says("gns") && outcome.says("hgn")) << outcome.output;
 }
 
 TEST(BadInput, OutputFolderNotWritable) {

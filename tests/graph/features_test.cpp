@@ -30,7 +30,7 @@ Normalization made_normalization() {
 }
 
 TEST(Features, LayoutAndValuesOfAKnownCase) {
-  HgnConfig config;
+  FeatureConfig config;
   config.history = 2;
   config.signed_distance = true;
   config.wall_clamp = 0.3;
@@ -68,7 +68,7 @@ TEST(Features, LayoutAndValuesOfAKnownCase) {
 }
 
 TEST(Features, CellNormalIsTheOneOfTheParticlesCell) {
-  HgnConfig config;
+  FeatureConfig config;
   config.history = 1;
   const Surroundings surroundings(scene_with_ball());
   const Vec3f x = {0.5f, 0.702f, 0.5f};  // the cell that the top of the ball passes through
@@ -82,7 +82,7 @@ TEST(Features, CellNormalIsTheOneOfTheParticlesCell) {
 }
 
 TEST(Features, OutsideTheDomainDistancesAreNegativeAndWithoutObstaclesFar) {
-  HgnConfig config;
+  FeatureConfig config;
   config.history = 1;
   config.cell_normal = false;
   config.signed_distance = true;
@@ -102,7 +102,7 @@ TEST(Features, OutsideTheDomainDistancesAreNegativeAndWithoutObstaclesFar) {
 }
 
 TEST(Features, WrongNumberOfFramesOrParticlesIsAProgrammersError) {
-  const HgnConfig config;
+  const FeatureConfig config;
   const Surroundings surroundings{Scene{}};
   const std::vector<Vec3f> one(1, Vec3f::zero()), two(2, Vec3f::zero());
   EXPECT_THROW(particle_features(config, {}, surroundings, std::vector(5, one)), std::logic_error);

@@ -187,6 +187,65 @@ TEST_F(LearnedSimulatorTest, ARolloutThatBlowsUpStopsAndSaysWhen) {
   for (const Vec3f& x : t.frames.back().position) EXPECT_TRUE(std::isfinite(x[0]));
 }
 
+GnsConfig small_gns() {
+  GnsConfig config;
+  config.latent = 16;
+  config.message_passing = 2;
+  config.embedding = 4;
+  config.history = 3;
+  config.obstacle_particles = true;
+  config.obstacle_spacing = 1.0 / 32;
+  return config;
+}
+
+TEST_F(LearnedSimulatorTest, AGnsRollsOutWithItsObstacleParticles) {
+  nn::Weights weights = random_weights(small_gns(), free_flight());
+  silence_decoder(weights);
+  const LearnedSimulator ballistic = make(weights), random = make(random_weights(small_gns(), free_flight()));
+  EXPECT_EQ(ballistic.config().history, 3);
+  Scene scene;
+  Obstacle ball;
+  ball.shape = Shape::sphere;
+  ball.radius = 0.15;
+  ball.position = {0.5, 0.35, 0.5};
+  scene.obstacles.push_back(ball);
+  const Surroundings surroundings(scene);
+  std::vector<Vec3f> position;
+  for (int i = 0; i < 100; ++i)
+    position.push_back({0.4f + 0.02f * static_cast<float>(i % 10), 0.7f, 0.4f + 0.02f * static_cast<float>(i / 10)});
+  const auto start = start_history(position, std::vector<Vec3f>(100, Vec3f{0, -2, 0}), scene.gravity, frame_time, 4);
+  LearnedSimulator::RolloutOptions options;
+  options.frames = 30;
+  FrameTiming timing;
+  options.progress = [&](int64_t, const FrameTiming& t) { timing = t; };
+  const Trajectory t = ballistic.rollout(scene, surroundings, std::vector<int32_t>(100, 5), start, options);
+  EXPECT_EQ(t.frame_count(), 31u);
+  EXPECT_EQ(t.particle_count(), 100u);
+  EXPECT_NEAR(t.frames[1].position[0][1], 0.7 - 2 * frame_time + gravity * frame_time * frame_time / 2, 1e-5);
+  for (const Vec3f& x : t.frames.back().position) {
+    EXPECT_GT(surroundings.obstacles.sample(x.cast<double>()).phi, -1e-6);
+  }
+  EXPECT_GT(timing.network, 0);
+  EXPECT_GT(timing.features, 0);
+  EXPECT_GT(timing.hierarchy, 0);
+  std::vector<Trajectory> runs;
+  options.frames = 4;
+  for (const int threads : {1, 3}) {
+    set_num_threads(threads);
+    runs.push_back(random.rollout(scene, surroundings, std::vector<int32_t>(100, 6), start, options));
+  }
+  set_num_threads(0);
+  EXPECT_EQ(runs[0].frames.back().position, runs[1].frames.back().position);
+  options.device = Device::cuda;
+  try {
+    random.rollout(scene, surroundings, std::vector<int32_t>(100, 6), start, options);
+    ADD_FAILURE();
+  } catch (const ConfigError& error) {
+    EXPECT_NE(std::string(error.what()).find("no kernels for a GPU (architecture 'gns'"), std::string::npos)
+        << error.what();
+  }
+}
+
 TEST_F(LearnedSimulatorTest, RolloutsDoNotDependOnTheNumberOfThreads) {
   const LearnedSimulator simulator = make(random_weights(small_config(), free_flight()));
   const Scene scene;

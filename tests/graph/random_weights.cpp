@@ -23,12 +23,13 @@ class Maker {
     weights_.tensors[name] = nn::Tensor::from_float(values, std::move(shape));
   }
 
-  void fcn(const std::string& name, int64_t in, int64_t hidden, int64_t out, bool norm) {
-    const double first = 1 / std::sqrt(static_cast<double>(in)), second = 1 / std::sqrt(static_cast<double>(hidden));
-    fill(name + ".layer1.weight", {hidden, in}, 0, first);
-    fill(name + ".layer1.bias", {hidden}, 0, first);
-    fill(name + ".layer2.weight", {out, hidden}, 0, second);
-    fill(name + ".layer2.bias", {out}, 0, second);
+  void fcn(const std::string& name, int64_t in, int64_t hidden, int64_t out, bool norm, int64_t hidden_layers = 1) {
+    for (int64_t l = 1; l <= hidden_layers + 1; ++l, in = hidden) {
+      const double bound = 1 / std::sqrt(static_cast<double>(in));
+      const int64_t rows = l <= hidden_layers ? hidden : out;
+      fill(name + ".layer" + std::to_string(l) + ".weight", {rows, in}, 0, bound);
+      fill(name + ".layer" + std::to_string(l) + ".bias", {rows}, 0, bound);
+    }
     if (!norm) return;
     fill(name + ".norm.weight", {out}, 1, 0.2);
     fill(name + ".norm.bias", {out}, 0, 0.2);
@@ -67,6 +68,25 @@ nn::Weights random_weights(const HgnConfig& config, const Normalization& normali
     maker.fcn("restrict." + std::to_string(l), h + 3, h, h, true);
     maker.fcn("prolong." + std::to_string(l), 2 * h + 3, h, h, true);
   }
+  return weights;
+}
+
+nn::Weights random_weights(const GnsConfig& config, const Normalization& normalization, uint64_t seed) {
+  nn::Weights weights;
+  weights.file = "random.safetensors";
+  weights.metadata = config.to_metadata();
+  add_normalization(weights, normalization);
+  Maker maker(weights, seed);
+  const int64_t h = config.latent, layers = config.hidden_layers;
+  maker.fill("embedding.weight", {9, config.embedding}, 0, 1);
+  maker.fcn("encoder.node", config.input_width(), h, h, true, layers);
+  maker.fcn("encoder.edge", 4, h, h, true, layers);
+  for (int64_t k = 0; k < config.message_passing; ++k) {
+    const std::string prefix = "step." + std::to_string(k);
+    maker.fcn(prefix + ".edge", 3 * h, h, h, true, layers);
+    maker.fcn(prefix + ".node", 2 * h, h, h, true, layers);
+  }
+  maker.fcn("decoder", h, h, 3, false, layers);
   return weights;
 }
 

@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "core/vec.h"
+#include "graph/gns_config.h"
 #include "graph/hgn_config.h"
 #include "nn/weights.h"
 
@@ -12,8 +13,9 @@ namespace graupel::graph {
 /// Every weight of the network uniform in +-1/sqrt(fan in) (PyTorch's default for linear layers), layer norms near
 /// identity, embeddings in +-1.
 nn::Weights random_weights(const HgnConfig& config, const Normalization& normalization, uint64_t seed = 1);
+nn::Weights random_weights(const GnsConfig& config, const Normalization& normalization, uint64_t seed = 1);
 
-/// Sets the decoder's second layer to zero: the normalised acceleration is 0 everywhere.
+/// Sets the decoder's last layer to zero (one hidden layer): the normalised acceleration is 0 everywhere.
 void silence_decoder(nn::Weights& weights);
 
 /// `particles` random points in `count` cubes of half edge `radius` [m], with centres in the unit cube.

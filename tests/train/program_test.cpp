@@ -87,13 +87,56 @@ TEST_F(Program, TrainsWritesARunFolderAndEvaluates) {
   EXPECT_NE(read_file(folder_ + "/errors.json").find("near_obstacle"), std::string::npos);
 }
 
+TEST_F(Program, TrainsGoesOnWithAndEvaluatesAGns) {
+  const std::vector<std::string> words = {"gns",
+                                          "--data",
+                                          tiny_data_set(),
+                                          "--out",
+                                          folder_ + "/gns",
+                                          "--steps",
+                                          "12",
+                                          "--stop-step",
+                                          "6",
+                                          "--threads",
+                                          "1",
+                                          "--device",
+                                          "cpu",
+                                          "--set",
+                                          "gns.latent=8",
+                                          "--set",
+                                          "gns.message_passing=2",
+                                          "--set",
+                                          "gns.dx=0.03125",
+                                          "--set",
+                                          "gns.obstacle_particles=true",
+                                          "--set",
+                                          "checkpoint_layers=1",
+                                          "--set",
+                                          "rollout_frames=2"};
+  ASSERT_EQ(run(words), 0) << log();
+  EXPECT_NE(log().find("graupel train gns --resume"), std::string::npos) << log();
+  EXPECT_EQ(run({"hgn", "--resume", folder_ + "/gns"}), 2);
+  EXPECT_NE(log().find("is a run of another network (gns)"), std::string::npos) << log();
+  ASSERT_EQ(run({"gns", "--resume", folder_ + "/gns", "--threads", "1", "--device", "cpu"}), 0) << log();
+  EXPECT_NE(log().find("resumed at step 6"), std::string::npos) << log();
+  const std::string weights = folder_ + "/gns/weights.safetensors";
+  EXPECT_EQ(nn::read_safetensors(weights).metadata.at("gns.latent"), "8");
+  EXPECT_EQ(run({"gns", "--evaluate", weights, "--data", tiny_data_set(), "--stride", "5"}), 0) << log();
+  EXPECT_NE(log().find("airborne"), std::string::npos);
+  EXPECT_EQ(run({"hgn", "--evaluate", weights, "--data", tiny_data_set()}), 3);
+  EXPECT_NE(log().find("(architecture 'gns', needed 'hgn'). Use graupel train gns"), std::string::npos) << log();
+  EXPECT_EQ(run({"gns", "--print-defaults"}), 0);
+  EXPECT_EQ(read_train_config(log(), "defaults").architecture, Architecture::gns);
+  EXPECT_EQ(run({"gns", "--data", tiny_data_set(), "--set", "hgn.latent=8"}), 2);
+}
+
 TEST_F(Program, RefusesWeightsOfAnotherArchitecture) {
   nn::Weights weights;
   weights.metadata = graph::HgnConfig().to_metadata();
-  weights.metadata["architecture"] = "gns";
-  nn::write_safetensors(folder_ + "/gns.safetensors", weights);
-  EXPECT_EQ(run({"hgn", "--evaluate", folder_ + "/gns.safetensors", "--data", tiny_data_set()}), 3);
-  EXPECT_NE(log().find("gns"), std::string::npos);
+  weights.metadata["architecture"] = "segnn";
+  nn::write_safetensors(folder_ + "/segnn.safetensors", weights);
+  EXPECT_EQ(run({"hgn", "--evaluate", folder_ + "/segnn.safetensors", "--data", tiny_data_set()}), 3);
+  EXPECT_NE(log().find("segnn"), std::string::npos);
 }
 
 TEST_F(Program, SigtermSavesAndEndsWell) {

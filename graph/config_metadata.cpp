@@ -1,0 +1,41 @@
+#include "graph/config_metadata.h"
+
+namespace graupel::graph {
+
+namespace {
+
+std::string value_of(const nn::Weights& weights, const char* key) {
+  const auto found = weights.metadata.find(key);
+  return found == weights.metadata.end() ? std::string() : found->second;
+}
+
+}  // namespace
+
+namespace metadata {
+
+std::string range_text(const Range& range) {
+  const auto bound = [](double x) { return std::isinf(x) ? std::string(x < 0 ? "-inf" : "inf") : text_of(x); };
+  return (range.low_open ? "above " : "from ") + bound(range.low) + " to " + bound(range.high);
+}
+
+std::string key_of(const std::string& prefix, const FieldInfo& info) { return prefix + std::string(info.name); }
+
+std::string where(const std::string& file, const std::string& key) {
+  return "'" + file + "': metadata key '" + key + "' ";
+}
+
+}  // namespace metadata
+
+std::string architecture_of(const nn::Weights& weights) { return value_of(weights, "architecture"); }
+
+void check_architecture(const nn::Weights& weights, const std::string& architecture, const std::string& version,
+                        const std::string& what) {
+  if (const std::string found = architecture_of(weights); found != architecture)
+    throw InputError("'" + weights.file + "' holds no " + what + " (architecture '" + found + "', supported: '" +
+                     architecture + "'). Choose a weights file of that architecture");
+  if (const std::string found = value_of(weights, "format_version"); found != version)
+    throw InputError("'" + weights.file + "' has another format (format_version '" + found + "', supported: '" +
+                     version + "'). Export the weights again");
+}
+
+}  // namespace graupel::graph

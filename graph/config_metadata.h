@@ -1,0 +1,96 @@
+// A network's hyper-parameters as metadata of its weights file: "<prefix>latent" = "128" .., one key for each declared
+// field (core/fields.h), beside "architecture" and "format_version".
+#pragma once
+
+#include <charconv>
+#include <cmath>
+#include <map>
+#include <set>
+#include <string>
+#include <type_traits>
+
+#include "core/error.h"
+#include "core/fields.h"
+#include "nn/weights.h"
+
+namespace graupel::graph {
+
+using Metadata = std::map<std::string, std::string>;
+
+/// "architecture" of a weights file, "" where it has none.
+std::string architecture_of(const nn::Weights& weights);
+/// Throws InputError unless the file is of this architecture and format; `what` names the network in words.
+void check_architecture(const nn::Weights& weights, const std::string& architecture, const std::string& version,
+                        const std::string& what);
+
+namespace metadata {
+
+template <typename T>
+std::string text_of(T value) {
+  if constexpr (std::is_same_v<T, bool>) {
+    return value ? "true" : "false";
+  } else {
+    char text[64];  // the shortest text that reads back as the same number
+    return std::string(text, std::to_chars(text, text + sizeof(text), value).ptr);
+  }
+}
+
+/// False unless all of `text` is a value of this type.
+template <typename T>
+bool parse(const std::string& text, T& value) {
+  if constexpr (std::is_same_v<T, bool>) {
+    value = text == "true";
+    return text == "true" || text == "false";
+  } else {
+    const char* end = text.data() + text.size();
+    const auto [stop, status] = std::from_chars(text.data(), end, value);
+    return status == std::errc() && stop == end;
+  }
+}
+
+std::string range_text(const Range& range);
+/// "latent" -> "hgn.latent".
+std::string key_of(const std::string& prefix, const FieldInfo& info);
+/// "'file': metadata key 'key' ".
+std::string where(const std::string& file, const std::string& key);
+
+}  // namespace metadata
+
+template <typename Config>
+Metadata metadata_of(const Config& config, const std::string& prefix, const char* architecture, const char* version) {
+  Metadata all = {{"architecture", architecture}, {"format_version", version}};
+  Config::fields([&](auto member, const FieldInfo& info) {
+    all[metadata::key_of(prefix, info)] = metadata::text_of(config.*member);
+  });
+  return all;
+}
+
+/// Throws InputError naming `file`, key and value when a key is missing, unknown, unreadable or out of range.
+template <typename Config>
+Config config_from(const Metadata& all, const std::string& prefix, const std::string& file) {
+  Config config;
+  std::set<std::string> known;
+  Config::fields([&](auto member, const FieldInfo& info) {
+    const std::string key = metadata::key_of(prefix, info);
+    const std::string where = metadata::where(file, key);
+    known.insert(key);
+    const auto found = all.find(key);
+    if (found == all.end()) throw InputError(where + "is missing. Export the weights again");
+    auto& value = config.*member;
+    if (!metadata::parse(found->second, value))
+      throw InputError(where + "is not " +
+                       (std::is_same_v<std::decay_t<decltype(value)>, bool> ? "true or false" : "a number") + " ('" +
+                       found->second + "'). Export the weights again");
+    const auto number = static_cast<double>(value);
+    if (!info.range.contains(number) || !std::isfinite(number))
+      throw InputError(where + "is out of range ('" + found->second + "', allowed " + metadata::range_text(info.range) +
+                       "). Export the weights again");
+  });
+  for (const auto& [key, value] : all)
+    if (key.starts_with(prefix) && !known.contains(key))
+      throw InputError(metadata::where(file, key) + "is not known ('" + value +
+                       "'). The weights need a newer version of this program");
+  return config;
+}
+
+}  // namespace graupel::graph

@@ -1,0 +1,36 @@
+// What the graph networks have in common: the accelerations of particles, from their last positions.
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "graph/feature_config.h"
+#include "graph/features.h"
+#include "nn/weights.h"
+
+namespace graupel::graph {
+
+/// Seconds of one predicted frame, by part; `hierarchy` is the building of the graph, whatever its form.
+struct FrameTiming {
+  double features = 0, hierarchy = 0, network = 0, projection = 0;
+  double total() const { return features + hierarchy + network + projection; }
+};
+
+class Network {
+ public:
+  virtual ~Network() = default;
+
+  virtual const FeatureConfig& feature_config() const = 0;
+  virtual const Normalization& normalization() const = 0;
+
+  /// Normalised accelerations [n, 3] of particles of the given types [n], from history + 1 positions [n], newest last.
+  /// Fills in the parts of `timing` that it knows. May be called from several threads. Throws InputError for a particle
+  /// type that is not known.
+  virtual std::vector<float> predict(const Surroundings& surroundings, const std::vector<int32_t>& particle_type,
+                                     const std::vector<std::vector<Vec3f>>& positions, FrameTiming& timing) const = 0;
+};
+
+/// The network of a weights file, by its "architecture". Throws InputError for an unknown one and for damaged weights.
+std::shared_ptr<const Network> load_network(const nn::Weights& weights);
+
+}  // namespace graupel::graph

@@ -1,0 +1,74 @@
+#include "graph/particle_codec.h"
+
+#include <cstring>
+
+#include "graph/features.h"
+
+namespace graupel::graph {
+
+using nn::FcnWeights;
+using Bias = FcnWeights::Bias;
+
+namespace {
+
+std::vector<std::vector<float>> embedding_rows_of(const nn::Weights& weights, int width) {
+  const std::vector<float> table = weights.get("embedding.weight", {embedding_rows, width});
+  std::vector<std::vector<float>> rows;
+  rows.reserve(embedding_rows);
+  for (int r = 0; r < embedding_rows; ++r)
+    rows.emplace_back(table.begin() + r * width, table.begin() + (r + 1) * width);
+  return rows;
+}
+
+}  // namespace
+
+ParticleEncoder::ParticleEncoder(const nn::Weights& weights, const std::string& name, const FeatureConfig& config,
+                                 const FcnForm& form)
+    : width_(nn::padded_width(form.latent)),
+      features_(static_cast<int>(config.input_width() - config.embedding)),
+      slope_(form.slope) {
+  const FcnWeights fcn = FcnWeights::load(weights, name, static_cast<int>(config.input_width()), form.latent,
+                                          form.latent, nn::Norm::layer, form.hidden_layers);
+  first_ = fcn.first_layer_part(0, features_, Bias::with);
+  embedding_ = nn::InputTable(fcn, features_, embedding_rows_of(weights, static_cast<int>(config.embedding)));
+  middle_ = nn::MiddleLayers(fcn, slope_);
+  last_ = nn::NormalizedLayer(fcn);
+}
+
+void ParticleEncoder::apply(const int32_t* order, int rows, const std::vector<float>& features,
+                            const std::vector<int32_t>& particle_type, TileScratch& scratch, float* latent) const {
+  for (int r = 0; r < rows; ++r)
+    std::memcpy(scratch.input.data() + r * features_, features.data() + static_cast<int64_t>(order[r]) * features_,
+                sizeof(float) * static_cast<std::size_t>(features_));
+  first_.apply(scratch.input.data(), features_, rows, scratch.hidden.data(), width_);
+  for (int r = 0; r < rows; ++r) {
+    float* hidden = scratch.hidden.data() + r * width_;
+    nn::add_row(hidden, embedding_.row(embedding_row(particle_type[static_cast<std::size_t>(order[r])])), width_);
+    nn::activate_row(hidden, width_, slope_);
+  }
+  last_.apply(middle_.apply(scratch.hidden.data(), scratch.output.data(), rows), rows, latent);
+  for (int r = 0; r < rows; ++r) last_.finish(latent + r * width_);
+}
+
+ParticleDecoder::ParticleDecoder(const nn::Weights& weights, const FcnForm& form)
+    : width_(nn::padded_width(form.latent)), slope_(form.slope) {
+  const FcnWeights fcn =
+      FcnWeights::load(weights, "decoder", form.latent, form.latent, 3, nn::Norm::none, form.hidden_layers);
+  first_ = fcn.first_layer_part(0, form.latent, Bias::with);
+  middle_ = nn::MiddleLayers(fcn, slope_);
+  last_ = nn::Linear(3, form.latent, fcn.weight2.data(), form.latent, fcn.bias2);
+}
+
+void ParticleDecoder::apply(const float* latent, const int32_t* order, int rows, TileScratch& scratch,
+                            std::vector<float>& acceleration) const {
+  first_.apply(latent, width_, rows, scratch.hidden.data(), width_);
+  for (int r = 0; r < rows; ++r) nn::activate_row(scratch.hidden.data() + r * width_, width_, slope_);
+  const float* hidden = middle_.apply(scratch.hidden.data(), scratch.output.data(), rows);
+  float* output = hidden == scratch.hidden.data() ? scratch.output.data() : scratch.hidden.data();
+  last_.apply(hidden, width_, rows, output, width_);
+  for (int r = 0; r < rows; ++r)
+    for (int axis = 0; axis < 3; ++axis)
+      acceleration[static_cast<std::size_t>(order[r]) * 3 + static_cast<std::size_t>(axis)] = output[r * width_ + axis];
+}
+
+}  // namespace graupel::graph

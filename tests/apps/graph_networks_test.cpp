@@ -1,0 +1,73 @@
+// The verbs take a GNS as they take an HGN.
+#include <gtest/gtest.h>
+
+#include "core/material_config.h"
+#include "io/trajectory_file.h"
+#include "nn/weights.h"
+#include "program.h"
+#include "tests/graph/random_weights.h"
+
+namespace graupel::test {
+namespace {
+
+/// A GNS with obstacle particles whose acceleration is g dt^2 whatever it sees.
+nn::Weights ballistic_gns() {
+  graph::GnsConfig config;
+  config.latent = 8;
+  config.message_passing = 2;
+  config.hidden_layers = 1;
+  config.obstacle_particles = true;
+  config.obstacle_spacing = 0.02;
+  config.cell_normal = false;
+  graph::Normalization normalization;
+  normalization.acceleration_mean[1] = static_cast<float>(-9.8 / 3600);
+  nn::Weights weights = graph::random_weights(config, normalization);
+  graph::silence_decoder(weights);
+  return weights;
+}
+
+TEST(GraphNetworks, AGnsRollsOutIsInspectedAndCompared) {
+  const Folder folder;
+  nn::write_safetensors(folder.file("gns.safetensors"), ballistic_gns());
+  const std::string scene = folder.write(
+      "small.json", small_scene(R"("obstacles": [{"shape": "sphere", "radius": 0.1, "position": [0.5, 0.3, 0.5]}])"));
+  const Outcome rollout = graupel("rollout " + folder.file("gns.safetensors") + " " + scene + " -o " +
+                                  folder.file("out.h5") + " --frames 4 --threads 1");
+  ASSERT_EQ(rollout.exit_code, 0) << rollout.output;
+  const io::TrajectoryReader reader(folder.file("out.h5"));
+  const Trajectory header = reader.header(0);
+  EXPECT_EQ(header.frame_count(), 5u);
+  EXPECT_GT(header.particle_count(), 100u);
+  for (const int32_t type : header.particle_type) EXPECT_NE(type, obstacle_particle_type);
+
+  const Outcome inspect = graupel("inspect " + folder.file("gns.safetensors"));
+  EXPECT_EQ(inspect.exit_code, 0) << inspect.output;
+  EXPECT_TRUE(inspect.says("architecture: gns")) << inspect.output;
+  EXPECT_TRUE(inspect.says("gns.obstacle_particles: true")) << inspect.output;
+
+  const Outcome compare =
+      graupel("compare --scenes " + scene + " --models mpm:coarse," + folder.file("gns.safetensors") +
+              " --frames 4 --no-floors --threads 1 --json " + folder.file("out.json"));
+  ASSERT_EQ(compare.exit_code, 0) << compare.output;
+  EXPECT_TRUE(compare.says("gns")) << compare.output;
+}
+
+TEST(GraphNetworks, DamagedAndForeignWeightsAreRefused) {
+  const Folder folder;
+  const std::string scene = folder.write("small.json", small_scene());
+  nn::Weights weights = ballistic_gns();
+  weights.tensors.erase("step.1.edge.layer1.weight");
+  nn::write_safetensors(folder.file("cut.safetensors"), weights);
+  const std::string end = " " + scene + " -o " + folder.file("out.h5");
+  const Outcome cut = graupel("rollout " + folder.file("cut.safetensors") + end);
+  EXPECT_EQ(cut.exit_code, 3);
+  EXPECT_TRUE(cut.says("'step.1.edge.layer1.weight' is missing")) << cut.output;
+  weights.metadata["architecture"] = "segnn";
+  nn::write_safetensors(folder.file("other.safetensors"), weights);
+  const Outcome other = graupel("rollout " + folder.file("other.safetensors") + end);
+  EXPECT_EQ(other.exit_code, 3);
+  EXPECT_TRUE(other.says("'segnn', supported: 'hgn', 'gns'")) << other.output;
+}
+
+}  // namespace
+}  // namespace graupel::test

@@ -1,0 +1,45 @@
+#include "train/network_passes.h"
+
+#include <ATen/ops/arange.h>
+#include <ATen/ops/eq.h>
+#include <ATen/ops/from_blob.h>
+
+#include "graph/features.h"
+#include "train/gns_passes.h"
+#include "train/hgn_network.h"
+
+namespace graupel::train {
+
+namespace {
+
+template <typename T>
+at::Tensor copy_to(const std::vector<T>& values, at::ScalarType type, const at::Device& device) {
+  // from_blob takes no const data; the tensor is only read.
+  const at::Tensor host = at::from_blob(const_cast<T*>(values.data()), {static_cast<int64_t>(values.size())},
+                                        at::TensorOptions().dtype(type));
+  if (device.is_cpu()) return host.clone();
+  return host.pin_memory().to(device, /*non_blocking=*/true);
+}
+
+}  // namespace
+
+std::unique_ptr<NetworkPasses> make_passes(const NetworkConfig& config, int64_t checkpoint_layers,
+                                           const ParameterLayout& layout, const at::Tensor& flat,
+                                           const at::Tensor& gradient) {
+  if (const auto* hgn = std::get_if<graph::HgnConfig>(&config))
+    return std::make_unique<HgnNetwork>(*hgn, layout, flat, gradient);
+  return std::make_unique<GnsPasses>(std::get<graph::GnsConfig>(config), checkpoint_layers, layout, flat, gradient);
+}
+
+at::Tensor to_device(const std::vector<float>& values, const at::Device& device) {
+  return copy_to(values, at::kFloat, device);
+}
+at::Tensor to_device(const std::vector<int32_t>& values, const at::Device& device) {
+  return copy_to(values, at::kInt, device);
+}
+
+at::Tensor one_hot(const at::Tensor& type_row, at::ScalarType number) {
+  return at::eq(type_row.view({-1, 1}), at::arange(graph::embedding_rows, type_row.options()).view({1, -1})).to(number);
+}
+
+}  // namespace graupel::train

@@ -1,0 +1,78 @@
+// Forward and backward pass of a graph network on libtorch tensors, for a batch of scenes: what the architectures have
+// in common. Internal, as hgn_layers.h.
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "train/batch.h"
+#include "train/device_samples.h"
+#include "train/hgn_layers.h"
+#include "train/network_config.h"
+
+namespace graupel::train {
+
+/// Links between the nodes of a graph on the device; see BatchLevel.
+struct DeviceLevel {
+  int64_t cells = 0;
+  at::Tensor edge_begin, sender, receiver, slot, reverse, parent, child_begin, child;
+  at::Tensor direction;      ///< [edges, 3] unit vector from sender to receiver; of GNS [edges, 4] edge features
+  at::Tensor octant;         ///< [cells] child slot
+  at::Tensor parent_offset;  ///< [cells, 3] (centre of the parent - centre) / spacing
+};
+
+/// A batch on the device; see Batch.
+struct DeviceBatch {
+  int64_t particles = 0;
+  at::Tensor features, weight, offset, target;
+  at::Tensor type_row;      ///< [nodes] row of the embedding table
+  at::Tensor type_one_hot;  ///< [nodes, embedding rows]
+  at::Tensor cell, pair_begin, pair;
+  std::vector<DeviceLevel> level;
+};
+
+/// What the backward pass needs of each part of the forward pass.
+struct MessageRecord {
+  FcnRecord edge, cell;
+  at::Tensor nodes, edges;  ///< f and e before the iteration
+};
+struct PairRecord {
+  FcnRecord fcn;
+  at::Tensor particle_input;  ///< [particles, H + 3]
+  at::Tensor cells;           ///< [cells, H]
+};
+struct ForwardRecord {
+  FcnRecord encoder, decoder;
+  PairRecord to_grid, to_particle;
+  std::vector<std::vector<MessageRecord>> down, up;  ///< [level][iteration]
+  std::vector<FcnRecord> restriction, prolongation;
+  FcnRecord edge_encoder;           ///< of GNS
+  std::vector<MessageRecord> step;  ///< of GNS
+};
+
+class NetworkPasses {
+ public:
+  virtual ~NetworkPasses() = default;
+
+  /// Copies a batch to the weights' device; two copies, asynchronous on a GPU.
+  virtual DeviceBatch upload(const Batch& batch) const = 0;
+  /// A batch that was made on the weights' device; the arrays are not copied. For architectures with such batches.
+  virtual DeviceBatch attach(const SampleArrays& arrays) const = 0;
+  /// Normalised accelerations [particles, 3]. The record may be null.
+  virtual at::Tensor forward(const DeviceBatch& batch, ForwardRecord* record) const = 0;
+  /// Writes the gradient of every weight; `grad` is the gradient of forward()'s result.
+  virtual void backward(const DeviceBatch& batch, const ForwardRecord& record, const at::Tensor& grad) const = 0;
+};
+
+/// The passes of a network whose weights lie in `flat`. `gradient` may be undefined; then only forward() may be called.
+std::unique_ptr<NetworkPasses> make_passes(const NetworkConfig& config, int64_t checkpoint_layers,
+                                           const ParameterLayout& layout, const at::Tensor& flat,
+                                           const at::Tensor& gradient);
+
+/// One copy of a host array to the device, through page-locked memory on the way to a GPU.
+at::Tensor to_device(const std::vector<float>& values, const at::Device& device);
+at::Tensor to_device(const std::vector<int32_t>& values, const at::Device& device);
+/// [rows, embedding rows] in the type of `number`, from rows of the embedding table.
+at::Tensor one_hot(const at::Tensor& type_row, at::ScalarType number);
+
+}  // namespace graupel::train
