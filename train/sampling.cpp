@@ -63,8 +63,7 @@ SceneGraph training_graph(const DataSplit& split, const TrainConfig& config, con
       split.history(draw.key.trajectory, draw.key.frame, rules.features.history);
   const std::vector<Vec3f> next = split.positions(draw.key.trajectory, draw.key.frame + 1, 1).front();
   const graph::Surroundings& surroundings = trajectory.context->surroundings;
-  const SampleScene scene{
-      0, draw.stream, draw.turn, draw.displacement, draw.drift, surroundings.view(Device::cpu)};
+  const SampleScene scene{0, draw.stream, draw.turn, draw.displacement, draw.drift, surroundings.view(Device::cpu)};
   SceneGraph graph;
   graph.type_row = trajectory.type_row;
   graph.features.resize(next.size() * static_cast<std::size_t>(rules.features.width));

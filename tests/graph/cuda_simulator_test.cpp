@@ -60,7 +60,8 @@ Case make_case(int particles) {
       v[d] = 0.02 * (random.uniform(1000000 + draw, d) - 0.5);
     }
     c.type.push_back(ids[i % 3]);
-    for (int t = 0; t < 6; ++t) c.history[static_cast<std::size_t>(t)].push_back((x + v * static_cast<double>(t - 5)).cast<float>());
+    for (int t = 0; t < 6; ++t)
+      c.history[static_cast<std::size_t>(t)].push_back((x + v * static_cast<double>(t - 5)).cast<float>());
   }
   return c;
 }
