@@ -314,6 +314,7 @@ void add_bench(CLI::App& app) {
       "  graupel bench mpm --table cuda --particles 4096 39304 262144 1000000 10077696 --json gpu.json\n"
       "  graupel bench mpm --recipe scenes/recipes/hgn.json --batch 1 64 --device cuda");
   verb->callback([options] { bench_mpm(*options); });
+  add_bench_graph(*bench);
   add_bench_rom(*bench);
   add_bench_validate(*bench);
 }

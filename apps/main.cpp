@@ -42,6 +42,8 @@ int run(int argc, char** argv) {
   add_generate(app);
   add_simulate(app);
   add_train(app);
+  int exit_code = 0;
+  add_launch(app, exit_code);
   add_rollout(app);
   add_export(app);
   add_convert(app);
@@ -50,7 +52,7 @@ int run(int argc, char** argv) {
   catch_stop_signals();
   try {
     app.parse(argc, argv);
-    return 0;
+    return exit_code;
   } catch (const CLI::Success& help) {
     return app.exit(help);
   } catch (const CLI::ParseError& error) {

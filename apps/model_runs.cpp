@@ -156,6 +156,24 @@ StartState start_of(const Scene& scene, uint64_t seed) {
   return start;
 }
 
+namespace {
+
+/// The scene with points for particles, by source.
+Scene scene_of_points(const Scene& scene, std::vector<std::vector<Vec3d>> points) {
+  Scene changed = scene;
+  for (std::size_t s = 0; s < changed.sources.size(); ++s) {
+    Source& source = changed.sources[s];
+    source.shape = Shape::points;
+    source.mesh.reset();
+    source.points = std::make_shared<const std::vector<Vec3d>>(std::move(points[s]));
+    source.position = {0, 0, 0};
+    source.rotation_angle = 0;
+  }
+  return changed;
+}
+
+}  // namespace
+
 Scene moved_scene(const Scene& scene, uint64_t seed, double distance) {
   const mpm::SampledParticles particles = mpm::sample_sources(scene, seed);
   const Vec3d low = scene.wall_low(), high = scene.wall_high();
@@ -170,16 +188,21 @@ Scene moved_scene(const Scene& scene, uint64_t seed, double distance) {
     for (int d = 0; d < 3; ++d) x[d] = std::clamp(x[d], low[d], high[d]);
     points[static_cast<std::size_t>(particles.source[p])].push_back(x);
   }
-  Scene moved = scene;
-  for (std::size_t s = 0; s < moved.sources.size(); ++s) {
-    Source& source = moved.sources[s];
-    source.shape = Shape::points;
-    source.mesh.reset();
-    source.points = std::make_shared<const std::vector<Vec3d>>(std::move(points[s]));
-    source.position = {0, 0, 0};
-    source.rotation_angle = 0;
+  return scene_of_points(scene, std::move(points));
+}
+
+Scene resting_scene(const Scene& scene, uint64_t seed, const std::vector<Vec3f>& position) {
+  const mpm::SampledParticles particles = mpm::sample_sources(scene, seed);
+  GRAUPEL_ASSERT(particles.position.size() == position.size());
+  std::vector<std::vector<Vec3d>> points(scene.sources.size());
+  for (std::size_t p = 0; p < position.size(); ++p)
+    points[static_cast<std::size_t>(particles.source[p])].push_back(position[p].cast<double>());
+  Scene resting = scene_of_points(scene, std::move(points));
+  for (Source& source : resting.sources) {
+    source.velocity = Vec3d::zero();
+    source.angular_velocity = Vec3d::zero();
   }
-  return moved;
+  return resting;
 }
 
 TimedRun run_mpm(const Scene& scene, const MpmRunOptions& options) {

@@ -41,6 +41,9 @@ StartState start_of(const Scene& scene, uint64_t seed);
 /// walls.
 Scene moved_scene(const Scene& scene, uint64_t seed, double distance);
 
+/// The scene with its particles as points at `position` [particles], at rest: a late state, without its stresses.
+Scene resting_scene(const Scene& scene, uint64_t seed, const std::vector<Vec3f>& position);
+
 /// A run with all its frames (the last usable one repeated after a divergence) and its cost.
 struct TimedRun {
   compare::ParticleRun run;

@@ -8,11 +8,14 @@ namespace graupel::apps {
 
 void add_demo(CLI::App& app);
 void add_bench(CLI::App& app);
+void add_bench_graph(CLI::App& bench);
 void add_bench_rom(CLI::App& bench);
 void add_bench_validate(CLI::App& bench);
 void add_generate(CLI::App& app);
 void add_simulate(CLI::App& app);
 void add_train(CLI::App& app);
+/// Sets `exit_code` to that of the ranks.
+void add_launch(CLI::App& app, int& exit_code);
 void add_rollout(CLI::App& app);
 void add_compare(CLI::App& app);
 void add_export(CLI::App& app);

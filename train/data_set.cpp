@@ -127,7 +127,7 @@ void DataSplit::build_contexts(const DataSplitOptions& options) {
 }
 
 void DataSplit::load_positions(const DataSplitOptions& options) {
-  double left = options.memory_limit > 0 ? options.memory_limit : half_of_memory();
+  double left = (options.memory_limit > 0 ? options.memory_limit : half_of_memory()) / options.processes;
   resident_.resize(info_.size());
   for (std::size_t i = 0; i < info_.size(); ++i) {
     const auto numbers = static_cast<std::size_t>(info_[i].frames) * info_[i].type_row.size();

@@ -32,6 +32,7 @@ struct TrajectoryInfo {
 
 struct DataSplitOptions {
   double memory_limit = 0;  ///< [bytes] of positions kept; the rest is read when needed; 0: half of the machine's
+  int processes = 1;        ///< of this machine that open the file; they share the limit
   int threads = 1;
   std::function<void(const std::string& what, int64_t done, int64_t total)> progress;
 };

@@ -89,17 +89,20 @@ struct DeviceSamples::Slot {
 };
 
 struct DeviceSamples::Impl {
-  Impl(const DataSplit& data, const TrainConfig& train_config, const graph::Normalization& normalization, Device where)
+  Impl(const DataSplit& data, const TrainConfig& train_config, const graph::Normalization& normalization, Device where,
+       BatchShare rank_share)
       : split(data),
         config(train_config),
         rules(sample_rules(train_config, normalization)),
         device(where),
+        share(rank_share),
         slots{Slot(where, train_config.hgn), Slot(where, train_config.hgn)} {}
 
   const DataSplit& split;
   TrainConfig config;
   SampleRules rules;
   Device device;
+  BatchShare share;
   std::vector<ResidentTrajectory> resident;
   std::array<Slot, 2> slots;
   int64_t started = 0, taken = 0;
@@ -138,14 +141,14 @@ SceneSample DeviceSamples::Impl::sample_of(const SampleDraw& draw, int64_t first
   const TrajectoryInfo& info = split.trajectory(draw.key.trajectory);
   const ResidentTrajectory& trajectory = resident[static_cast<std::size_t>(draw.key.trajectory)];
   const Scene& scene = info.context->scene;
-  return {{first, draw.stream, draw.turn, info.context->surroundings.view(device)},
+  return {{first, draw.stream, draw.turn, draw.displacement, draw.drift, info.context->surroundings.view(device)},
           {trajectory.position.data(), trajectory.initial_velocity.data(), trajectory.type_row.data(),
            static_cast<int64_t>(info.type_row.size()), draw.key.frame, scene.gravity, scene.frame_time}};
 }
 
 DeviceSamples::DeviceSamples(const DataSplit& split, const TrainConfig& config,
-                             const graph::Normalization& normalization, Device device)
-    : impl_(std::make_unique<Impl>(split, config, normalization, device)) {
+                             const graph::Normalization& normalization, Device device, BatchShare share)
+    : impl_(std::make_unique<Impl>(split, config, normalization, device, share)) {
   GRAUPEL_ASSERT(device == Device::cpu || with_cuda);
   GRAUPEL_ASSERT(config.hgn.history <= graph::most_history);
   impl_->load();
@@ -181,7 +184,7 @@ void DeviceSamples::start(int64_t step) {
   std::vector<graph::SceneGrid> grids;
   slot.particles = 0;
   slot.step = step;
-  for (int64_t k = 0; k < impl.config.batch_scenes; ++k) {
+  for (int64_t k = impl.share.first; k < impl.config.batch_scenes; k += impl.share.stride) {
     const SampleDraw draw = draw_training_sample(impl.split, impl.config, step, k);
     samples.push_back(impl.sample_of(draw, slot.particles));
     grids.push_back({draw.origin, draw.low, draw.high, samples.back().frames.particles});

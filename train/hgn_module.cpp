@@ -60,7 +60,8 @@ struct HgnModule::Impl {
         options(at::TensorOptions()
                     .device(where == Device::cuda ? at::kCUDA : at::kCPU)
                     .dtype(number == NumberType::f64 ? at::kDouble : at::kFloat)),
-        gradient(at::zeros({layout.size()}, options)),
+        reduced(at::zeros({layout.size() + 2}, options)),
+        gradient(reduced.narrow(0, 0, layout.size())),
         means(at::zeros({2}, options)) {
     for (at::Tensor& array : arrays) array = at::zeros({layout.size()}, options);
 #ifdef GRAUPEL_HAVE_CUDA
@@ -100,7 +101,19 @@ struct HgnModule::Impl {
     network->backward(on_device, record, difference * scale);
     return square_error(difference);
   }
-  void train_step(const DeviceBatch& batch, const StepSettings& settings);
+  /// Loss and gradient of all ranks' shares as one batch. Both are means over particles, so that a share counts by its
+  /// particles: one sum over ranks of particles * [gradient, loss, 1].
+  at::Tensor join_shares(Comm& comm, const at::Tensor& loss, int64_t particles) {
+    if (comm.alone()) return loss;
+    const int64_t n = layout.size();
+    reduced.select(0, n).copy_(loss);
+    reduced.select(0, n + 1).fill_(1);
+    reduced.mul_(static_cast<double>(particles));
+    comm.all_reduce_sum(reduced);
+    reduced.div_(reduced.select(0, n + 1).clone());
+    return reduced.select(0, n);
+  }
+  void train_step(const DeviceBatch& batch, const StepSettings& settings, Comm& comm);
   template <typename T>
   void adam(const AdamSettings& settings, const at::Tensor& norm) {
     adam_step<T>(device, layout.size(), settings, gradient.data_ptr<T>(), norm.data_ptr<T>(),
@@ -113,8 +126,9 @@ struct HgnModule::Impl {
   Device device;
   at::TensorOptions options;
   std::array<at::Tensor, 4> arrays;
-  at::Tensor gradient;
-  at::Tensor means;  ///< sums of loss and gradient norm since they were last taken
+  at::Tensor reduced;   ///< the gradient, the loss and the particles: what ranks add up
+  at::Tensor gradient;  ///< part of `reduced`
+  at::Tensor means;     ///< sums of loss and gradient norm since they were last taken
   int64_t steps_in_means = 0;
   std::unique_ptr<NetworkPasses> network, average;
 #ifdef GRAUPEL_HAVE_CUDA
@@ -150,8 +164,8 @@ std::vector<float> HgnModule::predict(const Batch& batch, StateArray which) cons
   return impl_->read(network.forward(network.upload(batch), nullptr));
 }
 
-void HgnModule::Impl::train_step(const DeviceBatch& batch, const StepSettings& settings) {
-  const at::Tensor loss = forward_backward(batch);
+void HgnModule::Impl::train_step(const DeviceBatch& batch, const StepSettings& settings, Comm& comm) {
+  const at::Tensor loss = join_shares(comm, forward_backward(batch), batch.particles);
   const at::Tensor norm = at::norm(gradient);
   AdamSettings rule;
   rule.learning_rate = settings.learning_rate;
@@ -171,14 +185,14 @@ void HgnModule::Impl::train_step(const DeviceBatch& batch, const StepSettings& s
   ++steps_in_means;
 }
 
-void HgnModule::train_step(const Batch& batch, const StepSettings& settings) {
+void HgnModule::train_step(const Batch& batch, const StepSettings& settings, Comm& comm) {
   const at::NoGradGuard no_grad;
-  impl_->train_step(impl_->network->upload(batch), settings);
+  impl_->train_step(impl_->network->upload(batch), settings, comm);
 }
 
-void HgnModule::train_step(const SampleArrays& batch, const StepSettings& settings) {
+void HgnModule::train_step(const SampleArrays& batch, const StepSettings& settings, Comm& comm) {
   const at::NoGradGuard no_grad;
-  impl_->train_step(impl_->network->attach(batch), settings);
+  impl_->train_step(impl_->network->attach(batch), settings, comm);
 }
 
 StepMeans HgnModule::take_means() {
@@ -222,6 +236,10 @@ nn::Weights HgnModule::state(StateArray array) const {
 void HgnModule::set_state(StateArray array, const nn::Weights& weights) {
   const at::NoGradGuard no_grad;
   impl_->fill(array, impl_->layout.from_weights(weights));
+}
+
+void HgnModule::share_state(Comm& comm) {
+  for (at::Tensor& array : impl_->arrays) comm.broadcast(array);
 }
 
 }  // namespace graupel::train

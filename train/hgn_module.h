@@ -10,6 +10,7 @@
 #include "core/device.h"
 #include "nn/weights.h"
 #include "train/batch.h"
+#include "train/comm.h"
 #include "train/device_samples.h"
 #include "train/network_config.h"
 
@@ -67,10 +68,11 @@ class HgnModule {
   /// Normalised accelerations [particles, 3], row-major, with the weights or their moving average.
   std::vector<float> predict(const Batch& batch, StateArray which) const;
 
-  /// Forward, backward and optimiser step. Returns at once on a GPU; the loss is kept there until take_means().
-  void train_step(const Batch& batch, const StepSettings& settings);
+  /// Forward, backward and optimiser step. Returns at once on a GPU; the loss is kept there until take_means(). With
+  /// several ranks `batch` is this rank's share: loss and gradient are those of all shares as one batch.
+  void train_step(const Batch& batch, const StepSettings& settings, Comm& comm = single_process());
   /// The same with a batch of HGN that lies in the module's device.
-  void train_step(const SampleArrays& batch, const StepSettings& settings);
+  void train_step(const SampleArrays& batch, const StepSettings& settings, Comm& comm = single_process());
   StepMeans take_means();
 
   /// Loss and its gradient, flat (ParameterLayout), without a step.
@@ -82,6 +84,8 @@ class HgnModule {
   nn::Weights state(StateArray array) const;
   /// Throws InputError when a tensor is missing or of another shape.
   void set_state(StateArray array, const nn::Weights& weights);
+  /// Rank 0's state arrays, on every rank.
+  void share_state(Comm& comm);
 
  private:
   struct Impl;

@@ -1,13 +1,16 @@
 // graupel-train: trains and evaluates the learned simulators. Parses the command line, calls train/, prints.
 #include <fmt/format.h>
+#include <unistd.h>
 
 #include <CLI/CLI.hpp>
 #include <csignal>
 #include <cstdio>
+#include <cstdlib>
 #include <ctime>
 #include <exception>
 #include <filesystem>
 #include <fstream>
+#include <memory>
 #include <new>
 #include <nlohmann/json.hpp>
 
@@ -17,7 +20,9 @@
 #include "core/human_time.h"
 #include "core/stop_signal.h"
 #include "graph/normalization.h"
+#include "train/comm.h"
 #include "train/nsf_command.h"
+#include "train/rank_environment.h"
 #include "train/run_folder.h"
 #include "train/training_loop.h"
 
@@ -32,7 +37,7 @@ struct Arguments {
   std::string data, out, config, from, resume, evaluate, split = "test", device = "auto", json;
   std::vector<std::string> set;
   int64_t steps = 0, stop_step = 0, stride = 1;
-  double minutes = 0;
+  double minutes = 0, rank_timeout = CommOptions().timeout;
   uint64_t seed = 0;
   int threads = 0;
   bool print_defaults = false;
@@ -140,10 +145,18 @@ void prepare_resume(Arguments& arguments, TrainingOptions& options) {
   if (arguments.data.empty()) arguments.data = read_run_facts(arguments.out).data;
 }
 
-int run_training(Arguments& arguments) {
-  TrainingOptions options;
-  options.device = device_of(arguments);
-  options.threads = num_threads();
+/// Cores and GPU of this rank; before anything asks CUDA which GPUs there are.
+void take_part_of_machine(const RankEnvironment& environment, const Arguments& arguments) {
+  if (environment.alone()) return;
+  if (arguments.threads == 0)
+    set_num_threads(threads_of_rank(environment, num_threads(), static_cast<int>(::sysconf(_SC_NPROCESSORS_ONLN))));
+  const char* const visible = std::getenv("CUDA_VISIBLE_DEVICES");
+  const auto gpus = visible == nullptr ? std::nullopt : std::optional<std::string>(visible);
+  if (arguments.device != "cpu") ::setenv("CUDA_VISIBLE_DEVICES", gpu_of_rank(environment, gpus).c_str(), 1);
+}
+
+/// The run that rank 0's command line names, as settings, data and folder; the same for every rank.
+void settle_run(Arguments& arguments, TrainingOptions& options) {
   if (!arguments.resume.empty()) {
     prepare_resume(arguments, options);
   } else {
@@ -154,15 +167,53 @@ int run_training(Arguments& arguments) {
   }
   options.data = arguments.data;
   options.run = arguments.out;
+}
+
+void share_run(Comm& comm, Arguments& arguments, TrainingOptions& options) {
+  Json run;
+  std::exception_ptr refusal;
+  try {
+    if (comm.leads()) settle_run(arguments, options);
+    run = {{"config", train_config_text(options.config)}, {"data", options.data}, {"run", options.run}};
+  } catch (const Error& error) {
+    refusal = std::current_exception();
+    run = {{"refused", error.code()}};
+  }
+  run = Json::parse(broadcast_text(comm, run.dump()));
+  if (refusal) std::rethrow_exception(refusal);
+  if (comm.leads()) return;
+  if (run.contains("refused"))
+    throw Error(run.at("refused").get<ExitCode>(), "rank 0 refuses the run; its message says why");
+  options.config = read_train_config(run.at("config"), "the settings of rank 0");
+  options.data = run.at("data");
+  options.run = run.at("run");
+}
+
+int run_training(Arguments& arguments) {
+  const RankEnvironment environment = read_rank_environment();
+  take_part_of_machine(environment, arguments);
+  Output output;
+  TrainingOptions options;
+  options.device = device_of(arguments);
+  options.threads = num_threads();
+  options.local_ranks = environment.local_size;
+  std::unique_ptr<Comm> ranks;
+  if (!environment.alone()) {
+    ranks = join_ranks(environment, {options.device, arguments.rank_timeout, [&](const std::string& text) {
+                                       if (environment.rank == 0) output.line(text);
+                                     }});
+    options.comm = ranks.get();
+  }
+  share_run(*options.comm, arguments, options);
   options.minutes = arguments.minutes;
   options.stop_step = arguments.stop_step;
   options.from = arguments.from;
   options.command_line = arguments.command_line;
   options.version = GRAUPEL_VERSION;
   options.should_stop = [] { return stop_signal() != 0; };
-  Output output;
   bool log_open = false;
   const auto print = [&](const std::string& text) {
+    if (!options.comm->leads()) return;
     if (!log_open && std::filesystem::exists(arguments.out + "/config.json")) {
       output.keep(arguments.out + "/log.txt");
       log_open = true;
@@ -171,9 +222,12 @@ int run_training(Arguments& arguments) {
   };
   options.message = print;
   options.progress = [&](const TrainingProgress& progress) { print(progress_line(progress)); };
+  if (!environment.alone())
+    print(
+        fmt::format("{} ranks ({}), CPU threads of each: {}", environment.size, environment.launcher, options.threads));
 
   const TrainingResult result = train_hgn(options);
-  write_json(arguments.json, json_of(result, arguments));
+  if (options.comm->leads()) write_json(arguments.json, json_of(result, arguments));
   print(fmt::format("{} at step {} after {}: {}", name_of(result.reason), result.step, human_time(result.seconds),
                     result.weights_file));
   if (result.reason == StopReason::finished) return 0;
@@ -182,6 +236,7 @@ int run_training(Arguments& arguments) {
 }
 
 int run_evaluation(const Arguments& arguments) {
+  require_one_process("--evaluate");
   if (arguments.data.empty()) throw ConfigError("--data is missing. Name the folder of the data set");
   const Device device = device_of(arguments);
   configure_torch(num_threads(), /*tf32=*/true);
@@ -232,7 +287,12 @@ void add_options(CLI::App& verb, Arguments& a) {
   verb.add_option("--resume", a.resume, "Go on with this run folder, or with the latest one below --out");
   a.seed_option = verb.add_option("--seed", a.seed, "Seed of all random numbers");
   verb.add_option("--device", a.device, "auto, cpu or cuda")->capture_default_str();
-  verb.add_option("--threads", a.threads, "CPU threads (0: all)")->check(whole_number(0, 4096))->capture_default_str();
+  verb.add_option("--threads", a.threads, "CPU threads of each process (0: all, divided among those of a machine)")
+      ->check(whole_number(0, 4096))
+      ->capture_default_str();
+  verb.add_option("--rank-timeout", a.rank_timeout, "Seconds until a process that does not answer is taken for gone")
+      ->check(real_number(LowerBound::above_zero))
+      ->capture_default_str();
   verb.add_option("--json", a.json, "Write the result as JSON to this file (-: standard output)");
   verb.add_flag("--print-defaults", a.print_defaults, "Print every setting with its default");
   verb.add_option("--evaluate", a.evaluate, "Instead of training: one-step errors of this weights file");

@@ -18,6 +18,7 @@
 #include "io/config_description.h"
 #include "train/mlp_training.h"
 #include "train/nsf_training.h"
+#include "train/rank_environment.h"
 #include "train/run_folder.h"
 
 namespace graupel::train {
@@ -160,6 +161,7 @@ int train(Arguments arguments, const std::string& command_line) {
     fmt::print("{}\n", io::commented_json(io::describe<NsfConfig>(), io::json_of_struct(NsfConfig())));
     return 0;
   }
+  require_one_process("'graupel train nsf'");
   const NsfConfig config = arguments.resume.empty() ? config_of(arguments) : resumed_config(arguments);
   if (arguments.data.empty())
     throw ConfigError(

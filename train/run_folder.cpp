@@ -49,8 +49,9 @@ void create_run(const std::string& folder, const std::string& config_text, const
   utsname host{};
   ::uname(&host);
   const nlohmann::ordered_json environment = {
-      {"data", facts.data},     {"device", facts.device},  {"threads", facts.threads}, {"host", host.nodename},
-      {"kernel", host.release}, {"compiler", __VERSION__}, {"torch", facts.torch},     {"graupel", facts.version}};
+      {"data", facts.data},       {"device", facts.device}, {"ranks", facts.ranks},
+      {"threads", facts.threads}, {"host", host.nodename},  {"kernel", host.release},
+      {"compiler", __VERSION__},  {"torch", facts.torch},   {"graupel", facts.version}};
   write_file_atomically(folder + "/run.json", environment.dump(2) + "\n");
   write_file_atomically(folder + "/command.txt", command_line + "\n");
   write_file_atomically(folder + "/config.json", config_text);
@@ -72,6 +73,7 @@ RunFacts read_run_facts(const std::string& folder) {
   facts.torch = json.value("torch", "");
   facts.version = json.value("graupel", "");
   facts.threads = json.value("threads", 0);
+  facts.ranks = json.value("ranks", 1);
   return facts;
 }
 

@@ -16,7 +16,8 @@ struct RunFacts {
   std::string device;
   std::string torch;
   std::string version;  ///< of Graupel
-  int threads = 0;
+  int threads = 0;      ///< of each rank
+  int ranks = 1;        ///< processes that the run was started with
 };
 
 /// Settings from JSON text (comments allowed) and "key.path=value" overrides. Throws ConfigError.

@@ -10,7 +10,23 @@ namespace graupel::train {
 struct SampleRules {
   graph::FeatureRules features;
   uint64_t seed = 0;
-  double noise_std = 0;  ///< [m/frame]
+  double noise_std = 0;     ///< [m/frame]
+  float wave_recovery = 0;  ///< share of a wave's displacement that the target takes back in a frame
+};
+
+/// Longitudinal waves, amplitude cos(vector . x + phase) along the vector: what is too dense or too thin somewhere.
+struct Waves {
+  static constexpr int count = 3;
+  Vec3f vector[count];  ///< [rad/m]
+  float phase[count];
+  float amplitude[count] = {0, 0, 0};  ///< [m] or [m/frame]; the vector's length times it is the strain
+
+  GRAUPEL_HD Vec3f at(const Vec3f& x) const {
+    Vec3f sum = Vec3f::zero();
+    for (int i = 0; i < count; ++i)
+      if (amplitude[i] != 0) sum += normalized(vector[i]) * (amplitude[i] * std::cos(dot(vector[i], x) + phase[i]));
+    return sum;
+  }
 };
 
 /// One scene of a batch.
@@ -18,6 +34,8 @@ struct SampleScene {
   int64_t first = 0;    ///< its first particle in the batch
   uint64_t stream = 0;  ///< of its random numbers
   AxisMap turn;         ///< the scene as the network sees it
+  Waves displacement;   ///< [m] of the whole history
+  Waves drift;          ///< [m/frame] by which the history moves
   graph::SurroundingsView surroundings;
 };
 
@@ -43,6 +61,15 @@ GRAUPEL_HD inline Vec3f add_noise(const Random& random, double noise_std, int ve
   return position_noise.cast<float>();
 }
 
+/// Moves the history by waves: all of it by the displacement, older frames back by the drift. Rollouts get too dense in
+/// places, which no frame of the data shows; the target's next position gains the displacement less what is to be
+/// recovered of it, and nothing of the drift. Returns what `next` gains.
+GRAUPEL_HD inline Vec3f add_waves(const SampleScene& scene, float recovery, int history, Vec3f* position) {
+  const Vec3f x = position[history], displacement = scene.displacement.at(x), drift = scene.drift.at(x);
+  for (int t = 0; t <= history; ++t) position[t] += displacement - drift * static_cast<float>(history - t);
+  return displacement * (1 - recovery);
+}
+
 /// The acceleration x^{n+1} - 2 x^n + x^{n-1} [m/frame^2].
 GRAUPEL_HD inline Vec3f acceleration_at(const Vec3f& next, const Vec3f& now, const Vec3f& before) {
   const Vec3d x = now.cast<double>();
@@ -54,6 +81,7 @@ GRAUPEL_HD inline Vec3f acceleration_at(const Vec3f& next, const Vec3f& now, con
 GRAUPEL_HD inline Vec3f write_sample(const SampleRules& rules, const SampleScene& scene, uint64_t p, Vec3f* position,
                                      Vec3f next, float* feature_row, float* target) {
   const int history = rules.features.history;
+  next += add_waves(scene, rules.wave_recovery, history, position);
   next +=
       add_noise(Random(rules.seed, RandomPurpose::training_noise, scene.stream), rules.noise_std, history, p, position);
   const Vec3f acceleration = scene.turn.apply(acceleration_at(next, position[history], position[history - 1]));

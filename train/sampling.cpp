@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 
 #include "core/error.h"
 #include "core/material_config.h"
@@ -62,7 +63,8 @@ SceneGraph training_graph(const DataSplit& split, const TrainConfig& config, con
       split.history(draw.key.trajectory, draw.key.frame, rules.features.history);
   const std::vector<Vec3f> next = split.positions(draw.key.trajectory, draw.key.frame + 1, 1).front();
   const graph::Surroundings& surroundings = trajectory.context->surroundings;
-  const SampleScene scene{0, draw.stream, draw.turn, surroundings.view(Device::cpu)};
+  const SampleScene scene{
+      0, draw.stream, draw.turn, draw.displacement, draw.drift, surroundings.view(Device::cpu)};
   SceneGraph graph;
   graph.type_row = trajectory.type_row;
   graph.features.resize(next.size() * static_cast<std::size_t>(rules.features.width));
@@ -110,6 +112,28 @@ std::vector<SampleKey> spread_samples(const DataSplit& split, int64_t count) {
   return keys;
 }
 
+namespace {
+
+/// Waves of random directions and lengths; their strains are `strain` at most, together.
+Waves draw_waves(const Random& random, uint64_t first, const TrainConfig& config, double strain) {
+  Waves waves{};
+  for (int i = 0; i < Waves::count; ++i) {
+    const uint64_t draw = first + 2 * static_cast<uint64_t>(i);
+    double a, b, c, unused;
+    random.normal(draw, 0, a, b);
+    random.normal(draw, 1, c, unused);
+    const double length =
+        config.wave_shortest * std::pow(config.wave_longest / config.wave_shortest, random.uniform(draw + 1, 0));
+    const double number = 2 * std::numbers::pi / length;
+    waves.vector[i] = (normalized(Vec3d{a, b, c}) * number).cast<float>();
+    waves.phase[i] = static_cast<float>(2 * std::numbers::pi * random.uniform(draw + 1, 1));
+    waves.amplitude[i] = static_cast<float>(strain * random.uniform(draw + 1, 2) / (Waves::count * number));
+  }
+  return waves;
+}
+
+}  // namespace
+
 SampleDraw draw_training_sample(const DataSplit& split, const TrainConfig& config, int64_t step, int64_t slot) {
   SampleDraw draw;
   draw.key = draw_sample(split, config.seed, step, slot);
@@ -122,6 +146,12 @@ SampleDraw draw_training_sample(const DataSplit& split, const TrainConfig& confi
         draw_symmetry(context.scene.gravity, Random(config.seed, RandomPurpose::training_symmetry, draw.stream));
     apply_to_box(draw.turn, draw.low, draw.high);
   }
+  const Random waves(config.seed, RandomPurpose::training_symmetry, draw.stream);
+  constexpr uint64_t first = 16;  // after the draws of the symmetry
+  if (waves.uniform(first) < config.wave_share) {
+    draw.displacement = draw_waves(waves, first + 1, config, config.wave_strain);
+    draw.drift = draw_waves(waves, first + 1 + 2 * Waves::count, config, config.wave_rate);
+  }
   const Random random(config.seed, RandomPurpose::grid_jitter, draw.stream);
   draw.origin = draw.low;
   for (int d = 0; d < 3; ++d) draw.origin[d] -= config.jitter_width() * random.uniform(0, d);
@@ -129,7 +159,8 @@ SampleDraw draw_training_sample(const DataSplit& split, const TrainConfig& confi
 }
 
 SampleRules sample_rules(const TrainConfig& config, const graph::Normalization& normalization) {
-  return {graph::FeatureRules(config.features(), normalization), config.seed, config.noise_std};
+  return {graph::FeatureRules(config.features(), normalization), config.seed, config.noise_std,
+          static_cast<float>(config.wave_recovery)};
 }
 
 std::vector<Vec3f> add_random_walk(std::vector<std::vector<Vec3f>>& positions, double noise_std, const Random& random) {
@@ -172,10 +203,10 @@ SceneGraph scene_graph(const NetworkConfig& config, const graph::Normalization& 
 }
 
 Batch training_batch(const DataSplit& split, const TrainConfig& config, const graph::Normalization& normalization,
-                     int64_t step) {
+                     int64_t step, BatchShare share) {
   const SampleRules rules = sample_rules(config, normalization);
   std::vector<SceneGraph> graphs;
-  for (int64_t slot = 0; slot < config.batch_scenes; ++slot)
+  for (int64_t slot = share.first; slot < config.batch_scenes; slot += share.stride)
     graphs.push_back(training_graph(split, config, rules, step, slot));
   return concatenate(graphs);
 }

@@ -52,12 +52,19 @@ struct SampleDraw {
   AxisMap turn;
   Vec3d low, high;  ///< [m] the domain, turned
   Vec3d origin;     ///< [m] of the grid, jittered
+  Waves displacement, drift;
 };
 SampleDraw draw_training_sample(const DataSplit& split, const TrainConfig& config, int64_t step, int64_t slot);
 SampleRules sample_rules(const TrainConfig& config, const graph::Normalization& normalization);
 
-/// Batch number `step` of a run.
+/// The scenes of a batch that one of several ranks takes: `first`, `first` + `stride` ...
+struct BatchShare {
+  int64_t first = 0, stride = 1;
+};
+
+/// Batch number `step` of a run, or a rank's share of it. What a scene is depends on its place in the whole batch
+/// alone.
 Batch training_batch(const DataSplit& split, const TrainConfig& config, const graph::Normalization& normalization,
-                     int64_t step);
+                     int64_t step, BatchShare share = {});
 
 }  // namespace graupel::train

@@ -53,6 +53,11 @@ struct TrainConfig {
   double clip_norm = 10;
   double ema_decay = 0.999;
   double noise_std = 8.48528e-4;  ///< [m/frame]
+  double wave_share = 0;
+  double wave_strain = 0.2;
+  double wave_rate = 0.03;
+  double wave_recovery = 0.2;
+  double wave_shortest = 0.05, wave_longest = 0.2;  ///< [m]
   GridJitter jitter = GridJitter::coarsest;
   bool symmetries = false;
   bool tf32 = true;
@@ -123,6 +128,28 @@ struct TrainConfig {
                     .unit = "m/frame",
                     .meaning = "Standard deviation of the random-walk noise on the newest velocity, per axis",
                     .range = Range::not_negative()});
+    visit(&C::wave_share, FieldInfo{.name = "wave_share",
+                                    .unit = "",
+                                    .meaning = "Share of the samples that waves of density are added to",
+                                    .range = Range::between(0, 1)});
+    visit(&C::wave_strain, FieldInfo{.name = "wave_strain",
+                                     .unit = "",
+                                     .meaning = "Largest strain of a wave's displacement",
+                                     .range = Range::between(0, 1)});
+    visit(&C::wave_rate, FieldInfo{.name = "wave_rate",
+                                   .unit = "1/frame",
+                                   .meaning = "Largest strain rate of a wave's drift",
+                                   .range = Range::between(0, 1)});
+    visit(&C::wave_recovery,
+          FieldInfo{.name = "wave_recovery",
+                    .unit = "",
+                    .meaning = "Share of a wave's displacement that the target takes back in a frame",
+                    .range = Range::between(0, 1)});
+    visit(
+        &C::wave_shortest,
+        FieldInfo{.name = "wave_shortest", .unit = "m", .meaning = "Shortest wavelength", .range = Range::positive()});
+    visit(&C::wave_longest,
+          FieldInfo{.name = "wave_longest", .unit = "m", .meaning = "Longest wavelength", .range = Range::positive()});
     visit(&C::jitter,
           FieldInfo{.name = "jitter", .unit = "", .meaning = "Random shift of the grid's origin", .only_for = "hgn"});
     visit(

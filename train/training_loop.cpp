@@ -6,15 +6,14 @@
 #include <cstdio>
 #include <filesystem>
 #include <memory>
-#include <nlohmann/json.hpp>
 
 #include "core/error.h"
 #include "core/memory.h"
 #include "graph/normalization.h"
-#include "io/scene_reader.h"
 #include "train/checkpoint.h"
 #include "train/device_samples.h"
 #include "train/metrics_log.h"
+#include "train/provenance.h"
 #include "train/run_folder.h"
 #include "train/sampling.h"
 #include "train/worker_threads.h"
@@ -32,6 +31,9 @@ double seconds_since(Clock::time_point start) { return std::chrono::duration<dou
 int worker_count(const TrainingOptions& options) {
   return std::max(1, options.device == Device::cuda ? options.threads - 2 : options.threads / 2);
 }
+
+/// Steps between two agreements of several ranks on whether to stop; on a GPU each waits until the GPU is done.
+int64_t agreement_interval(Device device) { return device == Device::cuda ? 10 : 1; }
 
 const std::vector<std::string>& metric_columns() {
   static const std::vector<std::string> columns = {"seconds",
@@ -62,8 +64,9 @@ class TrainingRun {
 
  private:
   void say(const std::string& text) const {
-    if (options_.message) options_.message(text);
+    if (options_.message && comm_.leads()) options_.message(text);
   }
+  void begin_run();
   std::unique_ptr<DataSplit> open(const std::string& name) const;
   void prepare_normalization();
   void start_from_weights();
@@ -73,6 +76,7 @@ class TrainingRun {
   StopReason train_on_device();
   StopReason train_with_workers();
   StepSettings step_settings() const;
+  BatchShare share() const { return {comm_.rank(), comm_.size()}; }
   /// What follows a step; whether and why to stop.
   std::optional<StopReason> after_step();
   void report();
@@ -80,13 +84,15 @@ class TrainingRun {
   void save_checkpoint();
   std::string export_weights() const;
   double seconds() const { return state_.seconds + seconds_since(start_); }
-  std::optional<StopReason> stop_reason() const;
+  std::optional<StopReason> stop_reason();
+  bool any_rank(bool own);
   EvaluationOptions evaluation() const {
     return {StateArray::ema, config_.batch_scenes, std::max(1, options_.threads - 1)};
   }
 
   const TrainingOptions& options_;
   const TrainConfig& config_;
+  Comm& comm_;
   std::unique_ptr<DataSplit> train_, valid_;  ///< valid_ may be null
   graph::Normalization normalization_;
   HgnModule module_;
@@ -94,16 +100,31 @@ class TrainingRun {
   CheckpointState state_;                   ///< `seconds` is that of the run's earlier parts
   int64_t saved_step_ = -1;
   std::optional<Validation> validation_;
-  std::optional<MetricsLog> metrics_;
+  std::optional<MetricsLog> metrics_;  ///< of rank 0
   Clock::time_point start_, last_report_;
 };
 
 TrainingRun::TrainingRun(const TrainingOptions& options)
     : options_(options),
       config_(options.config),
+      comm_(*options.comm),
       module_(config_.network(), options.device, config_.seed,
               config_.mixed_precision ? NumberType::mixed : NumberType::f32, config_.checkpoint_layers) {
+  if (comm_.size() > config_.batch_scenes)
+    throw ConfigError(std::to_string(comm_.size()) + " ranks are too many for batches of " +
+                      std::to_string(config_.batch_scenes) +
+                      " scenes (each takes one or more). Start fewer, or set batch_scenes higher");
   train_ = open("train.h5");
+  state_.seed = config_.seed;
+  state_.config_hash = config_hash(config_);
+  if (comm_.leads()) begin_run();
+  broadcast_value(comm_, normalization_);
+  broadcast_value(comm_, state_.step);
+  module_.share_state(comm_);
+}
+
+/// What rank 0 does alone: the run folder, the normalisation, the checkpoint to go on from.
+void TrainingRun::begin_run() {
   if (fs::exists(options_.data + "/valid.h5"))
     valid_ = open("valid.h5");
   else
@@ -111,11 +132,9 @@ TrainingRun::TrainingRun(const TrainingOptions& options)
   if (!options_.resume)
     create_run(options_.run, config_,
                {fs::absolute(options_.data).lexically_normal(), name_of(options_.device), torch_version(),
-                options_.version, options_.threads},
+                options_.version, options_.threads, comm_.size()},
                options_.command_line);
   prepare_normalization();
-  state_.seed = config_.seed;
-  state_.config_hash = config_hash(config_);
   if (options_.resume) restore();
   metrics_.emplace(options_.run, metric_columns(), state_.step);
 }
@@ -123,6 +142,7 @@ TrainingRun::TrainingRun(const TrainingOptions& options)
 std::unique_ptr<DataSplit> TrainingRun::open(const std::string& name) const {
   DataSplitOptions split;
   split.memory_limit = config_.memory_limit * 1e9;
+  split.processes = options_.local_ranks;
   split.threads = options_.threads;
   auto last = Clock::now();
   split.progress = [&](const std::string& what, int64_t done, int64_t total) {
@@ -166,7 +186,8 @@ void TrainingRun::restore() {
   state_ = checkpoint->state;
   saved_step_ = state_.step;
   for (const StateArray array : all_state_arrays) module_.set_state(array, checkpoint->arrays.at(name_of(array)));
-  say("resumed at step " + std::to_string(state_.step));
+  say("resumed at step " + std::to_string(state_.step) +
+      (comm_.alone() ? "" : " on " + std::to_string(comm_.size()) + " ranks"));
 }
 
 void TrainingRun::prepare_samples() {
@@ -177,7 +198,7 @@ void TrainingRun::prepare_samples() {
         std::to_string(free >> 20) + " MiB): batches are made by the CPU, more slowly");
     return;
   }
-  samples_ = std::make_unique<DeviceSamples>(*train_, config_, normalization_, Device::cuda);
+  samples_ = std::make_unique<DeviceSamples>(*train_, config_, normalization_, Device::cuda, share());
 }
 
 StopReason TrainingRun::train_on_device() {
@@ -185,7 +206,7 @@ StopReason TrainingRun::train_on_device() {
   while (state_.step < config_.steps) {
     const SampleArrays batch = samples_->take();
     if (state_.step + 1 < config_.steps) samples_->start(state_.step + 1);
-    module_.train_step(batch, step_settings());
+    module_.train_step(batch, step_settings(), comm_);
     samples_->release();
     if (const auto stop = after_step()) return *stop;
   }
@@ -195,9 +216,9 @@ StopReason TrainingRun::train_on_device() {
 StopReason TrainingRun::train_with_workers() {
   const int workers = worker_count(options_);
   OrderedQueue<Batch> batches(workers, state_.step, config_.steps, 2 * workers + 2,
-                              [&](int64_t k) { return training_batch(*train_, config_, normalization_, k); });
+                              [&](int64_t k) { return training_batch(*train_, config_, normalization_, k, share()); });
   while (state_.step < config_.steps) {
-    module_.train_step(batches.next(), step_settings());
+    module_.train_step(batches.next(), step_settings(), comm_);
     if (const auto stop = after_step()) return *stop;
   }
   return StopReason::finished;
@@ -207,20 +228,30 @@ std::optional<StopReason> TrainingRun::after_step() {
   ++state_.step;
   if (state_.step % config_.log_interval == 0 || state_.step == config_.steps) report();
   if (state_.step % config_.validation_interval == 0) validate();
-  if (state_.step % config_.checkpoint_interval == 0) save_checkpoint();
+  if (state_.step % config_.checkpoint_interval == 0) {
+    module_.share_state(comm_);  // ranks whose machines or threads round otherwise do not drift apart
+    save_checkpoint();
+  }
   return stop_reason();
 }
 
 TrainingResult TrainingRun::execute() {
   start_ = last_report_ = Clock::now();
   prepare_samples();
-  const StopReason reason = samples_ ? train_on_device() : train_with_workers();
+  StopReason reason = StopReason::finished;
+  try {
+    reason = samples_ ? train_on_device() : train_with_workers();
+  } catch (const CommError&) {
+    save_checkpoint();  // the state of the last whole step
+    throw;
+  }
   // A signal leaves little time: the state is saved, nothing more is measured.
   const bool measured = validation_ && validation_->step == state_.step;
   if (reason != StopReason::stopped && !measured) validate();
   save_checkpoint();
   TrainingResult result;
-  result.weights_file = export_weights();
+  if (comm_.leads()) result.weights_file = export_weights();
+  comm_.barrier();  // launchers take the first rank that ends for the end of all
   result.reason = reason;
   result.step = state_.step;
   result.scene_samples = state_.step * config_.batch_scenes;
@@ -247,6 +278,7 @@ void TrainingRun::report() {
   if (!std::isfinite(means.loss) || !std::isfinite(means.gradient_norm))
     throw DivergedError("training diverged (the loss is no longer a number by step " + std::to_string(state_.step) +
                         "). Lower learning_rate or clip_norm and start a new run; checkpoints of this one remain");
+  if (!comm_.leads()) return;
   state_.loss_average = state_.loss_average == 0 ? means.loss : 0.9 * state_.loss_average + 0.1 * means.loss;
   TrainingProgress progress;
   progress.step = state_.step;
@@ -302,7 +334,7 @@ void TrainingRun::validate() {
 }
 
 void TrainingRun::save_checkpoint() {
-  if (saved_step_ == state_.step) return;
+  if (!comm_.leads() || saved_step_ == state_.step) return;
   const auto begin = Clock::now();
   Checkpoint checkpoint{state_, {}};
   checkpoint.state.seconds = seconds();
@@ -313,53 +345,28 @@ void TrainingRun::save_checkpoint() {
   last_report_ += Clock::now() - begin;
 }
 
-std::optional<StopReason> TrainingRun::stop_reason() const {
-  if (options_.should_stop && options_.should_stop()) return StopReason::stopped;
+std::optional<StopReason> TrainingRun::stop_reason() {
+  if (options_.should_stop && any_rank(options_.should_stop())) return StopReason::stopped;
   if (state_.step == config_.steps) return std::nullopt;
-  if (options_.minutes > 0 && seconds_since(start_) > 60 * options_.minutes) return StopReason::out_of_time;
+  if (options_.minutes > 0 && any_rank(seconds_since(start_) > 60 * options_.minutes)) return StopReason::out_of_time;
   if (options_.stop_step > 0 && state_.step >= options_.stop_step) return StopReason::reached_stop_step;
   return std::nullopt;
 }
 
-namespace {
-
-/// Every field of the materials of a stored scene.
-std::string resolved_materials(const std::string& scene_json, const std::string& file) {
-  const Scene scene = io::parse_stored_scene(scene_json, file, file);
-  return nlohmann::json::parse(io::scene_to_json(scene)).at("materials").dump();
+/// Whether one of the ranks says yes: all of them must stop after the same step.
+bool TrainingRun::any_rank(bool own) {
+  if (comm_.alone()) return own;
+  if (state_.step % agreement_interval(options_.device) != 0) return false;
+  return sum_over_ranks(comm_, {own ? 1.0 : 0.0}).front() > 0;
 }
-
-}  // namespace
 
 std::string TrainingRun::export_weights() const {
   nn::Weights weights = module_.state(StateArray::ema);
   graph::add_normalization(weights, normalization_);
   weights.metadata = metadata_of(config_.network());
-  weights.metadata["training.steps"] = std::to_string(state_.step);
-  weights.metadata["training.scene_samples"] = std::to_string(state_.step * config_.batch_scenes);
-  weights.metadata["training.seconds"] = std::to_string(seconds());
-  weights.metadata["training.seed"] = std::to_string(config_.seed);
-  weights.metadata["training.noise_std"] = std::to_string(config_.noise_std);
-  weights.metadata["training.device"] =
-      options_.device == Device::cuda ? cuda_device_name() : std::string(name_of(options_.device));
-  weights.metadata["training.torch"] = torch_version();
-  weights.metadata["training.data"] = fs::path(options_.data).filename();
-  weights.metadata["training.data_trajectories"] = std::to_string(train_->count());
-  // What networks see of a material is its type alone, so that users must know which one they were taught.
-  weights.metadata["training.materials"] = resolved_materials(train_->scene_json(0), train_->file());
-  for (const char* name : {"recipe", "recipe_seed"})
-    if (const std::string value = train_->attribute(name); !value.empty())
-      weights.metadata[std::string("training.data_") + name] = value;
-  if (validation_) {
-    const SquaredErrors all = validation_->one_step.all();
-    weights.metadata["training.validation_one_step_normalized"] =
-        std::to_string(all.normalized_mse(Predictor::network));
-    char text[32];
-    std::snprintf(text, sizeof(text), "%.6e", all.raw_mse(Predictor::network));
-    weights.metadata["training.validation_one_step_raw"] = text;
-    std::snprintf(text, sizeof(text), "%.6e", validation_->rollout_mse);
-    weights.metadata["training.validation_rollout_mse"] = text;
-  }
+  CheckpointState state = state_;
+  state.seconds = seconds();
+  weights.metadata.merge(training_provenance(options_, state, *train_, validation_));
   const std::string file = options_.run + "/weights.safetensors";
   nn::write_safetensors(file, weights);
   return file;

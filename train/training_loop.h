@@ -8,6 +8,7 @@
 #include <string>
 
 #include "core/device.h"
+#include "train/comm.h"
 #include "train/evaluation.h"
 #include "train/train_config.h"
 
@@ -37,15 +38,17 @@ struct TrainingOptions {
   std::string data;  ///< folder with train.h5 and, for validation, valid.h5
   std::string run;   ///< run folder, see run_folder.h
   TrainConfig config;
-  std::string from;     ///< weights file to start a new run from, with its normalisation; "": fresh weights
-  bool resume = false;  ///< go on from the newest sound checkpoint; config must be the run's
+  std::string from;                ///< weights file to start a new run from, with its normalisation; "": fresh weights
+  bool resume = false;             ///< go on from the newest sound checkpoint; config must be the run's
+  Comm* comm = &single_process();  ///< the run's ranks: each takes its share of every batch, rank 0 alone writes files
+  int local_ranks = 1;             ///< those of this machine, which share its memory
   Device device = Device::cpu;
-  int threads = 1;        ///< for libtorch on the CPU, and for the workers that prepare batches
+  int threads = 1;        ///< of this rank, for libtorch on the CPU, and for the workers that prepare batches
   double minutes = 0;     ///< stop after this wall time, with a checkpoint; 0: never
   int64_t stop_step = 0;  ///< stop after this step, with a checkpoint; 0: never
   std::string command_line;
   std::string version;
-  std::function<bool()> should_stop;  ///< asked after every step
+  std::function<bool()> should_stop;  ///< asked after every step; one rank's answer is enough
   std::function<void(const TrainingProgress&)> progress;
   std::function<void(const std::string&)> message;
 };

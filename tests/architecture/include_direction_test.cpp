@@ -93,6 +93,9 @@ TEST(Architecture, HeavyLibrariesStayBehindTheirFiles) {
       if (text.find("#include <torch/") != std::string::npos || text.find("#include <ATen/") != std::string::npos) {
         EXPECT_EQ(module, "train") << file << " includes libtorch";
       }
+      if (text.find("/distributed/c10d/") != std::string::npos) {
+        EXPECT_TRUE(module == "train" && name == "comm_c10d.cpp") << file << " includes c10d";
+      }
       if (text.find("__global__") != std::string::npos && file.extension() != ".cu" && file.extension() != ".cuh") {
         EXPECT_EQ(name, "parallel_for.h") << file << " launches kernels by itself";
       }

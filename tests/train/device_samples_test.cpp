@@ -34,16 +34,16 @@ void expect_near(const std::vector<float>& actual, const float* expected, int64_
     ASSERT_NEAR(actual[i], expected[i], tolerance * (1 + std::abs(expected[i]))) << "number " << i;
 }
 
-void expect_the_batches_of_the_cpu(Device device, double tolerance) {
+void expect_the_batches_of_the_cpu(Device device, double tolerance, BatchShare share = {}) {
   const TrainConfig config = sample_config();
   const DataSplit split(tiny_data_set() + "/train.h5");
   const graph::Normalization normalization = split.statistics(config.noise_std, 1);
-  DeviceSamples samples(split, config, normalization, device);
+  DeviceSamples samples(split, config, normalization, device, share);
   samples.start(0);
   for (int64_t step = 0; step < 6; ++step) {
     const SampleArrays made = samples.take();
     samples.start(step + 1);
-    const Batch batch = training_batch(split, config, normalization, step);
+    const Batch batch = training_batch(split, config, normalization, step, share);
     ASSERT_EQ(made.particles, batch.particles());
     ASSERT_EQ(made.feature_width, batch.feature_width);
     const auto part = [&](const Part& p) { return batch.numbers.data() + p.begin; };
@@ -59,7 +59,10 @@ void expect_the_batches_of_the_cpu(Device device, double tolerance) {
   }
 }
 
-TEST(DeviceSamples, AreTheBatchesOfTheWorkers) { expect_the_batches_of_the_cpu(Device::cpu, 0); }
+TEST(DeviceSamples, AreTheBatchesOfTheWorkers) {
+  expect_the_batches_of_the_cpu(Device::cpu, 0);
+  expect_the_batches_of_the_cpu(Device::cpu, 0, {1, 3});  // of the second of three ranks
+}
 
 TEST(DeviceSamples, AreTheBatchesOfTheWorkersOnTheGpu) {
   GRAUPEL_NEEDS_GPU();

@@ -1,8 +1,6 @@
 // The program graupel-train: exit codes, signals, kills.
 #include <gtest/gtest.h>
 #include <signal.h>
-#include <sys/wait.h>
-#include <unistd.h>
 
 #include <chrono>
 #include <thread>
@@ -10,6 +8,7 @@
 #include "core/atomic_file.h"
 #include "graph/hgn_config.h"
 #include "nn/weights.h"
+#include "tests/train/started_program.h"
 #include "tests/train/tiny_data.h"
 #include "train/run_folder.h"
 
@@ -17,27 +16,6 @@ namespace graupel::train {
 namespace {
 
 namespace fs = std::filesystem;
-
-/// Starts graupel-train with its output in a file.
-pid_t start(std::vector<std::string> words, const std::string& log) {
-  words.insert(words.begin(), std::string(GRAUPEL_BINARY_DIR) + "/graupel-train");
-  const pid_t child = ::fork();
-  if (child == 0) {
-    std::vector<char*> argv;
-    for (std::string& word : words) argv.push_back(word.data());
-    argv.push_back(nullptr);
-    if (!std::freopen(log.c_str(), "w", stdout) || ::dup2(STDOUT_FILENO, STDERR_FILENO) < 0) ::_exit(126);
-    ::execv(argv[0], argv.data());
-    ::_exit(127);
-  }
-  return child;
-}
-/// Exit code, or 1000 + signal.
-int finish(pid_t child) {
-  int status = 0;
-  ::waitpid(child, &status, 0);
-  return WIFEXITED(status) ? WEXITSTATUS(status) : 1000 + WTERMSIG(status);
-}
 
 class Program : public testing::Test {
  protected:

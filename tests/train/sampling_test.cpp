@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <numbers>
 #include <set>
 
 #include "core/error.h"
@@ -168,6 +169,66 @@ TEST(Sampling, BatchesDoNotDependOnTheWorkers) {
     }
   }
   EXPECT_NE(one[0].numbers, one[1].numbers);
+}
+
+TEST(Waves, AreInTheHistoryAndTheTargetTakesThemBack) {
+  TrainConfig config = tiny_config();
+  config.noise_std = 0;
+  const DataSplit split(tiny_data_set() + "/train.h5");
+  const SampleRules rules = [&] {
+    SampleRules made = sample_rules(config, {});  // not normalised
+    made.wave_recovery = 0.25f;
+    return made;
+  }();
+  const auto surroundings = split.trajectory(0).context->surroundings.view(Device::cpu);
+  SampleScene scene{0, 0, {}, {}, {}, surroundings};
+  const auto sample = [&](std::vector<float>& features, std::vector<float>& target) {
+    Vec3f position[3] = {{0.5f, 0.5f, 0.5f}, {0.501f, 0.5f, 0.49f}, {0.502f, 0.499f, 0.48f}};
+    features.resize(static_cast<std::size_t>(rules.features.width));
+    target.resize(3);
+    return write_sample(rules, scene, 0, position, {0.503f, 0.498f, 0.47f}, features.data(), target.data());
+  };
+  std::vector<float> still, target_still, moved, target_moved;
+  const Vec3f x = sample(still, target_still);
+  scene.displacement.vector[0] = {30, 40, 0};
+  scene.displacement.amplitude[0] = 0.004f;
+  scene.drift.vector[1] = {0, 0, 60};
+  scene.drift.phase[1] = 1;
+  scene.drift.amplitude[1] = 0.001f;
+  const Vec3f displacement = scene.displacement.at({0.502f, 0.499f, 0.48f}), drift = scene.drift.at({0, 0, 0.48f});
+  EXPECT_NEAR(norm(displacement), 0.004 * std::abs(std::cos(30 * 0.502 + 40 * 0.499)), 1e-6);
+  EXPECT_NEAR(displacement[0] * 4, displacement[1] * 3, 1e-7) << "along its vector";
+  const Vec3f y = sample(moved, target_moved);
+  for (int d = 0; d < 3; ++d) {
+    EXPECT_NEAR(y[d] - x[d], displacement[d], 1e-7);
+    const auto at = static_cast<std::size_t>(d);
+    EXPECT_NEAR(moved[at] - still[at], drift[d], 2e-7) << "the newest velocity";
+    EXPECT_NEAR(moved[3 + at] - still[3 + at], drift[d], 2e-7) << "the one before";
+    EXPECT_NEAR(target_moved[at] - target_still[at], -0.25f * displacement[d] - drift[d], 3e-7);
+  }
+}
+
+TEST(Waves, AreDrawnForTheirShareOfTheSamplesWithinTheirStrain) {
+  TrainConfig config = tiny_config();
+  const DataSplit split(tiny_data_set() + "/train.h5");
+  EXPECT_EQ(draw_training_sample(split, config, 3, 1).displacement.amplitude[0], 0);
+  config.wave_share = 0.5;
+  config.wave_strain = 0.3;
+  int with = 0;
+  for (int64_t step = 0; step < 200; ++step) {
+    const SampleDraw draw = draw_training_sample(split, config, step, 0);
+    float strain = 0;
+    for (int i = 0; i < Waves::count; ++i) {
+      strain += draw.displacement.amplitude[i] * norm(draw.displacement.vector[i]);
+      if (draw.displacement.amplitude[i] == 0) continue;
+      const double length = 2 * std::numbers::pi / static_cast<double>(norm(draw.displacement.vector[i]));
+      EXPECT_GE(length, 0.999 * config.wave_shortest);
+      EXPECT_LE(length, 1.001 * config.wave_longest);
+    }
+    EXPECT_LE(strain, 0.3001f);
+    with += strain > 0;
+  }
+  EXPECT_NEAR(with, 100, 30);
 }
 
 TEST(Symmetry, LeavesGravityAloneAndKeepsLengths) {

@@ -1,0 +1,48 @@
+// graupel launch: several ranks of a training run on this machine.
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "apps/rank_processes.h"
+#include "apps/verbs.h"
+#include "core/command_line.h"
+#include "core/error.h"
+
+namespace graupel::apps {
+
+namespace {
+
+void check_command(const std::vector<std::string>& words) {
+  if (words.front() == "train") return;
+  throw ConfigError(
+      "'" + words.front() +
+      "' cannot be launched (other verbs than 'train' know nothing of ranks). Example: graupel launch -n 2 "
+      "-- train hgn --data data/hgn");
+}
+
+}  // namespace
+
+void add_launch(CLI::App& app, int& exit_code) {
+  auto ranks = std::make_shared<RankProcesses>();
+  CLI::App* verb = app.add_subcommand("launch", "Train on several processes or GPUs of this machine");
+  verb->add_option("-n,--ranks", ranks->count, "Processes: one for a GPU, or some on the CPU")
+      ->check(whole_number(1, 1024))
+      ->required();
+  verb->add_option("command", ranks->arguments, "What to start: 'train' and its words, after '--'")->required();
+  verb->footer(
+      "Starts the same training N times. The ranks divide each batch and add up their gradients, so that the steps "
+      "are\n"
+      "those of one process. Rank 0 prints, validates and writes the run folder; lines of the others carry [rank K].\n"
+      "Ctrl-C and SIGTERM reach every rank; when one fails the others are ended, and its exit code is returned.\n"
+      "On several machines use torchrun, srun or mpirun (docs/learned-models.md, \"Several processes\").\n\nExamples:\n"
+      "  graupel launch -n 2 -- train hgn --data data/hgn --out runs/hgn --device cuda\n"
+      "  graupel launch -n 4 -- train hgn --resume runs/hgn");
+  verb->callback([ranks, &exit_code] {
+    check_command(ranks->arguments);
+    ranks->program = std::filesystem::read_symlink("/proc/self/exe");
+    exit_code = run_rank_processes(*ranks);
+  });
+}
+
+}  // namespace graupel::apps
