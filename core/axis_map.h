@@ -16,6 +16,13 @@ struct AxisMap {
     for (int d = 0; d < 3; ++d) turned[d] = static_cast<T>(sign[d]) * v[axis[d]];
     return turned;
   }
+  /// The inverse: undo(apply(v)) = v.
+  template <typename T>
+  GRAUPEL_HD Vec<T, 3> undo(const Vec<T, 3>& turned) const {
+    Vec<T, 3> v;
+    for (int d = 0; d < 3; ++d) v[axis[d]] = static_cast<T>(sign[d]) * turned[d];
+    return v;
+  }
 };
 
 }  // namespace graupel

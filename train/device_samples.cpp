@@ -31,6 +31,22 @@ struct SampleFrames {
 struct SceneSample {
   SampleScene scene;
   SampleFrames frames;
+  graph::WayFollower way;
+};
+
+/// Scene of particle i of a batch.
+GRAUPEL_HD const SceneSample& scene_of(const SceneSample* sample, int scenes, int64_t i) {
+  int s = 0;
+  while (s + 1 < scenes && sample[s + 1].scene.first <= i) ++s;
+  return sample[s];
+}
+
+/// What the kernels write: features and targets, where the grid has the particles, and the history for pushes.
+struct SampleOutput {
+  float *features, *target;
+  Vec3f* now;
+  int32_t* type_row;
+  Vec3f* history;  ///< [history + 1, particles], null where none is pushed
 };
 
 /// One particle of the batch.
@@ -38,20 +54,43 @@ struct MakeSample {
   SampleRules rules;
   const SceneSample* sample;
   int scenes;
-  float *features, *target;
-  Vec3f* now;
-  int32_t* type_row;
+  int64_t particles;
+  SampleOutput out;
   GRAUPEL_HD void operator()(int64_t i) const {
-    int s = 0;
-    while (s + 1 < scenes && sample[s + 1].scene.first <= i) ++s;
-    const SampleFrames& frames = sample[s].frames;
-    const int64_t p = i - sample[s].scene.first;
+    const SceneSample& own = scene_of(sample, scenes, i);
+    const SampleFrames& frames = own.frames;
+    const int64_t p = i - own.scene.first;
     Vec3f position[graph::most_history + 1];
     for (int t = 0; t <= rules.features.history; ++t)
       position[t] = frames.at(frames.frame - rules.features.history + t, p);
-    now[i] = write_sample(rules, sample[s].scene, static_cast<uint64_t>(p), position, frames.at(frames.frame + 1, p),
-                          features + i * rules.features.width, target + 3 * i);
-    type_row[i] = frames.type_row[p];
+    out.now[i] =
+        write_disturbed_sample(rules, own.scene, static_cast<uint64_t>(p), position, frames.at(frames.frame + 1, p),
+                               out.features + i * rules.features.width, out.target + 3 * i);
+    out.type_row[i] = frames.type_row[p];
+    if (out.history)
+      for (int t = 0; t <= rules.features.history; ++t) out.history[t * particles + i] = position[t];
+  }
+};
+
+/// The same one frame of the network's later.
+struct PushSample {
+  SampleRules rules;
+  const SceneSample* sample;
+  int scenes;
+  int64_t particles, push;
+  const float* acceleration;
+  SampleOutput out;
+  GRAUPEL_HD void operator()(int64_t i) const {
+    const SceneSample& own = scene_of(sample, scenes, i);
+    const SampleFrames& frames = own.frames;
+    const int64_t p = i - own.scene.first;
+    Vec3f position[graph::most_history + 1];
+    for (int t = 0; t <= rules.features.history; ++t) position[t] = out.history[t * particles + i];
+    const TrueStep truth{frames.at(frames.frame + push, p), frames.at(frames.frame + push + 1, p)};
+    const Vec3f next = push_forward(rules, own.scene, own.way, acceleration + 3 * i, truth, position);
+    for (int t = 0; t <= rules.features.history; ++t) out.history[t * particles + i] = position[t];
+    out.now[i] =
+        write_sample(rules, own.scene, position, next, out.features + i * rules.features.width, out.target + 3 * i);
   }
 };
 
@@ -76,13 +115,17 @@ struct DeviceSamples::Slot {
         features(device, 0),
         target(device, 0),
         now(device, 0),
+        history(device, 0),
         type_row(device, 0) {}
+  SampleOutput output() {
+    return {features.data(), target.data(), now.data(), type_row.data(), pushes > 0 ? history.data() : nullptr};
+  }
   graph::GridBuilder builder;
   Buffer<SceneSample> samples;
   Buffer<float> features, target;
-  Buffer<Vec3f> now;
+  Buffer<Vec3f> now, history;
   Buffer<int32_t> type_row;
-  int64_t particles = 0, step = 0;
+  int64_t particles = 0, step = 0, pushes = 0;
 #ifdef __CUDACC__
   cudaEvent_t released = nullptr;  ///< the launches that read this batch are done
 #endif
@@ -143,7 +186,8 @@ SceneSample DeviceSamples::Impl::sample_of(const SampleDraw& draw, int64_t first
   const Scene& scene = info.context->scene;
   return {{first, draw.stream, draw.turn, draw.displacement, draw.drift, info.context->surroundings.view(device)},
           {trajectory.position.data(), trajectory.initial_velocity.data(), trajectory.type_row.data(),
-           static_cast<int64_t>(info.type_row.size()), draw.key.frame, scene.gravity, scene.frame_time}};
+           static_cast<int64_t>(info.type_row.size()), draw.key.frame, scene.gravity, scene.frame_time},
+          info.context->surroundings.way_follower(device)};
 }
 
 DeviceSamples::DeviceSamples(const DataSplit& split, const TrainConfig& config,
@@ -184,6 +228,7 @@ void DeviceSamples::start(int64_t step) {
   std::vector<graph::SceneGrid> grids;
   slot.particles = 0;
   slot.step = step;
+  slot.pushes = pushes_of(impl.config, step);
   for (int64_t k = impl.share.first; k < impl.config.batch_scenes; k += impl.share.stride) {
     const SampleDraw draw = draw_training_sample(impl.split, impl.config, step, k);
     samples.push_back(impl.sample_of(draw, slot.particles));
@@ -195,26 +240,41 @@ void DeviceSamples::start(int64_t step) {
   slot.target.resize_discard(3 * n);
   slot.now.resize_discard(n);
   slot.type_row.resize_discard(n);
+  if (slot.pushes > 0) slot.history.resize_discard(n * static_cast<std::size_t>(impl.rules.features.history + 1));
   upload_in(impl.stream, slot.samples, samples);
   slot.builder.prepare(grids, impl.stream);
-  parallel_for_in(impl.stream, impl.device, slot.particles,
-                  MakeSample{impl.rules, slot.samples.data(), static_cast<int>(samples.size()), slot.features.data(),
-                             slot.target.data(), slot.now.data(), slot.type_row.data()});
+  parallel_for_in(
+      impl.stream, impl.device, slot.particles,
+      MakeSample{impl.rules, slot.samples.data(), static_cast<int>(samples.size()), slot.particles, slot.output()});
   slot.builder.build(slot.now.data(), impl.stream);
 }
 
 SampleArrays DeviceSamples::take() {
+  GRAUPEL_ASSERT(impl_->taken < impl_->started);
+  return arrays_of(impl_->slot(impl_->taken++), impl_->stream);
+}
+
+SampleArrays DeviceSamples::push(const float* acceleration, int64_t push) {
   Impl& impl = *impl_;
-  GRAUPEL_ASSERT(impl.taken < impl.started);
-  Slot& slot = impl.slot(impl.taken++);
+  Slot& slot = impl.slot(impl.taken - 1);
+  GRAUPEL_ASSERT(push >= 1 && push <= slot.pushes);
+  // In the default stream, where the network works on the batch.
+  parallel_for_in(nullptr, impl.device, slot.particles,
+                  PushSample{impl.rules, slot.samples.data(), static_cast<int>(slot.samples.size()), slot.particles,
+                             push, acceleration, slot.output()});
+  slot.builder.build(slot.now.data(), nullptr);
+  return arrays_of(slot, nullptr);
+}
+
+SampleArrays DeviceSamples::arrays_of(const Slot& slot, void* stream) const {
   SampleArrays arrays;
-  arrays.counts = slot.builder.counts(impl.stream);
+  arrays.counts = slot.builder.counts(stream);
   if (arrays.counts.overflow)
-    throw InputError("'" + impl.split.file() + "': a particle of training step " + std::to_string(slot.step) +
+    throw InputError("'" + impl_->split.file() + "': a particle of training step " + std::to_string(slot.step) +
                      " lies outside the domain of its scene by more than three cells of the network's grid. Generate " +
                      "the data set anew, or lower noise_std");
   arrays.particles = slot.particles;
-  arrays.feature_width = impl.rules.features.width;
+  arrays.feature_width = impl_->rules.features.width;
   arrays.features = slot.features.data();
   arrays.target = slot.target.data();
   arrays.type_row = slot.type_row.data();

@@ -35,12 +35,17 @@ class DeviceSamples {
   void start(int64_t step);
   /// The batch that was started first; waits for it. Throws InputError when a particle lies outside its domain.
   SampleArrays take();
+  /// The batch taken last, one frame later: the network's own frame from `acceleration` [particles, 3] (normalised, as
+  /// the network gives them, in the device's memory), frame number `push` of them, is its newest one. Waits.
+  SampleArrays push(const float* acceleration, int64_t push);
   /// Says that all launches that read the batch taken last are in the default stream.
   void release();
 
  private:
   struct Slot;
   struct Impl;
+  SampleArrays arrays_of(const Slot& slot, void* stream) const;
+
   std::unique_ptr<Impl> impl_;
 };
 

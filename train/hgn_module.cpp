@@ -130,6 +130,7 @@ struct HgnModule::Impl {
   at::Tensor gradient;  ///< part of `reduced`
   at::Tensor means;     ///< sums of loss and gradient norm since they were last taken
   int64_t steps_in_means = 0;
+  at::Tensor predicted;  ///< of the last predict() on the device
   std::unique_ptr<NetworkPasses> network, average;
 #ifdef GRAUPEL_HAVE_CUDA
   std::unique_ptr<FusedNetwork> fused;  ///< takes the training steps where it is there
@@ -193,6 +194,17 @@ void HgnModule::train_step(const Batch& batch, const StepSettings& settings, Com
 void HgnModule::train_step(const SampleArrays& batch, const StepSettings& settings, Comm& comm) {
   const at::NoGradGuard no_grad;
   impl_->train_step(impl_->network->attach(batch), settings, comm);
+}
+
+const float* HgnModule::predict(const SampleArrays& batch) {
+  const at::NoGradGuard no_grad;
+  const DeviceBatch on_device = impl_->network->attach(batch);
+#ifdef GRAUPEL_HAVE_CUDA
+  if (impl_->fused) impl_->predicted = impl_->fused->forward(on_device);
+#endif
+  if (!is_mixed()) impl_->predicted = impl_->network->forward(on_device, nullptr).to(at::kFloat);
+  impl_->predicted = impl_->predicted.contiguous();
+  return impl_->predicted.data_ptr<float>();
 }
 
 StepMeans HgnModule::take_means() {

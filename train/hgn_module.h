@@ -73,6 +73,9 @@ class HgnModule {
   void train_step(const Batch& batch, const StepSettings& settings, Comm& comm = single_process());
   /// The same with a batch of HGN that lies in the module's device.
   void train_step(const SampleArrays& batch, const StepSettings& settings, Comm& comm = single_process());
+  /// Normalised accelerations [particles, 3] of a batch of HGN that lies in the module's device, there too, with the
+  /// weights; valid until the next call.
+  const float* predict(const SampleArrays& batch);
   StepMeans take_means();
 
   /// Loss and its gradient, flat (ParameterLayout), without a step.

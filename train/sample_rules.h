@@ -4,6 +4,7 @@
 
 #include "core/random.h"
 #include "graph/feature_row.h"
+#include "graph/way_follower.h"
 
 namespace graupel::train {
 
@@ -11,6 +12,7 @@ struct SampleRules {
   graph::FeatureRules features;
   uint64_t seed = 0;
   double noise_std = 0;     ///< [m/frame]
+  float push_recovery = 0;  ///< share of the way back to the truth that the target takes in a frame
   float wave_recovery = 0;  ///< share of a wave's displacement that the target takes back in a frame
 };
 
@@ -76,20 +78,56 @@ GRAUPEL_HD inline Vec3f acceleration_at(const Vec3f& next, const Vec3f& now, con
   return ((next.cast<double>() - x) - (x - before.cast<double>())).cast<float>();
 }
 
-/// Particle p of a scene: features [rules.features.width], normalised acceleration [3], and where the grid has it.
-/// `position` holds history + 1 true frames, newest last, and is changed; `next` is the frame after them.
-GRAUPEL_HD inline Vec3f write_sample(const SampleRules& rules, const SampleScene& scene, uint64_t p, Vec3f* position,
-                                     Vec3f next, float* feature_row, float* target) {
+/// Adds waves and noise to a particle's history + 1 frames, newest last, and to what follows from them to its next one.
+GRAUPEL_HD inline void disturb(const SampleRules& rules, const SampleScene& scene, uint64_t p, Vec3f* position,
+                               Vec3f& next) {
   const int history = rules.features.history;
   next += add_waves(scene, rules.wave_recovery, history, position);
   next +=
       add_noise(Random(rules.seed, RandomPurpose::training_noise, scene.stream), rules.noise_std, history, p, position);
+}
+
+/// Features [rules.features.width] and normalised acceleration [3] of a particle, from history + 1 frames, newest last,
+/// and its next one. Returns where the grid has it.
+GRAUPEL_HD inline Vec3f write_sample(const SampleRules& rules, const SampleScene& scene, const Vec3f* position,
+                                     const Vec3f& next, float* feature_row, float* target) {
+  const int history = rules.features.history;
   const Vec3f acceleration = scene.turn.apply(acceleration_at(next, position[history], position[history - 1]));
   const graph::Normalization& statistics = rules.features.normalization;
   for (int d = 0; d < 3; ++d)
     target[d] = (acceleration[d] - statistics.acceleration_mean[d]) / statistics.acceleration_std[d];
   graph::write_feature_row(rules.features, scene.surroundings, scene.turn, position, feature_row);
   return scene.turn.apply(position[history]);
+}
+
+/// Both at once, for particle p; `position` is changed.
+GRAUPEL_HD inline Vec3f write_disturbed_sample(const SampleRules& rules, const SampleScene& scene, uint64_t p,
+                                               Vec3f* position, Vec3f next, float* feature_row, float* target) {
+  disturb(rules, scene, p, position, next);
+  return write_sample(rules, scene, position, next, feature_row, target);
+}
+
+/// A frame of the network's own: from the acceleration that it predicts (normalised, turned) to the history moved on by
+/// one frame (pushforward; Brandstetter, Worrall and Welling 2022). The network moves on from the true positions
+/// where it has left them by more than `farthest`. Returns the next position that the network should make: the true
+/// velocity, and a share of the way back.
+struct TrueStep {
+  Vec3f now, next;  ///< the true frames that belong to the new history's newest one and the one after it
+};
+GRAUPEL_HD inline Vec3f push_forward(const SampleRules& rules, const SampleScene& scene, const graph::WayFollower& way,
+                                     const float* predicted, const TrueStep& truth, Vec3f* position) {
+  constexpr float farthest = 0.1f;  // [m]
+  const graph::Normalization& statistics = rules.features.normalization;
+  const int history = rules.features.history;
+  Vec3f acceleration;
+  for (int d = 0; d < 3; ++d)
+    acceleration[d] = predicted[d] * statistics.acceleration_std[d] + statistics.acceleration_mean[d];
+  Vec3f x = position[history] + (position[history] - position[history - 1]) + scene.turn.undo(acceleration);
+  way.follow(position[history], x);
+  if (!(norm2(x - truth.now) <= farthest * farthest)) x = truth.now;
+  for (int t = 0; t < history; ++t) position[t] = position[t + 1];
+  position[history] = x;
+  return x + (truth.next - truth.now) + (truth.now - x) * rules.push_recovery;
 }
 
 }  // namespace graupel::train

@@ -72,9 +72,9 @@ SceneGraph training_graph(const DataSplit& split, const TrainConfig& config, con
   for (std::size_t p = 0; p < next.size(); ++p) {
     Vec3f position[graph::most_history + 1];
     for (std::size_t t = 0; t < history.size(); ++t) position[t] = history[t][p];
-    now[p] = write_sample(rules, scene, p, position, next[p],
-                          graph.features.data() + p * static_cast<std::size_t>(rules.features.width),
-                          graph.target.data() + 3 * p);
+    now[p] = write_disturbed_sample(rules, scene, p, position, next[p],
+                                    graph.features.data() + p * static_cast<std::size_t>(rules.features.width),
+                                    graph.target.data() + 3 * p);
   }
   if (config.architecture == Architecture::gns) add_obstacles(graph, config.gns, rules, surroundings, scene, now);
   set_graph(graph, config.network(), now, draw.origin);
@@ -87,11 +87,18 @@ uint64_t stream_of(int64_t step, int64_t slot) {
   return (static_cast<uint64_t>(step) << 16) | static_cast<uint64_t>(slot);
 }
 
-SampleKey draw_sample(const DataSplit& split, uint64_t seed, int64_t step, int64_t slot) {
+int64_t pushes_of(const TrainConfig& config, int64_t step) {
+  constexpr int64_t no_slot = 0xffff;  // one number for all scenes of a batch
+  const Random random(config.seed, RandomPurpose::batch_order, stream_of(step, no_slot));
+  return random.integer(0, 0, static_cast<uint32_t>(config.push_steps) + 1);
+}
+
+SampleKey draw_sample(const DataSplit& split, uint64_t seed, int64_t step, int64_t slot, int64_t ahead) {
   const Random random(seed, RandomPurpose::batch_order, stream_of(step, slot));
   SampleKey key;
   key.trajectory = static_cast<int>(random.integer(0, 0, static_cast<uint32_t>(split.count())));
-  key.frame = random.integer(0, 1, static_cast<uint32_t>(usable(split.trajectory(key.trajectory))));
+  const int64_t frames = std::max<int64_t>(1, usable(split.trajectory(key.trajectory)) - ahead);
+  key.frame = random.integer(0, 1, static_cast<uint32_t>(frames));
   return key;
 }
 
@@ -135,7 +142,7 @@ Waves draw_waves(const Random& random, uint64_t first, const TrainConfig& config
 
 SampleDraw draw_training_sample(const DataSplit& split, const TrainConfig& config, int64_t step, int64_t slot) {
   SampleDraw draw;
-  draw.key = draw_sample(split, config.seed, step, slot);
+  draw.key = draw_sample(split, config.seed, step, slot, pushes_of(config, step));
   draw.stream = stream_of(step, slot);
   const SceneContext& context = *split.trajectory(draw.key.trajectory).context;
   draw.low = context.surroundings.wall_low;
@@ -159,7 +166,7 @@ SampleDraw draw_training_sample(const DataSplit& split, const TrainConfig& confi
 
 SampleRules sample_rules(const TrainConfig& config, const graph::Normalization& normalization) {
   return {graph::FeatureRules(config.features(), normalization), config.seed, config.noise_std,
-          static_cast<float>(config.wave_recovery)};
+          static_cast<float>(config.push_recovery), static_cast<float>(config.wave_recovery)};
 }
 
 std::vector<Vec3f> add_random_walk(std::vector<std::vector<Vec3f>>& positions, double noise_std, const Random& random) {

@@ -53,6 +53,8 @@ struct TrainConfig {
   double clip_norm = 10;
   double ema_decay = 0.999;
   double noise_std = 8.48528e-4;  ///< [m/frame]
+  int64_t push_steps = 0;
+  double push_recovery = 0.2;
   double wave_share = 0;
   double wave_strain = 0.2;
   double wave_rate = 0.03;
@@ -128,6 +130,16 @@ struct TrainConfig {
                     .unit = "m/frame",
                     .meaning = "Standard deviation of the random-walk noise on the newest velocity, per axis",
                     .range = Range::not_negative()});
+    visit(&C::push_steps, FieldInfo{.name = "push_steps",
+                                    .unit = "frames",
+                                    .meaning = "Most frames that the network makes itself before a sample's target",
+                                    .range = Range::between(0, 64),
+                                    .only_for = "hgn"});
+    visit(&C::push_recovery, FieldInfo{.name = "push_recovery",
+                                       .unit = "",
+                                       .meaning = "Share of the way back to the truth that the target takes in a frame",
+                                       .range = Range::between(0, 1),
+                                       .only_for = "hgn"});
     visit(&C::wave_share, FieldInfo{.name = "wave_share",
                                     .unit = "",
                                     .meaning = "Share of the samples that waves of density are added to",

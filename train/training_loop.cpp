@@ -191,21 +191,28 @@ void TrainingRun::restore() {
 }
 
 void TrainingRun::prepare_samples() {
-  if (options_.device != Device::cuda || config_.architecture != Architecture::hgn) return;
-  const uint64_t needed = DeviceSamples::bytes_for(*train_), free = available_bytes(Device::cuda);
+  // Workers make batches ahead of the network, which its own frames cannot be.
+  if (config_.architecture != Architecture::hgn || (options_.device == Device::cpu && config_.push_steps == 0)) return;
+  const uint64_t needed = DeviceSamples::bytes_for(*train_), free = available_bytes(options_.device);
   if (needed > free / 2) {
-    say("the data set (" + std::to_string(needed >> 20) + " MiB) is too large for half of the GPU's free memory (" +
-        std::to_string(free >> 20) + " MiB): batches are made by the CPU, more slowly");
+    const std::string sizes = "the data set (" + std::to_string(needed >> 20) +
+                              " MiB) is too large for half of the free " + "memory of device '" +
+                              name_of(options_.device) + "' (" + std::to_string(free >> 20) + " MiB)";
+    if (config_.push_steps > 0)
+      throw ConfigError(sizes + ", where push_steps needs it. Set push_steps to 0, or train on fewer scenes");
+    say(sizes + ": batches are made by the CPU, more slowly");
     return;
   }
-  samples_ = std::make_unique<DeviceSamples>(*train_, config_, normalization_, Device::cuda, share());
+  samples_ = std::make_unique<DeviceSamples>(*train_, config_, normalization_, options_.device, share());
 }
 
 StopReason TrainingRun::train_on_device() {
   samples_->start(state_.step);
   while (state_.step < config_.steps) {
-    const SampleArrays batch = samples_->take();
+    SampleArrays batch = samples_->take();
     if (state_.step + 1 < config_.steps) samples_->start(state_.step + 1);
+    for (int64_t push = 1; push <= pushes_of(config_, state_.step); ++push)
+      batch = samples_->push(module_.predict(batch), push);
     module_.train_step(batch, step_settings(), comm_);
     samples_->release();
     if (const auto stop = after_step()) return *stop;

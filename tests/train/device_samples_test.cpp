@@ -69,6 +69,51 @@ TEST(DeviceSamples, AreTheBatchesOfTheWorkersOnTheGpu) {
   expect_the_batches_of_the_cpu(Device::cuda, 2e-5);
 }
 
+/// What the network sees and is to predict after frames of its own, for accelerations of zero: free motion.
+void expect_pushed_batches(Device device) {
+  TrainConfig config = sample_config();
+  config.noise_std = 0;
+  config.push_steps = 2;
+  config.push_recovery = 0.25;
+  config.batch_scenes = 2;
+  const DataSplit split(tiny_data_set() + "/train.h5");
+  DeviceSamples samples(split, config, {}, device);  // nothing is normalised
+  int64_t step = 0;
+  while (pushes_of(config, step) != 2) ++step;
+  samples.start(step);
+  SampleArrays batch = samples.take();
+  Buffer<float> still(device, static_cast<std::size_t>(3 * batch.particles));
+  still.fill_zero();
+  for (const int64_t push : {1, 2}) batch = samples.push(still.data(), push);
+  const std::vector<float> features = floats_of(device, batch.features, batch.particles * batch.feature_width),
+                           target = floats_of(device, batch.target, 3 * batch.particles);
+  std::size_t row = 0;
+  for (int64_t slot = 0; slot < config.batch_scenes; ++slot) {
+    const SampleDraw draw = draw_training_sample(split, config, step, slot);
+    const auto past = split.history(draw.key.trajectory, draw.key.frame, 1);
+    const auto truth = split.positions(draw.key.trajectory, draw.key.frame, 4);  // up to the target's frame
+    for (std::size_t p = 0; p < past[0].size(); ++p, ++row) {
+      const Vec3f velocity = past[1][p] - past[0][p], x = past[1][p] + velocity * 2.0f;
+      const Vec3f next = x + (truth[3][p] - truth[2][p]) + (truth[2][p] - x) * 0.25f;
+      const Vec3f seen = draw.turn.apply(velocity), wanted = draw.turn.apply(next - x - velocity);
+      for (std::size_t d = 0; d < 3; ++d) {
+        const int axis = static_cast<int>(d);
+        EXPECT_NEAR(features[row * static_cast<std::size_t>(batch.feature_width) + d], seen[axis], 3e-7);
+        EXPECT_NEAR(features[row * static_cast<std::size_t>(batch.feature_width) + 3 + d], seen[axis], 3e-7);
+        EXPECT_NEAR(target[3 * row + d], wanted[axis], 5e-7);
+      }
+    }
+  }
+  EXPECT_EQ(row, static_cast<std::size_t>(batch.particles));
+}
+
+TEST(DeviceSamples, PushedBatchesHoldTheNetworksOwnFrames) { expect_pushed_batches(Device::cpu); }
+
+TEST(DeviceSamples, PushedBatchesHoldTheNetworksOwnFramesOnTheGpu) {
+  GRAUPEL_NEEDS_GPU();
+  expect_pushed_batches(Device::cuda);
+}
+
 /// Weights after three steps.
 std::vector<float> trained(Device device, bool on_device) {
   const TrainConfig config = sample_config();

@@ -186,7 +186,7 @@ TEST(Waves, AreInTheHistoryAndTheTargetTakesThemBack) {
     Vec3f position[3] = {{0.5f, 0.5f, 0.5f}, {0.501f, 0.5f, 0.49f}, {0.502f, 0.499f, 0.48f}};
     features.resize(static_cast<std::size_t>(rules.features.width));
     target.resize(3);
-    return write_sample(rules, scene, 0, position, {0.503f, 0.498f, 0.47f}, features.data(), target.data());
+    return write_disturbed_sample(rules, scene, 0, position, {0.503f, 0.498f, 0.47f}, features.data(), target.data());
   };
   std::vector<float> still, target_still, moved, target_moved;
   const Vec3f x = sample(still, target_still);

@@ -66,6 +66,23 @@ TEST(Training, TwentyStepsEqualTenAndResumedTen) {
   remove_path(folder);
 }
 
+TEST(Training, RunsWithTheNetworksOwnFramesResumeTheSame) {
+  const std::string folder = test_folder("pushes");
+  TrainingOptions whole = tiny_options(folder + "/whole"), parts = tiny_options(folder + "/parts");
+  for (TrainingOptions* options : {&whole, &parts}) {
+    options->config.push_steps = 3;
+    options->config.wave_share = 0.5;
+  }
+  train_hgn(whole);
+  parts.stop_step = 10;
+  train_hgn(parts);
+  parts.stop_step = 0;
+  parts.resume = true;
+  EXPECT_EQ(train_hgn(parts).reason, StopReason::finished);
+  expect_equal_states(folder + "/whole", folder + "/parts", "step-00000020");
+  remove_path(folder);
+}
+
 TEST(Training, LearnsToBounce) {
   const std::string folder = test_folder("learn");
   TrainingOptions options = tiny_options(folder + "/run");
