@@ -189,7 +189,7 @@ TEST_F(CompareRuns, RefusesTwoScenesOfOneName) {
 TEST_F(CompareRuns, RefusesCudaWhereItCannotBe) {
   CompareOptions o = options({"mpm", ballistic_network()});
   o.device = "cuda";  // without a GPU; with one, since the network is not wide enough
-  EXPECT_THAT([&] { make_comparison(o); }, ::testing::ThrowsMessage<ConfigError>(::testing::HasSubstr("cuda")));
+  EXPECT_THAT([&] { make_comparison(o); }, ::testing::ThrowsMessage<ConfigError>(::testing::HasSubstr("--device cpu")));
 }
 
 TEST_F(CompareRuns, FindsUnwritableOutputsBeforeTheWork) {
