@@ -172,11 +172,16 @@ Scene scene_of_points(const Scene& scene, std::vector<std::vector<Vec3d>> points
   return changed;
 }
 
+Vec3d within_walls(const Scene& scene, Vec3d x) {
+  const Vec3d low = scene.wall_low(), high = scene.wall_high();
+  for (int d = 0; d < 3; ++d) x[d] = std::clamp(x[d], low[d], high[d]);
+  return x;
+}
+
 }  // namespace
 
 Scene moved_scene(const Scene& scene, uint64_t seed, double distance) {
   const mpm::SampledParticles particles = mpm::sample_sources(scene, seed);
-  const Vec3d low = scene.wall_low(), high = scene.wall_high();
   std::vector<std::vector<Vec3d>> points(scene.sources.size());
   for (std::size_t p = 0; p < particles.position.size(); ++p) {
     const Random random(seed, RandomPurpose::metric_subset, p);
@@ -184,9 +189,8 @@ Scene moved_scene(const Scene& scene, uint64_t seed, double distance) {
     double unused;
     random.normal(0, 0, direction[0], direction[1]);
     random.normal(0, 1, direction[2], unused);
-    Vec3d x = particles.position[p] + normalized(direction) * distance;
-    for (int d = 0; d < 3; ++d) x[d] = std::clamp(x[d], low[d], high[d]);
-    points[static_cast<std::size_t>(particles.source[p])].push_back(x);
+    const Vec3d x = particles.position[p] + normalized(direction) * distance;
+    points[static_cast<std::size_t>(particles.source[p])].push_back(within_walls(scene, x));
   }
   return scene_of_points(scene, std::move(points));
 }
@@ -196,7 +200,7 @@ Scene resting_scene(const Scene& scene, uint64_t seed, const std::vector<Vec3f>&
   GRAUPEL_ASSERT(particles.position.size() == position.size());
   std::vector<std::vector<Vec3d>> points(scene.sources.size());
   for (std::size_t p = 0; p < position.size(); ++p)
-    points[static_cast<std::size_t>(particles.source[p])].push_back(position[p].cast<double>());
+    points[static_cast<std::size_t>(particles.source[p])].push_back(within_walls(scene, position[p].cast<double>()));
   Scene resting = scene_of_points(scene, std::move(points));
   for (Source& source : resting.sources) {
     source.velocity = Vec3d::zero();
