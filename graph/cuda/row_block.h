@@ -1,0 +1,84 @@
+// What the kernels of row_layers.h share: a block's shared memory, its place among the rows, its launch.
+#pragma once
+
+#include <algorithm>
+
+#include "core/cuda_check.h"
+#include "core/error.h"
+#include "graph/cuda/tile_product.h"
+
+namespace graupel::graph::tile {
+
+constexpr int threads = 256;
+/// Warps of a block: as many as registers and shared memory allow, for their loads to overlap.
+constexpr int few_warps = 8, many_warps = 12;
+constexpr float slope = 0.01f;
+constexpr int types = 9;  ///< rows of the embedding table (graph/features.h)
+
+inline int multiprocessors() {
+  static const int count = [] {
+    int device = 0, value = 0;
+    GRAUPEL_CUDA_CHECK(cudaGetDevice(&device));
+    GRAUPEL_CUDA_CHECK(cudaDeviceGetAttribute(&value, cudaDevAttrMultiProcessorCount, device));
+    return value;
+  }();
+  return count;
+}
+
+/// First row of a warp: neighbouring rows go to different blocks, so that few rows keep many multiprocessors busy.
+__device__ inline int64_t first_row(int warp) { return (int64_t{warp} * gridDim.x + blockIdx.x) * warp_rows; }
+
+/// Blocks for `rows` rows when `resident` of them run on a multiprocessor at a time.
+inline int blocks_for(int64_t rows, int resident) {
+  const int64_t wanted = (rows + warp_rows - 1) / warp_rows;
+  return static_cast<int>(std::clamp<int64_t>(wanted, 1, int64_t{resident} * multiprocessors()));
+}
+
+/// The shared memory of a block: tiles, then `parts` times 16 rows a warp.
+template <int warps>
+struct Shared {
+  uint16_t* numbers;
+  int tiles;
+  __device__ uint16_t* tile(int i) const { return numbers + i * (tile_bytes / 2); }
+  __device__ uint16_t* rows(int part, int warp) const {
+    return numbers + tiles * (tile_bytes / 2) + (part * warps + warp) * (warp_bytes / 2);
+  }
+};
+
+constexpr int shared_bytes(int warps, int tiles, int parts) { return tiles * tile_bytes + parts * warps * warp_bytes; }
+
+extern __shared__ __align__(16) uint16_t shared_numbers[];
+
+__device__ inline void write_operand_gradient(const OperandGradient& d, const Sums& c, int64_t first, int64_t rows,
+                                              int lane) {
+#pragma unroll
+  for (int half = 0; half < 2; ++half) {
+    const int64_t r = first + lane / 4 + 8 * half;
+    if (r >= rows) continue;
+    const int64_t at = r * layer_width + 2 * (lane % 4);
+#pragma unroll
+    for (int j = 0; j < column_blocks; ++j) {
+      float2 sum{c[j][2 * half], c[j][2 * half + 1]};
+      if (d.add32) {
+        const float2 before = *reinterpret_cast<const float2*>(d.add32 + at + 8 * j);
+        sum.x += before.x, sum.y += before.y;
+      }
+      if (d.add16) {
+        const float2 before = unpack(*reinterpret_cast<const uint32_t*>(d.add16 + at + 8 * j));
+        sum.x += before.x, sum.y += before.y;
+      }
+      if (d.d32) *reinterpret_cast<float2*>(d.d32 + at + 8 * j) = sum;
+      if (d.d16) *reinterpret_cast<uint32_t*>(d.d16 + at + 8 * j) = pack(sum.x, sum.y);
+    }
+  }
+}
+
+/// Launches with the shared memory that the kernel needs.
+template <typename Kernel, typename Argument>
+void launch(Kernel kernel, int blocks, int block_threads, int bytes, const Argument& argument, void* stream) {
+  GRAUPEL_CUDA_CHECK(cudaFuncSetAttribute(kernel, cudaFuncAttributeMaxDynamicSharedMemorySize, bytes));
+  kernel<<<blocks, block_threads, bytes, static_cast<cudaStream_t>(stream)>>>(argument);
+  GRAUPEL_CUDA_CHECK(cudaGetLastError());
+}
+
+}  // namespace graupel::graph::tile

@@ -1,0 +1,195 @@
+// Products of rows with a matrix or two, sums of rows, and the decoder.
+#include "graph/cuda/row_block.h"
+#include "graph/cuda/row_layers.h"
+
+namespace graupel::graph {
+
+namespace {
+
+using namespace tile;
+
+__device__ void add_offsets(Sums& c, const RowProjection& p, int j, int64_t first, int lane) {
+  float offset[2][3] = {};
+#pragma unroll
+  for (int half = 0; half < 2; ++half) {
+    const int64_t r = first + lane / 4 + 8 * half;
+    if (r >= p.rows) continue;
+#pragma unroll
+    for (int d = 0; d < 3; ++d) offset[half][d] = p.offset_sign[j] * p.offset[3 * r + d];
+  }
+#pragma unroll
+  for (int block = 0; block < column_blocks; ++block)
+#pragma unroll
+    for (int i = 0; i < 2; ++i) {
+      const float* const row = p.offset_weight[j] + int64_t{8 * block + 2 * (lane % 4) + i} * p.offset_stride[j];
+#pragma unroll
+      for (int d = 0; d < 3; ++d) {
+        const float w = row[d];
+        c[block][i] += w * offset[0][d];
+        c[block][2 + i] += w * offset[1][d];
+      }
+    }
+}
+
+__global__ void __launch_bounds__(threads, 2) project_kernel(RowProjection p) {
+  constexpr int warps = few_warps;
+  const Shared<warps> shared{shared_numbers, 2};
+  for (int j = 0; j < 2; ++j)
+    if (p.weight[j]) load_tile(shared.tile(j), p.weight[j]);
+  __syncthreads();
+  const int warp = static_cast<int>(threadIdx.x) / 32, lane = static_cast<int>(threadIdx.x) % 32;
+  uint16_t* const mine = shared.rows(0, warp);
+  const RowOperand x{p.x};
+  const int64_t step = int64_t{gridDim.x} * warps * warp_rows;
+  for (int64_t first = first_row(warp); first < p.rows; first += step) {
+    gather_rows(mine, x, first, p.rows, lane);
+    __syncwarp();
+#pragma unroll
+    for (int j = 0; j < 2; ++j) {
+      if (!p.weight[j]) continue;
+      Sums c;
+      clear(c);
+      product(c, mine, shared.tile(j), lane);
+      if (p.bias[j]) add_bias(c, p.bias[j], lane);
+      if (p.offset) add_offsets(c, p, j, first, lane);
+      write_operand_gradient({nullptr, p.out[j]}, c, first, p.rows, lane);
+    }
+    __syncwarp();
+  }
+}
+
+__global__ void __launch_bounds__(threads, 2) project_back_kernel(ProjectionGradient p) {
+  constexpr int warps = few_warps;
+  const Shared<warps> shared{shared_numbers, 2};
+  for (int j = 0; j < 2; ++j)
+    if (p.d[j].weight) load_tile(shared.tile(j), p.d[j].weight);
+  __syncthreads();
+  const int warp = static_cast<int>(threadIdx.x) / 32, lane = static_cast<int>(threadIdx.x) % 32;
+  uint16_t* const mine = shared.rows(0, warp);
+  const int64_t step = int64_t{gridDim.x} * warps * warp_rows;
+  for (int64_t first = first_row(warp); first < p.rows; first += step) {
+    Sums c;
+    clear(c);
+#pragma unroll
+    for (int j = 0; j < 2; ++j) {
+      if (!p.d[j].weight) continue;
+      gather_rows(mine, p.d[j], first, p.rows, lane);
+      __syncwarp();
+      if (p.d[j].save) copy_out(p.d[j].save, mine, first, p.rows, lane);
+      product_back(c, mine, shared.tile(j), lane);
+      __syncwarp();
+    }
+    write_operand_gradient({p.add32, p.sum32}, c, first, p.rows, lane);
+  }
+}
+
+/// Half a warp a segment; a lane has eight columns.
+__global__ void __launch_bounds__(threads) sum_segments_kernel(SegmentRows s) {
+  const int64_t segment = int64_t{blockIdx.x} * (threads / 16) + threadIdx.x / 16;
+  const int lane = static_cast<int>(threadIdx.x) % 16;
+  if (segment >= s.segments) return;
+  const int64_t begin = s.begin ? s.begin[segment] - s.first : segment * s.fixed;
+  const int64_t end = s.begin ? s.begin[segment + 1] - s.first : begin + s.fixed;
+  float sum[8] = {};
+  constexpr int under_way = 8;
+  for (int64_t at = begin; at < end; at += under_way) {
+    uint4 word[under_way];
+    float weight[under_way];
+#pragma unroll
+    for (int k = 0; k < under_way; ++k) {
+      word[k] = {0, 0, 0, 0};
+      weight[k] = 0;
+      if (at + k >= end) continue;
+      const int64_t row = s.item ? s.item[at + k] : at + k;
+      weight[k] = s.weight ? s.weight[row] : 1.0f;
+      word[k] = *(reinterpret_cast<const uint4*>(s.source + row * layer_width) + lane);
+    }
+#pragma unroll
+    for (int k = 0; k < under_way; ++k) add_numbers(sum, word[k], weight[k]);
+  }
+  const int64_t place = segment * layer_width + 8 * lane;
+#pragma unroll
+  for (int i = 0; i < 8; ++i) sum[i] *= s.scale;
+  if (s.add32)
+#pragma unroll
+    for (int i = 0; i < 2; ++i) {
+      const float4 before = *reinterpret_cast<const float4*>(s.add32 + place + 4 * i);
+      sum[4 * i] += before.x, sum[4 * i + 1] += before.y, sum[4 * i + 2] += before.z, sum[4 * i + 3] += before.w;
+    }
+  if (s.out32)
+#pragma unroll
+    for (int i = 0; i < 2; ++i)
+      *reinterpret_cast<float4*>(s.out32 + place + 4 * i) = {sum[4 * i], sum[4 * i + 1], sum[4 * i + 2],
+                                                             sum[4 * i + 3]};
+  if (s.out16)
+    *reinterpret_cast<uint4*>(s.out16 + place) = {pack(sum[0], sum[1]), pack(sum[2], sum[3]), pack(sum[4], sum[5]),
+                                                  pack(sum[6], sum[7])};
+}
+
+__global__ void __launch_bounds__(threads, 2) decode_kernel(Decoder n) {
+  constexpr int warps = few_warps;
+  const Shared<warps> shared{shared_numbers, 1};
+  load_tile(shared.tile(0), n.w1);
+  __syncthreads();
+  const int warp = static_cast<int>(threadIdx.x) / 32, lane = static_cast<int>(threadIdx.x) % 32;
+  uint16_t* const mine = shared.rows(0, warp);
+  const int64_t step = int64_t{gridDim.x} * warps * warp_rows;
+  for (int64_t first = first_row(warp); first < n.rows; first += step) {
+    for (int r = 0; r < warp_rows; ++r) {
+      float4 x{0, 0, 0, 0};
+      if (first + r < n.rows) x = *(reinterpret_cast<const float4*>(n.x + (first + r) * layer_width) + lane);
+      *reinterpret_cast<uint2*>(mine + r * row_stride + 4 * lane) = {pack(x.x, x.y), pack(x.z, x.w)};
+    }
+    __syncwarp();
+    Sums c;
+    clear(c);
+    product(c, mine, shared.tile(0), lane);
+    add_bias(c, n.b1, lane);
+#pragma unroll
+    for (int d = 0; d < 3; ++d) {
+      float sum[2] = {0, 0};
+#pragma unroll
+      for (int j = 0; j < column_blocks; ++j) {
+        const float2 w = columns_of(n.w2 + d * layer_width, j, lane);
+#pragma unroll
+        for (int half = 0; half < 2; ++half) {
+          const float x = c[j][2 * half], y = c[j][2 * half + 1];
+          sum[half] += w.x * (x > 0 ? x : slope * x) + w.y * (y > 0 ? y : slope * y);
+        }
+      }
+#pragma unroll
+      for (int half = 0; half < 2; ++half) {
+        const float total = row_sum(sum[half]) + n.b2[d];
+        const int64_t r = first + lane / 4 + 8 * half;
+        if (lane % 4 == 0 && r < n.rows) n.out[3 * r + d] = total;
+      }
+    }
+    __syncwarp();
+  }
+}
+
+}  // namespace
+
+void project(const RowProjection& projection, void* stream) {
+  if (projection.rows == 0) return;
+  launch(project_kernel, blocks_for(projection.rows, 2), threads, shared_bytes(few_warps, 2, 1), projection, stream);
+}
+
+void project_back(const ProjectionGradient& gradient, void* stream) {
+  if (gradient.rows == 0) return;
+  launch(project_back_kernel, blocks_for(gradient.rows, 2), threads, shared_bytes(few_warps, 2, 1), gradient, stream);
+}
+
+void sum_segments(const SegmentRows& segments, void* stream) {
+  if (segments.segments == 0) return;
+  constexpr int a_block = threads / 16;
+  launch(sum_segments_kernel, static_cast<int>((segments.segments + a_block - 1) / a_block), threads, 0, segments,
+         stream);
+}
+
+void decode(const Decoder& decoder, void* stream) {
+  if (decoder.rows == 0) return;
+  launch(decode_kernel, blocks_for(decoder.rows, 2), threads, shared_bytes(few_warps, 1, 1), decoder, stream);
+}
+
+}  // namespace graupel::graph
