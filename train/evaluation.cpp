@@ -87,7 +87,7 @@ void accumulate(const EvaluationBatch& prepared, const std::vector<float>& predi
 using Histories = std::vector<std::vector<std::vector<Vec3f>>>;
 
 /// Advances every history by one frame; false when one of them diverged.
-bool advance(const HgnModule& module, const graph::Normalization& normalization, const DataSplit& split,
+bool advance(const NetworkModule& module, const graph::Normalization& normalization, const DataSplit& split,
              Histories& histories, const EvaluationOptions& options) {
   const auto scenes = static_cast<int64_t>(histories.size());
   std::vector<SceneGraph> graphs(histories.size());
@@ -150,7 +150,7 @@ SquaredErrors OneStepErrors::all() const {
   return sum;
 }
 
-OneStepErrors evaluate_one_step(const HgnModule& module, const graph::Normalization& normalization,
+OneStepErrors evaluate_one_step(const NetworkModule& module, const graph::Normalization& normalization,
                                 const DataSplit& split, const std::vector<SampleKey>& samples,
                                 const EvaluationOptions& options) {
   const auto total = static_cast<int64_t>(samples.size());
@@ -168,7 +168,7 @@ OneStepErrors evaluate_one_step(const HgnModule& module, const graph::Normalizat
   return errors;
 }
 
-double evaluate_rollout(const HgnModule& module, const graph::Normalization& normalization, const DataSplit& split,
+double evaluate_rollout(const NetworkModule& module, const graph::Normalization& normalization, const DataSplit& split,
                         int64_t scenes, int64_t frames, const EvaluationOptions& options) {
   scenes = std::min<int64_t>(scenes, split.count());
   Histories histories;

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "train/data_set.h"
-#include "train/hgn_module.h"
+#include "train/network_module.h"
 #include "train/sampling.h"
 
 namespace graupel::train {
@@ -49,13 +49,13 @@ struct EvaluationOptions {
   int threads = 1;
 };
 
-OneStepErrors evaluate_one_step(const HgnModule& module, const graph::Normalization& normalization,
+OneStepErrors evaluate_one_step(const NetworkModule& module, const graph::Normalization& normalization,
                                 const DataSplit& split, const std::vector<SampleKey>& samples,
                                 const EvaluationOptions& options);
 
 /// Rolls out the first `scenes` trajectories from their first frame for `frames` frames. Mean over particles and frames
 /// of |x - x_true|^2 [m^2]; infinite when a rollout blows up.
-double evaluate_rollout(const HgnModule& module, const graph::Normalization& normalization, const DataSplit& split,
+double evaluate_rollout(const NetworkModule& module, const graph::Normalization& normalization, const DataSplit& split,
                         int64_t scenes, int64_t frames, const EvaluationOptions& options);
 
 }  // namespace graupel::train

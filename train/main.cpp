@@ -226,7 +226,7 @@ int run_training(Arguments& arguments) {
     print(
         fmt::format("{} ranks ({}), CPU threads of each: {}", environment.size, environment.launcher, options.threads));
 
-  const TrainingResult result = train_hgn(options);
+  const TrainingResult result = train_network(options);
   if (options.comm->leads()) write_json(arguments.json, json_of(result, arguments));
   print(fmt::format("{} at step {} after {}: {}", name_of(result.reason), result.step, human_time(result.seconds),
                     result.weights_file));
@@ -247,7 +247,7 @@ int run_evaluation(const Arguments& arguments) {
                                  arguments.evaluate, word_of(architecture_of(config)), word_of(arguments.architecture),
                                  word_of(architecture_of(config))));
   const graph::Normalization normalization = graph::read_normalization(weights);
-  HgnModule module(config, device, 0);
+  NetworkModule module(config, device, 0);
   module.set_state(StateArray::weights, weights);
 
   DataSplitOptions split_options;

@@ -10,7 +10,7 @@
 #include "core/device.h"
 #include "nn/weights.h"
 #include "train/captured_step.h"
-#include "train/hgn_module.h"
+#include "train/network_module.h"
 
 namespace graupel::train {
 

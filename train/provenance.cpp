@@ -5,7 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "io/scene_reader.h"
-#include "train/hgn_module.h"
+#include "train/network_module.h"
 
 namespace graupel::train {
 

@@ -95,7 +95,7 @@ class TrainingRun {
   Comm& comm_;
   std::unique_ptr<DataSplit> train_, valid_;  ///< valid_ may be null
   graph::Normalization normalization_;
-  HgnModule module_;
+  NetworkModule module_;
   std::unique_ptr<DeviceSamples> samples_;  ///< null where worker threads make the batches
   CheckpointState state_;                   ///< `seconds` is that of the run's earlier parts
   int64_t saved_step_ = -1;
@@ -386,7 +386,7 @@ const char* name_of(StopReason reason) {
   return names[static_cast<std::size_t>(reason)];
 }
 
-TrainingResult train_hgn(const TrainingOptions& options) {
+TrainingResult train_network(const TrainingOptions& options) {
   configure_torch(options.threads, options.config.tf32);
   return TrainingRun(options).execute();
 }

@@ -67,6 +67,6 @@ struct TrainingResult {
 };
 
 /// Throws ConfigError, InputError, IoError; DivergedError when the loss is no longer a number.
-TrainingResult train_hgn(const TrainingOptions& options);
+TrainingResult train_network(const TrainingOptions& options);
 
 }  // namespace graupel::train

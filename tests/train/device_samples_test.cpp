@@ -8,7 +8,7 @@
 #include "core/buffer.h"
 #include "tests/gpu_only.h"
 #include "tests/train/tiny_data.h"
-#include "train/hgn_module.h"
+#include "train/network_module.h"
 #include "train/sampling.h"
 
 namespace graupel::train {
@@ -119,7 +119,7 @@ std::vector<float> trained(Device device, bool on_device) {
   const TrainConfig config = sample_config();
   const DataSplit split(tiny_data_set() + "/train.h5");
   const graph::Normalization normalization = split.statistics(config.noise_std, 1);
-  HgnModule module(config.hgn, device, config.seed);
+  NetworkModule module(config.hgn, device, config.seed);
   std::unique_ptr<DeviceSamples> samples;
   if (on_device) {
     samples = std::make_unique<DeviceSamples>(split, config, normalization, device);

@@ -13,7 +13,7 @@
 #include "graph/learned_simulator.h"
 #include "graph/normalization.h"
 #include "tests/train/tiny_data.h"
-#include "train/hgn_module.h"
+#include "train/network_module.h"
 #include "train/parameter_layout.h"
 #include "train/run_folder.h"
 #include "train/sampling.h"
@@ -70,7 +70,7 @@ Cloud random_cloud(const graph::GnsConfig& config, uint64_t seed, int particles,
 
 void expect_parity(const graph::GnsConfig& config, int particles, int obstacles) {
   for (const NumberType number : {NumberType::f32, NumberType::f64}) {
-    const HgnModule module(config, Device::cpu, 11, number);
+    const NetworkModule module(config, Device::cpu, 11, number);
     nn::Weights weights = module.state(StateArray::weights);
     weights.metadata = config.to_metadata();
     graph::add_normalization(weights, {});
@@ -110,7 +110,7 @@ TEST(GnsPasses, AgreeWithTheInferenceEngineInOtherForms) {
 /// Central differences, relative to the largest gradient of that tensor. The step is small, so that none of the many
 /// units of the edges passes the kink of its activation.
 void check_gradient(const graph::GnsConfig& config, const Batch& batch, int64_t checkpoint_layers) {
-  HgnModule module(config, Device::cpu, 5, NumberType::f64, checkpoint_layers);
+  NetworkModule module(config, Device::cpu, 5, NumberType::f64, checkpoint_layers);
   std::vector<double> gradient;
   module.loss_and_gradient(batch, &gradient);
   const ParameterLayout layout(config);
@@ -156,9 +156,9 @@ TEST(GnsPasses, CheckpointsChangeNoGradient) {
   config.hidden_layers = 2;
   const Batch batch = two_scenes(config);
   std::vector<double> expected, gradient;
-  const double loss = HgnModule(config, Device::cpu, 5).loss_and_gradient(batch, &expected);
+  const double loss = NetworkModule(config, Device::cpu, 5).loss_and_gradient(batch, &expected);
   for (const int64_t layers : {1, 2, 5, 9}) {
-    HgnModule module(config, Device::cpu, 5, NumberType::f32, layers);
+    NetworkModule module(config, Device::cpu, 5, NumberType::f32, layers);
     EXPECT_EQ(module.loss_and_gradient(batch, &gradient), loss) << layers;
     EXPECT_EQ(gradient, expected) << layers;
   }
@@ -166,7 +166,7 @@ TEST(GnsPasses, CheckpointsChangeNoGradient) {
 
 TEST(GnsPasses, ABatchGivesEachSceneItsOwnPrediction) {
   const graph::GnsConfig config = small_config();
-  const HgnModule module(config, Device::cpu, 3);
+  const NetworkModule module(config, Device::cpu, 3);
   const SceneGraph a = random_cloud(config, 5, 30, 0.2, 7).scene, b = random_cloud(config, 6, 50, 0.1).scene,
                    c = random_cloud(config, 7, 12, 0.1, 2).scene;
   std::vector<float> one_by_one;
@@ -288,7 +288,7 @@ TEST(GnsTraining, LearnsToBounceAndRollsOut) {
     if (first == 0) first = p.loss;
     last = p.loss;
   };
-  const TrainingResult result = train_hgn(options);
+  const TrainingResult result = train_network(options);
   EXPECT_LT(last, first / 3);
   ASSERT_TRUE(result.validation);
   const SquaredErrors errors = result.validation->one_step.all();
@@ -314,17 +314,17 @@ TEST(GnsTraining, TwentyStepsEqualTenAndResumedTen) {
   TrainingOptions whole = tiny_options(folder + "/whole");
   whole.config.gns.obstacle_particles = true;
   whole.config.gns.obstacle_spacing = 0.03;
-  train_hgn(whole);
+  train_network(whole);
   TrainingOptions parts = whole;
   parts.run = folder + "/parts";
   parts.stop_step = 10;
-  EXPECT_EQ(train_hgn(parts).reason, StopReason::reached_stop_step);
+  EXPECT_EQ(train_network(parts).reason, StopReason::reached_stop_step);
   parts.stop_step = 0;
   parts.resume = true;
   parts.config = read_run_config(parts.run);
   EXPECT_EQ(parts.config.architecture, Architecture::gns);
   EXPECT_TRUE(parts.config.gns.obstacle_particles);
-  EXPECT_EQ(train_hgn(parts).reason, StopReason::finished);
+  EXPECT_EQ(train_network(parts).reason, StopReason::finished);
   for (const StateArray array : all_state_arrays) {
     const std::string file = std::string("/checkpoints/step-00000020/") + name_of(array) + ".safetensors";
     EXPECT_TRUE(read_file(whole.run + file) == read_file(parts.run + file)) << name_of(array);

@@ -6,7 +6,7 @@
 #include "core/random.h"
 #include "graph/features.h"
 #include "tests/gpu_only.h"
-#include "train/hgn_module.h"
+#include "train/network_module.h"
 #include "train/parameter_layout.h"
 
 namespace graupel::train {
@@ -47,7 +47,7 @@ SceneGraph random_graph(const graph::HgnConfig& config, uint64_t seed, int parti
 
 /// Largest difference between the gradient and central differences, relative to the largest gradient of that tensor.
 void check_gradient(const graph::HgnConfig& config, const Batch& batch) {
-  HgnModule module(config, Device::cpu, 5, NumberType::f64);
+  NetworkModule module(config, Device::cpu, 5, NumberType::f64);
   std::vector<double> gradient;
   module.loss_and_gradient(batch, &gradient);
   const ParameterLayout layout(config);
@@ -70,12 +70,12 @@ void check_gradient(const graph::HgnConfig& config, const Batch& batch) {
   }
 }
 
-TEST(HgnModule, GradientAgreesWithFiniteDifferences) {
+TEST(NetworkModule, GradientAgreesWithFiniteDifferences) {
   const graph::HgnConfig config = tiny_config();
   check_gradient(config, concatenate({random_graph(config, 1, 40, 0.15), random_graph(config, 2, 25, 0.3)}));
 }
 
-TEST(HgnModule, GradientWithOddWidthAndOneLevel) {
+TEST(NetworkModule, GradientWithOddWidthAndOneLevel) {
   graph::HgnConfig config = tiny_config();
   config.latent = 9;
   config.levels = 1;
@@ -83,7 +83,7 @@ TEST(HgnModule, GradientWithOddWidthAndOneLevel) {
   check_gradient(config, concatenate({random_graph(config, 3, 20, 0.1)}));
 }
 
-TEST(HgnModule, GradientWhereTheTopLevelHasNoEdges) {
+TEST(NetworkModule, GradientWhereTheTopLevelHasNoEdges) {
   graph::HgnConfig config = tiny_config();
   config.levels = 6;
   const Batch batch = concatenate({random_graph(config, 4, 12, 0.02)});
@@ -91,9 +91,9 @@ TEST(HgnModule, GradientWhereTheTopLevelHasNoEdges) {
   check_gradient(config, batch);
 }
 
-TEST(HgnModule, ABatchGivesEachSceneItsOwnPrediction) {
+TEST(NetworkModule, ABatchGivesEachSceneItsOwnPrediction) {
   const graph::HgnConfig config = tiny_config();
-  const HgnModule module(config, Device::cpu, 3);
+  const NetworkModule module(config, Device::cpu, 3);
   const SceneGraph a = random_graph(config, 5, 30, 0.2), b = random_graph(config, 6, 50, 0.1);
   std::vector<float> one_by_one = module.predict(concatenate({a}), StateArray::weights);
   const std::vector<float> second = module.predict(concatenate({b}), StateArray::weights);
@@ -106,7 +106,7 @@ TEST(HgnModule, ABatchGivesEachSceneItsOwnPrediction) {
 /// Gradient in mixed precision on a GPU beside that in double precision on the CPU; the difference of a tensor over its
 /// size.
 void check_mixed_gradient(const graph::HgnConfig& config, const Batch& batch) {
-  HgnModule exact(config, Device::cpu, 5, NumberType::f64), mixed(config, Device::cuda, 5, NumberType::mixed);
+  NetworkModule exact(config, Device::cpu, 5, NumberType::f64), mixed(config, Device::cuda, 5, NumberType::mixed);
   ASSERT_TRUE(mixed.is_mixed());
   std::vector<double> expected, gradient, again;
   const double loss = exact.loss_and_gradient(batch, &expected);
@@ -146,10 +146,10 @@ TEST(MixedPrecision, GradientIsThatOfDoublePrecisionOnTheGpu) {
 }
 
 TEST(MixedPrecision, IsLeftOutWhereItDoesNotExist) {
-  EXPECT_FALSE(HgnModule(tiny_config(), Device::cpu, 1, NumberType::mixed).is_mixed());
+  EXPECT_FALSE(NetworkModule(tiny_config(), Device::cpu, 1, NumberType::mixed).is_mixed());
 }
 
-TEST(HgnModule, TheSameSeedGivesTheSameWeights) {
+TEST(NetworkModule, TheSameSeedGivesTheSameWeights) {
   const graph::HgnConfig config = tiny_config();
   const ParameterLayout layout(config);
   EXPECT_EQ(layout.initial_values(7), layout.initial_values(7));
@@ -171,13 +171,13 @@ TEST(HgnModule, TheSameSeedGivesTheSameWeights) {
   EXPECT_GT(largest, 0.99 / std::sqrt(384.0));
 }
 
-TEST(HgnModule, PaperSizeNetworkHasThreeAndAHalfMillionWeights) {
+TEST(NetworkModule, PaperSizeNetworkHasThreeAndAHalfMillionWeights) {
   EXPECT_NEAR(static_cast<double>(ParameterLayout(graph::HgnConfig()).parameter_count()), 3.5e6, 0.05e6);
 }
 
-TEST(HgnModule, StateGoesThroughWeightsUnchanged) {
+TEST(NetworkModule, StateGoesThroughWeightsUnchanged) {
   const graph::HgnConfig config = tiny_config();
-  HgnModule a(config, Device::cpu, 1), b(config, Device::cpu, 2);
+  NetworkModule a(config, Device::cpu, 1), b(config, Device::cpu, 2);
   const Batch batch = concatenate({random_graph(config, 7, 30, 0.1)});
   a.train_step(batch, {.learning_rate = 1e-3, .ema_decay = 0.5, .step = 1});
   for (const StateArray array : all_state_arrays) b.set_state(array, a.state(array));
@@ -186,10 +186,10 @@ TEST(HgnModule, StateGoesThroughWeightsUnchanged) {
   EXPECT_NE(a.predict(batch, StateArray::ema), b.predict(batch, StateArray::weights));
 }
 
-TEST(HgnModule, OneAdamStepMovesEveryUsedWeightByTheLearningRate) {
+TEST(NetworkModule, OneAdamStepMovesEveryUsedWeightByTheLearningRate) {
   // Adam's first step is -rate * g / (|g| + eps): the rate itself wherever the gradient is not tiny.
   const graph::HgnConfig config = tiny_config();
-  HgnModule module(config, Device::cpu, 1, NumberType::f64);
+  NetworkModule module(config, Device::cpu, 1, NumberType::f64);
   const Batch batch = concatenate({random_graph(config, 8, 30, 0.1)});
   std::vector<double> gradient;
   module.loss_and_gradient(batch, &gradient);
@@ -206,9 +206,9 @@ TEST(HgnModule, OneAdamStepMovesEveryUsedWeightByTheLearningRate) {
   EXPECT_GT(checked, 500);
 }
 
-TEST(HgnModule, ANonFiniteTargetChangesNoWeight) {
+TEST(NetworkModule, ANonFiniteTargetChangesNoWeight) {
   const graph::HgnConfig config = tiny_config();
-  HgnModule module(config, Device::cpu, 1);
+  NetworkModule module(config, Device::cpu, 1);
   SceneGraph scene = random_graph(config, 9, 20, 0.1);
   scene.target[4] = std::nanf("");
   const nn::Weights before = module.state(StateArray::weights);

@@ -10,7 +10,7 @@
 #include "graph/normalization.h"
 #include "io/scene_reader.h"
 #include "mpm/simulation.h"
-#include "train/hgn_module.h"
+#include "train/network_module.h"
 
 namespace graupel::train {
 namespace {
@@ -43,7 +43,7 @@ void check_equal(const std::vector<float>& expected, const std::vector<float>& a
 }
 
 void check_parity(const graph::HgnConfig& config, int particles) {
-  const HgnModule module(config, Device::cpu, 11);
+  const NetworkModule module(config, Device::cpu, 11);
   nn::Weights weights = module.state(StateArray::weights);
   weights.metadata = config.to_metadata();
   graph::add_normalization(weights, {});
@@ -87,7 +87,7 @@ TEST(Parity, ShippedWeightsOnASharedScene) {
   const graph::HgnConfig config = graph::HgnConfig::from_metadata(weights.metadata, "hgn.safetensors");
   const graph::Normalization normalization = graph::read_normalization(weights);
   const graph::HierarchicalGraphNetwork engine(weights);
-  HgnModule module(config, Device::cpu, 0);
+  NetworkModule module(config, Device::cpu, 0);
   module.set_state(StateArray::weights, weights);
 
   const Scene scene = io::read_scene(GRAUPEL_SOURCE_DIR "/scenes/shared/mixed_blocks.json");

@@ -12,7 +12,7 @@
 #include "tests/train/rank_threads.h"
 #include "tests/train/started_program.h"
 #include "tests/train/tiny_data.h"
-#include "train/hgn_module.h"
+#include "train/network_module.h"
 #include "train/run_folder.h"
 
 namespace graupel::train {

@@ -12,7 +12,7 @@
 #include "tests/train/rank_threads.h"
 #include "tests/train/tiny_data.h"
 #include "train/checkpoint.h"
-#include "train/hgn_module.h"
+#include "train/network_module.h"
 #include "train/run_folder.h"
 #include "train/sampling.h"
 #include "train/training_loop.h"
@@ -175,7 +175,7 @@ nn::Weights trained(int ranks, StepMeans& means) {
   nn::Weights weights;
   const auto train = [&](Comm& comm) {
     // Other seeds elsewhere: the weights are rank 0's.
-    HgnModule module(config.hgn, Device::cpu, 3 + static_cast<uint64_t>(comm.rank()), NumberType::f64);
+    NetworkModule module(config.hgn, Device::cpu, 3 + static_cast<uint64_t>(comm.rank()), NumberType::f64);
     module.share_state(comm);
     for (int64_t step = 0; step < 4; ++step)
       module.train_step(training_batch(split, config, normalization, step, {comm.rank(), comm.size()}),
@@ -223,7 +223,7 @@ TrainingResult train_on(int ranks, TrainingOptions options, std::vector<std::exc
     TrainingOptions own = options;
     own.comm = &comm;
     own.local_ranks = comm.size();
-    const TrainingResult returned = train_hgn(own);
+    const TrainingResult returned = train_network(own);
     if (comm.leads()) result = returned;
   });
   if (errors)
@@ -242,7 +242,7 @@ constexpr double f32_rounding = 2e-3;
 
 TEST_F(Ranks, ARunGoesOnWithAnotherNumberOfRanks) {
   const std::string folder = test_folder("ranks");
-  train_hgn(options_of(folder + "/one"));
+  train_network(options_of(folder + "/one"));
   const nn::Weights expected = state_of(folder + "/one", "step-00000020");
 
   TrainingOptions options = options_of(folder + "/several");
@@ -256,7 +256,7 @@ TEST_F(Ranks, ARunGoesOnWithAnotherNumberOfRanks) {
   train_on(3, options);
   EXPECT_THAT(said, HasSubstr("resumed at step 8 on 3 ranks"));
   options.stop_step = 0;
-  const TrainingResult result = train_hgn(options);
+  const TrainingResult result = train_network(options);
   EXPECT_EQ(result.reason, StopReason::finished);
   EXPECT_EQ(result.scene_samples, 80);
   for (const StateArray array : all_state_arrays)
@@ -276,7 +276,7 @@ TEST_F(Ranks, AllStopAfterTheStepInWhichOneIsAsked) {
     options.comm = &comm;
     int asked = 0;
     options.should_stop = [&asked, &comm] { return ++asked >= 6 && comm.rank() == 2; };
-    const TrainingResult result = train_hgn(options);
+    const TrainingResult result = train_network(options);
     EXPECT_EQ(result.reason, StopReason::stopped);
     steps[static_cast<std::size_t>(comm.rank())] = result.step;
   }));
@@ -295,7 +295,7 @@ TEST_F(Ranks, RankZeroKeepsTheStateWhenAnotherFails) {
       if (++asked == 6 && comm.rank() == 1) throw InputError("the disk of rank 1 is gone");
       return false;
     };
-    train_hgn(options);
+    train_network(options);
   });
   EXPECT_EQ(message_of(errors[1]), "the disk of rank 1 is gone");
   EXPECT_THAT(message_of(errors[0]), HasSubstr("another rank has ended"));

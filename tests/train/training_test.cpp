@@ -38,13 +38,13 @@ void expect_equal_states(const std::string& a, const std::string& b, const char*
 
 TEST(Training, TwentyStepsEqualTenAndResumedTen) {
   const std::string folder = test_folder("resume");
-  train_hgn(tiny_options(folder + "/whole"));
+  train_network(tiny_options(folder + "/whole"));
   TrainingOptions parts = tiny_options(folder + "/parts");
   parts.stop_step = 10;
-  EXPECT_EQ(train_hgn(parts).reason, StopReason::reached_stop_step);
+  EXPECT_EQ(train_network(parts).reason, StopReason::reached_stop_step);
   parts.stop_step = 0;
   parts.resume = true;
-  const TrainingResult result = train_hgn(parts);
+  const TrainingResult result = train_network(parts);
   EXPECT_EQ(result.reason, StopReason::finished);
   EXPECT_EQ(result.step, 20);
   EXPECT_EQ(result.scene_samples, 80);
@@ -53,7 +53,7 @@ TEST(Training, TwentyStepsEqualTenAndResumedTen) {
   std::ofstream(folder + "/parts/checkpoints/step-00000020/state.json") << "{";
   std::string said;
   parts.message = [&](const std::string& text) { said += text + "\n"; };
-  train_hgn(parts);
+  train_network(parts);
   EXPECT_NE(said.find("WARNING"), std::string::npos);
   EXPECT_NE(said.find("resumed at step 10"), std::string::npos);
   expect_equal_states(folder + "/whole", folder + "/parts", "step-00000020");
@@ -73,12 +73,12 @@ TEST(Training, RunsWithTheNetworksOwnFramesResumeTheSame) {
     options->config.push_steps = 3;
     options->config.wave_share = 0.5;
   }
-  train_hgn(whole);
+  train_network(whole);
   parts.stop_step = 10;
-  train_hgn(parts);
+  train_network(parts);
   parts.stop_step = 0;
   parts.resume = true;
-  EXPECT_EQ(train_hgn(parts).reason, StopReason::finished);
+  EXPECT_EQ(train_network(parts).reason, StopReason::finished);
   expect_equal_states(folder + "/whole", folder + "/parts", "step-00000020");
   remove_path(folder);
 }
@@ -99,7 +99,7 @@ TEST(Training, LearnsToBounce) {
     last = p.loss;
     EXPECT_LT(p.scenes_per_second, 1e6);  // time spent on validation and checkpoints is taken off once
   };
-  const TrainingResult result = train_hgn(options);
+  const TrainingResult result = train_network(options);
   EXPECT_LT(last, first / 3);
   ASSERT_TRUE(result.validation);
   const SquaredErrors errors = result.validation->one_step.all();
@@ -119,13 +119,13 @@ TEST(Training, StopsCleanlyWhenAskedAndWhenTimeIsOver) {
   TrainingOptions options = tiny_options(folder + "/asked");
   int asked = 0;
   options.should_stop = [&] { return ++asked == 7; };
-  TrainingResult result = train_hgn(options);
+  TrainingResult result = train_network(options);
   EXPECT_EQ(result.reason, StopReason::stopped);
   EXPECT_EQ(result.step, 7);
   EXPECT_TRUE(fs::exists(folder + "/asked/checkpoints/step-00000007/state.json"));
   options = tiny_options(folder + "/time");
   options.minutes = 1e-9;
-  result = train_hgn(options);
+  result = train_network(options);
   EXPECT_EQ(result.reason, StopReason::out_of_time);
   EXPECT_EQ(result.step, 1);
   EXPECT_TRUE(fs::exists(folder + "/time/weights.safetensors"));
@@ -137,7 +137,7 @@ TEST(Training, DivergenceIsReported) {
   TrainingOptions options = tiny_options(folder + "/run");
   options.config.learning_rate = 1e18;
   options.config.clip_norm = 0;
-  EXPECT_THROW(train_hgn(options), DivergedError);
+  EXPECT_THROW(train_network(options), DivergedError);
   remove_path(folder);
 }
 
@@ -145,11 +145,11 @@ TEST(Training, RefusesAnUsedFolderAndChangedSettings) {
   const std::string folder = test_folder("refuse");
   TrainingOptions options = tiny_options(folder + "/run");
   options.config.steps = 2;
-  train_hgn(options);
-  EXPECT_THROW(train_hgn(options), ConfigError);
+  train_network(options);
+  EXPECT_THROW(train_network(options), ConfigError);
   options.resume = true;
   options.config.learning_rate = 1e-5;
-  EXPECT_THROW(train_hgn(options), ConfigError);
+  EXPECT_THROW(train_network(options), ConfigError);
   EXPECT_EQ(fs::path(latest_run(folder)).filename(), "run");
   EXPECT_EQ(read_run_facts(folder + "/run").data, fs::path(tiny_data_set()).lexically_normal());
   EXPECT_THROW(latest_run(folder + "/none"), InputError);
@@ -160,7 +160,7 @@ TEST(Training, RefusesAnUsedFolderAndChangedSettings) {
 TEST(Evaluation, BaselinesAndRegionsOfKnownMotion) {
   const DataSplit split(tiny_data_set() + "/test.h5");
   const graph::Normalization normalization = split.statistics(0, 1);
-  const HgnModule module(tiny_config().hgn, Device::cpu, 1);
+  const NetworkModule module(tiny_config().hgn, Device::cpu, 1);
   const OneStepErrors errors =
       evaluate_one_step(module, normalization, split, strided_samples(split, 1), {.batch_scenes = 4, .threads = 2});
   EXPECT_EQ(errors.samples, 29);

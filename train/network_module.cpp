@@ -1,4 +1,4 @@
-#include "train/hgn_module.h"
+#include "train/network_module.h"
 
 #include <ATen/Context.h>
 #include <ATen/Parallel.h>
@@ -52,7 +52,7 @@ void configure_torch(int threads, bool tf32) {
 std::string torch_version() { return TORCH_VERSION; }
 bool torch_has_cuda() { return at::hasCUDA(); }
 
-struct HgnModule::Impl {
+struct NetworkModule::Impl {
   Impl(const NetworkConfig& network_config, Device where, uint64_t seed, NumberType number, int64_t checkpoint_layers)
       : config(network_config),
         layout(network_config),
@@ -137,35 +137,35 @@ struct HgnModule::Impl {
 #endif
 };
 
-HgnModule::HgnModule(const NetworkConfig& config, Device device, uint64_t seed, NumberType number,
-                     int64_t checkpoint_layers) {
+NetworkModule::NetworkModule(const NetworkConfig& config, Device device, uint64_t seed, NumberType number,
+                             int64_t checkpoint_layers) {
   const at::NoGradGuard no_grad;
   if (device == Device::cuda && !torch_has_cuda())
     throw ConfigError("device 'cuda' is not usable (libtorch " + torch_version() +
                       " was built without CUDA). Build against a CUDA libtorch, or use --device cpu");
   impl_ = std::make_unique<Impl>(config, device, seed, number, checkpoint_layers);
 }
-HgnModule::~HgnModule() = default;
-HgnModule::HgnModule(HgnModule&&) noexcept = default;
+NetworkModule::~NetworkModule() = default;
+NetworkModule::NetworkModule(NetworkModule&&) noexcept = default;
 
-const NetworkConfig& HgnModule::config() const { return impl_->config; }
-bool HgnModule::is_mixed() const {
+const NetworkConfig& NetworkModule::config() const { return impl_->config; }
+bool NetworkModule::is_mixed() const {
 #ifdef GRAUPEL_HAVE_CUDA
   return impl_->fused != nullptr;
 #else
   return false;
 #endif
 }
-int64_t HgnModule::parameter_count() const { return impl_->layout.parameter_count(); }
+int64_t NetworkModule::parameter_count() const { return impl_->layout.parameter_count(); }
 
-std::vector<float> HgnModule::predict(const Batch& batch, StateArray which) const {
+std::vector<float> NetworkModule::predict(const Batch& batch, StateArray which) const {
   const at::NoGradGuard no_grad;
   GRAUPEL_ASSERT(which == StateArray::weights || which == StateArray::ema);
   const NetworkPasses& network = which == StateArray::weights ? *impl_->network : *impl_->average;
   return impl_->read(network.forward(network.upload(batch), nullptr));
 }
 
-void HgnModule::Impl::train_step(const DeviceBatch& batch, const StepSettings& settings, Comm& comm) {
+void NetworkModule::Impl::train_step(const DeviceBatch& batch, const StepSettings& settings, Comm& comm) {
   const at::Tensor loss = join_shares(comm, forward_backward(batch), batch.particles);
   const at::Tensor norm = at::norm(gradient);
   AdamSettings rule;
@@ -186,17 +186,17 @@ void HgnModule::Impl::train_step(const DeviceBatch& batch, const StepSettings& s
   ++steps_in_means;
 }
 
-void HgnModule::train_step(const Batch& batch, const StepSettings& settings, Comm& comm) {
+void NetworkModule::train_step(const Batch& batch, const StepSettings& settings, Comm& comm) {
   const at::NoGradGuard no_grad;
   impl_->train_step(impl_->network->upload(batch), settings, comm);
 }
 
-void HgnModule::train_step(const SampleArrays& batch, const StepSettings& settings, Comm& comm) {
+void NetworkModule::train_step(const SampleArrays& batch, const StepSettings& settings, Comm& comm) {
   const at::NoGradGuard no_grad;
   impl_->train_step(impl_->network->attach(batch), settings, comm);
 }
 
-const float* HgnModule::predict(const SampleArrays& batch) {
+const float* NetworkModule::predict(const SampleArrays& batch) {
   const at::NoGradGuard no_grad;
   const DeviceBatch on_device = impl_->network->attach(batch);
 #ifdef GRAUPEL_HAVE_CUDA
@@ -207,7 +207,7 @@ const float* HgnModule::predict(const SampleArrays& batch) {
   return impl_->predicted.data_ptr<float>();
 }
 
-StepMeans HgnModule::take_means() {
+StepMeans NetworkModule::take_means() {
   const at::NoGradGuard no_grad;
   const std::vector<float> sums = impl_->read(impl_->means);
   StepMeans means{.steps = impl_->steps_in_means};
@@ -220,7 +220,7 @@ StepMeans HgnModule::take_means() {
   return means;
 }
 
-double HgnModule::loss_and_gradient(const Batch& batch, std::vector<double>* gradient) {
+double NetworkModule::loss_and_gradient(const Batch& batch, std::vector<double>* gradient) {
   const at::NoGradGuard no_grad;
   const double loss = impl_->forward_backward(impl_->network->upload(batch)).item().toDouble();
   if (gradient) {
@@ -230,27 +230,27 @@ double HgnModule::loss_and_gradient(const Batch& batch, std::vector<double>* gra
   return loss;
 }
 
-double HgnModule::loss(const Batch& batch) const {
+double NetworkModule::loss(const Batch& batch) const {
   const at::NoGradGuard no_grad;
   const DeviceBatch on_device = impl_->network->upload(batch);
   return square_error(impl_->network->forward(on_device, nullptr) - on_device.target).item().toDouble();
 }
 
-void HgnModule::nudge(int64_t index, double change) {
+void NetworkModule::nudge(int64_t index, double change) {
   const at::NoGradGuard no_grad;
   impl_->get(StateArray::weights).select(0, index).add_(change);
 }
 
-nn::Weights HgnModule::state(StateArray array) const {
+nn::Weights NetworkModule::state(StateArray array) const {
   return impl_->layout.to_weights(impl_->read(impl_->get(array)));
 }
 
-void HgnModule::set_state(StateArray array, const nn::Weights& weights) {
+void NetworkModule::set_state(StateArray array, const nn::Weights& weights) {
   const at::NoGradGuard no_grad;
   impl_->fill(array, impl_->layout.from_weights(weights));
 }
 
-void HgnModule::share_state(Comm& comm) {
+void NetworkModule::share_state(Comm& comm) {
   for (at::Tensor& array : impl_->arrays) comm.broadcast(array);
 }
 

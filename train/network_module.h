@@ -51,14 +51,14 @@ std::string torch_version();
 /// Whether this libtorch can use a GPU.
 bool torch_has_cuda();
 
-class HgnModule {
+class NetworkModule {
  public:
   /// Fresh weights from `seed`. Throws ConfigError for Device::cuda where libtorch has no CUDA.
   /// `checkpoint_layers`: see GnsPasses.
-  HgnModule(const NetworkConfig& config, Device device, uint64_t seed, NumberType number = NumberType::f32,
-            int64_t checkpoint_layers = 0);
-  ~HgnModule();
-  HgnModule(HgnModule&&) noexcept;
+  NetworkModule(const NetworkConfig& config, Device device, uint64_t seed, NumberType number = NumberType::f32,
+                int64_t checkpoint_layers = 0);
+  ~NetworkModule();
+  NetworkModule(NetworkModule&&) noexcept;
 
   const NetworkConfig& config() const;
   int64_t parameter_count() const;
