@@ -131,11 +131,16 @@ Trajectory LearnedSimulator::rollout(const Scene& scene, const Surroundings& sur
 }
 
 #ifdef GRAUPEL_HAVE_CUDA
+CudaSimulator& LearnedSimulator::gpu_simulator() const {
+  if (!on_gpu_) on_gpu_ = std::make_shared<CudaSimulator>(*weights_);
+  return *on_gpu_;
+}
+
 Trajectory LearnedSimulator::rollout_on_gpu(const Scene& scene, const Surroundings& surroundings,
                                             const std::vector<int32_t>& particle_type,
                                             const std::vector<std::vector<Vec3f>>& start,
                                             const RolloutOptions& options) const {
-  CudaSimulator simulator(*weights_);
+  CudaSimulator& simulator = gpu_simulator();
   simulator.start(scene, surroundings, particle_type, start, options.project);
   Trajectory trajectory = empty_trajectory(scene, particle_type, weights_->file);
   std::vector<Vec3f> before = start.back();
@@ -160,7 +165,7 @@ std::vector<Vec3f> LearnedSimulator::one_step_on_gpu(const Scene& scene, const S
                                                      const std::vector<int32_t>& particle_type,
                                                      const std::vector<std::vector<Vec3f>>& positions) const {
   check_gpu(*weights_);
-  CudaSimulator simulator(*weights_);
+  CudaSimulator& simulator = gpu_simulator();
   simulator.start(scene, surroundings, particle_type, positions, false);
   return simulator.accelerations();
 }

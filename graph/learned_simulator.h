@@ -14,6 +14,9 @@
 
 namespace graupel::graph {
 
+class CudaSimulator;
+
+/// On a GPU not to be used from several threads at once.
 class LearnedSimulator {
  public:
   /// Throws InputError for a file that is missing, damaged or holds no graph network.
@@ -44,12 +47,14 @@ class LearnedSimulator {
                      const std::vector<std::vector<Vec3f>>& start, const RolloutOptions& options) const;
 
  private:
+  CudaSimulator& gpu_simulator() const;
   Trajectory rollout_on_gpu(const Scene& scene, const Surroundings& surroundings,
                             const std::vector<int32_t>& particle_type, const std::vector<std::vector<Vec3f>>& start,
                             const RolloutOptions& options) const;
 
   std::shared_ptr<const Network> network_;
   std::shared_ptr<const nn::Weights> weights_;
+  mutable std::shared_ptr<CudaSimulator> on_gpu_;  ///< made when first asked for
 };
 
 /// History of `frames` positions ending at the scene's start, extrapolated ballistically backwards: particle i was at

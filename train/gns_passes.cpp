@@ -31,26 +31,16 @@ GnsPasses::GnsPasses(const graph::GnsConfig& config, int64_t checkpoint_layers, 
 
 DeviceBatch GnsPasses::upload(const Batch& batch) const {
   GRAUPEL_ASSERT(batch.level.size() == 1);
-  const at::Tensor indices = to_device(batch.indices, embedding_.device());
-  const at::Tensor numbers = to_device(batch.numbers, embedding_.device()).to(embedding_.dtype());
-  const auto index = [&](const Part& part) { return indices.narrow(0, part.begin, part.count); };
-  const auto values = [&](const Part& part, int64_t width) {
-    return numbers.narrow(0, part.begin, part.count).view({-1, width});
-  };
-  DeviceBatch on_device;
-  on_device.particles = batch.particles();
-  on_device.features = values(batch.features, batch.feature_width);
-  if (batch.target.count > 0) on_device.target = values(batch.target, 3);
-  on_device.type_row = index(batch.type_row);
-  on_device.type_one_hot = one_hot(on_device.type_row, embedding_.scalar_type());
+  const UploadedBatch uploaded(batch, embedding_);
+  DeviceBatch on_device = uploaded.particles(batch);
   const BatchLevel& level = batch.level.front();
   DeviceLevel links;
   links.cells = level.cells;
-  links.edge_begin = index(level.edge_begin);
-  links.sender = index(level.sender);
-  links.receiver = index(level.receiver);
-  links.reverse = index(level.reverse);
-  links.direction = values(batch.edge_features, graph::edge_feature_count);
+  links.edge_begin = uploaded.index(level.edge_begin);
+  links.sender = uploaded.index(level.sender);
+  links.receiver = uploaded.index(level.receiver);
+  links.reverse = uploaded.index(level.reverse);
+  links.direction = uploaded.rows(batch.edge_features, graph::edge_feature_count);
   on_device.level.push_back(std::move(links));
   return on_device;
 }

@@ -34,21 +34,11 @@ at::Tensor sum_by_corner(const at::Tensor& pairs) {
 }  // namespace
 
 DeviceBatch HgnNetwork::upload(const Batch& batch) const {
-  const at::TensorOptions number = embedding_.options();
-  const at::Tensor indices = to_device(batch.indices, number.device());
-  const at::Tensor numbers = to_device(batch.numbers, number.device()).to(number.dtype());
-  const auto index = [&](const Part& part) { return indices.narrow(0, part.begin, part.count); };
-  const auto values = [&](const Part& part, int64_t width) {
-    return numbers.narrow(0, part.begin, part.count).view({-1, width});
-  };
-  DeviceBatch on_device;
-  on_device.particles = batch.particles();
-  on_device.features = values(batch.features, batch.feature_width);
-  on_device.weight = numbers.narrow(0, batch.weight.begin, batch.weight.count);
-  on_device.offset = values(batch.offset, 3);
-  if (batch.target.count > 0) on_device.target = values(batch.target, 3);
-  on_device.type_row = index(batch.type_row);
-  on_device.type_one_hot = one_hot(on_device.type_row, embedding_.scalar_type());
+  const UploadedBatch uploaded(batch, embedding_);
+  const auto index = [&](const Part& part) { return uploaded.index(part); };
+  DeviceBatch on_device = uploaded.particles(batch);
+  on_device.weight = uploaded.numbers(batch.weight);
+  on_device.offset = uploaded.rows(batch.offset, 3);
   on_device.cell = index(batch.cell);
   on_device.pair_begin = index(batch.pair_begin);
   on_device.pair = index(batch.pair);

@@ -38,6 +38,20 @@ at::Tensor to_device(const std::vector<int32_t>& values, const at::Device& devic
   return copy_to(values, at::kInt, device);
 }
 
+UploadedBatch::UploadedBatch(const Batch& batch, const at::Tensor& like)
+    : indices_(to_device(batch.indices, like.device())),
+      numbers_(to_device(batch.numbers, like.device()).to(like.dtype())) {}
+
+DeviceBatch UploadedBatch::particles(const Batch& batch) const {
+  DeviceBatch on_device;
+  on_device.particles = batch.particles();
+  on_device.features = rows(batch.features, batch.feature_width);
+  if (batch.target.count > 0) on_device.target = rows(batch.target, 3);
+  on_device.type_row = index(batch.type_row);
+  on_device.type_one_hot = one_hot(on_device.type_row, numbers_.scalar_type());
+  return on_device;
+}
+
 at::Tensor one_hot(const at::Tensor& type_row, at::ScalarType number) {
   return at::eq(type_row.view({-1, 1}), at::arange(graph::embedding_rows, type_row.options()).view({1, -1})).to(number);
 }

@@ -69,6 +69,21 @@ std::unique_ptr<NetworkPasses> make_passes(const NetworkConfig& config, int64_t 
                                            const ParameterLayout& layout, const at::Tensor& flat,
                                            const at::Tensor& gradient);
 
+/// The two arrays of a batch on the device, and its parts.
+class UploadedBatch {
+ public:
+  /// To the device and in the number type of `like`; two copies, asynchronous on a GPU.
+  UploadedBatch(const Batch& batch, const at::Tensor& like);
+  at::Tensor index(const Part& part) const { return indices_.narrow(0, part.begin, part.count); }
+  at::Tensor numbers(const Part& part) const { return numbers_.narrow(0, part.begin, part.count); }
+  at::Tensor rows(const Part& part, int64_t width) const { return numbers(part).view({-1, width}); }
+  /// Particles, features, target and types; no links.
+  DeviceBatch particles(const Batch& batch) const;
+
+ private:
+  at::Tensor indices_, numbers_;
+};
+
 /// One copy of a host array to the device, through page-locked memory on the way to a GPU.
 at::Tensor to_device(const std::vector<float>& values, const at::Device& device);
 at::Tensor to_device(const std::vector<int32_t>& values, const at::Device& device);

@@ -8,7 +8,7 @@
 #include "core/error.h"
 #include "core/random.h"
 #include "graph/learned_simulator.h"
-#include "random_weights.h"
+#include "random_input.h"
 #include "tests/gpu_only.h"
 
 namespace graupel::graph {
@@ -42,12 +42,8 @@ struct Case {
 /// Clouds of particles around and in an obstacle, some at the walls.
 Case make_case(int particles) {
   Case c;
+  c.scene = scene_with_ball({0.5, 0.2, 0.5}, 0.15);
   c.scene.name = "clouds";
-  Obstacle ball;
-  ball.shape = Shape::sphere;
-  ball.radius = 0.15;
-  ball.position = {0.5, 0.2, 0.5};
-  c.scene.obstacles.push_back(ball);
   const Random random(5, RandomPurpose::test);
   constexpr int32_t ids[] = {5, 6, 8};
   c.history.resize(6);

@@ -6,19 +6,10 @@
 
 #include "core/error.h"
 #include "core/random.h"
+#include "random_input.h"
 
 namespace graupel::graph {
 namespace {
-
-Scene scene_with_ball() {
-  Scene scene;
-  Obstacle ball;
-  ball.shape = Shape::sphere;
-  ball.radius = 0.2;
-  ball.position = {0.5, 0.5, 0.5};
-  scene.obstacles.push_back(ball);
-  return scene;
-}
 
 Normalization made_normalization() {
   Normalization n;
@@ -34,7 +25,7 @@ TEST(Features, LayoutAndValuesOfAKnownCase) {
   config.history = 2;
   config.signed_distance = true;
   config.wall_clamp = 0.3;
-  const Surroundings surroundings(scene_with_ball());
+  const Surroundings surroundings(scene_with_ball({0.5, 0.5, 0.5}, 0.2));
   const Vec3f x = {0.5f, 0.73f, 0.5f};  // 0.03 above the ball
   const std::vector<std::vector<Vec3f>> positions = {
       {x - Vec3f{0.03f, 0, 0}, {0, 0, 0}}, {x - Vec3f{0.02f, 0.01f, 0}, {0, 0, 0}}, {x, {0.05f, 0.5f, 0.9f}}};
@@ -70,7 +61,7 @@ TEST(Features, LayoutAndValuesOfAKnownCase) {
 TEST(Features, CellNormalIsTheOneOfTheParticlesCell) {
   FeatureConfig config;
   config.history = 1;
-  const Surroundings surroundings(scene_with_ball());
+  const Surroundings surroundings(scene_with_ball({0.5, 0.5, 0.5}, 0.2));
   const Vec3f x = {0.5f, 0.702f, 0.5f};  // the cell that the top of the ball passes through
   const std::vector<float> f = particle_features(config, {}, surroundings, {{x}, {x}});
   ASSERT_EQ(f.size(), 12u);
@@ -113,7 +104,7 @@ TEST(Features, WrongNumberOfFramesOrParticlesIsAProgrammersError) {
 
 TEST(Features, ScenesThatNoNetworkWasTaughtAreRefused) {
   const auto refused = [](auto&& change, const std::string& what) {
-    Scene scene = scene_with_ball();
+    Scene scene = scene_with_ball({0.5, 0.5, 0.5}, 0.2);
     change(scene);
     try {
       const Surroundings surroundings(scene);
@@ -139,7 +130,7 @@ TEST(Features, EmbeddingRows) {
 }
 
 TEST(Features, ProjectionMovesOnlyWhatIsInsideAnObstacleOrBeyondAWall) {
-  const Surroundings surroundings(scene_with_ball());
+  const Surroundings surroundings(scene_with_ball({0.5, 0.5, 0.5}, 0.2));
   std::vector<Vec3f> x = {{0.5f, 0.69f, 0.5f}, {0.5f, 0.8f, 0.5f}, {0.5f, -0.2f, 0.5f}};
   const std::vector<Vec3f> before = x;
   EXPECT_EQ(project_out(surroundings, x), 2);

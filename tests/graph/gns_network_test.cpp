@@ -2,9 +2,7 @@
 
 #include <gtest/gtest.h>
 
-#include <algorithm>
 #include <cmath>
-#include <numeric>
 #include <thread>
 
 #include "core/device.h"
@@ -12,7 +10,7 @@
 #include "core/material_config.h"
 #include "core/random.h"
 #include "graph/gns_graph.h"
-#include "random_weights.h"
+#include "random_input.h"
 #include "reference_gns.h"
 
 namespace graupel::graph {
@@ -28,31 +26,8 @@ GnsConfig small_config() {
   return config;
 }
 
-struct Input {
-  std::vector<Vec3f> position;
-  std::vector<float> features;
-  std::vector<int32_t> type;
-};
-
-Input random_input(const GnsConfig& config, int particles, int blob_count = 3, double radius = 0.06) {
-  Input input;
-  input.position = blobs(blob_count, particles, radius);
-  const Random random(5, RandomPurpose::test);
-  const auto width = static_cast<std::size_t>(config.input_width() - config.embedding);
-  for (std::size_t i = 0; i < input.position.size() * width; ++i)
-    input.features.push_back(static_cast<float>(random.uniform(i, 0, -1.5, 1.5)));
-  for (std::size_t i = 0; i < input.position.size(); ++i) input.type.push_back(i % 3 == 0 ? 5 : i % 3 == 1 ? 6 : 8);
-  return input;
-}
-
 std::vector<float> evaluate(const GnsNetwork& network, const Input& input) {
   return network.forward(input.features, input.type, input.position);
-}
-
-double largest(const std::vector<float>& values) {
-  double m = 0;
-  for (const float v : values) m = std::max(m, static_cast<double>(std::abs(v)));
-  return m;
 }
 
 void expect_reference(const nn::Weights& weights, const Input& input) {
@@ -105,20 +80,8 @@ TEST(GnsNetwork, PermutingParticlesPermutesOutputs) {
   const GnsNetwork network(random_weights(config, {}));
   const Input input = random_input(config, 300);
   const std::vector<float> output = evaluate(network, input);
-  std::vector<std::size_t> order(300);
-  std::iota(order.begin(), order.end(), 0);
-  const Random random(8, RandomPurpose::test);
-  std::sort(order.begin(), order.end(),
-            [&](std::size_t a, std::size_t b) { return random.uniform(a) < random.uniform(b); });
-  Input shuffled;
-  const std::size_t width = input.features.size() / 300;
-  for (const std::size_t p : order) {
-    shuffled.position.push_back(input.position[p]);
-    shuffled.type.push_back(input.type[p]);
-    shuffled.features.insert(shuffled.features.end(), input.features.begin() + static_cast<std::ptrdiff_t>(p * width),
-                             input.features.begin() + static_cast<std::ptrdiff_t>((p + 1) * width));
-  }
-  const std::vector<float> other = evaluate(network, shuffled);
+  const std::vector<std::size_t> order = random_order(300);
+  const std::vector<float> other = evaluate(network, in_order(input, order));
   for (std::size_t i = 0; i < order.size(); ++i)
     for (std::size_t axis = 0; axis < 3; ++axis)
       EXPECT_NEAR(other[i * 3 + axis], output[order[i] * 3 + axis], 1e-4 * largest(output));

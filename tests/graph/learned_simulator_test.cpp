@@ -8,7 +8,7 @@
 
 #include "core/device.h"
 #include "core/error.h"
-#include "random_weights.h"
+#include "random_input.h"
 
 namespace graupel::graph {
 namespace {
@@ -144,17 +144,9 @@ TEST_F(LearnedSimulatorTest, ZeroOutputIsBallisticFlight) {
 
 TEST_F(LearnedSimulatorTest, ProjectionKeepsParticlesOutOfObstaclesAndInsideTheWalls) {
   const LearnedSimulator simulator = make_ballistic();
-  Scene scene;
-  Obstacle ball;
-  ball.shape = Shape::sphere;
-  ball.radius = 0.15;
-  ball.position = {0.5, 0.35, 0.5};
-  scene.obstacles.push_back(ball);
+  const Scene scene = scene_with_ball({0.5, 0.35, 0.5}, 0.15);
   const Surroundings surroundings(scene);
-  std::vector<Vec3f> position;
-  for (int i = 0; i < 100; ++i)
-    position.push_back({0.4f + 0.02f * static_cast<float>(i % 10), 0.7f, 0.4f + 0.02f * static_cast<float>(i / 10)});
-  const auto start = start_history(position, std::vector<Vec3f>(100, Vec3f{0, -2, 0}), scene.gravity, frame_time, 4);
+  const auto start = start_history(sheet(), std::vector<Vec3f>(100, Vec3f{0, -2, 0}), scene.gravity, frame_time, 4);
   LearnedSimulator::RolloutOptions options;
   options.frames = 40;
   const Trajectory t = simulator.rollout(scene, surroundings, std::vector<int32_t>(100, 5), start, options);
@@ -203,17 +195,9 @@ TEST_F(LearnedSimulatorTest, AGnsRollsOutWithItsObstacleParticles) {
   silence_decoder(weights);
   const LearnedSimulator ballistic = make(weights), random = make(random_weights(small_gns(), free_flight()));
   EXPECT_EQ(ballistic.config().history, 3);
-  Scene scene;
-  Obstacle ball;
-  ball.shape = Shape::sphere;
-  ball.radius = 0.15;
-  ball.position = {0.5, 0.35, 0.5};
-  scene.obstacles.push_back(ball);
+  const Scene scene = scene_with_ball({0.5, 0.35, 0.5}, 0.15);
   const Surroundings surroundings(scene);
-  std::vector<Vec3f> position;
-  for (int i = 0; i < 100; ++i)
-    position.push_back({0.4f + 0.02f * static_cast<float>(i % 10), 0.7f, 0.4f + 0.02f * static_cast<float>(i / 10)});
-  const auto start = start_history(position, std::vector<Vec3f>(100, Vec3f{0, -2, 0}), scene.gravity, frame_time, 4);
+  const auto start = start_history(sheet(), std::vector<Vec3f>(100, Vec3f{0, -2, 0}), scene.gravity, frame_time, 4);
   LearnedSimulator::RolloutOptions options;
   options.frames = 30;
   FrameTiming timing;

@@ -6,23 +6,13 @@
 #include <thread>
 
 #include "core/random.h"
-#include "random_weights.h"
+#include "random_input.h"
 
 namespace graupel::graph {
 namespace {
 
-Scene scene_with_ball() {
-  Scene scene;
-  Obstacle ball;
-  ball.shape = Shape::sphere;
-  ball.radius = 0.2;
-  ball.position = {0.5, 0.4, 0.5};
-  scene.obstacles.push_back(ball);
-  return scene;
-}
-
 TEST(ObstacleParticles, LieOnTheSurfaceAndKeepTheirDistance) {
-  const Scene scene = scene_with_ball();
+  const Scene scene = scene_with_ball({0.5, 0.4, 0.5}, 0.2);
   const ObstacleParticles particles(scene, sparsegrid::ObstacleSet(scene));
   for (const double spacing : {0.03, 0.05}) {
     const std::vector<Vec3f>& points = particles.at_spacing(spacing);
@@ -41,7 +31,7 @@ TEST(ObstacleParticles, LieOnTheSurfaceAndKeepTheirDistance) {
 }
 
 TEST(ObstacleParticles, SeveralThreadsGetTheSame) {
-  const Scene scene = scene_with_ball();
+  const Scene scene = scene_with_ball({0.5, 0.4, 0.5}, 0.2);
   const ObstacleParticles particles(scene, sparsegrid::ObstacleSet(scene)), copy = particles;
   const std::vector<Vec3f>*a = nullptr, *b = nullptr;
   std::thread one([&] { a = &particles.at_spacing(0.04); });
