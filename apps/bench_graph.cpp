@@ -143,16 +143,16 @@ void bench_graph(BenchGraphOptions& options) {
   const Device device = options.common.device == "auto" ? Device::cpu : parse_device(options.common.device);
   options.common.apply();
   GraphBench bench(options, device);
-  std::vector<GraphBenchRow> rows;
   std::printf(
       "| particles | state | model | ms a frame | mpm's over it | features, grid, network, projection [ms] |\n"
       "|---|---|---|---|---|---|\n");
   Json results = Json::array();
-  for (const int64_t particles : options.particles)
-    for (const GraphBenchRow& row : bench.measure(particles)) rows.push_back(row);
-  for (const GraphBenchRow& row : rows) {
-    print_row(row, mpm_frame(rows, row));
-    results.push_back(json_of(row, mpm_frame(rows, row)));
+  for (const int64_t particles : options.particles) {
+    const std::vector<GraphBenchRow> rows = bench.measure(particles);
+    for (const GraphBenchRow& row : rows) {
+      print_row(row, mpm_frame(rows, row));
+      results.push_back(json_of(row, mpm_frame(rows, row)));
+    }
   }
   options.common.write_json({{"version", version_text()},
                              {"command", command_line()},

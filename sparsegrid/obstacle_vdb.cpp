@@ -8,6 +8,7 @@
 #include <openvdb/tools/MeshToVolume.h>
 #include <openvdb/tools/Prune.h>
 #include <openvdb/tools/SignedFloodFill.h>
+#include <tbb/task_arena.h>
 
 #include <algorithm>
 #include <cmath>
@@ -15,6 +16,7 @@
 #include <mutex>
 
 #include "core/atomic_file.h"
+#include "core/device.h"
 #include "core/error.h"
 #include "sparsegrid/level_set_grid.h"
 #include "sparsegrid/mesh_topology.h"
@@ -321,10 +323,7 @@ FloatGrid::Ptr union_level_set(const UnionRequest& request) {
   return grid;
 }
 
-}  // namespace
-
-LevelSetGrid build_level_set(const Scene& scene, const Obstacle& obstacle, const std::string& name) {
-  initialize_openvdb();
+LevelSetGrid level_set_of(const Scene& scene, const Obstacle& obstacle, const std::string& name) {
   const double voxel = scene.voxel(), band = scene.band();
   FloatGrid::Ptr grid;
   if (obstacle.shape == Shape::mesh) {
@@ -347,6 +346,15 @@ LevelSetGrid build_level_set(const Scene& scene, const Obstacle& obstacle, const
   out.near = padded(grid->evalActiveVoxelBoundingBox(), voxel);
   out.solid = padded(negative_box(*grid), voxel);
   return out;
+}
+
+}  // namespace
+
+LevelSetGrid build_level_set(const Scene& scene, const Obstacle& obstacle, const std::string& name) {
+  initialize_openvdb();
+  // OpenVDB would use all cores, also for each of many obstacles that are built at once.
+  tbb::task_arena arena(num_threads());
+  return arena.execute([&] { return level_set_of(scene, obstacle, name); });
 }
 
 void write_level_sets(const std::string& path, const std::vector<const LevelSetGrid*>& grids,

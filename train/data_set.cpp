@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstring>
 #include <map>
 #include <mutex>
 
@@ -133,9 +134,9 @@ void DataSplit::load_positions(const DataSplitOptions& options) {
     const auto numbers = static_cast<std::size_t>(info_[i].frames) * info_[i].type_row.size();
     left -= static_cast<double>(numbers * sizeof(Vec3f));
     if (left < 0) break;
-    resident_[i].reserve(numbers);
-    for (const ParticleFrame& frame : reader_->frames(static_cast<int>(i), 0, info_[i].frames))
-      resident_[i].insert(resident_[i].end(), frame.position.begin(), frame.position.end());
+    const std::vector<float> positions = reader_->positions(static_cast<int>(i), 0, info_[i].frames);
+    resident_[i].resize(numbers);
+    std::memcpy(resident_[i].data(), positions.data(), positions.size() * sizeof(float));
     if (options.progress) options.progress("positions", static_cast<int64_t>(i) + 1, count());
   }
 }

@@ -5,6 +5,8 @@
 
 #include <chrono>
 #include <cmath>
+#include <cstdlib>
+#include <string>
 #include <thread>
 
 #include "core/atomic_file.h"
@@ -83,7 +85,10 @@ TEST_F(RanksProgram, TwoProcessesTakeTheStepsOfOne) {
 }
 
 TEST_F(RanksProgram, TwoGpusTakeTheStepsOfOne) {
-  if (!torch_has_cuda() || !fs::exists("/dev/nvidia1")) GTEST_SKIP() << "fewer than two GPUs here: NCCL was not run";
+  const char* const visible = std::getenv("CUDA_VISIBLE_DEVICES");
+  const bool hidden = visible != nullptr && std::string(visible).find(',') == std::string::npos;
+  if (!torch_has_cuda() || hidden || !fs::exists("/dev/nvidia1"))
+    GTEST_SKIP() << "fewer than two GPUs here: NCCL was not run";
   expect_the_steps_of_one_process("cuda", 2e-3);
 }
 
