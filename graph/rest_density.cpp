@@ -1,0 +1,42 @@
+#include "graph/rest_density.h"
+
+#include <algorithm>
+#include <cmath>
+#include <tuple>
+
+namespace graupel::graph {
+
+namespace {
+
+/// Of the particles in the cell of each particle, the median.
+double median_count(const std::vector<Vec3f>& position, double spacing) {
+  std::vector<std::tuple<int64_t, int64_t, int64_t>> cell;
+  cell.reserve(position.size());
+  for (const Vec3f& x : position) {
+    const auto along = [&](int d) { return static_cast<int64_t>(std::floor(static_cast<double>(x[d]) / spacing)); };
+    cell.emplace_back(along(0), along(1), along(2));
+  }
+  std::sort(cell.begin(), cell.end());
+  std::vector<std::ptrdiff_t> counts;
+  counts.reserve(cell.size());
+  for (auto first = cell.begin(); first != cell.end();) {
+    const auto last = std::upper_bound(first, cell.end(), *first);
+    counts.insert(counts.end(), static_cast<std::size_t>(last - first), last - first);
+    first = last;
+  }
+  if (counts.empty()) return 0;
+  const auto middle = counts.begin() + static_cast<std::ptrdiff_t>(counts.size() / 2);
+  std::nth_element(counts.begin(), middle, counts.end());
+  return static_cast<double>(*middle);
+}
+
+}  // namespace
+
+double rest_density(const Scene& scene, const std::vector<Vec3f>& start, double spacing) {
+  double density = median_count(start, spacing) / std::pow(spacing, 3);
+  for (const Source& source : scene.sources)
+    density = std::max(density, source.particles_per_cell / scene.domain.cell_volume());
+  return density;
+}
+
+}  // namespace graupel::graph
