@@ -247,7 +247,7 @@ GridLinks GridBuilder::links() const {
   return {a.level_begin,    a.edge_level,         a.coordinate.data(), a.neighbor.data(), a.parent.data(),
           a.octant.data(),  a.edge_begin.data(),  a.sender.data(),     a.receiver.data(), a.slot.data(),
           a.reverse.data(), a.child_begin.data(), a.child.data(),      a.cell.data(),     a.weight.data(),
-          a.offset.data(),  a.pair_begin.data(),  a.pair.data()};
+          a.offset.data(),  a.pair_begin.data(),  a.pair.data(),       a.overflow};
 }
 
 }  // namespace graupel::graph

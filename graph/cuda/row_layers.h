@@ -1,7 +1,9 @@
 // The two-layer networks of the hierarchical graph network over many rows (pairs, edges, cells), each in one kernel:
 // rows are gathered, both matrix products run on tensor cores (bf16 operands, f32 sums), the layer norm and what
 // follows it in registers. Forward for rollouts and training, backward with recomputation for training. Width 128;
-// compute capability 8.0 or later. All pointers are to the GPU's memory; bf16 numbers are kept as uint16_t.
+// compute capability 8.0 or later. All pointers are to the GPU's memory; bf16 numbers are kept as uint16_t. Where a
+// number of rows comes with a `row_count`, it is the most that there may be: how many there are is read there when the
+// kernel runs, so that a recorded launch serves every frame.
 #pragma once
 
 #include <cstdint>
@@ -42,6 +44,7 @@ struct RowTable {
 /// y[r] = LayerNorm(W2 LeakyReLU_0.01(sum of operands W1^T + sum of tables) + b2), r < rows, eps 1e-5.
 struct RowNetwork {
   int64_t rows = 0;
+  const int32_t* row_count = nullptr;
   RowOperand operand[2];
   RowTable table[3];
   const uint16_t* w2 = nullptr;  ///< tile
@@ -89,6 +92,7 @@ int backward(const RowNetworkGradient& gradient, void* stream);
 /// layer), V[j] [128, 3] with rows `offset_stride` apart.
 struct RowProjection {
   int64_t rows = 0;
+  const int32_t* row_count = nullptr;
   const uint16_t* x = nullptr;
   const uint16_t* weight[2] = {nullptr, nullptr};
   const float* bias[2] = {nullptr, nullptr};  ///< [128]
@@ -112,9 +116,10 @@ void project_back(const ProjectionGradient& gradient, void* stream);
 /// out[s] = add32[s] + scale * sum of weight[i] source[i] over the rows i of segment s.
 struct SegmentRows {
   int64_t segments = 0;
-  const int32_t* begin = nullptr;  ///< [segments + 1]; null: `fixed` rows each
-  int32_t first = 0;               ///< subtracted from `begin`
-  const int32_t* item = nullptr;   ///< rows; null: as they stand
+  const int32_t* row_count = nullptr;  ///< of segments
+  const int32_t* begin = nullptr;      ///< [segments + 1]; null: `fixed` rows each
+  int32_t first = 0;                   ///< subtracted from `begin`
+  const int32_t* item = nullptr;       ///< rows; null: as they stand
   int32_t fixed = 0;
   const uint16_t* source = nullptr;
   const float* weight = nullptr;  ///< of a row

@@ -10,20 +10,20 @@ using namespace tile;
 
 /// First-layer sums of a warp's rows; with `keep`, operands are saved where the network asks for it.
 template <int operands, int warps>
-__device__ void first_layer(Sums& c, const RowNetwork& n, const Shared<warps>& shared, uint16_t* mine, int64_t first,
-                            int lane) {
+__device__ void first_layer(Sums& c, const RowNetwork& n, int64_t rows, const Shared<warps>& shared, uint16_t* mine,
+                            int64_t first, int lane) {
   clear(c);
 #pragma unroll
   for (int j = 0; j < operands; ++j) {
-    gather_rows(mine, n.operand[j], first, n.rows, lane);
+    gather_rows(mine, n.operand[j], first, rows, lane);
     __syncwarp();
     product(c, mine, shared.tile(1 + j), lane);
-    if (n.operand[j].save) copy_out(n.operand[j].save, mine, first, n.rows, lane);
+    if (n.operand[j].save) copy_out(n.operand[j].save, mine, first, rows, lane);
     __syncwarp();
   }
 #pragma unroll
   for (int t = 0; t < 3; ++t)
-    if (n.table[t].table) add_table(c, n.table[t].table, n.table[t].row, first, n.rows, lane);
+    if (n.table[t].table) add_table(c, n.table[t].table, n.table[t].row, first, rows, lane);
 #pragma unroll
   for (int j = 0; j < column_blocks; ++j)
 #pragma unroll
@@ -39,11 +39,11 @@ __device__ void load_weights(const RowNetwork& n, const Shared<warps>& shared) {
 }
 
 /// What follows the layer norm: residual sums in f32 and bf16.
-__device__ void write_sums(const RowNetwork& n, const Sums& c, int64_t first, int lane) {
+__device__ void write_sums(const RowNetwork& n, int64_t rows, const Sums& c, int64_t first, int lane) {
 #pragma unroll
   for (int half = 0; half < 2; ++half) {
     const int64_t r = first + lane / 4 + 8 * half;
-    if (r >= n.rows) continue;
+    if (r >= rows) continue;
     const int64_t at = r * layer_width + 2 * (lane % 4);
 #pragma unroll
     for (int j = 0; j < column_blocks; ++j) {
@@ -67,14 +67,17 @@ __device__ void write_sums(const RowNetwork& n, const Sums& c, int64_t first, in
 
 template <int operands, int warps>
 __global__ void __launch_bounds__(32 * warps, operands == 2 ? 1 : 2) forward_kernel(RowNetwork n) {
+  start_next();
   const Shared<warps> shared{shared_numbers, 1 + operands};
   load_weights<operands>(n, shared);
+  wait_for_previous();
+  const int64_t rows = rows_now(n.rows, n.row_count);
   const int warp = static_cast<int>(threadIdx.x) / 32, lane = static_cast<int>(threadIdx.x) % 32;
   uint16_t* const mine = shared.rows(0, warp);
   const int64_t step = int64_t{gridDim.x} * warps * warp_rows;
-  for (int64_t first = first_row(warp); first < n.rows; first += step) {
+  for (int64_t first = first_row(warp); first < rows; first += step) {
     Sums c;
-    first_layer<operands>(c, n, shared, mine, first, lane);
+    first_layer<operands>(c, n, rows, shared, mine, first, lane);
     store_rows(mine, c, lane);
     __syncwarp();
     clear(c);
@@ -92,10 +95,10 @@ __global__ void __launch_bounds__(32 * warps, operands == 2 ? 1 : 2) forward_ker
     if (n.out16) {
       store_rows(mine, c, lane);
       __syncwarp();
-      copy_out(n.out16, mine, first, n.rows, lane);
+      copy_out(n.out16, mine, first, rows, lane);
       __syncwarp();
     }
-    write_sums(n, c, first, lane);
+    write_sums(n, rows, c, first, lane);
   }
 }
 
@@ -182,7 +185,7 @@ __global__ void __launch_bounds__(32 * warps, 1) backward_kernel(RowNetworkGradi
   const int64_t step = int64_t{gridDim.x} * warps * warp_rows;
   for (int64_t first = first_row(warp); first < n.rows; first += step) {
     Sums c;
-    first_layer<operands>(c, n, shared, hidden, first, lane);
+    first_layer<operands>(c, n, n.rows, shared, hidden, first, lane);
     store_rows(hidden, c, lane);
     __syncwarp();
     copy_out(d.hidden, hidden, first, n.rows, lane);
@@ -239,8 +242,8 @@ __global__ void __launch_bounds__(32 * warps, 1) backward_kernel(RowNetworkGradi
 
 template <int operands, int warps>
 void launch_forward(const RowNetwork& n, int resident, void* stream) {
-  launch(forward_kernel<operands, warps>, blocks_for(n.rows, resident), 32 * warps,
-         shared_bytes(warps, 1 + operands, 1), n, stream);
+  launch_ahead(forward_kernel<operands, warps>, blocks_for(n.rows, resident), 32 * warps,
+               shared_bytes(warps, 1 + operands, 1), n, stream);
 }
 
 template <int operands>
