@@ -134,7 +134,7 @@ RowLatents ForwardPass::particle_to_grid() {
 }
 
 float* ForwardPass::grid_to_particle(const RowLatents& cells) {
-  const int64_t n = graph_.particles, pairs = corners * n, n_cells = graph_.level[0].cells;
+  const int64_t n = graph_.particles, n_cells = graph_.level[0].cells;
   float* const per_cell = memory_.rows32(n_cells);
   project({.rows = n_cells,
            .row_count = graph_.level[0].cell_count,
@@ -144,17 +144,11 @@ float* ForwardPass::grid_to_particle(const RowLatents& cells) {
           stream_);
   RowNetwork& network = record_.to_particle;
   network.table[2] = {per_cell, {graph_.cell}};
-  network.out16 = memory_.rows16(pairs);
-  forward(network, stream_);
   float* const sums = memory_.rows32(n);
-  sum_segments({.segments = n,
-                .row_count = graph_.particle_count,
-                .fixed = corners,
-                .source = network.out16,
-                .weight = graph_.weight,
-                .add32 = record_.particles.f32,
-                .out32 = sums},
-               stream_);
+  network.group_weight = graph_.weight;
+  network.group_add32 = record_.particles.f32;
+  network.group32 = sums;
+  forward(network, stream_);
   record_.finest = cells.f16;
   return sums;
 }

@@ -57,6 +57,10 @@ struct RowNetwork {
   const float* add32 = nullptr;  ///< sum32 = add32 + y; null: 0
   float* sum32 = nullptr;
   uint16_t* copy16 = nullptr;  ///< sum32 rounded
+  /// Sums of eight rows each, group32[g] = group_add32[g] + sum over r / 8 = g of group_weight[r] y[r]: of a network
+  /// without operands, in place of the other sums.
+  const float *group_weight = nullptr, *group_add32 = nullptr;
+  float* group32 = nullptr;
 };
 void forward(const RowNetwork& network, void* stream);
 

@@ -65,7 +65,47 @@ __device__ void write_sums(const RowNetwork& n, int64_t rows, const Sums& c, int
   }
 }
 
-template <int operands, int warps>
+/// Adds `values` of the lanes with equal lane % 4 and leaves four of the sums with each lane: those from
+/// 16 [lane bit 4] + 8 [bit 3] + 4 [bit 2] on.
+__device__ void fold(float (&values)[2 * column_blocks], float (&sums)[4], int lane) {
+#pragma unroll
+  for (int width = column_blocks; width >= 4; width /= 2) {
+    const bool upper = (lane & width) != 0;
+#pragma unroll
+    for (int i = 0; i < width; ++i) {
+      const float send = upper ? values[i] : values[i + width], keep = upper ? values[i + width] : values[i];
+      values[i] = keep + __shfl_xor_sync(0xffffffffu, send, width);
+    }
+  }
+#pragma unroll
+  for (int i = 0; i < 4; ++i) sums[i] += values[i];
+}
+
+/// Weighted sums of the first and the last eight of a warp's rows.
+__device__ void write_groups(const RowNetwork& n, int64_t rows, const Sums& c, int64_t first, int lane) {
+  constexpr int group_rows = 8;
+#pragma unroll
+  for (int half = 0; half < 2; ++half) {
+    const int64_t begin = first + half * group_rows;
+    if (begin >= rows) continue;  // the same for the whole warp
+    const float weight = n.group_weight[begin + lane / 4];
+    float values[2 * column_blocks], sums[4] = {0, 0, 0, 0};
+#pragma unroll
+    for (int j = 0; j < column_blocks; ++j)
+#pragma unroll
+      for (int i = 0; i < 2; ++i) values[2 * j + i] = weight * c[j][2 * half + i];
+    fold(values, sums, lane);
+    const int block = ((lane & 16 ? 16 : 0) + (lane & 8 ? 8 : 0) + (lane & 4 ? 4 : 0)) / 2;
+    const int64_t at = begin / group_rows * layer_width + 8 * block + 2 * (lane % 4);
+#pragma unroll
+    for (int k = 0; k < 2; ++k) {
+      const float2 before = *reinterpret_cast<const float2*>(n.group_add32 + at + 8 * k);
+      *reinterpret_cast<float2*>(n.group32 + at + 8 * k) = {before.x + sums[2 * k], before.y + sums[2 * k + 1]};
+    }
+  }
+}
+
+template <int operands, int warps, bool groups = false>
 __global__ void __launch_bounds__(32 * warps, operands == 2 ? 1 : 2) forward_kernel(RowNetwork n) {
   start_next();
   const Shared<warps> shared{shared_numbers, 1 + operands};
@@ -98,24 +138,11 @@ __global__ void __launch_bounds__(32 * warps, operands == 2 ? 1 : 2) forward_ker
       copy_out(n.out16, mine, first, rows, lane);
       __syncwarp();
     }
-    write_sums(n, rows, c, first, lane);
+    if constexpr (groups)
+      write_groups(n, rows, c, first, lane);
+    else
+      write_sums(n, rows, c, first, lane);
   }
-}
-
-/// Adds `values` of the lanes with equal lane % 4 and leaves four of the sums with each lane: those from
-/// 16 [lane bit 4] + 8 [bit 3] + 4 [bit 2] on.
-__device__ void fold(float (&values)[2 * column_blocks], float (&sums)[4], int lane) {
-#pragma unroll
-  for (int width = column_blocks; width >= 4; width /= 2) {
-    const bool upper = (lane & width) != 0;
-#pragma unroll
-    for (int i = 0; i < width; ++i) {
-      const float send = upper ? values[i] : values[i + width], keep = upper ? values[i + width] : values[i];
-      values[i] = keep + __shfl_xor_sync(0xffffffffu, send, width);
-    }
-  }
-#pragma unroll
-  for (int i = 0; i < 4; ++i) sums[i] += values[i];
 }
 
 /// Gradient of a warp's rows' results.
@@ -240,9 +267,9 @@ __global__ void __launch_bounds__(32 * warps, 1) backward_kernel(RowNetworkGradi
   d.norm_partial[int64_t{blockIdx.x} * 2 * layer_width + threadIdx.x] = total;
 }
 
-template <int operands, int warps>
+template <int operands, int warps, bool groups = false>
 void launch_forward(const RowNetwork& n, int resident, void* stream) {
-  launch_ahead(forward_kernel<operands, warps>, blocks_for(n.rows, resident), 32 * warps,
+  launch_ahead(forward_kernel<operands, warps, groups>, blocks_for(n.rows, resident), 32 * warps,
                shared_bytes(warps, 1 + operands, 1), n, stream);
 }
 
@@ -260,9 +287,11 @@ int operands_of(const RowNetwork& n) { return n.operand[1].rows ? 2 : n.operand[
 
 void forward(const RowNetwork& network, void* stream) {
   if (network.rows == 0) return;
+  GRAUPEL_ASSERT(!network.group32 || (operands_of(network) == 0 && !network.sum32 && !network.sum16));
   switch (operands_of(network)) {
     case 0:
-      return launch_forward<0, few_warps>(network, 2, stream);
+      return network.group32 ? launch_forward<0, few_warps, true>(network, 2, stream)
+                             : launch_forward<0, few_warps>(network, 2, stream);
     case 1:
       return launch_forward<1, few_warps>(network, 2, stream);
     default:
