@@ -1,7 +1,9 @@
-// graupel convert: data sets of learned simulators from one format to another.
+// graupel convert: data sets of learned simulators from one format to another, weights to smaller numbers.
 #include <fmt/format.h>
 
+#include <cmath>
 #include <cstdio>
+#include <map>
 #include <nlohmann/json.hpp>
 
 #include "apps/common_options.h"
@@ -10,6 +12,7 @@
 #include "core/command_line.h"
 #include "core/error.h"
 #include "io/data_set_conversion.h"
+#include "nn/weights.h"
 
 namespace graupel::apps {
 
@@ -17,7 +20,7 @@ namespace {
 
 struct ConvertOptions {
   CommonOptions common;
-  std::string input, output, format = "graupel", types;
+  std::string input, output, format = "graupel", types, numbers;
   std::vector<std::string> splits, set;
   std::optional<double> connectivity_radius;
 };
@@ -49,8 +52,9 @@ std::string split_list(const io::ConversionResult& result) {
   return text;
 }
 
-void convert(ConvertOptions& options) {
-  options.common.apply();
+void convert_data(ConvertOptions& options) {
+  if (!options.numbers.empty())
+    throw ConfigError("--numbers is for weights ('" + options.input + "' is not a .safetensors file). Leave it out");
   std::optional<Progress> progress;
   io::ConversionOptions job;
   job.input = options.input;
@@ -76,13 +80,37 @@ void convert(ConvertOptions& options) {
   options.common.write_json(result_json(options, result));
 }
 
+/// Every tensor of floats in numbers of another size. Throws ConfigError where a number does not fit.
+void convert_weights(const ConvertOptions& options) {
+  const std::map<std::string, nn::DType> types = {
+      {"f32", nn::DType::f32}, {"f16", nn::DType::f16}, {"bf16", nn::DType::bf16}};
+  const auto type = types.find(options.numbers);
+  if (type == types.end())
+    throw ConfigError("'" + options.input +
+                      "' holds weights, which need --numbers (allowed: f32, f16, bf16). Give one");
+  nn::Weights weights = nn::read_safetensors(options.input);
+  for (auto& [name, tensor] : weights.tensors) {
+    if (tensor.dtype == nn::DType::i64 || tensor.dtype == nn::DType::i32 || tensor.dtype == nn::DType::u8) continue;
+    tensor = nn::Tensor::from_float(tensor.as_float(), tensor.shape, type->second);
+    for (const float value : tensor.as_float())
+      if (!std::isfinite(value))
+        throw ConfigError("tensor '" + name + "' of '" + options.input + "' has a number that " + options.numbers +
+                          " cannot hold. Use --numbers bf16 or f32");
+  }
+  nn::write_safetensors(options.output, weights);
+  std::fprintf(stderr, "%s: %zu tensors in %s\n", options.output.c_str(), weights.tensors.size(),
+               options.numbers.c_str());
+}
+
 }  // namespace
 
 void add_convert(CLI::App& app) {
   auto options = std::make_shared<ConvertOptions>();
-  CLI::App* verb = app.add_subcommand("convert", "Convert data sets: ours, geoelements/gns, LagrangeBench");
-  verb->add_option("input", options->input, "Folder of a data set; its files say which format it has")->required();
-  verb->add_option("output", options->output, "Folder to make")->required();
+  CLI::App* verb =
+      app.add_subcommand("convert", "Convert data sets: ours, geoelements/gns, LagrangeBench; shorten weights");
+  verb->add_option("input", options->input, "Folder of a data set; its files say which format it has. Or weights")
+      ->required();
+  verb->add_option("output", options->output, "Folder, or file of weights, to make")->required();
   verb->add_option("-f,--format", options->format, "Format of the output: graupel, gns (.npz) or lagrangebench (.h5)")
       ->check(CLI::IsMember({"graupel", "gns", "lagrangebench"}))
       ->capture_default_str();
@@ -98,6 +126,8 @@ void add_convert(CLI::App& app) {
   verb->add_option("--connectivity-radius", options->connectivity_radius,
                    "Written to metadata.json for graph networks [m]; default the input's")
       ->check(real_number(LowerBound::above_zero));
+  verb->add_option("--numbers", options->numbers, "Of weights: f32, f16 or bf16")
+      ->check(CLI::IsMember({"f32", "f16", "bf16"}));
   options->common.add_to(*verb);
   verb->footer(
       "Positions keep their bits. Types: gns 3 obstacle, 4 jelly, 5 water, 6 sand, 7 toothpaste (goop), 8 snow;\n"
@@ -106,8 +136,12 @@ void add_convert(CLI::App& app) {
       "Their pickles are never executed. The output appears when all of it is written.\n\nExamples:\n"
       "  graupel convert data/hgn data/hgn-gns --format gns\n"
       "  graupel convert WaterDropSample data/water --set gravity=[0,-9.8,0]\n"
-      "  graupel convert 3D_LDC_8160_10kevery100 data/ldc --types 2=obstacle --split train,valid");
-  verb->callback([options] { convert(*options); });
+      "  graupel convert 3D_LDC_8160_10kevery100 data/ldc --types 2=obstacle --split train,valid\n"
+      "  graupel convert runs/hgn/weights.safetensors models/hgn.safetensors --numbers f16");
+  verb->callback([options] {
+    options->common.apply();
+    options->input.ends_with(".safetensors") ? convert_weights(*options) : convert_data(*options);
+  });
 }
 
 }  // namespace graupel::apps

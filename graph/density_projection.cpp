@@ -50,7 +50,7 @@ struct DensityProjection::Arrays {
         mass(device, shares.size()),
         pressure(device, shares.size()),
         words(device, static_cast<std::size_t>(2 * of.words_of_color())),
-        word_count(device, words.size()),
+        word_count(device, words.size() + 1),
         rank(device, words.size() + 1),
         cell(device, 0),
         equation(device, 0) {

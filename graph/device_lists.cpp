@@ -3,6 +3,7 @@
 #ifdef __CUDACC__
 #include <cub/device/device_radix_sort.cuh>
 #include <cub/device/device_scan.cuh>
+#include <cuda/std/functional>
 #endif
 
 #include <algorithm>
@@ -30,25 +31,37 @@ void with_scratch(ListScratch& scratch, const Operation& operation) {
 [[noreturn]] void no_cuda() { throw std::logic_error("device_lists: this file was not compiled for CUDA"); }
 #endif
 
-}  // namespace
-
-void running_sums(Device device, int64_t n, const int32_t* value, int32_t* sums, ListScratch& scratch, void* stream) {
+template <typename T>
+void sum_up(Device device, int64_t n, const T* value, T* sums, ListScratch& scratch, void* stream) {
   if (device == Device::cpu) {
-    sums[0] = 0;
-    std::inclusive_scan(value, value + n, sums + 1);
+    T sum{};
+    for (int64_t i = 0; i < n; ++i) {
+      sums[i] = sum;
+      sum = sum + value[i];
+    }
+    sums[n] = sum;
     return;
   }
 #ifdef __CUDACC__
-  GRAUPEL_CUDA_CHECK(cudaMemsetAsync(sums, 0, sizeof(int32_t), static_cast<cudaStream_t>(stream)));
-  if (n == 0) return;
   with_scratch(scratch, [&](void* memory, std::size_t& bytes) {
-    return cub::DeviceScan::InclusiveSum(memory, bytes, value, sums + 1, static_cast<int>(n),
-                                         static_cast<cudaStream_t>(stream));
+    return cub::DeviceScan::ExclusiveScan(memory, bytes, value, sums, cuda::std::plus<>{}, T{}, static_cast<int>(n + 1),
+                                          static_cast<cudaStream_t>(stream));
   });
 #else
   static_cast<void>(scratch), static_cast<void>(stream);
   no_cuda();
 #endif
+}
+
+}  // namespace
+
+void running_sums(Device device, int64_t n, const int32_t* value, int32_t* sums, ListScratch& scratch, void* stream) {
+  sum_up(device, n, value, sums, scratch, stream);
+}
+
+void running_sums(Device device, int64_t n, const LinkCount* value, LinkCount* sums, ListScratch& scratch,
+                  void* stream) {
+  sum_up(device, n, value, sums, scratch, stream);
 }
 
 void sort_by_key(Device device, int64_t n, int bits, const int32_t* key, const int32_t* value, int32_t* sorted_key,

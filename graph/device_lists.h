@@ -5,6 +5,7 @@
 #include <cstdint>
 
 #include "core/buffer.h"
+#include "core/host_device.h"
 
 namespace graupel::graph {
 
@@ -14,8 +15,19 @@ struct ListScratch {
   Buffer<char> bytes;
 };
 
-/// sums[i] = value[0] + .. + value[i - 1] for i = 0 .. n: n + 1 results.
+/// Numbers of edges and children, summed together.
+struct LinkCount {
+  int32_t edges, children;
+};
+GRAUPEL_HD inline LinkCount operator+(const LinkCount& a, const LinkCount& b) {
+  return {a.edges + b.edges, a.children + b.children};
+}
+
+/// sums[i] = value[0] + .. + value[i - 1] for i = 0 .. n: n + 1 results. `value` too has n + 1 places, of which the
+/// last does not count.
 void running_sums(Device device, int64_t n, const int32_t* value, int32_t* sums, ListScratch& scratch, void* stream);
+void running_sums(Device device, int64_t n, const LinkCount* value, LinkCount* sums, ListScratch& scratch,
+                  void* stream);
 
 /// Items (key, value) in the order of their keys, equal keys in the order in which they stand; keys are in
 /// [0, 2^bits).

@@ -37,9 +37,9 @@ const Scene& checked(const Scene& scene) {
 }
 
 /// Longest piece of a particle's way [m] that cannot jump over an obstacle: a grid's smallest value is half of the
-/// obstacle's greatest thickness, which is what a plate has everywhere.
+/// obstacle's greatest thickness, which is what a plate has everywhere; the grid tells nothing finer than a voxel.
 double longest_piece(const sparsegrid::ObstacleSet& obstacles, double voxel) {
-  double piece = voxel / 4;
+  double piece = voxel;
   const sparsegrid::ObstacleSetView view = obstacles.view();
   for (int i = 0; i < view.count; ++i)
     if (!view.obstacles[i].is_plane) piece = std::min(piece, -obstacles.facts(i).min_value);

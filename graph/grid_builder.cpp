@@ -97,7 +97,7 @@ struct GridBuilder::Arrays {
   explicit Arrays(Device device) : scratch(device) {
     const auto place = [&](auto&... buffer) { ((buffer = std::decay_t<decltype(buffer)>(device, 0)), ...); };
     place(box, origin, particle_begin, word_begin, words, word_count, rank, tally, cell_box, coordinate, neighbor,
-          parent, octant, edges_in, edge_begin, sender, receiver, slot, reverse, children_of, child_begin, child, base,
+          parent, octant, link_count, link_begin, edge_begin, sender, receiver, slot, reverse, child_begin, child, base,
           cell, weight, offset, pair_key, pair_number, sorted_key, pair, pair_begin);
   }
   void resize(int64_t particles, int64_t n_words, int64_t cells, int64_t cells_of_level0, int levels);
@@ -110,8 +110,9 @@ struct GridBuilder::Arrays {
   Buffer<int32_t> word_count, rank, cell_box;
   Buffer<int32_t> tally;  ///< level_begin, edge_level, overflow: read back after each build
   Buffer<Vec3i> coordinate;
-  Buffer<int32_t> neighbor, parent, octant, edges_in, edge_begin, sender, receiver, slot, reverse;
-  Buffer<int32_t> children_of, child_begin, child;
+  Buffer<LinkCount> link_count, link_begin;
+  Buffer<int32_t> neighbor, parent, octant, edge_begin, sender, receiver, slot, reverse;
+  Buffer<int32_t> child_begin, child;
   Buffer<Vec3i> base;  ///< [particles] lower corner
   Buffer<int32_t> cell;
   Buffer<float> weight, offset;
@@ -125,14 +126,14 @@ void GridBuilder::Arrays::resize(int64_t particles, int64_t n_words, int64_t cel
   const auto resize_all = [](int64_t size, auto&... buffer) {
     (buffer.resize_discard(static_cast<std::size_t>(size)), ...);
   };
-  resize_all(n_words, words, word_count);
-  resize_all(n_words + 1, rank);
+  resize_all(n_words, words);
+  resize_all(n_words + 1, word_count, rank);
   resize_all(2 * levels + 3, tally);
   level_begin = tally.data();
   edge_level = level_begin + levels + 1;
   overflow = edge_level + levels + 1;
-  resize_all(cells, cell_box, coordinate, parent, octant, edges_in, children_of, child);
-  resize_all(cells + 1, edge_begin, child_begin);
+  resize_all(cells, cell_box, coordinate, parent, octant, child);
+  resize_all(cells + 1, link_count, link_begin, edge_begin, child_begin);
   resize_all(6 * cells, neighbor, sender, receiver, slot, reverse);
   resize_all(particles, base);
   resize_all(3 * particles, offset);
@@ -214,12 +215,11 @@ void GridBuilder::build(const Vec3f* position, void* stream) {
   launch(words_ + 1, NumberCells{cells, a.level_begin, a.coordinate.data(), a.cell_box.data()});
   // Their links
   launch(most_cells_, LinkCell{cells, a.coordinate.data(), a.cell_box.data(), a.neighbor.data(), a.parent.data(),
-                               a.octant.data(), a.edges_in.data(), a.children_of.data()});
-  running_sums(device_, most_cells_, a.edges_in.data(), a.edge_begin.data(), a.scratch, stream);
-  running_sums(device_, most_cells_, a.children_of.data(), a.child_begin.data(), a.scratch, stream);
+                               a.octant.data(), a.link_count.data()});
+  running_sums(device_, most_cells_, a.link_count.data(), a.link_begin.data(), a.scratch, stream);
   launch(most_cells_ + 1, WriteLinks{cells, a.coordinate.data(), a.cell_box.data(), a.neighbor.data(),
-                                     a.edge_begin.data(), a.child_begin.data(), a.sender.data(), a.receiver.data(),
-                                     a.slot.data(), a.reverse.data(), a.child.data(), a.edge_level});
+                                     a.link_begin.data(), a.edge_begin.data(), a.child_begin.data(), a.sender.data(),
+                                     a.receiver.data(), a.slot.data(), a.reverse.data(), a.child.data(), a.edge_level});
   // Their pairs
   const int64_t pairs = corners * particles_;
   launch(pairs, FindPairs{cells, a.base.data(), a.cell.data(), a.pair_key.data(), a.pair_number.data()});
@@ -247,7 +247,7 @@ GridLinks GridBuilder::links() const {
   return {a.level_begin,    a.edge_level,         a.coordinate.data(), a.neighbor.data(), a.parent.data(),
           a.octant.data(),  a.edge_begin.data(),  a.sender.data(),     a.receiver.data(), a.slot.data(),
           a.reverse.data(), a.child_begin.data(), a.child.data(),      a.cell.data(),     a.weight.data(),
-          a.offset.data(),  a.pair_begin.data(),  a.pair.data()};
+          a.offset.data(),  a.pair_begin.data(),  a.pair.data(),       a.overflow};
 }
 
 }  // namespace graupel::graph

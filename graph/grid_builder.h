@@ -44,6 +44,7 @@ struct GridLinks {
   const float* offset;         ///< [particles, 3] (x - centre of corner 0) / spacing
   const int32_t* pair_begin;   ///< [level-0 cells + 1] pairs by cell
   const int32_t* pair;         ///< [particles * 8] particle * 8 + corner
+  const int32_t* overflow;     ///< GridCounts::overflow
 };
 
 /// Counts of one build, on the host.

@@ -8,6 +8,7 @@
 
 #include "core/host_device.h"
 #include "core/vec.h"
+#include "graph/device_lists.h"
 
 namespace graupel::graph::grid {
 
@@ -179,7 +180,8 @@ struct LinkCell {
   GridCells k;
   const Vec3i* coordinate;
   const int32_t* cell_box;
-  int32_t *neighbor, *parent, *octant, *edges_in, *children_of;
+  int32_t *neighbor, *parent, *octant;
+  LinkCount* count;
   GRAUPEL_HD void operator()(int64_t i) const {
     const bool active = i < k.level_begin[k.levels];
     int edges = 0, children = 0;
@@ -198,23 +200,25 @@ struct LinkCell {
       if (level > 0)
         for (int c = 0; c < corners; ++c) children += k.number_of(k.box[b - k.scenes], corner_of(at * 2, c)) >= 0;
     }
-    edges_in[i] = edges;
-    children_of[i] = children;
+    count[i] = {edges, children};
   }
 };
 
-/// Edges that a cell receives, and its children.
+/// Edges that a cell receives, and its children, from where those of each cell begin.
 struct WriteLinks {
   GridCells k;
   const Vec3i* coordinate;
-  const int32_t *cell_box, *neighbor, *edge_begin, *child_begin;
-  int32_t *sender, *receiver, *slot, *reverse, *child, *edge_level;
+  const int32_t *cell_box, *neighbor;
+  const LinkCount* begin;
+  int32_t *edge_begin, *child_begin, *sender, *receiver, *slot, *reverse, *child, *edge_level;
   GRAUPEL_HD void operator()(int64_t i) const {
-    if (i <= k.levels) edge_level[i] = edge_begin[k.level_begin[i]];
+    edge_begin[i] = begin[i].edges;
+    child_begin[i] = begin[i].children;
+    if (i <= k.levels) edge_level[i] = begin[k.level_begin[i]].edges;
     if (i >= k.level_begin[k.levels]) return;
     const int b = cell_box[i], level = b / k.scenes;
-    const int32_t first_cell = k.level_begin[level], first_edge = edge_begin[first_cell];
-    int32_t edge = edge_begin[i];
+    const int32_t first_cell = k.level_begin[level], first_edge = begin[first_cell].edges;
+    int32_t edge = begin[i].edges;
     for (int from = 0; from < 6; ++from) {
       const int32_t s = neighbor[6 * i + from];
       if (s < 0) continue;
@@ -222,13 +226,13 @@ struct WriteLinks {
       receiver[edge] = static_cast<int32_t>(i) - first_cell;
       slot[edge] = from;
       // Links are mutual: the sender receives the reverse edge through the opposite slot.
-      int32_t back = edge_begin[first_cell + s];
+      int32_t back = begin[first_cell + s].edges;
       for (int other = 0; other < (from ^ 1); ++other) back += neighbor[6 * (first_cell + s) + other] >= 0;
       reverse[edge] = back - first_edge;
       ++edge;
     }
     if (level == 0) return;
-    int32_t place = child_begin[i];
+    int32_t place = begin[i].children;
     for (int c = 0; c < corners; ++c) {
       const int32_t number = k.number_of(k.box[b - k.scenes], corner_of(coordinate[i] * 2, c));
       if (number >= 0) child[place++] = number - k.level_begin[level - 1];

@@ -118,7 +118,7 @@ Trajectory LearnedSimulator::rollout(const Scene& scene, const Surroundings& sur
   std::optional<DensityProjection> density;
   if (options.density_limit * rest > 0)
     density.emplace(Device::cpu, surroundings, options.density_limit * rest, network_->spacing());
-  std::vector<Vec3f> next;
+  std::vector<Vec3f> next, before;
   for (int64_t frame = 1; frame <= options.frames; ++frame) {
     FrameTiming timing;
     const std::vector<Vec3f> acceleration = one_step(surroundings, particle_type, history, &timing);
@@ -129,7 +129,7 @@ Trajectory LearnedSimulator::rollout(const Scene& scene, const Surroundings& sur
     LapTimer watch;
     if (options.project) project_out(surroundings, history.back(), next);
     if (density) {
-      const std::vector<Vec3f> before = next;
+      before = next;
       density->apply(next.data(), static_cast<int64_t>(next.size()));
       if (options.project) project_out(surroundings, before, next);
     }

@@ -2,14 +2,15 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <tuple>
 
 namespace graupel::graph {
 
 namespace {
 
-/// Of the particles in the cell of each particle, the median.
-double median_count(const std::vector<Vec3f>& position, double spacing) {
+/// A tenth, a half .. of the particles have so many in their cell, or more.
+double count_of_share(const std::vector<Vec3f>& position, double spacing, double share) {
   std::vector<std::tuple<int64_t, int64_t, int64_t>> cell;
   cell.reserve(position.size());
   for (const Vec3f& x : position) {
@@ -25,15 +26,16 @@ double median_count(const std::vector<Vec3f>& position, double spacing) {
     first = last;
   }
   if (counts.empty()) return 0;
-  const auto middle = counts.begin() + static_cast<std::ptrdiff_t>(counts.size() / 2);
-  std::nth_element(counts.begin(), middle, counts.end());
-  return static_cast<double>(*middle);
+  const auto last = counts.begin() + static_cast<std::ptrdiff_t>(share * static_cast<double>(counts.size()));
+  std::nth_element(counts.begin(), last, counts.end(), std::greater<>());
+  return static_cast<double>(*last);
 }
 
 }  // namespace
 
 double rest_density(const Scene& scene, const std::vector<Vec3f>& start, double spacing) {
-  double density = median_count(start, spacing) / std::pow(spacing, 3);
+  const double share = scene.sources.empty() ? 0.1 : 0.5;
+  double density = count_of_share(start, spacing, share) / std::pow(spacing, 3);
   for (const Source& source : scene.sources)
     density = std::max(density, source.particles_per_cell / scene.domain.cell_volume());
   return density;

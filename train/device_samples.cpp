@@ -86,7 +86,8 @@ struct PushSample {
     const int64_t p = i - own.scene.first;
     Vec3f position[graph::most_history + 1];
     for (int t = 0; t <= rules.features.history; ++t) position[t] = out.history[t * particles + i];
-    const TrueStep truth{frames.at(frames.frame + push, p), frames.at(frames.frame + push + 1, p)};
+    const int64_t now = frames.frame + push;
+    const TrueStep truth{frames.at(now - 1, p), frames.at(now, p), frames.at(now + 1, p)};
     const Vec3f next = push_forward(rules, own.scene, own.way, acceleration + 3 * i, truth, position);
     for (int t = 0; t <= rules.features.history; ++t) out.history[t * particles + i] = position[t];
     out.now[i] =

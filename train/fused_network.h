@@ -28,6 +28,7 @@ class FusedNetwork : private graph::RowMemory {
  private:
   float* rows32(int64_t rows) override;
   uint16_t* rows16(int64_t rows) override;
+  bool keeps_all() const override { return true; }
 
   /// [rows, columns] f32 as [rows, 128] bf16.
   const uint16_t* packed(const at::Tensor& numbers);

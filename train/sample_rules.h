@@ -11,9 +11,10 @@ namespace graupel::train {
 struct SampleRules {
   graph::FeatureRules features;
   uint64_t seed = 0;
-  double noise_std = 0;     ///< [m/frame]
-  float push_recovery = 0;  ///< share of the way back to the truth that the target takes in a frame
-  float wave_recovery = 0;  ///< share of a wave's displacement that the target takes back in a frame
+  double noise_std = 0;              ///< [m/frame]
+  float push_recovery = 0;           ///< share of the way back to the true position that the target takes in a frame
+  float push_velocity_recovery = 0;  ///< the same of the true velocity
+  float wave_recovery = 0;           ///< share of a wave's displacement that the target takes back in a frame
 };
 
 /// Longitudinal waves, amplitude cos(vector . x + phase) along the vector: what is too dense or too thin somewhere.
@@ -109,10 +110,11 @@ GRAUPEL_HD inline Vec3f write_disturbed_sample(const SampleRules& rules, const S
 
 /// A frame of the network's own: from the acceleration that it predicts (normalised, turned) to the history moved on by
 /// one frame (pushforward; Brandstetter, Worrall and Welling 2022). The network moves on from the true positions
-/// where it has left them by more than `farthest`. Returns the next position that the network should make: the true
-/// velocity, and a share of the way back.
+/// where it has left them by more than `farthest`. Returns the next position that the network should make: that of the
+/// true acceleration, and shares of the way back to the true velocity and position. The whole way back would ask for
+/// what no state tells: most of a velocity's error cannot be seen in it.
 struct TrueStep {
-  Vec3f now, next;  ///< the true frames that belong to the new history's newest one and the one after it
+  Vec3f before, now, next;  ///< the true frames about the new history's newest one, `now`
 };
 GRAUPEL_HD inline Vec3f push_forward(const SampleRules& rules, const SampleScene& scene, const graph::WayFollower& way,
                                      const float* predicted, const TrueStep& truth, Vec3f* position) {
@@ -127,7 +129,9 @@ GRAUPEL_HD inline Vec3f push_forward(const SampleRules& rules, const SampleScene
   if (!(norm2(x - truth.now) <= farthest * farthest)) x = truth.now;
   for (int t = 0; t < history; ++t) position[t] = position[t + 1];
   position[history] = x;
-  return x + (truth.next - truth.now) + (truth.now - x) * rules.push_recovery;
+  const Vec3f velocity = x - position[history - 1], true_velocity = truth.now - truth.before;
+  return x + (truth.next - truth.now) + (velocity - true_velocity) * (1 - rules.push_velocity_recovery) +
+         (truth.now - x) * rules.push_recovery;
 }
 
 }  // namespace graupel::train

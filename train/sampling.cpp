@@ -90,7 +90,8 @@ uint64_t stream_of(int64_t step, int64_t slot) {
 int64_t pushes_of(const TrainConfig& config, int64_t step) {
   constexpr int64_t no_slot = 0xffff;  // one number for all scenes of a batch
   const Random random(config.seed, RandomPurpose::batch_order, stream_of(step, no_slot));
-  return random.integer(0, 0, static_cast<uint32_t>(config.push_steps) + 1);
+  if (config.push_steps == 0 || random.uniform(1) >= config.push_share) return 0;
+  return 1 + random.integer(0, 0, static_cast<uint32_t>(config.push_steps));
 }
 
 SampleKey draw_sample(const DataSplit& split, uint64_t seed, int64_t step, int64_t slot, int64_t ahead) {
@@ -165,8 +166,12 @@ SampleDraw draw_training_sample(const DataSplit& split, const TrainConfig& confi
 }
 
 SampleRules sample_rules(const TrainConfig& config, const graph::Normalization& normalization) {
-  return {graph::FeatureRules(config.features(), normalization), config.seed, config.noise_std,
-          static_cast<float>(config.push_recovery), static_cast<float>(config.wave_recovery)};
+  return {graph::FeatureRules(config.features(), normalization),
+          config.seed,
+          config.noise_std,
+          static_cast<float>(config.push_recovery),
+          static_cast<float>(config.push_velocity_recovery),
+          static_cast<float>(config.wave_recovery)};
 }
 
 std::vector<Vec3f> add_random_walk(std::vector<std::vector<Vec3f>>& positions, double noise_std, const Random& random) {

@@ -21,8 +21,8 @@ struct SampleKey {
 
 /// Stream of the random numbers of one scene of one batch.
 uint64_t stream_of(int64_t step, int64_t slot);
-/// Frames that the network itself makes before the target of batch number `step`: 0 to config.push_steps, each as
-/// likely.
+/// Frames that the network itself makes before the target of batch number `step`: 1 to config.push_steps, each as
+/// likely, in config.push_share of the batches, else none.
 int64_t pushes_of(const TrainConfig& config, int64_t step);
 /// Uniform over trajectories, then over their frames that `ahead` more frames than the target follow.
 SampleKey draw_sample(const DataSplit& split, uint64_t seed, int64_t step, int64_t slot, int64_t ahead = 0);

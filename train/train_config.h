@@ -54,7 +54,9 @@ struct TrainConfig {
   double ema_decay = 0.999;
   double noise_std = 8.48528e-4;  ///< [m/frame]
   int64_t push_steps = 0;
+  double push_share = 0.5;
   double push_recovery = 0.2;
+  double push_velocity_recovery = 0.5;
   double wave_share = 0;
   double wave_strain = 0.2;
   double wave_rate = 0.03;
@@ -135,11 +137,22 @@ struct TrainConfig {
                                     .meaning = "Most frames that the network makes itself before a sample's target",
                                     .range = Range::between(0, 64),
                                     .only_for = "hgn"});
-    visit(&C::push_recovery, FieldInfo{.name = "push_recovery",
-                                       .unit = "",
-                                       .meaning = "Share of the way back to the truth that the target takes in a frame",
-                                       .range = Range::between(0, 1),
-                                       .only_for = "hgn"});
+    visit(&C::push_share, FieldInfo{.name = "push_share",
+                                    .unit = "",
+                                    .meaning = "Share of the batches whose targets come after frames of the network's",
+                                    .range = Range::between(0, 1),
+                                    .only_for = "hgn"});
+    visit(&C::push_recovery,
+          FieldInfo{.name = "push_recovery",
+                    .unit = "",
+                    .meaning = "Share of the way back to the true position that the target takes in a frame",
+                    .range = Range::between(0, 1),
+                    .only_for = "hgn"});
+    visit(&C::push_velocity_recovery, FieldInfo{.name = "push_velocity_recovery",
+                                                .unit = "",
+                                                .meaning = "The same of the true velocity",
+                                                .range = Range::between(0, 1),
+                                                .only_for = "hgn"});
     visit(&C::wave_share, FieldInfo{.name = "wave_share",
                                     .unit = "",
                                     .meaning = "Share of the samples that waves of density are added to",

@@ -324,12 +324,13 @@ void TrainingRun::validate() {
                                 {"valid_zero_raw", all.raw_mse(Predictor::zero)},
                                 {"valid_ballistic_raw", all.raw_mse(Predictor::ballistic)},
                                 {"valid_rollout_mse", validation.rollout_mse}});
-  char text[200];
-  std::snprintf(
-      text, sizeof(text),
-      "step %lld: validation one-step error %.4g (zero acceleration %.4g, ballistic %.4g), rollout MSE %.4g m^2",
-      static_cast<long long>(state_.step), error, all.normalized_mse(Predictor::zero),
-      all.normalized_mse(Predictor::ballistic), validation.rollout_mse);
+  char text[200], rollout[40] = "";
+  if (config_.rollout_scenes > 0)
+    std::snprintf(rollout, sizeof(rollout), ", rollout MSE %.4g m^2", validation.rollout_mse);
+  std::snprintf(text, sizeof(text),
+                "step %lld: validation one-step error %.4g (zero acceleration %.4g, ballistic %.4g)%s",
+                static_cast<long long>(state_.step), error, all.normalized_mse(Predictor::zero),
+                all.normalized_mse(Predictor::ballistic), rollout);
   say(text);
   last_report_ += Clock::now() - begin;  // not part of the training rate
   if (std::isfinite(error) && (state_.best_validation < 0 || error < state_.best_validation)) {

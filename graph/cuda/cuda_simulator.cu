@@ -8,26 +8,40 @@
 #include "graph/cuda/hgn_passes.h"
 #include "graph/grid_builder.h"
 #include "graph/hierarchical_graph_network.h"
+#include "graph/level_places.h"
 #include "graph/normalization.h"
 
 namespace graupel::graph {
 
 namespace {
 
-/// Frames of the history, newest last.
-struct HistoryView {
-  const Vec3f* frame[most_history + 1];
+/// Positions of the last frames, one after the other; which one is the newest is known on the device alone.
+struct FrameRing {
+  Vec3f* frames;
+  int64_t particles;
+  int32_t count;
+  const int32_t* newest;
+  GRAUPEL_HD Vec3f& at(int back, int64_t i) const {  // back 0: the newest, -1: the one to come
+    return frames[static_cast<int64_t>((*newest - back + count) % count) * particles + i];
+  }
+};
+
+/// What a frame leaves for the host.
+struct FrameStatus {
+  int32_t newest, diverged, fault;
 };
 
 struct WriteFeatures {
   FeatureRules rules;
   SurroundingsView surroundings;
-  HistoryView history;
+  FrameRing ring;
   float* features;
+  Vec3f* now;
   GRAUPEL_HD void operator()(int64_t i) const {
     Vec3f position[most_history + 1];
-    for (int t = 0; t <= rules.history; ++t) position[t] = history.frame[t][i];
+    for (int t = 0; t <= rules.history; ++t) position[t] = ring.at(rules.history - t, i);
     write_feature_row(rules, surroundings, AxisMap{}, position, features + i * rules.width);
+    now[i] = position[rules.history];
   }
 };
 
@@ -42,24 +56,37 @@ GRAUPEL_HD Vec3f acceleration_of(const Normalization& statistics, const float* o
 struct MoveParticles {
   Normalization statistics;
   const float* output;
-  const Vec3f *before, *now;
+  FrameRing ring;
   WayFollower way;
   bool project;
-  float limit;  ///< [m/frame]
-  Vec3f* next;
-  int32_t* diverged;
+  float limit;           ///< [m/frame]
+  const int32_t* fault;  ///< the output is of no use
+  FrameStatus* status;
   GRAUPEL_HD void operator()(int64_t i) const {
-    const Vec3f velocity = now[i] - before[i] + acceleration_of(statistics, output + 3 * i);
-    if (!(norm2(velocity) <= limit * limit)) *diverged = 1;
-    Vec3f x = now[i] + velocity;
-    if (project) way.follow(now[i], x);
-    next[i] = x;
+    if (*fault != 0) return;
+    const Vec3f now = ring.at(0, i), velocity = now - ring.at(1, i) + acceleration_of(statistics, output + 3 * i);
+    if (!(norm2(velocity) <= limit * limit)) status->diverged = 1;
+    Vec3f x = now + velocity;
+    if (project) way.follow(now, x);
+    ring.at(-1, i) = x;
+  }
+};
+
+/// One item: the frame to come is the newest now.
+struct FinishFrame {
+  int32_t count;
+  const int32_t* fault;
+  FrameStatus* status;
+  GRAUPEL_HD void operator()(int64_t) const {
+    status->fault = *fault;
+    if (*fault == 0 && status->diverged == 0) status->newest = (status->newest + 1) % count;
   }
 };
 
 /// Rows that are given out one after the other and taken back all at once.
 class RowArena : public RowMemory {
  public:
+  bool keeps_all() const override { return false; }
   float* rows32(int64_t rows) override { return static_cast<float*>(take(rows * layer_width * 4)); }
   uint16_t* rows16(int64_t rows) override { return static_cast<uint16_t*>(take(rows * layer_width * 2)); }
   void reset() {
@@ -150,6 +177,8 @@ enum Mark { begin, features_done, hierarchy_done, network_done, end, marks };
 
 }  // namespace
 
+/// A frame is launched once, into a graph, with room for more cells than there are; a frame that needs more asks for a
+/// new graph. The host waits once a frame.
 struct CudaSimulator::Impl {
   explicit Impl(const nn::Weights& file)
       : config(checked_config(file)),
@@ -158,89 +187,112 @@ struct CudaSimulator::Impl {
         network(config, weights.fcns(), weights.get("embedding.weight")),
         builder(Device::cuda, config.spacing, static_cast<int>(config.levels)) {
     network.refresh(nullptr);
+    GRAUPEL_CUDA_CHECK(cudaStreamCreate(&stream));
+    GRAUPEL_CUDA_CHECK(cudaMallocHost(&seen, sizeof(FrameStatus)));
     for (cudaEvent_t& event : events) GRAUPEL_CUDA_CHECK(cudaEventCreate(&event));
   }
   ~Impl() {
+    drop_graph();
     for (cudaEvent_t event : events) cudaEventDestroy(event);
+    cudaFreeHost(seen);
+    cudaStreamDestroy(stream);
   }
-  void mark(Mark m) { GRAUPEL_CUDA_CHECK(cudaEventRecord(events[m], nullptr)); }
-  const Vec3f* frame(int64_t back) const {  // 0: the newest
-    const auto count = static_cast<int64_t>(ring.size());
-    return ring[static_cast<std::size_t>((newest + count - back) % count)].data();
+  Impl(const Impl&) = delete;
+  Impl& operator=(const Impl&) = delete;
+
+  void mark(Mark m) {
+    GRAUPEL_CUDA_CHECK(
+        cudaEventRecordWithFlags(events[m], stream, recording ? cudaEventRecordExternal : cudaEventRecordDefault));
   }
-  bool evaluate();
-  HgnGraph graph_of(const GridCounts& counts) const;
+  FrameRing frame_ring() {
+    return {ring.data(), particles, static_cast<int32_t>(config.history) + 2, &status.data()->newest};
+  }
+  void wait() { GRAUPEL_CUDA_CHECK(cudaStreamSynchronize(stream)); }
+  void drop_graph() {
+    if (graph) cudaGraphExecDestroy(graph);
+    graph = nullptr;
+  }
+  void launch_grid();
+  void launch_network();
+  void launch_frame();
+  bool make_room();
+  void record_frame();
+  HgnGraph placed_graph() const;
 
   HgnConfig config;
   Normalization normalization;
   DeviceWeights weights;
   PackedHgn network;
   GridBuilder builder;
+  LevelRoom room;
+  LevelPlaces places{Device::cuda};
   RowArena arena;
   HgnRecord record;
+  cudaStream_t stream = nullptr;
+  cudaGraphExec_t graph = nullptr;
   cudaEvent_t events[marks] = {};
+  bool recording = false;
 
   const Scene* scene = nullptr;
   const Surroundings* surroundings = nullptr;
   bool project = true;
   int64_t particles = 0;
-  std::vector<Buffer<Vec3f>> ring;  ///< history + 2 frames
-  int64_t newest = 0;
-  Buffer<int32_t> type_row{Device::cuda, 0}, diverged{Device::cuda, 1};
+  Buffer<Vec3f> ring{Device::cuda, 0};  ///< [history + 2, particles]
+  Buffer<FrameStatus> status{Device::cuda, 1};
+  FrameStatus* seen = nullptr;  ///< the status on the host
+  Buffer<Vec3f> now{Device::cuda, 0};
+  Buffer<int32_t> type_row{Device::cuda, 0};
   Buffer<float> features{Device::cuda, 0}, output{Device::cuda, 0};
 };
 
-HgnGraph CudaSimulator::Impl::graph_of(const GridCounts& counts) const {
+HgnGraph CudaSimulator::Impl::placed_graph() const {
   const GridLinks links = builder.links();
-  HgnGraph graph{};
-  graph.particles = particles;
-  graph.features = features.data();
-  graph.type_row = type_row.data();
-  graph.weight = links.weight;
-  graph.offset = links.offset;
-  graph.cell = links.cell;
-  graph.pair_begin = links.pair_begin;
-  graph.pair = links.pair;
-  int64_t cell = 0, edge = 0;
-  for (int l = 0; l < counts.levels; ++l) {
+  HgnGraph placed{};
+  placed.particles = particles;
+  placed.particle_count = places.particle_count();
+  placed.pair_count = places.pair_count();
+  placed.features = features.data();
+  placed.type_row = type_row.data();
+  placed.weight = links.weight;
+  placed.offset = links.offset;
+  placed.cell = links.cell;
+  placed.pair_begin = links.pair_begin;
+  placed.pair = links.pair;
+  for (int l = 0; l < room.levels; ++l) {
+    const PlacedLevel from = places.level(l);
     LevelLinks level{};
-    level.cells = counts.cells[static_cast<std::size_t>(l)];
-    level.edges = counts.edges[static_cast<std::size_t>(l)];
-    level.edge_begin = links.edge_begin + cell;
-    level.first_edge = static_cast<int32_t>(edge);
-    level.sender = links.sender + edge;
-    level.receiver = links.receiver + edge;
-    level.slot = links.slot + edge;
-    level.reverse = links.reverse + edge;
-    level.parent = links.parent + cell;
-    level.octant = links.octant + cell;
-    // All cells of a level are children of the next one, and level 0 has none: children are counted as cells are.
-    level.child_begin = links.child_begin + cell + level.cells;
-    level.child = links.child + cell;
-    level.first_child = static_cast<int32_t>(cell);
-    cell += level.cells;
-    edge += level.edges;
-    graph.level.push_back(level);
+    level.cells = room.cells[static_cast<std::size_t>(l)];
+    level.edges = room.edges[static_cast<std::size_t>(l)];
+    level.cell_count = from.cell_count;
+    level.edge_count = from.edge_count;
+    level.edge_begin = from.edge_begin;
+    level.sender = from.sender;
+    level.receiver = from.receiver;
+    level.slot = from.slot;
+    level.parent = from.parent;
+    level.octant = from.octant;
+    level.child_begin = from.child_begin;
+    level.child = from.child;
+    placed.level.push_back(level);
   }
-  return graph;
+  return placed;
 }
 
-/// The network's output for the newest frame; false when a particle is outside the grid's box.
-bool CudaSimulator::Impl::evaluate() {
-  HistoryView history{};
-  for (int64_t t = 0; t <= config.history; ++t) history.frame[t] = frame(config.history - t);
+/// Features and grid of the newest frame.
+void CudaSimulator::Impl::launch_grid() {
   mark(begin);
-  parallel_for_in(
-      nullptr, Device::cuda, particles,
-      WriteFeatures{FeatureRules(config, normalization), surroundings->view(Device::cuda), history, features.data()});
+  parallel_for_in(stream, Device::cuda, particles,
+                  WriteFeatures{FeatureRules(config, normalization), surroundings->view(Device::cuda), frame_ring(),
+                                features.data(), now.data()});
   mark(features_done);
-  builder.build(frame(0));
-  const GridCounts counts = builder.counts();
+  builder.build(now.data(), stream);
+}
+
+void CudaSimulator::Impl::launch_network() {
+  places.place(builder.links(), particles, stream);
   mark(hierarchy_done);
-  if (counts.overflow) return false;
-  arena.reset();
+  const float* const latents = forward_to_decoder(network, placed_graph(), arena, record, stream);
   const FcnWeights& last = network.fcn("decoder");
-  const float* const latents = forward_to_decoder(network, graph_of(counts), arena, record, nullptr);
   decode({.rows = particles,
           .x = latents,
           .w1 = network.tile("decoder", 0),
@@ -248,9 +300,50 @@ bool CudaSimulator::Impl::evaluate() {
           .w2 = last.w2,
           .b2 = last.b2,
           .out = output.data()},
-         nullptr);
+         stream);
   mark(network_done);
+}
+
+void CudaSimulator::Impl::launch_frame() {
+  launch_grid();
+  launch_network();
+  const Vec3d& size = scene->domain.size;
+  const auto limit = static_cast<float>(std::max({size[0], size[1], size[2]}));
+  const FrameRing frames = frame_ring();
+  parallel_for_in(stream, Device::cuda, particles,
+                  MoveParticles{normalization, output.data(), frames, surroundings->way_follower(Device::cuda), project,
+                                limit, places.fault(), status.data()});
+  parallel_for_in(stream, Device::cuda, 1, FinishFrame{frames.count, places.fault(), status.data()});
+  GRAUPEL_CUDA_CHECK(cudaMemcpyAsync(seen, status.data(), sizeof(FrameStatus), cudaMemcpyDeviceToHost, stream));
+  mark(end);
+}
+
+/// Room for the cells of the newest frame; false when a particle is outside the grid's box.
+bool CudaSimulator::Impl::make_room() {
+  launch_grid();
+  const GridCounts counts = builder.counts(stream);
+  if (counts.overflow) return false;
+  if (room.holds(counts)) return true;
+  drop_graph();
+  room = LevelRoom::for_counts(counts);
+  places.prepare(room);
   return true;
+}
+
+/// The graph of a frame. The network runs once before, so that all memory is there.
+void CudaSimulator::Impl::record_frame() {
+  arena.reset();
+  launch_network();
+  wait();
+  arena.reset();
+  recording = true;
+  cudaGraph_t captured = nullptr;
+  GRAUPEL_CUDA_CHECK(cudaStreamBeginCapture(stream, cudaStreamCaptureModeThreadLocal));
+  launch_frame();
+  GRAUPEL_CUDA_CHECK(cudaStreamEndCapture(stream, &captured));
+  recording = false;
+  GRAUPEL_CUDA_CHECK(cudaGraphInstantiate(&graph, captured, 0));
+  GRAUPEL_CUDA_CHECK(cudaGraphDestroy(captured));
 }
 
 CudaSimulator::CudaSimulator(const nn::Weights& weights) : impl_(std::make_unique<Impl>(weights)) {}
@@ -260,6 +353,7 @@ void CudaSimulator::start(const Scene& scene, const Surroundings& surroundings,
                           const std::vector<int32_t>& particle_type, const std::vector<std::vector<Vec3f>>& positions,
                           bool project) {
   Impl& impl = *impl_;
+  impl.drop_graph();
   impl.scene = &scene;
   impl.surroundings = &surroundings;
   impl.project = project;
@@ -269,39 +363,45 @@ void CudaSimulator::start(const Scene& scene, const Surroundings& surroundings,
   std::vector<int32_t> rows;
   for (const int32_t type : particle_type) rows.push_back(embedding_row(type));
   impl.type_row.upload(rows);
-  impl.ring.clear();
+  std::vector<Vec3f> all;
   for (std::size_t t = positions.size() - frames; t < positions.size(); ++t) {
     GRAUPEL_ASSERT(positions[t].size() == particle_type.size());
-    impl.ring.emplace_back(Device::cuda, 0).upload(positions[t]);
+    all.insert(all.end(), positions[t].begin(), positions[t].end());
   }
-  impl.newest = static_cast<int64_t>(impl.ring.size()) - 1;
-  impl.ring.emplace_back(Device::cuda, particle_type.size());
-  impl.diverged.fill_zero();
+  all.resize((frames + 1) * particle_type.size());
+  impl.ring.upload(all);
+  impl.status.upload({{static_cast<int32_t>(frames) - 1, 0, 0}});
+  *impl.seen = {static_cast<int32_t>(frames) - 1, 0, 0};
   const FeatureRules rules(impl.config, impl.normalization);
   impl.features.resize_discard(particle_type.size() * static_cast<std::size_t>(rules.width));
   impl.output.resize_discard(3 * particle_type.size());
-  impl.builder.prepare({{surroundings.wall_low, surroundings.wall_low, surroundings.wall_high, impl.particles}});
+  impl.now.resize_discard(particle_type.size());
+  impl.builder.prepare({{surroundings.wall_low, surroundings.wall_low, surroundings.wall_high, impl.particles}},
+                       impl.stream);
+  impl.wait();
 }
 
 bool CudaSimulator::advance() {
   Impl& impl = *impl_;
-  if (!impl.evaluate()) return false;
-  const Vec3d& size = impl.scene->domain.size;
-  const auto limit = static_cast<float>(std::max({size[0], size[1], size[2]}));
-  const int64_t next = (impl.newest + 1) % static_cast<int64_t>(impl.ring.size());
-  parallel_for_in(nullptr, Device::cuda, impl.particles,
-                  MoveParticles{impl.normalization, impl.output.data(), impl.frame(1), impl.frame(0),
-                                impl.surroundings->way_follower(Device::cuda), impl.project, limit,
-                                impl.ring[static_cast<std::size_t>(next)].data(), impl.diverged.data()});
-  impl.newest = next;
-  impl.mark(end);
-  return impl.diverged.download().front() == 0;
+  for (;;) {
+    if (!impl.graph) {
+      if (!impl.make_room()) return false;
+      impl.record_frame();
+    }
+    GRAUPEL_CUDA_CHECK(cudaGraphLaunch(impl.graph, impl.stream));
+    impl.wait();
+    if (impl.seen->fault == 0) return impl.seen->diverged == 0;
+    impl.drop_graph();  // the newest frame is still the same
+  }
 }
 
 std::vector<Vec3f> CudaSimulator::accelerations() {
   Impl& impl = *impl_;
-  if (!impl.evaluate())
+  if (!impl.make_room())
     throw InputError("a particle lies outside the domain of its scene by more than three cells of the network's grid");
+  impl.arena.reset();
+  impl.launch_network();
+  impl.wait();
   const std::vector<float> output = impl.output.download();
   std::vector<Vec3f> acceleration(static_cast<std::size_t>(impl.particles));
   for (std::size_t i = 0; i < acceleration.size(); ++i)
@@ -310,7 +410,11 @@ std::vector<Vec3f> CudaSimulator::accelerations() {
 }
 
 std::vector<Vec3f> CudaSimulator::positions() const {
-  return impl_->ring[static_cast<std::size_t>(impl_->newest)].download();
+  const auto n = static_cast<std::size_t>(impl_->particles);
+  std::vector<Vec3f> frame(n);
+  device_copy(Device::cpu, frame.data(), Device::cuda,
+              impl_->ring.data() + static_cast<std::size_t>(impl_->seen->newest) * n, n * sizeof(Vec3f));
+  return frame;
 }
 
 CudaFrameTime CudaSimulator::frame_time() const {
@@ -327,7 +431,7 @@ CudaFrameTime CudaSimulator::frame_time() const {
 uint64_t CudaSimulator::bytes() const {
   const Impl& impl = *impl_;
   return impl.arena.bytes() + 2 * impl.weights.bytes() + impl.features.size() * sizeof(float) +
-         impl.ring.size() * static_cast<uint64_t>(impl.particles) * sizeof(Vec3f);
+         impl.ring.size() * sizeof(Vec3f);
 }
 
 }  // namespace graupel::graph

@@ -21,6 +21,13 @@ std::string numbered(const std::string& block, int64_t k, const char* part = "")
   return std::string(block).append(".").append(std::to_string(k)).append(part);
 }
 
+/// Results of one iteration of message passing.
+struct IterationRows {
+  float *sender, *receiver;    ///< [cells]
+  uint16_t *message, *latent;  ///< [edges]
+  RowLatents nodes;            ///< [cells]
+};
+
 class ForwardPass {
  public:
   ForwardPass(const PackedHgn& network, const HgnGraph& graph, RowMemory& memory, HgnRecord& record, void* stream)
@@ -80,7 +87,7 @@ void ForwardPass::encode() {
                    .out = first},
                   stream_);
   record_.particles = latents(n);
-  RowNetwork& encoder = record_.encoder = network_.network("encoder", n);
+  RowNetwork& encoder = record_.encoder = network_.network("encoder", n, graph_.particle_count);
   encoder.table[0] = {first, {}};
   encoder.sum32 = record_.particles.f32;
   encoder.copy16 = record_.particles.f16;
@@ -94,6 +101,7 @@ RowLatents ForwardPass::particle_to_grid() {
   const FcnWeights &to = network_.fcn("particle_to_grid"), &from = network_.fcn("grid_to_particle");
   float *const to_particle = memory_.rows32(n), *const from_particle = memory_.rows32(n);
   project({.rows = n,
+           .row_count = graph_.particle_count,
            .x = record_.particles.f16,
            .weight = {network_.tile("particle_to_grid", 0), network_.tile("grid_to_particle", h)},
            .bias = {to.b1, from.b1},
@@ -103,16 +111,17 @@ RowLatents ForwardPass::particle_to_grid() {
            .offset_sign = {-1, 1},
            .out = {to_particle, from_particle}},
           stream_);
-  RowNetwork& to_grid = record_.to_grid = network_.network("particle_to_grid", pairs);
+  RowNetwork& to_grid = record_.to_grid = network_.network("particle_to_grid", pairs, graph_.pair_count);
   to_grid.table[0] = {to_particle, by_particle};
   to_grid.table[1] = {network_.table("particle_to_grid"), by_corner};
   to_grid.out16 = memory_.rows16(pairs);
-  record_.to_particle = network_.network("grid_to_particle", pairs);
+  record_.to_particle = network_.network("grid_to_particle", pairs, graph_.pair_count);
   record_.to_particle.table[0] = {from_particle, by_particle};
   record_.to_particle.table[1] = {network_.table("grid_to_particle"), by_corner};
   forward(to_grid, stream_);
   const RowLatents sums = latents(cells);
   sum_segments({.segments = cells,
+                .row_count = graph_.level[0].cell_count,
                 .begin = graph_.pair_begin,
                 .item = graph_.pair,
                 .source = to_grid.out16,
@@ -125,22 +134,21 @@ RowLatents ForwardPass::particle_to_grid() {
 }
 
 float* ForwardPass::grid_to_particle(const RowLatents& cells) {
-  const int64_t n = graph_.particles, pairs = corners * n, n_cells = graph_.level[0].cells;
+  const int64_t n = graph_.particles, n_cells = graph_.level[0].cells;
   float* const per_cell = memory_.rows32(n_cells);
-  project({.rows = n_cells, .x = cells.f16, .weight = {network_.tile("grid_to_particle", 0)}, .out = {per_cell}},
+  project({.rows = n_cells,
+           .row_count = graph_.level[0].cell_count,
+           .x = cells.f16,
+           .weight = {network_.tile("grid_to_particle", 0)},
+           .out = {per_cell}},
           stream_);
   RowNetwork& network = record_.to_particle;
   network.table[2] = {per_cell, {graph_.cell}};
-  network.out16 = memory_.rows16(pairs);
-  forward(network, stream_);
   float* const sums = memory_.rows32(n);
-  sum_segments({.segments = n,
-                .fixed = corners,
-                .source = network.out16,
-                .weight = graph_.weight,
-                .add32 = record_.particles.f32,
-                .out32 = sums},
-               stream_);
+  network.group_weight = graph_.weight;
+  network.group_add32 = record_.particles.f32;
+  network.group32 = sums;
+  forward(network, stream_);
   record_.finest = cells.f16;
   return sums;
 }
@@ -148,7 +156,7 @@ float* ForwardPass::grid_to_particle(const RowLatents& cells) {
 RowLatents ForwardPass::restrict_to_coarse(std::size_t l, const RowLatents& fine) {
   const LevelLinks& level = graph_.level[l];
   const std::string name = numbered("restrict", static_cast<int64_t>(l));
-  RowNetwork& network = record_.restriction[l] = network_.network(name, level.cells);
+  RowNetwork& network = record_.restriction[l] = network_.network(name, level.cells, level.cell_count);
   network.operand[0] = {.rows = fine.f16, .weight = network_.tile(name, 0)};
   network.table[0] = {network_.table(name), {level.octant}};
   network.out16 = memory_.rows16(level.cells);
@@ -156,6 +164,7 @@ RowLatents ForwardPass::restrict_to_coarse(std::size_t l, const RowLatents& fine
   const int64_t parents = graph_.level[l + 1].cells;
   const RowLatents coarse = latents(parents);
   sum_segments({.segments = parents,
+                .row_count = graph_.level[l + 1].cell_count,
                 .begin = level.child_begin,
                 .first = level.first_child,
                 .item = level.child,
@@ -170,7 +179,7 @@ RowLatents ForwardPass::prolong_to_fine(std::size_t l, const RowLatents& coarse,
   const LevelLinks& level = graph_.level[l];
   const std::string name = numbered("prolong", static_cast<int64_t>(l));
   const RowLatents refined = latents(level.cells);
-  RowNetwork& network = record_.prolongation[l] = network_.network(name, level.cells);
+  RowNetwork& network = record_.prolongation[l] = network_.network(name, level.cells, level.cell_count);
   network.operand[0] = {.rows = coarse.f16, .index = level.parent, .weight = network_.tile(name, 0)};
   network.operand[1] = {.rows = fine.f16, .weight = network_.tile(name, h)};
   network.table[0] = {network_.table(name), {level.octant}};
@@ -185,29 +194,35 @@ RowLatents ForwardPass::pass_messages(const std::string& block, const LevelLinks
                                       HgnRecord::Block& record) {
   // Layer 1 of edge s -> r: W_s f_s + W_r f_r + b + W_e e; e is the unit vector at first, the edge latent after.
   const int64_t iterations = network_.config().message_passing;
+  std::vector<IterationRows> rows;
   uint16_t* latent = nullptr;
   for (int64_t k = 0; k < iterations; ++k) {
     const std::string edge_name = numbered(block, k, ".edge");
     const std::string cell_name = numbered(block, k, ".cell");
     HgnRecord::Iteration& iteration = record.emplace_back();
-    float *const sender = memory_.rows32(level.cells), *const receiver = memory_.rows32(level.cells);
+    const bool keeps = memory_.keeps_all(), passes_on = k > 0 && k + 1 < iterations;
+    if (keeps || k < 2)
+      rows.push_back({memory_.rows32(level.cells), memory_.rows32(level.cells), memory_.rows16(level.edges),
+                      keeps && !passes_on ? nullptr : memory_.rows16(level.edges), latents(level.cells)});
+    const IterationRows& own = keeps ? rows.back() : rows[static_cast<std::size_t>(k % 2)];
     project({.rows = level.cells,
+             .row_count = level.cell_count,
              .x = nodes.f16,
              .weight = {network_.tile(edge_name, 0), network_.tile(edge_name, h)},
              .bias = {nullptr, network_.fcn(edge_name).b1},
-             .out = {sender, receiver}},
+             .out = {own.sender, own.receiver}},
             stream_);
-    RowNetwork& edge = iteration.edge = network_.network(edge_name, level.edges);
-    edge.table[0] = {sender, {level.sender}};
-    edge.table[1] = {receiver, {level.receiver}};
-    edge.out16 = memory_.rows16(level.edges);
+    RowNetwork& edge = iteration.edge = network_.network(edge_name, level.edges, level.edge_count);
+    edge.table[0] = {own.sender, {level.sender}};
+    edge.table[1] = {own.receiver, {level.receiver}};
+    edge.out16 = own.message;
     uint16_t* next_latent = edge.out16;
     if (k == 0) {
       edge.table[2] = {network_.table(edge_name), {level.slot}};
     } else {
       edge.operand[0] = {.rows = latent, .weight = network_.tile(edge_name, 2 * h)};
-      if (k + 1 < iterations) {
-        next_latent = memory_.rows16(level.edges);
+      if (passes_on) {
+        next_latent = own.latent;
         edge.add16 = latent;
         edge.sum16 = next_latent;
       }
@@ -215,8 +230,7 @@ RowLatents ForwardPass::pass_messages(const std::string& block, const LevelLinks
     forward(edge, stream_);
     latent = next_latent;
 
-    const RowLatents next = latents(level.cells);
-    RowNetwork& cell = iteration.cell = network_.network(cell_name, level.cells);
+    RowNetwork& cell = iteration.cell = network_.network(cell_name, level.cells, level.cell_count);
     cell.operand[0] = {.rows = edge.out16,
                        .begin = level.edge_begin,
                        .first = level.first_edge,
@@ -224,10 +238,10 @@ RowLatents ForwardPass::pass_messages(const std::string& block, const LevelLinks
     cell.operand[1] = {.rows = nodes.f16, .weight = network_.tile(cell_name, h)};
     cell.table[0] = {network_.fcn(cell_name).b1, always_first};
     cell.add32 = nodes.f32;
-    cell.sum32 = next.f32;
-    cell.copy16 = next.f16;
+    cell.sum32 = own.nodes.f32;
+    cell.copy16 = own.nodes.f16;
     forward(cell, stream_);
-    nodes = next;
+    nodes = own.nodes;
   }
   return nodes;
 }
@@ -296,10 +310,11 @@ const float* PackedHgn::table(const std::string& fcn) const {
   return tables_.data() + table_of_.at(fcn) * most_table_rows * h;
 }
 
-RowNetwork PackedHgn::network(const std::string& name, int64_t rows) const {
+RowNetwork PackedHgn::network(const std::string& name, int64_t rows, const int32_t* row_count) const {
   const FcnWeights& net = fcn(name);
   RowNetwork network;
   network.rows = rows;
+  network.row_count = row_count;
   network.w2 = tile(name, second);
   network.b2 = net.b2;
   network.gamma = net.gamma;

@@ -41,7 +41,7 @@ class PackedHgn {
   /// Rows that first layers add: of "encoder" by type; of the transfers by corner or octant; of first edges by slot.
   const float* table(const std::string& fcn) const;
   /// A network over rows with its second layer; operands and tables are the caller's.
-  RowNetwork network(const std::string& fcn, int64_t rows) const;
+  RowNetwork network(const std::string& fcn, int64_t rows, const int32_t* row_count = nullptr) const;
 
  private:
   void add_tables();
@@ -61,6 +61,7 @@ class PackedHgn {
 /// The links of one level in the GPU's memory; numbers count within the level.
 struct LevelLinks {
   int64_t cells = 0, edges = 0;
+  const int32_t *cell_count = nullptr, *edge_count = nullptr;  ///< row_layers.h
   const int32_t *edge_begin, *sender, *receiver, *slot, *reverse;
   const int32_t *parent, *octant, *child_begin, *child;
   int32_t first_edge = 0, first_child = 0;  ///< what edge_begin and child_begin count too many
@@ -69,8 +70,9 @@ struct LevelLinks {
 /// Particles, pairs and levels of a batch of scenes (train::Batch, GridLinks) in the GPU's memory.
 struct HgnGraph {
   int64_t particles = 0;
-  const float* features;    ///< [particles, input_width - embedding]
-  const int32_t* type_row;  ///< [particles]
+  const int32_t *particle_count = nullptr, *pair_count = nullptr;  ///< row_layers.h
+  const float* features;                                           ///< [particles, input_width - embedding]
+  const int32_t* type_row;                                         ///< [particles]
   const float *weight, *offset;
   const int32_t *cell, *pair_begin, *pair;
   std::vector<LevelLinks> level;
@@ -82,6 +84,8 @@ class RowMemory {
   virtual ~RowMemory() = default;
   virtual float* rows32(int64_t rows) = 0;
   virtual uint16_t* rows16(int64_t rows) = 0;
+  /// Whether every row is read after the pass; else those of an iteration may take the place of older ones.
+  virtual bool keeps_all() const = 0;
 };
 
 /// Latents in both precisions.

@@ -25,8 +25,22 @@ inline int multiprocessors() {
   return count;
 }
 
+/// Whether this GPU starts kernels before those that they depend on are done (compute capability 9.0).
+inline bool launches_ahead() {
+  static const bool can = [] {
+    int device = 0, major = 0;
+    GRAUPEL_CUDA_CHECK(cudaGetDevice(&device));
+    GRAUPEL_CUDA_CHECK(cudaDeviceGetAttribute(&major, cudaDevAttrComputeCapabilityMajor, device));
+    return major >= 9;
+  }();
+  return can;
+}
+
 /// First row of a warp: neighbouring rows go to different blocks, so that few rows keep many multiprocessors busy.
 __device__ inline int64_t first_row(int warp) { return (int64_t{warp} * gridDim.x + blockIdx.x) * warp_rows; }
+
+/// Rows that there are, of `most`.
+__device__ inline int64_t rows_now(int64_t most, const int32_t* count) { return count ? *count : most; }
 
 /// Blocks for `rows` rows when `resident` of them run on a multiprocessor at a time.
 inline int blocks_for(int64_t rows, int resident) {
@@ -79,6 +93,39 @@ void launch(Kernel kernel, int blocks, int block_threads, int bytes, const Argum
   GRAUPEL_CUDA_CHECK(cudaFuncSetAttribute(kernel, cudaFuncAttributeMaxDynamicSharedMemorySize, bytes));
   kernel<<<blocks, block_threads, bytes, static_cast<cudaStream_t>(stream)>>>(argument);
   GRAUPEL_CUDA_CHECK(cudaGetLastError());
+}
+
+/// Of a kernel that was launched ahead: lets the next one start, and waits until the one before is done. Before it a
+/// kernel may read weights alone.
+__device__ inline void start_next() {
+#if __CUDA_ARCH__ >= 900
+  asm volatile("griddepcontrol.launch_dependents;" ::: "memory");
+#endif
+}
+__device__ inline void wait_for_previous() {
+#if __CUDA_ARCH__ >= 900
+  asm volatile("griddepcontrol.wait;" ::: "memory");
+#endif
+}
+
+/// Launches a kernel that calls both while the one before it in the stream still runs: it reads its weights meanwhile
+/// (programmatic dependent launch). Weights must not be written by the launch just before. The default stream's kernels
+/// follow each other.
+template <typename Kernel, typename Argument>
+void launch_ahead(Kernel kernel, int blocks, int block_threads, int bytes, const Argument& argument, void* stream) {
+  if (stream == nullptr || !launches_ahead()) return launch(kernel, blocks, block_threads, bytes, argument, stream);
+  GRAUPEL_CUDA_CHECK(cudaFuncSetAttribute(kernel, cudaFuncAttributeMaxDynamicSharedMemorySize, bytes));
+  cudaLaunchAttribute ahead{};
+  ahead.id = cudaLaunchAttributeProgrammaticStreamSerialization;
+  ahead.val.programmaticStreamSerializationAllowed = 1;
+  cudaLaunchConfig_t config{};
+  config.gridDim = dim3(static_cast<unsigned>(blocks));
+  config.blockDim = dim3(static_cast<unsigned>(block_threads));
+  config.dynamicSmemBytes = static_cast<std::size_t>(bytes);
+  config.stream = static_cast<cudaStream_t>(stream);
+  config.attrs = &ahead;
+  config.numAttrs = 1;
+  GRAUPEL_CUDA_CHECK(cudaLaunchKernelEx(&config, kernel, argument));
 }
 
 }  // namespace graupel::graph::tile

@@ -1,7 +1,9 @@
 // The two-layer networks of the hierarchical graph network over many rows (pairs, edges, cells), each in one kernel:
 // rows are gathered, both matrix products run on tensor cores (bf16 operands, f32 sums), the layer norm and what
 // follows it in registers. Forward for rollouts and training, backward with recomputation for training. Width 128;
-// compute capability 8.0 or later. All pointers are to the GPU's memory; bf16 numbers are kept as uint16_t.
+// compute capability 8.0 or later. All pointers are to the GPU's memory; bf16 numbers are kept as uint16_t. Where a
+// number of rows comes with a `row_count`, it is the most that there may be: how many there are is read there when the
+// kernel runs, so that a recorded launch serves every frame.
 #pragma once
 
 #include <cstdint>
@@ -42,6 +44,7 @@ struct RowTable {
 /// y[r] = LayerNorm(W2 LeakyReLU_0.01(sum of operands W1^T + sum of tables) + b2), r < rows, eps 1e-5.
 struct RowNetwork {
   int64_t rows = 0;
+  const int32_t* row_count = nullptr;
   RowOperand operand[2];
   RowTable table[3];
   const uint16_t* w2 = nullptr;  ///< tile
@@ -54,6 +57,10 @@ struct RowNetwork {
   const float* add32 = nullptr;  ///< sum32 = add32 + y; null: 0
   float* sum32 = nullptr;
   uint16_t* copy16 = nullptr;  ///< sum32 rounded
+  /// Sums of eight rows each, group32[g] = group_add32[g] + sum over r / 8 = g of group_weight[r] y[r]: of a network
+  /// without operands, in place of the other sums.
+  const float *group_weight = nullptr, *group_add32 = nullptr;
+  float* group32 = nullptr;
 };
 void forward(const RowNetwork& network, void* stream);
 
@@ -89,6 +96,7 @@ int backward(const RowNetworkGradient& gradient, void* stream);
 /// layer), V[j] [128, 3] with rows `offset_stride` apart.
 struct RowProjection {
   int64_t rows = 0;
+  const int32_t* row_count = nullptr;
   const uint16_t* x = nullptr;
   const uint16_t* weight[2] = {nullptr, nullptr};
   const float* bias[2] = {nullptr, nullptr};  ///< [128]
@@ -112,9 +120,10 @@ void project_back(const ProjectionGradient& gradient, void* stream);
 /// out[s] = add32[s] + scale * sum of weight[i] source[i] over the rows i of segment s.
 struct SegmentRows {
   int64_t segments = 0;
-  const int32_t* begin = nullptr;  ///< [segments + 1]; null: `fixed` rows each
-  int32_t first = 0;               ///< subtracted from `begin`
-  const int32_t* item = nullptr;   ///< rows; null: as they stand
+  const int32_t* row_count = nullptr;  ///< of segments
+  const int32_t* begin = nullptr;      ///< [segments + 1]; null: `fixed` rows each
+  int32_t first = 0;                   ///< subtracted from `begin`
+  const int32_t* item = nullptr;       ///< rows; null: as they stand
   int32_t fixed = 0;
   const uint16_t* source = nullptr;
   const float* weight = nullptr;  ///< of a row

@@ -10,20 +10,20 @@ using namespace tile;
 
 /// First-layer sums of a warp's rows; with `keep`, operands are saved where the network asks for it.
 template <int operands, int warps>
-__device__ void first_layer(Sums& c, const RowNetwork& n, const Shared<warps>& shared, uint16_t* mine, int64_t first,
-                            int lane) {
+__device__ void first_layer(Sums& c, const RowNetwork& n, int64_t rows, const Shared<warps>& shared, uint16_t* mine,
+                            int64_t first, int lane) {
   clear(c);
 #pragma unroll
   for (int j = 0; j < operands; ++j) {
-    gather_rows(mine, n.operand[j], first, n.rows, lane);
+    gather_rows(mine, n.operand[j], first, rows, lane);
     __syncwarp();
     product(c, mine, shared.tile(1 + j), lane);
-    if (n.operand[j].save) copy_out(n.operand[j].save, mine, first, n.rows, lane);
+    if (n.operand[j].save) copy_out(n.operand[j].save, mine, first, rows, lane);
     __syncwarp();
   }
 #pragma unroll
   for (int t = 0; t < 3; ++t)
-    if (n.table[t].table) add_table(c, n.table[t].table, n.table[t].row, first, n.rows, lane);
+    if (n.table[t].table) add_table(c, n.table[t].table, n.table[t].row, first, rows, lane);
 #pragma unroll
   for (int j = 0; j < column_blocks; ++j)
 #pragma unroll
@@ -39,11 +39,11 @@ __device__ void load_weights(const RowNetwork& n, const Shared<warps>& shared) {
 }
 
 /// What follows the layer norm: residual sums in f32 and bf16.
-__device__ void write_sums(const RowNetwork& n, const Sums& c, int64_t first, int lane) {
+__device__ void write_sums(const RowNetwork& n, int64_t rows, const Sums& c, int64_t first, int lane) {
 #pragma unroll
   for (int half = 0; half < 2; ++half) {
     const int64_t r = first + lane / 4 + 8 * half;
-    if (r >= n.rows) continue;
+    if (r >= rows) continue;
     const int64_t at = r * layer_width + 2 * (lane % 4);
 #pragma unroll
     for (int j = 0; j < column_blocks; ++j) {
@@ -65,16 +65,59 @@ __device__ void write_sums(const RowNetwork& n, const Sums& c, int64_t first, in
   }
 }
 
-template <int operands, int warps>
+/// Adds `values` of the lanes with equal lane % 4 and leaves four of the sums with each lane: those from
+/// 16 [lane bit 4] + 8 [bit 3] + 4 [bit 2] on.
+__device__ void fold(float (&values)[2 * column_blocks], float (&sums)[4], int lane) {
+#pragma unroll
+  for (int width = column_blocks; width >= 4; width /= 2) {
+    const bool upper = (lane & width) != 0;
+#pragma unroll
+    for (int i = 0; i < width; ++i) {
+      const float send = upper ? values[i] : values[i + width], keep = upper ? values[i + width] : values[i];
+      values[i] = keep + __shfl_xor_sync(0xffffffffu, send, width);
+    }
+  }
+#pragma unroll
+  for (int i = 0; i < 4; ++i) sums[i] += values[i];
+}
+
+/// Weighted sums of the first and the last eight of a warp's rows.
+__device__ void write_groups(const RowNetwork& n, int64_t rows, const Sums& c, int64_t first, int lane) {
+  constexpr int group_rows = 8;
+#pragma unroll
+  for (int half = 0; half < 2; ++half) {
+    const int64_t begin = first + half * group_rows;
+    if (begin >= rows) continue;  // the same for the whole warp
+    const float weight = n.group_weight[begin + lane / 4];
+    float values[2 * column_blocks], sums[4] = {0, 0, 0, 0};
+#pragma unroll
+    for (int j = 0; j < column_blocks; ++j)
+#pragma unroll
+      for (int i = 0; i < 2; ++i) values[2 * j + i] = weight * c[j][2 * half + i];
+    fold(values, sums, lane);
+    const int block = ((lane & 16 ? 16 : 0) + (lane & 8 ? 8 : 0) + (lane & 4 ? 4 : 0)) / 2;
+    const int64_t at = begin / group_rows * layer_width + 8 * block + 2 * (lane % 4);
+#pragma unroll
+    for (int k = 0; k < 2; ++k) {
+      const float2 before = *reinterpret_cast<const float2*>(n.group_add32 + at + 8 * k);
+      *reinterpret_cast<float2*>(n.group32 + at + 8 * k) = {before.x + sums[2 * k], before.y + sums[2 * k + 1]};
+    }
+  }
+}
+
+template <int operands, int warps, bool groups = false>
 __global__ void __launch_bounds__(32 * warps, operands == 2 ? 1 : 2) forward_kernel(RowNetwork n) {
+  start_next();
   const Shared<warps> shared{shared_numbers, 1 + operands};
   load_weights<operands>(n, shared);
+  wait_for_previous();
+  const int64_t rows = rows_now(n.rows, n.row_count);
   const int warp = static_cast<int>(threadIdx.x) / 32, lane = static_cast<int>(threadIdx.x) % 32;
   uint16_t* const mine = shared.rows(0, warp);
   const int64_t step = int64_t{gridDim.x} * warps * warp_rows;
-  for (int64_t first = first_row(warp); first < n.rows; first += step) {
+  for (int64_t first = first_row(warp); first < rows; first += step) {
     Sums c;
-    first_layer<operands>(c, n, shared, mine, first, lane);
+    first_layer<operands>(c, n, rows, shared, mine, first, lane);
     store_rows(mine, c, lane);
     __syncwarp();
     clear(c);
@@ -92,27 +135,14 @@ __global__ void __launch_bounds__(32 * warps, operands == 2 ? 1 : 2) forward_ker
     if (n.out16) {
       store_rows(mine, c, lane);
       __syncwarp();
-      copy_out(n.out16, mine, first, n.rows, lane);
+      copy_out(n.out16, mine, first, rows, lane);
       __syncwarp();
     }
-    write_sums(n, c, first, lane);
+    if constexpr (groups)
+      write_groups(n, rows, c, first, lane);
+    else
+      write_sums(n, rows, c, first, lane);
   }
-}
-
-/// Adds `values` of the lanes with equal lane % 4 and leaves four of the sums with each lane: those from
-/// 16 [lane bit 4] + 8 [bit 3] + 4 [bit 2] on.
-__device__ void fold(float (&values)[2 * column_blocks], float (&sums)[4], int lane) {
-#pragma unroll
-  for (int width = column_blocks; width >= 4; width /= 2) {
-    const bool upper = (lane & width) != 0;
-#pragma unroll
-    for (int i = 0; i < width; ++i) {
-      const float send = upper ? values[i] : values[i + width], keep = upper ? values[i + width] : values[i];
-      values[i] = keep + __shfl_xor_sync(0xffffffffu, send, width);
-    }
-  }
-#pragma unroll
-  for (int i = 0; i < 4; ++i) sums[i] += values[i];
 }
 
 /// Gradient of a warp's rows' results.
@@ -182,7 +212,7 @@ __global__ void __launch_bounds__(32 * warps, 1) backward_kernel(RowNetworkGradi
   const int64_t step = int64_t{gridDim.x} * warps * warp_rows;
   for (int64_t first = first_row(warp); first < n.rows; first += step) {
     Sums c;
-    first_layer<operands>(c, n, shared, hidden, first, lane);
+    first_layer<operands>(c, n, n.rows, shared, hidden, first, lane);
     store_rows(hidden, c, lane);
     __syncwarp();
     copy_out(d.hidden, hidden, first, n.rows, lane);
@@ -237,10 +267,10 @@ __global__ void __launch_bounds__(32 * warps, 1) backward_kernel(RowNetworkGradi
   d.norm_partial[int64_t{blockIdx.x} * 2 * layer_width + threadIdx.x] = total;
 }
 
-template <int operands, int warps>
+template <int operands, int warps, bool groups = false>
 void launch_forward(const RowNetwork& n, int resident, void* stream) {
-  launch(forward_kernel<operands, warps>, blocks_for(n.rows, resident), 32 * warps,
-         shared_bytes(warps, 1 + operands, 1), n, stream);
+  launch_ahead(forward_kernel<operands, warps, groups>, blocks_for(n.rows, resident), 32 * warps,
+               shared_bytes(warps, 1 + operands, 1), n, stream);
 }
 
 template <int operands>
@@ -257,9 +287,11 @@ int operands_of(const RowNetwork& n) { return n.operand[1].rows ? 2 : n.operand[
 
 void forward(const RowNetwork& network, void* stream) {
   if (network.rows == 0) return;
+  GRAUPEL_ASSERT(!network.group32 || (operands_of(network) == 0 && !network.sum32 && !network.sum16));
   switch (operands_of(network)) {
     case 0:
-      return launch_forward<0, few_warps>(network, 2, stream);
+      return network.group32 ? launch_forward<0, few_warps, true>(network, 2, stream)
+                             : launch_forward<0, few_warps>(network, 2, stream);
     case 1:
       return launch_forward<1, few_warps>(network, 2, stream);
     default:

@@ -8,12 +8,12 @@ namespace {
 
 using namespace tile;
 
-__device__ void add_offsets(Sums& c, const RowProjection& p, int j, int64_t first, int lane) {
+__device__ void add_offsets(Sums& c, const RowProjection& p, int64_t rows, int j, int64_t first, int lane) {
   float offset[2][3] = {};
 #pragma unroll
   for (int half = 0; half < 2; ++half) {
     const int64_t r = first + lane / 4 + 8 * half;
-    if (r >= p.rows) continue;
+    if (r >= rows) continue;
 #pragma unroll
     for (int d = 0; d < 3; ++d) offset[half][d] = p.offset_sign[j] * p.offset[3 * r + d];
   }
@@ -33,16 +33,19 @@ __device__ void add_offsets(Sums& c, const RowProjection& p, int j, int64_t firs
 
 __global__ void __launch_bounds__(threads, 2) project_kernel(RowProjection p) {
   constexpr int warps = few_warps;
+  start_next();
   const Shared<warps> shared{shared_numbers, 2};
   for (int j = 0; j < 2; ++j)
     if (p.weight[j]) load_tile(shared.tile(j), p.weight[j]);
   __syncthreads();
+  wait_for_previous();
+  const int64_t rows = rows_now(p.rows, p.row_count);
   const int warp = static_cast<int>(threadIdx.x) / 32, lane = static_cast<int>(threadIdx.x) % 32;
   uint16_t* const mine = shared.rows(0, warp);
   const RowOperand x{p.x};
   const int64_t step = int64_t{gridDim.x} * warps * warp_rows;
-  for (int64_t first = first_row(warp); first < p.rows; first += step) {
-    gather_rows(mine, x, first, p.rows, lane);
+  for (int64_t first = first_row(warp); first < rows; first += step) {
+    gather_rows(mine, x, first, rows, lane);
     __syncwarp();
 #pragma unroll
     for (int j = 0; j < 2; ++j) {
@@ -51,8 +54,8 @@ __global__ void __launch_bounds__(threads, 2) project_kernel(RowProjection p) {
       clear(c);
       product(c, mine, shared.tile(j), lane);
       if (p.bias[j]) add_bias(c, p.bias[j], lane);
-      if (p.offset) add_offsets(c, p, j, first, lane);
-      write_operand_gradient({nullptr, p.out[j]}, c, first, p.rows, lane);
+      if (p.offset) add_offsets(c, p, rows, j, first, lane);
+      write_operand_gradient({nullptr, p.out[j]}, c, first, rows, lane);
     }
     __syncwarp();
   }
@@ -85,9 +88,11 @@ __global__ void __launch_bounds__(threads, 2) project_back_kernel(ProjectionGrad
 
 /// Half a warp a segment; a lane has eight columns.
 __global__ void __launch_bounds__(threads) sum_segments_kernel(SegmentRows s) {
+  start_next();
+  wait_for_previous();
   const int64_t segment = int64_t{blockIdx.x} * (threads / 16) + threadIdx.x / 16;
   const int lane = static_cast<int>(threadIdx.x) % 16;
-  if (segment >= s.segments) return;
+  if (segment >= rows_now(s.segments, s.row_count)) return;
   const int64_t begin = s.begin ? s.begin[segment] - s.first : segment * s.fixed;
   const int64_t end = s.begin ? s.begin[segment + 1] - s.first : begin + s.fixed;
   float sum[8] = {};
@@ -129,8 +134,10 @@ __global__ void __launch_bounds__(threads) sum_segments_kernel(SegmentRows s) {
 __global__ void __launch_bounds__(threads, 2) decode_kernel(Decoder n) {
   constexpr int warps = few_warps;
   const Shared<warps> shared{shared_numbers, 1};
+  start_next();
   load_tile(shared.tile(0), n.w1);
   __syncthreads();
+  wait_for_previous();
   const int warp = static_cast<int>(threadIdx.x) / 32, lane = static_cast<int>(threadIdx.x) % 32;
   uint16_t* const mine = shared.rows(0, warp);
   const int64_t step = int64_t{gridDim.x} * warps * warp_rows;
@@ -172,7 +179,8 @@ __global__ void __launch_bounds__(threads, 2) decode_kernel(Decoder n) {
 
 void project(const RowProjection& projection, void* stream) {
   if (projection.rows == 0) return;
-  launch(project_kernel, blocks_for(projection.rows, 2), threads, shared_bytes(few_warps, 2, 1), projection, stream);
+  launch_ahead(project_kernel, blocks_for(projection.rows, 2), threads, shared_bytes(few_warps, 2, 1), projection,
+               stream);
 }
 
 void project_back(const ProjectionGradient& gradient, void* stream) {
@@ -183,13 +191,13 @@ void project_back(const ProjectionGradient& gradient, void* stream) {
 void sum_segments(const SegmentRows& segments, void* stream) {
   if (segments.segments == 0) return;
   constexpr int a_block = threads / 16;
-  launch(sum_segments_kernel, static_cast<int>((segments.segments + a_block - 1) / a_block), threads, 0, segments,
-         stream);
+  launch_ahead(sum_segments_kernel, static_cast<int>((segments.segments + a_block - 1) / a_block), threads, 0, segments,
+               stream);
 }
 
 void decode(const Decoder& decoder, void* stream) {
   if (decoder.rows == 0) return;
-  launch(decode_kernel, blocks_for(decoder.rows, 2), threads, shared_bytes(few_warps, 1, 1), decoder, stream);
+  launch_ahead(decode_kernel, blocks_for(decoder.rows, 2), threads, shared_bytes(few_warps, 1, 1), decoder, stream);
 }
 
 }  // namespace graupel::graph

@@ -6,6 +6,7 @@
 
 #include "core/atomic_file.h"
 #include "io/trajectory_file.h"
+#include "nn/weights.h"
 #include "tests/apps/program.h"
 
 namespace graupel::test {
@@ -103,6 +104,33 @@ TEST_F(ConvertVerb, SaysWhatIsWrong) {
   refused(set_ + " " + out + " --format gns --split all", 2, "--split");
   refused(folder_.file("nowhere") + " " + out, 3, "is no folder");
   EXPECT_FALSE(std::filesystem::exists(out));
+}
+
+TEST_F(ConvertVerb, ShortensWeights) {
+  const std::string whole = folder_.file("whole.safetensors"), half = folder_.file("half.safetensors");
+  nn::Weights weights;
+  weights.metadata["architecture"] = "some";
+  weights.tensors["matrix"] = nn::Tensor::from_float({1.0f, -0.333333f, 1e-3f, 7.25f}, {2, 2});
+  nn::write_safetensors(whole, weights);
+  ASSERT_EQ(graupel("convert " + whole + " " + half + " --numbers f16").exit_code, 0);
+  const nn::Weights is = nn::read_safetensors(half);
+  EXPECT_EQ(is.metadata, weights.metadata);
+  EXPECT_EQ(is.tensors.at("matrix").dtype, nn::DType::f16);
+  const std::vector<float> values = is.get("matrix", {2, 2});
+  EXPECT_EQ(values[0], 1.0f);
+  EXPECT_EQ(values[3], 7.25f);
+  EXPECT_NEAR(values[1], -0.333333f, 0.333333f / 2048);
+  EXPECT_NEAR(values[2], 1e-3f, 1e-3f / 2048);
+
+  weights.tensors["matrix"] = nn::Tensor::from_float({70000.0f, 0, 0, 0}, {2, 2});
+  nn::write_safetensors(whole, weights);
+  const Outcome large = graupel("convert " + whole + " " + folder_.file("large.safetensors") + " --numbers f16");
+  EXPECT_EQ(large.exit_code, 2);
+  EXPECT_TRUE(large.says("'matrix'")) << large.output;
+  EXPECT_TRUE(large.says("--numbers bf16")) << large.output;
+  EXPECT_EQ(graupel("convert " + whole + " " + folder_.file("large.safetensors") + " --numbers bf16").exit_code, 0);
+  EXPECT_TRUE(graupel("convert " + whole + " " + folder_.file("other.safetensors")).says("need --numbers"));
+  EXPECT_TRUE(graupel("convert " + set_ + " " + folder_.file("other") + " --numbers f16").says("is for weights"));
 }
 
 TEST_F(ConvertVerb, AFullDiskLeavesNothing) {

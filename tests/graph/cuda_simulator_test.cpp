@@ -106,6 +106,7 @@ TEST_F(CudaSimulatorTest, RolloutsFollowThoseOfTheCpu) {
   const LearnedSimulator simulator = make(wide_config());
   LearnedSimulator::RolloutOptions options;
   options.frames = 8;
+  options.density_limit = 0;
   const Trajectory expected = simulator.rollout(c.scene, surroundings, c.type, c.history, options);
   options.device = Device::cuda;
   const Trajectory actual = simulator.rollout(c.scene, surroundings, c.type, c.history, options);
@@ -118,6 +119,31 @@ TEST_F(CudaSimulatorTest, RolloutsFollowThoseOfTheCpu) {
   EXPECT_LT(std::sqrt(squares / way), 0.01);
   for (const Vec3f& x : actual.frames.back().position)
     EXPECT_GT(surroundings.obstacles.sample(x.cast<double>()).phi, -1e-4);
+}
+
+TEST_F(CudaSimulatorTest, RolloutsGoOnWhereMatterSpreads) {
+  GRAUPEL_NEEDS_GPU();
+  // Particles of a small cloud fly apart: many times the cells of the first frame.
+  Case c = make_case(600);
+  for (std::size_t t = 0; t < c.history.size(); ++t)
+    for (std::size_t i = 0; i < c.type.size(); ++i) {
+      const Vec3f start = Vec3f{0.5f, 0.7f, 0.5f} + (c.history[5][i] - Vec3f{0.4f, 0.4f, 0.4f}) * 0.1f;
+      c.history[t][i] = start + (start - Vec3f{0.5f, 0.7f, 0.5f}) * (0.4f * static_cast<float>(t));
+    }
+  const Surroundings surroundings(c.scene);
+  const LearnedSimulator simulator = make(wide_config());
+  LearnedSimulator::RolloutOptions options;
+  options.frames = 10;
+  options.density_limit = 0;
+  const Trajectory expected = simulator.rollout(c.scene, surroundings, c.type, c.history, options);
+  options.device = Device::cuda;
+  const Trajectory actual = simulator.rollout(c.scene, surroundings, c.type, c.history, options);
+  ASSERT_EQ(actual.frames.size(), expected.frames.size());
+  for (std::size_t frame = 0; frame < expected.frames.size(); ++frame)
+    for (std::size_t i = 0; i < c.type.size(); ++i)
+      ASSERT_LT(norm(actual.frames[frame].position[i] - expected.frames[frame].position[i]), 0.01f) << frame;
+  const Trajectory again = simulator.rollout(c.scene, surroundings, c.type, c.history, options);
+  EXPECT_EQ(again.frames.back().position, actual.frames.back().position) << "the same every time";
 }
 
 TEST_F(CudaSimulatorTest, RefusesNetworksWithoutKernels) {

@@ -75,6 +75,7 @@ void expect_pushed_batches(Device device) {
   config.noise_std = 0;
   config.push_steps = 2;
   config.push_recovery = 0.25;
+  config.push_velocity_recovery = 0.75;
   config.batch_scenes = 2;
   const DataSplit split(tiny_data_set() + "/train.h5");
   DeviceSamples samples(split, config, {}, device);  // nothing is normalised
@@ -94,7 +95,9 @@ void expect_pushed_batches(Device device) {
     const auto truth = split.positions(draw.key.trajectory, draw.key.frame, 4);  // up to the target's frame
     for (std::size_t p = 0; p < past[0].size(); ++p, ++row) {
       const Vec3f velocity = past[1][p] - past[0][p], x = past[1][p] + velocity * 2.0f;
-      const Vec3f next = x + (truth[3][p] - truth[2][p]) + (truth[2][p] - x) * 0.25f;
+      const Vec3f acceleration = truth[3][p] - truth[2][p] - (truth[2][p] - truth[1][p]);
+      const Vec3f next =
+          x + velocity + acceleration + (truth[2][p] - truth[1][p] - velocity) * 0.75f + (truth[2][p] - x) * 0.25f;
       const Vec3f seen = draw.turn.apply(velocity), wanted = draw.turn.apply(next - x - velocity);
       for (std::size_t d = 0; d < 3; ++d) {
         const int axis = static_cast<int>(d);

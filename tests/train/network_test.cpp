@@ -125,9 +125,9 @@ void check_mixed_gradient(const graph::HgnConfig& config, const Batch& batch) {
     all_difference += difference;
     all_size += size;
     // A tensor that few rows use feels every activation whose sign the rounding turns.
-    EXPECT_LT(std::sqrt(difference), 0.25 * std::sqrt(size) + 1e-9) << parameter.name << " " << std::sqrt(size);
+    EXPECT_LT(std::sqrt(difference), 0.35 * std::sqrt(size) + 1e-9) << parameter.name << " " << std::sqrt(size);
   }
-  EXPECT_LT(std::sqrt(all_difference / all_size), 0.06);
+  EXPECT_LT(std::sqrt(all_difference / all_size), 0.08);
 }
 
 TEST(MixedPrecision, GradientIsThatOfDoublePrecisionOnTheGpu) {
