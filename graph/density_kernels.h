@@ -17,18 +17,19 @@ using grid::lowest_one;
 using grid::set_bit;
 using grid::word_bits;
 
-inline constexpr uint32_t full = 1u << 22;          ///< mass of a cell of the largest density
-inline constexpr int place_bits = 10;               ///< of a particle's place in its cell, so that weights are integers
-inline constexpr float narrowest = 0.05f;           ///< least share of a cell that may be called free
-inline constexpr float most_way = 0.5f;             ///< [cells] along an axis
-inline constexpr float closed = 1e-3f;              ///< a cell with less open faces has no pressure
+inline constexpr uint32_t full = 1u << 22;  ///< mass of a cell of the largest density
+inline constexpr int place_bits = 10;       ///< of a particle's place in its cell, so that weights are integers
+inline constexpr float narrowest = 0.05f;   ///< least share of a cell that may be called free
+inline constexpr float most_way = 0.5f;     ///< [cells] along an axis
+inline constexpr float closed = 1e-3f;      ///< a cell with less open faces has no pressure
 
 /// Shares of a cell and of its faces to the lower neighbours that walls and obstacles leave free.
 struct Shares {
   float cell, face[3];
 };
 
-/// Dense cells. size[0] is even, so that cells 2 k and 2 k + 1 have different colours: bit k of a colour is one of them.
+/// Dense cells. size[0] is even, so that cells 2 k and 2 k + 1 have different colours: bit k of a colour is one of
+/// them.
 struct Cells {
   Vec3d origin;  ///< [m] lower corner of cell (0, 0, 0)
   double spacing, inverse_spacing;

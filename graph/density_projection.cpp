@@ -124,9 +124,9 @@ void DensityProjection::solve(void* stream) {
   Arrays& a = *arrays_;
   for (int sweep = 0; sweep < sweeps; ++sweep)
     for (int color = 0; color < 2; ++color)
-      parallel_for_in(
-          stream, device_, a.most_active(color),
-          Sweep{a.active(), color, relaxation, a.shares.data(), a.equation.data(), a.pressure.data()}, light);
+      parallel_for_in(stream, device_, a.most_active(color),
+                      Sweep{a.active(), color, relaxation, a.shares.data(), a.equation.data(), a.pressure.data()},
+                      light);
 }
 
 }  // namespace graupel::graph

@@ -27,10 +27,10 @@ class DensityProjection {
   DensityProjection(Device device, const Surroundings& surroundings, double largest_density, double spacing);
   ~DensityProjection();
 
-  /// Moves positions [n] in the device's memory by at most half a cell along each axis, perhaps a little into obstacles:
-  /// push them out afterwards. Particles farther than a cell outside the walls are left alone. Takes its place in
-  /// `stream` (cudaStream_t; null: the default one) and, but for the first call with so many particles, allocates
-  /// nothing.
+  /// Moves positions [n] in the device's memory by at most half a cell along each axis, perhaps a little into
+  /// obstacles: push them out afterwards. Particles farther than a cell outside the walls are left alone. Takes its
+  /// place in `stream` (cudaStream_t; null: the default one) and, but for the first call with so many particles,
+  /// allocates nothing.
   void apply(Vec3f* position, int64_t n, void* stream = nullptr);
 
   /// Forgets the last frame's pressure, as before another rollout.
