@@ -46,7 +46,7 @@ struct Cells {
   GRAUPEL_HD bool locate(const Vec3f& x, Vec3i& cell, Vec3d& at) const {
     for (int d = 0; d < 3; ++d) {
       const double u = (static_cast<double>(x[d]) - origin[d]) * inverse_spacing - 0.5, floored = std::floor(u);
-      if (!(floored >= 1 && floored + 2 < size[d])) return false;  // true for NaN
+      if (!(floored >= 1 && floored + 2 < size[d])) return false;  // NaN too
       cell[d] = static_cast<int>(floored);
       at[d] = u - floored;
     }
