@@ -188,13 +188,18 @@ struct CudaSimulator::Impl {
         builder(Device::cuda, config.spacing, static_cast<int>(config.levels)) {
     network.refresh(nullptr);
     GRAUPEL_CUDA_CHECK(cudaStreamCreate(&stream));
+    GRAUPEL_CUDA_CHECK(cudaStreamCreate(&grid_stream));
+    for (cudaEvent_t* event : {&features_there, &grid_there})
+      GRAUPEL_CUDA_CHECK(cudaEventCreateWithFlags(event, cudaEventDisableTiming));
     GRAUPEL_CUDA_CHECK(cudaMallocHost(&seen, sizeof(FrameStatus)));
     for (cudaEvent_t& event : events) GRAUPEL_CUDA_CHECK(cudaEventCreate(&event));
   }
   ~Impl() {
     drop_graph();
     for (cudaEvent_t event : events) cudaEventDestroy(event);
+    for (cudaEvent_t event : {features_there, grid_there}) cudaEventDestroy(event);
     cudaFreeHost(seen);
+    cudaStreamDestroy(grid_stream);
     cudaStreamDestroy(stream);
   }
   Impl(const Impl&) = delete;
@@ -228,7 +233,8 @@ struct CudaSimulator::Impl {
   LevelPlaces places{Device::cuda};
   RowArena arena;
   HgnRecord record;
-  cudaStream_t stream = nullptr;
+  cudaStream_t stream = nullptr, grid_stream = nullptr;
+  cudaEvent_t features_there = nullptr, grid_there = nullptr;
   cudaGraphExec_t graph = nullptr;
   cudaEvent_t events[marks] = {};
   bool recording = false;
@@ -278,20 +284,25 @@ HgnGraph CudaSimulator::Impl::placed_graph() const {
   return placed;
 }
 
-/// Features and grid of the newest frame.
+/// Features and, beside what follows in the stream, the grid of the newest frame.
 void CudaSimulator::Impl::launch_grid() {
   mark(begin);
   parallel_for_in(stream, Device::cuda, particles,
                   WriteFeatures{FeatureRules(config, normalization), surroundings->view(Device::cuda), frame_ring(),
                                 features.data(), now.data()});
   mark(features_done);
-  builder.build(now.data(), stream);
+  GRAUPEL_CUDA_CHECK(cudaEventRecord(features_there, stream));
+  GRAUPEL_CUDA_CHECK(cudaStreamWaitEvent(grid_stream, features_there, 0));
+  builder.build(now.data(), grid_stream, /*with_counts=*/!recording);
 }
 
 void CudaSimulator::Impl::launch_network() {
-  places.place(builder.links(), particles, stream);
-  mark(hierarchy_done);
-  const float* const latents = forward_to_decoder(network, placed_graph(), arena, record, stream);
+  places.place(builder.links(), particles, grid_stream);
+  GRAUPEL_CUDA_CHECK(cudaEventRecord(grid_there, grid_stream));
+  const float* const latents = forward_to_decoder(network, placed_graph(), arena, record, stream, [&] {
+    GRAUPEL_CUDA_CHECK(cudaStreamWaitEvent(stream, grid_there, 0));
+    mark(hierarchy_done);
+  });
   const FcnWeights& last = network.fcn("decoder");
   decode({.rows = particles,
           .x = latents,
@@ -321,7 +332,7 @@ void CudaSimulator::Impl::launch_frame() {
 /// Room for the cells of the newest frame; false when a particle is outside the grid's box.
 bool CudaSimulator::Impl::make_room() {
   launch_grid();
-  const GridCounts counts = builder.counts(stream);
+  const GridCounts counts = builder.counts(grid_stream);
   if (counts.overflow) return false;
   if (room.holds(counts)) return true;
   drop_graph();

@@ -12,7 +12,7 @@
 
 namespace graupel::graph {
 
-/// Milliseconds of one frame on the GPU.
+/// Milliseconds of one frame on the GPU. The encoder runs beside the making of the hierarchy and counts there.
 struct CudaFrameTime {
   double features = 0, hierarchy = 0, network = 0, projection = 0;
   double total() const { return features + hierarchy + network + projection; }
