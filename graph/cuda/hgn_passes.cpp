@@ -1,7 +1,5 @@
 #include "graph/cuda/hgn_passes.h"
 
-#include <cstdlib>
-
 #include "core/error.h"
 #include "graph/features.h"
 
@@ -35,8 +33,6 @@ struct IterationRows {
   RowLatents nodes;            ///< [cells]
 };
 
-bool merge_flag() { return std::getenv("GRAUPEL_NO_MERGE") == nullptr; }
-
 class ForwardPass {
  public:
   ForwardPass(const PackedHgn& network, const HgnGraph& graph, RowMemory& memory, HgnRecord& record, void* stream)
@@ -53,7 +49,7 @@ class ForwardPass {
     return {memory_.rows32(level.cells), memory_.rows32(level.cells)};
   }
   /// Where nothing is kept, networks make their rows' projections for the iteration that comes next.
-  bool looks_ahead() const { return !memory_.keeps_all() && can_look_ahead() && merge_flag(); }
+  bool looks_ahead() const { return !memory_.keeps_all() && can_look_ahead(); }
   RowOutlook outlook(const std::string& edge_name, const Projections& to) const {
     return {{network_.tile(edge_name, 0), network_.tile(edge_name, h)},
             {nullptr, network_.fcn(edge_name).b1},
@@ -147,6 +143,7 @@ RowLatents ForwardPass::particle_to_grid() {
                 .row_count = graph_.level[0].cell_count,
                 .begin = graph_.pair_begin,
                 .item = graph_.pair,
+                .are_long = true,
                 .source = to_grid.out16,
                 .weight = graph_.weight,
                 .scale = static_cast<float>(network_.config().p2g_scale),

@@ -135,6 +135,7 @@ struct SegmentRows {
   int32_t first = 0;                   ///< subtracted from `begin`
   const int32_t* item = nullptr;       ///< rows; null: as they stand
   int32_t fixed = 0;
+  bool are_long = false;  ///< some have hundreds of rows
   const uint16_t* source = nullptr;
   const float* weight = nullptr;  ///< of a row
   float scale = 1;

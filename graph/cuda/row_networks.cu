@@ -35,7 +35,6 @@ __device__ void load_weights(const RowNetwork& n, const Shared<warps>& shared) {
   load_tile(shared.tile(0), n.w2);
 #pragma unroll
   for (int j = 0; j < operands; ++j) load_tile(shared.tile(1 + j), n.operand[j].weight);
-  __syncthreads();
 }
 
 /// What follows the layer norm: residual sums in f32 and bf16.
@@ -150,6 +149,7 @@ __global__ void __launch_bounds__(32 * warps, operands == 2 ? 1 : 2) forward_ker
   load_weights<operands>(n, shared);
   wait_for_previous();
   const int64_t rows = rows_now(n.rows, n.row_count);
+  wait_for_tiles();
   const int warp = static_cast<int>(threadIdx.x) / 32, lane = static_cast<int>(threadIdx.x) % 32;
   uint16_t* const mine = shared.rows(0, warp);
   const int64_t step = int64_t{gridDim.x} * warps * warp_rows;
@@ -246,6 +246,7 @@ __global__ void __launch_bounds__(32 * warps, 1) backward_kernel(RowNetworkGradi
   const RowNetwork& n = d.network;
   const Shared<warps> shared{shared_numbers, 1 + operands};
   load_weights<operands>(n, shared);
+  wait_for_tiles();
   const int warp = static_cast<int>(threadIdx.x) / 32, lane = static_cast<int>(threadIdx.x) % 32;
   uint16_t *const hidden = shared.rows(0, warp), *const raw = shared.rows(1, warp);
   float gamma_sums[4] = {0, 0, 0, 0}, beta_sums[4] = {0, 0, 0, 0};
