@@ -42,6 +42,11 @@ void add_compare(CLI::App& app) {
   command->add_option("--one-step-stride", options.one_step_stride, "Frames between one-step errors")
       ->check(whole_number(1))
       ->capture_default_str();
+  command
+      ->add_option("--density-limit", options.density_limit,
+                   "Largest density in rollouts of networks, of that at rest; 0: none")
+      ->check(real_number(0, 10))
+      ->capture_default_str();
   command->add_flag("--one-step-only", options.one_step_only, "No rollouts, one-step errors alone");
   command->add_flag("--no-floors", verb->no_floors, "Leave out the chaos floors (two MPM runs a scene)");
   command->add_option("--csv", options.csv, "Write a row a scene and model to this file");

@@ -18,6 +18,7 @@ struct CompareOptions {
   std::vector<std::string> models;  ///< mpm, mpm:fast, mpm:coarse, weights files
   int64_t frames = 0;               ///< 0: the scene's
   int64_t one_step_stride = 5;      ///< every how many frames the one-step error is taken
+  double density_limit = 1;         ///< of networks' rollouts, of the density at rest; 0: none
   std::vector<std::string> set;     ///< scene keys, "key=value"
   std::optional<uint64_t> seed;     ///< of the particle sampling; default the scene's
   std::string device = "auto";      ///< of MPM

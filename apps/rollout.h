@@ -20,9 +20,10 @@ struct RolloutOptions {
   std::vector<std::string> set;
   int64_t frames = -1, trajectory = 0;  ///< frames -1: the scene's
   bool no_project = false;
-  std::optional<double> step_factor;  ///< of reduced-order models
-  std::optional<int64_t> refine;      ///< of reduced-order models: points of a particle
-  int64_t stride = 1;                 ///< of reduced-order models: frames from one that is written to the next
+  std::optional<double> density_limit;  ///< of networks
+  std::optional<double> step_factor;    ///< of reduced-order models
+  std::optional<int64_t> refine;        ///< of reduced-order models: points of a particle
+  int64_t stride = 1;                   ///< of reduced-order models: frames from one that is written to the next
   Arithmetic arithmetic = Arithmetic::f32;
 };
 

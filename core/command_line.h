@@ -44,6 +44,18 @@ inline CLI::Validator real_number(LowerBound bound) {
   return CLI::Validator(check, "");
 }
 
+/// A number from `low` to `high`.
+inline CLI::Validator real_number(double low, double high) {
+  const auto check = [low, high](std::string& text) -> std::string {
+    double value = 0;
+    const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+    if (error == std::errc() && end == text.data() + text.size() && value >= low && value <= high) return "";
+    return "'" + text + "' is not usable (allowed: a number, " + CLI::detail::to_string(low) + " to " +
+           CLI::detail::to_string(high) + ")";
+  };
+  return CLI::Validator(check, "");
+}
+
 /// CLI11's message, with the closest verb or flag for each mistyped one.
 inline std::string parse_error_text(const CLI::App& app, const CLI::ParseError& error) {
   std::string text = error.what();

@@ -86,6 +86,7 @@ GnsNetwork::GnsNetwork(GnsNetwork&&) noexcept = default;
 const GnsConfig& GnsNetwork::config() const { return impl_->config; }
 const FeatureConfig& GnsNetwork::feature_config() const { return impl_->config; }
 const Normalization& GnsNetwork::normalization() const { return impl_->normalization; }
+double GnsNetwork::spacing() const { return config().radius; }
 
 std::vector<float> GnsNetwork::forward(const std::vector<float>& features, const std::vector<int32_t>& particle_type,
                                        const std::vector<Vec3f>& position) const {

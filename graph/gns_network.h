@@ -30,6 +30,7 @@ class GnsNetwork : public Network {
   const GnsConfig& config() const;
   const FeatureConfig& feature_config() const override;
   const Normalization& normalization() const override;
+  double spacing() const override;
 
   /// Normalised accelerations [n, 3] from features [n, input_width - embedding], types and positions [n] of all
   /// particles, those of obstacles included.

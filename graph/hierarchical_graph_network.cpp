@@ -73,6 +73,7 @@ HierarchicalGraphNetwork::HierarchicalGraphNetwork(HierarchicalGraphNetwork&&) n
 const HgnConfig& HierarchicalGraphNetwork::config() const { return impl_->config; }
 const FeatureConfig& HierarchicalGraphNetwork::feature_config() const { return impl_->config; }
 const Normalization& HierarchicalGraphNetwork::normalization() const { return impl_->normalization; }
+double HierarchicalGraphNetwork::spacing() const { return config().spacing; }
 
 std::vector<float> HierarchicalGraphNetwork::forward(const std::vector<float>& features,
                                                      const std::vector<int32_t>& particle_type,

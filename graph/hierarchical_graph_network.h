@@ -37,6 +37,7 @@ class HierarchicalGraphNetwork : public Network {
   const HgnConfig& config() const;
   const FeatureConfig& feature_config() const override;
   const Normalization& normalization() const override;
+  double spacing() const override;
 
   /// Normalised accelerations [n, 3] from features [n, input_width - embedding] and particle types [n].
   std::vector<float> forward(const std::vector<float>& features, const std::vector<int32_t>& particle_type,

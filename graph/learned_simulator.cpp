@@ -2,12 +2,15 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 #include "core/error.h"
 #include "graph/config_metadata.h"
+#include "graph/density_projection.h"
 #include "graph/frame_step.h"
 #include "graph/hgn_config.h"
 #include "graph/lap_timer.h"
+#include "graph/rest_density.h"
 #ifdef GRAUPEL_HAVE_CUDA
 #include "graph/cuda/cuda_simulator.h"
 #endif
@@ -111,7 +114,11 @@ Trajectory LearnedSimulator::rollout(const Scene& scene, const Surroundings& sur
   }
   Trajectory trajectory = empty_trajectory(scene, particle_type, weights_->file);
   trajectory.frames.push_back(make_frame(0, scene.frame_time, history[needed - 2], history[needed - 1]));
-  std::vector<Vec3f> next;
+  const double rest = rest_density(scene, history.back(), network_->spacing());
+  std::optional<DensityProjection> density;
+  if (options.density_limit * rest > 0)
+    density.emplace(Device::cpu, surroundings, options.density_limit * rest, network_->spacing());
+  std::vector<Vec3f> next, before;
   for (int64_t frame = 1; frame <= options.frames; ++frame) {
     FrameTiming timing;
     const std::vector<Vec3f> acceleration = one_step(surroundings, particle_type, history, &timing);
@@ -121,6 +128,11 @@ Trajectory LearnedSimulator::rollout(const Scene& scene, const Surroundings& sur
     }
     LapTimer watch;
     if (options.project) project_out(surroundings, history.back(), next);
+    if (density) {
+      before = next;
+      density->apply(next.data(), static_cast<int64_t>(next.size()));
+      if (options.project) project_out(surroundings, before, next);
+    }
     timing.projection = watch.lap();
     std::rotate(history.begin(), history.begin() + 1, history.end());
     std::swap(history.back(), next);

@@ -22,6 +22,8 @@ class Network {
 
   virtual const FeatureConfig& feature_config() const = 0;
   virtual const Normalization& normalization() const = 0;
+  /// R [m]: cell size of the finest level, or radius of the graph.
+  virtual double spacing() const = 0;
 
   /// Normalised accelerations [n, 3] of particles of the given types [n], from history + 1 positions [n], newest last.
   /// Fills in the parts of `timing` that it knows. May be called from several threads. Throws InputError for a particle

@@ -40,6 +40,15 @@ TEST(GraphNetworks, AGnsRollsOutIsInspectedAndCompared) {
   EXPECT_GT(header.particle_count(), 100u);
   for (const int32_t type : header.particle_type) EXPECT_NE(type, obstacle_particle_type);
 
+  const std::string again = "rollout " + folder.file("gns.safetensors") + " " + scene + " -o " +
+                            folder.file("again.h5") + " --frames 1 --density-limit ";
+  EXPECT_EQ(graupel(again + "0").exit_code, 0);
+  for (const char* unusable : {"-1", "10.5", "many"}) {
+    const Outcome refused = graupel(again + unusable);
+    EXPECT_EQ(refused.exit_code, 2) << refused.output;
+    EXPECT_TRUE(refused.says("(allowed: a number, 0 to 10)")) << refused.output;
+  }
+
   const Outcome inspect = graupel("inspect " + folder.file("gns.safetensors"));
   EXPECT_EQ(inspect.exit_code, 0) << inspect.output;
   EXPECT_TRUE(inspect.says("architecture: gns")) << inspect.output;
@@ -47,7 +56,7 @@ TEST(GraphNetworks, AGnsRollsOutIsInspectedAndCompared) {
 
   const Outcome compare =
       graupel("compare --scenes " + scene + " --models mpm:coarse," + folder.file("gns.safetensors") +
-              " --frames 4 --no-floors --threads 1 --json " + folder.file("out.json"));
+              " --frames 4 --density-limit 1.2 --no-floors --threads 1 --json " + folder.file("out.json"));
   ASSERT_EQ(compare.exit_code, 0) << compare.output;
   EXPECT_TRUE(compare.says("gns")) << compare.output;
 }

@@ -106,6 +106,7 @@ TEST_F(CudaSimulatorTest, RolloutsFollowThoseOfTheCpu) {
   const LearnedSimulator simulator = make(wide_config());
   LearnedSimulator::RolloutOptions options;
   options.frames = 8;
+  options.density_limit = 0;
   const Trajectory expected = simulator.rollout(c.scene, surroundings, c.type, c.history, options);
   options.device = Device::cuda;
   const Trajectory actual = simulator.rollout(c.scene, surroundings, c.type, c.history, options);
@@ -133,6 +134,7 @@ TEST_F(CudaSimulatorTest, RolloutsGoOnWhereMatterSpreads) {
   const LearnedSimulator simulator = make(wide_config());
   LearnedSimulator::RolloutOptions options;
   options.frames = 10;
+  options.density_limit = 0;
   const Trajectory expected = simulator.rollout(c.scene, surroundings, c.type, c.history, options);
   options.device = Device::cuda;
   const Trajectory actual = simulator.rollout(c.scene, surroundings, c.type, c.history, options);

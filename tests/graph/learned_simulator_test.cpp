@@ -161,6 +161,37 @@ TEST_F(LearnedSimulatorTest, ProjectionKeepsParticlesOutOfObstaclesAndInsideTheW
   EXPECT_LT(free.frames.back().position[0][1], 0);
 }
 
+TEST_F(LearnedSimulatorTest, RolloutsHoldTheDensityLimit) {
+  const LearnedSimulator simulator = make_ballistic();
+  Scene scene;
+  scene.gravity = {0, gravity, 0};
+  const Surroundings surroundings(scene);
+  std::vector<Vec3f> position;
+  for (int i = 0; i < 512; ++i)
+    position.push_back(Vec3f{0.45f, 0.75f, 0.45f} + Vec3f{float(i % 8), float(i / 8 % 8), float(i / 64)} * (0.1f / 8));
+  const auto start = start_history(position, std::vector<Vec3f>(512, Vec3f::zero()), scene.gravity, frame_time, 4);
+  LearnedSimulator::RolloutOptions options;
+  options.frames = 2;
+  const std::vector<int32_t> type(512, 5);
+  // Largest distance to free flight along each axis.
+  const auto off_course = [&](double limit) {
+    options.density_limit = limit;
+    const Trajectory t = simulator.rollout(scene, surroundings, type, start, options);
+    Vec3d most = Vec3d::zero();
+    for (std::size_t i = 0; i < position.size(); ++i) {
+      Vec3d flight = position[i].cast<double>();
+      flight[1] += gravity * frame_time * frame_time * 2;
+      for (int d = 0; d < 3; ++d) most[d] = std::max(most[d], std::abs(double(t.frames[2].position[i][d]) - flight[d]));
+    }
+    return most;
+  };
+  for (int d = 0; d < 3; ++d) {
+    EXPECT_LT(off_course(0)[d], 1e-6);
+    EXPECT_LT(off_course(1.2)[d], 1e-6) << "never so dense";
+    EXPECT_GT(off_course(0.1)[d], 0.02);
+  }
+}
+
 TEST_F(LearnedSimulatorTest, ARolloutThatBlowsUpStopsAndSaysWhen) {
   nn::Weights weights = random_weights(small_config(), free_flight());
   silence_decoder(weights);
