@@ -1,15 +1,19 @@
 #include "graph/cuda/cuda_simulator.h"
 
 #include <algorithm>
+#include <cmath>
+#include <optional>
 
 #include "core/cuda_check.h"
 #include "core/error.h"
 #include "core/parallel_for_in.h"
 #include "graph/cuda/hgn_passes.h"
+#include "graph/density_projection.h"
 #include "graph/grid_builder.h"
 #include "graph/hierarchical_graph_network.h"
 #include "graph/level_places.h"
 #include "graph/normalization.h"
+#include "graph/rest_density.h"
 
 namespace graupel::graph {
 
@@ -52,7 +56,8 @@ GRAUPEL_HD Vec3f acceleration_of(const Normalization& statistics, const float* o
   return acceleration;
 }
 
-/// v' = v + a, x' = x + v' in frame units (step_frame), then out of obstacles and into the walls.
+/// v' = v + a, x' = x + v' in frame units (step_frame), then out of obstacles and into the walls. The frame to come, or
+/// `next` where that is to be changed still.
 struct MoveParticles {
   Normalization statistics;
   const float* output;
@@ -62,12 +67,29 @@ struct MoveParticles {
   float limit;           ///< [m/frame]
   const int32_t* fault;  ///< the output is of no use
   FrameStatus* status;
+  Vec3f* next;
   GRAUPEL_HD void operator()(int64_t i) const {
     if (*fault != 0) return;
     const Vec3f now = ring.at(0, i), velocity = now - ring.at(1, i) + acceleration_of(statistics, output + 3 * i);
     if (!(norm2(velocity) <= limit * limit)) status->diverged = 1;
     Vec3f x = now + velocity;
     if (project) way.follow(now, x);
+    ring.at(-1, i) = x;
+    if (next) next[i] = x;
+  }
+};
+
+/// After the density projection of `next`: out of obstacles again.
+struct SettleParticles {
+  FrameRing ring;
+  WayFollower way;
+  bool project;
+  const int32_t* fault;
+  const Vec3f* next;
+  GRAUPEL_HD void operator()(int64_t i) const {
+    if (*fault != 0) return;
+    Vec3f x = next[i];
+    if (project) way.follow(ring.at(-1, i), x);
     ring.at(-1, i) = x;
   }
 };
@@ -246,7 +268,8 @@ struct CudaSimulator::Impl {
   Buffer<Vec3f> ring{Device::cuda, 0};  ///< [history + 2, particles]
   Buffer<FrameStatus> status{Device::cuda, 1};
   FrameStatus* seen = nullptr;  ///< the status on the host
-  Buffer<Vec3f> now{Device::cuda, 0};
+  Buffer<Vec3f> now{Device::cuda, 0}, next{Device::cuda, 0};
+  std::optional<DensityProjection> density;
   Buffer<int32_t> type_row{Device::cuda, 0};
   Buffer<float> features{Device::cuda, 0}, output{Device::cuda, 0};
 };
@@ -321,9 +344,15 @@ void CudaSimulator::Impl::launch_frame() {
   const Vec3d& size = scene->domain.size;
   const auto limit = static_cast<float>(std::max({size[0], size[1], size[2]}));
   const FrameRing frames = frame_ring();
+  const WayFollower way = surroundings->way_follower(Device::cuda);
   parallel_for_in(stream, Device::cuda, particles,
-                  MoveParticles{normalization, output.data(), frames, surroundings->way_follower(Device::cuda), project,
-                                limit, places.fault(), status.data()});
+                  MoveParticles{normalization, output.data(), frames, way, project, limit, places.fault(),
+                                status.data(), density ? next.data() : nullptr});
+  if (density) {
+    density->apply(next.data(), particles, stream);
+    parallel_for_in(stream, Device::cuda, particles,
+                    SettleParticles{frames, way, project, places.fault(), next.data()});
+  }
   parallel_for_in(stream, Device::cuda, 1, FinishFrame{frames.count, places.fault(), status.data()});
   GRAUPEL_CUDA_CHECK(cudaMemcpyAsync(seen, status.data(), sizeof(FrameStatus), cudaMemcpyDeviceToHost, stream));
   mark(end);
@@ -345,6 +374,12 @@ bool CudaSimulator::Impl::make_room() {
 void CudaSimulator::Impl::record_frame() {
   arena.reset();
   launch_network();
+  if (density) {  // begins each recording without pressure, so that a rollout is the same every time
+    next.upload(std::vector<Vec3f>(static_cast<std::size_t>(particles), Vec3f::filled(NAN)));
+    density->apply(next.data(), particles, stream);
+    wait();
+    density->restart();
+  }
   wait();
   arena.reset();
   recording = true;
@@ -362,9 +397,10 @@ CudaSimulator::~CudaSimulator() = default;
 
 void CudaSimulator::start(const Scene& scene, const Surroundings& surroundings,
                           const std::vector<int32_t>& particle_type, const std::vector<std::vector<Vec3f>>& positions,
-                          bool project) {
+                          bool project, double density_limit) {
   Impl& impl = *impl_;
   impl.drop_graph();
+  impl.room = {};
   impl.scene = &scene;
   impl.surroundings = &surroundings;
   impl.project = project;
@@ -387,6 +423,10 @@ void CudaSimulator::start(const Scene& scene, const Surroundings& surroundings,
   impl.features.resize_discard(particle_type.size() * static_cast<std::size_t>(rules.width));
   impl.output.resize_discard(3 * particle_type.size());
   impl.now.resize_discard(particle_type.size());
+  impl.next.resize_discard(particle_type.size());
+  impl.density.reset();
+  const double spacing = impl.config.spacing, rest = rest_density(scene, positions.back(), spacing);
+  if (density_limit * rest > 0) impl.density.emplace(Device::cuda, surroundings, density_limit * rest, spacing);
   impl.builder.prepare({{surroundings.wall_low, surroundings.wall_low, surroundings.wall_high, impl.particles}},
                        impl.stream);
   impl.wait();
