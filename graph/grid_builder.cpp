@@ -192,7 +192,7 @@ void GridBuilder::prepare(const std::vector<SceneGrid>& scenes, void* stream) {
   upload_in(stream, arrays_->word_begin, word_begin);
 }
 
-void GridBuilder::build(const Vec3f* position, void* stream) {
+void GridBuilder::build(const Vec3f* position, void* stream, bool with_counts) {
   Arrays& a = *arrays_;
   const GridCells cells{levels_,
                         scenes_,
@@ -226,7 +226,7 @@ void GridBuilder::build(const Vec3f* position, void* stream) {
   sort_by_key(device_, pairs, bits_for(most_level0_), a.pair_key.data(), a.pair_number.data(), a.sorted_key.data(),
               a.pair.data(), a.scratch, stream);
   launch(pairs + 1, FindSegments{pairs, a.sorted_key.data(), a.pair_begin.data()});
-  a.read_back.copy(a.tally, stream);
+  if (with_counts) a.read_back.copy(a.tally, stream);
 }
 
 GridCounts GridBuilder::counts(void* stream) const {

@@ -64,8 +64,8 @@ class GridBuilder {
   /// more than 2^30 cells.
   void prepare(const std::vector<SceneGrid>& scenes, void* stream = nullptr);
   /// Links for `position` [particles] in the device's memory; launches alone, nothing is waited for.
-  void build(const Vec3f* position, void* stream = nullptr);
-  /// Counts of the last build; waits for it.
+  void build(const Vec3f* position, void* stream = nullptr, bool with_counts = true);
+  /// Counts of the last build with counts; waits for it.
   GridCounts counts(void* stream = nullptr) const;
   GridLinks links() const;
 

@@ -162,6 +162,7 @@ void FusedNetwork::backward(const DeviceBatch& batch, const at::Tensor& grad) {
   graph::sum_segments({.segments = batch.level[0].cells,
                        .begin = index(batch.pair_begin),
                        .item = index(batch.pair),
+                       .are_long = true,
                        .source = pairs.d_sum,
                        .out16 = per_cell},
                       nullptr);

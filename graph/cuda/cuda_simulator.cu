@@ -1,15 +1,19 @@
 #include "graph/cuda/cuda_simulator.h"
 
 #include <algorithm>
+#include <cmath>
+#include <optional>
 
 #include "core/cuda_check.h"
 #include "core/error.h"
 #include "core/parallel_for_in.h"
 #include "graph/cuda/hgn_passes.h"
+#include "graph/density_projection.h"
 #include "graph/grid_builder.h"
 #include "graph/hierarchical_graph_network.h"
 #include "graph/level_places.h"
 #include "graph/normalization.h"
+#include "graph/rest_density.h"
 
 namespace graupel::graph {
 
@@ -52,7 +56,8 @@ GRAUPEL_HD Vec3f acceleration_of(const Normalization& statistics, const float* o
   return acceleration;
 }
 
-/// v' = v + a, x' = x + v' in frame units (step_frame), then out of obstacles and into the walls.
+/// v' = v + a, x' = x + v' in frame units (step_frame), then out of obstacles and into the walls. The frame to come, or
+/// `next` where that is to be changed still.
 struct MoveParticles {
   Normalization statistics;
   const float* output;
@@ -62,12 +67,29 @@ struct MoveParticles {
   float limit;           ///< [m/frame]
   const int32_t* fault;  ///< the output is of no use
   FrameStatus* status;
+  Vec3f* next;
   GRAUPEL_HD void operator()(int64_t i) const {
     if (*fault != 0) return;
     const Vec3f now = ring.at(0, i), velocity = now - ring.at(1, i) + acceleration_of(statistics, output + 3 * i);
     if (!(norm2(velocity) <= limit * limit)) status->diverged = 1;
     Vec3f x = now + velocity;
     if (project) way.follow(now, x);
+    ring.at(-1, i) = x;
+    if (next) next[i] = x;
+  }
+};
+
+/// After the density projection of `next`: out of obstacles again.
+struct SettleParticles {
+  FrameRing ring;
+  WayFollower way;
+  bool project;
+  const int32_t* fault;
+  const Vec3f* next;
+  GRAUPEL_HD void operator()(int64_t i) const {
+    if (*fault != 0) return;
+    Vec3f x = next[i];
+    if (project) way.follow(ring.at(-1, i), x);
     ring.at(-1, i) = x;
   }
 };
@@ -188,13 +210,18 @@ struct CudaSimulator::Impl {
         builder(Device::cuda, config.spacing, static_cast<int>(config.levels)) {
     network.refresh(nullptr);
     GRAUPEL_CUDA_CHECK(cudaStreamCreate(&stream));
+    GRAUPEL_CUDA_CHECK(cudaStreamCreate(&grid_stream));
+    for (cudaEvent_t* event : {&features_there, &grid_there})
+      GRAUPEL_CUDA_CHECK(cudaEventCreateWithFlags(event, cudaEventDisableTiming));
     GRAUPEL_CUDA_CHECK(cudaMallocHost(&seen, sizeof(FrameStatus)));
     for (cudaEvent_t& event : events) GRAUPEL_CUDA_CHECK(cudaEventCreate(&event));
   }
   ~Impl() {
     drop_graph();
     for (cudaEvent_t event : events) cudaEventDestroy(event);
+    for (cudaEvent_t event : {features_there, grid_there}) cudaEventDestroy(event);
     cudaFreeHost(seen);
+    cudaStreamDestroy(grid_stream);
     cudaStreamDestroy(stream);
   }
   Impl(const Impl&) = delete;
@@ -228,7 +255,8 @@ struct CudaSimulator::Impl {
   LevelPlaces places{Device::cuda};
   RowArena arena;
   HgnRecord record;
-  cudaStream_t stream = nullptr;
+  cudaStream_t stream = nullptr, grid_stream = nullptr;
+  cudaEvent_t features_there = nullptr, grid_there = nullptr;
   cudaGraphExec_t graph = nullptr;
   cudaEvent_t events[marks] = {};
   bool recording = false;
@@ -240,7 +268,8 @@ struct CudaSimulator::Impl {
   Buffer<Vec3f> ring{Device::cuda, 0};  ///< [history + 2, particles]
   Buffer<FrameStatus> status{Device::cuda, 1};
   FrameStatus* seen = nullptr;  ///< the status on the host
-  Buffer<Vec3f> now{Device::cuda, 0};
+  Buffer<Vec3f> now{Device::cuda, 0}, next{Device::cuda, 0};
+  std::optional<DensityProjection> density;
   Buffer<int32_t> type_row{Device::cuda, 0};
   Buffer<float> features{Device::cuda, 0}, output{Device::cuda, 0};
 };
@@ -278,20 +307,25 @@ HgnGraph CudaSimulator::Impl::placed_graph() const {
   return placed;
 }
 
-/// Features and grid of the newest frame.
+/// Features and, beside what follows in the stream, the grid of the newest frame.
 void CudaSimulator::Impl::launch_grid() {
   mark(begin);
   parallel_for_in(stream, Device::cuda, particles,
                   WriteFeatures{FeatureRules(config, normalization), surroundings->view(Device::cuda), frame_ring(),
                                 features.data(), now.data()});
   mark(features_done);
-  builder.build(now.data(), stream);
+  GRAUPEL_CUDA_CHECK(cudaEventRecord(features_there, stream));
+  GRAUPEL_CUDA_CHECK(cudaStreamWaitEvent(grid_stream, features_there, 0));
+  builder.build(now.data(), grid_stream, /*with_counts=*/!recording);
 }
 
 void CudaSimulator::Impl::launch_network() {
-  places.place(builder.links(), particles, stream);
-  mark(hierarchy_done);
-  const float* const latents = forward_to_decoder(network, placed_graph(), arena, record, stream);
+  places.place(builder.links(), particles, grid_stream);
+  GRAUPEL_CUDA_CHECK(cudaEventRecord(grid_there, grid_stream));
+  const float* const latents = forward_to_decoder(network, placed_graph(), arena, record, stream, [&] {
+    GRAUPEL_CUDA_CHECK(cudaStreamWaitEvent(stream, grid_there, 0));
+    mark(hierarchy_done);
+  });
   const FcnWeights& last = network.fcn("decoder");
   decode({.rows = particles,
           .x = latents,
@@ -310,9 +344,15 @@ void CudaSimulator::Impl::launch_frame() {
   const Vec3d& size = scene->domain.size;
   const auto limit = static_cast<float>(std::max({size[0], size[1], size[2]}));
   const FrameRing frames = frame_ring();
+  const WayFollower way = surroundings->way_follower(Device::cuda);
   parallel_for_in(stream, Device::cuda, particles,
-                  MoveParticles{normalization, output.data(), frames, surroundings->way_follower(Device::cuda), project,
-                                limit, places.fault(), status.data()});
+                  MoveParticles{normalization, output.data(), frames, way, project, limit, places.fault(),
+                                status.data(), density ? next.data() : nullptr});
+  if (density) {
+    density->apply(next.data(), particles, stream);
+    parallel_for_in(stream, Device::cuda, particles,
+                    SettleParticles{frames, way, project, places.fault(), next.data()});
+  }
   parallel_for_in(stream, Device::cuda, 1, FinishFrame{frames.count, places.fault(), status.data()});
   GRAUPEL_CUDA_CHECK(cudaMemcpyAsync(seen, status.data(), sizeof(FrameStatus), cudaMemcpyDeviceToHost, stream));
   mark(end);
@@ -321,7 +361,7 @@ void CudaSimulator::Impl::launch_frame() {
 /// Room for the cells of the newest frame; false when a particle is outside the grid's box.
 bool CudaSimulator::Impl::make_room() {
   launch_grid();
-  const GridCounts counts = builder.counts(stream);
+  const GridCounts counts = builder.counts(grid_stream);
   if (counts.overflow) return false;
   if (room.holds(counts)) return true;
   drop_graph();
@@ -334,6 +374,12 @@ bool CudaSimulator::Impl::make_room() {
 void CudaSimulator::Impl::record_frame() {
   arena.reset();
   launch_network();
+  if (density) {  // begins each recording without pressure, so that a rollout is the same every time
+    next.upload(std::vector<Vec3f>(static_cast<std::size_t>(particles), Vec3f::filled(NAN)));
+    density->apply(next.data(), particles, stream);
+    wait();
+    density->restart();
+  }
   wait();
   arena.reset();
   recording = true;
@@ -351,9 +397,10 @@ CudaSimulator::~CudaSimulator() = default;
 
 void CudaSimulator::start(const Scene& scene, const Surroundings& surroundings,
                           const std::vector<int32_t>& particle_type, const std::vector<std::vector<Vec3f>>& positions,
-                          bool project) {
+                          bool project, double density_limit) {
   Impl& impl = *impl_;
   impl.drop_graph();
+  impl.room = {};
   impl.scene = &scene;
   impl.surroundings = &surroundings;
   impl.project = project;
@@ -376,6 +423,10 @@ void CudaSimulator::start(const Scene& scene, const Surroundings& surroundings,
   impl.features.resize_discard(particle_type.size() * static_cast<std::size_t>(rules.width));
   impl.output.resize_discard(3 * particle_type.size());
   impl.now.resize_discard(particle_type.size());
+  impl.next.resize_discard(particle_type.size());
+  impl.density.reset();
+  const double spacing = impl.config.spacing, rest = rest_density(scene, positions.back(), spacing);
+  if (density_limit * rest > 0) impl.density.emplace(Device::cuda, surroundings, density_limit * rest, spacing);
   impl.builder.prepare({{surroundings.wall_low, surroundings.wall_low, surroundings.wall_high, impl.particles}},
                        impl.stream);
   impl.wait();

@@ -21,9 +21,14 @@ std::string numbered(const std::string& block, int64_t k, const char* part = "")
   return std::string(block).append(".").append(std::to_string(k)).append(part);
 }
 
+/// W_s f_s, and W_r f_r with the bias, of the first layer of an edge network, [cells].
+struct Projections {
+  float *sender = nullptr, *receiver = nullptr;
+};
+
 /// Results of one iteration of message passing.
 struct IterationRows {
-  float *sender, *receiver;    ///< [cells]
+  Projections projections;
   uint16_t *message, *latent;  ///< [edges]
   RowLatents nodes;            ///< [cells]
 };
@@ -33,17 +38,28 @@ class ForwardPass {
   ForwardPass(const PackedHgn& network, const HgnGraph& graph, RowMemory& memory, HgnRecord& record, void* stream)
       : network_(network), graph_(graph), memory_(memory), record_(record), stream_(stream) {}
 
-  float* run();
+  float* run(const std::function<void()>& grid_ready);
 
  private:
   RowLatents latents(int64_t rows) { return {memory_.rows32(rows), memory_.rows16(rows)}; }
   void encode();
   RowLatents particle_to_grid();
   float* grid_to_particle(const RowLatents& cells);
+  Projections projections(const LevelLinks& level) {
+    return {memory_.rows32(level.cells), memory_.rows32(level.cells)};
+  }
+  /// Where nothing is kept, networks make their rows' projections for the iteration that comes next.
+  bool looks_ahead() const { return !memory_.keeps_all() && can_look_ahead(); }
+  RowOutlook outlook(const std::string& edge_name, const Projections& to) const {
+    return {{network_.tile(edge_name, 0), network_.tile(edge_name, h)},
+            {nullptr, network_.fcn(edge_name).b1},
+            {to.sender, to.receiver}};
+  }
+  /// `ready`: the first iteration's projections where they are there already.
   RowLatents pass_messages(const std::string& block, const LevelLinks& level, RowLatents nodes,
-                           HgnRecord::Block& record);
+                           HgnRecord::Block& record, const Projections& ready = {});
   RowLatents restrict_to_coarse(std::size_t l, const RowLatents& fine);
-  RowLatents prolong_to_fine(std::size_t l, const RowLatents& coarse, const RowLatents& fine);
+  RowLatents prolong_to_fine(std::size_t l, const RowLatents& coarse, const RowLatents& fine, Projections& ahead);
 
   const PackedHgn& network_;
   const HgnGraph& graph_;
@@ -52,7 +68,7 @@ class ForwardPass {
   void* stream_;
 };
 
-float* ForwardPass::run() {
+float* ForwardPass::run(const std::function<void()>& grid_ready) {
   const auto levels = static_cast<std::size_t>(network_.config().levels);
   GRAUPEL_ASSERT(graph_.level.size() == levels);
   record_ = {};
@@ -61,15 +77,18 @@ float* ForwardPass::run() {
   record_.restriction.resize(levels);
   record_.prolongation.resize(levels);
   encode();
+  if (grid_ready) grid_ready();
   std::vector<RowLatents> f(levels);
   f[0] = particle_to_grid();
   for (std::size_t l = 0; l < levels; ++l) {
     f[l] = pass_messages(numbered("down", static_cast<int64_t>(l)), graph_.level[l], f[l], record_.down[l]);
     if (l + 1 < levels) f[l + 1] = restrict_to_coarse(l, f[l]);
   }
-  for (std::size_t l = levels - 1; l-- > 0;)
-    f[l] = pass_messages(numbered("up", static_cast<int64_t>(l)), graph_.level[l], prolong_to_fine(l, f[l + 1], f[l]),
-                         record_.up[l]);
+  for (std::size_t l = levels - 1; l-- > 0;) {
+    Projections ahead;
+    const RowLatents refined = prolong_to_fine(l, f[l + 1], f[l], ahead);
+    f[l] = pass_messages(numbered("up", static_cast<int64_t>(l)), graph_.level[l], refined, record_.up[l], ahead);
+  }
   return grid_to_particle(f[0]);
 }
 
@@ -87,7 +106,7 @@ void ForwardPass::encode() {
                    .out = first},
                   stream_);
   record_.particles = latents(n);
-  RowNetwork& encoder = record_.encoder = network_.network("encoder", n, graph_.particle_count);
+  RowNetwork& encoder = record_.encoder = network_.network("encoder", n);
   encoder.table[0] = {first, {}};
   encoder.sum32 = record_.particles.f32;
   encoder.copy16 = record_.particles.f16;
@@ -124,6 +143,7 @@ RowLatents ForwardPass::particle_to_grid() {
                 .row_count = graph_.level[0].cell_count,
                 .begin = graph_.pair_begin,
                 .item = graph_.pair,
+                .are_long = true,
                 .source = to_grid.out16,
                 .weight = graph_.weight,
                 .scale = static_cast<float>(network_.config().p2g_scale),
@@ -175,7 +195,8 @@ RowLatents ForwardPass::restrict_to_coarse(std::size_t l, const RowLatents& fine
   return coarse;
 }
 
-RowLatents ForwardPass::prolong_to_fine(std::size_t l, const RowLatents& coarse, const RowLatents& fine) {
+RowLatents ForwardPass::prolong_to_fine(std::size_t l, const RowLatents& coarse, const RowLatents& fine,
+                                        Projections& ahead) {
   const LevelLinks& level = graph_.level[l];
   const std::string name = numbered("prolong", static_cast<int64_t>(l));
   const RowLatents refined = latents(level.cells);
@@ -186,42 +207,55 @@ RowLatents ForwardPass::prolong_to_fine(std::size_t l, const RowLatents& coarse,
   network.add32 = fine.f32;
   network.sum32 = refined.f32;
   network.copy16 = refined.f16;
+  if (looks_ahead()) {
+    ahead = projections(level);
+    network.outlook = outlook(numbered(numbered("up", static_cast<int64_t>(l)), 0, ".edge"), ahead);
+  }
   forward(network, stream_);
   return refined;
 }
 
 RowLatents ForwardPass::pass_messages(const std::string& block, const LevelLinks& level, RowLatents nodes,
-                                      HgnRecord::Block& record) {
+                                      HgnRecord::Block& record, const Projections& ready) {
   // Layer 1 of edge s -> r: W_s f_s + W_r f_r + b + W_e e; e is the unit vector at first, the edge latent after.
   const int64_t iterations = network_.config().message_passing;
-  std::vector<IterationRows> rows;
+  std::vector<IterationRows> all;
+  const auto rows_of = [&](int64_t k) -> IterationRows& {
+    const bool keeps = memory_.keeps_all(), passes_on = k > 0 && k + 1 < iterations;
+    const auto place = static_cast<std::size_t>(keeps ? k : k % 2);
+    if (place == all.size())
+      all.push_back({projections(level), memory_.rows16(level.edges),
+                     keeps && !passes_on ? nullptr : memory_.rows16(level.edges), latents(level.cells)});
+    return all[place];
+  };
   uint16_t* latent = nullptr;
+  Projections projected = ready;
   for (int64_t k = 0; k < iterations; ++k) {
     const std::string edge_name = numbered(block, k, ".edge");
     const std::string cell_name = numbered(block, k, ".cell");
     HgnRecord::Iteration& iteration = record.emplace_back();
-    const bool keeps = memory_.keeps_all(), passes_on = k > 0 && k + 1 < iterations;
-    if (keeps || k < 2)
-      rows.push_back({memory_.rows32(level.cells), memory_.rows32(level.cells), memory_.rows16(level.edges),
-                      keeps && !passes_on ? nullptr : memory_.rows16(level.edges), latents(level.cells)});
-    const IterationRows& own = keeps ? rows.back() : rows[static_cast<std::size_t>(k % 2)];
-    project({.rows = level.cells,
-             .row_count = level.cell_count,
-             .x = nodes.f16,
-             .weight = {network_.tile(edge_name, 0), network_.tile(edge_name, h)},
-             .bias = {nullptr, network_.fcn(edge_name).b1},
-             .out = {own.sender, own.receiver}},
-            stream_);
+    const IterationRows own = rows_of(k);
+    if (projected.sender == nullptr) {
+      projected = own.projections;
+      const RowOutlook wanted = outlook(edge_name, projected);
+      project({.rows = level.cells,
+               .row_count = level.cell_count,
+               .x = nodes.f16,
+               .weight = {wanted.weight[0], wanted.weight[1]},
+               .bias = {wanted.bias[0], wanted.bias[1]},
+               .out = {wanted.out[0], wanted.out[1]}},
+              stream_);
+    }
     RowNetwork& edge = iteration.edge = network_.network(edge_name, level.edges, level.edge_count);
-    edge.table[0] = {own.sender, {level.sender}};
-    edge.table[1] = {own.receiver, {level.receiver}};
+    edge.table[0] = {projected.sender, {level.sender}};
+    edge.table[1] = {projected.receiver, {level.receiver}};
     edge.out16 = own.message;
     uint16_t* next_latent = edge.out16;
     if (k == 0) {
       edge.table[2] = {network_.table(edge_name), {level.slot}};
     } else {
       edge.operand[0] = {.rows = latent, .weight = network_.tile(edge_name, 2 * h)};
-      if (passes_on) {
+      if (k + 1 < iterations) {
         next_latent = own.latent;
         edge.add16 = latent;
         edge.sum16 = next_latent;
@@ -240,6 +274,11 @@ RowLatents ForwardPass::pass_messages(const std::string& block, const LevelLinks
     cell.add32 = nodes.f32;
     cell.sum32 = own.nodes.f32;
     cell.copy16 = own.nodes.f16;
+    projected = {};
+    if (looks_ahead() && k + 1 < iterations) {
+      projected = rows_of(k + 1).projections;
+      cell.outlook = outlook(numbered(block, k + 1, ".edge"), projected);
+    }
     forward(cell, stream_);
     nodes = own.nodes;
   }
@@ -323,8 +362,8 @@ RowNetwork PackedHgn::network(const std::string& name, int64_t rows, const int32
 }
 
 float* forward_to_decoder(const PackedHgn& network, const HgnGraph& graph, RowMemory& memory, HgnRecord& record,
-                          void* stream) {
-  return ForwardPass(network, graph, memory, record, stream).run();
+                          void* stream, const std::function<void()>& grid_ready) {
+  return ForwardPass(network, graph, memory, record, stream).run(grid_ready);
 }
 
 }  // namespace graupel::graph

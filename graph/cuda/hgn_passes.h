@@ -4,6 +4,7 @@
 // cell.
 #pragma once
 
+#include <functional>
 #include <map>
 #include <string>
 #include <utility>
@@ -107,8 +108,9 @@ struct HgnRecord {
   std::vector<Block> down, up;                        ///< [levels]
 };
 
-/// Latents of the particles before the decoder, [particles, 128]: encoder's plus what the cells send.
+/// Latents of the particles before the decoder, [particles, 128]: encoder's plus what the cells send. `grid_ready` is
+/// called when the encoder has been launched, which does not need the grid.
 float* forward_to_decoder(const PackedHgn& network, const HgnGraph& graph, RowMemory& memory, HgnRecord& record,
-                          void* stream);
+                          void* stream, const std::function<void()>& grid_ready = {});
 
 }  // namespace graupel::graph

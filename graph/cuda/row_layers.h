@@ -41,6 +41,13 @@ struct RowTable {
   RowOf row;
 };
 
+/// What the next kernels want of rows: out[j] = x W[j]^T + bias[j], f32.
+struct RowOutlook {
+  const uint16_t* weight[2] = {nullptr, nullptr};
+  const float* bias[2] = {nullptr, nullptr};
+  float* out[2] = {nullptr, nullptr};
+};
+
 /// y[r] = LayerNorm(W2 LeakyReLU_0.01(sum of operands W1^T + sum of tables) + b2), r < rows, eps 1e-5.
 struct RowNetwork {
   int64_t rows = 0;
@@ -61,8 +68,11 @@ struct RowNetwork {
   /// without operands, in place of the other sums.
   const float *group_weight = nullptr, *group_add32 = nullptr;
   float* group32 = nullptr;
+  RowOutlook outlook;  ///< of sum32's rows, rounded, where wanted: of a network with two operands
 };
 void forward(const RowNetwork& network, void* stream);
+/// Whether the GPU has the shared memory that networks with an outlook need.
+bool can_look_ahead();
 
 /// Gradient of an operand: result = add + d, f32 or bf16.
 struct OperandGradient {
@@ -125,6 +135,7 @@ struct SegmentRows {
   int32_t first = 0;                   ///< subtracted from `begin`
   const int32_t* item = nullptr;       ///< rows; null: as they stand
   int32_t fixed = 0;
+  bool are_long = false;  ///< some have hundreds of rows
   const uint16_t* source = nullptr;
   const float* weight = nullptr;  ///< of a row
   float scale = 1;

@@ -35,7 +35,6 @@ __device__ void load_weights(const RowNetwork& n, const Shared<warps>& shared) {
   load_tile(shared.tile(0), n.w2);
 #pragma unroll
   for (int j = 0; j < operands; ++j) load_tile(shared.tile(1 + j), n.operand[j].weight);
-  __syncthreads();
 }
 
 /// What follows the layer norm: residual sums in f32 and bf16.
@@ -105,13 +104,52 @@ __device__ void write_groups(const RowNetwork& n, int64_t rows, const Sums& c, i
   }
 }
 
-template <int operands, int warps, bool groups = false>
+/// c += sum32's addend.
+__device__ void add_before(const RowNetwork& n, int64_t rows, Sums& c, int64_t first, int lane) {
+#pragma unroll
+  for (int half = 0; half < 2; ++half) {
+    const int64_t r = first + lane / 4 + 8 * half;
+    if (r >= rows) continue;
+    const float2* const before = reinterpret_cast<const float2*>(n.add32 + r * layer_width) + lane % 4;
+#pragma unroll
+    for (int j = 0; j < column_blocks; ++j) {
+      const float2 v = before[4 * j];
+      c[j][2 * half] += v.x, c[j][2 * half + 1] += v.y;
+    }
+  }
+}
+
+/// What comes after the layer norm of a network with an outlook: sum32, copy16 and the outlook.
+template <int warps>
+__device__ void write_outlook(const RowNetwork& n, int64_t rows, Sums& c, const Shared<warps>& shared, uint16_t* mine,
+                              int64_t first, int lane) {
+  add_before(n, rows, c, first, lane);
+  write_operand_gradient({nullptr, n.sum32}, c, first, rows, lane);
+  store_rows(mine, c, lane);
+  __syncwarp();
+  copy_out(n.copy16, mine, first, rows, lane);
+#pragma unroll
+  for (int j = 0; j < 2; ++j) {
+    clear(c);
+    product(c, mine, shared.tile(3 + j), lane);
+    if (n.outlook.bias[j]) add_bias(c, n.outlook.bias[j], lane);
+    write_operand_gradient({nullptr, n.outlook.out[j]}, c, first, rows, lane);
+  }
+  __syncwarp();
+}
+
+enum class After { sums, groups, outlook };  ///< what follows the layer norm
+
+template <int operands, int warps, After after = After::sums>
 __global__ void __launch_bounds__(32 * warps, operands == 2 ? 1 : 2) forward_kernel(RowNetwork n) {
   start_next();
-  const Shared<warps> shared{shared_numbers, 1 + operands};
+  const Shared<warps> shared{shared_numbers, 1 + operands + (after == After::outlook ? 2 : 0)};
+  if constexpr (after == After::outlook)
+    for (int j = 0; j < 2; ++j) load_tile(shared.tile(3 + j), n.outlook.weight[j]);
   load_weights<operands>(n, shared);
   wait_for_previous();
   const int64_t rows = rows_now(n.rows, n.row_count);
+  wait_for_tiles();
   const int warp = static_cast<int>(threadIdx.x) / 32, lane = static_cast<int>(threadIdx.x) % 32;
   uint16_t* const mine = shared.rows(0, warp);
   const int64_t step = int64_t{gridDim.x} * warps * warp_rows;
@@ -138,8 +176,10 @@ __global__ void __launch_bounds__(32 * warps, operands == 2 ? 1 : 2) forward_ker
       copy_out(n.out16, mine, first, rows, lane);
       __syncwarp();
     }
-    if constexpr (groups)
+    if constexpr (after == After::groups)
       write_groups(n, rows, c, first, lane);
+    else if constexpr (after == After::outlook)
+      write_outlook(n, rows, c, shared, mine, first, lane);
     else
       write_sums(n, rows, c, first, lane);
   }
@@ -206,6 +246,7 @@ __global__ void __launch_bounds__(32 * warps, 1) backward_kernel(RowNetworkGradi
   const RowNetwork& n = d.network;
   const Shared<warps> shared{shared_numbers, 1 + operands};
   load_weights<operands>(n, shared);
+  wait_for_tiles();
   const int warp = static_cast<int>(threadIdx.x) / 32, lane = static_cast<int>(threadIdx.x) % 32;
   uint16_t *const hidden = shared.rows(0, warp), *const raw = shared.rows(1, warp);
   float gamma_sums[4] = {0, 0, 0, 0}, beta_sums[4] = {0, 0, 0, 0};
@@ -267,10 +308,11 @@ __global__ void __launch_bounds__(32 * warps, 1) backward_kernel(RowNetworkGradi
   d.norm_partial[int64_t{blockIdx.x} * 2 * layer_width + threadIdx.x] = total;
 }
 
-template <int operands, int warps, bool groups = false>
+template <int operands, int warps, After after = After::sums>
 void launch_forward(const RowNetwork& n, int resident, void* stream) {
-  launch_ahead(forward_kernel<operands, warps, groups>, blocks_for(n.rows, resident), 32 * warps,
-               shared_bytes(warps, 1 + operands, 1), n, stream);
+  constexpr int tiles = 1 + operands + (after == After::outlook ? 2 : 0);
+  launch_ahead(forward_kernel<operands, warps, after>, blocks_for(n.rows, resident), 32 * warps,
+               shared_bytes(warps, tiles, 1), n, stream);
 }
 
 template <int operands>
@@ -287,16 +329,33 @@ int operands_of(const RowNetwork& n) { return n.operand[1].rows ? 2 : n.operand[
 
 void forward(const RowNetwork& network, void* stream) {
   if (network.rows == 0) return;
-  GRAUPEL_ASSERT(!network.group32 || (operands_of(network) == 0 && !network.sum32 && !network.sum16));
-  switch (operands_of(network)) {
+  const int operands = operands_of(network);
+  if (network.group32) {
+    GRAUPEL_ASSERT(operands == 0 && !network.sum32 && !network.sum16);
+    return launch_forward<0, few_warps, After::groups>(network, 2, stream);
+  }
+  if (network.outlook.out[0]) {
+    GRAUPEL_ASSERT(operands == 2 && network.add32 && network.sum32 && network.copy16 && !network.sum16);
+    return launch_forward<2, many_warps, After::outlook>(network, 1, stream);
+  }
+  switch (operands) {
     case 0:
-      return network.group32 ? launch_forward<0, few_warps, true>(network, 2, stream)
-                             : launch_forward<0, few_warps>(network, 2, stream);
+      return launch_forward<0, few_warps>(network, 2, stream);
     case 1:
       return launch_forward<1, few_warps>(network, 2, stream);
     default:
       return launch_forward<2, many_warps>(network, 1, stream);
   }
+}
+
+bool can_look_ahead() {
+  static const bool can = [] {
+    int device = 0, bytes = 0;
+    GRAUPEL_CUDA_CHECK(cudaGetDevice(&device));
+    GRAUPEL_CUDA_CHECK(cudaDeviceGetAttribute(&bytes, cudaDevAttrMaxSharedMemoryPerBlockOptin, device));
+    return bytes >= shared_bytes(many_warps, 5, 1);
+  }();
+  return can;
 }
 
 int backward(const RowNetworkGradient& gradient, void* stream) {

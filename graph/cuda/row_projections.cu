@@ -37,9 +37,9 @@ __global__ void __launch_bounds__(threads, 2) project_kernel(RowProjection p) {
   const Shared<warps> shared{shared_numbers, 2};
   for (int j = 0; j < 2; ++j)
     if (p.weight[j]) load_tile(shared.tile(j), p.weight[j]);
-  __syncthreads();
   wait_for_previous();
   const int64_t rows = rows_now(p.rows, p.row_count);
+  wait_for_tiles();
   const int warp = static_cast<int>(threadIdx.x) / 32, lane = static_cast<int>(threadIdx.x) % 32;
   uint16_t* const mine = shared.rows(0, warp);
   const RowOperand x{p.x};
@@ -66,7 +66,7 @@ __global__ void __launch_bounds__(threads, 2) project_back_kernel(ProjectionGrad
   const Shared<warps> shared{shared_numbers, 2};
   for (int j = 0; j < 2; ++j)
     if (p.d[j].weight) load_tile(shared.tile(j), p.d[j].weight);
-  __syncthreads();
+  wait_for_tiles();
   const int warp = static_cast<int>(threadIdx.x) / 32, lane = static_cast<int>(threadIdx.x) % 32;
   uint16_t* const mine = shared.rows(0, warp);
   const int64_t step = int64_t{gridDim.x} * warps * warp_rows;
@@ -86,31 +86,46 @@ __global__ void __launch_bounds__(threads, 2) project_back_kernel(ProjectionGrad
   }
 }
 
-/// Half a warp a segment; a lane has eight columns.
+/// `ways` half warps a segment, each with every ways-th eight of its rows; a lane has eight columns.
+template <int ways>
 __global__ void __launch_bounds__(threads) sum_segments_kernel(SegmentRows s) {
   start_next();
   wait_for_previous();
-  const int64_t segment = int64_t{blockIdx.x} * (threads / 16) + threadIdx.x / 16;
-  const int lane = static_cast<int>(threadIdx.x) % 16;
-  if (segment >= rows_now(s.segments, s.row_count)) return;
-  const int64_t begin = s.begin ? s.begin[segment] - s.first : segment * s.fixed;
-  const int64_t end = s.begin ? s.begin[segment + 1] - s.first : begin + s.fixed;
+  constexpr int a_block = threads / (16 * ways), under_way = 8;
+  const int lane = static_cast<int>(threadIdx.x) % 16, way = static_cast<int>(threadIdx.x) / 16 % ways;
+  const int64_t segment = int64_t{blockIdx.x} * a_block + threadIdx.x / (16 * ways);
+  const bool there = segment < rows_now(s.segments, s.row_count);
+  if (ways == 1 && !there) return;
   float sum[8] = {};
-  constexpr int under_way = 8;
-  for (int64_t at = begin; at < end; at += under_way) {
-    uint4 word[under_way];
-    float weight[under_way];
+  if (there) {
+    const int64_t begin = s.begin ? s.begin[segment] - s.first : segment * s.fixed;
+    const int64_t end = s.begin ? s.begin[segment + 1] - s.first : begin + s.fixed;
+    for (int64_t at = begin + way * under_way; at < end; at += ways * under_way) {
+      uint4 word[under_way];
+      float weight[under_way];
 #pragma unroll
-    for (int k = 0; k < under_way; ++k) {
-      word[k] = {0, 0, 0, 0};
-      weight[k] = 0;
-      if (at + k >= end) continue;
-      const int64_t row = s.item ? s.item[at + k] : at + k;
-      weight[k] = s.weight ? s.weight[row] : 1.0f;
-      word[k] = *(reinterpret_cast<const uint4*>(s.source + row * layer_width) + lane);
+      for (int k = 0; k < under_way; ++k) {
+        word[k] = {0, 0, 0, 0};
+        weight[k] = 0;
+        if (at + k >= end) continue;
+        const int64_t row = s.item ? s.item[at + k] : at + k;
+        weight[k] = s.weight ? s.weight[row] : 1.0f;
+        word[k] = *(reinterpret_cast<const uint4*>(s.source + row * layer_width) + lane);
+      }
+#pragma unroll
+      for (int k = 0; k < under_way; ++k) add_numbers(sum, word[k], weight[k]);
     }
+  }
+  if constexpr (ways > 1) {
+    __shared__ float parts[threads * 8];
 #pragma unroll
-    for (int k = 0; k < under_way; ++k) add_numbers(sum, word[k], weight[k]);
+    for (int i = 0; i < 8; ++i) parts[threadIdx.x * 8 + i] = sum[i];
+    __syncthreads();
+    if (way > 0 || !there) return;
+#pragma unroll
+    for (int other = 1; other < ways; ++other)
+#pragma unroll
+      for (int i = 0; i < 8; ++i) sum[i] += parts[(threadIdx.x + 16 * other) * 8 + i];
   }
   const int64_t place = segment * layer_width + 8 * lane;
 #pragma unroll
@@ -131,13 +146,20 @@ __global__ void __launch_bounds__(threads) sum_segments_kernel(SegmentRows s) {
                                                   pack(sum[6], sum[7])};
 }
 
+template <int ways>
+void launch_sums(const SegmentRows& segments, void* stream) {
+  constexpr int a_block = threads / (16 * ways);
+  launch_ahead(sum_segments_kernel<ways>, static_cast<int>((segments.segments + a_block - 1) / a_block), threads, 0,
+               segments, stream);
+}
+
 __global__ void __launch_bounds__(threads, 2) decode_kernel(Decoder n) {
   constexpr int warps = few_warps;
   const Shared<warps> shared{shared_numbers, 1};
   start_next();
   load_tile(shared.tile(0), n.w1);
-  __syncthreads();
   wait_for_previous();
+  wait_for_tiles();
   const int warp = static_cast<int>(threadIdx.x) / 32, lane = static_cast<int>(threadIdx.x) % 32;
   uint16_t* const mine = shared.rows(0, warp);
   const int64_t step = int64_t{gridDim.x} * warps * warp_rows;
@@ -190,9 +212,7 @@ void project_back(const ProjectionGradient& gradient, void* stream) {
 
 void sum_segments(const SegmentRows& segments, void* stream) {
   if (segments.segments == 0) return;
-  constexpr int a_block = threads / 16;
-  launch_ahead(sum_segments_kernel, static_cast<int>((segments.segments + a_block - 1) / a_block), threads, 0, segments,
-               stream);
+  segments.are_long ? launch_sums<8>(segments, stream) : launch_sums<1>(segments, stream);
 }
 
 void decode(const Decoder& decoder, void* stream) {

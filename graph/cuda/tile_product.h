@@ -84,12 +84,19 @@ __device__ inline void product_back(Sums& c, const uint16_t* a, const uint16_t* 
   }
 }
 
-/// Copies a tile to shared memory; all threads of the block.
+/// Starts to copy a tile to shared memory; all threads of the block.
 __device__ inline void load_tile(uint16_t* to, const uint16_t* from) {
   constexpr int words = layer_width / 8;  // of 16 bytes in a row
   for (int i = static_cast<int>(threadIdx.x); i < layer_width * words; i += static_cast<int>(blockDim.x))
-    *reinterpret_cast<uint4*>(to + (i / words) * row_stride + (i % words) * 8) =
-        __ldg(reinterpret_cast<const uint4*>(from) + i);
+    asm volatile("cp.async.cg.shared.global [%0], [%1], 16;"
+                 :
+                 : "r"(shared_address(to + (i / words) * row_stride + (i % words) * 8)), "l"(from + 8 * i)
+                 : "memory");
+}
+/// The tiles that were asked for are there; all threads of the block.
+__device__ inline void wait_for_tiles() {
+  asm volatile("cp.async.wait_all;" ::: "memory");
+  __syncthreads();
 }
 
 __device__ inline float from_bf16(uint16_t bits) { return __uint_as_float(static_cast<uint32_t>(bits) << 16); }
