@@ -5,13 +5,17 @@
 #include <cmath>
 #include <cstdio>
 #include <nlohmann/json.hpp>
+#include <optional>
 
 #include "apps/common_options.h"
+#include "apps/libtorch_time.h"
 #include "apps/model_runs.h"
+#include "apps/training_program.h"
 #include "apps/verbs.h"
 #include "core/command_line.h"
 #include "core/error.h"
 #include "io/recipe_reader.h"
+#include "io/scene_reader.h"
 #include "mpm/scene_recipe.h"
 
 namespace graupel::apps {
@@ -26,13 +30,20 @@ struct BenchGraphOptions {
   std::vector<int64_t> particles = {3600};
   std::string recipe = "scenes/recipes/hgn.json";
   int64_t frames = 30, settle = 150;
+  bool libtorch = false;
 };
 
 /// One model at one state of one scene.
 struct GraphBenchRow {
   std::string state, model;
   std::size_t particles = 0;
-  compare::RunCost cost;
+  compare::RunCost cost = {};
+  double flop = 0;                            ///< of the network, in the frame in the middle of the run; 0 for MPM
+  std::optional<LibtorchTime> libtorch = {};  ///< of a row that is the network there; its cost is that alone
+  double over_engine = 0;                     ///< of such a row: its time over the whole frame of Graupel's engine
+
+  std::string label() const { return fmt::format("{} {} {}", particles, state, model); }
+  double flop_per_second() const { return cost.network > 0 ? flop / cost.network : 0; }
 };
 
 constexpr double recipe_particles = 3600;  ///< of a scene of the recipe, about
@@ -48,6 +59,16 @@ Scene scene_of_size(const SceneRecipe& recipe, int64_t particles, uint64_t seed)
   larger.groups.count = grown(recipe.groups.count);
   if (recipe.obstacles.count > 0) larger.obstacles.count = grown(recipe.obstacles.count);
   return mpm::draw_scene(larger, seed, mpm::Split::test, 0);
+}
+
+/// The newest `count` frames from which the frame in the middle of a network's run was predicted.
+std::vector<std::vector<Vec3f>> middle_history(const Trajectory& run, const Scene& scene, const StartState& start,
+                                               int64_t frames, int count) {
+  const int64_t usable = run.diverged_at_frame < 0 ? frames : run.diverged_at_frame - 1;
+  auto history = graph::start_history(start.position, start.velocity, scene.gravity, scene.frame_time, count);
+  for (int64_t f = 1; f <= usable / 2; ++f) history.push_back(run.frames[static_cast<std::size_t>(f)].position);
+  history.erase(history.begin(), history.end() - count);
+  return history;
 }
 
 class GraphBench {
@@ -67,6 +88,7 @@ class GraphBench {
   std::vector<GraphBenchRow> measure(int64_t particles) {
     const uint64_t seed = options_.common.seed;
     const Scene flying = scene_of_size(io::read_recipe(options_.recipe), particles, seed);
+    scene_json_ = io::scene_to_json(flying);
     std::vector<GraphBenchRow> rows = measure_state(flying, "flying");
     const TimedRun truth = run_mpm(
         flying,
@@ -83,21 +105,50 @@ class GraphBench {
     const graph::Surroundings surroundings(scene);
     std::vector<GraphBenchRow> rows;
     for (std::size_t m = 0; m < choices_.size(); ++m) {
-      const std::string label = fmt::format("{} {} {}", start.position.size(), state, choices_[m].name);
-      const TimedRun run = networks_[m]
-                               ? run_network(*networks_[m], scene, surroundings, start, options_.frames, device_, label)
-                               : run_mpm(scene, {.variant = choices_[m].variant,
-                                                 .device = device_,
-                                                 .seed = seed,
-                                                 .frames = options_.frames,
-                                                 .label = label});
-      rows.push_back({state, choices_[m].name, start.position.size(), run.cost});
+      GraphBenchRow row = {state, choices_[m].name, start.position.size()};
+      if (networks_[m]) {
+        measure_network(*networks_[m], scene, surroundings, start, std::move(row), rows);
+        continue;
+      }
+      row.cost = run_mpm(scene, {.variant = choices_[m].variant,
+                                 .device = device_,
+                                 .seed = seed,
+                                 .frames = options_.frames,
+                                 .label = row.label()})
+                     .cost;
+      rows.push_back(std::move(row));
     }
     return rows;
   }
 
+  /// Completes and appends the row of a network and, with --libtorch, appends those of the same network there.
+  void measure_network(const graph::LearnedSimulator& network, const Scene& scene,
+                       const graph::Surroundings& surroundings, const StartState& start, GraphBenchRow row,
+                       std::vector<GraphBenchRow>& rows) const {
+    const TimedRun run = run_network(network, scene, surroundings, start, options_.frames, device_, row.label());
+    const int history = std::max(3, static_cast<int>(network.config().history) + 1);
+    const NetworkState middle{scene_json_, scene.frame_time, start.particle_type,
+                              middle_history(run.run.trajectory, scene, start, options_.frames, history)};
+    row.cost = run.cost;
+    row.flop = network.flop(surroundings, middle.history.back());
+    rows.push_back(row);
+    const bool diverged_at_once = row.cost.frame == 0;
+    if (!options_.libtorch || diverged_at_once) return;
+    for (const graph::FirstLayers first_layers : {graph::FirstLayers::whole, graph::FirstLayers::split}) {
+      const LibtorchTime time = time_in_libtorch(row.model, middle, first_layers, device_);
+      GraphBenchRow there = row;
+      there.model += first_layers == graph::FirstLayers::whole ? " (libtorch)" : " (libtorch, split)";
+      there.cost = {.frame = time.seconds, .network = time.seconds};
+      there.flop = time.flop;
+      there.libtorch = time;
+      there.over_engine = time.seconds / row.cost.frame;
+      rows.push_back(std::move(there));
+    }
+  }
+
   const BenchGraphOptions& options_;
   Device device_;
+  std::string scene_json_;  ///< of the scene that is being measured
   std::vector<ModelChoice> choices_;
   std::vector<std::shared_ptr<const graph::LearnedSimulator>> networks_;
 };
@@ -109,18 +160,45 @@ double mpm_frame(const std::vector<GraphBenchRow>& rows, const GraphBenchRow& ro
   return 0;
 }
 
-void print_row(const GraphBenchRow& row, double mpm) {
+std::string ratio_text(double ratio) { return ratio > 0 ? fmt::format("{:.2f}", ratio) : ""; }
+
+/// Features, grid, network, projection [ms].
+std::string parts_text(const GraphBenchRow& row) {
   const compare::RunCost& c = row.cost;
-  const std::string faster = mpm > 0 ? fmt::format("{:.2f}", mpm / c.frame) : "";
-  const std::string parts = c.network > 0 ? fmt::format("{:.3g}, {:.3g}, {:.3g}, {:.3g}", 1e3 * c.features,
-                                                        1e3 * c.grid_build, 1e3 * c.network, 1e3 * c.projection)
-                                          : "";
-  std::printf("| %zu | %s | %s | %.3g | %s | %s |\n", row.particles, row.state.c_str(), row.model.c_str(),
-              1e3 * c.frame, faster.c_str(), parts.c_str());
+  if (row.libtorch) return "network alone";
+  if (c.network == 0) return "";
+  return fmt::format("{:.3g}, {:.3g}, {:.3g}, {:.3g}", 1e3 * c.features, 1e3 * c.grid_build, 1e3 * c.network,
+                     1e3 * c.projection);
+}
+
+void print_row(const GraphBenchRow& row, double mpm) {
+  const double rate = row.flop_per_second();
+  std::printf("| %zu | %s | %s | %.3g | %s | %s | %s | %s |\n", row.particles, row.state.c_str(), row.model.c_str(),
+              1e3 * row.cost.frame, ratio_text(row.libtorch ? 0 : mpm / row.cost.frame).c_str(),
+              ratio_text(row.over_engine).c_str(), parts_text(row).c_str(),
+              rate > 0 ? fmt::format("{:.3g}", 1e-9 * rate).c_str() : "");
   std::fflush(stdout);
 }
 
+Json json_of_libtorch(const GraphBenchRow& row) {
+  const LibtorchTime& time = *row.libtorch;
+  return {{"particles", row.particles},
+          {"state", row.state},
+          {"model", row.model},
+          {"network", row.cost.network},
+          {"over_engine_frame", row.over_engine},
+          {"flop", row.flop},
+          {"gflop_per_second", 1e-9 * row.flop_per_second()},
+          {"first_layers", name_of(time.first_layers)},
+          {"libtorch", time.version},
+          {"blas", time.blas},
+          {"device", time.device},
+          {"threads", time.threads},
+          {"number_type", time.number_type}};
+}
+
 Json json_of(const GraphBenchRow& row, double mpm) {
+  if (row.libtorch) return json_of_libtorch(row);
   const compare::RunCost& c = row.cost;
   Json json = {
       {"particles", row.particles}, {"state", row.state}, {"model", row.model}, {"seconds_per_frame", c.frame}};
@@ -130,6 +208,8 @@ Json json_of(const GraphBenchRow& row, double mpm) {
     json["grid"] = c.grid_build;
     json["network"] = c.network;
     json["projection"] = c.projection;
+    json["flop"] = row.flop;
+    json["gflop_per_second"] = 1e-9 * row.flop_per_second();
   } else {
     json["substeps_per_frame"] = c.substeps;
     json["search"] = c.search;
@@ -142,10 +222,13 @@ Json json_of(const GraphBenchRow& row, double mpm) {
 void bench_graph(BenchGraphOptions& options) {
   const Device device = options.common.device == "auto" ? Device::cpu : parse_device(options.common.device);
   options.common.apply();
+  if (options.libtorch) training_program();  // refuses before the work
   GraphBench bench(options, device);
   std::printf(
-      "| particles | state | model | ms a frame | mpm's over it | features, grid, network, projection [ms] |\n"
-      "|---|---|---|---|---|---|\n");
+      "| particles | state | model | ms a frame | mpm's over it | time over the engine's frame | features, grid, "
+      "network, "
+      "projection [ms] | network's GFLOP/s |\n"
+      "|---|---|---|---|---|---|---|---|\n");
   Json results = Json::array();
   for (const int64_t particles : options.particles) {
     const std::vector<GraphBenchRow> rows = bench.measure(particles);
@@ -180,10 +263,16 @@ void add_bench_graph(CLI::App& bench) {
   verb->add_option("--settle", options->settle, "Frames of MPM before the settled state")
       ->check(whole_number(1))
       ->capture_default_str();
+  verb->add_flag("--libtorch", options->libtorch, "Time each network in libtorch too, by graupel-train");
   options->common.add_to(*verb);
   verb->footer(
-      "Two states of each scene: as it starts to fall, and after --settle frames, at rest.\n\n"
+      "Two states of each scene: as it starts to fall, and after --settle frames, at rest. GFLOP/s: matrix products of "
+      "the\nframe in the middle of the run. --libtorch times that frame's network alone, features and grid given: as "
+      "the "
+      "papers\nwrite it, in libtorch's own operations, and with the first layers split as Graupel's engine has "
+      "them.\n\n"
       "Examples:\n  graupel bench graph --particles 3600 40000 --json graph.json\n"
+      "  graupel bench graph --libtorch --models models/hgn.safetensors\n"
       "  graupel bench graph --device cuda --particles 3600 40000 1000000");
   verb->callback([options] { bench_graph(*options); });
 }

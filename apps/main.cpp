@@ -12,6 +12,7 @@
 #include "core/command_line.h"
 #include "core/error.h"
 #include "core/stop_signal.h"
+#include "nn/bf16_products.h"
 
 namespace graupel::apps {
 namespace {
@@ -36,7 +37,9 @@ int run(int argc, char** argv) {
       "report.html\n"
       "'graupel VERB --help' explains a verb. Exit codes: 0 ok, 1 failed, 2 usage, 3 bad input, 4 diverged, 5 I/O, 130 "
       "interrupted.\nGRAUPEL_SIMD=baseline, avx2 or avx512 in the environment chooses the instruction set of MPM's "
-      "kernels on the CPU (default: the best there is).");
+      "kernels on the CPU (default: the best there is);\nGRAUPEL_PRODUCTS=f32 keeps the matrix products of networks on "
+      "the CPU "
+      "in f32 where it has units for bf16.");
   add_demo(app);
   add_compare(app);
   add_generate(app);
@@ -51,6 +54,7 @@ int run(int argc, char** argv) {
   add_bench(app);
   catch_stop_signals();
   try {
+    nn::choose_products();
     app.parse(argc, argv);
     return exit_code;
   } catch (const CLI::Success& help) {

@@ -5,6 +5,7 @@
 #include "graph/config_metadata.h"
 #include "graph/gns_processor.h"
 #include "graph/lap_timer.h"
+#include "graph/network_flop.h"
 #include "graph/normalization.h"
 #include "graph/particle_codec.h"
 #include "graph/workspace_pool.h"
@@ -107,6 +108,15 @@ std::vector<float> GnsNetwork::predict(const Surroundings& surroundings, const s
   std::vector<float> acceleration = impl_->forward(features, all_types, all_positions.back(), timing);
   acceleration.resize(3 * particle_type.size());
   return acceleration;
+}
+
+double GnsNetwork::flop(const Surroundings& surroundings, const std::vector<Vec3f>& position) const {
+  const GnsConfig& c = impl_->config;
+  std::vector<std::vector<Vec3f>> all = {position};
+  std::vector<int32_t> types_of_obstacles;
+  add_obstacle_particles(c, surroundings, all, types_of_obstacles);
+  const auto links = sparsegrid::build_radius_graph(all.back(), c.radius, sparsegrid::SelfEdges::with);
+  return flop_of(c, {links.points(), static_cast<int64_t>(position.size()), links.edges()});
 }
 
 void add_obstacle_particles(const GnsConfig& config, const Surroundings& surroundings,

@@ -40,6 +40,7 @@ class GnsNetwork : public Network {
   /// The obstacle particles, where the network was trained with them, come from the surroundings.
   std::vector<float> predict(const Surroundings& surroundings, const std::vector<int32_t>& particle_type,
                              const std::vector<std::vector<Vec3f>>& positions, FrameTiming& timing) const override;
+  double flop(const Surroundings& surroundings, const std::vector<Vec3f>& position) const override;
 
  private:
   struct Impl;

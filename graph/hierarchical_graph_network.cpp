@@ -7,6 +7,7 @@
 #include "graph/lap_timer.h"
 #include "graph/level_transfer.h"
 #include "graph/message_passing.h"
+#include "graph/network_flop.h"
 #include "graph/normalization.h"
 #include "graph/particle_transfer.h"
 #include "graph/workspace_pool.h"
@@ -105,6 +106,13 @@ std::vector<float> HierarchicalGraphNetwork::predict(const Surroundings& surroun
   std::vector<float> acceleration = forward(features, particle_type, hierarchy);
   timing.network += watch.lap();
   return acceleration;
+}
+
+double HierarchicalGraphNetwork::flop(const Surroundings& surroundings, const std::vector<Vec3f>& position) const {
+  const HgnConfig& c = impl_->config;
+  const auto hierarchy =
+      sparsegrid::build_hierarchy<3>(position, c.spacing, surroundings.wall_low, static_cast<int>(c.levels));
+  return flop_of(c, rows_of(hierarchy));
 }
 
 }  // namespace graupel::graph

@@ -99,6 +99,10 @@ std::vector<Vec3f> LearnedSimulator::one_step(const Surroundings& surroundings,
   return acceleration;
 }
 
+double LearnedSimulator::flop(const Surroundings& surroundings, const std::vector<Vec3f>& position) const {
+  return network_->flop(surroundings, position);
+}
+
 Trajectory LearnedSimulator::rollout(const Scene& scene, const Surroundings& surroundings,
                                      const std::vector<int32_t>& particle_type,
                                      const std::vector<std::vector<Vec3f>>& start,

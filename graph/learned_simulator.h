@@ -31,6 +31,8 @@ class LearnedSimulator {
   std::vector<Vec3f> one_step_on_gpu(const Scene& scene, const Surroundings& surroundings,
                                      const std::vector<int32_t>& particle_type,
                                      const std::vector<std::vector<Vec3f>>& positions) const;
+  /// Floating-point operations of the network for one frame of particles at `position` (graph/network_flop.h).
+  double flop(const Surroundings& surroundings, const std::vector<Vec3f>& position) const;
 
   struct RolloutOptions {
     int64_t frames = 300;

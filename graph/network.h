@@ -30,6 +30,9 @@ class Network {
   /// type that is not known.
   virtual std::vector<float> predict(const Surroundings& surroundings, const std::vector<int32_t>& particle_type,
                                      const std::vector<std::vector<Vec3f>>& positions, FrameTiming& timing) const = 0;
+
+  /// Floating-point operations of a frame of particles at `position` (graph/network_flop.h).
+  virtual double flop(const Surroundings& surroundings, const std::vector<Vec3f>& position) const = 0;
 };
 
 /// The network of a weights file, by its "architecture". Throws InputError for an unknown one and for damaged weights.

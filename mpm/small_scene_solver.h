@@ -18,11 +18,8 @@ inline bool is_small_scene(const Scene& scene, std::size_t particles) {
   const Vec<int, 3> blocks = grid_of<float>(scene.domain).blocks;
   int64_t nodes = 1;
   for (int d = 0; d < 3; ++d) nodes *= block_width * int64_t(blocks[d]);
-  const auto count = static_cast<int64_t>(particles);
-  const bool few =
-      count <= most_small_particles || (count <= most_spread_particles && count * nodes_of_spread_particle <= nodes);
-  return scene.time_step.policy == StepPolicy::fixed && few && nodes <= most_small_nodes &&
-         scene.obstacles.size() < 65000;
+  return scene.time_step.policy == StepPolicy::fixed && static_cast<int64_t>(particles) <= most_small_particles &&
+         nodes <= most_small_nodes && scene.obstacles.size() < 65000;
 }
 
 /// The contact laws of a scene, in the order of ContactLaw.

@@ -30,10 +30,9 @@ struct ContactLaw {
 };
 inline constexpr int laws_of_walls = 6;
 
-/// Most nodes and particles of a small scene: 900 MB of grids; above, sorted blocks are faster (docs/performance.md).
-/// Where there is room for matter to spread, many nodes a particle, they stay slower for longer.
-inline constexpr int64_t most_small_nodes = int64_t{1} << 23;
-inline constexpr int64_t most_small_particles = 16384, most_spread_particles = 131072, nodes_of_spread_particle = 24;
+/// Most nodes and particles of a small scene: 400 MB of grids; above, sorted blocks are faster (docs/performance.md).
+inline constexpr int64_t most_small_nodes = int64_t{1} << 22;
+inline constexpr int64_t most_small_particles = 16384;
 
 /// What a scene has beside its BatchScene.
 struct SmallScene {

@@ -5,6 +5,9 @@
 
 #include <algorithm>
 
+#include "nn/bf16_products.h"
+#include "nn/weights.h"
+
 namespace graupel::nn {
 
 namespace {
@@ -67,9 +70,17 @@ Linear::Linear(int out, int in, const float* weight, int stride, const std::vect
     for (int i = 0; i < in; ++i)
       weight_.data()[(o / panel * in + i) * panel + o % panel] = weight[static_cast<int64_t>(o) * stride + i];
   std::copy(bias.begin(), bias.end(), bias_.begin());
+  if (!has_bf16_units() || !suits_bf16_units(in)) return;
+  tiles_.resize_discard(static_cast<std::size_t>(padded_width(out)) * static_cast<std::size_t>(in));
+  tiles_.fill_zero();
+  for (int o = 0; o < out; ++o)
+    for (int i = 0; i < in; ++i)
+      tiles_.data()[bf16_place(o, i, in)] = bf16_from_float(weight[static_cast<int64_t>(o) * stride + i]);
 }
 
 void Linear::apply(const float* x, int64_t x_stride, int64_t rows, float* y, int64_t y_stride) const {
+  if (tiles_.size() > 0 && uses_bf16_products())
+    return multiply_on_units(x, x_stride, rows, in_, tiles_.data(), bias_.data(), width(), y, y_stride);
   for (int o = 0; o < width(); o += panel)
     multiply_rows<max_rows, Start::bias>(x, x_stride, rows, in_, weight_.data() + o * in_, bias_.data() + o, y + o,
                                          y_stride);

@@ -12,7 +12,8 @@ namespace graupel::nn {
 constexpr int padded_width(int n) { return (n + 31) / 32 * 32; }
 
 /// Rows are computed one by one in a fixed order of additions: results depend neither on how many rows are given at
-/// once nor on the thread that does it. Calls may run in parallel; each uses one thread.
+/// once nor on the thread that does it. Calls may run in parallel; each uses one thread. Where bf16 products were asked
+/// for (nn/bf16_products.h), apply() rounds x and W to bf16.
 class Linear {
  public:
   Linear() = default;
@@ -30,8 +31,9 @@ class Linear {
 
  private:
   int out_ = 0, in_ = 0;
-  Buffer<float> weight_;  ///< [width/32][in][32]
-  Buffer<float> bias_;    ///< [width]
+  Buffer<float> weight_;    ///< [width/32][in][32]
+  Buffer<float> bias_;      ///< [width]
+  Buffer<uint16_t> tiles_;  ///< of the weights in bf16, where the processor has units for them
 };
 
 }  // namespace graupel::nn

@@ -14,15 +14,24 @@ Function* openblas(const char* name) {
 
 }  // namespace
 
-SingleThreadedBlas::SingleThreadedBlas() {
+std::string blas_description() {
+  const auto config = openblas<char*()>("openblas_get_config");
+  const auto parallel = openblas<int()>("openblas_get_parallel");
+  if (config == nullptr || parallel == nullptr) return "";
+  constexpr const char* threads[] = {"one thread", "threads of its own", "OpenMP's threads"};
+  const int kind = parallel();
+  return std::string(config()) + (kind >= 0 && kind < 3 ? std::string(", ") + threads[kind] : "");
+}
+
+BlasThreads::BlasThreads(int threads) {
   const auto get = openblas<int()>("openblas_get_num_threads");
   const auto set = openblas<void(int)>("openblas_set_num_threads");
   if (get == nullptr || set == nullptr) return;
   before_ = get();
-  set(1);
+  set(threads);
 }
 
-SingleThreadedBlas::~SingleThreadedBlas() {
+BlasThreads::~BlasThreads() {
   if (before_ > 0) openblas<void(int)>("openblas_set_num_threads")(before_);
 }
 

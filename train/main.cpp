@@ -24,6 +24,7 @@
 #include "train/nsf_command.h"
 #include "train/rank_environment.h"
 #include "train/run_folder.h"
+#include "train/time_command.h"
 #include "train/training_loop.h"
 
 namespace graupel::train {
@@ -324,6 +325,7 @@ int run(int argc, char** argv) {
   add_options(*gns, of_gns);
   int exit_code = 0;
   add_nsf_command(app, command_line, exit_code);
+  add_time_command(app, command_line);
   try {
     app.parse(argc, argv);
   } catch (const CLI::Success& help) {

@@ -179,7 +179,7 @@ double squared_error(const rom::MlpMap& map, const MatrixXd& inputs, const Regre
 NetworkFit fit(const MatrixXd& inputs, const Regression& data, const std::vector<int>& run,
                const NetworkFitOptions& options) {
   const std::vector<Fold> parts = folds_of(run);
-  const SingleThreadedBlas one_thread;
+  const BlasThreads one_thread(1);
   std::optional<rom::MlpMap> map;
   std::vector<double> error(parts.size());
   std::mutex speaks;

@@ -9,6 +9,7 @@
 #include <ATen/ops/pow.h>
 #include <ATen/ops/sum.h>
 #include <ATen/ops/zeros.h>
+#include <c10/core/InferenceMode.h>
 #include <torch/version.h>
 
 #include <array>
@@ -16,6 +17,8 @@
 
 #include "core/error.h"
 #include "train/network_passes.h"
+#include "train/stopwatch.h"
+#include "train/whole_network.h"
 #ifdef GRAUPEL_HAVE_CUDA
 #include "train/fused_network.h"
 #endif
@@ -76,6 +79,10 @@ struct NetworkModule::Impl {
     fill(StateArray::ema, initial);
   }
 
+  const NetworkPasses& passes(StateArray which) const {
+    GRAUPEL_ASSERT(which == StateArray::weights || which == StateArray::ema);
+    return which == StateArray::weights ? *network : *average;
+  }
   at::Tensor& get(StateArray array) { return arrays[static_cast<std::size_t>(array)]; }
   void fill(StateArray array, const std::vector<float>& values) {
     get(array).copy_(
@@ -160,9 +167,28 @@ int64_t NetworkModule::parameter_count() const { return impl_->layout.parameter_
 
 std::vector<float> NetworkModule::predict(const Batch& batch, StateArray which) const {
   const at::NoGradGuard no_grad;
-  GRAUPEL_ASSERT(which == StateArray::weights || which == StateArray::ema);
-  const NetworkPasses& network = which == StateArray::weights ? *impl_->network : *impl_->average;
+  const NetworkPasses& network = impl_->passes(which);
   return impl_->read(network.forward(network.upload(batch), nullptr));
+}
+
+TimedPrediction NetworkModule::time_prediction(const Batch& batch, StateArray which, graph::FirstLayers first_layers,
+                                               int64_t warm_ups, int64_t runs) const {
+  const c10::InferenceMode inference;
+  const NetworkPasses& split = impl_->passes(which);
+  const WholeNetwork whole(impl_->config, impl_->layout, impl_->get(which));
+  const DeviceBatch on_device = split.upload(batch);
+  TimedPrediction timed;
+  at::Tensor prediction;
+  for (int64_t run = -warm_ups; run < runs; ++run) {
+    synchronize(impl_->device);
+    const Stopwatch watch;
+    prediction =
+        first_layers == graph::FirstLayers::whole ? whole.forward(on_device) : split.forward(on_device, nullptr);
+    synchronize(impl_->device);
+    if (run >= 0) timed.seconds.push_back(watch.seconds());
+  }
+  timed.accelerations = impl_->read(prediction);
+  return timed;
 }
 
 void NetworkModule::Impl::train_step(const DeviceBatch& batch, const StepSettings& settings, Comm& comm) {

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "core/device.h"
+#include "graph/network_flop.h"
 #include "nn/weights.h"
 #include "train/batch.h"
 #include "train/comm.h"
@@ -44,6 +45,11 @@ struct StepMeans {
   int64_t steps = 0;
 };
 
+struct TimedPrediction {
+  std::vector<float> accelerations;  ///< normalised [particles, 3], of the last run
+  std::vector<double> seconds;       ///< of every run
+};
+
 /// Threads and number formats of libtorch, for the whole process. `tf32` allows TF32 in matrix products on a GPU.
 void configure_torch(int threads, bool tf32);
 /// libtorch's version, e.g. "1.13.1".
@@ -67,6 +73,12 @@ class NetworkModule {
 
   /// Normalised accelerations [particles, 3], row-major, with the weights or their moving average.
   std::vector<float> predict(const Batch& batch, StateArray which) const;
+
+  /// Predictions in inference mode with their times, `runs` of them after `warm_ups` more. The batch is uploaded before
+  /// and results stay on the device; a GPU is waited for. See WholeNetwork for FirstLayers::whole; split is
+  /// predict()'s.
+  TimedPrediction time_prediction(const Batch& batch, StateArray which, graph::FirstLayers first_layers,
+                                  int64_t warm_ups, int64_t runs) const;
 
   /// Forward, backward and optimiser step. Returns at once on a GPU; the loss is kept there until take_means(). With
   /// several ranks `batch` is this rank's share: loss and gradient are those of all shares as one batch.

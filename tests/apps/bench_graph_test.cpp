@@ -4,7 +4,9 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 
+#include "nn/weights.h"
 #include "tests/apps/program.h"
+#include "tests/graph/random_weights.h"
 
 namespace graupel::test {
 namespace {
@@ -29,6 +31,59 @@ TEST(BenchGraph, HasARowForEveryModelAndState) {
   EXPECT_EQ(rows[0]["speed_against_mpm"], 1.0);
   EXPECT_EQ(rows[0]["substeps_per_frame"], 54);
   EXPECT_LE(rows[1]["network"].get<double>(), rows[1]["seconds_per_frame"].get<double>());
+}
+
+/// A network of 8 latents that lets particles fall, whatever it sees.
+template <typename Config>
+void write_tiny_network(const std::string& file, Config config) {
+  config.latent = 8;
+  config.message_passing = 2;
+  graph::Normalization normalization;
+  normalization.acceleration_mean[1] = static_cast<float>(-9.8 / 3600);
+  nn::Weights weights = graph::random_weights(config, normalization);
+  graph::silence_decoder(weights);
+  nn::write_safetensors(file, weights);
+}
+
+TEST(BenchGraph, PutsTheSameNetworksInLibtorchBesideThem) {
+  if (!std::filesystem::exists(GRAUPEL_BINARY_DIR "/graupel-train")) GTEST_SKIP() << "this build has no libtorch";
+  const Folder folder;
+  const std::string hgn = folder.file("hgn.safetensors"), gns = folder.file("gns.safetensors");
+  graph::GnsConfig with_obstacles;
+  with_obstacles.obstacle_particles = true;
+  with_obstacles.obstacle_spacing = 0.02;
+  write_tiny_network(hgn, graph::HgnConfig());
+  write_tiny_network(gns, with_obstacles);
+  const Outcome outcome = graupel("bench graph --libtorch --models " + hgn + "," + gns +
+                                  " --particles 900 --frames 2 --settle 2 --threads 1 --json " + folder.file("g.json"));
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.output;
+  EXPECT_TRUE(outcome.says("(libtorch, split)") && outcome.says("network alone")) << outcome.output;
+  std::ifstream file(folder.file("g.json"));
+  const auto rows = nlohmann::json::parse(file)["rows"];
+  ASSERT_EQ(rows.size(), 12U);  // two states, two networks: the engine, libtorch whole and split
+  for (std::size_t i = 0; i < rows.size(); i += 3) {
+    const auto &engine = rows[i], &whole = rows[i + 1], &split = rows[i + 2];
+    const std::string model = i % 6 == 0 ? hgn : gns;
+    EXPECT_EQ(engine["model"], model);
+    EXPECT_EQ(whole["model"], model + " (libtorch)");
+    EXPECT_EQ(split["model"], model + " (libtorch, split)");
+    // Both programs count the same graph, obstacle particles included.
+    EXPECT_EQ(split["flop"], engine["flop"]);
+    EXPECT_GT(whole["flop"].get<double>(), engine["flop"].get<double>());
+    EXPECT_DOUBLE_EQ(whole["over_engine_frame"].get<double>(),
+                     whole["network"].get<double>() / engine["seconds_per_frame"].get<double>());
+    EXPECT_DOUBLE_EQ(engine["gflop_per_second"].get<double>(),
+                     1e-9 * engine["flop"].get<double>() / engine["network"].get<double>());
+    EXPECT_EQ(split["threads"], 1);
+  }
+}
+
+TEST(BenchGraph, SaysHowToGetLibtorch) {
+  const Folder folder;
+  std::filesystem::copy_file(GRAUPEL_BINARY_DIR "/graupel", folder.file("graupel"));
+  const Outcome outcome = run_program(folder.file("graupel"), "bench graph --libtorch --models mpm");
+  EXPECT_EQ(outcome.exit_code, 2);
+  EXPECT_TRUE(outcome.says("graupel-train' is not there") && outcome.says("Install libtorch-dev")) << outcome.output;
 }
 
 TEST(BenchGraph, RefusesReducedModels) {

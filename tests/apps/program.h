@@ -19,9 +19,9 @@ struct Outcome {
   bool says(const std::string& text) const { return output.find(text) != std::string::npos; }
 };
 
-/// Runs build/graupel with these arguments (a shell line) in the repository's root.
-inline Outcome graupel(const std::string& arguments) {
-  const std::string line = "cd '" GRAUPEL_SOURCE_DIR "' && '" GRAUPEL_BINARY_DIR "/graupel' " + arguments + " 2>&1";
+/// Runs this file with these arguments (a shell line) in the repository's root.
+inline Outcome run_program(const std::string& file, const std::string& arguments) {
+  const std::string line = "cd '" GRAUPEL_SOURCE_DIR "' && '" + file + "' " + arguments + " 2>&1";
   Outcome outcome;
   std::FILE* pipe = ::popen(line.c_str(), "r");
   if (pipe == nullptr) return outcome;
@@ -32,6 +32,9 @@ inline Outcome graupel(const std::string& arguments) {
   outcome.exit_code = WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
   return outcome;
 }
+
+/// The same for build/graupel.
+inline Outcome graupel(const std::string& arguments) { return run_program(GRAUPEL_BINARY_DIR "/graupel", arguments); }
 
 /// A folder that is removed with the test.
 class Folder {

@@ -68,6 +68,17 @@ Cloud random_cloud(const graph::GnsConfig& config, uint64_t seed, int particles,
   return cloud;
 }
 
+void expect_close(const std::vector<float>& expected, const std::vector<float>& actual, std::size_t count) {
+  ASSERT_EQ(actual.size(), count);
+  double difference2 = 0, size2 = 0;
+  for (std::size_t i = 0; i < actual.size(); ++i) {
+    difference2 += std::pow(actual[i] - expected[i], 2);
+    size2 += std::pow(expected[i], 2);
+  }
+  EXPECT_GT(size2, 0);
+  EXPECT_LT(std::sqrt(difference2 / size2), 1e-5);
+}
+
 void expect_parity(const graph::GnsConfig& config, int particles, int obstacles) {
   for (const NumberType number : {NumberType::f32, NumberType::f64}) {
     const NetworkModule module(config, Device::cpu, 11, number);
@@ -77,15 +88,12 @@ void expect_parity(const graph::GnsConfig& config, int particles, int obstacles)
     const graph::GnsNetwork engine(weights);
     const Cloud cloud = random_cloud(config, 3, particles, 0.3, obstacles);
     const std::vector<float> expected = engine.forward(cloud.scene.features, cloud.type, cloud.position);
-    const std::vector<float> actual = module.predict(concatenate({cloud.scene}), StateArray::weights);
-    ASSERT_EQ(actual.size(), static_cast<std::size_t>(3 * (particles - obstacles)));
-    double difference2 = 0, size2 = 0;
-    for (std::size_t i = 0; i < actual.size(); ++i) {
-      difference2 += std::pow(actual[i] - expected[i], 2);
-      size2 += std::pow(expected[i], 2);
-    }
-    EXPECT_GT(size2, 0);
-    EXPECT_LT(std::sqrt(difference2 / size2), 1e-5);
+    const Batch batch = concatenate({cloud.scene});
+    const auto count = static_cast<std::size_t>(3 * (particles - obstacles));
+    expect_close(expected, module.predict(batch, StateArray::weights), count);
+    for (const graph::FirstLayers first_layers : {graph::FirstLayers::whole, graph::FirstLayers::split})
+      expect_close(expected, module.time_prediction(batch, StateArray::weights, first_layers, 0, 1).accelerations,
+                   count);
   }
 }
 

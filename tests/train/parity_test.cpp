@@ -65,8 +65,11 @@ void check_parity(const graph::HgnConfig& config, int particles) {
       scene.features.push_back(static_cast<float>(a));
     }
   }
-  check_equal(engine.forward(scene.features, types, scene.hierarchy),
-              module.predict(concatenate({scene}), StateArray::weights));
+  const std::vector<float> expected = engine.forward(scene.features, types, scene.hierarchy);
+  const Batch batch = concatenate({scene});
+  check_equal(expected, module.predict(batch, StateArray::weights));
+  for (const graph::FirstLayers first_layers : {graph::FirstLayers::whole, graph::FirstLayers::split})
+    check_equal(expected, module.time_prediction(batch, StateArray::weights, first_layers, 0, 1).accelerations);
 }
 
 TEST(Parity, PaperSizeNetwork) { check_parity(graph::HgnConfig(), 300); }

@@ -1,0 +1,116 @@
+// A block of 32 rows and 32 outputs has its sums in four tiles of 16 x 16; two tiles of x and two of W add 32 inputs'
+// products to all four. Compiled for the units whatever the rest is compiled for: nothing but plain functions here.
+#include "nn/bf16_products.h"
+
+#include <atomic>
+
+#ifdef __AMX_BF16__
+#include <cpuid.h>
+#include <immintrin.h>
+#include <sys/syscall.h>
+#include <unistd.h>
+#endif
+
+namespace graupel::nn {
+
+namespace {
+
+std::atomic<bool> asked_for{false};
+
+#ifdef __AMX_BF16__
+
+constexpr int side = 16, inputs = 32, most_inputs = 512;
+
+/// The processor's units and registers, and the system's leave to use them (Linux: ARCH_REQ_XCOMP_PERM).
+bool look_for_units() {
+  unsigned a = 0, b = 0, c = 0, d = 0;
+  if (__get_cpuid_count(7, 0, &a, &b, &c, &d) == 0) return false;
+  const bool amx_bf16 = d >> 22 & 1, amx_tile = d >> 24 & 1, avx512f = b >> 16 & 1;
+  if (__get_cpuid_count(7, 1, &a, &b, &c, &d) == 0) return false;
+  const bool avx512_bf16 = a >> 5 & 1;
+  if (!(amx_bf16 && amx_tile && avx512f && avx512_bf16)) return false;
+  constexpr long request_permission = 0x1023, tile_data = 18;
+  return ::syscall(SYS_arch_prctl, request_permission, tile_data) == 0;
+}
+
+struct TileConfig {
+  uint8_t palette = 1, start_row = 0, reserved[14] = {};
+  uint16_t row_bytes[16] = {64, 64, 64, 64, 64, 64, 64, 64};
+  uint8_t rows[16] = {side, side, side, side, side, side, side, side};
+};
+static_assert(sizeof(TileConfig) == 64);
+
+/// Rows as bf16, [2 side][in]; rows beyond the last are 0.
+void round_rows(const float* x, int64_t x_stride, int64_t rows, int in, uint16_t* out) {
+  for (int r = 0; r < 2 * side; ++r)
+    for (int i = 0; i < in; i += inputs) {
+      __m512bh both = {};
+      if (r < rows)
+        both = _mm512_cvtne2ps_pbh(_mm512_loadu_ps(x + r * x_stride + i + 16), _mm512_loadu_ps(x + r * x_stride + i));
+      _mm512_store_si512(out + r * in + i, reinterpret_cast<__m512i>(both));
+    }
+}
+
+void copy_block(const float* from, int64_t rows, float* to, int64_t to_stride) {
+  for (int64_t r = 0; r < rows; ++r)
+    for (int half = 0; half < 2; ++half)
+      _mm512_storeu_ps(to + r * to_stride + half * side, _mm512_load_ps(from + r * 2 * side + half * side));
+}
+#endif
+
+}  // namespace
+
+#ifdef __AMX_BF16__
+bool has_bf16_units() {
+  static const bool has = look_for_units();
+  return has;
+}
+
+void multiply_on_units(const float* x, int64_t x_stride, int64_t rows, int in, const uint16_t* tiles, const float* bias,
+                       int width, float* y, int64_t y_stride) {
+  alignas(64) uint16_t rounded[2 * side * most_inputs];
+  alignas(64) float last[2 * side * 2 * side];
+  alignas(64) const TileConfig config;
+  _tile_loadconfig(&config);
+  const int64_t a_tile = int64_t{side} * in, b_tile = int64_t{side} * inputs, b_column = b_tile * (in / inputs);
+  for (int64_t first = 0; first < rows; first += 2 * side) {
+    const int64_t here = rows - first < 2 * side ? rows - first : 2 * side;
+    round_rows(x + first * x_stride, x_stride, here, in, rounded);
+    for (int o = 0; o < width; o += 2 * side) {
+      // A stride of 0 gives every row the bias.
+      _tile_loadd(0, bias + o, 0);
+      _tile_loadd(1, bias + o + side, 0);
+      _tile_loadd(2, bias + o, 0);
+      _tile_loadd(3, bias + o + side, 0);
+      const uint16_t* const b = tiles + o / side * b_column;
+      for (int k = 0; k < in / inputs; ++k) {
+        _tile_loadd(4, rounded + k * inputs, in * 2);
+        _tile_loadd(6, b + k * b_tile, 64);
+        _tile_loadd(7, b + b_column + k * b_tile, 64);
+        _tile_dpbf16ps(0, 4, 6);
+        _tile_dpbf16ps(1, 4, 7);
+        _tile_loadd(5, rounded + a_tile + k * inputs, in * 2);
+        _tile_dpbf16ps(2, 5, 6);
+        _tile_dpbf16ps(3, 5, 7);
+      }
+      const bool whole = here == 2 * side;
+      float* const to = whole ? y + first * y_stride + o : last;
+      const int64_t stride = whole ? y_stride : 2 * side;
+      _tile_stored(0, to, stride * 4);
+      _tile_stored(1, to + side, stride * 4);
+      _tile_stored(2, to + side * stride, stride * 4);
+      _tile_stored(3, to + side * stride + side, stride * 4);
+      if (!whole) copy_block(last, here, y + first * y_stride + o, y_stride);
+    }
+  }
+  _tile_release();
+}
+#else
+bool has_bf16_units() { return false; }
+void multiply_on_units(const float*, int64_t, int64_t, int, const uint16_t*, const float*, int, float*, int64_t) {}
+#endif
+
+void use_bf16_products(bool use) { asked_for.store(use && has_bf16_units(), std::memory_order_relaxed); }
+bool uses_bf16_products() { return asked_for.load(std::memory_order_relaxed); }
+
+}  // namespace graupel::nn

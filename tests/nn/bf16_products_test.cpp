@@ -1,0 +1,128 @@
+// Products on matrix units are those of operands rounded to bf16, row by row, whatever the number and place of the
+// rows.
+#include "nn/bf16_products.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cstdlib>
+
+#include "core/error.h"
+#include "core/random.h"
+#include "nn/linear.h"
+#include "nn/weights.h"
+
+namespace graupel::nn {
+namespace {
+
+class Bf16Products : public ::testing::TestWithParam<std::tuple<int, int, int>> {
+ protected:
+  void SetUp() override {
+    if (!has_bf16_units()) GTEST_SKIP() << "this processor has no matrix units for bf16";
+    use_bf16_products(true);
+  }
+  void TearDown() override { use_bf16_products(false); }
+};
+
+std::vector<float> random_values(std::size_t n, uint64_t stream) {
+  const Random random(1, RandomPurpose::test, stream);
+  std::vector<float> values(n);
+  for (std::size_t i = 0; i < n; ++i) values[i] = static_cast<float>(random.uniform(i, 0, -1, 1));
+  return values;
+}
+
+double rounded(float value) { return float_from_bf16(bf16_from_float(value)); }
+
+TEST_P(Bf16Products, AreThoseOfRoundedOperands) {
+  const auto [rows, in, out] = GetParam();
+  const int stride = in + 8;  // rows of a wider matrix
+  const auto x = random_values(static_cast<std::size_t>(rows * stride), 1),
+             weight = random_values(static_cast<std::size_t>(out * in), 2),
+             bias = random_values(static_cast<std::size_t>(out), 3);
+  const Linear linear(out, in, weight.data(), in, bias);
+  const int width = linear.width(), y_stride = width + 32;
+  constexpr float untouched = 77;
+  std::vector<float> y(static_cast<std::size_t>((rows + 1) * y_stride), untouched);
+  linear.apply(x.data(), stride, rows, y.data(), y_stride);
+  for (int r = 0; r <= rows; ++r)
+    for (int o = 0; o < y_stride; ++o) {
+      const float value = y[static_cast<std::size_t>(r * y_stride + o)];
+      if (r == rows || o >= width) {
+        ASSERT_EQ(value, untouched) << r << " " << o;
+        continue;
+      }
+      double expected = 0;
+      if (o < out) {
+        expected = bias[static_cast<std::size_t>(o)];
+        for (int i = 0; i < in; ++i)
+          expected += rounded(x[static_cast<std::size_t>(r * stride + i)]) *
+                      rounded(weight[static_cast<std::size_t>(o * in + i)]);
+      }
+      ASSERT_NEAR(value, expected, 1e-6 * in) << r << " " << o;
+    }
+}
+
+TEST_P(Bf16Products, OfARowDoNotDependOnTheRowsBesideIt) {
+  const auto [rows, in, out] = GetParam();
+  const auto x = random_values(static_cast<std::size_t>(rows * in), 4),
+             weight = random_values(static_cast<std::size_t>(out * in), 5);
+  const Linear linear(out, in, weight.data(), in);
+  const int width = linear.width();
+  std::vector<float> all(static_cast<std::size_t>(rows * width)), one(static_cast<std::size_t>(width));
+  linear.apply(x.data(), in, rows, all.data(), width);
+  for (int r = 0; r < rows; ++r) {
+    linear.apply(x.data() + r * in, in, 1, one.data(), width);
+    for (int o = 0; o < width; ++o)
+      ASSERT_EQ(one[static_cast<std::size_t>(o)], all[static_cast<std::size_t>(r * width + o)]);
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Sizes, Bf16Products,
+                         ::testing::Values(std::tuple(1, 64, 32), std::tuple(15, 96, 33), std::tuple(16, 128, 128),
+                                           std::tuple(17, 128, 384), std::tuple(32, 256, 128), std::tuple(70, 128, 3),
+                                           std::tuple(33, 512, 40)));
+
+TEST(Bf16ProductsChoice, OtherInputsStayInF32) {
+  if (!has_bf16_units()) GTEST_SKIP() << "this processor has no matrix units for bf16";
+  for (const int in : {31, 32, 43, 100}) {
+    const auto x = random_values(static_cast<std::size_t>(in), 1),
+               weight = random_values(static_cast<std::size_t>(32 * in), 2);
+    const Linear linear(32, in, weight.data(), in);
+    Buffer<float> exact(Device::cpu, 32), also(Device::cpu, 32);
+    linear.apply(x.data(), in, 1, exact.data(), 32);
+    use_bf16_products(true);
+    linear.apply(x.data(), in, 1, also.data(), 32);
+    use_bf16_products(false);
+    EXPECT_TRUE(std::equal(exact.begin(), exact.end(), also.begin())) << in;
+  }
+}
+
+TEST(Bf16ProductsChoice, FollowsTheEnvironment) {
+  EXPECT_FALSE(uses_bf16_products()) << "libraries compute in f32 until a program asks for less";
+  ::unsetenv("GRAUPEL_PRODUCTS");
+  choose_products();
+  EXPECT_EQ(uses_bf16_products(), has_bf16_units());
+  ::setenv("GRAUPEL_PRODUCTS", "f32", 1);
+  choose_products();
+  EXPECT_FALSE(uses_bf16_products());
+  ::setenv("GRAUPEL_PRODUCTS", "bf16", 1);
+  if (has_bf16_units()) {
+    choose_products();
+    EXPECT_TRUE(uses_bf16_products());
+  } else {
+    EXPECT_THROW(choose_products(), ConfigError);
+  }
+  ::setenv("GRAUPEL_PRODUCTS", "f16", 1);
+  try {
+    choose_products();
+    ADD_FAILURE() << "an unknown word was taken";
+  } catch (const ConfigError& error) {
+    EXPECT_NE(std::string(error.what()).find("'f16'"), std::string::npos) << error.what();
+    EXPECT_NE(std::string(error.what()).find("f32, bf16"), std::string::npos) << error.what();
+  }
+  ::unsetenv("GRAUPEL_PRODUCTS");
+  use_bf16_products(false);
+}
+
+}  // namespace
+}  // namespace graupel::nn
