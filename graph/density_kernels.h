@@ -46,7 +46,7 @@ struct Cells {
   GRAUPEL_HD bool locate(const Vec3f& x, Vec3i& cell, Vec3d& at) const {
     for (int d = 0; d < 3; ++d) {
       const double u = (static_cast<double>(x[d]) - origin[d]) * inverse_spacing - 0.5, floored = std::floor(u);
-      if (!(floored >= 1 && floored + 2 < size[d])) return false;  // true for NaN
+      if (!(floored >= 1 && floored + 2 < size[d])) return false;  // NaN too
       cell[d] = static_cast<int>(floored);
       at[d] = u - floored;
     }
@@ -81,6 +81,13 @@ GRAUPEL_HD inline float face_share(const sparsegrid::SignedDistance<double>& pla
   return static_cast<float>(free < 0 ? 0 : free > 1 ? 1 : free);
 }
 
+/// Whether a thin obstacle parts two neighbouring cell centres: seen from both, its surface lies on the way.
+GRAUPEL_HD inline bool stands_between(const sparsegrid::SignedDistance<double>& below,
+                                      const sparsegrid::SignedDistance<double>& above, int axis) {
+  const double down = -below.normal[axis], up = above.normal[axis];
+  return down > 0 && up > 0 && below.phi / down + above.phi / up <= 1;
+}
+
 struct FindShares {
   Cells cells;
   sparsegrid::ObstacleSetView obstacles;
@@ -112,11 +119,14 @@ struct FindShares {
     const Vec3i cell = {n % cells.size[0], n / cells.size[0] % cells.size[1], n / cells.size[0] / cells.size[1]};
     const Vec3d centre = cells.origin + (cell.cast<double>() + Vec3d::filled(0.5)) * cells.spacing;
     Shares& share = shares[i];
-    share.cell = tent_share(nearest(centre).phi);
+    const auto here = nearest(centre);
+    share.cell = tent_share(here.phi);
     for (int d = 0; d < 3; ++d) {
       Vec3d face = centre;
       face[d] -= cells.spacing / 2;
-      share.face[d] = face_share(nearest(face), d);
+      Vec3d neighbor = centre;
+      neighbor[d] -= cells.spacing;
+      share.face[d] = stands_between(nearest(neighbor), here, d) ? 0 : face_share(nearest(face), d);
     }
   }
 };

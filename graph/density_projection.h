@@ -7,8 +7,11 @@
 //   div u = excess, excess = density / largest density - share of the cell that is free,   u = -grad p,   p >= 0,
 //   p = 0 where no matter is (free surface), nothing through the faces that walls and obstacles close,
 // so that nothing is pulled together. Two-coloured projected successive over-relaxation, begun from the last frame's p.
+// Done on two grids, half a cell apart along each axis: one alone would not see matter that gathers at its cells'
+// corners, where it counts as an eighth in each of eight cells.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <memory>
 
@@ -22,14 +25,14 @@ namespace graupel::graph {
 /// threads or the order of the particles; another device gives the same up to rounding.
 class DensityProjection {
  public:
-  /// `largest_density` [particles/m^3]; `spacing` of the cells [m], doubled until the domain has at most 2^24 of them.
+  /// `largest_density` [particles/m^3]; `spacing` of the cells [m], doubled until each grid has at most 2^23 of them.
   /// The surroundings are read here alone.
   DensityProjection(Device device, const Surroundings& surroundings, double largest_density, double spacing);
   ~DensityProjection();
 
-  /// Moves positions [n] in the device's memory by at most half a cell along each axis, perhaps a little into
-  /// obstacles: push them out afterwards. Particles farther than a cell outside the walls are left alone. Takes its
-  /// place in `stream` (cudaStream_t; null: the default one) and, but for the first call with so many particles,
+  /// Moves positions [n] in the device's memory, on each grid by at most half a cell along each axis, perhaps a little
+  /// into obstacles: push them out afterwards. Particles farther than a cell outside the walls are left alone. Takes
+  /// its place in `stream` (cudaStream_t; null: the default one) and, but for the first call with so many particles,
   /// allocates nothing.
   void apply(Vec3f* position, int64_t n, void* stream = nullptr);
 
@@ -37,12 +40,8 @@ class DensityProjection {
   void restart();
 
  private:
-  struct Arrays;
-  void find_cells(const Vec3f* position, int64_t n, void* stream);
-  void solve(void* stream);
-
-  Device device_;
-  std::unique_ptr<Arrays> arrays_;
+  class Lattice;
+  std::array<std::unique_ptr<Lattice>, 2> lattices_;
 };
 
 }  // namespace graupel::graph
