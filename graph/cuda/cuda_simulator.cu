@@ -7,7 +7,9 @@
 #include "core/cuda_check.h"
 #include "core/error.h"
 #include "core/parallel_for_in.h"
+#include "graph/cuda/device_weights.h"
 #include "graph/cuda/hgn_passes.h"
+#include "graph/cuda/row_arena.h"
 #include "graph/density_projection.h"
 #include "graph/grid_builder.h"
 #include "graph/hierarchical_graph_network.h"
@@ -103,85 +105,6 @@ struct FinishFrame {
     status->fault = *fault;
     if (*fault == 0 && status->diverged == 0) status->newest = (status->newest + 1) % count;
   }
-};
-
-/// Rows that are given out one after the other and taken back all at once.
-class RowArena : public RowMemory {
- public:
-  bool keeps_all() const override { return false; }
-  float* rows32(int64_t rows) override { return static_cast<float*>(take(rows * layer_width * 4)); }
-  uint16_t* rows16(int64_t rows) override { return static_cast<uint16_t*>(take(rows * layer_width * 2)); }
-  void reset() {
-    // What did not fit into one piece will the next time.
-    if (pieces_.size() > 1) {
-      uint64_t all = 0;
-      for (const Buffer<char>& piece : pieces_) all += piece.size();
-      pieces_.clear();
-      pieces_.emplace_back(Device::cuda, all);
-    }
-    used_ = 0;
-  }
-  uint64_t bytes() const {
-    uint64_t all = 0;
-    for (const Buffer<char>& piece : pieces_) all += piece.size();
-    return all;
-  }
-
- private:
-  static constexpr uint64_t least_piece = 16 << 20;
-  void* take(int64_t bytes) {
-    const uint64_t wanted = (static_cast<uint64_t>(bytes) + 255) / 256 * 256;
-    if (pieces_.empty() || used_ + wanted > pieces_.back().size()) {
-      pieces_.emplace_back(Device::cuda, std::max(wanted, least_piece));
-      used_ = 0;
-    }
-    void* const place = pieces_.back().data() + used_;
-    used_ += wanted;
-    return place;
-  }
-  std::vector<Buffer<char>> pieces_;
-  uint64_t used_ = 0;  ///< of the last piece
-};
-
-/// The weights in the GPU's memory, tensor after tensor.
-class DeviceWeights {
- public:
-  explicit DeviceWeights(const nn::Weights& weights) : numbers_(Device::cuda, 0) {
-    std::vector<float> all;
-    for (const auto& [name, tensor] : weights.tensors) {
-      all.resize((all.size() + 31) / 32 * 32);
-      begin_[name] = all.size();
-      const std::vector<float> values = tensor.as_float();
-      all.insert(all.end(), values.begin(), values.end());
-      shape_[name] = tensor.shape;
-    }
-    numbers_.upload(all);
-  }
-  const float* get(const std::string& name) const { return numbers_.data() + begin_.at(name); }
-  /// Every FCN of the file.
-  std::map<std::string, FcnWeights> fcns() const {
-    std::map<std::string, FcnWeights> fcns;
-    const std::string last = ".layer1.weight";
-    for (const auto& [name, shape] : shape_) {
-      if (!name.ends_with(last)) continue;
-      const std::string fcn = name.substr(0, name.size() - last.size());
-      const bool norm = begin_.contains(fcn + ".norm.weight");
-      fcns[fcn] = {get(name),
-                   get(fcn + ".layer1.bias"),
-                   get(fcn + ".layer2.weight"),
-                   get(fcn + ".layer2.bias"),
-                   norm ? get(fcn + ".norm.weight") : nullptr,
-                   norm ? get(fcn + ".norm.bias") : nullptr,
-                   static_cast<int32_t>(shape.at(1))};
-    }
-    return fcns;
-  }
-  uint64_t bytes() const { return numbers_.size() * sizeof(float); }
-
- private:
-  Buffer<float> numbers_;
-  std::map<std::string, std::size_t> begin_;
-  std::map<std::string, std::vector<int64_t>> shape_;
 };
 
 HgnConfig checked_config(const nn::Weights& weights) {
