@@ -152,7 +152,7 @@ struct Spread {
     if (!cells.locate(position[p], cell, at)) return;
     constexpr uint32_t one = 1u << place_bits;
     uint32_t place[3];
-    for (int d = 0; d < 3; ++d) place[d] = static_cast<uint32_t>(at[d] * one + 0.5);
+    for (int d = 0; d < 3; ++d) place[d] = static_cast<uint32_t>(std::floor(at[d] * one + 0.5));
     const int32_t base = cells.number(cell);
     for (int k = 0; k < corners; ++k) {
       uint64_t weight = unit;
