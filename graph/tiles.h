@@ -12,7 +12,7 @@
 namespace graupel::graph {
 
 /// Rows that a thread works on at once: with 128 columns its buffers stay in the second-level cache.
-inline constexpr int32_t tile_rows = 96;
+inline constexpr int32_t tile_rows = 192;
 
 /// What one thread needs for one tile; each [tile_rows][H], `input` wide enough for features, too.
 struct TileScratch {

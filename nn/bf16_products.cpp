@@ -40,9 +40,9 @@ struct TileConfig {
 };
 static_assert(sizeof(TileConfig) == 64);
 
-/// Rows as bf16, [2 side][in]; rows beyond the last are 0.
+/// Rows as bf16, [2 side][in]; rows beyond the last are 0, the second side of them only where they are needed.
 void round_rows(const float* x, int64_t x_stride, int64_t rows, int in, uint16_t* out) {
-  for (int r = 0; r < 2 * side; ++r)
+  for (int r = 0; r < (rows > side ? 2 * side : side); ++r)
     for (int i = 0; i < in; i += inputs) {
       __m512bh both = {};
       if (r < rows)
@@ -75,13 +75,16 @@ void multiply_on_units(const float* x, int64_t x_stride, int64_t rows, int in, c
   const int64_t a_tile = int64_t{side} * in, b_tile = int64_t{side} * inputs, b_column = b_tile * (in / inputs);
   for (int64_t first = 0; first < rows; first += 2 * side) {
     const int64_t here = rows - first < 2 * side ? rows - first : 2 * side;
+    const bool two = here > side;  // tiles of rows
     round_rows(x + first * x_stride, x_stride, here, in, rounded);
     for (int o = 0; o < width; o += 2 * side) {
       // A stride of 0 gives every row the bias.
       _tile_loadd(0, bias + o, 0);
       _tile_loadd(1, bias + o + side, 0);
-      _tile_loadd(2, bias + o, 0);
-      _tile_loadd(3, bias + o + side, 0);
+      if (two) {
+        _tile_loadd(2, bias + o, 0);
+        _tile_loadd(3, bias + o + side, 0);
+      }
       const uint16_t* const b = tiles + o / side * b_column;
       for (int k = 0; k < in / inputs; ++k) {
         _tile_loadd(4, rounded + k * inputs, in * 2);
@@ -89,6 +92,7 @@ void multiply_on_units(const float* x, int64_t x_stride, int64_t rows, int in, c
         _tile_loadd(7, b + b_column + k * b_tile, 64);
         _tile_dpbf16ps(0, 4, 6);
         _tile_dpbf16ps(1, 4, 7);
+        if (!two) continue;
         _tile_loadd(5, rounded + a_tile + k * inputs, in * 2);
         _tile_dpbf16ps(2, 5, 6);
         _tile_dpbf16ps(3, 5, 7);
@@ -98,8 +102,10 @@ void multiply_on_units(const float* x, int64_t x_stride, int64_t rows, int in, c
       const int64_t stride = whole ? y_stride : 2 * side;
       _tile_stored(0, to, stride * 4);
       _tile_stored(1, to + side, stride * 4);
-      _tile_stored(2, to + side * stride, stride * 4);
-      _tile_stored(3, to + side * stride + side, stride * 4);
+      if (two) {
+        _tile_stored(2, to + side * stride, stride * 4);
+        _tile_stored(3, to + side * stride + side, stride * 4);
+      }
       if (!whole) copy_block(last, here, y + first * y_stride + o, y_stride);
     }
   }
