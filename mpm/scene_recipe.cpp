@@ -67,9 +67,18 @@ void set_size(Body& body, double size) {
   body.height = size;
 }
 
+/// No point of the body is farther from its position than this.
+double reach(const Body& body) {
+  const sparsegrid::LocalBox box = sparsegrid::analytic_bounds(body);
+  Vec3d farthest;
+  for (int d = 0; d < 3; ++d) farthest[d] = std::max(std::abs(box.low[d]), std::abs(box.high[d]));
+  return norm(farthest);
+}
+
 /// Points on and in the body's bounding box, by which overlaps are found; their spacing is a small share of the size.
 bool overlap(const Body& a, const Body& b) {
   constexpr int n = 12;
+  if (norm(a.position - b.position) > reach(a) + reach(b)) return false;
   for (const auto& [body, other] : {std::pair(&a, &b), std::pair(&b, &a)}) {
     const sparsegrid::LocalBox box = sparsegrid::analytic_bounds(*body);
     for (int i = 0; i <= n; ++i)
