@@ -402,10 +402,4 @@ CudaFrameTime CudaSimulator::frame_time() const {
           between(network_done, end)};
 }
 
-uint64_t CudaSimulator::bytes() const {
-  const Impl& impl = *impl_;
-  return impl.arena.bytes() + 2 * impl.weights.bytes() + impl.features.size() * sizeof(float) +
-         impl.ring.size() * sizeof(Vec3f);
-}
-
 }  // namespace graupel::graph

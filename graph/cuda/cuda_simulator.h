@@ -35,8 +35,6 @@ class CudaSimulator {
   std::vector<Vec3f> positions() const;
   /// Of the last frame, by events on the GPU.
   CudaFrameTime frame_time() const;
-  /// Bytes of the GPU's memory that this holds.
-  uint64_t bytes() const;
 
  private:
   struct Impl;

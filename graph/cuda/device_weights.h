@@ -44,7 +44,6 @@ class DeviceWeights {
     }
     return fcns;
   }
-  uint64_t bytes() const { return numbers_.size() * sizeof(float); }
 
  private:
   Buffer<float> numbers_;

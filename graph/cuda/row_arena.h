@@ -25,11 +25,6 @@ class RowArena : public RowMemory {
     }
     used_ = 0;
   }
-  uint64_t bytes() const {
-    uint64_t all = 0;
-    for (const Buffer<char>& piece : pieces_) all += piece.size();
-    return all;
-  }
 
  private:
   static constexpr uint64_t least_piece = 16 << 20;

@@ -104,26 +104,11 @@ __device__ void write_groups(const RowNetwork& n, int64_t rows, const Sums& c, i
   }
 }
 
-/// c += sum32's addend.
-__device__ void add_before(const RowNetwork& n, int64_t rows, Sums& c, int64_t first, int lane) {
-#pragma unroll
-  for (int half = 0; half < 2; ++half) {
-    const int64_t r = first + lane / 4 + 8 * half;
-    if (r >= rows) continue;
-    const float2* const before = reinterpret_cast<const float2*>(n.add32 + r * layer_width) + lane % 4;
-#pragma unroll
-    for (int j = 0; j < column_blocks; ++j) {
-      const float2 v = before[4 * j];
-      c[j][2 * half] += v.x, c[j][2 * half + 1] += v.y;
-    }
-  }
-}
-
 /// What comes after the layer norm of a network with an outlook: sum32, copy16 and the outlook.
 template <int warps>
 __device__ void write_outlook(const RowNetwork& n, int64_t rows, Sums& c, const Shared<warps>& shared, uint16_t* mine,
                               int64_t first, int lane) {
-  add_before(n, rows, c, first, lane);
+  add_table(c, n.add32, {}, first, rows, lane);
   write_operand_gradient({nullptr, n.sum32}, c, first, rows, lane);
   store_rows(mine, c, lane);
   __syncwarp();
