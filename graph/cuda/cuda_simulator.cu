@@ -7,13 +7,8 @@
 #include "core/cuda_check.h"
 #include "core/error.h"
 #include "core/parallel_for_in.h"
-#include "graph/cuda/device_weights.h"
-#include "graph/cuda/hgn_passes.h"
-#include "graph/cuda/row_arena.h"
+#include "graph/cuda/frame_network.h"
 #include "graph/density_projection.h"
-#include "graph/grid_builder.h"
-#include "graph/hierarchical_graph_network.h"
-#include "graph/level_places.h"
 #include "graph/normalization.h"
 #include "graph/rest_density.h"
 
@@ -107,44 +102,23 @@ struct FinishFrame {
   }
 };
 
-HgnConfig checked_config(const nn::Weights& weights) {
-  static_cast<void>(HierarchicalGraphNetwork(weights));  // its errors
-  const HgnConfig config = HgnConfig::from_metadata(weights.metadata, weights.file);
-  if (!cuda_available()) throw ConfigError("device 'cuda' is not usable (no GPU). Use --device cpu");
-  if (!PackedHgn::fits(config))
-    throw ConfigError("'" + weights.file + "': networks run on a GPU with a latent width of " +
-                      std::to_string(layer_width) + " only (hgn.latent: " + std::to_string(config.latent) +
-                      "). Use --device cpu");
-  return config;
-}
-
 enum Mark { begin, features_done, hierarchy_done, network_done, end, marks };
 
 }  // namespace
 
-/// A frame is launched once, into a graph, with room for more cells than there are; a frame that needs more asks for a
-/// new graph. The host waits once a frame.
+/// A frame is launched once, into a graph, with room for a larger network's graph than there is; a frame that needs
+/// more asks for a new one. The host waits once a frame.
 struct CudaSimulator::Impl {
   explicit Impl(const nn::Weights& file)
-      : config(checked_config(file)),
-        normalization(read_normalization(file)),
-        weights(file),
-        network(config, weights.fcns(), weights.get("embedding.weight")),
-        builder(Device::cuda, config.spacing, static_cast<int>(config.levels)) {
-    network.refresh(nullptr);
+      : network(make_frame_network(file)), config(network->feature_config()), normalization(read_normalization(file)) {
     GRAUPEL_CUDA_CHECK(cudaStreamCreate(&stream));
-    GRAUPEL_CUDA_CHECK(cudaStreamCreate(&grid_stream));
-    for (cudaEvent_t* event : {&features_there, &grid_there})
-      GRAUPEL_CUDA_CHECK(cudaEventCreateWithFlags(event, cudaEventDisableTiming));
     GRAUPEL_CUDA_CHECK(cudaMallocHost(&seen, sizeof(FrameStatus)));
     for (cudaEvent_t& event : events) GRAUPEL_CUDA_CHECK(cudaEventCreate(&event));
   }
   ~Impl() {
     drop_graph();
     for (cudaEvent_t event : events) cudaEventDestroy(event);
-    for (cudaEvent_t event : {features_there, grid_there}) cudaEventDestroy(event);
     cudaFreeHost(seen);
-    cudaStreamDestroy(grid_stream);
     cudaStreamDestroy(stream);
   }
   Impl(const Impl&) = delete;
@@ -162,24 +136,16 @@ struct CudaSimulator::Impl {
     if (graph) cudaGraphExecDestroy(graph);
     graph = nullptr;
   }
-  void launch_grid();
+  void launch_graph();
   void launch_network();
   void launch_frame();
   bool make_room();
   void record_frame();
-  HgnGraph placed_graph() const;
 
-  HgnConfig config;
+  std::unique_ptr<FrameNetwork> network;
+  FeatureConfig config;
   Normalization normalization;
-  DeviceWeights weights;
-  PackedHgn network;
-  GridBuilder builder;
-  LevelRoom room;
-  LevelPlaces places{Device::cuda};
-  RowArena arena;
-  HgnRecord record;
-  cudaStream_t stream = nullptr, grid_stream = nullptr;
-  cudaEvent_t features_there = nullptr, grid_there = nullptr;
+  cudaStream_t stream = nullptr;
   cudaGraphExec_t graph = nullptr;
   cudaEvent_t events[marks] = {};
   bool recording = false;
@@ -191,111 +157,56 @@ struct CudaSimulator::Impl {
   Buffer<Vec3f> ring{Device::cuda, 0};  ///< [history + 2, particles]
   Buffer<FrameStatus> status{Device::cuda, 1};
   FrameStatus* seen = nullptr;  ///< the status on the host
-  Buffer<Vec3f> now{Device::cuda, 0}, next{Device::cuda, 0};
+  Buffer<Vec3f> next{Device::cuda, 0};
   std::optional<DensityProjection> density;
-  Buffer<int32_t> type_row{Device::cuda, 0};
-  Buffer<float> features{Device::cuda, 0}, output{Device::cuda, 0};
 };
 
-HgnGraph CudaSimulator::Impl::placed_graph() const {
-  const GridLinks links = builder.links();
-  HgnGraph placed{};
-  placed.particles = particles;
-  placed.particle_count = places.particle_count();
-  placed.pair_count = places.pair_count();
-  placed.features = features.data();
-  placed.type_row = type_row.data();
-  placed.weight = links.weight;
-  placed.offset = links.offset;
-  placed.cell = links.cell;
-  placed.pair_begin = links.pair_begin;
-  placed.pair = links.pair;
-  for (int l = 0; l < room.levels; ++l) {
-    const PlacedLevel from = places.level(l);
-    LevelLinks level{};
-    level.cells = room.cells[static_cast<std::size_t>(l)];
-    level.edges = room.edges[static_cast<std::size_t>(l)];
-    level.cell_count = from.cell_count;
-    level.edge_count = from.edge_count;
-    level.edge_begin = from.edge_begin;
-    level.sender = from.sender;
-    level.receiver = from.receiver;
-    level.slot = from.slot;
-    level.parent = from.parent;
-    level.octant = from.octant;
-    level.child_begin = from.child_begin;
-    level.child = from.child;
-    placed.level.push_back(level);
-  }
-  return placed;
-}
-
-/// Features and, beside what follows in the stream, the grid of the newest frame.
-void CudaSimulator::Impl::launch_grid() {
+/// Features and, beside what follows in the stream, the network's graph of the newest frame.
+void CudaSimulator::Impl::launch_graph() {
   mark(begin);
   parallel_for_in(stream, Device::cuda, particles,
                   WriteFeatures{FeatureRules(config, normalization), surroundings->view(Device::cuda), frame_ring(),
-                                features.data(), now.data()});
+                                network->features(), network->position()});
   mark(features_done);
-  GRAUPEL_CUDA_CHECK(cudaEventRecord(features_there, stream));
-  GRAUPEL_CUDA_CHECK(cudaStreamWaitEvent(grid_stream, features_there, 0));
-  builder.build(now.data(), grid_stream, /*with_counts=*/!recording);
+  network->launch_graph(stream, /*with_counts=*/!recording);
 }
 
 void CudaSimulator::Impl::launch_network() {
-  places.place(builder.links(), particles, grid_stream);
-  GRAUPEL_CUDA_CHECK(cudaEventRecord(grid_there, grid_stream));
-  const float* const latents = forward_to_decoder(network, placed_graph(), arena, record, stream, [&] {
-    GRAUPEL_CUDA_CHECK(cudaStreamWaitEvent(stream, grid_there, 0));
-    mark(hierarchy_done);
-  });
-  const FcnWeights& last = network.fcn("decoder");
-  decode({.rows = particles,
-          .x = latents,
-          .w1 = network.tile("decoder", 0),
-          .b1 = last.b1,
-          .w2 = last.w2,
-          .b2 = last.b2,
-          .out = output.data()},
-         stream);
+  network->launch(stream, [&] { mark(hierarchy_done); });
   mark(network_done);
 }
 
 void CudaSimulator::Impl::launch_frame() {
-  launch_grid();
+  launch_graph();
   launch_network();
   const Vec3d& size = scene->domain.size;
   const auto limit = static_cast<float>(std::max({size[0], size[1], size[2]}));
   const FrameRing frames = frame_ring();
   const WayFollower way = surroundings->way_follower(Device::cuda);
+  const int32_t* const fault = network->fault();
   parallel_for_in(stream, Device::cuda, particles,
-                  MoveParticles{normalization, output.data(), frames, way, project, limit, places.fault(),
-                                status.data(), density ? next.data() : nullptr});
+                  MoveParticles{normalization, network->output(), frames, way, project, limit, fault, status.data(),
+                                density ? next.data() : nullptr});
   if (density) {
     density->apply(next.data(), particles, stream);
-    parallel_for_in(stream, Device::cuda, particles,
-                    SettleParticles{frames, way, project, places.fault(), next.data()});
+    parallel_for_in(stream, Device::cuda, particles, SettleParticles{frames, way, project, fault, next.data()});
   }
-  parallel_for_in(stream, Device::cuda, 1, FinishFrame{frames.count, places.fault(), status.data()});
+  parallel_for_in(stream, Device::cuda, 1, FinishFrame{frames.count, fault, status.data()});
   GRAUPEL_CUDA_CHECK(cudaMemcpyAsync(seen, status.data(), sizeof(FrameStatus), cudaMemcpyDeviceToHost, stream));
   mark(end);
 }
 
-/// Room for the cells of the newest frame; false when a particle is outside the grid's box.
+/// Room for the graph of the newest frame; false when a particle is outside what it can hold.
 bool CudaSimulator::Impl::make_room() {
-  launch_grid();
-  const GridCounts counts = builder.counts(grid_stream);
-  if (counts.overflow) return false;
-  if (room.holds(counts)) return true;
-  drop_graph();
-  room = LevelRoom::for_counts(counts);
-  places.prepare(room);
-  return true;
+  launch_graph();
+  const FrameNetwork::Room room = network->make_room();
+  if (room == FrameNetwork::Room::moved) drop_graph();
+  return room != FrameNetwork::Room::none;
 }
 
 /// The graph of a frame. The network runs once before, so that all memory is there.
 void CudaSimulator::Impl::record_frame() {
-  arena.reset();
+  network->reuse_memory();
   launch_network();
   if (density) {  // begins each recording without pressure, so that a rollout is the same every time
     next.upload(std::vector<Vec3f>(static_cast<std::size_t>(particles), Vec3f::filled(NAN)));
@@ -304,7 +215,7 @@ void CudaSimulator::Impl::record_frame() {
     density->restart();
   }
   wait();
-  arena.reset();
+  network->reuse_memory();
   recording = true;
   cudaGraph_t captured = nullptr;
   GRAUPEL_CUDA_CHECK(cudaStreamBeginCapture(stream, cudaStreamCaptureModeThreadLocal));
@@ -323,7 +234,6 @@ void CudaSimulator::start(const Scene& scene, const Surroundings& surroundings,
                           bool project, double density_limit) {
   Impl& impl = *impl_;
   impl.drop_graph();
-  impl.room = {};
   impl.scene = &scene;
   impl.surroundings = &surroundings;
   impl.project = project;
@@ -332,7 +242,6 @@ void CudaSimulator::start(const Scene& scene, const Surroundings& surroundings,
   GRAUPEL_ASSERT(positions.size() >= frames);
   std::vector<int32_t> rows;
   for (const int32_t type : particle_type) rows.push_back(embedding_row(type));
-  impl.type_row.upload(rows);
   std::vector<Vec3f> all;
   for (std::size_t t = positions.size() - frames; t < positions.size(); ++t) {
     GRAUPEL_ASSERT(positions[t].size() == particle_type.size());
@@ -342,16 +251,11 @@ void CudaSimulator::start(const Scene& scene, const Surroundings& surroundings,
   impl.ring.upload(all);
   impl.status.upload({{static_cast<int32_t>(frames) - 1, 0, 0}});
   *impl.seen = {static_cast<int32_t>(frames) - 1, 0, 0};
-  const FeatureRules rules(impl.config, impl.normalization);
-  impl.features.resize_discard(particle_type.size() * static_cast<std::size_t>(rules.width));
-  impl.output.resize_discard(3 * particle_type.size());
-  impl.now.resize_discard(particle_type.size());
+  impl.network->start(surroundings, rows, impl.stream);
   impl.next.resize_discard(particle_type.size());
   impl.density.reset();
-  const double spacing = impl.config.spacing, rest = rest_density(scene, positions.back(), spacing);
+  const double spacing = impl.network->spacing(), rest = rest_density(scene, positions.back(), spacing);
   if (density_limit * rest > 0) impl.density.emplace(Device::cuda, surroundings, density_limit * rest, spacing);
-  impl.builder.prepare({{surroundings.wall_low, surroundings.wall_low, surroundings.wall_high, impl.particles}},
-                       impl.stream);
   impl.wait();
 }
 
@@ -373,11 +277,12 @@ std::vector<Vec3f> CudaSimulator::accelerations() {
   Impl& impl = *impl_;
   if (!impl.make_room())
     throw InputError("a particle lies outside the domain of its scene by more than three cells of the network's grid");
-  impl.arena.reset();
+  impl.network->reuse_memory();
   impl.launch_network();
   impl.wait();
-  const std::vector<float> output = impl.output.download();
   std::vector<Vec3f> acceleration(static_cast<std::size_t>(impl.particles));
+  std::vector<float> output(3 * acceleration.size());
+  device_copy(Device::cpu, output.data(), Device::cuda, impl.network->output(), output.size() * sizeof(float));
   for (std::size_t i = 0; i < acceleration.size(); ++i)
     acceleration[i] = acceleration_of(impl.normalization, output.data() + 3 * i);
   return acceleration;
