@@ -53,10 +53,6 @@ std::map<std::string, graph::FcnWeights> weights_of(const std::map<std::string, 
 
 }  // namespace
 
-bool FusedNetwork::fits(const graph::HgnConfig& config, Device device) {
-  return device == Device::cuda && graph::PackedHgn::fits(config);
-}
-
 FusedNetwork::FusedNetwork(const graph::HgnConfig& config, const ParameterLayout& layout, const at::Tensor& flat,
                            const at::Tensor& gradient)
     : config_(config),

@@ -1,0 +1,20 @@
+#include "train/mixed_passes.h"
+
+#include "train/fused_gns.h"
+#include "train/fused_network.h"
+
+namespace graupel::train {
+
+std::unique_ptr<MixedPasses> make_mixed_passes(const NetworkConfig& config, int64_t checkpoint_layers,
+                                               const ParameterLayout& layout, const at::Tensor& flat,
+                                               const at::Tensor& gradient) {
+  if (const auto* hgn = std::get_if<graph::HgnConfig>(&config)) {
+    if (!graph::PackedHgn::fits(*hgn)) return nullptr;
+    return std::make_unique<FusedNetwork>(*hgn, layout, flat, gradient);
+  }
+  const auto& gns = std::get<graph::GnsConfig>(config);
+  if (!graph::PackedGns::fits(gns)) return nullptr;
+  return std::make_unique<FusedGns>(gns, checkpoint_layers, layout, flat, gradient);
+}
+
+}  // namespace graupel::train
