@@ -18,7 +18,7 @@ class MixedPasses {
 };
 
 /// The passes of a network whose weights and their gradient lie in flat arrays on a GPU; null where there are none for
-/// such a network.
+/// such a network. Throws ConfigError for a GNS of several hidden layers.
 std::unique_ptr<MixedPasses> make_mixed_passes(const NetworkConfig& config, int64_t checkpoint_layers,
                                                const ParameterLayout& layout, const at::Tensor& flat,
                                                const at::Tensor& gradient);

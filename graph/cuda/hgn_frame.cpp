@@ -124,8 +124,4 @@ void HgnFrame::launch(void* stream, const std::function<void()>& graph_ready) {
          stream);
 }
 
-std::unique_ptr<FrameNetwork> make_frame_network(const nn::Weights& weights) {
-  return std::make_unique<HgnFrame>(weights);
-}
-
 }  // namespace graupel::graph
