@@ -53,8 +53,8 @@ void check_mixed_gradient(const graph::GnsConfig& config, const Batch& batch) {
     }
   }
   EXPECT_LT(std::sqrt(all_difference / all_size), 0.08);
-  RecordProperty("whole", std::to_string(std::sqrt(all_difference / all_size)));
-  RecordProperty("worst " + worst_name, std::to_string(std::sqrt(worst)));
+  ::testing::Test::RecordProperty("whole", std::to_string(std::sqrt(all_difference / all_size)));
+  ::testing::Test::RecordProperty("worst " + worst_name, std::to_string(std::sqrt(worst)));
 }
 
 TEST(FusedGns, GradientIsThatOfDoublePrecisionOnTheGpu) {
