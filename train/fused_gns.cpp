@@ -8,6 +8,7 @@
 #include <ATen/ops/zeros.h>
 
 #include <algorithm>
+#include <cstdint>
 
 #include "graph/features.h"
 #include "graph/gns_graph.h"
@@ -21,6 +22,13 @@ constexpr int64_t h = graph::layer_width;
 float* f32(const at::Tensor& tensor) { return static_cast<float*>(tensor.data_ptr()); }
 uint16_t* f16(const at::Tensor& tensor) { return static_cast<uint16_t*>(tensor.data_ptr()); }
 const int32_t* index(const at::Tensor& tensor) { return static_cast<const int32_t*>(tensor.data_ptr()); }
+
+/// At a place from which the kernels read four numbers at once: those of an uploaded batch begin anywhere.
+at::Tensor aligned(const at::Tensor& tensor) {
+  constexpr std::uintptr_t bytes = 16;
+  const bool is_aligned = reinterpret_cast<std::uintptr_t>(tensor.data_ptr()) % bytes == 0;
+  return is_aligned && tensor.is_contiguous() ? tensor : tensor.clone();
+}
 
 /// Weights of the architecture as graph/cuda takes them.
 std::map<std::string, graph::FcnWeights> weights_of(const std::map<std::string, Fcn>& fcns) {
@@ -83,7 +91,7 @@ at::Tensor FusedGns::forward(const DeviceBatch& batch) {
   rows.begin = index(links.edge_begin);
   rows.sender = index(links.sender);
   rows.receiver = index(links.receiver);
-  rows.edge_features = f32(links.direction);
+  rows.edge_features = f32(kept_.emplace_back(aligned(links.direction)));
   make_room(rows.edges);
   float* const latents = graph::forward_to_decoder(packed_, rows, *this, *this, record_, nullptr);
   return fcn_forward(fcn("decoder"), at::from_blob(latents, {batch.particles, h}, number_), &decoder_);
