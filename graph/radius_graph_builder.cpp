@@ -1,6 +1,5 @@
 #include "graph/radius_graph_builder.h"
 
-#include <bit>
 #include <cmath>
 #include <string>
 
@@ -18,8 +17,6 @@ namespace {
 constexpr Grain light{.items = 256};
 /// Cells are a little wider than the radius, so that the rounding of x / size never parts a pair by two cells.
 constexpr double cell_margin = 1 + 1e-6;
-
-int bits_for(int64_t largest) { return std::bit_width(static_cast<uint64_t>(largest)); }
 
 CellBox box_of(const RadiusScene& scene, double size, int64_t first_cell) {
   CellBox box{};
@@ -58,17 +55,18 @@ GraphCounts read(const Buffer<GraphCounts>& counts, void* stream) {
 struct RadiusGraphBuilder::Arrays {
   explicit Arrays(Device device) : scratch(device) {
     const auto place = [&](auto&... buffer) { ((buffer = std::decay_t<decltype(buffer)>(device, 0)), ...); };
-    place(scene, counts, key, number, sorted_key, node, cell_begin, sorted, near, rank, point_of, pair_count, pair_sum,
-          begin, sender, receiver, reverse, features);
+    place(scene, counts, cell_of, unsorted, node, cell_count, filled, cell_begin, sorted, near, rank, point_of,
+          pair_count, pair_sum, begin, sender, receiver, reverse, features);
     counts.resize_discard(1);
   }
   ListScratch scratch;
   Buffer<PointScene> scene;
   Buffer<GraphCounts> counts;
-  Buffer<int32_t> key, number, sorted_key, node, cell_begin;
-  Buffer<Vec3f> sorted;                  ///< positions in the order of `node`
-  Buffer<int32_t> near, rank, point_of;  ///< [obstacle points]
-  Buffer<int32_t> pair_count, pair_sum;  ///< [9 nodes + 1]
+  Buffer<int32_t> cell_of, unsorted, node;         ///< [nodes]
+  Buffer<int32_t> cell_count, filled, cell_begin;  ///< [cells + 1]
+  Buffer<Vec3f> sorted;                            ///< positions in the order of `node`
+  Buffer<int32_t> near, rank, point_of;            ///< [obstacle points]
+  Buffer<int32_t> pair_count, pair_sum;            ///< [9 nodes + 1]
   Buffer<int32_t> begin, sender, receiver, reverse;
   Buffer<float> features;
 };
@@ -105,8 +103,8 @@ void RadiusGraphBuilder::prepare(const std::vector<RadiusScene>& scenes, void* s
   const auto resize_all = [](int64_t size, auto&... buffer) {
     (buffer.resize_discard(static_cast<std::size_t>(size)), ...);
   };
-  resize_all(most_nodes(), a.key, a.number, a.sorted_key, a.node, a.sorted);
-  resize_all(cells + 1, a.cell_begin);
+  resize_all(most_nodes(), a.cell_of, a.unsorted, a.node, a.sorted);
+  resize_all(cells + 1, a.cell_count, a.filled, a.cell_begin);
   resize_all(points_ + 1, a.near, a.rank, a.point_of);
   resize_all(neighbour_rows * most_nodes() + 1, a.pair_count, a.pair_sum);
   resize_all(most_nodes() + 1, a.begin);
@@ -125,14 +123,16 @@ RowSearch RadiusGraphBuilder::search() const {
   return {points(), order(), rounded * rounded};
 }
 
-/// Sorts nodes by cells, those of a cell in ascending order.
+/// Lists of cells; those of a cell in ascending order.
 void RadiusGraphBuilder::list_cells(int64_t nodes, const GraphCounts* counts, void* stream) {
   Arrays& a = *arrays_;
-  launch(stream, nodes, KeyNodes{points(), counts, a.key.data(), a.number.data()});
-  sort_by_key(device_, nodes, bits_for(cells_), a.key.data(), a.number.data(), a.sorted_key.data(), a.node.data(),
-              a.scratch, stream);
-  launch(stream, cells_ + 1, FindCells{nodes, a.sorted_key.data(), a.cell_begin.data()});
-  launch(stream, nodes, GatherPositions{a.cell_begin.data() + cells_, position_, a.node.data(), a.sorted.data()});
+  launch(stream, cells_ + 1, ClearCells{a.cell_count.data(), a.filled.data()});
+  launch(stream, nodes, CountNodes{points(), counts, a.cell_of.data(), a.cell_count.data()});
+  running_sums(device_, cells_, a.cell_count.data(), a.cell_begin.data(), a.scratch, stream);
+  launch(stream, nodes, FillCells{a.cell_of.data(), a.cell_begin.data(), a.filled.data(), a.unsorted.data()});
+  launch(
+      stream, nodes,
+      SortNodes{a.cell_of.data(), a.cell_begin.data(), a.unsorted.data(), position_, a.node.data(), a.sorted.data()});
 }
 
 void RadiusGraphBuilder::build(Vec3f* position, void* stream) {

@@ -2,6 +2,7 @@
 // points within reach, pairs within the radius.
 #pragma once
 
+#include <atomic>
 #include <cmath>
 #include <cstdint>
 
@@ -89,47 +90,58 @@ struct Points {
   }
 };
 
-/// Cell of node i as a key; nodes beyond `count` come last.
-struct KeyNodes {
+/// number += 1, by many at once; returns the number before.
+GRAUPEL_HD inline int32_t add_one(int32_t& number) {
+#ifdef __CUDA_ARCH__
+  return atomicAdd(&number, 1);
+#else
+  return std::atomic_ref<int32_t>(number).fetch_add(1, std::memory_order_relaxed);
+#endif
+}
+
+struct ClearCells {
+  int32_t *count, *filled;
+  GRAUPEL_HD void operator()(int64_t c) const { count[c] = filled[c] = 0; }
+};
+
+/// Cell of node i, -1 where there is no such node; nodes of each cell.
+struct CountNodes {
   Points points;
   const GraphCounts* counts;  ///< null: the particles alone
-  int32_t *key, *number;
+  int32_t *cell_of, *count;
   GRAUPEL_HD void operator()(int64_t i) const {
-    number[i] = static_cast<int32_t>(i);
-    key[i] = points.cells;
+    cell_of[i] = -1;
     if (i >= (counts ? counts->wanted_nodes : points.particles)) return;
     const CellBox& box = points.scene_of_node(i).box;
     const Vec3i cell = points.cell_of(box, points.position[i]);
-    key[i] = box.row_of(cell[1], cell[2]) + cell[0];
+    cell_of[i] = box.row_of(cell[1], cell[2]) + cell[0];
+    add_one(count[cell_of[i]]);
   }
 };
 
-/// First item of cell c among n sorted keys.
-struct FindCells {
-  int64_t n;
-  const int32_t* sorted_key;
-  int32_t* begin;
-  GRAUPEL_HD void operator()(int64_t c) const {
-    int64_t low = 0, high = n;
-    while (low < high) {
-      const int64_t middle = (low + high) / 2;
-      if (sorted_key[middle] < c)
-        low = middle + 1;
-      else
-        high = middle;
-    }
-    begin[c] = static_cast<int32_t>(low);
+/// Nodes by cells, those of a cell in any order.
+struct FillCells {
+  const int32_t *cell_of, *begin;
+  int32_t *filled, *unsorted;
+  GRAUPEL_HD void operator()(int64_t i) const {
+    const int32_t c = cell_of[i];
+    if (c >= 0) unsorted[begin[c] + add_one(filled[c])] = static_cast<int32_t>(i);
   }
 };
 
-/// Positions in the order of the cells.
-struct GatherPositions {
-  const int32_t* count;
+/// Those of a cell in ascending order, and their positions.
+struct SortNodes {
+  const int32_t *cell_of, *begin, *unsorted;
   const Vec3f* position;
-  const int32_t* node;
+  int32_t* node;
   Vec3f* sorted;
   GRAUPEL_HD void operator()(int64_t i) const {
-    if (i < *count) sorted[i] = position[node[i]];
+    const int32_t c = cell_of[i];
+    if (c < 0) return;
+    int32_t place = begin[c];
+    for (int32_t k = begin[c]; k < begin[c + 1]; ++k) place += unsorted[k] < i;
+    node[place] = static_cast<int32_t>(i);
+    sorted[place] = position[i];
   }
 };
 

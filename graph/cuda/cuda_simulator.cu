@@ -7,7 +7,7 @@
 #include "core/cuda_check.h"
 #include "core/error.h"
 #include "core/parallel_for_in.h"
-#include "graph/cuda/frame_network.h"
+#include "graph/cuda/frame_model.h"
 #include "graph/density_projection.h"
 #include "graph/normalization.h"
 #include "graph/rest_density.h"
@@ -110,7 +110,7 @@ enum Mark { begin, features_done, hierarchy_done, network_done, end, marks };
 /// more asks for a new one. The host waits once a frame.
 struct CudaSimulator::Impl {
   explicit Impl(const nn::Weights& file)
-      : network(make_frame_network(file)), config(network->feature_config()), normalization(read_normalization(file)) {
+      : model(make_frame_model(file)), config(model->feature_config()), normalization(read_normalization(file)) {
     GRAUPEL_CUDA_CHECK(cudaStreamCreate(&stream));
     GRAUPEL_CUDA_CHECK(cudaMallocHost(&seen, sizeof(FrameStatus)));
     for (cudaEvent_t& event : events) GRAUPEL_CUDA_CHECK(cudaEventCreate(&event));
@@ -142,7 +142,7 @@ struct CudaSimulator::Impl {
   bool make_room();
   void record_frame();
 
-  std::unique_ptr<FrameNetwork> network;
+  std::unique_ptr<FrameModel> model;
   FeatureConfig config;
   Normalization normalization;
   cudaStream_t stream = nullptr;
@@ -166,13 +166,13 @@ void CudaSimulator::Impl::launch_graph() {
   mark(begin);
   parallel_for_in(stream, Device::cuda, particles,
                   WriteFeatures{FeatureRules(config, normalization), surroundings->view(Device::cuda), frame_ring(),
-                                network->features(), network->position()});
+                                model->features(), model->position()});
   mark(features_done);
-  network->launch_graph(stream, /*with_counts=*/!recording);
+  model->launch_graph(stream, /*with_counts=*/!recording);
 }
 
 void CudaSimulator::Impl::launch_network() {
-  network->launch(stream, [&] { mark(hierarchy_done); });
+  model->launch(stream, [&] { mark(hierarchy_done); });
   mark(network_done);
 }
 
@@ -183,9 +183,9 @@ void CudaSimulator::Impl::launch_frame() {
   const auto limit = static_cast<float>(std::max({size[0], size[1], size[2]}));
   const FrameRing frames = frame_ring();
   const WayFollower way = surroundings->way_follower(Device::cuda);
-  const int32_t* const fault = network->fault();
+  const int32_t* const fault = model->fault();
   parallel_for_in(stream, Device::cuda, particles,
-                  MoveParticles{normalization, network->output(), frames, way, project, limit, fault, status.data(),
+                  MoveParticles{normalization, model->output(), frames, way, project, limit, fault, status.data(),
                                 density ? next.data() : nullptr});
   if (density) {
     density->apply(next.data(), particles, stream);
@@ -199,14 +199,14 @@ void CudaSimulator::Impl::launch_frame() {
 /// Room for the graph of the newest frame; false when a particle is outside what it can hold.
 bool CudaSimulator::Impl::make_room() {
   launch_graph();
-  const FrameNetwork::Room room = network->make_room();
-  if (room == FrameNetwork::Room::moved) drop_graph();
-  return room != FrameNetwork::Room::none;
+  const FrameModel::Room room = model->make_room();
+  if (room == FrameModel::Room::moved) drop_graph();
+  return room != FrameModel::Room::none;
 }
 
 /// The graph of a frame. The network runs once before, so that all memory is there.
 void CudaSimulator::Impl::record_frame() {
-  network->reuse_memory();
+  model->reuse_memory();
   launch_network();
   if (density) {  // begins each recording without pressure, so that a rollout is the same every time
     next.upload(std::vector<Vec3f>(static_cast<std::size_t>(particles), Vec3f::filled(NAN)));
@@ -215,7 +215,7 @@ void CudaSimulator::Impl::record_frame() {
     density->restart();
   }
   wait();
-  network->reuse_memory();
+  model->reuse_memory();
   recording = true;
   cudaGraph_t captured = nullptr;
   GRAUPEL_CUDA_CHECK(cudaStreamBeginCapture(stream, cudaStreamCaptureModeThreadLocal));
@@ -251,10 +251,10 @@ void CudaSimulator::start(const Scene& scene, const Surroundings& surroundings,
   impl.ring.upload(all);
   impl.status.upload({{static_cast<int32_t>(frames) - 1, 0, 0}});
   *impl.seen = {static_cast<int32_t>(frames) - 1, 0, 0};
-  impl.network->start(surroundings, rows, impl.stream);
+  impl.model->start(surroundings, rows, impl.stream);
   impl.next.resize_discard(particle_type.size());
   impl.density.reset();
-  const double spacing = impl.network->spacing(), rest = rest_density(scene, positions.back(), spacing);
+  const double spacing = impl.model->spacing(), rest = rest_density(scene, positions.back(), spacing);
   if (density_limit * rest > 0) impl.density.emplace(Device::cuda, surroundings, density_limit * rest, spacing);
   impl.wait();
 }
@@ -277,12 +277,12 @@ std::vector<Vec3f> CudaSimulator::accelerations() {
   Impl& impl = *impl_;
   if (!impl.make_room())
     throw InputError("a particle lies outside the domain of its scene by more than three cells of the network's grid");
-  impl.network->reuse_memory();
+  impl.model->reuse_memory();
   impl.launch_network();
   impl.wait();
   std::vector<Vec3f> acceleration(static_cast<std::size_t>(impl.particles));
   std::vector<float> output(3 * acceleration.size());
-  device_copy(Device::cpu, output.data(), Device::cuda, impl.network->output(), output.size() * sizeof(float));
+  device_copy(Device::cpu, output.data(), Device::cuda, impl.model->output(), output.size() * sizeof(float));
   for (std::size_t i = 0; i < acceleration.size(); ++i)
     acceleration[i] = acceleration_of(impl.normalization, output.data() + 3 * i);
   return acceleration;

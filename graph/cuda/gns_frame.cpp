@@ -54,7 +54,7 @@ void GnsFrame::launch_graph(void* stream, bool) {
   builder_.describe_obstacles(rules_, features_.data(), type_row_.data(), stream);
 }
 
-FrameNetwork::Room GnsFrame::make_room() {
+FrameModel::Room GnsFrame::make_room() {
   constexpr double spare = 0.5;  // for frames to come
   const int64_t room = builder_.room();
   builder_.finish(spare, stream_);

@@ -2,14 +2,14 @@
 #pragma once
 
 #include "graph/cuda/device_weights.h"
-#include "graph/cuda/frame_network.h"
+#include "graph/cuda/frame_model.h"
 #include "graph/cuda/gns_passes.h"
 #include "graph/cuda/row_arena.h"
 #include "graph/radius_graph_builder.h"
 
 namespace graupel::graph {
 
-class GnsFrame : public FrameNetwork, private EdgeMemory {
+class GnsFrame : public FrameModel, private EdgeMemory {
  public:
   explicit GnsFrame(const nn::Weights& weights);
 

@@ -65,7 +65,7 @@ void HgnFrame::launch_graph(void* stream, bool with_counts) {
   builder_.build(position_.data(), streams_->grid, with_counts);
 }
 
-FrameNetwork::Room HgnFrame::make_room() {
+FrameModel::Room HgnFrame::make_room() {
   const GridCounts counts = builder_.counts(streams_->grid);
   if (counts.overflow) return Room::none;
   if (room_.holds(counts)) return Room::there;

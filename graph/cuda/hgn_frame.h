@@ -2,7 +2,7 @@
 #pragma once
 
 #include "graph/cuda/device_weights.h"
-#include "graph/cuda/frame_network.h"
+#include "graph/cuda/frame_model.h"
 #include "graph/cuda/hgn_passes.h"
 #include "graph/cuda/row_arena.h"
 #include "graph/grid_builder.h"
@@ -10,7 +10,7 @@
 
 namespace graupel::graph {
 
-class HgnFrame : public FrameNetwork {
+class HgnFrame : public FrameModel {
  public:
   explicit HgnFrame(const nn::Weights& weights);
   ~HgnFrame() override;

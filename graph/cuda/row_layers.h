@@ -67,7 +67,7 @@ struct RowNetwork {
 
   // Results, where wanted
   uint16_t* out16 = nullptr;        ///< y
-  const uint16_t* add16 = nullptr;  ///< sum16 = add16 + y
+  const uint16_t* add16 = nullptr;  ///< sum16 = add16 + y; without the f32 sum
   uint16_t* sum16 = nullptr;
   const float* add32 = nullptr;  ///< sum32 = add32 + y; null: 0
   float* sum32 = nullptr;
@@ -82,7 +82,7 @@ void forward(const RowNetwork& network, void* stream);
 /// Whether the GPU has the shared memory that networks with an outlook need.
 bool can_look_ahead();
 
-/// Gradient of an operand: result = add + d, f32 or bf16.
+/// Gradient of an operand: result = add + d, all f32 or all bf16.
 struct OperandGradient {
   const float* add32 = nullptr;
   float* d32 = nullptr;

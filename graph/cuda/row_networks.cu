@@ -58,7 +58,23 @@ __device__ void load_weights(const RowNetwork& n, const Shared<warps>& shared) {
   for (int j = 0; j < operands; ++j) load_tile(shared.tile(1 + j), n.operand[j].weight);
 }
 
-/// What follows the layer norm: residual sums in f32 and bf16.
+/// to = add + c in bf16; whole rows pass through this warp's part of shared memory, since lanes have pieces of them.
+/// `add` may be null, or `to` itself.
+__device__ void write_rows16(uint16_t* to, const uint16_t* add, Sums& c, uint16_t* mine, int64_t first, int64_t rows,
+                             int lane) {
+  if (add) {
+    gather_rows(mine, RowOperand{add}, first, rows, lane);
+    __syncwarp();
+    add_stored_rows(c, mine, lane);
+    __syncwarp();
+  }
+  store_rows(mine, c, lane);
+  __syncwarp();
+  copy_out(to, mine, first, rows, lane);
+  __syncwarp();
+}
+
+/// What follows the layer norm: residual sums in f32.
 __device__ void write_sums(const RowNetwork& n, int64_t rows, const Sums& c, int64_t first, int lane) {
 #pragma unroll
   for (int half = 0; half < 2; ++half) {
@@ -67,20 +83,13 @@ __device__ void write_sums(const RowNetwork& n, int64_t rows, const Sums& c, int
     const int64_t at = r * layer_width + 2 * (lane % 4);
 #pragma unroll
     for (int j = 0; j < column_blocks; ++j) {
-      const float x = c[j][2 * half], y = c[j][2 * half + 1];
-      if (n.sum16) {
-        const float2 before = unpack(*reinterpret_cast<const uint32_t*>(n.add16 + at + 8 * j));
-        *reinterpret_cast<uint32_t*>(n.sum16 + at + 8 * j) = pack(before.x + x, before.y + y);
+      float2 sum{c[j][2 * half], c[j][2 * half + 1]};
+      if (n.add32) {
+        const float2 before = *reinterpret_cast<const float2*>(n.add32 + at + 8 * j);
+        sum.x += before.x, sum.y += before.y;
       }
-      if (n.sum32) {
-        float2 sum{x, y};
-        if (n.add32) {
-          const float2 before = *reinterpret_cast<const float2*>(n.add32 + at + 8 * j);
-          sum.x += before.x, sum.y += before.y;
-        }
-        *reinterpret_cast<float2*>(n.sum32 + at + 8 * j) = sum;
-        if (n.copy16) *reinterpret_cast<uint32_t*>(n.copy16 + at + 8 * j) = pack(sum.x, sum.y);
-      }
+      *reinterpret_cast<float2*>(n.sum32 + at + 8 * j) = sum;
+      if (n.copy16) *reinterpret_cast<uint32_t*>(n.copy16 + at + 8 * j) = pack(sum.x, sum.y);
     }
   }
 }
@@ -176,39 +185,28 @@ __global__ void __launch_bounds__(32 * warps, operands == 2 ? 1 : 2) forward_ker
       c[j][2] = c[j][2] * gamma.x + beta.x, c[j][3] = c[j][3] * gamma.y + beta.y;
     }
     __syncwarp();
-    if (n.out16) {
-      store_rows(mine, c, lane);
-      __syncwarp();
-      copy_out(n.out16, mine, first, rows, lane);
-      __syncwarp();
-    }
+    if (n.out16) write_rows16(n.out16, nullptr, c, mine, first, rows, lane);
     if constexpr (after == After::groups)
       write_groups(n, rows, c, first, lane);
     else if constexpr (after == After::outlook)
       write_outlook(n, rows, c, shared, mine, first, lane);
-    else
+    else if (n.sum16)
+      write_rows16(n.sum16, n.add16, c, mine, first, rows, lane);
+    else if (n.sum32)
       write_sums(n, rows, c, first, lane);
   }
 }
 
-/// Gradient of a warp's rows' results.
-__device__ void result_gradient(Sums& g, const RowNetworkGradient& d, int64_t first, int lane) {
+/// Gradient of a warp's rows' results; `mine` is this warp's part of shared memory.
+__device__ void result_gradient(Sums& g, const RowNetworkGradient& d, uint16_t* mine, int64_t first, int lane) {
   clear(g);
   const int64_t rows = d.network.rows;
   if (d.g32) add_table(g, d.g32, d.g_row, first, rows, lane, d.g_weight, d.g_scale);
   if (d.g16 == nullptr) return;
-#pragma unroll
-  for (int half = 0; half < 2; ++half) {
-    const int64_t r = first + lane / 4 + 8 * half;
-    if (r >= rows) continue;
-    const uint32_t* const from = reinterpret_cast<const uint32_t*>(d.g16 + r * layer_width) + lane % 4;
-#pragma unroll
-    for (int j = 0; j < column_blocks; ++j) {
-      const float2 v = unpack(from[4 * j]);
-      g[j][2 * half] += v.x;
-      g[j][2 * half + 1] += v.y;
-    }
-  }
+  gather_rows(mine, RowOperand{d.g16}, first, rows, lane);
+  __syncwarp();
+  add_stored_rows(g, mine, lane);
+  __syncwarp();
 }
 
 /// c (normalised rows) becomes the gradient before the layer norm (Ba et al. 2016); adds to gamma's and beta's.
@@ -269,7 +267,7 @@ __global__ void __launch_bounds__(32 * warps, 1) backward_kernel(RowNetworkGradi
     float inverse[2];
     normalize(c, inverse);
     Sums g;
-    result_gradient(g, d, first, lane);
+    result_gradient(g, d, raw, first, lane);
     norm_backward(c, g, inverse, n.gamma, gamma_sums, beta_sums, lane);
     store_rows(raw, c, lane);
     __syncwarp();
@@ -293,7 +291,10 @@ __global__ void __launch_bounds__(32 * warps, 1) backward_kernel(RowNetworkGradi
     for (int j = 0; j < operands; ++j) {
       clear(c);
       product_back(c, hidden, shared.tile(1 + j), lane);
-      write_operand_gradient(d.operand[j], c, first, n.rows, lane);
+      if (d.operand[j].d16)
+        write_rows16(d.operand[j].d16, d.operand[j].add16, c, raw, first, n.rows, lane);
+      else
+        write_operand_gradient(d.operand[j], c, first, n.rows, lane);
     }
     __syncwarp();
   }
@@ -336,6 +337,7 @@ int operands_of(const RowNetwork& n) { return n.operand[1].rows ? 2 : n.operand[
 void forward(const RowNetwork& network, void* stream) {
   if (network.rows == 0) return;
   const int operands = operands_of(network);
+  GRAUPEL_ASSERT(!network.sum16 || !network.sum32);
   if (network.group32) {
     GRAUPEL_ASSERT(operands == 0 && !network.sum32 && !network.sum16);
     return launch_forward<0, few_warps, After::groups>(network, 2, stream);
@@ -365,6 +367,7 @@ bool can_look_ahead() {
 }
 
 int backward(const RowNetworkGradient& gradient, void* stream) {
+  for (const OperandGradient& d : gradient.operand) GRAUPEL_ASSERT(!d.d16 || (!d.d32 && !d.add32));
   switch (operands_of(gradient.network)) {
     case 0:
       return launch_backward<0>(gradient, stream);

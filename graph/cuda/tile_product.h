@@ -121,6 +121,17 @@ __device__ inline void store_rows(uint16_t* to, const Sums& c, int lane) {
   }
 }
 
+/// c += a warp's bf16 rows in its part of shared memory.
+__device__ inline void add_stored_rows(Sums& c, const uint16_t* from, int lane) {
+  const uint32_t* const low = reinterpret_cast<const uint32_t*>(from + (lane / 4) * row_stride) + lane % 4;
+  const uint32_t* const high = low + 8 * row_stride / 2;
+#pragma unroll
+  for (int j = 0; j < column_blocks; ++j) {
+    const float2 a = unpack(low[4 * j]), b = unpack(high[4 * j]);
+    c[j][0] += a.x, c[j][1] += a.y, c[j][2] += b.x, c[j][3] += b.y;
+  }
+}
+
 /// Copies a warp's rows from shared to global memory, [rows, 128], as far as there are rows.
 __device__ inline void copy_out(uint16_t* to, const uint16_t* from, int64_t first, int64_t rows, int lane) {
 #pragma unroll

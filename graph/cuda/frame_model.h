@@ -1,5 +1,5 @@
-// What a rollout on a GPU (cuda_simulator.h) asks of a network: the making of its graph and the accelerations. All
-// launches may be recorded; numbers that change from frame to frame are read on the GPU, as far as there is room.
+// What a rollout on a GPU (cuda_simulator.h) asks of an architecture: the making of its graph and the accelerations.
+// All launches may be recorded; numbers that change from frame to frame are read on the GPU, as far as there is room.
 #pragma once
 
 #include <functional>
@@ -12,9 +12,9 @@
 
 namespace graupel::graph {
 
-class FrameNetwork {
+class FrameModel {
  public:
-  virtual ~FrameNetwork() = default;
+  virtual ~FrameModel() = default;
 
   virtual const FeatureConfig& feature_config() const = 0;
   /// As Network::spacing.
@@ -48,6 +48,6 @@ class FrameNetwork {
 
 /// The network of a weights file. Throws InputError for damaged weights, ConfigError where there is no GPU or no
 /// kernels for such a network.
-std::unique_ptr<FrameNetwork> make_frame_network(const nn::Weights& weights);
+std::unique_ptr<FrameModel> make_frame_model(const nn::Weights& weights);
 
 }  // namespace graupel::graph

@@ -1,4 +1,4 @@
-#include "graph/cuda/frame_network.h"
+#include "graph/cuda/frame_model.h"
 
 #include "core/error.h"
 #include "graph/config_metadata.h"
@@ -7,7 +7,7 @@
 
 namespace graupel::graph {
 
-std::unique_ptr<FrameNetwork> make_frame_network(const nn::Weights& weights) {
+std::unique_ptr<FrameModel> make_frame_model(const nn::Weights& weights) {
   if (architecture_of(weights) == gns_architecture) return std::make_unique<GnsFrame>(weights);
   return std::make_unique<HgnFrame>(weights);  // refuses any other
 }
