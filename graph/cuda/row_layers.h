@@ -41,11 +41,12 @@ struct RowTable {
   RowOf row;
 };
 
-/// What the next kernels want of rows: out[j] = x W[j]^T + bias[j], f32.
+/// What the next kernels want of rows: out[j] = x W[j]^T + bias[j], f32 or bf16 (out16).
 struct RowOutlook {
   const uint16_t* weight[2] = {nullptr, nullptr};
   const float* bias[2] = {nullptr, nullptr};
   float* out[2] = {nullptr, nullptr};
+  uint16_t* out16[2] = {nullptr, nullptr};
 };
 
 /// y[r] = LayerNorm(W2 LeakyReLU_0.01(sum of operands W1^T + sum of tables) + b2), r < rows, eps 1e-5.
@@ -115,6 +116,7 @@ struct RowProjection {
   int32_t offset_stride[2] = {0, 0};
   float offset_sign[2] = {1, 1};
   float* out[2] = {nullptr, nullptr};
+  uint16_t* out16[2] = {nullptr, nullptr};  ///< the same, rounded
 };
 void project(const RowProjection& projection, void* stream);
 
@@ -197,7 +199,8 @@ void pack_rows(int64_t rows, int columns, const float* source, uint16_t* packed,
 
 /// One product of the gradients of weights, out[i, k] = sum over rows of d[r, i] x[r, k], k < columns, rows of `out`
 /// `stride` apart; and, where wanted, bias[i] = sum over rows of d[r, i]. Or, with `partial`: sums over `rows` rows of
-/// partial sums [rows, 256], the first 128 to `out`, the others to `bias`.
+/// partial sums [rows, 256], the first 128 to `out`, the others to `bias`; without a `bias` of [rows, 3, 128], number
+/// (k, i) to out[i, k].
 struct WeightProduct {
   int64_t rows = 0;
   const uint16_t* d = nullptr;

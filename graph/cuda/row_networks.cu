@@ -115,10 +115,11 @@ __device__ void write_outlook(const RowNetwork& n, int64_t rows, Sums& c, const 
   copy_out(n.copy16, mine, first, rows, lane);
 #pragma unroll
   for (int j = 0; j < 2; ++j) {
+    if (!n.outlook.weight[j]) continue;
     clear(c);
     product(c, mine, shared.tile(3 + j), lane);
     if (n.outlook.bias[j]) add_bias(c, n.outlook.bias[j], lane);
-    write_operand_gradient({nullptr, n.outlook.out[j]}, c, first, rows, lane);
+    write_operand_gradient({nullptr, n.outlook.out[j], nullptr, n.outlook.out16[j]}, c, first, rows, lane);
   }
   __syncwarp();
 }
@@ -130,7 +131,8 @@ __global__ void __launch_bounds__(32 * warps, operands == 2 ? 1 : 2) forward_ker
   start_next();
   const Shared<warps> shared{shared_numbers, 1 + operands + (after == After::outlook ? 2 : 0)};
   if constexpr (after == After::outlook)
-    for (int j = 0; j < 2; ++j) load_tile(shared.tile(3 + j), n.outlook.weight[j]);
+    for (int j = 0; j < 2; ++j)
+      if (n.outlook.weight[j]) load_tile(shared.tile(3 + j), n.outlook.weight[j]);
   load_weights<operands>(n, shared);
   wait_for_previous();
   const int64_t rows = rows_now(n.rows, n.row_count);
@@ -319,7 +321,7 @@ void forward(const RowNetwork& network, void* stream) {
     GRAUPEL_ASSERT(operands == 0 && !network.sum32 && !network.sum16);
     return launch_forward<0, few_warps, After::groups>(network, 2, stream);
   }
-  if (network.outlook.out[0]) {
+  if (network.outlook.weight[0]) {
     GRAUPEL_ASSERT(operands == 2 && network.add32 && network.sum32 && network.copy16 && !network.sum16);
     return launch_forward<2, many_warps, After::outlook>(network, 1, stream);
   }

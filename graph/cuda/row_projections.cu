@@ -55,7 +55,7 @@ __global__ void __launch_bounds__(threads, 2) project_kernel(RowProjection p) {
       product(c, mine, shared.tile(j), lane);
       if (p.bias[j]) add_bias(c, p.bias[j], lane);
       if (p.offset) add_offsets(c, p, rows, j, first, lane);
-      write_operand_gradient({nullptr, p.out[j]}, c, first, rows, lane);
+      write_operand_gradient({nullptr, p.out[j], nullptr, p.out16[j]}, c, first, rows, lane);
     }
     __syncwarp();
   }

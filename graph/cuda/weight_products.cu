@@ -36,7 +36,7 @@ struct Addition {
   float *out, *out_bias;
   int32_t stride, columns;
   float scale;
-  bool is_partial;  ///< parts of 256 numbers: 128 to out, 128 to out_bias
+  int32_t partial;  ///< numbers of a part that is no product, else 0: 128 to out and 128 to out_bias, or [3, 128]
 };
 
 __device__ void copy_async(uint16_t* to, const uint16_t* from, bool there) {
@@ -122,17 +122,29 @@ __global__ void __launch_bounds__(threads, 2) product_kernel(const Chunk* chunks
 
 constexpr int addition_blocks = tile_numbers / threads;
 
+/// Sums of parts that are no products: 32 numbers a block, a warp adds every eighth part.
+__device__ void add_partials(const Addition& a, int block, int thread) {
+  __shared__ float sums[warps][32];
+  const int lane = thread % 32, number = 32 * block + lane;
+  if (32 * block >= a.partial) return;
+  float sum = 0;
+#pragma unroll 4
+  for (int64_t p = thread / 32; p < a.parts; p += warps) sum += a.sums[p * a.partial + number];
+  sums[thread / 32][lane] = sum;
+  __syncthreads();
+  if (thread >= 32) return;
+  sum = 0;
+  for (const auto& part : sums) sum += part[lane];
+  const int row = number % layer_width, column = number / layer_width;
+  float* const to = !a.out_bias ? a.out + int64_t{row} * a.stride + column : column ? a.out_bias + row : a.out + row;
+  *to = a.scale * sum;
+}
+
 /// Block (x, y): 256 numbers of addition y; the last x has the bias.
 __global__ void __launch_bounds__(threads) add_kernel(const Addition* additions) {
   const Addition a = additions[blockIdx.y];
   const int block = static_cast<int>(blockIdx.x), thread = static_cast<int>(threadIdx.x);
-  if (a.is_partial) {
-    if (block > 0) return;
-    float sum = 0;
-    for (int64_t p = 0; p < a.parts; ++p) sum += a.sums[p * 2 * layer_width + thread];
-    (thread < layer_width ? a.out[thread] : a.out_bias[thread - layer_width]) = a.scale * sum;
-    return;
-  }
+  if (a.partial) return add_partials(a, block, thread);
   if (block == addition_blocks) {
     if (!a.out_bias || thread >= layer_width) return;
     float sum = 0;
@@ -175,7 +187,8 @@ void WeightProducts::run(void* stream) {
   std::vector<Addition> additions;
   for (const WeightProduct& p : products_) {
     if (p.partial) {
-      additions.push_back({p.partial, nullptr, p.rows, p.out, p.bias, 0, 0, p.scale, true});
+      const int32_t numbers = (p.bias ? 2 : 3) * layer_width;
+      additions.push_back({p.partial, nullptr, p.rows, p.out, p.bias, p.stride, 0, p.scale, numbers});
       continue;
     }
     const float *const first_sums = sums, *const first_bias = bias;
@@ -185,7 +198,7 @@ void WeightProducts::run(void* stream) {
       sums += tile_numbers;
       bias += layer_width;
     }
-    additions.push_back({first_sums, first_bias, n, p.out, p.bias, p.stride, p.columns, p.scale, false});
+    additions.push_back({first_sums, first_bias, n, p.out, p.bias, p.stride, p.columns, p.scale, 0});
   }
   products_.clear();
   upload_in(stream, memory_->chunks, chunks);
