@@ -14,13 +14,9 @@
 
 namespace graupel::train {
 
-namespace {
-
-/// Weights of the architecture as graph/cuda takes them.
-std::map<std::string, graph::FcnWeights> weights_of(const std::map<std::string, Fcn>& fcns,
-                                                    const std::map<std::string, Fcn::Layer>& gathers) {
+std::map<std::string, graph::FcnWeights> FusedPasses::weights() const {
   std::map<std::string, graph::FcnWeights> weights;
-  for (const auto& [name, fcn] : fcns)
+  for (const auto& [name, fcn] : fcns_)
     weights[name] = {f32(fcn.w1),
                      f32(fcn.b1),
                      f32(fcn.w2),
@@ -28,12 +24,10 @@ std::map<std::string, graph::FcnWeights> weights_of(const std::map<std::string, 
                      fcn.norm ? f32(fcn.gamma) : nullptr,
                      fcn.norm ? f32(fcn.beta) : nullptr,
                      static_cast<int32_t>(fcn.w1.size(1))};
-  for (const auto& [name, layer] : gathers)
+  for (const auto& [name, layer] : gathers_)
     weights[name] = {.w1 = f32(layer.w), .b1 = f32(layer.b), .inputs = static_cast<int32_t>(layer.w.size(1))};
   return weights;
 }
-
-}  // namespace
 
 bool FusedPasses::fits(const graph::HgnConfig& config, Device device) {
   return device == Device::cuda && graph::PackedHgn::fits(config);
@@ -55,7 +49,7 @@ FusedPasses::FusedPasses(const graph::HgnConfig& config, const ParameterLayout& 
       half_(flat.options().dtype(at::kBFloat16)),
       embedding_(view_of(layout.find("embedding.weight"), flat)),
       embedding_grad_(view_of(layout.find("embedding.weight"), gradient)),
-      packed_(config, weights_of(fcns_, gathers_), f32(embedding_)) {}
+      packed_(config, weights(), f32(embedding_)) {}
 
 at::Tensor FusedPasses::forward(const DeviceBatch& batch) {
   kept_.clear();

@@ -79,6 +79,8 @@ class FusedPasses : protected graph::RowMemory {
   std::vector<TwoProducts> two_products_;
 
  private:
+  /// Weights as graph/cuda takes them.
+  std::map<std::string, graph::FcnWeights> weights() const;
   graph::HgnGraph graph_of(const DeviceBatch& batch);
 
   FcnRecord decoder_;

@@ -25,12 +25,12 @@ struct NodeItems {
 /// a = LeakyReLU_0.01.
 struct ActivationSums {
   int64_t receivers = 0;
-  NodeItems items;
-  RowOf sender;                        ///< of an item
+  NodeItems items = {};
+  RowOf sender = {};                   ///< of an item
   const uint16_t* sent = nullptr;      ///< [*, 128]
   const uint16_t* received = nullptr;  ///< [receivers, 128]; null: 0
   const float* table = nullptr;        ///< [8, 128]
-  RowOf table_row;                     ///< of an item, 0..7
+  RowOf table_row = {};                ///< of an item, 0..7
   const float* weight = nullptr;       ///< of an item; null: 1
   float scale = 1;
   uint16_t* sum = nullptr;   ///< [receivers, 128]
@@ -45,10 +45,10 @@ int most_offset_partials();
 /// the items of node n; and, where nodes have few items, of the offsets' weights W_o [128, 3], sum of d[q] offset(q).
 struct ActivationGradient {
   int64_t nodes = 0;
-  NodeItems items;
+  NodeItems items = {};
   const uint16_t* g = nullptr;  ///< [*, 128] gradient of the sums
   bool is_receiver = false;     ///< g[n] belongs to all items of node n
-  RowOf row;                    ///< else to an item
+  RowOf row = {};               ///< else to an item
   const float* weight = nullptr;
   float scale = 1;
   const uint8_t* signs = nullptr;

@@ -132,17 +132,20 @@ void check_mixed_gradient(const graph::HgnConfig& config, const Batch& batch) {
 
 TEST(MixedPrecision, GradientIsThatOfDoublePrecisionOnTheGpu) {
   GRAUPEL_NEEDS_GPU();
-  graph::HgnConfig config = tiny_config();
-  config.latent = 128;
-  config.embedding = 16;
-  config.history = 5;
-  check_mixed_gradient(config, concatenate({random_graph(config, 1, 150, 0.25), random_graph(config, 2, 333, 0.4)}));
-  config.levels = 5;  // the top level has no edges
-  config.message_passing = 3;
-  check_mixed_gradient(config, concatenate({random_graph(config, 4, 12, 0.02)}));
-  config.levels = 1;
-  config.message_passing = 1;
-  check_mixed_gradient(config, concatenate({random_graph(config, 7, 900, 0.1)}));
+  for (const graph::Aggregation aggregation : {graph::Aggregation::messages, graph::Aggregation::activations}) {
+    graph::HgnConfig config = tiny_config();
+    config.aggregation = aggregation;
+    config.latent = 128;
+    config.embedding = 16;
+    config.history = 5;
+    check_mixed_gradient(config, concatenate({random_graph(config, 1, 150, 0.25), random_graph(config, 2, 333, 0.4)}));
+    config.levels = 5;  // the top level has no edges
+    config.message_passing = 3;
+    check_mixed_gradient(config, concatenate({random_graph(config, 4, 12, 0.02)}));
+    config.levels = 1;
+    config.message_passing = 1;
+    check_mixed_gradient(config, concatenate({random_graph(config, 7, 900, 0.1)}));
+  }
 }
 
 TEST(MixedPrecision, IsLeftOutWhereItDoesNotExist) {
