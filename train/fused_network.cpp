@@ -1,40 +1,16 @@
 #include "train/fused_network.h"
 
-#include <ATen/TensorOperators.h>
-#include <ATen/ops/arange.h>
-#include <ATen/ops/empty.h>
-
 namespace graupel::train {
 
 namespace {
 
-constexpr int cube_corners = 8;
-
 /// Row r of a [pairs, .] array belongs to particle r / 8 and corner r % 8.
 constexpr graph::RowOf by_particle{nullptr, 3, -1};
 
-/// Bits of 0..7 along the axes, [8, 3].
-at::Tensor bits_of_corners(const at::TensorOptions& options) {
-  const at::TensorOptions number = options.dtype(at::kInt);
-  return at::arange(cube_corners, number)
-      .view({-1, 1})
-      .__rshift__(at::arange(3, number).view({1, 3}))
-      .bitwise_and(1)
-      .to(options.dtype());
-}
-
 }  // namespace
 
-float* FusedNetwork::to_decoder(const graph::HgnGraph& graph) {
-  return graph::forward_to_decoder(packed_, graph, *this, record_, nullptr);
-}
-
-const uint16_t* FusedNetwork::corner_rows(int64_t particles) {
-  if (!corner_rows_.defined() || corner_rows_.size(0) < corners * particles) {
-    packed(bits_of_corners(number_).repeat({particles + particles / 4, 1}));
-    corner_rows_ = kept_[kept_.size() - 2];  // stays when kept_ is cleared
-  }
-  return f16(corner_rows_);
+graph::RowLatents FusedNetwork::to_decoder(const graph::HgnGraph& graph) {
+  return {graph::forward_to_decoder(packed_, graph, *this, record_, nullptr), nullptr};
 }
 
 float* FusedNetwork::back_to_encoder(const DeviceBatch& batch, float* grad_particles) {
@@ -78,7 +54,7 @@ float* FusedNetwork::back_to_encoder(const DeviceBatch& batch, float* grad_parti
     way.operand[0] = {.add32 = skip[l - 1], .d32 = fine_grad};
     way = back_through(name, way);
     add_product(fine.cells, way.d_sum, way.network.operand[0].rows, net.w1_grad, 0, h, net.b1_grad);
-    add_product(fine.cells, way.d_sum, packed(fine.parent_offset), net.w1_grad, h, 3);
+    octants_backward(fine, way.d_sum, 1, net.w1_grad);
     g = fine_grad;
   }
 
@@ -98,27 +74,13 @@ void FusedNetwork::pairs_to_particles(const DeviceBatch& batch, const std::strin
                                       float offset_sign, float* grad_particles) {
   const Fcn& net = fcn(name);
   uint16_t* const per_particle = rows16(batch.particles);
-  graph::sum_segments({.segments = batch.particles, .fixed = corners, .source = pairs.d_sum, .out16 = per_particle},
-                      nullptr);
+  offsets_backward(net.w1_grad, graph::ActivationGradient{.nodes = batch.particles,
+                                                          .items = {.fixed = corners},
+                                                          .g = pairs.d_sum,
+                                                          .out = per_particle,
+                                                          .corner_sign = -offset_sign,
+                                                          .offset = f32(batch.offset)});
   add_product(batch.particles, per_particle, record_.particles.f16, net.w1_grad, particle_column, h, net.b1_grad);
-  // Offsets and corners share the last three columns.
-  const TwoProducts both{net.w1_grad.narrow(1, particle_column + h, 3), kept_.emplace_back(at::empty({h, 3}, number_)),
-                         kept_.emplace_back(at::empty({h, 3}, number_))};
-  products_.add({.rows = batch.particles,
-                 .d = per_particle,
-                 .x = packed(batch.offset),
-                 .out = f32(both.a),
-                 .stride = 3,
-                 .columns = 3,
-                 .scale = offset_sign});
-  products_.add({.rows = pairs.network.rows,
-                 .d = pairs.d_sum,
-                 .x = corner_rows(batch.particles),
-                 .out = f32(both.b),
-                 .stride = 3,
-                 .columns = 3,
-                 .scale = -offset_sign});
-  two_products_.push_back(both);
   graph::project_back({.rows = batch.particles,
                        .d = {{.rows = per_particle, .weight = packed_.tile(name, particle_column)}},
                        .add32 = grad_particles,
@@ -157,7 +119,11 @@ float* FusedNetwork::pass_messages_backward(const std::string& block, const grap
     if (k > 0)
       add_product(edges, edge.d_sum, edge.network.operand[0].rows, edge_net.w1_grad, 2 * h, h);
     else
-      add_product(edges, edge.d_sum, packed(level.direction), edge_net.w1_grad, 2 * h, 3);
+      offsets_backward(edge_net.w1_grad, graph::ActivationGradient{.nodes = level.cells,
+                                                                   .items = {.begin = index(level.edge_begin)},
+                                                                   .g = edge.d_sum,
+                                                                   .offsets = graph::Offsets::slot,
+                                                                   .slot = index(level.slot)});
 
     uint16_t *const sent = rows16(level.cells), *const arrived = rows16(level.cells);
     float* const before = rows32(level.cells);

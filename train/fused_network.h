@@ -14,19 +14,16 @@ class FusedNetwork : public FusedPasses {
       : FusedPasses(config, layout, flat, gradient) {}
 
  private:
-  float* to_decoder(const graph::HgnGraph& graph) override;
+  graph::RowLatents to_decoder(const graph::HgnGraph& graph) override;
   float* back_to_encoder(const DeviceBatch& batch, float* grad_particles) override;
   const graph::RowNetwork& encoder() const override { return record_.encoder; }
 
-  /// Corner bits of the pairs of `particles`, packed.
-  const uint16_t* corner_rows(int64_t particles);
   float* pass_messages_backward(const std::string& block, const graph::HgnRecord::Block& record,
                                 const DeviceLevel& level, float* grad);
   /// What pairs leave to their particles: weights of the particle's and the offset's part, and grad_particles.
   void pairs_to_particles(const DeviceBatch& batch, const std::string& name, const graph::RowNetworkGradient& pairs,
                           int64_t particle_column, float offset_sign, float* grad_particles);
 
-  at::Tensor corner_rows_;
   graph::HgnRecord record_;
 };
 

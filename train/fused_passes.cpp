@@ -1,12 +1,9 @@
 #include "train/fused_passes.h"
 
 #include <ATen/TensorOperators.h>
-#include <ATen/ops/add.h>
 #include <ATen/ops/cat.h>
 #include <ATen/ops/empty.h>
-#include <ATen/ops/from_blob.h>
 #include <ATen/ops/mm.h>
-#include <ATen/ops/neg.h>
 
 #include "graph/features.h"
 #include "train/fused_network.h"
@@ -54,27 +51,65 @@ FusedPasses::FusedPasses(const graph::HgnConfig& config, const ParameterLayout& 
 at::Tensor FusedPasses::forward(const DeviceBatch& batch) {
   kept_.clear();
   packed_.refresh(nullptr);
-  float* const latents = to_decoder(graph_of(batch));
-  return fcn_forward(fcn("decoder"), at::from_blob(latents, {batch.particles, h}, number_), &decoder_);
+  const graph::RowLatents latents = to_decoder(graph_of(batch));
+  before_decoder_ = latents.f16 ? latents.f16 : rows16(batch.particles);
+  const Fcn& net = fcn("decoder");
+  const at::Tensor out = at::empty({batch.particles, 3}, number_);
+  graph::decode({.rows = batch.particles,
+                 .x = latents.f32,
+                 .x16 = latents.f16,
+                 .w1 = packed_.tile("decoder", 0),
+                 .b1 = f32(net.b1),
+                 .w2 = f32(net.w2),
+                 .b2 = f32(net.b2),
+                 .out = f32(out),
+                 .save = latents.f16 ? nullptr : before_decoder_},
+                nullptr);
+  return out;
+}
+
+float* FusedPasses::decoder_backward(int64_t particles, const at::Tensor& grad) {
+  const Fcn& net = fcn("decoder");
+  graph::DecoderGradient back{.rows = particles,
+                              .x16 = before_decoder_,
+                              .w1 = packed_.tile("decoder", 0),
+                              .b1 = f32(net.b1),
+                              .w2 = f32(net.w2),
+                              .g = f32(kept_.emplace_back(grad.contiguous())),
+                              .d_sum = rows16(particles),
+                              .d_x = rows32(particles),
+                              .partial = partials(graph::most_norm_partials(), 4)};
+  const int rows = graph::decode_backward(back, nullptr);
+  products_.add({.rows = rows,
+                 .partial = back.partial,
+                 .parts = 4,
+                 .out = f32(net.w2_grad),
+                 .step = h,
+                 .bias = f32(net.b2_grad),
+                 .biases = 3});
+  add_product(particles, back.d_sum, before_decoder_, net.w1_grad, 0, h, net.b1_grad);
+  return back.d_x;
+}
+
+float* FusedPasses::partials(int64_t rows, int64_t parts) {
+  return f32(kept_.emplace_back(at::empty({rows, parts, h}, number_)));
 }
 
 void FusedPasses::backward(const DeviceBatch& batch, const at::Tensor& grad) {
-  two_products_.clear();
-  const at::Tensor before_decoder = kept_.emplace_back(fcn_backward(fcn("decoder"), decoder_, grad));
-  const float* const grad_particles = back_to_encoder(batch, f32(before_decoder));
+  const float* const grad_particles = back_to_encoder(batch, decoder_backward(batch.particles, grad));
+  // The inputs that belong to the embedding are a row of it a type: first the sums over the particles of a type.
   const Fcn& net = fcn("encoder");
   const graph::RowNetworkGradient rows = back_through("encoder", {.network = encoder(), .g32 = grad_particles});
-  const at::Tensor input = at::cat({batch.features, at::mm(batch.type_one_hot, embedding_)}, 1);
-  const at::Tensor by_type = kept_.emplace_back(at::empty({h, graph::embedding_rows}, number_));
-  add_product(batch.particles, rows.d_sum, packed(input), net.w1_grad, 0, input.size(1), net.b1_grad);
-  add_product(batch.particles, rows.d_sum, packed(batch.type_one_hot), by_type, 0, graph::embedding_rows);
+  const int64_t features = batch.features.size(1);
+  const at::Tensor inputs = at::cat({batch.features, batch.type_one_hot}, 1);
+  const at::Tensor sums = kept_.emplace_back(at::empty({h, inputs.size(1)}, number_));
+  add_product(batch.particles, rows.d_sum, packed(inputs), sums, 0, inputs.size(1), net.b1_grad);
   products_.run(nullptr);
-  for (const TwoProducts& both : two_products_) {
-    at::Tensor to_columns = both.to;
-    at::add_out(to_columns, both.a, both.b);
-  }
-  at::Tensor embedding_grad = embedding_grad_;
-  at::mm_out(embedding_grad, by_type.t(), net.w1.narrow(1, batch.features.size(1), config_.embedding));
+  const at::Tensor by_type = sums.narrow(1, features, graph::embedding_rows);
+  at::Tensor embedding_columns = net.w1_grad.narrow(1, features, config_.embedding), embedding_grad = embedding_grad_;
+  net.w1_grad.narrow(1, 0, features).copy_(sums.narrow(1, 0, features));
+  at::mm_out(embedding_columns, by_type, embedding_);
+  at::mm_out(embedding_grad, by_type.t(), net.w1.narrow(1, features, config_.embedding));
 }
 
 float* FusedPasses::rows32(int64_t rows) { return f32(kept_.emplace_back(at::empty({rows, h}, number_))); }
@@ -132,12 +167,25 @@ graph::RowNetworkGradient FusedPasses::back_through(const std::string& name, gra
   gradient.hidden = rows16(rows);
   gradient.d_raw = rows16(rows);
   gradient.d_sum = rows16(rows);
-  gradient.norm_partial = f32(kept_.emplace_back(at::empty({graph::most_norm_partials(), 2 * h}, number_)));
-  const int partials = graph::backward(gradient, nullptr);
+  gradient.norm_partial = partials(graph::most_norm_partials(), 2);
+  const int partial_rows = graph::backward(gradient, nullptr);
   add_product(rows, gradient.d_raw, gradient.hidden, net.w2_grad, 0, h, net.b2_grad);
-  products_.add(
-      {.rows = partials, .partial = gradient.norm_partial, .out = f32(net.gamma_grad), .bias = f32(net.beta_grad)});
+  products_.add({.rows = partial_rows,
+                 .partial = gradient.norm_partial,
+                 .parts = 2,
+                 .out = f32(net.gamma_grad),
+                 .bias = f32(net.beta_grad)});
   return gradient;
+}
+
+void FusedPasses::octants_backward(const DeviceLevel& level, const uint16_t* d, float sign, const at::Tensor& w_grad) {
+  offsets_backward(w_grad, graph::ActivationGradient{.nodes = level.cells,
+                                                     .items = {.fixed = 1},
+                                                     .g = d,
+                                                     .is_receiver = true,
+                                                     .scale = sign,
+                                                     .offsets = graph::Offsets::octant,
+                                                     .octant = index(level.octant)});
 }
 
 float* FusedPasses::prolong_backward(std::size_t l, const graph::RowNetwork& network, const DeviceBatch& batch,
@@ -153,7 +201,7 @@ float* FusedPasses::prolong_backward(std::size_t l, const graph::RowNetwork& net
   way = back_through(name, way);
   add_product(level.cells, way.d_sum, coarse_input, net.w1_grad, 0, h);
   add_product(level.cells, way.d_sum, way.network.operand[1].rows, net.w1_grad, h, h, net.b1_grad);
-  add_product(level.cells, way.d_sum, packed(at::neg(level.parent_offset)), net.w1_grad, 2 * h, 3);
+  octants_backward(level, way.d_sum, -1, net.w1_grad);
   float* const above = rows32(batch.level[l + 1].cells);
   graph::sum_segments({.segments = batch.level[l + 1].cells,
                        .begin = index(level.child_begin),

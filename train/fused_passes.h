@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "graph/cuda/activation_sums.h"
 #include "graph/cuda/hgn_passes.h"
 #include "train/network_passes.h"
 
@@ -38,8 +39,8 @@ class FusedPasses : protected graph::RowMemory {
     return tensor.defined() ? static_cast<const int32_t*>(tensor.data_ptr()) : nullptr;
   }
 
-  /// Latents before the decoder.
-  virtual float* to_decoder(const graph::HgnGraph& graph) = 0;
+  /// Latents before the decoder; f16 may be missing.
+  virtual graph::RowLatents to_decoder(const graph::HgnGraph& graph) = 0;
   /// From the gradient of the latents before the decoder to that of the encoder's result; adds the products for the
   /// weights between them.
   virtual float* back_to_encoder(const DeviceBatch& batch, float* grad_particles) = 0;
@@ -52,6 +53,9 @@ class FusedPasses : protected graph::RowMemory {
   /// [rows, columns] f32 as [rows, 128] bf16.
   const uint16_t* packed(const at::Tensor& numbers);
 
+  /// Memory for partial sums [rows, parts, 128].
+  float* partials(int64_t rows, int64_t parts);
+
   const Fcn& fcn(const std::string& name) const { return fcns_.at(name); }
   const Fcn::Layer& gather(const std::string& name) const { return gathers_.at(name); }
   /// Goes back through `name` and adds the products for its W2, b2, gamma and beta.
@@ -63,10 +67,18 @@ class FusedPasses : protected graph::RowMemory {
   void add_product(int64_t rows, const uint16_t* d, const uint16_t* x, const at::Tensor& w1_grad, int64_t first_column,
                    int64_t columns, const at::Tensor& bias = {});
 
-  /// A gradient that two products make up.
-  struct TwoProducts {
-    at::Tensor to, a, b;
-  };
+  /// Runs a kernel of activation_sums.h, whose partial sums are the gradient of the last three columns of a layer.
+  template <typename Gradient>
+  void offsets_backward(const at::Tensor& w_grad, Gradient gradient) {
+    gradient.partial = partials(graph::most_offset_partials(), 3);
+    const int rows = graph::sum_gradients(gradient, nullptr);
+    const auto columns = static_cast<int32_t>(w_grad.size(1));
+    products_.add(
+        {.rows = rows, .partial = gradient.partial, .parts = 3, .out = f32(w_grad) + columns - 3, .stride = columns});
+  }
+
+  /// The same of the offsets between cells and their parents, sign (1/2 - bits), for rows of cells.
+  void octants_backward(const DeviceLevel& level, const uint16_t* d, float sign, const at::Tensor& w_grad);
 
   graph::HgnConfig config_;
   std::map<std::string, Fcn> fcns_;
@@ -76,14 +88,15 @@ class FusedPasses : protected graph::RowMemory {
   graph::PackedHgn packed_;
   graph::WeightProducts products_;
   std::vector<at::Tensor> kept_;  ///< what launches of this step read and write
-  std::vector<TwoProducts> two_products_;
 
  private:
   /// Weights as graph/cuda takes them.
   std::map<std::string, graph::FcnWeights> weights() const;
   graph::HgnGraph graph_of(const DeviceBatch& batch);
 
-  FcnRecord decoder_;
+  float* decoder_backward(int64_t particles, const at::Tensor& grad);
+
+  uint16_t* before_decoder_ = nullptr;
 };
 
 }  // namespace graupel::train

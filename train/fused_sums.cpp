@@ -1,8 +1,5 @@
 #include "train/fused_sums.h"
 
-#include <ATen/TensorOperators.h>
-#include <ATen/ops/empty.h>
-
 namespace graupel::train {
 
 namespace {
@@ -12,7 +9,7 @@ constexpr graph::RowOf by_particle{nullptr, 3, -1};
 
 }  // namespace
 
-float* FusedSums::to_decoder(const graph::HgnGraph& graph) {
+graph::RowLatents FusedSums::to_decoder(const graph::HgnGraph& graph) {
   return graph::forward_sums(packed_, graph, *this, record_, nullptr);
 }
 
@@ -56,17 +53,6 @@ const uint16_t* FusedSums::update_backward(const std::string& name, const graph:
   return sum;
 }
 
-template <typename Gradient>
-void FusedSums::offsets_backward(const std::string& name, Gradient gradient) {
-  gradient.partial = f32(kept_.emplace_back(at::empty({graph::most_offset_partials(), 3, h}, number_)));
-  const int partials = graph::sum_gradients(gradient, nullptr);
-  const at::Tensor& w = gather(name).w_grad;
-  products_.add({.rows = partials,
-                 .partial = gradient.partial,
-                 .out = f32(w) + w.size(1) - 3,
-                 .stride = static_cast<int32_t>(w.size(1))});
-}
-
 float* FusedSums::grid_to_particle_backward(const DeviceBatch& batch, const float* g, const uint16_t** received,
                                             float* nodes) {
   const std::string name = "grid_to_particle.gather";
@@ -75,15 +61,15 @@ float* FusedSums::grid_to_particle_backward(const DeviceBatch& batch, const floa
   const graph::SumsRecord::Step& step = record_.to_particle;
   const uint16_t* const sum = update_backward("grid_to_particle", step.network, g, nodes);
   uint16_t *const of_particles = rows16(n), *const of_cells = rows16(cells);
-  offsets_backward(name, graph::ActivationGradient{.nodes = n,
-                                                   .items = {.fixed = corners},
-                                                   .g = sum,
-                                                   .is_receiver = true,
-                                                   .weight = f32(batch.weight),
-                                                   .signs = step.signs,
-                                                   .out = of_particles,
-                                                   .corner_sign = -1,
-                                                   .offset = f32(batch.offset)});
+  offsets_backward(layer.w_grad, graph::ActivationGradient{.nodes = n,
+                                                           .items = {.fixed = corners},
+                                                           .g = sum,
+                                                           .is_receiver = true,
+                                                           .weight = f32(batch.weight),
+                                                           .signs = step.signs,
+                                                           .out = of_particles,
+                                                           .corner_sign = -1,
+                                                           .offset = f32(batch.offset)});
   graph::sum_gradients(
       graph::ActivationGradient{
           .nodes = cells,
@@ -109,16 +95,16 @@ const uint16_t* FusedSums::particle_to_grid_backward(const DeviceBatch& batch, c
   const graph::SumsRecord::Step& step = record_.to_grid;
   const uint16_t* const sum = update_backward("particle_to_grid", step.network, g);
   uint16_t* const sent = rows16(batch.particles);
-  offsets_backward(name, graph::ActivationGradient{.nodes = batch.particles,
-                                                   .items = {.fixed = corners},
-                                                   .g = sum,
-                                                   .row = {index(batch.cell)},
-                                                   .weight = f32(batch.weight),
-                                                   .scale = static_cast<float>(config_.p2g_scale),
-                                                   .signs = step.signs,
-                                                   .out = sent,
-                                                   .corner_sign = 1,
-                                                   .offset = f32(batch.offset)});
+  offsets_backward(layer.w_grad, graph::ActivationGradient{.nodes = batch.particles,
+                                                           .items = {.fixed = corners},
+                                                           .g = sum,
+                                                           .row = {index(batch.cell)},
+                                                           .weight = f32(batch.weight),
+                                                           .scale = static_cast<float>(config_.p2g_scale),
+                                                           .signs = step.signs,
+                                                           .out = sent,
+                                                           .corner_sign = 1,
+                                                           .offset = f32(batch.offset)});
   add_product(batch.particles, sent, record_.particles.f16, layer.w_grad, 0, h, layer.b_grad);
   return sent;
 }
@@ -130,14 +116,14 @@ float* FusedSums::restrict_backward(std::size_t l, const DeviceBatch& batch, con
   const graph::SumsRecord::Step& step = record_.restriction[l];
   const uint16_t* const sum = update_backward(name, step.network, g);
   uint16_t* const sent = rows16(fine.cells);
-  offsets_backward(gather_name, graph::ActivationGradient{.nodes = fine.cells,
-                                                          .items = {.fixed = 1},
-                                                          .g = sum,
-                                                          .row = {index(fine.parent)},
-                                                          .signs = step.signs,
-                                                          .out = sent,
-                                                          .offsets = graph::Offsets::octant,
-                                                          .octant = index(fine.octant)});
+  offsets_backward(layer.w_grad, graph::ActivationGradient{.nodes = fine.cells,
+                                                           .items = {.fixed = 1},
+                                                           .g = sum,
+                                                           .row = {index(fine.parent)},
+                                                           .signs = step.signs,
+                                                           .out = sent,
+                                                           .offsets = graph::Offsets::octant,
+                                                           .octant = index(fine.octant)});
   add_product(fine.cells, sent, record_.restricted[l], layer.w_grad, 0, h, layer.b_grad);
   float* const grad = rows32(fine.cells);
   graph::project_back(
@@ -155,15 +141,15 @@ float* FusedSums::pass_messages_backward(const std::string& block, const graph::
     float* const beside_sums = rows32(level.cells);
     const uint16_t* const sum = update_backward(at_k + ".cell", step.network, g, beside_sums);
     uint16_t *const sent = rows16(level.cells), *const received = rows16(level.cells);
-    offsets_backward(name, graph::EdgeGradient{.cells = level.cells,
-                                               .edge_begin = index(level.edge_begin),
-                                               .sender = index(level.sender),
-                                               .slot = index(level.slot),
-                                               .reverse = index(level.reverse),
-                                               .g = sum,
-                                               .signs = step.signs,
-                                               .sent = sent,
-                                               .received = received});
+    offsets_backward(layer.w_grad, graph::EdgeGradient{.cells = level.cells,
+                                                       .edge_begin = index(level.edge_begin),
+                                                       .sender = index(level.sender),
+                                                       .slot = index(level.slot),
+                                                       .reverse = index(level.reverse),
+                                                       .g = sum,
+                                                       .signs = step.signs,
+                                                       .sent = sent,
+                                                       .received = received});
     const uint16_t* const nodes = step.network.operand[1].rows;
     add_product(level.cells, sent, nodes, layer.w_grad, 0, h);
     add_product(level.cells, received, nodes, layer.w_grad, h, h, layer.b_grad);

@@ -15,7 +15,7 @@ class FusedSums : public FusedPasses {
       : FusedPasses(config, layout, flat, gradient) {}
 
  private:
-  float* to_decoder(const graph::HgnGraph& graph) override;
+  graph::RowLatents to_decoder(const graph::HgnGraph& graph) override;
   float* back_to_encoder(const DeviceBatch& batch, float* grad_particles) override;
   const graph::RowNetwork& encoder() const override { return record_.encoder; }
 
@@ -23,9 +23,6 @@ class FusedSums : public FusedPasses {
   /// all its weights, returns the gradient of the sum. To `nodes` goes the nodes' gradient, g included.
   const uint16_t* update_backward(const std::string& name, const graph::RowNetwork& network, const float* g,
                                   float* nodes = nullptr);
-  /// Runs a kernel of activation_sums.h, whose partial sums are the gradient of the last columns of a gather layer.
-  template <typename Gradient>
-  void offsets_backward(const std::string& name, Gradient gradient);
   /// From cells to particles: returns the gradient of the level-0 cells; `received` of what the gather layer takes of
   /// the particles, `nodes` of the latents beside.
   float* grid_to_particle_backward(const DeviceBatch& batch, const float* g, const uint16_t** received, float* nodes);

@@ -13,7 +13,7 @@ constexpr int group = 16;  ///< lanes of a node
 constexpr int groups = threads / group;
 constexpr int columns = 8;  ///< of a lane
 constexpr int table_rows = 8;
-constexpr int long_ways = 8;  ///< groups of a node with many items
+constexpr int long_ways = 4;  ///< groups of a node with many items
 constexpr int many_neighbors = 6, many_items = 8;
 
 __device__ uint4 load_row(const uint16_t* rows, int64_t row, int lane) {
@@ -146,12 +146,25 @@ __device__ void write_partial(float* partial, const OffsetSums& sums) {
   }
 }
 
+/// Unit vector from sender to receiver.
+__device__ void slot_offset(float (&offset)[3], int slot) {
+#pragma unroll
+  for (int axis = 0; axis < 3; ++axis) offset[axis] = slot / 2 != axis ? 0.0f : slot % 2 == 0 ? 1.0f : -1.0f;
+}
+
 /// Offset of the items of a node, but for what item q adds.
 __device__ void node_offset(float (&offset)[3], const ActivationGradient& d, int64_t node) {
 #pragma unroll
+  for (int axis = 0; axis < 3; ++axis) {
+    if (d.offsets == Offsets::octant) offset[axis] = 0.5f - static_cast<float>(d.octant[node] >> axis & 1);
+    if (d.offsets == Offsets::corner) offset[axis] = -d.corner_sign * d.offset[3 * node + axis];
+  }
+}
+__device__ void item_offset(float (&offset)[3], const float (&base)[3], const ActivationGradient& d, int32_t q) {
+  if (d.offsets == Offsets::slot) return slot_offset(offset, d.slot[q]);
+#pragma unroll
   for (int axis = 0; axis < 3; ++axis)
-    offset[axis] = d.offsets == Offsets::octant ? 0.5f - static_cast<float>(d.octant[node] >> axis & 1)
-                                                : -d.corner_sign * d.offset[3 * node + axis];
+    offset[axis] = base[axis] + (d.offsets == Offsets::corner && (q >> axis & 1) ? d.corner_sign : 0.0f);
 }
 
 template <bool is_receiver>
@@ -174,7 +187,7 @@ __global__ void __launch_bounds__(threads) gradient_kernel(ActivationGradient d)
       for (int k = 0; k < many_items; ++k) {
         if (at + k >= range.end) continue;
         q[k] = d.items.item ? d.items.item[at + k] : at + k;
-        signs[k] = d.signs[int64_t{q[k]} * sign_bytes + lane];
+        signs[k] = d.signs ? d.signs[int64_t{q[k]} * sign_bytes + lane] : 0xffu;
         weight[k] = d.weight ? d.scale * d.weight[q[k]] : d.scale;
         if (!is_receiver) word[k] = load_row(d.g, row_of(d.row, q[k]), lane);
       }
@@ -186,13 +199,11 @@ __global__ void __launch_bounds__(threads) gradient_kernel(ActivationGradient d)
 #pragma unroll
         for (int i = 0; i < columns; ++i) sum[i] += x[i];
         float offset[3];
-#pragma unroll
-        for (int axis = 0; axis < 3; ++axis)
-          offset[axis] = base[axis] + (d.offsets == Offsets::corner && (q[k] >> axis & 1) ? d.corner_sign : 0.0f);
+        item_offset(offset, base, d, q[k]);
         add_offset(offset_sums, x, offset);
       }
     }
-    store_row(d.out, node, sum, lane);
+    if (d.out) store_row(d.out, node, sum, lane);
   }
   write_partial(d.partial, offset_sums);
 }
@@ -259,9 +270,9 @@ __global__ void __launch_bounds__(threads) edge_gradient_kernel(EdgeGradient d) 
       item_gradient(x, own, arriving[k], 1);
 #pragma unroll
       for (int i = 0; i < columns; ++i) received[i] += x[i];
-      const float sign = slot[k] % 2 == 0 ? 1.0f : -1.0f;
-      add_offset(offset_sums, x,
-                 {slot[k] / 2 == 0 ? sign : 0.0f, slot[k] / 2 == 1 ? sign : 0.0f, slot[k] / 2 == 2 ? sign : 0.0f});
+      float offset[3];
+      slot_offset(offset, slot[k]);
+      add_offset(offset_sums, x, offset);
     }
     store_row(d.sent, cell, sent, lane);
     store_row(d.received, cell, received, lane);

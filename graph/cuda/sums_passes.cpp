@@ -24,7 +24,7 @@ class SumsPass {
   SumsPass(const PackedHgn& network, const HgnGraph& graph, RowMemory& memory, SumsRecord& record, void* stream)
       : network_(network), graph_(graph), memory_(memory), record_(record), stream_(stream) {}
 
-  float* run();
+  RowLatents run();
 
  private:
   RowLatents latents(int64_t rows) { return {memory_.rows32(rows), memory_.rows16(rows)}; }
@@ -38,7 +38,7 @@ class SumsPass {
   RowOutlook outlook(const std::string& gather, const Projections& to) const;
 
   RowLatents particle_to_grid();
-  float* grid_to_particle(const RowLatents& cells);
+  RowLatents grid_to_particle(const RowLatents& cells);
   /// `projected`: of the first iteration, where they are there already.
   RowLatents pass_messages(const std::string& block, const LevelLinks& level, RowLatents nodes,
                            SumsRecord::Block& record, Projections projected);
@@ -56,7 +56,7 @@ class SumsPass {
   uint16_t* to_particle_ = nullptr;  ///< W_p f_p + W_o offset + b of grid_to_particle.gather, [particles, 128]
 };
 
-float* SumsPass::run() {
+RowLatents SumsPass::run() {
   const auto levels = static_cast<std::size_t>(network_.config().levels);
   GRAUPEL_ASSERT(graph_.level.size() == levels);
   record_ = {};
@@ -139,7 +139,7 @@ RowLatents SumsPass::particle_to_grid() {
   return update("particle_to_grid", cells, sum, {}, record_.to_grid.network);
 }
 
-float* SumsPass::grid_to_particle(const RowLatents& cells) {
+RowLatents SumsPass::grid_to_particle(const RowLatents& cells) {
   const std::string name = "grid_to_particle.gather";
   const int64_t n = graph_.particles, n_cells = graph_.level[0].cells;
   uint16_t *const per_cell = memory_.rows16(n_cells), *const sum = memory_.rows16(n);
@@ -157,7 +157,7 @@ float* SumsPass::grid_to_particle(const RowLatents& cells) {
                    .sum = sum,
                    .signs = record_.to_particle.signs},
                   stream_);
-  return update("grid_to_particle", n, sum, record_.particles, record_.to_particle.network).f32;
+  return update("grid_to_particle", n, sum, record_.particles, record_.to_particle.network);
 }
 
 RowLatents SumsPass::restrict_to_coarse(std::size_t l, const RowLatents& fine) {
@@ -235,8 +235,8 @@ RowLatents SumsPass::pass_messages(const std::string& block, const LevelLinks& l
 
 }  // namespace
 
-float* forward_sums(const PackedHgn& network, const HgnGraph& graph, RowMemory& memory, SumsRecord& record,
-                    void* stream) {
+RowLatents forward_sums(const PackedHgn& network, const HgnGraph& graph, RowMemory& memory, SumsRecord& record,
+                        void* stream) {
   return SumsPass(network, graph, memory, record, stream).run();
 }
 

@@ -29,7 +29,7 @@ struct SumsRecord {
 };
 
 /// Latents of the particles before the decoder, [particles, 128]: encoder's plus what the cells send.
-float* forward_sums(const PackedHgn& network, const HgnGraph& graph, RowMemory& memory, SumsRecord& record,
-                    void* stream);
+RowLatents forward_sums(const PackedHgn& network, const HgnGraph& graph, RowMemory& memory, SumsRecord& record,
+                        void* stream);
 
 }  // namespace graupel::graph
