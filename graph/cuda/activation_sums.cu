@@ -15,6 +15,8 @@ constexpr int columns = 8;  ///< of a lane
 constexpr int table_rows = 8;
 constexpr int long_ways = 4;  ///< groups of a node with many items
 constexpr int many_neighbors = 6, many_items = 8;
+/// Blocks of the gradients' kernels on a multiprocessor: those that gather rows need more registers.
+constexpr int resident(bool is_receiver) { return is_receiver ? 3 : 2; }
 
 __device__ uint4 load_row(const uint16_t* rows, int64_t row, int lane) {
   return *(reinterpret_cast<const uint4*>(rows + row * layer_width) + lane);
@@ -111,12 +113,15 @@ __global__ void __launch_bounds__(threads) sum_kernel(ActivationSums s) {
 }
 
 /// Gradient before the activation of an item's columns: factor a' g.
+__device__ void item_gradient(float (&d)[columns], const float (&g)[columns], unsigned signs, float factor) {
+  const float low = slope * factor;
+#pragma unroll
+  for (int i = 0; i < columns; ++i) d[i] = g[i] * (signs >> i & 1 ? factor : low);
+}
 __device__ void item_gradient(float (&d)[columns], const uint4& g, unsigned signs, float factor) {
-#pragma unroll
-  for (int i = 0; i < columns; ++i) d[i] = 0;
-  add_numbers(d, g, factor);
-#pragma unroll
-  for (int i = 0; i < columns; ++i) d[i] *= signs >> i & 1 ? 1.0f : slope;
+  float numbers[columns] = {};
+  add_numbers(numbers, g);
+  item_gradient(d, numbers, signs, factor);
 }
 
 /// Sums over a block's nodes for the offsets' weights.
@@ -152,39 +157,51 @@ __device__ void slot_offset(float (&offset)[3], int slot) {
   for (int axis = 0; axis < 3; ++axis) offset[axis] = slot / 2 != axis ? 0.0f : slot % 2 == 0 ? 1.0f : -1.0f;
 }
 
-/// Offset of the items of a node, but for what item q adds.
+/// What the offsets of all items of a node have in common.
+template <Offsets offsets>
 __device__ void node_offset(float (&offset)[3], const ActivationGradient& d, int64_t node) {
 #pragma unroll
   for (int axis = 0; axis < 3; ++axis) {
-    if (d.offsets == Offsets::octant) offset[axis] = 0.5f - static_cast<float>(d.octant[node] >> axis & 1);
-    if (d.offsets == Offsets::corner) offset[axis] = -d.corner_sign * d.offset[3 * node + axis];
+    offset[axis] = 0;
+    if (offsets == Offsets::octant) offset[axis] = 0.5f - static_cast<float>(d.octant[node] >> axis & 1);
+    if (offsets == Offsets::corner) offset[axis] = -d.corner_sign * d.offset[3 * node + axis];
   }
 }
-__device__ void item_offset(float (&offset)[3], const float (&base)[3], const ActivationGradient& d, int32_t q) {
-  if (d.offsets == Offsets::slot) return slot_offset(offset, d.slot[q]);
+/// What item k of a node, number q, adds to it.
+template <Offsets offsets>
+__device__ void add_item_offset(OffsetSums& sums, const float (&x)[columns], const ActivationGradient& d, int k,
+                                int32_t q) {
+  if (offsets == Offsets::slot) {
+    float offset[3];
+    slot_offset(offset, d.slot[q]);
+    add_offset(sums, x, offset);
+  }
+  if (offsets == Offsets::corner)
 #pragma unroll
-  for (int axis = 0; axis < 3; ++axis)
-    offset[axis] = base[axis] + (d.offsets == Offsets::corner && (q >> axis & 1) ? d.corner_sign : 0.0f);
+    for (int axis = 0; axis < 3; ++axis) {
+      if (!(k >> axis & 1)) continue;
+#pragma unroll
+      for (int i = 0; i < columns; ++i) sums[axis][i] += d.corner_sign * x[i];
+    }
 }
 
-template <bool is_receiver>
-__global__ void __launch_bounds__(threads) gradient_kernel(ActivationGradient d) {
+template <bool is_receiver, Offsets offsets, int under_way>
+__global__ void __launch_bounds__(threads, resident(is_receiver)) gradient_kernel(ActivationGradient d) {
   const int lane = static_cast<int>(threadIdx.x) % group;
   OffsetSums offset_sums = {};
   for (int64_t node = int64_t{blockIdx.x} * groups + threadIdx.x / group; node < d.nodes;
        node += int64_t{gridDim.x} * groups) {
     const Range range = range_of(d.items, node);
-    float sum[columns] = {}, base[3] = {};
-    node_offset(base, d, node);
-    uint4 own{};
-    if (is_receiver) own = load_row(d.g, node, lane);
-    for (int32_t at = range.begin; at < range.end; at += many_items) {
-      uint4 word[many_items];
-      unsigned signs[many_items];
-      float weight[many_items];
-      int32_t q[many_items];
+    float sum[columns] = {}, base[3], own[columns] = {};
+    node_offset<offsets>(base, d, node);
+    if (is_receiver) add_numbers(own, load_row(d.g, node, lane));
+    for (int32_t at = range.begin; at < range.end; at += under_way) {
+      uint4 word[under_way];
+      unsigned signs[under_way];
+      float weight[under_way];
+      int32_t q[under_way];
 #pragma unroll
-      for (int k = 0; k < many_items; ++k) {
+      for (int k = 0; k < under_way; ++k) {
         if (at + k >= range.end) continue;
         q[k] = d.items.item ? d.items.item[at + k] : at + k;
         signs[k] = d.signs ? d.signs[int64_t{q[k]} * sign_bytes + lane] : 0xffu;
@@ -192,17 +209,19 @@ __global__ void __launch_bounds__(threads) gradient_kernel(ActivationGradient d)
         if (!is_receiver) word[k] = load_row(d.g, row_of(d.row, q[k]), lane);
       }
 #pragma unroll
-      for (int k = 0; k < many_items; ++k) {
+      for (int k = 0; k < under_way; ++k) {
         if (at + k >= range.end) continue;
         float x[columns];
-        item_gradient(x, is_receiver ? own : word[k], signs[k], weight[k]);
+        if (is_receiver)
+          item_gradient(x, own, signs[k], weight[k]);
+        else
+          item_gradient(x, word[k], signs[k], weight[k]);
 #pragma unroll
         for (int i = 0; i < columns; ++i) sum[i] += x[i];
-        float offset[3];
-        item_offset(offset, base, d, q[k]);
-        add_offset(offset_sums, x, offset);
+        add_item_offset<offsets>(offset_sums, x, d, k, q[k]);
       }
     }
+    if (offsets != Offsets::slot) add_offset(offset_sums, sum, base);
     if (d.out) store_row(d.out, node, sum, lane);
   }
   write_partial(d.partial, offset_sums);
@@ -240,13 +259,14 @@ __global__ void __launch_bounds__(threads) long_gradient_kernel(ActivationGradie
   if (join_ways<ways>(sum, way) && there) store_row(d.out, node, sum, lane);
 }
 
-__global__ void __launch_bounds__(threads) edge_gradient_kernel(EdgeGradient d) {
+__global__ void __launch_bounds__(threads, resident(false)) edge_gradient_kernel(EdgeGradient d) {
   const int lane = static_cast<int>(threadIdx.x) % group;
   OffsetSums offset_sums = {};
   for (int64_t cell = int64_t{blockIdx.x} * groups + threadIdx.x / group; cell < d.cells;
        cell += int64_t{gridDim.x} * groups) {
     const int32_t begin = d.edge_begin[cell], end = d.edge_begin[cell + 1];
-    const uint4 own = load_row(d.g, cell, lane);
+    float own[columns] = {};
+    add_numbers(own, load_row(d.g, cell, lane));
     uint4 word[many_neighbors];
     unsigned arriving[many_neighbors], leaving[many_neighbors];
     int slot[many_neighbors];
@@ -280,10 +300,10 @@ __global__ void __launch_bounds__(threads) edge_gradient_kernel(EdgeGradient d) 
   write_partial(d.partial, offset_sums);
 }
 
-constexpr int resident = 4;  ///< blocks on a multiprocessor whose partial sums are kept apart
-
 int blocks_of_groups(int64_t nodes, int ways) { return static_cast<int>((nodes * ways + groups - 1) / groups); }
-int few_blocks(int64_t nodes) { return std::min(blocks_of_groups(nodes, 1), most_offset_partials()); }
+int few_blocks(int64_t nodes, bool is_receiver) {
+  return std::min(blocks_of_groups(nodes, 1), resident(is_receiver) * multiprocessors());
+}
 
 template <int ways, int under_way>
 void launch_sums(const ActivationSums& sums, void* stream) {
@@ -291,9 +311,18 @@ void launch_sums(const ActivationSums& sums, void* stream) {
       <<<blocks_of_groups(sums.receivers, ways), threads, 0, static_cast<cudaStream_t>(stream)>>>(sums);
 }
 
+template <Offsets offsets, int under_way>
+void launch_gradient(const ActivationGradient& gradient, int blocks, void* stream) {
+  const auto in = static_cast<cudaStream_t>(stream);
+  if (gradient.is_receiver)
+    gradient_kernel<true, offsets, under_way><<<blocks, threads, 0, in>>>(gradient);
+  else
+    gradient_kernel<false, offsets, under_way><<<blocks, threads, 0, in>>>(gradient);
+}
+
 }  // namespace
 
-int most_offset_partials() { return resident * multiprocessors(); }
+int most_offset_partials() { return resident(true) * multiprocessors(); }
 
 void sum_activations(const ActivationSums& sums, void* stream) {
   if (sums.receivers == 0) return;
@@ -308,16 +337,19 @@ void sum_activations(const ActivationSums& sums, void* stream) {
 
 int sum_gradients(const ActivationGradient& gradient, void* stream) {
   if (gradient.nodes == 0) return 0;
-  const auto in = static_cast<cudaStream_t>(stream);
-  const int blocks = gradient.items.are_long ? 0 : few_blocks(gradient.nodes);
+  const int blocks = gradient.items.are_long ? 0 : few_blocks(gradient.nodes, gradient.is_receiver);
   GRAUPEL_ASSERT((gradient.partial != nullptr) == (blocks > 0));
   if (gradient.items.are_long) {
     GRAUPEL_ASSERT(!gradient.is_receiver);
-    long_gradient_kernel<<<blocks_of_groups(gradient.nodes, long_ways), threads, 0, in>>>(gradient);
-  } else if (gradient.is_receiver) {
-    gradient_kernel<true><<<blocks, threads, 0, in>>>(gradient);
+    long_gradient_kernel<<<blocks_of_groups(gradient.nodes, long_ways), threads, 0,
+                           static_cast<cudaStream_t>(stream)>>>(gradient);
+  } else if (gradient.offsets == Offsets::corner) {
+    GRAUPEL_ASSERT(gradient.items.fixed == many_items && !gradient.items.item);  // item k of a node is corner k
+    launch_gradient<Offsets::corner, many_items>(gradient, blocks, stream);
+  } else if (gradient.offsets == Offsets::octant) {
+    launch_gradient<Offsets::octant, 1>(gradient, blocks, stream);
   } else {
-    gradient_kernel<false><<<blocks, threads, 0, in>>>(gradient);
+    launch_gradient<Offsets::slot, many_neighbors>(gradient, blocks, stream);
   }
   GRAUPEL_CUDA_CHECK(cudaGetLastError());
   return blocks;
@@ -325,7 +357,7 @@ int sum_gradients(const ActivationGradient& gradient, void* stream) {
 
 int sum_gradients(const EdgeGradient& gradient, void* stream) {
   if (gradient.cells == 0) return 0;
-  const int blocks = few_blocks(gradient.cells);
+  const int blocks = few_blocks(gradient.cells, false);
   edge_gradient_kernel<<<blocks, threads, 0, static_cast<cudaStream_t>(stream)>>>(gradient);
   GRAUPEL_CUDA_CHECK(cudaGetLastError());
   return blocks;
