@@ -103,11 +103,14 @@ graph::RowNetworkGradient FusedGns::back_through(const std::string& name, graph:
   gradient.hidden = traces.hidden;
   gradient.d_raw = traces.d_raw;
   gradient.d_sum = traces.d_sum;
-  gradient.norm_partial = f32(kept_.emplace_back(at::empty({graph::most_norm_partials(), 2 * h}, number_)));
+  gradient.norm_partial = f32(kept_.emplace_back(at::empty({graph::most_norm_partials(), 2, h}, number_)));
   const int partials = graph::backward(gradient, nullptr);
   add_product(gradient.network.rows, traces.d_raw, traces.hidden, net.w2_grad, 0, h, net.b2_grad);
-  products_.add(
-      {.rows = partials, .partial = gradient.norm_partial, .out = f32(net.gamma_grad), .bias = f32(net.beta_grad)});
+  products_.add({.rows = partials,
+                 .partial = gradient.norm_partial,
+                 .parts = 2,
+                 .out = f32(net.gamma_grad),
+                 .bias = f32(net.beta_grad)});
   return gradient;
 }
 
@@ -199,7 +202,8 @@ void FusedGns::edge_encoder_backward(const DeviceLevel& links) {
   const Fcn& net = fcn("encoder.edge");
   const int64_t edges = record_.edge_encoder.rows;
   const Traces traces = edge_traces();
-  back_through("encoder.edge", {.network = record_.edge_encoder, .g16 = edge_array(latent_arrays_ + latent_grad)}, traces);
+  back_through("encoder.edge", {.network = record_.edge_encoder, .g16 = edge_array(latent_arrays_ + latent_grad)},
+               traces);
   uint16_t* const features = latent(0);  // of no further use
   graph::pack_rows(edges, graph::edge_feature_count, f32(links.direction), features, nullptr);
   add_product(edges, traces.d_sum, features, net.w1_grad, 0, graph::edge_feature_count, net.b1_grad);

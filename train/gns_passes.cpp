@@ -44,7 +44,7 @@ DeviceBatch GnsPasses::upload(const Batch& batch) const {
   return on_device;
 }
 
-DeviceBatch GnsPasses::attach(const SampleArrays& arrays) const {
+DeviceBatch GnsPasses::attach(const SampleArrays& arrays, bool) const {
   DeviceBatch batch;
   batch.particles = arrays.particles;
   batch.features = attached(arrays.features, arrays.rows, arrays.feature_width, embedding_);

@@ -3,6 +3,7 @@
 #include "core/error.h"
 #include "train/fused_gns.h"
 #include "train/fused_network.h"
+#include "train/fused_sums.h"
 
 namespace graupel::train {
 
@@ -11,6 +12,8 @@ std::unique_ptr<MixedPasses> make_mixed_passes(const NetworkConfig& config, int6
                                                const at::Tensor& gradient) {
   if (const auto* hgn = std::get_if<graph::HgnConfig>(&config)) {
     if (!graph::PackedHgn::fits(*hgn)) return nullptr;
+    if (hgn->aggregation == graph::Aggregation::activations)
+      return std::make_unique<FusedSums>(*hgn, layout, flat, gradient);
     return std::make_unique<FusedNetwork>(*hgn, layout, flat, gradient);
   }
   const auto& gns = std::get<graph::GnsConfig>(config);

@@ -218,12 +218,12 @@ void NetworkModule::train_step(const Batch& batch, const StepSettings& settings,
 
 void NetworkModule::train_step(const SampleArrays& batch, const StepSettings& settings, Comm& comm) {
   const at::NoGradGuard no_grad;
-  impl_->train_step(impl_->network->attach(batch), settings, comm);
+  impl_->train_step(impl_->network->attach(batch, !is_mixed()), settings, comm);
 }
 
 const float* NetworkModule::predict(const SampleArrays& batch) {
   const at::NoGradGuard no_grad;
-  const DeviceBatch on_device = impl_->network->attach(batch);
+  const DeviceBatch on_device = impl_->network->attach(batch, !is_mixed());
 #ifdef GRAUPEL_HAVE_CUDA
   if (impl_->fused) impl_->predicted = impl_->fused->forward(on_device);
 #endif

@@ -58,56 +58,17 @@ __device__ void load_weights(const RowNetwork& n, const Shared<warps>& shared) {
   for (int j = 0; j < operands; ++j) load_tile(shared.tile(1 + j), n.operand[j].weight);
 }
 
-/// to = add + c in bf16; whole rows pass through this warp's part of shared memory, since lanes have pieces of them.
-/// `add` may be null, or `to` itself.
-__device__ void write_rows16(uint16_t* to, const uint16_t* add, Sums& c, uint16_t* mine, int64_t first, int64_t rows,
-                             int lane) {
-  if (add) {
-    gather_rows(mine, RowOperand{add}, first, rows, lane);
-    __syncwarp();
-    add_stored_rows(c, mine, lane);
-    __syncwarp();
+/// What follows the layer norm: residual sums in bf16 and f32; c becomes the last.
+__device__ void write_sums(const RowNetwork& n, int64_t rows, Sums& c, int64_t first, int lane) {
+  if (n.sum16) {
+    Sums sum;
+#pragma unroll
+    for (int j = 0; j < column_blocks; ++j)
+#pragma unroll
+      for (int i = 0; i < 4; ++i) sum[j][i] = c[j][i];
+    write_operand_gradient({nullptr, nullptr, n.add16, n.sum16}, sum, first, rows, lane);
   }
-  store_rows(mine, c, lane);
-  __syncwarp();
-  copy_out(to, mine, first, rows, lane);
-  __syncwarp();
-}
-
-/// What follows the layer norm: residual sums in f32.
-__device__ void write_sums(const RowNetwork& n, int64_t rows, const Sums& c, int64_t first, int lane) {
-#pragma unroll
-  for (int half = 0; half < 2; ++half) {
-    const int64_t r = first + lane / 4 + 8 * half;
-    if (r >= rows) continue;
-    const int64_t at = r * layer_width + 2 * (lane % 4);
-#pragma unroll
-    for (int j = 0; j < column_blocks; ++j) {
-      float2 sum{c[j][2 * half], c[j][2 * half + 1]};
-      if (n.add32) {
-        const float2 before = *reinterpret_cast<const float2*>(n.add32 + at + 8 * j);
-        sum.x += before.x, sum.y += before.y;
-      }
-      *reinterpret_cast<float2*>(n.sum32 + at + 8 * j) = sum;
-      if (n.copy16) *reinterpret_cast<uint32_t*>(n.copy16 + at + 8 * j) = pack(sum.x, sum.y);
-    }
-  }
-}
-
-/// Adds `values` of the lanes with equal lane % 4 and leaves four of the sums with each lane: those from
-/// 16 [lane bit 4] + 8 [bit 3] + 4 [bit 2] on.
-__device__ void fold(float (&values)[2 * column_blocks], float (&sums)[4], int lane) {
-#pragma unroll
-  for (int width = column_blocks; width >= 4; width /= 2) {
-    const bool upper = (lane & width) != 0;
-#pragma unroll
-    for (int i = 0; i < width; ++i) {
-      const float send = upper ? values[i] : values[i + width], keep = upper ? values[i + width] : values[i];
-      values[i] = keep + __shfl_xor_sync(0xffffffffu, send, width);
-    }
-  }
-#pragma unroll
-  for (int i = 0; i < 4; ++i) sums[i] += values[i];
+  if (n.sum32) write_operand_gradient({n.add32, n.sum32, nullptr, n.copy16}, c, first, rows, lane);
 }
 
 /// Weighted sums of the first and the last eight of a warp's rows.
@@ -124,8 +85,7 @@ __device__ void write_groups(const RowNetwork& n, int64_t rows, const Sums& c, i
 #pragma unroll
       for (int i = 0; i < 2; ++i) values[2 * j + i] = weight * c[j][2 * half + i];
     fold(values, sums, lane);
-    const int block = ((lane & 16 ? 16 : 0) + (lane & 8 ? 8 : 0) + (lane & 4 ? 4 : 0)) / 2;
-    const int64_t at = begin / group_rows * layer_width + 8 * block + 2 * (lane % 4);
+    const int64_t at = begin / group_rows * layer_width + folded_column(0, lane);
 #pragma unroll
     for (int k = 0; k < 2; ++k) {
       const float2 before = *reinterpret_cast<const float2*>(n.group_add32 + at + 8 * k);
@@ -145,10 +105,11 @@ __device__ void write_outlook(const RowNetwork& n, int64_t rows, Sums& c, const 
   copy_out(n.copy16, mine, first, rows, lane);
 #pragma unroll
   for (int j = 0; j < 2; ++j) {
+    if (!n.outlook.weight[j]) continue;
     clear(c);
     product(c, mine, shared.tile(3 + j), lane);
     if (n.outlook.bias[j]) add_bias(c, n.outlook.bias[j], lane);
-    write_operand_gradient({nullptr, n.outlook.out[j]}, c, first, rows, lane);
+    write_operand_gradient({nullptr, n.outlook.out[j], nullptr, n.outlook.out16[j]}, c, first, rows, lane);
   }
   __syncwarp();
 }
@@ -160,7 +121,8 @@ __global__ void __launch_bounds__(32 * warps, operands == 2 ? 1 : 2) forward_ker
   start_next();
   const Shared<warps> shared{shared_numbers, 1 + operands + (after == After::outlook ? 2 : 0)};
   if constexpr (after == After::outlook)
-    for (int j = 0; j < 2; ++j) load_tile(shared.tile(3 + j), n.outlook.weight[j]);
+    for (int j = 0; j < 2; ++j)
+      if (n.outlook.weight[j]) load_tile(shared.tile(3 + j), n.outlook.weight[j]);
   load_weights<operands>(n, shared);
   wait_for_previous();
   const int64_t rows = rows_now(n.rows, n.row_count);
@@ -185,28 +147,27 @@ __global__ void __launch_bounds__(32 * warps, operands == 2 ? 1 : 2) forward_ker
       c[j][2] = c[j][2] * gamma.x + beta.x, c[j][3] = c[j][3] * gamma.y + beta.y;
     }
     __syncwarp();
-    if (n.out16) write_rows16(n.out16, nullptr, c, mine, first, rows, lane);
+    if (n.out16) {
+      store_rows(mine, c, lane);
+      __syncwarp();
+      copy_out(n.out16, mine, first, rows, lane);
+      __syncwarp();
+    }
     if constexpr (after == After::groups)
       write_groups(n, rows, c, first, lane);
     else if constexpr (after == After::outlook)
       write_outlook(n, rows, c, shared, mine, first, lane);
-    else if (n.sum16)
-      write_rows16(n.sum16, n.add16, c, mine, first, rows, lane);
-    else if (n.sum32)
+    else
       write_sums(n, rows, c, first, lane);
   }
 }
 
-/// Gradient of a warp's rows' results; `mine` is this warp's part of shared memory.
-__device__ void result_gradient(Sums& g, const RowNetworkGradient& d, uint16_t* mine, int64_t first, int lane) {
+/// Gradient of a warp's rows' results.
+__device__ void result_gradient(Sums& g, const RowNetworkGradient& d, int64_t first, int lane) {
   clear(g);
   const int64_t rows = d.network.rows;
   if (d.g32) add_table(g, d.g32, d.g_row, first, rows, lane, d.g_weight, d.g_scale);
-  if (d.g16 == nullptr) return;
-  gather_rows(mine, RowOperand{d.g16}, first, rows, lane);
-  __syncwarp();
-  add_stored_rows(g, mine, lane);
-  __syncwarp();
+  if (d.g16) add_rows(g, d.g16, first, rows, lane);
 }
 
 /// c (normalised rows) becomes the gradient before the layer norm (Ba et al. 2016); adds to gamma's and beta's.
@@ -267,7 +228,7 @@ __global__ void __launch_bounds__(32 * warps, 1) backward_kernel(RowNetworkGradi
     float inverse[2];
     normalize(c, inverse);
     Sums g;
-    result_gradient(g, d, raw, first, lane);
+    result_gradient(g, d, first, lane);
     norm_backward(c, g, inverse, n.gamma, gamma_sums, beta_sums, lane);
     store_rows(raw, c, lane);
     __syncwarp();
@@ -291,20 +252,16 @@ __global__ void __launch_bounds__(32 * warps, 1) backward_kernel(RowNetworkGradi
     for (int j = 0; j < operands; ++j) {
       clear(c);
       product_back(c, hidden, shared.tile(1 + j), lane);
-      if (d.operand[j].d16)
-        write_rows16(d.operand[j].d16, d.operand[j].add16, c, raw, first, n.rows, lane);
-      else
-        write_operand_gradient(d.operand[j], c, first, n.rows, lane);
+      write_operand_gradient(d.operand[j], c, first, n.rows, lane);
     }
     __syncwarp();
   }
   // The block's sums, in the order of its warps
   __syncthreads();
   float* const sums = reinterpret_cast<float*>(shared_numbers);
-  const int base = (lane & 16 ? 16 : 0) + (lane & 8 ? 8 : 0) + (lane & 4 ? 4 : 0);
 #pragma unroll
   for (int i = 0; i < 4; ++i) {
-    const int column = 8 * ((base + i) / 2) + 2 * (lane % 4) + i % 2;
+    const int column = folded_column(i, lane);
     sums[warp * 2 * layer_width + column] = gamma_sums[i];
     sums[warp * 2 * layer_width + layer_width + column] = beta_sums[i];
   }
@@ -337,12 +294,11 @@ int operands_of(const RowNetwork& n) { return n.operand[1].rows ? 2 : n.operand[
 void forward(const RowNetwork& network, void* stream) {
   if (network.rows == 0) return;
   const int operands = operands_of(network);
-  GRAUPEL_ASSERT(!network.sum16 || !network.sum32);
   if (network.group32) {
     GRAUPEL_ASSERT(operands == 0 && !network.sum32 && !network.sum16);
     return launch_forward<0, few_warps, After::groups>(network, 2, stream);
   }
-  if (network.outlook.out[0]) {
+  if (network.outlook.weight[0]) {
     GRAUPEL_ASSERT(operands == 2 && network.add32 && network.sum32 && network.copy16 && !network.sum16);
     return launch_forward<2, many_warps, After::outlook>(network, 1, stream);
   }
@@ -367,7 +323,6 @@ bool can_look_ahead() {
 }
 
 int backward(const RowNetworkGradient& gradient, void* stream) {
-  for (const OperandGradient& d : gradient.operand) GRAUPEL_ASSERT(!d.d16 || (!d.d32 && !d.add32));
   switch (operands_of(gradient.network)) {
     case 0:
       return launch_backward<0>(gradient, stream);

@@ -121,17 +121,6 @@ __device__ inline void store_rows(uint16_t* to, const Sums& c, int lane) {
   }
 }
 
-/// c += a warp's bf16 rows in its part of shared memory.
-__device__ inline void add_stored_rows(Sums& c, const uint16_t* from, int lane) {
-  const uint32_t* const low = reinterpret_cast<const uint32_t*>(from + (lane / 4) * row_stride) + lane % 4;
-  const uint32_t* const high = low + 8 * row_stride / 2;
-#pragma unroll
-  for (int j = 0; j < column_blocks; ++j) {
-    const float2 a = unpack(low[4 * j]), b = unpack(high[4 * j]);
-    c[j][0] += a.x, c[j][1] += a.y, c[j][2] += b.x, c[j][3] += b.y;
-  }
-}
-
 /// Copies a warp's rows from shared to global memory, [rows, 128], as far as there are rows.
 __device__ inline void copy_out(uint16_t* to, const uint16_t* from, int64_t first, int64_t rows, int lane) {
 #pragma unroll
@@ -248,6 +237,28 @@ __device__ inline void normalize(Sums& c, float (&inverse)[2]) {
 #pragma unroll
       for (int i = 0; i < 2; ++i) c[j][2 * half + i] *= inverse[half];
   }
+}
+
+/// Adds `values` of the lanes with equal lane % 4 and leaves four of the sums with each lane: those from
+/// 16 [lane bit 4] + 8 [bit 3] + 4 [bit 2] on.
+__device__ inline void fold(float (&values)[2 * column_blocks], float (&sums)[4], int lane) {
+#pragma unroll
+  for (int width = column_blocks; width >= 4; width /= 2) {
+    const bool upper = (lane & width) != 0;
+#pragma unroll
+    for (int i = 0; i < width; ++i) {
+      const float send = upper ? values[i] : values[i + width], keep = upper ? values[i + width] : values[i];
+      values[i] = keep + __shfl_xor_sync(0xffffffffu, send, width);
+    }
+  }
+#pragma unroll
+  for (int i = 0; i < 4; ++i) sums[i] += values[i];
+}
+
+/// Column of number i of a lane's folded sums, where values[2 j + k] are of the lane's columns of block j.
+__device__ inline int folded_column(int i, int lane) {
+  const int from = (lane & 16 ? 16 : 0) + (lane & 8 ? 8 : 0) + (lane & 4 ? 4 : 0) + i;
+  return 8 * (from / 2) + 2 * (lane % 4) + i % 2;
 }
 
 /// Numbers of a vector [128] at this lane's columns of block j.
