@@ -1,7 +1,6 @@
 // Kernels of the density projection (graph/density_projection.cpp), for host and device.
 #pragma once
 
-#include <atomic>
 #include <cmath>
 #include <cstdint>
 
@@ -12,6 +11,7 @@
 
 namespace graupel::graph::density {
 
+using grid::add_to;
 using grid::corners;
 using grid::lowest_one;
 using grid::set_bit;
@@ -130,15 +130,6 @@ struct FindShares {
     }
   }
 };
-
-/// Returns what the sum was before.
-GRAUPEL_HD inline uint32_t add_to(uint32_t& sum, uint32_t value) {
-#ifdef __CUDA_ARCH__
-  return atomicAdd(&sum, value);
-#else
-  return std::atomic_ref<uint32_t>(sum).fetch_add(value, std::memory_order_relaxed);
-#endif
-}
 
 /// Spreads a particle's mass; marks the cells that get some.
 struct Spread {

@@ -58,7 +58,6 @@ class DensityProjection::Lattice {
         mass_(device, shares_.size()),
         pressure_(device, shares_.size()),
         words_(device, static_cast<std::size_t>(2 * cells.words_of_color())),
-        word_count_(device, words_.size() + 1),
         rank_(device, words_.size() + 1),
         cell_(device, 0),
         equation_(device, 0) {
@@ -94,8 +93,7 @@ class DensityProjection::Lattice {
     parallel_for_in(stream, device_, n, Spread{cells_, position, unit_, mass_.data(), words_.data()});
     parallel_for_in(stream, device_, most_active(0) + most_active(1),
                     DropPressure{active(), mass_.data(), pressure_.data()}, light);
-    parallel_for_in(stream, device_, words, grid::CountBits{words_.data(), word_count_.data()}, light);
-    running_sums(device_, words, word_count_.data(), rank_.data(), scratch_, stream);
+    count_bits(device_, words, words_.data(), rank_.data(), scratch_, stream);
     parallel_for_in(stream, device_, words,
                     ListCells{active(), shares_.data(), words_.data(), mass_.data(), equation_.data()}, light);
   }
@@ -122,7 +120,7 @@ class DensityProjection::Lattice {
   Buffer<uint32_t> mass_;   ///< zero between calls
   Buffer<float> pressure_;  ///< of the last frame; zero where it had no matter
   Buffer<uint32_t> words_;  ///< cells of both colours that hold matter as bits, zero between calls
-  Buffer<int32_t> word_count_, rank_, cell_;
+  Buffer<int32_t> rank_, cell_;
   Buffer<Equation> equation_;
 };
 

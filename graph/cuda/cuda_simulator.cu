@@ -7,13 +7,10 @@
 #include "core/cuda_check.h"
 #include "core/error.h"
 #include "core/parallel_for_in.h"
-#include "graph/cuda/device_weights.h"
-#include "graph/cuda/hgn_passes.h"
-#include "graph/cuda/row_arena.h"
+#include "graph/cuda/frame_network.h"
 #include "graph/density_projection.h"
 #include "graph/grid_builder.h"
 #include "graph/hierarchical_graph_network.h"
-#include "graph/level_places.h"
 #include "graph/normalization.h"
 #include "graph/rest_density.h"
 
@@ -109,13 +106,8 @@ struct FinishFrame {
 
 HgnConfig checked_config(const nn::Weights& weights) {
   static_cast<void>(HierarchicalGraphNetwork(weights));  // its errors
-  const HgnConfig config = HgnConfig::from_metadata(weights.metadata, weights.file);
   if (!cuda_available()) throw ConfigError("device 'cuda' is not usable (no GPU). Use --device cpu");
-  if (!PackedHgn::fits(config))
-    throw ConfigError("'" + weights.file + "': networks run on a GPU with a latent width of " +
-                      std::to_string(layer_width) + " only (hgn.latent: " + std::to_string(config.latent) +
-                      "). Use --device cpu");
-  return config;
+  return HgnConfig::from_metadata(weights.metadata, weights.file);
 }
 
 enum Mark { begin, features_done, hierarchy_done, network_done, end, marks };
@@ -128,10 +120,8 @@ struct CudaSimulator::Impl {
   explicit Impl(const nn::Weights& file)
       : config(checked_config(file)),
         normalization(read_normalization(file)),
-        weights(file),
-        network(config, weights.fcns(), weights.get("embedding.weight")),
+        network(make_frame_network(config, file)),
         builder(Device::cuda, config.spacing, static_cast<int>(config.levels)) {
-    network.refresh(nullptr);
     GRAUPEL_CUDA_CHECK(cudaStreamCreate(&stream));
     GRAUPEL_CUDA_CHECK(cudaStreamCreate(&grid_stream));
     for (cudaEvent_t* event : {&features_there, &grid_there})
@@ -167,17 +157,12 @@ struct CudaSimulator::Impl {
   void launch_frame();
   bool make_room();
   void record_frame();
-  HgnGraph placed_graph() const;
 
   HgnConfig config;
   Normalization normalization;
-  DeviceWeights weights;
-  PackedHgn network;
+  std::unique_ptr<FrameNetwork> network;
   GridBuilder builder;
   LevelRoom room;
-  LevelPlaces places{Device::cuda};
-  RowArena arena;
-  HgnRecord record;
   cudaStream_t stream = nullptr, grid_stream = nullptr;
   cudaEvent_t features_there = nullptr, grid_there = nullptr;
   cudaGraphExec_t graph = nullptr;
@@ -194,41 +179,8 @@ struct CudaSimulator::Impl {
   Buffer<Vec3f> now{Device::cuda, 0}, next{Device::cuda, 0};
   std::optional<DensityProjection> density;
   Buffer<int32_t> type_row{Device::cuda, 0};
-  Buffer<float> features{Device::cuda, 0}, output{Device::cuda, 0};
+  Buffer<float> features{Device::cuda, 0};
 };
-
-HgnGraph CudaSimulator::Impl::placed_graph() const {
-  const GridLinks links = builder.links();
-  HgnGraph placed{};
-  placed.particles = particles;
-  placed.particle_count = places.particle_count();
-  placed.pair_count = places.pair_count();
-  placed.features = features.data();
-  placed.type_row = type_row.data();
-  placed.weight = links.weight;
-  placed.offset = links.offset;
-  placed.cell = links.cell;
-  placed.pair_begin = links.pair_begin;
-  placed.pair = links.pair;
-  for (int l = 0; l < room.levels; ++l) {
-    const PlacedLevel from = places.level(l);
-    LevelLinks level{};
-    level.cells = room.cells[static_cast<std::size_t>(l)];
-    level.edges = room.edges[static_cast<std::size_t>(l)];
-    level.cell_count = from.cell_count;
-    level.edge_count = from.edge_count;
-    level.edge_begin = from.edge_begin;
-    level.sender = from.sender;
-    level.receiver = from.receiver;
-    level.slot = from.slot;
-    level.parent = from.parent;
-    level.octant = from.octant;
-    level.child_begin = from.child_begin;
-    level.child = from.child;
-    placed.level.push_back(level);
-  }
-  return placed;
-}
 
 /// Features and, beside what follows in the stream, the grid of the newest frame.
 void CudaSimulator::Impl::launch_grid() {
@@ -243,21 +195,12 @@ void CudaSimulator::Impl::launch_grid() {
 }
 
 void CudaSimulator::Impl::launch_network() {
-  places.place(builder.links(), particles, grid_stream);
+  network->follow_grid(grid_stream);
   GRAUPEL_CUDA_CHECK(cudaEventRecord(grid_there, grid_stream));
-  const float* const latents = forward_to_decoder(network, placed_graph(), arena, record, stream, [&] {
+  network->launch(stream, [&] {
     GRAUPEL_CUDA_CHECK(cudaStreamWaitEvent(stream, grid_there, 0));
     mark(hierarchy_done);
   });
-  const FcnWeights& last = network.fcn("decoder");
-  decode({.rows = particles,
-          .x = latents,
-          .w1 = network.tile("decoder", 0),
-          .b1 = last.b1,
-          .w2 = last.w2,
-          .b2 = last.b2,
-          .out = output.data()},
-         stream);
   mark(network_done);
 }
 
@@ -269,14 +212,14 @@ void CudaSimulator::Impl::launch_frame() {
   const FrameRing frames = frame_ring();
   const WayFollower way = surroundings->way_follower(Device::cuda);
   parallel_for_in(stream, Device::cuda, particles,
-                  MoveParticles{normalization, output.data(), frames, way, project, limit, places.fault(),
+                  MoveParticles{normalization, network->output(), frames, way, project, limit, network->fault(),
                                 status.data(), density ? next.data() : nullptr});
   if (density) {
     density->apply(next.data(), particles, stream);
     parallel_for_in(stream, Device::cuda, particles,
-                    SettleParticles{frames, way, project, places.fault(), next.data()});
+                    SettleParticles{frames, way, project, network->fault(), next.data()});
   }
-  parallel_for_in(stream, Device::cuda, 1, FinishFrame{frames.count, places.fault(), status.data()});
+  parallel_for_in(stream, Device::cuda, 1, FinishFrame{frames.count, network->fault(), status.data()});
   GRAUPEL_CUDA_CHECK(cudaMemcpyAsync(seen, status.data(), sizeof(FrameStatus), cudaMemcpyDeviceToHost, stream));
   mark(end);
 }
@@ -289,13 +232,14 @@ bool CudaSimulator::Impl::make_room() {
   if (room.holds(counts)) return true;
   drop_graph();
   room = LevelRoom::for_counts(counts);
-  places.prepare(room);
+  network->prepare(
+      {particles, features.data(), type_row.data(), now.data(), surroundings->wall_low, builder.links(), room});
   return true;
 }
 
 /// The graph of a frame. The network runs once before, so that all memory is there.
 void CudaSimulator::Impl::record_frame() {
-  arena.reset();
+  network->reset();
   launch_network();
   if (density) {  // begins each recording without pressure, so that a rollout is the same every time
     next.upload(std::vector<Vec3f>(static_cast<std::size_t>(particles), Vec3f::filled(NAN)));
@@ -304,7 +248,7 @@ void CudaSimulator::Impl::record_frame() {
     density->restart();
   }
   wait();
-  arena.reset();
+  network->reset();
   recording = true;
   cudaGraph_t captured = nullptr;
   GRAUPEL_CUDA_CHECK(cudaStreamBeginCapture(stream, cudaStreamCaptureModeThreadLocal));
@@ -344,7 +288,6 @@ void CudaSimulator::start(const Scene& scene, const Surroundings& surroundings,
   *impl.seen = {static_cast<int32_t>(frames) - 1, 0, 0};
   const FeatureRules rules(impl.config, impl.normalization);
   impl.features.resize_discard(particle_type.size() * static_cast<std::size_t>(rules.width));
-  impl.output.resize_discard(3 * particle_type.size());
   impl.now.resize_discard(particle_type.size());
   impl.next.resize_discard(particle_type.size());
   impl.density.reset();
@@ -373,10 +316,11 @@ std::vector<Vec3f> CudaSimulator::accelerations() {
   Impl& impl = *impl_;
   if (!impl.make_room())
     throw InputError("a particle lies outside the domain of its scene by more than three cells of the network's grid");
-  impl.arena.reset();
+  impl.network->reset();
   impl.launch_network();
   impl.wait();
-  const std::vector<float> output = impl.output.download();
+  std::vector<float> output(3 * static_cast<std::size_t>(impl.particles));
+  device_copy(Device::cpu, output.data(), Device::cuda, impl.network->output(), output.size() * sizeof(float));
   std::vector<Vec3f> acceleration(static_cast<std::size_t>(impl.particles));
   for (std::size_t i = 0; i < acceleration.size(); ++i)
     acceleration[i] = acceleration_of(impl.normalization, output.data() + 3 * i);

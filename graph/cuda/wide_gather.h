@@ -1,0 +1,166 @@
+// What a block of wide_rows.cu gathers: 16 lanes a row, eight columns a lane; the loads of a row are under way
+// together.
+#pragma once
+
+#include "graph/cuda/row_block.h"
+#include "graph/cuda/wide_rows.h"
+#include "graph/cuda/wide_weights.h"
+
+namespace graupel::graph::wide {
+
+using namespace tile;
+
+constexpr int row_lanes = 16;
+constexpr int words = layer_width / 8;  ///< of 16 bytes in a row of bf16 numbers
+
+/// Rows that other blocks wrote in this launch: not from the first cache.
+__device__ inline uint4 row_word(const uint16_t* rows, int64_t row, int lane) {
+  return __ldcg(reinterpret_cast<const uint4*>(rows) + row * words + lane);
+}
+__device__ inline uint4 table_word(const uint16_t* table, int row, int lane) {
+  return __ldg(reinterpret_cast<const uint4*>(table) + row * words + lane);
+}
+
+__device__ inline uint4 packed(const float (&sum)[8]) {
+  return {pack(sum[0], sum[1]), pack(sum[2], sum[3]), pack(sum[4], sum[5]), pack(sum[6], sum[7])};
+}
+
+/// sum += weight a(u + v + t), eight numbers.
+__device__ inline void add_message(float (&sum)[8], const uint4& u, const float (&v)[8], const uint4& t, float weight) {
+  const uint32_t u_words[4] = {u.x, u.y, u.z, u.w}, t_words[4] = {t.x, t.y, t.z, t.w};
+#pragma unroll
+  for (int i = 0; i < 4; ++i) {
+    const float2 a = unpack(u_words[i]), b = unpack(t_words[i]);
+    const float x = a.x + b.x + v[2 * i], y = a.y + b.y + v[2 * i + 1];
+    sum[2 * i] += weight * fmaxf(x, slope * x);
+    sum[2 * i + 1] += weight * fmaxf(y, slope * y);
+  }
+}
+
+/// Sums over a fixed number of links, of which some may be missing.
+template <int slots, bool weighted>
+__device__ inline void sum_slots(float (&sum)[8], const WideNetwork& n, int64_t link_row, int64_t row, int lane) {
+  int32_t from[slots];
+  const int32_t* const link = n.link + slots * link_row;
+  if constexpr (slots == 8) {
+    const int4 low = __ldg(reinterpret_cast<const int4*>(link)), high = __ldg(reinterpret_cast<const int4*>(link) + 1);
+    from[0] = low.x, from[1] = low.y, from[2] = low.z, from[3] = low.w;
+    from[4] = high.x, from[5] = high.y, from[6] = high.z, from[7] = high.w;
+  } else {
+#pragma unroll
+    for (int k = 0; k < slots; k += 2) {
+      const int2 pair = __ldg(reinterpret_cast<const int2*>(link + k));
+      from[k] = pair.x, from[k + 1] = pair.y;
+    }
+  }
+  float weight[slots];
+  if constexpr (weighted) {
+    const float4* const at = reinterpret_cast<const float4*>(n.weight + slots * link_row);
+    const float4 low = __ldg(at), high = __ldg(at + 1);
+    weight[0] = low.x, weight[1] = low.y, weight[2] = low.z, weight[3] = low.w;
+    weight[4] = high.x, weight[5] = high.y, weight[6] = high.z, weight[7] = high.w;
+  }
+  uint4 word[slots];
+#pragma unroll
+  for (int k = 0; k < slots; ++k) word[k] = from[k] >= 0 ? row_word(n.source, from[k], lane) : uint4{0, 0, 0, 0};
+  float own[8] = {};
+  if (n.own) add_numbers(own, row_word(n.own, row, lane));
+#pragma unroll
+  for (int k = 0; k < slots; ++k) {
+    if (from[k] < 0) continue;
+    add_message(sum, word[k], own, table_word(n.table, k, lane), weighted ? weight[k] : 1.0f);
+  }
+}
+
+/// Sums over the pairs of a list; each of eight lanes of a row reads the number of one.
+__device__ inline void sum_pairs(float (&sum)[8], const WideNetwork& n, int64_t link_row, int lane) {
+  constexpr int under_way = 8;
+  const unsigned row_mask = 0xffffu << (threadIdx.x & 16);
+  const int32_t begin = __ldg(n.begin + link_row), end = __ldg(n.begin + link_row + 1);
+  const float own[8] = {};
+  int32_t next = begin + lane % under_way < end ? __ldg(n.link + begin + lane % under_way) : -1;
+  for (int32_t at = begin; at < end; at += under_way) {
+    const int32_t mine = next, later = at + under_way + lane % under_way;
+    next = later < end ? __ldg(n.link + later) : -1;
+    const float weight = mine < 0 ? 0 : __ldg(n.weight + mine);
+    uint4 word[under_way];
+#pragma unroll
+    for (int k = 0; k < under_way; ++k) {
+      const int32_t pair = __shfl_sync(row_mask, mine, k, row_lanes);
+      word[k] = pair >= 0 ? row_word(n.source, pair / 8, lane) : uint4{0, 0, 0, 0};
+    }
+#pragma unroll
+    for (int k = 0; k < under_way; ++k) {
+      const int32_t pair = __shfl_sync(row_mask, mine, k, row_lanes);
+      const float w = __shfl_sync(row_mask, weight, k, row_lanes);
+      if (pair >= 0) add_message(sum, word[k], own, table_word(n.table, pair % 8, lane), w);
+    }
+  }
+}
+
+/// Eight f32 numbers of a row, as bf16.
+__device__ inline uint4 rounded(const float* rows, int64_t row, int lane) {
+  const float4* const from = reinterpret_cast<const float4*>(rows + row * layer_width) + 2 * lane;
+  const float4 low = __ldcg(from), high = __ldcg(from + 1);
+  return {pack(low.x, low.y), pack(low.z, low.w), pack(high.x, high.y), pack(high.z, high.w)};
+}
+
+/// Columns first to first + 7 of the three parts of features (wide_weights.h).
+__device__ inline uint4 feature_word(const WideNetwork& n, int64_t row, int first) {
+  float part[8];
+#pragma unroll
+  for (int i = 0; i < 8; ++i) {
+    const int column = first + i;
+    part[i] = 0;
+    if (column >= feature_parts * n.width) continue;
+    const float x = __ldcg(n.rows32 + row * n.width + column % n.width);
+    const float high = from_bf16(static_cast<uint16_t>(pack(x, 0) & 0xffffu));
+    part[i] = column / n.width == 1 ? x - high : high;
+  }
+  return packed(part);
+}
+
+/// Gathers the operands of rows `first` and on into shared memory; rows beyond the last are 0.
+template <int tile_rows>
+__device__ inline void gather(const WideNetwork& n, int64_t first_link, int64_t first, int64_t rows, uint16_t* to0,
+                              uint16_t* to1) {
+  const int lane = static_cast<int>(threadIdx.x) % row_lanes;
+  for (int i = static_cast<int>(threadIdx.x) / row_lanes; i < tile_rows; i += threads / row_lanes) {
+    const int64_t row = first + i, link_row = first_link + row;
+    uint4 word{0, 0, 0, 0}, second{0, 0, 0, 0};
+    if (row < rows) {
+      if (n.second) second = rounded(n.second, row, lane);
+      float sum[8] = {};
+      switch (n.gather) {
+        case Gather::links:
+          sum_slots<6, false>(sum, n, link_row, row, lane);
+          break;
+        case Gather::children:
+          sum_slots<8, false>(sum, n, link_row, row, lane);
+          break;
+        case Gather::corners:
+          sum_slots<8, true>(sum, n, link_row, row, lane);
+          break;
+        case Gather::pairs:
+          sum_pairs(sum, n, link_row, lane);
+          break;
+        case Gather::rows:
+          word = rounded(n.rows32, __ldg(n.link + link_row), lane);
+          break;
+        case Gather::features:
+          word = feature_word(n, row, 8 * lane);
+          if (n.operands > 1) second = feature_word(n, row, layer_width + 8 * lane);
+          break;
+      }
+      if (n.gather != Gather::rows && n.gather != Gather::features) {
+#pragma unroll
+        for (int k = 0; k < 8; ++k) sum[k] *= n.scale;
+        word = packed(sum);
+      }
+    }
+    *reinterpret_cast<uint4*>(to0 + i * row_stride + 8 * lane) = word;
+    if (n.operands > 1) *reinterpret_cast<uint4*>(to1 + i * row_stride + 8 * lane) = second;
+  }
+}
+
+}  // namespace graupel::graph::wide
