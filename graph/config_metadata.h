@@ -2,11 +2,14 @@
 // field (core/fields.h), beside "architecture" and "format_version".
 #pragma once
 
+#include <algorithm>
 #include <charconv>
 #include <cmath>
+#include <initializer_list>
 #include <map>
 #include <set>
 #include <string>
+#include <string_view>
 #include <type_traits>
 
 #include "core/error.h"
@@ -29,6 +32,8 @@ template <typename T>
 std::string text_of(T value) {
   if constexpr (std::is_same_v<T, bool>) {
     return value ? "true" : "false";
+  } else if constexpr (std::is_enum_v<T>) {
+    return word_of(value);
   } else {
     char text[64];  // the shortest text that reads back as the same number
     return std::string(text, std::to_chars(text, text + sizeof(text), value).ptr);
@@ -41,10 +46,31 @@ bool parse(const std::string& text, T& value) {
   if constexpr (std::is_same_v<T, bool>) {
     value = text == "true";
     return text == "true" || text == "false";
+  } else if constexpr (std::is_enum_v<T>) {
+    for (const auto& [word, meant] : EnumWords<T>::words) {
+      if (text != word) continue;
+      value = meant;
+      return true;
+    }
+    return false;
   } else {
     const char* end = text.data() + text.size();
     const auto [stop, status] = std::from_chars(text.data(), end, value);
     return status == std::errc() && stop == end;
+  }
+}
+
+/// What a value of this type must be: "a number", "one of messages, activations".
+template <typename T>
+std::string kind_of() {
+  if constexpr (std::is_same_v<T, bool>) {
+    return "true or false";
+  } else if constexpr (std::is_enum_v<T>) {
+    std::string words;
+    for (const auto& [word, meant] : EnumWords<T>::words) words.append(words.empty() ? "one of " : ", ").append(word);
+    return words;
+  } else {
+    return "a number";
   }
 }
 
@@ -65,9 +91,11 @@ Metadata metadata_of(const Config& config, const std::string& prefix, const char
   return all;
 }
 
-/// Throws InputError naming `file`, key and value when a key is missing, unknown, unreadable or out of range.
+/// Throws InputError naming `file`, key and value when a key is missing, unknown, unreadable or out of range. The
+/// fields named in `newer` came after the first files: without their key they keep the default.
 template <typename Config>
-Config config_from(const Metadata& all, const std::string& prefix, const std::string& file) {
+Config config_from(const Metadata& all, const std::string& prefix, const std::string& file,
+                   std::initializer_list<std::string_view> newer = {}) {
   Config config;
   std::set<std::string> known;
   Config::fields([&](auto member, const FieldInfo& info) {
@@ -75,12 +103,14 @@ Config config_from(const Metadata& all, const std::string& prefix, const std::st
     const std::string where = metadata::where(file, key);
     known.insert(key);
     const auto found = all.find(key);
-    if (found == all.end()) throw InputError(where + "is missing. Export the weights again");
+    if (found == all.end()) {
+      if (std::find(newer.begin(), newer.end(), info.name) != newer.end()) return;
+      throw InputError(where + "is missing. Export the weights again");
+    }
     auto& value = config.*member;
     if (!metadata::parse(found->second, value))
-      throw InputError(where + "is not " +
-                       (std::is_same_v<std::decay_t<decltype(value)>, bool> ? "true or false" : "a number") + " ('" +
-                       found->second + "'). Export the weights again");
+      throw InputError(where + "is not " + metadata::kind_of<std::decay_t<decltype(value)>>() + " ('" + found->second +
+                       "'). Export the weights again");
     const auto number = static_cast<double>(value);
     if (!info.range.contains(number) || !std::isfinite(number))
       throw InputError(where + "is out of range ('" + found->second + "', allowed " + metadata::range_text(info.range) +

@@ -4,14 +4,22 @@
 #include <cstdint>
 #include <map>
 #include <string>
+#include <utility>
 
 #include "graph/feature_config.h"
 
-namespace graupel::graph {
+namespace graupel {
+namespace graph {
 
 /// Values of the metadata keys "architecture" and "format_version" of a weights file.
 inline constexpr const char* hgn_architecture = "hgn";
 inline constexpr const char* hgn_format_version = "1";
+
+/// What a receiver sums (docs/decisions/0011-sums-of-activations.md).
+enum class Aggregation {
+  messages,    ///< outputs of an FCN a message, as the paper says
+  activations  ///< activations of a linear layer a message; the FCN is evaluated once a receiver, on the sum
+};
 
 /// Defaults are the HGN paper's (mode `paper`); docs/decisions/ settles what it leaves open.
 struct HgnConfig : FeatureConfig {
@@ -20,6 +28,7 @@ struct HgnConfig : FeatureConfig {
   int64_t message_passing = 4;  ///< M
   double spacing = 0.035;       ///< R [m]
   double p2g_scale = 0.125;     ///< constant factor on the particle-to-grid sum
+  Aggregation aggregation = Aggregation::messages;
 
   template <typename Visitor>
   static void fields(Visitor&& visit) {
@@ -39,6 +48,8 @@ struct HgnConfig : FeatureConfig {
                                    .unit = "",
                                    .meaning = "Factor on the particle-to-grid sum",
                                    .range = Range::positive()});
+    visit(&C::aggregation,
+          FieldInfo{.name = "aggregation", .unit = "", .meaning = "What cells and particles sum of what reaches them"});
     FeatureConfig::fields(visit);
   }
 
@@ -48,4 +59,12 @@ struct HgnConfig : FeatureConfig {
   static HgnConfig from_metadata(const std::map<std::string, std::string>& metadata, const std::string& file);
 };
 
-}  // namespace graupel::graph
+}  // namespace graph
+
+template <>
+struct EnumWords<graph::Aggregation> {
+  static constexpr std::pair<const char*, graph::Aggregation> words[] = {
+      {"messages", graph::Aggregation::messages}, {"activations", graph::Aggregation::activations}};
+};
+
+}  // namespace graupel

@@ -14,6 +14,13 @@
 //   prolong.<l>           coarse l+1 -> fine l: [f_coarse, f_fine, (centre_fine - centre_coarse)/spacing_fine (3)] -> H
 //   grid_to_particle      [f_cell, f_p, (x - centre)/R (3)] -> H
 //   decoder               H -> H -> 3, no norm
+// A network that sums activations (docs/decisions/0011-sums-of-activations.md) has, in front of each sum, a linear layer
+// <name>.gather.{weight,bias} over the inputs above, and FCNs over the sums, once a receiver:
+//   particle_to_grid      .gather, then sum -> H
+//   <down|up>.<l>.<k>     .gather on [f_sender, f_receiver, (x_receiver - x_sender)/spacing (3)] in every iteration (no
+//                         .edge), then .cell on [sum, f] -> H
+//   restrict.<l>          .gather, then sum -> H
+//   grid_to_particle      .gather, then [sum, f_p] -> H
 // Beside them: normalization.* (graph/normalization.h) and the metadata of HgnConfig.
 // FCN(x) = LayerNorm(W2 LeakyReLU_0.01(W1 x + b1) + b2), eps 1e-5.
 #pragma once

@@ -3,26 +3,12 @@
 #include <cstring>
 #include <string>
 
+#include "graph/offset_tables.h"
+
 namespace graupel::graph {
 
 using nn::FcnWeights;
 using Bias = FcnWeights::Bias;
-
-namespace {
-
-/// sign * (centre_fine - centre_coarse)/spacing_fine = sign * (bits of the octant - 1/2).
-std::vector<std::vector<float>> octant_offsets(float sign) {
-  std::vector<std::vector<float>> all;
-  for (int octant = 0; octant < 8; ++octant) {
-    std::vector<float> offset(3);
-    for (int axis = 0; axis < 3; ++axis)
-      offset[static_cast<std::size_t>(axis)] = sign * (static_cast<float>(octant >> axis & 1) - 0.5f);
-    all.push_back(offset);
-  }
-  return all;
-}
-
-}  // namespace
 
 LevelTransfer::LevelTransfer(const nn::Weights& weights, const HgnConfig& config, std::size_t level)
     : level_(level), width_(nn::padded_width(static_cast<int>(config.latent))) {

@@ -5,6 +5,8 @@
 
 #include <utility>
 
+#include "graph/offset_tables.h"
+
 namespace graupel::graph {
 
 using nn::FcnWeights;
@@ -25,9 +27,6 @@ struct MessagePassing::Tile {
 MessagePassing::MessagePassing(const nn::Weights& weights, const HgnConfig& config, const std::string& block)
     : width_(nn::padded_width(static_cast<int>(config.latent))) {
   const int h = static_cast<int>(config.latent);
-  // from the sender at -x, +x, .. to the receiver
-  const std::vector<std::vector<float>> directions = {{1, 0, 0},  {-1, 0, 0}, {0, 1, 0},
-                                                      {0, -1, 0}, {0, 0, 1},  {0, 0, -1}};
   for (int k = 0; k < config.message_passing; ++k) {
     const std::string prefix = block + "." + std::to_string(k);
     const FcnWeights edge = FcnWeights::load(weights, prefix + ".edge", 2 * h + (k == 0 ? 3 : h), h, h);
@@ -36,7 +35,7 @@ MessagePassing::MessagePassing(const nn::Weights& weights, const HgnConfig& conf
     iteration.projection =
         nn::StackedLinear(h, {{&edge, 0, Bias::without}, {&edge, h, Bias::with}, {&cell, h, Bias::with}});
     if (k == 0)
-      iteration.direction = nn::InputTable(edge, 2 * h, directions);
+      iteration.direction = nn::InputTable(edge, 2 * h, slot_directions());
     else
       iteration.edge_part = edge.first_layer_part(2 * h, h, Bias::without);
     iteration.edge_second = nn::NormalizedLayer(edge);

@@ -20,6 +20,32 @@ struct HgnCost {
   double between_fine = 0, between_coarse = 0;  ///< restrict and prolong, for a cell of either level
 };
 
+/// Of a network that sums activations: gather layers once a pair or an edge, FCNs once a receiver.
+HgnCost whole_cost_of_sums(const HgnConfig& config) {
+  const auto h = static_cast<double>(config.latent), iterations = static_cast<double>(config.message_passing);
+  const double encoder = static_cast<double>(config.input_width()) * h + h * h, decoder = h * h + accelerations * h;
+  const double from_one = (h + offset) * h, from_two = (2 * h + offset) * h;  // gather layers
+  const double on_sum = h * h + h * h, on_sum_and_latent = 2 * h * h + h * h;
+  return {.particle = encoder + pairs_of_particle * (from_one + from_two) + on_sum_and_latent + decoder,
+          .cell0 = on_sum,
+          .cell = iterations * on_sum_and_latent,
+          .edge = iterations * from_two,
+          .between_fine = from_one + (2 * h + offset) * h + h * h,
+          .between_coarse = on_sum};
+}
+
+/// The same with gather layers and prolongation taken apart, projected once a node.
+HgnCost split_cost_of_sums(const HgnConfig& config) {
+  const auto h = static_cast<double>(config.latent), iterations = static_cast<double>(config.message_passing);
+  const double encoder = static_cast<double>(config.input_width() - config.embedding) * h + h * h,
+               decoder = h * h + accelerations * h;
+  return {.particle = encoder + 2 * h * h + (2 * h * h + h * h) + decoder,  // gathered there and back; its own FCN
+          .cell0 = h * h + h * h + h * h,                                   // its FCN; what particles gather
+          .cell = iterations * (2 * h * h + 2 * h * h + h * h),             // sender and receiver parts; its own FCN
+          .between_fine = h * h + h * h + h * h,                            // its part of restrict; prolong
+          .between_coarse = h * h + h * h + h * h};
+}
+
 HgnCost whole_cost(const HgnConfig& config) {
   const auto h = static_cast<double>(config.latent), iterations = static_cast<double>(config.message_passing);
   const double encoder = static_cast<double>(config.input_width()) * h + h * h, decoder = h * h + accelerations * h;
@@ -75,7 +101,10 @@ HgnRows rows_of(const sparsegrid::Hierarchy<3>& hierarchy) {
 }
 
 double flop_of(const HgnConfig& config, const HgnRows& rows, FirstLayers first_layers) {
-  const HgnCost cost = first_layers == FirstLayers::whole ? whole_cost(config) : split_cost(config);
+  const bool whole = first_layers == FirstLayers::whole;
+  const HgnCost cost = config.aggregation == Aggregation::activations
+                           ? (whole ? whole_cost_of_sums(config) : split_cost_of_sums(config))
+                           : (whole ? whole_cost(config) : split_cost(config));
   double sum = static_cast<double>(rows.particles) * cost.particle;
   for (std::size_t l = 0; l < rows.level.size(); ++l) {
     const auto cells = static_cast<double>(rows.level[l].cells), edges = static_cast<double>(rows.level[l].edges);

@@ -5,28 +5,16 @@
 
 #include <algorithm>
 
+#include "graph/offset_tables.h"
+
 namespace graupel::graph {
 
 using nn::FcnWeights;
 using Bias = FcnWeights::Bias;
-using Vectors = std::vector<std::vector<float>>;
 
 namespace {
-
 constexpr int32_t particles_in_tile = tile_rows / 8;
-
-/// sign * (bits of the corner).
-Vectors corners(float sign) {
-  Vectors all;
-  for (int k = 0; k < 8; ++k)
-    all.push_back({sign * static_cast<float>(k & 1), sign * static_cast<float>(k >> 1 & 1),
-                   sign * static_cast<float>(k >> 2 & 1)});
-  return all;
 }
-
-Vectors axes(float sign) { return {{sign, 0, 0}, {0, sign, 0}, {0, 0, sign}}; }
-
-}  // namespace
 
 ParticleTransfer::ParticleTransfer(const nn::Weights& weights, const HgnConfig& config)
     : width_(nn::padded_width(static_cast<int>(config.latent))),
@@ -37,11 +25,11 @@ ParticleTransfer::ParticleTransfer(const nn::Weights& weights, const HgnConfig& 
   const FcnWeights p2g = FcnWeights::load(weights, "particle_to_grid", h + 3, h, h);
   const FcnWeights g2p = FcnWeights::load(weights, "grid_to_particle", 2 * h + 3, h, h);
   particle_part_ = nn::StackedLinear(h, {{&p2g, 0, Bias::with}, {&g2p, h, Bias::with}});
-  p2g_corner_ = nn::InputTable(p2g, h, corners(1));
-  p2g_axis_ = nn::InputTable(p2g, h, axes(-1));
+  p2g_corner_ = nn::InputTable(p2g, h, corner_offsets(1));
+  p2g_axis_ = nn::InputTable(p2g, h, axis_offsets(-1));
   p2g_second_ = nn::NormalizedLayer(p2g);
-  g2p_corner_ = nn::InputTable(g2p, 2 * h, corners(-1));
-  g2p_axis_ = nn::InputTable(g2p, 2 * h, axes(1));
+  g2p_corner_ = nn::InputTable(g2p, 2 * h, corner_offsets(-1));
+  g2p_axis_ = nn::InputTable(g2p, 2 * h, axis_offsets(1));
   g2p_second_ = nn::NormalizedLayer(g2p);
   g2p_cell_part_ = g2p.first_layer_part(0, h, Bias::without);
 }

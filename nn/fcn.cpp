@@ -40,6 +40,26 @@ FcnWeights FcnWeights::load(const Weights& weights, const std::string& prefix, i
   return fcn;
 }
 
+FcnWeights FcnWeights::load_layer(const Weights& weights, const std::string& prefix, int in, int hidden) {
+  FcnWeights fcn;
+  fcn.in = in;
+  fcn.hidden = hidden;
+  fcn.weight1 = weights.get(prefix + ".weight", {hidden, in});
+  fcn.bias1 = weights.get(prefix + ".bias", {hidden});
+  return fcn;
+}
+
+Linear FcnWeights::first_layer_of_padded(int parts) const {
+  GRAUPEL_ASSERT(in % parts == 0);
+  const int part = in / parts, padded_part = padded_width(part), padded_in = parts * padded_part;
+  std::vector<float> weight(static_cast<std::size_t>(hidden) * static_cast<std::size_t>(padded_in), 0.0f);
+  for (int o = 0; o < hidden; ++o)
+    for (int p = 0; p < parts; ++p)
+      std::copy_n(weight1.data() + static_cast<int64_t>(o) * in + p * part, part,
+                  weight.data() + static_cast<int64_t>(o) * padded_in + p * padded_part);
+  return Linear(hidden, padded_in, weight.data(), padded_in, bias1);
+}
+
 Linear FcnWeights::first_layer_part(int column, int count, Bias bias) const {
   GRAUPEL_ASSERT(column >= 0 && count > 0 && column + count <= in);
   return Linear(hidden, count, weight1.data() + column, in, bias == Bias::with ? bias1 : std::vector<float>());

@@ -32,9 +32,14 @@ struct FcnWeights {
   static FcnWeights load(const Weights& weights, const std::string& prefix, int in, int hidden, int out,
                          Norm norm = Norm::layer, int hidden_layers = 1);
 
+  /// A linear layer alone, `<prefix>.weight` [hidden, in] and `<prefix>.bias`, as the first layer of an FCN.
+  static FcnWeights load_layer(const Weights& weights, const std::string& prefix, int in, int hidden);
+
   enum class Bias { with, without };
   /// Columns [column, column + count) of the first layer.
   Linear first_layer_part(int column, int count, Bias bias) const;
+  /// The first layer on an input of `parts` padded rows of `in / parts` columns, one behind the other.
+  Linear first_layer_of_padded(int parts) const;
 };
 
 /// Several linear maps of one input, evaluated as one: outputs stand side by side, each padded to its own width.
@@ -98,12 +103,13 @@ class NormalizedLayer {
   float scale(const float* y) const {
     return layer_norm_scale(sum_of_squares(y, linear_.width()) * (1.0f / static_cast<float>(linear_.out())));
   }
-  /// y -> scale * y * gamma + beta, in place.
-  void finish(float* y) const {
+  /// out = scale * y * gamma + beta; out may be y.
+  void finish(float* out, const float* y) const {
     const float s = scale(y);
     const float *g = gamma(), *b = beta();
-    each_column(width(), [=](int i) { y[i] = s * y[i] * g[i] + b[i]; });
+    each_column(width(), [=](int i) { out[i] = s * y[i] * g[i] + b[i]; });
   }
+  void finish(float* y) const { finish(y, y); }
   /// sum += scale * y * gamma + beta.
   void add_to(float* sum, const float* y) const {
     const float s = scale(y);

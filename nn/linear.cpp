@@ -6,20 +6,19 @@
 #include <algorithm>
 
 #include "nn/bf16_products.h"
+#include "nn/lanes.h"
 #include "nn/weights.h"
 
 namespace graupel::nn {
 
 namespace {
 
-// GCC and Clang vector extensions: one type for every instruction set.
 #ifdef __AVX512F__
-constexpr int lanes = 16, max_rows = 8;
+constexpr int max_rows = 8;
 #else
-constexpr int lanes = 8, max_rows = 2;
+constexpr int max_rows = 2;
 #endif
-constexpr int panel = 32, vectors = panel / lanes;
-typedef float Lanes __attribute__((vector_size(lanes * sizeof(float)), may_alias));
+constexpr int vectors = panel / lanes;
 
 enum class Start { bias, previous };
 

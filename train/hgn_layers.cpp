@@ -36,14 +36,6 @@ void with_type(const at::Tensor& tensor, const Body& body) {
     body(float());
 }
 
-/// grad *= the activation's slope at the activated values.
-void through_activation(const at::Tensor& activated, at::Tensor& grad, double slope) {
-  with_type(grad, [&](auto zero) {
-    using T = decltype(zero);
-    leaky_backward<T>(place_of(grad), grad.numel(), activated.data_ptr<T>(), grad.data_ptr<T>(), slope);
-  });
-}
-
 }  // namespace
 
 at::Tensor view_of(const Parameter& parameter, const at::Tensor& flat) {
@@ -81,6 +73,28 @@ std::map<std::string, Fcn> bind_fcns(const ParameterLayout& layout, const at::Te
   return fcns;
 }
 
+std::map<std::string, Fcn::Layer> bind_gathers(const ParameterLayout& layout, const at::Tensor& flat,
+                                               const at::Tensor& gradient) {
+  std::map<std::string, Fcn::Layer> layers;
+  for (const GatherShape& shape : layout.gathers()) {
+    const Parameter &weight = layout.find(shape.name + ".weight"), &bias = layout.find(shape.name + ".bias");
+    Fcn::Layer& layer = layers[shape.name];
+    layer.w = view_of(weight, flat);
+    layer.b = view_of(bias, flat);
+    if (!gradient.defined()) continue;
+    layer.w_grad = view_of(weight, gradient);
+    layer.b_grad = view_of(bias, gradient);
+  }
+  return layers;
+}
+
+void activation_backward(const at::Tensor& activated, const at::Tensor& grad, double slope) {
+  with_type(grad, [&](auto zero) {
+    using T = decltype(zero);
+    leaky_backward<T>(place_of(grad), grad.numel(), activated.data_ptr<T>(), grad.data_ptr<T>(), slope);
+  });
+}
+
 at::Tensor second_layer(const Fcn& fcn, const at::Tensor& first_hidden, FcnRecord* record) {
   at::Tensor hidden = first_hidden;
   for (const Fcn::Layer& layer : fcn.middle) {
@@ -113,14 +127,14 @@ at::Tensor second_layer_backward(const Fcn& fcn, const FcnRecord& record, const 
   at::mm_out(w2_grad, grad_raw.t(), record.hidden);
   at::sum_out(b2_grad, grad_raw, 0);
   at::Tensor grad_sum = at::mm(grad_raw, fcn.w2);
-  through_activation(record.hidden, grad_sum, fcn.slope);
+  activation_backward(record.hidden, grad_sum, fcn.slope);
   for (std::size_t l = fcn.middle.size(); l-- > 0;) {
     const Fcn::Layer& layer = fcn.middle[l];
     at::Tensor w_grad = layer.w_grad, b_grad = layer.b_grad;
     at::mm_out(w_grad, grad_sum.t(), record.earlier[l]);
     at::sum_out(b_grad, grad_sum, 0);
     grad_sum = at::mm(grad_sum, layer.w);
-    through_activation(record.earlier[l], grad_sum, fcn.slope);
+    activation_backward(record.earlier[l], grad_sum, fcn.slope);
   }
   return grad_sum;
 }

@@ -27,10 +27,15 @@ struct Fcn {
   std::vector<Layer> middle;  ///< further hidden layers
   double slope = leaky_slope;
   bool norm = true;
+
+  Layer first() const { return {w1, b1, w1_grad, b1_grad}; }
 };
 
 /// All FCNs of the network by name, as views of a flat array (and of a flat gradient, which may be undefined).
 std::map<std::string, Fcn> bind_fcns(const ParameterLayout& layout, const at::Tensor& flat, const at::Tensor& gradient);
+/// All gather layers of the network by name, in the same way.
+std::map<std::string, Fcn::Layer> bind_gathers(const ParameterLayout& layout, const at::Tensor& flat,
+                                               const at::Tensor& gradient);
 /// View of one parameter.
 at::Tensor view_of(const Parameter& parameter, const at::Tensor& flat);
 
@@ -53,6 +58,9 @@ at::Tensor second_layer_backward(const Fcn& fcn, const FcnRecord& record, const 
 at::Tensor fcn_forward(const Fcn& fcn, const at::Tensor& input, FcnRecord* record);
 /// Gradient of the input.
 at::Tensor fcn_backward(const Fcn& fcn, const FcnRecord& record, const at::Tensor& grad);
+
+/// grad *= the activation's slope at the activated values.
+void activation_backward(const at::Tensor& activated, const at::Tensor& grad, double slope = leaky_slope);
 
 /// The kernels of graph_kernels.h on tensors. An index is an int32 tensor.
 Device place_of(const at::Tensor& tensor);

@@ -27,7 +27,7 @@ std::unique_ptr<NetworkPasses> make_passes(const NetworkConfig& config, int64_t 
                                            const ParameterLayout& layout, const at::Tensor& flat,
                                            const at::Tensor& gradient) {
   if (const auto* hgn = std::get_if<graph::HgnConfig>(&config))
-    return std::make_unique<HgnNetwork>(*hgn, layout, flat, gradient);
+    return make_hgn(*hgn, layout, flat, gradient);
   return std::make_unique<GnsPasses>(std::get<graph::GnsConfig>(config), checkpoint_layers, layout, flat, gradient);
 }
 

@@ -35,17 +35,25 @@ struct DeviceBatch {
 struct MessageRecord {
   FcnRecord edge, cell;
   at::Tensor nodes, edges;  ///< f and e before the iteration
+  at::Tensor activated;     ///< what is summed, where that is activations [edges, H]
 };
 struct PairRecord {
   FcnRecord fcn;
   at::Tensor particle_input;  ///< [particles, H + 3]
   at::Tensor cells;           ///< [cells, H]
+  at::Tensor activated;       ///< what is summed, where that is activations [particles * 8, H]
+};
+struct RestrictRecord {
+  FcnRecord fcn;
+  at::Tensor children;   ///< input of the gather layer [fine cells, H + 3]
+  at::Tensor activated;  ///< what is summed, where that is activations [fine cells, H]
 };
 struct ForwardRecord {
   FcnRecord encoder, decoder;
   PairRecord to_grid, to_particle;
   std::vector<std::vector<MessageRecord>> down, up;  ///< [level][iteration]
-  std::vector<FcnRecord> restriction, prolongation;
+  std::vector<RestrictRecord> restriction;
+  std::vector<FcnRecord> prolongation;
   FcnRecord edge_encoder;           ///< of GNS
   std::vector<MessageRecord> step;  ///< of GNS
 };

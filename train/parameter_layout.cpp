@@ -39,23 +39,43 @@ void ParameterLayout::add_hgn(const graph::HgnConfig& config) {
   const auto block = [&](const std::string& name) {
     for (int64_t k = 0; k < config.message_passing; ++k) {
       const std::string at = name + "." + std::to_string(k);
-      add_fcn(at + ".edge", k == 0 ? 2 * h + 3 : 3 * h, h, true, h);
+      if (config.aggregation == graph::Aggregation::activations)
+        add_gather(at, 2 * h + 3, h);
+      else
+        add_fcn(at + ".edge", k == 0 ? 2 * h + 3 : 3 * h, h, true, h);
       add_fcn(at + ".cell", 2 * h, h, true, h);
     }
   };
   add("embedding.weight", {graph::embedding_rows, config.embedding}, 0);
   add_fcn("encoder", config.input_width(), h, true, h);
-  add_fcn("particle_to_grid", h + 3, h, true, h);
+  add_transfer(config, "particle_to_grid", 1);
   for (int64_t l = 0; l < config.levels; ++l) {
     block("down." + std::to_string(l));
-    if (l + 1 < config.levels) add_fcn("restrict." + std::to_string(l), h + 3, h, true, h);
+    if (l + 1 < config.levels) add_transfer(config, "restrict." + std::to_string(l), 1);
   }
   for (int64_t l = config.levels - 2; l >= 0; --l) {
     add_fcn("prolong." + std::to_string(l), 2 * h + 3, h, true, h);
     block("up." + std::to_string(l));
   }
-  add_fcn("grid_to_particle", 2 * h + 3, h, true, h);
+  add_transfer(config, "grid_to_particle", 2);
   add_fcn("decoder", h, 3, false, h);
+}
+
+void ParameterLayout::add_transfer(const graph::HgnConfig& config, const std::string& name, int64_t nodes) {
+  const int64_t h = config.latent;
+  const bool sums_activations = config.aggregation == graph::Aggregation::activations;
+  if (sums_activations) add_gather(name, nodes * h + 3, h);
+  add_fcn(name, nodes * h + (sums_activations ? 0 : 3), h, true, h);
+}
+
+void ParameterLayout::add_gather(const std::string& name, int64_t inputs, int64_t hidden) {
+  gathers_.push_back({name + ".gather", inputs});
+  add_linear(gathers_.back().name, hidden, inputs);
+}
+
+void ParameterLayout::add_linear(const std::string& name, int64_t outputs, int64_t inputs) {
+  add(name + ".weight", {outputs, inputs}, inputs);
+  add(name + ".bias", {outputs}, inputs);
 }
 
 void ParameterLayout::add(const std::string& name, std::vector<int64_t> shape, int64_t fan_in) {
@@ -70,9 +90,7 @@ void ParameterLayout::add_fcn(const FcnShape& shape, int64_t hidden) {
   fcns_.push_back(shape);
   for (int64_t l = 1; l <= shape.hidden_layers + 1; ++l) {
     const std::string layer = shape.name + ".layer" + std::to_string(l);
-    const int64_t rows = l <= shape.hidden_layers ? hidden : shape.outputs, columns = l == 1 ? shape.inputs : hidden;
-    add(layer + ".weight", {rows, columns}, columns);
-    add(layer + ".bias", {rows}, columns);
+    add_linear(layer, l <= shape.hidden_layers ? hidden : shape.outputs, l == 1 ? shape.inputs : hidden);
   }
   if (!shape.norm) return;
   add(shape.name + ".norm.weight", {shape.outputs}, 0);

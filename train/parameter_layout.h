@@ -31,6 +31,12 @@ struct FcnShape {
   double slope = leaky_slope;  ///< of the activation
 };
 
+/// A plain linear layer inputs -> H in front of an activation that a receiver sums (graph/hgn_config.h, Aggregation).
+struct GatherShape {
+  std::string name;  ///< e.g. "down.0.1.gather"
+  int64_t inputs = 0;
+};
+
 class ParameterLayout {
  public:
   explicit ParameterLayout(const NetworkConfig& config);
@@ -39,6 +45,7 @@ class ParameterLayout {
   int64_t parameter_count() const { return count_; }  ///< numbers that are weights
   const std::vector<Parameter>& parameters() const { return parameters_; }
   const std::vector<FcnShape>& fcns() const { return fcns_; }
+  const std::vector<GatherShape>& gathers() const { return gathers_; }
   const Parameter& find(const std::string& name) const;
 
   /// PyTorch's defaults from Graupel's own generator: linear layers uniform in +-1/sqrt(fan_in), embedding N(0, 1),
@@ -51,6 +58,10 @@ class ParameterLayout {
 
  private:
   void add_hgn(const graph::HgnConfig& config);
+  /// A transfer to receivers that gather from `nodes` latents and an offset.
+  void add_transfer(const graph::HgnConfig& config, const std::string& name, int64_t nodes);
+  void add_gather(const std::string& name, int64_t inputs, int64_t hidden);
+  void add_linear(const std::string& name, int64_t outputs, int64_t inputs);
   void add_gns(const graph::GnsConfig& config);
   void add(const std::string& name, std::vector<int64_t> shape, int64_t fan_in);
   void add_fcn(const FcnShape& shape, int64_t hidden);
@@ -60,6 +71,7 @@ class ParameterLayout {
 
   std::vector<Parameter> parameters_;
   std::vector<FcnShape> fcns_;
+  std::vector<GatherShape> gathers_;
   int64_t size_ = 0, count_ = 0;
 };
 

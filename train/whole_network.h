@@ -20,13 +20,24 @@ class WholeNetwork {
 
  private:
   at::Tensor apply(const std::string& name, const at::TensorList& inputs) const;
+  /// Of networks that sum activations.
+  at::Tensor gather(const std::string& name, const at::TensorList& inputs) const;
+  at::Tensor to_grid(const graph::HgnConfig& config, const DeviceBatch& batch, const at::Tensor& of_pair,
+                     const at::Tensor& offset) const;
+  at::Tensor to_coarse(const graph::HgnConfig& config, const std::string& name, const DeviceLevel& level,
+                       const at::Tensor& cells) const;
+  at::Tensor to_particles(const graph::HgnConfig& config, const DeviceBatch& batch, const at::Tensor& cells,
+                          const at::Tensor& particles, const at::Tensor& of_pair, const at::Tensor& offset) const;
   at::Tensor hgn(const graph::HgnConfig& config, const DeviceBatch& batch, const at::Tensor& particles) const;
   at::Tensor gns(const graph::GnsConfig& config, const DeviceBatch& batch, at::Tensor nodes) const;
+  at::Tensor pass_activations(const graph::HgnConfig& config, const std::string& name, const DeviceLevel& level,
+                              at::Tensor nodes) const;
   at::Tensor pass_messages(const graph::HgnConfig& config, const std::string& name, const DeviceLevel& level,
                            at::Tensor nodes) const;
 
   NetworkConfig config_;
   std::map<std::string, Fcn> fcns_;
+  std::map<std::string, Fcn::Layer> gathers_;
   at::Tensor embedding_;
 };
 

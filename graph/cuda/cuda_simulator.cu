@@ -121,7 +121,8 @@ struct CudaSimulator::Impl {
       : config(checked_config(file)),
         normalization(read_normalization(file)),
         network(make_frame_network(config, file)),
-        builder(Device::cuda, config.spacing, static_cast<int>(config.levels)) {
+        builder(Device::cuda, config.spacing, static_cast<int>(config.levels), /*margin=*/3,
+                config.aggregation == Aggregation::messages) {
     GRAUPEL_CUDA_CHECK(cudaStreamCreate(&stream));
     GRAUPEL_CUDA_CHECK(cudaStreamCreate(&grid_stream));
     for (cudaEvent_t* event : {&features_there, &grid_there})

@@ -287,7 +287,9 @@ RowLatents ForwardPass::pass_messages(const std::string& block, const LevelLinks
 
 }  // namespace
 
-bool PackedHgn::fits(const HgnConfig& config) { return config.latent == h && config.input_width() <= h; }
+bool PackedHgn::fits(const HgnConfig& config) {
+  return config.aggregation == Aggregation::messages && config.latent == h && config.input_width() <= h;
+}
 
 PackedHgn::PackedHgn(const HgnConfig& config, std::map<std::string, FcnWeights> fcns, const float* embedding)
     : config_(config), fcns_(std::move(fcns)), embedding_(embedding) {

@@ -26,7 +26,7 @@ struct FcnWeights {
 /// corners, octants, neighbour slots and particle types have.
 class PackedHgn {
  public:
-  /// Whether the kernels exist for such a network: width 128, at most 128 inputs.
+  /// Whether the kernels exist for such a network: width 128, at most 128 inputs, sums of messages.
   static bool fits(const HgnConfig& config);
 
   /// `embedding` [types, E]; all pointers must stay valid.

@@ -15,14 +15,17 @@ TEST(HgnConfig, MetadataRoundTripKeepsEveryValue) {
   config.signed_distance = true;
   config.cell_normal = false;
   config.frame_time = 1e-3 / 7;
+  config.aggregation = Aggregation::activations;
   const auto metadata = config.to_metadata();
   EXPECT_EQ(metadata.at("architecture"), "hgn");
   EXPECT_EQ(metadata.at("format_version"), "1");
   EXPECT_EQ(metadata.at("hgn.latent"), "64");
   EXPECT_EQ(metadata.at("hgn.signed_distance"), "true");
   EXPECT_EQ(metadata.at("hgn.p2g_scale"), "0.125");
+  EXPECT_EQ(metadata.at("hgn.aggregation"), "activations");
   const HgnConfig read = HgnConfig::from_metadata(metadata, "f");
   EXPECT_EQ(read.to_metadata(), metadata);
+  EXPECT_EQ(read.aggregation, Aggregation::activations);
   EXPECT_EQ(read.spacing, config.spacing);
   EXPECT_EQ(read.frame_time, config.frame_time);
   EXPECT_EQ(read.input_width(), 3 * 5 + 6 + 4 + 16);
@@ -32,6 +35,14 @@ TEST(HgnConfig, OtherMetadataIsIgnored) {
   auto metadata = HgnConfig().to_metadata();
   metadata["training.step"] = "1000";
   EXPECT_EQ(HgnConfig::from_metadata(metadata, "f").latent, 128);
+}
+
+TEST(HgnConfig, FilesFromBeforeTheChoiceSumMessages) {
+  HgnConfig config;
+  config.aggregation = Aggregation::activations;
+  auto metadata = config.to_metadata();
+  metadata.erase("hgn.aggregation");
+  EXPECT_EQ(HgnConfig::from_metadata(metadata, "f").aggregation, Aggregation::messages);
 }
 
 TEST(HgnConfig, ErrorsNameFileKeyAndValue) {
@@ -66,6 +77,7 @@ TEST(HgnConfig, ErrorsNameFileKeyAndValue) {
                {"hgn.p2g_scale", "0", "out of range"},
                {"hgn.frame_time", "-0.1", "out of range"},
                {"hgn.dx", "0", "out of range"},
+               {"hgn.aggregation", "sums", "not one of messages, activations ('sums')"},
                {"hgn.cell_normal", "yes", "not true or false ('yes')"},
                {"hgn.time_bundle", "2", "not known ('2')"}};
   for (const auto& c : cases) {

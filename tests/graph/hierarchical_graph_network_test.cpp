@@ -14,7 +14,7 @@
 namespace graupel::graph {
 namespace {
 
-HgnConfig small_config() {
+HgnConfig small_config(Aggregation aggregation = Aggregation::messages) {
   HgnConfig config;
   config.latent = 24;
   config.levels = 3;
@@ -22,6 +22,7 @@ HgnConfig small_config() {
   config.embedding = 5;
   config.history = 2;
   config.spacing = 0.05;
+  config.aggregation = aggregation;
   return config;
 }
 
@@ -63,12 +64,23 @@ std::vector<HgnConfig> configs_to_check() {
   narrow.latent = 8;  // more features than latent columns
   narrow.history = 16;
   narrow.p2g_scale = 1;
-  return {small_config(), one_level, deep, wide, narrow};
+  std::vector<HgnConfig> all = {small_config(), one_level, deep, wide, narrow};
+  for (std::size_t i = 0; i < 5; ++i) {
+    all.push_back(all[i]);
+    all.back().aggregation = Aggregation::activations;
+  }
+  return all;
 }
 INSTANTIATE_TEST_SUITE_P(Configs, AgainstTheFormulas, ::testing::ValuesIn(configs_to_check()));
 
-TEST(HierarchicalGraphNetwork, PaperConfigAgreesWithTheFormulas) {
-  const HgnConfig config;
+class EitherAggregation : public ::testing::TestWithParam<Aggregation> {};
+INSTANTIATE_TEST_SUITE_P(HierarchicalGraphNetwork, EitherAggregation,
+                         ::testing::Values(Aggregation::messages, Aggregation::activations),
+                         [](const auto& param) { return word_of(param.param); });
+
+TEST_P(EitherAggregation, PaperConfigAgreesWithTheFormulas) {
+  HgnConfig config;
+  config.aggregation = GetParam();
   const nn::Weights weights = random_weights(config, {}, 4);
   const HierarchicalGraphNetwork network(weights);
   const Input input = random_input(config, 8, 2, 0.03);
@@ -79,8 +91,8 @@ TEST(HierarchicalGraphNetwork, PaperConfigAgreesWithTheFormulas) {
   for (std::size_t i = 0; i < output.size(); ++i) EXPECT_NEAR(output[i], expected[i], 1e-4 * scale) << i;
 }
 
-TEST(HierarchicalGraphNetwork, PermutingParticlesPermutesOutputs) {
-  const HgnConfig config = small_config();
+TEST_P(EitherAggregation, PermutingParticlesPermutesOutputs) {
+  const HgnConfig config = small_config(GetParam());
   const HierarchicalGraphNetwork network(random_weights(config, {}));
   const Input input = random_input(config, 300);
   const std::vector<float> output = evaluate(network, input);
@@ -91,8 +103,8 @@ TEST(HierarchicalGraphNetwork, PermutingParticlesPermutesOutputs) {
       EXPECT_NEAR(other[i * 3 + axis], output[order[i] * 3 + axis], 1e-4 * largest(output));
 }
 
-TEST(HierarchicalGraphNetwork, ShiftByTheCoarsestPeriodLeavesOutputsUnchanged) {
-  HgnConfig config = small_config();
+TEST_P(EitherAggregation, ShiftByTheCoarsestPeriodLeavesOutputsUnchanged) {
+  HgnConfig config = small_config(GetParam());
   config.spacing = 1.0 / 16;  // sums and shifts of these positions are exact
   const HierarchicalGraphNetwork network(random_weights(config, {}));
   Input input = random_input(config, 200);
@@ -110,8 +122,8 @@ TEST(HierarchicalGraphNetwork, ShiftByTheCoarsestPeriodLeavesOutputsUnchanged) {
   EXPECT_GT(std::abs(evaluate(network, half)[0] - output[0]), 1e-5);
 }
 
-TEST(HierarchicalGraphNetwork, ResultsDoNotDependOnThreadsOrEarlierFrames) {
-  const HgnConfig config = small_config();
+TEST_P(EitherAggregation, ResultsDoNotDependOnThreadsOrEarlierFrames) {
+  const HgnConfig config = small_config(GetParam());
   const HierarchicalGraphNetwork network(random_weights(config, {}));
   const Input input = random_input(config, 500), larger = random_input(config, 900, 5);
   set_num_threads(1);
@@ -131,8 +143,8 @@ TEST(HierarchicalGraphNetwork, ResultsDoNotDependOnThreadsOrEarlierFrames) {
   set_num_threads(0);
 }
 
-TEST(HierarchicalGraphNetwork, ManyParticlesInOneCellAndLoneParticles) {
-  HgnConfig config = small_config();
+TEST_P(EitherAggregation, ManyParticlesInOneCellAndLoneParticles) {
+  HgnConfig config = small_config(GetParam());
   const nn::Weights weights = random_weights(config, {});
   const HierarchicalGraphNetwork network(weights);
   Input input = random_input(config, 150, 1, 0.01);  // several runs of rows for one cell
@@ -176,6 +188,7 @@ TEST(HierarchicalGraphNetwork, DamagedWeightsAreInputErrorsThatNameTheFile) {
   expect("format_version '2', supported: '1'", [](auto& w) { w.metadata["format_version"] = "2"; });
   expect("'up.1.2.cell.norm.bias' is missing", [](auto& w) { w.tensors.erase("up.1.2.cell.norm.bias"); });
   expect("'restrict.1.layer1.weight' is missing", [](auto& w) { w.tensors.erase("restrict.1.layer1.weight"); });
+  expect("'particle_to_grid.gather.weight' is missing", [](auto& w) { w.metadata["hgn.aggregation"] = "activations"; });
   expect("another shape ([24, 20], needed [24, 23])", [](auto& w) { w.metadata["hgn.history"] = "3"; });
   expect("'embedding.weight' has another shape", [](auto& w) { w.tensors["embedding.weight"].shape = {5, 9}; });
   expect("element 1 is nan", [](auto& w) {

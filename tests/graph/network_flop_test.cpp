@@ -37,7 +37,8 @@ const GnsRows gns_rows = {.particles = 5, .moving = 4, .edges = 7};
 double flop_of_matrices(const nn::Weights& weights, const std::function<int64_t(const std::string&)>& rows) {
   int64_t sum = 0;
   for (const auto& [name, tensor] : weights.tensors)
-    if (name.find(".layer") != std::string::npos && tensor.shape.size() == 2)
+    if ((name.find(".layer") != std::string::npos || name.find(".gather") != std::string::npos) &&
+        tensor.shape.size() == 2)
       sum += 2 * tensor.shape[0] * tensor.shape[1] * rows(name);
   return static_cast<double>(sum);
 }
@@ -50,6 +51,21 @@ TEST(NetworkFlop, WholeFirstLayersOfAnHgnCountEveryMatrixOnceARow) {
     return name.find(".edge.") != std::string::npos ? level.edges : level.cells;
   };
   const HgnConfig config = small_hgn();
+  EXPECT_EQ(flop_of(config, hgn_rows, FirstLayers::whole), flop_of_matrices(random_weights(config, {}), rows));
+}
+
+TEST(NetworkFlop, GatherLayersCountOncePairOrEdgeAndFcnsOnceAReceiver) {
+  const auto rows = [](const std::string& name) -> int64_t {
+    const bool gather = name.find(".gather.") != std::string::npos;
+    if (name.starts_with("encoder") || name.starts_with("decoder")) return hgn_rows.particles;
+    if (name.starts_with("particle_to_grid")) return gather ? 8 * hgn_rows.particles : hgn_rows.level[0].cells;
+    if (name.starts_with("grid_to_particle")) return gather ? 8 * hgn_rows.particles : hgn_rows.particles;
+    const auto l = static_cast<std::size_t>(name[name.find('.') + 1] - '0');
+    if (name.starts_with("restrict")) return hgn_rows.level[gather ? l : l + 1].cells;
+    return gather ? hgn_rows.level[l].edges : hgn_rows.level[l].cells;
+  };
+  HgnConfig config = small_hgn();
+  config.aggregation = Aggregation::activations;
   EXPECT_EQ(flop_of(config, hgn_rows, FirstLayers::whole), flop_of_matrices(random_weights(config, {}), rows));
 }
 
@@ -68,6 +84,16 @@ TEST(NetworkFlop, WholeFirstLayersOfAGnsCountEveryMatrixOnceARow) {
 // of level 0: H^2 for the way back to the particles, 4 H^2 for restrict and prolong: 5 x 80 = 400; of level 1: H^2 for
 // prolong: 2 x 16 = 32. In all 3 x 380 + 2176 + 416 + 400 + 32 = 4164.
 TEST(NetworkFlop, SplitFirstLayersOfAnHgnByHand) { EXPECT_EQ(flop_of(small_hgn(), hgn_rows), 2 * 4164); }
+
+// H = 4. A particle: encoder 64, gathered there and back 2 H^2 = 32, FCN 3 H^2 = 48, decoder 28: 172. A cell of a block
+// of 2 iterations: 160, as above; twice on level 0, once on level 1: 1600 + 320. Cells of level 0: 3 H^2 for the FCN of
+// the particles' sums and the way back, 3 H^2 for restrict and prolong: 5 x 96 = 480; of level 1: 3 H^2: 96. In all
+// 3 x 172 + 1920 + 480 + 96 = 3012.
+TEST(NetworkFlop, SplitGatherLayersByHand) {
+  HgnConfig config = small_hgn();
+  config.aggregation = Aggregation::activations;
+  EXPECT_EQ(flop_of(config, hgn_rows), 2 * 3012);
+}
 
 // H = 4, two hidden layers: 2 H^2 = 32 behind each first layer. A particle: encoder 12 H + 32 = 80, 2 steps of 2 H^2
 // for the edges, 2 H^2 and 32 for itself: 2 x 96; an edge: 4 H + 32 = 48 and 2 steps of H^2 + 32: 2 x 48; a moving

@@ -23,13 +23,15 @@ class Maker {
     weights_.tensors[name] = nn::Tensor::from_float(values, std::move(shape));
   }
 
+  void layer(const std::string& name, int64_t in, int64_t out) {
+    const double bound = 1 / std::sqrt(static_cast<double>(in));
+    fill(name + ".weight", {out, in}, 0, bound);
+    fill(name + ".bias", {out}, 0, bound);
+  }
+
   void fcn(const std::string& name, int64_t in, int64_t hidden, int64_t out, bool norm, int64_t hidden_layers = 1) {
-    for (int64_t l = 1; l <= hidden_layers + 1; ++l, in = hidden) {
-      const double bound = 1 / std::sqrt(static_cast<double>(in));
-      const int64_t rows = l <= hidden_layers ? hidden : out;
-      fill(name + ".layer" + std::to_string(l) + ".weight", {rows, in}, 0, bound);
-      fill(name + ".layer" + std::to_string(l) + ".bias", {rows}, 0, bound);
-    }
+    for (int64_t l = 1; l <= hidden_layers + 1; ++l, in = hidden)
+      layer(name + ".layer" + std::to_string(l), in, l <= hidden_layers ? hidden : out);
     if (!norm) return;
     fill(name + ".norm.weight", {out}, 1, 0.2);
     fill(name + ".norm.bias", {out}, 0, 0.2);
@@ -52,20 +54,29 @@ nn::Weights random_weights(const HgnConfig& config, const Normalization& normali
   const int64_t h = config.latent;
   maker.fill("embedding.weight", {9, config.embedding}, 0, 1);
   maker.fcn("encoder", config.input_width(), h, h, true);
-  maker.fcn("particle_to_grid", h + 3, h, h, true);
-  maker.fcn("grid_to_particle", 2 * h + 3, h, h, true);
+  const bool sums_activations = config.aggregation == Aggregation::activations;
+  /// A transfer to receivers that gather from `nodes` latents and an offset.
+  const auto transfer = [&](const std::string& name, int64_t nodes) {
+    if (sums_activations) maker.layer(name + ".gather", nodes * h + 3, h);
+    maker.fcn(name, nodes * h + (sums_activations ? 0 : 3), h, h, true);
+  };
+  transfer("particle_to_grid", 1);
+  transfer("grid_to_particle", 2);
   maker.fcn("decoder", h, h, 3, false);
   const auto block = [&](const std::string& name) {
     for (int64_t k = 0; k < config.message_passing; ++k) {
       const std::string prefix = name + "." + std::to_string(k);
-      maker.fcn(prefix + ".edge", 2 * h + (k == 0 ? 3 : h), h, h, true);
+      if (sums_activations)
+        maker.layer(prefix + ".gather", 2 * h + 3, h);
+      else
+        maker.fcn(prefix + ".edge", 2 * h + (k == 0 ? 3 : h), h, h, true);
       maker.fcn(prefix + ".cell", 2 * h, h, h, true);
     }
   };
   for (int64_t l = 0; l < config.levels; ++l) block("down." + std::to_string(l));
   for (int64_t l = 0; l + 1 < config.levels; ++l) {
     block("up." + std::to_string(l));
-    maker.fcn("restrict." + std::to_string(l), h + 3, h, h, true);
+    transfer("restrict." + std::to_string(l), 1);
     maker.fcn("prolong." + std::to_string(l), 2 * h + 3, h, h, true);
   }
   return weights;

@@ -78,6 +78,18 @@ class Reference {
     return y;
   }
 
+  bool sums_activations() const { return config_.aggregation == Aggregation::activations; }
+
+  /// What a receiver sums of one message.
+  Row message(const std::string& name, const Row& x) {
+    if (!sums_activations()) return fcn(name, x);
+    Row hidden = linear(name + ".gather", x);
+    for (double& v : hidden) v = v > 0 ? v : 0.01 * v;
+    return hidden;
+  }
+  /// What a receiver makes of its sum: nothing more, where the messages are summed.
+  Row received(const std::string& name, const Row& sum) { return sums_activations() ? fcn(name, sum) : sum; }
+
   /// World position of a cell centre, and the spacing of its level.
   Row centre(std::size_t level, std::size_t cell) const {
     Row x(3);
@@ -109,8 +121,9 @@ class Reference {
     for (std::size_t l = 0; l < levels(); ++l) cell_[l].assign(hierarchy_.levels[l].size(), Row(h_, 0.0));
     for_each_pair(position, [&](std::size_t p, std::size_t c, double weight, const Row& x) {
       const Row offset = scaled_difference(centre(0, c), x, hierarchy_.spacing);
-      add(cell_[0][c], fcn("particle_to_grid", join({particle_[p], offset})), weight * config_.p2g_scale);
+      add(cell_[0][c], message("particle_to_grid", join({particle_[p], offset})), weight * config_.p2g_scale);
     });
+    for (Row& cell : cell_[0]) cell = received("particle_to_grid", cell);
   }
 
   /// Pairs found from the definition: cells whose trilinear weight prod(1 - |x - centre|/R) is not zero.
@@ -139,8 +152,10 @@ class Reference {
       const std::string prefix = name + "." + std::to_string(k);
       Rows sums(cell.size(), Row(h_, 0.0));
       for (auto& [ends, latent] : edges) {
-        const Row out = fcn(prefix + ".edge", join({cell[ends.first], cell[ends.second], latent}));
+        const Row out = message(sums_activations() ? prefix : prefix + ".edge",
+                                join({cell[ends.first], cell[ends.second], latent}));
         add(sums[ends.second], out);
+        if (sums_activations()) continue;  // edges keep their direction
         if (k == 0)
           latent = out;
         else
@@ -163,10 +178,12 @@ class Reference {
   }
 
   void restrict_from(std::size_t level) {
+    const std::string name = "restrict." + std::to_string(level);
     for_each_child(level, [&](std::size_t i, std::size_t j) {
       const Row offset = scaled_difference(centre(level + 1, j), centre(level, i), spacing(level));
-      add(cell_[level + 1][j], fcn("restrict." + std::to_string(level), join({cell_[level][i], offset})));
+      add(cell_[level + 1][j], message(name, join({cell_[level][i], offset})));
     });
+    for (Row& cell : cell_[level + 1]) cell = received(name, cell);
   }
 
   void prolong_to(std::size_t level) {
@@ -178,13 +195,15 @@ class Reference {
   }
 
   std::vector<double> decode(const std::vector<Vec<float, 3>>& position) {
-    Rows sum = particle_;
+    Rows sum(particle_.size(), Row(h_, 0.0));
     for_each_pair(position, [&](std::size_t p, std::size_t c, double weight, const Row& x) {
       const Row offset = scaled_difference(x, centre(0, c), hierarchy_.spacing);
-      add(sum[p], fcn("grid_to_particle", join({cell_[0][c], particle_[p], offset})), weight);
+      add(sum[p], message("grid_to_particle", join({cell_[0][c], particle_[p], offset})), weight);
     });
+    for (std::size_t p = 0; p < sum.size(); ++p)
+      add(particle_[p], sums_activations() ? fcn("grid_to_particle", join({sum[p], particle_[p]})) : sum[p]);
     std::vector<double> acceleration;
-    for (const Row& row : sum)
+    for (const Row& row : particle_)
       for (const double a : fcn("decoder", row, false)) acceleration.push_back(a);
     return acceleration;
   }

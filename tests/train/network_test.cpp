@@ -12,13 +12,16 @@
 namespace graupel::train {
 namespace {
 
-graph::HgnConfig tiny_config() {
+using graph::Aggregation;
+
+graph::HgnConfig tiny_config(Aggregation aggregation = Aggregation::messages) {
   graph::HgnConfig config;
   config.latent = 8;
   config.levels = 3;
   config.message_passing = 2;
   config.embedding = 3;
   config.history = 2;
+  config.aggregation = aggregation;
   return config;
 }
 
@@ -70,26 +73,32 @@ void check_gradient(const graph::HgnConfig& config, const Batch& batch) {
   }
 }
 
-TEST(NetworkModule, GradientAgreesWithFiniteDifferences) {
-  const graph::HgnConfig config = tiny_config();
+class EitherAggregation : public testing::TestWithParam<Aggregation> {};
+
+TEST_P(EitherAggregation, GradientAgreesWithFiniteDifferences) {
+  const graph::HgnConfig config = tiny_config(GetParam());
   check_gradient(config, concatenate({random_graph(config, 1, 40, 0.15), random_graph(config, 2, 25, 0.3)}));
 }
 
-TEST(NetworkModule, GradientWithOddWidthAndOneLevel) {
-  graph::HgnConfig config = tiny_config();
+TEST_P(EitherAggregation, GradientWithOddWidthAndOneLevel) {
+  graph::HgnConfig config = tiny_config(GetParam());
   config.latent = 9;
   config.levels = 1;
   config.message_passing = 3;
   check_gradient(config, concatenate({random_graph(config, 3, 20, 0.1)}));
 }
 
-TEST(NetworkModule, GradientWhereTheTopLevelHasNoEdges) {
-  graph::HgnConfig config = tiny_config();
+TEST_P(EitherAggregation, GradientWhereTheTopLevelHasNoEdges) {
+  graph::HgnConfig config = tiny_config(GetParam());
   config.levels = 6;
   const Batch batch = concatenate({random_graph(config, 4, 12, 0.02)});
   ASSERT_EQ(batch.level.back().edges, 0);
   check_gradient(config, batch);
 }
+
+INSTANTIATE_TEST_SUITE_P(NetworkModule, EitherAggregation,
+                         testing::Values(Aggregation::messages, Aggregation::activations),
+                         [](const auto& param) { return word_of(param.param); });
 
 TEST(NetworkModule, ABatchGivesEachSceneItsOwnPrediction) {
   const graph::HgnConfig config = tiny_config();

@@ -72,10 +72,20 @@ void check_parity(const graph::HgnConfig& config, int particles) {
     check_equal(expected, module.time_prediction(batch, StateArray::weights, first_layers, 0, 1).accelerations);
 }
 
-TEST(Parity, PaperSizeNetwork) { check_parity(graph::HgnConfig(), 300); }
+class HgnParity : public testing::TestWithParam<graph::Aggregation> {};
+INSTANTIATE_TEST_SUITE_P(Parity, HgnParity,
+                         testing::Values(graph::Aggregation::messages, graph::Aggregation::activations),
+                         [](const auto& param) { return word_of(param.param); });
 
-TEST(Parity, SmallNetworkWithSignedDistance) {
+TEST_P(HgnParity, PaperSizeNetwork) {
   graph::HgnConfig config;
+  config.aggregation = GetParam();
+  check_parity(config, 300);
+}
+
+TEST_P(HgnParity, SmallNetworkWithSignedDistance) {
+  graph::HgnConfig config;
+  config.aggregation = GetParam();
   config.latent = 32;
   config.levels = 3;
   config.message_passing = 2;

@@ -1,0 +1,126 @@
+#include "graph/sums/cell_sums.h"
+
+#include "graph/offset_tables.h"
+#include "nn/activated_sums.h"
+
+namespace graupel::graph {
+
+using nn::FcnWeights;
+using Bias = FcnWeights::Bias;
+
+namespace {
+
+float* row_of(Buffer<float>& buffer, int64_t row, int width) { return buffer.data() + row * width; }
+
+/// What the next step gathers of the cells [begin, end).
+void project(const nn::Linear& next, const Buffer<float>& cell, int32_t begin, int32_t end, int width,
+             SumWorkspace& workspace) {
+  next.apply(cell.data() + int64_t{begin} * width, width, end - begin, row_of(workspace.next, begin, next.width()),
+             next.width());
+}
+
+}  // namespace
+
+CellSums::CellSums(const nn::Weights& weights, const HgnConfig& config, const std::string& name)
+    : width_(nn::padded_width(static_cast<int>(config.latent))) {
+  const int h = static_cast<int>(config.latent);
+  const FcnWeights layer = FcnWeights::load_layer(weights, name + ".gather", 2 * h + 3, h);
+  gathered_ = nn::StackedLinear(h, {{&layer, 0, Bias::without}, {&layer, h, Bias::with}});
+  direction_ = nn::InputTable(layer, 2 * h, slot_directions());
+  network_ =
+      ReceiverNetwork(FcnWeights::load(weights, name + ".cell", 2 * h, h, h), ReceiverNetwork::Inputs::sum_and_latent);
+}
+
+void CellSums::apply(const sparsegrid::Hierarchy<3>& hierarchy, std::size_t level, const nn::Linear& next,
+                     SumWorkspace& workspace) const {
+  const auto& cells = hierarchy.levels[level];
+  const auto count = static_cast<int64_t>(cells.size());
+  Buffer<float>& latent = workspace.cell[level];
+  for_each_range(workspace, count, sum_rows(count), [&](int32_t begin, int32_t end, TileScratch& scratch) {
+    for (int32_t c = begin; c < end; ++c)
+      gather(cells.neighbor[static_cast<std::size_t>(c)], row_of(workspace.now, 2 * int64_t{c} + 1, width_),
+             workspace.now.data(), network_.sum(scratch, c - begin));
+    network_.apply(scratch, end - begin, row_of(latent, begin, width_));
+    project(next, latent, begin, end, width_, workspace);
+  });
+  workspace.advance();
+}
+
+void CellSums::gather(const std::array<int32_t, 6>& neighbor, const float* receiver, const float* senders,
+                      float* sum) const {
+  nn::ActivatedRow edges[6];
+  int count = 0;
+  for (int slot = 0; slot < 6; ++slot) {
+    const int64_t sender = neighbor[static_cast<std::size_t>(slot)];
+    edges[count] = {senders + 2 * sender * width_, direction_.row(slot), 1.0f};
+    count += sender >= 0;  // no branch: whether a neighbour is there is hard to foretell
+  }
+  nn::sum_activated(
+      width_, count, [&](int i) { return edges[i]; }, receiver, sum);
+}
+
+RestrictSums::RestrictSums(const nn::Weights& weights, const HgnConfig& config, std::size_t level)
+    : level_(level), width_(nn::padded_width(static_cast<int>(config.latent))) {
+  const int h = static_cast<int>(config.latent);
+  const std::string name = "restrict." + std::to_string(level);
+  const FcnWeights layer = FcnWeights::load_layer(weights, name + ".gather", h + 3, h);
+  gathered_ = layer.first_layer_part(0, h, Bias::with);
+  octant_ = nn::InputTable(layer, h, octant_offsets(-1));
+  network_ = ReceiverNetwork(FcnWeights::load(weights, name, h, h, h), ReceiverNetwork::Inputs::sum);
+}
+
+void RestrictSums::apply(const sparsegrid::Hierarchy<3>& hierarchy, const nn::Linear& next,
+                         SumWorkspace& workspace) const {
+  const auto count = static_cast<int64_t>(hierarchy.levels[level_ + 1].size());
+  const auto& children = workspace.topology.children[level_ + 1];
+  Buffer<float>& latent = workspace.cell[level_ + 1];
+  for_each_range(workspace, count, sum_rows(count), [&](int32_t begin, int32_t end, TileScratch& scratch) {
+    for (int32_t c = begin; c < end; ++c) {
+      float* const sum = network_.sum(scratch, c - begin);
+      nn::clear_row(sum, width_);
+      for (int octant = 0; octant < SumTopology::corners; ++octant) {
+        const int32_t child = children[static_cast<std::size_t>(c)][static_cast<std::size_t>(octant)];
+        if (child < 0) continue;
+        const nn::ActivatedRow row = {row_of(workspace.now, child, width_), nullptr, 1.0f};
+        nn::add_activated(
+            width_, 1, [&](int) { return row; }, octant_.row(octant), sum);
+      }
+    }
+    network_.apply(scratch, end - begin, row_of(latent, begin, width_));
+    project(next, latent, begin, end, width_, workspace);
+  });
+  workspace.advance();
+}
+
+Prolong::Prolong(const nn::Weights& weights, const HgnConfig& config, std::size_t level)
+    : level_(level), width_(nn::padded_width(static_cast<int>(config.latent))) {
+  const int h = static_cast<int>(config.latent);
+  const FcnWeights fcn = FcnWeights::load(weights, "prolong." + std::to_string(level), 2 * h + 3, h, h);
+  gathered_ = fcn.first_layer_part(0, h, Bias::with);
+  fine_part_ = fcn.first_layer_part(h, h, Bias::without);
+  octant_ = nn::InputTable(fcn, 2 * h, octant_offsets(1));
+  second_ = nn::NormalizedLayer(fcn);
+}
+
+void Prolong::apply(const sparsegrid::Hierarchy<3>& hierarchy, const nn::Linear& next, SumWorkspace& workspace) const {
+  const auto& fine = hierarchy.levels[level_];
+  const auto count = static_cast<int64_t>(fine.size());
+  Buffer<float>& latent = workspace.cell[level_];
+  for_each_range(workspace, count, sum_rows(count), [&](int32_t begin, int32_t end, TileScratch& scratch) {
+    float* const f = row_of(latent, begin, width_);
+    fine_part_.apply(f, width_, end - begin, scratch.hidden.data(), width_);
+    for (int32_t c = begin; c < end; ++c) {
+      float* const hidden = scratch.hidden.data() + int64_t{c - begin} * width_;
+      const auto cell = static_cast<std::size_t>(c);
+      nn::activate_sum(hidden, hidden, octant_.row(fine.octant[cell]), row_of(workspace.now, fine.parent[cell], width_),
+                       width_);
+    }
+    second_.apply(scratch.hidden.data(), end - begin, scratch.output.data());
+    for (int32_t r = 0; r < end - begin; ++r)
+      second_.add_to(f + int64_t{r} * width_, scratch.output.data() + int64_t{r} * width_);
+    project(next, latent, begin, end, width_, workspace);
+  });
+  workspace.advance();
+}
+
+}  // namespace graupel::graph
