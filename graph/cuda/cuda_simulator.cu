@@ -39,12 +39,10 @@ struct WriteFeatures {
   SurroundingsView surroundings;
   FrameRing ring;
   float* features;
-  Vec3f* now;
   GRAUPEL_HD void operator()(int64_t i) const {
     Vec3f position[most_history + 1];
     for (int t = 0; t <= rules.history; ++t) position[t] = ring.at(rules.history - t, i);
     write_feature_row(rules, surroundings, AxisMap{}, position, features + i * rules.width);
-    now[i] = position[rules.history];
   }
 };
 
@@ -55,8 +53,8 @@ GRAUPEL_HD Vec3f acceleration_of(const Normalization& statistics, const float* o
   return acceleration;
 }
 
-/// v' = v + a, x' = x + v' in frame units (step_frame), then out of obstacles and into the walls. The frame to come, or
-/// `next` where that is to be changed still.
+/// v' = v + a, x' = x + v' in frame units (step_frame), then out of obstacles and into the walls. The frame to come
+/// also goes to `next`.
 struct MoveParticles {
   Normalization statistics;
   const float* output;
@@ -74,22 +72,23 @@ struct MoveParticles {
     Vec3f x = now + velocity;
     if (project) way.follow(now, x);
     ring.at(-1, i) = x;
-    if (next) next[i] = x;
+    next[i] = x;
   }
 };
 
-/// After the density projection of `next`: out of obstacles again.
+/// After the density projection of `next`: out of obstacles again. The result also becomes `now`.
 struct SettleParticles {
   FrameRing ring;
   WayFollower way;
   bool project;
   const int32_t* fault;
   const Vec3f* next;
+  Vec3f* now;
   GRAUPEL_HD void operator()(int64_t i) const {
     if (*fault != 0) return;
     Vec3f x = next[i];
     if (project) way.follow(ring.at(-1, i), x);
-    ring.at(-1, i) = x;
+    now[i] = ring.at(-1, i) = x;
   }
 };
 
@@ -98,9 +97,11 @@ struct FinishFrame {
   int32_t count;
   const int32_t* fault;
   FrameStatus* status;
+  FrameStatus* seen;  ///< on the host
   GRAUPEL_HD void operator()(int64_t) const {
     status->fault = *fault;
     if (*fault == 0 && status->diverged == 0) status->newest = (status->newest + 1) % count;
+    *seen = *status;
   }
 };
 
@@ -125,7 +126,7 @@ struct CudaSimulator::Impl {
                 config.aggregation == Aggregation::messages) {
     GRAUPEL_CUDA_CHECK(cudaStreamCreate(&stream));
     GRAUPEL_CUDA_CHECK(cudaStreamCreate(&grid_stream));
-    for (cudaEvent_t* event : {&features_there, &grid_there})
+    for (cudaEvent_t* event : {&begun, &grid_there})
       GRAUPEL_CUDA_CHECK(cudaEventCreateWithFlags(event, cudaEventDisableTiming));
     GRAUPEL_CUDA_CHECK(cudaMallocHost(&seen, sizeof(FrameStatus)));
     for (cudaEvent_t& event : events) GRAUPEL_CUDA_CHECK(cudaEventCreate(&event));
@@ -133,7 +134,7 @@ struct CudaSimulator::Impl {
   ~Impl() {
     drop_graph();
     for (cudaEvent_t event : events) cudaEventDestroy(event);
-    for (cudaEvent_t event : {features_there, grid_there}) cudaEventDestroy(event);
+    for (cudaEvent_t event : {begun, grid_there}) cudaEventDestroy(event);
     cudaFreeHost(seen);
     cudaStreamDestroy(grid_stream);
     cudaStreamDestroy(stream);
@@ -165,7 +166,7 @@ struct CudaSimulator::Impl {
   GridBuilder builder;
   LevelRoom room;
   cudaStream_t stream = nullptr, grid_stream = nullptr;
-  cudaEvent_t features_there = nullptr, grid_there = nullptr;
+  cudaEvent_t begun = nullptr, grid_there = nullptr;
   cudaGraphExec_t graph = nullptr;
   cudaEvent_t events[marks] = {};
   bool recording = false;
@@ -176,8 +177,8 @@ struct CudaSimulator::Impl {
   int64_t particles = 0;
   Buffer<Vec3f> ring{Device::cuda, 0};  ///< [history + 2, particles]
   Buffer<FrameStatus> status{Device::cuda, 1};
-  FrameStatus* seen = nullptr;  ///< the status on the host
-  Buffer<Vec3f> now{Device::cuda, 0}, next{Device::cuda, 0};
+  FrameStatus* seen = nullptr;                                ///< the status on the host
+  Buffer<Vec3f> now{Device::cuda, 0}, next{Device::cuda, 0};  ///< the newest frame; one to be projected
   std::optional<DensityProjection> density;
   Buffer<int32_t> type_row{Device::cuda, 0};
   Buffer<float> features{Device::cuda, 0};
@@ -186,13 +187,13 @@ struct CudaSimulator::Impl {
 /// Features and, beside what follows in the stream, the grid of the newest frame.
 void CudaSimulator::Impl::launch_grid() {
   mark(begin);
+  GRAUPEL_CUDA_CHECK(cudaEventRecord(begun, stream));
+  GRAUPEL_CUDA_CHECK(cudaStreamWaitEvent(grid_stream, begun, 0));
+  builder.build(now.data(), grid_stream, /*with_counts=*/!recording);
   parallel_for_in(stream, Device::cuda, particles,
                   WriteFeatures{FeatureRules(config, normalization), surroundings->view(Device::cuda), frame_ring(),
-                                features.data(), now.data()});
+                                features.data()});
   mark(features_done);
-  GRAUPEL_CUDA_CHECK(cudaEventRecord(features_there, stream));
-  GRAUPEL_CUDA_CHECK(cudaStreamWaitEvent(grid_stream, features_there, 0));
-  builder.build(now.data(), grid_stream, /*with_counts=*/!recording);
 }
 
 void CudaSimulator::Impl::launch_network() {
@@ -214,14 +215,13 @@ void CudaSimulator::Impl::launch_frame() {
   const WayFollower way = surroundings->way_follower(Device::cuda);
   parallel_for_in(stream, Device::cuda, particles,
                   MoveParticles{normalization, network->output(), frames, way, project, limit, network->fault(),
-                                status.data(), density ? next.data() : nullptr});
+                                status.data(), density ? next.data() : now.data()});
   if (density) {
     density->apply(next.data(), particles, stream);
     parallel_for_in(stream, Device::cuda, particles,
-                    SettleParticles{frames, way, project, network->fault(), next.data()});
+                    SettleParticles{frames, way, project, network->fault(), next.data(), now.data()});
   }
-  parallel_for_in(stream, Device::cuda, 1, FinishFrame{frames.count, network->fault(), status.data()});
-  GRAUPEL_CUDA_CHECK(cudaMemcpyAsync(seen, status.data(), sizeof(FrameStatus), cudaMemcpyDeviceToHost, stream));
+  parallel_for_in(stream, Device::cuda, 1, FinishFrame{frames.count, network->fault(), status.data(), seen});
   mark(end);
 }
 
@@ -289,7 +289,7 @@ void CudaSimulator::start(const Scene& scene, const Surroundings& surroundings,
   *impl.seen = {static_cast<int32_t>(frames) - 1, 0, 0};
   const FeatureRules rules(impl.config, impl.normalization);
   impl.features.resize_discard(particle_type.size() * static_cast<std::size_t>(rules.width));
-  impl.now.resize_discard(particle_type.size());
+  impl.now.upload(positions.back());
   impl.next.resize_discard(particle_type.size());
   impl.density.reset();
   const double spacing = impl.config.spacing, rest = rest_density(scene, positions.back(), spacing);

@@ -12,6 +12,7 @@ using namespace tile;
 
 constexpr int row_lanes = 16;
 constexpr int words = layer_width / 8;  ///< of 16 bytes in a row of bf16 numbers
+constexpr int most_slots = 8;           ///< links a row
 
 /// Rows that other blocks wrote in this launch: not from the first cache.
 __device__ inline uint4 row_word(const uint16_t* rows, int64_t row, int lane) {
@@ -37,28 +38,52 @@ __device__ inline void add_message(float (&sum)[8], const uint4& u, const float 
   }
 }
 
+/// Links of a tile's rows, and their weights, in shared memory: they are asked for while the tile before is worked on.
+template <int tile_rows>
+struct StagedLinks {
+  __align__(16) int32_t link[tile_rows * most_slots];
+  __align__(16) float weight[tile_rows * most_slots];
+};
+
+template <int bytes>
+__device__ inline void copy_async(void* to, const void* from) {
+  asm volatile("cp.async.ca.shared.global [%0], [%1], %2;"
+               :
+               : "r"(shared_address(to)), "l"(from), "n"(bytes)
+               : "memory");
+}
+
+__device__ inline int slots_of(Gather gather) {
+  return gather == Gather::links                                   ? 6
+         : gather == Gather::rows                                  ? 1
+         : gather == Gather::children || gather == Gather::corners ? 8
+                                                                   : 0;
+}
+
+/// Starts to copy them. Six links a row begin at multiples of eight bytes.
+template <int tile_rows>
+__device__ inline void stage_links(StagedLinks<tile_rows>& to, const WideNetwork& n, int64_t first_link, int64_t first,
+                                   int64_t rows) {
+  const int slots = slots_of(n.gather), i = static_cast<int>(threadIdx.x);
+  const int count = slots * static_cast<int>(rows - first < tile_rows ? rows - first : tile_rows);
+  const int64_t at = slots * (first_link + first);
+  if (slots == 1) {
+    if (i < count) copy_async<4>(to.link + i, n.link + at + i);
+    return;
+  }
+  if (2 * i < count) copy_async<8>(to.link + 2 * i, n.link + at + 2 * i);
+  if (n.gather == Gather::corners && 2 * i < count) copy_async<8>(to.weight + 2 * i, n.weight + at + 2 * i);
+}
+
 /// Sums over a fixed number of links, of which some may be missing.
 template <int slots, bool weighted>
-__device__ inline void sum_slots(float (&sum)[8], const WideNetwork& n, int64_t link_row, int64_t row, int lane) {
+__device__ inline void sum_slots(float (&sum)[8], const WideNetwork& n, const int32_t* link, const float* weights,
+                                 int64_t row, int lane) {
   int32_t from[slots];
-  const int32_t* const link = n.link + slots * link_row;
-  if constexpr (slots == 8) {
-    const int4 low = __ldg(reinterpret_cast<const int4*>(link)), high = __ldg(reinterpret_cast<const int4*>(link) + 1);
-    from[0] = low.x, from[1] = low.y, from[2] = low.z, from[3] = low.w;
-    from[4] = high.x, from[5] = high.y, from[6] = high.z, from[7] = high.w;
-  } else {
 #pragma unroll
-    for (int k = 0; k < slots; k += 2) {
-      const int2 pair = __ldg(reinterpret_cast<const int2*>(link + k));
-      from[k] = pair.x, from[k + 1] = pair.y;
-    }
-  }
-  float weight[slots];
-  if constexpr (weighted) {
-    const float4* const at = reinterpret_cast<const float4*>(n.weight + slots * link_row);
-    const float4 low = __ldg(at), high = __ldg(at + 1);
-    weight[0] = low.x, weight[1] = low.y, weight[2] = low.z, weight[3] = low.w;
-    weight[4] = high.x, weight[5] = high.y, weight[6] = high.z, weight[7] = high.w;
+  for (int k = 0; k < slots; k += 2) {
+    const int2 pair = *reinterpret_cast<const int2*>(link + k);
+    from[k] = pair.x, from[k + 1] = pair.y;
   }
   uint4 word[slots];
 #pragma unroll
@@ -68,7 +93,7 @@ __device__ inline void sum_slots(float (&sum)[8], const WideNetwork& n, int64_t 
 #pragma unroll
   for (int k = 0; k < slots; ++k) {
     if (from[k] < 0) continue;
-    add_message(sum, word[k], own, table_word(n.table, k, lane), weighted ? weight[k] : 1.0f);
+    add_message(sum, word[k], own, table_word(n.table, k, lane), weighted ? weights[k] : 1.0f);
   }
 }
 
@@ -122,30 +147,30 @@ __device__ inline uint4 feature_word(const WideNetwork& n, int64_t row, int firs
 
 /// Gathers the operands of rows `first` and on into shared memory; rows beyond the last are 0.
 template <int tile_rows>
-__device__ inline void gather(const WideNetwork& n, int64_t first_link, int64_t first, int64_t rows, uint16_t* to0,
-                              uint16_t* to1) {
+__device__ inline void gather(const WideNetwork& n, const StagedLinks<tile_rows>& staged, int64_t first_link,
+                              int64_t first, int64_t rows, uint16_t* to0, uint16_t* to1) {
   const int lane = static_cast<int>(threadIdx.x) % row_lanes;
   for (int i = static_cast<int>(threadIdx.x) / row_lanes; i < tile_rows; i += threads / row_lanes) {
-    const int64_t row = first + i, link_row = first_link + row;
+    const int64_t row = first + i;
     uint4 word{0, 0, 0, 0}, second{0, 0, 0, 0};
     if (row < rows) {
       if (n.second) second = rounded(n.second, row, lane);
       float sum[8] = {};
       switch (n.gather) {
         case Gather::links:
-          sum_slots<6, false>(sum, n, link_row, row, lane);
+          sum_slots<6, false>(sum, n, staged.link + 6 * i, nullptr, row, lane);
           break;
         case Gather::children:
-          sum_slots<8, false>(sum, n, link_row, row, lane);
+          sum_slots<8, false>(sum, n, staged.link + 8 * i, nullptr, row, lane);
           break;
         case Gather::corners:
-          sum_slots<8, true>(sum, n, link_row, row, lane);
+          sum_slots<8, true>(sum, n, staged.link + 8 * i, staged.weight + 8 * i, row, lane);
           break;
         case Gather::pairs:
-          sum_pairs(sum, n, link_row, lane);
+          sum_pairs(sum, n, first_link + row, lane);
           break;
         case Gather::rows:
-          word = rounded(n.rows32, __ldg(n.link + link_row), lane);
+          word = rounded(n.rows32, staged.link[i], lane);
           break;
         case Gather::features:
           word = feature_word(n, row, 8 * lane);

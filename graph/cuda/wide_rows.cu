@@ -85,6 +85,7 @@ struct Shared {
   __align__(16) uint16_t hidden[tile_rows * row_stride];
   __align__(16) float vectors[2][vectors_of_network][layer_width];
   __align__(16) WideNetwork network[2];
+  StagedLinks<tile_rows> links[2];  ///< of the tile that is worked on, and of the next one
   float2 statistics[warps][tile_rows];
   float decoded[warps][tile_rows][3];
   int32_t rows[most_networks], first_link[most_networks];
@@ -190,6 +191,7 @@ class Walk {
     if (network == program_.networks) return;
     describe(network, turn);
     wait_for_copies();
+    stage(network, turn, static_cast<int>(blockIdx.x));
     weights_.load_first(s_.network[turn]);
     weights_.load_second(s_.network[turn]);
     weights_.load_outlook(s_.network[turn]);
@@ -198,9 +200,13 @@ class Walk {
       if (next < program_.networks) describe(next, 1 - turn);
       wait_until_complete(network - 1);
       int finished = 0;
-      for (int tile = static_cast<int>(blockIdx.x); tile < tiles(network); tile += static_cast<int>(gridDim.x)) {
-        const bool last = tile + static_cast<int>(gridDim.x) >= tiles(network);
-        work(network, turn, int64_t{tile} * tile_rows, last && next < program_.networks);
+      for (int tile = static_cast<int>(blockIdx.x); tile < tiles(network);) {
+        const int after = tile + static_cast<int>(gridDim.x);
+        if (after < tiles(network))
+          work(network, turn, tile, network, turn, after);
+        else
+          work(network, turn, tile, next, 1 - turn, static_cast<int>(blockIdx.x));
+        tile = after;
         ++finished;
       }
       announce(network, finished);
@@ -236,16 +242,13 @@ class Walk {
 
   /// Starts to copy what is to be known of a network.
   __device__ void describe(int network, int turn) {
-    const auto copy = [](void* to, const void* from) {
-      asm volatile("cp.async.cg.shared.global [%0], [%1], 16;" : : "r"(shared_address(to)), "l"(from) : "memory");
-    };
     const int i = static_cast<int>(threadIdx.x);
     const WideNetwork* const from = program_.network + network;
     constexpr int own_words = sizeof(WideNetwork) / 16;
     static_assert(own_words < threads && vectors_of_network * layer_width == 4 * threads);
     if (i < own_words)
-      copy(reinterpret_cast<char*>(&s_.network[turn]) + 16 * i, reinterpret_cast<const char*>(from) + 16 * i);
-    copy(&s_.vectors[turn][0][0] + 4 * i, from->vectors + 4 * i);
+      copy_async<16>(reinterpret_cast<char*>(&s_.network[turn]) + 16 * i, reinterpret_cast<const char*>(from) + 16 * i);
+    copy_async<16>(&s_.vectors[turn][0][0] + 4 * i, from->vectors + 4 * i);
   }
   __device__ static void wait_for_copies() {
     asm volatile("cp.async.wait_all;" ::: "memory");
@@ -262,8 +265,8 @@ class Walk {
     }
     wait_for_copies();
   }
+  /// After work(), whose end all threads have reached.
   __device__ void announce(int network, int finished) {
-    __syncthreads();
     if (threadIdx.x == 0) {
       __threadfence();
       asm volatile("red.release.gpu.global.add.u32 [%0], %1;"
@@ -273,13 +276,20 @@ class Walk {
     }
   }
 
-  /// One tile; where `last`, the weights make place for those of the next network as soon as they have been used.
-  __device__ void work(int network, int turn, int64_t first, bool last) {
+  __device__ void stage(int network, int turn, int tile) {
+    stage_links(s_.links[staged_], s_.network[turn], s_.first_link[network], int64_t{tile} * tile_rows,
+                s_.rows[network]);
+  }
+
+  /// One tile. What is to be known of the next one is asked for; where it is of the next network, the weights make
+  /// place for those of that network as soon as they have been used.
+  __device__ void work(int network, int turn, int tile, int next_network, int next_turn, int next_tile) {
     const WideNetwork& n = s_.network[turn];
-    const WideNetwork& next = s_.network[1 - turn];
-    const int64_t rows = s_.rows[network], first_link = s_.first_link[network];
+    const WideNetwork& next = s_.network[next_turn];
+    const bool last = next_turn != turn && next_network < program_.networks;
+    const int64_t rows = s_.rows[network], first_link = s_.first_link[network], first = int64_t{tile} * tile_rows;
     const Place at;
-    gather<tile_rows>(n, first_link, first, rows, s_.operand[0], s_.operand[1]);
+    gather<tile_rows>(n, s_.links[staged_], first_link, first, rows, s_.operand[0], s_.operand[1]);
     float4 before[blocks][2];
 #pragma unroll
     for (int b = 0; b < blocks; ++b)
@@ -290,6 +300,8 @@ class Walk {
         if (n.add32 && row < rows)
           before[b][half] = __ldcg(reinterpret_cast<const float4*>(n.add32 + row * layer_width + at.column));
       }
+    staged_ = 1 - staged_;
+    if (next_network < program_.networks) stage(next_network, next_turn, next_tile);
     __syncthreads();
 
     Part c[blocks];
@@ -323,7 +335,7 @@ class Walk {
     if (n.outlooks > 0) look_ahead(n, turn, first, rows, c, at);
     if (last) weights_.load_outlook(next);
     if (n.decoded) decode(n, first, rows);
-    if (n.outlooks > 0) __syncthreads();
+    wait_for_copies();
   }
 
   __device__ void first_layer(const WideNetwork& n, int turn, int64_t first_link, int64_t first, int64_t rows,
@@ -396,6 +408,7 @@ class Walk {
   Shared<tile_rows>& s_;
   const WideProgram& program_;
   Weights weights_;
+  int staged_ = 0;
 };
 
 template <int blocks>
@@ -403,7 +416,7 @@ __global__ void __launch_bounds__(threads, 1) run_kernel(WideProgram program) {
   Walk<blocks>(*reinterpret_cast<Shared<16 * blocks>*>(shared_numbers), program).run();
 }
 
-/// All blocks have to be under way at the same time.
+/// Blocks that wait for each other have to be under way at the same time.
 template <int blocks>
 void launch_together(const WideProgram& program, int64_t most_rows, void* stream) {
   constexpr int tile_rows = 16 * blocks, bytes = sizeof(Shared<tile_rows>);
@@ -419,7 +432,7 @@ void launch_together(const WideProgram& program, int64_t most_rows, void* stream
   config.dynamicSmemBytes = bytes;
   config.stream = static_cast<cudaStream_t>(stream);
   config.attrs = &together;
-  config.numAttrs = 1;
+  config.numAttrs = program.networks > 1 ? 1 : 0;  // one network's blocks do not wait for each other
   GRAUPEL_CUDA_CHECK(cudaLaunchKernelEx(&config, kernel, program));
 }
 
