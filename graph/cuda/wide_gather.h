@@ -18,9 +18,8 @@ constexpr int most_slots = 8;           ///< links a row
 __device__ inline uint4 row_word(const uint16_t* rows, int64_t row, int lane) {
   return __ldcg(reinterpret_cast<const uint4*>(rows) + row * words + lane);
 }
-__device__ inline uint4 table_word(const uint16_t* table, int row, int lane) {
-  return __ldg(reinterpret_cast<const uint4*>(table) + row * words + lane);
-}
+/// A table in shared memory.
+using Table = uint4[most_slots][words];
 
 __device__ inline uint4 packed(const float (&sum)[8]) {
   return {pack(sum[0], sum[1]), pack(sum[2], sum[3]), pack(sum[4], sum[5]), pack(sum[6], sum[7])};
@@ -75,51 +74,51 @@ __device__ inline void stage_links(StagedLinks<tile_rows>& to, const WideNetwork
   if (n.gather == Gather::corners && 2 * i < count) copy_async<8>(to.weight + 2 * i, n.weight + at + 2 * i);
 }
 
-/// Sums over a fixed number of links, of which some may be missing.
+/// Sums over a fixed number of links; those that are missing count with weight 0.
 template <int slots, bool weighted>
-__device__ inline void sum_slots(float (&sum)[8], const WideNetwork& n, const int32_t* link, const float* weights,
-                                 int64_t row, int lane) {
-  int32_t from[slots];
+__device__ inline void sum_slots(float (&sum)[8], const WideNetwork& n, const Table& table, const int32_t* link,
+                                 const float* weights, int64_t row, int lane) {
+  uint4 word[slots];
+  float weight[slots];
 #pragma unroll
   for (int k = 0; k < slots; k += 2) {
     const int2 pair = *reinterpret_cast<const int2*>(link + k);
-    from[k] = pair.x, from[k + 1] = pair.y;
-  }
-  uint4 word[slots];
+    const int32_t from[2] = {pair.x, pair.y};
 #pragma unroll
-  for (int k = 0; k < slots; ++k) word[k] = from[k] >= 0 ? row_word(n.source, from[k], lane) : uint4{0, 0, 0, 0};
+    for (int i = 0; i < 2; ++i) {
+      weight[k + i] = from[i] < 0 ? 0 : weighted ? weights[k + i] : 1.0f;
+      word[k + i] = row_word(n.source, from[i] < 0 ? 0 : from[i], lane);
+    }
+  }
   float own[8] = {};
   if (n.own) add_numbers(own, row_word(n.own, row, lane));
 #pragma unroll
-  for (int k = 0; k < slots; ++k) {
-    if (from[k] < 0) continue;
-    add_message(sum, word[k], own, table_word(n.table, k, lane), weighted ? weights[k] : 1.0f);
-  }
+  for (int k = 0; k < slots; ++k) add_message(sum, word[k], own, table[k][lane], weight[k]);
 }
 
-/// Sums over the pairs of a list; each of eight lanes of a row reads the number of one.
-__device__ inline void sum_pairs(float (&sum)[8], const WideNetwork& n, int64_t link_row, int lane) {
+/// Sums over the pairs of a list; the numbers of the next few are read ahead.
+__device__ inline void sum_pairs(float (&sum)[8], const WideNetwork& n, const Table& table, int64_t link_row,
+                                 int lane) {
   constexpr int under_way = 8;
-  const unsigned row_mask = 0xffffu << (threadIdx.x & 16);
   const int32_t begin = __ldg(n.begin + link_row), end = __ldg(n.begin + link_row + 1);
   const float own[8] = {};
-  int32_t next = begin + lane % under_way < end ? __ldg(n.link + begin + lane % under_way) : -1;
+  int32_t next[under_way];
+#pragma unroll
+  for (int k = 0; k < under_way; ++k) next[k] = begin + k < end ? __ldg(n.link + begin + k) : -1;
   for (int32_t at = begin; at < end; at += under_way) {
-    const int32_t mine = next, later = at + under_way + lane % under_way;
-    next = later < end ? __ldg(n.link + later) : -1;
-    const float weight = mine < 0 ? 0 : __ldg(n.weight + mine);
     uint4 word[under_way];
+    float weight[under_way];
+    int slot[under_way];
 #pragma unroll
     for (int k = 0; k < under_way; ++k) {
-      const int32_t pair = __shfl_sync(row_mask, mine, k, row_lanes);
-      word[k] = pair >= 0 ? row_word(n.source, pair / 8, lane) : uint4{0, 0, 0, 0};
+      const int32_t pair = next[k] < 0 ? 0 : next[k];
+      word[k] = row_word(n.source, pair / most_slots, lane);
+      weight[k] = next[k] < 0 ? 0 : __ldg(n.weight + pair);
+      slot[k] = pair % most_slots;
+      next[k] = at + under_way + k < end ? __ldg(n.link + at + under_way + k) : -1;
     }
 #pragma unroll
-    for (int k = 0; k < under_way; ++k) {
-      const int32_t pair = __shfl_sync(row_mask, mine, k, row_lanes);
-      const float w = __shfl_sync(row_mask, weight, k, row_lanes);
-      if (pair >= 0) add_message(sum, word[k], own, table_word(n.table, pair % 8, lane), w);
-    }
+    for (int k = 0; k < under_way; ++k) add_message(sum, word[k], own, table[slot[k]][lane], weight[k]);
   }
 }
 
@@ -130,26 +129,37 @@ __device__ inline uint4 rounded(const float* rows, int64_t row, int lane) {
   return {pack(low.x, low.y), pack(low.z, low.w), pack(high.x, high.y), pack(high.z, high.w)};
 }
 
-/// Columns first to first + 7 of the three parts of features (wide_weights.h).
-__device__ inline uint4 feature_word(const WideNetwork& n, int64_t row, int first) {
+/// Columns first to first + 7 of the three parts of a row's features (wide_weights.h).
+__device__ inline uint4 feature_word(const float* features, int width, int first) {
   float part[8];
 #pragma unroll
   for (int i = 0; i < 8; ++i) {
-    const int column = first + i;
+    const int column = first + i, which = column < width ? 0 : column < 2 * width ? 1 : 2;
     part[i] = 0;
-    if (column >= feature_parts * n.width) continue;
-    const float x = __ldcg(n.rows32 + row * n.width + column % n.width);
+    if (column >= feature_parts * width) continue;
+    const float x = features[column - which * width];
     const float high = from_bf16(static_cast<uint16_t>(pack(x, 0) & 0xffffu));
-    part[i] = column / n.width == 1 ? x - high : high;
+    part[i] = which == 1 ? x - high : high;
   }
   return packed(part);
 }
 
-/// Gathers the operands of rows `first` and on into shared memory; rows beyond the last are 0.
+/// Features of a tile's rows in shared memory; all threads of the block.
 template <int tile_rows>
-__device__ inline void gather(const WideNetwork& n, const StagedLinks<tile_rows>& staged, int64_t first_link,
-                              int64_t first, int64_t rows, uint16_t* to0, uint16_t* to1) {
+__device__ inline void fetch_features(float* to, const WideNetwork& n, int64_t first, int64_t rows) {
+  const int count = n.width * static_cast<int>(rows - first < tile_rows ? rows - first : tile_rows);
+  for (int i = static_cast<int>(threadIdx.x); i < count; i += threads) to[i] = __ldcg(n.rows32 + first * n.width + i);
+  __syncthreads();
+}
+
+/// Gathers the operands of rows `first` and on into shared memory; rows beyond the last are 0. `scratch`: room for a
+/// tile's features.
+template <int tile_rows>
+__device__ inline void gather(const WideNetwork& n, const StagedLinks<tile_rows>& staged, const Table& table,
+                              int64_t first_link, int64_t first, int64_t rows, uint16_t* to0, uint16_t* to1,
+                              float* scratch) {
   const int lane = static_cast<int>(threadIdx.x) % row_lanes;
+  if (n.gather == Gather::features) fetch_features<tile_rows>(scratch, n, first, rows);
   for (int i = static_cast<int>(threadIdx.x) / row_lanes; i < tile_rows; i += threads / row_lanes) {
     const int64_t row = first + i;
     uint4 word{0, 0, 0, 0}, second{0, 0, 0, 0};
@@ -158,23 +168,23 @@ __device__ inline void gather(const WideNetwork& n, const StagedLinks<tile_rows>
       float sum[8] = {};
       switch (n.gather) {
         case Gather::links:
-          sum_slots<6, false>(sum, n, staged.link + 6 * i, nullptr, row, lane);
+          sum_slots<6, false>(sum, n, table, staged.link + 6 * i, nullptr, row, lane);
           break;
         case Gather::children:
-          sum_slots<8, false>(sum, n, staged.link + 8 * i, nullptr, row, lane);
+          sum_slots<8, false>(sum, n, table, staged.link + 8 * i, nullptr, row, lane);
           break;
         case Gather::corners:
-          sum_slots<8, true>(sum, n, staged.link + 8 * i, staged.weight + 8 * i, row, lane);
+          sum_slots<8, true>(sum, n, table, staged.link + 8 * i, staged.weight + 8 * i, row, lane);
           break;
         case Gather::pairs:
-          sum_pairs(sum, n, first_link + row, lane);
+          sum_pairs(sum, n, table, first_link + row, lane);
           break;
         case Gather::rows:
           word = rounded(n.rows32, staged.link[i], lane);
           break;
         case Gather::features:
-          word = feature_word(n, row, 8 * lane);
-          if (n.operands > 1) second = feature_word(n, row, layer_width + 8 * lane);
+          word = feature_word(scratch + i * n.width, n.width, 8 * lane);
+          if (n.operands > 1) second = feature_word(scratch + i * n.width, n.width, layer_width + 8 * lane);
           break;
       }
       if (n.gather != Gather::rows && n.gather != Gather::features) {

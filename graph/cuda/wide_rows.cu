@@ -78,6 +78,23 @@ __device__ void multiply(Part& c, const uint16_t* rows, const TilePart& weight, 
   }
 }
 
+/// Two products at a time, which do not wait for each other: of two operands, or of one with two tiles.
+__device__ void multiply(Part& c, Part& d, const uint16_t* rows, const uint16_t* other_rows, const TilePart& weight,
+                         const TilePart& other_weight, int lane) {
+  const uint32_t at = shared_address(rows + (lane % 16) * row_stride + (lane / 16) * 8);
+  const uint32_t other_at = shared_address(other_rows + (lane % 16) * row_stride + (lane / 16) * 8);
+#pragma unroll
+  for (int k = 0; k < steps; ++k) {
+    uint32_t a[4], b[4];
+    load_matrices(a, at + 32 * k);
+    load_matrices(b, other_at + 32 * k);
+    multiply_add(c.c[0], a, weight.word[k].x, weight.word[k].y);
+    multiply_add(d.c[0], b, other_weight.word[k].x, other_weight.word[k].y);
+    multiply_add(c.c[1], a, weight.word[k].z, weight.word[k].w);
+    multiply_add(d.c[1], b, other_weight.word[k].z, other_weight.word[k].w);
+  }
+}
+
 /// What a block keeps in shared memory.
 template <int tile_rows>
 struct Shared {
@@ -85,6 +102,7 @@ struct Shared {
   __align__(16) uint16_t hidden[tile_rows * row_stride];
   __align__(16) float vectors[2][vectors_of_network][layer_width];
   __align__(16) WideNetwork network[2];
+  __align__(16) Table table[2];
   StagedLinks<tile_rows> links[2];  ///< of the tile that is worked on, and of the next one
   float2 statistics[warps][tile_rows];
   float decoded[warps][tile_rows][3];
@@ -249,6 +267,7 @@ class Walk {
     if (i < own_words)
       copy_async<16>(reinterpret_cast<char*>(&s_.network[turn]) + 16 * i, reinterpret_cast<const char*>(from) + 16 * i);
     copy_async<16>(&s_.vectors[turn][0][0] + 4 * i, from->vectors + 4 * i);
+    if (from->table && i < most_slots * words) copy_async<16>(&s_.table[turn][0][0] + i, from->table + 8 * i);
   }
   __device__ static void wait_for_copies() {
     asm volatile("cp.async.wait_all;" ::: "memory");
@@ -289,7 +308,8 @@ class Walk {
     const bool last = next_turn != turn && next_network < program_.networks;
     const int64_t rows = s_.rows[network], first_link = s_.first_link[network], first = int64_t{tile} * tile_rows;
     const Place at;
-    gather<tile_rows>(n, s_.links[staged_], first_link, first, rows, s_.operand[0], s_.operand[1]);
+    gather(n, s_.links[staged_], s_.table[turn], first_link, first, rows, s_.operand[0], s_.operand[1],
+           reinterpret_cast<float*>(s_.hidden));
     float4 before[blocks][2];
 #pragma unroll
     for (int b = 0; b < blocks; ++b)
@@ -332,7 +352,7 @@ class Walk {
       if (n.outlooks > 0) store(s_.operand[0] + 16 * b * row_stride, c[b], at);
     }
     __syncthreads();
-    if (n.outlooks > 0) look_ahead(n, turn, first, rows, c, at);
+    if (n.outlooks > 0) look_ahead(n, turn, first, rows, at);
     if (last) weights_.load_outlook(next);
     if (n.decoded) decode(n, first, rows);
     wait_for_copies();
@@ -356,8 +376,12 @@ class Walk {
           c[b].add(half, __ldg(reinterpret_cast<const float4*>(n.addend + which * layer_width + at.column)));
         }
       }
-      multiply(c[b], s_.operand[0] + 16 * b * row_stride, weights_.first[0], at.lane);
-      if (n.operands > 1) multiply(other, s_.operand[1] + 16 * b * row_stride, weights_.first[1], at.lane);
+      const uint16_t* const rows0 = s_.operand[0] + 16 * b * row_stride;
+      if (n.operands > 1)
+        multiply(c[b], other, rows0, s_.operand[1] + 16 * b * row_stride, weights_.first[0], weights_.first[1],
+                 at.lane);
+      else
+        multiply(c[b], rows0, weights_.first[0], at.lane);
 #pragma unroll
       for (int half = 0; half < 2; ++half) c[b].add(half, other.row(half));
       c[b].activate();
@@ -365,28 +389,34 @@ class Walk {
     }
   }
 
-  __device__ void look_ahead(const WideNetwork& n, int turn, int64_t first, int64_t rows, Part (&c)[blocks],
-                             const Place& at) {
+  __device__ void look_ahead(const WideNetwork& n, int turn, int64_t first, int64_t rows, const Place& at) {
 #pragma unroll
-    for (int j = 0; j < 2; ++j) {
-      if (j >= n.outlooks) continue;
-      const float4 bias = vector_of(s_.vectors[turn], out_bias0 + j, at);
+    for (int b = 0; b < blocks; ++b) {
+      const uint16_t* const from = s_.operand[0] + 16 * b * row_stride;
+      Part c[2];
 #pragma unroll
-      for (int b = 0; b < blocks; ++b) {
-        c[b].clear();
-        c[b].add(bias);
-        multiply(c[b], s_.operand[0] + 16 * b * row_stride, weights_.outlook[j], at.lane);
-        if (n.decoded) {
-          c[b].activate();
-          leave_decoded(s_, turn, c[b], 16 * b, at);
-          continue;
-        }
+      for (int j = 0; j < 2; ++j) {
+        c[j].clear();
+        c[j].add(vector_of(s_.vectors[turn], out_bias0 + j, at));
+      }
+      if (n.outlooks > 1)
+        multiply(c[0], c[1], from, from, weights_.outlook[0], weights_.outlook[1], at.lane);
+      else
+        multiply(c[0], from, weights_.outlook[0], at.lane);
+      if (n.decoded) {
+        c[0].activate();
+        leave_decoded(s_, turn, c[0], 16 * b, at);
+        continue;
+      }
 #pragma unroll
-        for (int half = 0; half < 2; ++half) {
-          const int64_t row = first + 16 * b + at.group + 8 * half;
-          if (row >= rows) continue;
-          if (n.offset.position) add_offset(c[b], half, n.offset, j, row, at);
-          const float4 v = c[b].row(half);
+      for (int half = 0; half < 2; ++half) {
+        const int64_t row = first + 16 * b + at.group + 8 * half;
+        if (row >= rows) continue;
+#pragma unroll
+        for (int j = 0; j < 2; ++j) {
+          if (j >= n.outlooks) continue;
+          if (n.offset.position) add_offset(c[j], half, n.offset, j, row, at);
+          const float4 v = c[j].row(half);
           *reinterpret_cast<uint2*>(n.out[j] + row * layer_width + at.column) = {pack(v.x, v.y), pack(v.z, v.w)};
         }
       }
