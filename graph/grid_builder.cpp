@@ -6,6 +6,9 @@
 
 #include "core/error.h"
 #include "core/parallel_for_in.h"
+#ifdef GRAUPEL_HAVE_CUDA
+#include "graph/cuda/grid_launch.h"
+#endif
 #include "graph/grid_kernels.h"
 
 namespace graupel::graph {
@@ -209,19 +212,39 @@ void GridBuilder::build(const Vec3f* position, void* stream, bool with_counts) {
       levels_, scenes_,       1 / spacing_, a.box.data(), a.origin.data(), a.particle_begin.data(), a.word_begin.data(),
       a.words, a.rank.data(), a.level_begin};
   const auto launch = [&](int64_t n, const auto& body) { parallel_for_in(stream, device_, n, body, light); };
-  clear_in(stream, a.cleared);
-  launch(particles_, Locate{cells, position, a.weight.data(), a.offset.data(), a.base.data(), a.overflow});
-  count_bits(device_, words_, a.words, a.rank.data(), a.scratch, stream);
   const int64_t bits = words_ * word_bits, pairs = corners * particles_;
-  launch(bits + pairs,
-         Both<LinkCell, FindPairs>{
-             bits,
-             {cells, bits, a.level_begin, a.coordinate.data(), a.cell_box.data(), a.neighbor.data(), a.parent.data(),
-              a.octant.data(), a.children.data(), with_edges_ ? a.link_count.data() : nullptr},
-             {cells, a.base.data(), a.cell.data(), a.pair_place.data(), a.pair_count}});
-  running_sums(device_, most_level0_, a.pair_count, a.pair_begin.data(), a.scratch, stream, a.level_begin + 1);
-  launch(pairs, ListPairs{a.cell.data(), a.pair_place.data(), a.pair_begin.data(), a.listed.data()});
-  launch(pairs, OrderPairs{a.cell.data(), a.pair_begin.data(), a.listed.data(), a.pair.data()});
+  const Locate locate{cells, position, a.weight.data(), a.offset.data(), a.base.data(), a.overflow};
+  const LinkCell link{cells,
+                      bits,
+                      a.level_begin,
+                      a.coordinate.data(),
+                      a.cell_box.data(),
+                      a.neighbor.data(),
+                      a.parent.data(),
+                      a.octant.data(),
+                      a.children.data(),
+                      with_edges_ ? a.link_count.data() : nullptr};
+  const FindPairs find{cells, a.base.data(), a.cell.data(), a.pair_place.data(), a.pair_count};
+  const ListPairs list{a.cell.data(), a.pair_place.data(), a.pair_begin.data(), a.listed.data()};
+  const OrderPairs order{a.cell.data(), a.pair_begin.data(), a.listed.data(), a.pair.data()};
+#ifdef GRAUPEL_HAVE_CUDA
+  const bool at_once = device_ == Device::cuda && builds_grid_at_once(particles_, words_);
+  if (at_once)
+    build_grid({a.cleared.data(), static_cast<int64_t>(a.cleared.size()), particles_, words_, locate, a.rank.data(),
+                link, find, a.pair_begin.data(), list, order},
+               stream);
+#else
+  constexpr bool at_once = false;
+#endif
+  if (!at_once) {
+    clear_in(stream, a.cleared);
+    launch(particles_, locate);
+    count_bits(device_, words_, a.words, a.rank.data(), a.scratch, stream);
+    launch(bits + pairs, Both<LinkCell, FindPairs>{bits, link, find});
+    running_sums(device_, most_level0_, a.pair_count, a.pair_begin.data(), a.scratch, stream, a.level_begin + 1);
+    launch(pairs, list);
+    launch(pairs, order);
+  }
   if (with_edges_) {
     running_sums(device_, most_cells_, a.link_count.data(), a.link_begin.data(), a.scratch, stream,
                  a.level_begin + levels_);

@@ -1,31 +1,21 @@
 #include "graph/cuda/density_solver.h"
 
-#include <cooperative_groups.h>
-
-#include <cub/block/block_scan.cuh>
-
-#include "core/cuda_check.h"
+#include "graph/cuda/block_cluster.h"
 
 namespace graupel::graph {
 
 namespace {
 
 using namespace density;
-namespace groups = cooperative_groups;
+using namespace cluster;
 
-constexpr int cluster_blocks = 16, solver_threads = 512, all_threads = cluster_blocks * solver_threads;
 /// Cells of a colour that one block holds in its registers.
-constexpr int cells_a_thread = 4, few_cells = cells_a_thread * solver_threads;
+constexpr int cells_a_thread = 4, few_cells = cells_a_thread * block_threads;
 constexpr int64_t most_capacity = int64_t{1} << 18;  ///< beyond it one launch a sweep is faster
 
-using Scan = cub::BlockScan<int32_t, solver_threads>;
-
 struct Shared {
-  union {
-    Scan::TempStorage scan;
-    float pressure[2 * few_cells + 1];  ///< the last one is 0
-  };
-  int32_t total;
+  ScanMemory scan;
+  float pressure[2 * few_cells + 1];  ///< the last one is 0
 };
 
 /// A cell with its neighbours' numbers among the active cells.
@@ -38,10 +28,7 @@ struct HeldCell {
 class Solver {
  public:
   __device__ Solver(const DensitySystem& system, Shared& shared)
-      : s_(system),
-        shared_(shared),
-        cluster_(groups::this_cluster()),
-        thread_(static_cast<int>(cluster_.block_rank()) * solver_threads + static_cast<int>(threadIdx.x)) {}
+      : s_(system), shared_(shared), cluster_(groups::this_cluster()), thread_(thread_of(cluster_)) {}
 
   __device__ void run() {
     drop_pressure();
@@ -73,12 +60,9 @@ class Solver {
   __device__ void list_cells() {
     const int64_t each = (words() + all_threads - 1) / all_threads, first = thread_ * each;
     const int64_t last = first + each < words() ? first + each : words();
-    int32_t count = 0, before = 0;
+    int32_t count = 0;
     for (int64_t w = first; w < last; ++w) count += grid::ones(__ldcg(s_.words + w));
-    Scan(shared_.scan).ExclusiveSum(count, before, shared_.total);
-    cluster_.sync();
-    for (unsigned block = 0; block < cluster_.block_rank(); ++block)
-      before += *cluster_.map_shared_rank(&shared_.total, block);
+    int32_t before = sum_before(cluster_, shared_.scan, count);
     for (int64_t w = first; w < last; ++w) {
       s_.rank[w] = before;
       const int color = w >= s_.cells.words_of_color();
@@ -154,11 +138,11 @@ class Solver {
         for (int j = 0; j < cells_a_thread; ++j) sweep_held(held[color][j], number(begin, color, j));
         __syncthreads();
       }
-    for (int32_t k = static_cast<int32_t>(threadIdx.x); k < end; k += solver_threads)
+    for (int32_t k = static_cast<int32_t>(threadIdx.x); k < end; k += block_threads)
       s_.pressure[__ldcg(s_.cell + k)] = shared_.pressure[k];
   }
   __device__ static int32_t number(int32_t begin, int color, int j) {
-    return (color == 0 ? 0 : begin) + static_cast<int32_t>(threadIdx.x) + j * solver_threads;
+    return (color == 0 ? 0 : begin) + static_cast<int32_t>(threadIdx.x) + j * block_threads;
   }
   __device__ void hold(HeldCell& held, int32_t k, int32_t end) {
     held.equation.inverse_sum = 0;
@@ -206,49 +190,18 @@ class Solver {
   int thread_;
 };
 
-__global__ void __launch_bounds__(solver_threads) solve_kernel(DensitySystem system) {
+__global__ void __launch_bounds__(block_threads) solve_kernel(DensitySystem system) {
   __shared__ Shared shared;
   Solver(system, shared).run();
-}
-
-cudaLaunchConfig_t cluster_config(cudaLaunchAttribute& attribute, void* stream) {
-  attribute.id = cudaLaunchAttributeClusterDimension;
-  attribute.val.clusterDim.x = cluster_blocks;
-  attribute.val.clusterDim.y = attribute.val.clusterDim.z = 1;
-  cudaLaunchConfig_t config{};
-  config.gridDim = dim3(cluster_blocks);
-  config.blockDim = dim3(solver_threads);
-  config.stream = static_cast<cudaStream_t>(stream);
-  config.attrs = &attribute;
-  config.numAttrs = 1;
-  return config;
-}
-
-/// Sixteen blocks a cluster are more than every GPU with clusters has to allow.
-bool has_clusters() {
-  if (cudaFuncSetAttribute(solve_kernel, cudaFuncAttributeNonPortableClusterSizeAllowed, 1) != cudaSuccess) {
-    static_cast<void>(cudaGetLastError());
-    return false;
-  }
-  cudaLaunchAttribute attribute{};
-  const cudaLaunchConfig_t config = cluster_config(attribute, nullptr);
-  int clusters = 0;
-  const bool asked = cudaOccupancyMaxActiveClusters(&clusters, solve_kernel, &config) == cudaSuccess;
-  if (!asked) static_cast<void>(cudaGetLastError());
-  return asked && clusters > 0;
 }
 
 }  // namespace
 
 bool solves_density_at_once(int64_t capacity) {
-  static const bool clusters = has_clusters();
-  return clusters && capacity <= most_capacity;
+  static const bool can = can_launch(solve_kernel);
+  return can && capacity <= most_capacity;
 }
 
-void solve_density(const DensitySystem& system, void* stream) {
-  cudaLaunchAttribute attribute{};
-  const cudaLaunchConfig_t config = cluster_config(attribute, stream);
-  GRAUPEL_CUDA_CHECK(cudaLaunchKernelEx(&config, solve_kernel, system));
-}
+void solve_density(const DensitySystem& system, void* stream) { launch(solve_kernel, system, stream); }
 
 }  // namespace graupel::graph

@@ -191,6 +191,13 @@ TEST(GridBuilder, LinksAreThoseOfTheHierarchy) { expect_same_as_the_hierarchy(De
 TEST(GridBuilder, LinksAreThoseOfTheHierarchyOnTheGpu) {
   GRAUPEL_NEEDS_GPU();
   expect_same_as_the_hierarchy(Device::cuda);
+  // Too many for one launch; cells with hundreds of pairs.
+  GridBuilder builder(Device::cuda, spacing, levels);
+  const std::vector<Cloud> many = {make_cloud(4, 30000, {0, 0, 0}, {0.9, 0.4, 0.7}),
+                                   make_cloud(5, 9000, {0, 0, 0}, {0.2, 0.2, 0.2})};
+  const HostLinks links = build_on(Device::cuda, builder, many);
+  expect_cells_of(links, many);
+  expect_sorted_lists(links);
 }
 
 TEST(GridBuilder, SaysThatAParticleIsOutsideItsBox) {
