@@ -81,13 +81,11 @@ GRAUPEL_HD inline float face_share(const sparsegrid::SignedDistance<double>& pla
   return static_cast<float>(free < 0 ? 0 : free > 1 ? 1 : free);
 }
 
-/// Whether a thin obstacle parts two neighbouring cell centres: seen from both, its surface lies on the way, and not
-/// along it up to rounding, which is another on each device.
+/// Whether a thin obstacle parts two neighbouring cell centres: seen from both, its surface lies on the way.
 GRAUPEL_HD inline bool stands_between(const sparsegrid::SignedDistance<double>& below,
                                       const sparsegrid::SignedDistance<double>& above, int axis) {
   const double down = -below.normal[axis], up = above.normal[axis];
-  constexpr double least = 1e-6;
-  return down > least && up > least && below.phi / down + above.phi / up <= 1;
+  return down > 0 && up > 0 && below.phi / down + above.phi / up <= 1;
 }
 
 struct FindShares {
