@@ -34,15 +34,19 @@ struct FrameStatus {
   int32_t newest, diverged, fault;
 };
 
+/// Item i makes part i / particles of a row, so that neighbouring threads do the same.
 struct WriteFeatures {
   FeatureRules rules;
   SurroundingsView surroundings;
   FrameRing ring;
   float* features;
-  GRAUPEL_HD void operator()(int64_t i) const {
+  GRAUPEL_HD void operator()(int64_t item) const {
+    const auto part = static_cast<FeaturePart>(item / ring.particles);
+    const int64_t i = item % ring.particles;
     Vec3f position[most_history + 1];
-    for (int t = 0; t <= rules.history; ++t) position[t] = ring.at(rules.history - t, i);
-    write_feature_row(rules, surroundings, AxisMap{}, position, features + i * rules.width);
+    const int first = part == FeaturePart::motion ? 0 : rules.history;
+    for (int t = first; t <= rules.history; ++t) position[t] = ring.at(rules.history - t, i);
+    write_feature_part(part, rules, surroundings, AxisMap{}, position, features + i * rules.width);
   }
 };
 
@@ -190,7 +194,7 @@ void CudaSimulator::Impl::launch_grid() {
   GRAUPEL_CUDA_CHECK(cudaEventRecord(begun, stream));
   GRAUPEL_CUDA_CHECK(cudaStreamWaitEvent(grid_stream, begun, 0));
   builder.build(now.data(), grid_stream, /*with_counts=*/!recording);
-  parallel_for_in(stream, Device::cuda, particles,
+  parallel_for_in(stream, Device::cuda, feature_parts_of_row * particles,
                   WriteFeatures{FeatureRules(config, normalization), surroundings->view(Device::cuda), frame_ring(),
                                 features.data()});
   mark(features_done);
