@@ -9,6 +9,7 @@
 #include "core/parallel_for_in.h"
 #include "graph/cuda/frame_network.h"
 #include "graph/density_projection.h"
+#include "graph/free_flight.h"
 #include "graph/grid_builder.h"
 #include "graph/hierarchical_graph_network.h"
 #include "graph/normalization.h"
@@ -57,42 +58,48 @@ GRAUPEL_HD Vec3f acceleration_of(const Normalization& statistics, const float* o
   return acceleration;
 }
 
-/// v' = v + a, x' = x + v' in frame units (step_frame), then out of obstacles and into the walls. The frame to come
-/// also goes to `next`.
-struct MoveParticles {
+/// v' = v + a, x' = x + v' in frame units (step_frame).
+struct StepParticles {
   Normalization statistics;
   const float* output;
-  FrameRing ring;
-  WayFollower way;
-  bool project;
+  const Vec3f *before, *now;
   float limit;           ///< [m/frame]
   const int32_t* fault;  ///< the output is of no use
   FrameStatus* status;
   Vec3f* next;
   GRAUPEL_HD void operator()(int64_t i) const {
     if (*fault != 0) return;
-    const Vec3f now = ring.at(0, i), velocity = now - ring.at(1, i) + acceleration_of(statistics, output + 3 * i);
+    const Vec3f velocity = now[i] - before[i] + acceleration_of(statistics, output + 3 * i);
     if (!(norm2(velocity) <= limit * limit)) status->diverged = 1;
-    Vec3f x = now + velocity;
-    if (project) way.follow(now, x);
-    ring.at(-1, i) = x;
-    next[i] = x;
+    next[i] = now[i] + velocity;
   }
 };
 
-/// After the density projection of `next`: out of obstacles again. The result also becomes `now`.
-struct SettleParticles {
-  FrameRing ring;
+/// Moves `next`, reached from `from`, out of obstacles and into the walls.
+struct PushParticles {
   WayFollower way;
   bool project;
+  FrameRing ring;
+  const Vec3f* from;  ///< null: from where the frame to come has them already
+  Vec3f* next;
+  GRAUPEL_HD Vec3f pushed(int64_t i) const {
+    Vec3f x = next[i];
+    if (project) way.follow(from ? from[i] : ring.at(-1, i), x);
+    return x;
+  }
+  GRAUPEL_HD void operator()(int64_t i) const { next[i] = ring.at(-1, i) = pushed(i); }
+};
+
+/// The last of it: the frame to come becomes `now`, and `now` becomes `before`, unless the output is of no use.
+struct PushLast {
+  PushParticles push;
   const int32_t* fault;
-  const Vec3f* next;
-  Vec3f* now;
+  Vec3f *before, *now;
   GRAUPEL_HD void operator()(int64_t i) const {
     if (*fault != 0) return;
-    Vec3f x = next[i];
-    if (project) way.follow(ring.at(-1, i), x);
-    now[i] = ring.at(-1, i) = x;
+    const Vec3f x = push.pushed(i);
+    before[i] = now[i];
+    now[i] = push.ring.at(-1, i) = x;
   }
 };
 
@@ -128,9 +135,8 @@ struct CudaSimulator::Impl {
         network(make_frame_network(config, file)),
         builder(Device::cuda, config.spacing, static_cast<int>(config.levels), /*margin=*/3,
                 config.aggregation == Aggregation::messages) {
-    GRAUPEL_CUDA_CHECK(cudaStreamCreate(&stream));
-    GRAUPEL_CUDA_CHECK(cudaStreamCreate(&grid_stream));
-    for (cudaEvent_t* event : {&begun, &grid_there})
+    for (cudaStream_t* one : {&stream, &grid_stream, &group_stream}) GRAUPEL_CUDA_CHECK(cudaStreamCreate(one));
+    for (cudaEvent_t* event : {&begun, &grid_there, &groups_there})
       GRAUPEL_CUDA_CHECK(cudaEventCreateWithFlags(event, cudaEventDisableTiming));
     GRAUPEL_CUDA_CHECK(cudaMallocHost(&seen, sizeof(FrameStatus)));
     for (cudaEvent_t& event : events) GRAUPEL_CUDA_CHECK(cudaEventCreate(&event));
@@ -138,10 +144,9 @@ struct CudaSimulator::Impl {
   ~Impl() {
     drop_graph();
     for (cudaEvent_t event : events) cudaEventDestroy(event);
-    for (cudaEvent_t event : {begun, grid_there}) cudaEventDestroy(event);
+    for (cudaEvent_t event : {begun, grid_there, groups_there}) cudaEventDestroy(event);
     cudaFreeHost(seen);
-    cudaStreamDestroy(grid_stream);
-    cudaStreamDestroy(stream);
+    for (cudaStream_t one : {group_stream, grid_stream, stream}) cudaStreamDestroy(one);
   }
   Impl(const Impl&) = delete;
   Impl& operator=(const Impl&) = delete;
@@ -169,8 +174,8 @@ struct CudaSimulator::Impl {
   std::unique_ptr<FrameNetwork> network;
   GridBuilder builder;
   LevelRoom room;
-  cudaStream_t stream = nullptr, grid_stream = nullptr;
-  cudaEvent_t begun = nullptr, grid_there = nullptr;
+  cudaStream_t stream = nullptr, grid_stream = nullptr, group_stream = nullptr;
+  cudaEvent_t begun = nullptr, grid_there = nullptr, groups_there = nullptr;
   cudaGraphExec_t graph = nullptr;
   cudaEvent_t events[marks] = {};
   bool recording = false;
@@ -181,19 +186,26 @@ struct CudaSimulator::Impl {
   int64_t particles = 0;
   Buffer<Vec3f> ring{Device::cuda, 0};  ///< [history + 2, particles]
   Buffer<FrameStatus> status{Device::cuda, 1};
-  FrameStatus* seen = nullptr;                                ///< the status on the host
-  Buffer<Vec3f> now{Device::cuda, 0}, next{Device::cuda, 0};  ///< the newest frame; one to be projected
+  FrameStatus* seen = nullptr;  ///< the status on the host
+  /// The last two frames; the one to come, until it is one.
+  Buffer<Vec3f> before{Device::cuda, 0}, now{Device::cuda, 0}, next{Device::cuda, 0};
+  std::optional<FreeFlight> flight;
   std::optional<DensityProjection> density;
   Buffer<int32_t> type_row{Device::cuda, 0};
   Buffer<float> features{Device::cuda, 0};
 };
 
-/// Features and, beside what follows in the stream, the grid of the newest frame.
+/// Features and, beside what follows in the stream, the grid of the newest frame and the groups of what flies.
 void CudaSimulator::Impl::launch_grid() {
   mark(begin);
   GRAUPEL_CUDA_CHECK(cudaEventRecord(begun, stream));
   GRAUPEL_CUDA_CHECK(cudaStreamWaitEvent(grid_stream, begun, 0));
   builder.build(now.data(), grid_stream, /*with_counts=*/!recording);
+  if (flight) {
+    GRAUPEL_CUDA_CHECK(cudaStreamWaitEvent(group_stream, begun, 0));
+    flight->find_groups(before.data(), now.data(), group_stream);
+    GRAUPEL_CUDA_CHECK(cudaEventRecord(groups_there, group_stream));
+  }
   parallel_for_in(stream, Device::cuda, feature_parts_of_row * particles,
                   WriteFeatures{FeatureRules(config, normalization), surroundings->view(Device::cuda), frame_ring(),
                                 features.data()});
@@ -207,6 +219,7 @@ void CudaSimulator::Impl::launch_network() {
     GRAUPEL_CUDA_CHECK(cudaStreamWaitEvent(stream, grid_there, 0));
     mark(hierarchy_done);
   });
+  if (flight) GRAUPEL_CUDA_CHECK(cudaStreamWaitEvent(stream, groups_there, 0));
   mark(network_done);
 }
 
@@ -218,13 +231,16 @@ void CudaSimulator::Impl::launch_frame() {
   const FrameRing frames = frame_ring();
   const WayFollower way = surroundings->way_follower(Device::cuda);
   parallel_for_in(stream, Device::cuda, particles,
-                  MoveParticles{normalization, network->output(), frames, way, project, limit, network->fault(),
-                                status.data(), density ? next.data() : now.data()});
+                  StepParticles{normalization, network->output(), before.data(), now.data(), limit, network->fault(),
+                                status.data(), next.data()});
+  if (flight) flight->correct(before.data(), now.data(), next.data(), stream);
+  PushParticles push{way, project, frames, now.data(), next.data()};
   if (density) {
+    parallel_for_in(stream, Device::cuda, particles, push);
     density->apply(next.data(), particles, stream);
-    parallel_for_in(stream, Device::cuda, particles,
-                    SettleParticles{frames, way, project, network->fault(), next.data(), now.data()});
+    push.from = nullptr;
   }
+  parallel_for_in(stream, Device::cuda, particles, PushLast{push, network->fault(), before.data(), now.data()});
   parallel_for_in(stream, Device::cuda, 1, FinishFrame{frames.count, network->fault(), status.data(), seen});
   mark(end);
 }
@@ -269,7 +285,7 @@ CudaSimulator::~CudaSimulator() = default;
 
 void CudaSimulator::start(const Scene& scene, const Surroundings& surroundings,
                           const std::vector<int32_t>& particle_type, const std::vector<std::vector<Vec3f>>& positions,
-                          bool project, double density_limit) {
+                          bool project, double density_limit, bool free_flight) {
   Impl& impl = *impl_;
   impl.drop_graph();
   impl.room = {};
@@ -293,8 +309,11 @@ void CudaSimulator::start(const Scene& scene, const Surroundings& surroundings,
   *impl.seen = {static_cast<int32_t>(frames) - 1, 0, 0};
   const FeatureRules rules(impl.config, impl.normalization);
   impl.features.resize_discard(particle_type.size() * static_cast<std::size_t>(rules.width));
+  impl.before.upload(positions[positions.size() - 2]);
   impl.now.upload(positions.back());
   impl.next.resize_discard(particle_type.size());
+  impl.flight.reset();
+  if (free_flight) impl.flight.emplace(Device::cuda, scene, surroundings, particle_type);
   impl.density.reset();
   const double spacing = impl.config.spacing, rest = rest_density(scene, positions.back(), spacing);
   if (density_limit * rest > 0) impl.density.emplace(Device::cuda, surroundings, density_limit * rest, spacing);

@@ -10,7 +10,8 @@ namespace graupel::graph {
 
 std::unique_ptr<FrameNetwork> make_frame_network(const HgnConfig& config, const nn::Weights& weights) {
   if (WideHgn::fits(config)) return std::make_unique<WideHgn>(config, weights);
-  if (PackedHgn::fits(config)) return std::make_unique<MessageNetwork>(config, weights);
+  if (config.aggregation == Aggregation::messages && PackedHgn::fits(config))
+    return std::make_unique<MessageNetwork>(config, weights);
   throw ConfigError("'" + weights.file + "': networks run on a GPU with a latent width of " +
                     std::to_string(layer_width) +
                     " and at most 128 inputs only (hgn.latent: " + std::to_string(config.latent) +
