@@ -9,6 +9,7 @@
 #include "core/parallel_for_in.h"
 #include "graph/cuda/frame_model.h"
 #include "graph/density_projection.h"
+#include "graph/free_flight.h"
 #include "graph/normalization.h"
 #include "graph/rest_density.h"
 
@@ -32,17 +33,19 @@ struct FrameStatus {
   int32_t newest, diverged, fault;
 };
 
+/// Item i makes part i / particles of a row, so that neighbouring threads do the same.
 struct WriteFeatures {
   FeatureRules rules;
   SurroundingsView surroundings;
   FrameRing ring;
   float* features;
-  Vec3f* now;
-  GRAUPEL_HD void operator()(int64_t i) const {
+  GRAUPEL_HD void operator()(int64_t item) const {
+    const auto part = static_cast<FeaturePart>(item / ring.particles);
+    const int64_t i = item % ring.particles;
     Vec3f position[most_history + 1];
-    for (int t = 0; t <= rules.history; ++t) position[t] = ring.at(rules.history - t, i);
-    write_feature_row(rules, surroundings, AxisMap{}, position, features + i * rules.width);
-    now[i] = position[rules.history];
+    const int first = part == FeaturePart::motion ? 0 : rules.history;
+    for (int t = first; t <= rules.history; ++t) position[t] = ring.at(rules.history - t, i);
+    write_feature_part(part, rules, surroundings, AxisMap{}, position, features + i * rules.width);
   }
 };
 
@@ -53,41 +56,48 @@ GRAUPEL_HD Vec3f acceleration_of(const Normalization& statistics, const float* o
   return acceleration;
 }
 
-/// v' = v + a, x' = x + v' in frame units (step_frame), then out of obstacles and into the walls. The frame to come, or
-/// `next` where that is to be changed still.
-struct MoveParticles {
+/// v' = v + a, x' = x + v' in frame units (step_frame).
+struct StepParticles {
   Normalization statistics;
   const float* output;
-  FrameRing ring;
-  WayFollower way;
-  bool project;
+  const Vec3f *before, *now;
   float limit;           ///< [m/frame]
   const int32_t* fault;  ///< the output is of no use
   FrameStatus* status;
   Vec3f* next;
   GRAUPEL_HD void operator()(int64_t i) const {
     if (*fault != 0) return;
-    const Vec3f now = ring.at(0, i), velocity = now - ring.at(1, i) + acceleration_of(statistics, output + 3 * i);
+    const Vec3f velocity = now[i] - before[i] + acceleration_of(statistics, output + 3 * i);
     if (!(norm2(velocity) <= limit * limit)) status->diverged = 1;
-    Vec3f x = now + velocity;
-    if (project) way.follow(now, x);
-    ring.at(-1, i) = x;
-    if (next) next[i] = x;
+    next[i] = now[i] + velocity;
   }
 };
 
-/// After the density projection of `next`: out of obstacles again.
-struct SettleParticles {
-  FrameRing ring;
+/// Moves `next`, reached from `from`, out of obstacles and into the walls.
+struct PushParticles {
   WayFollower way;
   bool project;
+  FrameRing ring;
+  const Vec3f* from;  ///< null: from where the frame to come has them already
+  Vec3f* next;
+  GRAUPEL_HD Vec3f pushed(int64_t i) const {
+    Vec3f x = next[i];
+    if (project) way.follow(from ? from[i] : ring.at(-1, i), x);
+    return x;
+  }
+  GRAUPEL_HD void operator()(int64_t i) const { next[i] = ring.at(-1, i) = pushed(i); }
+};
+
+/// The last of it: the frame to come becomes `now`, and `now` becomes `before`, unless the output is of no use.
+struct PushLast {
+  PushParticles push;
   const int32_t* fault;
-  const Vec3f* next;
+  Vec3f *before, *now;
   GRAUPEL_HD void operator()(int64_t i) const {
     if (*fault != 0) return;
-    Vec3f x = next[i];
-    if (project) way.follow(ring.at(-1, i), x);
-    ring.at(-1, i) = x;
+    const Vec3f x = push.pushed(i);
+    before[i] = now[i];
+    now[i] = push.ring.at(-1, i) = x;
   }
 };
 
@@ -96,9 +106,11 @@ struct FinishFrame {
   int32_t count;
   const int32_t* fault;
   FrameStatus* status;
+  FrameStatus* seen;  ///< on the host
   GRAUPEL_HD void operator()(int64_t) const {
     status->fault = *fault;
     if (*fault == 0 && status->diverged == 0) status->newest = (status->newest + 1) % count;
+    *seen = *status;
   }
 };
 
@@ -111,15 +123,18 @@ enum Mark { begin, features_done, hierarchy_done, network_done, end, marks };
 struct CudaSimulator::Impl {
   explicit Impl(const nn::Weights& file)
       : model(make_frame_model(file)), config(model->feature_config()), normalization(read_normalization(file)) {
-    GRAUPEL_CUDA_CHECK(cudaStreamCreate(&stream));
+    for (cudaStream_t* one : {&stream, &group_stream}) GRAUPEL_CUDA_CHECK(cudaStreamCreate(one));
+    for (cudaEvent_t* event : {&begun, &groups_there})
+      GRAUPEL_CUDA_CHECK(cudaEventCreateWithFlags(event, cudaEventDisableTiming));
     GRAUPEL_CUDA_CHECK(cudaMallocHost(&seen, sizeof(FrameStatus)));
     for (cudaEvent_t& event : events) GRAUPEL_CUDA_CHECK(cudaEventCreate(&event));
   }
   ~Impl() {
     drop_graph();
     for (cudaEvent_t event : events) cudaEventDestroy(event);
+    for (cudaEvent_t event : {begun, groups_there}) cudaEventDestroy(event);
     cudaFreeHost(seen);
-    cudaStreamDestroy(stream);
+    for (cudaStream_t one : {group_stream, stream}) cudaStreamDestroy(one);
   }
   Impl(const Impl&) = delete;
   Impl& operator=(const Impl&) = delete;
@@ -145,7 +160,8 @@ struct CudaSimulator::Impl {
   std::unique_ptr<FrameModel> model;
   FeatureConfig config;
   Normalization normalization;
-  cudaStream_t stream = nullptr;
+  cudaStream_t stream = nullptr, group_stream = nullptr;
+  cudaEvent_t begun = nullptr, groups_there = nullptr;
   cudaGraphExec_t graph = nullptr;
   cudaEvent_t events[marks] = {};
   bool recording = false;
@@ -157,22 +173,32 @@ struct CudaSimulator::Impl {
   Buffer<Vec3f> ring{Device::cuda, 0};  ///< [history + 2, particles]
   Buffer<FrameStatus> status{Device::cuda, 1};
   FrameStatus* seen = nullptr;  ///< the status on the host
-  Buffer<Vec3f> next{Device::cuda, 0};
+  /// The frame before the newest, which the model has; the one to come, until it is one.
+  Buffer<Vec3f> before{Device::cuda, 0}, next{Device::cuda, 0};
+  std::optional<FreeFlight> flight;
   std::optional<DensityProjection> density;
 };
 
-/// Features and, beside what follows in the stream, the network's graph of the newest frame.
+/// Features and, beside what follows in the stream, the network's graph of the newest frame and the groups of what
+/// flies.
 void CudaSimulator::Impl::launch_graph() {
   mark(begin);
-  parallel_for_in(stream, Device::cuda, particles,
-                  WriteFeatures{FeatureRules(config, normalization), surroundings->view(Device::cuda), frame_ring(),
-                                model->features(), model->position()});
-  mark(features_done);
+  if (flight) {
+    GRAUPEL_CUDA_CHECK(cudaEventRecord(begun, stream));
+    GRAUPEL_CUDA_CHECK(cudaStreamWaitEvent(group_stream, begun, 0));
+    flight->find_groups(before.data(), model->position(), group_stream);
+    GRAUPEL_CUDA_CHECK(cudaEventRecord(groups_there, group_stream));
+  }
   model->launch_graph(stream, /*with_counts=*/!recording);
+  parallel_for_in(stream, Device::cuda, feature_parts_of_row * particles,
+                  WriteFeatures{FeatureRules(config, normalization), surroundings->view(Device::cuda), frame_ring(),
+                                model->features()});
+  mark(features_done);
 }
 
 void CudaSimulator::Impl::launch_network() {
   model->launch(stream, [&] { mark(hierarchy_done); });
+  if (flight) GRAUPEL_CUDA_CHECK(cudaStreamWaitEvent(stream, groups_there, 0));
   mark(network_done);
 }
 
@@ -183,16 +209,18 @@ void CudaSimulator::Impl::launch_frame() {
   const auto limit = static_cast<float>(std::max({size[0], size[1], size[2]}));
   const FrameRing frames = frame_ring();
   const WayFollower way = surroundings->way_follower(Device::cuda);
-  const int32_t* const fault = model->fault();
   parallel_for_in(stream, Device::cuda, particles,
-                  MoveParticles{normalization, model->output(), frames, way, project, limit, fault, status.data(),
-                                density ? next.data() : nullptr});
+                  StepParticles{normalization, model->output(), before.data(), model->position(), limit, model->fault(),
+                                status.data(), next.data()});
+  if (flight) flight->correct(before.data(), model->position(), next.data(), stream);
+  PushParticles push{way, project, frames, model->position(), next.data()};
   if (density) {
+    parallel_for_in(stream, Device::cuda, particles, push);
     density->apply(next.data(), particles, stream);
-    parallel_for_in(stream, Device::cuda, particles, SettleParticles{frames, way, project, fault, next.data()});
+    push.from = nullptr;
   }
-  parallel_for_in(stream, Device::cuda, 1, FinishFrame{frames.count, fault, status.data()});
-  GRAUPEL_CUDA_CHECK(cudaMemcpyAsync(seen, status.data(), sizeof(FrameStatus), cudaMemcpyDeviceToHost, stream));
+  parallel_for_in(stream, Device::cuda, particles, PushLast{push, model->fault(), before.data(), model->position()});
+  parallel_for_in(stream, Device::cuda, 1, FinishFrame{frames.count, model->fault(), status.data(), seen});
   mark(end);
 }
 
@@ -231,7 +259,7 @@ CudaSimulator::~CudaSimulator() = default;
 
 void CudaSimulator::start(const Scene& scene, const Surroundings& surroundings,
                           const std::vector<int32_t>& particle_type, const std::vector<std::vector<Vec3f>>& positions,
-                          bool project, double density_limit) {
+                          bool project, double density_limit, bool free_flight) {
   Impl& impl = *impl_;
   impl.drop_graph();
   impl.scene = &scene;
@@ -252,7 +280,12 @@ void CudaSimulator::start(const Scene& scene, const Surroundings& surroundings,
   impl.status.upload({{static_cast<int32_t>(frames) - 1, 0, 0}});
   *impl.seen = {static_cast<int32_t>(frames) - 1, 0, 0};
   impl.model->start(surroundings, rows, impl.stream);
+  impl.before.upload(positions[positions.size() - 2]);
+  device_copy(Device::cuda, impl.model->position(), Device::cpu, positions.back().data(),
+              positions.back().size() * sizeof(Vec3f));
   impl.next.resize_discard(particle_type.size());
+  impl.flight.reset();
+  if (free_flight) impl.flight.emplace(Device::cuda, scene, surroundings, particle_type);
   impl.density.reset();
   const double spacing = impl.model->spacing(), rest = rest_density(scene, positions.back(), spacing);
   if (density_limit * rest > 0) impl.density.emplace(Device::cuda, surroundings, density_limit * rest, spacing);
@@ -280,9 +313,9 @@ std::vector<Vec3f> CudaSimulator::accelerations() {
   impl.model->reuse_memory();
   impl.launch_network();
   impl.wait();
-  std::vector<Vec3f> acceleration(static_cast<std::size_t>(impl.particles));
-  std::vector<float> output(3 * acceleration.size());
+  std::vector<float> output(3 * static_cast<std::size_t>(impl.particles));
   device_copy(Device::cpu, output.data(), Device::cuda, impl.model->output(), output.size() * sizeof(float));
+  std::vector<Vec3f> acceleration(static_cast<std::size_t>(impl.particles));
   for (std::size_t i = 0; i < acceleration.size(); ++i)
     acceleration[i] = acceleration_of(impl.normalization, output.data() + 3 * i);
   return acceleration;

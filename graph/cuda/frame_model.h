@@ -23,11 +23,13 @@ class FrameModel {
   /// Makes ready for particles of these rows of the embedding table. `surroundings` must live as long as frames are
   /// launched. Launches in `stream`.
   virtual void start(const Surroundings& surroundings, const std::vector<int32_t>& type_row, void* stream) = 0;
-  /// What a frame begins with, to be written by the caller: features [particles, width], positions [particles].
+  /// What a frame begins with, to be written by the caller: features [particles, width] before launch(), positions
+  /// [particles] before launch_graph().
   virtual float* features() = 0;
   virtual Vec3f* position() = 0;
 
-  /// Makes the graph of position(), beside what follows in the stream. `with_counts`: what make_room() needs.
+  /// Makes the graph of position(), beside what follows in the stream or in launch(). `with_counts`: at once, with what
+  /// make_room() needs.
   virtual void launch_graph(void* stream, bool with_counts) = 0;
   enum class Room {
     there,  ///< for the graph made last

@@ -48,7 +48,12 @@ void GnsFrame::start(const Surroundings& surroundings, const std::vector<int32_t
   output_.resize_discard(3 * type_row.size());
 }
 
-void GnsFrame::launch_graph(void* stream, bool) {
+void GnsFrame::launch_graph(void* stream, bool with_counts) {
+  is_due_ = !with_counts;
+  if (with_counts) make_graph(stream);
+}
+
+void GnsFrame::make_graph(void* stream) {
   stream_ = stream;
   builder_.build(position_.data(), stream);
   builder_.describe_obstacles(rules_, features_.data(), type_row_.data(), stream);
@@ -65,6 +70,8 @@ FrameModel::Room GnsFrame::make_room() {
 }
 
 void GnsFrame::launch(void* stream, const std::function<void()>& graph_ready) {
+  if (is_due_) make_graph(stream);
+  is_due_ = false;
   graph_ready();
   const RadiusLinks links = builder_.links();
   GnsRows rows;

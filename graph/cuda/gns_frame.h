@@ -26,6 +26,7 @@ class GnsFrame : public FrameModel, private EdgeMemory {
   void reuse_memory() override { arena_.reset(); }
 
  private:
+  void make_graph(void* stream);
   uint16_t* latent(int64_t) override { return latent_.data(); }
   uint16_t* message() override { return message_.data(); }
 
@@ -37,6 +38,7 @@ class GnsFrame : public FrameModel, private EdgeMemory {
   RowArena arena_;
   GnsRecord record_;
   void* stream_ = nullptr;  ///< of the graph made last
+  bool is_due_ = false;     ///< the graph is made by launch(), after the features
 
   int64_t particles_ = 0;
   Buffer<uint16_t> latent_{Device::cuda, 0}, message_{Device::cuda, 0};  ///< [edges, 128]

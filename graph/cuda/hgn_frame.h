@@ -1,12 +1,10 @@
-// Rollouts of the hierarchical graph network on a GPU: grids of each frame, and the network over them.
+// Rollouts of the hierarchical graph network on a GPU: grids of each frame, beside the stream of the rest, and the
+// network over them in the form that its weights ask for.
 #pragma once
 
-#include "graph/cuda/device_weights.h"
+#include "core/buffer.h"
 #include "graph/cuda/frame_model.h"
-#include "graph/cuda/hgn_passes.h"
-#include "graph/cuda/row_arena.h"
-#include "graph/grid_builder.h"
-#include "graph/level_places.h"
+#include "graph/cuda/grid_network.h"
 
 namespace graupel::graph {
 
@@ -25,28 +23,23 @@ class HgnFrame : public FrameModel {
   void launch_graph(void* stream, bool with_counts) override;
   Room make_room() override;
   void launch(void* stream, const std::function<void()>& graph_ready) override;
-  const float* output() const override { return output_.data(); }
-  const int32_t* fault() const override { return places_.fault(); }
-  void reuse_memory() override { arena_.reset(); }
+  const float* output() const override { return network_->output(); }
+  const int32_t* fault() const override { return network_->fault(); }
+  void reuse_memory() override { network_->reset(); }
 
  private:
-  HgnGraph placed_graph() const;
+  struct Streams;
 
   HgnConfig config_;
-  DeviceWeights weights_;
-  PackedHgn network_;
+  std::unique_ptr<GridNetwork> network_;
   GridBuilder builder_;
   LevelRoom room_;
-  LevelPlaces places_{Device::cuda};
-  RowArena arena_;
-  HgnRecord record_;
-  struct Streams;
   std::unique_ptr<Streams> streams_;
-
+  Vec3d origin_;  ///< of the grid [m]
   int64_t particles_ = 0;
   Buffer<Vec3f> position_{Device::cuda, 0};
   Buffer<int32_t> type_row_{Device::cuda, 0};
-  Buffer<float> features_{Device::cuda, 0}, output_{Device::cuda, 0};
+  Buffer<float> features_{Device::cuda, 0};
 };
 
 }  // namespace graupel::graph
