@@ -47,6 +47,8 @@ void add_compare(CLI::App& app) {
                    "Largest density in rollouts of networks, of that at rest; 0: none")
       ->check(real_number(0, 10))
       ->capture_default_str();
+  command->add_flag("!--no-free-flight", options.free_flight,
+                    "Let networks change the momentum of what flies freely in rollouts");
   command->add_flag("--one-step-only", options.one_step_only, "No rollouts, one-step errors alone");
   command->add_flag("--no-floors", verb->no_floors, "Leave out the chaos floors (two MPM runs a scene)");
   command->add_option("--csv", options.csv, "Write a row a scene and model to this file");

@@ -19,6 +19,7 @@ struct CompareOptions {
   int64_t frames = 0;               ///< 0: the scene's
   int64_t one_step_stride = 5;      ///< every how many frames the one-step error is taken
   double density_limit = 1;         ///< of networks' rollouts, of the density at rest; 0: none
+  bool free_flight = true;          ///< of networks' rollouts: what flies keeps its momentum
   std::vector<std::string> set;     ///< scene keys, "key=value"
   std::optional<uint64_t> seed;     ///< of the particle sampling; default the scene's
   std::string device = "auto";      ///< of MPM

@@ -304,7 +304,7 @@ const TimedRun& SceneComparison::run_of(const ComparedModel& model, TimedRun& ow
   switch (choice.kind) {
     case ModelKind::network:
       return own = run_network(*model.network, task_.scene, surroundings(), start_, task_.frames, device_,
-                               label(choice.label), options_.density_limit);
+                               label(choice.label), {options_.density_limit, options_.free_flight});
     case ModelKind::reduced:
       return own = run_reduced(*model.reduced, task_.scene, task_.seed, task_.frames, device_, label(choice.label));
     case ModelKind::mpm:

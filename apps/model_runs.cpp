@@ -223,7 +223,7 @@ TimedRun run_mpm(const Scene& scene, const MpmRunOptions& options) {
 
 TimedRun run_network(const graph::LearnedSimulator& simulator, const Scene& scene,
                      const graph::Surroundings& surroundings, const StartState& start, int64_t frames, Device device,
-                     const std::string& label, double density_limit) {
+                     const std::string& label, const HeldLaws& laws) {
   const MemoryMeter memory;
   const int history = static_cast<int>(simulator.config().history) + 1;
   const auto past = graph::start_history(start.position, start.velocity, scene.gravity, scene.frame_time, history);
@@ -232,7 +232,8 @@ TimedRun run_network(const graph::LearnedSimulator& simulator, const Scene& scen
   graph::LearnedSimulator::RolloutOptions options;
   options.frames = frames;
   options.device = device;
-  options.density_limit = density_limit;
+  options.density_limit = laws.density_limit;
+  options.free_flight = laws.free_flight;
   auto last = Clock::now();
   options.progress = [&](int64_t frame, const graph::FrameTiming& timing) {
     stop_if_interrupted();

@@ -60,10 +60,15 @@ struct MpmRunOptions {
 };
 TimedRun run_mpm(const Scene& scene, const MpmRunOptions& options);
 
-/// The same for a learned simulator, from frame 0 with a ballistic past; `density_limit` as in its RolloutOptions.
+/// Laws that rollouts of networks are held to, as in LearnedSimulator::RolloutOptions.
+struct HeldLaws {
+  double density_limit = 1;
+  bool free_flight = true;
+};
+/// The same for a learned simulator, from frame 0 with a ballistic past.
 TimedRun run_network(const graph::LearnedSimulator& simulator, const Scene& scene,
                      const graph::Surroundings& surroundings, const StartState& start, int64_t frames, Device device,
-                     const std::string& label, double density_limit = 1);
+                     const std::string& label, const HeldLaws& laws = {});
 
 /// The same for a reduced-order model, from the start of the scene. Frame 0 is the nearest state that the model knows.
 TimedRun run_reduced(const LoadedModel& model, const Scene& scene, uint64_t seed, int64_t frames, Device device,

@@ -117,6 +117,9 @@ void check_flags_of_reduced_model(const RolloutOptions& options) {
   if (options.no_project)
     throw ConfigError("--no-project is of graph networks; '" + options.weights +
                       "' is a reduced-order model, which moves no particle out of obstacles. Leave it out");
+  if (options.no_free_flight)
+    throw ConfigError("--no-free-flight is of graph networks; '" + options.weights +
+                      "' is a reduced-order model, which changes no momentum. Leave it out");
   if (options.density_limit)
     throw ConfigError("--density-limit is of graph networks; '" + options.weights +
                       "' is a reduced-order model, which keeps the volume of its matter itself. Leave it out");
@@ -139,6 +142,7 @@ void rollout_network(const RolloutOptions& options, Device device) {
   run.frames = options.frames >= 0 ? options.frames : start.scene.frames;
   run.project = !options.no_project;
   run.density_limit = options.density_limit.value_or(run.density_limit);
+  run.free_flight = !options.no_free_flight;
   run.device = device;
   Progress progress(fmt::format("rollout {} ({} particles)", start.scene.name, start.particle_type.size()), run.frames);
   std::vector<double> seconds;
@@ -200,6 +204,8 @@ void add_rollout(CLI::App& app) {
       ->check(whole_number(0))
       ->capture_default_str();
   verb->add_flag("--no-project", options->no_project, "Of networks: do not move particles out of obstacles");
+  verb->add_flag("--no-free-flight", options->no_free_flight,
+                 "Of networks: let them change the momentum of what flies freely");
   verb->add_option("--density-limit", options->density_limit,
                    "Of networks: largest density of the matter, of that at rest; default 1, 0: none")
       ->check(real_number(0, 10));

@@ -20,6 +20,7 @@ struct RolloutOptions {
   std::vector<std::string> set;
   int64_t frames = -1, trajectory = 0;  ///< frames -1: the scene's
   bool no_project = false;
+  bool no_free_flight = false;          ///< of networks
   std::optional<double> density_limit;  ///< of networks
   std::optional<double> step_factor;    ///< of reduced-order models
   std::optional<int64_t> refine;        ///< of reduced-order models: points of a particle

@@ -8,6 +8,7 @@
 #include "graph/config_metadata.h"
 #include "graph/density_projection.h"
 #include "graph/frame_step.h"
+#include "graph/free_flight.h"
 #include "graph/hgn_config.h"
 #include "graph/lap_timer.h"
 #include "graph/rest_density.h"
@@ -122,6 +123,8 @@ Trajectory LearnedSimulator::rollout(const Scene& scene, const Surroundings& sur
   std::optional<DensityProjection> density;
   if (options.density_limit * rest > 0)
     density.emplace(Device::cpu, surroundings, options.density_limit * rest, network_->spacing());
+  std::optional<FreeFlight> flight;
+  if (options.free_flight) flight.emplace(Device::cpu, scene, surroundings, particle_type);
   std::vector<Vec3f> next, before;
   for (int64_t frame = 1; frame <= options.frames; ++frame) {
     FrameTiming timing;
@@ -131,6 +134,10 @@ Trajectory LearnedSimulator::rollout(const Scene& scene, const Surroundings& sur
       break;
     }
     LapTimer watch;
+    if (flight) {
+      flight->find_groups(history[needed - 2].data(), history[needed - 1].data());
+      flight->correct(history[needed - 2].data(), history[needed - 1].data(), next.data());
+    }
     if (options.project) project_out(surroundings, history.back(), next);
     if (density) {
       before = next;

@@ -39,6 +39,7 @@ class LearnedSimulator {
     std::function<void(int64_t frame, const FrameTiming&)> progress;
     bool project = true;          ///< out of obstacles, into the walls
     double density_limit = 1;     ///< largest density, of that at rest (graph/rest_density.h); 0: none
+    bool free_flight = true;      ///< momentum of what flies is kept (graph/free_flight.h)
     Device device = Device::cpu;  ///< on a GPU matrix products are in bf16, and latents have to be 128 wide
   };
   /// Predicts options.frames frames after `start` (history + 1 positions or more, newest last; see start_history). The

@@ -111,11 +111,11 @@ HgnConfig checked_config(const nn::Weights& weights) {
   static_cast<void>(HierarchicalGraphNetwork(weights));  // its errors
   const HgnConfig config = HgnConfig::from_metadata(weights.metadata, weights.file);
   if (!cuda_available()) throw ConfigError("device 'cuda' is not usable (no GPU). Use --device cpu");
-  if (!PackedHgn::fits(config))
+  if (!PackedHgn::fits(config) || config.aggregation != Aggregation::messages)
     throw ConfigError("'" + weights.file + "': networks run on a GPU with a latent width of " +
-                      std::to_string(layer_width) + " and sums of messages only (hgn.latent: " +
-                      std::to_string(config.latent) + ", hgn.aggregation: " + word_of(config.aggregation) +
-                      "). Use --device cpu");
+                      std::to_string(layer_width) +
+                      " and sums of messages only (hgn.latent: " + std::to_string(config.latent) +
+                      ", hgn.aggregation: " + word_of(config.aggregation) + "). Use --device cpu");
   return config;
 }
 

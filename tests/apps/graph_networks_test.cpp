@@ -42,7 +42,7 @@ TEST(GraphNetworks, AGnsRollsOutIsInspectedAndCompared) {
 
   const std::string again = "rollout " + folder.file("gns.safetensors") + " " + scene + " -o " +
                             folder.file("again.h5") + " --frames 1 --density-limit ";
-  EXPECT_EQ(graupel(again + "0").exit_code, 0);
+  EXPECT_EQ(graupel(again + "0 --no-free-flight").exit_code, 0);
   for (const char* unusable : {"-1", "10.5", "many"}) {
     const Outcome refused = graupel(again + unusable);
     EXPECT_EQ(refused.exit_code, 2) << refused.output;

@@ -228,7 +228,7 @@ TEST_F(ReducedModels, CompareHoldsThemBesideMpm) {
 }
 
 TEST_F(ReducedModels, FlagsOfTheOtherKindAreRefused) {
-  for (const char* flag : {"--no-project", "--density-limit 1", "--start truth:6"}) {
+  for (const char* flag : {"--no-project", "--no-free-flight", "--density-limit 1", "--start truth:6"}) {
     const Outcome outcome = rollout(flag);
     EXPECT_EQ(outcome.exit_code, 2) << flag << ": " << outcome.output;
     EXPECT_TRUE(outcome.says(std::string(flag).substr(0, 7))) << outcome.output;

@@ -204,6 +204,7 @@ TEST_F(LearnedSimulatorTest, ARolloutThatBlowsUpStopsAndSaysWhen) {
   LearnedSimulator::RolloutOptions options;
   options.frames = 30;
   options.project = false;
+  options.free_flight = false;
   const Trajectory t = simulator.rollout(scene, surroundings, std::vector<int32_t>(20, 5), start, options);
   EXPECT_EQ(t.diverged_at_frame, 4);  // 0.3, 0.6, 0.9, 1.2 m a frame in a domain of 1 m
   EXPECT_EQ(t.frame_count(), 4u);

@@ -1,0 +1,47 @@
+// Keeps the momentum of predicted matter in free flight. Where a group of particles touches no wall, obstacle or other
+// group, all forces but gravity are its own: its momentum grows by gravity alone, and its angular momentum stays
+// (Newton's laws; the frame step v' = v + a, x' = x + v' keeps sum m x x v when sum m x x a = 0). A network that errs a
+// little lets blobs drift or turn as they fall. So the accelerations of each such group are moved to the nearest ones,
+// in the mean weighted by mass, that obey:
+//   a_i <- a_i - (mean of a - g) - w x (x_i - centre),   inertia w = sum m (x_i - centre) x a_i.
+//
+// Groups: particles in the same or neighbouring cells of a grid (26 neighbours), now or after a frame of ballistic
+// flight, belong together.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "core/device.h"
+#include "core/scene.h"
+#include "core/vec.h"
+#include "graph/features.h"
+
+namespace graupel::graph {
+
+/// Sums are of integers: results do not depend on the number of threads or the order of the particles; another device
+/// gives the same up to rounding.
+class FreeFlight {
+ public:
+  /// `particle_type` [n] tells a particle's mass, by its material's density. The surroundings must live as long.
+  FreeFlight(Device device, const Scene& scene, const Surroundings& surroundings,
+             const std::vector<int32_t>& particle_type);
+  ~FreeFlight();
+
+  /// Groups of the particles at `now`, and which of them fly: nothing is within reach of their contact (two cells of
+  /// the scene's grid) in the frame to come. All positions [n] [m] lie in the device's memory. Allocates nothing; takes
+  /// its place in `stream` (cudaStream_t; null: the default one).
+  void find_groups(const Vec3f* before, const Vec3f* now, void* stream = nullptr);
+  /// Corrects `next` = 2 now - before + a, of the frame that find_groups() saw.
+  void correct(const Vec3f* before, const Vec3f* now, Vec3f* next, void* stream = nullptr);
+
+  /// Whether particle i flies, of the frame that find_groups() saw [n].
+  std::vector<bool> flying() const;
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace graupel::graph
