@@ -18,6 +18,7 @@ using namespace density;
 namespace {
 
 constexpr Grain light{.items = 2048};
+constexpr int64_t few_particles = 16384;
 constexpr int64_t most_cells = int64_t{1} << 23;  ///< of a lattice
 constexpr int border = 2;                         ///< [cells] around the walls
 /// From the last frame's pressure, as good as 40 sweeps of relaxation 1 from none.
@@ -80,31 +81,45 @@ class DensityProjection::Lattice {
 
   void spread(const Vec3f* position, int64_t n, void* stream) {
     prepare(n);
-    parallel_for_in(stream, device_, n, spreading(position));
+    parallel_for_in(stream, device_, n, spreading(position, n),
+                    Grain{.items = is_alone(n) ? few_particles : Grain().items});
   }
   /// Moves the particles and, where there is a `next` lattice, spreads them there.
   void move(Vec3f* position, int64_t n, Lattice* next, void* stream) {
-    if (next == nullptr) return parallel_for_in(stream, device_, n, moving(position));
-    next->prepare(n);
-    parallel_for_in(stream, device_, n, MoveAndSpread{moving(position), next->spreading(position)});
+    if (next != nullptr && device_ == Device::cuda) {
+      next->prepare(n);
+      parallel_for_in(stream, device_, n, MoveAndSpread{moving(position), next->spreading(position, n)});
+      return;
+    }
+    parallel_for_in(stream, device_, n, moving(position));
+    if (next != nullptr) next->spread(position, n, stream);
   }
 
-  void solve(void* stream) {
+  /// False where nothing will move.
+  bool solve(void* stream) {
 #ifdef GRAUPEL_HAVE_CUDA
-    if (device_ == Device::cuda && solves_density_at_once(static_cast<int64_t>(cell_.size())))
-      return solve_density({cells_, sweeps, relaxation, shares_.data(), words_.data(), mass_.data(), rank_.data(),
-                            cell_.data(), equation_.data(), pressure_.data()},
-                           stream);
+    if (device_ == Device::cuda && solves_density_at_once(static_cast<int64_t>(cell_.size()))) {
+      solve_density({cells_, sweeps, relaxation, shares_.data(), words_.data(), mass_.data(), rank_.data(),
+                     cell_.data(), equation_.data(), pressure_.data()},
+                    stream);
+      return true;
+    }
 #endif
     find_cells(stream);
+    if (device_ == Device::cpu && at_rest()) return false;
     for (int sweep = 0; sweep < sweeps; ++sweep)
       for (int color = 0; color < 2; ++color)
         parallel_for_in(stream, device_, most_active(color),
                         Sweep{active(), color, relaxation, shares_.data(), equation_.data(), pressure_.data()}, light);
+    return true;
   }
 
  private:
-  Spread spreading(const Vec3f* position) { return {cells_, position, unit_, mass_.data(), words_.data()}; }
+  /// A few particles are spread by one thread sooner than by several with atomic sums.
+  bool is_alone(int64_t n) const { return device_ == Device::cpu && n <= few_particles; }
+  Spread spreading(const Vec3f* position, int64_t n) {
+    return {cells_, position, unit_, mass_.data(), words_.data(), is_alone(n)};
+  }
   MoveParticle moving(Vec3f* position) const { return {cells_, shares_.data(), pressure_.data(), position}; }
 
   void prepare(int64_t n) {
@@ -121,6 +136,15 @@ class DensityProjection::Lattice {
     count_bits(device_, words, words_.data(), rank_.data(), scratch_, stream);
     parallel_for_in(stream, device_, words,
                     ListCells{active(), shares_.data(), words_.data(), mass_.data(), equation_.data()}, light);
+  }
+
+  /// Whether no cell has too much matter or a pressure: all pressures stay 0, and nothing moves.
+  bool at_rest() {
+    const int32_t count = active().begin(2);
+    for (int32_t k = 0; k < count; ++k)
+      if (equation_[static_cast<std::size_t>(k)].excess > 0 || pressure_[static_cast<std::size_t>(cell_[k])] > 0)
+        return false;
+    return true;
   }
 
   ActiveCells active() { return {cells_, rank_.data(), cell_.data()}; }
@@ -154,8 +178,11 @@ DensityProjection::~DensityProjection() = default;
 void DensityProjection::apply(Vec3f* position, int64_t n, void* stream) {
   lattices_.front()->spread(position, n, stream);
   for (std::size_t k = 0; k < lattices_.size(); ++k) {
-    lattices_[k]->solve(stream);
-    lattices_[k]->move(position, n, k + 1 < lattices_.size() ? lattices_[k + 1].get() : nullptr, stream);
+    Lattice* const next = k + 1 < lattices_.size() ? lattices_[k + 1].get() : nullptr;
+    if (lattices_[k]->solve(stream))
+      lattices_[k]->move(position, n, next, stream);
+    else if (next != nullptr)
+      next->spread(position, n, stream);
   }
 }
 

@@ -43,8 +43,8 @@ const float* ParticleEncoder::hidden(const int32_t* order, int rows, const std::
   first_.apply(scratch.input.data(), features_, rows, scratch.hidden.data(), width_);
   for (int r = 0; r < rows; ++r) {
     float* hidden = scratch.hidden.data() + r * width_;
-    nn::add_row(hidden, embedding_.row(embedding_row(particle_type[static_cast<std::size_t>(order[r])])), width_);
-    nn::activate_row(hidden, width_, slope_);
+    const int type = embedding_row(particle_type[static_cast<std::size_t>(order[r])]);
+    nn::activate_sum(hidden, hidden, embedding_.row(type), width_, slope_);
   }
   return middle_.apply(scratch.hidden.data(), scratch.output.data(), rows);
 }

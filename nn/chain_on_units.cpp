@@ -20,13 +20,18 @@ constexpr int block = 2 * side;  ///< rows and outputs that are made at once
 constexpr float slope = 0.01f;   ///< leaky_slope of nn/activation.h
 constexpr float epsilon = 1e-5f;
 
-/// What one block of rows needs, all in the first-level cache.
+/// What one block of rows needs. Arrays that are not needed at the same time share their place, so that all stays in
+/// the first-level cache.
 struct Scratch {
-  alignas(64) uint16_t input[block * 2 * most_chain_width];
-  alignas(64) uint16_t latent[block * most_chain_width];
-  alignas(64) uint16_t hidden[block * most_chain_width];
+  union alignas(64) {
+    uint16_t input[block * 2 * most_chain_width];
+    float output[block * most_chain_width];
+  };
+  union alignas(64) {
+    uint16_t hidden[block * most_chain_width];
+    uint16_t latent[block * most_chain_width];
+  };
   alignas(64) float sums[2][block * block];
-  alignas(64) float output[block * most_chain_width];
 };
 
 /// Calls body with the number of columns, as a constant where that is 128: loops over them are unrolled then.
@@ -117,49 +122,31 @@ struct Block {
   int tile_rows() const { return two() ? block : side; }
 };
 
-/// The units and the vector registers work side by side where neither waits for the other: so what a product leaves is
-/// taken up while the next one is made, and a block's norm while the next block's first layer is.
+/// The units and the vector registers work side by side: what a product leaves is taken up while the next one is made.
 class ChainPass {
  public:
   ChainPass(const UnitChain& chain, const ChainRows& rows) : chain_(chain), at_(rows) {}
 
   void run() {
-    Block now = block_at(0);
-    first_layer(now, [](int, int) {});
-    while (true) {
-      second_layer(now);
-      const Block next = block_at(now.first + block);
-      const auto finish = [&](int step, int steps) {
-        finish_rows(now, now.rows * step / steps, now.rows * (step + 1) / steps);
-      };
-      if (next.rows > 0)
-        first_layer(next, finish);
-      else
-        finish(0, 1);
+    for (int64_t first = 0; first < at_.rows; first += block) {
+      const int64_t left = at_.rows - first;
+      const Block here = {first, static_cast<int>(left < block ? left : block)};
+      first_layer(here);
+      second_layer(here);
+      finish_rows(here);
       if (chain_.next.tiles && at_.packed_next)
-        next_packed(now);
+        next_packed(here);
       else if (chain_.next.tiles)
-        next_floats(now);
-      if (next.rows <= 0) return;
-      now = next;
+        next_floats(here);
     }
   }
 
  private:
-  Block block_at(int64_t first) const {
-    const int64_t left = at_.rows - first;
-    return {first, static_cast<int>(left < block ? left : block)};
-  }
-
-  /// Leaves the block's hidden rows. `beside(step, steps)` is done meanwhile.
-  template <typename Beside>
-  void first_layer(const Block& here, const Beside& beside) {
+  /// Leaves the block's hidden rows.
+  void first_layer(const Block& here) {
     const int width = chain_.second.width, in = chain_.second.in;
     const float* const input = at_.input + here.first * at_.input_stride;
-    if (!chain_.first.tiles) {
-      beside(0, 1);
-      return round_block(input, at_.input_stride, here.rows, in, scratch_.hidden, in);
-    }
+    if (!chain_.first.tiles) return round_block(input, at_.input_stride, here.rows, in, scratch_.hidden, in);
     const int all = chain_.first.in, own = at_.with_latent ? all - width : all;
     round_block(input, at_.input_stride, here.rows, own, scratch_.input, all);
     if (at_.with_latent)
@@ -170,7 +157,6 @@ class ChainPass {
     for (int o = 0; o < in; o += block) {
       multiply_block(chain_.first.tiles, chain_.first.bias, scratch_.input, all, all, o, here.two());
       if (o > 0) activate(o - block);
-      beside(o / block, in / block);
       store_block(scratch_.sums[o / block % 2], block, here.two());
     }
     activate(in - block);
@@ -185,11 +171,12 @@ class ChainPass {
     }
   }
 
-  void finish_rows(const Block& here, int begin, int end) {
-    const int width = chain_.second.width;
-    float* const latent = at_.latent + (here.first + begin) * width;
-    const auto finish = at_.add ? finish_rows_of<true> : finish_rows_of<false>;
-    finish(chain_, scratch_.output + begin * width, end - begin, latent, scratch_.latent + begin * width);
+  void finish_rows(const Block& here) {
+    float* const latent = at_.latent + here.first * chain_.second.width;
+    if (at_.add)
+      finish_rows_of<true>(chain_, scratch_.output, here.rows, latent, scratch_.latent);
+    else
+      finish_rows_of<false>(chain_, scratch_.output, here.rows, latent, scratch_.latent);
   }
 
   void next_floats(const Block& here) {

@@ -24,16 +24,21 @@ constexpr int64_t words_of(int64_t width) {
   return std::is_same_v<Word, float> ? width : width / 2;
 }
 
+// Loops are unrolled by word: GCC would copy whole arrays through memory in pieces of other widths, and wait for them.
+
 /// Columns [column, column + vectors * lanes) of a row of floats; `column` and `vectors * lanes` are whole panels.
 template <int vectors>
 inline void load_columns(const float* row, int column, Lanes (&x)[vectors]) {
+#pragma GCC unroll 8
   for (int v = 0; v < vectors; ++v) x[v] = *reinterpret_cast<const Lanes*>(row + column + v * lanes);
 }
 /// Of a packed row.
 template <int vectors>
 inline void load_columns(const uint32_t* row, int column, Lanes (&x)[vectors]) {
   constexpr int of_panel = panel / lanes, half = of_panel / 2;
+#pragma GCC unroll 4
   for (int p = 0; p < vectors / of_panel; ++p)
+#pragma GCC unroll 2
     for (int v = 0; v < half; ++v) {
       const Words words = *reinterpret_cast<const Words*>(row + words_of<uint32_t>(column + p * panel) + v * lanes);
       x[p * of_panel + v] = reinterpret_cast<Lanes>(words << 16);

@@ -144,6 +144,7 @@ __device__ inline uint4 feature_word(const float* features, int width, int first
   return packed(part);
 }
 
+static_assert(4 * most_wide_features <= 2 * row_stride && feature_tiles(most_wide_features) <= 2);
 /// Features of a tile's rows in shared memory; all threads of the block.
 template <int tile_rows>
 __device__ inline void fetch_features(float* to, const WideNetwork& n, int64_t first, int64_t rows) {

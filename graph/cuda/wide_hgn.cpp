@@ -213,7 +213,7 @@ class WideHgn::Planner {
 
 bool WideHgn::fits(const HgnConfig& config) {
   const auto features = static_cast<int>(config.input_width() - config.embedding);
-  return config.aggregation == Aggregation::activations && config.latent == h && feature_tiles(features) <= 2;
+  return config.aggregation == Aggregation::activations && config.latent == h && features <= most_wide_features;
 }
 
 WideHgn::WideHgn(const HgnConfig& config, const nn::Weights& weights) : config_(config) {

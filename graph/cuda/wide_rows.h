@@ -78,6 +78,7 @@ struct WideProgram {
   int32_t* fault;           ///< set to whether nothing was done; null: not wanted
 };
 inline constexpr int most_networks = 272;
+inline constexpr int most_wide_features = 64;
 
 /// `most_rows`: of the network with the most rows. Tiles have 16 rows, or 32 where there are many.
 void run_networks(const WideProgram& program, int64_t most_rows, void* stream);

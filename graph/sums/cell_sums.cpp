@@ -67,22 +67,23 @@ RestrictSums::RestrictSums(const nn::Weights& weights, const HgnConfig& config, 
 
 void RestrictSums::apply(const sparsegrid::Hierarchy<3>& hierarchy, const nn::Linear& next,
                          SumWorkspace& workspace) const {
-  const auto count = static_cast<int64_t>(hierarchy.levels[level_ + 1].size());
+  const auto cells = static_cast<int64_t>(hierarchy.levels[level_ + 1].size());
   const auto& children = workspace.topology.children[level_ + 1];
   Buffer<float>& latent = workspace.cell[level_ + 1];
-  for_each_range(workspace, count, sum_rows(count), [&](int32_t begin, int32_t end, TileScratch& scratch) {
+  for_each_range(workspace, cells, sum_rows(cells), [&](int32_t begin, int32_t end, TileScratch& scratch) {
     with_rows(workspace, [&](auto word) {
       using Word = decltype(word);
       for (int32_t c = begin; c < end; ++c) {
         float* const sum = network_.sum(scratch, c - begin);
         nn::clear_row(sum, width_);
+        nn::ActivatedRow<Word> rows[SumTopology::corners];
+        int count = 0;
         for (int octant = 0; octant < SumTopology::corners; ++octant) {
           const int32_t child = children[static_cast<std::size_t>(c)][static_cast<std::size_t>(octant)];
-          if (child < 0) continue;
-          const nn::ActivatedRow<Word> row = {workspace.now.row<Word>(child, width_), nullptr, 1.0f};
-          nn::add_activated(
-              width_, 1, [&](int) { return row; }, octant_.row(octant), sum);
+          if (child >= 0) rows[count++] = {workspace.now.row<Word>(child, width_), octant_.row(octant), 1.0f};
         }
+        nn::add_activated(
+            width_, count, [&](int i) { return rows[i]; }, sum);
       }
     });
     network_.apply(scratch, end - begin, row_of(latent, begin, width_), workspace.next_rows(next, begin));

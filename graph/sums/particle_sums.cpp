@@ -88,6 +88,14 @@ void ParticleSums::gather_to_cell(const sparsegrid::HierarchyLevel<3>& cells, in
   // The cell that lies k lower; -1 also where only a way over cells that are not active leads there: a particle there
   // would make the cells of the way active.
   int32_t base[corners] = {cell};
+  constexpr int most = 64;
+  nn::ActivatedRow<Word> pairs[most];
+  int count = 0;
+  const auto add_pairs = [&] {
+    nn::add_activated(
+        width_, count, [&](int i) { return pairs[i]; }, sum);
+    count = 0;
+  };
   nn::clear_row(sum, width_);
   for (int k = 0; k < corners; ++k) {
     if (k > 0) {
@@ -98,17 +106,13 @@ void ParticleSums::gather_to_cell(const sparsegrid::HierarchyLevel<3>& cells, in
     }
     if (base[k] < 0) continue;
     const int32_t* const begin = workspace.topology.base_begin.data() + base[k];
-    const Word* const part = workspace.particle_part.row<Word>(begin[0], width_);
-    const int64_t words = nn::words_of<Word>(width_);
-    const float* const weight = workspace.weight.data() + int64_t{begin[0]} * corners + k;
-    const float scale = p2g_scale_;
-    nn::add_activated(
-        width_, begin[1] - begin[0],
-        [=, this](int i) {
-          return nn::ActivatedRow<Word>{part + i * words, nullptr, scale * weight[i * corners]};
-        },
-        p2g_corner_.row(k), sum);
+    for (int32_t place = begin[0]; place < begin[1]; ++place) {
+      pairs[count++] = {workspace.particle_part.row<Word>(place, width_), p2g_corner_.row(k),
+                        p2g_scale_ * workspace.weight[static_cast<std::size_t>(place * corners + k)]};
+      if (count == most) add_pairs();
+    }
   }
+  add_pairs();
 }
 
 void ParticleSums::grid_to_particle(const sparsegrid::Hierarchy<3>& hierarchy, SumWorkspace& workspace,

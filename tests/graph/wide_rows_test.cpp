@@ -213,6 +213,18 @@ struct Case {
   struct Result {
     Numbers sum, out[2], decoded;
   };
+  /// f = LayerNorm(W2 hidden + b2).
+  void normalized(const Numbers& hidden, Numbers& f) const {
+    Numbers y = product(2, hidden);
+    double mean = 0, squares = 0;
+    for (int k = 0; k < h; ++k) mean += (y[static_cast<std::size_t>(k)] += vector(bias2, k)) / h;
+    for (const float v : y) squares += (v - mean) * (v - mean) / h;
+    for (int k = 0; k < h; ++k)
+      f[static_cast<std::size_t>(k)] =
+          static_cast<float>((y[static_cast<std::size_t>(k)] - mean) / std::sqrt(squares + 1e-5)) *
+              vector(norm_scale, k) +
+          vector(norm_shift, k);
+  }
   void evaluate(int64_t row, Result& result) const {
     Numbers s(h), second(h), hidden(h), f(h);
     for (int k = 0; k < h; ++k) {
@@ -225,16 +237,8 @@ struct Case {
       hidden[i] = activated(a[i] + b[i] + vector(bias1, k) +
                             at(addend, addend_row[static_cast<std::size_t>(first_link + row)], k));
     }
-    Numbers y = product(2, hidden);
-    double mean = 0, squares = 0;
-    for (int k = 0; k < h; ++k) mean += (y[static_cast<std::size_t>(k)] += vector(bias2, k)) / h;
-    for (const float v : y) squares += (v - mean) * (v - mean) / h;
-    for (int k = 0; k < h; ++k) {
-      const auto i = static_cast<std::size_t>(k);
-      f[i] = static_cast<float>((y[i] - mean) / std::sqrt(squares + 1e-5)) * vector(norm_scale, k) +
-             vector(norm_shift, k) + at(add, row, k);
-      result.sum.push_back(f[i]);
-    }
+    normalized(hidden, f);
+    for (int k = 0; k < h; ++k) result.sum.push_back(f[static_cast<std::size_t>(k)] += at(add, row, k));
     for (int j = 0; j < 2; ++j) {
       Numbers out = product(3 + j, f);
       for (int k = 0; k < h; ++k) result.out[j].push_back(out[static_cast<std::size_t>(k)] + vector(out_bias0 + j, k));
@@ -333,6 +337,78 @@ TEST(WideRows, ManyRowsInLargerTilesAndADecoder) {
   expect_near(actual.sum, expected.sum, 3e-3, "sum");
   expect_near(actual.decoded, expected.decoded, 1e-2, "decoded");
   EXPECT_EQ(run_on_gpu(c).decoded, actual.decoded) << "the same every time";
+}
+
+/// An encoder: features of one and of two tiles, what a type adds, and outlooks with positions in cells.
+TEST(WideRows, FeaturesAndPositionsAreThoseOfTheHost) {
+  GRAUPEL_NEEDS_GPU();
+  for (const int width : {28, 61}) {
+    constexpr int64_t rows = 37;
+    Case c(Gather::features, rows, false);
+    Draws draws(9);
+    const Numbers features = draws.numbers(rows * width, 1), first = draws.numbers(h * width, 0.3),
+                  position = draws.numbers(3 * rows, 1, 1), offset_weight = draws.numbers(2 * 3 * h, 1);
+    const int operands = feature_tiles(width);
+    std::vector<uint16_t> packed(static_cast<std::size_t>(operands + 3) * tile_numbers);
+    pack_feature_tiles(first.data(), width, width, packed.data());
+    for (int t = 0; t < 3; ++t)
+      pack_wide_tile(c.matrices.data() + (2 + t) * h * h, h, h, packed.data() + (operands + t) * tile_numbers);
+    const auto tiles = on_gpu(packed);
+    const auto x = on_gpu(features), vectors = on_gpu(c.vectors), addend = on_gpu(c.addend), at = on_gpu(position),
+               axes = on_gpu(offset_weight);
+    const auto addend_row = on_gpu(c.addend_row), range = on_gpu(c.range);
+    Buffer<float> sum(Device::cuda, c.add.size());
+    Buffer<uint16_t> out0(Device::cuda, c.add.size()), out1(Device::cuda, c.add.size());
+    Buffer<uint32_t> done(Device::cuda, 1);
+    done.fill_zero();
+    WideNetwork n{};
+    n.range = range.data();
+    n.most_rows = rows;
+    n.gather = Gather::features;
+    n.rows32 = x.data();
+    n.width = width;
+    n.operands = operands;
+    n.addend = addend.data();
+    n.addend_row = addend_row.data();
+    n.tiles = tiles.data();
+    n.vectors = vectors.data();
+    n.sum32 = sum.data();
+    n.outlooks = 2;
+    n.out[0] = out0.data();
+    n.out[1] = out1.data();
+    n.offset = {at.data(), {0.1, 0.2, 0.3}, 1 / 0.035, axes.data()};
+    const auto networks = on_gpu(std::vector<WideNetwork>{n});
+    run_networks({networks.data(), 1, done.data(), nullptr, nullptr}, rows, nullptr);
+
+    Case::Result expected;
+    for (int64_t row = 0; row < rows; ++row) {
+      Numbers hidden(h), f(h);
+      for (int k = 0; k < h; ++k) {
+        float before = c.vector(bias1, k) + Case::at(c.addend, c.addend_row[static_cast<std::size_t>(3 + row)], k);
+        for (int i = 0; i < width; ++i)
+          before +=
+              first[static_cast<std::size_t>(k * width + i)] * features[static_cast<std::size_t>(row * width + i)];
+        hidden[static_cast<std::size_t>(k)] = activated(before);
+      }
+      c.normalized(hidden, f);
+      expected.sum.insert(expected.sum.end(), f.begin(), f.end());
+      for (int j = 0; j < 2; ++j) {
+        Numbers out = c.product(3 + j, f);
+        for (int k = 0; k < h; ++k) {
+          float value = out[static_cast<std::size_t>(k)] + c.vector(out_bias0 + j, k);
+          for (int d = 0; d < 3; ++d) {
+            const double u =
+                (static_cast<double>(position[static_cast<std::size_t>(3 * row + d)]) - 0.1 * (d + 1)) / 0.035 - 0.5;
+            value += static_cast<float>(u - std::floor(u)) * Case::at(offset_weight, 3 * j + d, k);
+          }
+          expected.out[j].push_back(value);
+        }
+      }
+    }
+    expect_near(sum.download(), expected.sum, 3e-3, std::to_string(width));
+    expect_near(numbers(out0.download()), expected.out[0], 1e-2, std::to_string(width));
+    expect_near(numbers(out1.download()), expected.out[1], 1e-2, std::to_string(width));
+  }
 }
 
 TEST(WideRows, DoesNothingWhereTheGridHasOverflowed) {

@@ -134,13 +134,13 @@ TEST(ActivatedSums, AreThoseOfTheFormula) {
     Buffer<float> with_table(Device::cpu, w), without(Device::cpu, w);
     clear_row(without.data(), width);
     sum_activated(width, 5, item, base.data(), with_table.data());
-    add_activated(width, 2, item, base.data(), without.data());
+    add_activated(width, 2, item, without.data());
     add_activated(
-        width, 3, [&](int i) { return item(2 + i); }, base.data(), without.data());
+        width, 3, [&](int i) { return item(2 + i); }, without.data());
     for (std::size_t c = 0; c < w; ++c) {
       double both = 0, alone = 0;
       for (std::size_t i = 0; i < 5; ++i) {
-        const double x = static_cast<double>(rows[i * w + c]) + base[c], t = x + table[i * w + c];
+        const double x = static_cast<double>(rows[i * w + c]) + table[i * w + c], t = x + base[c];
         both += weight[i] * (t > 0 ? t : 0.01 * t);
         alone += weight[i] * (x > 0 ? x : 0.01 * x);
       }
