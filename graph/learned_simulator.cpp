@@ -164,7 +164,8 @@ Trajectory LearnedSimulator::rollout_on_gpu(const Scene& scene, const Surroundin
                                             const std::vector<std::vector<Vec3f>>& start,
                                             const RolloutOptions& options) const {
   CudaSimulator& simulator = gpu_simulator();
-  simulator.start(scene, surroundings, particle_type, start, options.project, options.density_limit);
+  simulator.start(scene, surroundings, particle_type, start, options.project, options.density_limit,
+                  options.free_flight);
   Trajectory trajectory = empty_trajectory(scene, particle_type, weights_->file);
   std::vector<Vec3f> before = start.back();
   trajectory.frames.push_back(make_frame(0, scene.frame_time, start[start.size() - 2], before));
@@ -189,7 +190,7 @@ std::vector<Vec3f> LearnedSimulator::one_step_on_gpu(const Scene& scene, const S
                                                      const std::vector<std::vector<Vec3f>>& positions) const {
   check_gpu(*weights_);
   CudaSimulator& simulator = gpu_simulator();
-  simulator.start(scene, surroundings, particle_type, positions, false, 0);
+  simulator.start(scene, surroundings, particle_type, positions, false, 0, false);
   return simulator.accelerations();
 }
 #else

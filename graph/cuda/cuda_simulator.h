@@ -24,10 +24,10 @@ class CudaSimulator {
   explicit CudaSimulator(const nn::Weights& weights);
   ~CudaSimulator();
 
-  /// A rollout from history + 1 positions, newest last, with LearnedSimulator's `project` and `density_limit`. `scene`
-  /// and `surroundings` must live as long as it runs.
+  /// A rollout from history + 1 positions, newest last, with LearnedSimulator's `project`, `density_limit` and
+  /// `free_flight`. `scene` and `surroundings` must live as long as it runs.
   void start(const Scene& scene, const Surroundings& surroundings, const std::vector<int32_t>& particle_type,
-             const std::vector<std::vector<Vec3f>>& positions, bool project, double density_limit);
+             const std::vector<std::vector<Vec3f>>& positions, bool project, double density_limit, bool free_flight);
   /// Predicts the next frame; false when it has diverged (step_frame) or a particle has left the domain's surroundings.
   bool advance();
   /// Accelerations of the newest frame [m/frame^2], without moving.
