@@ -7,11 +7,9 @@
 #include "core/cuda_check.h"
 #include "core/error.h"
 #include "core/parallel_for_in.h"
-#include "graph/cuda/frame_network.h"
+#include "graph/cuda/frame_model.h"
 #include "graph/density_projection.h"
 #include "graph/free_flight.h"
-#include "graph/grid_builder.h"
-#include "graph/hierarchical_graph_network.h"
 #include "graph/normalization.h"
 #include "graph/rest_density.h"
 
@@ -116,27 +114,17 @@ struct FinishFrame {
   }
 };
 
-HgnConfig checked_config(const nn::Weights& weights) {
-  static_cast<void>(HierarchicalGraphNetwork(weights));  // its errors
-  if (!cuda_available()) throw ConfigError("device 'cuda' is not usable (no GPU). Use --device cpu");
-  return HgnConfig::from_metadata(weights.metadata, weights.file);
-}
-
 enum Mark { begin, features_done, hierarchy_done, network_done, end, marks };
 
 }  // namespace
 
-/// A frame is launched once, into a graph, with room for more cells than there are; a frame that needs more asks for a
-/// new graph. The host waits once a frame.
+/// A frame is launched once, into a graph, with room for a larger network's graph than there is; a frame that needs
+/// more asks for a new one. The host waits once a frame.
 struct CudaSimulator::Impl {
   explicit Impl(const nn::Weights& file)
-      : config(checked_config(file)),
-        normalization(read_normalization(file)),
-        network(make_frame_network(config, file)),
-        builder(Device::cuda, config.spacing, static_cast<int>(config.levels), /*margin=*/3,
-                config.aggregation == Aggregation::messages) {
-    for (cudaStream_t* one : {&stream, &grid_stream, &group_stream}) GRAUPEL_CUDA_CHECK(cudaStreamCreate(one));
-    for (cudaEvent_t* event : {&begun, &grid_there, &groups_there})
+      : model(make_frame_model(file)), config(model->feature_config()), normalization(read_normalization(file)) {
+    for (cudaStream_t* one : {&stream, &group_stream}) GRAUPEL_CUDA_CHECK(cudaStreamCreate(one));
+    for (cudaEvent_t* event : {&begun, &groups_there})
       GRAUPEL_CUDA_CHECK(cudaEventCreateWithFlags(event, cudaEventDisableTiming));
     GRAUPEL_CUDA_CHECK(cudaMallocHost(&seen, sizeof(FrameStatus)));
     for (cudaEvent_t& event : events) GRAUPEL_CUDA_CHECK(cudaEventCreate(&event));
@@ -144,9 +132,9 @@ struct CudaSimulator::Impl {
   ~Impl() {
     drop_graph();
     for (cudaEvent_t event : events) cudaEventDestroy(event);
-    for (cudaEvent_t event : {begun, grid_there, groups_there}) cudaEventDestroy(event);
+    for (cudaEvent_t event : {begun, groups_there}) cudaEventDestroy(event);
     cudaFreeHost(seen);
-    for (cudaStream_t one : {group_stream, grid_stream, stream}) cudaStreamDestroy(one);
+    for (cudaStream_t one : {group_stream, stream}) cudaStreamDestroy(one);
   }
   Impl(const Impl&) = delete;
   Impl& operator=(const Impl&) = delete;
@@ -163,19 +151,17 @@ struct CudaSimulator::Impl {
     if (graph) cudaGraphExecDestroy(graph);
     graph = nullptr;
   }
-  void launch_grid();
+  void launch_graph();
   void launch_network();
   void launch_frame();
   bool make_room();
   void record_frame();
 
-  HgnConfig config;
+  std::unique_ptr<FrameModel> model;
+  FeatureConfig config;
   Normalization normalization;
-  std::unique_ptr<FrameNetwork> network;
-  GridBuilder builder;
-  LevelRoom room;
-  cudaStream_t stream = nullptr, grid_stream = nullptr, group_stream = nullptr;
-  cudaEvent_t begun = nullptr, grid_there = nullptr, groups_there = nullptr;
+  cudaStream_t stream = nullptr, group_stream = nullptr;
+  cudaEvent_t begun = nullptr, groups_there = nullptr;
   cudaGraphExec_t graph = nullptr;
   cudaEvent_t events[marks] = {};
   bool recording = false;
@@ -187,80 +173,68 @@ struct CudaSimulator::Impl {
   Buffer<Vec3f> ring{Device::cuda, 0};  ///< [history + 2, particles]
   Buffer<FrameStatus> status{Device::cuda, 1};
   FrameStatus* seen = nullptr;  ///< the status on the host
-  /// The last two frames; the one to come, until it is one.
-  Buffer<Vec3f> before{Device::cuda, 0}, now{Device::cuda, 0}, next{Device::cuda, 0};
+  /// The frame before the newest, which the model has; the one to come, until it is one.
+  Buffer<Vec3f> before{Device::cuda, 0}, next{Device::cuda, 0};
   std::optional<FreeFlight> flight;
   std::optional<DensityProjection> density;
-  Buffer<int32_t> type_row{Device::cuda, 0};
-  Buffer<float> features{Device::cuda, 0};
 };
 
-/// Features and, beside what follows in the stream, the grid of the newest frame and the groups of what flies.
-void CudaSimulator::Impl::launch_grid() {
+/// Features and, beside what follows in the stream, the network's graph of the newest frame and the groups of what
+/// flies.
+void CudaSimulator::Impl::launch_graph() {
   mark(begin);
-  GRAUPEL_CUDA_CHECK(cudaEventRecord(begun, stream));
-  GRAUPEL_CUDA_CHECK(cudaStreamWaitEvent(grid_stream, begun, 0));
-  builder.build(now.data(), grid_stream, /*with_counts=*/!recording);
   if (flight) {
+    GRAUPEL_CUDA_CHECK(cudaEventRecord(begun, stream));
     GRAUPEL_CUDA_CHECK(cudaStreamWaitEvent(group_stream, begun, 0));
-    flight->find_groups(before.data(), now.data(), group_stream);
+    flight->find_groups(before.data(), model->position(), group_stream);
     GRAUPEL_CUDA_CHECK(cudaEventRecord(groups_there, group_stream));
   }
+  model->launch_graph(stream, /*with_counts=*/!recording);
   parallel_for_in(stream, Device::cuda, feature_parts_of_row * particles,
                   WriteFeatures{FeatureRules(config, normalization), surroundings->view(Device::cuda), frame_ring(),
-                                features.data()});
+                                model->features()});
   mark(features_done);
 }
 
 void CudaSimulator::Impl::launch_network() {
-  network->follow_grid(grid_stream);
-  GRAUPEL_CUDA_CHECK(cudaEventRecord(grid_there, grid_stream));
-  network->launch(stream, [&] {
-    GRAUPEL_CUDA_CHECK(cudaStreamWaitEvent(stream, grid_there, 0));
-    mark(hierarchy_done);
-  });
+  model->launch(stream, [&] { mark(hierarchy_done); });
   if (flight) GRAUPEL_CUDA_CHECK(cudaStreamWaitEvent(stream, groups_there, 0));
   mark(network_done);
 }
 
 void CudaSimulator::Impl::launch_frame() {
-  launch_grid();
+  launch_graph();
   launch_network();
   const Vec3d& size = scene->domain.size;
   const auto limit = static_cast<float>(std::max({size[0], size[1], size[2]}));
   const FrameRing frames = frame_ring();
   const WayFollower way = surroundings->way_follower(Device::cuda);
   parallel_for_in(stream, Device::cuda, particles,
-                  StepParticles{normalization, network->output(), before.data(), now.data(), limit, network->fault(),
+                  StepParticles{normalization, model->output(), before.data(), model->position(), limit, model->fault(),
                                 status.data(), next.data()});
-  if (flight) flight->correct(before.data(), now.data(), next.data(), stream);
-  PushParticles push{way, project, frames, now.data(), next.data()};
+  if (flight) flight->correct(before.data(), model->position(), next.data(), stream);
+  PushParticles push{way, project, frames, model->position(), next.data()};
   if (density) {
     parallel_for_in(stream, Device::cuda, particles, push);
     density->apply(next.data(), particles, stream);
     push.from = nullptr;
   }
-  parallel_for_in(stream, Device::cuda, particles, PushLast{push, network->fault(), before.data(), now.data()});
-  parallel_for_in(stream, Device::cuda, 1, FinishFrame{frames.count, network->fault(), status.data(), seen});
+  parallel_for_in(stream, Device::cuda, particles, PushLast{push, model->fault(), before.data(), model->position()});
+  parallel_for_in(stream, Device::cuda, 1, FinishFrame{frames.count, model->fault(), status.data(), seen});
   mark(end);
 }
 
-/// Room for the cells of the newest frame; false when a particle is outside the grid's box.
+/// Room for the graph of the newest frame; false when a particle is outside what it can hold.
 bool CudaSimulator::Impl::make_room() {
-  launch_grid();
-  const GridCounts counts = builder.counts(grid_stream);
-  if (counts.overflow) return false;
-  if (room.holds(counts)) return true;
-  drop_graph();
-  room = LevelRoom::for_counts(counts);
-  network->prepare(
-      {particles, features.data(), type_row.data(), now.data(), surroundings->wall_low, builder.links(), room});
-  return true;
+  launch_graph();
+  const FrameModel::Room room = model->make_room();
+  if (room == FrameModel::Room::moved) drop_graph();
+  return room != FrameModel::Room::none;
 }
 
 /// The graph of a frame. The network runs once before, so that all memory is there.
 void CudaSimulator::Impl::record_frame() {
-  network->reset();
+  model->reuse_memory();
   launch_network();
   if (density) {  // begins each recording without pressure, so that a rollout is the same every time
     next.upload(std::vector<Vec3f>(static_cast<std::size_t>(particles), Vec3f::filled(NAN)));
@@ -269,7 +243,7 @@ void CudaSimulator::Impl::record_frame() {
     density->restart();
   }
   wait();
-  network->reset();
+  model->reuse_memory();
   recording = true;
   cudaGraph_t captured = nullptr;
   GRAUPEL_CUDA_CHECK(cudaStreamBeginCapture(stream, cudaStreamCaptureModeThreadLocal));
@@ -288,7 +262,6 @@ void CudaSimulator::start(const Scene& scene, const Surroundings& surroundings,
                           bool project, double density_limit, bool free_flight) {
   Impl& impl = *impl_;
   impl.drop_graph();
-  impl.room = {};
   impl.scene = &scene;
   impl.surroundings = &surroundings;
   impl.project = project;
@@ -297,7 +270,6 @@ void CudaSimulator::start(const Scene& scene, const Surroundings& surroundings,
   GRAUPEL_ASSERT(positions.size() >= frames);
   std::vector<int32_t> rows;
   for (const int32_t type : particle_type) rows.push_back(embedding_row(type));
-  impl.type_row.upload(rows);
   std::vector<Vec3f> all;
   for (std::size_t t = positions.size() - frames; t < positions.size(); ++t) {
     GRAUPEL_ASSERT(positions[t].size() == particle_type.size());
@@ -307,18 +279,16 @@ void CudaSimulator::start(const Scene& scene, const Surroundings& surroundings,
   impl.ring.upload(all);
   impl.status.upload({{static_cast<int32_t>(frames) - 1, 0, 0}});
   *impl.seen = {static_cast<int32_t>(frames) - 1, 0, 0};
-  const FeatureRules rules(impl.config, impl.normalization);
-  impl.features.resize_discard(particle_type.size() * static_cast<std::size_t>(rules.width));
+  impl.model->start(surroundings, rows, impl.stream);
   impl.before.upload(positions[positions.size() - 2]);
-  impl.now.upload(positions.back());
+  device_copy(Device::cuda, impl.model->position(), Device::cpu, positions.back().data(),
+              positions.back().size() * sizeof(Vec3f));
   impl.next.resize_discard(particle_type.size());
   impl.flight.reset();
   if (free_flight) impl.flight.emplace(Device::cuda, scene, surroundings, particle_type);
   impl.density.reset();
-  const double spacing = impl.config.spacing, rest = rest_density(scene, positions.back(), spacing);
+  const double spacing = impl.model->spacing(), rest = rest_density(scene, positions.back(), spacing);
   if (density_limit * rest > 0) impl.density.emplace(Device::cuda, surroundings, density_limit * rest, spacing);
-  impl.builder.prepare({{surroundings.wall_low, surroundings.wall_low, surroundings.wall_high, impl.particles}},
-                       impl.stream);
   impl.wait();
 }
 
@@ -340,11 +310,11 @@ std::vector<Vec3f> CudaSimulator::accelerations() {
   Impl& impl = *impl_;
   if (!impl.make_room())
     throw InputError("a particle lies outside the domain of its scene by more than three cells of the network's grid");
-  impl.network->reset();
+  impl.model->reuse_memory();
   impl.launch_network();
   impl.wait();
   std::vector<float> output(3 * static_cast<std::size_t>(impl.particles));
-  device_copy(Device::cpu, output.data(), Device::cuda, impl.network->output(), output.size() * sizeof(float));
+  device_copy(Device::cpu, output.data(), Device::cuda, impl.model->output(), output.size() * sizeof(float));
   std::vector<Vec3f> acceleration(static_cast<std::size_t>(impl.particles));
   for (std::size_t i = 0; i < acceleration.size(); ++i)
     acceleration[i] = acceleration_of(impl.normalization, output.data() + 3 * i);

@@ -1,5 +1,5 @@
-// Rollouts of the hierarchical graph network on a GPU: features, grid, network and projection run there, and the
-// positions stay there. The function is that of LearnedSimulator on the CPU, with matrix products in bf16.
+// Rollouts of graph networks on a GPU: features, graph, network and projection run there, and the positions stay
+// there. The function is that of LearnedSimulator on the CPU, with matrix products in bf16.
 #pragma once
 
 #include <cstdint>
@@ -12,7 +12,7 @@
 
 namespace graupel::graph {
 
-/// Milliseconds of one frame on the GPU. The encoder runs beside the making of the hierarchy and counts there.
+/// Milliseconds of one frame on the GPU. HGN's encoder runs beside the making of the hierarchy and counts there.
 struct CudaFrameTime {
   double features = 0, hierarchy = 0, network = 0, projection = 0;
   double total() const { return features + hierarchy + network + projection; }

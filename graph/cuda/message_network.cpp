@@ -7,7 +7,7 @@ MessageNetwork::MessageNetwork(const HgnConfig& config, const nn::Weights& weigh
   network_.refresh(nullptr);
 }
 
-void MessageNetwork::prepare(const FrameInputs& inputs) {
+void MessageNetwork::prepare(const GridInputs& inputs) {
   inputs_ = inputs;
   places_.prepare(inputs.room);
   output_.resize_discard(static_cast<std::size_t>(3 * inputs.particles));

@@ -3,16 +3,16 @@
 
 #include "core/buffer.h"
 #include "graph/cuda/device_weights.h"
-#include "graph/cuda/frame_network.h"
+#include "graph/cuda/grid_network.h"
 #include "graph/cuda/hgn_passes.h"
 #include "graph/cuda/row_arena.h"
 
 namespace graupel::graph {
 
-class MessageNetwork : public FrameNetwork {
+class MessageNetwork : public GridNetwork {
  public:
   MessageNetwork(const HgnConfig& config, const nn::Weights& weights);
-  void prepare(const FrameInputs& inputs) override;
+  void prepare(const GridInputs& inputs) override;
   void reset() override { arena_.reset(); }
   void follow_grid(void* grid_stream) override;
   void launch(void* stream, const std::function<void()>& grid_ready) override;
@@ -24,7 +24,7 @@ class MessageNetwork : public FrameNetwork {
 
   DeviceWeights weights_;
   PackedHgn network_;
-  FrameInputs inputs_;
+  GridInputs inputs_;
   LevelPlaces places_{Device::cuda};
   RowArena arena_;
   HgnRecord record_;

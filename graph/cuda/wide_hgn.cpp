@@ -222,7 +222,7 @@ WideHgn::WideHgn(const HgnConfig& config, const nn::Weights& weights) : config_(
   GRAUPEL_ASSERT(plan_.size() <= most_networks);
 }
 
-void WideHgn::prepare(const FrameInputs& inputs) {
+void WideHgn::prepare(const GridInputs& inputs) {
   const auto levels = static_cast<std::size_t>(config_.levels);
   const int64_t n = inputs.particles;
   particles_ = n;

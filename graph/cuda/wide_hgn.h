@@ -7,12 +7,12 @@
 #include <vector>
 
 #include "core/buffer.h"
-#include "graph/cuda/frame_network.h"
+#include "graph/cuda/grid_network.h"
 #include "graph/cuda/wide_rows.h"
 
 namespace graupel::graph {
 
-class WideHgn : public FrameNetwork {
+class WideHgn : public GridNetwork {
  public:
   /// Whether the kernels exist for such a network: width 128, few enough features.
   static bool fits(const HgnConfig& config);
@@ -21,7 +21,7 @@ class WideHgn : public FrameNetwork {
   WideHgn(const WideHgn&) = delete;
   WideHgn& operator=(const WideHgn&) = delete;
 
-  void prepare(const FrameInputs& inputs) override;
+  void prepare(const GridInputs& inputs) override;
   void follow_grid(void* grid_stream) override;
   void launch(void* stream, const std::function<void()>& grid_ready) override;
   const float* output() const override { return output_.data(); }

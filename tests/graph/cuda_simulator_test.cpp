@@ -108,6 +108,7 @@ TEST_P(CudaSimulatorTest, RolloutsFollowThoseOfTheCpu) {
   for (const double density_limit : {0.0, 1.0}) {
     LearnedSimulator::RolloutOptions options;
     options.frames = 8;
+    options.free_flight = false;
     options.density_limit = density_limit;
     const Trajectory expected = simulator.rollout(c.scene, surroundings, c.type, c.history, options);
     options.device = Device::cuda;
@@ -140,6 +141,7 @@ TEST_P(CudaSimulatorTest, RolloutsGoOnWhereMatterSpreads) {
   const LearnedSimulator simulator = make(wide_config(GetParam()));
   LearnedSimulator::RolloutOptions options;
   options.frames = 10;
+  options.free_flight = false;
   options.density_limit = 0;
   const Trajectory expected = simulator.rollout(c.scene, surroundings, c.type, c.history, options);
   options.device = Device::cuda;

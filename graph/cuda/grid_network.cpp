@@ -1,4 +1,4 @@
-#include "graph/cuda/frame_network.h"
+#include "graph/cuda/grid_network.h"
 
 #include <string>
 
@@ -8,7 +8,7 @@
 
 namespace graupel::graph {
 
-std::unique_ptr<FrameNetwork> make_frame_network(const HgnConfig& config, const nn::Weights& weights) {
+std::unique_ptr<GridNetwork> make_grid_network(const HgnConfig& config, const nn::Weights& weights) {
   if (WideHgn::fits(config)) return std::make_unique<WideHgn>(config, weights);
   if (config.aggregation == Aggregation::messages && PackedHgn::fits(config))
     return std::make_unique<MessageNetwork>(config, weights);

@@ -15,7 +15,7 @@
 namespace graupel::graph {
 
 /// What a frame is predicted from, in the GPU's memory.
-struct FrameInputs {
+struct GridInputs {
   int64_t particles = 0;
   const float* features = nullptr;    ///< [particles, input_width - embedding]
   const int32_t* type_row = nullptr;  ///< [particles]
@@ -25,11 +25,11 @@ struct FrameInputs {
   LevelRoom room;  ///< frames with more cells than that are not predicted
 };
 
-class FrameNetwork {
+class GridNetwork {
  public:
-  virtual ~FrameNetwork() = default;
+  virtual ~GridNetwork() = default;
   /// Makes room; what follows reads these inputs.
-  virtual void prepare(const FrameInputs& inputs) = 0;
+  virtual void prepare(const GridInputs& inputs) = 0;
   /// Before each further launch(), and outside of a recording.
   virtual void reset() {}
   /// What the grid's stream does after the grid was built.
@@ -43,6 +43,6 @@ class FrameNetwork {
 };
 
 /// The one that the weights ask for. Throws ConfigError where there is none.
-std::unique_ptr<FrameNetwork> make_frame_network(const HgnConfig& config, const nn::Weights& weights);
+std::unique_ptr<GridNetwork> make_grid_network(const HgnConfig& config, const nn::Weights& weights);
 
 }  // namespace graupel::graph
