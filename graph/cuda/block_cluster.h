@@ -21,13 +21,33 @@ struct ScanMemory {
   int32_t total;
 };
 
-__device__ inline int thread_of(const groups::cluster_group& cluster) {
+/// The cluster of the calling block. Kernels are compiled for older GPUs too, which can_launch() keeps them from.
+struct Group {
+#if !defined(__CUDA_ARCH__) || __CUDA_ARCH__ >= 900
+  __device__ unsigned block_rank() const { return groups::this_cluster().block_rank(); }
+  __device__ void sync() const { groups::this_cluster().sync(); }
+  /// Where block `rank` has what lies at `here` in this block's shared memory.
+  template <typename T>
+  __device__ T* map_shared_rank(T* here, unsigned rank) const {
+    return groups::this_cluster().map_shared_rank(here, rank);
+  }
+#else
+  __device__ unsigned block_rank() const { return 0; }
+  __device__ void sync() const {}
+  template <typename T>
+  __device__ T* map_shared_rank(T* here, unsigned) const {
+    return here;
+  }
+#endif
+};
+
+__device__ inline int thread_of(const Group& cluster) {
   return static_cast<int>(cluster.block_rank()) * block_threads + static_cast<int>(threadIdx.x);
 }
 
 /// The sum of the counts of all threads before this one. Synchronizes the cluster; another call, or the end of a block,
 /// needs one more in between.
-__device__ inline int32_t sum_before(const groups::cluster_group& cluster, ScanMemory& memory, int32_t count) {
+__device__ inline int32_t sum_before(const Group& cluster, ScanMemory& memory, int32_t count) {
   int32_t before = 0, total = 0;
   Scan(memory.scan).ExclusiveSum(count, before, total);
   if (threadIdx.x == 0) memory.total = total;

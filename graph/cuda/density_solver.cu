@@ -28,7 +28,7 @@ struct HeldCell {
 class Solver {
  public:
   __device__ Solver(const DensitySystem& system, Shared& shared)
-      : s_(system), shared_(shared), cluster_(groups::this_cluster()), thread_(thread_of(cluster_)) {}
+      : s_(system), shared_(shared), thread_(thread_of(cluster_)) {}
 
   __device__ void run() {
     drop_pressure();
@@ -186,7 +186,7 @@ class Solver {
 
   const DensitySystem& s_;
   Shared& shared_;
-  groups::cluster_group cluster_;
+  Group cluster_;
   int thread_;
 };
 

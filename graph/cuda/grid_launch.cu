@@ -13,8 +13,7 @@ constexpr int64_t most_particles = 16384, most_words = 16384;
 
 /// sums[i] = value(0) + .. + value(i - 1), i <= n; the cluster is synchronized before it returns.
 template <typename Value>
-__device__ void running_sums(const groups::cluster_group& group, ScanMemory& memory, int64_t n, const Value& value,
-                             int32_t* sums) {
+__device__ void running_sums(const Group& group, ScanMemory& memory, int64_t n, const Value& value, int32_t* sums) {
   const int64_t each = n / all_threads + 1, first = thread_of(group) * each;
   const int64_t last = first + each < n ? first + each : n;
   int32_t count = 0;
@@ -30,7 +29,7 @@ __device__ void running_sums(const groups::cluster_group& group, ScanMemory& mem
 
 __global__ void __launch_bounds__(block_threads) build_kernel(GridProgram p) {
   __shared__ ScanMemory memory;
-  const groups::cluster_group group = groups::this_cluster();
+  const Group group;
   const auto for_all = [&](int64_t n, const auto& body) {
     for (int64_t i = thread_of(group); i < n; i += all_threads) body(i);
     group.sync();
