@@ -20,7 +20,7 @@ class FusedNetwork : private graph::RowMemory {
   FusedNetwork(const graph::HgnConfig& config, const ParameterLayout& layout, const at::Tensor& flat,
                const at::Tensor& gradient);
 
-  /// Normalised accelerations [particles, 3]; keeps what backward() needs until the next call.
+  /// Normalised accelerations [particles, 3 k]; keeps what backward() needs until the next call.
   at::Tensor forward(const DeviceBatch& batch);
   /// Writes the gradient of every weight; `grad` is the gradient of forward()'s result.
   void backward(const DeviceBatch& batch, const at::Tensor& grad);

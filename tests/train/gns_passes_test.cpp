@@ -51,7 +51,7 @@ Cloud random_cloud(const graph::GnsConfig& config, uint64_t seed, int particles,
     cloud.scene.type_row.push_back(graph::embedding_row(cloud.type.back()));
   }
   const int64_t width = config.input_width() - config.embedding, moving = particles - obstacles;
-  for (int64_t i = 0; i < particles * width + 3 * moving; ++i) {
+  for (int64_t i = 0; i < particles * width + config.output_width() * moving; ++i) {
     double a, b;
     random.normal(1000000 + static_cast<uint64_t>(i), 0, a, b);
     (i < particles * width ? cloud.scene.features : cloud.scene.target).push_back(static_cast<float>(a));
@@ -89,7 +89,7 @@ void expect_parity(const graph::GnsConfig& config, int particles, int obstacles)
     const Cloud cloud = random_cloud(config, 3, particles, 0.3, obstacles);
     const std::vector<float> expected = engine.forward(cloud.scene.features, cloud.type, cloud.position);
     const Batch batch = concatenate({cloud.scene});
-    const auto count = static_cast<std::size_t>(3 * (particles - obstacles));
+    const auto count = static_cast<std::size_t>(config.output_width() * (particles - obstacles));
     expect_close(expected, module.predict(batch, StateArray::weights), count);
     for (const graph::FirstLayers first_layers : {graph::FirstLayers::whole, graph::FirstLayers::split})
       expect_close(expected, module.time_prediction(batch, StateArray::weights, first_layers, 0, 1).accelerations,
@@ -112,6 +112,7 @@ TEST(GnsPasses, AgreeWithTheInferenceEngineInOtherForms) {
   config.leaky_slope = 0.2;
   config.hidden_layers = 3;
   config.signed_distance = true;
+  config.bundle = 3;
   expect_parity(config, 200, 70);
 }
 
@@ -155,6 +156,7 @@ TEST(GnsPasses, GradientAgreesWithFiniteDifferences) {
   }
   config.latent = 9;
   config.message_passing = 1;
+  config.bundle = 2;
   check_gradient(config, two_scenes(config), 1);
 }
 
@@ -322,7 +324,8 @@ TEST(GnsTraining, TwentyStepsEqualTenAndResumedTen) {
   TrainingOptions whole = tiny_options(folder + "/whole");
   whole.config.gns.obstacle_particles = true;
   whole.config.gns.obstacle_spacing = 0.03;
-  train_network(whole);
+  whole.config.gns.bundle = 2;
+  EXPECT_TRUE(std::isfinite(train_network(whole).validation->rollout_mse));
   TrainingOptions parts = whole;
   parts.run = folder + "/parts";
   parts.stop_step = 10;
@@ -332,6 +335,7 @@ TEST(GnsTraining, TwentyStepsEqualTenAndResumedTen) {
   parts.config = read_run_config(parts.run);
   EXPECT_EQ(parts.config.architecture, Architecture::gns);
   EXPECT_TRUE(parts.config.gns.obstacle_particles);
+  EXPECT_EQ(parts.config.gns.bundle, 2);
   EXPECT_EQ(train_network(parts).reason, StopReason::finished);
   for (const StateArray array : all_state_arrays) {
     const std::string file = std::string("/checkpoints/step-00000020/") + name_of(array) + ".safetensors";
