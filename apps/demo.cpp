@@ -30,7 +30,7 @@ void add_reduced_model(const DemoOptions& options, CompareOptions& compare) {
 }
 
 void demo(const DemoOptions& options) {
-  const fs::path weights = fs::path(options.models) / "hgn-small.safetensors";
+  const fs::path weights = fs::path(options.models) / "hgn.safetensors";
   if (!fs::exists(weights))
     throw InputError("'" + weights.string() +
                      "' is not there. Run the demo in the repository's root, or name the folder with --models");

@@ -146,22 +146,31 @@ struct Spread {
   const Vec3f* position;
   uint64_t unit;  ///< mass of a particle
   uint32_t *mass, *words;
+  bool alone;  ///< one thread spreads all
   GRAUPEL_HD void operator()(int64_t p) const {
     Vec3i cell;
     Vec3d at;
     if (!cells.locate(position[p], cell, at)) return;
-    constexpr uint32_t one = 1u << place_bits;
-    uint32_t place[3];
-    for (int d = 0; d < 3; ++d) place[d] = static_cast<uint32_t>(std::floor(at[d] * one + 0.5));
+    constexpr uint64_t one = 1u << place_bits;
+    uint64_t weight[3][2];
+    for (int d = 0; d < 3; ++d) {
+      weight[d][1] = static_cast<uint64_t>(std::floor(at[d] * static_cast<double>(one) + 0.5));
+      weight[d][0] = one - weight[d][1];
+    }
     const int32_t base = cells.number(cell);
     for (int k = 0; k < corners; ++k) {
-      uint64_t weight = unit;
-      for (int d = 0; d < 3; ++d) weight *= k >> d & 1 ? place[d] : one - place[d];
-      weight >>= 3 * place_bits;  // downwards, so that the rounding of matter at rest is no excess
-      if (weight == 0) continue;
-      if (add_to(mass[cells.corner(base, k)], static_cast<uint32_t>(weight)) == 0)
-        set_bit(words, cells.bit_of(grid::corner_of(cell, k)));
+      // Downwards, so that the rounding of matter at rest is no excess.
+      const auto share = static_cast<uint32_t>(
+          (unit * (weight[0][k & 1] * weight[1][k >> 1 & 1]) * weight[2][k >> 2 & 1]) >> 3 * place_bits);
+      if (share == 0) continue;
+      if (add(mass[cells.corner(base, k)], share) == 0) set_bit(words, cells.bit_of(grid::corner_of(cell, k)));
     }
+  }
+  GRAUPEL_HD uint32_t add(uint32_t& sum, uint32_t value) const {
+    if (!alone) return add_to(sum, value);
+    const uint32_t before = sum;
+    sum += value;
+    return before;
   }
 };
 

@@ -15,6 +15,7 @@ using namespace density;
 namespace {
 
 constexpr Grain light{.items = 2048};
+constexpr int64_t few_particles = 16384;
 constexpr int64_t most_cells = int64_t{1} << 23;  ///< of a lattice
 constexpr int border = 2;                         ///< [cells] around the walls
 /// From the last frame's pressure, as good as 40 sweeps of relaxation 1 from none.
@@ -78,6 +79,7 @@ class DensityProjection::Lattice {
 
   void apply(Vec3f* position, int64_t n, void* stream) {
     find_cells(position, n, stream);
+    if (device_ == Device::cpu && at_rest()) return;
     solve(stream);
     parallel_for_in(stream, device_, n, MoveParticle{cells_, shares_.data(), pressure_.data(), position});
   }
@@ -91,7 +93,10 @@ class DensityProjection::Lattice {
       restart();
     }
     const auto words = static_cast<int64_t>(words_.size());
-    parallel_for_in(stream, device_, n, Spread{cells_, position, unit_, mass_.data(), words_.data()});
+    // A few particles are spread by one thread sooner than by several with atomic sums.
+    const bool alone = device_ == Device::cpu && n <= few_particles;
+    parallel_for_in(stream, device_, n, Spread{cells_, position, unit_, mass_.data(), words_.data(), alone},
+                    Grain{.items = alone ? few_particles : Grain().items});
     parallel_for_in(stream, device_, most_active(0) + most_active(1),
                     DropPressure{active(), mass_.data(), pressure_.data()}, light);
     parallel_for_in(stream, device_, words, grid::CountBits{words_.data(), word_count_.data()}, light);
@@ -105,6 +110,15 @@ class DensityProjection::Lattice {
       for (int color = 0; color < 2; ++color)
         parallel_for_in(stream, device_, most_active(color),
                         Sweep{active(), color, relaxation, shares_.data(), equation_.data(), pressure_.data()}, light);
+  }
+
+  /// Whether no cell has too much matter or a pressure: all pressures stay 0, and nothing moves.
+  bool at_rest() {
+    const int32_t count = active().begin(2);
+    for (int32_t k = 0; k < count; ++k)
+      if (equation_[static_cast<std::size_t>(k)].excess > 0 || pressure_[static_cast<std::size_t>(cell_[k])] > 0)
+        return false;
+    return true;
   }
 
   ActiveCells active() { return {cells_, rank_.data(), cell_.data()}; }

@@ -48,14 +48,10 @@ void check_start(const std::vector<std::vector<Vec3f>>& start, std::size_t frame
   }
 }
 
-void check_gpu(const nn::Weights& weights, const FeatureConfig& config) {
+void check_gpu(const nn::Weights& weights) {
   if (architecture_of(weights) != hgn_architecture)
     throw ConfigError("'" + weights.file + "' has no kernels for a GPU (architecture '" + architecture_of(weights) +
                       "', with kernels: '" + hgn_architecture + "'). Use --device cpu");
-  if (config.bundle > 1)
-    throw ConfigError("'" + weights.file +
-                      "' predicts several frames at once, which has no kernels for a GPU (bundle " +
-                      std::to_string(config.bundle) + ", with kernels: 1). Use --device cpu");
 }
 
 ParticleFrame make_frame(int64_t number, double frame_time, const std::vector<Vec3f>& before,
@@ -129,7 +125,7 @@ Trajectory LearnedSimulator::rollout(const Scene& scene, const Surroundings& sur
   std::vector<std::vector<Vec3f>> history(start.end() - static_cast<std::ptrdiff_t>(needed), start.end());
 
   if (options.device == Device::cuda) {
-    check_gpu(*weights_, config());
+    check_gpu(*weights_);
     return rollout_on_gpu(scene, surroundings, particle_type, start, options);
   }
   Trajectory trajectory = empty_trajectory(scene, particle_type, weights_->file);
@@ -210,7 +206,7 @@ Trajectory LearnedSimulator::rollout_on_gpu(const Scene& scene, const Surroundin
 std::vector<Vec3f> LearnedSimulator::one_step_on_gpu(const Scene& scene, const Surroundings& surroundings,
                                                      const std::vector<int32_t>& particle_type,
                                                      const std::vector<std::vector<Vec3f>>& positions) const {
-  check_gpu(*weights_, config());
+  check_gpu(*weights_);
   CudaSimulator& simulator = gpu_simulator();
   simulator.start(scene, surroundings, particle_type, positions, false, 0);
   return simulator.accelerations();

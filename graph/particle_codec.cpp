@@ -36,18 +36,23 @@ ParticleEncoder::ParticleEncoder(const nn::Weights& weights, const std::string& 
   last_ = nn::NormalizedLayer(fcn);
 }
 
-void ParticleEncoder::apply(const int32_t* order, int rows, const std::vector<float>& features,
-                            const std::vector<int32_t>& particle_type, TileScratch& scratch, float* latent) const {
+const float* ParticleEncoder::hidden(const int32_t* order, int rows, const std::vector<float>& features,
+                                     const std::vector<int32_t>& particle_type, TileScratch& scratch) const {
   for (int r = 0; r < rows; ++r)
     std::memcpy(scratch.input.data() + r * features_, features.data() + static_cast<int64_t>(order[r]) * features_,
                 sizeof(float) * static_cast<std::size_t>(features_));
   first_.apply(scratch.input.data(), features_, rows, scratch.hidden.data(), width_);
   for (int r = 0; r < rows; ++r) {
     float* hidden = scratch.hidden.data() + r * width_;
-    nn::add_row(hidden, embedding_.row(embedding_row(particle_type[static_cast<std::size_t>(order[r])])), width_);
-    nn::activate_row(hidden, width_, slope_);
+    const int type = embedding_row(particle_type[static_cast<std::size_t>(order[r])]);
+    nn::activate_sum(hidden, hidden, embedding_.row(type), width_, slope_);
   }
-  last_.apply(middle_.apply(scratch.hidden.data(), scratch.output.data(), rows), rows, latent);
+  return middle_.apply(scratch.hidden.data(), scratch.output.data(), rows);
+}
+
+void ParticleEncoder::apply(const int32_t* order, int rows, const std::vector<float>& features,
+                            const std::vector<int32_t>& particle_type, TileScratch& scratch, float* latent) const {
+  last_.apply(hidden(order, rows, features, particle_type, scratch), rows, latent);
   for (int r = 0; r < rows; ++r) last_.finish(latent + r * width_);
 }
 
@@ -64,6 +69,11 @@ ParticleDecoder::ParticleDecoder(const nn::Weights& weights, const FeatureConfig
 void ParticleDecoder::apply(const float* latent, const int32_t* order, int rows, TileScratch& scratch,
                             std::vector<float>& acceleration) const {
   first_.apply(latent, width_, rows, scratch.hidden.data(), width_);
+  after_first(order, rows, scratch, acceleration);
+}
+
+void ParticleDecoder::after_first(const int32_t* order, int rows, TileScratch& scratch,
+                                  std::vector<float>& acceleration) const {
   for (int r = 0; r < rows; ++r) nn::activate_row(scratch.hidden.data() + r * width_, width_, slope_);
   const float* hidden = middle_.apply(scratch.hidden.data(), scratch.output.data(), rows);
   float* output = hidden == scratch.hidden.data() ? scratch.output.data() : scratch.hidden.data();

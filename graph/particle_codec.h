@@ -22,6 +22,10 @@ class ParticleEncoder {
   ParticleEncoder(const nn::Weights& weights, const std::string& name, const FeatureConfig& config,
                   const FcnForm& form);
 
+  /// Activated rows in front of the last layer, in scratch; the other arguments as below.
+  const float* hidden(const int32_t* order, int rows, const std::vector<float>& features,
+                      const std::vector<int32_t>& particle_type, TileScratch& scratch) const;
+  const nn::NormalizedLayer& last() const { return last_; }
   /// Latents of particles order[0] to order[rows - 1], rows <= tile_rows, into rows of `latent`.
   void apply(const int32_t* order, int rows, const std::vector<float>& features,
              const std::vector<int32_t>& particle_type, TileScratch& scratch, float* latent) const;
@@ -40,6 +44,9 @@ class ParticleDecoder {
  public:
   ParticleDecoder(const nn::Weights& weights, const FeatureConfig& config, const FcnForm& form);
 
+  const nn::Linear& first() const { return first_; }
+  /// Row order[r] of `acceleration` from what first() made of row r, in row r of scratch.hidden.
+  void after_first(const int32_t* order, int rows, TileScratch& scratch, std::vector<float>& acceleration) const;
   /// Row order[r] of `acceleration` from row r of `latent`, rows <= tile_rows. Overwrites scratch.hidden and .output.
   void apply(const float* latent, const int32_t* order, int rows, TileScratch& scratch,
              std::vector<float>& acceleration) const;

@@ -1,5 +1,4 @@
-// A block of 32 rows and 32 outputs has its sums in four tiles of 16 x 16; two tiles of x and two of W add 32 inputs'
-// products to all four. Compiled for the units whatever the rest is compiled for: nothing but plain functions here.
+// Compiled for the units whatever the rest is compiled for: nothing but plain functions here.
 #include "nn/bf16_products.h"
 
 #include <atomic>
@@ -9,6 +8,8 @@
 #include <immintrin.h>
 #include <sys/syscall.h>
 #include <unistd.h>
+
+#include "nn/unit_tiles.h"
 #endif
 
 namespace graupel::nn {
@@ -19,26 +20,19 @@ std::atomic<bool> asked_for{false};
 
 #ifdef __AMX_BF16__
 
-constexpr int side = 16, inputs = 32, most_inputs = 512;
+constexpr int most_inputs = 512;
 
 /// The processor's units and registers, and the system's leave to use them (Linux: ARCH_REQ_XCOMP_PERM).
 bool look_for_units() {
   unsigned a = 0, b = 0, c = 0, d = 0;
   if (__get_cpuid_count(7, 0, &a, &b, &c, &d) == 0) return false;
-  const bool amx_bf16 = d >> 22 & 1, amx_tile = d >> 24 & 1, avx512f = b >> 16 & 1;
+  const bool amx_bf16 = d >> 22 & 1, amx_tile = d >> 24 & 1, avx512 = (b >> 16 & 1) && (b >> 30 & 1);  // F, BW
   if (__get_cpuid_count(7, 1, &a, &b, &c, &d) == 0) return false;
   const bool avx512_bf16 = a >> 5 & 1;
-  if (!(amx_bf16 && amx_tile && avx512f && avx512_bf16)) return false;
+  if (!(amx_bf16 && amx_tile && avx512 && avx512_bf16)) return false;
   constexpr long request_permission = 0x1023, tile_data = 18;
   return ::syscall(SYS_arch_prctl, request_permission, tile_data) == 0;
 }
-
-struct TileConfig {
-  uint8_t palette = 1, start_row = 0, reserved[14] = {};
-  uint16_t row_bytes[16] = {64, 64, 64, 64, 64, 64, 64, 64};
-  uint8_t rows[16] = {side, side, side, side, side, side, side, side};
-};
-static_assert(sizeof(TileConfig) == 64);
 
 /// Rows as bf16, [2 side][in]; rows beyond the last are 0, the second side of them only where they are needed.
 void round_rows(const float* x, int64_t x_stride, int64_t rows, int in, uint16_t* out) {
@@ -70,46 +64,19 @@ void multiply_on_units(const float* x, int64_t x_stride, int64_t rows, int in, c
                        int width, float* y, int64_t y_stride) {
   alignas(64) uint16_t rounded[2 * side * most_inputs];
   alignas(64) float last[2 * side * 2 * side];
-  alignas(64) const TileConfig config;
-  _tile_loadconfig(&config);
-  const int64_t a_tile = int64_t{side} * in, b_tile = int64_t{side} * inputs, b_column = b_tile * (in / inputs);
+  begin_tiles();
   for (int64_t first = 0; first < rows; first += 2 * side) {
     const int64_t here = rows - first < 2 * side ? rows - first : 2 * side;
     const bool two = here > side;  // tiles of rows
     round_rows(x + first * x_stride, x_stride, here, in, rounded);
     for (int o = 0; o < width; o += 2 * side) {
-      // A stride of 0 gives every row the bias.
-      _tile_loadd(0, bias + o, 0);
-      _tile_loadd(1, bias + o + side, 0);
-      if (two) {
-        _tile_loadd(2, bias + o, 0);
-        _tile_loadd(3, bias + o + side, 0);
-      }
-      const uint16_t* const b = tiles + o / side * b_column;
-      for (int k = 0; k < in / inputs; ++k) {
-        _tile_loadd(4, rounded + k * inputs, in * 2);
-        _tile_loadd(6, b + k * b_tile, 64);
-        _tile_loadd(7, b + b_column + k * b_tile, 64);
-        _tile_dpbf16ps(0, 4, 6);
-        _tile_dpbf16ps(1, 4, 7);
-        if (!two) continue;
-        _tile_loadd(5, rounded + a_tile + k * inputs, in * 2);
-        _tile_dpbf16ps(2, 5, 6);
-        _tile_dpbf16ps(3, 5, 7);
-      }
+      multiply_block(tiles, bias, rounded, in, in, o, two);
       const bool whole = here == 2 * side;
-      float* const to = whole ? y + first * y_stride + o : last;
-      const int64_t stride = whole ? y_stride : 2 * side;
-      _tile_stored(0, to, stride * 4);
-      _tile_stored(1, to + side, stride * 4);
-      if (two) {
-        _tile_stored(2, to + side * stride, stride * 4);
-        _tile_stored(3, to + side * stride + side, stride * 4);
-      }
+      store_block(whole ? y + first * y_stride + o : last, whole ? y_stride : 2 * side, two);
       if (!whole) copy_block(last, here, y + first * y_stride + o, y_stride);
     }
   }
-  _tile_release();
+  end_tiles();
 }
 #else
 bool has_bf16_units() { return false; }

@@ -95,6 +95,7 @@ class NormalizedLayer {
   explicit NormalizedLayer(const FcnWeights& fcn);
 
   int width() const { return linear_.width(); }
+  const Linear& linear() const { return linear_; }
   /// y = W2' leaky(hidden) + b2', rows of width() columns.
   void apply(const float* hidden, int64_t rows, float* y) const {
     linear_.apply(hidden, width_in_, rows, y, linear_.width());

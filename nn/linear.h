@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "core/buffer.h"
+#include "nn/chain_on_units.h"
 
 namespace graupel::nn {
 
@@ -23,6 +24,8 @@ class Linear {
   int in() const { return in_; }
   int out() const { return out_; }
   int width() const { return padded_width(out_); }  ///< columns that apply and add write
+  /// As the matrix units take it; without tiles where they are not to be used.
+  UnitLayer on_units() const;
 
   /// y = x W^T + b. Row r is x + r x_stride (in() values) and y + r y_stride (width() values, 64-byte aligned).
   void apply(const float* x, int64_t x_stride, int64_t rows, float* y, int64_t y_stride) const;

@@ -45,7 +45,7 @@ DeviceBatch GnsPasses::upload(const Batch& batch) const {
   return on_device;
 }
 
-DeviceBatch GnsPasses::attach(const SampleArrays&) const {
+DeviceBatch GnsPasses::attach(const SampleArrays&, bool) const {
   throw std::logic_error("GnsPasses: batches of GNS are made on the host");
 }
 

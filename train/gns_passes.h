@@ -20,7 +20,7 @@ class GnsPasses : public NetworkPasses {
             const at::Tensor& flat, const at::Tensor& gradient);
 
   DeviceBatch upload(const Batch& batch) const override;
-  DeviceBatch attach(const SampleArrays& arrays) const override;
+  DeviceBatch attach(const SampleArrays& arrays, bool with_offsets) const override;
   at::Tensor forward(const DeviceBatch& batch, ForwardRecord* record) const override;
   void backward(const DeviceBatch& batch, const ForwardRecord& record, const at::Tensor& grad) const override;
 

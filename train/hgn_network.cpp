@@ -57,13 +57,14 @@ DeviceBatch HgnNetwork::upload(const Batch& batch) const {
       links.child_begin = index(level.child_begin);
       links.child = index(level.child);
     }
-    add_offsets(links, index(level.octant));
+    links.octant = index(level.octant);
+    add_offsets(links);
     on_device.level.push_back(std::move(links));
   }
   return on_device;
 }
 
-DeviceBatch HgnNetwork::attach(const SampleArrays& arrays) const {
+DeviceBatch HgnNetwork::attach(const SampleArrays& arrays, bool with_offsets) const {
   const at::TensorOptions number = embedding_.options();
   const auto wrap = [&](const auto* data, int64_t begin, int64_t count, at::ScalarType type) {
     // from_blob takes no const data; the tensor is only read.
@@ -106,7 +107,8 @@ DeviceBatch HgnNetwork::attach(const SampleArrays& arrays) const {
       level.child_begin = index(links.child_begin, first_cell + cells, parents + 1) - first_cell;
       level.child = index(links.child, first_cell, cells);
     }
-    add_offsets(level, index(links.octant, first_cell, cells));
+    level.octant = index(links.octant, first_cell, cells);
+    if (with_offsets) add_offsets(level);
     batch.level.push_back(std::move(level));
     first_cell += cells;
     first_edge += edges;
@@ -114,13 +116,12 @@ DeviceBatch HgnNetwork::attach(const SampleArrays& arrays) const {
   return batch;
 }
 
-void HgnNetwork::add_offsets(DeviceLevel& level, const at::Tensor& octant) const {
+void HgnNetwork::add_offsets(DeviceLevel& level) const {
   level.direction = at::index_select(gathers_.slot_vector(), 0, level.slot);
-  level.octant = octant;
   if (!level.parent.defined()) return;
   // A child at corner b of its parent lies at (b - 1/2) spacings from the parent's centre.
-  const at::Tensor axis = at::arange(3, octant.options()).view({1, 3});
-  level.parent_offset = 0.5 - octant.view({-1, 1}).__rshift__(axis).bitwise_and(1).to(embedding_.dtype());
+  const at::Tensor axis = at::arange(3, level.octant.options()).view({1, 3});
+  level.parent_offset = 0.5 - level.octant.view({-1, 1}).__rshift__(axis).bitwise_and(1).to(embedding_.dtype());
 }
 
 at::Tensor HgnNetwork::forward(const DeviceBatch& batch, ForwardRecord* record) const {

@@ -20,7 +20,7 @@ class HgnNetwork : public NetworkPasses {
              const at::Tensor& gradient);
 
   DeviceBatch upload(const Batch& batch) const override;
-  DeviceBatch attach(const SampleArrays& arrays) const override;
+  DeviceBatch attach(const SampleArrays& arrays, bool with_offsets) const override;
   at::Tensor forward(const DeviceBatch& batch, ForwardRecord* record) const override;
   void backward(const DeviceBatch& batch, const ForwardRecord& record, const at::Tensor& grad) const override;
 
@@ -54,7 +54,7 @@ class HgnNetwork : public NetworkPasses {
 
  private:
   /// Directions of the edges and ways to the parents.
-  void add_offsets(DeviceLevel& level, const at::Tensor& octant) const;
+  void add_offsets(DeviceLevel& level) const;
 
   graph::HgnConfig config_;
   std::map<std::string, Fcn> fcns_;

@@ -20,7 +20,7 @@
 #include "train/stopwatch.h"
 #include "train/whole_network.h"
 #ifdef GRAUPEL_HAVE_CUDA
-#include "train/fused_network.h"
+#include "train/fused_passes.h"
 #endif
 
 namespace graupel::train {
@@ -72,8 +72,8 @@ struct NetworkModule::Impl {
     for (at::Tensor& array : arrays) array = at::zeros({layout.size()}, options);
 #ifdef GRAUPEL_HAVE_CUDA
     const auto* hgn = std::get_if<graph::HgnConfig>(&config);
-    if (hgn && number == NumberType::mixed && FusedNetwork::fits(*hgn, device))
-      fused = std::make_unique<FusedNetwork>(*hgn, layout, get(StateArray::weights), gradient);
+    if (hgn && number == NumberType::mixed && FusedPasses::fits(*hgn, device))
+      fused = FusedPasses::make(*hgn, layout, get(StateArray::weights), gradient);
 #endif
     network = make_passes(config, checkpoint_layers, layout, get(StateArray::weights), gradient);
     average = make_passes(config, checkpoint_layers, layout, get(StateArray::ema), at::Tensor());
@@ -143,7 +143,7 @@ struct NetworkModule::Impl {
   at::Tensor predicted;  ///< of the last predict() on the device
   std::unique_ptr<NetworkPasses> network, average;
 #ifdef GRAUPEL_HAVE_CUDA
-  std::unique_ptr<FusedNetwork> fused;  ///< takes the training steps where it is there
+  std::unique_ptr<FusedPasses> fused;  ///< takes the training steps where it is there
 #endif
 };
 
@@ -222,12 +222,12 @@ void NetworkModule::train_step(const Batch& batch, const StepSettings& settings,
 
 void NetworkModule::train_step(const SampleArrays& batch, const StepSettings& settings, Comm& comm) {
   const at::NoGradGuard no_grad;
-  impl_->train_step(impl_->network->attach(batch), settings, comm);
+  impl_->train_step(impl_->network->attach(batch, !is_mixed()), settings, comm);
 }
 
 const float* NetworkModule::predict(const SampleArrays& batch) {
   const at::NoGradGuard no_grad;
-  const DeviceBatch on_device = impl_->network->attach(batch);
+  const DeviceBatch on_device = impl_->network->attach(batch, !is_mixed());
 #ifdef GRAUPEL_HAVE_CUDA
   if (impl_->fused) impl_->predicted = impl_->fused->forward(on_device);
 #endif

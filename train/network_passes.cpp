@@ -26,8 +26,7 @@ at::Tensor copy_to(const std::vector<T>& values, at::ScalarType type, const at::
 std::unique_ptr<NetworkPasses> make_passes(const NetworkConfig& config, int64_t checkpoint_layers,
                                            const ParameterLayout& layout, const at::Tensor& flat,
                                            const at::Tensor& gradient) {
-  if (const auto* hgn = std::get_if<graph::HgnConfig>(&config))
-    return make_hgn(*hgn, layout, flat, gradient);
+  if (const auto* hgn = std::get_if<graph::HgnConfig>(&config)) return make_hgn(*hgn, layout, flat, gradient);
   return std::make_unique<GnsPasses>(std::get<graph::GnsConfig>(config), checkpoint_layers, layout, flat, gradient);
 }
 

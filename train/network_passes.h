@@ -65,7 +65,8 @@ class NetworkPasses {
   /// Copies a batch to the weights' device; two copies, asynchronous on a GPU.
   virtual DeviceBatch upload(const Batch& batch) const = 0;
   /// A batch that was made on the weights' device; the arrays are not copied. For architectures with such batches.
-  virtual DeviceBatch attach(const SampleArrays& arrays) const = 0;
+  /// Without offsets `direction` and `parent_offset` are left out, which FusedPasses do not need.
+  virtual DeviceBatch attach(const SampleArrays& arrays, bool with_offsets) const = 0;
   /// Normalised accelerations [particles, 3 k] of the next k frames. The record may be null.
   virtual at::Tensor forward(const DeviceBatch& batch, ForwardRecord* record) const = 0;
   /// Writes the gradient of every weight; `grad` is the gradient of forward()'s result.

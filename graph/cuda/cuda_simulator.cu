@@ -62,7 +62,8 @@ GRAUPEL_HD Vec3f acceleration_of(const Normalization& statistics, const float* o
 /// `next` where that is to be changed still.
 struct MoveParticles {
   Normalization statistics;
-  const float* output;
+  const float* output;  ///< of the frame, [particles, 3] in rows of `width`
+  int32_t width;
   FrameRing ring;
   WayFollower way;
   bool project;
@@ -72,7 +73,7 @@ struct MoveParticles {
   Vec3f* next;
   GRAUPEL_HD void operator()(int64_t i) const {
     if (*fault != 0) return;
-    const Vec3f now = ring.at(0, i), velocity = now - ring.at(1, i) + acceleration_of(statistics, output + 3 * i);
+    const Vec3f now = ring.at(0, i), velocity = now - ring.at(1, i) + acceleration_of(statistics, output + width * i);
     if (!(norm2(velocity) <= limit * limit)) status->diverged = 1;
     Vec3f x = now + velocity;
     if (project) way.follow(now, x);
@@ -111,11 +112,11 @@ HgnConfig checked_config(const nn::Weights& weights) {
   static_cast<void>(HierarchicalGraphNetwork(weights));  // its errors
   const HgnConfig config = HgnConfig::from_metadata(weights.metadata, weights.file);
   if (!cuda_available()) throw ConfigError("device 'cuda' is not usable (no GPU). Use --device cpu");
-  if (!PackedHgn::fits(config))
+  if (!PackedHgn::fits(config) || config.aggregation != Aggregation::messages)
     throw ConfigError("'" + weights.file + "': networks run on a GPU with a latent width of " +
-                      std::to_string(layer_width) + " and sums of messages only (hgn.latent: " +
-                      std::to_string(config.latent) + ", hgn.aggregation: " + word_of(config.aggregation) +
-                      "). Use --device cpu");
+                      std::to_string(layer_width) +
+                      " and sums of messages only (hgn.latent: " + std::to_string(config.latent) +
+                      ", hgn.aggregation: " + word_of(config.aggregation) + "). Use --device cpu");
   return config;
 }
 
@@ -123,8 +124,8 @@ enum Mark { begin, features_done, hierarchy_done, network_done, end, marks };
 
 }  // namespace
 
-/// A frame is launched once, into a graph, with room for more cells than there are; a frame that needs more asks for a
-/// new graph. The host waits once a frame.
+/// A bundle of frames is launched once, into a graph, with room for more cells than there are; one that needs more asks
+/// for a new graph. The host waits once a bundle, and shows its frames one after the other.
 struct CudaSimulator::Impl {
   explicit Impl(const nn::Weights& file)
       : config(checked_config(file)),
@@ -155,9 +156,9 @@ struct CudaSimulator::Impl {
     GRAUPEL_CUDA_CHECK(
         cudaEventRecordWithFlags(events[m], stream, recording ? cudaEventRecordExternal : cudaEventRecordDefault));
   }
-  FrameRing frame_ring() {
-    return {ring.data(), particles, static_cast<int32_t>(config.history) + 2, &status.data()->newest};
-  }
+  /// History and the frames to come.
+  int32_t ring_frames() const { return static_cast<int32_t>(config.history + 1 + config.bundle); }
+  FrameRing frame_ring() { return {ring.data(), particles, ring_frames(), &status.data()->newest}; }
   void wait() { GRAUPEL_CUDA_CHECK(cudaStreamSynchronize(stream)); }
   void drop_graph() {
     if (graph) cudaGraphExecDestroy(graph);
@@ -165,9 +166,10 @@ struct CudaSimulator::Impl {
   }
   void launch_grid();
   void launch_network();
-  void launch_frame();
+  void launch_move(int64_t frame);
+  void launch_bundle();
   bool make_room();
-  void record_frame();
+  void record_bundle();
   HgnGraph placed_graph() const;
 
   HgnConfig config;
@@ -189,9 +191,10 @@ struct CudaSimulator::Impl {
   const Surroundings* surroundings = nullptr;
   bool project = true;
   int64_t particles = 0;
-  Buffer<Vec3f> ring{Device::cuda, 0};  ///< [history + 2, particles]
+  Buffer<Vec3f> ring{Device::cuda, 0};  ///< [ring_frames(), particles]
   Buffer<FrameStatus> status{Device::cuda, 1};
   FrameStatus* seen = nullptr;  ///< the status on the host
+  int32_t shown = 0;            ///< the frame of the ring that positions() gives
   Buffer<Vec3f> now{Device::cuda, 0}, next{Device::cuda, 0};
   std::optional<DensityProjection> density;
   Buffer<int32_t> type_row{Device::cuda, 0};
@@ -252,6 +255,7 @@ void CudaSimulator::Impl::launch_network() {
   });
   const FcnWeights& last = network.fcn("decoder");
   decode({.rows = particles,
+          .frames = static_cast<int>(config.bundle),
           .x = latents,
           .w1 = network.tile("decoder", 0),
           .b1 = last.b1,
@@ -262,22 +266,28 @@ void CudaSimulator::Impl::launch_network() {
   mark(network_done);
 }
 
-void CudaSimulator::Impl::launch_frame() {
-  launch_grid();
-  launch_network();
+/// From the newest frame to the next one, by the accelerations of a frame of the bundle.
+void CudaSimulator::Impl::launch_move(int64_t frame) {
   const Vec3d& size = scene->domain.size;
   const auto limit = static_cast<float>(std::max({size[0], size[1], size[2]}));
   const FrameRing frames = frame_ring();
   const WayFollower way = surroundings->way_follower(Device::cuda);
-  parallel_for_in(stream, Device::cuda, particles,
-                  MoveParticles{normalization, output.data(), frames, way, project, limit, places.fault(),
-                                status.data(), density ? next.data() : nullptr});
+  parallel_for_in(
+      stream, Device::cuda, particles,
+      MoveParticles{normalization, output.data() + 3 * frame, static_cast<int32_t>(config.output_width()), frames, way,
+                    project, limit, places.fault(), status.data(), density ? next.data() : nullptr});
   if (density) {
     density->apply(next.data(), particles, stream);
     parallel_for_in(stream, Device::cuda, particles,
                     SettleParticles{frames, way, project, places.fault(), next.data()});
   }
   parallel_for_in(stream, Device::cuda, 1, FinishFrame{frames.count, places.fault(), status.data()});
+}
+
+void CudaSimulator::Impl::launch_bundle() {
+  launch_grid();
+  launch_network();
+  for (int64_t frame = 0; frame < config.bundle; ++frame) launch_move(frame);
   GRAUPEL_CUDA_CHECK(cudaMemcpyAsync(seen, status.data(), sizeof(FrameStatus), cudaMemcpyDeviceToHost, stream));
   mark(end);
 }
@@ -294,8 +304,8 @@ bool CudaSimulator::Impl::make_room() {
   return true;
 }
 
-/// The graph of a frame. The network runs once before, so that all memory is there.
-void CudaSimulator::Impl::record_frame() {
+/// The graph of a bundle. The network runs once before, so that all memory is there.
+void CudaSimulator::Impl::record_bundle() {
   arena.reset();
   launch_network();
   if (density) {  // begins each recording without pressure, so that a rollout is the same every time
@@ -309,7 +319,7 @@ void CudaSimulator::Impl::record_frame() {
   recording = true;
   cudaGraph_t captured = nullptr;
   GRAUPEL_CUDA_CHECK(cudaStreamBeginCapture(stream, cudaStreamCaptureModeThreadLocal));
-  launch_frame();
+  launch_bundle();
   GRAUPEL_CUDA_CHECK(cudaStreamEndCapture(stream, &captured));
   recording = false;
   GRAUPEL_CUDA_CHECK(cudaGraphInstantiate(&graph, captured, 0));
@@ -339,13 +349,14 @@ void CudaSimulator::start(const Scene& scene, const Surroundings& surroundings,
     GRAUPEL_ASSERT(positions[t].size() == particle_type.size());
     all.insert(all.end(), positions[t].begin(), positions[t].end());
   }
-  all.resize((frames + 1) * particle_type.size());
+  all.resize(static_cast<std::size_t>(impl.ring_frames()) * particle_type.size());
   impl.ring.upload(all);
   impl.status.upload({{static_cast<int32_t>(frames) - 1, 0, 0}});
   *impl.seen = {static_cast<int32_t>(frames) - 1, 0, 0};
+  impl.shown = impl.seen->newest;
   const FeatureRules rules(impl.config, impl.normalization);
   impl.features.resize_discard(particle_type.size() * static_cast<std::size_t>(rules.width));
-  impl.output.resize_discard(3 * particle_type.size());
+  impl.output.resize_discard(static_cast<std::size_t>(impl.config.output_width()) * particle_type.size());
   impl.now.resize_discard(particle_type.size());
   impl.next.resize_discard(particle_type.size());
   impl.density.reset();
@@ -358,14 +369,21 @@ void CudaSimulator::start(const Scene& scene, const Surroundings& surroundings,
 
 bool CudaSimulator::advance() {
   Impl& impl = *impl_;
+  const auto show_next = [&] {  // false where there is none
+    if (impl.shown == impl.seen->newest) return false;
+    impl.shown = (impl.shown + 1) % impl.ring_frames();
+    return true;
+  };
+  if (show_next()) return true;
+  if (impl.seen->diverged != 0) return false;
   for (;;) {
     if (!impl.graph) {
       if (!impl.make_room()) return false;
-      impl.record_frame();
+      impl.record_bundle();
     }
     GRAUPEL_CUDA_CHECK(cudaGraphLaunch(impl.graph, impl.stream));
     impl.wait();
-    if (impl.seen->fault == 0) return impl.seen->diverged == 0;
+    if (impl.seen->fault == 0) return show_next();
     impl.drop_graph();  // the newest frame is still the same
   }
 }
@@ -380,15 +398,16 @@ std::vector<Vec3f> CudaSimulator::accelerations() {
   const std::vector<float> output = impl.output.download();
   std::vector<Vec3f> acceleration(static_cast<std::size_t>(impl.particles));
   for (std::size_t i = 0; i < acceleration.size(); ++i)
-    acceleration[i] = acceleration_of(impl.normalization, output.data() + 3 * i);
+    acceleration[i] =
+        acceleration_of(impl.normalization, output.data() + static_cast<std::size_t>(impl.config.output_width()) * i);
   return acceleration;
 }
 
 std::vector<Vec3f> CudaSimulator::positions() const {
   const auto n = static_cast<std::size_t>(impl_->particles);
   std::vector<Vec3f> frame(n);
-  device_copy(Device::cpu, frame.data(), Device::cuda,
-              impl_->ring.data() + static_cast<std::size_t>(impl_->seen->newest) * n, n * sizeof(Vec3f));
+  device_copy(Device::cpu, frame.data(), Device::cuda, impl_->ring.data() + static_cast<std::size_t>(impl_->shown) * n,
+              n * sizeof(Vec3f));
   return frame;
 }
 
@@ -397,7 +416,7 @@ CudaFrameTime CudaSimulator::frame_time() const {
   const auto between = [&](Mark a, Mark b) {
     float milliseconds = 0;
     GRAUPEL_CUDA_CHECK(cudaEventElapsedTime(&milliseconds, impl_->events[a], impl_->events[b]));
-    return static_cast<double>(milliseconds);
+    return static_cast<double>(milliseconds) / static_cast<double>(impl_->config.bundle);
   };
   return {between(begin, features_done), between(features_done, hierarchy_done), between(hierarchy_done, network_done),
           between(network_done, end)};

@@ -16,11 +16,6 @@ constexpr RowOf by_particle{nullptr, 3, -1};
 constexpr RowOf by_corner{nullptr, 0, corners - 1};
 constexpr RowOf always_first{nullptr, 0, 0};
 
-/// "block.k.part"
-std::string numbered(const std::string& block, int64_t k, const char* part = "") {
-  return std::string(block).append(".").append(std::to_string(k)).append(part);
-}
-
 /// W_s f_s, and W_r f_r with the bias, of the first layer of an edge network, [cells].
 struct Projections {
   float *sender = nullptr, *receiver = nullptr;
@@ -42,7 +37,6 @@ class ForwardPass {
 
  private:
   RowLatents latents(int64_t rows) { return {memory_.rows32(rows), memory_.rows16(rows)}; }
-  void encode();
   RowLatents particle_to_grid();
   float* grid_to_particle(const RowLatents& cells);
   Projections projections(const LevelLinks& level) {
@@ -76,7 +70,7 @@ float* ForwardPass::run(const std::function<void()>& grid_ready) {
   record_.up.resize(levels);
   record_.restriction.resize(levels);
   record_.prolongation.resize(levels);
-  encode();
+  record_.particles = encode_particles(network_, graph_, memory_, record_.encoder, stream_);
   if (grid_ready) grid_ready();
   std::vector<RowLatents> f(levels);
   f[0] = particle_to_grid();
@@ -90,27 +84,6 @@ float* ForwardPass::run(const std::function<void()>& grid_ready) {
     f[l] = pass_messages(numbered("up", static_cast<int64_t>(l)), graph_.level[l], refined, record_.up[l], ahead);
   }
   return grid_to_particle(f[0]);
-}
-
-void ForwardPass::encode() {
-  const int64_t n = graph_.particles;
-  const FcnWeights& fcn = network_.fcn("encoder");
-  float* const first = memory_.rows32(n);
-  encode_features({.rows = n,
-                   .features = graph_.features,
-                   .width = static_cast<int>(network_.config().input_width() - network_.config().embedding),
-                   .w1 = fcn.w1,
-                   .stride = fcn.inputs,
-                   .type_row = graph_.type_row,
-                   .type_table = network_.table("encoder"),
-                   .out = first},
-                  stream_);
-  record_.particles = latents(n);
-  RowNetwork& encoder = record_.encoder = network_.network("encoder", n);
-  encoder.table[0] = {first, {}};
-  encoder.sum32 = record_.particles.f32;
-  encoder.copy16 = record_.particles.f16;
-  forward(encoder, stream_);
 }
 
 RowLatents ForwardPass::particle_to_grid() {
@@ -198,15 +171,8 @@ RowLatents ForwardPass::restrict_to_coarse(std::size_t l, const RowLatents& fine
 RowLatents ForwardPass::prolong_to_fine(std::size_t l, const RowLatents& coarse, const RowLatents& fine,
                                         Projections& ahead) {
   const LevelLinks& level = graph_.level[l];
-  const std::string name = numbered("prolong", static_cast<int64_t>(l));
   const RowLatents refined = latents(level.cells);
-  RowNetwork& network = record_.prolongation[l] = network_.network(name, level.cells, level.cell_count);
-  network.operand[0] = {.rows = coarse.f16, .index = level.parent, .weight = network_.tile(name, 0)};
-  network.operand[1] = {.rows = fine.f16, .weight = network_.tile(name, h)};
-  network.table[0] = {network_.table(name), {level.octant}};
-  network.add32 = fine.f32;
-  network.sum32 = refined.f32;
-  network.copy16 = refined.f16;
+  RowNetwork& network = record_.prolongation[l] = prolongation(network_, l, level, coarse, fine, refined);
   if (looks_ahead()) {
     ahead = projections(level);
     network.outlook = outlook(numbered(numbered("up", static_cast<int64_t>(l)), 0, ".edge"), ahead);
@@ -287,26 +253,19 @@ RowLatents ForwardPass::pass_messages(const std::string& block, const LevelLinks
 
 }  // namespace
 
-bool PackedHgn::fits(const HgnConfig& config) {
-  return config.aggregation == Aggregation::messages && config.latent == h && config.input_width() <= h;
-}
+bool PackedHgn::fits(const HgnConfig& config) { return config.latent == h && config.input_width() <= h; }
 
 PackedHgn::PackedHgn(const HgnConfig& config, std::map<std::string, FcnWeights> fcns, const float* embedding)
     : config_(config), fcns_(std::move(fcns)), embedding_(embedding) {
   GRAUPEL_ASSERT(fits(config));
   std::vector<TileSource> sources;
+  const auto add = [&](const std::string& name, int64_t column, const float* from, int32_t stride) {
+    tile_of_[{name, column}] = static_cast<int64_t>(sources.size());
+    sources.push_back({from, stride, h});
+  };
   for (const auto& [name, fcn] : fcns_) {
-    if (!fcn.gamma) continue;  // the decoder
-    tile_of_[{name, second}] = static_cast<int64_t>(sources.size());
-    sources.push_back({fcn.w2, h, h});
-    for (int64_t column = 0; column + h <= fcn.inputs; column += h) {
-      tile_of_[{name, column}] = static_cast<int64_t>(sources.size());
-      sources.push_back({fcn.w1 + column, fcn.inputs, h});
-    }
-  }
-  if (fcns_.contains("decoder")) {
-    tile_of_[{"decoder", 0}] = static_cast<int64_t>(sources.size());
-    sources.push_back({fcn("decoder").w1, h, h});
+    if (fcn.gamma) add(name, second, fcn.w2, h);
+    for (int64_t column = 0; column + h <= fcn.inputs; column += h) add(name, column, fcn.w1 + column, fcn.inputs);
   }
   add_tables();
   tile_sources_ = Buffer<TileSource>(Device::cuda, 0);
@@ -323,13 +282,21 @@ void PackedHgn::add_tables() {
     table_of_[name] = static_cast<int64_t>(table_sources_.size());
     table_sources_.push_back({offsets, sign, net.w1 + column, net.inputs, with_bias ? net.b1 : nullptr, nullptr, 0});
   };
-  add("particle_to_grid", Offsets::corner, 1, h, false);
-  add("grid_to_particle", Offsets::corner, -1, 2 * h, false);
+  const bool sums_activations = config_.aggregation == Aggregation::activations;
+  const std::string gather = sums_activations ? ".gather" : "";  // the layer that takes the offset
+  const auto add_block = [&](const char* way, int64_t l) {
+    const std::string block = numbered(way, l);
+    const int64_t iterations = sums_activations ? config_.message_passing : 1;
+    for (int64_t k = 0; k < iterations; ++k)
+      add(numbered(block, k, sums_activations ? ".gather" : ".edge"), Offsets::slot, 1, 2 * h, false);
+  };
+  add("particle_to_grid" + gather, Offsets::corner, 1, h, false);
+  add("grid_to_particle" + gather, Offsets::corner, -1, 2 * h, false);
   for (int64_t l = 0; l < config_.levels; ++l) {
-    add(numbered("down", l, ".0.edge"), Offsets::slot, 1, 2 * h, false);
+    add_block("down", l);
     if (l + 1 == config_.levels) break;
-    add(numbered("up", l, ".0.edge"), Offsets::slot, 1, 2 * h, false);
-    add(numbered("restrict", l), Offsets::octant, 1, h, true);
+    add_block("up", l);
+    add(numbered("restrict", l) + gather, Offsets::octant, 1, h, true);
     add(numbered("prolong", l), Offsets::octant, -1, 2 * h, true);
   }
   const FcnWeights& encoder = fcn("encoder");
@@ -361,6 +328,42 @@ RowNetwork PackedHgn::network(const std::string& name, int64_t rows, const int32
   network.gamma = net.gamma;
   network.beta = net.beta;
   return network;
+}
+
+RowLatents encode_particles(const PackedHgn& network, const HgnGraph& graph, RowMemory& memory, RowNetwork& encoder,
+                            void* stream) {
+  const int64_t n = graph.particles;
+  const FcnWeights& fcn = network.fcn("encoder");
+  float* const first = memory.rows32(n);
+  encode_features({.rows = n,
+                   .features = graph.features,
+                   .width = static_cast<int>(network.config().input_width() - network.config().embedding),
+                   .w1 = fcn.w1,
+                   .stride = fcn.inputs,
+                   .type_row = graph.type_row,
+                   .type_table = network.table("encoder"),
+                   .out = first},
+                  stream);
+  const RowLatents particles{memory.rows32(n), memory.rows16(n)};
+  encoder = network.network("encoder", n);
+  encoder.table[0] = {first, {}};
+  encoder.sum32 = particles.f32;
+  encoder.copy16 = particles.f16;
+  forward(encoder, stream);
+  return particles;
+}
+
+RowNetwork prolongation(const PackedHgn& network, std::size_t l, const LevelLinks& level, const RowLatents& coarse,
+                        const RowLatents& fine, const RowLatents& refined) {
+  const std::string name = numbered("prolong", static_cast<int64_t>(l));
+  RowNetwork way = network.network(name, level.cells, level.cell_count);
+  way.operand[0] = {.rows = coarse.f16, .index = level.parent, .weight = network.tile(name, 0)};
+  way.operand[1] = {.rows = fine.f16, .weight = network.tile(name, h)};
+  way.table[0] = {network.table(name), {level.octant}};
+  way.add32 = fine.f32;
+  way.sum32 = refined.f32;
+  way.copy16 = refined.f16;
+  return way;
 }
 
 float* forward_to_decoder(const PackedHgn& network, const HgnGraph& graph, RowMemory& memory, HgnRecord& record,

@@ -16,7 +16,8 @@
 
 namespace graupel::graph {
 
-/// Weights of one FCN, f32, in the GPU's memory; w1 [outputs of layer 1, inputs].
+/// Weights of one FCN, f32, in the GPU's memory; w1 [outputs of layer 1, inputs]. Of a gather layer w1, b1 and inputs
+/// alone.
 struct FcnWeights {
   const float *w1 = nullptr, *b1 = nullptr, *w2 = nullptr, *b2 = nullptr, *gamma = nullptr, *beta = nullptr;
   int32_t inputs = 0;
@@ -26,7 +27,7 @@ struct FcnWeights {
 /// corners, octants, neighbour slots and particle types have.
 class PackedHgn {
  public:
-  /// Whether the kernels exist for such a network: width 128, at most 128 inputs, sums of messages.
+  /// Whether the kernels exist for such a network: width 128, at most 128 inputs.
   static bool fits(const HgnConfig& config);
 
   /// `embedding` [types, E]; all pointers must stay valid.
@@ -107,6 +108,18 @@ struct HgnRecord {
   std::vector<RowNetwork> restriction, prolongation;  ///< [levels]
   std::vector<Block> down, up;                        ///< [levels]
 };
+
+/// "block.k.part"
+inline std::string numbered(const std::string& block, int64_t k, const char* part = "") {
+  return std::string(block).append(".").append(std::to_string(k)).append(part);
+}
+
+/// Latents of the particles after the encoder; launches it.
+RowLatents encode_particles(const PackedHgn& network, const HgnGraph& graph, RowMemory& memory, RowNetwork& encoder,
+                            void* stream);
+/// The network of prolong.<l> that makes `refined` of the cells of level l + 1 and of level l, the links of `level`.
+RowNetwork prolongation(const PackedHgn& network, std::size_t l, const LevelLinks& level, const RowLatents& coarse,
+                        const RowLatents& fine, const RowLatents& refined);
 
 /// Latents of the particles before the decoder, [particles, 128]: encoder's plus what the cells send. `grid_ready` is
 /// called when the encoder has been launched, which does not need the grid.

@@ -63,8 +63,28 @@ constexpr int shared_bytes(int warps, int tiles, int parts) { return tiles * til
 
 extern __shared__ __align__(16) uint16_t shared_numbers[];
 
-__device__ inline void write_operand_gradient(const OperandGradient& d, const Sums& c, int64_t first, int64_t rows,
+/// c += rows [*, 128] that lie as this warp's rows do. All are read before anything is written that they may overlap:
+/// they are under way together.
+__device__ inline void add_rows(Sums& c, const uint16_t* from, int64_t first, int64_t rows, int lane) {
+#pragma unroll
+  for (int half = 0; half < 2; ++half) {
+    const int64_t r = first + lane / 4 + 8 * half;
+    if (r >= rows) continue;
+    const uint32_t* const words = reinterpret_cast<const uint32_t*>(from + r * layer_width) + lane % 4;
+#pragma unroll
+    for (int j = 0; j < column_blocks; ++j) {
+      const float2 v = unpack(words[4 * j]);
+      c[j][2 * half] += v.x;
+      c[j][2 * half + 1] += v.y;
+    }
+  }
+}
+
+/// c becomes the sum that is written.
+__device__ inline void write_operand_gradient(const OperandGradient& d, Sums& c, int64_t first, int64_t rows,
                                               int lane) {
+  if (d.add32) add_table(c, d.add32, {}, first, rows, lane);
+  if (d.add16) add_rows(c, d.add16, first, rows, lane);
 #pragma unroll
   for (int half = 0; half < 2; ++half) {
     const int64_t r = first + lane / 4 + 8 * half;
@@ -72,15 +92,7 @@ __device__ inline void write_operand_gradient(const OperandGradient& d, const Su
     const int64_t at = r * layer_width + 2 * (lane % 4);
 #pragma unroll
     for (int j = 0; j < column_blocks; ++j) {
-      float2 sum{c[j][2 * half], c[j][2 * half + 1]};
-      if (d.add32) {
-        const float2 before = *reinterpret_cast<const float2*>(d.add32 + at + 8 * j);
-        sum.x += before.x, sum.y += before.y;
-      }
-      if (d.add16) {
-        const float2 before = unpack(*reinterpret_cast<const uint32_t*>(d.add16 + at + 8 * j));
-        sum.x += before.x, sum.y += before.y;
-      }
+      const float2 sum{c[j][2 * half], c[j][2 * half + 1]};
       if (d.d32) *reinterpret_cast<float2*>(d.d32 + at + 8 * j) = sum;
       if (d.d16) *reinterpret_cast<uint32_t*>(d.d16 + at + 8 * j) = pack(sum.x, sum.y);
     }

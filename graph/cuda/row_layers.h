@@ -41,11 +41,12 @@ struct RowTable {
   RowOf row;
 };
 
-/// What the next kernels want of rows: out[j] = x W[j]^T + bias[j], f32.
+/// What the next kernels want of rows: out[j] = x W[j]^T + bias[j], f32 or bf16 (out16).
 struct RowOutlook {
   const uint16_t* weight[2] = {nullptr, nullptr};
   const float* bias[2] = {nullptr, nullptr};
   float* out[2] = {nullptr, nullptr};
+  uint16_t* out16[2] = {nullptr, nullptr};
 };
 
 /// y[r] = LayerNorm(W2 LeakyReLU_0.01(sum of operands W1^T + sum of tables) + b2), r < rows, eps 1e-5.
@@ -115,6 +116,7 @@ struct RowProjection {
   int32_t offset_stride[2] = {0, 0};
   float offset_sign[2] = {1, 1};
   float* out[2] = {nullptr, nullptr};
+  uint16_t* out16[2] = {nullptr, nullptr};  ///< the same, rounded
 };
 void project(const RowProjection& projection, void* stream);
 
@@ -182,31 +184,58 @@ struct FeatureLayer {
 };
 void encode_features(const FeatureLayer& layer, void* stream);
 
-/// The decoder: out[r] = W2 LeakyReLU_0.01(W1 x[r] + b1) + b2, W2 [3, 128].
+/// The decoder: out[r] = W2 LeakyReLU_0.01(W1 x[r] + b1) + b2, W2 [3 frames, 128].
 struct Decoder {
   int64_t rows = 0;
-  const float* x = nullptr;      ///< [rows, 128]
-  const uint16_t* w1 = nullptr;  ///< tile
+  int frames = 1;                 ///< predicted at once (FeatureConfig::bundle)
+  const float* x = nullptr;       ///< [rows, 128]
+  const uint16_t* x16 = nullptr;  ///< the same, rounded, in its place
+  const uint16_t* w1 = nullptr;   ///< tile
   const float *b1 = nullptr, *w2 = nullptr, *b2 = nullptr;
-  float* out = nullptr;  ///< [rows, 3]
+  float* out = nullptr;      ///< [rows, 3 frames]
+  uint16_t* save = nullptr;  ///< [rows, 128] x, rounded, if wanted
 };
 void decode(const Decoder& decoder, void* stream);
+
+/// What goes back through a decoder of one frame from the gradient g [rows, 3] of its results.
+struct DecoderGradient {
+  int64_t rows = 0;
+  const uint16_t* x16 = nullptr;  ///< [rows, 128]
+  const uint16_t* w1 = nullptr;   ///< tile
+  const float *b1 = nullptr, *w2 = nullptr;
+  const float* g = nullptr;
+  uint16_t* d_sum = nullptr;  ///< [rows, 128] gradient before the activation
+  float* d_x = nullptr;       ///< [rows, 128]
+  float* partial = nullptr;  ///< [most_norm_partials(), 4, 128] the gradients of W2 and, three numbers, b2, to be added
+};
+/// Returns how many partial sums it writes.
+int decode_backward(const DecoderGradient& gradient, void* stream);
 
 /// Rows [rows, columns] of f32 numbers, columns <= 128, as [rows, 128] bf16 numbers, padded with 0.
 void pack_rows(int64_t rows, int columns, const float* source, uint16_t* packed, void* stream);
 
 /// One product of the gradients of weights, out[i, k] = sum over rows of d[r, i] x[r, k], k < columns, rows of `out`
-/// `stride` apart; and, where wanted, bias[i] = sum over rows of d[r, i]. Or, with `partial`: sums over `rows` rows of
-/// partial sums [rows, 256], the first 128 to `out`, the others to `bias`.
+/// `stride` apart; and, where wanted, bias[i] = sum over rows of d[r, i].
 struct WeightProduct {
   int64_t rows = 0;
   const uint16_t* d = nullptr;
   const uint16_t* x = nullptr;
-  const float* partial = nullptr;
   float* out = nullptr;
   int32_t stride = 0, columns = layer_width;
   float scale = 1;
   float* bias = nullptr;
+};
+
+/// Sums over partial sums [rows, parts, 128]: number (k, i) to out[i stride + k step], but where there is a `bias` the
+/// last k's to bias[i], i < biases.
+struct PartialSums {
+  int64_t rows = 0;
+  const float* partial = nullptr;
+  int32_t parts = 0;
+  float* out = nullptr;
+  int32_t stride = 1, step = 1;
+  float* bias = nullptr;
+  int32_t biases = layer_width;
 };
 
 /// All products of a step in two launches. Sums are made in a fixed order.
@@ -217,12 +246,14 @@ class WeightProducts {
   WeightProducts(const WeightProducts&) = delete;
   WeightProducts& operator=(const WeightProducts&) = delete;
   void add(const WeightProduct& product) { products_.push_back(product); }
+  void add(const PartialSums& sums) { partials_.push_back(sums); }
   /// Runs what was added, and forgets it.
   void run(void* stream);
 
  private:
   struct Memory;
   std::vector<WeightProduct> products_;
+  std::vector<PartialSums> partials_;
   std::unique_ptr<Memory> memory_;
 };
 

@@ -37,47 +37,17 @@ __device__ void load_weights(const RowNetwork& n, const Shared<warps>& shared) {
   for (int j = 0; j < operands; ++j) load_tile(shared.tile(1 + j), n.operand[j].weight);
 }
 
-/// What follows the layer norm: residual sums in f32 and bf16.
-__device__ void write_sums(const RowNetwork& n, int64_t rows, const Sums& c, int64_t first, int lane) {
+/// What follows the layer norm: residual sums in bf16 and f32; c becomes the last.
+__device__ void write_sums(const RowNetwork& n, int64_t rows, Sums& c, int64_t first, int lane) {
+  if (n.sum16) {
+    Sums sum;
 #pragma unroll
-  for (int half = 0; half < 2; ++half) {
-    const int64_t r = first + lane / 4 + 8 * half;
-    if (r >= rows) continue;
-    const int64_t at = r * layer_width + 2 * (lane % 4);
+    for (int j = 0; j < column_blocks; ++j)
 #pragma unroll
-    for (int j = 0; j < column_blocks; ++j) {
-      const float x = c[j][2 * half], y = c[j][2 * half + 1];
-      if (n.sum16) {
-        const float2 before = unpack(*reinterpret_cast<const uint32_t*>(n.add16 + at + 8 * j));
-        *reinterpret_cast<uint32_t*>(n.sum16 + at + 8 * j) = pack(before.x + x, before.y + y);
-      }
-      if (n.sum32) {
-        float2 sum{x, y};
-        if (n.add32) {
-          const float2 before = *reinterpret_cast<const float2*>(n.add32 + at + 8 * j);
-          sum.x += before.x, sum.y += before.y;
-        }
-        *reinterpret_cast<float2*>(n.sum32 + at + 8 * j) = sum;
-        if (n.copy16) *reinterpret_cast<uint32_t*>(n.copy16 + at + 8 * j) = pack(sum.x, sum.y);
-      }
-    }
+      for (int i = 0; i < 4; ++i) sum[j][i] = c[j][i];
+    write_operand_gradient({nullptr, nullptr, n.add16, n.sum16}, sum, first, rows, lane);
   }
-}
-
-/// Adds `values` of the lanes with equal lane % 4 and leaves four of the sums with each lane: those from
-/// 16 [lane bit 4] + 8 [bit 3] + 4 [bit 2] on.
-__device__ void fold(float (&values)[2 * column_blocks], float (&sums)[4], int lane) {
-#pragma unroll
-  for (int width = column_blocks; width >= 4; width /= 2) {
-    const bool upper = (lane & width) != 0;
-#pragma unroll
-    for (int i = 0; i < width; ++i) {
-      const float send = upper ? values[i] : values[i + width], keep = upper ? values[i + width] : values[i];
-      values[i] = keep + __shfl_xor_sync(0xffffffffu, send, width);
-    }
-  }
-#pragma unroll
-  for (int i = 0; i < 4; ++i) sums[i] += values[i];
+  if (n.sum32) write_operand_gradient({n.add32, n.sum32, nullptr, n.copy16}, c, first, rows, lane);
 }
 
 /// Weighted sums of the first and the last eight of a warp's rows.
@@ -94,8 +64,7 @@ __device__ void write_groups(const RowNetwork& n, int64_t rows, const Sums& c, i
 #pragma unroll
       for (int i = 0; i < 2; ++i) values[2 * j + i] = weight * c[j][2 * half + i];
     fold(values, sums, lane);
-    const int block = ((lane & 16 ? 16 : 0) + (lane & 8 ? 8 : 0) + (lane & 4 ? 4 : 0)) / 2;
-    const int64_t at = begin / group_rows * layer_width + 8 * block + 2 * (lane % 4);
+    const int64_t at = begin / group_rows * layer_width + folded_column(0, lane);
 #pragma unroll
     for (int k = 0; k < 2; ++k) {
       const float2 before = *reinterpret_cast<const float2*>(n.group_add32 + at + 8 * k);
@@ -115,10 +84,11 @@ __device__ void write_outlook(const RowNetwork& n, int64_t rows, Sums& c, const 
   copy_out(n.copy16, mine, first, rows, lane);
 #pragma unroll
   for (int j = 0; j < 2; ++j) {
+    if (!n.outlook.weight[j]) continue;
     clear(c);
     product(c, mine, shared.tile(3 + j), lane);
     if (n.outlook.bias[j]) add_bias(c, n.outlook.bias[j], lane);
-    write_operand_gradient({nullptr, n.outlook.out[j]}, c, first, rows, lane);
+    write_operand_gradient({nullptr, n.outlook.out[j], nullptr, n.outlook.out16[j]}, c, first, rows, lane);
   }
   __syncwarp();
 }
@@ -130,7 +100,8 @@ __global__ void __launch_bounds__(32 * warps, operands == 2 ? 1 : 2) forward_ker
   start_next();
   const Shared<warps> shared{shared_numbers, 1 + operands + (after == After::outlook ? 2 : 0)};
   if constexpr (after == After::outlook)
-    for (int j = 0; j < 2; ++j) load_tile(shared.tile(3 + j), n.outlook.weight[j]);
+    for (int j = 0; j < 2; ++j)
+      if (n.outlook.weight[j]) load_tile(shared.tile(3 + j), n.outlook.weight[j]);
   load_weights<operands>(n, shared);
   wait_for_previous();
   const int64_t rows = rows_now(n.rows, n.row_count);
@@ -175,19 +146,7 @@ __device__ void result_gradient(Sums& g, const RowNetworkGradient& d, int64_t fi
   clear(g);
   const int64_t rows = d.network.rows;
   if (d.g32) add_table(g, d.g32, d.g_row, first, rows, lane, d.g_weight, d.g_scale);
-  if (d.g16 == nullptr) return;
-#pragma unroll
-  for (int half = 0; half < 2; ++half) {
-    const int64_t r = first + lane / 4 + 8 * half;
-    if (r >= rows) continue;
-    const uint32_t* const from = reinterpret_cast<const uint32_t*>(d.g16 + r * layer_width) + lane % 4;
-#pragma unroll
-    for (int j = 0; j < column_blocks; ++j) {
-      const float2 v = unpack(from[4 * j]);
-      g[j][2 * half] += v.x;
-      g[j][2 * half + 1] += v.y;
-    }
-  }
+  if (d.g16) add_rows(g, d.g16, first, rows, lane);
 }
 
 /// c (normalised rows) becomes the gradient before the layer norm (Ba et al. 2016); adds to gamma's and beta's.
@@ -279,10 +238,9 @@ __global__ void __launch_bounds__(32 * warps, 1) backward_kernel(RowNetworkGradi
   // The block's sums, in the order of its warps
   __syncthreads();
   float* const sums = reinterpret_cast<float*>(shared_numbers);
-  const int base = (lane & 16 ? 16 : 0) + (lane & 8 ? 8 : 0) + (lane & 4 ? 4 : 0);
 #pragma unroll
   for (int i = 0; i < 4; ++i) {
-    const int column = 8 * ((base + i) / 2) + 2 * (lane % 4) + i % 2;
+    const int column = folded_column(i, lane);
     sums[warp * 2 * layer_width + column] = gamma_sums[i];
     sums[warp * 2 * layer_width + layer_width + column] = beta_sums[i];
   }
@@ -319,7 +277,7 @@ void forward(const RowNetwork& network, void* stream) {
     GRAUPEL_ASSERT(operands == 0 && !network.sum32 && !network.sum16);
     return launch_forward<0, few_warps, After::groups>(network, 2, stream);
   }
-  if (network.outlook.out[0]) {
+  if (network.outlook.weight[0]) {
     GRAUPEL_ASSERT(operands == 2 && network.add32 && network.sum32 && network.copy16 && !network.sum16);
     return launch_forward<2, many_warps, After::outlook>(network, 1, stream);
   }

@@ -1,4 +1,4 @@
-// Products of rows with a matrix or two, sums of rows, and the decoder.
+// Products of rows with a matrix or two, and sums of rows.
 #include "graph/cuda/row_block.h"
 #include "graph/cuda/row_layers.h"
 
@@ -8,26 +8,31 @@ namespace {
 
 using namespace tile;
 
-__device__ void add_offsets(Sums& c, const RowProjection& p, int64_t rows, int j, int64_t first, int lane) {
+/// Weights of the offsets, in shared memory.
+using OffsetWeights = float[3][layer_width];
+
+__device__ void load_offset_weights(OffsetWeights& to, const float* from, int stride) {
+  for (int i = static_cast<int>(threadIdx.x); i < 3 * layer_width; i += threads)
+    to[i % 3][i / 3] = from[int64_t{i / 3} * stride + i % 3];
+}
+
+__device__ void add_offsets(Sums& c, const OffsetWeights& weights, const float* offsets, float sign, int64_t rows,
+                            int64_t first, int lane) {
   float offset[2][3] = {};
 #pragma unroll
   for (int half = 0; half < 2; ++half) {
     const int64_t r = first + lane / 4 + 8 * half;
     if (r >= rows) continue;
 #pragma unroll
-    for (int d = 0; d < 3; ++d) offset[half][d] = p.offset_sign[j] * p.offset[3 * r + d];
+    for (int d = 0; d < 3; ++d) offset[half][d] = sign * offsets[3 * r + d];
   }
 #pragma unroll
   for (int block = 0; block < column_blocks; ++block)
 #pragma unroll
-    for (int i = 0; i < 2; ++i) {
-      const float* const row = p.offset_weight[j] + int64_t{8 * block + 2 * (lane % 4) + i} * p.offset_stride[j];
-#pragma unroll
-      for (int d = 0; d < 3; ++d) {
-        const float w = row[d];
-        c[block][i] += w * offset[0][d];
-        c[block][2 + i] += w * offset[1][d];
-      }
+    for (int d = 0; d < 3; ++d) {
+      const float2 w = columns_of(weights[d], block, lane);
+      c[block][0] += w.x * offset[0][d], c[block][1] += w.y * offset[0][d];
+      c[block][2] += w.x * offset[1][d], c[block][3] += w.y * offset[1][d];
     }
 }
 
@@ -35,8 +40,12 @@ __global__ void __launch_bounds__(threads, 2) project_kernel(RowProjection p) {
   constexpr int warps = few_warps;
   start_next();
   const Shared<warps> shared{shared_numbers, 2};
-  for (int j = 0; j < 2; ++j)
-    if (p.weight[j]) load_tile(shared.tile(j), p.weight[j]);
+  __shared__ OffsetWeights offset_weights[2];
+  for (int j = 0; j < 2; ++j) {
+    if (!p.weight[j]) continue;
+    load_tile(shared.tile(j), p.weight[j]);
+    if (p.offset) load_offset_weights(offset_weights[j], p.offset_weight[j], p.offset_stride[j]);
+  }
   wait_for_previous();
   const int64_t rows = rows_now(p.rows, p.row_count);
   wait_for_tiles();
@@ -54,8 +63,8 @@ __global__ void __launch_bounds__(threads, 2) project_kernel(RowProjection p) {
       clear(c);
       product(c, mine, shared.tile(j), lane);
       if (p.bias[j]) add_bias(c, p.bias[j], lane);
-      if (p.offset) add_offsets(c, p, rows, j, first, lane);
-      write_operand_gradient({nullptr, p.out[j]}, c, first, rows, lane);
+      if (p.offset) add_offsets(c, offset_weights[j], p.offset, p.offset_sign[j], rows, first, lane);
+      write_operand_gradient({nullptr, p.out[j], nullptr, p.out16[j]}, c, first, rows, lane);
     }
     __syncwarp();
   }
@@ -153,50 +162,6 @@ void launch_sums(const SegmentRows& segments, void* stream) {
                segments, stream);
 }
 
-__global__ void __launch_bounds__(threads, 2) decode_kernel(Decoder n) {
-  constexpr int warps = few_warps;
-  const Shared<warps> shared{shared_numbers, 1};
-  start_next();
-  load_tile(shared.tile(0), n.w1);
-  wait_for_previous();
-  wait_for_tiles();
-  const int warp = static_cast<int>(threadIdx.x) / 32, lane = static_cast<int>(threadIdx.x) % 32;
-  uint16_t* const mine = shared.rows(0, warp);
-  const int64_t step = int64_t{gridDim.x} * warps * warp_rows;
-  for (int64_t first = first_row(warp); first < n.rows; first += step) {
-    for (int r = 0; r < warp_rows; ++r) {
-      float4 x{0, 0, 0, 0};
-      if (first + r < n.rows) x = *(reinterpret_cast<const float4*>(n.x + (first + r) * layer_width) + lane);
-      *reinterpret_cast<uint2*>(mine + r * row_stride + 4 * lane) = {pack(x.x, x.y), pack(x.z, x.w)};
-    }
-    __syncwarp();
-    Sums c;
-    clear(c);
-    product(c, mine, shared.tile(0), lane);
-    add_bias(c, n.b1, lane);
-#pragma unroll
-    for (int d = 0; d < 3; ++d) {
-      float sum[2] = {0, 0};
-#pragma unroll
-      for (int j = 0; j < column_blocks; ++j) {
-        const float2 w = columns_of(n.w2 + d * layer_width, j, lane);
-#pragma unroll
-        for (int half = 0; half < 2; ++half) {
-          const float x = c[j][2 * half], y = c[j][2 * half + 1];
-          sum[half] += w.x * (x > 0 ? x : slope * x) + w.y * (y > 0 ? y : slope * y);
-        }
-      }
-#pragma unroll
-      for (int half = 0; half < 2; ++half) {
-        const float total = row_sum(sum[half]) + n.b2[d];
-        const int64_t r = first + lane / 4 + 8 * half;
-        if (lane % 4 == 0 && r < n.rows) n.out[3 * r + d] = total;
-      }
-    }
-    __syncwarp();
-  }
-}
-
 }  // namespace
 
 void project(const RowProjection& projection, void* stream) {
@@ -213,11 +178,6 @@ void project_back(const ProjectionGradient& gradient, void* stream) {
 void sum_segments(const SegmentRows& segments, void* stream) {
   if (segments.segments == 0) return;
   segments.are_long ? launch_sums<8>(segments, stream) : launch_sums<1>(segments, stream);
-}
-
-void decode(const Decoder& decoder, void* stream) {
-  if (decoder.rows == 0) return;
-  launch_ahead(decode_kernel, blocks_for(decoder.rows, 2), threads, shared_bytes(few_warps, 1, 1), decoder, stream);
 }
 
 }  // namespace graupel::graph

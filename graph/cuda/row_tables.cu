@@ -8,10 +8,12 @@ namespace {
 
 using namespace tile;
 
+constexpr int tile_parts = 8;  ///< blocks of a tile
+
 __global__ void __launch_bounds__(threads) pack_tiles_kernel(const TileSource* sources, uint16_t* tiles) {
   const TileSource source = sources[blockIdx.x];
   uint32_t* const to = reinterpret_cast<uint32_t*>(tiles + int64_t{blockIdx.x} * tile_numbers);
-  for (int i = static_cast<int>(threadIdx.x); i < tile_numbers / 2; i += threads) {
+  for (int i = static_cast<int>(blockIdx.y * threads + threadIdx.x); i < tile_numbers / 2; i += threads * tile_parts) {
     const int row = i / (layer_width / 2), column = 2 * (i % (layer_width / 2));
     const float* const from = source.source + int64_t{row} * source.stride + column;
     to[i] = pack(column < source.columns ? from[0] : 0, column + 1 < source.columns ? from[1] : 0);
@@ -47,19 +49,23 @@ __global__ void __launch_bounds__(layer_width) make_tables_kernel(const OffsetTa
 /// A thread a column, some rows a block: the matrix is read once a block.
 constexpr int feature_rows = 32;
 __global__ void __launch_bounds__(layer_width) encode_kernel(FeatureLayer layer) {
-  __shared__ float features[feature_rows * layer_width];
+  __shared__ __align__(16) float features[layer_width * feature_rows];
   const int column = static_cast<int>(threadIdx.x);
   const int64_t first = int64_t{blockIdx.x} * feature_rows;
   const int rows = static_cast<int>(layer.rows - first < feature_rows ? layer.rows - first : feature_rows);
   for (int i = column; i < feature_rows * layer.width; i += layer_width)
-    features[i] = i < rows * layer.width ? layer.features[first * layer.width + i] : 0;
+    features[i % layer.width * feature_rows + i / layer.width] =
+        i < rows * layer.width ? layer.features[first * layer.width + i] : 0;
   __syncthreads();
   float sums[feature_rows] = {};
   const float* const weights = layer.w1 + int64_t{column} * layer.stride;
   for (int k = 0; k < layer.width; ++k) {
     const float w = weights[k];
 #pragma unroll
-    for (int r = 0; r < feature_rows; ++r) sums[r] += w * features[r * layer.width + k];
+    for (int r = 0; r < feature_rows; r += 4) {
+      const float4 x = *reinterpret_cast<const float4*>(features + k * feature_rows + r);
+      sums[r] += w * x.x, sums[r + 1] += w * x.y, sums[r + 2] += w * x.z, sums[r + 3] += w * x.w;
+    }
   }
 #pragma unroll
   for (int r = 0; r < feature_rows; ++r)
@@ -80,7 +86,8 @@ __global__ void __launch_bounds__(threads)
 }  // namespace
 
 void pack_tiles(int count, const TileSource* sources, uint16_t* tiles, void* stream) {
-  pack_tiles_kernel<<<count, threads, 0, static_cast<cudaStream_t>(stream)>>>(sources, tiles);
+  pack_tiles_kernel<<<dim3(static_cast<unsigned>(count), tile_parts), threads, 0, static_cast<cudaStream_t>(stream)>>>(
+      sources, tiles);
   GRAUPEL_CUDA_CHECK(cudaGetLastError());
 }
 

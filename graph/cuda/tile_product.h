@@ -239,6 +239,28 @@ __device__ inline void normalize(Sums& c, float (&inverse)[2]) {
   }
 }
 
+/// Adds `values` of the lanes with equal lane % 4 and leaves four of the sums with each lane: those from
+/// 16 [lane bit 4] + 8 [bit 3] + 4 [bit 2] on.
+__device__ inline void fold(float (&values)[2 * column_blocks], float (&sums)[4], int lane) {
+#pragma unroll
+  for (int width = column_blocks; width >= 4; width /= 2) {
+    const bool upper = (lane & width) != 0;
+#pragma unroll
+    for (int i = 0; i < width; ++i) {
+      const float send = upper ? values[i] : values[i + width], keep = upper ? values[i + width] : values[i];
+      values[i] = keep + __shfl_xor_sync(0xffffffffu, send, width);
+    }
+  }
+#pragma unroll
+  for (int i = 0; i < 4; ++i) sums[i] += values[i];
+}
+
+/// Column of number i of a lane's folded sums, where values[2 j + k] are of the lane's columns of block j.
+__device__ inline int folded_column(int i, int lane) {
+  const int from = (lane & 16 ? 16 : 0) + (lane & 8 ? 8 : 0) + (lane & 4 ? 4 : 0) + i;
+  return 8 * (from / 2) + 2 * (lane % 4) + i % 2;
+}
+
 /// Numbers of a vector [128] at this lane's columns of block j.
 __device__ inline float2 columns_of(const float* vector, int j, int lane) {
   return *(reinterpret_cast<const float2*>(vector) + 4 * j + lane % 4);

@@ -36,7 +36,6 @@ struct Addition {
   float *out, *out_bias;
   int32_t stride, columns;
   float scale;
-  bool is_partial;  ///< parts of 256 numbers: 128 to out, 128 to out_bias
 };
 
 __device__ void copy_async(uint16_t* to, const uint16_t* from, bool there) {
@@ -59,8 +58,11 @@ __device__ void load_stage(uint16_t* d, uint16_t* x, const Chunk& chunk, int64_t
   asm volatile("cp.async.commit_group;" ::: "memory");
 }
 
-/// A warp adds 32 x 64 sums: outputs from 32 (warp / 2) on, inputs from 64 (warp % 2) on.
-__device__ void add_stage(float (&c)[2][8][4], const uint16_t* d, const uint16_t* x, int warp, int lane) {
+/// A warp adds 32 x 64 sums: outputs from 32 (warp / 2) on, inputs from 64 (warp % 2) on. Where `with_bias`, products
+/// with ones add the rows of d.
+__device__ void add_stage(float (&c)[2][8][4], float (&bias)[2][4], bool with_bias, const uint16_t* d,
+                          const uint16_t* x, int warp, int lane) {
+  constexpr uint32_t ones = 0x3f803f80;
   const int m = lane / 8, r = lane % 8;
   const uint32_t d_at = shared_address(d + ((m / 2) * 8 + r) * row_stride + 32 * (warp / 2) + (m % 2) * 8);
   const uint32_t x_at = shared_address(x + ((m % 2) * 8 + r) * row_stride + 64 * (warp % 2) + (m / 2) * 8);
@@ -69,6 +71,9 @@ __device__ void add_stage(float (&c)[2][8][4], const uint16_t* d, const uint16_t
     uint32_t a[2][4];
     load_transposed(a[0], d_at + 2 * k * row_stride);
     load_transposed(a[1], d_at + 2 * (k * row_stride + 16));
+    if (with_bias)
+#pragma unroll
+      for (int i = 0; i < 2; ++i) multiply_add(bias[i], a[i], ones, ones);
 #pragma unroll
     for (int j = 0; j < 8; j += 2) {
       uint32_t b[4];
@@ -91,7 +96,8 @@ __global__ void __launch_bounds__(threads, 2) product_kernel(const Chunk* chunks
   const auto x_stage = [&](int64_t s) { return d_stage(s) + stage_bytes / 2; };
   const int64_t stages = (chunk.rows + stage_rows - 1) / stage_rows;
   float c[2][8][4] = {};
-  float bias = 0;
+  float bias[2][4] = {};
+  const bool with_bias = chunk.bias && warp % 2 == 0;
   load_stage(d_stage(0), x_stage(0), chunk, 0);
   for (int64_t s = 0; s < stages; ++s) {
     if (s + 1 < stages) {
@@ -101,9 +107,7 @@ __global__ void __launch_bounds__(threads, 2) product_kernel(const Chunk* chunks
       asm volatile("cp.async.wait_group 0;" ::: "memory");
     }
     __syncthreads();
-    add_stage(c, d_stage(s), x_stage(s), warp, lane);
-    if (chunk.bias && threadIdx.x < layer_width)
-      for (int r = 0; r < stage_rows; ++r) bias += from_bf16(d_stage(s)[r * row_stride + threadIdx.x]);
+    add_stage(c, bias, with_bias, d_stage(s), x_stage(s), warp, lane);
     __syncthreads();
   }
 #pragma unroll
@@ -117,7 +121,12 @@ __global__ void __launch_bounds__(threads, 2) product_kernel(const Chunk* chunks
         *reinterpret_cast<float2*>(chunk.sums + row * layer_width + column) = {c[i][j][2 * half],
                                                                                c[i][j][2 * half + 1]};
       }
-  if (chunk.bias && threadIdx.x < layer_width) chunk.bias[threadIdx.x] = bias;
+  if (!with_bias || lane % 4 != 0) return;
+#pragma unroll
+  for (int i = 0; i < 2; ++i) {
+    chunk.bias[32 * (warp / 2) + 16 * i + lane / 4] = bias[i][0];
+    chunk.bias[32 * (warp / 2) + 16 * i + 8 + lane / 4] = bias[i][2];
+  }
 }
 
 constexpr int addition_blocks = tile_numbers / threads;
@@ -126,13 +135,6 @@ constexpr int addition_blocks = tile_numbers / threads;
 __global__ void __launch_bounds__(threads) add_kernel(const Addition* additions) {
   const Addition a = additions[blockIdx.y];
   const int block = static_cast<int>(blockIdx.x), thread = static_cast<int>(threadIdx.x);
-  if (a.is_partial) {
-    if (block > 0) return;
-    float sum = 0;
-    for (int64_t p = 0; p < a.parts; ++p) sum += a.sums[p * 2 * layer_width + thread];
-    (thread < layer_width ? a.out[thread] : a.out_bias[thread - layer_width]) = a.scale * sum;
-    return;
-  }
   if (block == addition_blocks) {
     if (!a.out_bias || thread >= layer_width) return;
     float sum = 0;
@@ -147,6 +149,29 @@ __global__ void __launch_bounds__(threads) add_kernel(const Addition* additions)
   a.out[int64_t{row} * a.stride + column] = a.scale * sum;
 }
 
+/// Block (x, y): 32 numbers of partial sums y; a warp adds every eighth row.
+__global__ void __launch_bounds__(threads) add_partials_kernel(const PartialSums* all) {
+  const PartialSums a = all[blockIdx.y];
+  __shared__ float sums[warps][32];
+  const int lane = static_cast<int>(threadIdx.x) % 32, warp = static_cast<int>(threadIdx.x) / 32;
+  const int number = 32 * static_cast<int>(blockIdx.x) + lane, numbers = a.parts * layer_width;
+  if (number >= numbers) return;  // the whole block
+  float sum = 0;
+#pragma unroll 4
+  for (int64_t r = warp; r < a.rows; r += warps) sum += a.partial[r * numbers + number];
+  sums[warp][lane] = sum;
+  __syncthreads();
+  if (warp > 0) return;
+  sum = 0;
+  for (const auto& part : sums) sum += part[lane];
+  const int i = number % layer_width, k = number / layer_width;
+  if (a.bias == nullptr || k + 1 < a.parts)
+    a.out[int64_t{i} * a.stride + int64_t{k} * a.step] = sum;
+  else if (i < a.biases)
+    a.bias[i] = sum;
+}
+constexpr int most_parts = 4;
+
 int64_t chunk_rows(int64_t rows) {
   const int64_t even = (rows + most_chunks - 1) / most_chunks;
   return std::max<int64_t>(least_chunk, (even + stage_rows - 1) / stage_rows * stage_rows);
@@ -157,6 +182,7 @@ int64_t chunk_rows(int64_t rows) {
 struct WeightProducts::Memory {
   Buffer<Chunk> chunks{Device::cuda, 0};
   Buffer<Addition> additions{Device::cuda, 0};
+  Buffer<PartialSums> partials{Device::cuda, 0};
   Buffer<float> sums{Device::cuda, 0};
 };
 
@@ -166,7 +192,7 @@ WeightProducts::~WeightProducts() = default;
 void WeightProducts::run(void* stream) {
   int64_t parts = 0;
   for (const WeightProduct& p : products_)
-    if (!p.partial && p.rows > 0) parts += (p.rows + chunk_rows(p.rows) - 1) / chunk_rows(p.rows);
+    if (p.rows > 0) parts += (p.rows + chunk_rows(p.rows) - 1) / chunk_rows(p.rows);
   constexpr int64_t part_numbers = tile_numbers + layer_width;
   memory_->sums.resize_discard(static_cast<std::size_t>(parts * part_numbers));
   float* sums = memory_->sums.data();
@@ -174,10 +200,6 @@ void WeightProducts::run(void* stream) {
   std::vector<Chunk> chunks;
   std::vector<Addition> additions;
   for (const WeightProduct& p : products_) {
-    if (p.partial) {
-      additions.push_back({p.partial, nullptr, p.rows, p.out, p.bias, 0, 0, p.scale, true});
-      continue;
-    }
     const float *const first_sums = sums, *const first_bias = bias;
     int64_t n = 0;
     for (int64_t first = 0; first < p.rows; first += chunk_rows(p.rows), ++n) {
@@ -185,11 +207,12 @@ void WeightProducts::run(void* stream) {
       sums += tile_numbers;
       bias += layer_width;
     }
-    additions.push_back({first_sums, first_bias, n, p.out, p.bias, p.stride, p.columns, p.scale, false});
+    additions.push_back({first_sums, first_bias, n, p.out, p.bias, p.stride, p.columns, p.scale});
   }
   products_.clear();
   upload_in(stream, memory_->chunks, chunks);
   upload_in(stream, memory_->additions, additions);
+  upload_in(stream, memory_->partials, partials_);
   const auto in = static_cast<cudaStream_t>(stream);
   constexpr int bytes = 4 * stage_bytes;
   GRAUPEL_CUDA_CHECK(cudaFuncSetAttribute(product_kernel, cudaFuncAttributeMaxDynamicSharedMemorySize, bytes));
@@ -200,6 +223,11 @@ void WeightProducts::run(void* stream) {
     add_kernel<<<dim3(addition_blocks + 1, static_cast<unsigned>(additions.size())), threads, 0, in>>>(
         memory_->additions.data());
   GRAUPEL_CUDA_CHECK(cudaGetLastError());
+  if (!partials_.empty())
+    add_partials_kernel<<<dim3(most_parts * layer_width / 32, static_cast<unsigned>(partials_.size())), threads, 0,
+                          in>>>(memory_->partials.data());
+  GRAUPEL_CUDA_CHECK(cudaGetLastError());
+  partials_.clear();
 }
 
 }  // namespace graupel::graph

@@ -11,7 +11,7 @@ class ActivationEngine : public HgnEngine {
  public:
   ActivationEngine(const nn::Weights& weights, const HgnConfig& config)
       : features_(static_cast<int>(config.input_width())),
-        width_(nn::padded_width(static_cast<int>(config.latent))),
+        latent_(static_cast<int>(config.latent)),
         particles_(weights, config) {
     const auto levels = static_cast<std::size_t>(config.levels);
     const auto block = [&](const std::string& name) {
@@ -43,7 +43,7 @@ class ActivationEngine : public HgnEngine {
                 const sparsegrid::Hierarchy<3>& hierarchy, SumWorkspace& workspace,
                 std::vector<float>& acceleration) const {
     workspace.topology.build(hierarchy);
-    workspace.prepare(hierarchy, width_, features_);
+    workspace.prepare(hierarchy, latent_, features_);
     particles_.encode(features, particle_type, hierarchy, workspace);
     particles_.particle_to_grid(hierarchy, down_[0][0].gathered(), workspace);
     for (std::size_t l = 0; l < restrict_.size(); ++l) {
@@ -69,7 +69,7 @@ class ActivationEngine : public HgnEngine {
       block[k].apply(hierarchy, level, k + 1 < block.size() ? block[k + 1].gathered() : next, workspace);
   }
 
-  int features_, width_;
+  int features_, latent_;
   ParticleSums particles_;
   std::vector<Block> down_, up_;
   std::vector<RestrictSums> restrict_;

@@ -12,13 +12,6 @@ namespace {
 
 float* row_of(Buffer<float>& buffer, int64_t row, int width) { return buffer.data() + row * width; }
 
-/// What the next step gathers of the cells [begin, end).
-void project(const nn::Linear& next, const Buffer<float>& cell, int32_t begin, int32_t end, int width,
-             SumWorkspace& workspace) {
-  next.apply(cell.data() + int64_t{begin} * width, width, end - begin, row_of(workspace.next, begin, next.width()),
-             next.width());
-}
-
 }  // namespace
 
 CellSums::CellSums(const nn::Weights& weights, const HgnConfig& config, const std::string& name)
@@ -37,22 +30,25 @@ void CellSums::apply(const sparsegrid::Hierarchy<3>& hierarchy, std::size_t leve
   const auto count = static_cast<int64_t>(cells.size());
   Buffer<float>& latent = workspace.cell[level];
   for_each_range(workspace, count, sum_rows(count), [&](int32_t begin, int32_t end, TileScratch& scratch) {
-    for (int32_t c = begin; c < end; ++c)
-      gather(cells.neighbor[static_cast<std::size_t>(c)], row_of(workspace.now, 2 * int64_t{c} + 1, width_),
-             workspace.now.data(), network_.sum(scratch, c - begin));
-    network_.apply(scratch, end - begin, row_of(latent, begin, width_));
-    project(next, latent, begin, end, width_, workspace);
+    with_rows(workspace, [&](auto word) {
+      using Word = decltype(word);
+      for (int32_t c = begin; c < end; ++c)
+        gather<Word>(cells.neighbor[static_cast<std::size_t>(c)], workspace.now.row<Word>(2 * int64_t{c} + 1, width_),
+                     workspace.now.row<Word>(0, width_), network_.sum(scratch, c - begin));
+    });
+    network_.apply(scratch, end - begin, row_of(latent, begin, width_), workspace.next_rows(next, begin));
   });
   workspace.advance();
 }
 
-void CellSums::gather(const std::array<int32_t, 6>& neighbor, const float* receiver, const float* senders,
+template <typename Word>
+void CellSums::gather(const std::array<int32_t, 6>& neighbor, const Word* receiver, const Word* rows,
                       float* sum) const {
-  nn::ActivatedRow edges[6];
+  nn::ActivatedRow<Word> edges[6];
   int count = 0;
   for (int slot = 0; slot < 6; ++slot) {
     const int64_t sender = neighbor[static_cast<std::size_t>(slot)];
-    edges[count] = {senders + 2 * sender * width_, direction_.row(slot), 1.0f};
+    edges[count] = {rows + 2 * sender * nn::words_of<Word>(width_), direction_.row(slot), 1.0f};
     count += sender >= 0;  // no branch: whether a neighbour is there is hard to foretell
   }
   nn::sum_activated(
@@ -71,23 +67,26 @@ RestrictSums::RestrictSums(const nn::Weights& weights, const HgnConfig& config, 
 
 void RestrictSums::apply(const sparsegrid::Hierarchy<3>& hierarchy, const nn::Linear& next,
                          SumWorkspace& workspace) const {
-  const auto count = static_cast<int64_t>(hierarchy.levels[level_ + 1].size());
+  const auto cells = static_cast<int64_t>(hierarchy.levels[level_ + 1].size());
   const auto& children = workspace.topology.children[level_ + 1];
   Buffer<float>& latent = workspace.cell[level_ + 1];
-  for_each_range(workspace, count, sum_rows(count), [&](int32_t begin, int32_t end, TileScratch& scratch) {
-    for (int32_t c = begin; c < end; ++c) {
-      float* const sum = network_.sum(scratch, c - begin);
-      nn::clear_row(sum, width_);
-      for (int octant = 0; octant < SumTopology::corners; ++octant) {
-        const int32_t child = children[static_cast<std::size_t>(c)][static_cast<std::size_t>(octant)];
-        if (child < 0) continue;
-        const nn::ActivatedRow row = {row_of(workspace.now, child, width_), nullptr, 1.0f};
+  for_each_range(workspace, cells, sum_rows(cells), [&](int32_t begin, int32_t end, TileScratch& scratch) {
+    with_rows(workspace, [&](auto word) {
+      using Word = decltype(word);
+      for (int32_t c = begin; c < end; ++c) {
+        float* const sum = network_.sum(scratch, c - begin);
+        nn::clear_row(sum, width_);
+        nn::ActivatedRow<Word> rows[SumTopology::corners];
+        int count = 0;
+        for (int octant = 0; octant < SumTopology::corners; ++octant) {
+          const int32_t child = children[static_cast<std::size_t>(c)][static_cast<std::size_t>(octant)];
+          if (child >= 0) rows[count++] = {workspace.now.row<Word>(child, width_), octant_.row(octant), 1.0f};
+        }
         nn::add_activated(
-            width_, 1, [&](int) { return row; }, octant_.row(octant), sum);
+            width_, count, [&](int i) { return rows[i]; }, sum);
       }
-    }
-    network_.apply(scratch, end - begin, row_of(latent, begin, width_));
-    project(next, latent, begin, end, width_, workspace);
+    });
+    network_.apply(scratch, end - begin, row_of(latent, begin, width_), workspace.next_rows(next, begin));
   });
   workspace.advance();
 }
@@ -109,16 +108,18 @@ void Prolong::apply(const sparsegrid::Hierarchy<3>& hierarchy, const nn::Linear&
   for_each_range(workspace, count, sum_rows(count), [&](int32_t begin, int32_t end, TileScratch& scratch) {
     float* const f = row_of(latent, begin, width_);
     fine_part_.apply(f, width_, end - begin, scratch.hidden.data(), width_);
-    for (int32_t c = begin; c < end; ++c) {
-      float* const hidden = scratch.hidden.data() + int64_t{c - begin} * width_;
-      const auto cell = static_cast<std::size_t>(c);
-      nn::activate_sum(hidden, hidden, octant_.row(fine.octant[cell]), row_of(workspace.now, fine.parent[cell], width_),
-                       width_);
-    }
-    second_.apply(scratch.hidden.data(), end - begin, scratch.output.data());
-    for (int32_t r = 0; r < end - begin; ++r)
-      second_.add_to(f + int64_t{r} * width_, scratch.output.data() + int64_t{r} * width_);
-    project(next, latent, begin, end, width_, workspace);
+    with_rows(workspace, [&](auto word) {
+      using Word = decltype(word);
+      for (int32_t c = begin; c < end; ++c) {
+        float* const hidden = scratch.hidden.data() + int64_t{c - begin} * width_;
+        const auto cell = static_cast<std::size_t>(c);
+        const nn::ActivatedRow<Word> row = {workspace.now.row<Word>(fine.parent[cell], width_),
+                                            octant_.row(fine.octant[cell]), 1.0f};
+        nn::sum_activated(
+            width_, 1, [&](int) { return row; }, hidden, hidden);
+      }
+    });
+    finish_latents(second_, scratch.hidden.data(), end - begin, true, f, workspace.next_rows(next, begin), scratch);
   });
   workspace.advance();
 }

@@ -27,7 +27,9 @@ class CellSums {
              SumWorkspace& workspace) const;
 
  private:
-  void gather(const std::array<int32_t, 6>& neighbor, const float* receiver, const float* senders, float* sum) const;
+  /// Word as in GatheredRows; `rows` are the cells' sender and receiver parts.
+  template <typename Word>
+  void gather(const std::array<int32_t, 6>& neighbor, const Word* receiver, const Word* rows, float* sum) const;
 
   int width_;
   nn::StackedLinear gathered_;

@@ -6,6 +6,7 @@
 
 #include "graph/offset_tables.h"
 #include "nn/activated_sums.h"
+#include "nn/chain_on_units.h"
 
 namespace graupel::graph {
 
@@ -45,18 +46,25 @@ void ParticleSums::encode(const std::vector<float>& features, const std::vector<
                           const sparsegrid::Hierarchy<3>& hierarchy, SumWorkspace& workspace) const {
   const auto count = static_cast<int64_t>(particle_type.size());
   for_each_range(workspace, count, sum_rows(count), [&](int32_t begin, int32_t end, TileScratch& scratch) {
-    const int32_t* const order = workspace.topology.order.data() + begin;
-    const int rows = end - begin;
-    float* const latent = workspace.particle.data() + int64_t{begin} * width_;
-    encoder_.apply(order, rows, features, particle_type, scratch, latent);
-    float* const part = workspace.particle_part.data() + int64_t{begin} * width_;
-    p2g_part_.apply(latent, width_, rows, part, width_);
-    for (int r = 0; r < rows; ++r) {
-      const auto particle = static_cast<std::size_t>(order[r]);
-      add_offset(hierarchy.offset[particle], p2g_axis_, part + int64_t{r} * width_);
-      std::copy_n(hierarchy.weight[particle].data(), corners, workspace.weight.data() + int64_t{begin + r} * corners);
-    }
+    encode_tile(begin, end, features, particle_type, hierarchy, workspace, scratch);
   });
+}
+
+void ParticleSums::encode_tile(int32_t begin, int32_t end, const std::vector<float>& features,
+                               const std::vector<int32_t>& particle_type, const sparsegrid::Hierarchy<3>& hierarchy,
+                               SumWorkspace& workspace, TileScratch& scratch) const {
+  const int32_t* const order = workspace.topology.order.data() + begin;
+  const int rows = end - begin;
+  float* const latent = workspace.particle.data() + int64_t{begin} * width_;
+  float* const part = workspace.on_units ? scratch.sums.data() : workspace.particle_part.row<float>(begin, width_);
+  finish_latents(encoder_.last(), encoder_.hidden(order, rows, features, particle_type, scratch), rows, false, latent,
+                 {.layer = p2g_part_, .floats = part}, scratch);
+  for (int r = 0; r < rows; ++r) {
+    const auto particle = static_cast<std::size_t>(order[r]);
+    add_offset(hierarchy.offset[particle], p2g_axis_, part + int64_t{r} * width_);
+    std::copy_n(hierarchy.weight[particle].data(), corners, workspace.weight.data() + int64_t{begin + r} * corners);
+  }
+  if (workspace.on_units) nn::pack_rows(part, rows, width_, workspace.particle_part.row<uint32_t>(begin, width_));
 }
 
 void ParticleSums::particle_to_grid(const sparsegrid::Hierarchy<3>& hierarchy, const nn::Linear& next,
@@ -64,19 +72,30 @@ void ParticleSums::particle_to_grid(const sparsegrid::Hierarchy<3>& hierarchy, c
   const auto& cells = hierarchy.levels[0];
   const auto count = static_cast<int64_t>(cells.size());
   for_each_range(workspace, count, sum_rows(count), [&](int32_t begin, int32_t end, TileScratch& scratch) {
-    for (int32_t c = begin; c < end; ++c) gather_to_cell(cells, c, workspace, cell_network_.sum(scratch, c - begin));
+    with_rows(workspace, [&](auto word) {
+      for (int32_t c = begin; c < end; ++c)
+        gather_to_cell<decltype(word)>(cells, c, workspace, cell_network_.sum(scratch, c - begin));
+    });
     float* const latent = workspace.cell[0].data() + int64_t{begin} * width_;
-    cell_network_.apply(scratch, end - begin, latent);
-    next.apply(latent, width_, end - begin, workspace.next.data() + int64_t{begin} * next.width(), next.width());
+    cell_network_.apply(scratch, end - begin, latent, workspace.next_rows(next, begin));
   });
   workspace.advance();
 }
 
+template <typename Word>
 void ParticleSums::gather_to_cell(const sparsegrid::HierarchyLevel<3>& cells, int32_t cell,
                                   const SumWorkspace& workspace, float* sum) const {
   // The cell that lies k lower; -1 also where only a way over cells that are not active leads there: a particle there
   // would make the cells of the way active.
   int32_t base[corners] = {cell};
+  constexpr int most = 64;
+  nn::ActivatedRow<Word> pairs[most];
+  int count = 0;
+  const auto add_pairs = [&] {
+    nn::add_activated(
+        width_, count, [&](int i) { return pairs[i]; }, sum);
+    count = 0;
+  };
   nn::clear_row(sum, width_);
   for (int k = 0; k < corners; ++k) {
     if (k > 0) {
@@ -87,16 +106,13 @@ void ParticleSums::gather_to_cell(const sparsegrid::HierarchyLevel<3>& cells, in
     }
     if (base[k] < 0) continue;
     const int32_t* const begin = workspace.topology.base_begin.data() + base[k];
-    const float* const part = workspace.particle_part.data() + int64_t{begin[0]} * width_;
-    const float* const weight = workspace.weight.data() + int64_t{begin[0]} * corners + k;
-    const float scale = p2g_scale_;
-    nn::add_activated(
-        width_, begin[1] - begin[0],
-        [=, this](int i) {
-          return nn::ActivatedRow{part + int64_t{i} * width_, nullptr, scale * weight[i * corners]};
-        },
-        p2g_corner_.row(k), sum);
+    for (int32_t place = begin[0]; place < begin[1]; ++place) {
+      pairs[count++] = {workspace.particle_part.row<Word>(place, width_), p2g_corner_.row(k),
+                        p2g_scale_ * workspace.weight[static_cast<std::size_t>(place * corners + k)]};
+      if (count == most) add_pairs();
+    }
   }
+  add_pairs();
 }
 
 void ParticleSums::grid_to_particle(const sparsegrid::Hierarchy<3>& hierarchy, SumWorkspace& workspace,
@@ -118,19 +134,27 @@ void ParticleSums::decode_tile(int32_t begin, int32_t end, const sparsegrid::Hie
     const auto particle = static_cast<std::size_t>(order[r]);
     float* const own = part + int64_t{r} * width_;
     add_offset(hierarchy.offset[particle], g2p_axis_, own);
-    const auto& cells = hierarchy.cell[particle];
-    const auto& weight = hierarchy.weight[particle];
-    nn::sum_activated(
-        width_, corners,
-        [&](int k) {
-          const auto corner = static_cast<std::size_t>(k);
-          return nn::ActivatedRow{workspace.now.data() + int64_t{cells[corner]} * width_, g2p_corner_.row(k),
-                                  weight[corner]};
-        },
-        own, particle_network_.sum(scratch, r));
+    with_rows(workspace, [&](auto word) {
+      gather_to_particle<decltype(word)>(particle, hierarchy, workspace, own, particle_network_.sum(scratch, r));
+    });
   }
-  particle_network_.apply(scratch, rows, latent);
-  decoder_.apply(latent, order, rows, scratch, acceleration);
+  particle_network_.apply(scratch, rows, latent, {.layer = decoder_.first(), .floats = scratch.hidden.data()});
+  decoder_.after_first(order, rows, scratch, acceleration);
+}
+
+template <typename Word>
+void ParticleSums::gather_to_particle(std::size_t particle, const sparsegrid::Hierarchy<3>& hierarchy,
+                                      const SumWorkspace& workspace, const float* own, float* sum) const {
+  const auto& cells = hierarchy.cell[particle];
+  const auto& weight = hierarchy.weight[particle];
+  nn::sum_activated(
+      width_, corners,
+      [&](int k) {
+        const auto corner = static_cast<std::size_t>(k);
+        return nn::ActivatedRow<Word>{workspace.now.row<Word>(cells[corner], width_), g2p_corner_.row(k),
+                                      weight[corner]};
+      },
+      own, sum);
 }
 
 }  // namespace graupel::graph

@@ -30,8 +30,16 @@ class ParticleSums {
                         std::vector<float>& acceleration) const;
 
  private:
+  void encode_tile(int32_t begin, int32_t end, const std::vector<float>& features,
+                   const std::vector<int32_t>& particle_type, const sparsegrid::Hierarchy<3>& hierarchy,
+                   SumWorkspace& workspace, TileScratch& scratch) const;
+  /// Word as in GatheredRows.
+  template <typename Word>
   void gather_to_cell(const sparsegrid::HierarchyLevel<3>& cells, int32_t cell, const SumWorkspace& workspace,
                       float* sum) const;
+  template <typename Word>
+  void gather_to_particle(std::size_t particle, const sparsegrid::Hierarchy<3>& hierarchy,
+                          const SumWorkspace& workspace, const float* own, float* sum) const;
   void decode_tile(int32_t begin, int32_t end, const sparsegrid::Hierarchy<3>& hierarchy, SumWorkspace& workspace,
                    TileScratch& scratch, std::vector<float>& acceleration) const;
   /// part += sum over axes of offset * axis row.

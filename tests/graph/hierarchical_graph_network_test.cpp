@@ -8,6 +8,7 @@
 #include "core/device.h"
 #include "core/error.h"
 #include "core/random.h"
+#include "nn/bf16_products.h"
 #include "random_input.h"
 #include "reference_network.h"
 
@@ -144,6 +145,35 @@ TEST_P(EitherAggregation, ResultsDoNotDependOnThreadsOrEarlierFrames) {
   EXPECT_EQ(a, one);
   EXPECT_EQ(b, one);
   set_num_threads(0);
+}
+
+TEST_P(EitherAggregation, ProductsOnMatrixUnitsChangeLittle) {
+  if (!nn::has_bf16_units()) GTEST_SKIP() << "this processor has no matrix units for bf16";
+  for (const int latent : {72, 128}) {
+    HgnConfig config = small_config(GetParam());
+    config.latent = latent;
+    const HierarchicalGraphNetwork network(random_weights(config, {}));
+    const Input input = random_input(config, 700);
+    const std::vector<float> exact = evaluate(network, input);
+    nn::use_bf16_products(true);
+    const std::vector<float> rounded = evaluate(network, input), again = evaluate(network, input);
+    set_num_threads(1);
+    const std::vector<float> one_thread = evaluate(network, input);
+    set_num_threads(0);
+    nn::use_bf16_products(false);
+    EXPECT_EQ(rounded, again);
+    EXPECT_EQ(rounded, one_thread);
+    EXPECT_EQ(evaluate(network, input), exact) << "rows of another form in the same memory";
+    double difference = 0, size = 0;
+    for (std::size_t i = 0; i < exact.size(); ++i) {
+      difference += std::pow(rounded[i] - exact[i], 2);
+      size += std::pow(exact[i], 2);
+    }
+    if (latent == 128) {
+      EXPECT_GT(difference, 0);
+    }
+    EXPECT_LT(std::sqrt(difference / size), 0.02) << latent;
+  }
 }
 
 TEST_P(EitherAggregation, ManyParticlesInOneCellAndLoneParticles) {

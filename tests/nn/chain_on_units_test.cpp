@@ -1,0 +1,178 @@
+// Rows that go through a network from end to end are what its layers make of them one after the other.
+#include "nn/chain_on_units.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <tuple>
+
+#include "core/random.h"
+#include "nn/activated_sums.h"
+#include "nn/bf16_products.h"
+#include "nn/fcn.h"
+
+namespace graupel::nn {
+namespace {
+
+Buffer<float> random_buffer(std::size_t n, uint64_t stream) {
+  const Random random(2, RandomPurpose::test, stream);
+  Buffer<float> values(Device::cpu, n);
+  for (std::size_t i = 0; i < n; ++i) values[i] = static_cast<float>(random.uniform(i, 0, -1, 1));
+  return values;
+}
+std::vector<float> random_values(std::size_t n, uint64_t stream) {
+  const Buffer<float> buffer = random_buffer(n, stream);
+  return {buffer.begin(), buffer.end()};
+}
+Linear random_linear(int out, int in, uint64_t stream) {
+  return Linear(out, in, random_values(static_cast<std::size_t>(out * in), stream).data(), in,
+                random_values(static_cast<std::size_t>(out), stream + 1));
+}
+NormalizedLayer random_layer(int width) {
+  const auto n = static_cast<std::size_t>(width);
+  FcnWeights fcn;
+  fcn.hidden = fcn.out = width;
+  fcn.weight2 = random_values(n * n, 11);
+  fcn.bias2 = random_values(n, 12);
+  fcn.gamma = random_values(n, 13);
+  fcn.beta = random_values(n, 14);
+  return NormalizedLayer(fcn);
+}
+
+/// Column c of a packed row.
+float unpacked(const uint32_t* row, int c) {
+  Lanes x[panel / lanes];
+  load_columns(row, c / panel * panel, x);
+  return x[c % panel / lanes][c % lanes];
+}
+
+enum class Form { on_sum, on_sum_and_latent, on_hidden };
+
+class ChainOnUnits : public ::testing::TestWithParam<std::tuple<int, int, Form>> {
+ protected:
+  void SetUp() override {
+    if (!has_bf16_units()) GTEST_SKIP() << "this processor has no matrix units for bf16";
+    use_bf16_products(true);
+  }
+  void TearDown() override { use_bf16_products(false); }
+};
+
+TEST_P(ChainOnUnits, IsItsLayersOneAfterTheOther) {
+  const auto [rows, width, form] = GetParam();
+  const bool on_hidden = form == Form::on_hidden, with_latent = form == Form::on_sum_and_latent;
+  const auto count = static_cast<std::size_t>(rows * width);
+  const Linear first = random_linear(width, with_latent ? 2 * width : width, 1);
+  const NormalizedLayer second = random_layer(width);
+  const Linear next = random_linear(2 * width, width, 3);
+  const Buffer<float> input = random_buffer(count, 5);
+  Buffer<float> latent = random_buffer(count, 6), expected = random_buffer(count, 6);
+
+  Buffer<float> both(Device::cpu, 2 * count), hidden(Device::cpu, count), y(Device::cpu, count);
+  for (int r = 0; r < rows; ++r) {
+    std::copy_n(input.data() + r * width, width, both.data() + 2 * r * width);
+    std::copy_n(latent.data() + r * width, width, both.data() + (2 * r + 1) * width);
+  }
+  if (on_hidden)
+    std::copy_n(input.data(), count, hidden.data());
+  else
+    first.apply(with_latent ? both.data() : input.data(), with_latent ? 2 * width : width, rows, hidden.data(), width);
+  for (int r = 0; r < rows && !on_hidden; ++r) activate_row(hidden.data() + r * width, width);
+  second.apply(hidden.data(), rows, y.data());
+  for (int r = 0; r < rows; ++r)
+    with_latent ? second.add_to(expected.data() + r * width, y.data() + r * width)
+                : second.finish(expected.data() + r * width, y.data() + r * width);
+
+  const UnitChain chain{.first = on_hidden ? UnitLayer() : first.on_units(),
+                        .second = second.linear().on_units(),
+                        .next = next.on_units(),
+                        .gamma = second.gamma(),
+                        .beta = second.beta(),
+                        .out = width};
+  ASSERT_NE(chain.next.tiles, nullptr);
+  Buffer<float> floats(Device::cpu, 2 * count);
+  Buffer<uint32_t> packed(Device::cpu, count);
+  ChainRows at{.rows = rows,
+               .input = input.data(),
+               .input_stride = width,
+               .latent = latent.data(),
+               .with_latent = with_latent,
+               .add = with_latent,
+               .next = floats.data()};
+  apply_chain_on_units(chain, at);
+  for (std::size_t i = 0; i < count; ++i) ASSERT_NEAR(latent[i], expected[i], 2e-5) << i;
+
+  Buffer<float> projected(Device::cpu, 2 * count);
+  next.apply(latent.data(), width, rows, projected.data(), 2 * width);
+  for (std::size_t i = 0; i < 2 * count; ++i) ASSERT_NEAR(floats[i], projected[i], 1e-5 * width) << i;
+
+  const Buffer<float> again = random_buffer(count, 6);
+  std::copy_n(again.data(), count, latent.data());
+  at.packed_next = packed.data();
+  apply_chain_on_units(chain, at);
+  Buffer<uint32_t> packed_rows(Device::cpu, count);
+  pack_rows(floats.data(), rows, 2 * width, packed_rows.data());
+  EXPECT_TRUE(std::equal(packed.begin(), packed.end(), packed_rows.begin()));
+  for (int r = 0; r < rows; ++r)
+    for (int c = 0; c < 2 * width; ++c) {
+      const float value = floats[static_cast<std::size_t>(r * 2 * width + c)];
+      ASSERT_EQ(unpacked(packed.data() + r * width, c), float_from_bf16(bf16_from_float(value))) << r << " " << c;
+    }
+}
+
+INSTANTIATE_TEST_SUITE_P(Sizes, ChainOnUnits,
+                         ::testing::Combine(::testing::Values(1, 16, 17, 32, 33, 70), ::testing::Values(64, 128, 160),
+                                            ::testing::Values(Form::on_sum, Form::on_sum_and_latent, Form::on_hidden)));
+
+TEST(ActivatedSums, AreThoseOfTheFormula) {
+  for (const int width : {32, 96, 128, 160}) {
+    const auto w = static_cast<std::size_t>(width);
+    const Buffer<float> rows = random_buffer(5 * w, 1), table = random_buffer(5 * w, 2), base = random_buffer(w, 3);
+    const float weight[] = {1, 0.25f, -0.5f, 2, 0.125f};
+    const auto item = [&](int i) {
+      return ActivatedRow<float>{rows.data() + i * width, table.data() + i * width, weight[i]};
+    };
+    Buffer<float> with_table(Device::cpu, w), without(Device::cpu, w);
+    clear_row(without.data(), width);
+    sum_activated(width, 5, item, base.data(), with_table.data());
+    add_activated(width, 2, item, without.data());
+    add_activated(
+        width, 3, [&](int i) { return item(2 + i); }, without.data());
+    for (std::size_t c = 0; c < w; ++c) {
+      double both = 0, alone = 0;
+      for (std::size_t i = 0; i < 5; ++i) {
+        const double x = static_cast<double>(rows[i * w + c]) + table[i * w + c], t = x + base[c];
+        both += weight[i] * (t > 0 ? t : 0.01 * t);
+        alone += weight[i] * (x > 0 ? x : 0.01 * x);
+      }
+      ASSERT_NEAR(with_table[c], both, 1e-5);
+      ASSERT_NEAR(without[c], alone, 1e-5);
+    }
+  }
+}
+
+TEST(ActivatedSums, OfPackedRowsAreThoseOfTheirNumbers) {
+  if (!has_bf16_units()) GTEST_SKIP() << "this processor has no matrix units for bf16";
+  constexpr int width = 160;
+  const Buffer<float> rows = random_buffer(3 * width, 1), table = random_buffer(3 * width, 2);
+  Buffer<uint32_t> packed(Device::cpu, 3 * width / 2);
+  pack_rows(rows.data(), 3, width, packed.data());
+  Buffer<float> numbers(Device::cpu, 3 * width), from_packed(Device::cpu, width), from_numbers(Device::cpu, width);
+  for (std::size_t i = 0; i < numbers.size(); ++i) numbers[i] = float_from_bf16(bf16_from_float(rows[i]));
+  const auto weight = [](int i) { return 1.0f + static_cast<float>(i); };
+  sum_activated(
+      width, 2,
+      [&](int i) {
+        return ActivatedRow<uint32_t>{packed.data() + i * width / 2, table.data() + i * width, weight(i)};
+      },
+      packed.data() + width, from_packed.data());
+  sum_activated(
+      width, 2,
+      [&](int i) {
+        return ActivatedRow<float>{numbers.data() + i * width, table.data() + i * width, weight(i)};
+      },
+      numbers.data() + 2 * width, from_numbers.data());
+  EXPECT_TRUE(std::equal(from_packed.begin(), from_packed.end(), from_numbers.begin()));
+}
+
+}  // namespace
+}  // namespace graupel::nn
