@@ -1,7 +1,6 @@
 // Kernels of the density projection (graph/density_projection.cpp), for host and device.
 #pragma once
 
-#include <atomic>
 #include <cmath>
 #include <cstdint>
 
@@ -12,6 +11,7 @@
 
 namespace graupel::graph::density {
 
+using grid::add_to;
 using grid::corners;
 using grid::lowest_one;
 using grid::set_bit;
@@ -131,15 +131,6 @@ struct FindShares {
   }
 };
 
-/// Returns what the sum was before.
-GRAUPEL_HD inline uint32_t add_to(uint32_t& sum, uint32_t value) {
-#ifdef __CUDA_ARCH__
-  return atomicAdd(&sum, value);
-#else
-  return std::atomic_ref<uint32_t>(sum).fetch_add(value, std::memory_order_relaxed);
-#endif
-}
-
 /// Spreads a particle's mass; marks the cells that get some.
 struct Spread {
   Cells cells;
@@ -198,6 +189,20 @@ struct Equation {
   float excess, inverse_sum;  ///< of the open faces; 0 for a closed cell
 };
 
+/// Of a cell with this mass, its shares and those of its upper faces.
+GRAUPEL_HD inline Equation equation_of(uint32_t mass, const Shares& own, const float (&upper)[3]) {
+  float open = 0;
+  for (int d = 0; d < 3; ++d) open += own.face[d] + upper[d];
+  const float room = own.cell > narrowest ? own.cell : narrowest;
+  return {static_cast<float>(mass) / full - room, open < closed ? 0 : 1 / open};
+}
+
+/// The next pressure of a cell from its last one and from what its neighbours and its excess sum to.
+GRAUPEL_HD inline float relaxed(float before, float sum, float inverse_sum, float relaxation) {
+  const float p = before + relaxation * (sum * inverse_sum - before);
+  return p > 0 ? p : 0;
+}
+
 /// Lists the cells of a word, with their equations, and clears the word and their mass.
 struct ListCells {
   ActiveCells active;
@@ -217,10 +222,9 @@ struct ListCells {
     words[w] = 0;
   }
   GRAUPEL_HD Equation equation_of(int32_t i) const {
-    float open = 0;
-    for (int d = 0; d < 3; ++d) open += shares[i].face[d] + shares[i + active.cells.stride(d)].face[d];
-    const float room = shares[i].cell > narrowest ? shares[i].cell : narrowest;
-    return {static_cast<float>(mass[i]) / full - room, open < closed ? 0 : 1 / open};
+    float upper[3];
+    for (int d = 0; d < 3; ++d) upper[d] = shares[i + active.cells.stride(d)].face[d];
+    return density::equation_of(mass[i], shares[i], upper);
   }
 };
 
@@ -244,8 +248,7 @@ struct Sweep {
       const int32_t s = active.cells.stride(d);
       sum += own.face[d] * pressure[i - s] + shares[i + s].face[d] * pressure[i + s];
     }
-    const float p = pressure[i] + relaxation * (sum * e.inverse_sum - pressure[i]);
-    pressure[i] = p > 0 ? p : 0;
+    pressure[i] = relaxed(pressure[i], sum, e.inverse_sum, relaxation);
   }
 };
 
@@ -283,6 +286,16 @@ struct MoveParticle {
       u += weight * (pressure[c - s] - pressure[c]);
     }
     return u;
+  }
+};
+
+/// Moves a particle on one grid and spreads it on the next.
+struct MoveAndSpread {
+  MoveParticle move;
+  Spread spread;
+  GRAUPEL_HD void operator()(int64_t p) const {
+    move(p);
+    spread(p);
   }
 };
 

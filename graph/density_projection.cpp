@@ -5,6 +5,9 @@
 
 #include "core/error.h"
 #include "core/parallel_for_in.h"
+#ifdef GRAUPEL_HAVE_CUDA
+#include "graph/cuda/density_solver.h"
+#endif
 #include "graph/density_kernels.h"
 #include "graph/device_lists.h"
 
@@ -59,7 +62,6 @@ class DensityProjection::Lattice {
         mass_(device, shares_.size()),
         pressure_(device, shares_.size()),
         words_(device, static_cast<std::size_t>(2 * cells.words_of_color())),
-        word_count_(device, words_.size() + 1),
         rank_(device, words_.size() + 1),
         cell_(device, 0),
         equation_(device, 0) {
@@ -77,39 +79,63 @@ class DensityProjection::Lattice {
     synchronize(device_);
   }
 
-  void apply(Vec3f* position, int64_t n, void* stream) {
-    find_cells(position, n, stream);
-    if (device_ == Device::cpu && at_rest()) return;
-    solve(stream);
-    parallel_for_in(stream, device_, n, MoveParticle{cells_, shares_.data(), pressure_.data(), position});
+  void spread(const Vec3f* position, int64_t n, void* stream) {
+    prepare(n);
+    parallel_for_in(stream, device_, n, spreading(position, n),
+                    Grain{.items = is_alone(n) ? few_particles : Grain().items});
   }
-
- private:
-  void find_cells(const Vec3f* position, int64_t n, void* stream) {
-    const auto most = static_cast<std::size_t>(std::min(corners * n, cells_.count()));
-    if (most > cell_.size()) {
-      cell_.resize_discard(most);
-      equation_.resize_discard(most);
-      restart();
+  /// Moves the particles and, where there is a `next` lattice, spreads them there.
+  void move(Vec3f* position, int64_t n, Lattice* next, void* stream) {
+    if (next != nullptr && device_ == Device::cuda) {
+      next->prepare(n);
+      parallel_for_in(stream, device_, n, MoveAndSpread{moving(position), next->spreading(position, n)});
+      return;
     }
-    const auto words = static_cast<int64_t>(words_.size());
-    // A few particles are spread by one thread sooner than by several with atomic sums.
-    const bool alone = device_ == Device::cpu && n <= few_particles;
-    parallel_for_in(stream, device_, n, Spread{cells_, position, unit_, mass_.data(), words_.data(), alone},
-                    Grain{.items = alone ? few_particles : Grain().items});
-    parallel_for_in(stream, device_, most_active(0) + most_active(1),
-                    DropPressure{active(), mass_.data(), pressure_.data()}, light);
-    parallel_for_in(stream, device_, words, grid::CountBits{words_.data(), word_count_.data()}, light);
-    running_sums(device_, words, word_count_.data(), rank_.data(), scratch_, stream);
-    parallel_for_in(stream, device_, words,
-                    ListCells{active(), shares_.data(), words_.data(), mass_.data(), equation_.data()}, light);
+    parallel_for_in(stream, device_, n, moving(position));
+    if (next != nullptr) next->spread(position, n, stream);
   }
 
-  void solve(void* stream) {
+  /// False where nothing will move.
+  bool solve(void* stream) {
+#ifdef GRAUPEL_HAVE_CUDA
+    if (device_ == Device::cuda && solves_density_at_once(static_cast<int64_t>(cell_.size()))) {
+      solve_density({cells_, sweeps, relaxation, shares_.data(), words_.data(), mass_.data(), rank_.data(),
+                     cell_.data(), equation_.data(), pressure_.data()},
+                    stream);
+      return true;
+    }
+#endif
+    find_cells(stream);
+    if (device_ == Device::cpu && at_rest()) return false;
     for (int sweep = 0; sweep < sweeps; ++sweep)
       for (int color = 0; color < 2; ++color)
         parallel_for_in(stream, device_, most_active(color),
                         Sweep{active(), color, relaxation, shares_.data(), equation_.data(), pressure_.data()}, light);
+    return true;
+  }
+
+ private:
+  /// A few particles are spread by one thread sooner than by several with atomic sums.
+  bool is_alone(int64_t n) const { return device_ == Device::cpu && n <= few_particles; }
+  Spread spreading(const Vec3f* position, int64_t n) {
+    return {cells_, position, unit_, mass_.data(), words_.data(), is_alone(n)};
+  }
+  MoveParticle moving(Vec3f* position) const { return {cells_, shares_.data(), pressure_.data(), position}; }
+
+  void prepare(int64_t n) {
+    const auto most = static_cast<std::size_t>(std::min(corners * n, cells_.count()));
+    if (most <= cell_.size()) return;
+    cell_.resize_discard(most);
+    equation_.resize_discard(most);
+    restart();
+  }
+  void find_cells(void* stream) {
+    const auto words = static_cast<int64_t>(words_.size());
+    parallel_for_in(stream, device_, most_active(0) + most_active(1),
+                    DropPressure{active(), mass_.data(), pressure_.data()}, light);
+    count_bits(device_, words, words_.data(), rank_.data(), scratch_, stream);
+    parallel_for_in(stream, device_, words,
+                    ListCells{active(), shares_.data(), words_.data(), mass_.data(), equation_.data()}, light);
   }
 
   /// Whether no cell has too much matter or a pressure: all pressures stay 0, and nothing moves.
@@ -136,7 +162,7 @@ class DensityProjection::Lattice {
   Buffer<uint32_t> mass_;   ///< zero between calls
   Buffer<float> pressure_;  ///< of the last frame; zero where it had no matter
   Buffer<uint32_t> words_;  ///< cells of both colours that hold matter as bits, zero between calls
-  Buffer<int32_t> word_count_, rank_, cell_;
+  Buffer<int32_t> rank_, cell_;
   Buffer<Equation> equation_;
 };
 
@@ -150,7 +176,14 @@ DensityProjection::DensityProjection(Device device, const Surroundings& surround
 DensityProjection::~DensityProjection() = default;
 
 void DensityProjection::apply(Vec3f* position, int64_t n, void* stream) {
-  for (const auto& lattice : lattices_) lattice->apply(position, n, stream);
+  lattices_.front()->spread(position, n, stream);
+  for (std::size_t k = 0; k < lattices_.size(); ++k) {
+    Lattice* const next = k + 1 < lattices_.size() ? lattices_[k + 1].get() : nullptr;
+    if (lattices_[k]->solve(stream))
+      lattices_[k]->move(position, n, next, stream);
+    else if (next != nullptr)
+      next->spread(position, n, stream);
+  }
 }
 
 void DensityProjection::restart() {

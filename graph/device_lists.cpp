@@ -1,15 +1,16 @@
 #include "graph/device_lists.h"
 
 #ifdef __CUDACC__
-#include <cub/device/device_radix_sort.cuh>
+#include <thrust/iterator/transform_iterator.h>
+
 #include <cub/device/device_scan.cuh>
 #include <cuda/std/functional>
+
+#include "graph/cuda/running_sums.cuh"
 #endif
 
-#include <algorithm>
-#include <numeric>
+#include <bit>
 #include <stdexcept>
-#include <vector>
 
 #include "core/cuda_check.h"
 
@@ -17,36 +18,56 @@ namespace graupel::graph {
 
 namespace {
 
+struct BitsOf {
+  GRAUPEL_HD int32_t operator()(uint32_t word) const {
+#ifdef __CUDA_ARCH__
+    return __popc(word);
+#else
+    return std::popcount(word);
+#endif
+  }
+};
+struct Same {
+  template <typename T>
+  GRAUPEL_HD T operator()(const T& value) const {
+    return value;
+  }
+};
+
 #ifdef __CUDACC__
-/// Calls one of CUB's operations twice: for the memory that it needs, and to work.
-template <typename Operation>
-void with_scratch(ListScratch& scratch, const Operation& operation) {
+template <typename T, typename From, typename Value>
+void sum_up_on_gpu(int64_t n, const int32_t* present, const From* from, Value value, T* sums, ListScratch& scratch,
+                   cudaStream_t stream) {
+  if (n <= most_in_one_launch) return launch_running_sums(n, present, from, value, sums, stream);
+  const auto scan = [&](void* memory, std::size_t& bytes) {
+    return cub::DeviceScan::ExclusiveScan(memory, bytes, thrust::make_transform_iterator(from, value), sums,
+                                          cuda::std::plus<>{}, T{}, static_cast<int>(n + 1), stream);
+  };
   std::size_t bytes = 0;
-  GRAUPEL_CUDA_CHECK(operation(nullptr, bytes));
+  GRAUPEL_CUDA_CHECK(scan(nullptr, bytes));
   if (bytes > scratch.bytes.size()) scratch.bytes.resize_discard(bytes);
   bytes = scratch.bytes.size();
-  GRAUPEL_CUDA_CHECK(operation(scratch.bytes.data(), bytes));
+  GRAUPEL_CUDA_CHECK(scan(scratch.bytes.data(), bytes));
 }
 #else
 [[noreturn]] void no_cuda() { throw std::logic_error("device_lists: this file was not compiled for CUDA"); }
 #endif
 
-template <typename T>
-void sum_up(Device device, int64_t n, const T* value, T* sums, ListScratch& scratch, void* stream) {
+template <typename T, typename From, typename Value>
+void sum_up(Device device, int64_t n, const int32_t* present, const From* from, Value value, T* sums,
+            ListScratch& scratch, void* stream) {
   if (device == Device::cpu) {
+    if (present) n = *present;
     T sum{};
     for (int64_t i = 0; i < n; ++i) {
       sums[i] = sum;
-      sum = sum + value[i];
+      sum = sum + value(from[i]);
     }
     sums[n] = sum;
     return;
   }
 #ifdef __CUDACC__
-  with_scratch(scratch, [&](void* memory, std::size_t& bytes) {
-    return cub::DeviceScan::ExclusiveScan(memory, bytes, value, sums, cuda::std::plus<>{}, T{}, static_cast<int>(n + 1),
-                                          static_cast<cudaStream_t>(stream));
-  });
+  sum_up_on_gpu(n, present, from, value, sums, scratch, static_cast<cudaStream_t>(stream));
 #else
   static_cast<void>(scratch), static_cast<void>(stream);
   no_cuda();
@@ -55,38 +76,18 @@ void sum_up(Device device, int64_t n, const T* value, T* sums, ListScratch& scra
 
 }  // namespace
 
-void running_sums(Device device, int64_t n, const int32_t* value, int32_t* sums, ListScratch& scratch, void* stream) {
-  sum_up(device, n, value, sums, scratch, stream);
+void running_sums(Device device, int64_t n, const int32_t* value, int32_t* sums, ListScratch& scratch, void* stream,
+                  const int32_t* present) {
+  sum_up(device, n, present, value, Same{}, sums, scratch, stream);
 }
 
-void running_sums(Device device, int64_t n, const LinkCount* value, LinkCount* sums, ListScratch& scratch,
-                  void* stream) {
-  sum_up(device, n, value, sums, scratch, stream);
+void running_sums(Device device, int64_t n, const LinkCount* value, LinkCount* sums, ListScratch& scratch, void* stream,
+                  const int32_t* present) {
+  sum_up(device, n, present, value, Same{}, sums, scratch, stream);
 }
 
-void sort_by_key(Device device, int64_t n, int bits, const int32_t* key, const int32_t* value, int32_t* sorted_key,
-                 int32_t* sorted_value, ListScratch& scratch, void* stream) {
-  if (n == 0) return;
-  if (device == Device::cpu) {
-    std::vector<int32_t> place(static_cast<std::size_t>(n));
-    std::iota(place.begin(), place.end(), 0);
-    std::stable_sort(place.begin(), place.end(), [&](int32_t a, int32_t b) { return key[a] < key[b]; });
-    for (int64_t i = 0; i < n; ++i) {
-      const int32_t from = place[static_cast<std::size_t>(i)];
-      sorted_key[i] = key[from];
-      sorted_value[i] = value[from];
-    }
-    return;
-  }
-#ifdef __CUDACC__
-  with_scratch(scratch, [&](void* memory, std::size_t& bytes) {
-    return cub::DeviceRadixSort::SortPairs(memory, bytes, key, sorted_key, value, sorted_value, static_cast<int>(n), 0,
-                                           bits, static_cast<cudaStream_t>(stream));
-  });
-#else
-  static_cast<void>(bits), static_cast<void>(scratch), static_cast<void>(stream);
-  no_cuda();
-#endif
+void count_bits(Device device, int64_t n, const uint32_t* words, int32_t* sums, ListScratch& scratch, void* stream) {
+  sum_up(device, n, nullptr, words, BitsOf{}, sums, scratch, stream);
 }
 
 }  // namespace graupel::graph

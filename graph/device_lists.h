@@ -1,5 +1,4 @@
-// Running sums and stable sorts of integers where they lie, in the order of a stream. Results are the same on every
-// device.
+// Running sums of integers where they lie, in the order of a stream. Results are the same on every device.
 #pragma once
 
 #include <cstdint>
@@ -24,14 +23,12 @@ GRAUPEL_HD inline LinkCount operator+(const LinkCount& a, const LinkCount& b) {
 }
 
 /// sums[i] = value[0] + .. + value[i - 1] for i = 0 .. n: n + 1 results. `value` too has n + 1 places, of which the
-/// last does not count.
-void running_sums(Device device, int64_t n, const int32_t* value, int32_t* sums, ListScratch& scratch, void* stream);
-void running_sums(Device device, int64_t n, const LinkCount* value, LinkCount* sums, ListScratch& scratch,
-                  void* stream);
-
-/// Items (key, value) in the order of their keys, equal keys in the order in which they stand; keys are in
-/// [0, 2^bits).
-void sort_by_key(Device device, int64_t n, int bits, const int32_t* key, const int32_t* value, int32_t* sorted_key,
-                 int32_t* sorted_value, ListScratch& scratch, void* stream);
+/// last does not count. With `present`, a number of the device's memory that is at most n, it takes n's place.
+void running_sums(Device device, int64_t n, const int32_t* value, int32_t* sums, ListScratch& scratch, void* stream,
+                  const int32_t* present = nullptr);
+void running_sums(Device device, int64_t n, const LinkCount* value, LinkCount* sums, ListScratch& scratch, void* stream,
+                  const int32_t* present = nullptr);
+/// The same for the numbers of bits that are set in `words` [n].
+void count_bits(Device device, int64_t n, const uint32_t* words, int32_t* sums, ListScratch& scratch, void* stream);
 
 }  // namespace graupel::graph

@@ -43,36 +43,56 @@ GRAUPEL_HD inline float clamped(double distance, double limit) {
   return static_cast<float>((distance < -limit ? -limit : distance > limit ? limit : distance) / limit);
 }
 
-GRAUPEL_HD inline float* put(const Vec3f& v, float* row) {
-  for (int d = 0; d < 3; ++d) *row++ = v[d];
-  return row;
+GRAUPEL_HD inline void put(const Vec3f& v, float* row) {
+  for (int d = 0; d < 3; ++d) row[d] = v[d];
 }
 
 }  // namespace feature_row
 
-/// Writes rules.width features of a particle, in the order of particle_features(), as those of the scene turned by
-/// `turn`. `position` [m] holds rules.history + 1 frames, newest last, unturned.
-GRAUPEL_HD inline void write_feature_row(const FeatureRules& rules, const SurroundingsView& surroundings,
-                                         const AxisMap& turn, const Vec3f* position, float* row) {
+/// A row is made in parts, which need not wait for each other.
+enum class FeaturePart : int { motion, cell_normal, signed_distance };
+inline constexpr int feature_parts_of_row = 3;
+
+/// Writes one part of a row, at its place in it; see write_feature_row.
+GRAUPEL_HD inline void write_feature_part(FeaturePart part, const FeatureRules& rules,
+                                          const SurroundingsView& surroundings, const AxisMap& turn,
+                                          const Vec3f* position, float* row) {
   using namespace feature_row;
   const Vec3d x = position[rules.history].cast<double>();
+  float* const normal = row + 3 * rules.history;
+  float* const walls = normal + (rules.cell_normal ? 3 : 0);
+  float* const distance = walls + 6;
+  if (part == FeaturePart::cell_normal) {
+    if (rules.cell_normal) put(turn.apply(surroundings.normals.at(x)), normal);
+    return;
+  }
+  if (part == FeaturePart::signed_distance) {
+    if (!rules.signed_distance) return;
+    int nearest = -1;
+    const sparsegrid::SignedDistance<double> obstacle = signed_distance(surroundings.obstacles, x, nearest);
+    *distance = clamped(obstacle.phi, rules.distance_clamp);
+    put(turn.apply(obstacle.normal.cast<float>()), distance + 1);
+    return;
+  }
   for (int newer = rules.history; newer > 0; --newer) {
     const Vec3f velocity = turn.apply(position[newer] - position[newer - 1]);
     for (int d = 0; d < 3; ++d)
       *row++ = (velocity[d] - rules.normalization.velocity_mean[d]) / rules.normalization.velocity_std[d];
   }
-  if (rules.cell_normal) row = put(turn.apply(surroundings.normals.at(x)), row);
   for (int face = 0; face < 6; ++face) {
     const int axis = turn.axis[face % 3];
     const bool lower = (face < 3) == (turn.sign[face % 3] > 0);  // a reflection exchanges the two faces
-    *row++ = clamped(lower ? x[axis] - surroundings.wall_low[axis] : surroundings.wall_high[axis] - x[axis],
-                     rules.wall_clamp);
+    walls[face] = clamped(lower ? x[axis] - surroundings.wall_low[axis] : surroundings.wall_high[axis] - x[axis],
+                          rules.wall_clamp);
   }
-  if (!rules.signed_distance) return;
-  int nearest = -1;
-  const sparsegrid::SignedDistance<double> obstacle = signed_distance(surroundings.obstacles, x, nearest);
-  *row++ = clamped(obstacle.phi, rules.distance_clamp);
-  put(turn.apply(obstacle.normal.cast<float>()), row);
+}
+
+/// Writes rules.width features of a particle, in the order of particle_features(), as those of the scene turned by
+/// `turn`. `position` [m] holds rules.history + 1 frames, newest last, unturned.
+GRAUPEL_HD inline void write_feature_row(const FeatureRules& rules, const SurroundingsView& surroundings,
+                                         const AxisMap& turn, const Vec3f* position, float* row) {
+  for (int part = 0; part < feature_parts_of_row; ++part)
+    write_feature_part(static_cast<FeaturePart>(part), rules, surroundings, turn, position, row);
 }
 
 }  // namespace graupel::graph

@@ -7,15 +7,22 @@
 #include <cstdint>
 #include <vector>
 
+#include "core/host_device.h"
 #include "sparsegrid/radius_graph.h"
 
 namespace graupel::graph {
 
 /// Numbers that an edge starts from: (x_sender - x_receiver) / R and its length.
 inline constexpr int edge_feature_count = 4;
-inline std::array<float, edge_feature_count> edge_features(const Vec3f& sender, const Vec3f& receiver, double radius) {
+GRAUPEL_HD inline void write_edge_features(const Vec3f& sender, const Vec3f& receiver, double radius, float* features) {
   const Vec3d d = (sender.cast<double>() - receiver.cast<double>()) * (1 / radius);
-  return {static_cast<float>(d[0]), static_cast<float>(d[1]), static_cast<float>(d[2]), static_cast<float>(norm(d))};
+  for (int axis = 0; axis < 3; ++axis) features[axis] = static_cast<float>(d[axis]);
+  features[3] = static_cast<float>(norm(d));
+}
+inline std::array<float, edge_feature_count> edge_features(const Vec3f& sender, const Vec3f& receiver, double radius) {
+  std::array<float, edge_feature_count> features;
+  write_edge_features(sender, receiver, radius, features.data());
+  return features;
 }
 
 /// Rebuilt every frame.

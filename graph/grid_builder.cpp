@@ -1,12 +1,14 @@
 #include "graph/grid_builder.h"
 
-#include <bit>
 #include <cmath>
 #include <memory>
 #include <string>
 
 #include "core/error.h"
 #include "core/parallel_for_in.h"
+#ifdef GRAUPEL_HAVE_CUDA
+#include "graph/cuda/grid_launch.h"
+#endif
 #include "graph/grid_kernels.h"
 
 namespace graupel::graph {
@@ -17,7 +19,8 @@ namespace {
 
 constexpr Grain light{.items = 1024};
 
-int bits_for(int64_t values) { return std::bit_width(static_cast<uint64_t>(values > 1 ? values - 1 : 1)); }
+/// Numbers that say where levels begin, and whether the grid has overflowed.
+std::size_t tally_size(int levels) { return 2 * (static_cast<std::size_t>(levels) + 1) + 1; }
 
 Vec3i lowest_corner(const SceneGrid& scene, const Vec3d& x, double spacing) {
   Vec3i cell;
@@ -53,23 +56,23 @@ class HostCopy {
 #ifdef __CUDACC__
   ~HostCopy() { cudaFreeHost(locked_); }
 #endif
-  void copy(const Buffer<int32_t>& from, void* stream) {
-    device_ = from.device();
+  void copy(Device device, const int32_t* from, std::size_t size, void* stream) {
+    device_ = device;
 #ifdef __CUDACC__
     if (device_ == Device::cuda) {
-      if (locked_size_ < from.size()) {
+      if (locked_size_ < size) {
         cudaFreeHost(locked_);
         locked_ = nullptr;
-        GRAUPEL_CUDA_CHECK(cudaMallocHost(&locked_, from.size() * sizeof(int32_t)));
-        locked_size_ = from.size();
+        GRAUPEL_CUDA_CHECK(cudaMallocHost(&locked_, size * sizeof(int32_t)));
+        locked_size_ = size;
       }
-      GRAUPEL_CUDA_CHECK(cudaMemcpyAsync(locked_, from.data(), from.size() * sizeof(int32_t), cudaMemcpyDeviceToHost,
+      GRAUPEL_CUDA_CHECK(cudaMemcpyAsync(locked_, from, size * sizeof(int32_t), cudaMemcpyDeviceToHost,
                                          static_cast<cudaStream_t>(stream)));
       return;
     }
 #endif
     static_cast<void>(stream);
-    values_ = from.download();
+    values_.assign(from, from + size);
   }
   const int32_t* wait(void* stream) const {
 #ifdef __CUDACC__
@@ -96,53 +99,65 @@ class HostCopy {
 struct GridBuilder::Arrays {
   explicit Arrays(Device device) : scratch(device) {
     const auto place = [&](auto&... buffer) { ((buffer = std::decay_t<decltype(buffer)>(device, 0)), ...); };
-    place(box, origin, particle_begin, word_begin, words, word_count, rank, tally, cell_box, coordinate, neighbor,
-          parent, octant, link_count, link_begin, edge_begin, sender, receiver, slot, reverse, child_begin, child, base,
-          cell, weight, offset, pair_key, pair_number, sorted_key, pair, pair_begin);
+    place(box, origin, particle_begin, word_begin, cleared, rank, cell_box, coordinate, neighbor, parent, octant,
+          link_count, link_begin, edge_begin, sender, receiver, slot, reverse, child_begin, child, children, base, cell,
+          weight, offset, pair_place, listed, pair, pair_begin);
   }
-  void resize(int64_t particles, int64_t n_words, int64_t cells, int64_t cells_of_level0, int levels);
+  void resize(int64_t particles, int64_t n_words, int64_t cells, int64_t cells_of_level0, int levels, bool edges);
 
   ListScratch scratch;
   Buffer<Box> box;
   Buffer<Vec3d> origin;
   Buffer<int32_t> particle_begin, word_begin;
-  Buffer<uint32_t> words;
-  Buffer<int32_t> word_count, rank, cell_box;
-  Buffer<int32_t> tally;  ///< level_begin, edge_level, overflow: read back after each build
+  Buffer<int32_t> cleared;  ///< the following parts, zero before each build
+  uint32_t* words = nullptr;
+  int32_t *level_begin = nullptr, *edge_level = nullptr, *overflow = nullptr;  ///< read back after each build
+  int32_t* pair_count = nullptr;
+  Buffer<int32_t> rank, cell_box;
   Buffer<Vec3i> coordinate;
   Buffer<LinkCount> link_count, link_begin;
   Buffer<int32_t> neighbor, parent, octant, edge_begin, sender, receiver, slot, reverse;
-  Buffer<int32_t> child_begin, child;
+  Buffer<int32_t> child_begin, child, children;
   Buffer<Vec3i> base;  ///< [particles] lower corner
   Buffer<int32_t> cell;
   Buffer<float> weight, offset;
-  Buffer<int32_t> pair_key, pair_number, sorted_key, pair, pair_begin;
+  Buffer<int32_t> pair_place, listed, pair, pair_begin;
   HostCopy read_back;
-  int32_t *level_begin = nullptr, *edge_level = nullptr, *overflow = nullptr;  ///< parts of the tally
 };
 
-void GridBuilder::Arrays::resize(int64_t particles, int64_t n_words, int64_t cells, int64_t cells_of_level0,
-                                 int levels) {
+void GridBuilder::Arrays::resize(int64_t particles, int64_t n_words, int64_t cells, int64_t cells_of_level0, int levels,
+                                 bool edges) {
   const auto resize_all = [](int64_t size, auto&... buffer) {
     (buffer.resize_discard(static_cast<std::size_t>(size)), ...);
   };
-  resize_all(n_words, words);
-  resize_all(n_words + 1, word_count, rank);
-  resize_all(2 * levels + 3, tally);
-  level_begin = tally.data();
+  resize_all(n_words + static_cast<int64_t>(tally_size(levels)) + cells_of_level0 + 1, cleared);
+  words = reinterpret_cast<uint32_t*>(cleared.data());
+  level_begin = cleared.data() + n_words;
   edge_level = level_begin + levels + 1;
   overflow = edge_level + levels + 1;
-  resize_all(cells, cell_box, coordinate, parent, octant, child);
-  resize_all(cells + 1, link_count, link_begin, edge_begin, child_begin);
-  resize_all(6 * cells, neighbor, sender, receiver, slot, reverse);
+  pair_count = overflow + 1;
+  resize_all(n_words + 1, rank);
+  resize_all(cells, cell_box, coordinate, parent, octant);
+  resize_all(6 * cells, neighbor);
+  resize_all(corners * cells, children);
+  if (edges) {
+    resize_all(cells, child);
+    resize_all(cells + 1, link_count, link_begin, edge_begin, child_begin);
+    resize_all(6 * cells, sender, receiver, slot, reverse);
+  }
   resize_all(particles, base);
   resize_all(3 * particles, offset);
-  resize_all(corners * particles, cell, weight, pair_key, pair_number, sorted_key, pair);
+  resize_all(corners * particles, cell, weight, pair_place, listed, pair);
   resize_all(cells_of_level0 + 1, pair_begin);
 }
 
-GridBuilder::GridBuilder(Device device, double spacing, int levels, int margin)
-    : device_(device), spacing_(spacing), levels_(levels), margin_(margin), arrays_(std::make_unique<Arrays>(device)) {
+GridBuilder::GridBuilder(Device device, double spacing, int levels, int margin, bool with_edges)
+    : device_(device),
+      spacing_(spacing),
+      levels_(levels),
+      margin_(margin),
+      with_edges_(with_edges),
+      arrays_(std::make_unique<Arrays>(device)) {
   GRAUPEL_ASSERT(spacing > 0 && levels >= 1 && levels <= most_levels && margin >= 0);
 }
 GridBuilder::~GridBuilder() = default;
@@ -184,8 +199,7 @@ void GridBuilder::prepare(const std::vector<SceneGrid>& scenes, void* stream) {
   }
   scenes_ = static_cast<int>(scenes.size());
   words_ = word_begin.back();
-  arrays_->resize(particles_, words_, most_cells_, most_level0_, levels_);
-  level0_words_ = word_begin[scenes.size()];
+  arrays_->resize(particles_, words_, most_cells_, most_level0_, levels_, with_edges_);
   upload_in(stream, arrays_->box, boxes);
   upload_in(stream, arrays_->origin, origins);
   upload_in(stream, arrays_->particle_begin, particle_begin);
@@ -194,39 +208,52 @@ void GridBuilder::prepare(const std::vector<SceneGrid>& scenes, void* stream) {
 
 void GridBuilder::build(const Vec3f* position, void* stream, bool with_counts) {
   Arrays& a = *arrays_;
-  const GridCells cells{levels_,
-                        scenes_,
-                        1 / spacing_,
-                        a.box.data(),
-                        a.origin.data(),
-                        a.particle_begin.data(),
-                        a.word_begin.data(),
-                        a.words.data(),
-                        a.rank.data(),
-                        a.level_begin};
+  const GridCells cells{
+      levels_, scenes_,       1 / spacing_, a.box.data(), a.origin.data(), a.particle_begin.data(), a.word_begin.data(),
+      a.words, a.rank.data(), a.level_begin};
   const auto launch = [&](int64_t n, const auto& body) { parallel_for_in(stream, device_, n, body, light); };
-  // The cells
-  clear_in(stream, a.words);
-  clear_in(stream, a.tally);
-  launch(particles_, Locate{cells, position, a.weight.data(), a.offset.data(), a.base.data(), a.overflow});
-  if (levels_ > 1) launch(level0_words_, MarkAncestors{cells});
-  launch(words_, CountBits{a.words.data(), a.word_count.data()});
-  running_sums(device_, words_, a.word_count.data(), a.rank.data(), a.scratch, stream);
-  launch(words_ + 1, NumberCells{cells, a.level_begin, a.coordinate.data(), a.cell_box.data()});
-  // Their links
-  launch(most_cells_, LinkCell{cells, a.coordinate.data(), a.cell_box.data(), a.neighbor.data(), a.parent.data(),
-                               a.octant.data(), a.link_count.data()});
-  running_sums(device_, most_cells_, a.link_count.data(), a.link_begin.data(), a.scratch, stream);
-  launch(most_cells_ + 1, WriteLinks{cells, a.coordinate.data(), a.cell_box.data(), a.neighbor.data(),
-                                     a.link_begin.data(), a.edge_begin.data(), a.child_begin.data(), a.sender.data(),
-                                     a.receiver.data(), a.slot.data(), a.reverse.data(), a.child.data(), a.edge_level});
-  // Their pairs
-  const int64_t pairs = corners * particles_;
-  launch(pairs, FindPairs{cells, a.base.data(), a.cell.data(), a.pair_key.data(), a.pair_number.data()});
-  sort_by_key(device_, pairs, bits_for(most_level0_), a.pair_key.data(), a.pair_number.data(), a.sorted_key.data(),
-              a.pair.data(), a.scratch, stream);
-  launch(pairs + 1, FindSegments{pairs, a.sorted_key.data(), a.pair_begin.data()});
-  if (with_counts) a.read_back.copy(a.tally, stream);
+  const int64_t bits = words_ * word_bits, pairs = corners * particles_;
+  const Locate locate{cells, position, a.weight.data(), a.offset.data(), a.base.data(), a.overflow};
+  const LinkCell link{cells,
+                      bits,
+                      a.level_begin,
+                      a.coordinate.data(),
+                      a.cell_box.data(),
+                      a.neighbor.data(),
+                      a.parent.data(),
+                      a.octant.data(),
+                      a.children.data(),
+                      with_edges_ ? a.link_count.data() : nullptr};
+  const FindPairs find{cells, a.base.data(), a.cell.data(), a.pair_place.data(), a.pair_count};
+  const ListPairs list{a.cell.data(), a.pair_place.data(), a.pair_begin.data(), a.listed.data()};
+  const OrderPairs order{a.cell.data(), a.pair_begin.data(), a.listed.data(), a.pair.data()};
+#ifdef GRAUPEL_HAVE_CUDA
+  const bool at_once = device_ == Device::cuda && builds_grid_at_once(particles_, words_);
+  if (at_once)
+    build_grid({a.cleared.data(), static_cast<int64_t>(a.cleared.size()), particles_, words_, locate, a.rank.data(),
+                link, find, a.pair_begin.data(), list, order},
+               stream);
+#else
+  constexpr bool at_once = false;
+#endif
+  if (!at_once) {
+    clear_in(stream, a.cleared);
+    launch(particles_, locate);
+    count_bits(device_, words_, a.words, a.rank.data(), a.scratch, stream);
+    launch(bits + pairs, Both<LinkCell, FindPairs>{bits, link, find});
+    running_sums(device_, most_level0_, a.pair_count, a.pair_begin.data(), a.scratch, stream, a.level_begin + 1);
+    launch(pairs, list);
+    launch(pairs, order);
+  }
+  if (with_edges_) {
+    running_sums(device_, most_cells_, a.link_count.data(), a.link_begin.data(), a.scratch, stream,
+                 a.level_begin + levels_);
+    launch(most_cells_ + 1,
+           WriteLinks{cells, a.coordinate.data(), a.cell_box.data(), a.neighbor.data(), a.link_begin.data(),
+                      a.edge_begin.data(), a.child_begin.data(), a.sender.data(), a.receiver.data(), a.slot.data(),
+                      a.reverse.data(), a.child.data(), a.edge_level});
+  }
+  if (with_counts) a.read_back.copy(device_, a.level_begin, tally_size(levels_), stream);
 }
 
 GridCounts GridBuilder::counts(void* stream) const {
@@ -246,8 +273,8 @@ GridLinks GridBuilder::links() const {
   const Arrays& a = *arrays_;
   return {a.level_begin,    a.edge_level,         a.coordinate.data(), a.neighbor.data(), a.parent.data(),
           a.octant.data(),  a.edge_begin.data(),  a.sender.data(),     a.receiver.data(), a.slot.data(),
-          a.reverse.data(), a.child_begin.data(), a.child.data(),      a.cell.data(),     a.weight.data(),
-          a.offset.data(),  a.pair_begin.data(),  a.pair.data(),       a.overflow};
+          a.reverse.data(), a.child_begin.data(), a.child.data(),      a.children.data(), a.cell.data(),
+          a.weight.data(),  a.offset.data(),      a.pair_begin.data(), a.pair.data(),     a.overflow};
 }
 
 }  // namespace graupel::graph

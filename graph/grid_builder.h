@@ -39,11 +39,12 @@ struct GridLinks {
   const int32_t* reverse;      ///< [edges] the edge from receiver to sender, counted within the level
   const int32_t* child_begin;  ///< [cells + 1] children by parent, counted over all levels; level 0 has none
   const int32_t* child;        ///< [children] cell of the finer level
+  const int32_t* children;     ///< [cells, 8] the same by child slot; -1 for none
   const int32_t* cell;         ///< [particles, 8] level-0 cells; corner bit d: upper along axis d
   const float* weight;         ///< [particles, 8] trilinear, sum 1
   const float* offset;         ///< [particles, 3] (x - centre of corner 0) / spacing
   const int32_t* pair_begin;   ///< [level-0 cells + 1] pairs by cell
-  const int32_t* pair;         ///< [particles * 8] particle * 8 + corner
+  const int32_t* pair;         ///< [particles * 8] particle * 8 + corner, in this order within a cell
   const int32_t* overflow;     ///< GridCounts::overflow
 };
 
@@ -57,7 +58,8 @@ struct GridCounts {
 class GridBuilder {
  public:
   /// Grids of `levels` levels (at most most_levels), the finest of `spacing` [m]; boxes are widened by `margin` cells.
-  GridBuilder(Device device, double spacing, int levels, int margin = 3);
+  /// Without edges their lists and those of children are not made, and are counted as none.
+  GridBuilder(Device device, double spacing, int levels, int margin = 3, bool with_edges = true);
   ~GridBuilder();
 
   /// Boxes and memory for these scenes. Throws ConfigError when a box has
@@ -75,8 +77,9 @@ class GridBuilder {
   Device device_;
   double spacing_;
   int levels_, margin_, scenes_ = 0;
+  bool with_edges_;
   int64_t particles_ = 0;
-  int64_t words_ = 0, level0_words_ = 0;      ///< of bits
+  int64_t words_ = 0;                         ///< of bits
   int64_t most_cells_ = 0, most_level0_ = 0;  ///< that particles and boxes allow
   std::unique_ptr<Arrays> arrays_;
 };

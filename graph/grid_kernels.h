@@ -103,7 +103,17 @@ struct GridCells {
   }
 };
 
-/// Base cell, offset and weights of a particle; marks its eight cells.
+/// Returns what the sum was before.
+template <typename T>
+GRAUPEL_HD inline T add_to(T& sum, T value) {
+#ifdef __CUDA_ARCH__
+  return atomicAdd(&sum, value);
+#else
+  return std::atomic_ref<T>(sum).fetch_add(value, std::memory_order_relaxed);
+#endif
+}
+
+/// Base cell, offset and weights of a particle; marks its eight cells and their ancestors.
 struct Locate {
   GridCells k;
   const Vec3f* position;
@@ -129,79 +139,81 @@ struct Locate {
       float w = 1;
       for (int d = 0; d < 3; ++d) w *= c >> d & 1 ? at[d] : 1 - at[d];
       weight[corners * p + c] = w;
-      set_bit(k.words, bit_of(box, corner_of(cell, c)));
+      mark(s, corner_of(cell, c));
     }
+  }
+  GRAUPEL_HD void mark(int scene, Vec3i cell) const {
+    for (int l = 0; l < k.levels; ++l, cell = coarser(cell))
+      set_bit(k.words, bit_of(k.box[l * k.scenes + scene], cell));
   }
 };
 
-/// Marks the ancestors of the cells of one word of level 0.
-struct MarkAncestors {
-  GridCells k;
-  GRAUPEL_HD void operator()(int64_t w) const {
-    const int s = range_of(k.word_begin, k.scenes, w);
-    const Box& box = k.box[s];
-    for (uint32_t left = k.words[w]; left != 0; left &= left - 1) {
-      Vec3i cell = GridCells::coordinate_of(box, w, lowest_one(left));
-      for (int l = 1; l < k.levels; ++l) {
-        cell = coarser(cell);
-        set_bit(k.words, bit_of(k.box[l * k.scenes + s], cell));
-      }
-    }
-  }
-};
-
-struct CountBits {
-  const uint32_t* words;
-  int32_t* count;
-  GRAUPEL_HD void operator()(int64_t w) const { count[w] = ones(words[w]); }
-};
-
-/// Coordinates and boxes of the cells of a word; the first cells of levels that begin with it.
-struct NumberCells {
-  GridCells k;
-  int32_t* level_begin;
-  Vec3i* coordinate;
-  int32_t* cell_box;
-  GRAUPEL_HD void operator()(int64_t w) const {
-    for (int l = 0; l <= k.levels; ++l)
-      if (w == k.word_begin[l * k.scenes]) level_begin[l] = k.rank[w];
-    if (w == k.word_begin[k.boxes()]) return;
-    int32_t number = k.rank[w];
-    const int b = range_of(k.word_begin, k.boxes(), w);
-    for (uint32_t left = k.words[w]; left != 0; left &= left - 1, ++number) {
-      coordinate[number] = GridCells::coordinate_of(k.box[b], w, lowest_one(left));
-      cell_box[number] = b;
-    }
-  }
-};
-
-/// Neighbours, parent and octant of a cell; how many edges it receives and how many children it has.
+/// Coordinate, neighbours, parent, octant and children of the cell that a bit stands for, where there is one; how many
+/// edges it receives and how many children it has. Items 0 to levels also say where a level begins.
 struct LinkCell {
   GridCells k;
-  const Vec3i* coordinate;
-  const int32_t* cell_box;
-  int32_t *neighbor, *parent, *octant;
-  LinkCount* count;
-  GRAUPEL_HD void operator()(int64_t i) const {
-    const bool active = i < k.level_begin[k.levels];
-    int edges = 0, children = 0;
-    if (active) {
-      const int b = cell_box[i], level = b / k.scenes;
-      const Vec3i at = coordinate[i];
-      for (int slot = 0; slot < 6; ++slot) {
-        Vec3i next = at;
-        next[slot / 2] += 2 * (slot & 1) - 1;
-        const int32_t number = k.number_of(k.box[b], next);
-        neighbor[6 * i + slot] = number < 0 ? -1 : number - k.level_begin[level];
-        edges += number >= 0;
-      }
-      octant[i] = (at[0] & 1) | (at[1] & 1) << 1 | (at[2] & 1) << 2;
-      if (level + 1 < k.levels) parent[i] = k.number_of(k.box[b + k.scenes], coarser(at)) - k.level_begin[level + 1];
-      if (level > 0)
-        for (int c = 0; c < corners; ++c) children += k.number_of(k.box[b - k.scenes], corner_of(at * 2, c)) >= 0;
-    }
-    count[i] = {edges, children};
+  int64_t bits;
+  int32_t* level_begin;
+  Vec3i* coordinate;
+  int32_t *cell_box, *neighbor, *parent, *octant, *children;
+  LinkCount* count;  ///< null: not wanted
+  GRAUPEL_HD int32_t first_of(int level) const { return k.rank[k.word_begin[level * k.scenes]]; }
+  GRAUPEL_HD void operator()(int64_t item) const {
+    if (item <= k.levels) level_begin[item] = first_of(static_cast<int>(item));
+    if (item >= bits) return;
+    const int64_t word = item / word_bits;
+    const int bit = static_cast<int>(item % word_bits);
+    const uint32_t set = k.words[word];
+    if ((set >> bit & 1) != 0) link(word, bit, k.rank[word] + ones(set & ((1u << bit) - 1)));
   }
+  GRAUPEL_HD void link(int64_t word, int bit, int32_t i) const {
+    const int b = range_of(k.word_begin, k.boxes(), word), level = b / k.scenes;
+    const Vec3i at = GridCells::coordinate_of(k.box[b], word, bit);
+    const int32_t first = first_of(level);
+    int edges = 0, found = 0;
+    for (int slot = 0; slot < 6; ++slot) {
+      Vec3i next = at;
+      next[slot / 2] += 2 * (slot & 1) - 1;
+      const int32_t number = k.number_of(k.box[b], next);
+      neighbor[6 * int64_t{i} + slot] = number < 0 ? -1 : number - first;
+      edges += number >= 0;
+    }
+    coordinate[i] = at;
+    cell_box[i] = b;
+    octant[i] = (at[0] & 1) | (at[1] & 1) << 1 | (at[2] & 1) << 2;
+    if (level + 1 < k.levels) parent[i] = k.number_of(k.box[b + k.scenes], coarser(at)) - first_of(level + 1);
+    if (level > 0) {
+      const int32_t first_child = first_of(level - 1);
+      for (int c = 0; c < corners; ++c) {
+        const int32_t number = k.number_of(k.box[b - k.scenes], corner_of(at * 2, c));
+        children[corners * int64_t{i} + c] = number < 0 ? -1 : number - first_child;
+        found += number >= 0;
+      }
+    }
+    if (count) count[i] = {edges, found};
+  }
+};
+
+/// Cells of a particle's pairs, and a place for each pair among those of its cell, in any order.
+struct FindPairs {
+  GridCells k;
+  const Vec3i* base;
+  int32_t *cell, *place, *count;
+  GRAUPEL_HD void operator()(int64_t i) const {
+    const int64_t p = i / corners;
+    const int s = range_of(k.particle_begin, k.scenes, p);
+    cell[i] = k.number_of(k.box[s], corner_of(base[p], static_cast<int>(i % corners)));
+    place[i] = add_to(count[cell[i]], 1);
+  }
+};
+
+/// Two kinds of items in one launch.
+template <typename A, typename B>
+struct Both {
+  int64_t of_a;
+  A a;
+  B b;
+  GRAUPEL_HD void operator()(int64_t i) const { i < of_a ? a(i) : b(i - of_a); }
 };
 
 /// Edges that a cell receives, and its children, from where those of each cell begin.
@@ -212,10 +224,11 @@ struct WriteLinks {
   const LinkCount* begin;
   int32_t *edge_begin, *child_begin, *sender, *receiver, *slot, *reverse, *child, *edge_level;
   GRAUPEL_HD void operator()(int64_t i) const {
+    if (i > k.level_begin[k.levels]) return;
     edge_begin[i] = begin[i].edges;
     child_begin[i] = begin[i].children;
     if (i <= k.levels) edge_level[i] = begin[k.level_begin[i]].edges;
-    if (i >= k.level_begin[k.levels]) return;
+    if (i == k.level_begin[k.levels]) return;
     const int b = cell_box[i], level = b / k.scenes;
     const int32_t first_cell = k.level_begin[level], first_edge = begin[first_cell].edges;
     int32_t edge = begin[i].edges;
@@ -240,28 +253,27 @@ struct WriteLinks {
   }
 };
 
-/// Cells of a particle's pairs, to be sorted.
-struct FindPairs {
-  GridCells k;
-  const Vec3i* base;
-  int32_t *cell, *key, *number;
-  GRAUPEL_HD void operator()(int64_t i) const {
-    const int64_t p = i / corners;
-    const int s = range_of(k.particle_begin, k.scenes, p);
-    cell[i] = k.number_of(k.box[s], corner_of(base[p], static_cast<int>(i % corners)));
-    key[i] = cell[i];
-    number[i] = static_cast<int32_t>(i);
-  }
+/// The pairs of each cell, in any order.
+struct ListPairs {
+  const int32_t *cell, *place, *begin;
+  int32_t* listed;
+  GRAUPEL_HD void operator()(int64_t i) const { listed[begin[cell[i]] + place[i]] = static_cast<int32_t>(i); }
 };
 
-/// Where the sorted keys of each cell begin.
-struct FindSegments {
-  int64_t n;
-  const int32_t* sorted_key;
-  int32_t* begin;
+/// Brings the pairs of each cell into their order, so that sums over them are the same every time: each counts those
+/// before it. The lists of cells with very many stay as they are.
+struct OrderPairs {
+  static constexpr int32_t most = 4096;
+  const int32_t *cell, *begin, *listed;
+  int32_t* pair;
   GRAUPEL_HD void operator()(int64_t i) const {
-    const int32_t before = i == 0 ? -1 : sorted_key[i - 1], here = i == n ? before + 1 : sorted_key[i];
-    for (int32_t c = before + 1; c <= here; ++c) begin[c] = static_cast<int32_t>(i);
+    const int32_t own = listed[i], first = begin[cell[own]], last = begin[cell[own] + 1];
+    int32_t place = 0;
+    if (last - first > most)
+      place = static_cast<int32_t>(i) - first;
+    else
+      for (int32_t other = first; other < last; ++other) place += listed[other] < own;
+    pair[first + place] = own;
   }
 };
 

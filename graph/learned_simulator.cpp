@@ -6,11 +6,9 @@
 #include <utility>
 
 #include "core/error.h"
-#include "graph/config_metadata.h"
 #include "graph/density_projection.h"
 #include "graph/frame_step.h"
 #include "graph/free_flight.h"
-#include "graph/hgn_config.h"
 #include "graph/lap_timer.h"
 #include "graph/rest_density.h"
 #ifdef GRAUPEL_HAVE_CUDA
@@ -46,12 +44,6 @@ void check_start(const std::vector<std::vector<Vec3f>>& start, std::size_t frame
       if (!std::isfinite(x[0] + x[1] + x[2]))
         throw InputError("a start position is not finite. Use an earlier frame of that trajectory");
   }
-}
-
-void check_gpu(const nn::Weights& weights) {
-  if (architecture_of(weights) != hgn_architecture)
-    throw ConfigError("'" + weights.file + "' has no kernels for a GPU (architecture '" + architecture_of(weights) +
-                      "', with kernels: '" + hgn_architecture + "'). Use --device cpu");
 }
 
 ParticleFrame make_frame(int64_t number, double frame_time, const std::vector<Vec3f>& before,
@@ -124,10 +116,7 @@ Trajectory LearnedSimulator::rollout(const Scene& scene, const Surroundings& sur
   check_start(start, needed, particle_type.size());
   std::vector<std::vector<Vec3f>> history(start.end() - static_cast<std::ptrdiff_t>(needed), start.end());
 
-  if (options.device == Device::cuda) {
-    check_gpu(*weights_);
-    return rollout_on_gpu(scene, surroundings, particle_type, start, options);
-  }
+  if (options.device == Device::cuda) return rollout_on_gpu(scene, surroundings, particle_type, start, options);
   Trajectory trajectory = empty_trajectory(scene, particle_type, weights_->file);
   trajectory.frames.push_back(make_frame(0, scene.frame_time, history[needed - 2], history[needed - 1]));
   const double rest = rest_density(scene, history.back(), network_->spacing());
@@ -183,7 +172,8 @@ Trajectory LearnedSimulator::rollout_on_gpu(const Scene& scene, const Surroundin
                                             const std::vector<std::vector<Vec3f>>& start,
                                             const RolloutOptions& options) const {
   CudaSimulator& simulator = gpu_simulator();
-  simulator.start(scene, surroundings, particle_type, start, options.project, options.density_limit);
+  simulator.start(scene, surroundings, particle_type, start, options.project, options.density_limit,
+                  options.free_flight);
   Trajectory trajectory = empty_trajectory(scene, particle_type, weights_->file);
   std::vector<Vec3f> before = start.back();
   trajectory.frames.push_back(make_frame(0, scene.frame_time, start[start.size() - 2], before));
@@ -206,9 +196,8 @@ Trajectory LearnedSimulator::rollout_on_gpu(const Scene& scene, const Surroundin
 std::vector<Vec3f> LearnedSimulator::one_step_on_gpu(const Scene& scene, const Surroundings& surroundings,
                                                      const std::vector<int32_t>& particle_type,
                                                      const std::vector<std::vector<Vec3f>>& positions) const {
-  check_gpu(*weights_);
   CudaSimulator& simulator = gpu_simulator();
-  simulator.start(scene, surroundings, particle_type, positions, false, 0);
+  simulator.start(scene, surroundings, particle_type, positions, false, 0, false);
   return simulator.accelerations();
 }
 #else

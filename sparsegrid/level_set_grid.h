@@ -30,8 +30,8 @@ struct LevelSetGrid {
 /// Throws InputError for an unusable mesh or .vdb file.
 LevelSetGrid build_level_set(const Scene& scene, const Obstacle& obstacle, const std::string& name);
 
-/// The values in the box of the solid and a few voxels around it, as `box` then says (its `values` excepted); none for
-/// a box of more than `most_dense_voxels`.
+/// The values in the box of the narrow band, or of the solid and a few voxels around it where that one has more than
+/// `most_dense_voxels`, as `box` then says (its `values` excepted); none where both have more.
 inline constexpr double most_dense_voxels = 1 << 22;
 std::vector<float> dense_values(const LevelSetGrid& level_set, double voxel, DenseValues& box);
 

@@ -95,6 +95,17 @@ float round_down(double x) {
 }
 float round_up(double x) { return -round_down(-x); }
 
+/// The voxels of a box and some around it; how many they are.
+double voxels_of(const LocalBox& around, double voxel, int margin, DenseValues& box) {
+  double count = 1;
+  for (int d = 0; d < 3; ++d) {
+    box.low[d] = static_cast<int>(std::floor(around.low[d] / voxel)) - margin;
+    box.size[d] = static_cast<int>(std::ceil(around.high[d] / voxel)) + margin + 1 - box.low[d];
+    count *= box.size[d];
+  }
+  return count;
+}
+
 }  // namespace
 
 void ObstacleView::set_frame(const ObstacleFrame<double>& frame) {
@@ -112,12 +123,8 @@ void ObstacleView::set_frame(const ObstacleFrame<double>& frame) {
 }
 
 std::vector<float> dense_values(const LevelSetGrid& level_set, double voxel, DenseValues& box) {
-  double count = 1;
-  for (int d = 0; d < 3; ++d) {
-    box.low[d] = static_cast<int>(std::floor(level_set.solid.low[d] / voxel)) - 3;
-    box.size[d] = static_cast<int>(std::ceil(level_set.solid.high[d] / voxel)) + 4 - box.low[d];
-    count *= box.size[d];
-  }
+  double count = voxels_of(level_set.near, voxel, 1, box);
+  if (count > most_dense_voxels) count = voxels_of(level_set.solid, voxel, 3, box);
   std::vector<float> values;
   if (count > most_dense_voxels) return values;
   values.reserve(static_cast<std::size_t>(count));

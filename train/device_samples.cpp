@@ -104,6 +104,7 @@ struct PushSample {
 struct ResidentTrajectory {
   Buffer<Vec3f> position, initial_velocity;
   Buffer<int32_t> type_row;
+  Buffer<Vec3f> point;  ///< where obstacle particles are part of the graph
 };
 
 #ifdef __CUDACC__
@@ -116,8 +117,8 @@ constexpr bool with_cuda = false;
 
 /// Memory of one batch.
 struct DeviceSamples::Slot {
-  Slot(Device device, const graph::HgnConfig& config)
-      : builder(device, config.spacing, static_cast<int>(config.levels)),
+  Slot(Device device, const NetworkConfig& config)
+      : graph(make_sample_graph(config, device)),
         samples(device, 0),
         features(device, 0),
         target(device, 0),
@@ -127,7 +128,10 @@ struct DeviceSamples::Slot {
   SampleOutput output() {
     return {features.data(), target.data(), now.data(), type_row.data(), pushes > 0 ? history.data() : nullptr};
   }
-  graph::GridBuilder builder;
+  void build_graph(const SampleRules& rules, void* in) {
+    graph->build(rules.features, {now.data(), features.data(), type_row.data()}, in);
+  }
+  std::unique_ptr<SampleGraph> graph;
   Buffer<SceneSample> samples;
   Buffer<float> features, target;
   Buffer<Vec3f> now, history;
@@ -146,7 +150,7 @@ struct DeviceSamples::Impl {
         rules(sample_rules(train_config, normalization)),
         device(where),
         share(rank_share),
-        slots{Slot(where, train_config.hgn), Slot(where, train_config.hgn)} {}
+        slots{Slot(where, train_config.network()), Slot(where, train_config.network())} {}
 
   const DataSplit& split;
   TrainConfig config;
@@ -179,12 +183,15 @@ void DeviceSamples::Impl::load() {
     all.reserve(static_cast<std::size_t>(info.frames) * info.type_row.size());
     for (const std::vector<Vec3f>& frame : split.positions(i, 0, info.frames))
       all.insert(all.end(), frame.begin(), frame.end());
-    ResidentTrajectory trajectory{Buffer<Vec3f>(device, 0), Buffer<Vec3f>(device, 0), Buffer<int32_t>(device, 0)};
+    ResidentTrajectory trajectory{Buffer<Vec3f>(device, 0), Buffer<Vec3f>(device, 0), Buffer<int32_t>(device, 0),
+                                  Buffer<Vec3f>(device, 0)};
     trajectory.position.upload(all);
     trajectory.initial_velocity.upload(info.initial_velocity);
     trajectory.type_row.upload(info.type_row);
     resident.push_back(std::move(trajectory));
   }
+  const std::vector<const std::vector<Vec3f>*> points = obstacle_points(split, config.network());
+  for (std::size_t i = 0; i < points.size(); ++i) resident[i].point.upload(*points[i]);
 }
 
 SceneSample DeviceSamples::Impl::sample_of(const SampleDraw& draw, int64_t first) const {
@@ -201,7 +208,7 @@ DeviceSamples::DeviceSamples(const DataSplit& split, const TrainConfig& config,
                              const graph::Normalization& normalization, Device device, BatchShare share)
     : impl_(std::make_unique<Impl>(split, config, normalization, device, share)) {
   GRAUPEL_ASSERT(device == Device::cpu || with_cuda);
-  GRAUPEL_ASSERT(config.hgn.history <= graph::most_history);
+  GRAUPEL_ASSERT(config.features().history <= graph::most_history);
   impl_->load();
 #ifdef __CUDACC__
   if (device == Device::cuda) {
@@ -232,28 +239,31 @@ void DeviceSamples::start(int64_t step) {
   if (impl.stream) GRAUPEL_CUDA_CHECK(cudaStreamWaitEvent(static_cast<cudaStream_t>(impl.stream), slot.released, 0));
 #endif
   std::vector<SceneSample> samples;
-  std::vector<graph::SceneGrid> grids;
+  std::vector<SampleGraph::Scene> scenes;
   slot.particles = 0;
   slot.step = step;
   slot.pushes = pushes_of(impl.config, step);
   for (int64_t k = impl.share.first; k < impl.config.batch_scenes; k += impl.share.stride) {
     const SampleDraw draw = draw_training_sample(impl.split, impl.config, step, k);
     samples.push_back(impl.sample_of(draw, slot.particles));
-    grids.push_back({draw.origin, draw.low, draw.high, samples.back().frames.particles});
-    slot.particles += samples.back().frames.particles;
+    const SceneSample& own = samples.back();
+    const Buffer<Vec3f>& point = impl.resident[static_cast<std::size_t>(draw.key.trajectory)].point;
+    scenes.push_back(
+        {draw, own.frames.particles, point.data(), static_cast<int64_t>(point.size()), own.scene.surroundings});
+    slot.particles += own.frames.particles;
   }
-  const auto n = static_cast<std::size_t>(slot.particles);
-  slot.features.resize_discard(n * static_cast<std::size_t>(impl.rules.features.width));
+  slot.graph->prepare(scenes, impl.stream);
+  const auto n = static_cast<std::size_t>(slot.particles), rows = static_cast<std::size_t>(slot.graph->most_rows());
+  slot.features.resize_discard(rows * static_cast<std::size_t>(impl.rules.features.width));
   slot.target.resize_discard(3 * n * static_cast<std::size_t>(impl.rules.bundle));
-  slot.now.resize_discard(n);
-  slot.type_row.resize_discard(n);
+  slot.now.resize_discard(rows);
+  slot.type_row.resize_discard(rows);
   if (slot.pushes > 0) slot.history.resize_discard(n * static_cast<std::size_t>(impl.rules.features.history + 1));
   upload_in(impl.stream, slot.samples, samples);
-  slot.builder.prepare(grids, impl.stream);
   parallel_for_in(
       impl.stream, impl.device, slot.particles,
       MakeSample{impl.rules, slot.samples.data(), static_cast<int>(samples.size()), slot.particles, slot.output()});
-  slot.builder.build(slot.now.data(), impl.stream);
+  slot.build_graph(impl.rules, impl.stream);
 }
 
 SampleArrays DeviceSamples::take() {
@@ -269,13 +279,13 @@ SampleArrays DeviceSamples::push(const float* acceleration, int64_t push) {
   parallel_for_in(nullptr, impl.device, slot.particles,
                   PushSample{impl.rules, slot.samples.data(), static_cast<int>(slot.samples.size()), slot.particles,
                              push, acceleration, slot.output()});
-  slot.builder.build(slot.now.data(), nullptr);
+  slot.build_graph(impl.rules, nullptr);
   return arrays_of(slot, nullptr);
 }
 
 SampleArrays DeviceSamples::arrays_of(const Slot& slot, void* stream) const {
   SampleArrays arrays;
-  arrays.counts = slot.builder.counts(stream);
+  slot.graph->finish(arrays, stream);
   if (arrays.counts.overflow)
     throw InputError("'" + impl_->split.file() + "': a particle of training step " + std::to_string(slot.step) +
                      " lies outside the domain of its scene by more than three cells of the network's grid. Generate " +
@@ -286,7 +296,6 @@ SampleArrays DeviceSamples::arrays_of(const Slot& slot, void* stream) const {
   arrays.features = slot.features.data();
   arrays.target = slot.target.data();
   arrays.type_row = slot.type_row.data();
-  arrays.links = slot.builder.links();
   return arrays;
 }
 

@@ -1,25 +1,14 @@
 // Training batches made on the device that trains: the positions of the data set lie in its memory, and one launch a
-// particle draws noise, features and targets. The numbers are those of training_batch(). For HGN.
+// particle draws noise, features and targets. The numbers are those of training_batch().
 #pragma once
 
 #include <cstdint>
 #include <memory>
 
-#include "graph/grid_builder.h"
+#include "train/sample_graph.h"
 #include "train/sampling.h"
 
 namespace graupel::train {
-
-/// A batch in the device's memory, as a Batch has it on the host; valid until the call of start() after the next one.
-struct SampleArrays {
-  int64_t particles = 0;
-  int feature_width = 0, target_width = 0;
-  const float* features = nullptr;    ///< [particles, feature_width]
-  const float* target = nullptr;      ///< [particles, target_width]
-  const int32_t* type_row = nullptr;  ///< [particles]
-  graph::GridLinks links{};
-  graph::GridCounts counts;
-};
 
 class DeviceSamples {
  public:

@@ -7,8 +7,6 @@
 #include <ATen/ops/mm.h>
 
 #include "graph/features.h"
-#include "train/fused_network.h"
-#include "train/fused_sums.h"
 
 namespace graupel::train {
 
@@ -25,17 +23,6 @@ std::map<std::string, graph::FcnWeights> FusedPasses::weights() const {
   for (const auto& [name, layer] : gathers_)
     weights[name] = {.w1 = f32(layer.w), .b1 = f32(layer.b), .inputs = static_cast<int32_t>(layer.w.size(1))};
   return weights;
-}
-
-bool FusedPasses::fits(const graph::HgnConfig& config, Device device) {
-  return device == Device::cuda && graph::PackedHgn::fits(config);
-}
-
-std::unique_ptr<FusedPasses> FusedPasses::make(const graph::HgnConfig& config, const ParameterLayout& layout,
-                                               const at::Tensor& flat, const at::Tensor& gradient) {
-  if (config.aggregation == graph::Aggregation::activations)
-    return std::make_unique<FusedSums>(config, layout, flat, gradient);
-  return std::make_unique<FusedNetwork>(config, layout, flat, gradient);
 }
 
 FusedPasses::FusedPasses(const graph::HgnConfig& config, const ParameterLayout& layout, const at::Tensor& flat,

@@ -11,21 +11,14 @@
 
 #include "graph/cuda/activation_sums.h"
 #include "graph/cuda/hgn_passes.h"
-#include "train/network_passes.h"
+#include "train/mixed_passes.h"
 
 namespace graupel::train {
 
-class FusedPasses : protected graph::RowMemory {
+class FusedPasses : public MixedPasses, protected graph::RowMemory {
  public:
-  /// Whether the passes exist for such a network on such a device.
-  static bool fits(const graph::HgnConfig& config, Device device);
-  static std::unique_ptr<FusedPasses> make(const graph::HgnConfig& config, const ParameterLayout& layout,
-                                           const at::Tensor& flat, const at::Tensor& gradient);
-
-  /// Normalised accelerations [particles, 3 k]; keeps what backward() needs until the next call.
-  at::Tensor forward(const DeviceBatch& batch);
-  /// Writes the gradient of every weight; `grad` is the gradient of forward()'s result.
-  void backward(const DeviceBatch& batch, const at::Tensor& grad);
+  at::Tensor forward(const DeviceBatch& batch) override;
+  void backward(const DeviceBatch& batch, const at::Tensor& grad) override;
 
  protected:
   FusedPasses(const graph::HgnConfig& config, const ParameterLayout& layout, const at::Tensor& flat,

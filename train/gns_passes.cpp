@@ -8,7 +8,6 @@
 #include <ATen/ops/zeros.h>
 
 #include <algorithm>
-#include <stdexcept>
 
 #include "core/error.h"
 #include "graph/gns_graph.h"
@@ -45,8 +44,22 @@ DeviceBatch GnsPasses::upload(const Batch& batch) const {
   return on_device;
 }
 
-DeviceBatch GnsPasses::attach(const SampleArrays&, bool) const {
-  throw std::logic_error("GnsPasses: batches of GNS are made on the host");
+DeviceBatch GnsPasses::attach(const SampleArrays& arrays, bool) const {
+  DeviceBatch batch;
+  batch.particles = arrays.particles;
+  batch.features = attached(arrays.features, arrays.rows, arrays.feature_width, embedding_);
+  batch.target = attached(arrays.target, arrays.particles, arrays.target_width, embedding_);
+  batch.type_row = attached(arrays.type_row, arrays.rows, embedding_);
+  batch.type_one_hot = one_hot(batch.type_row, embedding_.scalar_type());
+  DeviceLevel links;
+  links.cells = arrays.rows;
+  links.edge_begin = attached(arrays.pairs.begin, arrays.rows + 1, embedding_);
+  links.sender = attached(arrays.pairs.sender, arrays.pair_count, embedding_);
+  links.receiver = attached(arrays.pairs.receiver, arrays.pair_count, embedding_);
+  links.reverse = attached(arrays.pairs.reverse, arrays.pair_count, embedding_);
+  links.direction = attached(arrays.pairs.features, arrays.pair_count, graph::edge_feature_count, embedding_);
+  batch.level.push_back(std::move(links));
+  return batch;
 }
 
 at::Tensor GnsPasses::forward(const DeviceBatch& batch, ForwardRecord* record) const {

@@ -20,7 +20,7 @@
 #include "train/stopwatch.h"
 #include "train/whole_network.h"
 #ifdef GRAUPEL_HAVE_CUDA
-#include "train/fused_passes.h"
+#include "train/mixed_passes.h"
 #endif
 
 namespace graupel::train {
@@ -71,9 +71,8 @@ struct NetworkModule::Impl {
         means(at::zeros({2}, options)) {
     for (at::Tensor& array : arrays) array = at::zeros({layout.size()}, options);
 #ifdef GRAUPEL_HAVE_CUDA
-    const auto* hgn = std::get_if<graph::HgnConfig>(&config);
-    if (hgn && number == NumberType::mixed && FusedPasses::fits(*hgn, device))
-      fused = FusedPasses::make(*hgn, layout, get(StateArray::weights), gradient);
+    if (number == NumberType::mixed && device == Device::cuda)
+      fused = make_mixed_passes(config, checkpoint_layers, layout, get(StateArray::weights), gradient);
 #endif
     network = make_passes(config, checkpoint_layers, layout, get(StateArray::weights), gradient);
     average = make_passes(config, checkpoint_layers, layout, get(StateArray::ema), at::Tensor());
@@ -143,7 +142,7 @@ struct NetworkModule::Impl {
   at::Tensor predicted;  ///< of the last predict() on the device
   std::unique_ptr<NetworkPasses> network, average;
 #ifdef GRAUPEL_HAVE_CUDA
-  std::unique_ptr<FusedPasses> fused;  ///< takes the training steps where it is there
+  std::unique_ptr<MixedPasses> fused;  ///< takes the training steps where it is there
 #endif
 };
 

@@ -51,6 +51,14 @@ DeviceBatch UploadedBatch::particles(const Batch& batch) const {
   return on_device;
 }
 
+// from_blob takes no const data; the tensors are only read.
+at::Tensor attached(const float* data, int64_t rows, int64_t width, const at::Tensor& like) {
+  return at::from_blob(const_cast<float*>(data), {rows, width}, like.options().dtype(at::kFloat)).to(like.dtype());
+}
+at::Tensor attached(const int32_t* data, int64_t count, const at::Tensor& like) {
+  return at::from_blob(const_cast<int32_t*>(data), {count}, like.options().dtype(at::kInt));
+}
+
 at::Tensor one_hot(const at::Tensor& type_row, at::ScalarType number) {
   return at::eq(type_row.view({-1, 1}), at::arange(graph::embedding_rows, type_row.options()).view({1, -1})).to(number);
 }

@@ -64,8 +64,8 @@ class NetworkPasses {
 
   /// Copies a batch to the weights' device; two copies, asynchronous on a GPU.
   virtual DeviceBatch upload(const Batch& batch) const = 0;
-  /// A batch that was made on the weights' device; the arrays are not copied. For architectures with such batches.
-  /// Without offsets `direction` and `parent_offset` are left out, which FusedPasses do not need.
+  /// A batch that was made on the weights' device; the arrays are not copied. Without offsets `direction` and
+  /// `parent_offset` of HGN are left out, which MixedPasses do not need.
   virtual DeviceBatch attach(const SampleArrays& arrays, bool with_offsets) const = 0;
   /// Normalised accelerations [particles, 3 k] of the next k frames. The record may be null.
   virtual at::Tensor forward(const DeviceBatch& batch, ForwardRecord* record) const = 0;
@@ -96,6 +96,10 @@ class UploadedBatch {
 /// One copy of a host array to the device, through page-locked memory on the way to a GPU.
 at::Tensor to_device(const std::vector<float>& values, const at::Device& device);
 at::Tensor to_device(const std::vector<int32_t>& values, const at::Device& device);
+/// Arrays of a SampleArrays as tensors beside `like`, not copied where it is of the same number type: [rows, width],
+/// and whole numbers.
+at::Tensor attached(const float* data, int64_t rows, int64_t width, const at::Tensor& like);
+at::Tensor attached(const int32_t* data, int64_t count, const at::Tensor& like);
 /// [rows, embedding rows] in the type of `number`, from rows of the embedding table.
 at::Tensor one_hot(const at::Tensor& type_row, at::ScalarType number);
 

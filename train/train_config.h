@@ -196,8 +196,7 @@ struct TrainConfig {
           FieldInfo{
               .name = "mixed_precision",
               .unit = "",
-              .meaning = "Training steps on a GPU with products in bf16, sums and weights in f32 (latent width 128)",
-              .only_for = "hgn"});
+              .meaning = "Training steps on a GPU with products in bf16, sums and weights in f32 (latent width 128)"});
     visit(&C::log_interval, FieldInfo{.name = "log_interval",
                                       .unit = "steps",
                                       .meaning = "Steps between lines of the metrics",

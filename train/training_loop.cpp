@@ -195,7 +195,7 @@ void TrainingRun::restore() {
 
 void TrainingRun::prepare_samples() {
   // Workers make batches ahead of the network, which its own frames cannot be.
-  if (config_.architecture != Architecture::hgn || (options_.device == Device::cpu && config_.push_steps == 0)) return;
+  if (options_.device == Device::cpu && (config_.architecture != Architecture::hgn || config_.push_steps == 0)) return;
   const uint64_t needed = DeviceSamples::bytes_for(*train_), free = available_bytes(options_.device);
   if (needed > free / 2) {
     const std::string sizes = "the data set (" + std::to_string(needed >> 20) +

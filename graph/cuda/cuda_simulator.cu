@@ -7,13 +7,9 @@
 #include "core/cuda_check.h"
 #include "core/error.h"
 #include "core/parallel_for_in.h"
-#include "graph/cuda/device_weights.h"
-#include "graph/cuda/hgn_passes.h"
-#include "graph/cuda/row_arena.h"
+#include "graph/cuda/frame_model.h"
 #include "graph/density_projection.h"
-#include "graph/grid_builder.h"
-#include "graph/hierarchical_graph_network.h"
-#include "graph/level_places.h"
+#include "graph/free_flight.h"
 #include "graph/normalization.h"
 #include "graph/rest_density.h"
 
@@ -37,17 +33,19 @@ struct FrameStatus {
   int32_t newest, diverged, fault;
 };
 
+/// Item i makes part i / particles of a row, so that neighbouring threads do the same.
 struct WriteFeatures {
   FeatureRules rules;
   SurroundingsView surroundings;
   FrameRing ring;
   float* features;
-  Vec3f* now;
-  GRAUPEL_HD void operator()(int64_t i) const {
+  GRAUPEL_HD void operator()(int64_t item) const {
+    const auto part = static_cast<FeaturePart>(item / ring.particles);
+    const int64_t i = item % ring.particles;
     Vec3f position[most_history + 1];
-    for (int t = 0; t <= rules.history; ++t) position[t] = ring.at(rules.history - t, i);
-    write_feature_row(rules, surroundings, AxisMap{}, position, features + i * rules.width);
-    now[i] = position[rules.history];
+    const int first = part == FeaturePart::motion ? 0 : rules.history;
+    for (int t = first; t <= rules.history; ++t) position[t] = ring.at(rules.history - t, i);
+    write_feature_part(part, rules, surroundings, AxisMap{}, position, features + i * rules.width);
   }
 };
 
@@ -58,42 +56,49 @@ GRAUPEL_HD Vec3f acceleration_of(const Normalization& statistics, const float* o
   return acceleration;
 }
 
-/// v' = v + a, x' = x + v' in frame units (step_frame), then out of obstacles and into the walls. The frame to come, or
-/// `next` where that is to be changed still.
-struct MoveParticles {
+/// v' = v + a, x' = x + v' in frame units (step_frame).
+struct StepParticles {
   Normalization statistics;
   const float* output;  ///< of the frame, [particles, 3] in rows of `width`
   int32_t width;
-  FrameRing ring;
-  WayFollower way;
-  bool project;
+  const Vec3f *before, *now;
   float limit;           ///< [m/frame]
   const int32_t* fault;  ///< the output is of no use
   FrameStatus* status;
   Vec3f* next;
   GRAUPEL_HD void operator()(int64_t i) const {
     if (*fault != 0) return;
-    const Vec3f now = ring.at(0, i), velocity = now - ring.at(1, i) + acceleration_of(statistics, output + width * i);
+    const Vec3f velocity = now[i] - before[i] + acceleration_of(statistics, output + width * i);
     if (!(norm2(velocity) <= limit * limit)) status->diverged = 1;
-    Vec3f x = now + velocity;
-    if (project) way.follow(now, x);
-    ring.at(-1, i) = x;
-    if (next) next[i] = x;
+    next[i] = now[i] + velocity;
   }
 };
 
-/// After the density projection of `next`: out of obstacles again.
-struct SettleParticles {
-  FrameRing ring;
+/// Moves `next`, reached from `from`, out of obstacles and into the walls.
+struct PushParticles {
   WayFollower way;
   bool project;
+  FrameRing ring;
+  const Vec3f* from;  ///< null: from where the frame to come has them already
+  Vec3f* next;
+  GRAUPEL_HD Vec3f pushed(int64_t i) const {
+    Vec3f x = next[i];
+    if (project) way.follow(from ? from[i] : ring.at(-1, i), x);
+    return x;
+  }
+  GRAUPEL_HD void operator()(int64_t i) const { next[i] = ring.at(-1, i) = pushed(i); }
+};
+
+/// The last of it: the frame to come becomes `now`, and `now` becomes `before`, unless the output is of no use.
+struct PushLast {
+  PushParticles push;
   const int32_t* fault;
-  const Vec3f* next;
+  Vec3f *before, *now;
   GRAUPEL_HD void operator()(int64_t i) const {
     if (*fault != 0) return;
-    Vec3f x = next[i];
-    if (project) way.follow(ring.at(-1, i), x);
-    ring.at(-1, i) = x;
+    const Vec3f x = push.pushed(i);
+    before[i] = now[i];
+    now[i] = push.ring.at(-1, i) = x;
   }
 };
 
@@ -102,41 +107,25 @@ struct FinishFrame {
   int32_t count;
   const int32_t* fault;
   FrameStatus* status;
+  FrameStatus* seen;  ///< on the host
   GRAUPEL_HD void operator()(int64_t) const {
     status->fault = *fault;
     if (*fault == 0 && status->diverged == 0) status->newest = (status->newest + 1) % count;
+    *seen = *status;
   }
 };
-
-HgnConfig checked_config(const nn::Weights& weights) {
-  static_cast<void>(HierarchicalGraphNetwork(weights));  // its errors
-  const HgnConfig config = HgnConfig::from_metadata(weights.metadata, weights.file);
-  if (!cuda_available()) throw ConfigError("device 'cuda' is not usable (no GPU). Use --device cpu");
-  if (!PackedHgn::fits(config) || config.aggregation != Aggregation::messages)
-    throw ConfigError("'" + weights.file + "': networks run on a GPU with a latent width of " +
-                      std::to_string(layer_width) +
-                      " and sums of messages only (hgn.latent: " + std::to_string(config.latent) +
-                      ", hgn.aggregation: " + word_of(config.aggregation) + "). Use --device cpu");
-  return config;
-}
 
 enum Mark { begin, features_done, hierarchy_done, network_done, end, marks };
 
 }  // namespace
 
-/// A bundle of frames is launched once, into a graph, with room for more cells than there are; one that needs more asks
-/// for a new graph. The host waits once a bundle, and shows its frames one after the other.
+/// A bundle of frames is launched once, into a graph, with room for a larger network's graph than there is; one that
+/// needs more asks for a new one. The host waits once a bundle, and shows its frames one after the other.
 struct CudaSimulator::Impl {
   explicit Impl(const nn::Weights& file)
-      : config(checked_config(file)),
-        normalization(read_normalization(file)),
-        weights(file),
-        network(config, weights.fcns(), weights.get("embedding.weight")),
-        builder(Device::cuda, config.spacing, static_cast<int>(config.levels)) {
-    network.refresh(nullptr);
-    GRAUPEL_CUDA_CHECK(cudaStreamCreate(&stream));
-    GRAUPEL_CUDA_CHECK(cudaStreamCreate(&grid_stream));
-    for (cudaEvent_t* event : {&features_there, &grid_there})
+      : model(make_frame_model(file)), config(model->feature_config()), normalization(read_normalization(file)) {
+    for (cudaStream_t* one : {&stream, &group_stream}) GRAUPEL_CUDA_CHECK(cudaStreamCreate(one));
+    for (cudaEvent_t* event : {&begun, &groups_there})
       GRAUPEL_CUDA_CHECK(cudaEventCreateWithFlags(event, cudaEventDisableTiming));
     GRAUPEL_CUDA_CHECK(cudaMallocHost(&seen, sizeof(FrameStatus)));
     for (cudaEvent_t& event : events) GRAUPEL_CUDA_CHECK(cudaEventCreate(&event));
@@ -144,10 +133,9 @@ struct CudaSimulator::Impl {
   ~Impl() {
     drop_graph();
     for (cudaEvent_t event : events) cudaEventDestroy(event);
-    for (cudaEvent_t event : {features_there, grid_there}) cudaEventDestroy(event);
+    for (cudaEvent_t event : {begun, groups_there}) cudaEventDestroy(event);
     cudaFreeHost(seen);
-    cudaStreamDestroy(grid_stream);
-    cudaStreamDestroy(stream);
+    for (cudaStream_t one : {group_stream, stream}) cudaStreamDestroy(one);
   }
   Impl(const Impl&) = delete;
   Impl& operator=(const Impl&) = delete;
@@ -164,25 +152,18 @@ struct CudaSimulator::Impl {
     if (graph) cudaGraphExecDestroy(graph);
     graph = nullptr;
   }
-  void launch_grid();
+  void launch_graph();
   void launch_network();
   void launch_move(int64_t frame);
   void launch_bundle();
   bool make_room();
   void record_bundle();
-  HgnGraph placed_graph() const;
 
-  HgnConfig config;
+  std::unique_ptr<FrameModel> model;
+  FeatureConfig config;
   Normalization normalization;
-  DeviceWeights weights;
-  PackedHgn network;
-  GridBuilder builder;
-  LevelRoom room;
-  LevelPlaces places{Device::cuda};
-  RowArena arena;
-  HgnRecord record;
-  cudaStream_t stream = nullptr, grid_stream = nullptr;
-  cudaEvent_t features_there = nullptr, grid_there = nullptr;
+  cudaStream_t stream = nullptr, group_stream = nullptr;
+  cudaEvent_t begun = nullptr, groups_there = nullptr;
   cudaGraphExec_t graph = nullptr;
   cudaEvent_t events[marks] = {};
   bool recording = false;
@@ -195,74 +176,32 @@ struct CudaSimulator::Impl {
   Buffer<FrameStatus> status{Device::cuda, 1};
   FrameStatus* seen = nullptr;  ///< the status on the host
   int32_t shown = 0;            ///< the frame of the ring that positions() gives
-  Buffer<Vec3f> now{Device::cuda, 0}, next{Device::cuda, 0};
+  /// The frame before the newest, which the model has; the one to come, until it is one.
+  Buffer<Vec3f> before{Device::cuda, 0}, next{Device::cuda, 0};
+  std::optional<FreeFlight> flight;
   std::optional<DensityProjection> density;
-  Buffer<int32_t> type_row{Device::cuda, 0};
-  Buffer<float> features{Device::cuda, 0}, output{Device::cuda, 0};
 };
 
-HgnGraph CudaSimulator::Impl::placed_graph() const {
-  const GridLinks links = builder.links();
-  HgnGraph placed{};
-  placed.particles = particles;
-  placed.particle_count = places.particle_count();
-  placed.pair_count = places.pair_count();
-  placed.features = features.data();
-  placed.type_row = type_row.data();
-  placed.weight = links.weight;
-  placed.offset = links.offset;
-  placed.cell = links.cell;
-  placed.pair_begin = links.pair_begin;
-  placed.pair = links.pair;
-  for (int l = 0; l < room.levels; ++l) {
-    const PlacedLevel from = places.level(l);
-    LevelLinks level{};
-    level.cells = room.cells[static_cast<std::size_t>(l)];
-    level.edges = room.edges[static_cast<std::size_t>(l)];
-    level.cell_count = from.cell_count;
-    level.edge_count = from.edge_count;
-    level.edge_begin = from.edge_begin;
-    level.sender = from.sender;
-    level.receiver = from.receiver;
-    level.slot = from.slot;
-    level.parent = from.parent;
-    level.octant = from.octant;
-    level.child_begin = from.child_begin;
-    level.child = from.child;
-    placed.level.push_back(level);
-  }
-  return placed;
-}
-
-/// Features and, beside what follows in the stream, the grid of the newest frame.
-void CudaSimulator::Impl::launch_grid() {
+/// Features and, beside what follows in the stream, the network's graph of the newest frame and the groups of what
+/// flies.
+void CudaSimulator::Impl::launch_graph() {
   mark(begin);
-  parallel_for_in(stream, Device::cuda, particles,
+  if (flight) {
+    GRAUPEL_CUDA_CHECK(cudaEventRecord(begun, stream));
+    GRAUPEL_CUDA_CHECK(cudaStreamWaitEvent(group_stream, begun, 0));
+    flight->find_groups(before.data(), model->position(), group_stream);
+    GRAUPEL_CUDA_CHECK(cudaEventRecord(groups_there, group_stream));
+  }
+  model->launch_graph(stream, /*with_counts=*/!recording);
+  parallel_for_in(stream, Device::cuda, feature_parts_of_row * particles,
                   WriteFeatures{FeatureRules(config, normalization), surroundings->view(Device::cuda), frame_ring(),
-                                features.data(), now.data()});
+                                model->features()});
   mark(features_done);
-  GRAUPEL_CUDA_CHECK(cudaEventRecord(features_there, stream));
-  GRAUPEL_CUDA_CHECK(cudaStreamWaitEvent(grid_stream, features_there, 0));
-  builder.build(now.data(), grid_stream, /*with_counts=*/!recording);
 }
 
 void CudaSimulator::Impl::launch_network() {
-  places.place(builder.links(), particles, grid_stream);
-  GRAUPEL_CUDA_CHECK(cudaEventRecord(grid_there, grid_stream));
-  const float* const latents = forward_to_decoder(network, placed_graph(), arena, record, stream, [&] {
-    GRAUPEL_CUDA_CHECK(cudaStreamWaitEvent(stream, grid_there, 0));
-    mark(hierarchy_done);
-  });
-  const FcnWeights& last = network.fcn("decoder");
-  decode({.rows = particles,
-          .frames = static_cast<int>(config.bundle),
-          .x = latents,
-          .w1 = network.tile("decoder", 0),
-          .b1 = last.b1,
-          .w2 = last.w2,
-          .b2 = last.b2,
-          .out = output.data()},
-         stream);
+  model->launch(stream, [&] { mark(hierarchy_done); });
+  if (flight) GRAUPEL_CUDA_CHECK(cudaStreamWaitEvent(stream, groups_there, 0));
   mark(network_done);
 }
 
@@ -272,41 +211,39 @@ void CudaSimulator::Impl::launch_move(int64_t frame) {
   const auto limit = static_cast<float>(std::max({size[0], size[1], size[2]}));
   const FrameRing frames = frame_ring();
   const WayFollower way = surroundings->way_follower(Device::cuda);
-  parallel_for_in(
-      stream, Device::cuda, particles,
-      MoveParticles{normalization, output.data() + 3 * frame, static_cast<int32_t>(config.output_width()), frames, way,
-                    project, limit, places.fault(), status.data(), density ? next.data() : nullptr});
+  parallel_for_in(stream, Device::cuda, particles,
+                  StepParticles{normalization, model->output() + 3 * frame, static_cast<int32_t>(config.output_width()),
+                                before.data(), model->position(), limit, model->fault(), status.data(), next.data()});
+  if (flight && frame > 0) flight->find_groups(before.data(), model->position(), stream);
+  if (flight) flight->correct(before.data(), model->position(), next.data(), stream);
+  PushParticles push{way, project, frames, model->position(), next.data()};
   if (density) {
+    parallel_for_in(stream, Device::cuda, particles, push);
     density->apply(next.data(), particles, stream);
-    parallel_for_in(stream, Device::cuda, particles,
-                    SettleParticles{frames, way, project, places.fault(), next.data()});
+    push.from = nullptr;
   }
-  parallel_for_in(stream, Device::cuda, 1, FinishFrame{frames.count, places.fault(), status.data()});
+  parallel_for_in(stream, Device::cuda, particles, PushLast{push, model->fault(), before.data(), model->position()});
+  parallel_for_in(stream, Device::cuda, 1, FinishFrame{frames.count, model->fault(), status.data(), seen});
 }
 
 void CudaSimulator::Impl::launch_bundle() {
-  launch_grid();
+  launch_graph();
   launch_network();
   for (int64_t frame = 0; frame < config.bundle; ++frame) launch_move(frame);
-  GRAUPEL_CUDA_CHECK(cudaMemcpyAsync(seen, status.data(), sizeof(FrameStatus), cudaMemcpyDeviceToHost, stream));
   mark(end);
 }
 
-/// Room for the cells of the newest frame; false when a particle is outside the grid's box.
+/// Room for the graph of the newest frame; false when a particle is outside what it can hold.
 bool CudaSimulator::Impl::make_room() {
-  launch_grid();
-  const GridCounts counts = builder.counts(grid_stream);
-  if (counts.overflow) return false;
-  if (room.holds(counts)) return true;
-  drop_graph();
-  room = LevelRoom::for_counts(counts);
-  places.prepare(room);
-  return true;
+  launch_graph();
+  const FrameModel::Room room = model->make_room();
+  if (room == FrameModel::Room::moved) drop_graph();
+  return room != FrameModel::Room::none;
 }
 
 /// The graph of a bundle. The network runs once before, so that all memory is there.
 void CudaSimulator::Impl::record_bundle() {
-  arena.reset();
+  model->reuse_memory();
   launch_network();
   if (density) {  // begins each recording without pressure, so that a rollout is the same every time
     next.upload(std::vector<Vec3f>(static_cast<std::size_t>(particles), Vec3f::filled(NAN)));
@@ -315,7 +252,7 @@ void CudaSimulator::Impl::record_bundle() {
     density->restart();
   }
   wait();
-  arena.reset();
+  model->reuse_memory();
   recording = true;
   cudaGraph_t captured = nullptr;
   GRAUPEL_CUDA_CHECK(cudaStreamBeginCapture(stream, cudaStreamCaptureModeThreadLocal));
@@ -331,10 +268,9 @@ CudaSimulator::~CudaSimulator() = default;
 
 void CudaSimulator::start(const Scene& scene, const Surroundings& surroundings,
                           const std::vector<int32_t>& particle_type, const std::vector<std::vector<Vec3f>>& positions,
-                          bool project, double density_limit) {
+                          bool project, double density_limit, bool free_flight) {
   Impl& impl = *impl_;
   impl.drop_graph();
-  impl.room = {};
   impl.scene = &scene;
   impl.surroundings = &surroundings;
   impl.project = project;
@@ -343,7 +279,6 @@ void CudaSimulator::start(const Scene& scene, const Surroundings& surroundings,
   GRAUPEL_ASSERT(positions.size() >= frames);
   std::vector<int32_t> rows;
   for (const int32_t type : particle_type) rows.push_back(embedding_row(type));
-  impl.type_row.upload(rows);
   std::vector<Vec3f> all;
   for (std::size_t t = positions.size() - frames; t < positions.size(); ++t) {
     GRAUPEL_ASSERT(positions[t].size() == particle_type.size());
@@ -354,16 +289,16 @@ void CudaSimulator::start(const Scene& scene, const Surroundings& surroundings,
   impl.status.upload({{static_cast<int32_t>(frames) - 1, 0, 0}});
   *impl.seen = {static_cast<int32_t>(frames) - 1, 0, 0};
   impl.shown = impl.seen->newest;
-  const FeatureRules rules(impl.config, impl.normalization);
-  impl.features.resize_discard(particle_type.size() * static_cast<std::size_t>(rules.width));
-  impl.output.resize_discard(static_cast<std::size_t>(impl.config.output_width()) * particle_type.size());
-  impl.now.resize_discard(particle_type.size());
+  impl.model->start(surroundings, rows, impl.stream);
+  impl.before.upload(positions[positions.size() - 2]);
+  device_copy(Device::cuda, impl.model->position(), Device::cpu, positions.back().data(),
+              positions.back().size() * sizeof(Vec3f));
   impl.next.resize_discard(particle_type.size());
+  impl.flight.reset();
+  if (free_flight) impl.flight.emplace(Device::cuda, scene, surroundings, particle_type);
   impl.density.reset();
-  const double spacing = impl.config.spacing, rest = rest_density(scene, positions.back(), spacing);
+  const double spacing = impl.model->spacing(), rest = rest_density(scene, positions.back(), spacing);
   if (density_limit * rest > 0) impl.density.emplace(Device::cuda, surroundings, density_limit * rest, spacing);
-  impl.builder.prepare({{surroundings.wall_low, surroundings.wall_low, surroundings.wall_high, impl.particles}},
-                       impl.stream);
   impl.wait();
 }
 
@@ -392,14 +327,15 @@ std::vector<Vec3f> CudaSimulator::accelerations() {
   Impl& impl = *impl_;
   if (!impl.make_room())
     throw InputError("a particle lies outside the domain of its scene by more than three cells of the network's grid");
-  impl.arena.reset();
+  impl.model->reuse_memory();
   impl.launch_network();
   impl.wait();
-  const std::vector<float> output = impl.output.download();
+  const auto width = static_cast<std::size_t>(impl.config.output_width());
+  std::vector<float> output(width * static_cast<std::size_t>(impl.particles));
+  device_copy(Device::cpu, output.data(), Device::cuda, impl.model->output(), output.size() * sizeof(float));
   std::vector<Vec3f> acceleration(static_cast<std::size_t>(impl.particles));
   for (std::size_t i = 0; i < acceleration.size(); ++i)
-    acceleration[i] =
-        acceleration_of(impl.normalization, output.data() + static_cast<std::size_t>(impl.config.output_width()) * i);
+    acceleration[i] = acceleration_of(impl.normalization, output.data() + width * i);
   return acceleration;
 }
 

@@ -1,5 +1,5 @@
-// Rollouts of the hierarchical graph network on a GPU: features, grid, network and projection run there, and the
-// positions stay there. The function is that of LearnedSimulator on the CPU, with matrix products in bf16.
+// Rollouts of graph networks on a GPU: features, graph, network and projection run there, and the positions stay
+// there. The function is that of LearnedSimulator on the CPU, with matrix products in bf16.
 #pragma once
 
 #include <cstdint>
@@ -12,7 +12,7 @@
 
 namespace graupel::graph {
 
-/// Milliseconds of one frame on the GPU, a share of those of its bundle (FeatureConfig::bundle). The encoder runs
+/// Milliseconds of one frame on the GPU, a share of those of its bundle (FeatureConfig::bundle). HGN's encoder runs
 /// beside the making of the hierarchy and counts there.
 struct CudaFrameTime {
   double features = 0, hierarchy = 0, network = 0, projection = 0;
@@ -25,10 +25,10 @@ class CudaSimulator {
   explicit CudaSimulator(const nn::Weights& weights);
   ~CudaSimulator();
 
-  /// A rollout from history + 1 positions, newest last, with LearnedSimulator's `project` and `density_limit`. `scene`
-  /// and `surroundings` must live as long as it runs.
+  /// A rollout from history + 1 positions, newest last, with LearnedSimulator's `project`, `density_limit` and
+  /// `free_flight`. `scene` and `surroundings` must live as long as it runs.
   void start(const Scene& scene, const Surroundings& surroundings, const std::vector<int32_t>& particle_type,
-             const std::vector<std::vector<Vec3f>>& positions, bool project, double density_limit);
+             const std::vector<std::vector<Vec3f>>& positions, bool project, double density_limit, bool free_flight);
   /// Predicts the next frame; false when it has diverged (step_frame) or a particle has left the domain's surroundings.
   bool advance();
   /// Accelerations of the next frame [m/frame^2], without moving. After start() alone.

@@ -12,8 +12,8 @@ namespace graupel::graph::tile {
 constexpr int threads = 256;
 /// Warps of a block: as many as registers and shared memory allow, for their loads to overlap.
 constexpr int few_warps = 8, many_warps = 12;
-constexpr float slope = 0.01f;
-constexpr int types = 9;  ///< rows of the embedding table (graph/features.h)
+constexpr float slope = 0.01f;  ///< of HGN's activation
+constexpr int types = 9;        ///< rows of the embedding table (graph/features.h)
 
 inline int multiprocessors() {
   static const int count = [] {

@@ -36,7 +36,7 @@ __device__ void decode_frame(const Decoder& n, const Sums& c, int begin, int64_t
 #pragma unroll
       for (int half = 0; half < 2; ++half) {
         const float x = c[j][2 * half], y = c[j][2 * half + 1];
-        sum[half] += w.x * (x > 0 ? x : slope * x) + w.y * (y > 0 ? y : slope * y);
+        sum[half] += w.x * (x > 0 ? x : n.slope * x) + w.y * (y > 0 ? y : n.slope * y);
       }
     }
 #pragma unroll

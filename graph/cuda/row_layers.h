@@ -41,6 +41,12 @@ struct RowTable {
   RowOf row;
 };
 
+/// Four f32 numbers a row, [*, 4], that enter the first layer by a matrix [128, 4].
+struct RowFeatures {
+  const float* values = nullptr;
+  const float* weight = nullptr;
+};
+
 /// What the next kernels want of rows: out[j] = x W[j]^T + bias[j], f32 or bf16 (out16).
 struct RowOutlook {
   const uint16_t* weight[2] = {nullptr, nullptr};
@@ -49,12 +55,14 @@ struct RowOutlook {
   uint16_t* out16[2] = {nullptr, nullptr};
 };
 
-/// y[r] = LayerNorm(W2 LeakyReLU_0.01(sum of operands W1^T + sum of tables) + b2), r < rows, eps 1e-5.
+/// y[r] = LayerNorm(W2 LeakyReLU(sum of operands W1^T + sum of tables) + b2), r < rows, eps 1e-5.
 struct RowNetwork {
   int64_t rows = 0;
   const int32_t* row_count = nullptr;
   RowOperand operand[2];
   RowTable table[3];
+  RowFeatures features;          ///< of a network without operands
+  float slope = 0.01f;           ///< of the activation below zero
   const uint16_t* w2 = nullptr;  ///< tile
   const float *b2 = nullptr, *gamma = nullptr, *beta = nullptr;
 
@@ -184,7 +192,7 @@ struct FeatureLayer {
 };
 void encode_features(const FeatureLayer& layer, void* stream);
 
-/// The decoder: out[r] = W2 LeakyReLU_0.01(W1 x[r] + b1) + b2, W2 [3 frames, 128].
+/// The decoder: out[r] = W2 LeakyReLU(W1 x[r] + b1) + b2, W2 [3 frames, 128].
 struct Decoder {
   int64_t rows = 0;
   int frames = 1;                 ///< predicted at once (FeatureConfig::bundle)
@@ -192,6 +200,7 @@ struct Decoder {
   const uint16_t* x16 = nullptr;  ///< the same, rounded, in its place
   const uint16_t* w1 = nullptr;   ///< tile
   const float *b1 = nullptr, *w2 = nullptr, *b2 = nullptr;
+  float slope = 0.01f;
   float* out = nullptr;      ///< [rows, 3 frames]
   uint16_t* save = nullptr;  ///< [rows, 128] x, rounded, if wanted
 };

@@ -8,6 +8,25 @@ namespace {
 
 using namespace tile;
 
+/// c += the features of this warp's rows times their matrix.
+__device__ void add_features(Sums& c, const RowFeatures& features, int64_t first, int64_t rows, int lane) {
+  float4 x[2] = {{0, 0, 0, 0}, {0, 0, 0, 0}};
+#pragma unroll
+  for (int half = 0; half < 2; ++half)
+    if (const int64_t r = first + lane / 4 + 8 * half; r < rows)
+      x[half] = reinterpret_cast<const float4*>(features.values)[r];
+  const float4* const weight = reinterpret_cast<const float4*>(features.weight) + 2 * (lane % 4);
+#pragma unroll
+  for (int j = 0; j < column_blocks; ++j)
+#pragma unroll
+    for (int i = 0; i < 2; ++i) {
+      const float4 w = weight[8 * j + i];
+#pragma unroll
+      for (int half = 0; half < 2; ++half)
+        c[j][2 * half + i] += w.x * x[half].x + w.y * x[half].y + w.z * x[half].z + w.w * x[half].w;
+    }
+}
+
 /// First-layer sums of a warp's rows; with `keep`, operands are saved where the network asks for it.
 template <int operands, int warps>
 __device__ void first_layer(Sums& c, const RowNetwork& n, int64_t rows, const Shared<warps>& shared, uint16_t* mine,
@@ -21,13 +40,15 @@ __device__ void first_layer(Sums& c, const RowNetwork& n, int64_t rows, const Sh
     if (n.operand[j].save) copy_out(n.operand[j].save, mine, first, rows, lane);
     __syncwarp();
   }
+  if constexpr (operands == 0)
+    if (n.features.values) add_features(c, n.features, first, rows, lane);
 #pragma unroll
   for (int t = 0; t < 3; ++t)
     if (n.table[t].table) add_table(c, n.table[t].table, n.table[t].row, first, rows, lane);
 #pragma unroll
   for (int j = 0; j < column_blocks; ++j)
 #pragma unroll
-    for (int i = 0; i < 4; ++i) c[j][i] = c[j][i] > 0 ? c[j][i] : slope * c[j][i];
+    for (int i = 0; i < 4; ++i) c[j][i] = c[j][i] > 0 ? c[j][i] : n.slope * c[j][i];
 }
 
 template <int operands, int warps>
@@ -221,8 +242,8 @@ __global__ void __launch_bounds__(32 * warps, 1) backward_kernel(RowNetworkGradi
 #pragma unroll
     for (int j = 0; j < column_blocks; ++j) {
       const float2 a = unpack(low[4 * j]), b = unpack(high[4 * j]);
-      c[j][0] *= a.x > 0 ? 1.0f : slope, c[j][1] *= a.y > 0 ? 1.0f : slope;
-      c[j][2] *= b.x > 0 ? 1.0f : slope, c[j][3] *= b.y > 0 ? 1.0f : slope;
+      c[j][0] *= a.x > 0 ? 1.0f : n.slope, c[j][1] *= a.y > 0 ? 1.0f : n.slope;
+      c[j][2] *= b.x > 0 ? 1.0f : n.slope, c[j][3] *= b.y > 0 ? 1.0f : n.slope;
     }
     store_rows(hidden, c, lane);  // each lane where it has just read
     __syncwarp();

@@ -14,8 +14,9 @@
 namespace graupel::graph {
 namespace {
 
-HgnConfig wide_config() {
+HgnConfig wide_config(Aggregation aggregation) {
   HgnConfig config;
+  config.aggregation = aggregation;
   config.latent = 128;
   config.levels = 4;
   config.message_passing = 3;
@@ -62,7 +63,7 @@ Case make_case(int particles) {
   return c;
 }
 
-class CudaSimulatorTest : public ::testing::Test {
+class CudaSimulatorTest : public ::testing::TestWithParam<Aggregation> {
  protected:
   void TearDown() override { std::filesystem::remove(path_); }
   LearnedSimulator make(const HgnConfig& config) const {
@@ -85,12 +86,12 @@ double difference(const std::vector<Vec3f>& a, const std::vector<Vec3f>& b) {
   return std::sqrt(squares / size);
 }
 
-TEST_F(CudaSimulatorTest, AccelerationsAreThoseOfTheCpu) {
+TEST_P(CudaSimulatorTest, AccelerationsAreThoseOfTheCpu) {
   GRAUPEL_NEEDS_GPU();
-  for (const int particles : {1, 37, 3000}) {
+  for (const int particles : {1, 37, 3000, 12000}) {
     const Case c = make_case(particles);
     const Surroundings surroundings(c.scene);
-    const LearnedSimulator simulator = make(wide_config());
+    const LearnedSimulator simulator = make(wide_config(GetParam()));
     const auto expected = simulator.one_step(surroundings, c.type, c.history);
     const auto actual = simulator.one_step_on_gpu(c.scene, surroundings, c.type, c.history);
     ASSERT_EQ(actual.size(), expected.size());
@@ -99,14 +100,15 @@ TEST_F(CudaSimulatorTest, AccelerationsAreThoseOfTheCpu) {
   }
 }
 
-TEST_F(CudaSimulatorTest, RolloutsFollowThoseOfTheCpu) {
+TEST_P(CudaSimulatorTest, RolloutsFollowThoseOfTheCpu) {
   GRAUPEL_NEEDS_GPU();
   const Case c = make_case(800);
   const Surroundings surroundings(c.scene);
-  const LearnedSimulator simulator = make(wide_config());
+  const LearnedSimulator simulator = make(wide_config(GetParam()));
   for (const double density_limit : {0.0, 1.0}) {
     LearnedSimulator::RolloutOptions options;
     options.frames = 8;
+    options.free_flight = false;
     options.density_limit = density_limit;
     const Trajectory expected = simulator.rollout(c.scene, surroundings, c.type, c.history, options);
     options.device = Device::cuda;
@@ -126,11 +128,11 @@ TEST_F(CudaSimulatorTest, RolloutsFollowThoseOfTheCpu) {
   }
 }
 
-TEST_F(CudaSimulatorTest, BundlesOfFramesFollowThoseOfTheCpu) {
+TEST_P(CudaSimulatorTest, BundlesOfFramesFollowThoseOfTheCpu) {
   GRAUPEL_NEEDS_GPU();
   const Case c = make_case(800);
   const Surroundings surroundings(c.scene);
-  HgnConfig config = wide_config();
+  HgnConfig config = wide_config(GetParam());
   for (const int64_t bundle : {2, 3, 8}) {
     config.bundle = bundle;
     const LearnedSimulator simulator = make(config);
@@ -139,7 +141,6 @@ TEST_F(CudaSimulatorTest, BundlesOfFramesFollowThoseOfTheCpu) {
               0.02);
     LearnedSimulator::RolloutOptions options;
     options.frames = 7;  // cuts the last bundle
-    options.free_flight = false;
     const Trajectory expected = simulator.rollout(c.scene, surroundings, c.type, c.history, options);
     options.device = Device::cuda;
     const Trajectory actual = simulator.rollout(c.scene, surroundings, c.type, c.history, options);
@@ -158,11 +159,11 @@ TEST_F(CudaSimulatorTest, BundlesOfFramesFollowThoseOfTheCpu) {
   }
 }
 
-TEST_F(CudaSimulatorTest, ABundleThatBlowsUpStopsWhereItDoesOnTheCpu) {
+TEST_P(CudaSimulatorTest, ABundleThatBlowsUpStopsWhereItDoesOnTheCpu) {
   GRAUPEL_NEEDS_GPU();
   const Case c = make_case(60);
   const Surroundings surroundings(c.scene);
-  HgnConfig config = wide_config();
+  HgnConfig config = wide_config(GetParam());
   config.bundle = 4;
   nn::Weights weights = random_weights(config, statistics());
   silence_decoder(weights);
@@ -181,7 +182,7 @@ TEST_F(CudaSimulatorTest, ABundleThatBlowsUpStopsWhereItDoesOnTheCpu) {
   }
 }
 
-TEST_F(CudaSimulatorTest, RolloutsGoOnWhereMatterSpreads) {
+TEST_P(CudaSimulatorTest, RolloutsGoOnWhereMatterSpreads) {
   GRAUPEL_NEEDS_GPU();
   // Particles of a small cloud fly apart: many times the cells of the first frame.
   Case c = make_case(600);
@@ -191,9 +192,10 @@ TEST_F(CudaSimulatorTest, RolloutsGoOnWhereMatterSpreads) {
       c.history[t][i] = start + (start - Vec3f{0.5f, 0.7f, 0.5f}) * (0.4f * static_cast<float>(t));
     }
   const Surroundings surroundings(c.scene);
-  const LearnedSimulator simulator = make(wide_config());
+  const LearnedSimulator simulator = make(wide_config(GetParam()));
   LearnedSimulator::RolloutOptions options;
   options.frames = 10;
+  options.free_flight = false;
   options.density_limit = 0;
   const Trajectory expected = simulator.rollout(c.scene, surroundings, c.type, c.history, options);
   options.device = Device::cuda;
@@ -206,21 +208,24 @@ TEST_F(CudaSimulatorTest, RolloutsGoOnWhereMatterSpreads) {
   EXPECT_EQ(again.frames.back().position, actual.frames.back().position) << "the same every time";
 }
 
-TEST_F(CudaSimulatorTest, RefusesNetworksWithoutKernels) {
+TEST_P(CudaSimulatorTest, RefusesNetworksWithoutKernels) {
   GRAUPEL_NEEDS_GPU();
-  HgnConfig config = wide_config();
+  HgnConfig config = wide_config(GetParam());
   config.latent = 64;
   const Case c = make_case(10);
   const Surroundings surroundings(c.scene);
   EXPECT_THROW(make(config).one_step_on_gpu(c.scene, surroundings, c.type, c.history), ConfigError);
 }
 
-TEST_F(CudaSimulatorTest, SaysWhereThereIsNoGpu) {
+TEST_P(CudaSimulatorTest, SaysWhereThereIsNoGpu) {
   if (cuda_available()) GTEST_SKIP() << "there is a GPU here";
   const Case c = make_case(10);
   const Surroundings surroundings(c.scene);
-  EXPECT_THROW(make(wide_config()).one_step_on_gpu(c.scene, surroundings, c.type, c.history), ConfigError);
+  EXPECT_THROW(make(wide_config(GetParam())).one_step_on_gpu(c.scene, surroundings, c.type, c.history), ConfigError);
 }
+
+INSTANTIATE_TEST_SUITE_P(Forms, CudaSimulatorTest, ::testing::Values(Aggregation::messages, Aggregation::activations),
+                         [](const auto& form) { return std::string(word_of(form.param)); });
 
 }  // namespace
 }  // namespace graupel::graph

@@ -42,7 +42,8 @@ std::vector<Cloud> clouds() {
 struct HostLinks {
   GridCounts counts;
   std::vector<Vec3i> coordinate;
-  std::vector<int32_t> neighbor, parent, octant, edge_begin, sender, receiver, slot, reverse, child_begin, child;
+  std::vector<int32_t> neighbor, parent, octant, edge_begin, sender, receiver, slot, reverse, child_begin, child,
+      children;
   std::vector<int32_t> cell, pair_begin, pair;
   std::vector<float> weight, offset;
   std::vector<int64_t> first_cell = {0}, first_edge = {0};
@@ -86,6 +87,7 @@ HostLinks build_on(Device device, GridBuilder& builder, const std::vector<Cloud>
   host.reverse = host_copy(device, links.reverse, edges);
   host.child_begin = host_copy(device, links.child_begin, cells + 1);
   host.child = host_copy(device, links.child, host.first_cell[levels - 1]);
+  host.children = host_copy(device, links.children, 8 * cells);
   host.cell = host_copy(device, links.cell, 8 * n);
   host.weight = host_copy(device, links.weight, 8 * n);
   host.offset = host_copy(device, links.offset, 3 * n);
@@ -109,6 +111,9 @@ void expect_cells_of(const HostLinks& links, const std::vector<Cloud>& all) {
           ASSERT_EQ(links.neighbor[6 * at + k], level.neighbor[c][k] < 0 ? -1 : level.neighbor[c][k] + first[l]);
         if (l + 1 < levels) {
           ASSERT_EQ(links.parent[at], level.parent[c] + first[l + 1]);
+          const auto parent = static_cast<std::size_t>(links.first_cell[l + 1] + links.parent[at]);
+          ASSERT_EQ(links.children[8 * parent + static_cast<std::size_t>(links.octant[at])],
+                    c + static_cast<std::size_t>(first[l]));
         }
       }
     }
@@ -186,6 +191,13 @@ TEST(GridBuilder, LinksAreThoseOfTheHierarchy) { expect_same_as_the_hierarchy(De
 TEST(GridBuilder, LinksAreThoseOfTheHierarchyOnTheGpu) {
   GRAUPEL_NEEDS_GPU();
   expect_same_as_the_hierarchy(Device::cuda);
+  // Too many for one launch; cells with hundreds of pairs.
+  GridBuilder builder(Device::cuda, spacing, levels);
+  const std::vector<Cloud> many = {make_cloud(4, 30000, {0, 0, 0}, {0.9, 0.4, 0.7}),
+                                   make_cloud(5, 9000, {0, 0, 0}, {0.2, 0.2, 0.2})};
+  const HostLinks links = build_on(Device::cuda, builder, many);
+  expect_cells_of(links, many);
+  expect_sorted_lists(links);
 }
 
 TEST(GridBuilder, SaysThatAParticleIsOutsideItsBox) {

@@ -3,10 +3,12 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "core/buffer.h"
 #include "tests/gpu_only.h"
+#include "tests/train/gns_cloud.h"
 #include "tests/train/tiny_data.h"
 #include "train/network_module.h"
 #include "train/sampling.h"
@@ -74,6 +76,62 @@ TEST(DeviceSamples, AreTheBatchesOfTheWorkersOnTheGpu) {
   expect_the_batches_of_the_cpu(Device::cuda, 2e-5, {}, 3);
 }
 
+/// Batches of GNS with obstacle particles, edges and all.
+void expect_the_batches_of_gns(Device device, double tolerance, bool obstacle_particles) {
+  TrainConfig config = tiny_gns_config();
+  config.gns.history = 5;
+  config.symmetries = true;
+  config.seed = 7;
+  config.gns.obstacle_particles = obstacle_particles;
+  config.gns.obstacle_spacing = 0.02;
+  config.gns.message_passing = 3;
+  const DataSplit split(tiny_data_set() + "/train.h5");
+  const graph::Normalization normalization = split.statistics(config.noise_std, 1);
+  DeviceSamples samples(split, config, normalization, device);
+  samples.start(0);
+  int64_t with_obstacles = 0;
+  for (int64_t step = 0; step < 6; ++step) {
+    const SampleArrays made = samples.take();
+    samples.start(step + 1);
+    const Batch batch = training_batch(split, config, normalization, step);
+    const BatchLevel& links = batch.level.front();
+    ASSERT_EQ(made.particles, batch.particles());
+    ASSERT_EQ(made.rows, batch.type_row.count);
+    ASSERT_EQ(made.pair_count, links.edges);
+    const auto numbers = [&](const Part& p) { return batch.numbers.data() + p.begin; };
+    const auto expect_indices = [&](const int32_t* data, const Part& part) {
+      std::vector<int32_t> values(static_cast<std::size_t>(part.count));
+      device_copy(Device::cpu, values.data(), device, data, values.size() * sizeof(int32_t));
+      EXPECT_TRUE(std::equal(values.begin(), values.end(), batch.indices.begin() + part.begin));
+    };
+    expect_near(floats_of(device, made.features, batch.features.count), numbers(batch.features), batch.features.count,
+                tolerance);
+    expect_near(floats_of(device, made.target, batch.target.count), numbers(batch.target), batch.target.count,
+                tolerance);
+    expect_near(floats_of(device, made.pairs.features, batch.edge_features.count), numbers(batch.edge_features),
+                batch.edge_features.count, tolerance);
+    expect_indices(made.type_row, batch.type_row);
+    expect_indices(made.pairs.begin, links.edge_begin);
+    expect_indices(made.pairs.sender, links.sender);
+    expect_indices(made.pairs.receiver, links.receiver);
+    expect_indices(made.pairs.reverse, links.reverse);
+    with_obstacles += made.rows > made.particles;
+    samples.release();
+  }
+  EXPECT_EQ(with_obstacles > 0, obstacle_particles);
+}
+
+TEST(DeviceSamples, AreTheBatchesOfTheWorkersForGns) {
+  expect_the_batches_of_gns(Device::cpu, 0, false);
+  expect_the_batches_of_gns(Device::cpu, 0, true);
+}
+
+TEST(DeviceSamples, AreTheBatchesOfTheWorkersForGnsOnTheGpu) {
+  GRAUPEL_NEEDS_GPU();
+  expect_the_batches_of_gns(Device::cuda, 2e-5, false);
+  expect_the_batches_of_gns(Device::cuda, 2e-5, true);
+}
+
 /// What the network sees and is to predict after frames of its own, for accelerations of zero: free motion.
 void expect_pushed_batches(Device device, int64_t bundle) {
   TrainConfig config = sample_config();
@@ -132,11 +190,10 @@ TEST(DeviceSamples, PushedBatchesHoldTheNetworksOwnFramesOnTheGpu) {
 }
 
 /// Weights after three steps.
-std::vector<float> trained(Device device, bool on_device) {
-  const TrainConfig config = sample_config();
+std::vector<float> trained(Device device, bool on_device, const TrainConfig& config = sample_config()) {
   const DataSplit split(tiny_data_set() + "/train.h5");
   const graph::Normalization normalization = split.statistics(config.noise_std, 1);
-  NetworkModule module(config.hgn, device, config.seed);
+  NetworkModule module(config.network(), device, config.seed);
   std::unique_ptr<DeviceSamples> samples;
   if (on_device) {
     samples = std::make_unique<DeviceSamples>(split, config, normalization, device);
@@ -164,7 +221,13 @@ std::vector<float> trained(Device device, bool on_device) {
   return all;
 }
 
-TEST(DeviceSamples, TrainTheSameWeights) { EXPECT_EQ(trained(Device::cpu, true), trained(Device::cpu, false)); }
+TEST(DeviceSamples, TrainTheSameWeights) {
+  EXPECT_EQ(trained(Device::cpu, true), trained(Device::cpu, false));
+  TrainConfig gns = tiny_gns_config();
+  gns.gns.obstacle_particles = true;
+  gns.gns.obstacle_spacing = 0.03;
+  EXPECT_EQ(trained(Device::cpu, true, gns), trained(Device::cpu, false, gns));
+}
 
 TEST(DeviceSamples, TrainTheSameWeightsOnTheGpu) {
   GRAUPEL_NEEDS_GPU();

@@ -170,9 +170,10 @@ TEST(MixedPrecision, GradientIsThatOfDoublePrecisionOnTheGpu) {
     check_mixed_gradient(config, concatenate({random_graph(config, 1, 150, 0.25), random_graph(config, 2, 333, 0.4)}));
     config.levels = 5;  // the top level has no edges and few cells
     config.message_passing = 3;
-    check_mixed_gradient(config, concatenate({random_graph(config, 4, 12, 0.02)}), 0.5);
-    check_mixed_gradient(config, concatenate({random_graph(config, 4, 300, 0.02), random_graph(config, 5, 50, 0.02)}),
-                         0.5);
+    if (aggregation == graph::Aggregation::activations)  // cells with hundreds of pairs
+      check_mixed_gradient(config,
+                           concatenate({random_graph(config, 4, 300, 0.02), random_graph(config, 5, 50, 0.02)}));
+    check_mixed_gradient(config, concatenate({random_graph(config, 4, 12, 0.02)}), 0.5);  // a row or two a tensor
     config.levels = 1;
     config.message_passing = 1;
     check_mixed_gradient(config, concatenate({random_graph(config, 7, 900, 0.1)}));

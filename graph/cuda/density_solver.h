@@ -1,0 +1,26 @@
+// The pressure of a density projection on a GPU in one launch (graph/density_kernels.h): a cluster of blocks lists the
+// cells that hold matter and sweeps over them; a few thousand cells are swept by one block in its shared memory.
+#pragma once
+
+#include "graph/density_kernels.h"
+
+namespace graupel::graph {
+
+struct DensitySystem {
+  density::Cells cells;
+  int sweeps;
+  float relaxation;
+  const density::Shares* shares;
+  uint32_t *words, *mass;       ///< of Spread; zero afterwards
+  int32_t* rank;                ///< [words + 1], of the last solution before it
+  int32_t* cell;                ///< [capacity] active cells, of the last solution before it
+  density::Equation* equation;  ///< [capacity]
+  float* pressure;
+};
+
+/// Whether this GPU can, and whether it is worth it for so many cells.
+bool solves_density_at_once(int64_t capacity);
+/// DropPressure, ListCells and all sweeps.
+void solve_density(const DensitySystem& system, void* stream);
+
+}  // namespace graupel::graph

@@ -1,0 +1,34 @@
+// The network that sums messages on a GPU, for rollouts: the passes of hgn_passes.h on the links of one scene.
+#pragma once
+
+#include "core/buffer.h"
+#include "graph/cuda/device_weights.h"
+#include "graph/cuda/grid_network.h"
+#include "graph/cuda/hgn_passes.h"
+#include "graph/cuda/row_arena.h"
+
+namespace graupel::graph {
+
+class MessageNetwork : public GridNetwork {
+ public:
+  MessageNetwork(const HgnConfig& config, const nn::Weights& weights);
+  void prepare(const GridInputs& inputs) override;
+  void reset() override { arena_.reset(); }
+  void follow_grid(void* grid_stream) override;
+  void launch(void* stream, const std::function<void()>& grid_ready) override;
+  const float* output() const override { return output_.data(); }
+  const int32_t* fault() const override { return places_.fault(); }
+
+ private:
+  HgnGraph graph() const;
+
+  DeviceWeights weights_;
+  PackedHgn network_;
+  GridInputs inputs_;
+  LevelPlaces places_{Device::cuda};
+  RowArena arena_;
+  HgnRecord record_;
+  Buffer<float> output_{Device::cuda, 0};
+};
+
+}  // namespace graupel::graph

@@ -1,0 +1,202 @@
+// What a block of wide_rows.cu gathers: 16 lanes a row, eight columns a lane; the loads of a row are under way
+// together.
+#pragma once
+
+#include "graph/cuda/row_block.h"
+#include "graph/cuda/wide_rows.h"
+#include "graph/cuda/wide_weights.h"
+
+namespace graupel::graph::wide {
+
+using namespace tile;
+
+constexpr int row_lanes = 16;
+constexpr int words = layer_width / 8;  ///< of 16 bytes in a row of bf16 numbers
+constexpr int most_slots = 8;           ///< links a row
+
+/// Rows that other blocks wrote in this launch: not from the first cache.
+__device__ inline uint4 row_word(const uint16_t* rows, int64_t row, int lane) {
+  return __ldcg(reinterpret_cast<const uint4*>(rows) + row * words + lane);
+}
+/// A table in shared memory.
+using Table = uint4[most_slots][words];
+
+__device__ inline uint4 packed(const float (&sum)[8]) {
+  return {pack(sum[0], sum[1]), pack(sum[2], sum[3]), pack(sum[4], sum[5]), pack(sum[6], sum[7])};
+}
+
+/// sum += weight a(u + v + t), eight numbers.
+__device__ inline void add_message(float (&sum)[8], const uint4& u, const float (&v)[8], const uint4& t, float weight) {
+  const uint32_t u_words[4] = {u.x, u.y, u.z, u.w}, t_words[4] = {t.x, t.y, t.z, t.w};
+#pragma unroll
+  for (int i = 0; i < 4; ++i) {
+    const float2 a = unpack(u_words[i]), b = unpack(t_words[i]);
+    const float x = a.x + b.x + v[2 * i], y = a.y + b.y + v[2 * i + 1];
+    sum[2 * i] += weight * fmaxf(x, slope * x);
+    sum[2 * i + 1] += weight * fmaxf(y, slope * y);
+  }
+}
+
+/// Links of a tile's rows, and their weights, in shared memory: they are asked for while the tile before is worked on.
+template <int tile_rows>
+struct StagedLinks {
+  __align__(16) int32_t link[tile_rows * most_slots];
+  __align__(16) float weight[tile_rows * most_slots];
+};
+
+template <int bytes>
+__device__ inline void copy_async(void* to, const void* from) {
+  asm volatile("cp.async.ca.shared.global [%0], [%1], %2;"
+               :
+               : "r"(shared_address(to)), "l"(from), "n"(bytes)
+               : "memory");
+}
+
+__device__ inline int slots_of(Gather gather) {
+  return gather == Gather::links                                   ? 6
+         : gather == Gather::rows                                  ? 1
+         : gather == Gather::children || gather == Gather::corners ? 8
+                                                                   : 0;
+}
+
+/// Starts to copy them. Six links a row begin at multiples of eight bytes.
+template <int tile_rows>
+__device__ inline void stage_links(StagedLinks<tile_rows>& to, const WideNetwork& n, int64_t first_link, int64_t first,
+                                   int64_t rows) {
+  const int slots = slots_of(n.gather), i = static_cast<int>(threadIdx.x);
+  const int count = slots * static_cast<int>(rows - first < tile_rows ? rows - first : tile_rows);
+  const int64_t at = slots * (first_link + first);
+  if (slots == 1) {
+    if (i < count) copy_async<4>(to.link + i, n.link + at + i);
+    return;
+  }
+  if (2 * i < count) copy_async<8>(to.link + 2 * i, n.link + at + 2 * i);
+  if (n.gather == Gather::corners && 2 * i < count) copy_async<8>(to.weight + 2 * i, n.weight + at + 2 * i);
+}
+
+/// Sums over a fixed number of links; those that are missing count with weight 0.
+template <int slots, bool weighted>
+__device__ inline void sum_slots(float (&sum)[8], const WideNetwork& n, const Table& table, const int32_t* link,
+                                 const float* weights, int64_t row, int lane) {
+  uint4 word[slots];
+  float weight[slots];
+#pragma unroll
+  for (int k = 0; k < slots; k += 2) {
+    const int2 pair = *reinterpret_cast<const int2*>(link + k);
+    const int32_t from[2] = {pair.x, pair.y};
+#pragma unroll
+    for (int i = 0; i < 2; ++i) {
+      weight[k + i] = from[i] < 0 ? 0 : weighted ? weights[k + i] : 1.0f;
+      word[k + i] = row_word(n.source, from[i] < 0 ? 0 : from[i], lane);
+    }
+  }
+  float own[8] = {};
+  if (n.own) add_numbers(own, row_word(n.own, row, lane));
+#pragma unroll
+  for (int k = 0; k < slots; ++k) add_message(sum, word[k], own, table[k][lane], weight[k]);
+}
+
+/// Sums over the pairs of a list; the numbers of the next few are read ahead.
+__device__ inline void sum_pairs(float (&sum)[8], const WideNetwork& n, const Table& table, int64_t link_row,
+                                 int lane) {
+  constexpr int under_way = 8;
+  const int32_t begin = __ldg(n.begin + link_row), end = __ldg(n.begin + link_row + 1);
+  const float own[8] = {};
+  int32_t next[under_way];
+#pragma unroll
+  for (int k = 0; k < under_way; ++k) next[k] = begin + k < end ? __ldg(n.link + begin + k) : -1;
+  for (int32_t at = begin; at < end; at += under_way) {
+    uint4 word[under_way];
+    float weight[under_way];
+    int slot[under_way];
+#pragma unroll
+    for (int k = 0; k < under_way; ++k) {
+      const int32_t pair = next[k] < 0 ? 0 : next[k];
+      word[k] = row_word(n.source, pair / most_slots, lane);
+      weight[k] = next[k] < 0 ? 0 : __ldg(n.weight + pair);
+      slot[k] = pair % most_slots;
+      next[k] = at + under_way + k < end ? __ldg(n.link + at + under_way + k) : -1;
+    }
+#pragma unroll
+    for (int k = 0; k < under_way; ++k) add_message(sum, word[k], own, table[slot[k]][lane], weight[k]);
+  }
+}
+
+/// Eight f32 numbers of a row, as bf16.
+__device__ inline uint4 rounded(const float* rows, int64_t row, int lane) {
+  const float4* const from = reinterpret_cast<const float4*>(rows + row * layer_width) + 2 * lane;
+  const float4 low = __ldcg(from), high = __ldcg(from + 1);
+  return {pack(low.x, low.y), pack(low.z, low.w), pack(high.x, high.y), pack(high.z, high.w)};
+}
+
+/// Columns first to first + 7 of the three parts of a row's features (wide_weights.h).
+__device__ inline uint4 feature_word(const float* features, int width, int first) {
+  float part[8];
+#pragma unroll
+  for (int i = 0; i < 8; ++i) {
+    const int column = first + i, which = column < width ? 0 : column < 2 * width ? 1 : 2;
+    part[i] = 0;
+    if (column >= feature_parts * width) continue;
+    const float x = features[column - which * width];
+    const float high = from_bf16(static_cast<uint16_t>(pack(x, 0) & 0xffffu));
+    part[i] = which == 1 ? x - high : high;
+  }
+  return packed(part);
+}
+
+static_assert(4 * most_wide_features <= 2 * row_stride && feature_tiles(most_wide_features) <= 2);
+/// Features of a tile's rows in shared memory; all threads of the block.
+template <int tile_rows>
+__device__ inline void fetch_features(float* to, const WideNetwork& n, int64_t first, int64_t rows) {
+  const int count = n.width * static_cast<int>(rows - first < tile_rows ? rows - first : tile_rows);
+  for (int i = static_cast<int>(threadIdx.x); i < count; i += threads) to[i] = __ldcg(n.rows32 + first * n.width + i);
+  __syncthreads();
+}
+
+/// Gathers the operands of rows `first` and on into shared memory; rows beyond the last are 0. `scratch`: room for a
+/// tile's features.
+template <int tile_rows>
+__device__ inline void gather(const WideNetwork& n, const StagedLinks<tile_rows>& staged, const Table& table,
+                              int64_t first_link, int64_t first, int64_t rows, uint16_t* to0, uint16_t* to1,
+                              float* scratch) {
+  const int lane = static_cast<int>(threadIdx.x) % row_lanes;
+  if (n.gather == Gather::features) fetch_features<tile_rows>(scratch, n, first, rows);
+  for (int i = static_cast<int>(threadIdx.x) / row_lanes; i < tile_rows; i += threads / row_lanes) {
+    const int64_t row = first + i;
+    uint4 word{0, 0, 0, 0}, second{0, 0, 0, 0};
+    if (row < rows) {
+      if (n.second) second = rounded(n.second, row, lane);
+      float sum[8] = {};
+      switch (n.gather) {
+        case Gather::links:
+          sum_slots<6, false>(sum, n, table, staged.link + 6 * i, nullptr, row, lane);
+          break;
+        case Gather::children:
+          sum_slots<8, false>(sum, n, table, staged.link + 8 * i, nullptr, row, lane);
+          break;
+        case Gather::corners:
+          sum_slots<8, true>(sum, n, table, staged.link + 8 * i, staged.weight + 8 * i, row, lane);
+          break;
+        case Gather::pairs:
+          sum_pairs(sum, n, table, first_link + row, lane);
+          break;
+        case Gather::rows:
+          word = rounded(n.rows32, staged.link[i], lane);
+          break;
+        case Gather::features:
+          word = feature_word(scratch + i * n.width, n.width, 8 * lane);
+          if (n.operands > 1) second = feature_word(scratch + i * n.width, n.width, layer_width + 8 * lane);
+          break;
+      }
+      if (n.gather != Gather::rows && n.gather != Gather::features) {
+#pragma unroll
+        for (int k = 0; k < 8; ++k) sum[k] *= n.scale;
+        word = packed(sum);
+      }
+    }
+    *reinterpret_cast<uint4*>(to0 + i * row_stride + 8 * lane) = word;
+    if (n.operands > 1) *reinterpret_cast<uint4*>(to1 + i * row_stride + 8 * lane) = second;
+  }
+}
+
+}  // namespace graupel::graph::wide

@@ -1,0 +1,105 @@
+// GNS in mixed precision on a GPU: gradient beside that of double precision, checkpoints, what is refused.
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "core/error.h"
+#include "tests/gpu_only.h"
+#include "tests/train/gns_cloud.h"
+#include "train/network_module.h"
+#include "train/parameter_layout.h"
+
+namespace graupel::train {
+namespace {
+
+graph::GnsConfig wide_config(int64_t steps) {
+  graph::GnsConfig config;
+  config.message_passing = steps;
+  config.radius = 0.08;
+  return config;
+}
+
+/// Scenes with obstacle particles, one without neighbours; some 60 neighbours.
+Batch three_scenes(const graph::GnsConfig& config) {
+  return concatenate({random_cloud(config, 1, 500, 0.25, 90).scene, random_cloud(config, 2, 333, 0.2).scene,
+                      random_cloud(config, 3, 5, 3, 2).scene});
+}
+
+/// Gradient in mixed precision beside that in double precision on the CPU; the difference of a tensor over its size.
+void check_mixed_gradient(const graph::GnsConfig& config, const Batch& batch) {
+  NetworkModule exact(config, Device::cpu, 5, NumberType::f64), mixed(config, Device::cuda, 5, NumberType::mixed);
+  ASSERT_TRUE(mixed.is_mixed());
+  std::vector<double> expected, gradient, again;
+  const double loss = exact.loss_and_gradient(batch, &expected);
+  EXPECT_NEAR(mixed.loss_and_gradient(batch, &gradient), loss, 5e-3 * loss);
+  mixed.loss_and_gradient(batch, &again);
+  EXPECT_EQ(gradient, again) << "sums are made in a fixed order";
+  double all_difference = 0, all_size = 0, worst = 0;
+  std::string worst_name;
+  const ParameterLayout layout(config);
+  for (const Parameter& parameter : layout.parameters()) {
+    double difference = 0, size = 0;
+    for (int64_t i = parameter.begin; i < parameter.begin + parameter.count; ++i) {
+      const auto at = static_cast<std::size_t>(i);
+      difference += std::pow(gradient[at] - expected[at], 2);
+      size += std::pow(expected[at], 2);
+    }
+    all_difference += difference;
+    all_size += size;
+    EXPECT_LT(std::sqrt(difference), 0.2 * std::sqrt(size) + 1e-9) << parameter.name << " " << std::sqrt(size);
+    if (size > 0 && difference / size > worst) {
+      worst = difference / size;
+      worst_name = parameter.name;
+    }
+  }
+  EXPECT_LT(std::sqrt(all_difference / all_size), 0.08);
+  ::testing::Test::RecordProperty("whole", std::to_string(std::sqrt(all_difference / all_size)));
+  ::testing::Test::RecordProperty("worst " + worst_name, std::to_string(std::sqrt(worst)));
+}
+
+TEST(FusedGns, GradientIsThatOfDoublePrecisionOnTheGpu) {
+  GRAUPEL_NEEDS_GPU();
+  check_mixed_gradient(wide_config(1), three_scenes(wide_config(1)));
+  graph::GnsConfig config = wide_config(3);
+  config.leaky_slope = 0.2;
+  config.signed_distance = true;
+  check_mixed_gradient(config, three_scenes(config));
+}
+
+TEST(FusedGns, GradientOfTheNetworkOfThePaperOnTheGpu) {
+  GRAUPEL_NEEDS_GPU();
+  check_mixed_gradient(wide_config(10), three_scenes(wide_config(10)));
+}
+
+TEST(FusedGns, CheckpointsChangeNoGradientOnTheGpu) {
+  GRAUPEL_NEEDS_GPU();
+  const graph::GnsConfig config = wide_config(7);
+  const Batch batch = three_scenes(config), other = concatenate({random_cloud(config, 9, 800, 0.2).scene});
+  std::vector<double> expected, gradient, expected_other;
+  NetworkModule keeps_all(config, Device::cuda, 5, NumberType::mixed);
+  const double loss = keeps_all.loss_and_gradient(batch, &expected);
+  keeps_all.loss_and_gradient(other, &expected_other);
+  for (const int64_t layers : {1, 2, 3, 7, 20}) {
+    NetworkModule module(config, Device::cuda, 5, NumberType::mixed, layers);
+    EXPECT_EQ(module.loss_and_gradient(batch, &gradient), loss) << layers;
+    EXPECT_EQ(gradient, expected) << layers;
+    module.loss_and_gradient(other, &gradient);
+    EXPECT_EQ(gradient, expected_other) << layers;
+  }
+}
+
+TEST(FusedGns, SeveralHiddenLayersAreRefusedByName) {
+  GRAUPEL_NEEDS_GPU();
+  graph::GnsConfig config = wide_config(2);
+  config.hidden_layers = 2;
+  try {
+    NetworkModule(config, Device::cuda, 1, NumberType::mixed);
+    ADD_FAILURE();
+  } catch (const ConfigError& error) {
+    EXPECT_NE(std::string(error.what()).find("mixed_precision=false"), std::string::npos) << error.what();
+  }
+  EXPECT_FALSE(NetworkModule(config, Device::cuda, 1, NumberType::f32).is_mixed());
+}
+
+}  // namespace
+}  // namespace graupel::train
