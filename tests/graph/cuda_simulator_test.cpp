@@ -128,60 +128,6 @@ TEST_P(CudaSimulatorTest, RolloutsFollowThoseOfTheCpu) {
   }
 }
 
-TEST_P(CudaSimulatorTest, BundlesOfFramesFollowThoseOfTheCpu) {
-  GRAUPEL_NEEDS_GPU();
-  const Case c = make_case(800);
-  const Surroundings surroundings(c.scene);
-  HgnConfig config = wide_config(GetParam());
-  for (const int64_t bundle : {2, 3, 8}) {
-    config.bundle = bundle;
-    const LearnedSimulator simulator = make(config);
-    EXPECT_LT(difference(simulator.one_step_on_gpu(c.scene, surroundings, c.type, c.history),
-                         simulator.one_step(surroundings, c.type, c.history)),
-              0.02);
-    LearnedSimulator::RolloutOptions options;
-    options.frames = 7;  // cuts the last bundle
-    const Trajectory expected = simulator.rollout(c.scene, surroundings, c.type, c.history, options);
-    options.device = Device::cuda;
-    const Trajectory actual = simulator.rollout(c.scene, surroundings, c.type, c.history, options);
-    ASSERT_EQ(actual.frames.size(), expected.frames.size());
-    for (std::size_t f = 1; f < expected.frames.size(); ++f) {
-      double squares = 0, way = 0;
-      for (std::size_t i = 0; i < c.type.size(); ++i) {
-        squares += norm2((actual.frames[f].position[i] - expected.frames[f].position[i]).cast<double>());
-        way += norm2((expected.frames[f].position[i] - expected.frames[0].position[i]).cast<double>());
-      }
-      EXPECT_LT(std::sqrt(squares / way), 0.03) << "bundle " << bundle << ", frame " << f;
-    }
-    EXPECT_EQ(simulator.rollout(c.scene, surroundings, c.type, c.history, options).frames.back().position,
-              actual.frames.back().position)
-        << "the same every time";
-  }
-}
-
-TEST_P(CudaSimulatorTest, ABundleThatBlowsUpStopsWhereItDoesOnTheCpu) {
-  GRAUPEL_NEEDS_GPU();
-  const Case c = make_case(60);
-  const Surroundings surroundings(c.scene);
-  HgnConfig config = wide_config(GetParam());
-  config.bundle = 4;
-  nn::Weights weights = random_weights(config, statistics());
-  silence_decoder(weights);
-  weights.tensors["decoder.layer2.bias"] =
-      nn::Tensor::from_float({0, 0, 0, 0, 0, 0, 3000, 0, 0, 0, 0, 0}, {12});  // 3 m in the third frame
-  nn::write_safetensors(path_, weights);
-  const LearnedSimulator simulator(path_);
-  LearnedSimulator::RolloutOptions options;
-  options.frames = 8;
-  options.free_flight = false;
-  for (const Device device : {Device::cpu, Device::cuda}) {
-    options.device = device;
-    const Trajectory t = simulator.rollout(c.scene, surroundings, c.type, c.history, options);
-    EXPECT_EQ(t.diverged_at_frame, 3) << name_of(device);
-    EXPECT_EQ(t.frame_count(), 3u);
-  }
-}
-
 TEST_P(CudaSimulatorTest, RolloutsGoOnWhereMatterSpreads) {
   GRAUPEL_NEEDS_GPU();
   // Particles of a small cloud fly apart: many times the cells of the first frame.
