@@ -38,7 +38,7 @@ struct GraphBenchRow {
   std::string state, model;
   std::size_t particles = 0;
   compare::RunCost cost = {};
-  double flop = 0;                            ///< of the network, in the frame in the middle of the run; 0 for MPM
+  double flop = 0;                            ///< of the network, a frame in the middle of the run; 0 for MPM
   std::optional<LibtorchTime> libtorch = {};  ///< of a row that is the network there; its cost is that alone
   double over_engine = 0;                     ///< of such a row: its time over the whole frame of Graupel's engine
 
@@ -138,10 +138,11 @@ class GraphBench {
       const LibtorchTime time = time_in_libtorch(row.model, middle, first_layers, device_);
       GraphBenchRow there = row;
       there.model += first_layers == graph::FirstLayers::whole ? " (libtorch)" : " (libtorch, split)";
-      there.cost = {.frame = time.seconds, .network = time.seconds};
-      there.flop = time.flop;
+      const double seconds = time.seconds / row.cost.bundle;
+      there.cost = {.frame = seconds, .network = seconds, .bundle = row.cost.bundle};
+      there.flop = time.flop / row.cost.bundle;
       there.libtorch = time;
-      there.over_engine = time.seconds / row.cost.frame;
+      there.over_engine = seconds / row.cost.frame;
       rows.push_back(std::move(there));
     }
   }
@@ -173,7 +174,8 @@ std::string parts_text(const GraphBenchRow& row) {
 
 void print_row(const GraphBenchRow& row, double mpm) {
   const double rate = row.flop_per_second();
-  std::printf("| %zu | %s | %s | %.3g | %s | %s | %s | %s |\n", row.particles, row.state.c_str(), row.model.c_str(),
+  std::printf("| %zu | %s | %s | %s | %.3g | %s | %s | %s | %s |\n", row.particles, row.state.c_str(),
+              row.model.c_str(), row.cost.network > 0 ? fmt::format("{:.0f}", row.cost.bundle).c_str() : "",
               1e3 * row.cost.frame, ratio_text(row.libtorch ? 0 : mpm / row.cost.frame).c_str(),
               ratio_text(row.over_engine).c_str(), parts_text(row).c_str(),
               rate > 0 ? fmt::format("{:.3g}", 1e-9 * rate).c_str() : "");
@@ -185,6 +187,7 @@ Json json_of_libtorch(const GraphBenchRow& row) {
   return {{"particles", row.particles},
           {"state", row.state},
           {"model", row.model},
+          {"bundle", row.cost.bundle},
           {"network", row.cost.network},
           {"over_engine_frame", row.over_engine},
           {"flop", row.flop},
@@ -208,6 +211,7 @@ Json json_of(const GraphBenchRow& row, double mpm) {
     json["grid"] = c.grid_build;
     json["network"] = c.network;
     json["projection"] = c.projection;
+    json["bundle"] = c.bundle;
     json["flop"] = row.flop;
     json["gflop_per_second"] = 1e-9 * row.flop_per_second();
   } else {
@@ -225,10 +229,11 @@ void bench_graph(BenchGraphOptions& options) {
   if (options.libtorch) training_program();  // refuses before the work
   GraphBench bench(options, device);
   std::printf(
-      "| particles | state | model | ms a frame | mpm's over it | time over the engine's frame | features, grid, "
+      "| particles | state | model | frames at once | ms a frame | mpm's over it | time over the engine's frame | "
+      "features, grid, "
       "network, "
       "projection [ms] | network's GFLOP/s |\n"
-      "|---|---|---|---|---|---|---|---|\n");
+      "|---|---|---|---|---|---|---|---|---|\n");
   Json results = Json::array();
   for (const int64_t particles : options.particles) {
     const std::vector<GraphBenchRow> rows = bench.measure(particles);
@@ -266,8 +271,10 @@ void add_bench_graph(CLI::App& bench) {
   verb->add_flag("--libtorch", options->libtorch, "Time each network in libtorch too, by graupel-train");
   options->common.add_to(*verb);
   verb->footer(
-      "Two states of each scene: as it starts to fall, and after --settle frames, at rest. GFLOP/s: matrix products of "
-      "the\nframe in the middle of the run. --libtorch times that frame's network alone, features and grid given: as "
+      "Two states of each scene: as it starts to fall, and after --settle frames, at rest. Times are medians a frame; "
+      "what\na network that predicts several frames at once spends on them is spread over these. GFLOP/s: matrix "
+      "products of the\nframe in the middle of the run. --libtorch times that frame's network alone, features and grid "
+      "given: as "
       "the "
       "papers\nwrite it, in libtorch's own operations, and with the first layers split as Graupel's engine has "
       "them.\n\n"

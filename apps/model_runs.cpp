@@ -105,6 +105,28 @@ TimedRun run_fast(const Scene& scene, const MpmRunOptions& options) {
   }
 }
 
+/// Time of a network's frames outside of FrameTiming [s]. That has a bundle's cost in equal parts, where it is spent
+/// before the first frame, so that the rest is known of whole bundles.
+class OutputTimes {
+ public:
+  OutputTimes(int64_t bundle, int64_t frames) : bundle_(bundle), frames_(frames) {}
+  void add(int64_t frame, double seconds) {
+    sum_ += seconds;
+    ++count_;
+    if (frame % bundle_ != 0 && frame != frames_) return;
+    times_.insert(times_.end(), count_, std::max(0.0, sum_ / static_cast<double>(count_)));
+    sum_ = 0;
+    count_ = 0;
+  }
+  const std::vector<double>& times() const { return times_; }
+
+ private:
+  int64_t bundle_, frames_;
+  double sum_ = 0;
+  std::size_t count_ = 0;
+  std::vector<double> times_;
+};
+
 /// Times of a reduced run's frames [s].
 struct ReducedTimes {
   std::vector<double> frame, fields, grid, search, output;
@@ -227,7 +249,8 @@ TimedRun run_network(const graph::LearnedSimulator& simulator, const Scene& scen
   const MemoryMeter memory;
   const int history = static_cast<int>(simulator.config().history) + 1;
   const auto past = graph::start_history(start.position, start.velocity, scene.gravity, scene.frame_time, history);
-  std::vector<double> total, features, hierarchy, network, projection, output;
+  std::vector<double> total, features, hierarchy, network, projection;
+  OutputTimes output(simulator.config().bundle, frames);
   Progress progress(label, frames);
   graph::LearnedSimulator::RolloutOptions options;
   options.frames = frames;
@@ -242,7 +265,7 @@ TimedRun run_network(const graph::LearnedSimulator& simulator, const Scene& scen
     hierarchy.push_back(timing.hierarchy);
     network.push_back(timing.network);
     projection.push_back(timing.projection);
-    output.push_back(std::max(0.0, seconds_since(last) - timing.total()));
+    output.add(frame, seconds_since(last) - timing.total());
     progress.update(frame);
     last = Clock::now();
   };
@@ -257,10 +280,11 @@ TimedRun run_network(const graph::LearnedSimulator& simulator, const Scene& scen
                  median(hierarchy),
                  median(features),
                  median(projection),
-                 median(output),
+                 median(output.times()),
                  memory.peak(),
                  memory.added(),
                  1,
+                 static_cast<double>(simulator.config().bundle),
                  0};
   compare::hold_last_frame(result.run.trajectory, static_cast<std::size_t>(frames));
   return result;

@@ -1,6 +1,7 @@
 #include "compare/comparison_files.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <cmath>
 #include <nlohmann/json.hpp>
@@ -59,12 +60,23 @@ std::string table_row(const std::string& name, const MetricValues& values, const
   return row + (mark.empty() ? "" : "  " + mark) + "\n";
 }
 
+/// 0 for a value that was not computed.
+double value_of(const ModelResult& result, const char* key) {
+  const auto found = result.values.find(key);
+  return found == result.values.end() ? 0 : found->second;
+}
+
 std::string mark_of(const ModelResult& result) {
-  if (result.diverged_at_frame >= 0) return fmt::format("diverged at frame {}", result.diverged_at_frame);
-  const auto loses = result.values.find("loses_to_coarse");
-  std::string taught = result.remarks.empty() ? "" : "not its materials";
-  if (loses == result.values.end() || !(loses->second > 0)) return taught;
-  return "loses to mpm:coarse" + (taught.empty() ? "" : "; " + taught);
+  std::vector<std::string> marks;
+  if (const double bundle = value_of(result, "bundle"); bundle > 1)
+    marks.push_back(fmt::format("{:.0f} frames at once", bundle));
+  if (result.diverged_at_frame >= 0) {
+    marks.push_back(fmt::format("diverged at frame {}", result.diverged_at_frame));
+  } else {
+    if (value_of(result, "loses_to_coarse") > 0) marks.push_back("loses to mpm:coarse");
+    if (!result.remarks.empty()) marks.push_back("not its materials");
+  }
+  return fmt::format("{}", fmt::join(marks, "; "));
 }
 
 }  // namespace

@@ -176,6 +176,7 @@ MetricValues cost_values(const RunCost& cost, std::size_t particles, double mpm_
           {"output_ms", 1e3 * cost.output},
           {"speed_ratio", mpm_frame / std::max(cost.frame, 1e-9)},
           {"substeps_per_frame", cost.substeps},
+          {"bundle", cost.bundle},
           {"step_search_s", cost.search},
           {"peak_memory_mib", cost.peak_bytes / mib},
           {"added_memory_mib", cost.added_bytes / mib}};

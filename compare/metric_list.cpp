@@ -46,6 +46,7 @@ const std::vector<MetricInfo>& metric_list() {
       {"output_ms", "ms", "median time of handing out a frame, not in frame_ms", cost},
       {"speed_ratio", "", "frame_ms of mpm over frame_ms", cost},
       {"substeps_per_frame", "", "mean number of steps a frame", cost},
+      {"bundle", "", "frames that a graph network predicts at once; their cost is spread over them", cost},
       {"step_search_s", "s", "wall time of the search for the largest stable step, not in frame_ms", cost},
       {"peak_memory_mib", "MiB", "largest resident memory of the process during the run", cost},
       {"added_memory_mib", "MiB", "of it more than before the run", cost},

@@ -1,4 +1,5 @@
-// What every graph network is told of its particles (HGN paper, section 3.1), and the statistics of its training data.
+// What every graph network is told of its particles (HGN paper, section 3.1), what it predicts of them, and the
+// statistics of its training data.
 #pragma once
 
 #include <cstdint>
@@ -7,8 +8,11 @@
 
 namespace graupel::graph {
 
-/// The part of a network's hyper-parameters that settles its features and the scenes it fits. Defaults are the HGN
-/// paper's.
+/// Frames that a network may predict at once.
+inline constexpr int most_bundle = 8;
+
+/// The part of a network's hyper-parameters that settles its features, its outputs and the scenes it fits. Defaults are
+/// the HGN paper's.
 struct FeatureConfig {
   int64_t embedding = 16;        ///< E
   int64_t history = 5;           ///< m velocities
@@ -18,10 +22,15 @@ struct FeatureConfig {
   double distance_clamp = 0.1;   ///< [m] of that distance
   double frame_time = 1.0 / 60;  ///< [s] the network was trained for
   double dx = 1.0 / 64;          ///< cell size of the obstacle normals [m]
+  /// Frames k predicted at once (time bundling; Brandstetter, Worrall and Welling 2022): accelerations a_1 .. a_k of
+  /// the frames after the newest one, v_j = v_{j-1} + a_j, x_j = x_{j-1} + v_j.
+  int64_t bundle = 1;
 
   int64_t input_width() const {
     return 3 * history + 6 + (cell_normal ? 3 : 0) + (signed_distance ? 4 : 0) + embedding;
   }
+  /// Numbers that the decoder gives for a particle: [a_1 xyz, a_2 xyz, ..].
+  int64_t output_width() const { return 3 * bundle; }
 
   template <typename Visitor>
   static void fields(Visitor&& visit) {
@@ -51,6 +60,10 @@ struct FeatureConfig {
     visit(&C::dx,
           FieldInfo{
               .name = "dx", .unit = "m", .meaning = "Cell size of the obstacle normals", .range = Range::positive()});
+    visit(&C::bundle, FieldInfo{.name = "bundle",
+                                .unit = "frames",
+                                .meaning = "Frames that are predicted at once",
+                                .range = Range::between(1, most_bundle)});
   }
 };
 

@@ -34,14 +34,14 @@ struct GnsNetwork::Impl {
         width(nn::padded_width(static_cast<int>(config.latent))),
         encoder(weights, "encoder.node", config, form_of(config)),
         processor(weights, config),
-        decoder(weights, form_of(config)) {}
+        decoder(weights, config, form_of(config)) {}
 
   std::vector<float> forward(const std::vector<float>& features, const std::vector<int32_t>& particle_type,
                              const std::vector<Vec3f>& position, FrameTiming& timing) {
     const std::size_t n = particle_type.size();
     GRAUPEL_ASSERT(position.size() == n);
     GRAUPEL_ASSERT(features.size() == n * static_cast<std::size_t>(config.input_width() - config.embedding));
-    std::vector<float> acceleration(n * 3);
+    std::vector<float> acceleration(n * static_cast<std::size_t>(config.output_width()));
     if (n == 0) return acceleration;
     for (const int32_t type : particle_type) embedding_row(type);  // refuses an unknown type before threads start
     LapTimer watch;
@@ -106,7 +106,7 @@ std::vector<float> GnsNetwork::predict(const Surroundings& surroundings, const s
       particle_features(impl_->config, impl_->normalization, surroundings, all_positions);
   timing.features += watch.lap();
   std::vector<float> acceleration = impl_->forward(features, all_types, all_positions.back(), timing);
-  acceleration.resize(3 * particle_type.size());
+  acceleration.resize(particle_type.size() * static_cast<std::size_t>(impl_->config.output_width()));
   return acceleration;
 }
 

@@ -7,7 +7,7 @@
 //   encoder.edge          [(x_sender - x_receiver)/R (3), |x_sender - x_receiver|/R] -> H
 //   step.<k>.edge         k = 0..M-1: [f_sender, f_receiver, e] -> H
 //   step.<k>.node         [sum of messages, f] -> H
-//   decoder               H -> H -> 3, no norm
+//   decoder               H -> H -> 3 k, no norm; k frames at once (FeatureConfig::bundle)
 // Beside them: normalization.* (graph/normalization.h) and the metadata of GnsConfig.
 // FCN(x) = LayerNorm(W_{n+1} a(.. a(W1 x + b1)) + b_{n+1}), eps 1e-5, a = LeakyReLU of slope leaky_slope (0: ReLU).
 #pragma once
@@ -32,7 +32,7 @@ class GnsNetwork : public Network {
   const Normalization& normalization() const override;
   double spacing() const override;
 
-  /// Normalised accelerations [n, 3] from features [n, input_width - embedding], types and positions [n] of all
+  /// Normalised accelerations [n, 3 k] from features [n, input_width - embedding], types and positions [n] of all
   /// particles, those of obstacles included.
   std::vector<float> forward(const std::vector<float>& features, const std::vector<int32_t>& particle_type,
                              const std::vector<Vec3f>& position) const;

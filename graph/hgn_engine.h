@@ -14,7 +14,8 @@ class HgnEngine {
  public:
   virtual ~HgnEngine() = default;
 
-  /// Normalised accelerations [n, 3] of n > 0 particles of known types. May be called from several threads.
+  /// Normalised accelerations [n, output_width()] of n > 0 particles of known types. May be called from several
+  /// threads.
   virtual void evaluate(const std::vector<float>& features, const std::vector<int32_t>& particle_type,
                         const sparsegrid::Hierarchy<3>& hierarchy, std::vector<float>& acceleration) const = 0;
 };

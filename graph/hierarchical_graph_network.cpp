@@ -47,7 +47,7 @@ std::vector<float> HierarchicalGraphNetwork::forward(const std::vector<float>& f
   const std::size_t n = particle_type.size();
   GRAUPEL_ASSERT(features.size() == n * static_cast<std::size_t>(c.input_width() - c.embedding));
   GRAUPEL_ASSERT(hierarchy.cell.size() == n && hierarchy.levels.size() == static_cast<std::size_t>(c.levels));
-  std::vector<float> acceleration(n * 3);
+  std::vector<float> acceleration(n * static_cast<std::size_t>(c.output_width()));
   if (n == 0) return acceleration;
   for (const int32_t type : particle_type) embedding_row(type);  // refuses an unknown type before threads start
   impl_->engine->evaluate(features, particle_type, hierarchy, acceleration);

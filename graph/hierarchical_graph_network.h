@@ -13,9 +13,9 @@
 //   restrict.<l>          fine l -> coarse l+1: [f_fine, (centre_coarse - centre_fine)/spacing_fine (3)] -> H
 //   prolong.<l>           coarse l+1 -> fine l: [f_coarse, f_fine, (centre_fine - centre_coarse)/spacing_fine (3)] -> H
 //   grid_to_particle      [f_cell, f_p, (x - centre)/R (3)] -> H
-//   decoder               H -> H -> 3, no norm
-// A network that sums activations (docs/decisions/0011-sums-of-activations.md) has, in front of each sum, a linear layer
-// <name>.gather.{weight,bias} over the inputs above, and FCNs over the sums, once a receiver:
+//   decoder               H -> H -> 3 k, no norm; k frames at once (FeatureConfig::bundle)
+// A network that sums activations (docs/decisions/0011-sums-of-activations.md) has, in front of each sum, a linear
+// layer <name>.gather.{weight,bias} over the inputs above, and FCNs over the sums, once a receiver:
 //   particle_to_grid      .gather, then sum -> H
 //   <down|up>.<l>.<k>     .gather on [f_sender, f_receiver, (x_receiver - x_sender)/spacing (3)] in every iteration (no
 //                         .edge), then .cell on [sum, f] -> H
@@ -46,7 +46,7 @@ class HierarchicalGraphNetwork : public Network {
   const Normalization& normalization() const override;
   double spacing() const override;
 
-  /// Normalised accelerations [n, 3] from features [n, input_width - embedding] and particle types [n].
+  /// Normalised accelerations [n, 3 k] from features [n, input_width - embedding] and particle types [n].
   std::vector<float> forward(const std::vector<float>& features, const std::vector<int32_t>& particle_type,
                              const sparsegrid::Hierarchy<3>& hierarchy) const;
 

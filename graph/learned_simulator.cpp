@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <optional>
+#include <utility>
 
 #include "core/error.h"
 #include "graph/density_projection.h"
@@ -76,24 +77,34 @@ LearnedSimulator::LearnedSimulator(const std::string& weights_file) {
 const FeatureConfig& LearnedSimulator::config() const { return network_->feature_config(); }
 const nn::Weights& LearnedSimulator::weights() const { return *weights_; }
 
+std::vector<std::vector<Vec3f>> LearnedSimulator::predict(const Surroundings& surroundings,
+                                                          const std::vector<int32_t>& particle_type,
+                                                          const std::vector<std::vector<Vec3f>>& positions,
+                                                          FrameTiming& timing) const {
+  const Normalization& normalization = network_->normalization();
+  const std::vector<float> output = network_->predict(surroundings, particle_type, positions, timing);
+  std::vector<std::vector<Vec3f>> acceleration(static_cast<std::size_t>(config().bundle),
+                                               std::vector<Vec3f>(particle_type.size()));
+  const float* number = output.data();
+  for (std::size_t i = 0; i < particle_type.size(); ++i)
+    for (std::vector<Vec3f>& frame : acceleration)
+      for (int axis = 0; axis < 3; ++axis)
+        frame[i][axis] = *number++ * normalization.acceleration_std[axis] + normalization.acceleration_mean[axis];
+  return acceleration;
+}
+
 std::vector<Vec3f> LearnedSimulator::one_step(const Surroundings& surroundings,
                                               const std::vector<int32_t>& particle_type,
                                               const std::vector<std::vector<Vec3f>>& positions,
                                               FrameTiming* timing) const {
-  const Normalization& normalization = network_->normalization();
   FrameTiming spent;
-  const std::vector<float> output = network_->predict(surroundings, particle_type, positions, spent);
-  std::vector<Vec3f> acceleration(particle_type.size());
-  for (std::size_t i = 0; i < acceleration.size(); ++i)
-    for (int axis = 0; axis < 3; ++axis)
-      acceleration[i][axis] = output[i * 3 + static_cast<std::size_t>(axis)] * normalization.acceleration_std[axis] +
-                              normalization.acceleration_mean[axis];
+  std::vector<Vec3f> first = std::move(predict(surroundings, particle_type, positions, spent).front());
   if (timing != nullptr) *timing = spent;
-  return acceleration;
+  return first;
 }
 
 double LearnedSimulator::flop(const Surroundings& surroundings, const std::vector<Vec3f>& position) const {
-  return network_->flop(surroundings, position);
+  return network_->flop(surroundings, position) / static_cast<double>(config().bundle);
 }
 
 Trajectory LearnedSimulator::rollout(const Scene& scene, const Surroundings& surroundings,
@@ -115,10 +126,18 @@ Trajectory LearnedSimulator::rollout(const Scene& scene, const Surroundings& sur
   std::optional<FreeFlight> flight;
   if (options.free_flight) flight.emplace(Device::cpu, scene, surroundings, particle_type);
   std::vector<Vec3f> next, before;
+  std::vector<std::vector<Vec3f>> acceleration;  // of the frames of a bundle
+  FrameTiming share;
   for (int64_t frame = 1; frame <= options.frames; ++frame) {
-    FrameTiming timing;
-    const std::vector<Vec3f> acceleration = one_step(surroundings, particle_type, history, &timing);
-    if (!step_frame(scene, history[needed - 2], history[needed - 1], acceleration, next)) {
+    const int64_t in_bundle = (frame - 1) % config().bundle;
+    if (in_bundle == 0) {
+      FrameTiming spent;
+      acceleration = predict(surroundings, particle_type, history, spent);
+      share = spent.shared_by(std::min(config().bundle, options.frames - frame + 1));
+    }
+    FrameTiming timing = share;
+    if (!step_frame(scene, history[needed - 2], history[needed - 1], acceleration[static_cast<std::size_t>(in_bundle)],
+                    next)) {
       trajectory.diverged_at_frame = frame;
       break;
     }
@@ -144,6 +163,10 @@ Trajectory LearnedSimulator::rollout(const Scene& scene, const Surroundings& sur
 
 #ifdef GRAUPEL_HAVE_CUDA
 CudaSimulator& LearnedSimulator::gpu_simulator() const {
+  if (config().bundle > 1)
+    throw ConfigError("'" + weights_->file +
+                      "' predicts several frames at once, which rollouts on a GPU do not (bundle " +
+                      std::to_string(config().bundle) + ", allowed: 1). Use --device cpu");
   if (!on_gpu_) on_gpu_ = std::make_shared<CudaSimulator>(*weights_);
   return *on_gpu_;
 }

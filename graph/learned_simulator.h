@@ -24,14 +24,16 @@ class LearnedSimulator {
   const FeatureConfig& config() const;
   const nn::Weights& weights() const;
 
-  /// Accelerations per frame^2 [m], shape [n], from history + 1 positions, newest last.
+  /// Accelerations per frame^2 [m], shape [n], from history + 1 positions, newest last: those of the next frame, the
+  /// first one of a bundle.
   std::vector<Vec3f> one_step(const Surroundings& surroundings, const std::vector<int32_t>& particle_type,
                               const std::vector<std::vector<Vec3f>>& positions, FrameTiming* timing = nullptr) const;
   /// The same on a GPU, as rollouts there have it. Throws ConfigError without one.
   std::vector<Vec3f> one_step_on_gpu(const Scene& scene, const Surroundings& surroundings,
                                      const std::vector<int32_t>& particle_type,
                                      const std::vector<std::vector<Vec3f>>& positions) const;
-  /// Floating-point operations of the network for one frame of particles at `position` (graph/network_flop.h).
+  /// Floating-point operations of the network for one frame of particles at `position`, a frame's share of those of a
+  /// bundle (graph/network_flop.h).
   double flop(const Surroundings& surroundings, const std::vector<Vec3f>& position) const;
 
   struct RolloutOptions {
@@ -43,6 +45,7 @@ class LearnedSimulator {
     Device device = Device::cpu;  ///< on a GPU matrix products are in bf16, and latents have to be 128 wide
   };
   /// Predicts options.frames frames after `start` (history + 1 positions or more, newest last; see start_history). The
+  /// network is evaluated every config().bundle frames, from then newest ones; the last bundle may be cut. The
   /// result holds the newest start frame and the predicted ones, with velocities as frame differences over the frame
   /// time; a rollout with a NaN or a speed over one domain edge a frame stops before that frame and sets
   /// diverged_at_frame. Throws ConfigError when the scene's frame time
@@ -51,6 +54,9 @@ class LearnedSimulator {
                      const std::vector<std::vector<Vec3f>>& start, const RolloutOptions& options) const;
 
  private:
+  /// Accelerations of the next config().bundle frames [bundle][n].
+  std::vector<std::vector<Vec3f>> predict(const Surroundings& surroundings, const std::vector<int32_t>& particle_type,
+                                          const std::vector<std::vector<Vec3f>>& positions, FrameTiming& timing) const;
   CudaSimulator& gpu_simulator() const;
   Trajectory rollout_on_gpu(const Scene& scene, const Surroundings& surroundings,
                             const std::vector<int32_t>& particle_type, const std::vector<std::vector<Vec3f>>& start,

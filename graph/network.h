@@ -1,6 +1,7 @@
 // What the graph networks have in common: the accelerations of particles, from their last positions.
 #pragma once
 
+#include <cstdint>
 #include <memory>
 #include <vector>
 
@@ -10,10 +11,16 @@
 
 namespace graupel::graph {
 
-/// Seconds of one predicted frame, by part; `hierarchy` is the building of the graph, whatever its form.
+/// Seconds of one predicted frame, by part; `hierarchy` is the building of the graph, whatever its form. What is done
+/// once for a block of frames (FeatureConfig::bundle) counts in equal parts for each of them.
 struct FrameTiming {
   double features = 0, hierarchy = 0, network = 0, projection = 0;
   double total() const { return features + hierarchy + network + projection; }
+  /// What each of so many frames has of it.
+  FrameTiming shared_by(int64_t frames) const {
+    const double share = 1 / static_cast<double>(frames);
+    return {share * features, share * hierarchy, share * network, share * projection};
+  }
 };
 
 class Network {
@@ -25,13 +32,14 @@ class Network {
   /// R [m]: cell size of the finest level, or radius of the graph.
   virtual double spacing() const = 0;
 
-  /// Normalised accelerations [n, 3] of particles of the given types [n], from history + 1 positions [n], newest last.
+  /// Normalised accelerations [n, output_width()] of the next feature_config().bundle frames of particles of the given
+  /// types [n], from history + 1 positions [n], newest last.
   /// Fills in the parts of `timing` that it knows. May be called from several threads. Throws InputError for a particle
   /// type that is not known.
   virtual std::vector<float> predict(const Surroundings& surroundings, const std::vector<int32_t>& particle_type,
                                      const std::vector<std::vector<Vec3f>>& positions, FrameTiming& timing) const = 0;
 
-  /// Floating-point operations of a frame of particles at `position` (graph/network_flop.h).
+  /// Floating-point operations of an evaluation, for particles at `position` (graph/network_flop.h).
   virtual double flop(const Surroundings& surroundings, const std::vector<Vec3f>& position) const = 0;
 };
 

@@ -7,7 +7,6 @@ namespace graupel::graph {
 namespace {
 
 constexpr double flop_of_multiply_add = 2;
-constexpr double accelerations = 3;
 constexpr double pairs_of_particle = 8;
 constexpr double offset = 3;  ///< numbers of a pair's or an edge's offset
 
@@ -20,10 +19,15 @@ struct HgnCost {
   double between_fine = 0, between_coarse = 0;  ///< restrict and prolong, for a cell of either level
 };
 
+double decoder_cost(const HgnConfig& config) {
+  const auto h = static_cast<double>(config.latent);
+  return h * h + static_cast<double>(config.output_width()) * h;
+}
+
 /// Of a network that sums activations: gather layers once a pair or an edge, FCNs once a receiver.
 HgnCost whole_cost_of_sums(const HgnConfig& config) {
   const auto h = static_cast<double>(config.latent), iterations = static_cast<double>(config.message_passing);
-  const double encoder = static_cast<double>(config.input_width()) * h + h * h, decoder = h * h + accelerations * h;
+  const double encoder = static_cast<double>(config.input_width()) * h + h * h, decoder = decoder_cost(config);
   const double from_one = (h + offset) * h, from_two = (2 * h + offset) * h;  // gather layers
   const double on_sum = h * h + h * h, on_sum_and_latent = 2 * h * h + h * h;
   return {.particle = encoder + pairs_of_particle * (from_one + from_two) + on_sum_and_latent + decoder,
@@ -38,7 +42,7 @@ HgnCost whole_cost_of_sums(const HgnConfig& config) {
 HgnCost split_cost_of_sums(const HgnConfig& config) {
   const auto h = static_cast<double>(config.latent), iterations = static_cast<double>(config.message_passing);
   const double encoder = static_cast<double>(config.input_width() - config.embedding) * h + h * h,
-               decoder = h * h + accelerations * h;
+               decoder = decoder_cost(config);
   return {.particle = encoder + 2 * h * h + (2 * h * h + h * h) + decoder,  // gathered there and back; its own FCN
           .cell0 = h * h + h * h + h * h,                                   // its FCN; what particles gather
           .cell = iterations * (2 * h * h + 2 * h * h + h * h),             // sender and receiver parts; its own FCN
@@ -48,7 +52,7 @@ HgnCost split_cost_of_sums(const HgnConfig& config) {
 
 HgnCost whole_cost(const HgnConfig& config) {
   const auto h = static_cast<double>(config.latent), iterations = static_cast<double>(config.message_passing);
-  const double encoder = static_cast<double>(config.input_width()) * h + h * h, decoder = h * h + accelerations * h;
+  const double encoder = static_cast<double>(config.input_width()) * h + h * h, decoder = decoder_cost(config);
   const double to_grid = (h + offset) * h + h * h, to_particle = (2 * h + offset) * h + h * h;
   const double first_edge = (2 * h + offset) * h + h * h, later_edge = 3 * h * h + h * h;
   return {.particle = encoder + pairs_of_particle * (to_grid + to_particle) + decoder,
@@ -60,7 +64,7 @@ HgnCost whole_cost(const HgnConfig& config) {
 HgnCost split_cost(const HgnConfig& config) {
   const auto h = static_cast<double>(config.latent), iterations = static_cast<double>(config.message_passing);
   const double encoder = static_cast<double>(config.input_width() - config.embedding) * h + h * h,
-               decoder = h * h + accelerations * h;
+               decoder = decoder_cost(config);
   const double first_of_pairs = 2 * h * h, second_of_pairs = 2 * pairs_of_particle * h * h;  // to the grid and back
   return {.particle = encoder + first_of_pairs + second_of_pairs + decoder,
           .cell0 = h * h,                                        // its part of grid_to_particle
@@ -82,7 +86,7 @@ GnsCost cost_of(const GnsConfig& config, FirstLayers first_layers) {
   const auto features = static_cast<double>(config.input_width() - (whole ? 0 : config.embedding));
   const double latents_of_edge = 2 * h * h;  // of sender and receiver, once an edge or once a particle
   return {.particle = features * h + after_first + steps * (2 * h * h + after_first + (whole ? 0 : latents_of_edge)),
-          .moving = after_first + accelerations * h,  // the decoder's last layer is narrow
+          .moving = after_first + static_cast<double>(config.output_width()) * h,  // the decoder's last layer is narrow
           .edge = edge_feature_count * h + after_first + steps * (h * h + after_first + (whole ? latents_of_edge : 0))};
 }
 

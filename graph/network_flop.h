@@ -1,5 +1,6 @@
-// Floating-point operations of one frame of a graph network: those of its matrix products, a multiply-add counted as
-// two. Biases, activations, norms and sums are not counted; they are some percent.
+// Floating-point operations of one evaluation of a graph network (a frame, or FeatureConfig::bundle of them): those of
+// its matrix products, a multiply-add counted as two. Biases, activations, norms and sums are not counted; they are
+// some percent.
 #pragma once
 
 #include <cstdint>
@@ -19,7 +20,7 @@ enum class FirstLayers {
 };
 inline const char* name_of(FirstLayers first_layers) { return first_layers == FirstLayers::whole ? "whole" : "split"; }
 
-/// Rows of an HGN's layers in one frame.
+/// Rows of an HGN's layers in one evaluation.
 struct HgnRows {
   struct Level {
     int64_t cells = 0, edges = 0;
@@ -29,7 +30,7 @@ struct HgnRows {
 };
 HgnRows rows_of(const sparsegrid::Hierarchy<3>& hierarchy);
 
-/// Rows of a GNS's layers in one frame.
+/// Rows of a GNS's layers in one evaluation.
 struct GnsRows {
   int64_t particles = 0;  ///< those of obstacles included
   int64_t moving = 0;     ///< those whose acceleration is asked for

@@ -1,5 +1,6 @@
 #include "graph/particle_codec.h"
 
+#include <algorithm>
 #include <cstring>
 
 #include "graph/features.h"
@@ -55,13 +56,14 @@ void ParticleEncoder::apply(const int32_t* order, int rows, const std::vector<fl
   for (int r = 0; r < rows; ++r) last_.finish(latent + r * width_);
 }
 
-ParticleDecoder::ParticleDecoder(const nn::Weights& weights, const FcnForm& form)
-    : width_(nn::padded_width(form.latent)), slope_(form.slope) {
+ParticleDecoder::ParticleDecoder(const nn::Weights& weights, const FeatureConfig& config, const FcnForm& form)
+    : width_(nn::padded_width(form.latent)), outputs_(static_cast<int>(config.output_width())), slope_(form.slope) {
+  static_assert(3 * most_bundle <= nn::padded_width(1), "a row of latents holds the outputs of any network");
   const FcnWeights fcn =
-      FcnWeights::load(weights, "decoder", form.latent, form.latent, 3, nn::Norm::none, form.hidden_layers);
+      FcnWeights::load(weights, "decoder", form.latent, form.latent, outputs_, nn::Norm::none, form.hidden_layers);
   first_ = fcn.first_layer_part(0, form.latent, Bias::with);
   middle_ = nn::MiddleLayers(fcn, slope_);
-  last_ = nn::Linear(3, form.latent, fcn.weight2.data(), form.latent, fcn.bias2);
+  last_ = nn::Linear(outputs_, form.latent, fcn.weight2.data(), form.latent, fcn.bias2);
 }
 
 void ParticleDecoder::apply(const float* latent, const int32_t* order, int rows, TileScratch& scratch,
@@ -77,8 +79,7 @@ void ParticleDecoder::after_first(const int32_t* order, int rows, TileScratch& s
   float* output = hidden == scratch.hidden.data() ? scratch.output.data() : scratch.hidden.data();
   last_.apply(hidden, width_, rows, output, width_);
   for (int r = 0; r < rows; ++r)
-    for (int axis = 0; axis < 3; ++axis)
-      acceleration[static_cast<std::size_t>(order[r]) * 3 + static_cast<std::size_t>(axis)] = output[r * width_ + axis];
+    std::copy_n(output + r * width_, outputs_, acceleration.data() + static_cast<int64_t>(order[r]) * outputs_);
 }
 
 }  // namespace graupel::graph

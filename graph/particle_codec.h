@@ -39,20 +39,20 @@ class ParticleEncoder {
   nn::NormalizedLayer last_;
 };
 
-/// Normalised accelerations, an FCN without norm.
+/// Normalised accelerations of the frames to come [config.output_width()], an FCN without norm.
 class ParticleDecoder {
  public:
-  ParticleDecoder(const nn::Weights& weights, const FcnForm& form);
+  ParticleDecoder(const nn::Weights& weights, const FeatureConfig& config, const FcnForm& form);
 
   const nn::Linear& first() const { return first_; }
-  /// acceleration[3 order[r] ..] from what first() made of row r, in row r of scratch.hidden.
+  /// Row order[r] of `acceleration` from what first() made of row r, in row r of scratch.hidden.
   void after_first(const int32_t* order, int rows, TileScratch& scratch, std::vector<float>& acceleration) const;
-  /// acceleration[3 order[r] ..] from row r of `latent`, rows <= tile_rows. Overwrites scratch.hidden and .output.
+  /// Row order[r] of `acceleration` from row r of `latent`, rows <= tile_rows. Overwrites scratch.hidden and .output.
   void apply(const float* latent, const int32_t* order, int rows, TileScratch& scratch,
              std::vector<float>& acceleration) const;
 
  private:
-  int width_;
+  int width_, outputs_;
   float slope_;
   nn::Linear first_, last_;
   nn::MiddleLayers middle_;

@@ -20,7 +20,7 @@ ParticleTransfer::ParticleTransfer(const nn::Weights& weights, const HgnConfig& 
     : width_(nn::padded_width(static_cast<int>(config.latent))),
       p2g_scale_(static_cast<float>(config.p2g_scale)),
       encoder_(weights, "encoder", config, {.latent = static_cast<int>(config.latent)}),
-      decoder_(weights, {.latent = static_cast<int>(config.latent)}) {
+      decoder_(weights, config, {.latent = static_cast<int>(config.latent)}) {
   const int h = static_cast<int>(config.latent);
   const FcnWeights p2g = FcnWeights::load(weights, "particle_to_grid", h + 3, h, h);
   const FcnWeights g2p = FcnWeights::load(weights, "grid_to_particle", 2 * h + 3, h, h);

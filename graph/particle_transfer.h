@@ -20,7 +20,7 @@ class ParticleTransfer {
               const sparsegrid::Hierarchy<3>& hierarchy, Workspace& workspace) const;
   /// f_c = p2g_scale sum over pairs of w FCN([f_p, (centre - x)/R]).
   void particle_to_grid(const sparsegrid::Hierarchy<3>& hierarchy, Workspace& workspace) const;
-  /// Decoder(f_p + sum over pairs of w FCN([f_c, f_p, (x - centre)/R])), normalised accelerations [n, 3].
+  /// Decoder(f_p + sum over pairs of w FCN([f_c, f_p, (x - centre)/R])), normalised accelerations [n, output_width()].
   void grid_to_particle(const sparsegrid::Hierarchy<3>& hierarchy, Workspace& workspace,
                         std::vector<float>& acceleration) const;
 

@@ -84,6 +84,11 @@ Part join_numbers(Batch& batch, const std::vector<SceneGraph>& scenes, const App
   return {begin, static_cast<int64_t>(batch.numbers.size()) - begin};
 }
 
+void set_target_width(Batch& batch) {
+  batch.target_width = batch.particles() > 0 ? batch.target.count / batch.particles() : 0;
+  GRAUPEL_ASSERT(batch.target.count == batch.particles() * batch.target_width && batch.target_width % 3 == 0);
+}
+
 void join_particles(Batch& batch, const std::vector<SceneGraph>& scenes) {
   std::vector<int32_t> type_row, cell;
   int32_t first_cell = 0;
@@ -116,7 +121,7 @@ void join_particles(Batch& batch, const std::vector<SceneGraph>& scenes) {
   const int64_t n = batch.particles();
   batch.feature_width = n > 0 ? batch.features.count / n : 0;
   GRAUPEL_ASSERT(batch.features.count == n * batch.feature_width);
-  GRAUPEL_ASSERT(batch.target.count == 0 || batch.target.count == 3 * n);
+  set_target_width(batch);
 }
 
 /// Numbers of a scene's particles in the batch: moving particles of all scenes first, then those of obstacles.
@@ -221,7 +226,7 @@ Batch concatenate_gns(const std::vector<SceneGraph>& scenes) {
       batch, scenes, [&](const SceneGraph& s) { numbers.insert(numbers.end(), s.target.begin(), s.target.end()); });
   batch.feature_width = rows > 0 ? batch.features.count / rows : 0;
   GRAUPEL_ASSERT(batch.features.count == rows * batch.feature_width);
-  GRAUPEL_ASSERT(batch.target.count == 0 || batch.target.count == 3 * batch.particles());
+  set_target_width(batch);
   join_links(batch, scenes);
   return batch;
 }

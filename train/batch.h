@@ -36,11 +36,12 @@ struct Batch {
   std::vector<float> numbers;
   std::vector<int32_t> indices;
   int64_t feature_width = 0;
+  int64_t target_width = 0;  ///< 3 k for the accelerations of k frames; 0 for inference
 
   Part features;                  ///< numbers [particles and obstacle particles, feature_width]
   Part weight;                    ///< numbers [particles, 8] trilinear
   Part offset;                    ///< numbers [particles, 3]
-  Part target;                    ///< numbers [particles, 3] normalised accelerations; empty for inference
+  Part target;                    ///< numbers [particles, target_width] normalised accelerations; empty for inference
   Part type_row;                  ///< indices [particles and obstacle particles] rows of the embedding table
   Part edge_features;             ///< of GNS: numbers [edges, 4]
   Part cell;                      ///< indices [particles, 8] level-0 cells
@@ -60,7 +61,7 @@ struct SceneGraph {
   sparsegrid::RadiusGraph links;       ///< of GNS
   std::vector<float> edge_features;    ///< of GNS [edges, 4], graph::edge_features
   int64_t obstacle_particles = 0;      ///< of GNS: the last rows of features and type_row
-  std::vector<float> target;           ///< [particles without those of obstacles, 3], or empty
+  std::vector<float> target;           ///< [particles without those of obstacles, 3 k], or empty
 
   /// Particles that move.
   int64_t moving() const { return static_cast<int64_t>(type_row.size()) - obstacle_particles; }

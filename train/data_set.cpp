@@ -186,6 +186,14 @@ graph::Normalization DataSplit::statistics(double noise_std, int threads) const 
   return normalization;
 }
 
+void DataSplit::check_length(int64_t frames, const std::string& why) const {
+  for (int i = 0; i < count(); ++i)
+    if (trajectory(i).frames < frames)
+      throw ConfigError("'" + file_ + "': trajectory " + std::to_string(i) + " is too short for training (" +
+                        std::to_string(trajectory(i).frames) + " usable frames, needed " + std::to_string(frames) +
+                        " for " + why + "). Lower these, or generate longer runs");
+}
+
 void DataSplit::check_fits(const NetworkConfig& network_config) const {
   const graph::FeatureConfig& config = features_of(network_config);
   const std::string section = word_of(architecture_of(network_config));

@@ -63,6 +63,8 @@ class DataSplit {
 
   /// Throws ConfigError when the data were made with another frame time or cell size than the network is for.
   void check_fits(const NetworkConfig& config) const;
+  /// Throws ConfigError when a trajectory is shorter than `frames`, which training needs for the reason `why`.
+  void check_length(int64_t frames, const std::string& why) const;
 
  private:
   void read_headers(const DataSplitOptions& options);

@@ -41,6 +41,13 @@ GRAUPEL_HD const SceneSample& scene_of(const SceneSample* sample, int scenes, in
   return sample[s];
 }
 
+/// Particle p of a sample about the frame `newest`; see sample_rules.h.
+struct TruePositions {
+  const SampleFrames& frames;
+  int64_t newest, p;
+  GRAUPEL_HD Vec3f operator()(int j) const { return frames.at(newest + j, p); }
+};
+
 /// What the kernels write: features and targets, where the grid has the particles, and the history for pushes.
 struct SampleOutput {
   float *features, *target;
@@ -63,16 +70,16 @@ struct MakeSample {
     Vec3f position[graph::most_history + 1];
     for (int t = 0; t <= rules.features.history; ++t)
       position[t] = frames.at(frames.frame - rules.features.history + t, p);
-    out.now[i] =
-        write_disturbed_sample(rules, own.scene, static_cast<uint64_t>(p), position, frames.at(frames.frame + 1, p),
-                               out.features + i * rules.features.width, out.target + 3 * i);
+    out.now[i] = write_disturbed_sample(rules, own.scene, static_cast<uint64_t>(p), position,
+                                        TruePositions{frames, frames.frame, p}, out.features + i * rules.features.width,
+                                        out.target + 3 * rules.bundle * i);
     out.type_row[i] = frames.type_row[p];
     if (out.history)
       for (int t = 0; t <= rules.features.history; ++t) out.history[t * particles + i] = position[t];
   }
 };
 
-/// The same one frame of the network's later.
+/// The same one bundle of the network's later.
 struct PushSample {
   SampleRules rules;
   const SceneSample* sample;
@@ -86,12 +93,11 @@ struct PushSample {
     const int64_t p = i - own.scene.first;
     Vec3f position[graph::most_history + 1];
     for (int t = 0; t <= rules.features.history; ++t) position[t] = out.history[t * particles + i];
-    const int64_t now = frames.frame + push;
-    const TrueStep truth{frames.at(now - 1, p), frames.at(now, p), frames.at(now + 1, p)};
-    const Vec3f next = push_forward(rules, own.scene, own.way, acceleration + 3 * i, truth, position);
+    const TruePositions truth{frames, frames.frame + push * rules.bundle, p};
+    const Vec3f next = push_forward(rules, own.scene, own.way, acceleration + 3 * rules.bundle * i, truth, position);
     for (int t = 0; t <= rules.features.history; ++t) out.history[t * particles + i] = position[t];
-    out.now[i] =
-        write_sample(rules, own.scene, position, next, out.features + i * rules.features.width, out.target + 3 * i);
+    out.now[i] = write_sample(rules, own.scene, position, next, truth, out.features + i * rules.features.width,
+                              out.target + 3 * rules.bundle * i);
   }
 };
 
@@ -249,7 +255,7 @@ void DeviceSamples::start(int64_t step) {
   slot.graph->prepare(scenes, impl.stream);
   const auto n = static_cast<std::size_t>(slot.particles), rows = static_cast<std::size_t>(slot.graph->most_rows());
   slot.features.resize_discard(rows * static_cast<std::size_t>(impl.rules.features.width));
-  slot.target.resize_discard(3 * n);
+  slot.target.resize_discard(3 * n * static_cast<std::size_t>(impl.rules.bundle));
   slot.now.resize_discard(rows);
   slot.type_row.resize_discard(rows);
   if (slot.pushes > 0) slot.history.resize_discard(n * static_cast<std::size_t>(impl.rules.features.history + 1));
@@ -286,6 +292,7 @@ SampleArrays DeviceSamples::arrays_of(const Slot& slot, void* stream) const {
                      "the data set anew, or lower noise_std");
   arrays.particles = slot.particles;
   arrays.feature_width = impl_->rules.features.width;
+  arrays.target_width = 3 * impl_->rules.bundle;
   arrays.features = slot.features.data();
   arrays.target = slot.target.data();
   arrays.type_row = slot.type_row.data();

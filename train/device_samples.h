@@ -24,8 +24,9 @@ class DeviceSamples {
   void start(int64_t step);
   /// The batch that was started first; waits for it. Throws InputError when a particle lies outside its domain.
   SampleArrays take();
-  /// The batch taken last, one frame later: the network's own frame from `acceleration` [particles, 3] (normalised, as
-  /// the network gives them, in the device's memory), frame number `push` of them, is its newest one. Waits.
+  /// The batch taken last, a bundle of k frames later: the network's own frames from `acceleration` [particles, 3 k]
+  /// (normalised, as the network gives them, in the device's memory), bundle number `push` of them, are its newest
+  /// ones. Waits.
   SampleArrays push(const float* acceleration, int64_t push);
   /// Says that all launches that read the batch taken last are in the default stream.
   void release();

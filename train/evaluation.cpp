@@ -60,8 +60,10 @@ EvaluationBatch prepare(const NetworkConfig& config, const graph::Normalization&
   return prepared;
 }
 
-void accumulate(const EvaluationBatch& prepared, const std::vector<float>& predicted,
+/// From normalised accelerations [particles, 3 bundle]; those of a bundle's first frame count.
+void accumulate(const EvaluationBatch& prepared, const std::vector<float>& predicted, int64_t bundle,
                 const graph::Normalization& normalization, OneStepErrors& errors) {
+  const auto width = static_cast<std::size_t>(3 * bundle);
   for (int64_t s = 0; s < prepared.batch.scenes(); ++s)
     for (int64_t p = prepared.batch.particle_begin[static_cast<std::size_t>(s)];
          p < prepared.batch.particle_begin[static_cast<std::size_t>(s) + 1]; ++p) {
@@ -71,7 +73,7 @@ void accumulate(const EvaluationBatch& prepared, const std::vector<float>& predi
       for (int d = 0; d < 3; ++d) {
         const double deviation = normalization.acceleration_std[d], truth = prepared.truth[at][d];
         const double guesses[3] = {
-            predicted[3 * at + static_cast<std::size_t>(d)] * deviation + normalization.acceleration_mean[d], 0.0,
+            predicted[width * at + static_cast<std::size_t>(d)] * deviation + normalization.acceleration_mean[d], 0.0,
             prepared.gravity[static_cast<std::size_t>(s)][d]};
         for (std::size_t g = 0; g < 3; ++g) {
           const double error = guesses[g] - truth;
@@ -86,29 +88,47 @@ void accumulate(const EvaluationBatch& prepared, const std::vector<float>& predi
 /// Histories of the scenes of a rollout, newest last.
 using Histories = std::vector<std::vector<std::vector<Vec3f>>>;
 
-/// Advances every history by one frame; false when one of them diverged.
-bool advance(const NetworkModule& module, const graph::Normalization& normalization, const DataSplit& split,
-             Histories& histories, const EvaluationOptions& options) {
-  const auto scenes = static_cast<int64_t>(histories.size());
+/// Normalised accelerations of a bundle of frames, of the particles of all scenes.
+struct Prediction {
+  std::vector<float> output;  ///< [particles, 3 bundle]
+  std::vector<int64_t> first_particle;
+  int64_t bundle = 1;
+
+  /// Of scene s in a frame of the bundle [m/frame^2].
+  std::vector<Vec3f> accelerations(std::size_t s, int64_t frame, const graph::Normalization& normalization) const {
+    std::vector<Vec3f> acceleration(static_cast<std::size_t>(first_particle[s + 1] - first_particle[s]));
+    const float* guess = output.data() + 3 * (bundle * first_particle[s] + frame);
+    for (Vec3f& a : acceleration) {
+      for (int d = 0; d < 3; ++d)
+        a[d] = guess[d] * normalization.acceleration_std[d] + normalization.acceleration_mean[d];
+      guess += 3 * bundle;
+    }
+    return acceleration;
+  }
+};
+
+Prediction predict(const NetworkModule& module, const graph::Normalization& normalization, const DataSplit& split,
+                   const Histories& histories, const EvaluationOptions& options) {
   std::vector<SceneGraph> graphs(histories.size());
-  for_each_index(options.threads, scenes, [&](int64_t s) {
+  for_each_index(options.threads, static_cast<int64_t>(histories.size()), [&](int64_t s) {
     const TrajectoryInfo& trajectory = split.trajectory(static_cast<int>(s));
     graphs[static_cast<std::size_t>(s)] = scene_graph(module.config(), normalization, trajectory,
                                                       histories[static_cast<std::size_t>(s)], grid_origin(trajectory));
   });
   const Batch batch = concatenate(graphs);
-  const std::vector<float> predicted = module.predict(batch, options.which);
+  return {module.predict(batch, options.which), batch.particle_begin, features_of(module.config()).bundle};
+}
+
+/// Advances every history to that frame of the prediction's bundle; false when one of them diverged.
+bool advance(const Prediction& predicted, int64_t frame, const graph::Normalization& normalization,
+             const DataSplit& split, Histories& histories) {
   for (std::size_t s = 0; s < histories.size(); ++s) {
     auto& history = histories[s];
     const std::vector<Vec3f>&now = history.back(), &before = history[history.size() - 2];
-    std::vector<Vec3f> acceleration(now.size()), next;
-    const float* guess = predicted.data() + 3 * batch.particle_begin[s];
-    for (std::size_t p = 0; p < now.size(); ++p)
-      for (int d = 0; d < 3; ++d)
-        acceleration[p][d] = guess[3 * p + static_cast<std::size_t>(d)] * normalization.acceleration_std[d] +
-                             normalization.acceleration_mean[d];
     const SceneContext& context = *split.trajectory(static_cast<int>(s)).context;
-    if (!graph::step_frame(context.scene, before, now, acceleration, next)) return false;
+    std::vector<Vec3f> next;
+    if (!graph::step_frame(context.scene, before, now, predicted.accelerations(s, frame, normalization), next))
+      return false;
     graph::project_out(context.surroundings, now, next);
     history.erase(history.begin());
     history.push_back(std::move(next));
@@ -163,7 +183,8 @@ OneStepErrors evaluate_one_step(const NetworkModule& module, const graph::Normal
   OneStepErrors errors;
   for (int64_t b = 0; b < batches; ++b) {
     const EvaluationBatch prepared = queue.next();
-    accumulate(prepared, module.predict(prepared.batch, options.which), normalization, errors);
+    accumulate(prepared, module.predict(prepared.batch, options.which), features_of(module.config()).bundle,
+               normalization, errors);
   }
   return errors;
 }
@@ -176,10 +197,13 @@ double evaluate_rollout(const NetworkModule& module, const graph::Normalization&
     histories.push_back(split.history(static_cast<int>(s), 0, features_of(module.config()).history));
     frames = std::min(frames, split.trajectory(static_cast<int>(s)).frames - 1);
   }
+  Prediction predicted;
   double sum = 0;
   int64_t count = 0;
   for (int64_t t = 1; t <= frames; ++t) {
-    if (!advance(module, normalization, split, histories, options)) return std::numeric_limits<double>::infinity();
+    const int64_t in_bundle = (t - 1) % features_of(module.config()).bundle;
+    if (in_bundle == 0) predicted = predict(module, normalization, split, histories, options);
+    if (!advance(predicted, in_bundle, normalization, split, histories)) return std::numeric_limits<double>::infinity();
     for (std::size_t s = 0; s < histories.size(); ++s) {
       const int i = static_cast<int>(s);
       const std::vector<Vec3f> truth = split.positions(i, t, 1).front();

@@ -25,7 +25,7 @@ enum class Predictor { network, zero, ballistic };
 inline constexpr Predictor all_predictors[] = {Predictor::network, Predictor::zero, Predictor::ballistic};
 const char* name_of(Predictor predictor);
 
-/// Sums of squared errors of the acceleration, over axes and particles.
+/// Sums of squared errors of the acceleration of the next frame, over axes and particles.
 struct SquaredErrors {
   std::array<double, 3> raw{};         ///< by predictor [m^2/frame^4]
   std::array<double, 3> normalized{};  ///< by predictor, in standard deviations of the training accelerations
@@ -53,8 +53,9 @@ OneStepErrors evaluate_one_step(const NetworkModule& module, const graph::Normal
                                 const DataSplit& split, const std::vector<SampleKey>& samples,
                                 const EvaluationOptions& options);
 
-/// Rolls out the first `scenes` trajectories from their first frame for `frames` frames. Mean over particles and frames
-/// of |x - x_true|^2 [m^2]; infinite when a rollout blows up.
+/// Rolls out the first `scenes` trajectories from their first frame for `frames` frames, with the network evaluated
+/// once a bundle of frames, as graph::LearnedSimulator does without its corrections. Mean over particles and frames of
+/// |x - x_true|^2 [m^2]; infinite when a rollout blows up.
 double evaluate_rollout(const NetworkModule& module, const graph::Normalization& normalization, const DataSplit& split,
                         int64_t scenes, int64_t frames, const EvaluationOptions& options);
 

@@ -3,6 +3,7 @@
 #include <ATen/TensorOperators.h>
 #include <ATen/ops/cat.h>
 #include <ATen/ops/empty.h>
+#include <ATen/ops/from_blob.h>
 #include <ATen/ops/mm.h>
 
 #include "graph/features.h"
@@ -39,6 +40,8 @@ at::Tensor FusedPasses::forward(const DeviceBatch& batch) {
   kept_.clear();
   packed_.refresh(nullptr);
   const graph::RowLatents latents = to_decoder(graph_of(batch));
+  if (config_.bundle > 1)
+    return fcn_forward(fcn("decoder"), at::from_blob(latents.f32, {batch.particles, h}, number_), &decoder_);
   before_decoder_ = latents.f16 ? latents.f16 : rows16(batch.particles);
   const Fcn& net = fcn("decoder");
   const at::Tensor out = at::empty({batch.particles, 3}, number_);
@@ -57,6 +60,7 @@ at::Tensor FusedPasses::forward(const DeviceBatch& batch) {
 
 float* FusedPasses::decoder_backward(int64_t particles, const at::Tensor& grad) {
   const Fcn& net = fcn("decoder");
+  if (config_.bundle > 1) return f32(kept_.emplace_back(fcn_backward(net, decoder_, grad).contiguous()));
   graph::DecoderGradient back{.rows = particles,
                               .x16 = before_decoder_,
                               .w1 = packed_.tile("decoder", 0),

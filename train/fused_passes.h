@@ -90,6 +90,7 @@ class FusedPasses : public MixedPasses, protected graph::RowMemory {
   float* decoder_backward(int64_t particles, const at::Tensor& grad);
 
   uint16_t* before_decoder_ = nullptr;
+  FcnRecord decoder_;  ///< of several frames at once, by libtorch
 };
 
 }  // namespace graupel::train

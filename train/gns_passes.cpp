@@ -48,7 +48,7 @@ DeviceBatch GnsPasses::attach(const SampleArrays& arrays, bool) const {
   DeviceBatch batch;
   batch.particles = arrays.particles;
   batch.features = attached(arrays.features, arrays.rows, arrays.feature_width, embedding_);
-  batch.target = attached(arrays.target, arrays.particles, 3, embedding_);
+  batch.target = attached(arrays.target, arrays.particles, arrays.target_width, embedding_);
   batch.type_row = attached(arrays.type_row, arrays.rows, embedding_);
   batch.type_one_hot = one_hot(batch.type_row, embedding_.scalar_type());
   DeviceLevel links;

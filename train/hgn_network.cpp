@@ -83,7 +83,7 @@ DeviceBatch HgnNetwork::attach(const SampleArrays& arrays, bool with_offsets) co
   batch.features = values(arrays.features, arrays.feature_width);
   batch.weight = values(links.weight, corners).view({-1});
   batch.offset = values(links.offset, 3);
-  batch.target = values(arrays.target, 3);
+  batch.target = values(arrays.target, arrays.target_width);
   batch.type_row = index(arrays.type_row, 0, arrays.particles);
   batch.type_one_hot = one_hot(batch.type_row, embedding_.scalar_type());
   batch.cell = index(links.cell, 0, corners * arrays.particles);

@@ -11,7 +11,7 @@ namespace graupel::train {
 class MixedPasses {
  public:
   virtual ~MixedPasses() = default;
-  /// Normalised accelerations [particles, 3]; keeps what backward() needs until the next call.
+  /// Normalised accelerations [particles, 3 k]; keeps what backward() needs until the next call.
   virtual at::Tensor forward(const DeviceBatch& batch) = 0;
   /// Writes the gradient of every weight; `grad` is the gradient of forward()'s result.
   virtual void backward(const DeviceBatch& batch, const at::Tensor& grad) = 0;

@@ -27,8 +27,11 @@ namespace graupel::train {
 
 namespace {
 
+/// Particles times frames of a bundle, of accelerations [particles, 3 k].
+double predictions_in(const at::Tensor& accelerations) { return static_cast<double>(accelerations.numel() / 3); }
+
 at::Tensor square_error(const at::Tensor& difference) {
-  return at::sum(difference * difference) / static_cast<double>(difference.size(0));
+  return at::sum(difference * difference) / predictions_in(difference);
 }
 
 }  // namespace
@@ -94,7 +97,7 @@ struct NetworkModule::Impl {
   /// Loss on the device, and its gradient in `gradient`.
   at::Tensor forward_backward(const DeviceBatch& on_device) {
     GRAUPEL_ASSERT(on_device.target.defined());
-    const double scale = 2.0 / static_cast<double>(on_device.particles);
+    const double scale = 2.0 / predictions_in(on_device.target);
 #ifdef GRAUPEL_HAVE_CUDA
     if (fused) {
       const at::Tensor difference = fused->forward(on_device) - on_device.target;

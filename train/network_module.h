@@ -40,13 +40,14 @@ struct StepSettings {
 
 /// Means since they were last taken.
 struct StepMeans {
-  double loss = 0;           ///< squared error of the normalised acceleration, summed over axes, mean over particles
+  double loss = 0;  ///< squared error of the normalised acceleration, summed over axes, mean over particles and the
+                    ///< frames of a bundle
   double gradient_norm = 0;  ///< before clipping
   int64_t steps = 0;
 };
 
 struct TimedPrediction {
-  std::vector<float> accelerations;  ///< normalised [particles, 3], of the last run
+  std::vector<float> accelerations;  ///< normalised [particles, 3 k], of the last run
   std::vector<double> seconds;       ///< of every run
 };
 
@@ -71,7 +72,8 @@ class NetworkModule {
   /// Whether training steps take the kernels in mixed precision.
   bool is_mixed() const;
 
-  /// Normalised accelerations [particles, 3], row-major, with the weights or their moving average.
+  /// Normalised accelerations [particles, 3 k] of the next k frames, row-major, with the weights or their moving
+  /// average.
   std::vector<float> predict(const Batch& batch, StateArray which) const;
 
   /// Predictions in inference mode with their times, `runs` of them after `warm_ups` more. The batch is uploaded before
@@ -85,7 +87,7 @@ class NetworkModule {
   void train_step(const Batch& batch, const StepSettings& settings, Comm& comm = single_process());
   /// The same with a batch of HGN that lies in the module's device.
   void train_step(const SampleArrays& batch, const StepSettings& settings, Comm& comm = single_process());
-  /// Normalised accelerations [particles, 3] of a batch of HGN that lies in the module's device, there too, with the
+  /// Normalised accelerations [particles, 3 k] of a batch of HGN that lies in the module's device, there too, with the
   /// weights; valid until the next call.
   const float* predict(const SampleArrays& batch);
   StepMeans take_means();

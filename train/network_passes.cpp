@@ -45,7 +45,7 @@ DeviceBatch UploadedBatch::particles(const Batch& batch) const {
   DeviceBatch on_device;
   on_device.particles = batch.particles();
   on_device.features = rows(batch.features, batch.feature_width);
-  if (batch.target.count > 0) on_device.target = rows(batch.target, 3);
+  if (batch.target.count > 0) on_device.target = rows(batch.target, batch.target_width);
   on_device.type_row = index(batch.type_row);
   on_device.type_one_hot = one_hot(on_device.type_row, numbers_.scalar_type());
   return on_device;

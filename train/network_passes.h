@@ -67,7 +67,7 @@ class NetworkPasses {
   /// A batch that was made on the weights' device; the arrays are not copied. Without offsets `direction` and
   /// `parent_offset` of HGN are left out, which MixedPasses do not need.
   virtual DeviceBatch attach(const SampleArrays& arrays, bool with_offsets) const = 0;
-  /// Normalised accelerations [particles, 3]. The record may be null.
+  /// Normalised accelerations [particles, 3 k] of the next k frames. The record may be null.
   virtual at::Tensor forward(const DeviceBatch& batch, ForwardRecord* record) const = 0;
   /// Writes the gradient of every weight; `grad` is the gradient of forward()'s result.
   virtual void backward(const DeviceBatch& batch, const ForwardRecord& record, const at::Tensor& grad) const = 0;

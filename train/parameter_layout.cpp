@@ -31,7 +31,7 @@ void ParameterLayout::add_gns(const graph::GnsConfig& config) {
     fcn("step." + std::to_string(k) + ".edge", 3 * h, h, true);
     fcn("step." + std::to_string(k) + ".node", 2 * h, h, true);
   }
-  fcn("decoder", h, 3, false);
+  fcn("decoder", h, config.output_width(), false);
 }
 
 void ParameterLayout::add_hgn(const graph::HgnConfig& config) {
@@ -58,7 +58,7 @@ void ParameterLayout::add_hgn(const graph::HgnConfig& config) {
     block("up." + std::to_string(l));
   }
   add_transfer(config, "grid_to_particle", 2);
-  add_fcn("decoder", h, 3, false, h);
+  add_fcn("decoder", h, config.output_width(), false, h);
 }
 
 void ParameterLayout::add_transfer(const graph::HgnConfig& config, const std::string& name, int64_t nodes) {

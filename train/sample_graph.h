@@ -14,9 +14,9 @@ namespace graupel::train {
 /// the next one. Rows are particles; of GNS those of obstacles stand behind them.
 struct SampleArrays {
   int64_t particles = 0, rows = 0;
-  int feature_width = 0;
+  int feature_width = 0, target_width = 0;
   const float* features = nullptr;    ///< [rows, feature_width]
-  const float* target = nullptr;      ///< [particles, 3]
+  const float* target = nullptr;      ///< [particles, target_width]
   const int32_t* type_row = nullptr;  ///< [rows]
   graph::GridLinks links{};           ///< of HGN
   graph::GridCounts counts;           ///< of HGN

@@ -1,5 +1,10 @@
 // One particle of a training sample, for kernels of any device: its history with noise, the features that the network
-// sees and the acceleration that it is to predict.
+// sees and the accelerations that it is to predict.
+//
+// A network that predicts k frames at once is to make the first one from what it sees, noise and all, and then go on as
+// the data do: a_1 leads to the true velocity of the next frame (with noise alone; see disturb and push_forward), so
+// that a_j = x^{n+j} - 2 x^{n+j-1} + x^{n+j-2} of the data for j > 1. `Truth` gives the particle's true positions:
+// truth(j) of frame n + j, n the newest one.
 #pragma once
 
 #include "core/random.h"
@@ -10,11 +15,13 @@ namespace graupel::train {
 
 struct SampleRules {
   graph::FeatureRules features;
+  int bundle = 1;  ///< k
   uint64_t seed = 0;
-  double noise_std = 0;              ///< [m/frame]
-  float push_recovery = 0;           ///< share of the way back to the true position that the target takes in a frame
+  double noise_std = 0;  ///< [m/frame]
+  // What the target takes in a frame, the first one of k:
+  float push_recovery = 0;           ///< share of the way back to the true position
   float push_velocity_recovery = 0;  ///< the same of the true velocity
-  float wave_recovery = 0;           ///< share of a wave's displacement that the target takes back in a frame
+  float wave_recovery = 0;           ///< share of a wave's displacement
 };
 
 /// Longitudinal waves, amplitude cos(vector . x + phase) along the vector: what is too dense or too thin somewhere.
@@ -88,36 +95,41 @@ GRAUPEL_HD inline void disturb(const SampleRules& rules, const SampleScene& scen
       add_noise(Random(rules.seed, RandomPurpose::training_noise, scene.stream), rules.noise_std, history, p, position);
 }
 
-/// Features [rules.features.width] and normalised acceleration [3] of a particle, from history + 1 frames, newest last,
-/// and its next one. Returns where the grid has it.
-GRAUPEL_HD inline Vec3f write_sample(const SampleRules& rules, const SampleScene& scene, const Vec3f* position,
-                                     const Vec3f& next, float* feature_row, float* target) {
-  const int history = rules.features.history;
-  const Vec3f acceleration = scene.turn.apply(acceleration_at(next, position[history], position[history - 1]));
+GRAUPEL_HD inline void write_target(const SampleRules& rules, const SampleScene& scene, const Vec3f& acceleration,
+                                    float* target) {
+  const Vec3f turned = scene.turn.apply(acceleration);
   const graph::Normalization& statistics = rules.features.normalization;
   for (int d = 0; d < 3; ++d)
-    target[d] = (acceleration[d] - statistics.acceleration_mean[d]) / statistics.acceleration_std[d];
+    target[d] = (turned[d] - statistics.acceleration_mean[d]) / statistics.acceleration_std[d];
+}
+
+/// Features [rules.features.width] and normalised accelerations [3 k] of a particle, from history + 1 frames, newest
+/// last, and its next one. Returns where the grid has it.
+template <typename Truth>
+GRAUPEL_HD inline Vec3f write_sample(const SampleRules& rules, const SampleScene& scene, const Vec3f* position,
+                                     const Vec3f& next, const Truth& truth, float* feature_row, float* target) {
+  const int history = rules.features.history;
+  write_target(rules, scene, acceleration_at(next, position[history], position[history - 1]), target);
+  for (int j = 2; j <= rules.bundle; ++j)
+    write_target(rules, scene, acceleration_at(truth(j), truth(j - 1), truth(j - 2)), target + 3 * (j - 1));
   graph::write_feature_row(rules.features, scene.surroundings, scene.turn, position, feature_row);
   return scene.turn.apply(position[history]);
 }
 
 /// Both at once, for particle p; `position` is changed.
+template <typename Truth>
 GRAUPEL_HD inline Vec3f write_disturbed_sample(const SampleRules& rules, const SampleScene& scene, uint64_t p,
-                                               Vec3f* position, Vec3f next, float* feature_row, float* target) {
+                                               Vec3f* position, const Truth& truth, float* feature_row, float* target) {
+  Vec3f next = truth(1);
   disturb(rules, scene, p, position, next);
-  return write_sample(rules, scene, position, next, feature_row, target);
+  return write_sample(rules, scene, position, next, truth, feature_row, target);
 }
 
 /// A frame of the network's own: from the acceleration that it predicts (normalised, turned) to the history moved on by
-/// one frame (pushforward; Brandstetter, Worrall and Welling 2022). The network moves on from the true positions
-/// where it has left them by more than `farthest`. Returns the next position that the network should make: that of the
-/// true acceleration, and shares of the way back to the true velocity and position. The whole way back would ask for
-/// what no state tells: most of a velocity's error cannot be seen in it.
-struct TrueStep {
-  Vec3f before, now, next;  ///< the true frames about the new history's newest one, `now`
-};
-GRAUPEL_HD inline Vec3f push_forward(const SampleRules& rules, const SampleScene& scene, const graph::WayFollower& way,
-                                     const float* predicted, const TrueStep& truth, Vec3f* position) {
+/// one frame, whose true position is `truth`. The network moves on from the true positions where it has left them by
+/// more than `farthest`.
+GRAUPEL_HD inline void move_on(const SampleRules& rules, const SampleScene& scene, const graph::WayFollower& way,
+                               const float* predicted, const Vec3f& truth, Vec3f* position) {
   constexpr float farthest = 0.1f;  // [m]
   const graph::Normalization& statistics = rules.features.normalization;
   const int history = rules.features.history;
@@ -126,12 +138,25 @@ GRAUPEL_HD inline Vec3f push_forward(const SampleRules& rules, const SampleScene
     acceleration[d] = predicted[d] * statistics.acceleration_std[d] + statistics.acceleration_mean[d];
   Vec3f x = position[history] + (position[history] - position[history - 1]) + scene.turn.undo(acceleration);
   way.follow(position[history], x);
-  if (!(norm2(x - truth.now) <= farthest * farthest)) x = truth.now;
+  if (!(norm2(x - truth) <= farthest * farthest)) x = truth;
   for (int t = 0; t < history; ++t) position[t] = position[t + 1];
   position[history] = x;
-  const Vec3f velocity = x - position[history - 1], true_velocity = truth.now - truth.before;
-  return x + (truth.next - truth.now) + (velocity - true_velocity) * (1 - rules.push_velocity_recovery) +
-         (truth.now - x) * rules.push_recovery;
+}
+
+/// The k frames of the network's own that it predicts at once (pushforward; Brandstetter, Worrall and Welling 2022);
+/// `truth` is that of the newest frame after them. Returns the next position that the network should make then: that of
+/// the true acceleration, and shares of the way back to the true velocity and position. The whole way back would ask
+/// for what no state tells: most of a velocity's error cannot be seen in it.
+template <typename Truth>
+GRAUPEL_HD inline Vec3f push_forward(const SampleRules& rules, const SampleScene& scene, const graph::WayFollower& way,
+                                     const float* predicted, const Truth& truth, Vec3f* position) {
+  const int history = rules.features.history;
+  for (int j = 1; j <= rules.bundle; ++j)
+    move_on(rules, scene, way, predicted + 3 * (j - 1), truth(j - rules.bundle), position);
+  const Vec3f x = position[history], now = truth(0);
+  const Vec3f velocity = x - position[history - 1], true_velocity = now - truth(-1);
+  return x + (truth(1) - now) + (velocity - true_velocity) * (1 - rules.push_velocity_recovery) +
+         (now - x) * rules.push_recovery;
 }
 
 }  // namespace graupel::train

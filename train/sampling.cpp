@@ -61,20 +61,22 @@ SceneGraph training_graph(const DataSplit& split, const TrainConfig& config, con
   const TrajectoryInfo& trajectory = split.trajectory(draw.key.trajectory);
   const std::vector<std::vector<Vec3f>> history =
       split.history(draw.key.trajectory, draw.key.frame, rules.features.history);
-  const std::vector<Vec3f> next = split.positions(draw.key.trajectory, draw.key.frame + 1, 1).front();
+  const std::vector<std::vector<Vec3f>> ahead = split.positions(draw.key.trajectory, draw.key.frame, rules.bundle + 1);
   const graph::Surroundings& surroundings = trajectory.context->surroundings;
   const SampleScene scene{0, draw.stream, draw.turn, draw.displacement, draw.drift, surroundings.view(Device::cpu)};
   SceneGraph graph;
   graph.type_row = trajectory.type_row;
-  graph.features.resize(next.size() * static_cast<std::size_t>(rules.features.width));
-  graph.target.resize(next.size() * 3);
-  std::vector<Vec3f> now(next.size());
-  for (std::size_t p = 0; p < next.size(); ++p) {
+  const std::size_t particles = graph.type_row.size(), target_width = 3 * static_cast<std::size_t>(rules.bundle);
+  graph.features.resize(particles * static_cast<std::size_t>(rules.features.width));
+  graph.target.resize(particles * target_width);
+  std::vector<Vec3f> now(particles);
+  for (std::size_t p = 0; p < particles; ++p) {
+    const auto truth = [&](int j) { return ahead[static_cast<std::size_t>(j)][p]; };
     Vec3f position[graph::most_history + 1];
     for (std::size_t t = 0; t < history.size(); ++t) position[t] = history[t][p];
-    now[p] = write_disturbed_sample(rules, scene, p, position, next[p],
+    now[p] = write_disturbed_sample(rules, scene, p, position, truth,
                                     graph.features.data() + p * static_cast<std::size_t>(rules.features.width),
-                                    graph.target.data() + 3 * p);
+                                    graph.target.data() + p * target_width);
   }
   if (config.architecture == Architecture::gns) add_obstacles(graph, config.gns, rules, surroundings, scene, now);
   set_graph(graph, config.network(), now, draw.origin);
@@ -143,7 +145,8 @@ Waves draw_waves(const Random& random, uint64_t first, const TrainConfig& config
 
 SampleDraw draw_training_sample(const DataSplit& split, const TrainConfig& config, int64_t step, int64_t slot) {
   SampleDraw draw;
-  draw.key = draw_sample(split, config.seed, step, slot, pushes_of(config, step));
+  const int64_t bundle = config.features().bundle;
+  draw.key = draw_sample(split, config.seed, step, slot, pushes_of(config, step) * bundle + bundle - 1);
   draw.stream = stream_of(step, slot);
   const SceneContext& context = *split.trajectory(draw.key.trajectory).context;
   draw.low = context.surroundings.wall_low;
@@ -167,6 +170,7 @@ SampleDraw draw_training_sample(const DataSplit& split, const TrainConfig& confi
 
 SampleRules sample_rules(const TrainConfig& config, const graph::Normalization& normalization) {
   return {graph::FeatureRules(config.features(), normalization),
+          static_cast<int>(config.features().bundle),
           config.seed,
           config.noise_std,
           static_cast<float>(config.push_recovery),

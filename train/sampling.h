@@ -13,7 +13,7 @@
 
 namespace graupel::train {
 
-/// One frame of one trajectory; the target is the frame after it.
+/// One frame of one trajectory; the targets are the frames after it.
 struct SampleKey {
   int trajectory = 0;
   int64_t frame = 0;
@@ -21,10 +21,10 @@ struct SampleKey {
 
 /// Stream of the random numbers of one scene of one batch.
 uint64_t stream_of(int64_t step, int64_t slot);
-/// Frames that the network itself makes before the target of batch number `step`: 1 to config.push_steps, each as
-/// likely, in config.push_share of the batches, else none.
+/// Predictions that the network itself makes before the target of batch number `step`, of a bundle of frames each: 1 to
+/// config.push_steps, each as likely, in config.push_share of the batches, else none.
 int64_t pushes_of(const TrainConfig& config, int64_t step);
-/// Uniform over trajectories, then over their frames that `ahead` more frames than the target follow.
+/// Uniform over trajectories, then over their frames that `ahead` more frames than the next one follow.
 SampleKey draw_sample(const DataSplit& split, uint64_t seed, int64_t step, int64_t slot, int64_t ahead = 0);
 /// `count` samples spread evenly over all frames of a split; the same for the same split.
 std::vector<SampleKey> spread_samples(const DataSplit& split, int64_t count);

@@ -133,8 +133,9 @@ struct TrainConfig {
                     .meaning = "Standard deviation of the random-walk noise on the newest velocity, per axis",
                     .range = Range::not_negative()});
     visit(&C::push_steps, FieldInfo{.name = "push_steps",
-                                    .unit = "frames",
-                                    .meaning = "Most frames that the network makes itself before a sample's target",
+                                    .unit = "",
+                                    .meaning = "Most predictions, each of the network's `bundle` of frames, that the "
+                                               "network makes itself before a sample's target",
                                     .range = Range::between(0, 64),
                                     .only_for = "hgn"});
     visit(&C::push_share, FieldInfo{.name = "push_share",
@@ -145,7 +146,8 @@ struct TrainConfig {
     visit(&C::push_recovery,
           FieldInfo{.name = "push_recovery",
                     .unit = "",
-                    .meaning = "Share of the way back to the true position that the target takes in a frame",
+                    .meaning = "Share of the way back to the true position that the target takes in its first frame; "
+                               "further frames of a bundle have the accelerations of the data",
                     .range = Range::between(0, 1),
                     .only_for = "hgn"});
     visit(&C::push_velocity_recovery, FieldInfo{.name = "push_velocity_recovery",
@@ -168,7 +170,7 @@ struct TrainConfig {
     visit(&C::wave_recovery,
           FieldInfo{.name = "wave_recovery",
                     .unit = "",
-                    .meaning = "Share of a wave's displacement that the target takes back in a frame",
+                    .meaning = "Share of a wave's displacement that the target takes back in its first frame",
                     .range = Range::between(0, 1)});
     visit(
         &C::wave_shortest,

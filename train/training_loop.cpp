@@ -115,6 +115,9 @@ TrainingRun::TrainingRun(const TrainingOptions& options)
                       std::to_string(config_.batch_scenes) +
                       " scenes (each takes one or more). Start fewer, or set batch_scenes higher");
   train_ = open("train.h5");
+  train_->check_length(
+      1 + config_.features().bundle * (1 + config_.push_steps),
+      "bundle " + std::to_string(config_.features().bundle) + " and push_steps " + std::to_string(config_.push_steps));
   state_.seed = config_.seed;
   state_.config_hash = config_hash(config_);
   if (comm_.leads()) begin_run();

@@ -15,7 +15,7 @@ class WholeNetwork {
   /// Of the weights in `flat`.
   WholeNetwork(const NetworkConfig& config, const ParameterLayout& layout, const at::Tensor& flat);
 
-  /// Normalised accelerations [particles, 3], as NetworkPasses::forward.
+  /// Normalised accelerations [particles, 3 k], as NetworkPasses::forward.
   at::Tensor forward(const DeviceBatch& batch) const;
 
  private:

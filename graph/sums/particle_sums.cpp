@@ -21,7 +21,7 @@ ParticleSums::ParticleSums(const nn::Weights& weights, const HgnConfig& config)
     : width_(nn::padded_width(static_cast<int>(config.latent))),
       p2g_scale_(static_cast<float>(config.p2g_scale)),
       encoder_(weights, "encoder", config, {.latent = static_cast<int>(config.latent)}),
-      decoder_(weights, {.latent = static_cast<int>(config.latent)}) {
+      decoder_(weights, config, {.latent = static_cast<int>(config.latent)}) {
   const int h = static_cast<int>(config.latent);
   const FcnWeights p2g = FcnWeights::load_layer(weights, "particle_to_grid.gather", h + 3, h);
   p2g_part_ = p2g.first_layer_part(0, h, Bias::with);

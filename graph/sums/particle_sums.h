@@ -25,7 +25,7 @@ class ParticleSums {
                         SumWorkspace& workspace) const;
   /// What grid_to_particle gathers of cells, [H].
   const nn::Linear& gathered() const { return g2p_cell_part_; }
-  /// Normalised accelerations [n, 3].
+  /// Normalised accelerations [n, output_width()].
   void grid_to_particle(const sparsegrid::Hierarchy<3>& hierarchy, SumWorkspace& workspace,
                         std::vector<float>& acceleration) const;
 

@@ -48,7 +48,7 @@ TEST_P(GnsAgainstTheFormulas, OutputsAgree) {
 
 std::vector<GnsConfig> configs_to_check() {
   GnsConfig two_layers = small_config(), three_layers = small_config(), leaky = small_config(), wide = small_config(),
-            one_step = small_config(), narrow = small_config();
+            one_step = small_config(), narrow = small_config(), bundled = small_config();
   two_layers.hidden_layers = 2;
   three_layers.hidden_layers = 3;
   leaky.leaky_slope = 0.3;
@@ -60,7 +60,9 @@ std::vector<GnsConfig> configs_to_check() {
   one_step.latent = 32;
   narrow.latent = 8;  // more features than latent columns
   narrow.history = 16;
-  return {small_config(), two_layers, three_layers, leaky, wide, one_step, narrow};
+  bundled.hidden_layers = 2;
+  bundled.bundle = 3;
+  return {small_config(), two_layers, three_layers, leaky, wide, one_step, narrow, bundled};
 }
 INSTANTIATE_TEST_SUITE_P(Configs, GnsAgainstTheFormulas, ::testing::ValuesIn(configs_to_check()));
 

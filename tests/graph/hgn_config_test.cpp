@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "core/error.h"
+#include "graph/gns_config.h"
 
 namespace graupel::graph {
 namespace {
@@ -37,12 +38,23 @@ TEST(HgnConfig, OtherMetadataIsIgnored) {
   EXPECT_EQ(HgnConfig::from_metadata(metadata, "f").latent, 128);
 }
 
-TEST(HgnConfig, FilesFromBeforeTheChoiceSumMessages) {
+TEST(HgnConfig, FilesFromBeforeTheChoiceSumMessagesAndPredictOneFrame) {
   HgnConfig config;
   config.aggregation = Aggregation::activations;
+  config.bundle = 4;
   auto metadata = config.to_metadata();
+  EXPECT_EQ(metadata.at("hgn.bundle"), "4");
+  EXPECT_EQ(HgnConfig::from_metadata(metadata, "f").output_width(), 12);
   metadata.erase("hgn.aggregation");
+  metadata.erase("hgn.bundle");
   EXPECT_EQ(HgnConfig::from_metadata(metadata, "f").aggregation, Aggregation::messages);
+  EXPECT_EQ(HgnConfig::from_metadata(metadata, "f").bundle, 1);
+  GnsConfig gns;
+  gns.bundle = 2;
+  metadata = gns.to_metadata();
+  EXPECT_EQ(GnsConfig::from_metadata(metadata, "f").bundle, 2);
+  metadata.erase("gns.bundle");
+  EXPECT_EQ(GnsConfig::from_metadata(metadata, "f").bundle, 1);
 }
 
 TEST(HgnConfig, ErrorsNameFileKeyAndValue) {
@@ -79,7 +91,8 @@ TEST(HgnConfig, ErrorsNameFileKeyAndValue) {
                {"hgn.dx", "0", "out of range"},
                {"hgn.aggregation", "sums", "not one of messages, activations ('sums')"},
                {"hgn.cell_normal", "yes", "not true or false ('yes')"},
-               {"hgn.time_bundle", "2", "not known ('2')"}};
+               {"hgn.bundle", "9", "allowed from 1 to 8"},
+               {"hgn.window", "2", "not known ('2')"}};
   for (const auto& c : cases) {
     const std::string message = error(c.key, c.value);
     EXPECT_NE(message.find(c.text), std::string::npos) << c.key << ": " << message;

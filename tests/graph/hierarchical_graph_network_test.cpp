@@ -53,7 +53,8 @@ TEST_P(AgainstTheFormulas, OutputsAgree) {
 }
 
 std::vector<HgnConfig> configs_to_check() {
-  HgnConfig one_level = small_config(), deep = small_config(), wide = small_config(), narrow = small_config();
+  HgnConfig one_level = small_config(), deep = small_config(), wide = small_config(), narrow = small_config(),
+            bundled = small_config();
   one_level.levels = 1;
   deep.levels = 4;
   deep.message_passing = 1;
@@ -65,8 +66,10 @@ std::vector<HgnConfig> configs_to_check() {
   narrow.latent = 8;  // more features than latent columns
   narrow.history = 16;
   narrow.p2g_scale = 1;
-  std::vector<HgnConfig> all = {small_config(), one_level, deep, wide, narrow};
-  for (std::size_t i = 0; i < 5; ++i) {
+  bundled.latent = 8;
+  bundled.bundle = most_bundle;  // more outputs than latent columns
+  std::vector<HgnConfig> all = {small_config(), one_level, deep, wide, narrow, bundled};
+  for (std::size_t i = 0; i < 6; ++i) {
     all.push_back(all[i]);
     all.back().aggregation = Aggregation::activations;
   }

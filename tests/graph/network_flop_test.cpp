@@ -100,6 +100,21 @@ TEST(NetworkFlop, SplitGatherLayersByHand) {
 // particle: decoder 32 + 3 H = 44. In all 5 x 272 + 7 x 144 + 4 x 44 = 2544.
 TEST(NetworkFlop, SplitFirstLayersOfAGnsByHand) { EXPECT_EQ(flop_of(small_gns(), gns_rows), 2 * 2544); }
 
+// The decoder's last layer has 3 columns more a frame: 3 H a particle, of GNS one that moves.
+TEST(NetworkFlop, EachFrameOfABundleAddsItsColumnsOfTheDecoder) {
+  for (const FirstLayers first_layers : {FirstLayers::whole, FirstLayers::split}) {
+    for (const Aggregation aggregation : {Aggregation::messages, Aggregation::activations}) {
+      HgnConfig one = small_hgn(), four = small_hgn();
+      one.aggregation = four.aggregation = aggregation;
+      four.bundle = 4;
+      EXPECT_EQ(flop_of(four, hgn_rows, first_layers) - flop_of(one, hgn_rows, first_layers), 2 * 3 * 9 * 4);
+    }
+    GnsConfig four = small_gns();
+    four.bundle = 4;
+    EXPECT_EQ(flop_of(four, gns_rows, first_layers) - flop_of(small_gns(), gns_rows, first_layers), 2 * 4 * 9 * 4);
+  }
+}
+
 TEST(NetworkFlop, RowsOfAHierarchyAreItsCellsAndLinks) {
   // 2 x 2 x 2 cells with three neighbours each; their parents are one cell, or as many where they straddle it.
   const HgnRows one_parent = rows_of(sparsegrid::build_hierarchy<3>({{1, 1, 1}}, 1, {0, 0, 0}, 2));

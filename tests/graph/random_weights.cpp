@@ -62,7 +62,7 @@ nn::Weights random_weights(const HgnConfig& config, const Normalization& normali
   };
   transfer("particle_to_grid", 1);
   transfer("grid_to_particle", 2);
-  maker.fcn("decoder", h, h, 3, false);
+  maker.fcn("decoder", h, h, config.output_width(), false);
   const auto block = [&](const std::string& name) {
     for (int64_t k = 0; k < config.message_passing; ++k) {
       const std::string prefix = name + "." + std::to_string(k);
@@ -97,7 +97,7 @@ nn::Weights random_weights(const GnsConfig& config, const Normalization& normali
     maker.fcn(prefix + ".edge", 3 * h, h, h, true, layers);
     maker.fcn(prefix + ".node", 2 * h, h, h, true, layers);
   }
-  maker.fcn("decoder", h, h, 3, false, layers);
+  maker.fcn("decoder", h, h, config.output_width(), false, layers);
   return weights;
 }
 

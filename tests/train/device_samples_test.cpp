@@ -36,8 +36,9 @@ void expect_near(const std::vector<float>& actual, const float* expected, int64_
     ASSERT_NEAR(actual[i], expected[i], tolerance * (1 + std::abs(expected[i]))) << "number " << i;
 }
 
-void expect_the_batches_of_the_cpu(Device device, double tolerance, BatchShare share = {}) {
-  const TrainConfig config = sample_config();
+void expect_the_batches_of_the_cpu(Device device, double tolerance, BatchShare share = {}, int64_t bundle = 1) {
+  TrainConfig config = sample_config();
+  config.hgn.bundle = bundle;
   const DataSplit split(tiny_data_set() + "/train.h5");
   const graph::Normalization normalization = split.statistics(config.noise_std, 1);
   DeviceSamples samples(split, config, normalization, device, share);
@@ -48,6 +49,8 @@ void expect_the_batches_of_the_cpu(Device device, double tolerance, BatchShare s
     const Batch batch = training_batch(split, config, normalization, step, share);
     ASSERT_EQ(made.particles, batch.particles());
     ASSERT_EQ(made.feature_width, batch.feature_width);
+    ASSERT_EQ(made.target_width, 3 * bundle);
+    ASSERT_EQ(made.target_width, batch.target_width);
     const auto part = [&](const Part& p) { return batch.numbers.data() + p.begin; };
     expect_near(floats_of(device, made.features, batch.features.count), part(batch.features), batch.features.count,
                 tolerance);
@@ -64,11 +67,13 @@ void expect_the_batches_of_the_cpu(Device device, double tolerance, BatchShare s
 TEST(DeviceSamples, AreTheBatchesOfTheWorkers) {
   expect_the_batches_of_the_cpu(Device::cpu, 0);
   expect_the_batches_of_the_cpu(Device::cpu, 0, {1, 3});  // of the second of three ranks
+  expect_the_batches_of_the_cpu(Device::cpu, 0, {}, 3);
 }
 
 TEST(DeviceSamples, AreTheBatchesOfTheWorkersOnTheGpu) {
   GRAUPEL_NEEDS_GPU();
   expect_the_batches_of_the_cpu(Device::cuda, 2e-5);
+  expect_the_batches_of_the_cpu(Device::cuda, 2e-5, {}, 3);
 }
 
 /// Batches of GNS with obstacle particles, edges and all.
@@ -128,8 +133,9 @@ TEST(DeviceSamples, AreTheBatchesOfTheWorkersForGnsOnTheGpu) {
 }
 
 /// What the network sees and is to predict after frames of its own, for accelerations of zero: free motion.
-void expect_pushed_batches(Device device) {
+void expect_pushed_batches(Device device, int64_t bundle) {
   TrainConfig config = sample_config();
+  config.hgn.bundle = bundle;
   config.noise_std = 0;
   config.push_steps = 2;
   config.push_recovery = 0.25;
@@ -141,38 +147,46 @@ void expect_pushed_batches(Device device) {
   while (pushes_of(config, step) != 2) ++step;
   samples.start(step);
   SampleArrays batch = samples.take();
-  Buffer<float> still(device, static_cast<std::size_t>(3 * batch.particles));
+  Buffer<float> still(device, static_cast<std::size_t>(3 * bundle * batch.particles));
   still.fill_zero();
   for (const int64_t push : {1, 2}) batch = samples.push(still.data(), push);
   const std::vector<float> features = floats_of(device, batch.features, batch.particles * batch.feature_width),
-                           target = floats_of(device, batch.target, 3 * batch.particles);
+                           target = floats_of(device, batch.target, 3 * bundle * batch.particles);
   std::size_t row = 0;
+  const auto width = static_cast<std::size_t>(batch.target_width);
   for (int64_t slot = 0; slot < config.batch_scenes; ++slot) {
     const SampleDraw draw = draw_training_sample(split, config, step, slot);
     const auto past = split.history(draw.key.trajectory, draw.key.frame, 1);
-    const auto truth = split.positions(draw.key.trajectory, draw.key.frame, 4);  // up to the target's frame
+    // From the frame before the newest one up to those of the targets.
+    const auto truth = split.positions(draw.key.trajectory, draw.key.frame + 2 * bundle - 1, bundle + 2);
     for (std::size_t p = 0; p < past[0].size(); ++p, ++row) {
-      const Vec3f velocity = past[1][p] - past[0][p], x = past[1][p] + velocity * 2.0f;
-      const Vec3f acceleration = truth[3][p] - truth[2][p] - (truth[2][p] - truth[1][p]);
+      const Vec3f velocity = past[1][p] - past[0][p], x = past[1][p] + velocity * static_cast<float>(2 * bundle);
+      const auto acceleration = [&](std::size_t j) {
+        return truth[j + 1][p] - truth[j][p] - (truth[j][p] - truth[j - 1][p]);
+      };
       const Vec3f next =
-          x + velocity + acceleration + (truth[2][p] - truth[1][p] - velocity) * 0.75f + (truth[2][p] - x) * 0.25f;
+          x + velocity + acceleration(1) + (truth[1][p] - truth[0][p] - velocity) * 0.75f + (truth[1][p] - x) * 0.25f;
       const Vec3f seen = draw.turn.apply(velocity), wanted = draw.turn.apply(next - x - velocity);
       for (std::size_t d = 0; d < 3; ++d) {
         const int axis = static_cast<int>(d);
         EXPECT_NEAR(features[row * static_cast<std::size_t>(batch.feature_width) + d], seen[axis], 3e-7);
         EXPECT_NEAR(features[row * static_cast<std::size_t>(batch.feature_width) + 3 + d], seen[axis], 3e-7);
-        EXPECT_NEAR(target[3 * row + d], wanted[axis], 5e-7);
+        EXPECT_NEAR(target[width * row + d], wanted[axis], 1e-6);
+        for (std::size_t j = 2; j <= static_cast<std::size_t>(bundle); ++j)
+          EXPECT_NEAR(target[width * row + 3 * (j - 1) + d], draw.turn.apply(acceleration(j))[axis], 5e-7);
       }
     }
   }
   EXPECT_EQ(row, static_cast<std::size_t>(batch.particles));
 }
 
-TEST(DeviceSamples, PushedBatchesHoldTheNetworksOwnFrames) { expect_pushed_batches(Device::cpu); }
+TEST(DeviceSamples, PushedBatchesHoldTheNetworksOwnFrames) {
+  for (const int64_t bundle : {1, 3}) expect_pushed_batches(Device::cpu, bundle);
+}
 
 TEST(DeviceSamples, PushedBatchesHoldTheNetworksOwnFramesOnTheGpu) {
   GRAUPEL_NEEDS_GPU();
-  expect_pushed_batches(Device::cuda);
+  for (const int64_t bundle : {1, 3}) expect_pushed_batches(Device::cuda, bundle);
 }
 
 /// Weights after three steps.

@@ -34,7 +34,7 @@ inline Cloud random_cloud(const graph::GnsConfig& config, uint64_t seed, int par
     cloud.scene.type_row.push_back(graph::embedding_row(cloud.type.back()));
   }
   const int64_t width = config.input_width() - config.embedding, moving = particles - obstacles;
-  for (int64_t i = 0; i < particles * width + 3 * moving; ++i) {
+  for (int64_t i = 0; i < particles * width + config.output_width() * moving; ++i) {
     double a, b;
     random.normal(1000000 + static_cast<uint64_t>(i), 0, a, b);
     (i < particles * width ? cloud.scene.features : cloud.scene.target).push_back(static_cast<float>(a));

@@ -54,7 +54,7 @@ void expect_parity(const graph::GnsConfig& config, int particles, int obstacles)
     const Cloud cloud = random_cloud(config, 3, particles, 0.3, obstacles);
     const std::vector<float> expected = engine.forward(cloud.scene.features, cloud.type, cloud.position);
     const Batch batch = concatenate({cloud.scene});
-    const auto count = static_cast<std::size_t>(3 * (particles - obstacles));
+    const auto count = static_cast<std::size_t>(config.output_width() * (particles - obstacles));
     expect_close(expected, module.predict(batch, StateArray::weights), count);
     for (const graph::FirstLayers first_layers : {graph::FirstLayers::whole, graph::FirstLayers::split})
       expect_close(expected, module.time_prediction(batch, StateArray::weights, first_layers, 0, 1).accelerations,
@@ -77,6 +77,7 @@ TEST(GnsPasses, AgreeWithTheInferenceEngineInOtherForms) {
   config.leaky_slope = 0.2;
   config.hidden_layers = 3;
   config.signed_distance = true;
+  config.bundle = 3;
   expect_parity(config, 200, 70);
 }
 
@@ -120,6 +121,7 @@ TEST(GnsPasses, GradientAgreesWithFiniteDifferences) {
   }
   config.latent = 9;
   config.message_passing = 1;
+  config.bundle = 2;
   check_gradient(config, two_scenes(config), 1);
 }
 
@@ -274,7 +276,8 @@ TEST(GnsTraining, TwentyStepsEqualTenAndResumedTen) {
   TrainingOptions whole = tiny_options(folder + "/whole");
   whole.config.gns.obstacle_particles = true;
   whole.config.gns.obstacle_spacing = 0.03;
-  train_network(whole);
+  whole.config.gns.bundle = 2;
+  EXPECT_TRUE(std::isfinite(train_network(whole).validation->rollout_mse));
   TrainingOptions parts = whole;
   parts.run = folder + "/parts";
   parts.stop_step = 10;
@@ -284,6 +287,7 @@ TEST(GnsTraining, TwentyStepsEqualTenAndResumedTen) {
   parts.config = read_run_config(parts.run);
   EXPECT_EQ(parts.config.architecture, Architecture::gns);
   EXPECT_TRUE(parts.config.gns.obstacle_particles);
+  EXPECT_EQ(parts.config.gns.bundle, 2);
   EXPECT_EQ(train_network(parts).reason, StopReason::finished);
   for (const StateArray array : all_state_arrays) {
     const std::string file = std::string("/checkpoints/step-00000020/") + name_of(array) + ".safetensors";

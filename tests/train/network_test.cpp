@@ -38,7 +38,7 @@ SceneGraph random_graph(const graph::HgnConfig& config, uint64_t seed, int parti
     scene.type_row.push_back(static_cast<int32_t>(random.integer(draw, 3, graph::embedding_rows)));
   }
   const int64_t width = config.input_width() - config.embedding;
-  for (int64_t i = 0; i < particles * (width + 3); ++i) {
+  for (int64_t i = 0; i < particles * (width + config.output_width()); ++i) {
     double a, b;
     random.normal(1000000 + static_cast<uint64_t>(i), 0, a, b);
     (i < particles * width ? scene.features : scene.target).push_back(static_cast<float>(a));
@@ -94,6 +94,26 @@ TEST_P(EitherAggregation, GradientWhereTheTopLevelHasNoEdges) {
   const Batch batch = concatenate({random_graph(config, 4, 12, 0.02)});
   ASSERT_EQ(batch.level.back().edges, 0);
   check_gradient(config, batch);
+}
+
+TEST_P(EitherAggregation, GradientOfABundleOfFrames) {
+  graph::HgnConfig config = tiny_config(GetParam());
+  config.bundle = 3;
+  check_gradient(config, concatenate({random_graph(config, 1, 40, 0.15), random_graph(config, 2, 25, 0.3)}));
+}
+
+TEST(NetworkModule, TheLossOfABundleIsTheMeanOverItsFrames) {
+  graph::HgnConfig config = tiny_config();
+  config.bundle = 4;
+  NetworkModule module(config, Device::cpu, 3, NumberType::f64);
+  const Batch batch = concatenate({random_graph(config, 5, 30, 0.2)});
+  ASSERT_EQ(batch.target_width, 12);
+  const std::vector<float> predicted = module.predict(batch, StateArray::weights);
+  ASSERT_EQ(predicted.size(), 12u * 30u);
+  double sum = 0;
+  for (std::size_t i = 0; i < predicted.size(); ++i)
+    sum += std::pow(predicted[i] - batch.numbers[static_cast<std::size_t>(batch.target.begin) + i], 2);
+  EXPECT_NEAR(module.loss(batch), sum / (30 * 4), 1e-5 * sum);
 }
 
 INSTANTIATE_TEST_SUITE_P(NetworkModule, EitherAggregation,
@@ -156,6 +176,8 @@ TEST(MixedPrecision, GradientIsThatOfDoublePrecisionOnTheGpu) {
     check_mixed_gradient(config, concatenate({random_graph(config, 4, 12, 0.02)}), 0.5);  // a row or two a tensor
     config.levels = 1;
     config.message_passing = 1;
+    check_mixed_gradient(config, concatenate({random_graph(config, 7, 900, 0.1)}));
+    config.bundle = 3;
     check_mixed_gradient(config, concatenate({random_graph(config, 7, 900, 0.1)}));
   }
 }

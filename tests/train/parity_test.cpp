@@ -93,6 +93,16 @@ TEST_P(HgnParity, SmallNetworkWithSignedDistance) {
   check_parity(config, 500);
 }
 
+TEST_P(HgnParity, BundleOfThreeFrames) {
+  graph::HgnConfig config;
+  config.aggregation = GetParam();
+  config.latent = 32;
+  config.levels = 2;
+  config.message_passing = 2;
+  config.bundle = 3;
+  check_parity(config, 400);
+}
+
 /// What the program computes: the shipped network on the particles of a shared scene, at its start (ballistic past) and
 /// after two thirds of a second of MPM, when the bodies lie on obstacles and in each other.
 TEST(Parity, ShippedWeightsOnASharedScene) {

@@ -140,6 +140,63 @@ TEST(Sampling, DrawsEveryTrajectoryAndFrame) {
   EXPECT_EQ(seen.size(), 4u * 29u);  // 1600 draws of 116
 }
 
+TEST(Sampling, TargetsOfABundleAreTheDifferencesOfTheData) {
+  const DataSplit split(tiny_data_set() + "/train.h5");
+  TrainConfig config = tiny_config();
+  config.noise_std = 0;
+  config.hgn.bundle = 4;
+  const Batch batch = training_batch(split, config, {}, 3), noisy = [&] {
+    TrainConfig with_noise = config;
+    with_noise.noise_std = 1e-3;
+    return training_batch(split, with_noise, {}, 3);
+  }();
+  ASSERT_EQ(batch.target_width, 12);
+  const float* target = batch.numbers.data() + batch.target.begin;
+  const float* of_noisy = noisy.numbers.data() + noisy.target.begin;
+  for (int64_t slot = 0; slot < config.batch_scenes; ++slot) {
+    const SampleKey key = draw_training_sample(split, config, 3, slot).key;
+    EXPECT_LE(key.frame + 4, 29) << "the last frame";
+    const Trajectory truth = tiny_trajectory(static_cast<uint64_t>(key.trajectory) + 1, 24, 30);
+    const auto past = split.history(key.trajectory, key.frame, 1);  // before the first frame too
+    const auto y = [&](int64_t frame, std::size_t p, int d) {
+      return static_cast<double>(frame < key.frame ? past[0][p][d]
+                                                   : truth.frames[static_cast<std::size_t>(frame)].position[p][d]);
+    };
+    for (std::size_t p = 0; p < 24; ++p, target += 12, of_noisy += 12)
+      for (int64_t j = 1; j <= 4; ++j)
+        for (int d = 0; d < 3; ++d) {
+          const int64_t at = 3 * (j - 1) + d, f = key.frame + j;
+          EXPECT_NEAR(target[at], y(f, p, d) - 2 * y(f - 1, p, d) + y(f - 2, p, d), 2e-7);
+          if (j == 1)
+            EXPECT_NE(of_noisy[at], target[at]) << "takes back the velocity's noise";
+          else
+            EXPECT_EQ(of_noisy[at], target[at]) << "from the true velocity on";
+        }
+  }
+}
+
+TEST(Sampling, FramesOfABundleFollowItsSamplesAndPushes) {
+  const DataSplit split(tiny_data_set() + "/train.h5");
+  TrainConfig config = tiny_config();
+  config.hgn.bundle = 4;
+  config.push_steps = 3;
+  config.push_share = 1;
+  int64_t last = 0;
+  for (int64_t step = 0; step < 200; ++step)
+    for (int64_t slot = 0; slot < 4; ++slot)
+      last = std::max(last, draw_training_sample(split, config, step, slot).key.frame + 4 * pushes_of(config, step));
+  EXPECT_EQ(last, 29 - 4);
+  EXPECT_NO_THROW(split.check_length(30, "nothing"));
+  try {
+    split.check_length(31, "bundle 10 and push_steps 2");
+    ADD_FAILURE();
+  } catch (const ConfigError& error) {
+    EXPECT_NE(std::string(error.what()).find("30 usable frames, needed 31 for bundle 10 and push_steps 2"),
+              std::string::npos)
+        << error.what();
+  }
+}
+
 TEST(Sampling, JitterMovesTheGridWithinTheChosenCell) {
   TrainConfig config = tiny_config();
   EXPECT_DOUBLE_EQ(config.jitter_width(), 0.14);  // 0.07 * 2^(2-1)
@@ -186,7 +243,8 @@ TEST(Waves, AreInTheHistoryAndTheTargetTakesThemBack) {
     Vec3f position[3] = {{0.5f, 0.5f, 0.5f}, {0.501f, 0.5f, 0.49f}, {0.502f, 0.499f, 0.48f}};
     features.resize(static_cast<std::size_t>(rules.features.width));
     target.resize(3);
-    return write_disturbed_sample(rules, scene, 0, position, {0.503f, 0.498f, 0.47f}, features.data(), target.data());
+    const auto truth = [](int) { return Vec3f{0.503f, 0.498f, 0.47f}; };  // of the next frame
+    return write_disturbed_sample(rules, scene, 0, position, truth, features.data(), target.data());
   };
   std::vector<float> still, target_still, moved, target_moved;
   const Vec3f x = sample(still, target_still);

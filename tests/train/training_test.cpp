@@ -7,6 +7,7 @@
 #include "core/atomic_file.h"
 #include "core/error.h"
 #include "graph/hierarchical_graph_network.h"
+#include "graph/learned_simulator.h"
 #include "tests/train/tiny_data.h"
 #include "train/checkpoint.h"
 #include "train/run_folder.h"
@@ -80,6 +81,61 @@ TEST(Training, RunsWithTheNetworksOwnFramesResumeTheSame) {
   parts.resume = true;
   EXPECT_EQ(train_network(parts).reason, StopReason::finished);
   expect_equal_states(folder + "/whole", folder + "/parts", "step-00000020");
+  remove_path(folder);
+}
+
+TEST(Training, ABundleOfFramesIsTrainedResumedAndRolledOut) {
+  const std::string folder = test_folder("bundle");
+  TrainingOptions whole = tiny_options(folder + "/whole"), parts = tiny_options(folder + "/parts");
+  for (TrainingOptions* options : {&whole, &parts}) {
+    options->config.hgn.bundle = 3;
+    options->config.push_steps = 2;
+    options->config.wave_share = 0.5;
+  }
+  const TrainingResult result = train_network(whole);
+  ASSERT_TRUE(result.validation);
+  EXPECT_TRUE(std::isfinite(result.validation->rollout_mse));  // of five frames: the second bundle is cut
+  parts.stop_step = 10;
+  train_network(parts);
+  parts.stop_step = 0;
+  parts.resume = true;
+  EXPECT_EQ(train_network(parts).reason, StopReason::finished);
+  expect_equal_states(folder + "/whole", folder + "/parts", "step-00000020");
+  const graph::LearnedSimulator simulator(result.weights_file);
+  EXPECT_EQ(simulator.config().bundle, 3);
+  const DataSplit split(tiny_data_set() + "/test.h5");
+  const TrajectoryInfo& scene = split.trajectory(0);
+  const Trajectory t = simulator.rollout(scene.context->scene, scene.context->surroundings, std::vector<int32_t>(24, 5),
+                                         split.history(0, 4, 2), {.frames = 7, .progress = {}});
+  EXPECT_EQ(t.frame_count(), 8u);
+  parts = tiny_options(folder + "/long");
+  parts.config.hgn.bundle = 8;
+  parts.config.push_steps = 3;
+  EXPECT_THROW(train_network(parts), ConfigError);  // 33 frames of 30
+  remove_path(folder);
+}
+
+TEST(Training, LearnsABundleOfFrames) {
+  const std::string folder = test_folder("learn_bundle");
+  TrainingOptions options = tiny_options(folder + "/run");
+  options.config.hgn.bundle = 2;
+  options.config.steps = 400;
+  options.config.schedule = RateSchedule::cosine;
+  options.config.log_interval = 20;
+  options.config.validation_interval = 400;
+  options.config.checkpoint_interval = 400;
+  options.config.rollout_frames = 9;
+  options.config.ema_decay = 0.98;
+  double first = 0, last = 0;
+  options.progress = [&](const TrainingProgress& p) {
+    if (first == 0) first = p.loss;
+    last = p.loss;
+  };
+  const TrainingResult result = train_network(options);
+  EXPECT_LT(last, first / 3);
+  const SquaredErrors errors = result.validation->one_step.all();
+  EXPECT_LT(errors.raw_mse(Predictor::network), 0.6 * errors.raw_mse(Predictor::zero));
+  EXPECT_LT(result.validation->rollout_mse, 1e-3);
   remove_path(folder);
 }
 
