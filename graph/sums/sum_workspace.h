@@ -54,10 +54,8 @@ struct SumWorkspace {
 /// body(Word()) for the rows as they are.
 template <typename Body>
 void with_rows(const SumWorkspace& workspace, const Body& body) {
-  if (workspace.on_units)
-    body(uint32_t());
-  else
-    body(float());
+  if (workspace.on_units) return body(uint32_t());
+  body(float());
 }
 
 /// Rows that a thread works on at once: what lies between gathering and projecting stays in the first-level cache.
