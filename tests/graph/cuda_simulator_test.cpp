@@ -1,14 +1,11 @@
 // Rollouts on a GPU are those of the CPU's engine, but for products in bf16.
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <cmath>
-#include <filesystem>
 
 #include "core/error.h"
 #include "core/random.h"
-#include "graph/learned_simulator.h"
-#include "random_input.h"
+#include "rollout_case.h"
 #include "tests/gpu_only.h"
 
 namespace graupel::graph {
@@ -23,22 +20,6 @@ HgnConfig wide_config(Aggregation aggregation) {
   config.signed_distance = true;
   return config;
 }
-
-Normalization statistics() {
-  Normalization n;
-  for (int axis = 0; axis < 3; ++axis) {
-    n.velocity_std[axis] = 0.01f;
-    n.acceleration_std[axis] = 0.001f;
-  }
-  n.acceleration_mean[1] = -0.0027f;
-  return n;
-}
-
-struct Case {
-  Scene scene;
-  std::vector<int32_t> type;
-  std::vector<std::vector<Vec3f>> history;
-};
 
 /// Clouds of particles around and in an obstacle, some at the walls.
 Case make_case(int particles) {
@@ -65,14 +46,10 @@ Case make_case(int particles) {
 
 class CudaSimulatorTest : public ::testing::TestWithParam<Aggregation> {
  protected:
-  void TearDown() override { std::filesystem::remove(path_); }
   LearnedSimulator make(const HgnConfig& config) const {
-    nn::write_safetensors(path_, random_weights(config, statistics()));
-    return LearnedSimulator(path_);
+    return file_.read_back(random_weights(config, wide_statistics()));
   }
-  std::string path_ = (std::filesystem::temp_directory_path() /
-                       ("graupel_cuda_simulator_" + std::to_string(::getpid()) + ".safetensors"))
-                          .string();
+  WeightsFile file_;
 };
 
 /// Root mean square of the difference over that of the deviation from the mean acceleration.
@@ -81,7 +58,7 @@ double difference(const std::vector<Vec3f>& a, const std::vector<Vec3f>& b) {
   for (std::size_t i = 0; i < a.size(); ++i)
     for (int d = 0; d < 3; ++d) {
       squares += std::pow(a[i][d] - b[i][d], 2);
-      size += std::pow(b[i][d] - statistics().acceleration_mean[d], 2);
+      size += std::pow(b[i][d] - wide_statistics().acceleration_mean[d], 2);
     }
   return std::sqrt(squares / size);
 }

@@ -1,14 +1,11 @@
 // Rollouts of GNS on a GPU are those of the CPU's engine, but for products in bf16.
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <cmath>
-#include <filesystem>
 
 #include "core/error.h"
 #include "core/random.h"
-#include "graph/learned_simulator.h"
-#include "random_input.h"
+#include "rollout_case.h"
 #include "sparsegrid/radius_graph.h"
 #include "tests/gpu_only.h"
 
@@ -22,22 +19,6 @@ GnsConfig wide_config(bool obstacle_particles) {
   config.obstacle_spacing = 0.02;
   return config;
 }
-
-Normalization statistics() {
-  Normalization n;
-  for (int axis = 0; axis < 3; ++axis) {
-    n.velocity_std[axis] = 0.01f;
-    n.acceleration_std[axis] = 0.001f;
-  }
-  n.acceleration_mean[1] = -0.0027f;
-  return n;
-}
-
-struct Case {
-  Scene scene;
-  std::vector<int32_t> type;
-  std::vector<std::vector<Vec3f>> history;
-};
 
 /// A cloud at a ball; it grows by `growth` of its size a frame.
 Case make_case(int particles, float growth) {
@@ -58,15 +39,9 @@ Case make_case(int particles, float growth) {
 
 class GnsFrame : public ::testing::Test {
  protected:
-  void TearDown() override { std::filesystem::remove(path_); }
-  LearnedSimulator make(const nn::Weights& weights) const {
-    nn::write_safetensors(path_, weights);
-    return LearnedSimulator(path_);
-  }
-  LearnedSimulator make(const GnsConfig& config) const { return make(random_weights(config, statistics())); }
-  std::string path_ =
-      (std::filesystem::temp_directory_path() / ("graupel_gns_frame_" + std::to_string(::getpid()) + ".safetensors"))
-          .string();
+  LearnedSimulator make(const nn::Weights& weights) const { return file_.read_back(weights); }
+  LearnedSimulator make(const GnsConfig& config) const { return make(random_weights(config, wide_statistics())); }
+  WeightsFile file_;
 };
 
 /// Sum of squares of the differences over that of the ways.
@@ -81,7 +56,7 @@ double relative(const std::vector<Vec3f>& a, const std::vector<Vec3f>& b, const 
 
 TEST_F(GnsFrame, AccelerationsAreThoseOfTheCpu) {
   GRAUPEL_NEEDS_GPU();
-  const Vec3f mean{0, statistics().acceleration_mean[1], 0};
+  const Vec3f mean{0, wide_statistics().acceleration_mean[1], 0};
   for (const bool obstacle_particles : {false, true})
     for (const int particles : {1, 37, 1500}) {
       const LearnedSimulator simulator = make(wide_config(obstacle_particles));
