@@ -113,7 +113,7 @@ void correct_on_cpu(const Groups& groups, Vec3f* next) {
     for (int64_t i = begin; i < end; ++i) {
       const int32_t slot = flying_slot(i);
       if (slot < 0) continue;
-      if (slot != known) change = change_of(groups.sums[slot]);
+      if (slot != known) change = change_of(groups.sums[slot].place, groups.sums[slot].push);
       known = slot;
       correct(groups, i, slot, change, next);
     }

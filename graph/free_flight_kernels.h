@@ -275,21 +275,20 @@ GRAUPEL_HD inline Vec3d solve(const double (&m)[6], const Vec3d& b) {
 }
 
 /// push = mean a; inertia turn = sum m (x - centre) x a.
-GRAUPEL_HD inline GroupChange change_of(const GroupSums& sums) {
-  const double mass = static_cast<double>(sums.place.value[0]) / unit_of_way;
+GRAUPEL_HD inline GroupChange change_of(const PlaceTerms& places, const PushTerms& pushes) {
+  const double mass = static_cast<double>(places.value[0]) / unit_of_way;
   const double of_ways = 1 / (unit_of_way * mass), of_pushes = 1 / (unit_of_acceleration * mass);
   GroupChange change;
   Vec3d twist;
   double square[6];
   for (int k = 0; k < 3; ++k) {
-    change.centre[k] = static_cast<double>(sums.place.value[1 + k]) * of_ways;
-    change.push[k] = static_cast<double>(sums.push.value[k]) * of_pushes;
-    twist[k] = static_cast<double>(sums.push.value[3 + k]) * of_pushes;
+    change.centre[k] = static_cast<double>(places.value[1 + k]) * of_ways;
+    change.push[k] = static_cast<double>(pushes.value[k]) * of_pushes;
+    twist[k] = static_cast<double>(pushes.value[3 + k]) * of_pushes;
   }
   const Vec3d& centre = change.centre;
   for (int k = 0; k < 6; ++k)
-    square[k] =
-        static_cast<double>(sums.place.value[4 + k]) * of_ways - centre[k % 3] * centre[k < 3 ? k : (k + 1) % 3];
+    square[k] = static_cast<double>(places.value[4 + k]) * of_ways - centre[k % 3] * centre[k < 3 ? k : (k + 1) % 3];
   change.turn = Vec3d::zero();
   const double trace = square[0] + square[1] + square[2];
   if (!(trace > least_inertia)) return change;

@@ -1,12 +1,14 @@
 #include "graph/cuda/free_flight_launch.h"
 
 #include "core/parallel_for_in.h"
+#include "graph/cuda/block_cluster.h"
 
 namespace graupel::graph::flight {
 
 namespace {
 
 constexpr int threads = 128;
+constexpr int64_t most_at_once = 16384;  ///< particles: beyond it two launches are faster
 constexpr unsigned whole_warp = ~0u;
 /// Groups of a warp that it adds up in registers; particles of one scene lie side by side, so there are seldom more.
 constexpr int common_groups = 2;
@@ -76,8 +78,8 @@ __global__ void __launch_bounds__(threads) place_kernel(Groups groups) {
   clear_at_last(groups);
 }
 
-__global__ void __launch_bounds__(threads) push_kernel(Groups groups, const Vec3f* next) {
-  const int64_t i = item_of_thread(blockIdx.x);
+/// All lanes of a warp must call it.
+__device__ void add_push(const Groups& groups, int64_t i, const Vec3f* next) {
   int32_t slot = i < groups.n ? groups.group[i] : -1;
   if (!groups.flies(slot)) slot = -1;
   PushTerms terms{};
@@ -85,14 +87,44 @@ __global__ void __launch_bounds__(threads) push_kernel(Groups groups, const Vec3
   add_by_warp(groups.sums, &GroupSums::push, slot, terms);
 }
 
-struct Correct {
+/// Read past the first cache, where the sums of this launch are not.
+template <int N>
+__device__ Terms<N> sums_of(const Terms<N>& place) {
+  Terms<N> terms;
+#pragma unroll
+  for (int k = 0; k < N; ++k) terms.value[k] = read(place.value[k]);
+  return terms;
+}
+
+__device__ void correct_particle(const Groups& groups, int64_t i, Vec3f* next) {
+  const int32_t slot = groups.group[i];
+  if (!groups.flies(slot)) return;
+  const GroupSums& sums = groups.sums[slot];
+  correct(groups, i, slot, change_of(sums.place, sums_of(sums.push)), next);
+}
+
+struct Correction {
   Groups groups;
   Vec3f* next;
-  __device__ void operator()(int64_t i) const {
-    const int32_t slot = groups.group[i];
-    if (groups.flies(slot)) correct(groups, i, slot, change_of(groups.sums[slot]), next);
-  }
 };
+
+__global__ void __launch_bounds__(threads) push_kernel(Correction c) {
+  add_push(c.groups, item_of_thread(blockIdx.x), c.next);
+}
+
+__global__ void __launch_bounds__(threads) correct_kernel(Correction c) {
+  const int64_t i = item_of_thread(blockIdx.x);
+  if (i < c.groups.n) correct_particle(c.groups, i, c.next);
+}
+
+/// Both by a cluster of blocks.
+__global__ void __launch_bounds__(cluster::block_threads) correct_at_once_kernel(Correction c) {
+  const cluster::Group group;
+  const int64_t first = cluster::thread_of(group), whole_warps = (c.groups.n + 31) / 32 * 32;
+  for (int64_t i = first; i < whole_warps; i += cluster::all_threads) add_push(c.groups, i, c.next);
+  group.sync();
+  for (int64_t i = first; i < c.groups.n; i += cluster::all_threads) correct_particle(c.groups, i, c.next);
+}
 
 template <typename... Parameters, typename... Arguments>
 void launch(void (*kernel)(Parameters...), int64_t blocks, void* stream, const Arguments&... arguments) {
@@ -113,8 +145,11 @@ void find_groups_on_gpu(const Groups& groups, void* stream) {
 
 void correct_on_gpu(const Groups& groups, Vec3f* next, void* stream) {
   if (groups.n == 0) return;
-  launch(push_kernel, blocks_of(groups.n), stream, groups, static_cast<const Vec3f*>(next));
-  parallel_for_in(stream, Device::cuda, groups.n, Correct{groups, next});
+  const Correction correction{groups, next};
+  static const bool at_once = cluster::can_launch(correct_at_once_kernel);
+  if (at_once && groups.n <= most_at_once) return cluster::launch(correct_at_once_kernel, correction, stream);
+  launch(push_kernel, blocks_of(groups.n), stream, correction);
+  launch(correct_kernel, blocks_of(groups.n), stream, correction);
 }
 
 }  // namespace graupel::graph::flight

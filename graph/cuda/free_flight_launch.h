@@ -1,4 +1,5 @@
-// Free flight on a GPU: three launches find the groups of a frame, two correct it. The numbers are those of the CPU.
+// Free flight on a GPU: three launches find the groups of a frame, one or two correct it. The
+// numbers are those of the CPU.
 #pragma once
 
 #include "graph/free_flight_kernels.h"
