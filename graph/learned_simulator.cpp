@@ -147,7 +147,7 @@ Trajectory LearnedSimulator::rollout(const Scene& scene, const Surroundings& sur
       flight->correct(history[needed - 2].data(), history[needed - 1].data(), next.data());
     }
     if (options.project) project_out(surroundings, history.back(), next);
-    if (density) {
+    if (density && in_bundle + 1 == config().bundle) {
       before = next;
       density->apply(next.data(), static_cast<int64_t>(next.size()));
       if (options.project) project_out(surroundings, before, next);
