@@ -59,7 +59,8 @@ GRAUPEL_HD Vec3f acceleration_of(const Normalization& statistics, const float* o
 /// v' = v + a, x' = x + v' in frame units (step_frame).
 struct StepParticles {
   Normalization statistics;
-  const float* output;
+  const float* output;  ///< of the frame, [particles, 3] in rows of `width`
+  int32_t width;
   const Vec3f *before, *now;
   float limit;           ///< [m/frame]
   const int32_t* fault;  ///< the output is of no use
@@ -67,7 +68,7 @@ struct StepParticles {
   Vec3f* next;
   GRAUPEL_HD void operator()(int64_t i) const {
     if (*fault != 0) return;
-    const Vec3f velocity = now[i] - before[i] + acceleration_of(statistics, output + 3 * i);
+    const Vec3f velocity = now[i] - before[i] + acceleration_of(statistics, output + width * i);
     if (!(norm2(velocity) <= limit * limit)) status->diverged = 1;
     next[i] = now[i] + velocity;
   }
@@ -118,8 +119,8 @@ enum Mark { begin, features_done, hierarchy_done, network_done, end, marks };
 
 }  // namespace
 
-/// A frame is launched once, into a graph, with room for a larger network's graph than there is; a frame that needs
-/// more asks for a new one. The host waits once a frame.
+/// A bundle of frames is launched once, into a graph, with room for a larger network's graph than there is; one that
+/// needs more asks for a new one. The host waits once a bundle, and shows its frames one after the other.
 struct CudaSimulator::Impl {
   explicit Impl(const nn::Weights& file)
       : model(make_frame_model(file)), config(model->feature_config()), normalization(read_normalization(file)) {
@@ -143,9 +144,9 @@ struct CudaSimulator::Impl {
     GRAUPEL_CUDA_CHECK(
         cudaEventRecordWithFlags(events[m], stream, recording ? cudaEventRecordExternal : cudaEventRecordDefault));
   }
-  FrameRing frame_ring() {
-    return {ring.data(), particles, static_cast<int32_t>(config.history) + 2, &status.data()->newest};
-  }
+  /// History and the frames to come.
+  int32_t ring_frames() const { return static_cast<int32_t>(config.history + 1 + config.bundle); }
+  FrameRing frame_ring() { return {ring.data(), particles, ring_frames(), &status.data()->newest}; }
   void wait() { GRAUPEL_CUDA_CHECK(cudaStreamSynchronize(stream)); }
   void drop_graph() {
     if (graph) cudaGraphExecDestroy(graph);
@@ -153,9 +154,10 @@ struct CudaSimulator::Impl {
   }
   void launch_graph();
   void launch_network();
-  void launch_frame();
+  void launch_move(int64_t frame);
+  void launch_bundle();
   bool make_room();
-  void record_frame();
+  void record_bundle();
 
   std::unique_ptr<FrameModel> model;
   FeatureConfig config;
@@ -170,9 +172,10 @@ struct CudaSimulator::Impl {
   const Surroundings* surroundings = nullptr;
   bool project = true;
   int64_t particles = 0;
-  Buffer<Vec3f> ring{Device::cuda, 0};  ///< [history + 2, particles]
+  Buffer<Vec3f> ring{Device::cuda, 0};  ///< [ring_frames(), particles]
   Buffer<FrameStatus> status{Device::cuda, 1};
   FrameStatus* seen = nullptr;  ///< the status on the host
+  int32_t shown = 0;            ///< the frame of the ring that positions() gives
   /// The frame before the newest, which the model has; the one to come, until it is one.
   Buffer<Vec3f> before{Device::cuda, 0}, next{Device::cuda, 0};
   std::optional<FreeFlight> flight;
@@ -202,16 +205,16 @@ void CudaSimulator::Impl::launch_network() {
   mark(network_done);
 }
 
-void CudaSimulator::Impl::launch_frame() {
-  launch_graph();
-  launch_network();
+/// From the newest frame to the next one, by the accelerations of a frame of the bundle.
+void CudaSimulator::Impl::launch_move(int64_t frame) {
   const Vec3d& size = scene->domain.size;
   const auto limit = static_cast<float>(std::max({size[0], size[1], size[2]}));
   const FrameRing frames = frame_ring();
   const WayFollower way = surroundings->way_follower(Device::cuda);
   parallel_for_in(stream, Device::cuda, particles,
-                  StepParticles{normalization, model->output(), before.data(), model->position(), limit, model->fault(),
-                                status.data(), next.data()});
+                  StepParticles{normalization, model->output() + 3 * frame, static_cast<int32_t>(config.output_width()),
+                                before.data(), model->position(), limit, model->fault(), status.data(), next.data()});
+  if (flight && frame > 0) flight->find_groups(before.data(), model->position(), stream);
   if (flight) flight->correct(before.data(), model->position(), next.data(), stream);
   PushParticles push{way, project, frames, model->position(), next.data()};
   if (density) {
@@ -221,6 +224,12 @@ void CudaSimulator::Impl::launch_frame() {
   }
   parallel_for_in(stream, Device::cuda, particles, PushLast{push, model->fault(), before.data(), model->position()});
   parallel_for_in(stream, Device::cuda, 1, FinishFrame{frames.count, model->fault(), status.data(), seen});
+}
+
+void CudaSimulator::Impl::launch_bundle() {
+  launch_graph();
+  launch_network();
+  for (int64_t frame = 0; frame < config.bundle; ++frame) launch_move(frame);
   mark(end);
 }
 
@@ -232,8 +241,8 @@ bool CudaSimulator::Impl::make_room() {
   return room != FrameModel::Room::none;
 }
 
-/// The graph of a frame. The network runs once before, so that all memory is there.
-void CudaSimulator::Impl::record_frame() {
+/// The graph of a bundle. The network runs once before, so that all memory is there.
+void CudaSimulator::Impl::record_bundle() {
   model->reuse_memory();
   launch_network();
   if (density) {  // begins each recording without pressure, so that a rollout is the same every time
@@ -247,7 +256,7 @@ void CudaSimulator::Impl::record_frame() {
   recording = true;
   cudaGraph_t captured = nullptr;
   GRAUPEL_CUDA_CHECK(cudaStreamBeginCapture(stream, cudaStreamCaptureModeThreadLocal));
-  launch_frame();
+  launch_bundle();
   GRAUPEL_CUDA_CHECK(cudaStreamEndCapture(stream, &captured));
   recording = false;
   GRAUPEL_CUDA_CHECK(cudaGraphInstantiate(&graph, captured, 0));
@@ -275,10 +284,11 @@ void CudaSimulator::start(const Scene& scene, const Surroundings& surroundings,
     GRAUPEL_ASSERT(positions[t].size() == particle_type.size());
     all.insert(all.end(), positions[t].begin(), positions[t].end());
   }
-  all.resize((frames + 1) * particle_type.size());
+  all.resize(static_cast<std::size_t>(impl.ring_frames()) * particle_type.size());
   impl.ring.upload(all);
   impl.status.upload({{static_cast<int32_t>(frames) - 1, 0, 0}});
   *impl.seen = {static_cast<int32_t>(frames) - 1, 0, 0};
+  impl.shown = impl.seen->newest;
   impl.model->start(surroundings, rows, impl.stream);
   impl.before.upload(positions[positions.size() - 2]);
   device_copy(Device::cuda, impl.model->position(), Device::cpu, positions.back().data(),
@@ -294,14 +304,21 @@ void CudaSimulator::start(const Scene& scene, const Surroundings& surroundings,
 
 bool CudaSimulator::advance() {
   Impl& impl = *impl_;
+  const auto show_next = [&] {  // false where there is none
+    if (impl.shown == impl.seen->newest) return false;
+    impl.shown = (impl.shown + 1) % impl.ring_frames();
+    return true;
+  };
+  if (show_next()) return true;
+  if (impl.seen->diverged != 0) return false;
   for (;;) {
     if (!impl.graph) {
       if (!impl.make_room()) return false;
-      impl.record_frame();
+      impl.record_bundle();
     }
     GRAUPEL_CUDA_CHECK(cudaGraphLaunch(impl.graph, impl.stream));
     impl.wait();
-    if (impl.seen->fault == 0) return impl.seen->diverged == 0;
+    if (impl.seen->fault == 0) return show_next();
     impl.drop_graph();  // the newest frame is still the same
   }
 }
@@ -313,19 +330,20 @@ std::vector<Vec3f> CudaSimulator::accelerations() {
   impl.model->reuse_memory();
   impl.launch_network();
   impl.wait();
-  std::vector<float> output(3 * static_cast<std::size_t>(impl.particles));
+  const auto width = static_cast<std::size_t>(impl.config.output_width());
+  std::vector<float> output(width * static_cast<std::size_t>(impl.particles));
   device_copy(Device::cpu, output.data(), Device::cuda, impl.model->output(), output.size() * sizeof(float));
   std::vector<Vec3f> acceleration(static_cast<std::size_t>(impl.particles));
   for (std::size_t i = 0; i < acceleration.size(); ++i)
-    acceleration[i] = acceleration_of(impl.normalization, output.data() + 3 * i);
+    acceleration[i] = acceleration_of(impl.normalization, output.data() + width * i);
   return acceleration;
 }
 
 std::vector<Vec3f> CudaSimulator::positions() const {
   const auto n = static_cast<std::size_t>(impl_->particles);
   std::vector<Vec3f> frame(n);
-  device_copy(Device::cpu, frame.data(), Device::cuda,
-              impl_->ring.data() + static_cast<std::size_t>(impl_->seen->newest) * n, n * sizeof(Vec3f));
+  device_copy(Device::cpu, frame.data(), Device::cuda, impl_->ring.data() + static_cast<std::size_t>(impl_->shown) * n,
+              n * sizeof(Vec3f));
   return frame;
 }
 
@@ -334,7 +352,7 @@ CudaFrameTime CudaSimulator::frame_time() const {
   const auto between = [&](Mark a, Mark b) {
     float milliseconds = 0;
     GRAUPEL_CUDA_CHECK(cudaEventElapsedTime(&milliseconds, impl_->events[a], impl_->events[b]));
-    return static_cast<double>(milliseconds);
+    return static_cast<double>(milliseconds) / static_cast<double>(impl_->config.bundle);
   };
   return {between(begin, features_done), between(features_done, hierarchy_done), between(hierarchy_done, network_done),
           between(network_done, end)};

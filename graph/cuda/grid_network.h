@@ -37,7 +37,7 @@ class GridNetwork {
   /// `grid_ready` is called where the grid is needed.
   virtual void launch(void* stream, const std::function<void()>& grid_ready) = 0;
 
-  virtual const float* output() const = 0;  ///< [particles, 3] normalised accelerations
+  virtual const float* output() const = 0;  ///< [particles, output_width()] normalised accelerations
   /// Not 0 where the grid has overflowed or there was no room for it; the output is of no use then.
   virtual const int32_t* fault() const = 0;
 };

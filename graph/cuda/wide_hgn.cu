@@ -69,7 +69,7 @@ class WideHgn::Planner {
     }
     begin("grid_to_particle", Gather::corners, 2);
     table(gathering("grid_to_particle", 2 * h + 3), 2 * h, -1, corner);
-    decoder();
+    if (!to_.has_own_decoder()) decoder();
     to_.tiles_.upload(tiles_);
     to_.tables_.upload(tables_);
     to_.vectors_.upload(vectors_);
@@ -219,7 +219,40 @@ bool WideHgn::fits(const HgnConfig& config) {
 WideHgn::WideHgn(const HgnConfig& config, const nn::Weights& weights) : config_(config) {
   GRAUPEL_ASSERT(fits(config));
   Planner(*this, weights).plan();
+  if (has_own_decoder()) pack_decoder(weights);
   GRAUPEL_ASSERT(plan_.size() <= most_networks);
+}
+
+void WideHgn::pack_decoder(const nn::Weights& weights) {
+  const int64_t outputs = config_.output_width();
+  std::vector<float> all;
+  const auto add = [&](const std::string& name, const std::vector<int64_t>& shape) {
+    const std::vector<float> values = weights.get("decoder." + name, shape);
+    all.insert(all.end(), values.begin(), values.end());
+  };
+  add("layer1.weight", {h, h});
+  add("layer1.bias", {h});
+  add("layer2.weight", {outputs, h});
+  add("layer2.bias", {outputs});
+  decoder_.upload(all);
+  Buffer<TileSource> source(Device::cuda, 0);
+  source.upload({{decoder_.data(), h, h}});
+  decoder_tile_.resize_discard(tile_numbers);
+  pack_tiles(1, source.data(), decoder_tile_.data(), nullptr);
+  GRAUPEL_CUDA_CHECK(cudaStreamSynchronize(nullptr));
+}
+
+void WideHgn::launch_decoder(void* stream) {
+  const float* const b1 = decoder_.data() + h * h;
+  decode({.rows = particles_,
+          .frames = static_cast<int>(config_.bundle),
+          .x = latents_.data(),  // the particles' stand first
+          .w1 = decoder_tile_.data(),
+          .b1 = b1,
+          .w2 = b1 + h,
+          .b2 = b1 + h + config_.output_width() * h,
+          .out = output_.data()},
+         stream);
 }
 
 void WideHgn::prepare(const GridInputs& inputs) {
@@ -234,7 +267,7 @@ void WideHgn::prepare(const GridInputs& inputs) {
   }
   latents_.resize_discard(static_cast<std::size_t>((n + cells) * h));
   projections_.resize_discard(static_cast<std::size_t>((2 * n + 4 * cells) * h));
-  output_.resize_discard(static_cast<std::size_t>(3 * n));
+  output_.resize_discard(static_cast<std::size_t>(config_.output_width() * n));
   done_.resize_discard(plan_.size());
   range_.upload({0, static_cast<int32_t>(n), 0});
 
@@ -309,7 +342,10 @@ void WideHgn::prepare(const GridInputs& inputs) {
         network.link = grid.cell;
         network.weight = grid.weight;
         network.second = network.add32 = particle_latents;
-        network.decoded = output_.data();
+        if (has_own_decoder())
+          network.sum32 = particle_latents;
+        else
+          network.decoded = output_.data();
         break;
     }
     if (of_particles) {
@@ -338,6 +374,7 @@ void WideHgn::launch(void* stream, const std::function<void()>& grid_ready) {
   if (grid_ready) grid_ready();
   const auto rest = static_cast<int32_t>(plan_.size()) - 1;
   run_networks({networks_.data() + 1, rest, done_.data(), overflow_, range_.data() + 2}, most_rows_, stream);
+  if (has_own_decoder()) launch_decoder(stream);
 }
 
 }  // namespace graupel::graph
