@@ -350,24 +350,12 @@ __global__ void __launch_bounds__(threads, 1) run_kernel(WideProgram program) {
   Walk<blocks>(*reinterpret_cast<Shared<16 * blocks>*>(shared_numbers), program).run();
 }
 
-/// Blocks that wait for each other have to be under way at the same time.
 template <int blocks>
-void launch_together(const WideProgram& program, int64_t most_rows, void* stream) {
+void launch(const WideProgram& program, int64_t most_rows, void* stream) {
   constexpr int tile_rows = 16 * blocks, bytes = sizeof(Shared<tile_rows>);
-  const auto kernel = run_kernel<blocks>;
-  GRAUPEL_CUDA_CHECK(cudaFuncSetAttribute(kernel, cudaFuncAttributeMaxDynamicSharedMemorySize, bytes));
-  cudaLaunchAttribute together{};
-  together.id = cudaLaunchAttributeCooperative;
-  together.val.cooperative = 1;
-  cudaLaunchConfig_t config{};
-  const int64_t tiles = (most_rows + tile_rows - 1) / tile_rows;
-  config.gridDim = dim3(static_cast<unsigned>(std::clamp<int64_t>(tiles, 1, multiprocessors())));
-  config.blockDim = dim3(threads);
-  config.dynamicSmemBytes = bytes;
-  config.stream = static_cast<cudaStream_t>(stream);
-  config.attrs = &together;
-  config.numAttrs = program.networks > 1 ? 1 : 0;  // one network's blocks do not wait for each other
-  GRAUPEL_CUDA_CHECK(cudaLaunchKernelEx(&config, kernel, program));
+  GRAUPEL_CUDA_CHECK(cudaFuncSetAttribute(run_kernel<blocks>, cudaFuncAttributeMaxDynamicSharedMemorySize, bytes));
+  launch_together(run_kernel<blocks>, (most_rows + tile_rows - 1) / tile_rows, threads, bytes, program, stream,
+                  program.networks > 1);
 }
 
 }  // namespace
@@ -375,8 +363,8 @@ void launch_together(const WideProgram& program, int64_t most_rows, void* stream
 void run_networks(const WideProgram& program, int64_t most_rows, void* stream) {
   GRAUPEL_ASSERT(program.networks > 0 && program.networks <= most_networks);
   if (most_rows == 0) return;
-  most_rows > int64_t{32} * multiprocessors() ? launch_together<2>(program, most_rows, stream)
-                                              : launch_together<1>(program, most_rows, stream);
+  most_rows > int64_t{32} * multiprocessors() ? launch<2>(program, most_rows, stream)
+                                              : launch<1>(program, most_rows, stream);
 }
 
 }  // namespace graupel::graph
