@@ -12,8 +12,8 @@
 
 namespace graupel::graph {
 
-/// Milliseconds of one frame on the GPU, a share of those of its bundle (FeatureConfig::bundle). HGN's encoder runs
-/// beside the making of the hierarchy and counts there.
+/// Milliseconds of one frame on the GPU, a share of those of its bundle (FeatureConfig::bundle). The hierarchy is made
+/// beside the features and, where receivers sum messages, the encoder: what it takes longer than they.
 struct CudaFrameTime {
   double features = 0, hierarchy = 0, network = 0, projection = 0;
   double total() const { return features + hierarchy + network + projection; }

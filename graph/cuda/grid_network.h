@@ -1,5 +1,5 @@
 // A graph network that predicts frames on a GPU: launches alone, so that a frame can be recorded once. The grid is
-// built beside the encoder.
+// built beside what does not need it.
 #pragma once
 
 #include <cstdint>

@@ -129,19 +129,20 @@ __device__ inline uint4 rounded(const float* rows, int64_t row, int lane) {
   return {pack(low.x, low.y), pack(low.z, low.w), pack(high.x, high.y), pack(high.z, high.w)};
 }
 
+/// A column of the three parts of a row's features (wide_weights.h); 0 beyond them.
+__device__ inline float feature_part(const float* features, int width, int column) {
+  const int which = (column >= width) + (column >= 2 * width);
+  const float x = column < feature_parts * width ? features[column - which * width] : 0.0f;
+  const float high = from_bf16(static_cast<uint16_t>(pack(x, 0) & 0xffffu));
+  return which == 1 ? x - high : high;
+}
 /// Columns first to first + 7 of the three parts of a row's features (wide_weights.h).
 __device__ inline uint4 feature_word(const float* features, int width, int first) {
-  float part[8];
+  uint32_t word[4];
 #pragma unroll
-  for (int i = 0; i < 8; ++i) {
-    const int column = first + i, which = column < width ? 0 : column < 2 * width ? 1 : 2;
-    part[i] = 0;
-    if (column >= feature_parts * width) continue;
-    const float x = features[column - which * width];
-    const float high = from_bf16(static_cast<uint16_t>(pack(x, 0) & 0xffffu));
-    part[i] = which == 1 ? x - high : high;
-  }
-  return packed(part);
+  for (int i = 0; i < 4; ++i)
+    word[i] = pack(feature_part(features, width, first + 2 * i), feature_part(features, width, first + 2 * i + 1));
+  return {word[0], word[1], word[2], word[3]};
 }
 
 static_assert(4 * most_wide_features <= 2 * row_stride && feature_tiles(most_wide_features) <= 2);

@@ -370,10 +370,9 @@ void WideHgn::follow_grid(void* grid_stream) {
 }
 
 void WideHgn::launch(void* stream, const std::function<void()>& grid_ready) {
-  run_networks({networks_.data(), 1, encoded_.data(), nullptr, nullptr}, particles_, stream);
   if (grid_ready) grid_ready();
-  const auto rest = static_cast<int32_t>(plan_.size()) - 1;
-  run_networks({networks_.data() + 1, rest, done_.data(), overflow_, range_.data() + 2}, most_rows_, stream);
+  run_networks({networks_.data(), static_cast<int32_t>(plan_.size()), done_.data(), overflow_, range_.data() + 2},
+               most_rows_, stream);
   if (has_own_decoder()) launch_decoder(stream);
 }
 

@@ -45,7 +45,7 @@ class WideHgn : public GridNetwork {
   Buffer<uint16_t> tiles_{Device::cuda, 0}, tables_{Device::cuda, 0};
   Buffer<float> vectors_{Device::cuda, 0};
   Buffer<WideNetwork> networks_{Device::cuda, 0};
-  Buffer<uint32_t> done_{Device::cuda, 0}, encoded_{Device::cuda, 1};
+  Buffer<uint32_t> done_{Device::cuda, 0};
   Buffer<int32_t> range_{Device::cuda, 0};  ///< 0, particles; fault
   Buffer<float> latents_{Device::cuda, 0}, output_{Device::cuda, 0};
   Buffer<uint16_t> projections_{Device::cuda, 0};

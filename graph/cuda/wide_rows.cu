@@ -125,10 +125,9 @@ class Walk {
       int finished = 0;
       for (int tile = static_cast<int>(blockIdx.x); tile < tiles(network);) {
         const int after = tile + static_cast<int>(gridDim.x);
-        if (after < tiles(network))
-          work(network, turn, tile, network, turn, after);
-        else
-          work(network, turn, tile, next, 1 - turn, static_cast<int>(blockIdx.x));
+        const bool goes_on = after < tiles(network);
+        work(network, turn, tile, goes_on ? network : next, goes_on ? turn : 1 - turn,
+             goes_on ? after : static_cast<int>(blockIdx.x));
         tile = after;
         ++finished;
       }
