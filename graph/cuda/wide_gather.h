@@ -96,11 +96,12 @@ __device__ inline void sum_slots(float (&sum)[8], const WideNetwork& n, const Ta
   for (int k = 0; k < slots; ++k) add_message(sum, word[k], own, table[k][lane], weight[k]);
 }
 
-/// Sums over the pairs of a list; the numbers of the next few are read ahead.
-__device__ inline void sum_pairs(float (&sum)[8], const WideNetwork& n, const Table& table, int64_t link_row,
-                                 int lane) {
+/// Sums over part `part` of `parts` of the list of pairs; the numbers of the next few are read ahead.
+__device__ inline void sum_pairs(float (&sum)[8], const WideNetwork& n, const Table& table, int64_t link_row, int lane,
+                                 int part = 0, int parts = 1) {
   constexpr int under_way = 8;
-  const int32_t begin = __ldg(n.begin + link_row), end = __ldg(n.begin + link_row + 1);
+  const int32_t first = __ldg(n.begin + link_row), count = __ldg(n.begin + link_row + 1) - first;
+  const int32_t begin = first + count * part / parts, end = first + count * (part + 1) / parts;
   const float own[8] = {};
   int32_t next[under_way];
 #pragma unroll
@@ -152,6 +153,33 @@ __device__ inline void fetch_features(float* to, const WideNetwork& n, int64_t f
   const int count = n.width * static_cast<int>(rows - first < tile_rows ? rows - first : tile_rows);
   for (int i = static_cast<int>(threadIdx.x); i < count; i += threads) to[i] = __ldcg(n.rows32 + first * n.width + i);
   __syncthreads();
+}
+
+/// A narrow tile of rows with pairs: four half warps add up the parts of a row's list. All threads of the block.
+constexpr int narrow_rows = 4;
+__device__ inline void gather_narrow(const WideNetwork& n, const Table& table, int64_t first_link, int64_t first,
+                                     int64_t rows, uint16_t* to0, uint16_t* to1, float* scratch) {
+  const int group = static_cast<int>(threadIdx.x) / row_lanes, lane = static_cast<int>(threadIdx.x) % row_lanes;
+  const int warp = group / 2, part = 2 * (warp / narrow_rows) + group % 2;
+  const int64_t row = first + warp % narrow_rows;
+  float sum[8] = {};
+  if (row < rows) sum_pairs(sum, n, table, first_link + row, lane, part, 4);
+#pragma unroll
+  for (int k = 0; k < 8; ++k) {
+    sum[k] += __shfl_xor_sync(0xffffffffu, sum[k], row_lanes);
+    if (group % 2 == 0) scratch[warp * layer_width + 8 * lane + k] = sum[k];
+  }
+  __syncthreads();
+  uint4 word{0, 0, 0, 0}, second{0, 0, 0, 0};
+  if (group < narrow_rows && first + group < rows) {
+    const float* const from = scratch + group * layer_width + 8 * lane;
+#pragma unroll
+    for (int k = 0; k < 8; ++k) sum[k] = n.scale * (from[k] + from[narrow_rows * layer_width + k]);
+    word = packed(sum);
+    if (n.second) second = rounded(n.second, first + group, lane);
+  }
+  *reinterpret_cast<uint4*>(to0 + group * row_stride + 8 * lane) = word;
+  if (n.operands > 1) *reinterpret_cast<uint4*>(to1 + group * row_stride + 8 * lane) = second;
 }
 
 /// Gathers the operands of rows `first` and on into shared memory; rows beyond the last are 0. `scratch`: room for a

@@ -22,6 +22,7 @@ struct Shared {
   float2 statistics[warps][tile_rows];
   float decoded[warps][tile_rows][3];
   int32_t rows[most_networks], first_link[most_networks];
+  bool narrow[most_networks];  ///< in tiles of narrow_rows, so that more blocks share the work
 };
 
 __device__ float4 vector_of(const float (&vectors)[vectors_of_network][layer_width], int which, const Place& at) {
@@ -138,7 +139,10 @@ class Walk {
   }
 
  private:
-  __device__ int tiles(int network) const { return (s_.rows[network] + tile_rows - 1) / tile_rows; }
+  __device__ int rows_of_tile(int network) const { return s_.narrow[network] ? narrow_rows : tile_rows; }
+  __device__ int tiles(int network) const {
+    return (s_.rows[network] + rows_of_tile(network) - 1) / rows_of_tile(network);
+  }
   __device__ int next_network(int after) const {
     int network = after + 1;
     while (network < program_.networks && tiles(network) <= static_cast<int>(blockIdx.x)) ++network;
@@ -152,6 +156,7 @@ class Walk {
       const int32_t first = n.range[0], rows = n.range[1] - first;
       s_.first_link[i] = first;
       s_.rows[i] = rows;
+      s_.narrow[i] = n.gather == Gather::pairs && rows <= narrow_rows * static_cast<int>(gridDim.x);
       fault = fault || rows > n.most_rows;
     }
     fault = __syncthreads_or(fault);
@@ -199,7 +204,7 @@ class Walk {
   }
 
   __device__ void stage(int network, int turn, int tile) {
-    stage_links(s_.links[staged_], s_.network[turn], s_.first_link[network], int64_t{tile} * tile_rows,
+    stage_links(s_.links[staged_], s_.network[turn], s_.first_link[network], int64_t{tile} * rows_of_tile(network),
                 s_.rows[network]);
   }
 
@@ -209,10 +214,14 @@ class Walk {
     const WideNetwork& n = s_.network[turn];
     const WideNetwork& next = s_.network[next_turn];
     const bool last = next_turn != turn && next_network < program_.networks;
-    const int64_t rows = s_.rows[network], first_link = s_.first_link[network], first = int64_t{tile} * tile_rows;
+    const int64_t first_link = s_.first_link[network], first = int64_t{tile} * rows_of_tile(network);
+    const int64_t rows = std::min<int64_t>(s_.rows[network], first + rows_of_tile(network));
     const Place at;
-    gather(n, s_.links[staged_], s_.table[turn], first_link, first, rows, s_.operand[0], s_.operand[1],
-           reinterpret_cast<float*>(s_.hidden));
+    float* const scratch = reinterpret_cast<float*>(s_.hidden);
+    if (s_.narrow[network])
+      gather_narrow(n, s_.table[turn], first_link, first, rows, s_.operand[0], s_.operand[1], scratch);
+    else
+      gather(n, s_.links[staged_], s_.table[turn], first_link, first, rows, s_.operand[0], s_.operand[1], scratch);
     float4 before[blocks][2];
 #pragma unroll
     for (int b = 0; b < blocks; ++b)
