@@ -8,6 +8,7 @@
 #include "core/error.h"
 #include "core/parallel_for_in.h"
 #include "graph/cuda/frame_model.h"
+#include "graph/density_kernels.h"
 #include "graph/density_projection.h"
 #include "graph/free_flight.h"
 #include "graph/normalization.h"
@@ -31,6 +32,7 @@ struct FrameRing {
 /// What a frame leaves for the host.
 struct FrameStatus {
   int32_t newest, diverged, fault;
+  int32_t finished;  ///< particles of the frame that is being made
 };
 
 /// Item i makes part i / particles of a row, so that neighbouring threads do the same.
@@ -89,29 +91,48 @@ struct PushParticles {
   GRAUPEL_HD void operator()(int64_t i) const { next[i] = ring.at(-1, i) = pushed(i); }
 };
 
-/// The last of it: the frame to come becomes `now`, and `now` becomes `before`, unless the output is of no use.
+struct PushAndSpread {
+  PushParticles push;
+  density::Spread spread;
+  GRAUPEL_HD void operator()(int64_t i) const {
+    push(i);
+    spread(i);
+  }
+};
+
+/// The last of it: the frame to come becomes `now`, and `now` becomes `before`, unless the output is of no use. The
+/// particle that is finished last makes the frame to come the newest.
 struct PushLast {
   PushParticles push;
   const int32_t* fault;
   Vec3f *before, *now;
+  FrameStatus* status;
+  FrameStatus* seen;  ///< on the host
   GRAUPEL_HD void operator()(int64_t i) const {
-    if (*fault != 0) return;
-    const Vec3f x = push.pushed(i);
-    before[i] = now[i];
-    now[i] = push.ring.at(-1, i) = x;
+    if (*fault == 0) {
+      const Vec3f x = push.pushed(i);
+      before[i] = now[i];
+      now[i] = push.ring.at(-1, i) = x;
+    }
+#ifdef __CUDA_ARCH__
+    __threadfence();
+#endif
+    if (grid::add_to(status->finished, 1) == push.ring.particles - 1) finish();
+  }
+  GRAUPEL_HD void finish() const {
+    status->finished = 0;
+    status->fault = *fault;
+    if (*fault == 0 && status->diverged == 0) status->newest = (status->newest + 1) % push.ring.count;
+    *seen = *status;
   }
 };
 
-/// One item: the frame to come is the newest now.
-struct FinishFrame {
-  int32_t count;
-  const int32_t* fault;
-  FrameStatus* status;
-  FrameStatus* seen;  ///< on the host
-  GRAUPEL_HD void operator()(int64_t) const {
-    status->fault = *fault;
-    if (*fault == 0 && status->diverged == 0) status->newest = (status->newest + 1) % count;
-    *seen = *status;
+struct MoveAndPushLast {
+  density::MoveParticle move;
+  PushLast push;
+  GRAUPEL_HD void operator()(int64_t i) const {
+    move(i);
+    push(i);
   }
 };
 
@@ -216,14 +237,16 @@ void CudaSimulator::Impl::launch_move(int64_t frame) {
                                 before.data(), model->position(), limit, model->fault(), status.data(), next.data()});
   if (flight && frame > 0) flight->find_groups(before.data(), model->position(), stream);
   if (flight) flight->correct(before.data(), model->position(), next.data(), stream);
-  PushParticles push{way, project, frames, model->position(), next.data()};
+  const PushParticles push{way, project, frames, model->position(), next.data()};
+  PushLast last{push, model->fault(), before.data(), model->position(), status.data(), seen};
   if (density) {
-    parallel_for_in(stream, Device::cuda, particles, push);
-    density->apply(next.data(), particles, stream);
-    push.from = nullptr;
+    parallel_for_in(stream, Device::cuda, particles, PushAndSpread{push, density->spreading(next.data(), particles)});
+    density->between(next.data(), particles, stream);
+    last.push.from = nullptr;
+    parallel_for_in(stream, Device::cuda, particles, MoveAndPushLast{density->moving(next.data()), last});
+  } else {
+    parallel_for_in(stream, Device::cuda, particles, last);
   }
-  parallel_for_in(stream, Device::cuda, particles, PushLast{push, model->fault(), before.data(), model->position()});
-  parallel_for_in(stream, Device::cuda, 1, FinishFrame{frames.count, model->fault(), status.data(), seen});
 }
 
 void CudaSimulator::Impl::launch_bundle() {
@@ -286,8 +309,8 @@ void CudaSimulator::start(const Scene& scene, const Surroundings& surroundings,
   }
   all.resize(static_cast<std::size_t>(impl.ring_frames()) * particle_type.size());
   impl.ring.upload(all);
-  impl.status.upload({{static_cast<int32_t>(frames) - 1, 0, 0}});
-  *impl.seen = {static_cast<int32_t>(frames) - 1, 0, 0};
+  impl.status.upload({{static_cast<int32_t>(frames) - 1, 0, 0, 0}});
+  *impl.seen = {static_cast<int32_t>(frames) - 1, 0, 0, 0};
   impl.shown = impl.seen->newest;
   impl.model->start(surroundings, rows, impl.stream);
   impl.before.upload(positions[positions.size() - 2]);
