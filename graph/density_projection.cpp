@@ -96,10 +96,11 @@ class DensityProjection::Lattice {
   /// False where nothing will move.
   bool solve(void* stream) {
 #ifdef GRAUPEL_HAVE_CUDA
-    if (device_ == Device::cuda && solves_density_at_once(static_cast<int64_t>(cell_.size()))) {
+    const auto capacity = static_cast<int64_t>(cell_.size());
+    if (device_ == Device::cuda && solves_density_at_once(capacity, static_cast<int64_t>(words_.size()))) {
       solve_density({cells_, sweeps, relaxation, shares_.data(), words_.data(), mass_.data(), rank_.data(),
                      cell_.data(), equation_.data(), pressure_.data()},
-                    stream);
+                    capacity, stream);
       return true;
     }
 #endif

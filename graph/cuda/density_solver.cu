@@ -11,7 +11,8 @@ using namespace cluster;
 
 /// Cells of a colour that one block holds in its registers.
 constexpr int cells_a_thread = 4, few_cells = cells_a_thread * block_threads;
-constexpr int64_t most_capacity = int64_t{1} << 18;  ///< beyond it one launch a sweep is faster
+constexpr int64_t most_of_cluster = int64_t{1} << 18;  ///< cells; beyond it all multiprocessors are faster
+constexpr int64_t most_words = int64_t{1} << 17;       ///< each of their blocks counts the words before its own
 
 struct Shared {
   ScanMemory scan;
@@ -197,11 +198,17 @@ __global__ void __launch_bounds__(block_threads) solve_kernel(DensitySystem syst
 
 }  // namespace
 
-bool solves_density_at_once(int64_t capacity) {
+static bool suits_a_cluster(int64_t capacity) {
   static const bool can = can_launch(solve_kernel);
-  return can && capacity <= most_capacity;
+  return can && capacity <= most_of_cluster;
 }
 
-void solve_density(const DensitySystem& system, void* stream) { launch(solve_kernel, system, stream); }
+bool solves_density_at_once(int64_t capacity, int64_t words) {
+  return suits_a_cluster(capacity) || words <= most_words;
+}
+
+void solve_density(const DensitySystem& system, int64_t capacity, void* stream) {
+  suits_a_cluster(capacity) ? launch(solve_kernel, system, stream) : sweep_density(system, capacity, stream);
+}
 
 }  // namespace graupel::graph
