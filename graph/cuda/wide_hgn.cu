@@ -139,10 +139,8 @@ class WideHgn::Planner {
   }
   template <typename OffsetOf>
   void table(const Layer& layer, int64_t column, float sign, const OffsetOf& offset_of) {
-    std::vector<float> values;
-    add_offsets(values, layer, column, sign, offset_of);
     now().table = tables_.size();
-    for (const float v : values) tables_.push_back(nn::bf16_from_float(v));
+    add_offsets(tables_, layer, column, sign, offset_of);
   }
 
   /// The iterations of a level; the network before them is the last one planned.
@@ -207,8 +205,8 @@ class WideHgn::Planner {
 
   WideHgn& to_;
   const nn::Weights& weights_;
-  std::vector<uint16_t> tiles_, tables_;
-  std::vector<float> vectors_;
+  std::vector<uint16_t> tiles_;
+  std::vector<float> tables_, vectors_;
 };
 
 bool WideHgn::fits(const HgnConfig& config) {

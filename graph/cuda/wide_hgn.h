@@ -42,8 +42,8 @@ class WideHgn : public GridNetwork {
 
   HgnConfig config_;
   std::vector<Planned> plan_;  ///< in the order in which they run, without their rows
-  Buffer<uint16_t> tiles_{Device::cuda, 0}, tables_{Device::cuda, 0};
-  Buffer<float> vectors_{Device::cuda, 0};
+  Buffer<uint16_t> tiles_{Device::cuda, 0};
+  Buffer<float> tables_{Device::cuda, 0}, vectors_{Device::cuda, 0};
   Buffer<WideNetwork> networks_{Device::cuda, 0};
   Buffer<uint32_t> done_{Device::cuda, 0};
   Buffer<int32_t> range_{Device::cuda, 0};  ///< 0, particles; fault

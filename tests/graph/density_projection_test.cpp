@@ -260,7 +260,7 @@ void expect_same_on_gpu(int particles, double of_cells) {
 TEST(DensityProjection, IsTheSameOnTheGpu) {
   GRAUPEL_NEEDS_GPU();
   expect_same_on_gpu(20000, spacing);
-  expect_same_on_gpu(40000, spacing / 2.3);  // so many cells are swept by the whole GPU
+  expect_same_on_gpu(40000, spacing / 3);  // so many cells are swept by the whole GPU
 }
 
 TEST(RestDensity, IsThatOfTheSourcesOrOfTheStart) {

@@ -46,7 +46,7 @@ struct Case {
     Draws draws(static_cast<uint64_t>(row_count) + 100 * static_cast<uint64_t>(kind));
     source = draws.rounded_numbers(sources * h, 1);
     own = draws.rounded_numbers(rows * h, 1);
-    table = draws.rounded_numbers(8 * h, 1);
+    table = draws.numbers(8 * h, 1);
     x = draws.numbers(sources * h, 1);
     add = draws.numbers(rows * h, 1);
     vectors = draws.numbers(vectors_of_network * h, 0.2);
@@ -152,10 +152,9 @@ struct Case {
 Case::Result run_on_gpu(const Case& c, bool overflows = false) {
   std::vector<uint16_t> packed(5 * tile_numbers);
   for (int t = 0; t < 5; ++t) pack_wide_tile(c.matrices.data() + t * h * h, h, h, packed.data() + t * tile_numbers);
-  const auto source = on_gpu(bits(c.source)), own = on_gpu(bits(c.own)), table = on_gpu(bits(c.table)),
-             tiles = on_gpu(packed);
-  const auto x = on_gpu(c.x), weight = on_gpu(c.weight), vectors = on_gpu(c.vectors), addend = on_gpu(c.addend),
-             add = on_gpu(c.add);
+  const auto source = on_gpu(bits(c.source)), own = on_gpu(bits(c.own)), tiles = on_gpu(packed);
+  const auto table = on_gpu(c.table), x = on_gpu(c.x), weight = on_gpu(c.weight), vectors = on_gpu(c.vectors),
+             addend = on_gpu(c.addend), add = on_gpu(c.add);
   const auto link = on_gpu(c.link), begin = on_gpu(c.begin), addend_row = on_gpu(c.addend_row), range = on_gpu(c.range);
   Buffer<float> sum(Device::cuda, c.add.size()), decoded(Device::cuda, static_cast<std::size_t>(3 * c.rows));
   Buffer<uint16_t> out0(Device::cuda, c.add.size()), out1(Device::cuda, c.add.size());
