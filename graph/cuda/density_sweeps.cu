@@ -2,9 +2,7 @@
 // between the sweeps. A thread keeps a cell of each colour in its registers.
 #include <cooperative_groups.h>
 
-#include <cub/block/block_scan.cuh>
-
-#include "graph/cuda/density_solver.h"
+#include "graph/cuda/density_list.h"
 #include "graph/cuda/launch_together.h"
 
 namespace graupel::graph {
@@ -40,7 +38,7 @@ class Sweeper {
       if (s_.mass[i] == 0) s_.pressure[i] = 0;
     }
     all.sync();
-    list_cells();
+    list_cells<block_threads>(s_, scan_, blockIdx.x, gridDim.x);
     all.sync();
     for (int64_t w = thread_; w < 2 * in_color_; w += threads_) s_.words[w] = 0;
     const int32_t begin[3] = {0, rank_at(1), rank_at(2)};
@@ -64,31 +62,6 @@ class Sweeper {
   /// Active cells of the colours before `color`.
   __device__ int32_t rank_at(int color) const { return __ldcg(s_.rank + color * in_color_); }
 
-  /// Numbers the bits of the words, by blocks of neighbouring words. Each block adds up by itself what lies before.
-  __device__ void list_cells() {
-    const int64_t words = 2 * in_color_, each = (words + gridDim.x - 1) / gridDim.x;
-    const int64_t first = min(blockIdx.x * each, words), end = min(first + each, words);
-    int32_t count = 0, own = 0, before = 0;
-    for (int64_t w = threadIdx.x; w < first; w += block_threads) count += grid::ones(__ldcg(s_.words + w));
-    Scan(scan_).ExclusiveSum(count, own, before);
-    for (int64_t round = first; round < end; round += block_threads) {
-      const int64_t w = round + threadIdx.x;
-      const uint32_t word = w < end ? __ldcg(s_.words + w) : 0;
-      int32_t total = 0;
-      __syncthreads();
-      Scan(scan_).ExclusiveSum(grid::ones(word), own, total);
-      if (w < end) list_word(w, word, before + own);
-      before += total;
-    }
-  }
-  __device__ void list_word(int64_t w, uint32_t word, int32_t number) {
-    const int color = w >= in_color_;
-    s_.rank[w] = number;
-    for (uint32_t left = word; left != 0; left &= left - 1)
-      s_.cell[number++] = s_.cells.cell_of_bit(color, (w - color * in_color_) * word_bits + lowest_one(left));
-    if (w == 2 * in_color_ - 1) s_.rank[w + 1] = number;
-  }
-
   /// Cell number k; its mass is used up.
   __device__ HeldCell taken(int32_t k) {
     HeldCell held;
@@ -99,8 +72,8 @@ class Sweeper {
       held.lower[d] = own.face[d];
       held.upper[d] = s_.shares[held.cell + s_.cells.stride(d)].face[d];
     }
-    held.equation = equation_of(s_.mass[held.cell], own, held.upper);
     held.pressure = __ldcg(s_.pressure + held.cell);
+    held.equation = equation_of(s_.mass[held.cell], own, held.upper);
     s_.mass[held.cell] = 0;
     return held;
   }
