@@ -347,25 +347,6 @@ TEST_F(LearnedSimulatorTest, TheFirstFrameOfABundleIsOneStep) {
             one.rollout(scene, surroundings, type, start, uncorrected(2)).frames[2].position);
 }
 
-#ifdef GRAUPEL_HAVE_CUDA
-TEST_F(LearnedSimulatorTest, AGpuRefusesABundle) {
-  const LearnedSimulator simulator = make(constant_weights(small_config(), repeated({0, 0, 0}, 2)));
-  const Scene scene;
-  const Surroundings surroundings(scene);
-  const auto start = start_history({Vec3f::filled(0.5f)}, {Vec3f::zero()}, scene.gravity, frame_time, 4);
-  auto options = uncorrected(2);
-  options.device = Device::cuda;
-  try {
-    simulator.rollout(scene, surroundings, {5}, start, options);
-    ADD_FAILURE();
-  } catch (const ConfigError& error) {
-    EXPECT_NE(std::string(error.what()).find("(bundle 2, allowed: 1). Use --device cpu"), std::string::npos)
-        << error.what();
-  }
-  EXPECT_THROW(simulator.one_step_on_gpu(scene, surroundings, {5}, start), ConfigError);
-}
-#endif
-
 TEST_F(LearnedSimulatorTest, TheCostOfABundleIsSpreadOverItsFrames) {
   const LearnedSimulator simulator = make(constant_weights(small_config(), repeated({0, 0, 0}, 4)));
   const Scene scene;
