@@ -8,9 +8,11 @@
 #include <cstdio>
 #include <fstream>
 
+#include "apps/bundle_times.h"
 #include "apps/common_options.h"
 #include "apps/progress.h"
 #include "core/error.h"
+#include "core/memory.h"
 #include "core/random.h"
 #include "mpm/fast_step.h"
 #include "mpm/sampling.h"
@@ -42,6 +44,7 @@ double status_bytes(const std::string& key) {
 /// Runs `variant` as it is, whatever options.variant says.
 TimedRun run_as_is(const Scene& variant, const MpmRunOptions& options) {
   const MemoryMeter memory;
+  DeviceMemoryMeter device_memory(options.device);
   const auto simulation = mpm::Simulation::create(
       variant, {.device = options.device, .precision = mpm::Precision::f32, .seed = options.seed});
   TimedRun result;
@@ -75,6 +78,8 @@ TimedRun run_as_is(const Scene& variant, const MpmRunOptions& options) {
     progress.update(f);
   }
   if (trajectory.diverged_at_frame < 0) progress.done();
+  device_memory.look();
+  result.cost.device_bytes = device_memory.taken();
   result.cost.frame = median(solver);
   result.cost.output = median(output);
   const auto frames_run = static_cast<double>(std::max<std::size_t>(1, solver.size()));
@@ -104,28 +109,6 @@ TimedRun run_fast(const Scene& scene, const MpmRunOptions& options) {
     step.seconds += seconds_since(begin);
   }
 }
-
-/// Time of a network's frames outside of FrameTiming [s]. That has a bundle's cost in equal parts, where it is spent
-/// before the first frame, so that the rest is known of whole bundles.
-class OutputTimes {
- public:
-  OutputTimes(int64_t bundle, int64_t frames) : bundle_(bundle), frames_(frames) {}
-  void add(int64_t frame, double seconds) {
-    sum_ += seconds;
-    ++count_;
-    if (frame % bundle_ != 0 && frame != frames_) return;
-    times_.insert(times_.end(), count_, std::max(0.0, sum_ / static_cast<double>(count_)));
-    sum_ = 0;
-    count_ = 0;
-  }
-  const std::vector<double>& times() const { return times_; }
-
- private:
-  int64_t bundle_, frames_;
-  double sum_ = 0;
-  std::size_t count_ = 0;
-  std::vector<double> times_;
-};
 
 /// Times of a reduced run's frames [s].
 struct ReducedTimes {
@@ -247,10 +230,12 @@ TimedRun run_network(const graph::LearnedSimulator& simulator, const Scene& scen
                      const graph::Surroundings& surroundings, const StartState& start, int64_t frames, Device device,
                      const std::string& label, const HeldLaws& laws) {
   const MemoryMeter memory;
+  DeviceMemoryMeter device_memory(device);
   const int history = static_cast<int>(simulator.config().history) + 1;
   const auto past = graph::start_history(start.position, start.velocity, scene.gravity, scene.frame_time, history);
-  std::vector<double> total, features, hierarchy, network, projection;
-  OutputTimes output(simulator.config().bundle, frames);
+  std::vector<double> features, hierarchy, network;
+  const BundleTimes none(simulator.config().bundle, frames);
+  BundleTimes total = none, projection = none, output = none;  // output: outside of FrameTiming
   Progress progress(label, frames);
   graph::LearnedSimulator::RolloutOptions options;
   options.frames = frames;
@@ -260,12 +245,13 @@ TimedRun run_network(const graph::LearnedSimulator& simulator, const Scene& scen
   auto last = Clock::now();
   options.progress = [&](int64_t frame, const graph::FrameTiming& timing) {
     stop_if_interrupted();
-    total.push_back(timing.total());
+    total.add(frame, timing.total());
     features.push_back(timing.features);
     hierarchy.push_back(timing.hierarchy);
     network.push_back(timing.network);
-    projection.push_back(timing.projection);
+    projection.add(frame, timing.projection);
     output.add(frame, seconds_since(last) - timing.total());
+    if (frame == frames) device_memory.look();
     progress.update(frame);
     last = Clock::now();
   };
@@ -275,17 +261,16 @@ TimedRun run_network(const graph::LearnedSimulator& simulator, const Scene& scen
   for (ParticleFrame& frame : result.run.trajectory.frames) std::vector<Vec3f>().swap(frame.velocity);
   result.run.mass = start.mass;
   result.run.volume = start.volume;
-  result.cost = {median(total),
-                 median(network),
-                 median(hierarchy),
-                 median(features),
-                 median(projection),
-                 median(output.times()),
-                 memory.peak(),
-                 memory.added(),
-                 1,
-                 static_cast<double>(simulator.config().bundle),
-                 0};
+  result.cost = {.frame = median(total.times()),
+                 .network = median(network),
+                 .grid_build = median(hierarchy),
+                 .features = median(features),
+                 .projection = median(projection.times()),
+                 .output = median(output.times()),
+                 .peak_bytes = memory.peak(),
+                 .added_bytes = memory.added(),
+                 .bundle = static_cast<double>(simulator.config().bundle),
+                 .device_bytes = device_memory.taken()};
   compare::hold_last_frame(result.run.trajectory, static_cast<std::size_t>(frames));
   return result;
 }
@@ -348,5 +333,13 @@ double MemoryMeter::peak() const {
 }
 
 double MemoryMeter::added() const { return std::max(0.0, peak() - before_); }
+
+DeviceMemoryMeter::DeviceMemoryMeter(Device device) : device_(device) {
+  if (device == Device::cuda) free_before_ = static_cast<double>(available_bytes(device));
+}
+
+void DeviceMemoryMeter::look() {
+  if (device_ == Device::cuda) taken_ = std::max(taken_, free_before_ - static_cast<double>(available_bytes(device_)));
+}
 
 }  // namespace graupel::apps

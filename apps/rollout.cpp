@@ -5,6 +5,7 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
+#include "apps/bundle_times.h"
 #include "apps/common_options.h"
 #include "apps/outputs.h"
 #include "apps/progress.h"
@@ -145,10 +146,10 @@ void rollout_network(const RolloutOptions& options, Device device) {
   run.free_flight = !options.no_free_flight;
   run.device = device;
   Progress progress(fmt::format("rollout {} ({} particles)", start.scene.name, start.particle_type.size()), run.frames);
-  std::vector<double> seconds;
+  BundleTimes times(simulator.config().bundle, run.frames);
   run.progress = [&](int64_t frame, const graph::FrameTiming& timing) {
     stop_if_interrupted();
-    seconds.push_back(timing.total());
+    times.add(frame, timing.total());
     progress.update(frame, fmt::format("{:.0f} ms a frame", 1e3 * timing.total()));
   };
   Trajectory trajectory = simulator.rollout(start.scene, surroundings, start.particle_type, start.history, run);
@@ -161,6 +162,7 @@ void rollout_network(const RolloutOptions& options, Device device) {
   for (const ParticleFrame& frame : trajectory.frames) writer.append(frame);
   writer.finish(trajectory.diverged_at_frame);
 
+  std::vector<double> seconds = times.times();
   std::sort(seconds.begin(), seconds.end());
   const double median = seconds.empty() ? 0 : seconds[seconds.size() / 2];
   std::fprintf(stderr, "%s: %zu particles, %zu frames, %s a frame (median)\n", options.output.c_str(),

@@ -147,7 +147,7 @@ Trajectory LearnedSimulator::rollout(const Scene& scene, const Surroundings& sur
       flight->correct(history[needed - 2].data(), history[needed - 1].data(), next.data());
     }
     if (options.project) project_out(surroundings, history.back(), next);
-    if (density) {
+    if (density && in_bundle + 1 == config().bundle) {
       before = next;
       density->apply(next.data(), static_cast<int64_t>(next.size()));
       if (options.project) project_out(surroundings, before, next);
@@ -163,10 +163,6 @@ Trajectory LearnedSimulator::rollout(const Scene& scene, const Surroundings& sur
 
 #ifdef GRAUPEL_HAVE_CUDA
 CudaSimulator& LearnedSimulator::gpu_simulator() const {
-  if (config().bundle > 1)
-    throw ConfigError("'" + weights_->file +
-                      "' predicts several frames at once, which rollouts on a GPU do not (bundle " +
-                      std::to_string(config().bundle) + ", allowed: 1). Use --device cpu");
   if (!on_gpu_) on_gpu_ = std::make_shared<CudaSimulator>(*weights_);
   return *on_gpu_;
 }
