@@ -11,6 +11,7 @@
 #include "apps/common_options.h"
 #include "apps/progress.h"
 #include "core/error.h"
+#include "core/held_particles.h"
 #include "core/random.h"
 #include "mpm/fast_step.h"
 #include "mpm/sampling.h"
@@ -248,7 +249,8 @@ TimedRun run_network(const graph::LearnedSimulator& simulator, const Scene& scen
                      const std::string& label, const HeldLaws& laws) {
   const MemoryMeter memory;
   const int history = static_cast<int>(simulator.config().history) + 1;
-  const auto past = graph::start_history(start.position, start.velocity, scene.gravity, scene.frame_time, history);
+  const auto past = graph::start_history(start.position, start.velocity, scene.gravity, scene.frame_time, history,
+                                         held_particles(start.particle_type));
   std::vector<double> total, features, hierarchy, network, projection;
   OutputTimes output(simulator.config().bundle, frames);
   Progress progress(label, frames);
