@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 
+#include "apps/ceilings.h"
 #include "apps/common_options.h"
 #include "apps/libtorch_time.h"
 #include "apps/model_runs.h"
@@ -16,7 +17,9 @@
 #include "core/error.h"
 #include "io/recipe_reader.h"
 #include "io/scene_reader.h"
+#include "mpm/sampling.h"
 #include "mpm/scene_recipe.h"
+#include "mpm/simulation.h"
 
 namespace graupel::apps {
 
@@ -29,7 +32,7 @@ struct BenchGraphOptions {
   std::vector<std::string> models = {"mpm", "mpm:fast", "mpm:coarse", "models/hgn.safetensors"};
   std::vector<int64_t> particles = {3600};
   std::string recipe = "scenes/recipes/hgn.json";
-  int64_t frames = 30, settle = 150;
+  int64_t frames = 30, settle = 150, batch = 0;
   bool libtorch = false;
 };
 
@@ -37,6 +40,7 @@ struct BenchGraphOptions {
 struct GraphBenchRow {
   std::string state, model;
   std::size_t particles = 0;
+  int64_t scenes = 1;  ///< that advance at once; the cost is that of one of them
   compare::RunCost cost = {};
   double flop = 0;                            ///< of the network, a frame in the middle of the run; 0 for MPM
   std::optional<LibtorchTime> libtorch = {};  ///< of a row that is the network there; its cost is that alone
@@ -47,6 +51,31 @@ struct GraphBenchRow {
 };
 
 constexpr double recipe_particles = 3600;  ///< of a scene of the recipe, about
+
+/// Time of a frame of one of `count` scenes that advance at once, each sampled by a seed of its own.
+compare::RunCost batch_cost(const Scene& scene, const BenchGraphOptions& options, Device device, int64_t count) {
+  std::vector<mpm::PreparedScene> scenes;
+  for (int64_t i = 0; i < count; ++i)
+    scenes.emplace_back(
+        scene, mpm::SimulationOptions{.device = device,
+                                      .precision = mpm::Precision::f32,
+                                      .seed = mpm::sampling_seed(options.common.seed, mpm::Split::test, i, 0)});
+  DeviceMemoryMeter memory(device);
+  const auto run = mpm::SceneBatch::create(scenes);
+  std::vector<double> seconds;
+  for (int64_t f = 0; f < options.frames; ++f) {
+    stop_if_interrupted();
+    const double before = run->statistics().solver_seconds;
+    run->advance_frame();
+    seconds.push_back(run->statistics().solver_seconds - before);
+  }
+  memory.look();
+  const auto n = static_cast<double>(count);
+  std::sort(seconds.begin(), seconds.end());
+  return {.frame = seconds[seconds.size() / 2] / n,
+          .substeps = static_cast<double>(run->statistics().substeps) / static_cast<double>(options.frames),
+          .device_bytes = memory.taken() / n};
+}
 
 /// A scene of the recipe's density: floor, groups and obstacles grow with the particles.
 Scene scene_of_size(const SceneRecipe& recipe, int64_t particles, uint64_t seed) {
@@ -116,6 +145,11 @@ class GraphBench {
                                  .frames = options_.frames,
                                  .label = row.label()})
                      .cost;
+      rows.push_back(row);
+      if (options_.batch < 2 || choices_[m].variant == MpmVariant::fast) continue;
+      row.scenes = options_.batch;
+      row.cost = batch_cost(choices_[m].variant == MpmVariant::coarse ? mpm::coarse_variant(scene) : scene, options_,
+                            device_, row.scenes);
       rows.push_back(std::move(row));
     }
     return rows;
@@ -157,7 +191,8 @@ class GraphBench {
 /// Time of a frame of "mpm" at a row's size and state; 0 where it was not asked for.
 double mpm_frame(const std::vector<GraphBenchRow>& rows, const GraphBenchRow& row) {
   for (const GraphBenchRow& other : rows)
-    if (other.model == "mpm" && other.state == row.state && other.particles == row.particles) return other.cost.frame;
+    if (other.model == "mpm" && other.scenes == 1 && other.state == row.state && other.particles == row.particles)
+      return other.cost.frame;
   return 0;
 }
 
@@ -172,13 +207,25 @@ std::string parts_text(const GraphBenchRow& row) {
                      1e3 * c.projection);
 }
 
-void print_row(const GraphBenchRow& row, double mpm) {
-  const double rate = row.flop_per_second();
-  std::printf("| %zu | %s | %s | %s | %.3g | %s | %s | %s | %s |\n", row.particles, row.state.c_str(),
-              row.model.c_str(), row.cost.network > 0 ? fmt::format("{:.0f}", row.cost.bundle).c_str() : "",
-              1e3 * row.cost.frame, ratio_text(row.libtorch ? 0 : mpm / row.cost.frame).c_str(),
-              ratio_text(row.over_engine).c_str(), parts_text(row).c_str(),
-              rate > 0 ? fmt::format("{:.3g}", 1e-9 * rate).c_str() : "");
+constexpr const char* table_head =
+    "| particles | state | model | frames or scenes at once | ms a frame | mpm's over it | time over the engine's "
+    "frame | "
+    "features, grid, network, projection [ms] | network's GFLOP/s | of the products' rate | GPU memory [MB] |\n"
+    "|---|---|---|---|---|---|---|---|---|---|---|\n";
+
+/// `rate` is the device's of products [FLOP/s]; 0: unknown.
+void print_row(const GraphBenchRow& row, double mpm, double rate) {
+  const double reached = row.flop_per_second();
+  const double at_once = row.cost.network > 0 ? row.cost.bundle : static_cast<double>(row.scenes);
+  const auto text = [](bool known, double value, const char* unit) {
+    return known ? fmt::format("{:.3g}{}", value, unit) : std::string();
+  };
+  std::printf("| %zu | %s | %s | %.0f | %.3g | %s | %s | %s | %s | %s | %s |\n", row.particles, row.state.c_str(),
+              row.model.c_str(), at_once, 1e3 * row.cost.frame,
+              ratio_text(row.libtorch ? 0 : mpm / row.cost.frame).c_str(), ratio_text(row.over_engine).c_str(),
+              parts_text(row).c_str(), text(reached > 0, 1e-9 * reached, "").c_str(),
+              text(reached > 0 && rate > 0, 100 * reached / rate, " %").c_str(),
+              text(row.cost.device_bytes > 0, 1e-6 * row.cost.device_bytes, "").c_str());
   std::fflush(stdout);
 }
 
@@ -205,6 +252,7 @@ Json json_of(const GraphBenchRow& row, double mpm) {
   const compare::RunCost& c = row.cost;
   Json json = {
       {"particles", row.particles}, {"state", row.state}, {"model", row.model}, {"seconds_per_frame", c.frame}};
+  if (row.scenes > 1) json["scenes"] = row.scenes;
   if (mpm > 0) json["speed_against_mpm"] = mpm / c.frame;
   if (c.network > 0) {
     json["features"] = c.features;
@@ -218,6 +266,8 @@ Json json_of(const GraphBenchRow& row, double mpm) {
     json["substeps_per_frame"] = c.substeps;
     json["search"] = c.search;
   }
+  if (c.device_bytes > 0) json["device_bytes"] = c.device_bytes;
+  if (row.scenes > 1) return json;
   json["output"] = c.output;
   json["peak_bytes"] = c.peak_bytes;
   return json;
@@ -228,17 +278,13 @@ void bench_graph(BenchGraphOptions& options) {
   options.common.apply();
   if (options.libtorch) training_program();  // refuses before the work
   GraphBench bench(options, device);
-  std::printf(
-      "| particles | state | model | frames at once | ms a frame | mpm's over it | time over the engine's frame | "
-      "features, grid, "
-      "network, "
-      "projection [ms] | network's GFLOP/s |\n"
-      "|---|---|---|---|---|---|---|---|---|\n");
+  const double rate = product_rate(device);
+  std::printf("%s", table_head);
   Json results = Json::array();
   for (const int64_t particles : options.particles) {
     const std::vector<GraphBenchRow> rows = bench.measure(particles);
     for (const GraphBenchRow& row : rows) {
-      print_row(row, mpm_frame(rows, row));
+      print_row(row, mpm_frame(rows, row), rate);
       results.push_back(json_of(row, mpm_frame(rows, row)));
     }
   }
@@ -247,6 +293,7 @@ void bench_graph(BenchGraphOptions& options) {
                              {"device", device == Device::cuda ? cuda_device_name() : name_of(device)},
                              {"threads", num_threads()},
                              {"frames", options.frames},
+                             {"product_gflop_per_second", 1e-9 * rate},
                              {"rows", results}});
 }
 
@@ -268,16 +315,19 @@ void add_bench_graph(CLI::App& bench) {
   verb->add_option("--settle", options->settle, "Frames of MPM before the settled state")
       ->check(whole_number(1))
       ->capture_default_str();
+  verb->add_option("--batch", options->batch, "Time MPM with so many such scenes at once, too (0: not)")
+      ->check(whole_number(0, 4096))
+      ->capture_default_str();
   verb->add_flag("--libtorch", options->libtorch, "Time each network in libtorch too, by graupel-train");
   options->common.add_to(*verb);
   verb->footer(
       "Two states of each scene: as it starts to fall, and after --settle frames, at rest. Times are medians a frame; "
-      "what\na network that predicts several frames at once spends on them is spread over these. GFLOP/s: matrix "
-      "products of the\nframe in the middle of the run. --libtorch times that frame's network alone, features and grid "
-      "given: as "
-      "the "
-      "papers\nwrite it, in libtorch's own operations, and with the first layers split as Graupel's engine has "
-      "them.\n\n"
+      "what\na network that predicts several frames at once spends on them, and MPM on several scenes, is spread over "
+      "these.\nGFLOP/s: matrix products of the frame in the middle of the run, beside the rate of products alone: of a "
+      "GPU the peak in\nbf16, of the CPU that of the engine's layers with rows in the cache, measured first. "
+      "--libtorch "
+      "times that frame's\nnetwork alone, features and grid given: as the papers write it, in libtorch's own "
+      "operations, and with the first\nlayers split as Graupel's engine has them.\n\n"
       "Examples:\n  graupel bench graph --particles 3600 40000 --json graph.json\n"
       "  graupel bench graph --libtorch --models models/hgn.safetensors\n"
       "  graupel bench graph --device cuda --particles 3600 40000 1000000");

@@ -12,6 +12,7 @@
 
 #include "core/memory.h"
 #include "core/parallel_for.h"
+#include "nn/linear.h"
 
 namespace graupel::apps {
 
@@ -46,6 +47,24 @@ double measured_bandwidth() {
   return best;
 }
 
+double measured_product_rate() {
+  constexpr int out = 128, in = 256, rows = 64;
+  constexpr int64_t parts = 256, rounds = 8;
+  const std::vector<float> weight(std::size_t{out} * in, 0.01f);
+  const nn::Linear layer(out, in, weight.data(), in);
+  double best = 0;
+  for (int64_t round = 0; round < rounds; ++round) {
+    const auto begin = std::chrono::steady_clock::now();
+    parallel_for_cpu(parts, [&](int64_t) {
+      thread_local Buffer<float> x(Device::cpu, std::size_t{rows} * in), y(Device::cpu, std::size_t{rows} * out);
+      for (int again = 0; again < 4; ++again) layer.apply(x.data(), in, rows, y.data(), out);
+    });
+    const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+    best = std::max(best, 2.0 * out * in * rows * 4 * parts / seconds);
+  }
+  return best;
+}
+
 int open_counter(uint64_t event) {
   perf_event_attr attributes{};
   attributes.size = sizeof(attributes);
@@ -63,6 +82,8 @@ int open_counter(uint64_t event) {
 double memory_bandwidth(Device device) {
   return device == Device::cuda ? cuda_memory_bandwidth() : measured_bandwidth();
 }
+
+double product_rate(Device device) { return device == Device::cuda ? cuda_product_peak() : measured_product_rate(); }
 
 InstructionCounter::InstructionCounter()
     : instructions_(open_counter(PERF_COUNT_HW_INSTRUCTIONS)), cycles_(open_counter(PERF_COUNT_HW_CPU_CYCLES)) {}

@@ -1,4 +1,5 @@
-// What bounds a substep: the bytes it must move, and the instructions it takes, beside what the machine can do.
+// What bounds a substep of MPM, the bytes it must move and the instructions it takes, and what bounds a network, its
+// products, beside what the machine can do.
 #pragma once
 
 #include <cstdint>
@@ -15,6 +16,10 @@ int64_t least_bytes_per_update(MaterialModel model, int64_t real);
 
 /// Of a GPU from its memory's clock and width; of the CPU as measured by a = b + s c on all threads [bytes/s].
 double memory_bandwidth(Device device);
+
+/// Matrix products of networks [FLOP/s]: of a GPU in bf16 from its clock (0: unknown); of the CPU as measured of the
+/// engine's own layers, rows in the cache, on all threads, in the numbers that they are in use with.
+double product_rate(Device device);
 
 /// Instructions and cycles of this process in user mode between start() and stop(); nothing where the system does not
 /// let a program count them.

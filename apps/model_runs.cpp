@@ -12,6 +12,7 @@
 #include "apps/progress.h"
 #include "core/error.h"
 #include "core/held_particles.h"
+#include "core/memory.h"
 #include "core/random.h"
 #include "mpm/fast_step.h"
 #include "mpm/sampling.h"
@@ -43,6 +44,7 @@ double status_bytes(const std::string& key) {
 /// Runs `variant` as it is, whatever options.variant says.
 TimedRun run_as_is(const Scene& variant, const MpmRunOptions& options) {
   const MemoryMeter memory;
+  DeviceMemoryMeter device_memory(options.device);
   const auto simulation = mpm::Simulation::create(
       variant, {.device = options.device, .precision = mpm::Precision::f32, .seed = options.seed});
   TimedRun result;
@@ -76,6 +78,8 @@ TimedRun run_as_is(const Scene& variant, const MpmRunOptions& options) {
     progress.update(f);
   }
   if (trajectory.diverged_at_frame < 0) progress.done();
+  device_memory.look();
+  result.cost.device_bytes = device_memory.taken();
   result.cost.frame = median(solver);
   result.cost.output = median(output);
   const auto frames_run = static_cast<double>(std::max<std::size_t>(1, solver.size()));
@@ -248,6 +252,7 @@ TimedRun run_network(const graph::LearnedSimulator& simulator, const Scene& scen
                      const graph::Surroundings& surroundings, const StartState& start, int64_t frames, Device device,
                      const std::string& label, const HeldLaws& laws) {
   const MemoryMeter memory;
+  DeviceMemoryMeter device_memory(device);
   const int history = static_cast<int>(simulator.config().history) + 1;
   const auto past = graph::start_history(start.position, start.velocity, scene.gravity, scene.frame_time, history,
                                          held_particles(start.particle_type));
@@ -268,6 +273,7 @@ TimedRun run_network(const graph::LearnedSimulator& simulator, const Scene& scen
     network.push_back(timing.network);
     projection.push_back(timing.projection);
     output.add(frame, seconds_since(last) - timing.total());
+    if (frame == frames) device_memory.look();
     progress.update(frame);
     last = Clock::now();
   };
@@ -277,17 +283,16 @@ TimedRun run_network(const graph::LearnedSimulator& simulator, const Scene& scen
   for (ParticleFrame& frame : result.run.trajectory.frames) std::vector<Vec3f>().swap(frame.velocity);
   result.run.mass = start.mass;
   result.run.volume = start.volume;
-  result.cost = {median(total),
-                 median(network),
-                 median(hierarchy),
-                 median(features),
-                 median(projection),
-                 median(output.times()),
-                 memory.peak(),
-                 memory.added(),
-                 1,
-                 static_cast<double>(simulator.config().bundle),
-                 0};
+  result.cost = {.frame = median(total),
+                 .network = median(network),
+                 .grid_build = median(hierarchy),
+                 .features = median(features),
+                 .projection = median(projection),
+                 .output = median(output.times()),
+                 .peak_bytes = memory.peak(),
+                 .added_bytes = memory.added(),
+                 .bundle = static_cast<double>(simulator.config().bundle),
+                 .device_bytes = device_memory.taken()};
   compare::hold_last_frame(result.run.trajectory, static_cast<std::size_t>(frames));
   return result;
 }
@@ -350,5 +355,13 @@ double MemoryMeter::peak() const {
 }
 
 double MemoryMeter::added() const { return std::max(0.0, peak() - before_); }
+
+DeviceMemoryMeter::DeviceMemoryMeter(Device device) : device_(device) {
+  if (device == Device::cuda) free_before_ = static_cast<double>(available_bytes(device));
+}
+
+void DeviceMemoryMeter::look() {
+  if (device_ == Device::cuda) taken_ = std::max(taken_, free_before_ - static_cast<double>(available_bytes(device_)));
+}
 
 }  // namespace graupel::apps

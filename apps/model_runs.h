@@ -85,4 +85,16 @@ class MemoryMeter {
   double before_;
 };
 
+/// What a run takes of a GPU's memory [bytes]; 0 on the CPU. Other processes on that GPU would be counted, too.
+class DeviceMemoryMeter {
+ public:
+  explicit DeviceMemoryMeter(Device device);
+  void look();  ///< at what the run holds now
+  double taken() const { return taken_; }
+
+ private:
+  Device device_;
+  double free_before_ = 0, taken_ = 0;
+};
+
 }  // namespace graupel::apps

@@ -97,4 +97,19 @@ double cuda_memory_bandwidth() {
 #endif
 }
 
+double cuda_product_peak() {
+#ifdef GRAUPEL_HAVE_CUDA
+  int kilohertz = 0, processors = 0, major = 0, minor = 0;
+  GRAUPEL_CUDA_CHECK(cudaDeviceGetAttribute(&kilohertz, cudaDevAttrClockRate, 0));
+  GRAUPEL_CUDA_CHECK(cudaDeviceGetAttribute(&processors, cudaDevAttrMultiProcessorCount, 0));
+  GRAUPEL_CUDA_CHECK(cudaDeviceGetAttribute(&major, cudaDevAttrComputeCapabilityMajor, 0));
+  GRAUPEL_CUDA_CHECK(cudaDeviceGetAttribute(&minor, cudaDevAttrComputeCapabilityMinor, 0));
+  // Of a multiprocessor in a clock: A100 2,048, each generation of data centres' GPUs since twice that.
+  const double a_clock = minor != 0 ? 0 : major == 8 ? 2048 : major == 9 ? 4096 : major == 10 ? 8192 : 0;
+  return 1e3 * kilohertz * processors * a_clock;
+#else
+  return 0;
+#endif
+}
+
 }  // namespace graupel

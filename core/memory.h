@@ -19,4 +19,8 @@ uint64_t available_host_bytes(const std::string& root);
 /// Peak of a GPU's memory from its clock and width [bytes/s]; 0 without a GPU.
 double cuda_memory_bandwidth();
 
+/// Peak of a GPU's matrix products, bf16 operands and f32 sums without sparsity, from its clock and multiprocessors
+/// [FLOP/s]; 0 without a GPU and for architectures that are not known (8.0, 9.0 and 10.0 are).
+double cuda_product_peak();
+
 }  // namespace graupel

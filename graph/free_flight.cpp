@@ -4,9 +4,13 @@
 #include <cmath>
 #include <map>
 
-#include "core/error.h"
-#include "core/parallel_for_in.h"
+#include "core/buffer.h"
+#include "core/parallel_for.h"
 #include "graph/free_flight_kernels.h"
+
+#ifdef GRAUPEL_HAVE_CUDA
+#include "graph/cuda/free_flight_launch.h"
+#endif
 
 namespace graupel::graph {
 
@@ -14,16 +18,19 @@ using namespace flight;
 
 namespace {
 
-constexpr Grain light{.items = 1024};
-constexpr int64_t most_cells = int64_t{1} << 23;
-/// Quadratic B-splines: particles share a node of MPM's grid up to three of its cells apart, and touch an obstacle up
-/// to two.
-constexpr double group_cells = 3, contact_cells = 2;
+constexpr Grain light{.items = 1024}, chunks{.items = 16};
+constexpr int64_t particles_of_chunk = 64;
+constexpr int64_t most_cells = int64_t{1} << 22;
+/// Quadratic B-splines: particles and an obstacle touch up to two cells apart. Particles share a node of MPM's grid up
+/// to three cells apart, but from two on by less than 1/64 of their weight.
+constexpr double group_cells = 2, contact_cells = 2;
 
-Cells cells_of(const Surroundings& surroundings, double spacing) {
-  Cells cells{};
+FlightCells cells_of(const Surroundings& surroundings) {
+  FlightCells cells{};
+  double spacing = group_cells * surroundings.normal_spacing;
   for (int64_t count = most_cells + 1; count > most_cells; spacing *= 2) {
-    cells.inverse_spacing = static_cast<float>(1 / spacing);
+    cells.fine = static_cast<float>(spacing / fine_cells);
+    cells.inverse_fine = static_cast<float>(fine_cells / spacing);
     count = 1;
     for (int d = 0; d < 3; ++d) {
       const double length = surroundings.wall_high[d] - surroundings.wall_low[d];
@@ -33,6 +40,32 @@ Cells cells_of(const Surroundings& surroundings, double spacing) {
     cells.origin = (surroundings.wall_low - Vec3d::filled(spacing)).cast<float>();
   }
   return cells;
+}
+
+template <typename Body>
+void for_chunks(int64_t n, const Body& body) {
+  parallel_for_cpu((n + particles_of_chunk - 1) / particles_of_chunk,
+                   [&](int64_t c) { body(c * particles_of_chunk, std::min((c + 1) * particles_of_chunk, n)); }, chunks);
+}
+
+/// sum_of(slot_of(i)) += terms_of(i) for all i with a slot: neighbours with the same one are added up first.
+template <typename SlotOf, typename TermsOf, typename SumOf>
+void sum_by_runs(int64_t n, const SlotOf& slot_of, const TermsOf& terms_of, const SumOf& sum_of) {
+  for_chunks(n, [&](int64_t begin, int64_t end) {
+    decltype(terms_of(0, 0)) sum{};
+    int32_t open = -1;
+    for (int64_t i = begin; i <= end; ++i) {
+      const int32_t slot = i < end ? slot_of(i) : -1;
+      if (slot != open) {
+        if (open >= 0) add_terms(sum_of(open), sum);
+        sum = {};
+        open = slot;
+      }
+      if (slot < 0) continue;
+      const auto terms = terms_of(i, slot);
+      for (int k = 0; k < terms.size; ++k) sum.value[k] += terms.value[k];
+    }
+  });
 }
 
 /// Of the largest; a type without a material in the scene counts as the largest.
@@ -52,46 +85,84 @@ std::vector<float> relative_masses(const Scene& scene, const std::vector<int32_t
   return mass;
 }
 
+void find_groups_on_cpu(const Groups& groups) {
+  parallel_for_cpu(groups.n, MarkCells{groups}, light);
+  parallel_for_cpu(groups.n, JoinTimes{groups}, light);
+  const JoinNeighbors neighbors{groups};
+  for (int time = 0; time < times; ++time)
+    parallel_for_cpu(
+        int64_t{groups.listed[time]} * JoinNeighbors::items, [&](int64_t item) { neighbors.join(time, item); }, light);
+  sum_by_runs(
+      groups.n, [&](int64_t i) { return place_particle(groups, i); },
+      [&](int64_t i, int32_t slot) { return groups.place_terms(i, slot); },
+      [&](int32_t slot) -> PlaceTerms& { return groups.sums[slot].place; });
+  for (int time = 0; time < times; ++time) {
+    for (int64_t k = 0; k < groups.listed[time]; ++k) ClearNode{groups}.clear(time, k);
+    groups.listed[time] = 0;
+  }
+}
+
+void correct_on_cpu(const Groups& groups, Vec3f* next) {
+  const auto flying_slot = [&](int64_t i) { return groups.flies(groups.group[i]) ? groups.group[i] : -1; };
+  sum_by_runs(
+      groups.n, flying_slot, [&](int64_t i, int32_t slot) { return groups.push_terms(i, slot, next); },
+      [&](int32_t slot) -> PushTerms& { return groups.sums[slot].push; });
+  for_chunks(groups.n, [&](int64_t begin, int64_t end) {
+    GroupChange change{};
+    int32_t known = -1;
+    for (int64_t i = begin; i < end; ++i) {
+      const int32_t slot = flying_slot(i);
+      if (slot < 0) continue;
+      if (slot != known) change = change_of(groups.sums[slot].place, groups.sums[slot].push);
+      known = slot;
+      correct(groups, i, slot, change, next);
+    }
+  });
+}
+
 }  // namespace
 
 struct FreeFlight::Impl {
-  Impl(Device on, const Scene& scene, const Surroundings& around, const std::vector<int32_t>& particle_type)
-      : device(on),
-        surroundings(around),
-        n(static_cast<int64_t>(particle_type.size())),
-        reach(contact_cells * around.normal_spacing),
-        parent(on, 0),
-        leader(on, 0),
-        group(on, particle_type.size()),
-        sums(on, particle_type.size()),
-        mass(on, 0) {
-    const double spacing = group_cells * around.normal_spacing;
-    groups.cells = cells_of(around, spacing);
+  Impl(Device on, const Scene& scene, const Surroundings& surroundings, const std::vector<int32_t>& particle_type)
+      : device(on) {
+    groups.cells = cells_of(surroundings);
+    const std::size_t nodes = times * static_cast<std::size_t>(groups.cells.count()), n = particle_type.size();
+    const double reach = contact_cells * surroundings.normal_spacing;
     groups.gravity = (scene.gravity * (scene.frame_time * scene.frame_time)).cast<float>();
-    const auto cells = static_cast<std::size_t>(groups.cells.count());
-    parent.upload(std::vector<int32_t>(cells, -1));
-    leader.upload(std::vector<int32_t>(cells, nobody));
+    groups.low = (surroundings.hold_low + Vec3d::filled(reach)).cast<float>();
+    groups.high = (surroundings.hold_high - Vec3d::filled(reach)).cast<float>();
+    groups.reach = static_cast<float>(reach);
+    groups.obstacles = surroundings.obstacles.view(on);
+    groups.n = static_cast<int64_t>(n);
+    matter.upload(std::vector<uint64_t>(nodes, 0));
+    std::vector<int32_t> parents(nodes, nobody);
+    parents[ground] = ground;
+    parent.upload(parents);
+    counters.upload(std::vector<int32_t>(times + 1, 0));
     mass.upload(relative_masses(scene, particle_type));
+    for (Buffer<int32_t>* of_particles : {&group, &origin}) of_particles->resize_discard(n);
+    slot.resize_discard(nodes / times);
+    list.resize_discard(times * n);
+    sums.resize_discard(n);
+    groups.matter = matter.data();
     groups.parent = parent.data();
-    groups.leader = leader.data();
+    groups.slot = slot.data();
+    groups.list = list.data();
+    groups.listed = counters.data();
+    groups.finished = counters.data() + times;
     groups.group = group.data();
+    groups.origin = origin.data();
     groups.sums = sums.data();
     groups.mass = mass.data();
   }
 
-  template <typename Kernel>
-  void run(const Kernel& kernel, void* stream) {
-    parallel_for_in(stream, device, n, kernel, light);
-  }
-
   Device device;
-  const Surroundings& surroundings;
-  int64_t n;
-  double reach;  ///< [m]
   Groups groups{};
-  Buffer<int32_t> parent, leader, group;
-  Buffer<GroupSums> sums;
-  Buffer<float> mass;
+  Buffer<uint64_t> matter{device, 0};
+  Buffer<int32_t> parent{device, 0}, slot{device, 0}, list{device, 0}, counters{device, 0}, group{device, 0},
+      origin{device, 0};
+  Buffer<GroupSums> sums{device, 0};
+  Buffer<float> mass{device, 0};
 };
 
 FreeFlight::FreeFlight(Device device, const Scene& scene, const Surroundings& surroundings,
@@ -100,36 +171,33 @@ FreeFlight::FreeFlight(Device device, const Scene& scene, const Surroundings& su
 FreeFlight::~FreeFlight() = default;
 
 void FreeFlight::find_groups(const Vec3f* before, const Vec3f* now, void* stream) {
-  Impl& impl = *impl_;
-  Groups& groups = impl.groups;
+  Groups& groups = impl_->groups;
   groups.before = before;
   groups.now = now;
-  const Vec3d reach = Vec3d::filled(impl.reach);
-  impl.run(MarkCells{groups}, stream);
-  impl.run(JoinCells{groups}, stream);
-  impl.run(FindGroup{groups, (impl.surroundings.hold_low + reach).cast<float>(),
-                     (impl.surroundings.hold_high - reach).cast<float>()},
-           stream);
-  const WayFollower way = impl.surroundings.way_follower(impl.device);
-  if (way.obstacles.count > 0) impl.run(FindContact{groups, way.obstacles, static_cast<float>(impl.reach)}, stream);
-  impl.run(SumPlaces{groups}, stream);
-  impl.run(ClearCells{groups}, stream);
+#ifdef GRAUPEL_HAVE_CUDA
+  if (impl_->device == Device::cuda) return find_groups_on_gpu(groups, stream);
+#endif
+  static_cast<void>(stream);
+  find_groups_on_cpu(groups);
 }
 
 void FreeFlight::correct(const Vec3f* before, const Vec3f* now, Vec3f* next, void* stream) {
-  Impl& impl = *impl_;
-  impl.groups.before = before;
-  impl.groups.now = now;
-  impl.run(SumPushes{impl.groups, next}, stream);
-  impl.run(Correct{impl.groups, next}, stream);
+  Groups& groups = impl_->groups;
+  groups.before = before;
+  groups.now = now;
+#ifdef GRAUPEL_HAVE_CUDA
+  if (impl_->device == Device::cuda) return correct_on_gpu(groups, next, stream);
+#endif
+  static_cast<void>(stream);
+  correct_on_cpu(groups, next);
 }
 
-std::vector<bool> FreeFlight::flying() const {
+std::vector<int32_t> FreeFlight::groups() const {
   const std::vector<GroupSums> sums = impl_->sums.download();
-  std::vector<bool> flies;
-  for (const int32_t group : impl_->group.download())
-    flies.push_back(sums[static_cast<std::size_t>(group)].touches == 0);
-  return flies;
+  std::vector<int32_t> groups = impl_->group.download();
+  for (int32_t& group : groups)
+    if (group >= 0 && sums[static_cast<std::size_t>(group)].touches != 0) group = -1;
+  return groups;
 }
 
 }  // namespace graupel::graph

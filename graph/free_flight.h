@@ -5,8 +5,9 @@
 // in the mean weighted by mass, that obey:
 //   a_i <- a_i - (mean of a - g) - w x (x_i - centre),   inertia w = sum m (x_i - centre) x a_i.
 //
-// Groups: particles in the same or neighbouring cells of a grid (26 neighbours), now or after a frame of ballistic
-// flight, belong together.
+// Groups: particles less than two cells of the scene's grid apart along each axis, now or after a frame of ballistic
+// flight, belong together. That is counted in quarters of that reach, at most four apart: none that are 2.5 cells
+// apart.
 #pragma once
 
 #include <cstdint>
@@ -20,8 +21,8 @@
 
 namespace graupel::graph {
 
-/// Sums are of integers: results do not depend on the number of threads or the order of the particles; another device
-/// gives the same up to rounding.
+/// Sums are of integers about places of the grid: a particle's result depends neither on the device or the number of
+/// threads nor on the order of the particles.
 class FreeFlight {
  public:
   /// `particle_type` [n] tells a particle's mass, by its material's density. The surroundings must live as long.
@@ -33,11 +34,12 @@ class FreeFlight {
   /// the scene's grid) in the frame to come. All positions [n] [m] lie in the device's memory. Allocates nothing; takes
   /// its place in `stream` (cudaStream_t; null: the default one).
   void find_groups(const Vec3f* before, const Vec3f* now, void* stream = nullptr);
-  /// Corrects `next` = 2 now - before + a, of the frame that find_groups() saw.
+  /// Corrects `next` = 2 now - before + a, of the frame that find_groups() saw, once.
   void correct(const Vec3f* before, const Vec3f* now, Vec3f* next, void* stream = nullptr);
 
-  /// Whether particle i flies, of the frame that find_groups() saw [n].
-  std::vector<bool> flying() const;
+  /// A number of particle i's group where it flies, -1 where it touches something, of the frame that find_groups() saw
+  /// [n]. Numbers may be others the next time.
+  std::vector<int32_t> groups() const;
 
  private:
   struct Impl;

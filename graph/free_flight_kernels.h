@@ -1,33 +1,31 @@
-// Kernels of graph/free_flight.cpp, for host and device.
+// Kernels of graph/free_flight.cpp and graph/cuda/free_flight_launch.cu, for host and device.
 #pragma once
 
 #include <atomic>
 #include <cmath>
 #include <cstdint>
 
-#include "core/host_device.h"
-#include "core/vec.h"
+#include "graph/flight_cells.h"
 #include "sparsegrid/obstacle.h"
 
 namespace graupel::graph::flight {
 
-inline constexpr int32_t nobody = INT32_MAX;
+inline constexpr int32_t nobody = INT32_MAX, ground = 0;
+inline constexpr int times = 2;        ///< now, and after a frame of ballistic flight
+inline constexpr int directions = 13;  ///< to neighbours of higher number
 inline constexpr double unit_of_way = 1 << 30, unit_of_acceleration = int64_t{1} << 34;  ///< of sums, per m
 inline constexpr float least_inertia = 1e-9f;  ///< [m^2] per particle: less does not turn
 inline constexpr float singular = 1e-5f;       ///< of the inertia's trace, added to its diagonal
 
-GRAUPEL_HD inline void add_to(int64_t& sum, int64_t value) {
+// What several threads share. Orders do not matter: each kernel reads what the one before has written, but for the
+// union-find's parents, which only ever go from one ancestor to a higher one.
+
+template <typename T>
+GRAUPEL_HD T read(const T& place) {
 #ifdef __CUDA_ARCH__
-  atomicAdd(reinterpret_cast<unsigned long long*>(&sum), static_cast<unsigned long long>(value));
+  return *static_cast<const volatile T*>(&place);
 #else
-  std::atomic_ref<int64_t>(sum).fetch_add(value, std::memory_order_relaxed);
-#endif
-}
-GRAUPEL_HD inline int32_t read(int32_t& place) {
-#ifdef __CUDA_ARCH__
-  return *static_cast<volatile int32_t*>(&place);
-#else
-  return std::atomic_ref<int32_t>(place).load(std::memory_order_relaxed);
+  return std::atomic_ref<T>(const_cast<T&>(place)).load(std::memory_order_relaxed);
 #endif
 }
 GRAUPEL_HD inline void write(int32_t& place, int32_t value) {
@@ -35,6 +33,28 @@ GRAUPEL_HD inline void write(int32_t& place, int32_t value) {
   *static_cast<volatile int32_t*>(&place) = value;
 #else
   std::atomic_ref<int32_t>(place).store(value, std::memory_order_relaxed);
+#endif
+}
+GRAUPEL_HD inline void add_to(int64_t& sum, int64_t value) {
+#ifdef __CUDA_ARCH__
+  atomicAdd(reinterpret_cast<unsigned long long*>(&sum), static_cast<unsigned long long>(value));
+#else
+  std::atomic_ref<int64_t>(sum).fetch_add(value, std::memory_order_relaxed);
+#endif
+}
+GRAUPEL_HD inline void add_bit(uint64_t& bits, uint64_t bit) {
+#ifdef __CUDA_ARCH__
+  atomicOr(reinterpret_cast<unsigned long long*>(&bits), static_cast<unsigned long long>(bit));
+#else
+  std::atomic_ref<uint64_t>(bits).fetch_or(bit, std::memory_order_relaxed);
+#endif
+}
+/// Adds 1; returns what it was.
+GRAUPEL_HD inline int32_t count_up(int32_t& count) {
+#ifdef __CUDA_ARCH__
+  return atomicAdd(&count, 1);
+#else
+  return std::atomic_ref<int32_t>(count).fetch_add(1, std::memory_order_relaxed);
 #endif
 }
 /// place = value if it was `expected`; returns what it was.
@@ -46,164 +66,204 @@ GRAUPEL_HD inline int32_t exchange_if(int32_t& place, int32_t expected, int32_t 
   return expected;
 #endif
 }
-GRAUPEL_HD inline void lower_to(int32_t& place, int32_t value) {
+/// place = the lesser of it and value; returns what it was.
+GRAUPEL_HD inline int32_t lower_to(int32_t& place, int32_t value) {
 #ifdef __CUDA_ARCH__
-  atomicMin(&place, value);
+  return atomicMin(&place, value);
 #else
   int32_t seen = read(place);
   while (value < seen && !std::atomic_ref<int32_t>(place).compare_exchange_weak(seen, value, std::memory_order_relaxed))
     ;
+  return seen;
 #endif
 }
 
-/// Dense cells; particles beyond them count in the outermost ones.
-struct Cells {
-  Vec3f origin;  ///< [m]
-  float inverse_spacing;
-  Vec3i size;
-  GRAUPEL_HD int64_t count() const { return int64_t{size[0]} * size[1] * size[2]; }
-  GRAUPEL_HD int32_t of(const Vec3f& x) const {
-    int32_t number = 0;
-    for (int d = 2; d >= 0; --d) {
-      const float u = (x[d] - origin[d]) * inverse_spacing, last = static_cast<float>(size[d] - 1);
-      number = number * size[d] + static_cast<int32_t>(u > 0 ? (u < last ? u : last) : 0);  // NaN: 0
-    }
-    return number;
-  }
+template <int N>
+struct Terms {
+  static constexpr int size = N;
+  int64_t value[N];
 };
+using PlaceTerms = Terms<10>;  ///< m, m d, m d d^T: xx yy zz xy yz zx
+using PushTerms = Terms<6>;    ///< m a, m d x a
 
-/// What a group adds up, in its leader's place: about the leader's position x0, d = x - x0, of masses relative to the
-/// largest. a is the acceleration less gravity's.
+/// What a group adds up about the centre x0 of its lowest cell: d = x - x0, masses m relative to the largest, a the
+/// acceleration less gravity's.
 struct GroupSums {
-  int64_t mass, way[3];       ///< sum m, sum m d
-  int64_t square[6];          ///< sum m d d^T: xx yy zz xy yz zx
-  int64_t push[3], twist[3];  ///< sum m a, sum m d x a
+  PlaceTerms place;
+  PushTerms push;
   int32_t touches;
 };
 
-/// The frame at hand and its groups: a union-find over cells, whose roots are their groups' lowest cells.
+/// What a group's accelerations change by: push + turn x (x - centre).
+struct GroupChange {
+  Vec3d push, turn, centre;
+};
+
+/// The frame at hand and its groups: a union-find over nodes, which are the cells now and, behind them, the cells after
+/// the frame. A group's root is its lowest node, a cell of now; what touches a wall hangs on the node `ground`, a
+/// corner of the cells outside the walls.
 struct Groups {
-  Cells cells;
-  Vec3f gravity;        ///< [m/frame^2]
-  int32_t* parent;      ///< [cells] -1 between frames and where nobody is
-  int32_t* leader;      ///< [cells] its first particle; `nobody` between frames
-  int32_t* group;       ///< [n] leader of the group
-  GroupSums* sums;      ///< [n]
+  FlightCells cells;
+  Vec3f gravity;    ///< [m/frame^2]
+  Vec3f low, high;  ///< [m] the walls, less the reach of contact
+  float reach;      ///< [m] of contact
+  sparsegrid::ObstacleSetView obstacles;
+  int64_t n;
+  uint64_t* matter;     ///< [nodes] fine cells with particles; 0 between frames
+  int32_t* parent;      ///< [nodes] `nobody` between frames and where nobody is; `ground` of the ground
+  int32_t* slot;        ///< [cells] of now: place among those with particles
+  int32_t* list;        ///< [times, n] nodes with particles, in any order
+  int32_t* listed;      ///< [times] how many; 0 between frames
+  int32_t* finished;    ///< blocks of a GPU that are done; 0 between frames
+  int32_t* group;       ///< [n] slot of the group's root; -1 what touches a wall
+  int32_t* origin;      ///< [n] cell of a slot
+  GroupSums* sums;      ///< [n] of a slot
   const float* mass;    ///< [n] of the largest
   const Vec3f* before;  ///< [n] [m]
   const Vec3f* now;
 
   GRAUPEL_HD Vec3f ballistic(int64_t i) const { return now[i] + (now[i] - before[i]) + gravity; }
-  GRAUPEL_HD int32_t root(int32_t cell) const {
-    for (int32_t up = read(parent[cell]); up != cell; up = read(parent[cell])) cell = up;
-    return cell;
+  GRAUPEL_HD bool is_inside(const Vec3f& x) const {
+    bool inside = true;
+    for (int d = 0; d < 3; ++d) inside = inside && x[d] > low[d] && x[d] < high[d];
+    return inside;
+  }
+  GRAUPEL_HD int32_t first_node(int time) const { return time * static_cast<int32_t>(cells.count()); }
+
+  /// With path halving (as ECL-CC, Jaiganesh and Burtscher 2018): it is written to nodes that are no roots alone.
+  GRAUPEL_HD int32_t root(int32_t node) const {
+    int32_t up = read(parent[node]);
+    while (up != node) {
+      const int32_t above = read(parent[up]);
+      if (above != up) write(parent[node], above);
+      node = up;
+      up = above;
+    }
+    return node;
   }
   GRAUPEL_HD void unite(int32_t a, int32_t b) const {
     for (;;) {
       a = root(a);
       b = root(b);
       if (a == b) return;
-      const int32_t low = a < b ? a : b, high = a < b ? b : a;
-      if (exchange_if(parent[high], high, low) == high) return;
+      const int32_t low_root = a < b ? a : b, high_root = a < b ? b : a;
+      if (exchange_if(parent[high_root], high_root, low_root) == high_root) return;
     }
   }
+
+  /// Whether an obstacle is within reach, now or on the way of this frame.
+  GRAUPEL_HD bool touches_obstacle(int64_t i) const {
+    const Vec3f& x = now[i];
+    const float far = (reach + norm(ballistic(i) - x)) * static_cast<float>(sparsegrid::steepest_grid);
+    const Vec3f margin = Vec3f::filled(far);
+    for (int k = 0; k < obstacles.count; ++k) {
+      const auto& frame = obstacles.obstacles[k].single;
+      if (!sparsegrid::lookup::in_box(x, frame.solid_low - margin, frame.solid_high + margin)) continue;
+      const float phi = signed_distance(obstacles.obstacles[k], x).phi;
+      if (phi < frame.band && !(phi > far)) return true;
+    }
+    return false;
+  }
+
+  GRAUPEL_HD Vec3d from_origin(int64_t i, int32_t slot_of_group) const {
+    return (now[i] - cells.centre(origin[slot_of_group])).cast<double>();
+  }
+  GRAUPEL_HD PlaceTerms place_terms(int64_t i, int32_t slot_of_group) const {
+    const double m = mass[i] * unit_of_way;
+    const Vec3d d = from_origin(i, slot_of_group);
+    PlaceTerms terms;
+    terms.value[0] = llrint(m);
+    for (int k = 0; k < 3; ++k) {
+      terms.value[1 + k] = llrint(m * d[k]);
+      terms.value[4 + k] = llrint(m * d[k] * d[k]);
+      terms.value[7 + k] = llrint(m * d[k] * d[(k + 1) % 3]);
+    }
+    return terms;
+  }
+  GRAUPEL_HD PushTerms push_terms(int64_t i, int32_t slot_of_group, const Vec3f* next) const {
+    const double m = mass[i] * unit_of_acceleration;
+    const Vec3d a = (next[i] - ballistic(i)).cast<double>(), twist = cross(from_origin(i, slot_of_group), a);
+    PushTerms terms;
+    for (int k = 0; k < 3; ++k) {
+      terms.value[k] = llrint(m * a[k]);
+      terms.value[3 + k] = llrint(m * twist[k]);
+    }
+    return terms;
+  }
+  GRAUPEL_HD bool flies(int32_t slot_of_group) const { return slot_of_group >= 0 && sums[slot_of_group].touches == 0; }
 };
 
+template <int N>
+GRAUPEL_HD void add_terms(Terms<N>& sum, const Terms<N>& terms) {
+  for (int k = 0; k < N; ++k) add_to(sum.value[k], terms.value[k]);
+}
+
+/// Item i: marks the cells of particle i at both times. A cell now hangs on itself, a later one on one of now.
 struct MarkCells {
   Groups groups;
+  GRAUPEL_HD void mark(int time, const FineCell& at, int32_t parent) const {
+    const int32_t node = groups.first_node(time) + at.cell;
+    if (node == ground) return;
+    if ((read(groups.matter[node]) & at.bit) == 0) add_bit(groups.matter[node], at.bit);
+    if (read(groups.parent[node]) <= parent || lower_to(groups.parent[node], parent) != nobody) return;
+    const int32_t slot = count_up(groups.listed[time]);
+    groups.list[time * groups.n + slot] = node;
+    if (time != 0) return;
+    groups.slot[at.cell] = slot;
+    groups.origin[slot] = at.cell;
+    groups.sums[slot] = {};
+  }
   GRAUPEL_HD void operator()(int64_t i) const {
-    groups.sums[i] = {};
-    for (const int32_t cell : {groups.cells.of(groups.now[i]), groups.cells.of(groups.ballistic(i))}) {
-      write(groups.parent[cell], cell);
-      if (read(groups.leader[cell]) > i) lower_to(groups.leader[cell], static_cast<int32_t>(i));
-    }
+    const Vec3f now = groups.now[i], then = groups.ballistic(i);
+    const FineCell here = groups.cells.of(now);
+    const int32_t parent = groups.is_inside(now) && groups.is_inside(then) ? here.cell : ground;
+    mark(0, here, parent);
+    mark(1, groups.cells.of(then), parent);
   }
 };
 
-struct JoinCells {
+/// Item i: what is together in particle i at both times belongs together.
+struct JoinTimes {
   Groups groups;
-  /// With the 13 neighbours of higher number; the leader does it for its cell.
-  GRAUPEL_HD void join(int32_t cell) const {
-    const Vec3i size = groups.cells.size;
-    const Vec3i at = {cell % size[0], cell / size[0] % size[1], cell / size[0] / size[1]};
-    for (int k = 14; k < 27; ++k) {
-      const Vec3i other = {at[0] + k % 3 - 1, at[1] + k / 3 % 3 - 1, at[2] + k / 9 - 1};
-      bool inside = true;
-      for (int d = 0; d < 3; ++d) inside = inside && other[d] >= 0 && other[d] < size[d];
-      if (!inside) continue;
-      const int32_t number = (other[2] * size[1] + other[1]) * size[0] + other[0];
-      if (read(groups.parent[number]) >= 0) groups.unite(cell, number);
-    }
-  }
   GRAUPEL_HD void operator()(int64_t i) const {
-    const int32_t here = groups.cells.of(groups.now[i]), there = groups.cells.of(groups.ballistic(i));
-    if (here != there) groups.unite(here, there);
-    if (groups.leader[here] == i) join(here);
-    if (here != there && groups.leader[there] == i) join(there);
+    groups.unite(groups.cells.of(groups.now[i]).cell, groups.first_node(1) + groups.cells.of(groups.ballistic(i)).cell);
   }
 };
 
-/// Finds the groups, and those that touch a wall.
-struct FindGroup {
+/// Item 16 k + direction: the node k of a time's list with a neighbour of higher number.
+struct JoinNeighbors {
+  static constexpr int items = 16;
   Groups groups;
-  Vec3f low, high;  ///< [m] the walls, less the reach of contact
-  GRAUPEL_HD void operator()(int64_t i) const {
-    const int32_t group = groups.leader[groups.root(groups.cells.of(groups.now[i]))];
-    groups.group[i] = group;
-    bool touches = false;
-    for (const Vec3f& x : {groups.now[i], groups.ballistic(i)})
-      for (int d = 0; d < 3; ++d) touches = touches || !(x[d] > low[d] && x[d] < high[d]);
-    if (touches) write(groups.sums[group].touches, 1);
+  GRAUPEL_HD void join(int time, int64_t item) const {
+    const int direction = static_cast<int>(item % items);
+    if (direction >= directions) return;
+    const int32_t first = groups.first_node(time), node = groups.list[time * groups.n + item / items];
+    const int k = 27 - directions + direction;
+    const Vec3i step = {k % 3 - 1, k / 3 % 3 - 1, k / 9 - 1};
+    const int32_t beside = groups.cells.beside(groups.cells.at(node - first), step);
+    if (beside >= 0 && any_near(groups.matter[node], groups.matter[first + beside], step))
+      groups.unite(node, first + beside);
   }
 };
 
-/// Of groups that touch no wall: those that touch an obstacle.
-struct FindContact {
-  Groups groups;
-  sparsegrid::ObstacleSetView obstacles;
-  float reach;  ///< [m]
-  GRAUPEL_HD void operator()(int64_t i) const {
-    GroupSums& sums = groups.sums[groups.group[i]];
-    if (read(sums.touches) != 0) return;
-    int nearest = -1;
-    const float clearance =
-        signed_distance(obstacles, groups.now[i], nearest).phi / static_cast<float>(sparsegrid::steepest_grid);
-    const float way = norm(groups.ballistic(i) - groups.now[i]);
-    if (nearest >= 0 && !(clearance > reach + way)) write(sums.touches, 1);
-  }
-};
+/// Finds the group of particle i, and whether it touches an obstacle. Returns the group's slot where it may fly.
+GRAUPEL_HD inline int32_t place_particle(const Groups& groups, int64_t i) {
+  const int32_t root = groups.root(groups.cells.of(groups.now[i]).cell);
+  const int32_t slot = root == ground ? -1 : groups.slot[root];
+  groups.group[i] = slot;
+  if (slot < 0 || read(groups.sums[slot].touches) != 0) return -1;
+  if (!groups.touches_obstacle(i)) return slot;
+  write(groups.sums[slot].touches, 1);
+  return -1;
+}
 
-struct SumPlaces {
+/// Item k of a time's list: as it was before the frame.
+struct ClearNode {
   Groups groups;
-  GRAUPEL_HD void operator()(int64_t i) const {
-    const int32_t group = groups.group[i];
-    GroupSums& sums = groups.sums[group];
-    if (sums.touches != 0) return;
-    const double mass = groups.mass[i] * unit_of_way;
-    const Vec3d d = (groups.now[i] - groups.now[group]).cast<double>();
-    add_to(sums.mass, llrint(mass));
-    for (int k = 0; k < 3; ++k) {
-      add_to(sums.way[k], llrint(mass * d[k]));
-      add_to(sums.square[k], llrint(mass * d[k] * d[k]));
-      add_to(sums.square[3 + k], llrint(mass * d[k] * d[(k + 1) % 3]));
-    }
-  }
-};
-
-struct SumPushes {
-  Groups groups;
-  const Vec3f* next;
-  GRAUPEL_HD void operator()(int64_t i) const {
-    const int32_t group = groups.group[i];
-    GroupSums& sums = groups.sums[group];
-    if (sums.touches != 0) return;
-    const double mass = groups.mass[i] * unit_of_acceleration;
-    const Vec3d d = (groups.now[i] - groups.now[group]).cast<double>();
-    const Vec3d a = (next[i] - groups.ballistic(i)).cast<double>(), twist = cross(d, a);
-    for (int k = 0; k < 3; ++k) {
-      add_to(sums.push[k], llrint(mass * a[k]));
-      add_to(sums.twist[k], llrint(mass * twist[k]));
-    }
+  GRAUPEL_HD void clear(int time, int64_t k) const {
+    const int32_t node = groups.list[time * groups.n + k];
+    groups.matter[node] = 0;
+    groups.parent[node] = nobody;
   }
 };
 
@@ -214,50 +274,39 @@ GRAUPEL_HD inline Vec3d solve(const double (&m)[6], const Vec3d& b) {
   return (yz * b[0] + cross(z, x) * b[1] + cross(x, y) * b[2]) * (1 / dot(x, yz));
 }
 
-struct Correct {
-  Groups groups;
-  Vec3f* next;
-  GRAUPEL_HD void operator()(int64_t i) const {
-    const int32_t group = groups.group[i];
-    const GroupSums& sums = groups.sums[group];
-    if (sums.touches != 0) return;
-    const double mass = static_cast<double>(sums.mass) / unit_of_way;
-    Vec3d centre, push, twist;  // about the leader
-    double square[6];
-    for (int k = 0; k < 3; ++k) {
-      centre[k] = static_cast<double>(sums.way[k]) / unit_of_way / mass;
-      push[k] = static_cast<double>(sums.push[k]) / unit_of_acceleration / mass;
-      twist[k] = static_cast<double>(sums.twist[k]) / unit_of_acceleration / mass;
-    }
-    for (int k = 0; k < 6; ++k)
-      square[k] =
-          static_cast<double>(sums.square[k]) / unit_of_way / mass - centre[k % 3] * centre[k < 3 ? k : (k + 1) % 3];
-    const double trace = square[0] + square[1] + square[2];
-    Vec3d change = push;
-    if (trace > least_inertia) {
-      const double spare = singular * trace;
-      const double inertia[6] = {trace - square[0] + spare,
-                                 trace - square[1] + spare,
-                                 trace - square[2] + spare,
-                                 -square[3],
-                                 -square[4],
-                                 -square[5]};
-      const Vec3d turn = solve(inertia, twist - cross(centre, push));
-      change += cross(turn, (groups.now[i] - groups.now[group]).cast<double>() - centre);
-    }
-    next[i] = next[i] - change.cast<float>();
+/// push = mean a; inertia turn = sum m (x - centre) x a.
+GRAUPEL_HD inline GroupChange change_of(const PlaceTerms& places, const PushTerms& pushes) {
+  const double mass = static_cast<double>(places.value[0]) / unit_of_way;
+  const double of_ways = 1 / (unit_of_way * mass), of_pushes = 1 / (unit_of_acceleration * mass);
+  GroupChange change;
+  Vec3d twist;
+  double square[6];
+  for (int k = 0; k < 3; ++k) {
+    change.centre[k] = static_cast<double>(places.value[1 + k]) * of_ways;
+    change.push[k] = static_cast<double>(pushes.value[k]) * of_pushes;
+    twist[k] = static_cast<double>(pushes.value[3 + k]) * of_pushes;
   }
-};
+  const Vec3d& centre = change.centre;
+  for (int k = 0; k < 6; ++k)
+    square[k] = static_cast<double>(places.value[4 + k]) * of_ways - centre[k % 3] * centre[k < 3 ? k : (k + 1) % 3];
+  change.turn = Vec3d::zero();
+  const double trace = square[0] + square[1] + square[2];
+  if (!(trace > least_inertia)) return change;
+  const double spare = singular * trace;
+  const double inertia[6] = {trace - square[0] + spare,
+                             trace - square[1] + spare,
+                             trace - square[2] + spare,
+                             -square[3],
+                             -square[4],
+                             -square[5]};
+  change.turn = solve(inertia, twist - cross(centre, change.push));
+  return change;
+}
 
-/// As it was before the frame.
-struct ClearCells {
-  Groups groups;
-  GRAUPEL_HD void operator()(int64_t i) const {
-    for (const int32_t cell : {groups.cells.of(groups.now[i]), groups.cells.of(groups.ballistic(i))}) {
-      write(groups.parent[cell], -1);
-      write(groups.leader[cell], nobody);
-    }
-  }
-};
+/// Corrects particle i of a group that flies.
+GRAUPEL_HD inline void correct(const Groups& groups, int64_t i, int32_t slot, const GroupChange& change, Vec3f* next) {
+  const Vec3d by = change.push + cross(change.turn, groups.from_origin(i, slot) - change.centre);
+  next[i] = next[i] - by.cast<float>();
+}
 
 }  // namespace graupel::graph::flight

@@ -39,7 +39,8 @@ MovingObstacles<T>::MovingObstacles(Device device, const Scene& scene, const spa
 template <typename T>
 ObstacleSetView MovingObstacles<T>::fixed() const {
   if (index_.size() == scene_.obstacles.size()) return {nullptr, 0};
-  return any() ? ObstacleSetView{fixed_.data(), static_cast<int>(fixed_.size())} : obstacles_.view(device_);
+  return any() ? ObstacleSetView{fixed_.data(), static_cast<int>(fixed_.size()), obstacles_.cells(device_)}
+               : obstacles_.view(device_);
 }
 
 template <typename T>
@@ -58,10 +59,11 @@ void MovingObstacles<T>::begin_step(double time, double dt) {
 
 template <typename T>
 MovingObstacleView<T> MovingObstacles<T>::view() const {
+  const sparsegrid::ObstacleCells cells = obstacles_.cells(device_);
   return {static_cast<int32_t>(index_.size()),
           device_index_.data(),
-          {start_.data(), static_cast<int>(start_.size())},
-          {end_.data(), static_cast<int>(end_.size())},
+          {start_.data(), static_cast<int>(start_.size()), cells},
+          {end_.data(), static_cast<int>(end_.size()), cells},
           steps_.data()};
 }
 

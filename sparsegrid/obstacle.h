@@ -8,6 +8,7 @@
 
 #include "core/mat.h"
 #include "core/scene.h"
+#include "sparsegrid/obstacle_cells.h"
 
 /// Kernels that look up seldom, in many places, are compiled with GRAUPEL_COMPACT_LOOKUP: a look-up is then called. Its
 /// code in every place would not fit into a GPU's instruction cache.
@@ -69,6 +70,13 @@ struct ObstacleView {
 struct ObstacleSetView {
   const ObstacleView* obstacles;
   int count;
+  ObstacleCells cells = {};  ///< without lists, every look-up asks all obstacles; the answer is the same
+
+  /// The obstacles that x may lie within the band of.
+  template <typename T>
+  GRAUPEL_HD ObstacleList near(const Vec<T, 3>& x) const {
+    return cells.begin == nullptr ? ObstacleList{nullptr, count} : cells.near(x);
+  }
 };
 
 /// phi and normal of one obstacle: trilinear interpolation of the grid and the gradient of that interpolant.

@@ -125,8 +125,12 @@ GRAUPEL_HD SignedDistance<T> signed_distance(const ObstacleView& obstacle, const
 template <typename T>
 GRAUPEL_HD SignedDistance<T> signed_distance(const ObstacleSetView& set, const Vec<T, 3>& x, int& nearest) {
   nearest = -1;
-  SignedDistance<T> best = {static_cast<T>(no_obstacle_distance), Vec<T, 3>::zero()};
-  for (int i = 0; i < set.count; ++i) {
+  SignedDistance<T> best = {
+      set.cells.begin == nullptr ? static_cast<T>(no_obstacle_distance) : set.cells.template frame<T>().band,
+      Vec<T, 3>::zero()};
+  const ObstacleList near = set.near(x);
+  for (int32_t k = 0; k < near.count; ++k) {
+    const int32_t i = near[k];
     const SignedDistance<T> one = signed_distance(set.obstacles[i], x);
     if (one.phi >= best.phi) continue;
     best = one;

@@ -141,12 +141,14 @@ struct ObstacleSet::Impl {
   std::vector<std::string> names;   ///< [count]
   std::vector<LevelSetGrid> grids;  ///< [count]; without bytes for a plane
   Buffer<ObstacleView> views{Device::cpu, 0};
+  ObstacleLists lists;
 
   mutable std::once_flag uploaded;
   mutable std::vector<Buffer<char>> cuda_grids;
   mutable std::vector<Buffer<float>> cuda_dense;
   mutable Buffer<ObstacleView> cuda_views;
   mutable std::vector<ObstacleView> cuda_views_on_host;
+  mutable Buffer<int32_t> cuda_list_begin{Device::cuda, 0}, cuda_list_place{Device::cuda, 0};
 
   explicit Impl(const Scene& from);
   void upload() const;
@@ -181,6 +183,9 @@ ObstacleSet::Impl::Impl(const Scene& from) {
     grids.push_back(std::move(grid));
   }
   views.upload(host);
+  std::vector<bool> moves;
+  for (const Obstacle& obstacle : scene.obstacles) moves.push_back(obstacle.motion.has_value());
+  lists = list_obstacles(host, moves, scene.domain.origin, scene.domain.origin + scene.domain.size);
 }
 
 void ObstacleSet::Impl::upload() const {
@@ -199,6 +204,8 @@ void ObstacleSet::Impl::upload() const {
   }
   cuda_views.upload(device_views);
   cuda_views_on_host = std::move(device_views);
+  cuda_list_begin.upload(lists.begin);
+  cuda_list_place.upload(lists.place);
 }
 
 ObstacleSet::ObstacleSet(const Scene& scene) : impl_(std::make_shared<Impl>(scene)) {}
@@ -207,9 +214,19 @@ int ObstacleSet::count() const { return impl_ ? static_cast<int>(impl_->names.si
 
 ObstacleSetView ObstacleSet::view(Device device) const {
   if (count() == 0) return {nullptr, 0};
-  if (device == Device::cpu) return {impl_->views.data(), count()};
-  std::call_once(impl_->uploaded, [this] { impl_->upload(); });
-  return {impl_->cuda_views.data(), count()};
+  const ObstacleCells lists = cells(device);
+  return {device == Device::cpu ? impl_->views.data() : impl_->cuda_views.data(), count(), lists};
+}
+
+ObstacleCells ObstacleSet::cells(Device device) const {
+  if (count() == 0) return {};
+  const ObstacleLists& lists = impl_->lists;
+  if (device == Device::cuda) std::call_once(impl_->uploaded, [this] { impl_->upload(); });
+  ObstacleCells cells = lists.cells;
+  if (lists.begin.empty()) return cells;
+  cells.begin = device == Device::cpu ? lists.begin.data() : impl_->cuda_list_begin.data();
+  cells.place = device == Device::cpu ? lists.place.data() : impl_->cuda_list_place.data();
+  return cells;
 }
 
 std::vector<ObstacleView> ObstacleSet::views_at(double time, Device device) const {

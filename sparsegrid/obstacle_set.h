@@ -37,6 +37,9 @@ class ObstacleSet {
   /// View for kernels on `device`; valid as long as this set lives. The first call for cuda uploads the grids.
   ObstacleSetView view(Device device = Device::cpu) const;
 
+  /// The lists of view(device); they hold for all poses that the obstacles' scripts give.
+  ObstacleCells cells(Device device = Device::cpu) const;
+
   /// The views with the poses that the obstacles' scripts give at `time` [s], for kernels on `device`.
   std::vector<ObstacleView> views_at(double time, Device device = Device::cpu) const;
   /// Upper bound of the distance of the obstacle's initial surface (of a plane: inside the domain) from a point [m].

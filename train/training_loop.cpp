@@ -16,6 +16,7 @@
 #include "train/provenance.h"
 #include "train/run_folder.h"
 #include "train/sampling.h"
+#include "train/starting_weights.h"
 #include "train/worker_threads.h"
 
 namespace graupel::train {
@@ -47,14 +48,6 @@ const std::vector<std::string>& metric_columns() {
                                                    "valid_ballistic_raw",
                                                    "valid_rollout_mse"};
   return columns;
-}
-
-/// "key: a, here b" of the first entry that differs.
-std::string first_difference(const std::map<std::string, std::string>& a, const std::map<std::string, std::string>& b) {
-  for (const auto& [key, value] : a)
-    if (const auto other = b.find(key); other == b.end() || other->second != value)
-      return key + ": " + value + ", here " + (other == b.end() ? "none" : other->second);
-  return "";
 }
 
 class TrainingRun {
@@ -171,11 +164,7 @@ void TrainingRun::prepare_normalization() {
 }
 
 void TrainingRun::start_from_weights() {
-  const nn::Weights weights = nn::read_safetensors(options_.from);
-  const auto theirs = metadata_of(network_config_of(weights)), ours = metadata_of(config_.network());
-  if (theirs != ours)
-    throw ConfigError("'" + options_.from + "' is a network with other settings than this run's (" +
-                      first_difference(theirs, ours) + "). Give this run the file's, with --set");
+  const nn::Weights weights = starting_weights(options_.from, config_.network());
   // What the weights mean depends on the statistics that they were trained with.
   normalization_ = graph::read_normalization(weights);
   for (const StateArray array : {StateArray::weights, StateArray::ema}) module_.set_state(array, weights);

@@ -33,6 +33,24 @@ TEST(BenchGraph, HasARowForEveryModelAndState) {
   EXPECT_LE(rows[1]["network"].get<double>(), rows[1]["seconds_per_frame"].get<double>());
 }
 
+TEST(BenchGraph, SpreadsABatchOverItsScenesAndKnowsTheRateOfProducts) {
+  const Folder folder;
+  const Outcome outcome = graupel(
+      "bench graph --models mpm:coarse,models/hgn.safetensors --batch 3 --particles 900 --frames 2 --settle 2 " +
+      std::string("--threads 1 --json ") + folder.file("g.json"));
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.output;
+  std::ifstream file(folder.file("g.json"));
+  const auto json = nlohmann::json::parse(file);
+  const auto rows = json["rows"];
+  ASSERT_EQ(rows.size(), 6U);
+  EXPECT_EQ(rows[1]["scenes"], 3);
+  EXPECT_FALSE(rows[0].contains("scenes"));
+  const double ratio = rows[1]["seconds_per_frame"].get<double>() / rows[0]["seconds_per_frame"].get<double>();
+  EXPECT_GT(ratio, 0.3);  // on one thread a scene of three takes what it takes alone
+  EXPECT_LT(ratio, 3);
+  EXPECT_LT(rows[2]["gflop_per_second"].get<double>(), json["product_gflop_per_second"].get<double>());
+}
+
 /// A network of 8 latents that lets particles fall, whatever it sees.
 template <typename Config>
 void write_tiny_network(const std::string& file, Config config) {

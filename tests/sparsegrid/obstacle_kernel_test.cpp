@@ -1,6 +1,8 @@
 // The look-up and push_out inside kernels: the GPU gives what the CPU gives.
 #include <gtest/gtest.h>
 
+#include <cstring>
+
 #include "core/buffer.h"
 #include "core/parallel_for.h"
 #include "sparsegrid/cell_normals.h"
@@ -32,15 +34,19 @@ struct LookUp {
   }
 };
 
-std::vector<Row> rows_on(Device device, const ObstacleSet& set, const CellNormals& normals,
+std::vector<Row> rows_of(Device device, const ObstacleSetView& set, const CellNormalsView& normals,
                          const std::vector<Vec3f>& before, const std::vector<Vec3f>& after) {
   Buffer<Vec3f> a(device, 0), b(device, 0);
   a.upload(before);
   b.upload(after);
   Buffer<Row> out(device, before.size());
-  parallel_for(device, static_cast<int64_t>(before.size()),
-               LookUp{set.view(device), normals.view(device), a.data(), b.data(), out.data()});
+  parallel_for(device, static_cast<int64_t>(before.size()), LookUp{set, normals, a.data(), b.data(), out.data()});
   return out.download();
+}
+
+std::vector<Row> rows_on(Device device, const ObstacleSet& set, const CellNormals& normals,
+                         const std::vector<Vec3f>& before, const std::vector<Vec3f>& after) {
+  return rows_of(device, set.view(device), normals.view(device), before, after);
 }
 
 struct KernelScene {
@@ -92,6 +98,38 @@ TEST(ObstacleKernel, GpuEqualsTheCpu) {
   }
   EXPECT_LE(index_differs, 5);
   EXPECT_LE(far, 20);
+}
+
+/// Every bit of a row.
+bool same(const Row& a, const Row& b) { return std::memcmp(&a, &b, sizeof(Row)) == 0; }
+
+TEST(ObstacleKernel, ListsChangeNothingOnTheGpu) {
+  GRAUPEL_NEEDS_GPU();
+  std::vector<Obstacle> obstacles;
+  const Random random(10, RandomPurpose::test);
+  for (uint64_t i = 0; i < 90; ++i) {
+    obstacles.push_back(make_obstacle(i == 50 ? Shape::plane : solid_shapes[i % 7], random_point(random, 2 * i, 0, 1),
+                                      random_point(random, 2 * i + 1, -1, 1), 5));
+    obstacles.back().radius = obstacles.back().height = 0.06;
+    obstacles.back().size = Vec3d::filled(0.08);
+  }
+  const ObstacleSet set(scene_with(obstacles));
+  std::vector<Vec3f> before, after;
+  for (uint64_t i = 0; i < 50000; ++i) {
+    before.push_back(random_point(random, 2 * i, -0.2, 1.2).cast<float>());
+    after.push_back(before.back() + random_point(random, 2 * i + 1, -0.03, 0.03).cast<float>());
+  }
+  ObstacleSetView all = set.view(Device::cuda);
+  ASSERT_NE(all.cells.begin, nullptr);
+  const auto listed = rows_of(Device::cuda, all, {}, before, after);
+  all.cells = {};
+  const auto asked = rows_of(Device::cuda, all, {}, before, after);
+  int near = 0;
+  for (std::size_t i = 0; i < listed.size(); ++i) {
+    ASSERT_TRUE(same(listed[i], asked[i])) << i;
+    near += listed[i].nearest >= 0;
+  }
+  EXPECT_GT(near, 5000);
 }
 
 }  // namespace

@@ -8,9 +8,11 @@
 #include "core/error.h"
 #include "graph/hierarchical_graph_network.h"
 #include "graph/learned_simulator.h"
+#include "tests/graph/random_weights.h"
 #include "tests/train/tiny_data.h"
 #include "train/checkpoint.h"
 #include "train/run_folder.h"
+#include "train/starting_weights.h"
 #include "train/training_loop.h"
 
 namespace graupel::train {
@@ -136,6 +138,46 @@ TEST(Training, LearnsABundleOfFrames) {
   const SquaredErrors errors = result.validation->one_step.all();
   EXPECT_LT(errors.raw_mse(Predictor::network), 0.6 * errors.raw_mse(Predictor::zero));
   EXPECT_LT(result.validation->rollout_mse, 1e-3);
+  remove_path(folder);
+}
+
+TEST(Training, ANetworkOfOneFrameStartsABundle) {
+  const std::string folder = test_folder("start_bundle");
+  const auto of_frames = [](int64_t bundle) {
+    graph::GnsConfig config;
+    config.bundle = bundle;
+    config.hidden_layers = 2;
+    return NetworkConfig(config);
+  };
+  const std::string one = folder + "/one.safetensors";
+  nn::Weights weights = graph::random_weights(std::get<graph::GnsConfig>(of_frames(1)), graph::Normalization{}, 7);
+  nn::write_safetensors(one, weights);
+  const std::vector<float> frame = weights.get("decoder.layer3.weight", {3, 128});
+  const nn::Weights three = starting_weights(one, of_frames(3));
+  const std::vector<float> rows = three.get("decoder.layer3.weight", {9, 128});
+  for (std::size_t k = 0; k < rows.size(); ++k) EXPECT_EQ(rows[k], frame[k % frame.size()]);
+  EXPECT_EQ(three.get("decoder.layer3.bias", {9})[7], weights.get("decoder.layer3.bias", {3})[1]);
+  EXPECT_EQ(three.get("decoder.layer1.bias", {128}), weights.get("decoder.layer1.bias", {128}));
+  // Other settings stay an error.
+  auto other = std::get<graph::GnsConfig>(of_frames(3));
+  other.message_passing = 4;
+  EXPECT_THROW(starting_weights(one, NetworkConfig(other)), ConfigError);
+  remove_path(folder);
+}
+
+TEST(Training, ABundleStartsFromWeightsOfOneFrame) {
+  const std::string folder = test_folder("from_one");
+  TrainingOptions one = tiny_options(folder + "/one"), two = tiny_options(folder + "/two");
+  one.config.steps = two.config.steps = 2;
+  two.config.hgn.bundle = 2;
+  two.config.learning_rate = two.config.final_learning_rate = 1e-12;
+  two.from = train_network(one).weights_file;
+  const nn::Weights started = nn::read_safetensors(two.from);
+  const nn::Weights trained = nn::read_safetensors(train_network(two).weights_file);
+  const int64_t h = two.config.hgn.latent;
+  const std::vector<float> frame = started.get("decoder.layer2.weight", {3, h});
+  const std::vector<float> rows = trained.get("decoder.layer2.weight", {6, h});
+  for (std::size_t k = 0; k < rows.size(); ++k) EXPECT_NEAR(rows[k], frame[k % frame.size()], 1e-6);
   remove_path(folder);
 }
 
