@@ -126,8 +126,8 @@ struct NetworkModule::Impl {
     network->backward(on_device, record, difference.gradient());
     return difference.square_error();
   }
-  CountedDifference counted(const at::Tensor& predicted, const DeviceBatch& on_device) const {
-    return {predicted - on_device.target, on_device, features_of(config).in_plane()};
+  CountedDifference counted(const at::Tensor& output, const DeviceBatch& on_device) const {
+    return {output - on_device.target, on_device, features_of(config).in_plane()};
   }
   /// Loss and gradient of all ranks' shares as one batch. Both are means over particles that count, so that a share
   /// counts by its particles: one sum over ranks of particles * [gradient, loss, 1].
