@@ -8,9 +8,11 @@
 #include <cstdio>
 #include <fstream>
 
+#include "apps/bundle_times.h"
 #include "apps/common_options.h"
 #include "apps/progress.h"
 #include "core/error.h"
+#include "core/held_particles.h"
 #include "core/memory.h"
 #include "core/random.h"
 #include "mpm/fast_step.h"
@@ -108,28 +110,6 @@ TimedRun run_fast(const Scene& scene, const MpmRunOptions& options) {
     step.seconds += seconds_since(begin);
   }
 }
-
-/// Time of a network's frames outside of FrameTiming [s]. That has a bundle's cost in equal parts, where it is spent
-/// before the first frame, so that the rest is known of whole bundles.
-class OutputTimes {
- public:
-  OutputTimes(int64_t bundle, int64_t frames) : bundle_(bundle), frames_(frames) {}
-  void add(int64_t frame, double seconds) {
-    sum_ += seconds;
-    ++count_;
-    if (frame % bundle_ != 0 && frame != frames_) return;
-    times_.insert(times_.end(), count_, std::max(0.0, sum_ / static_cast<double>(count_)));
-    sum_ = 0;
-    count_ = 0;
-  }
-  const std::vector<double>& times() const { return times_; }
-
- private:
-  int64_t bundle_, frames_;
-  double sum_ = 0;
-  std::size_t count_ = 0;
-  std::vector<double> times_;
-};
 
 /// Times of a reduced run's frames [s].
 struct ReducedTimes {
@@ -253,9 +233,11 @@ TimedRun run_network(const graph::LearnedSimulator& simulator, const Scene& scen
   const MemoryMeter memory;
   DeviceMemoryMeter device_memory(device);
   const int history = static_cast<int>(simulator.config().history) + 1;
-  const auto past = graph::start_history(start.position, start.velocity, scene.gravity, scene.frame_time, history);
-  std::vector<double> total, features, hierarchy, network, projection;
-  OutputTimes output(simulator.config().bundle, frames);
+  const auto past = graph::start_history(start.position, start.velocity, scene.gravity, scene.frame_time, history,
+                                         held_particles(start.particle_type));
+  std::vector<double> features, hierarchy, network;
+  const BundleTimes none(simulator.config().bundle, frames);
+  BundleTimes total = none, projection = none, output = none;  // output: outside of FrameTiming
   Progress progress(label, frames);
   graph::LearnedSimulator::RolloutOptions options;
   options.frames = frames;
@@ -265,11 +247,11 @@ TimedRun run_network(const graph::LearnedSimulator& simulator, const Scene& scen
   auto last = Clock::now();
   options.progress = [&](int64_t frame, const graph::FrameTiming& timing) {
     stop_if_interrupted();
-    total.push_back(timing.total());
+    total.add(frame, timing.total());
     features.push_back(timing.features);
     hierarchy.push_back(timing.hierarchy);
     network.push_back(timing.network);
-    projection.push_back(timing.projection);
+    projection.add(frame, timing.projection);
     output.add(frame, seconds_since(last) - timing.total());
     if (frame == frames) device_memory.look();
     progress.update(frame);
@@ -281,11 +263,11 @@ TimedRun run_network(const graph::LearnedSimulator& simulator, const Scene& scen
   for (ParticleFrame& frame : result.run.trajectory.frames) std::vector<Vec3f>().swap(frame.velocity);
   result.run.mass = start.mass;
   result.run.volume = start.volume;
-  result.cost = {.frame = median(total),
+  result.cost = {.frame = median(total.times()),
                  .network = median(network),
                  .grid_build = median(hierarchy),
                  .features = median(features),
-                 .projection = median(projection),
+                 .projection = median(projection.times()),
                  .output = median(output.times()),
                  .peak_bytes = memory.peak(),
                  .added_bytes = memory.added(),

@@ -80,14 +80,12 @@ class DensityProjection::Lattice {
   }
 
   void spread(const Vec3f* position, int64_t n, void* stream) {
-    prepare(n);
     parallel_for_in(stream, device_, n, spreading(position, n),
                     Grain{.items = is_alone(n) ? few_particles : Grain().items});
   }
   /// Moves the particles and, where there is a `next` lattice, spreads them there.
   void move(Vec3f* position, int64_t n, Lattice* next, void* stream) {
     if (next != nullptr && device_ == Device::cuda) {
-      next->prepare(n);
       parallel_for_in(stream, device_, n, MoveAndSpread{moving(position), next->spreading(position, n)});
       return;
     }
@@ -98,10 +96,11 @@ class DensityProjection::Lattice {
   /// False where nothing will move.
   bool solve(void* stream) {
 #ifdef GRAUPEL_HAVE_CUDA
-    if (device_ == Device::cuda && solves_density_at_once(static_cast<int64_t>(cell_.size()))) {
+    const auto capacity = static_cast<int64_t>(cell_.size());
+    if (device_ == Device::cuda && solves_density_at_once(capacity, static_cast<int64_t>(words_.size()))) {
       solve_density({cells_, sweeps, relaxation, shares_.data(), words_.data(), mass_.data(), rank_.data(),
                      cell_.data(), equation_.data(), pressure_.data()},
-                    stream);
+                    capacity, stream);
       return true;
     }
 #endif
@@ -114,14 +113,15 @@ class DensityProjection::Lattice {
     return true;
   }
 
- private:
-  /// A few particles are spread by one thread sooner than by several with atomic sums.
-  bool is_alone(int64_t n) const { return device_ == Device::cpu && n <= few_particles; }
   Spread spreading(const Vec3f* position, int64_t n) {
+    prepare(n);
     return {cells_, position, unit_, mass_.data(), words_.data(), is_alone(n)};
   }
   MoveParticle moving(Vec3f* position) const { return {cells_, shares_.data(), pressure_.data(), position}; }
 
+ private:
+  /// A few particles are spread by one thread sooner than by several with atomic sums.
+  bool is_alone(int64_t n) const { return device_ == Device::cpu && n <= few_particles; }
   void prepare(int64_t n) {
     const auto most = static_cast<std::size_t>(std::min(corners * n, cells_.count()));
     if (most <= cell_.size()) return;
@@ -185,6 +185,20 @@ void DensityProjection::apply(Vec3f* position, int64_t n, void* stream) {
       next->spread(position, n, stream);
   }
 }
+
+Spread DensityProjection::spreading(const Vec3f* position, int64_t n) {
+  return lattices_.front()->spreading(position, n);
+}
+
+void DensityProjection::between(Vec3f* position, int64_t n, void* stream) {
+  for (std::size_t k = 0; k + 1 < lattices_.size(); ++k) {
+    lattices_[k]->solve(stream);
+    lattices_[k]->move(position, n, lattices_[k + 1].get(), stream);
+  }
+  lattices_.back()->solve(stream);
+}
+
+MoveParticle DensityProjection::moving(Vec3f* position) { return lattices_.back()->moving(position); }
 
 void DensityProjection::restart() {
   for (const auto& lattice : lattices_) lattice->restart();

@@ -21,6 +21,11 @@
 
 namespace graupel::graph {
 
+namespace density {
+struct Spread;
+struct MoveParticle;
+}  // namespace density
+
 /// Densities are sums of integers and colours are swept one after the other: results do not depend on the number of
 /// threads or the order of the particles; another device gives the same up to rounding.
 class DensityProjection {
@@ -35,6 +40,12 @@ class DensityProjection {
   /// its place in `stream` (cudaStream_t; null: the default one) and, but for the first call with so many particles,
   /// allocates nothing.
   void apply(Vec3f* position, int64_t n, void* stream = nullptr);
+
+  /// apply() in parts, for callers that join its first and last step with their own: spreading() for all particles,
+  /// between(), moving() for all.
+  density::Spread spreading(const Vec3f* position, int64_t n);
+  void between(Vec3f* position, int64_t n, void* stream = nullptr);
+  density::MoveParticle moving(Vec3f* position);
 
   /// Forgets the last frame's pressure, as before another rollout.
   void restart();

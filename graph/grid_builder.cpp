@@ -101,7 +101,7 @@ struct GridBuilder::Arrays {
     const auto place = [&](auto&... buffer) { ((buffer = std::decay_t<decltype(buffer)>(device, 0)), ...); };
     place(box, origin, particle_begin, word_begin, cleared, rank, cell_box, coordinate, neighbor, parent, octant,
           link_count, link_begin, edge_begin, sender, receiver, slot, reverse, child_begin, child, children, base, cell,
-          weight, offset, pair_place, listed, pair, pair_begin);
+          weight, offset, pair_place, listed, pair, pair_begin, at_once);
   }
   void resize(int64_t particles, int64_t n_words, int64_t cells, int64_t cells_of_level0, int levels, bool edges);
 
@@ -122,6 +122,7 @@ struct GridBuilder::Arrays {
   Buffer<int32_t> cell;
   Buffer<float> weight, offset;
   Buffer<int32_t> pair_place, listed, pair, pair_begin;
+  Buffer<int32_t> at_once;  ///< pairs by bit and by word of level 0, and one more (graph/cuda/grid_launch.h)
   HostCopy read_back;
 };
 
@@ -204,6 +205,14 @@ void GridBuilder::prepare(const std::vector<SceneGrid>& scenes, void* stream) {
   upload_in(stream, arrays_->origin, origins);
   upload_in(stream, arrays_->particle_begin, particle_begin);
   upload_in(stream, arrays_->word_begin, word_begin);
+  fine_words_ = word_begin[static_cast<std::size_t>(scenes_)];
+#ifdef GRAUPEL_HAVE_CUDA
+  at_once_ = device_ == Device::cuda && builds_grid_at_once(scenes_, words_);
+#endif
+  if (!at_once_) return;
+  arrays_->at_once.resize_discard(static_cast<std::size_t>((word_bits + 1) * fine_words_ + 1));
+  clear_in(stream, arrays_->at_once);
+  clear_in(stream, arrays_->cleared);
 }
 
 void GridBuilder::build(const Vec3f* position, void* stream, bool with_counts) {
@@ -227,16 +236,16 @@ void GridBuilder::build(const Vec3f* position, void* stream, bool with_counts) {
   const FindPairs find{cells, a.base.data(), a.cell.data(), a.pair_place.data(), a.pair_count};
   const ListPairs list{a.cell.data(), a.pair_place.data(), a.pair_begin.data(), a.listed.data()};
   const OrderPairs order{a.cell.data(), a.pair_begin.data(), a.listed.data(), a.pair.data()};
+  if (at_once_) {
 #ifdef GRAUPEL_HAVE_CUDA
-  const bool at_once = device_ == Device::cuda && builds_grid_at_once(particles_, words_);
-  if (at_once)
-    build_grid({a.cleared.data(), static_cast<int64_t>(a.cleared.size()), particles_, words_, locate, a.rank.data(),
-                link, find, a.pair_begin.data(), list, order},
+    int32_t* const bit_pairs = a.at_once.data();
+    int32_t* const word_pairs = bit_pairs + word_bits * fine_words_;
+    build_grid({particles_, words_, fine_words_, position, a.weight.data(), a.offset.data(), bit_pairs, word_pairs,
+                word_pairs + fine_words_, a.rank.data(), link, a.cell.data(), a.pair_place.data(), a.pair_begin.data(),
+                a.listed.data(), a.pair.data(), a.overflow},
                stream);
-#else
-  constexpr bool at_once = false;
 #endif
-  if (!at_once) {
+  } else {
     clear_in(stream, a.cleared);
     launch(particles_, locate);
     count_bits(device_, words_, a.words, a.rank.data(), a.scratch, stream);
@@ -249,7 +258,7 @@ void GridBuilder::build(const Vec3f* position, void* stream, bool with_counts) {
     running_sums(device_, most_cells_, a.link_count.data(), a.link_begin.data(), a.scratch, stream,
                  a.level_begin + levels_);
     launch(most_cells_ + 1,
-           WriteLinks{cells, a.coordinate.data(), a.cell_box.data(), a.neighbor.data(), a.link_begin.data(),
+           WriteLinks{cells, a.cell_box.data(), a.neighbor.data(), a.children.data(), a.link_begin.data(),
                       a.edge_begin.data(), a.child_begin.data(), a.sender.data(), a.receiver.data(), a.slot.data(),
                       a.reverse.data(), a.child.data(), a.edge_level});
   }

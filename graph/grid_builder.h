@@ -77,9 +77,9 @@ class GridBuilder {
   Device device_;
   double spacing_;
   int levels_, margin_, scenes_ = 0;
-  bool with_edges_;
+  bool with_edges_, at_once_ = false;
   int64_t particles_ = 0;
-  int64_t words_ = 0;                         ///< of bits
+  int64_t words_ = 0, fine_words_ = 0;        ///< of bits; of those of level 0
   int64_t most_cells_ = 0, most_level0_ = 0;  ///< that particles and boxes allow
   std::unique_ptr<Arrays> arrays_;
 };

@@ -93,15 +93,39 @@ struct GridCells {
   GRAUPEL_HD int32_t number_of(const Box& in, const Vec3i& coordinate) const {
     if (!inside(in, coordinate)) return -1;
     const int64_t bit = bit_of(in, coordinate);
-    const uint32_t word = words[bit / word_bits], mask = 1u << (bit % word_bits);
-    return (word & mask) == 0 ? -1 : rank[bit / word_bits] + ones(word & (mask - 1));
+    const uint32_t mask = 1u << (bit % word_bits), word = words[bit / word_bits];
+    const int32_t before = rank[bit / word_bits];
+    return (word & mask) == 0 ? -1 : before + ones(word & (mask - 1));
   }
   /// Coordinate that a bit of a word of a box stands for.
   GRAUPEL_HD static Vec3i coordinate_of(const Box& box, int64_t word, int bit) {
     const int place = static_cast<int>(word - box.first_word) * word_bits + bit;
     return box.low + Vec3i{place % box.size[0], place / box.size[0] % box.size[1], place / box.size[0] / box.size[1]};
   }
+
+  /// Where a particle lies among the cells of its scene: the lowest of its eight, and the offset from its centre. False
+  /// for one outside the box (or NaN): it counts as one in the lowest cell.
+  GRAUPEL_HD bool locate(const Vec3f& x, int scene, Vec3i& cell, Vec3f& offset) const {
+    const Box& in = box[scene];
+    bool all = true;
+    for (int d = 0; d < 3; ++d) {
+      const double u = (static_cast<double>(x[d]) - origin[scene][d]) * inverse_spacing - 0.5;
+      const double floored = std::floor(u);
+      const bool within = floored >= in.low[d] && floored + 1 < in.low[d] + in.size[d];
+      cell[d] = within ? static_cast<int>(floored) : in.low[d];
+      offset[d] = within ? static_cast<float>(u - floored) : 0.0f;
+      all = all && within;
+    }
+    return all;
+  }
 };
+
+/// Trilinear weight of a corner.
+GRAUPEL_HD inline float weight_of(const Vec3f& offset, int corner) {
+  float w = 1;
+  for (int d = 0; d < 3; ++d) w *= corner >> d & 1 ? offset[d] : 1 - offset[d];
+  return w;
+}
 
 /// Returns what the sum was before.
 template <typename T>
@@ -122,23 +146,13 @@ struct Locate {
   int32_t* overflow;
   GRAUPEL_HD void operator()(int64_t p) const {
     const int s = range_of(k.particle_begin, k.scenes, p);
-    const Box& box = k.box[s];
     Vec3i cell;
     Vec3f at;
-    for (int d = 0; d < 3; ++d) {
-      const double u = (static_cast<double>(position[p][d]) - k.origin[s][d]) * k.inverse_spacing - 0.5;
-      const double floored = std::floor(u);
-      const bool within = floored >= box.low[d] && floored + 1 < box.low[d] + box.size[d];  // false for NaN
-      if (!within) *overflow = 1;
-      cell[d] = within ? static_cast<int>(floored) : box.low[d];
-      at[d] = within ? static_cast<float>(u - floored) : 0.0f;
-      offset[3 * p + d] = at[d];
-    }
+    if (!k.locate(position[p], s, cell, at)) *overflow = 1;
     base[p] = cell;
+    for (int d = 0; d < 3; ++d) offset[3 * p + d] = at[d];
     for (int c = 0; c < corners; ++c) {
-      float w = 1;
-      for (int d = 0; d < 3; ++d) w *= c >> d & 1 ? at[d] : 1 - at[d];
-      weight[corners * p + c] = w;
+      weight[corners * p + c] = weight_of(at, c);
       mark(s, corner_of(cell, c));
     }
   }
@@ -167,30 +181,41 @@ struct LinkCell {
     if ((set >> bit & 1) != 0) link(word, bit, k.rank[word] + ones(set & ((1u << bit) - 1)));
   }
   GRAUPEL_HD void link(int64_t word, int bit, int32_t i) const {
-    const int b = range_of(k.word_begin, k.boxes(), word), level = b / k.scenes;
+    const int b = range_of(k.word_begin, k.boxes(), word);
     const Vec3i at = GridCells::coordinate_of(k.box[b], word, bit);
-    const int32_t first = first_of(level);
-    int edges = 0, found = 0;
-    for (int slot = 0; slot < 6; ++slot) {
-      Vec3i next = at;
-      next[slot / 2] += 2 * (slot & 1) - 1;
-      const int32_t number = k.number_of(k.box[b], next);
-      neighbor[6 * int64_t{i} + slot] = number < 0 ? -1 : number - first;
-      edges += number >= 0;
-    }
+    describe(i, b, at);
+    for (int slot = 0; slot < slots; ++slot) link_slot(i, b, at, slot);
+    if (count) count[i] = count_of(i, b);
+  }
+  GRAUPEL_HD void describe(int32_t i, int b, const Vec3i& at) const {
     coordinate[i] = at;
     cell_box[i] = b;
     octant[i] = (at[0] & 1) | (at[1] & 1) << 1 | (at[2] & 1) << 2;
-    if (level + 1 < k.levels) parent[i] = k.number_of(k.box[b + k.scenes], coarser(at)) - first_of(level + 1);
-    if (level > 0) {
-      const int32_t first_child = first_of(level - 1);
-      for (int c = 0; c < corners; ++c) {
-        const int32_t number = k.number_of(k.box[b - k.scenes], corner_of(at * 2, c));
-        children[corners * int64_t{i} + c] = number < 0 ? -1 : number - first_child;
-        found += number >= 0;
-      }
+  }
+  /// Of cell i: a neighbour, a child or the parent.
+  static constexpr int slots = 15;
+  GRAUPEL_HD void link_slot(int32_t i, int b, const Vec3i& at, int slot) const {
+    const int level = b / k.scenes;
+    if (slot < 6) {
+      Vec3i next = at;
+      next[slot / 2] += 2 * (slot & 1) - 1;
+      neighbor[6 * int64_t{i} + slot] = number_within(b, level, next);
+    } else if (slot < 14) {
+      if (level > 0)
+        children[corners * int64_t{i} + slot - 6] = number_within(b - k.scenes, level - 1, corner_of(at * 2, slot - 6));
+    } else if (level + 1 < k.levels) {
+      parent[i] = number_within(b + k.scenes, level + 1, coarser(at));
     }
-    if (count) count[i] = {edges, found};
+  }
+  GRAUPEL_HD int32_t number_within(int b, int level, const Vec3i& at) const {
+    const int32_t first = first_of(level), number = k.number_of(k.box[b], at);
+    return number < 0 ? -1 : number - first;
+  }
+  GRAUPEL_HD LinkCount count_of(int32_t i, int b) const {
+    LinkCount sum{};
+    for (int slot = 0; slot < 6; ++slot) sum.edges += neighbor[6 * int64_t{i} + slot] >= 0;
+    for (int c = 0; b >= k.scenes && c < corners; ++c) sum.children += children[corners * int64_t{i} + c] >= 0;
+    return sum;
   }
 };
 
@@ -219,8 +244,7 @@ struct Both {
 /// Edges that a cell receives, and its children, from where those of each cell begin.
 struct WriteLinks {
   GridCells k;
-  const Vec3i* coordinate;
-  const int32_t *cell_box, *neighbor;
+  const int32_t *cell_box, *neighbor, *children;
   const LinkCount* begin;
   int32_t *edge_begin, *child_begin, *sender, *receiver, *slot, *reverse, *child, *edge_level;
   GRAUPEL_HD void operator()(int64_t i) const {
@@ -246,10 +270,8 @@ struct WriteLinks {
     }
     if (level == 0) return;
     int32_t place = begin[i].children;
-    for (int c = 0; c < corners; ++c) {
-      const int32_t number = k.number_of(k.box[b - k.scenes], corner_of(coordinate[i] * 2, c));
-      if (number >= 0) child[place++] = number - k.level_begin[level - 1];
-    }
+    for (int c = 0; c < corners; ++c)
+      if (children[corners * i + c] >= 0) child[place++] = children[corners * i + c];
   }
 };
 

@@ -6,9 +6,11 @@
 #include <utility>
 
 #include "core/error.h"
+#include "core/held_particles.h"
 #include "graph/density_projection.h"
 #include "graph/frame_step.h"
 #include "graph/free_flight.h"
+#include "graph/held_places.h"
 #include "graph/lap_timer.h"
 #include "graph/rest_density.h"
 #ifdef GRAUPEL_HAVE_CUDA
@@ -23,6 +25,10 @@ bool about_equal(double a, double b) { return std::abs(a - b) <= 1e-3 * std::max
 
 void check_fit(const FeatureConfig& config, const Scene& scene, const Surroundings& surroundings,
                const std::string& file) {
+  if (config.dimensions != scene.domain.dimensions)
+    throw ConfigError("the network was trained for scenes with another number of dimensions (scene " +
+                      std::to_string(scene.domain.dimensions) + ", '" + file + "' " +
+                      std::to_string(config.dimensions) + "). Choose weights that were trained on such scenes");
   if (!about_equal(scene.frame_time, config.frame_time))
     throw ConfigError("the network was trained for another frame time (scene " + std::to_string(scene.frame_time) +
                       " s, '" + file + "' " + std::to_string(config.frame_time) + " s). Set the scene's frame_time");
@@ -81,15 +87,20 @@ std::vector<std::vector<Vec3f>> LearnedSimulator::predict(const Surroundings& su
                                                           const std::vector<int32_t>& particle_type,
                                                           const std::vector<std::vector<Vec3f>>& positions,
                                                           FrameTiming& timing) const {
+  if (config().in_plane() != surroundings.plane.has_value())
+    throw ConfigError("'" + weights_->file + "' is for scenes with another number of dimensions (" +
+                      std::to_string(config().dimensions) + "). Choose weights that were trained on such scenes");
   const Normalization& normalization = network_->normalization();
   const std::vector<float> output = network_->predict(surroundings, particle_type, positions, timing);
   std::vector<std::vector<Vec3f>> acceleration(static_cast<std::size_t>(config().bundle),
                                                std::vector<Vec3f>(particle_type.size()));
   const float* number = output.data();
   for (std::size_t i = 0; i < particle_type.size(); ++i)
-    for (std::vector<Vec3f>& frame : acceleration)
-      for (int axis = 0; axis < 3; ++axis)
-        frame[i][axis] = *number++ * normalization.acceleration_std[axis] + normalization.acceleration_mean[axis];
+    for (std::vector<Vec3f>& frame : acceleration) {
+      frame[i] = moves_by_itself(particle_type[i]) ? real_acceleration(normalization, config().in_plane(), number)
+                                                   : Vec3f::zero();
+      number += 3;
+    }
   return acceleration;
 }
 
@@ -114,18 +125,22 @@ Trajectory LearnedSimulator::rollout(const Scene& scene, const Surroundings& sur
   const auto needed = static_cast<std::size_t>(config().history) + 1;
   check_fit(config(), scene, surroundings, weights_->file);
   check_start(start, needed, particle_type.size());
+  const HeldPlaces held(particle_type, start.back(), options.given);
   std::vector<std::vector<Vec3f>> history(start.end() - static_cast<std::ptrdiff_t>(needed), start.end());
 
-  if (options.device == Device::cuda) return rollout_on_gpu(scene, surroundings, particle_type, start, options);
+  if (options.device == Device::cuda) {
+    held.refuse_gpu();
+    return rollout_on_gpu(scene, surroundings, particle_type, start, options);
+  }
   Trajectory trajectory = empty_trajectory(scene, particle_type, weights_->file);
   trajectory.frames.push_back(make_frame(0, scene.frame_time, history[needed - 2], history[needed - 1]));
-  const double rest = rest_density(scene, history.back(), network_->spacing());
+  const double rest = rest_density(scene, held.others(history.back()), network_->spacing());
   std::optional<DensityProjection> density;
-  if (options.density_limit * rest > 0)
+  if (options.density_limit * rest > 0 && !config().in_plane())
     density.emplace(Device::cpu, surroundings, options.density_limit * rest, network_->spacing());
   std::optional<FreeFlight> flight;
-  if (options.free_flight) flight.emplace(Device::cpu, scene, surroundings, particle_type);
-  std::vector<Vec3f> next, before;
+  if (options.free_flight && !held.any()) flight.emplace(Device::cpu, scene, surroundings, particle_type);
+  std::vector<Vec3f> next, before, moving;
   std::vector<std::vector<Vec3f>> acceleration;  // of the frames of a bundle
   FrameTiming share;
   for (int64_t frame = 1; frame <= options.frames; ++frame) {
@@ -147,11 +162,19 @@ Trajectory LearnedSimulator::rollout(const Scene& scene, const Surroundings& sur
       flight->correct(history[needed - 2].data(), history[needed - 1].data(), next.data());
     }
     if (options.project) project_out(surroundings, history.back(), next);
-    if (density) {
+    if (density && in_bundle + 1 == config().bundle) {
       before = next;
-      density->apply(next.data(), static_cast<int64_t>(next.size()));
+      if (held.any()) {
+        moving = held.others(next);
+        density->apply(moving.data(), static_cast<int64_t>(moving.size()));
+        held.put_others(moving, next);
+      } else {
+        density->apply(next.data(), static_cast<int64_t>(next.size()));
+      }
       if (options.project) project_out(surroundings, before, next);
     }
+    keep_in_plane(surroundings, next);
+    held.put(frame, next);
     timing.projection = watch.lap();
     std::rotate(history.begin(), history.begin() + 1, history.end());
     std::swap(history.back(), next);
@@ -163,10 +186,10 @@ Trajectory LearnedSimulator::rollout(const Scene& scene, const Surroundings& sur
 
 #ifdef GRAUPEL_HAVE_CUDA
 CudaSimulator& LearnedSimulator::gpu_simulator() const {
-  if (config().bundle > 1)
+  if (config().in_plane())
     throw ConfigError("'" + weights_->file +
-                      "' predicts several frames at once, which rollouts on a GPU do not (bundle " +
-                      std::to_string(config().bundle) + ", allowed: 1). Use --device cpu");
+                      "' is for scenes with two dimensions, which networks on a GPU do not roll out (dimensions 2, "
+                      "allowed: 3). Use --device cpu");
   if (!on_gpu_) on_gpu_ = std::make_shared<CudaSimulator>(*weights_);
   return *on_gpu_;
 }
@@ -223,14 +246,18 @@ std::vector<Vec3f> LearnedSimulator::one_step_on_gpu(const Scene&, const Surroun
 #endif
 
 std::vector<std::vector<Vec3f>> start_history(const std::vector<Vec3f>& position, const std::vector<Vec3f>& velocity,
-                                              const Vec3d& gravity, double frame_time, int frames) {
+                                              const Vec3d& gravity, double frame_time, int frames,
+                                              const std::vector<uint8_t>& held) {
   GRAUPEL_ASSERT(velocity.size() == position.size() && frames >= 1);
   std::vector<std::vector<Vec3f>> history(static_cast<std::size_t>(frames), position);
   for (int k = 1; k < frames; ++k) {
     const double t = k * frame_time;
     std::vector<Vec3f>& frame = history[static_cast<std::size_t>(frames - 1 - k)];
-    for (std::size_t i = 0; i < position.size(); ++i)
-      frame[i] = (position[i].cast<double>() - velocity[i].cast<double>() * t + gravity * (t * t / 2)).cast<float>();
+    for (std::size_t i = 0; i < position.size(); ++i) {
+      const bool falls = held.empty() || held[i] == 0;
+      const Vec3d fallen = gravity * (falls ? t * t / 2 : 0);
+      frame[i] = (position[i].cast<double>() - velocity[i].cast<double>() * t + fallen).cast<float>();
+    }
   }
   return history;
 }

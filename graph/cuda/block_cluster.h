@@ -1,10 +1,9 @@
-// A cluster of sixteen blocks as one group of threads: running sums over it, and its launch (compute capability 9.0).
+// A cluster of sixteen blocks as one group of threads, and its launch (compute capability 9.0).
 #pragma once
 
 #include <cooperative_groups.h>
 
 #include <cstdint>
-#include <cub/block/block_scan.cuh>
 
 #include "core/cuda_check.h"
 
@@ -14,47 +13,19 @@ namespace groups = cooperative_groups;
 
 constexpr int blocks = 16, block_threads = 512, all_threads = blocks * block_threads;
 
-using Scan = cub::BlockScan<int32_t, block_threads>;
-
-struct ScanMemory {
-  Scan::TempStorage scan;
-  int32_t total;
-};
-
 /// The cluster of the calling block. Kernels are compiled for older GPUs too, which can_launch() keeps them from.
 struct Group {
 #if !defined(__CUDA_ARCH__) || __CUDA_ARCH__ >= 900
   __device__ unsigned block_rank() const { return groups::this_cluster().block_rank(); }
   __device__ void sync() const { groups::this_cluster().sync(); }
-  /// Where block `rank` has what lies at `here` in this block's shared memory.
-  template <typename T>
-  __device__ T* map_shared_rank(T* here, unsigned rank) const {
-    return groups::this_cluster().map_shared_rank(here, rank);
-  }
 #else
   __device__ unsigned block_rank() const { return 0; }
   __device__ void sync() const {}
-  template <typename T>
-  __device__ T* map_shared_rank(T* here, unsigned) const {
-    return here;
-  }
 #endif
 };
 
 __device__ inline int thread_of(const Group& cluster) {
   return static_cast<int>(cluster.block_rank()) * block_threads + static_cast<int>(threadIdx.x);
-}
-
-/// The sum of the counts of all threads before this one. Synchronizes the cluster; another call, or the end of a block,
-/// needs one more in between.
-__device__ inline int32_t sum_before(const Group& cluster, ScanMemory& memory, int32_t count) {
-  int32_t before = 0, total = 0;
-  Scan(memory.scan).ExclusiveSum(count, before, total);
-  if (threadIdx.x == 0) memory.total = total;
-  cluster.sync();
-  for (unsigned block = 0; block < cluster.block_rank(); ++block)
-    before += *cluster.map_shared_rank(&memory.total, block);
-  return before;
 }
 
 inline cudaLaunchConfig_t launch_config(cudaLaunchAttribute& attribute, void* stream) {

@@ -8,6 +8,7 @@
 #include "core/error.h"
 #include "core/parallel_for_in.h"
 #include "graph/cuda/frame_model.h"
+#include "graph/density_kernels.h"
 #include "graph/density_projection.h"
 #include "graph/free_flight.h"
 #include "graph/normalization.h"
@@ -31,6 +32,7 @@ struct FrameRing {
 /// What a frame leaves for the host.
 struct FrameStatus {
   int32_t newest, diverged, fault;
+  int32_t finished;  ///< particles of the frame that is being made
 };
 
 /// Item i makes part i / particles of a row, so that neighbouring threads do the same.
@@ -59,7 +61,8 @@ GRAUPEL_HD Vec3f acceleration_of(const Normalization& statistics, const float* o
 /// v' = v + a, x' = x + v' in frame units (step_frame).
 struct StepParticles {
   Normalization statistics;
-  const float* output;
+  const float* output;  ///< of the frame, [particles, 3] in rows of `width`
+  int32_t width;
   const Vec3f *before, *now;
   float limit;           ///< [m/frame]
   const int32_t* fault;  ///< the output is of no use
@@ -67,7 +70,7 @@ struct StepParticles {
   Vec3f* next;
   GRAUPEL_HD void operator()(int64_t i) const {
     if (*fault != 0) return;
-    const Vec3f velocity = now[i] - before[i] + acceleration_of(statistics, output + 3 * i);
+    const Vec3f velocity = now[i] - before[i] + acceleration_of(statistics, output + width * i);
     if (!(norm2(velocity) <= limit * limit)) status->diverged = 1;
     next[i] = now[i] + velocity;
   }
@@ -88,29 +91,48 @@ struct PushParticles {
   GRAUPEL_HD void operator()(int64_t i) const { next[i] = ring.at(-1, i) = pushed(i); }
 };
 
-/// The last of it: the frame to come becomes `now`, and `now` becomes `before`, unless the output is of no use.
+struct PushAndSpread {
+  PushParticles push;
+  density::Spread spread;
+  GRAUPEL_HD void operator()(int64_t i) const {
+    push(i);
+    spread(i);
+  }
+};
+
+/// The last of it: the frame to come becomes `now`, and `now` becomes `before`, unless the output is of no use. The
+/// particle that is finished last makes the frame to come the newest.
 struct PushLast {
   PushParticles push;
   const int32_t* fault;
   Vec3f *before, *now;
+  FrameStatus* status;
+  FrameStatus* seen;  ///< on the host
   GRAUPEL_HD void operator()(int64_t i) const {
-    if (*fault != 0) return;
-    const Vec3f x = push.pushed(i);
-    before[i] = now[i];
-    now[i] = push.ring.at(-1, i) = x;
+    if (*fault == 0) {
+      const Vec3f x = push.pushed(i);
+      before[i] = now[i];
+      now[i] = push.ring.at(-1, i) = x;
+    }
+#ifdef __CUDA_ARCH__
+    __threadfence();
+#endif
+    if (grid::add_to(status->finished, 1) == push.ring.particles - 1) finish();
+  }
+  GRAUPEL_HD void finish() const {
+    status->finished = 0;
+    status->fault = *fault;
+    if (*fault == 0 && status->diverged == 0) status->newest = (status->newest + 1) % push.ring.count;
+    *seen = *status;
   }
 };
 
-/// One item: the frame to come is the newest now.
-struct FinishFrame {
-  int32_t count;
-  const int32_t* fault;
-  FrameStatus* status;
-  FrameStatus* seen;  ///< on the host
-  GRAUPEL_HD void operator()(int64_t) const {
-    status->fault = *fault;
-    if (*fault == 0 && status->diverged == 0) status->newest = (status->newest + 1) % count;
-    *seen = *status;
+struct MoveAndPushLast {
+  density::MoveParticle move;
+  PushLast push;
+  GRAUPEL_HD void operator()(int64_t i) const {
+    move(i);
+    push(i);
   }
 };
 
@@ -118,8 +140,8 @@ enum Mark { begin, features_done, hierarchy_done, network_done, end, marks };
 
 }  // namespace
 
-/// A frame is launched once, into a graph, with room for a larger network's graph than there is; a frame that needs
-/// more asks for a new one. The host waits once a frame.
+/// A bundle of frames is launched once, into a graph, with room for a larger network's graph than there is; one that
+/// needs more asks for a new one. The host waits once a bundle, and shows its frames one after the other.
 struct CudaSimulator::Impl {
   explicit Impl(const nn::Weights& file)
       : model(make_frame_model(file)), config(model->feature_config()), normalization(read_normalization(file)) {
@@ -143,9 +165,9 @@ struct CudaSimulator::Impl {
     GRAUPEL_CUDA_CHECK(
         cudaEventRecordWithFlags(events[m], stream, recording ? cudaEventRecordExternal : cudaEventRecordDefault));
   }
-  FrameRing frame_ring() {
-    return {ring.data(), particles, static_cast<int32_t>(config.history) + 2, &status.data()->newest};
-  }
+  /// History and the frames to come.
+  int32_t ring_frames() const { return static_cast<int32_t>(config.history + 1 + config.bundle); }
+  FrameRing frame_ring() { return {ring.data(), particles, ring_frames(), &status.data()->newest}; }
   void wait() { GRAUPEL_CUDA_CHECK(cudaStreamSynchronize(stream)); }
   void drop_graph() {
     if (graph) cudaGraphExecDestroy(graph);
@@ -153,9 +175,10 @@ struct CudaSimulator::Impl {
   }
   void launch_graph();
   void launch_network();
-  void launch_frame();
+  void launch_move(int64_t frame);
+  void launch_bundle();
   bool make_room();
-  void record_frame();
+  void record_bundle();
 
   std::unique_ptr<FrameModel> model;
   FeatureConfig config;
@@ -170,9 +193,10 @@ struct CudaSimulator::Impl {
   const Surroundings* surroundings = nullptr;
   bool project = true;
   int64_t particles = 0;
-  Buffer<Vec3f> ring{Device::cuda, 0};  ///< [history + 2, particles]
+  Buffer<Vec3f> ring{Device::cuda, 0};  ///< [ring_frames(), particles]
   Buffer<FrameStatus> status{Device::cuda, 1};
   FrameStatus* seen = nullptr;  ///< the status on the host
+  int32_t shown = 0;            ///< the frame of the ring that positions() gives
   /// The frame before the newest, which the model has; the one to come, until it is one.
   Buffer<Vec3f> before{Device::cuda, 0}, next{Device::cuda, 0};
   std::optional<FreeFlight> flight;
@@ -202,25 +226,34 @@ void CudaSimulator::Impl::launch_network() {
   mark(network_done);
 }
 
-void CudaSimulator::Impl::launch_frame() {
-  launch_graph();
-  launch_network();
+/// From the newest frame to the next one, by the accelerations of a frame of the bundle. The density is held after the
+/// last one.
+void CudaSimulator::Impl::launch_move(int64_t frame) {
   const Vec3d& size = scene->domain.size;
   const auto limit = static_cast<float>(std::max({size[0], size[1], size[2]}));
   const FrameRing frames = frame_ring();
   const WayFollower way = surroundings->way_follower(Device::cuda);
   parallel_for_in(stream, Device::cuda, particles,
-                  StepParticles{normalization, model->output(), before.data(), model->position(), limit, model->fault(),
-                                status.data(), next.data()});
+                  StepParticles{normalization, model->output() + 3 * frame, static_cast<int32_t>(config.output_width()),
+                                before.data(), model->position(), limit, model->fault(), status.data(), next.data()});
+  if (flight && frame > 0) flight->find_groups(before.data(), model->position(), stream);
   if (flight) flight->correct(before.data(), model->position(), next.data(), stream);
-  PushParticles push{way, project, frames, model->position(), next.data()};
-  if (density) {
-    parallel_for_in(stream, Device::cuda, particles, push);
-    density->apply(next.data(), particles, stream);
-    push.from = nullptr;
+  const PushParticles push{way, project, frames, model->position(), next.data()};
+  PushLast last{push, model->fault(), before.data(), model->position(), status.data(), seen};
+  if (density && frame + 1 == config.bundle) {
+    parallel_for_in(stream, Device::cuda, particles, PushAndSpread{push, density->spreading(next.data(), particles)});
+    density->between(next.data(), particles, stream);
+    last.push.from = nullptr;
+    parallel_for_in(stream, Device::cuda, particles, MoveAndPushLast{density->moving(next.data()), last});
+  } else {
+    parallel_for_in(stream, Device::cuda, particles, last);
   }
-  parallel_for_in(stream, Device::cuda, particles, PushLast{push, model->fault(), before.data(), model->position()});
-  parallel_for_in(stream, Device::cuda, 1, FinishFrame{frames.count, model->fault(), status.data(), seen});
+}
+
+void CudaSimulator::Impl::launch_bundle() {
+  launch_graph();
+  launch_network();
+  for (int64_t frame = 0; frame < config.bundle; ++frame) launch_move(frame);
   mark(end);
 }
 
@@ -232,8 +265,8 @@ bool CudaSimulator::Impl::make_room() {
   return room != FrameModel::Room::none;
 }
 
-/// The graph of a frame. The network runs once before, so that all memory is there.
-void CudaSimulator::Impl::record_frame() {
+/// The graph of a bundle. The network runs once before, so that all memory is there.
+void CudaSimulator::Impl::record_bundle() {
   model->reuse_memory();
   launch_network();
   if (density) {  // begins each recording without pressure, so that a rollout is the same every time
@@ -247,7 +280,7 @@ void CudaSimulator::Impl::record_frame() {
   recording = true;
   cudaGraph_t captured = nullptr;
   GRAUPEL_CUDA_CHECK(cudaStreamBeginCapture(stream, cudaStreamCaptureModeThreadLocal));
-  launch_frame();
+  launch_bundle();
   GRAUPEL_CUDA_CHECK(cudaStreamEndCapture(stream, &captured));
   recording = false;
   GRAUPEL_CUDA_CHECK(cudaGraphInstantiate(&graph, captured, 0));
@@ -275,10 +308,11 @@ void CudaSimulator::start(const Scene& scene, const Surroundings& surroundings,
     GRAUPEL_ASSERT(positions[t].size() == particle_type.size());
     all.insert(all.end(), positions[t].begin(), positions[t].end());
   }
-  all.resize((frames + 1) * particle_type.size());
+  all.resize(static_cast<std::size_t>(impl.ring_frames()) * particle_type.size());
   impl.ring.upload(all);
-  impl.status.upload({{static_cast<int32_t>(frames) - 1, 0, 0}});
-  *impl.seen = {static_cast<int32_t>(frames) - 1, 0, 0};
+  impl.status.upload({{static_cast<int32_t>(frames) - 1, 0, 0, 0}});
+  *impl.seen = {static_cast<int32_t>(frames) - 1, 0, 0, 0};
+  impl.shown = impl.seen->newest;
   impl.model->start(surroundings, rows, impl.stream);
   impl.before.upload(positions[positions.size() - 2]);
   device_copy(Device::cuda, impl.model->position(), Device::cpu, positions.back().data(),
@@ -294,14 +328,21 @@ void CudaSimulator::start(const Scene& scene, const Surroundings& surroundings,
 
 bool CudaSimulator::advance() {
   Impl& impl = *impl_;
+  const auto show_next = [&] {  // false where there is none
+    if (impl.shown == impl.seen->newest) return false;
+    impl.shown = (impl.shown + 1) % impl.ring_frames();
+    return true;
+  };
+  if (show_next()) return true;
+  if (impl.seen->diverged != 0) return false;
   for (;;) {
     if (!impl.graph) {
       if (!impl.make_room()) return false;
-      impl.record_frame();
+      impl.record_bundle();
     }
     GRAUPEL_CUDA_CHECK(cudaGraphLaunch(impl.graph, impl.stream));
     impl.wait();
-    if (impl.seen->fault == 0) return impl.seen->diverged == 0;
+    if (impl.seen->fault == 0) return show_next();
     impl.drop_graph();  // the newest frame is still the same
   }
 }
@@ -313,19 +354,20 @@ std::vector<Vec3f> CudaSimulator::accelerations() {
   impl.model->reuse_memory();
   impl.launch_network();
   impl.wait();
-  std::vector<float> output(3 * static_cast<std::size_t>(impl.particles));
+  const auto width = static_cast<std::size_t>(impl.config.output_width());
+  std::vector<float> output(width * static_cast<std::size_t>(impl.particles));
   device_copy(Device::cpu, output.data(), Device::cuda, impl.model->output(), output.size() * sizeof(float));
   std::vector<Vec3f> acceleration(static_cast<std::size_t>(impl.particles));
   for (std::size_t i = 0; i < acceleration.size(); ++i)
-    acceleration[i] = acceleration_of(impl.normalization, output.data() + 3 * i);
+    acceleration[i] = acceleration_of(impl.normalization, output.data() + width * i);
   return acceleration;
 }
 
 std::vector<Vec3f> CudaSimulator::positions() const {
   const auto n = static_cast<std::size_t>(impl_->particles);
   std::vector<Vec3f> frame(n);
-  device_copy(Device::cpu, frame.data(), Device::cuda,
-              impl_->ring.data() + static_cast<std::size_t>(impl_->seen->newest) * n, n * sizeof(Vec3f));
+  device_copy(Device::cpu, frame.data(), Device::cuda, impl_->ring.data() + static_cast<std::size_t>(impl_->shown) * n,
+              n * sizeof(Vec3f));
   return frame;
 }
 
@@ -334,7 +376,7 @@ CudaFrameTime CudaSimulator::frame_time() const {
   const auto between = [&](Mark a, Mark b) {
     float milliseconds = 0;
     GRAUPEL_CUDA_CHECK(cudaEventElapsedTime(&milliseconds, impl_->events[a], impl_->events[b]));
-    return static_cast<double>(milliseconds);
+    return static_cast<double>(milliseconds) / static_cast<double>(impl_->config.bundle);
   };
   return {between(begin, features_done), between(features_done, hierarchy_done), between(hierarchy_done, network_done),
           between(network_done, end)};

@@ -12,7 +12,8 @@
 
 namespace graupel::graph {
 
-/// Milliseconds of one frame on the GPU. HGN's encoder runs beside the making of the hierarchy and counts there.
+/// Milliseconds of one frame on the GPU, a share of those of its bundle (FeatureConfig::bundle). The hierarchy is made
+/// beside the features and, where receivers sum messages, the encoder: what it takes longer than they.
 struct CudaFrameTime {
   double features = 0, hierarchy = 0, network = 0, projection = 0;
   double total() const { return features + hierarchy + network + projection; }
@@ -30,7 +31,7 @@ class CudaSimulator {
              const std::vector<std::vector<Vec3f>>& positions, bool project, double density_limit, bool free_flight);
   /// Predicts the next frame; false when it has diverged (step_frame) or a particle has left the domain's surroundings.
   bool advance();
-  /// Accelerations of the newest frame [m/frame^2], without moving.
+  /// Accelerations of the next frame [m/frame^2], without moving. After start() alone.
   std::vector<Vec3f> accelerations();
   std::vector<Vec3f> positions() const;
   /// Of the last frame, by events on the GPU.

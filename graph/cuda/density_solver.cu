@@ -1,6 +1,7 @@
 #include "graph/cuda/density_solver.h"
 
 #include "graph/cuda/block_cluster.h"
+#include "graph/cuda/density_list.h"
 
 namespace graupel::graph {
 
@@ -11,10 +12,11 @@ using namespace cluster;
 
 /// Cells of a colour that one block holds in its registers.
 constexpr int cells_a_thread = 4, few_cells = cells_a_thread * block_threads;
-constexpr int64_t most_capacity = int64_t{1} << 18;  ///< beyond it one launch a sweep is faster
+constexpr int64_t most_of_cluster = int64_t{1} << 18;  ///< cells; beyond it all multiprocessors are faster
+constexpr int64_t most_words = int64_t{1} << 17;       ///< each of their blocks counts the words before its own
 
 struct Shared {
-  ScanMemory scan;
+  cub::BlockScan<int32_t, block_threads>::TempStorage scan;
   float pressure[2 * few_cells + 1];  ///< the last one is 0
 };
 
@@ -32,7 +34,9 @@ class Solver {
 
   __device__ void run() {
     drop_pressure();
-    list_cells();
+    cluster_.sync();
+    list_cells<block_threads>(s_, shared_.scan, cluster_.block_rank(), blocks);
+    cluster_.sync();
     const int32_t begin = size_of_colors(0), end = size_of_colors(1);
     if (begin <= few_cells && end - begin <= few_cells)
       solve_few(begin, end);
@@ -56,29 +60,6 @@ class Solver {
     }
   }
 
-  /// Numbers the bits of the words, some neighbouring words a thread.
-  __device__ void list_cells() {
-    const int64_t each = (words() + all_threads - 1) / all_threads, first = thread_ * each;
-    const int64_t last = first + each < words() ? first + each : words();
-    int32_t count = 0;
-    for (int64_t w = first; w < last; ++w) count += grid::ones(__ldcg(s_.words + w));
-    int32_t before = sum_before(cluster_, shared_.scan, count);
-    for (int64_t w = first; w < last; ++w) {
-      s_.rank[w] = before;
-      const int color = w >= s_.cells.words_of_color();
-      const int64_t bit = (w - color * s_.cells.words_of_color()) * word_bits;
-      for (uint32_t left = __ldcg(s_.words + w); left != 0; left &= left - 1, ++before)
-        s_.cell[before] = s_.cells.cell_of_bit(color, bit + lowest_one(left));
-    }
-    if (first < last && last == words()) s_.rank[last] = before;
-    cluster_.sync();
-  }
-
-  __device__ Equation take_equation(int32_t i, const Shares& own, const float (&upper)[3]) {
-    const Equation e = equation_of(__ldcg(s_.mass + i), own, upper);
-    s_.mass[i] = 0;
-    return e;
-  }
   __device__ void upper_faces(int32_t i, float (&upper)[3]) const {
     for (int d = 0; d < 3; ++d) upper[d] = s_.shares[i + s_.cells.stride(d)].face[d];
   }
@@ -95,7 +76,8 @@ class Solver {
       const int32_t i = __ldcg(s_.cell + k);
       float upper[3];
       upper_faces(i, upper);
-      s_.equation[k] = take_equation(i, s_.shares[i], upper);
+      s_.equation[k] = equation_of(__ldcg(s_.mass + i), s_.shares[i], upper);
+      s_.mass[i] = 0;
     }
     cluster_.sync();
     for (int sweep = 0; sweep < 2 * s_.sweeps; ++sweep) {
@@ -128,9 +110,11 @@ class Solver {
 #pragma unroll
     for (int color = 0; color < 2; ++color)
 #pragma unroll
-      for (int j = 0; j < cells_a_thread; ++j) hold(held[color][j], number(begin, color, j), color == 0 ? begin : end);
+      for (int j = 0; j < cells_a_thread; ++j)
+        hold(held[color][j], color, number(begin, color, j), color == 0 ? begin : end);
     if (threadIdx.x == 0) shared_.pressure[2 * few_cells] = 0;
     __syncthreads();
+    for (int32_t k = static_cast<int32_t>(threadIdx.x); k < end; k += block_threads) s_.mass[__ldcg(s_.cell + k)] = 0;
     for (int sweep = 0; sweep < s_.sweeps; ++sweep)
 #pragma unroll
       for (int color = 0; color < 2; ++color) {
@@ -144,35 +128,33 @@ class Solver {
   __device__ static int32_t number(int32_t begin, int color, int j) {
     return (color == 0 ? 0 : begin) + static_cast<int32_t>(threadIdx.x) + j * block_threads;
   }
-  __device__ void hold(HeldCell& held, int32_t k, int32_t end) {
+  __device__ void hold(HeldCell& held, int color, int32_t k, int32_t end) {
     held.equation.inverse_sum = 0;
     if (k >= end) return;
     const int32_t i = __ldcg(s_.cell + k);
-    const Shares own = s_.shares[i];
-    float upper[3];
-    upper_faces(i, upper);
-    held.equation = take_equation(i, own, upper);
-    shared_.pressure[k] = __ldcg(s_.pressure + i);
 #pragma unroll
     for (int d = 0; d < 3; ++d) {
       const int32_t stride = s_.cells.stride(d);
+      held.neighbor[2 * d] = active_number(1 - color, i - stride);
+      held.neighbor[2 * d + 1] = active_number(1 - color, i + stride);
+    }
+    const Shares own = s_.shares[i];
+    float upper[3];
+    upper_faces(i, upper);
+    held.equation = equation_of(__ldcg(s_.mass + i), own, upper);
+    shared_.pressure[k] = __ldcg(s_.pressure + i);
+#pragma unroll
+    for (int d = 0; d < 3; ++d) {
       held.face[2 * d] = own.face[d];
       held.face[2 * d + 1] = upper[d];
-      held.neighbor[2 * d] = active_number(i, i - stride);
-      held.neighbor[2 * d + 1] = active_number(i, i + stride);
     }
   }
-  /// Of a cell next to `own`, thus of the other colour.
-  __device__ uint16_t active_number(int32_t own, int32_t i) const {
-    const int own_color = color_of(own);
-    const int64_t bit = (1 - own_color) * s_.cells.words_of_color() * word_bits + i / 2;
-    const uint32_t word = __ldcg(s_.words + bit / word_bits), mask = 1u << (bit % word_bits);
-    if ((word & mask) == 0) return 2 * few_cells;
-    return static_cast<uint16_t>(__ldcg(s_.rank + bit / word_bits) + grid::ones(word & (mask - 1)));
-  }
-  __device__ int color_of(int32_t i) const {
-    const int32_t row = i / s_.cells.size[0];
-    return (i % s_.cells.size[0] + row % s_.cells.size[1] + row / s_.cells.size[1]) & 1;
+  /// Number of a cell of a colour; one without pressure where it holds no matter.
+  __device__ uint16_t active_number(int color, int32_t i) const {
+    const int64_t bit = color * s_.cells.words_of_color() * word_bits + i / 2;
+    const uint32_t mask = 1u << (bit % word_bits), word = __ldcg(s_.words + bit / word_bits);
+    const int32_t number = __ldcg(s_.rank + bit / word_bits) + grid::ones(word & (mask - 1));
+    return static_cast<uint16_t>((word & mask) == 0 ? 2 * few_cells : number);
   }
   __device__ void sweep_held(const HeldCell& held, int32_t k) {
     if (held.equation.inverse_sum == 0) return;
@@ -197,11 +179,18 @@ __global__ void __launch_bounds__(block_threads) solve_kernel(DensitySystem syst
 
 }  // namespace
 
-bool solves_density_at_once(int64_t capacity) {
+static bool suits_a_cluster(int64_t capacity, int64_t words) {
   static const bool can = can_launch(solve_kernel);
-  return can && capacity <= most_capacity;
+  return can && capacity <= most_of_cluster && words <= most_words / 4;
 }
 
-void solve_density(const DensitySystem& system, void* stream) { launch(solve_kernel, system, stream); }
+bool solves_density_at_once(int64_t capacity, int64_t words) {
+  return suits_a_cluster(capacity, words) || words <= most_words;
+}
+
+void solve_density(const DensitySystem& system, int64_t capacity, void* stream) {
+  suits_a_cluster(capacity, 2 * system.cells.words_of_color()) ? launch(solve_kernel, system, stream)
+                                                               : sweep_density(system, capacity, stream);
+}
 
 }  // namespace graupel::graph

@@ -1,5 +1,6 @@
 // The pressure of a density projection on a GPU in one launch (graph/density_kernels.h): a cluster of blocks lists the
-// cells that hold matter and sweeps over them; a few thousand cells are swept by one block in its shared memory.
+// cells that hold matter and sweeps over them; a few thousand cells are swept by one block in its shared memory, very
+// many by all multiprocessors.
 #pragma once
 
 #include "graph/density_kernels.h"
@@ -18,9 +19,12 @@ struct DensitySystem {
   float* pressure;
 };
 
-/// Whether this GPU can, and whether it is worth it for so many cells.
-bool solves_density_at_once(int64_t capacity);
+/// Whether this GPU can for so many words of bits, and at most `capacity` cells that hold matter.
+bool solves_density_at_once(int64_t capacity, int64_t words);
 /// DropPressure, ListCells and all sweeps.
-void solve_density(const DensitySystem& system, void* stream);
+void solve_density(const DensitySystem& system, int64_t capacity, void* stream);
+
+/// The same by all multiprocessors (density_sweeps.cu).
+void sweep_density(const DensitySystem& system, int64_t capacity, void* stream);
 
 }  // namespace graupel::graph

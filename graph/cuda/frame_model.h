@@ -41,7 +41,7 @@ class FrameModel {
   /// Normalised accelerations from features() and the graph made last. `graph_ready` is called when the stream waits
   /// for nothing but the graph.
   virtual void launch(void* stream, const std::function<void()>& graph_ready) = 0;
-  virtual const float* output() const = 0;  ///< [particles, 3]
+  virtual const float* output() const = 0;  ///< [particles, output_width()]
   /// Not 0 where the graph made last had no room: the output is of no use.
   virtual const int32_t* fault() const = 0;
   /// The memory of the launches so far may be used again.

@@ -45,7 +45,7 @@ void GnsFrame::start(const Surroundings& surroundings, const std::vector<int32_t
   type_row_.upload(types);
   position_.resize_discard(nodes);
   features_.resize_discard(nodes * static_cast<std::size_t>(rules_.width));
-  output_.resize_discard(3 * type_row.size());
+  output_.resize_discard(static_cast<std::size_t>(config_.output_width()) * type_row.size());
 }
 
 void GnsFrame::launch_graph(void* stream, bool with_counts) {
@@ -88,6 +88,7 @@ void GnsFrame::launch(void* stream, const std::function<void()>& graph_ready) {
   const float* const latents = forward_to_decoder(network_, rows, arena_, *this, record_, stream);
   const FcnWeights& last = network_.fcn("decoder");
   decode({.rows = particles_,
+          .frames = static_cast<int>(config_.bundle),
           .x = latents,
           .w1 = network_.tile("decoder", 0),
           .b1 = last.b1,

@@ -1,5 +1,5 @@
 // A graph network that predicts frames on a GPU: launches alone, so that a frame can be recorded once. The grid is
-// built beside the encoder.
+// built beside what does not need it.
 #pragma once
 
 #include <cstdint>
@@ -37,7 +37,7 @@ class GridNetwork {
   /// `grid_ready` is called where the grid is needed.
   virtual void launch(void* stream, const std::function<void()>& grid_ready) = 0;
 
-  virtual const float* output() const = 0;  ///< [particles, 3] normalised accelerations
+  virtual const float* output() const = 0;  ///< [particles, output_width()] normalised accelerations
   /// Not 0 where the grid has overflowed or there was no room for it; the output is of no use then.
   virtual const int32_t* fault() const = 0;
 };

@@ -10,7 +10,7 @@ MessageNetwork::MessageNetwork(const HgnConfig& config, const nn::Weights& weigh
 void MessageNetwork::prepare(const GridInputs& inputs) {
   inputs_ = inputs;
   places_.prepare(inputs.room);
-  output_.resize_discard(static_cast<std::size_t>(3 * inputs.particles));
+  output_.resize_discard(static_cast<std::size_t>(network_.config().output_width() * inputs.particles));
 }
 
 HgnGraph MessageNetwork::graph() const {
@@ -52,6 +52,7 @@ void MessageNetwork::launch(void* stream, const std::function<void()>& grid_read
   const float* const latents = forward_to_decoder(network_, graph(), arena_, record_, stream, grid_ready);
   const FcnWeights& last = network_.fcn("decoder");
   decode({.rows = inputs_.particles,
+          .frames = static_cast<int>(network_.config().bundle),
           .x = latents,
           .w1 = network_.tile("decoder", 0),
           .b1 = last.b1,

@@ -5,6 +5,7 @@
 
 #include "core/cuda_check.h"
 #include "core/error.h"
+#include "graph/cuda/launch_together.h"
 #include "graph/cuda/tile_product.h"
 
 namespace graupel::graph::tile {
@@ -14,16 +15,6 @@ constexpr int threads = 256;
 constexpr int few_warps = 8, many_warps = 12;
 constexpr float slope = 0.01f;  ///< of HGN's activation
 constexpr int types = 9;        ///< rows of the embedding table (graph/features.h)
-
-inline int multiprocessors() {
-  static const int count = [] {
-    int device = 0, value = 0;
-    GRAUPEL_CUDA_CHECK(cudaGetDevice(&device));
-    GRAUPEL_CUDA_CHECK(cudaDeviceGetAttribute(&value, cudaDevAttrMultiProcessorCount, device));
-    return value;
-  }();
-  return count;
-}
 
 /// Whether this GPU starts kernels before those that they depend on are done (compute capability 9.0).
 inline bool launches_ahead() {

@@ -1,4 +1,4 @@
-// The decoder: a layer on tensor cores, and three outputs, sums over a row's columns.
+// The decoder: a layer on tensor cores, and three outputs a frame, sums over a row's columns.
 #include "graph/cuda/row_block.h"
 #include "graph/cuda/row_layers.h"
 
@@ -8,7 +8,7 @@ namespace {
 
 using namespace tile;
 
-constexpr int outputs = 3;
+constexpr int outputs = 3;              ///< of a frame
 constexpr int part_rows = outputs + 1;  ///< of partial sums: W2's gradient, then b2's
 
 /// A warp's rows of x in its part of shared memory.
@@ -23,6 +23,29 @@ __device__ void load_rows(uint16_t* to, const Decoder& n, int64_t first, int lan
     }
   }
   __syncwarp();
+}
+
+/// Outputs `begin` to `begin` + 2 of a warp's rows, from their sums before the activation.
+__device__ void decode_frame(const Decoder& n, const Sums& c, int begin, int64_t first, int lane) {
+#pragma unroll
+  for (int d = 0; d < outputs; ++d) {
+    float sum[2] = {0, 0};
+#pragma unroll
+    for (int j = 0; j < column_blocks; ++j) {
+      const float2 w = columns_of(n.w2 + (begin + d) * layer_width, j, lane);
+#pragma unroll
+      for (int half = 0; half < 2; ++half) {
+        const float x = c[j][2 * half], y = c[j][2 * half + 1];
+        sum[half] += w.x * (x > 0 ? x : n.slope * x) + w.y * (y > 0 ? y : n.slope * y);
+      }
+    }
+#pragma unroll
+    for (int half = 0; half < 2; ++half) {
+      const float total = row_sum(sum[half]) + n.b2[begin + d];
+      const int64_t r = first + lane / 4 + 8 * half;
+      if (lane % 4 == 0 && r < n.rows) n.out[outputs * n.frames * r + begin + d] = total;
+    }
+  }
 }
 
 __global__ void __launch_bounds__(threads, 2) decode_kernel(Decoder n) {
@@ -42,25 +65,7 @@ __global__ void __launch_bounds__(threads, 2) decode_kernel(Decoder n) {
     clear(c);
     product(c, mine, shared.tile(0), lane);
     add_bias(c, n.b1, lane);
-#pragma unroll
-    for (int d = 0; d < outputs; ++d) {
-      float sum[2] = {0, 0};
-#pragma unroll
-      for (int j = 0; j < column_blocks; ++j) {
-        const float2 w = columns_of(n.w2 + d * layer_width, j, lane);
-#pragma unroll
-        for (int half = 0; half < 2; ++half) {
-          const float x = c[j][2 * half], y = c[j][2 * half + 1];
-          sum[half] += w.x * (x > 0 ? x : n.slope * x) + w.y * (y > 0 ? y : n.slope * y);
-        }
-      }
-#pragma unroll
-      for (int half = 0; half < 2; ++half) {
-        const float total = row_sum(sum[half]) + n.b2[d];
-        const int64_t r = first + lane / 4 + 8 * half;
-        if (lane % 4 == 0 && r < n.rows) n.out[outputs * r + d] = total;
-      }
-    }
+    for (int frame = 0; frame < n.frames; ++frame) decode_frame(n, c, outputs * frame, first, lane);
     __syncwarp();
   }
 }

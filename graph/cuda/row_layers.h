@@ -192,20 +192,21 @@ struct FeatureLayer {
 };
 void encode_features(const FeatureLayer& layer, void* stream);
 
-/// The decoder: out[r] = W2 LeakyReLU(W1 x[r] + b1) + b2, W2 [3, 128].
+/// The decoder: out[r] = W2 LeakyReLU(W1 x[r] + b1) + b2, W2 [3 frames, 128].
 struct Decoder {
   int64_t rows = 0;
+  int frames = 1;                 ///< predicted at once (FeatureConfig::bundle)
   const float* x = nullptr;       ///< [rows, 128]
   const uint16_t* x16 = nullptr;  ///< the same, rounded, in its place
   const uint16_t* w1 = nullptr;   ///< tile
   const float *b1 = nullptr, *w2 = nullptr, *b2 = nullptr;
   float slope = 0.01f;
-  float* out = nullptr;      ///< [rows, 3]
+  float* out = nullptr;      ///< [rows, 3 frames]
   uint16_t* save = nullptr;  ///< [rows, 128] x, rounded, if wanted
 };
 void decode(const Decoder& decoder, void* stream);
 
-/// What goes back through a decoder from the gradient g [rows, 3] of its results.
+/// What goes back through a decoder of one frame from the gradient g [rows, 3] of its results.
 struct DecoderGradient {
   int64_t rows = 0;
   const uint16_t* x16 = nullptr;  ///< [rows, 128]

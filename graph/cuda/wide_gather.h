@@ -19,23 +19,30 @@ __device__ inline uint4 row_word(const uint16_t* rows, int64_t row, int lane) {
   return __ldcg(reinterpret_cast<const uint4*>(rows) + row * words + lane);
 }
 /// A table in shared memory.
-using Table = uint4[most_slots][words];
+using Table = float[most_slots][layer_width];
 
 __device__ inline uint4 packed(const float (&sum)[8]) {
   return {pack(sum[0], sum[1]), pack(sum[2], sum[3]), pack(sum[4], sum[5]), pack(sum[6], sum[7])};
 }
 
-/// sum += weight a(u + v + t), eight numbers.
-__device__ inline void add_message(float (&sum)[8], const uint4& u, const float (&v)[8], const uint4& t, float weight) {
-  const uint32_t u_words[4] = {u.x, u.y, u.z, u.w}, t_words[4] = {t.x, t.y, t.z, t.w};
+/// Sums of eight numbers x and of their sizes: a(x) = (1 + slope) / 2 x + (1 - slope) / 2 |x|.
+struct MessageSums {
+  float plain[8] = {}, size[8] = {};
+  /// Adds weight (u + v + t).
+  __device__ void add(const uint4& u, const float (&v)[8], const float* t, float weight) {
+    const uint32_t u_words[4] = {u.x, u.y, u.z, u.w};
+    const float4 t_low = *reinterpret_cast<const float4*>(t), t_high = *reinterpret_cast<const float4*>(t + 4);
+    const float t_of[8] = {t_low.x, t_low.y, t_low.z, t_low.w, t_high.x, t_high.y, t_high.z, t_high.w};
 #pragma unroll
-  for (int i = 0; i < 4; ++i) {
-    const float2 a = unpack(u_words[i]), b = unpack(t_words[i]);
-    const float x = a.x + b.x + v[2 * i], y = a.y + b.y + v[2 * i + 1];
-    sum[2 * i] += weight * fmaxf(x, slope * x);
-    sum[2 * i + 1] += weight * fmaxf(y, slope * y);
+    for (int i = 0; i < 8; ++i) {
+      const float2 pair = unpack(u_words[i / 2]);
+      const float x = (i % 2 == 0 ? pair.x : pair.y) + (t_of[i] + v[i]);
+      plain[i] += weight * x;
+      size[i] += weight * fabsf(x);
+    }
   }
-}
+  __device__ float activated(int i) const { return 0.5f * (1 + slope) * plain[i] + 0.5f * (1 - slope) * size[i]; }
+};
 
 /// Links of a tile's rows, and their weights, in shared memory: they are asked for while the tile before is worked on.
 template <int tile_rows>
@@ -76,7 +83,7 @@ __device__ inline void stage_links(StagedLinks<tile_rows>& to, const WideNetwork
 
 /// Sums over a fixed number of links; those that are missing count with weight 0.
 template <int slots, bool weighted>
-__device__ inline void sum_slots(float (&sum)[8], const WideNetwork& n, const Table& table, const int32_t* link,
+__device__ inline void sum_slots(MessageSums& sums, const WideNetwork& n, const Table& table, const int32_t* link,
                                  const float* weights, int64_t row, int lane) {
   uint4 word[slots];
   float weight[slots];
@@ -93,14 +100,15 @@ __device__ inline void sum_slots(float (&sum)[8], const WideNetwork& n, const Ta
   float own[8] = {};
   if (n.own) add_numbers(own, row_word(n.own, row, lane));
 #pragma unroll
-  for (int k = 0; k < slots; ++k) add_message(sum, word[k], own, table[k][lane], weight[k]);
+  for (int k = 0; k < slots; ++k) sums.add(word[k], own, table[k] + 8 * lane, weight[k]);
 }
 
-/// Sums over the pairs of a list; the numbers of the next few are read ahead.
-__device__ inline void sum_pairs(float (&sum)[8], const WideNetwork& n, const Table& table, int64_t link_row,
-                                 int lane) {
+/// Sums over part `part` of `parts` of the list of pairs; the numbers of the next few are read ahead.
+__device__ inline void sum_pairs(MessageSums& sums, const WideNetwork& n, const Table& table, int64_t link_row,
+                                 int lane, int part = 0, int parts = 1) {
   constexpr int under_way = 8;
-  const int32_t begin = __ldg(n.begin + link_row), end = __ldg(n.begin + link_row + 1);
+  const int32_t first = __ldg(n.begin + link_row), count = __ldg(n.begin + link_row + 1) - first;
+  const int32_t begin = first + count * part / parts, end = first + count * (part + 1) / parts;
   const float own[8] = {};
   int32_t next[under_way];
 #pragma unroll
@@ -118,30 +126,37 @@ __device__ inline void sum_pairs(float (&sum)[8], const WideNetwork& n, const Ta
       next[k] = at + under_way + k < end ? __ldg(n.link + at + under_way + k) : -1;
     }
 #pragma unroll
-    for (int k = 0; k < under_way; ++k) add_message(sum, word[k], own, table[slot[k]][lane], weight[k]);
+    for (int k = 0; k < under_way; ++k) sums.add(word[k], own, table[slot[k]] + 8 * lane, weight[k]);
   }
 }
 
-/// Eight f32 numbers of a row, as bf16.
-__device__ inline uint4 rounded(const float* rows, int64_t row, int lane) {
-  const float4* const from = reinterpret_cast<const float4*>(rows + row * layer_width) + 2 * lane;
-  const float4 low = __ldcg(from), high = __ldcg(from + 1);
-  return {pack(low.x, low.y), pack(low.z, low.w), pack(high.x, high.y), pack(high.z, high.w)};
-}
+/// Eight f32 numbers of a row, on their way to be rounded.
+struct Wide {
+  float4 low{0, 0, 0, 0}, high{0, 0, 0, 0};
+  __device__ void load(const float* rows, int64_t row, int lane) {
+    const float4* const from = reinterpret_cast<const float4*>(rows + row * layer_width) + 2 * lane;
+    low = __ldcg(from);
+    high = __ldcg(from + 1);
+  }
+  __device__ uint4 rounded() const {
+    return {pack(low.x, low.y), pack(low.z, low.w), pack(high.x, high.y), pack(high.z, high.w)};
+  }
+};
 
+/// A column of the three parts of a row's features (wide_weights.h); 0 beyond them.
+__device__ inline float feature_part(const float* features, int width, int column) {
+  const int which = (column >= width) + (column >= 2 * width);
+  const float x = column < feature_parts * width ? features[column - which * width] : 0.0f;
+  const float high = from_bf16(static_cast<uint16_t>(pack(x, 0) & 0xffffu));
+  return which == 1 ? x - high : high;
+}
 /// Columns first to first + 7 of the three parts of a row's features (wide_weights.h).
 __device__ inline uint4 feature_word(const float* features, int width, int first) {
-  float part[8];
+  uint32_t word[4];
 #pragma unroll
-  for (int i = 0; i < 8; ++i) {
-    const int column = first + i, which = column < width ? 0 : column < 2 * width ? 1 : 2;
-    part[i] = 0;
-    if (column >= feature_parts * width) continue;
-    const float x = features[column - which * width];
-    const float high = from_bf16(static_cast<uint16_t>(pack(x, 0) & 0xffffu));
-    part[i] = which == 1 ? x - high : high;
-  }
-  return packed(part);
+  for (int i = 0; i < 4; ++i)
+    word[i] = pack(feature_part(features, width, first + 2 * i), feature_part(features, width, first + 2 * i + 1));
+  return {word[0], word[1], word[2], word[3]};
 }
 
 static_assert(4 * most_wide_features <= 2 * row_stride && feature_tiles(most_wide_features) <= 2);
@@ -153,6 +168,50 @@ __device__ inline void fetch_features(float* to, const WideNetwork& n, int64_t f
   __syncthreads();
 }
 
+/// The parts of a tile's features. All threads of the block.
+template <int tile_rows>
+__device__ inline void gather_features(const WideNetwork& n, int64_t first, int64_t rows, uint16_t* to0, uint16_t* to1,
+                                       float* scratch) {
+  fetch_features<tile_rows>(scratch, n, first, rows);
+  const int lane = static_cast<int>(threadIdx.x) % row_lanes;
+  for (int i = static_cast<int>(threadIdx.x) / row_lanes; i < tile_rows; i += threads / row_lanes)
+    for (int operand = 0; operand < n.operands; ++operand) {
+      uint4 word{0, 0, 0, 0};
+      if (first + i < rows) word = feature_word(scratch + i * n.width, n.width, operand * layer_width + 8 * lane);
+      *reinterpret_cast<uint4*>((operand == 0 ? to0 : to1) + i * row_stride + 8 * lane) = word;
+    }
+}
+
+/// A narrow tile of rows with pairs: four half warps add up the parts of a row's list. All threads of the block.
+constexpr int narrow_rows = 4;
+__device__ inline void gather_narrow(const WideNetwork& n, const Table& table, int64_t first_link, int64_t first,
+                                     int64_t rows, uint16_t* to0, uint16_t* to1, float* scratch) {
+  const int group = static_cast<int>(threadIdx.x) / row_lanes, lane = static_cast<int>(threadIdx.x) % row_lanes;
+  const int warp = group / 2, part = 2 * (warp / narrow_rows) + group % 2;
+  const int64_t row = first + warp % narrow_rows;
+  MessageSums sums;
+  if (row < rows) sum_pairs(sums, n, table, first_link + row, lane, part, 4);
+  float sum[8];
+#pragma unroll
+  for (int k = 0; k < 8; ++k) {
+    sum[k] = sums.activated(k);
+    sum[k] += __shfl_xor_sync(0xffffffffu, sum[k], row_lanes);
+    if (group % 2 == 0) scratch[warp * layer_width + 8 * lane + k] = sum[k];
+  }
+  __syncthreads();
+  uint4 word{0, 0, 0, 0};
+  Wide second;
+  if (group < narrow_rows && first + group < rows) {
+    const float* const from = scratch + group * layer_width + 8 * lane;
+#pragma unroll
+    for (int k = 0; k < 8; ++k) sum[k] = n.scale * (from[k] + from[narrow_rows * layer_width + k]);
+    word = packed(sum);
+    if (n.second) second.load(n.second, first + group, lane);
+  }
+  *reinterpret_cast<uint4*>(to0 + group * row_stride + 8 * lane) = word;
+  if (n.operands > 1) *reinterpret_cast<uint4*>(to1 + group * row_stride + 8 * lane) = second.rounded();
+}
+
 /// Gathers the operands of rows `first` and on into shared memory; rows beyond the last are 0. `scratch`: room for a
 /// tile's features.
 template <int tile_rows>
@@ -160,42 +219,47 @@ __device__ inline void gather(const WideNetwork& n, const StagedLinks<tile_rows>
                               int64_t first_link, int64_t first, int64_t rows, uint16_t* to0, uint16_t* to1,
                               float* scratch) {
   const int lane = static_cast<int>(threadIdx.x) % row_lanes;
-  if (n.gather == Gather::features) fetch_features<tile_rows>(scratch, n, first, rows);
+  if (n.gather == Gather::features) {
+    gather_features<tile_rows>(n, first, rows, to0, to1, scratch);
+    return;
+  }
   for (int i = static_cast<int>(threadIdx.x) / row_lanes; i < tile_rows; i += threads / row_lanes) {
     const int64_t row = first + i;
-    uint4 word{0, 0, 0, 0}, second{0, 0, 0, 0};
+    uint4 word{0, 0, 0, 0};
+    Wide second;
     if (row < rows) {
-      if (n.second) second = rounded(n.second, row, lane);
-      float sum[8] = {};
+      if (n.second) second.load(n.second, row, lane);  // under way together with what follows
+      MessageSums sums;
+      Wide only;
       switch (n.gather) {
         case Gather::links:
-          sum_slots<6, false>(sum, n, table, staged.link + 6 * i, nullptr, row, lane);
+          sum_slots<6, false>(sums, n, table, staged.link + 6 * i, nullptr, row, lane);
           break;
         case Gather::children:
-          sum_slots<8, false>(sum, n, table, staged.link + 8 * i, nullptr, row, lane);
+          sum_slots<8, false>(sums, n, table, staged.link + 8 * i, nullptr, row, lane);
           break;
         case Gather::corners:
-          sum_slots<8, true>(sum, n, table, staged.link + 8 * i, staged.weight + 8 * i, row, lane);
+          sum_slots<8, true>(sums, n, table, staged.link + 8 * i, staged.weight + 8 * i, row, lane);
           break;
         case Gather::pairs:
-          sum_pairs(sum, n, table, first_link + row, lane);
+          sum_pairs(sums, n, table, first_link + row, lane);
           break;
         case Gather::rows:
-          word = rounded(n.rows32, staged.link[i], lane);
+          only.load(n.rows32, staged.link[i], lane);
+          word = only.rounded();
           break;
         case Gather::features:
-          word = feature_word(scratch + i * n.width, n.width, 8 * lane);
-          if (n.operands > 1) second = feature_word(scratch + i * n.width, n.width, layer_width + 8 * lane);
           break;
       }
-      if (n.gather != Gather::rows && n.gather != Gather::features) {
+      if (n.gather != Gather::rows) {
+        float sum[8];
 #pragma unroll
-        for (int k = 0; k < 8; ++k) sum[k] *= n.scale;
+        for (int k = 0; k < 8; ++k) sum[k] = n.scale * sums.activated(k);
         word = packed(sum);
       }
     }
     *reinterpret_cast<uint4*>(to0 + i * row_stride + 8 * lane) = word;
-    if (n.operands > 1) *reinterpret_cast<uint4*>(to1 + i * row_stride + 8 * lane) = second;
+    if (n.operands > 1) *reinterpret_cast<uint4*>(to1 + i * row_stride + 8 * lane) = second.rounded();
   }
 }
 

@@ -69,7 +69,7 @@ class WideHgn::Planner {
     }
     begin("grid_to_particle", Gather::corners, 2);
     table(gathering("grid_to_particle", 2 * h + 3), 2 * h, -1, corner);
-    decoder();
+    if (!to_.has_own_decoder()) decoder();
     to_.tiles_.upload(tiles_);
     to_.tables_.upload(tables_);
     to_.vectors_.upload(vectors_);
@@ -139,10 +139,8 @@ class WideHgn::Planner {
   }
   template <typename OffsetOf>
   void table(const Layer& layer, int64_t column, float sign, const OffsetOf& offset_of) {
-    std::vector<float> values;
-    add_offsets(values, layer, column, sign, offset_of);
     now().table = tables_.size();
-    for (const float v : values) tables_.push_back(nn::bf16_from_float(v));
+    add_offsets(tables_, layer, column, sign, offset_of);
   }
 
   /// The iterations of a level; the network before them is the last one planned.
@@ -207,8 +205,8 @@ class WideHgn::Planner {
 
   WideHgn& to_;
   const nn::Weights& weights_;
-  std::vector<uint16_t> tiles_, tables_;
-  std::vector<float> vectors_;
+  std::vector<uint16_t> tiles_;
+  std::vector<float> tables_, vectors_;
 };
 
 bool WideHgn::fits(const HgnConfig& config) {
@@ -219,7 +217,40 @@ bool WideHgn::fits(const HgnConfig& config) {
 WideHgn::WideHgn(const HgnConfig& config, const nn::Weights& weights) : config_(config) {
   GRAUPEL_ASSERT(fits(config));
   Planner(*this, weights).plan();
+  if (has_own_decoder()) pack_decoder(weights);
   GRAUPEL_ASSERT(plan_.size() <= most_networks);
+}
+
+void WideHgn::pack_decoder(const nn::Weights& weights) {
+  const int64_t outputs = config_.output_width();
+  std::vector<float> all;
+  const auto add = [&](const std::string& name, const std::vector<int64_t>& shape) {
+    const std::vector<float> values = weights.get("decoder." + name, shape);
+    all.insert(all.end(), values.begin(), values.end());
+  };
+  add("layer1.weight", {h, h});
+  add("layer1.bias", {h});
+  add("layer2.weight", {outputs, h});
+  add("layer2.bias", {outputs});
+  decoder_.upload(all);
+  Buffer<TileSource> source(Device::cuda, 0);
+  source.upload({{decoder_.data(), h, h}});
+  decoder_tile_.resize_discard(tile_numbers);
+  pack_tiles(1, source.data(), decoder_tile_.data(), nullptr);
+  GRAUPEL_CUDA_CHECK(cudaStreamSynchronize(nullptr));
+}
+
+void WideHgn::launch_decoder(void* stream) {
+  const float* const b1 = decoder_.data() + h * h;
+  decode({.rows = particles_,
+          .frames = static_cast<int>(config_.bundle),
+          .x = latents_.data(),  // the particles' stand first
+          .w1 = decoder_tile_.data(),
+          .b1 = b1,
+          .w2 = b1 + h,
+          .b2 = b1 + h + config_.output_width() * h,
+          .out = output_.data()},
+         stream);
 }
 
 void WideHgn::prepare(const GridInputs& inputs) {
@@ -234,7 +265,7 @@ void WideHgn::prepare(const GridInputs& inputs) {
   }
   latents_.resize_discard(static_cast<std::size_t>((n + cells) * h));
   projections_.resize_discard(static_cast<std::size_t>((2 * n + 4 * cells) * h));
-  output_.resize_discard(static_cast<std::size_t>(3 * n));
+  output_.resize_discard(static_cast<std::size_t>(config_.output_width() * n));
   done_.resize_discard(plan_.size());
   range_.upload({0, static_cast<int32_t>(n), 0});
 
@@ -309,7 +340,10 @@ void WideHgn::prepare(const GridInputs& inputs) {
         network.link = grid.cell;
         network.weight = grid.weight;
         network.second = network.add32 = particle_latents;
-        network.decoded = output_.data();
+        if (has_own_decoder())
+          network.sum32 = particle_latents;
+        else
+          network.decoded = output_.data();
         break;
     }
     if (of_particles) {
@@ -334,10 +368,10 @@ void WideHgn::follow_grid(void* grid_stream) {
 }
 
 void WideHgn::launch(void* stream, const std::function<void()>& grid_ready) {
-  run_networks({networks_.data(), 1, encoded_.data(), nullptr, nullptr}, particles_, stream);
   if (grid_ready) grid_ready();
-  const auto rest = static_cast<int32_t>(plan_.size()) - 1;
-  run_networks({networks_.data() + 1, rest, done_.data(), overflow_, range_.data() + 2}, most_rows_, stream);
+  run_networks({networks_.data(), static_cast<int32_t>(plan_.size()), done_.data(), overflow_, range_.data() + 2},
+               most_rows_, stream);
+  if (has_own_decoder()) launch_decoder(stream);
 }
 
 }  // namespace graupel::graph

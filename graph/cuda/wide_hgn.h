@@ -36,15 +36,22 @@ class WideHgn : public GridNetwork {
   static constexpr std::size_t none = SIZE_MAX;
   class Planner;
 
+  bool has_own_decoder() const { return config_.bundle > 1; }
+  void pack_decoder(const nn::Weights& weights);
+  void launch_decoder(void* stream);
+
   HgnConfig config_;
   std::vector<Planned> plan_;  ///< in the order in which they run, without their rows
-  Buffer<uint16_t> tiles_{Device::cuda, 0}, tables_{Device::cuda, 0};
-  Buffer<float> vectors_{Device::cuda, 0};
+  Buffer<uint16_t> tiles_{Device::cuda, 0};
+  Buffer<float> tables_{Device::cuda, 0}, vectors_{Device::cuda, 0};
   Buffer<WideNetwork> networks_{Device::cuda, 0};
-  Buffer<uint32_t> done_{Device::cuda, 0}, encoded_{Device::cuda, 1};
+  Buffer<uint32_t> done_{Device::cuda, 0};
   Buffer<int32_t> range_{Device::cuda, 0};  ///< 0, particles; fault
   Buffer<float> latents_{Device::cuda, 0}, output_{Device::cuda, 0};
   Buffer<uint16_t> projections_{Device::cuda, 0};
+  /// A decoder of several frames at once, which has a launch of its own: W1, b1, W2 and b2; W1 as a tile.
+  Buffer<float> decoder_{Device::cuda, 0};
+  Buffer<uint16_t> decoder_tile_{Device::cuda, 0};
   const int32_t* overflow_ = nullptr;
   int64_t most_rows_ = 0, particles_ = 0;
 };

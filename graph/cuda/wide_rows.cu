@@ -10,18 +10,22 @@ namespace {
 
 using namespace wide;
 
+/// Networks of which a block knows: the one that it works on and the next two, in a ring.
+constexpr int descriptions = 4;
+
 /// What a block keeps in shared memory.
 template <int tile_rows>
 struct Shared {
   __align__(16) uint16_t operand[2][tile_rows * row_stride];
   __align__(16) uint16_t hidden[tile_rows * row_stride];
   __align__(16) float vectors[2][vectors_of_network][layer_width];
-  __align__(16) WideNetwork network[2];
+  __align__(16) WideNetwork network[descriptions];  ///< of the network that is worked on and of those after it
   __align__(16) Table table[2];
   StagedLinks<tile_rows> links[2];  ///< of the tile that is worked on, and of the next one
   float2 statistics[warps][tile_rows];
   float decoded[warps][tile_rows][3];
-  int32_t rows[most_networks], first_link[most_networks];
+  int32_t rows[most_networks], tiles[most_networks], first_link[most_networks];
+  bool narrow[most_networks];  ///< in tiles of narrow_rows, so that more blocks share the work
 };
 
 __device__ float4 vector_of(const float (&vectors)[vectors_of_network][layer_width], int which, const Place& at) {
@@ -52,7 +56,8 @@ __device__ void leave_statistics(Shared<tile_rows>& s, Part& c, int first, const
 /// Layer norm from the statistics of all warps (Chan et al. 1983, equation 2.1).
 template <int tile_rows>
 __device__ void normalize(const Shared<tile_rows>& s, int turn, Part& c, int first, const Place& at) {
-  const float4 scale = vector_of(s.vectors[turn], norm_scale, at), shift = vector_of(s.vectors[turn], norm_shift, at);
+  const float4 scale = vector_of(s.vectors[turn % 2], norm_scale, at),
+               shift = vector_of(s.vectors[turn % 2], norm_shift, at);
 #pragma unroll
   for (int half = 0; half < 2; ++half) {
     const int row = first + at.group + 8 * half;
@@ -91,7 +96,7 @@ template <int tile_rows>
 __device__ void leave_decoded(Shared<tile_rows>& s, int turn, Part& c, int first, const Place& at) {
 #pragma unroll
   for (int d = 0; d < 3; ++d) {
-    const float4 w = vector_of(s.vectors[turn], out_bias1 + d, at);
+    const float4 w = vector_of(s.vectors[turn % 2], out_bias1 + d, at);
 #pragma unroll
     for (int half = 0; half < 2; ++half) {
       const float4 v = c.row(half);
@@ -110,38 +115,43 @@ class Walk {
 
   __device__ void run() {
     count_rows();
-    int network = next_network(-1), turn = 0;
+    int network = next_network(-1), next = next_network(network), turn = 0;
     if (network == program_.networks) return;
     describe(network, turn);
+    describe(next, turn + 1);
     wait_for_copies();
+    fetch_vectors(turn);
     stage(network, turn, static_cast<int>(blockIdx.x));
-    weights_.load_first(s_.network[turn]);
-    weights_.load_second(s_.network[turn]);
-    weights_.load_outlook(s_.network[turn]);
-    while (network < program_.networks) {
-      const int next = next_network(network);
-      if (next < program_.networks) describe(next, 1 - turn);
+    weights_.load_first(of(turn));
+    weights_.load_second(of(turn));
+    weights_.load_outlook(of(turn));
+    wait_for_copies();
+    for (; network < program_.networks; ++turn) {
+      const int after_next = next_network(next);
+      describe(after_next, turn + 2);
+      if (next < program_.networks) fetch_vectors(turn + 1);
       wait_until_complete(network - 1);
       int finished = 0;
       for (int tile = static_cast<int>(blockIdx.x); tile < tiles(network);) {
         const int after = tile + static_cast<int>(gridDim.x);
-        if (after < tiles(network))
-          work(network, turn, tile, network, turn, after);
-        else
-          work(network, turn, tile, next, 1 - turn, static_cast<int>(blockIdx.x));
-        tile = after;
+        const bool goes_on = after < tiles(network);
         ++finished;
+        work(network, turn, tile, goes_on ? network : next, goes_on ? after : static_cast<int>(blockIdx.x), finished);
+        tile = after;
       }
-      announce(network, finished);
       network = next;
-      turn = 1 - turn;
+      next = after_next;
     }
   }
 
  private:
-  __device__ int tiles(int network) const { return (s_.rows[network] + tile_rows - 1) / tile_rows; }
+  __device__ int rows_of_tile(int network) const { return s_.narrow[network] ? narrow_rows : tile_rows; }
+  __device__ int tiles(int network) const { return s_.tiles[network]; }
+  /// What is known of the network at this turn of the block.
+  __device__ const WideNetwork& of(int turn) const { return s_.network[turn & (descriptions - 1)]; }
+  /// The next network in which the block has work; their number where there is none.
   __device__ int next_network(int after) const {
-    int network = after + 1;
+    int network = std::min(after + 1, program_.networks);
     while (network < program_.networks && tiles(network) <= static_cast<int>(blockIdx.x)) ++network;
     return network;
   }
@@ -153,11 +163,14 @@ class Walk {
       const int32_t first = n.range[0], rows = n.range[1] - first;
       s_.first_link[i] = first;
       s_.rows[i] = rows;
+      const bool narrow = n.gather == Gather::pairs && rows <= narrow_rows * static_cast<int>(gridDim.x);
+      s_.narrow[i] = narrow;
+      s_.tiles[i] = narrow ? (rows + narrow_rows - 1) / narrow_rows : (rows + tile_rows - 1) / tile_rows;
       fault = fault || rows > n.most_rows;
     }
     fault = __syncthreads_or(fault);
     if (fault) {
-      for (int i = static_cast<int>(threadIdx.x); i < program_.networks; i += threads) s_.rows[i] = 0;
+      for (int i = static_cast<int>(threadIdx.x); i < program_.networks; i += threads) s_.tiles[i] = 0;
       __syncthreads();
     }
     if (program_.fault && blockIdx.x == 0 && threadIdx.x == 0) *program_.fault = fault;
@@ -165,33 +178,42 @@ class Walk {
 
   /// Starts to copy what is to be known of a network.
   __device__ void describe(int network, int turn) {
-    const int i = static_cast<int>(threadIdx.x);
-    const WideNetwork* const from = program_.network + network;
     constexpr int own_words = sizeof(WideNetwork) / 16;
-    static_assert(own_words < threads && vectors_of_network * layer_width == 4 * threads);
-    if (i < own_words)
-      copy_async<16>(reinterpret_cast<char*>(&s_.network[turn]) + 16 * i, reinterpret_cast<const char*>(from) + 16 * i);
-    copy_async<16>(&s_.vectors[turn][0][0] + 4 * i, from->vectors + 4 * i);
-    if (from->table && i < most_slots * words) copy_async<16>(&s_.table[turn][0][0] + i, from->table + 8 * i);
+    static_assert(own_words < threads);
+    const int i = static_cast<int>(threadIdx.x);
+    if (network < program_.networks && i < own_words)
+      copy_async<16>(reinterpret_cast<char*>(&s_.network[turn & (descriptions - 1)]) + 16 * i,
+                     reinterpret_cast<const char*>(program_.network + network) + 16 * i);
+  }
+  /// Starts to copy the vectors and the table of a network that is known.
+  __device__ void fetch_vectors(int turn) {
+    static_assert(vectors_of_network * layer_width == 4 * threads && most_slots * layer_width == 4 * threads);
+    const int i = 4 * static_cast<int>(threadIdx.x);
+    copy_async<16>(&s_.vectors[turn % 2][0][0] + i, of(turn).vectors + i);
+    if (of(turn).table) copy_async<16>(&s_.table[turn % 2][0][0] + i, of(turn).table + i);
   }
   __device__ static void wait_for_copies() {
     asm volatile("cp.async.wait_all;" ::: "memory");
     __syncthreads();
   }
 
+  /// Where one block does all of a network and of the one after it, nobody else waits for the first.
+  __device__ bool stays_here(int network) const {
+    return tiles(network) == 1 && network + 1 < program_.networks && tiles(network + 1) == 1;
+  }
   __device__ void wait_until_complete(int network) {
-    if (network >= 0 && threadIdx.x == 0) {
+    if (network >= 0 && threadIdx.x == 0 && !stays_here(network)) {
       const auto wanted = static_cast<uint32_t>(tiles(network));
       uint32_t done = 0;
       do {
         asm volatile("ld.acquire.gpu.global.u32 %0, [%1];" : "=r"(done) : "l"(program_.done + network) : "memory");
       } while (done < wanted);
     }
-    wait_for_copies();
+    __syncthreads();
   }
-  /// After work(), whose end all threads have reached.
+  /// After all threads have written what others read.
   __device__ void announce(int network, int finished) {
-    if (threadIdx.x == 0) {
+    if (threadIdx.x == 0 && !stays_here(network)) {
       asm volatile("red.release.gpu.global.add.u32 [%0], %1;"
                    :
                    : "l"(program_.done + network), "r"(finished)
@@ -200,20 +222,24 @@ class Walk {
   }
 
   __device__ void stage(int network, int turn, int tile) {
-    stage_links(s_.links[staged_], s_.network[turn], s_.first_link[network], int64_t{tile} * tile_rows,
+    stage_links(s_.links[staged_], of(turn), s_.first_link[network], int64_t{tile} * rows_of_tile(network),
                 s_.rows[network]);
   }
 
   /// One tile. What is to be known of the next one is asked for; where it is of the next network, the weights make
   /// place for those of that network as soon as they have been used.
-  __device__ void work(int network, int turn, int tile, int next_network, int next_turn, int next_tile) {
-    const WideNetwork& n = s_.network[turn];
-    const WideNetwork& next = s_.network[next_turn];
-    const bool last = next_turn != turn && next_network < program_.networks;
-    const int64_t rows = s_.rows[network], first_link = s_.first_link[network], first = int64_t{tile} * tile_rows;
+  __device__ void work(int network, int turn, int tile, int next_network, int next_tile, int finished) {
+    const bool ends = next_network != network, last = ends && next_network < program_.networks;
+    const WideNetwork& n = of(turn);
+    const WideNetwork& next = of(turn + 1);
+    const int64_t first_link = s_.first_link[network], first = int64_t{tile} * rows_of_tile(network);
+    const int64_t rows = std::min<int64_t>(s_.rows[network], first + rows_of_tile(network));
     const Place at;
-    gather(n, s_.links[staged_], s_.table[turn], first_link, first, rows, s_.operand[0], s_.operand[1],
-           reinterpret_cast<float*>(s_.hidden));
+    float* const scratch = reinterpret_cast<float*>(s_.hidden);
+    if (s_.narrow[network])
+      gather_narrow(n, s_.table[turn % 2], first_link, first, rows, s_.operand[0], s_.operand[1], scratch);
+    else
+      gather(n, s_.links[staged_], s_.table[turn % 2], first_link, first, rows, s_.operand[0], s_.operand[1], scratch);
     float4 before[blocks][2];
 #pragma unroll
     for (int b = 0; b < blocks; ++b)
@@ -225,7 +251,7 @@ class Walk {
           before[b][half] = __ldcg(reinterpret_cast<const float4*>(n.add32 + row * layer_width + at.column));
       }
     staged_ = 1 - staged_;
-    if (next_network < program_.networks) stage(next_network, next_turn, next_tile);
+    if (next_network < program_.networks) stage(next_network, ends ? turn + 1 : turn, next_tile);
     __syncthreads();
 
     Part c[blocks];
@@ -233,7 +259,7 @@ class Walk {
     if (last) weights_.load_first(next);
     __syncthreads();
 
-    const float4 bias = vector_of(s_.vectors[turn], bias2, at);
+    const float4 bias = vector_of(s_.vectors[turn % 2], bias2, at);
 #pragma unroll
     for (int b = 0; b < blocks; ++b) {
       c[b].clear();
@@ -257,14 +283,18 @@ class Walk {
     }
     __syncthreads();
     if (n.outlooks > 0) look_ahead(n, turn, first, rows, at);
-    if (last) weights_.load_outlook(next);
     if (n.decoded) decode(n, first, rows);
+    if (ends) {
+      __syncthreads();
+      announce(network, finished);
+    }
+    if (last) weights_.load_outlook(next);
     wait_for_copies();
   }
 
   __device__ void first_layer(const WideNetwork& n, int turn, int64_t first_link, int64_t first, int64_t rows,
                               Part (&c)[blocks], const Place& at) {
-    const float4 bias = vector_of(s_.vectors[turn], bias1, at);
+    const float4 bias = vector_of(s_.vectors[turn % 2], bias1, at);
 #pragma unroll
     for (int b = 0; b < blocks; ++b) {
       Part other;
@@ -301,7 +331,7 @@ class Walk {
 #pragma unroll
       for (int j = 0; j < 2; ++j) {
         c[j].clear();
-        c[j].add(vector_of(s_.vectors[turn], out_bias0 + j, at));
+        c[j].add(vector_of(s_.vectors[turn % 2], out_bias0 + j, at));
       }
       if (n.outlooks > 1)
         multiply(c[0], c[1], from, from, weights_.outlook[0], weights_.outlook[1], at.lane);
@@ -350,24 +380,12 @@ __global__ void __launch_bounds__(threads, 1) run_kernel(WideProgram program) {
   Walk<blocks>(*reinterpret_cast<Shared<16 * blocks>*>(shared_numbers), program).run();
 }
 
-/// Blocks that wait for each other have to be under way at the same time.
 template <int blocks>
-void launch_together(const WideProgram& program, int64_t most_rows, void* stream) {
+void launch(const WideProgram& program, int64_t most_rows, void* stream) {
   constexpr int tile_rows = 16 * blocks, bytes = sizeof(Shared<tile_rows>);
-  const auto kernel = run_kernel<blocks>;
-  GRAUPEL_CUDA_CHECK(cudaFuncSetAttribute(kernel, cudaFuncAttributeMaxDynamicSharedMemorySize, bytes));
-  cudaLaunchAttribute together{};
-  together.id = cudaLaunchAttributeCooperative;
-  together.val.cooperative = 1;
-  cudaLaunchConfig_t config{};
-  const int64_t tiles = (most_rows + tile_rows - 1) / tile_rows;
-  config.gridDim = dim3(static_cast<unsigned>(std::clamp<int64_t>(tiles, 1, multiprocessors())));
-  config.blockDim = dim3(threads);
-  config.dynamicSmemBytes = bytes;
-  config.stream = static_cast<cudaStream_t>(stream);
-  config.attrs = &together;
-  config.numAttrs = program.networks > 1 ? 1 : 0;  // one network's blocks do not wait for each other
-  GRAUPEL_CUDA_CHECK(cudaLaunchKernelEx(&config, kernel, program));
+  GRAUPEL_CUDA_CHECK(cudaFuncSetAttribute(run_kernel<blocks>, cudaFuncAttributeMaxDynamicSharedMemorySize, bytes));
+  launch_together(run_kernel<blocks>, (most_rows + tile_rows - 1) / tile_rows, threads, bytes, program, stream,
+                  program.networks > 1);
 }
 
 }  // namespace
@@ -375,8 +393,8 @@ void launch_together(const WideProgram& program, int64_t most_rows, void* stream
 void run_networks(const WideProgram& program, int64_t most_rows, void* stream) {
   GRAUPEL_ASSERT(program.networks > 0 && program.networks <= most_networks);
   if (most_rows == 0) return;
-  most_rows > int64_t{32} * multiprocessors() ? launch_together<2>(program, most_rows, stream)
-                                              : launch_together<1>(program, most_rows, stream);
+  most_rows > int64_t{32} * multiprocessors() ? launch<2>(program, most_rows, stream)
+                                              : launch<1>(program, most_rows, stream);
 }
 
 }  // namespace graupel::graph

@@ -44,7 +44,7 @@ struct alignas(16) WideNetwork {
   Gather gather;
   const uint16_t* source;  ///< U, bf16
   const uint16_t* own;     ///< V, bf16; null: 0
-  const uint16_t* table;   ///< T, bf16
+  const float* table;      ///< T, f32
   const float* rows32;     ///< Gather::rows and Gather::features
   const int32_t *link, *begin;
   const float* weight;

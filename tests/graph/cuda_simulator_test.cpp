@@ -4,45 +4,11 @@
 #include <cmath>
 
 #include "core/error.h"
-#include "core/random.h"
 #include "rollout_case.h"
 #include "tests/gpu_only.h"
 
 namespace graupel::graph {
 namespace {
-
-HgnConfig wide_config(Aggregation aggregation) {
-  HgnConfig config;
-  config.aggregation = aggregation;
-  config.latent = 128;
-  config.levels = 4;
-  config.message_passing = 3;
-  config.signed_distance = true;
-  return config;
-}
-
-/// Clouds of particles around and in an obstacle, some at the walls.
-Case make_case(int particles) {
-  Case c;
-  c.scene = scene_with_ball({0.5, 0.2, 0.5}, 0.15);
-  c.scene.name = "clouds";
-  const Random random(5, RandomPurpose::test);
-  constexpr int32_t ids[] = {5, 6, 8};
-  c.history.resize(6);
-  for (int i = 0; i < particles; ++i) {
-    const auto draw = static_cast<uint64_t>(i);
-    const double shift = i % 2 ? 0.05 : 0.45;
-    Vec3d x, v;
-    for (int d = 0; d < 3; ++d) {
-      x[d] = shift + 0.25 * random.uniform(draw, d);
-      v[d] = 0.02 * (random.uniform(1000000 + draw, d) - 0.5);
-    }
-    c.type.push_back(ids[i % 3]);
-    for (int t = 0; t < 6; ++t)
-      c.history[static_cast<std::size_t>(t)].push_back((x + v * static_cast<double>(t - 5)).cast<float>());
-  }
-  return c;
-}
 
 class CudaSimulatorTest : public ::testing::TestWithParam<Aggregation> {
  protected:
@@ -52,21 +18,10 @@ class CudaSimulatorTest : public ::testing::TestWithParam<Aggregation> {
   WeightsFile file_;
 };
 
-/// Root mean square of the difference over that of the deviation from the mean acceleration.
-double difference(const std::vector<Vec3f>& a, const std::vector<Vec3f>& b) {
-  double squares = 0, size = 0;
-  for (std::size_t i = 0; i < a.size(); ++i)
-    for (int d = 0; d < 3; ++d) {
-      squares += std::pow(a[i][d] - b[i][d], 2);
-      size += std::pow(b[i][d] - wide_statistics().acceleration_mean[d], 2);
-    }
-  return std::sqrt(squares / size);
-}
-
 TEST_P(CudaSimulatorTest, AccelerationsAreThoseOfTheCpu) {
   GRAUPEL_NEEDS_GPU();
   for (const int particles : {1, 37, 3000, 12000}) {
-    const Case c = make_case(particles);
+    const Case c = clouds_at_a_ball(particles);
     const Surroundings surroundings(c.scene);
     const LearnedSimulator simulator = make(wide_config(GetParam()));
     const auto expected = simulator.one_step(surroundings, c.type, c.history);
@@ -79,7 +34,7 @@ TEST_P(CudaSimulatorTest, AccelerationsAreThoseOfTheCpu) {
 
 TEST_P(CudaSimulatorTest, RolloutsFollowThoseOfTheCpu) {
   GRAUPEL_NEEDS_GPU();
-  const Case c = make_case(800);
+  const Case c = clouds_at_a_ball(800);
   const Surroundings surroundings(c.scene);
   const LearnedSimulator simulator = make(wide_config(GetParam()));
   for (const double density_limit : {0.0, 1.0}) {
@@ -108,7 +63,7 @@ TEST_P(CudaSimulatorTest, RolloutsFollowThoseOfTheCpu) {
 TEST_P(CudaSimulatorTest, RolloutsGoOnWhereMatterSpreads) {
   GRAUPEL_NEEDS_GPU();
   // Particles of a small cloud fly apart: many times the cells of the first frame.
-  Case c = make_case(600);
+  Case c = clouds_at_a_ball(600);
   for (std::size_t t = 0; t < c.history.size(); ++t)
     for (std::size_t i = 0; i < c.type.size(); ++i) {
       const Vec3f start = Vec3f{0.5f, 0.7f, 0.5f} + (c.history[5][i] - Vec3f{0.4f, 0.4f, 0.4f}) * 0.1f;
@@ -135,14 +90,14 @@ TEST_P(CudaSimulatorTest, RefusesNetworksWithoutKernels) {
   GRAUPEL_NEEDS_GPU();
   HgnConfig config = wide_config(GetParam());
   config.latent = 64;
-  const Case c = make_case(10);
+  const Case c = clouds_at_a_ball(10);
   const Surroundings surroundings(c.scene);
   EXPECT_THROW(make(config).one_step_on_gpu(c.scene, surroundings, c.type, c.history), ConfigError);
 }
 
 TEST_P(CudaSimulatorTest, SaysWhereThereIsNoGpu) {
   if (cuda_available()) GTEST_SKIP() << "there is a GPU here";
-  const Case c = make_case(10);
+  const Case c = clouds_at_a_ball(10);
   const Surroundings surroundings(c.scene);
   EXPECT_THROW(make(wide_config(GetParam())).one_step_on_gpu(c.scene, surroundings, c.type, c.history), ConfigError);
 }

@@ -224,6 +224,7 @@ nn::Weights constant_weights(HgnConfig config, const std::vector<float>& acceler
 
 std::vector<float> repeated(const std::vector<float>& values, int times) {
   std::vector<float> all;
+  all.reserve(values.size() * static_cast<std::size_t>(times));
   for (int i = 0; i < times; ++i) all.insert(all.end(), values.begin(), values.end());
   return all;
 }
@@ -286,19 +287,37 @@ TEST_F(LearnedSimulatorTest, ABundleIsItsFramesOneByOne) {
   const Scene scene = scene_with_ball({0.5, 0.35, 0.5}, 0.15);
   const Surroundings surroundings(scene);
   const auto start = start_history(sheet(), std::vector<Vec3f>(100, Vec3f{0, -2, 0}), scene.gravity, frame_time, 4);
-  LearnedSimulator::RolloutOptions options;
-  options.frames = 23;
-  options.density_limit = 0.5;
-  std::vector<Trajectory> runs;
-  for (const int bundle : {1, 3, 8})
-    runs.push_back(make(constant_weights(small_config(), repeated({0.5f, -1, 0.25f}, bundle)))
-                       .rollout(scene, surroundings, std::vector<int32_t>(100, 5), start, options));
-  options.density_limit = 0;
-  const Trajectory loose = make(constant_weights(small_config(), {0.5f, -1, 0.25f}))
-                               .rollout(scene, surroundings, std::vector<int32_t>(100, 5), start, options);
-  ASSERT_NE(loose.frames[23].position, runs[0].frames[23].position) << "nothing was corrected";
-  for (std::size_t f = 0; f <= 23; ++f)
-    for (const std::size_t other : {1u, 2u}) ASSERT_EQ(runs[other].frames[f].position, runs[0].frames[f].position);
+  const auto run = [&](int bundle, bool project) {
+    LearnedSimulator::RolloutOptions options;
+    options.frames = 23;
+    options.density_limit = 0;
+    options.project = project;
+    return make(constant_weights(small_config(), repeated({0.5f, -1, 0.25f}, bundle)))
+        .rollout(scene, surroundings, std::vector<int32_t>(100, 5), start, options);
+  };
+  const Trajectory one = run(1, true), loose = run(1, false);
+  ASSERT_NE(loose.frames[23].position, one.frames[23].position) << "nothing was corrected";
+  for (const int bundle : {3, 8}) {
+    const Trajectory bundled = run(bundle, true);
+    for (std::size_t f = 0; f <= 23; ++f) ASSERT_EQ(bundled.frames[f].position, one.frames[f].position);
+  }
+}
+
+TEST_F(LearnedSimulatorTest, TheDensityIsHeldAfterTheLastFrameOfABundle) {
+  const Scene scene = scene_with_ball({0.5, 0.35, 0.5}, 0.15);
+  const Surroundings surroundings(scene);
+  const auto start = start_history(sheet(), std::vector<Vec3f>(100, Vec3f{0, -2, 0}), scene.gravity, frame_time, 4);
+  const LearnedSimulator simulator = make(constant_weights(small_config(), repeated({0.5f, -1, 0.25f}, 3)));
+  const auto frame = [&](int64_t frames, double density_limit) {
+    LearnedSimulator::RolloutOptions options;
+    options.frames = frames;
+    options.density_limit = density_limit;
+    return simulator.rollout(scene, surroundings, std::vector<int32_t>(100, 5), start, options).frames.back().position;
+  };
+  int64_t held = 1;  // the first frame that the density changes
+  while (held < 24 && frame(held, 0.5) == frame(held, 0)) ++held;
+  ASSERT_LT(held, 24);
+  EXPECT_EQ(held % 3, 0);
 }
 
 TEST_F(LearnedSimulatorTest, TheFirstFrameOfABundleIsOneStep) {
@@ -327,25 +346,6 @@ TEST_F(LearnedSimulatorTest, TheFirstFrameOfABundleIsOneStep) {
   EXPECT_NE(three.rollout(scene, surroundings, type, start, uncorrected(2)).frames[2].position,
             one.rollout(scene, surroundings, type, start, uncorrected(2)).frames[2].position);
 }
-
-#ifdef GRAUPEL_HAVE_CUDA
-TEST_F(LearnedSimulatorTest, AGpuRefusesABundle) {
-  const LearnedSimulator simulator = make(constant_weights(small_config(), repeated({0, 0, 0}, 2)));
-  const Scene scene;
-  const Surroundings surroundings(scene);
-  const auto start = start_history({Vec3f::filled(0.5f)}, {Vec3f::zero()}, scene.gravity, frame_time, 4);
-  auto options = uncorrected(2);
-  options.device = Device::cuda;
-  try {
-    simulator.rollout(scene, surroundings, {5}, start, options);
-    ADD_FAILURE();
-  } catch (const ConfigError& error) {
-    EXPECT_NE(std::string(error.what()).find("(bundle 2, allowed: 1). Use --device cpu"), std::string::npos)
-        << error.what();
-  }
-  EXPECT_THROW(simulator.one_step_on_gpu(scene, surroundings, {5}, start), ConfigError);
-}
-#endif
 
 TEST_F(LearnedSimulatorTest, TheCostOfABundleIsSpreadOverItsFrames) {
   const LearnedSimulator simulator = make(constant_weights(small_config(), repeated({0, 0, 0}, 4)));

@@ -4,8 +4,10 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <cmath>
 #include <filesystem>
 
+#include "core/random.h"
 #include "graph/learned_simulator.h"
 #include "random_input.h"
 
@@ -26,6 +28,50 @@ struct Case {
   std::vector<int32_t> type;
   std::vector<std::vector<Vec3f>> history;
 };
+
+inline HgnConfig wide_config(Aggregation aggregation) {
+  HgnConfig config;
+  config.aggregation = aggregation;
+  config.latent = 128;
+  config.levels = 4;
+  config.message_passing = 3;
+  config.signed_distance = true;
+  return config;
+}
+
+/// Two clouds of particles at an obstacle, some at the walls, each with a velocity of its own [m/frame] beside `drift`.
+inline Case clouds_at_a_ball(int particles, double speed = 0.01, const Vec3d& drift = Vec3d::zero()) {
+  Case c;
+  c.scene = scene_with_ball({0.5, 0.2, 0.5}, 0.15);
+  c.scene.name = "clouds";
+  const Random random(5, RandomPurpose::test);
+  constexpr int32_t ids[] = {5, 6, 8};
+  c.history.resize(6);
+  for (int i = 0; i < particles; ++i) {
+    const auto draw = static_cast<uint64_t>(i);
+    const double shift = i % 2 ? 0.05 : 0.45;
+    Vec3d x, v;
+    for (int d = 0; d < 3; ++d) {
+      x[d] = shift + 0.25 * random.uniform(draw, d);
+      v[d] = drift[d] + 2 * speed * (random.uniform(1000000 + draw, d) - 0.5);
+    }
+    c.type.push_back(ids[i % 3]);
+    for (int t = 0; t < 6; ++t)
+      c.history[static_cast<std::size_t>(t)].push_back((x + v * static_cast<double>(t - 5)).cast<float>());
+  }
+  return c;
+}
+
+/// Of accelerations: root mean square of the difference over that of the deviation from the mean acceleration.
+inline double difference(const std::vector<Vec3f>& a, const std::vector<Vec3f>& b) {
+  double squares = 0, size = 0;
+  for (std::size_t i = 0; i < a.size(); ++i)
+    for (int d = 0; d < 3; ++d) {
+      squares += std::pow(a[i][d] - b[i][d], 2);
+      size += std::pow(b[i][d] - wide_statistics().acceleration_mean[d], 2);
+    }
+  return std::sqrt(squares / size);
+}
 
 /// Writes weights to a file of its own, which goes with the test.
 class WeightsFile {

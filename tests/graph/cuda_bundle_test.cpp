@@ -1,0 +1,147 @@
+// Rollouts on a GPU of networks that predict several frames at once.
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "rollout_case.h"
+#include "tests/gpu_only.h"
+
+namespace graupel::graph {
+namespace {
+
+Trajectory rollout(const LearnedSimulator& simulator, const Case& c, Device device,
+                   LearnedSimulator::RolloutOptions options) {
+  options.device = device;
+  return simulator.rollout(c.scene, Surroundings(c.scene), c.type, c.history, options);
+}
+
+/// The same normalised accelerations for all particles and frames, whatever the graph.
+template <typename Config>
+nn::Weights constant_bundle(Config config, int64_t bundle) {
+  config.bundle = bundle;
+  nn::Weights weights = random_weights(config, wide_statistics());
+  silence_decoder(weights);
+  std::vector<float> bias;
+  for (int64_t i = 0; i < 3 * bundle; ++i) bias.push_back(i % 3 == 0 ? 0.4f : i % 3 == 1 ? -0.2f : 0.1f);
+  weights.tensors["decoder.layer2.bias"] = nn::Tensor::from_float(bias, {3 * bundle});
+  return weights;
+}
+
+/// Obstacles, walls and free flight are those of every frame: to the last bit those of a network of one frame.
+template <typename Config>
+void expect_same_as_frame_by_frame(const Config& config) {
+  // Neither cloud grows, so that no run begins a larger graph on its way, and its pressures anew.
+  const Case c = clouds_at_a_ball(800, 0, {0.02, -0.02, 0.02});
+  LearnedSimulator::RolloutOptions options;
+  options.frames = 6;
+  options.density_limit = 0;
+  const WeightsFile file;
+  const Trajectory expected = rollout(file.read_back(constant_bundle(config, 1)), c, Device::cuda, options);
+  ASSERT_EQ(expected.frame_count(), 7u);
+  for (const int64_t bundle : {2, 4, 8}) {
+    const Trajectory actual = rollout(file.read_back(constant_bundle(config, bundle)), c, Device::cuda, options);
+    ASSERT_EQ(actual.frame_count(), 7u);
+    for (std::size_t f = 0; f <= 6; ++f)
+      ASSERT_EQ(actual.frames[f].position, expected.frames[f].position) << "bundle " << bundle << ", frame " << f;
+  }
+}
+
+class CudaBundle : public ::testing::TestWithParam<Aggregation> {
+ protected:
+  WeightsFile file_;
+};
+
+TEST_P(CudaBundle, EveryFrameIsCorrectedAsFrameByFrame) {
+  GRAUPEL_NEEDS_GPU();
+  expect_same_as_frame_by_frame(wide_config(GetParam()));
+}
+
+TEST_P(CudaBundle, RolloutsFollowThoseOfTheCpu) {
+  GRAUPEL_NEEDS_GPU();
+  const Case c = clouds_at_a_ball(800);
+  const Surroundings surroundings(c.scene);
+  HgnConfig config = wide_config(GetParam());
+  for (const int64_t bundle : {2, 3, 8}) {
+    config.bundle = bundle;
+    const LearnedSimulator simulator = file_.read_back(random_weights(config, wide_statistics()));
+    EXPECT_LT(difference(simulator.one_step_on_gpu(c.scene, surroundings, c.type, c.history),
+                         simulator.one_step(surroundings, c.type, c.history)),
+              0.02);
+    LearnedSimulator::RolloutOptions options;
+    options.frames = 7;  // cuts the last bundle
+    options.free_flight = false;
+    const Trajectory expected = rollout(simulator, c, Device::cpu, options);
+    const Trajectory actual = rollout(simulator, c, Device::cuda, options);
+    ASSERT_EQ(actual.frame_count(), expected.frame_count());
+    for (std::size_t f = 1; f < expected.frames.size(); ++f) {
+      double squares = 0, way = 0;
+      for (std::size_t i = 0; i < c.type.size(); ++i) {
+        squares += norm2((actual.frames[f].position[i] - expected.frames[f].position[i]).cast<double>());
+        way += norm2((expected.frames[f].position[i] - expected.frames[0].position[i]).cast<double>());
+      }
+      EXPECT_LT(std::sqrt(squares / way), 0.03) << "bundle " << bundle << ", frame " << f;
+    }
+    EXPECT_EQ(rollout(simulator, c, Device::cuda, options).frames.back().position, actual.frames.back().position)
+        << "the same every time";
+  }
+}
+
+TEST_P(CudaBundle, StopsAtTheFrameThatBlowsUp) {
+  const Case c = clouds_at_a_ball(60);
+  nn::Weights weights = constant_bundle(wide_config(GetParam()), 4);
+  std::vector<float> bias(12, 0);
+  bias[6] = 3000;  // 3 m in the third frame
+  weights.tensors["decoder.layer2.bias"] = nn::Tensor::from_float(bias, {12});
+  const LearnedSimulator simulator = file_.read_back(weights);
+  LearnedSimulator::RolloutOptions options;
+  options.frames = 8;
+  options.free_flight = false;
+  const auto expect_stop = [&](Device device) {
+    const Trajectory t = rollout(simulator, c, device, options);
+    EXPECT_EQ(t.diverged_at_frame, 3);
+    EXPECT_EQ(t.frame_count(), 3u);
+  };
+  expect_stop(Device::cpu);
+  GRAUPEL_NEEDS_GPU();
+  expect_stop(Device::cuda);
+}
+
+INSTANTIATE_TEST_SUITE_P(Forms, CudaBundle, ::testing::Values(Aggregation::messages, Aggregation::activations),
+                         [](const auto& form) { return std::string(word_of(form.param)); });
+
+TEST(GnsBundle, EveryFrameIsCorrectedAsFrameByFrame) {
+  GRAUPEL_NEEDS_GPU();
+  GnsConfig config;
+  config.message_passing = 2;
+  expect_same_as_frame_by_frame(config);
+}
+
+TEST(GnsBundle, AccelerationsAreThoseOfTheCpu) {
+  GRAUPEL_NEEDS_GPU();
+  GnsConfig config;
+  config.message_passing = 2;
+  config.bundle = 3;
+  const Case c = clouds_at_a_ball(300);
+  const Surroundings surroundings(c.scene);
+  const WeightsFile file;
+  const LearnedSimulator simulator = file.read_back(random_weights(config, wide_statistics()));
+  EXPECT_LT(difference(simulator.one_step_on_gpu(c.scene, surroundings, c.type, c.history),
+                       simulator.one_step(surroundings, c.type, c.history)),
+            0.03);
+  LearnedSimulator::RolloutOptions options;
+  options.frames = 3;
+  options.free_flight = false;
+  options.density_limit = 0;
+  const Trajectory expected = rollout(simulator, c, Device::cpu, options);
+  const Trajectory actual = rollout(simulator, c, Device::cuda, options);
+  ASSERT_EQ(actual.frame_count(), expected.frame_count());
+  double squares = 0, way = 0;
+  for (std::size_t i = 0; i < c.type.size(); ++i) {
+    squares += norm2((actual.frames[3].position[i] - expected.frames[3].position[i]).cast<double>());
+    way += norm2((expected.frames[3].position[i] - expected.frames[0].position[i]).cast<double>());
+  }
+  EXPECT_LT(std::sqrt(squares / way), 0.02);
+}
+
+}  // namespace
+}  // namespace graupel::graph
