@@ -76,5 +76,29 @@ TEST(ShippedWeights, RollOutAsWellAsTheirCardsSay) {
   EXPECT_GE(checked, 1);
 }
 
+/// Five times as long as any run that the network was taught on: water comes to rest, outside of the obstacles.
+TEST(ShippedWeights, TheDefaultIsStableOverLongRollouts) {
+  const Scene scene = io::read_scene(GRAUPEL_SOURCE_DIR "/scenes/shared/water_steps.json", {});
+  const auto start = mpm::Simulation::create(scene, {.seed = scene.seed});
+  const ParticleFrame first = start->frame();
+  const graph::LearnedSimulator simulator(GRAUPEL_SOURCE_DIR "/models/hgn.safetensors");
+  const graph::Surroundings surroundings(scene);
+  graph::LearnedSimulator::RolloutOptions rollout;
+  rollout.frames = 1500;
+  const Trajectory run =
+      simulator.rollout(scene, surroundings, start->particle_type(),
+                        graph::start_history(first.position, first.velocity, scene.gravity, scene.frame_time,
+                                             static_cast<int>(simulator.config().history) + 1),
+                        rollout);
+  ASSERT_EQ(run.diverged_at_frame, -1);
+  double speed = 0;
+  const ParticleFrame& last = run.frames.back();
+  for (std::size_t p = 0; p < last.position.size(); ++p) {
+    speed += static_cast<double>(norm(last.velocity[p])) / static_cast<double>(last.position.size());
+    EXPECT_GT(start->obstacles().sample(last.position[p].cast<double>()).phi, -1e-3);
+  }
+  EXPECT_LT(speed, 0.1);
+}
+
 }  // namespace
 }  // namespace graupel
