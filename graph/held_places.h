@@ -15,6 +15,7 @@ class HeldPlaces {
   HeldPlaces(const std::vector<int32_t>& particle_type, const std::vector<Vec3f>& start,
              const std::vector<std::vector<Vec3f>>* given);
 
+  const std::vector<Vec3f>& start() const { return start_; }
   bool any() const { return !held_.empty(); }
   /// Throws ConfigError where there are such particles, which rollouts on a GPU do not know.
   void refuse_gpu() const;

@@ -73,6 +73,55 @@ Trajectory empty_trajectory(const Scene& scene, const std::vector<int32_t>& part
   return trajectory;
 }
 
+/// What rollouts on the CPU do to the frames that a network predicts; the density is held after the last one of a
+/// bundle.
+class Corrections {
+ public:
+  Corrections(const Scene& scene, const Surroundings& surroundings, const std::vector<int32_t>& particle_type,
+              HeldPlaces held, const LearnedSimulator::RolloutOptions& options, const Network& network)
+      : surroundings_(surroundings),
+        held_(std::move(held)),
+        bundle_(network.feature_config().bundle),
+        project_(options.project) {
+    const double spacing = network.spacing(), rest = rest_density(scene, held_.others(held_.start()), spacing);
+    if (options.density_limit * rest > 0 && !surroundings.plane)
+      density_.emplace(Device::cpu, surroundings, options.density_limit * rest, spacing);
+    if (options.free_flight && !held_.any()) flight_.emplace(Device::cpu, scene, surroundings, particle_type);
+  }
+
+  /// Of frame number `frame`, with those before it.
+  void apply(int64_t frame, const std::vector<Vec3f>& before, const std::vector<Vec3f>& now, std::vector<Vec3f>& next) {
+    if (flight_) {
+      flight_->find_groups(before.data(), now.data());
+      flight_->correct(before.data(), now.data(), next.data());
+    }
+    if (project_) project_out(surroundings_, now, next);
+    if (density_ && frame % bundle_ == 0) {
+      free_ = next;
+      hold_density(next);
+      if (project_) project_out(surroundings_, free_, next);
+    }
+    keep_in_plane(surroundings_, next);
+    held_.put(frame, next);
+  }
+
+ private:
+  void hold_density(std::vector<Vec3f>& position) {
+    if (!held_.any()) return density_->apply(position.data(), static_cast<int64_t>(position.size()));
+    std::vector<Vec3f> others = held_.others(position);
+    density_->apply(others.data(), static_cast<int64_t>(others.size()));
+    held_.put_others(others, position);
+  }
+
+  const Surroundings& surroundings_;
+  HeldPlaces held_;
+  int64_t bundle_;
+  bool project_;
+  std::optional<DensityProjection> density_;
+  std::optional<FreeFlight> flight_;
+  std::vector<Vec3f> free_;  ///< out of obstacles
+};
+
 }  // namespace
 
 LearnedSimulator::LearnedSimulator(const std::string& weights_file) {
@@ -125,22 +174,17 @@ Trajectory LearnedSimulator::rollout(const Scene& scene, const Surroundings& sur
   const auto needed = static_cast<std::size_t>(config().history) + 1;
   check_fit(config(), scene, surroundings, weights_->file);
   check_start(start, needed, particle_type.size());
-  const HeldPlaces held(particle_type, start.back(), options.given);
   std::vector<std::vector<Vec3f>> history(start.end() - static_cast<std::ptrdiff_t>(needed), start.end());
 
+  HeldPlaces held(particle_type, start.back(), options.given);
   if (options.device == Device::cuda) {
     held.refuse_gpu();
     return rollout_on_gpu(scene, surroundings, particle_type, start, options);
   }
+  Corrections corrections(scene, surroundings, particle_type, std::move(held), options, *network_);
   Trajectory trajectory = empty_trajectory(scene, particle_type, weights_->file);
   trajectory.frames.push_back(make_frame(0, scene.frame_time, history[needed - 2], history[needed - 1]));
-  const double rest = rest_density(scene, held.others(history.back()), network_->spacing());
-  std::optional<DensityProjection> density;
-  if (options.density_limit * rest > 0 && !config().in_plane())
-    density.emplace(Device::cpu, surroundings, options.density_limit * rest, network_->spacing());
-  std::optional<FreeFlight> flight;
-  if (options.free_flight && !held.any()) flight.emplace(Device::cpu, scene, surroundings, particle_type);
-  std::vector<Vec3f> next, before, moving;
+  std::vector<Vec3f> next;
   std::vector<std::vector<Vec3f>> acceleration;  // of the frames of a bundle
   FrameTiming share;
   for (int64_t frame = 1; frame <= options.frames; ++frame) {
@@ -157,24 +201,7 @@ Trajectory LearnedSimulator::rollout(const Scene& scene, const Surroundings& sur
       break;
     }
     LapTimer watch;
-    if (flight) {
-      flight->find_groups(history[needed - 2].data(), history[needed - 1].data());
-      flight->correct(history[needed - 2].data(), history[needed - 1].data(), next.data());
-    }
-    if (options.project) project_out(surroundings, history.back(), next);
-    if (density && in_bundle + 1 == config().bundle) {
-      before = next;
-      if (held.any()) {
-        moving = held.others(next);
-        density->apply(moving.data(), static_cast<int64_t>(moving.size()));
-        held.put_others(moving, next);
-      } else {
-        density->apply(next.data(), static_cast<int64_t>(next.size()));
-      }
-      if (options.project) project_out(surroundings, before, next);
-    }
-    keep_in_plane(surroundings, next);
-    held.put(frame, next);
+    corrections.apply(frame, history[needed - 2], history[needed - 1], next);
     timing.projection = watch.lap();
     std::rotate(history.begin(), history.begin() + 1, history.end());
     std::swap(history.back(), next);

@@ -32,11 +32,12 @@ class Candidates {
     const ObstacleFrame<double>& own = set_.obstacles[obstacle_].exact;
     const Vec3d x = own.rotation * local + own.position;
     if (!lookup::in_box(x, low_, high_)) return;
-    const ObstacleList near = set_.near(x);
-    for (int32_t k = 0; k < near.count; ++k)
-      if (near[k] != obstacle_ && lookup::may_be_inside(set_.obstacles[near[k]], x) &&
-          signed_distance(set_.obstacles[near[k]], x).phi < 0)
-        return;
+    bool covered = false;
+    set_.near(x).for_each([&](int32_t i) {
+      covered = covered || (i != obstacle_ && lookup::may_be_inside(set_.obstacles[i], x) &&
+                            signed_distance(set_.obstacles[i], x).phi < 0);
+    });
+    if (covered) return;
     out.position.push_back(x);
     out.normal.push_back(own.rotation * local_normal);
   }

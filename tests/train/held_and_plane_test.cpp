@@ -6,6 +6,7 @@
 
 #include "core/error.h"
 #include "core/held_particles.h"
+#include "tests/gpu_only.h"
 #include "tests/train/gns_cloud.h"
 #include "tests/train/tiny_data.h"
 #include "train/device_samples.h"
@@ -191,12 +192,27 @@ TEST(HeldParticles, BatchesOfTheDeviceAreThoseOfTheWorkers) {
     const float* row = pushed.features + i * pushed.feature_width;
     for (int64_t k = 2; k < 3 * config.hgn.history; k += 3) EXPECT_EQ(row[k], 0);
     if (!graph::is_held_row(pushed.type_row[i])) continue;
-    // The velocity before the newest one is what the newest one was; the newest one is the data's: at most 1 mm a
-    // frame.
+    // The velocity before the newest one is what the newest one was; the newest one is the data's: 3 mm a frame at
+    // most.
     EXPECT_EQ(row[3], before[static_cast<std::size_t>(i * pushed.feature_width)]);
     const double velocity = row[1] * statistics.velocity_std[1] + statistics.velocity_mean[1];
     EXPECT_LT(std::abs(velocity), 0.0035);
   }
+}
+
+TEST(HeldParticles, TheLossOnTheGpuIsThatOfTheCpu) {
+  GRAUPEL_NEEDS_GPU();
+  const TrainConfig config = plane_config();
+  const DataSplit split(plane_file(true));
+  const graph::Normalization statistics = split.statistics(config.noise_std, 1);
+  DeviceSamples samples(split, config, statistics, Device::cuda);
+  samples.start(0);
+  const SampleArrays made = samples.take();
+  const Batch batch = training_batch(split, config, statistics, 0);
+  EXPECT_EQ(made.held, batch.held);
+  const NetworkModule on_gpu(config.network(), Device::cuda, 3), on_cpu(config.network(), Device::cpu, 3);
+  const double loss = on_cpu.loss(batch);
+  EXPECT_NEAR(on_gpu.loss(batch), loss, 1e-2 * loss);  // TF32
 }
 
 TEST(HeldParticles, ErrorsDoNotCountThem) {
