@@ -272,7 +272,9 @@ GridCounts GridBuilder::counts(void* stream) const {
   GridCounts counts;
   counts.levels = levels_;
   counts.overflow = edges[levels_ + 1] != 0;
+  GRAUPEL_ASSERT(cells[levels_] <= most_cells_);
   for (int l = 0; l < levels_; ++l) {
+    GRAUPEL_ASSERT(cells[l] <= cells[l + 1] && edges[l] <= edges[l + 1]);
     counts.cells[static_cast<std::size_t>(l)] = cells[l + 1] - cells[l];
     counts.edges[static_cast<std::size_t>(l)] = edges[l + 1] - edges[l];
   }
