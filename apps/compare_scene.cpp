@@ -14,6 +14,7 @@
 #include "compare/position_error.h"
 #include "compare/raster.h"
 #include "core/error.h"
+#include "core/held_particles.h"
 #include "core/material_config.h"
 #include "io/scene_reader.h"
 #include "io/trajectory_file.h"
@@ -102,9 +103,10 @@ void attach_masses(const Scene& scene, uint64_t seed, compare::ParticleRun& run)
   for (const int32_t type : run.trajectory.particle_type) {
     const auto same = std::find(sampled.particle_type.begin(), sampled.particle_type.end(), type);
     if (same == sampled.particle_type.end())
-      throw InputError(
-          fmt::format("a trajectory holds particles of type {}, which its scene has not. Make the data set again",
-                      particle_type_name(type)));
+      throw InputError(fmt::format(
+          "a trajectory holds particles of type {}, which its scene has not. Make the data set again; data of "
+          "other programs are compared with by `graupel rollout WEIGHTS DATA.h5 --start truth:N`",
+          particle_type_name(type)));
     const auto k = static_cast<std::size_t>(same - sampled.particle_type.begin());
     run.mass.push_back(sampled.mass[k]);
     run.volume.push_back(sampled.volume[k]);
@@ -151,7 +153,8 @@ Scene fixed_part(Scene scene) {
                                                              : nullptr;
   if (what != nullptr)
     throw ConfigError("compare cannot run '" + scene.name + "': it has " + what +
-                      " (allowed: none). Use `graupel simulate`, or a scene without them");
+                      " (allowed: none). Use `graupel simulate`, or a scene without them; data of other programs are "
+                      "compared with by `graupel rollout WEIGHTS DATA.h5 --start truth:N`");
   std::erase_if(scene.obstacles, [](const Obstacle& obstacle) { return obstacle.motion.has_value(); });
   return scene;
 }
@@ -252,7 +255,7 @@ std::vector<std::size_t> SceneComparison::one_step_frames() const {
 std::vector<Vec3f> SceneComparison::true_position(int64_t frame) const {
   if (frame >= 0) return truth_.run.position(static_cast<std::size_t>(frame));
   return graph::start_history(start_.position, start_.velocity, task_.scene.gravity, task_.scene.frame_time,
-                              static_cast<int>(1 - frame))
+                              static_cast<int>(1 - frame), held_particles(start_.particle_type))
       .front();
 }
 
@@ -264,6 +267,7 @@ const graph::Surroundings& SceneComparison::surroundings() {
 compare::OneStepError SceneComparison::one_step_of_network(const graph::LearnedSimulator& network) {
   compare::OneStepAccumulator error(task_.scene.gravity, task_.scene.frame_time, task_.scene.domain.dx);
   const int64_t history = network.config().history;
+  const std::vector<uint8_t> held = held_particles(start_.particle_type);
   for (const std::size_t frame : one_step_frames()) {
     const auto n = static_cast<int64_t>(frame);
     std::vector<std::vector<Vec3f>> positions;
@@ -274,7 +278,7 @@ compare::OneStepError SceneComparison::one_step_of_network(const graph::LearnedS
                               : network.one_step(surroundings(), start_.particle_type, positions))
       predicted.push_back(a.cast<double>());
     error.add(predicted, compare::frame_accelerations(true_position(n - 1), true_position(n), true_position(n + 1)),
-              compare::clearances(task_.scene, obstacles_, true_position(n)));
+              compare::clearances(task_.scene, obstacles_, true_position(n)), held);
   }
   return error.result();
 }
@@ -294,7 +298,7 @@ compare::OneStepError SceneComparison::one_step_of_rollout(const compare::Partic
     const auto now = position(n), before = position(n - 1);
     for (std::size_t i = 0; i < predicted.size(); ++i) predicted[i] += before[i] - 2.0 * now[i];
     error.add(predicted, compare::frame_accelerations(true_position(n - 1), true_position(n), true_position(n + 1)),
-              compare::clearances(task_.scene, obstacles_, true_position(n)));
+              compare::clearances(task_.scene, obstacles_, true_position(n)), held_particles(start_.particle_type));
   }
   return error.result();
 }

@@ -52,6 +52,18 @@ std::string split_list(const io::ConversionResult& result) {
   return text;
 }
 
+/// The settings of `graupel train` that must be those of the data, and those that go with their radius as the defaults
+/// with 0.035 m.
+std::string training_settings(const io::ConversionResult& result, std::string_view network) {
+  const Scene& scene = *result.scene;
+  const double radius = result.connectivity_radius;
+  std::string text =
+      fmt::format(" --set {0}.frame_time={1} --set {0}.dx={2} --set {0}.{3}={4} --set {0}.wall_clamp={5}", network,
+                  scene.frame_time, scene.domain.dx, network == "gns" ? "radius" : "spacing", radius, 8 * radius);
+  if (scene.domain.is_plane()) text += fmt::format(" --set {}.dimensions=2", network);
+  return text;
+}
+
 void convert_data(ConvertOptions& options) {
   if (!options.numbers.empty())
     throw ConfigError("--numbers is for weights ('" + options.input + "' is not a .safetensors file). Leave it out");
@@ -77,6 +89,10 @@ void convert_data(ConvertOptions& options) {
   if (result.with_obstacles > 0)
     std::fprintf(stderr, "convert: the obstacles of %lld trajectories are left out (%s knows them as particles only)\n",
                  static_cast<long long>(result.with_obstacles), options.format.c_str());
+  if (result.scene)
+    for (const char* network : {"hgn", "gns"})
+      std::fprintf(stderr, "Train by: graupel train %s --data %s%s\n", network, options.output.c_str(),
+                   training_settings(result, network).c_str());
   options.common.write_json(result_json(options, result));
 }
 

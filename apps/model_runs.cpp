@@ -12,6 +12,7 @@
 #include "apps/common_options.h"
 #include "apps/progress.h"
 #include "core/error.h"
+#include "core/held_particles.h"
 #include "core/memory.h"
 #include "core/random.h"
 #include "mpm/fast_step.h"
@@ -232,7 +233,8 @@ TimedRun run_network(const graph::LearnedSimulator& simulator, const Scene& scen
   const MemoryMeter memory;
   DeviceMemoryMeter device_memory(device);
   const int history = static_cast<int>(simulator.config().history) + 1;
-  const auto past = graph::start_history(start.position, start.velocity, scene.gravity, scene.frame_time, history);
+  const auto past = graph::start_history(start.position, start.velocity, scene.gravity, scene.frame_time, history,
+                                         held_particles(start.particle_type));
   std::vector<double> features, hierarchy, network;
   const BundleTimes none(simulator.config().bundle, frames);
   BundleTimes total = none, projection = none, output = none;  // output: outside of FrameTiming

@@ -11,8 +11,10 @@
 #include "apps/progress.h"
 #include "apps/rollout.h"
 #include "apps/verbs.h"
+#include "compare/position_error.h"
 #include "core/command_line.h"
 #include "core/error.h"
+#include "core/held_particles.h"
 #include "graph/learned_simulator.h"
 #include "io/scene_reader.h"
 #include "io/trajectory_file.h"
@@ -43,7 +45,9 @@ struct Start {
   Scene scene;
   std::vector<int32_t> particle_type;
   std::vector<std::vector<Vec3f>> history;  ///< oldest first
+  std::vector<std::vector<Vec3f>> rest;     ///< of a trajectory: its frames after the start
   uint64_t seed = 0;
+  bool unknown_gravity = false;  ///< other programs' data do not say it
 };
 
 /// The scene's particles at rest or at their initial velocity, with a ballistic past.
@@ -59,8 +63,21 @@ Start start_from_scene(const RolloutOptions& options, int history) {
     start.particle_type.push_back(particle_type_of(
         start.scene.materials.at(particles.material_names[static_cast<std::size_t>(particles.material[p])]).model));
   }
-  start.history = graph::start_history(position, velocity, start.scene.gravity, start.scene.frame_time, history);
+  start.history = graph::start_history(position, velocity, start.scene.gravity, start.scene.frame_time, history,
+                                       held_particles(start.particle_type));
   return start;
+}
+
+/// Positions of usable frames from `first` on, at most `count` of them (-1: all).
+std::vector<std::vector<Vec3f>> read_rest(const io::TrajectoryReader& reader, int index, const Trajectory& header,
+                                          int64_t first, int64_t count) {
+  int64_t usable = static_cast<int64_t>(header.frame_count());
+  if (header.diverged_at_frame >= 0) usable = std::min(usable, header.diverged_at_frame);
+  const int64_t there = std::max<int64_t>(0, usable - first);
+  std::vector<std::vector<Vec3f>> positions;
+  for (auto& frame : reader.frames(index, first, count < 0 ? there : std::min(there, count)))
+    positions.push_back(std::move(frame.position));
+  return positions;
 }
 
 /// "scene": frame 0 with a ballistic past; "truth:N": the first N frames of the trajectory.
@@ -72,6 +89,8 @@ Start start_from_trajectory(const RolloutOptions& options, int history) {
   start.scene = stored_scene(header, options);
   start.particle_type = header.particle_type;
   start.seed = header.seed;
+  start.unknown_gravity = header.made_by.starts_with("converted from") && norm2(start.scene.gravity) == 0;
+  start.rest = read_rest(reader, index, header, options.start == "scene" ? 1 : history, options.frames);
   if (options.start == "scene") {
     auto velocity = reader.initial_velocity(index);
     const auto first = reader.frames(index, 0, 1).front();
@@ -79,8 +98,8 @@ Start start_from_trajectory(const RolloutOptions& options, int history) {
     if (velocity.empty())
       throw InputError("'" + options.input +
                        "' stores no velocity of the first frame. Use --start truth:" + std::to_string(history));
-    start.history =
-        graph::start_history(first.position, velocity, start.scene.gravity, start.scene.frame_time, history);
+    start.history = graph::start_history(first.position, velocity, start.scene.gravity, start.scene.frame_time, history,
+                                         held_particles(start.particle_type));
     return start;
   }
   for (auto& frame : reader.frames(index, 0, history)) start.history.push_back(std::move(frame.position));
@@ -126,6 +145,36 @@ void check_flags_of_reduced_model(const RolloutOptions& options) {
                       "' is a reduced-order model, which keeps the volume of its matter itself. Leave it out");
 }
 
+/// How far a rollout is from the rest of the trajectory that it started from.
+struct RolloutError {
+  std::size_t frames = 0;     ///< compared
+  double first = 0, all = 0;  ///< position MSE [m^2] of the first 20 frames, and of all
+};
+constexpr std::size_t first_frames = 20;
+
+/// `rest` is used up.
+RolloutError error_of(Trajectory& trajectory, std::vector<std::vector<Vec3f>>& rest) {
+  if (rest.empty()) return {};
+  compare::ParticleRun truth, run;
+  truth.trajectory.particle_type = trajectory.particle_type;
+  truth.trajectory.frames.push_back(trajectory.frames.front());
+  run.trajectory = std::move(trajectory);
+  for (std::vector<Vec3f>& position : rest) {
+    truth.trajectory.frames.emplace_back();
+    truth.trajectory.frames.back().position = std::move(position);
+  }
+  const auto curve = compare::position_error_curve(truth, run, compare::counterparts(truth, run));
+  trajectory = std::move(run.trajectory);
+  return {curve.size(), compare::mean_of_first(curve, first_frames), compare::mean_of_first(curve, curve.size())};
+}
+
+void check_scene(const Start& start, const RolloutOptions& options) {
+  if (start.scene.domain.is_plane() && options.density_limit.value_or(0) > 0)
+    throw ConfigError(fmt::format(
+        "--density-limit {} is for scenes in space, and '{}' has two dimensions (allowed there: 0). Leave it out",
+        *options.density_limit, options.input));
+}
+
 void rollout_network(const RolloutOptions& options, Device device) {
   const graph::LearnedSimulator simulator(options.weights);
   const int history = static_cast<int>(simulator.config().history) + 1;
@@ -135,16 +184,23 @@ void rollout_network(const RolloutOptions& options, Device device) {
                       ")");
   if (options.start != "scene" && !is_trajectory(options.input))
     throw ConfigError("--start " + options.start + " needs a trajectory (.h5) as input, not a scene");
-  const Start start =
+  Start start =
       is_trajectory(options.input) ? start_from_trajectory(options, history) : start_from_scene(options, history);
+  check_scene(start, options);
   const graph::Surroundings surroundings(start.scene);
 
   graph::LearnedSimulator::RolloutOptions run;
-  run.frames = options.frames >= 0 ? options.frames : start.scene.frames;
+  const int64_t given = options.start == "scene" ? start.scene.frames : static_cast<int64_t>(start.rest.size());
+  run.frames = options.frames >= 0 ? options.frames : given;
   run.project = !options.no_project;
   run.density_limit = options.density_limit.value_or(run.density_limit);
-  run.free_flight = !options.no_free_flight;
+  run.free_flight = !options.no_free_flight && !start.unknown_gravity;
+  run.given = &start.rest;
   run.device = device;
+  if (start.unknown_gravity && !options.no_free_flight)
+    std::fprintf(stderr,
+                 "rollout: the data do not say their gravity, so that free flight is left to the network; "
+                 "--set gravity=[0,-9.8,0] says it\n");
   Progress progress(fmt::format("rollout {} ({} particles)", start.scene.name, start.particle_type.size()), run.frames);
   BundleTimes times(simulator.config().bundle, run.frames);
   run.progress = [&](int64_t frame, const graph::FrameTiming& timing) {
@@ -163,15 +219,24 @@ void rollout_network(const RolloutOptions& options, Device device) {
   writer.finish(trajectory.diverged_at_frame);
 
   std::vector<double> seconds = times.times();
+  const RolloutError error = error_of(trajectory, start.rest);
   std::sort(seconds.begin(), seconds.end());
   const double median = seconds.empty() ? 0 : seconds[seconds.size() / 2];
   std::fprintf(stderr, "%s: %zu particles, %zu frames, %s a frame (median)\n", options.output.c_str(),
                trajectory.particle_count(), trajectory.frame_count() - 1, human_time(median).c_str());
-  options.common.write_json({{"output", options.output},
-                             {"particles", trajectory.particle_count()},
-                             {"frames", trajectory.frame_count() - 1},
-                             {"seconds_per_frame", median},
-                             {"diverged_at_frame", trajectory.diverged_at_frame}});
+  nlohmann::ordered_json json = {{"output", options.output},
+                                 {"particles", trajectory.particle_count()},
+                                 {"frames", trajectory.frame_count() - 1},
+                                 {"seconds_per_frame", median},
+                                 {"diverged_at_frame", trajectory.diverged_at_frame}};
+  if (error.frames > 0) {
+    std::fprintf(stderr, "position MSE against '%s': %.3g m^2 over %zu frames, %.3g m^2 over %zu\n",
+                 options.input.c_str(), error.first, std::min(error.frames, first_frames), error.all, error.frames);
+    json["compared_frames"] = error.frames;
+    json["position_mse_20"] = error.first;
+    json["position_mse_all"] = error.all;
+  }
+  options.common.write_json(json);
   if (trajectory.diverged_at_frame >= 0)
     throw DivergedError(fmt::format("the rollout diverged at frame {}; the frames before it are in '{}'",
                                     trajectory.diverged_at_frame, options.output));
@@ -196,11 +261,14 @@ void add_rollout(CLI::App& app) {
   verb->add_option("weights", options->weights, "Weights file (.safetensors)")->required();
   verb->add_option("input", options->input, "Scene (.json) or trajectory (.h5)")->required();
   verb->add_option("-o,--output", options->output, "Trajectory file")->capture_default_str();
-  verb->add_option("--frames", options->frames, "Frames to predict; default the scene's")->check(whole_number(0));
+  verb->add_option("--frames", options->frames,
+                   "Frames to predict; default the scene's, of truth:N the rest of the input")
+      ->check(whole_number(0));
   verb->add_option("--set", options->set, "Change a scene key: --set gravity=[0,-5,0] (repeatable)")
       ->allow_extra_args(false);
   verb->add_option("--start", options->start,
-                   "Of networks. scene: frame 0 with a ballistic past; truth:N: the first N frames of the input")
+                   "Of networks. scene: frame 0 with a ballistic past; truth:N: the first N frames of the input. Of a "
+                   "trajectory the rest is compared with")
       ->capture_default_str();
   verb->add_option("--trajectory", options->trajectory, "Which trajectory of a data set")
       ->check(whole_number(0))

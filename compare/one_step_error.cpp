@@ -23,9 +23,11 @@ ParticleState OneStepAccumulator::state_of(const Vec3d& acceleration, double cle
 }
 
 void OneStepAccumulator::add(const std::vector<Vec3d>& predicted, const std::vector<Vec3d>& truth,
-                             const std::vector<double>& clearance) {
+                             const std::vector<double>& clearance, const std::vector<uint8_t>& held) {
   GRAUPEL_ASSERT(predicted.size() == truth.size() && clearance.size() == truth.size());
   for (std::size_t i = 0; i < truth.size(); ++i) {
+    if (!held.empty() && held[i] != 0) continue;
+    ++count_;
     const double error = norm2(predicted[i] - truth[i]);
     const auto state = static_cast<std::size_t>(state_of(truth[i], clearance[i]));
     model_ += error;
@@ -36,7 +38,6 @@ void OneStepAccumulator::add(const std::vector<Vec3d>& predicted, const std::vec
     truth_sum_ += truth[i];
     truth_squares_ += norm2(truth[i]);
   }
-  count_ += static_cast<double>(truth.size());
 }
 
 OneStepError OneStepAccumulator::result() const {

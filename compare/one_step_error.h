@@ -33,7 +33,9 @@ class OneStepAccumulator {
  public:
   OneStepAccumulator(const Vec3d& gravity, double frame_time, double dx);
   /// One frame: predicted and true accelerations, and each particle's distance to the nearest obstacle or wall [m].
-  void add(const std::vector<Vec3d>& predicted, const std::vector<Vec3d>& truth, const std::vector<double>& clearance);
+  /// Particles that are `held` ([n]; empty: none) do not count.
+  void add(const std::vector<Vec3d>& predicted, const std::vector<Vec3d>& truth, const std::vector<double>& clearance,
+           const std::vector<uint8_t>& held = {});
   OneStepError result() const;
   ParticleState state_of(const Vec3d& acceleration, double clearance) const;
 

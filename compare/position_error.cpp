@@ -6,6 +6,7 @@
 #include <numeric>
 
 #include "core/error.h"
+#include "core/held_particles.h"
 #include "core/material_config.h"
 #include "core/parallel_for.h"
 
@@ -68,7 +69,8 @@ std::vector<double> position_error_curve(const ParticleRun& truth, const Particl
     double sum = 0;
     int64_t n = 0;
     for (std::size_t i = 0; i < truth.size(); ++i) {
-      if (type >= 0 && truth.trajectory.particle_type[i] != type) continue;
+      const int32_t own = truth.trajectory.particle_type[i];
+      if (type >= 0 ? own != type : !moves_by_itself(own)) continue;
       const Vec3d x = carried_position(truth, run, same, static_cast<int64_t>(i), counterpart[i], f);
       sum += norm2(x - truth.position(f)[i].cast<double>());
       ++n;

@@ -19,7 +19,8 @@ std::vector<int32_t> counterparts(const ParticleRun& truth, const ParticleRun& r
 std::vector<Vec3d> carried_positions(const ParticleRun& truth, const ParticleRun& run,
                                      const std::vector<int32_t>& counterpart, std::size_t f);
 
-/// e_f [m^2] for f = 1..predicted; `type` limits the mean to one particle type (-1: all).
+/// e_f [m^2] for f = 1..predicted; `type` limits the mean to one particle type (-1: all that
+/// move by themselves).
 std::vector<double> position_error_curve(const ParticleRun& truth, const ParticleRun& run,
                                          const std::vector<int32_t>& counterpart, int32_t type = -1);
 

@@ -25,13 +25,14 @@ struct RecipeCounts {
   }
 };
 
-/// Groups of particles: balls and cubes of one size and of a random material each.
+/// Groups of particles: balls and cubes of one size and of a random material each, or cut in two halves of two.
 struct RecipeGroups {
   int64_t count = 4;
   std::vector<std::string> shapes = {"sphere", "box"};
   std::vector<std::string> materials;
   double size = 0.08;
   double max_speed = 0;
+  double mixed_share = 0;
   double particles_per_cell = 8;
 
   template <typename Visitor>
@@ -53,6 +54,11 @@ struct RecipeGroups {
                                    .unit = "m/s",
                                    .meaning = "Initial velocity: uniform direction, speed uniform up to this",
                                    .range = Range::not_negative()});
+    visit(&G::mixed_share,
+          FieldInfo{.name = "mixed_share",
+                    .unit = "",
+                    .meaning = "Share of the groups that are cut along a random axis in halves of two materials",
+                    .range = Range::between(0, 1)});
     visit(&G::particles_per_cell, FieldInfo{.name = "particles_per_cell",
                                             .unit = "",
                                             .meaning = "Particles in a grid cell",

@@ -4,11 +4,12 @@
 #include <cmath>
 
 #include "core/error.h"
+#include "core/memory.h"
 #include "core/parallel_for_in.h"
 #ifdef GRAUPEL_HAVE_CUDA
 #include "graph/cuda/density_solver.h"
 #endif
-#include "graph/density_kernels.h"
+#include "graph/density_cells.h"
 #include "graph/device_lists.h"
 
 namespace graupel::graph {
@@ -19,33 +20,9 @@ namespace {
 
 constexpr Grain light{.items = 2048};
 constexpr int64_t few_particles = 16384;
-constexpr int64_t most_cells = int64_t{1} << 23;  ///< of a lattice
-constexpr int border = 2;                         ///< [cells] around the walls
 /// From the last frame's pressure, as good as 40 sweeps of relaxation 1 from none.
 constexpr int sweeps = 10;
 constexpr float relaxation = 1.7f;
-
-/// `shift` [cells] of the corner, downwards.
-Cells cells_of(const Surroundings& surroundings, double spacing, double shift) {
-  Cells cells{};
-  double count = 0;
-  do {
-    count = 1;
-    for (int d = 0; d < 3; ++d) {
-      const double length = (surroundings.hold_high[d] - surroundings.hold_low[d]) / spacing;
-      const double size = std::ceil(length + shift) + 2 * border;
-      count *= d == 0 ? size + 1 : size;
-      if (count > most_cells) break;
-      cells.origin[d] = surroundings.hold_low[d] - (border + shift) * spacing;
-      cells.size[d] = static_cast<int>(size);
-    }
-    cells.spacing = spacing;
-    cells.inverse_spacing = 1 / spacing;
-    spacing *= 2;
-  } while (count > most_cells);
-  cells.size[0] += cells.size[0] & 1;
-  return cells;
-}
 
 }  // namespace
 
@@ -169,9 +146,12 @@ class DensityProjection::Lattice {
 DensityProjection::DensityProjection(Device device, const Surroundings& surroundings, double largest_density,
                                      double spacing) {
   GRAUPEL_ASSERT(largest_density > 0 && spacing > 0);
-  for (std::size_t k = 0; k < lattices_.size(); ++k)
-    lattices_[k] = std::make_unique<Lattice>(device, surroundings, largest_density,
-                                             cells_of(surroundings, spacing, 0.5 * static_cast<double>(k)));
+  for (std::size_t k = 0; k < lattices_.size(); ++k) {
+    const Cells cells =
+        cells_over(surroundings.hold_low, surroundings.hold_high, spacing, 0.5 * static_cast<double>(k));
+    check_fits(cells, available_bytes(device));
+    lattices_[k] = std::make_unique<Lattice>(device, surroundings, largest_density, cells);
+  }
 }
 DensityProjection::~DensityProjection() = default;
 

@@ -30,8 +30,9 @@ struct MoveParticle;
 /// threads or the order of the particles; another device gives the same up to rounding.
 class DensityProjection {
  public:
-  /// `largest_density` [particles/m^3]; `spacing` of the cells [m], doubled until each grid has at most 2^23 of them.
-  /// The surroundings are read here alone.
+  /// `largest_density` [particles/m^3]; `spacing` of the cells [m], doubled until each grid has at most 2^26 of them.
+  /// The surroundings are read here alone. Throws ConfigError when the cells, 25 bytes each, do not fit into the
+  /// memory.
   DensityProjection(Device device, const Surroundings& surroundings, double largest_density, double spacing);
   ~DensityProjection();
 

@@ -22,10 +22,12 @@ struct FeatureConfig {
   double distance_clamp = 0.1;   ///< [m] of that distance
   double frame_time = 1.0 / 60;  ///< [s] the network was trained for
   double dx = 1.0 / 64;          ///< cell size of the obstacle normals [m]
+  int64_t dimensions = 3;        ///< of the scenes; in two all particles lie in a plane of z, and stay there
   /// Frames k predicted at once (time bundling; Brandstetter, Worrall and Welling 2022): accelerations a_1 .. a_k of
   /// the frames after the newest one, v_j = v_{j-1} + a_j, x_j = x_{j-1} + v_j.
   int64_t bundle = 1;
 
+  bool in_plane() const { return dimensions == 2; }
   int64_t input_width() const {
     return 3 * history + 6 + (cell_normal ? 3 : 0) + (signed_distance ? 4 : 0) + embedding;
   }
@@ -60,6 +62,9 @@ struct FeatureConfig {
     visit(&C::dx,
           FieldInfo{
               .name = "dx", .unit = "m", .meaning = "Cell size of the obstacle normals", .range = Range::positive()});
+    visit(&C::dimensions,
+          FieldInfo{
+              .name = "dimensions", .unit = "", .meaning = "2 for scenes in the plane", .range = Range::between(2, 3)});
     visit(&C::bundle, FieldInfo{.name = "bundle",
                                 .unit = "frames",
                                 .meaning = "Frames that are predicted at once",

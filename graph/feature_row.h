@@ -10,6 +10,11 @@ namespace graupel::graph {
 
 inline constexpr int most_history = 16;
 
+/// Rows of the embedding table of particles that are held (core/held_particles.h): of obstacles and of the material
+/// "stationary".
+inline constexpr int32_t obstacle_row = 3, stationary_row = 2;
+GRAUPEL_HD inline bool is_held_row(int32_t row) { return row == obstacle_row || row == stationary_row; }
+
 /// What a FeatureConfig and a Normalization say about features.
 struct FeatureRules {
   FeatureRules() = default;
@@ -18,6 +23,7 @@ struct FeatureRules {
         width(static_cast<int>(config.input_width() - config.embedding)),
         cell_normal(config.cell_normal),
         signed_distance(config.signed_distance),
+        plane(config.in_plane()),
         wall_clamp(config.wall_clamp),
         distance_clamp(config.distance_clamp),
         normalization(statistics) {}
@@ -25,6 +31,7 @@ struct FeatureRules {
   int history = 0;  ///< velocities
   int width = 0;    ///< numbers a particle
   bool cell_normal = false, signed_distance = false;
+  bool plane = false;                         ///< two dimensions
   double wall_clamp = 1, distance_clamp = 1;  ///< [m]
   Normalization normalization;
 };
@@ -33,8 +40,18 @@ struct FeatureRules {
 struct SurroundingsView {
   sparsegrid::ObstacleSetView obstacles;
   sparsegrid::CellNormalsView normals;
-  Vec3d wall_low, wall_high;  ///< [m]
+  Vec3d wall_low, wall_high;  ///< [m]; far away along z in the plane, which has no walls there
+  bool plane = false;         ///< two dimensions: normals have no part along z
 };
+
+/// The acceleration [m/frame^2] that three numbers of a network's output stand for; none out of the plane.
+GRAUPEL_HD inline Vec3f real_acceleration(const Normalization& statistics, bool plane, const float* output) {
+  Vec3f acceleration;
+  for (int d = 0; d < 3; ++d)
+    acceleration[d] = output[d] * statistics.acceleration_std[d] + statistics.acceleration_mean[d];
+  if (plane) acceleration[2] = 0;
+  return acceleration;
+}
 
 namespace feature_row {
 
@@ -45,6 +62,14 @@ GRAUPEL_HD inline float clamped(double distance, double limit) {
 
 GRAUPEL_HD inline void put(const Vec3f& v, float* row) {
   for (int d = 0; d < 3; ++d) row[d] = v[d];
+}
+
+/// The part of a normal within the plane, as a unit vector; zero stays.
+GRAUPEL_HD inline Vec3f normal_in(const SurroundingsView& surroundings, Vec3f normal) {
+  if (!surroundings.plane) return normal;
+  normal[2] = 0;
+  const float length = norm(normal);
+  return length > 0 ? normal * (1 / length) : normal;
 }
 
 }  // namespace feature_row
@@ -63,7 +88,7 @@ GRAUPEL_HD inline void write_feature_part(FeaturePart part, const FeatureRules& 
   float* const walls = normal + (rules.cell_normal ? 3 : 0);
   float* const distance = walls + 6;
   if (part == FeaturePart::cell_normal) {
-    if (rules.cell_normal) put(turn.apply(surroundings.normals.at(x)), normal);
+    if (rules.cell_normal) put(turn.apply(normal_in(surroundings, surroundings.normals.at(x))), normal);
     return;
   }
   if (part == FeaturePart::signed_distance) {
@@ -71,7 +96,7 @@ GRAUPEL_HD inline void write_feature_part(FeaturePart part, const FeatureRules& 
     int nearest = -1;
     const sparsegrid::SignedDistance<double> obstacle = signed_distance(surroundings.obstacles, x, nearest);
     *distance = clamped(obstacle.phi, rules.distance_clamp);
-    put(turn.apply(obstacle.normal.cast<float>()), distance + 1);
+    put(turn.apply(normal_in(surroundings, obstacle.normal.cast<float>())), distance + 1);
     return;
   }
   for (int newer = rules.history; newer > 0; --newer) {

@@ -17,10 +17,6 @@ Scene with_spacing(Scene scene, double dx) {
 }
 
 const Scene& checked(const Scene& scene) {
-  if (scene.domain.is_plane())
-    throw ConfigError(
-        "learned networks and their comparison take scenes with three dimensions only (domain.dimensions: 2). Use "
-        "`graupel simulate`, or set domain.dimensions to 3");
   std::string what;
   if (scene.has_moving_obstacles()) what = "moving obstacles";
   for (const Source& source : scene.sources)
@@ -53,6 +49,7 @@ Surroundings::Surroundings(const Scene& scene, std::optional<double> spacing)
       normals(with_spacing(scene, spacing.value_or(scene.domain.dx)), obstacles),
       obstacle_particles(scene, obstacles),
       normal_spacing(spacing.value_or(scene.domain.dx)),
+      plane(scene.domain.is_plane() ? std::optional(scene.domain.plane()) : std::nullopt),
       wall_low(scene.domain.origin),
       wall_high(scene.domain.origin + scene.domain.size),
       hold_low(scene.wall_low()),
@@ -64,7 +61,17 @@ WayFollower Surroundings::way_follower(Device device) const {
 }
 
 SurroundingsView Surroundings::view(Device device) const {
-  return {obstacles.view(device), normals.view(device), wall_low, wall_high};
+  SurroundingsView all = {obstacles.view(device), normals.view(device), wall_low, wall_high, plane.has_value()};
+  constexpr double far_away = 1e30;
+  if (plane) {
+    all.wall_low[2] = -far_away;
+    all.wall_high[2] = far_away;
+  }
+  return all;
+}
+
+Vec3d Surroundings::grid_origin(double spacing) const {
+  return {wall_low[0], wall_low[1], plane ? *plane - spacing : wall_low[2]};
 }
 
 std::vector<float> particle_features(const FeatureConfig& config, const Normalization& normalization,
@@ -87,10 +94,17 @@ std::vector<float> particle_features(const FeatureConfig& config, const Normaliz
 }
 
 int embedding_row(int32_t particle_type) {
+  if (particle_type == particle_type_of(MaterialModel::stationary)) return stationary_row;
   if (particle_type < 0 || particle_type >= embedding_rows)
     throw InputError("a particle type is not known to the network (" + std::to_string(particle_type) +
-                     ", allowed 0 to 8). Use the ids of the data format: 5 water, 6 sand, 8 snow");
+                     ", allowed 0 to 8, 13). Use the ids of the data format: 5 water, 6 sand, 8 snow");
   return particle_type;
+}
+
+void keep_in_plane(const Surroundings& surroundings, std::vector<Vec3f>& position) {
+  if (!surroundings.plane) return;
+  const auto z = static_cast<float>(*surroundings.plane);
+  for (Vec3f& x : position) x[2] = z;
 }
 
 int64_t project_out(const Surroundings& surroundings, std::vector<Vec3f>& position) {

@@ -16,18 +16,23 @@ namespace graupel::graph {
 
 /// The static surroundings of a scene, built once: obstacles, their cell normals and the walls.
 struct Surroundings {
-  /// `normal_spacing` [m] is the cell size of the obstacle normals, scene.domain.dx unless given. Throws ConfigError
-  /// for what no network was taught: moving obstacles, scripted particles, emitters, sinks, open and periodic walls.
+  /// In a scene with two dimensions obstacles are those parts of them that lie in its plane. `normal_spacing` [m] is
+  /// the cell size of the obstacle normals, scene.domain.dx unless given. Throws ConfigError for what no network was
+  /// taught: moving obstacles, scripted particles, emitters, sinks, open and periodic walls.
   explicit Surroundings(const Scene& scene, std::optional<double> normal_spacing = {});
   sparsegrid::ObstacleSet obstacles;
   sparsegrid::CellNormals normals;
   ObstacleParticles obstacle_particles;
-  double normal_spacing;      ///< [m]
-  Vec3d wall_low, wall_high;  ///< [m] scene.domain.origin and origin + size: the AABB of the domain
-  Vec3d hold_low, hold_high;  ///< [m] where the walls hold the material (Scene::wall_low/high)
+  double normal_spacing;        ///< [m]
+  std::optional<double> plane;  ///< [m] z of all particles of a scene with two dimensions
+  Vec3d wall_low, wall_high;    ///< [m] scene.domain.origin and origin + size: the AABB of the domain
+  Vec3d hold_low, hold_high;    ///< [m] where the walls hold the material (Scene::wall_low/high)
   /// For kernels on `device`; valid as long as this lives.
   SurroundingsView view(Device device) const;
   WayFollower way_follower(Device device) const;
+  /// Origin of the grid of evaluation and rollouts: the domain's lower corner. In two dimensions the plane lies between
+  /// the two lowest layers of cells, so that both see the same and the levels above have one.
+  Vec3d grid_origin(double spacing) const;
   double way_piece;  ///< [m] pieces in which project_out follows a particle's way past obstacles
 };
 
@@ -41,7 +46,8 @@ std::vector<float> particle_features(const FeatureConfig& config, const Normaliz
                                      const Surroundings& surroundings, const std::vector<std::vector<Vec3f>>& positions,
                                      const AxisMap& turn = {});
 
-/// Row of the embedding table for a particle type id, 0..8. Throws InputError for an id outside it.
+/// Row of the embedding table for a particle type id: 0..8 have their own, 13 (stationary) stationary_row. Throws
+/// InputError for other ids.
 int embedding_row(int32_t particle_type);
 inline constexpr int embedding_rows = 9;
 
@@ -50,5 +56,8 @@ inline constexpr int embedding_rows = 9;
 /// that it came from, also when it would have passed through, and slides along the surface for the rest of its way.
 int64_t project_out(const Surroundings& surroundings, std::vector<Vec3f>& position);
 int64_t project_out(const Surroundings& surroundings, const std::vector<Vec3f>& before, std::vector<Vec3f>& position);
+
+/// Moves particles back into the plane of a scene with two dimensions (in place).
+void keep_in_plane(const Surroundings& surroundings, std::vector<Vec3f>& position);
 
 }  // namespace graupel::graph

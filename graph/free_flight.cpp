@@ -85,13 +85,30 @@ std::vector<float> relative_masses(const Scene& scene, const std::vector<int32_t
   return mass;
 }
 
+/// Joins the node k of a time's list with its lower neighbours.
+void join_neighbors(const Groups& groups, int time, int64_t k) {
+  const int32_t node = groups.list[time * groups.n + k];
+  const uint64_t matter = groups.matter[node];
+  Neighbor others[directions];
+  for (int direction = 0; direction < directions; ++direction)
+    others[direction] = neighbor_of(groups, time, node, step_of(direction));
+  uint64_t faces[3];
+  for (int d = 0; d < 3; ++d) faces[d] = others[face_direction(d)].matter;
+  for (int direction = 0; direction < directions; ++direction) {
+    const Vec3i step = step_of(direction);
+    const Neighbor& other = others[direction];
+    if (any_near(matter, other.matter, step) && !is_spare(step, matter, faces, other.matter))
+      groups.unite(node, other.node);
+  }
+}
+
 void find_groups_on_cpu(const Groups& groups) {
   parallel_for_cpu(groups.n, MarkCells{groups}, light);
-  parallel_for_cpu(groups.n, JoinTimes{groups}, light);
-  const JoinNeighbors neighbors{groups};
   for (int time = 0; time < times; ++time)
     parallel_for_cpu(
-        int64_t{groups.listed[time]} * JoinNeighbors::items, [&](int64_t item) { neighbors.join(time, item); }, light);
+        groups.listed[time], [&](int64_t k) { join_neighbors(groups, time, k); }, light);
+  parallel_for_cpu(
+      groups.n, [&](int64_t i) { groups.unite(groups.node_of(0, i), groups.node_of(1, i)); }, light);
   sum_by_runs(
       groups.n, [&](int64_t i) { return place_particle(groups, i); },
       [&](int64_t i, int32_t slot) { return groups.place_terms(i, slot); },

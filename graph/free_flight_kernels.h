@@ -12,7 +12,7 @@ namespace graupel::graph::flight {
 
 inline constexpr int32_t nobody = INT32_MAX, ground = 0;
 inline constexpr int times = 2;        ///< now, and after a frame of ballistic flight
-inline constexpr int directions = 13;  ///< to neighbours of higher number
+inline constexpr int directions = 13;  ///< to neighbours of lower number, the lowest first
 inline constexpr double unit_of_way = 1 << 30, unit_of_acceleration = int64_t{1} << 34;  ///< of sums, per m
 inline constexpr float least_inertia = 1e-9f;  ///< [m^2] per particle: less does not turn
 inline constexpr float singular = 1e-5f;       ///< of the inertia's trace, added to its diagonal
@@ -130,6 +130,10 @@ struct Groups {
   }
   GRAUPEL_HD int32_t first_node(int time) const { return time * static_cast<int32_t>(cells.count()); }
 
+  GRAUPEL_HD int32_t node_of(int time, int64_t i) const {
+    return first_node(time) + cells.of(time == 0 ? now[i] : ballistic(i)).cell;
+  }
+
   /// With path halving (as ECL-CC, Jaiganesh and Burtscher 2018): it is written to nodes that are no roots alone.
   GRAUPEL_HD int32_t root(int32_t node) const {
     int32_t up = read(parent[node]);
@@ -153,16 +157,10 @@ struct Groups {
 
   /// Whether an obstacle is within reach, now or on the way of this frame.
   GRAUPEL_HD bool touches_obstacle(int64_t i) const {
-    const Vec3f& x = now[i];
-    const float far = (reach + norm(ballistic(i) - x)) * static_cast<float>(sparsegrid::steepest_grid);
-    const Vec3f margin = Vec3f::filled(far);
-    for (int k = 0; k < obstacles.count; ++k) {
-      const auto& frame = obstacles.obstacles[k].single;
-      if (!sparsegrid::lookup::in_box(x, frame.solid_low - margin, frame.solid_high + margin)) continue;
-      const float phi = signed_distance(obstacles.obstacles[k], x).phi;
-      if (phi < frame.band && !(phi > far)) return true;
-    }
-    return false;
+    int nearest = -1;
+    const float phi = signed_distance(obstacles, now[i], nearest).phi;
+    const float way = norm(ballistic(i) - now[i]);
+    return nearest >= 0 && !(phi > (reach + way) * static_cast<float>(sparsegrid::steepest_grid));
   }
 
   GRAUPEL_HD Vec3d from_origin(int64_t i, int32_t slot_of_group) const {
@@ -198,11 +196,11 @@ GRAUPEL_HD void add_terms(Terms<N>& sum, const Terms<N>& terms) {
   for (int k = 0; k < N; ++k) add_to(sum.value[k], terms.value[k]);
 }
 
-/// Item i: marks the cells of particle i at both times. A cell now hangs on itself, a later one on one of now.
+/// Item i: marks the cells of particle i at both times, each of which hangs on itself or on the ground.
 struct MarkCells {
   Groups groups;
-  GRAUPEL_HD void mark(int time, const FineCell& at, int32_t parent) const {
-    const int32_t node = groups.first_node(time) + at.cell;
+  GRAUPEL_HD void mark(int time, const FineCell& at, bool touches) const {
+    const int32_t node = groups.first_node(time) + at.cell, parent = touches ? ground : node;
     if (node == ground) return;
     if ((read(groups.matter[node]) & at.bit) == 0) add_bit(groups.matter[node], at.bit);
     if (read(groups.parent[node]) <= parent || lower_to(groups.parent[node], parent) != nobody) return;
@@ -215,40 +213,46 @@ struct MarkCells {
   }
   GRAUPEL_HD void operator()(int64_t i) const {
     const Vec3f now = groups.now[i], then = groups.ballistic(i);
-    const FineCell here = groups.cells.of(now);
-    const int32_t parent = groups.is_inside(now) && groups.is_inside(then) ? here.cell : ground;
-    mark(0, here, parent);
-    mark(1, groups.cells.of(then), parent);
+    const bool touches = !groups.is_inside(now) || !groups.is_inside(then);
+    mark(0, groups.cells.of(now), touches);
+    mark(1, groups.cells.of(then), touches);
   }
 };
 
-/// Item i: what is together in particle i at both times belongs together.
-struct JoinTimes {
-  Groups groups;
-  GRAUPEL_HD void operator()(int64_t i) const {
-    groups.unite(groups.cells.of(groups.now[i]).cell, groups.first_node(1) + groups.cells.of(groups.ballistic(i)).cell);
-  }
-};
+GRAUPEL_HD inline Vec3i step_of(int direction) { return {direction % 3 - 1, direction / 3 % 3 - 1, direction / 9 - 1}; }
 
-/// Item 16 k + direction: the node k of a time's list with a neighbour of higher number.
-struct JoinNeighbors {
-  static constexpr int items = 16;
-  Groups groups;
-  GRAUPEL_HD void join(int time, int64_t item) const {
-    const int direction = static_cast<int>(item % items);
-    if (direction >= directions) return;
-    const int32_t first = groups.first_node(time), node = groups.list[time * groups.n + item / items];
-    const int k = 27 - directions + direction;
-    const Vec3i step = {k % 3 - 1, k / 3 % 3 - 1, k / 9 - 1};
-    const int32_t beside = groups.cells.beside(groups.cells.at(node - first), step);
-    if (beside >= 0 && any_near(groups.matter[node], groups.matter[first + beside], step))
-      groups.unite(node, first + beside);
+/// The direction of the lower neighbour along an axis.
+GRAUPEL_HD constexpr int face_direction(int axis) { return axis == 0 ? 12 : axis == 1 ? 10 : 4; }
+
+/// Whether a node is near to its neighbour at `step` by way of one of the `faces`, the matter of its lower neighbours
+/// along the axes: then its own join is spare. Joins across faces are never spare, those with fewer axes come
+/// first, so all is joined in the end.
+GRAUPEL_HD inline bool is_spare(const Vec3i& step, uint64_t matter, const uint64_t (&faces)[3], uint64_t others) {
+  for (int d = 0; d < 3; ++d) {
+    Vec3i face = {0, 0, 0}, rest = step;
+    face[d] = -1;
+    rest[d] = 0;
+    if (step[d] == -1 && !(rest == Vec3i{0, 0, 0}) && any_near(matter, faces[d], face) &&
+        any_near(faces[d], others, rest))
+      return true;
   }
+  return false;
+}
+
+/// A neighbour of a node, -1 outside the cells, and where it has matter.
+struct Neighbor {
+  int32_t node;
+  uint64_t matter;
 };
+GRAUPEL_HD inline Neighbor neighbor_of(const Groups& groups, int time, int32_t node, const Vec3i& step) {
+  const int32_t first = groups.first_node(time);
+  const int32_t cell = groups.cells.beside(groups.cells.at(node - first), step);
+  return {cell < 0 ? -1 : first + cell, cell < 0 ? 0 : groups.matter[first + cell]};
+}
 
 /// Finds the group of particle i, and whether it touches an obstacle. Returns the group's slot where it may fly.
 GRAUPEL_HD inline int32_t place_particle(const Groups& groups, int64_t i) {
-  const int32_t root = groups.root(groups.cells.of(groups.now[i]).cell);
+  const int32_t root = groups.root(groups.node_of(0, i));
   const int32_t slot = root == ground ? -1 : groups.slot[root];
   groups.group[i] = slot;
   if (slot < 0 || read(groups.sums[slot].touches) != 0) return -1;

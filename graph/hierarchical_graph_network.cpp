@@ -62,8 +62,8 @@ std::vector<float> HierarchicalGraphNetwork::predict(const Surroundings& surroun
   LapTimer watch;
   const std::vector<float> features = particle_features(c, impl_->normalization, surroundings, positions);
   timing.features += watch.lap();
-  const auto hierarchy =
-      sparsegrid::build_hierarchy<3>(positions.back(), c.spacing, surroundings.wall_low, static_cast<int>(c.levels));
+  const auto hierarchy = sparsegrid::build_hierarchy<3>(
+      positions.back(), c.spacing, surroundings.grid_origin(c.spacing), static_cast<int>(c.levels));
   timing.hierarchy += watch.lap();
   std::vector<float> acceleration = forward(features, particle_type, hierarchy);
   timing.network += watch.lap();
@@ -72,8 +72,8 @@ std::vector<float> HierarchicalGraphNetwork::predict(const Surroundings& surroun
 
 double HierarchicalGraphNetwork::flop(const Surroundings& surroundings, const std::vector<Vec3f>& position) const {
   const HgnConfig& c = impl_->config;
-  const auto hierarchy =
-      sparsegrid::build_hierarchy<3>(position, c.spacing, surroundings.wall_low, static_cast<int>(c.levels));
+  const auto hierarchy = sparsegrid::build_hierarchy<3>(position, c.spacing, surroundings.grid_origin(c.spacing),
+                                                        static_cast<int>(c.levels));
   return flop_of(c, rows_of(hierarchy));
 }
 

@@ -6,9 +6,11 @@
 #include <utility>
 
 #include "core/error.h"
+#include "core/held_particles.h"
 #include "graph/density_projection.h"
 #include "graph/frame_step.h"
 #include "graph/free_flight.h"
+#include "graph/held_places.h"
 #include "graph/lap_timer.h"
 #include "graph/rest_density.h"
 #ifdef GRAUPEL_HAVE_CUDA
@@ -23,6 +25,10 @@ bool about_equal(double a, double b) { return std::abs(a - b) <= 1e-3 * std::max
 
 void check_fit(const FeatureConfig& config, const Scene& scene, const Surroundings& surroundings,
                const std::string& file) {
+  if (config.dimensions != scene.domain.dimensions)
+    throw ConfigError("the network was trained for scenes with another number of dimensions (scene " +
+                      std::to_string(scene.domain.dimensions) + ", '" + file + "' " +
+                      std::to_string(config.dimensions) + "). Choose weights that were trained on such scenes");
   if (!about_equal(scene.frame_time, config.frame_time))
     throw ConfigError("the network was trained for another frame time (scene " + std::to_string(scene.frame_time) +
                       " s, '" + file + "' " + std::to_string(config.frame_time) + " s). Set the scene's frame_time");
@@ -67,6 +73,55 @@ Trajectory empty_trajectory(const Scene& scene, const std::vector<int32_t>& part
   return trajectory;
 }
 
+/// What rollouts on the CPU do to the frames that a network predicts; the density is held after the last one of a
+/// bundle.
+class Corrections {
+ public:
+  Corrections(const Scene& scene, const Surroundings& surroundings, const std::vector<int32_t>& particle_type,
+              HeldPlaces held, const LearnedSimulator::RolloutOptions& options, const Network& network)
+      : surroundings_(surroundings),
+        held_(std::move(held)),
+        bundle_(network.feature_config().bundle),
+        project_(options.project) {
+    const double spacing = network.spacing(), rest = rest_density(scene, held_.others(held_.start()), spacing);
+    if (options.density_limit * rest > 0 && !surroundings.plane)
+      density_.emplace(Device::cpu, surroundings, options.density_limit * rest, spacing);
+    if (options.free_flight && !held_.any()) flight_.emplace(Device::cpu, scene, surroundings, particle_type);
+  }
+
+  /// Of frame number `frame`, with those before it.
+  void apply(int64_t frame, const std::vector<Vec3f>& before, const std::vector<Vec3f>& now, std::vector<Vec3f>& next) {
+    if (flight_) {
+      flight_->find_groups(before.data(), now.data());
+      flight_->correct(before.data(), now.data(), next.data());
+    }
+    if (project_) project_out(surroundings_, now, next);
+    if (density_ && frame % bundle_ == 0) {
+      free_ = next;
+      hold_density(next);
+      if (project_) project_out(surroundings_, free_, next);
+    }
+    keep_in_plane(surroundings_, next);
+    held_.put(frame, next);
+  }
+
+ private:
+  void hold_density(std::vector<Vec3f>& position) {
+    if (!held_.any()) return density_->apply(position.data(), static_cast<int64_t>(position.size()));
+    std::vector<Vec3f> others = held_.others(position);
+    density_->apply(others.data(), static_cast<int64_t>(others.size()));
+    held_.put_others(others, position);
+  }
+
+  const Surroundings& surroundings_;
+  HeldPlaces held_;
+  int64_t bundle_;
+  bool project_;
+  std::optional<DensityProjection> density_;
+  std::optional<FreeFlight> flight_;
+  std::vector<Vec3f> free_;  ///< out of obstacles
+};
+
 }  // namespace
 
 LearnedSimulator::LearnedSimulator(const std::string& weights_file) {
@@ -81,15 +136,20 @@ std::vector<std::vector<Vec3f>> LearnedSimulator::predict(const Surroundings& su
                                                           const std::vector<int32_t>& particle_type,
                                                           const std::vector<std::vector<Vec3f>>& positions,
                                                           FrameTiming& timing) const {
+  if (config().in_plane() != surroundings.plane.has_value())
+    throw ConfigError("'" + weights_->file + "' is for scenes with another number of dimensions (" +
+                      std::to_string(config().dimensions) + "). Choose weights that were trained on such scenes");
   const Normalization& normalization = network_->normalization();
   const std::vector<float> output = network_->predict(surroundings, particle_type, positions, timing);
   std::vector<std::vector<Vec3f>> acceleration(static_cast<std::size_t>(config().bundle),
                                                std::vector<Vec3f>(particle_type.size()));
   const float* number = output.data();
   for (std::size_t i = 0; i < particle_type.size(); ++i)
-    for (std::vector<Vec3f>& frame : acceleration)
-      for (int axis = 0; axis < 3; ++axis)
-        frame[i][axis] = *number++ * normalization.acceleration_std[axis] + normalization.acceleration_mean[axis];
+    for (std::vector<Vec3f>& frame : acceleration) {
+      frame[i] = moves_by_itself(particle_type[i]) ? real_acceleration(normalization, config().in_plane(), number)
+                                                   : Vec3f::zero();
+      number += 3;
+    }
   return acceleration;
 }
 
@@ -116,16 +176,15 @@ Trajectory LearnedSimulator::rollout(const Scene& scene, const Surroundings& sur
   check_start(start, needed, particle_type.size());
   std::vector<std::vector<Vec3f>> history(start.end() - static_cast<std::ptrdiff_t>(needed), start.end());
 
-  if (options.device == Device::cuda) return rollout_on_gpu(scene, surroundings, particle_type, start, options);
+  HeldPlaces held(particle_type, start.back(), options.given);
+  if (options.device == Device::cuda) {
+    held.refuse_gpu();
+    return rollout_on_gpu(scene, surroundings, particle_type, start, options);
+  }
+  Corrections corrections(scene, surroundings, particle_type, std::move(held), options, *network_);
   Trajectory trajectory = empty_trajectory(scene, particle_type, weights_->file);
   trajectory.frames.push_back(make_frame(0, scene.frame_time, history[needed - 2], history[needed - 1]));
-  const double rest = rest_density(scene, history.back(), network_->spacing());
-  std::optional<DensityProjection> density;
-  if (options.density_limit * rest > 0)
-    density.emplace(Device::cpu, surroundings, options.density_limit * rest, network_->spacing());
-  std::optional<FreeFlight> flight;
-  if (options.free_flight) flight.emplace(Device::cpu, scene, surroundings, particle_type);
-  std::vector<Vec3f> next, before;
+  std::vector<Vec3f> next;
   std::vector<std::vector<Vec3f>> acceleration;  // of the frames of a bundle
   FrameTiming share;
   for (int64_t frame = 1; frame <= options.frames; ++frame) {
@@ -142,16 +201,7 @@ Trajectory LearnedSimulator::rollout(const Scene& scene, const Surroundings& sur
       break;
     }
     LapTimer watch;
-    if (flight) {
-      flight->find_groups(history[needed - 2].data(), history[needed - 1].data());
-      flight->correct(history[needed - 2].data(), history[needed - 1].data(), next.data());
-    }
-    if (options.project) project_out(surroundings, history.back(), next);
-    if (density && in_bundle + 1 == config().bundle) {
-      before = next;
-      density->apply(next.data(), static_cast<int64_t>(next.size()));
-      if (options.project) project_out(surroundings, before, next);
-    }
+    corrections.apply(frame, history[needed - 2], history[needed - 1], next);
     timing.projection = watch.lap();
     std::rotate(history.begin(), history.begin() + 1, history.end());
     std::swap(history.back(), next);
@@ -163,6 +213,10 @@ Trajectory LearnedSimulator::rollout(const Scene& scene, const Surroundings& sur
 
 #ifdef GRAUPEL_HAVE_CUDA
 CudaSimulator& LearnedSimulator::gpu_simulator() const {
+  if (config().in_plane())
+    throw ConfigError("'" + weights_->file +
+                      "' is for scenes with two dimensions, which networks on a GPU do not roll out (dimensions 2, "
+                      "allowed: 3). Use --device cpu");
   if (!on_gpu_) on_gpu_ = std::make_shared<CudaSimulator>(*weights_);
   return *on_gpu_;
 }
@@ -219,14 +273,18 @@ std::vector<Vec3f> LearnedSimulator::one_step_on_gpu(const Scene&, const Surroun
 #endif
 
 std::vector<std::vector<Vec3f>> start_history(const std::vector<Vec3f>& position, const std::vector<Vec3f>& velocity,
-                                              const Vec3d& gravity, double frame_time, int frames) {
+                                              const Vec3d& gravity, double frame_time, int frames,
+                                              const std::vector<uint8_t>& held) {
   GRAUPEL_ASSERT(velocity.size() == position.size() && frames >= 1);
   std::vector<std::vector<Vec3f>> history(static_cast<std::size_t>(frames), position);
   for (int k = 1; k < frames; ++k) {
     const double t = k * frame_time;
     std::vector<Vec3f>& frame = history[static_cast<std::size_t>(frames - 1 - k)];
-    for (std::size_t i = 0; i < position.size(); ++i)
-      frame[i] = (position[i].cast<double>() - velocity[i].cast<double>() * t + gravity * (t * t / 2)).cast<float>();
+    for (std::size_t i = 0; i < position.size(); ++i) {
+      const bool falls = held.empty() || held[i] == 0;
+      const Vec3d fallen = gravity * (falls ? t * t / 2 : 0);
+      frame[i] = (position[i].cast<double>() - velocity[i].cast<double>() * t + fallen).cast<float>();
+    }
   }
   return history;
 }

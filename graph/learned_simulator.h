@@ -36,12 +36,16 @@ class LearnedSimulator {
   /// bundle (graph/network_flop.h).
   double flop(const Surroundings& surroundings, const std::vector<Vec3f>& position) const;
 
+  /// Where held particles (core/held_particles.h) are: positions [frames][n] after the start, of which theirs count.
+  /// Beyond the last frame they stay.
+  using GivenFrames = std::vector<std::vector<Vec3f>>;
   struct RolloutOptions {
     int64_t frames = 300;
     std::function<void(int64_t frame, const FrameTiming&)> progress;
-    bool project = true;          ///< out of obstacles, into the walls
-    double density_limit = 1;     ///< largest density, of that at rest (graph/rest_density.h); 0: none
-    bool free_flight = true;      ///< momentum of what flies is kept (graph/free_flight.h)
+    bool project = true;       ///< out of obstacles, into the walls
+    double density_limit = 1;  ///< largest density, of that at rest (graph/rest_density.h); 0: none; in space alone
+    bool free_flight = true;   ///< momentum of what flies is kept (graph/free_flight.h); not beside held particles
+    const GivenFrames* given = nullptr;
     Device device = Device::cpu;  ///< on a GPU matrix products are in bf16, and latents have to be 128 wide
   };
   /// Predicts options.frames frames after `start` (history + 1 positions or more, newest last; see start_history). The
@@ -49,7 +53,10 @@ class LearnedSimulator {
   /// result holds the newest start frame and the predicted ones, with velocities as frame differences over the frame
   /// time; a rollout with a NaN or a speed over one domain edge a frame stops before that frame and sets
   /// diverged_at_frame. Throws ConfigError when the scene's frame time
-  /// or the cell size of the obstacle normals is not the one that the network was trained for.
+  /// or the cell size of the obstacle normals is not the one that the network was trained for, or it has another number
+  /// of dimensions.
+  /// Held particles take their given places, or stay where they start; the others see them, and the density is that of
+  /// the others.
   Trajectory rollout(const Scene& scene, const Surroundings& surroundings, const std::vector<int32_t>& particle_type,
                      const std::vector<std::vector<Vec3f>>& start, const RolloutOptions& options) const;
 
@@ -70,8 +77,9 @@ class LearnedSimulator {
 /// History of `frames` positions ending at the scene's start, extrapolated ballistically backwards: particle i was at
 /// x - v k dt + g (k dt)^2 / 2 k frames before. Frame differences then grow by g dt^2 a frame, and so does the next one
 /// in free flight, x + v dt + g dt^2 / 2: the acceleration to predict is g dt^2 from the first frame on. Used in
-/// rollouts and in training alike.
+/// rollouts and in training alike. Particles that are `held` ([n]; empty: none) do not fall.
 std::vector<std::vector<Vec3f>> start_history(const std::vector<Vec3f>& position, const std::vector<Vec3f>& velocity,
-                                              const Vec3d& gravity, double frame_time, int frames);
+                                              const Vec3d& gravity, double frame_time, int frames,
+                                              const std::vector<uint8_t>& held = {});
 
 }  // namespace graupel::graph

@@ -5,6 +5,7 @@
 #include <map>
 #include <mutex>
 
+#include "core/error.h"
 #include "core/parallel_for.h"
 #include "sparsegrid/cell_list.h"
 #include "sparsegrid/cell_normals.h"
@@ -70,9 +71,15 @@ ObstacleParticles::ObstacleParticles(const Scene& scene, const sparsegrid::Obsta
 const std::vector<Vec3f>& ObstacleParticles::at_spacing(double spacing) const {
   const std::lock_guard<std::mutex> lock(cache_->mutex);
   const auto [entry, is_new] = cache_->points.try_emplace(spacing);
-  if (is_new && cache_->obstacles.count() > 0)
-    for (const Vec3d& x : sparsegrid::sample_surface(cache_->scene, cache_->obstacles, spacing).position)
-      entry->second.push_back(x.cast<float>());
+  if (!is_new || cache_->obstacles.count() == 0) return entry->second;
+  if (cache_->scene.domain.is_plane()) {
+    cache_->points.erase(entry);
+    throw ConfigError(
+        "obstacles are made of particles in three dimensions only (gns.obstacle_particles true, domain.dimensions 2). "
+        "Train with gns.obstacle_particles=false");
+  }
+  for (const Vec3d& x : sparsegrid::sample_surface(cache_->scene, cache_->obstacles, spacing).position)
+    entry->second.push_back(x.cast<float>());
   return entry->second;
 }
 

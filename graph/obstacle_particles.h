@@ -17,7 +17,8 @@ class ObstacleParticles {
   ObstacleParticles(const Scene& scene, const sparsegrid::ObstacleSet& obstacles);
 
   /// Points on the surface of the union of obstacles inside the domain, no two closer than `spacing` [m], no hole over
-  /// twice that. Made at the first call for a spacing; may be called from several threads.
+  /// twice that. Made at the first call for a spacing; may be called from several threads. Throws
+  /// ConfigError where there are obstacles in a scene with two dimensions.
   const std::vector<Vec3f>& at_spacing(double spacing) const;
 
  private:

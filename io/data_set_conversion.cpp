@@ -11,6 +11,7 @@
 
 #include "core/atomic_file.h"
 #include "core/error.h"
+#include "core/held_particles.h"
 #include "io/converted_scene.h"
 #include "io/data_set_input.h"
 #include "io/gns_data_set.h"
@@ -122,6 +123,7 @@ class Conversion {
     folder.finish();
     result_.from = input_.format;
     result_.with_obstacles = input_.with_obstacles;
+    result_.connectivity_radius = input_.metadata.connectivity_radius;
     return std::move(result_);
   }
 
@@ -140,7 +142,6 @@ class Conversion {
   int64_t done_ = 0, total_ = 0;
   MotionMoments motion_;                       ///< of the split that counts
   std::map<int64_t, std::string> type_names_;  ///< of the output's numbers
-  std::optional<Scene> first_scene_;           ///< where the output is ours
   ConversionResult result_;
 };
 
@@ -205,7 +206,7 @@ void Conversion::write_split(const AsideFolder& folder, const InputSplit& split)
     write_graupel_split(file, count, source, [&](const ParticleSeries& series) {
       OwnTrajectory own{converted_scene(input_.metadata, input_.format, series, options_.set),
                         std::string("converted from ") + word_of(input_.format)};
-      if (!first_scene_) first_scene_ = own.scene;
+      if (!result_.scene) result_.scene = own.scene;
       return own;
     });
   } else if (options_.format == DataSetFormat::gns) {
@@ -221,7 +222,7 @@ void Conversion::write_split(const AsideFolder& folder, const InputSplit& split)
 void Conversion::write_metadata(const AsideFolder& folder) const {
   if (options_.format == DataSetFormat::graupel) {
     if (result_.splits.contains("train"))
-      write_data_set_metadata(folder.path(), *first_scene_, input_.metadata.connectivity_radius);
+      write_data_set_metadata(folder.path(), *result_.scene, input_.metadata.connectivity_radius);
     return;
   }
   SimulatorMetadata metadata = input_.metadata;

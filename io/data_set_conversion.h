@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "core/scene.h"
 #include "io/data_set_format.h"
 #include "io/simulator_metadata.h"
 
@@ -29,7 +30,9 @@ struct ConversionOptions {
 struct ConversionResult {
   DataSetFormat from = DataSetFormat::graupel;
   std::map<std::string, SplitFigures> splits;
-  int64_t with_obstacles = 0;  ///< trajectories whose obstacles the output has no place for
+  int64_t with_obstacles = 0;      ///< trajectories whose obstacles the output has no place for
+  double connectivity_radius = 0;  ///< [m]
+  std::optional<Scene> scene;      ///< the first that was made, where the output is ours
 };
 
 /// Writes the data set with metadata.json (statistics of the training split, else of the first there is) and

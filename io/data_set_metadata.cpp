@@ -9,6 +9,7 @@
 #include "core/atomic_file.h"
 #include "core/device.h"
 #include "core/error.h"
+#include "core/held_particles.h"
 #include "io/hdf5.h"
 #include "io/json_node.h"
 #include "io/motion_moments.h"

@@ -6,7 +6,6 @@
 #include <cstdint>
 
 #include "core/domain.h"
-#include "core/material_config.h"
 #include "core/vec.h"
 
 namespace graupel::io {
@@ -47,11 +46,6 @@ struct MotionMoments {
     acceleration.add(more.acceleration);
   }
 };
-
-/// Obstacles' particles and those of the material "stationary" are moved, or held, by others.
-inline bool moves_by_itself(int32_t particle_type) {
-  return particle_type != obstacle_particle_type && particle_type != particle_type_of(MaterialModel::stationary);
-}
 
 /// Distances between the periodic walls of a domain [m]; 0 along axes without them.
 inline Vec3d period_of(const Domain& domain) {

@@ -22,6 +22,11 @@ void check_recipe(const ConfigDocument& document, const SceneRecipe& recipe) {
     config_fail(find_place(document, {"groups", "materials", std::to_string(i)}),
                 "'" + name + "' is not in 'materials'", "Define it there or name another." + did_you_mean(name, known));
   }
+  const RecipeGroups& groups = recipe.groups;
+  if (groups.mixed_share > 0 && (groups.materials.empty() ? recipe.materials.size() : groups.materials.size()) < 2)
+    config_fail(find_place(document, {"groups", "mixed_share"}),
+                "needs two materials to draw from (" + number_text(groups.mixed_share) + ")",
+                "Define another, or leave it out");
   if (recipe.domain.is_plane())
     config_fail(find_place(document, {"domain", "dimensions"}), "must be 3: recipes draw scenes in space (2)",
                 "Leave it out");

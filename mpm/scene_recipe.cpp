@@ -125,6 +125,37 @@ bool add_obstacles(const SceneRecipe& recipe, Draws& draws, Scene& scene) {
   return true;
 }
 
+/// One half of a group: cut through its centre at right angles to an axis, the side that half bodies have after the
+/// turn, or the other one.
+Source half_of(const Source& group, int axis, bool other_side) {
+  Source half = group;
+  if (group.shape != Shape::box && group.shape != Shape::sphere)
+    throw ConfigError(fmt::format(
+        "recipe key 'groups.mixed_share' cuts spheres and boxes, and groups.shapes has '{}'. Leave one of them out",
+        word_of(group.shape)));
+  half.shape = group.shape == Shape::box ? Shape::half_box : Shape::half_sphere;
+  half.rotation_axis = axis == 0 ? Vec3d{0, 0, 1} : Vec3d{1, 0, 0};
+  half.rotation_angle = (axis == 1 ? 0 : 90) + (other_side ? 180 : 0);
+  return half;
+}
+
+/// The group, or, by chance, its halves of two materials.
+void add_group(const RecipeGroups& recipe, const std::vector<std::string>& materials, const Source& group, Draws& draws,
+               Scene& scene) {
+  if (recipe.mixed_share == 0 || draws.uniform(0, 1) >= recipe.mixed_share) {
+    scene.sources.push_back(group);
+    return;
+  }
+  std::vector<std::string> others;
+  std::copy_if(materials.begin(), materials.end(), std::back_inserter(others),
+               [&](const std::string& name) { return name != group.material; });
+  if (others.empty()) throw ConfigError("recipe key 'groups.mixed_share' needs two materials to draw from");
+  const int axis = static_cast<int>(draws.integer(3));
+  scene.sources.push_back(half_of(group, axis, false));
+  scene.sources.push_back(half_of(group, axis, true));
+  scene.sources.back().material = others[draws.integer(static_cast<uint32_t>(others.size()))];
+}
+
 bool add_groups(const SceneRecipe& recipe, Draws& draws, Scene& scene) {
   const RecipeGroups& r = recipe.groups;
   std::vector<std::string> materials = r.materials;
@@ -152,7 +183,7 @@ bool add_groups(const SceneRecipe& recipe, Draws& draws, Scene& scene) {
                           [&](const Source& other) { return overlap(s, other); });
     };
     if (!place(draw, fits)) return false;
-    scene.sources.push_back(source);
+    add_group(r, materials, source, draws, scene);
   }
   return true;
 }

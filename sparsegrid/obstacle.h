@@ -66,7 +66,7 @@ struct ObstacleView {
   }
 };
 
-/// All obstacles of a scene.
+/// All obstacles of a scene; their bands are equal.
 struct ObstacleSetView {
   const ObstacleView* obstacles;
   int count;

@@ -86,8 +86,6 @@ ObstacleLists list_obstacles(const std::vector<ObstacleView>& obstacles, const s
   const double longest = std::max({extent[0], extent[1], extent[2]});
   if (n < fewest_listed_obstacles || !(longest > 0) || !std::isfinite(longest)) return lists;
   for (int d = 0; d < 3; ++d) extent[d] = std::max(extent[d], 1e-3 * longest);
-  lists.cells.exact.band = obstacles[0].exact.band;
-  lists.cells.single.band = obstacles[0].single.band;
   double spacing = std::cbrt(extent[0] * extent[1] * extent[2] / (cells_per_obstacle * static_cast<double>(n)));
   std::vector<CellRange> ranges(n);
   const int64_t most = most_entries + most_entries_per_obstacle * static_cast<int64_t>(n);

@@ -11,11 +11,22 @@ namespace graupel::sparsegrid {
 
 struct ObstacleView;
 
-/// Ascending places of obstacles in their set; `place` is null where all of 0 .. count - 1 are meant.
+/// Places of obstacles in their set, ascending; `place` is null where all of 0 .. count - 1 are meant.
 struct ObstacleList {
   const int32_t* place;
   int32_t count;
-  GRAUPEL_HD int32_t operator[](int32_t k) const { return place == nullptr ? k : place[k]; }
+
+  template <typename Body>
+  GRAUPEL_HD void for_each(Body&& body) const {
+#ifdef __CUDA_ARCH__
+    for (int32_t k = 0; k < count; ++k) body(place == nullptr ? k : place[k]);  // a second body would cost registers
+#else
+    if (place == nullptr)
+      for (int32_t k = 0; k < count; ++k) body(k);
+    else
+      for (int32_t k = 0; k < count; ++k) body(place[k]);
+#endif
+  }
 };
 
 /// Where the cells lie, in the precision of a look-up.
@@ -23,7 +34,6 @@ template <typename T>
 struct CellFrame {
   Vec<T, 3> origin;  ///< [m]
   T inverse_spacing;
-  T band;  ///< phi where no obstacle of a cell's list is within its band [m]
 };
 
 /// Cells over a box, x fastest; points beyond it count in the outermost ones. An obstacle is in the lists of all cells

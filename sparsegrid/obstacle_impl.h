@@ -125,17 +125,18 @@ GRAUPEL_HD SignedDistance<T> signed_distance(const ObstacleView& obstacle, const
 template <typename T>
 GRAUPEL_HD SignedDistance<T> signed_distance(const ObstacleSetView& set, const Vec<T, 3>& x, int& nearest) {
   nearest = -1;
-  SignedDistance<T> best = {
-      set.cells.begin == nullptr ? static_cast<T>(no_obstacle_distance) : set.cells.template frame<T>().band,
-      Vec<T, 3>::zero()};
-  const ObstacleList near = set.near(x);
-  for (int32_t k = 0; k < near.count; ++k) {
-    const int32_t i = near[k];
+  SignedDistance<T> best = {static_cast<T>(no_obstacle_distance), Vec<T, 3>::zero()};
+  if (set.count == 0) return best;
+  const T band = set.obstacles[0].template frame<T>().band;
+  best.phi = band;
+  set.near(x).for_each([&](int32_t i) {
+    const ObstacleFrame<T>& frame = set.obstacles[i].template frame<T>();
+    if (!lookup::in_box(x, frame.low, frame.high)) return;
     const SignedDistance<T> one = signed_distance(set.obstacles[i], x);
-    if (one.phi >= best.phi) continue;
+    if (one.phi >= best.phi) return;
     best = one;
-    nearest = one.phi < set.obstacles[i].template frame<T>().band ? i : -1;
-  }
+    nearest = one.phi < band ? i : -1;
+  });
   return best;
 }
 

@@ -2,10 +2,12 @@
 #include "sparsegrid/obstacle_set.h"
 
 #include <algorithm>
+#include <exception>
 #include <mutex>
 
 #include "core/buffer.h"
 #include "core/error.h"
+#include "core/parallel_for.h"
 #include "sparsegrid/level_set_grid.h"
 
 namespace graupel::sparsegrid {
@@ -151,6 +153,8 @@ struct ObstacleSet::Impl {
   mutable Buffer<int32_t> cuda_list_begin{Device::cuda, 0}, cuda_list_place{Device::cuda, 0};
 
   explicit Impl(const Scene& from);
+  void build_grids();
+  LevelSetGrid solid_grid(std::size_t i) const;
   void upload() const;
   LevelSetGrid plane_grid(int i) const { return build_level_set(scene, scene.obstacles[i], names[i]); }
 };
@@ -166,26 +170,47 @@ ObstacleSet::Impl::Impl(const Scene& from) {
   if (!scene.obstacles.empty() && from.band() < 2 * from.voxel())
     throw ConfigError("obstacle_band is too narrow (" + std::to_string(from.band()) + " m, at least two voxels of " +
                       std::to_string(from.voxel()) + " m). Widen the band or lower obstacle_voxel");
+  for (const Obstacle& obstacle : scene.obstacles)
+    names.push_back("obstacle_" + std::to_string(names.size()) + "_" + words_of(obstacle.shape));
+  build_grids();
   std::vector<ObstacleView> host;
-  for (const Obstacle& obstacle : scene.obstacles) {
-    const std::string name = "obstacle_" + std::to_string(names.size()) + "_" + words_of(obstacle.shape);
-    if (obstacle.shape == Shape::points)
-      throw ConfigError(name + ": points have no surface. Use a mesh or a .vdb level set as an obstacle");
-    LevelSetGrid grid;
-    if (obstacle.shape != Shape::plane) {
-      grid = build_level_set(scene, obstacle, name);
-      if (grid.solid.low[0] > grid.solid.high[0])
-        throw ConfigError(name + " has no inside on its grid (voxel " + std::to_string(from.voxel()) +
-                          " m). Make it thicker than two voxels or lower obstacle_voxel");
-    }
-    host.push_back(view_of(obstacle, grid, from.voxel(), from.band()));
-    names.push_back(name);
-    grids.push_back(std::move(grid));
-  }
+  for (std::size_t i = 0; i < grids.size(); ++i)
+    host.push_back(view_of(scene.obstacles[i], grids[i], from.voxel(), from.band()));
   views.upload(host);
   std::vector<bool> moves;
   for (const Obstacle& obstacle : scene.obstacles) moves.push_back(obstacle.motion.has_value());
   lists = list_obstacles(host, moves, scene.domain.origin, scene.domain.origin + scene.domain.size);
+}
+
+void ObstacleSet::Impl::build_grids() {
+  grids.resize(scene.obstacles.size());
+  std::vector<std::exception_ptr> failure(grids.size());
+  parallel_for_cpu(
+      static_cast<int64_t>(grids.size()),
+      [&](int64_t i) {
+        const auto n = static_cast<std::size_t>(i);
+        try {
+          grids[n] = solid_grid(n);
+        } catch (...) {
+          failure[n] = std::current_exception();
+        }
+      },
+      Grain{1});
+  for (const std::exception_ptr& one : failure)
+    if (one) std::rethrow_exception(one);
+}
+
+/// Without bytes for a plane.
+LevelSetGrid ObstacleSet::Impl::solid_grid(std::size_t i) const {
+  const Obstacle& obstacle = scene.obstacles[i];
+  if (obstacle.shape == Shape::points)
+    throw ConfigError(names[i] + ": points have no surface. Use a mesh or a .vdb level set as an obstacle");
+  if (obstacle.shape == Shape::plane) return {};
+  LevelSetGrid grid = build_level_set(scene, obstacle, names[i]);
+  if (grid.solid.low[0] > grid.solid.high[0])
+    throw ConfigError(names[i] + " has no inside on its grid (voxel " + std::to_string(scene.voxel()) +
+                      " m). Make it thicker than two voxels or lower obstacle_voxel");
+  return grid;
 }
 
 void ObstacleSet::Impl::upload() const {

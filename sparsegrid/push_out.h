@@ -36,13 +36,11 @@ GRAUPEL_HD Vec<T, 3> way_out(Vec<T, 3> normal) {
 template <typename T>
 GRAUPEL_LOOKUP GRAUPEL_HD SignedDistance<T> deepest(const ObstacleSetView& set, const Vec<T, 3>& x) {
   SignedDistance<T> found = {static_cast<T>(no_obstacle_distance), Vec<T, 3>::zero()};
-  const ObstacleList near = set.near(x);
-  for (int32_t k = 0; k < near.count; ++k) {
-    const ObstacleView& obstacle = set.obstacles[near[k]];
-    if (!may_be_inside(obstacle, x)) continue;
-    const SignedDistance<T> one = signed_distance(obstacle, x);
+  set.near(x).for_each([&](int32_t i) {
+    if (!may_be_inside(set.obstacles[i], x)) return;
+    const SignedDistance<T> one = signed_distance(set.obstacles[i], x);
     if (one.phi < found.phi) found = one;
-  }
+  });
   return found;
 }
 

@@ -18,6 +18,9 @@ namespace graupel::sparsegrid {
 namespace {
 
 constexpr double strata_per_spacing = 1.5;
+/// Candidates of obstacles are kept until they are so many, and are then tried together: there are five to ten of them
+/// to a sample, so that those of a thousand obstacles would fill the memory, and miss every cache.
+constexpr std::size_t most_waiting = std::size_t{1} << 22;
 
 /// Takes points and normals of one obstacle, in the world.
 class Candidates {
@@ -29,11 +32,12 @@ class Candidates {
     const ObstacleFrame<double>& own = set_.obstacles[obstacle_].exact;
     const Vec3d x = own.rotation * local + own.position;
     if (!lookup::in_box(x, low_, high_)) return;
-    const ObstacleList near = set_.near(x);
-    for (int32_t k = 0; k < near.count; ++k)
-      if (near[k] != obstacle_ && lookup::may_be_inside(set_.obstacles[near[k]], x) &&
-          signed_distance(set_.obstacles[near[k]], x).phi < 0)
-        return;
+    bool covered = false;
+    set_.near(x).for_each([&](int32_t i) {
+      covered = covered || (i != obstacle_ && lookup::may_be_inside(set_.obstacles[i], x) &&
+                            signed_distance(set_.obstacles[i], x).phi < 0);
+    });
+    if (covered) return;
     out.position.push_back(x);
     out.normal.push_back(own.rotation * local_normal);
   }
@@ -125,10 +129,8 @@ SurfaceSamples plane_candidates(const Candidates& candidates, const LocalBox& bo
   return all;
 }
 
-/// The candidates that are taken, tried in a scattered but fixed order.
-SurfaceSamples throw_darts(const SurfaceSamples& candidates, double spacing) {
-  SurfaceSamples taken;
-  DartBoard board(spacing);
+/// Takes candidates, tried in a scattered but fixed order.
+void throw_darts(const SurfaceSamples& candidates, DartBoard& board, SurfaceSamples& taken) {
   const std::size_t n = candidates.position.size();
   std::size_t stride = static_cast<std::size_t>(0.6180339887 * static_cast<double>(n)) + 1;
   while (std::gcd(stride, n) > 1) ++stride;
@@ -137,7 +139,6 @@ SurfaceSamples throw_darts(const SurfaceSamples& candidates, double spacing) {
       taken.position.push_back(candidates.position[k]);
       taken.normal.push_back(candidates.normal[k]);
     }
-  return taken;
 }
 
 }  // namespace
@@ -145,15 +146,19 @@ SurfaceSamples throw_darts(const SurfaceSamples& candidates, double spacing) {
 SurfaceSamples sample_surface(const Scene& scene, const ObstacleSet& obstacles, double spacing, uint64_t seed) {
   if (!(spacing > 0)) throw ConfigError("the sample spacing is not positive (" + std::to_string(spacing) + " m)");
   const ObstacleSetView set = obstacles.view();
-  SurfaceSamples all;
+  SurfaceSamples waiting, taken;
+  DartBoard board(spacing);
   for (int i = 0; i < set.count; ++i) {
     const Candidates candidates(scene, set, i);
     const Random random(seed, RandomPurpose::surface_sample, static_cast<uint64_t>(i));
-    append(all, set.obstacles[i].is_plane
-                    ? plane_candidates(candidates, plane_bounds(scene.obstacles[i], scene.domain), random, spacing)
-                    : grid_candidates(candidates, set.obstacles[i], random, spacing));
+    append(waiting, set.obstacles[i].is_plane
+                        ? plane_candidates(candidates, plane_bounds(scene.obstacles[i], scene.domain), random, spacing)
+                        : grid_candidates(candidates, set.obstacles[i], random, spacing));
+    if (waiting.position.size() < most_waiting && i + 1 < set.count) continue;
+    throw_darts(waiting, board, taken);
+    waiting = {};
   }
-  return throw_darts(all, spacing);
+  return taken;
 }
 
 }  // namespace graupel::sparsegrid

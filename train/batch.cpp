@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "core/error.h"
+#include "graph/feature_row.h"
 #include "graph/gns_graph.h"
 
 namespace graupel::train {
@@ -84,6 +85,11 @@ Part join_numbers(Batch& batch, const std::vector<SceneGraph>& scenes, const App
   return {begin, static_cast<int64_t>(batch.numbers.size()) - begin};
 }
 
+/// What the loss is to count, of particles whose types are the first of `type_row`.
+void count_held(Batch& batch, const std::vector<int32_t>& type_row) {
+  batch.held = std::count_if(type_row.begin(), type_row.begin() + batch.particles(), graph::is_held_row);
+}
+
 void set_target_width(Batch& batch) {
   batch.target_width = batch.particles() > 0 ? batch.target.count / batch.particles() : 0;
   GRAUPEL_ASSERT(batch.target.count == batch.particles() * batch.target_width && batch.target_width % 3 == 0);
@@ -103,6 +109,7 @@ void join_particles(Batch& batch, const std::vector<SceneGraph>& scenes) {
   }
   const Sorted pairs = sort_by_key(cell, first_cell);
   batch.type_row = append(batch.indices, type_row);
+  count_held(batch, type_row);
   batch.cell = append(batch.indices, cell);
   batch.pair_begin = append(batch.indices, pairs.begin);
   batch.pair = append(batch.indices, pairs.item);
@@ -222,6 +229,7 @@ Batch concatenate_gns(const std::vector<SceneGraph>& scenes) {
     }
   batch.features = {0, static_cast<int64_t>(numbers.size())};
   batch.type_row = append(batch.indices, type_row);
+  count_held(batch, type_row);
   batch.target = join_numbers(
       batch, scenes, [&](const SceneGraph& s) { numbers.insert(numbers.end(), s.target.begin(), s.target.end()); });
   batch.feature_width = rows > 0 ? batch.features.count / rows : 0;

@@ -10,6 +10,7 @@
 #include <mutex>
 
 #include "core/error.h"
+#include "core/held_particles.h"
 #include "graph/learned_simulator.h"
 #include "io/scene_reader.h"
 #include "train/worker_threads.h"
@@ -47,10 +48,11 @@ struct Sums {
   }
 };
 
-Sums sums_of(const std::vector<std::vector<Vec3f>>& frames) {
+Sums sums_of(const TrajectoryInfo& info, const std::vector<std::vector<Vec3f>>& frames) {
   Sums sums;
   for (std::size_t t = 1; t < frames.size(); ++t)
     for (std::size_t p = 0; p < frames[t].size(); ++p) {
+      if (info.is_held(p)) continue;
       const Vec3d now = frames[t][p].cast<double>(), before = frames[t - 1][p].cast<double>();
       sums.add(0, now - before);
       if (t + 1 < frames.size()) sums.add(1, frames[t + 1][p].cast<double>() - now - (now - before));
@@ -58,10 +60,11 @@ Sums sums_of(const std::vector<std::vector<Vec3f>>& frames) {
   return sums;
 }
 
-void finish(const Sums& sums, std::size_t what, double noise_std, float (&mean)[3], float (&deviation)[3]) {
+void finish(const Sums& sums, std::size_t what, const Vec3d& noise_std, float (&mean)[3], float (&deviation)[3]) {
   for (std::size_t d = 0; d < 3; ++d) {
     const double m = sums.first[what][d] / sums.count[what];
-    const double variance = std::max(0.0, sums.second[what][d] / sums.count[what] - m * m) + noise_std * noise_std;
+    const double noise = noise_std[static_cast<int>(d)];
+    const double variance = std::max(0.0, sums.second[what][d] / sums.count[what] - m * m) + noise * noise;
     mean[d] = static_cast<float>(m);
     // An axis along which nothing moves (and no noise is added) has no scale of its own.
     deviation[d] = variance > 1e-18 ? static_cast<float>(std::sqrt(variance)) : 1.0f;
@@ -96,6 +99,10 @@ void DataSplit::read_headers(const DataSplitOptions& options) {
       throw InputError(where +
                        " has no scene, which the obstacle and wall features need. Use data of 'graupel generate'");
     for (const int32_t type : header.particle_type) info.type_row.push_back(graph::embedding_row(type));
+    info.held = held_particles(header.particle_type);
+    if (info.held_count() == static_cast<int64_t>(info.type_row.size()))
+      throw InputError(where + " has no particle that moves by itself (" + std::to_string(info.type_row.size()) +
+                       " of obstacles or stationary). Leave that run out");
     info.initial_velocity = reader_->initial_velocity(i);
     if (info.initial_velocity.empty()) {
       const auto start = reader_->frames(i, 0, 2);
@@ -166,7 +173,7 @@ std::vector<std::vector<Vec3f>> DataSplit::history(int i, int64_t frame, int64_t
   std::vector<std::vector<Vec3f>> real = positions(i, 0, frame + 1);
   std::vector<std::vector<Vec3f>> all =
       graph::start_history(real.front(), info.initial_velocity, info.context->scene.gravity,
-                           info.context->scene.frame_time, static_cast<int>(history - frame) + 1);
+                           info.context->scene.frame_time, static_cast<int>(history - frame) + 1, info.held);
   all.pop_back();
   std::move(real.begin(), real.end(), std::back_inserter(all));
   return all;
@@ -175,14 +182,16 @@ std::vector<std::vector<Vec3f>> DataSplit::history(int i, int64_t frame, int64_t
 graph::Normalization DataSplit::statistics(double noise_std, int threads) const {
   std::vector<Sums> sums(info_.size());
   for_each_index(threads, count(), [&](int64_t i) {
-    const int trajectory_number = static_cast<int>(i);
-    sums[static_cast<std::size_t>(i)] = sums_of(positions(trajectory_number, 0, trajectory(trajectory_number).frames));
+    const TrajectoryInfo& info = trajectory(static_cast<int>(i));
+    sums[static_cast<std::size_t>(i)] = sums_of(info, positions(static_cast<int>(i), 0, info.frames));
   });
   Sums total;
   for (const Sums& one : sums) total.add(one);
   graph::Normalization normalization;
-  finish(total, 0, noise_std, normalization.velocity_mean, normalization.velocity_std);
-  finish(total, 1, noise_std, normalization.acceleration_mean, normalization.acceleration_std);
+  const bool plane = trajectory(0).context->scene.domain.is_plane();
+  const Vec3d noise = {noise_std, noise_std, plane ? 0 : noise_std};
+  finish(total, 0, noise, normalization.velocity_mean, normalization.velocity_std);
+  finish(total, 1, noise, normalization.acceleration_mean, normalization.acceleration_std);
   return normalization;
 }
 
@@ -205,6 +214,15 @@ void DataSplit::check_fits(const NetworkConfig& network_config) const {
                         std::to_string(data) + ", the network is for " + std::to_string(network) + ". Set " + section +
                         "." + what + " to that of the data");
     };
+    if (scene.domain.dimensions != config.dimensions)
+      throw ConfigError("'" + file_ + "': trajectory " + std::to_string(i) + " has " +
+                        std::to_string(scene.domain.dimensions) + " dimensions, the network is for " +
+                        std::to_string(config.dimensions) + ". Set " + section + ".dimensions to that of the data");
+    const auto* gns = std::get_if<graph::GnsConfig>(&network_config);
+    if (scene.domain.is_plane() && gns != nullptr && gns->obstacle_particles && !scene.obstacles.empty())
+      throw ConfigError("'" + file_ + "': trajectory " + std::to_string(i) +
+                        " has obstacles in the plane, which are not made of particles (gns.obstacle_particles true, "
+                        "allowed there: false). Set gns.obstacle_particles=false");
     if (differs(scene.frame_time, config.frame_time)) refuse("frame_time", scene.frame_time, config.frame_time);
     if (config.cell_normal && differs(scene.domain.dx, config.dx)) refuse("dx", scene.domain.dx, config.dx);
   }

@@ -1,6 +1,7 @@
 // Trajectories of a data set as training reads them: positions, types, and the static surroundings of each scene.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <functional>
 #include <memory>
@@ -25,9 +26,13 @@ struct SceneContext {
 
 struct TrajectoryInfo {
   std::vector<int32_t> type_row;        ///< [n] rows of the embedding table
+  std::vector<uint8_t> held;            ///< [n] 1 for particles that are held, which no loss or error counts; or empty
   std::vector<Vec3f> initial_velocity;  ///< [n] [m/s]
   int64_t frames = 0;                   ///< usable ones
   std::shared_ptr<const SceneContext> context;
+
+  bool is_held(std::size_t particle) const { return !held.empty() && held[particle] != 0; }
+  int64_t held_count() const { return std::count(held.begin(), held.end(), 1); }
 };
 
 struct DataSplitOptions {
@@ -58,10 +63,12 @@ class DataSplit {
   std::vector<std::vector<Vec3f>> history(int i, int64_t frame, int64_t history) const;
 
   /// Means and standard deviations of v^t = x^t - x^{t-1} and v^{t+1} - v^t over all particles and frames, sums in
-  /// f64; the training noise enters in quadrature.
+  /// f64; the training noise enters in quadrature. Held particles do not count, and nothing varies along z in the
+  /// plane.
   graph::Normalization statistics(double noise_std, int threads) const;
 
-  /// Throws ConfigError when the data were made with another frame time or cell size than the network is for.
+  /// Throws ConfigError when the data were made with another frame time, cell size or number of dimensions than the
+  /// network is for, or with obstacles that it cannot see.
   void check_fits(const NetworkConfig& config) const;
   /// Throws ConfigError when a trajectory is shorter than `frames`, which training needs for the reason `why`.
   void check_length(int64_t frames, const std::string& why) const;

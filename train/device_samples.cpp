@@ -19,12 +19,13 @@ struct SampleFrames {
   Vec3d gravity;      ///< [m/s^2]
   double frame_time;  ///< [s]
 
+  GRAUPEL_HD bool held(int64_t p) const { return graph::is_held_row(type_row[p]); }
   /// Position at a frame; before the first that of graph::start_history.
   GRAUPEL_HD Vec3f at(int64_t t, int64_t p) const {
     if (t >= 0) return position[t * particles + p];
     const double before = -static_cast<double>(t) * frame_time;
-    return (position[p].cast<double>() - initial_velocity[p].cast<double>() * before + gravity * (before * before / 2))
-        .cast<float>();
+    const Vec3d fallen = gravity * (held(p) ? 0 : before * before / 2);
+    return (position[p].cast<double>() - initial_velocity[p].cast<double>() * before + fallen).cast<float>();
   }
 };
 
@@ -70,7 +71,7 @@ struct MakeSample {
     Vec3f position[graph::most_history + 1];
     for (int t = 0; t <= rules.features.history; ++t)
       position[t] = frames.at(frames.frame - rules.features.history + t, p);
-    out.now[i] = write_disturbed_sample(rules, own.scene, static_cast<uint64_t>(p), position,
+    out.now[i] = write_disturbed_sample(rules, own.scene, static_cast<uint64_t>(p), frames.held(p), position,
                                         TruePositions{frames, frames.frame, p}, out.features + i * rules.features.width,
                                         out.target + 3 * rules.bundle * i);
     out.type_row[i] = frames.type_row[p];
@@ -94,7 +95,8 @@ struct PushSample {
     Vec3f position[graph::most_history + 1];
     for (int t = 0; t <= rules.features.history; ++t) position[t] = out.history[t * particles + i];
     const TruePositions truth{frames, frames.frame + push * rules.bundle, p};
-    const Vec3f next = push_forward(rules, own.scene, own.way, acceleration + 3 * rules.bundle * i, truth, position);
+    const Vec3f next =
+        push_forward(rules, own.scene, own.way, frames.held(p), acceleration + 3 * rules.bundle * i, truth, position);
     for (int t = 0; t <= rules.features.history; ++t) out.history[t * particles + i] = position[t];
     out.now[i] = write_sample(rules, own.scene, position, next, truth, out.features + i * rules.features.width,
                               out.target + 3 * rules.bundle * i);
@@ -136,7 +138,7 @@ struct DeviceSamples::Slot {
   Buffer<float> features, target;
   Buffer<Vec3f> now, history;
   Buffer<int32_t> type_row;
-  int64_t particles = 0, step = 0, pushes = 0;
+  int64_t particles = 0, held = 0, step = 0, pushes = 0;
 #ifdef __CUDACC__
   cudaEvent_t released = nullptr;  ///< the launches that read this batch are done
 #endif
@@ -240,7 +242,7 @@ void DeviceSamples::start(int64_t step) {
 #endif
   std::vector<SceneSample> samples;
   std::vector<SampleGraph::Scene> scenes;
-  slot.particles = 0;
+  slot.particles = slot.held = 0;
   slot.step = step;
   slot.pushes = pushes_of(impl.config, step);
   for (int64_t k = impl.share.first; k < impl.config.batch_scenes; k += impl.share.stride) {
@@ -251,6 +253,7 @@ void DeviceSamples::start(int64_t step) {
     scenes.push_back(
         {draw, own.frames.particles, point.data(), static_cast<int64_t>(point.size()), own.scene.surroundings});
     slot.particles += own.frames.particles;
+    slot.held += impl.split.trajectory(draw.key.trajectory).held_count();
   }
   slot.graph->prepare(scenes, impl.stream);
   const auto n = static_cast<std::size_t>(slot.particles), rows = static_cast<std::size_t>(slot.graph->most_rows());
@@ -291,6 +294,7 @@ SampleArrays DeviceSamples::arrays_of(const Slot& slot, void* stream) const {
                      " lies outside the domain of its scene by more than three cells of the network's grid. Generate " +
                      "the data set anew, or lower noise_std");
   arrays.particles = slot.particles;
+  arrays.held = slot.held;
   arrays.feature_width = impl_->rules.features.width;
   arrays.target_width = 3 * impl_->rules.bundle;
   arrays.features = slot.features.data();

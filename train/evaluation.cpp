@@ -20,6 +20,7 @@ struct EvaluationBatch {
   std::vector<Vec3f> truth;    ///< [particles] [m/frame^2]
   std::vector<Vec3f> gravity;  ///< [scenes] [m/frame^2]
   std::vector<Region> region;  ///< [particles]
+  std::vector<uint8_t> held;   ///< [particles] 1 for those that do not count
 };
 
 /// Distance to the nearest wall that holds the material; negative outside.
@@ -49,11 +50,12 @@ EvaluationBatch prepare(const NetworkConfig& config, const graph::Normalization&
     const TrajectoryInfo& trajectory = split.trajectory(key->trajectory);
     const auto history = split.history(key->trajectory, key->frame, features_of(config).history);
     const auto truth = acceleration_of(split.positions(key->trajectory, key->frame + 1, 1).front(), history);
-    graphs.push_back(scene_graph(config, normalization, trajectory, history, grid_origin(trajectory)));
+    graphs.push_back(scene_graph(config, normalization, trajectory, history, grid_origin(trajectory, config)));
     prepared.gravity.push_back(trajectory.context->gravity_step());
     for (std::size_t p = 0; p < truth.size(); ++p) {
       prepared.truth.push_back(truth[p]);
       prepared.region.push_back(region_of(*trajectory.context, history.back()[p], truth[p]));
+      prepared.held.push_back(trajectory.is_held(p) ? 1 : 0);
     }
   }
   prepared.batch = concatenate(graphs);
@@ -61,20 +63,20 @@ EvaluationBatch prepare(const NetworkConfig& config, const graph::Normalization&
 }
 
 /// From normalised accelerations [particles, 3 bundle]; those of a bundle's first frame count.
-void accumulate(const EvaluationBatch& prepared, const std::vector<float>& predicted, int64_t bundle,
-                const graph::Normalization& normalization, OneStepErrors& errors) {
-  const auto width = static_cast<std::size_t>(3 * bundle);
+void accumulate(const EvaluationBatch& prepared, const std::vector<float>& predicted,
+                const graph::FeatureConfig& config, const graph::Normalization& normalization, OneStepErrors& errors) {
+  const auto width = static_cast<std::size_t>(config.output_width());
   for (int64_t s = 0; s < prepared.batch.scenes(); ++s)
     for (int64_t p = prepared.batch.particle_begin[static_cast<std::size_t>(s)];
          p < prepared.batch.particle_begin[static_cast<std::size_t>(s) + 1]; ++p) {
       const auto at = static_cast<std::size_t>(p);
+      if (prepared.held[at]) continue;
+      const Vec3f guess = graph::real_acceleration(normalization, config.in_plane(), predicted.data() + width * at);
       SquaredErrors& sums = errors.region[static_cast<std::size_t>(prepared.region[at])];
       ++sums.particles;
       for (int d = 0; d < 3; ++d) {
         const double deviation = normalization.acceleration_std[d], truth = prepared.truth[at][d];
-        const double guesses[3] = {
-            predicted[width * at + static_cast<std::size_t>(d)] * deviation + normalization.acceleration_mean[d], 0.0,
-            prepared.gravity[static_cast<std::size_t>(s)][d]};
+        const double guesses[3] = {guess[d], 0.0, prepared.gravity[static_cast<std::size_t>(s)][d]};
         for (std::size_t g = 0; g < 3; ++g) {
           const double error = guesses[g] - truth;
           sums.raw[g] += error * error;
@@ -93,14 +95,15 @@ struct Prediction {
   std::vector<float> output;  ///< [particles, 3 bundle]
   std::vector<int64_t> first_particle;
   int64_t bundle = 1;
+  bool plane = false;
 
   /// Of scene s in a frame of the bundle [m/frame^2].
-  std::vector<Vec3f> accelerations(std::size_t s, int64_t frame, const graph::Normalization& normalization) const {
+  std::vector<Vec3f> accelerations(std::size_t s, int64_t frame, const TrajectoryInfo& trajectory,
+                                   const graph::Normalization& normalization) const {
     std::vector<Vec3f> acceleration(static_cast<std::size_t>(first_particle[s + 1] - first_particle[s]));
     const float* guess = output.data() + 3 * (bundle * first_particle[s] + frame);
-    for (Vec3f& a : acceleration) {
-      for (int d = 0; d < 3; ++d)
-        a[d] = guess[d] * normalization.acceleration_std[d] + normalization.acceleration_mean[d];
+    for (std::size_t p = 0; p < acceleration.size(); ++p) {
+      acceleration[p] = trajectory.is_held(p) ? Vec3f::zero() : graph::real_acceleration(normalization, plane, guess);
       guess += 3 * bundle;
     }
     return acceleration;
@@ -112,24 +115,32 @@ Prediction predict(const NetworkModule& module, const graph::Normalization& norm
   std::vector<SceneGraph> graphs(histories.size());
   for_each_index(options.threads, static_cast<int64_t>(histories.size()), [&](int64_t s) {
     const TrajectoryInfo& trajectory = split.trajectory(static_cast<int>(s));
-    graphs[static_cast<std::size_t>(s)] = scene_graph(module.config(), normalization, trajectory,
-                                                      histories[static_cast<std::size_t>(s)], grid_origin(trajectory));
+    graphs[static_cast<std::size_t>(s)] =
+        scene_graph(module.config(), normalization, trajectory, histories[static_cast<std::size_t>(s)],
+                    grid_origin(trajectory, module.config()));
   });
   const Batch batch = concatenate(graphs);
-  return {module.predict(batch, options.which), batch.particle_begin, features_of(module.config()).bundle};
+  const graph::FeatureConfig& config = features_of(module.config());
+  return {module.predict(batch, options.which), batch.particle_begin, config.bundle, config.in_plane()};
 }
 
-/// Advances every history to that frame of the prediction's bundle; false when one of them diverged.
+/// Advances every history to that frame of the prediction's bundle; false when one of them diverged. Held particles go
+/// where the `truth` [scenes][n] of the next frame has them.
 bool advance(const Prediction& predicted, int64_t frame, const graph::Normalization& normalization,
-             const DataSplit& split, Histories& histories) {
+             const DataSplit& split, const std::vector<std::vector<Vec3f>>& truth, Histories& histories) {
   for (std::size_t s = 0; s < histories.size(); ++s) {
     auto& history = histories[s];
     const std::vector<Vec3f>&now = history.back(), &before = history[history.size() - 2];
-    const SceneContext& context = *split.trajectory(static_cast<int>(s)).context;
+    const TrajectoryInfo& trajectory = split.trajectory(static_cast<int>(s));
+    const SceneContext& context = *trajectory.context;
     std::vector<Vec3f> next;
-    if (!graph::step_frame(context.scene, before, now, predicted.accelerations(s, frame, normalization), next))
+    if (!graph::step_frame(context.scene, before, now, predicted.accelerations(s, frame, trajectory, normalization),
+                           next))
       return false;
     graph::project_out(context.surroundings, now, next);
+    graph::keep_in_plane(context.surroundings, next);
+    for (std::size_t p = 0; p < next.size(); ++p)
+      if (trajectory.is_held(p)) next[p] = truth[s][p];
     history.erase(history.begin());
     history.push_back(std::move(next));
   }
@@ -183,8 +194,8 @@ OneStepErrors evaluate_one_step(const NetworkModule& module, const graph::Normal
   OneStepErrors errors;
   for (int64_t b = 0; b < batches; ++b) {
     const EvaluationBatch prepared = queue.next();
-    accumulate(prepared, module.predict(prepared.batch, options.which), features_of(module.config()).bundle,
-               normalization, errors);
+    accumulate(prepared, module.predict(prepared.batch, options.which), features_of(module.config()), normalization,
+               errors);
   }
   return errors;
 }
@@ -203,12 +214,16 @@ double evaluate_rollout(const NetworkModule& module, const graph::Normalization&
   for (int64_t t = 1; t <= frames; ++t) {
     const int64_t in_bundle = (t - 1) % features_of(module.config()).bundle;
     if (in_bundle == 0) predicted = predict(module, normalization, split, histories, options);
-    if (!advance(predicted, in_bundle, normalization, split, histories)) return std::numeric_limits<double>::infinity();
+    std::vector<std::vector<Vec3f>> truth;
+    for (std::size_t s = 0; s < histories.size(); ++s)
+      truth.push_back(split.positions(static_cast<int>(s), t, 1).front());
+    if (!advance(predicted, in_bundle, normalization, split, truth, histories))
+      return std::numeric_limits<double>::infinity();
     for (std::size_t s = 0; s < histories.size(); ++s) {
-      const int i = static_cast<int>(s);
-      const std::vector<Vec3f> truth = split.positions(i, t, 1).front();
-      for (std::size_t p = 0; p < truth.size(); ++p) sum += norm2((histories[s].back()[p] - truth[p]).cast<double>());
-      count += static_cast<int64_t>(truth.size());
+      const TrajectoryInfo& trajectory = split.trajectory(static_cast<int>(s));
+      for (std::size_t p = 0; p < truth[s].size(); ++p)
+        if (!trajectory.is_held(p)) sum += norm2((histories[s].back()[p] - truth[s][p]).cast<double>());
+      count += static_cast<int64_t>(truth[s].size()) - trajectory.held_count();
     }
   }
   return count > 0 ? sum / static_cast<double>(count) : 0;

@@ -25,7 +25,7 @@ enum class Predictor { network, zero, ballistic };
 inline constexpr Predictor all_predictors[] = {Predictor::network, Predictor::zero, Predictor::ballistic};
 const char* name_of(Predictor predictor);
 
-/// Sums of squared errors of the acceleration of the next frame, over axes and particles.
+/// Sums of squared errors of the acceleration of the next frame, over axes and particles that move by themselves.
 struct SquaredErrors {
   std::array<double, 3> raw{};         ///< by predictor [m^2/frame^4]
   std::array<double, 3> normalized{};  ///< by predictor, in standard deviations of the training accelerations

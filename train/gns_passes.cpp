@@ -47,6 +47,7 @@ DeviceBatch GnsPasses::upload(const Batch& batch) const {
 DeviceBatch GnsPasses::attach(const SampleArrays& arrays, bool) const {
   DeviceBatch batch;
   batch.particles = arrays.particles;
+  batch.held = arrays.held;
   batch.features = attached(arrays.features, arrays.rows, arrays.feature_width, embedding_);
   batch.target = attached(arrays.target, arrays.particles, arrays.target_width, embedding_);
   batch.type_row = attached(arrays.type_row, arrays.rows, embedding_);

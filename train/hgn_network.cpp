@@ -80,6 +80,7 @@ DeviceBatch HgnNetwork::attach(const SampleArrays& arrays, bool with_offsets) co
   const graph::GridLinks& links = arrays.links;
   DeviceBatch batch;
   batch.particles = arrays.particles;
+  batch.held = arrays.held;
   batch.features = values(arrays.features, arrays.feature_width);
   batch.weight = values(links.weight, corners).view({-1});
   batch.offset = values(links.offset, 3);

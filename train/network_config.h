@@ -25,6 +25,11 @@ inline Architecture architecture_of(const NetworkConfig& config) {
 inline const graph::FeatureConfig& features_of(const NetworkConfig& config) {
   return std::visit([](const auto& c) -> const graph::FeatureConfig& { return c; }, config);
 }
+/// R [m]: cell size of the finest level, or radius of the graph.
+inline double spacing_of(const NetworkConfig& config) {
+  const auto* hgn = std::get_if<graph::HgnConfig>(&config);
+  return hgn != nullptr ? hgn->spacing : std::get<graph::GnsConfig>(config).radius;
+}
 /// For a weights file.
 inline std::map<std::string, std::string> metadata_of(const NetworkConfig& config) {
   return std::visit([](const auto& c) { return c.to_metadata(); }, config);

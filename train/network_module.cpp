@@ -5,6 +5,8 @@
 #include <ATen/TensorOperators.h>
 #include <ATen/core/grad_mode.h>
 #include <ATen/ops/from_blob.h>
+#include <ATen/ops/logical_and.h>
+#include <ATen/ops/ne.h>
 #include <ATen/ops/norm.h>
 #include <ATen/ops/pow.h>
 #include <ATen/ops/sum.h>
@@ -12,10 +14,12 @@
 #include <c10/core/InferenceMode.h>
 #include <torch/version.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 
 #include "core/error.h"
+#include "graph/feature_row.h"
 #include "train/network_passes.h"
 #include "train/stopwatch.h"
 #include "train/whole_network.h"
@@ -27,12 +31,25 @@ namespace graupel::train {
 
 namespace {
 
-/// Particles times frames of a bundle, of accelerations [particles, 3 k].
-double predictions_in(const at::Tensor& accelerations) { return static_cast<double>(accelerations.numel() / 3); }
+/// Difference of accelerations [particles, 3 k] as the loss counts it: held particles do not count, nor z in the plane.
+struct CountedDifference {
+  CountedDifference(at::Tensor all, const DeviceBatch& batch, bool plane)
+      : difference(std::move(all)),
+        predictions(static_cast<double>(std::max<int64_t>(1, batch.particles - batch.held) * difference.size(1) / 3)) {
+    if (batch.held > 0) {
+      const at::Tensor row = batch.type_row.narrow(0, 0, batch.particles);
+      const at::Tensor moves = at::ne(row, graph::obstacle_row).logical_and(at::ne(row, graph::stationary_row));
+      difference.mul_(moves.view({-1, 1}));
+    }
+    if (plane) difference.view({batch.particles, -1, 3}).select(2, 2).zero_();
+  }
+  /// Mean over particles and frames of a bundle; axes are summed.
+  at::Tensor square_error() const { return at::sum(difference * difference) / predictions; }
+  at::Tensor gradient() const { return difference * (2.0 / predictions); }
 
-at::Tensor square_error(const at::Tensor& difference) {
-  return at::sum(difference * difference) / predictions_in(difference);
-}
+  at::Tensor difference;
+  double predictions;
+};
 
 }  // namespace
 
@@ -97,21 +114,23 @@ struct NetworkModule::Impl {
   /// Loss on the device, and its gradient in `gradient`.
   at::Tensor forward_backward(const DeviceBatch& on_device) {
     GRAUPEL_ASSERT(on_device.target.defined());
-    const double scale = 2.0 / predictions_in(on_device.target);
 #ifdef GRAUPEL_HAVE_CUDA
     if (fused) {
-      const at::Tensor difference = fused->forward(on_device) - on_device.target;
-      fused->backward(on_device, difference * scale);
-      return square_error(difference);
+      const CountedDifference difference = counted(fused->forward(on_device), on_device);
+      fused->backward(on_device, difference.gradient());
+      return difference.square_error();
     }
 #endif
     ForwardRecord record;
-    const at::Tensor difference = network->forward(on_device, &record) - on_device.target;
-    network->backward(on_device, record, difference * scale);
-    return square_error(difference);
+    const CountedDifference difference = counted(network->forward(on_device, &record), on_device);
+    network->backward(on_device, record, difference.gradient());
+    return difference.square_error();
   }
-  /// Loss and gradient of all ranks' shares as one batch. Both are means over particles, so that a share counts by its
-  /// particles: one sum over ranks of particles * [gradient, loss, 1].
+  CountedDifference counted(const at::Tensor& output, const DeviceBatch& on_device) const {
+    return {output - on_device.target, on_device, features_of(config).in_plane()};
+  }
+  /// Loss and gradient of all ranks' shares as one batch. Both are means over particles that count, so that a share
+  /// counts by its particles: one sum over ranks of particles * [gradient, loss, 1].
   at::Tensor join_shares(Comm& comm, const at::Tensor& loss, int64_t particles) {
     if (comm.alone()) return loss;
     const int64_t n = layout.size();
@@ -194,7 +213,7 @@ TimedPrediction NetworkModule::time_prediction(const Batch& batch, StateArray wh
 }
 
 void NetworkModule::Impl::train_step(const DeviceBatch& batch, const StepSettings& settings, Comm& comm) {
-  const at::Tensor loss = join_shares(comm, forward_backward(batch), batch.particles);
+  const at::Tensor loss = join_shares(comm, forward_backward(batch), batch.particles - batch.held);
   const at::Tensor norm = at::norm(gradient);
   AdamSettings rule;
   rule.learning_rate = settings.learning_rate;
@@ -261,7 +280,7 @@ double NetworkModule::loss_and_gradient(const Batch& batch, std::vector<double>*
 double NetworkModule::loss(const Batch& batch) const {
   const at::NoGradGuard no_grad;
   const DeviceBatch on_device = impl_->network->upload(batch);
-  return square_error(impl_->network->forward(on_device, nullptr) - on_device.target).item().toDouble();
+  return impl_->counted(impl_->network->forward(on_device, nullptr), on_device).square_error().item().toDouble();
 }
 
 void NetworkModule::nudge(int64_t index, double change) {

@@ -44,6 +44,7 @@ UploadedBatch::UploadedBatch(const Batch& batch, const at::Tensor& like)
 DeviceBatch UploadedBatch::particles(const Batch& batch) const {
   DeviceBatch on_device;
   on_device.particles = batch.particles();
+  on_device.held = batch.held;
   on_device.features = rows(batch.features, batch.feature_width);
   if (batch.target.count > 0) on_device.target = rows(batch.target, batch.target_width);
   on_device.type_row = index(batch.type_row);

@@ -22,7 +22,7 @@ SceneGraph newest_graph(const NetworkConfig& config, const graph::Normalization&
     throw InputError("'" + split.file() + "': trajectory 0 has too few frames (" + std::to_string(trajectory.frames) +
                      ", the network sees " + std::to_string(history + 1) + "). Give a longer one");
   return scene_graph(config, normalization, trajectory, split.history(0, trajectory.frames - 1, history),
-                     grid_origin(trajectory));
+                     grid_origin(trajectory, config));
 }
 
 double flop_of(const NetworkConfig& config, const SceneGraph& graph, graph::FirstLayers first_layers) {

@@ -87,12 +87,17 @@ GRAUPEL_HD inline Vec3f acceleration_at(const Vec3f& next, const Vec3f& now, con
 }
 
 /// Adds waves and noise to a particle's history + 1 frames, newest last, and to what follows from them to its next one.
+/// In the plane none of them leads out of it.
 GRAUPEL_HD inline void disturb(const SampleRules& rules, const SampleScene& scene, uint64_t p, Vec3f* position,
                                Vec3f& next) {
   const int history = rules.features.history;
+  const float z = next[2];
   next += add_waves(scene, rules.wave_recovery, history, position);
   next +=
       add_noise(Random(rules.seed, RandomPurpose::training_noise, scene.stream), rules.noise_std, history, p, position);
+  if (!rules.features.plane) return;
+  next[2] = z;
+  for (int t = 0; t <= history; ++t) position[t][2] = z;
 }
 
 GRAUPEL_HD inline void write_target(const SampleRules& rules, const SampleScene& scene, const Vec3f& acceleration,
@@ -116,29 +121,28 @@ GRAUPEL_HD inline Vec3f write_sample(const SampleRules& rules, const SampleScene
   return scene.turn.apply(position[history]);
 }
 
-/// Both at once, for particle p; `position` is changed.
+/// Both at once, for particle p; `position` is changed. Particles that are held stay where the data have them.
 template <typename Truth>
 GRAUPEL_HD inline Vec3f write_disturbed_sample(const SampleRules& rules, const SampleScene& scene, uint64_t p,
-                                               Vec3f* position, const Truth& truth, float* feature_row, float* target) {
+                                               bool held, Vec3f* position, const Truth& truth, float* feature_row,
+                                               float* target) {
   Vec3f next = truth(1);
-  disturb(rules, scene, p, position, next);
+  if (!held) disturb(rules, scene, p, position, next);
   return write_sample(rules, scene, position, next, truth, feature_row, target);
 }
 
 /// A frame of the network's own: from the acceleration that it predicts (normalised, turned) to the history moved on by
 /// one frame, whose true position is `truth`. The network moves on from the true positions where it has left them by
-/// more than `farthest`.
+/// more than `farthest`, and where particles are held.
 GRAUPEL_HD inline void move_on(const SampleRules& rules, const SampleScene& scene, const graph::WayFollower& way,
-                               const float* predicted, const Vec3f& truth, Vec3f* position) {
+                               bool held, const float* predicted, const Vec3f& truth, Vec3f* position) {
   constexpr float farthest = 0.1f;  // [m]
-  const graph::Normalization& statistics = rules.features.normalization;
   const int history = rules.features.history;
-  Vec3f acceleration;
-  for (int d = 0; d < 3; ++d)
-    acceleration[d] = predicted[d] * statistics.acceleration_std[d] + statistics.acceleration_mean[d];
+  const Vec3f acceleration = graph::real_acceleration(rules.features.normalization, rules.features.plane, predicted);
   Vec3f x = position[history] + (position[history] - position[history - 1]) + scene.turn.undo(acceleration);
   way.follow(position[history], x);
-  if (!(norm2(x - truth) <= farthest * farthest)) x = truth;
+  if (rules.features.plane) x[2] = truth[2];
+  if (held || !(norm2(x - truth) <= farthest * farthest)) x = truth;
   for (int t = 0; t < history; ++t) position[t] = position[t + 1];
   position[history] = x;
 }
@@ -149,10 +153,10 @@ GRAUPEL_HD inline void move_on(const SampleRules& rules, const SampleScene& scen
 /// for what no state tells: most of a velocity's error cannot be seen in it.
 template <typename Truth>
 GRAUPEL_HD inline Vec3f push_forward(const SampleRules& rules, const SampleScene& scene, const graph::WayFollower& way,
-                                     const float* predicted, const Truth& truth, Vec3f* position) {
+                                     bool held, const float* predicted, const Truth& truth, Vec3f* position) {
   const int history = rules.features.history;
   for (int j = 1; j <= rules.bundle; ++j)
-    move_on(rules, scene, way, predicted + 3 * (j - 1), truth(j - rules.bundle), position);
+    move_on(rules, scene, way, held, predicted + 3 * (j - 1), truth(j - rules.bundle), position);
   const Vec3f x = position[history], now = truth(0);
   const Vec3f velocity = x - position[history - 1], true_velocity = now - truth(-1);
   return x + (truth(1) - now) + (velocity - true_velocity) * (1 - rules.push_velocity_recovery) +

@@ -74,7 +74,7 @@ SceneGraph training_graph(const DataSplit& split, const TrainConfig& config, con
     const auto truth = [&](int j) { return ahead[static_cast<std::size_t>(j)][p]; };
     Vec3f position[graph::most_history + 1];
     for (std::size_t t = 0; t < history.size(); ++t) position[t] = history[t][p];
-    now[p] = write_disturbed_sample(rules, scene, p, position, truth,
+    now[p] = write_disturbed_sample(rules, scene, p, trajectory.is_held(p), position, truth,
                                     graph.features.data() + p * static_cast<std::size_t>(rules.features.width),
                                     graph.target.data() + p * target_width);
   }
@@ -124,13 +124,14 @@ std::vector<SampleKey> spread_samples(const DataSplit& split, int64_t count) {
 namespace {
 
 /// Waves of random directions and lengths; their strains are `strain` at most, together.
-Waves draw_waves(const Random& random, uint64_t first, const TrainConfig& config, double strain) {
+Waves draw_waves(const Random& random, uint64_t first, const TrainConfig& config, double strain, int64_t dimensions) {
   Waves waves{};
   for (int i = 0; i < Waves::count; ++i) {
     const uint64_t draw = first + 2 * static_cast<uint64_t>(i);
     double a, b, c, unused;
     random.normal(draw, 0, a, b);
     random.normal(draw, 1, c, unused);
+    if (dimensions == 2) c = 0;
     const double length =
         config.wave_shortest * std::pow(config.wave_longest / config.wave_shortest, random.uniform(draw + 1, 0));
     const double number = 2 * std::numbers::pi / length;
@@ -149,23 +150,30 @@ SampleDraw draw_training_sample(const DataSplit& split, const TrainConfig& confi
   draw.key = draw_sample(split, config.seed, step, slot, pushes_of(config, step) * bundle + bundle - 1);
   draw.stream = stream_of(step, slot);
   const SceneContext& context = *split.trajectory(draw.key.trajectory).context;
-  draw.low = context.surroundings.wall_low;
+  const int64_t dimensions = context.scene.domain.dimensions;
+  const double spacing = spacing_of(config.network());
+  draw.low = context.surroundings.grid_origin(spacing);
   draw.high = context.surroundings.wall_high;
+  if (dimensions == 2) draw.high[2] = draw.low[2] + 2 * spacing;
   if (config.symmetries) {
-    draw.turn =
-        draw_symmetry(context.scene.gravity, Random(config.seed, RandomPurpose::training_symmetry, draw.stream));
+    draw.turn = draw_symmetry(context.scene.gravity, dimensions,
+                              Random(config.seed, RandomPurpose::training_symmetry, draw.stream));
     apply_to_box(draw.turn, draw.low, draw.high);
   }
   const Random waves(config.seed, RandomPurpose::training_symmetry, draw.stream);
   constexpr uint64_t first = 16;  // after the draws of the symmetry
   if (waves.uniform(first) < config.wave_share) {
-    draw.displacement = draw_waves(waves, first + 1, config, config.wave_strain);
-    draw.drift = draw_waves(waves, first + 1 + 2 * Waves::count, config, config.wave_rate);
+    draw.displacement = draw_waves(waves, first + 1, config, config.wave_strain, dimensions);
+    draw.drift = draw_waves(waves, first + 1 + 2 * Waves::count, config, config.wave_rate, dimensions);
   }
   const Random random(config.seed, RandomPurpose::grid_jitter, draw.stream);
   draw.origin = draw.low;
-  for (int d = 0; d < 3; ++d) draw.origin[d] -= config.jitter_width() * random.uniform(0, d);
+  for (int d = 0; d < dimensions; ++d) draw.origin[d] -= config.jitter_width() * random.uniform(0, d);
   return draw;
+}
+
+Vec3d grid_origin(const TrajectoryInfo& trajectory, const NetworkConfig& config) {
+  return trajectory.context->surroundings.grid_origin(spacing_of(config));
 }
 
 SampleRules sample_rules(const TrainConfig& config, const graph::Normalization& normalization) {

@@ -45,15 +45,15 @@ std::vector<Vec3f> acceleration_of(const std::vector<Vec3f>& next, const std::ve
 SceneGraph scene_graph(const NetworkConfig& config, const graph::Normalization& normalization,
                        const TrajectoryInfo& trajectory, const std::vector<std::vector<Vec3f>>& history,
                        const Vec3d& origin);
-/// Origin of the grid in evaluation and rollouts: the domain's lower corner.
-inline Vec3d grid_origin(const TrajectoryInfo& trajectory) { return trajectory.context->surroundings.wall_low; }
+/// Origin of the grid in evaluation and rollouts (graph::Surroundings::grid_origin).
+Vec3d grid_origin(const TrajectoryInfo& trajectory, const NetworkConfig& config);
 
 /// Scene number `slot` of batch number `step` of a run: which sample, and how the network sees its scene.
 struct SampleDraw {
   SampleKey key;
   uint64_t stream = 0;
   AxisMap turn;
-  Vec3d low, high;  ///< [m] the domain, turned
+  Vec3d low, high;  ///< [m] the domain, turned; along z two layers of cells about the plane of two dimensions
   Vec3d origin;     ///< [m] of the grid, jittered
   Waves displacement, drift;
 };

@@ -5,12 +5,13 @@
 
 namespace graupel::train {
 
-std::vector<AxisMap> symmetries_of(const Vec3d& gravity) {
+std::vector<AxisMap> symmetries_of(const Vec3d& gravity, int64_t dimensions) {
   std::vector<AxisMap> found;
   std::array<int, 3> axis = {0, 1, 2};
   do {
     for (int signs = 0; signs < 8; ++signs) {
       const AxisMap symmetry{{axis[0], axis[1], axis[2]}, {signs & 1 ? -1 : 1, signs & 2 ? -1 : 1, signs & 4 ? -1 : 1}};
+      if (dimensions == 2 && (symmetry.axis[2] != 2 || symmetry.sign[2] < 0)) continue;
       const Vec3d moved = symmetry.apply(gravity) - gravity;
       if (moved[0] == 0 && moved[1] == 0 && moved[2] == 0) found.push_back(symmetry);
     }
@@ -18,8 +19,8 @@ std::vector<AxisMap> symmetries_of(const Vec3d& gravity) {
   return found;
 }
 
-AxisMap draw_symmetry(const Vec3d& gravity, const Random& random) {
-  const std::vector<AxisMap> all = symmetries_of(gravity);
+AxisMap draw_symmetry(const Vec3d& gravity, int64_t dimensions, const Random& random) {
+  const std::vector<AxisMap> all = symmetries_of(gravity, dimensions);
   return all[random.integer(0, 0, static_cast<uint32_t>(all.size()))];
 }
 

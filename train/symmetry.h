@@ -10,10 +10,10 @@
 
 namespace graupel::train {
 
-/// All maps with S gravity = gravity, the identity first.
-std::vector<AxisMap> symmetries_of(const Vec3d& gravity);
+/// All maps with S gravity = gravity, the identity first; of a scene with two dimensions those that leave z alone.
+std::vector<AxisMap> symmetries_of(const Vec3d& gravity, int64_t dimensions = 3);
 /// One of them, each as likely, from draw 0 of `random`.
-AxisMap draw_symmetry(const Vec3d& gravity, const Random& random);
+AxisMap draw_symmetry(const Vec3d& gravity, int64_t dimensions, const Random& random);
 
 /// A box [low, high] turned about the origin.
 void apply_to_box(const AxisMap& symmetry, Vec3d& low, Vec3d& high);

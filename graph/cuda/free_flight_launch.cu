@@ -8,7 +8,8 @@ namespace graupel::graph::flight {
 namespace {
 
 constexpr int threads = 128;
-constexpr int64_t most_at_once = 16384;  ///< particles: beyond it two launches are faster
+constexpr int64_t most_at_once = 16384;              ///< particles: beyond it two launches are faster
+constexpr int lanes_of_node = 16, join_threads = 4;  ///< threads a particle: few cells have less than four
 constexpr unsigned whole_warp = ~0u;
 /// Groups of a warp that it adds up in registers; particles of one scene lie side by side, so there are seldom more.
 constexpr int common_groups = 2;
@@ -38,20 +39,51 @@ __device__ void add_by_warp(GroupSums* sums, Terms<N> GroupSums::*part, int32_t 
   if (slot >= 0) add_terms(sums[slot].*part, terms);
 }
 
-/// The first half of the blocks joins times, the other one neighbours.
+/// Joins the node `item / 16` of a time's list with its lower neighbours, a lane each; item < 0: nothing. All lanes of
+/// a warp must call it. The node is hung on its lowest neighbour first.
+__device__ void join_neighbors(const Groups& groups, int time, int64_t item) {
+  const int lane = static_cast<int>(threadIdx.x % 32), first_lane = lane / lanes_of_node * lanes_of_node;
+  const int direction = lane % lanes_of_node;
+  const Vec3i step = step_of(direction);
+  int32_t node = -1;
+  uint64_t matter = 0;
+  Neighbor other = {-1, 0};
+  if (item >= 0 && direction < directions) {
+    node = groups.list[time * groups.n + item / lanes_of_node];
+    matter = groups.matter[node];
+    other = neighbor_of(groups, time, node, step);
+  }
+  bool is_near = any_near(matter, other.matter, step);
+  const unsigned near_lanes = __ballot_sync(whole_warp, is_near) >> first_lane & ((1u << directions) - 1);
+  if (is_near && direction == __ffs(static_cast<int>(near_lanes)) - 1)
+    is_near = exchange_if(groups.parent[node], node, other.node) != node;
+  uint64_t faces[3];
+#pragma unroll
+  for (int d = 0; d < 3; ++d) faces[d] = __shfl_sync(whole_warp, other.matter, first_lane + face_direction(d));
+  if (is_near && !is_spare(step, matter, faces, other.matter)) groups.unite(node, other.node);
+}
+
+/// Joins the nodes of particle i at both times, once for the lanes that find the same roots; i >= n: nothing. All
+/// lanes of a warp must call it.
+__device__ void join_times(const Groups& groups, int64_t i) {
+  const int32_t a = i < groups.n ? groups.root(groups.node_of(0, i)) : 0;
+  const int32_t b = i < groups.n ? groups.root(groups.node_of(1, i)) : 0;
+  const unsigned open = __ballot_sync(whole_warp, a != b);
+  if (open == 0) return;
+  const int first = __ffs(static_cast<int>(open)) - 1, lane = static_cast<int>(threadIdx.x % 32);
+  const bool as_first = a == __shfl_sync(whole_warp, a, first) & b == __shfl_sync(whole_warp, b, first);
+  if (a != b && (lane == first || !as_first)) groups.unite(a, b);
+}
+
+/// Neighbours first: then most particles' nodes have one root each time.
 __global__ void __launch_bounds__(threads) join_kernel(Groups groups) {
-  const unsigned half = gridDim.x / 2;
-  if (blockIdx.x < half) {
-    const int64_t i = item_of_thread(blockIdx.x);
-    if (i < groups.n) JoinTimes{groups}(i);
-    return;
-  }
-  const JoinNeighbors neighbors{groups};
+  const int64_t thread = item_of_thread(blockIdx.x), all_threads = int64_t{gridDim.x} * threads;
   for (int time = 0; time < times; ++time) {
-    const int64_t items = int64_t{groups.listed[time]} * JoinNeighbors::items;
-    for (int64_t item = item_of_thread(blockIdx.x - half); item < items; item += int64_t{half} * threads)
-      neighbors.join(time, item);
+    const int64_t items = int64_t{groups.listed[time]} * lanes_of_node, whole_warps = (items + 31) / 32 * 32;
+    for (int64_t item = thread; item < whole_warps; item += all_threads)
+      join_neighbors(groups, time, item < items ? item : -1);
   }
+  if (thread < (groups.n + 31) / 32 * 32) join_times(groups, thread);
 }
 
 /// By the last block that comes here, when no other one looks for roots any more.
@@ -139,7 +171,7 @@ int64_t blocks_of(int64_t n) { return (n + threads - 1) / threads; }
 void find_groups_on_gpu(const Groups& groups, void* stream) {
   if (groups.n == 0) return;
   parallel_for_in(stream, Device::cuda, groups.n, MarkCells{groups});
-  launch(join_kernel, 2 * blocks_of(groups.n), stream, groups);
+  launch(join_kernel, join_threads * blocks_of(groups.n), stream, groups);
   launch(place_kernel, blocks_of(groups.n), stream, groups);
 }
 

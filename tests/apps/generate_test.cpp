@@ -47,6 +47,23 @@ TEST(Generate, ShardsMakeTheSameBytesAsOneRun) {
   EXPECT_TRUE(other.says("another device (there cuda, here cpu)")) << other.output;
 }
 
+/// Groups of two materials at speed, by one thread and by two shards; another seed gives others.
+TEST(Generate, LargeScenesHaveTheSameBytesForASeed) {
+  const Folder folder;
+  const std::string flags =
+      "generate scenes/recipes/hgn_large.json --set frames=1 --set counts.train=2 --set counts.valid=0 --set "
+      "counts.test=0 --set domain.size=[1,1,1] --set groups.count=6 --set obstacles.count=4 --set "
+      "time_step.substeps_per_frame=4 --set frame_time=0.0012 --device cpu ";
+  const std::string one = folder.file("one"), two = folder.file("two"), other = folder.file("other");
+  ASSERT_EQ(graupel(flags + "--seed 3 --threads 1 -o " + one).exit_code, 0);
+  ASSERT_EQ(graupel(flags + "--seed 3 --threads 2 --shard 1/2 -o " + two).exit_code, 0);
+  ASSERT_EQ(graupel(flags + "--seed 3 --threads 2 --shard 0/2 -o " + two).exit_code, 0);
+  ASSERT_EQ(graupel(flags + "--seed 4 -o " + other).exit_code, 0);
+  for (const char* name : {"/train.h5", "/metadata.json"})
+    EXPECT_TRUE(read_file(one + name) == read_file(two + name)) << name << " differs";
+  EXPECT_FALSE(read_file(one + "/train.h5") == read_file(other + "/train.h5"));
+}
+
 TEST(Generate, ShardsAtOnceMakeTheSameBytesAsOneRun) {
   const Folder folder;
   const std::string whole = folder.file("whole"), shards = folder.file("shards");

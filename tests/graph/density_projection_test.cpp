@@ -9,7 +9,9 @@
 #include <map>
 
 #include "core/buffer.h"
+#include "core/error.h"
 #include "core/random.h"
+#include "graph/density_cells.h"
 #include "graph/rest_density.h"
 #include "random_input.h"
 #include "tests/gpu_only.h"
@@ -231,13 +233,27 @@ TEST(DensityProjection, ParticlesOutsideAreLeftAlone) {
 }
 
 TEST(DensityProjection, LargeDomainsTakeLargerCells) {
-  const Surroundings surroundings(box_scene());
-  DensityProjection projection(Device::cpu, surroundings, rest, 0.003);  // 320^3 cells; twice as large: 160^3
-  std::vector<Vec3f> position = block(Vec3d::filled(0.5), {14, 14, 14}, lattice / 2);
-  ASSERT_GT(largest_density(position, 0.006), 4);
-  const double before = largest_density(position);
-  apply_times(projection, surroundings, position, 12);
-  EXPECT_LT(largest_density(position), 0.7 * before);
+  for (const double shift : {0.0, 0.5}) {
+    const density::Cells scene_of_a_million = density::cells_over(Vec3d::zero(), {18.6, 1, 18.6}, 0.035, shift);
+    EXPECT_EQ(scene_of_a_million.spacing, 0.035);
+    EXPECT_GT(scene_of_a_million.count(), 8000000);
+    const density::Cells larger = density::cells_over(Vec3d::zero(), {90, 1, 90}, 0.035, shift);
+    EXPECT_EQ(larger.spacing, 0.07);
+    EXPECT_LE(larger.count(), density::most_cells);
+    EXPECT_EQ(larger.size[0] % 2, 0);
+    for (int d = 0; d < 3; ++d) {
+      EXPECT_LE(larger.origin[d], -density::border * 0.07);
+      EXPECT_GE(larger.origin[d] + larger.size[d] * 0.07, (d == 1 ? 1 : 90) + 1.4 * 0.07);
+    }
+    EXPECT_LE(density::cells_over(Vec3d::zero(), Vec3d::filled(1e4), 0.035, shift).count(), density::most_cells);
+  }
+}
+
+TEST(DensityProjection, RefusesCellsThatDoNotFitIntoTheMemory) {
+  const density::Cells cells = density::cells_over(Vec3d::zero(), Vec3d::filled(1), 0.01, 0);
+  const auto bytes = static_cast<uint64_t>(density::bytes_of_cell * static_cast<double>(cells.count()));
+  EXPECT_NO_THROW(density::check_fits(cells, bytes + 1));
+  EXPECT_THROW(density::check_fits(cells, bytes - 1), ConfigError);
 }
 
 void expect_same_on_gpu(int particles, double of_cells) {

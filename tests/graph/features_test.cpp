@@ -118,7 +118,6 @@ TEST(Features, ScenesThatNoNetworkWasTaughtAreRefused) {
   EXPECT_TRUE(refused([](Scene& s) { s.emitters.emplace_back(); }, "emitters"));
   EXPECT_TRUE(refused([](Scene& s) { s.sinks.emplace_back(); }, "sinks"));
   EXPECT_TRUE(refused([](Scene& s) { s.domain.faces.x_low = WallConfig{Wall::open, {}}; }, "open walls"));
-  EXPECT_TRUE(refused([](Scene& s) { s.domain.dimensions = 2; }, "domain.dimensions: 2"));
   EXPECT_FALSE(refused([](Scene&) {}, ""));
 }
 

@@ -244,7 +244,7 @@ TEST(Waves, AreInTheHistoryAndTheTargetTakesThemBack) {
     features.resize(static_cast<std::size_t>(rules.features.width));
     target.resize(3);
     const auto truth = [](int) { return Vec3f{0.503f, 0.498f, 0.47f}; };  // of the next frame
-    return write_disturbed_sample(rules, scene, 0, position, truth, features.data(), target.data());
+    return write_disturbed_sample(rules, scene, 0, false, position, truth, features.data(), target.data());
   };
   std::vector<float> still, target_still, moved, target_moved;
   const Vec3f x = sample(still, target_still);
@@ -304,7 +304,7 @@ TEST(Symmetry, LeavesGravityAloneAndKeepsLengths) {
   EXPECT_EQ(images.size(), 8u);
   std::set<int> drawn;
   for (uint64_t k = 0; k < 200; ++k) {
-    const AxisMap symmetry = draw_symmetry(gravity, Random(1, RandomPurpose::training_symmetry, k));
+    const AxisMap symmetry = draw_symmetry(gravity, 3, Random(1, RandomPurpose::training_symmetry, k));
     drawn.insert(9 * symmetry.axis[0] + 3 * symmetry.sign[0] + symmetry.sign[2]);
   }
   EXPECT_EQ(drawn.size(), 8u);
