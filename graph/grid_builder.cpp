@@ -3,13 +3,14 @@
 #include <cmath>
 #include <memory>
 #include <string>
+#include <utility>
 
 #include "core/error.h"
 #include "core/parallel_for_in.h"
 #ifdef GRAUPEL_HAVE_CUDA
 #include "graph/cuda/grid_launch.h"
 #endif
-#include "graph/grid_kernels.h"
+#include "graph/grid_at_once.h"
 
 namespace graupel::graph {
 
@@ -122,7 +123,7 @@ struct GridBuilder::Arrays {
   Buffer<int32_t> cell;
   Buffer<float> weight, offset;
   Buffer<int32_t> pair_place, listed, pair, pair_begin;
-  Buffer<int32_t> at_once;  ///< pairs by bit and by word of level 0, and one more (graph/cuda/grid_launch.h)
+  Buffer<int32_t> at_once;  ///< pairs by bit and by word of level 0, and one more (graph/grid_at_once.h)
   HostCopy read_back;
 };
 
@@ -152,12 +153,13 @@ void GridBuilder::Arrays::resize(int64_t particles, int64_t n_words, int64_t cel
   resize_all(cells_of_level0 + 1, pair_begin);
 }
 
-GridBuilder::GridBuilder(Device device, double spacing, int levels, int margin, bool with_edges)
+GridBuilder::GridBuilder(Device device, double spacing, int levels, int margin, bool with_edges, GridLaunch at_once)
     : device_(device),
       spacing_(spacing),
       levels_(levels),
       margin_(margin),
       with_edges_(with_edges),
+      wanted_launch_(std::move(at_once)),
       arrays_(std::make_unique<Arrays>(device)) {
   GRAUPEL_ASSERT(spacing > 0 && levels >= 1 && levels <= most_levels && margin >= 0);
 }
@@ -206,10 +208,11 @@ void GridBuilder::prepare(const std::vector<SceneGrid>& scenes, void* stream) {
   upload_in(stream, arrays_->particle_begin, particle_begin);
   upload_in(stream, arrays_->word_begin, word_begin);
   fine_words_ = word_begin[static_cast<std::size_t>(scenes_)];
+  launch_ = wanted_launch_;
 #ifdef GRAUPEL_HAVE_CUDA
-  at_once_ = device_ == Device::cuda && builds_grid_at_once(scenes_, words_);
+  if (!launch_ && device_ == Device::cuda && builds_grid_at_once(scenes_, words_)) launch_ = build_grid;
 #endif
-  if (!at_once_) return;
+  if (!launch_) return;
   arrays_->at_once.resize_discard(static_cast<std::size_t>((word_bits + 1) * fine_words_ + 1));
   clear_in(stream, arrays_->at_once);
   clear_in(stream, arrays_->cleared);
@@ -236,15 +239,13 @@ void GridBuilder::build(const Vec3f* position, void* stream, bool with_counts) {
   const FindPairs find{cells, a.base.data(), a.cell.data(), a.pair_place.data(), a.pair_count};
   const ListPairs list{a.cell.data(), a.pair_place.data(), a.pair_begin.data(), a.listed.data()};
   const OrderPairs order{a.cell.data(), a.pair_begin.data(), a.listed.data(), a.pair.data()};
-  if (at_once_) {
-#ifdef GRAUPEL_HAVE_CUDA
+  if (launch_) {
     int32_t* const bit_pairs = a.at_once.data();
     int32_t* const word_pairs = bit_pairs + word_bits * fine_words_;
-    build_grid({particles_, words_, fine_words_, position, a.weight.data(), a.offset.data(), bit_pairs, word_pairs,
-                word_pairs + fine_words_, a.rank.data(), link, a.cell.data(), a.pair_place.data(), a.pair_begin.data(),
-                a.listed.data(), a.pair.data(), a.overflow},
-               stream);
-#endif
+    launch_({particles_, words_, fine_words_, position, a.weight.data(), a.offset.data(), bit_pairs, word_pairs,
+             word_pairs + fine_words_, a.rank.data(), link, a.cell.data(), a.pair_place.data(), a.pair_begin.data(),
+             a.listed.data(), a.pair.data(), a.overflow},
+            stream);
   } else {
     clear_in(stream, a.cleared);
     launch(particles_, locate);
@@ -271,7 +272,9 @@ GridCounts GridBuilder::counts(void* stream) const {
   GridCounts counts;
   counts.levels = levels_;
   counts.overflow = edges[levels_ + 1] != 0;
+  GRAUPEL_ASSERT(cells[levels_] <= most_cells_);
   for (int l = 0; l < levels_; ++l) {
+    GRAUPEL_ASSERT(cells[l] <= cells[l + 1] && edges[l] <= edges[l + 1]);
     counts.cells[static_cast<std::size_t>(l)] = cells[l + 1] - cells[l];
     counts.edges[static_cast<std::size_t>(l)] = edges[l + 1] - edges[l];
   }

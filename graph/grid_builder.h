@@ -5,6 +5,7 @@
 
 #include <array>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <vector>
 
@@ -55,11 +56,17 @@ struct GridCounts {
   bool overflow = false;  ///< a particle lay outside the boxes: the links are of no use
 };
 
+struct GridProgram;
+/// Makes a grid in one launch, but for its edges (graph/grid_at_once.h), in a stream.
+using GridLaunch = std::function<void(const GridProgram&, void* stream)>;
+
 class GridBuilder {
  public:
   /// Grids of `levels` levels (at most most_levels), the finest of `spacing` [m]; boxes are widened by `margin` cells.
-  /// Without edges their lists and those of children are not made, and are counted as none.
-  GridBuilder(Device device, double spacing, int levels, int margin = 3, bool with_edges = true);
+  /// Without edges their lists and those of children are not made, and are counted as none. `at_once` makes every grid;
+  /// without it, a GPU does so in one launch where that is faster.
+  GridBuilder(Device device, double spacing, int levels, int margin = 3, bool with_edges = true,
+              GridLaunch at_once = {});
   ~GridBuilder();
 
   /// Boxes and memory for these scenes. Throws ConfigError when a box has
@@ -77,7 +84,8 @@ class GridBuilder {
   Device device_;
   double spacing_;
   int levels_, margin_, scenes_ = 0;
-  bool with_edges_, at_once_ = false;
+  bool with_edges_;
+  GridLaunch wanted_launch_, launch_;  ///< of the constructor; of the scenes at hand, or none
   int64_t particles_ = 0;
   int64_t words_ = 0, fine_words_ = 0;        ///< of bits; of those of level 0
   int64_t most_cells_ = 0, most_level0_ = 0;  ///< that particles and boxes allow

@@ -335,14 +335,16 @@ bool CudaSimulator::advance() {
   };
   if (show_next()) return true;
   if (impl.seen->diverged != 0) return false;
-  for (;;) {
+  for (bool has_room = false;;) {
     if (!impl.graph) {
       if (!impl.make_room()) return false;
       impl.record_bundle();
+      has_room = true;
     }
     GRAUPEL_CUDA_CHECK(cudaGraphLaunch(impl.graph, impl.stream));
     impl.wait();
     if (impl.seen->fault == 0) return show_next();
+    GRAUPEL_ASSERT(!has_room);
     impl.drop_graph();  // the newest frame is still the same
   }
 }

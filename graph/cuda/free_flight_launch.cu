@@ -2,14 +2,15 @@
 
 #include "core/parallel_for_in.h"
 #include "graph/cuda/block_cluster.h"
+#include "graph/free_flight_joins.h"
 
 namespace graupel::graph::flight {
 
 namespace {
 
 constexpr int threads = 128;
-constexpr int64_t most_at_once = 16384;              ///< particles: beyond it two launches are faster
-constexpr int lanes_of_node = 16, join_threads = 4;  ///< threads a particle: few cells have less than four
+constexpr int64_t most_at_once = 16384;  ///< particles: beyond it two launches are faster
+constexpr int join_threads = 4;          ///< threads a particle: few cells have less than four
 constexpr unsigned whole_warp = ~0u;
 /// Groups of a warp that it adds up in registers; particles of one scene lie side by side, so there are seldom more.
 constexpr int common_groups = 2;
@@ -39,51 +40,25 @@ __device__ void add_by_warp(GroupSums* sums, Terms<N> GroupSums::*part, int32_t 
   if (slot >= 0) add_terms(sums[slot].*part, terms);
 }
 
-/// Joins the node `item / 16` of a time's list with its lower neighbours, a lane each; item < 0: nothing. All lanes of
-/// a warp must call it. The node is hung on its lowest neighbour first.
-__device__ void join_neighbors(const Groups& groups, int time, int64_t item) {
-  const int lane = static_cast<int>(threadIdx.x % 32), first_lane = lane / lanes_of_node * lanes_of_node;
-  const int direction = lane % lanes_of_node;
-  const Vec3i step = step_of(direction);
-  int32_t node = -1;
-  uint64_t matter = 0;
-  Neighbor other = {-1, 0};
-  if (item >= 0 && direction < directions) {
-    node = groups.list[time * groups.n + item / lanes_of_node];
-    matter = groups.matter[node];
-    other = neighbor_of(groups, time, node, step);
+struct Warp {
+  __device__ int lane() const { return static_cast<int>(threadIdx.x % 32); }
+  __device__ unsigned ballot(bool here) const { return __ballot_sync(whole_warp, here); }
+  template <typename T>
+  __device__ T shuffle(T value, int lane) const {
+    return __shfl_sync(whole_warp, value, lane);
   }
-  bool is_near = any_near(matter, other.matter, step);
-  const unsigned near_lanes = __ballot_sync(whole_warp, is_near) >> first_lane & ((1u << directions) - 1);
-  if (is_near && direction == __ffs(static_cast<int>(near_lanes)) - 1)
-    is_near = exchange_if(groups.parent[node], node, other.node) != node;
-  uint64_t faces[3];
-#pragma unroll
-  for (int d = 0; d < 3; ++d) faces[d] = __shfl_sync(whole_warp, other.matter, first_lane + face_direction(d));
-  if (is_near && !is_spare(step, matter, faces, other.matter)) groups.unite(node, other.node);
-}
-
-/// Joins the nodes of particle i at both times, once for the lanes that find the same roots; i >= n: nothing. All
-/// lanes of a warp must call it.
-__device__ void join_times(const Groups& groups, int64_t i) {
-  const int32_t a = i < groups.n ? groups.root(groups.node_of(0, i)) : 0;
-  const int32_t b = i < groups.n ? groups.root(groups.node_of(1, i)) : 0;
-  const unsigned open = __ballot_sync(whole_warp, a != b);
-  if (open == 0) return;
-  const int first = __ffs(static_cast<int>(open)) - 1, lane = static_cast<int>(threadIdx.x % 32);
-  const bool as_first = a == __shfl_sync(whole_warp, a, first) & b == __shfl_sync(whole_warp, b, first);
-  if (a != b && (lane == first || !as_first)) groups.unite(a, b);
-}
+};
 
 /// Neighbours first: then most particles' nodes have one root each time.
 __global__ void __launch_bounds__(threads) join_kernel(Groups groups) {
+  const Warp warp;
   const int64_t thread = item_of_thread(blockIdx.x), all_threads = int64_t{gridDim.x} * threads;
   for (int time = 0; time < times; ++time) {
     const int64_t items = int64_t{groups.listed[time]} * lanes_of_node, whole_warps = (items + 31) / 32 * 32;
     for (int64_t item = thread; item < whole_warps; item += all_threads)
-      join_neighbors(groups, time, item < items ? item : -1);
+      join_neighbors(warp, groups, time, item < items ? item : -1);
   }
-  if (thread < (groups.n + 31) / 32 * 32) join_times(groups, thread);
+  if (thread < (groups.n + 31) / 32 * 32) join_times(warp, groups, thread);
 }
 
 /// By the last block that comes here, when no other one looks for roots any more.

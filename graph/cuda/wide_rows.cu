@@ -166,7 +166,7 @@ class Walk {
       const bool narrow = n.gather == Gather::pairs && rows <= narrow_rows * static_cast<int>(gridDim.x);
       s_.narrow[i] = narrow;
       s_.tiles[i] = narrow ? (rows + narrow_rows - 1) / narrow_rows : (rows + tile_rows - 1) / tile_rows;
-      fault = fault || rows > n.most_rows;
+      fault = fault || rows < 0 || rows > n.most_rows;
     }
     fault = __syncthreads_or(fault);
     if (fault) {
