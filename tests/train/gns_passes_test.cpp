@@ -13,6 +13,7 @@
 #include "graph/learned_simulator.h"
 #include "graph/normalization.h"
 #include "tests/train/gns_cloud.h"
+#include "tests/train/learning.h"
 #include "tests/train/tiny_data.h"
 #include "train/network_module.h"
 #include "train/parameter_layout.h"
@@ -237,21 +238,12 @@ TrainingOptions tiny_options(const std::string& run) {
 TEST(GnsTraining, LearnsToBounceAndRollsOut) {
   const std::string folder = test_folder("gns_learn");
   TrainingOptions options = tiny_options(folder + "/run");
-  options.config.steps = 600;
-  options.config.schedule = RateSchedule::cosine;
-  options.config.log_interval = 20;
-  options.config.checkpoint_interval = 600;
-  options.config.validation_interval = 600;
+  LossCourse loss;
+  learn_fast(options, 600, loss);
   options.config.validation_samples = 40;
-  options.config.ema_decay = 0.98;
   options.config.checkpoint_layers = 1;
-  double first = 0, last = 0;
-  options.progress = [&](const TrainingProgress& p) {
-    if (first == 0) first = p.loss;
-    last = p.loss;
-  };
   const TrainingResult result = train_network(options);
-  EXPECT_LT(last, first / 3);
+  EXPECT_LT(loss.last, loss.first / 3);
   ASSERT_TRUE(result.validation);
   const SquaredErrors errors = result.validation->one_step.all();
   EXPECT_LT(errors.raw_mse(Predictor::network), 0.5 * errors.raw_mse(Predictor::zero));

@@ -9,6 +9,7 @@
 #include "graph/hierarchical_graph_network.h"
 #include "graph/learned_simulator.h"
 #include "tests/graph/random_weights.h"
+#include "tests/train/learning.h"
 #include "tests/train/tiny_data.h"
 #include "train/checkpoint.h"
 #include "train/run_folder.h"
@@ -120,21 +121,12 @@ TEST(Training, ABundleOfFramesIsTrainedResumedAndRolledOut) {
 TEST(Training, LearnsABundleOfFrames) {
   const std::string folder = test_folder("learn_bundle");
   TrainingOptions options = tiny_options(folder + "/run");
+  LossCourse loss;
+  learn_fast(options, 400, loss);
   options.config.hgn.bundle = 2;
-  options.config.steps = 400;
-  options.config.schedule = RateSchedule::cosine;
-  options.config.log_interval = 20;
-  options.config.validation_interval = 400;
-  options.config.checkpoint_interval = 400;
   options.config.rollout_frames = 9;
-  options.config.ema_decay = 0.98;
-  double first = 0, last = 0;
-  options.progress = [&](const TrainingProgress& p) {
-    if (first == 0) first = p.loss;
-    last = p.loss;
-  };
   const TrainingResult result = train_network(options);
-  EXPECT_LT(last, first / 3);
+  EXPECT_LT(loss.last, loss.first / 3);
   const SquaredErrors errors = result.validation->one_step.all();
   EXPECT_LT(errors.raw_mse(Predictor::network), 0.6 * errors.raw_mse(Predictor::zero));
   EXPECT_LT(result.validation->rollout_mse, 1e-3);
@@ -184,21 +176,17 @@ TEST(Training, ABundleStartsFromWeightsOfOneFrame) {
 TEST(Training, LearnsToBounce) {
   const std::string folder = test_folder("learn");
   TrainingOptions options = tiny_options(folder + "/run");
-  options.config.steps = 400;
-  options.config.schedule = RateSchedule::cosine;
-  options.config.log_interval = 20;
+  LossCourse loss;
+  learn_fast(options, 400, loss);
   options.config.checkpoint_interval = 200;
   options.config.validation_interval = 200;
   options.config.validation_samples = 40;
-  options.config.ema_decay = 0.98;
-  double first = 0, last = 0;
   options.progress = [&](const TrainingProgress& p) {
-    if (first == 0) first = p.loss;
-    last = p.loss;
+    loss.add(p.loss);
     EXPECT_LT(p.scenes_per_second, 1e6);  // time spent on validation and checkpoints is taken off once
   };
   const TrainingResult result = train_network(options);
-  EXPECT_LT(last, first / 3);
+  EXPECT_LT(loss.last, loss.first / 3);
   ASSERT_TRUE(result.validation);
   const SquaredErrors errors = result.validation->one_step.all();
   EXPECT_LT(errors.raw_mse(Predictor::network), 0.5 * errors.raw_mse(Predictor::zero));
