@@ -54,6 +54,7 @@ Surroundings::Surroundings(const Scene& scene, std::optional<double> spacing)
       wall_high(scene.domain.origin + scene.domain.size),
       hold_low(scene.wall_low()),
       hold_high(scene.wall_high()),
+      gravity((scene.gravity * (scene.frame_time * scene.frame_time)).cast<float>()),
       way_piece(longest_piece(obstacles, scene.voxel())) {}
 
 WayFollower Surroundings::way_follower(Device device) const {
@@ -62,6 +63,9 @@ WayFollower Surroundings::way_follower(Device device) const {
 
 SurroundingsView Surroundings::view(Device device) const {
   SurroundingsView all = {obstacles.view(device), normals.view(device), wall_low, wall_high, plane.has_value()};
+  all.gravity = gravity;
+  all.beyond_low = (wall_low - (hold_low - wall_low)).cast<float>();
+  all.beyond_high = (wall_high + (wall_high - hold_high)).cast<float>();
   constexpr double far_away = 1e30;
   if (plane) {
     all.wall_low[2] = -far_away;
@@ -91,6 +95,26 @@ std::vector<float> particle_features(const FeatureConfig& config, const Normaliz
     write_feature_row(rules, view, turn, history, features.data() + p * width);
   });
   return features;
+}
+
+std::vector<std::vector<Vec3f>> seen_frames(const FeatureConfig& config, const Surroundings& surroundings,
+                                            const std::vector<uint8_t>& held,
+                                            const std::vector<std::vector<Vec3f>>& positions) {
+  if (!config.is_ballistic()) return positions;
+  GRAUPEL_ASSERT(positions.size() >= 2);
+  std::vector<std::vector<Vec3f>> seen(positions.begin() + 1, positions.end());
+  const std::vector<Vec3f>&now = positions.back(), &before = positions[positions.size() - 2];
+  GRAUPEL_ASSERT(held.empty() || held.size() == now.size());
+  std::vector<Vec3f> place(now.size());
+  const SurroundingsView view = surroundings.view(Device::cpu);
+  for (std::size_t p = 0; p < now.size(); ++p)
+    place[p] = ballistic_place(view, !held.empty() && held[p] != 0, before[p], now[p]);
+  seen.push_back(std::move(place));
+  return seen;
+}
+
+Vec3f predicted_acceleration(const FeatureConfig& config, const Surroundings& surroundings) {
+  return config.is_ballistic() ? surroundings.gravity : Vec3f::zero();
 }
 
 int embedding_row(int32_t particle_type) {
