@@ -40,30 +40,30 @@ struct FeatureRules {
   Normalization normalization;
 };
 
+/// The frame that gravity alone makes (FramePredictor).
+struct BallisticFrame {
+  Vec3f gravity = Vec3f::zero();                    ///< [m/frame^2]
+  Vec3f low = Vec3f::zero(), high = Vec3f::zero();  ///< [m] where it ends: grids have their bounds
+
+  /// Where a particle is then: x + v + g with v = x - `before`; held particles do not fall. May be inside of obstacles,
+  /// where distances are negative, and behind walls.
+  GRAUPEL_HD Vec3f place(bool held, const Vec3f& before, const Vec3f& x) const {
+    Vec3f place = x + (x - before);
+    if (held) return place;
+    place += gravity;
+    for (int d = 0; d < 3; ++d) place[d] = place[d] < low[d] ? low[d] : place[d] > high[d] ? high[d] : place[d];
+    return place;
+  }
+};
+
 /// Static surroundings in the memory of one device (graph/features.h, Surroundings::view).
 struct SurroundingsView {
   sparsegrid::ObstacleSetView obstacles;
   sparsegrid::CellNormalsView normals;
-  Vec3d wall_low, wall_high;      ///< [m]; far away along z in the plane, which has no walls there
-  bool plane = false;             ///< two dimensions: normals have no part along z
-  Vec3f gravity = Vec3f::zero();  ///< [m/frame^2]
-  Vec3f beyond_low = Vec3f::zero(), beyond_high = Vec3f::zero();  ///< [m] ballistic frames end here
+  Vec3d wall_low, wall_high;  ///< [m]; far away along z in the plane, which has no walls there
+  bool plane = false;         ///< two dimensions: normals have no part along z
+  BallisticFrame ballistic = {};
 };
-
-/// Where a ballistic frame ends, x + v + g with v = x - `before`; held particles do not fall. It may be inside of
-/// obstacles, where distances are negative, and behind walls, though not farther beyond the domain than its walls are
-/// thick: grids have their bounds.
-GRAUPEL_HD inline Vec3f ballistic_place(const SurroundingsView& surroundings, bool held, const Vec3f& before,
-                                        const Vec3f& x) {
-  Vec3f place = x + (x - before);
-  if (held) return place;
-  place += surroundings.gravity;
-  for (int d = 0; d < 3; ++d) {
-    if (place[d] < surroundings.beyond_low[d]) place[d] = surroundings.beyond_low[d];
-    if (place[d] > surroundings.beyond_high[d]) place[d] = surroundings.beyond_high[d];
-  }
-  return place;
-}
 
 /// The history + 1 frames of a particle that the network sees, out of `position`, newest last: these, or, after a
 /// prediction, the same from the second one on and the predicted place, which is written behind the newest one.
@@ -71,7 +71,7 @@ GRAUPEL_HD inline const Vec3f* seen_history(const FeatureRules& rules, const Sur
                                             Vec3f* position) {
   if (!rules.ballistic) return position;
   const Vec3f* newest = position + rules.history;
-  position[rules.history + 1] = ballistic_place(surroundings, held, newest[-1], newest[0]);
+  position[rules.history + 1] = surroundings.ballistic.place(held, newest[-1], newest[0]);
   return position + 1;
 }
 

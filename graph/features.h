@@ -27,7 +27,7 @@ struct Surroundings {
   std::optional<double> plane;  ///< [m] z of all particles of a scene with two dimensions
   Vec3d wall_low, wall_high;    ///< [m] scene.domain.origin and origin + size: the AABB of the domain
   Vec3d hold_low, hold_high;    ///< [m] where the walls hold the material (Scene::wall_low/high)
-  Vec3f gravity;                ///< [m/frame^2] g dt^2
+  BallisticFrame ballistic;     ///< ends beyond the domain by the walls' thickness, three cells at most
   /// For kernels on `device`; valid as long as this lives.
   SurroundingsView view(Device device) const;
   WayFollower way_follower(Device device) const;

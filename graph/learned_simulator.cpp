@@ -223,10 +223,6 @@ CudaSimulator& LearnedSimulator::gpu_simulator() const {
     throw ConfigError("'" + weights_->file +
                       "' is for scenes with two dimensions, which networks on a GPU do not roll out (dimensions 2, "
                       "allowed: 3). Use --device cpu");
-  if (config().is_ballistic())
-    throw ConfigError("'" + weights_->file +
-                      "' corrects ballistic frames, which networks on a GPU do not (predictor ballistic, allowed: "
-                      "none). Use --device cpu");
   if (!on_gpu_) on_gpu_ = std::make_shared<CudaSimulator>(*weights_);
   return *on_gpu_;
 }

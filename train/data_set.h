@@ -21,7 +21,7 @@ struct SceneContext {
   Scene scene;
   graph::Surroundings surroundings;
   /// Displacement that gravity adds in a frame: g dt^2 [m/frame^2].
-  Vec3f gravity_step() const { return surroundings.gravity; }
+  Vec3f gravity_step() const { return surroundings.ballistic.gravity; }
 };
 
 struct TrajectoryInfo {

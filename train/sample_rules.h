@@ -50,7 +50,7 @@ struct SampleScene {
 
   /// The acceleration [m/frame^2] that the network is to correct.
   GRAUPEL_HD Vec3f predicted(const SampleRules& rules) const {
-    return rules.features.ballistic ? surroundings.gravity : Vec3f::zero();
+    return rules.features.ballistic ? surroundings.ballistic.gravity : Vec3f::zero();
   }
 };
 

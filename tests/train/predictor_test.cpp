@@ -4,6 +4,8 @@
 #include <cmath>
 
 #include "core/error.h"
+#include "graph/learned_simulator.h"
+#include "graph/normalization.h"
 #include "tests/train/tiny_data.h"
 #include "train/evaluation.h"
 #include "train/network_module.h"
@@ -117,6 +119,54 @@ TEST(Predictor, ErrorsAreOfTheTrueAccelerationAndRolloutsAddGravity) {
   TrainConfig bundled = ballistic_config();
   bundled.hgn.bundle = 4;
   EXPECT_LT(evaluate_rollout(silent_module(bundled.hgn), {}, split, 1, 5, {}), 1e-12);
+}
+
+/// The rollouts that training validates on are those of the inference engine.
+template <typename Config>
+void expect_the_rollout_of_the_engine(const Config& config) {
+  const std::string file = test_folder("engine") + "/net.safetensors";
+  const DataSplit split(tiny_data_set() + "/test.h5");
+  const graph::Normalization normalization = split.statistics(0, 1, config.predictor);
+  const NetworkModule module(NetworkConfig(config), Device::cpu, 5);
+  nn::Weights weights = module.state(StateArray::weights);
+  weights.metadata = config.to_metadata();
+  graph::add_normalization(weights, normalization);
+  nn::write_safetensors(file, weights);
+  const graph::LearnedSimulator simulator(file);
+  const TrajectoryInfo& scene = split.trajectory(0);
+  graph::LearnedSimulator::RolloutOptions options;
+  options.frames = 29;
+  options.free_flight = false;
+  options.density_limit = 0;
+  const Trajectory t =
+      simulator.rollout(scene.context->scene, scene.context->surroundings, tiny_trajectory(201, 24, 1).particle_type,
+                        split.history(0, 0, config.history), options);
+  const auto truth = split.positions(0, 0, 30);
+  double squares = 0;
+  for (std::size_t f = 1; f < 30; ++f)
+    for (std::size_t p = 0; p < 24; ++p)
+      squares += norm2((t.frames[f].position[p] - truth[f][p]).template cast<double>()) / (29 * 24);
+  EXPECT_GT(squares, 1e-6) << "it does not fall as the data do";
+  EXPECT_NEAR(evaluate_rollout(module, normalization, split, 1, 29, {.which = StateArray::weights}), squares,
+              1e-3 * squares);
+  remove_path(std::filesystem::path(file).parent_path());
+}
+
+TEST(Predictor, RolloutsAreThoseOfTheInferenceEngine) {
+  graph::HgnConfig hgn = ballistic_config().hgn;
+  hgn.bundle = 2;
+  expect_the_rollout_of_the_engine(hgn);
+  graph::GnsConfig gns;
+  gns.latent = 16;
+  gns.embedding = 4;
+  gns.message_passing = 2;
+  gns.radius = 0.07;
+  gns.dx = 0.03125;
+  gns.predictor = FramePredictor::ballistic;
+  expect_the_rollout_of_the_engine(gns);
+  gns.obstacle_particles = true;
+  gns.obstacle_spacing = 0.03;
+  expect_the_rollout_of_the_engine(gns);
 }
 
 TEST(Predictor, DataThatDoNotSayTheirGravityAreRefused) {
