@@ -108,10 +108,10 @@ struct PushLast {
   FrameStatus* seen;  ///< on the host
   GRAUPEL_HD void operator()(int64_t i) const {
     if (*fault == 0) {
-      const Vec3f x = push.pushed(i), last = now[i];
-      before[i] = last;
+      const Vec3f x = push.pushed(i);
+      before[i] = now[i];
       now[i] = push.ring.at(-1, i) = x;
-      if (predicted) predicted[i] = ballistic.place(false, last, x);
+      if (predicted) predicted[i] = ballistic.place(false, before[i], x);
     }
 #ifdef __CUDA_ARCH__
     __threadfence();
@@ -240,15 +240,13 @@ void CudaSimulator::Impl::launch_network() {
 void CudaSimulator::Impl::launch_move(int64_t frame) {
   const Vec3d& size = scene->domain.size;
   const auto limit = static_cast<float>(std::max({size[0], size[1], size[2]}));
-  const FrameRing frames = frame_ring();
-  const WayFollower way = surroundings->way_follower(Device::cuda);
   parallel_for_in(
       stream, Device::cuda, particles,
       StepParticles{real_statistics(), model->output() + 3 * frame, static_cast<int32_t>(config.output_width()),
                     before.data(), now(), limit, model->fault(), status.data(), next.data()});
   if (flight && frame > 0) flight->find_groups(before.data(), now(), stream);
   if (flight) flight->correct(before.data(), now(), next.data(), stream);
-  const PushParticles push{way, project, frames, now(), next.data()};
+  const PushParticles push{surroundings->way_follower(Device::cuda), project, frame_ring(), now(), next.data()};
   PushLast last{push, model->fault(), before.data(), now(), surroundings->ballistic, predicted(), status.data(), seen};
   if (density && frame + 1 == config.bundle) {
     parallel_for_in(stream, Device::cuda, particles, PushAndSpread{push, density->spreading(next.data(), particles)});
