@@ -21,7 +21,7 @@ struct SceneContext {
   Scene scene;
   graph::Surroundings surroundings;
   /// Displacement that gravity adds in a frame: g dt^2 [m/frame^2].
-  Vec3f gravity_step() const;
+  Vec3f gravity_step() const { return surroundings.ballistic.gravity; }
 };
 
 struct TrajectoryInfo {
@@ -29,6 +29,7 @@ struct TrajectoryInfo {
   std::vector<uint8_t> held;            ///< [n] 1 for particles that are held, which no loss or error counts; or empty
   std::vector<Vec3f> initial_velocity;  ///< [n] [m/s]
   int64_t frames = 0;                   ///< usable ones
+  bool converted = false;               ///< from the data of another program, which may not say gravity (then 0)
   std::shared_ptr<const SceneContext> context;
 
   bool is_held(std::size_t particle) const { return !held.empty() && held[particle] != 0; }
@@ -64,11 +65,12 @@ class DataSplit {
 
   /// Means and standard deviations of v^t = x^t - x^{t-1} and v^{t+1} - v^t over all particles and frames, sums in
   /// f64; the training noise enters in quadrature. Held particles do not count, and nothing varies along z in the
-  /// plane.
-  graph::Normalization statistics(double noise_std, int threads) const;
+  /// plane. Accelerations are those that the network is to correct, less gravity, where the predictor is `ballistic`.
+  graph::Normalization statistics(double noise_std, int threads,
+                                  graph::FramePredictor predictor = graph::FramePredictor::none) const;
 
   /// Throws ConfigError when the data were made with another frame time, cell size or number of dimensions than the
-  /// network is for, or with obstacles that it cannot see.
+  /// network is for, or with obstacles that it cannot see, or when they do not say the gravity that it corrects.
   void check_fits(const NetworkConfig& config) const;
   /// Throws ConfigError when a trajectory is shorter than `frames`, which training needs for the reason `why`.
   void check_length(int64_t frames, const std::string& why) const;

@@ -68,7 +68,7 @@ struct MakeSample {
     const SceneSample& own = scene_of(sample, scenes, i);
     const SampleFrames& frames = own.frames;
     const int64_t p = i - own.scene.first;
-    Vec3f position[graph::most_history + 1];
+    Vec3f position[graph::most_positions];
     for (int t = 0; t <= rules.features.history; ++t)
       position[t] = frames.at(frames.frame - rules.features.history + t, p);
     out.now[i] = write_disturbed_sample(rules, own.scene, static_cast<uint64_t>(p), frames.held(p), position,
@@ -92,14 +92,14 @@ struct PushSample {
     const SceneSample& own = scene_of(sample, scenes, i);
     const SampleFrames& frames = own.frames;
     const int64_t p = i - own.scene.first;
-    Vec3f position[graph::most_history + 1];
+    Vec3f position[graph::most_positions];
     for (int t = 0; t <= rules.features.history; ++t) position[t] = out.history[t * particles + i];
     const TruePositions truth{frames, frames.frame + push * rules.bundle, p};
     const Vec3f next =
         push_forward(rules, own.scene, own.way, frames.held(p), acceleration + 3 * rules.bundle * i, truth, position);
     for (int t = 0; t <= rules.features.history; ++t) out.history[t * particles + i] = position[t];
-    out.now[i] = write_sample(rules, own.scene, position, next, truth, out.features + i * rules.features.width,
-                              out.target + 3 * rules.bundle * i);
+    out.now[i] = write_sample(rules, own.scene, frames.held(p), position, next, truth,
+                              out.features + i * rules.features.width, out.target + 3 * rules.bundle * i);
   }
 };
 

@@ -71,7 +71,8 @@ void accumulate(const EvaluationBatch& prepared, const std::vector<float>& predi
          p < prepared.batch.particle_begin[static_cast<std::size_t>(s) + 1]; ++p) {
       const auto at = static_cast<std::size_t>(p);
       if (prepared.held[at]) continue;
-      const Vec3f guess = graph::real_acceleration(normalization, config.in_plane(), predicted.data() + width * at);
+      const Vec3f guess = graph::real_acceleration(normalization, config.in_plane(), predicted.data() + width * at) +
+                          (config.is_ballistic() ? prepared.gravity[static_cast<std::size_t>(s)] : Vec3f::zero());
       SquaredErrors& sums = errors.region[static_cast<std::size_t>(prepared.region[at])];
       ++sums.particles;
       for (int d = 0; d < 3; ++d) {
@@ -94,16 +95,19 @@ using Histories = std::vector<std::vector<std::vector<Vec3f>>>;
 struct Prediction {
   std::vector<float> output;  ///< [particles, 3 bundle]
   std::vector<int64_t> first_particle;
-  int64_t bundle = 1;
-  bool plane = false;
+  graph::FeatureConfig config;
 
   /// Of scene s in a frame of the bundle [m/frame^2].
   std::vector<Vec3f> accelerations(std::size_t s, int64_t frame, const TrajectoryInfo& trajectory,
                                    const graph::Normalization& normalization) const {
+    const int64_t bundle = config.bundle;
+    const Vec3f before = graph::predicted_acceleration(config, trajectory.context->surroundings);
     std::vector<Vec3f> acceleration(static_cast<std::size_t>(first_particle[s + 1] - first_particle[s]));
     const float* guess = output.data() + 3 * (bundle * first_particle[s] + frame);
     for (std::size_t p = 0; p < acceleration.size(); ++p) {
-      acceleration[p] = trajectory.is_held(p) ? Vec3f::zero() : graph::real_acceleration(normalization, plane, guess);
+      acceleration[p] = trajectory.is_held(p)
+                            ? Vec3f::zero()
+                            : before + graph::real_acceleration(normalization, config.in_plane(), guess);
       guess += 3 * bundle;
     }
     return acceleration;
@@ -120,8 +124,7 @@ Prediction predict(const NetworkModule& module, const graph::Normalization& norm
                     grid_origin(trajectory, module.config()));
   });
   const Batch batch = concatenate(graphs);
-  const graph::FeatureConfig& config = features_of(module.config());
-  return {module.predict(batch, options.which), batch.particle_begin, config.bundle, config.in_plane()};
+  return {module.predict(batch, options.which), batch.particle_begin, features_of(module.config())};
 }
 
 /// Advances every history to that frame of the prediction's bundle; false when one of them diverged. Held particles go

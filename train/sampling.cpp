@@ -72,7 +72,7 @@ SceneGraph training_graph(const DataSplit& split, const TrainConfig& config, con
   std::vector<Vec3f> now(particles);
   for (std::size_t p = 0; p < particles; ++p) {
     const auto truth = [&](int j) { return ahead[static_cast<std::size_t>(j)][p]; };
-    Vec3f position[graph::most_history + 1];
+    Vec3f position[graph::most_positions];
     for (std::size_t t = 0; t < history.size(); ++t) position[t] = history[t][p];
     now[p] = write_disturbed_sample(rules, scene, p, trajectory.is_held(p), position, truth,
                                     graph.features.data() + p * static_cast<std::size_t>(rules.features.width),
@@ -212,16 +212,14 @@ SceneGraph scene_graph(const NetworkConfig& config, const graph::Normalization& 
   const graph::Surroundings& surroundings = trajectory.context->surroundings;
   SceneGraph graph;
   graph.type_row = trajectory.type_row;
+  std::vector<std::vector<Vec3f>> seen =
+      graph::seen_frames(features_of(config), surroundings, trajectory.held, history);
   if (const auto* gns = std::get_if<graph::GnsConfig>(&config); gns && gns->obstacle_particles) {
-    std::vector<std::vector<Vec3f>> all = history;
-    graph::add_obstacle_particles(*gns, surroundings, all, graph.type_row);
-    graph.obstacle_particles = static_cast<int64_t>(all.back().size() - history.back().size());
-    graph.features = graph::particle_features(*gns, normalization, surroundings, all);
-    set_graph(graph, config, all.back(), origin);
-    return graph;
+    graph::add_obstacle_particles(*gns, surroundings, seen, graph.type_row);
+    graph.obstacle_particles = static_cast<int64_t>(seen.back().size() - history.back().size());
   }
-  graph.features = graph::particle_features(features_of(config), normalization, surroundings, history);
-  set_graph(graph, config, history.back(), origin);
+  graph.features = graph::particle_features(features_of(config), normalization, surroundings, seen);
+  set_graph(graph, config, seen.back(), origin);
   return graph;
 }
 

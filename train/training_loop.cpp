@@ -157,7 +157,7 @@ void TrainingRun::prepare_normalization() {
     return;
   }
   if (options_.from.empty())
-    normalization_ = train_->statistics(config_.noise_std, options_.threads);
+    normalization_ = train_->statistics(config_.noise_std, options_.threads, config_.features().predictor);
   else
     start_from_weights();
   write_run_normalization(options_.run, normalization_);

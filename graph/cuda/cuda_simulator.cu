@@ -6,6 +6,7 @@
 
 #include "core/cuda_check.h"
 #include "core/error.h"
+#include "core/held_particles.h"
 #include "core/parallel_for_in.h"
 #include "graph/cuda/frame_model.h"
 #include "graph/density_kernels.h"
@@ -40,23 +41,18 @@ struct WriteFeatures {
   FeatureRules rules;
   SurroundingsView surroundings;
   FrameRing ring;
+  const Vec3f* predicted;  ///< the newest frame that the network sees; null: that of the ring
   float* features;
   GRAUPEL_HD void operator()(int64_t item) const {
     const auto part = static_cast<FeaturePart>(item / ring.particles);
     const int64_t i = item % ring.particles;
     Vec3f position[most_history + 1];
-    const int first = part == FeaturePart::motion ? 0 : rules.history;
-    for (int t = first; t <= rules.history; ++t) position[t] = ring.at(rules.history - t, i);
+    const int first = part == FeaturePart::motion ? 0 : rules.history, newest = rules.history - (predicted ? 1 : 0);
+    for (int t = first; t <= newest; ++t) position[t] = ring.at(newest - t, i);
+    if (predicted) position[rules.history] = predicted[i];
     write_feature_part(part, rules, surroundings, AxisMap{}, position, features + i * rules.width);
   }
 };
-
-GRAUPEL_HD Vec3f acceleration_of(const Normalization& statistics, const float* output) {
-  Vec3f acceleration;
-  for (int d = 0; d < 3; ++d)
-    acceleration[d] = output[d] * statistics.acceleration_std[d] + statistics.acceleration_mean[d];
-  return acceleration;
-}
 
 /// v' = v + a, x' = x + v' in frame units (step_frame).
 struct StepParticles {
@@ -70,7 +66,7 @@ struct StepParticles {
   Vec3f* next;
   GRAUPEL_HD void operator()(int64_t i) const {
     if (*fault != 0) return;
-    const Vec3f velocity = now[i] - before[i] + acceleration_of(statistics, output + width * i);
+    const Vec3f velocity = now[i] - before[i] + real_acceleration(statistics, false, output + width * i);
     if (!(norm2(velocity) <= limit * limit)) status->diverged = 1;
     next[i] = now[i] + velocity;
   }
@@ -106,6 +102,8 @@ struct PushLast {
   PushParticles push;
   const int32_t* fault;
   Vec3f *before, *now;
+  BallisticFrame ballistic;
+  Vec3f* predicted;  ///< null: no frame is predicted
   FrameStatus* status;
   FrameStatus* seen;  ///< on the host
   GRAUPEL_HD void operator()(int64_t i) const {
@@ -113,6 +111,7 @@ struct PushLast {
       const Vec3f x = push.pushed(i);
       before[i] = now[i];
       now[i] = push.ring.at(-1, i) = x;
+      if (predicted) predicted[i] = ballistic.place(false, before[i], x);
     }
 #ifdef __CUDA_ARCH__
     __threadfence();
@@ -167,7 +166,17 @@ struct CudaSimulator::Impl {
   }
   /// History and the frames to come.
   int32_t ring_frames() const { return static_cast<int32_t>(config.history + 1 + config.bundle); }
+  /// The newest frame, and what the network sees as such.
+  Vec3f* now() { return config.is_ballistic() ? own_now.data() : model->position(); }
+  Vec3f* predicted() { return config.is_ballistic() ? model->position() : nullptr; }
   FrameRing frame_ring() { return {ring.data(), particles, ring_frames(), &status.data()->newest}; }
+  /// Of accelerations, gravity included.
+  Normalization real_statistics() const {
+    Normalization statistics = normalization;
+    const Vec3f gravity = predicted_acceleration(config, *surroundings);
+    for (int d = 0; d < 3; ++d) statistics.acceleration_mean[d] += gravity[d];
+    return statistics;
+  }
   void wait() { GRAUPEL_CUDA_CHECK(cudaStreamSynchronize(stream)); }
   void drop_graph() {
     if (graph) cudaGraphExecDestroy(graph);
@@ -197,8 +206,8 @@ struct CudaSimulator::Impl {
   Buffer<FrameStatus> status{Device::cuda, 1};
   FrameStatus* seen = nullptr;  ///< the status on the host
   int32_t shown = 0;            ///< the frame of the ring that positions() gives
-  /// The frame before the newest, which the model has; the one to come, until it is one.
-  Buffer<Vec3f> before{Device::cuda, 0}, next{Device::cuda, 0};
+  /// The frame before the newest; the newest, where the model has a predicted one; the one to come, until it is one.
+  Buffer<Vec3f> before{Device::cuda, 0}, own_now{Device::cuda, 0}, next{Device::cuda, 0};
   std::optional<FreeFlight> flight;
   std::optional<DensityProjection> density;
 };
@@ -210,13 +219,13 @@ void CudaSimulator::Impl::launch_graph() {
   if (flight) {
     GRAUPEL_CUDA_CHECK(cudaEventRecord(begun, stream));
     GRAUPEL_CUDA_CHECK(cudaStreamWaitEvent(group_stream, begun, 0));
-    flight->find_groups(before.data(), model->position(), group_stream);
+    flight->find_groups(before.data(), now(), group_stream);
     GRAUPEL_CUDA_CHECK(cudaEventRecord(groups_there, group_stream));
   }
   model->launch_graph(stream, /*with_counts=*/!recording);
   parallel_for_in(stream, Device::cuda, feature_parts_of_row * particles,
                   WriteFeatures{FeatureRules(config, normalization), surroundings->view(Device::cuda), frame_ring(),
-                                model->features()});
+                                predicted(), model->features()});
   mark(features_done);
 }
 
@@ -231,15 +240,14 @@ void CudaSimulator::Impl::launch_network() {
 void CudaSimulator::Impl::launch_move(int64_t frame) {
   const Vec3d& size = scene->domain.size;
   const auto limit = static_cast<float>(std::max({size[0], size[1], size[2]}));
-  const FrameRing frames = frame_ring();
-  const WayFollower way = surroundings->way_follower(Device::cuda);
-  parallel_for_in(stream, Device::cuda, particles,
-                  StepParticles{normalization, model->output() + 3 * frame, static_cast<int32_t>(config.output_width()),
-                                before.data(), model->position(), limit, model->fault(), status.data(), next.data()});
-  if (flight && frame > 0) flight->find_groups(before.data(), model->position(), stream);
-  if (flight) flight->correct(before.data(), model->position(), next.data(), stream);
-  const PushParticles push{way, project, frames, model->position(), next.data()};
-  PushLast last{push, model->fault(), before.data(), model->position(), status.data(), seen};
+  parallel_for_in(
+      stream, Device::cuda, particles,
+      StepParticles{real_statistics(), model->output() + 3 * frame, static_cast<int32_t>(config.output_width()),
+                    before.data(), now(), limit, model->fault(), status.data(), next.data()});
+  if (flight && frame > 0) flight->find_groups(before.data(), now(), stream);
+  if (flight) flight->correct(before.data(), now(), next.data(), stream);
+  const PushParticles push{surroundings->way_follower(Device::cuda), project, frame_ring(), now(), next.data()};
+  PushLast last{push, model->fault(), before.data(), now(), surroundings->ballistic, predicted(), status.data(), seen};
   if (density && frame + 1 == config.bundle) {
     parallel_for_in(stream, Device::cuda, particles, PushAndSpread{push, density->spreading(next.data(), particles)});
     density->between(next.data(), particles, stream);
@@ -315,8 +323,10 @@ void CudaSimulator::start(const Scene& scene, const Surroundings& surroundings,
   impl.shown = impl.seen->newest;
   impl.model->start(surroundings, rows, impl.stream);
   impl.before.upload(positions[positions.size() - 2]);
-  device_copy(Device::cuda, impl.model->position(), Device::cpu, positions.back().data(),
+  device_copy(Device::cuda, impl.model->position(), Device::cpu,
+              seen_frames(impl.config, surroundings, held_particles(particle_type), positions).back().data(),
               positions.back().size() * sizeof(Vec3f));
+  if (impl.config.is_ballistic()) impl.own_now.upload(positions.back());
   impl.next.resize_discard(particle_type.size());
   impl.flight.reset();
   if (free_flight) impl.flight.emplace(Device::cuda, scene, surroundings, particle_type);
@@ -359,9 +369,10 @@ std::vector<Vec3f> CudaSimulator::accelerations() {
   const auto width = static_cast<std::size_t>(impl.config.output_width());
   std::vector<float> output(width * static_cast<std::size_t>(impl.particles));
   device_copy(Device::cpu, output.data(), Device::cuda, impl.model->output(), output.size() * sizeof(float));
+  const Normalization statistics = impl.real_statistics();
   std::vector<Vec3f> acceleration(static_cast<std::size_t>(impl.particles));
   for (std::size_t i = 0; i < acceleration.size(); ++i)
-    acceleration[i] = acceleration_of(impl.normalization, output.data() + width * i);
+    acceleration[i] = real_acceleration(statistics, false, output.data() + width * i);
   return acceleration;
 }
 

@@ -46,6 +46,37 @@ void expect_same_as_frame_by_frame(const Config& config) {
   }
 }
 
+/// Of a - g, for accelerations as those of wide_statistics().
+Normalization statistics_of_corrections() {
+  Normalization statistics = wide_statistics();
+  statistics.acceleration_mean[1] = 0;
+  return statistics;
+}
+
+void expect_rollouts_of_the_cpu(const LearnedSimulator& simulator) {
+  const Case c = clouds_at_a_ball(800);
+  const Surroundings surroundings(c.scene);
+  EXPECT_LT(difference(simulator.one_step_on_gpu(c.scene, surroundings, c.type, c.history),
+                       simulator.one_step(surroundings, c.type, c.history)),
+            0.02);
+  LearnedSimulator::RolloutOptions options;
+  options.frames = 7;  // cuts the last bundle
+  options.free_flight = false;
+  const Trajectory expected = rollout(simulator, c, Device::cpu, options);
+  const Trajectory actual = rollout(simulator, c, Device::cuda, options);
+  ASSERT_EQ(actual.frame_count(), expected.frame_count());
+  for (std::size_t f = 1; f < expected.frames.size(); ++f) {
+    double squares = 0, way = 0;
+    for (std::size_t i = 0; i < c.type.size(); ++i) {
+      squares += norm2((actual.frames[f].position[i] - expected.frames[f].position[i]).cast<double>());
+      way += norm2((expected.frames[f].position[i] - expected.frames[0].position[i]).cast<double>());
+    }
+    EXPECT_LT(std::sqrt(squares / way), 0.03) << "bundle " << simulator.config().bundle << ", frame " << f;
+  }
+  EXPECT_EQ(rollout(simulator, c, Device::cuda, options).frames.back().position, actual.frames.back().position)
+      << "the same every time";
+}
+
 class CudaBundle : public ::testing::TestWithParam<Aggregation> {
  protected:
   WeightsFile file_;
@@ -58,31 +89,20 @@ TEST_P(CudaBundle, EveryFrameIsCorrectedAsFrameByFrame) {
 
 TEST_P(CudaBundle, RolloutsFollowThoseOfTheCpu) {
   GRAUPEL_NEEDS_GPU();
-  const Case c = clouds_at_a_ball(800);
-  const Surroundings surroundings(c.scene);
   HgnConfig config = wide_config(GetParam());
   for (const int64_t bundle : {2, 3, 8}) {
     config.bundle = bundle;
-    const LearnedSimulator simulator = file_.read_back(random_weights(config, wide_statistics()));
-    EXPECT_LT(difference(simulator.one_step_on_gpu(c.scene, surroundings, c.type, c.history),
-                         simulator.one_step(surroundings, c.type, c.history)),
-              0.02);
-    LearnedSimulator::RolloutOptions options;
-    options.frames = 7;  // cuts the last bundle
-    options.free_flight = false;
-    const Trajectory expected = rollout(simulator, c, Device::cpu, options);
-    const Trajectory actual = rollout(simulator, c, Device::cuda, options);
-    ASSERT_EQ(actual.frame_count(), expected.frame_count());
-    for (std::size_t f = 1; f < expected.frames.size(); ++f) {
-      double squares = 0, way = 0;
-      for (std::size_t i = 0; i < c.type.size(); ++i) {
-        squares += norm2((actual.frames[f].position[i] - expected.frames[f].position[i]).cast<double>());
-        way += norm2((expected.frames[f].position[i] - expected.frames[0].position[i]).cast<double>());
-      }
-      EXPECT_LT(std::sqrt(squares / way), 0.03) << "bundle " << bundle << ", frame " << f;
-    }
-    EXPECT_EQ(rollout(simulator, c, Device::cuda, options).frames.back().position, actual.frames.back().position)
-        << "the same every time";
+    expect_rollouts_of_the_cpu(file_.read_back(random_weights(config, wide_statistics())));
+  }
+}
+
+TEST_P(CudaBundle, CorrectedBallisticFramesFollowThoseOfTheCpu) {
+  GRAUPEL_NEEDS_GPU();
+  HgnConfig config = wide_config(GetParam());
+  config.predictor = FramePredictor::ballistic;
+  for (const int64_t bundle : {1, 3}) {
+    config.bundle = bundle;
+    expect_rollouts_of_the_cpu(file_.read_back(random_weights(config, statistics_of_corrections())));
   }
 }
 
@@ -116,15 +136,11 @@ TEST(GnsBundle, EveryFrameIsCorrectedAsFrameByFrame) {
   expect_same_as_frame_by_frame(config);
 }
 
-TEST(GnsBundle, AccelerationsAreThoseOfTheCpu) {
-  GRAUPEL_NEEDS_GPU();
-  GnsConfig config;
-  config.message_passing = 2;
-  config.bundle = 3;
+void expect_gns_of_the_cpu(const GnsConfig& config, const Normalization& statistics) {
   const Case c = clouds_at_a_ball(300);
   const Surroundings surroundings(c.scene);
   const WeightsFile file;
-  const LearnedSimulator simulator = file.read_back(random_weights(config, wide_statistics()));
+  const LearnedSimulator simulator = file.read_back(random_weights(config, statistics));
   EXPECT_LT(difference(simulator.one_step_on_gpu(c.scene, surroundings, c.type, c.history),
                        simulator.one_step(surroundings, c.type, c.history)),
             0.03);
@@ -141,6 +157,19 @@ TEST(GnsBundle, AccelerationsAreThoseOfTheCpu) {
     way += norm2((expected.frames[3].position[i] - expected.frames[0].position[i]).cast<double>());
   }
   EXPECT_LT(std::sqrt(squares / way), 0.02);
+}
+
+TEST(GnsBundle, AccelerationsAreThoseOfTheCpu) {
+  GRAUPEL_NEEDS_GPU();
+  GnsConfig config;
+  config.message_passing = 2;
+  config.bundle = 3;
+  expect_gns_of_the_cpu(config, wide_statistics());
+  config.bundle = 2;
+  config.predictor = FramePredictor::ballistic;
+  expect_gns_of_the_cpu(config, statistics_of_corrections());
+  config.obstacle_particles = true;
+  expect_gns_of_the_cpu(config, statistics_of_corrections());
 }
 
 }  // namespace

@@ -38,22 +38,31 @@ TEST(HgnConfig, OtherMetadataIsIgnored) {
   EXPECT_EQ(HgnConfig::from_metadata(metadata, "f").latent, 128);
 }
 
-TEST(HgnConfig, FilesFromBeforeTheChoiceSumMessagesAndPredictOneFrame) {
+TEST(HgnConfig, FilesFromBeforeTheChoicesHaveTheOldNetwork) {
   HgnConfig config;
   config.aggregation = Aggregation::activations;
   config.bundle = 4;
+  config.predictor = FramePredictor::ballistic;
   auto metadata = config.to_metadata();
   EXPECT_EQ(metadata.at("hgn.bundle"), "4");
   EXPECT_EQ(HgnConfig::from_metadata(metadata, "f").output_width(), 12);
+  EXPECT_EQ(metadata.at("hgn.predictor"), "ballistic");
+  EXPECT_TRUE(HgnConfig::from_metadata(metadata, "f").is_ballistic());
+  metadata.erase("hgn.predictor");
+  EXPECT_FALSE(HgnConfig::from_metadata(metadata, "f").is_ballistic());
   metadata.erase("hgn.aggregation");
   metadata.erase("hgn.bundle");
   EXPECT_EQ(HgnConfig::from_metadata(metadata, "f").aggregation, Aggregation::messages);
   EXPECT_EQ(HgnConfig::from_metadata(metadata, "f").bundle, 1);
   GnsConfig gns;
   gns.bundle = 2;
+  gns.predictor = FramePredictor::ballistic;
   metadata = gns.to_metadata();
   EXPECT_EQ(GnsConfig::from_metadata(metadata, "f").bundle, 2);
+  EXPECT_TRUE(GnsConfig::from_metadata(metadata, "f").is_ballistic());
+  metadata.erase("gns.predictor");
   metadata.erase("gns.bundle");
+  EXPECT_FALSE(GnsConfig::from_metadata(metadata, "f").is_ballistic());
   EXPECT_EQ(GnsConfig::from_metadata(metadata, "f").bundle, 1);
 }
 
@@ -92,6 +101,7 @@ TEST(HgnConfig, ErrorsNameFileKeyAndValue) {
                {"hgn.aggregation", "sums", "not one of messages, activations ('sums')"},
                {"hgn.cell_normal", "yes", "not true or false ('yes')"},
                {"hgn.bundle", "9", "allowed from 1 to 8"},
+               {"hgn.predictor", "falling", "not one of none, ballistic ('falling')"},
                {"hgn.window", "2", "not known ('2')"}};
   for (const auto& c : cases) {
     const std::string message = error(c.key, c.value);

@@ -36,9 +36,11 @@ void expect_near(const std::vector<float>& actual, const float* expected, int64_
     ASSERT_NEAR(actual[i], expected[i], tolerance * (1 + std::abs(expected[i]))) << "number " << i;
 }
 
-void expect_the_batches_of_the_cpu(Device device, double tolerance, BatchShare share = {}, int64_t bundle = 1) {
+void expect_the_batches_of_the_cpu(Device device, double tolerance, BatchShare share = {}, int64_t bundle = 1,
+                                   graph::FramePredictor predictor = graph::FramePredictor::none) {
   TrainConfig config = sample_config();
   config.hgn.bundle = bundle;
+  config.hgn.predictor = predictor;
   const DataSplit split(tiny_data_set() + "/train.h5");
   const graph::Normalization normalization = split.statistics(config.noise_std, 1);
   DeviceSamples samples(split, config, normalization, device, share);
@@ -68,16 +70,19 @@ TEST(DeviceSamples, AreTheBatchesOfTheWorkers) {
   expect_the_batches_of_the_cpu(Device::cpu, 0);
   expect_the_batches_of_the_cpu(Device::cpu, 0, {1, 3});  // of the second of three ranks
   expect_the_batches_of_the_cpu(Device::cpu, 0, {}, 3);
+  expect_the_batches_of_the_cpu(Device::cpu, 0, {}, 2, graph::FramePredictor::ballistic);
 }
 
 TEST(DeviceSamples, AreTheBatchesOfTheWorkersOnTheGpu) {
   GRAUPEL_NEEDS_GPU();
   expect_the_batches_of_the_cpu(Device::cuda, 2e-5);
   expect_the_batches_of_the_cpu(Device::cuda, 2e-5, {}, 3);
+  expect_the_batches_of_the_cpu(Device::cuda, 2e-5, {}, 2, graph::FramePredictor::ballistic);
 }
 
 /// Batches of GNS with obstacle particles, edges and all.
-void expect_the_batches_of_gns(Device device, double tolerance, bool obstacle_particles) {
+void expect_the_batches_of_gns(Device device, double tolerance, bool obstacle_particles,
+                               graph::FramePredictor predictor = graph::FramePredictor::none) {
   TrainConfig config = tiny_gns_config();
   config.gns.history = 5;
   config.symmetries = true;
@@ -85,6 +90,7 @@ void expect_the_batches_of_gns(Device device, double tolerance, bool obstacle_pa
   config.gns.obstacle_particles = obstacle_particles;
   config.gns.obstacle_spacing = 0.02;
   config.gns.message_passing = 3;
+  config.gns.predictor = predictor;
   const DataSplit split(tiny_data_set() + "/train.h5");
   const graph::Normalization normalization = split.statistics(config.noise_std, 1);
   DeviceSamples samples(split, config, normalization, device);
@@ -124,18 +130,22 @@ void expect_the_batches_of_gns(Device device, double tolerance, bool obstacle_pa
 TEST(DeviceSamples, AreTheBatchesOfTheWorkersForGns) {
   expect_the_batches_of_gns(Device::cpu, 0, false);
   expect_the_batches_of_gns(Device::cpu, 0, true);
+  expect_the_batches_of_gns(Device::cpu, 0, true, graph::FramePredictor::ballistic);
 }
 
 TEST(DeviceSamples, AreTheBatchesOfTheWorkersForGnsOnTheGpu) {
   GRAUPEL_NEEDS_GPU();
   expect_the_batches_of_gns(Device::cuda, 2e-5, false);
   expect_the_batches_of_gns(Device::cuda, 2e-5, true);
+  expect_the_batches_of_gns(Device::cuda, 2e-5, true, graph::FramePredictor::ballistic);
 }
 
-/// What the network sees and is to predict after frames of its own, for accelerations of zero: free motion.
-void expect_pushed_batches(Device device, int64_t bundle) {
+/// What the network sees and is to predict after frames of its own, for outputs of zero: free motion, or free fall.
+void expect_pushed_batches(Device device, int64_t bundle,
+                           graph::FramePredictor predictor = graph::FramePredictor::none) {
   TrainConfig config = sample_config();
   config.hgn.bundle = bundle;
+  config.hgn.predictor = predictor;
   config.noise_std = 0;
   config.push_steps = 2;
   config.push_recovery = 0.25;
@@ -152,6 +162,8 @@ void expect_pushed_batches(Device device, int64_t bundle) {
   for (const int64_t push : {1, 2}) batch = samples.push(still.data(), push);
   const std::vector<float> features = floats_of(device, batch.features, batch.particles * batch.feature_width),
                            target = floats_of(device, batch.target, 3 * bundle * batch.particles);
+  const bool falls = predictor == graph::FramePredictor::ballistic;
+  const Vec3f predicted = falls ? split.trajectory(0).context->gravity_step() : Vec3f::zero();
   std::size_t row = 0;
   const auto width = static_cast<std::size_t>(batch.target_width);
   for (int64_t slot = 0; slot < config.batch_scenes; ++slot) {
@@ -160,20 +172,22 @@ void expect_pushed_batches(Device device, int64_t bundle) {
     // From the frame before the newest one up to those of the targets.
     const auto truth = split.positions(draw.key.trajectory, draw.key.frame + 2 * bundle - 1, bundle + 2);
     for (std::size_t p = 0; p < past[0].size(); ++p, ++row) {
-      const Vec3f velocity = past[1][p] - past[0][p], x = past[1][p] + velocity * static_cast<float>(2 * bundle);
+      Vec3f velocity = past[1][p] - past[0][p], x = past[1][p];
+      for (int64_t frame = 0; frame < 2 * bundle; ++frame) x += velocity += predicted;
       const auto acceleration = [&](std::size_t j) {
         return truth[j + 1][p] - truth[j][p] - (truth[j][p] - truth[j - 1][p]);
       };
       const Vec3f next =
           x + velocity + acceleration(1) + (truth[1][p] - truth[0][p] - velocity) * 0.75f + (truth[1][p] - x) * 0.25f;
-      const Vec3f seen = draw.turn.apply(velocity), wanted = draw.turn.apply(next - x - velocity);
+      const Vec3f newest = draw.turn.apply(velocity + predicted), older = draw.turn.apply(velocity),
+                  wanted = draw.turn.apply(next - x - velocity - predicted);
       for (std::size_t d = 0; d < 3; ++d) {
         const int axis = static_cast<int>(d);
-        EXPECT_NEAR(features[row * static_cast<std::size_t>(batch.feature_width) + d], seen[axis], 3e-7);
-        EXPECT_NEAR(features[row * static_cast<std::size_t>(batch.feature_width) + 3 + d], seen[axis], 3e-7);
+        EXPECT_NEAR(features[row * static_cast<std::size_t>(batch.feature_width) + d], newest[axis], 5e-7);
+        EXPECT_NEAR(features[row * static_cast<std::size_t>(batch.feature_width) + 3 + d], older[axis], 5e-7);
         EXPECT_NEAR(target[width * row + d], wanted[axis], 1e-6);
         for (std::size_t j = 2; j <= static_cast<std::size_t>(bundle); ++j)
-          EXPECT_NEAR(target[width * row + 3 * (j - 1) + d], draw.turn.apply(acceleration(j))[axis], 5e-7);
+          EXPECT_NEAR(target[width * row + 3 * (j - 1) + d], draw.turn.apply(acceleration(j) - predicted)[axis], 5e-7);
       }
     }
   }
@@ -182,11 +196,13 @@ void expect_pushed_batches(Device device, int64_t bundle) {
 
 TEST(DeviceSamples, PushedBatchesHoldTheNetworksOwnFrames) {
   for (const int64_t bundle : {1, 3}) expect_pushed_batches(Device::cpu, bundle);
+  expect_pushed_batches(Device::cpu, 2, graph::FramePredictor::ballistic);
 }
 
 TEST(DeviceSamples, PushedBatchesHoldTheNetworksOwnFramesOnTheGpu) {
   GRAUPEL_NEEDS_GPU();
   for (const int64_t bundle : {1, 3}) expect_pushed_batches(Device::cuda, bundle);
+  expect_pushed_batches(Device::cuda, 2, graph::FramePredictor::ballistic);
 }
 
 /// Weights after three steps.

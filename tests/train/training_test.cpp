@@ -133,6 +133,26 @@ TEST(Training, LearnsABundleOfFrames) {
   remove_path(folder);
 }
 
+TEST(Training, LearnsToCorrectBallisticFrames) {
+  const std::string folder = test_folder("learn_ballistic");
+  TrainingOptions options = tiny_options(folder + "/run");
+  LossCourse loss;
+  learn_fast(options, 400, loss);
+  options.config.hgn.predictor = graph::FramePredictor::ballistic;
+  options.config.push_steps = 1;
+  options.config.push_share = 0.25;
+  const TrainingResult result = train_network(options);
+  EXPECT_LT(loss.last, loss.first / 3);
+  const SquaredErrors errors = result.validation->one_step.all();
+  EXPECT_LT(errors.raw_mse(Predictor::network), 0.5 * errors.raw_mse(Predictor::ballistic));
+  EXPECT_TRUE(graph::LearnedSimulator(result.weights_file).config().is_ballistic());
+  // Its weights mean something else without the prediction.
+  graph::HgnConfig other = options.config.hgn;
+  other.predictor = graph::FramePredictor::none;
+  EXPECT_THROW(starting_weights(result.weights_file, NetworkConfig(other)), ConfigError);
+  remove_path(folder);
+}
+
 TEST(Training, ANetworkOfOneFrameStartsABundle) {
   const std::string folder = test_folder("start_bundle");
   const auto of_frames = [](int64_t bundle) {
