@@ -13,7 +13,9 @@ namespace {
 
 HgnConfig read_config(const nn::Weights& weights) {
   check_architecture(weights, hgn_architecture, hgn_format_version, "hierarchical graph network");
-  return HgnConfig::from_metadata(weights.metadata, weights.file);
+  const HgnConfig config = HgnConfig::from_metadata(weights.metadata, weights.file);
+  check_rollout(config, weights.file);
+  return config;
 }
 
 }  // namespace

@@ -45,8 +45,10 @@ TEST(HgnConfig, FilesFromBeforeTheChoiceSumMessagesAndPredictOneFrame) {
   auto metadata = config.to_metadata();
   EXPECT_EQ(metadata.at("hgn.bundle"), "4");
   EXPECT_EQ(HgnConfig::from_metadata(metadata, "f").output_width(), 12);
+  EXPECT_EQ(metadata.at("hgn.short_range"), "0");
   metadata.erase("hgn.aggregation");
   metadata.erase("hgn.bundle");
+  metadata.erase("hgn.short_range");
   EXPECT_EQ(HgnConfig::from_metadata(metadata, "f").aggregation, Aggregation::messages);
   EXPECT_EQ(HgnConfig::from_metadata(metadata, "f").bundle, 1);
   GnsConfig gns;
@@ -55,6 +57,21 @@ TEST(HgnConfig, FilesFromBeforeTheChoiceSumMessagesAndPredictOneFrame) {
   EXPECT_EQ(GnsConfig::from_metadata(metadata, "f").bundle, 2);
   metadata.erase("gns.bundle");
   EXPECT_EQ(GnsConfig::from_metadata(metadata, "f").bundle, 1);
+}
+
+TEST(HgnConfig, RolloutsRefuseLinksBetweenParticles) {
+  HgnConfig config;
+  check_rollout(config, "f");
+  config.short_range = 0.5;
+  EXPECT_NEAR(config.short_radius(), 0.0175, 1e-12);
+  EXPECT_EQ(HgnConfig::from_metadata(config.to_metadata(), "f").short_range, 0.5);
+  try {
+    check_rollout(config, "near.safetensors");
+    FAIL() << "was not refused";
+  } catch (const ConfigError& error) {
+    EXPECT_NE(std::string(error.what()).find("'near.safetensors'"), std::string::npos) << error.what();
+    EXPECT_NE(std::string(error.what()).find("hgn.short_range: 0.5, allowed: 0"), std::string::npos) << error.what();
+  }
 }
 
 TEST(HgnConfig, ErrorsNameFileKeyAndValue) {
