@@ -201,6 +201,7 @@ BatchLevel join_links(Batch& batch, const std::vector<SceneGraph>& scenes) {
   level.sender = append(batch.indices, joined.sender);
   level.receiver = append(batch.indices, joined.receiver);
   level.reverse = append(batch.indices, joined.reverse);
+  while (batch.numbers.size() % graph::edge_feature_count != 0) batch.numbers.push_back(0);  // kernels load all at once
   batch.edge_features = {static_cast<int64_t>(batch.numbers.size()), static_cast<int64_t>(joined.features.size())};
   batch.numbers.insert(batch.numbers.end(), joined.features.begin(), joined.features.end());
   return level;

@@ -116,7 +116,9 @@ TEST(NetworkModule, LinksBetweenParticlesAreEvaluatedTheSameWhole) {
   graph::HgnConfig config = tiny_config(Aggregation::activations);
   config.short_range = 1;
   const NetworkModule module(config, Device::cpu, 3);
-  const Batch batch = concatenate({random_graph(config, 5, 70, 0.1), random_graph(config, 6, 50, 0.2)});
+  const Batch batch = concatenate({random_graph(config, 5, 71, 0.1), random_graph(config, 6, 50, 0.2)});
+  EXPECT_NE((batch.target.begin + batch.target.count) % 4, 0);
+  EXPECT_EQ(batch.edge_features.begin % 4, 0);  // kernels read the four numbers of a link at once
   const std::vector<float> split = module.predict(batch, StateArray::weights);
   const std::vector<float> whole =
       module.time_prediction(batch, StateArray::weights, graph::FirstLayers::whole, 0, 1).accelerations;
