@@ -16,11 +16,4 @@ HgnConfig HgnConfig::from_metadata(const std::map<std::string, std::string>& met
   return config_from<HgnConfig>(metadata, prefix, file, {"aggregation", "bundle", "dimensions", "short_range"});
 }
 
-void check_rollout(const HgnConfig& config, const std::string& file) {
-  if (config.short_range > 0)
-    throw ConfigError("'" + file + "': rollouts take no network whose particles gather from each other " +
-                      "(hgn.short_range: " + metadata::text_of(config.short_range) + ", allowed: 0). Choose other " +
-                      "weights; one-step errors of these are measured by `graupel train hgn --evaluate`");
-}
-
 }  // namespace graupel::graph

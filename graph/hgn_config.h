@@ -67,9 +67,6 @@ struct HgnConfig : FeatureConfig {
   static HgnConfig from_metadata(const std::map<std::string, std::string>& metadata, const std::string& file);
 };
 
-/// Throws ConfigError for networks that rollouts do not evaluate: those with links between particles.
-void check_rollout(const HgnConfig& config, const std::string& file);
-
 }  // namespace graph
 
 template <>
