@@ -1,5 +1,5 @@
-// graupel inspect: what is in a scene, a sweep, a trajectory, a saved state, a weights file or a .vdb grid; recovers a
-// trajectory after a kill.
+// graupel inspect: what is in a scene, a sweep, a trajectory, a saved state, a weights file, a .vdb grid or folders of
+// training runs; recovers a trajectory after a kill.
 #include <fmt/format.h>
 
 #include <cstdio>
@@ -7,6 +7,7 @@
 
 #include "apps/common_options.h"
 #include "apps/progress.h"
+#include "apps/training_curves.h"
 #include "apps/verbs.h"
 #include "core/error.h"
 #include "io/scene_reader.h"
@@ -25,7 +26,8 @@ using Json = nlohmann::ordered_json;
 
 struct InspectOptions {
   CommonOptions common;
-  std::string file;
+  std::vector<std::string> files;
+  std::string plots;
   bool recover = false;
 };
 
@@ -169,27 +171,53 @@ void print(const Json& value, int indent) {
   }
 }
 
+void print(const TrainingCurve& curve) {
+  std::printf("%s\n%10s %10s %28s %22s\n", curve.name.c_str(), "step", "minutes", "one-step, of the baseline's",
+              "rollout MSE [m^2]");
+  for (const Validation& v : curve.validations)
+    std::printf("%10.0f %10.2f %28.4g %22.4g\n", v.step, v.seconds / 60, v.one_step, v.rollout_mse);
+}
+
+Json inspect_runs(const InspectOptions& options) {
+  std::vector<TrainingCurve> curves;
+  Json runs = Json::array();
+  for (const std::string& folder : options.files) {
+    if (!is_run_folder(folder))
+      throw ConfigError("'" + folder +
+                        "' is no folder of a training run (it has no metrics.csv), and several files can be inspected "
+                        "only where all are. Name run folders");
+    curves.push_back(read_training_curve(folder));
+    print(curves.back());
+    runs.push_back(to_json(curves.back()));
+  }
+  Json result = {{"kind", "training runs"}, {"runs", runs}};
+  if (options.plots.empty()) return result;
+  const std::vector<std::string> plots = write_training_plots(curves, options.plots);
+  result["plots"] = plots;
+  for (const std::string& file : plots) std::printf("%s\n", file.c_str());
+  return result;
+}
+
+Json inspect_file(const std::string& file) {
+  if (io::is_state_file(file)) return inspect_state(file);
+  if (file.ends_with(".json")) return io::is_sweep(file) ? inspect_sweep(file) : inspect_scene(file);
+  if (file.ends_with(".h5")) return inspect_trajectory(file);
+  if (file.ends_with(".safetensors")) return inspect_weights(file);
+  if (file.ends_with(".vdb")) return inspect_grids(file);
+  throw ConfigError(
+      "'" + file +
+      "' is no saved state, no folder of a training run and has no known ending (allowed: .json scene or sweep, .h5 "
+      "trajectory, .safetensors weights, .vdb grids). Name one of these");
+}
+
 void inspect(InspectOptions& options) {
   options.common.apply();
-  Json result;
-  if (options.recover)
-    result = recover(options.file);
-  else if (io::is_state_file(options.file))
-    result = inspect_state(options.file);
-  else if (options.file.ends_with(".json"))
-    result = io::is_sweep(options.file) ? inspect_sweep(options.file) : inspect_scene(options.file);
-  else if (options.file.ends_with(".h5"))
-    result = inspect_trajectory(options.file);
-  else if (options.file.ends_with(".safetensors"))
-    result = inspect_weights(options.file);
-  else if (options.file.ends_with(".vdb"))
-    result = inspect_grids(options.file);
-  else
-    throw ConfigError(
-        "'" + options.file +
-        "' is no saved state and has no known ending (allowed: .json scene or sweep, .h5 trajectory, .safetensors "
-        "weights, .vdb grids). Name one of these");
-  print(result, 0);
+  const std::string& first = options.files.front();
+  const bool runs = options.files.size() > 1 || is_run_folder(first);
+  if (!runs && !options.plots.empty())
+    throw ConfigError("--plots is for folders of training runs ('" + first + "' is none). Leave it out");
+  const Json result = runs ? inspect_runs(options) : options.recover ? recover(first) : inspect_file(first);
+  if (!runs) print(result, 0);
   options.common.write_json(result);
 }
 
@@ -197,13 +225,17 @@ void inspect(InspectOptions& options) {
 
 void add_inspect(CLI::App& app) {
   auto options = std::make_shared<InspectOptions>();
-  CLI::App* verb =
-      app.add_subcommand("inspect", "Look into a scene, sweep, trajectory, saved state, weights or .vdb file");
-  verb->add_option("file", options->file, "A .json, .h5, .safetensors or .vdb file, or a saved state")->required();
+  CLI::App* verb = app.add_subcommand(
+      "inspect", "Look into a scene, sweep, trajectory, saved state, weights, .vdb file or training runs");
+  verb->add_option("file", options->files, "A .json, .h5, .safetensors or .vdb file, a saved state; or run folders")
+      ->required();
+  verb->add_option("--plots", options->plots, "Plot what training runs measured over time, into this folder (.svg)");
   verb->add_flag("--recover", options->recover,
                  "Make FILE from FILE.part, which a killed run left: every frame whose checksums pass");
   options->common.add_to(*verb);
-  verb->footer("Examples:\n  graupel inspect models/hgn.safetensors\n  graupel inspect --recover steps.h5");
+  verb->footer(
+      "Examples:\n  graupel inspect models/hgn.safetensors\n  graupel inspect --recover steps.h5\n"
+      "  graupel inspect runs/hgn runs/gns --plots curves");
   verb->callback([options] { inspect(*options); });
 }
 

@@ -4,7 +4,8 @@
 // spacing (dart throwing), so each refused one has a taken one within the spacing and no hole stays.
 #include <algorithm>
 #include <cmath>
-#include <numeric>
+#include <utility>
+#include <vector>
 
 #include "core/error.h"
 #include "core/random.h"
@@ -48,10 +49,18 @@ class Candidates {
   int obstacle_;
 };
 
-void append(SurfaceSamples& to, const SurfaceSamples& from) {
-  to.position.insert(to.position.end(), from.position.begin(), from.position.end());
-  to.normal.insert(to.normal.end(), from.normal.begin(), from.normal.end());
-}
+/// Candidates of several obstacles, in pieces as they were found.
+struct Waiting {
+  std::vector<std::vector<Vec3d>> position, normal;
+  std::size_t count = 0;
+
+  void add(SurfaceSamples&& piece) {
+    if (piece.position.empty()) return;
+    count += piece.position.size();
+    position.push_back(std::move(piece.position));
+    normal.push_back(std::move(piece.normal));
+  }
+};
 
 /// Corner values of the grid cell above voxel `base` [voxels]; false when the surface does not cross it.
 bool crossed_cell(const ObstacleView& view, const Vec3i& base, double (&v)[2][2][2]) {
@@ -78,8 +87,8 @@ bool to_surface(const double (&v)[2][2][2], double reach, Vec3d& t, Vec3d& gradi
 }
 
 /// Candidates on the zero of a grid, leaf by leaf.
-SurfaceSamples grid_candidates(const Candidates& candidates, const ObstacleView& view, const Random& random,
-                               double spacing) {
+void grid_candidates(const Candidates& candidates, const ObstacleView& view, const Random& random, double spacing,
+                     Waiting& waiting) {
   const double voxel = 1 / view.exact.inverse_voxel;
   const int strata = std::max(1, static_cast<int>(std::ceil(strata_per_spacing * voxel / spacing)));
   const int64_t per_cell = int64_t(strata) * strata * strata;
@@ -107,14 +116,12 @@ SurfaceSamples grid_candidates(const Candidates& candidates, const ObstacleView&
       }
     }
   }
-  SurfaceSamples all;
-  for (const SurfaceSamples& one : found) append(all, one);
-  return all;
+  for (SurfaceSamples& one : found) waiting.add(std::move(one));
 }
 
 /// Candidates on the plane y = 0 below the domain.
-SurfaceSamples plane_candidates(const Candidates& candidates, const LocalBox& box, const Random& random,
-                                double spacing) {
+void plane_candidates(const Candidates& candidates, const LocalBox& box, const Random& random, double spacing,
+                      Waiting& waiting) {
   const double step = spacing / strata_per_spacing;
   const auto columns = static_cast<int64_t>(std::ceil((box.high[0] - box.low[0]) / step));
   const auto rows = static_cast<int64_t>(std::ceil((box.high[2] - box.low[2]) / step));
@@ -126,19 +133,18 @@ SurfaceSamples plane_candidates(const Candidates& candidates, const LocalBox& bo
       const double z = box.low[2] + (static_cast<double>(r) + random.uniform(index, 1)) * step;
       candidates.add(all, {x, 0, z}, {0, 1, 0});
     }
-  return all;
+  waiting.add(std::move(all));
 }
 
-/// Takes candidates, tried in a scattered but fixed order.
-void throw_darts(const SurfaceSamples& candidates, DartBoard& board, SurfaceSamples& taken) {
-  const std::size_t n = candidates.position.size();
-  std::size_t stride = static_cast<std::size_t>(0.6180339887 * static_cast<double>(n)) + 1;
-  while (std::gcd(stride, n) > 1) ++stride;
-  for (std::size_t i = 0, k = 0; i < n; ++i, k = (k + stride) % n)
-    if (board.take(candidates.position[k])) {
-      taken.position.push_back(candidates.position[k]);
-      taken.normal.push_back(candidates.normal[k]);
-    }
+/// Appends the candidates that the board takes.
+void throw_darts(const Waiting& waiting, DartBoard& board, SurfaceSamples& to) {
+  const std::vector<std::vector<char>> taken = board.take(waiting.position);
+  for (std::size_t piece = 0; piece < taken.size(); ++piece)
+    for (std::size_t i = 0; i < taken[piece].size(); ++i)
+      if (taken[piece][i]) {
+        to.position.push_back(waiting.position[piece][i]);
+        to.normal.push_back(waiting.normal[piece][i]);
+      }
 }
 
 }  // namespace
@@ -146,15 +152,17 @@ void throw_darts(const SurfaceSamples& candidates, DartBoard& board, SurfaceSamp
 SurfaceSamples sample_surface(const Scene& scene, const ObstacleSet& obstacles, double spacing, uint64_t seed) {
   if (!(spacing > 0)) throw ConfigError("the sample spacing is not positive (" + std::to_string(spacing) + " m)");
   const ObstacleSetView set = obstacles.view();
-  SurfaceSamples waiting, taken;
+  Waiting waiting;
+  SurfaceSamples taken;
   DartBoard board(spacing);
   for (int i = 0; i < set.count; ++i) {
     const Candidates candidates(scene, set, i);
     const Random random(seed, RandomPurpose::surface_sample, static_cast<uint64_t>(i));
-    append(waiting, set.obstacles[i].is_plane
-                        ? plane_candidates(candidates, plane_bounds(scene.obstacles[i], scene.domain), random, spacing)
-                        : grid_candidates(candidates, set.obstacles[i], random, spacing));
-    if (waiting.position.size() < most_waiting && i + 1 < set.count) continue;
+    if (set.obstacles[i].is_plane)
+      plane_candidates(candidates, plane_bounds(scene.obstacles[i], scene.domain), random, spacing, waiting);
+    else
+      grid_candidates(candidates, set.obstacles[i], random, spacing, waiting);
+    if (waiting.count < most_waiting && i + 1 < set.count) continue;
     throw_darts(waiting, board, taken);
     waiting = {};
   }

@@ -22,6 +22,7 @@
 #include "graph/normalization.h"
 #include "train/comm.h"
 #include "train/nsf_command.h"
+#include "train/presets.h"
 #include "train/rank_environment.h"
 #include "train/run_folder.h"
 #include "train/time_command.h"
@@ -35,14 +36,14 @@ using Json = nlohmann::ordered_json;
 /// The words of the command line.
 struct Arguments {
   Architecture architecture = Architecture::hgn;
-  std::string data, out, config, from, resume, evaluate, split = "test", device = "auto", json;
+  std::string data, out, config, from, resume, evaluate, split = "test", device = "auto", preset = "recommended", json;
   std::vector<std::string> set;
   int64_t steps = 0, stop_step = 0, stride = 1;
   double minutes = 0, rank_timeout = CommOptions().timeout;
   uint64_t seed = 0;
   int threads = 0;
   bool print_defaults = false;
-  CLI::Option* seed_option = nullptr;
+  CLI::Option *seed_option = nullptr, *preset_option = nullptr;
   std::string command_line;
 };
 
@@ -119,9 +120,16 @@ Device device_of(const Arguments& arguments) {
   return parse_device(arguments.device);
 }
 
-/// Settings of a new run: file, then --set, then the flags of their own.
+/// Settings of a new run: preset or file, then --set, then the flags of their own.
 TrainConfig config_of(const Arguments& arguments) {
   std::vector<std::string> overrides = {std::string("architecture=") + word_of(arguments.architecture)};
+  if (arguments.config.empty()) {
+    const Preset preset = arguments.preset == "paper" ? Preset::paper : Preset::recommended;
+    const std::vector<std::string> settings = preset_settings(arguments.architecture, preset);
+    overrides.insert(overrides.end(), settings.begin(), settings.end());
+  } else if (arguments.preset_option->count() > 0) {
+    throw ConfigError("--preset and --config both say what a run begins with. Leave one of them out");
+  }
   overrides.insert(overrides.end(), arguments.set.begin(), arguments.set.end());
   if (arguments.steps > 0) overrides.push_back("steps=" + std::to_string(arguments.steps));
   if (arguments.seed_option->count() > 0) overrides.push_back("seed=" + std::to_string(arguments.seed));
@@ -131,10 +139,10 @@ TrainConfig config_of(const Arguments& arguments) {
 
 void prepare_resume(Arguments& arguments, TrainingOptions& options) {
   if (!arguments.config.empty() || !arguments.set.empty() || arguments.steps > 0 || !arguments.from.empty() ||
-      arguments.seed_option->count() > 0)
+      arguments.seed_option->count() > 0 || arguments.preset_option->count() > 0)
     throw ConfigError(
-        "a resumed run keeps its settings (--config, --set, --steps, --from and --seed are for new runs). Leave them "
-        "out");
+        "a resumed run keeps its settings (--preset, --config, --set, --steps, --from and --seed are for new runs). "
+        "Leave them out");
   arguments.out =
       arguments.resume == "latest" ? latest_run(arguments.out.empty() ? "runs" : arguments.out) : arguments.resume;
   options.resume = true;
@@ -278,7 +286,11 @@ void add_options(CLI::App& verb, Arguments& a) {
   const std::string word = word_of(a.architecture);
   verb.add_option("--data", a.data, "Folder of the data set: train.h5, valid.h5, test.h5");
   verb.add_option("--out", a.out, fmt::format("Run folder (default: runs/{}-<time>)", word));
-  verb.add_option("--config", a.config, "Settings as JSON (see --print-defaults)");
+  a.preset_option = verb.add_option("--preset", a.preset,
+                                    "Settings to begin with: recommended (what won in our measurements) or paper")
+                        ->check(CLI::IsMember({"recommended", "paper"}))
+                        ->capture_default_str();
+  verb.add_option("--config", a.config, "Settings as JSON instead (see --print-defaults)");
   verb.add_option("--set", a.set, fmt::format("Override a setting: key=value, {}.latent=64", word))->take_all();
   verb.add_option("--steps", a.steps, "Optimiser steps")->check(whole_number(1));
   verb.add_option("--minutes", a.minutes, "Stop after this wall time, with a checkpoint")
@@ -295,7 +307,7 @@ void add_options(CLI::App& verb, Arguments& a) {
       ->check(real_number(LowerBound::above_zero))
       ->capture_default_str();
   verb.add_option("--json", a.json, "Write the result as JSON to this file (-: standard output)");
-  verb.add_flag("--print-defaults", a.print_defaults, "Print every setting with its default");
+  verb.add_flag("--print-defaults", a.print_defaults, "Print every setting that a run would have");
   verb.add_option("--evaluate", a.evaluate, "Instead of training: one-step errors of this weights file");
   verb.add_option("--split", a.split, "Split that --evaluate reads: train, valid or test")
       ->check(CLI::IsMember({"train", "valid", "test"}))
@@ -338,9 +350,7 @@ int run(int argc, char** argv) {
   if (!hgn->parsed() && !gns->parsed()) return exit_code;
   Arguments& arguments = hgn->parsed() ? of_hgn : of_gns;
   if (arguments.print_defaults) {
-    TrainConfig defaults;
-    defaults.architecture = arguments.architecture;
-    fmt::print("{}\n", train_config_text(defaults));
+    fmt::print("{}\n", train_config_text(config_of(arguments)));
     return 0;
   }
   set_num_threads(arguments.threads);

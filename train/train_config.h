@@ -1,5 +1,5 @@
 // Settings of a training run of a graph network. Defaults follow the HGN paper, section 3.3, but for the
-// batch (the paper: one scene), the moving average and the grid jitter.
+// batch (the paper: one scene), the moving average and the grid jitter; runs begin with a preset (train/presets.h).
 #pragma once
 
 #include <cstdint>

@@ -23,7 +23,7 @@ using testing::HasSubstr;
 using train::tiny_data_set;
 
 constexpr const char* settings =
-    " --device cpu --threads 1 --set hgn.latent=16 --set hgn.levels=2 --set hgn.message_passing=1 --set "
+    " --preset paper --device cpu --threads 1 --set hgn.latent=16 --set hgn.levels=2 --set hgn.message_passing=1 --set "
     "hgn.embedding=4 "
     "--set hgn.history=2 --set hgn.spacing=0.07 --set hgn.dx=0.03125 --set batch_scenes=4 --set noise_std=1e-4 --set "
     "log_interval=10 --set validation_interval=1000000 --set validation_samples=4 --set rollout_scenes=0 --set "

@@ -54,7 +54,6 @@ class Program : public testing::Test {
 TEST_F(Program, HelpDefaultsAndUsageErrors) {
   EXPECT_EQ(run({"hgn", "--help"}), 0);
   EXPECT_EQ(run({"hgn", "--print-defaults"}), 0);
-  EXPECT_EQ(config_hash(read_train_config(log(), "defaults")), config_hash(TrainConfig()));
   EXPECT_EQ(run({"hgn"}), 2);
   EXPECT_EQ(run({"hgn", "--dta", "x"}), 2);
   EXPECT_EQ(run({"hgn", "--stepz", "3"}), 2);
@@ -67,6 +66,27 @@ TEST_F(Program, HelpDefaultsAndUsageErrors) {
   EXPECT_EQ(run(words), 2);
   EXPECT_NE(log().find("latent"), std::string::npos);  // did you mean
   EXPECT_FALSE(fs::exists(folder_ + "/x"));
+}
+
+TEST_F(Program, RunsBeginWithAPreset) {
+  const auto begins_with = [&](const std::vector<std::string>& words) {
+    std::vector<std::string> all = {"hgn", "--print-defaults"};
+    all.insert(all.end(), words.begin(), words.end());
+    EXPECT_EQ(run(all), 0) << log();
+    return read_train_config(log(), "defaults");
+  };
+  const TrainConfig recommended = begins_with({}), paper = begins_with({"--preset", "paper"});
+  EXPECT_EQ(config_hash(begins_with({"--preset", "recommended"})), config_hash(recommended));
+  EXPECT_EQ(recommended.hgn.aggregation, graph::Aggregation::activations);
+  EXPECT_TRUE(recommended.hgn.signed_distance && recommended.symmetries);
+  EXPECT_EQ(paper.hgn.to_metadata(), graph::HgnConfig().to_metadata());  // whose defaults are the paper's
+  EXPECT_EQ(paper.batch_scenes, 1);
+  EXPECT_EQ(paper.jitter, GridJitter::finest);
+  EXPECT_EQ(begins_with({"--set", "hgn.latent=32"}).hgn.latent, 32);  // what is set comes after
+  EXPECT_EQ(begins_with({"--config", folder_ + "/config.json"}).hgn.latent, tiny_config().hgn.latent);
+  EXPECT_EQ(run({"hgn", "--print-defaults", "--preset", "paper", "--config", folder_ + "/config.json"}), 2);
+  EXPECT_NE(log().find("--preset and --config"), std::string::npos) << log();
+  EXPECT_EQ(run({"hgn", "--preset", "papers"}), 2);
 }
 
 TEST_F(Program, TrainsWritesARunFolderAndEvaluates) {
