@@ -29,6 +29,9 @@ struct HgnConfig : FeatureConfig {
   double spacing = 0.035;       ///< R [m]
   double p2g_scale = 0.125;     ///< constant factor on the particle-to-grid sum
   Aggregation aggregation = Aggregation::messages;
+  double short_range = 0;  ///< [R] particles this close gather from each other before the grid does; 0: they do not
+
+  double short_radius() const { return short_range * spacing; }  ///< [m]
 
   template <typename Visitor>
   static void fields(Visitor&& visit) {
@@ -50,6 +53,11 @@ struct HgnConfig : FeatureConfig {
                                    .range = Range::positive()});
     visit(&C::aggregation,
           FieldInfo{.name = "aggregation", .unit = "", .meaning = "What cells and particles sum of what reaches them"});
+    visit(&C::short_range, FieldInfo{.name = "short_range",
+                                     .unit = "",
+                                     .meaning = "Particles gather from all within this many cells before the grid "
+                                                "does; 0: from none",
+                                     .range = Range::between(0, 1)});
     FeatureConfig::fields(visit);
   }
 

@@ -71,11 +71,11 @@ struct RadiusGraphBuilder::Arrays {
   Buffer<float> features;
 };
 
-RadiusGraphBuilder::RadiusGraphBuilder(Device device, const GnsConfig& config)
+RadiusGraphBuilder::RadiusGraphBuilder(Device device, double radius, double reach)
     : device_(device),
-      radius_(config.radius),
-      reach_(config.reach()),
-      cell_size_(config.radius * cell_margin),
+      radius_(radius),
+      reach_(reach),
+      cell_size_(radius * cell_margin),
       arrays_(std::make_unique<Arrays>(device)) {}
 RadiusGraphBuilder::~RadiusGraphBuilder() = default;
 RadiusGraphBuilder::RadiusGraphBuilder(RadiusGraphBuilder&&) noexcept = default;

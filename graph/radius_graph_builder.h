@@ -41,7 +41,10 @@ struct RadiusCounts {
 
 class RadiusGraphBuilder {
  public:
-  RadiusGraphBuilder(Device device, const GnsConfig& config);
+  RadiusGraphBuilder(Device device, const GnsConfig& config)
+      : RadiusGraphBuilder(device, config.radius, config.reach()) {}
+  /// `reach`: how near obstacle particles must be [m].
+  RadiusGraphBuilder(Device device, double radius, double reach);
   ~RadiusGraphBuilder();
   RadiusGraphBuilder(RadiusGraphBuilder&&) noexcept;
 

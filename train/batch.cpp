@@ -177,7 +177,8 @@ struct JoinedLinks {
   }
 };
 
-void join_links(Batch& batch, const std::vector<SceneGraph>& scenes) {
+/// Links between particles; `batch` gets their features.
+BatchLevel join_links(Batch& batch, const std::vector<SceneGraph>& scenes) {
   int64_t first_moving = 0, first_obstacle = batch.particles();
   std::vector<RowMap> rows;
   std::vector<std::vector<int32_t>> place;
@@ -200,9 +201,10 @@ void join_links(Batch& batch, const std::vector<SceneGraph>& scenes) {
   level.sender = append(batch.indices, joined.sender);
   level.receiver = append(batch.indices, joined.receiver);
   level.reverse = append(batch.indices, joined.reverse);
-  batch.level.push_back(level);
+  while (batch.numbers.size() % graph::edge_feature_count != 0) batch.numbers.push_back(0);  // kernels load all at once
   batch.edge_features = {static_cast<int64_t>(batch.numbers.size()), static_cast<int64_t>(joined.features.size())};
   batch.numbers.insert(batch.numbers.end(), joined.features.begin(), joined.features.end());
+  return level;
 }
 
 /// Particles, obstacle particles and links of GNS.
@@ -235,7 +237,7 @@ Batch concatenate_gns(const std::vector<SceneGraph>& scenes) {
   batch.feature_width = rows > 0 ? batch.features.count / rows : 0;
   GRAUPEL_ASSERT(batch.features.count == rows * batch.feature_width);
   set_target_width(batch);
-  join_links(batch, scenes);
+  batch.level.push_back(join_links(batch, scenes));
   return batch;
 }
 
@@ -255,6 +257,7 @@ Batch concatenate(const std::vector<SceneGraph>& scenes) {
   batch.indices.reserve(particles * 32);
   join_particles(batch, scenes);
   for (std::size_t l = 0; l < levels; ++l) batch.level.push_back(join_level(scenes, l, batch.indices));
+  if (scenes.front().links.points() > 0) batch.near = join_links(batch, scenes);
   return batch;
 }
 

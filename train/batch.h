@@ -43,11 +43,12 @@ struct Batch {
   Part offset;                    ///< numbers [particles, 3]
   Part target;                    ///< numbers [particles, target_width] normalised accelerations; empty for inference
   Part type_row;                  ///< indices [particles and obstacle particles] rows of the embedding table
-  Part edge_features;             ///< of GNS: numbers [edges, 4]
+  Part edge_features;             ///< of links between particles: numbers [edges, 4]
   Part cell;                      ///< indices [particles, 8] level-0 cells
   Part pair_begin;                ///< indices [cells + 1] (particle, corner) pairs of a level-0 cell
   Part pair;                      ///< indices [particles * 8] pairs sorted by cell
   std::vector<BatchLevel> level;  ///< finest first; of GNS one, whose cells are all particles
+  BatchLevel near;                ///< of HGN: links between particles, where there are any
 
   int64_t held = 0;  ///< of the particles (core/held_particles.h), which the loss does not count
 
@@ -60,8 +61,8 @@ struct SceneGraph {
   std::vector<float> features;         ///< [particles, feature_width], graph::particle_features
   std::vector<int32_t> type_row;       ///< [particles]
   sparsegrid::Hierarchy<3> hierarchy;  ///< of HGN; without levels for GNS
-  sparsegrid::RadiusGraph links;       ///< of GNS
-  std::vector<float> edge_features;    ///< of GNS [edges, 4], graph::edge_features
+  sparsegrid::RadiusGraph links;       ///< between particles: of GNS, and of HGN with hgn.short_range
+  std::vector<float> edge_features;    ///< of these [edges, 4], graph::edge_features
   int64_t obstacle_particles = 0;      ///< of GNS: the last rows of features and type_row
   std::vector<float> target;           ///< [particles without those of obstacles, 3 k], or empty
 

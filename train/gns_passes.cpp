@@ -32,15 +32,7 @@ DeviceBatch GnsPasses::upload(const Batch& batch) const {
   GRAUPEL_ASSERT(batch.level.size() == 1);
   const UploadedBatch uploaded(batch, embedding_);
   DeviceBatch on_device = uploaded.particles(batch);
-  const BatchLevel& level = batch.level.front();
-  DeviceLevel links;
-  links.cells = level.cells;
-  links.edge_begin = uploaded.index(level.edge_begin);
-  links.sender = uploaded.index(level.sender);
-  links.receiver = uploaded.index(level.receiver);
-  links.reverse = uploaded.index(level.reverse);
-  links.direction = uploaded.rows(batch.edge_features, graph::edge_feature_count);
-  on_device.level.push_back(std::move(links));
+  on_device.level.push_back(uploaded.links(batch.level.front(), batch.edge_features));
   return on_device;
 }
 
@@ -52,14 +44,7 @@ DeviceBatch GnsPasses::attach(const SampleArrays& arrays, bool) const {
   batch.target = attached(arrays.target, arrays.particles, arrays.target_width, embedding_);
   batch.type_row = attached(arrays.type_row, arrays.rows, embedding_);
   batch.type_one_hot = one_hot(batch.type_row, embedding_.scalar_type());
-  DeviceLevel links;
-  links.cells = arrays.rows;
-  links.edge_begin = attached(arrays.pairs.begin, arrays.rows + 1, embedding_);
-  links.sender = attached(arrays.pairs.sender, arrays.pair_count, embedding_);
-  links.receiver = attached(arrays.pairs.receiver, arrays.pair_count, embedding_);
-  links.reverse = attached(arrays.pairs.reverse, arrays.pair_count, embedding_);
-  links.direction = attached(arrays.pairs.features, arrays.pair_count, graph::edge_feature_count, embedding_);
-  batch.level.push_back(std::move(links));
+  batch.level.push_back(attached_links(arrays, embedding_));
   return batch;
 }
 

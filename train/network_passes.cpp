@@ -5,6 +5,7 @@
 #include <ATen/ops/from_blob.h>
 
 #include "graph/features.h"
+#include "graph/gns_graph.h"
 #include "train/gns_passes.h"
 #include "train/hgn_network.h"
 
@@ -52,12 +53,34 @@ DeviceBatch UploadedBatch::particles(const Batch& batch) const {
   return on_device;
 }
 
+DeviceLevel UploadedBatch::links(const BatchLevel& level, const Part& edge_features) const {
+  DeviceLevel links;
+  links.cells = level.cells;
+  links.edge_begin = index(level.edge_begin);
+  links.sender = index(level.sender);
+  links.receiver = index(level.receiver);
+  links.reverse = index(level.reverse);
+  links.direction = rows(edge_features, graph::edge_feature_count);
+  return links;
+}
+
 // from_blob takes no const data; the tensors are only read.
 at::Tensor attached(const float* data, int64_t rows, int64_t width, const at::Tensor& like) {
   return at::from_blob(const_cast<float*>(data), {rows, width}, like.options().dtype(at::kFloat)).to(like.dtype());
 }
 at::Tensor attached(const int32_t* data, int64_t count, const at::Tensor& like) {
   return at::from_blob(const_cast<int32_t*>(data), {count}, like.options().dtype(at::kInt));
+}
+
+DeviceLevel attached_links(const SampleArrays& arrays, const at::Tensor& like) {
+  DeviceLevel links;
+  links.cells = arrays.rows;
+  links.edge_begin = attached(arrays.pairs.begin, arrays.rows + 1, like);
+  links.sender = attached(arrays.pairs.sender, arrays.pair_count, like);
+  links.receiver = attached(arrays.pairs.receiver, arrays.pair_count, like);
+  links.reverse = attached(arrays.pairs.reverse, arrays.pair_count, like);
+  links.direction = attached(arrays.pairs.features, arrays.pair_count, graph::edge_feature_count, like);
+  return links;
 }
 
 at::Tensor one_hot(const at::Tensor& type_row, at::ScalarType number) {

@@ -16,7 +16,8 @@ namespace graupel::train {
 struct DeviceLevel {
   int64_t cells = 0;
   at::Tensor edge_begin, sender, receiver, slot, reverse, parent, child_begin, child;
-  at::Tensor direction;      ///< [edges, 3] unit vector from sender to receiver; of GNS [edges, 4] edge features
+  at::Tensor direction;      ///< [edges, 3] unit vector from sender to receiver; between particles [edges, 4]:
+                             ///< graph::edge_features
   at::Tensor octant;         ///< [cells] child slot
   at::Tensor parent_offset;  ///< [cells, 3] (centre of the parent - centre) / spacing
 };
@@ -30,6 +31,7 @@ struct DeviceBatch {
   at::Tensor type_one_hot;  ///< [nodes, embedding rows]
   at::Tensor cell, pair_begin, pair;
   std::vector<DeviceLevel> level;
+  DeviceLevel near;  ///< links between particles of HGN, where there are any; `direction` is that of GNS
 };
 
 /// What the backward pass needs of each part of the forward pass.
@@ -57,6 +59,7 @@ struct ForwardRecord {
   std::vector<FcnRecord> prolongation;
   FcnRecord edge_encoder;           ///< of GNS
   std::vector<MessageRecord> step;  ///< of GNS
+  MessageRecord near;               ///< of links between particles of HGN
 };
 
 class NetworkPasses {
@@ -89,6 +92,8 @@ class UploadedBatch {
   at::Tensor rows(const Part& part, int64_t width) const { return numbers(part).view({-1, width}); }
   /// Particles, features, target and types; no links.
   DeviceBatch particles(const Batch& batch) const;
+  /// Links between particles and their features.
+  DeviceLevel links(const BatchLevel& level, const Part& edge_features) const;
 
  private:
   at::Tensor indices_, numbers_;
@@ -101,6 +106,8 @@ at::Tensor to_device(const std::vector<int32_t>& values, const at::Device& devic
 /// and whole numbers.
 at::Tensor attached(const float* data, int64_t rows, int64_t width, const at::Tensor& like);
 at::Tensor attached(const int32_t* data, int64_t count, const at::Tensor& like);
+/// Links between particles and their features.
+DeviceLevel attached_links(const SampleArrays& arrays, const at::Tensor& like);
 /// [rows, embedding rows] in the type of `number`, from rows of the embedding table.
 at::Tensor one_hot(const at::Tensor& type_row, at::ScalarType number);
 

@@ -17,21 +17,23 @@ namespace {
 /// Frames of a trajectory that have a next one.
 int64_t usable(const TrajectoryInfo& trajectory) { return trajectory.frames - 1; }
 
-/// Hierarchy or links between particles at `now`.
-void set_graph(SceneGraph& graph, const NetworkConfig& config, const std::vector<Vec3f>& now, const Vec3d& origin) {
-  if (const auto* hgn = std::get_if<graph::HgnConfig>(&config)) {
-    graph.hierarchy = sparsegrid::build_hierarchy<3>(now, hgn->spacing, origin, static_cast<int>(hgn->levels));
-    return;
-  }
-  const auto& gns = std::get<graph::GnsConfig>(config);
-  graph.links = sparsegrid::build_radius_graph(now, gns.radius, sparsegrid::SelfEdges::with);
+void set_links(SceneGraph& graph, const std::vector<Vec3f>& now, double radius) {
+  graph.links = sparsegrid::build_radius_graph(now, radius, sparsegrid::SelfEdges::with);
   graph.edge_features.reserve(graph.links.sender.size() * graph::edge_feature_count);
   for (std::size_t r = 0; r < now.size(); ++r)
     for (int32_t e = graph.links.begin[r]; e < graph.links.begin[r + 1]; ++e) {
       const auto s = static_cast<std::size_t>(graph.links.sender[static_cast<std::size_t>(e)]);
-      const auto features = graph::edge_features(now[s], now[r], gns.radius);
+      const auto features = graph::edge_features(now[s], now[r], radius);
       graph.edge_features.insert(graph.edge_features.end(), features.begin(), features.end());
     }
+}
+
+/// Hierarchy, links between particles at `now`.
+void set_graph(SceneGraph& graph, const NetworkConfig& config, const std::vector<Vec3f>& now, const Vec3d& origin) {
+  if (const auto* gns = std::get_if<graph::GnsConfig>(&config)) return set_links(graph, now, gns->radius);
+  const auto& hgn = std::get<graph::HgnConfig>(config);
+  graph.hierarchy = sparsegrid::build_hierarchy<3>(now, hgn.spacing, origin, static_cast<int>(hgn.levels));
+  if (hgn.short_range > 0) set_links(graph, now, hgn.short_radius());
 }
 
 /// Appends the obstacle particles within reach of the turned positions `now`, their features and types.

@@ -1,17 +1,15 @@
 // Sums of activations and the way back: 16 lanes a node with eight columns each, the rows of several items under way
 // together.
 #include "graph/cuda/activation_sums.h"
-#include "graph/cuda/row_block.h"
+#include "graph/cuda/node_lanes.h"
 
 namespace graupel::graph {
 
 namespace {
 
 using namespace tile;
+using namespace lanes;
 
-constexpr int group = 16;  ///< lanes of a node
-constexpr int groups = threads / group;
-constexpr int columns = 8;  ///< of a lane
 constexpr int table_rows = 8;
 constexpr int long_ways = 4;  ///< groups of a node with many items
 constexpr int many_neighbors = 6, many_items = 8;
@@ -20,11 +18,6 @@ constexpr int resident(bool is_receiver) { return is_receiver ? 3 : 2; }
 
 __device__ uint4 load_row(const uint16_t* rows, int64_t row, int lane) {
   return *(reinterpret_cast<const uint4*>(rows + row * layer_width) + lane);
-}
-
-__device__ void store_row(uint16_t* rows, int64_t row, const float (&x)[columns], int lane) {
-  *(reinterpret_cast<uint4*>(rows + row * layer_width) + lane) = {pack(x[0], x[1]), pack(x[2], x[3]), pack(x[4], x[5]),
-                                                                  pack(x[6], x[7])};
 }
 
 struct Range {
@@ -131,24 +124,6 @@ __device__ void add_offset(OffsetSums& sums, const float (&d)[columns], const fl
   for (int axis = 0; axis < 3; ++axis)
 #pragma unroll
     for (int i = 0; i < columns; ++i) sums[axis][i] += offset[axis] * d[i];
-}
-
-/// Adds the sums of the block's groups, in their order.
-__device__ void write_partial(float* partial, const OffsetSums& sums) {
-  __shared__ float parts[groups][layer_width];
-  const int lane = static_cast<int>(threadIdx.x) % group;
-#pragma unroll
-  for (int axis = 0; axis < 3; ++axis) {
-    __syncthreads();
-#pragma unroll
-    for (int i = 0; i < columns; ++i) parts[threadIdx.x / group][i * group + lane] = sums[axis][i];
-    __syncthreads();
-    if (threadIdx.x >= layer_width) continue;
-    float total = 0;
-    for (const auto& part : parts) total += part[threadIdx.x];
-    const int column = columns * (static_cast<int>(threadIdx.x) % group) + static_cast<int>(threadIdx.x) / group;
-    partial[(int64_t{blockIdx.x} * 3 + axis) * layer_width + column] = total;
-  }
 }
 
 /// Unit vector from sender to receiver.
@@ -300,7 +275,6 @@ __global__ void __launch_bounds__(threads, resident(false)) edge_gradient_kernel
   write_partial(d.partial, offset_sums);
 }
 
-int blocks_of_groups(int64_t nodes, int ways) { return static_cast<int>((nodes * ways + groups - 1) / groups); }
 int few_blocks(int64_t nodes, bool is_receiver) {
   return std::min(blocks_of_groups(nodes, 1), resident(is_receiver) * multiprocessors());
 }

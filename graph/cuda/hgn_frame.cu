@@ -1,5 +1,7 @@
 #include "graph/cuda/hgn_frame.h"
 
+#include <string>
+
 #include "core/cuda_check.h"
 #include "core/error.h"
 #include "graph/hierarchical_graph_network.h"
@@ -11,7 +13,12 @@ namespace {
 HgnConfig checked_config(const nn::Weights& weights) {
   static_cast<void>(HierarchicalGraphNetwork(weights));  // its errors
   if (!cuda_available()) throw ConfigError("device 'cuda' is not usable (no GPU). Use --device cpu");
-  return HgnConfig::from_metadata(weights.metadata, weights.file);
+  const HgnConfig config = HgnConfig::from_metadata(weights.metadata, weights.file);
+  if (config.short_range > 0)
+    throw ConfigError("'" + weights.file + "': rollouts on a GPU take no network whose particles gather from each " +
+                      "other (hgn.short_range: " + std::to_string(config.short_range) +
+                      ", there: 0). Use --device cpu");
+  return config;
 }
 
 }  // namespace

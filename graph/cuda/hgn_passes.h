@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "core/buffer.h"
+#include "graph/cuda/near_sums.h"
 #include "graph/cuda/row_layers.h"
 #include "graph/hgn_config.h"
 
@@ -78,6 +79,7 @@ struct HgnGraph {
   const float *weight, *offset;
   const int32_t *cell, *pair_begin, *pair;
   std::vector<LevelLinks> level;
+  NearLinks near = {};  ///< of networks with HgnConfig::short_range
 };
 
 /// Where the passes put their rows of 128 numbers.

@@ -23,6 +23,7 @@ ParticleSums::ParticleSums(const nn::Weights& weights, const HgnConfig& config)
       encoder_(weights, "encoder", config, {.latent = static_cast<int>(config.latent)}),
       decoder_(weights, config, {.latent = static_cast<int>(config.latent)}) {
   const int h = static_cast<int>(config.latent);
+  if (config.short_range > 0) neighbors_.emplace(weights, config);
   const FcnWeights p2g = FcnWeights::load_layer(weights, "particle_to_grid.gather", h + 3, h);
   p2g_part_ = p2g.first_layer_part(0, h, Bias::with);
   p2g_corner_ = nn::InputTable(p2g, h, corner_offsets(1));
@@ -43,28 +44,50 @@ void ParticleSums::add_offset(const Vec3f& offset, const nn::InputTable& axis, f
 }
 
 void ParticleSums::encode(const std::vector<float>& features, const std::vector<int32_t>& particle_type,
-                          const sparsegrid::Hierarchy<3>& hierarchy, SumWorkspace& workspace) const {
+                          const sparsegrid::Hierarchy<3>& hierarchy, const std::vector<Vec3f>& position,
+                          SumWorkspace& workspace) const {
   const auto count = static_cast<int64_t>(particle_type.size());
+  if (neighbors_) neighbors_->link(position, workspace);
   for_each_range(workspace, count, sum_rows(count), [&](int32_t begin, int32_t end, TileScratch& scratch) {
     encode_tile(begin, end, features, particle_type, hierarchy, workspace, scratch);
+  });
+  if (!neighbors_) return;
+  for_each_range(workspace, count, sum_rows(count), [&](int32_t begin, int32_t end, TileScratch& scratch) {
+    const NextRows part = grid_rows(begin, scratch.hidden.data(), workspace);
+    neighbors_->apply(begin, end, part, workspace, scratch);
+    leave_for_grid(begin, end, part, hierarchy, workspace);
   });
 }
 
 void ParticleSums::encode_tile(int32_t begin, int32_t end, const std::vector<float>& features,
                                const std::vector<int32_t>& particle_type, const sparsegrid::Hierarchy<3>& hierarchy,
                                SumWorkspace& workspace, TileScratch& scratch) const {
-  const int32_t* const order = workspace.topology.order.data() + begin;
   const int rows = end - begin;
   float* const latent = workspace.particle.data() + int64_t{begin} * width_;
-  float* const part = workspace.on_units ? scratch.sums.data() : workspace.particle_part.row<float>(begin, width_);
-  finish_latents(encoder_.last(), encoder_.hidden(order, rows, features, particle_type, scratch), rows, false, latent,
-                 {.layer = p2g_part_, .floats = part}, scratch);
-  for (int r = 0; r < rows; ++r) {
-    const auto particle = static_cast<std::size_t>(order[r]);
-    add_offset(hierarchy.offset[particle], p2g_axis_, part + int64_t{r} * width_);
-    std::copy_n(hierarchy.weight[particle].data(), corners, workspace.weight.data() + int64_t{begin + r} * corners);
+  const float* const hidden =
+      encoder_.hidden(workspace.topology.order.data() + begin, rows, features, particle_type, scratch);
+  if (neighbors_) {
+    finish_latents(encoder_.last(), hidden, rows, false, latent, neighbors_->rows(begin, workspace), scratch);
+    return;
   }
-  if (workspace.on_units) nn::pack_rows(part, rows, width_, workspace.particle_part.row<uint32_t>(begin, width_));
+  const NextRows part = grid_rows(begin, scratch.sums.data(), workspace);
+  finish_latents(encoder_.last(), hidden, rows, false, latent, part, scratch);
+  leave_for_grid(begin, end, part, hierarchy, workspace);
+}
+
+NextRows ParticleSums::grid_rows(int32_t begin, float* spare, SumWorkspace& workspace) const {
+  return {.layer = p2g_part_, .floats = workspace.on_units ? spare : workspace.particle_part.row<float>(begin, width_)};
+}
+
+void ParticleSums::leave_for_grid(int32_t begin, int32_t end, const NextRows& part,
+                                  const sparsegrid::Hierarchy<3>& hierarchy, SumWorkspace& workspace) const {
+  for (int32_t place = begin; place < end; ++place) {
+    const auto particle = static_cast<std::size_t>(workspace.topology.order[static_cast<std::size_t>(place)]);
+    add_offset(hierarchy.offset[particle], p2g_axis_, part.floats + int64_t{place - begin} * width_);
+    std::copy_n(hierarchy.weight[particle].data(), corners, workspace.weight.data() + int64_t{place} * corners);
+  }
+  if (workspace.on_units)
+    nn::pack_rows(part.floats, end - begin, width_, workspace.particle_part.row<uint32_t>(begin, width_));
 }
 
 void ParticleSums::particle_to_grid(const sparsegrid::Hierarchy<3>& hierarchy, const nn::Linear& next,

@@ -50,8 +50,10 @@ TEST(HgnConfig, FilesFromBeforeTheChoicesHaveTheOldNetwork) {
   EXPECT_TRUE(HgnConfig::from_metadata(metadata, "f").is_ballistic());
   metadata.erase("hgn.predictor");
   EXPECT_FALSE(HgnConfig::from_metadata(metadata, "f").is_ballistic());
+  EXPECT_EQ(metadata.at("hgn.short_range"), "0");
   metadata.erase("hgn.aggregation");
   metadata.erase("hgn.bundle");
+  metadata.erase("hgn.short_range");
   EXPECT_EQ(HgnConfig::from_metadata(metadata, "f").aggregation, Aggregation::messages);
   EXPECT_EQ(HgnConfig::from_metadata(metadata, "f").bundle, 1);
   GnsConfig gns;
@@ -64,6 +66,14 @@ TEST(HgnConfig, FilesFromBeforeTheChoicesHaveTheOldNetwork) {
   metadata.erase("gns.bundle");
   EXPECT_FALSE(GnsConfig::from_metadata(metadata, "f").is_ballistic());
   EXPECT_EQ(GnsConfig::from_metadata(metadata, "f").bundle, 1);
+}
+
+TEST(HgnConfig, LinksBetweenParticlesReachAShareOfACell) {
+  HgnConfig config;
+  EXPECT_EQ(config.short_radius(), 0);
+  config.short_range = 0.5;
+  EXPECT_NEAR(config.short_radius(), 0.0175, 1e-12);
+  EXPECT_EQ(HgnConfig::from_metadata(config.to_metadata(), "f").short_range, 0.5);
 }
 
 TEST(HgnConfig, ErrorsNameFileKeyAndValue) {

@@ -33,7 +33,7 @@ sparsegrid::Hierarchy<3> hierarchy_of(const HgnConfig& config, const std::vector
 }
 
 std::vector<float> evaluate(const HierarchicalGraphNetwork& network, const Input& input) {
-  return network.forward(input.features, input.type, hierarchy_of(network.config(), input.position));
+  return network.forward(input.features, input.type, hierarchy_of(network.config(), input.position), input.position);
 }
 
 class AgainstTheFormulas : public ::testing::TestWithParam<HgnConfig> {};
@@ -73,6 +73,10 @@ std::vector<HgnConfig> configs_to_check() {
     all.push_back(all[i]);
     all.back().aggregation = Aggregation::activations;
   }
+  for (const std::size_t i : {std::size_t{6}, std::size_t{9}, std::size_t{11}}) {
+    all.push_back(all[i]);
+    all.back().short_range = 0.9;
+  }
   return all;
 }
 INSTANTIATE_TEST_SUITE_P(Configs, AgainstTheFormulas, ::testing::ValuesIn(configs_to_check()));
@@ -95,8 +99,35 @@ TEST_P(EitherAggregation, PaperConfigAgreesWithTheFormulas) {
   for (std::size_t i = 0; i < output.size(); ++i) EXPECT_NEAR(output[i], expected[i], 1e-4 * scale) << i;
 }
 
+TEST(HierarchicalGraphNetwork, ManyLinksOfAParticleAgreeWithTheFormulas) {
+  HgnConfig config = small_config(Aggregation::activations);
+  config.levels = 1;
+  config.message_passing = 1;
+  config.short_range = 1;
+  const nn::Weights weights = random_weights(config, {}, 4);
+  const Input input = random_input(config, 300, 2, 0.02);  // all of a blob are linked
+  const std::vector<float> output = evaluate(HierarchicalGraphNetwork(weights), input);
+  const std::vector<double> expected =
+      reference_forward(weights, input.features, input.type, hierarchy_of(config, input.position), input.position);
+  const double scale = largest(output);
+  for (std::size_t i = 0; i < output.size(); ++i) EXPECT_NEAR(output[i], expected[i], 1e-4 * scale) << i;
+}
+
+TEST(HierarchicalGraphNetwork, LinksBetweenParticlesWithMessagesAreRefused) {
+  HgnConfig config = small_config(Aggregation::messages);
+  config.short_range = 0.5;
+  try {
+    HierarchicalGraphNetwork network(random_weights(config, {}));
+    FAIL() << "was not refused";
+  } catch (const ConfigError& error) {
+    EXPECT_NE(std::string(error.what()).find("'random.safetensors'"), std::string::npos) << error.what();
+    EXPECT_NE(std::string(error.what()).find("hgn.short_range: 0.5"), std::string::npos) << error.what();
+  }
+}
+
 TEST_P(EitherAggregation, PermutingParticlesPermutesOutputs) {
-  const HgnConfig config = small_config(GetParam());
+  HgnConfig config = small_config(GetParam());
+  if (GetParam() == Aggregation::activations) config.short_range = 0.7;
   const HierarchicalGraphNetwork network(random_weights(config, {}));
   const Input input = random_input(config, 300);
   const std::vector<float> output = evaluate(network, input);

@@ -140,6 +140,46 @@ TEST(DeviceSamples, AreTheBatchesOfTheWorkersForGnsOnTheGpu) {
   expect_the_batches_of_gns(Device::cuda, 2e-5, true, graph::FramePredictor::ballistic);
 }
 
+/// Links between particles of the hierarchical graph network.
+void expect_the_links_of_the_cpu(Device device, double tolerance) {
+  TrainConfig config = sample_config();
+  config.hgn.short_range = 0.6;
+  const DataSplit split(tiny_data_set() + "/train.h5");
+  DeviceSamples samples(split, config, {}, device);
+  samples.start(0);
+  int64_t links = 0, particles = 0;
+  for (int64_t step = 0; step < 4; ++step) {
+    const SampleArrays made = samples.take();
+    samples.start(step + 1);
+    const Batch batch = training_batch(split, config, {}, step);
+    ASSERT_EQ(made.pair_count, batch.near.edges);
+    ASSERT_EQ(batch.near.cells, batch.particles());
+    ASSERT_EQ(made.counts.levels, static_cast<int>(batch.level.size()));
+    const auto expect_indices = [&](const int32_t* data, const Part& part) {
+      std::vector<int32_t> values(static_cast<std::size_t>(part.count));
+      device_copy(Device::cpu, values.data(), device, data, values.size() * sizeof(int32_t));
+      EXPECT_TRUE(std::equal(values.begin(), values.end(), batch.indices.begin() + part.begin));
+    };
+    expect_near(floats_of(device, made.pairs.features, batch.edge_features.count),
+                batch.numbers.data() + batch.edge_features.begin, batch.edge_features.count, tolerance);
+    expect_indices(made.pairs.begin, batch.near.edge_begin);
+    expect_indices(made.pairs.sender, batch.near.sender);
+    expect_indices(made.pairs.receiver, batch.near.receiver);
+    expect_indices(made.pairs.reverse, batch.near.reverse);
+    links += made.pair_count;
+    particles += made.particles;
+    samples.release();
+  }
+  EXPECT_GT(links, 2 * particles);
+}
+
+TEST(DeviceSamples, HaveTheLinksOfTheWorkers) { expect_the_links_of_the_cpu(Device::cpu, 0); }
+
+TEST(DeviceSamples, HaveTheLinksOfTheWorkersOnTheGpu) {
+  GRAUPEL_NEEDS_GPU();
+  expect_the_links_of_the_cpu(Device::cuda, 2e-4);
+}
+
 /// What the network sees and is to predict after frames of its own, for outputs of zero: free motion, or free fall.
 void expect_pushed_batches(Device device, int64_t bundle,
                            graph::FramePredictor predictor = graph::FramePredictor::none) {
@@ -239,6 +279,9 @@ std::vector<float> trained(Device device, bool on_device, const TrainConfig& con
 
 TEST(DeviceSamples, TrainTheSameWeights) {
   EXPECT_EQ(trained(Device::cpu, true), trained(Device::cpu, false));
+  TrainConfig near = sample_config();
+  near.hgn.short_range = 0.6;
+  EXPECT_EQ(trained(Device::cpu, true, near), trained(Device::cpu, false, near));
   TrainConfig gns = tiny_gns_config();
   gns.gns.obstacle_particles = true;
   gns.gns.obstacle_spacing = 0.03;

@@ -7,8 +7,7 @@
 #include "core/material_config.h"
 #include "core/random.h"
 #include "graph/features.h"
-#include "graph/gns_graph.h"
-#include "sparsegrid/radius_graph.h"
+#include "tests/train/links.h"
 #include "tests/train/tiny_data.h"
 #include "train/batch.h"
 
@@ -40,14 +39,7 @@ inline Cloud random_cloud(const graph::GnsConfig& config, uint64_t seed, int par
     (i < particles * width ? cloud.scene.features : cloud.scene.target).push_back(static_cast<float>(a));
   }
   cloud.scene.obstacle_particles = obstacles;
-  cloud.scene.links = sparsegrid::build_radius_graph(cloud.position, config.radius, sparsegrid::SelfEdges::with);
-  for (int32_t r = 0; r < cloud.scene.links.points(); ++r)
-    for (int32_t e = cloud.scene.links.begin[static_cast<std::size_t>(r)];
-         e < cloud.scene.links.begin[static_cast<std::size_t>(r) + 1]; ++e)
-      for (const float feature : graph::edge_features(
-               cloud.position[static_cast<std::size_t>(cloud.scene.links.sender[static_cast<std::size_t>(e)])],
-               cloud.position[static_cast<std::size_t>(r)], config.radius))
-        cloud.scene.edge_features.push_back(feature);
+  set_links(cloud.scene, cloud.position, config.radius);
   return cloud;
 }
 

@@ -1,0 +1,227 @@
+// Sums of activations over near particles and the way back, beside the formula in double precision: what the lanes of
+// the kernels do, on the host, and the kernels.
+#include "graph/cuda/near_sums.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "core/random.h"
+#include "graph/cuda/near_lanes.h"
+#include "graph/gns_graph.h"
+#include "sparsegrid/radius_graph.h"
+#include "tests/gpu_only.h"
+#ifdef GRAUPEL_HAVE_CUDA
+#include "core/buffer.h"
+#include "graph/cuda/activation_sums.h"
+#endif
+
+namespace graupel::graph {
+namespace {
+
+constexpr int h = layer_width;
+constexpr double slope = 0.01;
+constexpr float scale = 0.125f;
+constexpr int stride = 2 * h + 4;  // W is the end of a wider matrix
+
+uint16_t to_bf16(float x) {
+  uint32_t bits;
+  std::memcpy(&bits, &x, sizeof(bits));
+  return static_cast<uint16_t>((bits + 0x7fff + (bits >> 16 & 1)) >> 16);
+}
+double from_bf16(uint16_t x) {
+  const uint32_t bits = static_cast<uint32_t>(x) << 16;
+  float value;
+  std::memcpy(&value, &bits, sizeof(value));
+  return static_cast<double>(value);
+}
+
+std::vector<float> random_numbers(uint64_t seed, std::size_t n) {
+  const Random random(seed, RandomPurpose::test);
+  std::vector<float> numbers(n);
+  for (std::size_t i = 0; i < n; ++i) numbers[i] = static_cast<float>(random.uniform(i, 0, -1, 1));
+  return numbers;
+}
+std::vector<uint16_t> random_rows(uint64_t seed, int64_t rows) {
+  std::vector<uint16_t> numbers;
+  for (const float x : random_numbers(seed, static_cast<std::size_t>(rows * h))) numbers.push_back(to_bf16(x));
+  return numbers;
+}
+
+/// A cloud, dense in the middle, with a particle far from all others.
+struct Cloud {
+  explicit Cloud(int particles)
+      : n(particles),
+        sent(random_rows(1, n)),
+        received(random_rows(2, n)),
+        g(random_rows(3, n)),
+        weight(random_numbers(4, static_cast<std::size_t>(h * stride))) {
+    const std::vector<float> at = random_numbers(5, static_cast<std::size_t>(3 * n));
+    std::vector<Vec3f> x;
+    for (std::size_t p = 0; p < static_cast<std::size_t>(n); ++p) {
+      const auto coordinate = [&](std::size_t d) { return at[3 * p + d] * std::abs(at[3 * p + d]); };
+      x.push_back({coordinate(0), coordinate(1), coordinate(2)});
+    }
+    x[7] = {3, 3, 3};
+    constexpr double radius = 0.2;
+    const auto graph = sparsegrid::build_radius_graph(x, radius, sparsegrid::SelfEdges::with);
+    begin = graph.begin;
+    sender = graph.sender;
+    reverse.resize(sender.size());
+    for (int32_t r = 0; r < n; ++r)
+      for (int32_t q = begin[at_(r)]; q < begin[at_(r) + 1]; ++q) {
+        const int32_t s = sender[at_(q)];
+        receiver.push_back(r);
+        for (int32_t back = begin[at_(s)]; back < begin[at_(s) + 1]; ++back)
+          if (sender[at_(back)] == r) reverse[at_(q)] = back;
+        for (const float f : edge_features(x[at_(s)], x[at_(r)], radius)) features.push_back(f);
+      }
+  }
+  static std::size_t at_(int64_t i) { return static_cast<std::size_t>(i); }
+  int64_t links() const { return static_cast<int64_t>(sender.size()); }
+
+  int32_t n;
+  std::vector<uint16_t> sent, received, g;
+  std::vector<float> weight, features;
+  std::vector<int32_t> begin, sender, receiver, reverse;
+};
+
+struct Sums {
+  std::vector<double> sum, sent, received, weight;
+};
+Sums formula(const Cloud& c) {
+  const std::size_t rows = c.sent.size();
+  Sums e{std::vector<double>(rows), std::vector<double>(rows), std::vector<double>(rows), std::vector<double>(4 * h)};
+  for (std::size_t q = 0; q < c.sender.size(); ++q)
+    for (std::size_t i = 0; i < h; ++i) {
+      const std::size_t r = Cloud::at_(c.receiver[q]) * h + i, s = Cloud::at_(c.sender[q]) * h + i;
+      double x = from_bf16(c.sent[s]) + from_bf16(c.received[r]);
+      for (std::size_t f = 0; f < 4; ++f)
+        x += static_cast<double>(c.weight[i * stride + f]) * static_cast<double>(c.features[4 * q + f]);
+      const double d = static_cast<double>(scale) * (x > 0 ? 1 : slope) * from_bf16(c.g[r]);
+      e.sum[r] += static_cast<double>(scale) * (x > 0 ? x : slope * x);
+      e.sent[s] += d;
+      e.received[r] += d;
+      for (std::size_t f = 0; f < 4; ++f) e.weight[f * h + i] += d * static_cast<double>(c.features[4 * q + f]);
+    }
+  return e;
+}
+
+void expect_rows(const std::vector<double>& actual, const std::vector<double>& expected, double tolerance,
+                 const char* what) {
+  ASSERT_EQ(actual.size(), expected.size());
+  for (std::size_t i = 0; i < actual.size(); ++i)
+    ASSERT_NEAR(actual[i], expected[i], tolerance * (1 + std::abs(expected[i]))) << what << " " << i;
+}
+
+TEST(NearSums, LanesSumActivationsAndGoBack) {
+  const Cloud c(200);
+  ASSERT_GT(c.links(), 3 * c.n);
+  std::vector<uint8_t> signs(Cloud::at_(c.links()) * near::sign_lanes);
+  const NearLinks links{c.n, c.links(), c.begin.data(), c.sender.data(), c.reverse.data(), c.features.data()};
+  const NearSums sums{.links = links,
+                      .sent = c.sent.data(),
+                      .received = c.received.data(),
+                      .weight = c.weight.data(),
+                      .stride = stride,
+                      .scale = scale,
+                      .sum = nullptr,
+                      .signs = signs.data()};
+  const NearGradient back{.links = links,
+                          .g = c.g.data(),
+                          .scale = scale,
+                          .signs = signs.data(),
+                          .sent = nullptr,
+                          .received = nullptr,
+                          .partial = nullptr};
+  Sums made;
+  const std::size_t rows = c.sent.size();
+  for (std::vector<double>* all : {&made.sum, &made.sent, &made.received}) all->resize(rows);
+  made.weight.resize(4 * h);
+  for (int lane = 0; lane < near::sign_lanes; ++lane) {
+    const near::LaneWeights weights(sums, lane);
+    for (int64_t n = 0; n < c.n; ++n) {
+      float sum[near::columns];
+      near::sum_links(sums, weights, n, lane, sum);
+      for (int i = 0; i < near::columns; ++i)
+        made.sum[Cloud::at_(n * h + lane * near::columns + i)] = static_cast<double>(sum[i]);
+    }
+  }
+  for (int lane = 0; lane < near::sign_lanes; ++lane) {
+    float weight[near::features][near::columns] = {};
+    for (int64_t n = 0; n < c.n; ++n) {
+      float sent[near::columns], received[near::columns];
+      near::sum_link_gradients(back, n, lane, sent, received, weight);
+      for (int i = 0; i < near::columns; ++i) {
+        made.sent[Cloud::at_(n * h + lane * near::columns + i)] = static_cast<double>(sent[i]);
+        made.received[Cloud::at_(n * h + lane * near::columns + i)] = static_cast<double>(received[i]);
+      }
+    }
+    for (int f = 0; f < near::features; ++f)
+      for (int i = 0; i < near::columns; ++i)
+        made.weight[Cloud::at_(f * h + lane * near::columns + i)] = static_cast<double>(weight[f][i]);
+  }
+  const Sums expected = formula(c);
+  expect_rows(made.sum, expected.sum, 1e-5, "sum");
+  expect_rows(made.sent, expected.sent, 1e-5, "gradient of the senders");
+  expect_rows(made.received, expected.received, 1e-5, "gradient of the receivers");
+  expect_rows(made.weight, expected.weight, 1e-4, "gradient of the weights");
+}
+
+#ifdef GRAUPEL_HAVE_CUDA
+template <typename T>
+Buffer<T> on_gpu(const std::vector<T>& values) {
+  Buffer<T> buffer(Device::cuda, 0);
+  buffer.upload(values);
+  return buffer;
+}
+std::vector<double> numbers(const Buffer<uint16_t>& rows) {
+  std::vector<double> all;
+  for (const uint16_t x : rows.download()) all.push_back(from_bf16(x));
+  return all;
+}
+
+TEST(NearSums, KernelsSumActivationsAndGoBack) {
+  GRAUPEL_NEEDS_GPU();
+  const Cloud c(5000);  // more than all blocks take at once
+  const auto begin = on_gpu(c.begin), sender = on_gpu(c.sender), reverse = on_gpu(c.reverse);
+  const auto features = on_gpu(c.features), weight = on_gpu(c.weight);
+  const auto sent = on_gpu(c.sent), received = on_gpu(c.received), g = on_gpu(c.g);
+  Buffer<uint16_t> sum(Device::cuda, c.sent.size()), back_sent(Device::cuda, c.sent.size()),
+      back_received(Device::cuda, c.sent.size());
+  Buffer<uint8_t> signs(Device::cuda, Cloud::at_(c.links()) * sign_bytes);
+  Buffer<float> partial(Device::cuda, Cloud::at_(most_offset_partials()) * 4 * h);
+  const NearLinks links{c.n, c.links(), begin.data(), sender.data(), reverse.data(), features.data()};
+  sum_near({.links = links,
+            .sent = sent.data(),
+            .received = received.data(),
+            .weight = weight.data(),
+            .stride = stride,
+            .scale = scale,
+            .sum = sum.data(),
+            .signs = signs.data()},
+           nullptr);
+  const int partials = sum_gradients(NearGradient{.links = links,
+                                                  .g = g.data(),
+                                                  .scale = scale,
+                                                  .signs = signs.data(),
+                                                  .sent = back_sent.data(),
+                                                  .received = back_received.data(),
+                                                  .partial = partial.data()},
+                                     nullptr);
+  const Sums expected = formula(c);
+  expect_rows(numbers(sum), expected.sum, 4e-3, "sum");
+  expect_rows(numbers(back_sent), expected.sent, 4e-3, "gradient of the senders");
+  expect_rows(numbers(back_received), expected.received, 4e-3, "gradient of the receivers");
+  ASSERT_LE(partials, most_offset_partials());
+  const std::vector<float> parts = partial.download();
+  std::vector<double> of_weight(4 * h);
+  for (int p = 0; p < partials; ++p)
+    for (std::size_t i = 0; i < of_weight.size(); ++i)
+      of_weight[i] += static_cast<double>(parts[static_cast<std::size_t>(p) * 4 * h + i]);
+  expect_rows(of_weight, expected.weight, 1e-3, "gradient of the weights");
+}
+#endif
+
+}  // namespace
+}  // namespace graupel::graph
