@@ -28,7 +28,9 @@ struct CapturedStep::Graph {
   at::cuda::CUDAGraph recorded;
 };
 
-void* current_stream() { return c10::cuda::getCurrentCUDAStream().stream(); }
+void* current_stream(Device device) {
+  return device == Device::cuda ? c10::cuda::getCurrentCUDAStream().stream() : nullptr;
+}
 
 void CapturedStep::run(const std::function<void()>& work) {
   if (launch_ == StepLaunch::eager) return work();
@@ -45,7 +47,7 @@ void CapturedStep::run(const std::function<void()>& work) {
 
 struct CapturedStep::Graph {};
 
-void* current_stream() { return nullptr; }
+void* current_stream(Device) { return nullptr; }
 
 void CapturedStep::run(const std::function<void()>& work) { work(); }
 

@@ -6,6 +6,8 @@
 #include <functional>
 #include <memory>
 
+#include "core/device.h"
+
 namespace graupel::train {
 
 enum class StepLaunch {
@@ -13,8 +15,8 @@ enum class StepLaunch {
   graph   ///< as one CUDA graph, where libtorch has CUDA
 };
 
-/// The stream that libtorch launches on now, a cudaStream_t; null: the default stream, or a libtorch without CUDA.
-void* current_stream();
+/// The stream that libtorch launches on now, a cudaStream_t; null: the default stream, or no GPU.
+void* current_stream(Device device);
 
 class CapturedStep {
  public:

@@ -269,7 +269,7 @@ struct MlpModule::Impl {
         reinterpret_cast<const double*>(input.numbers.data_ptr<int64_t>() + input.snapshots + input.points);
     adam_step<T>(device, gradient.numel(), settings, gradient.data_ptr<T>(), loss.data_ptr<T>(),
                  get(MlpArray::weights).data_ptr<T>(), get(MlpArray::adam_m).data_ptr<T>(),
-                 get(MlpArray::adam_v).data_ptr<T>(), average.data_ptr<T>(), current_stream());
+                 get(MlpArray::adam_v).data_ptr<T>(), average.data_ptr<T>(), current_stream(device));
   }
 
   nn::Weights named(const at::Tensor& flat) const {
