@@ -6,12 +6,11 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstring>
 #include <map>
 
 #include "core/buffer.h"
-#include "core/random.h"
 #include "tests/gpu_only.h"
+#include "tests/graph/bf16_rows.h"
 
 namespace graupel::graph {
 namespace {
@@ -19,35 +18,11 @@ namespace {
 constexpr int h = layer_width;
 constexpr double slope = 0.01;
 
-uint16_t to_bf16(float x) {
-  uint32_t bits;
-  std::memcpy(&bits, &x, sizeof(bits));
-  return static_cast<uint16_t>((bits + 0x7fff + (bits >> 16 & 1)) >> 16);
-}
-double from_bf16(uint16_t x) {
-  const uint32_t bits = static_cast<uint32_t>(x) << 16;
-  float value;
-  std::memcpy(&value, &bits, sizeof(value));
-  return value;
-}
-
 template <typename T>
 Buffer<T> on_gpu(const std::vector<T>& values) {
   Buffer<T> buffer(Device::cuda, 0);
   buffer.upload(values);
   return buffer;
-}
-
-std::vector<float> random_numbers(uint64_t seed, std::size_t n) {
-  const Random random(seed, RandomPurpose::test);
-  std::vector<float> numbers(n);
-  for (std::size_t i = 0; i < n; ++i) numbers[i] = static_cast<float>(random.uniform(i, 0, -1, 1));
-  return numbers;
-}
-std::vector<uint16_t> random_rows(uint64_t seed, int64_t rows) {
-  std::vector<uint16_t> numbers;
-  for (const float x : random_numbers(seed, static_cast<std::size_t>(rows * h))) numbers.push_back(to_bf16(x));
-  return numbers;
 }
 
 struct Item {

@@ -6,11 +6,11 @@
 
 #include <cmath>
 
-#include "core/random.h"
 #include "graph/cuda/near_lanes.h"
 #include "graph/gns_graph.h"
 #include "sparsegrid/radius_graph.h"
 #include "tests/gpu_only.h"
+#include "tests/graph/bf16_rows.h"
 #ifdef GRAUPEL_HAVE_CUDA
 #include "core/buffer.h"
 #include "graph/cuda/activation_sums.h"
@@ -23,30 +23,6 @@ constexpr int h = layer_width;
 constexpr double slope = 0.01;
 constexpr float scale = 0.125f;
 constexpr int stride = 2 * h + 4;  // W is the end of a wider matrix
-
-uint16_t to_bf16(float x) {
-  uint32_t bits;
-  std::memcpy(&bits, &x, sizeof(bits));
-  return static_cast<uint16_t>((bits + 0x7fff + (bits >> 16 & 1)) >> 16);
-}
-double from_bf16(uint16_t x) {
-  const uint32_t bits = static_cast<uint32_t>(x) << 16;
-  float value;
-  std::memcpy(&value, &bits, sizeof(value));
-  return static_cast<double>(value);
-}
-
-std::vector<float> random_numbers(uint64_t seed, std::size_t n) {
-  const Random random(seed, RandomPurpose::test);
-  std::vector<float> numbers(n);
-  for (std::size_t i = 0; i < n; ++i) numbers[i] = static_cast<float>(random.uniform(i, 0, -1, 1));
-  return numbers;
-}
-std::vector<uint16_t> random_rows(uint64_t seed, int64_t rows) {
-  std::vector<uint16_t> numbers;
-  for (const float x : random_numbers(seed, static_cast<std::size_t>(rows * h))) numbers.push_back(to_bf16(x));
-  return numbers;
-}
 
 /// A cloud, dense in the middle, with a particle far from all others.
 struct Cloud {
