@@ -214,6 +214,10 @@ void inspect(InspectOptions& options) {
   options.common.apply();
   const std::string& first = options.files.front();
   const bool runs = options.files.size() > 1 || is_run_folder(first);
+  if (runs && options.recover)
+    throw ConfigError(
+        "--recover is for one trajectory ('" + first +
+        (options.files.size() > 1 ? "' and others were named). Name one FILE" : "' is a training run). Leave it out"));
   if (!runs && !options.plots.empty())
     throw ConfigError("--plots is for folders of training runs ('" + first + "' is none). Leave it out");
   const Json result = runs ? inspect_runs(options) : options.recover ? recover(first) : inspect_file(first);

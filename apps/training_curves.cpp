@@ -50,18 +50,16 @@ class Table {
     return static_cast<std::size_t>(found - names_.begin());
   }
 
-  /// The next row; false at the end. The row that a killed run was writing is left out.
+  /// The next row; false at the end. The row that a killed run was writing, which no line end follows, is left out.
   bool next() {
     std::string line;
-    while (std::getline(in_, line)) {
-      ++row_;
-      cells_ = split(line);
-      if (cells_.size() == names_.size()) return true;
-      if (!in_.eof() && in_.peek() != std::ifstream::traits_type::eof())
-        throw InputError(fmt::format("'{}' has {} values in row {} (allowed: {}). Take the folder as it was written",
-                                     file_, cells_.size(), row_, names_.size()));
-    }
-    return false;
+    if (!std::getline(in_, line) || in_.eof()) return false;
+    ++row_;
+    cells_ = split(line);
+    if (cells_.size() != names_.size())
+      throw InputError(fmt::format("'{}' has {} values in row {} (allowed: {}). Take the folder as it was written",
+                                   file_, cells_.size(), row_, names_.size()));
+    return true;
   }
 
   /// NaN for an empty cell.
@@ -115,7 +113,10 @@ std::string write_plot(const std::vector<TrainingCurve>& curves, double Validati
 
 }  // namespace
 
-bool is_run_folder(const std::string& path) { return fs::is_regular_file(metrics_of(path)); }
+bool is_run_folder(const std::string& path) {
+  std::error_code no_access;
+  return fs::is_regular_file(metrics_of(path), no_access);
+}
 
 TrainingCurve read_training_curve(const std::string& run_folder) {
   const fs::path folder = fs::path(run_folder).lexically_normal();

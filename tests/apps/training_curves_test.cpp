@@ -10,6 +10,7 @@
 #include <sstream>
 
 #include "core/error.h"
+#include "tests/apps/program.h"
 
 namespace graupel::apps {
 namespace {
@@ -50,6 +51,24 @@ TEST_F(TrainingCurves, ValidationsAreReadWithTheBetterBaseline) {
   const auto json = to_json(curve);
   EXPECT_TRUE(json["validations"][0]["rollout_mse_m2"].is_null());
   EXPECT_DOUBLE_EQ(json["validations"][1]["minutes"].get<double>(), 0.4);
+}
+
+TEST_F(TrainingCurves, AValueThatWasCutShortIsNoMeasurement) {
+  const std::string whole = "100,12,1.2,2e-6,8e-6,4e-6,\n";
+  for (const char* cut : {"200,24,1,1e-6,2e-6,4e-6,0.2", "200,24,1,1e-6,2e-6,4e-6,2.5e-", "2"})
+    EXPECT_EQ(read_training_curve(run(whole + cut)).validations.size(), 1u) << cut;
+}
+
+TEST_F(TrainingCurves, InspectTakesOneKindAtATime) {
+  const std::string folder = run("100,12,1.2,2e-6,8e-6,4e-6,\n"), none = folder_.string();
+  EXPECT_EQ(test::graupel("inspect " + folder).exit_code, 0);
+  const test::Outcome recovered = test::graupel("inspect --recover " + folder),
+                      mixed = test::graupel("inspect " + folder + " " + none);
+  EXPECT_EQ(recovered.exit_code, 2);
+  EXPECT_TRUE(recovered.says("--recover")) << recovered.output;
+  EXPECT_EQ(mixed.exit_code, 2);
+  EXPECT_TRUE(mixed.says("'" + none + "' is no folder of a training run")) << mixed.output;
+  EXPECT_EQ(test::graupel("inspect " + none + " --plots " + none).exit_code, 2);
 }
 
 TEST_F(TrainingCurves, PlotsAreThoseOfWhatWasMeasured) {
