@@ -10,6 +10,7 @@
 #include "core/error.h"
 #include "graph/normalization.h"
 #include "io/config_description.h"
+#include "io/json_node.h"
 #include "train/crc32c.h"
 
 namespace graupel::train {
@@ -33,6 +34,11 @@ std::string config_hash(const std::string& config_json) {
 
 std::string config_hash(const TrainConfig& config) {
   return config_hash(io::write_json(io::json_of_struct(config), io::JsonLayout::compact));
+}
+
+std::string run_config_hash(const std::string& folder) {
+  const std::string file = folder + "/config.json";
+  return config_hash(io::write_json(io::parse_json(read_file(file), file), io::JsonLayout::compact));
 }
 
 void create_run(const std::string& folder, const TrainConfig& config, const RunFacts& facts,

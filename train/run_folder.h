@@ -28,6 +28,9 @@ std::string train_config_text(const TrainConfig& config);
 /// Short fingerprint of all settings.
 std::string config_hash(const TrainConfig& config);
 std::string config_hash(const std::string& config_json);
+/// That of the settings that a run's config.json names: the one of the checkpoints of runs that began before there were
+/// further settings, too.
+std::string run_config_hash(const std::string& folder);
 
 /// Makes the folder of a new run. Throws ConfigError when it holds a run already.
 void create_run(const std::string& folder, const TrainConfig& config, const RunFacts& facts,

@@ -107,12 +107,16 @@ TrainingRun::TrainingRun(const TrainingOptions& options)
     throw ConfigError(std::to_string(comm_.size()) + " ranks are too many for batches of " +
                       std::to_string(config_.batch_scenes) +
                       " scenes (each takes one or more). Start fewer, or set batch_scenes higher");
+  if (config_.architecture == Architecture::hgn && config_.hgn.short_range > 0 &&
+      config_.hgn.aggregation != graph::Aggregation::activations)
+    throw ConfigError("hgn.short_range (" + std::to_string(config_.hgn.short_range) +
+                      ") goes with hgn.aggregation=activations alone (here: " + word_of(config_.hgn.aggregation) +
+                      "): nothing rolls out the other form. Set hgn.aggregation=activations, or hgn.short_range=0");
   train_ = open("train.h5");
   train_->check_length(
       1 + config_.features().bundle * (1 + config_.push_steps),
       "bundle " + std::to_string(config_.features().bundle) + " and push_steps " + std::to_string(config_.push_steps));
   state_.seed = config_.seed;
-  state_.config_hash = config_hash(config_);
   if (comm_.leads()) begin_run();
   broadcast_value(comm_, normalization_);
   broadcast_value(comm_, state_.step);
@@ -130,6 +134,9 @@ void TrainingRun::begin_run() {
                {fs::absolute(options_.data).lexically_normal(), name_of(options_.device), torch_version(),
                 options_.version, options_.threads, comm_.size()},
                options_.command_line);
+  state_.config_hash = config_hash(config_);
+  if (options_.resume && config_hash(read_run_config(options_.run)) == state_.config_hash)
+    state_.config_hash = run_config_hash(options_.run);
   prepare_normalization();
   if (options_.resume) restore();
   metrics_.emplace(options_.run, metric_columns(), state_.step);

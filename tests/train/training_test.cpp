@@ -8,6 +8,7 @@
 #include "core/error.h"
 #include "graph/hierarchical_graph_network.h"
 #include "graph/learned_simulator.h"
+#include "io/json_node.h"
 #include "tests/graph/random_weights.h"
 #include "tests/train/learning.h"
 #include "tests/train/tiny_data.h"
@@ -67,6 +68,47 @@ TEST(Training, TwentyStepsEqualTenAndResumedTen) {
     if (std::isdigit(line[0]) && line.find(",,") != line.find(',', line.find(',') + 1))
       losses.push_back(line.substr(0, 3));
   EXPECT_EQ(losses, (std::vector<std::string>{"10,", "20,"}));
+  remove_path(folder);
+}
+
+TEST(Training, RunsFromBeforeASettingGoOn) {
+  const std::string folder = test_folder("older");
+  TrainingOptions options = tiny_options(folder + "/run");
+  options.stop_step = 10;
+  train_network(options);
+  options.stop_step = 0;
+  options.resume = true;
+  const std::string file = options.run + "/config.json", last = options.run + "/checkpoints/step-00000010/state.json";
+  const std::string now = run_config_hash(options.run), settings = read_file(file);
+  EXPECT_EQ(now, config_hash(options.config));
+  io::JsonNode older = io::parse_json(settings, file);
+  EXPECT_EQ(std::erase_if(older.find("hgn")->members,
+                          [](const auto& m) { return m.key == "predictor" || m.key == "short_range"; }),
+            2u);
+  write_file_atomically(file, io::write_json(older, io::JsonLayout::indented));
+  EXPECT_THROW(train_network(options), ConfigError);  // the checkpoint is of all settings
+  std::string state = read_file(last);
+  state.replace(state.find(now), now.size(), run_config_hash(options.run));
+  write_file_atomically(last, state);
+  EXPECT_EQ(train_network(options).reason, StopReason::finished);
+  TrainingOptions other = options;
+  other.config.noise_std *= 2;
+  EXPECT_THROW(train_network(other), ConfigError);
+  remove_path(folder);
+}
+
+TEST(Training, RefusesANetworkThatNothingRollsOut) {
+  const std::string folder = test_folder("messages_near");
+  TrainingOptions options = tiny_options(folder + "/run");
+  options.config.hgn.short_range = 0.5;
+  options.config.hgn.aggregation = graph::Aggregation::messages;
+  try {
+    train_network(options);
+    ADD_FAILURE();
+  } catch (const ConfigError& error) {
+    EXPECT_NE(std::string(error.what()).find("hgn.short_range (0.5"), std::string::npos) << error.what();
+  }
+  EXPECT_FALSE(fs::exists(options.run));
   remove_path(folder);
 }
 
