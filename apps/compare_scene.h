@@ -53,6 +53,8 @@ class SceneComparison {
   const TimedRun& run_of(const ComparedModel& model, TimedRun& own);
   compare::ModelResult evaluate(const ComparedModel& model);
   const graph::Surroundings& surroundings();
+  /// Throws ConfigError where the network predicts frames by a gravity that the data do not say.
+  void check_gravity(const graph::LearnedSimulator& network, const std::string& file) const;
   compare::OneStepError one_step_of_network(const graph::LearnedSimulator& network);
   compare::OneStepError one_step_of_rollout(const compare::ParticleRun& run) const;
   std::vector<std::size_t> one_step_frames() const;

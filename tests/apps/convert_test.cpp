@@ -94,6 +94,10 @@ TEST_F(ConvertVerb, BallisticFramesNeedAGravity) {
   EXPECT_EQ(unknown.exit_code, 2) << unknown.output;
   EXPECT_TRUE(unknown.says("does not say its gravity (0)")) << unknown.output;
   EXPECT_EQ(graupel(rollout + "/b.h5 --set gravity=[0,-9.8,0]").exit_code, 0);
+  const Outcome compared =
+      graupel("compare --scenes " + silent + "/test.h5 --one-step-only --models " + run + "/weights.safetensors");
+  EXPECT_EQ(compared.exit_code, 2) << compared.output;
+  EXPECT_TRUE(compared.says("does not say its gravity (0)")) << compared.output;
 }
 
 /// A plane run of water and sand as a data set of another program that calls the sand kinematic: both networks train on
