@@ -1,9 +1,14 @@
-// Owns the obstacles' grids and the views over them; everything here works on NanoVDB bytes.
+// Owns the obstacles' grids and the views over them; everything here works on NanoVDB bytes. Sets that hold the same
+// body share its grid: a solver, another one and a network's surroundings are made of one scene.
 #include "sparsegrid/obstacle_set.h"
 
 #include <algorithm>
+#include <array>
 #include <exception>
+#include <map>
+#include <memory>
 #include <mutex>
+#include <tuple>
 
 #include "core/buffer.h"
 #include "core/error.h"
@@ -108,6 +113,46 @@ double voxels_of(const LocalBox& around, double voxel, int margin, DenseValues& 
   return count;
 }
 
+using SharedGrid = std::shared_ptr<const LevelSetGrid>;
+
+/// Grids of analytic bodies that some set holds. A file may have changed since it was read, so that those are made
+/// anew.
+class SharedGrids {
+ public:
+  template <typename Make>
+  SharedGrid get(const Scene& scene, const Obstacle& body, const std::string& name, const Make& make) {
+    if (body.mesh || !body.file.empty()) return std::make_shared<const LevelSetGrid>(make());
+    const Key key = {body.shape, in_order(body.size), body.radius, body.height, scene.voxel(), scene.band(), name};
+    {
+      const std::lock_guard lock(mutex_);
+      const auto found = grids_.find(key);
+      if (found != grids_.end())
+        if (SharedGrid known = found->second.lock()) return known;
+    }
+    auto made = std::make_shared<const LevelSetGrid>(make());
+    const std::lock_guard lock(mutex_);
+    if (grids_.size() >= most_) {
+      std::erase_if(grids_, [](const auto& one) { return one.second.expired(); });
+      most_ = std::max<std::size_t>(64, 2 * grids_.size());
+    }
+    grids_[key] = made;
+    return made;
+  }
+
+ private:
+  using Key = std::tuple<Shape, std::array<double, 3>, double, double, double, double, std::string>;
+  static std::array<double, 3> in_order(const Vec3d& x) { return {x[0], x[1], x[2]}; }
+
+  std::mutex mutex_;
+  std::map<Key, std::weak_ptr<const LevelSetGrid>> grids_;
+  std::size_t most_ = 64;  ///< until those that nobody holds any more are dropped
+};
+
+SharedGrids& shared_grids() {
+  static SharedGrids grids;
+  return grids;
+}
+
 }  // namespace
 
 void ObstacleView::set_frame(const ObstacleFrame<double>& frame) {
@@ -139,9 +184,9 @@ std::vector<float> dense_values(const LevelSetGrid& level_set, double voxel, Den
 }
 
 struct ObstacleSet::Impl {
-  Scene scene;                      ///< domain and obstacles; for planes, whose grids are made when asked for
-  std::vector<std::string> names;   ///< [count]
-  std::vector<LevelSetGrid> grids;  ///< [count]; without bytes for a plane
+  Scene scene;                     ///< domain and obstacles; for planes, whose grids are made when asked for
+  std::vector<std::string> names;  ///< [count]
+  std::vector<SharedGrid> grids;   ///< [count]; without bytes for a plane
   Buffer<ObstacleView> views{Device::cpu, 0};
   ObstacleLists lists;
 
@@ -154,6 +199,7 @@ struct ObstacleSet::Impl {
 
   explicit Impl(const Scene& from);
   void build_grids();
+  SharedGrid grid_of(std::size_t i) const;
   LevelSetGrid solid_grid(std::size_t i) const;
   void upload() const;
   LevelSetGrid plane_grid(int i) const { return build_level_set(scene, scene.obstacles[i], names[i]); }
@@ -175,7 +221,7 @@ ObstacleSet::Impl::Impl(const Scene& from) {
   build_grids();
   std::vector<ObstacleView> host;
   for (std::size_t i = 0; i < grids.size(); ++i)
-    host.push_back(view_of(scene.obstacles[i], grids[i], from.voxel(), from.band()));
+    host.push_back(view_of(scene.obstacles[i], *grids[i], from.voxel(), from.band()));
   views.upload(host);
   std::vector<bool> moves;
   for (const Obstacle& obstacle : scene.obstacles) moves.push_back(obstacle.motion.has_value());
@@ -190,7 +236,7 @@ void ObstacleSet::Impl::build_grids() {
       [&](int64_t i) {
         const auto n = static_cast<std::size_t>(i);
         try {
-          grids[n] = solid_grid(n);
+          grids[n] = grid_of(n);
         } catch (...) {
           failure[n] = std::current_exception();
         }
@@ -200,12 +246,15 @@ void ObstacleSet::Impl::build_grids() {
     if (one) std::rethrow_exception(one);
 }
 
-/// Without bytes for a plane.
+SharedGrid ObstacleSet::Impl::grid_of(std::size_t i) const {
+  if (scene.obstacles[i].shape == Shape::plane) return std::make_shared<const LevelSetGrid>();
+  return shared_grids().get(scene, scene.obstacles[i], names[i], [&] { return solid_grid(i); });
+}
+
 LevelSetGrid ObstacleSet::Impl::solid_grid(std::size_t i) const {
   const Obstacle& obstacle = scene.obstacles[i];
   if (obstacle.shape == Shape::points)
     throw ConfigError(names[i] + ": points have no surface. Use a mesh or a .vdb level set as an obstacle");
-  if (obstacle.shape == Shape::plane) return {};
   LevelSetGrid grid = build_level_set(scene, obstacle, names[i]);
   if (grid.solid.low[0] > grid.solid.high[0])
     throw ConfigError(names[i] + " has no inside on its grid (voxel " + std::to_string(scene.voxel()) +
@@ -217,13 +266,13 @@ void ObstacleSet::Impl::upload() const {
   std::vector<ObstacleView> device_views = views.download();
   cuda_views = Buffer<ObstacleView>(Device::cuda, device_views.size());
   for (std::size_t i = 0; i < grids.size(); ++i) {
-    Buffer<char> bytes(Device::cuda, grids[i].bytes.size());
-    device_copy(Device::cuda, bytes.data(), Device::cpu, grids[i].bytes.data(), grids[i].bytes.size());
+    Buffer<char> bytes(Device::cuda, grids[i]->bytes.size());
+    device_copy(Device::cuda, bytes.data(), Device::cpu, grids[i]->bytes.data(), grids[i]->bytes.size());
     device_views[i].grid = reinterpret_cast<const nanovdb::FloatGrid*>(bytes.data());
     cuda_grids.push_back(std::move(bytes));
     if (device_views[i].is_plane) continue;
     Buffer<float> dense(Device::cuda, 0);
-    dense.upload(dense_values(grids[i], 1 / device_views[i].exact.inverse_voxel, device_views[i].dense));
+    dense.upload(dense_values(*grids[i], 1 / device_views[i].exact.inverse_voxel, device_views[i].dense));
     device_views[i].dense.values = dense.size() > 0 ? dense.data() : nullptr;
     cuda_dense.push_back(std::move(dense));
   }
@@ -259,14 +308,15 @@ std::vector<ObstacleView> ObstacleSet::views_at(double time, Device device) cons
   view(device);
   std::vector<ObstacleView> views = device == Device::cpu ? impl_->views.download() : impl_->cuda_views_on_host;
   for (std::size_t i = 0; i < views.size(); ++i)
-    if (impl_->scene.obstacles[i].motion) set_pose(views[i], pose_at(impl_->scene.obstacles[i], time), impl_->grids[i]);
+    if (impl_->scene.obstacles[i].motion)
+      set_pose(views[i], pose_at(impl_->scene.obstacles[i], time), *impl_->grids[i]);
   return views;
 }
 
 double ObstacleSet::largest_distance(int obstacle, const Vec3d& from) const {
   const auto i = static_cast<std::size_t>(obstacle);
   const Obstacle& body = impl_->scene.obstacles[i];
-  const LocalBox box = body.shape == Shape::plane ? plane_bounds(body, impl_->scene.domain) : impl_->grids[i].solid;
+  const LocalBox box = body.shape == Shape::plane ? plane_bounds(body, impl_->scene.domain) : impl_->grids[i]->solid;
   double largest = 0;
   for (int corner = 0; corner < 8; ++corner)
     largest = std::max(largest, norm(pose_at(body, 0)(corner_of(box, corner)) - from));
@@ -281,7 +331,7 @@ SignedDistance<double> ObstacleSet::sample(const Vec3d& x, int* nearest) const {
 }
 
 GridFacts ObstacleSet::facts(int obstacle) const {
-  const LevelSetGrid& grid = impl_->grids.at(static_cast<std::size_t>(obstacle));
+  const LevelSetGrid& grid = *impl_->grids.at(static_cast<std::size_t>(obstacle));
   return grid.bytes.size() > 0 ? grid.facts : impl_->plane_grid(obstacle).facts;
 }
 
@@ -292,7 +342,7 @@ void ObstacleSet::write_vdb(const std::string& path) const {
   std::vector<const LevelSetGrid*> grids;
   UnionRequest request{[this](const Vec3d& x) { return sample(x).phi; }, {}, impl_->scene.voxel(), impl_->scene.band()};
   for (int i = 0; i < count(); ++i) {
-    const LevelSetGrid& own = impl_->grids[i];
+    const LevelSetGrid& own = *impl_->grids[i];
     if (own.bytes.size() == 0) planes[i] = impl_->plane_grid(i);
     grids.push_back(own.bytes.size() > 0 ? &own : &planes[i]);
     LocalBox box = to_world_box(pose_at(impl_->scene.obstacles[i], 0), grids.back()->near);

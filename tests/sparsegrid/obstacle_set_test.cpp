@@ -166,6 +166,26 @@ TEST(ObstacleSet, FactsOfABox) {
   EXPECT_GT(set.facts(1).active_voxels, 100 * 100 * 6);
 }
 
+/// Grids do not depend on the pose, and sets of one scene share them; other sizes, voxels and bands have their own.
+TEST(ObstacleSet, SetsShareTheGridsOfTheSameBodies) {
+  const Scene scene = scene_with({make_obstacle(Shape::cone, {0.5, 0.5, 0.5})});
+  Scene moved = scene, larger = scene, finer = scene, wider = scene;
+  moved.obstacles[0].position = {0.4, 0.6, 0.5};
+  larger.obstacles[0].radius *= 1.25;
+  finer.obstacle_voxel = scene.voxel() / 2;
+  wider.obstacle_band = scene.band() * 1.5;
+  const ObstacleSet set(scene);
+  const auto grid_of = [](const ObstacleSet& one) { return one.view().obstacles[0].grid; };
+  const auto* grid = grid_of(set);
+  EXPECT_EQ(grid_of(ObstacleSet(scene)), grid);
+  EXPECT_EQ(grid_of(ObstacleSet(moved)), grid);
+  EXPECT_NE(grid_of(ObstacleSet(larger)), grid);
+  EXPECT_NE(grid_of(ObstacleSet(finer)), grid);
+  EXPECT_NE(grid_of(ObstacleSet(wider)), grid);
+  EXPECT_LT(ObstacleSet(moved).sample({0.4, 0.6, 0.5}).phi, 0);
+  EXPECT_GT(ObstacleSet(moved).sample({0.7, 0.5, 0.5}).phi, 0);
+}
+
 TEST(ObstacleSet, RefusesWhatCannotBeAnObstacle) {
   EXPECT_THROW(ObstacleSet(scene_with({make_obstacle(Shape::points, {0.5, 0.5, 0.5})})), ConfigError);
   Scene narrow = scene_with({make_obstacle(Shape::box, {0.5, 0.5, 0.5})});
