@@ -6,8 +6,8 @@
 
 namespace graupel::graph {
 
-/// A way is taken in pieces, each as long as the obstacles are far (phi grows by at most steepest_grid per way), so
-/// that free flight takes one.
+/// A way that may meet an obstacle is taken in pieces, each as long as the obstacles are far (phi grows by at most
+/// steepest_grid per way).
 struct WayFollower {
   sparsegrid::ObstacleSetView obstacles;
   Vec3f low, high;  ///< [m] box that holds the particles
@@ -18,6 +18,7 @@ struct WayFollower {
     const Vec3f way = x - before;
     const float length = norm(way);
     float free = 0;
+    if (length > piece && !may_meet_obstacle(before, x)) return clamp(x);
     if (!(length > piece) || obstacles.count == 0 || (free = clearance(before)) < 0 || free >= length ||
         free + clearance(x) >= length)
       return push_out(obstacles, low, high, before, x);
@@ -41,6 +42,23 @@ struct WayFollower {
   }
 
   static constexpr float most_pieces = 1000;
+
+  GRAUPEL_HD bool may_meet_obstacle(const Vec3f& a, const Vec3f& b) const {
+    Vec3f from = sparsegrid::lookup::clamp_to_box(a, low, high), to = sparsegrid::lookup::clamp_to_box(b, low, high);
+    for (int d = 0; d < 3; ++d) {
+      const float lower = from[d] < to[d] ? from[d] : to[d], upper = from[d] < to[d] ? to[d] : from[d];
+      from[d] = lower;
+      to[d] = upper;
+    }
+    return sparsegrid::lookup::may_meet_solid(obstacles, from, to);
+  }
+  /// Moves x to the walls; returns whether it changed.
+  GRAUPEL_HD bool clamp(Vec3f& x) const {
+    const Vec3f wanted = sparsegrid::lookup::clamp_to_box(x, low, high);
+    const bool moves = wanted[0] != x[0] || wanted[1] != x[1] || wanted[2] != x[2];
+    x = wanted;
+    return moves;
+  }
 
   GRAUPEL_HD float clearance(const Vec3f& x) const {
     int nearest = -1;

@@ -77,6 +77,19 @@ struct ObstacleSetView {
   GRAUPEL_HD ObstacleList near(const Vec<T, 3>& x) const {
     return cells.begin == nullptr ? ObstacleList{nullptr, count} : cells.near(x);
   }
+  /// Those that points of the box low .. high [m] may lie within the band of; one may come several times.
+  template <typename T, typename Body>
+  GRAUPEL_HD void for_each_near(const Vec<T, 3>& low, const Vec<T, 3>& high, Body&& body) const {
+    if (cells.begin == nullptr) return ObstacleList{nullptr, count}.for_each(body);
+    int32_t first[3], last[3];
+    for (int d = 0; d < 3; ++d) {
+      first[d] = cells.along(d, low[d]);
+      last[d] = cells.along(d, high[d]);
+    }
+    for (int32_t z = first[2]; z <= last[2]; ++z)
+      for (int32_t y = first[1]; y <= last[1]; ++y)
+        for (int32_t x = first[0]; x <= last[0]; ++x) cells.list({x, y, z}).for_each(body);
+  }
 };
 
 /// phi and normal of one obstacle: trilinear interpolation of the grid and the gradient of that interpolant.

@@ -63,7 +63,10 @@ struct ObstacleCells {
 
   template <typename T>
   GRAUPEL_HD ObstacleList near(const Vec<T, 3>& x) const {
-    const int32_t cell = (along(2, x[2]) * size[1] + along(1, x[1])) * size[0] + along(0, x[0]);
+    return list({along(0, x[0]), along(1, x[1]), along(2, x[2])});
+  }
+  GRAUPEL_HD ObstacleList list(const Vec<int32_t, 3>& at) const {
+    const int32_t cell = (at[2] * size[1] + at[1]) * size[0] + at[0];
     const int32_t first = begin[cell];
     return {place + first, begin[cell + 1] - first};
   }

@@ -32,6 +32,19 @@ GRAUPEL_HD Vec<T, 3> way_out(Vec<T, 3> normal) {
   return normal;
 }
 
+/// False when no point of the box low .. high [m] can be inside an obstacle.
+template <typename T>
+GRAUPEL_HD bool may_meet_solid(const ObstacleSetView& set, const Vec<T, 3>& low, const Vec<T, 3>& high) {
+  bool meets = false;
+  set.for_each_near(low, high, [&](int32_t i) {
+    const ObstacleFrame<T>& frame = set.obstacles[i].template frame<T>();
+    bool apart = false;
+    for (int d = 0; d < 3; ++d) apart = apart || low[d] > frame.solid_high[d] || high[d] < frame.solid_low[d];
+    meets = meets || !apart;
+  });
+  return meets;
+}
+
 /// The obstacle that a point is deepest in; phi is no_obstacle_distance where none can be entered.
 template <typename T>
 GRAUPEL_LOOKUP GRAUPEL_HD SignedDistance<T> deepest(const ObstacleSetView& set, const Vec<T, 3>& x) {

@@ -3,6 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cmath>
 #include <cstring>
 #include <filesystem>
 #include <limits>
@@ -85,8 +87,25 @@ Vec<T, 3> any_point(const Random& random, uint64_t i) {
 }
 
 struct Found {
-  int near = 0, pushed = 0;
+  int near = 0, pushed = 0, met = 0, unmet = 0;
 };
+
+/// Of the box around two points, which may meet an obstacle wherever one of its points may be inside of one.
+template <typename T>
+void expect_same_meeting(const ObstacleSetView& all, const ObstacleSetView& listed, const Vec<T, 3>& a,
+                         const Vec<T, 3>& b, Found& found) {
+  if (std::isnan(norm(a))) return;
+  Vec<T, 3> low, high;
+  for (int d = 0; d < 3; ++d) {
+    low[d] = std::min(a[d], b[d]);
+    high[d] = std::max(a[d], b[d]);
+  }
+  const bool meets = lookup::may_meet_solid(all, low, high);
+  EXPECT_EQ(meets, lookup::may_meet_solid(listed, low, high));
+  for (int k = 0; k <= 4; ++k)
+    EXPECT_TRUE(meets || lookup::deepest(all, a + (b - a) * (T(k) / T(4))).phi == static_cast<T>(no_obstacle_distance));
+  ++(meets ? found.met : found.unmet);
+}
 
 template <typename T>
 Found expect_same(const ObstacleSetView& listed, uint64_t points, uint64_t seed) {
@@ -105,6 +124,7 @@ Found expect_same(const ObstacleSetView& listed, uint64_t points, uint64_t seed)
     const bool moved = push_out(all, Vec<T, 3>::filled(0), Vec<T, 3>::filled(1), before, y);
     EXPECT_EQ(moved, push_out(listed, Vec<T, 3>::filled(0), Vec<T, 3>::filled(1), before, z));
     EXPECT_TRUE(same_bits(y, z));
+    expect_same_meeting(all, listed, x, before, found);
     found.near += a >= 0;
     found.pushed += moved;
     if (testing::Test::HasFailure()) return found;
@@ -124,12 +144,16 @@ TEST_F(ObstacleCells, ListsGiveTheBitsOfAskingAll) {
     for (const Found& one : {expect_same<double>(part.view(), 2000, n), expect_same<float>(part.view(), 2000, n)}) {
       found.near += one.near;
       found.pushed += one.pushed;
+      found.met += one.met;
+      found.unmet += one.unmet;
     }
     ASSERT_FALSE(HasFailure()) << n << " obstacles";
   }
   EXPECT_GT(listed, 25);
   EXPECT_GT(found.near, 10000);
   EXPECT_GT(found.pushed, 10000);
+  EXPECT_GT(found.met, 10000);
+  EXPECT_GT(found.unmet, 10000);
 }
 
 TEST_F(ObstacleCells, HoldWhereverObstaclesMove) {
