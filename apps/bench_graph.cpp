@@ -110,6 +110,7 @@ class GraphBench {
                           "(allowed: mpm, mpm:fast, mpm:coarse, weights of graph networks). Use `graupel bench rom`");
       networks_.push_back(
           choices_.back().kind == ModelKind::network ? std::make_shared<const graph::LearnedSimulator>(word) : nullptr);
+      if (networks_.back()) networks_.back()->check_runs_on(device);
     }
   }
 

@@ -52,11 +52,12 @@ Device choose_device(const std::string& word, const std::vector<ModelChoice>& mo
   return learned && word == "auto" ? Device::cpu : parse_device(word);
 }
 
-std::vector<ComparedModel> load_models(const std::vector<ModelChoice>& choices) {
+std::vector<ComparedModel> load_models(const std::vector<ModelChoice>& choices, Device device) {
   std::vector<ComparedModel> models;
   for (const ModelChoice& choice : choices) {
     ComparedModel model{choice, nullptr, nullptr};
     if (choice.kind == ModelKind::network) model.network = std::make_shared<const graph::LearnedSimulator>(choice.name);
+    if (model.network) model.network->check_runs_on(device);
     if (choice.kind == ModelKind::reduced) model.reduced = std::make_shared<const LoadedModel>(choice.name);
     models.push_back(std::move(model));
   }
@@ -139,7 +140,7 @@ void compare_scenes(const CompareOptions& options, compare::Comparison& comparis
   const auto choices = parse_models(options.models);
   const Device device = choose_device(options.device, choices);
   if (options.one_step_only) check_one_step_only(choices);
-  const auto models = load_models(choices);
+  const auto models = load_models(choices, device);
   const auto tasks = read_scene_tasks(options);
   std::vector<std::vector<ComparedModel>> models_of_task;
   models_of_task.reserve(tasks.size());

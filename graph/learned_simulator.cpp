@@ -260,6 +260,10 @@ std::vector<Vec3f> LearnedSimulator::one_step_on_gpu(const Scene& scene, const S
   simulator.start(scene, surroundings, particle_type, positions, false, 0, false);
   return simulator.accelerations();
 }
+
+void LearnedSimulator::check_runs_on(Device device) const {
+  if (device == Device::cuda) static_cast<void>(CudaSimulator(*weights_));
+}
 #else
 namespace {
 [[noreturn]] void no_cuda() {
@@ -275,6 +279,10 @@ Trajectory LearnedSimulator::rollout_on_gpu(const Scene&, const Surroundings&, c
 std::vector<Vec3f> LearnedSimulator::one_step_on_gpu(const Scene&, const Surroundings&, const std::vector<int32_t>&,
                                                      const std::vector<std::vector<Vec3f>>&) const {
   no_cuda();
+}
+
+void LearnedSimulator::check_runs_on(Device device) const {
+  if (device == Device::cuda) no_cuda();
 }
 #endif
 

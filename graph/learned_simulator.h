@@ -23,6 +23,8 @@ class LearnedSimulator {
   explicit LearnedSimulator(const std::string& weights_file);
   const FeatureConfig& config() const;
   const nn::Weights& weights() const;
+  /// Throws ConfigError where the network cannot run on a device: there is no GPU, or what it has is not done there.
+  void check_runs_on(Device device) const;
 
   /// Accelerations per frame^2 [m], shape [n], from history + 1 positions, newest last: those of the next frame, the
   /// first one of a bundle.

@@ -137,9 +137,13 @@ TrainConfig config_of(const Arguments& arguments) {
   return read_train_config(read_file(arguments.config), arguments.config, overrides);
 }
 
+bool says_how_to_train(const Arguments& arguments) {
+  return !arguments.config.empty() || !arguments.set.empty() || arguments.steps > 0 || !arguments.from.empty() ||
+         arguments.seed_option->count() > 0 || arguments.preset_option->count() > 0;
+}
+
 void prepare_resume(Arguments& arguments, TrainingOptions& options) {
-  if (!arguments.config.empty() || !arguments.set.empty() || arguments.steps > 0 || !arguments.from.empty() ||
-      arguments.seed_option->count() > 0 || arguments.preset_option->count() > 0)
+  if (says_how_to_train(arguments))
     throw ConfigError(
         "a resumed run keeps its settings (--preset, --config, --set, --steps, --from and --seed are for new runs). "
         "Leave them out");
@@ -247,6 +251,10 @@ int run_training(Arguments& arguments) {
 int run_evaluation(const Arguments& arguments) {
   require_one_process("--evaluate");
   if (arguments.data.empty()) throw ConfigError("--data is missing. Name the folder of the data set");
+  if (says_how_to_train(arguments) || !arguments.resume.empty() || !arguments.out.empty())
+    throw ConfigError(
+        "--evaluate trains nothing (--preset, --config, --set, --steps, --from, --seed, --resume and --out are for "
+        "training). Leave them out");
   const Device device = device_of(arguments);
   configure_torch(num_threads(), /*tf32=*/true);
   const nn::Weights weights = nn::read_safetensors(arguments.evaluate);

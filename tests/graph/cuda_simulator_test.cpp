@@ -92,14 +92,20 @@ TEST_P(CudaSimulatorTest, RefusesNetworksWithoutKernels) {
   config.latent = 64;
   const Case c = clouds_at_a_ball(10);
   const Surroundings surroundings(c.scene);
-  EXPECT_THROW(make(config).one_step_on_gpu(c.scene, surroundings, c.type, c.history), ConfigError);
+  const LearnedSimulator simulator = make(config);
+  EXPECT_THROW(simulator.one_step_on_gpu(c.scene, surroundings, c.type, c.history), ConfigError);
+  EXPECT_THROW(simulator.check_runs_on(Device::cuda), ConfigError);
+  simulator.check_runs_on(Device::cpu);
 }
 
 TEST_P(CudaSimulatorTest, SaysWhereThereIsNoGpu) {
   if (cuda_available()) GTEST_SKIP() << "there is a GPU here";
   const Case c = clouds_at_a_ball(10);
   const Surroundings surroundings(c.scene);
-  EXPECT_THROW(make(wide_config(GetParam())).one_step_on_gpu(c.scene, surroundings, c.type, c.history), ConfigError);
+  const LearnedSimulator simulator = make(wide_config(GetParam()));
+  EXPECT_THROW(simulator.one_step_on_gpu(c.scene, surroundings, c.type, c.history), ConfigError);
+  EXPECT_THROW(simulator.check_runs_on(Device::cuda), ConfigError);
+  simulator.check_runs_on(Device::cpu);
 }
 
 INSTANTIATE_TEST_SUITE_P(Forms, CudaSimulatorTest, ::testing::Values(Aggregation::messages, Aggregation::activations),

@@ -61,6 +61,8 @@ TEST_F(Program, HelpDefaultsAndUsageErrors) {
   EXPECT_EQ(run({"hgm"}), 2);
   EXPECT_NE(log().find("Did you mean 'hgn'"), std::string::npos) << log();
   EXPECT_EQ(run({"hgn", "--data", folder_ + "/none"}), 3);
+  EXPECT_EQ(run({"hgn", "--evaluate", "w", "--data", folder_, "--preset", "paper"}), 2);
+  EXPECT_NE(log().find("--evaluate trains nothing"), std::string::npos) << log();
   auto words = training("x");
   words.insert(words.end(), {"--set", "hgn.latnt=3"});
   EXPECT_EQ(run(words), 2);
