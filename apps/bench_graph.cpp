@@ -15,11 +15,13 @@
 #include "apps/verbs.h"
 #include "core/command_line.h"
 #include "core/error.h"
+#include "core/instruction_set.h"
 #include "io/recipe_reader.h"
 #include "io/scene_reader.h"
 #include "mpm/sampling.h"
 #include "mpm/scene_recipe.h"
 #include "mpm/simulation.h"
+#include "nn/bf16_products.h"
 
 namespace graupel::apps {
 
@@ -280,7 +282,12 @@ void bench_graph(BenchGraphOptions& options) {
   if (options.libtorch) training_program();  // refuses before the work
   GraphBench bench(options, device);
   const double rate = product_rate(device);
-  std::printf("%s", table_head);
+  const std::string arithmetic = device == Device::cuda ? "bf16 products"
+                                                        : fmt::format("{}, {} products", name_of(instruction_set()),
+                                                                      nn::uses_bf16_products() ? "bf16" : "f32");
+  std::printf("%s, %s: %.4g GFLOP/s\n%s",
+              device == Device::cuda ? cuda_device_name().c_str() : fmt::format("{} threads", num_threads()).c_str(),
+              arithmetic.c_str(), 1e-9 * rate, table_head);
   Json results = Json::array();
   for (const int64_t particles : options.particles) {
     const std::vector<GraphBenchRow> rows = bench.measure(particles);
@@ -294,6 +301,7 @@ void bench_graph(BenchGraphOptions& options) {
                              {"device", device == Device::cuda ? cuda_device_name() : name_of(device)},
                              {"threads", num_threads()},
                              {"frames", options.frames},
+                             {"arithmetic", arithmetic},
                              {"product_gflop_per_second", 1e-9 * rate},
                              {"rows", results}});
 }

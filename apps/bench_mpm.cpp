@@ -12,9 +12,9 @@
 #include "apps/common_options.h"
 #include "apps/verbs.h"
 #include "core/error.h"
+#include "core/instruction_set.h"
 #include "io/recipe_reader.h"
 #include "mpm/scene_recipe.h"
-#include "mpm/simd/instruction_set.h"
 #include "mpm/simulation.h"
 
 namespace graupel::apps {
@@ -124,7 +124,7 @@ nlohmann::ordered_json measure(const BenchMpmOptions& options, Device device, co
                                 {"device", name_of(device)},
                                 {"precision", options.precision},
                                 {"kernels", options.portable ? "portable" : "tuned"},
-                                {"instruction_set", device == Device::cpu ? name_of(mpm::instruction_set()) : ""},
+                                {"instruction_set", device == Device::cpu ? name_of(instruction_set()) : ""},
                                 {"threads", num_threads()},
                                 {"seconds_per_substep", median},
                                 {"updates_per_second", n / median},
@@ -204,8 +204,7 @@ void bench_cpu_table(BenchMpmOptions& options) {
   std::vector<int> threads = {1};
   if (all > 1) threads.push_back(all);
   nlohmann::ordered_json rows = nlohmann::ordered_json::array();
-  std::printf("%s\n%-8s %-5s %11s %-9s", name_of(mpm::instruction_set()), "material", "phase", "particles",
-              "precision");
+  std::printf("%s\n%-8s %-5s %11s %-9s", name_of(instruction_set()), "material", "phase", "particles", "precision");
   for (const int n : threads) std::printf(" %6d %s", n, n == 1 ? "thread " : "threads");
   std::printf("  [M updates/s]\n");
   for (const int64_t particles : options.particles)

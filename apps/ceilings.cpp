@@ -55,10 +55,14 @@ double measured_product_rate() {
   double best = 0;
   for (int64_t round = 0; round < rounds; ++round) {
     const auto begin = std::chrono::steady_clock::now();
-    parallel_for_cpu(parts, [&](int64_t) {
-      thread_local Buffer<float> x(Device::cpu, std::size_t{rows} * in), y(Device::cpu, std::size_t{rows} * out);
-      for (int again = 0; again < 4; ++again) layer.apply(x.data(), in, rows, y.data(), out);
-    });
+    parallel_for_cpu(
+        parts,
+        [&](int64_t) {
+          thread_local Buffer<float> x(Device::cpu, std::size_t{rows} * in), y(Device::cpu, std::size_t{rows} * out);
+          x.fill_zero();
+          for (int again = 0; again < 4; ++again) layer.apply(x.data(), in, rows, y.data(), out);
+        },
+        Grain{1});
     const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
     best = std::max(best, 2.0 * out * in * rows * 4 * parts / seconds);
   }

@@ -37,7 +37,8 @@ int run(int argc, char** argv) {
       "report.html\n"
       "'graupel VERB --help' explains a verb. Exit codes: 0 ok, 1 failed, 2 usage, 3 bad input, 4 diverged, 5 I/O, 130 "
       "interrupted.\nGRAUPEL_SIMD=baseline, avx2 or avx512 in the environment chooses the instruction set of MPM's "
-      "kernels on the CPU (default: the best there is);\nGRAUPEL_PRODUCTS=f32 keeps the matrix products of networks on "
+      "and the networks' kernels on the CPU (default: the best there is);\nGRAUPEL_PRODUCTS=f32 keeps the matrix "
+      "products of networks on "
       "the CPU "
       "in f32 where it has units for bf16.");
   add_demo(app);

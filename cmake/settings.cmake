@@ -47,6 +47,11 @@ if(GRAUPEL_CUDA)
   endif()
 endif()
 
+# Hot loops of the CPU are compiled for several instruction sets there (cmake/module.cmake).
+if(CMAKE_SYSTEM_PROCESSOR MATCHES "x86_64|AMD64")
+  set(GRAUPEL_X86_KERNELS ON)
+endif()
+
 set(GRAUPEL_CXX_OPTIONS -Wall -Wextra -Wshadow -Wno-unknown-pragmas)
 if(GRAUPEL_WERROR)
   list(APPEND GRAUPEL_CXX_OPTIONS -Werror)

@@ -135,13 +135,13 @@ void GnsProcessor::update_edges(std::size_t k, const Tile& tile) const {
       const float scale = step.edge_last.scale(y);
       nn::add_scaled_row(sums + (receiver[r] - tile.begin) * width_, scale, y, width_);
       float* e = state + static_cast<int64_t>(r) * width_;
-      if (store) nn::each_column(width_, [=](int i) { e[i] += scale * y[i] * gamma[i] + beta[i]; });
+      if (store) step.edge_last.add_to(e, y, scale);
     }
   }
   for (int32_t c = tile.begin; c < tile.end; ++c) {
     float* sum = sums + (c - tile.begin) * width_;
     const auto count = static_cast<float>(tile.first_edge(c + 1) - tile.first_edge(c));
-    nn::each_column(width_, [=](int i) { sum[i] = gamma[i] * sum[i] + count * beta[i]; });
+    nn::scale_sum(sum, 1, gamma, count, beta, width_);
   }
 }
 

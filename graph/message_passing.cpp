@@ -101,11 +101,11 @@ void MessagePassing::update_edges(std::size_t k, const Tile& tile) const {
       float* e = state + static_cast<int64_t>(r) * width_;
       const float scale = iteration.edge_second.scale(y);
       nn::add_scaled_row(sum, scale, y, width_);
-      if (store && k == 0) nn::each_column(width_, [=](int i) { e[i] = scale * y[i] * gamma[i] + beta[i]; });
-      if (store && k > 0) nn::each_column(width_, [=](int i) { e[i] += scale * y[i] * gamma[i] + beta[i]; });
+      if (store && k == 0) iteration.edge_second.finish(e, y, scale);
+      if (store && k > 0) iteration.edge_second.add_to(e, y, scale);
     }
     const auto count = static_cast<float>(tile.first_edge(c + 1) - tile.first_edge(c));
-    nn::each_column(width_, [=](int i) { sum[i] = gamma[i] * sum[i] + count * beta[i]; });
+    nn::scale_sum(sum, 1, gamma, count, beta, width_);
   }
 }
 

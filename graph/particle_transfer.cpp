@@ -77,11 +77,8 @@ void ParticleTransfer::gather_tile(int32_t begin, int32_t end, const sparsegrid:
   int32_t cell = begin;
   float total_weight = 0;
   const auto finish_cell = [&] {
-    const float* gamma = p2g_second_.gamma();
-    const float* beta = p2g_second_.beta();
     float* sum = cells + static_cast<int64_t>(cell) * width_;
-    const float scale = p2g_scale_, beta_scale = p2g_scale_ * total_weight;
-    nn::each_column(width_, [=](int i) { sum[i] = scale * gamma[i] * sum[i] + beta_scale * beta[i]; });
+    nn::scale_sum(sum, p2g_scale_, p2g_second_.gamma(), p2g_scale_ * total_weight, p2g_second_.beta(), width_);
     ++cell;
     total_weight = 0;
   };
@@ -142,10 +139,8 @@ void ParticleTransfer::decode_tile(int32_t begin, int32_t end, const sparsegrid:
       total_weight += weight;
       nn::add_scaled_row(sum, weight * g2p_second_.scale(y), y, width_);
     }
-    const float* gamma = g2p_second_.gamma();
-    const float* beta = g2p_second_.beta();
     const float* latent = workspace.particle.data() + static_cast<int64_t>(begin + p) * width_;
-    nn::each_column(width_, [=](int i) { sum[i] = latent[i] + gamma[i] * sum[i] + total_weight * beta[i]; });
+    nn::scale_sum(sum, 1, g2p_second_.gamma(), total_weight, g2p_second_.beta(), width_, latent);
   }
   decoder_.apply(scratch.sums.data(), order, particles, scratch, acceleration);
 }

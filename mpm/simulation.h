@@ -8,10 +8,10 @@
 #include <vector>
 
 #include "core/device.h"
+#include "core/instruction_set.h"
 #include "core/scene.h"
 #include "core/trajectory.h"
 #include "mpm/sampling.h"
-#include "mpm/simd/instruction_set.h"
 #include "sparsegrid/obstacle_set.h"
 
 namespace graupel::mpm {

@@ -5,10 +5,10 @@
 #include <memory>
 #include <vector>
 
+#include "core/instruction_set.h"
 #include "mpm/host_particles.h"
 #include "mpm/phases.h"
 #include "mpm/sampling.h"
-#include "mpm/simd/instruction_set.h"
 #include "mpm/simulation.h"
 #include "mpm/state_bytes.h"
 #include "mpm/time_step.h"

@@ -29,14 +29,15 @@ struct ChainRows {
   bool with_latent = false;  ///< the first layer's input is [input, latent], and the result is added to the latent
   bool add = false;          ///< the result is added to the latent
   float* next = nullptr;     ///< rows of next.width columns,
-  uint32_t* packed_next = nullptr;  ///< or packed ones (nn/lanes.h)
+  uint32_t* packed_next = nullptr;  ///< or packed ones (nn/row_kernels.h)
 };
 
 /// Only where has_bf16_units(), and suits_bf16_units() all layers' inputs, at most most_chain_width columns.
 inline constexpr int most_chain_width = 256;
 void apply_chain_on_units(const UnitChain& chain, const ChainRows& rows);
 
-/// Rows of `width` columns (whole panels) packed as nn/lanes.h has them, rounded to bf16. Only where has_bf16_units().
+/// Rows of `width` columns (whole panels) packed as nn/row_kernels.h has them, rounded to bf16. Only where
+/// has_bf16_units().
 void pack_rows(const float* x, int64_t rows, int width, uint32_t* packed);
 
 }  // namespace graupel::nn

@@ -105,18 +105,16 @@ class NormalizedLayer {
     return layer_norm_scale(sum_of_squares(y, linear_.width()) * (1.0f / static_cast<float>(linear_.out())));
   }
   /// out = scale * y * gamma + beta; out may be y.
-  void finish(float* out, const float* y) const {
-    const float s = scale(y);
-    const float *g = gamma(), *b = beta();
-    each_column(width(), [=](int i) { out[i] = s * y[i] * g[i] + b[i]; });
+  void finish(float* out, const float* y) const { finish(out, y, scale(y)); }
+  void finish(float* out, const float* y, float scale_of_y) const {
+    row_kernels().normalize(out, scale_of_y, y, gamma(), beta(), false, width());
   }
   void finish(float* y) const { finish(y, y); }
-  /// sum += scale * y * gamma + beta.
-  void add_to(float* sum, const float* y) const {
-    const float s = scale(y);
-    const float *g = gamma(), *b = beta();
-    each_column(width(), [=](int i) { sum[i] += s * y[i] * g[i] + b[i]; });
+  /// sum += scale * y * gamma + beta, where the scale is known, too.
+  void add_to(float* sum, const float* y, float scale_of_y) const {
+    row_kernels().normalize(sum, scale_of_y, y, gamma(), beta(), true, width());
   }
+  void add_to(float* sum, const float* y) const { add_to(sum, y, scale(y)); }
   const float* gamma() const { return gamma_.data(); }
   const float* beta() const { return beta_.data(); }
 

@@ -8,7 +8,7 @@
 
 #include "core/error.h"
 #include "mpm/particles.h"
-#include "nn/rows.h"
+#include "nn/linear.h"
 
 namespace graupel::rom {
 
@@ -36,10 +36,11 @@ inline float exp_of_negative(float x) {
 
 /// y = elu(y + b).
 void activate_row(float* y, const float* bias, int width) {
-  nn::each_column(width, [=](int c) {
+#pragma omp simd
+  for (int c = 0; c < width; ++c) {
     const float x = y[c] + bias[c];
     y[c] = x > 0.0f ? x : exp_of_negative(std::min(x, 0.0f)) - 1.0f;
-  });
+  }
 }
 
 Buffer<float> padded(const std::vector<float>& values) {

@@ -25,7 +25,7 @@ ParticleGrid<T>::ParticleGrid(const mpm::PreparedScene& prepared)
       joined_(Device::cpu, 0),
       records_(Device::cpu, 0),
       impulses_(Device::cpu, 0),
-      instruction_set_(mpm::instruction_set()) {
+      instruction_set_(instruction_set()) {
   if (prepared.scene.has_inactive_particles())
     throw ConfigError(
         "reduced-order models need particles that are in the run all the time (the scene has emitters, sinks or open "

@@ -5,8 +5,8 @@
 
 #include <vector>
 
+#include "core/instruction_set.h"
 #include "mpm/phases.h"
-#include "mpm/simd/instruction_set.h"
 #include "mpm/simulation.h"
 
 namespace graupel::rom {
@@ -55,7 +55,7 @@ class ParticleGrid {
   Buffer<T> arenas_, nodes_, joined_;
   Buffer<mpm::Survey> records_;
   Buffer<mpm::Impulse> impulses_;
-  mpm::InstructionSet instruction_set_;
+  InstructionSet instruction_set_;
   bool some_stationary_ = false;
 };
 

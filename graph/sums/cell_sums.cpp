@@ -51,8 +51,7 @@ void CellSums::gather(const std::array<int32_t, 6>& neighbor, const Word* receiv
     edges[count] = {rows + 2 * sender * nn::words_of<Word>(width_), direction_.row(slot), 1.0f};
     count += sender >= 0;  // no branch: whether a neighbour is there is hard to foretell
   }
-  nn::sum_activated(
-      width_, count, [&](int i) { return edges[i]; }, receiver, sum);
+  nn::sum_activated(width_, count, edges, receiver, sum);
 }
 
 RestrictSums::RestrictSums(const nn::Weights& weights, const HgnConfig& config, std::size_t level)
@@ -82,8 +81,7 @@ void RestrictSums::apply(const sparsegrid::Hierarchy<3>& hierarchy, const nn::Li
           const int32_t child = children[static_cast<std::size_t>(c)][static_cast<std::size_t>(octant)];
           if (child >= 0) rows[count++] = {workspace.now.row<Word>(child, width_), octant_.row(octant), 1.0f};
         }
-        nn::add_activated(
-            width_, count, [&](int i) { return rows[i]; }, sum);
+        nn::add_activated(width_, count, rows, sum);
       }
     });
     network_.apply(scratch, end - begin, row_of(latent, begin, width_), workspace.next_rows(next, begin));
@@ -115,8 +113,7 @@ void Prolong::apply(const sparsegrid::Hierarchy<3>& hierarchy, const nn::Linear&
         const auto cell = static_cast<std::size_t>(c);
         const nn::ActivatedRow<Word> row = {workspace.now.row<Word>(fine.parent[cell], width_),
                                             octant_.row(fine.octant[cell]), 1.0f};
-        nn::sum_activated(
-            width_, 1, [&](int) { return row; }, hidden, hidden);
+        nn::sum_activated(width_, 1, &row, hidden, hidden);
       }
     });
     finish_latents(second_, scratch.hidden.data(), end - begin, true, f, workspace.next_rows(next, begin), scratch);

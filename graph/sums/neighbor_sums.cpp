@@ -72,17 +72,17 @@ void NeighborSums::gather(int32_t receiver, const SumWorkspace& workspace, TileS
       link_part(workspace.position[static_cast<std::size_t>(sender)], workspace.position[at], part);
       rows[k] = {workspace.neighbor.row<Word>(2 * int64_t{sender}, width_), part, scale_};
     }
-    nn::sum_activated(
-        width_, count, [&](int k) { return rows[k]; }, own, sum_of_some);
-    nn::each_column(width_, [=](int i) { sum[i] += sum_of_some[i]; });
+    nn::sum_activated(width_, count, rows, own, sum_of_some);
+    nn::add_scaled_row(sum, 1, sum_of_some, width_);
   }
 }
 
 void NeighborSums::link_part(const Vec3f& sender, const Vec3f& receiver, float* part) const {
   const Vec3f d = (sender - receiver) * static_cast<float>(1 / radius_);
   const float length = norm(d);
-  const float *x = link_.row(0), *y = link_.row(1), *z = link_.row(2), *l = link_.row(3);
-  nn::each_column(width_, [=](int i) { part[i] = d[0] * x[i] + d[1] * y[i] + d[2] * z[i] + length * l[i]; });
+  nn::clear_row(part, width_);
+  nn::add_three_rows(part, {d[0], d[1], d[2]}, {link_.row(0), link_.row(1), link_.row(2)}, width_);
+  nn::add_scaled_row(part, length, link_.row(3), width_);
 }
 
 }  // namespace graupel::graph

@@ -39,8 +39,7 @@ ParticleSums::ParticleSums(const nn::Weights& weights, const HgnConfig& config)
 }
 
 void ParticleSums::add_offset(const Vec3f& offset, const nn::InputTable& axis, float* part) const {
-  const float *x = axis.row(0), *y = axis.row(1), *z = axis.row(2);
-  nn::each_column(width_, [=](int i) { part[i] += offset[0] * x[i] + offset[1] * y[i] + offset[2] * z[i]; });
+  nn::add_three_rows(part, {offset[0], offset[1], offset[2]}, {axis.row(0), axis.row(1), axis.row(2)}, width_);
 }
 
 void ParticleSums::encode(const std::vector<float>& features, const std::vector<int32_t>& particle_type,
@@ -115,8 +114,7 @@ void ParticleSums::gather_to_cell(const sparsegrid::HierarchyLevel<3>& cells, in
   nn::ActivatedRow<Word> pairs[most];
   int count = 0;
   const auto add_pairs = [&] {
-    nn::add_activated(
-        width_, count, [&](int i) { return pairs[i]; }, sum);
+    nn::add_activated(width_, count, pairs, sum);
     count = 0;
   };
   nn::clear_row(sum, width_);
@@ -170,14 +168,12 @@ void ParticleSums::gather_to_particle(std::size_t particle, const sparsegrid::Hi
                                       const SumWorkspace& workspace, const float* own, float* sum) const {
   const auto& cells = hierarchy.cell[particle];
   const auto& weight = hierarchy.weight[particle];
-  nn::sum_activated(
-      width_, corners,
-      [&](int k) {
-        const auto corner = static_cast<std::size_t>(k);
-        return nn::ActivatedRow<Word>{workspace.now.row<Word>(cells[corner], width_), g2p_corner_.row(k),
-                                      weight[corner]};
-      },
-      own, sum);
+  nn::ActivatedRow<Word> rows[corners];
+  for (int k = 0; k < corners; ++k) {
+    const auto corner = static_cast<std::size_t>(k);
+    rows[k] = {workspace.now.row<Word>(cells[corner], width_), g2p_corner_.row(k), weight[corner]};
+  }
+  nn::sum_activated(width_, corners, rows, own, sum);
 }
 
 }  // namespace graupel::graph

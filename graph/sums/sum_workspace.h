@@ -7,12 +7,12 @@
 #include "graph/sums/receiver_network.h"
 #include "graph/sums/sum_topology.h"
 #include "graph/tiles.h"
-#include "nn/lanes.h"
+#include "nn/row_kernels.h"
 #include "sparsegrid/radius_graph.h"
 
 namespace graupel::graph {
 
-/// Rows that receivers gather: floats, or packed (nn/lanes.h) for half the memory, which is what gathering costs. They
+/// Rows that receivers gather: floats, or packed (nn/row_kernels.h) for half the memory, which is what gathering costs. They
 /// are packed where the products that they come from have bf16 operands, too.
 class GatheredRows {
  public:

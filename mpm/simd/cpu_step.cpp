@@ -1,7 +1,7 @@
 #include "mpm/simd/cpu_step.h"
 
+#include "core/instruction_set.h"
 #include "mpm/phases.h"
-#include "mpm/simd/instruction_set.h"
 #include "mpm/simd/tuned_phases.h"
 #include "mpm/slot_range.h"
 

@@ -7,9 +7,11 @@
 #include "mpm/material_parameters.h"
 #include "mpm/survey.h"
 
-namespace graupel::mpm {
-
+namespace graupel {
 enum class InstructionSet;
+}
+
+namespace graupel::mpm {
 
 /// Parts of a particle's step that advance() does.
 enum class AdvanceParts {

@@ -2,9 +2,9 @@
 // chosen. Their twins are the phases of mpm/phases.h.
 #pragma once
 
+#include "core/instruction_set.h"
 #include "mpm/phases.h"
 #include "mpm/simd/cpu_step.h"
-#include "mpm/simd/instruction_set.h"
 
 namespace graupel::mpm {
 

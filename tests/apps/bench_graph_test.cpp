@@ -35,12 +35,18 @@ TEST(BenchGraph, HasARowForEveryModelAndState) {
 
 TEST(BenchGraph, SpreadsABatchOverItsScenesAndKnowsTheRateOfProducts) {
   const Folder folder;
+  ::setenv("GRAUPEL_SIMD", "baseline", 1);
+  ::setenv("GRAUPEL_PRODUCTS", "f32", 1);
   const Outcome outcome = graupel(
       "bench graph --models mpm:coarse,models/hgn.safetensors --batch 3 --particles 900 --frames 2 --settle 2 " +
       std::string("--threads 1 --json ") + folder.file("g.json"));
+  ::unsetenv("GRAUPEL_SIMD");
+  ::unsetenv("GRAUPEL_PRODUCTS");
   ASSERT_EQ(outcome.exit_code, 0) << outcome.output;
+  EXPECT_TRUE(outcome.says("baseline, f32 products")) << outcome.output;
   std::ifstream file(folder.file("g.json"));
   const auto json = nlohmann::json::parse(file);
+  EXPECT_EQ(json["arithmetic"], "baseline, f32 products");
   const auto rows = json["rows"];
   ASSERT_EQ(rows.size(), 6U);
   EXPECT_EQ(rows[1]["scenes"], 3);

@@ -7,7 +7,6 @@
 #include <tuple>
 
 #include "core/random.h"
-#include "nn/activated_sums.h"
 #include "nn/bf16_products.h"
 #include "nn/fcn.h"
 
@@ -41,9 +40,8 @@ NormalizedLayer random_layer(int width) {
 
 /// Column c of a packed row.
 float unpacked(const uint32_t* row, int c) {
-  Lanes x[panel / lanes];
-  load_columns(row, c / panel * panel, x);
-  return x[c % panel / lanes][c % lanes];
+  const uint32_t word = row[c / panel * (panel / 2) + c % (panel / 2)];
+  return float_from_bf16(static_cast<uint16_t>(c % panel < panel / 2 ? word : word >> 16));
 }
 
 enum class Form { on_sum, on_sum_and_latent, on_hidden };
@@ -122,57 +120,6 @@ TEST_P(ChainOnUnits, IsItsLayersOneAfterTheOther) {
 INSTANTIATE_TEST_SUITE_P(Sizes, ChainOnUnits,
                          ::testing::Combine(::testing::Values(1, 16, 17, 32, 33, 70), ::testing::Values(64, 128, 160),
                                             ::testing::Values(Form::on_sum, Form::on_sum_and_latent, Form::on_hidden)));
-
-TEST(ActivatedSums, AreThoseOfTheFormula) {
-  for (const int width : {32, 96, 128, 160}) {
-    const auto w = static_cast<std::size_t>(width);
-    const Buffer<float> rows = random_buffer(5 * w, 1), table = random_buffer(5 * w, 2), base = random_buffer(w, 3);
-    const float weight[] = {1, 0.25f, -0.5f, 2, 0.125f};
-    const auto item = [&](int i) {
-      return ActivatedRow<float>{rows.data() + i * width, table.data() + i * width, weight[i]};
-    };
-    Buffer<float> with_table(Device::cpu, w), without(Device::cpu, w);
-    clear_row(without.data(), width);
-    sum_activated(width, 5, item, base.data(), with_table.data());
-    add_activated(width, 2, item, without.data());
-    add_activated(
-        width, 3, [&](int i) { return item(2 + i); }, without.data());
-    for (std::size_t c = 0; c < w; ++c) {
-      double both = 0, alone = 0;
-      for (std::size_t i = 0; i < 5; ++i) {
-        const double x = static_cast<double>(rows[i * w + c]) + table[i * w + c], t = x + base[c];
-        both += weight[i] * (t > 0 ? t : 0.01 * t);
-        alone += weight[i] * (x > 0 ? x : 0.01 * x);
-      }
-      ASSERT_NEAR(with_table[c], both, 1e-5);
-      ASSERT_NEAR(without[c], alone, 1e-5);
-    }
-  }
-}
-
-TEST(ActivatedSums, OfPackedRowsAreThoseOfTheirNumbers) {
-  if (!has_bf16_units()) GTEST_SKIP() << "this processor has no matrix units for bf16";
-  constexpr int width = 160;
-  const Buffer<float> rows = random_buffer(3 * width, 1), table = random_buffer(3 * width, 2);
-  Buffer<uint32_t> packed(Device::cpu, 3 * width / 2);
-  pack_rows(rows.data(), 3, width, packed.data());
-  Buffer<float> numbers(Device::cpu, 3 * width), from_packed(Device::cpu, width), from_numbers(Device::cpu, width);
-  for (std::size_t i = 0; i < numbers.size(); ++i) numbers[i] = float_from_bf16(bf16_from_float(rows[i]));
-  const auto weight = [](int i) { return 1.0f + static_cast<float>(i); };
-  sum_activated(
-      width, 2,
-      [&](int i) {
-        return ActivatedRow<uint32_t>{packed.data() + i * width / 2, table.data() + i * width, weight(i)};
-      },
-      packed.data() + width, from_packed.data());
-  sum_activated(
-      width, 2,
-      [&](int i) {
-        return ActivatedRow<float>{numbers.data() + i * width, table.data() + i * width, weight(i)};
-      },
-      numbers.data() + 2 * width, from_numbers.data());
-  EXPECT_TRUE(std::equal(from_packed.begin(), from_packed.end(), from_numbers.begin()));
-}
 
 }  // namespace
 }  // namespace graupel::nn

@@ -62,7 +62,7 @@ TEST(Fcn, SplitFirstLayerAndFoldedNormEqualTheFormula) {
   Buffer<float> h(Device::cpu, width), y(Device::cpu, padded_width(out));
   first.apply(x.data(), 5, 1, h.data(), width);
   second.add(x.data() + 5, 3, 1, h.data(), width);
-  add_row(h.data(), table.row(1), width);
+  add_scaled_row(h.data(), 1, table.row(1), width);
   activate_row(h.data(), width);
   const NormalizedLayer layer(f);
   layer.apply(h.data(), 1, y.data());

@@ -1,10 +1,11 @@
-// Which instruction set the solver's hot loops run with, chosen once at the start of the program.
+// Which instruction set the CPU's hot loops run with, those of the solver and of the networks: chosen once, when a
+// program starts.
 #pragma once
 
 #include <string>
 #include <vector>
 
-namespace graupel::mpm {
+namespace graupel {
 
 /// In ascending order; each contains the ones before. On processors other than x86-64 only the baseline is compiled.
 enum class InstructionSet {
@@ -23,4 +24,4 @@ InstructionSet choose_instruction_set(const std::string& wanted);
 /// choose_instruction_set() of the environment variable GRAUPEL_SIMD, once.
 InstructionSet instruction_set();
 
-}  // namespace graupel::mpm
+}  // namespace graupel

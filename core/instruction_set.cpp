@@ -1,10 +1,10 @@
-#include "mpm/simd/instruction_set.h"
+#include "core/instruction_set.h"
 
 #include <cstdlib>
 
 #include "core/error.h"
 
-namespace graupel::mpm {
+namespace graupel {
 
 namespace {
 
@@ -61,4 +61,4 @@ InstructionSet instruction_set() {
   return chosen;
 }
 
-}  // namespace graupel::mpm
+}  // namespace graupel
