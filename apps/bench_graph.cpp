@@ -282,9 +282,9 @@ void bench_graph(BenchGraphOptions& options) {
   if (options.libtorch) training_program();  // refuses before the work
   GraphBench bench(options, device);
   const double rate = product_rate(device);
-  const std::string arithmetic = device == Device::cuda ? "bf16 products"
-                                                        : fmt::format("{}, {} products", name_of(instruction_set()),
-                                                                      nn::uses_bf16_products() ? "bf16" : "f32");
+  const std::string arithmetic = device == Device::cuda
+                                     ? "bf16 products"
+                                     : fmt::format("{}, {}", name_of(instruction_set()), nn::name_of_products());
   std::printf("%s, %s: %.4g GFLOP/s\n%s",
               device == Device::cuda ? cuda_device_name().c_str() : fmt::format("{} threads", num_threads()).c_str(),
               arithmetic.c_str(), 1e-9 * rate, table_head);

@@ -40,7 +40,7 @@ int run(int argc, char** argv) {
       "and the networks' kernels on the CPU (default: the best there is);\nGRAUPEL_PRODUCTS=f32 keeps the matrix "
       "products of networks on "
       "the CPU "
-      "in f32 where it has units for bf16.");
+      "in f32 where it has units for bf16, bf16-vectors on vector units where it has matrix units.");
   add_demo(app);
   add_compare(app);
   add_generate(app);

@@ -16,22 +16,24 @@ namespace graupel::nn {
 
 namespace {
 
-std::atomic<bool> asked_for{false};
+std::atomic<Bf16Units> in_use{Bf16Units::none};
 
 #ifdef __AMX_BF16__
 
 constexpr int most_inputs = 512;
 
-/// The processor's units and registers, and the system's leave to use them (Linux: ARCH_REQ_XCOMP_PERM).
-bool look_for_units() {
+/// The processor's units and registers, and the system's leave to use them (matrix units, Linux: ARCH_REQ_XCOMP_PERM).
+Bf16Units look_for_units() {
+  __builtin_cpu_init();
+  if (!__builtin_cpu_supports("avx512f") || !__builtin_cpu_supports("avx512bw") ||
+      !__builtin_cpu_supports("avx512bf16"))
+    return Bf16Units::none;
   unsigned a = 0, b = 0, c = 0, d = 0;
-  if (__get_cpuid_count(7, 0, &a, &b, &c, &d) == 0) return false;
-  const bool amx_bf16 = d >> 22 & 1, amx_tile = d >> 24 & 1, avx512 = (b >> 16 & 1) && (b >> 30 & 1);  // F, BW
-  if (__get_cpuid_count(7, 1, &a, &b, &c, &d) == 0) return false;
-  const bool avx512_bf16 = a >> 5 & 1;
-  if (!(amx_bf16 && amx_tile && avx512 && avx512_bf16)) return false;
+  if (__get_cpuid_count(7, 0, &a, &b, &c, &d) == 0) return Bf16Units::vectors;
+  const bool amx_bf16 = d >> 22 & 1, amx_tile = d >> 24 & 1;
   constexpr long request_permission = 0x1023, tile_data = 18;
-  return ::syscall(SYS_arch_prctl, request_permission, tile_data) == 0;
+  return amx_bf16 && amx_tile && ::syscall(SYS_arch_prctl, request_permission, tile_data) == 0 ? Bf16Units::matrices
+                                                                                               : Bf16Units::vectors;
 }
 
 /// Rows as bf16, [2 side][in]; rows beyond the last are 0, the second side of them only where they are needed.
@@ -50,40 +52,56 @@ void copy_block(const float* from, int64_t rows, float* to, int64_t to_stride) {
     for (int half = 0; half < 2; ++half)
       _mm512_storeu_ps(to + r * to_stride + half * side, _mm512_load_ps(from + r * 2 * side + half * side));
 }
-#endif
 
-}  // namespace
-
-#ifdef __AMX_BF16__
-bool has_bf16_units() {
-  static const bool has = look_for_units();
-  return has;
-}
-
-void multiply_on_units(const float* x, int64_t x_stride, int64_t rows, int in, const uint16_t* tiles, const float* bias,
-                       int width, float* y, int64_t y_stride) {
+template <typename Units>
+void multiply(const float* x, int64_t x_stride, int64_t rows, int in, const uint16_t* tiles, const float* bias,
+              int width, float* y, int64_t y_stride) {
   alignas(64) uint16_t rounded[2 * side * most_inputs];
   alignas(64) float last[2 * side * 2 * side];
-  begin_tiles();
+  Units units;
   for (int64_t first = 0; first < rows; first += 2 * side) {
     const int64_t here = rows - first < 2 * side ? rows - first : 2 * side;
     const bool two = here > side;  // tiles of rows
     round_rows(x + first * x_stride, x_stride, here, in, rounded);
     for (int o = 0; o < width; o += 2 * side) {
-      multiply_block(tiles, bias, rounded, in, in, o, two);
+      units.multiply_block(tiles, bias, rounded, in, in, o, two);
       const bool whole = here == 2 * side;
-      store_block(whole ? y + first * y_stride + o : last, whole ? y_stride : 2 * side, two);
+      units.store_block(whole ? y + first * y_stride + o : last, whole ? y_stride : 2 * side, two);
       if (!whole) copy_block(last, here, y + first * y_stride + o, y_stride);
     }
   }
-  end_tiles();
+}
+#endif
+
+}  // namespace
+
+#ifdef __AMX_BF16__
+Bf16Units available_bf16_units() {
+  static const Bf16Units units = look_for_units();
+  return units;
+}
+
+void multiply_on_units(const float* x, int64_t x_stride, int64_t rows, int in, const uint16_t* tiles, const float* bias,
+                       int width, float* y, int64_t y_stride) {
+  const auto multiply_here = bf16_units_in_use() == Bf16Units::matrices ? multiply<MatrixUnits> : multiply<VectorUnits>;
+  multiply_here(x, x_stride, rows, in, tiles, bias, width, y, y_stride);
+}
+
+Bf16Units fastest_bf16_units() {
+  __builtin_cpu_init();
+  const Bf16Units best = available_bf16_units();
+  return best == Bf16Units::vectors && !__builtin_cpu_is("amd") ? Bf16Units::none : best;
 }
 #else
-bool has_bf16_units() { return false; }
+Bf16Units available_bf16_units() { return Bf16Units::none; }
+Bf16Units fastest_bf16_units() { return Bf16Units::none; }
 void multiply_on_units(const float*, int64_t, int64_t, int, const uint16_t*, const float*, int, float*, int64_t) {}
 #endif
 
-void use_bf16_products(bool use) { asked_for.store(use && has_bf16_units(), std::memory_order_relaxed); }
-bool uses_bf16_products() { return asked_for.load(std::memory_order_relaxed); }
+void use_bf16_units(Bf16Units units) {
+  const Bf16Units best = available_bf16_units();
+  in_use.store(units < best ? units : best, std::memory_order_relaxed);
+}
+Bf16Units bf16_units_in_use() { return in_use.load(std::memory_order_relaxed); }
 
 }  // namespace graupel::nn

@@ -1,20 +1,30 @@
-// Matrix products in bf16 with f32 sums, on processors with matrix units (Intel AMX): some ten times as fast as f32.
+// Matrix products in bf16 with f32 sums, on processors with units for them: matrix units (Intel AMX), some ten times as
+// fast as f32, or vector units (AVX512_BF16). These have twice the rate of f32 on AMD's processors since Zen 4 by the
+// tables of instructions, on Intel's 0.57 of it (Xeon with AMX, two cores: 227 to 401 GFLOP/s).
 #pragma once
 
 #include <cstdint>
 
 namespace graupel::nn {
 
-/// Whether this processor and its system have the units.
+enum class Bf16Units { none, vectors, matrices };
+/// The best that this processor and its system have. With matrix units it has the vector units, too.
+Bf16Units available_bf16_units();
 bool has_bf16_units();
+/// Those that are faster than f32: matrix units, and vector units of AMD.
+Bf16Units fastest_bf16_units();
 
-/// Whether Linear::apply rounds its operands to bf16, for the whole process. False until it is asked for, and where
-/// there are no units.
+/// With which units Linear::apply multiplies operands rounded to bf16, for the whole process; none: in f32. None until
+/// they are asked for; no better ones than are available.
+void use_bf16_units(Bf16Units units);
+Bf16Units bf16_units_in_use();
 void use_bf16_products(bool use);
 bool uses_bf16_products();
-/// What programs begin with: bf16 where there are units, unless the environment variable GRAUPEL_PRODUCTS says f32.
-/// Throws ConfigError for a value that is neither f32 nor bf16, and for bf16 without units.
+/// What programs begin with: the units that are faster than f32, unless the environment variable GRAUPEL_PRODUCTS says
+/// f32, bf16 (the best units) or bf16-vectors. Throws ConfigError for another value, and for units that are not there.
 void choose_products();
+/// "f32 products", "bf16 products on vector units" or "bf16 products on matrix units".
+const char* name_of_products();
 
 /// Inputs that the units take: whole tiles, and enough of them.
 constexpr bool suits_bf16_units(int in) { return in % 32 == 0 && in >= 64 && in <= 512; }

@@ -8,6 +8,7 @@
 
 #include <type_traits>
 
+#include "nn/bf16_products.h"
 #include "nn/unit_tiles.h"
 #endif
 
@@ -122,7 +123,9 @@ struct Block {
   int tile_rows() const { return two() ? block : side; }
 };
 
-/// The units and the vector registers work side by side: what a product leaves is taken up while the next one is made.
+/// Matrix units and the vector registers work side by side: what a product leaves is taken up while the next one is
+/// made.
+template <typename Units>
 class ChainPass {
  public:
   ChainPass(const UnitChain& chain, const ChainRows& rows) : chain_(chain), at_(rows) {}
@@ -155,9 +158,9 @@ class ChainPass {
       activate_block(scratch_.sums[o / block % 2], here.tile_rows(), scratch_.hidden + o, in);
     };
     for (int o = 0; o < in; o += block) {
-      multiply_block(chain_.first.tiles, chain_.first.bias, scratch_.input, all, all, o, here.two());
+      units_.multiply_block(chain_.first.tiles, chain_.first.bias, scratch_.input, all, all, o, here.two());
       if (o > 0) activate(o - block);
-      store_block(scratch_.sums[o / block % 2], block, here.two());
+      units_.store_block(scratch_.sums[o / block % 2], block, here.two());
     }
     activate(in - block);
   }
@@ -165,9 +168,9 @@ class ChainPass {
   void second_layer(const Block& here) {
     const int width = chain_.second.width;
     for (int o = 0; o < width; o += block) {
-      multiply_block(chain_.second.tiles, chain_.second.bias, scratch_.hidden, chain_.second.in, chain_.second.in, o,
-                     here.two());
-      store_block(scratch_.output + o, width, here.two());
+      units_.multiply_block(chain_.second.tiles, chain_.second.bias, scratch_.hidden, chain_.second.in,
+                            chain_.second.in, o, here.two());
+      units_.store_block(scratch_.output + o, width, here.two());
     }
   }
 
@@ -183,13 +186,13 @@ class ChainPass {
     const UnitLayer& layer = chain_.next;
     float* const y = at_.next + here.first * layer.width;
     for (int o = 0; o < layer.width; o += block) {
-      multiply_block(layer.tiles, layer.bias, scratch_.latent, layer.in, layer.in, o, here.two());
+      units_.multiply_block(layer.tiles, layer.bias, scratch_.latent, layer.in, layer.in, o, here.two());
       if (here.rows == block) {
-        store_block(y + o, layer.width, true);
+        units_.store_block(y + o, layer.width, true);
         continue;
       }
       float* const spare = scratch_.sums[0];
-      store_block(spare, block, here.two());
+      units_.store_block(spare, block, here.two());
       for (int r = 0; r < here.rows; ++r)
         for (int half = 0; half < 2; ++half)
           _mm512_store_ps(y + r * layer.width + o + half * side, _mm512_load_ps(spare + r * block + half * side));
@@ -205,15 +208,16 @@ class ChainPass {
       for (int r = 0; r < here.rows; ++r) pack_panel(sums + r * block, y + r * words + o / 2);
     };
     for (int o = 0; o < layer.width; o += block) {
-      multiply_block(layer.tiles, layer.bias, scratch_.latent, layer.in, layer.in, o, here.two());
+      units_.multiply_block(layer.tiles, layer.bias, scratch_.latent, layer.in, layer.in, o, here.two());
       if (o > 0) pack(o - block);
-      store_block(scratch_.sums[o / block % 2], block, here.two());
+      units_.store_block(scratch_.sums[o / block % 2], block, here.two());
     }
     pack(layer.width - block);
   }
 
   const UnitChain& chain_;
   const ChainRows& at_;
+  Units units_;
   Scratch scratch_;
 };
 
@@ -221,9 +225,10 @@ class ChainPass {
 
 void apply_chain_on_units(const UnitChain& chain, const ChainRows& rows) {
   if (rows.rows == 0) return;
-  begin_tiles();
-  ChainPass(chain, rows).run();
-  end_tiles();
+  if (bf16_units_in_use() == Bf16Units::matrices)
+    ChainPass<MatrixUnits>(chain, rows).run();
+  else
+    ChainPass<VectorUnits>(chain, rows).run();
 }
 void pack_rows(const float* x, int64_t rows, int width, uint32_t* packed) {
   for (int64_t i = 0; i < rows * width; i += block) pack_panel(x + i, packed + i / 2);

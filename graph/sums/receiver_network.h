@@ -7,7 +7,7 @@
 
 namespace graupel::graph {
 
-/// What the next step gathers of the new latents, layer(f), as floats or packed (nn/row_kernels.h; on matrix units alone).
+/// What the next step gathers of the new latents, layer(f), as floats or packed (nn/row_kernels.h; on bf16 units alone).
 struct NextRows {
   const nn::Linear& layer;
   float* floats = nullptr;

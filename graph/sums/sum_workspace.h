@@ -41,7 +41,7 @@ struct SumWorkspace {
   Buffer<float> weight;              ///< [n][8] of the pairs, in sorted order
   std::vector<Buffer<float>> cell;   ///< per level [cells][H] latents
   GatheredRows now, next;            ///< [cells][up to 2 H] what is gathered of cells in this step, and in the next one
-  bool on_units = false;             ///< products are made on matrix units, and gathered rows are packed
+  bool on_units = false;             ///< products are made on bf16 units, and gathered rows are packed
   std::vector<TileScratch> scratch;  ///< per thread
 
   /// Sizes everything for the topology, `latent` = H and the number of features.

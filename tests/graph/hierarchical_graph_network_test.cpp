@@ -177,15 +177,16 @@ TEST_P(EitherAggregation, ResultsDoNotDependOnThreadsOrEarlierFrames) {
   set_num_threads(0);
 }
 
-TEST_P(EitherAggregation, ProductsOnMatrixUnitsChangeLittle) {
-  if (!nn::has_bf16_units()) GTEST_SKIP() << "this processor has no matrix units for bf16";
-  for (const int latent : {72, 128}) {
+TEST_P(EitherAggregation, ProductsInBf16ChangeLittle) {
+  if (!nn::has_bf16_units()) GTEST_SKIP() << "this processor has no units for bf16";
+  for (const auto& [latent, units] :
+       {std::pair{72, nn::Bf16Units::matrices}, {128, nn::Bf16Units::matrices}, {128, nn::Bf16Units::vectors}}) {
     HgnConfig config = small_config(GetParam());
     config.latent = latent;
     const HierarchicalGraphNetwork network(random_weights(config, {}));
     const Input input = random_input(config, 700);
     const std::vector<float> exact = evaluate(network, input);
-    nn::use_bf16_products(true);
+    nn::use_bf16_units(units);
     const std::vector<float> rounded = evaluate(network, input), again = evaluate(network, input);
     set_num_threads(1);
     const std::vector<float> one_thread = evaluate(network, input);

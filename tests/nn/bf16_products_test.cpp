@@ -15,11 +15,12 @@
 namespace graupel::nn {
 namespace {
 
-class Bf16Products : public ::testing::TestWithParam<std::tuple<int, int, int>> {
+class Bf16Products : public ::testing::TestWithParam<std::tuple<Bf16Units, std::tuple<int, int, int>>> {
  protected:
   void SetUp() override {
-    if (!has_bf16_units()) GTEST_SKIP() << "this processor has no matrix units for bf16";
-    use_bf16_products(true);
+    const Bf16Units units = std::get<0>(GetParam());
+    if (available_bf16_units() < units) GTEST_SKIP() << "this processor has no such units for bf16";
+    use_bf16_units(units);
   }
   void TearDown() override { use_bf16_products(false); }
 };
@@ -34,7 +35,7 @@ std::vector<float> random_values(std::size_t n, uint64_t stream) {
 double rounded(float value) { return float_from_bf16(bf16_from_float(value)); }
 
 TEST_P(Bf16Products, AreThoseOfRoundedOperands) {
-  const auto [rows, in, out] = GetParam();
+  const auto [rows, in, out] = std::get<1>(GetParam());
   const int stride = in + 8;  // rows of a wider matrix
   const auto x = random_values(static_cast<std::size_t>(rows * stride), 1),
              weight = random_values(static_cast<std::size_t>(out * in), 2),
@@ -63,7 +64,7 @@ TEST_P(Bf16Products, AreThoseOfRoundedOperands) {
 }
 
 TEST_P(Bf16Products, OfARowDoNotDependOnTheRowsBesideIt) {
-  const auto [rows, in, out] = GetParam();
+  const auto [rows, in, out] = std::get<1>(GetParam());
   const auto x = random_values(static_cast<std::size_t>(rows * in), 4),
              weight = random_values(static_cast<std::size_t>(out * in), 5);
   const Linear linear(out, in, weight.data(), in);
@@ -78,12 +79,14 @@ TEST_P(Bf16Products, OfARowDoNotDependOnTheRowsBesideIt) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Sizes, Bf16Products,
-                         ::testing::Values(std::tuple(1, 64, 32), std::tuple(15, 96, 33), std::tuple(16, 128, 128),
-                                           std::tuple(17, 128, 384), std::tuple(32, 256, 128), std::tuple(70, 128, 3),
-                                           std::tuple(33, 512, 40)));
+                         ::testing::Combine(::testing::Values(Bf16Units::vectors, Bf16Units::matrices),
+                                            ::testing::Values(std::tuple(1, 64, 32), std::tuple(15, 96, 33),
+                                                              std::tuple(16, 128, 128), std::tuple(17, 128, 384),
+                                                              std::tuple(32, 256, 128), std::tuple(70, 128, 3),
+                                                              std::tuple(33, 512, 40))));
 
 TEST(Bf16ProductsChoice, OtherInputsStayInF32) {
-  if (!has_bf16_units()) GTEST_SKIP() << "this processor has no matrix units for bf16";
+  if (!has_bf16_units()) GTEST_SKIP() << "this processor has no units for bf16";
   for (const int in : {31, 32, 43, 100}) {
     const auto x = random_values(static_cast<std::size_t>(in), 1),
                weight = random_values(static_cast<std::size_t>(32 * in), 2);
@@ -101,14 +104,18 @@ TEST(Bf16ProductsChoice, FollowsTheEnvironment) {
   EXPECT_FALSE(uses_bf16_products()) << "libraries compute in f32 until a program asks for less";
   ::unsetenv("GRAUPEL_PRODUCTS");
   choose_products();
-  EXPECT_EQ(uses_bf16_products(), has_bf16_units());
+  EXPECT_EQ(bf16_units_in_use(), fastest_bf16_units());
   ::setenv("GRAUPEL_PRODUCTS", "f32", 1);
   choose_products();
   EXPECT_FALSE(uses_bf16_products());
   ::setenv("GRAUPEL_PRODUCTS", "bf16", 1);
   if (has_bf16_units()) {
     choose_products();
-    EXPECT_TRUE(uses_bf16_products());
+    EXPECT_EQ(bf16_units_in_use(), available_bf16_units());
+    ::setenv("GRAUPEL_PRODUCTS", "bf16-vectors", 1);
+    choose_products();
+    EXPECT_EQ(bf16_units_in_use(), Bf16Units::vectors);
+    EXPECT_STREQ(name_of_products(), "bf16 products on vector units");
   } else {
     EXPECT_THROW(choose_products(), ConfigError);
   }

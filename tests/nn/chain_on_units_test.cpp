@@ -46,17 +46,18 @@ float unpacked(const uint32_t* row, int c) {
 
 enum class Form { on_sum, on_sum_and_latent, on_hidden };
 
-class ChainOnUnits : public ::testing::TestWithParam<std::tuple<int, int, Form>> {
+class ChainOnUnits : public ::testing::TestWithParam<std::tuple<int, int, Form, Bf16Units>> {
  protected:
   void SetUp() override {
-    if (!has_bf16_units()) GTEST_SKIP() << "this processor has no matrix units for bf16";
-    use_bf16_products(true);
+    const Bf16Units units = std::get<3>(GetParam());
+    if (available_bf16_units() < units) GTEST_SKIP() << "this processor has no such units for bf16";
+    use_bf16_units(units);
   }
   void TearDown() override { use_bf16_products(false); }
 };
 
 TEST_P(ChainOnUnits, IsItsLayersOneAfterTheOther) {
-  const auto [rows, width, form] = GetParam();
+  const auto [rows, width, form, units] = GetParam();
   const bool on_hidden = form == Form::on_hidden, with_latent = form == Form::on_sum_and_latent;
   const auto count = static_cast<std::size_t>(rows * width);
   const Linear first = random_linear(width, with_latent ? 2 * width : width, 1);
@@ -119,7 +120,8 @@ TEST_P(ChainOnUnits, IsItsLayersOneAfterTheOther) {
 
 INSTANTIATE_TEST_SUITE_P(Sizes, ChainOnUnits,
                          ::testing::Combine(::testing::Values(1, 16, 17, 32, 33, 70), ::testing::Values(64, 128, 160),
-                                            ::testing::Values(Form::on_sum, Form::on_sum_and_latent, Form::on_hidden)));
+                                            ::testing::Values(Form::on_sum, Form::on_sum_and_latent, Form::on_hidden),
+                                            ::testing::Values(Bf16Units::vectors, Bf16Units::matrices)));
 
 }  // namespace
 }  // namespace graupel::nn
