@@ -24,7 +24,7 @@ class Linear {
   int in() const { return in_; }
   int out() const { return out_; }
   int width() const { return padded_width(out_); }  ///< columns that apply and add write
-  /// As the matrix units take it; without tiles where they are not to be used.
+  /// As the units for bf16 take it; without tiles where they are not to be used.
   UnitLayer on_units() const;
 
   /// y = x W^T + b. Row r is x + r x_stride (in() values) and y + r y_stride (width() values, 64-byte aligned).

@@ -9,7 +9,7 @@ namespace graupel::graph {
 
 namespace {
 
-/// On matrix units, where they are used for all layers; else false, and nothing is done.
+/// On units for bf16, where they are used for all layers; else false, and nothing is done.
 bool apply_on_units(const nn::Linear* first, const nn::NormalizedLayer& second, const NextRows& next,
                     nn::ChainRows rows) {
   const nn::UnitChain chain{.first = first ? first->on_units() : nn::UnitLayer(),

@@ -1,4 +1,4 @@
-// Products on matrix units are those of operands rounded to bf16, row by row, whatever the number and place of the
+// Products on units for bf16 are those of operands rounded to bf16, row by row, whatever the number and place of the
 // rows.
 #include "nn/bf16_products.h"
 
