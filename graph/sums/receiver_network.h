@@ -7,7 +7,8 @@
 
 namespace graupel::graph {
 
-/// What the next step gathers of the new latents, layer(f), as floats or packed (nn/row_kernels.h; on bf16 units alone).
+/// What the next step gathers of the new latents, layer(f), as floats or packed (nn/row_kernels.h; on bf16 units
+/// alone).
 struct NextRows {
   const nn::Linear& layer;
   float* floats = nullptr;

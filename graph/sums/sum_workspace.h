@@ -12,8 +12,8 @@
 
 namespace graupel::graph {
 
-/// Rows that receivers gather: floats, or packed (nn/row_kernels.h) for half the memory, which is what gathering costs. They
-/// are packed where the products that they come from have bf16 operands, too.
+/// Rows that receivers gather: floats, or packed (nn/row_kernels.h) for half the memory, which is what gathering costs.
+/// They are packed where the products that they come from have bf16 operands, too.
 class GatheredRows {
  public:
   void resize(std::size_t rows, int width) { floats_.resize_discard(rows * static_cast<std::size_t>(width)); }
