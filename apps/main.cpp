@@ -11,6 +11,7 @@
 #include "apps/verbs.h"
 #include "core/command_line.h"
 #include "core/error.h"
+#include "core/instruction_set.h"
 #include "core/stop_signal.h"
 #include "nn/bf16_products.h"
 
@@ -55,6 +56,7 @@ int run(int argc, char** argv) {
   add_bench(app);
   catch_stop_signals();
   try {
+    instruction_set();  // its error, before any work
     nn::choose_products();
     app.parse(argc, argv);
     return exit_code;

@@ -18,6 +18,7 @@
 #include "core/command_line.h"
 #include "core/error.h"
 #include "core/human_time.h"
+#include "core/instruction_set.h"
 #include "core/stop_signal.h"
 #include "graph/normalization.h"
 #include "train/comm.h"
@@ -347,6 +348,7 @@ int run(int argc, char** argv) {
   add_nsf_command(app, command_line, exit_code);
   add_time_command(app, command_line);
   try {
+    instruction_set();  // its error, before any work
     app.parse(argc, argv);
   } catch (const CLI::Success& help) {
     return app.exit(help);

@@ -31,9 +31,11 @@ TEST(BenchMpm, TheTableHasBothPrecisionsAndTheInstructionSetThatTheEnvironmentNa
 TEST(BenchMpm, AnUnknownInstructionSetAndATableOfAnotherDeviceAreRefused) {
   ::setenv("GRAUPEL_SIMD", "sse9", 1);
   const Outcome unknown = graupel("bench mpm --particles 64 --device cpu");
+  const Outcome of_network = graupel("rollout models/hgn.safetensors scenes/shared/mixed_bowl.json --frames 1");
   ::unsetenv("GRAUPEL_SIMD");
   EXPECT_EQ(unknown.exit_code, 2);
   EXPECT_TRUE(unknown.says("GRAUPEL_SIMD") && unknown.says("sse9, allowed here: baseline")) << unknown.output;
+  EXPECT_EQ(of_network.output, unknown.output);
   const Outcome device = graupel("bench mpm --table cpu --device cuda");
   EXPECT_EQ(device.exit_code, 2);
   EXPECT_TRUE(device.says("--table cpu measures the CPU")) << device.output;
