@@ -1,4 +1,4 @@
-// Matrix products in bf16 with f32 sums, on processors with units for them: matrix units (Intel AMX), some ten times as
+// Matrix products in bf16 with f32 sums, on processors with units for them: matrix units (Intel AMX), some six times as
 // fast as f32, or vector units (AVX512_BF16). These have twice the rate of f32 on AMD's processors since Zen 4 by the
 // tables of instructions, on Intel's 0.57 of it (Xeon with AMX, two cores: 227 to 401 GFLOP/s).
 #pragma once
