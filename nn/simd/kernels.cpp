@@ -7,47 +7,58 @@ namespace {
 
 constexpr float leaky_slope = 0.01f;  ///< of nn/activation.h, which has functions that a linker could take
 
-// Products. The kernel holds `rows` x 32 columns of y in registers and runs over k, so that each weight that is loaded
-// serves all rows and each x serves 32 columns. Measured on one Zen 4 core, [96 x 128] x [128 x 128]: 116 GFLOP/s, the
-// core's peak; Eigen 3.4 82, OpenBLAS 0.3.21 95.
+// Products. The kernel holds `rows` x some columns of y in registers and runs over k, so that each weight that is
+// loaded serves all rows and each x serves these columns. Measured on one Zen 4 core (AVX-512), [96 x 128] x [128 x
+// 128]: 116 GFLOP/s, the core's peak; Eigen 3.4 82, OpenBLAS 0.3.21 95. On one Zen 3 core (AVX2): 91 of 94; 2 rows x 32
+// columns 60.
 
-constexpr int most_rows = lanes == 16 ? 8 : lanes == 8 ? 2 : 1;  ///< that the registers hold
+/// What the registers hold: of AVX-512 8 x 2 vectors, of AVX2, which has half as many, 6 x 2. SSE2 repeats a number in
+/// a vector by an instruction of its own, so that each serves the whole panel.
+constexpr int most_rows = lanes == 16 ? 8 : lanes == 8 ? 6 : 1, tile_vectors = lanes == 4 ? vectors_of_panel : 2;
+static_assert(vectors_of_panel % tile_vectors == 0);
 
 template <int R>
 GRAUPEL_ROWS void multiply_tile(const float* x, int64_t x_stride, int in, const float* weight, const float* bias,
                                 bool onto, float* y, int64_t y_stride) {
-  Lanes sum[R][vectors_of_panel];
+  Lanes sum[R][tile_vectors];
   for (int r = 0; r < R; ++r)
-    for (int c = 0; c < vectors_of_panel; ++c) {
+    for (int c = 0; c < tile_vectors; ++c) {
       sum[r][c] = lanes_at(bias + c * lanes);
       if (onto) sum[r][c] += lanes_at(y + r * y_stride + c * lanes);
     }
   for (int k = 0; k < in; ++k) {
-    Lanes w[vectors_of_panel];
-    for (int c = 0; c < vectors_of_panel; ++c) w[c] = lanes_at(weight + k * panel + c * lanes);
+    Lanes w[tile_vectors];
+    for (int c = 0; c < tile_vectors; ++c) w[c] = lanes_at(weight + k * panel + c * lanes);
     for (int r = 0; r < R; ++r) {
       const float value = x[r * x_stride + k];
-      for (int c = 0; c < vectors_of_panel; ++c) sum[r][c] += value * w[c];
+      for (int c = 0; c < tile_vectors; ++c) sum[r][c] += value * w[c];
     }
   }
   for (int r = 0; r < R; ++r)
-    for (int c = 0; c < vectors_of_panel; ++c) lanes_at(y + r * y_stride + c * lanes) = sum[r][c];
+    for (int c = 0; c < tile_vectors; ++c) lanes_at(y + r * y_stride + c * lanes) = sum[r][c];
 }
 
-/// Rows in tiles of R, the rest in smaller tiles.
+/// All columns of `rows` rows, at most R.
 template <int R>
-GRAUPEL_ROWS void multiply_rows(const float* x, int64_t x_stride, int64_t rows, int in, const float* weight,
+GRAUPEL_ROWS void multiply_rows(int64_t rows, const float* x, int64_t x_stride, int in, const float* weight,
                                 const float* bias, bool onto, float* y, int64_t y_stride) {
-  int64_t r = 0;
-  for (; r + R <= rows; r += R)
-    multiply_tile<R>(x + r * x_stride, x_stride, in, weight, bias, onto, y + r * y_stride, y_stride);
-  if constexpr (R > 1)
-    multiply_rows<R / 2>(x + r * x_stride, x_stride, rows - r, in, weight, bias, onto, y + r * y_stride, y_stride);
+  if (rows == R) {
+    for (int c = 0; c < panel; c += tile_vectors * lanes)
+      multiply_tile<R>(x, x_stride, in, weight + c, bias + c, onto, y + c, y_stride);
+  } else if constexpr (R > 1) {
+    multiply_rows<R - 1>(rows, x, x_stride, in, weight, bias, onto, y, y_stride);
+  }
 }
 
+/// In tiles of even heights: in a tile of few rows sums wait for each other.
 void multiply(const float* x, int64_t x_stride, int64_t rows, int in, const float* weight, const float* bias, bool onto,
               float* y, int64_t y_stride) {
-  multiply_rows<most_rows>(x, x_stride, rows, in, weight, bias, onto, y, y_stride);
+  int64_t r = 0;
+  for (int64_t tiles = (rows + most_rows - 1) / most_rows; tiles > 0; --tiles) {
+    const int64_t count = (rows - r + tiles - 1) / tiles;
+    multiply_rows<most_rows>(count, x + r * x_stride, x_stride, in, weight, bias, onto, y + r * y_stride, y_stride);
+    r += count;
+  }
 }
 
 // Sums of activations over gathered rows, in registers; additions are made in the order of the rows, column by column.
