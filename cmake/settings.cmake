@@ -56,9 +56,9 @@ set(GRAUPEL_CXX_OPTIONS -Wall -Wextra -Wshadow -Wno-unknown-pragmas)
 if(GRAUPEL_WERROR)
   list(APPEND GRAUPEL_CXX_OPTIONS -Werror)
 endif()
+# Inlined functions of the reduced models return vectors wider than some processors' registers; nothing outside calls
+# them.
+list(APPEND GRAUPEL_CXX_OPTIONS -Wno-psabi)
 if(GRAUPEL_NATIVE)
   list(APPEND GRAUPEL_CXX_OPTIONS -march=native)
-else()
-  # Inlined functions of the reduced models return vectors wider than the baseline's; nothing outside calls them.
-  list(APPEND GRAUPEL_CXX_OPTIONS -Wno-psabi)
 endif()
