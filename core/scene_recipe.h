@@ -41,7 +41,7 @@ struct RecipeGroups {
     visit(&G::count, FieldInfo{.name = "count",
                                .unit = "",
                                .meaning = "Groups of particles in a scene",
-                               .range = Range::between(1, 1000)});
+                               .range = Range::between(1, 10000)});
     visit(&G::shapes, FieldInfo{.name = "shapes", .unit = "", .meaning = "Shapes to draw from: sphere, box"});
     visit(
         &G::materials,
@@ -78,7 +78,7 @@ struct RecipeObstacles {
   static void fields(Visitor&& visit) {
     using O = RecipeObstacles;
     visit(&O::count,
-          FieldInfo{.name = "count", .unit = "", .meaning = "Obstacles in a scene", .range = Range::between(0, 1000)});
+          FieldInfo{.name = "count", .unit = "", .meaning = "Obstacles in a scene", .range = Range::between(0, 10000)});
     visit(&O::shapes,
           FieldInfo{.name = "shapes",
                     .unit = "",
