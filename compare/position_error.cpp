@@ -20,19 +20,40 @@ std::vector<int32_t> counterparts(const ParticleRun& truth, const ParticleRun& r
     std::iota(counterpart.begin(), counterpart.end(), 0);
     return counterpart;
   }
-  std::map<int32_t, std::vector<int32_t>> candidates;
+  const auto at = [&](int32_t j) -> const Vec3f& { return run.position(0)[j]; };
+  std::map<int32_t, std::vector<int32_t>> candidates;  // of each type, ordered by x
   for (std::size_t j = 0; j < other.size(); ++j) candidates[other[j]].push_back(static_cast<int32_t>(j));
   for (const int32_t t : types_of(truth.trajectory))
     if (candidates[t].empty())
       throw InputError("the runs cannot be compared (one has no particle of type " + particle_type_name(t) +
                        "). Use runs of the same scene");
+  for (auto& [t, list] : candidates)
+    std::sort(list.begin(), list.end(), [&](int32_t a, int32_t b) { return at(a)[0] < at(b)[0]; });
   parallel_for(Device::cpu, static_cast<int64_t>(type.size()), [&](int64_t i) {
+    const std::vector<int32_t>& list = candidates.at(type[i]);
+    const Vec3f x = truth.position(0)[i];
     float nearest = std::numeric_limits<float>::infinity();
-    for (const int32_t j : candidates.at(type[i])) {
-      const float d = norm2(run.position(0)[j] - truth.position(0)[i]);
-      if (d < nearest) {
+    const auto closer = [&](int32_t j) {
+      const float d = norm2(at(j) - x);
+      if (d < nearest || (d == nearest && j < counterpart[i])) {
         nearest = d;
         counterpart[i] = j;
+      }
+    };
+    const auto in_reach = [&](int32_t j) { return (at(j)[0] - x[0]) * (at(j)[0] - x[0]) <= nearest; };
+    // Outwards from x on both sides, until the distance along this axis alone is too large.
+    const auto middle =
+        std::lower_bound(list.begin(), list.end(), x[0], [&](int32_t j, float value) { return at(j)[0] < value; });
+    auto above = middle, below = middle;
+    for (bool more = true; more;) {
+      more = false;
+      if (above != list.end() && in_reach(*above)) {
+        closer(*above++);
+        more = true;
+      }
+      if (below != list.begin() && in_reach(*(below - 1))) {
+        closer(*--below);
+        more = true;
       }
     }
   });

@@ -64,6 +64,31 @@ TEST(PositionError, ACoarseParticleCarriesItsFineOnes) {
   EXPECT_LT(norm(carried[5] - truth.position(2)[5].cast<double>()), 1e-6);
 }
 
+/// Points of a lattice, so that many are equally near.
+TEST(PositionError, CounterpartsAreTheNearestOfAType) {
+  uint32_t state = 1;
+  const auto draw = [&](uint32_t n) { return (state = state * 1664525u + 1013904223u) / 65536u % n; };
+  const auto points = [&](std::size_t n, std::vector<int32_t>& type) {
+    std::vector<Vec3f> x(n);
+    for (Vec3f& p : x) {
+      for (int a = 0; a < 3; ++a) p[a] = static_cast<float>(draw(9)) / 8;
+      type.push_back(draw(3) == 0 ? 6 : 5);
+    }
+    return x;
+  };
+  std::vector<int32_t> type, coarse_type;
+  const std::vector<Vec3f> x = points(400, type), coarse = points(60, coarse_type);
+  const auto counterpart = counterparts(make_run(x, type, 1, stay), make_run(coarse, coarse_type, 1, stay));
+  for (std::size_t i = 0; i < x.size(); ++i) {
+    std::size_t nearest = coarse.size();
+    for (std::size_t j = 0; j < coarse.size(); ++j)
+      if (coarse_type[j] == type[i] &&
+          (nearest == coarse.size() || norm2(coarse[j] - x[i]) < norm2(coarse[nearest] - x[i])))
+        nearest = j;
+    EXPECT_EQ(counterpart[i], static_cast<int32_t>(nearest)) << i;
+  }
+}
+
 TEST(PositionError, RefusesRunsWithoutAMaterialOfTheTruth) {
   const auto truth = make_run(two_points, two_types, 1, stay);
   const auto other = make_run({two_points[0]}, {5}, 1, stay);
