@@ -21,7 +21,7 @@ struct WayFollower {
     if (length > piece && !may_meet_obstacle(before, x)) return clamp(x);
     if (!(length > piece) || obstacles.count == 0 || (free = clearance(before)) < 0 || free >= length ||
         free + clearance(x) >= length)
-      return push_out(obstacles, low, high, before, x);
+      return push(before, x);
     const float even = length / most_pieces, shortest = piece > even ? piece : even;
     Vec3f at = before, pushed = Vec3f::zero();
     bool moved = false;
@@ -30,7 +30,7 @@ struct WayFollower {
       const bool last = done + step >= length;
       const Vec3f wanted = (last ? x : before + way * ((done + step) / length)) + pushed;
       Vec3f next = wanted;
-      if (push_out(obstacles, low, high, at, next)) {
+      if (push(at, next)) {
         moved = true;
         pushed += next - wanted;
       }
@@ -42,6 +42,11 @@ struct WayFollower {
   }
 
   static constexpr float most_pieces = 1000;
+  static constexpr int halvings = 8;  ///< a 256th of a piece is finer than a frame asks for
+
+  GRAUPEL_HD bool push(const Vec3f& before, Vec3f& x) const {
+    return sparsegrid::push_out<3, halvings>(obstacles, low, high, before, x);
+  }
 
   GRAUPEL_HD bool may_meet_obstacle(const Vec3f& a, const Vec3f& b) const {
     Vec3f from = sparsegrid::lookup::clamp_to_box(a, low, high), to = sparsegrid::lookup::clamp_to_box(b, low, high);

@@ -57,6 +57,18 @@ GRAUPEL_LOOKUP GRAUPEL_HD SignedDistance<T> deepest(const ObstacleSetView& set, 
   return found;
 }
 
+/// Its phi alone.
+template <typename T>
+GRAUPEL_LOOKUP GRAUPEL_HD T deepest_phi(const ObstacleSetView& set, const Vec<T, 3>& x) {
+  T found = static_cast<T>(no_obstacle_distance);
+  set.near(x).for_each([&](int32_t i) {
+    if (!may_be_inside(set.obstacles[i], x)) return;
+    const T phi = signed_distance(set.obstacles[i], x).phi;
+    if (phi < found) found = phi;
+  });
+  return found;
+}
+
 template <typename T>
 GRAUPEL_HD Vec<T, 3> clamp_to_box(Vec<T, 3> x, const Vec<T, 3>& low, const Vec<T, 3>& high) {
   for (int d = 0; d < 3; ++d) {
@@ -80,19 +92,19 @@ template <typename T>
 GRAUPEL_HD bool way_is_blocked(const ObstacleSetView& set, const Vec<T, 3>& a, const Vec<T, 3>& b, T skin) {
   constexpr int probes = 8;
   for (int i = 1; i < probes; ++i)
-    if (deepest(set, a + (b - a) * (T(i) / T(probes))).phi < -skin) return true;
+    if (deepest_phi(set, a + (b - a) * (T(i) / T(probes))) < -skin) return true;
   return false;
 }
 
-/// The last free point of the way from the free point `from` to `to`, by bisection.
-template <typename T>
+/// The last free point of the way from the free point `from` to `to`, by bisection, to 2^-halvings of the way.
+template <int halvings, typename T>
 GRAUPEL_HD Vec<T, 3> last_free_point(const ObstacleSetView& set, const Vec<T, 3>& from, const Vec<T, 3>& to, T skin) {
   Vec<T, 3> best = from;
   T free = 0, blocked = 1;
-  for (int i = 0; i < 16; ++i) {
+  for (int i = 0; i < halvings; ++i) {
     const T middle = (free + blocked) / 2;
     const Vec<T, 3> x = from + (to - from) * middle;
-    if (deepest(set, x).phi >= skin) {
+    if (deepest_phi(set, x) >= skin) {
       free = middle;
       best = x;
     } else {
@@ -107,8 +119,8 @@ GRAUPEL_HD Vec<T, 3> last_free_point(const ObstacleSetView& set, const Vec<T, 3>
 /// Moves x [m] into the box low..high and out of every obstacle; returns whether x changed. When `x_before` is free
 /// (in the box, phi >= 0), so is the result. A point that ends in a plate is put back on the side it came from; one
 /// that ends free stays, whatever lies on its way: longer ways than obstacles are thick must be taken in pieces. With
-/// D = 2 it is moved along x and y only.
-template <int D = 3, typename T>
+/// D = 2 it is moved along x and y only. `halvings`: of the way to the last free point.
+template <int D = 3, int halvings = 16, typename T>
 GRAUPEL_HD bool push_out(const ObstacleSetView& set, const Vec<T, 3>& low, const Vec<T, 3>& high,
                          const Vec<T, 3>& x_before, Vec<T, 3>& x) {
   const Vec<T, 3> wanted = lookup::clamp_to_box(x, low, high);
@@ -133,9 +145,9 @@ GRAUPEL_HD bool push_out(const ObstacleSetView& set, const Vec<T, 3>& low, const
   const bool projected = !(hit.phi < skin);
   if (!projected || from_behind) {
     const Vec<T, 3> start = lookup::clamp_to_box(x_before, low, high);
-    const bool start_is_free = lookup::deepest(set, start).phi >= T(0);
+    const bool start_is_free = lookup::deepest_phi(set, start) >= T(0);
     if (start_is_free && (!projected || lookup::way_is_blocked(set, start, y, skin)))
-      y = lookup::last_free_point(set, start, wanted, skin);
+      y = lookup::last_free_point<halvings>(set, start, wanted, skin);
   }
   x = y;
   return true;

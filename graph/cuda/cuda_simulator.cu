@@ -145,7 +145,7 @@ struct CudaSimulator::Impl {
   explicit Impl(const nn::Weights& file)
       : model(make_frame_model(file)), config(model->feature_config()), normalization(read_normalization(file)) {
     for (cudaStream_t* one : {&stream, &group_stream}) GRAUPEL_CUDA_CHECK(cudaStreamCreate(one));
-    for (cudaEvent_t* event : {&begun, &groups_there})
+    for (cudaEvent_t* event : {&room_beside, &groups_there})
       GRAUPEL_CUDA_CHECK(cudaEventCreateWithFlags(event, cudaEventDisableTiming));
     GRAUPEL_CUDA_CHECK(cudaMallocHost(&seen, sizeof(FrameStatus)));
     for (cudaEvent_t& event : events) GRAUPEL_CUDA_CHECK(cudaEventCreate(&event));
@@ -153,7 +153,7 @@ struct CudaSimulator::Impl {
   ~Impl() {
     drop_graph();
     for (cudaEvent_t event : events) cudaEventDestroy(event);
-    for (cudaEvent_t event : {begun, groups_there}) cudaEventDestroy(event);
+    for (cudaEvent_t event : {room_beside, groups_there}) cudaEventDestroy(event);
     cudaFreeHost(seen);
     for (cudaStream_t one : {group_stream, stream}) cudaStreamDestroy(one);
   }
@@ -193,7 +193,7 @@ struct CudaSimulator::Impl {
   FeatureConfig config;
   Normalization normalization;
   cudaStream_t stream = nullptr, group_stream = nullptr;
-  cudaEvent_t begun = nullptr, groups_there = nullptr;
+  cudaEvent_t room_beside = nullptr, groups_there = nullptr;
   cudaGraphExec_t graph = nullptr;
   cudaEvent_t events[marks] = {};
   bool recording = false;
@@ -212,16 +212,9 @@ struct CudaSimulator::Impl {
   std::optional<DensityProjection> density;
 };
 
-/// Features and, beside what follows in the stream, the network's graph of the newest frame and the groups of what
-/// flies.
+/// Features and, beside what follows in the stream, the network's graph of the newest frame.
 void CudaSimulator::Impl::launch_graph() {
   mark(begin);
-  if (flight) {
-    GRAUPEL_CUDA_CHECK(cudaEventRecord(begun, stream));
-    GRAUPEL_CUDA_CHECK(cudaStreamWaitEvent(group_stream, begun, 0));
-    flight->find_groups(before.data(), now(), group_stream);
-    GRAUPEL_CUDA_CHECK(cudaEventRecord(groups_there, group_stream));
-  }
   model->launch_graph(stream, /*with_counts=*/!recording);
   parallel_for_in(stream, Device::cuda, feature_parts_of_row * particles,
                   WriteFeatures{FeatureRules(config, normalization), surroundings->view(Device::cuda), frame_ring(),
@@ -229,8 +222,16 @@ void CudaSimulator::Impl::launch_graph() {
   mark(features_done);
 }
 
+/// The groups of what flies are found beside it.
 void CudaSimulator::Impl::launch_network() {
-  model->launch(stream, [&] { mark(hierarchy_done); });
+  const auto find_groups = [&] {
+    if (!flight) return;
+    GRAUPEL_CUDA_CHECK(cudaEventRecord(room_beside, stream));
+    GRAUPEL_CUDA_CHECK(cudaStreamWaitEvent(group_stream, room_beside, 0));
+    flight->find_groups(before.data(), now(), group_stream);
+    GRAUPEL_CUDA_CHECK(cudaEventRecord(groups_there, group_stream));
+  };
+  model->launch(stream, {[&] { mark(hierarchy_done); }, find_groups});
   if (flight) GRAUPEL_CUDA_CHECK(cudaStreamWaitEvent(stream, groups_there, 0));
   mark(network_done);
 }

@@ -2,6 +2,7 @@
 
 #include "graph/cuda/block_cluster.h"
 #include "graph/cuda/density_list.h"
+#include "graph/cuda/density_sweeps.h"
 
 namespace graupel::graph {
 
@@ -12,7 +13,8 @@ using namespace cluster;
 
 /// Cells of a colour that one block holds in its registers.
 constexpr int cells_a_thread = 4, few_cells = cells_a_thread * block_threads;
-constexpr int64_t most_of_cluster = int64_t{1} << 18;  ///< cells; beyond it all multiprocessors are faster
+constexpr int swept_cells = 2;                         ///< of a colour that a thread holds where there are more
+constexpr int64_t most_of_cluster = int64_t{1} << 19;  ///< cells; beyond it all multiprocessors are faster
 constexpr int64_t most_words = int64_t{1} << 17;       ///< each of their blocks counts the words before its own
 
 struct Shared {
@@ -41,7 +43,7 @@ class Solver {
     if (begin <= few_cells && end - begin <= few_cells)
       solve_few(begin, end);
     else
-      solve_many(begin, end);
+      Sweeps<swept_cells>(s_, thread_, all_threads, {0, begin, end}).run([&] { cluster_.sync(); });
     clear_words();
   }
 
@@ -67,39 +69,6 @@ class Solver {
   __device__ void clear_words() {
     cluster_.sync();
     for (int64_t w = thread_; w < words(); w += all_threads) s_.words[w] = 0;
-  }
-
-  // All blocks, pressures in the GPU's memory
-
-  __device__ void solve_many(int32_t begin, int32_t end) {
-    for (int32_t k = thread_; k < end; k += all_threads) {
-      const int32_t i = __ldcg(s_.cell + k);
-      float upper[3];
-      upper_faces(i, upper);
-      s_.equation[k] = equation_of(__ldcg(s_.mass + i), s_.shares[i], upper);
-      s_.mass[i] = 0;
-    }
-    cluster_.sync();
-    for (int sweep = 0; sweep < 2 * s_.sweeps; ++sweep) {
-      const int32_t first = sweep % 2 == 0 ? 0 : begin, last = sweep % 2 == 0 ? begin : end;
-      for (int32_t k = first + thread_; k < last; k += all_threads) sweep_cell(k);
-      cluster_.sync();
-    }
-  }
-  __device__ void sweep_cell(int32_t k) {
-    const float2 both = __ldcg(reinterpret_cast<const float2*>(s_.equation) + k);
-    const Equation e{both.x, both.y};
-    if (e.inverse_sum == 0) return;
-    const int32_t i = __ldcg(s_.cell + k);
-    const Shares own = s_.shares[i];
-    float sum = e.excess;
-    for (int d = 0; d < 3; ++d) {
-      const int32_t stride = s_.cells.stride(d);
-      sum += own.face[d] * __ldcg(s_.pressure + i - stride) +
-             s_.shares[i + stride].face[d] * __ldcg(s_.pressure + i + stride);
-    }
-    const float before = __ldcg(s_.pressure + i);
-    s_.pressure[i] = relaxed(before, sum, e.inverse_sum, s_.relaxation);
   }
 
   // One block, pressures in its shared memory

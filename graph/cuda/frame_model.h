@@ -2,10 +2,10 @@
 // All launches may be recorded; numbers that change from frame to frame are read on the GPU, as far as there is room.
 #pragma once
 
-#include <functional>
 #include <memory>
 #include <vector>
 
+#include "graph/cuda/launch_moments.h"
 #include "graph/feature_config.h"
 #include "graph/features.h"
 #include "nn/weights.h"
@@ -38,9 +38,8 @@ class FrameModel {
   };
   /// Waits for the graph made last.
   virtual Room make_room() = 0;
-  /// Normalised accelerations from features() and the graph made last. `graph_ready` is called when the stream waits
-  /// for nothing but the graph.
-  virtual void launch(void* stream, const std::function<void()>& graph_ready) = 0;
+  /// Normalised accelerations from features() and the graph made last.
+  virtual void launch(void* stream, const LaunchMoments& moments) = 0;
   virtual const float* output() const = 0;  ///< [particles, output_width()]
   /// Not 0 where the graph made last had no room: the output is of no use.
   virtual const int32_t* fault() const = 0;

@@ -69,10 +69,11 @@ FrameModel::Room GnsFrame::make_room() {
   return builder_.room() == room ? Room::there : Room::moved;
 }
 
-void GnsFrame::launch(void* stream, const std::function<void()>& graph_ready) {
+void GnsFrame::launch(void* stream, const LaunchMoments& moments) {
+  moments.room_beside();
   if (is_due_) make_graph(stream);
   is_due_ = false;
-  graph_ready();
+  moments.graph_ready();
   const RadiusLinks links = builder_.links();
   GnsRows rows;
   rows.nodes = builder_.most_nodes();

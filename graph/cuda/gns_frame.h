@@ -20,7 +20,7 @@ class GnsFrame : public FrameModel, private EdgeMemory {
   Vec3f* position() override { return position_.data(); }
   void launch_graph(void* stream, bool with_counts) override;
   Room make_room() override;
-  void launch(void* stream, const std::function<void()>& graph_ready) override;
+  void launch(void* stream, const LaunchMoments& moments) override;
   const float* output() const override { return output_.data(); }
   const int32_t* fault() const override { return builder_.links().fault; }
   void reuse_memory() override { arena_.reset(); }

@@ -3,10 +3,10 @@
 #pragma once
 
 #include <cstdint>
-#include <functional>
 #include <memory>
 
 #include "core/vec.h"
+#include "graph/cuda/launch_moments.h"
 #include "graph/grid_builder.h"
 #include "graph/hgn_config.h"
 #include "graph/level_places.h"
@@ -34,8 +34,8 @@ class GridNetwork {
   virtual void reset() {}
   /// What the grid's stream does after the grid was built.
   virtual void follow_grid(void* grid_stream) = 0;
-  /// `grid_ready` is called where the grid is needed.
-  virtual void launch(void* stream, const std::function<void()>& grid_ready) = 0;
+  /// The moments' graph is the grid.
+  virtual void launch(void* stream, const LaunchMoments& moments) = 0;
 
   virtual const float* output() const = 0;  ///< [particles, output_width()] normalised accelerations
   /// Not 0 where the grid has overflowed or there was no room for it; the output is of no use then.

@@ -74,13 +74,15 @@ FrameModel::Room HgnFrame::make_room() {
   return Room::moved;
 }
 
-void HgnFrame::launch(void* stream, const std::function<void()>& graph_ready) {
+void HgnFrame::launch(void* stream, const LaunchMoments& moments) {
   network_->follow_grid(streams_->grid);
   GRAUPEL_CUDA_CHECK(cudaEventRecord(streams_->grid_there, streams_->grid));
-  network_->launch(stream, [&] {
-    GRAUPEL_CUDA_CHECK(cudaStreamWaitEvent(static_cast<cudaStream_t>(stream), streams_->grid_there, 0));
-    graph_ready();
-  });
+  network_->launch(
+      stream, {[&] {
+                 GRAUPEL_CUDA_CHECK(cudaStreamWaitEvent(static_cast<cudaStream_t>(stream), streams_->grid_there, 0));
+                 moments.graph_ready();
+               },
+               moments.room_beside});
 }
 
 }  // namespace graupel::graph

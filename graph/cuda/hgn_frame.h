@@ -22,7 +22,7 @@ class HgnFrame : public FrameModel {
   Vec3f* position() override { return position_.data(); }
   void launch_graph(void* stream, bool with_counts) override;
   Room make_room() override;
-  void launch(void* stream, const std::function<void()>& graph_ready) override;
+  void launch(void* stream, const LaunchMoments& moments) override;
   const float* output() const override { return network_->output(); }
   const int32_t* fault() const override { return network_->fault(); }
   void reuse_memory() override { network_->reset(); }

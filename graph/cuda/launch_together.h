@@ -20,16 +20,16 @@ inline int multiprocessors() {
   return count;
 }
 
-/// As many blocks as there is work for, at most one a multiprocessor. Blocks that do not wait for each other need not
-/// be `together`.
+/// As many blocks as there is work for, at most `resident` a multiprocessor. Blocks that do not wait for each other
+/// need not be `together`.
 template <typename Argument>
 void launch_together(void (*kernel)(Argument), int64_t blocks, int threads, int shared_bytes, const Argument& argument,
-                     void* stream, bool together = true) {
+                     void* stream, bool together = true, int resident = 1) {
   cudaLaunchAttribute attribute{};
   attribute.id = cudaLaunchAttributeCooperative;
   attribute.val.cooperative = 1;
   cudaLaunchConfig_t config{};
-  config.gridDim = dim3(static_cast<unsigned>(std::clamp<int64_t>(blocks, 1, multiprocessors())));
+  config.gridDim = dim3(static_cast<unsigned>(std::clamp<int64_t>(blocks, 1, int64_t{resident} * multiprocessors())));
   config.blockDim = dim3(static_cast<unsigned>(threads));
   config.dynamicSmemBytes = static_cast<std::size_t>(shared_bytes);
   config.stream = static_cast<cudaStream_t>(stream);

@@ -15,7 +15,7 @@ class MessageNetwork : public GridNetwork {
   void prepare(const GridInputs& inputs) override;
   void reset() override { arena_.reset(); }
   void follow_grid(void* grid_stream) override;
-  void launch(void* stream, const std::function<void()>& grid_ready) override;
+  void launch(void* stream, const LaunchMoments& moments) override;
   const float* output() const override { return output_.data(); }
   const int32_t* fault() const override { return places_.fault(); }
 

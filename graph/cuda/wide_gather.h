@@ -2,6 +2,7 @@
 // together.
 #pragma once
 
+#include "graph/cuda/pair_sums.h"
 #include "graph/cuda/row_block.h"
 #include "graph/cuda/wide_rows.h"
 #include "graph/cuda/wide_weights.h"
@@ -103,33 +104,6 @@ __device__ inline void sum_slots(MessageSums& sums, const WideNetwork& n, const 
   for (int k = 0; k < slots; ++k) sums.add(word[k], own, table[k] + 8 * lane, weight[k]);
 }
 
-/// Sums over part `part` of `parts` of the list of pairs; the numbers of the next few are read ahead.
-__device__ inline void sum_pairs(MessageSums& sums, const WideNetwork& n, const Table& table, int64_t link_row,
-                                 int lane, int part = 0, int parts = 1) {
-  constexpr int under_way = 8;
-  const int32_t first = __ldg(n.begin + link_row), count = __ldg(n.begin + link_row + 1) - first;
-  const int32_t begin = first + count * part / parts, end = first + count * (part + 1) / parts;
-  const float own[8] = {};
-  int32_t next[under_way];
-#pragma unroll
-  for (int k = 0; k < under_way; ++k) next[k] = begin + k < end ? __ldg(n.link + begin + k) : -1;
-  for (int32_t at = begin; at < end; at += under_way) {
-    uint4 word[under_way];
-    float weight[under_way];
-    int slot[under_way];
-#pragma unroll
-    for (int k = 0; k < under_way; ++k) {
-      const int32_t pair = next[k] < 0 ? 0 : next[k];
-      word[k] = row_word(n.source, pair / most_slots, lane);
-      weight[k] = next[k] < 0 ? 0 : __ldg(n.weight + pair);
-      slot[k] = pair % most_slots;
-      next[k] = at + under_way + k < end ? __ldg(n.link + at + under_way + k) : -1;
-    }
-#pragma unroll
-    for (int k = 0; k < under_way; ++k) sums.add(word[k], own, table[slot[k]] + 8 * lane, weight[k]);
-  }
-}
-
 /// Eight f32 numbers of a row, on their way to be rounded.
 struct Wide {
   float4 low{0, 0, 0, 0}, high{0, 0, 0, 0};
@@ -137,6 +111,10 @@ struct Wide {
     const float4* const from = reinterpret_cast<const float4*>(rows + row * layer_width) + 2 * lane;
     low = __ldcg(from);
     high = __ldcg(from + 1);
+  }
+  __device__ void add_to(float (&sum)[8]) const {
+    sum[0] += low.x, sum[1] += low.y, sum[2] += low.z, sum[3] += low.w;
+    sum[4] += high.x, sum[5] += high.y, sum[6] += high.z, sum[7] += high.w;
   }
   __device__ uint4 rounded() const {
     return {pack(low.x, low.y), pack(low.z, low.w), pack(high.x, high.y), pack(high.z, high.w)};
@@ -182,34 +160,20 @@ __device__ inline void gather_features(const WideNetwork& n, int64_t first, int6
     }
 }
 
-/// A narrow tile of rows with pairs: four half warps add up the parts of a row's list. All threads of the block.
-constexpr int narrow_rows = 4;
-__device__ inline void gather_narrow(const WideNetwork& n, const Table& table, int64_t first_link, int64_t first,
-                                     int64_t rows, uint16_t* to0, uint16_t* to1, float* scratch) {
-  const int group = static_cast<int>(threadIdx.x) / row_lanes, lane = static_cast<int>(threadIdx.x) % row_lanes;
-  const int warp = group / 2, part = 2 * (warp / narrow_rows) + group % 2;
-  const int64_t row = first + warp % narrow_rows;
-  MessageSums sums;
-  if (row < rows) sum_pairs(sums, n, table, first_link + row, lane, part, 4);
-  float sum[8];
+/// Sums over a row's parts of the list of pairs (graph/cuda/pair_sums.h).
+__device__ inline void sum_parts(float (&sum)[8], const WideNetwork& n, int64_t link_row, int64_t row, int lane) {
+  constexpr int under_way = 4;
+  const int32_t begin = __ldg(n.begin + link_row), end = __ldg(n.begin + link_row + 1);
+  if (begin == end) return;
+  const int32_t last = (end - 1) / pairs_a_part;
+  for (int32_t first = begin / pairs_a_part; first <= last; first += under_way) {
+    Wide part[under_way];
 #pragma unroll
-  for (int k = 0; k < 8; ++k) {
-    sum[k] = sums.activated(k);
-    sum[k] += __shfl_xor_sync(0xffffffffu, sum[k], row_lanes);
-    if (group % 2 == 0) scratch[warp * layer_width + 8 * lane + k] = sum[k];
-  }
-  __syncthreads();
-  uint4 word{0, 0, 0, 0};
-  Wide second;
-  if (group < narrow_rows && first + group < rows) {
-    const float* const from = scratch + group * layer_width + 8 * lane;
+    for (int k = 0; k < under_way; ++k)
+      if (first + k <= last) part[k].load(n.rows32, row + first + k, lane);
 #pragma unroll
-    for (int k = 0; k < 8; ++k) sum[k] = n.scale * (from[k] + from[narrow_rows * layer_width + k]);
-    word = packed(sum);
-    if (n.second) second.load(n.second, first + group, lane);
+    for (int k = 0; k < under_way; ++k) part[k].add_to(sum);
   }
-  *reinterpret_cast<uint4*>(to0 + group * row_stride + 8 * lane) = word;
-  if (n.operands > 1) *reinterpret_cast<uint4*>(to1 + group * row_stride + 8 * lane) = second.rounded();
 }
 
 /// Gathers the operands of rows `first` and on into shared memory; rows beyond the last are 0. `scratch`: room for a
@@ -230,6 +194,7 @@ __device__ inline void gather(const WideNetwork& n, const StagedLinks<tile_rows>
     if (row < rows) {
       if (n.second) second.load(n.second, row, lane);  // under way together with what follows
       MessageSums sums;
+      float sum[8] = {};
       Wide only;
       switch (n.gather) {
         case Gather::links:
@@ -242,7 +207,7 @@ __device__ inline void gather(const WideNetwork& n, const StagedLinks<tile_rows>
           sum_slots<8, true>(sums, n, table, staged.link + 8 * i, staged.weight + 8 * i, row, lane);
           break;
         case Gather::pairs:
-          sum_pairs(sums, n, table, first_link + row, lane);
+          sum_parts(sum, n, first_link + row, row, lane);
           break;
         case Gather::rows:
           only.load(n.rows32, staged.link[i], lane);
@@ -252,9 +217,8 @@ __device__ inline void gather(const WideNetwork& n, const StagedLinks<tile_rows>
           break;
       }
       if (n.gather != Gather::rows) {
-        float sum[8];
 #pragma unroll
-        for (int k = 0; k < 8; ++k) sum[k] = n.scale * sums.activated(k);
+        for (int k = 0; k < 8; ++k) sum[k] = n.scale * (sum[k] + sums.activated(k));
         word = packed(sum);
       }
     }

@@ -16,7 +16,8 @@ namespace graupel::graph {
 namespace {
 
 constexpr int64_t h = layer_width;
-constexpr int slots = 8;  ///< most rows of a table
+constexpr int slots = 8;        ///< most rows of a table
+constexpr int64_t corners = 8;  ///< pairs a particle
 using Offset = std::array<float, 3>;
 
 /// The offsets that few things have (graph/cuda/row_layers.h, Offsets).
@@ -257,15 +258,12 @@ void WideHgn::prepare(const GridInputs& inputs) {
   const auto levels = static_cast<std::size_t>(config_.levels);
   const int64_t n = inputs.particles;
   particles_ = n;
-  most_rows_ = n;
   int64_t cells = 0;
-  for (std::size_t l = 0; l < levels; ++l) {
-    cells += inputs.room.cells[l];
-    most_rows_ = std::max(most_rows_, inputs.room.cells[l]);
-  }
+  for (std::size_t l = 0; l < levels; ++l) cells += inputs.room.cells[l];
   latents_.resize_discard(static_cast<std::size_t>((n + cells) * h));
   projections_.resize_discard(static_cast<std::size_t>((2 * n + 4 * cells) * h));
   output_.resize_discard(static_cast<std::size_t>(config_.output_width() * n));
+  part_sums_.resize_discard(static_cast<std::size_t>(rows_of_pair_sums(inputs.room.cells[0], corners * n) * h));
   done_.resize_discard(plan_.size());
   range_.upload({0, static_cast<int32_t>(n), 0});
 
@@ -288,6 +286,7 @@ void WideHgn::prepare(const GridInputs& inputs) {
   }
 
   std::vector<WideNetwork> networks;
+  most_rows_.clear();
   std::size_t l = 0;  // the level that is worked on
   for (const Planned& planned : plan_) {
     WideNetwork network = planned.network;
@@ -310,10 +309,18 @@ void WideHgn::prepare(const GridInputs& inputs) {
                           vectors_.data() + planned.offsets};
         break;
       case Gather::pairs:
-        network.source = to_grid;
-        network.link = grid.pair;
+        pair_sums_ = {.range = grid.level_begin,
+                      .most_cells = static_cast<int32_t>(inputs.room.cells[0]),
+                      .overflow = grid.overflow,
+                      .begin = grid.pair_begin,
+                      .pair = grid.pair,
+                      .cell = grid.cell,
+                      .weight = grid.weight,
+                      .source = to_grid,
+                      .table = network.table,
+                      .sums = part_sums_.data()};
+        network.rows32 = part_sums_.data();
         network.begin = grid.pair_begin;
-        network.weight = grid.weight;
         break;
       case Gather::links:
         network.source = level[l].projected[level[l].turn][0];
@@ -357,6 +364,7 @@ void WideHgn::prepare(const GridInputs& inputs) {
       network.out[1] = level[l].projected[level[l].turn][1];
     }
     networks.push_back(network);
+    most_rows_.push_back(network.most_rows);
   }
   networks_.upload(networks);
   overflow_ = inputs.grid.overflow;
@@ -367,10 +375,13 @@ void WideHgn::follow_grid(void* grid_stream) {
       cudaMemsetAsync(done_.data(), 0, done_.size() * sizeof(uint32_t), static_cast<cudaStream_t>(grid_stream)));
 }
 
-void WideHgn::launch(void* stream, const std::function<void()>& grid_ready) {
-  if (grid_ready) grid_ready();
-  run_networks({networks_.data(), static_cast<int32_t>(plan_.size()), done_.data(), overflow_, range_.data() + 2},
-               most_rows_, stream);
+void WideHgn::launch(void* stream, const LaunchMoments& moments) {
+  // The encoder runs beside the making of the grid.
+  run_networks({networks_.data(), done_.data(), nullptr, nullptr}, {particles_}, stream);
+  moments.graph_ready();
+  sum_pairs(pair_sums_, corners * particles_, stream);
+  run_networks({networks_.data() + 1, done_.data() + 1, overflow_, range_.data() + 2},
+               {most_rows_.begin() + 1, most_rows_.end()}, stream, moments.room_beside);
   if (has_own_decoder()) launch_decoder(stream);
 }
 

@@ -8,6 +8,7 @@
 
 #include "core/buffer.h"
 #include "graph/cuda/grid_network.h"
+#include "graph/cuda/pair_sums.h"
 #include "graph/cuda/wide_rows.h"
 
 namespace graupel::graph {
@@ -23,7 +24,7 @@ class WideHgn : public GridNetwork {
 
   void prepare(const GridInputs& inputs) override;
   void follow_grid(void* grid_stream) override;
-  void launch(void* stream, const std::function<void()>& grid_ready) override;
+  void launch(void* stream, const LaunchMoments& moments) override;
   const float* output() const override { return output_.data(); }
   const int32_t* fault() const override { return range_.data() + 2; }
 
@@ -49,11 +50,14 @@ class WideHgn : public GridNetwork {
   Buffer<int32_t> range_{Device::cuda, 0};  ///< 0, particles; fault
   Buffer<float> latents_{Device::cuda, 0}, output_{Device::cuda, 0};
   Buffer<uint16_t> projections_{Device::cuda, 0};
+  PairSums pair_sums_{};
+  Buffer<float> part_sums_{Device::cuda, 0};
   /// A decoder of several frames at once, which has a launch of its own: W1, b1, W2 and b2; W1 as a tile.
   Buffer<float> decoder_{Device::cuda, 0};
   Buffer<uint16_t> decoder_tile_{Device::cuda, 0};
   const int32_t* overflow_ = nullptr;
-  int64_t most_rows_ = 0, particles_ = 0;
+  std::vector<int64_t> most_rows_;  ///< of each network
+  int64_t particles_ = 0;
 };
 
 }  // namespace graupel::graph

@@ -9,6 +9,8 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
+#include <vector>
 
 #include "graph/cuda/row_layers.h"
 
@@ -19,8 +21,8 @@ enum class Gather : int32_t {
   links,     ///< the sum over six neighbours: link [rows, 6], -1 for none
   children,  ///< over eight children: link [rows, 8], -1 for none
   corners,   ///< over eight cells with weights: link and weight [rows, 8]
-  pairs,  ///< over pairs with weights: link[begin[r]] to link[begin[r + 1] - 1]; pair i has row i / 8, table row i % 8
-  rows,   ///< row link[r] of `rows32`
+  pairs,     ///< over the pairs begin[r] to begin[r + 1] - 1, whose parts are added up in `rows32` (pair_sums.h)
+  rows,      ///< row link[r] of `rows32`
   features,  ///< `width` f32 features of row r, in three parts (wide_weights.h)
 };
 
@@ -45,7 +47,7 @@ struct alignas(16) WideNetwork {
   const uint16_t* source;  ///< U, bf16
   const uint16_t* own;     ///< V, bf16; null: 0
   const float* table;      ///< T, f32
-  const float* rows32;     ///< Gather::rows and Gather::features
+  const float* rows32;     ///< Gather::rows, Gather::features and Gather::pairs
   const int32_t *link, *begin;
   const float* weight;
   float scale;
@@ -69,18 +71,20 @@ struct alignas(16) WideNetwork {
   float decoder_bias[3];
 };
 
-/// A launch of networks, one after the other.
+/// Networks, one after the other, and those of a launch: first to end - 1.
 struct WideProgram {
   const WideNetwork* network;
-  int32_t networks;
-  uint32_t* done;           ///< [networks], zero before the launch
-  const int32_t* overflow;  ///< where it is not 0 nothing is done; null: none
-  int32_t* fault;           ///< set to whether nothing was done; null: not wanted
+  uint32_t* done;                            ///< [networks], zero before the launch
+  const int32_t* overflow;                   ///< where it is not 0 nothing is done; null: none
+  int32_t* fault;                            ///< set to whether nothing was done; null: not wanted
+  int32_t networks = 0, first = 0, end = 0;  ///< set by run_networks
 };
 inline constexpr int most_networks = 272;
 inline constexpr int most_wide_features = 64;
 
-/// `most_rows`: of the network with the most rows. Tiles have 16 rows, or 32 where there are many.
-void run_networks(const WideProgram& program, int64_t most_rows, void* stream);
+/// `most_rows`: of each network. Neighbours with few rows, and those with many, share a launch. `room_beside` is called
+/// once, before the first launch that leaves multiprocessors idle, or after all.
+void run_networks(WideProgram program, const std::vector<int64_t>& most_rows, void* stream,
+                  const std::function<void()>& room_beside = {});
 
 }  // namespace graupel::graph

@@ -77,6 +77,57 @@ void expect_rollouts_of_the_cpu(const LearnedSimulator& simulator) {
       << "the same every time";
 }
 
+/// Fast particles among balls and thin plates, so many that look-ups ask lists.
+Case shower_among_obstacles() {
+  Case c = clouds_at_a_ball(6000, 0.06, {0.01, -0.03, 0.01});
+  const Random random(11, RandomPurpose::test);
+  for (uint64_t k = 0; k < 30; ++k) {
+    Obstacle obstacle;
+    obstacle.shape = k % 2 ? Shape::sphere : Shape::box;
+    obstacle.radius = 0.04;
+    obstacle.size = {0.12, k % 4 ? 0.02 : 0.08, 0.1};
+    for (int d = 0; d < 3; ++d) obstacle.position[d] = 0.1 + 0.8 * random.uniform(k, d);
+    c.scene.obstacles.push_back(obstacle);
+  }
+  const Surroundings surroundings(c.scene);
+  std::vector<std::size_t> free;
+  for (std::size_t i = 0; i < c.type.size(); ++i)
+    if (surroundings.obstacles.sample(c.history.back()[i].cast<double>()).phi > 1e-4) free.push_back(i);
+  Case kept{c.scene, {}, {}};
+  for (const std::size_t i : free) kept.type.push_back(c.type[i]);
+  for (const auto& frame : c.history) {
+    kept.history.emplace_back();
+    for (const std::size_t i : free) kept.history.back().push_back(frame[i]);
+  }
+  return kept;
+}
+
+/// Velocities are those that particles have: what a look-up rounds otherwise shows more in each further frame.
+TEST(CudaWays, PastObstaclesAreThoseOfTheCpu) {
+  GRAUPEL_NEEDS_GPU();
+  const Case c = shower_among_obstacles();
+  LearnedSimulator::RolloutOptions options;
+  options.frames = 1;
+  options.density_limit = 0;
+  options.free_flight = false;
+  const WeightsFile file;
+  const LearnedSimulator simulator = file.read_back(constant_bundle(wide_config(Aggregation::activations), 1));
+  const Trajectory expected = rollout(simulator, c, Device::cpu, options);
+  const Trajectory actual = rollout(simulator, c, Device::cuda, options);
+  ASSERT_EQ(actual.frame_count(), 2u);
+  const Surroundings surroundings(c.scene);
+  int64_t stopped = 0, apart = 0;
+  for (std::size_t i = 0; i < c.type.size(); ++i) {
+    const Vec3f &x = actual.frames[1].position[i], &y = expected.frames[1].position[i];
+    EXPECT_GT(surroundings.obstacles.sample(x.cast<double>()).phi, -1e-6) << i;
+    const Vec3f flies = c.history[5][i] + (c.history[5][i] - c.history[4][i]);
+    stopped += norm(y - flies) > 0.005f;
+    apart += norm(x - y) > 5e-5f;
+  }
+  EXPECT_GT(stopped, 300);
+  EXPECT_LE(apart, stopped / 100) << "of " << stopped;
+}
+
 class CudaBundle : public ::testing::TestWithParam<Aggregation> {
  protected:
   WeightsFile file_;

@@ -4,9 +4,12 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <numeric>
 #include <string>
+#include <utility>
 
 #include "core/buffer.h"
+#include "graph/cuda/pair_sums.h"
 #include "graph/cuda/wide_weights.h"
 #include "tests/gpu_only.h"
 #include "wide_numbers.h"
@@ -38,7 +41,7 @@ struct Case {
   bool decoder;
 
   Numbers source, own, table, x, weight, vectors, addend, add, matrices;
-  std::vector<int32_t> link, begin, addend_row, range;
+  std::vector<int32_t> link, begin, pair_row, addend_row, range;
   float scale = 0.25f;
 
   Case(Gather kind, int64_t row_count, bool with_decoder)
@@ -58,17 +61,29 @@ struct Case {
     const int slots = gather == Gather::links ? 6 : gather == Gather::rows ? 1 : 8;
     link = draws.links(slots * all, sources, gather == Gather::links || gather == Gather::children);
     weight = draws.numbers(8 * sources, 0.5, 0.5);
-    if (gather == Gather::pairs) {
-      link.clear();
-      begin.push_back(0);
-      for (int64_t r = 0; r < all; ++r) {  // none, few and many
-        const int64_t count = r % 7 == 0 ? 0 : r % 5 == 0 ? 43 : r % 11;
-        for (int32_t pair : draws.links(count, 8 * sources, false)) link.push_back(pair);
-        begin.push_back(static_cast<int32_t>(link.size()));
-      }
-      if (link.empty()) link.push_back(0);
-    }
+    if (gather == Gather::pairs) list_pairs(draws, all);
     range = {static_cast<int32_t>(first_link), static_cast<int32_t>(all)};
+  }
+
+  /// Lists of none, few and many pairs, each pair in one at most.
+  void list_pairs(Draws& draws, int64_t all) {
+    std::vector<int32_t> left(static_cast<std::size_t>(8 * sources));
+    std::iota(left.begin(), left.end(), 0);
+    for (std::size_t i = left.size(); i-- > 1;)
+      std::swap(left[i], left[static_cast<std::size_t>(draws.links(1, static_cast<int64_t>(i) + 1, false)[0])]);
+    link.clear();
+    begin.push_back(0);
+    pair_row.assign(left.size(), 0);
+    for (int64_t r = 0; r < all; ++r) {
+      const std::size_t wanted = r % 7 == 0 ? 0 : r == 5 ? 200 : r % 5 == 0 ? 33 : static_cast<std::size_t>(r % 5);
+      for (std::size_t k = 0; k < wanted && !left.empty(); ++k) {
+        pair_row[static_cast<std::size_t>(left.back())] = static_cast<int32_t>(std::max<int64_t>(r - first_link, 0));
+        link.push_back(left.back());
+        left.pop_back();
+      }
+      begin.push_back(static_cast<int32_t>(link.size()));
+    }
+    if (link.empty()) link.push_back(0);
   }
 
   static float at(const Numbers& rows_of, int64_t row, int column) {
@@ -158,6 +173,9 @@ Case::Result run_on_gpu(const Case& c, bool overflows = false) {
   const auto link = on_gpu(c.link), begin = on_gpu(c.begin), addend_row = on_gpu(c.addend_row), range = on_gpu(c.range);
   Buffer<float> sum(Device::cuda, c.add.size()), decoded(Device::cuda, static_cast<std::size_t>(3 * c.rows));
   Buffer<uint16_t> out0(Device::cuda, c.add.size()), out1(Device::cuda, c.add.size());
+  const auto pair_row = on_gpu(c.pair_row);
+  Buffer<float> part_sums(Device::cuda,
+                          static_cast<std::size_t>(rows_of_pair_sums(c.rows, static_cast<int64_t>(c.link.size())) * h));
   Buffer<int32_t> fault(Device::cuda, 1), overflow(Device::cuda, 1);
   Buffer<uint32_t> done(Device::cuda, 2);
   for (auto* buffer : {&sum, &decoded}) buffer->fill_zero();
@@ -172,7 +190,7 @@ Case::Result run_on_gpu(const Case& c, bool overflows = false) {
   n.source = source.data();
   n.own = c.gather == Gather::pairs ? nullptr : own.data();
   n.table = table.data();
-  n.rows32 = x.data();
+  n.rows32 = c.gather == Gather::pairs ? part_sums.data() : x.data();
   n.link = link.data();
   n.begin = begin.data();
   n.weight = weight.data();
@@ -191,9 +209,11 @@ Case::Result run_on_gpu(const Case& c, bool overflows = false) {
   for (float& bias : n.decoder_bias) bias = 0.5f;
   if (c.decoder) n.decoded = decoded.data();
   const auto networks = on_gpu(std::vector<WideNetwork>{n, n});
-  // Lists of pairs: more blocks than tiles, so that tiles become narrow.
-  const int64_t most_rows = c.gather == Gather::pairs ? 16 * c.rows : c.rows;
-  run_networks({networks.data(), 2, done.data(), overflow.data(), fault.data()}, most_rows, nullptr);
+  if (c.gather == Gather::pairs)
+    sum_pairs({range.data(), n.most_rows, overflow.data(), begin.data(), link.data(), pair_row.data(), weight.data(),
+               source.data(), table.data(), part_sums.data()},
+              static_cast<int64_t>(c.link.size()), nullptr);
+  run_networks({networks.data(), done.data(), overflow.data(), fault.data()}, {c.rows, c.rows}, nullptr);
   Case::Result result{sum.download(), {numbers(out0.download()), numbers(out1.download())}, decoded.download()};
   EXPECT_EQ(fault.download()[0], overflows);
   return result;
@@ -214,7 +234,7 @@ void expect_near(const Numbers& actual, const Numbers& expected, double limit, c
 TEST(WideRows, NetworksAreThoseOfTheHost) {
   GRAUPEL_NEEDS_GPU();
   for (const Gather gather : {Gather::links, Gather::children, Gather::corners, Gather::pairs, Gather::rows})
-    for (const int64_t rows : {1, 37, 701}) {
+    for (const int64_t rows : {1, 37, 2500}) {  // the last one by blocks that read their tiles anew
       const Case c(gather, rows, false);
       const std::string name = std::to_string(static_cast<int>(gather)).append(" ").append(std::to_string(rows));
       Case::Result expected;
@@ -225,7 +245,7 @@ TEST(WideRows, NetworksAreThoseOfTheHost) {
     }
 }
 
-TEST(WideRows, ManyRowsInLargerTilesAndADecoder) {
+TEST(WideRows, ManyRowsAndADecoder) {
   GRAUPEL_NEEDS_GPU();
   const Case c(Gather::corners, 9001, true);
   Case::Result expected;
@@ -239,8 +259,7 @@ TEST(WideRows, ManyRowsInLargerTilesAndADecoder) {
 /// An encoder: features of one and of two tiles, what a type adds, and outlooks with positions in cells.
 TEST(WideRows, FeaturesAndPositionsAreThoseOfTheHost) {
   GRAUPEL_NEEDS_GPU();
-  for (const int width : {28, 61}) {
-    constexpr int64_t rows = 37;
+  for (const auto& [width, rows] : {std::pair{28, 37}, {61, 37}, {28, 2500}}) {
     Case c(Gather::features, rows, false);
     Draws draws(9);
     const Numbers features = draws.numbers(rows * width, 1), first = draws.numbers(h * width, 0.3),
@@ -275,7 +294,7 @@ TEST(WideRows, FeaturesAndPositionsAreThoseOfTheHost) {
     n.out[1] = out1.data();
     n.offset = {at.data(), {0.1, 0.2, 0.3}, 1 / 0.035, axes.data()};
     const auto networks = on_gpu(std::vector<WideNetwork>{n});
-    run_networks({networks.data(), 1, done.data(), nullptr, nullptr}, rows, nullptr);
+    run_networks({networks.data(), done.data(), nullptr, nullptr}, {rows}, nullptr);
 
     Case::Result expected;
     for (int64_t row = 0; row < rows; ++row) {
