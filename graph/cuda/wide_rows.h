@@ -3,8 +3,9 @@
 //   y[r] = LayerNorm(W2 a(W1 [s[r], x[r]] + b1 + table) + b2),  f[r] = add[r] + y[r]
 //   out[j][r] = W[j] f[r] + bias[j]                                        (what the next network gathers)
 // and the blocks of the whole GPU go from network to network, each waiting until the one before is complete. A warp has
-// 16 of the 128 columns; its part of the weights is read from memory straight into registers while the network before
-// is still under way. a = LeakyReLU 0.01, layer norm with eps 1e-5, products in bf16 with f32 sums, no atomics on
+// 16 of the 128 columns; with few rows its part of the weights is read from memory straight into registers while the
+// network before is still under way, with many it is read anew for each tile, from the first cache, and two blocks
+// share a multiprocessor. a = LeakyReLU 0.01, layer norm with eps 1e-5, products in bf16 with f32 sums, no atomics on
 // floats. Compute capability 8.0 or later; all pointers are to the GPU's memory.
 #pragma once
 
