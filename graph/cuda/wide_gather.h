@@ -11,6 +11,7 @@ namespace graupel::graph::wide {
 
 using namespace tile;
 
+constexpr int tile_rows = 16;
 constexpr int row_lanes = 16;
 constexpr int words = layer_width / 8;  ///< of 16 bytes in a row of bf16 numbers
 constexpr int most_slots = 8;           ///< links a row
@@ -46,7 +47,6 @@ struct MessageSums {
 };
 
 /// Links of a tile's rows, and their weights, in shared memory: they are asked for while the tile before is worked on.
-template <int tile_rows>
 struct StagedLinks {
   __align__(16) int32_t link[tile_rows * most_slots];
   __align__(16) float weight[tile_rows * most_slots];
@@ -68,8 +68,7 @@ __device__ inline int slots_of(Gather gather) {
 }
 
 /// Starts to copy them. Six links a row begin at multiples of eight bytes.
-template <int tile_rows>
-__device__ inline void stage_links(StagedLinks<tile_rows>& to, const WideNetwork& n, int64_t first_link, int64_t first,
+__device__ inline void stage_links(StagedLinks& to, const WideNetwork& n, int64_t first_link, int64_t first,
                                    int64_t rows) {
   const int slots = slots_of(n.gather), i = static_cast<int>(threadIdx.x);
   const int count = slots * static_cast<int>(rows - first < tile_rows ? rows - first : tile_rows);
@@ -139,7 +138,6 @@ __device__ inline uint4 feature_word(const float* features, int width, int first
 
 static_assert(4 * most_wide_features <= 2 * row_stride && feature_tiles(most_wide_features) <= 2);
 /// Features of a tile's rows in shared memory; all threads of the block.
-template <int tile_rows>
 __device__ inline void fetch_features(float* to, const WideNetwork& n, int64_t first, int64_t rows) {
   const int count = n.width * static_cast<int>(rows - first < tile_rows ? rows - first : tile_rows);
   for (int i = static_cast<int>(threadIdx.x); i < count; i += threads) to[i] = __ldcg(n.rows32 + first * n.width + i);
@@ -147,10 +145,9 @@ __device__ inline void fetch_features(float* to, const WideNetwork& n, int64_t f
 }
 
 /// The parts of a tile's features. All threads of the block.
-template <int tile_rows>
 __device__ inline void gather_features(const WideNetwork& n, int64_t first, int64_t rows, uint16_t* to0, uint16_t* to1,
                                        float* scratch) {
-  fetch_features<tile_rows>(scratch, n, first, rows);
+  fetch_features(scratch, n, first, rows);
   const int lane = static_cast<int>(threadIdx.x) % row_lanes;
   for (int i = static_cast<int>(threadIdx.x) / row_lanes; i < tile_rows; i += threads / row_lanes)
     for (int operand = 0; operand < n.operands; ++operand) {
@@ -178,13 +175,11 @@ __device__ inline void sum_parts(float (&sum)[8], const WideNetwork& n, int64_t 
 
 /// Gathers the operands of rows `first` and on into shared memory; rows beyond the last are 0. `scratch`: room for a
 /// tile's features.
-template <int tile_rows>
-__device__ inline void gather(const WideNetwork& n, const StagedLinks<tile_rows>& staged, const Table& table,
-                              int64_t first_link, int64_t first, int64_t rows, uint16_t* to0, uint16_t* to1,
-                              float* scratch) {
+__device__ inline void gather(const WideNetwork& n, const StagedLinks& staged, const Table& table, int64_t first_link,
+                              int64_t first, int64_t rows, uint16_t* to0, uint16_t* to1, float* scratch) {
   const int lane = static_cast<int>(threadIdx.x) % row_lanes;
   if (n.gather == Gather::features) {
-    gather_features<tile_rows>(n, first, rows, to0, to1, scratch);
+    gather_features(n, first, rows, to0, to1, scratch);
     return;
   }
   for (int i = static_cast<int>(threadIdx.x) / row_lanes; i < tile_rows; i += threads / row_lanes) {

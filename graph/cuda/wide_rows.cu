@@ -10,11 +10,10 @@ namespace {
 using namespace wide;
 
 /// A block's way through the networks of its launch.
-template <int blocks, typename Tile>
+template <typename Tile>
 class Walk {
  public:
-  static constexpr int tile_rows = 16 * blocks;
-  __device__ Walk(TileMemory<tile_rows>& shared, const WideProgram& program) : s_(shared), program_(program) {}
+  __device__ Walk(TileMemory& shared, const WideProgram& program) : s_(shared), program_(program) {}
 
   __device__ void run() {
     count_rows();
@@ -139,47 +138,38 @@ class Walk {
     if (n.offset.position)
       for (int i = static_cast<int>(threadIdx.x); i < 3 * tile_rows; i += threads)
         if (first + i / 3 < rows) s_.offset[i / 3][i % 3] = cell_offset(n.offset, first + i / 3, i % 3);
-    float4 before[blocks][2];
+    float4 before[2];
 #pragma unroll
-    for (int b = 0; b < blocks; ++b)
-#pragma unroll
-      for (int half = 0; half < 2; ++half) {
-        const int64_t row = first + 16 * b + at.group + 8 * half;
-        before[b][half] = {0, 0, 0, 0};
-        if (n.add32 && row < rows)
-          before[b][half] = __ldcg(reinterpret_cast<const float4*>(n.add32 + row * layer_width + at.column));
-      }
+    for (int half = 0; half < 2; ++half) {
+      const int64_t row = first + at.group + 8 * half;
+      before[half] = {0, 0, 0, 0};
+      if (n.add32 && row < rows)
+        before[half] = __ldcg(reinterpret_cast<const float4*>(n.add32 + row * layer_width + at.column));
+    }
     staged_ = 1 - staged_;
     if (next_network < program_.end) stage(next_network, ends ? turn + 1 : turn, next_tile);
     __syncthreads();
 
-    Part c[blocks];
+    Part c;
     first_layer(n, turn, first_link, first, rows, c, at);
     if (last) weights_.load_first(next);
     __syncthreads();
 
-    const float4 bias = vector_of(s_.vectors[turn % 2], bias2, at);
-#pragma unroll
-    for (int b = 0; b < blocks; ++b) {
-      c[b].clear();
-      c[b].add(bias);
-      multiply(c[b], s_.hidden + 16 * b * row_stride, weights_.second, at.lane);
-      leave_statistics(s_, c[b], 16 * b, at);
-    }
+    c.clear();
+    c.add(vector_of(s_.vectors[turn % 2], bias2, at));
+    multiply(c, s_.hidden, weights_.second, at.lane);
+    leave_statistics(s_, c, at);
     if (last) weights_.load_second(next);
     __syncthreads();
 
+    normalize(s_, turn, c, at);
 #pragma unroll
-    for (int b = 0; b < blocks; ++b) {
-      normalize(s_, turn, c[b], 16 * b, at);
-#pragma unroll
-      for (int half = 0; half < 2; ++half) {
-        c[b].add(half, before[b][half]);
-        const int64_t row = first + 16 * b + at.group + 8 * half;
-        if (n.sum32 && row < rows) *reinterpret_cast<float4*>(n.sum32 + row * layer_width + at.column) = c[b].row(half);
-      }
-      if (n.outlooks > 0) store(s_.operand[0] + 16 * b * row_stride, c[b], at);
+    for (int half = 0; half < 2; ++half) {
+      c.add(half, before[half]);
+      const int64_t row = first + at.group + 8 * half;
+      if (n.sum32 && row < rows) *reinterpret_cast<float4*>(n.sum32 + row * layer_width + at.column) = c.row(half);
     }
+    if (n.outlooks > 0) store(s_.operand[0], c, at);
     __syncthreads();
     if (n.outlooks > 0) look_ahead(n, turn, first, rows, at);
     if (n.decoded) decode(n, first, rows);
@@ -191,67 +181,58 @@ class Walk {
     wait_for_copies();
   }
 
-  __device__ void first_layer(const WideNetwork& n, int turn, int64_t first_link, int64_t first, int64_t rows,
-                              Part (&c)[blocks], const Place& at) {
-    const float4 bias = vector_of(s_.vectors[turn % 2], bias1, at);
+  __device__ void first_layer(const WideNetwork& n, int turn, int64_t first_link, int64_t first, int64_t rows, Part& c,
+                              const Place& at) {
+    Part other;
+    other.clear();
+    c.clear();
+    c.add(vector_of(s_.vectors[turn % 2], bias1, at));
+    if (n.addend) {
 #pragma unroll
-    for (int b = 0; b < blocks; ++b) {
-      Part other;
-      other.clear();
-      c[b].clear();
-      c[b].add(bias);
-      if (n.addend) {
-#pragma unroll
-        for (int half = 0; half < 2; ++half) {
-          const int64_t row = first + 16 * b + at.group + 8 * half;
-          if (row >= rows) continue;
-          const int64_t which = __ldg(n.addend_row + first_link + row);
-          c[b].add(half, __ldg(reinterpret_cast<const float4*>(n.addend + which * layer_width + at.column)));
-        }
+      for (int half = 0; half < 2; ++half) {
+        const int64_t row = first + at.group + 8 * half;
+        if (row >= rows) continue;
+        const int64_t which = __ldg(n.addend_row + first_link + row);
+        c.add(half, __ldg(reinterpret_cast<const float4*>(n.addend + which * layer_width + at.column)));
       }
-      const uint16_t* const rows0 = s_.operand[0] + 16 * b * row_stride;
-      if (n.operands > 1)
-        multiply(c[b], other, rows0, s_.operand[1] + 16 * b * row_stride, weights_.first[0], weights_.first[1],
-                 at.lane);
-      else
-        multiply(c[b], rows0, weights_.first[0], at.lane);
-#pragma unroll
-      for (int half = 0; half < 2; ++half) c[b].add(half, other.row(half));
-      c[b].activate();
-      store(s_.hidden + 16 * b * row_stride, c[b], at);
     }
+    if (n.operands > 1)
+      multiply(c, other, s_.operand[0], s_.operand[1], weights_.first[0], weights_.first[1], at.lane);
+    else
+      multiply(c, s_.operand[0], weights_.first[0], at.lane);
+#pragma unroll
+    for (int half = 0; half < 2; ++half) c.add(half, other.row(half));
+    c.activate();
+    store(s_.hidden, c, at);
   }
 
   __device__ void look_ahead(const WideNetwork& n, int turn, int64_t first, int64_t rows, const Place& at) {
+    const uint16_t* const from = s_.operand[0];
+    Part c[2];
 #pragma unroll
-    for (int b = 0; b < blocks; ++b) {
-      const uint16_t* const from = s_.operand[0] + 16 * b * row_stride;
-      Part c[2];
+    for (int j = 0; j < 2; ++j) {
+      c[j].clear();
+      c[j].add(vector_of(s_.vectors[turn % 2], out_bias0 + j, at));
+    }
+    if (n.outlooks > 1)
+      multiply(c[0], c[1], from, from, weights_.outlook[0], weights_.outlook[1], at.lane);
+    else
+      multiply(c[0], from, weights_.outlook[0], at.lane);
+    if (n.decoded) {
+      c[0].activate();
+      leave_decoded(s_, turn, c[0], at);
+      return;
+    }
+#pragma unroll
+    for (int half = 0; half < 2; ++half) {
+      const int64_t row = first + at.group + 8 * half;
+      if (row >= rows) continue;
 #pragma unroll
       for (int j = 0; j < 2; ++j) {
-        c[j].clear();
-        c[j].add(vector_of(s_.vectors[turn % 2], out_bias0 + j, at));
-      }
-      if (n.outlooks > 1)
-        multiply(c[0], c[1], from, from, weights_.outlook[0], weights_.outlook[1], at.lane);
-      else
-        multiply(c[0], from, weights_.outlook[0], at.lane);
-      if (n.decoded) {
-        c[0].activate();
-        leave_decoded(s_, turn, c[0], 16 * b, at);
-        continue;
-      }
-#pragma unroll
-      for (int half = 0; half < 2; ++half) {
-        const int64_t row = first + 16 * b + at.group + 8 * half;
-        if (row >= rows) continue;
-#pragma unroll
-        for (int j = 0; j < 2; ++j) {
-          if (j >= n.outlooks) continue;
-          if (n.offset.position) add_offset(c[j], half, n.offset, j, s_.offset[row - first], at);
-          const float4 v = c[j].row(half);
-          *reinterpret_cast<uint2*>(n.out[j] + row * layer_width + at.column) = {pack(v.x, v.y), pack(v.z, v.w)};
-        }
+        if (j >= n.outlooks) continue;
+        if (n.offset.position) add_offset(c[j], half, n.offset, j, s_.offset[row - first], at);
+        const float4 v = c[j].row(half);
+        *reinterpret_cast<uint2*>(n.out[j] + row * layer_width + at.column) = {pack(v.x, v.y), pack(v.z, v.w)};
       }
     }
   }
@@ -268,7 +249,7 @@ class Walk {
     }
   }
 
-  TileMemory<tile_rows>& s_;
+  TileMemory& s_;
   const WideProgram& program_;
   Weights<Tile> weights_;
   int staged_ = 0;
@@ -276,9 +257,9 @@ class Walk {
 
 /// Few rows: tiles in registers, asked for ahead, one block a multiprocessor. Many: the blocks of a multiprocessor
 /// work while others wait.
-template <int blocks, typename Tile>
+template <typename Tile>
 __global__ void __launch_bounds__(threads, Tile::resident) run_kernel(WideProgram program) {
-  Walk<blocks, Tile>(*reinterpret_cast<TileMemory<16 * blocks>*>(shared_numbers), program).run();
+  Walk<Tile>(*reinterpret_cast<TileMemory*>(shared_numbers), program).run();
 }
 
 /// What the blocks of a multiprocessor do not need of its shared memory is the first cache's.
@@ -291,10 +272,10 @@ void leave_to_cache(const void* kernel, int bytes) {
   GRAUPEL_CUDA_CHECK(cudaFuncSetAttribute(kernel, cudaFuncAttributePreferredSharedMemoryCarveout, percent));
 }
 
-template <int blocks, typename Tile>
+template <typename Tile>
 void launch(const WideProgram& program, int64_t most_rows, void* stream) {
-  constexpr int tile_rows = 16 * blocks, bytes = sizeof(TileMemory<tile_rows>);
-  const auto kernel = run_kernel<blocks, Tile>;
+  constexpr int bytes = sizeof(TileMemory);
+  const auto kernel = run_kernel<Tile>;
   GRAUPEL_CUDA_CHECK(cudaFuncSetAttribute(kernel, cudaFuncAttributeMaxDynamicSharedMemorySize, bytes));
   if (Tile::resident > 1) leave_to_cache(reinterpret_cast<const void*>(kernel), Tile::resident * bytes);
   launch_together(kernel, (most_rows + tile_rows - 1) / tile_rows, threads, bytes, program, stream,
@@ -302,7 +283,7 @@ void launch(const WideProgram& program, int64_t most_rows, void* stream) {
 }
 
 /// More rows than one tile a multiprocessor.
-bool has_many(int64_t rows) { return rows > int64_t{16} * multiprocessors(); }
+bool has_many(int64_t rows) { return rows > int64_t{tile_rows} * multiprocessors(); }
 
 }  // namespace
 
@@ -323,7 +304,7 @@ void run_networks(WideProgram program, const std::vector<int64_t>& most_rows, vo
       called = true;
       room_beside();
     }
-    has_many(most) ? launch<1, TilePlace>(program, most, stream) : launch<1, TilePart>(program, most, stream);
+    has_many(most) ? launch<TilePlace>(program, most, stream) : launch<TilePart>(program, most, stream);
   }
   if (room_beside && !called) room_beside();
 }

@@ -10,14 +10,13 @@ namespace graupel::graph::wide {
 constexpr int descriptions = 4;
 
 /// What a block keeps in shared memory.
-template <int tile_rows>
 struct TileMemory {
   __align__(16) uint16_t operand[2][tile_rows * row_stride];
   __align__(16) uint16_t hidden[tile_rows * row_stride];
   __align__(16) float vectors[2][vectors_of_network][layer_width];
   __align__(16) WideNetwork network[descriptions];  ///< of the network that is worked on and of those after it
   __align__(16) Table table[2];
-  StagedLinks<tile_rows> links[2];  ///< of the tile that is worked on, and of the next one
+  StagedLinks links[2];  ///< of the tile that is worked on, and of the next one
   float2 statistics[warps][tile_rows];
   float decoded[warps][tile_rows][3];
   float offset[tile_rows][3];  ///< positions of the tile's rows in their cells
@@ -38,26 +37,24 @@ __device__ inline void store(uint16_t* rows, Part& c, const Place& at) {
 }
 
 /// Means and squares of deviations of a warp's 16 columns, row by row.
-template <int tile_rows>
-__device__ inline void leave_statistics(TileMemory<tile_rows>& s, Part& c, int first, const Place& at) {
+__device__ inline void leave_statistics(TileMemory& s, Part& c, const Place& at) {
 #pragma unroll
   for (int half = 0; half < 2; ++half) {
     const float4 v = c.row(half);
     const float mean = row_sum(v.x + v.y + v.z + v.w) * (1.0f / 16);
     const float x = v.x - mean, y = v.y - mean, z = v.z - mean, w = v.w - mean;
     const float squares = row_sum(x * x + y * y + z * z + w * w);
-    if (at.lane % 4 == 0) s.statistics[at.warp][first + at.group + 8 * half] = {mean, squares};
+    if (at.lane % 4 == 0) s.statistics[at.warp][at.group + 8 * half] = {mean, squares};
   }
 }
 
 /// Layer norm from the statistics of all warps (Chan et al. 1983, equation 2.1).
-template <int tile_rows>
-__device__ inline void normalize(const TileMemory<tile_rows>& s, int turn, Part& c, int first, const Place& at) {
+__device__ inline void normalize(const TileMemory& s, int turn, Part& c, const Place& at) {
   const float4 scale = vector_of(s.vectors[turn % 2], norm_scale, at),
                shift = vector_of(s.vectors[turn % 2], norm_shift, at);
 #pragma unroll
   for (int half = 0; half < 2; ++half) {
-    const int row = first + at.group + 8 * half;
+    const int row = at.group + 8 * half;
     float2 part[warps];
     float mean = 0, squares = 0;
 #pragma unroll
@@ -94,8 +91,7 @@ __device__ inline void add_offset(Part& c, int half, const CellOffset& offset, i
 }
 
 /// The decoder's second layer: a warp's columns' parts of its sums.
-template <int tile_rows>
-__device__ inline void leave_decoded(TileMemory<tile_rows>& s, int turn, Part& c, int first, const Place& at) {
+__device__ inline void leave_decoded(TileMemory& s, int turn, Part& c, const Place& at) {
 #pragma unroll
   for (int d = 0; d < 3; ++d) {
     const float4 w = vector_of(s.vectors[turn % 2], out_bias1 + d, at);
@@ -103,7 +99,7 @@ __device__ inline void leave_decoded(TileMemory<tile_rows>& s, int turn, Part& c
     for (int half = 0; half < 2; ++half) {
       const float4 v = c.row(half);
       const float sum = row_sum(v.x * w.x + v.y * w.y + v.z * w.z + v.w * w.w);
-      if (at.lane % 4 == 0) s.decoded[at.warp][first + at.group + 8 * half][d] = sum;
+      if (at.lane % 4 == 0) s.decoded[at.warp][at.group + 8 * half][d] = sum;
     }
   }
 }

@@ -256,12 +256,12 @@ TEST(DensityProjection, RefusesCellsThatDoNotFitIntoTheMemory) {
   EXPECT_THROW(density::check_fits(cells, bytes - 1), ConfigError);
 }
 
-void expect_same_on_gpu(int particles, double of_cells) {
+void expect_same_on_gpu(int particles, double of_cells, const Vec3d& high = {0.5, 0.4, 0.6}) {
   // No face of a cell lies between two of the ball's voxels, where its normal jumps.
   const Surroundings surroundings(scene_with_ball({0.3123, 0.3057, 0.4891}, 0.1));
   DensityProjection on_cpu(Device::cpu, surroundings, rest, of_cells),
       on_gpu(Device::cuda, surroundings, rest, of_cells);
-  std::vector<Vec3f> position = random_cloud(particles, {0.3, 0.2, 0.3}, {0.5, 0.4, 0.6});
+  std::vector<Vec3f> position = random_cloud(particles, {0.3, 0.2, 0.3}, high);
   Buffer<Vec3f> device(Device::cuda, 0);
   for (int frame = 0; frame < 4; ++frame) {
     device.upload(position);  // later frames start from the last one's pressure
@@ -276,7 +276,9 @@ void expect_same_on_gpu(int particles, double of_cells) {
 TEST(DensityProjection, IsTheSameOnTheGpu) {
   GRAUPEL_NEEDS_GPU();
   expect_same_on_gpu(20000, spacing);
-  expect_same_on_gpu(40000, spacing / 3);  // so many cells are swept by the whole GPU
+  expect_same_on_gpu(40000, spacing / 3);                      // more cells than one block holds
+  expect_same_on_gpu(60000, spacing / 3.2, {0.5, 0.5, 0.65});  // more than a cluster has threads for a colour
+  expect_same_on_gpu(40000, spacing / 5);                      // swept by the whole GPU
 }
 
 TEST(RestDensity, IsThatOfTheSourcesOrOfTheStart) {
