@@ -47,15 +47,16 @@ struct Column {
   const char* title;
 };
 constexpr Column columns[] = {
-    {"frame_ms", "ms/frame"},      {"speed_ratio", "speed"},        {"one_step_normalized", "one-step"},
-    {"position_mse_20", "MSE 20"}, {"position_mse_all", "MSE all"}, {"sinkhorn", "sinkhorn"},
-    {"density_error", "density"},  {"occupancy_iou", "IoU"},        {"inside_share", "inside"}};
+    {"frame_ms", "ms/frame"},        {"speed_ratio", "speed"},          {"one_step_normalized", "one-step"},
+    {"position_mse_20", "MSE 20"},   {"position_mse_all", "MSE all"},   {"sinkhorn", "sinkhorn"},
+    {"density_error", "density"},    {"material_occupancy_iou", "IoU"}, {"clump_size_error", "clumps"},
+    {"local_density_error", "local"}};
 
 std::string table_row(const std::string& name, const MetricValues& values, const std::string& mark) {
-  std::string row = fmt::format("  {:<26.26}", name);
+  std::string row = fmt::format("  {:<23.23}", name);
   for (const Column& column : columns) {
     const auto value = values.find(column.key);
-    row += fmt::format(" {:>9}", value == values.end() ? "-" : short_number(value->second));
+    row += fmt::format(" {:>8}", value == values.end() ? "-" : short_number(value->second));
   }
   return row + (mark.empty() ? "" : "  " + mark) + "\n";
 }
@@ -143,8 +144,8 @@ std::string comparison_csv(const Comparison& comparison) {
 }
 
 std::string comparison_table(const Comparison& comparison) {
-  std::string header = fmt::format("  {:<26}", "model");
-  for (const Column& column : columns) header += fmt::format(" {:>9}", column.title);
+  std::string header = fmt::format("  {:<23}", "model");
+  for (const Column& column : columns) header += fmt::format(" {:>8}", column.title);
   const std::vector<std::string> models = models_of(comparison);
   std::string table;
   for (const SceneResult& scene : comparison.scenes) {

@@ -13,6 +13,7 @@ DensityGrid::Field DensityGrid::spread(const ParticleRun& run, std::size_t frame
                                        const std::vector<int32_t>& types) const {
   Field field;
   field.mass.assign(types.size(), std::vector<double>(static_cast<std::size_t>(nodes()), 0.0));
+  field.material_fill = field.mass;
   field.fill.assign(static_cast<std::size_t>(nodes()), 0.0);
   const double cell_volume = spacing_ * spacing_ * spacing_;
   for (std::size_t i = 0; i < run.size(); ++i) {
@@ -34,7 +35,9 @@ DensityGrid::Field DensityGrid::spread(const ParticleRun& run, std::size_t frame
         node = node * count_[d] + base[d] + upper;
       }
       field.mass[static_cast<std::size_t>(type)][static_cast<std::size_t>(node)] += weight * run.mass[i];
-      field.fill[static_cast<std::size_t>(node)] += weight * run.volume[i] / cell_volume;
+      const double filled = weight * run.volume[i] / cell_volume;
+      field.material_fill[static_cast<std::size_t>(type)][static_cast<std::size_t>(node)] += filled;
+      field.fill[static_cast<std::size_t>(node)] += filled;
     }
   }
   return field;
@@ -50,14 +53,24 @@ double DensityGrid::relative_l1(const Field& truth, const Field& other) {
   return total > 0 ? difference / total : 0;
 }
 
-double DensityGrid::occupancy_iou(const Field& truth, const Field& other) {
+namespace {
+
+double overlap(const std::vector<double>& truth, const std::vector<double>& other) {
   int64_t both = 0, either = 0;
-  for (std::size_t n = 0; n < truth.fill.size(); ++n) {
-    const bool in_truth = truth.fill[n] > occupied_fill, in_other = other.fill[n] > occupied_fill;
+  for (std::size_t n = 0; n < truth.size(); ++n) {
+    const bool in_truth = truth[n] > occupied_fill, in_other = other[n] > occupied_fill;
     both += in_truth && in_other;
     either += in_truth || in_other;
   }
   return either > 0 ? static_cast<double>(both) / static_cast<double>(either) : 1;
+}
+
+}  // namespace
+
+double DensityGrid::occupancy_iou(const Field& truth, const Field& other) { return overlap(truth.fill, other.fill); }
+
+double DensityGrid::occupancy_iou(const Field& truth, const Field& other, std::size_t type) {
+  return overlap(truth.material_fill[type], other.material_fill[type]);
 }
 
 }  // namespace graupel::compare

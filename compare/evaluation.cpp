@@ -4,10 +4,12 @@
 #include <cmath>
 #include <numeric>
 
+#include "compare/clumps.h"
 #include "compare/containment.h"
 #include "compare/density_grid.h"
 #include "compare/displacement_error.h"
 #include "compare/kinetic_energy.h"
+#include "compare/local_density.h"
 #include "compare/material_shape.h"
 #include "compare/optimal_transport.h"
 #include "compare/position_error.h"
@@ -20,7 +22,7 @@ namespace graupel::compare {
 namespace {
 
 constexpr std::size_t transport_points = 500;
-constexpr std::size_t transport_frames = 5;
+constexpr std::size_t sampled_frames = 5;  ///< of Sinkhorn divergence and clumps
 
 double mean(const std::vector<double>& values) { return mean_of_first(values, values.size()); }
 
@@ -29,6 +31,11 @@ double mass_of(const ParticleRun& run, int32_t type) {
   for (std::size_t i = 0; i < run.size(); ++i)
     if (run.trajectory.particle_type[i] == type) mass += run.mass[i];
   return mass;
+}
+
+/// Frame k of `count` evenly spaced ones of 1..frames, the last one among them.
+std::size_t sampled_frame(int64_t k, std::size_t frames, std::size_t count) {
+  return (static_cast<std::size_t>(k) + 1) * frames / count;
 }
 
 struct Cloud {
@@ -46,13 +53,13 @@ Cloud cloud_of(const ParticleRun& run, std::size_t frame, int32_t type) {
   return cloud;
 }
 
-/// Mean over five evenly spaced frames, the last one among them.
+/// Mean over the sampled frames.
 double sinkhorn_of_material(const Scene& scene, const ParticleRun& truth, const ParticleRun& run, std::size_t frames,
                             int32_t type) {
-  const std::size_t count = std::min(transport_frames, frames);
+  const std::size_t count = std::min(sampled_frames, frames);
   std::vector<double> divergence(count);
   const auto one_frame = [&](int64_t k) {
-    const std::size_t frame = (static_cast<std::size_t>(k) + 1) * frames / count;
+    const std::size_t frame = sampled_frame(k, frames, count);
     const Cloud x = cloud_of(truth, frame, type), y = cloud_of(run, frame, type);
     WeightedPoints a, b;
     const double cell = bin_together(x.position, x.mass, y.position, y.mass, scene.domain.dx, transport_points, a, b);
@@ -60,6 +67,46 @@ double sinkhorn_of_material(const Scene& scene, const ParticleRun& truth, const 
   };
   parallel_for(Device::cpu, static_cast<int64_t>(count), one_frame, Grain{1});
   return mean(divergence);
+}
+
+/// Particles of a material in a frame.
+struct MaterialFrame {
+  std::vector<Vec3f> position;
+  std::vector<double> mass, volume;
+};
+
+MaterialFrame material_frame(const ParticleRun& run, std::size_t frame, int32_t type) {
+  MaterialFrame material;
+  for (std::size_t i = 0; i < run.size(); ++i) {
+    if (run.trajectory.particle_type[i] != type) continue;
+    material.position.push_back(run.position(frame)[i]);
+    material.mass.push_back(run.mass[i]);
+    material.volume.push_back(run.volume[i]);
+  }
+  return material;
+}
+
+/// Clumps and local density, means over the sampled frames.
+void distribution_values(const Scene& scene, const ParticleRun& truth, const ParticleRun& run, std::size_t frames,
+                         int32_t type, MetricValues& values) {
+  const std::size_t count = std::min(sampled_frames, frames);
+  std::vector<double> size_error(count), clumps(count), true_clumps(count), density_error(count);
+  const double dx = scene.domain.dx, unit = mass_of(truth, type);
+  const auto one_frame = [&](int64_t k) {
+    const std::size_t frame = sampled_frame(k, frames, count);
+    const MaterialFrame a = material_frame(truth, frame, type), b = material_frame(run, frame, type);
+    const auto expected = clump_masses(a.position, a.mass, clump_radius * dx),
+               got = clump_masses(b.position, b.mass, clump_radius * dx);
+    size_error[k] = wasserstein_1(clump_sizes(expected, unit), clump_sizes(got, unit));
+    true_clumps[k] = static_cast<double>(expected.size());
+    clumps[k] = static_cast<double>(got.size());
+    density_error[k] = wasserstein_1(local_density(a.position, a.volume, dx), local_density(b.position, b.volume, dx));
+  };
+  parallel_for(Device::cpu, static_cast<int64_t>(count), one_frame, Grain{1});
+  values["local_density_error"] = mean(density_error);
+  values["clump_size_error"] = mean(size_error);
+  values["clumps"] = mean(clumps);
+  values["clumps_truth"] = mean(true_clumps);
 }
 
 MetricValues material_values(const Scene& scene, const ParticleRun& truth, const ParticleRun& run,
@@ -75,13 +122,15 @@ MetricValues material_values(const Scene& scene, const ParticleRun& truth, const
     front[f - 1] = std::abs(last - last_truth);
   }
   const auto& types = run.trajectory.particle_type;
-  return {{"particles", static_cast<double>(std::count(types.begin(), types.end(), type))},
-          {"position_mse_all", mean(position_error_curve(truth, run, counterpart, type))},
-          {"sinkhorn", sinkhorn_of_material(scene, truth, run, frames, type)},
-          {"center_of_mass_error", mean(center)},
-          {"front_error", mean(front)},
-          {"front_final", last},
-          {"front_final_truth", last_truth}};
+  MetricValues values = {{"particles", static_cast<double>(std::count(types.begin(), types.end(), type))},
+                         {"position_mse_all", mean(position_error_curve(truth, run, counterpart, type))},
+                         {"sinkhorn", sinkhorn_of_material(scene, truth, run, frames, type)},
+                         {"center_of_mass_error", mean(center)},
+                         {"front_error", mean(front)},
+                         {"front_final", last},
+                         {"front_final_truth", last_truth}};
+  distribution_values(scene, truth, run, frames, type, values);
+  return values;
 }
 
 void displacement_values(const ParticleRun& truth, const ParticleRun& run, const std::vector<int32_t>& counterpart,
@@ -97,13 +146,39 @@ void density_values(const Scene& scene, const ParticleRun& truth, const Particle
   const DensityGrid grid(scene.domain);
   const auto types = types_of(truth.trajectory);
   double overlap = 0;
+  std::vector<double> own_overlap(types.size());
   for (std::size_t f = 1; f <= frames; ++f) {
     const auto expected = grid.spread(truth, f, types), got = grid.spread(run, f, types);
     evaluation.curves.density.push_back(DensityGrid::relative_l1(expected, got));
     overlap += DensityGrid::occupancy_iou(expected, got);
+    for (std::size_t t = 0; t < types.size(); ++t) own_overlap[t] += DensityGrid::occupancy_iou(expected, got, t);
   }
+  const auto n = static_cast<double>(frames);
   evaluation.values["density_error"] = mean(evaluation.curves.density);
-  evaluation.values["occupancy_iou"] = overlap / static_cast<double>(frames);
+  evaluation.values["occupancy_iou"] = overlap / n;
+  for (std::size_t t = 0; t < types.size(); ++t)
+    evaluation.materials[particle_type_name(types[t])]["occupancy_iou"] = own_overlap[t] / n;
+}
+
+/// Metrics of a run that are means of its materials', weighted by true mass, under the same or another name.
+constexpr std::pair<const char*, const char*> means_of_materials[] = {{"sinkhorn", "sinkhorn"},
+                                                                      {"center_of_mass_error", "center_of_mass_error"},
+                                                                      {"front_error", "front_error"},
+                                                                      {"material_occupancy_iou", "occupancy_iou"},
+                                                                      {"local_density_error", "local_density_error"},
+                                                                      {"clump_size_error", "clump_size_error"}};
+
+void average_materials(const ParticleRun& truth, Evaluation& evaluation) {
+  MetricValues& values = evaluation.values;
+  const double total_mass = std::accumulate(truth.mass.begin(), truth.mass.end(), 0.0);
+  for (const auto& [key, of_material] : means_of_materials) values[key] = 0;
+  for (const char* key : {"clumps", "clumps_truth"}) values[key] = 0;
+  for (const int32_t type : types_of(truth.trajectory)) {
+    const MetricValues& material = evaluation.materials.at(particle_type_name(type));
+    const double share = mass_of(truth, type) / total_mass;
+    for (const auto& [key, of_material] : means_of_materials) values[key] += share * material.at(of_material);
+    for (const char* key : {"clumps", "clumps_truth"}) values[key] += material.at(key);
+  }
 }
 
 void energy_values(const Scene& scene, const ParticleRun& truth, const ParticleRun& run, Evaluation& evaluation) {
@@ -130,15 +205,10 @@ Evaluation evaluate_rollout(const Scene& scene, const sparsegrid::ObstacleSet& o
   values["position_mse_all"] = mean(evaluation.curves.position);
   displacement_values(truth, run, counterpart, frames, values);
 
-  const double total_mass = std::accumulate(truth.mass.begin(), truth.mass.end(), 0.0);
-  for (const char* key : {"sinkhorn", "center_of_mass_error", "front_error"}) values[key] = 0;
-  for (const int32_t type : types_of(truth.trajectory)) {
-    const auto material = material_values(scene, truth, run, counterpart, frames, type);
-    const double share = mass_of(truth, type) / total_mass;
-    for (const char* key : {"sinkhorn", "center_of_mass_error", "front_error"}) values[key] += share * material.at(key);
-    evaluation.materials[particle_type_name(type)] = material;
-  }
+  for (const int32_t type : types_of(truth.trajectory))
+    evaluation.materials[particle_type_name(type)] = material_values(scene, truth, run, counterpart, frames, type);
   density_values(scene, truth, run, frames, evaluation);
+  average_materials(truth, evaluation);
   energy_values(scene, truth, run, evaluation);
 
   const Containment inside = containment(scene, obstacles, run);
@@ -192,8 +262,8 @@ MetricValues floor_values(const Evaluation& moved, const Evaluation& reseeded) {
   MetricValues floors;
   for (const char* key : {"position_mse_20", "position_mse_100", "position_mse_all"})
     floors[std::string("floor_") + key] = moved.values.at(key);
-  for (const char* key :
-       {"sinkhorn", "density_error", "occupancy_iou", "kinetic_energy_error", "center_of_mass_error", "front_error"})
+  for (const char* key : {"sinkhorn", "density_error", "occupancy_iou", "material_occupancy_iou", "local_density_error",
+                          "clump_size_error", "kinetic_energy_error", "center_of_mass_error", "front_error"})
     floors[std::string("floor_") + key] = reseeded.values.at(key);
   return floors;
 }

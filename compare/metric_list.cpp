@@ -16,6 +16,11 @@ const std::vector<MetricInfo>& metric_list() {
       {"sinkhorn", "m^2", "Sinkhorn divergence of the particle clouds", rollout},
       {"density_error", "", "relative L1 error of the density grid", rollout},
       {"occupancy_iou", "", "overlap of the occupied grid nodes, 1 is best", rollout},
+      {"material_occupancy_iou", "", "the same of each material's own nodes, mean over the materials", rollout},
+      {"local_density_error", "", "distance of the distributions of local density over that at rest", rollout},
+      {"clump_size_error", "decades", "distance of the distributions of clump sizes", rollout},
+      {"clumps", "", "clumps of all materials", rollout},
+      {"clumps_truth", "", "the same of the truth", rollout},
       {"kinetic_energy_error", "", "mean error of the kinetic energy over its true maximum", rollout},
       {"kinetic_energy_mse", "J^2", "mean squared error of the kinetic energy", rollout},
       {"center_of_mass_error", "m", "distance of the materials' centres of mass", rollout},
@@ -57,6 +62,9 @@ const std::vector<MetricInfo>& metric_list() {
       {"floor_sinkhorn", "m^2", "sinkhorn of MPM with another sampling seed", floors},
       {"floor_density_error", "", "density_error of the same", floors},
       {"floor_occupancy_iou", "", "occupancy_iou of the same", floors},
+      {"floor_material_occupancy_iou", "", "material_occupancy_iou of the same", floors},
+      {"floor_local_density_error", "", "local_density_error of the same", floors},
+      {"floor_clump_size_error", "decades", "clump_size_error of the same", floors},
       {"floor_kinetic_energy_error", "", "kinetic_energy_error of the same", floors},
       {"floor_center_of_mass_error", "m", "center_of_mass_error of the same", floors},
       {"floor_front_error", "m", "front_error of the same", floors},
@@ -74,6 +82,11 @@ const std::vector<MetricInfo>& material_metric_list() {
       {"front_error", "m", "error of the front", rollout},
       {"front_final", "m", "front in the last frame", rollout},
       {"front_final_truth", "m", "front of the truth in the last frame", rollout},
+      {"occupancy_iou", "", "overlap of the grid nodes that the material occupies, 1 is best", rollout},
+      {"local_density_error", "", "distance of the distributions of its local density over that at rest", rollout},
+      {"clump_size_error", "decades", "distance of the distributions of its clumps' sizes", rollout},
+      {"clumps", "", "its clumps", rollout},
+      {"clumps_truth", "", "the same of the truth", rollout},
   };
   return list;
 }

@@ -34,8 +34,9 @@ std::string mark_of(const ModelResult& result) {
 }
 
 const char* const main_keys[] = {
-    "frame_ms", "speed_ratio",   "one_step_normalized", "position_mse_20",      "position_mse_all",
-    "sinkhorn", "density_error", "occupancy_iou",       "kinetic_energy_error", "inside_share"};
+    "frame_ms",    "speed_ratio",   "one_step_normalized",    "position_mse_20",  "position_mse_all",
+    "sinkhorn",    "density_error", "material_occupancy_iou", "clump_size_error", "local_density_error",
+    "inside_share"};
 
 /// A key that may be broken into lines at its underscores.
 std::string breakable(const std::string& key) {

@@ -35,8 +35,9 @@ TEST(Evaluation, ARunAgainstItselfHasNoError) {
   const auto truth = falling_blocks(8);
   const auto e = evaluate_rollout(scene, obstacles, truth, truth);
   EXPECT_TRUE(missing_metrics(metric_list(), {MetricGroup::rollout}, e.values).empty());
-  for (const char* key : {"position_mse_20", "position_mse_all", "delta", "displacement_relative_error", "sinkhorn",
-                          "density_error", "kinetic_energy_error", "center_of_mass_error", "front_error"})
+  for (const char* key :
+       {"position_mse_20", "position_mse_all", "delta", "displacement_relative_error", "sinkhorn", "density_error",
+        "kinetic_energy_error", "center_of_mass_error", "front_error", "clump_size_error", "local_density_error"})
     EXPECT_EQ(e.values.at(key), 0) << key;
   EXPECT_EQ(e.values.at("occupancy_iou"), 1);
   ASSERT_EQ(e.materials.size(), 2u);
