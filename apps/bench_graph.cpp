@@ -109,7 +109,8 @@ class GraphBench {
       choices_.push_back(parse_model(word));
       if (choices_.back().kind == ModelKind::reduced)
         throw ConfigError("--models: '" + word + "' is a reduced-order model, which runs its own scene alone " +
-                          "(allowed: mpm, mpm:fast, mpm:coarse, weights of graph networks). Use `graupel bench rom`");
+                          "(allowed: " + mpm::variant_words() +
+                          ", weights of graph networks). Use `graupel bench rom`");
       networks_.push_back(
           choices_.back().kind == ModelKind::network ? std::make_shared<const graph::LearnedSimulator>(word) : nullptr);
       if (networks_.back()) networks_.back()->check_runs_on(device);
@@ -149,10 +150,9 @@ class GraphBench {
                                  .label = row.label()})
                      .cost;
       rows.push_back(row);
-      if (options_.batch < 2 || choices_[m].variant == MpmVariant::fast) continue;
+      if (options_.batch < 2 || choices_[m].variant.step == mpm::StepRule::largest_stable) continue;
       row.scenes = options_.batch;
-      row.cost = batch_cost(choices_[m].variant == MpmVariant::coarse ? mpm::coarse_variant(scene) : scene, options_,
-                            device_, row.scenes);
+      row.cost = batch_cost(mpm::variant_scene(scene, choices_[m].variant), options_, device_, row.scenes);
       rows.push_back(std::move(row));
     }
     return rows;
@@ -311,7 +311,7 @@ void bench_graph(BenchGraphOptions& options) {
 void add_bench_graph(CLI::App& bench) {
   auto options = std::make_shared<BenchGraphOptions>();
   CLI::App* verb = bench.add_subcommand("graph", "Time of a frame of graph networks beside MPM's, by size");
-  verb->add_option("--models", options->models, "mpm, mpm:fast, mpm:coarse, weights of graph networks; comma-separated")
+  verb->add_option("--models", options->models, mpm::variant_words() + ", weights of graph networks; comma-separated")
       ->delimiter(',')
       ->capture_default_str();
   verb->add_option("--particles", options->particles, "About so many: the recipe's scene, with a larger floor")

@@ -3,6 +3,7 @@
 #include "apps/compare_runs.h"
 #include "apps/verbs.h"
 #include "core/command_line.h"
+#include "mpm/scene_variants.h"
 
 namespace graupel::apps {
 
@@ -33,7 +34,7 @@ void add_compare(CLI::App& app) {
   command->add_option("--scenes", options.scenes, "Scene files, folders of them, or data sets (.h5)")->required();
   command
       ->add_option("--models", options.models,
-                   "mpm, mpm:fast, mpm:coarse, weights files of networks and reduced-order models; comma-separated")
+                   mpm::variant_words() + ", weights files of networks and reduced-order models; comma-separated")
       ->required()
       ->delimiter(',');
   command->add_option("--frames", options.frames, "Frames to predict; default the scene's")->check(whole_number(1));

@@ -11,6 +11,7 @@
 
 #include "apps/common_options.h"
 #include "apps/compare_scene.h"
+#include "apps/fairness.h"
 #include "apps/outputs.h"
 #include "compare/comparison_files.h"
 #include "compare/contact_sheet.h"
@@ -18,6 +19,7 @@
 #include "compare/report.h"
 #include "core/atomic_file.h"
 #include "core/error.h"
+#include "mpm/memory_need.h"
 
 namespace graupel::apps {
 
@@ -43,15 +45,6 @@ std::vector<ModelChoice> parse_models(const std::vector<std::string>& words) {
   return models;
 }
 
-/// All models and MPM run on one device, as a speed ratio is of one; with learned models on the GPU where it is asked
-/// for.
-Device choose_device(const std::string& word, const std::vector<ModelChoice>& models) {
-  const bool learned = std::any_of(models.begin(), models.end(), [](const ModelChoice& m) {
-    return m.kind == ModelKind::network || m.kind == ModelKind::reduced;
-  });
-  return learned && word == "auto" ? Device::cpu : parse_device(word);
-}
-
 std::vector<ComparedModel> load_models(const std::vector<ModelChoice>& choices, Device device) {
   std::vector<ComparedModel> models;
   for (const ModelChoice& choice : choices) {
@@ -66,7 +59,7 @@ std::vector<ComparedModel> load_models(const std::vector<ModelChoice>& choices, 
 
 void check_one_step_only(const std::vector<ModelChoice>& models) {
   for (const ModelChoice& model : models)
-    if (model.kind == ModelKind::reduced || (model.kind == ModelKind::mpm && model.variant != MpmVariant::same))
+    if (model.kind == ModelKind::reduced || (model.kind == ModelKind::mpm && !(model.variant == mpm::same_solver)))
       throw ConfigError("'" + model.name +
                         "' has no one-step error without a rollout. Leave it or --one-step-only out");
 }
@@ -88,6 +81,17 @@ std::vector<ComparedModel> models_for(const SceneTask& task, const std::vector<C
     fitting.push_back(model);
   }
   return fitting;
+}
+
+/// Refuses solver variants that do not fit before anything is run; the frames of all models but one are let go.
+void check_memory(const SceneTask& task, const std::vector<ModelChoice>& models, Device device) {
+  const double frames = static_cast<double>(task.frames + 1);
+  for (const ModelChoice& model : models) {
+    if (model.kind != ModelKind::mpm || model.variant.resolution >= 1) continue;
+    const mpm::SimulationOptions options{.device = device, .precision = mpm::Precision::f32, .seed = task.seed};
+    const Scene variant = mpm::variant_scene(task.scene, model.variant);
+    mpm::check_variant_fits(task.scene, model.variant, options, frames * mpm::least_memory(variant, options).particles);
+  }
 }
 
 void check_outputs(const CompareOptions& options) {
@@ -138,13 +142,16 @@ void print_table(const compare::Comparison& comparison, const CompareOptions& op
 void compare_scenes(const CompareOptions& options, compare::Comparison& comparison) {
   set_num_threads(options.threads);
   const auto choices = parse_models(options.models);
-  const Device device = choose_device(options.device, choices);
+  const Device device = common_device(options.device, choices);
   if (options.one_step_only) check_one_step_only(choices);
   const auto models = load_models(choices, device);
   const auto tasks = read_scene_tasks(options);
   std::vector<std::vector<ComparedModel>> models_of_task;
   models_of_task.reserve(tasks.size());
-  for (const SceneTask& task : tasks) models_of_task.push_back(models_for(task, models, options.other_scenes));
+  for (const SceneTask& task : tasks) {
+    models_of_task.push_back(models_for(task, models, options.other_scenes));
+    check_memory(task, choices, device);
+  }
 
   comparison.command = options.command;
   comparison.version = version_text();

@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <map>
 
+#include "apps/fairness.h"
 #include "apps/trained_materials.h"
 #include "compare/containment.h"
 #include "compare/one_step_error.h"
@@ -173,14 +174,13 @@ SceneComparison::SceneComparison(const CompareOptions& options, const SceneTask&
   result_.up = compare::up_axis(task.scene);
 }
 
-TimedRun SceneComparison::run_variant(MpmVariant variant) {
-  const char* name = variant == MpmVariant::fast ? "mpm:fast" : variant == MpmVariant::coarse ? "mpm:coarse" : "mpm";
+TimedRun SceneComparison::run_variant(const mpm::SolverVariant& variant) {
   return run_mpm(task_.scene, {.variant = variant,
                                .device = device_,
                                .seed = task_.seed,
                                .frames = task_.frames,
-                               .label = label(name),
-                               .must_finish = variant == MpmVariant::same && !task_.stored});
+                               .label = label(mpm::variant_word(variant)),
+                               .must_finish = variant == mpm::same_solver && !task_.stored});
 }
 
 void SceneComparison::make_truth() {
@@ -193,11 +193,11 @@ void SceneComparison::make_truth() {
     start_.mass = truth_.run.mass;
     start_.volume = truth_.run.volume;
     if (!options_.one_step_only) {
-      rerun_ = run_variant(MpmVariant::same);
+      rerun_ = run_variant(mpm::same_solver);
       truth_.cost = rerun_->cost;
     }
   } else {
-    truth_ = run_variant(MpmVariant::same);
+    truth_ = run_variant(mpm::same_solver);
     start_ = start_of(task_.scene, task_.seed);
   }
   result_.particles = truth_.run.size();
@@ -208,14 +208,14 @@ void SceneComparison::note_divergence(const std::string& reference, const TimedR
   if (frame >= 0) result_.diverged_references[reference] = frame;
 }
 
-void SceneComparison::make_references() {
+void SceneComparison::make_references(const mpm::SolverVariant& opponent) {
   const compare::Evaluation self = evaluate_rollout(task_.scene, obstacles_, truth_.run, truth_.run);
   result_.true_energy = self.curves.kinetic_energy;
-  coarse_run_ = run_variant(MpmVariant::coarse);
-  note_divergence("mpm:coarse", *coarse_run_);
-  const compare::Evaluation coarse = evaluate_rollout(task_.scene, obstacles_, truth_.run, coarse_run_->run);
-  coarse_ = coarse.values;
-  coarse_["frame_ms"] = 1e3 * coarse_run_->cost.frame;
+  opponent_ = opponent;
+  result_.opponent = mpm::variant_word(opponent);
+  opponent_run_ = run_variant(opponent);
+  note_divergence(result_.opponent, *opponent_run_);
+  opponent_values_ = evaluate_rollout(task_.scene, obstacles_, truth_.run, opponent_run_->run).values;
   if (options_.floors) {
     MpmRunOptions floor{
         .device = device_, .seed = task_.seed, .frames = task_.frames, .label = label("moved particles")};
@@ -314,14 +314,8 @@ const TimedRun& SceneComparison::run_of(const ComparedModel& model, TimedRun& ow
     case ModelKind::mpm:
       break;
   }
-  switch (choice.variant) {
-    case MpmVariant::coarse:
-      return *coarse_run_;
-    case MpmVariant::fast:
-      return own = run_variant(MpmVariant::fast);
-    case MpmVariant::same:
-      break;
-  }
+  if (opponent_run_ && choice.variant == opponent_) return *opponent_run_;
+  if (!(choice.variant == mpm::same_solver)) return own = run_variant(choice.variant);
   return rerun_ ? *rerun_ : truth_;
 }
 
@@ -338,7 +332,7 @@ compare::ModelResult SceneComparison::evaluate(const ComparedModel& model) {
   if (model.network) check_gravity(*model.network, model.choice.name);
   compare::ModelResult result;
   result.model = model.choice.name;
-  result.one_step_source = model.network ? "true history" : "own rollout";
+  if (has_one_step_error(model.choice.kind)) result.one_step_source = model.network ? "true history" : "own rollout";
   if (model.network)
     for (const std::string& line : unlike_training(model.network->weights(), task_.scene)) {
       result.remarks.push_back("the network knows materials by their type alone: " + line);
@@ -346,8 +340,7 @@ compare::ModelResult SceneComparison::evaluate(const ComparedModel& model) {
                    result.remarks.back().c_str());
     }
   if (options_.one_step_only) {
-    result.values =
-        compare::one_step_values(model.network ? one_step_of_network(*model.network) : one_step_of_rollout(truth_.run));
+    if (model.network) result.values = compare::one_step_values(one_step_of_network(*model.network));
     return result;
   }
   TimedRun own;  // of the models that are not run already
@@ -358,10 +351,12 @@ compare::ModelResult SceneComparison::evaluate(const ComparedModel& model) {
   result.curves = std::move(evaluation.curves);
   result.diverged_at_frame = timed.run.trajectory.diverged_at_frame;
   result.values.merge(compare::cost_values(timed.cost, timed.run.size(), truth_.cost.frame));
-  result.values.merge(
-      compare::one_step_values(model.network ? one_step_of_network(*model.network) : one_step_of_rollout(timed.run)));
+  if (has_one_step_error(model.choice.kind))
+    result.values.merge(
+        compare::one_step_values(model.network ? one_step_of_network(*model.network) : one_step_of_rollout(timed.run)));
   result.values.insert(floors_.begin(), floors_.end());
-  result.values["loses_to_coarse"] = compare::loses_to_coarse(result.values, coarse_);
+  result.against_opponent = verdicts(result.values, opponent_values_, floors_);
+  result.values["loses_to_coarse"] = loses(result.against_opponent) ? 1 : 0;
   if (backdrop_) {
     const auto frames = compare::picture_frames(truth_.run.predicted());
     const std::string name = model.choice.label;
@@ -374,7 +369,9 @@ compare::ModelResult SceneComparison::evaluate(const ComparedModel& model) {
 
 compare::SceneResult SceneComparison::run(const std::vector<ComparedModel>& models) {
   make_truth();
-  if (!options_.one_step_only) make_references();
+  std::vector<ModelChoice> choices;
+  for (const ComparedModel& model : models) choices.push_back(model.choice);
+  if (!options_.one_step_only) make_references(opponent_of(choices));
   for (const ComparedModel& model : models) result_.models.push_back(evaluate(model));
   return std::move(result_);
 }

@@ -45,10 +45,10 @@ class SceneComparison {
 
  private:
   void make_truth();
-  void make_references();
+  void make_references(const mpm::SolverVariant& opponent);
   /// Remembers that a reference run diverged.
   void note_divergence(const std::string& reference, const TimedRun& run);
-  TimedRun run_variant(MpmVariant variant);
+  TimedRun run_variant(const mpm::SolverVariant& variant);
   /// The run of a model: one that is there, or `own` once it is made.
   const TimedRun& run_of(const ComparedModel& model, TimedRun& own);
   compare::ModelResult evaluate(const ComparedModel& model);
@@ -70,8 +70,9 @@ class SceneComparison {
   StartState start_;
   TimedRun truth_;                 ///< its cost is that of mpm, also where the truth was stored
   std::optional<TimedRun> rerun_;  ///< mpm run again where the truth was stored
-  compare::MetricValues coarse_;   ///< frame_ms, position_mse_all, density_error of mpm:coarse
-  std::optional<TimedRun> coarse_run_;
+  mpm::SolverVariant opponent_;
+  std::optional<TimedRun> opponent_run_;
+  compare::MetricValues opponent_values_;  ///< group rollout
   compare::MetricValues floors_;
   std::optional<compare::Backdrop> backdrop_;
   compare::SceneResult result_;

@@ -42,7 +42,7 @@ double status_bytes(const std::string& key) {
   return 0;
 }
 
-/// Runs `variant` as it is, whatever options.variant says.
+/// Runs a scene with its own grid and step, whatever options.variant says.
 TimedRun run_as_is(const Scene& variant, const MpmRunOptions& options) {
   const MemoryMeter memory;
   DeviceMemoryMeter device_memory(options.device);
@@ -138,12 +138,10 @@ struct ReducedTimes {
 }  // namespace
 
 ModelChoice parse_model(const std::string& word) {
-  if (word == "mpm") return {word, ModelKind::mpm, MpmVariant::same};
-  if (word == "mpm:fast") return {word, ModelKind::mpm, MpmVariant::fast};
-  if (word == "mpm:coarse") return {word, ModelKind::mpm, MpmVariant::coarse};
+  if (const auto variant = mpm::parse_variant(word)) return {word, ModelKind::mpm, *variant};
   if (word.starts_with("mpm:"))
-    throw ConfigError("unknown model '" + word +
-                      "' (allowed: mpm, mpm:fast, mpm:coarse or a weights file). Correct --models");
+    throw ConfigError("unknown model '" + word + "' (allowed: " + mpm::variant_words() +
+                      " or a weights file). Correct --models");
   return {word, is_reduced_model(word) ? ModelKind::reduced : ModelKind::network};
 }
 
@@ -216,15 +214,9 @@ Scene resting_scene(const Scene& scene, uint64_t seed, const std::vector<Vec3f>&
 }
 
 TimedRun run_mpm(const Scene& scene, const MpmRunOptions& options) {
-  switch (options.variant) {
-    case MpmVariant::fast:
-      return run_fast(scene, options);
-    case MpmVariant::coarse:
-      return run_as_is(mpm::coarse_variant(scene), options);
-    case MpmVariant::same:
-      break;
-  }
-  return run_as_is(scene, options);
+  const Scene variant = mpm::variant_scene(scene, options.variant);
+  if (options.variant.step == mpm::StepRule::largest_stable) return run_fast(variant, options);
+  return run_as_is(variant, options);
 }
 
 TimedRun run_network(const graph::LearnedSimulator& simulator, const Scene& scene,

@@ -12,17 +12,17 @@
 #include "core/device.h"
 #include "core/scene.h"
 #include "graph/learned_simulator.h"
+#include "mpm/scene_variants.h"
 
 namespace graupel::apps {
 
-enum class MpmVariant { same, fast, coarse };
 enum class ModelKind { mpm, network, reduced };
 
 /// What a word of --models means.
 struct ModelChoice {
   std::string name;  ///< as given
   ModelKind kind = ModelKind::mpm;
-  MpmVariant variant = MpmVariant::same;
+  mpm::SolverVariant variant = {};
   std::string label = "";  ///< short, and unlike those of the other models
 };
 /// Throws ConfigError for an unknown "mpm:..." word, InputError for a weights file that cannot be read.
@@ -51,7 +51,7 @@ struct TimedRun {
 };
 
 struct MpmRunOptions {
-  MpmVariant variant = MpmVariant::same;
+  mpm::SolverVariant variant = {};
   Device device = Device::cpu;
   uint64_t seed = 0;
   int64_t frames = 0;

@@ -1,6 +1,8 @@
 #include "compare/comparison.h"
 
 #include <algorithm>
+#include <cmath>
+#include <numeric>
 
 namespace graupel::compare {
 
@@ -15,6 +17,30 @@ MetricValues mean_over_scenes(const Comparison& comparison, const std::string& m
     }
   for (auto& [key, value] : sum) value /= count;
   return sum;
+}
+
+MetricValues geometric_mean_over_scenes(const Comparison& comparison, const std::string& model) {
+  std::map<std::string, std::vector<double>> logs;
+  std::size_t scenes = 0;
+  for (const SceneResult& scene : comparison.scenes)
+    for (const ModelResult& result : scene.models) {
+      if (result.model != model) continue;
+      ++scenes;
+      for (const auto& [key, value] : result.values)
+        if (value > 0) logs[key].push_back(std::log(value));
+    }
+  MetricValues mean;
+  for (const auto& [key, values] : logs)
+    if (values.size() == scenes)
+      mean[key] = std::exp(std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(scenes));
+  return mean;
+}
+
+std::string mark_of_ties(const ModelResult& result) {
+  std::string mark;
+  for (const auto& [key, verdict] : result.against_opponent)
+    if (verdict == "tie") mark += (mark.empty() ? "tie in " : ", ") + key;
+  return mark;
 }
 
 std::vector<std::string> models_of(const Comparison& comparison) {
@@ -72,8 +98,9 @@ std::vector<std::string> incomplete_results(const Comparison& comparison) {
   for (const SceneResult& scene : comparison.scenes)
     for (const ModelResult& result : scene.models) {
       const std::string where = " of " + result.model + " in " + scene.name;
-      for (const auto& key : missing_metrics(metric_list(), comparison.groups, result.values))
-        incomplete.push_back(key + where);
+      std::vector<MetricGroup> groups = comparison.groups;
+      if (result.one_step_source.empty()) std::erase(groups, MetricGroup::one_step);
+      for (const auto& key : missing_metrics(metric_list(), groups, result.values)) incomplete.push_back(key + where);
       for (const auto& [material, values] : result.materials)
         for (const auto& key : missing_metrics(material_metric_list(), comparison.groups, values))
           incomplete.push_back(material + "." + key + where);

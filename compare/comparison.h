@@ -17,8 +17,10 @@ struct ModelResult {
   MetricValues values;
   std::map<std::string, MetricValues> materials;
   ErrorCurves curves;
-  int64_t diverged_at_frame = -1;    ///< first frame that is not usable; -1 for none
-  std::string one_step_source;       ///< "true history" or "own rollout"
+  int64_t diverged_at_frame = -1;  ///< first frame that is not usable; -1 for none
+  std::string one_step_source;     ///< "true history" or "own rollout"; empty: no one-step error
+  /// "better", "worse" or "tie" (within the chaos floor) than the scene's opponent, by metric.
+  std::map<std::string, std::string> against_opponent;
   std::vector<std::string> remarks;  ///< what a reader must know of this run, a sentence each
   std::string picture;               ///< PNG of the picture row; may be empty
   PlayerTrack track;
@@ -34,8 +36,9 @@ struct SceneResult {
   std::vector<double> true_energy;     ///< kinetic energy of the truth [J], entry k is frame k + 1
   std::vector<double> floor_position;  ///< position error curve of MPM with moved particles; empty without floors
   std::vector<double> floor_density;   ///< density error curve of MPM with another seed
-  /// First unusable frame of the runs that all models are held against, where one diverged: "mpm:coarse" (behind
-  /// loses_to_coarse), "moved" and "reseeded" (the chaos floors).
+  std::string opponent;                ///< solver variant that models lose to: "mpm:coarse:fast" or "mpm:coarse"
+  /// First unusable frame of the runs that all models are held against, where one diverged: the opponent, "moved" and
+  /// "reseeded" (the chaos floors).
   std::map<std::string, int64_t> diverged_references;
   std::string picture;  ///< PNG of the truth's picture row
   PlayerTrack truth;
@@ -54,6 +57,10 @@ struct Comparison {
 
 /// Mean of every metric of a model over the scenes that it is run on; loses_to_coarse becomes the share of scenes.
 MetricValues mean_over_scenes(const Comparison& comparison, const std::string& model);
+/// The geometric mean, of the metrics that are positive in all of them: not ruled by the scene with the largest error.
+MetricValues geometric_mean_over_scenes(const Comparison& comparison, const std::string& model);
+/// Metrics in which a model ties with the opponent: "tie in sinkhorn, density_error"; empty for none.
+std::string mark_of_ties(const ModelResult& result);
 /// Models of any scene, in the order in which they come first.
 std::vector<std::string> models_of(const Comparison& comparison);
 

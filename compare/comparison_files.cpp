@@ -22,9 +22,11 @@ Json values_json(const std::vector<MetricInfo>& list, const MetricValues& values
 }
 
 Json model_json(const SceneResult& scene, const ModelResult& result) {
-  Json json = {{"scene", scene.name}, {"model", result.model}, {"one_step_source", result.one_step_source}};
+  Json json = {{"scene", scene.name}, {"model", result.model}};
+  json["one_step_source"] = result.one_step_source.empty() ? "none" : result.one_step_source;
   if (result.diverged_at_frame >= 0) json["diverged_at_frame"] = result.diverged_at_frame;
   if (!result.remarks.empty()) json["remarks"] = result.remarks;
+  if (!result.against_opponent.empty()) json["against_opponent"] = result.against_opponent;
   json.update(values_json(metric_list(), result.values));
   json["materials"] = Json::object();
   for (const auto& [material, values] : result.materials)
@@ -74,7 +76,8 @@ std::string mark_of(const ModelResult& result) {
   if (result.diverged_at_frame >= 0) {
     marks.push_back(fmt::format("diverged at frame {}", result.diverged_at_frame));
   } else {
-    if (value_of(result, "loses_to_coarse") > 0) marks.push_back("loses to mpm:coarse");
+    if (value_of(result, "loses_to_coarse") > 0) marks.push_back("loses");
+    if (const std::string ties = mark_of_ties(result); !ties.empty()) marks.push_back(ties);
     if (!result.remarks.empty()) marks.push_back("not its materials");
   }
   return fmt::format("{}", fmt::join(marks, "; "));
@@ -104,6 +107,7 @@ Json comparison_json(const Comparison& comparison) {
         {"frames", scene.frames}, {"frame_time", scene.frame_time}, {"true_kinetic_energy", scene.true_energy}};
     if (computed(comparison, MetricGroup::floors))
       entry["floor_curves"] = {{"position_error", scene.floor_position}, {"density_error", scene.floor_density}};
+    if (!scene.opponent.empty()) entry["opponent"] = scene.opponent;
     if (!scene.diverged_references.empty()) entry["diverged_references"] = scene.diverged_references;
     json["scenes"].push_back(entry);
     for (const ModelResult& result : scene.models) json["results"].push_back(model_json(scene, result));
@@ -111,6 +115,9 @@ Json comparison_json(const Comparison& comparison) {
   json["mean"] = Json::object();
   for (const std::string& model : models_of(comparison))
     json["mean"][model] = values_json(metric_list(), mean_over_scenes(comparison, model));
+  json["geometric_mean"] = Json::object();
+  for (const std::string& model : models_of(comparison))
+    json["geometric_mean"][model] = values_json(metric_list(), geometric_mean_over_scenes(comparison, model));
   return json;
 }
 
@@ -149,7 +156,9 @@ std::string comparison_table(const Comparison& comparison) {
   const std::vector<std::string> models = models_of(comparison);
   std::string table;
   for (const SceneResult& scene : comparison.scenes) {
-    table += fmt::format("{}: {} particles, {} frames\n{}\n", scene.name, scene.particles, scene.frames, header);
+    table += fmt::format("{}: {} particles, {} frames", scene.name, scene.particles, scene.frames);
+    if (!scene.opponent.empty()) table += "; to lose is to be worse than " + scene.opponent;
+    table += "\n" + header + "\n";
     for (const ModelResult& result : scene.models)
       table += table_row(short_name(result.model, models), result.values, mark_of(result));
     if (computed(comparison, MetricGroup::floors)) table += table_row("(chaos floor)", floors_of(scene), "");
@@ -160,6 +169,10 @@ std::string comparison_table(const Comparison& comparison) {
     table += fmt::format("mean of {} scenes\n{}\n", comparison.scenes.size(), header);
     for (const std::string& model : models)
       table += table_row(short_name(model, models), mean_over_scenes(comparison, model),
+                         mark_of_missing_scenes(comparison, model));
+    table += fmt::format("geometric mean of {} scenes\n{}\n", comparison.scenes.size(), header);
+    for (const std::string& model : models)
+      table += table_row(short_name(model, models), geometric_mean_over_scenes(comparison, model),
                          mark_of_missing_scenes(comparison, model));
   }
   return table;

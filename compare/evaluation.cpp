@@ -252,12 +252,6 @@ MetricValues cost_values(const RunCost& cost, std::size_t particles, double mpm_
           {"added_memory_mib", cost.added_bytes / mib}};
 }
 
-double loses_to_coarse(const MetricValues& model, const MetricValues& coarse) {
-  for (const char* key : {"frame_ms", "position_mse_all", "density_error"})
-    if (!(model.at(key) > coarse.at(key))) return 0;
-  return 1;
-}
-
 MetricValues floor_values(const Evaluation& moved, const Evaluation& reseeded) {
   MetricValues floors;
   for (const char* key : {"position_mse_20", "position_mse_100", "position_mse_all"})

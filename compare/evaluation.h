@@ -46,9 +46,6 @@ struct RunCost {
 /// Metrics of group cost but loses_to_coarse; `mpm_frame` [s] is the time of a frame of mpm on the same threads.
 MetricValues cost_values(const RunCost& cost, std::size_t particles, double mpm_frame);
 
-/// 1 when a frame takes longer and both position_mse_all and density_error are larger than for mpm:coarse, else 0.
-double loses_to_coarse(const MetricValues& model, const MetricValues& coarse);
-
 /// Metrics of group floors, from MPM with moved particles and MPM with another sampling seed.
 MetricValues floor_values(const Evaluation& moved, const Evaluation& reseeded);
 

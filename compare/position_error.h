@@ -1,6 +1,6 @@
 // Position error of a run: mean squared distance between each particle and its counterpart.
-//   e_f = 1/N sum_i |x_i(f) - x*_i(f)|^2 (axes summed), MSE_n = 1/n sum_{f=1..n} e_f   (LagrangeBench, Toshev et al.
-//   2023)
+//   e_f = 1/N sum_i |x_i(f) - x*_i(f)|^2 (axes summed), MSE_n = 1/n sum_{f=1..n} e_f
+// LagrangeBench (Toshev et al. 2023) gives the mean over axes as well, and over all particles, also those held.
 #pragma once
 
 #include <cstdint>

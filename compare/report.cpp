@@ -24,12 +24,14 @@ std::string cell(const MetricValues& values, const std::string& key) {
 }
 
 /// What must not be overlooked about a result; empty for most.
-std::string mark_of(const ModelResult& result) {
+std::string mark_of(const SceneResult& scene, const ModelResult& result) {
   if (result.diverged_at_frame >= 0) return fmt::format("diverged at frame {}", result.diverged_at_frame);
   const auto loses = result.values.find("loses_to_coarse");
   const bool marked = loses != result.values.end() && loses->second > 0;
-  std::string mark = marked ? "slower and less accurate than mpm:coarse" : "";
-  for (const std::string& remark : result.remarks) mark += (mark.empty() ? "" : "; ") + remark;
+  std::string mark = marked ? "loses to " + scene.opponent : "";
+  const auto add = [&mark](const std::string& more) { mark += (mark.empty() || more.empty() ? "" : "; ") + more; };
+  add(mark_of_ties(result));
+  for (const std::string& remark : result.remarks) add(remark);
   return mark;
 }
 
@@ -61,7 +63,8 @@ std::string main_row(const std::string& name, const MetricValues& values, const 
 
 std::string scene_table(const Comparison& comparison, const SceneResult& scene) {
   std::string html = "<div class=\"scroll\"><table>" + main_header() + "<tbody>\n";
-  for (const ModelResult& result : scene.models) html += main_row(result.model, result.values, mark_of(result), "");
+  for (const ModelResult& result : scene.models)
+    html += main_row(result.model, result.values, mark_of(scene, result), "");
   if (computed(comparison, MetricGroup::floors))
     html += main_row("chaos floor (MPM against itself)", floors_of(scene), "", " class=\"floor\"");
   return html + "</tbody></table></div>\n";
@@ -79,9 +82,12 @@ std::string mean_table(const Comparison& comparison) {
     if (diverged > 0) add(fmt::format("diverged in {} of {} scenes", diverged, comparison.scenes.size()));
     const auto loses = mean.find("loses_to_coarse");
     if (loses != mean.end() && loses->second > 0)
-      add(fmt::format("loses to mpm:coarse in {:.0f}% of the scenes", 100 * loses->second));
+      add(fmt::format("loses to a coarse grid in {:.0f}% of the scenes", 100 * loses->second));
     html += main_row(model, mean, mark, "");
   }
+  for (const std::string& model : models_of(comparison))
+    html +=
+        main_row("geometric mean of " + model, geometric_mean_over_scenes(comparison, model), "", " class=\"floor\"");
   return html + "</tbody></table></div>\n";
 }
 
@@ -249,7 +255,10 @@ std::string head_section(const Comparison& comparison) {
       "<p>Errors count predicted frames only, against the truth named with each scene. "
       "<code>mpm</code> is the solver at the scene's own step, <code>mpm:fast</code> at the largest stable step "
       "(searched for each scene; <code>substeps_per_frame</code> and <code>step_search_s</code> tell), "
-      "<code>mpm:coarse</code> on a grid twice as coarse with an eighth of the particles. The chaos floor is what MPM "
+      "<code>mpm:coarse</code> on a grid twice as coarse with an eighth of the particles, "
+      "<code>mpm:coarse:fast</code> that at its largest stable step, <code>mpm:fine</code> on a grid half as coarse "
+      "with eight times the particles. A model loses that is worse than the coarse grid in two of position MSE, "
+      "Sinkhorn divergence and density error; differences within the chaos floor are ties. The chaos floor is what MPM "
       "differs from itself when its particles are moved by 1e-4 dx (position errors) or sampled with another seed (the "
       "rest): errors near it cannot be told from chaos. Definitions: <code>docs/metrics.md</code>.</p>\n",
       escape_markup(comparison.version), escape_markup(comparison.machine), comparison.threads,

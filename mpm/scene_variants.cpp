@@ -1,8 +1,15 @@
-// The cheaper form of a scene that learned models are measured against: a coarser grid (fast_step.h has larger steps).
-#include <algorithm>
+#include "mpm/scene_variants.h"
 
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "core/error.h"
+#include "core/memory.h"
 #include "core/random.h"
-#include "mpm/simulation.h"
+#include "mpm/memory_need.h"
 
 namespace graupel::mpm {
 
@@ -21,7 +28,91 @@ std::shared_ptr<const std::vector<Vec3d>> one_of_each(std::size_t group, const s
   return std::make_shared<const std::vector<Vec3d>>(std::move(kept));
 }
 
+/// Each point becomes the corners of a cube (a square in the plane) of edge `edge` around it.
+std::shared_ptr<const std::vector<Vec3d>> corners_around(const std::vector<Vec3d>& points, double edge, bool plane) {
+  std::vector<Vec3d> corners;
+  for (const Vec3d& x : points)
+    for (int corner = 0; corner < (plane ? 4 : 8); ++corner) {
+      Vec3d offset = {0, 0, 0};
+      for (int d = 0; d < (plane ? 2 : 3); ++d) offset[d] = ((corner >> d) & 1) ? edge / 2 : -edge / 2;
+      corners.push_back(x + offset);
+    }
+  return std::make_shared<const std::vector<Vec3d>>(std::move(corners));
+}
+
+struct Word {
+  const char* word;
+  SolverVariant variant;
+};
+constexpr Word words[] = {{"mpm", same_solver},
+                          {"mpm:fast", fast_solver},
+                          {"mpm:coarse", coarse_solver},
+                          {"mpm:coarse:fast", coarse_fast_solver},
+                          {"mpm:fine", fine_solver}};
+
 }  // namespace
+
+std::optional<SolverVariant> parse_variant(const std::string& word) {
+  for (const Word& known : words)
+    if (word == known.word) return known.variant;
+  return std::nullopt;
+}
+
+std::string variant_word(const SolverVariant& variant) {
+  for (const Word& known : words)
+    if (variant == known.variant) return known.word;
+  return fmt::format("mpm at {} dx{}", variant.resolution,
+                     variant.step == StepRule::given ? "" : " with the largest stable step");
+}
+
+std::string variant_words() {
+  std::string all;
+  for (const Word& known : words) all += (all.empty() ? "" : ", ") + std::string(known.word);
+  return all;
+}
+
+Scene fine_variant(const Scene& scene) {
+  Scene fine = scene;
+  fine.domain.dx = scene.domain.dx / 2;
+  fine.domain.wall_cells = 2 * scene.domain.wall_cells;  // the walls and the domain's faces stay where they are
+  fine.obstacle_voxel = scene.voxel();
+  fine.obstacle_band = scene.band();
+  fine.time_step.substeps_per_frame = 2 * scene.time_step.substeps_per_frame;
+  for (Source& source : fine.sources) {
+    if (source.shape != Shape::points || !source.points) continue;
+    const bool plane = scene.domain.is_plane();
+    const double distance = scene.domain.dx / std::pow(source.particles_per_cell, plane ? 1.0 / 2 : 1.0 / 3);
+    source.points = corners_around(*source.points, distance / 2, plane);
+  }
+  return fine;
+}
+
+Scene variant_scene(const Scene& scene, const SolverVariant& variant) {
+  if (variant.resolution > 1) return coarse_variant(scene);
+  return variant.resolution < 1 ? fine_variant(scene) : scene;
+}
+
+void check_variant_fits(const Scene& scene, const SolverVariant& variant, const SimulationOptions& options,
+                        double stored, uint64_t available_on_host, uint64_t available_on_device) {
+  const MemoryNeed need = least_memory(variant_scene(scene, variant), options);
+  const auto check = [&](double bytes, uint64_t available, const char* where) {
+    if (bytes <= static_cast<double>(available)) return;
+    throw ConfigError(fmt::format(
+        "'{}' of scene '{}' does not fit into the memory of the {} (at least {:.4g} GB needed for {:.0f} particles, "
+        "{:.4g} GB available). Leave it out, make the scene smaller (--set domain.dx=...), compare fewer --frames, or "
+        "use a machine with more memory",
+        variant_word(variant), scene.name, where, 1e-9 * bytes, need.particles, 1e-9 * static_cast<double>(available)));
+  };
+  check(need.host_bytes + stored * sizeof(Vec3f), available_on_host, "machine");
+  check(need.device_bytes, available_on_device, "GPU");
+}
+
+void check_variant_fits(const Scene& scene, const SolverVariant& variant, const SimulationOptions& options,
+                        double stored) {
+  check_variant_fits(
+      scene, variant, options, stored, available_bytes(Device::cpu),
+      options.device == Device::cpu ? std::numeric_limits<uint64_t>::max() : available_bytes(options.device));
+}
 
 /// The walls stay where they are: the domain's faces move, so that the walls are again a whole number of cells inside.
 Scene coarse_variant(const Scene& scene) {

@@ -80,7 +80,7 @@ class CompareRuns : public ::testing::Test {
 };
 
 TEST_F(CompareRuns, EverySceneAndModelHoldsEveryKey) {
-  CompareOptions o = options({"mpm", "mpm:fast", "mpm:coarse", ballistic_network()});
+  CompareOptions o = options({"mpm", "mpm:fast", "mpm:coarse:fast", ballistic_network()});
   o.json = folder_ + "/out.json";
   o.csv = folder_ + "/out.csv";
   o.report = folder_ + "/report.html";
@@ -93,7 +93,13 @@ TEST_F(CompareRuns, EverySceneAndModelHoldsEveryKey) {
   ASSERT_EQ(json["results"].size(), 4u);
   for (const auto& entry : json["results"]) {
     EXPECT_FALSE(entry.contains("diverged_at_frame")) << entry["model"];
+    const bool one_step = entry["one_step_source"] != "none";
+    EXPECT_EQ(one_step, entry["model"].get<std::string>().ends_with(".safetensors"));
     for (const compare::MetricInfo& metric : compare::metric_list()) {
+      if (metric.group == MetricGroup::one_step && !one_step) {
+        EXPECT_FALSE(entry.contains(metric.key)) << metric.key;
+        continue;
+      }
       ASSERT_TRUE(entry.contains(metric.key) && entry[metric.key].is_number()) << metric.key;
       EXPECT_TRUE(std::isfinite(entry[metric.key].get<double>())) << metric.key;
     }
@@ -103,7 +109,7 @@ TEST_F(CompareRuns, EverySceneAndModelHoldsEveryKey) {
     EXPECT_GT(entry["frame_ms"], 0);
   }
   const auto& mpm = json["results"][0];
-  for (const char* key : {"position_mse_all", "sinkhorn", "density_error", "one_step_mse", "loses_to_coarse"})
+  for (const char* key : {"position_mse_all", "sinkhorn", "density_error", "loses_to_coarse"})
     EXPECT_EQ(mpm[key], 0) << key;
   EXPECT_EQ(mpm["speed_ratio"], 1);
   EXPECT_GT(mpm["floor_position_mse_all"], 0);
@@ -115,6 +121,14 @@ TEST_F(CompareRuns, EverySceneAndModelHoldsEveryKey) {
   EXPECT_GT(fast["step_search_s"], 0);
   EXPECT_GT(fast["position_mse_all"], 0);
   EXPECT_EQ(mpm["step_search_s"], 0);
+
+  const auto& coarse = json["results"][2];  // the opponent: ties with itself
+  EXPECT_EQ(json["scenes"][0]["opponent"], "mpm:coarse:fast");
+  EXPECT_EQ(coarse["against_opponent"]["sinkhorn"], "tie");
+  EXPECT_EQ(coarse["loses_to_coarse"], 0);
+  EXPECT_GT(coarse["step_search_s"], 0);
+  EXPECT_LT(coarse["substeps_per_frame"], mpm["substeps_per_frame"].get<double>() / 2);
+  EXPECT_EQ(json["geometric_mean"].size(), 4u);
 
   const auto& falling = json["results"][3];
   EXPECT_EQ(falling["substeps_per_frame"], 1);
@@ -244,7 +258,10 @@ TEST_F(CompareRuns, ADivergedNetworkIsHeldAndMarked) {
 
 TEST_F(CompareRuns, RefusesWhatItCannotCompare) {
   EXPECT_THROW(make_comparison(options({})), ConfigError);
-  EXPECT_THROW(make_comparison(options({"mpm:slow"})), ConfigError);
+  for (const char* word : {"mpm:slow", "mpm:", "mpm:fine:fast", "mpm:fast:coarse"})
+    EXPECT_THAT([&] { make_comparison(options({word})); },
+                ::testing::ThrowsMessage<ConfigError>(
+                    ::testing::AllOf(::testing::HasSubstr(word), ::testing::HasSubstr("mpm:coarse:fast, mpm:fine"))));
   EXPECT_THROW(make_comparison(options({"mpm", "mpm"})), ConfigError);
   EXPECT_THROW(make_comparison(options({"missing.safetensors"})), InputError);
   CompareOptions o = options({"mpm"});

@@ -101,18 +101,6 @@ TEST(Evaluation, CostAndOneStepGroupsAreComplete) {
   EXPECT_NEAR(one_step.at("one_step_normalized"), 0.5, 1e-12);
 }
 
-TEST(Evaluation, LosingToCoarseNeedsLessSpeedAndLessAccuracy) {
-  const MetricValues coarse = {{"frame_ms", 10}, {"position_mse_all", 1e-3}, {"density_error", 0.3}};
-  const auto model = [](double ms, double mse, double density) {
-    return MetricValues{{"frame_ms", ms}, {"position_mse_all", mse}, {"density_error", density}};
-  };
-  EXPECT_EQ(loses_to_coarse(model(20, 2e-3, 0.4), coarse), 1);
-  EXPECT_EQ(loses_to_coarse(model(5, 2e-3, 0.4), coarse), 0);
-  EXPECT_EQ(loses_to_coarse(model(20, 5e-4, 0.4), coarse), 0);
-  EXPECT_EQ(loses_to_coarse(model(20, 2e-3, 0.2), coarse), 0);
-  EXPECT_EQ(loses_to_coarse(coarse, coarse), 0);
-}
-
 TEST(Evaluation, FloorsTakePositionsFromMovedAndTheRestFromReseeded) {
   const Scene scene = unit_scene();
   const auto truth = falling_blocks(3);
@@ -133,6 +121,33 @@ TEST(Comparison, AModelOfSomeScenesIsMarked) {
   EXPECT_EQ(mark_of_missing_scenes(comparison, "mpm"), "");
   EXPECT_EQ(mark_of_missing_scenes(comparison, "sand.safetensors"), "1 of 2 scenes");
   EXPECT_EQ(mean_over_scenes(comparison, "sand.safetensors").at("delta"), 2);
+}
+
+TEST(Comparison, GeometricMeansAreOfPositiveMetrics) {
+  Comparison comparison;
+  comparison.scenes.resize(2);
+  for (const double error : {1e-4, 1e-2}) {
+    ModelResult result;
+    result.model = "mpm:coarse";
+    result.values = {{"sinkhorn", error}, {"penetration_max", error > 1e-3 ? 0.0 : 1.0}};
+    comparison.scenes[error > 1e-3 ? 1 : 0].models = {result};
+  }
+  const MetricValues mean = geometric_mean_over_scenes(comparison, "mpm:coarse");
+  EXPECT_NEAR(mean.at("sinkhorn"), 1e-3, 1e-12);
+  EXPECT_FALSE(mean.contains("penetration_max"));
+  EXPECT_TRUE(geometric_mean_over_scenes(comparison, "mpm").empty());
+}
+
+TEST(Comparison, RunsWithoutAOneStepErrorNeedNone) {
+  ModelResult result;
+  result.model = "mpm:coarse";
+  Comparison comparison;
+  comparison.groups = {MetricGroup::one_step};
+  comparison.scenes.resize(1);
+  comparison.scenes[0].models = {result};
+  EXPECT_TRUE(incomplete_results(comparison).empty());
+  comparison.scenes[0].models[0].one_step_source = "true history";
+  EXPECT_FALSE(incomplete_results(comparison).empty());
 }
 
 TEST(MetricList, MissingAndNonFiniteValuesAreFound) {

@@ -1,5 +1,9 @@
+#include "mpm/scene_variants.h"
+
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "core/error.h"
 #include "mpm/sampling.h"
 #include "mpm/simulation.h"
 #include "tests/mpm/test_scenes.h"
@@ -61,6 +65,61 @@ TEST(SceneVariants, CoarseMovesTheBodyAlike) {
     centre[i++] = sum * (1 / static_cast<double>(sim->particle_count()));
   }
   EXPECT_LT(norm(centre[1] - centre[0]), scene.domain.dx);
+}
+
+TEST(SceneVariants, WordsAndVariantsAreOneToOne) {
+  for (const SolverVariant& variant : {same_solver, fast_solver, coarse_solver, coarse_fast_solver, fine_solver})
+    EXPECT_EQ(parse_variant(variant_word(variant)), variant);
+  EXPECT_EQ(parse_variant("mpm:coarse:fast")->resolution, 2);
+  EXPECT_EQ(parse_variant("mpm:coarse:fast")->step, StepRule::largest_stable);
+  for (const char* word : {"", "mpm:", "mpm:slow", "mpm:fine:fast", "mpm:fast:coarse"})
+    EXPECT_FALSE(parse_variant(word)) << word;
+}
+
+TEST(SceneVariants, FineKeepsTheWallsAndTakesEightTimesTheParticles) {
+  Scene scene = scene_with("water", {0.5, 0.5, 0.5}, 0.25);
+  const Scene fine = variant_scene(scene, fine_solver);
+  EXPECT_DOUBLE_EQ(fine.domain.dx, scene.domain.dx / 2);
+  EXPECT_LT(norm(fine.wall_low() - scene.wall_low()), 1e-12);
+  EXPECT_LT(norm(fine.wall_high() - scene.wall_high()), 1e-12);
+  EXPECT_DOUBLE_EQ(fine.voxel(), scene.voxel());
+  EXPECT_EQ(fine.time_step.substeps_per_frame, 2 * scene.time_step.substeps_per_frame);
+  const auto n = static_cast<double>(sample_sources(scene, 1).position.size());
+  EXPECT_NEAR(static_cast<double>(sample_sources(fine, 1).position.size()), 8 * n, 0.02 * 8 * n);
+}
+
+TEST(SceneVariants, FineKeepsTheMassAndTheCentreOfGivenPoints) {
+  Scene scene = scene_with("water", {0.5, 0.5, 0.5}, 0.25);
+  Source& source = scene.sources[0];
+  source.shape = Shape::points;
+  source.points = std::make_shared<const std::vector<Vec3d>>(std::vector<Vec3d>{{0, 0, 0}, {0.02, 0.01, 0}});
+  const auto before = sample_sources(scene, 1), after = sample_sources(fine_variant(scene), 1);
+  ASSERT_EQ(after.position.size(), 16u);
+  double volume = 0;
+  Vec3d centre = {0, 0, 0};
+  for (std::size_t i = 0; i < 16; ++i) {
+    volume += after.volume[i];
+    if (i < 8) centre += after.position[i] * (1.0 / 8);
+  }
+  EXPECT_NEAR(volume, before.volume[0] + before.volume[1], 1e-15);
+  EXPECT_LT(norm(centre - before.position[0]), 1e-12);
+  const double fine_distance = scene.domain.dx / 2 / 2;  // between eight particles a cell of dx/2
+  EXPECT_NEAR(norm(after.position[1] - after.position[0]), fine_distance, 1e-12);
+}
+
+TEST(SceneVariants, WhatDoesNotFitIsRefusedWithNeedAndRemedy) {
+  const Scene scene = scene_with("water", {0.5, 0.5, 0.5}, 0.25);
+  const uint64_t plenty = uint64_t(1) << 60;
+  EXPECT_NO_THROW(check_variant_fits(scene, fine_solver, {}, 1000, plenty, plenty));
+  EXPECT_THAT([&] { check_variant_fits(scene, fine_solver, {}, 0, 1000000, plenty); },
+              ::testing::ThrowsMessage<ConfigError>(
+                  ::testing::AllOf(::testing::HasSubstr("'mpm:fine'"), ::testing::HasSubstr("GB needed"),
+                                   ::testing::HasSubstr("0.001 GB available"), ::testing::HasSubstr("Leave it out"))));
+  EXPECT_THROW(check_variant_fits(scene, fine_solver, {}, 1e12, uint64_t(1) << 40, plenty), ConfigError);  // frames
+  SimulationOptions gpu;
+  gpu.device = Device::cuda;
+  EXPECT_THAT([&] { check_variant_fits(scene, fine_solver, gpu, 0, plenty, 1000); },
+              ::testing::ThrowsMessage<ConfigError>(::testing::HasSubstr("memory of the GPU")));
 }
 
 }  // namespace

@@ -1,0 +1,45 @@
+// The solver as an opponent of learned models: a scene on another grid, with its own step or the largest stable one.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+
+#include "core/scene.h"
+#include "mpm/simulation.h"
+
+namespace graupel::mpm {
+
+/// Substeps a frame: the scene's (with another grid, at the scene's Courant number), or as few as hold (fast_step.h).
+enum class StepRule { given, largest_stable };
+
+struct SolverVariant {
+  double resolution = 1;  ///< dx over the scene's: 0.5, 1 or 2
+  StepRule step = StepRule::given;
+  bool operator==(const SolverVariant&) const = default;
+};
+inline constexpr SolverVariant same_solver{}, fast_solver{1, StepRule::largest_stable}, coarse_solver{2},
+    coarse_fast_solver{2, StepRule::largest_stable}, fine_solver{0.5};
+
+/// "mpm", "mpm:fast", "mpm:coarse", "mpm:coarse:fast" or "mpm:fine"; nothing for any other word.
+std::optional<SolverVariant> parse_variant(const std::string& word);
+std::string variant_word(const SolverVariant& variant);
+/// All of them, separated by commas.
+std::string variant_words();
+
+/// The scene at dx/2 with eight times the particles (four in the plane) and twice the substeps. Given points are
+/// replaced by points a quarter of their distance off them along each axis; obstacles keep their grids.
+Scene fine_variant(const Scene& scene);
+
+/// The scene on the variant's grid; the step is still the given one.
+Scene variant_scene(const Scene& scene, const SolverVariant& variant);
+
+/// Throws ConfigError, naming need, available memory and remedies, when the variant's run does not fit. A run that
+/// keeps `stored` positions of particles in memory needs these, too.
+void check_variant_fits(const Scene& scene, const SolverVariant& variant, const SimulationOptions& options,
+                        double stored, uint64_t available_on_host, uint64_t available_on_device);
+/// With the memory there is now.
+void check_variant_fits(const Scene& scene, const SolverVariant& variant, const SimulationOptions& options,
+                        double stored);
+
+}  // namespace graupel::mpm
