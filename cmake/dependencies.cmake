@@ -6,6 +6,7 @@ find_package(nlohmann_json REQUIRED)
 find_package(fmt REQUIRED)
 find_package(HDF5 REQUIRED COMPONENTS C)
 find_package(PNG REQUIRED)
+find_package(TBB REQUIRED)
 find_package(ZLIB REQUIRED)
 
 add_library(graupel_hdf5 INTERFACE)

@@ -1,6 +1,6 @@
-// Runs body(i) for i in [0, n) on a device: OpenMP threads on the CPU, one CUDA thread per item on a GPU.
-// Bodies are function objects over views with a GRAUPEL_HD operator()(int64_t) const. Items must be independent, so
-// that results do not depend on the number of threads. Only files compiled as CUDA may launch on Device::cuda.
+// Runs body(i) for i in [0, n) on a device: the threads of core/thread_pool.h on the CPU, one CUDA thread an item on a
+// GPU. Bodies are function objects over views with a GRAUPEL_HD operator()(int64_t) const. Items must be independent,
+// so that results do not depend on the number of threads. Only files compiled as CUDA may launch on Device::cuda.
 #pragma once
 
 #include <cstdint>
@@ -9,6 +9,7 @@
 #include "core/cuda_check.h"
 #include "core/device.h"
 #include "core/host_device.h"
+#include "core/thread_pool.h"
 
 namespace graupel {
 
@@ -32,12 +33,13 @@ void parallel_for_cpu(int64_t n, const Body& body, Grain grain = {}) {
     for (int64_t i = 0; i < n; ++i) body(i);
     return;
   }
-  const int64_t chunks = (n + grain.items - 1) / grain.items;
-#pragma omp parallel for schedule(dynamic, 1)
-  for (int64_t c = 0; c < chunks; ++c) {
+  const auto run_chunk = [&](int64_t c) {
     const int64_t end = (c + 1) * grain.items < n ? (c + 1) * grain.items : n;
     for (int64_t i = c * grain.items; i < end; ++i) body(i);
-  }
+  };
+  using Chunk = decltype(run_chunk);
+  run_chunks((n + grain.items - 1) / grain.items, &run_chunk,
+             [](const void* chunk, int64_t c) { (*static_cast<const Chunk*>(chunk))(c); });
 }
 
 template <typename Body>

@@ -1,8 +1,6 @@
 // Work on rows of latents in tiles that stay in a core's cache. Rows are padded (nn/linear.h).
 #pragma once
 
-#include <omp.h>
-
 #include <algorithm>
 #include <vector>
 
@@ -21,7 +19,7 @@ struct TileScratch {
 
 /// One scratch a thread, for rows of `width` columns and of `features` numbers.
 inline void prepare_scratch(std::vector<TileScratch>& scratch, int width, int features) {
-  scratch.resize(static_cast<std::size_t>(omp_get_max_threads()));
+  scratch.resize(static_cast<std::size_t>(num_threads()));
   const auto tile = static_cast<std::size_t>(tile_rows), w = static_cast<std::size_t>(width);
   for (TileScratch& thread : scratch) {
     for (Buffer<float>* buffer : {&thread.hidden, &thread.output, &thread.sums}) buffer->resize_discard(tile * w);
@@ -36,7 +34,7 @@ void for_each_tile(Workspace& workspace, const std::vector<int32_t>& tile, const
       Device::cpu, static_cast<int64_t>(tile.size()) - 1,
       [&](int64_t t) {
         body(tile[static_cast<std::size_t>(t)], tile[static_cast<std::size_t>(t) + 1],
-             workspace.scratch[static_cast<std::size_t>(omp_get_thread_num())]);
+             workspace.scratch[static_cast<std::size_t>(thread_slot())]);
       },
       Grain{1});
 }
@@ -48,7 +46,7 @@ void for_each_range(Workspace& workspace, int64_t n, int64_t rows, const Body& b
       Device::cpu, (n + rows - 1) / rows,
       [&](int64_t t) {
         body(static_cast<int32_t>(t * rows), static_cast<int32_t>(t * rows + rows < n ? t * rows + rows : n),
-             workspace.scratch[static_cast<std::size_t>(omp_get_thread_num())]);
+             workspace.scratch[static_cast<std::size_t>(thread_slot())]);
       },
       Grain{1});
 }

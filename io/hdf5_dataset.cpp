@@ -3,8 +3,9 @@
 
 #include <algorithm>
 #include <cstring>
-#include <exception>
 #include <limits>
+
+#include "core/parallel_for.h"
 
 namespace graupel::io::hdf5 {
 
@@ -254,15 +255,9 @@ bool Dataset::expand_rows(hsize_t first, hsize_t count, std::byte* out) const {
     const std::size_t end = std::min(tasks.size(), begin + chunks_at_once);
     for (std::size_t i = begin; i < end; ++i)
       if (!read_chunk(tasks[i].row, tasks[i].second, tasks[i].packed)) return false;
-    std::exception_ptr failure;
-#pragma omp parallel for schedule(dynamic)
-    for (std::size_t i = begin; i < end; ++i) try {
-        place(tasks[i]);
-      } catch (...) {
-#pragma omp critical
-        failure = std::current_exception();
-      }
-    if (failure) std::rethrow_exception(failure);
+    parallel_for_cpu(
+        static_cast<int64_t>(end - begin), [&](int64_t i) { place(tasks[begin + static_cast<std::size_t>(i)]); },
+        Grain{1});
   }
   return true;
 }
@@ -318,20 +313,16 @@ ChunkRow filter_rows(const std::vector<const void*>& rows, const std::vector<hsi
   const std::size_t chunk_line = particle * chunk[1];
   for (hsize_t start = 0; start < row_size[0]; start += chunk[1]) out.start.push_back(start);
   out.chunks.resize(out.start.size());
-  std::exception_ptr failure;
-#pragma omp parallel for schedule(dynamic) if (out.chunks.size() > 1)
-  for (std::size_t i = 0; i < out.chunks.size(); ++i) try {
-      std::vector<std::byte> values(chunk[0] * chunk_line);
-      const std::size_t here = particle * std::min(chunk[1], row_size[0] - out.start[i]);
-      for (std::size_t r = 0; r < rows.size(); ++r)
-        std::memcpy(values.data() + r * chunk_line, static_cast<const std::byte*>(rows[r]) + out.start[i] * particle,
-                    here);
-      out.chunks[i] = filter_chunk(values, filters);
-    } catch (...) {
-#pragma omp critical
-      failure = std::current_exception();
-    }
-  if (failure) std::rethrow_exception(failure);
+  const auto filter = [&](int64_t item) {
+    const auto i = static_cast<std::size_t>(item);
+    std::vector<std::byte> values(chunk[0] * chunk_line);
+    const std::size_t here = particle * std::min(chunk[1], row_size[0] - out.start[i]);
+    for (std::size_t r = 0; r < rows.size(); ++r)
+      std::memcpy(values.data() + r * chunk_line, static_cast<const std::byte*>(rows[r]) + out.start[i] * particle,
+                  here);
+    out.chunks[i] = filter_chunk(values, filters);
+  };
+  parallel_for_cpu(static_cast<int64_t>(out.chunks.size()), filter, Grain{1});
   return out;
 }
 

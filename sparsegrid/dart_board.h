@@ -11,6 +11,7 @@
 #include <unordered_map>
 #include <vector>
 
+#include "core/parallel_for.h"
 #include "core/vec.h"
 
 namespace graupel::sparsegrid {
@@ -28,9 +29,11 @@ class DartBoard {
     for (std::size_t piece = 0; piece < taken.size(); ++piece) taken[piece].resize(candidates[piece].size());
     const std::vector<Tried> tried = by_tile(candidates);
     for (int parity = 0; parity < 8; ++parity) {
-#pragma omp parallel for schedule(dynamic, 4)
-      for (std::size_t t = 0; t < tried.size(); ++t)
-        if (parity_of(tiles_[tried[t].tile].place) == parity) throw_darts(tried[t], candidates, taken);
+      const auto throw_in_tile = [&](int64_t tile) {
+        const Tried& t = tried[static_cast<std::size_t>(tile)];
+        if (parity_of(tiles_[t.tile].place) == parity) throw_darts(t, candidates, taken);
+      };
+      parallel_for_cpu(static_cast<int64_t>(tried.size()), throw_in_tile, Grain{4});
     }
     return taken;
   }

@@ -18,6 +18,7 @@
 #include "core/atomic_file.h"
 #include "core/device.h"
 #include "core/error.h"
+#include "core/parallel_for.h"
 #include "sparsegrid/level_set_grid.h"
 #include "sparsegrid/mesh_topology.h"
 
@@ -81,16 +82,18 @@ void for_each_block(const LocalBox& box, double voxel, Visitor&& visit) {
 
 /// Values of the leaves from `distance`, active where |distance| < band.
 void fill_leaves(const std::vector<Leaf*>& leaves, const DistanceFunction& distance, double voxel, double band) {
-#pragma omp parallel for schedule(dynamic, 16)
-  for (std::size_t l = 0; l < leaves.size(); ++l)
+  const auto fill_leaf = [&](int64_t number) {
+    Leaf& leaf = *leaves[static_cast<std::size_t>(number)];
     for (openvdb::Index n = 0; n < Leaf::SIZE; ++n) {
-      const Coord c = leaves[l]->offsetToGlobalCoord(n);
+      const Coord c = leaf.offsetToGlobalCoord(n);
       const double phi = distance(Vec3d{c.x() * voxel, c.y() * voxel, c.z() * voxel});
       if (std::abs(phi) < band)
-        leaves[l]->setValueOn(n, static_cast<float>(phi));
+        leaf.setValueOn(n, static_cast<float>(phi));
       else
-        leaves[l]->setValueOff(n, static_cast<float>(std::copysign(band, phi)));
+        leaf.setValueOff(n, static_cast<float>(std::copysign(band, phi)));
     }
+  };
+  parallel_for_cpu(static_cast<int64_t>(leaves.size()), fill_leaf, Grain{16});
 }
 
 /// Level set of an exact distance: a block whose centre is farther from the surface than the band and half its own

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "core/error.h"
+#include "core/parallel_for.h"
 #include "core/random.h"
 #include "sparsegrid/analytic_shape.h"
 #include "sparsegrid/cell_normals.h"
@@ -96,8 +97,8 @@ void grid_candidates(const Candidates& candidates, const ObstacleView& view, con
   const auto& tree = view.grid->tree();
   const auto* leaves = tree.getFirstNode<0>();
   std::vector<SurfaceSamples> found(tree.nodeCount(0));
-#pragma omp parallel for schedule(dynamic, 16)
-  for (std::size_t l = 0; l < found.size(); ++l) {
+  const auto sample_leaf = [&](int64_t leaf) {
+    const auto l = static_cast<std::size_t>(leaf);
     double v[2][2][2];
     for (uint32_t n = 0; n < 512; ++n) {
       if (std::abs(leaves[l].getValue(n)) > 1.8 * voxel) continue;  // farther than a cell's diagonal
@@ -115,7 +116,8 @@ void grid_candidates(const Candidates& candidates, const ObstacleView& view, con
         candidates.add(found[l], t * voxel, normalized(gradient));
       }
     }
-  }
+  };
+  parallel_for_cpu(static_cast<int64_t>(found.size()), sample_leaf, Grain{16});
   for (SurfaceSamples& one : found) waiting.add(std::move(one));
 }
 
