@@ -34,7 +34,9 @@ void add_compare(CLI::App& app) {
   command->add_option("--scenes", options.scenes, "Scene files, folders of them, or data sets (.h5)")->required();
   command
       ->add_option("--models", options.models,
-                   mpm::variant_words() + ", weights files of networks and reduced-order models; comma-separated")
+                   mpm::variant_words() +
+                       ", weights files of networks and reduced-order models; corrections-only; a network's "
+                       "WEIGHTS:no-corrections; comma-separated")
       ->required()
       ->delimiter(',');
   command->add_option("--frames", options.frames, "Frames to predict; default the scene's")->check(whole_number(1));

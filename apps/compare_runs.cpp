@@ -37,11 +37,25 @@ std::vector<ModelChoice> parse_models(const std::vector<std::string>& words) {
     throw ConfigError("compare needs at least one model. Example: --models mpm,models/hgn.safetensors");
   std::vector<ModelChoice> models;
   std::set<std::string> seen;
+  const auto give_settings = [&] {  // corrections alone are those of the run's first network
+    const auto first = std::find_if(models.begin(), models.end(), [](const ModelChoice& m) {
+      return m.kind == ModelKind::network && !m.weights.empty();
+    });
+    for (ModelChoice& model : models) {
+      if (model.kind != ModelKind::network || !model.weights.empty()) continue;
+      if (first == models.end())
+        throw ConfigError("'" + model.name +
+                          "' needs the settings of a network: cell size and frames at once. Name one in "
+                          "--models, or write WEIGHTS:corrections-only");
+      model.weights = first->weights;
+    }
+  };
   for (const std::string& word : words) {
     if (!seen.insert(word).second) throw ConfigError("model '" + word + "' is named twice in --models. Name it once");
     models.push_back(parse_model(word));
     models.back().label = compare::short_name(word, words);
   }
+  give_settings();
   return models;
 }
 
@@ -49,9 +63,13 @@ std::vector<ComparedModel> load_models(const std::vector<ModelChoice>& choices, 
   std::vector<ComparedModel> models;
   for (const ModelChoice& choice : choices) {
     ComparedModel model{choice, nullptr, nullptr};
-    if (choice.kind == ModelKind::network) model.network = std::make_shared<const graph::LearnedSimulator>(choice.name);
-    if (model.network) model.network->check_runs_on(device);
-    if (choice.kind == ModelKind::reduced) model.reduced = std::make_shared<const LoadedModel>(choice.name);
+    for (const ComparedModel& other : models)
+      if (other.choice.weights == choice.weights) model.network = other.network;
+    if (choice.kind == ModelKind::network && !model.network) {
+      model.network = std::make_shared<const graph::LearnedSimulator>(choice.weights);
+      model.network->check_runs_on(device);
+    }
+    if (choice.kind == ModelKind::reduced) model.reduced = std::make_shared<const LoadedModel>(choice.weights);
     models.push_back(std::move(model));
   }
   return models;

@@ -264,7 +264,16 @@ const graph::Surroundings& SceneComparison::surroundings() {
   return *surroundings_;
 }
 
-compare::OneStepError SceneComparison::one_step_of_network(const graph::LearnedSimulator& network) {
+compare::OneStepError SceneComparison::one_step_of_network(const ComparedModel& model) {
+  const graph::LearnedSimulator& network = *model.network;
+  const auto accelerations = [&](const std::vector<std::vector<Vec3f>>& positions) {
+    if (model.choice.parts == NetworkParts::corrections_alone)
+      return std::vector<Vec3f>(positions.back().size(),
+                                (task_.scene.gravity * std::pow(task_.scene.frame_time, 2)).cast<float>());
+    return device_ == Device::cuda
+               ? network.one_step_on_gpu(task_.scene, surroundings(), start_.particle_type, positions)
+               : network.one_step(surroundings(), start_.particle_type, positions);
+  };
   compare::OneStepAccumulator error(task_.scene.gravity, task_.scene.frame_time, task_.scene.domain.dx);
   const int64_t history = network.config().history;
   const std::vector<uint8_t> held = held_particles(start_.particle_type);
@@ -273,10 +282,7 @@ compare::OneStepError SceneComparison::one_step_of_network(const graph::LearnedS
     std::vector<std::vector<Vec3f>> positions;
     for (int64_t f = n - history; f <= n; ++f) positions.push_back(true_position(f));
     std::vector<Vec3d> predicted;
-    for (const Vec3f& a : device_ == Device::cuda
-                              ? network.one_step_on_gpu(task_.scene, surroundings(), start_.particle_type, positions)
-                              : network.one_step(surroundings(), start_.particle_type, positions))
-      predicted.push_back(a.cast<double>());
+    for (const Vec3f& a : accelerations(positions)) predicted.push_back(a.cast<double>());
     error.add(predicted, compare::frame_accelerations(true_position(n - 1), true_position(n), true_position(n + 1)),
               compare::clearances(task_.scene, obstacles_, true_position(n)), held);
   }
@@ -308,7 +314,8 @@ const TimedRun& SceneComparison::run_of(const ComparedModel& model, TimedRun& ow
   switch (choice.kind) {
     case ModelKind::network:
       return own = run_network(*model.network, task_.scene, surroundings(), start_, task_.frames, device_,
-                               label(choice.label), {options_.density_limit, options_.free_flight});
+                               label(choice.label),
+                               laws_of(choice.parts, {options_.density_limit, options_.free_flight}));
     case ModelKind::reduced:
       return own = run_reduced(*model.reduced, task_.scene, task_.seed, task_.frames, device_, label(choice.label));
     case ModelKind::mpm:
@@ -333,14 +340,14 @@ compare::ModelResult SceneComparison::evaluate(const ComparedModel& model) {
   compare::ModelResult result;
   result.model = model.choice.name;
   if (has_one_step_error(model.choice.kind)) result.one_step_source = model.network ? "true history" : "own rollout";
-  if (model.network)
+  if (model.network && model.choice.parts != NetworkParts::corrections_alone)
     for (const std::string& line : unlike_training(model.network->weights(), task_.scene)) {
       result.remarks.push_back("the network knows materials by their type alone: " + line);
       std::fprintf(stderr, "graupel: warning: %s: '%s' %s\n", task_.scene.name.c_str(), model.choice.name.c_str(),
                    result.remarks.back().c_str());
     }
   if (options_.one_step_only) {
-    if (model.network) result.values = compare::one_step_values(one_step_of_network(*model.network));
+    if (model.network) result.values = compare::one_step_values(one_step_of_network(model));
     return result;
   }
   TimedRun own;  // of the models that are not run already
@@ -353,7 +360,7 @@ compare::ModelResult SceneComparison::evaluate(const ComparedModel& model) {
   result.values.merge(compare::cost_values(timed.cost, timed.run.size(), truth_.cost.frame));
   if (has_one_step_error(model.choice.kind))
     result.values.merge(
-        compare::one_step_values(model.network ? one_step_of_network(*model.network) : one_step_of_rollout(timed.run)));
+        compare::one_step_values(model.network ? one_step_of_network(model) : one_step_of_rollout(timed.run)));
   result.values.insert(floors_.begin(), floors_.end());
   result.against_opponent = verdicts(result.values, opponent_values_, floors_);
   result.values["loses_to_coarse"] = loses(result.against_opponent) ? 1 : 0;

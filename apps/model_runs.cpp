@@ -6,7 +6,9 @@
 #include <algorithm>
 #include <chrono>
 #include <cstdio>
+#include <cstring>
 #include <fstream>
+#include <utility>
 
 #include "apps/bundle_times.h"
 #include "apps/common_options.h"
@@ -141,8 +143,25 @@ ModelChoice parse_model(const std::string& word) {
   if (const auto variant = mpm::parse_variant(word)) return {word, ModelKind::mpm, *variant};
   if (word.starts_with("mpm:"))
     throw ConfigError("unknown model '" + word + "' (allowed: " + mpm::variant_words() +
-                      " or a weights file). Correct --models");
-  return {word, is_reduced_model(word) ? ModelKind::reduced : ModelKind::network};
+                      ", corrections-only or a weights file). Correct --models");
+  if (word == "corrections-only")
+    return {.name = word, .kind = ModelKind::network, .parts = NetworkParts::corrections_alone};
+  for (const auto& [suffix, parts] : {std::pair{":no-corrections", NetworkParts::network_alone},
+                                      std::pair{":corrections-only", NetworkParts::corrections_alone}}) {
+    if (!word.ends_with(suffix)) continue;
+    const std::string file = word.substr(0, word.size() - std::strlen(suffix));
+    if (is_reduced_model(file))
+      throw ConfigError("'" + word + "' asks for a part of a reduced-order model, which has no corrections (allowed: " +
+                        "graph networks). Name '" + file + "' alone");
+    return {.name = word, .kind = ModelKind::network, .weights = file, .parts = parts};
+  }
+  return {.name = word, .kind = is_reduced_model(word) ? ModelKind::reduced : ModelKind::network, .weights = word};
+}
+
+HeldLaws laws_of(NetworkParts parts, HeldLaws whole) {
+  if (parts == NetworkParts::network_alone) return {.density_limit = 0, .free_flight = false, .project = false};
+  whole.network = parts == NetworkParts::all;
+  return whole;
 }
 
 StartState start_of(const Scene& scene, uint64_t seed) {
@@ -229,22 +248,25 @@ TimedRun run_network(const graph::LearnedSimulator& simulator, const Scene& scen
                                          held_particles(start.particle_type));
   std::vector<double> features, hierarchy, network;
   const BundleTimes none(simulator.config().bundle, frames);
-  BundleTimes total = none, projection = none, output = none;  // output: outside of FrameTiming
+  BundleTimes total = none, events = none, projection = none, output = none;
   Progress progress(label, frames);
   graph::LearnedSimulator::RolloutOptions options;
   options.frames = frames;
   options.device = device;
   options.density_limit = laws.density_limit;
   options.free_flight = laws.free_flight;
+  options.project = laws.project;
+  options.network = laws.network;
   auto last = Clock::now();
   options.progress = [&](int64_t frame, const graph::FrameTiming& timing) {
     stop_if_interrupted();
-    total.add(frame, timing.total());
+    total.add(frame, timing.wall);
+    events.add(frame, device == Device::cuda ? timing.total() : 0);
     features.push_back(timing.features);
     hierarchy.push_back(timing.hierarchy);
     network.push_back(timing.network);
     projection.add(frame, timing.projection);
-    output.add(frame, seconds_since(last) - timing.total());
+    output.add(frame, seconds_since(last) - timing.wall);
     if (frame == frames) device_memory.look();
     progress.update(frame);
     last = Clock::now();
@@ -264,6 +286,7 @@ TimedRun run_network(const graph::LearnedSimulator& simulator, const Scene& scen
                  .peak_bytes = memory.peak(),
                  .added_bytes = memory.added(),
                  .bundle = static_cast<double>(simulator.config().bundle),
+                 .events = median(events.times()),
                  .device_bytes = device_memory.taken()};
   compare::hold_last_frame(result.run.trajectory, static_cast<std::size_t>(frames));
   return result;

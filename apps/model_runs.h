@@ -18,14 +18,21 @@ namespace graupel::apps {
 
 enum class ModelKind { mpm, network, reduced };
 
+/// A network with the laws that its rollouts are held to, or one of the two alone.
+enum class NetworkParts { all, network_alone, corrections_alone };
+
 /// What a word of --models means.
 struct ModelChoice {
   std::string name;  ///< as given
   ModelKind kind = ModelKind::mpm;
   mpm::SolverVariant variant = {};
-  std::string label = "";  ///< short, and unlike those of the other models
+  std::string label = "";    ///< short, and unlike those of the other models
+  std::string weights = "";  ///< file; empty for MPM, and for corrections-only until it has a network's settings
+  NetworkParts parts = NetworkParts::all;
 };
-/// Throws ConfigError for an unknown "mpm:..." word, InputError for a weights file that cannot be read.
+/// "mpm", "mpm:...", a weights file, "WEIGHTS:no-corrections", "WEIGHTS:corrections-only", or "corrections-only".
+/// Throws ConfigError for an unknown "mpm:..." word and for parts of a reduced-order model, InputError for a weights
+/// file that cannot be read.
 ModelChoice parse_model(const std::string& word);
 
 /// Particles at the start of a scene, with the mass and volume of each.
@@ -64,7 +71,12 @@ TimedRun run_mpm(const Scene& scene, const MpmRunOptions& options);
 struct HeldLaws {
   double density_limit = 1;
   bool free_flight = true;
+  bool project = true;
+  bool network = true;
 };
+/// Those of a rollout with some of its parts, from those of the whole: without corrections particles are not moved out
+/// of obstacles and walls either.
+HeldLaws laws_of(NetworkParts parts, HeldLaws whole);
 /// The same for a learned simulator, from frame 0 with a ballistic past.
 TimedRun run_network(const graph::LearnedSimulator& simulator, const Scene& scene,
                      const graph::Surroundings& surroundings, const StartState& start, int64_t frames, Device device,

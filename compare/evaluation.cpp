@@ -239,6 +239,7 @@ MetricValues cost_values(const RunCost& cost, std::size_t particles, double mpm_
   constexpr double mib = 1024.0 * 1024.0;
   return {{"particles", static_cast<double>(particles)},
           {"frame_ms", 1e3 * cost.frame},
+          {"gpu_events_ms", 1e3 * cost.events},
           {"network_ms", 1e3 * cost.network},
           {"grid_build_ms", 1e3 * cost.grid_build},
           {"features_ms", 1e3 * cost.features},

@@ -41,6 +41,7 @@ struct RunCost {
   double substeps = 1;      ///< mean a frame; 1 for a graph network
   double bundle = 1;        ///< frames that a graph network predicts at once
   double search = 0;        ///< wall time of the search for a step before the run [s]
+  double events = 0;        ///< of a frame by events on the GPU, where a network runs there [s]
   double device_bytes = 0;  ///< of a GPU's memory, beyond what the process had there before
 };
 /// Metrics of group cost but loses_to_coarse; `mpm_frame` [s] is the time of a frame of mpm on the same threads.

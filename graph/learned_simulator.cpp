@@ -52,6 +52,15 @@ void check_start(const std::vector<std::vector<Vec3f>>& start, std::size_t frame
   }
 }
 
+/// Accelerations [m/frame^2] of what only falls.
+std::vector<Vec3f> falling(const Scene& scene, const std::vector<int32_t>& particle_type) {
+  const Vec3f fall = (scene.gravity * (scene.frame_time * scene.frame_time)).cast<float>();
+  std::vector<Vec3f> acceleration(particle_type.size(), Vec3f::zero());
+  for (std::size_t i = 0; i < acceleration.size(); ++i)
+    if (moves_by_itself(particle_type[i])) acceleration[i] = fall;
+  return acceleration;
+}
+
 ParticleFrame make_frame(int64_t number, double frame_time, const std::vector<Vec3f>& before,
                          const std::vector<Vec3f>& now) {
   ParticleFrame frame;
@@ -195,7 +204,10 @@ Trajectory LearnedSimulator::rollout(const Scene& scene, const Surroundings& sur
   FrameTiming share;
   for (int64_t frame = 1; frame <= options.frames; ++frame) {
     const int64_t in_bundle = (frame - 1) % config().bundle;
-    if (in_bundle == 0) {
+    LapTimer whole;
+    if (in_bundle == 0 && !options.network)
+      acceleration.assign(static_cast<std::size_t>(config().bundle), falling(scene, particle_type));
+    if (in_bundle == 0 && options.network) {
       FrameTiming spent;
       acceleration = predict(surroundings, particle_type, history, spent);
       share = spent.shared_by(std::min(config().bundle, options.frames - frame + 1));
@@ -211,6 +223,7 @@ Trajectory LearnedSimulator::rollout(const Scene& scene, const Surroundings& sur
     timing.projection = watch.lap();
     std::rotate(history.begin(), history.begin() + 1, history.end());
     std::swap(history.back(), next);
+    timing.wall = whole.lap();
     trajectory.frames.push_back(make_frame(frame, scene.frame_time, history[needed - 2], history[needed - 1]));
     if (options.progress) options.progress(frame, timing);
   }
@@ -232,13 +245,16 @@ Trajectory LearnedSimulator::rollout_on_gpu(const Scene& scene, const Surroundin
                                             const std::vector<std::vector<Vec3f>>& start,
                                             const RolloutOptions& options) const {
   CudaSimulator& simulator = gpu_simulator();
-  simulator.start(scene, surroundings, particle_type, start, options.project, options.density_limit,
-                  options.free_flight);
+  simulator.start(scene, surroundings, particle_type, start,
+                  {options.project, options.density_limit, options.free_flight, options.network});
   Trajectory trajectory = empty_trajectory(scene, particle_type, weights_->file);
   std::vector<Vec3f> before = start.back();
   trajectory.frames.push_back(make_frame(0, scene.frame_time, start[start.size() - 2], before));
   for (int64_t frame = 1; frame <= options.frames; ++frame) {
-    if (!simulator.advance()) {
+    LapTimer whole;
+    const bool goes_on = simulator.advance();
+    const double wall = whole.lap();
+    if (!goes_on) {
       trajectory.diverged_at_frame = frame;
       break;
     }
@@ -247,8 +263,8 @@ Trajectory LearnedSimulator::rollout_on_gpu(const Scene& scene, const Surroundin
     before = std::move(now);
     const CudaFrameTime spent = simulator.frame_time();
     if (options.progress)
-      options.progress(frame,
-                       {spent.features / 1e3, spent.hierarchy / 1e3, spent.network / 1e3, spent.projection / 1e3});
+      options.progress(
+          frame, {spent.features / 1e3, spent.hierarchy / 1e3, spent.network / 1e3, spent.projection / 1e3, wall});
   }
   return trajectory;
 }
@@ -257,7 +273,7 @@ std::vector<Vec3f> LearnedSimulator::one_step_on_gpu(const Scene& scene, const S
                                                      const std::vector<int32_t>& particle_type,
                                                      const std::vector<std::vector<Vec3f>>& positions) const {
   CudaSimulator& simulator = gpu_simulator();
-  simulator.start(scene, surroundings, particle_type, positions, false, 0, false);
+  simulator.start(scene, surroundings, particle_type, positions, {false, 0, false, true});
   return simulator.accelerations();
 }
 

@@ -47,6 +47,7 @@ class LearnedSimulator {
     bool project = true;       ///< out of obstacles, into the walls
     double density_limit = 1;  ///< largest density, of that at rest (graph/rest_density.h); 0: none; in space alone
     bool free_flight = true;   ///< momentum of what flies is kept (graph/free_flight.h); not beside held particles
+    bool network = true;       ///< false: nothing but gravity and these laws, at the network's settings
     const GivenFrames* given = nullptr;
     Device device = Device::cpu;  ///< on a GPU matrix products are in bf16, and latents have to be 128 wide
   };

@@ -15,6 +15,9 @@ namespace graupel::graph {
 /// once for a block of frames (FeatureConfig::bundle) counts in equal parts for each of them.
 struct FrameTiming {
   double features = 0, hierarchy = 0, network = 0, projection = 0;
+  /// Of the caller's clock, from one frame to the next without handing it out: with all that lies between the parts.
+  /// The first frame of a bundle has all that the bundle waits for.
+  double wall = 0;
   double total() const { return features + hierarchy + network + projection; }
   /// What each of so many frames has of it.
   FrameTiming shared_by(int64_t frames) const {

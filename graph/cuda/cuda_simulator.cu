@@ -173,6 +173,11 @@ struct CudaSimulator::Impl {
   /// Of accelerations, gravity included.
   Normalization real_statistics() const {
     Normalization statistics = normalization;
+    if (!laws.network) {
+      const double dt2 = scene->frame_time * scene->frame_time;
+      for (int d = 0; d < 3; ++d) statistics.acceleration_mean[d] = static_cast<float>(scene->gravity[d] * dt2);
+      return statistics;
+    }
     const Vec3f gravity = predicted_acceleration(config, *surroundings);
     for (int d = 0; d < 3; ++d) statistics.acceleration_mean[d] += gravity[d];
     return statistics;
@@ -200,8 +205,13 @@ struct CudaSimulator::Impl {
 
   const Scene* scene = nullptr;
   const Surroundings* surroundings = nullptr;
-  bool project = true;
+  CudaLaws laws;
   int64_t particles = 0;
+  /// Where no network runs: accelerations of 0 beside the mean [particles, output_width()], and no fault.
+  Buffer<float> no_output{Device::cuda, 0};
+  Buffer<int32_t> no_fault{Device::cuda, 1};
+  const float* output() { return laws.network ? model->output() : no_output.data(); }
+  const int32_t* fault() { return laws.network ? model->fault() : no_fault.data(); }
   Buffer<Vec3f> ring{Device::cuda, 0};  ///< [ring_frames(), particles]
   Buffer<FrameStatus> status{Device::cuda, 1};
   FrameStatus* seen = nullptr;  ///< the status on the host
@@ -215,6 +225,7 @@ struct CudaSimulator::Impl {
 /// Features and, beside what follows in the stream, the network's graph of the newest frame.
 void CudaSimulator::Impl::launch_graph() {
   mark(begin);
+  if (!laws.network) return mark(features_done);
   model->launch_graph(stream, /*with_counts=*/!recording);
   parallel_for_in(stream, Device::cuda, feature_parts_of_row * particles,
                   WriteFeatures{FeatureRules(config, normalization), surroundings->view(Device::cuda), frame_ring(),
@@ -224,6 +235,10 @@ void CudaSimulator::Impl::launch_graph() {
 
 /// The groups of what flies are found beside it.
 void CudaSimulator::Impl::launch_network() {
+  if (!laws.network) {
+    mark(hierarchy_done);
+    return mark(network_done);
+  }
   const auto find_groups = [&] {
     if (!flight) return;
     GRAUPEL_CUDA_CHECK(cudaEventRecord(room_beside, stream));
@@ -241,14 +256,13 @@ void CudaSimulator::Impl::launch_network() {
 void CudaSimulator::Impl::launch_move(int64_t frame) {
   const Vec3d& size = scene->domain.size;
   const auto limit = static_cast<float>(std::max({size[0], size[1], size[2]}));
-  parallel_for_in(
-      stream, Device::cuda, particles,
-      StepParticles{real_statistics(), model->output() + 3 * frame, static_cast<int32_t>(config.output_width()),
-                    before.data(), now(), limit, model->fault(), status.data(), next.data()});
-  if (flight && frame > 0) flight->find_groups(before.data(), now(), stream);
+  parallel_for_in(stream, Device::cuda, particles,
+                  StepParticles{real_statistics(), output() + 3 * frame, static_cast<int32_t>(config.output_width()),
+                                before.data(), now(), limit, fault(), status.data(), next.data()});
+  if (flight && (frame > 0 || !laws.network)) flight->find_groups(before.data(), now(), stream);
   if (flight) flight->correct(before.data(), now(), next.data(), stream);
-  const PushParticles push{surroundings->way_follower(Device::cuda), project, frame_ring(), now(), next.data()};
-  PushLast last{push, model->fault(), before.data(), now(), surroundings->ballistic, predicted(), status.data(), seen};
+  const PushParticles push{surroundings->way_follower(Device::cuda), laws.project, frame_ring(), now(), next.data()};
+  PushLast last{push, fault(), before.data(), now(), surroundings->ballistic, predicted(), status.data(), seen};
   if (density && frame + 1 == config.bundle) {
     parallel_for_in(stream, Device::cuda, particles, PushAndSpread{push, density->spreading(next.data(), particles)});
     density->between(next.data(), particles, stream);
@@ -268,6 +282,7 @@ void CudaSimulator::Impl::launch_bundle() {
 
 /// Room for the graph of the newest frame; false when a particle is outside what it can hold.
 bool CudaSimulator::Impl::make_room() {
+  if (!laws.network) return true;
   launch_graph();
   const FrameModel::Room room = model->make_room();
   if (room == FrameModel::Room::moved) drop_graph();
@@ -301,12 +316,12 @@ CudaSimulator::~CudaSimulator() = default;
 
 void CudaSimulator::start(const Scene& scene, const Surroundings& surroundings,
                           const std::vector<int32_t>& particle_type, const std::vector<std::vector<Vec3f>>& positions,
-                          bool project, double density_limit, bool free_flight) {
+                          const CudaLaws& laws) {
   Impl& impl = *impl_;
   impl.drop_graph();
   impl.scene = &scene;
   impl.surroundings = &surroundings;
-  impl.project = project;
+  impl.laws = laws;
   impl.particles = static_cast<int64_t>(particle_type.size());
   const auto frames = static_cast<std::size_t>(impl.config.history) + 1;
   GRAUPEL_ASSERT(positions.size() >= frames);
@@ -330,10 +345,16 @@ void CudaSimulator::start(const Scene& scene, const Surroundings& surroundings,
   if (impl.config.is_ballistic()) impl.own_now.upload(positions.back());
   impl.next.resize_discard(particle_type.size());
   impl.flight.reset();
-  if (free_flight) impl.flight.emplace(Device::cuda, scene, surroundings, particle_type);
+  if (!laws.network) {
+    impl.no_output.upload(
+        std::vector<float>(static_cast<std::size_t>(impl.config.output_width()) * particle_type.size()));
+    impl.no_fault.upload({0});
+  }
+  if (laws.free_flight) impl.flight.emplace(Device::cuda, scene, surroundings, particle_type);
   impl.density.reset();
   const double spacing = impl.model->spacing(), rest = rest_density(scene, positions.back(), spacing);
-  if (density_limit * rest > 0) impl.density.emplace(Device::cuda, surroundings, density_limit * rest, spacing);
+  if (laws.density_limit * rest > 0)
+    impl.density.emplace(Device::cuda, surroundings, laws.density_limit * rest, spacing);
   impl.wait();
 }
 

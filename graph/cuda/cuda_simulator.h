@@ -19,16 +19,23 @@ struct CudaFrameTime {
   double total() const { return features + hierarchy + network + projection; }
 };
 
+/// As in LearnedSimulator::RolloutOptions.
+struct CudaLaws {
+  bool project = true;
+  double density_limit = 1;
+  bool free_flight = true;
+  bool network = true;
+};
+
 class CudaSimulator {
  public:
   /// Throws ConfigError where there is no GPU or no kernels for such a network.
   explicit CudaSimulator(const nn::Weights& weights);
   ~CudaSimulator();
 
-  /// A rollout from history + 1 positions, newest last, with LearnedSimulator's `project`, `density_limit` and
-  /// `free_flight`. `scene` and `surroundings` must live as long as it runs.
+  /// A rollout from history + 1 positions, newest last. `scene` and `surroundings` must live as long as it runs.
   void start(const Scene& scene, const Surroundings& surroundings, const std::vector<int32_t>& particle_type,
-             const std::vector<std::vector<Vec3f>>& positions, bool project, double density_limit, bool free_flight);
+             const std::vector<std::vector<Vec3f>>& positions, const CudaLaws& laws);
   /// Predicts the next frame; false when it has diverged (step_frame) or a particle has left the domain's surroundings.
   bool advance();
   /// Accelerations of the next frame [m/frame^2], without moving. After start() alone.

@@ -234,6 +234,43 @@ TEST_F(CompareRuns, OneStepOnlyNeedsNoRollouts) {
   EXPECT_THROW(make_comparison(o), ConfigError);
 }
 
+TEST_F(CompareRuns, NetworksAndCorrectionsRunApart) {
+  const std::string network = ballistic_network();
+  CompareOptions o = options({"corrections-only", network, network + ":no-corrections", network + ":corrections-only"});
+  o.frames = 20;  // onto the sphere
+  o.floors = false;
+  const auto comparison = make_comparison(o);
+  EXPECT_TRUE(compare::incomplete_results(comparison).empty());
+  const auto& models = comparison.scenes[0].models;
+  ASSERT_EQ(models.size(), 4u);
+  const auto value = [&](std::size_t m, const char* key) { return models[m].values.at(key); };
+  // Silenced, the network is gravity alone.
+  EXPECT_EQ(value(0, "position_mse_all"), value(3, "position_mse_all"));
+  EXPECT_NEAR(value(0, "position_mse_all"), value(1, "position_mse_all"), 1e-4 * value(1, "position_mse_all"));
+  EXPECT_NEAR(value(0, "one_step_mse"), value(0, "one_step_mse_ballistic"), 1e-5 * value(0, "one_step_mse"));
+  EXPECT_EQ(value(0, "network_ms"), 0);
+  EXPECT_GT(value(0, "frame_ms"), 0);
+  EXPECT_EQ(models[0].one_step_source, "true history");
+  // Without corrections it falls into the sphere.
+  EXPECT_LT(value(0, "inside_share"), 1e-3);
+  EXPECT_GT(value(2, "inside_share"), 0.05);
+  EXPECT_EQ(value(2, "projection_ms") < value(2, "frame_ms"), true);
+}
+
+TEST_F(CompareRuns, PartsOfNetworksNeedANetwork) {
+  EXPECT_THAT(
+      [&] {
+        make_comparison(options({"corrections-only", "mpm"}));
+      },
+      ::testing::ThrowsMessage<ConfigError>(::testing::HasSubstr("WEIGHTS:corrections-only")));
+  EXPECT_THROW(make_comparison(options({"missing.safetensors:no-corrections"})), InputError);
+  const std::string model = folder_ + "/falling.safetensors";
+  std::ofstream(folder_ + "/falling.json") << test::falling_scene();
+  nn::write_safetensors(model, test::falling_model(io::read_scene(folder_ + "/falling.json")).store(nn::DType::f32));
+  EXPECT_THAT([&] { make_comparison(options({model + ":no-corrections"})); },
+              ::testing::ThrowsMessage<ConfigError>(::testing::HasSubstr("which has no corrections")));
+}
+
 TEST_F(CompareRuns, ADivergedNetworkIsHeldAndMarked) {
   graph::HgnConfig config;
   config.latent = 8;

@@ -60,6 +60,27 @@ TEST_P(CudaSimulatorTest, RolloutsFollowThoseOfTheCpu) {
   }
 }
 
+TEST_P(CudaSimulatorTest, CorrectionsWithoutTheNetworkFollowThoseOfTheCpu) {
+  GRAUPEL_NEEDS_GPU();
+  const Case c = clouds_at_a_ball(800);
+  const Surroundings surroundings(c.scene);
+  const LearnedSimulator simulator = make(wide_config(GetParam()));
+  LearnedSimulator::RolloutOptions options;
+  options.frames = 8;
+  options.network = false;
+  for (const bool corrected : {false, true}) {
+    options.project = options.free_flight = corrected;
+    options.density_limit = corrected ? 1 : 0;
+    options.device = Device::cpu;
+    const Trajectory expected = simulator.rollout(c.scene, surroundings, c.type, c.history, options);
+    options.device = Device::cuda;
+    const Trajectory actual = simulator.rollout(c.scene, surroundings, c.type, c.history, options);
+    ASSERT_EQ(actual.frames.size(), expected.frames.size());
+    for (std::size_t i = 0; i < c.type.size(); ++i)
+      ASSERT_LT(norm(actual.frames.back().position[i] - expected.frames.back().position[i]), corrected ? 1e-3f : 1e-5f);
+  }
+}
+
 TEST_P(CudaSimulatorTest, RolloutsGoOnWhereMatterSpreads) {
   GRAUPEL_NEEDS_GPU();
   // Particles of a small cloud fly apart: many times the cells of the first frame.

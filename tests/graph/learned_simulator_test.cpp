@@ -57,6 +57,33 @@ TEST_F(LearnedSimulatorTest, OneStepUndoesTheNormalisation) {
   EXPECT_GT(timing.hierarchy, 0);
 }
 
+TEST_F(LearnedSimulatorTest, WithoutTheNetworkGravityAndTheCorrectionsAreLeft) {
+  Scene scene;
+  const Surroundings surroundings(scene);
+  const auto position = blobs(3, 50, 0.05);
+  const auto start =
+      start_history(position, std::vector<Vec3f>(50, Vec3f{0.3f, -4.0f, -0.2f}), scene.gravity, scene.frame_time, 4);
+  LearnedSimulator::RolloutOptions options;
+  options.frames = 20;  // to the floor
+  double wall = 0, parts = 0;
+  options.progress = [&](int64_t, const FrameTiming& timing) {
+    wall += timing.wall;
+    parts += timing.total();
+  };
+  const std::vector<int32_t> type(50, 5);
+  const Trajectory silent = make_ballistic().rollout(scene, surroundings, type, start, options);
+  EXPECT_GE(wall, parts);  // the caller's clock has the integration, too
+  EXPECT_LT(wall, 3 * parts);
+  options.network = false;
+  const Trajectory none =
+      make(random_weights(small_config(), free_flight())).rollout(scene, surroundings, type, start, options);
+  ASSERT_EQ(none.frames.size(), silent.frames.size());
+  for (std::size_t f = 0; f < none.frames.size(); ++f)
+    for (std::size_t i = 0; i < 50; ++i)
+      ASSERT_LT(norm(none.frames[f].position[i] - silent.frames[f].position[i]), 1e-5f) << f;
+  EXPECT_LT(none.frames.back().position[0][1], none.frames[5].position[0][1]);
+}
+
 TEST_F(LearnedSimulatorTest, ZeroOutputIsBallisticFlight) {
   const LearnedSimulator simulator = make_ballistic();
   Scene scene;
