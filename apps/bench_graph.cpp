@@ -10,12 +10,13 @@
 #include "apps/ceilings.h"
 #include "apps/common_options.h"
 #include "apps/libtorch_time.h"
-#include "apps/model_runs.h"
-#include "apps/training_program.h"
 #include "apps/verbs.h"
 #include "core/command_line.h"
 #include "core/error.h"
 #include "core/instruction_set.h"
+#include "experiments/model_runs.h"
+#include "experiments/process.h"
+#include "experiments/training_program.h"
 #include "io/recipe_reader.h"
 #include "io/scene_reader.h"
 #include "mpm/sampling.h"
@@ -24,6 +25,8 @@
 #include "nn/bf16_products.h"
 
 namespace graupel::apps {
+
+using namespace experiments;
 
 namespace {
 

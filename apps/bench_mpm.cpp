@@ -13,11 +13,14 @@
 #include "apps/verbs.h"
 #include "core/error.h"
 #include "core/instruction_set.h"
+#include "experiments/process.h"
 #include "io/recipe_reader.h"
 #include "mpm/scene_recipe.h"
 #include "mpm/simulation.h"
 
 namespace graupel::apps {
+
+using namespace experiments;
 
 namespace {
 

@@ -8,7 +8,6 @@
 #include <nlohmann/json.hpp>
 
 #include "apps/common_options.h"
-#include "apps/naive_answers.h"
 #include "apps/rom_gpu_steps.h"
 #include "apps/rom_measurement.h"
 #include "apps/rom_plots.h"
@@ -16,8 +15,11 @@
 #include "core/atomic_file.h"
 #include "core/command_line.h"
 #include "core/error.h"
+#include "experiments/naive_answers.h"
 
 namespace graupel::apps {
+
+using namespace experiments;
 
 namespace {
 

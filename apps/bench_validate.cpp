@@ -6,14 +6,17 @@
 #include <nlohmann/json.hpp>
 
 #include "apps/common_options.h"
-#include "apps/outputs.h"
 #include "apps/verbs.h"
 #include "compare/plot_svg.h"
 #include "core/atomic_file.h"
 #include "core/error.h"
+#include "experiments/outputs.h"
+#include "experiments/process.h"
 #include "validation/case.h"
 
 namespace graupel::apps {
+
+using namespace experiments;
 
 namespace {
 

@@ -1,4 +1,4 @@
-// Flags that every verb takes, and what main sets up around a verb.
+// Flags that every verb takes.
 #pragma once
 
 #include <CLI/CLI.hpp>
@@ -24,15 +24,5 @@ struct CommonOptions {
   /// Writes `result` to --json, if given ("-": standard output).
   void write_json(const nlohmann::ordered_json& result) const;
 };
-
-/// Whether Ctrl-C or SIGTERM came; long loops ask after every frame and call stop_if_interrupted().
-bool interrupted();
-/// Throws Error(ExitCode::interrupted) once interrupted; `what_now` ends its text: "; recover with ...".
-void stop_if_interrupted(const std::string& what_now = "");
-
-/// The command line of this process, quoted for a shell.
-std::string command_line();
-/// "graupel 0.1.0".
-std::string version_text();
 
 }  // namespace graupel::apps

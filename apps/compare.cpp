@@ -1,11 +1,14 @@
 // graupel compare: scenes x models -> table, CSV, JSON and report.html.
 #include "apps/common_options.h"
-#include "apps/compare_runs.h"
 #include "apps/verbs.h"
 #include "core/command_line.h"
+#include "experiments/compare_runs.h"
+#include "experiments/process.h"
 #include "mpm/scene_variants.h"
 
 namespace graupel::apps {
+
+using namespace experiments;
 
 namespace {
 

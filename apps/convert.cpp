@@ -7,14 +7,17 @@
 #include <nlohmann/json.hpp>
 
 #include "apps/common_options.h"
-#include "apps/progress.h"
 #include "apps/verbs.h"
 #include "core/command_line.h"
 #include "core/error.h"
+#include "experiments/process.h"
+#include "experiments/progress.h"
 #include "io/data_set_conversion.h"
 #include "nn/weights.h"
 
 namespace graupel::apps {
+
+using namespace experiments;
 
 namespace {
 

@@ -3,12 +3,15 @@
 #include <filesystem>
 
 #include "apps/common_options.h"
-#include "apps/compare_runs.h"
 #include "apps/verbs.h"
 #include "core/command_line.h"
 #include "core/error.h"
+#include "experiments/compare_runs.h"
+#include "experiments/process.h"
 
 namespace graupel::apps {
+
+using namespace experiments;
 
 namespace {
 

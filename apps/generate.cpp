@@ -3,12 +3,14 @@
 #include <nlohmann/json.hpp>
 
 #include "apps/common_options.h"
-#include "apps/data_set.h"
 #include "apps/verbs.h"
 #include "core/command_line.h"
 #include "core/error.h"
+#include "experiments/data_set.h"
 
 namespace graupel::apps {
+
+using namespace experiments;
 
 namespace {
 

@@ -6,10 +6,10 @@
 #include <nlohmann/json.hpp>
 
 #include "apps/common_options.h"
-#include "apps/progress.h"
-#include "apps/training_curves.h"
 #include "apps/verbs.h"
 #include "core/error.h"
+#include "experiments/progress.h"
+#include "experiments/training_curves.h"
 #include "io/scene_reader.h"
 #include "io/state_file.h"
 #include "io/sweep_reader.h"
@@ -19,6 +19,8 @@
 #include "sparsegrid/obstacle_set.h"
 
 namespace graupel::apps {
+
+using namespace experiments;
 
 namespace {
 

@@ -4,12 +4,14 @@
 #include <string>
 #include <vector>
 
-#include "apps/rank_processes.h"
 #include "apps/verbs.h"
 #include "core/command_line.h"
 #include "core/error.h"
+#include "experiments/rank_processes.h"
 
 namespace graupel::apps {
+
+using namespace experiments;
 
 namespace {
 

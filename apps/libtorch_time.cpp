@@ -6,12 +6,14 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
-#include "apps/training_program.h"
 #include "core/atomic_file.h"
 #include "core/error.h"
+#include "experiments/training_program.h"
 #include "io/trajectory_file.h"
 
 namespace graupel::apps {
+
+using namespace experiments;
 
 namespace {
 

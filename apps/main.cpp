@@ -13,9 +13,12 @@
 #include "core/error.h"
 #include "core/instruction_set.h"
 #include "core/stop_signal.h"
+#include "experiments/process.h"
 #include "nn/bf16_products.h"
 
 namespace graupel::apps {
+
+using namespace experiments;
 namespace {
 
 /// Waiting OpenMP threads spin for a few microseconds and then sleep. libgomp's default (seconds of spinning) makes two

@@ -6,13 +6,16 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
-#include "apps/progress.h"
-#include "apps/refined_body.h"
 #include "apps/rollout.h"
 #include "core/error.h"
+#include "experiments/process.h"
+#include "experiments/progress.h"
+#include "experiments/refined_body.h"
 #include "io/scene_reader.h"
 
 namespace graupel::apps {
+
+using namespace experiments;
 
 namespace {
 

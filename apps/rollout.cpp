@@ -5,22 +5,25 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
-#include "apps/bundle_times.h"
 #include "apps/common_options.h"
-#include "apps/outputs.h"
-#include "apps/progress.h"
 #include "apps/rollout.h"
 #include "apps/verbs.h"
 #include "compare/position_error.h"
 #include "core/command_line.h"
 #include "core/error.h"
 #include "core/held_particles.h"
+#include "experiments/bundle_times.h"
+#include "experiments/outputs.h"
+#include "experiments/process.h"
+#include "experiments/progress.h"
 #include "graph/learned_simulator.h"
 #include "io/scene_reader.h"
 #include "io/trajectory_file.h"
 #include "mpm/sampling.h"
 
 namespace graupel::apps {
+
+using namespace experiments;
 
 bool is_trajectory(const std::string& path) { return path.ends_with(".h5"); }
 

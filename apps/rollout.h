@@ -8,11 +8,13 @@
 #include <vector>
 
 #include "apps/common_options.h"
-#include "apps/reduced_runs.h"
 #include "core/scene.h"
+#include "experiments/reduced_runs.h"
 #include "io/trajectory_file.h"
 
 namespace graupel::apps {
+
+using namespace experiments;
 
 struct RolloutOptions {
   CommonOptions common;

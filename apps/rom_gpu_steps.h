@@ -7,6 +7,8 @@
 
 namespace graupel::apps {
 
+using namespace experiments;
+
 struct GpuSteps {
   int64_t instances = 1, frames = 0, steps_per_frame = 0;
   double median = 0, low = 0, high = 0;  ///< of the frames: a step of all instances [us]

@@ -1,4 +1,5 @@
 #include "apps/rom_measurement.h"
+#include "experiments/process.h"
 
 #include <algorithm>
 #include <chrono>
@@ -6,15 +7,17 @@
 #include <numeric>
 
 #include "apps/common_options.h"
-#include "apps/model_runs.h"
 #include "compare/displacement_error.h"
 #include "core/error.h"
+#include "experiments/model_runs.h"
 #include "io/scene_reader.h"
 #include "mpm/fast_step.h"
 #include "mpm/particles.h"
 #include "rom/factored_fields.h"
 
 namespace graupel::apps {
+
+using namespace experiments;
 
 namespace {
 

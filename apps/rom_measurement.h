@@ -6,11 +6,13 @@
 #include <string>
 #include <vector>
 
-#include "apps/reduced_runs.h"
+#include "experiments/reduced_runs.h"
 #include "io/trajectory_file.h"
 #include "rom/sample_rules.h"
 
 namespace graupel::apps {
+
+using namespace experiments;
 
 struct RomRunOptions {
   double step_factor = 1;  ///< of the training's step

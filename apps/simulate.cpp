@@ -7,18 +7,21 @@
 #include <optional>
 
 #include "apps/common_options.h"
-#include "apps/outputs.h"
-#include "apps/progress.h"
-#include "apps/saved_run.h"
 #include "apps/verbs.h"
 #include "core/command_line.h"
 #include "core/error.h"
 #include "core/memory.h"
+#include "experiments/outputs.h"
+#include "experiments/process.h"
+#include "experiments/progress.h"
+#include "experiments/saved_run.h"
 #include "io/scene_reader.h"
 #include "io/trajectory_file.h"
 #include "mpm/simulation.h"
 
 namespace graupel::apps {
+
+using namespace experiments;
 
 namespace {
 

@@ -1,8 +1,10 @@
 // graupel train: starts graupel-train beside this program, the only one linked with libtorch.
-#include "apps/training_program.h"
 #include "apps/verbs.h"
+#include "experiments/training_program.h"
 
 namespace graupel::apps {
+
+using namespace experiments;
 
 void add_train(CLI::App& app) {
   CLI::App* verb =

@@ -4,9 +4,9 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
-#include "apps/refined_body.h"
 #include "core/atomic_file.h"
 #include "core/error.h"
+#include "experiments/refined_body.h"
 #include "io/hdf5_dataset.h"
 #include "io/trajectory_file.h"
 #include "tests/apps/falling_model.h"
@@ -157,9 +157,9 @@ TEST_F(ReducedModels, RefinedBodiesThatDoNotFitAreRefused) {
   EXPECT_EQ(outcome.exit_code, 2) << outcome.output;
   EXPECT_TRUE(outcome.says("--refine 1000000 makes 9866000000 points")) << outcome.output;
   EXPECT_FALSE(std::filesystem::exists(folder_.file("huge.h5.part")));
-  EXPECT_NO_THROW(apps::check_refined_size(1000, 100, 20'000'000));
+  EXPECT_NO_THROW(experiments::check_refined_size(1000, 100, 20'000'000));
   try {
-    apps::check_refined_size(1000, 100, 10'000'000);
+    experiments::check_refined_size(1000, 100, 10'000'000);
     FAIL() << "accepted points that do not fit into memory";
   } catch (const ConfigError& error) {
     EXPECT_NE(std::string(error.what()).find("100000 points, which need about 0.013 GB"), std::string::npos)

@@ -4,9 +4,9 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
-#include "apps/reduced_runs.h"
 #include "compare/displacement_error.h"
 #include "core/atomic_file.h"
+#include "experiments/reduced_runs.h"
 #include "graph/learned_simulator.h"
 #include "io/scene_reader.h"
 #include "mpm/simulation.h"
@@ -47,8 +47,8 @@ double rollout_error(const std::string& weights, const Scene& scene, int64_t fra
 /// delta of a reduced-order model over the whole scene.
 double reduced_error(const std::string& weights, const Scene& scene) {
   const auto truth = mpm::Simulation::create(scene, {.seed = scene.seed});
-  const apps::LoadedModel loaded(weights);
-  apps::ReducedRun run(loaded, scene, scene.seed, {});
+  const experiments::LoadedModel loaded(weights);
+  experiments::ReducedRun run(loaded, scene, scene.seed, {});
   compare::DisplacementError error(truth->frame().position);
   for (int64_t f = 0; f < scene.frames; ++f) {
     truth->advance_frame();
@@ -69,7 +69,7 @@ TEST(ShippedWeights, RollOutAsWellAsTheirCardsSay) {
                &check = card.at("check");
     const Scene scene = io::read_scene(GRAUPEL_SOURCE_DIR "/" + check.at("scene").get<std::string>(),
                                        check.contains("set") ? words(check.at("set")) : std::vector<std::string>());
-    const bool reduced = apps::is_reduced_model(entry.path());
+    const bool reduced = experiments::is_reduced_model(entry.path());
     const double expected = check.at(reduced ? "delta" : "position_mse").get<double>();
     const double error = reduced ? reduced_error(entry.path(), scene)
                                  : rollout_error(entry.path(), scene, check.at("frames").get<int64_t>());

@@ -1,12 +1,12 @@
 // Networks know materials by their type; a scene with others than those of the training is told of.
-#include "apps/trained_materials.h"
+#include "experiments/trained_materials.h"
 
 #include <gtest/gtest.h>
 
 #include "core/error.h"
 #include "io/scene_reader.h"
 
-namespace graupel::apps {
+namespace graupel::experiments {
 namespace {
 
 Scene scene_with(const std::string& name, const std::string& material) {
@@ -47,4 +47,4 @@ TEST(TrainedMaterials, SayNothingWhereWeightsDoNot) {
 }
 
 }  // namespace
-}  // namespace graupel::apps
+}  // namespace graupel::experiments

@@ -1,4 +1,4 @@
-#include "apps/training_curves.h"
+#include "experiments/training_curves.h"
 
 #include <gtest/gtest.h>
 #include <unistd.h>
@@ -12,7 +12,7 @@
 #include "core/error.h"
 #include "tests/apps/program.h"
 
-namespace graupel::apps {
+namespace graupel::experiments {
 namespace {
 
 namespace fs = std::filesystem;
@@ -98,4 +98,4 @@ TEST_F(TrainingCurves, OtherTablesAreErrorsThatNameThePlace) {
 }
 
 }  // namespace
-}  // namespace graupel::apps
+}  // namespace graupel::experiments

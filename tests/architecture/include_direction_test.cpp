@@ -27,7 +27,8 @@ const Graph allowed = {
     {"compare", {"core", "io", "sparsegrid"}},
     {"rom", {"core", "nn", "sparsegrid", "mpm"}},
     {"train", {"core", "io", "nn", "sparsegrid", "mpm", "graph", "rom"}},
-    {"apps", {"core", "io", "nn", "sparsegrid", "mpm", "validation", "graph", "compare", "rom"}},
+    {"experiments", {"core", "io", "nn", "sparsegrid", "mpm", "validation", "graph", "compare", "rom"}},
+    {"apps", {"core", "io", "nn", "sparsegrid", "mpm", "validation", "graph", "compare", "rom", "experiments"}},
 };
 
 std::string text_of(const fs::path& path) {

@@ -1,5 +1,5 @@
 // graupel compare from scenes to files: every key finite, known answers for MPM and for a network that only falls.
-#include "apps/compare_runs.h"
+#include "experiments/compare_runs.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -10,11 +10,11 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 
-#include "apps/model_runs.h"
 #include "apps/verbs.h"
 #include "compare/report.h"
 #include "core/atomic_file.h"
 #include "core/error.h"
+#include "experiments/model_runs.h"
 #include "io/scene_reader.h"
 #include "io/trajectory_file.h"
 #include "mpm/sampling.h"
@@ -22,7 +22,7 @@
 #include "tests/apps/falling_model.h"
 #include "tests/graph/random_weights.h"
 
-namespace graupel::apps {
+namespace graupel::experiments {
 namespace {
 
 using compare::MetricGroup;
@@ -331,7 +331,7 @@ TEST(MemoryMeter, SeesWhatARunTouches) {
 
 TEST(CompareVerb, HelpIsShortAndHasTwoExamples) {
   CLI::App app;
-  add_compare(app);
+  apps::add_compare(app);
   const std::string help = app.get_subcommand("compare")->help();
   EXPECT_LT(std::count(help.begin(), help.end(), '\n'), 40);
   for (const char* flag : {"--scenes", "--models", "--frames", "--set", "--json", "--csv", "--report", "--seed",
@@ -360,4 +360,4 @@ TEST_F(CompareRuns, AReducedModelRunsOnItsOwnSceneOnly) {
 }
 
 }  // namespace
-}  // namespace graupel::apps
+}  // namespace graupel::experiments

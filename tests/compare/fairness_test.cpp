@@ -1,9 +1,9 @@
 // Rules of fairness: who is the opponent, and what it is to lose to it.
-#include "apps/fairness.h"
+#include "experiments/fairness.h"
 
 #include <gtest/gtest.h>
 
-namespace graupel::apps {
+namespace graupel::experiments {
 namespace {
 
 compare::MetricValues errors(double position, double sinkhorn, double density) {
@@ -41,4 +41,4 @@ TEST(Fairness, TheOpponentIsTheCoarseGridAtItsOwnStepUnlessTheOtherWasAskedFor) 
 }
 
 }  // namespace
-}  // namespace graupel::apps
+}  // namespace graupel::experiments

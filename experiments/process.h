@@ -1,0 +1,18 @@
+// What a run asks of the process it is in: whether to stop, its command line, its version.
+#pragma once
+
+#include <string>
+
+namespace graupel::experiments {
+
+/// Whether Ctrl-C or SIGTERM came; long loops ask after every frame and call stop_if_interrupted().
+bool interrupted();
+/// Throws Error(ExitCode::interrupted) once interrupted; `what_now` ends its text: "; recover with ...".
+void stop_if_interrupted(const std::string& what_now = "");
+
+/// The command line of this process, quoted for a shell.
+std::string command_line();
+/// "graupel 0.1.0".
+std::string version_text();
+
+}  // namespace graupel::experiments

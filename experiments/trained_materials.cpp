@@ -1,0 +1,71 @@
+#include "experiments/trained_materials.h"
+
+#include <fmt/format.h>
+
+#include <map>
+#include <nlohmann/json.hpp>
+
+#include "core/error.h"
+#include "core/material_config.h"
+#include "io/config_writer.h"
+#include "io/scene_reader.h"
+
+namespace graupel::experiments {
+
+namespace {
+
+using Json = nlohmann::json;
+
+Json resolved(const MaterialConfig& material) {
+  return Json::parse(io::write_json(io::json_of_struct(material), io::JsonLayout::compact));
+}
+
+/// Materials as a scene file has them, presets resolved.
+std::map<std::string, MaterialConfig> read_materials(const nn::Weights& weights, const std::string& text) {
+  const std::string place = "'" + weights.file + "' (metadata training.materials)";
+  try {
+    const Json materials = Json::parse(text);
+    const Json body = {{"shape", "box"},
+                       {"size", {0.1, 0.1, 0.1}},
+                       {"position", {0.5, 0.5, 0.5}},
+                       {"material", materials.begin().key()}};  // scenes have one
+    const Json scene = {
+        {"domain", {{"size", {1, 1, 1}}, {"dx", 0.03125}}}, {"materials", materials}, {"sources", {body}}};
+    return io::parse_stored_scene(scene.dump(), place, weights.file).materials;
+  } catch (const Json::exception& error) {
+    throw InputError(place + " is no JSON (" + error.what() + "). Train the network again");
+  }
+}
+
+/// "friction_angle is 33, of the training 45", or nothing.
+std::string first_difference(const Json& own, const Json& trained) {
+  for (const auto& [key, value] : own.items()) {
+    if (trained.at(key) == value) continue;
+    return fmt::format("{} is {}, of the training {}", key, value.dump(), trained.at(key).dump());
+  }
+  return {};
+}
+
+}  // namespace
+
+std::vector<std::string> unlike_training(const nn::Weights& weights, const Scene& scene) {
+  const auto known = weights.metadata.find("training.materials");
+  if (known == weights.metadata.end()) return {};
+  const auto trained = read_materials(weights, known->second);
+  std::vector<std::string> lines;
+  for (const auto& [name, material] : scene.materials) {
+    bool taught = false;
+    std::string difference;
+    for (const auto& [trained_name, candidate] : trained) {
+      if (particle_type_of(candidate.model) != particle_type_of(material.model)) continue;
+      const std::string found = first_difference(resolved(material), resolved(candidate));
+      taught = taught || found.empty();
+      difference = found;
+    }
+    if (taught) continue;
+    lines.push_back(name + ": " + (difference.empty() ? "the training had no such material" : difference));
+  }
+  return lines;
+}
+
+}  // namespace graupel::experiments
