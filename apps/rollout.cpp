@@ -200,10 +200,6 @@ void rollout_network(const RolloutOptions& options, Device device) {
   run.free_flight = !options.no_free_flight && !start.unknown_gravity;
   run.given = &start.rest;
   run.device = device;
-  if (start.unknown_gravity && simulator.config().is_ballistic())
-    throw ConfigError("'" + options.input + "' does not say its gravity (0), so that no frame can be predicted, and '" +
-                      options.weights + "' corrects predicted frames (predictor ballistic). Say it: --set " +
-                      "gravity=[0,-9.8,0]");
   if (start.unknown_gravity && !options.no_free_flight)
     std::fprintf(stderr,
                  "rollout: the data do not say their gravity, so that free flight is left to the network; "

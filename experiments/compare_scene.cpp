@@ -326,17 +326,7 @@ const TimedRun& SceneComparison::run_of(const ComparedModel& model, TimedRun& ow
   return rerun_ ? *rerun_ : truth_;
 }
 
-void SceneComparison::check_gravity(const graph::LearnedSimulator& network, const std::string& file) const {
-  const bool unknown =
-      task_.stored && task_.stored->made_by.starts_with("converted from") && norm2(task_.scene.gravity) == 0;
-  if (unknown && network.config().is_ballistic())
-    throw ConfigError("'" + task_.source + "' does not say its gravity (0), so that no frame can be predicted, and '" +
-                      file + "' corrects predicted frames (predictor ballistic). Convert the data with --set " +
-                      "gravity=[0,-9.8,0], or leave that network out");
-}
-
 compare::ModelResult SceneComparison::evaluate(const ComparedModel& model) {
-  if (model.network) check_gravity(*model.network, model.choice.name);
   compare::ModelResult result;
   result.model = model.choice.name;
   if (has_one_step_error(model.choice.kind)) result.one_step_source = model.network ? "true history" : "own rollout";

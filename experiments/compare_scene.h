@@ -54,7 +54,6 @@ class SceneComparison {
   compare::ModelResult evaluate(const ComparedModel& model);
   const graph::Surroundings& surroundings();
   /// Throws ConfigError where the network predicts frames by a gravity that the data do not say.
-  void check_gravity(const graph::LearnedSimulator& network, const std::string& file) const;
   compare::OneStepError one_step_of_network(const ComparedModel& model);
   compare::OneStepError one_step_of_rollout(const compare::ParticleRun& run) const;
   std::vector<std::size_t> one_step_frames() const;

@@ -1,5 +1,7 @@
 #include "graph/config_metadata.h"
 
+#include "graph/hgn_config.h"
+
 namespace graupel::graph {
 
 namespace {
@@ -25,6 +27,20 @@ std::string where(const std::string& file, const std::string& key) {
 }
 
 }  // namespace metadata
+
+std::string removed_option(const FeatureConfig& config) {
+  if (config.predictor == FramePredictor::none) return "";
+  return "predictor (" + std::string(word_of(config.predictor)) +
+         ", allowed: none) was removed: rollouts of networks that correct ballistic frames were no better. Train a " +
+         "network without it";
+}
+
+std::string removed_option(const HgnConfig& config) {
+  if (config.short_range == 0) return removed_option(static_cast<const FeatureConfig&>(config));
+  return "short_range (" + metadata::text_of(config.short_range) +
+         ", allowed: 0) was removed: links between particles cost twice the time and rollouts were worse. Train a " +
+         "network without them";
+}
 
 std::string architecture_of(const nn::Weights& weights) { return value_of(weights, "architecture"); }
 

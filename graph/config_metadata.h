@@ -14,6 +14,7 @@
 
 #include "core/error.h"
 #include "core/fields.h"
+#include "graph/feature_config.h"
 #include "nn/weights.h"
 
 namespace graupel::graph {
@@ -116,6 +117,8 @@ Config config_from(const Metadata& all, const std::string& prefix, const std::st
       throw InputError(where + "is out of range ('" + found->second + "', allowed " + metadata::range_text(info.range) +
                        "). Export the weights again");
   });
+  if (const std::string removed = removed_option(config); !removed.empty())
+    throw InputError("'" + file + "': metadata key " + prefix + removed);
   for (const auto& [key, value] : all)
     if (key.starts_with(prefix) && !known.contains(key))
       throw InputError(metadata::where(file, key) + "is not known ('" + value +

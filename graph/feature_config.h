@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <string>
 #include <utility>
 
 #include "core/fields.h"
@@ -13,11 +14,7 @@ namespace graph {
 /// Frames that a network may predict at once.
 inline constexpr int most_bundle = 8;
 
-/// What a frame is predicted as before the network sees it, so that the network is left to correct it (prediction and
-/// correction; Ummenhofer et al. 2020). With `ballistic` gravity alone makes the frame,
-///     v* = v_t + g,  x* = x_t + v*    (frame units; see ballistic_place),
-/// the network sees [v_{t-m+2} .. v_t, v*] at x* instead of [v_{t-m+1} .. v_t] at x_t, and what it gives are the
-/// corrections a_j - g of the frames' accelerations, normalised by their own statistics.
+/// Words of the removed option `predictor`; `none` alone is accepted (removed_option).
 enum class FramePredictor { none, ballistic };
 
 /// The part of a network's hyper-parameters that settles its features, its outputs and the scenes it fits. Defaults are
@@ -35,9 +32,8 @@ struct FeatureConfig {
   /// Frames k predicted at once (time bundling; Brandstetter, Worrall and Welling 2022): accelerations a_1 .. a_k of
   /// the frames after the newest one, v_j = v_{j-1} + a_j, x_j = x_{j-1} + v_j.
   int64_t bundle = 1;
-  FramePredictor predictor = FramePredictor::none;
+  FramePredictor predictor = FramePredictor::none;  ///< removed (removed_option)
 
-  bool is_ballistic() const { return predictor == FramePredictor::ballistic; }
   bool in_plane() const { return dimensions == 2; }
   int64_t input_width() const {
     return 3 * history + 6 + (cell_normal ? 3 : 0) + (signed_distance ? 4 : 0) + embedding;
@@ -80,16 +76,19 @@ struct FeatureConfig {
                                 .unit = "frames",
                                 .meaning = "Frames that are predicted at once",
                                 .range = Range::between(1, most_bundle)});
-    visit(&C::predictor, FieldInfo{.name = "predictor", .unit = "", .meaning = "What the network corrects"});
+    visit(&C::predictor, FieldInfo{.name = "predictor", .unit = "", .meaning = "Removed: none is the one value left"});
   }
 };
 
-/// Statistics of frame differences over the training set, per axis; std already includes the training noise. Those of
-/// the acceleration are of a - g where the network corrects a ballistic frame (FramePredictor).
+/// Statistics of frame differences over the training set, per axis; std already includes the training noise.
 struct Normalization {
   float velocity_mean[3] = {0, 0, 0}, velocity_std[3] = {1, 1, 1};
   float acceleration_mean[3] = {0, 0, 0}, acceleration_std[3] = {1, 1, 1};
 };
+
+/// Empty, or what is wrong with an option that was removed and is switched on: "NAME (VALUE, allowed: ..) was removed:
+/// .. Remedy". Older weights and runs have the keys of such options, with the value that switches them off.
+std::string removed_option(const FeatureConfig& config);
 
 }  // namespace graph
 

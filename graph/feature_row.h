@@ -9,8 +9,8 @@
 namespace graupel::graph {
 
 inline constexpr int most_history = 16;
-/// Positions of a particle that a network may see, and room for a predicted one (seen_history).
-inline constexpr int most_positions = most_history + 2;
+/// Positions of a particle that a network may see.
+inline constexpr int most_positions = most_history + 1;
 
 /// Rows of the embedding table of particles that are held (core/held_particles.h): of obstacles and of the material
 /// "stationary".
@@ -26,7 +26,6 @@ struct FeatureRules {
         cell_normal(config.cell_normal),
         signed_distance(config.signed_distance),
         plane(config.in_plane()),
-        ballistic(config.is_ballistic()),
         wall_clamp(config.wall_clamp),
         distance_clamp(config.distance_clamp),
         normalization(statistics) {}
@@ -35,25 +34,8 @@ struct FeatureRules {
   int width = 0;    ///< numbers a particle
   bool cell_normal = false, signed_distance = false;
   bool plane = false;                         ///< two dimensions
-  bool ballistic = false;                     ///< FramePredictor
   double wall_clamp = 1, distance_clamp = 1;  ///< [m]
   Normalization normalization;
-};
-
-/// The frame that gravity alone makes (FramePredictor).
-struct BallisticFrame {
-  Vec3f gravity = Vec3f::zero();                    ///< [m/frame^2]
-  Vec3f low = Vec3f::zero(), high = Vec3f::zero();  ///< [m] where it ends: grids have their bounds
-
-  /// Where a particle is then: x + v + g with v = x - `before`; held particles do not fall. May be inside of obstacles,
-  /// where distances are negative, and behind walls.
-  GRAUPEL_HD Vec3f place(bool held, const Vec3f& before, const Vec3f& x) const {
-    Vec3f place = x + (x - before);
-    if (held) return place;
-    place += gravity;
-    for (int d = 0; d < 3; ++d) place[d] = place[d] < low[d] ? low[d] : place[d] > high[d] ? high[d] : place[d];
-    return place;
-  }
 };
 
 /// Static surroundings in the memory of one device (graph/features.h, Surroundings::view).
@@ -62,21 +44,9 @@ struct SurroundingsView {
   sparsegrid::CellNormalsView normals;
   Vec3d wall_low, wall_high;  ///< [m]; far away along z in the plane, which has no walls there
   bool plane = false;         ///< two dimensions: normals have no part along z
-  BallisticFrame ballistic = {};
 };
 
-/// The history + 1 frames of a particle that the network sees, out of `position`, newest last: these, or, after a
-/// prediction, the same from the second one on and the predicted place, which is written behind the newest one.
-GRAUPEL_HD inline const Vec3f* seen_history(const FeatureRules& rules, const SurroundingsView& surroundings, bool held,
-                                            Vec3f* position) {
-  if (!rules.ballistic) return position;
-  const Vec3f* newest = position + rules.history;
-  position[rules.history + 1] = surroundings.ballistic.place(held, newest[-1], newest[0]);
-  return position + 1;
-}
-
-/// The acceleration [m/frame^2] that three numbers of a network's output stand for, or what is to be added to gravity
-/// (FramePredictor); none out of the plane.
+/// The acceleration [m/frame^2] that three numbers of a network's output stand for; none out of the plane.
 GRAUPEL_HD inline Vec3f real_acceleration(const Normalization& statistics, bool plane, const float* output) {
   Vec3f acceleration;
   for (int d = 0; d < 3; ++d)

@@ -42,19 +42,6 @@ double longest_piece(const sparsegrid::ObstacleSet& obstacles, double voxel) {
   return std::max(piece, voxel / 64);
 }
 
-BallisticFrame ballistic_frame(const Scene& scene) {
-  const Domain& domain = scene.domain;
-  const Vec3d low = domain.origin, high = domain.origin + domain.size;
-  const Vec3d hold_low = scene.wall_low(), hold_high = scene.wall_high();
-  BallisticFrame frame;
-  frame.gravity = (scene.gravity * (scene.frame_time * scene.frame_time)).cast<float>();
-  for (int d = 0; d < 3; ++d) {
-    frame.low[d] = static_cast<float>(low[d] - std::min(hold_low[d] - low[d], 3 * domain.dx));
-    frame.high[d] = static_cast<float>(high[d] + std::min(high[d] - hold_high[d], 3 * domain.dx));
-  }
-  return frame;
-}
-
 }  // namespace
 
 Surroundings::Surroundings(const Scene& scene, std::optional<double> spacing)
@@ -67,7 +54,7 @@ Surroundings::Surroundings(const Scene& scene, std::optional<double> spacing)
       wall_high(scene.domain.origin + scene.domain.size),
       hold_low(scene.wall_low()),
       hold_high(scene.wall_high()),
-      ballistic(ballistic_frame(scene)),
+      gravity_step((scene.gravity * (scene.frame_time * scene.frame_time)).cast<float>()),
       way_piece(longest_piece(obstacles, scene.voxel())) {}
 
 WayFollower Surroundings::way_follower(Device device) const {
@@ -75,8 +62,7 @@ WayFollower Surroundings::way_follower(Device device) const {
 }
 
 SurroundingsView Surroundings::view(Device device) const {
-  SurroundingsView all = {
-      obstacles.view(device), normals.view(device), wall_low, wall_high, plane.has_value(), ballistic};
+  SurroundingsView all = {obstacles.view(device), normals.view(device), wall_low, wall_high, plane.has_value()};
   constexpr double far_away = 1e30;
   if (plane) {
     all.wall_low[2] = -far_away;
@@ -106,27 +92,6 @@ std::vector<float> particle_features(const FeatureConfig& config, const Normaliz
     write_feature_row(rules, view, turn, history, features.data() + p * width);
   });
   return features;
-}
-
-std::vector<std::vector<Vec3f>> seen_frames(const FeatureConfig& config, const Surroundings& surroundings,
-                                            const std::vector<uint8_t>& held,
-                                            const std::vector<std::vector<Vec3f>>& positions) {
-  if (!config.is_ballistic()) return positions;
-  GRAUPEL_ASSERT(positions.size() >= 2);
-  std::vector<std::vector<Vec3f>> seen(positions.begin() + 1, positions.end());
-  const std::vector<Vec3f>&now = positions.back(), &before = positions[positions.size() - 2];
-  GRAUPEL_ASSERT(held.empty() || held.size() == now.size());
-  std::vector<Vec3f> place(now.size());
-  parallel_for(Device::cpu, static_cast<int64_t>(now.size()), [&](int64_t i) {
-    const auto p = static_cast<std::size_t>(i);
-    place[p] = surroundings.ballistic.place(!held.empty() && held[p] != 0, before[p], now[p]);
-  });
-  seen.push_back(std::move(place));
-  return seen;
-}
-
-Vec3f predicted_acceleration(const FeatureConfig& config, const Surroundings& surroundings) {
-  return config.is_ballistic() ? surroundings.ballistic.gravity : Vec3f::zero();
 }
 
 int embedding_row(int32_t particle_type) {

@@ -27,7 +27,7 @@ struct Surroundings {
   std::optional<double> plane;  ///< [m] z of all particles of a scene with two dimensions
   Vec3d wall_low, wall_high;    ///< [m] scene.domain.origin and origin + size: the AABB of the domain
   Vec3d hold_low, hold_high;    ///< [m] where the walls hold the material (Scene::wall_low/high)
-  BallisticFrame ballistic;     ///< ends beyond the domain by the walls' thickness, three cells at most
+  Vec3f gravity_step;           ///< [m/frame^2] gravity times the square of the frame time
   /// For kernels on `device`; valid as long as this lives.
   SurroundingsView view(Device device) const;
   WayFollower way_follower(Device device) const;
@@ -46,14 +46,6 @@ struct Surroundings {
 std::vector<float> particle_features(const FeatureConfig& config, const Normalization& normalization,
                                      const Surroundings& surroundings, const std::vector<std::vector<Vec3f>>& positions,
                                      const AxisMap& turn = {});
-
-/// The history + 1 frames that the network sees, newest last, of as many `positions` [n]: the same, or with one frame
-/// predicted (FramePredictor). `held` [n] is 1 for particles that are held; empty: none.
-std::vector<std::vector<Vec3f>> seen_frames(const FeatureConfig& config, const Surroundings& surroundings,
-                                            const std::vector<uint8_t>& held,
-                                            const std::vector<std::vector<Vec3f>>& positions);
-/// What is to be added to what a network predicts, to have accelerations [m/frame^2]: gravity or nothing.
-Vec3f predicted_acceleration(const FeatureConfig& config, const Surroundings& surroundings);
 
 /// Row of the embedding table for a particle type id: 0..8 have their own, 13 (stationary) stationary_row. Throws
 /// InputError for other ids.

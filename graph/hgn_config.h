@@ -29,9 +29,7 @@ struct HgnConfig : FeatureConfig {
   double spacing = 0.035;       ///< R [m]
   double p2g_scale = 0.125;     ///< constant factor on the particle-to-grid sum
   Aggregation aggregation = Aggregation::messages;
-  double short_range = 0;  ///< [R] particles this close gather from each other before the grid does; 0: they do not
-
-  double short_radius() const { return short_range * spacing; }  ///< [m]
+  double short_range = 0;  ///< removed (removed_option)
 
   template <typename Visitor>
   static void fields(Visitor&& visit) {
@@ -55,8 +53,7 @@ struct HgnConfig : FeatureConfig {
           FieldInfo{.name = "aggregation", .unit = "", .meaning = "What cells and particles sum of what reaches them"});
     visit(&C::short_range, FieldInfo{.name = "short_range",
                                      .unit = "",
-                                     .meaning = "Particles gather from all within this many cells before the grid "
-                                                "does; 0: from none",
+                                     .meaning = "Removed: 0 is the one value left",
                                      .range = Range::between(0, 1)});
     FeatureConfig::fields(visit);
   }
@@ -66,6 +63,9 @@ struct HgnConfig : FeatureConfig {
   std::map<std::string, std::string> to_metadata() const;
   static HgnConfig from_metadata(const std::map<std::string, std::string>& metadata, const std::string& file);
 };
+
+/// As that of FeatureConfig.
+std::string removed_option(const HgnConfig& config);
 
 }  // namespace graph
 

@@ -14,11 +14,10 @@ class HgnEngine {
  public:
   virtual ~HgnEngine() = default;
 
-  /// Normalised accelerations [n, output_width()] of n > 0 particles of known types. Of networks with links between
-  /// particles `position` [n] counts. May be called from several threads.
+  /// Normalised accelerations [n, output_width()] of n > 0 particles of known types. May be called from several
+  /// threads.
   virtual void evaluate(const std::vector<float>& features, const std::vector<int32_t>& particle_type,
-                        const sparsegrid::Hierarchy<3>& hierarchy, const std::vector<Vec3f>& position,
-                        std::vector<float>& acceleration) const = 0;
+                        const sparsegrid::Hierarchy<3>& hierarchy, std::vector<float>& acceleration) const = 0;
 };
 
 /// Sums of messages. Throws InputError when a tensor is missing or of another shape, as the next.

@@ -6,7 +6,6 @@
 #include "graph/lap_timer.h"
 #include "graph/network_flop.h"
 #include "graph/normalization.h"
-#include "sparsegrid/radius_graph.h"
 
 namespace graupel::graph {
 
@@ -14,12 +13,7 @@ namespace {
 
 HgnConfig read_config(const nn::Weights& weights) {
   check_architecture(weights, hgn_architecture, hgn_format_version, "hierarchical graph network");
-  const HgnConfig config = HgnConfig::from_metadata(weights.metadata, weights.file);
-  if (config.short_range > 0 && config.aggregation != Aggregation::activations)
-    throw ConfigError("'" + weights.file + "': networks whose particles gather from each other (hgn.short_range: " +
-                      metadata::text_of(config.short_range) + ") are evaluated with hgn.aggregation=activations only " +
-                      "(here: " + word_of(config.aggregation) + "). Train one with that setting");
-  return config;
+  return HgnConfig::from_metadata(weights.metadata, weights.file);
 }
 
 }  // namespace
@@ -48,17 +42,15 @@ double HierarchicalGraphNetwork::spacing() const { return config().spacing; }
 
 std::vector<float> HierarchicalGraphNetwork::forward(const std::vector<float>& features,
                                                      const std::vector<int32_t>& particle_type,
-                                                     const sparsegrid::Hierarchy<3>& hierarchy,
-                                                     const std::vector<Vec3f>& position) const {
+                                                     const sparsegrid::Hierarchy<3>& hierarchy) const {
   const HgnConfig& c = impl_->config;
   const std::size_t n = particle_type.size();
   GRAUPEL_ASSERT(features.size() == n * static_cast<std::size_t>(c.input_width() - c.embedding));
   GRAUPEL_ASSERT(hierarchy.cell.size() == n && hierarchy.levels.size() == static_cast<std::size_t>(c.levels));
-  GRAUPEL_ASSERT(c.short_range == 0 || position.size() == n);
   std::vector<float> acceleration(n * static_cast<std::size_t>(c.output_width()));
   if (n == 0) return acceleration;
   for (const int32_t type : particle_type) embedding_row(type);  // refuses an unknown type before threads start
-  impl_->engine->evaluate(features, particle_type, hierarchy, position, acceleration);
+  impl_->engine->evaluate(features, particle_type, hierarchy, acceleration);
   return acceleration;
 }
 
@@ -73,7 +65,7 @@ std::vector<float> HierarchicalGraphNetwork::predict(const Surroundings& surroun
   const auto hierarchy = sparsegrid::build_hierarchy<3>(
       positions.back(), c.spacing, surroundings.grid_origin(c.spacing), static_cast<int>(c.levels));
   timing.hierarchy += watch.lap();
-  std::vector<float> acceleration = forward(features, particle_type, hierarchy, positions.back());
+  std::vector<float> acceleration = forward(features, particle_type, hierarchy);
   timing.network += watch.lap();
   return acceleration;
 }
@@ -82,10 +74,7 @@ double HierarchicalGraphNetwork::flop(const Surroundings& surroundings, const st
   const HgnConfig& c = impl_->config;
   const auto hierarchy = sparsegrid::build_hierarchy<3>(position, c.spacing, surroundings.grid_origin(c.spacing),
                                                         static_cast<int>(c.levels));
-  HgnRows rows = rows_of(hierarchy);
-  if (c.short_range > 0)
-    rows.links = sparsegrid::build_radius_graph(position, c.short_radius(), sparsegrid::SelfEdges::with).edges();
-  return flop_of(c, rows);
+  return flop_of(c, rows_of(hierarchy));
 }
 
 }  // namespace graupel::graph

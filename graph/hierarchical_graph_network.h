@@ -21,8 +21,6 @@
 //                         .edge), then .cell on [sum, f] -> H
 //   restrict.<l>          .gather, then sum -> H
 //   grid_to_particle      .gather, then [sum, f_p] -> H
-// With hgn.short_range either form has short_range.gather on [f_sender, f_receiver, edge features (4, gns_graph.h)] and
-// short_range on [sum, f] -> H, evaluated between encoder and particle_to_grid.
 // Beside them: normalization.* (graph/normalization.h) and the metadata of HgnConfig.
 // FCN(x) = LayerNorm(W2 LeakyReLU_0.01(W1 x + b1) + b2), eps 1e-5.
 #pragma once
@@ -48,10 +46,9 @@ class HierarchicalGraphNetwork : public Network {
   const Normalization& normalization() const override;
   double spacing() const override;
 
-  /// Normalised accelerations [n, 3 k] from features [n, input_width - embedding] and particle types [n]; of networks
-  /// with links between particles from positions [n], too.
+  /// Normalised accelerations [n, 3 k] from features [n, input_width - embedding] and particle types [n].
   std::vector<float> forward(const std::vector<float>& features, const std::vector<int32_t>& particle_type,
-                             const sparsegrid::Hierarchy<3>& hierarchy, const std::vector<Vec3f>& position = {}) const;
+                             const sparsegrid::Hierarchy<3>& hierarchy) const;
 
   /// The grid's origin is the domain's lower corner.
   std::vector<float> predict(const Surroundings& surroundings, const std::vector<int32_t>& particle_type,

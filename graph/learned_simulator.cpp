@@ -149,20 +149,14 @@ std::vector<std::vector<Vec3f>> LearnedSimulator::predict(const Surroundings& su
     throw ConfigError("'" + weights_->file + "' is for scenes with another number of dimensions (" +
                       std::to_string(config().dimensions) + "). Choose weights that were trained on such scenes");
   const Normalization& normalization = network_->normalization();
-  const Vec3f predicted = predicted_acceleration(config(), surroundings);
-  const std::vector<float> output =
-      config().is_ballistic()
-          ? network_->predict(surroundings, particle_type,
-                              seen_frames(config(), surroundings, held_particles(particle_type), positions), timing)
-          : network_->predict(surroundings, particle_type, positions, timing);
+  const std::vector<float> output = network_->predict(surroundings, particle_type, positions, timing);
   std::vector<std::vector<Vec3f>> acceleration(static_cast<std::size_t>(config().bundle),
                                                std::vector<Vec3f>(particle_type.size()));
   const float* number = output.data();
   for (std::size_t i = 0; i < particle_type.size(); ++i)
     for (std::vector<Vec3f>& frame : acceleration) {
-      frame[i] = moves_by_itself(particle_type[i])
-                     ? predicted + real_acceleration(normalization, config().in_plane(), number)
-                     : Vec3f::zero();
+      frame[i] = moves_by_itself(particle_type[i]) ? real_acceleration(normalization, config().in_plane(), number)
+                                                   : Vec3f::zero();
       number += 3;
     }
   return acceleration;

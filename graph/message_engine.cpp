@@ -23,8 +23,7 @@ class MessageEngine : public HgnEngine {
   }
 
   void evaluate(const std::vector<float>& features, const std::vector<int32_t>& particle_type,
-                const sparsegrid::Hierarchy<3>& hierarchy, const std::vector<Vec3f>&,
-                std::vector<float>& acceleration) const override {
+                const sparsegrid::Hierarchy<3>& hierarchy, std::vector<float>& acceleration) const override {
     auto workspace = workspaces_.take();
     evaluate(features, particle_type, hierarchy, *workspace, acceleration);
     workspaces_.give_back(std::move(workspace));

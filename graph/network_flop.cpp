@@ -74,14 +74,6 @@ HgnCost split_cost(const HgnConfig& config) {
           .between_coarse = h * h};
 }
 
-/// Of links between particles: a gather layer a link, or its parts a particle, and an FCN on the sum and the latent.
-double near_cost(const HgnConfig& config, const HgnRows& rows, bool whole) {
-  const auto h = static_cast<double>(config.latent);
-  const double nodes = 2 * h * h, on_sum_and_latent = 2 * h * h + h * h;
-  return static_cast<double>(rows.particles) * (on_sum_and_latent + (whole ? 0 : nodes)) +
-         static_cast<double>(rows.links) * (edge_feature_count * h + (whole ? nodes : 0));
-}
-
 /// Multiply-adds of a GNS, a row.
 struct GnsCost {
   double particle = 0, moving = 0, edge = 0;
@@ -117,8 +109,7 @@ double flop_of(const HgnConfig& config, const HgnRows& rows, FirstLayers first_l
   const HgnCost cost = config.aggregation == Aggregation::activations
                            ? (whole ? whole_cost_of_sums(config) : split_cost_of_sums(config))
                            : (whole ? whole_cost(config) : split_cost(config));
-  double sum = static_cast<double>(rows.particles) * cost.particle +
-               (config.short_range > 0 ? near_cost(config, rows, whole) : 0);
+  double sum = static_cast<double>(rows.particles) * cost.particle;
   for (std::size_t l = 0; l < rows.level.size(); ++l) {
     const auto cells = static_cast<double>(rows.level[l].cells), edges = static_cast<double>(rows.level[l].edges);
     const bool top = l + 1 == rows.level.size();

@@ -27,7 +27,6 @@ struct HgnRows {
   };
   int64_t particles = 0;
   std::vector<Level> level;  ///< finest first
-  int64_t links = 0;         ///< between particles, of networks with HgnConfig::short_range
 };
 HgnRows rows_of(const sparsegrid::Hierarchy<3>& hierarchy);
 

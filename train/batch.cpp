@@ -257,7 +257,6 @@ Batch concatenate(const std::vector<SceneGraph>& scenes) {
   batch.indices.reserve(particles * 32);
   join_particles(batch, scenes);
   for (std::size_t l = 0; l < levels; ++l) batch.level.push_back(join_level(scenes, l, batch.indices));
-  if (scenes.front().links.points() > 0) batch.near = join_links(batch, scenes);
   return batch;
 }
 

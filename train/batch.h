@@ -48,7 +48,6 @@ struct Batch {
   Part pair_begin;                ///< indices [cells + 1] (particle, corner) pairs of a level-0 cell
   Part pair;                      ///< indices [particles * 8] pairs sorted by cell
   std::vector<BatchLevel> level;  ///< finest first; of GNS one, whose cells are all particles
-  BatchLevel near;                ///< of HGN: links between particles, where there are any
 
   int64_t held = 0;  ///< of the particles (core/held_particles.h), which the loss does not count
 
@@ -61,7 +60,7 @@ struct SceneGraph {
   std::vector<float> features;         ///< [particles, feature_width], graph::particle_features
   std::vector<int32_t> type_row;       ///< [particles]
   sparsegrid::Hierarchy<3> hierarchy;  ///< of HGN; without levels for GNS
-  sparsegrid::RadiusGraph links;       ///< between particles: of GNS, and of HGN with hgn.short_range
+  sparsegrid::RadiusGraph links;       ///< between particles, of GNS
   std::vector<float> edge_features;    ///< of these [edges, 4], graph::edge_features
   int64_t obstacle_particles = 0;      ///< of GNS: the last rows of features and type_row
   std::vector<float> target;           ///< [particles without those of obstacles, 3 k], or empty

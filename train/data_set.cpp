@@ -49,14 +49,14 @@ struct Sums {
 };
 
 /// Accelerations count less `predicted` [m/frame^2].
-Sums sums_of(const TrajectoryInfo& info, const std::vector<std::vector<Vec3f>>& frames, const Vec3d& predicted) {
+Sums sums_of(const TrajectoryInfo& info, const std::vector<std::vector<Vec3f>>& frames) {
   Sums sums;
   for (std::size_t t = 1; t < frames.size(); ++t)
     for (std::size_t p = 0; p < frames[t].size(); ++p) {
       if (info.is_held(p)) continue;
       const Vec3d now = frames[t][p].cast<double>(), before = frames[t - 1][p].cast<double>();
       sums.add(0, now - before);
-      if (t + 1 < frames.size()) sums.add(1, frames[t + 1][p].cast<double>() - now - (now - before) - predicted);
+      if (t + 1 < frames.size()) sums.add(1, frames[t + 1][p].cast<double>() - now - (now - before));
     }
   return sums;
 }
@@ -177,14 +177,11 @@ std::vector<std::vector<Vec3f>> DataSplit::history(int i, int64_t frame, int64_t
   return all;
 }
 
-graph::Normalization DataSplit::statistics(double noise_std, int threads, graph::FramePredictor predictor) const {
+graph::Normalization DataSplit::statistics(double noise_std, int threads) const {
   std::vector<Sums> sums(info_.size());
   for_each_index(threads, count(), [&](int64_t i) {
     const TrajectoryInfo& info = trajectory(static_cast<int>(i));
-    const Vec3f predicted =
-        predictor == graph::FramePredictor::ballistic ? info.context->gravity_step() : Vec3f::zero();
-    sums[static_cast<std::size_t>(i)] =
-        sums_of(info, positions(static_cast<int>(i), 0, info.frames), predicted.cast<double>());
+    sums[static_cast<std::size_t>(i)] = sums_of(info, positions(static_cast<int>(i), 0, info.frames));
   });
   Sums total;
   for (const Sums& one : sums) total.add(one);
@@ -226,11 +223,6 @@ void DataSplit::check_fits(const NetworkConfig& network_config) const {
                         "allowed there: false). Set gns.obstacle_particles=false");
     if (differs(scene.frame_time, config.frame_time)) refuse("frame_time", scene.frame_time, config.frame_time);
     if (config.cell_normal && differs(scene.domain.dx, config.dx)) refuse("dx", scene.domain.dx, config.dx);
-    if (config.is_ballistic() && trajectory(i).converted && norm2(scene.gravity) == 0)
-      throw ConfigError("'" + file_ + "': trajectory " + std::to_string(i) + " is another program's, which does not " +
-                        "say its gravity (0), so that no frame can be predicted (" + section +
-                        ".predictor ballistic, allowed there: none). Set " + section +
-                        ".predictor=none, or convert the data with --set gravity=[0,-9.8,0]");
   }
 }
 

@@ -21,7 +21,7 @@ struct SceneContext {
   Scene scene;
   graph::Surroundings surroundings;
   /// Displacement that gravity adds in a frame: g dt^2 [m/frame^2].
-  Vec3f gravity_step() const { return surroundings.ballistic.gravity; }
+  Vec3f gravity_step() const { return surroundings.gravity_step; }
 };
 
 struct TrajectoryInfo {
@@ -65,12 +65,11 @@ class DataSplit {
 
   /// Means and standard deviations of v^t = x^t - x^{t-1} and v^{t+1} - v^t over all particles and frames, sums in
   /// f64; the training noise enters in quadrature. Held particles do not count, and nothing varies along z in the
-  /// plane. Accelerations are those that the network is to correct, less gravity, where the predictor is `ballistic`.
-  graph::Normalization statistics(double noise_std, int threads,
-                                  graph::FramePredictor predictor = graph::FramePredictor::none) const;
+  /// plane.
+  graph::Normalization statistics(double noise_std, int threads) const;
 
   /// Throws ConfigError when the data were made with another frame time, cell size or number of dimensions than the
-  /// network is for, or with obstacles that it cannot see, or when they do not say the gravity that it corrects.
+  /// network is for, or with obstacles that it cannot see.
   void check_fits(const NetworkConfig& config) const;
   /// Throws ConfigError when a trajectory is shorter than `frames`, which training needs for the reason `why`.
   void check_length(int64_t frames, const std::string& why) const;

@@ -98,8 +98,8 @@ struct PushSample {
     const Vec3f next =
         push_forward(rules, own.scene, own.way, frames.held(p), acceleration + 3 * rules.bundle * i, truth, position);
     for (int t = 0; t <= rules.features.history; ++t) out.history[t * particles + i] = position[t];
-    out.now[i] = write_sample(rules, own.scene, frames.held(p), position, next, truth,
-                              out.features + i * rules.features.width, out.target + 3 * rules.bundle * i);
+    out.now[i] = write_sample(rules, own.scene, position, next, truth, out.features + i * rules.features.width,
+                              out.target + 3 * rules.bundle * i);
   }
 };
 

@@ -71,8 +71,7 @@ void accumulate(const EvaluationBatch& prepared, const std::vector<float>& predi
          p < prepared.batch.particle_begin[static_cast<std::size_t>(s) + 1]; ++p) {
       const auto at = static_cast<std::size_t>(p);
       if (prepared.held[at]) continue;
-      const Vec3f guess = graph::real_acceleration(normalization, config.in_plane(), predicted.data() + width * at) +
-                          (config.is_ballistic() ? prepared.gravity[static_cast<std::size_t>(s)] : Vec3f::zero());
+      const Vec3f guess = graph::real_acceleration(normalization, config.in_plane(), predicted.data() + width * at);
       SquaredErrors& sums = errors.region[static_cast<std::size_t>(prepared.region[at])];
       ++sums.particles;
       for (int d = 0; d < 3; ++d) {
@@ -101,13 +100,11 @@ struct Prediction {
   std::vector<Vec3f> accelerations(std::size_t s, int64_t frame, const TrajectoryInfo& trajectory,
                                    const graph::Normalization& normalization) const {
     const int64_t bundle = config.bundle;
-    const Vec3f before = graph::predicted_acceleration(config, trajectory.context->surroundings);
     std::vector<Vec3f> acceleration(static_cast<std::size_t>(first_particle[s + 1] - first_particle[s]));
     const float* guess = output.data() + 3 * (bundle * first_particle[s] + frame);
     for (std::size_t p = 0; p < acceleration.size(); ++p) {
-      acceleration[p] = trajectory.is_held(p)
-                            ? Vec3f::zero()
-                            : before + graph::real_acceleration(normalization, config.in_plane(), guess);
+      acceleration[p] =
+          trajectory.is_held(p) ? Vec3f::zero() : graph::real_acceleration(normalization, config.in_plane(), guess);
       guess += 3 * bundle;
     }
     return acceleration;

@@ -123,7 +123,6 @@ graph::HgnGraph FusedPasses::graph_of(const DeviceBatch& batch) {
   graph.cell = index(batch.cell);
   graph.pair_begin = index(batch.pair_begin);
   graph.pair = index(batch.pair);
-  graph.near = near_links(batch);
   for (const DeviceLevel& level : batch.level) {
     graph::LevelLinks links{};
     links.cells = level.cells;
@@ -140,17 +139,6 @@ graph::HgnGraph FusedPasses::graph_of(const DeviceBatch& batch) {
     graph.level.push_back(links);
   }
   return graph;
-}
-
-graph::NearLinks FusedPasses::near_links(const DeviceBatch& batch) {
-  const DeviceLevel& links = batch.near;
-  if (!links.sender.defined()) return {};
-  return {.particles = links.cells,
-          .links = links.sender.size(0),
-          .begin = index(links.edge_begin),
-          .sender = index(links.sender),
-          .reverse = index(links.reverse),
-          .features = f32(links.direction)};
 }
 
 void FusedPasses::add_product(int64_t rows, const uint16_t* d, const uint16_t* x, const at::Tensor& w1_grad,

@@ -60,7 +60,7 @@ class FusedPasses : public MixedPasses, protected graph::RowMemory {
   void add_product(int64_t rows, const uint16_t* d, const uint16_t* x, const at::Tensor& w1_grad, int64_t first_column,
                    int64_t columns, const at::Tensor& bias = {});
 
-  /// Runs a kernel of activation_sums.h or near_sums.h, whose partial sums are the gradient of the last `parts` columns
+  /// Runs a kernel of activation_sums.h, whose partial sums are the gradient of the last `parts` columns
   /// of a layer.
   template <typename Gradient>
   void offsets_backward(const at::Tensor& w_grad, Gradient gradient, int parts = 3) {
@@ -73,9 +73,6 @@ class FusedPasses : public MixedPasses, protected graph::RowMemory {
                    .out = f32(w_grad) + columns - parts,
                    .stride = columns});
   }
-
-  /// Links between particles; none where the batch has none.
-  static graph::NearLinks near_links(const DeviceBatch& batch);
 
   /// The same of the offsets between cells and their parents, sign (1/2 - bits), for rows of cells.
   void octants_backward(const DeviceLevel& level, const uint16_t* d, float sign, const at::Tensor& w_grad);

@@ -1,7 +1,5 @@
 #include "train/fused_sums.h"
 
-#include "graph/gns_graph.h"
-
 namespace graupel::train {
 
 namespace {
@@ -38,7 +36,7 @@ float* FusedSums::back_to_encoder(const DeviceBatch& batch, float* grad_particle
                        .add32 = beside_cells,
                        .sum32 = grad},
                       nullptr);
-  return config_.short_range > 0 ? gather_near_backward(batch, grad) : grad;
+  return grad;
 }
 
 const uint16_t* FusedSums::update_backward(const std::string& name, const graph::RowNetwork& network, const float* g,
@@ -109,34 +107,6 @@ const uint16_t* FusedSums::particle_to_grid_backward(const DeviceBatch& batch, c
                                                            .offset = f32(batch.offset)});
   add_product(batch.particles, sent, record_.particles.f16, layer.w_grad, 0, h, layer.b_grad);
   return sent;
-}
-
-float* FusedSums::gather_near_backward(const DeviceBatch& batch, const float* g) {
-  const std::string name = "short_range.gather";
-  const Fcn::Layer& layer = gather(name);
-  const graph::SumsRecord::Step& step = record_.near;
-  const int64_t n = batch.particles;
-  float* const beside_sums = rows32(n);
-  const uint16_t* const sum = update_backward("short_range", step.network, g, beside_sums);
-  uint16_t *const sent = rows16(n), *const received = rows16(n);
-  offsets_backward(layer.w_grad,
-                   graph::NearGradient{.links = near_links(batch),
-                                       .g = sum,
-                                       .scale = static_cast<float>(config_.p2g_scale),
-                                       .signs = step.signs,
-                                       .sent = sent,
-                                       .received = received},
-                   graph::edge_feature_count);
-  add_product(n, sent, record_.encoded.f16, layer.w_grad, 0, h);
-  add_product(n, received, record_.encoded.f16, layer.w_grad, h, h, layer.b_grad);
-  float* const before = rows32(n);
-  graph::project_back(
-      {.rows = n,
-       .d = {{.rows = sent, .weight = packed_.tile(name, 0)}, {.rows = received, .weight = packed_.tile(name, h)}},
-       .add32 = beside_sums,
-       .sum32 = before},
-      nullptr);
-  return before;
 }
 
 float* FusedSums::restrict_backward(std::size_t l, const DeviceBatch& batch, const float* g, const float* skip) {

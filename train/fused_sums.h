@@ -26,8 +26,6 @@ class FusedSums : public FusedPasses {
   /// From cells to particles: returns the gradient of the level-0 cells; `received` of what the gather layer takes of
   /// the particles, `nodes` of the latents beside.
   float* grid_to_particle_backward(const DeviceBatch& batch, const float* g, const uint16_t** received, float* nodes);
-  /// Gradient of the encoder's result from that of the particles that gathered from those near them.
-  float* gather_near_backward(const DeviceBatch& batch, const float* g);
   const uint16_t* particle_to_grid_backward(const DeviceBatch& batch, const float* g);
   /// Gradient of level l's cells, `skip` included.
   float* restrict_backward(std::size_t l, const DeviceBatch& batch, const float* g, const float* skip);

@@ -98,13 +98,6 @@ at::Tensor HgnGathers::from_neighbors(const Fcn::Layer& layer, const DeviceLevel
   return gather_sum_leaky(level.sender.size(0), sender, receiver, {per_slot, level.slot});
 }
 
-at::Tensor HgnGathers::from_near(const Fcn::Layer& layer, const DeviceLevel& links, const at::Tensor& nodes) const {
-  const auto [sender, receiver] = ends_of_edges(layer, links, nodes);
-  const at::Tensor edges = at::mm(links.direction, layer.w.narrow(1, 2 * h_, links.direction.size(1)).t());
-  gather_sum_leaky_into(edges, sender, receiver, {edges, {}});
-  return edges;
-}
-
 void HgnGathers::ends_of_edges_backward(const Fcn::Layer& layer, const DeviceLevel& level, const at::Tensor& nodes,
                                         const at::Tensor& edges, at::Tensor& grad_nodes) const {
   const at::Tensor sent = segment_sum(edges, level.edge_begin, level.reverse, {});

@@ -34,8 +34,6 @@ class HgnGathers {
   std::array<Term, 2> ends_of_edges(const Fcn::Layer& layer, const DeviceLevel& level, const at::Tensor& nodes) const;
   /// a(W [f_sender, f_receiver, unit vector] + b), [edges, H].
   at::Tensor from_neighbors(const Fcn::Layer& layer, const DeviceLevel& level, const at::Tensor& nodes) const;
-  /// a(W [f_sender, f_receiver, edge features] + b), [edges, H], of links between particles.
-  at::Tensor from_near(const Fcn::Layer& layer, const DeviceLevel& links, const at::Tensor& nodes) const;
   /// Gradients of W_s, W_r and b from that of what enters the activation; adds to the gradient of the nodes.
   void ends_of_edges_backward(const Fcn::Layer& layer, const DeviceLevel& level, const at::Tensor& nodes,
                               const at::Tensor& edges, at::Tensor& grad_nodes) const;

@@ -17,8 +17,6 @@ namespace graupel::train {
 
 namespace {
 constexpr int corners = 8;
-constexpr const char* near_name = "short_range";
-
 }  // namespace
 
 std::unique_ptr<HgnNetwork> make_hgn(const graph::HgnConfig& config, const ParameterLayout& layout,
@@ -35,7 +33,6 @@ HgnNetwork::HgnNetwork(const graph::HgnConfig& config, const ParameterLayout& la
       embedding_(view_of(layout.find("embedding.weight"), flat)),
       gathers_(config.latent, flat) {
   if (gradient.defined()) embedding_grad_ = view_of(layout.find("embedding.weight"), gradient);
-  if (config.short_range > 0) near_ = bind_gathers(layout, flat, gradient).at("short_range.gather");
 }
 
 DeviceBatch HgnNetwork::upload(const Batch& batch) const {
@@ -64,7 +61,6 @@ DeviceBatch HgnNetwork::upload(const Batch& batch) const {
     add_offsets(links);
     on_device.level.push_back(std::move(links));
   }
-  if (config_.short_range > 0) on_device.near = uploaded.links(batch.near, batch.edge_features);
   return on_device;
 }
 
@@ -118,32 +114,7 @@ DeviceBatch HgnNetwork::attach(const SampleArrays& arrays, bool with_offsets) co
     first_cell += cells;
     first_edge += edges;
   }
-  if (config_.short_range > 0) batch.near = attached_links(arrays, embedding_);
   return batch;
-}
-
-at::Tensor HgnNetwork::gather_near(const DeviceLevel& links, const at::Tensor& particles, MessageRecord* record) const {
-  const at::Tensor activated = gathers_.from_near(near_, links, particles);
-  const at::Tensor sums = segment_sum(activated, links.edge_begin, {}, {}).mul_(config_.p2g_scale);
-  if (record) {
-    record->nodes = particles;
-    record->activated = activated;
-  }
-  return particles + fcn_forward(fcn(near_name), at::cat({sums, particles}, 1), record ? &record->cell : nullptr);
-}
-
-at::Tensor HgnNetwork::gather_near_backward(const DeviceLevel& links, const MessageRecord& record,
-                                            const at::Tensor& grad) const {
-  const int64_t h = config_.latent;
-  const at::Tensor inputs = fcn_backward(fcn(near_name), record.cell, grad);
-  const at::Tensor sums = inputs.narrow(1, 0, h) * config_.p2g_scale;
-  const at::Tensor edges = gather_rows(links.sender.size(0), {sums, links.receiver}, {}, {});
-  activation_backward(record.activated, edges);
-  at::Tensor offset_part = near_.w_grad.narrow(1, 2 * h, links.direction.size(1));
-  at::mm_out(offset_part, edges.t(), links.direction);
-  at::Tensor before = grad + inputs.narrow(1, h, h);
-  gathers_.ends_of_edges_backward(near_, links, record.nodes, edges, before);
-  return before;
 }
 
 void HgnNetwork::add_offsets(DeviceLevel& level) const {
@@ -164,8 +135,7 @@ at::Tensor HgnNetwork::forward(const DeviceBatch& batch, ForwardRecord* record) 
     record->prolongation.resize(levels);
   }
   const at::Tensor input = at::cat({batch.features, at::mm(batch.type_one_hot, embedding_)}, 1);
-  at::Tensor particles = fcn_forward(fcn("encoder"), input, record ? &record->encoder : nullptr);
-  if (config_.short_range > 0) particles = gather_near(batch.near, particles, record ? &record->near : nullptr);
+  const at::Tensor particles = fcn_forward(fcn("encoder"), input, record ? &record->encoder : nullptr);
 
   std::vector<at::Tensor> f(levels);
   f[0] = particle_to_grid(batch, particles, record ? &record->to_grid : nullptr);
@@ -209,7 +179,6 @@ void HgnNetwork::backward(const DeviceBatch& batch, const ForwardRecord& record,
         restrict_cells_backward("restrict." + std::to_string(l - 1), batch.level[l - 1], record.restriction[l - 1], g);
   }
   particle_to_grid_backward(batch, record.to_grid, g, grad_particles);
-  if (config_.short_range > 0) grad_particles = gather_near_backward(batch.near, record.near, grad_particles);
   const at::Tensor inputs = fcn_backward(fcn("encoder"), record.encoder, grad_particles);
   at::Tensor embedding_grad = embedding_grad_;
   at::mm_out(embedding_grad, batch.type_one_hot.t(), inputs.narrow(1, batch.features.size(1), config_.embedding));

@@ -55,16 +55,11 @@ class HgnNetwork : public NetworkPasses {
  private:
   /// Directions of the edges and ways to the parents.
   void add_offsets(DeviceLevel& level) const;
-  /// f_j + FCN([s_j, f_j]) of particles, with s_j = scale sum over i within the short range of
-  /// a(W [f_i, f_j, edge features] + b), and the way back.
-  at::Tensor gather_near(const DeviceLevel& links, const at::Tensor& particles, MessageRecord* record) const;
-  at::Tensor gather_near_backward(const DeviceLevel& links, const MessageRecord& record, const at::Tensor& grad) const;
 
   graph::HgnConfig config_;
   std::map<std::string, Fcn> fcns_;
   at::Tensor embedding_, embedding_grad_;
   HgnGathers gathers_;
-  Fcn::Layer near_;  ///< the gather layer of the links between particles, where there are any
 };
 
 /// The network in the form that config.aggregation names.

@@ -14,7 +14,6 @@ std::unique_ptr<MixedPasses> make_mixed_passes(const NetworkConfig& config, int6
     if (!graph::PackedHgn::fits(*hgn)) return nullptr;
     if (hgn->aggregation == graph::Aggregation::activations)
       return std::make_unique<FusedSums>(*hgn, layout, flat, gradient);
-    if (hgn->short_range > 0) return nullptr;
     return std::make_unique<FusedNetwork>(*hgn, layout, flat, gradient);
   }
   const auto& gns = std::get<graph::GnsConfig>(config);

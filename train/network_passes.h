@@ -31,7 +31,6 @@ struct DeviceBatch {
   at::Tensor type_one_hot;  ///< [nodes, embedding rows]
   at::Tensor cell, pair_begin, pair;
   std::vector<DeviceLevel> level;
-  DeviceLevel near;  ///< links between particles of HGN, where there are any; `direction` is that of GNS
 };
 
 /// What the backward pass needs of each part of the forward pass.
@@ -59,7 +58,6 @@ struct ForwardRecord {
   std::vector<FcnRecord> prolongation;
   FcnRecord edge_encoder;           ///< of GNS
   std::vector<MessageRecord> step;  ///< of GNS
-  MessageRecord near;               ///< of links between particles of HGN
 };
 
 class NetworkPasses {

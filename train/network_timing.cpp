@@ -26,11 +26,8 @@ SceneGraph newest_graph(const NetworkConfig& config, const graph::Normalization&
 }
 
 double flop_of(const NetworkConfig& config, const SceneGraph& graph, graph::FirstLayers first_layers) {
-  if (const auto* hgn = std::get_if<graph::HgnConfig>(&config)) {
-    graph::HgnRows rows = graph::rows_of(graph.hierarchy);
-    rows.links = graph.links.edges();
-    return graph::flop_of(*hgn, rows, first_layers);
-  }
+  if (const auto* hgn = std::get_if<graph::HgnConfig>(&config))
+    return graph::flop_of(*hgn, graph::rows_of(graph.hierarchy), first_layers);
   return graph::flop_of(std::get<graph::GnsConfig>(config),
                         {static_cast<int64_t>(graph.type_row.size()), graph.moving(), graph.links.edges()},
                         first_layers);

@@ -48,10 +48,6 @@ void ParameterLayout::add_hgn(const graph::HgnConfig& config) {
   };
   add("embedding.weight", {graph::embedding_rows, config.embedding}, 0);
   add_fcn("encoder", config.input_width(), h, true, h);
-  if (config.short_range > 0) {
-    add_gather("short_range", 2 * h + graph::edge_feature_count, h);
-    add_fcn("short_range", 2 * h, h, true, h);
-  }
   add_transfer(config, "particle_to_grid", 1);
   for (int64_t l = 0; l < config.levels; ++l) {
     block("down." + std::to_string(l));

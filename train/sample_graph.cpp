@@ -1,7 +1,5 @@
 #include "train/sample_graph.h"
 
-#include <optional>
-
 #include "core/parallel_for.h"
 
 namespace graupel::train {
@@ -15,9 +13,7 @@ constexpr double spare = 0.125;
 class GridSamples : public SampleGraph {
  public:
   GridSamples(const graph::HgnConfig& config, Device device)
-      : builder_(device, config.spacing, static_cast<int>(config.levels)) {
-    if (config.short_range > 0) near_.emplace(device, config.short_radius(), 0);
-  }
+      : builder_(device, config.spacing, static_cast<int>(config.levels)) {}
 
   void prepare(const std::vector<Scene>& scenes, void* stream) override {
     std::vector<graph::SceneGrid> grids;
@@ -27,28 +23,19 @@ class GridSamples : public SampleGraph {
       particles_ += scene.particles;
     }
     builder_.prepare(grids, stream);
-    if (!near_) return;
-    std::vector<graph::RadiusScene> boxes;
-    for (const Scene& scene : scenes) boxes.push_back({scene.draw.low, scene.draw.high, scene.particles});
-    near_->prepare(boxes, stream);
   }
   int64_t most_rows() const override { return particles_; }
   void build(const graph::FeatureRules&, const Rows& rows, void* stream) override {
     builder_.build(rows.position, stream);
-    if (near_) near_->build(rows.position, stream);
   }
   void finish(SampleArrays& arrays, void* stream) override {
     arrays.counts = builder_.counts(stream);
     arrays.rows = particles_;
     arrays.links = builder_.links();
-    if (!near_) return;
-    arrays.pair_count = near_->finish(spare, stream).edges;
-    arrays.pairs = near_->links();
   }
 
  private:
   graph::GridBuilder builder_;
-  std::optional<graph::RadiusGraphBuilder> near_;
   int64_t particles_ = 0;
 };
 

@@ -21,7 +21,7 @@ struct SampleArrays {
   const int32_t* type_row = nullptr;  ///< [rows]
   graph::GridLinks links{};           ///< of HGN
   graph::GridCounts counts;           ///< of HGN
-  graph::RadiusLinks pairs{};         ///< of GNS, and of HGN with links between particles
+  graph::RadiusLinks pairs{};         ///< of GNS
   int64_t pair_count = 0;
 };
 

@@ -47,11 +47,6 @@ struct SampleScene {
   Waves displacement;   ///< [m] of the whole history
   Waves drift;          ///< [m/frame] by which the history moves
   graph::SurroundingsView surroundings;
-
-  /// The acceleration [m/frame^2] that the network is to correct.
-  GRAUPEL_HD Vec3f predicted(const SampleRules& rules) const {
-    return rules.features.ballistic ? surroundings.ballistic.gravity : Vec3f::zero();
-  }
 };
 
 /// Random-walk noise of GNS (Sanchez-Gonzalez et al. 2020, section 4.3) on velocities + 1 positions of particle p,
@@ -107,24 +102,23 @@ GRAUPEL_HD inline void disturb(const SampleRules& rules, const SampleScene& scen
 
 GRAUPEL_HD inline void write_target(const SampleRules& rules, const SampleScene& scene, const Vec3f& acceleration,
                                     float* target) {
-  const Vec3f turned = scene.turn.apply(acceleration - scene.predicted(rules));
+  const Vec3f turned = scene.turn.apply(acceleration);
   const graph::Normalization& statistics = rules.features.normalization;
   for (int d = 0; d < 3; ++d)
     target[d] = (turned[d] - statistics.acceleration_mean[d]) / statistics.acceleration_std[d];
 }
 
 /// Features [rules.features.width] and normalised accelerations [3 k] of a particle, from history + 1 frames, newest
-/// last and with room for one more, and its next one. Returns where the grid has it.
+/// last, and its next one. Returns where the grid has it.
 template <typename Truth>
-GRAUPEL_HD inline Vec3f write_sample(const SampleRules& rules, const SampleScene& scene, bool held, Vec3f* position,
+GRAUPEL_HD inline Vec3f write_sample(const SampleRules& rules, const SampleScene& scene, const Vec3f* position,
                                      const Vec3f& next, const Truth& truth, float* feature_row, float* target) {
   const int history = rules.features.history;
   write_target(rules, scene, acceleration_at(next, position[history], position[history - 1]), target);
   for (int j = 2; j <= rules.bundle; ++j)
     write_target(rules, scene, acceleration_at(truth(j), truth(j - 1), truth(j - 2)), target + 3 * (j - 1));
-  const Vec3f* seen = graph::seen_history(rules.features, scene.surroundings, held, position);
-  graph::write_feature_row(rules.features, scene.surroundings, scene.turn, seen, feature_row);
-  return scene.turn.apply(seen[history]);
+  graph::write_feature_row(rules.features, scene.surroundings, scene.turn, position, feature_row);
+  return scene.turn.apply(position[history]);
 }
 
 /// Both at once, for particle p; `position` is changed. Particles that are held stay where the data have them.
@@ -134,7 +128,7 @@ GRAUPEL_HD inline Vec3f write_disturbed_sample(const SampleRules& rules, const S
                                                float* target) {
   Vec3f next = truth(1);
   if (!held) disturb(rules, scene, p, position, next);
-  return write_sample(rules, scene, held, position, next, truth, feature_row, target);
+  return write_sample(rules, scene, position, next, truth, feature_row, target);
 }
 
 /// A frame of the network's own: from the acceleration that it predicts (normalised, turned) to the history moved on by
@@ -145,8 +139,7 @@ GRAUPEL_HD inline void move_on(const SampleRules& rules, const SampleScene& scen
   constexpr float farthest = 0.1f;  // [m]
   const int history = rules.features.history;
   const Vec3f acceleration = graph::real_acceleration(rules.features.normalization, rules.features.plane, predicted);
-  Vec3f x = position[history] + (position[history] - position[history - 1]) +
-            (scene.turn.undo(acceleration) + scene.predicted(rules));
+  Vec3f x = position[history] + (position[history] - position[history - 1]) + scene.turn.undo(acceleration);
   way.follow(position[history], x);
   if (rules.features.plane) x[2] = truth[2];
   if (held || !(norm2(x - truth) <= farthest * farthest)) x = truth;

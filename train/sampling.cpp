@@ -33,7 +33,6 @@ void set_graph(SceneGraph& graph, const NetworkConfig& config, const std::vector
   if (const auto* gns = std::get_if<graph::GnsConfig>(&config)) return set_links(graph, now, gns->radius);
   const auto& hgn = std::get<graph::HgnConfig>(config);
   graph.hierarchy = sparsegrid::build_hierarchy<3>(now, hgn.spacing, origin, static_cast<int>(hgn.levels));
-  if (hgn.short_range > 0) set_links(graph, now, hgn.short_radius());
 }
 
 /// Appends the obstacle particles within reach of the turned positions `now`, their features and types.
@@ -214,8 +213,7 @@ SceneGraph scene_graph(const NetworkConfig& config, const graph::Normalization& 
   const graph::Surroundings& surroundings = trajectory.context->surroundings;
   SceneGraph graph;
   graph.type_row = trajectory.type_row;
-  std::vector<std::vector<Vec3f>> seen =
-      graph::seen_frames(features_of(config), surroundings, trajectory.held, history);
+  std::vector<std::vector<Vec3f>> seen = history;
   if (const auto* gns = std::get_if<graph::GnsConfig>(&config); gns && gns->obstacle_particles) {
     graph::add_obstacle_particles(*gns, surroundings, seen, graph.type_row);
     graph.obstacle_particles = static_cast<int64_t>(seen.back().size() - history.back().size());

@@ -107,11 +107,9 @@ TrainingRun::TrainingRun(const TrainingOptions& options)
     throw ConfigError(std::to_string(comm_.size()) + " ranks are too many for batches of " +
                       std::to_string(config_.batch_scenes) +
                       " scenes (each takes one or more). Start fewer, or set batch_scenes higher");
-  if (config_.architecture == Architecture::hgn && config_.hgn.short_range > 0 &&
-      config_.hgn.aggregation != graph::Aggregation::activations)
-    throw ConfigError("hgn.short_range (" + std::to_string(config_.hgn.short_range) +
-                      ") goes with hgn.aggregation=activations alone (here: " + word_of(config_.hgn.aggregation) +
-                      "): nothing rolls out the other form. Set hgn.aggregation=activations, or hgn.short_range=0");
+  const std::string removed = config_.architecture == Architecture::hgn ? graph::removed_option(config_.hgn)
+                                                                        : graph::removed_option(config_.gns);
+  if (!removed.empty()) throw ConfigError(word_of(config_.architecture) + ("." + removed));
   train_ = open("train.h5");
   train_->check_length(
       1 + config_.features().bundle * (1 + config_.push_steps),
@@ -164,7 +162,7 @@ void TrainingRun::prepare_normalization() {
     return;
   }
   if (options_.from.empty())
-    normalization_ = train_->statistics(config_.noise_std, options_.threads, config_.features().predictor);
+    normalization_ = train_->statistics(config_.noise_std, options_.threads);
   else
     start_from_weights();
   write_run_normalization(options_.run, normalization_);

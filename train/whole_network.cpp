@@ -69,19 +69,8 @@ at::Tensor WholeNetwork::forward(const DeviceBatch& batch) const {
   return gns(std::get<graph::GnsConfig>(config_), batch, apply("encoder.node", {batch.features, types}));
 }
 
-/// f_j + FCN([s_j, f_j]) with the sums of what particles gather from those near them.
-at::Tensor WholeNetwork::gather_near(const graph::HgnConfig& config, const DeviceLevel& links,
-                                     const at::Tensor& particles) const {
-  const at::Tensor all_edges = at::arange(links.sender.size(0), links.sender.options());
-  const at::Tensor edges =
-      gather("short_range", {rows_at(particles, links.sender), rows_at(particles, links.receiver), links.direction});
-  return particles +
-         apply("short_range", {sum_segments(edges, all_edges, links.edge_begin) * config.p2g_scale, particles});
-}
-
 at::Tensor WholeNetwork::hgn(const graph::HgnConfig& config, const DeviceBatch& batch,
-                             const at::Tensor& encoded) const {
-  const at::Tensor particles = config.short_range > 0 ? gather_near(config, batch.near, encoded) : encoded;
+                             const at::Tensor& particles) const {
   const at::Tensor of_pair = for_each_corner(particles), offset = pair_offsets(batch.offset);
   const auto levels = static_cast<std::size_t>(config.levels);
   std::vector<at::Tensor> f(levels);

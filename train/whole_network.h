@@ -28,8 +28,7 @@ class WholeNetwork {
                        const at::Tensor& cells) const;
   at::Tensor to_particles(const graph::HgnConfig& config, const DeviceBatch& batch, const at::Tensor& cells,
                           const at::Tensor& particles, const at::Tensor& of_pair, const at::Tensor& offset) const;
-  at::Tensor gather_near(const graph::HgnConfig& config, const DeviceLevel& links, const at::Tensor& particles) const;
-  at::Tensor hgn(const graph::HgnConfig& config, const DeviceBatch& batch, const at::Tensor& encoded) const;
+  at::Tensor hgn(const graph::HgnConfig& config, const DeviceBatch& batch, const at::Tensor& particles) const;
   at::Tensor gns(const graph::GnsConfig& config, const DeviceBatch& batch, at::Tensor nodes) const;
   at::Tensor pass_activations(const graph::HgnConfig& config, const std::string& name, const DeviceLevel& level,
                               at::Tensor nodes) const;

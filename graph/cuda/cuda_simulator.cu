@@ -41,15 +41,13 @@ struct WriteFeatures {
   FeatureRules rules;
   SurroundingsView surroundings;
   FrameRing ring;
-  const Vec3f* predicted;  ///< the newest frame that the network sees; null: that of the ring
   float* features;
   GRAUPEL_HD void operator()(int64_t item) const {
     const auto part = static_cast<FeaturePart>(item / ring.particles);
     const int64_t i = item % ring.particles;
     Vec3f position[most_history + 1];
-    const int first = part == FeaturePart::motion ? 0 : rules.history, newest = rules.history - (predicted ? 1 : 0);
-    for (int t = first; t <= newest; ++t) position[t] = ring.at(newest - t, i);
-    if (predicted) position[rules.history] = predicted[i];
+    const int first = part == FeaturePart::motion ? 0 : rules.history;
+    for (int t = first; t <= rules.history; ++t) position[t] = ring.at(rules.history - t, i);
     write_feature_part(part, rules, surroundings, AxisMap{}, position, features + i * rules.width);
   }
 };
@@ -102,8 +100,6 @@ struct PushLast {
   PushParticles push;
   const int32_t* fault;
   Vec3f *before, *now;
-  BallisticFrame ballistic;
-  Vec3f* predicted;  ///< null: no frame is predicted
   FrameStatus* status;
   FrameStatus* seen;  ///< on the host
   GRAUPEL_HD void operator()(int64_t i) const {
@@ -111,7 +107,6 @@ struct PushLast {
       const Vec3f x = push.pushed(i);
       before[i] = now[i];
       now[i] = push.ring.at(-1, i) = x;
-      if (predicted) predicted[i] = ballistic.place(false, before[i], x);
     }
 #ifdef __CUDA_ARCH__
     __threadfence();
@@ -166,20 +161,15 @@ struct CudaSimulator::Impl {
   }
   /// History and the frames to come.
   int32_t ring_frames() const { return static_cast<int32_t>(config.history + 1 + config.bundle); }
-  /// The newest frame, and what the network sees as such.
-  Vec3f* now() { return config.is_ballistic() ? own_now.data() : model->position(); }
-  Vec3f* predicted() { return config.is_ballistic() ? model->position() : nullptr; }
+  /// The newest frame.
+  Vec3f* now() { return model->position(); }
   FrameRing frame_ring() { return {ring.data(), particles, ring_frames(), &status.data()->newest}; }
-  /// Of accelerations, gravity included.
+  /// Of accelerations; without a network gravity alone.
   Normalization real_statistics() const {
     Normalization statistics = normalization;
-    if (!laws.network) {
-      const double dt2 = scene->frame_time * scene->frame_time;
-      for (int d = 0; d < 3; ++d) statistics.acceleration_mean[d] = static_cast<float>(scene->gravity[d] * dt2);
-      return statistics;
-    }
-    const Vec3f gravity = predicted_acceleration(config, *surroundings);
-    for (int d = 0; d < 3; ++d) statistics.acceleration_mean[d] += gravity[d];
+    if (laws.network) return statistics;
+    const double dt2 = scene->frame_time * scene->frame_time;
+    for (int d = 0; d < 3; ++d) statistics.acceleration_mean[d] = static_cast<float>(scene->gravity[d] * dt2);
     return statistics;
   }
   void wait() { GRAUPEL_CUDA_CHECK(cudaStreamSynchronize(stream)); }
@@ -216,8 +206,8 @@ struct CudaSimulator::Impl {
   Buffer<FrameStatus> status{Device::cuda, 1};
   FrameStatus* seen = nullptr;  ///< the status on the host
   int32_t shown = 0;            ///< the frame of the ring that positions() gives
-  /// The frame before the newest; the newest, where the model has a predicted one; the one to come, until it is one.
-  Buffer<Vec3f> before{Device::cuda, 0}, own_now{Device::cuda, 0}, next{Device::cuda, 0};
+  /// The frame before the newest; the one to come, until it is the newest.
+  Buffer<Vec3f> before{Device::cuda, 0}, next{Device::cuda, 0};
   std::optional<FreeFlight> flight;
   std::optional<DensityProjection> density;
 };
@@ -229,7 +219,7 @@ void CudaSimulator::Impl::launch_graph() {
   model->launch_graph(stream, /*with_counts=*/!recording);
   parallel_for_in(stream, Device::cuda, feature_parts_of_row * particles,
                   WriteFeatures{FeatureRules(config, normalization), surroundings->view(Device::cuda), frame_ring(),
-                                predicted(), model->features()});
+                                model->features()});
   mark(features_done);
 }
 
@@ -262,7 +252,7 @@ void CudaSimulator::Impl::launch_move(int64_t frame) {
   if (flight && (frame > 0 || !laws.network)) flight->find_groups(before.data(), now(), stream);
   if (flight) flight->correct(before.data(), now(), next.data(), stream);
   const PushParticles push{surroundings->way_follower(Device::cuda), laws.project, frame_ring(), now(), next.data()};
-  PushLast last{push, fault(), before.data(), now(), surroundings->ballistic, predicted(), status.data(), seen};
+  PushLast last{push, fault(), before.data(), now(), status.data(), seen};
   if (density && frame + 1 == config.bundle) {
     parallel_for_in(stream, Device::cuda, particles, PushAndSpread{push, density->spreading(next.data(), particles)});
     density->between(next.data(), particles, stream);
@@ -339,10 +329,8 @@ void CudaSimulator::start(const Scene& scene, const Surroundings& surroundings,
   impl.shown = impl.seen->newest;
   impl.model->start(surroundings, rows, impl.stream);
   impl.before.upload(positions[positions.size() - 2]);
-  device_copy(Device::cuda, impl.model->position(), Device::cpu,
-              seen_frames(impl.config, surroundings, held_particles(particle_type), positions).back().data(),
+  device_copy(Device::cuda, impl.model->position(), Device::cpu, positions.back().data(),
               positions.back().size() * sizeof(Vec3f));
-  if (impl.config.is_ballistic()) impl.own_now.upload(positions.back());
   impl.next.resize_discard(particle_type.size());
   impl.flight.reset();
   if (!laws.network) {

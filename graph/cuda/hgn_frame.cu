@@ -13,12 +13,7 @@ namespace {
 HgnConfig checked_config(const nn::Weights& weights) {
   static_cast<void>(HierarchicalGraphNetwork(weights));  // its errors
   if (!cuda_available()) throw ConfigError("device 'cuda' is not usable (no GPU). Use --device cpu");
-  const HgnConfig config = HgnConfig::from_metadata(weights.metadata, weights.file);
-  if (config.short_range > 0)
-    throw ConfigError("'" + weights.file + "': rollouts on a GPU take no network whose particles gather from each " +
-                      "other (hgn.short_range: " + std::to_string(config.short_range) +
-                      ", there: 0). Use --device cpu");
-  return config;
+  return HgnConfig::from_metadata(weights.metadata, weights.file);
 }
 
 }  // namespace

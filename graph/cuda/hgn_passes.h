@@ -11,7 +11,6 @@
 #include <vector>
 
 #include "core/buffer.h"
-#include "graph/cuda/near_sums.h"
 #include "graph/cuda/row_layers.h"
 #include "graph/hgn_config.h"
 
@@ -79,7 +78,6 @@ struct HgnGraph {
   const float *weight, *offset;
   const int32_t *cell, *pair_begin, *pair;
   std::vector<LevelLinks> level;
-  NearLinks near = {};  ///< of networks with HgnConfig::short_range
 };
 
 /// Where the passes put their rows of 128 numbers.

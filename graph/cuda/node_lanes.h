@@ -1,4 +1,4 @@
-// What the kernels of activation_sums.cu and near_sums.cu share: 16 lanes a node with eight columns each.
+// Lanes of the kernels of activation_sums.cu: 16 lanes a node with eight columns each.
 #pragma once
 
 #include "graph/cuda/row_block.h"

@@ -37,7 +37,6 @@ class SumsPass {
                     RowNetwork& record, const RowOutlook& outlook = {});
   RowOutlook outlook(const std::string& gather, const Projections& to) const;
 
-  RowLatents gather_near(const RowLatents& encoded);
   RowLatents particle_to_grid();
   RowLatents grid_to_particle(const RowLatents& cells);
   /// `projected`: of the first iteration, where they are there already.
@@ -66,8 +65,7 @@ RowLatents SumsPass::run() {
   record_.restriction.resize(levels);
   record_.restricted.resize(levels);
   record_.prolongation.resize(levels);
-  record_.encoded = encode_particles(network_, graph_, memory_, record_.encoder, stream_);
-  record_.particles = network_.config().short_range > 0 ? gather_near(record_.encoded) : record_.encoded;
+  record_.particles = encode_particles(network_, graph_, memory_, record_.encoder, stream_);
   std::vector<RowLatents> f(levels);
   f[0] = particle_to_grid();
   for (std::size_t l = 0; l < levels; ++l) {
@@ -105,33 +103,6 @@ RowLatents SumsPass::update(const std::string& name, int64_t rows, const uint16_
   record.outlook = outlook;
   forward(record, stream_);
   return result;
-}
-
-RowLatents SumsPass::gather_near(const RowLatents& encoded) {
-  // Before the activation of link s -> r: W_s f_s + W_r f_r + b + W_e (features of the link).
-  const std::string name = "short_range", gather = name + ".gather";
-  const int64_t n = graph_.particles;
-  const FcnWeights& layer = network_.fcn(gather);
-  const Projections projected{memory_.rows16(n), memory_.rows16(n)};
-  const RowOutlook wanted = outlook(gather, projected);
-  project({.rows = n,
-           .x = encoded.f16,
-           .weight = {wanted.weight[0], wanted.weight[1]},
-           .bias = {wanted.bias[0], wanted.bias[1]},
-           .out16 = {wanted.out16[0], wanted.out16[1]}},
-          stream_);
-  uint16_t* const sum = memory_.rows16(n);
-  record_.near.signs = signs(graph_.near.links);
-  sum_near({.links = graph_.near,
-            .sent = projected.sender,
-            .received = projected.receiver,
-            .weight = layer.w1 + 2 * h,
-            .stride = layer.inputs,
-            .scale = static_cast<float>(network_.config().p2g_scale),
-            .sum = sum,
-            .signs = record_.near.signs},
-           stream_);
-  return update(name, n, sum, encoded, record_.near.network);
 }
 
 RowLatents SumsPass::particle_to_grid() {

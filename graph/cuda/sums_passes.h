@@ -19,9 +19,7 @@ struct SumsRecord {
   };
   using Block = std::vector<Step>;
   RowNetwork encoder;
-  RowLatents encoded;    ///< particles after the encoder
-  RowLatents particles;  ///< and after they gathered from those near them, where the network has such links
-  Step near;
+  RowLatents particles;  ///< after the encoder
   Step to_grid, to_particle;
   const uint16_t* finest = nullptr;         ///< level-0 cells after the up pass
   std::vector<Step> restriction;            ///< [levels]

@@ -29,10 +29,9 @@ class ActivationEngine : public HgnEngine {
   }
 
   void evaluate(const std::vector<float>& features, const std::vector<int32_t>& particle_type,
-                const sparsegrid::Hierarchy<3>& hierarchy, const std::vector<Vec3f>& position,
-                std::vector<float>& acceleration) const override {
+                const sparsegrid::Hierarchy<3>& hierarchy, std::vector<float>& acceleration) const override {
     auto workspace = workspaces_.take();
-    evaluate(features, particle_type, hierarchy, position, *workspace, acceleration);
+    evaluate(features, particle_type, hierarchy, *workspace, acceleration);
     workspaces_.give_back(std::move(workspace));
   }
 
@@ -41,11 +40,11 @@ class ActivationEngine : public HgnEngine {
 
   /// Steps 0 to 12 of figure 2 of the HGN paper. Each step is told what the next one gathers.
   void evaluate(const std::vector<float>& features, const std::vector<int32_t>& particle_type,
-                const sparsegrid::Hierarchy<3>& hierarchy, const std::vector<Vec3f>& position, SumWorkspace& workspace,
+                const sparsegrid::Hierarchy<3>& hierarchy, SumWorkspace& workspace,
                 std::vector<float>& acceleration) const {
     workspace.topology.build(hierarchy);
     workspace.prepare(hierarchy, latent_, features_);
-    particles_.encode(features, particle_type, hierarchy, position, workspace);
+    particles_.encode(features, particle_type, hierarchy, workspace);
     particles_.particle_to_grid(hierarchy, down_[0][0].gathered(), workspace);
     for (std::size_t l = 0; l < restrict_.size(); ++l) {
       pass(down_[l], hierarchy, l, restrict_[l].gathered(), workspace);

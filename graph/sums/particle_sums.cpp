@@ -23,7 +23,6 @@ ParticleSums::ParticleSums(const nn::Weights& weights, const HgnConfig& config)
       encoder_(weights, "encoder", config, {.latent = static_cast<int>(config.latent)}),
       decoder_(weights, config, {.latent = static_cast<int>(config.latent)}) {
   const int h = static_cast<int>(config.latent);
-  if (config.short_range > 0) neighbors_.emplace(weights, config);
   const FcnWeights p2g = FcnWeights::load_layer(weights, "particle_to_grid.gather", h + 3, h);
   p2g_part_ = p2g.first_layer_part(0, h, Bias::with);
   p2g_corner_ = nn::InputTable(p2g, h, corner_offsets(1));
@@ -43,18 +42,10 @@ void ParticleSums::add_offset(const Vec3f& offset, const nn::InputTable& axis, f
 }
 
 void ParticleSums::encode(const std::vector<float>& features, const std::vector<int32_t>& particle_type,
-                          const sparsegrid::Hierarchy<3>& hierarchy, const std::vector<Vec3f>& position,
-                          SumWorkspace& workspace) const {
+                          const sparsegrid::Hierarchy<3>& hierarchy, SumWorkspace& workspace) const {
   const auto count = static_cast<int64_t>(particle_type.size());
-  if (neighbors_) neighbors_->link(position, workspace);
   for_each_range(workspace, count, sum_rows(count), [&](int32_t begin, int32_t end, TileScratch& scratch) {
     encode_tile(begin, end, features, particle_type, hierarchy, workspace, scratch);
-  });
-  if (!neighbors_) return;
-  for_each_range(workspace, count, sum_rows(count), [&](int32_t begin, int32_t end, TileScratch& scratch) {
-    const NextRows part = grid_rows(begin, scratch.hidden.data(), workspace);
-    neighbors_->apply(begin, end, part, workspace, scratch);
-    leave_for_grid(begin, end, part, hierarchy, workspace);
   });
 }
 
@@ -65,10 +56,6 @@ void ParticleSums::encode_tile(int32_t begin, int32_t end, const std::vector<flo
   float* const latent = workspace.particle.data() + int64_t{begin} * width_;
   const float* const hidden =
       encoder_.hidden(workspace.topology.order.data() + begin, rows, features, particle_type, scratch);
-  if (neighbors_) {
-    finish_latents(encoder_.last(), hidden, rows, false, latent, neighbors_->rows(begin, workspace), scratch);
-    return;
-  }
   const NextRows part = grid_rows(begin, scratch.sums.data(), workspace);
   finish_latents(encoder_.last(), hidden, rows, false, latent, part, scratch);
   leave_for_grid(begin, end, part, hierarchy, workspace);

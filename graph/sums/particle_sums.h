@@ -1,16 +1,14 @@
 // The first and the last steps of a network that sums activations: particle features -> latents -> level-0 cells, and
 // back from the cells to accelerations (docs/decisions/0011-sums-of-activations.md), a(x) = leaky_relu(x):
-// f_p being those of the encoder, or with HgnConfig::short_range what neighbours add to them (neighbor_sums.h);
+// f_p being those of the encoder;
 //   f_c = FCN(p2g_scale sum over pairs of w a(W [f_p, (centre - x)/R] + b))
 //   f_p <- f_p + FCN([sum over corners of w a(W [f_c, f_p, (x - centre)/R] + b), f_p])
 #pragma once
 
-#include <optional>
 #include <vector>
 
 #include "graph/hgn_config.h"
 #include "graph/particle_codec.h"
-#include "graph/sums/neighbor_sums.h"
 #include "graph/sums/receiver_network.h"
 #include "graph/sums/sum_workspace.h"
 
@@ -20,10 +18,9 @@ class ParticleSums {
  public:
   ParticleSums(const nn::Weights& weights, const HgnConfig& config);
 
-  /// f_p of all particles, and what the grid gathers of them. `position` counts where particles are linked.
+  /// f_p of all particles, and what the grid gathers of them.
   void encode(const std::vector<float>& features, const std::vector<int32_t>& particle_type,
-              const sparsegrid::Hierarchy<3>& hierarchy, const std::vector<Vec3f>& position,
-              SumWorkspace& workspace) const;
+              const sparsegrid::Hierarchy<3>& hierarchy, SumWorkspace& workspace) const;
   /// Ends with what the `next` step gathers of the cells.
   void particle_to_grid(const sparsegrid::Hierarchy<3>& hierarchy, const nn::Linear& next,
                         SumWorkspace& workspace) const;
@@ -57,7 +54,6 @@ class ParticleSums {
   int width_;
   float p2g_scale_;
   ParticleEncoder encoder_;
-  std::optional<NeighborSums> neighbors_;
   nn::Linear p2g_part_, g2p_part_, g2p_cell_part_;  ///< of f_p, of f_p, of f_c
   nn::InputTable p2g_corner_, g2p_corner_;          ///< per corner, the part of its integer offset
   nn::InputTable p2g_axis_, g2p_axis_;              ///< per axis, the part of a unit offset

@@ -8,7 +8,6 @@
 #include "graph/sums/sum_topology.h"
 #include "graph/tiles.h"
 #include "nn/row_kernels.h"
-#include "sparsegrid/radius_graph.h"
 
 namespace graupel::graph {
 
@@ -34,9 +33,6 @@ class GatheredRows {
 struct SumWorkspace {
   SumTopology topology;
   Buffer<float> particle;            ///< [n][H] latents of particles, in sorted order
-  sparsegrid::RadiusGraph links;     ///< between them, where they gather from each other, by sorted places
-  std::vector<Vec3f> position;       ///< [n] of these, in sorted order
-  GatheredRows neighbor;             ///< [n][2 H] what they gather of each other
   GatheredRows particle_part;        ///< [n][H] what particle_to_grid gathers of them
   Buffer<float> weight;              ///< [n][8] of the pairs, in sorted order
   std::vector<Buffer<float>> cell;   ///< per level [cells][H] latents

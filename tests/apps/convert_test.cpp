@@ -75,31 +75,6 @@ TEST_F(ConvertVerb, NetworksTrainOnWhatCameBack) {
   }
 }
 
-/// Data that do not say their gravity neither train nor start a network that corrects ballistic frames.
-TEST_F(ConvertVerb, BallisticFramesNeedAGravity) {
-  if (!training_is_built())
-    GTEST_SKIP() << "graupel-train is not built (needs libtorch): no training on converted data";
-  const std::string there = folder_.file("gns"), silent = folder_.file("silent"), run = folder_.file("run"),
-                    train = "train hgn --out " + run + tiny_training + " --set hgn.predictor=ballistic --data ";
-  ASSERT_EQ(graupel("convert " + set_ + " " + there + " --format gns").exit_code, 0);
-  ASSERT_EQ(graupel("convert " + there + " " + silent + " --set gravity=[0,0,0]").exit_code, 0);
-  const Outcome refused = graupel(train + silent);
-  EXPECT_EQ(refused.exit_code, 2) << refused.output;
-  EXPECT_TRUE(refused.says("does not say its gravity (0)")) << refused.output;
-  remove_path(run);
-  const Outcome trained = graupel(train + set_);
-  ASSERT_EQ(trained.exit_code, 0) << trained.output;
-  const std::string rollout = "rollout " + run + "/weights.safetensors " + silent + "/test.h5 --frames 2 -o " + run;
-  const Outcome unknown = graupel(rollout + "/a.h5");
-  EXPECT_EQ(unknown.exit_code, 2) << unknown.output;
-  EXPECT_TRUE(unknown.says("does not say its gravity (0)")) << unknown.output;
-  EXPECT_EQ(graupel(rollout + "/b.h5 --set gravity=[0,-9.8,0]").exit_code, 0);
-  const Outcome compared =
-      graupel("compare --scenes " + silent + "/test.h5 --one-step-only --models " + run + "/weights.safetensors");
-  EXPECT_EQ(compared.exit_code, 2) << compared.output;
-  EXPECT_TRUE(compared.says("does not say its gravity (0)")) << compared.output;
-}
-
 /// A plane run of water and sand as a data set of another program that calls the sand kinematic: both networks train on
 /// it, and their rollouts start from its frames, follow its sand, stay in the plane and are compared with the rest.
 void expect_plane_data_to_train(const Folder& folder, const std::string& format, const std::string& types) {

@@ -46,13 +46,6 @@ void expect_same_as_frame_by_frame(const Config& config) {
   }
 }
 
-/// Of a - g, for accelerations as those of wide_statistics().
-Normalization statistics_of_corrections() {
-  Normalization statistics = wide_statistics();
-  statistics.acceleration_mean[1] = 0;
-  return statistics;
-}
-
 void expect_rollouts_of_the_cpu(const LearnedSimulator& simulator) {
   const Case c = clouds_at_a_ball(800);
   const Surroundings surroundings(c.scene);
@@ -147,16 +140,6 @@ TEST_P(CudaBundle, RolloutsFollowThoseOfTheCpu) {
   }
 }
 
-TEST_P(CudaBundle, CorrectedBallisticFramesFollowThoseOfTheCpu) {
-  GRAUPEL_NEEDS_GPU();
-  HgnConfig config = wide_config(GetParam());
-  config.predictor = FramePredictor::ballistic;
-  for (const int64_t bundle : {1, 3}) {
-    config.bundle = bundle;
-    expect_rollouts_of_the_cpu(file_.read_back(random_weights(config, statistics_of_corrections())));
-  }
-}
-
 TEST_P(CudaBundle, StopsAtTheFrameThatBlowsUp) {
   const Case c = clouds_at_a_ball(60);
   nn::Weights weights = constant_bundle(wide_config(GetParam()), 4);
@@ -217,10 +200,8 @@ TEST(GnsBundle, AccelerationsAreThoseOfTheCpu) {
   config.bundle = 3;
   expect_gns_of_the_cpu(config, wide_statistics());
   config.bundle = 2;
-  config.predictor = FramePredictor::ballistic;
-  expect_gns_of_the_cpu(config, statistics_of_corrections());
   config.obstacle_particles = true;
-  expect_gns_of_the_cpu(config, statistics_of_corrections());
+  expect_gns_of_the_cpu(config, wide_statistics());
 }
 
 }  // namespace

@@ -92,39 +92,6 @@ TEST(Features, OutsideTheDomainDistancesAreNegativeAndWithoutObstaclesFar) {
   EXPECT_EQ(f[10], 0);
 }
 
-TEST(Features, BallisticFramesEndWithinTheDomainAndItsWalls) {
-  Scene scene;
-  scene.domain.origin = {-1, 0, 0};
-  scene.domain.size = {2, 1, 1};
-  scene.domain.dx = 0.02;
-  scene.domain.wall_cells = 2;
-  scene.gravity = {0, -9, 3};
-  scene.frame_time = 1.0 / 30;
-  const Surroundings surroundings(scene);
-  const BallisticFrame& frame = surroundings.ballistic;
-  const auto expect_at = [](const Vec3f& actual, const Vec3f& expected) {
-    for (int d = 0; d < 3; ++d) EXPECT_NEAR(actual[d], expected[d], 1e-6) << d;
-  };
-  expect_at(frame.place(false, {0.48f, 0.51f, 0.5f}, {0.5f, 0.5f, 0.5f}), {0.52f, 0.48f, 0.5f + 1.0f / 300});
-  expect_at(frame.place(true, {0.48f, 0.51f, 0.5f}, {0.5f, 0.5f, 0.5f}), {0.52f, 0.49f, 0.5f});
-  // Into the wall and beyond the domain, but no farther than the wall is thick.
-  expect_at(frame.place(false, {0.5f, 0.09f, 0.5f}, {0.5f, 0.05f, 0.5f}), {0.5f, 0.0f, 0.5f + 1.0f / 300});
-  expect_at(frame.place(false, {-0.2f, 0.9f, 0.2f}, {-0.95f, 0.05f, 0.95f}), {-1.04f, -0.04f, 1.04f});
-  FeatureConfig config;
-  config.history = 1;
-  const std::vector<std::vector<Vec3f>> positions = {{{0, 0.51f, 0.5f}, {0, 0.51f, 0.5f}},
-                                                     {{0, 0.5f, 0.5f}, {0, 0.5f, 0.5f}}};
-  EXPECT_EQ(seen_frames(config, surroundings, {}, positions), positions);
-  EXPECT_EQ(predicted_acceleration(config, surroundings), Vec3f::zero());
-  config.predictor = FramePredictor::ballistic;
-  EXPECT_EQ(predicted_acceleration(config, surroundings), frame.gravity);
-  const auto seen = seen_frames(config, surroundings, {0, 1}, positions);
-  ASSERT_EQ(seen.size(), 2u);
-  EXPECT_EQ(seen[0], positions[1]);
-  expect_at(seen[1][0], {0, 0.48f, 0.5f + 1.0f / 300});
-  expect_at(seen[1][1], {0, 0.49f, 0.5f});
-}
-
 TEST(Features, WrongNumberOfFramesOrParticlesIsAProgrammersError) {
   const FeatureConfig config;
   const Surroundings surroundings{Scene{}};

@@ -42,14 +42,11 @@ TEST(HgnConfig, FilesFromBeforeTheChoicesHaveTheOldNetwork) {
   HgnConfig config;
   config.aggregation = Aggregation::activations;
   config.bundle = 4;
-  config.predictor = FramePredictor::ballistic;
   auto metadata = config.to_metadata();
   EXPECT_EQ(metadata.at("hgn.bundle"), "4");
   EXPECT_EQ(HgnConfig::from_metadata(metadata, "f").output_width(), 12);
-  EXPECT_EQ(metadata.at("hgn.predictor"), "ballistic");
-  EXPECT_TRUE(HgnConfig::from_metadata(metadata, "f").is_ballistic());
+  EXPECT_EQ(metadata.at("hgn.predictor"), "none");
   metadata.erase("hgn.predictor");
-  EXPECT_FALSE(HgnConfig::from_metadata(metadata, "f").is_ballistic());
   EXPECT_EQ(metadata.at("hgn.short_range"), "0");
   metadata.erase("hgn.aggregation");
   metadata.erase("hgn.bundle");
@@ -58,22 +55,25 @@ TEST(HgnConfig, FilesFromBeforeTheChoicesHaveTheOldNetwork) {
   EXPECT_EQ(HgnConfig::from_metadata(metadata, "f").bundle, 1);
   GnsConfig gns;
   gns.bundle = 2;
-  gns.predictor = FramePredictor::ballistic;
   metadata = gns.to_metadata();
   EXPECT_EQ(GnsConfig::from_metadata(metadata, "f").bundle, 2);
-  EXPECT_TRUE(GnsConfig::from_metadata(metadata, "f").is_ballistic());
   metadata.erase("gns.predictor");
   metadata.erase("gns.bundle");
-  EXPECT_FALSE(GnsConfig::from_metadata(metadata, "f").is_ballistic());
   EXPECT_EQ(GnsConfig::from_metadata(metadata, "f").bundle, 1);
 }
 
-TEST(HgnConfig, LinksBetweenParticlesReachAShareOfACell) {
-  HgnConfig config;
-  EXPECT_EQ(config.short_radius(), 0);
-  config.short_range = 0.5;
-  EXPECT_NEAR(config.short_radius(), 0.0175, 1e-12);
-  EXPECT_EQ(HgnConfig::from_metadata(config.to_metadata(), "f").short_range, 0.5);
+/// Older files have the keys of options that were removed; switched on, they are refused.
+TEST(GnsConfig, ARemovedPredictorIsRefused) {
+  auto metadata = GnsConfig().to_metadata();
+  EXPECT_EQ(GnsConfig::from_metadata(metadata, "f").predictor, FramePredictor::none);
+  metadata["gns.predictor"] = "ballistic";
+  try {
+    GnsConfig::from_metadata(metadata, "net.safetensors");
+    ADD_FAILURE();
+  } catch (const InputError& error) {
+    for (const char* text : {"'net.safetensors'", "gns.predictor (ballistic, allowed: none) was removed", "Train"})
+      EXPECT_NE(std::string(error.what()).find(text), std::string::npos) << error.what();
+  }
 }
 
 TEST(HgnConfig, ErrorsNameFileKeyAndValue) {
@@ -112,6 +112,8 @@ TEST(HgnConfig, ErrorsNameFileKeyAndValue) {
                {"hgn.cell_normal", "yes", "not true or false ('yes')"},
                {"hgn.bundle", "9", "allowed from 1 to 8"},
                {"hgn.predictor", "falling", "not one of none, ballistic ('falling')"},
+               {"hgn.predictor", "ballistic", "(ballistic, allowed: none) was removed"},
+               {"hgn.short_range", "0.5", "(0.5, allowed: 0) was removed"},
                {"hgn.window", "2", "not known ('2')"}};
   for (const auto& c : cases) {
     const std::string message = error(c.key, c.value);

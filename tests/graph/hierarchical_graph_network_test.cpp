@@ -34,7 +34,7 @@ sparsegrid::Hierarchy<3> hierarchy_of(const HgnConfig& config, const std::vector
 }
 
 std::vector<float> evaluate(const HierarchicalGraphNetwork& network, const Input& input) {
-  return network.forward(input.features, input.type, hierarchy_of(network.config(), input.position), input.position);
+  return network.forward(input.features, input.type, hierarchy_of(network.config(), input.position));
 }
 
 /// Returns the largest output.
@@ -80,10 +80,6 @@ std::vector<HgnConfig> configs_to_check() {
     all.push_back(all[i]);
     all.back().aggregation = Aggregation::activations;
   }
-  for (const std::size_t i : {std::size_t{6}, std::size_t{9}, std::size_t{11}}) {
-    all.push_back(all[i]);
-    all.back().short_range = 0.9;
-  }
   return all;
 }
 INSTANTIATE_TEST_SUITE_P(Configs, AgainstTheFormulas, ::testing::ValuesIn(configs_to_check()));
@@ -102,31 +98,8 @@ TEST_P(EitherAggregation, PaperConfigAgreesWithTheFormulas) {
   expect_the_formulas(weights, network, input);
 }
 
-TEST(HierarchicalGraphNetwork, ManyLinksOfAParticleAgreeWithTheFormulas) {
-  HgnConfig config = small_config(Aggregation::activations);
-  config.levels = 1;
-  config.message_passing = 1;
-  config.short_range = 1;
-  const nn::Weights weights = random_weights(config, {}, 4);
-  const Input input = random_input(config, 300, 2, 0.02);  // all of a blob are linked
-  expect_the_formulas(weights, HierarchicalGraphNetwork(weights), input);
-}
-
-TEST(HierarchicalGraphNetwork, LinksBetweenParticlesWithMessagesAreRefused) {
-  HgnConfig config = small_config(Aggregation::messages);
-  config.short_range = 0.5;
-  try {
-    HierarchicalGraphNetwork network(random_weights(config, {}));
-    FAIL() << "was not refused";
-  } catch (const ConfigError& error) {
-    EXPECT_NE(std::string(error.what()).find("'random.safetensors'"), std::string::npos) << error.what();
-    EXPECT_NE(std::string(error.what()).find("hgn.short_range: 0.5"), std::string::npos) << error.what();
-  }
-}
-
 TEST_P(EitherAggregation, PermutingParticlesPermutesOutputs) {
-  HgnConfig config = small_config(GetParam());
-  if (GetParam() == Aggregation::activations) config.short_range = 0.7;
+  const HgnConfig config = small_config(GetParam());
   const HierarchicalGraphNetwork network(random_weights(config, {}));
   const Input input = random_input(config, 300);
   const std::vector<float> output = evaluate(network, input);

@@ -69,24 +69,6 @@ TEST(NetworkFlop, GatherLayersCountOncePairOrEdgeAndFcnsOnceAReceiver) {
   EXPECT_EQ(flop_of(config, hgn_rows, FirstLayers::whole), flop_of_matrices(random_weights(config, {}), rows));
 }
 
-TEST(NetworkFlop, LinksBetweenParticlesAddTheirGatherLayerAndAnFcn) {
-  HgnConfig config = small_hgn(), linked = config;
-  linked.short_range = 0.5;
-  HgnRows rows = hgn_rows;
-  rows.links = 7;
-  const double more = flop_of_matrices(random_weights(linked, {}), [&](const std::string& name) -> int64_t {
-    return !name.starts_with("short_range")             ? 0
-           : name.find(".gather.") != std::string::npos ? rows.links
-                                                        : rows.particles;
-  });
-  EXPECT_GT(more, 0);
-  EXPECT_EQ(flop_of(linked, rows, FirstLayers::whole) - flop_of(config, rows, FirstLayers::whole), more);
-  // Split, the sender's and the receiver's part are made once a particle.
-  const auto h = static_cast<double>(config.latent);
-  EXPECT_EQ(flop_of(linked, rows) - flop_of(config, rows),
-            more - 2 * static_cast<double>(rows.links - rows.particles) * 2 * h * h);
-}
-
 TEST(NetworkFlop, WholeFirstLayersOfAGnsCountEveryMatrixOnceARow) {
   const auto rows = [](const std::string& name) {
     if (name.starts_with("decoder")) return gns_rows.moving;

@@ -54,10 +54,6 @@ nn::Weights random_weights(const HgnConfig& config, const Normalization& normali
   const int64_t h = config.latent;
   maker.fill("embedding.weight", {9, config.embedding}, 0, 1);
   maker.fcn("encoder", config.input_width(), h, h, true);
-  if (config.short_range > 0) {
-    maker.layer("short_range.gather", 2 * h + 4, h);
-    maker.fcn("short_range", 2 * h, h, h, true);
-  }
   const bool sums_activations = config.aggregation == Aggregation::activations;
   /// A transfer to receivers that gather from `nodes` latents and an offset.
   const auto transfer = [&](const std::string& name, int64_t nodes) {

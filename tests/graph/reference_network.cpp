@@ -33,7 +33,6 @@ class Reference {
   std::vector<double> run(const std::vector<float>& features, const std::vector<int32_t>& type,
                           const std::vector<Vec<float, 3>>& position) {
     encode(features, type);
-    if (config_.short_range > 0) gather_near(position);
     particle_to_grid(position);
     for (std::size_t l = 0; l < levels(); ++l) {
       if (l > 0) restrict_from(l - 1);
@@ -115,22 +114,6 @@ class Reference {
       const auto row = table.begin() + static_cast<std::ptrdiff_t>(static_cast<std::size_t>(type[p]) * e);
       particle_.push_back(fcn("encoder", join({own, Row(row, row + static_cast<std::ptrdiff_t>(e))})));
     }
-  }
-
-  void gather_near(const std::vector<Vec<float, 3>>& position) {
-    const double radius = config_.short_radius();
-    Rows sums(particle_.size(), Row(h_, 0.0));
-    for (std::size_t r = 0; r < sums.size(); ++r)
-      for (std::size_t s = 0; s < sums.size(); ++s) {
-        Row link = {(position[s][0] - position[r][0]) / radius, (position[s][1] - position[r][1]) / radius,
-                    (position[s][2] - position[r][2]) / radius};
-        link.push_back(std::sqrt(link[0] * link[0] + link[1] * link[1] + link[2] * link[2]));
-        if (link[3] > 1) continue;
-        Row hidden = linear("short_range.gather", join({particle_[s], particle_[r], link}));
-        for (double& v : hidden) v = v > 0 ? v : 0.01 * v;
-        add(sums[r], hidden, config_.p2g_scale);
-      }
-    for (std::size_t r = 0; r < sums.size(); ++r) add(particle_[r], fcn("short_range", join({sums[r], particle_[r]})));
   }
 
   void particle_to_grid(const std::vector<Vec<float, 3>>& position) {

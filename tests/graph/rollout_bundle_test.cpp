@@ -8,9 +8,7 @@ namespace {
 /// A network that predicts these normalised accelerations of the frames of a bundle, whatever it sees.
 nn::Weights constant_weights(HgnConfig config, const std::vector<float>& accelerations) {
   config.bundle = static_cast<int64_t>(accelerations.size()) / 3;
-  Normalization normalization = free_flight();
-  if (config.is_ballistic()) normalization.acceleration_mean[1] = 0;  // of the corrections
-  nn::Weights weights = random_weights(config, normalization);
+  nn::Weights weights = random_weights(config, free_flight());
   silence_decoder(weights);
   weights.tensors["decoder.layer2.bias"] =
       nn::Tensor::from_float(accelerations, {static_cast<int64_t>(accelerations.size())});
@@ -32,7 +30,7 @@ LearnedSimulator::RolloutOptions uncorrected(int64_t frames) {
   return options;
 }
 
-/// x_n = x_0 + n v_0 + a n (n + 1) / 2, whichever frames are predicted at once, and whether gravity is the network's.
+/// x_n = x_0 + n v_0 + a n (n + 1) / 2, whichever frames are predicted at once.
 TEST_F(LearnedSimulatorTest, ConstantAccelerationsMakeParabolas) {
   const Scene scene;
   const Surroundings surroundings(scene);
@@ -40,16 +38,9 @@ TEST_F(LearnedSimulatorTest, ConstantAccelerationsMakeParabolas) {
   const auto start =
       start_history(position, std::vector<Vec3f>(30, Vec3f{0.3f, 0.6f, -0.2f}), scene.gravity, frame_time, 4);
   const Vec3d a = {0.0005, 0.001 + gravity * frame_time * frame_time, -0.0002};
-  for (const auto& [bundle, predictor] : {std::pair(1, FramePredictor::none),
-                                          {2, FramePredictor::none},
-                                          {4, FramePredictor::none},
-                                          {1, FramePredictor::ballistic},
-                                          {4, FramePredictor::ballistic}}) {
-    HgnConfig config = small_config();
-    config.predictor = predictor;
-    const LearnedSimulator simulator = make(constant_weights(config, repeated({0.5f, 1, -0.2f}, bundle)));
+  for (const int bundle : {1, 2, 4}) {
+    const LearnedSimulator simulator = make(constant_weights(small_config(), repeated({0.5f, 1, -0.2f}, bundle)));
     EXPECT_EQ(simulator.config().bundle, bundle);
-    EXPECT_EQ(simulator.config().predictor, config.predictor);
     const Trajectory t =
         simulator.rollout(scene, surroundings, std::vector<int32_t>(30, 5), start, uncorrected(11));  // cuts the last
     ASSERT_EQ(t.frame_count(), 12u);
@@ -64,32 +55,10 @@ TEST_F(LearnedSimulatorTest, ConstantAccelerationsMakeParabolas) {
   }
 }
 
-/// The ballistic predictor is a change of what goes into the network and of what its output is added to.
-TEST_F(LearnedSimulatorTest, AfterAPredictionTheNetworkSeesTheBallisticFrame) {
-  const Scene scene = scene_with_ball({0.5, 0.35, 0.5}, 0.15);
-  const Surroundings surroundings(scene);
-  const auto history =
-      start_history(sheet(), std::vector<Vec3f>(100, Vec3f{0.1f, -2, 0}), scene.gravity, frame_time, 4);
-  const std::vector<int32_t> type(100, 5);
-  std::vector<std::vector<Vec3f>> seen(history.begin() + 1, history.end());
-  const Vec3f g = (scene.gravity * (frame_time * frame_time)).cast<float>();
-  seen.push_back(seen.back());
-  for (std::size_t i = 0; i < 100; ++i) seen[3][i] = history[3][i] + (history[3][i] - history[2][i]) + g;
-  HgnConfig config = small_config();
-  const auto expected = make(random_weights(config, Normalization{})).one_step(surroundings, type, seen);
-  config.predictor = FramePredictor::ballistic;
-  const LearnedSimulator simulator = make(random_weights(config, Normalization{}));
-  const auto actual = simulator.one_step(surroundings, type, history);
-  for (std::size_t i = 0; i < 100; ++i)
-    for (int d = 0; d < 3; ++d)
-      EXPECT_NEAR(actual[i][d], expected[i][d] + g[d], 1e-6f * (1 + std::abs(expected[i][d])));
-}
-
-TEST_F(LearnedSimulatorTest, RolloutsOfCorrectedFramesGoOnFromTheirOwn) {
+TEST_F(LearnedSimulatorTest, RolloutsGoOnFromTheirOwnFrames) {
   const Scene scene = scene_with_ball({0.5, 0.35, 0.5}, 0.15);
   const Surroundings surroundings(scene);
   HgnConfig config = small_config();
-  config.predictor = FramePredictor::ballistic;
   config.bundle = 2;
   Normalization small;
   for (float& deviation : small.acceleration_std) deviation = 1e-4f;

@@ -36,11 +36,9 @@ void expect_near(const std::vector<float>& actual, const float* expected, int64_
     ASSERT_NEAR(actual[i], expected[i], tolerance * (1 + std::abs(expected[i]))) << "number " << i;
 }
 
-void expect_the_batches_of_the_cpu(Device device, double tolerance, BatchShare share = {}, int64_t bundle = 1,
-                                   graph::FramePredictor predictor = graph::FramePredictor::none) {
+void expect_the_batches_of_the_cpu(Device device, double tolerance, BatchShare share = {}, int64_t bundle = 1) {
   TrainConfig config = sample_config();
   config.hgn.bundle = bundle;
-  config.hgn.predictor = predictor;
   const DataSplit split(tiny_data_set() + "/train.h5");
   const graph::Normalization normalization = split.statistics(config.noise_std, 1);
   DeviceSamples samples(split, config, normalization, device, share);
@@ -70,19 +68,16 @@ TEST(DeviceSamples, AreTheBatchesOfTheWorkers) {
   expect_the_batches_of_the_cpu(Device::cpu, 0);
   expect_the_batches_of_the_cpu(Device::cpu, 0, {1, 3});  // of the second of three ranks
   expect_the_batches_of_the_cpu(Device::cpu, 0, {}, 3);
-  expect_the_batches_of_the_cpu(Device::cpu, 0, {}, 2, graph::FramePredictor::ballistic);
 }
 
 TEST(DeviceSamples, AreTheBatchesOfTheWorkersOnTheGpu) {
   GRAUPEL_NEEDS_GPU();
   expect_the_batches_of_the_cpu(Device::cuda, 2e-5);
   expect_the_batches_of_the_cpu(Device::cuda, 2e-5, {}, 3);
-  expect_the_batches_of_the_cpu(Device::cuda, 2e-5, {}, 2, graph::FramePredictor::ballistic);
 }
 
 /// Batches of GNS with obstacle particles, edges and all.
-void expect_the_batches_of_gns(Device device, double tolerance, bool obstacle_particles,
-                               graph::FramePredictor predictor = graph::FramePredictor::none) {
+void expect_the_batches_of_gns(Device device, double tolerance, bool obstacle_particles) {
   TrainConfig config = tiny_gns_config();
   config.gns.history = 5;
   config.symmetries = true;
@@ -90,7 +85,6 @@ void expect_the_batches_of_gns(Device device, double tolerance, bool obstacle_pa
   config.gns.obstacle_particles = obstacle_particles;
   config.gns.obstacle_spacing = 0.02;
   config.gns.message_passing = 3;
-  config.gns.predictor = predictor;
   const DataSplit split(tiny_data_set() + "/train.h5");
   const graph::Normalization normalization = split.statistics(config.noise_std, 1);
   DeviceSamples samples(split, config, normalization, device);
@@ -130,62 +124,18 @@ void expect_the_batches_of_gns(Device device, double tolerance, bool obstacle_pa
 TEST(DeviceSamples, AreTheBatchesOfTheWorkersForGns) {
   expect_the_batches_of_gns(Device::cpu, 0, false);
   expect_the_batches_of_gns(Device::cpu, 0, true);
-  expect_the_batches_of_gns(Device::cpu, 0, true, graph::FramePredictor::ballistic);
 }
 
 TEST(DeviceSamples, AreTheBatchesOfTheWorkersForGnsOnTheGpu) {
   GRAUPEL_NEEDS_GPU();
   expect_the_batches_of_gns(Device::cuda, 2e-5, false);
   expect_the_batches_of_gns(Device::cuda, 2e-5, true);
-  expect_the_batches_of_gns(Device::cuda, 2e-5, true, graph::FramePredictor::ballistic);
 }
 
-/// Links between particles of the hierarchical graph network.
-void expect_the_links_of_the_cpu(Device device, double tolerance) {
-  TrainConfig config = sample_config();
-  config.hgn.short_range = 0.6;
-  const DataSplit split(tiny_data_set() + "/train.h5");
-  DeviceSamples samples(split, config, {}, device);
-  samples.start(0);
-  int64_t links = 0, particles = 0;
-  for (int64_t step = 0; step < 4; ++step) {
-    const SampleArrays made = samples.take();
-    samples.start(step + 1);
-    const Batch batch = training_batch(split, config, {}, step);
-    ASSERT_EQ(made.pair_count, batch.near.edges);
-    ASSERT_EQ(batch.near.cells, batch.particles());
-    ASSERT_EQ(made.counts.levels, static_cast<int>(batch.level.size()));
-    const auto expect_indices = [&](const int32_t* data, const Part& part) {
-      std::vector<int32_t> values(static_cast<std::size_t>(part.count));
-      device_copy(Device::cpu, values.data(), device, data, values.size() * sizeof(int32_t));
-      EXPECT_TRUE(std::equal(values.begin(), values.end(), batch.indices.begin() + part.begin));
-    };
-    expect_near(floats_of(device, made.pairs.features, batch.edge_features.count),
-                batch.numbers.data() + batch.edge_features.begin, batch.edge_features.count, tolerance);
-    expect_indices(made.pairs.begin, batch.near.edge_begin);
-    expect_indices(made.pairs.sender, batch.near.sender);
-    expect_indices(made.pairs.receiver, batch.near.receiver);
-    expect_indices(made.pairs.reverse, batch.near.reverse);
-    links += made.pair_count;
-    particles += made.particles;
-    samples.release();
-  }
-  EXPECT_GT(links, 2 * particles);
-}
-
-TEST(DeviceSamples, HaveTheLinksOfTheWorkers) { expect_the_links_of_the_cpu(Device::cpu, 0); }
-
-TEST(DeviceSamples, HaveTheLinksOfTheWorkersOnTheGpu) {
-  GRAUPEL_NEEDS_GPU();
-  expect_the_links_of_the_cpu(Device::cuda, 2e-4);
-}
-
-/// What the network sees and is to predict after frames of its own, for outputs of zero: free motion, or free fall.
-void expect_pushed_batches(Device device, int64_t bundle,
-                           graph::FramePredictor predictor = graph::FramePredictor::none) {
+/// What the network sees and is to predict after frames of its own, for outputs of zero: free motion.
+void expect_pushed_batches(Device device, int64_t bundle) {
   TrainConfig config = sample_config();
   config.hgn.bundle = bundle;
-  config.hgn.predictor = predictor;
   config.noise_std = 0;
   config.push_steps = 2;
   config.push_recovery = 0.25;
@@ -202,8 +152,6 @@ void expect_pushed_batches(Device device, int64_t bundle,
   for (const int64_t push : {1, 2}) batch = samples.push(still.data(), push);
   const std::vector<float> features = floats_of(device, batch.features, batch.particles * batch.feature_width),
                            target = floats_of(device, batch.target, 3 * bundle * batch.particles);
-  const bool falls = predictor == graph::FramePredictor::ballistic;
-  const Vec3f predicted = falls ? split.trajectory(0).context->gravity_step() : Vec3f::zero();
   std::size_t row = 0;
   const auto width = static_cast<std::size_t>(batch.target_width);
   for (int64_t slot = 0; slot < config.batch_scenes; ++slot) {
@@ -213,21 +161,21 @@ void expect_pushed_batches(Device device, int64_t bundle,
     const auto truth = split.positions(draw.key.trajectory, draw.key.frame + 2 * bundle - 1, bundle + 2);
     for (std::size_t p = 0; p < past[0].size(); ++p, ++row) {
       Vec3f velocity = past[1][p] - past[0][p], x = past[1][p];
-      for (int64_t frame = 0; frame < 2 * bundle; ++frame) x += velocity += predicted;
+      for (int64_t frame = 0; frame < 2 * bundle; ++frame) x += velocity;
       const auto acceleration = [&](std::size_t j) {
         return truth[j + 1][p] - truth[j][p] - (truth[j][p] - truth[j - 1][p]);
       };
       const Vec3f next =
           x + velocity + acceleration(1) + (truth[1][p] - truth[0][p] - velocity) * 0.75f + (truth[1][p] - x) * 0.25f;
-      const Vec3f newest = draw.turn.apply(velocity + predicted), older = draw.turn.apply(velocity),
-                  wanted = draw.turn.apply(next - x - velocity - predicted);
+      const Vec3f newest = draw.turn.apply(velocity), older = draw.turn.apply(velocity),
+                  wanted = draw.turn.apply(next - x - velocity);
       for (std::size_t d = 0; d < 3; ++d) {
         const int axis = static_cast<int>(d);
         EXPECT_NEAR(features[row * static_cast<std::size_t>(batch.feature_width) + d], newest[axis], 5e-7);
         EXPECT_NEAR(features[row * static_cast<std::size_t>(batch.feature_width) + 3 + d], older[axis], 5e-7);
         EXPECT_NEAR(target[width * row + d], wanted[axis], 1e-6);
         for (std::size_t j = 2; j <= static_cast<std::size_t>(bundle); ++j)
-          EXPECT_NEAR(target[width * row + 3 * (j - 1) + d], draw.turn.apply(acceleration(j) - predicted)[axis], 5e-7);
+          EXPECT_NEAR(target[width * row + 3 * (j - 1) + d], draw.turn.apply(acceleration(j))[axis], 5e-7);
       }
     }
   }
@@ -236,13 +184,11 @@ void expect_pushed_batches(Device device, int64_t bundle,
 
 TEST(DeviceSamples, PushedBatchesHoldTheNetworksOwnFrames) {
   for (const int64_t bundle : {1, 3}) expect_pushed_batches(Device::cpu, bundle);
-  expect_pushed_batches(Device::cpu, 2, graph::FramePredictor::ballistic);
 }
 
 TEST(DeviceSamples, PushedBatchesHoldTheNetworksOwnFramesOnTheGpu) {
   GRAUPEL_NEEDS_GPU();
   for (const int64_t bundle : {1, 3}) expect_pushed_batches(Device::cuda, bundle);
-  expect_pushed_batches(Device::cuda, 2, graph::FramePredictor::ballistic);
 }
 
 /// Weights after three steps.
@@ -279,9 +225,6 @@ std::vector<float> trained(Device device, bool on_device, const TrainConfig& con
 
 TEST(DeviceSamples, TrainTheSameWeights) {
   EXPECT_EQ(trained(Device::cpu, true), trained(Device::cpu, false));
-  TrainConfig near = sample_config();
-  near.hgn.short_range = 0.6;
-  EXPECT_EQ(trained(Device::cpu, true, near), trained(Device::cpu, false, near));
   TrainConfig gns = tiny_gns_config();
   gns.gns.obstacle_particles = true;
   gns.gns.obstacle_spacing = 0.03;

@@ -130,26 +130,6 @@ TEST(HeldParticles, AreInTheSamplesAsInTheData) {
   EXPECT_EQ(held, noisy.held);
 }
 
-/// Held particles go on as they move, the others fall; the plane stays a plane.
-TEST(HeldParticles, DoNotFallInPredictedFrames) {
-  TrainConfig config = plane_config();
-  config.symmetries = false;
-  config.noise_std = config.wave_share = 0;
-  const DataSplit split(plane_file(true));
-  const Batch plain = training_batch(split, config, {}, 3);
-  config.hgn.predictor = graph::FramePredictor::ballistic;
-  const Batch predicted = training_batch(split, config, {}, 3);
-  const float g = split.trajectory(0).context->gravity_step()[1];
-  const Rows a{plain, plain.features, plain.feature_width}, b{predicted, predicted.features, plain.feature_width};
-  for (int64_t i = 0; i < plain.particles(); ++i) {
-    const float fallen = graph::is_held_row(type_row(plain, i)) ? 0 : g;
-    EXPECT_NEAR(b.row(i)[1], a.row(i)[1] + fallen, 2e-7);
-    for (int64_t k = 3; k < 3 * config.hgn.history; ++k) EXPECT_EQ(b.row(i)[k], a.row(i)[k - 3]);
-    EXPECT_EQ(b.row(i)[2], 0);
-    EXPECT_EQ((Rows{predicted, predicted.target, 3}.row(i)[2]), 0);
-  }
-}
-
 /// Of both architectures: the loss is the mean over the others' x and y, and its gradient knows no held target.
 void expect_the_loss_of_the_others(const TrainConfig& config) {
   const DataSplit split(plane_file(true));

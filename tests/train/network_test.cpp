@@ -6,7 +6,6 @@
 #include "core/random.h"
 #include "graph/features.h"
 #include "tests/gpu_only.h"
-#include "tests/train/links.h"
 #include "train/network_module.h"
 #include "train/parameter_layout.h"
 
@@ -46,7 +45,6 @@ SceneGraph random_graph(const graph::HgnConfig& config, uint64_t seed, int parti
   }
   scene.hierarchy =
       sparsegrid::build_hierarchy<3>(position, config.spacing, {-0.01, -0.02, 0}, static_cast<int>(config.levels));
-  if (config.short_range > 0) set_links(scene, position, config.short_radius());
   return scene;
 }
 
@@ -104,47 +102,6 @@ TEST_P(EitherAggregation, GradientOfABundleOfFrames) {
   check_gradient(config, concatenate({random_graph(config, 1, 40, 0.15), random_graph(config, 2, 25, 0.3)}));
 }
 
-TEST_P(EitherAggregation, GradientOfLinksBetweenParticles) {
-  graph::HgnConfig config = tiny_config(GetParam());
-  config.short_range = 0.8;
-  const Batch batch = concatenate({random_graph(config, 3, 14, 0.06), random_graph(config, 2, 8, 0.1)});
-  ASSERT_GT(batch.near.edges, 2 * 22);  // pairs, not only the particles themselves
-  check_gradient(config, batch);
-}
-
-TEST(NetworkModule, LinksBetweenParticlesAreEvaluatedTheSameWhole) {
-  graph::HgnConfig config = tiny_config(Aggregation::activations);
-  config.short_range = 1;
-  const NetworkModule module(config, Device::cpu, 3);
-  const Batch batch = concatenate({random_graph(config, 5, 71, 0.1), random_graph(config, 6, 50, 0.2)});
-  EXPECT_NE((batch.target.begin + batch.target.count) % 4, 0);
-  EXPECT_EQ(batch.edge_features.begin % 4, 0);  // kernels read the four numbers of a link at once
-  const std::vector<float> split = module.predict(batch, StateArray::weights);
-  const std::vector<float> whole =
-      module.time_prediction(batch, StateArray::weights, graph::FirstLayers::whole, 0, 1).accelerations;
-  ASSERT_EQ(whole.size(), split.size());
-  for (std::size_t i = 0; i < whole.size(); ++i) EXPECT_NEAR(whole[i], split[i], 2e-5f);
-}
-
-TEST(NetworkModule, ParticlesBeyondTheShortRangeAreSeenByTheGridAlone) {
-  // Two particles of one cell, at distances just within and beyond the range, whose grids are alike.
-  graph::HgnConfig config = tiny_config(Aggregation::activations);
-  config.short_range = 0.5;
-  SceneGraph scene = random_graph(config, 5, 2, 0.01);
-  const auto links_at = [&](double distance) {
-    SceneGraph other = scene;
-    set_links(other, {{0.3f, 0.3f, 0.3f}, {static_cast<float>(0.3 + distance), 0.3f, 0.3f}}, config.short_radius());
-    return concatenate({other});
-  };
-  const Batch within = links_at(0.017), beyond = links_at(0.018), far = links_at(0.03);
-  EXPECT_EQ(within.near.edges, 4);
-  EXPECT_EQ(beyond.near.edges, 2);
-  const NetworkModule module(config, Device::cpu, 3);
-  const auto of = [&](const Batch& batch) { return module.predict(batch, StateArray::weights); };
-  EXPECT_NE(of(within), of(beyond));
-  EXPECT_EQ(of(beyond), of(far));
-}
-
 TEST(NetworkModule, TheLossOfABundleIsTheMeanOverItsFrames) {
   graph::HgnConfig config = tiny_config();
   config.bundle = 4;
@@ -166,8 +123,7 @@ INSTANTIATE_TEST_SUITE_P(NetworkModule, EitherAggregation,
                          [](const auto& param) { return word_of(param.param); });
 
 TEST(NetworkModule, ABatchGivesEachSceneItsOwnPrediction) {
-  graph::HgnConfig config = tiny_config();
-  config.short_range = 1;
+  const graph::HgnConfig config = tiny_config();
   const NetworkModule module(config, Device::cpu, 3);
   const SceneGraph a = random_graph(config, 5, 30, 0.2), b = random_graph(config, 6, 50, 0.1);
   std::vector<float> one_by_one = module.predict(concatenate({a}), StateArray::weights);
@@ -226,23 +182,6 @@ TEST(MixedPrecision, GradientIsThatOfDoublePrecisionOnTheGpu) {
     config.bundle = 3;
     check_mixed_gradient(config, concatenate({random_graph(config, 7, 900, 0.1)}));
   }
-}
-
-TEST(MixedPrecision, GradientOfLinksBetweenParticlesOnTheGpu) {
-  GRAUPEL_NEEDS_GPU();
-  graph::HgnConfig config = tiny_config(Aggregation::activations);
-  config.latent = 128;
-  config.embedding = 16;
-  config.history = 5;
-  config.short_range = 0.5;
-  const Batch batch = concatenate({random_graph(config, 1, 700, 0.1), random_graph(config, 2, 333, 0.4)});
-  ASSERT_GT(batch.near.edges, 8 * 700);
-  check_mixed_gradient(config, batch);
-  config.short_range = 1;
-  config.levels = 2;
-  config.message_passing = 1;
-  config.bundle = 2;
-  check_mixed_gradient(config, concatenate({random_graph(config, 7, 3000, 0.12)}));  // more than a block's particles
 }
 
 TEST(MixedPrecision, IsLeftOutWhereItDoesNotExist) {

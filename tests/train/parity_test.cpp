@@ -10,7 +10,6 @@
 #include "graph/normalization.h"
 #include "io/scene_reader.h"
 #include "mpm/simulation.h"
-#include "tests/train/links.h"
 #include "train/network_module.h"
 
 namespace graupel::train {
@@ -66,8 +65,7 @@ void check_parity(const graph::HgnConfig& config, int particles) {
       scene.features.push_back(static_cast<float>(a));
     }
   }
-  if (config.short_range > 0) set_links(scene, position, config.short_radius());
-  const std::vector<float> expected = engine.forward(scene.features, types, scene.hierarchy, position);
+  const std::vector<float> expected = engine.forward(scene.features, types, scene.hierarchy);
   const Batch batch = concatenate({scene});
   check_equal(expected, module.predict(batch, StateArray::weights));
   for (const graph::FirstLayers first_layers : {graph::FirstLayers::whole, graph::FirstLayers::split})
@@ -93,18 +91,6 @@ TEST_P(HgnParity, SmallNetworkWithSignedDistance) {
   config.message_passing = 2;
   config.signed_distance = true;
   check_parity(config, 500);
-}
-
-TEST(Parity, LinksBetweenParticles) {
-  graph::HgnConfig config;
-  config.aggregation = graph::Aggregation::activations;
-  config.message_passing = 2;
-  config.short_range = 0.5;
-  check_parity(config, 800);
-  config.latent = 32;
-  config.levels = 2;
-  config.short_range = 1;
-  check_parity(config, 2000);
 }
 
 TEST_P(HgnParity, BundleOfThreeFrames) {

@@ -97,16 +97,16 @@ TEST(Training, RunsFromBeforeASettingGoOn) {
   remove_path(folder);
 }
 
-TEST(Training, RefusesANetworkThatNothingRollsOut) {
-  const std::string folder = test_folder("messages_near");
+TEST(Training, RefusesOptionsThatWereRemoved) {
+  const std::string folder = test_folder("removed");
   TrainingOptions options = tiny_options(folder + "/run");
   options.config.hgn.short_range = 0.5;
-  options.config.hgn.aggregation = graph::Aggregation::messages;
   try {
     train_network(options);
     ADD_FAILURE();
   } catch (const ConfigError& error) {
-    EXPECT_NE(std::string(error.what()).find("hgn.short_range (0.5"), std::string::npos) << error.what();
+    EXPECT_NE(std::string(error.what()).find("hgn.short_range (0.5, allowed: 0) was removed"), std::string::npos)
+        << error.what();
   }
   EXPECT_FALSE(fs::exists(options.run));
   remove_path(folder);
@@ -172,26 +172,6 @@ TEST(Training, LearnsABundleOfFrames) {
   const SquaredErrors errors = result.validation->one_step.all();
   EXPECT_LT(errors.raw_mse(Predictor::network), 0.6 * errors.raw_mse(Predictor::zero));
   EXPECT_LT(result.validation->rollout_mse, 1e-3);
-  remove_path(folder);
-}
-
-TEST(Training, LearnsToCorrectBallisticFrames) {
-  const std::string folder = test_folder("learn_ballistic");
-  TrainingOptions options = tiny_options(folder + "/run");
-  LossCourse loss;
-  learn_fast(options, 400, loss);
-  options.config.hgn.predictor = graph::FramePredictor::ballistic;
-  options.config.push_steps = 1;
-  options.config.push_share = 0.25;
-  const TrainingResult result = train_network(options);
-  EXPECT_LT(loss.last, loss.first / 3);
-  const SquaredErrors errors = result.validation->one_step.all();
-  EXPECT_LT(errors.raw_mse(Predictor::network), 0.5 * errors.raw_mse(Predictor::ballistic));
-  EXPECT_TRUE(graph::LearnedSimulator(result.weights_file).config().is_ballistic());
-  // Its weights mean something else without the prediction.
-  graph::HgnConfig other = options.config.hgn;
-  other.predictor = graph::FramePredictor::none;
-  EXPECT_THROW(starting_weights(result.weights_file, NetworkConfig(other)), ConfigError);
   remove_path(folder);
 }
 
