@@ -38,9 +38,18 @@ struct BenchMpmOptions {
   std::string table;
 };
 
+/// "tait_water", or the word of a constitutive model that moves.
+std::vector<std::string> material_words() {
+  std::vector<std::string> words = {"all", "tait_water"};
+  for (const auto& [word, model] : EnumWords<MaterialModel>::words)
+    if (model != MaterialModel::stationary) words.emplace_back(word);
+  return words;
+}
+
 MaterialConfig cube_material(const std::string& name) {
   const bool tait = name == "tait_water";
-  MaterialConfig m = *material_preset(tait ? "taichi_water" : "taichi_" + name);
+  const auto taichi = material_preset(tait ? "taichi_water" : "taichi_" + name);
+  MaterialConfig m = taichi ? *taichi : *material_preset(name);
   m.name = name;
   if (tait) {
     m.equation_of_state = EquationOfState::tait;
@@ -52,6 +61,8 @@ MaterialConfig cube_material(const std::string& name) {
   m.poissons_ratio = name == "jelly" ? 0.4 : 0.3;
   m.friction_angle = 30;
   m.bulk_modulus = 4e4;
+  m.yield_stress = 1000;
+  m.consistency = 10;
   return m;
 }
 
@@ -284,8 +295,8 @@ void add_bench(CLI::App& app) {
   auto options = std::make_shared<BenchMpmOptions>();
   CLI::App* verb = bench->add_subcommand("mpm", "Whole substeps of a falling cube: dx = 1/256 m, steps of 1e-4 s");
   verb->add_option("--material", options->material,
-                   "water, jelly, snow, sand, tait_water (exponent 7.15, viscous) or all of the first four")
-      ->check(CLI::IsMember({"water", "jelly", "snow", "sand", "tait_water", "all"}))
+                   "A constitutive model, tait_water (exponent 7.15, viscous), or all: water, jelly, snow and sand")
+      ->check(CLI::IsMember(material_words()))
       ->capture_default_str();
   verb->add_option("--particles", options->particles, "Number of particles (8 a cell of a cube; repeatable)")
       ->check(CLI::Range(int64_t{8}, int64_t{100000000}))

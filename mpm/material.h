@@ -9,26 +9,28 @@
 //   none (0)           stationary
 #pragma once
 
-#include "mpm/materials/foam.h"
-#include "mpm/materials/jelly.h"
-#include "mpm/materials/neo_hookean.h"
-#include "mpm/materials/sand.h"
-#include "mpm/materials/snow.h"
-#include "mpm/materials/toothpaste.h"
-#include "mpm/materials/von_mises.h"
-#include "mpm/materials/water.h"
+#include "mpm/materials/list.h"
 
 namespace graupel::mpm {
 
 /// Whether the internal variable is a volume ratio that must stay positive; plastic models repair F instead.
 GRAUPEL_HD inline bool internal_variable_is_volume_ratio(MaterialModel model) {
-  return model == MaterialModel::water || model == MaterialModel::jelly || model == MaterialModel::neo_hookean ||
-         model == MaterialModel::toothpaste;
+  bool result = false;
+  with_law(model, [&](auto law) { result = decltype(law)::keeps_volume_positive; });
+  return result;
 }
 
 /// Value of the internal variable in the undeformed state.
 GRAUPEL_HD inline double initial_internal_variable(MaterialModel model) {
-  return internal_variable_is_volume_ratio(model) || model == MaterialModel::snow ? 1.0 : 0.0;
+  double result = 0;
+  with_law(model, [&](auto law) { result = decltype(law)::initial_internal; });
+  return result;
+}
+
+GRAUPEL_HD inline Measure measure_of(MaterialModel model) {
+  Measure result = Measure::nothing;
+  with_law(model, [&](auto law) { result = decltype(law)::measure; });
+  return result;
 }
 
 /// Whether F is part of the particle's state.
@@ -36,10 +38,12 @@ GRAUPEL_HD inline bool keeps_deformation(MaterialModel model) {
   return model != MaterialModel::water && model != MaterialModel::stationary;
 }
 
-/// Whether the model works on the singular values of F.
-GRAUPEL_HD inline bool needs_svd(MaterialModel model) {
-  return keeps_deformation(model) && model != MaterialModel::neo_hookean;
+constexpr GRAUPEL_HD bool is_principal(Measure measure) {
+  return measure == Measure::stretches || measure == Measure::logarithms;
 }
+
+/// Whether the model works on the singular values of F.
+GRAUPEL_HD inline bool needs_svd(MaterialModel model) { return is_principal(measure_of(model)); }
 
 /// Trial state of a step with the affine velocity C [1/s]: F <- (I + dt C) F, water J <- det(I + dt C) J.
 template <typename T, int D>
@@ -47,30 +51,47 @@ GRAUPEL_HD inline void trial_deformation(const MaterialParameters<T>& m, T dt, c
                                          T& internal) {
   const Mat<T, D> increment = Mat<T, D>::identity() + dt * C;
   if (m.model == MaterialModel::water)
-    internal = water_volume_ratio(increment, internal);
+    internal = WaterLaw::volume_ratio(increment, internal);
   else if (m.model != MaterialModel::stationary)
     F = increment * F;
 }
 
-/// map_and_stress() of the models beyond water, jelly, snow and sand; by value, so that a caller's own copies of the
-/// other models' state can stay in registers.
+/// F = U diag(sigma) V^T.
 template <typename T, int D>
-GRAUPEL_COLD GRAUPEL_HD Mat<T, D> map_and_stress_of_others(const MaterialParameters<T>& m, T dt, Svd<T, D> d,
-                                                           Mat<T, D>& F, T& internal) {
-  switch (m.model) {
-    case MaterialModel::neo_hookean:
-      internal = determinant(F);
-      return neo_hookean_stress(m, F);
-    case MaterialModel::metal:
-    case MaterialModel::cake:
-      return von_mises_update(m, d, F, internal);
-    case MaterialModel::toothpaste:
-      return toothpaste_update(m, dt, d, F, internal);
-    case MaterialModel::foam:
-      return foam_update(m, dt, d, F, internal);
-    default:
-      return Mat<T, D>::zero();
+GRAUPEL_HD inline Mat<T, D> deformation_of_stretches(const Svd<T, D>& d, const Vec<T, D>& sigma) {
+  return d.U * Mat<T, D>::diagonal(sigma) * transpose(d.V);
+}
+
+/// Return mapping and stress of a law of singular values or their logarithms, from the decomposition `d` of the trial
+/// F.
+template <typename Law, typename T, int D>
+GRAUPEL_HD inline Mat<T, D> map_principal(const MaterialParameters<T>& m, T dt, const Svd<T, D>& d, Mat<T, D>& F,
+                                          T& internal) {
+  Vec<T, D> principal;
+  if constexpr (Law::measure == Measure::logarithms) {
+    Vec<T, D> strain = logarithmic_strain(d.sigma);
+    if (Law::update(m, dt, strain, internal, principal) || is_collapsed(d.sigma)) {
+      for (int i = 0; i < D; ++i) strain[i] = std::exp(strain[i]);
+      F = deformation_of_stretches(d, strain);
+    }
+  } else {
+    Vec<T, D> sigma = d.sigma;
+    if (Law::update(m, dt, sigma, internal, principal)) F = deformation_of_stretches(d, sigma);
   }
+  return spectral(d.U, principal);
+}
+
+/// Of the laws that are not frequent, by value, so that a caller's own copies of the others' state can stay in
+/// registers.
+template <typename T, int D>
+GRAUPEL_COLD GRAUPEL_HD Mat<T, D> map_principal_of_others(const MaterialParameters<T>& m, T dt, Svd<T, D> d,
+                                                          Mat<T, D>& F, T& internal) {
+  Mat<T, D> tau = Mat<T, D>::zero();
+  with_law(OtherLaws{}, m.model, [&](auto law) {
+    using Law = decltype(law);
+    if constexpr (is_principal(Law::measure)) tau = map_principal<Law>(m, dt, d, F, internal);
+  });
+  return tau;
 }
 
 /// Return mapping and Kirchhoff stress [Pa] of a trial state, viscosity of water excepted. `d` is the decomposition of
@@ -78,38 +99,45 @@ GRAUPEL_COLD GRAUPEL_HD Mat<T, D> map_and_stress_of_others(const MaterialParamet
 template <typename T, int D>
 GRAUPEL_HD inline Mat<T, D> map_and_stress(const MaterialParameters<T>& m, T dt, const Svd<T, D>& d, Mat<T, D>& F,
                                            T& internal) {
-  if (m.model == MaterialModel::water) return Mat<T, D>::diagonal(Vec<T, D>::filled(water_stress(m, internal)));
-  if (m.model == MaterialModel::snow) return snow_update(m, d, F, internal);
-  if (m.model == MaterialModel::sand) return sand_update(m, d, F, internal);
-  if (m.model != MaterialModel::jelly) {
-    Mat<T, D> F_of_others = F;
-    T internal_of_others = internal;
-    const Mat<T, D> tau = map_and_stress_of_others(m, dt, d, F_of_others, internal_of_others);
-    F = F_of_others;
-    internal = internal_of_others;
+  Mat<T, D> tau = Mat<T, D>::zero();
+  const auto map = [&](auto law) {
+    using Law = decltype(law);
+    if constexpr (Law::measure == Measure::volume_ratio)
+      tau = Mat<T, D>::diagonal(Vec<T, D>::filled(Law::mean_stress(m, internal)));
+    else if constexpr (Law::measure == Measure::deformation)
+      tau = Law::update(m, F, internal);
+    else if constexpr (is_principal(Law::measure))
+      tau = map_principal<Law>(m, dt, d, F, internal);
+  };
+  if (with_law(FrequentLaws{}, m.model, map)) return tau;
+  if (measure_of(m.model) == Measure::deformation) {
+    with_law(OtherLaws{}, m.model, [&](auto law) {
+      using Law = decltype(law);
+      if constexpr (Law::measure == Measure::deformation) tau = Law::update(m, F, internal);
+    });
     return tau;
   }
-  internal = determinant(F);
-  return corotated_stress(m, T(1), d.U, d.sigma);
+  Mat<T, D> F_of_others = F;
+  T internal_of_others = internal;
+  tau = map_principal_of_others(m, dt, d, F_of_others, internal_of_others);
+  F = F_of_others;
+  internal = internal_of_others;
+  return tau;
 }
 
-/// map_and_stress() of one solid particle, which decomposes F as its model needs it.
+/// map_and_stress() of one solid particle, which decomposes F where its model needs it.
 template <typename T, int D>
 GRAUPEL_HD inline Mat<T, D> map_and_stress_of_solid(const MaterialParameters<T>& m, T dt, Mat<T, D>& F, T& internal) {
-  if constexpr (D == 3)
-    if (m.model == MaterialModel::jelly) {
-      internal = determinant(F);
-      return jelly_stress(m, F, internal);
-    }
+  if (m.model == JellyLaw::model) return JellyLaw::update(m, F, internal);
   return map_and_stress(m, dt, needs_svd(m.model) ? svd(F) : Svd<T, D>{}, F, internal);
 }
 
 /// Kirchhoff stress [Pa] of water and stationary particles.
-template <typename T, int D>
-GRAUPEL_HD inline Mat<T, D> fluid_stress(const MaterialParameters<T>& m, const Mat<T, D>& C, T internal) {
-  if (m.model != MaterialModel::water) return Mat<T, D>::zero();
-  Mat<T, D> tau = Mat<T, D>::diagonal(Vec<T, D>::filled(water_stress(m, internal)));
-  if (m.viscosity > T(0)) tau += viscous_stress(m, C, internal);
+template <typename S, int D>
+GRAUPEL_HD inline Mat<S, D> fluid_stress(const MaterialParameters<Real<S>>& m, const Mat<S, D>& C, S internal) {
+  if (m.model != MaterialModel::water) return Mat<S, D>::zero();
+  Mat<S, D> tau = Mat<S, D>::diagonal(Vec<S, D>::filled(water_stress(m, internal)));
+  if (m.viscosity > Real<S>(0)) tau += viscous_stress(m, C, internal);
   return tau;
 }
 
@@ -125,63 +153,31 @@ GRAUPEL_HD inline Mat<T, D> update_material(const MaterialParameters<T>& m, T dt
 /// Elastic energy density [J/m^3 of reference volume].
 template <typename T, int D>
 GRAUPEL_HD inline T energy_density(const MaterialParameters<T>& m, const Mat<T, D>& F, T internal) {
-  switch (m.model) {
-    case MaterialModel::water:
-      return water_energy(m, internal);
-    case MaterialModel::jelly:
-      return jelly_energy(m, F);
-    case MaterialModel::snow:
-      return corotated_energy(m, snow_hardening(m, internal), svd(F).sigma);
-    case MaterialModel::sand:
-    case MaterialModel::foam:
-      return hencky_energy(m, logarithmic_strain(svd(F).sigma));
-    case MaterialModel::neo_hookean:
-      return neo_hookean_energy(m, F);
-    case MaterialModel::metal:
-    case MaterialModel::cake:
-      return von_mises_energy(m, F, internal);
-    case MaterialModel::toothpaste:
-      return toothpaste_energy(m, F);
-    case MaterialModel::stationary:
-      break;
-  }
-  return T(0);
+  T energy = 0;
+  with_law(m.model, [&](auto law) { energy = decltype(law)::energy(m, F, internal); });
+  return energy;
 }
 
 /// Whether sound_speed() reads F.
 GRAUPEL_HD inline bool sound_speed_needs_deformation(MaterialModel model) {
-  return keeps_deformation(model) && model != MaterialModel::snow && model != MaterialModel::sand;
+  bool result = false;
+  with_law(model, [&](auto law) { result = decltype(law)::sound_speed_reads_F; });
+  return result;
 }
 
-/// sound_speed() of the models beyond water, jelly, snow and sand.
+/// sound_speed() of the laws that are not frequent.
 template <typename T, int D>
 GRAUPEL_COLD GRAUPEL_HD T sound_speed_of_others(const MaterialParameters<T>& m, Mat<T, D> F, T internal) {
-  switch (m.model) {
-    case MaterialModel::neo_hookean:
-      return neo_hookean_sound_speed(m, F);
-    case MaterialModel::metal:
-    case MaterialModel::cake:
-      return von_mises_sound_speed(m, F, internal);
-    case MaterialModel::toothpaste:
-      return toothpaste_sound_speed(m, F, internal);
-    case MaterialModel::foam:
-      return hencky_sound_speed(m, F, m.yield_strength);
-    default:
-      return m.elastic_speed;
-  }
+  T c = m.elastic_speed;
+  with_law(OtherLaws{}, m.model, [&](auto law) { c = decltype(law)::sound_speed(m, F, internal); });
+  return c;
 }
 
 /// Sound speed [m/s] of the present state; never below that of the state at rest.
 template <typename T, int D>
 GRAUPEL_HD inline T sound_speed(const MaterialParameters<T>& m, const Mat<T, D>& F, T internal) {
   T c = m.elastic_speed;
-  if (m.model == MaterialModel::water)
-    c = water_sound_speed(m, internal);
-  else if (m.model == MaterialModel::jelly)
-    c = jelly_sound_speed(m, F, internal);
-  else if (m.model == MaterialModel::snow)
-    c = snow_sound_speed(m, internal);
-  else if (m.model != MaterialModel::sand)
+  if (!with_law(FrequentLaws{}, m.model, [&](auto law) { c = decltype(law)::sound_speed(m, F, internal); }))
     c = sound_speed_of_others(m, F, internal);
   return c > m.elastic_speed ? c : m.elastic_speed;
 }

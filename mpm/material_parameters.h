@@ -1,7 +1,7 @@
 // Constants of one material in the precision and form that kernels use.
 #pragma once
 
-#include "core/mat.h"
+#include "core/host_device.h"
 #include "core/material_config.h"
 
 namespace graupel::mpm {
@@ -69,53 +69,6 @@ MaterialParameters<T> material_parameters(const MaterialConfig& config) {
   m.flow_consistency = static_cast<T>(config.consistency * std::pow(2.0, (1 + config.flow_index) / 2));
   m.flow_index = static_cast<T>(config.flow_index);
   return m;
-}
-
-/// U diag(values) U^T.
-template <typename T, int D>
-GRAUPEL_HD inline Mat<T, D> spectral(const Mat<T, D>& U, const Vec<T, D>& values) {
-  Mat<T, D> m;
-  for (int r = 0; r < D; ++r)
-    for (int c = r; c < D; ++c) {
-      T s = 0;
-      for (int k = 0; k < D; ++k) s += U(r, k) * values[k] * U(c, k);
-      m(r, c) = s;
-      m(c, r) = s;
-    }
-  return m;
-}
-
-template <typename T, int D>
-GRAUPEL_HD inline T sum_of(const Vec<T, D>& values) {
-  T sum = 0;
-  for (int i = 0; i < D; ++i) sum += values[i];
-  return sum;
-}
-
-/// The values less their mean.
-template <typename T, int D>
-GRAUPEL_HD inline Vec<T, D> deviator_of(const Vec<T, D>& values) {
-  return values - Vec<T, D>::filled(sum_of(values) / T(D));
-}
-
-/// Upper bound of the largest squared singular value of F, exact where the others are equal (Wolkowicz and Styan 1980
-/// for B = F F^T: tr B / D + sqrt((D - 1)/D) |dev B|).
-template <typename T, int D>
-GRAUPEL_HD inline T largest_stretch2_bound(const Mat<T, D>& F) {
-  T trace = 0, squares = 0, products = 0;
-  for (int r = 0; r < D; ++r) {
-    T b = 0;
-    for (int i = 0; i < D; ++i) b += F(r, i) * F(r, i);
-    trace += b;
-    squares += b * b;
-    for (int c = 0; c < r; ++c) {
-      T off = 0;
-      for (int i = 0; i < D; ++i) off += F(r, i) * F(c, i);
-      products += off * off;
-    }
-  }
-  const T mean = trace / T(D), dev2 = squares + T(2) * products - T(D) * mean * mean;
-  return mean + std::sqrt(dev2 > T(0) ? dev2 * T(D - 1) / T(D) : T(0));
 }
 
 }  // namespace graupel::mpm

@@ -8,21 +8,37 @@
 
 namespace graupel::mpm {
 
-/// One step from the decomposition `d` of the trial F -> elastic F, e; returns the Kirchhoff stress [Pa].
-template <typename T, int D>
-GRAUPEL_HD inline Mat<T, D> foam_update(const MaterialParameters<T>& m, T dt, const Svd<T, D>& d, Mat<T, D>& F, T& e) {
-  Vec<T, D> strain = logarithmic_strain(d.sigma);
-  const Vec<T, D> deviator = deviator_of(strain);
-  const T length = norm(deviator), trial = T(2) * m.mu * length;
-  if (trial > m.yield_strength) {
-    const T flow = length * (T(1) - herschel_bulkley_stress(m, m.mu, dt, trial) / trial);
-    strain -= (flow / length) * deviator;
-    e += T(0.81649658092772603) * flow;  // sqrt(2/3)
-    F = deformation_of_strain(d, strain);
-  } else if (is_collapsed(d.sigma)) {
-    F = deformation_of_strain(d, strain);
+struct FoamLaw {
+  static constexpr MaterialModel model = MaterialModel::foam;
+  static constexpr Measure measure = Measure::logarithms;
+  static constexpr double initial_internal = 0;  ///< e
+  static constexpr bool keeps_volume_positive = false;
+  static constexpr bool sound_speed_reads_F = true;
+
+  template <typename S, int D>
+  GRAUPEL_HD static MaskOf<S> update(const MaterialParameters<Real<S>>& m, Real<S> dt, Vec<S, D>& strain, S& e,
+                                     Vec<S, D>& principal) {
+    using T = Real<S>;
+    const Vec<S, D> deviator = deviator_of(strain);
+    const S length = length_of(deviator), trial = T(2) * m.mu * length;
+    const MaskOf<S> yields = trial > m.yield_strength;
+    if (any(yields)) {
+      const S zero = S(T(0)), flow = length * (T(1) - herschel_bulkley_stress(m, S(m.mu), dt, trial) / trial);
+      const S share = select(yields, flow / length, zero);
+      for (int i = 0; i < D; ++i) strain[i] -= share * deviator[i];
+      e += select(yields, equivalent_strain<T> * flow, zero);
+    }
+    principal = hencky_principal_stress(m, strain);
+    return yields;
   }
-  return hencky_stress(m, d.U, strain);
-}
+  template <typename T, int D>
+  GRAUPEL_HD static T energy(const MaterialParameters<T>& m, const Mat<T, D>& F, T) {
+    return hencky_energy(m, logarithmic_strain(svd(F).sigma));
+  }
+  template <typename S, int D>
+  GRAUPEL_HD static S sound_speed(const MaterialParameters<Real<S>>& m, const Mat<S, D>& F, S) {
+    return hencky_sound_speed(m, F, S(m.yield_strength));
+  }
+};
 
 }  // namespace graupel::mpm

@@ -4,16 +4,17 @@
 
 #include "core/svd.h"
 #include "mpm/material_parameters.h"
+#include "mpm/materials/scalar.h"
 
 namespace graupel::mpm {
 
-/// tau [Pa].
-template <typename T, int D>
-GRAUPEL_HD inline Mat<T, D> hencky_stress(const MaterialParameters<T>& m, const Mat<T, D>& U, const Vec<T, D>& strain) {
-  const T sum = sum_of(strain);
-  Vec<T, D> principal;
-  for (int i = 0; i < D; ++i) principal[i] = T(2) * m.mu * strain[i] + m.lambda * sum;
-  return spectral(U, principal);
+/// Principal tau [Pa].
+template <typename S, int D>
+GRAUPEL_HD inline Vec<S, D> hencky_principal_stress(const MaterialParameters<Real<S>>& m, const Vec<S, D>& strain) {
+  const S sum = sum_of(strain);
+  Vec<S, D> principal;
+  for (int i = 0; i < D; ++i) principal[i] = Real<S>(2) * m.mu * strain[i] + m.lambda * sum;
+  return principal;
 }
 
 template <typename T, int D>
@@ -24,36 +25,32 @@ GRAUPEL_HD inline T hencky_energy(const MaterialParameters<T>& m, const Vec<T, D
 
 /// Logarithmic strains of the singular values; |s| below 1e-4 counts as 1e-4 (Taichi Elements), so that a collapsed or
 /// inverted trial F is brought back by the projection.
-template <typename T, int D>
-GRAUPEL_HD inline Vec<T, D> logarithmic_strain(const Vec<T, D>& sigma) {
-  Vec<T, D> strain;
-  for (int i = 0; i < D; ++i) {
-    const T s = std::abs(sigma[i]);
-    strain[i] = std::log(s > T(1e-4) ? s : T(1e-4));
-  }
+template <typename S, int D>
+GRAUPEL_HD inline Vec<S, D> logarithmic_strain(const Vec<S, D>& sigma) {
+  using T = Real<S>;
+  Vec<S, D> strain;
+  for (int i = 0; i < D; ++i) strain[i] = logarithm(larger(magnitude(sigma[i]), S(T(1e-4))));
   return strain;
 }
 
-/// Whether logarithmic_strain() had to repair the singular values.
+/// Whether logarithmic_strain() had to repair the singular values of a decomposition.
 template <typename T, int D>
 GRAUPEL_HD inline bool is_collapsed(const Vec<T, D>& sigma) {
   return !(sigma[D - 1] > T(1e-4));
 }
 
-/// F = U diag(exp(strain)) V^T.
-template <typename T, int D>
-GRAUPEL_HD inline Mat<T, D> deformation_of_strain(Svd<T, D> d, const Vec<T, D>& strain) {
-  for (int i = 0; i < D; ++i) d.sigma[i] = std::exp(strain[i]);
-  return d.U * Mat<T, D>::diagonal(d.sigma) * transpose(d.V);
-}
-
 /// Wave speed [m/s]: rho0 c^2 = lambda + 2 mu - tau_ii along a principal axis, bounded by the pressure and by the
 /// `deviator` that the stress can have [Pa].
-template <typename T, int D>
-GRAUPEL_HD inline T hencky_sound_speed(const MaterialParameters<T>& m, const Mat<T, D>& F, T deviator) {
-  const T J = determinant(F), pressure = -(m.lambda + T(2) * m.mu / T(D)) * std::log(J > T(1e-12) ? J : T(1e-12));
-  const T stiffness = m.lambda + T(2) * m.mu + (pressure > T(0) ? pressure : T(0)) + deviator;
-  return std::sqrt(stiffness / m.density);
+template <typename S, int D>
+GRAUPEL_HD inline S hencky_sound_speed(const MaterialParameters<Real<S>>& m, const Mat<S, D>& F, S deviator) {
+  using T = Real<S>;
+  const S log_J = logarithm(larger(determinant(F), S(T(1e-12))));
+  const S pressure = -(m.lambda + T(2) * m.mu / T(D)) * log_J;
+  return square_root((m.lambda + T(2) * m.mu + larger(pressure, S(T(0))) + deviator) / m.density);
 }
+
+/// |dev F flow| of one step -> equivalent plastic strain: sqrt(2/3).
+template <typename T>
+inline constexpr T equivalent_strain = T(0.81649658092772603);
 
 }  // namespace graupel::mpm

@@ -2,36 +2,38 @@
 // tau = P F^T = 2 mu (F - R) F^T + lambda J (J - 1) I, R the rotation of F.
 #pragma once
 
-#include "core/polar.h"
 #include "core/svd.h"
 #include "mpm/material_parameters.h"
+#include "mpm/materials/scalar.h"
 
 namespace graupel::mpm {
 
-/// Kirchhoff stress from the singular values s of F and its left rotation U: U diag(2 mu (s - 1) s + lambda J (J-1))
-/// U^T. `hardening` scales both Lame constants (snow; 1 for jelly).
-template <typename T, int D>
-GRAUPEL_HD inline Mat<T, D> corotated_stress(const MaterialParameters<T>& m, T hardening, const Mat<T, D>& U,
-                                             const Vec<T, D>& sigma) {
-  T J = 1;
-  for (int i = 0; i < D; ++i) J *= sigma[i];
-  Vec<T, D> principal;
-  for (int i = 0; i < D; ++i)
-    principal[i] = hardening * (T(2) * m.mu * (sigma[i] - T(1)) * sigma[i] + m.lambda * J * (J - T(1)));
-  return spectral(U, principal);
+/// Principal Kirchhoff stress of the singular values s of F: 2 mu (s - 1) s + lambda J (J - 1). `hardening` scales both
+/// Lame constants (snow; 1 for jelly).
+template <typename S, int D>
+GRAUPEL_HD inline Vec<S, D> corotated_principal_stress(const MaterialParameters<Real<S>>& m, S hardening,
+                                                       const Vec<S, D>& sigma) {
+  using T = Real<S>;
+  const S J = product_of(sigma), pressure = m.lambda * J * (J - T(1));
+  Vec<S, D> principal;
+  for (int i = 0; i < D; ++i) principal[i] = hardening * (T(2) * m.mu * (sigma[i] - T(1)) * sigma[i] + pressure);
+  return principal;
 }
 
-/// The same without hardening from the rotation of F, which costs less than its singular values.
-template <typename T>
-GRAUPEL_HD inline Mat<T, 3> jelly_stress(const MaterialParameters<T>& m, const Mat<T, 3>& F, T J) {
-  const Mat<T, 3> R = polar_rotation(F), strain = F - R;
-  const T pressure = m.lambda * J * (J - T(1));
-  Mat<T, 3> tau;
-  for (int r = 0; r < 3; ++r)
-    for (int c = r; c < 3; ++c) {
-      T s = 0;
-      for (int k = 0; k < 3; ++k) s += strain(r, k) * F(c, k);
-      tau(r, c) = T(2) * m.mu * s + (r == c ? pressure : T(0));
+/// The same stress without hardening from the rotation of F, which costs less than its singular values.
+template <typename S, int D>
+GRAUPEL_HD inline Mat<S, D> jelly_stress(const MaterialParameters<Real<S>>& m, const Mat<S, D>& F, S J) {
+  using T = Real<S>;
+  const S pressure = m.lambda * J * (J - T(1));
+  Mat<S, D> strain = rotation_of(F);
+  for (int r = 0; r < D; ++r)
+    for (int c = 0; c < D; ++c) strain(r, c) = T(2) * m.mu * (F(r, c) - strain(r, c));
+  Mat<S, D> tau;
+  for (int r = 0; r < D; ++r)
+    for (int c = r; c < D; ++c) {
+      S t = strain(r, 0) * F(c, 0);
+      for (int k = 1; k < D; ++k) t += strain(r, k) * F(c, k);
+      tau(r, c) = r == c ? t + pressure : t;
       tau(c, r) = tau(r, c);
     }
   return tau;
@@ -47,17 +49,35 @@ GRAUPEL_HD inline T corotated_energy(const MaterialParameters<T>& m, T hardening
   return hardening * (m.mu * shear + T(0.5) * m.lambda * (J - T(1)) * (J - T(1)));
 }
 
-template <typename T, int D>
-GRAUPEL_HD inline T jelly_energy(const MaterialParameters<T>& m, const Mat<T, D>& F) {
-  return corotated_energy(m, T(1), svd(F).sigma);
-}
-
 /// Estimate of the wave speed [m/s] in deformed jelly: rho0 c^2 <= 2 mu s^2 + lambda J^2 <= rho0 c0^2 max(s^2, J^2), s
 /// the largest stretch, taken as s^2 = |F|^2 - (D - 1) (exact where the other stretches are 1).
-template <typename T, int D>
-GRAUPEL_HD inline T jelly_sound_speed(const MaterialParameters<T>& m, const Mat<T, D>& F, T J) {
-  const T stretch2 = double_dot(F, F) - T(D - 1), growth2 = stretch2 > J * J ? stretch2 : J * J;
-  return m.elastic_speed * std::sqrt(growth2 > T(1) ? growth2 : T(1));
+template <typename S, int D>
+GRAUPEL_HD inline S jelly_sound_speed(const MaterialParameters<Real<S>>& m, const Mat<S, D>& F, S J) {
+  using T = Real<S>;
+  const S stretch2 = squared_norm(F) - T(D - 1);
+  return m.elastic_speed * square_root(larger(larger(stretch2, J * J), S(T(1))));
 }
+
+struct JellyLaw {
+  static constexpr MaterialModel model = MaterialModel::jelly;
+  static constexpr Measure measure = Measure::deformation;
+  static constexpr double initial_internal = 1;        ///< J
+  static constexpr bool keeps_volume_positive = true;  ///< J <= 0 ends the run
+  static constexpr bool sound_speed_reads_F = true;
+
+  template <typename S, int D>
+  GRAUPEL_HD static Mat<S, D> update(const MaterialParameters<Real<S>>& m, const Mat<S, D>& F, S& J) {
+    J = determinant(F);
+    return jelly_stress(m, F, J);
+  }
+  template <typename T, int D>
+  GRAUPEL_HD static T energy(const MaterialParameters<T>& m, const Mat<T, D>& F, T) {
+    return corotated_energy(m, T(1), svd(F).sigma);
+  }
+  template <typename S, int D>
+  GRAUPEL_HD static S sound_speed(const MaterialParameters<Real<S>>& m, const Mat<S, D>& F, S J) {
+    return jelly_sound_speed(m, F, J);
+  }
+};
 
 }  // namespace graupel::mpm

@@ -6,6 +6,7 @@
 #pragma once
 
 #include "mpm/material_parameters.h"
+#include "mpm/materials/scalar.h"
 
 namespace graupel::mpm {
 
@@ -15,23 +16,26 @@ struct NeoHookeanConstants {
   T rest_product;  ///< lambda' a [Pa]
 };
 
-template <int D, typename T>
+/// `S`: the scalar of the caller, so that callers for different instruction sets share no code.
+template <int D, typename S = void, typename T>
 GRAUPEL_HD inline NeoHookeanConstants<T> neo_hookean_constants(const MaterialParameters<T>& m) {
   const T mu = m.mu * T(D + 1) / T(D);
   const T lambda = m.lambda + m.mu - T(2) * mu / (T(D + 1) * T(D + 1));
   return {mu, lambda, lambda + m.mu};
 }
 
-template <typename T, int D>
-GRAUPEL_HD inline Mat<T, D> neo_hookean_stress(const MaterialParameters<T>& m, const Mat<T, D>& F) {
-  const NeoHookeanConstants<T> k = neo_hookean_constants<D>(m);
-  const T J = determinant(F), shear = k.mu * (T(1) - T(1) / (double_dot(F, F) + T(1)));
-  Mat<T, D> tau;
+template <typename S, int D>
+GRAUPEL_HD inline Mat<S, D> neo_hookean_stress(const MaterialParameters<Real<S>>& m, const Mat<S, D>& F) {
+  using T = Real<S>;
+  const NeoHookeanConstants<T> k = neo_hookean_constants<D, S>(m);
+  const S J = determinant(F), shear = k.mu * (T(1) - T(1) / (squared_norm(F) + T(1)));
+  const S pressure = J * (k.lambda * J - k.rest_product);
+  Mat<S, D> tau;
   for (int r = 0; r < D; ++r)
     for (int c = r; c < D; ++c) {
-      T b = 0;
-      for (int i = 0; i < D; ++i) b += F(r, i) * F(c, i);
-      tau(r, c) = shear * b + (r == c ? J * (k.lambda * J - k.rest_product) : T(0));
+      S b = F(r, 0) * F(c, 0);
+      for (int i = 1; i < D; ++i) b += F(r, i) * F(c, i);
+      tau(r, c) = r == c ? shear * b + pressure : shear * b;
       tau(c, r) = tau(r, c);
     }
   return tau;
@@ -47,11 +51,34 @@ GRAUPEL_HD inline T neo_hookean_energy(const MaterialParameters<T>& m, const Mat
 
 /// Upper bound of the wave speed [m/s] from the acoustic tensor, s the largest stretch:
 /// rho0 c^2 <= mu' (1 - 1/(I_C + 1)) s^2 + 2 mu' s^4 / (I_C + 1)^2 + lambda' J^2 (exact at rest).
-template <typename T, int D>
-GRAUPEL_HD inline T neo_hookean_sound_speed(const MaterialParameters<T>& m, const Mat<T, D>& F) {
-  const NeoHookeanConstants<T> k = neo_hookean_constants<D>(m);
-  const T s2 = largest_stretch2_bound(F), J = determinant(F), share = s2 / (double_dot(F, F) + T(1));
-  return std::sqrt((k.mu * (s2 - share) + T(2) * k.mu * share * share + k.lambda * J * J) / m.density);
+template <typename S, int D>
+GRAUPEL_HD inline S neo_hookean_sound_speed(const MaterialParameters<Real<S>>& m, const Mat<S, D>& F) {
+  using T = Real<S>;
+  const NeoHookeanConstants<T> k = neo_hookean_constants<D, S>(m);
+  const S s2 = largest_stretch2_bound(F), J = determinant(F), share = s2 / (squared_norm(F) + T(1));
+  return square_root((k.mu * (s2 - share) + T(2) * k.mu * share * share + k.lambda * J * J) / m.density);
 }
+
+struct NeoHookeanLaw {
+  static constexpr MaterialModel model = MaterialModel::neo_hookean;
+  static constexpr Measure measure = Measure::deformation;
+  static constexpr double initial_internal = 1;        ///< J
+  static constexpr bool keeps_volume_positive = true;  ///< J <= 0 ends the run
+  static constexpr bool sound_speed_reads_F = true;
+
+  template <typename S, int D>
+  GRAUPEL_HD static Mat<S, D> update(const MaterialParameters<Real<S>>& m, const Mat<S, D>& F, S& J) {
+    J = determinant(F);
+    return neo_hookean_stress(m, F);
+  }
+  template <typename T, int D>
+  GRAUPEL_HD static T energy(const MaterialParameters<T>& m, const Mat<T, D>& F, T) {
+    return neo_hookean_energy(m, F);
+  }
+  template <typename S, int D>
+  GRAUPEL_HD static S sound_speed(const MaterialParameters<Real<S>>& m, const Mat<S, D>& F, S) {
+    return neo_hookean_sound_speed(m, F);
+  }
+};
 
 }  // namespace graupel::mpm

@@ -14,37 +14,54 @@ namespace graupel::mpm {
 /// Drucker-Prager return mapping of logarithmic strains (Klar et al. 2016, eq. 27-29); returns whether they changed.
 /// klar spreads v_c over the strains before the projection; taichi counts it in the trace alone, so that its
 /// "deviator" has a trace while v_c != 0; none forgets tension at once.
-template <typename T, int D>
-GRAUPEL_HD inline bool sand_return_mapping(const MaterialParameters<T>& m, Vec<T, D>& strain, T& v_c) {
-  bool changed = false;
-  if (m.volume_correction == VolumeCorrection::klar && v_c != T(0)) {
+template <typename S, int D>
+GRAUPEL_HD inline MaskOf<S> sand_return_mapping(const MaterialParameters<Real<S>>& m, Vec<S, D>& strain, S& v_c) {
+  using T = Real<S>;
+  const S zero = S(T(0));
+  S sum = sum_of(strain);
+  MaskOf<S> changed = MaskOf<S>(false);
+  if (m.volume_correction == VolumeCorrection::klar) {
+    changed = v_c != T(0);
     for (int i = 0; i < D; ++i) strain[i] += v_c / T(D);
-    changed = true;
+    sum = sum_of(strain);
+  } else if (m.volume_correction == VolumeCorrection::taichi) {
+    sum += v_c;
   }
-  T sum = m.volume_correction == VolumeCorrection::taichi ? v_c : T(0);
-  for (int i = 0; i < D; ++i) sum += strain[i];
   const T bulk = m.lambda + T(2) * m.mu / T(D);
-  if (bulk * sum >= (v_c > T(0) ? T(0) : m.tension_limit)) {  // beyond the cone's tip: the grains come apart
-    strain = Vec<T, D>::zero();
-    v_c = m.volume_correction == VolumeCorrection::none ? T(0) : sum;
-    return true;
-  }
-  v_c = T(0);
-  Vec<T, D> deviator;
-  for (int i = 0; i < D; ++i) deviator[i] = strain[i] - sum / T(D);
-  const T length = norm(deviator);
-  const T excess = length + T(D) * bulk / (T(2) * m.mu) * sum * m.friction - m.cohesion_length;
-  if (excess <= T(0)) return changed;
-  for (int i = 0; i < D; ++i) strain[i] -= excess / length * deviator[i];
-  return true;
+  // Beyond the cone's tip the grains come apart.
+  const MaskOf<S> apart = bulk * sum >= select(v_c > T(0), zero, S(m.tension_limit));
+  v_c = m.volume_correction != VolumeCorrection::none ? select(apart, sum, zero) : zero;
+  const Vec<S, D> deviator = deviator_of(strain, sum / T(D));
+  const S length = length_of(deviator);
+  const S excess = length + T(D) * bulk / (T(2) * m.mu) * m.friction * sum - m.cohesion_length;
+  const MaskOf<S> yields = excess > T(0);
+  const S share = select(yields, excess / length, zero);
+  for (int i = 0; i < D; ++i) strain[i] = select(apart, zero, strain[i] - share * deviator[i]);
+  return changed | apart | yields;
 }
 
-/// One step of sand from the decomposition `d` of the trial F -> elastic F, v_c; returns the Kirchhoff stress [Pa].
-template <typename T, int D>
-GRAUPEL_HD inline Mat<T, D> sand_update(const MaterialParameters<T>& m, const Svd<T, D>& d, Mat<T, D>& F, T& v_c) {
-  Vec<T, D> strain = logarithmic_strain(d.sigma);
-  if (sand_return_mapping(m, strain, v_c) || is_collapsed(d.sigma)) F = deformation_of_strain(d, strain);
-  return hencky_stress(m, d.U, strain);
-}
+struct SandLaw {
+  static constexpr MaterialModel model = MaterialModel::sand;
+  static constexpr Measure measure = Measure::logarithms;
+  static constexpr double initial_internal = 0;  ///< v_c
+  static constexpr bool keeps_volume_positive = false;
+  static constexpr bool sound_speed_reads_F = false;
+
+  template <typename S, int D>
+  GRAUPEL_HD static MaskOf<S> update(const MaterialParameters<Real<S>>& m, Real<S>, Vec<S, D>& strain, S& v_c,
+                                     Vec<S, D>& principal) {
+    const MaskOf<S> changed = sand_return_mapping(m, strain, v_c);
+    principal = hencky_principal_stress(m, strain);
+    return changed;
+  }
+  template <typename T, int D>
+  GRAUPEL_HD static T energy(const MaterialParameters<T>& m, const Mat<T, D>& F, T) {
+    return hencky_energy(m, logarithmic_strain(svd(F).sigma));
+  }
+  template <typename S, int D>
+  GRAUPEL_HD static S sound_speed(const MaterialParameters<Real<S>>& m, const Mat<S, D>&, S) {
+    return S(m.elastic_speed);
+  }
+};
 
 }  // namespace graupel::mpm

@@ -4,29 +4,32 @@
 #pragma once
 
 #include "mpm/material_parameters.h"
+#include "mpm/materials/scalar.h"
 
 namespace graupel::mpm {
 
-/// J of the next step: det(I + dt C) J.
-template <typename T, int D>
-GRAUPEL_HD inline T water_volume_ratio(const Mat<T, D>& increment, T J) {
-  return determinant(increment) * J;
-}
-
 /// Kirchhoff pressure term: tau = water_stress I [Pa].
-template <typename T>
-GRAUPEL_HD inline T water_stress(const MaterialParameters<T>& m, T J) {
+template <typename S>
+GRAUPEL_HD inline S water_stress(const MaterialParameters<Real<S>>& m, S J) {
+  using T = Real<S>;
   if (m.equation_of_state == EquationOfState::linear) return m.bulk_modulus * J * (J - T(1));
-  return m.bulk_modulus / m.tait_exponent * J * (T(1) - std::pow(J, -m.tait_exponent));
+  return m.bulk_modulus / m.tait_exponent * J * (T(1) - power(J, -m.tait_exponent));
 }
 
 /// Kirchhoff stress of the viscosity [Pa] at the affine velocity C [1/s]; volume changes cost nothing (Stokes).
-template <typename T, int D>
-GRAUPEL_HD inline Mat<T, D> viscous_stress(const MaterialParameters<T>& m, const Mat<T, D>& C, T J) {
-  const T scale = m.viscosity * J, mean = T(2) * trace(C) / T(D);
-  Mat<T, D> tau;
+template <typename S, int D>
+GRAUPEL_HD inline Mat<S, D> viscous_stress(const MaterialParameters<Real<S>>& m, const Mat<S, D>& C, S J) {
+  using T = Real<S>;
+  S divergence = C(0, 0);
+  for (int i = 1; i < D; ++i) divergence += C(i, i);
+  const S scale = m.viscosity * J, mean = T(2) / T(D) * divergence;
+  Mat<S, D> tau;
   for (int r = 0; r < D; ++r)
-    for (int c = 0; c < D; ++c) tau(r, c) = scale * (C(r, c) + C(c, r) - (r == c ? mean : T(0)));
+    for (int c = r; c < D; ++c) {
+      const S rate = C(r, c) + C(c, r);
+      tau(r, c) = scale * (r == c ? rate - mean : rate);
+      tau(c, r) = tau(r, c);
+    }
   return tau;
 }
 
@@ -40,10 +43,36 @@ GRAUPEL_HD inline T water_energy(const MaterialParameters<T>& m, T J) {
 }
 
 /// Sound speed [m/s] of water stretched or compressed to J: c^2 = K J^2 / rho0, Tait K J^(1 - gamma) / rho0.
-template <typename T>
-GRAUPEL_HD inline T water_sound_speed(const MaterialParameters<T>& m, T J) {
+template <typename S>
+GRAUPEL_HD inline S water_sound_speed(const MaterialParameters<Real<S>>& m, S J) {
+  using T = Real<S>;
   if (m.equation_of_state == EquationOfState::linear) return J * m.elastic_speed;
-  return m.elastic_speed * std::sqrt(std::pow(J, T(1) - m.tait_exponent));
+  return m.elastic_speed * power(J, T(0.5) * (T(1) - m.tait_exponent));
 }
+
+struct WaterLaw {
+  static constexpr MaterialModel model = MaterialModel::water;
+  static constexpr Measure measure = Measure::volume_ratio;
+  static constexpr double initial_internal = 1;        ///< J
+  static constexpr bool keeps_volume_positive = true;  ///< J <= 0 ends the run
+  static constexpr bool sound_speed_reads_F = false;
+
+  template <typename S, int D>
+  GRAUPEL_HD static S volume_ratio(const Mat<S, D>& increment, S J) {
+    return determinant(increment) * J;
+  }
+  template <typename S>
+  GRAUPEL_HD static S mean_stress(const MaterialParameters<Real<S>>& m, S J) {
+    return water_stress(m, J);
+  }
+  template <typename T, int D>
+  GRAUPEL_HD static T energy(const MaterialParameters<T>& m, const Mat<T, D>&, T J) {
+    return water_energy(m, J);
+  }
+  template <typename S, int D>
+  GRAUPEL_HD static S sound_speed(const MaterialParameters<Real<S>>& m, const Mat<S, D>&, S J) {
+    return water_sound_speed(m, J);
+  }
+};
 
 }  // namespace graupel::mpm

@@ -182,29 +182,25 @@ GRAUPEL_LANES void take_velocity(const CpuStep<T>& s, const GatherTile<T>& work,
 }
 
 /// New deformation and stress, in memory as well; false, with nothing stored, where a lane is special.
-template <typename T, MaterialModel model>
+template <typename T, typename Law>
 GRAUPEL_LANES bool deform(const CpuStep<T>& s, const MaterialParameters<T>& m, int64_t tile_index, int lane,
                           const LaneMatrix<T>& C, LaneState<T>& state) {
+  constexpr bool keeps_F = Law::measure != Measure::volume_ratio;
   state.internal = component<T, 1>(s.internal, tile_index, 0, lane);
-  if constexpr (model == MaterialModel::water) {
-    step_water(m, s.dt, C, state);
-  } else {
+  if constexpr (keeps_F)
     for (int k = 0; k < 9; ++k) state.F.m[k / 3][k % 3] = component<T, 9>(s.deformation_gradient, tile_index, k, lane);
-    if constexpr (model == MaterialModel::jelly) step_jelly(m, s.dt, C, state);
-    if constexpr (model == MaterialModel::snow) step_snow(m, s.dt, C, state);
-    if constexpr (model == MaterialModel::sand) step_sand(m, s.dt, C, state);
-    if constexpr (model != MaterialModel::jelly)
-      if (any(state.special)) return false;
+  step_material<Law>(m, s.dt, C, state);
+  if (any(state.special)) return false;
+  if constexpr (keeps_F)
     for (int k = 0; k < 9; ++k)
       set_component<T, 9>(s.deformation_gradient, tile_index, k, lane, state.F.m[k / 3][k % 3]);
-  }
   set_component<T, 1>(s.internal, tile_index, 0, lane, state.internal);
   for (int k = 0; k < 6; ++k) set_component<T, 6>(s.stress, tile_index, k, lane, state.tau.s[k]);
   return true;
 }
 
 /// A tile of one material after its gather.
-template <typename T, MaterialModel model>
+template <typename T, typename Law>
 GRAUPEL_LANES void finish_tile(const CpuStep<T>& s, AdvanceParts parts, const GatherTile<T>& work,
                                const TileHomes<T>& homes, int64_t tile_index, LaneSurvey<T>& survey, Survey& found) {
   const MaterialParameters<T>& m = s.materials[s.material[tile_index * tile_lanes]];
@@ -213,17 +209,46 @@ GRAUPEL_LANES void finish_tile(const CpuStep<T>& s, AdvanceParts parts, const Ga
     LaneMotion<T> motion;
     take_velocity(s, work, homes, tile_index, lane, motion);
     LaneState<T> state;
-    const bool deformed = deform<T, model>(s, m, tile_index, lane, motion.C, state);
+    const bool deformed = deform<T, Law>(s, m, tile_index, lane, motion.C, state);
     if (!deformed) s.deform_slots(s.view, s.dt, first, end);
     if (parts != AdvanceParts::all) continue;
     if (!move(s, tile_index, lane, motion))
       s.move_slots(s.view, s.dt, first, end, found);
-    else if (!deformed || !survey_lanes<T, internal_is_volume_ratio(model)>(s, motion, state, survey))
+    else if (!deformed || !survey_lanes<T, Law::keeps_volume_positive>(s, motion, state, survey))
       s.survey_slots(s.view, s.dt, first, end, found);
   }
 }
 
-/// Any tile: mixed materials, other models, particles at rest or not there.
+/// finish_tile() of the first law of a list with this model, inlined or as a function of its own, in which all is
+/// inlined; false where there is none.
+template <typename T, typename Law>
+[[gnu::noinline, gnu::flatten]] void finish_tile_of_other(const CpuStep<T>& s, AdvanceParts parts,
+                                                          const GatherTile<T>& work, const TileHomes<T>& homes,
+                                                          int64_t tile_index, LaneSurvey<T>& survey, Survey& found) {
+  finish_tile<T, Law>(s, parts, work, homes, tile_index, survey, found);
+}
+template <typename T, typename Law, bool frequent>
+GRAUPEL_LANES bool try_law(MaterialModel model, const CpuStep<T>& s, AdvanceParts parts, const GatherTile<T>& work,
+                           const TileHomes<T>& homes, int64_t tile_index, LaneSurvey<T>& survey, Survey& found) {
+  if constexpr (Law::measure == Measure::nothing) {
+    return false;
+  } else {
+    if (model != Law::model) return false;
+    if constexpr (frequent)
+      finish_tile<T, Law>(s, parts, work, homes, tile_index, survey, found);
+    else
+      finish_tile_of_other<T, Law>(s, parts, work, homes, tile_index, survey, found);
+    return true;
+  }
+}
+template <typename T, bool frequent, typename... Laws>
+GRAUPEL_LANES bool finish_tile_by(LawList<Laws...>, MaterialModel model, const CpuStep<T>& s, AdvanceParts parts,
+                                  const GatherTile<T>& work, const TileHomes<T>& homes, int64_t tile_index,
+                                  LaneSurvey<T>& survey, Survey& found) {
+  return (try_law<T, Laws, frequent>(model, s, parts, work, homes, tile_index, survey, found) || ...);
+}
+
+/// Any tile: mixed materials, particles at rest or not there.
 template <typename T>
 GRAUPEL_LANES void finish_any_tile(const CpuStep<T>& s, AdvanceParts parts, const GatherTile<T>& work,
                                    const TileHomes<T>& homes, int64_t tile_index, Survey& found) {
@@ -237,7 +262,7 @@ GRAUPEL_LANES void finish_any_tile(const CpuStep<T>& s, AdvanceParts parts, cons
 }
 
 template <typename T>
-void advance(const CpuStep<T>& s, AdvanceParts parts, int64_t record, Survey& found) {
+[[gnu::flatten]] void advance(const CpuStep<T>& s, AdvanceParts parts, int64_t record, Survey& found) {
   constexpr int64_t tiles = slots_per_record / tile;
   const int64_t end =
       (s.count + tile - 1) / tile < (record + 1) * tiles ? (s.count + tile - 1) / tile : (record + 1) * tiles;
@@ -255,15 +280,8 @@ void advance(const CpuStep<T>& s, AdvanceParts parts, int64_t record, Survey& fo
     for (int l = 0; l < tile_lanes; ++l) gather_one(work, l, homes.arena[l]);
     const MaterialModel model = s.materials[s.material[t * tile_lanes]].model;
     const bool simple = homes.uniform && parts != AdvanceParts::gather;
-    if (simple && model == MaterialModel::water)
-      finish_tile<T, MaterialModel::water>(s, parts, work, homes, t, survey, found);
-    else if (simple && model == MaterialModel::jelly)
-      finish_tile<T, MaterialModel::jelly>(s, parts, work, homes, t, survey, found);
-    else if (simple && model == MaterialModel::snow)
-      finish_tile<T, MaterialModel::snow>(s, parts, work, homes, t, survey, found);
-    else if (simple && model == MaterialModel::sand)
-      finish_tile<T, MaterialModel::sand>(s, parts, work, homes, t, survey, found);
-    else
+    if (!simple || !(finish_tile_by<T, true>(FrequentLaws{}, model, s, parts, work, homes, t, survey, found) ||
+                     finish_tile_by<T, false>(OtherLaws{}, model, s, parts, work, homes, t, survey, found)))
       finish_any_tile(s, parts, work, homes, t, found);
   }
   survey.add_to(found);

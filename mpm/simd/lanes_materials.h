@@ -1,11 +1,10 @@
-// One step of water, jelly, snow and sand, a particle in every lane; the laws are those of mpm/materials/.
-// Snow and sand need no right rotation: with b = F F^T = U diag(s^2) U^T, a return map of the singular values s -> s'
-// is F <- U diag(s'/s) U^T F.
+// One step of a material, a particle in every lane: the laws of mpm/materials/ over Pack<T>, and what the lanes do to
+// find the singular values that some of them are functions of. No right rotation is needed: with
+// b = F F^T = U diag(s^2) U^T, a return map of the singular values s -> s' is F <- U diag(s'/s) U^T F.
 #pragma once
 
-#include "mpm/material_parameters.h"
-#include "mpm/simd/lanes_math.h"
-#include "mpm/simd/lanes_matrix.h"
+#include "mpm/materials/list.h"
+#include "mpm/simd/pack.h"
 
 namespace graupel::mpm {
 namespace {
@@ -28,56 +27,6 @@ GRAUPEL_LANES LaneMatrix<T> increment_of(const LaneMatrix<T>& C, T dt) {
   return A;
 }
 
-template <typename T>
-GRAUPEL_LANES Lanes<T> at_least(Lanes<T> c, T bound) {
-  return larger(c, splat(bound));
-}
-
-template <typename T>
-GRAUPEL_LANES void step_water(const MaterialParameters<T>& m, T dt, const LaneMatrix<T>& C, LaneState<T>& s) {
-  const Lanes<T> J = determinant_of(increment_of(C, dt)) * s.internal;
-  s.internal = J;
-  Lanes<T> stress;
-  if (m.equation_of_state == EquationOfState::linear) {
-    stress = m.bulk_modulus * J * (J - T(1));
-    s.sound_speed = at_least(J * m.elastic_speed, m.elastic_speed);
-  } else {
-    // A lane with J <= 0 is bad, and the survey finds it.
-    const Lanes<T> log_J = logarithm<T>(larger(J, splat(T(1e-30))));
-    stress = m.bulk_modulus / m.tait_exponent * J * (T(1) - exponential<T>(-m.tait_exponent * log_J));
-    const Lanes<T> growth = exponential<T>(T(0.5) * (T(1) - m.tait_exponent) * log_J);
-    s.sound_speed = at_least(m.elastic_speed * growth, m.elastic_speed);
-  }
-  for (int k = 0; k < 3; ++k) s.tau.s[k] = stress;
-  for (int k = 3; k < 6; ++k) s.tau.s[k] = Lanes<T>{};
-  if (m.viscosity > T(0)) {
-    const Lanes<T> scale = m.viscosity * J, mean = T(2) / T(3) * (C.m[0][0] + C.m[1][1] + C.m[2][2]);
-    for (int r = 0; r < 3; ++r)
-      for (int c = r; c < 3; ++c) {
-        const Lanes<T> rate = C.m[r][c] + C.m[c][r];
-        s.tau.s[symmetric_entry(r, c)] += scale * (r == c ? rate - mean : rate);
-      }
-  }
-}
-
-template <typename T>
-GRAUPEL_LANES void step_jelly(const MaterialParameters<T>& m, T dt, const LaneMatrix<T>& C, LaneState<T>& s) {
-  s.F = product(increment_of(C, dt), s.F);
-  const LaneMatrix<T>& F = s.F;
-  const Lanes<T> J = determinant_of(F), pressure = m.lambda * J * (J - T(1));
-  s.internal = J;
-  LaneMatrix<T> strain = rotation_of(F);
-  for (int r = 0; r < 3; ++r)
-    for (int c = 0; c < 3; ++c) strain.m[r][c] = T(2) * m.mu * (F.m[r][c] - strain.m[r][c]);
-  for (int r = 0; r < 3; ++r)
-    for (int c = r; c < 3; ++c) {
-      const Lanes<T> t = strain.m[r][0] * F.m[c][0] + strain.m[r][1] * F.m[c][1] + strain.m[r][2] * F.m[c][2];
-      s.tau.s[symmetric_entry(r, c)] = r == c ? t + pressure : t;
-    }
-  const Lanes<T> stretch2 = squares(F) - T(2);
-  s.sound_speed = m.elastic_speed * square_root(at_least(larger(stretch2, J * J), T(1)));
-}
-
 /// b = F F^T -> eigenvalues and vectors, and whether they are all far from 0.
 template <typename T>
 GRAUPEL_LANES LaneMatrix<T> decompose(LaneState<T>& s, Lanes<T> (&stretch2)[3]) {
@@ -90,93 +39,50 @@ GRAUPEL_LANES LaneMatrix<T> decompose(LaneState<T>& s, Lanes<T> (&stretch2)[3]) 
   return U;
 }
 
-/// h(J_p).
-template <typename T>
-GRAUPEL_LANES Lanes<T> hardening_of(const MaterialParameters<T>& m, Lanes<T> J_p) {
-  const Lanes<T> h = exponential<T>(m.hardening * (T(1) - J_p));
-  return m.max_hardening > T(0) ? smaller(h, splat(m.max_hardening)) : h;
-}
-
-template <typename T>
-GRAUPEL_LANES void step_snow(const MaterialParameters<T>& m, T dt, const LaneMatrix<T>& C, LaneState<T>& s) {
-  s.F = product(increment_of(C, dt), s.F);
-  Lanes<T> stretch2[3], ratio[3], sigma[3];
+/// Return mapping and stress of a law of singular values or their logarithms.
+template <typename Law, typename T>
+GRAUPEL_LANES void map_principal(const MaterialParameters<T>& m, T dt, LaneState<T>& s, Pack<T>& internal) {
+  constexpr bool logarithms = Law::measure == Measure::logarithms;
+  Lanes<T> stretch2[3], ratio[3];
   const LaneMatrix<T> U = decompose(s, stretch2);
-  const T low = T(1) - m.critical_compression, high = T(1) + m.critical_stretch;
-  const Lanes<T> J_p = s.internal;
-  Lanes<T> growth = splat(T(1));
-  for (int k = 0; k < 3; ++k) {
-    const Lanes<T> trial = square_root(stretch2[k]);
-    sigma[k] = smaller(larger(trial, splat(low)), splat(high));
-    ratio[k] = sigma[k] / trial;
-    growth *= ratio[k];
-  }
-  const Mask<T> clamped = (ratio[0] != T(1)) | (ratio[1] != T(1)) | (ratio[2] != T(1));
-  const bool before = m.hardening_update == HardeningUpdate::before;
-  const Lanes<T> h_before = before ? hardening_of(m, J_p) : J_p;
-  if (any(clamped)) {
-    s.internal = clamped ? J_p / growth : J_p;
-    const LaneMatrix<T> mapped = product(from_spectrum<T>(U, ratio), s.F);
+  Vec<Pack<T>, 3> trial, mapped, principal;
+  for (int k = 0; k < 3; ++k) trial[k].v = logarithms ? T(0.5) * logarithm<T>(stretch2[k]) : square_root(stretch2[k]);
+  mapped = trial;
+  const Mask<T> flows = Law::update(m, dt, mapped, internal, principal).m;
+  if (any(flows)) {
+    for (int k = 0; k < 3; ++k)
+      ratio[k] = logarithms ? exponential<T>(mapped[k].v - trial[k].v) : mapped[k].v / trial[k].v;
+    const LaneMatrix<T> F = product(from_spectrum<T>(U, ratio), s.F);
     for (int r = 0; r < 3; ++r)
-      for (int c = 0; c < 3; ++c) s.F.m[r][c] = clamped ? mapped.m[r][c] : s.F.m[r][c];
+      for (int c = 0; c < 3; ++c) s.F.m[r][c] = flows ? F.m[r][c] : s.F.m[r][c];
   }
-  const Lanes<T> h_after = hardening_of(m, s.internal), h = before ? h_before : h_after;
-  s.sound_speed = at_least(m.elastic_speed * square_root(h_after), m.elastic_speed);
-  const Lanes<T> J = sigma[0] * sigma[1] * sigma[2], pressure = m.lambda * J * (J - T(1));
-  Lanes<T> principal[3];
-  for (int k = 0; k < 3; ++k) principal[k] = h * (T(2) * m.mu * (sigma[k] - T(1)) * sigma[k] + pressure);
-  s.tau = from_spectrum<T>(U, principal);
+  const Lanes<T> values[3] = {principal[0].v, principal[1].v, principal[2].v};
+  s.tau = from_spectrum<T>(U, values);
 }
 
-/// sand_return_mapping() of every lane: strain, v_c -> change of strain; returns the lanes where it is not 0.
-template <typename T>
-GRAUPEL_LANES Mask<T> map_sand(const MaterialParameters<T>& m, Lanes<T> (&strain)[3], Lanes<T>& v_c,
-                               Lanes<T> (&change)[3]) {
-  const Lanes<T> trial[3] = {strain[0], strain[1], strain[2]};
-  Lanes<T> sum = strain[0] + strain[1] + strain[2];
-  Mask<T> changed = Mask<T>{};
-  if (m.volume_correction == VolumeCorrection::klar) {
-    changed = v_c != T(0);
-    for (int k = 0; k < 3; ++k) strain[k] += v_c / T(3);
-    sum = strain[0] + strain[1] + strain[2];
-  } else if (m.volume_correction == VolumeCorrection::taichi) {
-    sum += v_c;
+/// Deformation by the affine velocity C, return mapping, stress and sound speed.
+template <typename Law, typename T>
+GRAUPEL_LANES void step_material(const MaterialParameters<T>& m, T dt, const LaneMatrix<T>& C, LaneState<T>& s) {
+  Pack<T> internal = s.internal;
+  s.special = Mask<T>{};
+  if constexpr (Law::measure == Measure::volume_ratio) {
+    internal = Law::volume_ratio(packed<T>(increment_of(C, dt)), internal);
+    LaneSymmetric<T>& tau = s.tau;
+    const Lanes<T> mean = Law::mean_stress(m, internal).v;
+    for (int k = 0; k < 6; ++k) tau.s[k] = k < 3 ? mean : Lanes<T>{};
+    if (m.viscosity > T(0)) {
+      const LaneSymmetric<T> viscous = symmetric_part<T>(viscous_stress(m, packed<T>(C), internal));
+      for (int k = 0; k < 6; ++k) tau.s[k] += viscous.s[k];
+    }
+  } else {
+    s.F = product(increment_of(C, dt), s.F);
+    if constexpr (Law::measure == Measure::deformation)
+      s.tau = symmetric_part<T>(Law::update(m, packed<T>(s.F), internal));
+    else
+      map_principal<Law>(m, dt, s, internal);
   }
-  const T bulk = m.lambda + T(2) * m.mu / T(3);
-  const Mask<T> apart = bulk * sum >= (v_c > T(0) ? Lanes<T>{} : splat(m.tension_limit));
-  v_c = m.volume_correction != VolumeCorrection::none ? (apart ? sum : Lanes<T>{}) : Lanes<T>{};
-  const Lanes<T> mean = sum / T(3);
-  const Lanes<T> deviator[3] = {strain[0] - mean, strain[1] - mean, strain[2] - mean};
-  const Lanes<T> length =
-      square_root(deviator[0] * deviator[0] + deviator[1] * deviator[1] + deviator[2] * deviator[2]);
-  const Lanes<T> excess = length + T(3) * bulk / (T(2) * m.mu) * m.friction * sum - m.cohesion_length;
-  const Mask<T> yields = excess > T(0);
-  const Lanes<T> share = yields ? excess / length : Lanes<T>{};
-  for (int k = 0; k < 3; ++k) {
-    strain[k] = apart ? Lanes<T>{} : strain[k] - share * deviator[k];
-    change[k] = strain[k] - trial[k];
-  }
-  return changed | apart | yields;
-}
-
-template <typename T>
-GRAUPEL_LANES void step_sand(const MaterialParameters<T>& m, T dt, const LaneMatrix<T>& C, LaneState<T>& s) {
-  s.F = product(increment_of(C, dt), s.F);
-  Lanes<T> strain[3], change[3];
-  const LaneMatrix<T> U = decompose(s, strain);
-  for (int k = 0; k < 3; ++k) strain[k] = T(0.5) * logarithm<T>(strain[k]);
-  const Mask<T> changed = map_sand<T>(m, strain, s.internal, change);
-  if (any(changed)) {
-    for (int k = 0; k < 3; ++k) change[k] = exponential<T>(change[k]);
-    const LaneMatrix<T> mapped = product(from_spectrum<T>(U, change), s.F);
-    for (int r = 0; r < 3; ++r)
-      for (int c = 0; c < 3; ++c) s.F.m[r][c] = changed ? mapped.m[r][c] : s.F.m[r][c];
-  }
-  s.sound_speed = splat(m.elastic_speed);
-  const Lanes<T> sum = strain[0] + strain[1] + strain[2];
-  Lanes<T> principal[3];
-  for (int k = 0; k < 3; ++k) principal[k] = T(2) * m.mu * strain[k] + m.lambda * sum;
-  s.tau = from_spectrum<T>(U, principal);
+  s.internal = internal.v;
+  s.sound_speed = larger(Law::sound_speed(m, packed<T>(s.F), internal).v, splat(m.elastic_speed));
 }
 
 }  // namespace

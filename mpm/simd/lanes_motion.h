@@ -53,11 +53,6 @@ GRAUPEL_LANES bool move(const CpuStep<T>& s, int64_t tile_index, int lane, const
   return true;
 }
 
-/// Whether a model's internal variable must stay positive (internal_variable_is_volume_ratio()).
-constexpr bool internal_is_volume_ratio(MaterialModel model) {
-  return model == MaterialModel::water || model == MaterialModel::jelly;
-}
-
 template <typename T>
 struct LaneSurvey {
   Lanes<T> speed2 = Lanes<T>{}, sound_speed = Lanes<T>{};
