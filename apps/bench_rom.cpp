@@ -35,7 +35,8 @@ struct BenchRomOptions {
   std::string rule = "spread";
   std::vector<double> box;
   std::optional<int> iterations;
-  std::optional<double> outlier_factor, manifold_pull;
+  std::optional<double> manifold_pull;
+  double outlier_factor = 0;  ///< removed; 0 alone is allowed
   bool f64 = false, other_scene = false, keep_steps = false;
   int64_t instances = 1;
 };
@@ -239,7 +240,6 @@ class RomBench {
             .rule = sample_rule(),
             .box = options_.box,
             .iterations = options_.iterations,
-            .outlier_factor = options_.outlier_factor,
             .manifold_pull = options_.manifold_pull,
             .arithmetic = options_.f64 ? Arithmetic::f64 : Arithmetic::f32,
             .foreign = options_.other_scene ? ForeignScene::run : ForeignScene::refuse,
@@ -327,19 +327,17 @@ void add_run_flags(CLI::App& verb, BenchRomOptions& options) {
       ->default_str("the model's");
   verb.add_option("--sample-box", options.box, "With --samples: within this box of the reference body: low, high [m]")
       ->expected(6);
-  verb.add_option("--sample-rule", options.rule, "With --samples: random, spread, patches or optimal")
-      ->check(CLI::IsMember({"random", "spread", "patches", "optimal"}))
+  verb.add_option("--sample-rule", options.rule, "With --samples: random, spread or patches")
+      ->check(CLI::IsMember({"random", "spread", "patches"}))
       ->capture_default_str();
   verb.add_option("--cluster", options.cluster, "So many particles as one integration point")->check(whole_number(1));
   verb.add_option("--outlier-factor", options.outlier_factor,
-                  "Samples count less beyond this multiple of the median distance (0: plain least squares) instead of "
-                  "the model's")
-      ->check(real_number(LowerBound::zero));
+                  "Removed: samples that count less gained nothing beside --manifold-pull; 0 alone is allowed")
+      ->check(CLI::Range(0.0, 0.0));
   verb.add_option("--manifold-pull", options.manifold_pull,
                   "Share of the way back to the states of the training that a step takes, instead of the model's")
       ->check(CLI::Range(0.0, 1.0));
-  verb.add_option("--iterations", options.iterations,
-                  "Gauss-Newton iterations at most (by default 1, with outlier factors 3)")
+  verb.add_option("--iterations", options.iterations, "Gauss-Newton iterations at most (by default 1)")
       ->check(whole_number(1));
   verb.add_flag("--keep-steps", options.keep_steps, "Repeat no step at half the length where it leaves too much");
   verb.add_flag("--f64", options.f64, "Double precision");

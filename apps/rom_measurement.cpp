@@ -114,7 +114,6 @@ rom::ReducedOptions reduced_options(const RomRunOptions& options, const rom::Red
   reduced.step_factor = options.step_factor;
   reduced.long_steps = options.long_steps;
   reduced.iterations = options.iterations;
-  reduced.outlier_factor = options.outlier_factor;
   reduced.manifold_pull = options.manifold_pull;
   if (options.samples == 0) return reduced;
   std::vector<int32_t> candidates = model.clusters.representatives();
@@ -122,11 +121,7 @@ rom::ReducedOptions reduced_options(const RomRunOptions& options, const rom::Red
   if (!box.empty())
     candidates = rom::points_within(candidates, model.reference, {box[0], box[1], box[2]}, {box[3], box[4], box[5]});
   if (candidates.empty()) throw ConfigError("no integration point lies in the box of '--sample-box'. Widen it");
-  const auto* factored = dynamic_cast<const rom::FactoredFields*>(model.fields.get());
-  if (!factored && options.rule == rom::SampleRule::optimal)
-    throw ConfigError("networks have no modes, by which the rule 'optimal' chooses. Use random or spread");
-  reduced.samples = rom::choose_samples(options.rule, factored ? factored->deformation() : rom::ModeTable(), candidates,
-                                        options.samples, 0);
+  reduced.samples = rom::choose_samples(options.rule, candidates, options.samples, 0);
   return reduced;
 }
 

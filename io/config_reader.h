@@ -50,6 +50,12 @@ std::vector<std::string_view> field_names() {
 }
 
 template <typename T>
+std::vector<RemovedField> removed_fields() {
+  if constexpr (requires { T::removed; }) return {std::begin(T::removed), std::end(T::removed)};
+  return {};
+}
+
+template <typename T>
 struct IsVector : std::false_type {};
 template <typename T>
 struct IsVector<std::vector<T>> : std::true_type {};
@@ -108,7 +114,7 @@ void read_value(const ConfigPlace& place, const FieldInfo& info, T& out) {
 
 template <ConfigStruct T>
 void read_struct(const ConfigPlace& place, const std::string& key, T& out) {
-  check_keys(place, field_names<T>());
+  check_keys(place, field_names<T>(), removed_fields<T>());
   ConfigStart<T>::begin(place, key, out);
   std::vector<KindField> kinds;
   T::fields([&](auto member, const FieldInfo& info) {

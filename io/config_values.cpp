@@ -129,9 +129,30 @@ bool applies(const FieldInfo& info, const std::vector<KindField>& kinds) {
   return std::find(only.begin(), only.end(), kind_of(info, kinds).current) != only.end();
 }
 
-void check_keys(const ConfigPlace& place, const std::vector<std::string_view>& fields) {
+namespace {
+
+/// Whether the key is a removed one; throws where its value asks for what has gone.
+bool is_removed(const ConfigPlace& place, std::string_view key, const std::vector<RemovedField>& removed) {
+  for (const RemovedField& field : removed) {
+    if (field.name != key) continue;
+    const auto accepted = words_of_list(field.accepted);
+    if (std::find(accepted.begin(), accepted.end(), write_json(place.node, JsonLayout::compact)) == accepted.end())
+      config_fail(place,
+                  "is " + place.value() + ", but this setting was removed: " + std::string(field.finding) +
+                      " (still read: " + std::string(accepted.front()) + ")",
+                  "Leave it out");
+    return true;
+  }
+  return false;
+}
+
+}  // namespace
+
+void check_keys(const ConfigPlace& place, const std::vector<std::string_view>& fields,
+                const std::vector<RemovedField>& removed) {
   for (const auto& member : read_members(place)) {
     if (place.pointer.empty() && member.key == "$schema") continue;
+    if (is_removed(place.child(member.key, member.value), member.key, removed)) continue;
     if (std::find(fields.begin(), fields.end(), member.key) == fields.end())
       config_fail(place.child(member.key, member.value), "is not a known key (known here: " + joined(fields) + ")",
                   "Remove or correct it." + did_you_mean(member.key, fields));

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "core/fields.h"
+#include "core/removed_field.h"
 #include "core/vec.h"
 #include "io/config_document.h"
 
@@ -38,8 +39,10 @@ const KindField& kind_of(const FieldInfo& info, const std::vector<KindField>& ki
 /// Whether the field belongs to the struct's present kind.
 bool applies(const FieldInfo& info, const std::vector<KindField>& kinds);
 
-/// Throws for keys that are none of `fields` ("$schema" is allowed at the top level).
-void check_keys(const ConfigPlace& place, const std::vector<std::string_view>& fields);
+/// Throws for keys that are none of `fields` ("$schema" is allowed at the top level), and for `removed` ones with
+/// another value than their default.
+void check_keys(const ConfigPlace& place, const std::vector<std::string_view>& fields,
+                const std::vector<RemovedField>& removed = {});
 /// Throws for a required key that is missing and for one that belongs to another kind. Returns the key's value, or
 /// null.
 const JsonNode* check_field(const ConfigPlace& place, const FieldInfo& info, const std::vector<KindField>& kinds);

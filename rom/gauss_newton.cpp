@@ -11,33 +11,21 @@ namespace graupel::rom {
 
 namespace {
 
-/// Distances of the samples, their weights, and the median.
+/// Distances of the samples and their weights.
 struct Weighing {
   std::vector<double> distance2, weight;
   double down_weighted = 0;
 
-  Weighing(const Eigen::VectorXd& residual, const std::vector<bool>& lost, double factor) {
+  Weighing(const Eigen::VectorXd& residual, const std::vector<bool>& lost) {
     const auto n = static_cast<std::size_t>(residual.size() / 3);
     distance2.resize(n);
     weight.assign(n, 1.0);
-    std::vector<double> sorted;
+    std::size_t beyond = 0;
     for (std::size_t s = 0; s < n; ++s) {
       distance2[s] = residual.segment<3>(3 * static_cast<Eigen::Index>(s)).squaredNorm();
-      if (!lost.empty() && lost[s])
-        weight[s] = 0;
-      else
-        sorted.push_back(distance2[s]);
-    }
-    std::size_t beyond = n - sorted.size();
-    if (factor > 0 && !sorted.empty()) {
-      const auto middle = sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() / 2);
-      std::nth_element(sorted.begin(), middle, sorted.end());
-      const double limit2 = factor * factor * *middle;
-      for (std::size_t s = 0; s < n; ++s) {
-        if (weight[s] == 0 || !(distance2[s] > limit2)) continue;
-        weight[s] = limit2 / distance2[s];
-        ++beyond;
-      }
+      if (lost.empty() || !lost[s]) continue;
+      weight[s] = 0;
+      ++beyond;
     }
     down_weighted = n > 0 ? static_cast<double>(beyond) / static_cast<double>(n) : 0;
   }
@@ -80,7 +68,7 @@ FitReport fit_latent(SampleField& field, const Eigen::VectorXd& target, const st
   };
   update_residual();
   while (report.iterations < options.iterations) {
-    const Weighing weighing(residual, lost, options.outlier_factor);
+    const Weighing weighing(residual, lost);
     if (report.iterations == 0 || options.linearisation == Linearisation::every_iteration)
       field.linearise(latent.data());
     field.normal_equations(weighing.weight, residual, normal, right);
@@ -98,7 +86,7 @@ FitReport fit_latent(SampleField& field, const Eigen::VectorXd& target, const st
     update_residual();
     if (change.norm() <= options.tolerance * (1 + latent.norm())) break;
   }
-  const Weighing last(residual, lost, options.outlier_factor);
+  const Weighing last(residual, lost);
   report.down_weighted = last.down_weighted;
   report.distance = last.root_mean();
   return report;

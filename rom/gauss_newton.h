@@ -1,8 +1,7 @@
 // Inversion of the deformation field (NSF eq. 10): the latent whose sample positions lie nearest to those that the grid
 // has moved,
 //   q = argmin sum_s w_s |g(X_s, q) - x_s|^2,
-// by Gauss-Newton in f64. A node with little mass can throw one sample far off, and plain least squares follows it; so
-// samples count less beyond a multiple of the median distance: w = min(1, (limit / distance)^2), limit = factor median.
+// by Gauss-Newton in f64. w_s is 0 for samples that are lost and 1 for all others.
 #pragma once
 
 #include <Eigen/Core>
@@ -37,16 +36,15 @@ enum class Linearisation {
 };
 
 struct FitOptions {
-  int iterations = 3;         ///< at most; 1: the first-order inversion
-  double outlier_factor = 0;  ///< of the median distance; 0: plain least squares
-  double tolerance = 1e-9;    ///< of the latent's change, relative to its size
+  int iterations = 3;       ///< at most; 1: the first-order inversion
+  double tolerance = 1e-9;  ///< of the latent's change, relative to its size
   Linearisation linearisation = Linearisation::every_iteration;
 };
 
 struct FitReport {
   int iterations = 0;
   double distance = 0;       ///< root of the weighted mean of |g(X_s, q) - x_s|^2 [m]
-  double down_weighted = 0;  ///< share of samples with w < 1, lost ones included
+  double down_weighted = 0;  ///< share of samples that are lost
   double condition = 0;      ///< largest over smallest eigenvalue of J^T W J, estimated from its Cholesky factor
 };
 

@@ -49,9 +49,21 @@ void read_settings(const Json& settings, ReducedModel& model) {
     if (affine == word) model.affine_kind = kind;
   model.latent_reach = settings.at("latent_reach");
   model.usual_error = settings.value("usual_error", 0.0);
-  model.outlier_factor = settings.value("outlier_factor", 0.0);
   model.step_factor = settings.value("step_factor", 1.0);
   model.manifold_pull = settings.value("manifold_pull", 0.0);
+}
+
+/// Files that need what was removed; their results would be others.
+void refuse_removed(const nn::Weights& weights, const Json& settings) {
+  const char* what = settings.value("outlier_factor", 0.0) != 0   ? "samples that count less (outlier_factor)"
+                     : weights.tensors.count("quadrature") > 0    ? "fitted weights (quadrature)"
+                     : weights.tensors.count("samples.later") > 0 ? "samples of later times (sample_windows)"
+                                                                  : nullptr;
+  if (what != nullptr)
+    throw InputError(fmt::format(
+        "'{}' has {}, which reduced models no longer have. Train the model again without, or use the version of "
+        "Graupel that it was trained with",
+        weights.file, what));
 }
 
 FactoredFields read_factored(const nn::Weights& weights, int latents, int inputs, AffineKind affine_kind,
@@ -109,56 +121,7 @@ Clusters read_clusters(const nn::Weights& weights) {
   return clusters;
 }
 
-/// Samples of later times; `particles`: of the body.
-std::vector<SampleWindow> read_windows(const nn::Weights& weights, int64_t particles) {
-  if (weights.tensors.count("samples.later") == 0) return {};
-  const std::vector<int32_t> all = get_indices(weights, "samples.later"),
-                             sizes = get_indices(weights, "samples.later.count");
-  const auto count = static_cast<int64_t>(sizes.size());
-  const std::vector<float> times = weights.get("samples.later.time", {count});
-  check_indices(weights, all, particles, "samples");
-  std::vector<SampleWindow> windows;
-  auto from = all.begin();
-  for (std::size_t i = 0; i < sizes.size(); ++i) {
-    const auto time = static_cast<double>(times[i]);
-    if (sizes[i] < 1 || sizes[i] > all.end() - from || !(time > (i > 0 ? windows.back().time : 0)))
-      throw InputError(fmt::format(
-          "'{}' has {} samples from {} s on (needed: times above 0 in ascending order, 1 sample and more of those "
-          "stored). Train the model again",
-          weights.file, sizes[i], time));
-    windows.push_back({time, {from, from + sizes[i]}});
-    from += sizes[i];
-  }
-  return windows;
-}
-
-void store_windows(const std::vector<SampleWindow>& windows, nn::Weights& weights) {
-  if (windows.empty()) return;
-  std::vector<int32_t> all, sizes;
-  std::vector<float> times;
-  for (const SampleWindow& window : windows) {
-    all.insert(all.end(), window.samples.begin(), window.samples.end());
-    sizes.push_back(static_cast<int32_t>(window.samples.size()));
-    times.push_back(static_cast<float>(window.time));
-  }
-  weights.tensors["samples.later"] = index_tensor(all);
-  weights.tensors["samples.later.count"] = index_tensor(sizes);
-  weights.tensors["samples.later.time"] = nn::Tensor::from_float(times, {static_cast<int64_t>(times.size())});
-}
-
 constexpr const char* field_names[] = {"deformation", "stress", "affine"};
-
-/// Weights of the integration points; a file without has each with the mass of its cluster.
-std::vector<float> read_quadrature(const nn::Weights& weights, int64_t points) {
-  if (weights.tensors.count("quadrature") == 0) return {};
-  std::vector<float> quadrature = weights.get("quadrature", {points});
-  for (const float w : quadrature)
-    if (!(w >= 0 && std::isfinite(w)))
-      throw InputError(fmt::format(
-          "'{}' has a weight of {} among those of its integration points (allowed: 0 and above). Train the model again",
-          weights.file, w));
-  return quadrature;
-}
 
 /// What older files may lack.
 void read_judgement(const nn::Weights& weights, ReducedModel& model) {
@@ -192,7 +155,9 @@ ReducedModel ReducedModel::load(const nn::Weights& weights) {
                      metadata(weights, "architecture") + "', needed '" + nsf_architecture + "')");
   model.scene_json = metadata(weights, "scene");
   try {
-    read_settings(Json::parse(metadata(weights, "settings")), model);
+    const Json settings = Json::parse(metadata(weights, "settings"));
+    refuse_removed(weights, settings);
+    read_settings(settings, model);
   } catch (const Json::exception& error) {
     throw InputError("the settings of '" + weights.file + "' cannot be read (" + error.what() +
                      "). Train the model again");
@@ -201,7 +166,6 @@ ReducedModel ReducedModel::load(const nn::Weights& weights) {
   if (latents < 1) throw InputError("'" + weights.file + "' has no latent. Train the model again");
   const int inputs = latents + static_cast<int>(model.parameters.size());
   model.clusters = read_clusters(weights);
-  model.quadrature = read_quadrature(weights, model.clusters.count);
   const auto n = static_cast<int64_t>(model.clusters.of_particle.size());
   model.reference = weights.get("reference", {n, 3});
   if (read_kind(weights) == FieldKind::mlp)
@@ -212,7 +176,6 @@ ReducedModel ReducedModel::load(const nn::Weights& weights) {
   model.samples = get_indices(weights, "samples");
   model.encoder = get_indices(weights, "encoder");
   check_indices(weights, model.samples, n, "samples");
-  model.later_samples = read_windows(weights, n);
   check_indices(weights, model.encoder, n, "encoder's particles");
   if (weights.tensors.count("encoder.latent.weight") > 0)
     model.conv_encoder = ConvEncoder::load(weights, "encoder", n, latents);
@@ -241,12 +204,10 @@ nn::Weights ReducedModel::store(nn::DType modes) const {
   weights.metadata["architecture"] = nsf_architecture;
   weights.metadata["field"] = word_of(fields->kind());
   weights.metadata["scene"] = scene_json;
-  Json settings = {
-      {"parameters", Json::array()},      {"substeps_per_frame", substeps_per_frame},
-      {"frame_time", frame_time},         {"affine", affine_kind == AffineKind::rate ? "rate" : "position"},
-      {"latent_reach", latent_reach},     {"usual_error", usual_error},
-      {"outlier_factor", outlier_factor}, {"step_factor", step_factor},
-      {"manifold_pull", manifold_pull}};
+  Json settings = {{"parameters", Json::array()},  {"substeps_per_frame", substeps_per_frame},
+                   {"frame_time", frame_time},     {"affine", affine_kind == AffineKind::rate ? "rate" : "position"},
+                   {"latent_reach", latent_reach}, {"usual_error", usual_error},
+                   {"step_factor", step_factor},   {"manifold_pull", manifold_pull}};
   for (const ModelParameter& p : parameters)
     settings["parameters"].push_back(
         {{"name", p.name}, {"unit", p.unit}, {"keys", p.keys}, {"low", p.low}, {"high", p.high}});
@@ -256,12 +217,10 @@ nn::Weights ReducedModel::store(nn::DType modes) const {
   const int r = latents();
   weights.tensors["reference"] = nn::Tensor::from_float(reference, {fields->particles(), 3});
   weights.tensors["samples"] = index_tensor(samples);
-  store_windows(later_samples, weights);
   weights.tensors["encoder"] = index_tensor(encoder);
   if (conv_encoder) conv_encoder->store(weights, "encoder");
   weights.tensors["clusters"] = index_tensor(clusters.of_particle);
   if (!clusters.points.empty()) weights.tensors["cluster_points"] = index_tensor(clusters.points);
-  if (!quadrature.empty()) weights.tensors["quadrature"] = nn::Tensor::from_float(quadrature, {clusters.count});
   weights.tensors["latent.start"] = nn::Tensor::from_float(floats(start_latent), {r});
   weights.tensors["latent.training"] =
       nn::Tensor::from_float(training_latents, {static_cast<int64_t>(training_latents.size()) / r, r});
@@ -281,7 +240,6 @@ GridParticles ReducedModel::integration_points(const std::vector<double>& volume
   all.share.assign(all.particles.size(), 0.0);
   for (std::size_t p = 0; p < volume.size(); ++p)
     all.share[static_cast<std::size_t>(clusters.of_particle[p])] += volume[p];
-  for (std::size_t i = 0; i < quadrature.size(); ++i) all.share[i] *= static_cast<double>(quadrature[i]);
   for (std::size_t i = 0; i < all.particles.size(); ++i)
     all.share[i] /= volume[static_cast<std::size_t>(all.particles[i])];
   return all;
@@ -294,7 +252,6 @@ void ReducedModel::take_clusters(Clusters made) {
         "cluster=1",
         clusters.count));
   clusters = std::move(made);
-  quadrature.clear();
   if (clusters.count < fields->particles()) fields = fields->with_clusters(clusters);
 }
 

@@ -45,12 +45,6 @@ struct ModelParameter {
   double low = 0, high = 0;  ///< of the training runs
 };
 
-/// Samples that take the place of others at the first step at or after a time.
-struct SampleWindow {
-  double time = 0;  ///< [s]
-  std::vector<int32_t> samples;
-};
-
 struct ReducedModel {
   std::string scene_json;  ///< of a training run
   std::vector<ModelParameter> parameters;
@@ -60,12 +54,9 @@ struct ReducedModel {
   std::shared_ptr<const Fields> fields;
   std::vector<float> reference;             ///< X, [particles, 3] [m]
   std::vector<int32_t> samples;             ///< by default
-  std::vector<SampleWindow> later_samples;  ///< by default, from above 0 s on, times ascending
-  double outlier_factor = 0;                ///< of the inversion, by default (FitOptions)
   double manifold_pull = 0;                 ///< share of the way back to the training's sheet that a step takes
   double step_factor = 1;                   ///< steps over those of the training, by default
   Clusters clusters;                        ///< integration points; as many as particles: these themselves
-  std::vector<float> quadrature;            ///< weight of each cluster's point on the mass of all, [clusters]; empty: 1
   std::vector<int32_t> encoder;             ///< particles whose positions give the latent, by least squares
   std::optional<ConvEncoder> conv_encoder;  ///< the paper's, which then gives the latent instead
   std::vector<double> start_latent;         ///< mean over the training runs [r]

@@ -105,7 +105,6 @@ ReducedSolver<T>::ReducedSolver(const ReducedModel& model, mpm::PreparedScene pr
       manifold_pull_(options.manifold_pull.value_or(model.manifold_pull)),
       manifold_(model.training_latents, model.latents(), model.training_run,
                 1 + static_cast<int>(model.parameters.size())),
-      later_samples_(options.samples ? std::vector<SampleWindow>() : model.later_samples),
       samples_(options.samples.value_or(model.samples)),
       grid_(prepared_),
       points_(*model.fields, model.integration_points(prepared_.particles.volume), samples_,
@@ -121,30 +120,6 @@ ReducedSolver<T>::ReducedSolver(const ReducedModel& model, mpm::PreparedScene pr
   grid_.choose(points_.candidates());
   fields_ = bind_fields<T>(*model_.fields, points_.candidates().particles);
   start();
-}
-
-/// From the next step on, these are the samples.
-template <typename T>
-void ReducedSolver<T>::take_samples(std::vector<int32_t> samples) {
-  samples_ = std::move(samples);
-  points_ = IntegrationPoints<T>(*model_.fields, model_.integration_points(prepared_.particles.volume), samples_,
-                                 mpm::grid_of<T>(prepared_.scene.domain));
-  sample_field_ = model_.fields->bind_samples(samples_);
-  before_.resize(static_cast<Eigen::Index>(3 * samples_.size()));
-  grid_.choose(points_.candidates());
-  fields_ = bind_fields<T>(*model_.fields, points_.candidates().particles);
-  tiles_.clear();
-  due_ = true;
-}
-
-template <typename T>
-void ReducedSolver<T>::take_due_samples(double dt) {
-  constexpr double rounding = 1e-6;  // of a step, in the sum of steps that the time is
-  std::size_t next = next_samples_;
-  while (next < later_samples_.size() && time_ >= later_samples_[next].time - rounding * dt) ++next;
-  if (next == next_samples_) return;
-  next_samples_ = next;
-  take_samples(later_samples_[next - 1].samples);
 }
 
 /// The latent of the scene's first state, and the velocity along the manifold that is nearest to its velocities.
@@ -167,7 +142,7 @@ void ReducedSolver<T>::start() {
     const std::vector<double> encoded = model_.conv_encoder->encode(all);
     std::copy(encoded.begin(), encoded.end(), latent.data());
   } else {
-    fit_latent(*encoder, position, {}, {.iterations = 20, .outlier_factor = 0}, latent);
+    fit_latent(*encoder, position, {}, {.iterations = 20}, latent);
   }
   Eigen::MatrixXd jacobian;
   encoder->jacobian(latent.data(), jacobian);
@@ -227,7 +202,6 @@ template <typename T>
 void ReducedSolver<T>::step(double dt) {
   LapTimer timer;
   StepTiming& timing = statistics_.timing;
-  take_due_samples(dt);
   if (due_) choose_points();
   timer.lap(timing.search);
   fields_->decode(state_, tiles_, grid_.particles());
@@ -272,10 +246,7 @@ void ReducedSolver<T>::invert(double dt) {
   }
   const Eigen::Map<const Eigen::VectorXd> old(state_.latent.data(), r), rate(state_.velocity.data(), r);
   Eigen::VectorXd latent = old + dt * rate;
-  const double outlier_factor = options_.outlier_factor.value_or(model_.outlier_factor);
-  const FitOptions fit{.iterations = options_.iterations.value_or(outlier_factor > 0 ? 3 : 1),
-                       .outlier_factor = outlier_factor,
-                       .linearisation = Linearisation::once};
+  const FitOptions fit{.iterations = options_.iterations.value_or(1), .linearisation = Linearisation::once};
   const FitReport report = fit_latent(*sample_field_, target_, lost_, fit, latent);
   const Eigen::VectorXd velocity = (latent - old) / dt;
   misfit_ = report.distance / dt;

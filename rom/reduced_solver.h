@@ -28,12 +28,11 @@ enum class LongSteps {
 struct ReducedOptions {
   std::optional<double> step_factor;            ///< steps over those of the training, instead of the model's
   LongSteps long_steps = LongSteps::shortened;  ///< steps above the training's
-  /// Of the inversion; by default 1, and 3 where samples are weighed: the first step of Gauss-Newton from where the
-  /// latent's velocity takes it is exact to rounding in all measurements.
+  /// Of the inversion; by default 1: the first step of Gauss-Newton from where the latent's velocity takes it is exact
+  /// to rounding in all measurements.
   std::optional<int> iterations;
   std::optional<double> manifold_pull;          ///< instead of the model's
-  std::optional<double> outlier_factor;         ///< of the inversion, instead of the model's
-  std::optional<std::vector<int32_t>> samples;  ///< instead of the model's, all the time
+  std::optional<std::vector<int32_t>> samples;  ///< instead of the model's
 };
 
 /// Seconds of the parts of steps, summed.
@@ -77,8 +76,6 @@ class ReducedSolver {
 
  private:
   void start();
-  void take_samples(std::vector<int32_t> samples);
-  void take_due_samples(double dt);
   void choose_points();
   void invert(double dt);
   bool try_step(double dt);
@@ -89,8 +86,6 @@ class ReducedSolver {
   double step_factor_, manifold_pull_;
   LatentManifold manifold_;
   Eigen::MatrixXd curve_;  ///< of the manifold at the run's parameter; may be none
-  std::vector<SampleWindow> later_samples_;
-  std::size_t next_samples_ = 0;  ///< of later_samples_
   std::vector<int32_t> samples_;
   ParticleGrid<T> grid_;
   IntegrationPoints<T> points_;

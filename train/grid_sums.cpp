@@ -13,10 +13,8 @@ namespace graupel::train {
 namespace {
 
 /// Sweeps over all points, at most, and the part of the squared error that a sweep must take away for another one.
-constexpr int weight_sweeps = 30, point_sweeps = 10;
-constexpr double weight_gain = 1e-3, point_gain = 1e-2;
-/// Pull of each weight to 1, over the squares of its column: it decides where snapshots do not.
-constexpr double regularisation = 1e-4;
+constexpr int point_sweeps = 10;
+constexpr double point_gain = 1e-2;
 
 /// Numbers of the nodes that particles touch, row by row, so that a stencil's nodes along the last axis follow each
 /// other.
@@ -134,14 +132,14 @@ std::vector<GridSums::Load> GridSums::cluster_loads(const QuadratureBody& body, 
   return loads;
 }
 
-std::array<double, 2> GridSums::squares(const std::vector<double>& weights) const {
+std::array<double, 2> GridSums::squares(double factor) const {
   std::array<double, 2> sum = {};
   for (const Snapshot& snapshot : snapshots_) {
     std::vector<Sums> rest = snapshot.targets;
-    for (std::size_t c = 0; c < weights.size(); ++c)
+    for (std::size_t c = 0; c < points_.size(); ++c)
       at_nodes(snapshot.places[static_cast<std::size_t>(points_[c])], snapshot.loads[c],
                [&](std::size_t node, const Sums& part) {
-                 for (std::size_t k = 0; k < channels; ++k) rest[node][k] -= weights[c] * part[k];
+                 for (std::size_t k = 0; k < channels; ++k) rest[node][k] -= factor * part[k];
                });
     for (std::size_t node = 0; node < rest.size(); ++node)
       for (std::size_t k = 0; k < channels; ++k) {
@@ -152,17 +150,16 @@ std::array<double, 2> GridSums::squares(const std::vector<double>& weights) cons
   return sum;
 }
 
-QuadratureError GridSums::error(const std::vector<double>& weights) const {
-  const std::array<double, 2> rest = squares(weights), all = squares(std::vector<double>(weights.size(), 0.0));
+QuadratureError GridSums::error() const {
+  const std::array<double, 2> rest = squares(1), all = squares(0);
   return {all[0] > 0 ? std::sqrt(rest[0] / all[0]) : 0, all[1] > 0 ? std::sqrt(rest[1] / all[1]) : 0};
 }
 
-/// Coordinate descent: one point after the other goes to its best weight or place, the others kept.
+/// Coordinate descent: one point after the other goes to its best place, the others kept.
 class GridSums::Descent {
  public:
-  explicit Descent(const GridSums& sums)
-      : snapshots_(sums.snapshots_), points_(sums.points_), weights_(points_.size(), 1.0) {
-    const std::array<double, 2> start = sums.squares(weights_);
+  explicit Descent(const GridSums& sums) : snapshots_(sums.snapshots_), points_(sums.points_) {
+    const std::array<double, 2> start = sums.squares(1);
     for (std::size_t k = 0; k < channels; ++k) {
       const double square = start[k == 0 ? 0 : 1];
       factor_[k] = square > 0 ? 1 / std::sqrt(square) : 0;
@@ -176,7 +173,6 @@ class GridSums::Descent {
     for (std::size_t c = 0; c < points_.size(); ++c) add(c, points_[c], 1);
   }
 
-  const std::vector<double>& weights() const { return weights_; }
   const std::vector<int32_t>& points() const { return points_; }
 
   /// Calls visit(point) for all points until a sweep takes less than `gain` of the squared error away.
@@ -190,33 +186,22 @@ class GridSums::Descent {
       before = now;
     }
   }
-  /// The weight of least error that is not negative.
-  void weigh(std::size_t c) {
-    const Line line = line_of(c, points_[c]);
-    if (!(line.square > 0)) return;
-    const double pull = regularisation * line.square;
-    const double way = -(line.slope + pull * (weights_[c] - 1)) / (line.square + pull);
-    const double weight = std::max(0.0, weights_[c] + way);
-    add(c, points_[c], weight - weights_[c]);
-    weights_[c] = weight;
-  }
   /// The particle of least error.
   void choose(std::size_t c, const std::vector<int32_t>& members) {
-    const double w = weights_[c];
-    add(c, points_[c], -w);
+    add(c, points_[c], -1);
     double least = std::numeric_limits<double>::infinity();
     for (const int32_t member : members) {
       const Line line = line_of(c, member);
-      const double error = w * (2 * line.slope + w * line.square);
+      const double error = 2 * line.slope + line.square;
       if (error >= least) continue;
       least = error;
       points_[c] = member;
     }
-    add(c, points_[c], w);
+    add(c, points_[c], 1);
   }
 
  private:
-  /// Squared error against the weight of a point: r^2 + 2 slope w + square w^2.
+  /// Squared error by a point with the weight w: r^2 + 2 slope w + square w^2.
   struct Line {
     double slope = 0, square = 0;
   };
@@ -259,7 +244,6 @@ class GridSums::Descent {
 
   const std::vector<Snapshot>& snapshots_;
   std::vector<int32_t> points_;
-  std::vector<double> weights_;
   Sums factor_;
   std::vector<std::vector<Sums>> residual_;  ///< sums of the points less those of all particles, scaled
 };
@@ -268,23 +252,6 @@ void GridSums::choose_points() {
   Descent descent(*this);
   descent.sweep(point_sweeps, point_gain, [&](std::size_t c) { descent.choose(c, members_[c]); });
   points_ = descent.points();
-}
-
-std::vector<double> GridSums::fit_weights() const {
-  Descent descent(*this);
-  descent.sweep(weight_sweeps, weight_gain, [&](std::size_t c) { descent.weigh(c); });
-  return descent.weights();
-}
-
-std::vector<double> with_total_mass(const QuadratureBody& body, std::vector<double> weights) {
-  double all = 0, weighted = 0;
-  for (std::size_t p = 0; p < body.mass.size(); ++p) {
-    all += body.mass[p];
-    weighted += body.mass[p] * weights[static_cast<std::size_t>(body.clusters.of_particle[p])];
-  }
-  GRAUPEL_ASSERT(weighted > 0);
-  for (double& w : weights) w *= all / weighted;
-  return weights;
 }
 
 }  // namespace graupel::train

@@ -1,8 +1,7 @@
 // What the integration points of a reduced-order model leave at grid nodes, beside what all particles leave there, in
 // some snapshots:
 //   m_i = sum_p w_ip m_p,   f_i = -(4 / dx^2) sum_p w_ip V_p tau_p (x_i - x_p)     (mpm/transfer.h)
-// Points and weights that make the two alike, by least squares over nodes and snapshots: empirical cubature (An, Kim
-// and James 2008; Hernandez et al. 2017; ECSW, Farhat et al. 2014) for sums of which each has its own place.
+// Points that make the two alike, by least squares over nodes and snapshots.
 #pragma once
 
 #include <array>
@@ -41,12 +40,10 @@ class GridSums {
 
   /// Particle of each cluster that its point is.
   const std::vector<int32_t>& points() const { return points_; }
-  /// Moves each cluster's point to the one of its particles that lessens the error most, again and again. All weights
-  /// are 1. Mass and force count as their errors at the start.
+  /// Moves each cluster's point to the one of its particles that lessens the error most, again and again. Mass and
+  /// force count as their errors at the start.
   void choose_points();
-  /// Weights of the points, over what all particles of their clusters have, of least error, none below 0.
-  std::vector<double> fit_weights() const;
-  QuadratureError error(const std::vector<double>& weights) const;
+  QuadratureError error() const;
 
  private:
   static constexpr int channels = 4;  ///< mass, force
@@ -73,15 +70,12 @@ class GridSums {
   static std::vector<Load> cluster_loads(const QuadratureBody& body, const QuadratureSnapshot& state);
   template <typename Use>
   static void at_nodes(const Place& place, const Load& load, const Use& use);
-  /// Squared errors of mass and force over the nodes' masses.
-  std::array<double, 2> squares(const std::vector<double>& weights) const;
+  /// Squared errors of mass and force over the nodes' masses, with a factor on what the points bring.
+  std::array<double, 2> squares(double factor) const;
 
   std::vector<std::vector<int32_t>> members_;  ///< of each cluster
   std::vector<int32_t> points_;
   std::vector<Snapshot> snapshots_;
 };
-
-/// Weights times the factor that gives all points together the mass of the body.
-std::vector<double> with_total_mass(const QuadratureBody& body, std::vector<double> weights);
 
 }  // namespace graupel::train

@@ -87,33 +87,34 @@ std::vector<Index> spread_rows(const MatrixXd& y, int count) {
 
 }  // namespace
 
-MapFit fit_map(const MatrixXd& inputs, const MatrixXd& outputs, const std::vector<int>& run, int centers,
-               const RunInterpolation& between) {
-  const MatrixXd all_inputs = between.extend(inputs, run), all_outputs = between.extend(outputs, run);
-  if (centers < all_inputs.rows())
-    return fit_rate_map(inputs, MatrixXd::Ones(inputs.rows(), 1), outputs, run, centers, between);
-  const rom::Standardization standard = column_standardization(all_inputs);
+MapFit fit_map(const MatrixXd& inputs, const MatrixXd& outputs, const std::vector<int>& run, int centers) {
+  if (centers < inputs.rows()) return fit_rate_map(inputs, MatrixXd::Ones(inputs.rows(), 1), outputs, run, centers);
+  const rom::Standardization standard = column_standardization(inputs);
   const MatrixXd y = standardized(inputs, standard);
   MapFit fit;
-  fit.ridge = best_ridge(
-      folds_of(run), std::begin(map_ridges), std::end(map_ridges), outputs, fit.held_out_error,
-      [&](double ridge, const Fold& fold) {
-        const MatrixXd kept = between.extend(rows_of(y, fold.kept), fold.kept_run), held = rows_of(y, fold.held);
-        const Spline spline(kept, between.extend(rows_of(outputs, fold.kept), fold.kept_run), ridge);
-        const MatrixXd predicted = cubic_kernel(held, kept) * spline.weights + with_ones(held) * spline.linear;
-        return (predicted - rows_of(outputs, fold.held)).squaredNorm();
-      });
-  const Spline spline(standardized(all_inputs, standard), all_outputs, fit.ridge);
-  fit.map = {static_cast<int>(inputs.cols()), static_cast<int>(outputs.cols()), standard.shift,          standard.scale,
-             row_major(all_inputs),           row_major(spline.weights),        row_major(spline.linear)};
+  fit.ridge = best_ridge(folds_of(run), std::begin(map_ridges), std::end(map_ridges), outputs, fit.held_out_error,
+                         [&](double ridge, const Fold& fold) {
+                           const MatrixXd kept = rows_of(y, fold.kept), held = rows_of(y, fold.held);
+                           const Spline spline(kept, rows_of(outputs, fold.kept), ridge);
+                           const MatrixXd predicted =
+                               cubic_kernel(held, kept) * spline.weights + with_ones(held) * spline.linear;
+                           return (predicted - rows_of(outputs, fold.held)).squaredNorm();
+                         });
+  const Spline spline(standardized(inputs, standard), outputs, fit.ridge);
+  fit.map = {static_cast<int>(inputs.cols()),
+             static_cast<int>(outputs.cols()),
+             standard.shift,
+             standard.scale,
+             row_major(inputs),
+             row_major(spline.weights),
+             row_major(spline.linear)};
   return fit;
 }
 
 MapFit fit_rate_map(const MatrixXd& inputs, const MatrixXd& rates, const MatrixXd& outputs, const std::vector<int>& run,
-                    int centers, const RunInterpolation& between) {
-  const MatrixXd all_inputs = between.extend(inputs, run);
-  const rom::Standardization standard = column_standardization(all_inputs);
-  const MatrixXd y = standardized(all_inputs, standard);
+                    int centers) {
+  const rom::Standardization standard = column_standardization(inputs);
+  const MatrixXd y = standardized(inputs, standard);
   const std::vector<Index> chosen = spread_rows(y, centers);
   const MatrixXd middle = rows_of(y, chosen);
   // Features (1, y, |y - y_i|^3) times each rate, all of mean square 1.
@@ -125,7 +126,7 @@ MapFit fit_rate_map(const MatrixXd& inputs, const MatrixXd& rates, const MatrixX
       for (Index j = 0; j < r; ++j) features.col(s * r + j) = shapes.col(s).cwiseProduct(place_rates.col(j));
     return features;
   };
-  MatrixXd features = features_of(y, between.extend(rates, run));
+  MatrixXd features = features_of(y, rates);
   const VectorXd size =
       (features.colwise().squaredNorm() / static_cast<double>(y.rows())).cwiseSqrt().cwiseMax(1e-30).transpose();
   features.array().rowwise() /= size.transpose().array();
@@ -135,19 +136,17 @@ MapFit fit_rate_map(const MatrixXd& inputs, const MatrixXd& rates, const MatrixX
     return MatrixXd(normal.ldlt().solve(a.transpose() * c));
   };
   const auto kept_features = [&](const Fold& fold) {
-    MatrixXd kept = features_of(between.extend(rows_of(y, fold.kept), fold.kept_run),
-                                between.extend(rows_of(rates, fold.kept), fold.kept_run));
+    MatrixXd kept = features_of(rows_of(y, fold.kept), rows_of(rates, fold.kept));
     kept.array().rowwise() /= size.transpose().array();
     return kept;
   };
   MapFit fit;
   fit.ridge = best_ridge(folds_of(run), std::begin(rate_ridges), std::end(rate_ridges), outputs, fit.held_out_error,
                          [&](double ridge, const Fold& fold) {
-                           const MatrixXd w = solve(kept_features(fold),
-                                                    between.extend(rows_of(outputs, fold.kept), fold.kept_run), ridge);
+                           const MatrixXd w = solve(kept_features(fold), rows_of(outputs, fold.kept), ridge);
                            return (rows_of(features, fold.held) * w - rows_of(outputs, fold.held)).squaredNorm();
                          });
-  const MatrixXd solution = solve(features, between.extend(outputs, run), fit.ridge);
+  const MatrixXd solution = solve(features, outputs, fit.ridge);
   // Row of shape s: outputs [m, r].
   const Index m = outputs.cols();
   MatrixXd by_shape(count, m * r);
@@ -158,7 +157,7 @@ MapFit fit_rate_map(const MatrixXd& inputs, const MatrixXd& rates, const MatrixX
              static_cast<int>(m * r),
              standard.shift,
              standard.scale,
-             row_major(rows_of(all_inputs, chosen)),
+             row_major(rows_of(inputs, chosen)),
              row_major(by_shape.bottomRows(radial)),
              row_major(by_shape.topRows(linear))};
   return fit;

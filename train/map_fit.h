@@ -7,7 +7,6 @@
 #include <vector>
 
 #include "rom/coefficient_map.h"
-#include "train/run_interpolation.h"
 
 namespace graupel::train {
 
@@ -18,12 +17,11 @@ struct MapFit {
 };
 
 /// c(z) for rows of `inputs` [n, d] and `outputs` [n, m]; `run` [n]. `centers`: at so many rows, far apart; at every
-/// row where there are no more. `between`: adds rows between the runs, in a fold between those that are not held out.
-MapFit fit_map(const Eigen::MatrixXd& inputs, const Eigen::MatrixXd& outputs, const std::vector<int>& run, int centers,
-               const RunInterpolation& between = {});
+/// row where there are no more.
+MapFit fit_map(const Eigen::MatrixXd& inputs, const Eigen::MatrixXd& outputs, const std::vector<int>& run, int centers);
 
 /// M(z) with outputs = M(z) rates: `rates` [n, r]; the map's outputs are [m, r]. `centers`: how many, far apart.
 MapFit fit_rate_map(const Eigen::MatrixXd& inputs, const Eigen::MatrixXd& rates, const Eigen::MatrixXd& outputs,
-                    const std::vector<int>& run, int centers, const RunInterpolation& between = {});
+                    const std::vector<int>& run, int centers);
 
 }  // namespace graupel::train

@@ -144,9 +144,6 @@ void MlpSweep::set_latents(const std::vector<float>& position) {
     latent_tail_ = modes.tail(static_cast<int>(r));
     if (message_) message_(fmt::format("latent: {} modes leave out {:.3g} %", r, 100 * latent_tail_));
   }
-  modes_ = {3, modes.modes(), {}, modes.mean, modes.basis};
-  modes_.points.resize(snapshots_.set().reference().size());
-  std::iota(modes_.points.begin(), modes_.points.end(), 0);
 }
 
 void MlpSweep::set_output(MlpStage& stage, std::vector<float> values) const {
@@ -176,8 +173,6 @@ std::vector<double> MlpSweep::latent_scale() const {
   return scale;
 }
 
-void MlpSweep::describe(rom::ReducedModel& model) const {
-  snapshots_.describe(latents_, latent_scale(), modes_, model);
-}
+void MlpSweep::describe(rom::ReducedModel& model) const { snapshots_.describe(latents_, latent_scale(), model); }
 
 }  // namespace graupel::train

@@ -69,7 +69,6 @@ class MlpSweep {
   std::function<void(const std::string&)> message_;
   NsfSnapshots snapshots_;
   Eigen::MatrixXd latents_;  ///< of the training snapshots
-  rom::ModeTable modes_;     ///< of the positions: samples are chosen by them
   rom::Standardization position_;
   double latent_tail_ = 0;
 };

@@ -48,7 +48,7 @@ class MlpTraining {
 
   std::optional<rom::ReducedModel> run() {
     report_.stages.clear();
-    sweep_.snapshots().fit_quadrature(options_.message);
+    sweep_.snapshots().choose_cluster_points(options_.message);
     for (stage_ = 0; stage_ < mlp_stage_count; ++stage_) {
       MlpStage stage = prepare();
       if (restored_stage_ <= stage_) {

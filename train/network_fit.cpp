@@ -45,9 +45,6 @@ struct Regression {
   Regression chosen(const std::vector<Index>& rows) const {
     return {input, y(rows, Eigen::all), rates(rows, Eigen::all), outputs(rows, Eigen::all), has_rates};
   }
-  Regression extended(const RunInterpolation& between, const std::vector<int>& run) const {
-    return {input, between.extend(y, run), between.extend(rates, run), between.extend(outputs, run), has_rates};
-  }
   Index size() const { return outputs.cols() * rates.cols(); }  ///< outputs of the map
 };
 
@@ -185,13 +182,13 @@ NetworkFit fit(const MatrixXd& inputs, const Regression& data, const std::vector
   std::mutex speaks;
   for_each_index(num_threads(), static_cast<int64_t>(parts.size()) + 1, [&](int64_t task) {
     if (task == 0) {
-      map = fit_rows(data.extended(options.between, run), options);
+      map = fit_rows(data, options);
       return;
     }
     const auto i = static_cast<std::size_t>(task - 1);
     const Fold& fold = parts[i];
     const Stopwatch watch;
-    const Regression kept = data.chosen(fold.kept).extended(options.between, fold.kept_run);
+    const Regression kept = data.chosen(fold.kept);
     error[i] = squared_error(fit_rows(kept, options), inputs, data, fold.held);
     const double squares = data.outputs(fold.held, Eigen::all).squaredNorm();
     if (!options.message || squares == 0) return;

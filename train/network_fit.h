@@ -11,7 +11,6 @@
 #include <vector>
 
 #include "rom/mlp_map.h"
-#include "train/run_interpolation.h"
 
 namespace graupel::train {
 
@@ -21,7 +20,6 @@ struct NetworkFitOptions {
   double learning_rate = 1e-2;  ///< the first
   double noise = 0.1;           ///< standard deviation of what is added to standardised inputs
   uint64_t seed = 0;
-  RunInterpolation between = {};                         ///< adds rows, as in map_fit.h
   std::function<void(const std::string&)> message = {};  ///< one call at a time, from any thread
 };
 

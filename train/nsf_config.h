@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "core/fields.h"
+#include "core/removed_field.h"
 #include "rom/branch_map.h"
 #include "rom/reduced_model.h"
 #include "rom/sample_rules.h"
@@ -22,12 +23,6 @@ enum class ClusterPoint {
   matched  ///< the one with which sums at grid nodes are most like those of all particles (train/grid_sums.h)
 };
 
-/// What an integration point counts.
-enum class Quadrature {
-  mass,   ///< as much as the particles that it stands for
-  fitted  ///< what makes sums at grid nodes those of all particles (train/grid_sums.h)
-};
-
 }  // namespace train
 
 template <>
@@ -41,35 +36,7 @@ struct EnumWords<train::ClusterPoint> {
   static constexpr std::pair<const char*, train::ClusterPoint> words[] = {{"random", train::ClusterPoint::random},
                                                                           {"matched", train::ClusterPoint::matched}};
 };
-template <>
-struct EnumWords<train::Quadrature> {
-  static constexpr std::pair<const char*, train::Quadrature> words[] = {{"mass", train::Quadrature::mass},
-                                                                        {"fitted", train::Quadrature::fitted}};
-};
-
 namespace train {
-
-/// Samples from a time on.
-struct SampleWindowConfig {
-  double time = 0;
-  Vec3d low = Vec3d::filled(-1e30), high = Vec3d::filled(1e30);
-  int64_t samples = 300;
-
-  template <typename Visitor>
-  static void fields(Visitor&& visit) {
-    using C = SampleWindowConfig;
-    visit(&C::time, FieldInfo{.name = "time",
-                              .unit = "s",
-                              .meaning = "From the first step at or after this time on",
-                              .range = Range::not_negative()});
-    visit(&C::low, FieldInfo{.name = "low",
-                             .unit = "m",
-                             .meaning = "Lower corner of the box of the reference body that these samples lie in"});
-    visit(&C::high, FieldInfo{.name = "high", .unit = "m", .meaning = "Upper corner of the box"});
-    visit(&C::samples,
-          FieldInfo{.name = "samples", .unit = "", .meaning = "Sample particles", .range = Range::between(1, 1e6)});
-  }
-};
 
 struct NsfConfig {
   rom::FieldKind field = rom::FieldKind::factored;
@@ -78,18 +45,15 @@ struct NsfConfig {
   rom::AffineKind affine = rom::AffineKind::position;
   rom::BranchKind branch = rom::BranchKind::rbf;
   int64_t centers = 1000, affine_centers = 24;
-  int64_t between_runs = 0;
   int64_t branch_width = 64, branch_steps = 3000, branch_batch = 128;
   double branch_learning_rate = 1e-2, branch_noise = 0.1;
   int64_t samples = 300;
   rom::SampleRule sample_rule = rom::SampleRule::random;
   Vec3d sample_low = Vec3d::filled(-1e30), sample_high = Vec3d::filled(1e30);
-  std::vector<SampleWindowConfig> sample_windows;
   double manifold_pull = 0;
-  double outlier_factor = 0, step_factor = 1;
+  double step_factor = 1;
   int64_t cluster = 1;
   ClusterPoint cluster_point = ClusterPoint::matched;
-  Quadrature quadrature = Quadrature::mass;
   int64_t quadrature_snapshots = 16;
   int64_t encoder_particles = 2000;
   int64_t calibration_runs = 4;
@@ -97,6 +61,12 @@ struct NsfConfig {
   double memory = 0;
   uint64_t seed = 0;
   MlpConfig mlp;
+
+  static constexpr RemovedField removed[] = {
+      {"quadrature", "\"mass\"", "fitted weights lost to matched points"},
+      {"sample_windows", "[]", "samples that change with time gained nothing"},
+      {"between_runs", "0", "states between runs gained less than another choice of samples"},
+      {"outlier_factor", "0 0.0", "samples that count less gained nothing beside manifold_pull"}};
 
   template <typename Visitor>
   static void fields(Visitor&& visit) {
@@ -136,12 +106,6 @@ struct NsfConfig {
                                         .unit = "",
                                         .meaning = "Centres of the affine field's branch, when it follows the rate",
                                         .range = Range::between(0, 1000)});
-    visit(&C::between_runs,
-          FieldInfo{.name = "between_runs",
-                    .unit = "",
-                    .meaning = "States that branches also learn between each two neighbouring runs, by linear "
-                               "interpolation at equal times; for sweeps with one parameter",
-                    .range = Range::between(0, 100)});
     visit(&C::branch_width, FieldInfo{.name = "branch_width",
                                       .unit = "",
                                       .meaning = "Hidden width of a branch's network",
@@ -172,22 +136,11 @@ struct NsfConfig {
                                     .meaning = "Lower corner of the box of the reference body that samples lie in"});
     visit(&C::sample_high,
           FieldInfo{.name = "sample_high", .unit = "m", .meaning = "Upper corner of the samples' box"});
-    visit(&C::sample_windows,
-          FieldInfo{.name = "sample_windows",
-                    .unit = "",
-                    .meaning =
-                        "Other samples from given times on, ascending; before the first of them samples, sample_low "
-                        "and sample_high hold"});
     visit(&C::manifold_pull,
           FieldInfo{.name = "manifold_pull",
                     .unit = "",
                     .meaning = "Share of the way back to the states of the training that a step takes",
                     .range = Range::between(0, 1)});
-    visit(&C::outlier_factor, FieldInfo{.name = "outlier_factor",
-                                        .unit = "",
-                                        .meaning = "Samples count less beyond this multiple of the median distance; 0: "
-                                                   "all count the same",
-                                        .range = Range::between(0, 1e6)});
     visit(&C::step_factor, FieldInfo{.name = "step_factor",
                                      .unit = "",
                                      .meaning = "Time steps of the model over those of its data, unless told otherwise",
@@ -201,14 +154,9 @@ struct NsfConfig {
                     .unit = "",
                     .meaning = "Which particle of a cluster is its integration point: a random one, or "
                                "the one that matches the training's sums at grid nodes"});
-    visit(&C::quadrature,
-          FieldInfo{.name = "quadrature",
-                    .unit = "",
-                    .meaning = "What an integration point counts: the mass of its particles, or weights "
-                               "fitted to the training's sums at grid nodes"});
     visit(&C::quadrature_snapshots, FieldInfo{.name = "quadrature_snapshots",
                                               .unit = "",
-                                              .meaning = "Training snapshots that points and weights are fitted to",
+                                              .meaning = "Training snapshots that matched points are chosen by",
                                               .range = Range::between(1, 1000)});
     visit(&C::encoder_particles, FieldInfo{.name = "encoder_particles",
                                            .unit = "",

@@ -10,7 +10,7 @@
 #include "core/error.h"
 #include "core/memory.h"
 #include "core/random.h"
-#include "train/quadrature_fit.h"
+#include "train/cluster_points.h"
 
 namespace graupel::train {
 
@@ -22,11 +22,6 @@ NsfSnapshots::NsfSnapshots(const std::string& data, const NsfConfig& config)
   for (int run = 0; run < set_.runs(); ++run)
     run_of_.insert(run_of_.end(), static_cast<std::size_t>(set_.first_snapshot(run + 1) - set_.first_snapshot(run)),
                    run);
-  for (std::size_t i = 1; i < config.sample_windows.size(); ++i)
-    if (!(config.sample_windows[i].time > config.sample_windows[i - 1].time))
-      throw ConfigError(
-          fmt::format("sample_windows[{}].time is {} s (needed: above the {} s of the one before). Put them in order",
-                      i, config.sample_windows[i].time, config.sample_windows[i - 1].time));
   clusters_ = rom::make_clusters(set_.reference(), set_.particle_kind(), static_cast<int>(config_.cluster));
   representatives_ = clusters_.representatives();
 }
@@ -48,18 +43,17 @@ std::vector<float> NsfSnapshots::read(SnapshotField field) { return whole(field,
 
 std::vector<float> NsfSnapshots::read_means(SnapshotField field) { return whole(field, &clusters_); }
 
-void NsfSnapshots::fit_quadrature(const std::function<void(const std::string&)>& message) {
-  const bool as_made = config_.cluster_point == ClusterPoint::random && config_.quadrature == Quadrature::mass;
-  if (config_.cluster == 1 || as_made) return;
-  FittedQuadrature fit = train::fit_quadrature(set_, clusters_, config_);
-  clusters_.points = representatives_ = std::move(fit.points);
-  weights_ = std::move(fit.weights);
-  read_seconds_ += fit.read_seconds;
+void NsfSnapshots::choose_cluster_points(const std::function<void(const std::string&)>& message) {
+  if (config_.cluster == 1 || config_.cluster_point == ClusterPoint::random) return;
+  ClusterPoints chosen = match_cluster_points(set_, clusters_, config_.quadrature_snapshots);
+  clusters_.points = representatives_ = std::move(chosen.points);
+  read_seconds_ += chosen.read_seconds;
   if (message)
-    message(fmt::format(
-        "quadrature: nodes' masses off by {:.3g} instead of {:.3g} %, forces by {:.3g} instead of "
-        "{:.3g} % ({:.1f} s)",
-        100 * fit.after.mass, 100 * fit.before.mass, 100 * fit.after.force, 100 * fit.before.force, fit.seconds));
+    message(
+        fmt::format("cluster points: nodes' masses off by {:.3g} instead of {:.3g} %, forces by {:.3g} instead of "
+                    "{:.3g} % ({:.1f} s)",
+                    100 * chosen.after.mass, 100 * chosen.before.mass, 100 * chosen.after.force,
+                    100 * chosen.before.force, chosen.seconds));
 }
 
 SnapshotMatrix NsfSnapshots::matrix(const std::vector<float>& values) const {
@@ -78,10 +72,8 @@ MatrixXd NsfSnapshots::inputs(const MatrixXd& latents) const {
   return z;
 }
 
-void NsfSnapshots::describe(const MatrixXd& latents, const std::vector<double>& scale,
-                            const rom::ModeTable& deformation, rom::ReducedModel& model) const {
+void NsfSnapshots::describe(const MatrixXd& latents, const std::vector<double>& scale, rom::ReducedModel& model) const {
   model.clusters = clusters_;
-  model.quadrature = weights_;
   model.scene_json = set_.scene_json();
   model.frame_time = set_.frame_time();
   model.substeps_per_frame = set_.substeps_per_frame();
@@ -104,7 +96,7 @@ void NsfSnapshots::describe(const MatrixXd& latents, const std::vector<double>& 
   MatrixXd scaled = latents;
   for (std::size_t j = 0; j < r; ++j) scaled.col(static_cast<Index>(j)) /= scale[j];
   model.latent_reach = reach(scaled);
-  choose_particles(deformation, model);
+  choose_particles(model);
 }
 
 /// Largest distance of a snapshot to the nearest one of another run.
@@ -120,19 +112,7 @@ double NsfSnapshots::reach(const MatrixXd& latents) const {
   return furthest > 0 ? furthest : 1;
 }
 
-std::vector<int32_t> NsfSnapshots::samples_within(const Vec3d& low, const Vec3d& high, int64_t count,
-                                                  const std::string& box, const rom::ModeTable& deformation,
-                                                  const std::vector<float>& reference) const {
-  const auto candidates = rom::points_within(representatives_, reference, low, high);
-  if (candidates.empty())
-    throw ConfigError(
-        fmt::format("no integration point lies in the samples' box ({}). Widen it; 'graupel inspect' of the data set "
-                    "shows where the body is",
-                    box));
-  return rom::choose_samples(config_.sample_rule, deformation, candidates, count, config_.seed);
-}
-
-void NsfSnapshots::choose_particles(const rom::ModeTable& deformation, rom::ReducedModel& model) const {
+void NsfSnapshots::choose_particles(rom::ReducedModel& model) const {
   const auto n = static_cast<int32_t>(set_.particles());
   std::vector<int32_t> order(static_cast<std::size_t>(n));
   std::iota(order.begin(), order.end(), 0);
@@ -145,18 +125,13 @@ void NsfSnapshots::choose_particles(const rom::ModeTable& deformation, rom::Redu
     std::sort(chosen.begin(), chosen.end());
     return chosen;
   };
-  model.samples = samples_within(config_.sample_low, config_.sample_high, config_.samples, "sample_low, sample_high",
-                                 deformation, model.reference);
-  for (std::size_t i = 0; i < config_.sample_windows.size(); ++i) {
-    const SampleWindowConfig& window = config_.sample_windows[i];
-    std::vector<int32_t> samples = samples_within(window.low, window.high, window.samples,
-                                                  fmt::format("sample_windows[{}]", i), deformation, model.reference);
-    if (window.time > 0)
-      model.later_samples.push_back({window.time, std::move(samples)});
-    else
-      model.samples = std::move(samples);
-  }
-  model.outlier_factor = config_.outlier_factor;
+  const auto candidates =
+      rom::points_within(representatives_, model.reference, config_.sample_low, config_.sample_high);
+  if (candidates.empty())
+    throw ConfigError(
+        "no integration point lies in the samples' box (sample_low, sample_high). Widen it; 'graupel inspect' of the "
+        "data set shows where the body is");
+  model.samples = rom::choose_samples(config_.sample_rule, candidates, config_.samples, config_.seed);
   model.step_factor = config_.step_factor;
   model.manifold_pull = config_.manifold_pull;
   model.training_run.assign(run_of_.begin(), run_of_.end());

@@ -29,8 +29,8 @@ class NsfSnapshots {
 
   /// A field of the particles or, with clusters, its means over these, within the configured memory.
   FieldBlocks blocks(SnapshotField field, const rom::Clusters* clusters) const;
-  /// Fits the clusters' points and weights, as configured; before anything else that needs the clusters.
-  void fit_quadrature(const std::function<void(const std::string&)>& message);
+  /// Chooses the clusters' points, as configured; before anything else that needs the clusters.
+  void choose_cluster_points(const std::function<void(const std::string&)>& message);
   void add_read_seconds(double seconds) { read_seconds_ += seconds; }
   /// A field of all particles, [snapshots, particles * components].
   std::vector<float> read(SnapshotField field);
@@ -41,26 +41,20 @@ class NsfSnapshots {
   /// (q, mu) of every snapshot, from its latents [snapshots, r].
   Eigen::MatrixXd inputs(const Eigen::MatrixXd& latents) const;
 
-  /// Fills in the scene, parameters, clusters, particles and latents of the training; `scale`: of each latent [r],
-  /// `deformation`: modes that samples are chosen by. Throws ConfigError when no
-  /// sample is within the configured box.
-  void describe(const Eigen::MatrixXd& latents, const std::vector<double>& scale, const rom::ModeTable& deformation,
-                rom::ReducedModel& model) const;
+  /// Fills in the scene, parameters, clusters, particles and latents of the training; `scale`: of each latent [r].
+  /// Throws ConfigError when no sample is within the configured box.
+  void describe(const Eigen::MatrixXd& latents, const std::vector<double>& scale, rom::ReducedModel& model) const;
 
  private:
   double reach(const Eigen::MatrixXd& latents) const;
   std::vector<float> whole(SnapshotField field, const rom::Clusters* clusters);
-  /// `box`: its name in messages.
-  std::vector<int32_t> samples_within(const Vec3d& low, const Vec3d& high, int64_t count, const std::string& box,
-                                      const rom::ModeTable& deformation, const std::vector<float>& reference) const;
-  void choose_particles(const rom::ModeTable& deformation, rom::ReducedModel& model) const;
+  void choose_particles(rom::ReducedModel& model) const;
 
   const NsfConfig& config_;
   SnapshotSet set_;
   std::vector<int> run_of_;
   rom::Clusters clusters_;
   std::vector<int32_t> representatives_;
-  std::vector<float> weights_;  ///< of the clusters' points; empty: 1
   double read_seconds_ = 0;
 };
 

@@ -25,11 +25,7 @@ using Eigen::MatrixXd;
 class FactoredTraining {
  public:
   FactoredTraining(const NsfTrainingOptions& options, NsfReport& report)
-      : options_(options),
-        config_(options.config),
-        report_(report),
-        snapshots_(options.data, config_),
-        between_(RunInterpolation::of(snapshots_.set(), config_.between_runs)) {
+      : options_(options), config_(options.config), report_(report), snapshots_(options.data, config_) {
     const SnapshotSet& set = snapshots_.set();
     report_.snapshots = set.snapshots();
     say(fmt::format("{} runs, {} snapshots of {} particles", set.runs(), set.snapshots(), set.particles()));
@@ -37,7 +33,7 @@ class FactoredTraining {
 
   rom::ReducedModel run() {
     rom::ReducedModel model;
-    snapshots_.fit_quadrature(options_.message);
+    snapshots_.choose_cluster_points(options_.message);
     fit_deformation();
     rom::ModeTable stress, affine;
     auto stress_branch = fit_stress(stress);
@@ -48,9 +44,7 @@ class FactoredTraining {
     model.affine_kind = config_.affine;
     model.provenance = options_.provenance;
     model.singular_values = singular_values_;
-    const auto& fields = dynamic_cast<const rom::FactoredFields&>(*model.fields);
-    snapshots_.describe(latents_, std::vector<double>(static_cast<std::size_t>(latents_.cols()), 1.0),
-                        fields.deformation(), model);
+    snapshots_.describe(latents_, std::vector<double>(static_cast<std::size_t>(latents_.cols()), 1.0), model);
     report_.read_seconds = snapshots_.read_seconds();
     calibrate(model);
     return model;
@@ -139,8 +133,8 @@ class FactoredTraining {
       field.branch_seconds = watch.seconds();
       return std::move(fit.map);
     }
-    MapFit fit = rates ? fit_rate_map(inputs, *rates, outputs, run, static_cast<int>(config_.affine_centers), between_)
-                       : fit_map(inputs, outputs, run, static_cast<int>(config_.centers), between_);
+    MapFit fit = rates ? fit_rate_map(inputs, *rates, outputs, run, static_cast<int>(config_.affine_centers))
+                       : fit_map(inputs, outputs, run, static_cast<int>(config_.centers));
     field.held_out_error = fit.held_out_error;
     field.ridge = fit.ridge;
     field.branch_seconds = watch.seconds();
@@ -155,7 +149,6 @@ class FactoredTraining {
     options.learning_rate = config_.branch_learning_rate;
     options.noise = config_.branch_noise;
     options.seed = config_.seed;
-    options.between = between_;
     options.message = [this, name](const std::string& text) { say(std::string(name) + ": " + text); };
     return options;
   }
@@ -235,7 +228,6 @@ class FactoredTraining {
   const NsfConfig& config_;
   NsfReport& report_;
   NsfSnapshots snapshots_;
-  RunInterpolation between_;
   MatrixXd latents_;
   MatrixXd rates_;  ///< where the affine field follows the velocity
   rom::ModeTable deformation_;

@@ -23,10 +23,8 @@ std::vector<Fold> folds_of(const std::vector<int>& run) {
   for (int f = 0; f < count; ++f) {
     const int held = runs[static_cast<std::size_t>(1 + (2 * f + 1) * inner / (2 * count))];
     Fold& fold = result.emplace_back();
-    for (std::size_t i = 0; i < run.size(); ++i) {
+    for (std::size_t i = 0; i < run.size(); ++i)
       (run[i] == held ? fold.held : fold.kept).push_back(static_cast<Index>(i));
-      if (run[i] != held) fold.kept_run.push_back(run[i]);
-    }
   }
   return result;
 }

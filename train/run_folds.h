@@ -12,7 +12,6 @@ namespace graupel::train {
 /// Rows that are fitted, and those of the run that is held out.
 struct Fold {
   std::vector<Eigen::Index> kept, held;
-  std::vector<int> kept_run;  ///< of every row that is kept
 };
 /// Four folds at most, one run held out in each, none of them the first or the last: a new parameter lies between those
 /// of the training. `run`: of every row.

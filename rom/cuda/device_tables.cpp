@@ -172,18 +172,12 @@ InstanceTable instance_table(const ReducedModel& model, mpm::PreparedScene prepa
 
 void check_options(const ReducedModel& model, const ReducedOptions& options) {
   const bool pulled = options.manifold_pull.value_or(model.manifold_pull) > 0;
-  const char* what = options.outlier_factor.value_or(model.outlier_factor) > 0 ? "weigh no samples (outlier_factor)"
-                     : options.iterations.value_or(1) > 1 ? "take one iteration of the inversion (iterations)"
+  const char* what = options.iterations.value_or(1) > 1 ? "take one iteration of the inversion (iterations)"
                      : pulled && curve_of(model, std::vector<double>(model.parameters.size(), 0)).empty()
                          ? "take no way back to training runs of several parameters or lengths (manifold_pull)"
                          : nullptr;
   if (what != nullptr)
     throw ConfigError(fmt::format("reduced models on the GPU {}. Use --device cpu, or a model without it", what));
-  if (!options.samples && !model.later_samples.empty())
-    throw ConfigError(
-        fmt::format("reduced models on the GPU keep their samples (this one takes others from {:g} s on, "
-                    "sample_windows). Use --device cpu, or a model that was trained without sample_windows",
-                    model.later_samples.front().time));
 }
 
 }  // namespace graupel::rom::device

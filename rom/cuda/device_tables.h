@@ -55,7 +55,7 @@ ModelTable model_table(const ReducedModel& model, const std::vector<int32_t>& sa
 void check_scene(const Scene& scene);
 /// `state` is that of the scene's start.
 InstanceTable instance_table(const ReducedModel& model, mpm::PreparedScene prepared, const LatentState& state);
-/// Throws ConfigError for what no kernel does: samples that change, outlier_factor, more than one iteration, and
+/// Throws ConfigError for what no kernel does: more than one iteration, and
 /// manifold_pull with more than one parameter.
 void check_options(const ReducedModel& model, const ReducedOptions& options);
 

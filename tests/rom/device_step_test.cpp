@@ -58,21 +58,6 @@ const char* const scenes[] = {
 class DeviceStep : public testing::TestWithParam<const char*> {};
 INSTANTIATE_TEST_SUITE_P(Scenes, DeviceStep, testing::ValuesIn(scenes));
 
-TEST(DeviceWeights, CountAsOnTheCpu) {
-  const Scene scene = swaying_scene();
-  ReducedModel model = swaying_model(scene);
-  ReducedSolver<float> plain(model, prepare(scene), {33}, {});
-  for (int64_t c = 0; c < model.clusters.count; ++c) model.quadrature.push_back(c % 2 == 0 ? 0.2f : 1.8f);
-  ReducedSolver<float> cpu(model, prepare(scene), {33}, {});
-  const auto run = fiber_run(model, scene, {33});
-  plain.advance_frame();
-  cpu.advance_frame();
-  run->advance_frame();
-  const double off = difference(cpu.state(), run->state(0).latent);
-  EXPECT_LT(off, 5e-4);
-  EXPECT_GT(difference(plain.state(), cpu.state().latent.data()), 10 * off);
-}
-
 TEST_P(DeviceStep, IsTheStepOfTheCpu) {
   const Scene scene = swaying_scene(GetParam());
   const ReducedModel model = swaying_model(scene);
@@ -228,7 +213,7 @@ struct TwoFits {
       instance.ways->lost += is_lost ? 1 : 0;
     }
     run->backend().solve_equations(run->view());
-    report = fit_latent(*field, target, lost, {.iterations = 1, .outlier_factor = 0}, latent);
+    report = fit_latent(*field, target, lost, {.iterations = 1}, latent);
     run->backend().fit(run->view());
   }
   void add_way(int row, double way) {
@@ -298,9 +283,6 @@ TEST(DeviceTables, RefuseWhatNoKernelKnows) {
   pulled.manifold_pull = 0.1;
   EXPECT_NO_THROW(device::check_options(pulled_model(swaying_scene()), pulled));
   EXPECT_THROW(device::check_options(model, pulled), ConfigError);  // it knows no runs
-  ReducedOptions robust;
-  robust.outlier_factor = 3;
-  EXPECT_THROW(device::check_options(model, robust), ConfigError);
   EXPECT_THROW(device::check_scene(swaying_scene(R"(, "transfer": { "spline": "cubic" })")), ConfigError);
   EXPECT_NO_THROW(device::check_scene(swaying_scene()));
 }

@@ -127,51 +127,42 @@ TEST(Clusters, RepresentativesCarryTheMeanStress) {
   }
 }
 
-TEST(Clusters, WeightsOfPointsAreKeptAndCountInMassAndVolume) {
-  const Scene scene = test::swaying_scene();
-  ReducedModel model = test::swaying_model(scene);
-  const std::vector<double> volume(static_cast<std::size_t>(model.fields->particles()), 1e-6);
-  const GridParticles plain = model.integration_points(volume);
-  for (int64_t c = 0; c < model.clusters.count; ++c) model.quadrature.push_back(0.5f + static_cast<float>(c % 3));
-  model.clusters.points = model.clusters.representatives();
-  const ReducedModel stored = ReducedModel::load(model.store(nn::DType::f32));
-  const GridParticles weighted = stored.integration_points(volume);
-  ASSERT_EQ(weighted.particles, plain.particles);
-  for (std::size_t c = 0; c < plain.share.size(); ++c)
-    EXPECT_NEAR(weighted.share[c], plain.share[c] * (0.5 + static_cast<double>(c % 3)), 1e-9);
-}
-
-/// State after a frame.
-std::vector<double> latent_after(const ReducedModel& model, const Scene& scene) {
-  ReducedSolver<double> solver(model, mpm::PreparedScene(scene, {.seed = scene.seed}), {33}, {});
-  solver.advance_frame();
-  return solver.state().latent;
-}
-
-TEST(Clusters, TheSolverMovesByTheWeights) {
-  const Scene scene = test::swaying_scene();
-  ReducedModel model = test::swaying_model(scene);
-  const std::vector<double> own = latent_after(model, scene);
-  model.quadrature.assign(static_cast<std::size_t>(model.clusters.count), 1.0f);
-  EXPECT_EQ(latent_after(model, scene), own);
-  for (std::size_t c = 0; c < model.quadrature.size(); c += 2) model.quadrature[c] = 0.25f;
-  EXPECT_NE(latent_after(model, scene), own);
-}
-
-TEST(Clusters, DamagedPointsAndWeightsAreRefused) {
+TEST(Clusters, DamagedPointsAreRefused) {
   ReducedModel model = test::swaying_model(test::swaying_scene());
   const auto stored = [&] { return model.store(nn::DType::f32); };
-  model.quadrature.assign(static_cast<std::size_t>(model.clusters.count), 1.0f);
-  EXPECT_NO_THROW(ReducedModel::load(stored()));
-  model.quadrature[3] = -0.1f;
-  EXPECT_THROW(ReducedModel::load(stored()), InputError);
-  model.quadrature.clear();
   model.clusters.points = model.clusters.representatives();
   EXPECT_NO_THROW(ReducedModel::load(stored()));
   std::swap(model.clusters.points[0], model.clusters.points[1]);
   EXPECT_THROW(ReducedModel::load(stored()), InputError);
   model.clusters.points = {model.clusters.points[1]};
   EXPECT_THROW(ReducedModel::load(stored()), InputError);
+}
+
+/// What files of earlier versions may have and this one no longer follows is named; a factor of 0 is as none.
+TEST(Clusters, FilesThatNeedWhatWasRemovedAreRefusedByName) {
+  const ReducedModel model = test::swaying_model(test::swaying_scene());
+  const nn::Weights stored = model.store(nn::DType::f32);
+  const auto refusal = [](const nn::Weights& weights) -> std::string {
+    try {
+      ReducedModel::load(weights);
+    } catch (const InputError& error) {
+      return error.what();
+    }
+    return "";
+  };
+  const auto with_factor = [&](const std::string& factor) {
+    nn::Weights weights = stored;
+    std::string& settings = weights.metadata["settings"];
+    settings.insert(1, "\"outlier_factor\":" + factor + ",");
+    return weights;
+  };
+  EXPECT_EQ(refusal(with_factor("0.0")), "");
+  EXPECT_NE(refusal(with_factor("3.0")).find("outlier_factor"), std::string::npos);
+  for (const auto& [tensor, key] : {std::pair{"quadrature", "quadrature"}, {"samples.later", "sample_windows"}}) {
+    nn::Weights weights = stored;
+    weights.tensors[tensor] = nn::Tensor::from_float({1.0f}, {1});
+    EXPECT_NE(refusal(weights).find(key), std::string::npos) << refusal(weights);
+  }
 }
 
 /// Three components of two points, with three modes.

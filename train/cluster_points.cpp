@@ -1,4 +1,4 @@
-#include "train/quadrature_fit.h"
+#include "train/cluster_points.h"
 
 #include <algorithm>
 #include <cmath>
@@ -31,29 +31,22 @@ std::vector<QuadratureSnapshot> read_snapshots(const SnapshotSet& set, int64_t f
 
 }  // namespace
 
-FittedQuadrature fit_quadrature(const SnapshotSet& set, const rom::Clusters& clusters, const NsfConfig& config) {
+ClusterPoints match_cluster_points(const SnapshotSet& set, const rom::Clusters& clusters, int64_t snapshots) {
   const Stopwatch watch;
-  FittedQuadrature fit;
-  const auto read = read_snapshots(set, 0, config.quadrature_snapshots),
-             others = read_snapshots(set, config.quadrature_snapshots, held_out);
+  ClusterPoints fit;
+  const auto read = read_snapshots(set, 0, snapshots), others = read_snapshots(set, snapshots, held_out);
   fit.read_seconds = watch.seconds();
   const auto grid = mpm::grid_of<double>(io::parse_stored_scene(set.scene_json(), set.file(), set.file()).domain);
   const auto body_of = [&](const rom::Clusters& some) {
     return QuadratureBody{some, set.particle_mass(), set.particle_volume(), grid.origin, grid.dx};
   };
-  const std::vector<double> ones(static_cast<std::size_t>(clusters.count), 1.0);
-  fit.before = GridSums(body_of(clusters), others).error(ones);
+  fit.before = GridSums(body_of(clusters), others).error();
   GridSums sums(body_of(clusters), read);
-  if (config.cluster_point == ClusterPoint::matched) sums.choose_points();
+  sums.choose_points();
   fit.points = sums.points();
-  std::vector<double> weights = ones;
-  if (config.quadrature == Quadrature::fitted) {
-    weights = with_total_mass(body_of(clusters), sums.fit_weights());
-    fit.weights.assign(weights.begin(), weights.end());
-  }
   rom::Clusters fitted = clusters;
   fitted.points = fit.points;
-  fit.after = GridSums(body_of(fitted), others).error(weights);
+  fit.after = GridSums(body_of(fitted), others).error();
   fit.seconds = watch.seconds();
   return fit;
 }
