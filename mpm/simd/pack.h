@@ -142,6 +142,12 @@ GRAUPEL_LANES LaneSymmetric<T> symmetric_part(const Mat<Pack<T>, 3>& p) {
   return a;
 }
 
+/// As lanes, whose operands a compiler takes in the order in which they are written: which product of a difference is
+/// fused with it, and so the last bit, depends on that.
+template <typename T>
+GRAUPEL_LANES Pack<T> determinant(const Mat<Pack<T>, 3>& a) {
+  return determinant_of<T>(unpacked<T>(a));
+}
 template <typename T>
 GRAUPEL_LANES Mat<Pack<T>, 3> rotation_of(const Mat<Pack<T>, 3>& F) {
   return packed<T>(rotation_of<T>(unpacked<T>(F)));
