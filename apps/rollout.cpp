@@ -166,7 +166,7 @@ RolloutError error_of(Trajectory& trajectory, std::vector<std::vector<Vec3f>>& r
     truth.trajectory.frames.emplace_back();
     truth.trajectory.frames.back().position = std::move(position);
   }
-  const auto curve = compare::position_error_curve(truth, run, compare::counterparts(truth, run));
+  const auto curve = compare::position_error_curve(truth, run);
   trajectory = std::move(run.trajectory);
   return {curve.size(), compare::mean_of_first(curve, first_frames), compare::mean_of_first(curve, curve.size())};
 }

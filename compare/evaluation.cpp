@@ -109,8 +109,8 @@ void distribution_values(const Scene& scene, const ParticleRun& truth, const Par
   values["clumps_truth"] = mean(true_clumps);
 }
 
-MetricValues material_values(const Scene& scene, const ParticleRun& truth, const ParticleRun& run,
-                             const std::vector<int32_t>& counterpart, std::size_t frames, int32_t type) {
+MetricValues material_values(const Scene& scene, const ParticleRun& truth, const ParticleRun& run, std::size_t frames,
+                             int32_t type) {
   const int vertical = vertical_axis(scene.gravity);
   const Vec3d start = center_of_mass(truth, 0, type);
   std::vector<double> center(frames), front(frames);
@@ -123,7 +123,6 @@ MetricValues material_values(const Scene& scene, const ParticleRun& truth, const
   }
   const auto& types = run.trajectory.particle_type;
   MetricValues values = {{"particles", static_cast<double>(std::count(types.begin(), types.end(), type))},
-                         {"position_mse_all", mean(position_error_curve(truth, run, counterpart, type))},
                          {"sinkhorn", sinkhorn_of_material(scene, truth, run, frames, type)},
                          {"center_of_mass_error", mean(center)},
                          {"front_error", mean(front)},
@@ -133,12 +132,23 @@ MetricValues material_values(const Scene& scene, const ParticleRun& truth, const
   return values;
 }
 
-void displacement_values(const ParticleRun& truth, const ParticleRun& run, const std::vector<int32_t>& counterpart,
-                         std::size_t frames, MetricValues& values) {
+void displacement_values(const ParticleRun& truth, const ParticleRun& run, std::size_t frames, MetricValues& values) {
   DisplacementError error(truth.position(0));
-  for (std::size_t f = 1; f <= frames; ++f) error.add(truth.position(f), carried_positions(truth, run, counterpart, f));
+  for (std::size_t f = 1; f <= frames; ++f) error.add(truth.position(f), run.position(f));
   values["delta"] = error.delta();
   values["displacement_relative_error"] = error.displacement_relative();
+}
+
+/// Of runs of the same particles.
+void position_values(const ParticleRun& truth, const ParticleRun& run, std::size_t frames, Evaluation& evaluation) {
+  evaluation.curves.position = position_error_curve(truth, run);
+  MetricValues& values = evaluation.values;
+  values["position_mse_20"] = mean_of_first(evaluation.curves.position, 20);
+  values["position_mse_100"] = mean_of_first(evaluation.curves.position, 100);
+  values["position_mse_all"] = mean(evaluation.curves.position);
+  displacement_values(truth, run, frames, values);
+  for (const int32_t type : types_of(truth.trajectory))
+    evaluation.materials[particle_type_name(type)]["position_mse_all"] = mean(position_error_curve(truth, run, type));
 }
 
 void density_values(const Scene& scene, const ParticleRun& truth, const ParticleRun& run, std::size_t frames,
@@ -197,20 +207,19 @@ Evaluation evaluate_rollout(const Scene& scene, const sparsegrid::ObstacleSet& o
   const std::size_t frames = std::min(truth.predicted(), run.predicted());
   if (frames == 0) throw InputError("nothing to compare (a run has no frame after its start). Use --frames 1 or more");
   Evaluation evaluation;
-  const auto counterpart = counterparts(truth, run);
-  evaluation.curves.position = position_error_curve(truth, run, counterpart);
-  MetricValues& values = evaluation.values;
-  values["position_mse_20"] = mean_of_first(evaluation.curves.position, 20);
-  values["position_mse_100"] = mean_of_first(evaluation.curves.position, 100);
-  values["position_mse_all"] = mean(evaluation.curves.position);
-  displacement_values(truth, run, counterpart, frames, values);
-
-  for (const int32_t type : types_of(truth.trajectory))
-    evaluation.materials[particle_type_name(type)] = material_values(scene, truth, run, counterpart, frames, type);
+  const auto types = types_of(truth.trajectory), run_types = types_of(run.trajectory);
+  for (const int32_t type : types)
+    if (std::find(run_types.begin(), run_types.end(), type) == run_types.end())
+      throw InputError("the runs cannot be compared (one has no particle of type " + particle_type_name(type) +
+                       "). Use runs of the same scene");
+  for (const int32_t type : types)
+    evaluation.materials[particle_type_name(type)] = material_values(scene, truth, run, frames, type);
+  if (same_particles(truth, run)) position_values(truth, run, frames, evaluation);
   density_values(scene, truth, run, frames, evaluation);
   average_materials(truth, evaluation);
   energy_values(scene, truth, run, evaluation);
 
+  MetricValues& values = evaluation.values;
   const Containment inside = containment(scene, obstacles, run);
   values["penetration_mean"] = inside.mean_depth;
   values["penetration_max"] = inside.max_depth;

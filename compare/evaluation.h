@@ -26,7 +26,8 @@ struct Evaluation {
   ErrorCurves curves;
 };
 
-/// Compares the frames that both runs have. Throws InputError when the run lacks a material of the truth.
+/// Compares the frames that both runs have; without position errors where they have not the same particles (another
+/// sampling seed). Throws InputError when the run lacks a material of the truth.
 Evaluation evaluate_rollout(const Scene& scene, const sparsegrid::ObstacleSet& obstacles, const ParticleRun& truth,
                             const ParticleRun& run);
 

@@ -180,6 +180,7 @@ TimedRun SceneComparison::run_variant(const mpm::SolverVariant& variant) {
                                .seed = task_.seed,
                                .frames = task_.frames,
                                .label = label(mpm::variant_word(variant)),
+                               .tracers = variant.resolution == 1 ? nullptr : &start_,
                                .must_finish = variant == mpm::same_solver && !task_.stored});
 }
 
@@ -291,11 +292,10 @@ compare::OneStepError SceneComparison::one_step_of_network(const ComparedModel& 
 
 compare::OneStepError SceneComparison::one_step_of_rollout(const compare::ParticleRun& run) const {
   compare::OneStepAccumulator error(task_.scene.gravity, task_.scene.frame_time, task_.scene.domain.dx);
-  const auto counterpart = compare::counterparts(truth_.run, run);
   const auto position = [&](int64_t f) {
     std::vector<Vec3d> x;
-    if (f >= 0) return compare::carried_positions(truth_.run, run, counterpart, static_cast<std::size_t>(f));
-    for (const Vec3f& p : true_position(f)) x.push_back(p.cast<double>());
+    for (const Vec3f& p : f < 0 ? true_position(f) : run.position(static_cast<std::size_t>(f)))
+      x.push_back(p.cast<double>());
     return x;
   };
   for (const std::size_t frame : one_step_frames()) {
@@ -343,11 +343,14 @@ compare::ModelResult SceneComparison::evaluate(const ComparedModel& model) {
   TimedRun own;  // of the models that are not run already
   const TimedRun& timed = run_of(model, own);
   auto evaluation = evaluate_rollout(task_.scene, obstacles_, truth_.run, timed.run);
+  if (!compare::same_particles(truth_.run, timed.run))
+    throw InputError("'" + model.choice.name + "' moves other particles than the truth of '" + task_.scene.name +
+                     "'. Use the scene and the seed that it was trained with");
   result.values = std::move(evaluation.values);
   result.materials = std::move(evaluation.materials);
   result.curves = std::move(evaluation.curves);
   result.diverged_at_frame = timed.run.trajectory.diverged_at_frame;
-  result.values.merge(compare::cost_values(timed.cost, timed.run.size(), truth_.cost.frame));
+  result.values.merge(compare::cost_values(timed.cost, timed.moved, truth_.cost.frame));
   if (has_one_step_error(model.choice.kind))
     result.values.merge(
         compare::one_step_values(model.network ? one_step_of_network(model) : one_step_of_rollout(timed.run)));

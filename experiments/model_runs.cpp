@@ -45,22 +45,36 @@ double status_bytes(const std::string& key) {
 }
 
 /// Runs a scene with its own grid and step, whatever options.variant says.
-TimedRun run_as_is(const Scene& variant, const MpmRunOptions& options) {
+TimedRun run_once(const Scene& variant, const MpmRunOptions& options) {
   const MemoryMeter memory;
   DeviceMemoryMeter device_memory(options.device);
   const auto simulation = mpm::Simulation::create(
-      variant, {.device = options.device, .precision = mpm::Precision::f32, .seed = options.seed});
+      variant,
+      {.device = options.device,
+       .precision = mpm::Precision::f32,
+       .seed = options.seed,
+       .kernels = options.tracers && options.device == Device::cuda ? mpm::Kernels::portable : mpm::Kernels::tuned});
   TimedRun result;
-  const StartState start = start_of(variant, options.seed);
+  result.moved = simulation->particle_count();
+  const StartState start = options.tracers ? *options.tracers : start_of(variant, options.seed);
   result.run.mass = start.mass;
   result.run.volume = start.volume;
   Trajectory& trajectory = result.run.trajectory;
-  trajectory.particle_type = simulation->particle_type();
+  trajectory.particle_type = options.tracers ? start.particle_type : simulation->particle_type();
+  if (options.tracers) simulation->carry_tracers(start.position, start.velocity);
+  const auto frame_now = [&] {
+    if (!options.tracers) return simulation->frame();
+    ParticleFrame frame;
+    frame.time = simulation->time();
+    frame.position = simulation->tracers();
+    return frame;
+  };
   trajectory.frame_time = variant.frame_time;
   trajectory.seed = options.seed;
   trajectory.made_by = "mpm";
-  trajectory.frames.push_back(simulation->frame());
+  trajectory.frames.push_back(frame_now());
   std::vector<double> solver, output;
+  double carried = 0;  // time of the tracers so far, which are no part of the run
   Progress progress(options.label, options.frames);
   for (int64_t f = 1; f <= options.frames; ++f) {
     stop_if_interrupted();
@@ -72,9 +86,10 @@ TimedRun run_as_is(const Scene& variant, const MpmRunOptions& options) {
       trajectory.diverged_at_frame = f;
       break;
     }
-    solver.push_back(seconds_since(begin));
+    solver.push_back(seconds_since(begin) - (simulation->tracer_seconds() - carried));
+    carried = simulation->tracer_seconds();
     const auto solved = Clock::now();
-    trajectory.frames.push_back(simulation->frame());
+    trajectory.frames.push_back(frame_now());
     output.push_back(seconds_since(solved));
     trajectory.frames.back().velocity.clear();  // the comparison reads positions
     trajectory.frames.back().velocity.shrink_to_fit();
@@ -90,6 +105,17 @@ TimedRun run_as_is(const Scene& variant, const MpmRunOptions& options) {
   result.cost.peak_bytes = memory.peak();
   result.cost.added_bytes = memory.added();
   compare::hold_last_frame(trajectory, static_cast<std::size_t>(options.frames));
+  return result;
+}
+
+/// On a GPU the tuned kernels, which carry no tracers, tell the time, and the portable ones the places.
+TimedRun run_as_is(const Scene& variant, const MpmRunOptions& options) {
+  if (options.tracers == nullptr || options.device == Device::cpu) return run_once(variant, options);
+  MpmRunOptions timed = options;
+  timed.tracers = nullptr;
+  const TimedRun tuned = run_once(variant, timed);
+  TimedRun result = run_once(variant, options);
+  result.cost = tuned.cost;
   return result;
 }
 
@@ -275,6 +301,7 @@ TimedRun run_network(const graph::LearnedSimulator& simulator, const Scene& scen
   result.run.trajectory = simulator.rollout(scene, surroundings, start.particle_type, past, options);
   if (result.run.trajectory.diverged_at_frame < 0) progress.done();
   for (ParticleFrame& frame : result.run.trajectory.frames) std::vector<Vec3f>().swap(frame.velocity);
+  result.moved = start.position.size();
   result.run.mass = start.mass;
   result.run.volume = start.volume;
   result.cost = {.frame = median(total.times()),
@@ -302,6 +329,7 @@ TimedRun run_reduced(const LoadedModel& model, const Scene& scene, uint64_t seed
   result.run.volume = std::move(start.volume);
   Trajectory& trajectory = result.run.trajectory;
   trajectory.particle_type = run.particle_type();
+  result.moved = trajectory.particle_type.size();
   trajectory.frame_time = scene.frame_time;
   trajectory.seed = seed;
   trajectory.made_by = model.file;

@@ -55,6 +55,7 @@ Scene resting_scene(const Scene& scene, uint64_t seed, const std::vector<Vec3f>&
 struct TimedRun {
   compare::ParticleRun run;
   compare::RunCost cost;
+  std::size_t moved = 0;  ///< particles that the model moves; those of the run, but where it carries tracers
 };
 
 struct MpmRunOptions {
@@ -62,7 +63,10 @@ struct MpmRunOptions {
   Device device = Device::cpu;
   uint64_t seed = 0;
   int64_t frames = 0;
-  std::string label;         ///< of the progress line
+  std::string label;  ///< of the progress line
+  /// Particles whose places the run tells instead of its own: on another grid it carries them as tracers, so that it is
+  /// judged on the truth's particles. Not owned; null: its own.
+  const StartState* tracers = nullptr;
   bool must_finish = false;  ///< throw DivergedError instead of returning the frames before it (the truth)
 };
 TimedRun run_mpm(const Scene& scene, const MpmRunOptions& options);

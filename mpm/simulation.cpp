@@ -92,6 +92,10 @@ std::unique_ptr<Simulation> Simulation::create(const Scene& scene, const Simulat
   return create(PreparedScene(scene, options));
 }
 
+void Simulation::carry_tracers(const std::vector<Vec3f>&, const std::vector<Vec3f>&) {
+  throw ConfigError("the tuned kernels for GPUs carry no tracers (allowed: portable ones). Use Kernels::portable");
+}
+
 std::unique_ptr<SceneBatch> SceneBatch::create(const std::vector<PreparedScene>& scenes) {
   GRAUPEL_ASSERT(!scenes.empty());
 #ifdef GRAUPEL_HAVE_CUDA

@@ -97,6 +97,13 @@ class Simulation {
   virtual Diagnostics diagnostics() const = 0;
   virtual RunStatistics statistics() const = 0;
 
+  /// Carries massless points along with the grid's velocity (mpm/tracers.h), from their positions [m] and velocities
+  /// [m/s] now; they change nothing of the run and are no part of its saved state. Throws ConfigError where they are
+  /// not known: two dimensions, periodic and open walls, the tuned kernels for GPUs.
+  virtual void carry_tracers(const std::vector<Vec3f>& position, const std::vector<Vec3f>& velocity);
+  virtual std::vector<Vec3f> tracers() const { return {}; }  ///< positions now [m], in the given order
+  virtual double tracer_seconds() const { return 0; }        ///< wall time inside advance_frame that they took (CPU)
+
   /// Whole state between two frames, bit for bit: a restored run goes on exactly as if it had not stopped.
   virtual std::vector<std::byte> save_state() const = 0;
   /// Throws InputError when the state belongs to another scene, seed, precision, kind of device or version, or is

@@ -101,6 +101,22 @@ void Solver<T>::substep(double dt) {
     advance_particles(v, dt);
   else
     advance_particles_portably(v, dt);
+  move_tracers(v, dt);
+}
+
+/// With the velocities of the nodes, which stay until the next substep.
+template <typename T>
+void Solver<T>::move_tracers(const SolverView<T>& v, double dt) {
+  if (!tracers_.any()) return;
+  const auto begin = std::chrono::steady_clock::now();
+  tracers_.move(v, static_cast<T>(dt));
+  tracer_seconds_ += std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+}
+
+template <typename T>
+void Solver<T>::carry_tracers(const std::vector<Vec3f>& position, const std::vector<Vec3f>& velocity) {
+  check_carries_tracers(scene_);
+  tracers_ = Tracers<T>(options_.device, position, velocity);
 }
 
 /// As much in one pass over the particles as nothing else has to come between.

@@ -12,6 +12,7 @@
 #include "mpm/simulation.h"
 #include "mpm/state_bytes.h"
 #include "mpm/time_step.h"
+#include "mpm/tracers.h"
 
 namespace graupel::mpm {
 
@@ -30,6 +31,9 @@ class Solver final : public Simulation {
   ParticleFields fields(FieldSet wanted) const override;
   Diagnostics diagnostics() const override;
   RunStatistics statistics() const override;
+  void carry_tracers(const std::vector<Vec3f>& position, const std::vector<Vec3f>& velocity) override;
+  std::vector<Vec3f> tracers() const override { return tracers_.positions(); }
+  double tracer_seconds() const override { return tracer_seconds_; }
   std::vector<std::byte> save_state() const override;
   void load_state(const std::vector<std::byte>& state) override;
 
@@ -50,6 +54,7 @@ class Solver final : public Simulation {
   void check_fixed_step() const;
   void carry_affine(double dt);
   void advance_particles(const SolverView<T>& v, double dt);
+  void move_tracers(const SolverView<T>& v, double dt);
   void advance_particles_portably(const SolverView<T>& v, double dt);
   StateOwner state_owner() const;
   std::size_t state_bytes() const;
@@ -82,6 +87,8 @@ class Solver final : public Simulation {
   int64_t frames_done_ = 0;
   double frame_elapsed_ = 0;  ///< [s] inside the present frame
   RunStatistics statistics_;
+  Tracers<T> tracers_;
+  double tracer_seconds_ = 0;
 };
 
 extern template class Solver<float>;

@@ -63,7 +63,7 @@ TEST(Evaluation, ASidewaysShiftShowsInEveryMetric) {
   EXPECT_GT(e.values.at("front_error"), 0.02);
 }
 
-TEST(Evaluation, ACoarseRunIsComparedByMass) {
+TEST(Evaluation, RunsOfOtherParticlesAreComparedByMassAlone) {
   const Scene scene = unit_scene();
   const sparsegrid::ObstacleSet obstacles;
   const auto fine = block(8, {0.3f, 0.5f, 0.3f}, 0.25f), coarse = block(4, {0.3f, 0.5f, 0.3f}, 0.25f);
@@ -72,11 +72,18 @@ TEST(Evaluation, ACoarseRunIsComparedByMass) {
   for (auto& m : run.mass) m *= 8;
   for (auto& v : run.volume) v *= 8;
   const auto e = evaluate_rollout(scene, obstacles, truth, run);
-  EXPECT_LT(e.values.at("position_mse_all"), 1e-12);
-  EXPECT_LT(e.values.at("displacement_relative_error"), 1e-4);  // carried along by the coarse particles
+  EXPECT_FALSE(e.values.contains("position_mse_all"));
+  EXPECT_FALSE(e.materials.begin()->second.contains("position_mse_all"));
   EXPECT_NEAR(e.values.at("center_of_mass_error"), 0, 1e-6);
   EXPECT_NEAR(e.values.at("kinetic_energy_error"), 0, 1e-6);
   EXPECT_LT(e.values.at("density_error"), 0.3);
+}
+
+TEST(Evaluation, RefusesRunsWithoutAMaterialOfTheTruth) {
+  const auto both = falling_blocks(1);
+  ParticleRun water = both;
+  std::fill(water.trajectory.particle_type.begin(), water.trajectory.particle_type.end(), 5);
+  EXPECT_THROW(evaluate_rollout(unit_scene(), {}, both, water), InputError);
 }
 
 TEST(Evaluation, RefusesRunsWithoutPredictedFrames) {

@@ -26,7 +26,7 @@ TEST(PositionError, GrowsWithAConstantDrift) {
   const auto drifting = make_run(two_points, two_types, 4, [](const Vec3f& x, std::size_t f) {
     return x + Vec3f{0.01f * static_cast<float>(f), 0, 0};
   });
-  const auto curve = position_error_curve(truth, drifting, counterparts(truth, drifting));
+  const auto curve = position_error_curve(truth, drifting);
   ASSERT_EQ(curve.size(), 4u);  // the given start does not count
   for (std::size_t k = 0; k < 4; ++k) EXPECT_NEAR(curve[k], 1e-4 * std::pow(k + 1.0, 2), 1e-9);
   EXPECT_NEAR(mean_of_first(curve, 2), 1e-4 * (1 + 4) / 2, 1e-9);
@@ -38,61 +38,19 @@ TEST(PositionError, SumsAxesAndAveragesParticlesOfAType) {
   const auto other = make_run(two_points, two_types, 1, [](const Vec3f& x, std::size_t f) {
     return f == 1 && x[0] < 0.5f ? x + Vec3f{0.1f, 0.2f, 0.2f} : x;
   });
-  const auto same = counterparts(truth, other);
-  EXPECT_NEAR(position_error_curve(truth, other, same)[0], 0.09 / 2, 1e-7);
-  EXPECT_NEAR(position_error_curve(truth, other, same, 5)[0], 0.09, 1e-7);
-  EXPECT_NEAR(position_error_curve(truth, other, same, 6)[0], 0, 1e-12);
+  EXPECT_NEAR(position_error_curve(truth, other)[0], 0.09 / 2, 1e-7);
+  EXPECT_NEAR(position_error_curve(truth, other, 5)[0], 0.09, 1e-7);
+  EXPECT_NEAR(position_error_curve(truth, other, 6)[0], 0, 1e-12);
 }
 
-TEST(PositionError, ACoarseParticleCarriesItsFineOnes) {
-  // Eight fine particles around each of two coarse ones; both runs move by the same displacement.
-  std::vector<Vec3f> fine;
-  for (const Vec3f& center : two_points)
-    for (int k = 0; k < 8; ++k)
-      fine.push_back(center + Vec3f{k & 1 ? 0.01f : -0.01f, k & 2 ? 0.01f : -0.01f, k & 4 ? 0.01f : -0.01f});
-  const std::vector<int32_t> fine_type(16, 5), coarse_type(2, 5);
-  const auto fall = [](const Vec3f& x, std::size_t f) { return x + Vec3f{0, -0.02f * static_cast<float>(f), 0}; };
-  const auto truth = make_run(fine, fine_type, 3, fall);
-  const auto coarse = make_run(two_points, coarse_type, 3, fall);
-  const auto counterpart = counterparts(truth, coarse);
-  for (int i = 0; i < 16; ++i) EXPECT_EQ(counterpart[i], i / 8);
-  for (const double e : position_error_curve(truth, coarse, counterpart)) EXPECT_LT(e, 1e-12);
-  // A coarse run that stays behind is as wrong as a fine one would be.
-  const auto still = make_run(two_points, coarse_type, 3, stay);
-  EXPECT_NEAR(position_error_curve(truth, still, counterpart)[2], 0.06 * 0.06, 1e-8);
-  const auto carried = carried_positions(truth, coarse, counterpart, 2);
-  EXPECT_LT(norm(carried[5] - truth.position(2)[5].cast<double>()), 1e-6);
-}
-
-/// Points of a lattice, so that many are equally near.
-TEST(PositionError, CounterpartsAreTheNearestOfAType) {
-  uint32_t state = 1;
-  const auto draw = [&](uint32_t n) { return (state = state * 1664525u + 1013904223u) / 65536u % n; };
-  const auto points = [&](std::size_t n, std::vector<int32_t>& type) {
-    std::vector<Vec3f> x(n);
-    for (Vec3f& p : x) {
-      for (int a = 0; a < 3; ++a) p[a] = static_cast<float>(draw(9)) / 8;
-      type.push_back(draw(3) == 0 ? 6 : 5);
-    }
-    return x;
-  };
-  std::vector<int32_t> type, coarse_type;
-  const std::vector<Vec3f> x = points(400, type), coarse = points(60, coarse_type);
-  const auto counterpart = counterparts(make_run(x, type, 1, stay), make_run(coarse, coarse_type, 1, stay));
-  for (std::size_t i = 0; i < x.size(); ++i) {
-    std::size_t nearest = coarse.size();
-    for (std::size_t j = 0; j < coarse.size(); ++j)
-      if (coarse_type[j] == type[i] &&
-          (nearest == coarse.size() || norm2(coarse[j] - x[i]) < norm2(coarse[nearest] - x[i])))
-        nearest = j;
-    EXPECT_EQ(counterpart[i], static_cast<int32_t>(nearest)) << i;
-  }
-}
-
-TEST(PositionError, RefusesRunsWithoutAMaterialOfTheTruth) {
+TEST(PositionError, RefusesRunsOfOtherParticles) {
   const auto truth = make_run(two_points, two_types, 1, stay);
-  const auto other = make_run({two_points[0]}, {5}, 1, stay);
-  EXPECT_THROW(counterparts(truth, other), InputError);
+  const auto other = make_run({two_points[0]}, {5}, 1, stay), swapped = make_run(two_points, {6, 5}, 1, stay);
+  EXPECT_TRUE(same_particles(truth, truth));
+  for (const auto& run : {other, swapped}) {
+    EXPECT_FALSE(same_particles(truth, run));
+    EXPECT_THROW(position_error_curve(truth, run), InputError);
+  }
 }
 
 TEST(HoldLastFrame, RepeatsTheLastUsableFrame) {
