@@ -78,7 +78,7 @@ std::string mark_of(const ModelResult& result) {
   } else {
     if (value_of(result, "loses_to_coarse") > 0) marks.push_back("loses");
     if (const std::string ties = mark_of_ties(result); !ties.empty()) marks.push_back(ties);
-    if (!result.remarks.empty()) marks.push_back("not its materials");
+    if (!result.remarks.empty()) marks.push_back("unlike its training");
   }
   return fmt::format("{}", fmt::join(marks, "; "));
 }

@@ -88,7 +88,7 @@ std::vector<ComparedModel> models_for(const SceneTask& task, const std::vector<C
                                       OtherScenes other_scenes) {
   std::vector<ComparedModel> fitting;
   for (const ComparedModel& model : models) {
-    if (model.reduced) {
+    if (!runs_on_all_scenes(model.choice.kind)) {
       try {
         const ReducedRun runs_here(*model.reduced, task.scene, task.seed, {});
       } catch (const ConfigError&) {

@@ -26,7 +26,6 @@ namespace fs = std::filesystem;
 
 namespace {
 
-constexpr double moved_by = 1e-4;               ///< [dx], chaos floor of position errors
 constexpr std::size_t history_of_one_step = 5;  ///< frames before the first one-step error
 constexpr std::size_t obstacle_points = 12000;  ///< in the report's player
 
@@ -180,7 +179,7 @@ TimedRun SceneComparison::run_variant(const mpm::SolverVariant& variant) {
                                .seed = task_.seed,
                                .frames = task_.frames,
                                .label = label(mpm::variant_word(variant)),
-                               .tracers = variant.resolution == 1 ? nullptr : &start_,
+                               .tracers = judged_by_tracers(variant) ? &start_ : nullptr,
                                .must_finish = variant == mpm::same_solver && !task_.stored});
 }
 
@@ -220,12 +219,12 @@ void SceneComparison::make_references(const mpm::SolverVariant& opponent) {
   if (options_.floors) {
     MpmRunOptions floor{
         .device = device_, .seed = task_.seed, .frames = task_.frames, .label = label("moved particles")};
-    const Scene moved = moved_scene(task_.scene, task_.seed, moved_by * task_.scene.domain.dx);
+    const Scene moved = moved_scene(task_.scene, task_.seed, floor_displacement * task_.scene.domain.dx);
     const TimedRun moved_run = run_mpm(moved, floor);
     note_divergence("moved", moved_run);
     const auto position = evaluate_rollout(task_.scene, obstacles_, truth_.run, moved_run.run);
     floor.label = label("another seed");
-    floor.seed = task_.seed + 1;
+    floor.seed = reseeded(task_.seed);
     const TimedRun reseeded = run_mpm(task_.scene, floor);
     note_divergence("reseeded", reseeded);
     const auto distribution = evaluate_rollout(task_.scene, obstacles_, truth_.run, reseeded.run);
@@ -335,6 +334,12 @@ compare::ModelResult SceneComparison::evaluate(const ComparedModel& model) {
       result.remarks.push_back("the network knows materials by their type alone: " + line);
       std::fprintf(stderr, "graupel: warning: %s: '%s' %s\n", task_.scene.name.c_str(), model.choice.name.c_str(),
                    result.remarks.back().c_str());
+    }
+  if (model.network && model.choice.parts != NetworkParts::corrections_alone)
+    for (const std::string& line : unknown_friction(model.network->weights(), task_.scene)) {
+      result.remarks.push_back(line);
+      std::fprintf(stderr, "graupel: warning: %s: '%s' %s\n", task_.scene.name.c_str(), model.choice.name.c_str(),
+                   line.c_str());
     }
   if (options_.one_step_only) {
     if (model.network) result.values = compare::one_step_values(one_step_of_network(model));

@@ -13,6 +13,10 @@ Device common_device(const std::string& word, const std::vector<ModelChoice>& mo
   return learned && word == "auto" ? Device::cpu : parse_device(word);
 }
 
+bool runs_on_all_scenes(ModelKind kind) { return kind != ModelKind::reduced; }
+
+bool judged_by_tracers(const mpm::SolverVariant& variant) { return variant.resolution != 1; }
+
 mpm::SolverVariant opponent_of(const std::vector<ModelChoice>& models) {
   const auto asked_for = [&](const mpm::SolverVariant& variant) {
     return std::any_of(models.begin(), models.end(), [&](const ModelChoice& model) {

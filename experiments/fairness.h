@@ -1,6 +1,11 @@
 // The rules by which models are compared, in one place. docs/fairness.md states them in prose.
+//
+// Clock: the wall time of the caller around a frame, on a GPU until it has finished there, for networks and solvers
+// alike (experiments/model_runs.cpp, graph::FrameTiming::wall); handing a frame out, tracers and searches for a step
+// are apart.
 #pragma once
 
+#include <cstdint>
 #include <map>
 #include <string>
 #include <vector>
@@ -14,6 +19,17 @@ namespace graupel::experiments {
 /// Device: all models and MPM run on one, with the same threads, as a speed ratio is of one. Learned models run on a
 /// GPU where it is asked for. Throws ConfigError for an unknown word.
 Device common_device(const std::string& word, const std::vector<ModelChoice>& models);
+
+/// Scenes: a reduced-order model runs the scene that it was trained on, every other model all scenes.
+bool runs_on_all_scenes(ModelKind kind);
+
+/// Particles: every run is judged on the truth's; one on another grid carries them as tracers.
+bool judged_by_tracers(const mpm::SolverVariant& variant);
+
+/// References: MPM differs from itself by as much as a run whose particles start this far off [dx] (position errors),
+/// and one that samples the sources with the next seed (all others).
+inline constexpr double floor_displacement = 1e-4;
+constexpr uint64_t reseeded(uint64_t seed) { return seed + 1; }
 
 /// Opponent: what a learned model has to beat is a coarse grid at its own largest stable step; mpm:coarse at the data's
 /// Courant number where that alone was asked for.

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <map>
 #include <nlohmann/json.hpp>
 
@@ -65,6 +66,23 @@ std::vector<std::string> unlike_training(const nn::Weights& weights, const Scene
     if (taught) continue;
     lines.push_back(name + ": " + (difference.empty() ? "the training had no such material" : difference));
   }
+  return lines;
+}
+
+std::vector<std::string> unknown_friction(const nn::Weights& weights, const Scene& scene) {
+  std::vector<std::string> lines;
+  if (!weights.metadata.contains("training.materials")) return lines;
+  double walls = 0, obstacles = 0;
+  for (int axis = 0; axis < scene.domain.axes(); ++axis)
+    for (const int side : {0, 1}) walls = std::max(walls, scene.domain.friction(axis, side));
+  for (const Obstacle& obstacle : scene.obstacles) obstacles = std::max(obstacles, obstacle.friction);
+  const auto add = [&](const char* what, double friction) {
+    if (friction > 0)
+      lines.push_back(fmt::format(
+          "the network has no input for friction: that of {} is {}, and its training names none", what, friction));
+  };
+  add("walls", walls);
+  add("obstacles", obstacles);
   return lines;
 }
 

@@ -14,4 +14,8 @@ namespace graupel::experiments {
 /// training 45". None for weights that do not say (metadata training.materials).
 std::vector<std::string> unlike_training(const nn::Weights& weights, const Scene& scene);
 
+/// A line for walls and one for obstacles with friction: contact with them is what the network saw in training, and no
+/// weights so far name friction there. None for weights that do not say what they were taught.
+std::vector<std::string> unknown_friction(const nn::Weights& weights, const Scene& scene);
+
 }  // namespace graupel::experiments

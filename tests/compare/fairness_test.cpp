@@ -3,6 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include "experiments/trained_materials.h"
+
 namespace graupel::experiments {
 namespace {
 
@@ -38,6 +40,30 @@ TEST(Fairness, TheOpponentIsTheCoarseGridAtItsOwnStepUnlessTheOtherWasAskedFor) 
   EXPECT_EQ(opponent_of(choices({"mpm"})), mpm::coarse_fast_solver);
   EXPECT_EQ(opponent_of(choices({"mpm:coarse", "mpm:fast"})), mpm::coarse_solver);
   EXPECT_EQ(opponent_of(choices({"mpm:coarse", "mpm:coarse:fast"})), mpm::coarse_fast_solver);
+}
+
+TEST(Fairness, RunsOnAnotherGridAreJudgedByTracers) {
+  EXPECT_FALSE(judged_by_tracers(mpm::same_solver));
+  EXPECT_FALSE(judged_by_tracers(mpm::fast_solver));
+  for (const auto& variant : {mpm::coarse_solver, mpm::coarse_fast_solver, mpm::fine_solver})
+    EXPECT_TRUE(judged_by_tracers(variant));
+}
+
+TEST(UnknownFriction, IsNamedForWallsAndObstacles) {
+  nn::Weights weights;
+  Scene scene;
+  scene.domain.wall_friction = 0.35;
+  EXPECT_TRUE(unknown_friction(weights, scene).empty());  // weights that do not say what they were taught
+  weights.metadata["training.materials"] = "{}";
+  ASSERT_EQ(unknown_friction(weights, scene).size(), 1u);
+  EXPECT_NE(unknown_friction(weights, scene)[0].find("walls is 0.35"), std::string::npos);
+  scene.domain.wall_friction = 0;
+  EXPECT_TRUE(unknown_friction(weights, scene).empty());
+  Obstacle ball;
+  ball.friction = 0.2;
+  scene.obstacles.push_back(ball);
+  ASSERT_EQ(unknown_friction(weights, scene).size(), 1u);
+  EXPECT_NE(unknown_friction(weights, scene)[0].find("obstacles is 0.2"), std::string::npos);
 }
 
 }  // namespace
