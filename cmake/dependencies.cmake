@@ -14,15 +14,6 @@ target_include_directories(graupel_hdf5 SYSTEM INTERFACE ${HDF5_INCLUDE_DIRS})
 target_compile_definitions(graupel_hdf5 INTERFACE ${HDF5_DEFINITIONS})
 target_link_libraries(graupel_hdf5 INTERFACE ${HDF5_C_LIBRARIES})
 
-# Debian's libzip-config.cmake asks for tools that libzip-dev lacks: the library is found by hand.
-find_path(GRAUPEL_ZIP_HEADERS zip.h REQUIRED)
-find_library(GRAUPEL_ZIP NAMES zip REQUIRED)
-add_library(graupel_zip INTERFACE)
-if(NOT GRAUPEL_ZIP_HEADERS STREQUAL "/usr/include")  # which must not be passed as -isystem
-  target_include_directories(graupel_zip SYSTEM INTERFACE ${GRAUPEL_ZIP_HEADERS})
-endif()
-target_link_libraries(graupel_zip INTERFACE ${GRAUPEL_ZIP})
-
 # OpenVDB ships FindOpenVDB.cmake instead of a config file.
 foreach(dir ${CMAKE_PREFIX_PATH} /usr)
   list(APPEND CMAKE_MODULE_PATH ${dir}/lib/x86_64-linux-gnu/cmake/OpenVDB ${dir}/lib/cmake/OpenVDB)

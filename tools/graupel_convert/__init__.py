@@ -1,0 +1,1 @@
+"""Readers and writers of data sets of learned simulators, and the conversion between them."""
