@@ -44,6 +44,15 @@ std::optional<double> metadata_frame_time(const std::string& path) {
   return dt->as_double() * (every && every->is_number() && every->as_double() >= 1 ? every->as_double() : 1);
 }
 
+/// What to do where `path` is not there: data of GNS (.npz) are converted first.
+std::string remedy_for_missing(const std::string& path) {
+  const std::filesystem::path archive = std::filesystem::path(path).replace_extension(".npz");
+  if (!std::filesystem::exists(archive)) return "Give a trajectory or data-set file (.h5)";
+  const std::string folder = std::filesystem::absolute(archive).parent_path().string();
+  return "'" + archive.string() + "' is of geoelements/gns: convert it first, by graupel convert " + folder +
+         " OUT --set gravity=[0,-9.8,0]";
+}
+
 }  // namespace
 
 struct TrajectoryReader::Impl {
@@ -200,8 +209,7 @@ TrajectoryReader::TrajectoryReader(const std::string& path) : impl_(std::make_un
   impl_->path = path;
   std::error_code code;
   impl_->file_size = std::filesystem::file_size(path, code);
-  if (code)
-    throw InputError("cannot read '" + path + "' (" + code.message() + "). Give a trajectory or data-set file (.h5)");
+  if (code) throw InputError("cannot read '" + path + "' (" + code.message() + "). " + remedy_for_missing(path));
   impl_->guarded([&] { impl_->open(); });
 }
 

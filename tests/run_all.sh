@@ -44,6 +44,7 @@ check_lint() {
 
 if [ -z "$filter" ]; then
   check "format (clang-format)" check_format
+  check "tools/convert.py (unittest)" /usr/bin/python3 tests/tools/convert_test.py
   if [ -e build/tidy/compile_commands.json ]; then
     check "lint (clang-tidy)" check_lint
   else

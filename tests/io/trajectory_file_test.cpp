@@ -390,5 +390,12 @@ TEST(TrajectoryFile, ThreeLinesOfPythonReadIt) {
   EXPECT_EQ(text, "(5, 7, 3) float32 [5 6 8 4] [ 8. -8.  1.] 0.5 mpm m 18364758544493064720 1\n");
 }
 
+TEST(TrajectoryFile, DataOfGnsAreToBeConvertedFirst) {
+  const TemporaryFolder folder;
+  folder.write("train.npz", "");
+  expect_error<InputError>([&] { TrajectoryReader(folder.file("train.h5")); },
+                           {"train.npz' is of", "graupel convert "});
+}
+
 }  // namespace
 }  // namespace graupel::io
