@@ -29,7 +29,4 @@ if __name__ == "__main__":
     need_libraries()
     from graupel_convert.command import main
 
-    code = main(sys.argv[1:])
-    sys.stdout.flush()
-    sys.stderr.flush()
-    os._exit(code)  # HDF5 1.10 crashes in its own clean-up on a file that a full disk kept from closing
+    main(sys.argv[1:])

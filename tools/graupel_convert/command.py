@@ -6,6 +6,7 @@ import os
 import signal
 import sys
 import time
+import traceback
 
 from .conversion import Conversion
 from .errors import ConfigError, ConvertError, Interrupted, writing
@@ -127,19 +128,29 @@ def report(options, conversion):
             file.write(json_text(result))
 
 
+def ended(code, message=""):
+    """Ends the process at once: HDF5 1.10 crashes when it cleans up a file that a full disk kept from closing."""
+    if message:
+        print(message, file=sys.stderr)
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(code)
+
+
 def main(arguments):
-    """Returns the exit code: 0 ok, 1 failed, 2 usage, 3 bad input, 5 I/O, 130 interrupted."""
+    """Exit codes: 0 ok, 1 failed, 2 usage, 3 bad input, 5 I/O, 130 interrupted."""
+    sys.excepthook = sys.unraisablehook = lambda *_: None  # h5py reports there what it cannot close; errors are told below
     try:
         options = parse(arguments)
         conversion = Conversion(options, Program(program_path()), Progress())
         conversion.run()
         report(options, conversion)
-        return 0
+        ended(0)
     except ConvertError as error:
-        print(f"graupel: {error}", file=sys.stderr)
-        return error.code
+        ended(error.code, f"graupel: {error}")
     except MemoryError:
-        print("graupel: out of memory. Convert fewer or smaller trajectories", file=sys.stderr)
-        return 1
+        ended(1, "graupel: out of memory. Convert fewer or smaller trajectories")
     except SystemExit as done:  # --help
-        return done.code or 0
+        ended(done.code or 0)
+    except Exception:
+        ended(1, "graupel: convert failed\n" + traceback.format_exc())

@@ -30,11 +30,20 @@ class Unreadable(Exception):
     """What is wrong inside a file; its reader adds the name of the file."""
 
 
+def disk_is_full(error):
+    """Also where HDF5 failed once more while it closed the file."""
+    while error is not None:
+        if getattr(error, "errno", None) == errno.ENOSPC or "No space left" in str(error):
+            return True
+        error = error.__context__
+    return False
+
+
 @contextlib.contextmanager
 def writing(path):
     """Turns the system's errors while `path` is written into OutputError."""
     try:
         yield
     except (OSError, RuntimeError) as error:  # h5py raises RuntimeError where a file cannot be flushed or closed
-        text = "disk full" if getattr(error, "errno", None) == errno.ENOSPC else str(error)
+        text = "No space left on device" if disk_is_full(error) else str(error)
         raise OutputError(f"cannot write '{path}' ({text}). Free space on that disk or choose another folder") from error

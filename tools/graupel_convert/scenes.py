@@ -46,7 +46,11 @@ class Program:
             with open(given, "w", encoding="utf-8") as file:
                 json.dump(scene, file)
             words = [word for change in overrides for word in ("--set", change)]
-            self._run(["convert", given, made, *words])
+            try:
+                self._run(["convert", given, made, *words])
+            except ConvertError as error:
+                error.args = (str(error).replace(given, "scene"),)
+                raise
             with open(made, encoding="utf-8") as file:
                 return file.read()
 
