@@ -410,6 +410,7 @@ class Command(Case):
             cube = {"dim": axes, "bounds": [[0, 8]] * axes, "gravity": [0, -1, 0]}
             cube.update({key: EXAMPLE[key][:1] * axes for key in ("vel_mean", "vel_std", "acc_mean", "acc_std")})
             self.convert(self.gns_set(run, name, **cube), self.path(name + "-own"), words="gns to graupel")
+            self.convert(self.path(name + "-own"), self.path("x"), code=2, words="format graupel already")
             for form in ("gns", "lagrangebench"):
                 there, back = self.path(f"{name}-{form}"), self.path(f"{name}-{form}-back")
                 self.convert(self.path(name + "-own"), there, "--format", form)

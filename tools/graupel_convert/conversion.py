@@ -86,8 +86,8 @@ class Conversion:
         self.options, self.program, self.progress = options, program, progress
         self.source, self.target = format_of_folder(options.input), options.format
         self._open()
-        self.table = TypeTable(self.target if self.source == "graupel" else self.source, options.types)
         self._check_flags()
+        self.table = TypeTable(self.target if self.source == "graupel" else self.source, options.types)
         self.figures, self.type_names, self.train_types = {}, {}, set()
         self.done, self.total = 0, sum(split.count for split in self.splits.values())
         self.scenes = SceneMaker(program, self.metadata, self.source, options.set)
