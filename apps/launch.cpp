@@ -37,7 +37,7 @@ void add_launch(CLI::App& app, int& exit_code) {
       "are\n"
       "those of one process. Rank 0 prints, validates and writes the run folder; lines of the others carry [rank K].\n"
       "Ctrl-C and SIGTERM reach every rank; when one fails the others are ended, and its exit code is returned.\n"
-      "On several machines use torchrun, srun or mpirun (docs/learned-simulators.md, \"Several "
+      "On several machines use torchrun, srun or mpirun (docs/guide/training.md, \"Several "
       "processes\").\n\nExamples:\n"
       "  graupel launch -n 2 -- train hgn --data data/hgn --out runs/hgn --device cuda\n"
       "  graupel launch -n 4 -- train hgn --resume runs/hgn");

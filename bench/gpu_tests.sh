@@ -14,7 +14,7 @@ for module in $modules; do
   (
     # The longest one has the last GPU to itself where there are several.
     [ $module = mpm ] && export CUDA_VISIBLE_DEVICES=$(($(nvidia-smi --list-gpus | wc -l) - 1))
-    timeout 240 "$build/${module}_test" --gtest_filter="$filter" > "$logs/$module" 2>&1
+    timeout "${GPU_TEST_LIMIT:-900}" "$build/${module}_test" --gtest_filter="$filter" > "$logs/$module" 2>&1
     echo $? > "$logs/$module.status"
   ) &
 done

@@ -375,6 +375,7 @@ compare::ModelResult SceneComparison::evaluate(const ComparedModel& model) {
 compare::SceneResult SceneComparison::run(const std::vector<ComparedModel>& models) {
   make_truth();
   std::vector<ModelChoice> choices;
+  choices.reserve(models.size());
   for (const ComparedModel& model : models) choices.push_back(model.choice);
   if (!options_.one_step_only) make_references(opponent_of(choices));
   for (const ComparedModel& model : models) result_.models.push_back(evaluate(model));

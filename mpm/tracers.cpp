@@ -88,6 +88,7 @@ struct MoveTracer {
 template <typename T>
 std::vector<Vec<T, 3>> in_precision(const std::vector<Vec3f>& from) {
   std::vector<Vec<T, 3>> to;
+  to.reserve(from.size());
   for (const Vec3f& x : from) to.push_back(x.template cast<T>());
   return to;
 }

@@ -51,7 +51,7 @@ if [ -z "$filter" ]; then
     skipped=$((skipped + 1))
     echo "skipped lint (clang-tidy): './run test' makes its compile commands"
   fi
-  check "golden comparison finds a changed number" /usr/bin/python3 tests/golden/selftest.py
+  check "comparison of builds (tests/golden/selftest.py)" /usr/bin/python3 tests/golden/selftest.py
 fi
 
 # One GoogleTest program a module; slow tests are named *Slow* and run with --slow.

@@ -74,6 +74,9 @@ TEST(ShippedWeights, RollOutAsWellAsTheirCardsSay) {
     const double error = reduced ? reduced_error(entry.path(), scene)
                                  : rollout_error(entry.path(), scene, check.at("frames").get<int64_t>());
     EXPECT_LE(error, 1.5 * expected) << entry.path() << " on " << scene.name;
+    if (check.contains("corrections_only")) {
+      EXPECT_LT(error, check.at("corrections_only").get<double>()) << entry.path() << ": worse than without a network";
+    }
     EXPECT_GT(error, 0.0);
     ++checked;
   }

@@ -1,57 +1,102 @@
-"""The two builds: the reference commit is checked out and compiled beside this tree unless a build is given."""
-import os
-import pathlib
-import shutil
-import subprocess
-import sys
+"""Builds of Graupel: finds or makes the programs of a source tree, and runs them."""
 
-ROOT = pathlib.Path(__file__).resolve().parents[2]
+import os
+import re
+import subprocess
+from pathlib import Path
+
+
+class GoldenError(Exception):
+    """What stops a comparison, as one message for the user."""
+
+
+class ProgramFailed(Exception):
+    """A program that ended with another exit code than 0."""
+
+    def __init__(self, command, code, output):
+        self.code, self.output = code, output
+        lines = [line for line in output.strip().splitlines() if line.strip()]
+        super().__init__(f"exit code {code} of '{command}': " + (lines[-1][:300] if lines else "no output"))
 
 
 class Build:
-    """A build folder and the sources it was made of (where scenes and weights are read)."""
+    """One side of a comparison: programs in `folder`, inputs (scenes, models, README) in `source`."""
 
-    def __init__(self, folder, source):
-        self.folder, self.source = pathlib.Path(folder).resolve(), pathlib.Path(source).resolve()
-        self.program = self.folder / "graupel"
-        if not self.program.exists():
-            sys.exit(f"golden: {self.program} is missing. Build it first (./run build), or name another folder")
+    def __init__(self, name, folder, source):
+        self.name, self.folder, self.source = name, Path(folder).resolve(), Path(source).resolve()
+        if not self.program("graupel").exists():
+            raise GoldenError(f"no program '{self.program('graupel')}'. Build it, or name another folder")
 
-    def command(self, words):
-        """`bench` is a verb of the reference and may be a program of its own in the new build."""
-        if words[0] == "bench" and (self.folder / "graupel-bench").exists():
-            return [str(self.folder / "graupel-bench"), *words[1:]]
-        if words[0] == "train":
-            return [str(self.folder / "graupel-train"), *words[1:]]
-        return [str(self.program), *words]
+    def program(self, name):
+        return self.folder / name
 
-    def run(self, words, environment=None, timeout=1800):
-        """Runs a verb in the source folder of the new tree; returns the completed process."""
-        return subprocess.run(self.command(words), cwd=ROOT, env={**os.environ, **(environment or {})}, text=True,
-                              capture_output=True, timeout=timeout)
+    def has(self, name):
+        return self.program(name).exists()
+
+    def run(self, words, inputs, environment=None, timeout=900, check=True):
+        """Runs a program of this build in the folder `inputs`; standard output and error as one text."""
+        program, rest = self.program(words[0]), [str(word) for word in words[1:]]
+        surroundings = {key: value for key, value in os.environ.items() if not key.startswith("GRAUPEL_")}
+        surroundings.update(environment or {})
+        command = " ".join([words[0]] + rest)
+        try:
+            done = subprocess.run([str(program)] + rest, cwd=inputs, env=surroundings, timeout=timeout,
+                                  stdout=subprocess.PIPE, stderr=subprocess.STDOUT, stdin=subprocess.DEVNULL)
+        except subprocess.TimeoutExpired:
+            raise ProgramFailed(command, "none", f"not done after {timeout} s") from None
+        except OSError as error:
+            raise ProgramFailed(command, "none", str(error)) from None
+        output = done.stdout.decode(errors="replace")
+        if check and done.returncode != 0:
+            raise ProgramFailed(command, done.returncode, output)
+        return output if check else (done.returncode, output)
+
+    def bench(self, kind):
+        """Words that start the benchmark `kind` (mpm, graph, rom): of graupel-bench where that has it."""
+        for words in (["graupel-bench", kind], ["graupel", "bench", kind]):
+            if self.has(words[0]) and self.run(words + ["--help"], "/", check=False)[0] == 0:
+                return words
+        raise ProgramFailed(f"bench {kind}", "none", f"neither graupel-bench nor graupel in '{self.folder}' has it")
 
 
-def reference_build(commit, build, source, cmake_args, jobs):
-    if build:
-        return Build(build, source or ROOT)
-    folder = ROOT / "build" / "golden" / commit
-    if not source:
-        source = folder / "source"
-        if not source.exists():
-            folder.mkdir(parents=True, exist_ok=True)
-            temporary = folder / "source.part"
-            shutil.rmtree(temporary, ignore_errors=True)
-            subprocess.run(["git", "clone", "-q", "--shared", str(ROOT), str(temporary)], check=True)
-            subprocess.run(["git", "-C", str(temporary), "checkout", "-q", commit], check=True)
-            temporary.rename(source)
-    target = folder / "build"
-    log = folder / "build.log"
-    print(f"golden: building {commit} in {target} (log: {log})", flush=True)
-    folder.mkdir(parents=True, exist_ok=True)
-    with open(log, "w") as out:
-        for command in (["cmake", "-S", str(source), "-B", str(target), "-G", "Ninja", "-DCMAKE_BUILD_TYPE=Release",
-                         "-DGRAUPEL_TESTS=OFF", "-DGRAUPEL_BENCH=OFF", *cmake_args],
-                        ["ninja", "-C", str(target), "-j", str(jobs)]):
-            if subprocess.run(command, stdout=out, stderr=out).returncode:
-                sys.exit(f"golden: the reference could not be built, see {log}")
-    return Build(target, source)
+def configure_and_build(source, folder, cmake_arguments):
+    """Release build of the programs of `source` in `folder`."""
+    configure = ["cmake", "-S", str(source), "-B", str(folder), "-G", "Ninja", "-DCMAKE_BUILD_TYPE=Release",
+                 "-DGRAUPEL_TESTS=OFF", *cmake_arguments]
+    _quietly(configure, "cmake")
+    targets = _quietly(["ninja", "-C", str(folder), "-t", "targets", "all"], "ninja")
+    programs = [name for name in ("graupel", "graupel-train", "graupel-bench")
+                if re.search(rf"^{name}: ", targets, re.MULTILINE)]
+    _quietly(["ninja", "-C", str(folder), *programs], "ninja")
+
+
+def reference_source(repository, commit):
+    """A worktree of `commit` in build/golden/<commit>/source."""
+    folder = repository / "build" / "golden" / commit
+    source = folder / "source"
+    if not (source / "CMakeLists.txt").exists():
+        folder.mkdir(parents=True, exist_ok=True)
+        _quietly(["git", "-C", str(repository), "worktree", "prune"], "git worktree")
+        _quietly(["git", "-C", str(repository), "worktree", "add", "--detach", str(source), commit], "git worktree")
+    return source
+
+
+def source_of(build_folder):
+    """The source tree that a build folder was configured for."""
+    cache = Path(build_folder) / "CMakeCache.txt"
+    if cache.exists():
+        found = re.search(r"^CMAKE_HOME_DIRECTORY:INTERNAL=(.*)$", cache.read_text(), re.MULTILINE)
+        if found and Path(found.group(1)).exists():
+            return Path(found.group(1))
+    raise GoldenError(f"the source tree of '{build_folder}' is not known. Give --reference-source")
+
+
+def _quietly(command, what):
+    try:
+        done = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    except OSError as error:
+        raise GoldenError(f"{what} cannot be started ({error})") from None
+    if done.returncode != 0:
+        tail = "\n".join(done.stdout.strip().splitlines()[-15:])
+        raise GoldenError(f"'{' '.join(command)}' failed:\n{tail}")
+    return done.stdout

@@ -1,124 +1,108 @@
 #!/usr/bin/python3
-"""Compares this tree's build with a reference commit's: results bit by bit, interfaces, speeds (README.md)."""
+"""Compares the working tree's programs with those of a reference commit: results bit by bit, interface and speeds.
+
+Prints a row a case; exit code 0: none failed, 1: some did, 2: it could not begin. tests/golden/README.md says how to use it."""
+
 import argparse
 import json
-import os
-import pathlib
-import shlex
+import shutil
 import sys
 import tempfile
 import time
+from dataclasses import asdict
+from fnmatch import fnmatch
+from pathlib import Path
 
-sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
-from builds import ROOT, Build, reference_build  # noqa: E402
-from comparison import compare_files  # noqa: E402
-from interface import interface_rows  # noqa: E402
-from mpm_cases import mpm_cases  # noqa: E402
-from rollout_cases import rollout_cases  # noqa: E402
-from speeds import speed_rows  # noqa: E402
-from training_cases import training_cases  # noqa: E402
+import cases_data
+import cases_interface
+import cases_mpm
+import cases_rollouts
+import cases_speed
+import cases_training
+from builds import Build, GoldenError, configure_and_build, reference_source, source_of
+from case import Context, read_explained, run_case
 
-GROUPS = ["mpm", "rollout", "reduced", "training", "interface", "speed"]
-LARGEST_TOLERANCE = {"f64": 1e-9, "f32": 1e-5}
-
-
-def read_explained():
-    explained = json.loads((pathlib.Path(__file__).parent / "explained.json").read_text())
-    for name, entry in explained.items():
-        if "decision" not in entry or not (ROOT / "docs" / "decisions" / entry["decision"]).exists():
-            sys.exit(f"golden: explained.json, '{name}': 'decision' must name a file of docs/decisions")
-        limit = LARGEST_TOLERANCE["f64" if "f64" in name else "f32"]
-        if entry.get("tolerance", 0) > limit and "field_tolerance" not in entry:
-            sys.exit(f"golden: explained.json, '{name}': tolerance {entry['tolerance']} (allowed: at most {limit})")
-    return explained
+REPOSITORY = Path(__file__).resolve().parents[2]
+REFERENCE = "84e7df0"
 
 
-def run_both(case, builds, folder):
-    """Runs the case in each build; returns an error text or ''."""
-    for label, build in builds:
-        place = folder / label
-        place.mkdir(parents=True)
-        if case.prepare:
-            case.prepare(place)
-        for words in case.commands(place):
-            done = build.run(words, case.environment)
-            if done.returncode:
-                return f"{label}: exit {done.returncode}: {(done.stderr or done.stdout).strip()[-160:]}"
-    return ""
+def arguments(words):
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--reference", default=REFERENCE, metavar="COMMIT", help="commit to compare with (default %(default)s)")
+    parser.add_argument("--reference-source", type=Path, metavar="DIR", help="its source tree, where there is no git history")
+    parser.add_argument("--reference-build", type=Path, metavar="DIR", help="a build of it that is there already")
+    parser.add_argument("--build", type=Path, default=REPOSITORY / "build", metavar="DIR", help="build to check (default build/)")
+    parser.add_argument("--cmake-args", default="", help="further arguments for cmake, in one text")
+    parser.add_argument("--device", choices=["cpu", "cuda"], default="cpu", help="cuda: the cases of a GPU too")
+    parser.add_argument("--only", action="append", metavar="PATTERN", help="cases with such names (repeatable): 'mpm/*', 'speed/*'")
+    parser.add_argument("--skip", action="append", default=[], metavar="PATTERN", help="not these (repeatable)")
+    parser.add_argument("--no-speeds", action="store_true", help="leave out speed/*")
+    parser.add_argument("--rounds", type=int, default=3, help="measurements of a speed on each side (default %(default)s)")
+    parser.add_argument("--explained", type=Path, default=Path(__file__).with_name("explained.json"), help="cases that may differ")
+    parser.add_argument("--work", type=Path, help="folder for what runs leave (default: a temporary one)")
+    parser.add_argument("--list", action="store_true", help="print the names of the cases")
+    parser.add_argument("--json", metavar="OUT", help="write the rows as JSON to this file")
+    return parser.parse_args(words)
 
 
-def compare_case(case, builds, explained):
-    """(passed, text): the largest difference over all outputs beside its tolerance."""
-    with tempfile.TemporaryDirectory(prefix="golden-") as folder:
-        folder = pathlib.Path(folder)
-        problem = run_both(case, builds, folder)
-        if problem:
-            return False, problem
-        tolerance, worst, place = explained.get(case.name, {}).get("tolerance", 0), 0.0, ""
-        skipped = explained.get(case.name, {}).get("except", [])
-        for output in case.outputs:
-            found = compare_files(folder / "reference" / output, folder / "new" / output)
-            if found.broken:
-                return False, f"{output}: {found.broken[0]}"
-            if found.largest > worst and not any(word in found.place for word in skipped):
-                worst, place = found.largest, f"{output} {found.place}"
-        if worst == 0:
-            return True, "bit-equal"
-        return worst <= tolerance, f"max difference {worst:.3g} at {place} (tolerance {tolerance:g})"
+def sides(options):
+    """The two builds; makes the reference's where none is given."""
+    if options.reference_build:
+        folder = options.reference_build
+        source = options.reference_source or source_of(folder)
+    else:
+        source = options.reference_source or reference_source(REPOSITORY, options.reference)
+        folder = REPOSITORY / "build" / "golden" / (options.reference_source.resolve().name if options.reference_source
+                                                    else options.reference) / "build"
+        configure_and_build(source.resolve(), folder, options.cmake_args.split())
+    return Build("reference", folder, source), Build("new", options.build, REPOSITORY)
 
 
-def main():
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--reference", default="84e7df0", help="commit to compare with")
-    parser.add_argument("--reference-build", help="build folder of the reference, instead of building it")
-    parser.add_argument("--reference-source", help="sources of the reference, where there is no git history")
-    parser.add_argument("--build", default=str(ROOT / "build"), help="build folder of this tree")
-    parser.add_argument("--cmake-args", default="", help="arguments for the reference's cmake")
-    parser.add_argument("--device", default="cpu", choices=["cpu", "cuda"])
-    parser.add_argument("--only", default=",".join(GROUPS), help="groups: " + ", ".join(GROUPS))
-    parser.add_argument("--filter", default="", help="only cases whose name holds this text")
-    parser.add_argument("--rounds", type=int, default=3, help="of each speed, each build in turn")
-    parser.add_argument("--json", help="write all rows to this file")
-    parser.add_argument("--list", action="store_true", help="name the cases and stop")
-    options = parser.parse_args()
-    groups = options.only.split(",")
-    for group in groups:
-        if group not in GROUPS:
-            parser.error(f"unknown group '{group}' (allowed: {', '.join(GROUPS)})")
+def chosen_cases(options, source):
+    groups = [cases_mpm, cases_rollouts, cases_training, cases_data, cases_interface, cases_speed]
+    cases = [case for group in groups for case in group.cases(source, options.device)]
+    return [case for case in cases
+            if (not options.only or any(fnmatch(case.name, pattern) for pattern in options.only))
+            and not any(fnmatch(case.name, pattern) for pattern in options.skip)
+            and not (options.no_speeds and case.name.startswith("speed/"))]
 
-    cases = mpm_cases(options.device) + rollout_cases(options.device) + training_cases(options.device)
-    cases = [case for case in cases if case.group in groups and options.filter in case.name]
+
+def compare(options):
+    reference, new = sides(options)
+    cases = chosen_cases(options, reference.source)
     if options.list:
         print("\n".join(case.name for case in cases))
         return 0
-    explained = read_explained()
-    reference = reference_build(options.reference, options.reference_build, options.reference_source,
-                                shlex.split(options.cmake_args), os.cpu_count())
-    new = Build(options.build, ROOT)
-    rows = []
-
-    def report(name, passed, text):
-        rows.append({"name": name, "passed": bool(passed), "result": text})
-        print(f"{'ok  ' if passed else 'FAIL'}  {name}: {text}", flush=True)
-
-    begin = time.time()
-    for case in cases:
-        report(case.name, *compare_case(case, [("reference", reference), ("new", new)], explained))
-    if "interface" in groups:
-        for name, problem in interface_rows(reference, new, explained):
-            report(name, not problem, problem or "kept")
-    if "speed" in groups:
-        for name, ratio, spread, limit, problem in speed_rows(reference, new, options.device, options.rounds, explained,
-                                                              options.filter):
-            report(f"speed {name}", not problem,
-                   problem if ratio != ratio else f"time {ratio:.3f} of the reference's (its spread {spread:.3f}, limit {limit:.3f})")
-    failed = sum(not row["passed"] for row in rows)
-    print(f"{time.time() - begin:.0f} s\n{len(rows) - failed} passed, {failed} failed")
-    if options.json:
-        text = json.dumps({"reference": options.reference, "device": options.device, "rows": rows}, indent=1)
-        pathlib.Path(options.json).write_text(text + "\n")
-    return 1 if failed else 0
+    if not cases:
+        raise GoldenError("no case has such a name (see --list)")
+    work = Path(options.work or tempfile.mkdtemp(prefix="graupel-golden-")).resolve()
+    context = Context(reference, new, work, options.device, options.rounds, read_explained(options.explained, REPOSITORY))
+    rows, start = [], time.time()
+    print(f"reference {reference.folder}, new {new.folder}")
+    try:
+        for case in cases:
+            for row in run_case(case, context):
+                rows.append(row)
+                print(f"{row.verdict:8}{row.name:52} {row.result}" + (f"  [tolerance {row.tolerance}]" if row.tolerance not in ("", "0") else ""),
+                      flush=True)
+                for line in row.details if row.verdict == "FAIL" else []:
+                    print(f"            {line}", flush=True)
+    finally:
+        if not options.work:
+            shutil.rmtree(work, ignore_errors=True)
+        counts = {word: sum(row.verdict == word for row in rows) for word in ("pass", "FAIL", "skipped")}
+        if options.json:
+            Path(options.json).write_text(json.dumps({"reference": str(reference.folder), "new": str(new.folder), **counts,
+                                                      "seconds": time.time() - start, "rows": [asdict(row) for row in rows]}, indent=1))
+    print(f"{counts['pass']} passed, {counts['FAIL']} failed, {counts['skipped']} skipped in {time.time() - start:.0f} s")
+    return 1 if counts["FAIL"] else 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    try:
+        sys.exit(compare(arguments(sys.argv[1:])))
+    except GoldenError as error:
+        print(f"compare_builds: {error}", file=sys.stderr)
+        sys.exit(2)
+    except KeyboardInterrupt:
+        sys.exit(130)

@@ -1,57 +1,87 @@
 #!/usr/bin/python3
-"""The comparison finds a single changed number, a missing name and another shape, and passes equal files."""
-import pathlib
-import shutil
-import struct
+"""Tests the comparison itself: a build equals itself, and one changed float of one trajectory fails, with its place.
+
+    tests/golden/selftest.py [BUILD_FOLDER]"""
+
+import subprocess
 import sys
 import tempfile
+from pathlib import Path
 
-sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
-import h5py  # noqa: E402
-import numpy as np  # noqa: E402
-from builds import ROOT, Build  # noqa: E402
-from comparison import compare_files  # noqa: E402
-from compare_builds import compare_case, read_explained  # noqa: E402
-from mpm_cases import material_case  # noqa: E402
+import numpy as np
+
+from difference import differences
+from outputs import Values
+
+HERE = Path(__file__).resolve().parent
+CASE = "mpm/mixed/f32"
+# A program that runs the true one and then moves one coordinate of what it wrote by one bit.
+PERTURBED = """#!{python}
+import subprocess, sys
+import h5py, numpy as np
+code = subprocess.run(["{program}"] + sys.argv[1:]).returncode
+if code == 0 and "-o" in sys.argv:
+    with h5py.File(sys.argv[sys.argv.index("-o") + 1], "r+") as file:
+        positions = file["00000/position"]
+        frame = positions[5]
+        frame[17, 1] = np.nextafter(frame[17, 1], np.float32(9))
+        positions[5] = frame
+sys.exit(code)
+"""
 
 
-class PerturbedBuild(Build):
-    """Runs the same program and then changes one coordinate of one particle by one unit in the last place."""
-
-    def run(self, words, environment=None, timeout=1800):
-        done = super().run(words, environment, timeout)
-        with h5py.File(words[words.index("-o") + 1], "r+") as file:
-            positions = file["00000/position"]
-            frame = positions[7]
-            frame[5, 1] = np.nextafter(frame[5, 1], np.float32(1))
-            positions[7] = frame
-        return done
-
-
-def check(condition, text):
+def expect(condition, message, shown=""):
     if not condition:
-        sys.exit(f"golden selftest: {text}")
+        print(f"selftest: {message}\n{shown}", file=sys.stderr)
+        sys.exit(1)
+
+
+def compare(build, reference, more=()):
+    command = [sys.executable, str(HERE / "compare_builds.py"), "--reference-build", str(reference), "--reference-source",
+               str(HERE.parents[1]), "--build", str(build), "--only", CASE, *more]
+    done = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    return done.returncode, done.stdout
+
+
+def test_differences():
+    """Bits, tolerances, missing arrays, other shapes, not-a-number."""
+    values = {"x": Values(np.array([[1.0, 2.0]], np.float32), "m", ("frame", "particle"), "position")}
+    def with_array(array):
+        return {"x": Values(np.asarray(array), "m", ("frame", "particle"), "position")}
+    expect(not differences(values, with_array(np.array([[1, 2]], np.float32))), "equal arrays differ")
+    moved = with_array(np.array([[1, 2.001]], np.float32))
+    expect("frame 0, particle 1" in differences(values, moved)[0].text, "the place of a difference is not named")
+    expect(differences(values, moved, 1e-2)[0].excess <= 1, "a difference within the tolerance fails")
+    expect(differences(values, moved, 1e-4)[0].excess > 1, "a difference beyond the tolerance passes")
+    expect(differences(values, with_array(np.array([[1, np.nan]], np.float32)), 1.0)[0].excess > 1, "not-a-number passes")
+    expect(differences(values, with_array(np.array([[1, 2]], np.float64)), 1.0)[0].excess > 1, "another type passes")
+    expect(differences(values, {}, 1.0)[0].excess > 1, "a missing array passes")
+    zero = {"x": Values(np.array([0.0]))}
+    expect(differences(zero, {"x": Values(np.array([-0.0]))}), "a zero of another sign passes as the same bits")
 
 
 def main():
-    folder = pathlib.Path(sys.argv[1]) if len(sys.argv) > 1 else ROOT / "build"
-    build, case = Build(folder, ROOT), material_case("water", "f32", "cpu")
-    explained = {**read_explained(), case.name: {}}
-    passed, text = compare_case(case, [("reference", build), ("new", build)], explained)
-    check(passed and text == "bit-equal", f"a build must equal itself: {text}")
-    passed, text = compare_case(case, [("reference", build), ("new", PerturbedBuild(folder, ROOT))], explained)
-    check(not passed and "00000/position[7, 5, 1]" in text, f"the changed coordinate must be named: {text}")
-
-    with tempfile.TemporaryDirectory() as place:
-        one, other = pathlib.Path(place) / "a.safetensors", pathlib.Path(place) / "b.safetensors"
-        header = b'{"w":{"dtype":"F32","shape":[2],"data_offsets":[0,8]}}'
-        one.write_bytes(struct.pack("<Q", len(header)) + header + struct.pack("<2f", 1, 2))
-        other.write_bytes(struct.pack("<Q", len(header)) + header + struct.pack("<2f", 1, 2.5))
-        found = compare_files(one, other)
-        check(found.largest == 0.5 and found.place == "w[1]", "a changed weight must be found")
-        shutil.copy(one, other)
-        check(not compare_files(one, other), "equal weights must pass")
-    print("golden selftest: passed")
+    build = Path(sys.argv[1] if len(sys.argv) > 1 else HERE.parents[1] / "build").resolve()
+    test_differences()
+    code, output = compare(build, build)
+    expect(code == 0 and "1 passed, 0 failed" in output and "bit-equal" in output, "a build differs from itself", output)
+    with tempfile.TemporaryDirectory() as folder:
+        fake = Path(folder) / "graupel"
+        fake.write_text(PERTURBED.format(python=sys.executable, program=build / "graupel"))
+        fake.chmod(0o755)
+        code, output = compare(folder, build)
+        expect(code == 1 and "0 passed, 1 failed" in output, "a changed float passes", output)
+        expect("00000/position" in output and "frame 5, particle 17, component 1" in output, "its place is not named", output)
+        fake.write_text("#!/bin/sh\necho broken >&2\nexit 4\n")
+        code, output = compare(folder, build)
+        expect(code == 1 and "exit code 4" in output and "broken" in output, "a program that fails passes", output)
+        bad = Path(folder) / "explained.json"
+        bad.write_text('{"cases": {"mpm/*": {"decision": "docs/decisions/none.md"}}}')
+        code, output = compare(build, build, ["--explained", str(bad)])
+        expect(code == 2 and "names no decision" in output, "an exemption without a decision is taken", output)
+    code, output = compare("/nowhere", build)
+    expect(code == 2 and "no program" in output, "a build that is not there is not told of", output)
+    print("selftest: passed")
 
 
 if __name__ == "__main__":

@@ -1,0 +1,36 @@
+// The README's example, letter by letter: it compiles, and what falls is lower afterwards.
+#include <gtest/gtest.h>
+
+#include <string>
+
+#include "core/atomic_file.h"
+// [README]
+#include "io/scene_reader.h"
+#include "mpm/simulation.h"
+
+double mean_height_after(const std::string& scene_file, int frames) {
+  const graupel::Scene scene = graupel::io::read_scene(scene_file);
+  const auto run = graupel::mpm::Simulation::create(scene, {.seed = scene.seed});
+  for (int frame = 0; frame < frames; ++frame) run->advance_frame();
+  double sum = 0;
+  for (const auto& x : run->frame().position) sum += x[1];  // [m]
+  return sum / static_cast<double>(run->particle_count());
+}
+// [README]
+
+namespace graupel {
+namespace {
+
+TEST(Readme, ExampleIsThisCodeAndRuns) {
+  const std::string here = read_file(GRAUPEL_SOURCE_DIR "/tests/mpm/readme_example_test.cpp"),
+                    readme = read_file(GRAUPEL_SOURCE_DIR "/README.md");
+  const std::string mark = "// [README]\n";
+  const auto begin = here.find("\n" + mark) + 1 + mark.size(), end = here.find("\n" + mark, begin) + 1;
+  EXPECT_NE(readme.find("```cpp\n" + here.substr(begin, end - begin) + "```"), std::string::npos);
+  const std::string scene = GRAUPEL_SOURCE_DIR "/scenes/shared/water_steps.json";
+  // Free fall for 5 frames of 1/60 s.
+  EXPECT_NEAR(mean_height_after(scene, 0) - mean_height_after(scene, 5), 0.5 * 9.8 * 25 / 3600, 2e-3);
+}
+
+}  // namespace
+}  // namespace graupel
