@@ -11,11 +11,11 @@
 #include "apps/ceilings.h"
 #include "apps/common_options.h"
 #include "apps/verbs.h"
-#include "core/error.h"
-#include "core/instruction_set.h"
+#include "core/parallel/instruction_set.h"
+#include "core/system/error.h"
 #include "experiments/process.h"
-#include "io/recipe_reader.h"
-#include "mpm/scene_recipe.h"
+#include "io/scene/recipe_reader.h"
+#include "mpm/scene/scene_recipe.h"
 #include "mpm/simulation.h"
 
 namespace graupel::apps {

@@ -12,9 +12,9 @@
 #include "apps/rom_measurement.h"
 #include "apps/rom_plots.h"
 #include "apps/verbs.h"
-#include "core/atomic_file.h"
-#include "core/command_line.h"
-#include "core/error.h"
+#include "core/system/atomic_file.h"
+#include "core/system/command_line.h"
+#include "core/system/error.h"
 #include "experiments/naive_answers.h"
 
 namespace graupel::apps {

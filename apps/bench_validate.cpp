@@ -7,9 +7,9 @@
 
 #include "apps/common_options.h"
 #include "apps/verbs.h"
-#include "compare/plot_svg.h"
-#include "core/atomic_file.h"
-#include "core/error.h"
+#include "compare/report/plot_svg.h"
+#include "core/system/atomic_file.h"
+#include "core/system/error.h"
 #include "experiments/outputs.h"
 #include "experiments/process.h"
 #include "validation/case.h"

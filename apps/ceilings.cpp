@@ -10,8 +10,8 @@
 #include <cstring>
 #include <vector>
 
-#include "core/memory.h"
-#include "core/parallel_for.h"
+#include "core/parallel/memory.h"
+#include "core/parallel/parallel_for.h"
 #include "nn/linear.h"
 
 namespace graupel::apps {

@@ -5,8 +5,8 @@
 #include <cstdint>
 #include <optional>
 
-#include "core/device.h"
-#include "core/material_config.h"
+#include "core/parallel/device.h"
+#include "core/scene/material_config.h"
 
 namespace graupel::apps {
 

@@ -2,8 +2,8 @@
 
 #include <nlohmann/json.hpp>
 
-#include "core/atomic_file.h"
-#include "core/command_line.h"
+#include "core/system/atomic_file.h"
+#include "core/system/command_line.h"
 #include "experiments/outputs.h"
 
 namespace graupel::apps {

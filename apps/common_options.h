@@ -6,7 +6,7 @@
 #include <nlohmann/json_fwd.hpp>
 #include <string>
 
-#include "core/device.h"
+#include "core/parallel/device.h"
 
 namespace graupel::apps {
 

@@ -1,7 +1,7 @@
 // graupel compare: scenes x models -> table, CSV, JSON and report.html.
 #include "apps/common_options.h"
 #include "apps/verbs.h"
-#include "core/command_line.h"
+#include "core/system/command_line.h"
 #include "experiments/compare_runs.h"
 #include "experiments/process.h"
 #include "mpm/scene_variants.h"

@@ -5,9 +5,9 @@
 #include "apps/common_options.h"
 #include "apps/python_tool.h"
 #include "apps/verbs.h"
-#include "core/atomic_file.h"
-#include "core/error.h"
-#include "io/scene_reader.h"
+#include "core/system/atomic_file.h"
+#include "core/system/error.h"
+#include "io/scene/scene_reader.h"
 #include "nn/number_width.h"
 
 namespace graupel::apps {

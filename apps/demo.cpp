@@ -4,8 +4,8 @@
 
 #include "apps/common_options.h"
 #include "apps/verbs.h"
-#include "core/command_line.h"
-#include "core/error.h"
+#include "core/system/command_line.h"
+#include "core/system/error.h"
 #include "experiments/compare_runs.h"
 #include "experiments/process.h"
 

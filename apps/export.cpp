@@ -4,10 +4,10 @@
 
 #include "apps/common_options.h"
 #include "apps/verbs.h"
-#include "core/command_line.h"
-#include "core/error.h"
-#include "io/export.h"
-#include "io/trajectory_file.h"
+#include "core/system/command_line.h"
+#include "core/system/error.h"
+#include "io/export/export.h"
+#include "io/trajectory/trajectory_file.h"
 
 namespace graupel::apps {
 

@@ -5,8 +5,8 @@
 #include <vector>
 
 #include "apps/verbs.h"
-#include "core/command_line.h"
-#include "core/error.h"
+#include "core/system/command_line.h"
+#include "core/system/error.h"
 #include "experiments/rank_processes.h"
 
 namespace graupel::apps {

@@ -6,10 +6,10 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
-#include "core/atomic_file.h"
-#include "core/error.h"
+#include "core/system/atomic_file.h"
+#include "core/system/error.h"
 #include "experiments/training_program.h"
-#include "io/trajectory_file.h"
+#include "io/trajectory/trajectory_file.h"
 
 namespace graupel::apps {
 

@@ -5,9 +5,9 @@
 #include <string>
 #include <vector>
 
-#include "core/device.h"
-#include "core/vec.h"
-#include "graph/network_flop.h"
+#include "core/math/vec.h"
+#include "core/parallel/device.h"
+#include "graph/networks/network_flop.h"
 
 namespace graupel::apps {
 

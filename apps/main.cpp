@@ -9,10 +9,10 @@
 
 #include "apps/common_options.h"
 #include "apps/verbs.h"
-#include "core/command_line.h"
-#include "core/error.h"
-#include "core/instruction_set.h"
-#include "core/stop_signal.h"
+#include "core/parallel/instruction_set.h"
+#include "core/system/command_line.h"
+#include "core/system/error.h"
+#include "core/system/stop_signal.h"
 #include "experiments/process.h"
 #include "nn/bf16_products.h"
 

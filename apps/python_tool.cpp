@@ -7,7 +7,7 @@
 #include <cstring>
 #include <filesystem>
 
-#include "core/error.h"
+#include "core/system/error.h"
 
 namespace graupel::apps {
 

@@ -7,11 +7,11 @@
 #include <utility>
 
 #include "apps/rollout.h"
-#include "core/error.h"
+#include "core/system/error.h"
 #include "experiments/process.h"
 #include "experiments/progress.h"
 #include "experiments/refined_body.h"
-#include "io/scene_reader.h"
+#include "io/scene/scene_reader.h"
 
 namespace graupel::apps {
 

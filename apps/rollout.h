@@ -8,9 +8,9 @@
 #include <vector>
 
 #include "apps/common_options.h"
-#include "core/scene.h"
+#include "core/scene/scene.h"
 #include "experiments/reduced_runs.h"
-#include "io/trajectory_file.h"
+#include "io/trajectory/trajectory_file.h"
 
 namespace graupel::apps {
 

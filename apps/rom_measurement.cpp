@@ -7,13 +7,13 @@
 #include <numeric>
 
 #include "apps/common_options.h"
-#include "compare/displacement_error.h"
-#include "core/error.h"
+#include "compare/metrics/displacement_error.h"
+#include "core/system/error.h"
 #include "experiments/model_runs.h"
-#include "io/scene_reader.h"
+#include "io/scene/scene_reader.h"
 #include "mpm/fast_step.h"
-#include "mpm/particles.h"
-#include "rom/factored_fields.h"
+#include "mpm/particles/particles.h"
+#include "rom/fields/factored_fields.h"
 
 namespace graupel::apps {
 

@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "experiments/reduced_runs.h"
-#include "io/trajectory_file.h"
-#include "rom/sample_rules.h"
+#include "io/trajectory/trajectory_file.h"
+#include "rom/cubature/sample_selection.h"
 
 namespace graupel::apps {
 

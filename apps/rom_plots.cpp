@@ -6,9 +6,9 @@
 #include <nlohmann/json.hpp>
 #include <set>
 
-#include "compare/plot_svg.h"
-#include "core/atomic_file.h"
-#include "core/error.h"
+#include "compare/report/plot_svg.h"
+#include "core/system/atomic_file.h"
+#include "core/system/error.h"
 
 namespace graupel::apps {
 

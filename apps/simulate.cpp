@@ -8,15 +8,15 @@
 
 #include "apps/common_options.h"
 #include "apps/verbs.h"
-#include "core/command_line.h"
-#include "core/error.h"
-#include "core/memory.h"
+#include "core/parallel/memory.h"
+#include "core/system/command_line.h"
+#include "core/system/error.h"
 #include "experiments/outputs.h"
 #include "experiments/process.h"
 #include "experiments/progress.h"
 #include "experiments/saved_run.h"
-#include "io/scene_reader.h"
-#include "io/trajectory_file.h"
+#include "io/scene/scene_reader.h"
+#include "io/trajectory/trajectory_file.h"
 #include "mpm/simulation.h"
 
 namespace graupel::apps {

@@ -1,5 +1,5 @@
 // The program's verbs. Each add_* registers a subcommand whose callback does the work and throws the errors of
-// core/error.h; main.cpp turns them into messages and exit codes.
+// core/system/error.h; main.cpp turns them into messages and exit codes.
 #pragma once
 
 #include <CLI/CLI.hpp>

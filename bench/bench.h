@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "core/device.h"
+#include "core/parallel/device.h"
 
 namespace graupel::bench {
 

@@ -6,7 +6,7 @@
 
 #include "bench/bench.h"
 #include "graph/learned_simulator.h"
-#include "io/scene_reader.h"
+#include "io/scene/scene_reader.h"
 #include "mpm/sampling.h"
 
 namespace graupel::bench {

@@ -3,8 +3,8 @@
 #include <cstdio>
 
 #include "bench/bench.h"
-#include "core/atomic_file.h"
-#include "core/error.h"
+#include "core/system/atomic_file.h"
+#include "core/system/error.h"
 
 int main(int argc, char** argv) {
   using namespace graupel;

@@ -5,7 +5,7 @@
 #include <cstdio>
 
 #include "bench/bench.h"
-#include "core/scene.h"
+#include "core/scene/scene.h"
 #include "mpm/simulation.h"
 
 namespace graupel::bench {

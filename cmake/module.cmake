@@ -54,7 +54,7 @@ function(graupel_test name)
 endfunction()
 
 # graupel_kernels(name source.cpp [options..]): the hot loops of module `name`, compiled once for each instruction set with
-#   GRAUPEL_ISA its name; the program chooses when it starts (core/instruction_set.h). They do not take -march=native, and
+#   GRAUPEL_ISA its name; the program chooses when it starts (core/parallel/instruction_set.h). They do not take -march=native, and
 #   may export nothing but their tables of functions (tests/exported_symbols.h).
 set(graupel_instruction_sets baseline)
 if(GRAUPEL_X86_KERNELS)

@@ -6,9 +6,9 @@
 #include <string>
 #include <vector>
 
-#include "compare/evaluation.h"
-#include "compare/metric_list.h"
-#include "compare/player_track.h"
+#include "compare/metrics/evaluation.h"
+#include "compare/metrics/metric_list.h"
+#include "compare/pictures/player_track.h"
 
 namespace graupel::compare {
 

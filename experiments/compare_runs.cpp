@@ -10,11 +10,11 @@
 #include <set>
 
 #include "compare/comparison_files.h"
-#include "compare/contact_sheet.h"
-#include "compare/png.h"
-#include "compare/report.h"
-#include "core/atomic_file.h"
-#include "core/error.h"
+#include "compare/pictures/contact_sheet.h"
+#include "compare/pictures/png.h"
+#include "compare/report/report.h"
+#include "core/system/atomic_file.h"
+#include "core/system/error.h"
 #include "experiments/compare_scene.h"
 #include "experiments/fairness.h"
 #include "experiments/outputs.h"

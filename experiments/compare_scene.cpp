@@ -7,18 +7,18 @@
 #include <filesystem>
 #include <map>
 
-#include "compare/containment.h"
-#include "compare/one_step_error.h"
-#include "compare/png.h"
-#include "compare/position_error.h"
-#include "compare/raster.h"
-#include "core/error.h"
-#include "core/held_particles.h"
-#include "core/material_config.h"
+#include "compare/metrics/containment.h"
+#include "compare/metrics/one_step_error.h"
+#include "compare/metrics/position_error.h"
+#include "compare/pictures/png.h"
+#include "compare/pictures/raster.h"
+#include "core/scene/held_particles.h"
+#include "core/scene/material_config.h"
+#include "core/system/error.h"
 #include "experiments/fairness.h"
 #include "experiments/trained_materials.h"
-#include "io/scene_reader.h"
-#include "io/trajectory_file.h"
+#include "io/scene/scene_reader.h"
+#include "io/trajectory/trajectory_file.h"
 
 namespace graupel::experiments {
 

@@ -7,12 +7,12 @@
 #include <string>
 #include <vector>
 
-#include "compare/backdrop.h"
-#include "compare/contact_sheet.h"
-#include "compare/report.h"
+#include "compare/pictures/backdrop.h"
+#include "compare/pictures/contact_sheet.h"
+#include "compare/report/report.h"
 #include "experiments/compare_runs.h"
 #include "experiments/model_runs.h"
-#include "graph/features.h"
+#include "graph/features/features.h"
 
 namespace graupel::experiments {
 

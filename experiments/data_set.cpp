@@ -7,9 +7,9 @@
 #include <cstring>
 #include <nlohmann/json.hpp>
 
-#include "core/atomic_file.h"
-#include "core/error.h"
-#include "core/file_lock.h"
+#include "core/system/atomic_file.h"
+#include "core/system/error.h"
+#include "core/system/file_lock.h"
 #include "experiments/scene_batches.h"
 
 namespace graupel::experiments {

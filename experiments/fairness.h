@@ -10,8 +10,8 @@
 #include <string>
 #include <vector>
 
-#include "compare/metric_list.h"
-#include "core/device.h"
+#include "compare/metrics/metric_list.h"
+#include "core/parallel/device.h"
 #include "experiments/model_runs.h"
 
 namespace graupel::experiments {

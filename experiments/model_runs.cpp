@@ -10,10 +10,10 @@
 #include <fstream>
 #include <utility>
 
-#include "core/error.h"
-#include "core/held_particles.h"
-#include "core/memory.h"
-#include "core/random.h"
+#include "core/math/random.h"
+#include "core/parallel/memory.h"
+#include "core/scene/held_particles.h"
+#include "core/system/error.h"
 #include "experiments/bundle_times.h"
 #include "experiments/process.h"
 #include "experiments/progress.h"

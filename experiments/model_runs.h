@@ -6,10 +6,10 @@
 #include <string>
 #include <vector>
 
-#include "compare/evaluation.h"
-#include "compare/particle_run.h"
-#include "core/device.h"
-#include "core/scene.h"
+#include "compare/metrics/evaluation.h"
+#include "compare/metrics/particle_run.h"
+#include "core/parallel/device.h"
+#include "core/scene/scene.h"
 #include "experiments/reduced_runs.h"
 #include "graph/learned_simulator.h"
 #include "mpm/scene_variants.h"

@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
-#include "compare/displacement_error.h"
-#include "io/trajectory_file.h"
+#include "compare/metrics/displacement_error.h"
+#include "io/trajectory/trajectory_file.h"
 
 namespace graupel::experiments {
 

@@ -6,8 +6,8 @@
 #include <cstring>
 #include <filesystem>
 
-#include "core/atomic_file.h"
-#include "core/error.h"
+#include "core/system/atomic_file.h"
+#include "core/system/error.h"
 
 namespace graupel::experiments {
 

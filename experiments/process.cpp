@@ -3,8 +3,8 @@
 #include <fstream>
 #include <iterator>
 
-#include "core/error.h"
-#include "core/stop_signal.h"
+#include "core/system/error.h"
+#include "core/system/stop_signal.h"
 
 namespace graupel::experiments {
 

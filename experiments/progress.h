@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <string>
 
-#include "core/human_time.h"
+#include "core/system/human_time.h"
 
 namespace graupel::experiments {
 

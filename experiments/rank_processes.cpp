@@ -19,7 +19,7 @@
 #include <optional>
 #include <utility>
 
-#include "core/error.h"
+#include "core/system/error.h"
 
 namespace graupel::experiments {
 

@@ -7,9 +7,9 @@
 #include <nlohmann/json.hpp>
 #include <set>
 
-#include "core/error.h"
-#include "io/scene_reader.h"
-#include "rom/material_difference.h"
+#include "core/system/error.h"
+#include "io/scene/scene_reader.h"
+#include "rom/solver/material_difference.h"
 
 namespace graupel::experiments {
 

@@ -6,10 +6,10 @@
 #include <string>
 #include <vector>
 
-#include "core/scene.h"
+#include "core/scene/scene.h"
 #include "rom/cuda/reduced_cuda.h"
 #include "rom/reduced_solver.h"
-#include "rom/trust.h"
+#include "rom/solver/error_indicator.h"
 
 namespace graupel::experiments {
 

@@ -4,9 +4,9 @@
 
 #include <algorithm>
 
-#include "core/error.h"
-#include "core/memory.h"
-#include "core/parallel_for.h"
+#include "core/parallel/memory.h"
+#include "core/parallel/parallel_for.h"
+#include "core/system/error.h"
 
 namespace graupel::experiments {
 

@@ -6,9 +6,9 @@
 #include <memory>
 #include <vector>
 
-#include "core/trajectory.h"
+#include "core/scene/trajectory.h"
 #include "experiments/reduced_runs.h"
-#include "rom/trunk.h"
+#include "rom/interpolation/mls_interpolation.h"
 
 namespace graupel::experiments {
 

@@ -2,10 +2,10 @@
 
 #include <fmt/format.h>
 
-#include "core/device.h"
-#include "core/error.h"
+#include "core/parallel/device.h"
+#include "core/system/error.h"
 #include "experiments/process.h"
-#include "io/scene_reader.h"
+#include "io/scene/scene_reader.h"
 
 namespace graupel::experiments {
 

@@ -3,8 +3,8 @@
 
 #include <string>
 
-#include "io/state_file.h"
-#include "io/trajectory_file.h"
+#include "io/trajectory/state_file.h"
+#include "io/trajectory/trajectory_file.h"
 #include "mpm/simulation.h"
 
 namespace graupel::experiments {

@@ -13,11 +13,11 @@
 #include <optional>
 #include <thread>
 
-#include "core/error.h"
+#include "core/system/error.h"
 #include "experiments/process.h"
 #include "experiments/progress.h"
-#include "io/scene_reader.h"
-#include "io/trajectory_file.h"
+#include "io/scene/scene_reader.h"
+#include "io/trajectory/trajectory_file.h"
 #include "mpm/simulation.h"
 
 namespace graupel::experiments {

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "core/device.h"
+#include "core/parallel/device.h"
 #include "experiments/scene_source.h"
 
 namespace graupel::experiments {

@@ -5,10 +5,10 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
-#include "core/error.h"
-#include "io/recipe_reader.h"
-#include "io/scene_reader.h"
-#include "io/sweep_reader.h"
+#include "core/system/error.h"
+#include "io/scene/recipe_reader.h"
+#include "io/scene/scene_reader.h"
+#include "io/scene/sweep_reader.h"
 #include "mpm/memory_need.h"
 #include "mpm/sampling.h"
 
@@ -20,7 +20,7 @@ constexpr int64_t most_scenes_at_once = 64;
 /// Particles that fill a GPU several times over; more at once cost memory and gain nothing.
 constexpr double particles_at_once = 4e6;
 
-/// Scenes drawn at random (core/scene_recipe.h).
+/// Scenes drawn at random (core/scene/scene_recipe.h).
 class RandomScenes : public SceneSource {
  public:
   explicit RandomScenes(const SceneSourceOptions& options)
@@ -64,7 +64,7 @@ class RandomScenes : public SceneSource {
   uint64_t seed_;
 };
 
-/// The runs of a sweep (core/sweep_recipe.h), which all start with the same particles.
+/// The runs of a sweep (core/scene/sweep_recipe.h), which all start with the same particles.
 class SweepScenes : public SceneSource {
  public:
   explicit SweepScenes(const SceneSourceOptions& options) : sweep_(io::read_sweep(options.recipe, options.set)) {

@@ -7,11 +7,11 @@
 #include <string>
 #include <vector>
 
-#include "core/device.h"
-#include "core/particle_fields.h"
-#include "core/scene.h"
-#include "io/trajectory_file.h"
-#include "mpm/scene_recipe.h"
+#include "core/parallel/device.h"
+#include "core/scene/particle_fields.h"
+#include "core/scene/scene.h"
+#include "io/trajectory/trajectory_file.h"
+#include "mpm/scene/scene_recipe.h"
 
 namespace graupel::experiments {
 

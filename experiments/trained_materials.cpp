@@ -6,10 +6,10 @@
 #include <map>
 #include <nlohmann/json.hpp>
 
-#include "core/error.h"
-#include "core/material_config.h"
-#include "io/config_writer.h"
-#include "io/scene_reader.h"
+#include "core/scene/material_config.h"
+#include "core/system/error.h"
+#include "io/config/config_writer.h"
+#include "io/scene/scene_reader.h"
 
 namespace graupel::experiments {
 

@@ -10,9 +10,9 @@
 #include <limits>
 #include <nlohmann/json.hpp>
 
-#include "compare/plot_svg.h"
-#include "core/atomic_file.h"
-#include "core/error.h"
+#include "compare/report/plot_svg.h"
+#include "core/system/atomic_file.h"
+#include "core/system/error.h"
 
 namespace graupel::experiments {
 

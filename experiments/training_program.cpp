@@ -10,7 +10,7 @@
 #include <cstring>
 #include <filesystem>
 
-#include "core/error.h"
+#include "core/system/error.h"
 #include "experiments/process.h"
 
 namespace graupel::experiments {

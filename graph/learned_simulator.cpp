@@ -5,16 +5,16 @@
 #include <optional>
 #include <utility>
 
-#include "core/error.h"
-#include "core/held_particles.h"
-#include "graph/density_projection.h"
-#include "graph/frame_step.h"
-#include "graph/free_flight.h"
-#include "graph/held_places.h"
-#include "graph/lap_timer.h"
-#include "graph/rest_density.h"
+#include "core/scene/held_particles.h"
+#include "core/system/error.h"
+#include "graph/corrections/density_projection.h"
+#include "graph/corrections/free_flight.h"
+#include "graph/cpu/lap_timer.h"
+#include "graph/features/frame_step.h"
+#include "graph/features/prescribed_positions.h"
+#include "graph/features/rest_density.h"
 #ifdef GRAUPEL_HAVE_CUDA
-#include "graph/cuda/cuda_simulator.h"
+#include "graph/cuda/rollout/cuda_simulator.h"
 #endif
 
 namespace graupel::graph {

@@ -6,10 +6,10 @@
 #include <string>
 #include <vector>
 
-#include "core/device.h"
-#include "core/scene.h"
-#include "core/trajectory.h"
-#include "graph/features.h"
+#include "core/parallel/device.h"
+#include "core/scene/scene.h"
+#include "core/scene/trajectory.h"
+#include "graph/features/features.h"
 #include "graph/network.h"
 
 namespace graupel::graph {
@@ -35,19 +35,21 @@ class LearnedSimulator {
                                      const std::vector<int32_t>& particle_type,
                                      const std::vector<std::vector<Vec3f>>& positions) const;
   /// Floating-point operations of the network for one frame of particles at `position`, a frame's share of those of a
-  /// bundle (graph/network_flop.h).
+  /// bundle (graph/networks/network_flop.h).
   double flop(const Surroundings& surroundings, const std::vector<Vec3f>& position) const;
 
-  /// Where held particles (core/held_particles.h) are: positions [frames][n] after the start, of which theirs count.
-  /// Beyond the last frame they stay.
+  /// Where held particles (core/scene/held_particles.h) are: positions [frames][n] after the start, of which theirs
+  /// count. Beyond the last frame they stay.
   using GivenFrames = std::vector<std::vector<Vec3f>>;
   struct RolloutOptions {
     int64_t frames = 300;
     std::function<void(int64_t frame, const FrameTiming&)> progress;
-    bool project = true;       ///< out of obstacles, into the walls
-    double density_limit = 1;  ///< largest density, of that at rest (graph/rest_density.h); 0: none; in space alone
-    bool free_flight = true;   ///< momentum of what flies is kept (graph/free_flight.h); not beside held particles
-    bool network = true;       ///< false: nothing but gravity and these laws, at the network's settings
+    bool project = true;  ///< out of obstacles, into the walls
+    double density_limit =
+        1;  ///< largest density, of that at rest (graph/features/rest_density.h); 0: none; in space alone
+    bool free_flight =
+        true;  ///< momentum of what flies is kept (graph/corrections/free_flight.h); not beside held particles
+    bool network = true;  ///< false: nothing but gravity and these laws, at the network's settings
     const GivenFrames* given = nullptr;
     Device device = Device::cpu;  ///< on a GPU matrix products are in bf16, and latents have to be 128 wide
   };

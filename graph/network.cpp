@@ -1,9 +1,9 @@
 #include "graph/network.h"
 
-#include "core/error.h"
-#include "graph/config_metadata.h"
-#include "graph/gns_network.h"
-#include "graph/hierarchical_graph_network.h"
+#include "core/system/error.h"
+#include "graph/config/config_metadata.h"
+#include "graph/networks/gns_network.h"
+#include "graph/networks/hierarchical_graph_network.h"
 
 namespace graupel::graph {
 

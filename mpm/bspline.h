@@ -5,8 +5,8 @@
 // Their second moments are D = dx^2/4 I and dx^2/3 I, which makes APIC's inertia tensor a constant (Jiang et al. 2015).
 #pragma once
 
-#include "core/transfer_config.h"
-#include "core/vec.h"
+#include "core/math/vec.h"
+#include "core/scene/transfer_config.h"
 
 namespace graupel::mpm {
 

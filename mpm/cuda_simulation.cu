@@ -3,13 +3,13 @@
 #include <chrono>
 #include <cstring>
 
-#include "core/error.h"
-#include "mpm/batch_results.h"
-#include "mpm/batch_solver.h"
-#include "mpm/batch_state.h"
-#include "mpm/cuda_backend.cuh"
-#include "mpm/scene_hash.h"
-#include "mpm/small_scene_solver.h"
+#include "core/system/error.h"
+#include "mpm/gpu/blocks/batch_results.h"
+#include "mpm/gpu/blocks/batch_solver.h"
+#include "mpm/gpu/blocks/batch_state.h"
+#include "mpm/gpu/cuda_backend.cuh"
+#include "mpm/gpu/small/small_scene_solver.h"
+#include "mpm/scene/scene_hash.h"
 
 namespace graupel::mpm {
 

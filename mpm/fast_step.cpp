@@ -5,7 +5,7 @@
 #include <cmath>
 #include <vector>
 
-#include "core/error.h"
+#include "core/system/error.h"
 
 namespace graupel::mpm {
 

@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <functional>
 
-#include "core/scene.h"
+#include "core/scene/scene.h"
 #include "mpm/simulation.h"
 
 namespace graupel::mpm {

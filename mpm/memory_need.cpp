@@ -5,10 +5,10 @@
 #include <algorithm>
 #include <limits>
 
-#include "core/error.h"
-#include "core/memory.h"
-#include "mpm/grid.h"
-#include "mpm/source_body.h"
+#include "core/parallel/memory.h"
+#include "core/system/error.h"
+#include "mpm/grid/grid.h"
+#include "mpm/scene/source_body.h"
 
 namespace graupel::mpm {
 

@@ -4,9 +4,9 @@
 
 #include <cmath>
 
-#include "core/error.h"
-#include "mpm/emission.h"
-#include "mpm/plane_section.h"
+#include "core/system/error.h"
+#include "mpm/scene/emission.h"
+#include "mpm/scene/plane_section.h"
 
 namespace graupel::mpm {
 

@@ -5,8 +5,8 @@
 #include <limits>
 #include <vector>
 
-#include "core/random.h"
-#include "core/scene.h"
+#include "core/math/random.h"
+#include "core/scene/scene.h"
 
 namespace graupel::mpm {
 

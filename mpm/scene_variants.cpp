@@ -6,9 +6,9 @@
 #include <cmath>
 #include <limits>
 
-#include "core/error.h"
-#include "core/memory.h"
-#include "core/random.h"
+#include "core/math/random.h"
+#include "core/parallel/memory.h"
+#include "core/system/error.h"
 #include "mpm/memory_need.h"
 
 namespace graupel::mpm {

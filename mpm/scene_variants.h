@@ -5,7 +5,7 @@
 #include <optional>
 #include <string>
 
-#include "core/scene.h"
+#include "core/scene/scene.h"
 #include "mpm/simulation.h"
 
 namespace graupel::mpm {

@@ -3,12 +3,12 @@
 #include <algorithm>
 #include <cmath>
 
-#include "core/error.h"
+#include "core/system/error.h"
+#include "mpm/cpu_batch.h"
 #include "mpm/cuda_simulation.h"
 #include "mpm/memory_need.h"
-#include "mpm/scene_check.h"
-#include "mpm/side_by_side.h"
-#include "mpm/solver.h"
+#include "mpm/scene/scene_check.h"
+#include "mpm/solver/solver.h"
 
 namespace graupel::mpm {
 

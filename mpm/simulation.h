@@ -7,10 +7,10 @@
 #include <string>
 #include <vector>
 
-#include "core/device.h"
-#include "core/instruction_set.h"
-#include "core/scene.h"
-#include "core/trajectory.h"
+#include "core/parallel/device.h"
+#include "core/parallel/instruction_set.h"
+#include "core/scene/scene.h"
+#include "core/scene/trajectory.h"
 #include "mpm/sampling.h"
 #include "sparsegrid/obstacle_set.h"
 
@@ -97,9 +97,9 @@ class Simulation {
   virtual Diagnostics diagnostics() const = 0;
   virtual RunStatistics statistics() const = 0;
 
-  /// Carries massless points along with the grid's velocity (mpm/tracers.h), from their positions [m] and velocities
-  /// [m/s] now; they change nothing of the run and are no part of its saved state. Throws ConfigError where they are
-  /// not known: two dimensions, periodic and open walls, the tuned kernels for GPUs.
+  /// Carries massless points along with the grid's velocity (mpm/solver/tracers.h), from their positions [m] and
+  /// velocities [m/s] now; they change nothing of the run and are no part of its saved state. Throws ConfigError where
+  /// they are not known: two dimensions, periodic and open walls, the tuned kernels for GPUs.
   virtual void carry_tracers(const std::vector<Vec3f>& position, const std::vector<Vec3f>& velocity);
   virtual std::vector<Vec3f> tracers() const { return {}; }  ///< positions now [m], in the given order
   virtual double tracer_seconds() const { return 0; }        ///< wall time inside advance_frame that they took (CPU)

@@ -3,7 +3,7 @@
 
 #include <cmath>
 
-#include "core/host_device.h"
+#include "core/parallel/host_device.h"
 
 namespace graupel::nn {
 

@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "core/buffer.h"
+#include "core/parallel/buffer.h"
 #include "nn/chain_on_units.h"
 
 namespace graupel::nn {

@@ -2,7 +2,7 @@
 
 #include <cmath>
 
-#include "core/error.h"
+#include "core/system/error.h"
 
 namespace graupel::nn {
 

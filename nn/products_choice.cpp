@@ -1,7 +1,7 @@
 #include <cstdlib>
 #include <string>
 
-#include "core/error.h"
+#include "core/system/error.h"
 #include "nn/bf16_products.h"
 
 namespace graupel::nn {

@@ -1,12 +1,12 @@
 // The hot loops over padded rows (nn/linear.h: a multiple of 32 wide, 64-byte aligned), compiled once for each
 // instruction set (nn/simd/kernels.cpp). The functions of nn/rows.h, nn/activated_sums.h and nn/linear.h call those
-// that the program has chosen (core/instruction_set.h).
+// that the program has chosen (core/parallel/instruction_set.h).
 #pragma once
 
 #include <cstdint>
 #include <type_traits>
 
-#include "core/instruction_set.h"
+#include "core/parallel/instruction_set.h"
 
 namespace graupel::nn {
 

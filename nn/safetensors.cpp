@@ -8,8 +8,8 @@
 #include <set>
 #include <utility>
 
-#include "core/atomic_file.h"
-#include "core/error.h"
+#include "core/system/atomic_file.h"
+#include "core/system/error.h"
 #include "nn/weights.h"
 
 namespace graupel::nn {

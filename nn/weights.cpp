@@ -3,7 +3,7 @@
 #include <cmath>
 #include <cstring>
 
-#include "core/error.h"
+#include "core/system/error.h"
 
 namespace graupel::nn {
 

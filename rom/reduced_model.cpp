@@ -7,10 +7,10 @@
 #include <limits>
 #include <nlohmann/json.hpp>
 
-#include "core/error.h"
-#include "rom/factored_fields.h"
-#include "rom/mlp_fields.h"
-#include "rom/tensors.h"
+#include "core/system/error.h"
+#include "rom/fields/factored_fields.h"
+#include "rom/fields/mlp_fields.h"
+#include "rom/fields/tensors.h"
 
 namespace graupel::rom {
 

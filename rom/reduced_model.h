@@ -8,13 +8,13 @@
 #include <string>
 #include <vector>
 
-#include "core/fields.h"
+#include "core/scene/fields.h"
 #include "nn/weights.h"
-#include "rom/conv_encoder.h"
-#include "rom/fields.h"
-#include "rom/particle_grid.h"
-#include "rom/quadrature.h"
-#include "rom/trust.h"
+#include "rom/cubature/quadrature.h"
+#include "rom/fields/conv_encoder.h"
+#include "rom/fields/fields.h"
+#include "rom/solver/error_indicator.h"
+#include "rom/solver/particle_grid.h"
 
 namespace graupel {
 namespace rom {

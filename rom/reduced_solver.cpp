@@ -9,7 +9,7 @@
 #include <numeric>
 #include <utility>
 
-#include "core/error.h"
+#include "core/system/error.h"
 
 namespace graupel::rom {
 

@@ -7,21 +7,21 @@
 #include <optional>
 #include <vector>
 
-#include "core/trajectory.h"
+#include "core/scene/trajectory.h"
 #include "mpm/simulation.h"
-#include "rom/gauss_newton.h"
-#include "rom/integration_points.h"
-#include "rom/latent_manifold.h"
-#include "rom/particle_grid.h"
+#include "rom/projection/gauss_newton.h"
+#include "rom/projection/latent_manifold.h"
 #include "rom/reduced_model.h"
-#include "rom/step_control.h"
-#include "rom/trust.h"
+#include "rom/solver/error_indicator.h"
+#include "rom/solver/integration_points.h"
+#include "rom/solver/particle_grid.h"
+#include "rom/solver/step_control.h"
 
 namespace graupel::rom {
 
 /// What becomes of steps longer than the training's when their inversion fails or leaves much more than usual.
 enum class LongSteps {
-  shortened,  ///< taken back and repeated at half the length (rom/step_control.h)
+  shortened,  ///< taken back and repeated at half the length (rom/solver/step_control.h)
   kept
 };
 

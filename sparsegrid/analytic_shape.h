@@ -1,7 +1,7 @@
-// Exact signed distances of the shapes of core/scene.h, each in the body's own frame.
+// Exact signed distances of the shapes of core/scene/scene.h, each in the body's own frame.
 #pragma once
 
-#include "core/scene.h"
+#include "core/scene/scene.h"
 
 namespace graupel::sparsegrid {
 

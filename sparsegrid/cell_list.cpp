@@ -4,7 +4,7 @@
 #include <numeric>
 #include <string>
 
-#include "core/error.h"
+#include "core/system/error.h"
 
 namespace graupel::sparsegrid {
 

@@ -5,8 +5,8 @@
 #include <map>
 #include <mutex>
 
-#include "core/buffer.h"
-#include "core/error.h"
+#include "core/parallel/buffer.h"
+#include "core/system/error.h"
 #include "sparsegrid/level_set_grid.h"
 
 namespace graupel::sparsegrid {

@@ -6,8 +6,8 @@
 #include <memory>
 #include <vector>
 
-#include "core/device.h"
-#include "core/scene.h"
+#include "core/parallel/device.h"
+#include "core/scene/scene.h"
 #include "sparsegrid/obstacle_set.h"
 
 namespace graupel::sparsegrid {

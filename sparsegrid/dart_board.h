@@ -11,8 +11,8 @@
 #include <unordered_map>
 #include <vector>
 
-#include "core/parallel_for.h"
-#include "core/vec.h"
+#include "core/math/vec.h"
+#include "core/parallel/parallel_for.h"
 
 namespace graupel::sparsegrid {
 

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <string>
 
-#include "core/error.h"
+#include "core/system/error.h"
 #include "sparsegrid/cell_table.h"
 
 namespace graupel::sparsegrid {

@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
-#include "core/buffer.h"
-#include "core/scene.h"
+#include "core/parallel/buffer.h"
+#include "core/scene/scene.h"
 #include "sparsegrid/analytic_shape.h"
 #include "sparsegrid/obstacle_set.h"
 

@@ -1,7 +1,7 @@
 // Whether a triangle mesh bounds a volume.
 #pragma once
 
-#include "core/mesh.h"
+#include "core/scene/mesh.h"
 
 namespace graupel::sparsegrid {
 

@@ -6,8 +6,8 @@
 
 #include <type_traits>
 
-#include "core/mat.h"
-#include "core/scene.h"
+#include "core/math/mat.h"
+#include "core/scene/scene.h"
 #include "sparsegrid/obstacle_cells.h"
 
 /// Kernels that look up seldom, in many places, are compiled with GRAUPEL_COMPACT_LOOKUP: a look-up is then called. Its

@@ -5,7 +5,7 @@
 #include <type_traits>
 #include <vector>
 
-#include "core/mat.h"
+#include "core/math/mat.h"
 
 namespace graupel::sparsegrid {
 

@@ -10,9 +10,9 @@
 #include <mutex>
 #include <tuple>
 
-#include "core/buffer.h"
-#include "core/error.h"
-#include "core/parallel_for.h"
+#include "core/parallel/buffer.h"
+#include "core/parallel/parallel_for.h"
+#include "core/system/error.h"
 #include "sparsegrid/level_set_grid.h"
 
 namespace graupel::sparsegrid {

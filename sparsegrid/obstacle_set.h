@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
-#include "core/device.h"
-#include "core/scene.h"
+#include "core/parallel/device.h"
+#include "core/scene/scene.h"
 #include "sparsegrid/obstacle.h"
 
 namespace graupel::sparsegrid {

@@ -15,10 +15,10 @@
 #include <cstdlib>
 #include <mutex>
 
-#include "core/atomic_file.h"
-#include "core/device.h"
-#include "core/error.h"
-#include "core/parallel_for.h"
+#include "core/parallel/device.h"
+#include "core/parallel/parallel_for.h"
+#include "core/system/atomic_file.h"
+#include "core/system/error.h"
 #include "sparsegrid/level_set_grid.h"
 #include "sparsegrid/mesh_topology.h"
 

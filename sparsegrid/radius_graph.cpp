@@ -4,8 +4,8 @@
 #include <limits>
 #include <string>
 
-#include "core/error.h"
-#include "core/parallel_for.h"
+#include "core/parallel/parallel_for.h"
+#include "core/system/error.h"
 #include "sparsegrid/cell_list.h"
 
 namespace graupel::sparsegrid {

@@ -7,9 +7,9 @@
 #include <utility>
 #include <vector>
 
-#include "core/error.h"
-#include "core/parallel_for.h"
-#include "core/random.h"
+#include "core/math/random.h"
+#include "core/parallel/parallel_for.h"
+#include "core/system/error.h"
 #include "sparsegrid/analytic_shape.h"
 #include "sparsegrid/cell_normals.h"
 #include "sparsegrid/dart_board.h"

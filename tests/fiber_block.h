@@ -1,6 +1,6 @@
 // A block of threads on the CPU: every thread is a fiber (ucontext) that runs until its next barrier, so that kernels
-// written over core/thread_block.h run, barriers and shared memory included, where there is no GPU. Blocks run one
-// after the other. A barrier that not all threads of the block or warp reach ends the test.
+// written over core/parallel/thread_block.h run, barriers and shared memory included, where there is no GPU. Blocks run
+// one after the other. A barrier that not all threads of the block or warp reach ends the test.
 #pragma once
 
 #include <ucontext.h>
@@ -12,7 +12,7 @@
 #include <stdexcept>
 #include <vector>
 
-#include "core/thread_block.h"
+#include "core/parallel/thread_block.h"
 
 namespace graupel {
 

@@ -3,7 +3,7 @@
 
 #include <gtest/gtest.h>
 
-#include "core/device.h"
+#include "core/parallel/device.h"
 
 namespace graupel {
 

@@ -4,8 +4,8 @@
 
 #include <cmath>
 
-#include "core/edit_distance.h"
-#include "core/error.h"
+#include "core/system/edit_distance.h"
+#include "core/system/error.h"
 
 namespace graupel::validation {
 

@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <cmath>
 
-#include "core/random.h"
+#include "core/math/random.h"
 #include "mpm/bspline.h"
-#include "mpm/material.h"
+#include "mpm/materials/material.h"
 #include "validation/setup.h"
 
 namespace graupel::validation {

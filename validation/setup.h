@@ -7,7 +7,7 @@
 #include <functional>
 #include <memory>
 
-#include "mpm/solver.h"
+#include "mpm/solver/solver.h"
 #include "validation/case.h"
 
 namespace graupel::validation {

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "mpm/material.h"
+#include "mpm/materials/material.h"
 #include "validation/setup.h"
 
 namespace graupel::validation {

@@ -2,8 +2,8 @@
 // the singular values s of F = U S V^T (Klar et al. 2016). Its return maps move the logarithmic strains ln s.
 #pragma once
 
-#include "core/svd.h"
-#include "mpm/material_parameters.h"
+#include "core/math/svd.h"
+#include "mpm/materials/material_parameters.h"
 #include "mpm/materials/scalar.h"
 
 namespace graupel::mpm {

@@ -5,7 +5,7 @@
 // eta = k 2^((1 + n)/2): for n = 1, NSF's eta = 2 k.
 #pragma once
 
-#include "mpm/material_parameters.h"
+#include "mpm/materials/material_parameters.h"
 #include "mpm/materials/scalar.h"
 
 namespace graupel::mpm {

@@ -2,8 +2,8 @@
 // tau = P F^T = 2 mu (F - R) F^T + lambda J (J - 1) I, R the rotation of F.
 #pragma once
 
-#include "core/svd.h"
-#include "mpm/material_parameters.h"
+#include "core/math/svd.h"
+#include "mpm/materials/material_parameters.h"
 #include "mpm/materials/scalar.h"
 
 namespace graupel::mpm {

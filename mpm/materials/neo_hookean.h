@@ -5,7 +5,7 @@
 // D = 3 mu' = 4/3 mu, lambda' = lambda + 5/6 mu). No decomposition of F is needed.
 #pragma once
 
-#include "mpm/material_parameters.h"
+#include "mpm/materials/material_parameters.h"
 #include "mpm/materials/scalar.h"
 
 namespace graupel::mpm {

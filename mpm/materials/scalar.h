@@ -1,12 +1,12 @@
 // What a constitutive law is written over: a scalar S that is one number (float, double) or the numbers of several
-// particles (Pack<T> of mpm/simd/pack.h). A law decides by masks and select(), and may skip with any() what no lane
+// particles (Pack<T> of mpm/cpu/pack.h). A law decides by masks and select(), and may skip with any() what no lane
 // needs. Constants of the material are numbers of the type Real<S>.
 #pragma once
 
 #include <cmath>
 #include <concepts>
 
-#include "core/polar.h"
+#include "core/math/polar.h"
 
 namespace graupel::mpm {
 

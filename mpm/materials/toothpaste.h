@@ -4,7 +4,7 @@
 // mean of the new b_ is that which makes det b_ = 1.
 #pragma once
 
-#include "core/svd.h"
+#include "core/math/svd.h"
 #include "mpm/materials/herschel_bulkley.h"
 
 namespace graupel::mpm {

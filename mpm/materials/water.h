@@ -3,7 +3,7 @@
 // (Tait law; Cole 1948, Monaghan 1994). Both resist tension as they do compression.
 #pragma once
 
-#include "mpm/material_parameters.h"
+#include "mpm/materials/material_parameters.h"
 #include "mpm/materials/scalar.h"
 
 namespace graupel::mpm {

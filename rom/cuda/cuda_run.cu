@@ -1,7 +1,7 @@
 #include <map>
 #include <string>
 
-#include "core/cuda_check.h"
+#include "core/parallel/cuda_check.h"
 #include "rom/cuda/cuda_run.h"
 #include "rom/cuda/device_run.h"
 

@@ -171,7 +171,7 @@ GRAUPEL_HD inline void add_to_node(const Block& block, float* node, const Vec<fl
 }
 
 /// A lane's node of the stencil takes its share: w (m v + A (x_i - x_p)) with A = m C - dt V0 (4 / dx^2) tau
-/// (mpm/transfer.h).
+/// (mpm/physics/transfer.h).
 template <typename Block>
 GRAUPEL_HD void scatter_point(const Block& block, const RunView& view, const InstanceView& instance,
                               const MarkedGrid& grid, int32_t point, const float* from) {

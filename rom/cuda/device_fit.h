@@ -5,7 +5,7 @@
 #pragma once
 
 #include "rom/cuda/device_equations.h"
-#include "rom/latent_state.h"
+#include "rom/projection/latent_state.h"
 
 namespace graupel::rom::device {
 
@@ -119,8 +119,8 @@ struct Fit {
     }
   }
 
-  /// The way back to the curve of the training (rom/latent_manifold.h), as far as the step takes it; a part of the
-  /// curve a thread, then a latent a thread.
+  /// The way back to the curve of the training (rom/projection/latent_manifold.h), as far as the step takes it; a part
+  /// of the curve a thread, then a latent a thread.
   GRAUPEL_HD void measure_curve() const {
     const int r = model.latents, first = first_part(shared.state.steps);
     const auto now = static_cast<int32_t>(static_cast<double>(shared.state.steps + 1) * view.curve_step);

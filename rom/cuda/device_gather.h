@@ -37,8 +37,9 @@ GRAUPEL_HD inline Vec<float, 3> node_velocity(const RunView& view, const Instanc
   return mpm::meet_walls(scene.walls, x, scene.grid.dx, v);
 }
 
-/// Where a sample goes with velocity v, kept inside the walls and out of obstacles as mpm/move_particles.cpp does. The
-/// way [m] is not rounded to the precision of positions where nothing is in the way: that would count in velocities.
+/// Where a sample goes with velocity v, kept inside the walls and out of obstacles as mpm/phases/move_particles.cpp
+/// does. The way [m] is not rounded to the precision of positions where nothing is in the way: that would count in
+/// velocities.
 GRAUPEL_HD inline Vec<float, 3> sample_way(const RunView& view, const InstanceView& instance, bool led,
                                            const Vec<double, 3>& before, const Vec<float, 3>& v) {
   const mpm::SceneView<float>& scene = instance.scene;

@@ -1,6 +1,6 @@
 #include <numeric>
 
-#include "mpm/scene_setup.h"
+#include "mpm/scene/scene_setup.h"
 #include "rom/cuda/device_run.h"
 
 namespace graupel::rom::device {

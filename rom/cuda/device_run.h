@@ -10,9 +10,9 @@
 #include <utility>
 #include <vector>
 
-#include "core/buffer.h"
-#include "core/error.h"
-#include "mpm/material_parameters.h"
+#include "core/parallel/buffer.h"
+#include "core/system/error.h"
+#include "mpm/materials/material_parameters.h"
 #include "rom/cuda/device_branch.h"
 #include "rom/cuda/device_decode.h"
 #include "rom/cuda/device_fit.h"

@@ -5,14 +5,14 @@
 //                               beside solves the normal equations for any ways of samples (device_equations.h)
 //   gather   (device_gather.h)  a warp moves a sample; ways are projected onto the modes
 //   fit      (device_fit.h)     a block finds the latent
-// All are templates over core/thread_block.h: GPUs run them, and tests with fibers on a CPU.
+// All are templates over core/parallel/thread_block.h: GPUs run them, and tests with fibers on a CPU.
 #pragma once
 
 #include <type_traits>
 
-#include "core/thread_block.h"
-#include "mpm/moving_contact.h"
-#include "mpm/particle_motion.h"
+#include "core/parallel/thread_block.h"
+#include "mpm/physics/moving_contact.h"
+#include "mpm/physics/particle_motion.h"
 #include "rom/cuda/device_view.h"
 
 #if defined(__CUDACC__)

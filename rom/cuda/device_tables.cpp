@@ -5,9 +5,9 @@
 #include <algorithm>
 #include <utility>
 
-#include "core/error.h"
-#include "rom/factored_fields.h"
-#include "rom/latent_manifold.h"
+#include "core/system/error.h"
+#include "rom/fields/factored_fields.h"
+#include "rom/projection/latent_manifold.h"
 #include "rom/reduced_model.h"
 #include "rom/reduced_solver.h"
 

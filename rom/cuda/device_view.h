@@ -4,9 +4,9 @@
 
 #include <cstdint>
 
-#include "mpm/moving_obstacles.h"
-#include "mpm/particle_roles.h"
-#include "mpm/scene_view.h"
+#include "mpm/grid/moving_obstacles.h"
+#include "mpm/grid/scene_view.h"
+#include "mpm/particles/particle_lifecycle.h"
 
 namespace graupel::rom::device {
 
@@ -18,7 +18,7 @@ inline constexpr int stress_pairs = 3, affine_pairs = 5;  ///< of components, th
 inline constexpr int field_components = 15;               ///< stress xx, yy, zz, xy, xz, yz; affine velocity row by row
 inline constexpr int step_threads = 256;
 
-/// A coefficient map (rom/coefficient_map.h).
+/// A coefficient map (rom/fields/coefficient_map.h).
 struct MapView {
   int inputs, outputs, count;
   const double *shift, *scale, *low, *high;  ///< [inputs]

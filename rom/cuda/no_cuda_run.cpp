@@ -1,5 +1,5 @@
 // Stands in for the kernels in a build without CUDA.
-#include "core/error.h"
+#include "core/system/error.h"
 #include "rom/cuda/cuda_run.h"
 #include "rom/cuda/device_run.h"
 

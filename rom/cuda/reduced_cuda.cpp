@@ -5,7 +5,7 @@
 #include <cmath>
 #include <utility>
 
-#include "core/error.h"
+#include "core/system/error.h"
 #include "rom/cuda/cuda_run.h"
 #include "rom/cuda/device_run.h"
 

@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "core/trajectory.h"
+#include "core/scene/trajectory.h"
 #include "rom/reduced_solver.h"
 
 namespace graupel::rom {

@@ -3,7 +3,7 @@
 
 #include <sys/mount.h>
 
-#include "core/device.h"
+#include "core/parallel/device.h"
 #include "tests/apps/program.h"
 
 namespace graupel::test {

@@ -3,7 +3,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "core/atomic_file.h"
+#include "core/system/atomic_file.h"
 #include "experiments/naive_answers.h"
 #include "tests/apps/falling_model.h"
 #include "tests/apps/program.h"

@@ -4,8 +4,8 @@
 
 #include <memory>
 
-#include "core/atomic_file.h"
-#include "io/trajectory_file.h"
+#include "core/system/atomic_file.h"
+#include "io/trajectory/trajectory_file.h"
 #include "nn/weights.h"
 #include "tests/apps/program.h"
 

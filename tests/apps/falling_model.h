@@ -4,11 +4,11 @@
 
 #include <string>
 
-#include "core/scene.h"
-#include "io/scene_reader.h"
+#include "core/scene/scene.h"
+#include "io/scene/scene_reader.h"
 #include "mpm/sampling.h"
 #include "nn/weights.h"
-#include "rom/factored_fields.h"
+#include "rom/fields/factored_fields.h"
 #include "rom/reduced_model.h"
 
 namespace graupel::test {

@@ -6,9 +6,9 @@
 #include <future>
 #include <sstream>
 
-#include "core/atomic_file.h"
-#include "io/scene_reader.h"
-#include "io/trajectory_file.h"
+#include "core/system/atomic_file.h"
+#include "io/scene/scene_reader.h"
+#include "io/trajectory/trajectory_file.h"
 #include "sparsegrid/obstacle_set.h"
 #include "tests/apps/program.h"
 #include "tests/gpu_only.h"

@@ -1,8 +1,8 @@
 // The verbs take a GNS as they take an HGN.
 #include <gtest/gtest.h>
 
-#include "core/material_config.h"
-#include "io/trajectory_file.h"
+#include "core/scene/material_config.h"
+#include "io/trajectory/trajectory_file.h"
 #include "nn/weights.h"
 #include "program.h"
 #include "tests/graph/random_weights.h"

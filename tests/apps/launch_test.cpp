@@ -11,7 +11,7 @@
 #include <sstream>
 #include <thread>
 
-#include "core/atomic_file.h"
+#include "core/system/atomic_file.h"
 #include "nn/weights.h"
 #include "tests/apps/program.h"
 #include "tests/train/tiny_data.h"

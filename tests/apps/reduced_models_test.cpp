@@ -4,11 +4,11 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
-#include "core/atomic_file.h"
-#include "core/error.h"
+#include "core/system/atomic_file.h"
+#include "core/system/error.h"
 #include "experiments/refined_body.h"
-#include "io/hdf5_dataset.h"
-#include "io/trajectory_file.h"
+#include "io/hdf5/hdf5_dataset.h"
+#include "io/trajectory/trajectory_file.h"
 #include "tests/apps/falling_model.h"
 #include "tests/apps/program.h"
 #include "tests/gpu_only.h"

@@ -6,10 +6,10 @@
 #include <nlohmann/json.hpp>
 #include <thread>
 
-#include "core/atomic_file.h"
-#include "core/device.h"
-#include "io/state_file.h"
-#include "io/trajectory_file.h"
+#include "core/parallel/device.h"
+#include "core/system/atomic_file.h"
+#include "io/trajectory/state_file.h"
+#include "io/trajectory/trajectory_file.h"
 #include "tests/apps/program.h"
 
 namespace graupel::test {

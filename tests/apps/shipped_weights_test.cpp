@@ -4,11 +4,11 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
-#include "compare/displacement_error.h"
-#include "core/atomic_file.h"
+#include "compare/metrics/displacement_error.h"
+#include "core/system/atomic_file.h"
 #include "experiments/reduced_runs.h"
 #include "graph/learned_simulator.h"
-#include "io/scene_reader.h"
+#include "io/scene/scene_reader.h"
 #include "mpm/simulation.h"
 
 namespace graupel {

@@ -6,8 +6,8 @@
 #include <nlohmann/json.hpp>
 #include <thread>
 
-#include "core/atomic_file.h"
-#include "io/trajectory_file.h"
+#include "core/system/atomic_file.h"
+#include "io/trajectory/trajectory_file.h"
 #include "tests/apps/program.h"
 
 namespace graupel::test {

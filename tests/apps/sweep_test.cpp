@@ -3,9 +3,9 @@
 
 #include <nlohmann/json.hpp>
 
-#include "core/atomic_file.h"
-#include "io/scene_reader.h"
-#include "io/trajectory_file.h"
+#include "core/system/atomic_file.h"
+#include "io/scene/scene_reader.h"
+#include "io/trajectory/trajectory_file.h"
 #include "tests/apps/program.h"
 #include "tests/gpu_only.h"
 

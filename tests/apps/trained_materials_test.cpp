@@ -3,8 +3,8 @@
 
 #include <gtest/gtest.h>
 
-#include "core/error.h"
-#include "io/scene_reader.h"
+#include "core/system/error.h"
+#include "io/scene/scene_reader.h"
 
 namespace graupel::experiments {
 namespace {

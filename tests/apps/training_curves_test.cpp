@@ -9,7 +9,7 @@
 #include <nlohmann/json.hpp>
 #include <sstream>
 
-#include "core/error.h"
+#include "core/system/error.h"
 #include "tests/apps/program.h"
 
 namespace graupel::experiments {

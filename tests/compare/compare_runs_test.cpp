@@ -11,12 +11,12 @@
 #include <nlohmann/json.hpp>
 
 #include "apps/verbs.h"
-#include "compare/report.h"
-#include "core/atomic_file.h"
-#include "core/error.h"
+#include "compare/report/report.h"
+#include "core/system/atomic_file.h"
+#include "core/system/error.h"
 #include "experiments/model_runs.h"
-#include "io/scene_reader.h"
-#include "io/trajectory_file.h"
+#include "io/scene/scene_reader.h"
+#include "io/trajectory/trajectory_file.h"
 #include "mpm/sampling.h"
 #include "nn/weights.h"
 #include "tests/apps/falling_model.h"

@@ -5,11 +5,11 @@
 #include <cmath>
 #include <map>
 
-#include "compare/clumps.h"
-#include "compare/evaluation.h"
-#include "compare/local_density.h"
-#include "compare/wasserstein.h"
-#include "core/random.h"
+#include "compare/metrics/clumps.h"
+#include "compare/metrics/evaluation.h"
+#include "compare/metrics/local_density.h"
+#include "compare/metrics/wasserstein.h"
+#include "core/math/random.h"
 #include "tests/compare/synthetic_run.h"
 
 namespace graupel::compare {

@@ -1,5 +1,5 @@
 // Evaluations of whole runs: every key with a finite value, known answers, and the documented list of metrics.
-#include "compare/evaluation.h"
+#include "compare/metrics/evaluation.h"
 
 #include <gtest/gtest.h>
 
@@ -8,8 +8,8 @@
 #include <set>
 
 #include "compare/comparison.h"
-#include "core/atomic_file.h"
-#include "core/error.h"
+#include "core/system/atomic_file.h"
+#include "core/system/error.h"
 #include "tests/compare/synthetic_run.h"
 
 namespace graupel::compare {

@@ -3,16 +3,16 @@
 
 #include <cmath>
 
-#include "compare/containment.h"
-#include "compare/density_grid.h"
-#include "compare/displacement_error.h"
-#include "compare/kinetic_energy.h"
-#include "compare/material_shape.h"
-#include "compare/one_step_error.h"
-#include "compare/optimal_transport.h"
-#include "compare/position_error.h"
-#include "core/error.h"
-#include "core/random.h"
+#include "compare/metrics/containment.h"
+#include "compare/metrics/density_grid.h"
+#include "compare/metrics/displacement_error.h"
+#include "compare/metrics/kinetic_energy.h"
+#include "compare/metrics/material_shape.h"
+#include "compare/metrics/one_step_error.h"
+#include "compare/metrics/optimal_transport.h"
+#include "compare/metrics/position_error.h"
+#include "core/math/random.h"
+#include "core/system/error.h"
 #include "tests/compare/synthetic_run.h"
 
 namespace graupel::compare {

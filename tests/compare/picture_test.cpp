@@ -1,11 +1,11 @@
 // Pictures: what covers which pixel, PNG round trip, labels, rows.
 #include <gtest/gtest.h>
 
-#include "compare/bitmap_font.h"
-#include "compare/contact_sheet.h"
-#include "compare/png.h"
-#include "compare/raster.h"
-#include "core/error.h"
+#include "compare/pictures/bitmap_font.h"
+#include "compare/pictures/contact_sheet.h"
+#include "compare/pictures/png.h"
+#include "compare/pictures/raster.h"
+#include "core/system/error.h"
 #include "tests/compare/synthetic_run.h"
 
 namespace graupel::compare {

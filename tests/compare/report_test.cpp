@@ -1,5 +1,5 @@
 // Files of a comparison: table, JSON, CSV, curves, and the report in a headless browser.
-#include "compare/report.h"
+#include "compare/report/report.h"
 
 #include <gtest/gtest.h>
 
@@ -8,11 +8,11 @@
 #include <nlohmann/json.hpp>
 #include <regex>
 
-#include "compare/base64.h"
 #include "compare/comparison_files.h"
-#include "compare/plot_svg.h"
-#include "core/atomic_file.h"
-#include "core/error.h"
+#include "compare/report/base64.h"
+#include "compare/report/plot_svg.h"
+#include "core/system/atomic_file.h"
+#include "core/system/error.h"
 #include "tests/compare/synthetic_comparison.h"
 
 namespace graupel::compare {

@@ -2,9 +2,9 @@
 #pragma once
 
 #include "compare/comparison.h"
-#include "compare/contact_sheet.h"
-#include "compare/png.h"
-#include "compare/raster.h"
+#include "compare/pictures/contact_sheet.h"
+#include "compare/pictures/png.h"
+#include "compare/pictures/raster.h"
 #include "tests/compare/synthetic_run.h"
 
 namespace graupel::compare {

@@ -3,8 +3,8 @@
 
 #include <functional>
 
-#include "compare/particle_run.h"
-#include "core/scene.h"
+#include "compare/metrics/particle_run.h"
+#include "core/scene/scene.h"
 
 namespace graupel::compare {
 

@@ -1,11 +1,11 @@
-#include "core/atomic_file.h"
+#include "core/system/atomic_file.h"
 
 #include <gtest/gtest.h>
 
 #include <filesystem>
 #include <thread>
 
-#include "core/error.h"
+#include "core/system/error.h"
 
 namespace graupel {
 namespace {

@@ -1,4 +1,4 @@
-#include "core/file_lock.h"
+#include "core/system/file_lock.h"
 
 #include <gtest/gtest.h>
 
@@ -6,7 +6,7 @@
 #include <filesystem>
 #include <thread>
 
-#include "core/error.h"
+#include "core/system/error.h"
 
 namespace graupel {
 namespace {

@@ -1,4 +1,4 @@
-#include "core/human_time.h"
+#include "core/system/human_time.h"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,5 @@
 // Memory that is left: the system's, and that of control groups of both versions.
-#include "core/memory.h"
+#include "core/parallel/memory.h"
 
 #include <gtest/gtest.h>
 

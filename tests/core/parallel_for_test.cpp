@@ -1,11 +1,11 @@
-#include "core/parallel_for.h"
+#include "core/parallel/parallel_for.h"
 
 #include <gtest/gtest.h>
 
 #include <numeric>
 
-#include "core/buffer.h"
-#include "core/svd.h"
+#include "core/math/svd.h"
+#include "core/parallel/buffer.h"
 #include "tests/gpu_only.h"
 
 namespace graupel {

@@ -1,8 +1,8 @@
-#include "core/particle_fields.h"
+#include "core/scene/particle_fields.h"
 
 #include <gtest/gtest.h>
 
-#include "core/error.h"
+#include "core/system/error.h"
 
 namespace graupel {
 namespace {

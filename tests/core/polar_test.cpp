@@ -1,9 +1,9 @@
-#include "core/polar.h"
+#include "core/math/polar.h"
 
 #include <gtest/gtest.h>
 
-#include "core/random.h"
-#include "core/svd.h"
+#include "core/math/random.h"
+#include "core/math/svd.h"
 
 namespace graupel {
 namespace {

@@ -1,8 +1,8 @@
-#include "core/svd.h"
+#include "core/math/svd.h"
 
 #include <gtest/gtest.h>
 
-#include "core/random.h"
+#include "core/math/random.h"
 
 namespace graupel {
 namespace {

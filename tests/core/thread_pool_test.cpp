@@ -1,5 +1,5 @@
 // The threads behind parallel_for: every item once, slots of their own, nested regions, errors, a busy neighbour.
-#include "core/thread_pool.h"
+#include "core/parallel/thread_pool.h"
 
 #include <gtest/gtest.h>
 
@@ -10,8 +10,8 @@
 #include <thread>
 #include <vector>
 
-#include "core/device.h"
-#include "core/parallel_for.h"
+#include "core/parallel/device.h"
+#include "core/parallel/parallel_for.h"
 
 namespace graupel {
 namespace {

@@ -1,11 +1,11 @@
-#include "graph/features.h"
+#include "graph/features/features.h"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 
-#include "core/error.h"
-#include "core/random.h"
+#include "core/math/random.h"
+#include "core/system/error.h"
 #include "random_input.h"
 
 namespace graupel::graph {

@@ -1,15 +1,15 @@
-#include "graph/gns_network.h"
+#include "graph/networks/gns_network.h"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <thread>
 
-#include "core/device.h"
-#include "core/error.h"
-#include "core/material_config.h"
-#include "core/random.h"
-#include "graph/gns_graph.h"
+#include "core/math/random.h"
+#include "core/parallel/device.h"
+#include "core/scene/material_config.h"
+#include "core/system/error.h"
+#include "graph/topology/gns_graph.h"
 #include "random_input.h"
 #include "reference_gns.h"
 

@@ -4,9 +4,9 @@
 
 #include <filesystem>
 
-#include "core/error.h"
-#include "core/held_particles.h"
-#include "graph/held_places.h"
+#include "core/scene/held_particles.h"
+#include "core/system/error.h"
+#include "graph/features/prescribed_positions.h"
 #include "graph/learned_simulator.h"
 #include "random_input.h"
 

@@ -1,9 +1,9 @@
-#include "graph/hgn_config.h"
+#include "graph/config/hgn_config.h"
 
 #include <gtest/gtest.h>
 
-#include "core/error.h"
-#include "graph/gns_config.h"
+#include "core/system/error.h"
+#include "graph/config/gns_config.h"
 
 namespace graupel::graph {
 namespace {

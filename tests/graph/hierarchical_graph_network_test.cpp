@@ -1,4 +1,4 @@
-#include "graph/hierarchical_graph_network.h"
+#include "graph/networks/hierarchical_graph_network.h"
 
 #include <gtest/gtest.h>
 
@@ -6,9 +6,9 @@
 #include <cmath>
 #include <thread>
 
-#include "core/device.h"
-#include "core/error.h"
-#include "core/random.h"
+#include "core/math/random.h"
+#include "core/parallel/device.h"
+#include "core/system/error.h"
 #include "nn/bf16_products.h"
 #include "random_input.h"
 #include "reference_network.h"

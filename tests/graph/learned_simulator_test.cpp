@@ -1,8 +1,8 @@
 #include <cmath>
 
-#include "core/device.h"
-#include "core/error.h"
-#include "simulator_case.h"
+#include "core/parallel/device.h"
+#include "core/system/error.h"
+#include "tests/graph/cuda/simulator_case.h"
 
 namespace graupel::graph {
 namespace {

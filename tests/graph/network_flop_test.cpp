@@ -1,4 +1,4 @@
-#include "graph/network_flop.h"
+#include "graph/networks/network_flop.h"
 
 #include <gtest/gtest.h>
 

@@ -1,11 +1,11 @@
-#include "graph/obstacle_particles.h"
+#include "graph/features/obstacle_particles.h"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <thread>
 
-#include "core/random.h"
+#include "core/math/random.h"
 #include "random_input.h"
 
 namespace graupel::graph {

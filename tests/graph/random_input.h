@@ -7,8 +7,8 @@
 #include <numeric>
 #include <vector>
 
-#include "core/random.h"
-#include "core/scene.h"
+#include "core/math/random.h"
+#include "core/scene/scene.h"
 #include "random_weights.h"
 
 namespace graupel::graph {

@@ -3,8 +3,8 @@
 #include <cmath>
 #include <string>
 
-#include "core/random.h"
-#include "graph/normalization.h"
+#include "core/math/random.h"
+#include "graph/features/normalization.h"
 
 namespace graupel::graph {
 

@@ -3,9 +3,9 @@
 
 #include <vector>
 
-#include "core/vec.h"
-#include "graph/gns_config.h"
-#include "graph/hgn_config.h"
+#include "core/math/vec.h"
+#include "graph/config/gns_config.h"
+#include "graph/config/hgn_config.h"
 #include "nn/weights.h"
 
 namespace graupel::graph {

@@ -4,7 +4,7 @@
 #include <map>
 #include <string>
 
-#include "graph/gns_config.h"
+#include "graph/config/gns_config.h"
 
 namespace graupel::graph {
 

@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "core/vec.h"
+#include "core/math/vec.h"
 #include "nn/weights.h"
 
 namespace graupel::graph {

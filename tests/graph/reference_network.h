@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "graph/hgn_config.h"
+#include "graph/config/hgn_config.h"
 #include "nn/weights.h"
 #include "sparsegrid/hierarchy.h"
 

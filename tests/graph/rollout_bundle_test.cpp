@@ -1,6 +1,6 @@
 // Rollouts of networks that predict several frames at once.
-#include "graph/network_flop.h"
-#include "simulator_case.h"
+#include "graph/networks/network_flop.h"
+#include "tests/graph/cuda/simulator_case.h"
 
 namespace graupel::graph {
 namespace {

@@ -7,7 +7,7 @@
 #include <cmath>
 #include <filesystem>
 
-#include "core/random.h"
+#include "core/math/random.h"
 #include "graph/learned_simulator.h"
 #include "random_input.h"
 

@@ -1,5 +1,5 @@
 // Filters outside the HDF5 library give the library's own bytes, back and forth.
-#include "io/chunk_filters.h"
+#include "io/hdf5/chunk_filters.h"
 
 #include <gtest/gtest.h>
 
@@ -7,7 +7,7 @@
 #include <cstring>
 #include <random>
 
-#include "io/hdf5_dataset.h"
+#include "io/hdf5/hdf5_dataset.h"
 #include "temporary_folder.h"
 
 namespace graupel::io {

@@ -1,10 +1,10 @@
-#include "io/config_reader.h"
+#include "io/config/config_reader.h"
 
 #include <gtest/gtest.h>
 
-#include "core/error.h"
+#include "core/system/error.h"
 #include "expect_error.h"
-#include "io/config_description.h"
+#include "io/config/config_description.h"
 
 namespace graupel::io {
 namespace {
@@ -32,7 +32,7 @@ struct Wheel {
   }
 };
 
-/// One field of each type that core/fields.h lists.
+/// One field of each type that core/scene/fields.h lists.
 struct Machine {
   Engine engine = Engine::steam;
   double pressure = 2;

@@ -2,8 +2,8 @@
 
 #include <nlohmann/json.hpp>
 
-#include "core/error.h"
-#include "io/trajectory_file.h"
+#include "core/system/error.h"
+#include "io/trajectory/trajectory_file.h"
 #include "temporary_folder.h"
 
 namespace graupel::io {

@@ -1,4 +1,4 @@
-#include "io/export.h"
+#include "io/export/export.h"
 
 #include <gtest/gtest.h>
 #include <openvdb/openvdb.h>
@@ -9,10 +9,10 @@
 #include <cstring>
 #include <limits>
 
-#include "core/error.h"
+#include "core/system/error.h"
 #include "expect_error.h"
-#include "io/export_frames.h"
-#include "io/mesh_file.h"
+#include "io/export/export_frames.h"
+#include "io/mesh/mesh_file.h"
 #include "sample_trajectory.h"
 #include "temporary_folder.h"
 

@@ -2,9 +2,9 @@
 
 #include <cstring>
 
-#include "core/error.h"
+#include "core/system/error.h"
 #include "expect_error.h"
-#include "io/json_node.h"
+#include "io/config/json_node.h"
 
 namespace graupel::io {
 namespace {

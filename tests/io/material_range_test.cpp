@@ -5,10 +5,10 @@
 #include <cmath>
 #include <sstream>
 
-#include "core/error.h"
-#include "core/material_config.h"
+#include "core/scene/material_config.h"
+#include "core/system/error.h"
 #include "expect_error.h"
-#include "io/scene_reader.h"
+#include "io/scene/scene_reader.h"
 
 namespace graupel::io {
 namespace {

@@ -1,11 +1,11 @@
-#include "io/mesh_file.h"
+#include "io/mesh/mesh_file.h"
 
 #include <gtest/gtest.h>
 
 #include <cstring>
 #include <limits>
 
-#include "core/error.h"
+#include "core/system/error.h"
 #include "expect_error.h"
 #include "temporary_folder.h"
 

@@ -1,8 +1,8 @@
-#include "io/recipe_reader.h"
+#include "io/scene/recipe_reader.h"
 
 #include <gtest/gtest.h>
 
-#include "core/error.h"
+#include "core/system/error.h"
 #include "expect_error.h"
 #include "temporary_folder.h"
 

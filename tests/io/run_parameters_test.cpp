@@ -1,10 +1,10 @@
 // Parameters of a run in its trajectory: written, merged and read back; attributes that do not fit are refused.
 #include <gtest/gtest.h>
 
-#include "core/error.h"
+#include "core/system/error.h"
 #include "expect_error.h"
-#include "io/hdf5.h"
-#include "io/trajectory_file.h"
+#include "io/hdf5/hdf5.h"
+#include "io/trajectory/trajectory_file.h"
 #include "sample_trajectory.h"
 #include "temporary_folder.h"
 

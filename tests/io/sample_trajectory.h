@@ -3,7 +3,7 @@
 
 #include <cmath>
 
-#include "core/trajectory.h"
+#include "core/scene/trajectory.h"
 
 namespace graupel {
 

@@ -2,7 +2,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "io/scene_reader.h"
+#include "io/scene/scene_reader.h"
 #include "temporary_folder.h"
 
 namespace graupel::io {

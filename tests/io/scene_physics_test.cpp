@@ -1,9 +1,9 @@
 // Walls, scripts, emitters, sinks, transfers and steps of a scene: what is read, and every rule once broken.
 #include <gtest/gtest.h>
 
-#include "core/error.h"
+#include "core/system/error.h"
 #include "expect_error.h"
-#include "io/scene_reader.h"
+#include "io/scene/scene_reader.h"
 #include "replaced.h"
 
 namespace graupel::io {

@@ -1,8 +1,8 @@
-#include "io/scene_reader.h"
+#include "io/scene/scene_reader.h"
 
 #include <gtest/gtest.h>
 
-#include "core/error.h"
+#include "core/system/error.h"
 #include "expect_error.h"
 #include "replaced.h"
 #include "temporary_folder.h"

@@ -1,10 +1,10 @@
 // Saved states in files: all is read back, and what is foreign, cut or damaged is refused.
-#include "io/state_file.h"
+#include "io/trajectory/state_file.h"
 
 #include <gtest/gtest.h>
 #include <sys/mount.h>
 
-#include "core/error.h"
+#include "core/system/error.h"
 #include "expect_error.h"
 #include "sample_trajectory.h"
 #include "temporary_folder.h"

@@ -1,12 +1,12 @@
 // Sweep recipes: the scenes of their runs, one bad recipe for each rule, and whose fault a bad run is.
-#include "io/sweep_reader.h"
+#include "io/scene/sweep_reader.h"
 
 #include <gtest/gtest.h>
 
-#include "core/error.h"
+#include "core/system/error.h"
 #include "expect_error.h"
-#include "io/recipe_reader.h"
-#include "io/scene_reader.h"
+#include "io/scene/recipe_reader.h"
+#include "io/scene/scene_reader.h"
 #include "replaced.h"
 #include "temporary_folder.h"
 

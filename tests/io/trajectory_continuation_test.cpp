@@ -1,10 +1,10 @@
 // Trajectories of interrupted runs: continued to the bytes of an uninterrupted one, cut back, refused when foreign.
 #include <gtest/gtest.h>
 
-#include "core/error.h"
+#include "core/system/error.h"
 #include "expect_error.h"
-#include "io/hdf5_dataset.h"
-#include "io/trajectory_file.h"
+#include "io/hdf5/hdf5_dataset.h"
+#include "io/trajectory/trajectory_file.h"
 #include "sample_trajectory.h"
 #include "temporary_folder.h"
 

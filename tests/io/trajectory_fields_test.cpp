@@ -5,10 +5,10 @@
 #include <cstdio>
 #include <cstring>
 
-#include "core/error.h"
+#include "core/system/error.h"
 #include "expect_error.h"
-#include "io/field_datasets.h"
-#include "io/trajectory_file.h"
+#include "io/trajectory/field_datasets.h"
+#include "io/trajectory/trajectory_file.h"
 #include "sample_trajectory.h"
 #include "temporary_folder.h"
 

@@ -1,4 +1,4 @@
-#include "io/trajectory_file.h"
+#include "io/trajectory/trajectory_file.h"
 
 #include <gtest/gtest.h>
 #include <sys/mount.h>
@@ -8,9 +8,9 @@
 #include <cstring>
 #include <tuple>
 
-#include "core/error.h"
+#include "core/system/error.h"
 #include "expect_error.h"
-#include "io/hdf5_dataset.h"
+#include "io/hdf5/hdf5_dataset.h"
 #include "sample_trajectory.h"
 #include "temporary_folder.h"
 

@@ -3,9 +3,9 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include "core/error.h"
+#include "core/system/error.h"
 #include "expect_error.h"
-#include "io/trajectory_file.h"
+#include "io/trajectory/trajectory_file.h"
 #include "sample_trajectory.h"
 #include "temporary_folder.h"
 

@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "core/error.h"
+#include "core/system/error.h"
 #include "tests/mpm/test_scenes.h"
 
 namespace graupel::mpm {

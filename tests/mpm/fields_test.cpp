@@ -2,9 +2,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "mpm/material.h"
-#include "mpm/solver.h"
-#include "tests/mpm/fiber_backend.h"
+#include "mpm/materials/material.h"
+#include "mpm/solver/solver.h"
+#include "tests/mpm/kernels/fiber_backend.h"
 #include "tests/mpm/test_scenes.h"
 
 namespace graupel::mpm {

@@ -5,8 +5,8 @@
 
 #include <limits>
 
-#include "core/error.h"
-#include "tests/mpm/fiber_backend.h"
+#include "core/system/error.h"
+#include "tests/mpm/kernels/fiber_backend.h"
 #include "tests/mpm/test_scenes.h"
 
 namespace graupel::mpm {

@@ -3,9 +3,9 @@
 
 #include <string>
 
-#include "core/atomic_file.h"
+#include "core/system/atomic_file.h"
 // [README]
-#include "io/scene_reader.h"
+#include "io/scene/scene_reader.h"
 #include "mpm/simulation.h"
 
 double mean_height_after(const std::string& scene_file, int frames) {

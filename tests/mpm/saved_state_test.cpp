@@ -1,10 +1,10 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "core/error.h"
-#include "mpm/scene_hash.h"
+#include "core/system/error.h"
+#include "mpm/particles/state_bytes.h"
+#include "mpm/scene/scene_hash.h"
 #include "mpm/simulation.h"
-#include "mpm/state_bytes.h"
 #include "tests/gpu_only.h"
 #include "tests/mpm/test_scenes.h"
 

@@ -1,7 +1,7 @@
 // Scenes and random tensors for the tests of this folder.
 #pragma once
 
-#include "core/random.h"
+#include "core/math/random.h"
 #include "mpm/sampling.h"
 #include "mpm/simulation.h"
 

@@ -1,8 +1,8 @@
-#include "mpm/time_step.h"
+#include "mpm/solver/time_step.h"
 
 #include <gtest/gtest.h>
 
-#include "core/error.h"
+#include "core/system/error.h"
 
 namespace graupel::mpm {
 namespace {

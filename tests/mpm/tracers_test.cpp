@@ -1,7 +1,7 @@
 // Points carried by a run: they follow the particles that they start on, stay out of obstacles, and change nothing.
 #include <gtest/gtest.h>
 
-#include "core/error.h"
+#include "core/system/error.h"
 #include "mpm/scene_variants.h"
 #include "sparsegrid/obstacle_set.h"
 #include "tests/mpm/test_scenes.h"

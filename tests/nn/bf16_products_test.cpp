@@ -7,8 +7,8 @@
 #include <algorithm>
 #include <cstdlib>
 
-#include "core/error.h"
-#include "core/random.h"
+#include "core/math/random.h"
+#include "core/system/error.h"
 #include "nn/linear.h"
 #include "nn/weights.h"
 

@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <tuple>
 
-#include "core/random.h"
+#include "core/math/random.h"
 #include "nn/bf16_products.h"
 #include "nn/fcn.h"
 

@@ -6,8 +6,8 @@
 #include <cmath>
 #include <vector>
 
-#include "core/buffer.h"
-#include "core/random.h"
+#include "core/math/random.h"
+#include "core/parallel/buffer.h"
 #include "nn/weights.h"
 #include "tests/exported_symbols.h"
 

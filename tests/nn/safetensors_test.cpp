@@ -7,9 +7,9 @@
 #include <filesystem>
 #include <fstream>
 
-#include "core/atomic_file.h"
-#include "core/error.h"
-#include "core/random.h"
+#include "core/math/random.h"
+#include "core/system/atomic_file.h"
+#include "core/system/error.h"
 #include "nn/weights.h"
 
 namespace graupel::nn {

@@ -1,11 +1,11 @@
 // The branch's radial basis functions: value, derivative, box, storage.
-#include "rom/coefficient_map.h"
+#include "rom/fields/coefficient_map.h"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 
-#include "core/random.h"
+#include "core/math/random.h"
 
 namespace graupel::rom {
 namespace {

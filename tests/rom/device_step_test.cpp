@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <set>
 
-#include "core/error.h"
+#include "core/system/error.h"
 #include "rom/cuda/reduced_cuda.h"
 #include "tests/gpu_only.h"
 #include "tests/rom/fiber_run.h"

@@ -1,12 +1,12 @@
 // Inversion of a deformation field: recovers a known latent, in spite of samples that are lost.
-#include "rom/gauss_newton.h"
+#include "rom/projection/gauss_newton.h"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 
-#include "core/error.h"
-#include "core/random.h"
+#include "core/math/random.h"
+#include "core/system/error.h"
 
 namespace graupel::rom {
 namespace {

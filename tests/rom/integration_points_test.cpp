@@ -1,16 +1,16 @@
 // Integration points: no particle that reaches a sample's nodes is missing; clusters keep mass and mean stress.
-#include "rom/integration_points.h"
-#include "rom/tiled_modes.h"
+#include "rom/solver/integration_points.h"
+#include "rom/fields/tiled_modes.h"
 
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <numeric>
 
-#include "core/error.h"
-#include "core/random.h"
-#include "rom/factored_fields.h"
-#include "rom/quadrature.h"
+#include "core/math/random.h"
+#include "core/system/error.h"
+#include "rom/cubature/quadrature.h"
+#include "rom/fields/factored_fields.h"
 #include "rom/reduced_solver.h"
 #include "tests/rom/swaying_model.h"
 

@@ -1,5 +1,5 @@
 // The sheet that training runs span in the latent space: a way back to it is straight, and ends on it.
-#include "rom/latent_manifold.h"
+#include "rom/projection/latent_manifold.h"
 
 #include <gtest/gtest.h>
 

@@ -1,14 +1,14 @@
 // Branches that are networks: derivative, storage, what is wrong with a file, and the GPU's refusal.
-#include "rom/mlp_map.h"
+#include "rom/fields/mlp_map.h"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 
-#include "core/error.h"
-#include "core/random.h"
+#include "core/math/random.h"
+#include "core/system/error.h"
 #include "rom/cuda/device_tables.h"
-#include "rom/factored_fields.h"
+#include "rom/fields/factored_fields.h"
 #include "tests/rom/random_network.h"
 #include "tests/rom/swaying_model.h"
 

@@ -3,11 +3,11 @@
 
 #include <cmath>
 
-#include "core/error.h"
-#include "core/random.h"
+#include "core/math/random.h"
+#include "core/system/error.h"
 #include "mpm/simulation.h"
-#include "rom/mlp_fields.h"
-#include "rom/mlp_points.h"
+#include "rom/fields/mlp_fields.h"
+#include "rom/fields/mlp_points.h"
 #include "rom/reduced_solver.h"
 #include "tests/apps/falling_model.h"
 #include "tests/rom/random_network.h"

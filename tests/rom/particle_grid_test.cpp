@@ -1,11 +1,11 @@
 // The grid step of a reduced model against a step of the full model.
-#include "rom/particle_grid.h"
+#include "rom/solver/particle_grid.h"
 
 #include <gtest/gtest.h>
 
 #include <numeric>
 
-#include "io/scene_reader.h"
+#include "io/scene/scene_reader.h"
 
 namespace graupel::rom {
 namespace {

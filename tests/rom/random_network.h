@@ -5,8 +5,8 @@
 #include <utility>
 #include <vector>
 
-#include "core/random.h"
-#include "rom/mlp.h"
+#include "core/math/random.h"
+#include "rom/fields/mlp.h"
 
 namespace graupel::rom::test {
 

@@ -3,7 +3,7 @@
 
 #include <gtest/gtest.h>
 
-#include "core/error.h"
+#include "core/system/error.h"
 #include "tests/apps/falling_model.h"
 
 namespace graupel::rom {

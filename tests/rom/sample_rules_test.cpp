@@ -1,5 +1,5 @@
 // Sample rules: what each rule promises of the samples that it chooses.
-#include "rom/sample_rules.h"
+#include "rom/cubature/sample_selection.h"
 
 #include <gtest/gtest.h>
 

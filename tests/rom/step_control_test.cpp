@@ -1,5 +1,5 @@
 // Which steps of a reduced run are taken back, and when they grow again.
-#include "rom/step_control.h"
+#include "rom/solver/step_control.h"
 
 #include <gtest/gtest.h>
 

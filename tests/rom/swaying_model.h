@@ -7,9 +7,9 @@
 #include <numeric>
 #include <string>
 
-#include "core/random.h"
-#include "io/scene_reader.h"
-#include "rom/factored_fields.h"
+#include "core/math/random.h"
+#include "io/scene/scene_reader.h"
+#include "rom/fields/factored_fields.h"
 #include "rom/reduced_model.h"
 
 namespace graupel::rom::test {

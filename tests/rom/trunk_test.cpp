@@ -1,14 +1,14 @@
 // Fields between particles: linear fields exactly, their derivative, cuts, what is outside, and refined bodies.
-#include "rom/trunk.h"
+#include "rom/interpolation/mls_interpolation.h"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <functional>
 
-#include "core/error.h"
-#include "core/random.h"
-#include "rom/factored_fields.h"
+#include "core/math/random.h"
+#include "core/system/error.h"
+#include "rom/fields/factored_fields.h"
 
 namespace graupel::rom {
 namespace {

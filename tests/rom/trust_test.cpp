@@ -1,11 +1,11 @@
 // The verdict on reduced runs: silent on what is usual, not on what leaves it; and the share of foreign materials.
-#include "rom/trust.h"
+#include "rom/solver/error_indicator.h"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 
-#include "rom/material_difference.h"
+#include "rom/solver/material_difference.h"
 
 namespace graupel::rom {
 namespace {

@@ -6,8 +6,8 @@
 #include <numeric>
 #include <set>
 
-#include "core/error.h"
-#include "core/random.h"
+#include "core/math/random.h"
+#include "core/system/error.h"
 
 namespace graupel::sparsegrid {
 namespace {

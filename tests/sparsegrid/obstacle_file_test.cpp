@@ -4,8 +4,8 @@
 #include <filesystem>
 #include <fstream>
 
-#include "core/atomic_file.h"
-#include "core/error.h"
+#include "core/system/atomic_file.h"
+#include "core/system/error.h"
 #include "sparsegrid/cell_normals.h"
 #include "sparsegrid/mesh_topology.h"
 #include "sparsegrid/obstacle_set.h"

@@ -3,8 +3,8 @@
 
 #include <cstring>
 
-#include "core/buffer.h"
-#include "core/parallel_for.h"
+#include "core/parallel/buffer.h"
+#include "core/parallel/parallel_for.h"
 #include "sparsegrid/cell_normals.h"
 #include "sparsegrid/push_out.h"
 #include "tests/gpu_only.h"

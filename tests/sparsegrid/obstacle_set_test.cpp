@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-#include "core/error.h"
+#include "core/system/error.h"
 #include "sparsegrid/analytic_shape.h"
 #include "tests/sparsegrid/test_scenes.h"
 

@@ -6,9 +6,9 @@
 #include <cmath>
 #include <set>
 
-#include "core/device.h"
-#include "core/error.h"
-#include "core/random.h"
+#include "core/math/random.h"
+#include "core/parallel/device.h"
+#include "core/system/error.h"
 #include "sparsegrid/cell_list.h"
 
 namespace graupel::sparsegrid {

@@ -4,8 +4,8 @@
 #include <cmath>
 #include <string>
 
-#include "core/random.h"
-#include "core/scene.h"
+#include "core/math/random.h"
+#include "core/scene/scene.h"
 
 namespace graupel::sparsegrid {
 

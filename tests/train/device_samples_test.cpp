@@ -1,17 +1,17 @@
 // Batches made on a device are those that the CPU's threads make.
-#include "train/device_samples.h"
+#include "train/data/device_samples.h"
 
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <cmath>
 
-#include "core/buffer.h"
+#include "core/parallel/buffer.h"
 #include "tests/gpu_only.h"
 #include "tests/train/gns_cloud.h"
 #include "tests/train/tiny_data.h"
-#include "train/network_module.h"
-#include "train/sampling.h"
+#include "train/data/sampling.h"
+#include "train/networks/network_module.h"
 
 namespace graupel::train {
 namespace {

@@ -4,14 +4,14 @@
 #include <cstring>
 #include <fstream>
 
-#include "core/atomic_file.h"
-#include "core/error.h"
+#include "core/system/atomic_file.h"
+#include "core/system/error.h"
 #include "tests/train/tiny_data.h"
-#include "train/checkpoint.h"
-#include "train/crc32c.h"
-#include "train/event_file.h"
-#include "train/metrics_log.h"
-#include "train/run_folder.h"
+#include "train/loop/checkpoint.h"
+#include "train/loop/crc32c.h"
+#include "train/loop/event_file.h"
+#include "train/loop/metrics_log.h"
+#include "train/loop/run_folder.h"
 
 namespace graupel::train {
 namespace {

@@ -3,11 +3,11 @@
 
 #include <cmath>
 
-#include "core/error.h"
+#include "core/system/error.h"
 #include "tests/gpu_only.h"
 #include "tests/train/gns_cloud.h"
-#include "train/network_module.h"
-#include "train/parameter_layout.h"
+#include "train/networks/network_module.h"
+#include "train/networks/parameter_layout.h"
 
 namespace graupel::train {
 namespace {

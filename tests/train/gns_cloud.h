@@ -4,12 +4,12 @@
 #include <cstdint>
 #include <vector>
 
-#include "core/material_config.h"
-#include "core/random.h"
-#include "graph/features.h"
+#include "core/math/random.h"
+#include "core/scene/material_config.h"
+#include "graph/features/features.h"
 #include "tests/train/links.h"
 #include "tests/train/tiny_data.h"
-#include "train/batch.h"
+#include "train/data/batch.h"
 
 namespace graupel::train {
 

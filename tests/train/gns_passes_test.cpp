@@ -4,22 +4,22 @@
 
 #include <cmath>
 
-#include "core/atomic_file.h"
-#include "core/error.h"
-#include "core/material_config.h"
-#include "core/random.h"
-#include "graph/gns_graph.h"
-#include "graph/gns_network.h"
+#include "core/math/random.h"
+#include "core/scene/material_config.h"
+#include "core/system/atomic_file.h"
+#include "core/system/error.h"
+#include "graph/features/normalization.h"
 #include "graph/learned_simulator.h"
-#include "graph/normalization.h"
+#include "graph/networks/gns_network.h"
+#include "graph/topology/gns_graph.h"
 #include "tests/train/gns_cloud.h"
 #include "tests/train/learning.h"
 #include "tests/train/tiny_data.h"
-#include "train/network_module.h"
-#include "train/parameter_layout.h"
-#include "train/run_folder.h"
-#include "train/sampling.h"
-#include "train/training_loop.h"
+#include "train/data/sampling.h"
+#include "train/loop/run_folder.h"
+#include "train/loop/training_loop.h"
+#include "train/networks/network_module.h"
+#include "train/networks/parameter_layout.h"
 
 namespace graupel::train {
 namespace {

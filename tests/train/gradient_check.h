@@ -5,7 +5,7 @@
 
 #include <cmath>
 
-#include "train/mlp_module.h"
+#include "train/reduced/mlp/mlp_module.h"
 
 namespace graupel::train {
 

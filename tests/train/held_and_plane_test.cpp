@@ -4,16 +4,16 @@
 #include <cmath>
 #include <numbers>
 
-#include "core/error.h"
-#include "core/held_particles.h"
+#include "core/scene/held_particles.h"
+#include "core/system/error.h"
 #include "tests/gpu_only.h"
 #include "tests/train/gns_cloud.h"
 #include "tests/train/tiny_data.h"
-#include "train/device_samples.h"
-#include "train/evaluation.h"
-#include "train/network_module.h"
-#include "train/sampling.h"
-#include "train/symmetry.h"
+#include "train/data/device_samples.h"
+#include "train/data/sampling.h"
+#include "train/data/symmetry.h"
+#include "train/loop/evaluation.h"
+#include "train/networks/network_module.h"
 
 namespace graupel::train {
 namespace {

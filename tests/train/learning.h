@@ -1,7 +1,7 @@
 // Short runs that learn the tiny data set (tests/train/tiny_data.h).
 #pragma once
 
-#include "train/training_loop.h"
+#include "train/loop/training_loop.h"
 
 namespace graupel::train {
 

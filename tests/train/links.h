@@ -3,9 +3,9 @@
 
 #include <vector>
 
-#include "graph/gns_graph.h"
+#include "graph/topology/gns_graph.h"
 #include "sparsegrid/radius_graph.h"
-#include "train/batch.h"
+#include "train/data/batch.h"
 
 namespace graupel::train {
 

@@ -3,11 +3,11 @@
 
 #include <cmath>
 
-#include "core/random.h"
-#include "graph/features.h"
+#include "core/math/random.h"
+#include "graph/features/features.h"
 #include "tests/gpu_only.h"
-#include "train/network_module.h"
-#include "train/parameter_layout.h"
+#include "train/networks/network_module.h"
+#include "train/networks/parameter_layout.h"
 
 namespace graupel::train {
 namespace {

@@ -3,11 +3,11 @@
 
 #include <nlohmann/json.hpp>
 
-#include "graph/network_flop.h"
+#include "graph/networks/network_flop.h"
 #include "tests/graph/random_weights.h"
 #include "tests/train/started_program.h"
 #include "tests/train/tiny_data.h"
-#include "train/data_set.h"
+#include "train/data/data_set.h"
 
 namespace graupel::train {
 namespace {

@@ -3,14 +3,14 @@
 
 #include <cmath>
 
-#include "core/random.h"
-#include "graph/features.h"
-#include "graph/hierarchical_graph_network.h"
+#include "core/math/random.h"
+#include "graph/features/features.h"
+#include "graph/features/normalization.h"
 #include "graph/learned_simulator.h"
-#include "graph/normalization.h"
-#include "io/scene_reader.h"
+#include "graph/networks/hierarchical_graph_network.h"
+#include "io/scene/scene_reader.h"
 #include "mpm/simulation.h"
-#include "train/network_module.h"
+#include "train/networks/network_module.h"
 
 namespace graupel::train {
 namespace {

@@ -5,12 +5,12 @@
 #include <chrono>
 #include <thread>
 
-#include "core/atomic_file.h"
-#include "graph/hgn_config.h"
+#include "core/system/atomic_file.h"
+#include "graph/config/hgn_config.h"
 #include "nn/weights.h"
 #include "tests/train/started_program.h"
 #include "tests/train/tiny_data.h"
-#include "train/run_folder.h"
+#include "train/loop/run_folder.h"
 
 namespace graupel::train {
 namespace {

@@ -1,12 +1,12 @@
 // Which rank this process is, by the variables that each launcher sets.
-#include "train/rank_environment.h"
+#include "train/parallel/rank_environment.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <map>
 
-#include "core/error.h"
+#include "core/system/error.h"
 
 namespace graupel::train {
 namespace {

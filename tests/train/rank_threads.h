@@ -11,7 +11,7 @@
 #include <thread>
 #include <vector>
 
-#include "train/comm.h"
+#include "train/parallel/comm.h"
 
 namespace graupel::train {
 

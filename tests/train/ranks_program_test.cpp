@@ -9,13 +9,13 @@
 #include <string>
 #include <thread>
 
-#include "core/atomic_file.h"
+#include "core/system/atomic_file.h"
 #include "nn/weights.h"
 #include "tests/train/rank_threads.h"
 #include "tests/train/started_program.h"
 #include "tests/train/tiny_data.h"
-#include "train/network_module.h"
-#include "train/run_folder.h"
+#include "train/loop/run_folder.h"
+#include "train/networks/network_module.h"
 
 namespace graupel::train {
 namespace {

@@ -11,11 +11,11 @@
 
 #include "tests/train/rank_threads.h"
 #include "tests/train/tiny_data.h"
-#include "train/checkpoint.h"
-#include "train/network_module.h"
-#include "train/run_folder.h"
-#include "train/sampling.h"
-#include "train/training_loop.h"
+#include "train/data/sampling.h"
+#include "train/loop/checkpoint.h"
+#include "train/loop/run_folder.h"
+#include "train/loop/training_loop.h"
+#include "train/networks/network_module.h"
 
 namespace graupel::train {
 namespace {

@@ -5,12 +5,12 @@
 #include <numbers>
 #include <set>
 
-#include "core/error.h"
+#include "core/system/error.h"
 #include "tests/train/tiny_data.h"
-#include "train/data_set.h"
-#include "train/sampling.h"
-#include "train/symmetry.h"
-#include "train/worker_threads.h"
+#include "train/data/data_set.h"
+#include "train/data/sampling.h"
+#include "train/data/symmetry.h"
+#include "train/parallel/worker_threads.h"
 
 namespace graupel::train {
 namespace {

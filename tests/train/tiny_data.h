@@ -8,11 +8,11 @@
 #include <string>
 #include <vector>
 
-#include "core/atomic_file.h"
-#include "core/random.h"
-#include "io/scene_reader.h"
-#include "io/trajectory_file.h"
-#include "train/train_config.h"
+#include "core/math/random.h"
+#include "core/system/atomic_file.h"
+#include "io/scene/scene_reader.h"
+#include "io/trajectory/trajectory_file.h"
+#include "train/config/train_config.h"
 
 namespace graupel::train {
 

@@ -4,18 +4,18 @@
 #include <cmath>
 #include <fstream>
 
-#include "core/atomic_file.h"
-#include "core/error.h"
-#include "graph/hierarchical_graph_network.h"
+#include "core/system/atomic_file.h"
+#include "core/system/error.h"
 #include "graph/learned_simulator.h"
-#include "io/json_node.h"
+#include "graph/networks/hierarchical_graph_network.h"
+#include "io/config/json_node.h"
 #include "tests/graph/random_weights.h"
 #include "tests/train/learning.h"
 #include "tests/train/tiny_data.h"
-#include "train/checkpoint.h"
-#include "train/run_folder.h"
-#include "train/starting_weights.h"
-#include "train/training_loop.h"
+#include "train/loop/checkpoint.h"
+#include "train/loop/run_folder.h"
+#include "train/loop/training_loop.h"
+#include "train/networks/initial_weights.h"
 
 namespace graupel::train {
 namespace {

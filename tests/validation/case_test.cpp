@@ -6,8 +6,8 @@
 #include <cmath>
 #include <set>
 
-#include "core/error.h"
-#include "core/parallel_for.h"
+#include "core/parallel/parallel_for.h"
+#include "core/system/error.h"
 
 namespace graupel::validation {
 

@@ -3,7 +3,7 @@
 
 #include <gtest/gtest.h>
 
-#include "core/error.h"
+#include "core/system/error.h"
 
 namespace graupel::validation {
 namespace {

@@ -8,7 +8,7 @@ from .errors import ConfigError, InputError
 
 SPLITS = ("train", "valid", "test")
 OBSTACLE, STATIONARY = 3, 13
-# core/material_config.h: word and particle type of each material, in its order.
+# core/scene/material_config.h: word and particle type of each material, in its order.
 MATERIALS = {"water": 5, "jelly": 4, "snow": 8, "sand": 6, "neo_hookean": 9, "metal": 10, "cake": 11, "toothpaste": 7,
              "foam": 12, "stationary": STATIONARY}
 NAMES = {OBSTACLE: "obstacle", **{number: word for word, number in MATERIALS.items()}}

@@ -1,0 +1,146 @@
+// Scripted rigid motion of obstacles and of particles: constant velocity and spin, or keyframes with straight lines
+// between them. Evaluated at any time; nothing is integrated, so no error grows.
+#pragma once
+
+#include <algorithm>
+#include <limits>
+#include <optional>
+#include <vector>
+
+#include "core/math/mat.h"
+#include "core/math/vec.h"
+#include "core/scene/fields.h"
+
+namespace graupel {
+
+enum class MotionKind {
+  constant,  ///< `velocity` and `spin` from `start_time` to `end_time`
+  keyframes  ///< poses of `keyframes`; straight lines between them, from the initial pose at time 0
+};
+template <>
+struct EnumWords<MotionKind> {
+  static constexpr std::pair<const char*, MotionKind> words[] = {{"constant", MotionKind::constant},
+                                                                 {"keyframes", MotionKind::keyframes}};
+};
+
+/// Where a moved body is at a time, relative to its initial pose.
+struct MotionKey {
+  double time = 0;                ///< [s]
+  Vec3d translation = {0, 0, 0};  ///< [m]
+  double angle = 0;               ///< [degrees]
+
+  template <typename Visitor>
+  static void fields(Visitor&& visit) {
+    using K = MotionKey;
+    visit(&K::time, FieldInfo{.name = "time",
+                              .unit = "s",
+                              .meaning = "Time of the pose, above that of the key before it",
+                              .range = Range::positive(),
+                              .required = true});
+    visit(&K::translation,
+          FieldInfo{.name = "translation", .unit = "m", .meaning = "Way of the centre since the start"});
+    visit(&K::angle,
+          FieldInfo{
+              .name = "angle", .unit = "degrees", .meaning = "Turn about the axis since the start; whole turns count"});
+  }
+};
+
+/// x -> rotation x + translation.
+struct RigidMap {
+  Mat3d rotation = Mat3d::identity();
+  Vec3d translation = {0, 0, 0};  ///< [m]
+  Vec3d operator()(const Vec3d& x) const { return rotation * x + translation; }
+};
+
+/// Turns are about `axis` through `center`, which the translation carries along.
+struct Motion {
+  MotionKind kind = MotionKind::constant;
+  Vec3d velocity = {0, 0, 0};      ///< of the centre [m/s]
+  double spin = 0;                 ///< about the axis [rad/s]
+  double start_time = 0;           ///< [s]
+  std::optional<double> end_time;  ///< [s]; then the body rests
+  std::vector<MotionKey> keyframes;
+  Vec3d axis = {0, 1, 0};       ///< any length but zero
+  std::optional<Vec3d> center;  ///< [m]; default the body's position
+
+  /// Translation [m] and angle [rad] since the start.
+  void displacement(double time, Vec3d& translation, double& angle) const {
+    if (kind == MotionKind::constant) {
+      const double stop = end_time.value_or(std::numeric_limits<double>::infinity());
+      const double moved = std::max(0.0, std::min(time, stop) - start_time);
+      translation = moved * velocity;
+      angle = moved * spin;
+      return;
+    }
+    constexpr double degree = 3.14159265358979323846 / 180;
+    MotionKey before, after;
+    for (const MotionKey& key : keyframes) {
+      after = key;
+      if (key.time > time) break;
+      before = key;
+    }
+    const double share = after.time > before.time ? (time - before.time) / (after.time - before.time) : 0;
+    translation = before.translation + share * (after.translation - before.translation);
+    angle = (before.angle + share * (after.angle - before.angle)) * degree;
+  }
+
+  /// Initial pose -> pose at `time`. `body_center` stands in for a center that is not given.
+  RigidMap at(double time, const Vec3d& body_center) const {
+    const Vec3d c = center.value_or(body_center);
+    Vec3d translation;
+    double angle;
+    displacement(time, translation, angle);
+    const Mat3d rotation = rotation_about(normalized(axis), angle);
+    return {rotation, c + translation - rotation * c};
+  }
+
+  /// Largest speed of the centre [m/s] and largest rate of turn [rad/s] at any time in [from, to].
+  void fastest(double from, double to, double& speed, double& turn) const {
+    speed = turn = 0;
+    const auto raise = [&](double begin, double end, const Vec3d& v, double w) {
+      if (end <= from || begin > to) return;
+      speed = std::max(speed, norm(v));
+      turn = std::max(turn, std::abs(w));
+    };
+    if (kind == MotionKind::constant)
+      return raise(start_time, end_time.value_or(std::numeric_limits<double>::infinity()), velocity, spin);
+    constexpr double degree = 3.14159265358979323846 / 180;
+    MotionKey before;
+    for (const MotionKey& key : keyframes) {
+      const double rate = 1 / (key.time - before.time);
+      raise(before.time, key.time, rate * (key.translation - before.translation),
+            rate * (key.angle - before.angle) * degree);
+      before = key;
+    }
+  }
+
+  template <typename Visitor>
+  static void fields(Visitor&& visit) {
+    using M = Motion;
+    visit(&M::kind, FieldInfo{.name = "kind", .unit = "", .meaning = "How the motion is given"});
+    visit(&M::velocity,
+          FieldInfo{.name = "velocity", .unit = "m/s", .meaning = "Velocity of the centre", .only_for = "constant"});
+    visit(&M::spin,
+          FieldInfo{.name = "spin", .unit = "rad/s", .meaning = "Rate of turn about the axis", .only_for = "constant"});
+    visit(&M::start_time, FieldInfo{.name = "start_time",
+                                    .unit = "s",
+                                    .meaning = "When the motion starts",
+                                    .range = Range::not_negative(),
+                                    .only_for = "constant"});
+    visit(&M::end_time, FieldInfo{.name = "end_time",
+                                  .unit = "s",
+                                  .meaning = "When it stops; default never",
+                                  .range = Range::not_negative(),
+                                  .only_for = "constant"});
+    visit(&M::keyframes, FieldInfo{.name = "keyframes",
+                                   .unit = "",
+                                   .meaning = "Poses in the order of time, after the initial one at time 0",
+                                   .required = true,
+                                   .only_for = "keyframes"});
+    visit(&M::axis, FieldInfo{.name = "axis", .unit = "", .meaning = "Axis of the turns"});
+    visit(&M::center,
+          FieldInfo{.name = "center", .unit = "m", .meaning = "Point of the axis; default the body's position"});
+  }
+};
+
+}  // namespace graupel

@@ -1,0 +1,159 @@
+// The scene: domain, materials, particle sources, obstacles, time step and frames. SI units; y is up by convention.
+// Read from JSON by io/scene_reader; docs/scene_format.md is made from the declarations here.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "core/scene/body.h"
+#include "core/scene/domain.h"
+#include "core/scene/emitter.h"
+#include "core/scene/material_config.h"
+#include "core/scene/motion.h"
+#include "core/scene/region.h"
+#include "core/scene/time_step_config.h"
+#include "core/scene/transfer_config.h"
+
+namespace graupel {
+
+/// A body of material at the start.
+struct Source : Body {
+  std::string material;  ///< key of `materials`
+  Sampling sampling = Sampling::random;
+  double particles_per_cell = 8;
+  Vec3d velocity = {0, 0, 0};          ///< initial, of the spin's centre [m/s]
+  Vec3d angular_velocity = {0, 0, 0};  ///< initial [rad/s]
+  std::optional<Vec3d> spin_center;    ///< [m]; default `position`
+  std::optional<Motion> motion;        ///< a script that all its particles follow
+  std::optional<double> release_time;  ///< [s]; then the particles are free
+
+  template <typename Visitor>
+  static void fields(Visitor&& visit) {
+    using S = Source;
+    Body::body_fields<S>(visit);
+    visit(&S::material,
+          FieldInfo{.name = "material", .unit = "", .meaning = "Key of the scene's materials", .required = true});
+    visit(&S::sampling,
+          FieldInfo{.name = "sampling", .unit = "", .meaning = "How particles are placed (not for points)"});
+    visit(&S::particles_per_cell, FieldInfo{.name = "particles_per_cell",
+                                            .unit = "",
+                                            .meaning = "Particles in a grid cell",
+                                            .range = {.low = 0, .high = 1000, .low_open = true}});
+    visit(&S::velocity, FieldInfo{.name = "velocity", .unit = "m/s", .meaning = "Initial velocity"});
+    visit(&S::angular_velocity,
+          FieldInfo{.name = "angular_velocity", .unit = "rad/s", .meaning = "Initial spin, about spin_center"});
+    visit(
+        &S::spin_center,
+        FieldInfo{.name = "spin_center", .unit = "m", .meaning = "Centre of the spin; default the source's position"});
+    visit(&S::motion, FieldInfo{.name = "motion",
+                                .unit = "",
+                                .meaning = "Script that its particles follow instead of the forces; {} holds them"});
+    visit(&S::release_time, FieldInfo{.name = "release_time",
+                                      .unit = "s",
+                                      .meaning = "When scripted particles become free; default never",
+                                      .range = Range::not_negative()});
+  }
+};
+
+/// A rigid obstacle, at rest or moved by a script.
+struct Obstacle : Body {
+  Contact contact = Contact::separate;
+  double friction = 0;           ///< Coulomb coefficient
+  std::optional<Motion> motion;  ///< at rest without one
+
+  template <typename Visitor>
+  static void fields(Visitor&& visit) {
+    using O = Obstacle;
+    Body::body_fields<O>(visit);
+    visit(&O::contact,
+          FieldInfo{.name = "contact", .unit = "", .meaning = "What the surface does to material that touches it"});
+    visit(&O::friction, FieldInfo{.name = "friction",
+                                  .unit = "",
+                                  .meaning = "Coulomb friction coefficient (slip and separate)",
+                                  .range = Range::not_negative()});
+    visit(&O::motion, FieldInfo{.name = "motion", .unit = "", .meaning = "Scripted motion; at rest without one"});
+  }
+};
+
+struct Scene {
+  std::string name;
+  std::string description;
+  uint64_t seed = 0;  ///< of the particle sampling; --seed overrides it
+  Domain domain;
+  Vec3d gravity = {0, -9.8, 0};  ///< [m/s^2]
+  std::map<std::string, MaterialConfig> materials;
+  std::vector<Source> sources;
+  std::vector<KinematicRegion> kinematic_regions;
+  std::vector<Emitter> emitters;
+  std::vector<Sink> sinks;
+  std::vector<Obstacle> obstacles;
+  std::optional<double> obstacle_voxel;  ///< [m]; default dx/2
+  std::optional<double> obstacle_band;   ///< [m]; default max(4 dx, 0.1)
+  bool push_out = true;                  ///< project particles out of obstacles after each substep
+  TransferConfig transfer;
+  TimeStep time_step;
+  int64_t frames = 300;          ///< frames after the first; a trajectory has frames + 1
+  double frame_time = 1.0 / 60;  ///< [s]
+
+  std::string file;    ///< where it was read from; "" when made in memory
+  std::string source;  ///< the JSON text, stored with every trajectory
+
+  double voxel() const { return obstacle_voxel.value_or(domain.dx / 2); }
+  double band() const { return obstacle_band.value_or(4 * domain.dx > 0.1 ? 4 * domain.dx : 0.1); }
+  /// Lower and upper corner of the box that holds the material [m].
+  Vec3d wall_low() const { return domain.wall_low(); }
+  Vec3d wall_high() const { return domain.wall_high(); }
+  /// Whether particles may be out of the run for a part of it.
+  bool has_inactive_particles() const { return !emitters.empty() || !sinks.empty() || domain.has_wall(Wall::open); }
+  bool has_moving_obstacles() const {
+    for (const Obstacle& obstacle : obstacles)
+      if (obstacle.motion) return true;
+    return false;
+  }
+
+  template <typename Visitor>
+  static void fields(Visitor&& visit) {
+    using S = Scene;
+    visit(&S::name, FieldInfo{.name = "name", .unit = "", .meaning = "Short name, used in file names and tables"});
+    visit(&S::description, FieldInfo{.name = "description", .unit = "", .meaning = "What the scene shows"});
+    visit(&S::domain, FieldInfo{.name = "domain", .unit = "", .meaning = "Domain, grid and walls"});
+    visit(&S::gravity, FieldInfo{.name = "gravity", .unit = "m/s^2", .meaning = "Gravity"});
+    visit(&S::materials, FieldInfo{.name = "materials", .unit = "", .meaning = "Materials by name", .required = true});
+    visit(&S::sources,
+          FieldInfo{.name = "sources", .unit = "", .meaning = "Bodies of material at the start", .required = true});
+    visit(&S::kinematic_regions,
+          FieldInfo{.name = "kinematic_regions",
+                    .unit = "",
+                    .meaning = "Particles that follow a script, by where they are at the start"});
+    visit(&S::emitters,
+          FieldInfo{.name = "emitters", .unit = "", .meaning = "Bodies that send out material during the run"});
+    visit(&S::sinks, FieldInfo{.name = "sinks", .unit = "", .meaning = "Regions that remove particles"});
+    visit(&S::obstacles, FieldInfo{.name = "obstacles", .unit = "", .meaning = "Rigid obstacles"});
+    visit(&S::obstacle_voxel, FieldInfo{.name = "obstacle_voxel",
+                                        .unit = "m",
+                                        .meaning = "Voxel size of the obstacles' signed-distance grids; default dx/2",
+                                        .range = Range::positive()});
+    visit(&S::obstacle_band, FieldInfo{.name = "obstacle_band",
+                                       .unit = "m",
+                                       .meaning = "Half width of their narrow band; default max(4 dx, 0.1)",
+                                       .range = Range::positive()});
+    visit(&S::push_out,
+          FieldInfo{.name = "push_out",
+                    .unit = "",
+                    .meaning = "Move particles that entered an obstacle back to its surface after each substep"});
+    visit(&S::transfer, FieldInfo{.name = "transfer", .unit = "", .meaning = "Transfers between particles and grid"});
+    visit(&S::time_step, FieldInfo{.name = "time_step", .unit = "", .meaning = "Step size"});
+    visit(&S::seed, FieldInfo{.name = "seed", .unit = "", .meaning = "Seed of the particle sampling"});
+    visit(
+        &S::frames,
+        FieldInfo{.name = "frames", .unit = "", .meaning = "Frames after the first", .range = Range::between(0, 1e6)});
+    visit(&S::frame_time,
+          FieldInfo{.name = "frame_time", .unit = "s", .meaning = "Time between frames", .range = Range::positive()});
+  }
+};
+
+}  // namespace graupel

@@ -1,0 +1,119 @@
+// A sweep: one scene run for several values of its parameters, the snapshots that reduced-order models are trained on
+// (Neural Stress Fields, Zong et al. 2023).
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "core/scene/fields.h"
+#include "core/system/any_value.h"
+
+namespace graupel {
+
+/// Which runs are for training: those in neither list, or none.
+enum class TrainingRuns { rest, none };
+template <>
+struct EnumWords<TrainingRuns> {
+  static constexpr std::pair<const char*, TrainingRuns> words[] = {{"rest", TrainingRuns::rest},
+                                                                   {"none", TrainingRuns::none}};
+};
+
+/// A further scene key that follows a parameter.
+struct SweepFollower {
+  std::string key;
+  std::vector<AnyValue> values;  ///< [runs]
+
+  template <typename Visitor>
+  static void fields(Visitor&& visit) {
+    using F = SweepFollower;
+    visit(&F::key, FieldInfo{.name = "key", .unit = "", .meaning = "Scene key, as a dotted path", .required = true});
+    visit(&F::values, FieldInfo{.name = "values",
+                                .unit = "",
+                                .meaning = "Its value in each run: numbers, words, vectors, ...",
+                                .required = true});
+  }
+};
+
+/// What differs between the runs.
+struct SweepParameter {
+  std::string name;
+  std::string unit;
+  std::string key;
+  std::vector<double> values;  ///< [runs]
+  std::vector<SweepFollower> also;
+
+  template <typename Visitor>
+  static void fields(Visitor&& visit) {
+    using P = SweepParameter;
+    visit(&P::name, FieldInfo{.name = "name",
+                              .unit = "",
+                              .meaning = "Name under which the values are stored with the trajectories",
+                              .required = true});
+    visit(&P::unit, FieldInfo{.name = "unit", .unit = "", .meaning = "Unit of the values, as text"});
+    visit(&P::key, FieldInfo{.name = "key",
+                             .unit = "",
+                             .meaning = "Scene key, as a dotted path: materials.sand.friction_angle",
+                             .required = true});
+    visit(&P::values, FieldInfo{.name = "values",
+                                .unit = "",
+                                .meaning = "Its value in each run: run i takes item i of every list",
+                                .required = true});
+    visit(&P::also,
+          FieldInfo{.name = "also", .unit = "", .meaning = "Further scene keys that follow the same parameter"});
+  }
+};
+
+struct SweepRecipe {
+  std::string name;
+  std::string description;
+  std::string scene;
+  std::map<std::string, AnyValue> set;  ///< by scene key
+  std::vector<SweepParameter> parameters;
+  std::vector<int64_t> test, valid;  ///< numbers of runs, in ascending order
+  TrainingRuns training = TrainingRuns::rest;
+  std::string fields_stored;
+  int64_t deflate = 1;
+
+  template <typename Visitor>
+  static void fields(Visitor&& visit) {
+    using R = SweepRecipe;
+    visit(&R::name, FieldInfo{.name = "name", .unit = "", .meaning = "Short name; default the scene's"});
+    visit(&R::description, FieldInfo{.name = "description", .unit = "", .meaning = "What the sweep shows"});
+    visit(&R::scene,
+          FieldInfo{.name = "scene",
+                    .unit = "",
+                    .meaning = "Scene file, relative to the recipe's folder; this key makes a recipe a sweep",
+                    .required = true});
+    visit(&R::set,
+          FieldInfo{.name = "set",
+                    .unit = "",
+                    .meaning = "Scene keys that all runs change, by dotted path (\"domain.dx\": 0.02); an object "
+                               "replaces the scene's as a whole"});
+    visit(&R::parameters, FieldInfo{.name = "parameters",
+                                    .unit = "",
+                                    .meaning = "What differs between the runs; all lists of values have one length",
+                                    .required = true});
+    visit(
+        &R::test,
+        FieldInfo{
+            .name = "test", .unit = "", .meaning = "Runs for testing, counted from 0", .range = Range::not_negative()});
+    visit(&R::valid,
+          FieldInfo{.name = "valid", .unit = "", .meaning = "Runs for validation", .range = Range::not_negative()});
+    visit(&R::training, FieldInfo{.name = "training",
+                                  .unit = "",
+                                  .meaning = "Runs for training: rest, all in neither list; none, a set for testing"});
+    visit(&R::fields_stored,
+          FieldInfo{.name = "fields",
+                    .unit = "",
+                    .meaning = "Fields stored in every frame: stress,affine,deformation_gradient,plastic"});
+    visit(&R::deflate, FieldInfo{.name = "deflate",
+                                 .unit = "",
+                                 .meaning = "Compression of the data, from none to the smallest and slowest",
+                                 .range = Range::between(0, 9)});
+  }
+};
+
+}  // namespace graupel

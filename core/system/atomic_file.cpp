@@ -1,0 +1,174 @@
+#include "core/system/atomic_file.h"
+
+#include <dirent.h>
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <atomic>
+#include <cerrno>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+
+#include "core/system/error.h"
+
+namespace graupel {
+
+namespace fs = std::filesystem;
+
+namespace {
+
+[[noreturn]] void fail(const std::string& what, const std::string& path) {
+  const int code = errno;
+  std::string hint;
+  if (code == ENOSPC) hint = ". Free space on that disk or choose another folder";
+  if (code == EACCES || code == EROFS || code == EPERM) hint = ". Choose a folder you may write to";
+  throw IoError("cannot " + what + " '" + path + "' (" + std::strerror(code) + ")" + hint);
+}
+
+class Descriptor {
+ public:
+  explicit Descriptor(int fd) : fd_(fd) {}
+  ~Descriptor() {
+    if (fd_ >= 0) ::close(fd_);
+  }
+  Descriptor(const Descriptor&) = delete;
+  Descriptor& operator=(const Descriptor&) = delete;
+  int get() const { return fd_; }
+
+ private:
+  int fd_;
+};
+
+void write_all(int fd, std::string_view bytes, const std::string& path) {
+  while (!bytes.empty()) {
+    const ssize_t n = ::write(fd, bytes.data(), bytes.size());
+    if (n < 0) {
+      if (errno == EINTR) continue;
+      fail("write " + std::to_string(bytes.size()) + " bytes to", path);
+    }
+    bytes.remove_prefix(static_cast<std::size_t>(n));
+  }
+}
+
+void write_all(int fd, const std::vector<std::string_view>& pieces, const std::string& path) {
+  for (const std::string_view piece : pieces) write_all(fd, piece, path);
+}
+
+void sync_path(const std::string& path, int flags) {
+  Descriptor fd(::open(path.c_str(), flags));
+  if (fd.get() < 0) fail("open", path);
+  if (::fsync(fd.get()) != 0 && errno != EINVAL) fail("sync", path);
+}
+
+/// Creates a file beside `path` that no other thread or process writes; returns its name.
+std::string create_aside(const std::string& path) {
+  static std::atomic<int> number = 0;
+  for (;;) {
+    std::string part = path + "." + std::to_string(::getpid()) + "-" + std::to_string(number++) + ".part";
+    const Descriptor fd(::open(part.c_str(), O_WRONLY | O_CREAT | O_EXCL, 0644));
+    if (fd.get() >= 0) return part;
+    if (errno != EEXIST) fail("create", part);
+  }
+}
+
+void finish(const std::string& part, const std::string& path) {
+  if (std::rename(part.c_str(), path.c_str()) != 0) fail("rename the finished file to", path);
+  const std::string folder = fs::absolute(path).parent_path().string();
+  sync_path(folder, O_RDONLY | O_DIRECTORY);
+}
+
+}  // namespace
+
+void finish_part_file(const std::string& path) {
+  sync_path(path + ".part", O_RDONLY);
+  finish(path + ".part", path);
+}
+
+void write_file_atomically(const std::string& path, std::string_view bytes) {
+  write_file_atomically(path, std::vector<std::string_view>{bytes});
+}
+
+void write_file_atomically(const std::string& path, const std::vector<std::string_view>& pieces) {
+  if (path == "-") return write_all(STDOUT_FILENO, pieces, "standard output");
+  struct stat status {};
+  if (::stat(path.c_str(), &status) == 0 && !S_ISREG(status.st_mode)) {
+    if (S_ISDIR(status.st_mode)) {
+      errno = EISDIR;
+      fail("write", path);
+    }
+    Descriptor fd(::open(path.c_str(), O_WRONLY));
+    if (fd.get() < 0) fail("open", path);
+    write_all(fd.get(), pieces, path);
+    return;
+  }
+  const std::string part = create_aside(path);
+  try {
+    Descriptor fd(::open(part.c_str(), O_WRONLY));
+    if (fd.get() < 0) fail("open", part);
+    write_all(fd.get(), pieces, part);
+    if (::fsync(fd.get()) != 0) fail("sync", part);
+    finish(part, path);
+  } catch (...) {
+    ::unlink(part.c_str());
+    throw;
+  }
+}
+
+void sync_file(const std::string& path) { sync_path(path, O_RDONLY); }
+
+std::string read_file(const std::string& path, std::size_t limit) {
+  std::error_code code;
+  if (fs::is_directory(path, code)) throw InputError("cannot read '" + path + "' (it is a folder, not a file)");
+  std::ifstream stream(path, std::ios::binary);
+  if (!stream) throw InputError("cannot read '" + path + "' (" + std::strerror(errno) + ")");
+  stream.seekg(0, std::ios::end);
+  const auto end = stream.tellg();
+  if (end >= 0 && static_cast<std::size_t>(end) > limit)
+    throw InputError("'" + path + "' is too large (" + std::to_string(end) + " bytes, at most " +
+                     std::to_string(limit) + ")");
+  if (end < 0) {  // a pipe
+    stream.clear();
+    return {std::istreambuf_iterator<char>(stream), {}};
+  }
+  std::string bytes(static_cast<std::size_t>(end), '\0');
+  stream.seekg(0);
+  stream.read(bytes.data(), end);
+  if (!stream) throw InputError("cannot read '" + path + "' (short read)");
+  return bytes;
+}
+
+void make_folder(const std::string& path) {
+  std::error_code code;
+  fs::create_directories(path, code);
+  if (code && !fs::is_directory(path))
+    throw IoError("cannot create folder '" + path + "' (" + code.message() + "). Choose a folder you may write to");
+}
+
+std::vector<std::string> names_in(const std::string& folder) {
+  std::vector<std::string> names;
+  DIR* const open_folder = ::opendir(folder.c_str());
+  if (open_folder == nullptr) return names;
+  while (const dirent* entry = ::readdir(open_folder)) {
+    const std::string name = entry->d_name;
+    if (name != "." && name != "..") names.push_back(name);
+  }
+  ::closedir(open_folder);
+  std::sort(names.begin(), names.end());
+  return names;
+}
+
+void remove_path(const std::string& path) {
+  struct stat status {};
+  if (::lstat(path.c_str(), &status) != 0) return;
+  if (!S_ISDIR(status.st_mode)) {
+    ::unlink(path.c_str());
+    return;
+  }
+  for (const std::string& name : names_in(path)) remove_path(path + "/" + name);
+  ::rmdir(path.c_str());
+}
+
+}  // namespace graupel

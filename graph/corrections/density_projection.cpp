@@ -1,0 +1,187 @@
+#include "graph/corrections/density_projection.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "core/parallel/memory.h"
+#include "core/parallel/parallel_for_in.h"
+#include "core/system/error.h"
+#ifdef GRAUPEL_HAVE_CUDA
+#include "graph/cuda/corrections/density_solver.h"
+#endif
+#include "graph/corrections/density_cells.h"
+#include "graph/topology/device_lists.h"
+
+namespace graupel::graph {
+
+using namespace density;
+
+namespace {
+
+constexpr Grain light{.items = 2048};
+constexpr int64_t few_particles = 16384;
+/// From the last frame's pressure, as good as 40 sweeps of relaxation 1 from none.
+constexpr int sweeps = 10;
+constexpr float relaxation = 1.7f;
+
+}  // namespace
+
+/// One of the grids, with its pressure.
+class DensityProjection::Lattice {
+ public:
+  Lattice(Device device, const Surroundings& surroundings, double largest_density, const Cells& cells)
+      : device_(device),
+        cells_(cells),
+        unit_(static_cast<uint64_t>(
+            std::clamp(full / (largest_density * std::pow(cells.spacing, 3)), 1.0, std::exp2(31)))),
+        scratch_(device),
+        shares_(device, static_cast<std::size_t>(cells.count())),
+        mass_(device, shares_.size()),
+        pressure_(device, shares_.size()),
+        words_(device, static_cast<std::size_t>(2 * cells.words_of_color())),
+        rank_(device, words_.size() + 1),
+        cell_(device, 0),
+        equation_(device, 0) {
+    mass_.fill_zero();
+    words_.fill_zero();
+    parallel_for(device_, cells.count(),
+                 FindShares{cells, surroundings.view(device).obstacles, surroundings.hold_low, surroundings.hold_high,
+                            shares_.data()});
+    restart();
+  }
+
+  void restart() {
+    pressure_.fill_zero();
+    rank_.fill_zero();
+    synchronize(device_);
+  }
+
+  void spread(const Vec3f* position, int64_t n, void* stream) {
+    parallel_for_in(stream, device_, n, spreading(position, n),
+                    Grain{.items = is_alone(n) ? few_particles : Grain().items});
+  }
+  /// Moves the particles and, where there is a `next` lattice, spreads them there.
+  void move(Vec3f* position, int64_t n, Lattice* next, void* stream) {
+    if (next != nullptr && device_ == Device::cuda) {
+      parallel_for_in(stream, device_, n, MoveAndSpread{moving(position), next->spreading(position, n)});
+      return;
+    }
+    parallel_for_in(stream, device_, n, moving(position));
+    if (next != nullptr) next->spread(position, n, stream);
+  }
+
+  /// False where nothing will move.
+  bool solve(void* stream) {
+#ifdef GRAUPEL_HAVE_CUDA
+    const auto capacity = static_cast<int64_t>(cell_.size());
+    if (device_ == Device::cuda && solves_density_at_once(capacity, static_cast<int64_t>(words_.size()))) {
+      solve_density({cells_, sweeps, relaxation, shares_.data(), words_.data(), mass_.data(), rank_.data(),
+                     cell_.data(), equation_.data(), pressure_.data()},
+                    capacity, stream);
+      return true;
+    }
+#endif
+    find_cells(stream);
+    if (device_ == Device::cpu && at_rest()) return false;
+    for (int sweep = 0; sweep < sweeps; ++sweep)
+      for (int color = 0; color < 2; ++color)
+        parallel_for_in(stream, device_, most_active(color),
+                        Sweep{active(), color, relaxation, shares_.data(), equation_.data(), pressure_.data()}, light);
+    return true;
+  }
+
+  Spread spreading(const Vec3f* position, int64_t n) {
+    prepare(n);
+    return {cells_, position, unit_, mass_.data(), words_.data(), is_alone(n)};
+  }
+  MoveParticle moving(Vec3f* position) const { return {cells_, shares_.data(), pressure_.data(), position}; }
+
+ private:
+  /// A few particles are spread by one thread sooner than by several with atomic sums.
+  bool is_alone(int64_t n) const { return device_ == Device::cpu && n <= few_particles; }
+  void prepare(int64_t n) {
+    const auto most = static_cast<std::size_t>(std::min(corners * n, cells_.count()));
+    if (most <= cell_.size()) return;
+    cell_.resize_discard(most);
+    equation_.resize_discard(most);
+    restart();
+  }
+  void find_cells(void* stream) {
+    const auto words = static_cast<int64_t>(words_.size());
+    parallel_for_in(stream, device_, most_active(0) + most_active(1),
+                    DropPressure{active(), mass_.data(), pressure_.data()}, light);
+    count_bits(device_, words, words_.data(), rank_.data(), scratch_, stream);
+    parallel_for_in(stream, device_, words,
+                    ListCells{active(), shares_.data(), words_.data(), mass_.data(), equation_.data()}, light);
+  }
+
+  /// Whether no cell has too much matter or a pressure: all pressures stay 0, and nothing moves.
+  bool at_rest() {
+    const int32_t count = active().begin(2);
+    for (int32_t k = 0; k < count; ++k)
+      if (equation_[static_cast<std::size_t>(k)].excess > 0 || pressure_[static_cast<std::size_t>(cell_[k])] > 0)
+        return false;
+    return true;
+  }
+
+  ActiveCells active() { return {cells_, rank_.data(), cell_.data()}; }
+  /// No fewer than there are cells of a color that hold matter; the CPU knows how many.
+  int64_t most_active(int color) {
+    if (device_ == Device::cpu) return active().size(color);
+    return std::min(static_cast<int64_t>(cell_.size()), cells_.count() / 2);
+  }
+
+  Device device_;
+  Cells cells_;
+  uint64_t unit_;  ///< mass of a particle
+  ListScratch scratch_;
+  Buffer<Shares> shares_;
+  Buffer<uint32_t> mass_;   ///< zero between calls
+  Buffer<float> pressure_;  ///< of the last frame; zero where it had no matter
+  Buffer<uint32_t> words_;  ///< cells of both colours that hold matter as bits, zero between calls
+  Buffer<int32_t> rank_, cell_;
+  Buffer<Equation> equation_;
+};
+
+DensityProjection::DensityProjection(Device device, const Surroundings& surroundings, double largest_density,
+                                     double spacing) {
+  GRAUPEL_ASSERT(largest_density > 0 && spacing > 0);
+  for (std::size_t k = 0; k < lattices_.size(); ++k) {
+    const Cells cells =
+        cells_over(surroundings.hold_low, surroundings.hold_high, spacing, 0.5 * static_cast<double>(k));
+    check_fits(cells, available_bytes(device));
+    lattices_[k] = std::make_unique<Lattice>(device, surroundings, largest_density, cells);
+  }
+}
+DensityProjection::~DensityProjection() = default;
+
+void DensityProjection::apply(Vec3f* position, int64_t n, void* stream) {
+  lattices_.front()->spread(position, n, stream);
+  for (std::size_t k = 0; k < lattices_.size(); ++k) {
+    Lattice* const next = k + 1 < lattices_.size() ? lattices_[k + 1].get() : nullptr;
+    if (lattices_[k]->solve(stream))
+      lattices_[k]->move(position, n, next, stream);
+    else if (next != nullptr)
+      next->spread(position, n, stream);
+  }
+}
+
+Spread DensityProjection::spreading(const Vec3f* position, int64_t n) {
+  return lattices_.front()->spreading(position, n);
+}
+
+void DensityProjection::between(Vec3f* position, int64_t n, void* stream) {
+  for (std::size_t k = 0; k + 1 < lattices_.size(); ++k) {
+    lattices_[k]->solve(stream);
+    lattices_[k]->move(position, n, lattices_[k + 1].get(), stream);
+  }
+  lattices_.back()->solve(stream);
+}
+
+MoveParticle DensityProjection::moving(Vec3f* position) { return lattices_.back()->moving(position); }
+
+void DensityProjection::restart() {
+  for (const auto& lattice : lattices_) lattice->restart();
+}
+
+}  // namespace graupel::graph

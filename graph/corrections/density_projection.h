@@ -1,0 +1,59 @@
+// Keeps the volume of predicted matter: particles are moved from where they are denser than at rest (implicit density
+// projection, Kugelstadt, Longva, Thuerey and Bender 2019). A learned network that errs a little in every frame lets
+// matter collapse over many.
+//
+// Particles are spread over a grid (trilinear weights). Where a cell's density exceeds its limit, displacements u [in
+// cells] make up for it:
+//   div u = excess, excess = density / largest density - share of the cell that is free,   u = -grad p,   p >= 0,
+//   p = 0 where no matter is (free surface), nothing through the faces that walls and obstacles close,
+// so that nothing is pulled together. Two-coloured projected successive over-relaxation, begun from the last frame's p.
+// Done on two grids, half a cell apart along each axis: one alone would not see matter that gathers at its cells'
+// corners, where it counts as an eighth in each of eight cells.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <memory>
+
+#include "core/math/vec.h"
+#include "core/parallel/device.h"
+#include "graph/features/features.h"
+
+namespace graupel::graph {
+
+namespace density {
+struct Spread;
+struct MoveParticle;
+}  // namespace density
+
+/// Densities are sums of integers and colours are swept one after the other: results do not depend on the number of
+/// threads or the order of the particles; another device gives the same up to rounding.
+class DensityProjection {
+ public:
+  /// `largest_density` [particles/m^3]; `spacing` of the cells [m], doubled until each grid has at most 2^26 of them.
+  /// The surroundings are read here alone. Throws ConfigError when the cells, 25 bytes each, do not fit into the
+  /// memory.
+  DensityProjection(Device device, const Surroundings& surroundings, double largest_density, double spacing);
+  ~DensityProjection();
+
+  /// Moves positions [n] in the device's memory, on each grid by at most half a cell along each axis, perhaps a little
+  /// into obstacles: push them out afterwards. Particles farther than a cell outside the walls are left alone. Takes
+  /// its place in `stream` (cudaStream_t; null: the default one) and, but for the first call with so many particles,
+  /// allocates nothing.
+  void apply(Vec3f* position, int64_t n, void* stream = nullptr);
+
+  /// apply() in parts, for callers that join its first and last step with their own: spreading() for all particles,
+  /// between(), moving() for all.
+  density::Spread spreading(const Vec3f* position, int64_t n);
+  void between(Vec3f* position, int64_t n, void* stream = nullptr);
+  density::MoveParticle moving(Vec3f* position);
+
+  /// Forgets the last frame's pressure, as before another rollout.
+  void restart();
+
+ private:
+  class Lattice;
+  std::array<std::unique_ptr<Lattice>, 2> lattices_;
+};
+
+}  // namespace graupel::graph

@@ -1,0 +1,220 @@
+#include "graph/corrections/free_flight.h"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+
+#include "core/parallel/buffer.h"
+#include "core/parallel/parallel_for.h"
+#include "graph/corrections/free_flight_kernels.h"
+
+#ifdef GRAUPEL_HAVE_CUDA
+#include "graph/cuda/corrections/free_flight_launch.h"
+#endif
+
+namespace graupel::graph {
+
+using namespace flight;
+
+namespace {
+
+constexpr Grain light{.items = 1024}, chunks{.items = 16};
+constexpr int64_t particles_of_chunk = 64;
+constexpr int64_t most_cells = int64_t{1} << 22;
+/// Quadratic B-splines: particles and an obstacle touch up to two cells apart. Particles share a node of MPM's grid up
+/// to three cells apart, but from two on by less than 1/64 of their weight.
+constexpr double group_cells = 2, contact_cells = 2;
+
+FlightCells cells_of(const Surroundings& surroundings) {
+  FlightCells cells{};
+  double spacing = group_cells * surroundings.normal_spacing;
+  for (int64_t count = most_cells + 1; count > most_cells; spacing *= 2) {
+    cells.fine = static_cast<float>(spacing / fine_cells);
+    cells.inverse_fine = static_cast<float>(fine_cells / spacing);
+    count = 1;
+    for (int d = 0; d < 3; ++d) {
+      const double length = surroundings.wall_high[d] - surroundings.wall_low[d];
+      cells.size[d] = static_cast<int>(std::ceil(length / spacing)) + 2;
+      count *= cells.size[d];
+    }
+    cells.origin = (surroundings.wall_low - Vec3d::filled(spacing)).cast<float>();
+  }
+  return cells;
+}
+
+template <typename Body>
+void for_chunks(int64_t n, const Body& body) {
+  parallel_for_cpu((n + particles_of_chunk - 1) / particles_of_chunk,
+                   [&](int64_t c) { body(c * particles_of_chunk, std::min((c + 1) * particles_of_chunk, n)); }, chunks);
+}
+
+/// sum_of(slot_of(i)) += terms_of(i) for all i with a slot: neighbours with the same one are added up first.
+template <typename SlotOf, typename TermsOf, typename SumOf>
+void sum_by_runs(int64_t n, const SlotOf& slot_of, const TermsOf& terms_of, const SumOf& sum_of) {
+  for_chunks(n, [&](int64_t begin, int64_t end) {
+    decltype(terms_of(0, 0)) sum{};
+    int32_t open = -1;
+    for (int64_t i = begin; i <= end; ++i) {
+      const int32_t slot = i < end ? slot_of(i) : -1;
+      if (slot != open) {
+        if (open >= 0) add_terms(sum_of(open), sum);
+        sum = {};
+        open = slot;
+      }
+      if (slot < 0) continue;
+      const auto terms = terms_of(i, slot);
+      for (int k = 0; k < terms.size; ++k) sum.value[k] += terms.value[k];
+    }
+  });
+}
+
+/// Of the largest; a type without a material in the scene counts as the largest.
+std::vector<float> relative_masses(const Scene& scene, const std::vector<int32_t>& particle_type) {
+  std::map<int32_t, double> density;
+  double largest = 0;
+  for (const auto& [name, material] : scene.materials) {
+    density.emplace(particle_type_of(material.model), material.density);
+    largest = std::max(largest, material.density);
+  }
+  std::vector<float> mass;
+  mass.reserve(particle_type.size());
+  for (const int32_t type : particle_type) {
+    const auto found = density.find(type);
+    mass.push_back(found == density.end() ? 1.0f : static_cast<float>(found->second / largest));
+  }
+  return mass;
+}
+
+/// Joins the node k of a time's list with its lower neighbours.
+void join_neighbors(const Groups& groups, int time, int64_t k) {
+  const int32_t node = groups.list[time * groups.n + k];
+  const uint64_t matter = groups.matter[node];
+  Neighbor others[directions];
+  for (int direction = 0; direction < directions; ++direction)
+    others[direction] = neighbor_of(groups, time, node, step_of(direction));
+  uint64_t faces[3];
+  for (int d = 0; d < 3; ++d) faces[d] = others[face_direction(d)].matter;
+  for (int direction = 0; direction < directions; ++direction) {
+    const Vec3i step = step_of(direction);
+    const Neighbor& other = others[direction];
+    if (any_near(matter, other.matter, step) && !is_spare(step, matter, faces, other.matter))
+      groups.unite(node, other.node);
+  }
+}
+
+void find_groups_on_cpu(const Groups& groups) {
+  parallel_for_cpu(groups.n, MarkCells{groups}, light);
+  for (int time = 0; time < times; ++time)
+    parallel_for_cpu(
+        groups.listed[time], [&](int64_t k) { join_neighbors(groups, time, k); }, light);
+  parallel_for_cpu(
+      groups.n, [&](int64_t i) { groups.unite(groups.node_of(0, i), groups.node_of(1, i)); }, light);
+  sum_by_runs(
+      groups.n, [&](int64_t i) { return place_particle(groups, i); },
+      [&](int64_t i, int32_t slot) { return groups.place_terms(i, slot); },
+      [&](int32_t slot) -> PlaceTerms& { return groups.sums[slot].place; });
+  for (int time = 0; time < times; ++time) {
+    for (int64_t k = 0; k < groups.listed[time]; ++k) ClearNode{groups}.clear(time, k);
+    groups.listed[time] = 0;
+  }
+}
+
+void correct_on_cpu(const Groups& groups, Vec3f* next) {
+  const auto flying_slot = [&](int64_t i) { return groups.flies(groups.group[i]) ? groups.group[i] : -1; };
+  sum_by_runs(
+      groups.n, flying_slot, [&](int64_t i, int32_t slot) { return groups.push_terms(i, slot, next); },
+      [&](int32_t slot) -> PushTerms& { return groups.sums[slot].push; });
+  for_chunks(groups.n, [&](int64_t begin, int64_t end) {
+    GroupChange change{};
+    int32_t known = -1;
+    for (int64_t i = begin; i < end; ++i) {
+      const int32_t slot = flying_slot(i);
+      if (slot < 0) continue;
+      if (slot != known) change = change_of(groups.sums[slot].place, groups.sums[slot].push);
+      known = slot;
+      correct(groups, i, slot, change, next);
+    }
+  });
+}
+
+}  // namespace
+
+struct FreeFlight::Impl {
+  Impl(Device on, const Scene& scene, const Surroundings& surroundings, const std::vector<int32_t>& particle_type)
+      : device(on) {
+    groups.cells = cells_of(surroundings);
+    const std::size_t nodes = times * static_cast<std::size_t>(groups.cells.count()), n = particle_type.size();
+    const double reach = contact_cells * surroundings.normal_spacing;
+    groups.gravity = (scene.gravity * (scene.frame_time * scene.frame_time)).cast<float>();
+    groups.low = (surroundings.hold_low + Vec3d::filled(reach)).cast<float>();
+    groups.high = (surroundings.hold_high - Vec3d::filled(reach)).cast<float>();
+    groups.reach = static_cast<float>(reach);
+    groups.obstacles = surroundings.obstacles.view(on);
+    groups.n = static_cast<int64_t>(n);
+    matter.upload(std::vector<uint64_t>(nodes, 0));
+    std::vector<int32_t> parents(nodes, nobody);
+    parents[ground] = ground;
+    parent.upload(parents);
+    counters.upload(std::vector<int32_t>(times + 1, 0));
+    mass.upload(relative_masses(scene, particle_type));
+    for (Buffer<int32_t>* of_particles : {&group, &origin}) of_particles->resize_discard(n);
+    slot.resize_discard(nodes / times);
+    list.resize_discard(times * n);
+    sums.resize_discard(n);
+    groups.matter = matter.data();
+    groups.parent = parent.data();
+    groups.slot = slot.data();
+    groups.list = list.data();
+    groups.listed = counters.data();
+    groups.finished = counters.data() + times;
+    groups.group = group.data();
+    groups.origin = origin.data();
+    groups.sums = sums.data();
+    groups.mass = mass.data();
+  }
+
+  Device device;
+  Groups groups{};
+  Buffer<uint64_t> matter{device, 0};
+  Buffer<int32_t> parent{device, 0}, slot{device, 0}, list{device, 0}, counters{device, 0}, group{device, 0},
+      origin{device, 0};
+  Buffer<GroupSums> sums{device, 0};
+  Buffer<float> mass{device, 0};
+};
+
+FreeFlight::FreeFlight(Device device, const Scene& scene, const Surroundings& surroundings,
+                       const std::vector<int32_t>& particle_type)
+    : impl_(std::make_unique<Impl>(device, scene, surroundings, particle_type)) {}
+FreeFlight::~FreeFlight() = default;
+
+void FreeFlight::find_groups(const Vec3f* before, const Vec3f* now, void* stream) {
+  Groups& groups = impl_->groups;
+  groups.before = before;
+  groups.now = now;
+#ifdef GRAUPEL_HAVE_CUDA
+  if (impl_->device == Device::cuda) return find_groups_on_gpu(groups, stream);
+#endif
+  static_cast<void>(stream);
+  find_groups_on_cpu(groups);
+}
+
+void FreeFlight::correct(const Vec3f* before, const Vec3f* now, Vec3f* next, void* stream) {
+  Groups& groups = impl_->groups;
+  groups.before = before;
+  groups.now = now;
+#ifdef GRAUPEL_HAVE_CUDA
+  if (impl_->device == Device::cuda) return correct_on_gpu(groups, next, stream);
+#endif
+  static_cast<void>(stream);
+  correct_on_cpu(groups, next);
+}
+
+std::vector<int32_t> FreeFlight::groups() const {
+  const std::vector<GroupSums> sums = impl_->sums.download();
+  std::vector<int32_t> groups = impl_->group.download();
+  for (int32_t& group : groups)
+    if (group >= 0 && sums[static_cast<std::size_t>(group)].touches != 0) group = -1;
+  return groups;
+}
+
+}  // namespace graupel::graph

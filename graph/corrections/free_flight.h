@@ -1,0 +1,49 @@
+// Keeps the momentum of predicted matter in free flight. Where a group of particles touches no wall, obstacle or other
+// group, all forces but gravity are its own: its momentum grows by gravity alone, and its angular momentum stays
+// (Newton's laws; the frame step v' = v + a, x' = x + v' keeps sum m x x v when sum m x x a = 0). A network that errs a
+// little lets blobs drift or turn as they fall. So the accelerations of each such group are moved to the nearest ones,
+// in the mean weighted by mass, that obey:
+//   a_i <- a_i - (mean of a - g) - w x (x_i - centre),   inertia w = sum m (x_i - centre) x a_i.
+//
+// Groups: particles less than two cells of the scene's grid apart along each axis, now or after a frame of ballistic
+// flight, belong together. That is counted in quarters of that reach, at most four apart: none that are 2.5 cells
+// apart.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "core/math/vec.h"
+#include "core/parallel/device.h"
+#include "core/scene/scene.h"
+#include "graph/features/features.h"
+
+namespace graupel::graph {
+
+/// Sums are of integers about places of the grid: a particle's result depends neither on the device or the number of
+/// threads nor on the order of the particles.
+class FreeFlight {
+ public:
+  /// `particle_type` [n] tells a particle's mass, by its material's density. The surroundings must live as long.
+  FreeFlight(Device device, const Scene& scene, const Surroundings& surroundings,
+             const std::vector<int32_t>& particle_type);
+  ~FreeFlight();
+
+  /// Groups of the particles at `now`, and which of them fly: nothing is within reach of their contact (two cells of
+  /// the scene's grid) in the frame to come. All positions [n] [m] lie in the device's memory. Allocates nothing; takes
+  /// its place in `stream` (cudaStream_t; null: the default one).
+  void find_groups(const Vec3f* before, const Vec3f* now, void* stream = nullptr);
+  /// Corrects `next` = 2 now - before + a, of the frame that find_groups() saw, once.
+  void correct(const Vec3f* before, const Vec3f* now, Vec3f* next, void* stream = nullptr);
+
+  /// A number of particle i's group where it flies, -1 where it touches something, of the frame that find_groups() saw
+  /// [n]. Numbers may be others the next time.
+  std::vector<int32_t> groups() const;
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace graupel::graph

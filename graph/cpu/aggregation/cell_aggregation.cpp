@@ -1,0 +1,124 @@
+#include "graph/cpu/aggregation/cell_aggregation.h"
+
+#include "graph/topology/offset_tables.h"
+#include "nn/activated_sums.h"
+
+namespace graupel::graph {
+
+using nn::FcnWeights;
+using Bias = FcnWeights::Bias;
+
+namespace {
+
+float* row_of(Buffer<float>& buffer, int64_t row, int width) { return buffer.data() + row * width; }
+
+}  // namespace
+
+CellSums::CellSums(const nn::Weights& weights, const HgnConfig& config, const std::string& name)
+    : width_(nn::padded_width(static_cast<int>(config.latent))) {
+  const int h = static_cast<int>(config.latent);
+  const FcnWeights layer = FcnWeights::load_layer(weights, name + ".gather", 2 * h + 3, h);
+  gathered_ = nn::StackedLinear(h, {{&layer, 0, Bias::without}, {&layer, h, Bias::with}});
+  direction_ = nn::InputTable(layer, 2 * h, slot_directions());
+  network_ =
+      ReceiverNetwork(FcnWeights::load(weights, name + ".cell", 2 * h, h, h), ReceiverNetwork::Inputs::sum_and_latent);
+}
+
+void CellSums::apply(const sparsegrid::Hierarchy<3>& hierarchy, std::size_t level, const nn::Linear& next,
+                     SumWorkspace& workspace) const {
+  const auto& cells = hierarchy.levels[level];
+  const auto count = static_cast<int64_t>(cells.size());
+  Buffer<float>& latent = workspace.cell[level];
+  for_each_range(workspace, count, sum_rows(count), [&](int32_t begin, int32_t end, TileScratch& scratch) {
+    with_rows(workspace, [&](auto word) {
+      using Word = decltype(word);
+      for (int32_t c = begin; c < end; ++c)
+        gather<Word>(cells.neighbor[static_cast<std::size_t>(c)], workspace.now.row<Word>(2 * int64_t{c} + 1, width_),
+                     workspace.now.row<Word>(0, width_), network_.sum(scratch, c - begin));
+    });
+    network_.apply(scratch, end - begin, row_of(latent, begin, width_), workspace.next_rows(next, begin));
+  });
+  workspace.advance();
+}
+
+template <typename Word>
+void CellSums::gather(const std::array<int32_t, 6>& neighbor, const Word* receiver, const Word* rows,
+                      float* sum) const {
+  nn::ActivatedRow<Word> edges[6];
+  int count = 0;
+  for (int slot = 0; slot < 6; ++slot) {
+    const int64_t sender = neighbor[static_cast<std::size_t>(slot)];
+    edges[count] = {rows + 2 * sender * nn::words_of<Word>(width_), direction_.row(slot), 1.0f};
+    count += sender >= 0;  // no branch: whether a neighbour is there is hard to foretell
+  }
+  nn::sum_activated(width_, count, edges, receiver, sum);
+}
+
+RestrictSums::RestrictSums(const nn::Weights& weights, const HgnConfig& config, std::size_t level)
+    : level_(level), width_(nn::padded_width(static_cast<int>(config.latent))) {
+  const int h = static_cast<int>(config.latent);
+  const std::string name = "restrict." + std::to_string(level);
+  const FcnWeights layer = FcnWeights::load_layer(weights, name + ".gather", h + 3, h);
+  gathered_ = layer.first_layer_part(0, h, Bias::with);
+  octant_ = nn::InputTable(layer, h, octant_offsets(-1));
+  network_ = ReceiverNetwork(FcnWeights::load(weights, name, h, h, h), ReceiverNetwork::Inputs::sum);
+}
+
+void RestrictSums::apply(const sparsegrid::Hierarchy<3>& hierarchy, const nn::Linear& next,
+                         SumWorkspace& workspace) const {
+  const auto cells = static_cast<int64_t>(hierarchy.levels[level_ + 1].size());
+  const auto& children = workspace.topology.children[level_ + 1];
+  Buffer<float>& latent = workspace.cell[level_ + 1];
+  for_each_range(workspace, cells, sum_rows(cells), [&](int32_t begin, int32_t end, TileScratch& scratch) {
+    with_rows(workspace, [&](auto word) {
+      using Word = decltype(word);
+      for (int32_t c = begin; c < end; ++c) {
+        float* const sum = network_.sum(scratch, c - begin);
+        nn::clear_row(sum, width_);
+        nn::ActivatedRow<Word> rows[SumTopology::corners];
+        int count = 0;
+        for (int octant = 0; octant < SumTopology::corners; ++octant) {
+          const int32_t child = children[static_cast<std::size_t>(c)][static_cast<std::size_t>(octant)];
+          if (child >= 0) rows[count++] = {workspace.now.row<Word>(child, width_), octant_.row(octant), 1.0f};
+        }
+        nn::add_activated(width_, count, rows, sum);
+      }
+    });
+    network_.apply(scratch, end - begin, row_of(latent, begin, width_), workspace.next_rows(next, begin));
+  });
+  workspace.advance();
+}
+
+Prolong::Prolong(const nn::Weights& weights, const HgnConfig& config, std::size_t level)
+    : level_(level), width_(nn::padded_width(static_cast<int>(config.latent))) {
+  const int h = static_cast<int>(config.latent);
+  const FcnWeights fcn = FcnWeights::load(weights, "prolong." + std::to_string(level), 2 * h + 3, h, h);
+  gathered_ = fcn.first_layer_part(0, h, Bias::with);
+  fine_part_ = fcn.first_layer_part(h, h, Bias::without);
+  octant_ = nn::InputTable(fcn, 2 * h, octant_offsets(1));
+  second_ = nn::NormalizedLayer(fcn);
+}
+
+void Prolong::apply(const sparsegrid::Hierarchy<3>& hierarchy, const nn::Linear& next, SumWorkspace& workspace) const {
+  const auto& fine = hierarchy.levels[level_];
+  const auto count = static_cast<int64_t>(fine.size());
+  Buffer<float>& latent = workspace.cell[level_];
+  for_each_range(workspace, count, sum_rows(count), [&](int32_t begin, int32_t end, TileScratch& scratch) {
+    float* const f = row_of(latent, begin, width_);
+    fine_part_.apply(f, width_, end - begin, scratch.hidden.data(), width_);
+    with_rows(workspace, [&](auto word) {
+      using Word = decltype(word);
+      for (int32_t c = begin; c < end; ++c) {
+        float* const hidden = scratch.hidden.data() + int64_t{c - begin} * width_;
+        const auto cell = static_cast<std::size_t>(c);
+        const nn::ActivatedRow<Word> row = {workspace.now.row<Word>(fine.parent[cell], width_),
+                                            octant_.row(fine.octant[cell]), 1.0f};
+        nn::sum_activated(width_, 1, &row, hidden, hidden);
+      }
+    });
+    finish_latents(second_, scratch.hidden.data(), end - begin, true, f, workspace.next_rows(next, begin), scratch);
+  });
+  workspace.advance();
+}
+
+}  // namespace graupel::graph

@@ -1,0 +1,81 @@
+#include "graph/cpu/aggregation/receiver_network.h"
+
+#include <algorithm>
+
+#include "core/system/error.h"
+#include "nn/chain_on_units.h"
+
+namespace graupel::graph {
+
+namespace {
+
+/// On units for bf16, where they are used for all layers; else false, and nothing is done.
+bool apply_on_units(const nn::Linear* first, const nn::NormalizedLayer& second, const NextRows& next,
+                    nn::ChainRows rows) {
+  const nn::UnitChain chain{.first = first ? first->on_units() : nn::UnitLayer(),
+                            .second = second.linear().on_units(),
+                            .next = next.layer.on_units(),
+                            .gamma = second.gamma(),
+                            .beta = second.beta(),
+                            .out = second.linear().out()};
+  if ((first && !chain.first.tiles) || !chain.second.tiles || !chain.next.tiles ||
+      second.width() > nn::most_chain_width) {
+    GRAUPEL_ASSERT(!next.packed);
+    return false;
+  }
+  rows.next = next.floats;
+  rows.packed_next = next.packed;
+  nn::apply_chain_on_units(chain, rows);
+  return true;
+}
+
+}  // namespace
+
+void finish_latents(const nn::NormalizedLayer& second, const float* hidden, int32_t rows, bool add, float* latent,
+                    const NextRows& next, TileScratch& scratch) {
+  const int width = second.width();
+  if (apply_on_units(nullptr, second, next,
+                     {.rows = rows, .input = hidden, .input_stride = width, .latent = latent, .add = add}))
+    return;
+  float* const output = scratch.output.data();
+  second.apply(hidden, rows, output);
+  for (int32_t r = 0; r < rows; ++r) {
+    float* const f = latent + int64_t{r} * width;
+    const float* const y = output + int64_t{r} * width;
+    if (add)
+      second.add_to(f, y);
+    else
+      second.finish(f, y);
+  }
+  next.layer.apply(latent, width, rows, next.floats, next.layer.width());
+}
+
+ReceiverNetwork::ReceiverNetwork(const nn::FcnWeights& fcn, Inputs inputs)
+    : width_(nn::padded_width(fcn.hidden)),
+      inputs_(inputs == Inputs::sum ? 1 : 2),
+      first_(fcn.first_layer_of_padded(inputs_)),
+      second_(fcn) {}
+
+void ReceiverNetwork::apply(TileScratch& scratch, int32_t rows, float* latent, const NextRows& next) const {
+  const bool both = inputs_ == 2;
+  if (apply_on_units(&first_, second_, next,
+                     {.rows = rows,
+                      .input = scratch.sums.data(),
+                      .input_stride = width_,
+                      .latent = latent,
+                      .with_latent = both,
+                      .add = both}))
+    return;
+  float* const hidden = scratch.hidden.data();
+  float* const input = both ? scratch.input.data() : scratch.sums.data();
+  if (both)
+    for (int32_t r = 0; r < rows; ++r) {
+      std::copy_n(sum(scratch, r), width_, input + 2 * int64_t{r} * width_);
+      std::copy_n(latent + int64_t{r} * width_, width_, input + (2 * int64_t{r} + 1) * width_);
+    }
+  first_.apply(input, int64_t{inputs_} * width_, rows, hidden, width_);
+  for (int32_t r = 0; r < rows; ++r) nn::activate_row(hidden + int64_t{r} * width_, width_);
+  finish_latents(second_, hidden, rows, both, latent, next, scratch);
+}
+
+}  // namespace graupel::graph

@@ -1,0 +1,243 @@
+#include "graph/cuda/forward/aggregation_forward.h"
+
+#include "core/system/error.h"
+
+namespace graupel::graph {
+
+namespace {
+
+constexpr int corners = 8;
+constexpr int64_t h = layer_width;
+
+/// Pair q belongs to particle q / 8 and corner q % 8.
+constexpr RowOf by_particle{nullptr, 3, -1};
+constexpr RowOf by_corner{nullptr, 0, corners - 1};
+constexpr RowOf always_first{nullptr, 0, 0};
+
+/// W_s f_s, and W_r f_r with the bias, of a gather layer.
+struct Projections {
+  uint16_t *sender = nullptr, *receiver = nullptr;
+};
+
+class SumsPass {
+ public:
+  SumsPass(const PackedHgn& network, const HgnGraph& graph, RowMemory& memory, SumsRecord& record, void* stream)
+      : network_(network), graph_(graph), memory_(memory), record_(record), stream_(stream) {}
+
+  RowLatents run();
+
+ private:
+  RowLatents latents(int64_t rows) { return {memory_.rows32(rows), memory_.rows16(rows)}; }
+  uint8_t* signs(int64_t items) {
+    constexpr int64_t in_a_row = 2 * h / sign_bytes;
+    return reinterpret_cast<uint8_t*>(memory_.rows16((items + in_a_row - 1) / in_a_row));
+  }
+  /// FCN `name` over [sum] or, with `nodes`, over [sum, nodes]; the nodes are added to its result.
+  RowLatents update(const std::string& name, int64_t rows, const uint16_t* sum, const RowLatents& nodes,
+                    RowNetwork& record, const RowOutlook& outlook = {});
+  RowOutlook outlook(const std::string& gather, const Projections& to) const;
+
+  RowLatents particle_to_grid();
+  RowLatents grid_to_particle(const RowLatents& cells);
+  /// `projected`: of the first iteration, where they are there already.
+  RowLatents pass_messages(const std::string& block, const LevelLinks& level, RowLatents nodes,
+                           SumsRecord::Block& record, Projections projected);
+  RowLatents restrict_to_coarse(std::size_t l, const RowLatents& fine);
+  RowLatents prolong_to_fine(std::size_t l, const RowLatents& coarse, const RowLatents& fine, Projections& projected);
+  Projections projections(const LevelLinks& level) {
+    return {memory_.rows16(level.cells), memory_.rows16(level.cells)};
+  }
+
+  const PackedHgn& network_;
+  const HgnGraph& graph_;
+  RowMemory& memory_;
+  SumsRecord& record_;
+  void* stream_;
+  uint16_t* to_particle_ = nullptr;  ///< W_p f_p + W_o offset + b of grid_to_particle.gather, [particles, 128]
+};
+
+RowLatents SumsPass::run() {
+  const auto levels = static_cast<std::size_t>(network_.config().levels);
+  GRAUPEL_ASSERT(graph_.level.size() == levels);
+  record_ = {};
+  record_.down.resize(levels);
+  record_.up.resize(levels);
+  record_.restriction.resize(levels);
+  record_.restricted.resize(levels);
+  record_.prolongation.resize(levels);
+  record_.particles = encode_particles(network_, graph_, memory_, record_.encoder, stream_);
+  std::vector<RowLatents> f(levels);
+  f[0] = particle_to_grid();
+  for (std::size_t l = 0; l < levels; ++l) {
+    f[l] = pass_messages(numbered("down", static_cast<int64_t>(l)), graph_.level[l], f[l], record_.down[l], {});
+    if (l + 1 < levels) f[l + 1] = restrict_to_coarse(l, f[l]);
+  }
+  for (std::size_t l = levels - 1; l-- > 0;) {
+    Projections projected;
+    const RowLatents refined = prolong_to_fine(l, f[l + 1], f[l], projected);
+    f[l] = pass_messages(numbered("up", static_cast<int64_t>(l)), graph_.level[l], refined, record_.up[l], projected);
+  }
+  return grid_to_particle(f[0]);
+}
+
+RowOutlook SumsPass::outlook(const std::string& gather, const Projections& to) const {
+  RowOutlook wanted;
+  wanted.weight[0] = network_.tile(gather, 0);
+  wanted.weight[1] = network_.tile(gather, h);
+  wanted.bias[1] = network_.fcn(gather).b1;
+  wanted.out16[0] = to.sender;
+  wanted.out16[1] = to.receiver;
+  return wanted;
+}
+
+RowLatents SumsPass::update(const std::string& name, int64_t rows, const uint16_t* sum, const RowLatents& nodes,
+                            RowNetwork& record, const RowOutlook& outlook) {
+  const RowLatents result = latents(rows);
+  record = network_.network(name, rows);
+  record.operand[0] = {.rows = sum, .weight = network_.tile(name, 0)};
+  if (nodes.f16) record.operand[1] = {.rows = nodes.f16, .weight = network_.tile(name, h)};
+  record.table[0] = {network_.fcn(name).b1, always_first};
+  record.add32 = nodes.f32;
+  record.sum32 = result.f32;
+  record.copy16 = result.f16;
+  record.outlook = outlook;
+  forward(record, stream_);
+  return result;
+}
+
+RowLatents SumsPass::particle_to_grid() {
+  // Before the activation of pair (p, k), to the grid: W_f f_p + b - W_o offset_p + W_o bits_k; from it: W_c f_cell +
+  // W_p f_p + b + W_o offset_p - W_o bits_k. Both parts of a particle are made at once.
+  const std::string to_name = "particle_to_grid.gather", from_name = "grid_to_particle.gather";
+  const int64_t n = graph_.particles, cells = graph_.level[0].cells;
+  const FcnWeights &to = network_.fcn(to_name), &from = network_.fcn(from_name);
+  uint16_t* const to_cells = memory_.rows16(n);
+  to_particle_ = memory_.rows16(n);
+  project({.rows = n,
+           .x = record_.particles.f16,
+           .weight = {network_.tile(to_name, 0), network_.tile(from_name, h)},
+           .bias = {to.b1, from.b1},
+           .offset = graph_.offset,
+           .offset_weight = {to.w1 + h, from.w1 + 2 * h},
+           .offset_stride = {to.inputs, from.inputs},
+           .offset_sign = {-1, 1},
+           .out16 = {to_cells, to_particle_}},
+          stream_);
+  uint16_t* const sum = memory_.rows16(cells);
+  record_.to_grid.signs = signs(corners * n);
+  sum_activations({.receivers = cells,
+                   .items = {.begin = graph_.pair_begin, .item = graph_.pair, .are_long = true},
+                   .sender = by_particle,
+                   .sent = to_cells,
+                   .table = network_.table(to_name),
+                   .table_row = by_corner,
+                   .weight = graph_.weight,
+                   .scale = static_cast<float>(network_.config().p2g_scale),
+                   .sum = sum,
+                   .signs = record_.to_grid.signs},
+                  stream_);
+  return update("particle_to_grid", cells, sum, {}, record_.to_grid.network);
+}
+
+RowLatents SumsPass::grid_to_particle(const RowLatents& cells) {
+  const std::string name = "grid_to_particle.gather";
+  const int64_t n = graph_.particles, n_cells = graph_.level[0].cells;
+  uint16_t *const per_cell = memory_.rows16(n_cells), *const sum = memory_.rows16(n);
+  project({.rows = n_cells, .x = cells.f16, .weight = {network_.tile(name, 0)}, .out16 = {per_cell}}, stream_);
+  record_.finest = cells.f16;
+  record_.to_particle.signs = signs(corners * n);
+  sum_activations({.receivers = n,
+                   .items = {.fixed = corners},
+                   .sender = {graph_.cell},
+                   .sent = per_cell,
+                   .received = to_particle_,
+                   .table = network_.table(name),
+                   .table_row = by_corner,
+                   .weight = graph_.weight,
+                   .sum = sum,
+                   .signs = record_.to_particle.signs},
+                  stream_);
+  return update("grid_to_particle", n, sum, record_.particles, record_.to_particle.network);
+}
+
+RowLatents SumsPass::restrict_to_coarse(std::size_t l, const RowLatents& fine) {
+  const LevelLinks& level = graph_.level[l];
+  const std::string name = numbered("restrict", static_cast<int64_t>(l)), gather = name + ".gather";
+  const int64_t parents = graph_.level[l + 1].cells;
+  uint16_t *const per_child = memory_.rows16(level.cells), *const sum = memory_.rows16(parents);
+  project({.rows = level.cells, .x = fine.f16, .weight = {network_.tile(gather, 0)}, .out16 = {per_child}}, stream_);
+  SumsRecord::Step& step = record_.restriction[l];
+  step.signs = signs(level.cells);
+  record_.restricted[l] = fine.f16;
+  sum_activations({.receivers = parents,
+                   .items = {.begin = level.child_begin, .first = level.first_child, .item = level.child},
+                   .sent = per_child,
+                   .table = network_.table(gather),
+                   .table_row = {level.octant},
+                   .sum = sum,
+                   .signs = step.signs},
+                  stream_);
+  return update(name, parents, sum, {}, step.network);
+}
+
+RowLatents SumsPass::prolong_to_fine(std::size_t l, const RowLatents& coarse, const RowLatents& fine,
+                                     Projections& projected) {
+  const LevelLinks& level = graph_.level[l];
+  const RowLatents refined = latents(level.cells);
+  RowNetwork& network = record_.prolongation[l] = prolongation(network_, l, level, coarse, fine, refined);
+  if (can_look_ahead()) {
+    projected = projections(level);
+    network.outlook = outlook(numbered(numbered("up", static_cast<int64_t>(l)), 0, ".gather"), projected);
+  }
+  forward(network, stream_);
+  return refined;
+}
+
+RowLatents SumsPass::pass_messages(const std::string& block, const LevelLinks& level, RowLatents nodes,
+                                   SumsRecord::Block& record, Projections projected) {
+  // Before the activation of edge s -> r: W_s f_s + W_r f_r + b + W_o (unit vector from s to r).
+  const int64_t iterations = network_.config().message_passing;
+  for (int64_t k = 0; k < iterations; ++k) {
+    const std::string gather = numbered(block, k, ".gather");
+    SumsRecord::Step& step = record.emplace_back();
+    if (projected.sender == nullptr) {
+      projected = projections(level);
+      const RowOutlook wanted = outlook(gather, projected);
+      project({.rows = level.cells,
+               .x = nodes.f16,
+               .weight = {wanted.weight[0], wanted.weight[1]},
+               .bias = {wanted.bias[0], wanted.bias[1]},
+               .out16 = {wanted.out16[0], wanted.out16[1]}},
+              stream_);
+    }
+    uint16_t* const sum = memory_.rows16(level.cells);
+    step.signs = signs(level.edges);
+    sum_activations({.receivers = level.cells,
+                     .items = {.begin = level.edge_begin, .first = level.first_edge},
+                     .sender = {level.sender},
+                     .sent = projected.sender,
+                     .received = projected.receiver,
+                     .table = network_.table(gather),
+                     .table_row = {level.slot},
+                     .sum = sum,
+                     .signs = step.signs},
+                    stream_);
+    RowOutlook next;
+    projected = {};
+    if (can_look_ahead() && k + 1 < iterations) {
+      projected = projections(level);
+      next = outlook(numbered(block, k + 1, ".gather"), projected);
+    }
+    nodes = update(numbered(block, k, ".cell"), level.cells, sum, nodes, step.network, next);
+  }
+  return nodes;
+}
+
+}  // namespace
+
+RowLatents forward_sums(const PackedHgn& network, const HgnGraph& graph, RowMemory& memory, SumsRecord& record,
+                        void* stream) {
+  return SumsPass(network, graph, memory, record, stream).run();
+}
+
+}  // namespace graupel::graph

@@ -1,0 +1,35 @@
+// Forward pass, for training, of the hierarchical graph network whose receivers sum activations (Aggregation in
+// graph/config/hgn_config.h), by the kernels of row_layers.h and activation_sums.h. Gather layers over [f_i, f_j,
+// offset] are evaluated as W_i f_i + W_j f_j + W_o offset, projected once a node, kept in bf16.
+#pragma once
+
+#include <vector>
+
+#include "graph/cuda/aggregation/activation_aggregation.h"
+#include "graph/cuda/forward/hgn_forward.h"
+
+namespace graupel::graph {
+
+/// What a forward pass leaves for the backward pass.
+struct SumsRecord {
+  /// A sum of activations and the network that takes it as its first operand.
+  struct Step {
+    uint8_t* signs = nullptr;  ///< of the activations
+    RowNetwork network;
+  };
+  using Block = std::vector<Step>;
+  RowNetwork encoder;
+  RowLatents particles;  ///< after the encoder
+  Step to_grid, to_particle;
+  const uint16_t* finest = nullptr;         ///< level-0 cells after the up pass
+  std::vector<Step> restriction;            ///< [levels]
+  std::vector<const uint16_t*> restricted;  ///< [levels] cells of level l that go up to l + 1
+  std::vector<RowNetwork> prolongation;     ///< [levels]
+  std::vector<Block> down, up;              ///< [levels]
+};
+
+/// Latents of the particles before the decoder, [particles, 128]: encoder's plus what the cells send.
+RowLatents forward_sums(const PackedHgn& network, const HgnGraph& graph, RowMemory& memory, SumsRecord& record,
+                        void* stream);
+
+}  // namespace graupel::graph

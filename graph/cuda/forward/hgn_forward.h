@@ -1,0 +1,129 @@
+// The hierarchical graph network on a GPU (HGN paper, figure 2) by the kernels of row_layers.h: the function of
+// graph/networks/hierarchical_graph_network.h, with products in bf16. One forward pass for rollouts and for training,
+// which keeps what it says. First layers over [f_i, f_j, e] are evaluated as W_i f_i + W_j f_j + W_e e, projected once
+// a cell.
+#pragma once
+
+#include <functional>
+#include <map>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "core/parallel/buffer.h"
+#include "graph/config/hgn_config.h"
+#include "graph/cuda/fused_mlp/row_layers.h"
+
+namespace graupel::graph {
+
+/// Weights of one FCN, f32, in the GPU's memory; w1 [outputs of layer 1, inputs]. Of a gather layer w1, b1 and inputs
+/// alone.
+struct FcnWeights {
+  const float *w1 = nullptr, *b1 = nullptr, *w2 = nullptr, *b2 = nullptr, *gamma = nullptr, *beta = nullptr;
+  int32_t inputs = 0;
+};
+
+/// The weights as the kernels take them: bf16 tiles of every matrix, and what first layers add for the few offsets that
+/// corners, octants, neighbour slots and particle types have.
+class PackedHgn {
+ public:
+  /// Whether the kernels exist for such a network: width 128, at most 128 inputs.
+  static bool fits(const HgnConfig& config);
+
+  /// `embedding` [types, E]; all pointers must stay valid.
+  PackedHgn(const HgnConfig& config, std::map<std::string, FcnWeights> fcns, const float* embedding);
+
+  /// Takes over the weights' present values.
+  void refresh(void* stream);
+
+  const HgnConfig& config() const { return config_; }
+  const FcnWeights& fcn(const std::string& name) const { return fcns_.at(name); }
+  /// Tile of 128 columns of a first layer.
+  const uint16_t* tile(const std::string& fcn, int64_t first_column) const;
+  /// Rows that first layers add: of "encoder" by type; of the transfers by corner or octant; of first edges by slot.
+  const float* table(const std::string& fcn) const;
+  /// A network over rows with its second layer; operands and tables are the caller's.
+  RowNetwork network(const std::string& fcn, int64_t rows, const int32_t* row_count = nullptr) const;
+
+ private:
+  void add_tables();
+
+  HgnConfig config_;
+  std::map<std::string, FcnWeights> fcns_;
+  const float* embedding_;
+  std::map<std::pair<std::string, int64_t>, int64_t> tile_of_;
+  std::map<std::string, int64_t> table_of_;
+  std::vector<OffsetTable> table_sources_;
+  Buffer<TileSource> tile_sources_;
+  Buffer<OffsetTable> tables_on_device_;
+  Buffer<uint16_t> tiles_;
+  Buffer<float> tables_;
+};
+
+/// The links of one level in the GPU's memory; numbers count within the level.
+struct LevelLinks {
+  int64_t cells = 0, edges = 0;
+  const int32_t *cell_count = nullptr, *edge_count = nullptr;  ///< row_layers.h
+  const int32_t *edge_begin, *sender, *receiver, *slot, *reverse;
+  const int32_t *parent, *octant, *child_begin, *child;
+  int32_t first_edge = 0, first_child = 0;  ///< what edge_begin and child_begin count too many
+};
+
+/// Particles, pairs and levels of a batch of scenes (train::Batch, GridLinks) in the GPU's memory.
+struct HgnGraph {
+  int64_t particles = 0;
+  const int32_t *particle_count = nullptr, *pair_count = nullptr;  ///< row_layers.h
+  const float* features;                                           ///< [particles, input_width - embedding]
+  const int32_t* type_row;                                         ///< [particles]
+  const float *weight, *offset;
+  const int32_t *cell, *pair_begin, *pair;
+  std::vector<LevelLinks> level;
+};
+
+/// Where the passes put their rows of 128 numbers.
+class RowMemory {
+ public:
+  virtual ~RowMemory() = default;
+  virtual float* rows32(int64_t rows) = 0;
+  virtual uint16_t* rows16(int64_t rows) = 0;
+  /// Whether every row is read after the pass; else those of an iteration may take the place of older ones.
+  virtual bool keeps_all() const = 0;
+};
+
+/// Latents in both precisions.
+struct RowLatents {
+  float* f32 = nullptr;
+  uint16_t* f16 = nullptr;
+};
+
+/// What a forward pass leaves for the backward pass.
+struct HgnRecord {
+  struct Iteration {
+    RowNetwork edge, cell;
+  };
+  using Block = std::vector<Iteration>;
+  RowNetwork encoder, to_grid, to_particle;
+  RowLatents particles;                               ///< after the encoder
+  const uint16_t* finest = nullptr;                   ///< level-0 cells after the up pass
+  std::vector<RowNetwork> restriction, prolongation;  ///< [levels]
+  std::vector<Block> down, up;                        ///< [levels]
+};
+
+/// "block.k.part"
+inline std::string numbered(const std::string& block, int64_t k, const char* part = "") {
+  return std::string(block).append(".").append(std::to_string(k)).append(part);
+}
+
+/// Latents of the particles after the encoder; launches it.
+RowLatents encode_particles(const PackedHgn& network, const HgnGraph& graph, RowMemory& memory, RowNetwork& encoder,
+                            void* stream);
+/// The network of prolong.<l> that makes `refined` of the cells of level l + 1 and of level l, the links of `level`.
+RowNetwork prolongation(const PackedHgn& network, std::size_t l, const LevelLinks& level, const RowLatents& coarse,
+                        const RowLatents& fine, const RowLatents& refined);
+
+/// Latents of the particles before the decoder, [particles, 128]: encoder's plus what the cells send. `grid_ready` is
+/// called when the encoder has been launched, which does not need the grid.
+float* forward_to_decoder(const PackedHgn& network, const HgnGraph& graph, RowMemory& memory, HgnRecord& record,
+                          void* stream, const std::function<void()>& grid_ready = {});
+
+}  // namespace graupel::graph

@@ -1,0 +1,34 @@
+// The network that sums messages on a GPU, for rollouts: the passes of hgn_passes.h on the links of one scene.
+#pragma once
+
+#include "core/parallel/buffer.h"
+#include "graph/cuda/forward/device_weights.h"
+#include "graph/cuda/forward/grid_network.h"
+#include "graph/cuda/forward/hgn_forward.h"
+#include "graph/cuda/forward/row_arena.h"
+
+namespace graupel::graph {
+
+class MessageNetwork : public GridNetwork {
+ public:
+  MessageNetwork(const HgnConfig& config, const nn::Weights& weights);
+  void prepare(const GridInputs& inputs) override;
+  void reset() override { arena_.reset(); }
+  void follow_grid(void* grid_stream) override;
+  void launch(void* stream, const LaunchMoments& moments) override;
+  const float* output() const override { return output_.data(); }
+  const int32_t* fault() const override { return places_.fault(); }
+
+ private:
+  HgnGraph graph() const;
+
+  DeviceWeights weights_;
+  PackedHgn network_;
+  GridInputs inputs_;
+  LevelPlaces places_{Device::cuda};
+  RowArena arena_;
+  HgnRecord record_;
+  Buffer<float> output_{Device::cuda, 0};
+};
+
+}  // namespace graupel::graph

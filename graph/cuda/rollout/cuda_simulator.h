@@ -1,0 +1,52 @@
+// Rollouts of graph networks on a GPU: features, graph, network and projection run there, and the positions stay
+// there. The function is that of LearnedSimulator on the CPU, with matrix products in bf16.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "core/scene/scene.h"
+#include "graph/features/features.h"
+#include "nn/weights.h"
+
+namespace graupel::graph {
+
+/// Milliseconds of one frame on the GPU, a share of those of its bundle (FeatureConfig::bundle). The hierarchy is made
+/// beside the features and, where receivers sum messages, the encoder: what it takes longer than they.
+struct CudaFrameTime {
+  double features = 0, hierarchy = 0, network = 0, projection = 0;
+  double total() const { return features + hierarchy + network + projection; }
+};
+
+/// As in LearnedSimulator::RolloutOptions.
+struct CudaLaws {
+  bool project = true;
+  double density_limit = 1;
+  bool free_flight = true;
+  bool network = true;
+};
+
+class CudaSimulator {
+ public:
+  /// Throws ConfigError where there is no GPU or no kernels for such a network.
+  explicit CudaSimulator(const nn::Weights& weights);
+  ~CudaSimulator();
+
+  /// A rollout from history + 1 positions, newest last. `scene` and `surroundings` must live as long as it runs.
+  void start(const Scene& scene, const Surroundings& surroundings, const std::vector<int32_t>& particle_type,
+             const std::vector<std::vector<Vec3f>>& positions, const CudaLaws& laws);
+  /// Predicts the next frame; false when it has diverged (step_frame) or a particle has left the domain's surroundings.
+  bool advance();
+  /// Accelerations of the next frame [m/frame^2], without moving. After start() alone.
+  std::vector<Vec3f> accelerations();
+  std::vector<Vec3f> positions() const;
+  /// Of the last frame, by events on the GPU.
+  CudaFrameTime frame_time() const;
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace graupel::graph

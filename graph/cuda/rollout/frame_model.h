@@ -1,0 +1,54 @@
+// What a rollout on a GPU (cuda_simulator.h) asks of an architecture: the making of its graph and the accelerations.
+// All launches may be recorded; numbers that change from frame to frame are read on the GPU, as far as there is room.
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "graph/config/feature_config.h"
+#include "graph/cuda/launch/launch_hooks.h"
+#include "graph/features/features.h"
+#include "nn/weights.h"
+
+namespace graupel::graph {
+
+class FrameModel {
+ public:
+  virtual ~FrameModel() = default;
+
+  virtual const FeatureConfig& feature_config() const = 0;
+  /// As Network::spacing.
+  virtual double spacing() const = 0;
+
+  /// Makes ready for particles of these rows of the embedding table. `surroundings` must live as long as frames are
+  /// launched. Launches in `stream`.
+  virtual void start(const Surroundings& surroundings, const std::vector<int32_t>& type_row, void* stream) = 0;
+  /// What a frame begins with, to be written by the caller: features [particles, width] before launch(), positions
+  /// [particles] before launch_graph().
+  virtual float* features() = 0;
+  virtual Vec3f* position() = 0;
+
+  /// Makes the graph of position(), beside what follows in the stream or in launch(). `with_counts`: at once, with what
+  /// make_room() needs.
+  virtual void launch_graph(void* stream, bool with_counts) = 0;
+  enum class Room {
+    there,  ///< for the graph made last
+    moved,  ///< there, at new places: what was recorded is of no use
+    none    ///< a particle lies outside what the graph can hold
+  };
+  /// Waits for the graph made last.
+  virtual Room make_room() = 0;
+  /// Normalised accelerations from features() and the graph made last.
+  virtual void launch(void* stream, const LaunchMoments& moments) = 0;
+  virtual const float* output() const = 0;  ///< [particles, output_width()]
+  /// Not 0 where the graph made last had no room: the output is of no use.
+  virtual const int32_t* fault() const = 0;
+  /// The memory of the launches so far may be used again.
+  virtual void reuse_memory() = 0;
+};
+
+/// The network of a weights file. Throws InputError for damaged weights, ConfigError where there is no GPU or no
+/// kernels for such a network.
+std::unique_ptr<FrameModel> make_frame_model(const nn::Weights& weights);
+
+}  // namespace graupel::graph

@@ -1,0 +1,103 @@
+#include "graph/cuda/rollout/gns_frame.h"
+
+#include "core/scene/material_config.h"
+#include "core/system/error.h"
+#include "graph/features/normalization.h"
+#include "graph/networks/gns_network.h"
+
+namespace graupel::graph {
+
+namespace {
+
+GnsConfig checked_config(const nn::Weights& weights) {
+  static_cast<void>(GnsNetwork(weights));  // its errors
+  const GnsConfig config = GnsConfig::from_metadata(weights.metadata, weights.file);
+  if (!cuda_available()) throw ConfigError("device 'cuda' is not usable (no GPU). Use --device cpu");
+  if (!PackedGns::fits(config))
+    throw ConfigError("'" + weights.file + "': networks run on a GPU with a latent width of " +
+                      std::to_string(layer_width) +
+                      " and one hidden layer only (gns.latent: " + std::to_string(config.latent) +
+                      ", gns.hidden_layers: " + std::to_string(config.hidden_layers) + "). Use --device cpu");
+  return config;
+}
+
+}  // namespace
+
+GnsFrame::GnsFrame(const nn::Weights& weights)
+    : config_(checked_config(weights)),
+      rules_(config_, read_normalization(weights)),
+      weights_(weights),
+      network_(config_, weights_.fcns(), weights_.get("embedding.weight")) {
+  network_.refresh(nullptr);
+}
+
+void GnsFrame::start(const Surroundings& surroundings, const std::vector<int32_t>& type_row, void* stream) {
+  particles_ = static_cast<int64_t>(type_row.size());
+  std::vector<Vec3f> points;
+  if (config_.obstacle_particles) points = surroundings.obstacle_particles.at_spacing(config_.obstacle_spacing);
+  point_.upload(points);
+  builder_.prepare({{surroundings.wall_low, surroundings.wall_high, particles_, point_.data(),
+                     static_cast<int64_t>(points.size()), AxisMap{}, surroundings.view(Device::cuda)}},
+                   stream);
+  const auto nodes = static_cast<std::size_t>(builder_.most_nodes());
+  std::vector<int32_t> types = type_row;
+  types.resize(nodes, embedding_row(obstacle_particle_type));
+  type_row_.upload(types);
+  position_.resize_discard(nodes);
+  features_.resize_discard(nodes * static_cast<std::size_t>(rules_.width));
+  output_.resize_discard(static_cast<std::size_t>(config_.output_width()) * type_row.size());
+}
+
+void GnsFrame::launch_graph(void* stream, bool with_counts) {
+  is_due_ = !with_counts;
+  if (with_counts) make_graph(stream);
+}
+
+void GnsFrame::make_graph(void* stream) {
+  stream_ = stream;
+  builder_.build(position_.data(), stream);
+  builder_.describe_obstacles(rules_, features_.data(), type_row_.data(), stream);
+}
+
+FrameModel::Room GnsFrame::make_room() {
+  constexpr double spare = 0.5;  // for frames to come
+  const int64_t room = builder_.room();
+  builder_.finish(spare, stream_);
+  const auto rows = static_cast<std::size_t>(builder_.room() * layer_width);
+  latent_.resize_discard(rows);
+  message_.resize_discard(rows);
+  return builder_.room() == room ? Room::there : Room::moved;
+}
+
+void GnsFrame::launch(void* stream, const LaunchMoments& moments) {
+  moments.room_beside();
+  if (is_due_) make_graph(stream);
+  is_due_ = false;
+  moments.graph_ready();
+  const RadiusLinks links = builder_.links();
+  GnsRows rows;
+  rows.nodes = builder_.most_nodes();
+  rows.edges = builder_.room();
+  rows.node_count = links.node_count;
+  rows.edge_count = links.edge_count;
+  rows.features = features_.data();
+  rows.type_row = type_row_.data();
+  rows.begin = links.begin;
+  rows.sender = links.sender;
+  rows.receiver = links.receiver;
+  rows.edge_features = links.features;
+  const float* const latents = forward_to_decoder(network_, rows, arena_, *this, record_, stream);
+  const FcnWeights& last = network_.fcn("decoder");
+  decode({.rows = particles_,
+          .frames = static_cast<int>(config_.bundle),
+          .x = latents,
+          .w1 = network_.tile("decoder", 0),
+          .b1 = last.b1,
+          .w2 = last.w2,
+          .b2 = last.b2,
+          .slope = static_cast<float>(config_.leaky_slope),
+          .out = output_.data()},
+         stream);
+}
+
+}  // namespace graupel::graph

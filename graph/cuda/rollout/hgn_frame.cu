@@ -1,0 +1,83 @@
+#include "graph/cuda/rollout/hgn_frame.h"
+
+#include <string>
+
+#include "core/parallel/cuda_check.h"
+#include "core/system/error.h"
+#include "graph/networks/hierarchical_graph_network.h"
+
+namespace graupel::graph {
+
+namespace {
+
+HgnConfig checked_config(const nn::Weights& weights) {
+  static_cast<void>(HierarchicalGraphNetwork(weights));  // its errors
+  if (!cuda_available()) throw ConfigError("device 'cuda' is not usable (no GPU). Use --device cpu");
+  return HgnConfig::from_metadata(weights.metadata, weights.file);
+}
+
+}  // namespace
+
+/// The stream of the grid, beside that of the encoder.
+struct HgnFrame::Streams {
+  Streams() {
+    GRAUPEL_CUDA_CHECK(cudaStreamCreate(&grid));
+    for (cudaEvent_t* event : {&begun, &grid_there})
+      GRAUPEL_CUDA_CHECK(cudaEventCreateWithFlags(event, cudaEventDisableTiming));
+  }
+  ~Streams() {
+    for (cudaEvent_t event : {begun, grid_there}) cudaEventDestroy(event);
+    cudaStreamDestroy(grid);
+  }
+  Streams(const Streams&) = delete;
+  Streams& operator=(const Streams&) = delete;
+  cudaStream_t grid = nullptr;
+  cudaEvent_t begun = nullptr, grid_there = nullptr;
+};
+
+HgnFrame::HgnFrame(const nn::Weights& weights)
+    : config_(checked_config(weights)),
+      network_(make_grid_network(config_, weights)),
+      builder_(Device::cuda, config_.spacing, static_cast<int>(config_.levels), /*margin=*/3,
+               config_.aggregation == Aggregation::messages),
+      streams_(std::make_unique<Streams>()) {}
+HgnFrame::~HgnFrame() = default;
+
+void HgnFrame::start(const Surroundings& surroundings, const std::vector<int32_t>& type_row, void* stream) {
+  room_ = {};
+  origin_ = surroundings.wall_low;
+  particles_ = static_cast<int64_t>(type_row.size());
+  type_row_.upload(type_row);
+  features_.resize_discard(type_row.size() * static_cast<std::size_t>(config_.input_width() - config_.embedding));
+  position_.resize_discard(type_row.size());
+  builder_.prepare({{surroundings.wall_low, surroundings.wall_low, surroundings.wall_high, particles_}}, stream);
+}
+
+void HgnFrame::launch_graph(void* stream, bool with_counts) {
+  GRAUPEL_CUDA_CHECK(cudaEventRecord(streams_->begun, static_cast<cudaStream_t>(stream)));
+  GRAUPEL_CUDA_CHECK(cudaStreamWaitEvent(streams_->grid, streams_->begun, 0));
+  builder_.build(position_.data(), streams_->grid, with_counts);
+}
+
+FrameModel::Room HgnFrame::make_room() {
+  const GridCounts counts = builder_.counts(streams_->grid);
+  if (counts.overflow) return Room::none;
+  if (room_.holds(counts)) return Room::there;
+  room_ = LevelRoom::for_counts(counts);
+  network_->prepare(
+      {particles_, features_.data(), type_row_.data(), position_.data(), origin_, builder_.links(), room_});
+  return Room::moved;
+}
+
+void HgnFrame::launch(void* stream, const LaunchMoments& moments) {
+  network_->follow_grid(streams_->grid);
+  GRAUPEL_CUDA_CHECK(cudaEventRecord(streams_->grid_there, streams_->grid));
+  network_->launch(
+      stream, {[&] {
+                 GRAUPEL_CUDA_CHECK(cudaStreamWaitEvent(static_cast<cudaStream_t>(stream), streams_->grid_there, 0));
+                 moments.graph_ready();
+               },
+               moments.room_beside});
+}
+
+}  // namespace graupel::graph

@@ -1,0 +1,45 @@
+// Rollouts of the hierarchical graph network on a GPU: grids of each frame, beside the stream of the rest, and the
+// network over them in the form that its weights ask for.
+#pragma once
+
+#include "core/parallel/buffer.h"
+#include "graph/cuda/forward/grid_network.h"
+#include "graph/cuda/rollout/frame_model.h"
+
+namespace graupel::graph {
+
+class HgnFrame : public FrameModel {
+ public:
+  explicit HgnFrame(const nn::Weights& weights);
+  ~HgnFrame() override;
+  HgnFrame(const HgnFrame&) = delete;
+  HgnFrame& operator=(const HgnFrame&) = delete;
+
+  const FeatureConfig& feature_config() const override { return config_; }
+  double spacing() const override { return config_.spacing; }
+  void start(const Surroundings& surroundings, const std::vector<int32_t>& type_row, void* stream) override;
+  float* features() override { return features_.data(); }
+  Vec3f* position() override { return position_.data(); }
+  void launch_graph(void* stream, bool with_counts) override;
+  Room make_room() override;
+  void launch(void* stream, const LaunchMoments& moments) override;
+  const float* output() const override { return network_->output(); }
+  const int32_t* fault() const override { return network_->fault(); }
+  void reuse_memory() override { network_->reset(); }
+
+ private:
+  struct Streams;
+
+  HgnConfig config_;
+  std::unique_ptr<GridNetwork> network_;
+  GridBuilder builder_;
+  LevelRoom room_;
+  std::unique_ptr<Streams> streams_;
+  Vec3d origin_;  ///< of the grid [m]
+  int64_t particles_ = 0;
+  Buffer<Vec3f> position_{Device::cuda, 0};
+  Buffer<int32_t> type_row_{Device::cuda, 0};
+  Buffer<float> features_{Device::cuda, 0};
+};
+
+}  // namespace graupel::graph

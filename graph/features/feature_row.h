@@ -1,0 +1,125 @@
+// The features of one particle, for kernels of any device: rollouts, evaluation and training make them here.
+#pragma once
+
+#include "core/math/axis_map.h"
+#include "graph/config/feature_config.h"
+#include "sparsegrid/cell_normals.h"
+#include "sparsegrid/obstacle.h"
+
+namespace graupel::graph {
+
+inline constexpr int most_history = 16;
+/// Positions of a particle that a network may see.
+inline constexpr int most_positions = most_history + 1;
+
+/// Rows of the embedding table of particles that are held (core/scene/held_particles.h): of obstacles and of the
+/// material "stationary".
+inline constexpr int32_t obstacle_row = 3, stationary_row = 2;
+GRAUPEL_HD inline bool is_held_row(int32_t row) { return row == obstacle_row || row == stationary_row; }
+
+/// What a FeatureConfig and a Normalization say about features.
+struct FeatureRules {
+  FeatureRules() = default;
+  FeatureRules(const FeatureConfig& config, const Normalization& statistics)
+      : history(static_cast<int>(config.history)),
+        width(static_cast<int>(config.input_width() - config.embedding)),
+        cell_normal(config.cell_normal),
+        signed_distance(config.signed_distance),
+        plane(config.in_plane()),
+        wall_clamp(config.wall_clamp),
+        distance_clamp(config.distance_clamp),
+        normalization(statistics) {}
+
+  int history = 0;  ///< velocities
+  int width = 0;    ///< numbers a particle
+  bool cell_normal = false, signed_distance = false;
+  bool plane = false;                         ///< two dimensions
+  double wall_clamp = 1, distance_clamp = 1;  ///< [m]
+  Normalization normalization;
+};
+
+/// Static surroundings in the memory of one device (graph/features/features.h, Surroundings::view).
+struct SurroundingsView {
+  sparsegrid::ObstacleSetView obstacles;
+  sparsegrid::CellNormalsView normals;
+  Vec3d wall_low, wall_high;  ///< [m]; far away along z in the plane, which has no walls there
+  bool plane = false;         ///< two dimensions: normals have no part along z
+};
+
+/// The acceleration [m/frame^2] that three numbers of a network's output stand for; none out of the plane.
+GRAUPEL_HD inline Vec3f real_acceleration(const Normalization& statistics, bool plane, const float* output) {
+  Vec3f acceleration;
+  for (int d = 0; d < 3; ++d)
+    acceleration[d] = output[d] * statistics.acceleration_std[d] + statistics.acceleration_mean[d];
+  if (plane) acceleration[2] = 0;
+  return acceleration;
+}
+
+namespace feature_row {
+
+/// Distance clamped to +-limit, divided by it.
+GRAUPEL_HD inline float clamped(double distance, double limit) {
+  return static_cast<float>((distance < -limit ? -limit : distance > limit ? limit : distance) / limit);
+}
+
+GRAUPEL_HD inline void put(const Vec3f& v, float* row) {
+  for (int d = 0; d < 3; ++d) row[d] = v[d];
+}
+
+/// The part of a normal within the plane, as a unit vector; zero stays.
+GRAUPEL_HD inline Vec3f normal_in(const SurroundingsView& surroundings, Vec3f normal) {
+  if (!surroundings.plane) return normal;
+  normal[2] = 0;
+  const float length = norm(normal);
+  return length > 0 ? normal * (1 / length) : normal;
+}
+
+}  // namespace feature_row
+
+/// A row is made in parts, which need not wait for each other.
+enum class FeaturePart : int { motion, cell_normal, signed_distance };
+inline constexpr int feature_parts_of_row = 3;
+
+/// Writes one part of a row, at its place in it; see write_feature_row.
+GRAUPEL_HD inline void write_feature_part(FeaturePart part, const FeatureRules& rules,
+                                          const SurroundingsView& surroundings, const AxisMap& turn,
+                                          const Vec3f* position, float* row) {
+  using namespace feature_row;
+  const Vec3d x = position[rules.history].cast<double>();
+  float* const normal = row + 3 * rules.history;
+  float* const walls = normal + (rules.cell_normal ? 3 : 0);
+  float* const distance = walls + 6;
+  if (part == FeaturePart::cell_normal) {
+    if (rules.cell_normal) put(turn.apply(normal_in(surroundings, surroundings.normals.at(x))), normal);
+    return;
+  }
+  if (part == FeaturePart::signed_distance) {
+    if (!rules.signed_distance) return;
+    int nearest = -1;
+    const sparsegrid::SignedDistance<double> obstacle = signed_distance(surroundings.obstacles, x, nearest);
+    *distance = clamped(obstacle.phi, rules.distance_clamp);
+    put(turn.apply(normal_in(surroundings, obstacle.normal.cast<float>())), distance + 1);
+    return;
+  }
+  for (int newer = rules.history; newer > 0; --newer) {
+    const Vec3f velocity = turn.apply(position[newer] - position[newer - 1]);
+    for (int d = 0; d < 3; ++d)
+      *row++ = (velocity[d] - rules.normalization.velocity_mean[d]) / rules.normalization.velocity_std[d];
+  }
+  for (int face = 0; face < 6; ++face) {
+    const int axis = turn.axis[face % 3];
+    const bool lower = (face < 3) == (turn.sign[face % 3] > 0);  // a reflection exchanges the two faces
+    walls[face] = clamped(lower ? x[axis] - surroundings.wall_low[axis] : surroundings.wall_high[axis] - x[axis],
+                          rules.wall_clamp);
+  }
+}
+
+/// Writes rules.width features of a particle, in the order of particle_features(), as those of the scene turned by
+/// `turn`. `position` [m] holds rules.history + 1 frames, newest last, unturned.
+GRAUPEL_HD inline void write_feature_row(const FeatureRules& rules, const SurroundingsView& surroundings,
+                                         const AxisMap& turn, const Vec3f* position, float* row) {
+  for (int part = 0; part < feature_parts_of_row; ++part)
+    write_feature_part(static_cast<FeaturePart>(part), rules, surroundings, turn, position, row);
+}
+
+}  // namespace graupel::graph

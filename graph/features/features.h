@@ -1,0 +1,64 @@
+// Particle features of the HGN paper (section 3.1), shared by training and inference.
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include "core/scene/scene.h"
+#include "graph/config/feature_config.h"
+#include "graph/features/feature_row.h"
+#include "graph/features/obstacle_particles.h"
+#include "graph/features/swept_collision.h"
+#include "sparsegrid/cell_normals.h"
+#include "sparsegrid/obstacle_set.h"
+
+namespace graupel::graph {
+
+/// The static surroundings of a scene, built once: obstacles, their cell normals and the walls.
+struct Surroundings {
+  /// In a scene with two dimensions obstacles are those parts of them that lie in its plane. `normal_spacing` [m] is
+  /// the cell size of the obstacle normals, scene.domain.dx unless given. Throws ConfigError for what no network was
+  /// taught: moving obstacles, scripted particles, emitters, sinks, open and periodic walls.
+  explicit Surroundings(const Scene& scene, std::optional<double> normal_spacing = {});
+  sparsegrid::ObstacleSet obstacles;
+  sparsegrid::CellNormals normals;
+  ObstacleParticles obstacle_particles;
+  double normal_spacing;        ///< [m]
+  std::optional<double> plane;  ///< [m] z of all particles of a scene with two dimensions
+  Vec3d wall_low, wall_high;    ///< [m] scene.domain.origin and origin + size: the AABB of the domain
+  Vec3d hold_low, hold_high;    ///< [m] where the walls hold the material (Scene::wall_low/high)
+  Vec3f gravity_step;           ///< [m/frame^2] gravity times the square of the frame time
+  /// For kernels on `device`; valid as long as this lives.
+  SurroundingsView view(Device device) const;
+  WayFollower way_follower(Device device) const;
+  /// Origin of the grid of evaluation and rollouts: the domain's lower corner. In two dimensions the plane lies between
+  /// the two lowest layers of cells, so that both see the same and the levels above have one.
+  Vec3d grid_origin(double spacing) const;
+  double way_piece;  ///< [m] pieces in which project_out follows a particle's way past obstacles
+};
+
+/// Continuous features of each particle, without the type embedding, shape [n, input_width - embedding], row-major:
+///   velocities v^n, v^{n-1}, .. (history x 3, newest first, normalised), cell normal (3, if used), distances to the
+///   six faces of the domain (lower x y z, upper x y z; clamped to +-wall_clamp and divided by it), and, if used, the
+///   obstacle distance (clamped, divided by distance_clamp) and its gradient (3; zero beyond the band).
+/// `positions` holds history + 1 frames, newest last, each [n]; velocities are frame differences (dt = 1). The features
+/// are those of the scene turned by `turn`.
+std::vector<float> particle_features(const FeatureConfig& config, const Normalization& normalization,
+                                     const Surroundings& surroundings, const std::vector<std::vector<Vec3f>>& positions,
+                                     const AxisMap& turn = {});
+
+/// Row of the embedding table for a particle type id: 0..8 have their own, 13 (stationary) stationary_row. Throws
+/// InputError for other ids.
+int embedding_row(int32_t particle_type);
+inline constexpr int embedding_rows = 9;
+
+/// Moves particles out of obstacles and back inside the walls (in place); returns how many moved.
+/// `before` holds free positions that the particles came from: where given, a particle stays on the side of an obstacle
+/// that it came from, also when it would have passed through, and slides along the surface for the rest of its way.
+int64_t project_out(const Surroundings& surroundings, std::vector<Vec3f>& position);
+int64_t project_out(const Surroundings& surroundings, const std::vector<Vec3f>& before, std::vector<Vec3f>& position);
+
+/// Moves particles back into the plane of a scene with two dimensions (in place).
+void keep_in_plane(const Surroundings& surroundings, std::vector<Vec3f>& position);
+
+}  // namespace graupel::graph

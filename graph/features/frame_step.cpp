@@ -1,0 +1,24 @@
+#include "graph/features/frame_step.h"
+
+#include <algorithm>
+
+#include "core/system/error.h"
+
+namespace graupel::graph {
+
+bool step_frame(const Scene& scene, const std::vector<Vec3f>& before, const std::vector<Vec3f>& now,
+                const std::vector<Vec3f>& acceleration, std::vector<Vec3f>& next) {
+  GRAUPEL_ASSERT(before.size() == now.size() && acceleration.size() == now.size());
+  const Vec3d& size = scene.domain.size;
+  const auto limit = static_cast<float>(std::max({size[0], size[1], size[2]}));
+  next.resize(now.size());
+  bool usable = true;
+  for (std::size_t i = 0; i < now.size(); ++i) {
+    const Vec3f velocity = now[i] - before[i] + acceleration[i];
+    next[i] = now[i] + velocity;
+    usable = usable && norm2(velocity) <= limit * limit;  // false for NaN
+  }
+  return usable;
+}
+
+}  // namespace graupel::graph

@@ -1,0 +1,58 @@
+// The links of a grid's levels at places that do not move from frame to frame, with their numbers in the device's
+// memory: what a recorded forward pass reads. For one scene.
+#pragma once
+
+#include <array>
+#include <cstdint>
+
+#include "core/parallel/buffer.h"
+#include "graph/topology/grid_builder.h"
+
+namespace graupel::graph {
+
+/// Room for the cells and edges of each level.
+struct LevelRoom {
+  int levels = 0;
+  std::array<int64_t, most_levels> cells{}, edges{};
+  /// Room for `counts`, and half as much again for frames to come.
+  static LevelRoom for_counts(const GridCounts& counts);
+  bool holds(const GridCounts& counts) const;
+};
+
+/// The arrays of one level; numbers count within the level, as in graph/cuda/forward/hgn_forward.h.
+struct PlacedLevel {
+  const int32_t *edge_begin, *sender, *receiver, *slot, *parent, *octant;
+  const int32_t* child_begin;  ///< children by cell of the next level
+  const int32_t* child;
+  const int32_t *cell_count, *edge_count;
+};
+
+class LevelPlaces {
+ public:
+  explicit LevelPlaces(Device device) : device_(device), numbers_(device, 0), counts_(device, 2 * most_levels + 3) {}
+
+  /// Makes room; what was placed is lost.
+  void prepare(const LevelRoom& room);
+  /// Copies the links of a grid of one scene; launches alone. Where they do not fit, or the grid has overflowed, every
+  /// count becomes 0, so that what runs on them does nothing, and fault() is set.
+  void place(const GridLinks& grid, int64_t particles, void* stream = nullptr);
+
+  PlacedLevel level(int l) const;
+  const int32_t* particle_count() const { return counts_.data() + 2 * most_levels; }
+  const int32_t* pair_count() const { return particle_count() + 1; }  ///< eight a particle
+  const int32_t* fault() const { return particle_count() + 2; }
+
+  /// The same arrays, to be written.
+  struct Level {
+    int32_t *edge_begin, *sender, *receiver, *slot, *parent, *octant, *child_begin, *child;
+  };
+
+ private:
+  Device device_;
+  LevelRoom room_;
+  std::array<Level, most_levels> level_{};
+  Buffer<int32_t> numbers_;  ///< all arrays
+  Buffer<int32_t> counts_;   ///< cells, edges of every level; particles, pairs; fault
+};
+
+}  // namespace graupel::graph

@@ -1,0 +1,181 @@
+// Config files in memory: overrides, places and the wording of errors.
+#include "io/config/config_document.h"
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+
+#include "core/system/error.h"
+
+namespace graupel::io {
+
+namespace {
+
+/// Smallest number of insertions, deletions, replacements and swaps of neighbours (optimal string alignment).
+std::size_t edit_distance(std::string_view a, std::string_view b) {
+  std::vector<std::vector<std::size_t>> d(a.size() + 1, std::vector<std::size_t>(b.size() + 1));
+  for (std::size_t i = 0; i <= a.size(); ++i) d[i][0] = i;
+  for (std::size_t j = 0; j <= b.size(); ++j) d[0][j] = j;
+  for (std::size_t i = 1; i <= a.size(); ++i)
+    for (std::size_t j = 1; j <= b.size(); ++j) {
+      d[i][j] = std::min({d[i - 1][j] + 1, d[i][j - 1] + 1, d[i - 1][j - 1] + (a[i - 1] != b[j - 1])});
+      if (i > 1 && j > 1 && a[i - 1] == b[j - 2] && a[i - 2] == b[j - 1])
+        d[i][j] = std::min(d[i][j], d[i - 2][j - 2] + 1);
+    }
+  return d[a.size()][b.size()];
+}
+
+std::vector<std::string> split(const std::string& path) {
+  std::vector<std::string> keys;
+  std::size_t start = 0;
+  while (true) {
+    const auto dot = path.find('.', start);
+    keys.push_back(path.substr(start, dot - start));
+    if (dot == std::string::npos) return keys;
+    start = dot + 1;
+  }
+}
+
+JsonNode& list_item(JsonNode& list, const std::string& key, const std::string& where) {
+  std::size_t index = 0;
+  const auto result = std::from_chars(key.data(), key.data() + key.size(), index);
+  if (result.ec != std::errc() || result.ptr != key.data() + key.size() || index >= list.items.size())
+    throw ConfigError(where + "there is no list item '" + key + "' (the list has " + std::to_string(list.items.size()) +
+                      ", counted from 0). Name one of them");
+  return list.items[index];
+}
+
+void apply_override(JsonNode& root, const std::string& text, const std::string& name) {
+  const std::string where = name + " (override " + text + "): ";
+  const auto equals = text.find('=');
+  if (equals == std::string::npos || equals == 0)
+    throw ConfigError(where + "not an override. Write it as key.path=value, e.g. domain.dx=0.01");
+  const std::vector<std::string> keys = split(text.substr(0, equals));
+  JsonNode* node = &root;
+  for (const auto& key : keys) {
+    if (node->kind == JsonNode::Kind::array) {
+      node = &list_item(*node, key, where);
+    } else if (node->kind == JsonNode::Kind::object) {
+      JsonNode* next = node->find(key);
+      if (!next) {
+        JsonNode made = JsonNode::object();
+        made.override_text = text;
+        made.implied = true;
+        next = &node->set(key, std::move(made));
+      }
+      node = next;
+    } else {
+      throw ConfigError(where + "there is no '" + key + "' here (" + write_json(*node, JsonLayout::compact) +
+                        " has no keys). Shorten the path");
+    }
+  }
+  *node = override_value(text.substr(equals + 1), where);
+  mark_override(*node, text);
+}
+
+std::string shortened(std::string text, std::size_t limit) {
+  if (text.size() <= limit) return text;
+  text.resize(limit);
+  return text + "...";
+}
+
+}  // namespace
+
+void mark_override(JsonNode& node, const std::string& text) {
+  node.override_text = text;
+  node.line = 0;
+  for (auto& item : node.items) mark_override(item, text);
+  for (auto& member : node.members) mark_override(member.value, text);
+}
+
+JsonNode override_value(const std::string& value, const std::string& where) {
+  JsonNode node;
+  try {
+    node = parse_json(value, where);
+  } catch (const ConfigError&) {
+    if (!value.empty() && std::string_view("[{\"").find(value[0]) != std::string_view::npos) throw;
+    node = JsonNode::of(value);
+  }
+  return node;
+}
+
+ConfigDocument ConfigDocument::parse(const std::string& text, const std::string& name,
+                                     const std::vector<std::string>& overrides) {
+  ConfigDocument document{name, parse_json(text, name)};
+  for (const auto& one : overrides) apply_override(document.root, one, name);
+  return document;
+}
+
+ConfigPlace ConfigPlace::child(std::string_view key, const JsonNode& value) const {
+  std::string escaped;
+  for (const char c : key) {
+    if (c == '~') {
+      escaped += "~0";
+    } else if (c == '/') {
+      escaped += "~1";
+    } else {
+      escaped += c;
+    }
+  }
+  return {document, pointer + "/" + escaped, value};
+}
+
+std::string ConfigPlace::text() const {
+  const std::string where = pointer.empty() ? "the top level" : pointer;
+  if (!node.override_text.empty()) return document.name + " (override " + node.override_text + "): " + where;
+  return document.name + ":" + std::to_string(node.line) + ": " + where;
+}
+
+std::string ConfigPlace::value() const { return shortened(write_json(node, JsonLayout::compact), 60); }
+
+ConfigPlace find_place(const ConfigDocument& document, const std::vector<std::string>& keys) {
+  std::string pointer;
+  const JsonNode* node = &document.root;
+  for (const auto& key : keys) {
+    const JsonNode* next = nullptr;
+    if (node->kind == JsonNode::Kind::array) {
+      const std::size_t index = std::stoul(key);
+      if (index < node->items.size()) next = &node->items[index];
+    } else {
+      next = node->find(key);
+    }
+    if (!next) break;
+    pointer = ConfigPlace{document, pointer, *node}.child(std::string_view(key), *next).pointer;
+    node = next;
+  }
+  return {document, pointer, *node};
+}
+
+void config_fail(const ConfigPlace& place, const std::string& problem, const std::string& remedy) {
+  throw ConfigError(place.text() + " " + problem + ". " + remedy);
+}
+
+std::string did_you_mean(std::string_view word, const std::vector<std::string_view>& candidates) {
+  const std::size_t limit = std::clamp<std::size_t>(word.size() / 3, 1, 3);
+  std::size_t best = limit + 1;
+  std::string_view closest;
+  if (word.size() < 100)
+    for (const auto candidate : candidates)
+      if (const auto distance = edit_distance(word, candidate); distance < best) {
+        best = distance;
+        closest = candidate;
+      }
+  return best > limit ? "" : " Did you mean '" + std::string(closest) + "'?";
+}
+
+std::string number_text(double value) {
+  char digits[40];
+  return std::string(digits, std::to_chars(digits, digits + sizeof digits, value).ptr);
+}
+
+std::string range_text(const Range& range) {
+  std::string text;
+  if (std::isfinite(range.low)) text = (range.low_open ? "> " : ">= ") + number_text(range.low);
+  if (std::isfinite(range.high)) {
+    if (!text.empty()) text += " and ";
+    text += (range.high_open ? "< " : "<= ") + number_text(range.high);
+  }
+  return text;
+}
+
+}  // namespace graupel::io

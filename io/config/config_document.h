@@ -1,0 +1,59 @@
+// A config file in memory (JSON text with overrides applied) and the errors that name a place in it.
+#pragma once
+
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "core/scene/fields.h"
+#include "io/config/json_node.h"
+
+namespace graupel::io {
+
+struct ConfigDocument {
+  std::string name;  ///< stands for the file in messages
+  JsonNode root;
+
+  /// Parses `text` and applies "key.path=value" overrides (list items by number: "sources.0.radius=0.1"; values as
+  /// JSON, bare words as strings). Throws ConfigError.
+  static ConfigDocument parse(const std::string& text, const std::string& name,
+                              const std::vector<std::string>& overrides = {});
+};
+
+/// The value of an override: JSON, or a bare word as a string. Throws ConfigError that begins with `where` for a list,
+/// object or string that is not closed.
+JsonNode override_value(const std::string& value, const std::string& where);
+/// Says of a value and all inside it that the override `text` made it.
+void mark_override(JsonNode& node, const std::string& text);
+
+/// A value and where it stands.
+struct ConfigPlace {
+  const ConfigDocument& document;
+  std::string pointer;  ///< JSON pointer, "" for the whole document
+  const JsonNode& node;
+
+  ConfigPlace child(std::string_view key, const JsonNode& value) const;
+  ConfigPlace child(std::size_t index, const JsonNode& value) const {
+    return child(std::string_view(std::to_string(index)), value);
+  }
+  /// "scene.json:12: /domain/dx" or "scene.json (override domain.dx=-1): /domain/dx".
+  std::string text() const;
+  /// The value as short JSON.
+  std::string value() const;
+};
+
+/// The place of an existing value, by keys and indices: {"sources", "0", "file"}; the innermost one that exists.
+ConfigPlace find_place(const ConfigDocument& document, const std::vector<std::string>& keys);
+
+/// Throws ConfigError "<place> <problem>. <remedy>".
+[[noreturn]] void config_fail(const ConfigPlace& place, const std::string& problem, const std::string& remedy);
+
+/// " Did you mean 'x'?" for the closest candidate, or "" when none is close.
+std::string did_you_mean(std::string_view word, const std::vector<std::string_view>& candidates);
+
+/// "> 0", ">= 0 and < 0.5"; "" when every number is allowed.
+std::string range_text(const Range& range);
+/// Shortest text that reads back to the same number.
+std::string number_text(double value);
+
+}  // namespace graupel::io

@@ -1,0 +1,186 @@
+// Type, range and key checks of config values.
+#include "io/config/config_values.h"
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+
+#include "core/system/error.h"
+
+namespace graupel::io {
+
+namespace {
+
+std::string joined(const std::vector<std::string_view>& words) {
+  std::string text;
+  for (const auto word : words) text += (text.empty() ? "" : ", ") + std::string(word);
+  return text;
+}
+
+[[noreturn]] void wrong_type(const ConfigPlace& place, const std::string& wanted, const std::string& remedy) {
+  config_fail(place, "must be " + wanted + " (" + place.value() + ")", remedy);
+}
+
+[[noreturn]] void out_of_range(const ConfigPlace& place, const std::string& allowed) {
+  config_fail(place, "is out of range (" + place.value() + ", allowed " + allowed + ")", "Change the value");
+}
+
+constexpr double exact_limit = 9007199254740992.0;  // 2^53: whole numbers written like 3e2 are exact up to here
+
+/// Whole numbers may be written as 300 or 3e2.
+bool is_whole(const JsonNode& node) {
+  if (node.kind == JsonNode::Kind::integer) return true;
+  return node.kind == JsonNode::Kind::real && std::floor(node.real) == node.real;
+}
+
+std::string integer_range(const Range& range) {
+  const std::string text = range_text(range);
+  return text.empty() ? "whole numbers of 64 bits" : text;
+}
+
+}  // namespace
+
+bool read_boolean(const ConfigPlace& place) {
+  if (place.node.kind != JsonNode::Kind::boolean) wrong_type(place, "true or false", "Write true or false");
+  return place.node.boolean;
+}
+
+int64_t read_integer(const ConfigPlace& place, const Range& range) {
+  const JsonNode& node = place.node;
+  if (!is_whole(node)) wrong_type(place, "a whole number", "Write a number without a fraction");
+  if (!range.contains(node.as_double())) out_of_range(place, integer_range(range));
+  if (node.kind == JsonNode::Kind::real) {
+    if (std::abs(node.real) > exact_limit) out_of_range(place, integer_range(range));
+    return static_cast<int64_t>(node.real);
+  }
+  const uint64_t limit = uint64_t(1) << 63;
+  if (node.magnitude > limit - (node.negative ? 0 : 1)) out_of_range(place, integer_range(range));
+  return static_cast<int64_t>(node.negative ? uint64_t(0) - node.magnitude : node.magnitude);
+}
+
+uint64_t read_natural(const ConfigPlace& place, const Range& range) {
+  const JsonNode& node = place.node;
+  if (!is_whole(node)) wrong_type(place, "a whole number", "Write a number without a fraction");
+  const double value = node.as_double();
+  if (value < 0 || !range.contains(value) || (node.kind == JsonNode::Kind::real && value > exact_limit))
+    out_of_range(place, ">= 0, up to 2^64 - 1");
+  return node.kind == JsonNode::Kind::real ? static_cast<uint64_t>(node.real) : node.magnitude;
+}
+
+double read_number(const ConfigPlace& place, const Range& range) {
+  if (!place.node.is_number()) wrong_type(place, "a number", "Write a number without quotes and unit");
+  const double value = place.node.as_double();
+  if (!std::isfinite(value) || !range.contains(value)) out_of_range(place, range_text(range));
+  return value;
+}
+
+std::string read_string(const ConfigPlace& place) {
+  if (place.node.kind != JsonNode::Kind::string) wrong_type(place, "text", "Put it in quotes");
+  return place.node.text;
+}
+
+void read_numbers(const ConfigPlace& place, const Range& range, double* out, std::size_t count) {
+  const auto& items = place.node.items;
+  if (place.node.kind != JsonNode::Kind::array || items.size() != count)
+    wrong_type(place, "a list of " + std::to_string(count) + " numbers", "Write it like [0, 1, 0]");
+  for (std::size_t i = 0; i < count; ++i) out[i] = read_number(place.child(i, items[i]), range);
+}
+
+std::size_t read_word(const ConfigPlace& place, const std::vector<std::string_view>& words) {
+  const std::string word = read_string(place);
+  const auto found = std::find(words.begin(), words.end(), word);
+  if (found == words.end())
+    config_fail(place, "is not one of its words (" + place.value() + ", allowed: " + joined(words) + ")",
+                "Use one of them." + did_you_mean(word, words));
+  return static_cast<std::size_t>(found - words.begin());
+}
+
+const std::vector<JsonNode>& read_list(const ConfigPlace& place) {
+  if (place.node.kind != JsonNode::Kind::array) wrong_type(place, "a list", "Write it in [ ]");
+  return place.node.items;
+}
+
+const std::vector<JsonMember>& read_members(const ConfigPlace& place) {
+  if (place.node.kind != JsonNode::Kind::object) wrong_type(place, "an object", "Write it in { }");
+  return place.node.members;
+}
+
+std::vector<std::string_view> words_of_list(std::string_view text) {
+  std::vector<std::string_view> words;
+  while (!text.empty()) {
+    const auto space = std::min(text.find(' '), text.size());
+    if (space > 0) words.push_back(text.substr(0, space));
+    text.remove_prefix(std::min(space + 1, text.size()));
+  }
+  return words;
+}
+
+const KindField& kind_of(const FieldInfo& info, const std::vector<KindField>& kinds) {
+  const auto only = words_of_list(info.only_for);
+  for (const auto& kind : kinds)
+    if (std::find(kind.words.begin(), kind.words.end(), only.front()) != kind.words.end()) return kind;
+  throw std::logic_error("field '" + std::string(info.name) + "' is only for '" + std::string(info.only_for) +
+                         "', but no enum field declared before it has such a word");
+}
+
+bool applies(const FieldInfo& info, const std::vector<KindField>& kinds) {
+  if (info.only_for.empty()) return true;
+  const auto only = words_of_list(info.only_for);
+  return std::find(only.begin(), only.end(), kind_of(info, kinds).current) != only.end();
+}
+
+namespace {
+
+/// Whether the key is a removed one; throws where its value asks for what has gone.
+bool is_removed(const ConfigPlace& place, std::string_view key, const std::vector<RemovedField>& removed) {
+  for (const RemovedField& field : removed) {
+    if (field.name != key) continue;
+    const auto accepted = words_of_list(field.accepted);
+    if (std::find(accepted.begin(), accepted.end(), write_json(place.node, JsonLayout::compact)) == accepted.end())
+      config_fail(place,
+                  "is " + place.value() + ", but this setting was removed: " + std::string(field.finding) +
+                      " (still read: " + std::string(accepted.front()) + ")",
+                  "Leave it out");
+    return true;
+  }
+  return false;
+}
+
+}  // namespace
+
+void check_keys(const ConfigPlace& place, const std::vector<std::string_view>& fields,
+                const std::vector<RemovedField>& removed) {
+  for (const auto& member : read_members(place)) {
+    if (place.pointer.empty() && member.key == "$schema") continue;
+    if (is_removed(place.child(member.key, member.value), member.key, removed)) continue;
+    if (std::find(fields.begin(), fields.end(), member.key) == fields.end())
+      config_fail(place.child(member.key, member.value), "is not a known key (known here: " + joined(fields) + ")",
+                  "Remove or correct it." + did_you_mean(member.key, fields));
+  }
+}
+
+const JsonNode* check_field(const ConfigPlace& place, const FieldInfo& info, const std::vector<KindField>& kinds) {
+  const JsonNode* node = place.node.find(info.name);
+  if (!applies(info, kinds)) {
+    if (!node) return nullptr;
+    const KindField& kind = kind_of(info, kinds);
+    config_fail(place.child(info.name, *node),
+                "does not apply here (" + std::string(kind.name) + " is '" + std::string(kind.current) +
+                    "'; the key is for: " + joined(words_of_list(info.only_for)) + ")",
+                "Remove the key or change '" + std::string(kind.name) + "'");
+  }
+  if (!node && info.required)
+    config_fail(place, "lacks the key '" + std::string(info.name) + "' (" + std::string(info.meaning) + ")", "Add it");
+  return node;
+}
+
+void check_entry(const ConfigPlace& map, const std::string& key, const ConfigPlace& entry) {
+  if (!entry.node.implied) return;
+  std::vector<std::string_view> known;
+  for (const auto& member : map.node.members)
+    if (!member.value.implied) known.push_back(member.key);
+  config_fail(entry, "does not exist (there are: " + joined(known) + ")",
+              "An override changes existing entries or sets whole ones." + did_you_mean(key, known));
+}
+
+}  // namespace graupel::io

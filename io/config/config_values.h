@@ -1,0 +1,52 @@
+// Reads single values of a config file: checks type and range, and words the errors.
+#pragma once
+
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "core/math/vec.h"
+#include "core/scene/fields.h"
+#include "core/scene/removed_field.h"
+#include "io/config/config_document.h"
+
+namespace graupel::io {
+
+bool read_boolean(const ConfigPlace& place);
+int64_t read_integer(const ConfigPlace& place, const Range& range);
+uint64_t read_natural(const ConfigPlace& place, const Range& range);
+double read_number(const ConfigPlace& place, const Range& range);
+std::string read_string(const ConfigPlace& place);
+/// `count` numbers, each within the range, to `out`.
+void read_numbers(const ConfigPlace& place, const Range& range, double* out, std::size_t count);
+/// Index of the value among `words`.
+std::size_t read_word(const ConfigPlace& place, const std::vector<std::string_view>& words);
+const std::vector<JsonNode>& read_list(const ConfigPlace& place);
+const std::vector<JsonMember>& read_members(const ConfigPlace& place);
+
+/// An enum field of the struct being read, as `only_for` of later fields refers to it.
+struct KindField {
+  std::string_view name;
+  std::vector<std::string_view> words;
+  std::string_view current;
+};
+
+/// The words of FieldInfo::only_for.
+std::vector<std::string_view> words_of_list(std::string_view text);
+/// The enum field that `only_for` speaks of: the first declared one with such a word. A struct without one is a
+/// programmer's mistake (std::logic_error).
+const KindField& kind_of(const FieldInfo& info, const std::vector<KindField>& kinds);
+/// Whether the field belongs to the struct's present kind.
+bool applies(const FieldInfo& info, const std::vector<KindField>& kinds);
+
+/// Throws for keys that are none of `fields` ("$schema" is allowed at the top level), and for `removed` ones with
+/// another value than their default.
+void check_keys(const ConfigPlace& place, const std::vector<std::string_view>& fields,
+                const std::vector<RemovedField>& removed = {});
+/// Throws for a required key that is missing and for one that belongs to another kind. Returns the key's value, or
+/// null.
+const JsonNode* check_field(const ConfigPlace& place, const FieldInfo& info, const std::vector<KindField>& kinds);
+/// Throws for an entry that exists only because an override named a key inside it.
+void check_entry(const ConfigPlace& map, const std::string& key, const ConfigPlace& entry);
+
+}  // namespace graupel::io

@@ -1,0 +1,89 @@
+// OpenVDB point grids, one file a frame: P, v, id, type. The only file of this folder that knows OpenVDB.
+#include <openvdb/openvdb.h>
+#include <openvdb/points/PointConversion.h>
+
+#include <cmath>
+
+#include "core/system/atomic_file.h"
+#include "core/system/error.h"
+#include "io/export/export.h"
+#include "io/export/export_frames.h"
+
+namespace graupel::io {
+
+namespace {
+
+using openvdb::points::PointDataGrid;
+using openvdb::tools::PointIndexGrid;
+
+/// Adds an attribute with one value a particle.
+template <typename T>
+void add_attribute(PointDataGrid& grid, const PointIndexGrid& index, const std::string& name,
+                   const std::vector<T>& values) {
+  const openvdb::points::PointAttributeVector<T> wrapped(values);
+  openvdb::points::appendAttribute<T>(grid.tree(), name);
+  openvdb::points::populateAttribute<PointDataGrid::TreeType, PointIndexGrid::TreeType,
+                                     openvdb::points::PointAttributeVector<T>>(grid.tree(), index.tree(), name,
+                                                                               wrapped);
+}
+
+std::vector<openvdb::Vec3s> vdb_vectors(const std::vector<Vec3f>& values) {
+  std::vector<openvdb::Vec3s> out;
+  out.reserve(values.size());
+  for (const Vec3f& v : values) out.emplace_back(v[0], v[1], v[2]);
+  return out;
+}
+
+PointDataGrid::Ptr point_grid(const ActiveFrame& active) {
+  const ParticleFrame& frame = active.frame;
+  const std::vector<openvdb::Vec3s> positions = vdb_vectors(frame.position);
+  const openvdb::points::PointAttributeVector<openvdb::Vec3s> wrapped(positions);
+  constexpr int points_per_voxel = 8;
+  const float voxel = openvdb::points::computeVoxelSize(wrapped, points_per_voxel);
+  const auto transform = openvdb::math::Transform::createLinearTransform(voxel);
+  const auto index = openvdb::tools::createPointIndexGrid<PointIndexGrid>(wrapped, *transform);
+  auto grid =
+      openvdb::points::createPointDataGrid<openvdb::points::NullCodec, PointDataGrid>(*index, wrapped, *transform);
+  add_attribute(*grid, *index, "id", active.id);
+  add_attribute(*grid, *index, "type", active.particle_type);
+  if (!frame.velocity.empty()) add_attribute(*grid, *index, "v", vdb_vectors(frame.velocity));
+  grid->setName("particles");
+  grid->insertMeta("time", openvdb::DoubleMetadata(frame.time));
+  return grid;
+}
+
+/// OpenVDB sorts points into voxels: a NaN has none.
+void check_finite(const ParticleFrame& frame, std::size_t number) {
+  for (std::size_t i = 0; i < frame.position.size(); ++i)
+    for (int axis = 0; axis < 3; ++axis)
+      if (!std::isfinite(frame.position[i][axis]))
+        throw DivergedError("frame " + std::to_string(number) + " has no place for particle " + std::to_string(i) +
+                            " (position is not finite). Export the frames before it");
+}
+
+void write_grid(const PointDataGrid::Ptr& grid, const std::string& path) {
+  openvdb::io::File file(path + ".part");
+  file.write({grid});
+  file.close();
+  finish_part_file(path);
+}
+
+}  // namespace
+
+void export_vdb_points(const Trajectory& trajectory, const std::string& folder, const std::string& name) {
+  prepare_export(trajectory, folder, name);
+  openvdb::initialize();
+  for (std::size_t k = 0; k < trajectory.frames.size(); ++k) {
+    const std::string path = folder + "/" + frame_file_name(name, k, ".vdb");
+    check_finite(trajectory.frames[k], k);
+    try {
+      write_grid(point_grid(active_particles(trajectory, trajectory.frames[k])), path);
+    } catch (const openvdb::Exception& error) {
+      throw IoError("cannot write '" + path + "' (" + error.what() + "). Free space there or choose another folder");
+    } catch (const std::ios_base::failure& error) {
+      throw IoError("cannot write '" + path + "' (" + error.what() + "). Free space there or choose another folder");
+    }
+  }
+}
+
+}  // namespace graupel::io

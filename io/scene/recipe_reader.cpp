@@ -1,0 +1,50 @@
+#include "io/scene/recipe_reader.h"
+
+#include "core/system/atomic_file.h"
+#include "core/system/error.h"
+#include "io/config/config_reader.h"
+#include "io/config/config_writer.h"
+#include "io/scene/material_start.h"
+
+namespace graupel::io {
+
+namespace {
+
+/// What the declarations cannot say: the materials a group draws from exist, and sizes are in order.
+void check_recipe(const ConfigDocument& document, const SceneRecipe& recipe) {
+  if (recipe.materials.empty())
+    config_fail(find_place(document, {"materials"}), "names no material", "Define at least one");
+  for (std::size_t i = 0; i < recipe.groups.materials.size(); ++i) {
+    const std::string& name = recipe.groups.materials[i];
+    if (recipe.materials.count(name)) continue;
+    std::vector<std::string_view> known;
+    for (const auto& [key, material] : recipe.materials) known.push_back(key);
+    config_fail(find_place(document, {"groups", "materials", std::to_string(i)}),
+                "'" + name + "' is not in 'materials'", "Define it there or name another." + did_you_mean(name, known));
+  }
+  const RecipeGroups& groups = recipe.groups;
+  if (groups.mixed_share > 0 && (groups.materials.empty() ? recipe.materials.size() : groups.materials.size()) < 2)
+    config_fail(find_place(document, {"groups", "mixed_share"}),
+                "needs two materials to draw from (" + number_text(groups.mixed_share) + ")",
+                "Define another, or leave it out");
+  if (recipe.domain.is_plane())
+    config_fail(find_place(document, {"domain", "dimensions"}), "must be 3: recipes draw scenes in space (2)",
+                "Leave it out");
+  if (recipe.obstacles.max_size < recipe.obstacles.min_size)
+    config_fail(find_place(document, {"obstacles", "max_size"}),
+                "is smaller than min_size (" + number_text(recipe.obstacles.min_size) + ")", "Swap them");
+}
+
+}  // namespace
+
+SceneRecipe read_recipe(const std::string& path, const std::vector<std::string>& overrides) {
+  constexpr std::size_t limit = std::size_t(16) << 20;
+  const ConfigDocument document = ConfigDocument::parse(read_file(path, limit), path, overrides);
+  SceneRecipe recipe = read_config<SceneRecipe>(document);
+  check_recipe(document, recipe);
+  return recipe;
+}
+
+std::string recipe_to_json(const SceneRecipe& recipe) { return write_json(json_of(recipe), JsonLayout::indented); }
+
+}  // namespace graupel::io

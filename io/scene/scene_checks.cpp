@@ -1,0 +1,210 @@
+// Checks between the keys of a scene, and loading of the geometry it names.
+#include "io/scene/scene_checks.h"
+
+#include <cmath>
+#include <filesystem>
+
+#include "core/scene/plane_check.h"
+#include "core/system/error.h"
+#include "io/config/config_values.h"
+#include "io/mesh/mesh_file.h"
+
+namespace graupel::io {
+
+namespace fs = std::filesystem;
+
+namespace {
+
+constexpr double fewest_cells = 16;             // per edge, inside the walls
+constexpr double most_cells = double(1 << 21);  // per edge: cell indices are packed into 21 bits an axis
+
+ConfigPlace body_place(const ConfigDocument& document, const char* list, std::size_t index, const char* key) {
+  return find_place(document, {list, std::to_string(index), key});
+}
+
+void check_domain(const ConfigDocument& document, const Domain& domain) {
+  for (int axis = 0; axis < domain.axes(); ++axis) {
+    const double cells = domain.size[axis] / domain.dx;
+    const double needed = fewest_cells + 2 * static_cast<double>(domain.wall_cells);
+    const std::string figures = number_text(cells) + " cells along " + std::string(1, "xyz"[axis]) + ", ";
+    if (cells < needed * (1 - 1e-9))
+      config_fail(find_place(document, {"domain", "size"}),
+                  "is too small for its grid (" + figures + "at least " + number_text(needed) + ": 16 and the walls)",
+                  "Enlarge the domain or reduce dx");
+    if (cells > most_cells)
+      config_fail(find_place(document, {"domain", "size"}),
+                  "has too many cells (" + figures + "at most " + number_text(most_cells) + ")",
+                  "Increase dx or reduce the domain");
+  }
+}
+
+const char* face_name(int axis, int side) {
+  constexpr const char* names[] = {"x_low", "x_high", "y_low", "y_high", "z_low", "z_high"};
+  return names[2 * axis + side];
+}
+
+void check_faces(const ConfigDocument& document, const Domain& domain) {
+  for (int axis = 0; axis < domain.axes(); ++axis) {
+    const bool low = domain.wall(axis, 0) == Wall::periodic, high = domain.wall(axis, 1) == Wall::periodic;
+    if (!low && !high) continue;
+    const ConfigPlace place = find_place(document, {"domain", "faces", face_name(axis, low ? 0 : 1), "kind"});
+    if (low != high)
+      config_fail(place,
+                  "has no partner (\"periodic\", but " + std::string(face_name(axis, low ? 1 : 0)) + " is \"" +
+                      word_of(domain.wall(axis, low ? 1 : 0)) + "\")",
+                  "Make both walls of an axis periodic, or neither");
+    const double cells = (domain.wall_high()[axis] - domain.wall_low()[axis]) / domain.dx;
+    if (std::abs(cells - std::round(cells)) > 1e-6)
+      config_fail(place, "needs a whole number of cells between the walls (" + number_text(cells) + ")",
+                  "Change the size of the domain along this axis, or dx");
+  }
+}
+
+void check_motion(const ConfigPlace& place, const Motion& motion) {
+  if (!(norm(motion.axis) > 0))
+    config_fail(place, "has no axis (\"axis\": [0, 0, 0])", "Give the direction of the axis, e.g. [0, 1, 0]");
+  if (motion.end_time && !(*motion.end_time > motion.start_time))
+    config_fail(place,
+                "ends before it starts (end_time " + number_text(*motion.end_time) + " s, above start_time " +
+                    number_text(motion.start_time) + " s)",
+                "Raise end_time");
+  if (motion.kind == MotionKind::keyframes && motion.keyframes.empty())
+    config_fail(place, "has no poses (\"keyframes\": [], at least 1)", "Add a keyframe");
+  for (std::size_t k = 1; k < motion.keyframes.size(); ++k)
+    if (!(motion.keyframes[k].time > motion.keyframes[k - 1].time))
+      config_fail(place,
+                  "has keyframes out of order (key " + std::to_string(k) + " at " +
+                      number_text(motion.keyframes[k].time) + " s, above " + number_text(motion.keyframes[k - 1].time) +
+                      " s)",
+                  "Sort them by time, no two at the same");
+}
+
+void check_region(const ConfigDocument& document, const char* list, std::size_t index, const Region& region) {
+  if (region.shape == RegionShape::half_space && !(norm(region.normal) > 0))
+    config_fail(body_place(document, list, index, "normal"), "must not be zero ([0, 0, 0])",
+                "Give the direction out of the half-space, e.g. [0, 1, 0]");
+}
+
+void check_body(const ConfigDocument& document, const char* list, std::size_t index, const Body& body) {
+  if (!(norm(body.rotation_axis) > 0))
+    config_fail(body_place(document, list, index, "rotation_axis"), "must not be zero ([0, 0, 0])",
+                "Give the direction of the axis, e.g. [0, 1, 0]");
+}
+
+/// What sources and emitters have in common.
+void check_filled(const ConfigDocument& document, const char* list, std::size_t index, const Body& source,
+                  const std::string& material, const Scene& scene) {
+  const ConfigPlace shape = body_place(document, list, index, "shape");
+  if (source.shape == Shape::plane)
+    config_fail(shape, "cannot be filled with material (\"plane\" is a half-space)",
+                "Use a box, or make it an obstacle");
+  if (source.shape == Shape::vdb)
+    config_fail(shape, "cannot be filled with material (\"vdb\" is for obstacles only)",
+                "Use a mesh or points, or make it an obstacle");
+  if (scene.materials.count(material)) return;
+  std::vector<std::string_view> names;
+  std::string known;
+  for (const auto& [name, config] : scene.materials) {
+    names.push_back(name);
+    known += (known.empty() ? "" : ", ") + name;
+  }
+  const ConfigPlace place = body_place(document, list, index, "material");
+  config_fail(place, "names no material of the scene (" + place.value() + ", there are: " + known + ")",
+              "Use one of them or add it to 'materials'." + did_you_mean(material, names));
+}
+
+void check_emitter(const ConfigDocument& document, std::size_t index, const Emitter& emitter) {
+  if (emitter.shape == Shape::points)
+    config_fail(body_place(document, "emitters", index, "shape"), "has no volume (\"points\" is for sources only)",
+                "Use a box, another body or a mesh");
+  if (emitter.emission == Emission::burst) {
+    const ConfigPlace times = body_place(document, "emitters", index, "times");
+    if (emitter.times.empty()) config_fail(times, "must not be empty", "Give the time of a burst");
+    for (std::size_t k = 1; k < emitter.times.size(); ++k)
+      if (!(emitter.times[k] > emitter.times[k - 1]))
+        config_fail(
+            times,
+            "must ascend (" + number_text(emitter.times[k]) + " s after " + number_text(emitter.times[k - 1]) + " s)",
+            "Sort the times, no two the same");
+    return;
+  }
+  if (!(norm(emitter.velocity) > 0))
+    config_fail(body_place(document, "emitters", index, "emission"), "needs a velocity (\"stream\", velocity 0 m/s)",
+                "Give the emitter a velocity, or use bursts");
+  if (!(emitter.end_time > emitter.start_time))
+    config_fail(body_place(document, "emitters", index, "end_time"),
+                "must be above start_time (" + number_text(emitter.end_time) + " s, start_time " +
+                    number_text(emitter.start_time) + " s)",
+                "Raise end_time");
+}
+
+JsonNode& file_node(ConfigDocument& document, const char* list, std::size_t index) {
+  return *document.root.find(list)->items[index].find("file");
+}
+
+void load_body(ConfigDocument& document, const char* list, std::size_t index, const GeometryFinder& finder,
+               Body& body) {
+  if (body.shape != Shape::mesh && body.shape != Shape::vdb && body.shape != Shape::points) return;
+  const std::string where = body_place(document, list, index, "file").text();
+  const std::string given = body.file;
+  body.file = finder.find(given);
+  if (!fs::is_regular_file(body.file))
+    throw InputError(where + " names a file that does not exist (\"" + given + "\", looked for at '" + body.file +
+                     "'). " + finder.remedy(given));
+  try {
+    if (body.shape == Shape::mesh) body.mesh = std::make_shared<const TriangleMesh>(read_mesh(body.file, body.scale));
+    if (body.shape == Shape::points)
+      body.points = std::make_shared<const std::vector<Vec3d>>(read_points(body.file, body.scale));
+  } catch (const InputError& error) {
+    throw InputError(where + ": " + error.what());
+  }
+  file_node(document, list, index).text = body.file;
+}
+
+}  // namespace
+
+void check_scene(const ConfigDocument& document, const Scene& scene) {
+  check_domain(document, scene.domain);
+  check_faces(document, scene.domain);
+  if (const auto out = first_out_of_plane(scene))
+    config_fail(find_place(document, out->path), out->problem, out->remedy);
+  if (scene.sources.empty() && scene.emitters.empty())
+    config_fail(find_place(document, {"sources"}), "must not be empty", "Add a source, or there is no material");
+  if (scene.time_step.min_step > scene.time_step.max_step)
+    config_fail(find_place(document, {"time_step", "min_step"}),
+                "must not be above max_step (" + number_text(scene.time_step.min_step) + " s, max_step " +
+                    number_text(scene.time_step.max_step) + " s)",
+                "Lower min_step or raise max_step");
+  for (std::size_t i = 0; i < scene.sources.size(); ++i) {
+    check_body(document, "sources", i, scene.sources[i]);
+    check_filled(document, "sources", i, scene.sources[i], scene.sources[i].material, scene);
+    if (scene.sources[i].motion) check_motion(body_place(document, "sources", i, "motion"), *scene.sources[i].motion);
+  }
+  for (std::size_t i = 0; i < scene.emitters.size(); ++i) {
+    check_body(document, "emitters", i, scene.emitters[i]);
+    check_filled(document, "emitters", i, scene.emitters[i], scene.emitters[i].material, scene);
+    check_emitter(document, i, scene.emitters[i]);
+  }
+  for (std::size_t i = 0; i < scene.kinematic_regions.size(); ++i) {
+    check_region(document, "kinematic_regions", i, scene.kinematic_regions[i]);
+    check_motion(body_place(document, "kinematic_regions", i, "motion"), scene.kinematic_regions[i].motion);
+  }
+  for (std::size_t i = 0; i < scene.sinks.size(); ++i) check_region(document, "sinks", i, scene.sinks[i]);
+  for (std::size_t i = 0; i < scene.obstacles.size(); ++i) {
+    check_body(document, "obstacles", i, scene.obstacles[i]);
+    if (scene.obstacles[i].shape == Shape::points)
+      config_fail(body_place(document, "obstacles", i, "shape"), "has no surface (\"points\" is for sources only)",
+                  "Use a mesh or a vdb level set");
+    if (scene.obstacles[i].motion)
+      check_motion(body_place(document, "obstacles", i, "motion"), *scene.obstacles[i].motion);
+  }
+}
+
+void load_geometry(ConfigDocument& document, const GeometryFinder& finder, Scene& scene) {
+  for (std::size_t i = 0; i < scene.sources.size(); ++i) load_body(document, "sources", i, finder, scene.sources[i]);
+  for (std::size_t i = 0; i < scene.emitters.size(); ++i) load_body(document, "emitters", i, finder, scene.emitters[i]);
+  for (std::size_t i = 0; i < scene.obstacles.size(); ++i)
+    load_body(document, "obstacles", i, finder, scene.obstacles[i]);
+}
+
+}  // namespace graupel::io

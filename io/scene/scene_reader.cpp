@@ -1,0 +1,162 @@
+// Reads scenes, and writes them and their format.
+#include "io/scene/scene_reader.h"
+
+#include <filesystem>
+#include <iomanip>
+#include <sstream>
+
+#include "core/scene/sweep_recipe.h"
+#include "core/system/atomic_file.h"
+#include "io/config/config_description.h"
+#include "io/scene/geometry_finder.h"
+#include "io/scene/material_start.h"
+#include "io/scene/scene_checks.h"
+
+namespace graupel::io {
+
+namespace {
+
+/// A small scene that shows every kind of entry, for the defaults file.
+Scene example_scene() {
+  Scene scene;
+  scene.name = "example";
+  MaterialConfig& water = scene.materials["water"];
+  water.name = "water";
+  water.preset = "water";
+  Source source;
+  source.material = "water";
+  source.size = {0.2, 0.2, 0.2};
+  source.position = {0.5, 0.6, 0.5};
+  scene.sources.push_back(source);
+  Obstacle obstacle;
+  obstacle.shape = Shape::sphere;
+  obstacle.radius = 0.1;
+  obstacle.position = {0.5, 0.2, 0.5};
+  scene.obstacles.push_back(obstacle);
+  return scene;
+}
+
+/// Six digits are more than any of these constants is known to.
+std::string preset_value(const JsonNode& value) {
+  if (value.kind != JsonNode::Kind::real)
+    return value.text.empty() ? write_json(value, JsonLayout::compact) : value.text;
+  std::ostringstream text;
+  text << std::setprecision(6) << value.real;
+  return text.str();
+}
+
+/// Table of the material presets.
+std::string preset_markdown() {
+  std::string text =
+      "\n## Material presets\n\n`taichi_*` are the constants of Taichi Elements, `nsf_*`, `crom_*` and `licrom_*` "
+      "those "
+      "of the papers on reduced\nmodels, `claymore_*` those of the cubes by which claymore is measured; "
+      "docs/method.md says what those papers leave open.\n\n| Preset | Model | Constants |\n|---|---|---|\n";
+  for (const std::string& name : material_preset_names()) {
+    const MaterialConfig preset = *material_preset(name);
+    std::string constants;
+    for (const auto& member : json_of(preset).members)
+      if (member.key != "preset" && member.key != "model") {
+        constants += constants.empty() ? "" : ", ";
+        constants += "`" + member.key + "` " + preset_value(member.value);
+      }
+    text += "| `" + name + "` | " + word_of(preset.model) + " | " + constants + " |\n";
+  }
+  return text;
+}
+
+/// Recipes that name a scene.
+std::string sweep_markdown() {
+  return "\n# Sweeps\n\n"
+         "A recipe with the key `scene` is a sweep: `graupel generate` runs that scene once for each value of its "
+         "parameters\nand stores the values with the trajectories (docs/file_formats.md). Run i, from 0 on, takes item "
+         "i of every list.\n\n"
+         "    {\n"
+         "      \"scene\": \"../heap.json\",\n"
+         "      \"set\": { \"domain.dx\": 0.02, \"frames\": 60 },\n"
+         "      \"parameters\": [\n"
+         "        { \"name\": \"friction_angle\", \"unit\": \"degrees\", \"key\": "
+         "\"materials.sand.friction_angle\", \"values\": [20, 25, 30],\n"
+         "          \"also\": [ { \"key\": \"sources.0.velocity\", \"values\": [[0, 0, 0], [1, 0, 0], [2, 0, 0]] } "
+         "] }\n"
+         "      ],\n"
+         "      \"test\": [1], \"fields\": \"stress,affine\"\n"
+         "    }\n\n"
+         "All runs start with the same particles, which are a reduced model's reference points: a parameter that moves "
+         "them at\nthe start is an error, as is one of `frames`, `frame_time` or `seed`. The seed is the scene's, or "
+         "`--seed`. The scene's\nkeys change in the order: scene file, `set`, parameters. For one data set "
+         "`--set deflate=4` changes a key of the recipe and\n`--set scene.domain.dx=0.03` one of its scene. To store a "
+         "frame every k substeps, give the scene\n`\"time_step\": { \"policy\": \"fixed\", "
+         "\"substeps_per_frame\": k }` and a `frame_time` of k steps.\n\n"
+         "These tables are made from `core/scene/sweep_recipe.h`.\n" +
+         description_markdown(describe<SweepRecipe>(), "Top level of a sweep");
+}
+
+/// Self-contained text: overrides applied, absolute paths, no link to an editor's schema.
+std::string source_text(const ConfigDocument& document) {
+  JsonNode copy = JsonNode::object();
+  for (const auto& member : document.root.members)
+    if (member.key != "$schema") copy.set(member.key, member.value);
+  return write_json(copy, JsonLayout::compact);
+}
+
+Scene parse(const std::string& text, const std::string& name, const GeometryFinder& finder,
+            const std::vector<std::string>& overrides) {
+  ConfigDocument document = ConfigDocument::parse(text, name, overrides);
+  Scene scene = read_config<Scene>(document);
+  check_scene(document, scene);
+  load_geometry(document, finder, scene);
+  scene.source = source_text(document);
+  return scene;
+}
+
+}  // namespace
+
+Scene parse_scene(const std::string& text, const std::string& name, const std::string& folder,
+                  const std::vector<std::string>& overrides) {
+  return parse(text, name, SceneFolder(folder), overrides);
+}
+
+Scene parse_stored_scene(const std::string& text, const std::string& name, const std::string& file,
+                         const std::vector<std::string>& overrides) {
+  return parse(text, name, AroundTrajectory(file), overrides);
+}
+
+Scene read_scene(const std::string& path, const std::vector<std::string>& overrides) {
+  constexpr std::size_t limit = std::size_t(16) << 20;
+  const std::string folder = std::filesystem::absolute(path).parent_path().string();
+  Scene scene = parse_scene(read_file(path, limit), path, folder, overrides);
+  scene.file = path;
+  return scene;
+}
+
+std::string with_frames(const std::string& scene_json, int64_t frames) {
+  JsonNode root = parse_json(scene_json, "stored scene");
+  root.set("frames", JsonNode::of(frames));
+  return write_json(root, JsonLayout::compact);
+}
+
+std::string scene_to_json(const Scene& scene) { return write_json(json_of(scene), JsonLayout::indented); }
+
+std::string scene_defaults() { return commented_json(describe<Scene>(), json_of(example_scene())); }
+
+std::string scene_format_markdown() {
+  return "# Scene format\n\n"
+         "A scene is a JSON file; `//` and `/* */` comments are allowed. Units are SI, y is up by convention. Unknown "
+         "keys\n"
+         "are errors. Paths are relative to the scene file. `--set key.path=value` replaces a value for one run, e.g.\n"
+         "`--set domain.dx=0.01` or `--set sources.0.velocity=[0,-1,0]`. `graupel simulate --print-defaults` writes\n"
+         "a scene with every key. Editors check and complete scenes with `scenes/schema.json` (name it under the key\n"
+         "`\"$schema\"`).\n\n"
+         "Sources may have every shape but `plane` and `vdb`, emitters none of these and no `points`, obstacles every "
+         "shape but\n`points`. The domain needs at "
+         "least\n"
+         "16 cells along each edge inside its walls and at most 2^21 cells along an edge. A material starts from its\n"
+         "`preset`, then its other keys apply.\n\n"
+         "This file is made from the declarations in `core/scene/scene.h` and the headers that it names.\n" +
+         description_markdown(describe<Scene>(), "Top level") + preset_markdown() + sweep_markdown();
+}
+
+std::string scene_schema_json() { return description_schema(describe<Scene>(), "Graupel scene"); }
+
+}  // namespace graupel::io

@@ -1,0 +1,75 @@
+#include "io/trajectory/part_file.h"
+
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <cerrno>
+#include <cstdio>
+#include <cstring>
+
+#include "core/system/atomic_file.h"
+#include "core/system/error.h"
+#include "core/system/file_lock.h"
+
+namespace graupel::io {
+
+namespace {
+
+ino_t number_of(const std::string& file) {
+  struct stat status {};
+  return ::stat(file.c_str(), &status) == 0 ? status.st_ino : 0;
+}
+
+FileLock lock_part_file(const std::string& part) {
+  auto hold = FileLock::attempt(part, LockKind::exclusive);
+  if (!hold)
+    throw IoError("another run is writing or recovering '" + part + "'. Choose another output, or wait until it ends");
+  return std::move(*hold);
+}
+
+void rename_to(const std::string& aside, const std::string& part) {
+  if (std::rename(aside.c_str(), part.c_str()) != 0)
+    throw IoError("cannot create '" + part + "' (" + std::strerror(errno) + "). Choose a folder you may write to");
+}
+
+}  // namespace
+
+/// H5Fcreate cuts a file before it asks for its lock. So the new file is made under a name of its own, where HDF5 locks
+/// it undisturbed, and takes the place of the old one, lock and all, while we hold that one's lock.
+hdf5::Handle create_part_file(const std::string& part) {
+  const FileLock hold = lock_part_file(part);
+  std::string aside;
+  try {
+    hdf5::Handle file = create_aside_file(part, aside);
+    rename_to(aside, part);
+    return file;
+  } catch (...) {
+    ::unlink(aside.c_str());
+    throw;
+  }
+}
+
+hdf5::Handle create_aside_file(const std::string& part, std::string& aside) {
+  static std::atomic<int> number = 0;
+  aside = part + "." + std::to_string(::getpid()) + "-" + std::to_string(number++);
+  return hdf5::create_file(aside);
+}
+
+void replace_part_file(const std::string& aside, const std::string& part) {
+  const FileLock hold = lock_part_file(part);
+  rename_to(aside, part);
+}
+
+/// HDF5's lock ends with the file: ours follows, and what another run put there in between is left to it.
+void finish_part_file(hdf5::Handle& file, const std::string& path) {
+  const std::string part = path + ".part";
+  const ino_t mine = number_of(part);
+  file.close("cannot close the file");
+  const auto hold = FileLock::attempt(part, LockKind::exclusive);
+  if (!hold || number_of(part) != mine)
+    throw IoError("another run has taken '" + part + "' while this one ended. Run it again with another output");
+  graupel::finish_part_file(path);
+}
+
+}  // namespace graupel::io

@@ -1,0 +1,99 @@
+// Recovers what a killed writer left, and merges finished trajectories into data sets.
+#include <filesystem>
+
+#include "core/system/error.h"
+#include "core/system/file_lock.h"
+#include "io/hdf5/hdf5_dataset.h"
+#include "io/trajectory/part_file.h"
+#include "io/trajectory/trajectory_file.h"
+#include "io/trajectory/trajectory_layout.h"
+#include "io/trajectory/unfinished_trajectory.h"
+
+namespace graupel::io {
+
+namespace fs = std::filesystem;
+
+namespace {
+
+/// Writes the usable frames to a new file, which takes the place of `path`.
+void rewrite(const UnfinishedTrajectory& part, const std::string& path) {
+  TrajectoryWriter writer(path + ".recovered", part.header(), part.contents());
+  for (const auto& [name, value] : part.attributes())
+    if (name != "scene_json" && name != "made_by") writer.attribute(name, value);
+  writer.parameters(part.parameters());
+  writer.attribute("recovered", "1");
+  for_usable_frames(part, [&](const ParticleFrame& frame) { writer.append(frame); });
+  writer.finish();
+}
+
+void merge_into(hid_t out, const std::string& part, int64_t number) {
+  const TrajectoryReader reader(part);
+  if (!reader.complete())
+    throw InputError("'" + part + "' is not complete. Make it again, or recover it, before merging");
+  if (reader.count() != 1)
+    throw InputError("'" + part + "' has " + std::to_string(reader.count()) +
+                     " trajectories (1 expected). Merge single "
+                     "trajectories");
+  hdf5::Handle file;
+  std::string name;
+  try {
+    file = hdf5::open_file(part);
+    name = hdf5::member_names(file).front();
+  } catch (const hdf5::Failure& failure) {
+    throw InputError("cannot read '" + part + "' (" + failure.what() + "). Make it again");
+  }
+  hdf5::check(H5Ocopy(file, name.c_str(), out, trajectory_group(number).c_str(), H5P_DEFAULT, H5P_DEFAULT),
+              ("cannot copy '" + part + "'").c_str());
+}
+
+}  // namespace
+
+int64_t recover_part_file(const std::string& path, bool finish) {
+  const std::string part_path = path + ".part";
+  if (!fs::is_regular_file(part_path))
+    throw InputError("there is no '" + part_path + "' to recover. Name the file the killed run was to write");
+  const auto hold = FileLock::attempt(part_path, LockKind::shared);
+  if (!hold)
+    throw InputError("'" + part_path + "' is still being written by another run. Wait until it ends, or stop it");
+  int64_t usable = 0;
+  if (fs::file_size(part_path) == 0) return 0;  // killed before the first flush
+  try {
+    const UnfinishedTrajectory part(part_path);
+    usable = for_usable_frames(part, [](const ParticleFrame&) {});
+    if (usable == 0 || !finish) return usable;
+    rewrite(part, path);
+  } catch (const hdf5::Failure& failure) {
+    throw InputError("cannot recover '" + part_path + "' (" + failure.what() +
+                     "). It is damaged or of another kind; run it again");
+  }
+  fs::rename(path + ".recovered", path);
+  fs::remove(part_path);
+  return usable;
+}
+
+void merge_trajectories(const std::vector<std::string>& parts, const std::string& path) {
+  if (parts.empty()) throw InputError("there are no trajectories to merge into '" + path + "'. Make some first");
+  uint64_t bytes = 0;
+  for (const auto& part : parts) {
+    std::error_code code;
+    const uint64_t size = fs::file_size(part, code);
+    if (!code) bytes += size;
+  }
+  try {
+    hdf5::Handle out = create_part_file(path + ".part");
+    hdf5::write_attribute(out, "format", trajectory_format);
+    hdf5::write_attribute(out, "format_version", trajectory_format_version);
+    hdf5::write_attribute(out, "complete", int64_t(0));
+    for (std::size_t i = 0; i < parts.size(); ++i) merge_into(out, parts[i], static_cast<int64_t>(i));
+    hdf5::check(H5Fflush(out, H5F_SCOPE_LOCAL), "cannot flush");
+    hdf5::write_attribute(out, "complete", int64_t(1));
+    hdf5::check(H5Fflush(out, H5F_SCOPE_LOCAL), "cannot flush");
+    finish_part_file(out, path);
+  } catch (const hdf5::Failure& failure) {
+    throw IoError("cannot merge " + std::to_string(parts.size()) + " trajectories into '" + path + "' (" +
+                  std::to_string(bytes) + " bytes needed; " + failure.what() +
+                  "). Free space on that disk or choose another folder");
+  }
+}
+
+}  // namespace graupel::io

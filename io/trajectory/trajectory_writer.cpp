@@ -1,0 +1,378 @@
+// Streams a trajectory to HDF5. Whole chunks only are written, once each, and metadata leaves memory at flushes only:
+// a kill can cost the frames since the last flush, never earlier ones.
+#include <sys/statvfs.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <functional>
+
+#include "core/system/atomic_file.h"
+#include "core/system/error.h"
+#include "io/hdf5/hdf5_dataset.h"
+#include "io/trajectory/field_datasets.h"
+#include "io/trajectory/part_file.h"
+#include "io/trajectory/run_parameters.h"
+#include "io/trajectory/trajectory_continuation.h"
+#include "io/trajectory/trajectory_file.h"
+#include "io/trajectory/trajectory_layout.h"
+
+namespace graupel::io {
+
+namespace {
+
+constexpr int64_t largest_chunk_bytes = int64_t(4) << 20;
+constexpr int64_t most_chunk_frames = 8;
+constexpr int64_t particle_bytes = sizeof(Vec3f);
+constexpr hsize_t time_chunk = 512;
+static_assert(sizeof(Vec3f) == 3 * sizeof(float));
+
+/// " Free space ..." or what else helps.
+std::string remedy(const std::string& folder, uint64_t needed, const std::string& problem) {
+  struct statvfs disk {};
+  const bool known = ::statvfs(folder.c_str(), &disk) == 0;
+  const uint64_t free_bytes = known ? uint64_t(disk.f_bavail) * disk.f_frsize : 0;
+  if (problem.find("No space left") != std::string::npos || (known && free_bytes < needed))
+    return "(disk full: " + std::to_string(needed) + " bytes needed, " + std::to_string(free_bytes) +
+           " free). Free space on that disk or choose another folder";
+  return "(" + problem + "). Check the disk or choose another folder";
+}
+
+/// A dataset with one row a frame.
+struct FrameDataset {
+  hdf5::Handle id;
+  hdf5::Element element;
+  std::vector<hsize_t> row;  ///< size of one frame
+  std::vector<hsize_t> chunk;
+  std::function<const void*(const ParticleFrame&)> values;
+};
+
+}  // namespace
+
+int64_t particle_frame_bytes(const TrajectoryWriteOptions& options) {
+  return particle_bytes * (options.velocity ? 2 : 1) + (options.active ? 1 : 0) +
+         int64_t(sizeof(float)) * options.fields.components();
+}
+
+struct TrajectoryWriter::Impl {
+  std::string path, part;
+  TrajectoryWriteOptions options;
+  hsize_t particles = 0;
+  hsize_t chunk_frames = 1;
+  hdf5::Handle file, group, time;
+  std::vector<FrameDataset> datasets;
+  std::vector<ParticleFrame> pending;  ///< not written yet
+  hsize_t written = 0;
+  hsize_t flushed = 0;
+  bool closed = false;
+
+  void start(const Trajectory& header, hdf5::Handle empty_file);
+  void write_header(const Trajectory& header);
+  void choose_chunks();
+  hsize_t chunk_particles(int64_t bytes) const;
+  void add_dataset(const char* name, const char* units, const char* description, hdf5::Element element, int components,
+                   std::function<const void*(const ParticleFrame&)> values);
+  void add_datasets();
+  void store_initial_velocity(const ParticleFrame& frame);
+  ParticleFrame stored_part(const ParticleFrame& frame) const;
+  void append(const ParticleFrame& frame);
+  void continue_from(const Trajectory& header, const TrajectoryCheckpoint& checkpoint);
+  std::vector<hdf5::ChunkRow> filter_pending() const;
+  void write_pending(const std::vector<hdf5::ChunkRow>& rows);
+  void flush();
+  void close_all(int64_t diverged_at_frame);
+
+  /// Runs HDF5 calls; a failure becomes an IoError, after which the writer is of no more use.
+  template <typename Body>
+  void guarded(const std::string& doing, Body&& body) {
+    const auto hold = hdf5::library_lock();
+    try {
+      body();
+    } catch (const hdf5::Failure& failure) {
+      closed = true;
+      const std::string folder = std::filesystem::absolute(path).parent_path().string();
+      const uint64_t frames = written - flushed + pending.size();  // not safely on disk yet
+      const uint64_t needed = (frames + 1) * particles * static_cast<uint64_t>(particle_frame_bytes(options));
+      throw IoError("cannot " + doing + " '" + part + "' " + remedy(folder, needed, failure.what()) + "; the " +
+                    std::to_string(flushed) + " frames flushed so far can be recovered");
+    }
+  }
+};
+
+void TrajectoryWriter::Impl::choose_chunks() {
+  const int64_t frame_bytes = static_cast<int64_t>(particles) * particle_bytes;
+  const int64_t flush_every = std::max(options.flush_every, 1);
+  chunk_frames = static_cast<hsize_t>(
+      std::clamp<int64_t>(largest_chunk_bytes / frame_bytes, 1, std::min(most_chunk_frames, flush_every)));
+}
+
+/// Particles in a chunk of `bytes` a particle and frame; for small ones as for positions.
+hsize_t TrajectoryWriter::Impl::chunk_particles(int64_t bytes) const {
+  const int64_t fitting = largest_chunk_bytes / (static_cast<int64_t>(chunk_frames) * std::max(bytes, particle_bytes));
+  return std::min<hsize_t>(particles, static_cast<hsize_t>(fitting));
+}
+
+void TrajectoryWriter::Impl::add_dataset(const char* name, const char* units, const char* description,
+                                         hdf5::Element element, int components,
+                                         std::function<const void*(const ParticleFrame&)> values) {
+  FrameDataset dataset;
+  const int64_t bytes = components * int64_t(element == hdf5::Element::uint8 ? 1 : sizeof(float));
+  dataset.element = element;
+  dataset.row = {particles};
+  if (components > 1) dataset.row.push_back(static_cast<hsize_t>(components));
+  dataset.values = std::move(values);
+  std::vector<hsize_t> size = dataset.row;
+  size.insert(size.begin(), 0);
+  dataset.chunk = dataset.row;
+  dataset.chunk[0] = chunk_particles(bytes);
+  dataset.chunk.insert(dataset.chunk.begin(), chunk_frames);
+  dataset.id = hdf5::create_dataset(group, name,
+                                    {.element = element,
+                                     .size = size,
+                                     .chunk = dataset.chunk,
+                                     .deflate = options.deflate,
+                                     .checksum = true,
+                                     .units = units,
+                                     .description = description});
+  datasets.push_back(std::move(dataset));
+}
+
+void TrajectoryWriter::Impl::add_datasets() {
+  add_dataset("position", "m", "Particle positions [frame, particle, axis]", hdf5::Element::float32, 3,
+              [](const ParticleFrame& f) { return f.position.data(); });
+  if (options.velocity)
+    add_dataset("velocity", "m/s", "Particle velocities [frame, particle, axis]", hdf5::Element::float32, 3,
+                [](const ParticleFrame& f) { return f.velocity.data(); });
+  if (options.active)
+    add_dataset("active", "", "1 while a particle is in the run [frame, particle]", hdf5::Element::uint8, 1,
+                [](const ParticleFrame& f) { return f.active.data(); });
+  for (const ParticleField field : all_particle_fields) {
+    if (!options.fields.contains(field)) continue;
+    const ParticleFieldInfo& info = info_of(field);
+    add_dataset(info.name, info.units, info.description, hdf5::Element::float32, info.components,
+                [field](const ParticleFrame& f) { return f.fields[field].data(); });
+  }
+}
+
+void TrajectoryWriter::Impl::write_header(const Trajectory& header) {
+  hdf5::write_attribute(file, "format", trajectory_format);
+  hdf5::write_attribute(file, "format_version", trajectory_format_version);
+  hdf5::write_attribute(file, "complete", int64_t(0));
+  hdf5::write_attribute(group, "scene_json", header.scene_json);
+  hdf5::write_attribute(group, "seed", header.seed);
+  hdf5::write_attribute(group, "made_by", header.made_by);
+  hdf5::write_attribute(group, "frame_time", header.frame_time);
+  hdf5::write_attribute(group, "diverged_at_frame", int64_t(-1));
+}
+
+void TrajectoryWriter::Impl::start(const Trajectory& header, hdf5::Handle empty_file) {
+  choose_chunks();
+  file = std::move(empty_file);
+  group = hdf5::create_group(file, trajectory_group(options.group));
+  write_header(header);
+  add_datasets();
+  // Without filters, chunks of times stay in their place when they grow.
+  time = hdf5::create_dataset(group, "time",
+                              {.element = hdf5::Element::float64,
+                               .size = {0},
+                               .chunk = {time_chunk},
+                               .units = "s",
+                               .description = "Time of each frame"});
+  const hdf5::Handle types = hdf5::create_dataset(group, "particle_type",
+                                                  {.element = hdf5::Element::int32,
+                                                   .size = {particles},
+                                                   .chunk = {},
+                                                   .units = "",
+                                                   .description = "3 obstacle, 4 jelly, 5 water, 6 sand, 8 snow"});
+  hdf5::write_all(types, hdf5::Element::int32, header.particle_type.data());
+  flush();
+}
+
+void TrajectoryWriter::Impl::store_initial_velocity(const ParticleFrame& frame) {
+  hdf5::Handle dataset = hdf5::create_dataset(group, "initial_velocity",
+                                              {.element = hdf5::Element::float32,
+                                               .size = {particles, 3},
+                                               .chunk = {chunk_particles(particle_bytes), 3},
+                                               .deflate = options.deflate,
+                                               .checksum = true,
+                                               .units = "m/s",
+                                               .description = "Velocities in the first frame [particle, axis]"});
+  hdf5::write_all(dataset, hdf5::Element::float32, frame.velocity.data());
+  dataset.close("cannot write the initial velocities");
+}
+
+/// What of a frame the file keeps.
+ParticleFrame TrajectoryWriter::Impl::stored_part(const ParticleFrame& frame) const {
+  ParticleFrame kept{frame.time, frame.position, {}, {}, {}};
+  if (options.velocity) kept.velocity = frame.velocity;
+  if (options.active) kept.active = frame.active.empty() ? std::vector<uint8_t>(particles, 1) : frame.active;
+  for (const ParticleField field : all_particle_fields)
+    if (options.fields.contains(field)) kept.fields[field] = frame.fields[field];
+  return kept;
+}
+
+void TrajectoryWriter::Impl::append(const ParticleFrame& frame) {
+  GRAUPEL_ASSERT(!closed);
+  GRAUPEL_ASSERT(frame.position.size() == particles);
+  GRAUPEL_ASSERT(!options.velocity || frame.velocity.size() == particles);
+  GRAUPEL_ASSERT(!options.active || frame.active.empty() || frame.active.size() == particles);
+  for (const ParticleField field : all_particle_fields)
+    GRAUPEL_ASSERT(!options.fields.contains(field) ||
+                   frame.fields[field].size() == particles * static_cast<std::size_t>(info_of(field).components));
+  const bool first = written == 0 && pending.empty();
+  pending.push_back(stored_part(frame));
+  const std::string doing = "write frame " + std::to_string(written + pending.size() - 1) + " to";
+  if (first && frame.velocity.size() == particles) guarded(doing, [&] { store_initial_velocity(frame); });
+  if (pending.size() < chunk_frames) return;
+  const auto chunks = filter_pending();
+  guarded(doing, [&] {
+    write_pending(chunks);
+    if (written - flushed >= static_cast<hsize_t>(options.flush_every)) flush();
+  });
+}
+
+/// The pending frames of every dataset, ready for the disk. Many writers do this at once.
+std::vector<hdf5::ChunkRow> TrajectoryWriter::Impl::filter_pending() const {
+  std::vector<hdf5::ChunkRow> rows;
+  if (pending.empty()) return rows;
+  for (const FrameDataset& dataset : datasets) {
+    std::vector<const void*> values;
+    for (const ParticleFrame& frame : pending) values.push_back(dataset.values(frame));
+    const std::size_t element_bytes = dataset.element == hdf5::Element::uint8 ? 1 : sizeof(float);
+    rows.push_back(hdf5::filter_rows(
+        values, dataset.row, dataset.chunk,
+        {.element_bytes = element_bytes, .shuffle = true, .deflate = options.deflate, .checksum = true}));
+  }
+  return rows;
+}
+
+void TrajectoryWriter::Impl::write_pending(const std::vector<hdf5::ChunkRow>& rows) {
+  const hsize_t count = pending.size();
+  if (count == 0) return;
+  for (std::size_t i = 0; i < datasets.size(); ++i)
+    hdf5::append_chunks(datasets[i].id, written, datasets[i].row, rows[i]);
+  std::vector<double> times;
+  for (const ParticleFrame& frame : pending) times.push_back(frame.time);
+  hdf5::append_rows(time, written, count, {}, hdf5::Element::float64, times.data());
+  written += count;
+  pending.clear();
+}
+
+void TrajectoryWriter::Impl::flush() {
+  hdf5::check(H5Fflush(file, H5F_SCOPE_LOCAL), "cannot flush");
+  flushed = written;
+}
+
+void TrajectoryWriter::Impl::close_all(int64_t diverged_at_frame) {
+  const auto chunks = filter_pending();
+  guarded("finish", [&] {
+    write_pending(chunks);
+    hdf5::write_attribute(group, "diverged_at_frame", diverged_at_frame);
+    flush();
+    for (FrameDataset& dataset : datasets) dataset.id.close("cannot close a dataset");
+    time.close("cannot close a dataset");
+    group.close("cannot close a group");
+    hdf5::write_attribute(file, "complete", int64_t(1));
+    flush();
+    finish_part_file(file, path);
+  });
+}
+
+/// Fills a file of its own, which then replaces what was there: a kill in between costs nothing.
+void TrajectoryWriter::Impl::continue_from(const Trajectory& header, const TrajectoryCheckpoint& checkpoint) {
+  auto found = find_interrupted(path, header, options, checkpoint);
+  if (!found) {
+    guarded("start", [&] { start(header, create_part_file(part)); });
+    return append(checkpoint.recent.back());
+  }
+  std::string aside;
+  try {
+    guarded("start", [&] { start(header, create_aside_file(part, aside)); });
+    copy_kept_frames(*found, checkpoint, header.frame_time, [&](const ParticleFrame& frame) { append(frame); });
+    guarded("write to", [&] { flush(); });
+    found.reset();
+    replace_part_file(aside, part);
+  } catch (...) {
+    ::unlink(aside.c_str());
+    throw;
+  }
+}
+
+namespace {
+
+void check(const Trajectory& header, const TrajectoryWriteOptions& options) {
+  if (header.particle_type.empty()) throw ConfigError("a trajectory needs particles (0 given). Add a source");
+  if (options.deflate < 0 || options.deflate > 9)
+    throw ConfigError("compression level " + std::to_string(options.deflate) +
+                      " does not exist (allowed 0 to 9). Use 1 for speed or 9 for size");
+}
+
+}  // namespace
+
+TrajectoryWriter::TrajectoryWriter(const std::string& path, const Trajectory& header,
+                                   const TrajectoryWriteOptions& options)
+    : impl_(std::make_unique<Impl>()) {
+  check(header, options);
+  impl_->path = path;
+  impl_->part = path + ".part";
+  impl_->options = options;
+  impl_->particles = header.particle_count();
+  impl_->guarded("start", [&] { impl_->start(header, create_part_file(impl_->part)); });
+}
+
+TrajectoryWriter::TrajectoryWriter(const std::string& path, const Trajectory& header,
+                                   const TrajectoryWriteOptions& options, const TrajectoryCheckpoint& checkpoint)
+    : impl_(std::make_unique<Impl>()) {
+  check(header, options);
+  GRAUPEL_ASSERT(!checkpoint.recent.empty());
+  impl_->path = path;
+  impl_->part = path + ".part";
+  impl_->options = options;
+  impl_->particles = header.particle_count();
+  impl_->continue_from(header, checkpoint);
+}
+
+TrajectoryWriter::~TrajectoryWriter() {
+  const auto hold = hdf5::library_lock();
+  impl_.reset();
+}
+
+void TrajectoryWriter::append(const ParticleFrame& frame) { impl_->append(frame); }
+
+const std::vector<ParticleFrame>& TrajectoryWriter::checkpoint() {
+  GRAUPEL_ASSERT(!impl_->closed);
+  impl_->guarded("write to", [&] { impl_->flush(); });
+  sync_file(impl_->part);
+  return impl_->pending;
+}
+
+void TrajectoryWriter::attribute(const std::string& name, const std::string& value) {
+  GRAUPEL_ASSERT(!impl_->closed);
+  impl_->guarded("write to", [&] { hdf5::write_attribute(impl_->group, name, value); });
+}
+
+void TrajectoryWriter::parameters(const std::vector<NamedValue>& values) {
+  GRAUPEL_ASSERT(!impl_->closed);
+  impl_->guarded("write to", [&] { write_parameters(impl_->group, values); });
+}
+
+void TrajectoryWriter::table(const FrameTable& table) {
+  GRAUPEL_ASSERT(!impl_->closed && table.columns > 0);
+  const auto columns = static_cast<hsize_t>(table.columns);
+  impl_->guarded("write to", [&] {
+    const hdf5::Handle dataset = hdf5::create_dataset(impl_->group, table.name,
+                                                      {.element = hdf5::Element::float32,
+                                                       .size = {table.values.size() / columns, columns},
+                                                       .units = table.units,
+                                                       .description = table.description});
+    hdf5::write_all(dataset, hdf5::Element::float32, table.values.data());
+  });
+}
+
+void TrajectoryWriter::finish(int64_t diverged_at_frame) {
+  GRAUPEL_ASSERT(!impl_->closed);
+  impl_->close_all(diverged_at_frame);
+  impl_->closed = true;
+}
+
+}  // namespace graupel::io

@@ -1,0 +1,146 @@
+// A whole segment of substeps in one kernel, for scenes so small that launches and loads take most of the time. Every
+// home block has a block of threads of its own, all of them at once on the GPU. A substep has one barrier among the
+// blocks of a scene: after P2G, which leaves a block's sums in its arena in global memory. Then every block adds the
+// arenas that reach its own 8^3 nodes and moves those nodes itself, in shared memory, before G2P. Neighbours move the
+// same nodes again; that is less work than a second barrier.
+//
+// For fixed steps only: a block does not know its neighbours' new state when it starts the next P2G. That a particle
+// left its arena or went bad is told at the next barrier, where all blocks of the scene stop with the state of the
+// substep before. Sums have the order of the three kernels (mpm/gpu/blocks/batch_kernels.h), and so the same bytes.
+#pragma once
+
+#include "mpm/gpu/blocks/batch_kernels.h"
+
+namespace graupel::mpm::batch {
+
+inline constexpr int resident_threads = 256;
+inline constexpr int resident_warps = resident_threads / warp_width;
+inline constexpr uint32_t arrival_stop = 1u << 20;  ///< added to the number of arrivals by a block that must stop
+inline constexpr int far_width = 5;                 ///< home blocks at (-2..2)^3 reach the nodes of a window
+
+struct ResidentShared {
+  ScatterShared<resident_warps> scatter;
+  NodeSum node[reach_nodes];
+  int32_t home[far_width * far_width * far_width];  ///< at (-2..2)^3, or -1
+  int32_t block_key[27];                            ///< directory index at (-1..1)^3, or -1
+  StepReport report;
+  uint32_t arrivals;
+};
+
+/// What a block of threads knows for the whole segment.
+struct Resident {
+  HomeBlock home;
+  int number;  ///< of the home block
+  int32_t blocks, substeps;
+  float dt;
+};
+
+template <typename Block>
+GRAUPEL_HD void find_neighbors(const Block& block, const BatchView& view, const HomeBlock& b, ResidentShared& shared) {
+  const int t = block.thread();
+  if (t < far_width * far_width * far_width) {
+    const int32_t key =
+        neighbor_key(view, b, t / (far_width * far_width) - 2, t / far_width % far_width - 2, t % far_width - 2);
+    shared.home[t] = key < 0 ? -1 : view.home_of_key[key];
+  }
+  if (t < 27) shared.block_key[t] = neighbor_in_scene(view, b, t / 9 - 1, t / 3 % 3 - 1, t % 3 - 1);
+  if (t == 0) clear_report(shared.report);
+}
+
+/// Adds the arenas at every node of the window, then gravity and contact.
+template <typename Block>
+GRAUPEL_HD void move_window(const Block& block, const SceneView<float>& scene, const NodeSum* arenas, float dt,
+                            ResidentShared& shared) {
+  for (int n = block.thread(); n < reach_nodes; n += resident_threads) {
+    const WindowNode node(n);
+    const int32_t key = shared.block_key[node.corner];
+    NodeSum sum = {};
+    if (key >= 0) {
+      const NodeReach reach(node_in_block<3>(node.inside));
+      const int at[3] = {node.corner / 9 + 1, node.corner / 3 % 3 + 1, node.corner % 3 + 1};
+      NodeSum part[8];
+      for (int corner = 0; corner < 8; ++corner) {
+        const int x = at[0] + (corner & 1 ? reach.shift[0] : 0), y = at[1] + (corner >> 1 & 1 ? reach.shift[1] : 0),
+                  z = at[2] + (corner >> 2 ? reach.shift[2] : 0);
+        const int32_t home = shared.home[(x * far_width + y) * far_width + z];
+        part[corner] = {};
+        if (home >= 0)
+          part[corner] = block.fresh(arenas + static_cast<int64_t>(home) * reach_nodes + reach.place(corner));
+      }
+      for (int corner = 0; corner < 8; ++corner)
+        for (int c = 0; c < 4; ++c) sum.v[c] += part[corner].v[c];
+      sum = moved_node(scene, key, node.inside, sum, dt);
+    }
+    shared.node[reach_index(n / 64, n / 8 % 8, n % 8)] = sum;
+  }
+}
+
+/// Waits until all blocks of the scene have finished the P2G of substep `done`; returns whether one of them had to stop
+/// after the substep before.
+template <typename Block>
+GRAUPEL_HD bool meet(const Block& block, uint32_t* arrivals, const Resident& own, int32_t done,
+                     ResidentShared& shared) {
+  block.sync();
+  if (block.thread() == 0) {
+    const bool stop = shared.report.left_reach > 0 || shared.report.bad_particle != no_bad_particle;
+    block.fence();
+    block.add(arrivals, stop ? arrival_stop + 1 : 1u);
+    const auto all = static_cast<uint32_t>(own.blocks) * static_cast<uint32_t>(done + 1);
+    uint32_t seen = block.fresh(arrivals);
+    while (seen % arrival_stop < all) {
+      block.pause();
+      seen = block.fresh(arrivals);
+    }
+    block.fence();
+    shared.arrivals = seen;
+  }
+  block.sync();
+  return shared.arrivals >= arrival_stop;
+}
+
+/// The report keeps sums over the segment, and the speeds of its last two substeps.
+GRAUPEL_HD inline void begin_substep_report(StepReport& report) {
+  report.before_speed2 = report.speed2;
+  report.before_sound_speed = report.sound_speed;
+  if (report.sound_speed > report.peak_sound_speed) report.peak_sound_speed = report.sound_speed;
+  report.speed2 = 0;
+  report.sound_speed = 0;
+  report.over_courant = 0;
+}
+
+/// The substeps until the next sort or the end of the frame, for the home block with this block's number. Nothing
+/// happens when there are more home blocks than blocks of threads.
+template <typename Block>
+GRAUPEL_HD void run_segment(const Block& block, const BatchView& view, ResidentShared& shared) {
+  Resident own;
+  own.number = block.index();
+  const int32_t homes = view.counts->homes_to_run();
+  if (own.number >= homes || homes > block.blocks()) return;
+  own.home = view.homes[own.number];
+  const StepControl& control = view.controls[own.home.scene];
+  if (control.phase != ScenePhase::running) return;
+  const BatchScene& scene = view.scenes[own.home.scene];
+  const auto left = static_cast<int32_t>(scene.time_step.substeps_per_frame) - control.frame_substeps;
+  const int32_t sorted = control.sort_interval - control.since_sort;
+  own.substeps = left < sorted ? left : sorted;
+  own.blocks = control.blocks;
+  own.dt = control.dt;
+  const ParticleView<float>& p = view.now();
+  find_neighbors(block, view, own.home, shared);
+  int32_t done = 0;
+  for (;; ++done) {
+    NodeSum* arenas = view.arenas + static_cast<int64_t>(done & 1) * block.blocks() * reach_nodes;
+    if (done == own.substeps) break;
+    scatter_block<resident_warps>(block, p, scene.view, own.home, own.dt, shared.scatter,
+                                  arenas + static_cast<int64_t>(own.number) * reach_nodes);
+    if (meet(block, view.arrivals + own.home.scene, own, done, shared)) break;
+    move_window(block, scene.view, arenas, own.dt, shared);
+    if (block.thread() == 0 && done > 0) begin_substep_report(shared.report);
+    block.sync();
+    advance_block(block, p, scene.view, own.home, own.dt, shared.node, shared.report);
+    block.sync();
+  }
+  if (block.thread() == 0) report_block(block, view, own.home.scene, shared.report, done);
+}
+
+}  // namespace graupel::mpm::batch

@@ -1,0 +1,61 @@
+// Small scenes with fixed steps on a GPU: what their kernel (mpm/gpu/small/small_scene_step.h) reads and writes.
+//
+// A small scene keeps its whole grid in full, three times: one grid holds the sums that particles read in a substep,
+// one takes the sums of the next, and one is cleared for the one after. Sums are integers, multiples of a unit of
+// momentum or mass: they do not depend on the order of the particles, so that no particle is ever sorted, and every
+// run gives the same bytes, alone or among other scenes.
+#pragma once
+
+#include "core/scene/scene.h"
+#include "mpm/gpu/blocks/batch_view.h"
+
+namespace graupel::mpm {
+
+/// Two of a node's four sums: momentum x and y, or momentum z and mass, in units.
+struct alignas(16) UnitPair {
+  long long a, b;
+};
+
+/// What holds the material at a node.
+struct alignas(16) NodeContact {
+  Vec<float, 3> normal;
+  int32_t code;  ///< law + 1 (0: none) in the low 16 bits; above, bit 2 axis + side: a further wall that holds it
+};
+
+/// A contact law: first those of the obstacles, then of the walls (2 axis + side), last that of obstacles deep inside,
+/// where no normal is known and the material stands still.
+struct ContactLaw {
+  Contact contact;
+  float friction;
+};
+inline constexpr int laws_of_walls = 6;
+
+/// Most nodes and particles of a small scene: 400 MB of grids; above, sorted blocks are faster (docs/performance.md).
+inline constexpr int64_t most_small_nodes = int64_t{1} << 22;
+inline constexpr int64_t most_small_particles = 16384;
+
+/// What a scene has beside its BatchScene.
+struct SmallScene {
+  int32_t first, count;                    ///< slots
+  Vec<int, 3> nodes;                       ///< along each axis, the last one fastest
+  float momentum_unit, per_momentum_unit;  ///< [kg m/s] and its inverse, powers of two
+  float mass_unit, per_mass_unit;          ///< [kg]
+  UnitPair* sums[3];                       ///< [nodes, 2] each
+  const NodeContact* contact;              ///< [nodes]
+  int32_t first_wall_law;
+  const ContactLaw* laws;  ///< [obstacles + 7]
+};
+
+/// Blocks of threads stand in groups; a group takes one scene after the other.
+struct SmallBatchView {
+  int32_t scene_count, groups;
+  const BatchScene* scenes;
+  const SmallScene* small;
+  StepControl* controls;
+  StepReport* reports;
+  ParticleView<float> particles;
+  int32_t* base;       ///< [3, n] lowest node of the stencil that a particle last added to each grid, or -1
+  uint32_t* arrivals;  ///< [scenes] blocks at the barriers of the present frame
+};
+
+}  // namespace graupel::mpm

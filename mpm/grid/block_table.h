@@ -1,0 +1,73 @@
+// Which blocks of the grid are in use, and the particles of each: a stable counting sort by home block. The result
+// depends on the particles' slots and home blocks alone, never on threads.
+#pragma once
+
+#include <atomic>
+#include <vector>
+
+#include "mpm/grid/grid.h"
+#include "mpm/particles/particles.h"
+
+namespace graupel::mpm {
+
+/// Sets a flag that several items may set at once.
+GRAUPEL_HD inline void mark(uint8_t* flag) {
+#ifdef __CUDA_ARCH__
+  *flag = 1;
+#else
+  std::atomic_ref<uint8_t>(*flag).store(1, std::memory_order_relaxed);
+#endif
+}
+
+/// Blocks in use, for kernels. Home blocks hold particles; node blocks are these and their upper neighbours.
+struct BlockView {
+  int32_t home_count, node_count;
+  const int32_t* home_key;      ///< [home_count] directory index, ascending
+  const int32_t* node_key;      ///< [node_count] directory index, ascending
+  const int32_t* home_to_node;  ///< [home_count, 2^D] node block at each corner (bit d: upper along axis d)
+  const int32_t* node_to_home;  ///< [node_count, 2^D] home block of which this is that corner; -1 for none
+  const int32_t* home_of_key;   ///< [directory] home block of a directory index; only where one is
+  const int32_t* node_of_key;   ///< [directory] node block of a directory index or -1; null unless asked for
+  const int32_t* start;         ///< [home_count + 1] first entry of each home block in `order`
+  const int32_t* order;         ///< [n] slots, by home block, ascending inside one; then those without one
+};
+
+class BlockTable {
+ public:
+  BlockTable() = default;
+  /// `blocks` along each axis; those of a plane run lie in one layer.
+  BlockTable(Device device, const Vec<int, 3>& blocks, int dimensions, int64_t particle_count);
+
+  /// Fills BlockView::node_of_key from now on.
+  void keep_node_lookup() { keeps_node_lookup_ = true; }
+  /// Home block of every slot, as a directory index, or negative for none: kept up to date by the kernel that moves
+  /// particles.
+  int32_t* keys() { return keys_.data(); }
+  /// Set by that kernel when a key changed.
+  uint8_t* changed_flag() { return changed_.data(); }
+
+  /// Brings blocks and order up to date; does nothing while no key changed.
+  void update();
+  /// Makes the next update() sort whatever the flag says.
+  void invalidate() { stale_ = true; }
+  BlockView view() const;
+  int64_t bytes() const;
+
+ private:
+  std::vector<int32_t> occupied_blocks();
+  void link_blocks(const std::vector<int32_t>& home_keys);
+  void sort_slots();
+
+  Device device_ = Device::cpu;
+  std::size_t corners_ = upper_neighbors<3>;
+  GridGeometry<float, 3> geometry_{};  ///< only its numbering of blocks is used
+  int64_t count_ = 0;
+  bool stale_ = true, keeps_node_lookup_ = false;
+  std::vector<int32_t> home_keys_, node_keys_;
+  std::vector<int32_t> node_of_key_;  ///< [directory] -1 where no node block is
+  Buffer<int32_t> keys_, home_of_key_, home_key_, node_key_, home_to_node_, node_to_home_, start_, order_;
+  Buffer<int32_t> chunk_counts_, totals_, device_node_of_key_;
+  Buffer<uint8_t> occupied_, changed_;
+};
+
+}  // namespace graupel::mpm

@@ -1,0 +1,260 @@
+// Advection, projection out of obstacles, passage of open and periodic walls, births and sinks, home blocks, and the
+// survey of the new state; and the copying of particles into another order.
+#include "mpm/particles/slot_range.h"
+#include "mpm/phases/phases.h"
+#include "mpm/physics/moving_contact.h"
+#include "mpm/physics/particle_motion.h"
+
+namespace graupel::mpm {
+
+namespace {
+
+/// Inlined into each form of the mover: as a call, which compilers choose where there are many forms, other products
+/// are fused with sums, and the last bits of a run change.
+template <typename T>
+[[gnu::always_inline]] GRAUPEL_HD inline void survey_particle(const SolverView<T>& view, int64_t slot, T dt,
+                                                              Survey& found) {
+  const ParticleView<T>& p = view.particles;
+  const MaterialParameters<T>& m = view.materials[p.material.get(slot)];
+  const Mat<T, 3> F =
+      sound_speed_needs_deformation(m.model) ? load_matrix<T, 3>(p.deformation_gradient, slot) : Mat<T, 3>{};
+  survey_state(view.grid.dx, m, slot, p.velocity.vec(slot), F, p.internal.get(slot), dt, found);
+}
+
+template <typename T>
+struct SurveySlots {
+  SolverView<T> view;
+  SlotRange range;
+  Survey* records;
+  GRAUPEL_HD void operator()(int64_t item) const {
+    Survey found;
+    for (int64_t i = 0; i < range.slots_per_item; ++i) {
+      const int64_t slot = range.slot(item, i);
+      if (slot < range.slots && view.keys[slot] != no_home) survey_particle(view, slot, T(0), found);
+    }
+    records[item] = found;
+  }
+};
+
+/// `plain` (in space only): nothing moves but the particles, and none comes or goes; tests of all that cost water 3%
+/// where they were made for every particle.
+template <typename T, bool plain, int D>
+struct MoveSlots {
+  SolverView<T> view;
+  SlotRange range;
+  Survey* records;
+  T dt;
+
+  GRAUPEL_HD void operator()(int64_t item) const {
+    Survey found;
+    for (int64_t i = 0; i < range.slots_per_item; ++i) {
+      const int64_t slot = range.slot(item, i);
+      if (slot >= range.slots) break;
+      if (!plain && view.keys[slot] == no_home && !appear(slot, found)) continue;
+      if (move(slot, found)) survey_particle(view, slot, dt, found);
+    }
+    records[item] = found;
+  }
+
+  /// A particle whose time of birth falls into this substep starts where it would be had it moved since then: backed
+  /// off by the part of the substep before its birth, so that the step that follows takes it there.
+  GRAUPEL_HD bool appear(int64_t slot, Survey& found) const {
+    const ParticleView<T>& p = view.particles;
+    const int32_t particle = p.source_index.get(slot);
+    if (view.roles.presence[particle] != Presence::unborn) return false;
+    const double age = view.roles.step_end - view.roles.birth_time[particle];
+    if (!(age >= 0)) return false;
+    view.roles.presence[particle] = Presence::active;
+    p.position.set_vec(slot, p.position.vec(slot) + (static_cast<T>(age) - dt) * p.velocity.vec(slot));
+    ++found.born;
+    return true;
+  }
+
+  /// False for a particle that is gone.
+  GRAUPEL_HD bool move(int64_t slot, Survey& found) const {
+    const ParticleView<T>& p = view.particles;
+    const bool led = !plain && view.roles.script != nullptr && view.roles.leader(p.source_index.get(slot)) != nullptr;
+    if (!led && view.is_stationary(slot)) {
+      settle(slot, p.position.vec(slot));
+      return true;
+    }
+    const Vec<T, 3> before = p.position.vec(slot), step = dt * p.velocity.vec(slot);
+    for (int d = 0; d < 3; ++d)
+      if (!(std::abs(step[d]) <= view.grid.dx)) {  // also NaN: such a particle stays where it is
+        mark_bad(slot, found);
+        return true;
+      }
+    const Vec<T, 3> wanted = before + step;
+    Vec<T, 3> x = wanted;
+    for (int d = 0; d < 3; ++d) {
+      x[d] = x[d] < view.walls.particle_low[d] ? view.walls.particle_low[d] : x[d];
+      x[d] = x[d] > view.walls.particle_high[d] ? view.walls.particle_high[d] : x[d];
+    }
+    if (!led) keep_out(slot, before, wanted, x, found);
+    if (!plain && !led && (view.walls.has_gates || view.roles.sink_count > 0) && leaves(x)) {
+      remove(slot, x, found);
+      return false;
+    }
+    p.position.set_vec(slot, x);
+    settle(slot, x);
+    return true;
+  }
+
+  /// Brings the home block of a particle at x up to date.
+  GRAUPEL_HD void settle(int64_t slot, const Vec<T, 3>& x) const {
+    const int32_t key = home_key(view.grid, x, static_cast<T>(base_shift(view.spline)));
+    if (key == view.keys[slot]) return;
+    view.keys[slot] = key;
+    mark(view.keys_changed);
+  }
+
+  /// Projection out of obstacles, and the loss of velocity into what pushed.
+  GRAUPEL_HD void keep_out(int64_t slot, const Vec<T, 3>& before, const Vec<T, 3>& wanted, Vec<T, 3>& x,
+                           Survey& found) const {
+    Vec<T, 3> surface_velocity = Vec<T, 3>::zero();
+    if (!plain && view.push_out && view.moving.count > 0 && near_moving(view.moving, x)) {
+      surface_velocity = push_out_of_moving<D, T>(view, view.moving, dt, before, x);
+    } else if (view.push_out && near_surface<D, T>(view, x)) {
+      sparsegrid::push_out<D>(view.obstacle_nodes.obstacles, view.walls.particle_low, view.walls.particle_high, before,
+                              x);
+    }
+    if (x == wanted) return;
+    const ParticleView<T>& p = view.particles;
+    const Vec<T, 3> v = p.velocity.vec(slot);
+    Vec<T, 3> stopped = v;
+    const T mass = view.materials[p.material.get(slot)].density * p.volume.get(slot);
+    stop_at_surface(x - wanted, mass, surface_velocity, stopped, found);
+    if (!(stopped == v)) p.velocity.set_vec(slot, stopped);
+  }
+
+  /// Takes x through a periodic wall; true when it passed an open one or entered a sink.
+  GRAUPEL_HD bool leaves(Vec<T, 3>& x) const {
+    const WallView<T>& walls = view.walls;
+    bool out = false;
+    for (int d = 0; d < 3; ++d) {
+      const bool below = x[d]<walls.gate_low[d], above = x[d]> walls.gate_high[d];
+      const T period = static_cast<T>(walls.periodic[d].cells) * view.grid.dx;
+      if (below) x[d] += period;
+      if (above) x[d] -= period;
+      out = out || ((below || above) && walls.periodic[d].cells == 0);
+    }
+    for (int32_t s = 0; s < view.roles.sink_count; ++s)
+      out = out || view.roles.sinks[s].contains(x.template cast<double>());
+    return out;
+  }
+
+  GRAUPEL_HD void remove(int64_t slot, const Vec<T, 3>& x, Survey& found) const {
+    const ParticleView<T>& p = view.particles;
+    view.roles.presence[p.source_index.get(slot)] = Presence::gone;
+    p.position.set_vec(slot, x);
+    p.velocity.set_vec(slot, Vec<T, 3>::zero());
+    store_matrix<T, 3>(p.affine_velocity, slot, Mat<T, 3>::zero());
+    view.keys[slot] = no_home;
+    mark(view.keys_changed);
+    ++found.removed;
+  }
+};
+
+template <typename T>
+struct FindHomes {
+  SolverView<T> view;
+  GRAUPEL_HD void operator()(int64_t slot) const {
+    const ParticleView<T>& p = view.particles;
+    const bool active = view.roles.presence == nullptr || view.roles.is_active(p.source_index.get(slot));
+    const T shift = static_cast<T>(base_shift(view.spline));
+    view.keys[slot] = active ? home_key(view.grid, p.position.vec(slot), shift) : no_home;
+  }
+};
+
+/// Copies K components of every particle.
+template <typename T>
+struct Permute {
+  const T* from;
+  T* to;
+  const int32_t* order;
+  int components;
+  GRAUPEL_HD void operator()(int64_t slot) const {
+    const int64_t old = order[slot];
+    const T* source = from + (old / tile) * (tile * components) + old % tile;
+    T* target = to + (slot / tile) * (tile * components) + slot % tile;
+    for (int k = 0; k < components; ++k) target[k * tile] = source[k * tile];
+  }
+};
+
+}  // namespace
+
+template <typename T>
+bool moves_plainly(const SolverView<T>& view) {
+  return view.roles.presence == nullptr && view.roles.script == nullptr && view.moving.count == 0 &&
+         !view.walls.has_gates;
+}
+
+template <typename T>
+Survey move_particles(const SolverView<T>& view, T dt, Buffer<Survey>& records) {
+  const SlotRange range = make_slot_range(view.device, view.particles.count);
+  records.resize_discard(static_cast<std::size_t>(2 * range.items));
+  const auto move = [&](auto kernel) {
+    launch<T>(view.device, range.items, decltype(kernel){view, range, records.data(), dt}, Grain{2});
+  };
+  if (view.dimensions == 2)
+    move(MoveSlots<T, false, 2>{});
+  else if (moves_plainly(view))
+    move(MoveSlots<T, true, 3>{});
+  else
+    move(MoveSlots<T, false, 3>{});
+  return total(view.device, records, range.items);
+}
+
+template <typename T>
+Survey survey_particles(const SolverView<T>& view, Buffer<Survey>& records) {
+  const SlotRange range = make_slot_range(view.device, view.particles.count);
+  records.resize_discard(static_cast<std::size_t>(2 * range.items));
+  launch<T>(view.device, range.items, SurveySlots<T>{view, range, records.data()}, Grain{2});
+  return total(view.device, records, range.items);
+}
+
+template <typename T>
+void move_slots(const SolverView<T>& view, T dt, int64_t first, int64_t end, Survey& found) {
+  const MoveSlots<T, true, 3> mover{view, {}, nullptr, dt};
+  for (int64_t slot = first; slot < end; ++slot)
+    if (mover.move(slot, found)) survey_particle(view, slot, dt, found);
+}
+
+template <typename T>
+void survey_slots(const SolverView<T>& view, T dt, int64_t first, int64_t end, Survey& found) {
+  for (int64_t slot = first; slot < end; ++slot) survey_particle(view, slot, dt, found);
+}
+
+template <typename T>
+void find_home_blocks(const SolverView<T>& view) {
+  launch<T>(view.device, view.particles.count, FindHomes<T>{view}, Grain{4096});
+}
+
+template <typename T>
+void permute_particles(Particles<T>& from, Particles<T>& to, const int32_t* order) {
+  std::vector<const void*> sources;
+  from.for_each_buffer([&](auto& buffer) { sources.push_back(buffer.data()); });
+  std::size_t next = 0;
+  const int64_t padded = padded_to_tile(from.count());
+  to.for_each_buffer([&](auto& buffer) {
+    using Value = std::remove_reference_t<decltype(*buffer.data())>;
+    const int components = static_cast<int>(static_cast<int64_t>(buffer.size()) / padded);
+    launch<T>(from.device(), from.count(),
+              Permute<Value>{static_cast<const Value*>(sources[next++]), buffer.data(), order, components},
+              Grain{1024});
+  });
+}
+
+#define GRAUPEL_INSTANTIATE(T)                                                       \
+  template bool moves_plainly<T>(const SolverView<T>&);                              \
+  template void move_slots<T>(const SolverView<T>&, T, int64_t, int64_t, Survey&);   \
+  template void survey_slots<T>(const SolverView<T>&, T, int64_t, int64_t, Survey&); \
+  template Survey move_particles<T>(const SolverView<T>&, T, Buffer<Survey>&);       \
+  template Survey survey_particles<T>(const SolverView<T>&, Buffer<Survey>&);        \
+  template void find_home_blocks<T>(const SolverView<T>&);                           \
+  template void permute_particles<T>(Particles<T>&, Particles<T>&, const int32_t*);
+GRAUPEL_INSTANTIATE(float)
+GRAUPEL_INSTANTIATE(double)
+#undef GRAUPEL_INSTANTIATE
+
+}  // namespace graupel::mpm

@@ -1,0 +1,124 @@
+// The phases of one substep. Each is one or two kernels over views; together they are the algorithm of
+// Solver::substep (docs/method.md).
+#pragma once
+
+#include "mpm/grid/block_table.h"
+#include "mpm/grid/moving_obstacles.h"
+#include "mpm/grid/scene_view.h"
+#include "mpm/particles/particle_lifecycle.h"
+#include "mpm/particles/particles.h"
+#include "mpm/physics/step_report.h"
+
+namespace graupel::mpm {
+
+/// Everything that kernels read or write.
+template <typename T>
+struct SolverView : SceneView<T> {
+  Device device;
+  ParticleView<T> particles;
+  BlockView blocks;
+  MovingObstacleView<T> moving;
+  RoleView<T> roles;
+  int dimensions;  ///< 2 or 3
+  Spline spline;
+  T* arenas;      ///< [home blocks, arena_size]: sums of each block's own particles (CPU)
+  T* nodes;       ///< [node blocks, 16 or 64, 4]: momentum, then velocity; mass
+  int32_t* keys;  ///< [n] home block of each slot, or no_home
+  uint8_t* keys_changed;
+  bool some_stationary;  ///< whether any material is stationary
+
+  /// Whether a particle keeps its place and velocity whatever the grid does.
+  GRAUPEL_HD bool is_stationary(int64_t slot) const {
+    return some_stationary && this->materials[particles.material.get(slot)].model == MaterialModel::stationary;
+  }
+};
+
+/// Momentum given to particles [kg m/s].
+struct Impulse {
+  double momentum[3] = {0, 0, 0};
+  GRAUPEL_HD void merge(const Impulse& o) {
+    for (int d = 0; d < 3; ++d) momentum[d] += o.momentum[d];
+  }
+};
+
+/// Particles that a script leads take its velocity and gradient; returns the momentum that this gave them [kg m/s].
+template <typename T>
+Vec3d lead_particles(const SolverView<T>& view, Buffer<Impulse>& records);
+
+/// Node sums with those of all periodic images, into an array like view.nodes.
+template <typename T>
+void join_periodic(const SolverView<T>& view, T* joined);
+
+/// C <- symmetric sym(C) + rotation skew(C).
+template <typename T>
+void blend_affine(const SolverView<T>& view, T symmetric, T rotation);
+
+/// Node momentum and mass from all particles: MLS-MPM force and APIC momentum.
+template <typename T>
+void particle_to_grid(const SolverView<T>& view, T dt);
+/// The same where every node looks for its particles: the form for GPUs.
+template <typename T>
+void particle_to_grid_by_nodes(const SolverView<T>& view, T dt);
+
+/// Momentum -> velocity, gravity, obstacles, walls.
+template <typename T>
+void update_grid(const SolverView<T>& view, T dt);
+
+/// The same of one node block, on the CPU.
+template <typename T>
+void update_grid_block(const SolverView<T>& view, T dt, int64_t block);
+/// Whether a moving obstacle may hold nodes of the block with this key.
+template <typename T>
+bool meets_moving_obstacle(const SolverView<T>& view, int32_t key);
+
+/// Particle velocity and affine velocity from the nodes.
+template <typename T>
+void grid_to_particle(const SolverView<T>& view);
+/// The same where every particle reads its own nodes: the form for GPUs.
+template <typename T>
+void grid_to_particle_by_particles(const SolverView<T>& view);
+
+/// The same of the slots 0..count - 1, on the CPU.
+template <typename T>
+void grid_to_particle_slots(const SolverView<T>& view, int64_t count);
+
+/// F <- (I + dt C) F, return mapping, stress.
+template <typename T>
+void update_deformation(const SolverView<T>& view, T dt);
+/// The same, one particle at a time on any device; and 16 at a time on the CPU.
+template <typename T>
+void update_deformation_portable(const SolverView<T>& view, T dt);
+template <typename T>
+void update_deformation_tiles(const SolverView<T>& view, T dt);
+
+/// The same of the slots first..end - 1, at most a tile of them, on the CPU.
+template <typename T>
+void update_deformation_slots(const SolverView<T>& view, T dt, int64_t first, int64_t end);
+
+/// x <- x + dt v, kept out of obstacles and inside the walls; particles that are born, leave or pass a periodic wall;
+/// new home blocks; the survey of the new state.
+template <typename T>
+Survey move_particles(const SolverView<T>& view, T dt, Buffer<Survey>& records);
+
+/// Whether nothing moves but the particles, and none comes or goes.
+template <typename T>
+bool moves_plainly(const SolverView<T>& view);
+/// move_particles(), and the survey alone, of some slots of a scene that moves plainly, on the CPU.
+template <typename T>
+void move_slots(const SolverView<T>& view, T dt, int64_t first, int64_t end, Survey& found);
+template <typename T>
+void survey_slots(const SolverView<T>& view, T dt, int64_t first, int64_t end, Survey& found);
+
+/// The survey alone, for a state that was just made or loaded.
+template <typename T>
+Survey survey_particles(const SolverView<T>& view, Buffer<Survey>& records);
+
+/// Home block of every slot from its position.
+template <typename T>
+void find_home_blocks(const SolverView<T>& view);
+
+/// Copies every particle from slot order[i] of `from` to slot i of `to`.
+template <typename T>
+void permute_particles(Particles<T>& from, Particles<T>& to, const int32_t* order);
+
+}  // namespace graupel::mpm

@@ -1,0 +1,74 @@
+// Grid update: velocity from momentum, gravity, contact with obstacles, then with the walls, so that the walls hold.
+#include "mpm/phases/phases.h"
+#include "mpm/physics/moving_contact.h"
+
+namespace graupel::mpm {
+
+namespace {
+
+template <typename T, int D, bool moving>
+struct UpdateNode {
+  SolverView<T> view;
+  T dt;
+  GRAUPEL_HD void operator()(int64_t entry) const {
+    T* node = view.nodes + entry * channels;
+    const T mass = node[3];
+    if (!(mass > T(0))) {
+      for (int c = 0; c < 3; ++c) node[c] = T(0);
+      return;
+    }
+    const int32_t key = view.blocks.node_key[entry / nodes_per_block<D>];
+    const int inside = static_cast<int>(entry % nodes_per_block<D>);
+    Vec<T, 3> v = Vec<T, 3>{node[0], node[1], node[2]} * (T(1) / mass) + dt * view.gravity;
+    const Vec<T, 3> x = node_position<D>(view.grid, key, inside);
+    v = meet_obstacles<moving, D, T>(view, view.moving, key, inside, x, v);
+    v = meet_walls(view.walls, x, view.grid.dx, v);
+    for (int c = 0; c < 3; ++c) node[c] = v[c];
+  }
+};
+
+template <int D, typename T>
+void update_nodes(const SolverView<T>& view, T dt) {
+  const int64_t nodes = view.blocks.node_count * int64_t(nodes_per_block<D>);
+  if (view.moving.count > 0)
+    launch<T>(view.device, nodes, UpdateNode<T, D, true>{view, dt}, Grain{1024});
+  else
+    launch<T>(view.device, nodes, UpdateNode<T, D, false>{view, dt}, Grain{1024});
+}
+
+}  // namespace
+
+template <typename T>
+void update_grid(const SolverView<T>& view, T dt) {
+  view.dimensions == 2 ? update_nodes<2>(view, dt) : update_nodes<3>(view, dt);
+}
+
+template <typename T>
+void update_grid_block(const SolverView<T>& view, T dt, int64_t block) {
+  const int64_t first = block * nodes_per_block<3>, end = first + nodes_per_block<3>;
+  if (view.moving.count > 0) {
+    const UpdateNode<T, 3, true> update{view, dt};
+    for (int64_t entry = first; entry < end; ++entry) update(entry);
+  } else {
+    const UpdateNode<T, 3, false> update{view, dt};
+    for (int64_t entry = first; entry < end; ++entry) update(entry);
+  }
+}
+
+template <typename T>
+bool meets_moving_obstacle(const SolverView<T>& view, int32_t key) {
+  const Vec<T, 3> low = node_position<3>(view.grid, key, 0),
+                  high = node_position<3>(view.grid, key, nodes_per_block<3> - 1);
+  for (int32_t i = 0; i < view.moving.count; ++i)
+    if (within_reach(view.moving.start.obstacles[view.moving.index[i]], low, high, view.grid.dx)) return true;
+  return false;
+}
+
+template bool meets_moving_obstacle<float>(const SolverView<float>&, int32_t);
+template bool meets_moving_obstacle<double>(const SolverView<double>&, int32_t);
+template void update_grid_block<float>(const SolverView<float>&, float, int64_t);
+template void update_grid_block<double>(const SolverView<double>&, double, int64_t);
+template void update_grid<float>(const SolverView<float>&, float);
+template void update_grid<double>(const SolverView<double>&, double);
+
+}  // namespace graupel::mpm

@@ -1,0 +1,89 @@
+// Contact with moving obstacles, of a grid node and of a particle. Both are judged in the obstacle's frame: the
+// velocity of the material relative to the obstacle's point there.
+#pragma once
+
+#include "mpm/grid/moving_obstacles.h"
+#include "mpm/physics/node_update.h"
+#include "sparsegrid/push_out.h"
+
+namespace graupel::mpm {
+
+/// Whether the box low .. high may hold nodes that a moving obstacle holds: those nearer to it than half a cell, where
+/// phi is a little uneven.
+template <typename T>
+GRAUPEL_HD inline bool within_reach(const sparsegrid::ObstacleView& obstacle, const Vec<T, 3>& low,
+                                    const Vec<T, 3>& high, T dx) {
+  if (obstacle.is_plane) return true;
+  const sparsegrid::ObstacleFrame<T>& frame = obstacle.template frame<T>();
+  bool meets = true;
+  for (int d = 0; d < 3; ++d)
+    meets = meets && low[d] <= frame.solid_high[d] + T(2) * dx && high[d] >= frame.solid_low[d] - T(2) * dx;
+  return meets;
+}
+
+/// The moving obstacle that is nearest to x, or -1 where none holds the material; as EvaluateNodes does for the others.
+template <int D, typename T>
+GRAUPEL_HD inline int32_t holding_obstacle(const MovingObstacleView<T>& moving, const Vec<T, 3>& x, T dx,
+                                           sparsegrid::SignedDistance<T>& here) {
+  int32_t nearest = -1;
+  for (int32_t i = 0; i < moving.count; ++i) {
+    const int32_t index = moving.index[i];
+    const sparsegrid::ObstacleView& obstacle = moving.start.obstacles[index];
+    if (!within_reach(obstacle, x, x, dx)) continue;
+    auto one = sparsegrid::signed_distance(obstacle, x);
+    one.normal = normal_in_axes<D>(one.normal);
+    if (!(one.phi < T(0.5) * dx) || (nearest >= 0 && one.phi >= here.phi)) continue;
+    if (!(one.phi < T(0)) && !(sparsegrid::signed_distance(obstacle, x - dx * one.normal).phi > T(0))) continue;
+    nearest = index;
+    here = one;
+  }
+  return nearest;
+}
+
+/// The law of the deeper one of the obstacles at rest and the moving ones, at node `inside` of the block with directory
+/// index `key`, which lies at x.
+template <bool some_move, int D, typename T>
+GRAUPEL_HD inline Vec<T, 3> meet_obstacles(const SceneView<T>& scene, const MovingObstacleView<T>& moving, int32_t key,
+                                           int inside, const Vec<T, 3>& x, const Vec<T, 3>& v) {
+  const int32_t surface = scene.obstacle_nodes.block_number[key];
+  const int64_t entry = int64_t(surface) * nodes_per_block<D> + inside;
+  if (some_move) {
+    sparsegrid::SignedDistance<T> here{};
+    const int32_t index = holding_obstacle<D>(moving, x, scene.grid.dx, here);
+    const bool fixed_is_deeper = surface != block_without_surface && scene.obstacle_nodes.law[entry] >= 0 &&
+                                 scene.obstacle_nodes.phi[entry] <= here.phi;
+    if (index >= 0 && !fixed_is_deeper) {
+      const Vec<T, 3> u = moving.step[index].velocity_at(x);
+      if (norm2(here.normal) == T(0)) return u;
+      const sparsegrid::ObstacleView& obstacle = moving.start.obstacles[index];
+      return u + apply_contact(obstacle.contact, static_cast<T>(obstacle.friction), here.normal, v - u);
+    }
+  }
+  return surface != block_without_surface ? meet_fixed_obstacle(scene.obstacle_nodes, entry, v) : v;
+}
+
+/// Whether x lies in the box of a moving obstacle at the end of the substep.
+template <typename T>
+GRAUPEL_HD inline bool near_moving(const MovingObstacleView<T>& moving, const Vec<T, 3>& x) {
+  for (int32_t i = 0; i < moving.count; ++i) {
+    const sparsegrid::ObstacleView& obstacle = moving.end.obstacles[moving.index[i]];
+    const sparsegrid::ObstacleFrame<T>& frame = obstacle.template frame<T>();
+    if (sparsegrid::lookup::in_box(x, frame.solid_low, frame.solid_high)) return true;
+  }
+  return false;
+}
+
+/// Puts x, a particle's place after a substep that began at `before`, out of all obstacles, some of which move; returns
+/// the velocity of the surface that it met.
+template <int D, typename T>
+GRAUPEL_HD inline Vec<T, 3> push_out_of_moving(const SceneView<T>& scene, const MovingObstacleView<T>& moving, T dt,
+                                               const Vec<T, 3>& before, Vec<T, 3>& x) {
+  int nearest;
+  sparsegrid::signed_distance(moving.end, x, nearest);
+  // In the frame of the obstacle that it met, the particle comes from where that obstacle would have carried it.
+  const Vec<T, 3> surface = nearest >= 0 ? moving.step[nearest].velocity_at(before) : Vec<T, 3>::zero();
+  sparsegrid::push_out<D>(moving.end, scene.walls.particle_low, scene.walls.particle_high, before + dt * surface, x);
+  return surface;
+}
+
+}  // namespace graupel::mpm

@@ -1,0 +1,116 @@
+// Advection of one particle, kept inside the walls and out of obstacles, and the survey of its new state.
+#pragma once
+
+#include "mpm/bspline.h"
+#include "mpm/grid/scene_view.h"
+#include "mpm/materials/material.h"
+#include "mpm/physics/step_report.h"
+#include "sparsegrid/push_out.h"
+
+namespace graupel::mpm {
+
+/// Directory index of the block that holds the base node of x, floor(x/dx - shift); in a plane run the plane's layer of
+/// blocks is the only one.
+template <typename T>
+GRAUPEL_HD inline int32_t home_key(const GridGeometry<T, 3>& grid, const Vec<T, 3>& x, T shift) {
+  const Vec<T, 3> local = grid.local(x);
+  Vec<int, 3> block;
+  for (int d = 0; d < 3; ++d) block[d] = static_cast<int>(local[d] - shift) / block_width;
+  return grid.directory_index(block);
+}
+
+/// From the signed distance at the nearest node, which phi at x can differ from by at most the distance between them
+/// and a part of a voxel: whether x may lie inside an obstacle.
+template <int D = 3, typename T>
+GRAUPEL_HD inline bool near_surface(const SceneView<T>& scene, const Vec<T, 3>& x) {
+  const ObstacleNodeView<T>& o = scene.obstacle_nodes;
+  if (o.obstacles.count == 0) return false;
+  const Vec<T, D> local = in_axes<D>(scene.grid.local(x));
+  Vec<int, D> block;
+  int inside = 0;
+  T distance2 = 0;  // [cells^2]
+  for (int d = 0; d < D; ++d) {
+    const int node = static_cast<int>(local[d] + T(0.5));
+    const T offset = local[d] - static_cast<T>(node);
+    distance2 += offset * offset;
+    block[d] = node / block_width;
+    inside = inside * block_width + node % block_width;
+  }
+  const int32_t number = o.block_number[in_axes<D>(scene.grid).directory_index(block)];
+  if (number == block_without_surface) return false;
+  const T reach = (T(1.1) * std::sqrt(distance2) + T(0.35)) * scene.grid.dx;
+  return o.phi[int64_t(number) * nodes_per_block<D> + inside] < reach;
+}
+
+/// `found` is a Survey or has its members.
+template <typename Found>
+GRAUPEL_HD inline void mark_bad(int64_t slot, Found& found) {
+  using Slot = decltype(found.bad_slot);
+  if (found.bad_slot < 0 || slot < found.bad_slot) found.bad_slot = static_cast<Slot>(slot);
+}
+
+/// A particle that was pushed by `push` loses its velocity against that direction, relative to the surface, as in an
+/// inelastic contact. Inlined whatever the number of its callers: see survey_particle.
+template <typename T, typename Found>
+[[gnu::always_inline]] GRAUPEL_HD inline void stop_at_surface(const Vec<T, 3>& push, T mass,
+                                                              const Vec<T, 3>& surface_velocity, Vec<T, 3>& v,
+                                                              Found& found) {
+  ++found.pushed_out;
+  const Vec<T, 3> normal = normalized(push);
+  const T v_n = dot(normal, v - surface_velocity);
+  if (!(v_n < T(0))) return;
+  v = v - v_n * normal;
+  for (int d = 0; d < 3; ++d) found.pushed_momentum[d] += static_cast<double>(-mass * v_n * normal[d]);
+}
+
+/// x <- x + dt v, kept inside the walls and out of obstacles at rest. A particle that would move over one cell, or
+/// whose velocity is not a number, stays where it is and is marked bad.
+template <typename T, typename Found>
+GRAUPEL_HD inline void move_point(const SceneView<T>& scene, int64_t slot, T mass, T dt, Vec<T, 3>& x, Vec<T, 3>& v,
+                                  Found& found) {
+  const Vec<T, 3> before = x, step = dt * v;
+  for (int d = 0; d < 3; ++d)
+    if (!(std::abs(step[d]) <= scene.grid.dx)) return mark_bad(slot, found);
+  const Vec<T, 3> wanted = before + step;
+  x = wanted;
+  for (int d = 0; d < 3; ++d) {
+    x[d] = x[d] < scene.walls.particle_low[d] ? scene.walls.particle_low[d] : x[d];
+    x[d] = x[d] > scene.walls.particle_high[d] ? scene.walls.particle_high[d] : x[d];
+  }
+  if (scene.push_out && near_surface(scene, x))
+    sparsegrid::push_out(scene.obstacle_nodes.obstacles, scene.walls.particle_low, scene.walls.particle_high, before,
+                         x);
+  if (!(x == wanted)) stop_at_surface(x - wanted, mass, Vec<T, 3>::zero(), v, found);
+}
+
+/// Whether the deformation of a particle can go on, and its sound speed. F is read where
+/// sound_speed_needs_deformation().
+template <typename T, typename Found>
+GRAUPEL_HD inline bool survey_deformation(T dx, const MaterialParameters<T>& m, const Mat<T, 3>& F, T internal, T dt,
+                                          Found& found) {
+  if (!(internal_variable_is_volume_ratio(m.model) ? internal > T(0) : internal == internal)) return false;
+  using Speed = decltype(found.largest_sound_speed);
+  const T c = sound_speed(m, F, internal);
+  if (static_cast<Speed>(c) > found.largest_sound_speed) found.largest_sound_speed = static_cast<Speed>(c);
+  if (c * dt > dx) ++found.over_courant;
+  return true;
+}
+
+/// Whether the motion of a particle can go on, and its speed.
+template <typename T, typename Found>
+GRAUPEL_HD inline bool survey_velocity(const Vec<T, 3>& v, Found& found) {
+  const T speed2 = norm2(v);
+  if (!(speed2 < T(1e30))) return false;
+  using Speed = decltype(found.largest_speed2);
+  if (static_cast<Speed>(speed2) > found.largest_speed2) found.largest_speed2 = static_cast<Speed>(speed2);
+  return true;
+}
+
+/// Both.
+template <typename T, typename Found>
+GRAUPEL_HD inline void survey_state(T dx, const MaterialParameters<T>& m, int64_t slot, const Vec<T, 3>& v,
+                                    const Mat<T, 3>& F, T internal, T dt, Found& found) {
+  if (!survey_velocity(v, found) || !survey_deformation(dx, m, F, internal, dt, found)) mark_bad(slot, found);
+}
+
+}  // namespace graupel::mpm

@@ -1,0 +1,92 @@
+#include "mpm/scene/scene_check.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include "core/scene/plane_check.h"
+#include "core/system/error.h"
+
+namespace graupel::mpm {
+
+namespace {
+
+std::string text_of(const Vec3d& x) { return fmt::format("({:.5g}, {:.5g}, {:.5g})", x[0], x[1], x[2]); }
+
+std::string name_of_source(const Scene& scene, int32_t index) {
+  const auto s = static_cast<std::size_t>(index);
+  if (s >= scene.sources.size()) {
+    const std::size_t e = s - scene.sources.size();
+    return fmt::format("emitter {0} (/emitters/{0}, {1} of '{2}')", e, word_of(scene.emitters[e].shape),
+                       scene.emitters[e].material);
+  }
+  const Source& source = scene.sources[s];
+  return fmt::format("source {0} (/sources/{0}, {1} of '{2}')", index, word_of(source.shape), source.material);
+}
+
+/// Follows every led particle at 64 times of its script and at its keyframes.
+void check_scripts(const Scene& scene, const SampledParticles& particles) {
+  if (particles.scripts.empty()) return;
+  const Vec3d low = scene.wall_low(), high = scene.wall_high();
+  const double end = static_cast<double>(scene.frames) * scene.frame_time, tolerance = 1e-6 * scene.domain.dx;
+  for (std::size_t s = 0; s < particles.scripts.size(); ++s) {
+    const Script& script = particles.scripts[s];
+    const double last = std::min(end, script.release_time);
+    std::vector<double> times;
+    for (int i = 1; i <= 64; ++i) times.push_back(last * i / 64);
+    for (const MotionKey& key : script.motion.keyframes)
+      if (key.time <= last) times.push_back(key.time);
+    for (const double time : times) {
+      const RigidMap pose = script.motion.at(time, script.body_center);
+      for (std::size_t i = 0; i < particles.position.size(); ++i) {
+        if (particles.script[i] != static_cast<int32_t>(s)) continue;
+        const Vec3d x = pose(particles.position[i]);
+        for (int d = 0; d < scene.domain.axes(); ++d)
+          if (!(x[d] >= low[d] - tolerance && x[d] <= high[d] + tolerance))
+            throw ConfigError(
+                fmt::format("the motion of {} leads particles out of the walls (to {} at {:.4g} s, allowed: {} to {}). "
+                            "Shorten it or "
+                            "enlarge the domain",
+                            script.name, text_of(x), time, text_of(low), text_of(high)));
+      }
+    }
+  }
+}
+
+}  // namespace
+
+void check_plane(const Scene& scene) {
+  if (scene.domain.dimensions != 2 && scene.domain.dimensions != 3)
+    throw ConfigError(fmt::format("domain.dimensions must be 2 or 3 ({})", scene.domain.dimensions));
+  const auto out = first_out_of_plane(scene);
+  if (!out) return;
+  throw ConfigError(fmt::format("{} {}. {}", fmt::join(out->path, "."), out->problem, out->remedy));
+}
+
+void check_start(const Scene& scene, const SampledParticles& particles, const sparsegrid::ObstacleSet& obstacles) {
+  if (particles.position.empty())
+    throw ConfigError("the scene has no particles. Add a source, or make one larger than a grid cell");
+  const Vec3d low = scene.wall_low(), high = scene.wall_high();
+  const double tolerance = 1e-6 * scene.domain.dx;
+  for (std::size_t i = 0; i < particles.position.size(); ++i) {
+    const Vec3d& x = particles.position[i];
+    for (int d = 0; d < scene.domain.axes(); ++d)
+      if (!(x[d] >= low[d] - tolerance && x[d] <= high[d] + tolerance))
+        throw ConfigError(
+            fmt::format("{} reaches outside the walls (particle at {}, allowed: {} to {}). Move or shrink it, or "
+                        "enlarge the domain",
+                        name_of_source(scene, particles.source[i]), text_of(x), text_of(low), text_of(high)));
+    if (obstacles.count() == 0) continue;
+    int nearest = -1;
+    const double phi = obstacles.sample(x, &nearest).phi;
+    if (phi < -1e-4 * scene.domain.dx)
+      throw ConfigError(
+          fmt::format("{0} overlaps obstacle {1} (/obstacles/{1}, {2}): particle at {3} lies {4:.3g} m inside. Move "
+                      "the source or the "
+                      "obstacle",
+                      name_of_source(scene, particles.source[i]), nearest, word_of(scene.obstacles[nearest].shape),
+                      text_of(x), -phi));
+  }
+  check_scripts(scene, particles);
+}
+
+}  // namespace graupel::mpm

@@ -1,0 +1,89 @@
+#include "mpm/scene/scene_hash.h"
+
+#include <type_traits>
+
+#include "core/system/fnv1a.h"
+
+namespace graupel::mpm {
+
+namespace {
+
+template <typename T>
+struct IsVector : std::false_type {};
+template <typename T>
+struct IsVector<std::vector<T>> : std::true_type {};
+
+template <typename T>
+struct IsOptional : std::false_type {};
+template <typename T>
+struct IsOptional<std::optional<T>> : std::true_type {};
+
+/// Walks the declared fields of a config struct (core/scene/fields.h).
+class FieldHash {
+ public:
+  explicit FieldHash(uint64_t start) : hash_(start) {}
+  uint64_t value() const { return hash_; }
+
+  template <typename V>
+  void add(const V& value) {
+    if constexpr (std::is_same_v<V, std::string>) {
+      add(value.size());
+      add_bytes(value.data(), value.size());
+    } else if constexpr (IsVector<V>::value) {
+      add(value.size());
+      for (const auto& item : value) add(item);
+    } else if constexpr (std::is_same_v<V, std::map<std::string, MaterialConfig>>) {
+      for (const auto& [key, item] : value) {
+        add(key);
+        add_struct(item);
+      }
+    } else if constexpr (IsOptional<V>::value) {
+      add(value.has_value());
+      if (value) add(*value);
+    } else if constexpr (std::is_arithmetic_v<V> || std::is_enum_v<V>) {
+      add_bytes(&value, sizeof(value));
+    } else if constexpr (std::is_same_v<V, Vec3d>) {
+      for (int d = 0; d < 3; ++d) add(value[d]);
+    } else if constexpr (std::is_base_of_v<Body, V>) {
+      add_struct(value);
+      add_geometry(value);
+    } else {
+      add_struct(value);
+    }
+  }
+
+  template <typename S>
+  void add_struct(const S& config) {
+    S::fields([&](auto member, const FieldInfo& info) {
+      const bool irrelevant = info.name == "name" || info.name == "description" || info.name == "frames" ||
+                              info.name == "file" || info.name == "preset";
+      if (!irrelevant) add(config.*member);
+    });
+  }
+
+ private:
+  void add_bytes(const void* bytes, std::size_t n) { hash_ = fnv1a(hash_, bytes, n); }
+
+  void add_geometry(const Body& body) {
+    if (body.mesh) {
+      for (const Vec3d& v : body.mesh->vertices) add(v);
+      for (const auto& t : body.mesh->triangles) add_bytes(t.data(), sizeof(t));
+    }
+    if (body.points)
+      for (const Vec3d& p : *body.points) add(p);
+    if (body.shape == Shape::vdb) add(body.file);
+  }
+
+  uint64_t hash_;
+};
+
+}  // namespace
+
+uint64_t scene_hash(const Scene& scene, uint64_t seed) {
+  FieldHash hash(fnv_start);
+  hash.add_struct(scene);
+  hash.add(seed);
+  return hash.value();
+}
+
+}  // namespace graupel::mpm

@@ -1,0 +1,237 @@
+#include "mpm/scene/scene_recipe.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "core/math/random.h"
+#include "core/system/error.h"
+#include "sparsegrid/analytic_shape.h"
+
+namespace graupel::mpm {
+
+namespace {
+
+constexpr double pi = 3.14159265358979323846;
+
+uint64_t stream_of(Split split, int64_t index, int64_t attempt) {
+  return (static_cast<uint64_t>(split) << 60) | (static_cast<uint64_t>(attempt) << 40) | static_cast<uint64_t>(index);
+}
+
+/// Numbers in the order they are asked for.
+class Draws {
+ public:
+  Draws(uint64_t seed, uint64_t stream) : random_(seed, RandomPurpose::scene_layout, stream) {}
+  double uniform(double low, double high) { return random_.uniform(next_++, 0, low, high); }
+  uint32_t integer(uint32_t n) { return random_.integer(next_++, 0, n); }
+  Vec3d point(const Vec3d& low, const Vec3d& high) {
+    Vec3d x;
+    for (int d = 0; d < 3; ++d) x[d] = uniform(low[d], high[d]);
+    return x;
+  }
+  Vec3d direction() {
+    const double z = uniform(-1, 1), phase = uniform(0, 2 * pi), r = std::sqrt(std::max(0.0, 1 - z * z));
+    return {r * std::cos(phase), r * std::sin(phase), z};
+  }
+  /// Uniform rotation (Shoemake 1992) as axis and angle [degrees].
+  void rotation(Vec3d& axis, double& angle) {
+    const double u = uniform(0, 1), a = uniform(0, 2 * pi), b = uniform(0, 2 * pi);
+    const Vec3d imaginary = {std::sqrt(1 - u) * std::sin(a), std::sqrt(1 - u) * std::cos(a),
+                             std::sqrt(u) * std::sin(b)};
+    const double real = std::sqrt(u) * std::cos(b);
+    const double length = norm(imaginary);
+    axis = length > 1e-12 ? imaginary * (1 / length) : Vec3d{0, 1, 0};
+    angle = 2 * std::atan2(length, real) * 180 / pi;
+  }
+
+ private:
+  Random random_;
+  uint64_t next_ = 0;
+};
+
+Shape shape_named(const std::string& word, const char* key) {
+  for (const auto& [name, shape] : EnumWords<Shape>::words)
+    if (word == name && shape != Shape::plane && shape != Shape::mesh && shape != Shape::vdb && shape != Shape::points)
+      return shape;
+  throw ConfigError(
+      fmt::format("recipe key '{}': shape '{}' cannot be drawn at random (allowed: box, half_box, sphere, half_sphere, "
+                  "cone, pyramid, cylinder)",
+                  key, word));
+}
+
+/// A body whose largest extent along its axes is `size`.
+void set_size(Body& body, double size) {
+  body.size = Vec3d::filled(size);
+  body.radius = size / 2;
+  body.height = size;
+}
+
+/// No point of the body is farther from its position than this.
+double reach(const Body& body) {
+  const sparsegrid::LocalBox box = sparsegrid::analytic_bounds(body);
+  Vec3d farthest;
+  for (int d = 0; d < 3; ++d) farthest[d] = std::max(std::abs(box.low[d]), std::abs(box.high[d]));
+  return norm(farthest);
+}
+
+/// Points on and in the body's bounding box, by which overlaps are found; their spacing is a small share of the size.
+bool overlap(const Body& a, const Body& b) {
+  constexpr int n = 12;
+  if (norm(a.position - b.position) > reach(a) + reach(b)) return false;
+  for (const auto& [body, other] : {std::pair(&a, &b), std::pair(&b, &a)}) {
+    const sparsegrid::LocalBox box = sparsegrid::analytic_bounds(*body);
+    for (int i = 0; i <= n; ++i)
+      for (int j = 0; j <= n; ++j)
+        for (int k = 0; k <= n; ++k) {
+          const Vec3d t = {i / double(n), j / double(n), k / double(n)};
+          Vec3d local;
+          for (int d = 0; d < 3; ++d) local[d] = box.low[d] + t[d] * (box.high[d] - box.low[d]);
+          if (sparsegrid::analytic_distance(*body, local) > 0) continue;
+          if (sparsegrid::analytic_distance(*other, other->to_local(body->to_world(local))) < 0) return true;
+        }
+  }
+  return false;
+}
+
+/// Draws bodies until one fits.
+template <typename Draw, typename Fits>
+bool place(Draw&& draw, Fits&& fits) {
+  for (int attempt = 0; attempt < 200; ++attempt)
+    if (fits(draw())) return true;
+  return false;
+}
+
+bool add_obstacles(const SceneRecipe& recipe, Draws& draws, Scene& scene) {
+  const RecipeObstacles& r = recipe.obstacles;
+  for (int64_t i = 0; i < r.count; ++i) {
+    Obstacle obstacle;
+    obstacle.contact = r.contact;
+    obstacle.friction = r.friction;
+    const auto draw = [&]() -> const Obstacle& {
+      obstacle.shape = shape_named(r.shapes[draws.integer(static_cast<uint32_t>(r.shapes.size()))], "obstacles.shapes");
+      set_size(obstacle, draws.uniform(r.min_size, r.max_size));
+      draws.rotation(obstacle.rotation_axis, obstacle.rotation_angle);
+      obstacle.position = draws.point(scene.wall_low(), scene.wall_high());
+      return obstacle;
+    };
+    const auto fits = [&](const Obstacle& o) {
+      return std::none_of(scene.obstacles.begin(), scene.obstacles.end(),
+                          [&](const Obstacle& other) { return overlap(o, other); });
+    };
+    if (!place(draw, fits)) return false;
+    scene.obstacles.push_back(obstacle);
+  }
+  return true;
+}
+
+/// One half of a group: cut through its centre at right angles to an axis, the side that half bodies have after the
+/// turn, or the other one.
+Source half_of(const Source& group, int axis, bool other_side) {
+  Source half = group;
+  if (group.shape != Shape::box && group.shape != Shape::sphere)
+    throw ConfigError(fmt::format(
+        "recipe key 'groups.mixed_share' cuts spheres and boxes, and groups.shapes has '{}'. Leave one of them out",
+        word_of(group.shape)));
+  half.shape = group.shape == Shape::box ? Shape::half_box : Shape::half_sphere;
+  half.rotation_axis = axis == 0 ? Vec3d{0, 0, 1} : Vec3d{1, 0, 0};
+  half.rotation_angle = (axis == 1 ? 0 : 90) + (other_side ? 180 : 0);
+  return half;
+}
+
+/// The group, or, by chance, its halves of two materials.
+void add_group(const RecipeGroups& recipe, const std::vector<std::string>& materials, const Source& group, Draws& draws,
+               Scene& scene) {
+  if (recipe.mixed_share == 0 || draws.uniform(0, 1) >= recipe.mixed_share) {
+    scene.sources.push_back(group);
+    return;
+  }
+  std::vector<std::string> others;
+  std::copy_if(materials.begin(), materials.end(), std::back_inserter(others),
+               [&](const std::string& name) { return name != group.material; });
+  if (others.empty()) throw ConfigError("recipe key 'groups.mixed_share' needs two materials to draw from");
+  const int axis = static_cast<int>(draws.integer(3));
+  scene.sources.push_back(half_of(group, axis, false));
+  scene.sources.push_back(half_of(group, axis, true));
+  scene.sources.back().material = others[draws.integer(static_cast<uint32_t>(others.size()))];
+}
+
+bool add_groups(const SceneRecipe& recipe, Draws& draws, Scene& scene) {
+  const RecipeGroups& r = recipe.groups;
+  std::vector<std::string> materials = r.materials;
+  if (materials.empty())
+    for (const auto& [name, material] : recipe.materials) materials.push_back(name);
+  const Vec3d margin = Vec3d::filled(r.size / 2 + 1e-9);
+  for (int64_t i = 0; i < r.count; ++i) {
+    Source source;
+    source.sampling = Sampling::random;
+    source.particles_per_cell = r.particles_per_cell;
+    set_size(source, r.size);
+    const auto draw = [&]() -> const Source& {
+      source.shape = shape_named(r.shapes[draws.integer(static_cast<uint32_t>(r.shapes.size()))], "groups.shapes");
+      source.material = materials[draws.integer(static_cast<uint32_t>(materials.size()))];
+      source.position = draws.point(scene.wall_low() + margin, scene.wall_high() - margin);
+      source.velocity = draws.direction() * draws.uniform(0, r.max_speed);
+      return source;
+    };
+    // A ball of the group's bounding radius must be free of obstacles, so that no particle starts within one.
+    const auto fits = [&](const Source& s) {
+      const double radius = s.shape == Shape::sphere ? r.size / 2 : r.size / 2 * std::sqrt(3.0);
+      for (const Obstacle& o : scene.obstacles)
+        if (sparsegrid::analytic_distance(o, o.to_local(s.position)) < radius + scene.domain.dx / 2) return false;
+      return std::none_of(scene.sources.begin(), scene.sources.end(),
+                          [&](const Source& other) { return overlap(s, other); });
+    };
+    if (!place(draw, fits)) return false;
+    add_group(r, materials, source, draws, scene);
+  }
+  return true;
+}
+
+}  // namespace
+
+const char* name_of(Split split) {
+  switch (split) {
+    case Split::train:
+      return "train";
+    case Split::valid:
+      return "valid";
+    case Split::test:
+      return "test";
+  }
+  return "";
+}
+
+uint64_t sampling_seed(uint64_t seed, Split split, int64_t index, int64_t attempt) {
+  const auto words = Random(seed, RandomPurpose::scene_layout, stream_of(split, index, attempt)).words(~uint64_t{0});
+  return (static_cast<uint64_t>(words.v[0]) << 32) | words.v[1];
+}
+
+Scene draw_scene(const SceneRecipe& recipe, uint64_t seed, Split split, int64_t index, int64_t attempt) {
+  if (recipe.obstacles.count > 0 && recipe.obstacles.shapes.empty())
+    throw ConfigError("recipe key 'obstacles.shapes' is empty. Name at least one shape");
+  if (recipe.groups.shapes.empty()) throw ConfigError("recipe key 'groups.shapes' is empty. Name at least one shape");
+  for (const std::string& name : recipe.groups.materials)
+    if (!recipe.materials.count(name))
+      throw ConfigError("recipe key 'groups.materials' names '" + name + "', which 'materials' does not define");
+  Draws draws(seed, stream_of(split, index, attempt));
+  // Early bodies can block the rest, so the whole layout is drawn anew when one does not fit.
+  for (int layout = 0; layout < 100; ++layout) {
+    Scene scene;
+    scene.name = fmt::format("{}-{}-{:05d}", recipe.name, name_of(split), index);
+    scene.domain = recipe.domain;
+    scene.gravity = recipe.gravity;
+    scene.materials = recipe.materials;
+    scene.time_step = recipe.time_step;
+    scene.frames = recipe.frames;
+    scene.frame_time = recipe.frame_time;
+    scene.seed = sampling_seed(seed, split, index, attempt);
+    if (add_obstacles(recipe, draws, scene) && add_groups(recipe, draws, scene)) return scene;
+  }
+  throw ConfigError(fmt::format(
+      "no room for {} obstacles of {}-{} m and {} groups of {} m in scene {} of '{}'. Use fewer or smaller bodies",
+      recipe.obstacles.count, recipe.obstacles.min_size, recipe.obstacles.max_size, recipe.groups.count,
+      recipe.groups.size, index, recipe.name));
+}
+
+}  // namespace graupel::mpm

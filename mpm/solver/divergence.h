@@ -1,0 +1,23 @@
+// The error that ends a run which blew up: which particle, what happened to it, and a step to try.
+#pragma once
+
+#include <cstdint>
+
+#include "core/scene/scene.h"
+#include "mpm/solver/time_step.h"
+
+namespace graupel::mpm {
+
+struct DivergedParticle {
+  int64_t index = 0;        ///< in the order of the sources
+  double speed = 0;         ///< [m/s]
+  double internal = 0;      ///< its internal variable (mpm/materials/material.h)
+  int64_t substeps = 0;     ///< done in the run
+  double time = 0, dt = 0;  ///< [s]
+  StateSpeeds before;       ///< of the state before the substep
+};
+
+/// Throws DivergedError.
+[[noreturn]] void throw_diverged(const Scene& scene, const MaterialConfig& material, const DivergedParticle& particle);
+
+}  // namespace graupel::mpm

@@ -1,0 +1,77 @@
+// Saving and restoring a solver, bit for bit: where the run is, particle arrays in slot order, who is present. All else
+// follows from these and the scene: every frame starts with a sort, scripts and moving obstacles depend on time alone.
+#include "mpm/particles/state_bytes.h"
+#include "mpm/scene/scene_hash.h"
+#include "mpm/solver/solver.h"
+
+namespace graupel::mpm {
+
+namespace {
+
+struct Course {
+  int64_t frames_done;
+  double frame_elapsed;
+  Survey survey;
+  RunStatistics statistics;
+};
+
+SolverKind solver_kind(const SimulationOptions& options, InstructionSet set) {
+  if (options.device != Device::cpu) return SolverKind::gpu_portable;
+  if (options.kernels == Kernels::portable) return SolverKind::cpu_portable;
+  if (set == InstructionSet::avx512) return SolverKind::cpu_avx512;
+  return set == InstructionSet::avx2 ? SolverKind::cpu_avx2 : SolverKind::cpu_baseline;
+}
+
+}  // namespace
+
+template <typename T>
+StateOwner Solver<T>::state_owner() const {
+  return {scene_hash(scene_, options_.seed), solver_kind(options_, instruction_set_), sizeof(T),
+          static_cast<int64_t>(particle_count())};
+}
+
+template <typename T>
+std::size_t Solver<T>::state_bytes() const {
+  std::size_t content = sizeof(Course) + roles_.presence().size() * sizeof(Presence);
+  particles_.for_each_buffer([&](const auto& buffer) { content += buffer.size() * sizeof(*buffer.data()); });
+  return content;
+}
+
+template <typename T>
+std::vector<std::byte> Solver<T>::save_state() const {
+  StateWriter writer(state_owner(), state_bytes());
+  Course course{frames_done_, frame_elapsed_, survey_, statistics_};
+  course.statistics.solver_seconds = 0;
+  writer.add(course);
+  particles_.for_each_buffer([&](const auto& buffer) { writer.add(buffer); });
+  writer.add(roles_.presence());
+  return writer.finish();
+}
+
+template <typename T>
+void Solver<T>::load_state(const std::vector<std::byte>& state) {
+  StateReader reader(state, state_owner(), state_bytes());
+  Course course;
+  reader.get(course);
+  particles_.for_each_buffer([&](auto& buffer) { reader.get(buffer); });
+  reader.get(roles_.presence());
+  const double seconds = statistics_.solver_seconds;
+  frames_done_ = course.frames_done;
+  frame_elapsed_ = course.frame_elapsed;
+  survey_ = course.survey;
+  statistics_ = course.statistics;
+  statistics_.solver_seconds = seconds;
+  find_home_blocks(view());
+  blocks_.invalidate();
+}
+
+template StateOwner Solver<float>::state_owner() const;
+template StateOwner Solver<double>::state_owner() const;
+template std::size_t Solver<float>::state_bytes() const;
+template std::size_t Solver<double>::state_bytes() const;
+template std::vector<std::byte> Solver<float>::save_state() const;
+template std::vector<std::byte> Solver<double>::save_state() const;
+template void Solver<float>::load_state(const std::vector<std::byte>&);
+template void Solver<double>::load_state(const std::vector<std::byte>&);
+
+}  // namespace graupel::mpm

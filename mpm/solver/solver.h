@@ -1,0 +1,97 @@
+// The explicit MPM solver of one scene in one precision: MLS-MPM with APIC transfers (Hu et al. 2018, Jiang et al.
+// 2015), quadratic or cubic B-splines, symplectic Euler, in space or in the plane (plane strain).
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "core/parallel/instruction_set.h"
+#include "mpm/particles/host_particles.h"
+#include "mpm/particles/state_bytes.h"
+#include "mpm/phases/phases.h"
+#include "mpm/sampling.h"
+#include "mpm/simulation.h"
+#include "mpm/solver/time_step.h"
+#include "mpm/solver/tracers.h"
+
+namespace graupel::mpm {
+
+template <typename T>
+class Solver final : public Simulation {
+ public:
+  Solver(const Scene& scene, const SimulationOptions& options, const SampledParticles& particles,
+         const sparsegrid::ObstacleSet& obstacles);
+
+  std::size_t particle_count() const override { return particle_type_.size(); }
+  const std::vector<int32_t>& particle_type() const override { return particle_type_; }
+  const sparsegrid::ObstacleSet& obstacles() const override { return obstacles_; }
+  double time() const override { return static_cast<double>(frames_done_) * scene_.frame_time + frame_elapsed_; }
+  void advance_frame() override;
+  ParticleFrame frame() const override;
+  ParticleFields fields(FieldSet wanted) const override;
+  Diagnostics diagnostics() const override;
+  RunStatistics statistics() const override;
+  void carry_tracers(const std::vector<Vec3f>& position, const std::vector<Vec3f>& velocity) override;
+  std::vector<Vec3f> tracers() const override { return tracers_.positions(); }
+  double tracer_seconds() const override { return tracer_seconds_; }
+  std::vector<std::byte> save_state() const override;
+  void load_state(const std::vector<std::byte>& state) override;
+
+  /// One substep of the method [s].
+  void substep(double dt);
+  /// Particle state in slot order.
+  HostParticles<T> particles() const { return download_particles(particles_); }
+  /// For kernels; blocks and grid storage are those of the last sort_particles().
+  SolverView<T> view() const;
+  void sort_particles();
+  int64_t memory_bytes() const;
+  /// Of the present state; of scripted bodies and emitters over the next frame_time.
+  StateSpeeds speeds() const;
+
+ private:
+  void reorder_particles();
+  void record_step(double dt);
+  void check_fixed_step() const;
+  void carry_affine(double dt);
+  void advance_particles(const SolverView<T>& v, double dt);
+  void move_tracers(const SolverView<T>& v, double dt);
+  void advance_particles_portably(const SolverView<T>& v, double dt);
+  StateOwner state_owner() const;
+  std::size_t state_bytes() const;
+  [[noreturn]] void throw_diverged(double dt, const StateSpeeds& before) const;
+
+  Scene scene_;
+  SimulationOptions options_;
+  sparsegrid::ObstacleSet obstacles_;
+  std::vector<MaterialConfig> material_configs_;
+  std::vector<int32_t> particle_type_;
+  bool some_stationary_ = false;
+  double diffusivity_ = 0;  ///< largest kinematic viscosity [m^2/s]
+
+  GridGeometry<T, 3> grid_;
+  WallView<T> walls_;
+  Buffer<MaterialParameters<T>> materials_;
+  mutable Particles<T> particles_;
+  Particles<T> spare_;  ///< target of the next reordering
+  BlockTable blocks_;
+  MovingObstacles<T> moving_;
+  ParticleRoles<T> roles_;
+  ObstacleNodes<T> obstacle_nodes_;
+  Buffer<T> arenas_, nodes_;
+  Buffer<T> joined_;  ///< node sums with those of periodic images
+  Buffer<Survey> records_;
+  Buffer<Impulse> impulses_;
+  InstructionSet instruction_set_;
+
+  Survey survey_;  ///< of the present state
+  int64_t frames_done_ = 0;
+  double frame_elapsed_ = 0;  ///< [s] inside the present frame
+  RunStatistics statistics_;
+  Tracers<T> tracers_;
+  double tracer_seconds_ = 0;
+};
+
+extern template class Solver<float>;
+extern template class Solver<double>;
+
+}  // namespace graupel::mpm

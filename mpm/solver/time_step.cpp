@@ -1,0 +1,44 @@
+#include "mpm/solver/time_step.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "core/system/error.h"
+
+namespace graupel::mpm {
+
+namespace {
+
+/// Largest stable step at a courant number [s]; infinite for a state at rest without waves.
+double stable_step(double courant, double dx, const StateSpeeds& s) {
+  return 1 / ((s.speed + s.scripted + s.sound_speed) / (courant * dx) + 6 * s.diffusivity / (dx * dx));
+}
+
+}  // namespace
+
+double largest_step(const TimeStep& policy, double dx, double frame_time, const StateSpeeds& speeds) {
+  if (policy.policy == StepPolicy::fixed) return frame_time / static_cast<double>(policy.substeps_per_frame);
+  const double stable = std::max(stable_step(policy.courant, dx, speeds), policy.min_step);
+  return std::min({stable, policy.max_step, frame_time});
+}
+
+double next_step(const TimeStep& policy, double dx, double frame_time, const StateSpeeds& speeds, double left) {
+  const double limit = largest_step(policy, dx, frame_time, speeds);
+  constexpr double most_steps = 1e6;
+  if (!(left / limit <= most_steps))
+    throw DivergedError(fmt::format(
+        "the stable step fell to {:.3g} s (sound speed {:.4g} m/s, speed {:.4g} m/s, obstacles {:.4g} m/s, kinematic "
+        "viscosity {:.4g} m^2/s, over a million steps a frame). Cap the hardening of snow (max_hardening), lower the "
+        "stiffness or the viscosity, or raise dx",
+        limit, speeds.sound_speed, speeds.speed, speeds.scripted, speeds.diffusivity));
+  return left / std::max(1.0, std::ceil(left / limit - 1e-9));
+}
+
+double suggested_step(double dx, const StateSpeeds& speeds, double dt) {
+  const double stable = stable_step(0.3, dx, speeds);
+  return std::isfinite(stable) ? std::clamp(stable, dt / 8, dt / 2) : dt / 8;
+}
+
+}  // namespace graupel::mpm

@@ -1,0 +1,39 @@
+// Which particles are samples: those that the latent is fitted to after each step (NSF section 5.3).
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "core/math/vec.h"
+#include "core/scene/fields.h"
+
+namespace graupel {
+namespace rom {
+
+enum class SampleRule {
+  random,  ///< as in the paper
+  spread,  ///< every so manyth in an order in which neighbours follow each other
+  patches  ///< the same, in groups of 16 neighbours, which need fewer integration points
+};
+
+}  // namespace rom
+
+template <>
+struct EnumWords<rom::SampleRule> {
+  static constexpr std::pair<const char*, rom::SampleRule> words[] = {
+      {"random", rom::SampleRule::random}, {"spread", rom::SampleRule::spread}, {"patches", rom::SampleRule::patches}};
+};
+
+namespace rom {
+
+/// Those of the points whose place in the reference body [particles, 3] lies in a box [m], in their order.
+std::vector<int32_t> points_within(const std::vector<int32_t>& points, const std::vector<float>& reference,
+                                   const Vec3d& low, const Vec3d& high);
+
+/// `count` of the candidates (all of them where there are no more), ascending. `candidates`: integration points in the
+/// order of their clusters.
+std::vector<int32_t> choose_samples(SampleRule rule, const std::vector<int32_t>& candidates, int64_t count,
+                                    uint64_t seed);
+
+}  // namespace rom
+}  // namespace graupel

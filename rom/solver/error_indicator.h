@@ -1,0 +1,57 @@
+// Whether a reduced run may be trusted, told without the full model's run: what every frame shows of itself, over what
+// the same frame showed in roll-outs of training runs,
+//   number_f = max_i indicator_i(f) / usual_i(f),
+// and a verdict from the largest mean of it over a few frames.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+namespace graupel::rom {
+
+/// How far a frame is from what the model knows.
+struct TrustIndicator {
+  double residual = 0;         ///< distance that the inversion left over the distance that the samples moved, largest
+  double down_weighted = 0;    ///< share of samples that did not fit the others, mean
+  double latent_distance = 0;  ///< to the nearest training snapshot, over the reach of the training runs
+};
+
+/// What is usual in every frame, from the first one after the start; empty: unknown.
+using TrustLevels = std::vector<TrustIndicator>;
+
+/// The largest of each indicator over the runs and the frames beside, and nowhere less than half of its median over
+/// the frames; a latent as far as training runs are from one another (1) and 2 % of
+/// down-weighted samples are usual. `runs`: frames of each.
+TrustLevels usual_levels(const std::vector<std::vector<TrustIndicator>>& runs);
+
+enum class Verdict { unknown, ok, doubtful, do_not_trust };
+const char* verdict_text(Verdict verdict);
+
+/// The verdict on a run, frame by frame.
+class TrustRecord {
+ public:
+  static constexpr int window = 5;                           ///< frames that are averaged: one frame alone tells little
+  static constexpr double doubtful = 1.5, do_not_trust = 3;  ///< of the number
+  /// Of the materials' difference from the training's, shares of the body: what makes the number 1.
+  static constexpr double usual_material_difference = 0.005;
+
+  /// `material_difference`: of the scene from the model's (rom/solver/material_difference.h).
+  explicit TrustRecord(TrustLevels usual, double material_difference = 0);
+  /// The next frame, in the order of the run; frames beyond the levels are held against the last of them. Returns its
+  /// number, 0 where the levels are unknown.
+  double add(const TrustIndicator& frame);
+  /// The run has ended in a failure.
+  void diverged() { diverged_ = true; }
+
+  double number() const { return largest_; }  ///< largest mean over the window
+  Verdict verdict() const;
+
+ private:
+  TrustLevels usual_;
+  double from_materials_;
+  std::vector<double> numbers_;
+  double largest_ = 0;
+  bool diverged_ = false;
+};
+
+}  // namespace graupel::rom

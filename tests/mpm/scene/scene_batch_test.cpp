@@ -1,0 +1,116 @@
+// Batches of scenes: every scene has the bytes, the fields and the error of its single run, on any device.
+#include <gtest/gtest.h>
+
+#include "core/system/error.h"
+#include "mpm/simulation.h"
+#include "tests/gpu_only.h"
+#include "tests/mpm/test_scenes.h"
+
+namespace graupel::mpm {
+namespace {
+
+Scene thrown(const std::string& material, double size, double speed) {
+  Scene scene = scene_with(material, {0.5, 0.12, 0.5}, size);
+  scene.sources[0].velocity = {0.4, -speed, 0};
+  scene.time_step.substeps_per_frame = 10;
+  scene.frame_time = 10 * 3e-4;
+  return scene;
+}
+
+/// Scenes of different materials and sizes; the second one diverges in its first frame.
+std::vector<Scene> some_scenes() {
+  return {thrown("taichi_water", 0.05, 1), thrown("taichi_water", 0.04, 300), thrown("taichi_jelly", 0.06, 2),
+          thrown("taichi_sand", 0.05, 1)};
+}
+
+std::vector<PreparedScene> prepared(const std::vector<Scene>& scenes, Device device) {
+  std::vector<PreparedScene> out;
+  for (const Scene& scene : scenes)
+    out.emplace_back(scene, SimulationOptions{.device = device, .seed = 3 + scene.sources.size()});
+  return out;
+}
+
+FieldSet all_fields() {
+  FieldSet fields;
+  for (const ParticleField field : all_particle_fields) fields.add(field);
+  return fields;
+}
+
+void expect_same_frame(const ParticleFrame& a, const ParticleFrame& b) {
+  EXPECT_EQ(a.time, b.time);
+  EXPECT_TRUE(a.position == b.position);
+  EXPECT_TRUE(a.velocity == b.velocity);
+  EXPECT_TRUE(a.active == b.active);
+  EXPECT_TRUE(a.fields == b.fields);
+}
+
+/// Runs a scene alone for `frames`; returns why it diverged.
+std::optional<std::string> run_alone(Simulation& run, int frames) {
+  try {
+    for (int f = 0; f < frames; ++f) run.advance_frame();
+  } catch (const DivergedError& error) {
+    return error.what();
+  }
+  return std::nullopt;
+}
+
+void expect_single_runs(const std::vector<Scene>& scenes, Device device) {
+  constexpr int frames = 3;
+  const auto starts = prepared(scenes, device);
+  const auto batch = SceneBatch::create(starts);
+  const auto begin = batch->frames({});
+  for (int f = 0; f < frames; ++f) batch->advance_frame();
+  const auto end = batch->frames(all_fields());
+  ASSERT_EQ(batch->scene_count(), static_cast<int>(scenes.size()));
+  int64_t particles = 0;
+  for (std::size_t i = 0; i < scenes.size(); ++i) {
+    SCOPED_TRACE("scene " + std::to_string(i));
+    const auto alone = Simulation::create(starts[i]);
+    EXPECT_EQ(batch->particle_type(static_cast<int>(i)), alone->particle_type());
+    expect_same_frame(begin[i], alone->frame());
+    const auto reason = run_alone(*alone, frames);
+    EXPECT_EQ(batch->divergence(static_cast<int>(i)), reason);
+    if (!reason) expect_same_frame(end[i], frame_with_fields(*alone, all_fields()));
+    particles += static_cast<int64_t>(alone->particle_count());
+  }
+  EXPECT_EQ(batch->particle_count(), particles);
+}
+
+TEST(SceneBatch, EverySceneIsAsAloneOnTheCpu) {
+  const auto scenes = some_scenes();
+  expect_single_runs(scenes, Device::cpu);
+  expect_single_runs({scenes[2]}, Device::cpu);
+  const auto batch = SceneBatch::create(prepared(scenes, Device::cpu));
+  batch->advance_frame();
+  ASSERT_TRUE(batch->divergence(1));
+  EXPECT_NE(batch->divergence(1)->find("diverged at particle"), std::string::npos);
+  EXPECT_FALSE(batch->divergence(0));
+  EXPECT_EQ(batch->statistics().substeps, 10);
+}
+
+TEST(SceneBatch, EverySceneIsAsAloneOnTheGpu) {
+  GRAUPEL_NEEDS_GPU();
+  const auto scenes = some_scenes();
+  expect_single_runs(scenes, Device::cuda);
+  expect_single_runs({scenes[2]}, Device::cuda);
+}
+
+/// Scenes of different grids, and what the tuned kernels for GPUs do not know.
+std::vector<Scene> scenes_that_share_no_launch() {
+  std::vector<Scene> scenes = some_scenes();
+  scenes[0].domain.dx = 1.0 / 48;
+  scenes[2].transfer = {TransferScheme::rpic, 3};
+  return scenes;
+}
+
+TEST(SceneBatch, ScenesWithoutACommonLaunchAreAsAloneOnTheCpu) {
+  expect_single_runs(scenes_that_share_no_launch(), Device::cpu);
+}
+
+TEST(SceneBatch, ScenesWithoutACommonLaunchAreAsAloneOnTheGpu) {
+  GRAUPEL_NEEDS_GPU();
+  expect_single_runs(scenes_that_share_no_launch(), Device::cuda);
+}
+
+}  // namespace
+}  // namespace graupel::mpm

@@ -1,0 +1,62 @@
+#include "train/commands/network_timing.h"
+
+#include <algorithm>
+
+#include "core/system/error.h"
+#include "graph/features/normalization.h"
+#include "graph/networks/network_flop.h"
+#include "train/data/data_set.h"
+#include "train/data/sampling.h"
+#include "train/networks/network_module.h"
+#include "train/parallel/blas_threads.h"
+
+namespace graupel::train {
+
+namespace {
+
+SceneGraph newest_graph(const NetworkConfig& config, const graph::Normalization& normalization,
+                        const DataSplit& split) {
+  const TrajectoryInfo& trajectory = split.trajectory(0);
+  const int64_t history = features_of(config).history;
+  if (trajectory.frames < history + 1)
+    throw InputError("'" + split.file() + "': trajectory 0 has too few frames (" + std::to_string(trajectory.frames) +
+                     ", the network sees " + std::to_string(history + 1) + "). Give a longer one");
+  return scene_graph(config, normalization, trajectory, split.history(0, trajectory.frames - 1, history),
+                     grid_origin(trajectory, config));
+}
+
+double flop_of(const NetworkConfig& config, const SceneGraph& graph, graph::FirstLayers first_layers) {
+  if (const auto* hgn = std::get_if<graph::HgnConfig>(&config))
+    return graph::flop_of(*hgn, graph::rows_of(graph.hierarchy), first_layers);
+  return graph::flop_of(std::get<graph::GnsConfig>(config),
+                        {static_cast<int64_t>(graph.type_row.size()), graph.moving(), graph.links.edges()},
+                        first_layers);
+}
+
+}  // namespace
+
+NetworkTime time_network(const nn::Weights& weights, const std::string& file, const NetworkTimingOptions& options) {
+  const NetworkConfig config = network_config_of(weights);
+  configure_torch(options.threads, /*tf32=*/true);
+  const BlasThreads blas(options.threads);
+  NetworkModule module(config, options.device, 0);
+  module.set_state(StateArray::weights, weights);
+  DataSplitOptions split_options;
+  split_options.threads = options.threads;
+  const DataSplit split(file, split_options);
+  split.check_fits(config);
+  const SceneGraph graph = newest_graph(config, graph::read_normalization(weights), split);
+
+  NetworkTime time;
+  time.architecture = architecture_of(config);
+  time.particles = graph.moving();
+  time.flop = flop_of(config, graph, options.first_layers);
+  time.seconds = module
+                     .time_prediction(concatenate({graph}), StateArray::weights, options.first_layers, options.warm_ups,
+                                      options.runs)
+                     .seconds;
+  std::sort(time.seconds.begin(), time.seconds.end());
+  return time;
+}
+
+}  // namespace graupel::train

@@ -1,0 +1,183 @@
+// Settings of the training of a reduced-order model with stress field (NSF).
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "core/scene/fields.h"
+#include "core/scene/removed_field.h"
+#include "rom/cubature/sample_selection.h"
+#include "rom/fields/branch_map.h"
+#include "rom/reduced_model.h"
+#include "train/config/mlp_config.h"
+
+namespace graupel {
+namespace train {
+
+/// How the modes are stored in the weights file.
+enum class ModeStorage { f32, f16 };
+
+/// Which of its particles a cluster's integration point is.
+enum class ClusterPoint {
+  random,
+  matched  ///< the one with which sums at grid nodes are most like those of all particles
+           ///< (train/reduced/cubature_rows.h)
+};
+
+}  // namespace train
+
+template <>
+struct EnumWords<train::ModeStorage> {
+  static constexpr std::pair<const char*, train::ModeStorage> words[] = {{"f32", train::ModeStorage::f32},
+                                                                         {"f16", train::ModeStorage::f16}};
+};
+
+template <>
+struct EnumWords<train::ClusterPoint> {
+  static constexpr std::pair<const char*, train::ClusterPoint> words[] = {{"random", train::ClusterPoint::random},
+                                                                          {"matched", train::ClusterPoint::matched}};
+};
+namespace train {
+
+struct NsfConfig {
+  rom::FieldKind field = rom::FieldKind::factored;
+  int64_t latents = 6;
+  int64_t deformation_modes = 32, stress_modes = 64, affine_modes = 64;
+  rom::AffineKind affine = rom::AffineKind::position;
+  rom::BranchKind branch = rom::BranchKind::rbf;
+  int64_t centers = 1000, affine_centers = 24;
+  int64_t branch_width = 64, branch_steps = 3000, branch_batch = 128;
+  double branch_learning_rate = 1e-2, branch_noise = 0.1;
+  int64_t samples = 300;
+  rom::SampleRule sample_rule = rom::SampleRule::random;
+  Vec3d sample_low = Vec3d::filled(-1e30), sample_high = Vec3d::filled(1e30);
+  double manifold_pull = 0;
+  double step_factor = 1;
+  int64_t cluster = 1;
+  ClusterPoint cluster_point = ClusterPoint::matched;
+  int64_t quadrature_snapshots = 16;
+  int64_t encoder_particles = 2000;
+  int64_t calibration_runs = 4;
+  ModeStorage storage = ModeStorage::f16;
+  double memory = 0;
+  uint64_t seed = 0;
+  MlpConfig mlp;
+
+  static constexpr RemovedField removed[] = {
+      {"quadrature", "\"mass\"", "fitted weights lost to matched points"},
+      {"sample_windows", "[]", "samples that change with time gained nothing"},
+      {"between_runs", "0", "states between runs gained less than another choice of samples"},
+      {"outlier_factor", "0 0.0", "samples that count less gained nothing beside manifold_pull"}};
+
+  template <typename Visitor>
+  static void fields(Visitor&& visit) {
+    using C = NsfConfig;
+    visit(&C::field,
+          FieldInfo{.name = "field",
+                    .unit = "",
+                    .meaning = "Fields: spatial modes and a regression (factored), or the paper's networks"});
+    visit(&C::latents,
+          FieldInfo{
+              .name = "latents", .unit = "", .meaning = "Numbers of the latent state", .range = Range::between(1, 32)});
+    visit(&C::deformation_modes, FieldInfo{.name = "deformation_modes",
+                                           .unit = "",
+                                           .meaning = "Spatial modes of the deformation field, at most",
+                                           .range = Range::between(1, 512)});
+    visit(&C::stress_modes, FieldInfo{.name = "stress_modes",
+                                      .unit = "",
+                                      .meaning = "Spatial modes of the stress field, at most",
+                                      .range = Range::between(1, 512)});
+    visit(&C::affine_modes, FieldInfo{.name = "affine_modes",
+                                      .unit = "",
+                                      .meaning = "Spatial modes of the affine field, at most",
+                                      .range = Range::between(1, 512)});
+    visit(&C::affine, FieldInfo{.name = "affine",
+                                .unit = "",
+                                .meaning = "What the affine field follows: the latent's velocity, or its position"});
+    visit(&C::branch,
+          FieldInfo{.name = "branch",
+                    .unit = "",
+                    .meaning = "What gives the coefficients of the modes: radial basis functions (rbf), or a "
+                               "small network (mlp)"});
+    visit(&C::centers, FieldInfo{.name = "centers",
+                                 .unit = "",
+                                 .meaning = "Centres of the branches; every snapshot where there are no more",
+                                 .range = Range::between(0, 10000)});
+    visit(&C::affine_centers, FieldInfo{.name = "affine_centers",
+                                        .unit = "",
+                                        .meaning = "Centres of the affine field's branch, when it follows the rate",
+                                        .range = Range::between(0, 1000)});
+    visit(&C::branch_width, FieldInfo{.name = "branch_width",
+                                      .unit = "",
+                                      .meaning = "Hidden width of a branch's network",
+                                      .range = Range::between(1, 1024)});
+    visit(&C::branch_steps, FieldInfo{.name = "branch_steps",
+                                      .unit = "",
+                                      .meaning = "Steps of Adam that train a branch's network",
+                                      .range = Range::between(1, 1e7)});
+    visit(&C::branch_batch, FieldInfo{.name = "branch_batch",
+                                      .unit = "",
+                                      .meaning = "Snapshots of such a step; all where there are no more",
+                                      .range = Range::between(1, 1e6)});
+    visit(&C::branch_learning_rate, FieldInfo{.name = "branch_learning_rate",
+                                              .unit = "",
+                                              .meaning = "First learning rate of them; it falls to 0 as half a cosine",
+                                              .range = Range::positive()});
+    visit(&C::branch_noise,
+          FieldInfo{.name = "branch_noise",
+                    .unit = "",
+                    .meaning = "Standard deviation of the noise on their inputs (standardised), which "
+                               "keeps a network flat beside the states of the training",
+                    .range = Range::between(0, 10)});
+    visit(&C::samples,
+          FieldInfo{.name = "samples", .unit = "", .meaning = "Sample particles", .range = Range::between(1, 1e6)});
+    visit(&C::sample_rule, FieldInfo{.name = "sample_rule", .unit = "", .meaning = "How the samples are chosen"});
+    visit(&C::sample_low, FieldInfo{.name = "sample_low",
+                                    .unit = "m",
+                                    .meaning = "Lower corner of the box of the reference body that samples lie in"});
+    visit(&C::sample_high,
+          FieldInfo{.name = "sample_high", .unit = "m", .meaning = "Upper corner of the samples' box"});
+    visit(&C::manifold_pull,
+          FieldInfo{.name = "manifold_pull",
+                    .unit = "",
+                    .meaning = "Share of the way back to the states of the training that a step takes",
+                    .range = Range::between(0, 1)});
+    visit(&C::step_factor, FieldInfo{.name = "step_factor",
+                                     .unit = "",
+                                     .meaning = "Time steps of the model over those of its data, unless told otherwise",
+                                     .range = Range::positive()});
+    visit(&C::cluster, FieldInfo{.name = "cluster",
+                                 .unit = "",
+                                 .meaning = "So many particles that lie together are one integration point",
+                                 .range = Range::between(1, 1000)});
+    visit(&C::cluster_point,
+          FieldInfo{.name = "cluster_point",
+                    .unit = "",
+                    .meaning = "Which particle of a cluster is its integration point: a random one, or "
+                               "the one that matches the training's sums at grid nodes"});
+    visit(&C::quadrature_snapshots, FieldInfo{.name = "quadrature_snapshots",
+                                              .unit = "",
+                                              .meaning = "Training snapshots that matched points are chosen by",
+                                              .range = Range::between(1, 1000)});
+    visit(&C::encoder_particles, FieldInfo{.name = "encoder_particles",
+                                           .unit = "",
+                                           .meaning = "Particles whose positions give the latent of a state, at most",
+                                           .range = Range::between(1, 1e6)});
+    visit(&C::calibration_runs,
+          FieldInfo{.name = "calibration_runs",
+                    .unit = "",
+                    .meaning = "Training runs that the model rolls out to learn what is usual (0: no verdict on trust)",
+                    .range = Range::between(0, 1000)});
+    visit(&C::storage, FieldInfo{.name = "storage", .unit = "", .meaning = "How the weights file keeps the modes"});
+    visit(&C::memory, FieldInfo{.name = "memory",
+                                .unit = "GB",
+                                .meaning = "Memory for the snapshots of a field; more of them are read in blocks. 0: "
+                                           "half of what is free",
+                                .range = Range::not_negative()});
+    visit(&C::seed, FieldInfo{.name = "seed", .unit = "", .meaning = "Seed of samples, weights and batches"});
+    visit(&C::mlp, FieldInfo{.name = "mlp", .unit = "", .meaning = "The paper's networks and their training"});
+  }
+};
+
+}  // namespace train
+}  // namespace graupel

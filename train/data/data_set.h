@@ -1,0 +1,89 @@
+// Trajectories of a data set as training reads them: positions, types, and the static surroundings of each scene.
+#pragma once
+
+#include <algorithm>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "core/scene/scene.h"
+#include "graph/features/features.h"
+#include "io/trajectory/trajectory_file.h"
+#include "train/config/network_config.h"
+
+namespace graupel::train {
+
+/// A scene with what is built of it once.
+struct SceneContext {
+  explicit SceneContext(Scene read_scene) : scene(std::move(read_scene)), surroundings(scene) {}
+  Scene scene;
+  graph::Surroundings surroundings;
+  /// Displacement that gravity adds in a frame: g dt^2 [m/frame^2].
+  Vec3f gravity_step() const { return surroundings.gravity_step; }
+};
+
+struct TrajectoryInfo {
+  std::vector<int32_t> type_row;        ///< [n] rows of the embedding table
+  std::vector<uint8_t> held;            ///< [n] 1 for particles that are held, which no loss or error counts; or empty
+  std::vector<Vec3f> initial_velocity;  ///< [n] [m/s]
+  int64_t frames = 0;                   ///< usable ones
+  bool converted = false;               ///< from the data of another program, which may not say gravity (then 0)
+  std::shared_ptr<const SceneContext> context;
+
+  bool is_held(std::size_t particle) const { return !held.empty() && held[particle] != 0; }
+  int64_t held_count() const { return std::count(held.begin(), held.end(), 1); }
+};
+
+struct DataSplitOptions {
+  double memory_limit = 0;  ///< [bytes] of positions kept; the rest is read when needed; 0: half of the machine's
+  int processes = 1;        ///< of this machine that open the file; they share the limit
+  int threads = 1;
+  std::function<void(const std::string& what, int64_t done, int64_t total)> progress;
+};
+
+/// One file of a data set. Immutable once open; may be read from many threads.
+class DataSplit {
+ public:
+  /// Throws InputError when the file is missing, damaged, or a trajectory has no scene or fewer than 3 frames.
+  explicit DataSplit(const std::string& file, const DataSplitOptions& options = {});
+
+  const std::string& file() const { return file_; }
+  int count() const { return static_cast<int>(info_.size()); }
+  const TrajectoryInfo& trajectory(int i) const { return info_[static_cast<std::size_t>(i)]; }
+  /// Recorded attribute of the data set, "" when absent (e.g. "recipe", "seed").
+  std::string attribute(const std::string& name) const;
+  /// The scene of a trajectory, as it is stored.
+  const std::string& scene_json(int i) const { return scene_json_[static_cast<std::size_t>(i)]; }
+
+  /// Positions of frames [first, first + count), [count][n] [m].
+  std::vector<std::vector<Vec3f>> positions(int i, int64_t first, int64_t count) const;
+  /// history + 1 positions ending at `frame`, newest last. Frames before the first are those that a rollout starts with
+  /// (graph::start_history).
+  std::vector<std::vector<Vec3f>> history(int i, int64_t frame, int64_t history) const;
+
+  /// Means and standard deviations of v^t = x^t - x^{t-1} and v^{t+1} - v^t over all particles and frames, sums in
+  /// f64; the training noise enters in quadrature. Held particles do not count, and nothing varies along z in the
+  /// plane.
+  graph::Normalization statistics(double noise_std, int threads) const;
+
+  /// Throws ConfigError when the data were made with another frame time, cell size or number of dimensions than the
+  /// network is for, or with obstacles that it cannot see.
+  void check_fits(const NetworkConfig& config) const;
+  /// Throws ConfigError when a trajectory is shorter than `frames`, which training needs for the reason `why`.
+  void check_length(int64_t frames, const std::string& why) const;
+
+ private:
+  void read_headers(const DataSplitOptions& options);
+  void build_contexts(const DataSplitOptions& options);
+  void load_positions(const DataSplitOptions& options);
+
+  std::string file_;
+  std::unique_ptr<io::TrajectoryReader> reader_;
+  std::vector<TrajectoryInfo> info_;
+  std::vector<std::string> scene_json_;
+  std::vector<std::vector<Vec3f>> resident_;  ///< [trajectory][frames * n]; empty where it did not fit
+};
+
+}  // namespace graupel::train

@@ -1,0 +1,312 @@
+#include "train/data/device_samples.h"
+
+#include <string>
+
+#include "core/parallel/cuda_check.h"
+#include "core/parallel/parallel_for_in.h"
+#include "core/system/error.h"
+
+namespace graupel::train {
+
+namespace {
+
+/// Where the frames of a sample's trajectory lie.
+struct SampleFrames {
+  const Vec3f* position;          ///< [frames, particles]
+  const Vec3f* initial_velocity;  ///< [particles] [m/s]
+  const int32_t* type_row;        ///< [particles]
+  int64_t particles, frame;
+  Vec3d gravity;      ///< [m/s^2]
+  double frame_time;  ///< [s]
+
+  GRAUPEL_HD bool held(int64_t p) const { return graph::is_held_row(type_row[p]); }
+  /// Position at a frame; before the first that of graph::start_history.
+  GRAUPEL_HD Vec3f at(int64_t t, int64_t p) const {
+    if (t >= 0) return position[t * particles + p];
+    const double before = -static_cast<double>(t) * frame_time;
+    const Vec3d fallen = gravity * (held(p) ? 0 : before * before / 2);
+    return (position[p].cast<double>() - initial_velocity[p].cast<double>() * before + fallen).cast<float>();
+  }
+};
+
+struct SceneSample {
+  SampleScene scene;
+  SampleFrames frames;
+  graph::WayFollower way;
+};
+
+/// Scene of particle i of a batch.
+GRAUPEL_HD const SceneSample& scene_of(const SceneSample* sample, int scenes, int64_t i) {
+  int s = 0;
+  while (s + 1 < scenes && sample[s + 1].scene.first <= i) ++s;
+  return sample[s];
+}
+
+/// Particle p of a sample about the frame `newest`; see sample_rules.h.
+struct TruePositions {
+  const SampleFrames& frames;
+  int64_t newest, p;
+  GRAUPEL_HD Vec3f operator()(int j) const { return frames.at(newest + j, p); }
+};
+
+/// What the kernels write: features and targets, where the grid has the particles, and the history for pushes.
+struct SampleOutput {
+  float *features, *target;
+  Vec3f* now;
+  int32_t* type_row;
+  Vec3f* history;  ///< [history + 1, particles], null where none is pushed
+};
+
+/// One particle of the batch.
+struct MakeSample {
+  SampleRules rules;
+  const SceneSample* sample;
+  int scenes;
+  int64_t particles;
+  SampleOutput out;
+  GRAUPEL_HD void operator()(int64_t i) const {
+    const SceneSample& own = scene_of(sample, scenes, i);
+    const SampleFrames& frames = own.frames;
+    const int64_t p = i - own.scene.first;
+    Vec3f position[graph::most_positions];
+    for (int t = 0; t <= rules.features.history; ++t)
+      position[t] = frames.at(frames.frame - rules.features.history + t, p);
+    out.now[i] = write_disturbed_sample(rules, own.scene, static_cast<uint64_t>(p), frames.held(p), position,
+                                        TruePositions{frames, frames.frame, p}, out.features + i * rules.features.width,
+                                        out.target + 3 * rules.bundle * i);
+    out.type_row[i] = frames.type_row[p];
+    if (out.history)
+      for (int t = 0; t <= rules.features.history; ++t) out.history[t * particles + i] = position[t];
+  }
+};
+
+/// The same one bundle of the network's later.
+struct PushSample {
+  SampleRules rules;
+  const SceneSample* sample;
+  int scenes;
+  int64_t particles, push;
+  const float* acceleration;
+  SampleOutput out;
+  GRAUPEL_HD void operator()(int64_t i) const {
+    const SceneSample& own = scene_of(sample, scenes, i);
+    const SampleFrames& frames = own.frames;
+    const int64_t p = i - own.scene.first;
+    Vec3f position[graph::most_positions];
+    for (int t = 0; t <= rules.features.history; ++t) position[t] = out.history[t * particles + i];
+    const TruePositions truth{frames, frames.frame + push * rules.bundle, p};
+    const Vec3f next =
+        push_forward(rules, own.scene, own.way, frames.held(p), acceleration + 3 * rules.bundle * i, truth, position);
+    for (int t = 0; t <= rules.features.history; ++t) out.history[t * particles + i] = position[t];
+    out.now[i] = write_sample(rules, own.scene, position, next, truth, out.features + i * rules.features.width,
+                              out.target + 3 * rules.bundle * i);
+  }
+};
+
+struct ResidentTrajectory {
+  Buffer<Vec3f> position, initial_velocity;
+  Buffer<int32_t> type_row;
+  Buffer<Vec3f> point;  ///< where obstacle particles are part of the graph
+};
+
+#ifdef __CUDACC__
+constexpr bool with_cuda = true;
+#else
+constexpr bool with_cuda = false;
+#endif
+
+}  // namespace
+
+/// Memory of one batch.
+struct DeviceSamples::Slot {
+  Slot(Device device, const NetworkConfig& config)
+      : graph(make_sample_graph(config, device)),
+        samples(device, 0),
+        features(device, 0),
+        target(device, 0),
+        now(device, 0),
+        history(device, 0),
+        type_row(device, 0) {}
+  SampleOutput output() {
+    return {features.data(), target.data(), now.data(), type_row.data(), pushes > 0 ? history.data() : nullptr};
+  }
+  void build_graph(const SampleRules& rules, void* in) {
+    graph->build(rules.features, {now.data(), features.data(), type_row.data()}, in);
+  }
+  std::unique_ptr<SampleGraph> graph;
+  Buffer<SceneSample> samples;
+  Buffer<float> features, target;
+  Buffer<Vec3f> now, history;
+  Buffer<int32_t> type_row;
+  int64_t particles = 0, held = 0, step = 0, pushes = 0;
+#ifdef __CUDACC__
+  cudaEvent_t released = nullptr;  ///< the launches that read this batch are done
+#endif
+};
+
+struct DeviceSamples::Impl {
+  Impl(const DataSplit& data, const TrainConfig& train_config, const graph::Normalization& normalization, Device where,
+       BatchShare rank_share)
+      : split(data),
+        config(train_config),
+        rules(sample_rules(train_config, normalization)),
+        device(where),
+        share(rank_share),
+        slots{Slot(where, train_config.network()), Slot(where, train_config.network())} {}
+
+  const DataSplit& split;
+  TrainConfig config;
+  SampleRules rules;
+  Device device;
+  BatchShare share;
+  std::vector<ResidentTrajectory> resident;
+  std::array<Slot, 2> slots;
+  int64_t started = 0, taken = 0;
+  void* stream = nullptr;
+
+  Slot& slot(int64_t number) { return slots[static_cast<std::size_t>(number % 2)]; }
+  void load();
+  SceneSample sample_of(const SampleDraw& draw, int64_t first) const;
+};
+
+uint64_t DeviceSamples::bytes_for(const DataSplit& split) {
+  uint64_t bytes = 0;
+  for (int i = 0; i < split.count(); ++i) {
+    const TrajectoryInfo& info = split.trajectory(i);
+    bytes += info.type_row.size() * (sizeof(Vec3f) * (static_cast<uint64_t>(info.frames) + 1) + sizeof(int32_t));
+  }
+  return bytes;
+}
+
+void DeviceSamples::Impl::load() {
+  for (int i = 0; i < split.count(); ++i) {
+    const TrajectoryInfo& info = split.trajectory(i);
+    std::vector<Vec3f> all;
+    all.reserve(static_cast<std::size_t>(info.frames) * info.type_row.size());
+    for (const std::vector<Vec3f>& frame : split.positions(i, 0, info.frames))
+      all.insert(all.end(), frame.begin(), frame.end());
+    ResidentTrajectory trajectory{Buffer<Vec3f>(device, 0), Buffer<Vec3f>(device, 0), Buffer<int32_t>(device, 0),
+                                  Buffer<Vec3f>(device, 0)};
+    trajectory.position.upload(all);
+    trajectory.initial_velocity.upload(info.initial_velocity);
+    trajectory.type_row.upload(info.type_row);
+    resident.push_back(std::move(trajectory));
+  }
+  const std::vector<const std::vector<Vec3f>*> points = obstacle_points(split, config.network());
+  for (std::size_t i = 0; i < points.size(); ++i) resident[i].point.upload(*points[i]);
+}
+
+SceneSample DeviceSamples::Impl::sample_of(const SampleDraw& draw, int64_t first) const {
+  const TrajectoryInfo& info = split.trajectory(draw.key.trajectory);
+  const ResidentTrajectory& trajectory = resident[static_cast<std::size_t>(draw.key.trajectory)];
+  const Scene& scene = info.context->scene;
+  return {{first, draw.stream, draw.turn, draw.displacement, draw.drift, info.context->surroundings.view(device)},
+          {trajectory.position.data(), trajectory.initial_velocity.data(), trajectory.type_row.data(),
+           static_cast<int64_t>(info.type_row.size()), draw.key.frame, scene.gravity, scene.frame_time},
+          info.context->surroundings.way_follower(device)};
+}
+
+DeviceSamples::DeviceSamples(const DataSplit& split, const TrainConfig& config,
+                             const graph::Normalization& normalization, Device device, BatchShare share)
+    : impl_(std::make_unique<Impl>(split, config, normalization, device, share)) {
+  GRAUPEL_ASSERT(device == Device::cpu || with_cuda);
+  GRAUPEL_ASSERT(config.features().history <= graph::most_history);
+  impl_->load();
+#ifdef __CUDACC__
+  if (device == Device::cuda) {
+    cudaStream_t stream = nullptr;
+    // Beside the default stream, not ordered by it.
+    GRAUPEL_CUDA_CHECK(cudaStreamCreateWithFlags(&stream, cudaStreamNonBlocking));
+    impl_->stream = stream;
+    for (Slot& slot : impl_->slots)
+      GRAUPEL_CUDA_CHECK(cudaEventCreateWithFlags(&slot.released, cudaEventDisableTiming));
+  }
+#endif
+}
+
+DeviceSamples::~DeviceSamples() {
+#ifdef __CUDACC__
+  if (impl_->stream == nullptr) return;
+  cudaDeviceSynchronize();
+  for (Slot& slot : impl_->slots) cudaEventDestroy(slot.released);
+  cudaStreamDestroy(static_cast<cudaStream_t>(impl_->stream));
+#endif
+}
+
+void DeviceSamples::start(int64_t step) {
+  Impl& impl = *impl_;
+  GRAUPEL_ASSERT(impl.started - impl.taken < 2);
+  Slot& slot = impl.slot(impl.started++);
+#ifdef __CUDACC__
+  if (impl.stream) GRAUPEL_CUDA_CHECK(cudaStreamWaitEvent(static_cast<cudaStream_t>(impl.stream), slot.released, 0));
+#endif
+  std::vector<SceneSample> samples;
+  std::vector<SampleGraph::Scene> scenes;
+  slot.particles = slot.held = 0;
+  slot.step = step;
+  slot.pushes = pushes_of(impl.config, step);
+  for (int64_t k = impl.share.first; k < impl.config.batch_scenes; k += impl.share.stride) {
+    const SampleDraw draw = draw_training_sample(impl.split, impl.config, step, k);
+    samples.push_back(impl.sample_of(draw, slot.particles));
+    const SceneSample& own = samples.back();
+    const Buffer<Vec3f>& point = impl.resident[static_cast<std::size_t>(draw.key.trajectory)].point;
+    scenes.push_back(
+        {draw, own.frames.particles, point.data(), static_cast<int64_t>(point.size()), own.scene.surroundings});
+    slot.particles += own.frames.particles;
+    slot.held += impl.split.trajectory(draw.key.trajectory).held_count();
+  }
+  slot.graph->prepare(scenes, impl.stream);
+  const auto n = static_cast<std::size_t>(slot.particles), rows = static_cast<std::size_t>(slot.graph->most_rows());
+  slot.features.resize_discard(rows * static_cast<std::size_t>(impl.rules.features.width));
+  slot.target.resize_discard(3 * n * static_cast<std::size_t>(impl.rules.bundle));
+  slot.now.resize_discard(rows);
+  slot.type_row.resize_discard(rows);
+  if (slot.pushes > 0) slot.history.resize_discard(n * static_cast<std::size_t>(impl.rules.features.history + 1));
+  upload_in(impl.stream, slot.samples, samples);
+  parallel_for_in(
+      impl.stream, impl.device, slot.particles,
+      MakeSample{impl.rules, slot.samples.data(), static_cast<int>(samples.size()), slot.particles, slot.output()});
+  slot.build_graph(impl.rules, impl.stream);
+}
+
+SampleArrays DeviceSamples::take() {
+  GRAUPEL_ASSERT(impl_->taken < impl_->started);
+  return arrays_of(impl_->slot(impl_->taken++), impl_->stream);
+}
+
+SampleArrays DeviceSamples::push(const float* acceleration, int64_t push) {
+  Impl& impl = *impl_;
+  Slot& slot = impl.slot(impl.taken - 1);
+  GRAUPEL_ASSERT(push >= 1 && push <= slot.pushes);
+  // In the default stream, where the network works on the batch.
+  parallel_for_in(nullptr, impl.device, slot.particles,
+                  PushSample{impl.rules, slot.samples.data(), static_cast<int>(slot.samples.size()), slot.particles,
+                             push, acceleration, slot.output()});
+  slot.build_graph(impl.rules, nullptr);
+  return arrays_of(slot, nullptr);
+}
+
+SampleArrays DeviceSamples::arrays_of(const Slot& slot, void* stream) const {
+  SampleArrays arrays;
+  slot.graph->finish(arrays, stream);
+  if (arrays.counts.overflow)
+    throw InputError("'" + impl_->split.file() + "': a particle of training step " + std::to_string(slot.step) +
+                     " lies outside the domain of its scene by more than three cells of the network's grid. Generate " +
+                     "the data set anew, or lower noise_std");
+  arrays.particles = slot.particles;
+  arrays.held = slot.held;
+  arrays.feature_width = impl_->rules.features.width;
+  arrays.target_width = 3 * impl_->rules.bundle;
+  arrays.features = slot.features.data();
+  arrays.target = slot.target.data();
+  arrays.type_row = slot.type_row.data();
+  return arrays;
+}
+
+void DeviceSamples::release() {
+#ifdef __CUDACC__
+  if (impl_->stream) GRAUPEL_CUDA_CHECK(cudaEventRecord(impl_->slot(impl_->taken - 1).released, nullptr));
+#endif
+}
+
+}  // namespace graupel::train

@@ -1,0 +1,126 @@
+#include "train/loop/checkpoint.h"
+
+#include <algorithm>
+#include <cstdio>
+#include <nlohmann/json.hpp>
+#include <vector>
+
+#include "core/system/atomic_file.h"
+#include "core/system/error.h"
+#include "train/loop/crc32c.h"
+
+namespace graupel::train {
+
+using Json = nlohmann::ordered_json;
+
+namespace {
+
+constexpr const char* prefix = "step-";
+
+std::string folder_name(int64_t step) {
+  char text[32];
+  std::snprintf(text, sizeof(text), "%s%08lld", prefix, static_cast<long long>(step));
+  return text;
+}
+
+/// Checkpoints of a folder, oldest first; unfinished ones (".part") are none.
+std::vector<int64_t> steps_in(const std::string& folder) {
+  std::vector<int64_t> steps;
+  for (const std::string& name : names_in(folder)) {
+    const std::string number = name.starts_with(prefix) ? name.substr(5) : "";
+    if (!number.empty() && number.find_first_not_of("0123456789") == std::string::npos)
+      steps.push_back(std::stoll(number));
+  }
+  std::sort(steps.begin(), steps.end());
+  return steps;
+}
+
+Json json_of(const CheckpointState& state) {
+  return {{"step", state.step},
+          {"seed", state.seed},
+          {"config_hash", state.config_hash},
+          {"seconds", state.seconds},
+          {"loss_average", state.loss_average},
+          {"best_validation", state.best_validation},
+          {"best_step", state.best_step}};
+}
+
+CheckpointState state_of(const Json& json) {
+  CheckpointState state;
+  json.at("step").get_to(state.step);
+  json.at("seed").get_to(state.seed);
+  json.at("config_hash").get_to(state.config_hash);
+  json.at("seconds").get_to(state.seconds);
+  json.at("loss_average").get_to(state.loss_average);
+  json.at("best_validation").get_to(state.best_validation);
+  json.at("best_step").get_to(state.best_step);
+  return state;
+}
+
+}  // namespace
+
+void write_checkpoint(const std::string& folder, const Checkpoint& checkpoint) {
+  const std::string path = folder + "/" + folder_name(checkpoint.state.step), part = path + ".part";
+  remove_path(part);  // left by a kill
+  make_folder(part);
+  Json json = json_of(checkpoint.state);
+  for (const auto& [name, weights] : checkpoint.arrays) {
+    const std::string file = part + "/" + name + ".safetensors";
+    nn::write_safetensors(file, weights);
+    json["crc32c"][name] = crc32c(read_file(file));
+  }
+  write_file_atomically(part + "/state.json", json.dump(2) + "\n");
+  remove_path(path);  // a damaged one of the same step
+  finish_part_file(path);
+}
+
+Checkpoint read_checkpoint(const std::string& path) {
+  Checkpoint checkpoint;
+  try {
+    const Json json = Json::parse(read_file(path + "/state.json"));
+    checkpoint.state = state_of(json);
+    for (const auto& [name, sum] : json.at("crc32c").items()) {
+      const std::string file = path + "/" + name + ".safetensors";
+      if (crc32c(read_file(file)) != sum.get<uint32_t>())
+        throw InputError("'" + file + "' is damaged (its checksum is not the recorded one)");
+      checkpoint.arrays[name] = nn::read_safetensors(file);
+    }
+  } catch (const nlohmann::json::exception& error) {
+    throw InputError("'" + path + "/state.json' is damaged (" + error.what() + ")");
+  }
+  return checkpoint;
+}
+
+std::optional<Checkpoint> read_latest_checkpoint(const std::string& folder,
+                                                 const std::function<void(const std::string&)>& warn) {
+  std::vector<int64_t> steps = steps_in(folder);
+  if (steps.empty()) return std::nullopt;
+  for (; !steps.empty(); steps.pop_back()) {
+    try {
+      return read_checkpoint(folder + "/" + folder_name(steps.back()));
+    } catch (const InputError& error) {
+      warn("WARNING: checkpoint of step " + std::to_string(steps.back()) + " cannot be used: " + error.what() +
+           ". Going back to the one before it");
+    }
+  }
+  throw InputError("no checkpoint in '" + folder + "' can be used (all are damaged). Start the run anew");
+}
+
+std::optional<Checkpoint> checkpoint_to_resume(const std::string& folder, const std::string& config_hash,
+                                               const std::function<void(const std::string&)>& say) {
+  auto checkpoint = read_latest_checkpoint(folder, say);
+  if (!checkpoint)
+    say("the run has no checkpoint yet: starting at step 0");
+  else if (checkpoint->state.config_hash != config_hash)
+    throw ConfigError("the checkpoint was made with other settings (fingerprint " + checkpoint->state.config_hash +
+                      ", config.json has " + config_hash + "). Restore config.json, or start a new run");
+  return checkpoint;
+}
+
+void prune_checkpoints(const std::string& folder, int64_t best_step) {
+  const std::vector<int64_t> steps = steps_in(folder);
+  for (std::size_t i = 0; i + 2 < steps.size(); ++i)
+    if (steps[i] != best_step) remove_path(folder + "/" + folder_name(steps[i]));
+}
+
+}  // namespace graupel::train

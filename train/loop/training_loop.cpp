@@ -1,0 +1,392 @@
+#include "train/loop/training_loop.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <filesystem>
+#include <memory>
+
+#include "core/parallel/memory.h"
+#include "core/system/error.h"
+#include "graph/features/normalization.h"
+#include "train/data/device_samples.h"
+#include "train/data/sampling.h"
+#include "train/loop/checkpoint.h"
+#include "train/loop/metrics_log.h"
+#include "train/loop/provenance.h"
+#include "train/loop/run_folder.h"
+#include "train/networks/initial_weights.h"
+#include "train/parallel/worker_threads.h"
+
+namespace graupel::train {
+
+namespace {
+
+namespace fs = std::filesystem;
+using Clock = std::chrono::steady_clock;
+
+double seconds_since(Clock::time_point start) { return std::chrono::duration<double>(Clock::now() - start).count(); }
+
+/// Batches are prepared on most threads where a GPU computes, on half of them where the CPU does.
+int worker_count(const TrainingOptions& options) {
+  return std::max(1, options.device == Device::cuda ? options.threads - 2 : options.threads / 2);
+}
+
+/// Steps between two agreements of several ranks on whether to stop; on a GPU each waits until the GPU is done.
+int64_t agreement_interval(Device device) { return device == Device::cuda ? 10 : 1; }
+
+const std::vector<std::string>& metric_columns() {
+  static const std::vector<std::string> columns = {"seconds",
+                                                   "loss",
+                                                   "learning_rate",
+                                                   "gradient_norm",
+                                                   "scenes_per_second",
+                                                   "valid_one_step_normalized",
+                                                   "valid_one_step_raw",
+                                                   "valid_zero_raw",
+                                                   "valid_ballistic_raw",
+                                                   "valid_rollout_mse"};
+  return columns;
+}
+
+class TrainingRun {
+ public:
+  explicit TrainingRun(const TrainingOptions& options);
+  TrainingResult execute();
+
+ private:
+  void say(const std::string& text) const {
+    if (options_.message && comm_.leads()) options_.message(text);
+  }
+  void begin_run();
+  std::unique_ptr<DataSplit> open(const std::string& name) const;
+  void prepare_normalization();
+  void start_from_weights();
+  void restore();
+  void prepare_samples();
+  /// Trains from batches made on the device, or by worker threads.
+  StopReason train_on_device();
+  StopReason train_with_workers();
+  StepSettings step_settings() const;
+  BatchShare share() const { return {comm_.rank(), comm_.size()}; }
+  /// What follows a step; whether and why to stop.
+  std::optional<StopReason> after_step();
+  void report();
+  void validate();
+  void save_checkpoint();
+  std::string export_weights() const;
+  double seconds() const { return state_.seconds + seconds_since(start_); }
+  std::optional<StopReason> stop_reason();
+  bool any_rank(bool own);
+  EvaluationOptions evaluation() const {
+    return {StateArray::ema, config_.batch_scenes, std::max(1, options_.threads - 1)};
+  }
+
+  const TrainingOptions& options_;
+  const TrainConfig& config_;
+  Comm& comm_;
+  std::unique_ptr<DataSplit> train_, valid_;  ///< valid_ may be null
+  graph::Normalization normalization_;
+  NetworkModule module_;
+  std::unique_ptr<DeviceSamples> samples_;  ///< null where worker threads make the batches
+  CheckpointState state_;                   ///< `seconds` is that of the run's earlier parts
+  int64_t saved_step_ = -1;
+  std::optional<Validation> validation_;
+  std::optional<MetricsLog> metrics_;  ///< of rank 0
+  Clock::time_point start_, last_report_;
+};
+
+TrainingRun::TrainingRun(const TrainingOptions& options)
+    : options_(options),
+      config_(options.config),
+      comm_(*options.comm),
+      module_(config_.network(), options.device, config_.seed,
+              config_.mixed_precision ? NumberType::mixed : NumberType::f32, config_.checkpoint_layers) {
+  if (comm_.size() > config_.batch_scenes)
+    throw ConfigError(std::to_string(comm_.size()) + " ranks are too many for batches of " +
+                      std::to_string(config_.batch_scenes) +
+                      " scenes (each takes one or more). Start fewer, or set batch_scenes higher");
+  const std::string removed = config_.architecture == Architecture::hgn ? graph::removed_option(config_.hgn)
+                                                                        : graph::removed_option(config_.gns);
+  if (!removed.empty()) throw ConfigError(word_of(config_.architecture) + ("." + removed));
+  train_ = open("train.h5");
+  train_->check_length(
+      1 + config_.features().bundle * (1 + config_.push_steps),
+      "bundle " + std::to_string(config_.features().bundle) + " and push_steps " + std::to_string(config_.push_steps));
+  state_.seed = config_.seed;
+  if (comm_.leads()) begin_run();
+  broadcast_value(comm_, normalization_);
+  broadcast_value(comm_, state_.step);
+  module_.share_state(comm_);
+}
+
+/// What rank 0 does alone: the run folder, the normalisation, the checkpoint to go on from.
+void TrainingRun::begin_run() {
+  if (fs::exists(options_.data + "/valid.h5"))
+    valid_ = open("valid.h5");
+  else
+    say("'" + options_.data + "' has no valid.h5: training without validation");
+  if (!options_.resume)
+    create_run(options_.run, config_,
+               {fs::absolute(options_.data).lexically_normal(), name_of(options_.device), torch_version(),
+                options_.version, options_.threads, comm_.size()},
+               options_.command_line);
+  state_.config_hash = config_hash(config_);
+  if (options_.resume && config_hash(read_run_config(options_.run)) == state_.config_hash)
+    state_.config_hash = run_config_hash(options_.run);
+  prepare_normalization();
+  if (options_.resume) restore();
+  metrics_.emplace(options_.run, metric_columns(), state_.step);
+}
+
+std::unique_ptr<DataSplit> TrainingRun::open(const std::string& name) const {
+  DataSplitOptions split;
+  split.memory_limit = config_.memory_limit * 1e9;
+  split.processes = options_.local_ranks;
+  split.threads = options_.threads;
+  auto last = Clock::now();
+  split.progress = [&](const std::string& what, int64_t done, int64_t total) {
+    if (done < total && seconds_since(last) < 10) return;
+    last = Clock::now();
+    say(name + ": " + what + " " + std::to_string(done) + "/" + std::to_string(total));
+  };
+  auto opened = std::make_unique<DataSplit>(options_.data + "/" + name, split);
+  opened->check_fits(config_.network());
+  return opened;
+}
+
+void TrainingRun::prepare_normalization() {
+  if (options_.resume && fs::exists(options_.run + "/normalization.safetensors")) {
+    normalization_ = read_run_normalization(options_.run);
+    return;
+  }
+  if (options_.from.empty())
+    normalization_ = train_->statistics(config_.noise_std, options_.threads);
+  else
+    start_from_weights();
+  write_run_normalization(options_.run, normalization_);
+}
+
+void TrainingRun::start_from_weights() {
+  const nn::Weights weights = starting_weights(options_.from, config_.network());
+  // What the weights mean depends on the statistics that they were trained with.
+  normalization_ = graph::read_normalization(weights);
+  for (const StateArray array : {StateArray::weights, StateArray::ema}) module_.set_state(array, weights);
+  say("starts from '" + options_.from + "'");
+}
+
+void TrainingRun::restore() {
+  const auto checkpoint = checkpoint_to_resume(checkpoint_folder(options_.run), state_.config_hash,
+                                               [this](const std::string& text) { say(text); });
+  if (!checkpoint) return;
+  state_ = checkpoint->state;
+  saved_step_ = state_.step;
+  for (const StateArray array : all_state_arrays) module_.set_state(array, checkpoint->arrays.at(name_of(array)));
+  say("resumed at step " + std::to_string(state_.step) +
+      (comm_.alone() ? "" : " on " + std::to_string(comm_.size()) + " ranks"));
+}
+
+void TrainingRun::prepare_samples() {
+  // Workers make batches ahead of the network, which its own frames cannot be.
+  if (options_.device == Device::cpu && (config_.architecture != Architecture::hgn || config_.push_steps == 0)) return;
+  const uint64_t needed = DeviceSamples::bytes_for(*train_), free = available_bytes(options_.device);
+  if (needed > free / 2) {
+    const std::string sizes = "the data set (" + std::to_string(needed >> 20) +
+                              " MiB) is too large for half of the free " + "memory of device '" +
+                              name_of(options_.device) + "' (" + std::to_string(free >> 20) + " MiB)";
+    if (config_.push_steps > 0)
+      throw ConfigError(sizes + ", where push_steps needs it. Set push_steps to 0, or train on fewer scenes");
+    say(sizes + ": batches are made by the CPU, more slowly");
+    return;
+  }
+  samples_ = std::make_unique<DeviceSamples>(*train_, config_, normalization_, options_.device, share());
+}
+
+StopReason TrainingRun::train_on_device() {
+  samples_->start(state_.step);
+  while (state_.step < config_.steps) {
+    SampleArrays batch = samples_->take();
+    if (state_.step + 1 < config_.steps) samples_->start(state_.step + 1);
+    for (int64_t push = 1; push <= pushes_of(config_, state_.step); ++push)
+      batch = samples_->push(module_.predict(batch), push);
+    module_.train_step(batch, step_settings(), comm_);
+    samples_->release();
+    if (const auto stop = after_step()) return *stop;
+  }
+  return StopReason::finished;
+}
+
+StopReason TrainingRun::train_with_workers() {
+  const int workers = worker_count(options_);
+  OrderedQueue<Batch> batches(workers, state_.step, config_.steps, 2 * workers + 2,
+                              [&](int64_t k) { return training_batch(*train_, config_, normalization_, k, share()); });
+  while (state_.step < config_.steps) {
+    module_.train_step(batches.next(), step_settings(), comm_);
+    if (const auto stop = after_step()) return *stop;
+  }
+  return StopReason::finished;
+}
+
+std::optional<StopReason> TrainingRun::after_step() {
+  ++state_.step;
+  if (state_.step % config_.log_interval == 0 || state_.step == config_.steps) report();
+  if (state_.step % config_.validation_interval == 0) validate();
+  if (state_.step % config_.checkpoint_interval == 0) {
+    module_.share_state(comm_);  // ranks whose machines or threads round otherwise do not drift apart
+    save_checkpoint();
+  }
+  return stop_reason();
+}
+
+TrainingResult TrainingRun::execute() {
+  start_ = last_report_ = Clock::now();
+  prepare_samples();
+  StopReason reason = StopReason::finished;
+  try {
+    reason = samples_ ? train_on_device() : train_with_workers();
+  } catch (const CommError&) {
+    save_checkpoint();  // the state of the last whole step
+    throw;
+  }
+  // A signal leaves little time: the state is saved, nothing more is measured.
+  const bool measured = validation_ && validation_->step == state_.step;
+  if (reason != StopReason::stopped && !measured) validate();
+  save_checkpoint();
+  TrainingResult result;
+  if (comm_.leads()) result.weights_file = export_weights();
+  comm_.barrier();  // launchers take the first rank that ends for the end of all
+  result.reason = reason;
+  result.step = state_.step;
+  result.scene_samples = state_.step * config_.batch_scenes;
+  result.seconds = seconds();
+  result.loss_average = state_.loss_average;
+  result.parameters = module_.parameter_count();
+  result.best_validation = state_.best_validation;
+  result.best_step = state_.best_step;
+  result.validation = validation_;
+  return result;
+}
+
+StepSettings TrainingRun::step_settings() const {
+  StepSettings settings;
+  settings.learning_rate = config_.rate_at(state_.step);
+  settings.clip_norm = config_.clip_norm;
+  settings.ema_decay = config_.ema_decay_at(state_.step);
+  settings.step = state_.step + 1;
+  return settings;
+}
+
+void TrainingRun::report() {
+  const StepMeans means = module_.take_means();
+  if (!std::isfinite(means.loss) || !std::isfinite(means.gradient_norm))
+    throw DivergedError("training diverged (the loss is no longer a number by step " + std::to_string(state_.step) +
+                        "). Lower learning_rate or clip_norm and start a new run; checkpoints of this one remain");
+  if (!comm_.leads()) return;
+  state_.loss_average = state_.loss_average == 0 ? means.loss : 0.9 * state_.loss_average + 0.1 * means.loss;
+  TrainingProgress progress;
+  progress.step = state_.step;
+  progress.steps = config_.steps;
+  progress.loss = means.loss;
+  progress.loss_average = state_.loss_average;
+  progress.learning_rate = config_.rate_at(state_.step);
+  progress.steps_per_second = static_cast<double>(means.steps) / std::max(seconds_since(last_report_), 1e-9);
+  progress.scenes_per_second = progress.steps_per_second * static_cast<double>(config_.batch_scenes);
+  progress.seconds_left = static_cast<double>(config_.steps - state_.step) / std::max(progress.steps_per_second, 1e-9);
+  last_report_ = Clock::now();
+  metrics_->write(state_.step, {{"seconds", seconds()},
+                                {"loss", means.loss},
+                                {"learning_rate", progress.learning_rate},
+                                {"gradient_norm", means.gradient_norm},
+                                {"scenes_per_second", progress.scenes_per_second}});
+  if (options_.progress) options_.progress(progress);
+}
+
+void TrainingRun::validate() {
+  if (!valid_) return;
+  const auto begin = Clock::now();
+  Validation validation;
+  validation.step = state_.step;
+  validation.one_step = evaluate_one_step(module_, normalization_, *valid_,
+                                          spread_samples(*valid_, config_.validation_samples), evaluation());
+  if (config_.rollout_scenes > 0)
+    validation.rollout_mse = evaluate_rollout(module_, normalization_, *valid_, config_.rollout_scenes,
+                                              config_.rollout_frames, evaluation());
+  const SquaredErrors all = validation.one_step.all();
+  const double error = all.normalized_mse(Predictor::network);
+  validation_ = validation;
+  metrics_->write(state_.step, {{"seconds", seconds()},
+                                {"valid_one_step_normalized", error},
+                                {"valid_one_step_raw", all.raw_mse(Predictor::network)},
+                                {"valid_zero_raw", all.raw_mse(Predictor::zero)},
+                                {"valid_ballistic_raw", all.raw_mse(Predictor::ballistic)},
+                                {"valid_rollout_mse", validation.rollout_mse}});
+  char text[200], rollout[40] = "";
+  if (config_.rollout_scenes > 0)
+    std::snprintf(rollout, sizeof(rollout), ", rollout MSE %.4g m^2", validation.rollout_mse);
+  std::snprintf(text, sizeof(text),
+                "step %lld: validation one-step error %.4g (zero acceleration %.4g, ballistic %.4g)%s",
+                static_cast<long long>(state_.step), error, all.normalized_mse(Predictor::zero),
+                all.normalized_mse(Predictor::ballistic), rollout);
+  say(text);
+  last_report_ += Clock::now() - begin;  // not part of the training rate
+  if (std::isfinite(error) && (state_.best_validation < 0 || error < state_.best_validation)) {
+    state_.best_validation = error;
+    state_.best_step = state_.step;
+    saved_step_ = -1;
+    save_checkpoint();
+  }
+}
+
+void TrainingRun::save_checkpoint() {
+  if (!comm_.leads() || saved_step_ == state_.step) return;
+  const auto begin = Clock::now();
+  Checkpoint checkpoint{state_, {}};
+  checkpoint.state.seconds = seconds();
+  for (const StateArray array : all_state_arrays) checkpoint.arrays[name_of(array)] = module_.state(array);
+  write_checkpoint(checkpoint_folder(options_.run), checkpoint);
+  prune_checkpoints(checkpoint_folder(options_.run), state_.best_step);
+  saved_step_ = state_.step;
+  last_report_ += Clock::now() - begin;
+}
+
+std::optional<StopReason> TrainingRun::stop_reason() {
+  if (options_.should_stop && any_rank(options_.should_stop())) return StopReason::stopped;
+  if (state_.step == config_.steps) return std::nullopt;
+  if (options_.minutes > 0 && any_rank(seconds_since(start_) > 60 * options_.minutes)) return StopReason::out_of_time;
+  if (options_.stop_step > 0 && state_.step >= options_.stop_step) return StopReason::reached_stop_step;
+  return std::nullopt;
+}
+
+/// Whether one of the ranks says yes: all of them must stop after the same step.
+bool TrainingRun::any_rank(bool own) {
+  if (comm_.alone()) return own;
+  if (state_.step % agreement_interval(options_.device) != 0) return false;
+  return sum_over_ranks(comm_, {own ? 1.0 : 0.0}).front() > 0;
+}
+
+std::string TrainingRun::export_weights() const {
+  nn::Weights weights = module_.state(StateArray::ema);
+  graph::add_normalization(weights, normalization_);
+  weights.metadata = metadata_of(config_.network());
+  CheckpointState state = state_;
+  state.seconds = seconds();
+  weights.metadata.merge(training_provenance(options_, state, *train_, validation_));
+  const std::string file = options_.run + "/weights.safetensors";
+  nn::write_safetensors(file, weights);
+  return file;
+}
+
+}  // namespace
+
+const char* name_of(StopReason reason) {
+  constexpr const char* names[] = {"finished", "out_of_time", "stopped", "reached_stop_step"};
+  return names[static_cast<std::size_t>(reason)];
+}
+
+TrainingResult train_network(const TrainingOptions& options) {
+  configure_torch(options.threads, options.config.tf32);
+  return TrainingRun(options).execute();
+}
+
+}  // namespace graupel::train

@@ -1,0 +1,39 @@
+// The fused passes of the hierarchical graph network whose receivers sum activations
+// (graph/cuda/forward/aggregation_forward.h).
+#pragma once
+
+#include <string>
+
+#include "graph/cuda/forward/aggregation_forward.h"
+#include "train/networks/cuda/fused_passes.h"
+
+namespace graupel::train {
+
+class FusedSums : public FusedPasses {
+ public:
+  FusedSums(const graph::HgnConfig& config, const ParameterLayout& layout, const at::Tensor& flat,
+            const at::Tensor& gradient)
+      : FusedPasses(config, layout, flat, gradient) {}
+
+ private:
+  graph::RowLatents to_decoder(const graph::HgnGraph& graph) override;
+  float* back_to_encoder(const DeviceBatch& batch, float* grad_particles) override;
+  const graph::RowNetwork& encoder() const override { return record_.encoder; }
+
+  /// Back through the FCN `name` on [sum] or [sum, nodes], from the gradient g of its results: adds the products for
+  /// all its weights, returns the gradient of the sum. To `nodes` goes the nodes' gradient, g included.
+  const uint16_t* update_backward(const std::string& name, const graph::RowNetwork& network, const float* g,
+                                  float* nodes = nullptr);
+  /// From cells to particles: returns the gradient of the level-0 cells; `received` of what the gather layer takes of
+  /// the particles, `nodes` of the latents beside.
+  float* grid_to_particle_backward(const DeviceBatch& batch, const float* g, const uint16_t** received, float* nodes);
+  const uint16_t* particle_to_grid_backward(const DeviceBatch& batch, const float* g);
+  /// Gradient of level l's cells, `skip` included.
+  float* restrict_backward(std::size_t l, const DeviceBatch& batch, const float* g, const float* skip);
+  float* pass_messages_backward(const std::string& block, const graph::SumsRecord::Block& record,
+                                const DeviceLevel& level, float* g);
+
+  graph::SumsRecord record_;
+};
+
+}  // namespace graupel::train

@@ -1,0 +1,27 @@
+#include "train/networks/cuda/mixed_passes.h"
+
+#include "core/system/error.h"
+#include "train/networks/cuda/fused_aggregation.h"
+#include "train/networks/cuda/fused_gns.h"
+#include "train/networks/cuda/fused_network.h"
+
+namespace graupel::train {
+
+std::unique_ptr<MixedPasses> make_mixed_passes(const NetworkConfig& config, int64_t checkpoint_layers,
+                                               const ParameterLayout& layout, const at::Tensor& flat,
+                                               const at::Tensor& gradient) {
+  if (const auto* hgn = std::get_if<graph::HgnConfig>(&config)) {
+    if (!graph::PackedHgn::fits(*hgn)) return nullptr;
+    if (hgn->aggregation == graph::Aggregation::activations)
+      return std::make_unique<FusedSums>(*hgn, layout, flat, gradient);
+    return std::make_unique<FusedNetwork>(*hgn, layout, flat, gradient);
+  }
+  const auto& gns = std::get<graph::GnsConfig>(config);
+  if (gns.hidden_layers > 1)
+    throw ConfigError("networks of several hidden layers have no kernels in mixed precision (gns.hidden_layers: " +
+                      std::to_string(gns.hidden_layers) + ", with kernels: 1). Set mixed_precision=false");
+  if (!graph::PackedGns::fits(gns)) return nullptr;
+  return std::make_unique<FusedGns>(gns, checkpoint_layers, layout, flat, gradient);
+}
+
+}  // namespace graupel::train

@@ -1,0 +1,26 @@
+// Forward and backward pass of a graph network in mixed precision on a GPU, by graph/cuda/fused_mlp/row_layers.h:
+// products in bf16 with f32 sums, weights in f32. Internal, as hgn_layers.h.
+#pragma once
+
+#include <memory>
+
+#include "train/networks/network_passes.h"
+
+namespace graupel::train {
+
+class MixedPasses {
+ public:
+  virtual ~MixedPasses() = default;
+  /// Normalised accelerations [particles, 3 k]; keeps what backward() needs until the next call.
+  virtual at::Tensor forward(const DeviceBatch& batch) = 0;
+  /// Writes the gradient of every weight; `grad` is the gradient of forward()'s result.
+  virtual void backward(const DeviceBatch& batch, const at::Tensor& grad) = 0;
+};
+
+/// The passes of a network whose weights and their gradient lie in flat arrays on a GPU; null where there are none for
+/// such a network. Throws ConfigError for a GNS of several hidden layers.
+std::unique_ptr<MixedPasses> make_mixed_passes(const NetworkConfig& config, int64_t checkpoint_layers,
+                                               const ParameterLayout& layout, const at::Tensor& flat,
+                                               const at::Tensor& gradient);
+
+}  // namespace graupel::train

@@ -1,0 +1,75 @@
+// The operations of training that libtorch has no single call for: gather-add-activate, weighted segment sums, and the
+// optimiser on the flat arrays. No atomics: sums run over sorted segments, so results repeat bit for bit on any device.
+// Written as kernels because the eager equivalents read and write every [pairs, width] tensor three times more often.
+#pragma once
+
+#include <cstdint>
+
+#include "core/parallel/device.h"
+
+namespace graupel::train {
+
+/// Slope of HGN's LeakyReLU; a slope of 0 is ReLU.
+inline constexpr double leaky_slope = 0.01;
+
+/// Which row of a table belongs to row r: index[r], or (r >> shift) & mask where there is no index.
+struct RowIndex {
+  const int32_t* index = nullptr;
+  int shift = 0;
+  int64_t mask = -1;
+};
+
+/// One addend of a gathered sum; rows of `table` lie `stride` numbers apart.
+template <typename T>
+struct GatherTerm {
+  const T* table;
+  int64_t stride;
+  RowIndex row;
+};
+
+/// out[r] = LeakyReLU(a[row_a(r)] + b[row_b(r)] + c[row_c(r)]), shape [rows, width]. A term may be `out` itself when it
+/// is read row by row (RowIndex{}). Pass c.table = nullptr for two terms.
+template <typename T>
+void gather_sum_leaky(Device device, int64_t rows, int64_t width, const GatherTerm<T>& a, const GatherTerm<T>& b,
+                      const GatherTerm<T>& c, T* out, double slope = leaky_slope);
+
+/// Rows that are summed: segment s holds item[i] for i in [begin[s], begin[s+1]); `item` null means i itself, `begin`
+/// null means `fixed` rows a segment.
+struct Segments {
+  int64_t count = 0;
+  const int32_t* begin = nullptr;
+  const int32_t* item = nullptr;
+  int32_t fixed = 0;
+};
+
+/// out[s] = sum over the rows r of segment s of weight[r] * source[r], shape [segments, width]; `weight` null means 1.
+template <typename T>
+void segment_sum(Device device, const Segments& segments, int64_t width, const T* source, int64_t source_stride,
+                 const T* weight, T* out);
+
+/// out[r] = weight[r] * source[row(r)] + add[r], shape [rows, width]; `weight` null means 1, `add` null means 0.
+template <typename T>
+void gather_rows(Device device, int64_t rows, int64_t width, const T* source, int64_t source_stride,
+                 const RowIndex& row, const T* weight, const T* add, T* out);
+
+/// grad *= LeakyReLU'(.), from the activated values (a slope keeps their sign; ReLU has the slope 0 at 0).
+template <typename T>
+void leaky_backward(Device device, int64_t count, const T* activated, T* grad, double slope = leaky_slope);
+
+/// Adam (Kingma and Ba 2015, algorithm 1) with the gradient scaled to at most `clip` in norm, and the moving average
+/// ema = decay ema + (1 - decay) weights. A gradient that is not finite changes nothing.
+struct AdamSettings {
+  double learning_rate = 1e-4, beta1 = 0.9, beta2 = 0.999, epsilon = 1e-8;
+  double correction1 = 1, correction2 = 1;  ///< 1 - beta^step
+  double clip = 0;                          ///< 0: no clipping
+  double ema_decay = 0;
+  /// Where not null, in the device's memory: the learning rate and both corrections that are used in place of those
+  /// above. A recorded step is replayed with others.
+  const double* scheduled = nullptr;
+};
+/// `stream`: the cudaStream_t to launch on; null: the default one.
+template <typename T>
+void adam_step(Device device, int64_t count, const AdamSettings& settings, const T* gradient, const T* gradient_norm,
+               T* weights, T* moment1, T* moment2, T* ema, void* stream = nullptr);
+
+}  // namespace graupel::train

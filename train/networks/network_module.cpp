@@ -1,0 +1,304 @@
+#include "train/networks/network_module.h"
+
+#include <ATen/Context.h>
+#include <ATen/Parallel.h>
+#include <ATen/TensorOperators.h>
+#include <ATen/core/grad_mode.h>
+#include <ATen/ops/from_blob.h>
+#include <ATen/ops/logical_and.h>
+#include <ATen/ops/ne.h>
+#include <ATen/ops/norm.h>
+#include <ATen/ops/pow.h>
+#include <ATen/ops/sum.h>
+#include <ATen/ops/zeros.h>
+#include <c10/core/InferenceMode.h>
+#include <torch/version.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "core/system/error.h"
+#include "graph/features/feature_row.h"
+#include "train/networks/network_passes.h"
+#include "train/networks/paper_form.h"
+#include "train/parallel/stopwatch.h"
+#ifdef GRAUPEL_HAVE_CUDA
+#include "train/networks/cuda/mixed_passes.h"
+#endif
+
+namespace graupel::train {
+
+namespace {
+
+/// Difference of accelerations [particles, 3 k] as the loss counts it: held particles do not count, nor z in the plane.
+struct CountedDifference {
+  CountedDifference(at::Tensor all, const DeviceBatch& batch, bool plane)
+      : difference(std::move(all)),
+        predictions(static_cast<double>(std::max<int64_t>(1, batch.particles - batch.held) * difference.size(1) / 3)) {
+    if (batch.held > 0) {
+      const at::Tensor row = batch.type_row.narrow(0, 0, batch.particles);
+      const at::Tensor moves = at::ne(row, graph::obstacle_row).logical_and(at::ne(row, graph::stationary_row));
+      difference.mul_(moves.view({-1, 1}));
+    }
+    if (plane) difference.view({batch.particles, -1, 3}).select(2, 2).zero_();
+  }
+  /// Mean over particles and frames of a bundle; axes are summed.
+  at::Tensor square_error() const { return at::sum(difference * difference) / predictions; }
+  at::Tensor gradient() const { return difference * (2.0 / predictions); }
+
+  at::Tensor difference;
+  double predictions;
+};
+
+}  // namespace
+
+const char* name_of(StateArray array) {
+  switch (array) {
+    case StateArray::weights:
+      return "weights";
+    case StateArray::ema:
+      return "ema";
+    case StateArray::adam_m:
+      return "adam_m";
+    case StateArray::adam_v:
+      return "adam_v";
+  }
+  return "?";
+}
+
+void configure_torch(int threads, bool tf32) {
+  at::set_num_threads(threads);
+  at::globalContext().setAllowTF32CuBLAS(tf32);
+}
+
+std::string torch_version() { return TORCH_VERSION; }
+bool torch_has_cuda() { return at::hasCUDA(); }
+
+struct NetworkModule::Impl {
+  Impl(const NetworkConfig& network_config, Device where, uint64_t seed, NumberType number, int64_t checkpoint_layers)
+      : config(network_config),
+        layout(network_config),
+        device(where),
+        options(at::TensorOptions()
+                    .device(where == Device::cuda ? at::kCUDA : at::kCPU)
+                    .dtype(number == NumberType::f64 ? at::kDouble : at::kFloat)),
+        reduced(at::zeros({layout.size() + 2}, options)),
+        gradient(reduced.narrow(0, 0, layout.size())),
+        means(at::zeros({2}, options)) {
+    for (at::Tensor& array : arrays) array = at::zeros({layout.size()}, options);
+#ifdef GRAUPEL_HAVE_CUDA
+    if (number == NumberType::mixed && device == Device::cuda)
+      fused = make_mixed_passes(config, checkpoint_layers, layout, get(StateArray::weights), gradient);
+#endif
+    network = make_passes(config, checkpoint_layers, layout, get(StateArray::weights), gradient);
+    average = make_passes(config, checkpoint_layers, layout, get(StateArray::ema), at::Tensor());
+    const std::vector<float> initial = layout.initial_values(seed);
+    fill(StateArray::weights, initial);
+    fill(StateArray::ema, initial);
+  }
+
+  const NetworkPasses& passes(StateArray which) const {
+    GRAUPEL_ASSERT(which == StateArray::weights || which == StateArray::ema);
+    return which == StateArray::weights ? *network : *average;
+  }
+  at::Tensor& get(StateArray array) { return arrays[static_cast<std::size_t>(array)]; }
+  void fill(StateArray array, const std::vector<float>& values) {
+    get(array).copy_(
+        at::from_blob(const_cast<float*>(values.data()), {static_cast<int64_t>(values.size())}, at::kFloat));
+  }
+  std::vector<float> read(const at::Tensor& tensor) const {
+    const at::Tensor host = tensor.to(at::kCPU, at::kFloat).contiguous();
+    return {host.data_ptr<float>(), host.data_ptr<float>() + host.numel()};
+  }
+  /// Loss on the device, and its gradient in `gradient`.
+  at::Tensor forward_backward(const DeviceBatch& on_device) {
+    GRAUPEL_ASSERT(on_device.target.defined());
+#ifdef GRAUPEL_HAVE_CUDA
+    if (fused) {
+      const CountedDifference difference = counted(fused->forward(on_device), on_device);
+      fused->backward(on_device, difference.gradient());
+      return difference.square_error();
+    }
+#endif
+    ForwardRecord record;
+    const CountedDifference difference = counted(network->forward(on_device, &record), on_device);
+    network->backward(on_device, record, difference.gradient());
+    return difference.square_error();
+  }
+  CountedDifference counted(const at::Tensor& output, const DeviceBatch& on_device) const {
+    return {output - on_device.target, on_device, features_of(config).in_plane()};
+  }
+  /// Loss and gradient of all ranks' shares as one batch. Both are means over particles that count, so that a share
+  /// counts by its particles: one sum over ranks of particles * [gradient, loss, 1].
+  at::Tensor join_shares(Comm& comm, const at::Tensor& loss, int64_t particles) {
+    if (comm.alone()) return loss;
+    const int64_t n = layout.size();
+    reduced.select(0, n).copy_(loss);
+    reduced.select(0, n + 1).fill_(1);
+    reduced.mul_(static_cast<double>(particles));
+    comm.all_reduce_sum(reduced);
+    reduced.div_(reduced.select(0, n + 1).clone());
+    return reduced.select(0, n);
+  }
+  void train_step(const DeviceBatch& batch, const StepSettings& settings, Comm& comm);
+  template <typename T>
+  void adam(const AdamSettings& settings, const at::Tensor& norm) {
+    adam_step<T>(device, layout.size(), settings, gradient.data_ptr<T>(), norm.data_ptr<T>(),
+                 get(StateArray::weights).data_ptr<T>(), get(StateArray::adam_m).data_ptr<T>(),
+                 get(StateArray::adam_v).data_ptr<T>(), get(StateArray::ema).data_ptr<T>());
+  }
+
+  NetworkConfig config;
+  ParameterLayout layout;
+  Device device;
+  at::TensorOptions options;
+  std::array<at::Tensor, 4> arrays;
+  at::Tensor reduced;   ///< the gradient, the loss and the particles: what ranks add up
+  at::Tensor gradient;  ///< part of `reduced`
+  at::Tensor means;     ///< sums of loss and gradient norm since they were last taken
+  int64_t steps_in_means = 0;
+  at::Tensor predicted;  ///< of the last predict() on the device
+  std::unique_ptr<NetworkPasses> network, average;
+#ifdef GRAUPEL_HAVE_CUDA
+  std::unique_ptr<MixedPasses> fused;  ///< takes the training steps where it is there
+#endif
+};
+
+NetworkModule::NetworkModule(const NetworkConfig& config, Device device, uint64_t seed, NumberType number,
+                             int64_t checkpoint_layers) {
+  const at::NoGradGuard no_grad;
+  if (device == Device::cuda && !torch_has_cuda())
+    throw ConfigError("device 'cuda' is not usable (libtorch " + torch_version() +
+                      " was built without CUDA). Build against a CUDA libtorch, or use --device cpu");
+  impl_ = std::make_unique<Impl>(config, device, seed, number, checkpoint_layers);
+}
+NetworkModule::~NetworkModule() = default;
+NetworkModule::NetworkModule(NetworkModule&&) noexcept = default;
+
+const NetworkConfig& NetworkModule::config() const { return impl_->config; }
+bool NetworkModule::is_mixed() const {
+#ifdef GRAUPEL_HAVE_CUDA
+  return impl_->fused != nullptr;
+#else
+  return false;
+#endif
+}
+int64_t NetworkModule::parameter_count() const { return impl_->layout.parameter_count(); }
+
+std::vector<float> NetworkModule::predict(const Batch& batch, StateArray which) const {
+  const at::NoGradGuard no_grad;
+  const NetworkPasses& network = impl_->passes(which);
+  return impl_->read(network.forward(network.upload(batch), nullptr));
+}
+
+TimedPrediction NetworkModule::time_prediction(const Batch& batch, StateArray which, graph::FirstLayers first_layers,
+                                               int64_t warm_ups, int64_t runs) const {
+  const c10::InferenceMode inference;
+  const NetworkPasses& split = impl_->passes(which);
+  const WholeNetwork whole(impl_->config, impl_->layout, impl_->get(which));
+  const DeviceBatch on_device = split.upload(batch);
+  TimedPrediction timed;
+  at::Tensor prediction;
+  for (int64_t run = -warm_ups; run < runs; ++run) {
+    synchronize(impl_->device);
+    const Stopwatch watch;
+    prediction =
+        first_layers == graph::FirstLayers::whole ? whole.forward(on_device) : split.forward(on_device, nullptr);
+    synchronize(impl_->device);
+    if (run >= 0) timed.seconds.push_back(watch.seconds());
+  }
+  timed.accelerations = impl_->read(prediction);
+  return timed;
+}
+
+void NetworkModule::Impl::train_step(const DeviceBatch& batch, const StepSettings& settings, Comm& comm) {
+  const at::Tensor loss = join_shares(comm, forward_backward(batch), batch.particles - batch.held);
+  const at::Tensor norm = at::norm(gradient);
+  AdamSettings rule;
+  rule.learning_rate = settings.learning_rate;
+  rule.beta1 = settings.beta1;
+  rule.beta2 = settings.beta2;
+  rule.epsilon = settings.epsilon;
+  rule.correction1 = 1 - std::pow(settings.beta1, static_cast<double>(settings.step));
+  rule.correction2 = 1 - std::pow(settings.beta2, static_cast<double>(settings.step));
+  rule.clip = settings.clip_norm;
+  rule.ema_decay = settings.ema_decay;
+  if (options.dtype() == at::kDouble)
+    adam<double>(rule, norm);
+  else
+    adam<float>(rule, norm);
+  means.select(0, 0).add_(loss);
+  means.select(0, 1).add_(norm);
+  ++steps_in_means;
+}
+
+void NetworkModule::train_step(const Batch& batch, const StepSettings& settings, Comm& comm) {
+  const at::NoGradGuard no_grad;
+  impl_->train_step(impl_->network->upload(batch), settings, comm);
+}
+
+void NetworkModule::train_step(const SampleArrays& batch, const StepSettings& settings, Comm& comm) {
+  const at::NoGradGuard no_grad;
+  impl_->train_step(impl_->network->attach(batch, !is_mixed()), settings, comm);
+}
+
+const float* NetworkModule::predict(const SampleArrays& batch) {
+  const at::NoGradGuard no_grad;
+  const DeviceBatch on_device = impl_->network->attach(batch, !is_mixed());
+#ifdef GRAUPEL_HAVE_CUDA
+  if (impl_->fused) impl_->predicted = impl_->fused->forward(on_device);
+#endif
+  if (!is_mixed()) impl_->predicted = impl_->network->forward(on_device, nullptr).to(at::kFloat);
+  impl_->predicted = impl_->predicted.contiguous();
+  return impl_->predicted.data_ptr<float>();
+}
+
+StepMeans NetworkModule::take_means() {
+  const at::NoGradGuard no_grad;
+  const std::vector<float> sums = impl_->read(impl_->means);
+  StepMeans means{.steps = impl_->steps_in_means};
+  if (means.steps > 0) {
+    means.loss = sums[0] / static_cast<double>(means.steps);
+    means.gradient_norm = sums[1] / static_cast<double>(means.steps);
+  }
+  impl_->means.zero_();
+  impl_->steps_in_means = 0;
+  return means;
+}
+
+double NetworkModule::loss_and_gradient(const Batch& batch, std::vector<double>* gradient) {
+  const at::NoGradGuard no_grad;
+  const double loss = impl_->forward_backward(impl_->network->upload(batch)).item().toDouble();
+  if (gradient) {
+    const at::Tensor host = impl_->gradient.to(at::kCPU, at::kDouble);
+    gradient->assign(host.data_ptr<double>(), host.data_ptr<double>() + host.numel());
+  }
+  return loss;
+}
+
+double NetworkModule::loss(const Batch& batch) const {
+  const at::NoGradGuard no_grad;
+  const DeviceBatch on_device = impl_->network->upload(batch);
+  return impl_->counted(impl_->network->forward(on_device, nullptr), on_device).square_error().item().toDouble();
+}
+
+void NetworkModule::nudge(int64_t index, double change) {
+  const at::NoGradGuard no_grad;
+  impl_->get(StateArray::weights).select(0, index).add_(change);
+}
+
+nn::Weights NetworkModule::state(StateArray array) const {
+  return impl_->layout.to_weights(impl_->read(impl_->get(array)));
+}
+
+void NetworkModule::set_state(StateArray array, const nn::Weights& weights) {
+  const at::NoGradGuard no_grad;
+  impl_->fill(array, impl_->layout.from_weights(weights));
+}
+
+void NetworkModule::share_state(Comm& comm) {
+  for (at::Tensor& array : impl_->arrays) comm.broadcast(array);
+}
+
+}  // namespace graupel::train

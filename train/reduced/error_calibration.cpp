@@ -1,0 +1,63 @@
+#include "train/reduced/error_calibration.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <utility>
+
+#include "core/system/error.h"
+#include "io/scene/scene_reader.h"
+#include "io/trajectory/trajectory_file.h"
+#include "mpm/simulation.h"
+#include "rom/reduced_solver.h"
+
+namespace graupel::train {
+
+namespace {
+
+std::vector<rom::TrustIndicator> roll_out(const rom::ReducedModel& model, const io::TrajectoryReader& reader, int run,
+                                          const std::string& file, CalibrationReport& report) {
+  const Trajectory header = reader.header(run);
+  std::vector<double> parameters;
+  for (const io::NamedValue& p : reader.parameters(run)) parameters.push_back(p.value);
+  mpm::PreparedScene prepared(io::parse_stored_scene(header.scene_json, file, file),
+                              {.device = Device::cpu, .seed = header.seed});
+  rom::ReducedSolver<float> solver(model, std::move(prepared), std::move(parameters), {});
+  const std::vector<Vec3f> reference = reader.frames(run, 0, 1).front().position;
+  std::vector<rom::TrustIndicator> frames;
+  double error2 = 0, displacement2 = 0;
+  try {
+    for (int64_t f = 1; f < static_cast<int64_t>(header.frame_count()); ++f) {
+      solver.advance_frame();
+      frames.push_back(solver.trust());
+      const std::vector<Vec3f> truth = reader.frames(run, f, 1).front().position, position = solver.frame().position;
+      for (std::size_t p = 0; p < truth.size(); ++p) {
+        error2 += norm2(position[p].cast<double>() - truth[p].cast<double>());
+        displacement2 += norm2(truth[p].cast<double>() - reference[p].cast<double>());
+      }
+    }
+    report.errors.push_back(displacement2 > 0 ? std::sqrt(error2 / displacement2) : 0);
+  } catch (const DivergedError&) {
+    ++report.diverged;
+  }
+  ++report.runs;
+  return frames;
+}
+
+}  // namespace
+
+void calibrate_trust(rom::ReducedModel& model, const CalibrationOptions& options, CalibrationReport& report) {
+  const auto begin = std::chrono::steady_clock::now();
+  const io::TrajectoryReader reader(options.file);
+  const int count = std::min(options.runs, reader.count());
+  std::vector<std::vector<rom::TrustIndicator>> runs;
+  for (int i = 0; i < count; ++i) {
+    const int run = count > 1 ? i * (reader.count() - 1) / (count - 1) : reader.count() / 2;  // the outermost too
+    runs.push_back(roll_out(model, reader, run, options.file, report));
+  }
+  model.usual = rom::usual_levels(runs);
+  model.usual_error = report.errors.empty() ? 0 : *std::max_element(report.errors.begin(), report.errors.end());
+  report.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+}
+
+}  // namespace graupel::train
