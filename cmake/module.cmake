@@ -36,6 +36,12 @@ function(graupel_module name)
   set_property(GLOBAL PROPERTY GRAUPEL_DEPENDS_${name} "${MODULE_DEPENDS}")
 endfunction()
 
+# graupel_folders(name "sub/folder: others.." ..): the sub-folders of module `name` with those that their files may include
+#   (tests/architecture checks). One that is not named belongs to the folder above it.
+function(graupel_folders name)
+  set_property(GLOBAL PROPERTY GRAUPEL_FOLDERS_${name} "${ARGN}")
+endfunction()
+
 # graupel_test(name SOURCES a_test.cpp.. PORTABLE k_test.cpp.. DEPENDS mpm..): one GoogleTest program, tests/<name>.
 #   Tests called *.Slow* are left out by tests/run_all.sh unless it is given --slow.
 function(graupel_test name)

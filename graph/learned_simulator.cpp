@@ -10,12 +10,10 @@
 #include "graph/corrections/density_projection.h"
 #include "graph/corrections/free_flight.h"
 #include "graph/cpu/lap_timer.h"
+#include "graph/cuda_simulator.h"
 #include "graph/features/frame_step.h"
 #include "graph/features/prescribed_positions.h"
 #include "graph/features/rest_density.h"
-#ifdef GRAUPEL_HAVE_CUDA
-#include "graph/cuda/rollout/cuda_simulator.h"
-#endif
 
 namespace graupel::graph {
 
@@ -224,7 +222,6 @@ Trajectory LearnedSimulator::rollout(const Scene& scene, const Surroundings& sur
   return trajectory;
 }
 
-#ifdef GRAUPEL_HAVE_CUDA
 CudaSimulator& LearnedSimulator::gpu_simulator() const {
   if (config().in_plane())
     throw ConfigError("'" + weights_->file +
@@ -274,27 +271,6 @@ std::vector<Vec3f> LearnedSimulator::one_step_on_gpu(const Scene& scene, const S
 void LearnedSimulator::check_runs_on(Device device) const {
   if (device == Device::cuda) static_cast<void>(CudaSimulator(*weights_));
 }
-#else
-namespace {
-[[noreturn]] void no_cuda() {
-  throw ConfigError("device 'cuda' is not usable (this program was built without CUDA). Use --device cpu");
-}
-}  // namespace
-
-Trajectory LearnedSimulator::rollout_on_gpu(const Scene&, const Surroundings&, const std::vector<int32_t>&,
-                                            const std::vector<std::vector<Vec3f>>&, const RolloutOptions&) const {
-  no_cuda();
-}
-
-std::vector<Vec3f> LearnedSimulator::one_step_on_gpu(const Scene&, const Surroundings&, const std::vector<int32_t>&,
-                                                     const std::vector<std::vector<Vec3f>>&) const {
-  no_cuda();
-}
-
-void LearnedSimulator::check_runs_on(Device device) const {
-  if (device == Device::cuda) no_cuda();
-}
-#endif
 
 std::vector<std::vector<Vec3f>> start_history(const std::vector<Vec3f>& position, const std::vector<Vec3f>& velocity,
                                               const Vec3d& gravity, double frame_time, int frames,

@@ -14,7 +14,6 @@ namespace graupel::mpm {
 
 namespace {
 
-#ifdef GRAUPEL_HAVE_CUDA
 /// What the tuned kernels for GPUs do not know, "" for nothing; the portable ones know all.
 std::string beyond_tuned_kernels(const Scene& scene) {
   for (const Source& source : scene.sources)
@@ -35,7 +34,6 @@ bool runs_tuned(const PreparedScene& prepared) {
   return prepared.options.device == Device::cuda && prepared.options.kernels == Kernels::tuned &&
          beyond_tuned_kernels(prepared.scene).empty();
 }
-#endif
 
 template <typename T>
 Estimate estimate_with(const Scene& scene, const SimulationOptions& options, const SampledParticles& particles,
@@ -82,9 +80,7 @@ std::unique_ptr<Simulation> Simulation::create(const PreparedScene& prepared) {
   const auto& [scene, options, obstacles, particles] = prepared;
   if (options.precision == Precision::f64)
     return std::make_unique<Solver<double>>(scene, options, particles, obstacles);
-#ifdef GRAUPEL_HAVE_CUDA
   if (runs_tuned(prepared)) return make_cuda_simulation(scene, options, particles, obstacles);
-#endif
   return std::make_unique<Solver<float>>(scene, options, particles, obstacles);
 }
 
@@ -98,7 +94,6 @@ void Simulation::carry_tracers(const std::vector<Vec3f>&, const std::vector<Vec3
 
 std::unique_ptr<SceneBatch> SceneBatch::create(const std::vector<PreparedScene>& scenes) {
   GRAUPEL_ASSERT(!scenes.empty());
-#ifdef GRAUPEL_HAVE_CUDA
   const Domain& grid = scenes.front().scene.domain;
   if (std::all_of(scenes.begin(), scenes.end(), [&](const PreparedScene& s) {
         return runs_tuned(s) && s.scene.domain.dx == grid.dx && s.scene.domain.size == grid.size;
@@ -114,7 +109,6 @@ std::unique_ptr<SceneBatch> SceneBatch::create(const std::vector<PreparedScene>&
     check_memory(least_memory(scenes), Device::cuda);
     return make_cuda_batch(of_batch, particles, obstacles);
   }
-#endif
   return make_side_by_side(scenes);
 }
 

@@ -6,7 +6,7 @@
 #include <limits>
 #include <optional>
 
-#include "core/parallel/cuda_check.h"
+#include "core/parallel/cuda_runtime.h"
 
 namespace graupel {
 
@@ -77,39 +77,10 @@ uint64_t available_host_bytes(const std::string& root) {
 
 uint64_t available_bytes(Device device) {
   if (device == Device::cpu) return available_host_bytes("/");
-#ifdef GRAUPEL_HAVE_CUDA
-  std::size_t free_bytes = 0, all = 0;
-  GRAUPEL_CUDA_CHECK(cudaMemGetInfo(&free_bytes, &all));
-  return free_bytes;
-#else
-  return unknown;
-#endif
+  return cuda::is_built_in() ? cuda::free_bytes() : unknown;
 }
 
-double cuda_memory_bandwidth() {
-#ifdef GRAUPEL_HAVE_CUDA
-  int kilohertz = 0, bits = 0;
-  GRAUPEL_CUDA_CHECK(cudaDeviceGetAttribute(&kilohertz, cudaDevAttrMemoryClockRate, 0));
-  GRAUPEL_CUDA_CHECK(cudaDeviceGetAttribute(&bits, cudaDevAttrGlobalMemoryBusWidth, 0));
-  return 2e3 * kilohertz * bits / 8;  // two transfers a clock
-#else
-  return 0;
-#endif
-}
-
-double cuda_product_peak() {
-#ifdef GRAUPEL_HAVE_CUDA
-  int kilohertz = 0, processors = 0, major = 0, minor = 0;
-  GRAUPEL_CUDA_CHECK(cudaDeviceGetAttribute(&kilohertz, cudaDevAttrClockRate, 0));
-  GRAUPEL_CUDA_CHECK(cudaDeviceGetAttribute(&processors, cudaDevAttrMultiProcessorCount, 0));
-  GRAUPEL_CUDA_CHECK(cudaDeviceGetAttribute(&major, cudaDevAttrComputeCapabilityMajor, 0));
-  GRAUPEL_CUDA_CHECK(cudaDeviceGetAttribute(&minor, cudaDevAttrComputeCapabilityMinor, 0));
-  // Of a multiprocessor in a clock: A100 2,048, each generation of data centres' GPUs since twice that.
-  const double a_clock = minor != 0 ? 0 : major == 8 ? 2048 : major == 9 ? 4096 : major == 10 ? 8192 : 0;
-  return 1e3 * kilohertz * processors * a_clock;
-#else
-  return 0;
-#endif
-}
+double cuda_memory_bandwidth() { return cuda::memory_bandwidth(); }
+double cuda_product_peak() { return cuda::product_peak(); }
 
 }  // namespace graupel

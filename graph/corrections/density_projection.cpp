@@ -6,10 +6,8 @@
 #include "core/parallel/memory.h"
 #include "core/parallel/parallel_for_in.h"
 #include "core/system/error.h"
-#ifdef GRAUPEL_HAVE_CUDA
-#include "graph/cuda/corrections/density_solver.h"
-#endif
 #include "graph/corrections/density_cells.h"
+#include "graph/corrections/density_solver.h"
 #include "graph/topology/device_lists.h"
 
 namespace graupel::graph {
@@ -72,7 +70,6 @@ class DensityProjection::Lattice {
 
   /// False where nothing will move.
   bool solve(void* stream) {
-#ifdef GRAUPEL_HAVE_CUDA
     const auto capacity = static_cast<int64_t>(cell_.size());
     if (device_ == Device::cuda && solves_density_at_once(capacity, static_cast<int64_t>(words_.size()))) {
       solve_density({cells_, sweeps, relaxation, shares_.data(), words_.data(), mass_.data(), rank_.data(),
@@ -80,7 +77,6 @@ class DensityProjection::Lattice {
                     capacity, stream);
       return true;
     }
-#endif
     find_cells(stream);
     if (device_ == Device::cpu && at_rest()) return false;
     for (int sweep = 0; sweep < sweeps; ++sweep)

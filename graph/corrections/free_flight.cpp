@@ -7,10 +7,7 @@
 #include "core/parallel/buffer.h"
 #include "core/parallel/parallel_for.h"
 #include "graph/corrections/free_flight_kernels.h"
-
-#ifdef GRAUPEL_HAVE_CUDA
-#include "graph/cuda/corrections/free_flight_launch.h"
-#endif
+#include "graph/corrections/free_flight_launch.h"
 
 namespace graupel::graph {
 
@@ -191,10 +188,7 @@ void FreeFlight::find_groups(const Vec3f* before, const Vec3f* now, void* stream
   Groups& groups = impl_->groups;
   groups.before = before;
   groups.now = now;
-#ifdef GRAUPEL_HAVE_CUDA
   if (impl_->device == Device::cuda) return find_groups_on_gpu(groups, stream);
-#endif
-  static_cast<void>(stream);
   find_groups_on_cpu(groups);
 }
 
@@ -202,10 +196,7 @@ void FreeFlight::correct(const Vec3f* before, const Vec3f* now, Vec3f* next, voi
   Groups& groups = impl_->groups;
   groups.before = before;
   groups.now = now;
-#ifdef GRAUPEL_HAVE_CUDA
   if (impl_->device == Device::cuda) return correct_on_gpu(groups, next, stream);
-#endif
-  static_cast<void>(stream);
   correct_on_cpu(groups, next);
 }
 

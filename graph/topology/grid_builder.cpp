@@ -7,10 +7,8 @@
 
 #include "core/parallel/parallel_for_in.h"
 #include "core/system/error.h"
-#ifdef GRAUPEL_HAVE_CUDA
-#include "graph/cuda/topology/grid_launch.h"
-#endif
 #include "graph/topology/grid_at_once.h"
+#include "graph/topology/grid_launch.h"
 
 namespace graupel::graph {
 
@@ -209,9 +207,7 @@ void GridBuilder::prepare(const std::vector<SceneGrid>& scenes, void* stream) {
   upload_in(stream, arrays_->word_begin, word_begin);
   fine_words_ = word_begin[static_cast<std::size_t>(scenes_)];
   launch_ = wanted_launch_;
-#ifdef GRAUPEL_HAVE_CUDA
   if (!launch_ && device_ == Device::cuda && builds_grid_at_once(scenes_, words_)) launch_ = build_grid;
-#endif
   if (!launch_) return;
   arrays_->at_once.resize_discard(static_cast<std::size_t>((word_bits + 1) * fine_words_ + 1));
   clear_in(stream, arrays_->at_once);

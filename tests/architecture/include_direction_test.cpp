@@ -1,6 +1,7 @@
 // The arrows of docs/architecture.md: what CMake declares is what the design allows, and no file includes against it.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <fstream>
 #include <map>
@@ -79,6 +80,78 @@ TEST(Architecture, NoIncludeAgainstTheArrows) {
       }
     }
   EXPECT_GT(checked, 100);
+}
+
+/// Arrows between the sub-folders of a module, as its CMakeLists.txt declares them: folder -> what it may include.
+/// "headers" are the public headers in the module's folder itself; its sources there may include all.
+std::map<std::string, Graph> declared_folders() {
+  std::map<std::string, Graph> modules;
+  std::ifstream stream(GRAUPEL_FOLDERS);
+  for (std::string line; std::getline(stream, line);) {
+    const auto space = line.find(' '), colon = line.find(':');
+    std::set<std::string>& allowed_folders = modules[line.substr(0, space)][line.substr(space + 1, colon - space - 1)];
+    std::istringstream words(line.substr(colon + 1));
+    for (std::string word; words >> word;) allowed_folders.insert(word);
+  }
+  return modules;
+}
+
+/// The declared folder that a file of a module belongs to; "" for a source in the module's folder itself.
+std::string folder_of(const fs::path& file_in_module, const Graph& folders) {
+  for (fs::path folder = file_in_module.parent_path(); !folder.empty(); folder = folder.parent_path())
+    if (folders.count(folder.string())) return folder.string();
+  if (file_in_module.has_parent_path()) return "undeclared " + file_in_module.parent_path().string();
+  return file_in_module.extension() == ".h" ? "headers" : "";
+}
+
+TEST(Architecture, SubFoldersIncludeWhatTheyDeclare) {
+  const std::regex include("^\\s*#\\s*include\\s+\"([a-z]+)/([^\"]+)\"");
+  const auto modules = declared_folders();
+  EXPECT_GE(modules.size(), 7u);
+  for (const auto& [module, folders] : modules)
+    for (const fs::path& file : sources_of(module)) {
+      const std::string from = folder_of(fs::relative(file, fs::path(GRAUPEL_SOURCE_DIR) / module), folders);
+      if (from.empty()) continue;
+      ASSERT_TRUE(folders.count(from)) << file << ": " << from << " (declare it in " << module << "/CMakeLists.txt)";
+      std::istringstream lines(text_of(file));
+      for (std::string line; std::getline(lines, line);) {
+        std::smatch match;
+        if (!std::regex_search(line, match, include) || match[1] != module) continue;
+        const std::string to = folder_of(fs::path(match[2].str()), folders);
+        EXPECT_TRUE(to == from || folders.at(from).count(to)) << file << ": " << line;
+      }
+    }
+}
+
+TEST(Architecture, NoArrowBetweenSubFoldersRunsBack) {
+  for (const auto& [module, folders] : declared_folders()) {
+    std::set<std::string> placed;
+    for (bool grows = true; grows;) {
+      grows = false;
+      for (const auto& [folder, depends] : folders)
+        if (!placed.count(folder) && std::includes(placed.begin(), placed.end(), depends.begin(), depends.end()))
+          grows = placed.insert(folder).second;
+    }
+    for (const auto& [folder, depends] : folders)
+      EXPECT_TRUE(placed.count(folder)) << module << "/" << folder << " includes what includes it";
+  }
+}
+
+TEST(Architecture, AFolderHoldsAtMostThirtyFiles) {
+  std::map<fs::path, int> count;
+  for (const auto& [module, depends] : allowed)
+    for (const fs::path& file : sources_of(module)) ++count[file.parent_path()];
+  for (const fs::path& file : sources_of("tests")) ++count[file.parent_path()];
+  for (const auto& [folder, files] : count)
+    EXPECT_LE(files, folder.filename() == "experiments" || folder.filename() == "apps" ? 40 : 30) << folder;
+}
+
+TEST(Architecture, FewSourcesAskWhetherThereIsCuda) {
+  std::vector<fs::path> asking;
+  for (const auto& [module, depends] : allowed)
+    for (const fs::path& file : sources_of(module))
+      if (text_of(file).find("GRAUPEL_HAVE_CUDA") != std::string::npos) asking.push_back(file);
+  EXPECT_LE(asking.size(), 5u) << ::testing::PrintToString(asking);
 }
 
 TEST(Architecture, HeavyLibrariesStayBehindTheirFiles) {

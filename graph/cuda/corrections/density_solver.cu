@@ -1,4 +1,4 @@
-#include "graph/cuda/corrections/density_solver.h"
+#include "graph/corrections/density_solver.h"
 
 #include "graph/cuda/corrections/density_list.h"
 #include "graph/cuda/corrections/density_sweeps.h"

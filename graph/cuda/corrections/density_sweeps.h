@@ -4,7 +4,7 @@
 
 #include <cstdint>
 
-#include "graph/cuda/corrections/density_solver.h"
+#include "graph/corrections/density_solver.h"
 
 namespace graupel::graph::density {
 

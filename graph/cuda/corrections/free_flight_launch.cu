@@ -1,4 +1,4 @@
-#include "graph/cuda/corrections/free_flight_launch.h"
+#include "graph/corrections/free_flight_launch.h"
 
 #include "core/parallel/parallel_for_in.h"
 #include "graph/corrections/free_flight_joins.h"

@@ -1,4 +1,4 @@
-#include "graph/cuda/rollout/cuda_simulator.h"
+#include "graph/cuda_simulator.h"
 
 #include <algorithm>
 #include <cmath>
@@ -223,10 +223,11 @@ void CudaSimulator::Impl::launch_graph() {
   mark(features_done);
 }
 
-/// The groups of what flies are found beside it.
+/// The groups of what flies are found beside it; without a network alone.
 void CudaSimulator::Impl::launch_network() {
   if (!laws.network) {
     mark(hierarchy_done);
+    if (flight) flight->find_groups(before.data(), now(), stream);
     return mark(network_done);
   }
   const auto find_groups = [&] {
@@ -249,7 +250,7 @@ void CudaSimulator::Impl::launch_move(int64_t frame) {
   parallel_for_in(stream, Device::cuda, particles,
                   StepParticles{real_statistics(), output() + 3 * frame, static_cast<int32_t>(config.output_width()),
                                 before.data(), now(), limit, fault(), status.data(), next.data()});
-  if (flight && (frame > 0 || !laws.network)) flight->find_groups(before.data(), now(), stream);
+  if (flight && frame > 0) flight->find_groups(before.data(), now(), stream);
   if (flight) flight->correct(before.data(), now(), next.data(), stream);
   const PushParticles push{surroundings->way_follower(Device::cuda), laws.project, frame_ring(), now(), next.data()};
   PushLast last{push, fault(), before.data(), now(), status.data(), seen};
@@ -311,6 +312,7 @@ void CudaSimulator::start(const Scene& scene, const Surroundings& surroundings,
   impl.drop_graph();
   impl.scene = &scene;
   impl.surroundings = &surroundings;
+  surroundings.view(Device::cuda);  // uploads the obstacles: no memory may be taken while a frame is recorded
   impl.laws = laws;
   impl.particles = static_cast<int64_t>(particle_type.size());
   const auto frames = static_cast<std::size_t>(impl.config.history) + 1;

@@ -1,4 +1,4 @@
-#include "graph/cuda/topology/grid_launch.h"
+#include "graph/topology/grid_launch.h"
 
 #include <cooperative_groups.h>
 

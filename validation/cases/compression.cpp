@@ -1,4 +1,4 @@
-#include "validation/compression.h"
+#include "validation/cases/compression.h"
 
 #include <cmath>
 

@@ -1,4 +1,4 @@
-#include "validation/yield.h"
+#include "validation/cases/yield.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,4 +1,4 @@
-#include "validation/colliding_disks.h"
+#include "validation/cases/colliding_disks.h"
 
 #include <algorithm>
 #include <cmath>

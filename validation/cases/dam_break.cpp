@@ -1,4 +1,4 @@
-#include "validation/dam_break.h"
+#include "validation/cases/dam_break.h"
 
 #include <algorithm>
 #include <cmath>

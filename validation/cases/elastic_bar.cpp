@@ -1,4 +1,4 @@
-#include "validation/elastic_bar.h"
+#include "validation/cases/elastic_bar.h"
 
 #include <fmt/format.h>
 

@@ -1,4 +1,4 @@
-#include "validation/granular.h"
+#include "validation/cases/granular.h"
 
 #include <fmt/format.h>
 

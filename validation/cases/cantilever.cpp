@@ -1,4 +1,4 @@
-#include "validation/cantilever.h"
+#include "validation/cases/cantilever.h"
 
 #include <cmath>
 #include <numeric>

@@ -1,4 +1,4 @@
-#include "validation/hole_in_plate.h"
+#include "validation/cases/hole_in_plate.h"
 
 #include <algorithm>
 #include <cmath>

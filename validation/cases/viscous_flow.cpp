@@ -1,4 +1,4 @@
-#include "validation/viscous_flow.h"
+#include "validation/cases/viscous_flow.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,4 +1,4 @@
-#include "validation/self_weight_column.h"
+#include "validation/cases/self_weight_column.h"
 
 #include <fmt/format.h>
 

@@ -1,4 +1,4 @@
-#include "validation/rotating_square.h"
+#include "validation/cases/rotating_square.h"
 
 #include <algorithm>
 

@@ -1,4 +1,4 @@
-#include "validation/sliding_block.h"
+#include "validation/cases/sliding_block.h"
 
 #include <algorithm>
 #include <cmath>

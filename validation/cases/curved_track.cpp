@@ -1,4 +1,4 @@
-#include "validation/curved_track.h"
+#include "validation/cases/curved_track.h"
 
 #include <cmath>
 

@@ -1,0 +1,37 @@
+// Stands in for the kernels of cuda/ in a build without CUDA.
+#include "core/system/error.h"
+#include "graph/corrections/density_solver.h"
+#include "graph/corrections/free_flight_launch.h"
+#include "graph/cuda_simulator.h"
+#include "graph/topology/grid_launch.h"
+
+namespace graupel::graph {
+
+namespace {
+[[noreturn]] void no_cuda() {
+  throw ConfigError("device 'cuda' is not usable (this program was built without CUDA). Use --device cpu");
+}
+}  // namespace
+
+bool solves_density_at_once(int64_t, int64_t) { return false; }
+void solve_density(const DensitySystem&, int64_t, void*) { no_cuda(); }
+
+void flight::find_groups_on_gpu(const Groups&, void*) { no_cuda(); }
+void flight::correct_on_gpu(const Groups&, Vec3f*, void*) { no_cuda(); }
+
+bool builds_grid_at_once(int, int64_t) { return false; }
+void build_grid(const GridProgram&, void*) { no_cuda(); }
+
+struct CudaSimulator::Impl {};
+CudaSimulator::CudaSimulator(const nn::Weights&) { no_cuda(); }
+CudaSimulator::~CudaSimulator() = default;
+void CudaSimulator::start(const Scene&, const Surroundings&, const std::vector<int32_t>&,
+                          const std::vector<std::vector<Vec3f>>&, const CudaLaws&) {
+  no_cuda();
+}
+bool CudaSimulator::advance() { no_cuda(); }
+std::vector<Vec3f> CudaSimulator::accelerations() { no_cuda(); }
+std::vector<Vec3f> CudaSimulator::positions() const { no_cuda(); }
+CudaFrameTime CudaSimulator::frame_time() const { no_cuda(); }
+
+}  // namespace graupel::graph
