@@ -57,6 +57,12 @@ void add_compare(CLI::App& app) {
                     "Let networks change the momentum of what flies freely in rollouts");
   command->add_flag("--one-step-only", options.one_step_only, "No rollouts, one-step errors alone");
   command->add_flag("--no-floors", verb->no_floors, "Leave out the chaos floors (two MPM runs a scene)");
+  command
+      ->add_option("--floors", options.floor_file,
+                   "Read the chaos floors from this file (--write-floors) instead of running MPM twice more a scene")
+      ->excludes("--no-floors");
+  command->add_option("--write-floors", options.write_floors, "Write the chaos floors to this file")
+      ->excludes("--no-floors");
   command->add_option("--csv", options.csv, "Write a row a scene and model to this file");
   command->add_option("--report", options.report, "Write tables, curves, pictures and a 3-D player (.html)");
   command->add_option("--pictures", options.pictures,

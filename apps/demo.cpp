@@ -17,10 +17,13 @@ namespace {
 
 namespace fs = std::filesystem;
 
+/// Of the floors that the repository holds for the demo: scenes/floors/demo.json.
+constexpr int64_t measured_frames = 120;
+
 struct DemoOptions {
   CommonOptions common;
   std::string output = "report.html", scenes = "scenes/shared", models = "models";
-  int64_t frames = 120;
+  int64_t frames = measured_frames;
 };
 
 /// The shipped reduced-order model, and the scene that it is for.
@@ -42,6 +45,9 @@ void demo(const DemoOptions& options) {
   compare.models = {"mpm", "mpm:coarse", weights};
   add_reduced_model(options, compare);
   compare.frames = options.frames;
+  const fs::path floors = fs::path(options.scenes).parent_path() / "floors" / "demo.json";
+  if (options.frames == measured_frames && !options.common.seed_given && fs::exists(floors))
+    compare.floor_file = floors;
   if (options.common.seed_given) compare.seed = options.common.seed;
   compare.device = options.common.device;
   compare.threads = options.common.threads;

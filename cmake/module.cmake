@@ -42,6 +42,11 @@ function(graupel_folders name)
   set_property(GLOBAL PROPERTY GRAUPEL_FOLDERS_${name} "${ARGN}")
 endfunction()
 
+# graupel_quick_to_compile(target): for code that parses, calls and prints: -O1 compiles in 60 % of the time of -O3.
+function(graupel_quick_to_compile target)
+  target_compile_options(${target} PRIVATE $<$<AND:$<COMPILE_LANGUAGE:CXX>,$<CONFIG:Release>>:-O1>)
+endfunction()
+
 # graupel_test(name SOURCES a_test.cpp.. PORTABLE k_test.cpp.. DEPENDS mpm..): one GoogleTest program, tests/<name>.
 #   Tests called *.Slow* are left out by tests/run_all.sh unless it is given --slow.
 function(graupel_test name)
@@ -56,6 +61,9 @@ function(graupel_test name)
   endforeach()
   target_link_libraries(${name}_test PRIVATE GTest::gtest GTest::gmock GTest::gtest_main ${TEST_LIBRARIES})
   target_compile_definitions(${name}_test PRIVATE GRAUPEL_SOURCE_DIR="${PROJECT_SOURCE_DIR}" GRAUPEL_BINARY_DIR="${PROJECT_BINARY_DIR}")
+  # What is tested is compiled with -O3 in its library; the tests' own text compiles in 60 % of the time without.
+  graupel_quick_to_compile(${name}_test)
+  target_precompile_headers(${name}_test PRIVATE $<$<COMPILE_LANGUAGE:CXX>:<gtest/gtest.h$<ANGLE-R>>)
   add_test(NAME ${name} COMMAND ${name}_test)
 endfunction()
 

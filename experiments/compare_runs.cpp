@@ -113,7 +113,8 @@ void check_memory(const SceneTask& task, const std::vector<ModelChoice>& models,
 }
 
 void check_outputs(const CompareOptions& options) {
-  for (const std::string& file : {options.json, options.csv, options.report}) check_output_file(file);
+  for (const std::string& file : {options.json, options.csv, options.report, options.write_floors})
+    check_output_file(file);
   check_output_folder(options.pictures);
 }
 
@@ -157,13 +158,17 @@ void print_table(const compare::Comparison& comparison, const CompareOptions& op
 }
 
 /// Fills `comparison` scene by scene, so that the complete ones are there when a truth diverges.
-void compare_scenes(const CompareOptions& options, compare::Comparison& comparison) {
+void compare_scenes(const CompareOptions& options, compare::Comparison& comparison, FloorFile& measured) {
   set_num_threads(options.threads);
   const auto choices = parse_models(options.models);
   const Device device = common_device(options.device, choices);
   if (options.one_step_only) check_one_step_only(choices);
   const auto models = load_models(choices, device);
   const auto tasks = read_scene_tasks(options);
+  if (!options.floor_file.empty()) {
+    const FloorFile known(options.floor_file);  // stale floors are refused before anything long is run
+    for (const SceneTask& task : tasks) known.of(task.scene, task.seed, task.frames);
+  }
   std::vector<std::vector<ComparedModel>> models_of_task;
   models_of_task.reserve(tasks.size());
   for (const SceneTask& task : tasks) {
@@ -184,7 +189,9 @@ void compare_scenes(const CompareOptions& options, compare::Comparison& comparis
   for (std::size_t t = 0; t < tasks.size(); ++t) {
     const SceneTask& task = tasks[t];
     try {
-      comparison.scenes.push_back(SceneComparison(options, task, device, budget).run(models_of_task[t]));
+      SceneComparison scene(options, task, device, budget);
+      comparison.scenes.push_back(scene.run(models_of_task[t]));
+      measured.add(task.scene.name, scene.floors());
     } catch (const DivergedError& error) {
       throw DivergedError(
           fmt::format("the truth of scene '{}' ('{}') diverged: {}", task.scene.name, task.source, error.what()));
@@ -202,15 +209,17 @@ void write_results(const compare::Comparison& comparison, const CompareOptions& 
 
 compare::Comparison make_comparison(const CompareOptions& options) {
   compare::Comparison comparison;
-  compare_scenes(options, comparison);
+  FloorFile measured;
+  compare_scenes(options, comparison, measured);
   return comparison;
 }
 
 void run_compare(const CompareOptions& options) {
   check_outputs(options);
   compare::Comparison comparison;
+  FloorFile measured;
   try {
-    compare_scenes(options, comparison);
+    compare_scenes(options, comparison, measured);
   } catch (const DivergedError& error) {
     if (comparison.scenes.empty()) throw;
     write_results(comparison, options);
@@ -218,6 +227,7 @@ void run_compare(const CompareOptions& options) {
         fmt::format("{}. Tables and files hold the {} scenes before it", error.what(), comparison.scenes.size()));
   }
   write_results(comparison, options);
+  if (!options.write_floors.empty()) measured.write(options.write_floors);
   const auto incomplete = compare::incomplete_results(comparison);
   if (!incomplete.empty())
     throw Error(ExitCode::failed,

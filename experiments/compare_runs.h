@@ -27,7 +27,8 @@ struct CompareOptions {
   OtherScenes other_scenes = OtherScenes::refuse;
   bool one_step_only = false;  ///< no rollouts: one-step errors alone
   bool floors = true;          ///< chaos floors: two more MPM runs a scene
-  std::string json, csv, report;
+  std::string floor_file;      ///< read them from this file instead
+  std::string json, csv, report, write_floors;
   std::string pictures;  ///< folder for contact sheets, one a scene and model
   std::string command;   ///< that the report names
 };

@@ -19,6 +19,7 @@
 #include "experiments/trained_materials.h"
 #include "io/scene/scene_reader.h"
 #include "io/trajectory/trajectory_file.h"
+#include "mpm/scene/scene_hash.h"
 
 namespace graupel::experiments {
 
@@ -208,6 +209,29 @@ void SceneComparison::note_divergence(const std::string& reference, const TimedR
   if (frame >= 0) result_.diverged_references[reference] = frame;
 }
 
+SceneFloors SceneComparison::measure_floors() {
+  MpmRunOptions run{.device = device_, .seed = task_.seed, .frames = task_.frames, .label = label("moved particles")};
+  const TimedRun moved = run_mpm(moved_scene(task_.scene, task_.seed, floor_displacement * task_.scene.domain.dx), run);
+  const auto position = evaluate_rollout(task_.scene, obstacles_, truth_.run, moved.run);
+  run.label = label("another seed");
+  run.seed = reseeded(task_.seed);
+  const TimedRun other_seed = run_mpm(task_.scene, run);
+  const auto distribution = evaluate_rollout(task_.scene, obstacles_, truth_.run, other_seed.run);
+  SceneFloors floors{.scene_hash = mpm::scene_hash(task_.scene, task_.seed),
+                     .frames = task_.frames,
+                     .values = compare::floor_values(position, distribution),
+                     .position = position.curves.position,
+                     .density = distribution.curves.density,
+                     .diverged = {}};
+  const auto note = [&](const char* name, const TimedRun& timed) {
+    const int64_t frame = timed.run.trajectory.diverged_at_frame;
+    if (frame >= 0) floors.diverged[name] = frame;
+  };
+  note("moved", moved);
+  note("reseeded", other_seed);
+  return floors;
+}
+
 void SceneComparison::make_references(const mpm::SolverVariant& opponent) {
   const compare::Evaluation self = evaluate_rollout(task_.scene, obstacles_, truth_.run, truth_.run);
   result_.true_energy = self.curves.kinetic_energy;
@@ -217,20 +241,11 @@ void SceneComparison::make_references(const mpm::SolverVariant& opponent) {
   note_divergence(result_.opponent, *opponent_run_);
   opponent_values_ = evaluate_rollout(task_.scene, obstacles_, truth_.run, opponent_run_->run).values;
   if (options_.floors) {
-    MpmRunOptions floor{
-        .device = device_, .seed = task_.seed, .frames = task_.frames, .label = label("moved particles")};
-    const Scene moved = moved_scene(task_.scene, task_.seed, floor_displacement * task_.scene.domain.dx);
-    const TimedRun moved_run = run_mpm(moved, floor);
-    note_divergence("moved", moved_run);
-    const auto position = evaluate_rollout(task_.scene, obstacles_, truth_.run, moved_run.run);
-    floor.label = label("another seed");
-    floor.seed = reseeded(task_.seed);
-    const TimedRun reseeded = run_mpm(task_.scene, floor);
-    note_divergence("reseeded", reseeded);
-    const auto distribution = evaluate_rollout(task_.scene, obstacles_, truth_.run, reseeded.run);
-    floors_ = compare::floor_values(position, distribution);
-    result_.floor_position = position.curves.position;
-    result_.floor_density = distribution.curves.density;
+    floors_ = options_.floor_file.empty() ? measure_floors()
+                                          : FloorFile(options_.floor_file).of(task_.scene, task_.seed, task_.frames);
+    result_.floor_position = floors_.position;
+    result_.floor_density = floors_.density;
+    result_.diverged_references.insert(floors_.diverged.begin(), floors_.diverged.end());
   }
   if (options_.report.empty() && options_.pictures.empty()) return;
   const double height = std::sqrt(static_cast<double>(budget_.picture_pixels) * 3 / 4);
@@ -336,7 +351,7 @@ compare::ModelResult SceneComparison::evaluate(const ComparedModel& model) {
                    result.remarks.back().c_str());
     }
   if (model.network && model.choice.parts != NetworkParts::corrections_alone)
-    for (const std::string& line : unknown_friction(model.network->weights(), task_.scene)) {
+    for (const std::string& line : unknown_walls(model.network->weights(), task_.scene)) {
       result.remarks.push_back(line);
       std::fprintf(stderr, "graupel: warning: %s: '%s' %s\n", task_.scene.name.c_str(), model.choice.name.c_str(),
                    line.c_str());
@@ -359,8 +374,9 @@ compare::ModelResult SceneComparison::evaluate(const ComparedModel& model) {
   if (has_one_step_error(model.choice.kind))
     result.values.merge(
         compare::one_step_values(model.network ? one_step_of_network(model) : one_step_of_rollout(timed.run)));
-  result.values.insert(floors_.begin(), floors_.end());
-  result.against_opponent = verdicts(result.values, opponent_values_, floors_);
+  result.values.insert(floors_.values.begin(), floors_.values.end());
+  const bool is_opponent = model.choice.kind == ModelKind::mpm && model.choice.variant == opponent_;
+  if (!is_opponent) result.against_opponent = verdicts(result.values, opponent_values_, floors_.values);
   result.values["loses_to_coarse"] = loses(result.against_opponent) ? 1 : 0;
   if (backdrop_) {
     const auto frames = compare::picture_frames(truth_.run.predicted());

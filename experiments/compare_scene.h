@@ -11,6 +11,7 @@
 #include "compare/pictures/contact_sheet.h"
 #include "compare/report/report.h"
 #include "experiments/compare_runs.h"
+#include "experiments/floor_file.h"
 #include "experiments/model_runs.h"
 #include "graph/features/features.h"
 
@@ -42,10 +43,14 @@ class SceneComparison {
                   const compare::ReportBudget& budget);
   /// Evaluates the models one after the other.
   compare::SceneResult run(const std::vector<ComparedModel>& models);
+  /// After run(), where the options ask for them.
+  const SceneFloors& floors() const { return floors_; }
 
  private:
   void make_truth();
   void make_references(const mpm::SolverVariant& opponent);
+  /// MPM against itself: with particles moved a little (position errors), and with another seed (the rest).
+  SceneFloors measure_floors();
   /// Remembers that a reference run diverged.
   void note_divergence(const std::string& reference, const TimedRun& run);
   TimedRun run_variant(const mpm::SolverVariant& variant);
@@ -72,7 +77,7 @@ class SceneComparison {
   mpm::SolverVariant opponent_;
   std::optional<TimedRun> opponent_run_;
   compare::MetricValues opponent_values_;  ///< group rollout
-  compare::MetricValues floors_;
+  SceneFloors floors_;                     ///< none where the options leave them out
   std::optional<compare::Backdrop> backdrop_;
   compare::SceneResult result_;
 };

@@ -69,7 +69,7 @@ std::vector<std::string> unlike_training(const nn::Weights& weights, const Scene
   return lines;
 }
 
-std::vector<std::string> unknown_friction(const nn::Weights& weights, const Scene& scene) {
+std::vector<std::string> unknown_walls(const nn::Weights& weights, const Scene& scene) {
   std::vector<std::string> lines;
   if (!weights.metadata.contains("training.materials")) return lines;
   double walls = 0, obstacles = 0;
@@ -81,6 +81,8 @@ std::vector<std::string> unknown_friction(const nn::Weights& weights, const Scen
       lines.push_back(fmt::format(
           "the network has no input for friction: that of {} is {}, and its training names none", what, friction));
   };
+  if (scene.domain.has_wall(Wall::stick))
+    lines.push_back("the network has no input for the kind of a wall: the scene has sticky ones");
   add("walls", walls);
   add("obstacles", obstacles);
   return lines;

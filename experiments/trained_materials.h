@@ -16,6 +16,6 @@ std::vector<std::string> unlike_training(const nn::Weights& weights, const Scene
 
 /// A line for walls and one for obstacles with friction: contact with them is what the network saw in training, and no
 /// weights so far name friction there. None for weights that do not say what they were taught.
-std::vector<std::string> unknown_friction(const nn::Weights& weights, const Scene& scene);
+std::vector<std::string> unknown_walls(const nn::Weights& weights, const Scene& scene);
 
 }  // namespace graupel::experiments

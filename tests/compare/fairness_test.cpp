@@ -49,21 +49,25 @@ TEST(Fairness, RunsOnAnotherGridAreJudgedByTracers) {
     EXPECT_TRUE(judged_by_tracers(variant));
 }
 
-TEST(UnknownFriction, IsNamedForWallsAndObstacles) {
+TEST(UnknownWalls, AreNamedWithTheirFrictionAndWhereTheyStick) {
   nn::Weights weights;
   Scene scene;
   scene.domain.wall_friction = 0.35;
-  EXPECT_TRUE(unknown_friction(weights, scene).empty());  // weights that do not say what they were taught
+  EXPECT_TRUE(unknown_walls(weights, scene).empty());  // weights that do not say what they were taught
   weights.metadata["training.materials"] = "{}";
-  ASSERT_EQ(unknown_friction(weights, scene).size(), 1u);
-  EXPECT_NE(unknown_friction(weights, scene)[0].find("walls is 0.35"), std::string::npos);
+  ASSERT_EQ(unknown_walls(weights, scene).size(), 1u);
+  EXPECT_NE(unknown_walls(weights, scene)[0].find("walls is 0.35"), std::string::npos);
   scene.domain.wall_friction = 0;
-  EXPECT_TRUE(unknown_friction(weights, scene).empty());
+  EXPECT_TRUE(unknown_walls(weights, scene).empty());
   Obstacle ball;
   ball.friction = 0.2;
   scene.obstacles.push_back(ball);
-  ASSERT_EQ(unknown_friction(weights, scene).size(), 1u);
-  EXPECT_NE(unknown_friction(weights, scene)[0].find("obstacles is 0.2"), std::string::npos);
+  ASSERT_EQ(unknown_walls(weights, scene).size(), 1u);
+  EXPECT_NE(unknown_walls(weights, scene)[0].find("obstacles is 0.2"), std::string::npos);
+  scene.obstacles.clear();
+  scene.domain.walls = Contact::stick;
+  ASSERT_EQ(unknown_walls(weights, scene).size(), 1u);
+  EXPECT_NE(unknown_walls(weights, scene)[0].find("sticky"), std::string::npos);
 }
 
 }  // namespace
