@@ -43,8 +43,10 @@ function(graupel_folders name)
 endfunction()
 
 # graupel_quick_to_compile(target): for code that parses, calls and prints: -O1 compiles in 60 % of the time of -O3.
+#   There GCC 12 sees overruns in std::string's operator+ that do not exist (GCC bugs 105329, 105651).
 function(graupel_quick_to_compile target)
-  target_compile_options(${target} PRIVATE $<$<AND:$<COMPILE_LANGUAGE:CXX>,$<CONFIG:Release>>:-O1>)
+  target_compile_options(${target} PRIVATE $<$<AND:$<COMPILE_LANGUAGE:CXX>,$<CONFIG:Release>>:-O1>
+    $<$<AND:$<COMPILE_LANGUAGE:CXX>,$<CXX_COMPILER_ID:GNU>>:-Wno-array-bounds -Wno-restrict -Wno-stringop-overflow>)
 endfunction()
 
 # graupel_test(name SOURCES a_test.cpp.. PORTABLE k_test.cpp.. DEPENDS mpm..): one GoogleTest program, tests/<name>.

@@ -30,7 +30,6 @@ std::string mark_of(const SceneResult& scene, const ModelResult& result) {
   const bool marked = loses != result.values.end() && loses->second > 0;
   std::string mark = marked ? "loses to " + scene.opponent : "";
   const auto add = [&mark](const std::string& more) { mark += (mark.empty() || more.empty() ? "" : "; ") + more; };
-  add(mark_of_ties(result));
   for (const std::string& remark : result.remarks) add(remark);
   return mark;
 }
@@ -53,9 +52,12 @@ std::string main_header() {
   return row + "</tr></thead>\n";
 }
 
-std::string main_row(const std::string& name, const MetricValues& values, const std::string& mark, const char* style) {
+/// `mark` warns, `note` does not.
+std::string main_row(const std::string& name, const MetricValues& values, const std::string& mark, const char* style,
+                     const std::string& note = "") {
   std::string row = fmt::format("<tr{}><td>{}", style, escape_markup(name));
   if (!mark.empty()) row += "<div class=\"mark\">" + escape_markup(mark) + "</div>";
+  if (!note.empty()) row += "<div class=\"note\">" + escape_markup(note) + "</div>";
   row += "</td>";
   for (const char* key : main_keys) row += cell(values, key);
   return row + "</tr>\n";
@@ -64,7 +66,7 @@ std::string main_row(const std::string& name, const MetricValues& values, const 
 std::string scene_table(const Comparison& comparison, const SceneResult& scene) {
   std::string html = "<div class=\"scroll\"><table>" + main_header() + "<tbody>\n";
   for (const ModelResult& result : scene.models)
-    html += main_row(result.model, result.values, mark_of(scene, result), "");
+    html += main_row(result.model, result.values, mark_of(scene, result), "", mark_of_ties(result));
   if (computed(comparison, MetricGroup::floors))
     html += main_row("chaos floor (MPM against itself)", floors_of(scene), "", " class=\"floor\"");
   return html + "</tbody></table></div>\n";
