@@ -8,7 +8,7 @@
 #include "graph/cpu/messages/particle_codec.h"
 #include "graph/cpu/workspace_pool.h"
 #include "graph/features/normalization.h"
-#include "graph/networks/network_flop.h"
+#include "graph/networks/layer_plan.h"
 
 namespace graupel::graph {
 
@@ -116,7 +116,9 @@ double GnsNetwork::flop(const Surroundings& surroundings, const std::vector<Vec3
   std::vector<int32_t> types_of_obstacles;
   add_obstacle_particles(c, surroundings, all, types_of_obstacles);
   const auto links = sparsegrid::build_radius_graph(all.back(), c.radius, sparsegrid::SelfEdges::with);
-  return flop_of(c, {links.points(), static_cast<int64_t>(position.size()), links.edges()});
+  return flop_of(plan_of(c), {.particles = links.points(),
+                              .moving = static_cast<int64_t>(position.size()),
+                              .level = {{.cells = 0, .edges = links.edges()}}});
 }
 
 void add_obstacle_particles(const GnsConfig& config, const Surroundings& surroundings,

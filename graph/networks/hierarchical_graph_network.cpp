@@ -5,7 +5,7 @@
 #include "graph/cpu/hgn_engine.h"
 #include "graph/cpu/lap_timer.h"
 #include "graph/features/normalization.h"
-#include "graph/networks/network_flop.h"
+#include "graph/networks/layer_plan.h"
 
 namespace graupel::graph {
 
@@ -74,7 +74,7 @@ double HierarchicalGraphNetwork::flop(const Surroundings& surroundings, const st
   const HgnConfig& c = impl_->config;
   const auto hierarchy = sparsegrid::build_hierarchy<3>(position, c.spacing, surroundings.grid_origin(c.spacing),
                                                         static_cast<int>(c.levels));
-  return flop_of(c, rows_of(hierarchy));
+  return flop_of(plan_of(c), rows_of(hierarchy));
 }
 
 }  // namespace graupel::graph

@@ -1,5 +1,5 @@
 // Rollouts of networks that predict several frames at once.
-#include "graph/networks/network_flop.h"
+#include "graph/networks/layer_plan.h"
 #include "tests/graph/cuda/simulator_case.h"
 
 namespace graupel::graph {
@@ -184,7 +184,7 @@ TEST_F(LearnedSimulatorTest, TheCostOfABundleIsSpreadOverItsFrames) {
   HgnConfig bundled = small_config();
   bundled.bundle = 4;
   const auto grid = sparsegrid::build_hierarchy<3>(position, bundled.spacing, surroundings.wall_low, 2);
-  EXPECT_DOUBLE_EQ(simulator.flop(surroundings, position), flop_of(bundled, rows_of(grid)) / 4);
+  EXPECT_DOUBLE_EQ(simulator.flop(surroundings, position), flop_of(plan_of(bundled), rows_of(grid)) / 4);
 }
 
 }  // namespace

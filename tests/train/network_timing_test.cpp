@@ -3,7 +3,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "graph/networks/network_flop.h"
+#include "graph/networks/layer_plan.h"
 #include "tests/graph/random_weights.h"
 #include "tests/train/started_program.h"
 #include "tests/train/tiny_data.h"
@@ -77,7 +77,7 @@ TEST_F(NetworkTiming, CountsTheStateThatTheTrajectoryEndsWith) {
       sparsegrid::build_hierarchy<3>(split.positions(0, trajectory.frames - 1, 1).front(), config.spacing,
                                      trajectory.context->surroundings.wall_low, static_cast<int>(config.levels));
   ASSERT_EQ(run(hgn(), data_, {"--first-layers", "split"}), 0) << log();
-  EXPECT_EQ(result()["flop"], graph::flop_of(config, graph::rows_of(hierarchy)));
+  EXPECT_EQ(result()["flop"], graph::flop_of(graph::plan_of(config), graph::rows_of(hierarchy)));
 }
 
 TEST_F(NetworkTiming, TakesAGnsWithObstacleParticles) {

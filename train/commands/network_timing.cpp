@@ -4,7 +4,7 @@
 
 #include "core/system/error.h"
 #include "graph/features/normalization.h"
-#include "graph/networks/network_flop.h"
+#include "graph/networks/layer_plan.h"
 #include "train/data/data_set.h"
 #include "train/data/sampling.h"
 #include "train/networks/network_module.h"
@@ -27,9 +27,11 @@ SceneGraph newest_graph(const NetworkConfig& config, const graph::Normalization&
 
 double flop_of(const NetworkConfig& config, const SceneGraph& graph, graph::FirstLayers first_layers) {
   if (const auto* hgn = std::get_if<graph::HgnConfig>(&config))
-    return graph::flop_of(*hgn, graph::rows_of(graph.hierarchy), first_layers);
-  return graph::flop_of(std::get<graph::GnsConfig>(config),
-                        {static_cast<int64_t>(graph.type_row.size()), graph.moving(), graph.links.edges()},
+    return graph::flop_of(graph::plan_of(*hgn), graph::rows_of(graph.hierarchy), first_layers);
+  return graph::flop_of(graph::plan_of(std::get<graph::GnsConfig>(config)),
+                        {.particles = static_cast<int64_t>(graph.type_row.size()),
+                         .moving = graph.moving(),
+                         .level = {{.cells = 0, .edges = graph.links.edges()}}},
                         first_layers);
 }
 

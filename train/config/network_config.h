@@ -9,6 +9,7 @@
 #include "core/scene/fields.h"
 #include "graph/config/gns_config.h"
 #include "graph/config/hgn_config.h"
+#include "graph/networks/layer_plan.h"
 #include "nn/weights.h"
 
 namespace graupel {
@@ -29,6 +30,9 @@ inline const graph::FeatureConfig& features_of(const NetworkConfig& config) {
 inline double spacing_of(const NetworkConfig& config) {
   const auto* hgn = std::get_if<graph::HgnConfig>(&config);
   return hgn != nullptr ? hgn->spacing : std::get<graph::GnsConfig>(config).radius;
+}
+inline graph::LayerPlan plan_of(const NetworkConfig& config) {
+  return std::visit([](const auto& c) { return graph::plan_of(c); }, config);
 }
 /// For a weights file.
 inline std::map<std::string, std::string> metadata_of(const NetworkConfig& config) {

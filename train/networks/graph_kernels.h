@@ -9,9 +9,6 @@
 
 namespace graupel::train {
 
-/// Slope of HGN's LeakyReLU; a slope of 0 is ReLU.
-inline constexpr double leaky_slope = 0.01;
-
 /// Which row of a table belongs to row r: index[r], or (r >> shift) & mask where there is no index.
 struct RowIndex {
   const int32_t* index = nullptr;
@@ -27,11 +24,12 @@ struct GatherTerm {
   RowIndex row;
 };
 
+/// A slope of 0 is ReLU.
 /// out[r] = LeakyReLU(a[row_a(r)] + b[row_b(r)] + c[row_c(r)]), shape [rows, width]. A term may be `out` itself when it
 /// is read row by row (RowIndex{}). Pass c.table = nullptr for two terms.
 template <typename T>
 void gather_sum_leaky(Device device, int64_t rows, int64_t width, const GatherTerm<T>& a, const GatherTerm<T>& b,
-                      const GatherTerm<T>& c, T* out, double slope = leaky_slope);
+                      const GatherTerm<T>& c, T* out, double slope);
 
 /// Rows that are summed: segment s holds item[i] for i in [begin[s], begin[s+1]); `item` null means i itself, `begin`
 /// null means `fixed` rows a segment.
@@ -54,7 +52,7 @@ void gather_rows(Device device, int64_t rows, int64_t width, const T* source, in
 
 /// grad *= LeakyReLU'(.), from the activated values (a slope keeps their sign; ReLU has the slope 0 at 0).
 template <typename T>
-void leaky_backward(Device device, int64_t count, const T* activated, T* grad, double slope = leaky_slope);
+void leaky_backward(Device device, int64_t count, const T* activated, T* grad, double slope);
 
 /// Adam (Kingma and Ba 2015, algorithm 1) with the gradient scaled to at most `clip` in norm, and the moving average
 /// ema = decay ema + (1 - decay) weights. A gradient that is not finite changes nothing.

@@ -20,12 +20,9 @@
 
 #include "core/system/error.h"
 #include "graph/features/feature_row.h"
-#include "train/networks/network_passes.h"
-#include "train/networks/paper_form.h"
+#include "train/networks/mixed_passes.h"
+#include "train/networks/torch_engine.h"
 #include "train/parallel/stopwatch.h"
-#ifdef GRAUPEL_HAVE_CUDA
-#include "train/networks/cuda/mixed_passes.h"
-#endif
 
 namespace graupel::train {
 
@@ -87,18 +84,16 @@ struct NetworkModule::Impl {
         gradient(reduced.narrow(0, 0, layout.size())),
         means(at::zeros({2}, options)) {
     for (at::Tensor& array : arrays) array = at::zeros({layout.size()}, options);
-#ifdef GRAUPEL_HAVE_CUDA
     if (number == NumberType::mixed && device == Device::cuda)
       fused = make_mixed_passes(config, checkpoint_layers, layout, get(StateArray::weights), gradient);
-#endif
-    network = make_passes(config, checkpoint_layers, layout, get(StateArray::weights), gradient);
-    average = make_passes(config, checkpoint_layers, layout, get(StateArray::ema), at::Tensor());
+    network = std::make_unique<TorchEngine>(layout, get(StateArray::weights), checkpoint_layers);
+    average = std::make_unique<TorchEngine>(layout, get(StateArray::ema));
     const std::vector<float> initial = layout.initial_values(seed);
     fill(StateArray::weights, initial);
     fill(StateArray::ema, initial);
   }
 
-  const NetworkPasses& passes(StateArray which) const {
+  const TorchEngine& engine(StateArray which) const {
     GRAUPEL_ASSERT(which == StateArray::weights || which == StateArray::ema);
     return which == StateArray::weights ? *network : *average;
   }
@@ -114,17 +109,18 @@ struct NetworkModule::Impl {
   /// Loss on the device, and its gradient in `gradient`.
   at::Tensor forward_backward(const DeviceBatch& on_device) {
     GRAUPEL_ASSERT(on_device.target.defined());
-#ifdef GRAUPEL_HAVE_CUDA
     if (fused) {
       const CountedDifference difference = counted(fused->forward(on_device), on_device);
       fused->backward(on_device, difference.gradient());
       return difference.square_error();
     }
-#endif
-    ForwardRecord record;
-    const CountedDifference difference = counted(network->forward(on_device, &record), on_device);
-    network->backward(on_device, record, difference.gradient());
-    return difference.square_error();
+    at::Tensor loss;
+    network->backward(on_device, gradient, [&](const at::Tensor& accelerations) {
+      const CountedDifference difference = counted(accelerations, on_device);
+      loss = difference.square_error();
+      return difference.gradient();
+    });
+    return loss;
   }
   CountedDifference counted(const at::Tensor& output, const DeviceBatch& on_device) const {
     return {output - on_device.target, on_device, features_of(config).in_plane()};
@@ -159,10 +155,8 @@ struct NetworkModule::Impl {
   at::Tensor means;     ///< sums of loss and gradient norm since they were last taken
   int64_t steps_in_means = 0;
   at::Tensor predicted;  ///< of the last predict() on the device
-  std::unique_ptr<NetworkPasses> network, average;
-#ifdef GRAUPEL_HAVE_CUDA
+  std::unique_ptr<TorchEngine> network, average;
   std::unique_ptr<MixedPasses> fused;  ///< takes the training steps where it is there
-#endif
 };
 
 NetworkModule::NetworkModule(const NetworkConfig& config, Device device, uint64_t seed, NumberType number,
@@ -177,34 +171,26 @@ NetworkModule::~NetworkModule() = default;
 NetworkModule::NetworkModule(NetworkModule&&) noexcept = default;
 
 const NetworkConfig& NetworkModule::config() const { return impl_->config; }
-bool NetworkModule::is_mixed() const {
-#ifdef GRAUPEL_HAVE_CUDA
-  return impl_->fused != nullptr;
-#else
-  return false;
-#endif
-}
+bool NetworkModule::is_mixed() const { return impl_->fused != nullptr; }
 int64_t NetworkModule::parameter_count() const { return impl_->layout.parameter_count(); }
 
 std::vector<float> NetworkModule::predict(const Batch& batch, StateArray which) const {
   const at::NoGradGuard no_grad;
-  const NetworkPasses& network = impl_->passes(which);
-  return impl_->read(network.forward(network.upload(batch), nullptr));
+  const TorchEngine& engine = impl_->engine(which);
+  return impl_->read(engine.forward(upload(batch, engine.weights())));
 }
 
 TimedPrediction NetworkModule::time_prediction(const Batch& batch, StateArray which, graph::FirstLayers first_layers,
                                                int64_t warm_ups, int64_t runs) const {
   const c10::InferenceMode inference;
-  const NetworkPasses& split = impl_->passes(which);
-  const WholeNetwork whole(impl_->config, impl_->layout, impl_->get(which));
-  const DeviceBatch on_device = split.upload(batch);
+  const TorchEngine& engine = impl_->engine(which);
+  const DeviceBatch on_device = upload(batch, engine.weights());
   TimedPrediction timed;
   at::Tensor prediction;
   for (int64_t run = -warm_ups; run < runs; ++run) {
     synchronize(impl_->device);
     const Stopwatch watch;
-    prediction =
-        first_layers == graph::FirstLayers::whole ? whole.forward(on_device) : split.forward(on_device, nullptr);
+    prediction = engine.forward(on_device, first_layers);
     synchronize(impl_->device);
     if (run >= 0) timed.seconds.push_back(watch.seconds());
   }
@@ -235,21 +221,18 @@ void NetworkModule::Impl::train_step(const DeviceBatch& batch, const StepSetting
 
 void NetworkModule::train_step(const Batch& batch, const StepSettings& settings, Comm& comm) {
   const at::NoGradGuard no_grad;
-  impl_->train_step(impl_->network->upload(batch), settings, comm);
+  impl_->train_step(upload(batch, impl_->network->weights()), settings, comm);
 }
 
 void NetworkModule::train_step(const SampleArrays& batch, const StepSettings& settings, Comm& comm) {
   const at::NoGradGuard no_grad;
-  impl_->train_step(impl_->network->attach(batch, !is_mixed()), settings, comm);
+  impl_->train_step(attach(batch, impl_->network->weights(), !is_mixed()), settings, comm);
 }
 
 const float* NetworkModule::predict(const SampleArrays& batch) {
   const at::NoGradGuard no_grad;
-  const DeviceBatch on_device = impl_->network->attach(batch, !is_mixed());
-#ifdef GRAUPEL_HAVE_CUDA
-  if (impl_->fused) impl_->predicted = impl_->fused->forward(on_device);
-#endif
-  if (!is_mixed()) impl_->predicted = impl_->network->forward(on_device, nullptr).to(at::kFloat);
+  const DeviceBatch on_device = attach(batch, impl_->network->weights(), !is_mixed());
+  impl_->predicted = is_mixed() ? impl_->fused->forward(on_device) : impl_->network->forward(on_device).to(at::kFloat);
   impl_->predicted = impl_->predicted.contiguous();
   return impl_->predicted.data_ptr<float>();
 }
@@ -269,7 +252,7 @@ StepMeans NetworkModule::take_means() {
 
 double NetworkModule::loss_and_gradient(const Batch& batch, std::vector<double>* gradient) {
   const at::NoGradGuard no_grad;
-  const double loss = impl_->forward_backward(impl_->network->upload(batch)).item().toDouble();
+  const double loss = impl_->forward_backward(upload(batch, impl_->network->weights())).item().toDouble();
   if (gradient) {
     const at::Tensor host = impl_->gradient.to(at::kCPU, at::kDouble);
     gradient->assign(host.data_ptr<double>(), host.data_ptr<double>() + host.numel());
@@ -279,8 +262,8 @@ double NetworkModule::loss_and_gradient(const Batch& batch, std::vector<double>*
 
 double NetworkModule::loss(const Batch& batch) const {
   const at::NoGradGuard no_grad;
-  const DeviceBatch on_device = impl_->network->upload(batch);
-  return impl_->counted(impl_->network->forward(on_device, nullptr), on_device).square_error().item().toDouble();
+  const DeviceBatch on_device = upload(batch, impl_->network->weights());
+  return impl_->counted(impl_->network->forward(on_device), on_device).square_error().item().toDouble();
 }
 
 void NetworkModule::nudge(int64_t index, double change) {

@@ -1,5 +1,5 @@
 // The graph network simulator's passes in mixed precision on a GPU (graph/cuda/forward/gns_forward.h). The function is
-// that of GnsPasses, with edge latents in bf16. Latent width 128, one hidden layer. Internal, as hgn_layers.h.
+// that of TorchEngine, with edge latents in bf16. Latent width 128, one hidden layer. Internal, as torch_layers.h.
 //
 // Memory is that of arrays [edges, 128] in bf16: the latents before every step, one gradient, and three arrays of what
 // the backward pass of one network leaves for its weights' gradients, which are made before the next one. With
@@ -11,8 +11,9 @@
 #include <vector>
 
 #include "graph/cuda/forward/gns_forward.h"
-#include "train/networks/cuda/mixed_passes.h"
-#include "train/networks/gns_passes.h"
+#include "train/networks/parameter_layout.h"
+#include "train/networks/mixed_passes.h"
+#include "train/networks/torch_layers.h"
 
 namespace graupel::train {
 

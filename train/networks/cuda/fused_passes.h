@@ -1,7 +1,7 @@
 // Forward and backward pass of a hierarchical graph network on a GPU, by graph/cuda/fused_mlp/row_layers.h: products in
 // bf16 with f32 sums, residual sums and weights in f32. What the backward pass can compute anew is not kept. The
-// function is that of the passes on libtorch tensors (train/networks/hgn_network.h). Latent width 128. Internal, as
-// hgn_layers.h. This is what the network's forms (graph::Aggregation) have in common.
+// function is that of the passes on libtorch tensors (train/networks/torch_engine.h). Latent width 128. Internal, as
+// torch_layers.h. This is what the network's forms (graph::Aggregation) have in common.
 #pragma once
 
 #include <map>
@@ -11,7 +11,8 @@
 
 #include "graph/cuda/aggregation/activation_aggregation.h"
 #include "graph/cuda/forward/hgn_forward.h"
-#include "train/networks/cuda/mixed_passes.h"
+#include "train/networks/mixed_passes.h"
+#include "train/networks/torch_layers.h"
 
 namespace graupel::train {
 

@@ -1,9 +1,8 @@
-#include "train/networks/cuda/mixed_passes.h"
+#include "train/networks/mixed_passes.h"
 
 #include "core/system/error.h"
 #include "train/networks/cuda/fused_aggregation.h"
 #include "train/networks/cuda/fused_gns.h"
-#include "train/networks/cuda/fused_network.h"
 
 namespace graupel::train {
 
@@ -11,10 +10,8 @@ std::unique_ptr<MixedPasses> make_mixed_passes(const NetworkConfig& config, int6
                                                const ParameterLayout& layout, const at::Tensor& flat,
                                                const at::Tensor& gradient) {
   if (const auto* hgn = std::get_if<graph::HgnConfig>(&config)) {
-    if (!graph::PackedHgn::fits(*hgn)) return nullptr;
-    if (hgn->aggregation == graph::Aggregation::activations)
-      return std::make_unique<FusedSums>(*hgn, layout, flat, gradient);
-    return std::make_unique<FusedNetwork>(*hgn, layout, flat, gradient);
+    if (hgn->aggregation != graph::Aggregation::activations || !graph::PackedHgn::fits(*hgn)) return nullptr;
+    return std::make_unique<FusedSums>(*hgn, layout, flat, gradient);
   }
   const auto& gns = std::get<graph::GnsConfig>(config);
   if (gns.hidden_layers > 1)

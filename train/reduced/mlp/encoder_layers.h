@@ -1,6 +1,6 @@
 // The paper's encoder (rom/fields/conv_encoder.h) in training, on libtorch tensors. Internal: only the .cpp files of
 // train/ that are compiled with libtorch include this. Backward passes write straight into the flat gradient, as in
-// hgn_layers.h.
+// torch_layers.h.
 #pragma once
 
 #include <ATen/core/Tensor.h>

@@ -1,6 +1,6 @@
 // The first layer is evaluated as W_x X + (W_z (q, mu) + b): one product for the points of a batch and one for its
 // snapshots, added row by row, instead of one for all pairs. Backward passes write straight into the flat gradient, as
-// in hgn_layers.h.
+// in torch_layers.h.
 #include "train/reduced/mlp/mlp_module.h"
 
 #include <ATen/TensorOperators.h>

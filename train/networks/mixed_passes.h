@@ -1,10 +1,13 @@
 // Forward and backward pass of a graph network in mixed precision on a GPU, by graph/cuda/fused_mlp/row_layers.h:
-// products in bf16 with f32 sums, weights in f32. Internal, as hgn_layers.h.
+// products in bf16 with f32 sums, weights in f32. Internal, as
+// device_batch.h.
 #pragma once
 
 #include <memory>
 
-#include "train/networks/network_passes.h"
+#include "train/config/network_config.h"
+#include "train/networks/device_batch.h"
+#include "train/networks/parameter_layout.h"
 
 namespace graupel::train {
 
@@ -18,7 +21,8 @@ class MixedPasses {
 };
 
 /// The passes of a network whose weights and their gradient lie in flat arrays on a GPU; null where there are none for
-/// such a network. Throws ConfigError for a GNS of several hidden layers.
+/// such a network, of HGN that sums messages and in a build without CUDA. Throws ConfigError for a GNS of several
+/// hidden layers.
 std::unique_ptr<MixedPasses> make_mixed_passes(const NetworkConfig& config, int64_t checkpoint_layers,
                                                const ParameterLayout& layout, const at::Tensor& flat,
                                                const at::Tensor& gradient);

@@ -1,9 +1,5 @@
-// Building blocks of the graph networks' training passes on libtorch tensors. Internal: only the .cpp files of train/
-// that are compiled with libtorch include this.
-//
-// Every weight is used once in a forward pass, so each backward function writes its weights' gradients straight into
-// the flat gradient (mm_out, sum_out): no autograd graph, no zeroing and no accumulation, which are half of the
-// launches of an eager step.
+// Weights as views of flat arrays, and the kernels of graph_kernels.h, on libtorch tensors. Internal: only the .cpp
+// files of train/ that are compiled with libtorch include this.
 #pragma once
 
 #include <ATen/core/Tensor.h>
@@ -25,7 +21,7 @@ struct Fcn {
   at::Tensor w1, b1, w2, b2, gamma, beta;  ///< first layer, last layer, norm
   at::Tensor w1_grad, b1_grad, w2_grad, b2_grad, gamma_grad, beta_grad;
   std::vector<Layer> middle;  ///< further hidden layers
-  double slope = leaky_slope;
+  double slope = graph::hgn_leaky_slope;
   bool norm = true;
 
   Layer first() const { return {w1, b1, w1_grad, b1_grad}; }
@@ -60,7 +56,7 @@ at::Tensor fcn_forward(const Fcn& fcn, const at::Tensor& input, FcnRecord* recor
 at::Tensor fcn_backward(const Fcn& fcn, const FcnRecord& record, const at::Tensor& grad);
 
 /// grad *= the activation's slope at the activated values.
-void activation_backward(const at::Tensor& activated, const at::Tensor& grad, double slope = leaky_slope);
+void activation_backward(const at::Tensor& activated, const at::Tensor& grad, double slope);
 
 /// The kernels of graph_kernels.h on tensors. An index is an int32 tensor.
 Device place_of(const at::Tensor& tensor);
@@ -71,10 +67,8 @@ struct Term {
   int shift = 0;
   int64_t mask = -1;
 };
-at::Tensor gather_sum_leaky(int64_t rows, const Term& a, const Term& b, const Term& c);
-/// The same into `out`, which may be c's table.
-void gather_sum_leaky_into(const at::Tensor& out, const Term& a, const Term& b, const Term& c,
-                           double slope = leaky_slope);
+/// LeakyReLU of a sum of gathered rows (graph_kernels.h) into `out`, which may be c's table.
+void gather_sum_leaky_into(const at::Tensor& out, const Term& a, const Term& b, const Term& c, double slope);
 /// Sums over sorted segments; `item` and `weight` may be undefined.
 at::Tensor segment_sum(const at::Tensor& source, const at::Tensor& begin, const at::Tensor& item,
                        const at::Tensor& weight);

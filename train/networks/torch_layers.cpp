@@ -1,4 +1,4 @@
-#include "train/networks/hgn_layers.h"
+#include "train/networks/torch_layers.h"
 
 #include <ATen/ops/addmm.h>
 #include <ATen/ops/empty.h>
@@ -45,7 +45,8 @@ at::Tensor view_of(const Parameter& parameter, const at::Tensor& flat) {
 std::map<std::string, Fcn> bind_fcns(const ParameterLayout& layout, const at::Tensor& flat,
                                      const at::Tensor& gradient) {
   std::map<std::string, Fcn> fcns;
-  for (const FcnShape& shape : layout.fcns()) {
+  for (const graph::PlanLayer& shape : layout.plan().layers) {
+    if (shape.is_linear()) continue;
     Fcn fcn;
     fcn.norm = shape.norm;
     fcn.slope = shape.slope;
@@ -76,7 +77,8 @@ std::map<std::string, Fcn> bind_fcns(const ParameterLayout& layout, const at::Te
 std::map<std::string, Fcn::Layer> bind_gathers(const ParameterLayout& layout, const at::Tensor& flat,
                                                const at::Tensor& gradient) {
   std::map<std::string, Fcn::Layer> layers;
-  for (const GatherShape& shape : layout.gathers()) {
+  for (const graph::PlanLayer& shape : layout.plan().layers) {
+    if (!shape.is_linear()) continue;
     const Parameter &weight = layout.find(shape.name + ".weight"), &bias = layout.find(shape.name + ".bias");
     Fcn::Layer& layer = layers[shape.name];
     layer.w = view_of(weight, flat);
@@ -162,12 +164,6 @@ void gather_sum_leaky_into(const at::Tensor& out, const Term& a, const Term& b, 
     gather_sum_leaky<T>(place_of(out), out.size(0), out.size(1), term_of<T>(a), term_of<T>(b), term_of<T>(c),
                         out.data_ptr<T>(), slope);
   });
-}
-
-at::Tensor gather_sum_leaky(int64_t rows, const Term& a, const Term& b, const Term& c) {
-  const at::Tensor out = at::empty({rows, a.table.size(1)}, a.table.options());
-  gather_sum_leaky_into(out, a, b, c);
-  return out;
 }
 
 namespace {

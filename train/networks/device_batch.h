@@ -1,0 +1,42 @@
+// A batch of scenes on the device that trains, as libtorch tensors: nodes, and who is linked to whom. Internal: only
+// the .cpp files of train/ that are compiled with libtorch include this.
+#pragma once
+
+#include <ATen/core/Tensor.h>
+
+#include <vector>
+
+#include "train/data/batch.h"
+#include "train/data/device_samples.h"
+
+namespace graupel::train {
+
+/// Links between the nodes of a graph on the device; see BatchLevel.
+struct DeviceLevel {
+  int64_t cells = 0;
+  at::Tensor edge_begin, sender, receiver, slot, reverse, parent, child_begin, child;
+  at::Tensor direction;      ///< [edges, 3] unit vector from sender to receiver; between particles [edges, 4]:
+                             ///< graph::edge_features
+  at::Tensor octant;         ///< [cells] child slot
+  at::Tensor parent_offset;  ///< [cells, 3] (centre of the parent - centre) / spacing
+};
+
+/// A batch on the device; see Batch.
+struct DeviceBatch {
+  int64_t particles = 0;
+  int64_t held = 0;  ///< of the particles; the loss does not count them
+  at::Tensor features, weight, offset, target;
+  at::Tensor type_row;      ///< [nodes] row of the embedding table
+  at::Tensor type_one_hot;  ///< [nodes, embedding rows]
+  at::Tensor cell, pair_begin, pair;
+  std::vector<DeviceLevel> level;
+};
+
+/// To the device and in the number type of `like`; two copies, asynchronous on a GPU.
+DeviceBatch upload(const Batch& batch, const at::Tensor& like);
+
+/// A batch that was made on the device of `like`; the arrays are not copied where the number type is theirs. Without
+/// offsets `direction` and `parent_offset` of cells are left out, which MixedPasses do not need.
+DeviceBatch attach(const SampleArrays& arrays, const at::Tensor& like, bool with_offsets);
+
+}  // namespace graupel::train
