@@ -7,7 +7,7 @@
 
 #include "core/math/vec.h"
 #include "core/parallel/device.h"
-#include "graph/networks/layer_plan.h"
+#include "graph/plan/layer_plan.h"
 
 namespace graupel::apps {
 

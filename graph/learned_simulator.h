@@ -35,7 +35,7 @@ class LearnedSimulator {
                                      const std::vector<int32_t>& particle_type,
                                      const std::vector<std::vector<Vec3f>>& positions) const;
   /// Floating-point operations of the network for one frame of particles at `position`, a frame's share of those of a
-  /// bundle (graph/networks/layer_plan.h).
+  /// bundle (graph/plan/layer_plan.h).
   double flop(const Surroundings& surroundings, const std::vector<Vec3f>& position) const;
 
   /// Where held particles (core/scene/held_particles.h) are: positions [frames][n] after the start, of which theirs

@@ -42,7 +42,7 @@ class Network {
   virtual std::vector<float> predict(const Surroundings& surroundings, const std::vector<int32_t>& particle_type,
                                      const std::vector<std::vector<Vec3f>>& positions, FrameTiming& timing) const = 0;
 
-  /// Floating-point operations of an evaluation, for particles at `position` (graph/networks/layer_plan.h).
+  /// Floating-point operations of an evaluation, for particles at `position` (graph/plan/layer_plan.h).
   virtual double flop(const Surroundings& surroundings, const std::vector<Vec3f>& position) const = 0;
 };
 

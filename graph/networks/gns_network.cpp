@@ -8,7 +8,7 @@
 #include "graph/cpu/messages/particle_codec.h"
 #include "graph/cpu/workspace_pool.h"
 #include "graph/features/normalization.h"
-#include "graph/networks/layer_plan.h"
+#include "graph/plan/layer_plan.h"
 
 namespace graupel::graph {
 

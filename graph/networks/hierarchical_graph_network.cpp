@@ -5,7 +5,7 @@
 #include "graph/cpu/hgn_engine.h"
 #include "graph/cpu/lap_timer.h"
 #include "graph/features/normalization.h"
-#include "graph/networks/layer_plan.h"
+#include "graph/plan/layer_plan.h"
 
 namespace graupel::graph {
 

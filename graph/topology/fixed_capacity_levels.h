@@ -19,7 +19,7 @@ struct LevelRoom {
   bool holds(const GridCounts& counts) const;
 };
 
-/// The arrays of one level; numbers count within the level, as in graph/cuda/forward/hgn_forward.h.
+/// The arrays of one level; numbers count within the level, as in graph/cuda/forward/packed_hgn.h.
 struct PlacedLevel {
   const int32_t *edge_begin, *sender, *receiver, *slot, *parent, *octant;
   const int32_t* child_begin;  ///< children by cell of the next level

@@ -1,4 +1,4 @@
-#include "graph/networks/layer_plan.h"
+#include "graph/plan/layer_plan.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,5 +1,5 @@
 // Rollouts of networks that predict several frames at once.
-#include "graph/networks/layer_plan.h"
+#include "graph/plan/layer_plan.h"
 #include "tests/graph/cuda/simulator_case.h"
 
 namespace graupel::graph {

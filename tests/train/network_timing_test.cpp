@@ -3,7 +3,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "graph/networks/layer_plan.h"
+#include "graph/plan/layer_plan.h"
 #include "tests/graph/random_weights.h"
 #include "tests/train/started_program.h"
 #include "tests/train/tiny_data.h"

@@ -4,7 +4,7 @@
 
 #include "core/system/error.h"
 #include "graph/features/normalization.h"
-#include "graph/networks/layer_plan.h"
+#include "graph/plan/layer_plan.h"
 #include "train/data/data_set.h"
 #include "train/data/sampling.h"
 #include "train/networks/network_module.h"

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "core/parallel/device.h"
-#include "graph/networks/layer_plan.h"
+#include "graph/plan/layer_plan.h"
 #include "nn/weights.h"
 #include "train/config/network_config.h"
 

@@ -9,7 +9,7 @@
 #include "core/scene/fields.h"
 #include "graph/config/gns_config.h"
 #include "graph/config/hgn_config.h"
-#include "graph/networks/layer_plan.h"
+#include "graph/plan/layer_plan.h"
 #include "nn/weights.h"
 
 namespace graupel {

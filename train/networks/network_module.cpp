@@ -5,11 +5,8 @@
 #include <ATen/TensorOperators.h>
 #include <ATen/core/grad_mode.h>
 #include <ATen/ops/from_blob.h>
-#include <ATen/ops/logical_and.h>
-#include <ATen/ops/ne.h>
 #include <ATen/ops/norm.h>
 #include <ATen/ops/pow.h>
-#include <ATen/ops/sum.h>
 #include <ATen/ops/zeros.h>
 #include <c10/core/InferenceMode.h>
 #include <torch/version.h>
@@ -19,36 +16,12 @@
 #include <cmath>
 
 #include "core/system/error.h"
-#include "graph/features/feature_row.h"
+#include "train/networks/loss.h"
 #include "train/networks/mixed_passes.h"
 #include "train/networks/torch_engine.h"
 #include "train/parallel/stopwatch.h"
 
 namespace graupel::train {
-
-namespace {
-
-/// Difference of accelerations [particles, 3 k] as the loss counts it: held particles do not count, nor z in the plane.
-struct CountedDifference {
-  CountedDifference(at::Tensor all, const DeviceBatch& batch, bool plane)
-      : difference(std::move(all)),
-        predictions(static_cast<double>(std::max<int64_t>(1, batch.particles - batch.held) * difference.size(1) / 3)) {
-    if (batch.held > 0) {
-      const at::Tensor row = batch.type_row.narrow(0, 0, batch.particles);
-      const at::Tensor moves = at::ne(row, graph::obstacle_row).logical_and(at::ne(row, graph::stationary_row));
-      difference.mul_(moves.view({-1, 1}));
-    }
-    if (plane) difference.view({batch.particles, -1, 3}).select(2, 2).zero_();
-  }
-  /// Mean over particles and frames of a bundle; axes are summed.
-  at::Tensor square_error() const { return at::sum(difference * difference) / predictions; }
-  at::Tensor gradient() const { return difference * (2.0 / predictions); }
-
-  at::Tensor difference;
-  double predictions;
-};
-
-}  // namespace
 
 const char* name_of(StateArray array) {
   switch (array) {
@@ -110,20 +83,20 @@ struct NetworkModule::Impl {
   at::Tensor forward_backward(const DeviceBatch& on_device) {
     GRAUPEL_ASSERT(on_device.target.defined());
     if (fused) {
-      const CountedDifference difference = counted(fused->forward(on_device), on_device);
-      fused->backward(on_device, difference.gradient());
-      return difference.square_error();
+      const AccelerationLoss loss = loss_of(fused->forward(on_device), on_device);
+      fused->backward(on_device, loss.gradient());
+      return loss.value();
     }
     at::Tensor loss;
     network->backward(on_device, gradient, [&](const at::Tensor& accelerations) {
-      const CountedDifference difference = counted(accelerations, on_device);
-      loss = difference.square_error();
-      return difference.gradient();
+      const AccelerationLoss of_batch = loss_of(accelerations, on_device);
+      loss = of_batch.value();
+      return of_batch.gradient();
     });
     return loss;
   }
-  CountedDifference counted(const at::Tensor& output, const DeviceBatch& on_device) const {
-    return {output - on_device.target, on_device, features_of(config).in_plane()};
+  AccelerationLoss loss_of(const at::Tensor& accelerations, const DeviceBatch& on_device) const {
+    return {accelerations, on_device, features_of(config).in_plane()};
   }
   /// Loss and gradient of all ranks' shares as one batch. Both are means over particles that count, so that a share
   /// counts by its particles: one sum over ranks of particles * [gradient, loss, 1].
@@ -263,7 +236,7 @@ double NetworkModule::loss_and_gradient(const Batch& batch, std::vector<double>*
 double NetworkModule::loss(const Batch& batch) const {
   const at::NoGradGuard no_grad;
   const DeviceBatch on_device = upload(batch, impl_->network->weights());
-  return impl_->counted(impl_->network->forward(on_device), on_device).square_error().item().toDouble();
+  return impl_->loss_of(impl_->network->forward(on_device), on_device).value().item().toDouble();
 }
 
 void NetworkModule::nudge(int64_t index, double change) {

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "graph/networks/layer_plan.h"
+#include "graph/plan/layer_plan.h"
 #include "nn/weights.h"
 #include "train/config/network_config.h"
 

@@ -171,9 +171,11 @@ const TorchLinks& TorchEngine::Context::links() const { return cache.of(operatio
 const at::Tensor& TorchEngine::Context::source(std::size_t i) const {
   return values[static_cast<std::size_t>(operation.sources[i].value)];
 }
+const PlanLayer& TorchEngine::Context::layer() const { return engine.layer_of(operation); }
 const at::Tensor& TorchEngine::Context::parameter(const std::string& name) const {
-  return engine.parameter(engine.layer_of(operation).name + name);
+  return engine.parameter(layer().name + name);
 }
+const at::Tensor& TorchEngine::Context::embedding() const { return engine.parameter("embedding.weight"); }
 
 TorchEngine::TorchEngine(const ParameterLayout& layout, const at::Tensor& flat, int64_t checkpoint_stages)
     : layout_(layout), flat_(flat), checkpoint_stages_(checkpoint_stages) {
@@ -191,7 +193,7 @@ TorchEngine::TorchEngine(const ParameterLayout& layout, const at::Tensor& flat, 
 
   using namespace graph::operation;
   operations_[encode] = [this](const Context& c) {
-    const at::Tensor types = at::mm(c.batch.type_one_hot, this->parameter("embedding.weight"));
+    const at::Tensor types = at::mm(c.batch.type_one_hot, c.embedding());
     return fcn(layer_of(c.operation), at::cat({c.source(0), types}, 1));
   };
   operations_[graph::operation::gather] = [this](const Context& c) { return this->gather(c); };

@@ -1,4 +1,4 @@
-// Executes the plan of a graph network (graph/networks/layer_plan.h) on libtorch tensors, for a batch of scenes; the
+// Executes the plan of a graph network (graph/plan/layer_plan.h) on libtorch tensors, for a batch of scenes; the
 // gradient is libtorch's autograd. Internal, as device_batch.h.
 //
 // First layers over [f_sender, f_receiver, e] are evaluated once a node and gathered, W_s f_s + W_r f_r + W_e e; with
@@ -62,8 +62,10 @@ class TorchEngine {
     LinkCache& cache;
     const TorchLinks& links() const;  ///< of the operation
     const at::Tensor& source(std::size_t i) const;
+    const graph::PlanLayer& layer() const;  ///< of the operation
     /// A weight of the operation's layer: parameter(".layer1.weight").
     const at::Tensor& parameter(const std::string& name) const;
+    const at::Tensor& embedding() const;  ///< [types, width]
   };
   using Operation = std::function<at::Tensor(const Context&)>;
   /// Teaches the engine an operation, before the first pass.

@@ -1,79 +1,91 @@
+#include <map>
+
 #include "graph/cpu/aggregation/cell_aggregation.h"
 #include "graph/cpu/aggregation/particle_aggregation.h"
 #include "graph/cpu/hgn_engine.h"
 #include "graph/cpu/workspace_pool.h"
+#include "graph/plan/plan_walk.h"
 
 namespace graupel::graph {
 
 namespace {
 
+/// Each step also projects its results for the step that gathers them (epilogue projection): W_s f_s and W_r f_r.
 class ActivationEngine : public HgnEngine {
  public:
   ActivationEngine(const nn::Weights& weights, const HgnConfig& config)
       : features_(static_cast<int>(config.input_width())),
         latent_(static_cast<int>(config.latent)),
+        plan_(plan_of(config)),
         particles_(weights, config) {
-    const auto levels = static_cast<std::size_t>(config.levels);
-    const auto block = [&](const std::string& name) {
-      Block iterations;
-      for (int64_t k = 0; k < config.message_passing; ++k)
-        iterations.emplace_back(weights, config, name + "." + std::to_string(k));
-      return iterations;
-    };
-    for (std::size_t l = 0; l < levels; ++l) down_.push_back(block("down." + std::to_string(l)));
-    for (std::size_t l = 0; l + 1 < levels; ++l) {
-      up_.push_back(block("up." + std::to_string(l)));
-      restrict_.emplace_back(weights, config, l);
-      prolong_.emplace_back(weights, config, l);
+    for (const PlanBlock& block : plan_.blocks) {
+      if (block.links.kind == LinkKind::cell_neighbors)
+        for (int64_t k = 0; k < block.iterations; ++k)
+          iterations_[block.number].emplace_back(weights, config, block.name + "." + std::to_string(k));
+      if (block.links.kind == LinkKind::to_parent) restrict_.emplace_back(weights, config, block.level());
+      if (block.links.kind == LinkKind::from_parent)
+        prolong_.emplace(block.level(), Prolong(weights, config, block.level()));
     }
   }
 
   void evaluate(const std::vector<float>& features, const std::vector<int32_t>& particle_type,
                 const sparsegrid::Hierarchy<3>& hierarchy, std::vector<float>& acceleration) const override {
     auto workspace = workspaces_.take();
-    evaluate(features, particle_type, hierarchy, *workspace, acceleration);
+    workspace->topology.build(hierarchy);
+    workspace->prepare(hierarchy, latent_, features_);
+    particles_.encode(features, particle_type, hierarchy, *workspace);
+    Pass pass{*this, hierarchy, *workspace, acceleration};
+    run_blocks(plan_, pass);
     workspaces_.give_back(std::move(workspace));
   }
 
  private:
-  using Block = std::vector<CellSums>;
-
-  /// Steps 0 to 12 of figure 2 of the HGN paper. Each step is told what the next one gathers.
-  void evaluate(const std::vector<float>& features, const std::vector<int32_t>& particle_type,
-                const sparsegrid::Hierarchy<3>& hierarchy, SumWorkspace& workspace,
-                std::vector<float>& acceleration) const {
-    workspace.topology.build(hierarchy);
-    workspace.prepare(hierarchy, latent_, features_);
-    particles_.encode(features, particle_type, hierarchy, workspace);
-    particles_.particle_to_grid(hierarchy, down_[0][0].gathered(), workspace);
-    for (std::size_t l = 0; l < restrict_.size(); ++l) {
-      pass(down_[l], hierarchy, l, restrict_[l].gathered(), workspace);
-      restrict_[l].apply(hierarchy, down_[l + 1][0].gathered(), workspace);
+  struct Pass {
+    void particle_to_grid(const PlanBlock& block) {
+      engine.particles_.particle_to_grid(hierarchy, engine.gathered_after(block), workspace);
     }
-    pass(down_.back(), hierarchy, down_.size() - 1, after(down_.size() - 1), workspace);
-    for (std::size_t l = prolong_.size(); l-- > 0;) {
-      prolong_[l].apply(hierarchy, up_[l][0].gathered(), workspace);
-      pass(up_[l], hierarchy, l, after(l), workspace);
+    void pass_messages(const PlanBlock& block) {
+      const std::vector<CellSums>& iterations = engine.iterations_.at(block.number);
+      for (std::size_t k = 0; k < iterations.size(); ++k)
+        iterations[k].apply(hierarchy, block.level(),
+                            k + 1 < iterations.size() ? iterations[k + 1].gathered() : engine.gathered_after(block),
+                            workspace);
     }
-    particles_.grid_to_particle(hierarchy, workspace, acceleration);
-  }
+    void restrict_to_coarse(const PlanBlock& block) {
+      engine.restrict_[block.level()].apply(hierarchy, engine.gathered_after(block), workspace);
+    }
+    void prolong_to_fine(const PlanBlock& block) {
+      engine.prolong_.at(block.level()).apply(hierarchy, engine.gathered_after(block), workspace);
+    }
+    void grid_to_particle(const PlanBlock&) { engine.particles_.grid_to_particle(hierarchy, workspace, acceleration); }
 
-  /// What is gathered of a level on the way up.
-  const nn::Linear& after(std::size_t level) const {
-    return level > 0 ? prolong_[level - 1].gathered() : particles_.gathered();
-  }
+    const ActivationEngine& engine;
+    const sparsegrid::Hierarchy<3>& hierarchy;
+    SumWorkspace& workspace;
+    std::vector<float>& acceleration;
+  };
 
-  static void pass(const Block& block, const sparsegrid::Hierarchy<3>& hierarchy, std::size_t level,
-                   const nn::Linear& next, SumWorkspace& workspace) {
-    for (std::size_t k = 0; k < block.size(); ++k)
-      block[k].apply(hierarchy, level, k + 1 < block.size() ? block[k + 1].gathered() : next, workspace);
+  /// First layer of the block behind `block`.
+  const nn::Linear& gathered_after(const PlanBlock& block) const {
+    const PlanBlock& next = plan_.blocks[block.number + 1];
+    switch (next.links.kind) {
+      case LinkKind::cell_neighbors:
+        return iterations_.at(next.number).front().gathered();
+      case LinkKind::to_parent:
+        return restrict_[next.level()].gathered();
+      case LinkKind::from_parent:
+        return prolong_.at(next.level()).gathered();
+      default:
+        return particles_.gathered();
+    }
   }
 
   int features_, latent_;
+  LayerPlan plan_;
   ParticleSums particles_;
-  std::vector<Block> down_, up_;
-  std::vector<RestrictSums> restrict_;
-  std::vector<Prolong> prolong_;
+  std::map<std::size_t, std::vector<CellSums>> iterations_;  ///< by the block's number
+  std::vector<RestrictSums> restrict_;                       ///< by the finer level
+  std::map<std::size_t, Prolong> prolong_;                   ///< by the finer level
   mutable WorkspacePool<SumWorkspace> workspaces_;
 };
 

@@ -1,8 +1,11 @@
+#include <map>
+
 #include "graph/cpu/hgn_engine.h"
 #include "graph/cpu/messages/level_transfer.h"
 #include "graph/cpu/messages/message_passing.h"
 #include "graph/cpu/messages/particle_transfer.h"
 #include "graph/cpu/workspace_pool.h"
+#include "graph/plan/plan_walk.h"
 
 namespace graupel::graph {
 
@@ -13,47 +16,49 @@ class MessageEngine : public HgnEngine {
   MessageEngine(const nn::Weights& weights, const HgnConfig& config)
       : features_(static_cast<int>(config.input_width())),
         width_(nn::padded_width(static_cast<int>(config.latent))),
+        plan_(plan_of(config)),
         particles_(weights, config) {
-    const auto levels = static_cast<std::size_t>(config.levels);
-    for (std::size_t l = 0; l < levels; ++l) down_.emplace_back(weights, config, "down." + std::to_string(l));
-    for (std::size_t l = 0; l + 1 < levels; ++l) {
-      up_.emplace_back(weights, config, "up." + std::to_string(l));
-      between_.emplace_back(weights, config, l);
+    for (const PlanBlock& block : plan_.blocks) {
+      if (block.links.kind == LinkKind::cell_neighbors)
+        passing_.emplace(block.number, MessagePassing(weights, config, block.name));
+      if (block.links.kind == LinkKind::to_parent) between_.emplace_back(weights, config, block.level());
     }
   }
 
   void evaluate(const std::vector<float>& features, const std::vector<int32_t>& particle_type,
                 const sparsegrid::Hierarchy<3>& hierarchy, std::vector<float>& acceleration) const override {
     auto workspace = workspaces_.take();
-    evaluate(features, particle_type, hierarchy, *workspace, acceleration);
+    workspace->topology.build(hierarchy);
+    workspace->prepare(width_, features_);
+    particles_.encode(features, particle_type, hierarchy, *workspace);
+    Pass pass{*this, hierarchy, *workspace, acceleration};
+    run_blocks(plan_, pass);
     workspaces_.give_back(std::move(workspace));
   }
 
  private:
-  /// Steps 0 to 12 of figure 2 of the paper.
-  void evaluate(const std::vector<float>& features, const std::vector<int32_t>& particle_type,
-                const sparsegrid::Hierarchy<3>& hierarchy, Workspace& workspace,
-                std::vector<float>& acceleration) const {
-    workspace.topology.build(hierarchy);
-    workspace.prepare(width_, features_);
-    particles_.encode(features, particle_type, hierarchy, workspace);
-    particles_.particle_to_grid(hierarchy, workspace);
-    down_[0].apply(0, workspace);
-    for (std::size_t l = 0; l < between_.size(); ++l) {
-      between_[l].restrict_to_coarse(hierarchy, workspace);
-      down_[l + 1].apply(l + 1, workspace);
+  struct Pass {
+    void particle_to_grid(const PlanBlock&) { engine.particles_.particle_to_grid(hierarchy, workspace); }
+    void pass_messages(const PlanBlock& block) { engine.passing_.at(block.number).apply(block.level(), workspace); }
+    void restrict_to_coarse(const PlanBlock& block) {
+      engine.between_[block.level()].restrict_to_coarse(hierarchy, workspace);
     }
-    for (std::size_t l = between_.size(); l-- > 0;) {
-      between_[l].prolong_to_fine(hierarchy, workspace);
-      up_[l].apply(l, workspace);
+    void prolong_to_fine(const PlanBlock& block) {
+      engine.between_[block.level()].prolong_to_fine(hierarchy, workspace);
     }
-    particles_.grid_to_particle(hierarchy, workspace, acceleration);
-  }
+    void grid_to_particle(const PlanBlock&) { engine.particles_.grid_to_particle(hierarchy, workspace, acceleration); }
+
+    const MessageEngine& engine;
+    const sparsegrid::Hierarchy<3>& hierarchy;
+    Workspace& workspace;
+    std::vector<float>& acceleration;
+  };
 
   int features_, width_;
+  LayerPlan plan_;
   ParticleTransfer particles_;
-  std::vector<MessagePassing> down_, up_;
-  std::vector<LevelTransfer> between_;
+  std::map<std::size_t, MessagePassing> passing_;  ///< by the block's number
+  std::vector<LevelTransfer> between_;             ///< by the finer level
   mutable WorkspacePool<Workspace> workspaces_;
 };
 

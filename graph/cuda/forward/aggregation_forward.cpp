@@ -1,6 +1,7 @@
 #include "graph/cuda/forward/aggregation_forward.h"
 
 #include "core/system/error.h"
+#include "graph/plan/plan_walk.h"
 
 namespace graupel::graph {
 
@@ -19,12 +20,26 @@ struct Projections {
   uint16_t *sender = nullptr, *receiver = nullptr;
 };
 
-class SumsPass {
+class ForwardPass {
  public:
-  SumsPass(const PackedHgn& network, const HgnGraph& graph, RowMemory& memory, SumsRecord& record, void* stream)
-      : network_(network), graph_(graph), memory_(memory), record_(record), stream_(stream) {}
+  ForwardPass(const PackedHgn& network, const HgnGraph& graph, RowMemory& memory, SumsRecord& record, void* stream)
+      : network_(network), graph_(graph), memory_(memory), record_(record), stream_(stream), f_(graph.level.size()) {
+    GRAUPEL_ASSERT(f_.size() == static_cast<std::size_t>(network.config().levels));
+  }
 
-  RowLatents run();
+  RowLatents run() {
+    record_ = {};
+    record_.blocks.resize(network_.plan().blocks.size());
+    record_.particles = encode_particles(network_, graph_, memory_, record_.encoder, stream_);
+    run_blocks(network_.plan(), *this);
+    return result_;
+  }
+
+  void particle_to_grid(const PlanBlock& block);
+  void pass_messages(const PlanBlock& block);
+  void restrict_to_coarse(const PlanBlock& block);
+  void prolong_to_fine(const PlanBlock& block);
+  void grid_to_particle(const PlanBlock& block);
 
  private:
   RowLatents latents(int64_t rows) { return {memory_.rows32(rows), memory_.rows16(rows)}; }
@@ -32,18 +47,11 @@ class SumsPass {
     constexpr int64_t in_a_row = 2 * h / sign_bytes;
     return reinterpret_cast<uint8_t*>(memory_.rows16((items + in_a_row - 1) / in_a_row));
   }
+  SumsRecord::Step& new_step(const PlanBlock& block) { return record_.blocks[block.number].emplace_back(); }
   /// FCN `name` over [sum] or, with `nodes`, over [sum, nodes]; the nodes are added to its result.
   RowLatents update(const std::string& name, int64_t rows, const uint16_t* sum, const RowLatents& nodes,
                     RowNetwork& record, const RowOutlook& outlook = {});
   RowOutlook outlook(const std::string& gather, const Projections& to) const;
-
-  RowLatents particle_to_grid();
-  RowLatents grid_to_particle(const RowLatents& cells);
-  /// `projected`: of the first iteration, where they are there already.
-  RowLatents pass_messages(const std::string& block, const LevelLinks& level, RowLatents nodes,
-                           SumsRecord::Block& record, Projections projected);
-  RowLatents restrict_to_coarse(std::size_t l, const RowLatents& fine);
-  RowLatents prolong_to_fine(std::size_t l, const RowLatents& coarse, const RowLatents& fine, Projections& projected);
   Projections projections(const LevelLinks& level) {
     return {memory_.rows16(level.cells), memory_.rows16(level.cells)};
   }
@@ -53,34 +61,13 @@ class SumsPass {
   RowMemory& memory_;
   SumsRecord& record_;
   void* stream_;
+  std::vector<RowLatents> f_;        ///< cells of each level
+  RowLatents result_;                ///< of the particles
+  Projections ahead_;                ///< of the next block's first iteration, where they are there already
   uint16_t* to_particle_ = nullptr;  ///< W_p f_p + W_o offset + b of grid_to_particle.gather, [particles, 128]
 };
 
-RowLatents SumsPass::run() {
-  const auto levels = static_cast<std::size_t>(network_.config().levels);
-  GRAUPEL_ASSERT(graph_.level.size() == levels);
-  record_ = {};
-  record_.down.resize(levels);
-  record_.up.resize(levels);
-  record_.restriction.resize(levels);
-  record_.restricted.resize(levels);
-  record_.prolongation.resize(levels);
-  record_.particles = encode_particles(network_, graph_, memory_, record_.encoder, stream_);
-  std::vector<RowLatents> f(levels);
-  f[0] = particle_to_grid();
-  for (std::size_t l = 0; l < levels; ++l) {
-    f[l] = pass_messages(numbered("down", static_cast<int64_t>(l)), graph_.level[l], f[l], record_.down[l], {});
-    if (l + 1 < levels) f[l + 1] = restrict_to_coarse(l, f[l]);
-  }
-  for (std::size_t l = levels - 1; l-- > 0;) {
-    Projections projected;
-    const RowLatents refined = prolong_to_fine(l, f[l + 1], f[l], projected);
-    f[l] = pass_messages(numbered("up", static_cast<int64_t>(l)), graph_.level[l], refined, record_.up[l], projected);
-  }
-  return grid_to_particle(f[0]);
-}
-
-RowOutlook SumsPass::outlook(const std::string& gather, const Projections& to) const {
+RowOutlook ForwardPass::outlook(const std::string& gather, const Projections& to) const {
   RowOutlook wanted;
   wanted.weight[0] = network_.tile(gather, 0);
   wanted.weight[1] = network_.tile(gather, h);
@@ -90,8 +77,8 @@ RowOutlook SumsPass::outlook(const std::string& gather, const Projections& to) c
   return wanted;
 }
 
-RowLatents SumsPass::update(const std::string& name, int64_t rows, const uint16_t* sum, const RowLatents& nodes,
-                            RowNetwork& record, const RowOutlook& outlook) {
+RowLatents ForwardPass::update(const std::string& name, int64_t rows, const uint16_t* sum, const RowLatents& nodes,
+                               RowNetwork& record, const RowOutlook& outlook) {
   const RowLatents result = latents(rows);
   record = network_.network(name, rows);
   record.operand[0] = {.rows = sum, .weight = network_.tile(name, 0)};
@@ -105,7 +92,7 @@ RowLatents SumsPass::update(const std::string& name, int64_t rows, const uint16_
   return result;
 }
 
-RowLatents SumsPass::particle_to_grid() {
+void ForwardPass::particle_to_grid(const PlanBlock& block) {
   // Before the activation of pair (p, k), to the grid: W_f f_p + b - W_o offset_p + W_o bits_k; from it: W_c f_cell +
   // W_p f_p + b + W_o offset_p - W_o bits_k. Both parts of a particle are made at once.
   const std::string to_name = "particle_to_grid.gather", from_name = "grid_to_particle.gather";
@@ -124,7 +111,8 @@ RowLatents SumsPass::particle_to_grid() {
            .out16 = {to_cells, to_particle_}},
           stream_);
   uint16_t* const sum = memory_.rows16(cells);
-  record_.to_grid.signs = signs(corners * n);
+  SumsRecord::Step& step = new_step(block);
+  step.signs = signs(corners * n);
   sum_activations({.receivers = cells,
                    .items = {.begin = graph_.pair_begin, .item = graph_.pair, .are_long = true},
                    .sender = by_particle,
@@ -134,18 +122,19 @@ RowLatents SumsPass::particle_to_grid() {
                    .weight = graph_.weight,
                    .scale = static_cast<float>(network_.config().p2g_scale),
                    .sum = sum,
-                   .signs = record_.to_grid.signs},
+                   .signs = step.signs},
                   stream_);
-  return update("particle_to_grid", cells, sum, {}, record_.to_grid.network);
+  f_[0] = update(block.name, cells, sum, {}, step.network);
 }
 
-RowLatents SumsPass::grid_to_particle(const RowLatents& cells) {
+void ForwardPass::grid_to_particle(const PlanBlock& block) {
   const std::string name = "grid_to_particle.gather";
   const int64_t n = graph_.particles, n_cells = graph_.level[0].cells;
   uint16_t *const per_cell = memory_.rows16(n_cells), *const sum = memory_.rows16(n);
-  project({.rows = n_cells, .x = cells.f16, .weight = {network_.tile(name, 0)}, .out16 = {per_cell}}, stream_);
-  record_.finest = cells.f16;
-  record_.to_particle.signs = signs(corners * n);
+  project({.rows = n_cells, .x = f_[0].f16, .weight = {network_.tile(name, 0)}, .out16 = {per_cell}}, stream_);
+  SumsRecord::Step& step = new_step(block);
+  step.gathered = f_[0].f16;
+  step.signs = signs(corners * n);
   sum_activations({.receivers = n,
                    .items = {.fixed = corners},
                    .sender = {graph_.cell},
@@ -155,20 +144,21 @@ RowLatents SumsPass::grid_to_particle(const RowLatents& cells) {
                    .table_row = by_corner,
                    .weight = graph_.weight,
                    .sum = sum,
-                   .signs = record_.to_particle.signs},
+                   .signs = step.signs},
                   stream_);
-  return update("grid_to_particle", n, sum, record_.particles, record_.to_particle.network);
+  result_ = update(block.name, n, sum, record_.particles, step.network);
 }
 
-RowLatents SumsPass::restrict_to_coarse(std::size_t l, const RowLatents& fine) {
+void ForwardPass::restrict_to_coarse(const PlanBlock& block) {
+  const std::size_t l = block.level();
   const LevelLinks& level = graph_.level[l];
-  const std::string name = numbered("restrict", static_cast<int64_t>(l)), gather = name + ".gather";
+  const std::string gather = block.name + ".gather";
   const int64_t parents = graph_.level[l + 1].cells;
   uint16_t *const per_child = memory_.rows16(level.cells), *const sum = memory_.rows16(parents);
-  project({.rows = level.cells, .x = fine.f16, .weight = {network_.tile(gather, 0)}, .out16 = {per_child}}, stream_);
-  SumsRecord::Step& step = record_.restriction[l];
+  project({.rows = level.cells, .x = f_[l].f16, .weight = {network_.tile(gather, 0)}, .out16 = {per_child}}, stream_);
+  SumsRecord::Step& step = new_step(block);
   step.signs = signs(level.cells);
-  record_.restricted[l] = fine.f16;
+  step.gathered = f_[l].f16;
   sum_activations({.receivers = parents,
                    .items = {.begin = level.child_begin, .first = level.first_child, .item = level.child},
                    .sent = per_child,
@@ -177,29 +167,33 @@ RowLatents SumsPass::restrict_to_coarse(std::size_t l, const RowLatents& fine) {
                    .sum = sum,
                    .signs = step.signs},
                   stream_);
-  return update(name, parents, sum, {}, step.network);
+  f_[l + 1] = update(block.name, parents, sum, {}, step.network);
 }
 
-RowLatents SumsPass::prolong_to_fine(std::size_t l, const RowLatents& coarse, const RowLatents& fine,
-                                     Projections& projected) {
+void ForwardPass::prolong_to_fine(const PlanBlock& block) {
+  const std::size_t l = block.level();
   const LevelLinks& level = graph_.level[l];
   const RowLatents refined = latents(level.cells);
-  RowNetwork& network = record_.prolongation[l] = prolongation(network_, l, level, coarse, fine, refined);
+  RowNetwork& network = new_step(block).network;
+  network = prolongation(network_, l, level, f_[l + 1], f_[l], refined);
   if (can_look_ahead()) {
-    projected = projections(level);
-    network.outlook = outlook(numbered(numbered("up", static_cast<int64_t>(l)), 0, ".gather"), projected);
+    ahead_ = projections(level);
+    network.outlook = outlook(numbered(network_.plan().blocks[block.number + 1].name, 0, ".gather"), ahead_);
   }
   forward(network, stream_);
-  return refined;
+  f_[l] = refined;
 }
 
-RowLatents SumsPass::pass_messages(const std::string& block, const LevelLinks& level, RowLatents nodes,
-                                   SumsRecord::Block& record, Projections projected) {
+void ForwardPass::pass_messages(const PlanBlock& block) {
   // Before the activation of edge s -> r: W_s f_s + W_r f_r + b + W_o (unit vector from s to r).
-  const int64_t iterations = network_.config().message_passing;
-  for (int64_t k = 0; k < iterations; ++k) {
-    const std::string gather = numbered(block, k, ".gather");
-    SumsRecord::Step& step = record.emplace_back();
+  const LevelLinks& level = graph_.level[block.level()];
+  RowLatents& nodes = f_[block.level()];
+  Projections projected = std::exchange(ahead_, {});
+  record_.blocks[block.number].reserve(static_cast<std::size_t>(block.iterations));
+  for (int64_t k = 0; k < block.iterations; ++k) {
+    const std::string gather = numbered(block.name, k, ".gather");
+    SumsRecord::Step& step = new_step(block);
+    step.gathered = nodes.f16;
     if (projected.sender == nullptr) {
       projected = projections(level);
       const RowOutlook wanted = outlook(gather, projected);
@@ -224,20 +218,19 @@ RowLatents SumsPass::pass_messages(const std::string& block, const LevelLinks& l
                     stream_);
     RowOutlook next;
     projected = {};
-    if (can_look_ahead() && k + 1 < iterations) {
+    if (can_look_ahead() && k + 1 < block.iterations) {
       projected = projections(level);
-      next = outlook(numbered(block, k + 1, ".gather"), projected);
+      next = outlook(numbered(block.name, k + 1, ".gather"), projected);
     }
-    nodes = update(numbered(block, k, ".cell"), level.cells, sum, nodes, step.network, next);
+    nodes = update(numbered(block.name, k, ".cell"), level.cells, sum, nodes, step.network, next);
   }
-  return nodes;
 }
 
 }  // namespace
 
 RowLatents forward_sums(const PackedHgn& network, const HgnGraph& graph, RowMemory& memory, SumsRecord& record,
                         void* stream) {
-  return SumsPass(network, graph, memory, record, stream).run();
+  return ForwardPass(network, graph, memory, record, stream).run();
 }
 
 }  // namespace graupel::graph

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "graph/cuda/aggregation/activation_aggregation.h"
-#include "graph/cuda/forward/hgn_forward.h"
+#include "graph/cuda/forward/packed_hgn.h"
 
 namespace graupel::graph {
 
@@ -16,16 +16,11 @@ struct SumsRecord {
   struct Step {
     uint8_t* signs = nullptr;  ///< of the activations
     RowNetwork network;
+    const uint16_t* gathered = nullptr;  ///< senders' latents
   };
-  using Block = std::vector<Step>;
   RowNetwork encoder;
-  RowLatents particles;  ///< after the encoder
-  Step to_grid, to_particle;
-  const uint16_t* finest = nullptr;         ///< level-0 cells after the up pass
-  std::vector<Step> restriction;            ///< [levels]
-  std::vector<const uint16_t*> restricted;  ///< [levels] cells of level l that go up to l + 1
-  std::vector<RowNetwork> prolongation;     ///< [levels]
-  std::vector<Block> down, up;              ///< [levels]
+  RowLatents particles;                   ///< after the encoder
+  std::vector<std::vector<Step>> blocks;  ///< [LayerPlan::blocks][iterations]; a prolongation has its network alone
 };
 
 /// Latents of the particles before the decoder, [particles, 128]: encoder's plus what the cells send.

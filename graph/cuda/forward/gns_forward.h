@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "graph/config/gns_config.h"
-#include "graph/cuda/forward/hgn_forward.h"
+#include "graph/cuda/forward/packed_hgn.h"
 
 namespace graupel::graph {
 

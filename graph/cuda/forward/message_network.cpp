@@ -50,7 +50,7 @@ void MessageNetwork::follow_grid(void* grid_stream) { places_.place(inputs_.grid
 
 void MessageNetwork::launch(void* stream, const LaunchMoments& moments) {
   moments.room_beside();
-  const float* const latents = forward_to_decoder(network_, graph(), arena_, record_, stream, moments.graph_ready);
+  const float* const latents = forward_to_decoder(network_, graph(), arena_, stream, moments.graph_ready);
   const FcnWeights& last = network_.fcn("decoder");
   decode({.rows = inputs_.particles,
           .frames = static_cast<int>(network_.config().bundle),

@@ -1,10 +1,10 @@
-// The network that sums messages on a GPU, for rollouts: the passes of hgn_passes.h on the links of one scene.
+// The network that sums messages on a GPU, for rollouts: message_forward.h on the links of one scene.
 #pragma once
 
 #include "core/parallel/buffer.h"
 #include "graph/cuda/forward/device_weights.h"
 #include "graph/cuda/forward/grid_network.h"
-#include "graph/cuda/forward/hgn_forward.h"
+#include "graph/cuda/forward/message_forward.h"
 #include "graph/cuda/forward/row_arena.h"
 
 namespace graupel::graph {
@@ -27,7 +27,6 @@ class MessageNetwork : public GridNetwork {
   GridInputs inputs_;
   LevelPlaces places_{Device::cuda};
   RowArena arena_;
-  HgnRecord record_;
   Buffer<float> output_{Device::cuda, 0};
 };
 

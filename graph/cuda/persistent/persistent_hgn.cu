@@ -10,6 +10,7 @@
 #include "core/parallel/cuda_check.h"
 #include "core/system/error.h"
 #include "graph/cuda/persistent/persistent_weights.h"
+#include "graph/plan/plan_walk.h"
 
 namespace graupel::graph {
 
@@ -35,7 +36,6 @@ Offset neighbor(int k) {
 std::string numbered(const std::string& block, int64_t l) {
   return std::string(block).append(".").append(std::to_string(l));
 }
-std::string numbered(const std::string& block, int64_t l, int64_t k) { return numbered(numbered(block, l), k); }
 
 /// A gathering's linear layer.
 struct Layer {
@@ -51,29 +51,45 @@ class WideHgn::Planner {
   Planner(WideHgn& to, const nn::Weights& weights) : to_(to), weights_(weights) {}
 
   void plan() {
-    const int64_t levels = to_.config_.levels;
+    const LayerPlan plan = plan_of(to_.config_);
     encoder();
-    begin("particle_to_grid", Gather::pairs, 1, static_cast<float>(to_.config_.p2g_scale));
-    table(gathering("particle_to_grid", h + 3), h, 1, corner);
-    block("down", 0);
-    for (int64_t l = 0; l + 1 < levels; ++l) {
-      begin(numbered("restrict", l), Gather::children, 1);
-      table(gathering(numbered("restrict", l), h + 3), h, 1, octant);
-      block("down", l + 1);
+    for (std::size_t b = 0; b < plan.blocks.size(); ++b) {
+      next_ = b + 1 < plan.blocks.size() ? &plan.blocks[b + 1] : nullptr;
+      visit_block(plan, plan.blocks[b], *this);
     }
-    for (int64_t l = levels - 1; l-- > 0;) {
-      const std::string name = numbered("prolong", l);
-      begin(name, Gather::rows, 2, 1, 2 * h + 3);
-      now().addend = vectors_.size();
-      add_offsets(vectors_, layer(name + ".layer1", 2 * h + 3), 2 * h, -1, octant);
-      block("up", l);
-    }
-    begin("grid_to_particle", Gather::corners, 2);
-    table(gathering("grid_to_particle", 2 * h + 3), 2 * h, -1, corner);
     if (!to_.has_own_decoder()) decoder();
     to_.tiles_.upload(tiles_);
     to_.tables_.upload(tables_);
     to_.vectors_.upload(vectors_);
+  }
+
+  void particle_to_grid(const PlanBlock& block) {
+    begin(block.name, Gather::pairs, 1, static_cast<float>(to_.config_.p2g_scale));
+    table(gathering(block.name, h + 3), h, 1, corner);
+  }
+  void restrict_to_coarse(const PlanBlock& block) {
+    begin(block.name, Gather::children, 1);
+    table(gathering(block.name, h + 3), h, 1, octant);
+  }
+  void prolong_to_fine(const PlanBlock& block) {
+    begin(block.name, Gather::rows, 2, 1, 2 * h + 3);
+    now().addend = vectors_.size();
+    add_offsets(vectors_, layer(block.name + ".layer1", 2 * h + 3), 2 * h, -1, octant);
+  }
+  /// The network before its iterations is the last one planned.
+  void pass_messages(const PlanBlock& block) {
+    for (int64_t k = 0; k < block.iterations; ++k) {
+      const std::string iteration = numbered(block.name, k);
+      outlook_on_iteration(iteration);
+      begin(iteration + ".cell", Gather::links, 2);
+      table(gathering(iteration, 2 * h + 3), 2 * h, 1, neighbor);
+    }
+    if (next_->links.kind == LinkKind::to_parent) outlook(gathering(next_->name, h + 3), 0, true);
+    if (next_->links.kind == LinkKind::cell_to_particle) outlook(gathering(next_->name, 2 * h + 3), 0, false);
+  }
+  void grid_to_particle(const PlanBlock& block) {
+    begin(block.name, Gather::corners, 2);
+    table(gathering(block.name, 2 * h + 3), 2 * h, -1, corner);
   }
 
  private:
@@ -144,23 +160,6 @@ class WideHgn::Planner {
     add_offsets(tables_, layer, column, sign, offset_of);
   }
 
-  /// The iterations of a level; the network before them is the last one planned.
-  void block(const std::string& name, int64_t l) {
-    const int64_t iterations = to_.config_.message_passing;
-    for (int64_t k = 0; k < iterations; ++k) {
-      const std::string iteration = numbered(name, l, k);
-      outlook_on_iteration(iteration);
-      begin_cell(iteration);
-    }
-    const bool down = name == "down", top = l + 1 == to_.config_.levels;
-    if (down && !top) outlook(gathering(numbered("restrict", l), h + 3), 0, true);
-    if (l == 0 && (!down || top)) outlook(gathering("grid_to_particle", 2 * h + 3), 0, false);
-  }
-  void begin_cell(const std::string& iteration) {
-    begin(iteration + ".cell", Gather::links, 2);
-    table(gathering(iteration, 2 * h + 3), 2 * h, 1, neighbor);
-  }
-
   void encoder() {
     const int64_t width = to_.config_.input_width(), features = width - to_.config_.embedding;
     const Layer first = layer("encoder.layer1", width);
@@ -206,6 +205,7 @@ class WideHgn::Planner {
 
   WideHgn& to_;
   const nn::Weights& weights_;
+  const PlanBlock* next_ = nullptr;  ///< behind the block at hand
   std::vector<uint16_t> tiles_;
   std::vector<float> tables_, vectors_;
 };

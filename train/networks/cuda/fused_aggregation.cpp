@@ -1,5 +1,7 @@
 #include "train/networks/cuda/fused_aggregation.h"
 
+#include "graph/plan/plan_walk.h"
+
 namespace graupel::train {
 
 namespace {
@@ -9,34 +11,42 @@ constexpr graph::RowOf by_particle{nullptr, 3, -1};
 
 }  // namespace
 
+/// From the gradient of the particles' latents before the decoder, block by block, to that of the encoder's result.
+class FusedSums::BackwardPass {
+ public:
+  BackwardPass(FusedSums& network, const DeviceBatch& batch, float* grad_particles)
+      : network_(network), batch_(batch), g_(grad_particles), skip_(batch.level.size()) {}
+
+  float* run() {
+    graph::run_blocks_in_reverse(network_.packed_.plan(), *this);
+    return g_;
+  }
+
+  void grid_to_particle(const graph::PlanBlock& block);
+  void pass_messages(const graph::PlanBlock& block);
+  void prolong_to_fine(const graph::PlanBlock& block);
+  void restrict_to_coarse(const graph::PlanBlock& block);
+  void particle_to_grid(const graph::PlanBlock& block);
+
+ private:
+  const graph::SumsRecord::Step& step_of(const graph::PlanBlock& block) const {
+    return network_.record_.blocks[block.number].front();
+  }
+
+  FusedSums& network_;
+  const DeviceBatch& batch_;
+  float* g_;                            ///< gradient of what the block at hand made
+  std::vector<float*> skip_;            ///< gradient of level l's cells through the up pass
+  float* beside_cells_ = nullptr;       ///< of the particles' latents beside the cells
+  const uint16_t* received_ = nullptr;  ///< of what grid_to_particle's gather layer takes of the particles
+};
+
 graph::RowLatents FusedSums::to_decoder(const graph::HgnGraph& graph) {
   return graph::forward_sums(packed_, graph, *this, record_, nullptr);
 }
 
 float* FusedSums::back_to_encoder(const DeviceBatch& batch, float* grad_particles) {
-  const auto levels = static_cast<std::size_t>(config_.levels);
-  float* const beside_cells = rows32(batch.particles);
-  const uint16_t* received = nullptr;
-  float* g = grid_to_particle_backward(batch, grad_particles, &received, beside_cells);
-  std::vector<float*> skip(levels);  // gradient of level l's cells through the up pass
-  for (std::size_t l = 0; l + 1 < levels; ++l) {
-    g = pass_messages_backward("up." + std::to_string(l), record_.up[l], batch.level[l], g);
-    skip[l] = rows32(batch.level[l].cells);
-    g = prolong_backward(l, record_.prolongation[l], batch, g, skip[l]);
-  }
-  for (std::size_t l = levels; l-- > 0;) {
-    g = pass_messages_backward("down." + std::to_string(l), record_.down[l], batch.level[l], g);
-    if (l > 0) g = restrict_backward(l - 1, batch, g, skip[l - 1]);
-  }
-  const uint16_t* const sent = particle_to_grid_backward(batch, g);
-  float* const grad = rows32(batch.particles);
-  graph::project_back({.rows = batch.particles,
-                       .d = {{.rows = received, .weight = packed_.tile("grid_to_particle.gather", h)},
-                             {.rows = sent, .weight = packed_.tile("particle_to_grid.gather", 0)}},
-                       .add32 = beside_cells,
-                       .sum32 = grad},
-                      nullptr);
-  return grad;
+  return BackwardPass(*this, batch, grad_particles).run();
 }
 
 const uint16_t* FusedSums::update_backward(const std::string& name, const graph::RowNetwork& network, const float* g,
@@ -53,116 +63,131 @@ const uint16_t* FusedSums::update_backward(const std::string& name, const graph:
   return sum;
 }
 
-float* FusedSums::grid_to_particle_backward(const DeviceBatch& batch, const float* g, const uint16_t** received,
-                                            float* nodes) {
-  const std::string name = "grid_to_particle.gather";
-  const Fcn::Layer& layer = gather(name);
-  const int64_t n = batch.particles, cells = batch.level[0].cells;
-  const graph::SumsRecord::Step& step = record_.to_particle;
-  const uint16_t* const sum = update_backward("grid_to_particle", step.network, g, nodes);
-  uint16_t *const of_particles = rows16(n), *const of_cells = rows16(cells);
-  offsets_backward(layer.w_grad, graph::ActivationGradient{.nodes = n,
-                                                           .items = {.fixed = corners},
-                                                           .g = sum,
-                                                           .is_receiver = true,
-                                                           .weight = f32(batch.weight),
-                                                           .signs = step.signs,
-                                                           .out = of_particles,
-                                                           .corner_sign = -1,
-                                                           .offset = f32(batch.offset)});
+void FusedSums::BackwardPass::grid_to_particle(const graph::PlanBlock& block) {
+  beside_cells_ = network_.rows32(batch_.particles);
+  const std::string name = block.name + ".gather";
+  const Fcn::Layer& layer = network_.gather(name);
+  const int64_t n = batch_.particles, cells = batch_.level[0].cells;
+  const graph::SumsRecord::Step& step = step_of(block);
+  const uint16_t* const sum = network_.update_backward(block.name, step.network, g_, beside_cells_);
+  uint16_t *const of_particles = network_.rows16(n), *const of_cells = network_.rows16(cells);
+  network_.offsets_backward(layer.w_grad, graph::ActivationGradient{.nodes = n,
+                                                                    .items = {.fixed = corners},
+                                                                    .g = sum,
+                                                                    .is_receiver = true,
+                                                                    .weight = f32(batch_.weight),
+                                                                    .signs = step.signs,
+                                                                    .out = of_particles,
+                                                                    .corner_sign = -1,
+                                                                    .offset = f32(batch_.offset)});
   graph::sum_gradients(
       graph::ActivationGradient{
           .nodes = cells,
-          .items = {.begin = index(batch.pair_begin), .item = index(batch.pair), .are_long = true},
+          .items = {.begin = index(batch_.pair_begin), .item = index(batch_.pair), .are_long = true},
           .g = sum,
           .row = by_particle,
-          .weight = f32(batch.weight),
+          .weight = f32(batch_.weight),
           .signs = step.signs,
           .out = of_cells},
       nullptr);
-  add_product(n, of_particles, record_.particles.f16, layer.w_grad, h, h, layer.b_grad);
-  add_product(cells, of_cells, record_.finest, layer.w_grad, 0, h);
-  float* const grad = rows32(cells);
-  graph::project_back({.rows = cells, .d = {{.rows = of_cells, .weight = packed_.tile(name, 0)}}, .sum32 = grad},
-                      nullptr);
-  *received = of_particles;
-  return grad;
-}
-
-const uint16_t* FusedSums::particle_to_grid_backward(const DeviceBatch& batch, const float* g) {
-  const std::string name = "particle_to_grid.gather";
-  const Fcn::Layer& layer = gather(name);
-  const graph::SumsRecord::Step& step = record_.to_grid;
-  const uint16_t* const sum = update_backward("particle_to_grid", step.network, g);
-  uint16_t* const sent = rows16(batch.particles);
-  offsets_backward(layer.w_grad, graph::ActivationGradient{.nodes = batch.particles,
-                                                           .items = {.fixed = corners},
-                                                           .g = sum,
-                                                           .row = {index(batch.cell)},
-                                                           .weight = f32(batch.weight),
-                                                           .scale = static_cast<float>(config_.p2g_scale),
-                                                           .signs = step.signs,
-                                                           .out = sent,
-                                                           .corner_sign = 1,
-                                                           .offset = f32(batch.offset)});
-  add_product(batch.particles, sent, record_.particles.f16, layer.w_grad, 0, h, layer.b_grad);
-  return sent;
-}
-
-float* FusedSums::restrict_backward(std::size_t l, const DeviceBatch& batch, const float* g, const float* skip) {
-  const DeviceLevel& fine = batch.level[l];
-  const std::string name = "restrict." + std::to_string(l), gather_name = name + ".gather";
-  const Fcn::Layer& layer = gather(gather_name);
-  const graph::SumsRecord::Step& step = record_.restriction[l];
-  const uint16_t* const sum = update_backward(name, step.network, g);
-  uint16_t* const sent = rows16(fine.cells);
-  offsets_backward(layer.w_grad, graph::ActivationGradient{.nodes = fine.cells,
-                                                           .items = {.fixed = 1},
-                                                           .g = sum,
-                                                           .row = {index(fine.parent)},
-                                                           .signs = step.signs,
-                                                           .out = sent,
-                                                           .offsets = graph::Offsets::octant,
-                                                           .octant = index(fine.octant)});
-  add_product(fine.cells, sent, record_.restricted[l], layer.w_grad, 0, h, layer.b_grad);
-  float* const grad = rows32(fine.cells);
+  network_.add_product(n, of_particles, network_.record_.particles.f16, layer.w_grad, h, h, layer.b_grad);
+  network_.add_product(cells, of_cells, step.gathered, layer.w_grad, 0, h);
+  float* const grad = network_.rows32(cells);
   graph::project_back(
-      {.rows = fine.cells, .d = {{.rows = sent, .weight = packed_.tile(gather_name, 0)}}, .add32 = skip, .sum32 = grad},
-      nullptr);
-  return grad;
+      {.rows = cells, .d = {{.rows = of_cells, .weight = network_.packed_.tile(name, 0)}}, .sum32 = grad}, nullptr);
+  received_ = of_particles;
+  g_ = grad;
 }
 
-float* FusedSums::pass_messages_backward(const std::string& block, const graph::SumsRecord::Block& record,
-                                         const DeviceLevel& level, float* g) {
-  for (int64_t k = config_.message_passing; k-- > 0;) {
-    const std::string at_k = graph::numbered(block, k), name = at_k + ".gather";
-    const Fcn::Layer& layer = gather(name);
-    const graph::SumsRecord::Step& step = record[static_cast<std::size_t>(k)];
-    float* const beside_sums = rows32(level.cells);
-    const uint16_t* const sum = update_backward(at_k + ".cell", step.network, g, beside_sums);
-    uint16_t *const sent = rows16(level.cells), *const received = rows16(level.cells);
-    offsets_backward(layer.w_grad, graph::EdgeGradient{.cells = level.cells,
-                                                       .edge_begin = index(level.edge_begin),
-                                                       .sender = index(level.sender),
-                                                       .slot = index(level.slot),
-                                                       .reverse = index(level.reverse),
-                                                       .g = sum,
-                                                       .signs = step.signs,
-                                                       .sent = sent,
-                                                       .received = received});
-    const uint16_t* const nodes = step.network.operand[1].rows;
-    add_product(level.cells, sent, nodes, layer.w_grad, 0, h);
-    add_product(level.cells, received, nodes, layer.w_grad, h, h, layer.b_grad);
-    float* const before = rows32(level.cells);
-    graph::project_back(
-        {.rows = level.cells,
-         .d = {{.rows = sent, .weight = packed_.tile(name, 0)}, {.rows = received, .weight = packed_.tile(name, h)}},
-         .add32 = beside_sums,
-         .sum32 = before},
-        nullptr);
-    g = before;
+void FusedSums::BackwardPass::particle_to_grid(const graph::PlanBlock& block) {
+  const std::string name = block.name + ".gather";
+  const Fcn::Layer& layer = network_.gather(name);
+  const graph::SumsRecord::Step& step = step_of(block);
+  const uint16_t* const sum = network_.update_backward(block.name, step.network, g_);
+  uint16_t* const sent = network_.rows16(batch_.particles);
+  network_.offsets_backward(layer.w_grad,
+                            graph::ActivationGradient{.nodes = batch_.particles,
+                                                      .items = {.fixed = corners},
+                                                      .g = sum,
+                                                      .row = {index(batch_.cell)},
+                                                      .weight = f32(batch_.weight),
+                                                      .scale = static_cast<float>(network_.config_.p2g_scale),
+                                                      .signs = step.signs,
+                                                      .out = sent,
+                                                      .corner_sign = 1,
+                                                      .offset = f32(batch_.offset)});
+  network_.add_product(batch_.particles, sent, network_.record_.particles.f16, layer.w_grad, 0, h, layer.b_grad);
+  float* const grad = network_.rows32(batch_.particles);
+  graph::project_back({.rows = batch_.particles,
+                       .d = {{.rows = received_, .weight = network_.packed_.tile("grid_to_particle.gather", h)},
+                             {.rows = sent, .weight = network_.packed_.tile(name, 0)}},
+                       .add32 = beside_cells_,
+                       .sum32 = grad},
+                      nullptr);
+  g_ = grad;
+}
+
+void FusedSums::BackwardPass::restrict_to_coarse(const graph::PlanBlock& block) {
+  const DeviceLevel& fine = batch_.level[block.level()];
+  const std::string gather_name = block.name + ".gather";
+  const Fcn::Layer& layer = network_.gather(gather_name);
+  const graph::SumsRecord::Step& step = step_of(block);
+  const uint16_t* const sum = network_.update_backward(block.name, step.network, g_);
+  uint16_t* const sent = network_.rows16(fine.cells);
+  network_.offsets_backward(layer.w_grad, graph::ActivationGradient{.nodes = fine.cells,
+                                                                    .items = {.fixed = 1},
+                                                                    .g = sum,
+                                                                    .row = {index(fine.parent)},
+                                                                    .signs = step.signs,
+                                                                    .out = sent,
+                                                                    .offsets = graph::Offsets::octant,
+                                                                    .octant = index(fine.octant)});
+  network_.add_product(fine.cells, sent, step.gathered, layer.w_grad, 0, h, layer.b_grad);
+  float* const grad = network_.rows32(fine.cells);
+  graph::project_back({.rows = fine.cells,
+                       .d = {{.rows = sent, .weight = network_.packed_.tile(gather_name, 0)}},
+                       .add32 = skip_[block.level()],
+                       .sum32 = grad},
+                      nullptr);
+  g_ = grad;
+}
+
+void FusedSums::BackwardPass::prolong_to_fine(const graph::PlanBlock& block) {
+  const std::size_t l = block.level();
+  skip_[l] = network_.rows32(batch_.level[l].cells);
+  g_ = network_.prolong_backward(l, step_of(block).network, batch_, g_, skip_[l]);
+}
+
+void FusedSums::BackwardPass::pass_messages(const graph::PlanBlock& block) {
+  const DeviceLevel& level = batch_.level[block.level()];
+  for (int64_t k = block.iterations; k-- > 0;) {
+    const std::string at_k = graph::numbered(block.name, k), name = at_k + ".gather";
+    const Fcn::Layer& layer = network_.gather(name);
+    const graph::SumsRecord::Step& step = network_.record_.blocks[block.number][static_cast<std::size_t>(k)];
+    float* const beside_sums = network_.rows32(level.cells);
+    const uint16_t* const sum = network_.update_backward(at_k + ".cell", step.network, g_, beside_sums);
+    uint16_t *const sent = network_.rows16(level.cells), *const received = network_.rows16(level.cells);
+    network_.offsets_backward(layer.w_grad, graph::EdgeGradient{.cells = level.cells,
+                                                                .edge_begin = index(level.edge_begin),
+                                                                .sender = index(level.sender),
+                                                                .slot = index(level.slot),
+                                                                .reverse = index(level.reverse),
+                                                                .g = sum,
+                                                                .signs = step.signs,
+                                                                .sent = sent,
+                                                                .received = received});
+    const uint16_t* const nodes = step.gathered;
+    network_.add_product(level.cells, sent, nodes, layer.w_grad, 0, h);
+    network_.add_product(level.cells, received, nodes, layer.w_grad, h, h, layer.b_grad);
+    float* const before = network_.rows32(level.cells);
+    graph::project_back({.rows = level.cells,
+                         .d = {{.rows = sent, .weight = network_.packed_.tile(name, 0)},
+                               {.rows = received, .weight = network_.packed_.tile(name, h)}},
+                         .add32 = beside_sums,
+                         .sum32 = before},
+                        nullptr);
+    g_ = before;
   }
-  return g;
 }
 
 }  // namespace graupel::train

@@ -24,14 +24,7 @@ class FusedSums : public FusedPasses {
   /// all its weights, returns the gradient of the sum. To `nodes` goes the nodes' gradient, g included.
   const uint16_t* update_backward(const std::string& name, const graph::RowNetwork& network, const float* g,
                                   float* nodes = nullptr);
-  /// From cells to particles: returns the gradient of the level-0 cells; `received` of what the gather layer takes of
-  /// the particles, `nodes` of the latents beside.
-  float* grid_to_particle_backward(const DeviceBatch& batch, const float* g, const uint16_t** received, float* nodes);
-  const uint16_t* particle_to_grid_backward(const DeviceBatch& batch, const float* g);
-  /// Gradient of level l's cells, `skip` included.
-  float* restrict_backward(std::size_t l, const DeviceBatch& batch, const float* g, const float* skip);
-  float* pass_messages_backward(const std::string& block, const graph::SumsRecord::Block& record,
-                                const DeviceLevel& level, float* g);
+  class BackwardPass;
 
   graph::SumsRecord record_;
 };

@@ -11,8 +11,8 @@
 #include <vector>
 
 #include "graph/cuda/forward/gns_forward.h"
-#include "train/networks/parameter_layout.h"
 #include "train/networks/mixed_passes.h"
+#include "train/networks/parameter_layout.h"
 #include "train/networks/torch_layers.h"
 
 namespace graupel::train {

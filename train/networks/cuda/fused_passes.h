@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "graph/cuda/aggregation/activation_aggregation.h"
-#include "graph/cuda/forward/hgn_forward.h"
+#include "graph/cuda/forward/packed_hgn.h"
 #include "train/networks/mixed_passes.h"
 #include "train/networks/torch_layers.h"
 

@@ -110,6 +110,18 @@ struct PlanTensor {
   int64_t fan_in = 0;  ///< inputs of the linear layer it belongs to; 0 for norms and the embedding
 };
 
+/// Gathers over links of one kind and level that stand behind each other, with what is made of each: an iteration of
+/// message passing or a transfer. Tuned engines run a plan block by block (plan_walk.h).
+struct PlanBlock {
+  std::string name;  ///< prefix of its layers: "down.0", "restrict.0"
+  Links links;
+  int64_t iterations = 1;     ///< gathers
+  std::size_t operation = 0;  ///< first operation
+  std::size_t number = 0;     ///< place in LayerPlan::blocks
+
+  std::size_t level() const { return static_cast<std::size_t>(links.level); }
+};
+
 struct LayerPlan {
   std::string name;               ///< of the architecture
   int64_t embedding = 0;          ///< width of a type's row in the embedding table
@@ -118,6 +130,7 @@ struct LayerPlan {
   int inputs = 1;
   std::vector<PlanOperation> operations;
   std::vector<std::size_t> stages;  ///< operations at which message-passing iterations begin: places for checkpoints
+  std::vector<PlanBlock> blocks;    ///< empty, or all gathers in their order
 
   /// Throws ConfigError naming the operation and layer where rows, widths or order do not fit.
   void check() const;

@@ -1,10 +1,8 @@
-// The hierarchical graph network on a GPU (HGN paper, figure 2) by the kernels of row_layers.h: the function of
-// graph/networks/hierarchical_graph_network.h, with products in bf16. One forward pass for rollouts and for training,
-// which keeps what it says. First layers over [f_i, f_j, e] are evaluated as W_i f_i + W_j f_j + W_e e, projected once
-// a cell.
+// The hierarchical graph network (HGN paper, figure 2) on a GPU, layer by layer: its weights as the kernels of
+// row_layers.h take them, the links of a batch, and the steps that both of its forms have in common. Products are in
+// bf16. First layers over [f_i, f_j, e] are evaluated as W_i f_i + W_j f_j + W_e e, projected once a cell.
 #pragma once
 
-#include <functional>
 #include <map>
 #include <string>
 #include <utility>
@@ -13,6 +11,7 @@
 #include "core/parallel/buffer.h"
 #include "graph/config/hgn_config.h"
 #include "graph/cuda/fused_mlp/row_layers.h"
+#include "graph/plan/layer_plan.h"
 
 namespace graupel::graph {
 
@@ -37,6 +36,7 @@ class PackedHgn {
   void refresh(void* stream);
 
   const HgnConfig& config() const { return config_; }
+  const LayerPlan& plan() const { return plan_; }
   const FcnWeights& fcn(const std::string& name) const { return fcns_.at(name); }
   /// Tile of 128 columns of a first layer.
   const uint16_t* tile(const std::string& fcn, int64_t first_column) const;
@@ -49,6 +49,7 @@ class PackedHgn {
   void add_tables();
 
   HgnConfig config_;
+  LayerPlan plan_;
   std::map<std::string, FcnWeights> fcns_;
   const float* embedding_;
   std::map<std::pair<std::string, int64_t>, int64_t> tile_of_;
@@ -96,19 +97,6 @@ struct RowLatents {
   uint16_t* f16 = nullptr;
 };
 
-/// What a forward pass leaves for the backward pass.
-struct HgnRecord {
-  struct Iteration {
-    RowNetwork edge, cell;
-  };
-  using Block = std::vector<Iteration>;
-  RowNetwork encoder, to_grid, to_particle;
-  RowLatents particles;                               ///< after the encoder
-  const uint16_t* finest = nullptr;                   ///< level-0 cells after the up pass
-  std::vector<RowNetwork> restriction, prolongation;  ///< [levels]
-  std::vector<Block> down, up;                        ///< [levels]
-};
-
 /// "block.k.part"
 inline std::string numbered(const std::string& block, int64_t k, const char* part = "") {
   return std::string(block).append(".").append(std::to_string(k)).append(part);
@@ -120,10 +108,5 @@ RowLatents encode_particles(const PackedHgn& network, const HgnGraph& graph, Row
 /// The network of prolong.<l> that makes `refined` of the cells of level l + 1 and of level l, the links of `level`.
 RowNetwork prolongation(const PackedHgn& network, std::size_t l, const LevelLinks& level, const RowLatents& coarse,
                         const RowLatents& fine, const RowLatents& refined);
-
-/// Latents of the particles before the decoder, [particles, 128]: encoder's plus what the cells send. `grid_ready` is
-/// called when the encoder has been launched, which does not need the grid.
-float* forward_to_decoder(const PackedHgn& network, const HgnGraph& graph, RowMemory& memory, HgnRecord& record,
-                          void* stream, const std::function<void()>& grid_ready = {});
 
 }  // namespace graupel::graph

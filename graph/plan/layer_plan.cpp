@@ -1,4 +1,4 @@
-#include "graph/networks/layer_plan.h"
+#include "graph/plan/layer_plan.h"
 
 #include <algorithm>
 #include <set>
@@ -106,6 +106,7 @@ class Checker {
   void check() {
     for (number_ = 0; number_ < plan_.operations.size(); ++number_) check(plan_.operations[number_]);
     if (used_.size() != plan_.layers.size()) fail("some layer is used by no operation");
+    if (!plan_.blocks.empty()) check_blocks();
   }
 
  private:
@@ -175,6 +176,24 @@ class Checker {
            std::to_string(outputs));
   }
 
+  void check_blocks() {
+    std::size_t block = 0;
+    int64_t gathers = 0;
+    for (number_ = 0; number_ < plan_.operations.size(); ++number_) {
+      const PlanOperation& op = plan_.operations[number_];
+      if (op.kind != operation::gather) continue;
+      if (block < plan_.blocks.size() && gathers == plan_.blocks[block].iterations) {
+        ++block;
+        gathers = 0;
+      }
+      if (block == plan_.blocks.size() || !(op.links == plan_.blocks[block].links))
+        fail("its links are not those of block " + std::to_string(block));
+      ++gathers;
+    }
+    if (block + 1 != plan_.blocks.size() || gathers != plan_.blocks[block].iterations)
+      fail("block " + std::to_string(block) + " has fewer gathers than it says");
+  }
+
   const LayerPlan& plan_;
   std::size_t number_ = 0;
   std::set<int> used_;
@@ -223,6 +242,9 @@ class Planner {
     run({.kind = operation::decode, .sources = {{value}}}, {RowSet::moving, 0}, layer, outputs, false);
   }
   void begin_stage() { plan_.stages.push_back(plan_.operations.size()); }
+  void begin_block(const std::string& name, const Links& links, int64_t iterations = 1) {
+    plan_.blocks.push_back({name, links, iterations, plan_.operations.size(), plan_.blocks.size()});
+  }
 
   LayerPlan finish() {
     plan_.check();
@@ -280,8 +302,11 @@ class HgnPlanner : Planner {
     }
     for (int l = top - 1; l >= 0; --l) {
       int& own = cells[static_cast<std::size_t>(l)];
-      own = gather("prolong." + std::to_string(l), {LinkKind::from_parent, l},
-                   {{cells[static_cast<std::size_t>(l) + 1], End::sender}, {own, End::receiver}}, false, own);
+      const std::string prolong = "prolong." + std::to_string(l);
+      const Links from_parent{LinkKind::from_parent, l};
+      begin_block(prolong, from_parent);
+      own = gather(prolong, from_parent, {{cells[static_cast<std::size_t>(l) + 1], End::sender}, {own, End::receiver}},
+                   false, own);
       own = pass_messages("up." + std::to_string(l), l, own);
     }
     const int change =
@@ -294,6 +319,7 @@ class HgnPlanner : Planner {
   /// What receivers make of what they gather; an FCN of activations also sees the receiver's own latents, if any.
   int transfer(const std::string& name, const Links& links, const std::vector<PlanSource>& sources, int own,
                double scale = 1) {
+    begin_block(name, links);
     if (!activations_) return aggregate(links, gather(name, links, sources, false), scale);
     const int sums = aggregate(links, gather(name + ".gather", links, sources, true), scale);
     return update(name, own >= 0 ? std::vector<int>{sums, own} : std::vector<int>{sums});
@@ -301,6 +327,7 @@ class HgnPlanner : Planner {
 
   int pass_messages(const std::string& name, int level, int nodes) {
     const Links links{LinkKind::cell_neighbors, level};
+    begin_block(name, links, config_.message_passing);
     int latent = -1;  // of the edges; the first iteration sees their offsets
     for (int64_t k = 0; k < config_.message_passing; ++k) {
       begin_stage();
@@ -362,6 +389,7 @@ LayerPlan plan_of(const GnsConfig& config) {
   const Links links{LinkKind::particle_neighbors};
   const int features = plan.edge_features(edge_feature_count);
   int nodes = plan.encode("encoder.node"), edges = plan.update("encoder.edge", {features});
+  plan.begin_block("step", links, config.message_passing);
   for (int64_t k = 0; k < config.message_passing; ++k) {
     plan.begin_stage();
     const std::string step = "step." + std::to_string(k);
