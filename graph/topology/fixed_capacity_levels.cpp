@@ -20,7 +20,7 @@ struct PlaceLinks {
   int64_t room_for_cells[most_levels], room_for_edges[most_levels];
   int64_t particles;
   GridLinks grid;
-  LevelPlaces::Level to[most_levels];
+  LevelGraph<int32_t*> to[most_levels];
   int32_t* counts;
 
   GRAUPEL_HD int32_t cells(int l) const { return grid.level_begin[l + 1] - grid.level_begin[l]; }
@@ -45,7 +45,7 @@ struct PlaceLinks {
   }
 
   GRAUPEL_HD void copy(int l, int32_t i) const {
-    const LevelPlaces::Level& own = to[l];
+    const LevelGraph<int32_t*>& own = to[l];
     const int32_t first_cell = grid.level_begin[l], first_edge = grid.edge_level[l];
     if (i <= cells(l)) own.edge_begin[i] = grid.edge_begin[first_cell + i] - first_edge;
     if (i < cells(l)) {
@@ -98,8 +98,16 @@ void LevelPlaces::prepare(const LevelRoom& room) {
   const auto take = [&](int64_t size) { return std::exchange(place, place + size); };
   for (std::size_t l = 0; l < static_cast<std::size_t>(room.levels); ++l) {
     const int64_t cells = room.cells[l], edges = room.edges[l];
-    level_[l] = {take(cells + 1),          take(edges), take(edges), take(edges), take(cells), take(cells),
-                 take(cells_above(l) + 1), take(cells)};
+    level_[l] = {.cells = cells,
+                 .edges = edges,
+                 .edge_begin = take(cells + 1),
+                 .sender = take(edges),
+                 .receiver = take(edges),
+                 .slot = take(edges),
+                 .parent = take(cells),
+                 .octant = take(cells),
+                 .child_begin = take(cells_above(l) + 1),
+                 .child = take(cells)};
   }
 }
 
@@ -122,10 +130,10 @@ void LevelPlaces::place(const GridLinks& grid, int64_t particles, void* stream) 
   parallel_for_in(stream, device_, body.first_item[room_.levels], body);
 }
 
-PlacedLevel LevelPlaces::level(int l) const {
-  const Level& own = level_[static_cast<std::size_t>(l)];
-  return {own.edge_begin, own.sender,      own.receiver, own.slot,           own.parent,
-          own.octant,     own.child_begin, own.child,    counts_.data() + l, counts_.data() + most_levels + l};
+LevelLinks LevelPlaces::level(int l) const {
+  const auto pointer = [](int32_t* array) -> const int32_t* { return array; };
+  return {level_[static_cast<std::size_t>(l)].as<const int32_t*>(pointer), counts_.data() + l,
+          counts_.data() + most_levels + l};
 }
 
 }  // namespace graupel::graph

@@ -7,6 +7,7 @@
 
 #include "core/parallel/buffer.h"
 #include "graph/topology/grid_builder.h"
+#include "graph/topology/level_graph.h"
 
 namespace graupel::graph {
 
@@ -19,14 +20,6 @@ struct LevelRoom {
   bool holds(const GridCounts& counts) const;
 };
 
-/// The arrays of one level; numbers count within the level, as in graph/cuda/forward/packed_hgn.h.
-struct PlacedLevel {
-  const int32_t *edge_begin, *sender, *receiver, *slot, *parent, *octant;
-  const int32_t* child_begin;  ///< children by cell of the next level
-  const int32_t* child;
-  const int32_t *cell_count, *edge_count;
-};
-
 class LevelPlaces {
  public:
   explicit LevelPlaces(Device device) : device_(device), numbers_(device, 0), counts_(device, 2 * most_levels + 3) {}
@@ -37,20 +30,16 @@ class LevelPlaces {
   /// count becomes 0, so that what runs on them does nothing, and fault() is set.
   void place(const GridLinks& grid, int64_t particles, void* stream = nullptr);
 
-  PlacedLevel level(int l) const;
+  /// Without reverse edges; `cells` and `edges` are capacities.
+  LevelLinks level(int l) const;
   const int32_t* particle_count() const { return counts_.data() + 2 * most_levels; }
   const int32_t* pair_count() const { return particle_count() + 1; }  ///< eight a particle
   const int32_t* fault() const { return particle_count() + 2; }
 
-  /// The same arrays, to be written.
-  struct Level {
-    int32_t *edge_begin, *sender, *receiver, *slot, *parent, *octant, *child_begin, *child;
-  };
-
  private:
   Device device_;
   LevelRoom room_;
-  std::array<Level, most_levels> level_{};
+  std::array<LevelGraph<int32_t*>, most_levels> level_{};
   Buffer<int32_t> numbers_;  ///< all arrays
   Buffer<int32_t> counts_;   ///< cells, edges of every level; particles, pairs; fault
 };

@@ -3,11 +3,15 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cstdlib>
 #include <filesystem>
+#include <fstream>
 #include <functional>
+#include <sstream>
 #include <string>
 
 #include "core/system/error.h"
+#include "graph/plan/plan_description.h"
 #include "nn/weights.h"
 #include "random_weights.h"
 
@@ -157,6 +161,31 @@ TEST(LayerPlan, TensorsAreThoseOfTheShippedWeights) {
   EXPECT_GE(files, 3);
 }
 
+/// docs/reference/network_plans.md, written anew where GRAUPEL_WRITE_FORMAT is set.
+TEST(LayerPlan, DocumentationOfTensorsIsMadeOfThePlans) {
+  HgnConfig aggregated;
+  aggregated.aggregation = Aggregation::activations;
+  std::string text =
+      "# Plans of the graph networks\n\n"
+      "Made by the program from `graph/plan/layer_plan.h` with the default settings; a test compares. What the "
+      "operations\n"
+      "compute stands at the top of that file. A matrix `<layer>.layer1.weight` has a bias `[outputs]` beside it; a "
+      "`norm` has\n"
+      "`weight` and `bias` of the layer's width. The embedding is `embedding.weight`, a row a particle type.\n";
+  const auto add = [&text](const std::string& title, const LayerPlan& plan) {
+    text += "\n## " + title + "\n\n" + description_of(plan);
+  };
+  add("HGN that aggregates activations (the shipped form)", plan_of(aggregated));
+  add("HGN that aggregates messages (the paper's form)", plan_of(HgnConfig()));
+  add("GNS", plan_of(GnsConfig()));
+  const std::string path = std::string(GRAUPEL_SOURCE_DIR) + "/docs/reference/network_plans.md";
+  if (std::getenv("GRAUPEL_WRITE_FORMAT")) std::ofstream(path, std::ios::binary) << text;
+  std::ifstream file(path, std::ios::binary);
+  std::stringstream found;
+  found << file.rdbuf();
+  EXPECT_EQ(found.str(), text) << "write it anew: GRAUPEL_WRITE_FORMAT=1 graph_test --gtest_filter=LayerPlan.*";
+}
+
 std::string refusal(const LayerPlan& plan) {
   try {
     plan.check();
@@ -204,6 +233,32 @@ TEST(LayerPlan, AnEngineNamesWhatItLacks) {
     EXPECT_THAT(error.what(), ::testing::HasSubstr("engine 'toy' has no operation 'gather', which plan 'gns' needs "
                                                    "(it has: encode, update)"));
   }
+}
+
+TEST(LayerPlan, BlocksAreTheWayDownTheLevelsAndUpAgain) {
+  HgnConfig config = small_hgn();
+  config.levels = 3;
+  for (const Aggregation aggregation : {Aggregation::messages, Aggregation::activations}) {
+    config.aggregation = aggregation;
+    std::vector<std::string> names;
+    for (const PlanBlock& block : plan_of(config).blocks) names.push_back(block.name);
+    EXPECT_THAT(names, ::testing::ElementsAre("particle_to_grid", "down.0", "restrict.0", "down.1", "restrict.1",
+                                              "down.2", "prolong.1", "up.1", "prolong.0", "up.0", "grid_to_particle"));
+  }
+}
+
+TEST(LayerPlan, BlocksThatDoNotHoldTheGathersAreRefused) {
+  using ::testing::HasSubstr;
+  const LayerPlan good = plan_of(small_hgn());
+  LayerPlan plan = good;
+  plan.blocks[1].iterations += 1;
+  EXPECT_THAT(refusal(plan), HasSubstr("its links are not those of block 1"));
+  plan = good;
+  plan.blocks.pop_back();
+  EXPECT_THAT(refusal(plan), HasSubstr("its links are not those of block"));
+  plan = good;
+  plan.blocks.back().iterations = 2;
+  EXPECT_THAT(refusal(plan), HasSubstr("fewer gathers than it says"));
 }
 
 }  // namespace

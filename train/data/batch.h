@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "graph/topology/level_graph.h"
 #include "sparsegrid/hierarchy.h"
 #include "sparsegrid/radius_graph.h"
 
@@ -17,19 +18,8 @@ struct Part {
   int64_t begin = 0, count = 0;
 };
 
-/// Cells of one level and their links; all parts lie in `indices`. Edges are sorted by receiver.
-struct BatchLevel {
-  int64_t cells = 0, edges = 0;
-  Part edge_begin;   ///< [cells + 1] edges of a receiver
-  Part sender;       ///< [edges] cell
-  Part receiver;     ///< [edges] cell
-  Part slot;         ///< [edges] 0..5: the sender lies at -x, +x, -y, +y, -z, +z
-  Part reverse;      ///< [edges] the edge from receiver to sender; as a list, the edges of a sender
-  Part parent;       ///< [cells] cell of the next level; empty at the top
-  Part octant;       ///< [cells] child slot 0..7
-  Part child_begin;  ///< [cells of the next level + 1]
-  Part child;        ///< [cells] this level's cells, sorted by parent
-};
+/// All parts lie in `indices`.
+using BatchLevel = graph::LevelGraph<Part>;
 
 struct Batch {
   std::vector<int64_t> particle_begin = {0};  ///< [scenes + 1]

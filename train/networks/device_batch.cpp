@@ -58,6 +58,7 @@ struct Attached {
 DeviceLevel attached_pairs(const SampleArrays& arrays, const Attached& on) {
   DeviceLevel links;
   links.cells = arrays.rows;
+  links.edges = arrays.pair_count;
   links.edge_begin = on.index(arrays.pairs.begin, 0, arrays.rows + 1);
   links.sender = on.index(arrays.pairs.sender, 0, arrays.pair_count);
   links.receiver = on.index(arrays.pairs.receiver, 0, arrays.pair_count);
@@ -79,6 +80,7 @@ void attach_cells(const SampleArrays& arrays, const Attached& on, bool with_offs
                   edges = arrays.counts.edges[static_cast<std::size_t>(l)];
     DeviceLevel level;
     level.cells = cells;
+    level.edges = edges;
     level.edge_begin = on.index(links.edge_begin, first_cell, cells + 1) - first_edge;
     level.sender = on.index(links.sender, first_edge, edges);
     level.receiver = on.index(links.receiver, first_edge, edges);
@@ -125,22 +127,12 @@ DeviceBatch upload(const Batch& batch, const at::Tensor& like) {
   }
   for (const BatchLevel& level : batch.level) {
     DeviceLevel& links = on_device.level.emplace_back();
-    links.cells = level.cells;
-    links.edge_begin = index(level.edge_begin);
-    links.sender = index(level.sender);
-    links.receiver = index(level.receiver);
-    links.reverse = index(level.reverse);
+    static_cast<graph::LevelGraph<at::Tensor>&>(links) = level.as<at::Tensor>(index);
+    if (level.parent.count == 0) links.parent.reset();
     if (!of_cells) {
       links.direction = rows(batch.edge_features, graph::edge_feature_count);
       continue;
     }
-    links.slot = index(level.slot);
-    if (level.parent.count > 0) {
-      links.parent = index(level.parent);
-      links.child_begin = index(level.child_begin);
-      links.child = index(level.child);
-    }
-    links.octant = index(level.octant);
     add_offsets(links, numbers);
   }
   return on_device;

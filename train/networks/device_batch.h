@@ -11,13 +11,10 @@
 
 namespace graupel::train {
 
-/// Links between the nodes of a graph on the device; see BatchLevel.
-struct DeviceLevel {
-  int64_t cells = 0;
-  at::Tensor edge_begin, sender, receiver, slot, reverse, parent, child_begin, child;
+/// Links between the nodes of a graph on the device.
+struct DeviceLevel : graph::LevelGraph<at::Tensor> {
   at::Tensor direction;      ///< [edges, 3] unit vector from sender to receiver; between particles [edges, 4]:
                              ///< graph::edge_features
-  at::Tensor octant;         ///< [cells] child slot
   at::Tensor parent_offset;  ///< [cells, 3] (centre of the parent - centre) / spacing
 };
 

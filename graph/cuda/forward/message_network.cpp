@@ -26,23 +26,7 @@ HgnGraph MessageNetwork::graph() const {
   placed.cell = links.cell;
   placed.pair_begin = links.pair_begin;
   placed.pair = links.pair;
-  for (int l = 0; l < inputs_.room.levels; ++l) {
-    const PlacedLevel from = places_.level(l);
-    LevelLinks level{};
-    level.cells = inputs_.room.cells[static_cast<std::size_t>(l)];
-    level.edges = inputs_.room.edges[static_cast<std::size_t>(l)];
-    level.cell_count = from.cell_count;
-    level.edge_count = from.edge_count;
-    level.edge_begin = from.edge_begin;
-    level.sender = from.sender;
-    level.receiver = from.receiver;
-    level.slot = from.slot;
-    level.parent = from.parent;
-    level.octant = from.octant;
-    level.child_begin = from.child_begin;
-    level.child = from.child;
-    placed.level.push_back(level);
-  }
+  for (int l = 0; l < inputs_.room.levels; ++l) placed.level.push_back(places_.level(l));
   return placed;
 }
 

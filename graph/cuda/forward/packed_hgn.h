@@ -12,6 +12,7 @@
 #include "graph/config/hgn_config.h"
 #include "graph/cuda/fused_mlp/row_layers.h"
 #include "graph/plan/layer_plan.h"
+#include "graph/topology/level_graph.h"
 
 namespace graupel::graph {
 
@@ -59,15 +60,6 @@ class PackedHgn {
   Buffer<OffsetTable> tables_on_device_;
   Buffer<uint16_t> tiles_;
   Buffer<float> tables_;
-};
-
-/// The links of one level in the GPU's memory; numbers count within the level.
-struct LevelLinks {
-  int64_t cells = 0, edges = 0;
-  const int32_t *cell_count = nullptr, *edge_count = nullptr;  ///< row_layers.h
-  const int32_t *edge_begin, *sender, *receiver, *slot, *reverse;
-  const int32_t *parent, *octant, *child_begin, *child;
-  int32_t first_edge = 0, first_child = 0;  ///< what edge_begin and child_begin count too many
 };
 
 /// Particles, pairs and levels of a batch of scenes (train::Batch, GridLinks) in the GPU's memory.

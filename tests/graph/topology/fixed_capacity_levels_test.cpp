@@ -64,7 +64,7 @@ void expect_links_of(const Places& links, const std::vector<Vec3f>& position) {
   EXPECT_EQ(links.number(links.places.pair_count()), 8 * static_cast<int32_t>(position.size()));
   for (std::size_t l = 0; l < levels; ++l) {
     const auto& level = hierarchy.levels[l];
-    const PlacedLevel placed = links.places.level(static_cast<int>(l));
+    const LevelLinks placed = links.places.level(static_cast<int>(l));
     ASSERT_EQ(links.number(placed.cell_count), static_cast<int32_t>(level.size()));
     const auto begin = links.numbers(placed.edge_begin, level.size() + 1);
     const auto edges = static_cast<std::size_t>(begin.back());

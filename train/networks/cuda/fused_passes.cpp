@@ -123,21 +123,7 @@ graph::HgnGraph FusedPasses::graph_of(const DeviceBatch& batch) {
   graph.cell = index(batch.cell);
   graph.pair_begin = index(batch.pair_begin);
   graph.pair = index(batch.pair);
-  for (const DeviceLevel& level : batch.level) {
-    graph::LevelLinks links{};
-    links.cells = level.cells;
-    links.edges = level.sender.size(0);
-    links.edge_begin = index(level.edge_begin);
-    links.sender = index(level.sender);
-    links.receiver = index(level.receiver);
-    links.slot = index(level.slot);
-    links.reverse = index(level.reverse);
-    links.parent = index(level.parent);
-    links.octant = index(level.octant);
-    links.child_begin = index(level.child_begin);
-    links.child = index(level.child);
-    graph.level.push_back(links);
-  }
+  for (const DeviceLevel& level : batch.level) graph.level.push_back({level.as<const int32_t*>(index)});
   return graph;
 }
 
