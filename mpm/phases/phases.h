@@ -1,5 +1,5 @@
 // The phases of one substep. Each is one or two kernels over views; together they are the algorithm of
-// Solver::substep (docs/method.md).
+// Solver::substep (docs/reference/method.md).
 #pragma once
 
 #include "mpm/grid/block_table.h"
