@@ -85,7 +85,7 @@ std::string sweep_markdown() {
          "All runs start with the same particles, which are a reduced model's reference points: a parameter that moves "
          "them at\nthe start is an error, as is one of `frames`, `frame_time` or `seed`. The seed is the scene's, or "
          "`--seed`. The scene's\nkeys change in the order: scene file, `set`, parameters. For one data set "
-         "`--set deflate=4` changes a key of the recipe and\n`--set scene.domain.dx=0.03` one of its scene. To store a "
+         "`--set deflate=4` changes a key of the recipe\nand `--set scene.domain.dx=0.03` one of its scene. To store a "
          "frame every k substeps, give the scene\n`\"time_step\": { \"policy\": \"fixed\", "
          "\"substeps_per_frame\": k }` and a `frame_time` of k steps.\n\n"
          "These tables are made from `core/scene/sweep_recipe.h`.\n" +
