@@ -165,6 +165,13 @@ class Obstacle:
         flat = exact_distance(self.body, voxels.reshape(-1, 3) * self.voxel)
         return np.clip(flat, -self.band, self.band).astype(np.float32).astype(np.float64).reshape(voxels.shape[:-1])
 
+    def may_contain(self, x):
+        """False where phi > 0 for certain: outside the body's box and two voxels around it."""
+        if self.is_plane:
+            return np.ones(len(x), bool)
+        local, (low, high) = (x - self.position) @ self.rotation, half_extents(self.body)
+        return ((local > low - 2 * self.voxel) & (local < high + 2 * self.voxel)).all(axis=1)
+
     def corner_values(self, base):
         return self.values(base[:, None, :] + CORNERS).reshape(-1, 2, 2, 2)
 
@@ -330,7 +337,8 @@ def cell_normals(obstacles, origin, size, dx):
         keep = ((x >= low) & (x <= high)).all(axis=1)
         for other in obstacles:
             if other is not obstacle:
-                keep[keep] &= other.signed_distance(x[keep])[0] >= 0
+                near = np.flatnonzero(keep)[other.may_contain(x[keep])]
+                keep[near] = other.signed_distance(x[near])[0] >= 0
         positions.append(x[keep])
         normals.append((normal @ obstacle.rotation.T)[keep])
     if not positions:

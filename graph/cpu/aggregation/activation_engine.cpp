@@ -38,7 +38,8 @@ class ActivationEngine : public HgnEngine {
  private:
   using Block = std::vector<CellSums>;
 
-  /// Steps 0 to 12 of figure 2 of the HGN paper. Each step is told what the next one gathers.
+  /// Steps 0 to 12 of figure 2 of the HGN paper. Each step also computes the first linear layer of the next
+  /// one, while its rows are in the cache.
   void evaluate(const std::vector<float>& features, const std::vector<int32_t>& particle_type,
                 const sparsegrid::Hierarchy<3>& hierarchy, SumWorkspace& workspace,
                 std::vector<float>& acceleration) const {
