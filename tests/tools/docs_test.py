@@ -45,7 +45,7 @@ def broken_links(file, text):
             continue
         path, _, anchor = link.partition("#")
         target = os.path.normpath(os.path.join(os.path.dirname(file), path)) if path else file
-        if not os.path.exists(os.path.join(ROOT, target)):
+        if target != file and not os.path.exists(os.path.join(ROOT, target)):
             broken.append(f"{file}: {link}")
         elif anchor and target.endswith(".md") and anchor not in anchors(text if target == file else read(target)):
             broken.append(f"{file}: {link} (no such heading)")
