@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Markdown: relative links lead to files and headings that exist, the README is a page, decisions are a page each.
+"""Markdown: links lead to files and headings that exist, named sources exist, README and decisions are a page each.
 
 Runs by tests/run_all.sh, or: /usr/bin/python3 tests/tools/docs_test.py
 """
@@ -58,6 +58,12 @@ def long_lines(file, text):
             if len(line) > WIDTH and not line.startswith("|") and not line.startswith("!") and " " in line.strip()]
 
 
+def missing_sources(file, text):
+    folders = "apps|bench|compare|core|experiments|graph|io|mpm|nn|rom|sparsegrid|tests|tools|train|validation"
+    named = re.findall(rf"`((?:{folders})/[\w/.-]+\.(?:h|cpp|cu|cuh|py|sh))`", text)
+    return [f"{file}: {path}" for path in named if not os.path.exists(os.path.join(ROOT, path))]
+
+
 class DocsTest(unittest.TestCase):
     def test_links_lead_somewhere(self):
         self.assertGreater(len(markdown_files()), 20)
@@ -70,6 +76,11 @@ class DocsTest(unittest.TestCase):
     def test_lines_have_120_characters_at_most(self):
         self.assertEqual([line for file in markdown_files() for line in long_lines(file, read(file))], [])
         self.assertEqual(long_lines("x.md", "a " * 61 + "\n| " + "a " * 61), ["x.md:1"])
+
+    def test_sources_that_pages_name_exist(self):
+        pages = [file for file in markdown_files() if file != "CHANGELOG.md"]
+        self.assertEqual([path for file in pages for path in missing_sources(file, read(file))], [])
+        self.assertEqual(missing_sources("x.md", "`core/math/vec.h` `core/no.h`"), ["x.md: core/no.h"])
 
     def test_the_readme_is_a_page(self):
         lines = read("README.md").split("\n")
