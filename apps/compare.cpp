@@ -74,7 +74,7 @@ void add_compare(CLI::App& app) {
       "  graupel compare --scenes valid.h5 --models models/hgn.safetensors --frames 100 --json out.json\n"
       "  graupel compare --scenes scenes/shared/sand_column.json --models mpm,models/nsf-sand.safetensors --set "
       "materials.sand.friction_angle=33\n"
-      "docs/metrics.md defines the metrics.");
+      "docs/reference/metrics.md defines the metrics.");
   command->callback([verb] { compare_verb(*verb); });
 }
 

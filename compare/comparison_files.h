@@ -1,4 +1,4 @@
-// A comparison as JSON, CSV and a table for the terminal. docs/metrics.md describes the files.
+// A comparison as JSON, CSV and a table for the terminal. docs/reference/metrics.md describes the files.
 #pragma once
 
 #include <nlohmann/json_fwd.hpp>

@@ -1,4 +1,4 @@
-// The rules by which models are compared, in one place. docs/fairness.md states them in prose.
+// The rules by which models are compared, in one place. docs/reference/fairness.md states them in prose.
 //
 // Clock: the wall time of the caller around a frame, on a GPU until it has finished there, for networks and solvers
 // alike (experiments/model_runs.cpp, graph::FrameTiming::wall); handing a frame out, tracers and searches for a step

@@ -21,7 +21,7 @@ enum class ModelKind { mpm, network, reduced };
 /// A network with the laws that its rollouts are held to, or one of the two alone.
 enum class NetworkParts { all, network_alone, corrections_alone };
 
-/// What a word of --models means.
+/// One parsed entry of --models.
 struct ModelChoice {
   std::string name;  ///< as given
   ModelKind kind = ModelKind::mpm;

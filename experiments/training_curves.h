@@ -8,7 +8,7 @@
 
 namespace graupel::experiments {
 
-/// One validation of a run (docs/metrics.md).
+/// One validation of a run (docs/reference/metrics.md).
 struct Validation {
   double step = 0, seconds = 0;
   double one_step = 0;     ///< one-step error over that of the better baseline; NaN where it was not measured

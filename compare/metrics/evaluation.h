@@ -1,4 +1,4 @@
-// All rollout metrics of one run against the truth (docs/metrics.md).
+// All rollout metrics of one run against the truth (docs/reference/metrics.md).
 #pragma once
 
 #include <map>

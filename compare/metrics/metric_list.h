@@ -1,5 +1,5 @@
-// Every metric of the comparison: key, unit and one line of meaning. docs/metrics.md defines them; a test holds the two
-// lists equal, and another that every result has every key with a finite value.
+// Every metric of the comparison: key, unit and one line of meaning. docs/reference/metrics.md defines them; a test
+// holds the two lists equal, and another that every result has every key with a finite value.
 #pragma once
 
 #include <map>

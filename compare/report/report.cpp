@@ -262,7 +262,7 @@ std::string head_section(const Comparison& comparison) {
       "with eight times the particles. A model loses that is worse than the coarse grid in two of position MSE, "
       "Sinkhorn divergence and density error; differences within the chaos floor are ties. The chaos floor is what MPM "
       "differs from itself when its particles are moved by 1e-4 dx (position errors) or sampled with another seed (the "
-      "rest): errors near it cannot be told from chaos. Definitions: <code>docs/metrics.md</code>.</p>\n",
+      "rest): errors near it cannot be told from chaos. Definitions: <code>docs/reference/metrics.md</code>.</p>\n",
       escape_markup(comparison.version), escape_markup(comparison.machine), comparison.threads,
       escape_markup(comparison.command));
 }

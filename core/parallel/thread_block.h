@@ -63,7 +63,7 @@ struct CudaBlock {
       return *static_cast<const volatile T*>(place);
     }
   }
-  /// Between two looks at what another block is to write.
+  /// Back-off in a spin wait on another block's flag.
   __device__ void pause() const {}
 };
 #endif

@@ -1,5 +1,6 @@
 // Configuration structs declare each field once: name, unit, meaning, range, which kinds it applies to. The JSON
-// reader, `--print-defaults`, docs/scene_format.md and scenes/schema.json are all made from these declarations (io/).
+// reader, `--print-defaults`, docs/reference/scene_format.md and scenes/schema.json are all made from these
+// declarations (io/).
 //
 //   struct Domain {
 //     double dx = 1.0 / 64;

@@ -10,7 +10,7 @@
 
 namespace graupel {
 
-/// Constitutive models (docs/method.md gives the equations and papers).
+/// Constitutive models (docs/reference/method.md gives the equations and papers).
 enum class MaterialModel {
   water,        ///< weakly compressible, linear or Tait pressure, Newtonian viscosity
   jelly,        ///< fixed corotated elasticity

@@ -1,5 +1,5 @@
 // The scene: domain, materials, particle sources, obstacles, time step and frames. SI units; y is up by convention.
-// Read from JSON by io/scene_reader; docs/scene_format.md is made from the declarations here.
+// Read from JSON by io/scene_reader; docs/reference/scene_format.md is made from the declarations here.
 #pragma once
 
 #include <cstdint>

@@ -1,5 +1,5 @@
-// What every graph network is told of its particles (HGN paper, section 3.1), what it predicts of them, and the
-// statistics of its training data.
+// Input features and prediction targets of the graph networks (HGN paper, section 3.1), and the statistics of their
+// training data.
 #pragma once
 
 #include <cstdint>

@@ -50,8 +50,8 @@ std::string preset_markdown() {
   std::string text =
       "\n## Material presets\n\n`taichi_*` are the constants of Taichi Elements, `nsf_*`, `crom_*` and `licrom_*` "
       "those "
-      "of the papers on reduced\nmodels, `claymore_*` those of the cubes by which claymore is measured; "
-      "docs/method.md says what those papers leave open.\n\n| Preset | Model | Constants |\n|---|---|---|\n";
+      "of the papers on reduced\nmodels, `claymore_*` those of the cubes by which claymore is measured.\n"
+      "docs/reference/method.md says what those papers leave open.\n\n| Preset | Model | Constants |\n|---|---|---|\n";
   for (const std::string& name : material_preset_names()) {
     const MaterialConfig preset = *material_preset(name);
     std::string constants;
@@ -69,8 +69,8 @@ std::string preset_markdown() {
 std::string sweep_markdown() {
   return "\n# Sweeps\n\n"
          "A recipe with the key `scene` is a sweep: `graupel generate` runs that scene once for each value of its "
-         "parameters\nand stores the values with the trajectories (docs/file_formats.md). Run i, from 0 on, takes item "
-         "i of every list.\n\n"
+         "parameters\nand stores the values with the trajectories (docs/reference/file_formats.md).\n"
+         "Run i, from 0 on, takes item i of every list.\n\n"
          "    {\n"
          "      \"scene\": \"../heap.json\",\n"
          "      \"set\": { \"domain.dx\": 0.02, \"frames\": 60 },\n"
@@ -85,7 +85,7 @@ std::string sweep_markdown() {
          "All runs start with the same particles, which are a reduced model's reference points: a parameter that moves "
          "them at\nthe start is an error, as is one of `frames`, `frame_time` or `seed`. The seed is the scene's, or "
          "`--seed`. The scene's\nkeys change in the order: scene file, `set`, parameters. For one data set "
-         "`--set deflate=4` changes a key of the recipe and\n`--set scene.domain.dx=0.03` one of its scene. To store a "
+         "`--set deflate=4` changes a key of the recipe\nand `--set scene.domain.dx=0.03` one of its scene. To store a "
          "frame every k substeps, give the scene\n`\"time_step\": { \"policy\": \"fixed\", "
          "\"substeps_per_frame\": k }` and a `frame_time` of k steps.\n\n"
          "These tables are made from `core/scene/sweep_recipe.h`.\n" +

@@ -30,7 +30,7 @@ std::string scene_to_json(const Scene& scene);
 
 /// Every field with its default, as commented JSON (--print-defaults).
 std::string scene_defaults();
-/// docs/scene_format.md and scenes/schema.json, made from the same declarations.
+/// docs/reference/scene_format.md and scenes/schema.json, made from the same declarations.
 std::string scene_format_markdown();
 std::string scene_schema_json();
 

@@ -1,7 +1,7 @@
 // Saved states of runs in files. A file is
 //   "graupel-state 1\n", u64 length of the header, header (JSON: whose state it is, lengths of what follows), scene
 //   (JSON), the last frames (f64 time, then f32 arrays as in a trajectory), the solver's state, u64 checksum (FNV-1a of
-//   all before it); numbers little endian. docs/file_formats.md describes it for users.
+//   all before it); numbers little endian. docs/reference/file_formats.md describes it for users.
 #pragma once
 
 #include <cstdint>

@@ -2,7 +2,7 @@
 //   /00000/position f32 [T, N, 3], /00000/particle_type i32 [N], /00000/velocity f32 [T, N, 3] (optional),
 //   /00000/initial_velocity f32 [N, 3], /00000/time f64 [T], /00000/active u8 [T, N] (only where particles come or go;
 //   0: not in the run in that frame), fields that were asked for (core/scene/particle_fields.h); attributes: units,
-//   scene_json, seed, version, complete. docs/file_formats.md describes it for users.
+//   scene_json, seed, version, complete. docs/reference/file_formats.md describes it for users.
 // Written as <path>.part, flushed every few frames, synced and renamed, complete=1 last.
 #pragma once
 

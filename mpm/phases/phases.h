@@ -1,5 +1,5 @@
 // The phases of one substep. Each is one or two kernels over views; together they are the algorithm of
-// Solver::substep (docs/method.md).
+// Solver::substep (docs/reference/method.md).
 #pragma once
 
 #include "mpm/grid/block_table.h"
@@ -100,7 +100,7 @@ void update_deformation_slots(const SolverView<T>& view, T dt, int64_t first, in
 template <typename T>
 Survey move_particles(const SolverView<T>& view, T dt, Buffer<Survey>& records);
 
-/// Whether nothing moves but the particles, and none comes or goes.
+/// True for static obstacles, closed walls and a fixed set of particles without scripts.
 template <typename T>
 bool moves_plainly(const SolverView<T>& view);
 /// move_particles(), and the survey alone, of some slots of a scene that moves plainly, on the CPU.

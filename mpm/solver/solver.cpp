@@ -119,7 +119,7 @@ void Solver<T>::carry_tracers(const std::vector<Vec3f>& position, const std::vec
   tracers_ = Tracers<T>(options_.device, position, velocity);
 }
 
-/// As much in one pass over the particles as nothing else has to come between.
+/// Fuses grid-to-particle, deformation update and advection where no phase between them is needed.
 template <typename T>
 void Solver<T>::advance_particles(const SolverView<T>& v, double dt) {
   const T step = static_cast<T>(dt);

@@ -1,6 +1,6 @@
 // Integration points: the particles of the body, or one for each cluster of neighbours, which stands for the mass and
 // volume of all with their mean stress and affine velocity. It keeps its own place: at the clusters' centres the body
-// would end too early, at its surface and on the floor (docs/reduced-order.md).
+// would end too early, at its surface and on the floor (docs/reference/reduced-order.md).
 #pragma once
 
 #include <cstdint>

@@ -1,6 +1,6 @@
 // Runs scenes in the latent space of one reduced-order model on a GPU: many instances with parameters of their own
-// advance together, and the host waits once a frame (docs/reduced-order.md). As rom/reduced_solver.h does on the CPU,
-// in single precision with Gauss-Newton in double.
+// advance together, and the host waits once a frame (docs/reference/reduced-order.md). As rom/reduced_solver.h does on
+// the CPU, in single precision with Gauss-Newton in double.
 #pragma once
 
 #include <array>

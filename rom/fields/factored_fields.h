@@ -1,6 +1,6 @@
 // Factored fields, f(X; s) = mean(X) + sum_k W_k(X) a_k(s): spatial modes (POD of the training runs) times coefficients
 // that a small branch gives once a step. A particle then costs one multiplication a mode and component, where the
-// paper's networks take some 10^5 to 10^6 (docs/reduced-order.md).
+// paper's networks take some 10^5 to 10^6 (docs/reference/reduced-order.md).
 #pragma once
 
 #include "rom/fields/branch.h"

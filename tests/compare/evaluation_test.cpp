@@ -164,9 +164,9 @@ TEST(MetricList, MissingAndNonFiniteValuesAreFound) {
   EXPECT_TRUE(missing_metrics(list, {MetricGroup::floors}, {}).empty());
 }
 
-/// Keys in the first column of the tables of docs/metrics.md, e.g. "| `sinkhorn` | ...".
+/// Keys in the first column of the tables of docs/reference/metrics.md, e.g. "| `sinkhorn` | ...".
 std::multiset<std::string> documented_keys() {
-  const std::string text = read_file(GRAUPEL_SOURCE_DIR "/docs/metrics.md");
+  const std::string text = read_file(GRAUPEL_SOURCE_DIR "/docs/reference/metrics.md");
   const std::regex row("(^|\n)\\| `([a-z0-9_.<>]+)`");
   std::multiset<std::string> keys;
   for (auto m = std::sregex_iterator(text.begin(), text.end(), row); m != std::sregex_iterator(); ++m)

@@ -53,7 +53,7 @@ TILE = 16
 
 
 def state_values(path):
-    """Particles of a saved state of the CPU's solver, in the order of the scene's sources (docs/file_formats.md)."""
+    """Particles of a saved state of the CPU's solver, in the order of the scene's sources (docs/reference/file_formats.md)."""
     with open(path, "rb") as file:
         data = file.read()
     if not data.startswith(b"graupel-state 1\n"):

@@ -17,7 +17,9 @@ void check_generated(const std::string& name, const std::string& text) {
   EXPECT_TRUE(bytes_of(path) == text) << name << " is out of date; " << remedy;
 }
 
-TEST(SceneFormat, DocumentationIsUpToDate) { check_generated("docs/scene_format.md", scene_format_markdown()); }
+TEST(SceneFormat, DocumentationIsUpToDate) {
+  check_generated("docs/reference/scene_format.md", scene_format_markdown());
+}
 TEST(SceneFormat, SchemaIsUpToDate) { check_generated("scenes/schema.json", scene_schema_json()); }
 
 TEST(SceneFormat, SchemaRefusesUnknownKeysAndTiesKeysToShapes) {

@@ -1,5 +1,5 @@
 """HDF5: splits of LagrangeBench and of Graupel. A group a trajectory, 00000, 00001, ..., with position [T, N, dim] and
-particle_type [N]; Graupel's have their scene and times too (docs/file_formats.md). Every number in a file is distrusted;
+particle_type [N]; Graupel's have their scene and times too (docs/reference/file_formats.md). Every number in a file is distrusted;
 the same content gives the same bytes (no times in the file)."""
 import math
 import os

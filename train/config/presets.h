@@ -1,4 +1,4 @@
-// Settings that a new run begins with: those that did best (docs/learned-simulators.md), or the paper's.
+// Settings that a new run begins with: those that did best (docs/lab/networks-against-mpm.md), or the paper's.
 #pragma once
 
 #include <string>

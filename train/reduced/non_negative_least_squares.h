@@ -2,7 +2,8 @@
 //   w = argmin |A w - b|^2 + pull sum_c |A_c|^2 (w_c - prior_c)^2,  w >= 0,
 // one weight after the other to its best value, the others kept (Franc, Hlavac and Navara 2005). It is the solver of
 // empirical cubature (An, Kim and James 2008; ECSW, Farhat et al. 2014), whose columns touch few rows. A numerical
-// routine of its own: no verb uses it, since weights fitted with it lost to matched points (docs/reduced-order.md).
+// routine of its own: no verb uses it, since weights fitted with it lost to matched points
+// (docs/reference/reduced-order.md).
 #pragma once
 
 #include <Eigen/Core>

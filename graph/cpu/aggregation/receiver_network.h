@@ -1,5 +1,5 @@
-// What a network that sums activations does with the sums of a tile of receivers: its FCN, and of the new latents what
-// the next step gathers.
+// Node update after aggregation: the FCN on the sums of a tile of receivers, fused with the first linear layer of the
+// next step.
 #pragma once
 
 #include "graph/topology/tiles.h"

@@ -1,4 +1,4 @@
-// Memory for the rows of a forward pass that nobody looks back on.
+// Bump allocator for the activations of an inference pass; nothing is kept for the backward pass.
 #pragma once
 
 #include <algorithm>

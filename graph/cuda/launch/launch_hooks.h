@@ -1,4 +1,4 @@
-// Where the caller of a network's launches adds its own to their stream.
+// Callbacks at two points of the forward pass, where the caller may enqueue kernels on the same stream.
 #pragma once
 
 #include <functional>
@@ -6,8 +6,8 @@
 namespace graupel::graph {
 
 struct LaunchMoments {
-  std::function<void()> graph_ready;  ///< called when the stream waits for nothing but the graph
-  std::function<void()> room_beside;  ///< called where what follows leaves multiprocessors idle
+  std::function<void()> graph_ready;  ///< called when the stream depends on nothing but the graph
+  std::function<void()> room_beside;  ///< called before the coarse levels, which do not fill the GPU
 };
 
 }  // namespace graupel::graph

@@ -1,12 +1,11 @@
-// Networks over gathered and summed rows, many in one launch: a block of eight warps takes a tile of rows through
+// Networks over gathered and summed rows in one cooperative launch. A block of eight warps takes a tile of rows through
 //   s[r] = scale * sum over links k of w a(U[link k] + V[r] + T[k])        (or other rows, see Gather)
 //   y[r] = LayerNorm(W2 a(W1 [s[r], x[r]] + b1 + table) + b2),  f[r] = add[r] + y[r]
 //   out[j][r] = W[j] f[r] + bias[j]                                        (what the next network gathers)
-// and the blocks of the whole GPU go from network to network, each waiting until the one before is complete. A warp has
-// 16 of the 128 columns; with few rows its part of the weights is read from memory straight into registers while the
-// network before is still under way, with many it is read anew for each tile, from the first cache, and two blocks
-// share a multiprocessor. a = LeakyReLU 0.01, layer norm with eps 1e-5, products in bf16 with f32 sums, no atomics on
-// floats. Compute capability 8.0 or later; all pointers are to the GPU's memory.
+// A grid-wide barrier separates dependent networks. A warp has 16 of the 128 columns. With few rows its part of the
+// weights is prefetched into registers while the network before still runs; with many it is read anew for each tile,
+// from the L1 cache, and two blocks share a multiprocessor. a = LeakyReLU 0.01, layer norm with eps 1e-5, products in
+// bf16 with f32 sums, no atomics on floats. Compute capability 8.0 or later; all pointers are to the GPU's memory.
 #pragma once
 
 #include <cstdint>

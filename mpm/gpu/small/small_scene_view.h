@@ -30,7 +30,8 @@ struct ContactLaw {
 };
 inline constexpr int laws_of_walls = 6;
 
-/// Most nodes and particles of a small scene: 400 MB of grids; above, sorted blocks are faster (docs/performance.md).
+/// Most nodes and particles of a small scene: 400 MB of grids; above, sorted blocks are faster
+/// (docs/lab/performance.md).
 inline constexpr int64_t most_small_nodes = int64_t{1} << 22;
 inline constexpr int64_t most_small_particles = 16384;
 
