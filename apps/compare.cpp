@@ -1,9 +1,9 @@
 // graupel compare: scenes x models -> table, CSV, JSON and report.html.
-#include "apps/common_options.h"
+#include "experiments/process/common_options.h"
 #include "apps/verbs.h"
 #include "core/system/command_line.h"
-#include "experiments/compare_runs.h"
-#include "experiments/process.h"
+#include "experiments/comparison/compare_runs.h"
+#include "experiments/process/process.h"
 #include "mpm/scene_variants.h"
 
 namespace graupel::apps {

@@ -2,8 +2,8 @@
 #include <algorithm>
 #include <cstdio>
 
-#include "apps/common_options.h"
-#include "apps/python_tool.h"
+#include "experiments/process/common_options.h"
+#include "experiments/process/python_tool.h"
 #include "apps/verbs.h"
 #include "core/system/atomic_file.h"
 #include "core/system/error.h"

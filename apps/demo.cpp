@@ -2,12 +2,12 @@
 #include <cstdio>
 #include <filesystem>
 
-#include "apps/common_options.h"
+#include "experiments/process/common_options.h"
 #include "apps/verbs.h"
 #include "core/system/command_line.h"
 #include "core/system/error.h"
-#include "experiments/compare_runs.h"
-#include "experiments/process.h"
+#include "experiments/comparison/compare_runs.h"
+#include "experiments/process/process.h"
 
 namespace graupel::apps {
 

@@ -2,7 +2,7 @@
 #include <cstdio>
 #include <filesystem>
 
-#include "apps/common_options.h"
+#include "experiments/process/common_options.h"
 #include "apps/verbs.h"
 #include "core/system/command_line.h"
 #include "core/system/error.h"

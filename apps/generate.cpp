@@ -2,11 +2,11 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
-#include "apps/common_options.h"
+#include "experiments/process/common_options.h"
 #include "apps/verbs.h"
 #include "core/system/command_line.h"
 #include "core/system/error.h"
-#include "experiments/data_set.h"
+#include "experiments/data/data_set.h"
 
 namespace graupel::apps {
 

@@ -5,11 +5,11 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
-#include "apps/common_options.h"
+#include "experiments/process/common_options.h"
 #include "apps/verbs.h"
 #include "core/system/error.h"
-#include "experiments/progress.h"
-#include "experiments/training_curves.h"
+#include "experiments/process/progress.h"
+#include "experiments/inspection/training_curves.h"
 #include "io/scene/scene_reader.h"
 #include "io/scene/sweep_reader.h"
 #include "io/trajectory/state_file.h"

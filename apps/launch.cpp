@@ -7,7 +7,7 @@
 #include "apps/verbs.h"
 #include "core/system/command_line.h"
 #include "core/system/error.h"
-#include "experiments/rank_processes.h"
+#include "experiments/process/rank_processes.h"
 
 namespace graupel::apps {
 

@@ -7,13 +7,13 @@
 #include <exception>
 #include <new>
 
-#include "apps/common_options.h"
+#include "experiments/process/common_options.h"
 #include "apps/verbs.h"
 #include "core/parallel/instruction_set.h"
 #include "core/system/command_line.h"
 #include "core/system/error.h"
 #include "core/system/stop_signal.h"
-#include "experiments/process.h"
+#include "experiments/process/process.h"
 #include "nn/bf16_products.h"
 
 namespace graupel::apps {

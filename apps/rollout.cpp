@@ -5,17 +5,17 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
-#include "apps/common_options.h"
-#include "apps/rollout.h"
+#include "experiments/process/common_options.h"
+#include "experiments/rollout/reduced_rollout.h"
 #include "apps/verbs.h"
 #include "compare/metrics/position_error.h"
 #include "core/scene/held_particles.h"
 #include "core/system/command_line.h"
 #include "core/system/error.h"
-#include "experiments/bundle_times.h"
-#include "experiments/outputs.h"
-#include "experiments/process.h"
-#include "experiments/progress.h"
+#include "experiments/models/bundle_times.h"
+#include "experiments/process/outputs.h"
+#include "experiments/process/process.h"
+#include "experiments/process/progress.h"
 #include "graph/learned_simulator.h"
 #include "io/scene/scene_reader.h"
 #include "io/trajectory/trajectory_file.h"

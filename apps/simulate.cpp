@@ -6,15 +6,15 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 
-#include "apps/common_options.h"
+#include "experiments/process/common_options.h"
 #include "apps/verbs.h"
 #include "core/parallel/memory.h"
 #include "core/system/command_line.h"
 #include "core/system/error.h"
-#include "experiments/outputs.h"
-#include "experiments/process.h"
-#include "experiments/progress.h"
-#include "experiments/saved_run.h"
+#include "experiments/process/outputs.h"
+#include "experiments/process/process.h"
+#include "experiments/process/progress.h"
+#include "experiments/simulation/saved_run.h"
 #include "io/scene/scene_reader.h"
 #include "io/trajectory/trajectory_file.h"
 #include "mpm/simulation.h"

@@ -1,6 +1,6 @@
 // graupel train: starts graupel-train beside this program, the only one linked with libtorch.
 #include "apps/verbs.h"
-#include "experiments/training_program.h"
+#include "experiments/process/sibling_program.h"
 
 namespace graupel::apps {
 

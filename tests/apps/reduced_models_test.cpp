@@ -6,7 +6,7 @@
 
 #include "core/system/atomic_file.h"
 #include "core/system/error.h"
-#include "experiments/refined_body.h"
+#include "experiments/models/refined_body.h"
 #include "io/hdf5/hdf5_dataset.h"
 #include "io/trajectory/trajectory_file.h"
 #include "tests/apps/falling_model.h"
