@@ -55,8 +55,9 @@ LibtorchTime time_in_libtorch(const std::string& weights_file, const NetworkStat
   const ScratchFolder folder;
   const std::string data = folder.file("state.h5"), result = folder.file("time.json");
   write_state(data, state);
-  run_training_program({"time", weights_file, "--data", data, "--first-layers", name_of(first_layers), "--device",
-                        name_of(device), "--threads", std::to_string(num_threads()), "--json", result});
+  run_to_end(training_program,
+             {"time", weights_file, "--data", data, "--first-layers", name_of(first_layers), "--device",
+              name_of(device), "--threads", std::to_string(num_threads()), "--json", result});
   const auto json = nlohmann::json::parse(read_file(result));
   LibtorchTime time;
   time.first_layers = first_layers;

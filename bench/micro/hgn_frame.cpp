@@ -3,6 +3,7 @@
 #include <Eigen/Dense>
 #include <chrono>
 #include <cstdio>
+#include <nlohmann/json.hpp>
 
 #include "bench/micro/micro.h"
 #include "graph/learned_simulator.h"

@@ -1,8 +1,8 @@
-// The benchmarks and what they share.
+// Short benchmarks of the solver and of a network, and the median that both print.
 #pragma once
 
 #include <algorithm>
-#include <nlohmann/json.hpp>
+#include <nlohmann/json_fwd.hpp>
 #include <string>
 #include <vector>
 

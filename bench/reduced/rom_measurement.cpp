@@ -6,10 +6,10 @@
 #include <cmath>
 #include <numeric>
 
-#include "experiments/process/common_options.h"
 #include "compare/metrics/displacement_error.h"
 #include "core/system/error.h"
-#include "experiments/models/model_runs.h"
+#include "experiments/models/memory_meter.h"
+#include "experiments/process/common_options.h"
 #include "io/scene/scene_reader.h"
 #include "mpm/fast_step.h"
 #include "mpm/particles/particles.h"

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "experiments/models/reduced_runs.h"
+#include "experiments/models/reduced_model.h"
 #include "io/trajectory/trajectory_file.h"
 #include "rom/cubature/sample_selection.h"
 

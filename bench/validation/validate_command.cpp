@@ -1,15 +1,15 @@
-// graupel bench validate: the solver against theory and experiments, as a Markdown table, with plots.
+// graupel-bench validate: the solver against theory and experiments, as a Markdown table, with plots.
 #include <fmt/format.h>
 
 #include <chrono>
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
-#include "experiments/process/common_options.h"
-#include "apps/verbs.h"
+#include "bench/commands.h"
 #include "compare/report/plot_svg.h"
 #include "core/system/atomic_file.h"
 #include "core/system/error.h"
+#include "experiments/process/common_options.h"
 #include "experiments/process/outputs.h"
 #include "experiments/process/process.h"
 #include "validation/case.h"
@@ -146,18 +146,18 @@ void bench_validate(BenchValidateOptions& options) {
 
 }  // namespace
 
-void add_bench_validate(CLI::App& bench) {
+void add_validate(const Command& program) {
   auto options = std::make_shared<BenchValidateOptions>();
-  CLI::App* verb = bench.add_subcommand("validate", "Figures of the solver beside those of theory and experiments");
-  verb->add_option("--case", options->cases, "Names of cases (repeatable; default: all)");
-  verb->add_flag("--list", options->list, "List the cases and end");
-  verb->add_flag("--long", options->full, "The long forms, at the references' resolution: minutes a case");
-  verb->add_option("--plots", options->plots, "Write a plot of every case as SVG into this folder");
-  options->common.add_to(*verb);
-  verb->footer(
+  const Command verb = program.command("validate", "Figures of the solver beside those of theory and experiments");
+  verb.option("--case", options->cases, "Names of cases (repeatable; default: all)");
+  verb.flag("--list", options->list, "List the cases and end");
+  verb.flag("--long", options->full, "The long forms, at the references' resolution: minutes a case");
+  verb.option("--plots", options->plots, "Write a plot of every case as SVG into this folder");
+  options->common.add_to(verb);
+  verb.footer(
       "Examples:\n  graupel bench validate\n"
       "  graupel bench validate --long --case dam_break --plots plots --json dam_break.json");
-  verb->callback([options] { bench_validate(*options); });
+  verb.callback([options] { bench_validate(*options); });
 }
 
 }  // namespace graupel::bench

@@ -12,23 +12,14 @@
 #include "compare/report/report.h"
 #include "experiments/comparison/compare_runs.h"
 #include "experiments/comparison/floor_file.h"
-#include "experiments/models/model_runs.h"
+#include "experiments/comparison/scene_tasks.h"
+#include "experiments/models/model_choice.h"
+#include "experiments/models/mpm_run.h"
+#include "experiments/models/network_run.h"
+#include "experiments/models/reduced_run.h"
 #include "graph/features/features.h"
 
 namespace graupel::experiments {
-
-/// A scene to compare on, and where its truth comes from.
-struct SceneTask {
-  Scene scene;
-  std::string source;  ///< file, "file#3" for a trajectory of a data set
-  uint64_t seed = 0;
-  int64_t frames = 0;
-  std::optional<Trajectory> stored;     ///< truth of a data set
-  std::vector<Vec3f> initial_velocity;  ///< [m/s], of a data set
-};
-
-/// Files and folders of --scenes, in order. Throws ConfigError and InputError.
-std::vector<SceneTask> read_scene_tasks(const CompareOptions& options);
 
 /// A model with what it needs to run.
 struct ComparedModel {

@@ -1,7 +1,7 @@
 // The rules by which models are compared, in one place. docs/fairness.md states them in prose.
 //
 // Clock: the wall time of the caller around a frame, on a GPU until it has finished there, for networks and solvers
-// alike (experiments/model_runs.cpp, graph::FrameTiming::wall); handing a frame out, tracers and searches for a step
+// alike (experiments/models/, graph::FrameTiming::wall); handing a frame out, tracers and searches for a step
 // are apart.
 #pragma once
 
@@ -12,7 +12,7 @@
 
 #include "compare/metrics/metric_list.h"
 #include "core/parallel/device.h"
-#include "experiments/models/model_runs.h"
+#include "experiments/models/model_choice.h"
 
 namespace graupel::experiments {
 

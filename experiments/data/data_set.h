@@ -5,8 +5,8 @@
 #include <filesystem>
 #include <string>
 
-#include "experiments/process/process.h"
 #include "experiments/data/scene_source.h"
+#include "experiments/process/process.h"
 
 namespace graupel::experiments {
 

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "core/scene/trajectory.h"
-#include "experiments/models/reduced_runs.h"
+#include "experiments/models/reduced_model.h"
 #include "rom/interpolation/mls_interpolation.h"
 
 namespace graupel::experiments {

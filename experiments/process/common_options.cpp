@@ -3,18 +3,15 @@
 #include <nlohmann/json.hpp>
 
 #include "core/system/atomic_file.h"
-#include "core/system/command_line.h"
 #include "experiments/process/outputs.h"
 
 namespace graupel::experiments {
 
-void CommonOptions::add_to(CLI::App& verb) {
-  verb.add_option("--seed", seed, "Seed of all random numbers")->each([this](const std::string&) {
-    seed_given = true;
-  });
-  verb.add_option("--device", device, "auto, cpu or cuda")->capture_default_str();
-  verb.add_option("--threads", threads, "CPU threads (0: all)")->check(whole_number(0, 4096))->capture_default_str();
-  verb.add_option("--json", json, "Write the result as JSON to this file (-: standard output)");
+void CommonOptions::add_to(const Command& verb) {
+  verb.option("--seed", seed, "Seed of all random numbers").remember_in(seed_given);
+  verb.option("--device", device, "auto, cpu or cuda").show_default();
+  verb.option("--threads", threads, "CPU threads (0: all)").check(whole_number(0, 4096)).show_default();
+  verb.option("--json", json, "Write the result as JSON to this file (-: standard output)");
 }
 
 Device CommonOptions::apply() {

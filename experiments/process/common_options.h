@@ -1,12 +1,12 @@
 // Flags that every verb takes.
 #pragma once
 
-#include <CLI/CLI.hpp>
 #include <cstdint>
 #include <nlohmann/json_fwd.hpp>
 #include <string>
 
 #include "core/parallel/device.h"
+#include "core/system/command_line.h"
 
 namespace graupel::experiments {
 
@@ -18,7 +18,7 @@ struct CommonOptions {
   std::string json;
 
   /// Adds --seed, --device, --threads, --json to a verb.
-  void add_to(CLI::App& verb);
+  void add_to(const Command& verb);
   /// Sets the number of threads; returns the device. Throws ConfigError, and IoError when --json cannot be written.
   Device apply();
   /// Writes `result` to --json, if given ("-": standard output).

@@ -38,22 +38,21 @@ int wait_for(pid_t child) {
 
 }  // namespace
 
-std::string training_program() {
-  const auto program = std::filesystem::read_symlink("/proc/self/exe").parent_path() / "graupel-train";
+std::string path_of(const SiblingProgram& sibling) {
+  const auto program = std::filesystem::read_symlink("/proc/self/exe").parent_path() / sibling.name;
   if (!std::filesystem::exists(program))
-    throw ConfigError("'" + program.string() +
-                      "' is not there (this build has no training). Install libtorch-dev and run ./run build");
+    throw ConfigError("'" + program.string() + "' is not there " + sibling.missing);
   return program;
 }
 
-void become_training_program(const std::vector<std::string>& arguments) {
-  const std::string program = training_program();
+void become(const SiblingProgram& sibling, const std::vector<std::string>& arguments) {
+  const std::string program = path_of(sibling);
   execute(program, arguments);
   throw Error(ExitCode::failed, "cannot start '" + program + "' (" + std::strerror(errno) + ")");
 }
 
-void run_training_program(const std::vector<std::string>& arguments) {
-  const std::string program = training_program();
+void run_to_end(const SiblingProgram& sibling, const std::vector<std::string>& arguments) {
+  const std::string program = path_of(sibling), name = sibling.name;
   const pid_t child = ::fork();
   if (child < 0) throw Error(ExitCode::failed, "cannot start '" + program + "' (" + std::strerror(errno) + ")");
   if (child == 0) {
@@ -66,12 +65,11 @@ void run_training_program(const std::vector<std::string>& arguments) {
   const int status = wait_for(child);
   stop_if_interrupted();
   if (WIFSIGNALED(status))
-    throw Error(ExitCode::failed, "graupel-train was ended by a signal (" + std::string(::strsignal(WTERMSIG(status))) +
+    throw Error(ExitCode::failed, name + " was ended by a signal (" + std::string(::strsignal(WTERMSIG(status))) +
                                       "). Where memory is short, take fewer particles");
   if (WEXITSTATUS(status) != 0)
-    throw Error(
-        static_cast<ExitCode>(WEXITSTATUS(status)),
-        "graupel-train failed (exit code " + std::to_string(WEXITSTATUS(status)) + "); its message above says why");
+    throw Error(static_cast<ExitCode>(WEXITSTATUS(status)),
+                name + " failed (exit code " + std::to_string(WEXITSTATUS(status)) + "); its message above says why");
 }
 
 }  // namespace graupel::experiments

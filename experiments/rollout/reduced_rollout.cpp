@@ -6,12 +6,15 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
-#include "experiments/rollout/reduced_rollout.h"
 #include "core/system/error.h"
+#include "experiments/models/reduced_model.h"
+#include "experiments/models/refined_body.h"
 #include "experiments/process/process.h"
 #include "experiments/process/progress.h"
-#include "experiments/models/refined_body.h"
+#include "experiments/rollout/reduced_rollout.h"
+#include "experiments/rollout/rollout_input.h"
 #include "io/scene/scene_reader.h"
+#include "io/trajectory/trajectory_file.h"
 
 namespace graupel::experiments {
 
@@ -48,7 +51,8 @@ class ReducedRollout {
         frames_(options.frames >= 0 ? options.frames : task.scene.frames),
         model_(loaded.model),
         run_(loaded, task.scene, task.seed, reduced_options(options),
-             {.arithmetic = options.arithmetic, .device = device_of_reduced_models(options.common.device)}),
+             {.arithmetic = options.f64 ? Arithmetic::f64 : Arithmetic::f32,
+              .device = device_of_reduced_models(options.common.device)}),
         refined_(options.refine ? std::make_unique<RefinedBody>(loaded, task.scene, task.seed, *options.refine)
                                 : nullptr),
         writer_(options.output, header_of(task), {.velocity = !refined_}) {

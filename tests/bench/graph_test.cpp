@@ -104,8 +104,8 @@ TEST(BenchGraph, PutsTheSameNetworksInLibtorchBesideThem) {
 
 TEST(BenchGraph, SaysHowToGetLibtorch) {
   const Folder folder;
-  std::filesystem::copy_file(GRAUPEL_BINARY_DIR "/graupel", folder.file("graupel"));
-  const Outcome outcome = run_program(folder.file("graupel"), "bench graph --libtorch --models mpm");
+  std::filesystem::copy_file(GRAUPEL_BINARY_DIR "/graupel-bench", folder.file("graupel-bench"));
+  const Outcome outcome = run_program(folder.file("graupel-bench"), "graph --libtorch --models mpm");
   EXPECT_EQ(outcome.exit_code, 2);
   EXPECT_TRUE(outcome.says("graupel-train' is not there") && outcome.says("Install libtorch-dev")) << outcome.output;
 }

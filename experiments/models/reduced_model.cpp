@@ -1,4 +1,4 @@
-#include "experiments/models/reduced_runs.h"
+#include "experiments/models/reduced_model.h"
 
 #include <fmt/format.h>
 
