@@ -17,12 +17,6 @@ namespace graupel::bench {
 
 using namespace experiments;
 
-std::vector<int64_t> particles = {3600};
-std::string recipe = "scenes/recipes/hgn.json";
-int64_t frames = 30, settle = 150, batch = 0;
-bool libtorch = false;
-};
-
 /// One model at one state of one scene.
 struct GraphBenchRow {
   std::string state, model;

@@ -125,6 +125,12 @@ TEST_F(BenchRom, AForeignSceneRunsWhenAskedAndIsNotTrusted) {
   EXPECT_EQ(result()["rows"][0]["trust"]["verdict"], "do not trust");
 }
 
+TEST_F(BenchRom, SeveralInstancesAreOfTheGpu) {
+  const Outcome outcome = bench("--instances 2");
+  EXPECT_EQ(outcome.exit_code, 2) << outcome.output;
+  EXPECT_TRUE(outcome.says("--instances")) << outcome.output;
+}
+
 TEST_F(BenchRom, RefusesWhatMakesNoSense) {
   const std::pair<const char*, const char*> bad[] = {{"--step-factor 1,0", "--step-factor"},
                                                      {"--samples 0", "--samples"},
