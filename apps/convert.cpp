@@ -1,16 +1,18 @@
 // graupel convert: data sets of other programs by tools/convert.py, weights to smaller numbers, scenes with every key.
-#include <algorithm>
 #include <cstdio>
+#include <utility>
 
-#include "apps/common_options.h"
-#include "apps/python_tool.h"
 #include "apps/verbs.h"
 #include "core/system/atomic_file.h"
 #include "core/system/error.h"
+#include "experiments/process/common_options.h"
+#include "experiments/process/python_tool.h"
 #include "io/scene/scene_reader.h"
 #include "nn/number_width.h"
 
 namespace graupel::apps {
+
+using namespace experiments;
 
 namespace {
 
@@ -26,17 +28,16 @@ void convert_weights(const std::string& input, const std::string& output, const 
 
 /// A file of weights or a scene.
 void convert_file(std::vector<std::string> words) {
-  CLI::App flags("Convert a file", "graupel convert");
+  CommandLine flags("Convert a file", "graupel convert");
   std::string input, output, numbers;
   std::vector<std::string> changes;
   CommonOptions common;
-  flags.add_option("input", input)->required();
-  flags.add_option("output", output)->required();
-  flags.add_option("--numbers", numbers)->check(CLI::IsMember({"f32", "f16", "bf16"}));
-  flags.add_option("--set", changes)->allow_extra_args(false);
+  flags.option("input", input, "").required();
+  flags.option("output", output, "").required();
+  flags.option("--numbers", numbers, "").check(one_of({"f32", "f16", "bf16"}));
+  flags.option("--set", changes, "").one_value_each();
   common.add_to(flags);
-  std::reverse(words.begin(), words.end());
-  flags.parse(words);
+  flags.parse(std::move(words));
   common.apply();
   if (input.ends_with(".safetensors"))
     convert_weights(input, output, numbers);
@@ -46,12 +47,11 @@ void convert_file(std::vector<std::string> words) {
 
 }  // namespace
 
-void add_convert(CLI::App& app) {
-  CLI::App* verb = app.add_subcommand("convert", "Convert data sets: ours, geoelements/gns, LagrangeBench; weights");
-  verb->prefix_command();  // the tool reads the flags, --help among them
-  verb->set_help_flag();
-  verb->callback([verb] {
-    const std::vector<std::string> words = verb->remaining();
+void add_convert(const Command& app) {
+  const Command verb = app.command("convert", "Convert data sets: ours, geoelements/gns, LagrangeBench; weights");
+  verb.take_words_as_they_are();  // the tool reads the flags, --help among them
+  verb.callback([verb] {
+    const std::vector<std::string> words = verb.words();
     const auto is_file = [](const std::string& w) { return w.ends_with(".safetensors") || w.ends_with(".json"); };
     !words.empty() && is_file(words.front()) ? convert_file(words) : become_python_tool("convert.py", words);
   });

@@ -1,13 +1,13 @@
 // graupel demo: shared scenes through MPM and the shipped weights; table on the terminal and report.html.
 #include <cstdio>
 #include <filesystem>
+#include <memory>
 
-#include "apps/common_options.h"
 #include "apps/verbs.h"
-#include "core/system/command_line.h"
 #include "core/system/error.h"
-#include "experiments/compare_runs.h"
-#include "experiments/process.h"
+#include "experiments/comparison/compare_runs.h"
+#include "experiments/process/common_options.h"
+#include "experiments/process/process.h"
 
 namespace graupel::apps {
 
@@ -62,16 +62,16 @@ void demo(const DemoOptions& options) {
 
 }  // namespace
 
-void add_demo(CLI::App& app) {
+void add_demo(const Command& app) {
   auto options = std::make_shared<DemoOptions>();
-  CLI::App* verb = app.add_subcommand("demo", "Shared scenes through MPM and the shipped weights, on the CPU");
-  verb->add_option("-o,--output", options->output, "Report to write")->capture_default_str();
-  verb->add_option("--frames", options->frames, "Frames of each scene")->check(whole_number(1))->capture_default_str();
-  verb->add_option("--scenes", options->scenes, "Folder of the shared scenes")->capture_default_str();
-  verb->add_option("--models", options->models, "Folder of the shipped weights")->capture_default_str();
-  options->common.add_to(*verb);
-  verb->footer("Examples:\n  graupel demo\n  graupel demo --frames 300 -o long.html");
-  verb->callback([options] { demo(*options); });
+  const Command verb = app.command("demo", "Shared scenes through MPM and the shipped weights, on the CPU");
+  verb.option("-o,--output", options->output, "Report to write").show_default();
+  verb.option("--frames", options->frames, "Frames of each scene").check(whole_number(1)).show_default();
+  verb.option("--scenes", options->scenes, "Folder of the shared scenes").show_default();
+  verb.option("--models", options->models, "Folder of the shipped weights").show_default();
+  options->common.add_to(verb);
+  verb.footer("Examples:\n  graupel demo\n  graupel demo --frames 300 -o long.html");
+  verb.callback([options] { demo(*options); });
 }
 
 }  // namespace graupel::apps

@@ -1,15 +1,17 @@
 // graupel export: trajectory -> files that other programs read.
 #include <cstdio>
 #include <filesystem>
+#include <memory>
 
-#include "apps/common_options.h"
 #include "apps/verbs.h"
-#include "core/system/command_line.h"
 #include "core/system/error.h"
+#include "experiments/process/common_options.h"
 #include "io/export/export.h"
 #include "io/trajectory/trajectory_file.h"
 
 namespace graupel::apps {
+
+using namespace experiments;
 
 namespace {
 
@@ -37,22 +39,22 @@ void export_trajectory(ExportOptions& options) {
 
 }  // namespace
 
-void add_export(CLI::App& app) {
+void add_export(const Command& app) {
   auto options = std::make_shared<ExportOptions>();
-  CLI::App* verb = app.add_subcommand("export", "Write a trajectory for ParaView, Blender, Houdini");
-  verb->add_option("trajectory", options->input, "Trajectory or data-set file (.h5)")->required();
-  verb->add_option("-f,--format", options->format, "vtp (with .pvd), ply or vdb (points)")
-      ->check(CLI::IsMember({"vtp", "ply", "vdb"}))
-      ->capture_default_str();
-  verb->add_option("-o,--output", options->output, "Folder; default NAME_FORMAT");
-  verb->add_option("--trajectory", options->trajectory, "Which trajectory of a data set")
-      ->check(whole_number(0))
-      ->capture_default_str();
-  options->common.add_to(*verb);
-  verb->footer(
+  const Command verb = app.command("export", "Write a trajectory for ParaView, Blender, Houdini");
+  verb.option("trajectory", options->input, "Trajectory or data-set file (.h5)").required();
+  verb.option("-f,--format", options->format, "vtp (with .pvd), ply or vdb (points)")
+      .check(one_of({"vtp", "ply", "vdb"}))
+      .show_default();
+  verb.option("-o,--output", options->output, "Folder; default NAME_FORMAT");
+  verb.option("--trajectory", options->trajectory, "Which trajectory of a data set")
+      .check(whole_number(0))
+      .show_default();
+  options->common.add_to(verb);
+  verb.footer(
       "Examples:\n  graupel export steps.h5 --format vtp -o steps_vtp\n  graupel export data/hgn/test.h5 --trajectory "
       "3 --format ply");
-  verb->callback([options] { export_trajectory(*options); });
+  verb.callback([options] { export_trajectory(*options); });
 }
 
 }  // namespace graupel::apps

@@ -5,9 +5,8 @@
 #include <vector>
 
 #include "apps/verbs.h"
-#include "core/system/command_line.h"
 #include "core/system/error.h"
-#include "experiments/rank_processes.h"
+#include "experiments/process/rank_processes.h"
 
 namespace graupel::apps {
 
@@ -25,14 +24,14 @@ void check_command(const std::vector<std::string>& words) {
 
 }  // namespace
 
-void add_launch(CLI::App& app, int& exit_code) {
+void add_launch(const Command& app, int& exit_code) {
   auto ranks = std::make_shared<RankProcesses>();
-  CLI::App* verb = app.add_subcommand("launch", "Train on several processes or GPUs of this machine");
-  verb->add_option("-n,--ranks", ranks->count, "Processes: one for a GPU, or some on the CPU")
-      ->check(whole_number(1, 1024))
-      ->required();
-  verb->add_option("command", ranks->arguments, "What to start: 'train' and its words, after '--'")->required();
-  verb->footer(
+  const Command verb = app.command("launch", "Train on several processes or GPUs of this machine");
+  verb.option("-n,--ranks", ranks->count, "Processes: one for a GPU, or some on the CPU")
+      .check(whole_number(1, 1024))
+      .required();
+  verb.option("command", ranks->arguments, "What to start: 'train' and its words, after '--'").required();
+  verb.footer(
       "Starts the same training N times. The ranks divide each batch and add up their gradients, so that the steps "
       "are\n"
       "those of one process. Rank 0 prints, validates and writes the run folder; lines of the others carry [rank K].\n"
@@ -41,7 +40,7 @@ void add_launch(CLI::App& app, int& exit_code) {
       "processes\").\n\nExamples:\n"
       "  graupel launch -n 2 -- train hgn --data data/hgn --out runs/hgn --device cuda\n"
       "  graupel launch -n 4 -- train hgn --resume runs/hgn");
-  verb->callback([ranks, &exit_code] {
+  verb.callback([ranks, &exit_code] {
     check_command(ranks->arguments);
     ranks->program = std::filesystem::read_symlink("/proc/self/exe");
     exit_code = run_rank_processes(*ranks);

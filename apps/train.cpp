@@ -1,20 +1,19 @@
 // graupel train: starts graupel-train beside this program, the only one linked with libtorch.
 #include "apps/verbs.h"
-#include "experiments/training_program.h"
+#include "experiments/process/sibling_program.h"
 
 namespace graupel::apps {
 
 using namespace experiments;
 
-void add_train(CLI::App& app) {
-  CLI::App* verb =
-      app.add_subcommand("train", "Train a model on a data set (hgn, gns or nsf: graupel train hgn --help)");
-  verb->prefix_command();
-  verb->set_help_flag();
-  verb->footer(
+void add_train(const Command& program) {
+  const Command verb =
+      program.command("train", "Train a model on a data set (hgn, gns or nsf: graupel train hgn --help)");
+  verb.take_words_as_they_are();
+  verb.footer(
       "'graupel train time' measures a graph network in libtorch.\n\n"
       "Examples:\n  graupel train hgn --data data/hgn --out runs/hgn\n  graupel train hgn --resume runs/hgn");
-  verb->callback([verb] { become_training_program(verb->remaining()); });
+  verb.callback([verb] { become(training_program, verb.words()); });
 }
 
 }  // namespace graupel::apps

@@ -37,7 +37,7 @@ check_format() {
 }
 check_lint() {
   # Files that include libtorch or OpenVDB take minutes each in clang-tidy 14; g++'s warnings cover them.
-  git ls-files -- 'core/*.cpp' 'nn/*.cpp' 'io/*.cpp' 'mpm/*.cpp' 'validation/*.cpp' 'graph/*.cpp' 'sparsegrid/*.cpp' 'compare/*.cpp' 'experiments/*.cpp' 'apps/*.cpp' |
+  git ls-files -- 'core/*.cpp' 'nn/*.cpp' 'io/*.cpp' 'mpm/*.cpp' 'validation/*.cpp' 'graph/*.cpp' 'sparsegrid/*.cpp' 'compare/*.cpp' 'experiments/*.cpp' 'apps/*.cpp' 'bench/*.cpp' |
     xargs grep -L -E 'openvdb/|torch/' |
     xargs -P "$(nproc)" -n 4 clang-tidy -p build/tidy --quiet
 }

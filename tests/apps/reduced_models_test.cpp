@@ -6,7 +6,7 @@
 
 #include "core/system/atomic_file.h"
 #include "core/system/error.h"
-#include "experiments/refined_body.h"
+#include "experiments/models/refined_body.h"
 #include "io/hdf5/hdf5_dataset.h"
 #include "io/trajectory/trajectory_file.h"
 #include "tests/apps/falling_model.h"
@@ -249,9 +249,6 @@ TEST_F(ReducedModels, WithoutAGpuCudaIsRefused) {
   const Outcome outcome = rollout("--device cuda");
   EXPECT_EQ(outcome.exit_code, 2) << outcome.output;
   EXPECT_TRUE(outcome.says("cuda")) << outcome.output;
-  const Outcome bench = graupel("bench rom " + model_ + " " + folder_.file("none") + " --instances 2");
-  EXPECT_EQ(bench.exit_code, 2) << bench.output;
-  EXPECT_TRUE(bench.says("--instances")) << bench.output;
 }
 
 TEST_F(ReducedModels, RunOnTheGpu) {

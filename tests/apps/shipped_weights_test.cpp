@@ -6,7 +6,7 @@
 
 #include "compare/metrics/displacement_error.h"
 #include "core/system/atomic_file.h"
-#include "experiments/reduced_runs.h"
+#include "experiments/models/reduced_model.h"
 #include "graph/learned_simulator.h"
 #include "io/scene/scene_reader.h"
 #include "mpm/simulation.h"

@@ -1,4 +1,4 @@
-#include "experiments/training_curves.h"
+#include "experiments/inspection/training_curves.h"
 
 #include <gtest/gtest.h>
 #include <unistd.h>

@@ -1,5 +1,5 @@
 // graupel compare from scenes to files: every key finite, known answers for MPM and for a network that only falls.
-#include "experiments/compare_runs.h"
+#include "experiments/comparison/compare_runs.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -14,7 +14,10 @@
 #include "compare/report/report.h"
 #include "core/system/atomic_file.h"
 #include "core/system/error.h"
-#include "experiments/model_runs.h"
+#include "experiments/models/model_choice.h"
+#include "experiments/models/mpm_run.h"
+#include "experiments/models/network_run.h"
+#include "experiments/models/start_state.h"
 #include "io/scene/scene_reader.h"
 #include "io/trajectory/trajectory_file.h"
 #include "mpm/sampling.h"

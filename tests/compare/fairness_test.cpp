@@ -1,9 +1,9 @@
 // Rules of fairness: who is the opponent, and what it is to lose to it.
-#include "experiments/fairness.h"
+#include "experiments/comparison/fairness.h"
 
 #include <gtest/gtest.h>
 
-#include "experiments/trained_materials.h"
+#include "experiments/comparison/trained_materials.h"
 
 namespace graupel::experiments {
 namespace {

@@ -2,7 +2,6 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
-#include <CLI/CLI.hpp>
 #include <csignal>
 #include <cstdio>
 #include <cstdlib>
@@ -44,7 +43,7 @@ struct Arguments {
   uint64_t seed = 0;
   int threads = 0;
   bool print_defaults = false;
-  CLI::Option *seed_option = nullptr, *preset_option = nullptr;
+  bool seed_given = false, preset_given = false;
   std::string command_line;
 };
 
@@ -128,19 +127,19 @@ TrainConfig config_of(const Arguments& arguments) {
     const Preset preset = arguments.preset == "paper" ? Preset::paper : Preset::recommended;
     const std::vector<std::string> settings = preset_settings(arguments.architecture, preset);
     overrides.insert(overrides.end(), settings.begin(), settings.end());
-  } else if (arguments.preset_option->count() > 0) {
+  } else if (arguments.preset_given) {
     throw ConfigError("--preset and --config both say what a run begins with. Leave one of them out");
   }
   overrides.insert(overrides.end(), arguments.set.begin(), arguments.set.end());
   if (arguments.steps > 0) overrides.push_back("steps=" + std::to_string(arguments.steps));
-  if (arguments.seed_option->count() > 0) overrides.push_back("seed=" + std::to_string(arguments.seed));
+  if (arguments.seed_given) overrides.push_back("seed=" + std::to_string(arguments.seed));
   if (arguments.config.empty()) return read_train_config("{}", "command line", overrides);
   return read_train_config(read_file(arguments.config), arguments.config, overrides);
 }
 
 bool says_how_to_train(const Arguments& arguments) {
   return !arguments.config.empty() || !arguments.set.empty() || arguments.steps > 0 || !arguments.from.empty() ||
-         arguments.seed_option->count() > 0 || arguments.preset_option->count() > 0;
+         arguments.seed_given || arguments.preset_given;
 }
 
 void prepare_resume(Arguments& arguments, TrainingOptions& options) {
@@ -291,39 +290,37 @@ int run_evaluation(const Arguments& arguments) {
   return 0;
 }
 
-void add_options(CLI::App& verb, Arguments& a) {
+void add_options(const Command& verb, Arguments& a) {
   const std::string word = word_of(a.architecture);
-  verb.add_option("--data", a.data, "Folder of the data set: train.h5, valid.h5, test.h5");
-  verb.add_option("--out", a.out, fmt::format("Run folder (default: runs/{}-<time>)", word));
-  a.preset_option = verb.add_option("--preset", a.preset,
-                                    "Settings to begin with: recommended (what won in our measurements) or paper")
-                        ->check(CLI::IsMember({"recommended", "paper"}))
-                        ->capture_default_str();
-  verb.add_option("--config", a.config, "Settings as JSON instead (see --print-defaults)");
-  verb.add_option("--set", a.set, fmt::format("Override a setting: key=value, {}.latent=64", word))->take_all();
-  verb.add_option("--steps", a.steps, "Optimiser steps")->check(whole_number(1));
-  verb.add_option("--minutes", a.minutes, "Stop after this wall time, with a checkpoint")
-      ->check(real_number(LowerBound::above_zero));
-  verb.add_option("--stop-step", a.stop_step, "Stop after this step, with a checkpoint")->check(whole_number(1));
-  verb.add_option("--from", a.from, "Start from this weights file, with its normalisation, instead of fresh weights");
-  verb.add_option("--resume", a.resume, "Go on with this run folder, or with the latest one below --out");
-  a.seed_option = verb.add_option("--seed", a.seed, "Seed of all random numbers");
-  verb.add_option("--device", a.device, "auto, cpu or cuda")->capture_default_str();
-  verb.add_option("--threads", a.threads, "CPU threads of each process (0: all, divided among those of a machine)")
-      ->check(whole_number(0, 4096))
-      ->capture_default_str();
-  verb.add_option("--rank-timeout", a.rank_timeout, "Seconds until a process that does not answer is taken for gone")
-      ->check(real_number(LowerBound::above_zero))
-      ->capture_default_str();
-  verb.add_option("--json", a.json, "Write the result as JSON to this file (-: standard output)");
-  verb.add_flag("--print-defaults", a.print_defaults, "Print every setting that a run would have");
-  verb.add_option("--evaluate", a.evaluate, "Instead of training: one-step errors of this weights file");
-  verb.add_option("--split", a.split, "Split that --evaluate reads: train, valid or test")
-      ->check(CLI::IsMember({"train", "valid", "test"}))
-      ->capture_default_str();
-  verb.add_option("--stride", a.stride, "--evaluate takes every n-th frame")
-      ->check(whole_number(1))
-      ->capture_default_str();
+  verb.option("--data", a.data, "Folder of the data set: train.h5, valid.h5, test.h5");
+  verb.option("--out", a.out, fmt::format("Run folder (default: runs/{}-<time>)", word));
+  verb.option("--preset", a.preset, "Settings to begin with: recommended (what won in our measurements) or paper")
+      .check(one_of({"recommended", "paper"}))
+      .show_default()
+      .remember_in(a.preset_given);
+  verb.option("--config", a.config, "Settings as JSON instead (see --print-defaults)");
+  verb.option("--set", a.set, fmt::format("Override a setting: key=value, {}.latent=64", word)).take_all();
+  verb.option("--steps", a.steps, "Optimiser steps").check(whole_number(1));
+  verb.option("--minutes", a.minutes, "Stop after this wall time, with a checkpoint")
+      .check(real_number(LowerBound::above_zero));
+  verb.option("--stop-step", a.stop_step, "Stop after this step, with a checkpoint").check(whole_number(1));
+  verb.option("--from", a.from, "Start from this weights file, with its normalisation, instead of fresh weights");
+  verb.option("--resume", a.resume, "Go on with this run folder, or with the latest one below --out");
+  verb.option("--seed", a.seed, "Seed of all random numbers").remember_in(a.seed_given);
+  verb.option("--device", a.device, "auto, cpu or cuda").show_default();
+  verb.option("--threads", a.threads, "CPU threads of each process (0: all, divided among those of a machine)")
+      .check(whole_number(0, 4096))
+      .show_default();
+  verb.option("--rank-timeout", a.rank_timeout, "Seconds until a process that does not answer is taken for gone")
+      .check(real_number(LowerBound::above_zero))
+      .show_default();
+  verb.option("--json", a.json, "Write the result as JSON to this file (-: standard output)");
+  verb.flag("--print-defaults", a.print_defaults, "Print every setting that a run would have");
+  verb.option("--evaluate", a.evaluate, "Instead of training: one-step errors of this weights file");
+  verb.option("--split", a.split, "Split that --evaluate reads: train, valid or test")
+      .check(one_of({"train", "valid", "test"}))
+      .show_default();
+  verb.option("--stride", a.stride, "--evaluate takes every n-th frame").check(whole_number(1)).show_default();
   verb.footer(
       fmt::format("Examples:\n  graupel train {0} --data data/hgn --out runs/{0} --minutes 15\n"
                   "  graupel train {0} --evaluate runs/{0}/weights.safetensors --data data/hgn --split test --json "
@@ -331,34 +328,7 @@ void add_options(CLI::App& verb, Arguments& a) {
                   word));
 }
 
-int run(int argc, char** argv) {
-  CLI::App app{"graupel-train: trains the learned simulators of Graupel."};
-  app.set_version_flag("--version", std::string("graupel-train ") + GRAUPEL_VERSION + ", libtorch " + torch_version());
-  app.require_subcommand(1);
-  std::string command_line;
-  for (int i = 0; i < argc; ++i) command_line += (i > 0 ? " " : "") + std::string(argv[i]);
-  CLI::App* hgn = app.add_subcommand("hgn", "The hierarchical graph network");
-  CLI::App* gns = app.add_subcommand("gns", "The graph network simulator that it is compared with (GNS)");
-  Arguments of_hgn, of_gns;
-  of_gns.architecture = Architecture::gns;
-  of_hgn.command_line = of_gns.command_line = command_line;
-  add_options(*hgn, of_hgn);
-  add_options(*gns, of_gns);
-  int exit_code = 0;
-  add_nsf_command(app, command_line, exit_code);
-  add_time_command(app, command_line);
-  try {
-    instruction_set();  // its error, before any work
-    app.parse(argc, argv);
-  } catch (const CLI::Success& help) {
-    return app.exit(help);
-  } catch (const CLI::ParseError& error) {
-    std::fprintf(stderr, "graupel-train: %s\nRun 'graupel-train hgn --help' for the flags.\n",
-                 parse_error_text(app, error).c_str());
-    return static_cast<int>(ExitCode::usage);
-  }
-  if (!hgn->parsed() && !gns->parsed()) return exit_code;
-  Arguments& arguments = hgn->parsed() ? of_hgn : of_gns;
+int train_or_evaluate(Arguments& arguments) {
   if (arguments.print_defaults) {
     fmt::print("{}\n", train_config_text(config_of(arguments)));
     return 0;
@@ -366,6 +336,30 @@ int run(int argc, char** argv) {
   set_num_threads(arguments.threads);
   catch_stop_signals();
   return arguments.evaluate.empty() ? run_training(arguments) : run_evaluation(arguments);
+}
+
+int run(int argc, char** argv) {
+  const CommandLine program("graupel-train: trains the learned simulators of Graupel.");
+  program.version(std::string("graupel-train ") + GRAUPEL_VERSION + ", libtorch " + torch_version());
+  program.require_command();
+  std::string command_line;
+  for (int i = 0; i < argc; ++i) command_line += (i > 0 ? " " : "") + std::string(argv[i]);
+  int exit_code = 0;
+  const auto add_network = [&](Arguments& arguments, const char* description) {
+    arguments.command_line = command_line;
+    const Command verb = program.command(word_of(arguments.architecture), description);
+    add_options(verb, arguments);
+    verb.callback([&arguments, &exit_code] { exit_code = train_or_evaluate(arguments); });
+  };
+  Arguments of_hgn, of_gns;
+  of_gns.architecture = Architecture::gns;
+  add_network(of_hgn, "The hierarchical graph network");
+  add_network(of_gns, "The graph network simulator that it is compared with (GNS)");
+  add_nsf_command(program, command_line, exit_code);
+  add_time_command(program, command_line);
+  instruction_set();  // its error, before any work
+  const int usage = program.run(argc, argv, "graupel-train");
+  return usage != 0 ? usage : exit_code;
 }
 
 }  // namespace

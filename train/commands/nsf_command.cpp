@@ -28,10 +28,10 @@ namespace {
 using Json = nlohmann::ordered_json;
 
 struct Arguments {
-  std::string data, out, config, json, resume, device = "auto";
+  std::string data, out = "runs/nsf", config, json, resume, device = "auto";
   std::vector<std::string> set;
   uint64_t seed = 0;
-  CLI::Option* seed_option = nullptr;
+  bool seed_given = false;
   int threads = 0;
   double time_limit = 0;
   bool print_defaults = false;
@@ -39,7 +39,7 @@ struct Arguments {
 
 NsfConfig config_of(const Arguments& arguments) {
   std::vector<std::string> overrides = arguments.set;
-  if (arguments.seed_option->count() > 0) overrides.push_back("seed=" + std::to_string(arguments.seed));
+  if (arguments.seed_given) overrides.push_back("seed=" + std::to_string(arguments.seed));
   const std::string text = arguments.config.empty() ? "{}" : read_file(arguments.config);
   return io::read_config<NsfConfig>(text, arguments.config.empty() ? "command line" : arguments.config, overrides);
 }
@@ -146,7 +146,7 @@ int train_networks(const Arguments& arguments, const NsfConfig& config, const st
 
 /// A resumed run keeps its settings and its data.
 NsfConfig resumed_config(Arguments& arguments) {
-  if (!arguments.config.empty() || !arguments.set.empty() || arguments.seed_option->count() > 0)
+  if (!arguments.config.empty() || !arguments.set.empty() || arguments.seed_given)
     throw ConfigError("a resumed run keeps its settings (--config, --set and --seed are for new runs). Leave them out");
   arguments.out = arguments.resume;
   const std::string file = arguments.out + "/config.json";
@@ -175,28 +175,26 @@ int train(Arguments arguments, const std::string& command_line) {
 
 }  // namespace
 
-void add_nsf_command(CLI::App& app, const std::string& command_line, int& exit_code) {
+void add_nsf_command(const Command& app, const std::string& command_line, int& exit_code) {
   auto a = std::make_shared<Arguments>();
-  CLI::App* verb = app.add_subcommand("nsf", "A reduced-order model of a parameter sweep (Neural Stress Fields)");
-  verb->add_option("--data", a->data, "Folder of the data set: train.h5");
-  verb->add_option("--out", a->out, "Run folder")->default_val("runs/nsf");
-  verb->add_option("--config", a->config, "Settings as JSON (see --print-defaults)");
-  verb->add_option("--set", a->set, "Override a setting: key=value, samples=300")->take_all();
-  a->seed_option = verb->add_option("--seed", a->seed, "Seed of the choice of samples");
-  verb->add_option("--threads", a->threads, "CPU threads (0: all)")
-      ->check(whole_number(0, 4096))
-      ->capture_default_str();
-  verb->add_option("--device", a->device, "auto, cpu or cuda, for field=mlp")->capture_default_str();
-  verb->add_option("--time-limit", a->time_limit, "Seconds that networks are trained, in place of all epochs")
-      ->check(real_number(LowerBound::above_zero));
-  verb->add_option("--resume", a->resume, "Go on with this run folder of networks");
-  verb->add_option("--json", a->json, "Write the result as JSON to this file (-: standard output)");
-  verb->add_flag("--print-defaults", a->print_defaults, "Print every setting with its default");
-  verb->footer(
+  const Command verb = app.command("nsf", "A reduced-order model of a parameter sweep (Neural Stress Fields)");
+  verb.option("--data", a->data, "Folder of the data set: train.h5");
+  verb.option("--out", a->out, "Run folder").show_default();
+  verb.option("--config", a->config, "Settings as JSON (see --print-defaults)");
+  verb.option("--set", a->set, "Override a setting: key=value, samples=300").take_all();
+  verb.option("--seed", a->seed, "Seed of the choice of samples").remember_in(a->seed_given);
+  verb.option("--threads", a->threads, "CPU threads (0: all)").check(whole_number(0, 4096)).show_default();
+  verb.option("--device", a->device, "auto, cpu or cuda, for field=mlp").show_default();
+  verb.option("--time-limit", a->time_limit, "Seconds that networks are trained, in place of all epochs")
+      .check(real_number(LowerBound::above_zero));
+  verb.option("--resume", a->resume, "Go on with this run folder of networks");
+  verb.option("--json", a->json, "Write the result as JSON to this file (-: standard output)");
+  verb.flag("--print-defaults", a->print_defaults, "Print every setting with its default");
+  verb.footer(
       "Examples:\n  graupel train nsf --data data/nsf_sand_column --out runs/nsf-sand\n"
       "  graupel train nsf --data data/nsf_sand_column --set latents=5 --set storage=f16 --out runs/small\n"
       "  graupel train nsf --data data/nsf_jelly --set field=mlp --set mlp.deformation_beta=32 --time-limit 300");
-  verb->callback([a, command_line, &exit_code] { exit_code = train(*a, command_line); });
+  verb.callback([a, command_line, &exit_code] { exit_code = train(*a, command_line); });
 }
 
 }  // namespace graupel::train

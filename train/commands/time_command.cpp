@@ -65,32 +65,28 @@ void time_and_print(const Arguments& arguments, const std::string& command_line)
 
 }  // namespace
 
-void add_time_command(CLI::App& app, const std::string& command_line) {
+void add_time_command(const Command& app, const std::string& command_line) {
   auto a = std::make_shared<Arguments>();
   a->timing.threads = 0;
-  CLI::App* verb = app.add_subcommand("time", "Time of a graph network in libtorch, without features and graph");
-  verb->add_option("weights", a->weights, "Weights file of an HGN or a GNS")->required();
-  verb->add_option("--data", a->data, "Trajectory (.h5); the network is timed at its end")->required();
-  verb->add_option("--runs", a->timing.runs, "Runs to time (median)")->check(whole_number(1))->capture_default_str();
-  verb->add_option("--warm-ups", a->timing.warm_ups, "Runs before those")
-      ->check(whole_number(0))
-      ->capture_default_str();
-  verb->add_option("--first-layers", a->first_layers, "Over whole inputs, or split into a part a node (see below)")
-      ->check(CLI::IsMember({"whole", "split"}))
-      ->capture_default_str();
-  verb->add_option("--device", a->device, "auto, cpu or cuda")->capture_default_str();
-  verb->add_option("--threads", a->timing.threads, "CPU threads (0: all)")
-      ->check(whole_number(0, 4096))
-      ->capture_default_str();
-  verb->add_option("--json", a->json, "Write the result as JSON to this file (-: standard output)");
-  verb->footer(
+  const Command verb = app.command("time", "Time of a graph network in libtorch, without features and graph");
+  verb.option("weights", a->weights, "Weights file of an HGN or a GNS").required();
+  verb.option("--data", a->data, "Trajectory (.h5); the network is timed at its end").required();
+  verb.option("--runs", a->timing.runs, "Runs to time (median)").check(whole_number(1)).show_default();
+  verb.option("--warm-ups", a->timing.warm_ups, "Runs before those").check(whole_number(0)).show_default();
+  verb.option("--first-layers", a->first_layers, "Over whole inputs, or split into a part a node (see below)")
+      .check(one_of({"whole", "split"}))
+      .show_default();
+  verb.option("--device", a->device, "auto, cpu or cuda").show_default();
+  verb.option("--threads", a->timing.threads, "CPU threads (0: all)").check(whole_number(0, 4096)).show_default();
+  verb.option("--json", a->json, "Write the result as JSON to this file (-: standard output)");
+  verb.footer(
       "Inference in f32 on the CPU, with TF32 products on a GPU. First layers 'whole': over concatenated inputs, in\n"
       "libtorch's own operations, as the papers write the networks; 'split': as training and Graupel's engine "
       "evaluate\n"
       "them. 'graupel bench graph --libtorch' puts both beside that engine.\n\n"
       "Examples:\n  graupel train time models/hgn.safetensors --data steps.h5\n"
       "  graupel train time models/hgn.safetensors --data steps.h5 --threads 1 --json -");
-  verb->callback([a, command_line] { time_and_print(*a, command_line); });
+  verb.callback([a, command_line] { time_and_print(*a, command_line); });
 }
 
 }  // namespace graupel::train

@@ -1,0 +1,114 @@
+#include "bench/mpm/mpm_speed.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <map>
+#include <nlohmann/json.hpp>
+
+#include "bench/machine/roofline.h"
+#include "bench/mpm/falling_cube.h"
+#include "core/parallel/instruction_set.h"
+#include "core/system/error.h"
+#include "experiments/process/process.h"
+#include "io/scene/recipe_reader.h"
+#include "mpm/scene/scene_recipe.h"
+#include "mpm/simulation.h"
+
+namespace graupel::bench {
+
+using namespace experiments;
+
+double memory_bandwidth_of(Device device) {
+  static std::map<std::pair<Device, int>, double> known;
+  double& bandwidth = known[{device, num_threads()}];
+  if (bandwidth == 0) bandwidth = memory_bandwidth(device);
+  return bandwidth;
+}
+
+nlohmann::ordered_json measure_cube(const BenchMpmOptions& options, Device device, const std::string& material,
+                                    int64_t particles) {
+  mpm::SimulationOptions run_options;
+  run_options.device = device;
+  run_options.precision = options.precision == "f64" ? mpm::Precision::f64 : mpm::Precision::f32;
+  run_options.kernels = options.portable ? mpm::Kernels::portable : mpm::Kernels::tuned;
+  auto run = mpm::Simulation::create(cube_scene(material, cube_side(particles)), run_options);
+  const bool fall = options.phase == "fall";
+  const int64_t warm_up = fall ? 5 : 50, measured = fall ? 8 : 4;  // frames of 50 substeps
+  for (int64_t f = 0; f < warm_up; ++f) {
+    stop_if_interrupted();
+    run->advance_frame();
+  }
+  std::vector<double> seconds;
+  InstructionCounter counter;
+  counter.start();
+  for (int64_t f = 0; f < measured; ++f) {
+    const double before = run->statistics().solver_seconds;
+    run->advance_frame();
+    seconds.push_back((run->statistics().solver_seconds - before) / steps_per_frame);
+  }
+  const auto counted = counter.stop();
+  std::sort(seconds.begin(), seconds.end());
+  const double median = seconds[seconds.size() / 2], n = static_cast<double>(run->particle_count());
+  const auto statistics = run->statistics();
+  const bool single = run_options.precision == mpm::Precision::f32;
+  const double bytes = static_cast<double>(least_bytes_per_update(cube_material(material).model, single ? 4 : 8));
+  nlohmann::ordered_json row = {{"material", material},
+                                {"particles", run->particle_count()},
+                                {"phase", options.phase},
+                                {"device", name_of(device)},
+                                {"precision", options.precision},
+                                {"kernels", options.portable ? "portable" : "tuned"},
+                                {"instruction_set", device == Device::cpu ? name_of(instruction_set()) : ""},
+                                {"threads", num_threads()},
+                                {"seconds_per_substep", median},
+                                {"updates_per_second", n / median},
+                                {"bytes_per_particle", static_cast<double>(statistics.peak_bytes) / n},
+                                {"active_blocks", statistics.active_blocks},
+                                {"least_bytes_per_update", bytes},
+                                {"memory_share", bytes * n / median / memory_bandwidth_of(device)}};
+  if (device == Device::cpu && counted) {
+    row["instructions_per_update"] = counted->instructions / (n * static_cast<double>(measured * steps_per_frame));
+    row["instructions_per_cycle"] = counted->instructions / counted->cycles;
+  }
+  return row;
+}
+
+nlohmann::ordered_json measure_batch(const BenchMpmOptions& options, Device device, int64_t batch) {
+  const SceneRecipe recipe = io::read_recipe(options.recipe);
+  std::vector<mpm::PreparedScene> scenes;
+  for (int64_t i = 0; i < batch; ++i) {
+    mpm::SimulationOptions simulation;
+    simulation.device = device;
+    simulation.seed = mpm::sampling_seed(options.common.seed, mpm::Split::test, i, 0);
+    scenes.emplace_back(mpm::draw_scene(recipe, options.common.seed, mpm::Split::test, i), simulation);
+  }
+  const auto run = mpm::SceneBatch::create(scenes);
+  std::vector<double> seconds;
+  int64_t most_blocks = 0;
+  for (int64_t f = 0; f < 5 + options.frames; ++f) {
+    stop_if_interrupted();
+    const double before = run->statistics().solver_seconds;
+    run->advance_frame();
+    if (f >= 5) seconds.push_back(run->statistics().solver_seconds - before);
+    most_blocks = std::max(most_blocks, run->statistics().active_blocks);
+  }
+  for (int i = 0; i < run->scene_count(); ++i)
+    if (const auto reason = run->divergence(i)) throw DivergedError(fmt::format("test scene {}: {}", i, *reason));
+  std::sort(seconds.begin(), seconds.end());
+  const double median = seconds[seconds.size() / 2], n = static_cast<double>(run->particle_count());
+  const double substeps = static_cast<double>(run->statistics().substeps) / static_cast<double>(5 + options.frames);
+  return {{"recipe", options.recipe},
+          {"scenes", batch},
+          {"particles", run->particle_count()},
+          {"frames", options.frames},
+          {"substeps_per_frame", substeps},
+          {"device", name_of(device)},
+          {"seconds_per_frame", median},
+          {"slowest_frame", seconds.back()},
+          {"seconds_per_substep", median / substeps},
+          {"updates_per_second", n * substeps / median},
+          {"most_blocks", most_blocks}};
+}
+
+}  // namespace graupel::bench

@@ -1,0 +1,226 @@
+#include "core/system/command_line.h"
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <cstdio>
+#include <utility>
+
+#include "core/system/edit_distance.h"
+#include "core/system/error.h"
+
+namespace graupel {
+
+namespace {
+
+/// A check of the whole text as a number of type T; `range` says what is allowed.
+template <typename T, typename Allowed>
+ValueCheck number_check(Allowed allowed, std::string range) {
+  const auto test = [allowed, range = std::move(range)](std::string& text) -> std::string {
+    T value = 0;
+    const char* const end = text.data() + text.size();
+    const auto [stop, error] = std::from_chars(text.data(), end, value);
+    if (error == std::errc() && stop == end && allowed(value)) return "";
+    return "'" + text + "' is not usable (allowed: " + range + ")";
+  };
+  return [test](CLI::Option& option) { option.check(CLI::Validator(test, "")); };
+}
+
+/// CLI11's message, with the closest command or flag for each mistyped one.
+std::string parse_error_text(const CLI::App& app, const CLI::ParseError& error) {
+  std::string text = error.what();
+  const CLI::App* verb = app.get_subcommands().empty() ? &app : app.get_subcommands().front();
+  std::vector<std::string> known;
+  for (const CLI::App* word : verb->get_subcommands({})) known.push_back(word->get_name());
+  for (const CLI::Option* option : verb->get_options())
+    for (const std::string& name : option->get_lnames()) known.push_back("--" + name);
+  for (const std::string& word : verb->remaining(true)) {
+    const std::string close = closest_of(word.substr(0, word.find('=')), known);
+    if (!close.empty()) text += ". Did you mean '" + close + "' instead of '" + word + "'?";
+  }
+  return text;
+}
+
+}  // namespace
+
+ValueCheck whole_number(int64_t low, int64_t high) {
+  const bool open = high == std::numeric_limits<int64_t>::max();
+  return number_check<int64_t>(
+      [low, high](int64_t value) { return value >= low && value <= high; },
+      "a whole number, " + std::to_string(low) + (open ? " or more" : " to " + std::to_string(high)));
+}
+
+ValueCheck real_number(LowerBound bound) {
+  return number_check<double>(
+      [bound](double value) { return std::isfinite(value) && (bound == LowerBound::zero ? value >= 0 : value > 0); },
+      std::string("a number") + (bound == LowerBound::zero ? ", 0 or more" : " above 0"));
+}
+
+ValueCheck real_number(double low, double high) {
+  return number_check<double>([low, high](double value) { return value >= low && value <= high; },
+                              "a number, " + CLI::detail::to_string(low) + " to " + CLI::detail::to_string(high));
+}
+
+ValueCheck one_of(const std::vector<std::string>& words) {
+  return [words](CLI::Option& option) { option.check(CLI::IsMember(words)); };
+}
+
+ValueCheck shown_range(int64_t low, int64_t high) {
+  return [low, high](CLI::Option& option) { option.check(CLI::Range(low, high)); };
+}
+
+ValueCheck shown_range(double low, double high) {
+  return [low, high](CLI::Option& option) { option.check(CLI::Range(low, high)); };
+}
+
+CommandOption CommandOption::check(const ValueCheck& check) const {
+  check(*option_);
+  return *this;
+}
+
+CommandOption CommandOption::required() const {
+  option_->required();
+  return *this;
+}
+
+CommandOption CommandOption::show_default() const {
+  option_->capture_default_str();
+  return *this;
+}
+
+CommandOption CommandOption::show_default(const std::string& text) const {
+  option_->default_str(text);
+  return *this;
+}
+
+CommandOption CommandOption::delimiter(char character) const {
+  option_->delimiter(character);
+  return *this;
+}
+
+CommandOption CommandOption::one_value_each() const {
+  option_->allow_extra_args(false);
+  return *this;
+}
+
+CommandOption CommandOption::take_all() const {
+  option_->take_all();
+  return *this;
+}
+
+CommandOption CommandOption::values(int count) const {
+  option_->expected(count);
+  return *this;
+}
+
+CommandOption CommandOption::remember_in(bool& given) const {
+  option_->each([&given](const std::string&) { given = true; });
+  return *this;
+}
+
+CommandOption CommandOption::needs(const CommandOption& other) const {
+  option_->needs(other.option_);
+  return *this;
+}
+
+CommandOption CommandOption::excludes(const std::string& name) const {
+  option_->excludes(name);
+  return *this;
+}
+
+Command Command::command(const std::string& name, const std::string& description) const {
+  return Command(app_->add_subcommand(name, description));
+}
+
+void Command::require_command() const { app_->require_subcommand(1); }
+
+CommandOption Command::option(const std::string& name, std::string& value, const std::string& text) const {
+  return CommandOption(app_->add_option(name, value, text));
+}
+
+CommandOption Command::option(const std::string& name, int& value, const std::string& text) const {
+  return CommandOption(app_->add_option(name, value, text));
+}
+
+CommandOption Command::option(const std::string& name, int64_t& value, const std::string& text) const {
+  return CommandOption(app_->add_option(name, value, text));
+}
+
+CommandOption Command::option(const std::string& name, uint64_t& value, const std::string& text) const {
+  return CommandOption(app_->add_option(name, value, text));
+}
+
+CommandOption Command::option(const std::string& name, double& value, const std::string& text) const {
+  return CommandOption(app_->add_option(name, value, text));
+}
+
+CommandOption Command::option(const std::string& name, std::optional<int>& value, const std::string& text) const {
+  return CommandOption(app_->add_option(name, value, text));
+}
+
+CommandOption Command::option(const std::string& name, std::optional<int64_t>& value, const std::string& text) const {
+  return CommandOption(app_->add_option(name, value, text));
+}
+
+CommandOption Command::option(const std::string& name, std::optional<double>& value, const std::string& text) const {
+  return CommandOption(app_->add_option(name, value, text));
+}
+
+CommandOption Command::option(const std::string& name, std::vector<std::string>& value, const std::string& text) const {
+  return CommandOption(app_->add_option(name, value, text));
+}
+
+CommandOption Command::option(const std::string& name, std::vector<int64_t>& value, const std::string& text) const {
+  return CommandOption(app_->add_option(name, value, text));
+}
+
+CommandOption Command::option(const std::string& name, std::vector<double>& value, const std::string& text) const {
+  return CommandOption(app_->add_option(name, value, text));
+}
+
+CommandOption Command::flag(const std::string& name, bool& value, const std::string& text) const {
+  return CommandOption(app_->add_flag(name, value, text));
+}
+
+void Command::footer(const std::string& text) const { app_->footer(text); }
+
+void Command::take_words_as_they_are() const {
+  app_->prefix_command();
+  app_->set_help_flag();
+}
+
+std::vector<std::string> Command::words() const { return app_->remaining(); }
+
+void Command::callback(std::function<void()> work) const { app_->callback(std::move(work)); }
+
+CommandLine::CommandLine(const std::string& description, const std::string& name)
+    : Command(nullptr), owned_(std::make_unique<CLI::App>(description, name)) {
+  app_ = owned_.get();
+}
+
+CommandLine::~CommandLine() = default;
+
+void CommandLine::version(const std::string& text) const { app_->set_version_flag("--version", text); }
+
+int CommandLine::run(int argc, const char* const* argv, const std::string& program) const {
+  try {
+    app_->parse(argc, argv);
+    return static_cast<int>(ExitCode::ok);
+  } catch (const CLI::Success& help) {
+    return app_->exit(help);
+  } catch (const CLI::ParseError& error) {
+    const auto named = app_->get_subcommands();
+    std::fprintf(stderr, "%s: %s\nRun '%s%s --help' for the flags.\n", program.c_str(),
+                 parse_error_text(*app_, error).c_str(), program.c_str(),
+                 named.empty() ? "" : (" " + named.front()->get_name()).c_str());
+    return static_cast<int>(ExitCode::usage);
+  }
+}
+
+void CommandLine::parse(std::vector<std::string> words) const {
+  std::reverse(words.begin(), words.end());
+  app_->parse(words);
+}
+
+}  // namespace graupel

@@ -1,0 +1,238 @@
+#include "experiments/comparison/compare_runs.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <set>
+
+#include "compare/comparison_files.h"
+#include "compare/pictures/contact_sheet.h"
+#include "compare/pictures/png.h"
+#include "compare/report/report.h"
+#include "core/system/atomic_file.h"
+#include "core/system/error.h"
+#include "experiments/comparison/compare_scene.h"
+#include "experiments/comparison/fairness.h"
+#include "experiments/process/outputs.h"
+#include "experiments/process/process.h"
+#include "mpm/memory_need.h"
+
+namespace graupel::experiments {
+
+namespace {
+
+std::string processor_name() {
+  std::ifstream info("/proc/cpuinfo");
+  for (std::string line; std::getline(info, line);)
+    if (line.starts_with("model name")) return line.substr(line.find(':') + 2);
+  return "unknown processor";
+}
+
+std::vector<ModelChoice> parse_models(const std::vector<std::string>& words) {
+  if (words.empty())
+    throw ConfigError("compare needs at least one model. Example: --models mpm,models/hgn.safetensors");
+  std::vector<ModelChoice> models;
+  std::set<std::string> seen;
+  const auto give_settings = [&] {  // corrections alone are those of the run's first network
+    const auto first = std::find_if(models.begin(), models.end(), [](const ModelChoice& m) {
+      return m.kind == ModelKind::network && !m.weights.empty();
+    });
+    for (ModelChoice& model : models) {
+      if (model.kind != ModelKind::network || !model.weights.empty()) continue;
+      if (first == models.end())
+        throw ConfigError("'" + model.name +
+                          "' needs the settings of a network: cell size and frames at once. Name one in "
+                          "--models, or write WEIGHTS:corrections-only");
+      model.weights = first->weights;
+    }
+  };
+  for (const std::string& word : words) {
+    if (!seen.insert(word).second) throw ConfigError("model '" + word + "' is named twice in --models. Name it once");
+    models.push_back(parse_model(word));
+    models.back().label = compare::short_name(word, words);
+  }
+  give_settings();
+  return models;
+}
+
+std::vector<ComparedModel> load_models(const std::vector<ModelChoice>& choices, Device device) {
+  std::vector<ComparedModel> models;
+  for (const ModelChoice& choice : choices) {
+    ComparedModel model{choice, nullptr, nullptr};
+    for (const ComparedModel& other : models)
+      if (other.choice.weights == choice.weights) model.network = other.network;
+    if (choice.kind == ModelKind::network && !model.network) {
+      model.network = std::make_shared<const graph::LearnedSimulator>(choice.weights);
+      model.network->check_runs_on(device);
+    }
+    if (choice.kind == ModelKind::reduced) model.reduced = std::make_shared<const LoadedModel>(choice.weights);
+    models.push_back(std::move(model));
+  }
+  return models;
+}
+
+void check_one_step_only(const std::vector<ModelChoice>& models) {
+  for (const ModelChoice& model : models)
+    if (model.kind == ModelKind::reduced || (model.kind == ModelKind::mpm && !(model.variant == mpm::same_solver)))
+      throw ConfigError("'" + model.name +
+                        "' has no one-step error without a rollout. Leave it or --one-step-only out");
+}
+
+/// The models that run on a scene. A reduced-order model is for one scene, and which is found out before anything long
+/// is run; warnings about its parameters come here too.
+std::vector<ComparedModel> models_for(const SceneTask& task, const std::vector<ComparedModel>& models,
+                                      OtherScenes other_scenes) {
+  std::vector<ComparedModel> fitting;
+  for (const ComparedModel& model : models) {
+    if (!runs_on_all_scenes(model.choice.kind)) {
+      try {
+        const ReducedRun runs_here(*model.reduced, task.scene, task.seed, {});
+      } catch (const ConfigError&) {
+        if (other_scenes == OtherScenes::leave_out) continue;
+        throw;
+      }
+    }
+    fitting.push_back(model);
+  }
+  return fitting;
+}
+
+/// Refuses solver variants that do not fit before anything is run; the frames of all models but one are let go.
+void check_memory(const SceneTask& task, const std::vector<ModelChoice>& models, Device device) {
+  const double frames = static_cast<double>(task.frames + 1);
+  for (const ModelChoice& model : models) {
+    if (model.kind != ModelKind::mpm || model.variant.resolution >= 1) continue;
+    const mpm::SimulationOptions options{.device = device, .precision = mpm::Precision::f32, .seed = task.seed};
+    const Scene variant = mpm::variant_scene(task.scene, model.variant);
+    mpm::check_variant_fits(task.scene, model.variant, options, frames * mpm::least_memory(variant, options).particles);
+  }
+}
+
+void check_outputs(const CompareOptions& options) {
+  for (const std::string& file : {options.json, options.csv, options.report, options.write_floors})
+    check_output_file(file);
+  check_output_folder(options.pictures);
+}
+
+/// One contact sheet a scene and model: the truth above, the model below.
+void write_pictures(const compare::Comparison& comparison, const std::string& folder) {
+  make_folder(folder);
+  const std::vector<std::string> models = compare::models_of(comparison);
+  for (const compare::SceneResult& scene : comparison.scenes)
+    for (const compare::ModelResult& result : scene.models) {
+      const auto sheet = compare::stack_rows({compare::decode_png(scene.picture), compare::decode_png(result.picture)});
+      std::string model = std::filesystem::path(compare::short_name(result.model, models)).replace_extension();
+      for (const char c : {':', '/'}) std::replace(model.begin(), model.end(), c, '_');
+      write_file_atomically(folder + "/" + scene.name + "-" + model + ".png", compare::encode_png(sheet));
+    }
+}
+
+void write_files(const compare::Comparison& comparison, const CompareOptions& options) {
+  if (!options.json.empty()) write_file_atomically(options.json, compare::comparison_json(comparison).dump(1) + "\n");
+  if (!options.csv.empty()) write_file_atomically(options.csv, compare::comparison_csv(comparison));
+  if (!options.report.empty()) write_file_atomically(options.report, compare::report_html(comparison));
+  if (!options.pictures.empty()) write_pictures(comparison, options.pictures);
+}
+
+void print_table(const compare::Comparison& comparison, const CompareOptions& options) {
+  const bool output_taken = options.json == "-" || options.csv == "-" || options.report == "-";
+  std::FILE* stream = output_taken ? stderr : stdout;
+  std::fputs(compare::comparison_table(comparison).c_str(), stream);
+  std::fflush(stream);
+  for (const compare::SceneResult& scene : comparison.scenes) {
+    for (const auto& [reference, frame] : scene.diverged_references)
+      std::fprintf(stderr,
+                   "graupel: warning: reference run '%s' diverged at frame %lld of %s; its last usable frame "
+                   "stands in for the rest\n",
+                   reference.c_str(), static_cast<long long>(frame), scene.name.c_str());
+    for (const compare::ModelResult& result : scene.models)
+      if (result.diverged_at_frame >= 0)
+        std::fprintf(
+            stderr, "graupel: warning: %s diverged at frame %lld of %s; its last usable frame stands in for the rest\n",
+            result.model.c_str(), static_cast<long long>(result.diverged_at_frame), scene.name.c_str());
+  }
+}
+
+/// Fills `comparison` scene by scene, so that the complete ones are there when a truth diverges.
+void compare_scenes(const CompareOptions& options, compare::Comparison& comparison, FloorFile& measured) {
+  set_num_threads(options.threads);
+  const auto choices = parse_models(options.models);
+  const Device device = common_device(options.device, choices);
+  if (options.one_step_only) check_one_step_only(choices);
+  const auto models = load_models(choices, device);
+  const auto tasks = read_scene_tasks(options);
+  if (!options.floor_file.empty()) {
+    const FloorFile known(options.floor_file);  // stale floors are refused before anything long is run
+    for (const SceneTask& task : tasks) known.of(task.scene, task.seed, task.frames);
+  }
+  std::vector<std::vector<ComparedModel>> models_of_task;
+  models_of_task.reserve(tasks.size());
+  for (const SceneTask& task : tasks) {
+    models_of_task.push_back(models_for(task, models, options.other_scenes));
+    check_memory(task, choices, device);
+  }
+
+  comparison.command = options.command;
+  comparison.version = version_text();
+  comparison.machine =
+      fmt::format("{}, MPM on {}", processor_name(), device == Device::cuda ? cuda_device_name() : "the CPU");
+  comparison.threads = num_threads();
+  using enum compare::MetricGroup;
+  comparison.groups = {one_step};
+  if (!options.one_step_only) comparison.groups = {rollout, one_step, cost};
+  if (!options.one_step_only && options.floors) comparison.groups.push_back(floors);
+  const auto budget = compare::report_budget(tasks.size() * (models.size() + 1));
+  for (std::size_t t = 0; t < tasks.size(); ++t) {
+    const SceneTask& task = tasks[t];
+    try {
+      SceneComparison scene(options, task, device, budget);
+      comparison.scenes.push_back(scene.run(models_of_task[t]));
+      measured.add(task.scene.name, scene.floors());
+    } catch (const DivergedError& error) {
+      throw DivergedError(
+          fmt::format("the truth of scene '{}' ('{}') diverged: {}", task.scene.name, task.source, error.what()));
+    }
+  }
+}
+
+/// Table and files of what is there.
+void write_results(const compare::Comparison& comparison, const CompareOptions& options) {
+  print_table(comparison, options);
+  write_files(comparison, options);
+}
+
+}  // namespace
+
+compare::Comparison make_comparison(const CompareOptions& options) {
+  compare::Comparison comparison;
+  FloorFile measured;
+  compare_scenes(options, comparison, measured);
+  return comparison;
+}
+
+void run_compare(const CompareOptions& options) {
+  check_outputs(options);
+  compare::Comparison comparison;
+  FloorFile measured;
+  try {
+    compare_scenes(options, comparison, measured);
+  } catch (const DivergedError& error) {
+    if (comparison.scenes.empty()) throw;
+    write_results(comparison, options);
+    throw DivergedError(
+        fmt::format("{}. Tables and files hold the {} scenes before it", error.what(), comparison.scenes.size()));
+  }
+  write_results(comparison, options);
+  if (!options.write_floors.empty()) measured.write(options.write_floors);
+  const auto incomplete = compare::incomplete_results(comparison);
+  if (!incomplete.empty())
+    throw Error(ExitCode::failed,
+                fmt::format("{} metrics are missing or not finite, the first: {}. The files hold the others",
+                            incomplete.size(), incomplete.front()));
+}
+
+}  // namespace graupel::experiments

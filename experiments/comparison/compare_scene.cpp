@@ -1,0 +1,301 @@
+#include "experiments/comparison/compare_scene.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "compare/metrics/containment.h"
+#include "compare/metrics/one_step_error.h"
+#include "compare/metrics/position_error.h"
+#include "compare/pictures/png.h"
+#include "compare/pictures/raster.h"
+#include "core/scene/held_particles.h"
+#include "core/scene/material_config.h"
+#include "core/system/error.h"
+#include "experiments/comparison/fairness.h"
+#include "experiments/comparison/trained_materials.h"
+#include "mpm/scene/scene_hash.h"
+
+namespace graupel::experiments {
+
+namespace {
+
+constexpr std::size_t history_of_one_step = 5;  ///< frames before the first one-step error
+constexpr std::size_t obstacle_points = 12000;  ///< in the report's player
+
+/// Mass and volume of stored particles: from the sources where they give the same particles, else the mean by material.
+void attach_masses(const Scene& scene, uint64_t seed, compare::ParticleRun& run) {
+  const StartState sampled = start_of(scene, seed);
+  if (sampled.particle_type == run.trajectory.particle_type) {
+    run.mass = sampled.mass;
+    run.volume = sampled.volume;
+    return;
+  }
+  for (const int32_t type : run.trajectory.particle_type) {
+    const auto same = std::find(sampled.particle_type.begin(), sampled.particle_type.end(), type);
+    if (same == sampled.particle_type.end())
+      throw InputError(fmt::format(
+          "a trajectory holds particles of type {}, which its scene has not. Make the data set again; data of "
+          "other programs are compared with by `graupel rollout WEIGHTS DATA.h5 --start truth:N`",
+          particle_type_name(type)));
+    const auto k = static_cast<std::size_t>(same - sampled.particle_type.begin());
+    run.mass.push_back(sampled.mass[k]);
+    run.volume.push_back(sampled.volume[k]);
+  }
+}
+
+/// The scene without its moving obstacles, of which the metrics know nothing. Throws ConfigError for scenes whose
+/// frames cannot be compared particle by particle.
+Scene fixed_part(Scene scene) {
+  const char* what = scene.domain.is_plane()                 ? "two dimensions (domain.dimensions: 2)"
+                     : scene.has_inactive_particles()        ? "particles that come or go (emitters, sinks, open walls)"
+                     : scene.domain.has_wall(Wall::periodic) ? "periodic walls"
+                                                             : nullptr;
+  if (what != nullptr)
+    throw ConfigError("compare cannot run '" + scene.name + "': it has " + what +
+                      " (allowed: none). Use `graupel simulate`, or a scene without them; data of other programs are "
+                      "compared with by `graupel rollout WEIGHTS DATA.h5 --start truth:N`");
+  std::erase_if(scene.obstacles, [](const Obstacle& obstacle) { return obstacle.motion.has_value(); });
+  return scene;
+}
+
+}  // namespace
+
+SceneComparison::SceneComparison(const CompareOptions& options, const SceneTask& task, Device device,
+                                 const compare::ReportBudget& budget)
+    : options_(options), task_(task), device_(device), budget_(budget), obstacles_(fixed_part(task.scene)) {
+  result_.name = task.scene.name;
+  result_.source = task.source;
+  result_.frames = static_cast<std::size_t>(task.frames);
+  result_.frame_time = task.scene.frame_time;
+  result_.low = task.scene.domain.origin;
+  result_.size = task.scene.domain.size;
+  result_.up = compare::up_axis(task.scene);
+}
+
+TimedRun SceneComparison::run_variant(const mpm::SolverVariant& variant) {
+  return run_mpm(task_.scene, {.variant = variant,
+                               .device = device_,
+                               .seed = task_.seed,
+                               .frames = task_.frames,
+                               .label = label(mpm::variant_word(variant)),
+                               .tracers = judged_by_tracers(variant) ? &start_ : nullptr,
+                               .must_finish = variant == mpm::same_solver && !task_.stored});
+}
+
+void SceneComparison::make_truth() {
+  if (task_.stored) {
+    truth_.run.trajectory = *task_.stored;
+    attach_masses(task_.scene, task_.seed, truth_.run);
+    start_.particle_type = truth_.run.trajectory.particle_type;
+    start_.position = truth_.run.position(0);
+    start_.velocity = task_.initial_velocity;
+    start_.mass = truth_.run.mass;
+    start_.volume = truth_.run.volume;
+    if (!options_.one_step_only) {
+      rerun_ = run_variant(mpm::same_solver);
+      truth_.cost = rerun_->cost;
+    }
+  } else {
+    truth_ = run_variant(mpm::same_solver);
+    start_ = start_of(task_.scene, task_.seed);
+  }
+  result_.particles = truth_.run.size();
+}
+
+void SceneComparison::note_divergence(const std::string& reference, const TimedRun& run) {
+  const int64_t frame = run.run.trajectory.diverged_at_frame;
+  if (frame >= 0) result_.diverged_references[reference] = frame;
+}
+
+SceneFloors SceneComparison::measure_floors() {
+  MpmRunOptions run{.device = device_, .seed = task_.seed, .frames = task_.frames, .label = label("moved particles")};
+  const TimedRun moved = run_mpm(moved_scene(task_.scene, task_.seed, floor_displacement * task_.scene.domain.dx), run);
+  const auto position = evaluate_rollout(task_.scene, obstacles_, truth_.run, moved.run);
+  run.label = label("another seed");
+  run.seed = reseeded(task_.seed);
+  const TimedRun other_seed = run_mpm(task_.scene, run);
+  const auto distribution = evaluate_rollout(task_.scene, obstacles_, truth_.run, other_seed.run);
+  SceneFloors floors{.scene_hash = mpm::scene_hash(task_.scene, task_.seed),
+                     .frames = task_.frames,
+                     .values = compare::floor_values(position, distribution),
+                     .position = position.curves.position,
+                     .density = distribution.curves.density,
+                     .diverged = {}};
+  const auto note = [&](const char* name, const TimedRun& timed) {
+    const int64_t frame = timed.run.trajectory.diverged_at_frame;
+    if (frame >= 0) floors.diverged[name] = frame;
+  };
+  note("moved", moved);
+  note("reseeded", other_seed);
+  return floors;
+}
+
+void SceneComparison::make_references(const mpm::SolverVariant& opponent) {
+  const compare::Evaluation self = evaluate_rollout(task_.scene, obstacles_, truth_.run, truth_.run);
+  result_.true_energy = self.curves.kinetic_energy;
+  opponent_ = opponent;
+  result_.opponent = mpm::variant_word(opponent);
+  opponent_run_ = run_variant(opponent);
+  note_divergence(result_.opponent, *opponent_run_);
+  opponent_values_ = evaluate_rollout(task_.scene, obstacles_, truth_.run, opponent_run_->run).values;
+  if (options_.floors) {
+    floors_ = options_.floor_file.empty() ? measure_floors()
+                                          : FloorFile(options_.floor_file).of(task_.scene, task_.seed, task_.frames);
+    result_.floor_position = floors_.position;
+    result_.floor_density = floors_.density;
+    result_.diverged_references.insert(floors_.diverged.begin(), floors_.diverged.end());
+  }
+  if (options_.report.empty() && options_.pictures.empty()) return;
+  const double height = std::sqrt(static_cast<double>(budget_.picture_pixels) * 3 / 4);
+  backdrop_ =
+      compare::make_backdrop(task_.scene, obstacles_, static_cast<int>(height * 4 / 3), static_cast<int>(height));
+  const auto frames = compare::picture_frames(truth_.run.predicted());
+  result_.picture = compare::encode_png(compare::picture_row(*backdrop_, truth_.run, frames, "truth"));
+  const auto thinning = compare::choose_thinning(truth_.run.size(), truth_.run.predicted(), budget_.track_bytes);
+  result_.truth = compare::make_track(task_.scene, truth_.run, "truth", thinning);
+  result_.obstacles = compare::make_player_obstacles(task_.scene, obstacles_, obstacle_points);
+}
+
+std::vector<std::size_t> SceneComparison::one_step_frames() const {
+  const std::size_t last = truth_.run.predicted();
+  const std::size_t first = last > history_of_one_step ? history_of_one_step : 0;
+  std::vector<std::size_t> frames;
+  for (std::size_t n = first; n < last; n += static_cast<std::size_t>(options_.one_step_stride)) frames.push_back(n);
+  return frames;
+}
+
+/// Positions of the truth; before frame 0 its ballistic past.
+std::vector<Vec3f> SceneComparison::true_position(int64_t frame) const {
+  if (frame >= 0) return truth_.run.position(static_cast<std::size_t>(frame));
+  return graph::start_history(start_.position, start_.velocity, task_.scene.gravity, task_.scene.frame_time,
+                              static_cast<int>(1 - frame), held_particles(start_.particle_type))
+      .front();
+}
+
+const graph::Surroundings& SceneComparison::surroundings() {
+  if (!surroundings_) surroundings_.emplace(task_.scene);
+  return *surroundings_;
+}
+
+compare::OneStepError SceneComparison::one_step_of_network(const ComparedModel& model) {
+  const graph::LearnedSimulator& network = *model.network;
+  const auto accelerations = [&](const std::vector<std::vector<Vec3f>>& positions) {
+    if (model.choice.parts == NetworkParts::corrections_alone)
+      return std::vector<Vec3f>(positions.back().size(),
+                                (task_.scene.gravity * std::pow(task_.scene.frame_time, 2)).cast<float>());
+    return device_ == Device::cuda
+               ? network.one_step_on_gpu(task_.scene, surroundings(), start_.particle_type, positions)
+               : network.one_step(surroundings(), start_.particle_type, positions);
+  };
+  compare::OneStepAccumulator error(task_.scene.gravity, task_.scene.frame_time, task_.scene.domain.dx);
+  const int64_t history = network.config().history;
+  const std::vector<uint8_t> held = held_particles(start_.particle_type);
+  for (const std::size_t frame : one_step_frames()) {
+    const auto n = static_cast<int64_t>(frame);
+    std::vector<std::vector<Vec3f>> positions;
+    for (int64_t f = n - history; f <= n; ++f) positions.push_back(true_position(f));
+    std::vector<Vec3d> predicted;
+    for (const Vec3f& a : accelerations(positions)) predicted.push_back(a.cast<double>());
+    error.add(predicted, compare::frame_accelerations(true_position(n - 1), true_position(n), true_position(n + 1)),
+              compare::clearances(task_.scene, obstacles_, true_position(n)), held);
+  }
+  return error.result();
+}
+
+compare::OneStepError SceneComparison::one_step_of_rollout(const compare::ParticleRun& run) const {
+  compare::OneStepAccumulator error(task_.scene.gravity, task_.scene.frame_time, task_.scene.domain.dx);
+  const auto position = [&](int64_t f) {
+    std::vector<Vec3d> x;
+    for (const Vec3f& p : f < 0 ? true_position(f) : run.position(static_cast<std::size_t>(f)))
+      x.push_back(p.cast<double>());
+    return x;
+  };
+  for (const std::size_t frame : one_step_frames()) {
+    const auto n = static_cast<int64_t>(frame);
+    std::vector<Vec3d> predicted = position(n + 1);
+    const auto now = position(n), before = position(n - 1);
+    for (std::size_t i = 0; i < predicted.size(); ++i) predicted[i] += before[i] - 2.0 * now[i];
+    error.add(predicted, compare::frame_accelerations(true_position(n - 1), true_position(n), true_position(n + 1)),
+              compare::clearances(task_.scene, obstacles_, true_position(n)), held_particles(start_.particle_type));
+  }
+  return error.result();
+}
+
+const TimedRun& SceneComparison::run_of(const ComparedModel& model, TimedRun& own) {
+  const ModelChoice& choice = model.choice;
+  switch (choice.kind) {
+    case ModelKind::network:
+      return own = run_network(*model.network, task_.scene, surroundings(), start_, task_.frames, device_,
+                               label(choice.label),
+                               laws_of(choice.parts, {options_.density_limit, options_.free_flight}));
+    case ModelKind::reduced:
+      return own = run_reduced(*model.reduced, task_.scene, task_.seed, task_.frames, device_, label(choice.label));
+    case ModelKind::mpm:
+      break;
+  }
+  if (opponent_run_ && choice.variant == opponent_) return *opponent_run_;
+  if (!(choice.variant == mpm::same_solver)) return own = run_variant(choice.variant);
+  return rerun_ ? *rerun_ : truth_;
+}
+
+compare::ModelResult SceneComparison::evaluate(const ComparedModel& model) {
+  compare::ModelResult result;
+  result.model = model.choice.name;
+  if (has_one_step_error(model.choice.kind)) result.one_step_source = model.network ? "true history" : "own rollout";
+  if (model.network && model.choice.parts != NetworkParts::corrections_alone)
+    for (const std::string& line : unlike_training(model.network->weights(), task_.scene)) {
+      result.remarks.push_back("the network knows materials by their type alone: " + line);
+      std::fprintf(stderr, "graupel: warning: %s: '%s' %s\n", task_.scene.name.c_str(), model.choice.name.c_str(),
+                   result.remarks.back().c_str());
+    }
+  if (model.network && model.choice.parts != NetworkParts::corrections_alone)
+    for (const std::string& line : unknown_walls(model.network->weights(), task_.scene)) {
+      result.remarks.push_back(line);
+      std::fprintf(stderr, "graupel: warning: %s: '%s' %s\n", task_.scene.name.c_str(), model.choice.name.c_str(),
+                   line.c_str());
+    }
+  if (options_.one_step_only) {
+    if (model.network) result.values = compare::one_step_values(one_step_of_network(model));
+    return result;
+  }
+  TimedRun own;  // of the models that are not run already
+  const TimedRun& timed = run_of(model, own);
+  auto evaluation = evaluate_rollout(task_.scene, obstacles_, truth_.run, timed.run);
+  if (!compare::same_particles(truth_.run, timed.run))
+    throw InputError("'" + model.choice.name + "' moves other particles than the truth of '" + task_.scene.name +
+                     "'. Use the scene and the seed that it was trained with");
+  result.values = std::move(evaluation.values);
+  result.materials = std::move(evaluation.materials);
+  result.curves = std::move(evaluation.curves);
+  result.diverged_at_frame = timed.run.trajectory.diverged_at_frame;
+  result.values.merge(compare::cost_values(timed.cost, timed.moved, truth_.cost.frame));
+  if (has_one_step_error(model.choice.kind))
+    result.values.merge(
+        compare::one_step_values(model.network ? one_step_of_network(model) : one_step_of_rollout(timed.run)));
+  result.values.insert(floors_.values.begin(), floors_.values.end());
+  const bool is_opponent = model.choice.kind == ModelKind::mpm && model.choice.variant == opponent_;
+  if (!is_opponent) result.against_opponent = verdicts(result.values, opponent_values_, floors_.values);
+  result.values["loses_to_coarse"] = loses(result.against_opponent) ? 1 : 0;
+  if (backdrop_) {
+    const auto frames = compare::picture_frames(truth_.run.predicted());
+    const std::string name = model.choice.label;
+    result.picture = compare::encode_png(compare::picture_row(*backdrop_, timed.run, frames, name));
+    const auto thinning = compare::choose_thinning(timed.run.size(), timed.run.predicted(), budget_.track_bytes);
+    result.track = compare::make_track(task_.scene, timed.run, name, thinning);
+  }
+  return result;
+}
+
+compare::SceneResult SceneComparison::run(const std::vector<ComparedModel>& models) {
+  make_truth();
+  std::vector<ModelChoice> choices;
+  choices.reserve(models.size());
+  for (const ComparedModel& model : models) choices.push_back(model.choice);
+  if (!options_.one_step_only) make_references(opponent_of(choices));
+  for (const ComparedModel& model : models) result_.models.push_back(evaluate(model));
+  return std::move(result_);
+}
+
+}  // namespace graupel::experiments

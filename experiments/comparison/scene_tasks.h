@@ -1,0 +1,28 @@
+// The scenes of a comparison, from scene files, folders of them and data sets.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "core/scene/scene.h"
+#include "core/scene/trajectory.h"
+#include "experiments/comparison/compare_runs.h"
+
+namespace graupel::experiments {
+
+/// A scene to compare on, and where its truth comes from.
+struct SceneTask {
+  Scene scene;
+  std::string source;  ///< file, "file#3" for a trajectory of a data set
+  uint64_t seed = 0;
+  int64_t frames = 0;
+  std::optional<Trajectory> stored;     ///< truth of a data set
+  std::vector<Vec3f> initial_velocity;  ///< [m/s], of a data set
+};
+
+/// Files and folders of --scenes, in order. Throws ConfigError and InputError.
+std::vector<SceneTask> read_scene_tasks(const CompareOptions& options);
+
+}  // namespace graupel::experiments

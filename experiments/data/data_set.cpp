@@ -1,0 +1,191 @@
+#include "experiments/data/data_set.h"
+
+#include <fmt/format.h>
+
+#include <cerrno>
+#include <cstdio>
+#include <cstring>
+#include <nlohmann/json.hpp>
+
+#include "core/system/atomic_file.h"
+#include "core/system/error.h"
+#include "core/system/file_lock.h"
+#include "experiments/data/scene_batches.h"
+
+namespace graupel::experiments {
+
+namespace fs = std::filesystem;
+
+namespace {
+
+constexpr mpm::Split all_splits[] = {mpm::Split::test, mpm::Split::valid, mpm::Split::train};
+
+bool is_complete(const fs::path& file) {
+  if (!fs::exists(file)) return false;
+  try {
+    const io::TrajectoryReader reader(file);
+    return reader.complete() && reader.attribute(0, "recovered").empty();  // a recovered one lacks frames
+  } catch (const InputError&) {
+    return false;  // a damaged part is made again
+  }
+}
+
+/// Which scenes are missing, running them, merging the splits.
+class DataSet {
+ public:
+  DataSet(const SceneSource& source, const DataSetOptions& options)
+      : source_(source), options_(options), folder_(options.folder) {}
+
+  nlohmann::ordered_json make() {
+    make_folder(folder_);
+    run_jobs(missing_scenes());
+    return merge();
+  }
+
+ private:
+  /// Shards may run at once: one at a time looks at what is there, and merges.
+  FileLock lock() const { return FileLock::wait(folder_ / ".lock"); }
+
+  fs::path split_file(mpm::Split split) const { return folder_ / (std::string(mpm::name_of(split)) + ".h5"); }
+  fs::path part_file(const SceneJob& job) const {
+    return folder_ / "parts" / fmt::format("{}-{:05d}.h5", mpm::name_of(job.split), job.index);
+  }
+
+  std::vector<SceneJob> missing_scenes() const;
+  void check_or_write_card() const;
+  void run_jobs(const std::vector<SceneJob>& jobs);
+  void log_redraw(const SceneJob& job, const std::string& reason) const;
+  bool merge_split(mpm::Split split, nlohmann::ordered_json& result) const;
+  nlohmann::ordered_json merge() const;
+  void remove_parts(mpm::Split split) const {
+    for (int64_t i = 0; i < source_.count(split); ++i) fs::remove(part_file({split, i}));
+  }
+
+  const SceneSource& source_;
+  const DataSetOptions& options_;
+  fs::path folder_;
+  std::vector<std::string> lost_;  ///< scenes that diverged and are not redrawn
+};
+
+/// The scenes of this shard that the folder lacks.
+std::vector<SceneJob> DataSet::missing_scenes() const {
+  const FileLock hold = lock();
+  make_folder(folder_ / "parts");
+  check_or_write_card();
+  std::vector<SceneJob> jobs;
+  int64_t number = 0, present = 0;
+  for (const mpm::Split split : all_splits) {
+    const bool merged = is_complete(split_file(split));
+    for (int64_t i = 0; i < source_.count(split); ++i, ++number) {
+      if (number % options_.shard.n != options_.shard.i) continue;
+      if (merged || is_complete(part_file({split, i})))
+        ++present;
+      else
+        jobs.push_back({split, i});
+    }
+  }
+  if (present > 0) std::fprintf(stderr, "generate: %lld scenes are there already\n", static_cast<long long>(present));
+  return jobs;
+}
+
+/// dataset.json says what the folder holds; a folder of another recipe or seed is refused, and one of another device,
+/// on which the same scene gives other bytes.
+void DataSet::check_or_write_card() const {
+  const fs::path card = folder_ / "dataset.json";
+  const std::string device = name_of(options_.device), fields = source_.fields().names();
+  nlohmann::ordered_json facts = source_.card();
+  const nlohmann::ordered_json scenes = facts;
+  facts.update({{"seed", source_.seed()}, {"device", device}, {"fields", fields}, {"made_by", version_text()}});
+  if (!fs::exists(card)) return write_file_atomically(card, facts.dump(2) + "\n");
+  const auto old = nlohmann::ordered_json::parse(read_file(card), nullptr, false);
+  bool same = old.is_object() && old.value("seed", uint64_t(0)) == source_.seed();
+  for (const auto& [key, value] : scenes.items()) same = same && old.contains(key) && old[key] == value;
+  if (!same)
+    throw ConfigError("'" + folder_.string() +
+                      "' holds a data set of another recipe or seed. Choose another --output, or remove that folder");
+  if (const std::string there = old.value("device", device); there != device)
+    throw ConfigError("'" + folder_.string() + "' holds a data set of another device (there " + there + ", here " +
+                      device + "). Use --device " + there + ", or choose another --output");
+  if (const std::string there = old.value("fields", std::string()); there != fields)
+    throw ConfigError("'" + folder_.string() + "' holds a data set with other fields (there '" + there + "', here '" +
+                      fields + "'). Use the same --fields, or choose another --output");
+}
+
+void DataSet::run_jobs(const std::vector<SceneJob>& jobs) {
+  SceneBatchOptions batches;
+  batches.device = options_.device;
+  batches.batch = options_.batch > 0 ? options_.batch : source_.default_batch(options_.device);
+  batches.minutes = options_.minutes;
+  batches.file = [this](const SceneJob& job) { return part_file(job).string(); };
+  batches.diverged = [this](const SceneJob& job, const std::string& reason) {
+    if (source_.on_divergence() == OnDivergence::redraw) return log_redraw(job, reason);
+    lost_.push_back(source_.text(job) + ": " + reason);
+    std::fprintf(stderr, "generate: %s\n", lost_.back().c_str());
+  };
+  run_scenes(source_, jobs, batches);
+  stop_if_interrupted("; run the same command again to go on");
+  if (lost_.empty()) return;
+  std::string list;
+  for (const std::string& one : lost_) list += "\n  " + one;
+  throw DivergedError(fmt::format(
+      "{} of {} scenes diverged, so no data set was made:{}\nWith another --output, use more substeps (--set "
+      "scene.time_step.substeps_per_frame=N) or take these values out of the recipe",
+      lost_.size(), jobs.size(), list));
+}
+
+void DataSet::log_redraw(const SceneJob& job, const std::string& reason) const {
+  const nlohmann::ordered_json line = {
+      {"split", mpm::name_of(job.split)}, {"index", job.index}, {"attempt", job.attempt}, {"redrawn_because", reason}};
+  const std::string path = folder_ / "redrawn.jsonl";
+  std::FILE* log = std::fopen(path.c_str(), "a");
+  const bool written = log != nullptr && std::fprintf(log, "%s\n", line.dump().c_str()) > 0;
+  const bool closed = log != nullptr && std::fclose(log) == 0;
+  if (!written || !closed)
+    throw IoError("cannot write to '" + path + "' (" + std::strerror(errno) +
+                  "). Free space on that disk, or choose a folder you may write to");
+  std::fprintf(stderr, "generate: %s diverged and is redrawn (%s)\n", source_.text(job).c_str(), reason.c_str());
+}
+
+/// Whether the split is whole.
+bool DataSet::merge_split(mpm::Split split, nlohmann::ordered_json& result) const {
+  const int64_t count = source_.count(split);
+  if (count > 0 && !is_complete(split_file(split))) {
+    std::vector<std::string> parts;
+    for (int64_t i = 0; i < count; ++i)
+      if (is_complete(part_file({split, i}))) parts.push_back(part_file({split, i}));
+    if (static_cast<int64_t>(parts.size()) < count) {
+      std::fprintf(stderr,
+                   "generate: %s has %zu of %lld scenes; run the same command (or the other shards) for the rest\n",
+                   mpm::name_of(split), parts.size(), static_cast<long long>(count));
+      return false;
+    }
+    io::merge_trajectories(parts, split_file(split));
+  }
+  remove_parts(split);  // also those of a run that was killed after the merge
+  result[mpm::name_of(split)] = count;
+  return true;
+}
+
+nlohmann::ordered_json DataSet::merge() const {
+  const FileLock hold = lock();
+  nlohmann::ordered_json result = {{"folder", folder_.string()}};
+  bool whole = true;
+  for (const mpm::Split split : all_splits) whole = merge_split(split, result) && whole;
+  result["complete"] = whole;
+  if (!whole) return result;
+  std::error_code not_empty;  // while another run of the same shard is at work
+  fs::remove(folder_ / "parts", not_empty);
+  if (source_.count(mpm::Split::train) > 0)
+    io::write_data_set_metadata(folder_, source_.scene({mpm::Split::train, 0}), options_.connectivity_radius);
+  std::fprintf(stderr, "generate: '%s' is complete\n", folder_.c_str());
+  fs::remove(folder_ / ".lock");
+  return result;
+}
+
+}  // namespace
+
+nlohmann::ordered_json make_data_set(const SceneSource& source, const DataSetOptions& options) {
+  return DataSet(source, options).make();
+}
+
+}  // namespace graupel::experiments

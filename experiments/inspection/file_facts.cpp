@@ -1,0 +1,151 @@
+#include "experiments/inspection/file_facts.h"
+
+#include <map>
+#include <nlohmann/json.hpp>
+
+#include "core/system/error.h"
+#include "io/scene/scene_reader.h"
+#include "io/scene/sweep_reader.h"
+#include "io/trajectory/state_file.h"
+#include "io/trajectory/trajectory_file.h"
+#include "nn/weights.h"
+#include "sparsegrid/cell_normals.h"
+#include "sparsegrid/obstacle_set.h"
+
+namespace graupel::experiments {
+
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+Json grid_json(const sparsegrid::GridFacts& g) {
+  return {{"name", g.name},
+          {"class", g.grid_class},
+          {"voxel_m", g.voxel},
+          {"active_voxels", g.active_voxels},
+          {"bytes", g.bytes},
+          {"index_low", {g.index_low[0], g.index_low[1], g.index_low[2]}},
+          {"index_high", {g.index_high[0], g.index_high[1], g.index_high[2]}},
+          {"world_low_m", {g.world_low[0], g.world_low[1], g.world_low[2]}},
+          {"world_high_m", {g.world_high[0], g.world_high[1], g.world_high[2]}},
+          {"background_m", g.background},
+          {"min_m", g.min_value},
+          {"max_m", g.max_value}};
+}
+
+Json scene_facts(const std::string& file) {
+  const Scene scene = io::read_scene(file);
+  const sparsegrid::ObstacleSet obstacles(scene);
+  const sparsegrid::CellNormals normals(scene, obstacles);
+  Json grids = Json::array();
+  for (int i = 0; i < obstacles.count(); ++i) grids.push_back(grid_json(obstacles.facts(i)));
+  return {{"kind", "scene"},
+          {"name", scene.name},
+          {"description", scene.description},
+          {"materials", scene.materials.size()},
+          {"sources", scene.sources.size()},
+          {"frames", scene.frames},
+          {"frame_time_s", scene.frame_time},
+          {"dx_m", scene.domain.dx},
+          {"obstacle_grids", grids},
+          {"normal_cells", normals.active_cells()},
+          {"normal_bytes", normals.bytes()}};
+}
+
+Json sweep_facts(const std::string& file) {
+  const io::Sweep sweep = io::read_sweep(file);
+  Json parameters = Json::object();
+  for (const SweepParameter& parameter : sweep.recipe.parameters) {
+    Json& entry = parameters[parameter.name] = {{"key", parameter.key}, {"values", parameter.values}};
+    if (!parameter.unit.empty()) entry["unit"] = parameter.unit;
+  }
+  return {{"kind", "sweep"},
+          {"name", sweep.recipe.name},
+          {"description", sweep.recipe.description},
+          {"scene", sweep.recipe.scene},
+          {"runs", sweep.run_count()},
+          {"test", sweep.recipe.test},
+          {"valid", sweep.recipe.valid},
+          {"frames", sweep.scenes.front().frames},
+          {"fields", sweep.recipe.fields_stored},
+          {"parameters", parameters}};
+}
+
+Json trajectory_facts(const std::string& file) {
+  const io::TrajectoryReader reader(file);
+  Json list = Json::array();
+  for (int i = 0; i < reader.count(); ++i) {
+    const Trajectory t = reader.header(i);
+    std::map<std::string, int64_t> types;
+    for (const int32_t type : t.particle_type) ++types[particle_type_name(type)];
+    list.push_back({{"index", i},
+                    {"particles", t.particle_count()},
+                    {"types", types},
+                    {"frames", t.frame_count()},
+                    {"frame_time_s", t.frame_time},
+                    {"seed", t.seed},
+                    {"made_by", t.made_by},
+                    {"diverged_at_frame", t.diverged_at_frame},
+                    {"has_scene", !t.scene_json.empty()}});
+    if (const FieldSet fields = reader.fields(i); !fields.empty()) list.back()["fields"] = fields.names();
+    for (const io::NamedValue& parameter : reader.parameters(i)) {
+      Json& entry = list.back()["parameters"][parameter.name];
+      entry["value"] = parameter.value;
+      if (!parameter.unit.empty()) entry["unit"] = parameter.unit;
+    }
+    if (!reader.attribute(i, "recovered").empty()) list.back()["recovered"] = true;
+  }
+  return {{"kind", "trajectory"}, {"complete", reader.complete()}, {"trajectories", list}};
+}
+
+Json state_facts(const std::string& file) {
+  const io::SavedRun run = io::read_state_file(file);
+  const Json scene = Json::parse(run.scene_json, nullptr, false);
+  return {{"kind", "saved state"},
+          {"scene", scene.is_object() ? scene.value("name", "") : ""},
+          {"frame", run.frame},
+          {"of_frames", scene.is_object() ? scene.value("frames", Scene().frames) : 0},
+          {"time_s", run.time},
+          {"particles", run.particles},
+          {"precision", run.precision},
+          {"device", run.device},
+          {"seed", run.seed},
+          {"made_by", run.version},
+          {"trajectory", run.output},
+          {"fields", run.fields.names()},
+          {"state_bytes", run.state.size()},
+          {"recent_frames", run.recent.size()}};
+}
+
+Json weights_facts(const std::string& file) {
+  const nn::Weights weights = nn::read_safetensors(file);
+  int64_t parameters = 0;
+  Json tensors = Json::object();
+  for (const auto& [name, tensor] : weights.tensors) {
+    parameters += tensor.count();
+    tensors[name] = tensor.shape;
+  }
+  return {{"kind", "weights"}, {"parameters", parameters}, {"metadata", weights.metadata}, {"tensors", tensors}};
+}
+
+Json vdb_facts(const std::string& file) {
+  Json grids = Json::array();
+  for (const auto& g : sparsegrid::inspect_vdb(file)) grids.push_back(grid_json(g));
+  return {{"kind", "vdb"}, {"grids", grids}};
+}
+
+}  // namespace
+
+nlohmann::ordered_json file_facts(const std::string& file) {
+  if (io::is_state_file(file)) return state_facts(file);
+  if (file.ends_with(".json")) return io::is_sweep(file) ? sweep_facts(file) : scene_facts(file);
+  if (file.ends_with(".h5")) return trajectory_facts(file);
+  if (file.ends_with(".safetensors")) return weights_facts(file);
+  if (file.ends_with(".vdb")) return vdb_facts(file);
+  throw ConfigError(
+      "'" + file +
+      "' is no saved state, no folder of a training run and has no known ending (allowed: .json scene or sweep, .h5 "
+      "trajectory, .safetensors weights, .vdb grids). Name one of these");
+}
+
+}  // namespace graupel::experiments

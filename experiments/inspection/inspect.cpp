@@ -1,0 +1,85 @@
+#include "experiments/inspection/inspect.h"
+
+#include <cstdio>
+#include <nlohmann/json.hpp>
+
+#include "core/system/error.h"
+#include "experiments/inspection/file_facts.h"
+#include "experiments/inspection/training_curves.h"
+#include "io/trajectory/trajectory_file.h"
+
+namespace graupel::experiments {
+
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+/// `file` is the finished name; what is on disk is `file`.part.
+Json recover(const std::string& file) {
+  const std::string whole = file.ends_with(".part") ? file.substr(0, file.size() - 5) : file;
+  const int64_t frames = io::recover_part_file(whole, true);
+  if (frames == 0)
+    throw InputError("no frame of '" + whole +
+                     ".part' could be recovered (the run was ended before its first flush). Run it again");
+  return {{"kind", "recovered"}, {"file", whole}, {"frames", frames}};
+}
+
+/// Plain text: one "key: value" a line, nested values indented; long lists of tensors stay in the JSON.
+void print(const Json& value, int indent) {
+  for (const auto& [key, item] : value.items()) {
+    if (key == "tensors") continue;
+    if (item.is_object() || (item.is_array() && !item.empty() && item.front().is_object())) {
+      std::printf("%*s%s:\n", indent, "", key.c_str());
+      print(item, indent + 2);
+    } else {
+      std::printf("%*s%s: %s\n", indent, "", key.c_str(),
+                  item.is_string() ? item.get<std::string>().c_str() : item.dump().c_str());
+    }
+  }
+}
+
+void print(const TrainingCurve& curve) {
+  std::printf("%s\n%10s %10s %28s %22s\n", curve.name.c_str(), "step", "minutes", "one-step, of the baseline's",
+              "rollout MSE [m^2]");
+  for (const Validation& v : curve.validations)
+    std::printf("%10.0f %10.2f %28.4g %22.4g\n", v.step, v.seconds / 60, v.one_step, v.rollout_mse);
+}
+
+Json inspect_runs(const InspectOptions& options) {
+  std::vector<TrainingCurve> curves;
+  Json runs = Json::array();
+  for (const std::string& folder : options.files) {
+    if (!is_run_folder(folder))
+      throw ConfigError("'" + folder +
+                        "' is no folder of a training run (it has no metrics.csv), and several files can be inspected "
+                        "only where all are. Name run folders");
+    curves.push_back(read_training_curve(folder));
+    print(curves.back());
+    runs.push_back(to_json(curves.back()));
+  }
+  Json result = {{"kind", "training runs"}, {"runs", runs}};
+  if (options.plots.empty()) return result;
+  const std::vector<std::string> plots = write_training_plots(curves, options.plots);
+  result["plots"] = plots;
+  for (const std::string& file : plots) std::printf("%s\n", file.c_str());
+  return result;
+}
+
+}  // namespace
+
+void inspect(InspectOptions& options) {
+  options.common.apply();
+  const std::string& first = options.files.front();
+  const bool runs = options.files.size() > 1 || is_run_folder(first);
+  if (runs && options.recover)
+    throw ConfigError(
+        "--recover is for one trajectory ('" + first +
+        (options.files.size() > 1 ? "' and others were named). Name one FILE" : "' is a training run). Leave it out"));
+  if (!runs && !options.plots.empty())
+    throw ConfigError("--plots is for folders of training runs ('" + first + "' is none). Leave it out");
+  const Json result = runs ? inspect_runs(options) : options.recover ? recover(first) : file_facts(first);
+  if (!runs) print(result, 0);
+  options.common.write_json(result);
+}
+
+}  // namespace graupel::experiments

@@ -1,0 +1,29 @@
+// What a word of --models means: MPM and its cheaper variants, graph networks and reduced-order models.
+#pragma once
+
+#include <string>
+
+#include "mpm/scene_variants.h"
+
+namespace graupel::experiments {
+
+enum class ModelKind { mpm, network, reduced };
+
+/// A network with the laws that its rollouts are held to, or one of the two alone.
+enum class NetworkParts { all, network_alone, corrections_alone };
+
+/// One parsed entry of --models.
+struct ModelChoice {
+  std::string name;  ///< as given
+  ModelKind kind = ModelKind::mpm;
+  mpm::SolverVariant variant = {};
+  std::string label = "";    ///< short, and unlike those of the other models
+  std::string weights = "";  ///< file; empty for MPM, and for corrections-only until it has a network's settings
+  NetworkParts parts = NetworkParts::all;
+};
+/// "mpm", "mpm:...", a weights file, "WEIGHTS:no-corrections", "WEIGHTS:corrections-only", or "corrections-only".
+/// Throws ConfigError for an unknown "mpm:..." word and for parts of a reduced-order model, InputError for a weights
+/// file that cannot be read.
+ModelChoice parse_model(const std::string& word);
+
+}  // namespace graupel::experiments

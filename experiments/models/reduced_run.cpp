@@ -1,0 +1,87 @@
+#include "experiments/models/reduced_run.h"
+
+#include <algorithm>
+#include <cstdio>
+#include <utility>
+
+#include "core/system/error.h"
+#include "experiments/models/memory_meter.h"
+#include "experiments/models/start_state.h"
+#include "experiments/process/process.h"
+#include "experiments/process/progress.h"
+
+namespace graupel::experiments {
+
+namespace {
+
+/// Times of a reduced run's frames [s].
+struct ReducedTimes {
+  std::vector<double> frame, fields, grid, search, output;
+  rom::StepTiming sum;  ///< of all frames so far
+
+  void add_parts(const rom::StepTiming& now) {
+    fields.push_back(now.decode + now.inversion - sum.decode - sum.inversion);
+    grid.push_back(now.grid + now.device - sum.grid - sum.device);
+    search.push_back(now.search - sum.search);
+    sum = now;
+  }
+  compare::RunCost cost(const MemoryMeter& memory) const {
+    const auto frames = static_cast<double>(std::max<std::size_t>(1, frame.size()));
+    return {.frame = median(frame),
+            .network = median(fields),
+            .grid_build = median(grid),
+            .features = median(search),
+            .output = median(output),
+            .peak_bytes = memory.peak(),
+            .added_bytes = memory.added(),
+            .substeps = static_cast<double>(sum.steps) / frames};
+  }
+};
+
+}  // namespace
+
+TimedRun run_reduced(const LoadedModel& model, const Scene& scene, uint64_t seed, int64_t frames, Device device,
+                     const std::string& label) {
+  const MemoryMeter memory;
+  ReducedRun run(model, scene, seed, {}, {.outside = OutsideRange::be_quiet, .device = device});
+  TimedRun result;
+  StartState start = start_of(scene, seed);
+  result.run.mass = std::move(start.mass);
+  result.run.volume = std::move(start.volume);
+  Trajectory& trajectory = result.run.trajectory;
+  trajectory.particle_type = run.particle_type();
+  result.moved = trajectory.particle_type.size();
+  trajectory.frame_time = scene.frame_time;
+  trajectory.seed = seed;
+  trajectory.made_by = model.file;
+  const auto keep_frame = [&] {
+    trajectory.frames.push_back(run.frame());
+    std::vector<Vec3f>().swap(trajectory.frames.back().velocity);
+  };
+  keep_frame();
+  ReducedTimes times;
+  Progress progress(label, frames);
+  for (int64_t f = 1; f <= frames; ++f) {
+    stop_if_interrupted();
+    const auto begin = Clock::now();
+    try {
+      run.advance_frame();
+    } catch (const DivergedError&) {
+      trajectory.diverged_at_frame = f;
+      break;
+    }
+    times.frame.push_back(seconds_since(begin));
+    const auto solved = Clock::now();
+    keep_frame();
+    times.output.push_back(seconds_since(solved));
+    times.add_parts(run.statistics().timing);
+    progress.update(f);
+  }
+  if (trajectory.diverged_at_frame < 0) progress.done();
+  std::fprintf(stderr, "%s: %s\n", label.c_str(), trust_line(model.model, run.trust_record()).c_str());
+  result.cost = times.cost(memory);
+  compare::hold_last_frame(trajectory, static_cast<std::size_t>(frames));
+  return result;
+}
+
+}  // namespace graupel::experiments

@@ -1,0 +1,27 @@
+// The particles of a scene at its start, and scenes that start from given particles.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "core/scene/scene.h"
+
+namespace graupel::experiments {
+
+/// Particles at the start of a scene, with the mass and volume of each.
+struct StartState {
+  std::vector<int32_t> particle_type;
+  std::vector<Vec3f> position;       ///< [m]
+  std::vector<Vec3f> velocity;       ///< [m/s]
+  std::vector<double> mass, volume;  ///< [kg], [m^3]
+};
+StartState start_of(const Scene& scene, uint64_t seed);
+
+/// The scene with its particles as points, each moved by `distance` [m] in a random direction, but not beyond the
+/// walls.
+Scene moved_scene(const Scene& scene, uint64_t seed, double distance);
+
+/// The scene with its particles as points at `position` [particles], at rest: a late state, without its stresses.
+Scene resting_scene(const Scene& scene, uint64_t seed, const std::vector<Vec3f>& position);
+
+}  // namespace graupel::experiments

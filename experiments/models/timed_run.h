@@ -1,0 +1,25 @@
+// A model's run with its cost, and the clock that all of them share.
+#pragma once
+
+#include <chrono>
+#include <cstddef>
+#include <vector>
+
+#include "compare/metrics/evaluation.h"
+#include "compare/metrics/particle_run.h"
+
+namespace graupel::experiments {
+
+/// A run with all its frames (the last usable one repeated after a divergence) and its cost.
+struct TimedRun {
+  compare::ParticleRun run;
+  compare::RunCost cost;
+  std::size_t moved = 0;  ///< particles that the model moves; those of the run, but where it carries tracers
+};
+
+using Clock = std::chrono::steady_clock;
+double seconds_since(Clock::time_point start);
+/// The upper one of the two in the middle; 0 of none.
+double median(std::vector<double> values);
+
+}  // namespace graupel::experiments

@@ -1,0 +1,64 @@
+#include "experiments/process/program.h"
+
+#include <unistd.h>
+
+#include <cstdio>
+#include <cstdlib>
+#include <exception>
+#include <new>
+
+#include "core/parallel/instruction_set.h"
+#include "core/system/error.h"
+#include "core/system/stop_signal.h"
+#include "experiments/process/process.h"
+#include "nn/bf16_products.h"
+
+namespace graupel::experiments {
+
+const char* const environment_help =
+    "GRAUPEL_SIMD=baseline, avx2 or avx512 in the environment chooses the instruction set of MPM's "
+    "and the networks' kernels on the CPU (default: the best there is);\nGRAUPEL_PRODUCTS=f32 keeps the matrix "
+    "products of networks on the CPU in f32 where it has units for bf16, bf16-vectors on vector units where it has "
+    "matrix units.";
+
+namespace {
+
+/// Waiting OpenMP threads spin for a few microseconds and then sleep. libgomp's default (seconds of spinning) makes two
+/// threads slower than one wherever another process wants the cores, and it reads its settings before main: so the
+/// program starts itself once more with them. A setting of the user's own is kept.
+void limit_spinning(char** argv) {
+  if (std::getenv("GOMP_SPINCOUNT") != nullptr || std::getenv("OMP_WAIT_POLICY") != nullptr) return;
+  ::setenv("GOMP_SPINCOUNT", "20000", 1);
+  ::execv("/proc/self/exe", argv);  // on failure the run goes on as it is
+}
+
+}  // namespace
+
+int run_program(int argc, char** argv, const char* name, const char* description,
+                const std::function<void(const CommandLine&, int&)>& declare) {
+  limit_spinning(argv);
+  try {
+    const CommandLine program(description);
+    program.version(version_text());
+    program.require_command();
+    int exit_code = 0;
+    declare(program, exit_code);
+    catch_stop_signals();
+    instruction_set();  // its error, before any work
+    nn::choose_products();
+    const int usage = program.run(argc, argv, name);
+    return usage != 0 ? usage : exit_code;
+  } catch (const Error& error) {
+    std::fprintf(stderr, "%s: %s\n", name, error.what());
+    return static_cast<int>(error.code());
+  } catch (const std::bad_alloc&) {
+    std::fprintf(stderr,
+                 "%s: out of memory. Use fewer particles or a coarser grid ('graupel simulate --dry-run' tells)\n",
+                 name);
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "%s: %s\n", name, error.what());
+  }
+  return static_cast<int>(ExitCode::failed);
+}
+
+}  // namespace graupel::experiments

@@ -1,0 +1,49 @@
+#include "experiments/process/python_tool.h"
+
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstdlib>
+#include <cstring>
+#include <filesystem>
+
+#include "core/system/error.h"
+
+namespace graupel::experiments {
+
+namespace fs = std::filesystem;
+
+namespace {
+
+std::string tool_file(const std::string& name, const fs::path& program) {
+  std::vector<fs::path> folders;
+  if (const char* chosen = std::getenv("GRAUPEL_TOOLS"))
+    folders = {chosen};
+  else
+    folders = {program.parent_path() / "tools", program.parent_path() / "../share/graupel/tools", GRAUPEL_TOOLS_SOURCE};
+  std::string tried;
+  for (const fs::path& folder : folders) {
+    if (fs::is_regular_file(folder / name)) return (folder / name).lexically_normal();
+    tried += (tried.empty() ? "'" : ", '") + folder.lexically_normal().string() + "'";
+  }
+  throw ConfigError("the tool '" + name + "' is not there (looked for in " + tried +
+                    "). Set GRAUPEL_TOOLS to the folder tools/ of Graupel's sources");
+}
+
+}  // namespace
+
+void become_python_tool(const std::string& name, const std::vector<std::string>& arguments) {
+  const fs::path program = fs::read_symlink("/proc/self/exe");
+  std::vector<std::string> words = {"python3", tool_file(name, program)};
+  words.insert(words.end(), arguments.begin(), arguments.end());
+  std::vector<char*> argv;
+  argv.reserve(words.size() + 1);
+  for (std::string& word : words) argv.push_back(word.data());
+  argv.push_back(nullptr);
+  ::setenv("GRAUPEL_PROGRAM", program.c_str(), 1);
+  ::execvp(argv[0], argv.data());
+  throw ConfigError("cannot start python3, which '" + name + "' runs on (" + std::strerror(errno) +
+                    "). Install python3, python3-numpy and python3-h5py");
+}
+
+}  // namespace graupel::experiments

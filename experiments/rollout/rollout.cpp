@@ -1,0 +1,67 @@
+#include "experiments/rollout/rollout.h"
+
+#include <fmt/format.h>
+
+#include "core/system/error.h"
+#include "experiments/models/reduced_model.h"
+#include "experiments/process/outputs.h"
+#include "experiments/rollout/network_rollout.h"
+#include "experiments/rollout/reduced_rollout.h"
+#include "experiments/rollout/rollout_input.h"
+
+namespace graupel::experiments {
+
+namespace {
+
+/// Flags that mean nothing for the kind of input.
+void check_flags(const RolloutOptions& options) {
+  if (is_trajectory(options.input) && options.common.seed_given)
+    throw ConfigError("--seed has no effect on '" + options.input +
+                      "' (a trajectory's particles are given; --seed samples a scene's). Leave it out");
+  if (!is_trajectory(options.input) && options.trajectory > 0)
+    throw ConfigError("--trajectory needs a data set (.h5) as input, not '" + options.input + "'. Leave it out");
+  check_output_file(options.output);
+}
+
+/// Flags that the kind of model does not know.
+void check_flags_of_network(const RolloutOptions& options) {
+  const char* flag = options.step_factor   ? "--step-factor"
+                     : options.refine      ? "--refine"
+                     : options.stride != 1 ? "--stride"
+                     : options.f64         ? "--f64"
+                                           : nullptr;
+  if (flag != nullptr)
+    throw ConfigError(
+        fmt::format("{} is of reduced-order models, and '{}' is a graph network. Leave it out", flag, options.weights));
+}
+
+void check_flags_of_reduced_model(const RolloutOptions& options) {
+  if (options.start != "scene")
+    throw ConfigError(fmt::format(
+        "--start {} is of graph networks; '{}' is a reduced-order model, which starts with its scene (allowed: scene). "
+        "Leave it out",
+        options.start, options.weights));
+  if (options.no_project)
+    throw ConfigError("--no-project is of graph networks; '" + options.weights +
+                      "' is a reduced-order model, which moves no particle out of obstacles. Leave it out");
+  if (options.no_free_flight)
+    throw ConfigError("--no-free-flight is of graph networks; '" + options.weights +
+                      "' is a reduced-order model, which changes no momentum. Leave it out");
+  if (options.density_limit)
+    throw ConfigError("--density-limit is of graph networks; '" + options.weights +
+                      "' is a reduced-order model, which keeps the volume of its matter itself. Leave it out");
+}
+
+}  // namespace
+
+void rollout(RolloutOptions& options) {
+  check_flags(options);
+  const bool reduced = is_reduced_model(options.weights);
+  // Learned simulators take the GPU where it is asked for.
+  const Device device = options.common.device == "auto" ? Device::cpu : parse_device(options.common.device);
+  options.common.apply();
+  reduced ? check_flags_of_reduced_model(options) : check_flags_of_network(options);
+  reduced ? rollout_reduced(options) : rollout_network(options, device);
+}
+
+}  // namespace graupel::experiments

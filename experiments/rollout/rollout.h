@@ -1,0 +1,32 @@
+// graupel rollout: a learned simulator predicts a scene. A weights file is of a graph network, or of a reduced-order
+// model, which runs its scene from the start and so takes other flags.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "experiments/process/common_options.h"
+
+namespace graupel::experiments {
+
+struct RolloutOptions {
+  CommonOptions common;
+  std::string weights, input, output = "rollout.h5", start = "scene";
+  std::vector<std::string> set;
+  int64_t frames = -1, trajectory = 0;  ///< frames -1: the scene's
+  bool no_project = false;
+  bool no_free_flight = false;          ///< of networks
+  std::optional<double> density_limit;  ///< of networks
+  std::optional<double> step_factor;    ///< of reduced-order models
+  std::optional<int64_t> refine;        ///< of reduced-order models: points of a particle
+  int64_t stride = 1;                   ///< of reduced-order models: frames from one that is written to the next
+  bool f64 = false;                     ///< of reduced-order models: double precision
+};
+
+/// Predicts, writes the trajectory, prints a summary. Throws ConfigError for flags that the model or the input does not
+/// know, and as rollout_network and rollout_reduced.
+void rollout(RolloutOptions& options);
+
+}  // namespace graupel::experiments

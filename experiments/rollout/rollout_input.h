@@ -1,0 +1,35 @@
+// Where a rollout starts: a scene, or a trajectory and the scene stored in it.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "core/scene/scene.h"
+#include "experiments/rollout/rollout.h"
+#include "io/trajectory/trajectory_file.h"
+
+namespace graupel::experiments {
+
+bool is_trajectory(const std::string& path);
+/// Header of the trajectory that --trajectory chooses. Throws ConfigError when there is none of that number, InputError
+/// when it holds no scene.
+Trajectory chosen_header(const io::TrajectoryReader& reader, const RolloutOptions& options);
+/// The scene stored with it, changed by --set.
+Scene stored_scene(const Trajectory& header, const RolloutOptions& options);
+
+/// The state that a graph network starts from.
+struct RolloutStart {
+  Scene scene;
+  std::vector<int32_t> particle_type;
+  std::vector<std::vector<Vec3f>> history;  ///< positions [m] of frames, oldest first
+  std::vector<std::vector<Vec3f>> rest;     ///< of a trajectory: its frames after the start
+  uint64_t seed = 0;
+  bool unknown_gravity = false;  ///< other programs' data do not say it
+};
+
+/// With `history` frames: of a scene, and of the first frame of a trajectory (--start scene), a ballistic past; of
+/// --start truth:N the first frames themselves. Throws ConfigError and InputError.
+RolloutStart rollout_start(const RolloutOptions& options, int history);
+
+}  // namespace graupel::experiments

@@ -1,0 +1,155 @@
+#include "experiments/simulation/recorded_run.h"
+
+#include <fmt/format.h>
+
+#include <cstdio>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+
+#include "core/system/error.h"
+#include "core/system/human_time.h"
+#include "experiments/process/process.h"
+#include "experiments/process/progress.h"
+#include "experiments/simulation/saved_run.h"
+#include "experiments/simulation/scene_file_error.h"
+#include "io/scene/scene_reader.h"
+
+namespace graupel::experiments {
+
+namespace {
+
+/// Keeps the state at which a run blew up beside its trajectory.
+void write_blowup(const std::string& output, const Trajectory& header, const mpm::Simulation& run,
+                  const std::string& reason) {
+  const std::string path = output + ".blowup.h5";
+  const ParticleFrame frame = run.frame();
+  io::TrajectoryWriteOptions options;
+  options.active = !frame.active.empty();
+  io::TrajectoryWriter writer(path, header, options);
+  writer.append(frame);
+  writer.attribute("reason", reason);
+  writer.finish(0);
+}
+
+}  // namespace
+
+RecordedRun::RecordedRun(const SimulateOptions& options, const Scene& scene, const mpm::SimulationOptions& simulation,
+                         const std::optional<io::SavedRun>& saved)
+    : options_(options), scene_(scene), write_(options.write_options(scene)), saved_(saved) {
+  run_ = naming_file(options.scene_file(), [&] { return mpm::Simulation::create(scene, simulation); });
+  if (!options.write_obstacles.empty()) run_->obstacles().write_vdb(options.write_obstacles);
+  header_.particle_type = run_->particle_type();
+  header_.frame_time = scene.frame_time;
+  header_.scene_json = saved ? io::with_frames(saved->scene_json, scene.frames) : scene.source;
+  header_.seed = simulation.seed;
+  header_.made_by = "mpm";
+  if (!saved) {
+    writer_ = std::make_unique<io::TrajectoryWriter>(output(), header_, write_);
+    writer_->append(frame());
+    return;
+  }
+  restore(*run_, *saved, options.resume, options.scene);
+  frame_ = saved->frame;
+  substeps_before_ = run_->statistics().substeps;
+  if (!std::filesystem::exists(output()) && !std::filesystem::exists(output() + ".part"))
+    std::fprintf(stderr, "graupel: note: there is no '%s' to continue; it begins with frame %lld\n", output().c_str(),
+                 static_cast<long long>(frame_));
+  writer_ = std::make_unique<io::TrajectoryWriter>(output(), header_, write_, checkpoint_of(*run_, *saved));
+}
+
+void RecordedRun::finish() {
+  const int64_t first = frame_;
+  Progress progress(fmt::format("simulate {} ({} particles)", scene_.name, run_->particle_count()),
+                    scene_.frames - first);
+  while (frame_ < scene_.frames) {
+    if (interrupted()) stop();
+    advance();
+    if (options_.save_every > 0 && frame_ % options_.save_every == 0 && frame_ < scene_.frames)
+      save(writer_->checkpoint());
+    progress.update(frame_ - first, fmt::format("{} substeps", run_->statistics().substeps));
+  }
+  writer_->finish();
+  if (!options_.save_state.empty()) save({});
+  progress.done();
+}
+
+void RecordedRun::advance() {
+  try {
+    run_->advance_frame();
+  } catch (const DivergedError& error) {
+    write_blowup(output(), header_, *run_, error.what());
+    writer_->finish(frame_ + 1);
+    throw DivergedError(fmt::format("{}. Frames 0-{} are in '{}', the bad state in '{}.blowup.h5'", error.what(),
+                                    frame_, output(), output()));
+  }
+  ++frame_;
+  writer_->append(frame());
+}
+
+void RecordedRun::stop() {
+  if (options_.save_state.empty())
+    stop_if_interrupted(fmt::format(
+        "; '{0}.part' holds the frames so far, recover them with 'graupel inspect --recover {0}'", output()));
+  save(writer_->checkpoint());
+  throw Error(ExitCode::interrupted,
+              fmt::format("interrupted; '{0}' holds the state of frame {1}, go on with 'graupel simulate --resume {0}'",
+                          options_.save_state, frame_));
+}
+
+void RecordedRun::save(const std::vector<ParticleFrame>& recent) const {
+  io::SavedRun state;
+  state.version = version_text();
+  state.device = options_.common.device;
+  state.precision = options_.precision;
+  state.seed = header_.seed;
+  state.frame = frame_;
+  state.time = run_->time();
+  state.particles = static_cast<int64_t>(run_->particle_count());
+  state.scene_json = header_.scene_json;
+  state.output = std::filesystem::absolute(output()).lexically_normal();
+  state.velocity = write_.velocity;
+  state.active = write_.active;
+  state.fields = write_.fields;
+  state.recent = recent;
+  state.state = run_->save_state();
+  io::write_state_file(options_.save_state, state);
+}
+
+void RecordedRun::report() const {
+  const auto s = run_->statistics();
+  const double updates =
+      static_cast<double>(s.substeps - substeps_before_) * static_cast<double>(run_->particle_count());
+  const double speed = s.solver_seconds > 0 ? updates / s.solver_seconds : 0;
+  std::fprintf(
+      stderr,
+      "%s: %zu particles, %lld frames, %lld substeps, %s in the solver (%.2f M particle-updates/s), %lld pushed out\n",
+      output().c_str(), run_->particle_count(), static_cast<long long>(scene_.frames),
+      static_cast<long long>(s.substeps), human_time(s.solver_seconds).c_str(), 1e-6 * speed,
+      static_cast<long long>(s.pushed_out));
+  if (s.sound_courant > 1)
+    std::fprintf(stderr,
+                 "graupel: warning: the sound CFL reached %.2f, for %.2f%% of the particles over 1 in a substep\n",
+                 s.sound_courant, 100 * s.share_over_courant);
+  nlohmann::ordered_json result = {
+      {"output", output()},
+      {"particles", run_->particle_count()},
+      {"frames", scene_.frames},
+      {"substeps", s.substeps},
+      {"solver_seconds", s.solver_seconds},
+      {"updates_per_second", speed},
+      {"pushed_out", s.pushed_out},
+      {"pushed_out_momentum", {s.pushed_out_momentum[0], s.pushed_out_momentum[1], s.pushed_out_momentum[2]}},
+      {"born", s.born},
+      {"removed", s.removed},
+      {"scripted_momentum", {s.scripted_momentum[0], s.scripted_momentum[1], s.scripted_momentum[2]}},
+      {"sound_courant", s.sound_courant},
+      {"share_over_courant", s.share_over_courant},
+      {"peak_bytes", s.peak_bytes},
+      {"device", options_.common.device},
+      {"threads", num_threads()}};
+  if (saved_) result["resumed_from_frame"] = saved_->frame;
+  if (!options_.save_state.empty()) result["saved_state"] = options_.save_state;
+  options_.common.write_json(result);
+}
+
+}  // namespace graupel::experiments

@@ -1,0 +1,14 @@
+// What a run would need: particles, grid, substeps, memory, disk and time.
+#pragma once
+
+#include "core/scene/scene.h"
+#include "experiments/simulation/simulate.h"
+#include "mpm/simulation.h"
+
+namespace graupel::experiments {
+
+/// Prints it, and writes it to --json. Memory and time are measured: the first frame of the scene is run. Throws
+/// ConfigError, naming the scene's file, for a scene that cannot be run.
+void print_run_estimate(const SimulateOptions& options, const Scene& scene, const mpm::SimulationOptions& simulation);
+
+}  // namespace graupel::experiments

@@ -1,0 +1,96 @@
+#include "experiments/simulation/simulate.h"
+
+#include <cstdio>
+#include <filesystem>
+#include <optional>
+
+#include "core/system/error.h"
+#include "experiments/process/outputs.h"
+#include "experiments/simulation/recorded_run.h"
+#include "experiments/simulation/run_estimate.h"
+#include "experiments/simulation/saved_run.h"
+#include "io/scene/scene_reader.h"
+#include "io/trajectory/trajectory_file.h"
+
+namespace graupel::experiments {
+
+io::TrajectoryWriteOptions SimulateOptions::write_options(const Scene& scene_to_run) const {
+  io::TrajectoryWriteOptions write;
+  write.velocity = !no_velocity;
+  write.active = scene_to_run.has_inactive_particles();
+  write.fields = FieldSet::parse(fields);
+  return write;
+}
+
+namespace {
+
+mpm::SimulationOptions simulation_options(const SimulateOptions& options, const Scene& scene, Device device) {
+  mpm::SimulationOptions simulation;
+  simulation.device = device;
+  simulation.precision = options.precision == "f64" ? mpm::Precision::f64 : mpm::Precision::f32;
+  simulation.seed = options.common.seed_given ? options.common.seed : scene.seed;
+  return simulation;
+}
+
+std::string default_output(const Scene& scene) {
+  return (scene.name.empty() ? std::string("trajectory") : scene.name) + ".h5";
+}
+
+/// Takes from the state what the user left open. Throws InputError where the two differ.
+io::SavedRun take_saved_run(SimulateOptions& options) {
+  RunWishes wishes;
+  if (options.common.device != "auto") wishes.device = options.common.device;
+  if (options.precision_given) wishes.precision = options.precision;
+  if (options.common.seed_given) wishes.seed = std::to_string(options.common.seed);
+  wishes.fields = FieldSet::parse(options.fields).names();
+  wishes.no_velocity = options.no_velocity;
+  io::SavedRun saved = read_saved_run(options.resume, wishes);
+  options.common.device = saved.device;
+  options.common.seed = saved.seed;
+  options.common.seed_given = true;
+  options.precision = saved.precision;
+  options.fields = saved.fields.names();
+  options.no_velocity = !saved.velocity;
+  if (options.output.empty()) options.output = saved.output;
+  return saved;
+}
+
+void check_flags(const SimulateOptions& options) {
+  if (options.scene.empty() && options.resume.empty())
+    throw ConfigError(
+        "simulate needs a scene file, or --resume with a saved state. Example: graupel simulate "
+        "scenes/shared/water_steps.json -o steps.h5");
+  if (options.save_every > 0 && options.save_state.empty())
+    throw ConfigError("--save-every needs the file to write (no --save-state given). Add --save-state FILE");
+  FieldSet::parse(options.fields);
+}
+
+}  // namespace
+
+void simulate(SimulateOptions& options) {
+  if (options.print_defaults) {
+    std::fputs(io::scene_defaults().c_str(), stdout);
+    return;
+  }
+  check_flags(options);
+  std::optional<io::SavedRun> saved;
+  if (!options.resume.empty()) saved = take_saved_run(options);
+  const Device device = options.common.apply();
+  options.common.device = name_of(device);
+  if (options.frames >= 0) options.set.push_back("frames=" + std::to_string(options.frames));
+  const Scene scene =
+      saved ? scene_of(*saved, options.resume, options.scene, options.set) : io::read_scene(options.scene, options.set);
+  const auto simulation = simulation_options(options, scene, device);
+  if (options.dry_run) return print_run_estimate(options, scene, simulation);
+  if (options.output.empty()) options.output = default_output(scene);
+  for (const std::string& file : {options.output, options.write_obstacles, options.save_state}) check_output_file(file);
+  if (!options.save_state.empty() && std::filesystem::absolute(options.save_state).lexically_normal() ==
+                                         std::filesystem::absolute(options.output).lexically_normal())
+    throw ConfigError("--save-state and --output name the same file ('" + options.output +
+                      "'). Give the state its own");
+  RecordedRun run(options, scene, simulation, saved);
+  run.finish();
+  run.report();
+}
+
+}  // namespace graupel::experiments

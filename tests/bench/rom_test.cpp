@@ -1,0 +1,155 @@
+// graupel bench rom: naive answers, its flags, and what it writes.
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+
+#include "bench/reduced/naive_answers.h"
+#include "core/system/atomic_file.h"
+#include "tests/apps/falling_model.h"
+#include "tests/apps/program.h"
+
+namespace graupel::test {
+namespace {
+
+/// Runs whose positions are linear in the parameter: x = X + t (mu e_x + e_z), and one that is not.
+class LinearRuns : public ::testing::Test {
+ protected:
+  static constexpr int frames = 4;
+
+  std::string write(const std::string& name, const std::vector<double>& parameters, double bend = 0) const {
+    std::vector<std::string> parts;
+    for (const double mu : parameters) {
+      Trajectory run;
+      run.particle_type = {0, 0};
+      run.frame_time = 0.1;
+      for (int f = 0; f < frames; ++f) {
+        const auto t = static_cast<float>(f), way = static_cast<float>(mu + bend * mu * mu);
+        ParticleFrame frame;
+        frame.time = 0.1 * f;
+        frame.position = {{1 + t * way, 2, t}, {3 + t * way, 4, t}};
+        frame.velocity = {{way, 0, 1}, {way, 0, 1}};
+        run.frames.push_back(frame);
+      }
+      parts.push_back(folder_.file(name + std::to_string(parts.size())));
+      io::TrajectoryWriter writer(parts.back(), run);
+      writer.parameters({{"mu", "", mu, {"key"}}});
+      for (const ParticleFrame& frame : run.frames) writer.append(frame);
+      writer.finish();
+    }
+    io::merge_trajectories(parts, folder_.file(name));
+    return folder_.file(name);
+  }
+
+  Folder folder_;
+};
+
+TEST_F(LinearRuns, InterpolationIsExactForRunsThatAreLinear) {
+  const io::TrajectoryReader train(write("train.h5", {4, 1, 2, 8})), test(write("test.h5", {2.5, 1, 9}));
+  const bench::NaiveAnswers inside = bench::naive_answers(train, test, 0);
+  ASSERT_TRUE(inside.linear);
+  EXPECT_LT(inside.linear->displacement_relative, 1e-6);
+  EXPECT_NEAR(inside.nearest.displacement_relative, 0.5 / std::sqrt(1 + 2.5 * 2.5), 1e-6);
+  EXPECT_NEAR(inside.nothing_moves.displacement_relative, 1, 1e-9);
+  EXPECT_LT(inside.nothing_moves.delta, 1);
+  const bench::NaiveAnswers known = bench::naive_answers(train, test, 1);
+  EXPECT_EQ(known.nearest.delta, 0);
+  EXPECT_EQ(known.linear->delta, 0);
+  const bench::NaiveAnswers outside = bench::naive_answers(train, test, 2);
+  EXPECT_FALSE(outside.linear);
+  EXPECT_GT(outside.nearest.delta, 0);
+}
+
+TEST_F(LinearRuns, InterpolationOfOtherRunsHasAnError) {
+  const io::TrajectoryReader train(write("train.h5", {1, 3}, 0.5)), test(write("test.h5", {2}, 0.5));
+  EXPECT_GT(bench::naive_answers(train, test, 0).linear->displacement_relative, 0.05);
+}
+
+TEST(NaiveRuns, EveryParameterCountsOverItsRange) {
+  const std::vector<std::vector<double>> runs = {{0, 0}, {1, 1000}, {0.4, 900}};
+  EXPECT_EQ(bench::nearest_run(runs, {0.5, 800}).first, 2);
+  EXPECT_EQ(bench::nearest_run(runs, {0.9, 950}).first, 1);
+  EXPECT_FALSE(bench::runs_beside(runs, {0.5, 800}));
+}
+
+/// The model of falling sand and a stored run of it.
+class BenchRom : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    const std::string scene = folder_.write("falling.json", falling_scene());
+    model_ = folder_.file("falling.safetensors");
+    rom::ReducedModel model = falling_model(io::read_scene(scene));
+    model.usual.assign(8, {1, 1, 100});
+    model.singular_values["deformation"] = {4, 2, 1};
+    nn::write_safetensors(model_, model.store(nn::DType::f32));
+    ASSERT_EQ(graupel("simulate " + scene + " --fields stress -o " + folder_.file("test.h5")).exit_code, 0);
+  }
+  Outcome bench(const std::string& flags) const {
+    return graupel("bench rom " + model_ + " " + folder_.file("") + " --threads 1 " + flags);
+  }
+  nlohmann::json result() const { return nlohmann::json::parse(read_file(folder_.file("out.json"))); }
+
+  Folder folder_;
+  std::string model_;
+};
+
+TEST_F(BenchRom, MeasuresEveryNumberOfSamplesAndStep) {
+  const Outcome outcome = bench("--samples 40,80 --step-factor 1,2 --against mpm --f64 --plot " +
+                                folder_.file("plots") + " --json " + folder_.file("out.json"));
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.output;
+  const auto rows = result()["rows"];
+  ASSERT_EQ(rows.size(), 4u);
+  EXPECT_EQ(rows[0]["samples"], 40);
+  EXPECT_EQ(rows[3]["samples"], 80);
+  EXPECT_EQ(rows[1]["steps"], rows[0]["steps"].get<int>() / 2);
+  EXPECT_LT(rows[0]["displacement_relative_error"], 1e-3);
+  EXPECT_GT(rows[1]["displacement_relative_error"], rows[0]["displacement_relative_error"]);
+  EXPECT_EQ(rows[0]["trust"]["verdict"], "ok");
+  EXPECT_EQ(rows[0]["trust"]["frames"]["number"].size(), 8u);
+  EXPECT_GT(rows[0]["speed"][0]["speedup"], 0);
+  for (const char* plot : {"trust.svg", "errors-samples.svg", "errors-step_factor.svg"})
+    EXPECT_NE(read_file(folder_.file(std::string("plots/") + plot)).find("</svg>"), std::string::npos) << plot;
+  const Outcome again = graupel("bench rom --from " + folder_.file("out.json") + " --plot " + folder_.file("again"));
+  ASSERT_EQ(again.exit_code, 0) << again.output;
+  EXPECT_EQ(read_file(folder_.file("again/trust.svg")), read_file(folder_.file("plots/trust.svg")));
+}
+
+TEST_F(BenchRom, AForeignSceneRunsWhenAskedAndIsNotTrusted) {
+  const std::string heavy = folder_.write("heavy.json", falling_scene());
+  ASSERT_EQ(graupel("simulate " + heavy + " --set materials.sand.density=4000 -o " + folder_.file("test.h5")).exit_code,
+            0);
+  const Outcome refused = bench("");
+  EXPECT_EQ(refused.exit_code, 2) << refused.output;
+  EXPECT_TRUE(refused.says("is for another scene")) << refused.output;
+  const Outcome outcome = bench("--other-scene --json " + folder_.file("out.json"));
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.output;
+  EXPECT_EQ(result()["rows"][0]["trust"]["verdict"], "do not trust");
+}
+
+TEST_F(BenchRom, SeveralInstancesAreOfTheGpu) {
+  const Outcome outcome = bench("--instances 2");
+  EXPECT_EQ(outcome.exit_code, 2) << outcome.output;
+  EXPECT_TRUE(outcome.says("--instances")) << outcome.output;
+}
+
+TEST_F(BenchRom, RefusesWhatMakesNoSense) {
+  const std::pair<const char*, const char*> bad[] = {{"--step-factor 1,0", "--step-factor"},
+                                                     {"--samples 0", "--samples"},
+                                                     {"--against hgn", "--against"},
+                                                     {"--from a.json --plot b", "not both"}};
+  for (const auto& [flags, says] : bad) {
+    const Outcome outcome = bench(flags);
+    EXPECT_EQ(outcome.exit_code, 2) << flags << outcome.output;
+    EXPECT_TRUE(outcome.says(says)) << flags << outcome.output;
+  }
+  const Outcome nothing = graupel("bench rom");
+  EXPECT_EQ(nothing.exit_code, 2) << nothing.output;
+  EXPECT_TRUE(nothing.says("needs a model and its data set")) << nothing.output;
+  const std::string other = folder_.write("other.json", "{}");
+  const Outcome no_plot = graupel("bench rom --from " + other);
+  EXPECT_TRUE(no_plot.exit_code == 2 && no_plot.says("--plot")) << no_plot.output;
+  const Outcome foreign = graupel("bench rom --from " + other + " --plot " + folder_.file("p"));
+  EXPECT_TRUE(foreign.exit_code == 3 && foreign.says("bench rom --json")) << foreign.output;
+}
+
+}  // namespace
+}  // namespace graupel::test
