@@ -68,7 +68,7 @@ void bench_cpu_table(BenchMpmOptions& options) {
   options.common.write_json({{"command", command_line()}, {"rows", rows}});
 }
 
-/// A GPU beside the set-up of docs/performance.md: thousand millions of particle-updates a second, falling and late.
+/// A GPU beside the set-up of docs/lab/performance.md: G particle-updates a second, falling and late.
 void bench_cuda_table(BenchMpmOptions& options) {
   options.common.device = "cuda";
   const Device device = options.common.apply();
