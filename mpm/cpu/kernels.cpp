@@ -26,7 +26,7 @@ GRAUPEL_LANES void block_low(const CpuStep<T>& s, int32_t key, int32_t (&low)[3]
 }
 
 template <typename T>
-void scatter(const CpuStep<T>& s, int64_t home) {
+[[gnu::flatten]] void scatter(const CpuStep<T>& s, int64_t home) {
   T* arena = s.arenas + home * arena_numbers;
   for (int i = 0; i < arena_numbers; i += width<T>) store(arena + i, Lanes<T>{});
   int32_t low[3];

@@ -76,7 +76,7 @@ GRAUPEL_HD void gather_sample(const Block& block, const RunView& view, const Ins
   const int lane = block.thread() % warp_width;
   const Vec<double, 3> before = sample_position(block, view.model, instance.coefficient, sample);
   const MarkedGrid grid(instance);
-  const Stencil s = grid.stencil_at(before.cast<float>());
+  const GridStencil s = grid.stencil_at(before.cast<float>());
   Vec<float, 3> v = Vec<float, 3>::zero();
   if (s.inside && lane < stencil_nodes) {
     const Vec<int, 3> offset = stencil_node(lane), at = s.base + offset;
