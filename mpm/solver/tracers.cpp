@@ -2,7 +2,6 @@
 
 #include "core/system/error.h"
 #include "mpm/phases/transfer_form.h"
-#include "mpm/physics/moving_contact.h"
 #include "mpm/physics/particle_motion.h"
 #include "mpm/physics/stencil.h"
 
@@ -77,7 +76,7 @@ struct MoveTracer {
     if (!all) v = weight > least_weight ? v * (T(1) / weight) : velocity[i] + dt * view.gravity;
     Survey unused;
     const Vec<T, 3> before = x;
-    move_point(view, i, T(1), dt, x, v, unused);
+    move_point<false, 3, T>(view, {}, false, i, T(1), dt, x, v, unused);
     if (view.push_out && view.moving.count > 0 && near_moving(view.moving, x))
       push_out_of_moving<3, T>(view, view.moving, dt, before, x);
     position[i] = x;

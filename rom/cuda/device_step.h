@@ -11,7 +11,7 @@
 #include <type_traits>
 
 #include "core/parallel/thread_block.h"
-#include "mpm/physics/moving_contact.h"
+#include "mpm/physics/node_update.h"
 #include "mpm/physics/particle_motion.h"
 #include "mpm/physics/transfer.h"
 #include "rom/cuda/device_view.h"

@@ -68,7 +68,7 @@ GRAUPEL_HD inline bool advance_particle(const ParticleView<float>& p, const Scen
   p.internal.set(slot, internal);
   if (!survey_deformation(scene.grid.dx, m, F, internal, dt, found)) mark_bad(place, found);
   // Obstacles last: their search needs the registers that a deformation fills.
-  move_point(scene, place, m.density * p.volume.get(slot), dt, x, v, found);
+  move_point<false, 3>(scene, {}, false, place, m.density * p.volume.get(slot), dt, x, v, found);
   p.position.set_vec(slot, x);
   p.velocity.set_vec(slot, v);
   if (!survey_velocity(v, found)) mark_bad(place, found);

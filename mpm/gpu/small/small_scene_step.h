@@ -105,9 +105,8 @@ GRAUPEL_HD inline Vec<float, 3> node_velocity(const SmallScene& small, float mom
                                               const UnitPair& low, const UnitPair& high) {
   const float mass = static_cast<float>(high.b);
   const float scale = mass > 0.0f ? momentum_per_mass_unit * fast_reciprocal(mass) : 0.0f;
-  const Vec<float, 3> v = Vec<float, 3>{static_cast<float>(low.a) * scale, static_cast<float>(low.b) * scale,
-                                        static_cast<float>(high.a) * scale} +
-                          gain;
+  const Vec<float, 3> v = free_velocity(
+      Vec<float, 3>{static_cast<float>(low.a), static_cast<float>(low.b), static_cast<float>(high.a)}, scale, gain);
   return contact.code != 0 ? meet_node(small, contact, v) : v;
 }
 
@@ -235,7 +234,7 @@ GRAUPEL_HD Share advance(Worker<Block>& w, int64_t slot, const Moment& moment, b
       }
     }
     if (!survey_deformation(dx, m, F, internal, w.dt, found)) mark_bad(place, found);
-    move_point(scene, place, mass, w.dt, x, v, found);
+    move_point<false, 3>(scene, {}, false, place, mass, w.dt, x, v, found);
     if (reports) {
       p.position.set_vec(slot, x);
       p.velocity.set_vec(slot, v);
