@@ -73,12 +73,4 @@ GRAUPEL_HD inline T bspline(T u) {
   }
 }
 
-/// Lowest node of the stencil: floor(x/dx - shift), for a position `local` >= shift in cells from the grid's origin.
-template <Spline S = Spline::quadratic, typename T, int D>
-GRAUPEL_HD inline Vec<int, D> base_node(const Vec<T, D>& local) {
-  Vec<int, D> base;
-  for (int d = 0; d < D; ++d) base[d] = static_cast<int>(local[d] - T(BSpline<S>::base_shift));
-  return base;
-}
-
 }  // namespace graupel::mpm

@@ -9,6 +9,7 @@
 #include "mpm/cpu/lanes_materials.h"
 #include "mpm/cpu/lanes_motion.h"
 #include "mpm/cpu/lanes_scatter.h"
+#include "mpm/physics/node_update.h"
 
 namespace graupel::mpm {
 namespace {
@@ -26,7 +27,7 @@ GRAUPEL_LANES void block_low(const CpuStep<T>& s, int32_t key, int32_t (&low)[3]
 }
 
 template <typename T>
-void scatter(const CpuStep<T>& s, int64_t home) {
+[[gnu::flatten]] void scatter(const CpuStep<T>& s, int64_t home) {
   T* arena = s.arenas + home * arena_numbers;
   for (int i = 0; i < arena_numbers; i += width<T>) store(arena + i, Lanes<T>{});
   int32_t low[3];
@@ -92,11 +93,12 @@ void update_nodes(const CpuStep<T>& s, int64_t node_block) {
   if (!is_free(s, s.node_key[node_block])) return s.update_block(s.view, s.dt, node_block);
   T* nodes = s.nodes + node_block * node_numbers;
   const Node<T> gravity = {s.dt * s.gravity[0], s.dt * s.gravity[1], s.dt * s.gravity[2], T(0)};
-  const Lanes<T> fall = repeated<T>(gravity), is_mass = repeated<T>(Node<T>{T(0), T(0), T(0), T(1)});
+  const Pack<T> gain = repeated<T>(gravity);
+  const Lanes<T> is_mass = repeated<T>(Node<T>{T(0), T(0), T(0), T(1)});
   for (int i = 0; i < node_numbers; i += width<T>) {
     const Lanes<T> sums = load(nodes + i), mass = last_channel(sums);
-    const Lanes<T> velocity = sums * (T(1) / mass) + fall;
-    store(nodes + i, is_mass != T(0) ? sums : mass > T(0) ? velocity : Lanes<T>{});
+    const Pack<T> velocity = free_velocity(Pack<T>(sums), T(1) / Pack<T>(mass), gain);
+    store(nodes + i, is_mass != T(0) ? sums : mass > T(0) ? velocity.v : Lanes<T>{});
   }
 }
 

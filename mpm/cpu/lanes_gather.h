@@ -23,18 +23,18 @@ GRAUPEL_LANES void prepare_gather(const CpuStep<T>& s, int64_t tile_index, int l
                                   GatherTile<T>& out) {
   const LanePlace<T> place = place_of(s, tile_index, lane, low);
   store(out.offset + lane, place.offset);
-  Lanes<T> w[3], moment[3];
   for (int d = 0; d < 3; ++d) {
-    spline_weights<T>(place.fx[d], w);
+    const auto [w] = bspline_weights(place.fx[d]);
+    Pack<T> moment[3];
     for (int k = 0; k < 3; ++k) moment[k] = w[k] * (T(k) - place.fx[d]);
     if (d < 2) {
       for (int k = 0; k < 3; ++k) {
-        store(out.weight[d][k] + lane, w[k]);
-        store(out.moment[d][k] + lane, moment[k]);
+        store(out.weight[d][k] + lane, w[k].v);
+        store(out.moment[d][k] + lane, moment[k].v);
       }
     } else {
-      store_by_lane<T>(out.last_weight + 4 * lane, w[0], w[1], w[2], Lanes<T>{});
-      store_by_lane<T>(out.last_moment + 4 * lane, moment[0], moment[1], moment[2], Lanes<T>{});
+      store_by_lane<T>(out.last_weight + 4 * lane, w[0].v, w[1].v, w[2].v, Lanes<T>{});
+      store_by_lane<T>(out.last_moment + 4 * lane, moment[0].v, moment[1].v, moment[2].v, Lanes<T>{});
     }
   }
 }

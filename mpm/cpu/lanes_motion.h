@@ -3,6 +3,7 @@
 
 #include "mpm/cpu/lanes_materials.h"
 #include "mpm/cpu/lanes_place.h"
+#include "mpm/physics/particle_motion.h"
 
 namespace graupel::mpm {
 namespace {
@@ -26,11 +27,12 @@ GRAUPEL_LANES Ints<T> directory_index(const CpuStep<T>& s, const Lanes<T> (&cell
 template <typename T>
 GRAUPEL_LANES bool move(const CpuStep<T>& s, int64_t tile_index, int lane, const LaneMotion<T>& motion) {
   Lanes<T> x[3], cells[3];
-  Mask<T> simple = Mask<T>{} - 1;
+  Vec<Pack<T>, 3> step;
+  for (int d = 0; d < 3; ++d) step[d] = s.dt * motion.v[d];
+  Mask<T> simple = within_a_cell(step, s.dx).m;
   for (int d = 0; d < 3; ++d) {
-    const Lanes<T> step = s.dt * motion.v[d];
-    x[d] = component<T, 3>(s.position, tile_index, d, lane) + step;
-    simple &= (magnitude(step) <= s.dx) & (x[d] >= s.particle_low[d]) & (x[d] <= s.particle_high[d]);
+    x[d] = component<T, 3>(s.position, tile_index, d, lane) + step[d].v;
+    simple &= (x[d] >= s.particle_low[d]) & (x[d] <= s.particle_high[d]);
     cells[d] = (x[d] - s.origin[d]) * s.inverse_dx + T(0.5);
   }
   if (any(~simple)) return false;

@@ -2,9 +2,10 @@
 #pragma once
 
 #include "mpm/cpu/cpu_step.h"
-#include "mpm/cpu/lanes_matrix.h"
+#include "mpm/cpu/pack.h"
 #include "mpm/grid/grid.h"
 #include "mpm/particles/particles.h"
+#include "mpm/physics/stencil.h"
 
 namespace graupel::mpm {
 namespace {
@@ -29,31 +30,23 @@ GRAUPEL_LANES void set_component(T* data, int64_t tile_index, int k, int lane, L
 /// Where particles lie in the arenas of their home blocks.
 template <typename T>
 struct LanePlace {
-  Ints<T> offset;  ///< of the base node in the arena
-  Lanes<T> fx[3];  ///< cells above it
+  Ints<T> offset;      ///< of the base node in the arena
+  Vec<Pack<T>, 3> fx;  ///< cells above it
 };
 
-/// `low`: lowest node of the home block. The base is kept inside the block, as arena_place() does.
+/// `low`: lowest node of the home block.
 template <typename T>
 GRAUPEL_LANES LanePlace<T> place_of(const CpuStep<T>& s, int64_t tile_index, int lane, const Ints<T> (&low)[3]) {
   LanePlace<T> place;
   Ints<T> inside[3];
   for (int d = 0; d < 3; ++d) {
     const Lanes<T> local = (component<T, 3>(s.position, tile_index, d, lane) - s.origin[d]) * s.inverse_dx;
-    const Ints<T> base = __builtin_convertvector(local - T(0.5), Ints<T>) - low[d];
-    inside[d] = base < 0 ? Ints<T>{} : base > block_width - 1 ? Ints<T>{} + (block_width - 1) : base;
-    place.fx[d] = local - __builtin_convertvector(low[d] + inside[d], Lanes<T>);
+    const AxisStencil<Pack<T>> axis = axis_stencil(Pack<T>(local), low[d], block_width - 1);
+    inside[d] = axis.base;
+    place.fx[d] = axis.fx;
   }
   place.offset = (inside[0] * arena_width<> + inside[1]) * row_stride + inside[2] * channels;
   return place;
-}
-
-template <typename T>
-GRAUPEL_LANES void spline_weights(Lanes<T> fx, Lanes<T> (&w)[3]) {
-  const Lanes<T> low = T(1.5) - fx, mid = fx - T(1), high = fx - T(0.5);
-  w[0] = T(0.5) * low * low;
-  w[1] = T(0.75) - mid * mid;
-  w[2] = T(0.5) * high * high;
 }
 
 }  // namespace

@@ -4,6 +4,7 @@
 
 #include "mpm/cpu/lanes_place.h"
 #include "mpm/cpu/lanes_shuffle.h"
+#include "mpm/physics/transfer.h"
 
 namespace graupel::mpm {
 namespace {
@@ -19,12 +20,12 @@ struct ScatterTile {
 };
 
 template <typename T>
-GRAUPEL_LANES Lanes<T> density_of(const CpuStep<T>& s, int64_t tile_index, int lane) {
+GRAUPEL_LANES Pack<T> density_of(const CpuStep<T>& s, int64_t tile_index, int lane) {
   const int32_t* material = s.material + tile_index * tile_lanes + lane;
   const int32_t first = material[0];
   bool same = true;
   for (int l = 1; l < width<T>; ++l) same = same && material[l] == first;
-  if (same) return splat(s.materials[first].density);
+  if (same) return Pack<T>(s.materials[first].density);
   Lanes<T> density = Lanes<T>{};
   for (int l = 0; l < width<T>; ++l) density[l] = s.materials[material[l]].density;
   return density;
@@ -36,23 +37,24 @@ GRAUPEL_LANES void prepare_scatter(const CpuStep<T>& s, int64_t tile_index, cons
   for (int lane = 0; lane < tile_lanes; lane += width<T>) {
     const LanePlace<T> place = place_of(s, tile_index, lane, low);
     store(out.offset + lane, place.offset);
-    Lanes<T> w[3][3];
-    for (int d = 0; d < 3; ++d) spline_weights<T>(place.fx[d], w[d]);
-    for (int r = 0; r < 9; ++r) store(out.weight[r] + lane, w[0][r / 3] * w[1][r % 3]);
-    store_by_lane<T>(out.last_weight + 4 * lane, w[2][0], w[2][1], w[2][2], Lanes<T>{});
-    const Lanes<T> volume = component<T, 1>(s.volume, tile_index, 0, lane);
-    const Lanes<T> mass = density_of(s, tile_index, lane) * volume;
-    const Lanes<T> affine = mass * s.dx, force = (T(-4) * s.dt * s.inverse_dx) * volume;
-    Lanes<T> A[3][3], at_base[3];
-    for (int r = 0; r < 3; ++r) {
-      for (int c = 0; c < 3; ++c)
-        A[r][c] = affine * component<T, 9>(s.affine_velocity, tile_index, 3 * r + c, lane) +
-                  force * component<T, 6>(s.stress, tile_index, symmetric_entry(r, c), lane);
-      at_base[r] = mass * component<T, 3>(s.velocity, tile_index, r, lane) -
-                   (A[r][0] * place.fx[0] + A[r][1] * place.fx[1] + A[r][2] * place.fx[2]);
+    AxisWeights<Pack<T>> w[3];
+    for (int d = 0; d < 3; ++d) w[d] = bspline_weights(place.fx[d]);
+    for (int r = 0; r < 9; ++r) store(out.weight[r] + lane, (w[0].w[r / 3] * w[1].w[r % 3]).v);
+    store_by_lane<T>(out.last_weight + 4 * lane, w[2].w[0].v, w[2].w[1].v, w[2].w[2].v, Lanes<T>{});
+    const Pack<T> volume = component<T, 1>(s.volume, tile_index, 0, lane);
+    const Pack<T> mass = density_of(s, tile_index, lane) * volume;
+    Mat<Pack<T>, 3> C, tau;
+    for (int k = 0; k < 9; ++k) {
+      C(k / 3, k % 3) = component<T, 9>(s.affine_velocity, tile_index, k, lane);
+      tau(k / 3, k % 3) = component<T, 6>(s.stress, tile_index, symmetric_entry(k / 3, k % 3), lane);
     }
-    store_by_lane<T>(out.at_base + 4 * lane, at_base[0], at_base[1], at_base[2], mass);
-    for (int c = 0; c < 3; ++c) store_by_lane<T>(out.change[c] + 4 * lane, A[0][c], A[1][c], A[2][c], Lanes<T>{});
+    const Mat<Pack<T>, 3> A = affine_momentum(mass, volume, s.dt, s.dx, s.inverse_dx, C, tau);
+    Pack<T> at_base[3];
+    for (int r = 0; r < 3; ++r)
+      at_base[r] = mass * Pack<T>(component<T, 3>(s.velocity, tile_index, r, lane)) -
+                   (A(r, 0) * place.fx[0] + A(r, 1) * place.fx[1] + A(r, 2) * place.fx[2]);
+    store_by_lane<T>(out.at_base + 4 * lane, at_base[0].v, at_base[1].v, at_base[2].v, mass.v);
+    for (int c = 0; c < 3; ++c) store_by_lane<T>(out.change[c] + 4 * lane, A(0, c).v, A(1, c).v, A(2, c).v, Lanes<T>{});
   }
 }
 

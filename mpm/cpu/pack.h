@@ -66,6 +66,13 @@ template <typename T>
 struct ScalarTypes<Pack<T>> {
   using Real = T;
   using Mask = PackMask<T>;
+  using Int = Ints<T>;
+
+  GRAUPEL_LANES_MEMBER static Ints<T> truncated(Pack<T> a) { return __builtin_convertvector(a.v, Ints<T>); }
+  GRAUPEL_LANES_MEMBER static Pack<T> from_integer(Ints<T> n) { return __builtin_convertvector(n, Lanes<T>); }
+  GRAUPEL_LANES_MEMBER static Ints<T> limited(Ints<T> n, int last) {
+    return n < 0 ? Ints<T>{} : n > last ? Ints<T>{} + last : n;
+  }
 };
 
 namespace {
@@ -76,6 +83,7 @@ GRAUPEL_PACK_OPERATOR(*)
 GRAUPEL_PACK_OPERATOR(/)
 GRAUPEL_PACK_COMPARISON(<)
 GRAUPEL_PACK_COMPARISON(>)
+GRAUPEL_PACK_COMPARISON(<=)
 GRAUPEL_PACK_COMPARISON(>=)
 GRAUPEL_PACK_COMPARISON(!=)
 #undef GRAUPEL_PACK_OPERATOR

@@ -14,12 +14,20 @@ template <typename S>
 struct ScalarTypes {
   using Real = S;
   using Mask = bool;
+  using Int = int;
+
+  GRAUPEL_HD static int truncated(S a) { return static_cast<int>(a); }
+  GRAUPEL_HD static S from_integer(int n) { return static_cast<S>(n); }
+  /// The nearest of 0..last.
+  GRAUPEL_HD static int limited(int n, int last) { return n < 0 ? 0 : n > last ? last : n; }
 };
-/// Type of one number of S; type of the result of comparing two S.
+/// Type of one number of S; of the result of comparing two S; of integers, one for each number of S.
 template <typename S>
 using Real = typename ScalarTypes<S>::Real;
 template <typename S>
 using MaskOf = typename ScalarTypes<S>::Mask;
+template <typename S>
+using IntOf = typename ScalarTypes<S>::Int;
 
 GRAUPEL_HD inline bool any(bool mask) { return mask; }
 

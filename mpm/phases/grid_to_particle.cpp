@@ -35,10 +35,10 @@ struct GatherBlock {
     for (int32_t i = view.blocks.start[home]; i < view.blocks.start[home + 1]; ++i) {
       const int64_t slot = view.blocks.order[i];
       if (view.is_stationary(slot)) continue;
-      const auto place = arena_place<S>(grid.local(in_axes<D>(p.position.vec(slot))), block);
+      const auto stencil = arena_stencil<S>(grid.local(in_axes<D>(p.position.vec(slot))), block);
       Vec<T, D> v;
       Mat<T, D> C;
-      gather_particle<S>(arena, place, view.grid.inverse_dx, v, C);
+      gather_particle<S>(arena, stencil, view.grid.inverse_dx, v, C);
       p.velocity.set_vec(slot, in_space(v));
       store_matrix<T, 3>(p.affine_velocity, slot, in_space(C));
     }
@@ -58,9 +58,9 @@ struct GatherParticle {
     const int64_t home = view.blocks.home_of_key[view.keys[slot]];
     const GridGeometry<T, D> grid = in_axes<D>(view.grid);
     const Vec<int, D> block = grid.block_of(view.blocks.home_key[home]);
-    const auto place = arena_place<S>(grid.local(in_axes<D>(p.position.vec(slot))), block);
+    const auto stencil = arena_stencil<S>(grid.local(in_axes<D>(p.position.vec(slot))), block);
     AxisWeights<T, S> weights[D];
-    for (int d = 0; d < D; ++d) weights[d] = bspline_weights<S>(place.fx[d]);
+    for (int d = 0; d < D; ++d) weights[d] = bspline_weights<S>(stencil.fx[d]);
     Vec<T, 3> v = Vec<T, 3>::zero();
     Mat<T, 3> C = Mat<T, 3>::zero();
     for (int row = 0; row < stencil_rows<D, S>; ++row) {
@@ -68,10 +68,10 @@ struct GatherParticle {
       const T row_w = row_weight(weights, row, node);
       for (int k = 0; k < stencil_width<S>; ++k) {
         node[D - 1] = k;
-        const Vec<T, 3> v_i = node_velocity(home, place.base + node);
+        const Vec<T, 3> v_i = node_velocity(home, stencil.base + node);
         const T w = row_w * weights[D - 1].w[k];
         v += w * v_i;
-        C += outer(w * v_i, in_space(node.template cast<T>() - place.fx));
+        C += outer(w * v_i, in_space(node.template cast<T>() - stencil.fx));
       }
     }
     p.velocity.set_vec(slot, v);

@@ -2,7 +2,6 @@
 // survey of the new state; and the copying of particles into another order.
 #include "mpm/particles/slot_range.h"
 #include "mpm/phases/phases.h"
-#include "mpm/physics/moving_contact.h"
 #include "mpm/physics/particle_motion.h"
 
 namespace graupel::mpm {
@@ -78,19 +77,11 @@ struct MoveSlots {
       settle(slot, p.position.vec(slot));
       return true;
     }
-    const Vec<T, 3> before = p.position.vec(slot), step = dt * p.velocity.vec(slot);
-    for (int d = 0; d < 3; ++d)
-      if (!(std::abs(step[d]) <= view.grid.dx)) {  // also NaN: such a particle stays where it is
-        mark_bad(slot, found);
-        return true;
-      }
-    const Vec<T, 3> wanted = before + step;
-    Vec<T, 3> x = wanted;
-    for (int d = 0; d < 3; ++d) {
-      x[d] = x[d] < view.walls.particle_low[d] ? view.walls.particle_low[d] : x[d];
-      x[d] = x[d] > view.walls.particle_high[d] ? view.walls.particle_high[d] : x[d];
-    }
-    if (!led) keep_out(slot, before, wanted, x, found);
+    const Vec<T, 3> v = p.velocity.vec(slot);
+    Vec<T, 3> x = p.position.vec(slot), slowed = v;
+    const T mass = view.materials[p.material.get(slot)].density * p.volume.get(slot);
+    if (!move_point<!plain, D, T>(view, view.moving, led, slot, mass, dt, x, slowed, found)) return true;
+    if (!(slowed == v)) p.velocity.set_vec(slot, slowed);
     if (!plain && !led && (view.walls.has_gates || view.roles.sink_count > 0) && leaves(x)) {
       remove(slot, x, found);
       return false;
@@ -106,25 +97,6 @@ struct MoveSlots {
     if (key == view.keys[slot]) return;
     view.keys[slot] = key;
     mark(view.keys_changed);
-  }
-
-  /// Projection out of obstacles, and the loss of velocity into what pushed.
-  GRAUPEL_HD void keep_out(int64_t slot, const Vec<T, 3>& before, const Vec<T, 3>& wanted, Vec<T, 3>& x,
-                           Survey& found) const {
-    Vec<T, 3> surface_velocity = Vec<T, 3>::zero();
-    if (!plain && view.push_out && view.moving.count > 0 && near_moving(view.moving, x)) {
-      surface_velocity = push_out_of_moving<D, T>(view, view.moving, dt, before, x);
-    } else if (view.push_out && near_surface<D, T>(view, x)) {
-      sparsegrid::push_out<D>(view.obstacle_nodes.obstacles, view.walls.particle_low, view.walls.particle_high, before,
-                              x);
-    }
-    if (x == wanted) return;
-    const ParticleView<T>& p = view.particles;
-    const Vec<T, 3> v = p.velocity.vec(slot);
-    Vec<T, 3> stopped = v;
-    const T mass = view.materials[p.material.get(slot)].density * p.volume.get(slot);
-    stop_at_surface(x - wanted, mass, surface_velocity, stopped, found);
-    if (!(stopped == v)) p.velocity.set_vec(slot, stopped);
   }
 
   /// Takes x through a periodic wall; true when it passed an open one or entered a sink.

@@ -8,14 +8,14 @@ namespace graupel::mpm {
 
 namespace {
 
-/// (m C - dt V0 (k / dx^2) tau) dx: change of a particle's momentum over one cell.
+/// affine_momentum() of the particle in a slot.
 template <typename Form, typename T>
-GRAUPEL_HD inline Mat<T, Form::D> affine_momentum(const SolverView<T>& view, int64_t slot, T mass, T dt) {
+GRAUPEL_HD inline Mat<T, Form::D> affine_momentum_of(const SolverView<T>& view, int64_t slot, T mass, T dt) {
   constexpr int D = Form::D;
   const ParticleView<T>& p = view.particles;
-  const T force = -dt * p.volume.get(slot) * T(BSpline<Form::spline>::inverse_moment) * view.grid.inverse_dx;
-  return (mass * view.grid.dx) * in_axes<D>(load_matrix<T, 3>(p.affine_velocity, slot)) +
-         force * in_axes<D>(load_symmetric(p.stress, slot));
+  return affine_momentum<Form::spline>(mass, p.volume.get(slot), dt, view.grid.dx, view.grid.inverse_dx,
+                                       in_axes<D>(load_matrix<T, 3>(p.affine_velocity, slot)),
+                                       in_axes<D>(load_symmetric(p.stress, slot)));
 }
 
 template <typename T>
@@ -37,9 +37,9 @@ struct ScatterBlock {
     for (int32_t i = view.blocks.start[home]; i < view.blocks.start[home + 1]; ++i) {
       const int64_t slot = view.blocks.order[i];
       const T mass = mass_of(view, slot);
-      const auto place = arena_place<S>(grid.local(in_axes<D>(view.particles.position.vec(slot))), block);
-      scatter_particle<S>(arena, place, mass, mass * in_axes<D>(view.particles.velocity.vec(slot)),
-                          affine_momentum<Form>(view, slot, mass, dt));
+      const auto stencil = arena_stencil<S>(grid.local(in_axes<D>(view.particles.position.vec(slot))), block);
+      scatter_particle<S>(arena, stencil, mass, mass * in_axes<D>(view.particles.velocity.vec(slot)),
+                          affine_momentum_of<Form>(view, slot, mass, dt));
     }
   }
 };
@@ -98,7 +98,7 @@ struct GatherNode {
     }
     const T mass = mass_of(view, slot);
     const Vec<T, D> q =
-        mass * in_axes<D>(view.particles.velocity.vec(slot)) + affine_momentum<Form>(view, slot, mass, dt) * offset;
+        mass * in_axes<D>(view.particles.velocity.vec(slot)) + affine_momentum_of<Form>(view, slot, mass, dt) * offset;
     for (int c = 0; c < D; ++c) sum[c] += w * q[c];
     sum[3] += w * mass;
   }

@@ -1,6 +1,6 @@
 // Grid update: velocity from momentum, gravity, contact with obstacles, then with the walls, so that the walls hold.
 #include "mpm/phases/phases.h"
-#include "mpm/physics/moving_contact.h"
+#include "mpm/physics/node_update.h"
 
 namespace graupel::mpm {
 
@@ -19,10 +19,9 @@ struct UpdateNode {
     }
     const int32_t key = view.blocks.node_key[entry / nodes_per_block<D>];
     const int inside = static_cast<int>(entry % nodes_per_block<D>);
-    Vec<T, 3> v = Vec<T, 3>{node[0], node[1], node[2]} * (T(1) / mass) + dt * view.gravity;
-    const Vec<T, 3> x = node_position<D>(view.grid, key, inside);
-    v = meet_obstacles<moving, D, T>(view, view.moving, key, inside, x, v);
-    v = meet_walls(view.walls, x, view.grid.dx, v);
+    const Vec<T, 3> v =
+        updated_velocity<moving, D, T>(view, view.moving, key, inside, node_position<D>(view.grid, key, inside),
+                                       Vec<T, 3>{node[0], node[1], node[2]}, mass, dt);
     for (int c = 0; c < 3; ++c) node[c] = v[c];
   }
 };

@@ -1,9 +1,9 @@
-// Contact with moving obstacles, of a grid node and of a particle. Both are judged in the obstacle's frame: the
+// Which moving obstacle holds a grid node, and where it puts a particle. Both are judged in the obstacle's frame: the
 // velocity of the material relative to the obstacle's point there.
 #pragma once
 
 #include "mpm/grid/moving_obstacles.h"
-#include "mpm/physics/node_update.h"
+#include "mpm/grid/scene_view.h"
 #include "sparsegrid/push_out.h"
 
 namespace graupel::mpm {
@@ -38,28 +38,6 @@ GRAUPEL_HD inline int32_t holding_obstacle(const MovingObstacleView<T>& moving, 
     here = one;
   }
   return nearest;
-}
-
-/// The law of the deeper one of the obstacles at rest and the moving ones, at node `inside` of the block with directory
-/// index `key`, which lies at x.
-template <bool some_move, int D, typename T>
-GRAUPEL_HD inline Vec<T, 3> meet_obstacles(const SceneView<T>& scene, const MovingObstacleView<T>& moving, int32_t key,
-                                           int inside, const Vec<T, 3>& x, const Vec<T, 3>& v) {
-  const int32_t surface = scene.obstacle_nodes.block_number[key];
-  const int64_t entry = int64_t(surface) * nodes_per_block<D> + inside;
-  if (some_move) {
-    sparsegrid::SignedDistance<T> here{};
-    const int32_t index = holding_obstacle<D>(moving, x, scene.grid.dx, here);
-    const bool fixed_is_deeper = surface != block_without_surface && scene.obstacle_nodes.law[entry] >= 0 &&
-                                 scene.obstacle_nodes.phi[entry] <= here.phi;
-    if (index >= 0 && !fixed_is_deeper) {
-      const Vec<T, 3> u = moving.step[index].velocity_at(x);
-      if (norm2(here.normal) == T(0)) return u;
-      const sparsegrid::ObstacleView& obstacle = moving.start.obstacles[index];
-      return u + apply_contact(obstacle.contact, static_cast<T>(obstacle.friction), here.normal, v - u);
-    }
-  }
-  return surface != block_without_surface ? meet_fixed_obstacle(scene.obstacle_nodes, entry, v) : v;
 }
 
 /// Whether x lies in the box of a moving obstacle at the end of the substep.

@@ -1,9 +1,9 @@
-// Grid update of one node: velocity from momentum, gravity, contact with obstacles at rest, then with the walls, so
-// that the walls hold. Moving obstacles: mpm/phases/update_grid.cpp.
+// Grid update of one node: velocity from momentum, gravity, contact with obstacles, then with the walls, so that the
+// walls hold.
 #pragma once
 
-#include "mpm/grid/scene_view.h"
 #include "mpm/physics/contact.h"
+#include "mpm/physics/moving_contact.h"
 
 namespace graupel::mpm {
 
@@ -45,18 +45,42 @@ GRAUPEL_HD inline Vec<T, 3> meet_walls(const WallView<T>& walls, const Vec<T, 3>
   return v;
 }
 
-/// Velocity of node `inside` (0..63) of the block with directory index `key`, from its momentum [kg m/s] and mass > 0.
-template <typename T>
-GRAUPEL_HD inline Vec<T, 3> updated_velocity(const SceneView<T>& scene, int32_t key, int inside,
-                                             const Vec<T, 3>& momentum, T mass, T dt) {
-  Vec<T, 3> v = momentum * (T(1) / mass) + dt * scene.gravity;
+/// The law of the deeper one of the obstacles at rest and the moving ones, at node `inside` of the block with directory
+/// index `key`, which lies at x.
+template <bool some_move, int D, typename T>
+GRAUPEL_HD inline Vec<T, 3> meet_obstacles(const SceneView<T>& scene, const MovingObstacleView<T>& moving, int32_t key,
+                                           int inside, const Vec<T, 3>& x, const Vec<T, 3>& v) {
   const int32_t surface = scene.obstacle_nodes.block_number[key];
-  if (surface != block_without_surface)
-    v = meet_fixed_obstacle(scene.obstacle_nodes, int64_t(surface) * nodes_per_block<3> + inside, v);
-  Vec<int, 3> at = node_in_block<3>(inside);
-  const Vec<int, 3> block = scene.grid.block_of(key);
-  for (int d = 0; d < 3; ++d) at[d] += block_width * block[d];
-  return meet_walls(scene.walls, scene.grid.node_position(at), scene.grid.dx, v);
+  const int64_t entry = int64_t(surface) * nodes_per_block<D> + inside;
+  if constexpr (some_move) {
+    sparsegrid::SignedDistance<T> here{};
+    const int32_t index = holding_obstacle<D>(moving, x, scene.grid.dx, here);
+    const bool fixed_is_deeper = surface != block_without_surface && scene.obstacle_nodes.law[entry] >= 0 &&
+                                 scene.obstacle_nodes.phi[entry] <= here.phi;
+    if (index >= 0 && !fixed_is_deeper) {
+      const Vec<T, 3> u = moving.step[index].velocity_at(x);
+      if (norm2(here.normal) == T(0)) return u;
+      const sparsegrid::ObstacleView& obstacle = moving.start.obstacles[index];
+      return u + apply_contact(obstacle.contact, static_cast<T>(obstacle.friction), here.normal, v - u);
+    }
+  }
+  return surface != block_without_surface ? meet_fixed_obstacle(scene.obstacle_nodes, entry, v) : v;
+}
+
+/// Velocity of a node after gravity, before contact: p / m + dt g. `gain` is dt g.
+template <typename Velocity, typename S>
+GRAUPEL_HD inline Velocity free_velocity(const Velocity& momentum, const S& inverse_mass, const Velocity& gain) {
+  return momentum * inverse_mass + gain;
+}
+
+/// Velocity of node `inside` of the block with directory index `key`, which lies at x, from its momentum [kg m/s] and
+/// mass > 0.
+template <bool some_move, int D, typename T>
+GRAUPEL_HD inline Vec<T, 3> updated_velocity(const SceneView<T>& scene, const MovingObstacleView<T>& moving,
+                                             int32_t key, int inside, const Vec<T, 3>& x, const Vec<T, 3>& momentum,
+                                             T mass, T dt) {
+  const Vec<T, 3> v = free_velocity(momentum, T(1) / mass, dt * scene.gravity);
+  return meet_walls(scene.walls, x, scene.grid.dx, meet_obstacles<some_move, D>(scene, moving, key, inside, x, v));
 }
 
 }  // namespace graupel::mpm

@@ -1,11 +1,9 @@
 // Advection of one particle, kept inside the walls and out of obstacles, and the survey of its new state.
 #pragma once
 
-#include "mpm/bspline.h"
-#include "mpm/grid/scene_view.h"
 #include "mpm/materials/material.h"
+#include "mpm/physics/moving_contact.h"
 #include "mpm/physics/step_report.h"
-#include "sparsegrid/push_out.h"
 
 namespace graupel::mpm {
 
@@ -63,24 +61,51 @@ template <typename T, typename Found>
   for (int d = 0; d < 3; ++d) found.pushed_momentum[d] += static_cast<double>(-mass * v_n * normal[d]);
 }
 
-/// x <- x + dt v, kept inside the walls and out of obstacles at rest. A particle that would move over one cell, or
-/// whose velocity is not a number, stays where it is and is marked bad.
-template <typename T, typename Found>
-GRAUPEL_HD inline void move_point(const SceneView<T>& scene, int64_t slot, T mass, T dt, Vec<T, 3>& x, Vec<T, 3>& v,
-                                  Found& found) {
-  const Vec<T, 3> before = x, step = dt * v;
-  for (int d = 0; d < 3; ++d)
-    if (!(std::abs(step[d]) <= scene.grid.dx)) return mark_bad(slot, found);
-  const Vec<T, 3> wanted = before + step;
-  x = wanted;
+/// Whether a step goes at most one cell along every axis (false for a number that is none).
+template <typename S, int D>
+GRAUPEL_HD inline MaskOf<S> within_a_cell(const Vec<S, D>& step, Real<S> dx) {
+  MaskOf<S> within = magnitude(step[0]) <= dx;
+  for (int d = 1; d < D; ++d) within = within & (magnitude(step[d]) <= dx);
+  return within;
+}
+
+/// The nearest point inside the walls.
+template <typename T>
+GRAUPEL_HD inline Vec<T, 3> inside_walls(const WallView<T>& walls, Vec<T, 3> x) {
   for (int d = 0; d < 3; ++d) {
-    x[d] = x[d] < scene.walls.particle_low[d] ? scene.walls.particle_low[d] : x[d];
-    x[d] = x[d] > scene.walls.particle_high[d] ? scene.walls.particle_high[d] : x[d];
+    x[d] = x[d] < walls.particle_low[d] ? walls.particle_low[d] : x[d];
+    x[d] = x[d] > walls.particle_high[d] ? walls.particle_high[d] : x[d];
   }
-  if (scene.push_out && near_surface(scene, x))
-    sparsegrid::push_out(scene.obstacle_nodes.obstacles, scene.walls.particle_low, scene.walls.particle_high, before,
-                         x);
-  if (!(x == wanted)) stop_at_surface(x - wanted, mass, Vec<T, 3>::zero(), v, found);
+  return x;
+}
+
+/// Projection out of obstacles of a particle that went from `before` to x, and the loss of velocity into what pushed it
+/// there from where it wanted to be.
+template <bool some_move, int D, typename T, typename Found>
+[[gnu::always_inline]] GRAUPEL_HD inline void keep_out(const SceneView<T>& scene, const MovingObstacleView<T>& moving,
+                                                       T mass, T dt, const Vec<T, 3>& before, const Vec<T, 3>& wanted,
+                                                       Vec<T, 3>& x, Vec<T, 3>& v, Found& found) {
+  Vec<T, 3> surface_velocity = Vec<T, 3>::zero();
+  if (some_move && scene.push_out && moving.count > 0 && near_moving(moving, x))
+    surface_velocity = push_out_of_moving<D, T>(scene, moving, dt, before, x);
+  else if (scene.push_out && near_surface<D, T>(scene, x))
+    sparsegrid::push_out<D>(scene.obstacle_nodes.obstacles, scene.walls.particle_low, scene.walls.particle_high, before,
+                            x);
+  if (!(x == wanted)) stop_at_surface(x - wanted, mass, surface_velocity, v, found);
+}
+
+/// x <- x + dt v, kept inside the walls and, unless a script leads it, out of obstacles. False for a particle that
+/// would move over one cell, or whose velocity is not a number: it stays where it is and is marked bad.
+template <bool some_move, int D, typename T, typename Found>
+[[gnu::always_inline]] GRAUPEL_HD inline bool move_point(const SceneView<T>& scene, const MovingObstacleView<T>& moving,
+                                                         bool led, int64_t slot, T mass, T dt, Vec<T, 3>& x,
+                                                         Vec<T, 3>& v, Found& found) {
+  const Vec<T, 3> before = x, step = dt * v;
+  if (!within_a_cell(step, scene.grid.dx)) return mark_bad(slot, found), false;
+  const Vec<T, 3> wanted = before + step;
+  x = inside_walls(scene.walls, wanted);
+  if (!led) keep_out<some_move, D>(scene, moving, mass, dt, before, wanted, x, v, found);
+  return true;
 }
 
 /// Whether the deformation of a particle can go on, and its sound speed. F is read where

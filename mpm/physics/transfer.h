@@ -5,31 +5,31 @@
 // 4 nodes x 4 channels at a time, so that a compiler uses its widest registers.
 #pragma once
 
-#include "mpm/bspline.h"
+#include <type_traits>
+
 #include "mpm/grid/grid.h"
 #include "mpm/physics/row_lanes.h"
+#include "mpm/physics/stencil.h"
 
 namespace graupel::mpm {
 
-/// Where a particle lies in the arena of its home block.
-template <typename T, int D>
-struct ArenaPlace {
-  Vec<int, D> base;  ///< base node, 0..3 along each axis
-  Vec<T, D> fx;      ///< cells above it, [1/2, 3/2) or, cubic, [1, 2)
-};
-
-/// `local` in cells from node 0, `block` the home block. The base is kept inside the block, so that rounding at a
-/// block's face cannot leave the arena.
-template <Spline S = Spline::quadratic, typename T, int D>
-GRAUPEL_HD inline ArenaPlace<T, D> arena_place(const Vec<T, D>& local, const Vec<int, D>& block) {
-  ArenaPlace<T, D> place;
-  const Vec<int, D> base = base_node<S>(local);
-  for (int d = 0; d < D; ++d) {
-    const int inside = base[d] - block_width * block[d];
-    place.base[d] = inside < 0 ? 0 : inside > block_width - 1 ? block_width - 1 : inside;
-    place.fx[d] = local[d] - static_cast<T>(block_width * block[d] + place.base[d]);
+/// A dx = (m C - dt V0 (k / dx^2) tau) dx: change of a particle's momentum over one cell [kg m/s].
+template <Spline spline = Spline::quadratic, typename S, int D>
+GRAUPEL_HD inline Mat<S, D> affine_momentum(const S& mass, const S& volume, Real<S> dt, Real<S> dx, Real<S> inverse_dx,
+                                            const Mat<S, D>& C, const Mat<S, D>& tau) {
+  constexpr auto k = Real<S>(BSpline<spline>::inverse_moment);
+  if constexpr (std::is_same_v<S, Real<S>>) {
+    return (mass * dx) * C + (-dt * volume * k * inverse_dx) * tau;
+  } else {  // first what all particles share; rounded in the order in which it stands
+    Mat<S, D> A = (mass * dx) * C;
+    return A += ((-k * dt * inverse_dx) * volume) * tau;
   }
-  return place;
+}
+
+/// Stencil of a particle in the arena of its home block `block`; `local` in cells from node 0.
+template <Spline S = Spline::quadratic, typename T, int D>
+GRAUPEL_HD inline Stencil<T, D> arena_stencil(const Vec<T, D>& local, const Vec<int, D>& block) {
+  return stencil_at<S>(local, block_width * block, block_width - 1);
 }
 
 /// Product of the weights of stencil row `row` (all axes but the last), with its node coordinates.
@@ -50,11 +50,11 @@ inline constexpr int stencil_rows = D == 2 ? stencil_width<S> : stencil_width<S>
 
 /// Adds one particle to an arena. `momentum` is m v [kg m/s], `affine` is A dx [kg m/s].
 template <Spline S = Spline::quadratic, typename T, int D>
-GRAUPEL_HD inline void scatter_particle(T* arena, const ArenaPlace<T, D>& place, T mass, const Vec<T, D>& momentum,
+GRAUPEL_HD inline void scatter_particle(T* arena, const Stencil<T, D>& stencil, T mass, const Vec<T, D>& momentum,
                                         const Mat<T, D>& affine) {
   AxisWeights<T, S> weights[D];
-  for (int d = 0; d < D; ++d) weights[d] = bspline_weights<S>(place.fx[d]);
-  const Vec<T, D> at_base = momentum - affine * place.fx;
+  for (int d = 0; d < D; ++d) weights[d] = bspline_weights<S>(stencil.fx[d]);
+  const Vec<T, D> at_base = momentum - affine * stencil.fx;
   const auto column = [&](int d) {
     return RowLanes<T>::repeated(affine(0, d), affine(1, d), D == 3 ? affine(D - 1, d) : T(0), T(0));
   };
@@ -72,25 +72,25 @@ GRAUPEL_HD inline void scatter_particle(T* arena, const ArenaPlace<T, D>& place,
     const T row_w = row_weight(weights, r, node);
     RowLanes<T> row = value;
     for (int d = 0; d < D - 1; ++d) row = row + T(node[d]) * change[d];
-    add_to(arena + arena_offset<S>(place.base + node), row_w * row);
+    add_to(arena + arena_offset<S>(stencil.base + node), row_w * row);
   }
 }
 
 /// Velocity and affine velocity of one particle from an arena of node velocities.
 template <Spline S = Spline::quadratic, typename T, int D>
-GRAUPEL_HD inline void gather_particle(const T* arena, const ArenaPlace<T, D>& place, T inverse_dx, Vec<T, D>& v,
+GRAUPEL_HD inline void gather_particle(const T* arena, const Stencil<T, D>& stencil, T inverse_dx, Vec<T, D>& v,
                                        Mat<T, D>& C) {
   AxisWeights<T, S> weights[D];
-  for (int d = 0; d < D; ++d) weights[d] = bspline_weights<S>(place.fx[d]);
+  for (int d = 0; d < D; ++d) weights[d] = bspline_weights<S>(stencil.fx[d]);
   T sum[row_lanes] = {}, moment[D - 1][row_lanes] = {};
   for (int r = 0; r < stencil_rows<D, S>; ++r) {
     Vec<int, D> node;
     const T w = row_weight(weights, r, node);
-    const T* row = arena + arena_offset<S>(place.base + node);
+    const T* row = arena + arena_offset<S>(stencil.base + node);
     for (int l = 0; l < row_lanes; ++l) {
       const T value = w * row[l];
       sum[l] += value;
-      for (int d = 0; d < D - 1; ++d) moment[d][l] += (T(node[d]) - place.fx[d]) * value;
+      for (int d = 0; d < D - 1; ++d) moment[d][l] += (T(node[d]) - stencil.fx[d]) * value;
     }
   }
   const T scale = T(BSpline<S>::inverse_moment) * inverse_dx;
@@ -99,7 +99,7 @@ GRAUPEL_HD inline void gather_particle(const T* arena, const ArenaPlace<T, D>& p
     for (int k = 0; k < stencil_width<S>; ++k) {
       const T w = weights[D - 1].w[k], value = w * sum[channels * k + c];
       velocity += value;
-      last += (T(k) - place.fx[D - 1]) * value;
+      last += (T(k) - stencil.fx[D - 1]) * value;
       for (int d = 0; d < D - 1; ++d) others[d] += w * moment[d][channels * k + c];
     }
     v[c] = velocity;

@@ -2,8 +2,8 @@
 
 #include "core/system/error.h"
 #include "mpm/phases/transfer_form.h"
-#include "mpm/physics/moving_contact.h"
 #include "mpm/physics/particle_motion.h"
+#include "mpm/physics/stencil.h"
 
 namespace graupel::mpm {
 
@@ -46,10 +46,9 @@ struct MoveTracer {
 
   /// Sum of the weights of nodes with mass, and of their velocities times these.
   GRAUPEL_HD T gather(const Vec<T, 3>& x, bool& all, Vec<T, 3>& sum) const {
-    const Vec<T, 3> local = view.grid.local(x);
-    const Vec<int, 3> base = base_node<S>(local);
+    const Stencil<T, 3> stencil = stencil_at<S>(view.grid.local(x));
     AxisWeights<T, S> weights[3];
-    for (int d = 0; d < 3; ++d) weights[d] = bspline_weights<S>(local[d] - static_cast<T>(base[d]));
+    for (int d = 0; d < 3; ++d) weights[d] = bspline_weights<S>(stencil.fx[d]);
     T weight = T(0);
     sum = Vec<T, 3>::zero();
     all = true;
@@ -57,7 +56,7 @@ struct MoveTracer {
     for (int i = 0; i < stencil_width<S>; ++i)
       for (int j = 0; j < stencil_width<S>; ++j)
         for (int k = 0; k < stencil_width<S>; ++k) {
-          const T* node = node_at(base + Vec<int, 3>{i, j, k}, last_key, last_block);
+          const T* node = node_at(stencil.base + Vec<int, 3>{i, j, k}, last_key, last_block);
           if (node == nullptr || !(node[3] > T(0))) {
             all = false;
             continue;
@@ -77,7 +76,7 @@ struct MoveTracer {
     if (!all) v = weight > least_weight ? v * (T(1) / weight) : velocity[i] + dt * view.gravity;
     Survey unused;
     const Vec<T, 3> before = x;
-    move_point(view, i, T(1), dt, x, v, unused);
+    move_point<false, 3, T>(view, {}, false, i, T(1), dt, x, v, unused);
     if (view.push_out && view.moving.count > 0 && near_moving(view.moving, x))
       push_out_of_moving<3, T>(view, view.moving, dt, before, x);
     position[i] = x;

@@ -157,7 +157,7 @@ GRAUPEL_HD void mark_blocks(const Block& block, const RunView& view, const Insta
   const MarkedGrid grid(instance);
   for (int s = first_warp; s < view.model.samples; s += warps) {
     const Vec<double, 3> x = sample_position(block, view.model, instance.reached, s);
-    const Stencil stencil = grid.stencil_at(x.template cast<float>());
+    const GridStencil stencil = grid.stencil_at(x.template cast<float>());
     if (!stencil.inside) continue;
     Vec<int, 3> corner = stencil.base;
     for (int d = 0; d < 3; ++d) {

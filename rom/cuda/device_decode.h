@@ -180,7 +180,7 @@ GRAUPEL_HD void scatter_point(const Block& block, const RunView& view, const Ins
   float decoded[24];
   __builtin_memcpy(decoded, __builtin_assume_aligned(from, 16), sizeof decoded);
   const Vec<float, 3> x = {decoded[0], decoded[1], decoded[2]};
-  const Stencil s = grid.stencil_at(x);
+  const GridStencil s = grid.stencil_at(x);
   if (!s.inside) return;
   const Vec<int, 3> offset = stencil_node(lane);
   float* const sums = grid.sums_of(s.base + offset);
@@ -198,8 +198,8 @@ GRAUPEL_HD void scatter_point(const Block& block, const RunView& view, const Ins
                               {decoded[9], decoded[7], decoded[11]},
                               {decoded[10], decoded[11], decoded[8]}}};
   const float mass = instance.point_mass[point];
-  const float force = -static_cast<float>(view.dt) * instance.point_volume[point] * 4.0f * grid.grid.inverse_dx;
-  const Mat<float, 3> A = C * (mass * grid.grid.dx) + tau * force;
+  const Mat<float, 3> A = mpm::affine_momentum(mass, instance.point_volume[point], static_cast<float>(view.dt),
+                                               grid.grid.dx, grid.grid.inverse_dx, C, tau);
   float w = 1;
   Vec<float, 3> from_point;
   for (int d = 0; d < 3; ++d) {
@@ -214,7 +214,7 @@ GRAUPEL_HD void scatter_point(const Block& block, const RunView& view, const Ins
 template <typename Block>
 GRAUPEL_HD bool reaches_marked(const Block& block, const MarkedGrid& grid, const Vec<float, 3>& x) {
   const int lane = block.thread() % warp_width;
-  const Stencil s = grid.stencil_at(x);
+  const GridStencil s = grid.stencil_at(x);
   bool reaches = false;
   if (s.inside && lane < 8) {
     Vec<int, 3> corner = s.base;

@@ -21,8 +21,6 @@ GRAUPEL_HD inline Vec<float, 3> node_velocity(const RunView& view, const Instanc
   const mpm::SceneView<float>& scene = instance.scene;
   const float mass = sums[3];
   if (!(mass > 0.0f)) return Vec<float, 3>::zero();
-  Vec<float, 3> v =
-      Vec<float, 3>{sums[0], sums[1], sums[2]} * (1.0f / mass) + static_cast<float>(view.dt) * scene.gravity;
   Vec<int, 3> block;
   int inside = 0;
   for (int d = 0; d < 3; ++d) {
@@ -32,39 +30,22 @@ GRAUPEL_HD inline Vec<float, 3> node_velocity(const RunView& view, const Instanc
   const Vec<float, 3> x = scene.grid.node_position(at);
   const int32_t key = scene.grid.directory_index(block);
   const mpm::MovingObstacleView<float> moving = instance.moving(instance.state->step);
-  v = moving.count > 0 ? mpm::meet_obstacles<true, 3, float>(scene, moving, key, inside, x, v)
-                       : mpm::meet_obstacles<false, 3, float>(scene, moving, key, inside, x, v);
-  return mpm::meet_walls(scene.walls, x, scene.grid.dx, v);
+  const Vec<float, 3> momentum = {sums[0], sums[1], sums[2]};
+  const auto dt = static_cast<float>(view.dt);
+  return moving.count > 0 ? mpm::updated_velocity<true, 3>(scene, moving, key, inside, x, momentum, mass, dt)
+                          : mpm::updated_velocity<false, 3>(scene, moving, key, inside, x, momentum, mass, dt);
 }
 
-/// Where a sample goes with velocity v, kept inside the walls and out of obstacles as mpm/phases/move_particles.cpp
-/// does. The way [m] is not rounded to the precision of positions where nothing is in the way: that would count in
-/// velocities.
+/// How far a sample goes with velocity v, at most a cell. The way [m] is not rounded to the precision of positions
+/// where nothing is in the way: that would count in velocities.
 GRAUPEL_HD inline Vec<float, 3> sample_way(const RunView& view, const InstanceView& instance, bool led,
                                            const Vec<double, 3>& before, const Vec<float, 3>& v) {
   const mpm::SceneView<float>& scene = instance.scene;
   const auto dt = static_cast<float>(view.dt);
   const Vec<float, 3> from = before.cast<float>(), step = dt * v, wanted = from + step;
-  Vec<float, 3> x = wanted;
-  for (int d = 0; d < 3; ++d) {
-    x[d] = x[d] < scene.walls.particle_low[d] ? scene.walls.particle_low[d] : x[d];
-    x[d] = x[d] > scene.walls.particle_high[d] ? scene.walls.particle_high[d] : x[d];
-  }
-  Vec<float, 3> surface = Vec<float, 3>::zero();
-  if (!led && scene.push_out) {
-    const mpm::MovingObstacleView<float> moving = instance.moving(instance.state->step);
-    if (moving.count > 0 && mpm::near_moving(moving, x))
-      surface = mpm::push_out_of_moving<3>(scene, moving, dt, from, x);
-    else if (mpm::near_surface<3, float>(scene, x))
-      sparsegrid::push_out<3>(scene.obstacle_nodes.obstacles, scene.walls.particle_low, scene.walls.particle_high, from,
-                              x);
-  }
-  Vec<float, 3> slowed = v;
-  if (!led && !(x == wanted)) {
-    mpm::Survey unused;
-    mpm::stop_at_surface(x - wanted, 1.0f, surface, slowed, unused);
-  }
-  Vec<float, 3> way = step;
+  Vec<float, 3> x = from, slowed = v, way = step;
+  mpm::Survey unused;
+  mpm::move_point<true, 3>(scene, instance.moving(instance.state->step), led, 0, 1.0f, dt, x, slowed, unused);
   for (int d = 0; d < 3; ++d)
     if (!(x[d] == wanted[d] && slowed[d] == v[d])) way[d] = static_cast<float>(static_cast<double>(x[d]) - before[d]);
   return way;
@@ -76,7 +57,7 @@ GRAUPEL_HD void gather_sample(const Block& block, const RunView& view, const Ins
   const int lane = block.thread() % warp_width;
   const Vec<double, 3> before = sample_position(block, view.model, instance.coefficient, sample);
   const MarkedGrid grid(instance);
-  const Stencil s = grid.stencil_at(before.cast<float>());
+  const GridStencil s = grid.stencil_at(before.cast<float>());
   Vec<float, 3> v = Vec<float, 3>::zero();
   if (s.inside && lane < stencil_nodes) {
     const Vec<int, 3> offset = stencil_node(lane), at = s.base + offset;
@@ -92,8 +73,7 @@ GRAUPEL_HD void gather_sample(const Block& block, const RunView& view, const Ins
                                         : instance.leader(instance.sample_script[sample], instance.state->step);
   if (leader != nullptr) v = leader->velocity_at(before.cast<float>());
   const bool still = leader == nullptr && instance.sample_still[sample] != 0;
-  bool fits = s.inside;
-  for (int d = 0; d < 3; ++d) fits = fits && std::abs(static_cast<float>(view.dt) * v[d]) <= instance.scene.grid.dx;
+  const bool fits = s.inside && mpm::within_a_cell(static_cast<float>(view.dt) * v, instance.scene.grid.dx);
   const Vec<float, 3> way =
       !fits || still ? Vec<float, 3>::zero() : sample_way(view, instance, leader != nullptr, before, v);
   for (int d = 0; d < 3; ++d) to[d] = way[d];

@@ -11,8 +11,9 @@
 #include <type_traits>
 
 #include "core/parallel/thread_block.h"
-#include "mpm/physics/moving_contact.h"
+#include "mpm/physics/node_update.h"
 #include "mpm/physics/particle_motion.h"
+#include "mpm/physics/transfer.h"
 #include "rom/cuda/device_view.h"
 
 #if defined(__CUDACC__)
@@ -68,10 +69,8 @@ GRAUPEL_HD inline T sum_of_warp(const Block& block, T value) {
   return value;
 }
 
-/// Base node of a position and the cells above it; `inside`: the whole stencil lies in the grid (false for NaN).
-struct Stencil {
-  Vec<int, 3> base;
-  Vec<float, 3> fx;
+/// `inside`: the whole stencil lies in the grid (false for NaN).
+struct GridStencil : mpm::Stencil<float, 3> {
   bool inside;
 };
 
@@ -85,15 +84,12 @@ struct MarkedGrid {
       : grid(instance.scene.grid), block_mark(instance.block_mark), sums(instance.sums), round(instance.state->round) {}
 
   GRAUPEL_HD int nodes(int axis) const { return mpm::block_width * grid.blocks[axis]; }
-  GRAUPEL_HD Stencil stencil_at(const Vec<float, 3>& x) const {
+  GRAUPEL_HD GridStencil stencil_at(const Vec<float, 3>& x) const {
     const Vec<float, 3> local = grid.local(x);
-    Stencil s{Vec<int, 3>::zero(), Vec<float, 3>::zero(), true};
-    for (int d = 0; d < 3; ++d)
-      s.inside = s.inside && local[d] >= 0.5f && local[d] < static_cast<float>(nodes(d)) - 2.0f;
-    if (!s.inside) return s;
-    s.base = mpm::base_node(local);
-    for (int d = 0; d < 3; ++d) s.fx[d] = local[d] - static_cast<float>(s.base[d]);
-    return s;
+    bool inside = true;
+    for (int d = 0; d < 3; ++d) inside = inside && local[d] >= 0.5f && local[d] < static_cast<float>(nodes(d)) - 2.0f;
+    if (!inside) return {{Vec<int, 3>::zero(), Vec<float, 3>::zero()}, false};
+    return {mpm::stencil_at(local), true};
   }
   /// Of the block that holds a node.
   GRAUPEL_HD int32_t block_index(const Vec<int, 3>& at) const {

@@ -4,6 +4,8 @@
 #include <numeric>
 #include <unordered_map>
 
+#include "mpm/physics/stencil.h"
+
 namespace graupel::rom {
 
 using mpm::tile;

@@ -8,6 +8,7 @@
 #include "mpm/cpu/tuned_phases.h"
 #include "mpm/materials/material.h"
 #include "mpm/phases/transfer_form.h"
+#include "mpm/physics/particle_motion.h"
 
 namespace graupel::rom {
 
@@ -164,10 +165,7 @@ template <typename T>
 void ParticleGrid<T>::move_samples(const mpm::SolverView<T>& v, T dt, std::vector<bool>& lost) {
   lost.assign(static_cast<std::size_t>(samples_), false);
   for (int64_t s = 0; s < samples_; ++s) {
-    const Vec<T, 3> velocity = v.particles.velocity.vec(s);
-    bool fits = true;
-    for (int d = 0; d < 3; ++d) fits = fits && std::abs(dt * velocity[d]) <= grid_.dx;  // false for NaN
-    if (fits) continue;
+    if (mpm::within_a_cell(dt * v.particles.velocity.vec(s), grid_.dx)) continue;
     lost[static_cast<std::size_t>(s)] = true;
     v.particles.velocity.set_vec(s, Vec<T, 3>::zero());
   }

@@ -6,7 +6,7 @@
 
 #include "core/parallel/parallel_for.h"
 #include "core/system/error.h"
-#include "mpm/bspline.h"
+#include "mpm/physics/stencil.h"
 
 namespace graupel::train {
 
@@ -91,9 +91,9 @@ GridSums::Snapshot GridSums::prepare(const QuadratureBody& body, const Quadratur
     Vec3d local;
     for (int d = 0; d < 3; ++d)
       local[d] = (static_cast<double>(state.position[3 * p + static_cast<std::size_t>(d)]) - body.origin[d]) / body.dx;
-    bases[p] = mpm::base_node(local);
-    for (int d = 0; d < 3; ++d)
-      made.places[p].above[static_cast<std::size_t>(d)] = static_cast<float>(local[d] - bases[p][d]);
+    const mpm::Stencil<double, 3> stencil = mpm::stencil_at(local);
+    bases[p] = stencil.base;
+    for (int d = 0; d < 3; ++d) made.places[p].above[static_cast<std::size_t>(d)] = static_cast<float>(stencil.fx[d]);
   }
   const NodeNumbers numbers(bases);
   made.targets.assign(static_cast<std::size_t>(numbers.count()), {});

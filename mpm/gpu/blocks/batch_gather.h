@@ -9,25 +9,25 @@
 namespace graupel::mpm::batch {
 
 /// Velocity and affine velocity of a particle from the nodes around it (mpm/physics/transfer.h).
-GRAUPEL_HD inline void gather(const NodeSum* node, const ReachPlace& place, float inverse_dx, Vec<float, 3>& v,
+GRAUPEL_HD inline void gather(const NodeSum* node, const Stencil<float, 3>& stencil, float inverse_dx, Vec<float, 3>& v,
                               Mat<float, 3>& C) {
   AxisWeights<float> w[3];
-  for (int d = 0; d < 3; ++d) w[d] = bspline_weights(place.fx[d]);
+  for (int d = 0; d < 3; ++d) w[d] = bspline_weights(stencil.fx[d]);
   float sum[3] = {}, along[3][3] = {};  // along[d]: sum of w v (x_i - x_p) along axis d
   for (int i = 0; i < 3; ++i)
     for (int j = 0; j < 3; ++j) {
       float row[3] = {};
       const float w_row = w[0].w[i] * w[1].w[j];
       for (int k = 0; k < 3; ++k) {
-        const NodeSum n = node[reach_index(place.base[0] + i, place.base[1] + j, place.base[2] + k)];
-        const float weight = w_row * w[2].w[k], dz = static_cast<float>(k) - place.fx[2];
+        const NodeSum n = node[reach_index(stencil.base[0] + i, stencil.base[1] + j, stencil.base[2] + k)];
+        const float weight = w_row * w[2].w[k], dz = static_cast<float>(k) - stencil.fx[2];
         for (int c = 0; c < 3; ++c) {
           const float part = weight * n.v[c];
           row[c] += part;
           along[2][c] += dz * part;
         }
       }
-      const float dx = static_cast<float>(i) - place.fx[0], dy = static_cast<float>(j) - place.fx[1];
+      const float dx = static_cast<float>(i) - stencil.fx[0], dy = static_cast<float>(j) - stencil.fx[1];
       for (int c = 0; c < 3; ++c) {
         sum[c] += row[c];
         along[0][c] += dx * row[c];
@@ -54,7 +54,7 @@ GRAUPEL_HD inline bool advance_particle(const ParticleView<float>& p, const Scen
     return true;
   }
   Mat<float, 3> C;
-  gather(node, reach_place(scene.grid, block, x), scene.grid.inverse_dx, v, C);
+  gather(node, reach_stencil(scene.grid, block, x), scene.grid.inverse_dx, v, C);
   store_matrix<float, 3>(p.affine_velocity, slot, C);
   if (keeps_deformation(m.model)) {
     F = load_matrix<float, 3>(p.deformation_gradient, slot);
@@ -68,11 +68,11 @@ GRAUPEL_HD inline bool advance_particle(const ParticleView<float>& p, const Scen
   p.internal.set(slot, internal);
   if (!survey_deformation(scene.grid.dx, m, F, internal, dt, found)) mark_bad(place, found);
   // Obstacles last: their search needs the registers that a deformation fills.
-  move_point(scene, place, m.density * p.volume.get(slot), dt, x, v, found);
+  move_point<false, 3>(scene, {}, false, place, m.density * p.volume.get(slot), dt, x, v, found);
   p.position.set_vec(slot, x);
   p.velocity.set_vec(slot, v);
   if (!survey_velocity(v, found)) mark_bad(place, found);
-  return reach_place(scene.grid, block, x).inside;
+  return is_in_reach(scene.grid, block, x);
 }
 
 /// All particles of a home block, from its nodes in shared memory; `report` lies in shared memory too.

@@ -2,8 +2,8 @@
 // particles lie in its arena.
 #pragma once
 
-#include "mpm/bspline.h"
 #include "mpm/gpu/blocks/batch_view.h"
+#include "mpm/physics/stencil.h"
 
 namespace graupel::mpm::batch {
 
@@ -31,28 +31,24 @@ GRAUPEL_HD inline int32_t neighbor_key(const BatchView& view, const HomeBlock& b
   return key < 0 ? -1 : b.scene * view.directory + key;
 }
 
-/// Base node of a particle in its block's arena, 0..5, and its distance from it in cells.
-struct ReachPlace {
-  Vec<int, 3> base;
-  Vec<float, 3> fx;
-  bool inside;  ///< false: the particle has left the arena (base is then clamped)
-};
-GRAUPEL_HD inline ReachPlace reach_place(const GridGeometry<float, 3>& grid, const Vec<int, 3>& block,
-                                         const Vec<float, 3>& x) {
-  ReachPlace place;
-  place.inside = true;
-  const Vec<float, 3> local = grid.local(x);
-  const Vec<int, 3> base = base_node(local);
-  for (int d = 0; d < 3; ++d) {
-    int c = base[d] - block_width * block[d] + 1;
-    if (c < 0 || c > 5) {
-      place.inside = false;
-      c = c < 0 ? 0 : 5;
-    }
-    place.base[d] = c;
-    place.fx[d] = local[d] - static_cast<float>(block_width * block[d] + c - 1);
-  }
-  return place;
+/// The lowest node of a block's arena, and the last base node in it, counted from there.
+GRAUPEL_HD inline Vec<int, 3> reach_low(const Vec<int, 3>& block) {
+  return block_width * block - Vec<int, 3>::filled(1);
+}
+inline constexpr int reach_last_base = reach_width - stencil_width<>;
+
+/// Stencil of a particle in its block's arena.
+GRAUPEL_HD inline Stencil<float, 3> reach_stencil(const GridGeometry<float, 3>& grid, const Vec<int, 3>& block,
+                                                  const Vec<float, 3>& x) {
+  return stencil_at(grid.local(x), reach_low(block), reach_last_base);
+}
+/// Whether it lies there.
+GRAUPEL_HD inline bool is_in_reach(const GridGeometry<float, 3>& grid, const Vec<int, 3>& block,
+                                   const Vec<float, 3>& x) {
+  const Vec<int, 3> base = base_node(grid.local(x)) - reach_low(block);
+  bool inside = true;
+  for (int d = 0; d < 3; ++d) inside = inside && base[d] >= 0 && base[d] <= reach_last_base;
+  return inside;
 }
 
 }  // namespace graupel::mpm::batch

@@ -10,6 +10,7 @@
 
 #include "core/parallel/thread_block.h"
 #include "mpm/gpu/blocks/batch_owner_blocks.h"
+#include "mpm/physics/transfer.h"
 
 namespace graupel::mpm::batch {
 
@@ -47,18 +48,18 @@ GRAUPEL_HD inline float weight_at(const LaneWeight& w, float f) { return w.c0 + 
 
 GRAUPEL_HD inline StagedParticle stage_particle(const ParticleView<float>& p, const SceneView<float>& scene,
                                                 const Vec<int, 3>& block, int64_t slot, float dt) {
-  const ReachPlace place = reach_place(scene.grid, block, p.position.vec(slot));
+  const Stencil<float, 3> stencil = reach_stencil(scene.grid, block, p.position.vec(slot));
   const float volume = p.volume.get(slot);
   const float mass = scene.materials[p.material.get(slot)].density * volume;
-  const float force = -dt * volume * 4.0f * scene.grid.inverse_dx;
   const Mat<float, 3> A =
-      (mass * scene.grid.dx) * load_matrix<float, 3>(p.affine_velocity, slot) + force * load_symmetric(p.stress, slot);
-  const Vec<float, 3> q = mass * p.velocity.vec(slot) - A * place.fx;
+      affine_momentum(mass, volume, dt, scene.grid.dx, scene.grid.inverse_dx,
+                      load_matrix<float, 3>(p.affine_velocity, slot), load_symmetric(p.stress, slot));
+  const Vec<float, 3> q = mass * p.velocity.vec(slot) - A * stencil.fx;
   StagedParticle s;
   s.mass = mass;
-  s.base = (place.base[0] * reach_width + place.base[1]) * reach_width + place.base[2];
+  s.base = (stencil.base[0] * reach_width + stencil.base[1]) * reach_width + stencil.base[2];
   for (int r = 0; r < 3; ++r) {
-    s.fx[r] = place.fx[r];
+    s.fx[r] = stencil.fx[r];
     s.q[r] = q[r];
     for (int c = 0; c < 3; ++c) s.A[r][c] = A(r, c);
     s.A[r][3] = 0;

@@ -45,25 +45,16 @@ struct FindContacts {
   }
 };
 
-/// apply_contact() without branches or quotients: particles meet a node 27 times as often as others do.
-GRAUPEL_HD inline Vec<float, 3> meet_surface(const ContactLaw& law, const Vec<float, 3>& normal,
-                                             const Vec<float, 3>& v) {
-  const float v_n = dot(normal, v), loss = v_n < 0.0f ? -v_n * law.friction : 0.0f;
-  const Vec<float, 3> tangential = v - v_n * normal;
-  const float speed2 = norm2(tangential), slowed = 1.0f - loss * fast_inverse_root(speed2);
-  const float kept = law.contact == Contact::stick ? 0.0f : loss == 0.0f ? 1.0f : slowed > 0.0f ? slowed : 0.0f;
-  const bool leaves = law.contact == Contact::separate && v_n >= 0.0f;
-  return leaves ? v : kept * tangential;
-}
-
 /// Contact at a node: the obstacle at rest, then the walls, so that these hold (mpm/physics/node_update.h).
 GRAUPEL_HD inline Vec<float, 3> meet_node(const SmallScene& small, const NodeContact& node, Vec<float, 3> v) {
-  const ContactLaw* const laws = small.laws;
-  v = meet_surface(laws[(node.code & 0xffff) - 1], node.normal, v);
+  const auto meet = [&](int32_t law, const Vec<float, 3>& normal) {
+    v = apply_contact<FastShare>(small.laws[law].contact, small.laws[law].friction, normal, v);
+  };
+  meet((node.code & 0xffff) - 1, node.normal);
   for (int32_t walls = node.code >> 16, axis = 0; walls != 0; walls >>= 2, ++axis) {
     if ((walls & 3) == 0) continue;
     const int side = walls & 2 ? 1 : 0;
-    v = meet_surface(laws[small.first_wall_law + 2 * axis + side], wall_normal<float>(axis, side), v);
+    meet(small.first_wall_law + 2 * axis + side, wall_normal<float>(axis, side));
   }
   return v;
 }

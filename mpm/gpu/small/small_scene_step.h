@@ -12,6 +12,7 @@
 #include "mpm/gpu/blocks/batch_report.h"
 #include "mpm/gpu/small/small_scene_contact.h"
 #include "mpm/physics/particle_motion.h"
+#include "mpm/physics/transfer.h"
 
 namespace graupel::mpm::small {
 
@@ -93,19 +94,9 @@ struct Worker {
   }
 };
 
-/// Base node of a particle and its distance from it in cells.
-struct Stencil {
-  int32_t base;
-  Vec<float, 3> fx;
-};
-GRAUPEL_HD inline Stencil stencil_at(const GridGeometry<float, 3>& grid, const Vec<int, 3>& nodes,
-                                     const Vec<float, 3>& x) {
-  const Vec<float, 3> local = grid.local(x);
-  const Vec<int, 3> base = base_node(local);
-  Stencil s;
-  s.base = (base[0] * nodes[1] + base[1]) * nodes[2] + base[2];
-  for (int d = 0; d < 3; ++d) s.fx[d] = local[d] - static_cast<float>(base[d]);
-  return s;
+/// Place of a node in the grid.
+GRAUPEL_HD inline int32_t place_of(const SmallScene& small, const Vec<int, 3>& node) {
+  return (node[0] * small.nodes[1] + node[1]) * small.nodes[2] + node[2];
 }
 
 /// Velocity after gravity (`gain` [m/s]) and contact of a node with these sums; zero without mass.
@@ -114,9 +105,8 @@ GRAUPEL_HD inline Vec<float, 3> node_velocity(const SmallScene& small, float mom
                                               const UnitPair& low, const UnitPair& high) {
   const float mass = static_cast<float>(high.b);
   const float scale = mass > 0.0f ? momentum_per_mass_unit * fast_reciprocal(mass) : 0.0f;
-  const Vec<float, 3> v = Vec<float, 3>{static_cast<float>(low.a) * scale, static_cast<float>(low.b) * scale,
-                                        static_cast<float>(high.a) * scale} +
-                          gain;
+  const Vec<float, 3> v = free_velocity(
+      Vec<float, 3>{static_cast<float>(low.a), static_cast<float>(low.b), static_cast<float>(high.a)}, scale, gain);
   return contact.code != 0 ? meet_node(small, contact, v) : v;
 }
 
@@ -148,14 +138,15 @@ GRAUPEL_HD void gather_turn(const Worker<Block>& w, int32_t first, int32_t count
   constexpr int rounds = (stencil_nodes + particle_lanes - 1) / particle_lanes;
   for (int32_t n = 0; n < count; n += warp_width / particle_lanes) {
     const int32_t particle = n + w.lane() / particle_lanes, at = particle < count ? particle : count - 1;
-    const Stencil s =
-        stencil_at(scene.grid, small.nodes, w.view.particles.position.vec(int64_t(small.first) + first + at));
+    const Stencil<float, 3> s =
+        stencil_at(scene.grid.local(w.view.particles.position.vec(int64_t(small.first) + first + at)));
+    const int32_t base = place_of(small, s.base);
     UnitPair low[rounds], high[rounds];
     NodeContact contact[rounds];
     GRAUPEL_UNROLL
     for (int r = 0; r < rounds; ++r) {
       const int node = part + particle_lanes * r < stencil_nodes ? part + particle_lanes * r : 0;
-      const int32_t place = s.base + w.shared.node[node];
+      const int32_t place = base + w.shared.node[node];
       low[r] = w.block.fresh(sums + 2 * int64_t(place));
       high[r] = w.block.fresh(sums + 2 * int64_t(place) + 1);
       contact[r] = small.contact[place];
@@ -183,10 +174,10 @@ GRAUPEL_HD void gather_turn(const Worker<Block>& w, int32_t first, int32_t count
 /// `A` is given times dx.
 GRAUPEL_HD inline Share share_of(const SceneView<float>& scene, const SmallScene& small, const Vec<float, 3>& x,
                                  const Vec<float, 3>& v, const Mat<float, 3>& A, float mass) {
-  const Stencil s = stencil_at(scene.grid, small.nodes, x);
+  const Stencil<float, 3> s = stencil_at(scene.grid.local(x));
   const Vec<float, 3> q = small.per_momentum_unit * (mass * v - A * s.fx);
   Share staged = {};
-  staged.base = s.base;
+  staged.base = place_of(small, s.base);
   for (int d = 0; d < 3; ++d) {
     staged.fx[d] = s.fx[d];
     staged.row[d][0] = q[d];
@@ -196,12 +187,6 @@ GRAUPEL_HD inline Share share_of(const SceneView<float>& scene, const SmallScene
   return staged;
 }
 
-/// (m C - dt V0 (4 / dx^2) tau) dx.
-GRAUPEL_HD inline Mat<float, 3> affine_momentum(float dx, float inverse_dx, float mass, float volume, float dt,
-                                                const Mat<float, 3>& C, const Mat<float, 3>& tau) {
-  return (mass * dx) * C + (-dt * volume * 4.0f * inverse_dx) * tau;
-}
-
 /// What a particle adds at the start of a frame.
 template <typename Block>
 GRAUPEL_HD Share present_share(const Worker<Block>& w, int64_t slot) {
@@ -209,7 +194,7 @@ GRAUPEL_HD Share present_share(const Worker<Block>& w, int64_t slot) {
   const SceneView<float>& scene = w.scene.view;
   const float volume = p.volume.get(slot), mass = scene.materials[p.material.get(slot)].density * volume;
   const Mat<float, 3> A =
-      affine_momentum(scene.grid.dx, scene.grid.inverse_dx, mass, volume, w.dt,
+      affine_momentum(mass, volume, w.dt, scene.grid.dx, scene.grid.inverse_dx,
                       load_matrix<float, 3>(p.affine_velocity, slot), load_symmetric(p.stress, slot));
   return share_of(scene, w.small, p.position.vec(slot), p.velocity.vec(slot), A, mass);
 }
@@ -239,7 +224,7 @@ GRAUPEL_HD Share advance(Worker<Block>& w, int64_t slot, const Moment& moment, b
     }
     if (keeps_deformation(m.model)) F = load_matrix<float, 3>(p.deformation_gradient, slot);
     const Mat<float, 3> tau = update_material(m, w.dt, C, F, internal);
-    A = affine_momentum(dx, scene.grid.inverse_dx, mass, volume, w.dt, C, tau);
+    A = affine_momentum(mass, volume, w.dt, dx, scene.grid.inverse_dx, C, tau);
     if (reports) {
       if (keeps_deformation(m.model)) store_matrix<float, 3>(p.deformation_gradient, slot, F);
       p.internal.set(slot, internal);
@@ -249,7 +234,7 @@ GRAUPEL_HD Share advance(Worker<Block>& w, int64_t slot, const Moment& moment, b
       }
     }
     if (!survey_deformation(dx, m, F, internal, w.dt, found)) mark_bad(place, found);
-    move_point(scene, place, mass, w.dt, x, v, found);
+    move_point<false, 3>(scene, {}, false, place, mass, w.dt, x, v, found);
     if (reports) {
       p.position.set_vec(slot, x);
       p.velocity.set_vec(slot, v);

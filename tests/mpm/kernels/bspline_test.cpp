@@ -1,4 +1,4 @@
-#include "mpm/bspline.h"
+#include "mpm/physics/stencil.h"
 
 #include <gtest/gtest.h>
 

@@ -28,9 +28,9 @@ struct Arena {
 };
 
 template <typename T, int D, Spline S = Spline::quadratic>
-ArenaPlace<T, D> random_place(uint64_t i) {
+Stencil<T, D> random_place(uint64_t i) {
   const Random random(5, RandomPurpose::test, D);
-  ArenaPlace<T, D> place;
+  Stencil<T, D> place;
   for (int d = 0; d < D; ++d) {
     place.base[d] = static_cast<int>(random.integer(2 * i, d, block_width));
     place.fx[d] = static_cast<T>(random.uniform(2 * i + 1, d, 0, 1) + BSpline<S>::base_shift);
@@ -39,7 +39,7 @@ ArenaPlace<T, D> random_place(uint64_t i) {
 }
 
 template <typename T, int D>
-Vec<T, D> position_of(const ArenaPlace<T, D>& place) {
+Vec<T, D> position_of(const Stencil<T, D>& place) {
   Vec<T, D> x;
   for (int d = 0; d < D; ++d) x[d] = static_cast<T>(place.base[d]) + place.fx[d];
   return x;
@@ -157,8 +157,8 @@ TEST(Transfer, AnAffineFieldOnParticlesIsThatFieldOnTheGrid) {
 }
 
 TEST(Transfer, RoundingAtABlockFaceStaysInsideTheArena) {
-  const auto low = arena_place(Vec<float, 3>{8.4999995f, 8.5f, 12.499999f}, Vec3i{2, 2, 2});
-  const auto high = arena_place(Vec<float, 3>{12.5f, 12.500001f, 8.5f}, Vec3i{2, 2, 2});
+  const auto low = arena_stencil(Vec<float, 3>{8.4999995f, 8.5f, 12.499999f}, Vec3i{2, 2, 2});
+  const auto high = arena_stencil(Vec<float, 3>{12.5f, 12.500001f, 8.5f}, Vec3i{2, 2, 2});
   for (int d = 0; d < 3; ++d) {
     for (const auto& place : {low, high}) {
       EXPECT_GE(place.base[d], 0);
