@@ -22,6 +22,18 @@
 #include "sparsegrid/level_set_grid.h"
 #include "sparsegrid/mesh_topology.h"
 
+// The library holds these classes with all their virtual functions, which need not be compiled again.
+extern template class openvdb::tree::Tree<openvdb::FloatTree::RootNodeType>;
+extern template class openvdb::tree::Tree<openvdb::DoubleTree::RootNodeType>;
+extern template class openvdb::tree::Tree<openvdb::Vec3STree::RootNodeType>;
+extern template class openvdb::tree::Tree<openvdb::BoolTree::RootNodeType>;
+extern template class openvdb::tree::Tree<openvdb::Int32Tree::RootNodeType>;
+extern template class openvdb::Grid<openvdb::FloatTree>;
+extern template class openvdb::Grid<openvdb::DoubleTree>;
+extern template class openvdb::Grid<openvdb::Vec3STree>;
+extern template class openvdb::Grid<openvdb::BoolTree>;
+extern template class openvdb::Grid<openvdb::Int32Tree>;
+
 namespace graupel::sparsegrid {
 
 namespace {

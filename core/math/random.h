@@ -2,8 +2,6 @@
 // alone, so results do not depend on threads, order or device.
 #pragma once
 
-#include <Random123/philox.h>
-
 #include <cmath>
 #include <cstdint>
 
@@ -27,22 +25,38 @@ enum class RandomPurpose : uint32_t {
   test = 99
 };
 
+/// Four 32-bit words: a counter of Philox, or the numbers that it becomes.
+struct RandomWords {
+  uint32_t v[4];
+};
+
+/// Philox4x32-10 (Salmon et al. 2011, section 3.3): ten rounds of two 32 x 32 -> 64 bit products; the key is raised by
+/// its Weyl constants between rounds. Written out here, since Random123 brings the processor's intrinsics and streams
+/// into every file; tests/core/random_test.cpp holds it against Random123.
+GRAUPEL_HD inline RandomWords philox(RandomWords counter, uint32_t key_low, uint32_t key_high) {
+  for (int round = 0; round < 10; ++round) {
+    const uint64_t a = uint64_t{0xD2511F53u} * counter.v[0], b = uint64_t{0xCD9E8D57u} * counter.v[2];
+    counter = {{static_cast<uint32_t>(b >> 32) ^ counter.v[1] ^ key_low, static_cast<uint32_t>(b),
+                static_cast<uint32_t>(a >> 32) ^ counter.v[3] ^ key_high, static_cast<uint32_t>(a)}};
+    key_low += 0x9E3779B9u;
+    key_high += 0xBB67AE85u;
+  }
+  return counter;
+}
+
 /// Random numbers keyed by (seed, purpose, stream); draw number `index` can be asked for in any order.
 class Random {
  public:
-  GRAUPEL_HD Random(uint64_t seed, RandomPurpose purpose, uint64_t stream = 0) : stream_(stream) {
-    key_.v[0] = static_cast<uint32_t>(seed);
-    key_.v[1] = static_cast<uint32_t>(seed >> 32) ^ (static_cast<uint32_t>(purpose) * 0x9E3779B9u);
-  }
+  GRAUPEL_HD Random(uint64_t seed, RandomPurpose purpose, uint64_t stream = 0)
+      : key_low_(static_cast<uint32_t>(seed)),
+        key_high_(static_cast<uint32_t>(seed >> 32) ^ (static_cast<uint32_t>(purpose) * 0x9E3779B9u)),
+        stream_(stream) {}
 
   /// Four independent 32-bit words for draw `index`.
-  GRAUPEL_HD r123::Philox4x32::ctr_type words(uint64_t index) const {
-    r123::Philox4x32::ctr_type counter;
-    counter.v[0] = static_cast<uint32_t>(index);
-    counter.v[1] = static_cast<uint32_t>(index >> 32);
-    counter.v[2] = static_cast<uint32_t>(stream_);
-    counter.v[3] = static_cast<uint32_t>(stream_ >> 32);
-    return r123::Philox4x32()(counter, key_);
+  GRAUPEL_HD RandomWords words(uint64_t index) const {
+    return philox({{static_cast<uint32_t>(index), static_cast<uint32_t>(index >> 32), static_cast<uint32_t>(stream_),
+                    static_cast<uint32_t>(stream_ >> 32)}},
+                  key_low_, key_high_);
   }
   /// Uniform in [0, 1), component c in 0..3 of draw `index`.
   GRAUPEL_HD double uniform(uint64_t index, int c = 0) const {
@@ -66,7 +80,7 @@ class Random {
   }
 
  private:
-  r123::Philox4x32::key_type key_;
+  uint32_t key_low_, key_high_;
   uint64_t stream_;
 };
 

@@ -9,6 +9,16 @@
 #include "io/export/export.h"
 #include "io/export/export_frames.h"
 
+// The library holds these classes with all their virtual functions, which need not be compiled again.
+extern template class openvdb::tree::Tree<openvdb::points::PointDataTree::RootNodeType>;
+extern template class openvdb::tree::Tree<openvdb::tools::PointIndexTree::RootNodeType>;
+extern template class openvdb::tree::Tree<openvdb::BoolTree::RootNodeType>;
+extern template class openvdb::tree::Tree<openvdb::Int32Tree::RootNodeType>;
+extern template class openvdb::Grid<openvdb::points::PointDataGrid::TreeType>;
+extern template class openvdb::Grid<openvdb::tools::PointIndexTree>;
+extern template class openvdb::Grid<openvdb::BoolTree>;
+extern template class openvdb::Grid<openvdb::Int32Tree>;
+
 namespace graupel::io {
 
 namespace {

@@ -1,5 +1,6 @@
 #include "core/math/random.h"
 
+#include <Random123/philox.h>
 #include <gtest/gtest.h>
 
 namespace graupel {
@@ -35,6 +36,16 @@ TEST(Random, MomentsOfUniformAndNormal) {
   EXPECT_NEAR(squares / n, 1.0 / 3, 0.005);
   EXPECT_NEAR(normal_sum / (2 * n), 0, 0.01);
   EXPECT_NEAR(normal_squares / (2 * n), 1, 0.02);
+}
+
+TEST(Random, WordsAreThoseOfRandom123) {
+  const Random random(0x0123456789ABCDEFu, RandomPurpose::emission, 0xFEDCBA9876543210u);
+  const r123::Philox4x32::key_type key = {{0x89ABCDEFu, 0x01234567u ^ (10u * 0x9E3779B9u)}};
+  for (uint64_t index : {uint64_t{0}, uint64_t{1}, uint64_t{77777}, ~uint64_t{0}}) {
+    const auto low = static_cast<uint32_t>(index), high = static_cast<uint32_t>(index >> 32);
+    const auto expected = r123::Philox4x32()({{low, high, 0x76543210u, 0xFEDCBA98u}}, key);
+    for (int c = 0; c < 4; ++c) EXPECT_EQ(random.words(index).v[c], expected.v[c]) << index << " " << c;
+  }
 }
 
 }  // namespace
