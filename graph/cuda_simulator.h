@@ -33,10 +33,10 @@ class CudaSimulator {
   explicit CudaSimulator(const nn::Weights& weights);
   ~CudaSimulator();
 
-  /// A rollout from history + 1 positions, newest last. `scene` and `surroundings` must live as long as it runs.
-  void start(const Scene& scene, const Surroundings& surroundings, const std::vector<int32_t>& particle_type,
+  /// A rollout from history + 1 positions, newest last. `scene` and `environment` must live as long as it runs.
+  void start(const Scene& scene, const Environment& environment, const std::vector<int32_t>& particle_type,
              const std::vector<std::vector<Vec3f>>& positions, const CudaLaws& laws);
-  /// Predicts the next frame; false when it has diverged (step_frame) or a particle has left the domain's surroundings.
+  /// Predicts the next frame; false when it has diverged (step_frame) or a particle has left the domain's environment.
   bool advance();
   /// Accelerations of the next frame [m/frame^2], without moving. After start() alone.
   std::vector<Vec3f> accelerations();

@@ -21,7 +21,7 @@ namespace {
 
 bool about_equal(double a, double b) { return std::abs(a - b) <= 1e-3 * std::max(std::abs(a), std::abs(b)); }
 
-void check_fit(const FeatureConfig& config, const Scene& scene, const Surroundings& surroundings,
+void check_fit(const FeatureConfig& config, const Scene& scene, const Environment& environment,
                const std::string& file) {
   if (config.dimensions != scene.domain.dimensions)
     throw ConfigError("the network was trained for scenes with another number of dimensions (scene " +
@@ -30,9 +30,9 @@ void check_fit(const FeatureConfig& config, const Scene& scene, const Surroundin
   if (!about_equal(scene.frame_time, config.frame_time))
     throw ConfigError("the network was trained for another frame time (scene " + std::to_string(scene.frame_time) +
                       " s, '" + file + "' " + std::to_string(config.frame_time) + " s). Set the scene's frame_time");
-  if (config.cell_normal && surroundings.obstacles.count() > 0 && !about_equal(surroundings.normal_spacing, config.dx))
+  if (config.cell_normal && environment.obstacles.count() > 0 && !about_equal(environment.normal_spacing, config.dx))
     throw ConfigError("the network was trained with another cell size of the obstacle normals (scene " +
-                      std::to_string(surroundings.normal_spacing) + " m, '" + file + "' " + std::to_string(config.dx) +
+                      std::to_string(environment.normal_spacing) + " m, '" + file + "' " + std::to_string(config.dx) +
                       " m). Set the scene's domain.dx");
 }
 
@@ -84,16 +84,16 @@ Trajectory empty_trajectory(const Scene& scene, const std::vector<int32_t>& part
 /// bundle.
 class Corrections {
  public:
-  Corrections(const Scene& scene, const Surroundings& surroundings, const std::vector<int32_t>& particle_type,
-              HeldPlaces held, const LearnedSimulator::RolloutOptions& options, const Network& network)
-      : surroundings_(surroundings),
+  Corrections(const Scene& scene, const Environment& environment, const std::vector<int32_t>& particle_type,
+              PrescribedPositions held, const LearnedSimulator::RolloutOptions& options, const Network& network)
+      : environment_(environment),
         held_(std::move(held)),
         bundle_(network.feature_config().bundle),
         project_(options.project) {
     const double spacing = network.spacing(), rest = rest_density(scene, held_.others(held_.start()), spacing);
-    if (options.density_limit * rest > 0 && !surroundings.plane)
-      density_.emplace(Device::cpu, surroundings, options.density_limit * rest, spacing);
-    if (options.free_flight && !held_.any()) flight_.emplace(Device::cpu, scene, surroundings, particle_type);
+    if (options.density_limit * rest > 0 && !environment.plane)
+      density_.emplace(Device::cpu, environment, options.density_limit * rest, spacing);
+    if (options.free_flight && !held_.any()) flight_.emplace(Device::cpu, scene, environment, particle_type);
   }
 
   /// Of frame number `frame`, with those before it.
@@ -102,13 +102,13 @@ class Corrections {
       flight_->find_groups(before.data(), now.data());
       flight_->correct(before.data(), now.data(), next.data());
     }
-    if (project_) project_out(surroundings_, now, next);
+    if (project_) project_out(environment_, now, next);
     if (density_ && frame % bundle_ == 0) {
       free_ = next;
       hold_density(next);
-      if (project_) project_out(surroundings_, free_, next);
+      if (project_) project_out(environment_, free_, next);
     }
-    keep_in_plane(surroundings_, next);
+    keep_in_plane(environment_, next);
     held_.put(frame, next);
   }
 
@@ -120,8 +120,8 @@ class Corrections {
     held_.put_others(others, position);
   }
 
-  const Surroundings& surroundings_;
-  HeldPlaces held_;
+  const Environment& environment_;
+  PrescribedPositions held_;
   int64_t bundle_;
   bool project_;
   std::optional<DensityProjection> density_;
@@ -139,15 +139,15 @@ LearnedSimulator::LearnedSimulator(const std::string& weights_file) {
 const FeatureConfig& LearnedSimulator::config() const { return network_->feature_config(); }
 const nn::Weights& LearnedSimulator::weights() const { return *weights_; }
 
-std::vector<std::vector<Vec3f>> LearnedSimulator::predict(const Surroundings& surroundings,
+std::vector<std::vector<Vec3f>> LearnedSimulator::predict(const Environment& environment,
                                                           const std::vector<int32_t>& particle_type,
                                                           const std::vector<std::vector<Vec3f>>& positions,
                                                           FrameTiming& timing) const {
-  if (config().in_plane() != surroundings.plane.has_value())
+  if (config().in_plane() != environment.plane.has_value())
     throw ConfigError("'" + weights_->file + "' is for scenes with another number of dimensions (" +
                       std::to_string(config().dimensions) + "). Choose weights that were trained on such scenes");
   const Normalization& normalization = network_->normalization();
-  const std::vector<float> output = network_->predict(surroundings, particle_type, positions, timing);
+  const std::vector<float> output = network_->predict(environment, particle_type, positions, timing);
   std::vector<std::vector<Vec3f>> acceleration(static_cast<std::size_t>(config().bundle),
                                                std::vector<Vec3f>(particle_type.size()));
   const float* number = output.data();
@@ -160,35 +160,34 @@ std::vector<std::vector<Vec3f>> LearnedSimulator::predict(const Surroundings& su
   return acceleration;
 }
 
-std::vector<Vec3f> LearnedSimulator::one_step(const Surroundings& surroundings,
-                                              const std::vector<int32_t>& particle_type,
+std::vector<Vec3f> LearnedSimulator::one_step(const Environment& environment, const std::vector<int32_t>& particle_type,
                                               const std::vector<std::vector<Vec3f>>& positions,
                                               FrameTiming* timing) const {
   FrameTiming spent;
-  std::vector<Vec3f> first = std::move(predict(surroundings, particle_type, positions, spent).front());
+  std::vector<Vec3f> first = std::move(predict(environment, particle_type, positions, spent).front());
   if (timing != nullptr) *timing = spent;
   return first;
 }
 
-double LearnedSimulator::flop(const Surroundings& surroundings, const std::vector<Vec3f>& position) const {
-  return network_->flop(surroundings, position) / static_cast<double>(config().bundle);
+double LearnedSimulator::flop(const Environment& environment, const std::vector<Vec3f>& position) const {
+  return network_->flop(environment, position) / static_cast<double>(config().bundle);
 }
 
-Trajectory LearnedSimulator::rollout(const Scene& scene, const Surroundings& surroundings,
+Trajectory LearnedSimulator::rollout(const Scene& scene, const Environment& environment,
                                      const std::vector<int32_t>& particle_type,
                                      const std::vector<std::vector<Vec3f>>& start,
                                      const RolloutOptions& options) const {
   const auto needed = static_cast<std::size_t>(config().history) + 1;
-  check_fit(config(), scene, surroundings, weights_->file);
+  check_fit(config(), scene, environment, weights_->file);
   check_start(start, needed, particle_type.size());
   std::vector<std::vector<Vec3f>> history(start.end() - static_cast<std::ptrdiff_t>(needed), start.end());
 
-  HeldPlaces held(particle_type, start.back(), options.given);
+  PrescribedPositions held(particle_type, start.back(), options.given);
   if (options.device == Device::cuda) {
     held.refuse_gpu();
-    return rollout_on_gpu(scene, surroundings, particle_type, start, options);
+    return rollout_on_gpu(scene, environment, particle_type, start, options);
   }
-  Corrections corrections(scene, surroundings, particle_type, std::move(held), options, *network_);
+  Corrections corrections(scene, environment, particle_type, std::move(held), options, *network_);
   Trajectory trajectory = empty_trajectory(scene, particle_type, weights_->file);
   trajectory.frames.push_back(make_frame(0, scene.frame_time, history[needed - 2], history[needed - 1]));
   std::vector<Vec3f> next;
@@ -201,7 +200,7 @@ Trajectory LearnedSimulator::rollout(const Scene& scene, const Surroundings& sur
       acceleration.assign(static_cast<std::size_t>(config().bundle), falling(scene, particle_type));
     if (in_bundle == 0 && options.network) {
       FrameTiming spent;
-      acceleration = predict(surroundings, particle_type, history, spent);
+      acceleration = predict(environment, particle_type, history, spent);
       share = spent.shared_by(std::min(config().bundle, options.frames - frame + 1));
     }
     FrameTiming timing = share;
@@ -231,12 +230,12 @@ CudaSimulator& LearnedSimulator::gpu_simulator() const {
   return *on_gpu_;
 }
 
-Trajectory LearnedSimulator::rollout_on_gpu(const Scene& scene, const Surroundings& surroundings,
+Trajectory LearnedSimulator::rollout_on_gpu(const Scene& scene, const Environment& environment,
                                             const std::vector<int32_t>& particle_type,
                                             const std::vector<std::vector<Vec3f>>& start,
                                             const RolloutOptions& options) const {
   CudaSimulator& simulator = gpu_simulator();
-  simulator.start(scene, surroundings, particle_type, start,
+  simulator.start(scene, environment, particle_type, start,
                   {options.project, options.density_limit, options.free_flight, options.network});
   Trajectory trajectory = empty_trajectory(scene, particle_type, weights_->file);
   std::vector<Vec3f> before = start.back();
@@ -260,11 +259,11 @@ Trajectory LearnedSimulator::rollout_on_gpu(const Scene& scene, const Surroundin
   return trajectory;
 }
 
-std::vector<Vec3f> LearnedSimulator::one_step_on_gpu(const Scene& scene, const Surroundings& surroundings,
+std::vector<Vec3f> LearnedSimulator::one_step_on_gpu(const Scene& scene, const Environment& environment,
                                                      const std::vector<int32_t>& particle_type,
                                                      const std::vector<std::vector<Vec3f>>& positions) const {
   CudaSimulator& simulator = gpu_simulator();
-  simulator.start(scene, surroundings, particle_type, positions, {false, 0, false, true});
+  simulator.start(scene, environment, particle_type, positions, {false, 0, false, true});
   return simulator.accelerations();
 }
 

@@ -28,15 +28,15 @@ class LearnedSimulator {
 
   /// Accelerations per frame^2 [m], shape [n], from history + 1 positions, newest last: those of the next frame, the
   /// first one of a bundle.
-  std::vector<Vec3f> one_step(const Surroundings& surroundings, const std::vector<int32_t>& particle_type,
+  std::vector<Vec3f> one_step(const Environment& environment, const std::vector<int32_t>& particle_type,
                               const std::vector<std::vector<Vec3f>>& positions, FrameTiming* timing = nullptr) const;
   /// The same on a GPU, as rollouts there have it. Throws ConfigError without one.
-  std::vector<Vec3f> one_step_on_gpu(const Scene& scene, const Surroundings& surroundings,
+  std::vector<Vec3f> one_step_on_gpu(const Scene& scene, const Environment& environment,
                                      const std::vector<int32_t>& particle_type,
                                      const std::vector<std::vector<Vec3f>>& positions) const;
   /// Floating-point operations of the network for one frame of particles at `position`, a frame's share of those of a
   /// bundle (graph/plan/layer_plan.h).
-  double flop(const Surroundings& surroundings, const std::vector<Vec3f>& position) const;
+  double flop(const Environment& environment, const std::vector<Vec3f>& position) const;
 
   /// Where held particles (core/scene/held_particles.h) are: positions [frames][n] after the start, of which theirs
   /// count. Beyond the last frame they stay.
@@ -62,15 +62,15 @@ class LearnedSimulator {
   /// of dimensions.
   /// Held particles take their given places, or stay where they start; the others see them, and the density is that of
   /// the others.
-  Trajectory rollout(const Scene& scene, const Surroundings& surroundings, const std::vector<int32_t>& particle_type,
+  Trajectory rollout(const Scene& scene, const Environment& environment, const std::vector<int32_t>& particle_type,
                      const std::vector<std::vector<Vec3f>>& start, const RolloutOptions& options) const;
 
  private:
   /// Accelerations of the next config().bundle frames [bundle][n].
-  std::vector<std::vector<Vec3f>> predict(const Surroundings& surroundings, const std::vector<int32_t>& particle_type,
+  std::vector<std::vector<Vec3f>> predict(const Environment& environment, const std::vector<int32_t>& particle_type,
                                           const std::vector<std::vector<Vec3f>>& positions, FrameTiming& timing) const;
   CudaSimulator& gpu_simulator() const;
-  Trajectory rollout_on_gpu(const Scene& scene, const Surroundings& surroundings,
+  Trajectory rollout_on_gpu(const Scene& scene, const Environment& environment,
                             const std::vector<int32_t>& particle_type, const std::vector<std::vector<Vec3f>>& start,
                             const RolloutOptions& options) const;
 

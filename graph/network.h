@@ -39,11 +39,11 @@ class Network {
   /// types [n], from history + 1 positions [n], newest last.
   /// Fills in the parts of `timing` that it knows. May be called from several threads. Throws InputError for a particle
   /// type that is not known.
-  virtual std::vector<float> predict(const Surroundings& surroundings, const std::vector<int32_t>& particle_type,
+  virtual std::vector<float> predict(const Environment& environment, const std::vector<int32_t>& particle_type,
                                      const std::vector<std::vector<Vec3f>>& positions, FrameTiming& timing) const = 0;
 
   /// Floating-point operations of an evaluation, for particles at `position` (graph/plan/layer_plan.h).
-  virtual double flop(const Surroundings& surroundings, const std::vector<Vec3f>& position) const = 0;
+  virtual double flop(const Environment& environment, const std::vector<Vec3f>& position) const = 0;
 };
 
 /// The network of a weights file, by its "architecture". Throws InputError for an unknown one and for damaged weights.

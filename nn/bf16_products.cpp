@@ -9,31 +9,31 @@
 #include <sys/syscall.h>
 #include <unistd.h>
 
-#include "nn/unit_tiles.h"
+#include "nn/matrix_extension_tiles.h"
 #endif
 
 namespace graupel::nn {
 
 namespace {
 
-std::atomic<Bf16Units> in_use{Bf16Units::none};
+std::atomic<Bf16Extension> in_use{Bf16Extension::none};
 
 #ifdef __AMX_BF16__
 
 constexpr int most_inputs = 512;
 
 /// The processor's units and registers, and the system's leave to use them (matrix units, Linux: ARCH_REQ_XCOMP_PERM).
-Bf16Units look_for_units() {
+Bf16Extension look_for_units() {
   __builtin_cpu_init();
   if (!__builtin_cpu_supports("avx512f") || !__builtin_cpu_supports("avx512bw") ||
       !__builtin_cpu_supports("avx512bf16"))
-    return Bf16Units::none;
+    return Bf16Extension::none;
   unsigned a = 0, b = 0, c = 0, d = 0;
-  if (__get_cpuid_count(7, 0, &a, &b, &c, &d) == 0) return Bf16Units::vectors;
+  if (__get_cpuid_count(7, 0, &a, &b, &c, &d) == 0) return Bf16Extension::vectors;
   const bool amx_bf16 = d >> 22 & 1, amx_tile = d >> 24 & 1;
   constexpr long request_permission = 0x1023, tile_data = 18;
-  return amx_bf16 && amx_tile && ::syscall(SYS_arch_prctl, request_permission, tile_data) == 0 ? Bf16Units::matrices
-                                                                                               : Bf16Units::vectors;
+  return amx_bf16 && amx_tile && ::syscall(SYS_arch_prctl, request_permission, tile_data) == 0 ? Bf16Extension::matrices
+                                                                                               : Bf16Extension::vectors;
 }
 
 /// Rows as bf16, [2 side][in]; rows beyond the last are 0, the second side of them only where they are needed.
@@ -76,32 +76,33 @@ void multiply(const float* x, int64_t x_stride, int64_t rows, int in, const uint
 }  // namespace
 
 #ifdef __AMX_BF16__
-Bf16Units available_bf16_units() {
-  static const Bf16Units units = look_for_units();
+Bf16Extension available_bf16_units() {
+  static const Bf16Extension units = look_for_units();
   return units;
 }
 
-void multiply_on_units(const float* x, int64_t x_stride, int64_t rows, int in, const uint16_t* tiles, const float* bias,
-                       int width, float* y, int64_t y_stride) {
-  const auto multiply_here = bf16_units_in_use() == Bf16Units::matrices ? multiply<MatrixUnits> : multiply<VectorUnits>;
+void multiply_on_extension(const float* x, int64_t x_stride, int64_t rows, int in, const uint16_t* tiles,
+                           const float* bias, int width, float* y, int64_t y_stride) {
+  const auto multiply_here =
+      bf16_units_in_use() == Bf16Extension::matrices ? multiply<AmxTiles> : multiply<Avx512Bf16Tiles>;
   multiply_here(x, x_stride, rows, in, tiles, bias, width, y, y_stride);
 }
 
-Bf16Units fastest_bf16_units() {
+Bf16Extension fastest_bf16_units() {
   __builtin_cpu_init();
-  const Bf16Units best = available_bf16_units();
-  return best == Bf16Units::vectors && !__builtin_cpu_is("amd") ? Bf16Units::none : best;
+  const Bf16Extension best = available_bf16_units();
+  return best == Bf16Extension::vectors && !__builtin_cpu_is("amd") ? Bf16Extension::none : best;
 }
 #else
-Bf16Units available_bf16_units() { return Bf16Units::none; }
-Bf16Units fastest_bf16_units() { return Bf16Units::none; }
-void multiply_on_units(const float*, int64_t, int64_t, int, const uint16_t*, const float*, int, float*, int64_t) {}
+Bf16Extension available_bf16_units() { return Bf16Extension::none; }
+Bf16Extension fastest_bf16_units() { return Bf16Extension::none; }
+void multiply_on_extension(const float*, int64_t, int64_t, int, const uint16_t*, const float*, int, float*, int64_t) {}
 #endif
 
-void use_bf16_units(Bf16Units units) {
-  const Bf16Units best = available_bf16_units();
+void use_bf16_units(Bf16Extension units) {
+  const Bf16Extension best = available_bf16_units();
   in_use.store(units < best ? units : best, std::memory_order_relaxed);
 }
-Bf16Units bf16_units_in_use() { return in_use.load(std::memory_order_relaxed); }
+Bf16Extension bf16_units_in_use() { return in_use.load(std::memory_order_relaxed); }
 
 }  // namespace graupel::nn

@@ -7,17 +7,17 @@
 
 namespace graupel::nn {
 
-enum class Bf16Units { none, vectors, matrices };
+enum class Bf16Extension { none, vectors, matrices };
 /// The best that this processor and its system have. With matrix units it has the vector units, too.
-Bf16Units available_bf16_units();
+Bf16Extension available_bf16_units();
 bool has_bf16_units();
 /// Those that are faster than f32: matrix units, and vector units of AMD.
-Bf16Units fastest_bf16_units();
+Bf16Extension fastest_bf16_units();
 
 /// With which units Linear::apply multiplies operands rounded to bf16, for the whole process; none: in f32. None until
 /// they are asked for; no better ones than are available.
-void use_bf16_units(Bf16Units units);
-Bf16Units bf16_units_in_use();
+void use_bf16_units(Bf16Extension units);
+Bf16Extension bf16_units_in_use();
 void use_bf16_products(bool use);
 bool uses_bf16_products();
 /// What programs begin with: the units that are faster than f32, unless the environment variable GRAUPEL_PRODUCTS says
@@ -37,7 +37,7 @@ constexpr int64_t bf16_place(int o, int i, int in) {
 
 /// y = x W^T + b, as Linear::apply; `tiles` holds W in bf16, `width` outputs (a multiple of 32). Only where
 /// has_bf16_units() and suits_bf16_units(in).
-void multiply_on_units(const float* x, int64_t x_stride, int64_t rows, int in, const uint16_t* tiles, const float* bias,
-                       int width, float* y, int64_t y_stride);
+void multiply_on_extension(const float* x, int64_t x_stride, int64_t rows, int in, const uint16_t* tiles,
+                           const float* bias, int width, float* y, int64_t y_stride);
 
 }  // namespace graupel::nn

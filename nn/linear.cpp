@@ -27,13 +27,13 @@ Linear::Linear(int out, int in, const float* weight, int stride, const std::vect
       tiles_.data()[bf16_place(o, i, in)] = bf16_from_float(weight[static_cast<int64_t>(o) * stride + i]);
 }
 
-UnitLayer Linear::on_units() const {
+MatrixExtensionLayer Linear::on_units() const {
   return {tiles_.size() > 0 && uses_bf16_products() ? tiles_.data() : nullptr, bias_.data(), in_, width()};
 }
 
 void Linear::apply(const float* x, int64_t x_stride, int64_t rows, float* y, int64_t y_stride) const {
   if (tiles_.size() > 0 && uses_bf16_products())
-    return multiply_on_units(x, x_stride, rows, in_, tiles_.data(), bias_.data(), width(), y, y_stride);
+    return multiply_on_extension(x, x_stride, rows, in_, tiles_.data(), bias_.data(), width(), y, y_stride);
   for (int o = 0; o < width(); o += panel)
     row_kernels().multiply(x, x_stride, rows, in_, weight_.data() + o * in_, bias_.data() + o, false, y + o, y_stride);
 }

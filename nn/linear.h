@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "core/parallel/buffer.h"
-#include "nn/chain_on_units.h"
+#include "nn/matrix_extension_mlp.h"
 
 namespace graupel::nn {
 
@@ -25,7 +25,7 @@ class Linear {
   int out() const { return out_; }
   int width() const { return padded_width(out_); }  ///< columns that apply and add write
   /// As the units for bf16 take it; without tiles where they are not to be used.
-  UnitLayer on_units() const;
+  MatrixExtensionLayer on_units() const;
 
   /// y = x W^T + b. Row r is x + r x_stride (in() values) and y + r y_stride (width() values, 64-byte aligned).
   void apply(const float* x, int64_t x_stride, int64_t rows, float* y, int64_t y_stride) const;

@@ -6,9 +6,9 @@
 
 namespace graupel::nn {
 
-bool has_bf16_units() { return available_bf16_units() != Bf16Units::none; }
-void use_bf16_products(bool use) { use_bf16_units(use ? available_bf16_units() : Bf16Units::none); }
-bool uses_bf16_products() { return bf16_units_in_use() != Bf16Units::none; }
+bool has_bf16_units() { return available_bf16_units() != Bf16Extension::none; }
+void use_bf16_products(bool use) { use_bf16_units(use ? available_bf16_units() : Bf16Extension::none); }
+bool uses_bf16_products() { return bf16_units_in_use() != Bf16Extension::none; }
 
 void choose_products() {
   const char* const wanted = std::getenv("GRAUPEL_PRODUCTS");
@@ -18,19 +18,19 @@ void choose_products() {
                       "' is not known (allowed: f32, bf16, bf16-vectors). Unset it for the fastest");
   if (word.starts_with("bf16") && !has_bf16_units())
     throw ConfigError("GRAUPEL_PRODUCTS=" + word + ": this processor has no units for it (AMX, AVX512_BF16). Unset it");
-  use_bf16_units(word == "f32"            ? Bf16Units::none
-                 : word == "bf16-vectors" ? Bf16Units::vectors
+  use_bf16_units(word == "f32"            ? Bf16Extension::none
+                 : word == "bf16-vectors" ? Bf16Extension::vectors
                  : word == "bf16"         ? available_bf16_units()
                                           : fastest_bf16_units());
 }
 
 const char* name_of_products() {
   switch (bf16_units_in_use()) {
-    case Bf16Units::matrices:
+    case Bf16Extension::matrices:
       return "bf16 products on matrix units";
-    case Bf16Units::vectors:
+    case Bf16Extension::vectors:
       return "bf16 products on vector units";
-    case Bf16Units::none:
+    case Bf16Extension::none:
       break;
   }
   return "f32 products";

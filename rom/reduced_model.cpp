@@ -137,7 +137,7 @@ void read_judgement(const nn::Weights& weights, ReducedModel& model) {
 
 void store_judgement(const ReducedModel& model, nn::Weights& weights) {
   std::vector<double> levels;
-  for (const TrustIndicator& frame : model.usual)
+  for (const ErrorIndicator& frame : model.usual)
     levels.insert(levels.end(), {frame.residual, frame.down_weighted, frame.latent_distance});
   if (!levels.empty())
     weights.tensors["trust.usual"] =

@@ -174,7 +174,7 @@ void ReducedSolver<T>::advance_frame() {
 template <typename T>
 bool ReducedSolver<T>::try_step(double dt) {
   const LatentState state = state_;
-  const TrustIndicator trust = trust_;
+  const ErrorIndicator trust = trust_;
   const double time = time_, down_weighted = down_weighted_sum_;
   const auto take_back = [&] {
     state_ = state;

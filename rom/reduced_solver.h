@@ -71,7 +71,7 @@ class ReducedSolver {
   /// Positions and velocities of all particles, in the order of the sources.
   ParticleFrame frame() const;
   /// Of the last frame.
-  const TrustIndicator& trust() const { return trust_; }
+  const ErrorIndicator& trust() const { return trust_; }
   ReducedStatistics statistics() const;
 
  private:
@@ -100,7 +100,7 @@ class ReducedSolver {
   bool due_ = true;  ///< integration points are to be found again
   StepControl control_;
   double misfit_ = 0;  ///< distance that the last inversion left, over its dt [m/s]
-  TrustIndicator trust_;
+  ErrorIndicator trust_;
   ReducedStatistics statistics_;
   double down_weighted_sum_ = 0;
   int64_t integration_sum_ = 0, iteration_sum_ = 0;

@@ -1,5 +1,5 @@
 // Owns the obstacles' grids and the views over them; everything here works on NanoVDB bytes. Sets that hold the same
-// body share its grid: a solver, another one and a network's surroundings are made of one scene.
+// body share its grid: a solver, another one and a network's environment are made of one scene.
 #include "sparsegrid/obstacle_set.h"
 
 #include <algorithm>

@@ -12,7 +12,7 @@
 #include "core/system/error.h"
 #include "sparsegrid/analytic_shape.h"
 #include "sparsegrid/cell_normals.h"
-#include "sparsegrid/dart_board.h"
+#include "sparsegrid/poisson_disk.h"
 #include "sparsegrid/push_out.h"
 
 namespace graupel::sparsegrid {
@@ -139,7 +139,7 @@ void plane_candidates(const Candidates& candidates, const LocalBox& box, const R
 }
 
 /// Appends the candidates that the board takes.
-void throw_darts(const Waiting& waiting, DartBoard& board, SurfaceSamples& to) {
+void throw_darts(const Waiting& waiting, PoissonDisk& board, SurfaceSamples& to) {
   const std::vector<std::vector<char>> taken = board.take(waiting.position);
   for (std::size_t piece = 0; piece < taken.size(); ++piece)
     for (std::size_t i = 0; i < taken[piece].size(); ++i)
@@ -156,7 +156,7 @@ SurfaceSamples sample_surface(const Scene& scene, const ObstacleSet& obstacles, 
   const ObstacleSetView set = obstacles.view();
   Waiting waiting;
   SurfaceSamples taken;
-  DartBoard board(spacing);
+  PoissonDisk board(spacing);
   for (int i = 0; i < set.count; ++i) {
     const Candidates candidates(scene, set, i);
     const Random random(seed, RandomPurpose::surface_sample, static_cast<uint64_t>(i));

@@ -106,12 +106,12 @@ std::vector<GraphBenchRow> GraphBench::measure(int64_t particles) {
 std::vector<GraphBenchRow> GraphBench::measure_state(const Scene& scene, const std::string& state) {
   const uint64_t seed = options_.common.seed;
   const StartState start = start_of(scene, seed);
-  const graph::Surroundings surroundings(scene);
+  const graph::Environment environment(scene);
   std::vector<GraphBenchRow> rows;
   for (std::size_t m = 0; m < choices_.size(); ++m) {
     GraphBenchRow row = {state, choices_[m].name, start.position.size()};
     if (networks_[m]) {
-      measure_network(*networks_[m], scene, surroundings, start, std::move(row), rows);
+      measure_network(*networks_[m], scene, environment, start, std::move(row), rows);
       continue;
     }
     row.cost = run_mpm(scene, {.variant = choices_[m].variant,
@@ -130,14 +130,14 @@ std::vector<GraphBenchRow> GraphBench::measure_state(const Scene& scene, const s
 }
 
 void GraphBench::measure_network(const graph::LearnedSimulator& network, const Scene& scene,
-                                 const graph::Surroundings& surroundings, const StartState& start, GraphBenchRow row,
+                                 const graph::Environment& environment, const StartState& start, GraphBenchRow row,
                                  std::vector<GraphBenchRow>& rows) const {
-  const TimedRun run = run_network(network, scene, surroundings, start, options_.frames, device_, row.label());
+  const TimedRun run = run_network(network, scene, environment, start, options_.frames, device_, row.label());
   const int history = std::max(3, static_cast<int>(network.config().history) + 1);
   const NetworkState middle{scene_json_, scene.frame_time, start.particle_type,
                             middle_history(run.run.trajectory, scene, start, options_.frames, history)};
   row.cost = run.cost;
-  row.flop = network.flop(surroundings, middle.history.back());
+  row.flop = network.flop(environment, middle.history.back());
   rows.push_back(row);
   const bool diverged_at_once = row.cost.frame == 0;
   if (!options_.libtorch || diverged_at_once) return;

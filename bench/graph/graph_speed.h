@@ -44,7 +44,7 @@ class GraphBench {
   std::vector<GraphBenchRow> measure_state(const Scene& scene, const std::string& state);
   /// Completes and appends the row of a network and, with --libtorch, appends those of the same network there.
   void measure_network(const graph::LearnedSimulator& network, const Scene& scene,
-                       const graph::Surroundings& surroundings, const StartState& start, GraphBenchRow row,
+                       const graph::Environment& environment, const StartState& start, GraphBenchRow row,
                        std::vector<GraphBenchRow>& rows) const;
 
   const BenchGraphOptions& options_;

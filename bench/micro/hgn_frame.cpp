@@ -42,7 +42,7 @@ double product_rate() {
 nlohmann::ordered_json run_hgn(const std::string& weights, const std::string& scene_file) {
   const graph::LearnedSimulator simulator(weights);
   const Scene scene = io::read_scene(scene_file);
-  const graph::Surroundings surroundings(scene);
+  const graph::Environment environment(scene);
   const auto particles = mpm::sample_sources(scene, scene.seed);
   std::vector<Vec3f> position, velocity;
   std::vector<int32_t> type;
@@ -64,7 +64,7 @@ nlohmann::ordered_json run_hgn(const std::string& weights, const std::string& sc
     network.push_back(timing.network);
     features.push_back(timing.features + timing.projection);
   };
-  simulator.rollout(scene, surroundings, type, start, options);
+  simulator.rollout(scene, environment, type, start, options);
   const double rate = product_rate();
   std::printf("\n%s on %s: %zu particles, %d threads\n", weights.c_str(), scene.name.c_str(), type.size(),
               num_threads());

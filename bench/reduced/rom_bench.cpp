@@ -82,8 +82,8 @@ class RomBench {
     const RomMeasurement m = measure_rom(model_, truth, run);
     Json row = json_of(m, factor);
     const auto at = static_cast<std::size_t>(i);
-    if (train_ && naive_.size() == at) naive_.push_back(naive_answers(*train_, reader_, i));
-    const auto naive = train_ ? std::optional(naive_[at]) : std::nullopt;
+    if (train_ && baselines_.size() == at) baselines_.push_back(baselines_of_run(*train_, reader_, i));
+    const auto naive = train_ ? std::optional(baselines_[at]) : std::nullopt;
     if (naive) row["naive"] = json_of(*naive);
     print_row(m, factor, naive);
     for (const std::string& against : options_.against) {
@@ -100,7 +100,7 @@ class RomBench {
   std::string file_;
   io::TrajectoryReader reader_;
   std::optional<io::TrajectoryReader> train_;
-  std::vector<NaiveAnswers> naive_;  ///< of the runs so far
+  std::vector<Baselines> baselines_;  ///< of the runs so far
   Json rows_ = Json::array();
 };
 

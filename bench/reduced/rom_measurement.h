@@ -56,7 +56,7 @@ struct RomMeasurement {
   double added_bytes = 0;              ///< resident memory at its peak over that before the run, of the whole process
   rom::ReducedStatistics statistics;
   std::vector<double> frame_error;  ///< relative to the displacement in that frame
-  std::vector<rom::TrustIndicator> trust;
+  std::vector<rom::ErrorIndicator> trust;
   std::vector<double> trust_numbers;
   double trust_number = 0;
   rom::Verdict verdict = rom::Verdict::unknown;

@@ -14,7 +14,7 @@ using Json = nlohmann::ordered_json;
 
 namespace {
 
-Json json_of(const NaiveErrors& errors) {
+Json json_of(const BaselineErrors& errors) {
   return {{"delta", errors.delta}, {"displacement_relative_error", errors.displacement_relative}};
 }
 
@@ -40,9 +40,9 @@ Json cost_json(const RomMeasurement& m) {
 }
 
 Json trust_json(const RomMeasurement& m) {
-  rom::TrustIndicator worst;
+  rom::ErrorIndicator worst;
   Json frames = Json::object();
-  for (const rom::TrustIndicator& frame : m.trust) {
+  for (const rom::ErrorIndicator& frame : m.trust) {
     worst.residual = std::max(worst.residual, frame.residual);
     worst.down_weighted = std::max(worst.down_weighted, frame.down_weighted);
     worst.latent_distance = std::max(worst.latent_distance, frame.latent_distance);
@@ -67,7 +67,7 @@ std::string parameters_text(const RomMeasurement& m) {
 
 }  // namespace
 
-Json json_of(const NaiveAnswers& naive) {
+Json json_of(const Baselines& naive) {
   Json json = {{"nothing_moves", json_of(naive.nothing_moves)}, {"nearest_run", json_of(naive.nearest)}};
   json["between_runs"] = naive.linear ? json_of(*naive.linear) : Json();
   return json;
@@ -132,7 +132,7 @@ void print_header() {
               "trust", "verdict", "|N|", "most", "us/step", "decode", "grid", "invert", "search", "MiB");
 }
 
-void print_row(const RomMeasurement& m, double factor, const std::optional<NaiveAnswers>& naive) {
+void print_row(const RomMeasurement& m, double factor, const std::optional<Baselines>& naive) {
   const rom::StepTiming& t = m.statistics.timing;
   const double per_step = 1e6 / static_cast<double>(std::max<int64_t>(1, t.steps));
   std::printf("%12s %6.2f %5lld ", parameters_text(m).c_str(), factor, static_cast<long long>(m.statistics.samples));

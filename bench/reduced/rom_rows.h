@@ -4,20 +4,20 @@
 #include <nlohmann/json_fwd.hpp>
 #include <optional>
 
-#include "bench/reduced/naive_answers.h"
+#include "bench/reduced/baselines.h"
 #include "bench/reduced/rom_gpu_steps.h"
 #include "bench/reduced/rom_measurement.h"
 
 namespace graupel::bench {
 
-nlohmann::ordered_json json_of(const NaiveAnswers& naive);
+nlohmann::ordered_json json_of(const Baselines& naive);
 nlohmann::ordered_json json_of(const SpeedComparison& speed);
 /// `factor`: the step over that of the training.
 nlohmann::ordered_json json_of(const RomMeasurement& m, double factor);
 nlohmann::ordered_json json_of(const GpuSteps& steps, double factor);
 
 void print_header();
-void print_row(const RomMeasurement& m, double factor, const std::optional<NaiveAnswers>& naive);
+void print_row(const RomMeasurement& m, double factor, const std::optional<Baselines>& naive);
 void print_speed(const SpeedComparison& speed);
 void print_gpu_steps(const GpuSteps& s);
 

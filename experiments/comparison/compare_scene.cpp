@@ -174,9 +174,9 @@ std::vector<Vec3f> SceneComparison::true_position(int64_t frame) const {
       .front();
 }
 
-const graph::Surroundings& SceneComparison::surroundings() {
-  if (!surroundings_) surroundings_.emplace(task_.scene);
-  return *surroundings_;
+const graph::Environment& SceneComparison::environment() {
+  if (!environment_) environment_.emplace(task_.scene);
+  return *environment_;
 }
 
 compare::OneStepError SceneComparison::one_step_of_network(const ComparedModel& model) {
@@ -186,8 +186,8 @@ compare::OneStepError SceneComparison::one_step_of_network(const ComparedModel& 
       return std::vector<Vec3f>(positions.back().size(),
                                 (task_.scene.gravity * std::pow(task_.scene.frame_time, 2)).cast<float>());
     return device_ == Device::cuda
-               ? network.one_step_on_gpu(task_.scene, surroundings(), start_.particle_type, positions)
-               : network.one_step(surroundings(), start_.particle_type, positions);
+               ? network.one_step_on_gpu(task_.scene, environment(), start_.particle_type, positions)
+               : network.one_step(environment(), start_.particle_type, positions);
   };
   compare::OneStepAccumulator error(task_.scene.gravity, task_.scene.frame_time, task_.scene.domain.dx);
   const int64_t history = network.config().history;
@@ -227,7 +227,7 @@ const TimedRun& SceneComparison::run_of(const ComparedModel& model, TimedRun& ow
   const ModelChoice& choice = model.choice;
   switch (choice.kind) {
     case ModelKind::network:
-      return own = run_network(*model.network, task_.scene, surroundings(), start_, task_.frames, device_,
+      return own = run_network(*model.network, task_.scene, environment(), start_, task_.frames, device_,
                                label(choice.label),
                                laws_of(choice.parts, {options_.density_limit, options_.free_flight}));
     case ModelKind::reduced:

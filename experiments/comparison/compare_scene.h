@@ -48,7 +48,7 @@ class SceneComparison {
   /// The run of a model: one that is there, or `own` once it is made.
   const TimedRun& run_of(const ComparedModel& model, TimedRun& own);
   compare::ModelResult evaluate(const ComparedModel& model);
-  const graph::Surroundings& surroundings();
+  const graph::Environment& environment();
   /// Throws ConfigError where the network predicts frames by a gravity that the data do not say.
   compare::OneStepError one_step_of_network(const ComparedModel& model);
   compare::OneStepError one_step_of_rollout(const compare::ParticleRun& run) const;
@@ -60,8 +60,8 @@ class SceneComparison {
   const SceneTask& task_;
   Device device_;
   compare::ReportBudget budget_;
-  sparsegrid::ObstacleSet obstacles_;                ///< those that stay where they are
-  std::optional<graph::Surroundings> surroundings_;  ///< for networks; made when one runs
+  sparsegrid::ObstacleSet obstacles_;              ///< those that stay where they are
+  std::optional<graph::Environment> environment_;  ///< for networks; made when one runs
   StartState start_;
   TimedRun truth_;                 ///< its cost is that of mpm, also where the truth was stored
   std::optional<TimedRun> rerun_;  ///< mpm run again where the truth was stored

@@ -15,7 +15,7 @@ HeldLaws laws_of(NetworkParts parts, HeldLaws whole) {
 }
 
 TimedRun run_network(const graph::LearnedSimulator& simulator, const Scene& scene,
-                     const graph::Surroundings& surroundings, const StartState& start, int64_t frames, Device device,
+                     const graph::Environment& environment, const StartState& start, int64_t frames, Device device,
                      const std::string& label, const HeldLaws& laws) {
   const MemoryMeter memory;
   DeviceMemoryMeter device_memory(device);
@@ -48,7 +48,7 @@ TimedRun run_network(const graph::LearnedSimulator& simulator, const Scene& scen
     last = Clock::now();
   };
   TimedRun result;
-  result.run.trajectory = simulator.rollout(scene, surroundings, start.particle_type, past, options);
+  result.run.trajectory = simulator.rollout(scene, environment, start.particle_type, past, options);
   if (result.run.trajectory.diverged_at_frame < 0) progress.done();
   for (ParticleFrame& frame : result.run.trajectory.frames) std::vector<Vec3f>().swap(frame.velocity);
   result.moved = start.position.size();

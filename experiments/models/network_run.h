@@ -25,7 +25,7 @@ struct HeldLaws {
 HeldLaws laws_of(NetworkParts parts, HeldLaws whole);
 /// From frame 0 with a ballistic past.
 TimedRun run_network(const graph::LearnedSimulator& simulator, const Scene& scene,
-                     const graph::Surroundings& surroundings, const StartState& start, int64_t frames, Device device,
+                     const graph::Environment& environment, const StartState& start, int64_t frames, Device device,
                      const std::string& label, const HeldLaws& laws = {});
 
 }  // namespace graupel::experiments

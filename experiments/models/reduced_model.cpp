@@ -173,7 +173,7 @@ void ReducedRun::advance_frame() {
   trust_number_ = record_->add(trust());
 }
 
-std::string trust_line(const rom::ReducedModel& model, const rom::TrustRecord& record) {
+std::string trust_line(const rom::ReducedModel& model, const rom::ErrorIndicatorRecord& record) {
   if (model.usual.empty()) return "trust unknown (the model was trained without calibration_runs)";
   return fmt::format("trust {:.2f}, {}; training runs were rolled out with errors up to {:.2g} % of the displacement",
                      record.number(), rom::verdict_text(record.verdict()), 100 * model.usual_error);

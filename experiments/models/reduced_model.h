@@ -57,7 +57,7 @@ struct ReducedRunOptions {
 };
 
 /// "trust 0.93, ok; training runs rolled out with errors up to 1.2 % of the displacement".
-std::string trust_line(const rom::ReducedModel& model, const rom::TrustRecord& record);
+std::string trust_line(const rom::ReducedModel& model, const rom::ErrorIndicatorRecord& record);
 
 /// A reduced run of either precision, or on a GPU.
 class ReducedRun {
@@ -70,10 +70,10 @@ class ReducedRun {
   double time() const { return gpu_ ? gpu_->time() : single_ ? single_->time() : exact_->time(); }
   rom::LatentState state() const { return gpu_ ? gpu_->state(0) : single_ ? single_->state() : exact_->state(); }
   ParticleFrame frame() const { return gpu_ ? gpu_->frame(0) : single_ ? single_->frame() : exact_->frame(); }
-  rom::TrustIndicator trust() const { return gpu_ ? gpu_->trust(0) : single_ ? single_->trust() : exact_->trust(); }
+  rom::ErrorIndicator trust() const { return gpu_ ? gpu_->trust(0) : single_ ? single_->trust() : exact_->trust(); }
   /// Number of the last frame, and the verdict on the run so far.
   double trust_number() const { return trust_number_; }
-  const rom::TrustRecord& trust_record() const { return *record_; }
+  const rom::ErrorIndicatorRecord& trust_record() const { return *record_; }
   rom::ReducedStatistics statistics() const {
     return gpu_ ? gpu_->statistics(0) : single_ ? single_->statistics() : exact_->statistics();
   }
@@ -83,7 +83,7 @@ class ReducedRun {
  private:
   std::vector<double> parameters_;
   std::vector<int32_t> particle_type_;
-  std::optional<rom::TrustRecord> record_;
+  std::optional<rom::ErrorIndicatorRecord> record_;
   double trust_number_ = 0;
   std::unique_ptr<rom::ReducedSolver<float>> single_;
   std::unique_ptr<rom::ReducedSolver<double>> exact_;

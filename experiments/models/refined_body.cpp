@@ -32,7 +32,7 @@ RefinedBody::RefinedBody(const LoadedModel& model, const Scene& scene, uint64_t 
   const mpm::SampledParticles sampled = mpm::sample_sources(scene, seed);
   const std::size_t n = sampled.position.size();
   check_refined_size(static_cast<int64_t>(n), times, available_bytes(Device::cpu));
-  rom::TrunkParticles particles;
+  rom::MlsParticles particles;
   particles.kind = particle_kinds(sampled);
   std::vector<double> side;
   for (std::size_t p = 0; p < n; ++p) {
@@ -48,7 +48,7 @@ RefinedBody::RefinedBody(const LoadedModel& model, const Scene& scene, uint64_t 
   }
   rom::ReferencePoints points =
       rom::refined_points(particles, side, static_cast<int>(times), scene.domain.axes(), seed);
-  points_ = std::make_unique<rom::TrunkPositions<float>>(*model.model.fields, std::move(particles), std::move(points));
+  points_ = std::make_unique<rom::MlsPositions<float>>(*model.model.fields, std::move(particles), std::move(points));
   tiles_.resize(static_cast<std::size_t>(3 * mpm::padded_to_tile(static_cast<int64_t>(n) * times)));
 }
 

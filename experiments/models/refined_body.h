@@ -24,7 +24,7 @@ class RefinedBody {
   const std::vector<int32_t>& particle_type() const { return particle_type_; }
 
  private:
-  std::unique_ptr<rom::TrunkPositions<float>> points_;
+  std::unique_ptr<rom::MlsPositions<float>> points_;
   std::vector<int32_t> particle_type_;
   std::vector<float> tiles_;  ///< decoded positions
 };

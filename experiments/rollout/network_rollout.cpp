@@ -114,7 +114,7 @@ void rollout_network(const RolloutOptions& options, Device device) {
   check_start(options, history);
   RolloutStart start = rollout_start(options, history);
   check_scene(start, options);
-  const graph::Surroundings surroundings(start.scene);
+  const graph::Environment environment(start.scene);
   graph::LearnedSimulator::RolloutOptions run = simulator_options(options, start, device);
   Progress progress(fmt::format("rollout {} ({} particles)", start.scene.name, start.particle_type.size()), run.frames);
   BundleTimes times(simulator.config().bundle, run.frames);
@@ -123,7 +123,7 @@ void rollout_network(const RolloutOptions& options, Device device) {
     times.add(frame, timing.total());
     progress.update(frame, fmt::format("{:.0f} ms a frame", 1e3 * timing.total()));
   };
-  Trajectory trajectory = simulator.rollout(start.scene, surroundings, start.particle_type, start.history, run);
+  Trajectory trajectory = simulator.rollout(start.scene, environment, start.particle_type, start.history, run);
   if (trajectory.diverged_at_frame < 0) progress.done();
   trajectory.seed = start.seed;
   trajectory.made_by = options.weights;

@@ -95,7 +95,7 @@ class ReducedRollout {
   }
 
   /// `trust`: the largest since the frame before.
-  void write_frame(const rom::TrustIndicator& trust) {
+  void write_frame(const rom::ErrorIndicator& trust) {
     if (refined_) {
       const auto begin = std::chrono::steady_clock::now();
       const ParticleFrame frame = refined_->frame(run_.state(), run_.time());
@@ -110,14 +110,14 @@ class ReducedRollout {
     worst_ = larger(worst_, trust);
   }
 
-  static rom::TrustIndicator larger(const rom::TrustIndicator& a, const rom::TrustIndicator& b) {
+  static rom::ErrorIndicator larger(const rom::ErrorIndicator& a, const rom::ErrorIndicator& b) {
     return {std::max(a.residual, b.residual), std::max(a.down_weighted, b.down_weighted),
             std::max(a.latent_distance, b.latent_distance)};
   }
 
   void advance() {
     Progress progress(fmt::format("rollout {} ({} particles)", scene_.name, run_.particle_type().size()), frames_);
-    rom::TrustIndicator since;
+    rom::ErrorIndicator since;
     for (int64_t f = 1; f <= frames_; ++f) {
       stop_if_interrupted(fmt::format("; 'graupel inspect --recover {}' keeps the frames so far", options_.output));
       const auto begin = std::chrono::steady_clock::now();
@@ -214,7 +214,7 @@ class ReducedRollout {
   io::TrajectoryWriter writer_;
   int64_t written_ = 0;       ///< frames
   std::vector<float> trust_;  ///< [frames, 4]
-  rom::TrustIndicator worst_;
+  rom::ErrorIndicator worst_;
   std::vector<double> seconds_;         ///< of each frame
   std::vector<double> refine_seconds_;  ///< of each frame that was written
   int64_t diverged_at_ = -1;

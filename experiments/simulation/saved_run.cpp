@@ -19,7 +19,7 @@ void check_wish(const std::string& file, const char* flag, const std::string& wi
 
 }  // namespace
 
-io::SavedRun read_saved_run(const std::string& file, const RunWishes& wishes) {
+io::SavedRun read_saved_run(const std::string& file, const RunRequest& wishes) {
   io::SavedRun saved = io::read_state_file(file);
   if (saved.version != version_text())
     throw InputError(

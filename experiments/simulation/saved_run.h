@@ -10,14 +10,14 @@
 namespace graupel::experiments {
 
 /// What the user asked of a run that a saved state decides as well; empty where nothing was said.
-struct RunWishes {
+struct RunRequest {
   std::string device, precision, seed, fields;
   bool no_velocity = false;
 };
 
 /// Reads a state. Throws InputError, naming the file, when it is of another version or kind of device, or when the user
 /// wishes something else than the run had.
-io::SavedRun read_saved_run(const std::string& file, const RunWishes& wishes);
+io::SavedRun read_saved_run(const std::string& file, const RunRequest& wishes);
 
 /// The scene to go on with: the one in `scene_file`, or the state's when that is empty.
 Scene scene_of(const io::SavedRun& saved, const std::string& state_file, const std::string& scene_file,

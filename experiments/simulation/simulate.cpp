@@ -38,7 +38,7 @@ std::string default_output(const Scene& scene) {
 
 /// Takes from the state what the user left open. Throws InputError where the two differ.
 io::SavedRun take_saved_run(SimulateOptions& options) {
-  RunWishes wishes;
+  RunRequest wishes;
   if (options.common.device != "auto") wishes.device = options.common.device;
   if (options.precision_given) wishes.precision = options.precision;
   if (options.common.seed_given) wishes.seed = std::to_string(options.common.seed);

@@ -27,7 +27,7 @@ constexpr float relaxation = 1.7f;
 /// One of the grids, with its pressure.
 class DensityProjection::Lattice {
  public:
-  Lattice(Device device, const Surroundings& surroundings, double largest_density, const Cells& cells)
+  Lattice(Device device, const Environment& environment, double largest_density, const Cells& cells)
       : device_(device),
         cells_(cells),
         unit_(static_cast<uint64_t>(
@@ -43,7 +43,7 @@ class DensityProjection::Lattice {
     mass_.fill_zero();
     words_.fill_zero();
     parallel_for(device_, cells.count(),
-                 FindShares{cells, surroundings.view(device).obstacles, surroundings.hold_low, surroundings.hold_high,
+                 FindShares{cells, environment.view(device).obstacles, environment.hold_low, environment.hold_high,
                             shares_.data()});
     restart();
   }
@@ -139,14 +139,13 @@ class DensityProjection::Lattice {
   Buffer<Equation> equation_;
 };
 
-DensityProjection::DensityProjection(Device device, const Surroundings& surroundings, double largest_density,
+DensityProjection::DensityProjection(Device device, const Environment& environment, double largest_density,
                                      double spacing) {
   GRAUPEL_ASSERT(largest_density > 0 && spacing > 0);
   for (std::size_t k = 0; k < lattices_.size(); ++k) {
-    const Cells cells =
-        cells_over(surroundings.hold_low, surroundings.hold_high, spacing, 0.5 * static_cast<double>(k));
+    const Cells cells = cells_over(environment.hold_low, environment.hold_high, spacing, 0.5 * static_cast<double>(k));
     check_fits(cells, available_bytes(device));
-    lattices_[k] = std::make_unique<Lattice>(device, surroundings, largest_density, cells);
+    lattices_[k] = std::make_unique<Lattice>(device, environment, largest_density, cells);
   }
 }
 DensityProjection::~DensityProjection() = default;

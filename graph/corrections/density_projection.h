@@ -31,9 +31,9 @@ struct MoveParticle;
 class DensityProjection {
  public:
   /// `largest_density` [particles/m^3]; `spacing` of the cells [m], doubled until each grid has at most 2^26 of them.
-  /// The surroundings are read here alone. Throws ConfigError when the cells, 25 bytes each, do not fit into the
+  /// The environment are read here alone. Throws ConfigError when the cells, 25 bytes each, do not fit into the
   /// memory.
-  DensityProjection(Device device, const Surroundings& surroundings, double largest_density, double spacing);
+  DensityProjection(Device device, const Environment& environment, double largest_density, double spacing);
   ~DensityProjection();
 
   /// Moves positions [n] in the device's memory, on each grid by at most half a cell along each axis, perhaps a little

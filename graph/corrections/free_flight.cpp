@@ -22,19 +22,19 @@ constexpr int64_t most_cells = int64_t{1} << 22;
 /// to three cells apart, but from two on by less than 1/64 of their weight.
 constexpr double group_cells = 2, contact_cells = 2;
 
-FlightCells cells_of(const Surroundings& surroundings) {
+FlightCells cells_of(const Environment& environment) {
   FlightCells cells{};
-  double spacing = group_cells * surroundings.normal_spacing;
+  double spacing = group_cells * environment.normal_spacing;
   for (int64_t count = most_cells + 1; count > most_cells; spacing *= 2) {
     cells.fine = static_cast<float>(spacing / fine_cells);
     cells.inverse_fine = static_cast<float>(fine_cells / spacing);
     count = 1;
     for (int d = 0; d < 3; ++d) {
-      const double length = surroundings.wall_high[d] - surroundings.wall_low[d];
+      const double length = environment.wall_high[d] - environment.wall_low[d];
       cells.size[d] = static_cast<int>(std::ceil(length / spacing)) + 2;
       count *= cells.size[d];
     }
-    cells.origin = (surroundings.wall_low - Vec3d::filled(spacing)).cast<float>();
+    cells.origin = (environment.wall_low - Vec3d::filled(spacing)).cast<float>();
   }
   return cells;
 }
@@ -137,16 +137,16 @@ void correct_on_cpu(const Groups& groups, Vec3f* next) {
 }  // namespace
 
 struct FreeFlight::Impl {
-  Impl(Device on, const Scene& scene, const Surroundings& surroundings, const std::vector<int32_t>& particle_type)
+  Impl(Device on, const Scene& scene, const Environment& environment, const std::vector<int32_t>& particle_type)
       : device(on) {
-    groups.cells = cells_of(surroundings);
+    groups.cells = cells_of(environment);
     const std::size_t nodes = times * static_cast<std::size_t>(groups.cells.count()), n = particle_type.size();
-    const double reach = contact_cells * surroundings.normal_spacing;
+    const double reach = contact_cells * environment.normal_spacing;
     groups.gravity = (scene.gravity * (scene.frame_time * scene.frame_time)).cast<float>();
-    groups.low = (surroundings.hold_low + Vec3d::filled(reach)).cast<float>();
-    groups.high = (surroundings.hold_high - Vec3d::filled(reach)).cast<float>();
+    groups.low = (environment.hold_low + Vec3d::filled(reach)).cast<float>();
+    groups.high = (environment.hold_high - Vec3d::filled(reach)).cast<float>();
     groups.reach = static_cast<float>(reach);
-    groups.obstacles = surroundings.obstacles.view(on);
+    groups.obstacles = environment.obstacles.view(on);
     groups.n = static_cast<int64_t>(n);
     matter.upload(std::vector<uint64_t>(nodes, 0));
     std::vector<int32_t> parents(nodes, nobody);
@@ -175,13 +175,13 @@ struct FreeFlight::Impl {
   Buffer<uint64_t> matter{device, 0};
   Buffer<int32_t> parent{device, 0}, slot{device, 0}, list{device, 0}, counters{device, 0}, group{device, 0},
       origin{device, 0};
-  Buffer<GroupSums> sums{device, 0};
+  Buffer<GroupMomentum> sums{device, 0};
   Buffer<float> mass{device, 0};
 };
 
-FreeFlight::FreeFlight(Device device, const Scene& scene, const Surroundings& surroundings,
+FreeFlight::FreeFlight(Device device, const Scene& scene, const Environment& environment,
                        const std::vector<int32_t>& particle_type)
-    : impl_(std::make_unique<Impl>(device, scene, surroundings, particle_type)) {}
+    : impl_(std::make_unique<Impl>(device, scene, environment, particle_type)) {}
 FreeFlight::~FreeFlight() = default;
 
 void FreeFlight::find_groups(const Vec3f* before, const Vec3f* now, void* stream) {
@@ -201,7 +201,7 @@ void FreeFlight::correct(const Vec3f* before, const Vec3f* now, Vec3f* next, voi
 }
 
 std::vector<int32_t> FreeFlight::groups() const {
-  const std::vector<GroupSums> sums = impl_->sums.download();
+  const std::vector<GroupMomentum> sums = impl_->sums.download();
   std::vector<int32_t> groups = impl_->group.download();
   for (int32_t& group : groups)
     if (group >= 0 && sums[static_cast<std::size_t>(group)].touches != 0) group = -1;

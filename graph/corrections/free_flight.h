@@ -25,8 +25,8 @@ namespace graupel::graph {
 /// threads nor on the order of the particles.
 class FreeFlight {
  public:
-  /// `particle_type` [n] tells a particle's mass, by its material's density. The surroundings must live as long.
-  FreeFlight(Device device, const Scene& scene, const Surroundings& surroundings,
+  /// `particle_type` [n] tells a particle's mass, by its material's density. The environment must live as long.
+  FreeFlight(Device device, const Scene& scene, const Environment& environment,
              const std::vector<int32_t>& particle_type);
   ~FreeFlight();
 

@@ -88,7 +88,7 @@ using PushTerms = Terms<6>;    ///< m a, m d x a
 
 /// What a group adds up about the centre x0 of its lowest cell: d = x - x0, masses m relative to the largest, a the
 /// acceleration less gravity's.
-struct GroupSums {
+struct GroupMomentum {
   PlaceTerms place;
   PushTerms push;
   int32_t touches;
@@ -117,7 +117,7 @@ struct Groups {
   int32_t* finished;    ///< blocks of a GPU that are done; 0 between frames
   int32_t* group;       ///< [n] slot of the group's root; -1 what touches a wall
   int32_t* origin;      ///< [n] cell of a slot
-  GroupSums* sums;      ///< [n] of a slot
+  GroupMomentum* sums;  ///< [n] of a slot
   const float* mass;    ///< [n] of the largest
   const Vec3f* before;  ///< [n] [m]
   const Vec3f* now;

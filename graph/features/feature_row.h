@@ -38,8 +38,8 @@ struct FeatureRules {
   Normalization normalization;
 };
 
-/// Static surroundings in the memory of one device (graph/features/features.h, Surroundings::view).
-struct SurroundingsView {
+/// Static environment in the memory of one device (graph/features/features.h, Environment::view).
+struct EnvironmentView {
   sparsegrid::ObstacleSetView obstacles;
   sparsegrid::CellNormalsView normals;
   Vec3d wall_low, wall_high;  ///< [m]; far away along z in the plane, which has no walls there
@@ -67,8 +67,8 @@ GRAUPEL_HD inline void put(const Vec3f& v, float* row) {
 }
 
 /// The part of a normal within the plane, as a unit vector; zero stays.
-GRAUPEL_HD inline Vec3f normal_in(const SurroundingsView& surroundings, Vec3f normal) {
-  if (!surroundings.plane) return normal;
+GRAUPEL_HD inline Vec3f normal_in(const EnvironmentView& environment, Vec3f normal) {
+  if (!environment.plane) return normal;
   normal[2] = 0;
   const float length = norm(normal);
   return length > 0 ? normal * (1 / length) : normal;
@@ -82,7 +82,7 @@ inline constexpr int feature_parts_of_row = 3;
 
 /// Writes one part of a row, at its place in it; see write_feature_row.
 GRAUPEL_HD inline void write_feature_part(FeaturePart part, const FeatureRules& rules,
-                                          const SurroundingsView& surroundings, const AxisMap& turn,
+                                          const EnvironmentView& environment, const AxisMap& turn,
                                           const Vec3f* position, float* row) {
   using namespace feature_row;
   const Vec3d x = position[rules.history].cast<double>();
@@ -90,15 +90,15 @@ GRAUPEL_HD inline void write_feature_part(FeaturePart part, const FeatureRules& 
   float* const walls = normal + (rules.cell_normal ? 3 : 0);
   float* const distance = walls + 6;
   if (part == FeaturePart::cell_normal) {
-    if (rules.cell_normal) put(turn.apply(normal_in(surroundings, surroundings.normals.at(x))), normal);
+    if (rules.cell_normal) put(turn.apply(normal_in(environment, environment.normals.at(x))), normal);
     return;
   }
   if (part == FeaturePart::signed_distance) {
     if (!rules.signed_distance) return;
     int nearest = -1;
-    const sparsegrid::SignedDistance<double> obstacle = signed_distance(surroundings.obstacles, x, nearest);
+    const sparsegrid::SignedDistance<double> obstacle = signed_distance(environment.obstacles, x, nearest);
     *distance = clamped(obstacle.phi, rules.distance_clamp);
-    put(turn.apply(normal_in(surroundings, obstacle.normal.cast<float>())), distance + 1);
+    put(turn.apply(normal_in(environment, obstacle.normal.cast<float>())), distance + 1);
     return;
   }
   for (int newer = rules.history; newer > 0; --newer) {
@@ -109,17 +109,17 @@ GRAUPEL_HD inline void write_feature_part(FeaturePart part, const FeatureRules& 
   for (int face = 0; face < 6; ++face) {
     const int axis = turn.axis[face % 3];
     const bool lower = (face < 3) == (turn.sign[face % 3] > 0);  // a reflection exchanges the two faces
-    walls[face] = clamped(lower ? x[axis] - surroundings.wall_low[axis] : surroundings.wall_high[axis] - x[axis],
-                          rules.wall_clamp);
+    walls[face] =
+        clamped(lower ? x[axis] - environment.wall_low[axis] : environment.wall_high[axis] - x[axis], rules.wall_clamp);
   }
 }
 
 /// Writes rules.width features of a particle, in the order of particle_features(), as those of the scene turned by
 /// `turn`. `position` [m] holds rules.history + 1 frames, newest last, unturned.
-GRAUPEL_HD inline void write_feature_row(const FeatureRules& rules, const SurroundingsView& surroundings,
+GRAUPEL_HD inline void write_feature_row(const FeatureRules& rules, const EnvironmentView& environment,
                                          const AxisMap& turn, const Vec3f* position, float* row) {
   for (int part = 0; part < feature_parts_of_row; ++part)
-    write_feature_part(static_cast<FeaturePart>(part), rules, surroundings, turn, position, row);
+    write_feature_part(static_cast<FeaturePart>(part), rules, environment, turn, position, row);
 }
 
 }  // namespace graupel::graph

@@ -44,7 +44,7 @@ double longest_piece(const sparsegrid::ObstacleSet& obstacles, double voxel) {
 
 }  // namespace
 
-Surroundings::Surroundings(const Scene& scene, std::optional<double> spacing)
+Environment::Environment(const Scene& scene, std::optional<double> spacing)
     : obstacles(checked(scene)),
       normals(with_spacing(scene, spacing.value_or(scene.domain.dx)), obstacles),
       obstacle_particles(scene, obstacles),
@@ -57,12 +57,12 @@ Surroundings::Surroundings(const Scene& scene, std::optional<double> spacing)
       gravity_step((scene.gravity * (scene.frame_time * scene.frame_time)).cast<float>()),
       way_piece(longest_piece(obstacles, scene.voxel())) {}
 
-WayFollower Surroundings::way_follower(Device device) const {
+SweptCollision Environment::swept_collision(Device device) const {
   return {obstacles.view(device), hold_low.cast<float>(), hold_high.cast<float>(), static_cast<float>(way_piece)};
 }
 
-SurroundingsView Surroundings::view(Device device) const {
-  SurroundingsView all = {obstacles.view(device), normals.view(device), wall_low, wall_high, plane.has_value()};
+EnvironmentView Environment::view(Device device) const {
+  EnvironmentView all = {obstacles.view(device), normals.view(device), wall_low, wall_high, plane.has_value()};
   constexpr double far_away = 1e30;
   if (plane) {
     all.wall_low[2] = -far_away;
@@ -71,12 +71,12 @@ SurroundingsView Surroundings::view(Device device) const {
   return all;
 }
 
-Vec3d Surroundings::grid_origin(double spacing) const {
+Vec3d Environment::grid_origin(double spacing) const {
   return {wall_low[0], wall_low[1], plane ? *plane - spacing : wall_low[2]};
 }
 
 std::vector<float> particle_features(const FeatureConfig& config, const Normalization& normalization,
-                                     const Surroundings& surroundings, const std::vector<std::vector<Vec3f>>& positions,
+                                     const Environment& environment, const std::vector<std::vector<Vec3f>>& positions,
                                      const AxisMap& turn) {
   GRAUPEL_ASSERT(positions.size() == static_cast<std::size_t>(config.history) + 1);
   const std::size_t n = positions.back().size();
@@ -84,7 +84,7 @@ std::vector<float> particle_features(const FeatureConfig& config, const Normaliz
   const auto width = static_cast<std::size_t>(config.input_width() - config.embedding);
   std::vector<float> features(n * width);
   const FeatureRules rules(config, normalization);
-  const SurroundingsView view = surroundings.view(Device::cpu);
+  const EnvironmentView view = environment.view(Device::cpu);
   parallel_for(Device::cpu, static_cast<int64_t>(n), [&](int64_t i) {
     const auto p = static_cast<std::size_t>(i);
     Vec3f history[most_history + 1];
@@ -102,19 +102,19 @@ int embedding_row(int32_t particle_type) {
   return particle_type;
 }
 
-void keep_in_plane(const Surroundings& surroundings, std::vector<Vec3f>& position) {
-  if (!surroundings.plane) return;
-  const auto z = static_cast<float>(*surroundings.plane);
+void keep_in_plane(const Environment& environment, std::vector<Vec3f>& position) {
+  if (!environment.plane) return;
+  const auto z = static_cast<float>(*environment.plane);
   for (Vec3f& x : position) x[2] = z;
 }
 
-int64_t project_out(const Surroundings& surroundings, std::vector<Vec3f>& position) {
-  return project_out(surroundings, std::vector<Vec3f>(position), position);
+int64_t project_out(const Environment& environment, std::vector<Vec3f>& position) {
+  return project_out(environment, std::vector<Vec3f>(position), position);
 }
 
-int64_t project_out(const Surroundings& surroundings, const std::vector<Vec3f>& before, std::vector<Vec3f>& position) {
+int64_t project_out(const Environment& environment, const std::vector<Vec3f>& before, std::vector<Vec3f>& position) {
   GRAUPEL_ASSERT(before.size() == position.size());
-  const WayFollower way = surroundings.way_follower(Device::cpu);
+  const SweptCollision way = environment.swept_collision(Device::cpu);
   std::atomic<int64_t> moved = 0;
   parallel_for(Device::cpu, static_cast<int64_t>(position.size()), [&](int64_t i) {
     const auto p = static_cast<std::size_t>(i);

@@ -14,12 +14,12 @@
 
 namespace graupel::graph {
 
-/// The static surroundings of a scene, built once: obstacles, their cell normals and the walls.
-struct Surroundings {
+/// The static environment of a scene, built once: obstacles, their cell normals and the walls.
+struct Environment {
   /// In a scene with two dimensions obstacles are those parts of them that lie in its plane. `normal_spacing` [m] is
   /// the cell size of the obstacle normals, scene.domain.dx unless given. Throws ConfigError for what no network was
   /// taught: moving obstacles, scripted particles, emitters, sinks, open and periodic walls.
-  explicit Surroundings(const Scene& scene, std::optional<double> normal_spacing = {});
+  explicit Environment(const Scene& scene, std::optional<double> normal_spacing = {});
   sparsegrid::ObstacleSet obstacles;
   sparsegrid::CellNormals normals;
   ObstacleParticles obstacle_particles;
@@ -29,8 +29,8 @@ struct Surroundings {
   Vec3d hold_low, hold_high;    ///< [m] where the walls hold the material (Scene::wall_low/high)
   Vec3f gravity_step;           ///< [m/frame^2] gravity times the square of the frame time
   /// For kernels on `device`; valid as long as this lives.
-  SurroundingsView view(Device device) const;
-  WayFollower way_follower(Device device) const;
+  EnvironmentView view(Device device) const;
+  SweptCollision swept_collision(Device device) const;
   /// Origin of the grid of evaluation and rollouts: the domain's lower corner. In two dimensions the plane lies between
   /// the two lowest layers of cells, so that both see the same and the levels above have one.
   Vec3d grid_origin(double spacing) const;
@@ -44,7 +44,7 @@ struct Surroundings {
 /// `positions` holds history + 1 frames, newest last, each [n]; velocities are frame differences (dt = 1). The features
 /// are those of the scene turned by `turn`.
 std::vector<float> particle_features(const FeatureConfig& config, const Normalization& normalization,
-                                     const Surroundings& surroundings, const std::vector<std::vector<Vec3f>>& positions,
+                                     const Environment& environment, const std::vector<std::vector<Vec3f>>& positions,
                                      const AxisMap& turn = {});
 
 /// Row of the embedding table for a particle type id: 0..8 have their own, 13 (stationary) stationary_row. Throws
@@ -55,10 +55,10 @@ inline constexpr int embedding_rows = 9;
 /// Moves particles out of obstacles and back inside the walls (in place); returns how many moved.
 /// `before` holds free positions that the particles came from: where given, a particle stays on the side of an obstacle
 /// that it came from, also when it would have passed through, and slides along the surface for the rest of its way.
-int64_t project_out(const Surroundings& surroundings, std::vector<Vec3f>& position);
-int64_t project_out(const Surroundings& surroundings, const std::vector<Vec3f>& before, std::vector<Vec3f>& position);
+int64_t project_out(const Environment& environment, std::vector<Vec3f>& position);
+int64_t project_out(const Environment& environment, const std::vector<Vec3f>& before, std::vector<Vec3f>& position);
 
 /// Moves particles back into the plane of a scene with two dimensions (in place).
-void keep_in_plane(const Surroundings& surroundings, std::vector<Vec3f>& position);
+void keep_in_plane(const Environment& environment, std::vector<Vec3f>& position);
 
 }  // namespace graupel::graph

@@ -8,8 +8,8 @@
 
 namespace graupel::graph {
 
-HeldPlaces::HeldPlaces(const std::vector<int32_t>& particle_type, const std::vector<Vec3f>& start,
-                       const std::vector<std::vector<Vec3f>>* given)
+PrescribedPositions::PrescribedPositions(const std::vector<int32_t>& particle_type, const std::vector<Vec3f>& start,
+                                         const std::vector<std::vector<Vec3f>>* given)
     : start_(start), given_(given != nullptr && !given->empty() ? given : nullptr) {
   for (std::size_t i = 0; i < particle_type.size(); ++i)
     (moves_by_itself(particle_type[i]) ? others_ : held_).push_back(i);
@@ -21,14 +21,14 @@ HeldPlaces::HeldPlaces(const std::vector<int32_t>& particle_type, const std::vec
                        "). Use frames of the same trajectory");
 }
 
-void HeldPlaces::refuse_gpu() const {
+void PrescribedPositions::refuse_gpu() const {
   if (any())
     throw ConfigError("rollouts on a GPU know no particles that are held in place, of obstacles or stationary (" +
                       std::to_string(held_.size()) + " of " + std::to_string(held_.size() + others_.size()) +
                       ", allowed: none). Use --device cpu");
 }
 
-void HeldPlaces::put(int64_t frame, std::vector<Vec3f>& position) const {
+void PrescribedPositions::put(int64_t frame, std::vector<Vec3f>& position) const {
   const std::vector<Vec3f>& places =
       given_ == nullptr
           ? start_
@@ -36,7 +36,7 @@ void HeldPlaces::put(int64_t frame, std::vector<Vec3f>& position) const {
   for (const std::size_t i : held_) position[i] = places[i];
 }
 
-std::vector<Vec3f> HeldPlaces::others(const std::vector<Vec3f>& position) const {
+std::vector<Vec3f> PrescribedPositions::others(const std::vector<Vec3f>& position) const {
   if (!any()) return position;
   std::vector<Vec3f> others;
   others.reserve(others_.size());
@@ -44,7 +44,7 @@ std::vector<Vec3f> HeldPlaces::others(const std::vector<Vec3f>& position) const 
   return others;
 }
 
-void HeldPlaces::put_others(const std::vector<Vec3f>& others, std::vector<Vec3f>& position) const {
+void PrescribedPositions::put_others(const std::vector<Vec3f>& others, std::vector<Vec3f>& position) const {
   GRAUPEL_ASSERT(others.size() == others_.size());
   for (std::size_t k = 0; k < others_.size(); ++k) position[others_[k]] = others[k];
 }

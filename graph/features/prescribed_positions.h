@@ -8,12 +8,12 @@
 
 namespace graupel::graph {
 
-class HeldPlaces {
+class PrescribedPositions {
  public:
   /// `given` [frames][n] holds the frames after the `start` [n]; null or too short: held particles stay where they were
   /// last. Must live as long as this. Throws InputError for frames of another number of particles.
-  HeldPlaces(const std::vector<int32_t>& particle_type, const std::vector<Vec3f>& start,
-             const std::vector<std::vector<Vec3f>>* given);
+  PrescribedPositions(const std::vector<int32_t>& particle_type, const std::vector<Vec3f>& start,
+                      const std::vector<std::vector<Vec3f>>* given);
 
   const std::vector<Vec3f>& start() const { return start_; }
   bool any() const { return !held_.empty(); }

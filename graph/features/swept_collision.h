@@ -8,10 +8,10 @@ namespace graupel::graph {
 
 /// A way that may meet an obstacle is taken in pieces, each as long as the obstacles are far (phi grows by at most
 /// steepest_grid per way).
-struct WayFollower {
+struct SweptCollision {
   sparsegrid::ObstacleSetView obstacles;
   Vec3f low, high;  ///< [m] box that holds the particles
-  float piece;      ///< [m] Surroundings::way_piece
+  float piece;      ///< [m] Environment::way_piece
 
   /// Moves x, reached from `before`; returns whether it changed.
   GRAUPEL_HD bool follow(const Vec3f& before, Vec3f& x) const {

@@ -95,36 +95,36 @@ std::vector<float> GnsNetwork::forward(const std::vector<float>& features, const
   return impl_->forward(features, particle_type, position, unused);
 }
 
-std::vector<float> GnsNetwork::predict(const Surroundings& surroundings, const std::vector<int32_t>& particle_type,
+std::vector<float> GnsNetwork::predict(const Environment& environment, const std::vector<int32_t>& particle_type,
                                        const std::vector<std::vector<Vec3f>>& positions, FrameTiming& timing) const {
   LapTimer watch;
   std::vector<std::vector<Vec3f>> all_positions = positions;
   std::vector<int32_t> all_types = particle_type;
-  add_obstacle_particles(impl_->config, surroundings, all_positions, all_types);
+  add_obstacle_particles(impl_->config, environment, all_positions, all_types);
   timing.hierarchy += watch.lap();
   const std::vector<float> features =
-      particle_features(impl_->config, impl_->normalization, surroundings, all_positions);
+      particle_features(impl_->config, impl_->normalization, environment, all_positions);
   timing.features += watch.lap();
   std::vector<float> acceleration = impl_->forward(features, all_types, all_positions.back(), timing);
   acceleration.resize(particle_type.size() * static_cast<std::size_t>(impl_->config.output_width()));
   return acceleration;
 }
 
-double GnsNetwork::flop(const Surroundings& surroundings, const std::vector<Vec3f>& position) const {
+double GnsNetwork::flop(const Environment& environment, const std::vector<Vec3f>& position) const {
   const GnsConfig& c = impl_->config;
   std::vector<std::vector<Vec3f>> all = {position};
   std::vector<int32_t> types_of_obstacles;
-  add_obstacle_particles(c, surroundings, all, types_of_obstacles);
+  add_obstacle_particles(c, environment, all, types_of_obstacles);
   const auto links = sparsegrid::build_radius_graph(all.back(), c.radius, sparsegrid::SelfEdges::with);
   return flop_of(plan_of(c), {.particles = links.points(),
                               .moving = static_cast<int64_t>(position.size()),
                               .level = {{.cells = 0, .edges = links.edges()}}});
 }
 
-void add_obstacle_particles(const GnsConfig& config, const Surroundings& surroundings,
+void add_obstacle_particles(const GnsConfig& config, const Environment& environment,
                             std::vector<std::vector<Vec3f>>& positions, std::vector<int32_t>& particle_type) {
   if (!config.obstacle_particles) return;
-  const std::vector<Vec3f>& points = surroundings.obstacle_particles.at_spacing(config.obstacle_spacing);
+  const std::vector<Vec3f>& points = environment.obstacle_particles.at_spacing(config.obstacle_spacing);
   const std::vector<int32_t> near = within_reach(points, positions.back(), config.reach());
   for (std::vector<Vec3f>& frame : positions)
     for (const int32_t p : near) frame.push_back(points[static_cast<std::size_t>(p)]);

@@ -37,10 +37,10 @@ class GnsNetwork : public Network {
   std::vector<float> forward(const std::vector<float>& features, const std::vector<int32_t>& particle_type,
                              const std::vector<Vec3f>& position) const;
 
-  /// The obstacle particles, where the network was trained with them, come from the surroundings.
-  std::vector<float> predict(const Surroundings& surroundings, const std::vector<int32_t>& particle_type,
+  /// The obstacle particles, where the network was trained with them, come from the environment.
+  std::vector<float> predict(const Environment& environment, const std::vector<int32_t>& particle_type,
                              const std::vector<std::vector<Vec3f>>& positions, FrameTiming& timing) const override;
-  double flop(const Surroundings& surroundings, const std::vector<Vec3f>& position) const override;
+  double flop(const Environment& environment, const std::vector<Vec3f>& position) const override;
 
  private:
   struct Impl;
@@ -49,7 +49,7 @@ class GnsNetwork : public Network {
 
 /// Adds the obstacle particles within reach of the newest positions to particles: resting at every time, of type
 /// obstacle_particle_type, behind the others. Nothing where the network has none.
-void add_obstacle_particles(const GnsConfig& config, const Surroundings& surroundings,
+void add_obstacle_particles(const GnsConfig& config, const Environment& environment,
                             std::vector<std::vector<Vec3f>>& positions, std::vector<int32_t>& particle_type);
 
 }  // namespace graupel::graph

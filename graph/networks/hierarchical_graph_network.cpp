@@ -54,25 +54,25 @@ std::vector<float> HierarchicalGraphNetwork::forward(const std::vector<float>& f
   return acceleration;
 }
 
-std::vector<float> HierarchicalGraphNetwork::predict(const Surroundings& surroundings,
+std::vector<float> HierarchicalGraphNetwork::predict(const Environment& environment,
                                                      const std::vector<int32_t>& particle_type,
                                                      const std::vector<std::vector<Vec3f>>& positions,
                                                      FrameTiming& timing) const {
   const HgnConfig& c = impl_->config;
   LapTimer watch;
-  const std::vector<float> features = particle_features(c, impl_->normalization, surroundings, positions);
+  const std::vector<float> features = particle_features(c, impl_->normalization, environment, positions);
   timing.features += watch.lap();
-  const auto hierarchy = sparsegrid::build_hierarchy<3>(
-      positions.back(), c.spacing, surroundings.grid_origin(c.spacing), static_cast<int>(c.levels));
+  const auto hierarchy = sparsegrid::build_hierarchy<3>(positions.back(), c.spacing, environment.grid_origin(c.spacing),
+                                                        static_cast<int>(c.levels));
   timing.hierarchy += watch.lap();
   std::vector<float> acceleration = forward(features, particle_type, hierarchy);
   timing.network += watch.lap();
   return acceleration;
 }
 
-double HierarchicalGraphNetwork::flop(const Surroundings& surroundings, const std::vector<Vec3f>& position) const {
+double HierarchicalGraphNetwork::flop(const Environment& environment, const std::vector<Vec3f>& position) const {
   const HgnConfig& c = impl_->config;
-  const auto hierarchy = sparsegrid::build_hierarchy<3>(position, c.spacing, surroundings.grid_origin(c.spacing),
+  const auto hierarchy = sparsegrid::build_hierarchy<3>(position, c.spacing, environment.grid_origin(c.spacing),
                                                         static_cast<int>(c.levels));
   return flop_of(plan_of(c), rows_of(hierarchy));
 }

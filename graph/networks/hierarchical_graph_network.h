@@ -51,9 +51,9 @@ class HierarchicalGraphNetwork : public Network {
                              const sparsegrid::Hierarchy<3>& hierarchy) const;
 
   /// The grid's origin is the domain's lower corner.
-  std::vector<float> predict(const Surroundings& surroundings, const std::vector<int32_t>& particle_type,
+  std::vector<float> predict(const Environment& environment, const std::vector<int32_t>& particle_type,
                              const std::vector<std::vector<Vec3f>>& positions, FrameTiming& timing) const override;
-  double flop(const Surroundings& surroundings, const std::vector<Vec3f>& position) const override;
+  double flop(const Environment& environment, const std::vector<Vec3f>& position) const override;
 
  private:
   struct Impl;

@@ -6,7 +6,7 @@
 #include <cub/device/device_scan.cuh>
 #include <cuda/std/functional>
 
-#include "graph/topology/running_sums.cuh"
+#include "graph/topology/prefix_sums.cuh"
 #endif
 
 #include <bit>
@@ -38,7 +38,7 @@ struct Same {
 template <typename T, typename From, typename Value>
 void sum_up_on_gpu(int64_t n, const int32_t* present, const From* from, Value value, T* sums, ListScratch& scratch,
                    cudaStream_t stream) {
-  if (n <= most_in_one_launch) return launch_running_sums(n, present, from, value, sums, stream);
+  if (n <= most_in_one_launch) return launch_prefix_sums(n, present, from, value, sums, stream);
   const auto scan = [&](void* memory, std::size_t& bytes) {
     return cub::DeviceScan::ExclusiveScan(memory, bytes, thrust::make_transform_iterator(from, value), sums,
                                           cuda::std::plus<>{}, T{}, static_cast<int>(n + 1), stream);
@@ -76,13 +76,13 @@ void sum_up(Device device, int64_t n, const int32_t* present, const From* from, 
 
 }  // namespace
 
-void running_sums(Device device, int64_t n, const int32_t* value, int32_t* sums, ListScratch& scratch, void* stream,
-                  const int32_t* present) {
+void prefix_sums(Device device, int64_t n, const int32_t* value, int32_t* sums, ListScratch& scratch, void* stream,
+                 const int32_t* present) {
   sum_up(device, n, present, value, Same{}, sums, scratch, stream);
 }
 
-void running_sums(Device device, int64_t n, const LinkCount* value, LinkCount* sums, ListScratch& scratch, void* stream,
-                  const int32_t* present) {
+void prefix_sums(Device device, int64_t n, const LinkCount* value, LinkCount* sums, ListScratch& scratch, void* stream,
+                 const int32_t* present) {
   sum_up(device, n, present, value, Same{}, sums, scratch, stream);
 }
 

@@ -24,10 +24,10 @@ GRAUPEL_HD inline LinkCount operator+(const LinkCount& a, const LinkCount& b) {
 
 /// sums[i] = value[0] + .. + value[i - 1] for i = 0 .. n: n + 1 results. `value` too has n + 1 places, of which the
 /// last does not count. With `present`, a number of the device's memory that is at most n, it takes n's place.
-void running_sums(Device device, int64_t n, const int32_t* value, int32_t* sums, ListScratch& scratch, void* stream,
-                  const int32_t* present = nullptr);
-void running_sums(Device device, int64_t n, const LinkCount* value, LinkCount* sums, ListScratch& scratch, void* stream,
-                  const int32_t* present = nullptr);
+void prefix_sums(Device device, int64_t n, const int32_t* value, int32_t* sums, ListScratch& scratch, void* stream,
+                 const int32_t* present = nullptr);
+void prefix_sums(Device device, int64_t n, const LinkCount* value, LinkCount* sums, ListScratch& scratch, void* stream,
+                 const int32_t* present = nullptr);
 /// The same for the numbers of bits that are set in `words` [n].
 void count_bits(Device device, int64_t n, const uint32_t* words, int32_t* sums, ListScratch& scratch, void* stream);
 

@@ -68,9 +68,9 @@ struct PlaceLinks {
 
 }  // namespace
 
-LevelRoom LevelRoom::for_counts(const GridCounts& counts) {
+LevelCapacity LevelCapacity::for_counts(const GridCounts& counts) {
   constexpr int64_t least = 64;
-  LevelRoom room;
+  LevelCapacity room;
   room.levels = counts.levels;
   for (std::size_t l = 0; l < static_cast<std::size_t>(counts.levels); ++l) {
     room.cells[l] = counts.cells[l] + counts.cells[l] / 2 + least;
@@ -79,13 +79,13 @@ LevelRoom LevelRoom::for_counts(const GridCounts& counts) {
   return room;
 }
 
-bool LevelRoom::holds(const GridCounts& counts) const {
+bool LevelCapacity::holds(const GridCounts& counts) const {
   for (std::size_t l = 0; l < static_cast<std::size_t>(levels); ++l)
     if (counts.cells[l] > cells[l] || counts.edges[l] > edges[l]) return false;
   return counts.levels == levels;
 }
 
-void LevelPlaces::prepare(const LevelRoom& room) {
+void FixedCapacityLevels::prepare(const LevelCapacity& room) {
   room_ = room;
   const auto cells_above = [&](std::size_t l) {
     return l + 1 < static_cast<std::size_t>(room.levels) ? room.cells[l + 1] : 0;
@@ -111,7 +111,7 @@ void LevelPlaces::prepare(const LevelRoom& room) {
   }
 }
 
-void LevelPlaces::place(const GridLinks& grid, int64_t particles, void* stream) {
+void FixedCapacityLevels::place(const GridLinks& grid, int64_t particles, void* stream) {
   GRAUPEL_ASSERT(room_.levels > 0);
   PlaceLinks body{};
   body.levels = room_.levels;
@@ -130,7 +130,7 @@ void LevelPlaces::place(const GridLinks& grid, int64_t particles, void* stream) 
   parallel_for_in(stream, device_, body.first_item[room_.levels], body);
 }
 
-LevelLinks LevelPlaces::level(int l) const {
+LevelLinks FixedCapacityLevels::level(int l) const {
   const auto pointer = [](int32_t* array) -> const int32_t* { return array; };
   return {level_[static_cast<std::size_t>(l)].as<const int32_t*>(pointer), counts_.data() + l,
           counts_.data() + most_levels + l};

@@ -12,20 +12,21 @@
 namespace graupel::graph {
 
 /// Room for the cells and edges of each level.
-struct LevelRoom {
+struct LevelCapacity {
   int levels = 0;
   std::array<int64_t, most_levels> cells{}, edges{};
   /// Room for `counts`, and half as much again for frames to come.
-  static LevelRoom for_counts(const GridCounts& counts);
+  static LevelCapacity for_counts(const GridCounts& counts);
   bool holds(const GridCounts& counts) const;
 };
 
-class LevelPlaces {
+class FixedCapacityLevels {
  public:
-  explicit LevelPlaces(Device device) : device_(device), numbers_(device, 0), counts_(device, 2 * most_levels + 3) {}
+  explicit FixedCapacityLevels(Device device)
+      : device_(device), numbers_(device, 0), counts_(device, 2 * most_levels + 3) {}
 
   /// Makes room; what was placed is lost.
-  void prepare(const LevelRoom& room);
+  void prepare(const LevelCapacity& room);
   /// Copies the links of a grid of one scene; launches alone. Where they do not fit, or the grid has overflowed, every
   /// count becomes 0, so that what runs on them does nothing, and fault() is set.
   void place(const GridLinks& grid, int64_t particles, void* stream = nullptr);
@@ -38,7 +39,7 @@ class LevelPlaces {
 
  private:
   Device device_;
-  LevelRoom room_;
+  LevelCapacity room_;
   std::array<LevelGraph<int32_t*>, most_levels> level_{};
   Buffer<int32_t> numbers_;  ///< all arrays
   Buffer<int32_t> counts_;   ///< cells, edges of every level; particles, pairs; fault

@@ -247,13 +247,13 @@ void GridBuilder::build(const Vec3f* position, void* stream, bool with_counts) {
     launch(particles_, locate);
     count_bits(device_, words_, a.words, a.rank.data(), a.scratch, stream);
     launch(bits + pairs, Both<LinkCell, FindPairs>{bits, link, find});
-    running_sums(device_, most_level0_, a.pair_count, a.pair_begin.data(), a.scratch, stream, a.level_begin + 1);
+    prefix_sums(device_, most_level0_, a.pair_count, a.pair_begin.data(), a.scratch, stream, a.level_begin + 1);
     launch(pairs, list);
     launch(pairs, order);
   }
   if (with_edges_) {
-    running_sums(device_, most_cells_, a.link_count.data(), a.link_begin.data(), a.scratch, stream,
-                 a.level_begin + levels_);
+    prefix_sums(device_, most_cells_, a.link_count.data(), a.link_begin.data(), a.scratch, stream,
+                a.level_begin + levels_);
     launch(most_cells_ + 1,
            WriteLinks{cells, a.cell_box.data(), a.neighbor.data(), a.children.data(), a.link_begin.data(),
                       a.edge_begin.data(), a.child_begin.data(), a.sender.data(), a.receiver.data(), a.slot.data(),

@@ -92,7 +92,7 @@ void RadiusGraphBuilder::prepare(const std::vector<RadiusScene>& scenes, void* s
   particles_ = points_ = 0;
   for (const RadiusScene& scene : scenes) {
     const CellBox box = box_of(scene, cell_size_, cells);
-    views.push_back({box, particles_, scene.particles, points_, scene.point, scene.turn, scene.surroundings});
+    views.push_back({box, particles_, scene.particles, points_, scene.point, scene.turn, scene.environment});
     cells += int64_t{box.size[0]} * box.size[1] * box.size[2];
     particles_ += scene.particles;
     points_ += scene.points;
@@ -128,7 +128,7 @@ void RadiusGraphBuilder::list_cells(int64_t nodes, const GraphCounts* counts, vo
   Arrays& a = *arrays_;
   launch(stream, cells_ + 1, ClearCells{a.cell_count.data(), a.filled.data()});
   launch(stream, nodes, CountNodes{points(), counts, a.cell_of.data(), a.cell_count.data()});
-  running_sums(device_, cells_, a.cell_count.data(), a.cell_begin.data(), a.scratch, stream);
+  prefix_sums(device_, cells_, a.cell_count.data(), a.cell_begin.data(), a.scratch, stream);
   launch(stream, nodes, FillCells{a.cell_of.data(), a.cell_begin.data(), a.filled.data(), a.unsorted.data()});
   launch(
       stream, nodes,
@@ -142,7 +142,7 @@ void RadiusGraphBuilder::build(Vec3f* position, void* stream) {
   if (points_ > 0) {
     list_cells(particles_, nullptr, stream);
     launch(stream, points_, MarkNear{points(), order(), reach_, a.near.data()});
-    running_sums(device_, points_, a.near.data(), a.rank.data(), a.scratch, stream);
+    prefix_sums(device_, points_, a.near.data(), a.rank.data(), a.scratch, stream);
     launch(
         stream, points_ + 1,
         PlaceObstacles{points(), points_, a.near.data(), a.rank.data(), position_, a.point_of.data(), a.counts.data()});
@@ -150,7 +150,7 @@ void RadiusGraphBuilder::build(Vec3f* position, void* stream) {
   list_cells(most_nodes(), a.counts.data(), stream);
   const int64_t items = neighbour_rows * most_nodes();
   launch(stream, items, CountPairs{search(), a.counts.data(), a.pair_count.data()});
-  running_sums(device_, items, a.pair_count.data(), a.pair_sum.data(), a.scratch, stream);
+  prefix_sums(device_, items, a.pair_count.data(), a.pair_sum.data(), a.scratch, stream);
   launch(stream, items, FindOverflow{a.pair_sum.data(), a.counts.data()});
   link_pairs(stream);
 }

@@ -22,7 +22,7 @@ struct RadiusScene {
   const Vec3f* point = nullptr;  ///< [points] of obstacles, unturned
   int64_t points = 0;
   AxisMap turn = {};
-  SurroundingsView surroundings = {};  ///< for the features of obstacle particles
+  EnvironmentView environment = {};  ///< for the features of obstacle particles
 };
 
 /// Arrays in the device's memory. Edges are sorted by receiver, then by sender.

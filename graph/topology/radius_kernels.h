@@ -31,7 +31,7 @@ struct PointScene {
   int64_t first_point = 0;                    ///< of all scenes' obstacle points
   const Vec3f* point = nullptr;               ///< obstacle points, unturned
   AxisMap turn;
-  SurroundingsView surroundings;
+  EnvironmentView environment;
 };
 
 /// Numbers that a build leaves on the device.
@@ -330,7 +330,7 @@ struct DescribeObstacles {
     Vec3f position[most_history + 1];
     for (int t = 0; t <= rules.history; ++t) position[t] = scene.point[points.point_of[i] - scene.first_point];
     const int64_t row = points.particles + i;
-    write_feature_row(rules, scene.surroundings, scene.turn, position, features + row * rules.width);
+    write_feature_row(rules, scene.environment, scene.turn, position, features + row * rules.width);
     type_row[row] = type;
   }
 };

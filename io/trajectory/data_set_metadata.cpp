@@ -12,7 +12,7 @@
 #include "core/system/error.h"
 #include "io/config/json_node.h"
 #include "io/hdf5/hdf5.h"
-#include "io/trajectory/motion_moments.h"
+#include "io/trajectory/motion_statistics.h"
 #include "io/trajectory/trajectory_file.h"
 
 namespace graupel::io {
@@ -43,8 +43,8 @@ SetSummary summarize(const TrajectoryReader& reader) {
 }
 
 /// Of the frames that are usable.
-MotionMoments motion_moments(const TrajectoryReader& reader, int i, const Vec3d& period) {
-  MotionMoments out;
+MotionStatistics motion_statistics(const TrajectoryReader& reader, int i, const Vec3d& period) {
+  MotionStatistics out;
   const Trajectory header = reader.header(i);
   const auto usable = header.diverged_at_frame >= 0
                           ? std::min<int64_t>(header.diverged_at_frame, static_cast<int64_t>(header.frame_count()))
@@ -64,23 +64,23 @@ MotionMoments motion_moments(const TrajectoryReader& reader, int i, const Vec3d&
 }
 
 /// Of all trajectories. Each thread has a reader of its own; the sums are added in the order of the file.
-MotionMoments motion_moments(const std::string& path, int count, const Vec3d& period) {
-  std::vector<MotionMoments> each(static_cast<std::size_t>(count));
+MotionStatistics motion_statistics(const std::string& path, int count, const Vec3d& period) {
+  std::vector<MotionStatistics> each(static_cast<std::size_t>(count));
   std::exception_ptr failure;
   std::atomic<int> next = 0;
   const int threads = hdf5::threads_may_call() ? std::min(num_threads(), std::max(count, 1)) : 1;
 #pragma omp parallel num_threads(threads)
   try {
     const TrajectoryReader reader(path);
-    for (int i = 0; (i = next++) < count;) each[static_cast<std::size_t>(i)] = motion_moments(reader, i, period);
+    for (int i = 0; (i = next++) < count;) each[static_cast<std::size_t>(i)] = motion_statistics(reader, i, period);
   } catch (...) {
 #pragma omp critical
     failure = std::current_exception();
     next = count;
   }
   if (failure) std::rethrow_exception(failure);
-  MotionMoments all;
-  for (const MotionMoments& one : each) all.add(one);
+  MotionStatistics all;
+  for (const MotionStatistics& one : each) all.add(one);
   return all;
 }
 
@@ -128,7 +128,7 @@ void write_data_set_metadata(const std::string& folder, const Scene& any_scene, 
   const TrajectoryReader train(folder + "/train.h5");
   const SetSummary summary = summarize(train);
   const Vec3d period = period_of(any_scene.domain);
-  const auto [velocity, acceleration] = motion_moments(folder + "/train.h5", train.count(), period);
+  const auto [velocity, acceleration] = motion_statistics(folder + "/train.h5", train.count(), period);
 
   JsonNode out = JsonNode::object();
   out.set("case", JsonNode::of(any_scene.name));

@@ -137,7 +137,7 @@ class CudaBackend {
 
  private:
   static std::size_t equation_bytes(const RunView& view) {
-    return static_cast<std::size_t>(EquationRoom::size(view.model)) * sizeof(double);
+    return static_cast<std::size_t>(EquationCapacity::size(view.model)) * sizeof(double);
   }
   void start(void (*kernel)(RunView), int blocks, const RunView& view, std::size_t shared_bytes = 0) {
     cudaLaunchAttribute early{};

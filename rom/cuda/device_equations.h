@@ -15,7 +15,7 @@ namespace graupel::rom::device {
 inline constexpr int small_gram = 32;
 
 /// What a block needs of shared memory for it.
-struct EquationRoom {
+struct EquationCapacity {
   double* slope;   ///< S [modes, r]
   double* turned;  ///< G (S, d) [modes, r + 1]
   double* ahead;   ///< d [modes]
@@ -26,7 +26,7 @@ struct EquationRoom {
     const int r = model.latents, m = model.deformation_modes;
     return m * (2 * r + 2) + table_size(r, m);
   }
-  GRAUPEL_HD EquationRoom(double* room, const ModelView& model)
+  GRAUPEL_HD EquationCapacity(double* room, const ModelView& model)
       : slope(room),
         turned(slope + model.deformation_modes * model.latents),
         ahead(turned + model.deformation_modes * (1 + model.latents)),
@@ -44,7 +44,7 @@ struct Equations {
   const Block& block;
   const ModelView& model;
   const InstanceView& instance;
-  EquationRoom room;
+  EquationCapacity room;
 
   /// f(i) for i = 0 .. n - 1, by the threads of the block.
   template <typename F>

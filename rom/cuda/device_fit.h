@@ -31,8 +31,8 @@ struct Fit {
   const ModelView& model;
   const InstanceView& instance;
   FitShared& shared;
-  EquationRoom room;  ///< slope: S; turned: P
-  double inverse_dt;  ///< [1/s]
+  EquationCapacity room;  ///< slope: S; turned: P
+  double inverse_dt;      ///< [1/s]
 
   /// f(i) for i = 0 .. n - 1, by the threads of the block from thread `first` on.
   template <typename F>
@@ -231,7 +231,7 @@ GRAUPEL_HD void fit(const Block& block, const RunView& view, FitShared& shared, 
   const InstanceView& instance = view.instances[block.index()];
   const ModelView& model = view.model;
   if (instance.state->status != RunStatus::running) return;
-  const EquationRoom room(equation_room, model);
+  const EquationCapacity room(equation_room, model);
   const Fit<Block> f{block, view, model, instance, shared, room, 1 / view.dt};
   const int lost = instance.ways->lost, warp = block.thread() / warp_width, lane = block.thread() % warp_width;
   if (2 * lost > model.samples) {

@@ -118,9 +118,9 @@ ParticleFrame ReducedDeviceSolver::frame(int instance) const {
   return frame;
 }
 
-TrustIndicator ReducedDeviceSolver::trust(int instance) const {
+ErrorIndicator ReducedDeviceSolver::trust(int instance) const {
   const device::InstanceState& from = report(instance);
-  TrustIndicator trust;
+  ErrorIndicator trust;
   trust.residual = from.residual;
   trust.down_weighted = from.step > 0 ? from.down_weighted / from.step : 0;
   trust.latent_distance = latent_distance(model_, state(instance).latent) / model_.latent_reach;

@@ -49,7 +49,7 @@ class ReducedDeviceSolver {
   /// Positions and velocities of all particles, in the order of the sources.
   ParticleFrame frame(int instance) const;
   /// Of the last frame.
-  TrustIndicator trust(int instance) const;
+  ErrorIndicator trust(int instance) const;
   ReducedStatistics statistics(int instance) const;
 
  private:

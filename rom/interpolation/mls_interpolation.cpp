@@ -24,7 +24,7 @@ constexpr double furthest_spacings = 1.5;  ///< of a point to the nearest partic
 /// Particles sorted by the cells of a lattice as wide as the radius.
 class CellList {
  public:
-  CellList(const TrunkParticles& particles, double radius) : particles_(particles), width_(static_cast<float>(radius)) {
+  CellList(const MlsParticles& particles, double radius) : particles_(particles), width_(static_cast<float>(radius)) {
     low_ = particles.reference.front();
     Vec3f high = low_;
     for (const Vec3f& x : particles.reference)
@@ -70,7 +70,7 @@ class CellList {
            static_cast<std::size_t>(c[2]);
   }
 
-  const TrunkParticles& particles_;
+  const MlsParticles& particles_;
   float width_;
   Vec3f low_;
   Vec<int, 3> size_;
@@ -81,7 +81,7 @@ class CellList {
 /// Finds the neighbours of one tile after the other.
 class TileSearch {
  public:
-  TileSearch(const TrunkParticles& particles, const ReferencePoints& points, const CellList& cells, double radius)
+  TileSearch(const MlsParticles& particles, const ReferencePoints& points, const CellList& cells, double radius)
       : particles_(particles), points_(points), cells_(cells), radius_(static_cast<float>(radius)) {}
 
   void append(int64_t t, std::vector<int32_t>& list) {
@@ -140,7 +140,7 @@ class TileSearch {
                     i, x[0], x[1], x[2], distance < 1e18 ? fmt::format("{:.3g} m", distance) : "far", limit));
   }
 
-  const TrunkParticles& particles_;
+  const MlsParticles& particles_;
   const ReferencePoints& points_;
   const CellList& cells_;
   float radius_;
@@ -149,7 +149,7 @@ class TileSearch {
 
 }  // namespace
 
-TrunkNeighbours::TrunkNeighbours(const TrunkParticles& particles, const ReferencePoints& points)
+MlsNeighbours::MlsNeighbours(const MlsParticles& particles, const ReferencePoints& points)
     : radius_(radius_spacings * particles.spacing) {
   GRAUPEL_ASSERT(!particles.reference.empty() && particles.spacing > 0);
   GRAUPEL_ASSERT(points.kind.size() == points.position.size());
@@ -176,14 +176,14 @@ TrunkNeighbours::TrunkNeighbours(const TrunkParticles& particles, const Referenc
     if (failure) std::rethrow_exception(failure);
 }
 
-int64_t TrunkNeighbours::bytes() const {
+int64_t MlsNeighbours::bytes() const {
   std::size_t sum = 0;
   for (const Batch& b : batches_) sum += b.list.size() * sizeof(int32_t) + b.first.size() * sizeof(std::size_t);
   return static_cast<int64_t>(sum);
 }
 
 template <typename T>
-TrunkPositions<T>::TrunkPositions(const Fields& fields, TrunkParticles particles, ReferencePoints points)
+MlsPositions<T>::MlsPositions(const Fields& fields, MlsParticles particles, ReferencePoints points)
     : particles_(std::move(particles)),
       points_(std::move(points)),
       neighbours_(particles_, points_),
@@ -196,7 +196,7 @@ TrunkPositions<T>::TrunkPositions(const Fields& fields, TrunkParticles particles
 }
 
 template <typename T>
-void TrunkPositions<T>::decode_particles(const LatentState& state, T* velocity) {
+void MlsPositions<T>::decode_particles(const LatentState& state, T* velocity) {
   if (velocity)
     at_particles_->decode(state, position_.data(), velocity);
   else
@@ -216,12 +216,12 @@ void TrunkPositions<T>::decode_particles(const LatentState& state, T* velocity) 
 }
 
 template <typename T>
-void TrunkPositions<T>::interpolate(T* position, T* velocity, T* gradient) const {
+void MlsPositions<T>::interpolate(T* position, T* velocity, T* gradient) const {
   constexpr int64_t tiles_at_once = 64;
   const auto n = static_cast<int64_t>(points_.position.size());
   const int64_t tiles = mpm::padded_to_tile(n) / tile;
   const auto some_tiles = [&](int64_t run) {
-    TrunkTile<T> at(neighbours_.radius());
+    MlsTile<T> at(neighbours_.radius());
     for (int64_t t = run * tiles_at_once; t < std::min(tiles, (run + 1) * tiles_at_once); ++t) {
       for (int64_t l = 0; l < tile; ++l) {
         const auto slot = static_cast<std::size_t>(std::min(t * tile + l, n - 1));
@@ -237,34 +237,34 @@ void TrunkPositions<T>::interpolate(T* position, T* velocity, T* gradient) const
 }
 
 template <typename T>
-void TrunkPositions<T>::decode(const LatentState& state, T* position) {
+void MlsPositions<T>::decode(const LatentState& state, T* position) {
   decode_particles(state, nullptr);
   interpolate(position, nullptr, nullptr);
 }
 
 template <typename T>
-void TrunkPositions<T>::decode(const LatentState& state, T* position, T* velocity) {
+void MlsPositions<T>::decode(const LatentState& state, T* position, T* velocity) {
   decode_particles(state, velocity_.data());
   interpolate(position, velocity, nullptr);
 }
 
 template <typename T>
-void TrunkPositions<T>::decode_with_gradient(const LatentState& state, T* position, T* gradient) {
+void MlsPositions<T>::decode_with_gradient(const LatentState& state, T* position, T* gradient) {
   decode_particles(state, nullptr);
   interpolate(position, nullptr, gradient);
 }
 
 template <typename T>
-int64_t TrunkPositions<T>::bytes() const {
+int64_t MlsPositions<T>::bytes() const {
   return at_particles_->bytes() + neighbours_.bytes() +
          static_cast<int64_t>((position_.size() + velocity_.size() + records_.size()) * sizeof(T) +
                               points_.position.size() * (sizeof(Vec3f) + sizeof(int32_t)));
 }
 
-template class TrunkPositions<float>;
-template class TrunkPositions<double>;
+template class MlsPositions<float>;
+template class MlsPositions<double>;
 
-ReferencePoints refined_points(const TrunkParticles& particles, const std::vector<double>& side, int times,
+ReferencePoints refined_points(const MlsParticles& particles, const std::vector<double>& side, int times,
                                int dimensions, uint64_t seed) {
   const auto n = static_cast<int64_t>(particles.reference.size());
   GRAUPEL_ASSERT(static_cast<int64_t>(side.size()) == n && times >= 1);

@@ -16,7 +16,7 @@
 namespace graupel::rom {
 
 /// Particles between which the fields are taken.
-struct TrunkParticles {
+struct MlsParticles {
   std::vector<int32_t> numbers;  ///< in the fields
   std::vector<Vec3f> reference;  ///< X [m]
   std::vector<int32_t> kind;     ///< material and script: a point takes from particles of its own, so cuts stay sharp
@@ -30,13 +30,13 @@ struct ReferencePoints {
 };
 
 /// Neighbours of the points, 16 points (a tile) together.
-class TrunkNeighbours {
+class MlsNeighbours {
  public:
   /// Throws ConfigError for points that lie further than 1.5 spacings from every particle of their kind: the body ends
   /// half a spacing behind its particles.
-  TrunkNeighbours(const TrunkParticles& particles, const ReferencePoints& points);
+  MlsNeighbours(const MlsParticles& particles, const ReferencePoints& points);
 
-  /// Particles within the radius of a point of the tile, as indices into TrunkParticles.
+  /// Particles within the radius of a point of the tile, as indices into MlsParticles.
   const int32_t* begin(int64_t tile) const { return batch(tile).list.data() + batch(tile).first[in_batch(tile)]; }
   const int32_t* end(int64_t tile) const { return batch(tile).list.data() + batch(tile).first[in_batch(tile) + 1]; }
   double radius() const { return radius_; }  ///< h [m]
@@ -57,9 +57,9 @@ class TrunkNeighbours {
 
 /// The deformation at points of the reference body.
 template <typename T>
-class TrunkPositions final : public PointPositions<T> {
+class MlsPositions final : public PointPositions<T> {
  public:
-  TrunkPositions(const Fields& fields, TrunkParticles particles, ReferencePoints points);
+  MlsPositions(const Fields& fields, MlsParticles particles, ReferencePoints points);
   void decode(const LatentState& state, T* position) override;
   void decode(const LatentState& state, T* position, T* velocity) override;
   /// Positions [m], and F = dg/dX row by row into tiles of 16 slots x 9.
@@ -70,20 +70,20 @@ class TrunkPositions final : public PointPositions<T> {
   void decode_particles(const LatentState& state, T* velocity);
   void interpolate(T* position, T* velocity, T* gradient) const;
 
-  TrunkParticles particles_;
+  MlsParticles particles_;
   ReferencePoints points_;
-  TrunkNeighbours neighbours_;
+  MlsNeighbours neighbours_;
   std::unique_ptr<PointPositions<T>> at_particles_;
   std::vector<T> position_, velocity_;  ///< of the particles, tiled
   std::vector<T> records_;              ///< of every particle: X, x - X [m], v [m/s]
 };
 
-extern template class TrunkPositions<float>;
-extern template class TrunkPositions<double>;
+extern template class MlsPositions<float>;
+extern template class MlsPositions<double>;
 
 /// `times` points in the volume of every particle, a cube of `side` [m] about it (a square in a plane): one at random
 /// in each of as many parts of equal size. Depends on the seed, the particle and the point's number alone.
-ReferencePoints refined_points(const TrunkParticles& particles, const std::vector<double>& side, int times,
+ReferencePoints refined_points(const MlsParticles& particles, const std::vector<double>& side, int times,
                                int dimensions, uint64_t seed);
 
 }  // namespace graupel::rom

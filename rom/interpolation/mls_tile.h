@@ -17,16 +17,16 @@ inline constexpr int64_t trunk_record = 9;
 
 /// The particles that a tile takes from.
 template <typename T>
-struct TrunkSource {
+struct MlsTileSource {
   const int32_t *begin, *end;  ///< indices of records and kinds
   const T* records;
   const int32_t* kinds;
 };
 
 template <typename T>
-class TrunkTile {
+class MlsTile {
  public:
-  explicit TrunkTile(double radius) : per_radius_(static_cast<T>(1 / radius)) {}
+  explicit MlsTile(double radius) : per_radius_(static_cast<T>(1 / radius)) {}
 
   void place(int64_t lane, const Vec3f& x, int32_t kind) {
     for (int a = 0; a < 3; ++a) reference_[a][lane] = static_cast<T>(x[a]);
@@ -34,7 +34,7 @@ class TrunkTile {
   }
 
   /// Finds the weights phi of these particles.
-  void fit(const TrunkSource<T>& source) {
+  void fit(const MlsTileSource<T>& source) {
     source_ = source;
     phi_.resize(static_cast<std::size_t>(source.end - source.begin));
     Lanes sum{}, d[3];
@@ -156,7 +156,7 @@ class TrunkTile {
   }
 
   T per_radius_;
-  TrunkSource<T> source_ = {};
+  MlsTileSource<T> source_ = {};
   Lanes reference_[3], kind_;
   Lanes center_[3], share_, slant_[3], inverse_[3][3];
   std::vector<Weight> phi_;

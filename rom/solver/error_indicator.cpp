@@ -8,15 +8,15 @@ namespace graupel::rom {
 
 namespace {
 
-constexpr double TrustIndicator::*indicators[] = {&TrustIndicator::residual, &TrustIndicator::down_weighted,
-                                                  &TrustIndicator::latent_distance};
+constexpr double ErrorIndicator::*indicators[] = {&ErrorIndicator::residual, &ErrorIndicator::down_weighted,
+                                                  &ErrorIndicator::latent_distance};
 constexpr std::ptrdiff_t beside = 2;  ///< frames on either side that count for a level
 
 /// What is usual of one indicator.
-std::vector<double> levels_of(const std::vector<std::vector<TrustIndicator>>& runs, double TrustIndicator::*indicator,
+std::vector<double> levels_of(const std::vector<std::vector<ErrorIndicator>>& runs, double ErrorIndicator::*indicator,
                               std::ptrdiff_t frames) {
   std::vector<double> levels(static_cast<std::size_t>(frames), 0);
-  for (const std::vector<TrustIndicator>& run : runs)
+  for (const std::vector<ErrorIndicator>& run : runs)
     for (std::ptrdiff_t f = 0; f < frames; ++f)
       for (std::ptrdiff_t g = std::max<std::ptrdiff_t>(0, f - beside);
            g <= f + beside && g < static_cast<std::ptrdiff_t>(run.size()); ++g)
@@ -31,7 +31,7 @@ std::vector<double> levels_of(const std::vector<std::vector<TrustIndicator>>& ru
 
 }  // namespace
 
-TrustLevels usual_levels(const std::vector<std::vector<TrustIndicator>>& runs) {
+TrustLevels usual_levels(const std::vector<std::vector<ErrorIndicator>>& runs) {
   std::size_t frames = 0;
   for (const auto& run : runs) frames = std::max(frames, run.size());
   TrustLevels usual(frames);
@@ -40,7 +40,7 @@ TrustLevels usual_levels(const std::vector<std::vector<TrustIndicator>>& runs) {
     const std::vector<double> levels = levels_of(runs, indicator, static_cast<std::ptrdiff_t>(frames));
     for (std::size_t f = 0; f < frames; ++f) usual[f].*indicator = levels[f];
   }
-  for (TrustIndicator& frame : usual) {
+  for (ErrorIndicator& frame : usual) {
     frame.down_weighted = std::max(frame.down_weighted, 0.02);
     frame.latent_distance = std::max(frame.latent_distance, 1.0);
   }
@@ -61,14 +61,14 @@ const char* verdict_text(Verdict verdict) {
   return "unknown";
 }
 
-TrustRecord::TrustRecord(TrustLevels usual, double material_difference)
+ErrorIndicatorRecord::ErrorIndicatorRecord(TrustLevels usual, double material_difference)
     : usual_(std::move(usual)), from_materials_(material_difference / usual_material_difference) {}
 
-double TrustRecord::add(const TrustIndicator& frame) {
+double ErrorIndicatorRecord::add(const ErrorIndicator& frame) {
   double number = from_materials_;
   if (!usual_.empty()) {
     constexpr double least = 1e-12;
-    const TrustIndicator& usual = usual_[std::min(numbers_.size(), usual_.size() - 1)];
+    const ErrorIndicator& usual = usual_[std::min(numbers_.size(), usual_.size() - 1)];
     for (const auto indicator : indicators)
       number = std::max(number, frame.*indicator / std::max(usual.*indicator, least));
   }
@@ -80,7 +80,7 @@ double TrustRecord::add(const TrustIndicator& frame) {
   return number;
 }
 
-Verdict TrustRecord::verdict() const {
+Verdict ErrorIndicatorRecord::verdict() const {
   if (diverged_ || largest_ > do_not_trust) return Verdict::do_not_trust;
   if (largest_ > doubtful) return Verdict::doubtful;
   return usual_.empty() || numbers_.empty() ? Verdict::unknown : Verdict::ok;

@@ -10,25 +10,25 @@
 namespace graupel::rom {
 
 /// How far a frame is from what the model knows.
-struct TrustIndicator {
+struct ErrorIndicator {
   double residual = 0;         ///< distance that the inversion left over the distance that the samples moved, largest
   double down_weighted = 0;    ///< share of samples that did not fit the others, mean
   double latent_distance = 0;  ///< to the nearest training snapshot, over the reach of the training runs
 };
 
 /// What is usual in every frame, from the first one after the start; empty: unknown.
-using TrustLevels = std::vector<TrustIndicator>;
+using TrustLevels = std::vector<ErrorIndicator>;
 
 /// The largest of each indicator over the runs and the frames beside, and nowhere less than half of its median over
 /// the frames; a latent as far as training runs are from one another (1) and 2 % of
 /// down-weighted samples are usual. `runs`: frames of each.
-TrustLevels usual_levels(const std::vector<std::vector<TrustIndicator>>& runs);
+TrustLevels usual_levels(const std::vector<std::vector<ErrorIndicator>>& runs);
 
 enum class Verdict { unknown, ok, doubtful, do_not_trust };
 const char* verdict_text(Verdict verdict);
 
 /// The verdict on a run, frame by frame.
-class TrustRecord {
+class ErrorIndicatorRecord {
  public:
   static constexpr int window = 5;                           ///< frames that are averaged: one frame alone tells little
   static constexpr double doubtful = 1.5, do_not_trust = 3;  ///< of the number
@@ -36,10 +36,10 @@ class TrustRecord {
   static constexpr double usual_material_difference = 0.005;
 
   /// `material_difference`: of the scene from the model's (rom/solver/material_difference.h).
-  explicit TrustRecord(TrustLevels usual, double material_difference = 0);
+  explicit ErrorIndicatorRecord(TrustLevels usual, double material_difference = 0);
   /// The next frame, in the order of the run; frames beyond the levels are held against the last of them. Returns its
   /// number, 0 where the levels are unknown.
-  double add(const TrustIndicator& frame);
+  double add(const ErrorIndicator& frame);
   /// The run has ended in a failure.
   void diverged() { diverged_ = true; }
 

@@ -20,10 +20,10 @@ using Json = nlohmann::json;
 Trajectory roll_out(const std::string& weights, const mpm::Simulation& truth, const Scene& scene, int64_t frames) {
   const ParticleFrame start = truth.frame();
   const graph::LearnedSimulator simulator(weights);
-  const graph::Surroundings surroundings(scene);
+  const graph::Environment environment(scene);
   graph::LearnedSimulator::RolloutOptions rollout;
   rollout.frames = frames;
-  return simulator.rollout(scene, surroundings, truth.particle_type(),
+  return simulator.rollout(scene, environment, truth.particle_type(),
                            graph::start_history(start.position, start.velocity, scene.gravity, scene.frame_time,
                                                 static_cast<int>(simulator.config().history) + 1),
                            rollout);

@@ -3,7 +3,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "bench/reduced/naive_answers.h"
+#include "bench/reduced/baselines.h"
 #include "core/system/atomic_file.h"
 #include "tests/apps/falling_model.h"
 #include "tests/apps/program.h"
@@ -45,23 +45,23 @@ class LinearRuns : public ::testing::Test {
 
 TEST_F(LinearRuns, InterpolationIsExactForRunsThatAreLinear) {
   const io::TrajectoryReader train(write("train.h5", {4, 1, 2, 8})), test(write("test.h5", {2.5, 1, 9}));
-  const bench::NaiveAnswers inside = bench::naive_answers(train, test, 0);
+  const bench::Baselines inside = bench::baselines_of_run(train, test, 0);
   ASSERT_TRUE(inside.linear);
   EXPECT_LT(inside.linear->displacement_relative, 1e-6);
   EXPECT_NEAR(inside.nearest.displacement_relative, 0.5 / std::sqrt(1 + 2.5 * 2.5), 1e-6);
   EXPECT_NEAR(inside.nothing_moves.displacement_relative, 1, 1e-9);
   EXPECT_LT(inside.nothing_moves.delta, 1);
-  const bench::NaiveAnswers known = bench::naive_answers(train, test, 1);
+  const bench::Baselines known = bench::baselines_of_run(train, test, 1);
   EXPECT_EQ(known.nearest.delta, 0);
   EXPECT_EQ(known.linear->delta, 0);
-  const bench::NaiveAnswers outside = bench::naive_answers(train, test, 2);
+  const bench::Baselines outside = bench::baselines_of_run(train, test, 2);
   EXPECT_FALSE(outside.linear);
   EXPECT_GT(outside.nearest.delta, 0);
 }
 
 TEST_F(LinearRuns, InterpolationOfOtherRunsHasAnError) {
   const io::TrajectoryReader train(write("train.h5", {1, 3}, 0.5)), test(write("test.h5", {2}, 0.5));
-  EXPECT_GT(bench::naive_answers(train, test, 0).linear->displacement_relative, 0.05);
+  EXPECT_GT(bench::baselines_of_run(train, test, 0).linear->displacement_relative, 0.05);
 }
 
 TEST(NaiveRuns, EveryParameterCountsOverItsRange) {

@@ -36,11 +36,11 @@ class Build:
     def run(self, words, inputs, environment=None, timeout=900, check=True):
         """Runs a program of this build in the folder `inputs`; standard output and error as one text."""
         program, rest = self.program(words[0]), [str(word) for word in words[1:]]
-        surroundings = {key: value for key, value in os.environ.items() if not key.startswith("GRAUPEL_")}
-        surroundings.update(environment or {})
+        environment = {key: value for key, value in os.environ.items() if not key.startswith("GRAUPEL_")}
+        environment.update(environment or {})
         command = " ".join([words[0]] + rest)
         try:
-            done = subprocess.run([str(program)] + rest, cwd=inputs, env=surroundings, timeout=timeout,
+            done = subprocess.run([str(program)] + rest, cwd=inputs, env=environment, timeout=timeout,
                                   stdout=subprocess.PIPE, stderr=subprocess.STDOUT, stdin=subprocess.DEVNULL)
         except subprocess.TimeoutExpired:
             raise ProgramFailed(command, "none", f"not done after {timeout} s") from None

@@ -25,12 +25,12 @@ TEST(Features, LayoutAndValuesOfAKnownCase) {
   config.history = 2;
   config.signed_distance = true;
   config.wall_clamp = 0.3;
-  const Surroundings surroundings(scene_with_ball({0.5, 0.5, 0.5}, 0.2));
+  const Environment environment(scene_with_ball({0.5, 0.5, 0.5}, 0.2));
   const Vec3f x = {0.5f, 0.73f, 0.5f};  // 0.03 above the ball
   const std::vector<std::vector<Vec3f>> positions = {
       {x - Vec3f{0.03f, 0, 0}, {0, 0, 0}}, {x - Vec3f{0.02f, 0.01f, 0}, {0, 0, 0}}, {x, {0.05f, 0.5f, 0.9f}}};
   const Normalization normalization = made_normalization();
-  const std::vector<float> f = particle_features(config, normalization, surroundings, positions);
+  const std::vector<float> f = particle_features(config, normalization, environment, positions);
   const int width = 2 * 3 + 3 + 6 + 4;
   ASSERT_EQ(f.size(), 2u * width);
   // velocities, newest first
@@ -61,15 +61,15 @@ TEST(Features, LayoutAndValuesOfAKnownCase) {
 TEST(Features, CellNormalIsTheOneOfTheParticlesCell) {
   FeatureConfig config;
   config.history = 1;
-  const Surroundings surroundings(scene_with_ball({0.5, 0.5, 0.5}, 0.2));
+  const Environment environment(scene_with_ball({0.5, 0.5, 0.5}, 0.2));
   const Vec3f x = {0.5f, 0.702f, 0.5f};  // the cell that the top of the ball passes through
-  const std::vector<float> f = particle_features(config, {}, surroundings, {{x}, {x}});
+  const std::vector<float> f = particle_features(config, {}, environment, {{x}, {x}});
   ASSERT_EQ(f.size(), 12u);
-  const Vec3f normal = surroundings.normals.at(x.cast<double>());
+  const Vec3f normal = environment.normals.at(x.cast<double>());
   EXPECT_GT(std::abs(normal[1]), 0.9f);
   for (int axis = 0; axis < 3; ++axis) EXPECT_EQ(f[static_cast<std::size_t>(3 + axis)], normal[axis]);
   config.cell_normal = false;
-  EXPECT_EQ(particle_features(config, {}, surroundings, {{x}, {x}}).size(), 9u);
+  EXPECT_EQ(particle_features(config, {}, environment, {{x}, {x}}).size(), 9u);
 }
 
 TEST(Features, OutsideTheDomainDistancesAreNegativeAndWithoutObstaclesFar) {
@@ -80,9 +80,9 @@ TEST(Features, OutsideTheDomainDistancesAreNegativeAndWithoutObstaclesFar) {
   Scene scene;
   scene.domain.origin = {-1, 0, 0};
   scene.domain.size = {2, 1, 1};
-  const Surroundings surroundings(scene);
+  const Environment environment(scene);
   const Vec3f x = {-1.07f, 0.5f, 5.0f};
-  const std::vector<float> f = particle_features(config, {}, surroundings, {{x}, {x}});
+  const std::vector<float> f = particle_features(config, {}, environment, {{x}, {x}});
   ASSERT_EQ(f.size(), 13u);
   EXPECT_NEAR(f[3], -0.07 / 0.28, 1e-5);
   EXPECT_EQ(f[6], 1);
@@ -94,12 +94,12 @@ TEST(Features, OutsideTheDomainDistancesAreNegativeAndWithoutObstaclesFar) {
 
 TEST(Features, WrongNumberOfFramesOrParticlesIsAProgrammersError) {
   const FeatureConfig config;
-  const Surroundings surroundings{Scene{}};
+  const Environment environment{Scene{}};
   const std::vector<Vec3f> one(1, Vec3f::zero()), two(2, Vec3f::zero());
-  EXPECT_THROW(particle_features(config, {}, surroundings, std::vector(5, one)), std::logic_error);
+  EXPECT_THROW(particle_features(config, {}, environment, std::vector(5, one)), std::logic_error);
   std::vector<std::vector<Vec3f>> uneven(6, one);
   uneven[2] = two;
-  EXPECT_THROW(particle_features(config, {}, surroundings, uneven), std::logic_error);
+  EXPECT_THROW(particle_features(config, {}, environment, uneven), std::logic_error);
 }
 
 TEST(Features, ScenesThatNoNetworkWasTaughtAreRefused) {
@@ -107,7 +107,7 @@ TEST(Features, ScenesThatNoNetworkWasTaughtAreRefused) {
     Scene scene = scene_with_ball({0.5, 0.5, 0.5}, 0.2);
     change(scene);
     try {
-      const Surroundings surroundings(scene);
+      const Environment environment(scene);
     } catch (const ConfigError& error) {
       return std::string(error.what()).find(what) != std::string::npos;
     }
@@ -129,15 +129,15 @@ TEST(Features, EmbeddingRows) {
 }
 
 TEST(Features, ProjectionMovesOnlyWhatIsInsideAnObstacleOrBeyondAWall) {
-  const Surroundings surroundings(scene_with_ball({0.5, 0.5, 0.5}, 0.2));
+  const Environment environment(scene_with_ball({0.5, 0.5, 0.5}, 0.2));
   std::vector<Vec3f> x = {{0.5f, 0.69f, 0.5f}, {0.5f, 0.8f, 0.5f}, {0.5f, -0.2f, 0.5f}};
   const std::vector<Vec3f> before = x;
-  EXPECT_EQ(project_out(surroundings, x), 2);
-  EXPECT_GE(surroundings.obstacles.sample(x[0].cast<double>()).phi, -1e-6);
+  EXPECT_EQ(project_out(environment, x), 2);
+  EXPECT_GE(environment.obstacles.sample(x[0].cast<double>()).phi, -1e-6);
   EXPECT_NEAR(x[0][1], 0.7, 0.005);
   EXPECT_EQ(x[1], before[1]);
-  EXPECT_NEAR(x[2][1], surroundings.hold_low[1], 1e-6);
-  EXPECT_EQ(project_out(surroundings, x), 0);
+  EXPECT_NEAR(x[2][1], environment.hold_low[1], 1e-6);
+  EXPECT_EQ(project_out(environment, x), 0);
 }
 
 Scene scene_with_plate() {
@@ -154,7 +154,7 @@ Scene scene_with_plate() {
 
 TEST(Features, ProjectionLetsNothingThroughAThinPlate) {
   const Scene scene = scene_with_plate();
-  const Surroundings surroundings(scene);
+  const Environment environment(scene);
   const Vec3d normal = scene.obstacles[0].rotation() * Vec3d{0, 1, 0};
   const Random random(11, RandomPurpose::test);
   std::vector<Vec3f> before, x;
@@ -168,17 +168,17 @@ TEST(Features, ProjectionLetsNothingThroughAThinPlate) {
         (before.back().cast<double>() - normal * way + 0.3 * way * Vec3d{random.uniform(i, 3), 0, 0}).cast<float>());
   }
   const std::vector<Vec3f> wanted = x;
-  EXPECT_EQ(project_out(surroundings, before, x), 4000);
+  EXPECT_EQ(project_out(environment, before, x), 4000);
   for (std::size_t i = 0; i < x.size(); ++i) {
     const Vec3d from_plate = x[i].cast<double>() - scene.obstacles[0].position;
     ASSERT_GT(dot(from_plate, normal), 0) << i;
-    ASSERT_GE(surroundings.obstacles.sample(x[i].cast<double>()).phi, -1e-6) << i;
+    ASSERT_GE(environment.obstacles.sample(x[i].cast<double>()).phi, -1e-6) << i;
     ASSERT_NEAR(x[i][0], wanted[i][0], 1e-5) << i;  // it slides on: the plate holds back its own direction alone
   }
 }
 
 TEST(Features, ProjectionLeavesAWayPastAnObstacleAsItIs) {
-  const Surroundings surroundings(scene_with_plate());
+  const Environment environment(scene_with_plate());
   const Random random(12, RandomPurpose::test);
   std::vector<Vec3f> before, x;
   for (uint64_t i = 0; i < 4000; ++i) {
@@ -188,7 +188,7 @@ TEST(Features, ProjectionLeavesAWayPastAnObstacleAsItIs) {
         {side, static_cast<float>(random.uniform(i, 2, 0.1, 0.9)), static_cast<float>(random.uniform(i, 3, 0.2, 0.8))});
   }
   const std::vector<Vec3f> wanted = x;
-  EXPECT_EQ(project_out(surroundings, before, x), 0);
+  EXPECT_EQ(project_out(environment, before, x), 0);
   EXPECT_TRUE(x == wanted);
 }
 

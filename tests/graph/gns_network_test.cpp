@@ -157,13 +157,13 @@ TEST(GnsNetwork, ObstacleParticlesActAndRest) {
   const nn::Weights weights = random_weights(config, {}, 2);
   const GnsNetwork network(weights);
   const Scene scene = scene_with_floor();
-  const Surroundings surroundings(scene), empty{Scene{}};
-  EXPECT_GT(surroundings.obstacle_particles.at_spacing(config.obstacle_spacing).size(), 100u);
+  const Environment environment(scene), empty{Scene{}};
+  EXPECT_GT(environment.obstacle_particles.at_spacing(config.obstacle_spacing).size(), 100u);
   std::vector<std::vector<Vec3f>> positions(3, {{0.5f, 0.22f, 0.5f}, {0.52f, 0.22f, 0.5f}, {0.5f, 0.9f, 0.5f}});
   for (Vec3f& x : positions[0]) x[1] += 0.001f;
   const std::vector<int32_t> type = {5, 6, 8};
   FrameTiming timing;
-  const std::vector<float> with = network.predict(surroundings, type, positions, timing),
+  const std::vector<float> with = network.predict(environment, type, positions, timing),
                            without = network.predict(empty, type, positions, timing);
   ASSERT_EQ(with.size(), 9u);
   EXPECT_GT(std::abs(with[0] - without[0]), 1e-4);
@@ -173,10 +173,10 @@ TEST(GnsNetwork, ObstacleParticlesActAndRest) {
   // The same from the definition: all obstacle particles, resting, of the obstacles' type.
   std::vector<std::vector<Vec3f>> all = positions;
   std::vector<int32_t> types = type;
-  const auto& on_obstacles = surroundings.obstacle_particles.at_spacing(config.obstacle_spacing);
+  const auto& on_obstacles = environment.obstacle_particles.at_spacing(config.obstacle_spacing);
   for (auto& frame : all) frame.insert(frame.end(), on_obstacles.begin(), on_obstacles.end());
   types.insert(types.end(), on_obstacles.size(), 3);
-  const auto features = particle_features(config, network.normalization(), surroundings, all);
+  const auto features = particle_features(config, network.normalization(), environment, all);
   const std::vector<double> expected = reference_gns(weights, features, types, all.back());
   for (std::size_t i = 0; i < 9; ++i) EXPECT_NEAR(with[i], expected[i], 1e-4 * largest(with)) << i;
 }

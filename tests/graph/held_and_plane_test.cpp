@@ -88,15 +88,15 @@ TEST(HeldParticles, AreWhereTheDataHaveThemAndStayBeyond) {
   const LearnedSimulator network = simulator(3);
   const Scene scene = scene_of(3);
   const Start start(scene);
-  const Surroundings surroundings(scene);
+  const Environment environment(scene);
   LearnedSimulator::GivenFrames given(3, start.history.back());
   for (std::size_t f = 0; f < given.size(); ++f)
     for (Vec3f& x : given[f]) x[0] += 0.01f * static_cast<float>(f + 1);
   auto options = frames(5);
   options.given = &given;
-  const Trajectory moved = network.rollout(scene, surroundings, start.type, start.history, options);
+  const Trajectory moved = network.rollout(scene, environment, start.type, start.history, options);
   options.given = nullptr;
-  const Trajectory still = network.rollout(scene, surroundings, start.type, start.history, options);
+  const Trajectory still = network.rollout(scene, environment, start.type, start.history, options);
   ASSERT_EQ(moved.frame_count(), 6u);
   bool others_differ = false;
   for (std::size_t f = 1; f < 6; ++f)
@@ -115,7 +115,7 @@ TEST(HeldParticles, AreWhereTheDataHaveThemAndStayBeyond) {
 TEST(HeldParticles, NothingIsPredictedOfThem) {
   const Scene scene = scene_of(3);
   const Start start(scene);
-  const auto acceleration = simulator(3).one_step(Surroundings(scene), start.type, start.history);
+  const auto acceleration = simulator(3).one_step(Environment(scene), start.type, start.history);
   for (std::size_t i = 0; i < 40; ++i) EXPECT_EQ(norm(acceleration[i]) == 0, !moves_by_itself(start.type[i])) << i;
 }
 
@@ -125,7 +125,7 @@ TEST(HeldParticles, AreNoMatterThatIsTooDense) {
   Scene scene = scene_of(3);
   scene.sources.emplace_back();
   scene.sources.back().particles_per_cell = 0.01;  // at rest one in each of the network's cells, as half of them have
-  const Surroundings surroundings(scene);
+  const Environment environment(scene);
   std::vector<Vec3f> position;
   for (int i = 0; i < 27; ++i)
     position.push_back({0.4f + 0.1f * static_cast<float>(i % 3), 0.4f + 0.1f * static_cast<float>(i / 3 % 3),
@@ -137,14 +137,14 @@ TEST(HeldParticles, AreNoMatterThatIsTooDense) {
   const LearnedSimulator network = simulator(3);
   auto options = frames(2);
   options.project = false;
-  const Trajectory with = network.rollout(scene, surroundings, type, history, options);
+  const Trajectory with = network.rollout(scene, environment, type, history, options);
   options.density_limit = 0;
-  const Trajectory without = network.rollout(scene, surroundings, type, history, options);
+  const Trajectory without = network.rollout(scene, environment, type, history, options);
   EXPECT_TRUE(with.frames[2].position == without.frames[2].position);
   type.assign(type.size(), 5);
-  const Trajectory matter = network.rollout(scene, surroundings, type, history, options);
+  const Trajectory matter = network.rollout(scene, environment, type, history, options);
   options.density_limit = 1;
-  EXPECT_FALSE(network.rollout(scene, surroundings, type, history, options).frames[2].position ==
+  EXPECT_FALSE(network.rollout(scene, environment, type, history, options).frames[2].position ==
                matter.frames[2].position)
       << "as matter they are";
 }
@@ -155,7 +155,7 @@ TEST(HeldParticles, AGpuRefusesThemAndNamesTheRemedy) {
   auto options = frames(1);
   options.device = Device::cuda;
   try {
-    simulator(3).rollout(scene, Surroundings(scene), start.type, start.history, options);
+    simulator(3).rollout(scene, Environment(scene), start.type, start.history, options);
     FAIL() << "no error";
   } catch (const ConfigError& error) {
     EXPECT_NE(std::string(error.what()).find("10 of 40"), std::string::npos) << error.what();
@@ -165,7 +165,7 @@ TEST(HeldParticles, AGpuRefusesThemAndNamesTheRemedy) {
 
 TEST(HeldParticles, FramesOfAnotherNumberOfParticlesAreRefused) {
   const LearnedSimulator::GivenFrames given(2, std::vector<Vec3f>(3));
-  EXPECT_THROW(HeldPlaces({5, 3}, std::vector<Vec3f>(2), &given), InputError);
+  EXPECT_THROW(PrescribedPositions({5, 3}, std::vector<Vec3f>(2), &given), InputError);
 }
 
 TEST(Plane, RolloutsStayInIt) {
@@ -173,7 +173,7 @@ TEST(Plane, RolloutsStayInIt) {
   const Scene scene = scene_of(2);
   Start start(scene);
   for (int32_t& type : start.type) type = 5;
-  const Trajectory run = network.rollout(scene, Surroundings(scene), start.type, start.history, frames(10));
+  const Trajectory run = network.rollout(scene, Environment(scene), start.type, start.history, frames(10));
   ASSERT_EQ(run.frame_count(), 11u);
   double farthest = 0;
   for (const ParticleFrame& frame : run.frames)
@@ -191,8 +191,8 @@ TEST(Plane, HasNoThirdCoordinate) {
   Scene other = scene_of(2, 0.1);
   other.domain.origin[2] = 7.3;
   const Start start(scene), moved(other);
-  const auto a = network.one_step(Surroundings(scene), start.type, start.history);
-  const auto b = network.one_step(Surroundings(other), start.type, moved.history);
+  const auto a = network.one_step(Environment(scene), start.type, start.history);
+  const auto b = network.one_step(Environment(other), start.type, moved.history);
   double largest = 0;
   for (std::size_t i = 0; i < 40; ++i) {
     EXPECT_EQ(a[i][2], 0);
@@ -210,13 +210,13 @@ TEST(Plane, NormalsOfObstaclesLieInIt) {
   ball.radius = 0.2;
   ball.position = {0.5, 0.5, scene.domain.plane() - 0.05};
   scene.obstacles.push_back(ball);
-  const Surroundings surroundings(scene);
+  const Environment environment(scene);
   FeatureConfig config;
   config.history = 1;
   config.signed_distance = true;
   config.dimensions = 2;
   const std::vector<Vec3f> x = {{0.692f, 0.5f, static_cast<float>(scene.domain.plane())}};
-  const auto row = particle_features(config, {}, surroundings, {x, x});
+  const auto row = particle_features(config, {}, environment, {x, x});
   const std::size_t walls = 6, distance = walls + 6;  // after a velocity and a normal
   for (const std::size_t normal : {std::size_t{3}, distance + 1}) {
     EXPECT_EQ(row[normal + 2], 0);
@@ -229,11 +229,11 @@ TEST(Plane, NormalsOfObstaclesLieInIt) {
 TEST(Plane, WeightsAreOfOneNumberOfDimensions) {
   const Scene plane = scene_of(2), space = scene_of(3);
   const Start in_plane(plane), in_space(space);
-  EXPECT_THROW(simulator(3).rollout(plane, Surroundings(plane), in_plane.type, in_plane.history, frames(1)),
+  EXPECT_THROW(simulator(3).rollout(plane, Environment(plane), in_plane.type, in_plane.history, frames(1)),
                ConfigError);
-  EXPECT_THROW(simulator(2).rollout(space, Surroundings(space), in_space.type, in_space.history, frames(1)),
+  EXPECT_THROW(simulator(2).rollout(space, Environment(space), in_space.type, in_space.history, frames(1)),
                ConfigError);
-  EXPECT_THROW(simulator(2).one_step(Surroundings(space), in_space.type, in_space.history), ConfigError);
+  EXPECT_THROW(simulator(2).one_step(Environment(space), in_space.type, in_space.history), ConfigError);
   EXPECT_EQ(simulator(2).weights().metadata.at("hgn.dimensions"), "2");
   HgnConfig config = small_config(2);
   auto metadata = config.to_metadata();

@@ -152,8 +152,9 @@ TEST_P(EitherAggregation, ResultsDoNotDependOnThreadsOrEarlierFrames) {
 
 TEST_P(EitherAggregation, ProductsInBf16ChangeLittle) {
   if (!nn::has_bf16_units()) GTEST_SKIP() << "this processor has no units for bf16";
-  for (const auto& [latent, units] :
-       {std::pair{72, nn::Bf16Units::matrices}, {128, nn::Bf16Units::matrices}, {128, nn::Bf16Units::vectors}}) {
+  for (const auto& [latent, units] : {std::pair{72, nn::Bf16Extension::matrices},
+                                      {128, nn::Bf16Extension::matrices},
+                                      {128, nn::Bf16Extension::vectors}}) {
     HgnConfig config = small_config(GetParam());
     config.latent = latent;
     const HierarchicalGraphNetwork network(random_weights(config, {}));

@@ -41,11 +41,11 @@ TEST_F(LearnedSimulatorTest, OneStepUndoesTheNormalisation) {
   silence_decoder(weights);
   weights.tensors["decoder.layer2.bias"] = nn::Tensor::from_float({1, 2, -3}, {3});
   const LearnedSimulator simulator = make(weights);
-  const Surroundings surroundings{Scene{}};
+  const Environment environment{Scene{}};
   const auto history =
       start_history(blobs(2, 30, 0.05), std::vector<Vec3f>(30, Vec3f::zero()), {0, 0, 0}, frame_time, 4);
   FrameTiming timing;
-  const auto acceleration = simulator.one_step(surroundings, std::vector<int32_t>(30, 5), history, &timing);
+  const auto acceleration = simulator.one_step(environment, std::vector<int32_t>(30, 5), history, &timing);
   ASSERT_EQ(acceleration.size(), 30u);
   for (const Vec3f& a : acceleration) {
     EXPECT_NEAR(a[0], 0.001, 1e-8);
@@ -59,7 +59,7 @@ TEST_F(LearnedSimulatorTest, OneStepUndoesTheNormalisation) {
 
 TEST_F(LearnedSimulatorTest, WithoutTheNetworkGravityAndTheCorrectionsAreLeft) {
   Scene scene;
-  const Surroundings surroundings(scene);
+  const Environment environment(scene);
   const auto position = blobs(3, 50, 0.05);
   const auto start =
       start_history(position, std::vector<Vec3f>(50, Vec3f{0.3f, -4.0f, -0.2f}), scene.gravity, scene.frame_time, 4);
@@ -71,12 +71,12 @@ TEST_F(LearnedSimulatorTest, WithoutTheNetworkGravityAndTheCorrectionsAreLeft) {
     parts += timing.total();
   };
   const std::vector<int32_t> type(50, 5);
-  const Trajectory silent = make_ballistic().rollout(scene, surroundings, type, start, options);
+  const Trajectory silent = make_ballistic().rollout(scene, environment, type, start, options);
   EXPECT_GE(wall, parts);  // the caller's clock has the integration, too
   EXPECT_LT(wall, 3 * parts);
   options.network = false;
   const Trajectory none =
-      make(random_weights(small_config(), free_flight())).rollout(scene, surroundings, type, start, options);
+      make(random_weights(small_config(), free_flight())).rollout(scene, environment, type, start, options);
   ASSERT_EQ(none.frames.size(), silent.frames.size());
   for (std::size_t f = 0; f < none.frames.size(); ++f)
     for (std::size_t i = 0; i < 50; ++i)
@@ -89,7 +89,7 @@ TEST_F(LearnedSimulatorTest, ZeroOutputIsBallisticFlight) {
   Scene scene;
   scene.source = "{}";
   scene.seed = 7;
-  const Surroundings surroundings(scene);
+  const Environment environment(scene);
   const auto position = blobs(3, 50, 0.05);
   const std::vector<Vec3f> velocity(50, Vec3f{0.3f, 1.0f, -0.2f});
   const auto start = start_history(position, velocity, scene.gravity, scene.frame_time, 4);
@@ -97,7 +97,7 @@ TEST_F(LearnedSimulatorTest, ZeroOutputIsBallisticFlight) {
   options.frames = 12;
   std::vector<int64_t> seen;
   options.progress = [&](int64_t frame, const FrameTiming&) { seen.push_back(frame); };
-  const Trajectory t = simulator.rollout(scene, surroundings, std::vector<int32_t>(50, 6), start, options);
+  const Trajectory t = simulator.rollout(scene, environment, std::vector<int32_t>(50, 6), start, options);
   ASSERT_EQ(t.frame_count(), 13u);
   EXPECT_EQ(seen.size(), 12u);
   EXPECT_EQ(seen.back(), 12);
@@ -120,19 +120,19 @@ TEST_F(LearnedSimulatorTest, ZeroOutputIsBallisticFlight) {
 TEST_F(LearnedSimulatorTest, ProjectionKeepsParticlesOutOfObstaclesAndInsideTheWalls) {
   const LearnedSimulator simulator = make_ballistic();
   const Scene scene = scene_with_ball({0.5, 0.35, 0.5}, 0.15);
-  const Surroundings surroundings(scene);
+  const Environment environment(scene);
   const auto start = start_history(sheet(), std::vector<Vec3f>(100, Vec3f{0, -2, 0}), scene.gravity, frame_time, 4);
   LearnedSimulator::RolloutOptions options;
   options.frames = 40;
-  const Trajectory t = simulator.rollout(scene, surroundings, std::vector<int32_t>(100, 5), start, options);
+  const Trajectory t = simulator.rollout(scene, environment, std::vector<int32_t>(100, 5), start, options);
   EXPECT_EQ(t.diverged_at_frame, -1);
   for (const ParticleFrame& frame : t.frames)
     for (const Vec3f& x : frame.position) {
-      ASSERT_GT(surroundings.obstacles.sample(x.cast<double>()).phi, -1e-6);
-      ASSERT_GE(x[1], static_cast<float>(surroundings.hold_low[1]));
+      ASSERT_GT(environment.obstacles.sample(x.cast<double>()).phi, -1e-6);
+      ASSERT_GE(x[1], static_cast<float>(environment.hold_low[1]));
     }
   options.project = false;
-  const Trajectory free = simulator.rollout(scene, surroundings, std::vector<int32_t>(100, 5), start, options);
+  const Trajectory free = simulator.rollout(scene, environment, std::vector<int32_t>(100, 5), start, options);
   EXPECT_LT(free.frames.back().position[0][1], 0);
 }
 
@@ -140,7 +140,7 @@ TEST_F(LearnedSimulatorTest, RolloutsHoldTheDensityLimit) {
   const LearnedSimulator simulator = make_ballistic();
   Scene scene;
   scene.gravity = {0, gravity, 0};
-  const Surroundings surroundings(scene);
+  const Environment environment(scene);
   std::vector<Vec3f> position;
   for (int i = 0; i < 512; ++i)
     position.push_back(Vec3f{0.45f, 0.75f, 0.45f} + Vec3f{float(i % 8), float(i / 8 % 8), float(i / 64)} * (0.1f / 8));
@@ -151,7 +151,7 @@ TEST_F(LearnedSimulatorTest, RolloutsHoldTheDensityLimit) {
   // Largest distance to free flight along each axis.
   const auto off_course = [&](double limit) {
     options.density_limit = limit;
-    const Trajectory t = simulator.rollout(scene, surroundings, type, start, options);
+    const Trajectory t = simulator.rollout(scene, environment, type, start, options);
     Vec3d most = Vec3d::zero();
     for (std::size_t i = 0; i < position.size(); ++i) {
       Vec3d flight = position[i].cast<double>();
@@ -173,14 +173,14 @@ TEST_F(LearnedSimulatorTest, ARolloutThatBlowsUpStopsAndSaysWhen) {
   weights.tensors["decoder.layer2.bias"] = nn::Tensor::from_float({300, 0, 0}, {3});  // 0.3 m a frame^2
   const LearnedSimulator simulator = make(weights);
   const Scene scene;
-  const Surroundings surroundings(scene);
+  const Environment environment(scene);
   const auto position = blobs(1, 20, 0.02);
   const auto start = start_history(position, std::vector<Vec3f>(20, Vec3f::zero()), scene.gravity, frame_time, 4);
   LearnedSimulator::RolloutOptions options;
   options.frames = 30;
   options.project = false;
   options.free_flight = false;
-  const Trajectory t = simulator.rollout(scene, surroundings, std::vector<int32_t>(20, 5), start, options);
+  const Trajectory t = simulator.rollout(scene, environment, std::vector<int32_t>(20, 5), start, options);
   EXPECT_EQ(t.diverged_at_frame, 4);  // 0.3, 0.6, 0.9, 1.2 m a frame in a domain of 1 m
   EXPECT_EQ(t.frame_count(), 4u);
   for (const Vec3f& x : t.frames.back().position) EXPECT_TRUE(std::isfinite(x[0]));
@@ -203,18 +203,18 @@ TEST_F(LearnedSimulatorTest, AGnsRollsOutWithItsObstacleParticles) {
   const LearnedSimulator ballistic = make(weights), random = make(random_weights(small_gns(), free_flight()));
   EXPECT_EQ(ballistic.config().history, 3);
   const Scene scene = scene_with_ball({0.5, 0.35, 0.5}, 0.15);
-  const Surroundings surroundings(scene);
+  const Environment environment(scene);
   const auto start = start_history(sheet(), std::vector<Vec3f>(100, Vec3f{0, -2, 0}), scene.gravity, frame_time, 4);
   LearnedSimulator::RolloutOptions options;
   options.frames = 30;
   FrameTiming timing;
   options.progress = [&](int64_t, const FrameTiming& t) { timing = t; };
-  const Trajectory t = ballistic.rollout(scene, surroundings, std::vector<int32_t>(100, 5), start, options);
+  const Trajectory t = ballistic.rollout(scene, environment, std::vector<int32_t>(100, 5), start, options);
   EXPECT_EQ(t.frame_count(), 31u);
   EXPECT_EQ(t.particle_count(), 100u);
   EXPECT_NEAR(t.frames[1].position[0][1], 0.7 - 2 * frame_time + gravity * frame_time * frame_time / 2, 1e-5);
   for (const Vec3f& x : t.frames.back().position) {
-    EXPECT_GT(surroundings.obstacles.sample(x.cast<double>()).phi, -1e-6);
+    EXPECT_GT(environment.obstacles.sample(x.cast<double>()).phi, -1e-6);
   }
   EXPECT_GT(timing.network, 0);
   EXPECT_GT(timing.features, 0);
@@ -223,13 +223,13 @@ TEST_F(LearnedSimulatorTest, AGnsRollsOutWithItsObstacleParticles) {
   options.frames = 4;
   for (const int threads : {1, 3}) {
     set_num_threads(threads);
-    runs.push_back(random.rollout(scene, surroundings, std::vector<int32_t>(100, 6), start, options));
+    runs.push_back(random.rollout(scene, environment, std::vector<int32_t>(100, 6), start, options));
   }
   set_num_threads(0);
   EXPECT_EQ(runs[0].frames.back().position, runs[1].frames.back().position);
   options.device = Device::cuda;
   try {
-    random.rollout(scene, surroundings, std::vector<int32_t>(100, 6), start, options);
+    random.rollout(scene, environment, std::vector<int32_t>(100, 6), start, options);
     ADD_FAILURE();
   } catch (const ConfigError& error) {
     EXPECT_NE(std::string(error.what()).find("Use --device cpu"), std::string::npos) << error.what();
@@ -239,7 +239,7 @@ TEST_F(LearnedSimulatorTest, AGnsRollsOutWithItsObstacleParticles) {
 TEST_F(LearnedSimulatorTest, RolloutsDoNotDependOnTheNumberOfThreads) {
   const LearnedSimulator simulator = make(random_weights(small_config(), free_flight()));
   const Scene scene;
-  const Surroundings surroundings(scene);
+  const Environment environment(scene);
   const auto start =
       start_history(blobs(3, 400, 0.06), std::vector<Vec3f>(400, Vec3f::zero()), scene.gravity, frame_time, 4);
   LearnedSimulator::RolloutOptions options;
@@ -247,7 +247,7 @@ TEST_F(LearnedSimulatorTest, RolloutsDoNotDependOnTheNumberOfThreads) {
   std::vector<Trajectory> runs;
   for (const int threads : {1, 2, 5}) {
     set_num_threads(threads);
-    runs.push_back(simulator.rollout(scene, surroundings, std::vector<int32_t>(400, 8), start, options));
+    runs.push_back(simulator.rollout(scene, environment, std::vector<int32_t>(400, 8), start, options));
   }
   set_num_threads(0);
   EXPECT_EQ(runs[0].frames.back().position, runs[1].frames.back().position);
@@ -257,29 +257,29 @@ TEST_F(LearnedSimulatorTest, RolloutsDoNotDependOnTheNumberOfThreads) {
 TEST_F(LearnedSimulatorTest, UnfitScenesStartsAndFilesAreErrors) {
   const LearnedSimulator simulator = make_ballistic();
   Scene scene;
-  const Surroundings surroundings(scene);
+  const Environment environment(scene);
   const std::vector<Vec3f> position(3, Vec3f::filled(0.5f));
   const auto start = start_history(position, position, scene.gravity, frame_time, 4);
   const std::vector<int32_t> type(3, 5);
   LearnedSimulator::RolloutOptions options;
   options.frames = 1;
-  EXPECT_NO_THROW(simulator.rollout(scene, surroundings, type, start, options));
-  EXPECT_THROW(simulator.rollout(scene, surroundings, type, {start.begin() + 1, start.end()}, options), InputError);
-  EXPECT_THROW(simulator.rollout(scene, surroundings, {5, 5}, start, options), InputError);
+  EXPECT_NO_THROW(simulator.rollout(scene, environment, type, start, options));
+  EXPECT_THROW(simulator.rollout(scene, environment, type, {start.begin() + 1, start.end()}, options), InputError);
+  EXPECT_THROW(simulator.rollout(scene, environment, {5, 5}, start, options), InputError);
   auto broken = start;
   broken[1][2][0] = std::nanf("");
-  EXPECT_THROW(simulator.rollout(scene, surroundings, type, broken, options), InputError);
+  EXPECT_THROW(simulator.rollout(scene, environment, type, broken, options), InputError);
   Scene slow = scene;
   slow.frame_time = 0.1;
-  EXPECT_THROW(simulator.rollout(slow, surroundings, type, start, options), ConfigError);
+  EXPECT_THROW(simulator.rollout(slow, environment, type, start, options), ConfigError);
 
   Scene fine;
   fine.domain.dx = 1.0 / 32;
   Obstacle box;
   box.position = {0.5, 0.2, 0.5};
   fine.obstacles.push_back(box);
-  EXPECT_THROW(simulator.rollout(fine, Surroundings(fine), type, start, options), ConfigError);
-  EXPECT_NO_THROW(simulator.rollout(fine, Surroundings(fine, simulator.config().dx), type, start, options));
+  EXPECT_THROW(simulator.rollout(fine, Environment(fine), type, start, options), ConfigError);
+  EXPECT_NO_THROW(simulator.rollout(fine, Environment(fine, simulator.config().dx), type, start, options));
 
   EXPECT_THROW(LearnedSimulator("there is no such file"), InputError);
   nn::Weights other;

@@ -33,7 +33,7 @@ LearnedSimulator::RolloutOptions uncorrected(int64_t frames) {
 /// x_n = x_0 + n v_0 + a n (n + 1) / 2, whichever frames are predicted at once.
 TEST_F(LearnedSimulatorTest, ConstantAccelerationsMakeParabolas) {
   const Scene scene;
-  const Surroundings surroundings(scene);
+  const Environment environment(scene);
   const auto position = blobs(2, 30, 0.05);
   const auto start =
       start_history(position, std::vector<Vec3f>(30, Vec3f{0.3f, 0.6f, -0.2f}), scene.gravity, frame_time, 4);
@@ -42,7 +42,7 @@ TEST_F(LearnedSimulatorTest, ConstantAccelerationsMakeParabolas) {
     const LearnedSimulator simulator = make(constant_weights(small_config(), repeated({0.5f, 1, -0.2f}, bundle)));
     EXPECT_EQ(simulator.config().bundle, bundle);
     const Trajectory t =
-        simulator.rollout(scene, surroundings, std::vector<int32_t>(30, 5), start, uncorrected(11));  // cuts the last
+        simulator.rollout(scene, environment, std::vector<int32_t>(30, 5), start, uncorrected(11));  // cuts the last
     ASSERT_EQ(t.frame_count(), 12u);
     for (std::size_t f = 0; f < t.frame_count(); ++f)
       for (std::size_t i = 0; i < 30; ++i)
@@ -57,7 +57,7 @@ TEST_F(LearnedSimulatorTest, ConstantAccelerationsMakeParabolas) {
 
 TEST_F(LearnedSimulatorTest, RolloutsGoOnFromTheirOwnFrames) {
   const Scene scene = scene_with_ball({0.5, 0.35, 0.5}, 0.15);
-  const Surroundings surroundings(scene);
+  const Environment environment(scene);
   HgnConfig config = small_config();
   config.bundle = 2;
   Normalization small;
@@ -68,22 +68,22 @@ TEST_F(LearnedSimulatorTest, RolloutsGoOnFromTheirOwnFrames) {
   LearnedSimulator::RolloutOptions options;
   options.density_limit = 0;  // which keeps pressures from frame to frame
   options.frames = 12;
-  const Trajectory whole = simulator.rollout(scene, surroundings, type, history, options);
+  const Trajectory whole = simulator.rollout(scene, environment, type, history, options);
   ASSERT_EQ(whole.frame_count(), 13u);
   history.clear();
   for (std::size_t f = 3; f <= 6; ++f) history.push_back(whole.frames[f].position);
   options.frames = 6;
-  const Trajectory rest = simulator.rollout(scene, surroundings, type, history, options);
+  const Trajectory rest = simulator.rollout(scene, environment, type, history, options);
   for (std::size_t f = 0; f <= 6; ++f) EXPECT_EQ(rest.frames[f].position, whole.frames[6 + f].position) << f;
 }
 
 TEST_F(LearnedSimulatorTest, FramesOfABundleHaveTheirAccelerationsInOrder) {
   const LearnedSimulator simulator = make(constant_weights(small_config(), {1, 0, 0, 0, 2, 0, 0, 0, 3}));
   Scene scene;
-  const Surroundings surroundings(scene);
+  const Environment environment(scene);
   const std::vector<Vec3f> position = {{0.5f, 0.5f, 0.5f}};
   const auto start = start_history(position, {Vec3f::zero()}, {0, 0, 0}, frame_time, 4);
-  const Trajectory t = simulator.rollout(scene, surroundings, {5}, start, uncorrected(5));
+  const Trajectory t = simulator.rollout(scene, environment, {5}, start, uncorrected(5));
   ASSERT_EQ(t.frame_count(), 6u);
   Vec3d velocity = Vec3d::zero(), x = position[0].cast<double>();
   for (std::size_t f = 1; f < 6; ++f) {
@@ -93,14 +93,14 @@ TEST_F(LearnedSimulatorTest, FramesOfABundleHaveTheirAccelerationsInOrder) {
     x += velocity;
     for (int d = 0; d < 3; ++d) EXPECT_NEAR(t.frames[f].position[0][d], x[d], 1e-6) << "frame " << f;
   }
-  EXPECT_NEAR(simulator.one_step(surroundings, {5}, start)[0][0], 0.001, 1e-8);
+  EXPECT_NEAR(simulator.one_step(environment, {5}, start)[0][0], 0.001, 1e-8);
 }
 
 /// Corrections of a frame change the velocity that the next acceleration is added to: every frame of a bundle is made
 /// as a single one.
 TEST_F(LearnedSimulatorTest, ABundleIsItsFramesOneByOne) {
   const Scene scene = scene_with_ball({0.5, 0.35, 0.5}, 0.15);
-  const Surroundings surroundings(scene);
+  const Environment environment(scene);
   const auto start = start_history(sheet(), std::vector<Vec3f>(100, Vec3f{0, -2, 0}), scene.gravity, frame_time, 4);
   const auto run = [&](int bundle, bool project) {
     LearnedSimulator::RolloutOptions options;
@@ -108,7 +108,7 @@ TEST_F(LearnedSimulatorTest, ABundleIsItsFramesOneByOne) {
     options.density_limit = 0;
     options.project = project;
     return make(constant_weights(small_config(), repeated({0.5f, -1, 0.25f}, bundle)))
-        .rollout(scene, surroundings, std::vector<int32_t>(100, 5), start, options);
+        .rollout(scene, environment, std::vector<int32_t>(100, 5), start, options);
   };
   const Trajectory one = run(1, true), loose = run(1, false);
   ASSERT_NE(loose.frames[23].position, one.frames[23].position) << "nothing was corrected";
@@ -120,14 +120,14 @@ TEST_F(LearnedSimulatorTest, ABundleIsItsFramesOneByOne) {
 
 TEST_F(LearnedSimulatorTest, TheDensityIsHeldAfterTheLastFrameOfABundle) {
   const Scene scene = scene_with_ball({0.5, 0.35, 0.5}, 0.15);
-  const Surroundings surroundings(scene);
+  const Environment environment(scene);
   const auto start = start_history(sheet(), std::vector<Vec3f>(100, Vec3f{0, -2, 0}), scene.gravity, frame_time, 4);
   const LearnedSimulator simulator = make(constant_weights(small_config(), repeated({0.5f, -1, 0.25f}, 3)));
   const auto frame = [&](int64_t frames, double density_limit) {
     LearnedSimulator::RolloutOptions options;
     options.frames = frames;
     options.density_limit = density_limit;
-    return simulator.rollout(scene, surroundings, std::vector<int32_t>(100, 5), start, options).frames.back().position;
+    return simulator.rollout(scene, environment, std::vector<int32_t>(100, 5), start, options).frames.back().position;
   };
   int64_t held = 1;  // the first frame that the density changes
   while (held < 24 && frame(held, 0.5) == frame(held, 0)) ++held;
@@ -151,27 +151,27 @@ TEST_F(LearnedSimulatorTest, TheFirstFrameOfABundleIsOneStep) {
   }
   const LearnedSimulator one = make(first);
   const Scene scene;
-  const Surroundings surroundings(scene);
+  const Environment environment(scene);
   const auto start = start_history(blobs(2, 60, 0.05), std::vector<Vec3f>(60, Vec3f::zero()), {0, 0, 0}, frame_time, 4);
   const std::vector<int32_t> type(60, 6);
-  const std::vector<Vec3f> acceleration = one.one_step(surroundings, type, start);
-  EXPECT_EQ(three.one_step(surroundings, type, start), acceleration);
-  EXPECT_EQ(three.rollout(scene, surroundings, type, start, uncorrected(1)).frames[1].position,
-            one.rollout(scene, surroundings, type, start, uncorrected(1)).frames[1].position);
-  EXPECT_NE(three.rollout(scene, surroundings, type, start, uncorrected(2)).frames[2].position,
-            one.rollout(scene, surroundings, type, start, uncorrected(2)).frames[2].position);
+  const std::vector<Vec3f> acceleration = one.one_step(environment, type, start);
+  EXPECT_EQ(three.one_step(environment, type, start), acceleration);
+  EXPECT_EQ(three.rollout(scene, environment, type, start, uncorrected(1)).frames[1].position,
+            one.rollout(scene, environment, type, start, uncorrected(1)).frames[1].position);
+  EXPECT_NE(three.rollout(scene, environment, type, start, uncorrected(2)).frames[2].position,
+            one.rollout(scene, environment, type, start, uncorrected(2)).frames[2].position);
 }
 
 TEST_F(LearnedSimulatorTest, TheCostOfABundleIsSpreadOverItsFrames) {
   const LearnedSimulator simulator = make(constant_weights(small_config(), repeated({0, 0, 0}, 4)));
   const Scene scene;
-  const Surroundings surroundings(scene);
+  const Environment environment(scene);
   const auto position = blobs(2, 300, 0.05);
   const auto start = start_history(position, std::vector<Vec3f>(300, Vec3f::zero()), scene.gravity, frame_time, 4);
   auto options = uncorrected(6);
   std::vector<FrameTiming> timing;
   options.progress = [&](int64_t, const FrameTiming& t) { timing.push_back(t); };
-  simulator.rollout(scene, surroundings, std::vector<int32_t>(300, 5), start, options);
+  simulator.rollout(scene, environment, std::vector<int32_t>(300, 5), start, options);
   ASSERT_EQ(timing.size(), 6u);
   for (const std::size_t f : {1u, 2u, 3u}) {
     EXPECT_EQ(timing[f].network, timing[0].network);
@@ -183,8 +183,8 @@ TEST_F(LearnedSimulatorTest, TheCostOfABundleIsSpreadOverItsFrames) {
   EXPECT_GT(timing[5].network, 0);
   HgnConfig bundled = small_config();
   bundled.bundle = 4;
-  const auto grid = sparsegrid::build_hierarchy<3>(position, bundled.spacing, surroundings.wall_low, 2);
-  EXPECT_DOUBLE_EQ(simulator.flop(surroundings, position), flop_of(plan_of(bundled), rows_of(grid)) / 4);
+  const auto grid = sparsegrid::build_hierarchy<3>(position, bundled.spacing, environment.wall_low, 2);
+  EXPECT_DOUBLE_EQ(simulator.flop(environment, position), flop_of(plan_of(bundled), rows_of(grid)) / 4);
 }
 
 }  // namespace

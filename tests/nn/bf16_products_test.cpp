@@ -15,10 +15,10 @@
 namespace graupel::nn {
 namespace {
 
-class Bf16Products : public ::testing::TestWithParam<std::tuple<Bf16Units, std::tuple<int, int, int>>> {
+class Bf16Products : public ::testing::TestWithParam<std::tuple<Bf16Extension, std::tuple<int, int, int>>> {
  protected:
   void SetUp() override {
-    const Bf16Units units = std::get<0>(GetParam());
+    const Bf16Extension units = std::get<0>(GetParam());
     if (available_bf16_units() < units) GTEST_SKIP() << "this processor has no such units for bf16";
     use_bf16_units(units);
   }
@@ -79,7 +79,7 @@ TEST_P(Bf16Products, OfARowDoNotDependOnTheRowsBesideIt) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Sizes, Bf16Products,
-                         ::testing::Combine(::testing::Values(Bf16Units::vectors, Bf16Units::matrices),
+                         ::testing::Combine(::testing::Values(Bf16Extension::vectors, Bf16Extension::matrices),
                                             ::testing::Values(std::tuple(1, 64, 32), std::tuple(15, 96, 33),
                                                               std::tuple(16, 128, 128), std::tuple(17, 128, 384),
                                                               std::tuple(32, 256, 128), std::tuple(70, 128, 3),
@@ -114,7 +114,7 @@ TEST(Bf16ProductsChoice, FollowsTheEnvironment) {
     EXPECT_EQ(bf16_units_in_use(), available_bf16_units());
     ::setenv("GRAUPEL_PRODUCTS", "bf16-vectors", 1);
     choose_products();
-    EXPECT_EQ(bf16_units_in_use(), Bf16Units::vectors);
+    EXPECT_EQ(bf16_units_in_use(), Bf16Extension::vectors);
     EXPECT_STREQ(name_of_products(), "bf16 products on vector units");
   } else {
     EXPECT_THROW(choose_products(), ConfigError);

@@ -74,7 +74,7 @@ class FiberBackend {
 
  private:
   static std::vector<double> equation_room(const RunView& view) {
-    return std::vector<double>(static_cast<std::size_t>(EquationRoom::size(view.model)), std::nan(""));
+    return std::vector<double>(static_cast<std::size_t>(EquationCapacity::size(view.model)), std::nan(""));
   }
   template <typename Shared>
   void run(int blocks, Shared& shared, const FiberBlock::Kernel& kernel) {

@@ -11,8 +11,8 @@ namespace graupel::rom {
 namespace {
 
 /// Runs like those of a training: the residual is large in the first frames, and every run differs a little.
-std::vector<TrustIndicator> usual_run(int seed) {
-  std::vector<TrustIndicator> frames;
+std::vector<ErrorIndicator> usual_run(int seed) {
+  std::vector<ErrorIndicator> frames;
   for (int f = 0; f < 30; ++f) {
     const double wave = 1 + 0.3 * std::sin(f + 2.0 * seed);
     frames.push_back({(f < 2 ? 0.6 : 0.02) * wave, 0.1 * wave, 0.2 * wave});
@@ -20,9 +20,9 @@ std::vector<TrustIndicator> usual_run(int seed) {
   return frames;
 }
 
-TrustRecord record_of(const TrustLevels& usual, const std::vector<TrustIndicator>& run) {
-  TrustRecord record(usual);
-  for (const TrustIndicator& frame : run) record.add(frame);
+ErrorIndicatorRecord record_of(const TrustLevels& usual, const std::vector<ErrorIndicator>& run) {
+  ErrorIndicatorRecord record(usual);
+  for (const ErrorIndicator& frame : run) record.add(frame);
   return record;
 }
 
@@ -33,7 +33,7 @@ class Trust : public testing::Test {
 
 TEST_F(Trust, IsSilentOnTheRunsThatItWasCalibratedOn) {
   for (int seed = 0; seed < 3; ++seed) {
-    const TrustRecord record = record_of(usual_, usual_run(seed));
+    const ErrorIndicatorRecord record = record_of(usual_, usual_run(seed));
     EXPECT_LE(record.number(), 1) << seed;
     EXPECT_GT(record.number(), 0.3) << seed;
     EXPECT_EQ(record.verdict(), Verdict::ok) << seed;
@@ -42,8 +42,8 @@ TEST_F(Trust, IsSilentOnTheRunsThatItWasCalibratedOn) {
 
 TEST_F(Trust, GrowsWithEachIndicator) {
   for (const auto indicator :
-       {&TrustIndicator::residual, &TrustIndicator::down_weighted, &TrustIndicator::latent_distance}) {
-    std::vector<TrustIndicator> run = usual_run(0);
+       {&ErrorIndicator::residual, &ErrorIndicator::down_weighted, &ErrorIndicator::latent_distance}) {
+    std::vector<ErrorIndicator> run = usual_run(0);
     for (std::size_t f = 15; f < run.size(); ++f) run[f].*indicator = 2 * usual_[f].*indicator;
     EXPECT_EQ(record_of(usual_, run).verdict(), Verdict::doubtful);
     EXPECT_NEAR(record_of(usual_, run).number(), 2, 1e-9);
@@ -53,13 +53,13 @@ TEST_F(Trust, GrowsWithEachIndicator) {
 }
 
 TEST_F(Trust, OneFrameAloneTellsLittle) {
-  std::vector<TrustIndicator> run = usual_run(1);
+  std::vector<ErrorIndicator> run = usual_run(1);
   run[20].residual = 2.5 * usual_[20].residual;
   EXPECT_EQ(record_of(usual_, run).verdict(), Verdict::ok);
 }
 
 TEST_F(Trust, LongerRunsAreHeldAgainstTheLastFrame) {
-  std::vector<TrustIndicator> run = usual_run(0);
+  std::vector<ErrorIndicator> run = usual_run(0);
   run.insert(run.end(), 20, usual_.back());
   EXPECT_EQ(record_of(usual_, run).verdict(), Verdict::ok);
   run.insert(run.end(), 20, {10 * usual_.back().residual, 0, 0});
@@ -67,13 +67,13 @@ TEST_F(Trust, LongerRunsAreHeldAgainstTheLastFrame) {
 }
 
 TEST_F(Trust, FailuresAndUnknownModels) {
-  TrustRecord failed = record_of(usual_, usual_run(0));
+  ErrorIndicatorRecord failed = record_of(usual_, usual_run(0));
   failed.diverged();
   EXPECT_EQ(failed.verdict(), Verdict::do_not_trust);
   EXPECT_EQ(record_of({}, usual_run(0)).verdict(), Verdict::unknown);
   EXPECT_TRUE(usual_levels({}).empty());
-  TrustRecord foreign(usual_, 4 * TrustRecord::usual_material_difference);
-  for (int f = 0; f < TrustRecord::window; ++f) foreign.add({});
+  ErrorIndicatorRecord foreign(usual_, 4 * ErrorIndicatorRecord::usual_material_difference);
+  for (int f = 0; f < ErrorIndicatorRecord::window; ++f) foreign.add({});
   EXPECT_EQ(foreign.verdict(), Verdict::do_not_trust);
 }
 

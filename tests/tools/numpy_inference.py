@@ -364,7 +364,7 @@ def cell_normals(obstacles, origin, size, dx):
 # 2. Features
 
 
-class Surroundings:
+class Environment:
     def __init__(self, scene):
         domain = scene["domain"]
         self.origin, self.size = np.array(domain.get("origin", [0, 0, 0]), float), np.array(domain["size"], float)
@@ -375,28 +375,28 @@ class Surroundings:
         self.normals = cell_normals(self.obstacles, self.origin, self.size, self.dx)
 
 
-def features_of(network, surroundings, history):
+def features_of(network, environment, history):
     """[n, width] of positions [history + 1, n, 3] f32, newest last."""
     mean, std = (network.tensors["normalization.velocity_" + name] for name in ("mean", "std"))
     velocity = np.diff(history, axis=0).astype(np.float64)
     x = history[-1].astype(np.float64)
     parts = [(v - mean) / std for v in velocity[::-1]]
     if network.flag("cell_normal"):
-        cell = np.floor((x - surroundings.origin) / surroundings.dx).astype(int)
-        parts.append(np.array([surroundings.normals.get(place, np.zeros(3)) for place in map(tuple, cell)]))
+        cell = np.floor((x - environment.origin) / environment.dx).astype(int)
+        parts.append(np.array([environment.normals.get(place, np.zeros(3)) for place in map(tuple, cell)]))
     clamp = network.number("wall_clamp")
-    parts.append(np.clip(x - surroundings.origin, -clamp, clamp) / clamp)
-    parts.append(np.clip(surroundings.origin + surroundings.size - x, -clamp, clamp) / clamp)
+    parts.append(np.clip(x - environment.origin, -clamp, clamp) / clamp)
+    parts.append(np.clip(environment.origin + environment.size - x, -clamp, clamp) / clamp)
     if network.flag("signed_distance"):
         clamp = network.number("distance_clamp")
-        phi, normal = signed_distance(surroundings.obstacles, x)
+        phi, normal = signed_distance(environment.obstacles, x)
         parts += [(np.clip(phi, -clamp, clamp) / clamp)[:, None], normal]
     return np.concatenate(parts, axis=1)
 
 
-def encoder_input(network, surroundings, history, particle_type):
+def encoder_input(network, environment, history, particle_type):
     row = np.where(particle_type == 13, 2, particle_type)
-    return np.concatenate([features_of(network, surroundings, history), network.tensors["embedding.weight"][row]], axis=1)
+    return np.concatenate([features_of(network, environment, history), network.tensors["embedding.weight"][row]], axis=1)
 
 
 # 4. The hierarchical graph network
@@ -499,11 +499,11 @@ def gns(network, particles, position):
 # 6. The next frames
 
 
-def predict(network, surroundings, history, particle_type):
+def predict(network, environment, history, particle_type):
     """Accelerations [bundle, n, 3] [m/frame^2]."""
-    inputs = encoder_input(network, surroundings, history, particle_type)
+    inputs = encoder_input(network, environment, history, particle_type)
     x = history[-1].astype(np.float64)
-    output = gns(network, inputs, x) if network.architecture == "gns" else hgn(network, inputs, x, surroundings.origin)
+    output = gns(network, inputs, x) if network.architecture == "gns" else hgn(network, inputs, x, environment.origin)
     mean, std = (network.tensors["normalization.acceleration_" + name] for name in ("mean", "std"))
     return output.reshape(len(x), -1, 3).transpose(1, 0, 2) * std + mean
 
@@ -529,7 +529,7 @@ class InferenceTest(unittest.TestCase):
         self.assertEqual(done.returncode, 0, done.stderr)
 
     def history_of(self, scene, first, *changes):
-        """Six frames from `first` on, as a trajectory of their own; (positions, types, surroundings)."""
+        """Six frames from `first` on, as a trajectory of their own; (positions, types, environment)."""
         self.run_program("simulate", scene, "-o", "truth.h5", "--frames", str(first + 5), "--no-velocity", *changes)
         with h5py.File(os.path.join(self.folder, "truth.h5"), "r+") as file:
             group = file["00000"]
@@ -541,12 +541,12 @@ class InferenceTest(unittest.TestCase):
                 for key, value in attributes.items():
                     data.attrs[key] = value
             scene = json.loads(group.attrs["scene_json"])
-            return history, group["particle_type"][:], Surroundings(scene)
+            return history, group["particle_type"][:], Environment(scene)
 
-    def compare(self, weights, history, types, surroundings, most):
+    def compare(self, weights, history, types, environment, most):
         network = Network(os.path.join(ROOT, "models", weights + ".safetensors"))
         bundle = int(network.number("bundle", 1))
-        acceleration = predict(network, surroundings, history, types)
+        acceleration = predict(network, environment, history, types)
         mine = frames_after(history, acceleration)
         self.run_program("rollout", os.path.join(ROOT, "models", weights + ".safetensors"), "truth.h5", "--start",
                          "truth:6", "--frames", str(bundle), "--no-project", "--no-free-flight", "--density-limit", "0",

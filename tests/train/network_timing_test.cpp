@@ -75,7 +75,7 @@ TEST_F(NetworkTiming, CountsTheStateThatTheTrajectoryEndsWith) {
   const graph::HgnConfig config = tiny_config().hgn;
   const auto hierarchy =
       sparsegrid::build_hierarchy<3>(split.positions(0, trajectory.frames - 1, 1).front(), config.spacing,
-                                     trajectory.context->surroundings.wall_low, static_cast<int>(config.levels));
+                                     trajectory.context->environment.wall_low, static_cast<int>(config.levels));
   ASSERT_EQ(run(hgn(), data_, {"--first-layers", "split"}), 0) << log();
   EXPECT_EQ(result()["flop"], graph::flop_of(graph::plan_of(config), graph::rows_of(hierarchy)));
 }

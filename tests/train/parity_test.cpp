@@ -114,7 +114,7 @@ TEST(Parity, ShippedWeightsOnASharedScene) {
   module.set_state(StateArray::weights, weights);
 
   const Scene scene = io::read_scene(GRAUPEL_SOURCE_DIR "/scenes/shared/mixed_blocks.json");
-  const graph::Surroundings surroundings(scene);
+  const graph::Environment environment(scene);
   const auto simulation = mpm::Simulation::create(scene, {.seed = scene.seed});
   const std::vector<int32_t>& types = simulation->particle_type();
   const ParticleFrame start = simulation->frame();
@@ -122,8 +122,8 @@ TEST(Parity, ShippedWeightsOnASharedScene) {
   auto history = graph::start_history(start.position, start.velocity, scene.gravity, scene.frame_time, frames);
   const auto check = [&] {
     SceneGraph graph;
-    graph.features = graph::particle_features(config, normalization, surroundings, history);
-    graph.hierarchy = sparsegrid::build_hierarchy<3>(history.back(), config.spacing, surroundings.wall_low,
+    graph.features = graph::particle_features(config, normalization, environment, history);
+    graph.hierarchy = sparsegrid::build_hierarchy<3>(history.back(), config.spacing, environment.wall_low,
                                                      static_cast<int>(config.levels));
     for (const int32_t type : types) graph.type_row.push_back(graph::embedding_row(type));
     check_equal(engine.forward(graph.features, types, graph.hierarchy),

@@ -24,7 +24,7 @@ TEST(DataSplit, HoldsWhatWasWritten) {
   const auto frames = split.positions(1, 7, 2);
   EXPECT_EQ(frames[0], truth.frames[7].position);
   EXPECT_EQ(frames[1], truth.frames[8].position);
-  // Equal scenes share their surroundings.
+  // Equal scenes share their environment.
   EXPECT_EQ(split.trajectory(0).context, split.trajectory(3).context);
 }
 
@@ -237,8 +237,8 @@ TEST(Waves, AreInTheHistoryAndTheTargetTakesThemBack) {
     made.wave_recovery = 0.25f;
     return made;
   }();
-  const auto surroundings = split.trajectory(0).context->surroundings.view(Device::cpu);
-  SampleScene scene{0, 0, {}, {}, {}, surroundings};
+  const auto environment = split.trajectory(0).context->environment.view(Device::cpu);
+  SampleScene scene{0, 0, {}, {}, {}, environment};
   const auto sample = [&](std::vector<float>& features, std::vector<float>& target) {
     Vec3f position[3] = {{0.5f, 0.5f, 0.5f}, {0.501f, 0.5f, 0.49f}, {0.502f, 0.499f, 0.48f}};
     features.resize(static_cast<std::size_t>(rules.features.width));
@@ -314,7 +314,7 @@ TEST(Symmetry, TurnedFeaturesAreThoseOfTheTurnedScene) {
   // The tiny scene's sphere lies off centre; each turned scene is built anew, sphere and domain moved with it.
   const std::string text = tiny_scene();
   const Scene scene = io::parse_scene(text, "tiny", ".");
-  const graph::Surroundings surroundings(scene);
+  const graph::Environment environment(scene);
   graph::HgnConfig config = tiny_config().hgn;
   graph::Normalization normalization;
   for (int d = 0; d < 3; ++d) {
@@ -339,8 +339,8 @@ TEST(Symmetry, TurnedFeaturesAreThoseOfTheTurnedScene) {
     auto turned_history = history;
     for (auto& frame : turned_history)
       for (Vec3f& x : frame) x = symmetry.apply(x);
-    const auto expected = graph::particle_features(config, normalization, graph::Surroundings(turned), turned_history);
-    const auto features = graph::particle_features(config, normalization, surroundings, history, symmetry);
+    const auto expected = graph::particle_features(config, normalization, graph::Environment(turned), turned_history);
+    const auto features = graph::particle_features(config, normalization, environment, history, symmetry);
     ASSERT_EQ(features.size(), expected.size());
     const auto width = static_cast<std::size_t>(config.input_width() - config.embedding);
     for (std::size_t i = 0; i < features.size(); ++i) {

@@ -150,7 +150,7 @@ TEST(Training, ABundleOfFramesIsTrainedResumedAndRolledOut) {
   EXPECT_EQ(simulator.config().bundle, 3);
   const DataSplit split(tiny_data_set() + "/test.h5");
   const TrajectoryInfo& scene = split.trajectory(0);
-  const Trajectory t = simulator.rollout(scene.context->scene, scene.context->surroundings, std::vector<int32_t>(24, 5),
+  const Trajectory t = simulator.rollout(scene.context->scene, scene.context->environment, std::vector<int32_t>(24, 5),
                                          split.history(0, 4, 2), {.frames = 7, .progress = {}});
   EXPECT_EQ(t.frame_count(), 8u);
   parts = tiny_options(folder + "/long");

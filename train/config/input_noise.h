@@ -46,7 +46,7 @@ struct SampleScene {
   AxisMap turn;         ///< the scene as the network sees it
   Waves displacement;   ///< [m] of the whole history
   Waves drift;          ///< [m/frame] by which the history moves
-  graph::SurroundingsView surroundings;
+  graph::EnvironmentView environment;
 };
 
 /// Random-walk noise of GNS (Sanchez-Gonzalez et al. 2020, section 4.3) on velocities + 1 positions of particle p,
@@ -117,7 +117,7 @@ GRAUPEL_HD inline Vec3f write_sample(const SampleRules& rules, const SampleScene
   write_target(rules, scene, acceleration_at(next, position[history], position[history - 1]), target);
   for (int j = 2; j <= rules.bundle; ++j)
     write_target(rules, scene, acceleration_at(truth(j), truth(j - 1), truth(j - 2)), target + 3 * (j - 1));
-  graph::write_feature_row(rules.features, scene.surroundings, scene.turn, position, feature_row);
+  graph::write_feature_row(rules.features, scene.environment, scene.turn, position, feature_row);
   return scene.turn.apply(position[history]);
 }
 
@@ -134,7 +134,7 @@ GRAUPEL_HD inline Vec3f write_disturbed_sample(const SampleRules& rules, const S
 /// A frame of the network's own: from the acceleration that it predicts (normalised, turned) to the history moved on by
 /// one frame, whose true position is `truth`. The network moves on from the true positions where it has left them by
 /// more than `farthest`, and where particles are held.
-GRAUPEL_HD inline void move_on(const SampleRules& rules, const SampleScene& scene, const graph::WayFollower& way,
+GRAUPEL_HD inline void move_on(const SampleRules& rules, const SampleScene& scene, const graph::SweptCollision& way,
                                bool held, const float* predicted, const Vec3f& truth, Vec3f* position) {
   constexpr float farthest = 0.1f;  // [m]
   const int history = rules.features.history;
@@ -152,8 +152,9 @@ GRAUPEL_HD inline void move_on(const SampleRules& rules, const SampleScene& scen
 /// the true acceleration, and shares of the way back to the true velocity and position. The whole way back would ask
 /// for what no state tells: most of a velocity's error cannot be seen in it.
 template <typename Truth>
-GRAUPEL_HD inline Vec3f push_forward(const SampleRules& rules, const SampleScene& scene, const graph::WayFollower& way,
-                                     bool held, const float* predicted, const Truth& truth, Vec3f* position) {
+GRAUPEL_HD inline Vec3f push_forward(const SampleRules& rules, const SampleScene& scene,
+                                     const graph::SweptCollision& way, bool held, const float* predicted,
+                                     const Truth& truth, Vec3f* position) {
   const int history = rules.features.history;
   for (int j = 1; j <= rules.bundle; ++j)
     move_on(rules, scene, way, held, predicted + 3 * (j - 1), truth(j - rules.bundle), position);

@@ -128,7 +128,7 @@ void DataSplit::build_contexts(const DataSplitOptions& options) {
         std::make_shared<const SceneContext>(io::parse_stored_scene(scene_json_[trajectories.front()], name, file_));
     const std::lock_guard lock(mutex);
     for (const std::size_t i : trajectories) info_[i].context = context;
-    if (options.progress) options.progress("surroundings", ++done, static_cast<int64_t>(groups.size()));
+    if (options.progress) options.progress("environment", ++done, static_cast<int64_t>(groups.size()));
   });
 }
 

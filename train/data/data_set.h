@@ -1,4 +1,4 @@
-// Trajectories of a data set as training reads them: positions, types, and the static surroundings of each scene.
+// Trajectories of a data set as training reads them: positions, types, and the static environment of each scene.
 #pragma once
 
 #include <algorithm>
@@ -17,11 +17,11 @@ namespace graupel::train {
 
 /// A scene with what is built of it once.
 struct SceneContext {
-  explicit SceneContext(Scene read_scene) : scene(std::move(read_scene)), surroundings(scene) {}
+  explicit SceneContext(Scene read_scene) : scene(std::move(read_scene)), environment(scene) {}
   Scene scene;
-  graph::Surroundings surroundings;
+  graph::Environment environment;
   /// Displacement that gravity adds in a frame: g dt^2 [m/frame^2].
-  Vec3f gravity_step() const { return surroundings.gravity_step; }
+  Vec3f gravity_step() const { return environment.gravity_step; }
 };
 
 struct TrajectoryInfo {

@@ -32,7 +32,7 @@ struct SampleFrames {
 struct SceneSample {
   SampleScene scene;
   SampleFrames frames;
-  graph::WayFollower way;
+  graph::SweptCollision way;
 };
 
 /// Scene of particle i of a batch.
@@ -200,10 +200,10 @@ SceneSample DeviceSamples::Impl::sample_of(const SampleDraw& draw, int64_t first
   const TrajectoryInfo& info = split.trajectory(draw.key.trajectory);
   const ResidentTrajectory& trajectory = resident[static_cast<std::size_t>(draw.key.trajectory)];
   const Scene& scene = info.context->scene;
-  return {{first, draw.stream, draw.turn, draw.displacement, draw.drift, info.context->surroundings.view(device)},
+  return {{first, draw.stream, draw.turn, draw.displacement, draw.drift, info.context->environment.view(device)},
           {trajectory.position.data(), trajectory.initial_velocity.data(), trajectory.type_row.data(),
            static_cast<int64_t>(info.type_row.size()), draw.key.frame, scene.gravity, scene.frame_time},
-          info.context->surroundings.way_follower(device)};
+          info.context->environment.swept_collision(device)};
 }
 
 DeviceSamples::DeviceSamples(const DataSplit& split, const TrainConfig& config,
@@ -251,7 +251,7 @@ void DeviceSamples::start(int64_t step) {
     const SceneSample& own = samples.back();
     const Buffer<Vec3f>& point = impl.resident[static_cast<std::size_t>(draw.key.trajectory)].point;
     scenes.push_back(
-        {draw, own.frames.particles, point.data(), static_cast<int64_t>(point.size()), own.scene.surroundings});
+        {draw, own.frames.particles, point.data(), static_cast<int64_t>(point.size()), own.scene.environment});
     slot.particles += own.frames.particles;
     slot.held += impl.split.trajectory(draw.key.trajectory).held_count();
   }

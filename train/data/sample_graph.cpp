@@ -48,7 +48,7 @@ class RadiusSamples : public SampleGraph {
     std::vector<graph::RadiusScene> radius_scenes;
     for (const Scene& scene : scenes)
       radius_scenes.push_back({scene.draw.low, scene.draw.high, scene.particles, scene.point, scene.points,
-                               scene.draw.turn, scene.surroundings});
+                               scene.draw.turn, scene.environment});
     builder_.prepare(radius_scenes, stream);
   }
   int64_t most_rows() const override { return builder_.most_nodes(); }
@@ -76,8 +76,8 @@ std::vector<const std::vector<Vec3f>*> obstacle_points(const DataSplit& split, c
   parallel_for(
       Device::cpu, split.count(),
       [&](int64_t i) {
-        const graph::Surroundings& surroundings = split.trajectory(static_cast<int>(i)).context->surroundings;
-        points[static_cast<std::size_t>(i)] = &surroundings.obstacle_particles.at_spacing(gns->obstacle_spacing);
+        const graph::Environment& environment = split.trajectory(static_cast<int>(i)).context->environment;
+        points[static_cast<std::size_t>(i)] = &environment.obstacle_particles.at_spacing(gns->obstacle_spacing);
       },
       Grain{1});
   return points;

@@ -34,7 +34,7 @@ class SampleGraph {
     int64_t particles = 0;
     const Vec3f* point = nullptr;  ///< [points] obstacle particles, unturned, in the device's memory
     int64_t points = 0;
-    graph::SurroundingsView surroundings;
+    graph::EnvironmentView environment;
   };
   /// Memory for a batch of scenes.
   virtual void prepare(const std::vector<Scene>& scenes, void* stream) = 0;

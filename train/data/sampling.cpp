@@ -37,9 +37,9 @@ void set_graph(SceneGraph& graph, const NetworkConfig& config, const std::vector
 
 /// Appends the obstacle particles within reach of the turned positions `now`, their features and types.
 void add_obstacles(SceneGraph& graph, const graph::GnsConfig& config, const SampleRules& rules,
-                   const graph::Surroundings& surroundings, const SampleScene& scene, std::vector<Vec3f>& now) {
+                   const graph::Environment& environment, const SampleScene& scene, std::vector<Vec3f>& now) {
   if (!config.obstacle_particles) return;
-  const std::vector<Vec3f>& points = surroundings.obstacle_particles.at_spacing(config.obstacle_spacing);
+  const std::vector<Vec3f>& points = environment.obstacle_particles.at_spacing(config.obstacle_spacing);
   std::vector<Vec3f> turned;
   for (const Vec3f& x : points) turned.push_back(scene.turn.apply(x));
   const std::vector<int32_t> near = graph::within_reach(turned, now, config.reach());
@@ -48,7 +48,7 @@ void add_obstacles(SceneGraph& graph, const graph::GnsConfig& config, const Samp
     Vec3f position[graph::most_history + 1];
     std::fill(std::begin(position), std::end(position), points[static_cast<std::size_t>(p)]);
     graph.features.resize(graph.features.size() + width);
-    graph::write_feature_row(rules.features, scene.surroundings, scene.turn, position,
+    graph::write_feature_row(rules.features, scene.environment, scene.turn, position,
                              graph.features.data() + graph.features.size() - width);
     now.push_back(turned[static_cast<std::size_t>(p)]);
   }
@@ -63,8 +63,8 @@ SceneGraph training_graph(const DataSplit& split, const TrainConfig& config, con
   const std::vector<std::vector<Vec3f>> history =
       split.history(draw.key.trajectory, draw.key.frame, rules.features.history);
   const std::vector<std::vector<Vec3f>> ahead = split.positions(draw.key.trajectory, draw.key.frame, rules.bundle + 1);
-  const graph::Surroundings& surroundings = trajectory.context->surroundings;
-  const SampleScene scene{0, draw.stream, draw.turn, draw.displacement, draw.drift, surroundings.view(Device::cpu)};
+  const graph::Environment& environment = trajectory.context->environment;
+  const SampleScene scene{0, draw.stream, draw.turn, draw.displacement, draw.drift, environment.view(Device::cpu)};
   SceneGraph graph;
   graph.type_row = trajectory.type_row;
   const std::size_t particles = graph.type_row.size(), target_width = 3 * static_cast<std::size_t>(rules.bundle);
@@ -79,7 +79,7 @@ SceneGraph training_graph(const DataSplit& split, const TrainConfig& config, con
                                     graph.features.data() + p * static_cast<std::size_t>(rules.features.width),
                                     graph.target.data() + p * target_width);
   }
-  if (config.architecture == Architecture::gns) add_obstacles(graph, config.gns, rules, surroundings, scene, now);
+  if (config.architecture == Architecture::gns) add_obstacles(graph, config.gns, rules, environment, scene, now);
   set_graph(graph, config.network(), now, draw.origin);
   return graph;
 }
@@ -153,8 +153,8 @@ SampleDraw draw_training_sample(const DataSplit& split, const TrainConfig& confi
   const SceneContext& context = *split.trajectory(draw.key.trajectory).context;
   const int64_t dimensions = context.scene.domain.dimensions;
   const double spacing = spacing_of(config.network());
-  draw.low = context.surroundings.grid_origin(spacing);
-  draw.high = context.surroundings.wall_high;
+  draw.low = context.environment.grid_origin(spacing);
+  draw.high = context.environment.wall_high;
   if (dimensions == 2) draw.high[2] = draw.low[2] + 2 * spacing;
   if (config.symmetries) {
     draw.turn = draw_symmetry(context.scene.gravity, dimensions,
@@ -174,7 +174,7 @@ SampleDraw draw_training_sample(const DataSplit& split, const TrainConfig& confi
 }
 
 Vec3d grid_origin(const TrajectoryInfo& trajectory, const NetworkConfig& config) {
-  return trajectory.context->surroundings.grid_origin(spacing_of(config));
+  return trajectory.context->environment.grid_origin(spacing_of(config));
 }
 
 SampleRules sample_rules(const TrainConfig& config, const graph::Normalization& normalization) {
@@ -210,15 +210,15 @@ std::vector<Vec3f> acceleration_of(const std::vector<Vec3f>& next, const std::ve
 SceneGraph scene_graph(const NetworkConfig& config, const graph::Normalization& normalization,
                        const TrajectoryInfo& trajectory, const std::vector<std::vector<Vec3f>>& history,
                        const Vec3d& origin) {
-  const graph::Surroundings& surroundings = trajectory.context->surroundings;
+  const graph::Environment& environment = trajectory.context->environment;
   SceneGraph graph;
   graph.type_row = trajectory.type_row;
   std::vector<std::vector<Vec3f>> seen = history;
   if (const auto* gns = std::get_if<graph::GnsConfig>(&config); gns && gns->obstacle_particles) {
-    graph::add_obstacle_particles(*gns, surroundings, seen, graph.type_row);
+    graph::add_obstacle_particles(*gns, environment, seen, graph.type_row);
     graph.obstacle_particles = static_cast<int64_t>(seen.back().size() - history.back().size());
   }
-  graph.features = graph::particle_features(features_of(config), normalization, surroundings, seen);
+  graph.features = graph::particle_features(features_of(config), normalization, environment, seen);
   set_graph(graph, config, seen.back(), origin);
   return graph;
 }

@@ -45,7 +45,7 @@ std::vector<Vec3f> acceleration_of(const std::vector<Vec3f>& next, const std::ve
 SceneGraph scene_graph(const NetworkConfig& config, const graph::Normalization& normalization,
                        const TrajectoryInfo& trajectory, const std::vector<std::vector<Vec3f>>& history,
                        const Vec3d& origin);
-/// Origin of the grid in evaluation and rollouts (graph::Surroundings::grid_origin).
+/// Origin of the grid in evaluation and rollouts (graph::Environment::grid_origin).
 Vec3d grid_origin(const TrajectoryInfo& trajectory, const NetworkConfig& config);
 
 /// Scene number `slot` of batch number `step` of a run: which sample, and how the network sees its scene.

@@ -24,10 +24,10 @@ struct EvaluationBatch {
 };
 
 /// Distance to the nearest wall that holds the material; negative outside.
-double wall_distance(const graph::Surroundings& surroundings, const Vec3d& x) {
+double wall_distance(const graph::Environment& environment, const Vec3d& x) {
   double distance = std::numeric_limits<double>::infinity();
   for (int d = 0; d < 3; ++d)
-    distance = std::min({distance, x[d] - surroundings.hold_low[d], surroundings.hold_high[d] - x[d]});
+    distance = std::min({distance, x[d] - environment.hold_low[d], environment.hold_high[d] - x[d]});
   return distance;
 }
 
@@ -36,8 +36,8 @@ Region region_of(const SceneContext& context, const Vec3f& position, const Vec3f
   if (norm(acceleration - gravity) < static_cast<float>(airborne_tolerance) * norm(gravity)) return Region::airborne;
   const double reach = near_cells * context.scene.domain.dx;
   const Vec3d x = position.cast<double>();
-  if (wall_distance(context.surroundings, x) < reach) return Region::near_obstacle;
-  const auto& obstacles = context.surroundings.obstacles;
+  if (wall_distance(context.environment, x) < reach) return Region::near_obstacle;
+  const auto& obstacles = context.environment.obstacles;
   if (obstacles.count() > 0 && obstacles.sample(x).phi < reach) return Region::near_obstacle;
   return Region::bulk;
 }
@@ -137,8 +137,8 @@ bool advance(const Prediction& predicted, int64_t frame, const graph::Normalizat
     if (!graph::step_frame(context.scene, before, now, predicted.accelerations(s, frame, trajectory, normalization),
                            next))
       return false;
-    graph::project_out(context.surroundings, now, next);
-    graph::keep_in_plane(context.surroundings, next);
+    graph::project_out(context.environment, now, next);
+    graph::keep_in_plane(context.environment, next);
     for (std::size_t p = 0; p < next.size(); ++p)
       if (trajectory.is_held(p)) next[p] = truth[s][p];
     history.erase(history.begin());

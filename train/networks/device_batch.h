@@ -33,7 +33,7 @@ struct DeviceBatch {
 DeviceBatch upload(const Batch& batch, const at::Tensor& like);
 
 /// A batch that was made on the device of `like`; the arrays are not copied where the number type is theirs. Without
-/// offsets `direction` and `parent_offset` of cells are left out, which MixedPasses do not need.
+/// offsets `direction` and `parent_offset` of cells are left out, which MixedPrecisionNetwork do not need.
 DeviceBatch attach(const SampleArrays& arrays, const at::Tensor& like, bool with_offsets);
 
 }  // namespace graupel::train

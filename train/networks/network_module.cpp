@@ -17,7 +17,7 @@
 
 #include "core/system/error.h"
 #include "train/networks/loss.h"
-#include "train/networks/mixed_passes.h"
+#include "train/networks/mixed_precision_network.h"
 #include "train/networks/torch_engine.h"
 #include "train/parallel/stopwatch.h"
 
@@ -58,7 +58,7 @@ struct NetworkModule::Impl {
         means(at::zeros({2}, options)) {
     for (at::Tensor& array : arrays) array = at::zeros({layout.size()}, options);
     if (number == NumberType::mixed && device == Device::cuda)
-      fused = make_mixed_passes(config, checkpoint_layers, layout, get(StateArray::weights), gradient);
+      fused = make_mixed_precision_network(config, checkpoint_layers, layout, get(StateArray::weights), gradient);
     network = std::make_unique<TorchEngine>(layout, get(StateArray::weights), checkpoint_layers);
     average = std::make_unique<TorchEngine>(layout, get(StateArray::ema));
     const std::vector<float> initial = layout.initial_values(seed);
@@ -129,7 +129,7 @@ struct NetworkModule::Impl {
   int64_t steps_in_means = 0;
   at::Tensor predicted;  ///< of the last predict() on the device
   std::unique_ptr<TorchEngine> network, average;
-  std::unique_ptr<MixedPasses> fused;  ///< takes the training steps where it is there
+  std::unique_ptr<MixedPrecisionNetwork> fused;  ///< takes the training steps where it is there
 };
 
 NetworkModule::NetworkModule(const NetworkConfig& config, Device device, uint64_t seed, NumberType number,

@@ -61,7 +61,7 @@ bool torch_has_cuda();
 class NetworkModule {
  public:
   /// Fresh weights from `seed`. Throws ConfigError for Device::cuda where libtorch has no CUDA.
-  /// `checkpoint_layers`: see GnsPasses.
+  /// `checkpoint_layers`: see GnsEngine.
   NetworkModule(const NetworkConfig& config, Device device, uint64_t seed, NumberType number = NumberType::f32,
                 int64_t checkpoint_layers = 0);
   ~NetworkModule();

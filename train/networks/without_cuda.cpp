@@ -1,10 +1,11 @@
-// Stands in for cuda/mixed_passes.cpp in a build without CUDA.
-#include "train/networks/mixed_passes.h"
+// Stands in for cuda/mixed_precision_network.cpp in a build without CUDA.
+#include "train/networks/mixed_precision_network.h"
 
 namespace graupel::train {
 
-std::unique_ptr<MixedPasses> make_mixed_passes(const NetworkConfig&, int64_t, const ParameterLayout&, const at::Tensor&,
-                                               const at::Tensor&) {
+std::unique_ptr<MixedPrecisionNetwork> make_mixed_precision_network(const NetworkConfig&, int64_t,
+                                                                    const ParameterLayout&, const at::Tensor&,
+                                                                    const at::Tensor&) {
   return nullptr;
 }
 

@@ -40,13 +40,13 @@ ClusterPoints match_cluster_points(const SnapshotSet& set, const rom::Clusters& 
   const auto body_of = [&](const rom::Clusters& some) {
     return QuadratureBody{some, set.particle_mass(), set.particle_volume(), grid.origin, grid.dx};
   };
-  fit.before = GridSums(body_of(clusters), others).error();
-  GridSums sums(body_of(clusters), read);
+  fit.before = NodalSums(body_of(clusters), others).error();
+  NodalSums sums(body_of(clusters), read);
   sums.choose_points();
   fit.points = sums.points();
   rom::Clusters fitted = clusters;
   fitted.points = fit.points;
-  fit.after = GridSums(body_of(fitted), others).error();
+  fit.after = NodalSums(body_of(fitted), others).error();
   fit.seconds = watch.seconds();
   return fit;
 }

@@ -52,7 +52,7 @@ class NodeNumbers {
 
 /// Calls use(node, {mass, force}) for the nodes of a place.
 template <typename Use>
-void GridSums::at_nodes(const Place& place, const Load& load, const Use& use) {
+void NodalSums::at_nodes(const Place& place, const Load& load, const Use& use) {
   mpm::AxisWeights<float> w[3];
   for (int d = 0; d < 3; ++d) w[d] = mpm::bspline_weights(place.above[static_cast<std::size_t>(d)]);
   const auto& s = load.stress;
@@ -70,7 +70,7 @@ void GridSums::at_nodes(const Place& place, const Load& load, const Use& use) {
   }
 }
 
-GridSums::GridSums(const QuadratureBody& body, const std::vector<QuadratureSnapshot>& snapshots)
+NodalSums::NodalSums(const QuadratureBody& body, const std::vector<QuadratureSnapshot>& snapshots)
     : members_(static_cast<std::size_t>(body.clusters.count)),
       points_(body.clusters.representatives()),
       snapshots_(snapshots.size()) {
@@ -82,7 +82,7 @@ GridSums::GridSums(const QuadratureBody& body, const std::vector<QuadratureSnaps
   parallel_for_cpu(static_cast<int64_t>(snapshots.size()), make, Grain{1});
 }
 
-GridSums::Snapshot GridSums::prepare(const QuadratureBody& body, const QuadratureSnapshot& state) {
+NodalSums::Snapshot NodalSums::prepare(const QuadratureBody& body, const QuadratureSnapshot& state) {
   const std::size_t n = body.mass.size();
   std::vector<Vec<int, 3>> bases(n);
   Snapshot made;
@@ -113,7 +113,7 @@ GridSums::Snapshot GridSums::prepare(const QuadratureBody& body, const Quadratur
 }
 
 /// A point has its cluster's mass, volume and mean stress.
-std::vector<GridSums::Load> GridSums::cluster_loads(const QuadratureBody& body, const QuadratureSnapshot& state) {
+std::vector<NodalSums::Load> NodalSums::cluster_loads(const QuadratureBody& body, const QuadratureSnapshot& state) {
   const auto count = static_cast<std::size_t>(body.clusters.count);
   std::vector<double> mass(count), volume(count), members(count), stress(6 * count);
   for (std::size_t p = 0; p < body.mass.size(); ++p) {
@@ -132,7 +132,7 @@ std::vector<GridSums::Load> GridSums::cluster_loads(const QuadratureBody& body, 
   return loads;
 }
 
-std::array<double, 2> GridSums::squares(double factor) const {
+std::array<double, 2> NodalSums::squares(double factor) const {
   std::array<double, 2> sum = {};
   for (const Snapshot& snapshot : snapshots_) {
     std::vector<Sums> rest = snapshot.targets;
@@ -150,15 +150,15 @@ std::array<double, 2> GridSums::squares(double factor) const {
   return sum;
 }
 
-QuadratureError GridSums::error() const {
+QuadratureError NodalSums::error() const {
   const std::array<double, 2> rest = squares(1), all = squares(0);
   return {all[0] > 0 ? std::sqrt(rest[0] / all[0]) : 0, all[1] > 0 ? std::sqrt(rest[1] / all[1]) : 0};
 }
 
 /// Coordinate descent: one point after the other goes to its best place, the others kept.
-class GridSums::Descent {
+class NodalSums::Descent {
  public:
-  explicit Descent(const GridSums& sums) : snapshots_(sums.snapshots_), points_(sums.points_) {
+  explicit Descent(const NodalSums& sums) : snapshots_(sums.snapshots_), points_(sums.points_) {
     const std::array<double, 2> start = sums.squares(1);
     for (std::size_t k = 0; k < channels; ++k) {
       const double square = start[k == 0 ? 0 : 1];
@@ -248,7 +248,7 @@ class GridSums::Descent {
   std::vector<std::vector<Sums>> residual_;  ///< sums of the points less those of all particles, scaled
 };
 
-void GridSums::choose_points() {
+void NodalSums::choose_points() {
   Descent descent(*this);
   descent.sweep(point_sweeps, point_gain, [&](std::size_t c) { descent.choose(c, members_[c]); });
   points_ = descent.points();

@@ -34,9 +34,9 @@ struct QuadratureError {
   double force = 0;  ///< of the acceleration by the stress, over the root mean square of that acceleration
 };
 
-class GridSums {
+class NodalSums {
  public:
-  GridSums(const QuadratureBody& body, const std::vector<QuadratureSnapshot>& snapshots);
+  NodalSums(const QuadratureBody& body, const std::vector<QuadratureSnapshot>& snapshots);
 
   /// Particle of each cluster that its point is.
   const std::vector<int32_t>& points() const { return points_; }

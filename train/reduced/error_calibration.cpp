@@ -15,7 +15,7 @@ namespace graupel::train {
 
 namespace {
 
-std::vector<rom::TrustIndicator> roll_out(const rom::ReducedModel& model, const io::TrajectoryReader& reader, int run,
+std::vector<rom::ErrorIndicator> roll_out(const rom::ReducedModel& model, const io::TrajectoryReader& reader, int run,
                                           const std::string& file, CalibrationReport& report) {
   const Trajectory header = reader.header(run);
   std::vector<double> parameters;
@@ -24,7 +24,7 @@ std::vector<rom::TrustIndicator> roll_out(const rom::ReducedModel& model, const 
                               {.device = Device::cpu, .seed = header.seed});
   rom::ReducedSolver<float> solver(model, std::move(prepared), std::move(parameters), {});
   const std::vector<Vec3f> reference = reader.frames(run, 0, 1).front().position;
-  std::vector<rom::TrustIndicator> frames;
+  std::vector<rom::ErrorIndicator> frames;
   double error2 = 0, displacement2 = 0;
   try {
     for (int64_t f = 1; f < static_cast<int64_t>(header.frame_count()); ++f) {
@@ -50,7 +50,7 @@ void calibrate_trust(rom::ReducedModel& model, const CalibrationOptions& options
   const auto begin = std::chrono::steady_clock::now();
   const io::TrajectoryReader reader(options.file);
   const int count = std::min(options.runs, reader.count());
-  std::vector<std::vector<rom::TrustIndicator>> runs;
+  std::vector<std::vector<rom::ErrorIndicator>> runs;
   for (int i = 0; i < count; ++i) {
     const int run = count > 1 ? i * (reader.count() - 1) / (count - 1) : reader.count() / 2;  // the outermost too
     runs.push_back(roll_out(model, reader, run, options.file, report));

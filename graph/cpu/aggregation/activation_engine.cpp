@@ -45,7 +45,7 @@ class ActivationEngine : public HgnEngine {
       engine.particles_.particle_to_grid(hierarchy, engine.gathered_after(block), workspace);
     }
     void pass_messages(const PlanBlock& block) {
-      const std::vector<CellSums>& iterations = engine.iterations_.at(block.number);
+      const std::vector<CellAggregation>& iterations = engine.iterations_.at(block.number);
       for (std::size_t k = 0; k < iterations.size(); ++k)
         iterations[k].apply(hierarchy, block.level(),
                             k + 1 < iterations.size() ? iterations[k + 1].gathered() : engine.gathered_after(block),
@@ -61,7 +61,7 @@ class ActivationEngine : public HgnEngine {
 
     const ActivationEngine& engine;
     const sparsegrid::Hierarchy<3>& hierarchy;
-    SumWorkspace& workspace;
+    AggregationWorkspace& workspace;
     std::vector<float>& acceleration;
   };
 
@@ -82,11 +82,11 @@ class ActivationEngine : public HgnEngine {
 
   int features_, latent_;
   LayerPlan plan_;
-  ParticleSums particles_;
-  std::map<std::size_t, std::vector<CellSums>> iterations_;  ///< by the block's number
-  std::vector<RestrictSums> restrict_;                       ///< by the finer level
-  std::map<std::size_t, Prolong> prolong_;                   ///< by the finer level
-  mutable WorkspacePool<SumWorkspace> workspaces_;
+  ParticleAggregation particles_;
+  std::map<std::size_t, std::vector<CellAggregation>> iterations_;  ///< by the block's number
+  std::vector<RestrictAggregation> restrict_;                       ///< by the finer level
+  std::map<std::size_t, Prolong> prolong_;                          ///< by the finer level
+  mutable WorkspacePool<AggregationWorkspace> workspaces_;
 };
 
 }  // namespace

@@ -4,7 +4,7 @@
 
 namespace graupel::graph {
 
-void SumTopology::build(const sparsegrid::Hierarchy<3>& hierarchy) {
+void AggregationTopology::build(const sparsegrid::Hierarchy<3>& hierarchy) {
   const std::size_t cells = hierarchy.levels[0].size();
   base_begin.assign(cells + 1, 0);
   for (const auto& cell : hierarchy.cell) ++base_begin[static_cast<std::size_t>(cell[0]) + 1];

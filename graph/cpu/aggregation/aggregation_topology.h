@@ -11,7 +11,7 @@
 namespace graupel::graph {
 
 /// Rebuilt every frame; keeps its memory.
-struct SumTopology {
+struct AggregationTopology {
   static constexpr int corners = 8;
   using Children = std::array<int32_t, corners>;
 

@@ -1,12 +1,12 @@
 #include "graph/cpu/aggregation/aggregation_workspace.h"
 
 #include "nn/bf16_products.h"
-#include "nn/chain_on_units.h"
 #include "nn/linear.h"
+#include "nn/matrix_extension_mlp.h"
 
 namespace graupel::graph {
 
-void SumWorkspace::prepare(const sparsegrid::Hierarchy<3>& hierarchy, int latent, int features) {
+void AggregationWorkspace::prepare(const sparsegrid::Hierarchy<3>& hierarchy, int latent, int features) {
   const int width = nn::padded_width(latent);
   on_units =
       nn::uses_bf16_products() && latent == width && nn::suits_bf16_units(latent) && latent <= nn::most_chain_width;
@@ -14,7 +14,7 @@ void SumWorkspace::prepare(const sparsegrid::Hierarchy<3>& hierarchy, int latent
   const std::size_t particles = hierarchy.cell.size();
   particle.resize_discard(particles * w);
   particle_part.resize(particles, width);
-  weight.resize_discard(particles * SumTopology::corners);
+  weight.resize_discard(particles * AggregationTopology::corners);
   std::size_t cells = 0;
   cell.resize(hierarchy.levels.size());
   for (std::size_t l = 0; l < hierarchy.levels.size(); ++l) {

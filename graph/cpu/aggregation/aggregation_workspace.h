@@ -30,8 +30,8 @@ class GatheredRows {
   Buffer<float> floats_;
 };
 
-struct SumWorkspace {
-  SumTopology topology;
+struct AggregationWorkspace {
+  AggregationTopology topology;
   Buffer<float> particle;            ///< [n][H] latents of particles, in sorted order
   GatheredRows particle_part;        ///< [n][H] what particle_to_grid gathers of them
   Buffer<float> weight;              ///< [n][8] of the pairs, in sorted order
@@ -53,7 +53,7 @@ struct SumWorkspace {
 
 /// body(Word()) for the rows as they are.
 template <typename Body>
-void with_rows(const SumWorkspace& workspace, const Body& body) {
+void with_rows(const AggregationWorkspace& workspace, const Body& body) {
   if (workspace.on_units) return body(uint32_t());
   body(float());
 }

@@ -14,7 +14,7 @@ float* row_of(Buffer<float>& buffer, int64_t row, int width) { return buffer.dat
 
 }  // namespace
 
-CellSums::CellSums(const nn::Weights& weights, const HgnConfig& config, const std::string& name)
+CellAggregation::CellAggregation(const nn::Weights& weights, const HgnConfig& config, const std::string& name)
     : width_(nn::padded_width(static_cast<int>(config.latent))) {
   const int h = static_cast<int>(config.latent);
   const FcnWeights layer = FcnWeights::load_layer(weights, name + ".gather", 2 * h + 3, h);
@@ -24,8 +24,8 @@ CellSums::CellSums(const nn::Weights& weights, const HgnConfig& config, const st
       ReceiverNetwork(FcnWeights::load(weights, name + ".cell", 2 * h, h, h), ReceiverNetwork::Inputs::sum_and_latent);
 }
 
-void CellSums::apply(const sparsegrid::Hierarchy<3>& hierarchy, std::size_t level, const nn::Linear& next,
-                     SumWorkspace& workspace) const {
+void CellAggregation::apply(const sparsegrid::Hierarchy<3>& hierarchy, std::size_t level, const nn::Linear& next,
+                            AggregationWorkspace& workspace) const {
   const auto& cells = hierarchy.levels[level];
   const auto count = static_cast<int64_t>(cells.size());
   Buffer<float>& latent = workspace.cell[level];
@@ -42,8 +42,8 @@ void CellSums::apply(const sparsegrid::Hierarchy<3>& hierarchy, std::size_t leve
 }
 
 template <typename Word>
-void CellSums::gather(const std::array<int32_t, 6>& neighbor, const Word* receiver, const Word* rows,
-                      float* sum) const {
+void CellAggregation::gather(const std::array<int32_t, 6>& neighbor, const Word* receiver, const Word* rows,
+                             float* sum) const {
   nn::ActivatedRow<Word> edges[6];
   int count = 0;
   for (int slot = 0; slot < 6; ++slot) {
@@ -54,7 +54,7 @@ void CellSums::gather(const std::array<int32_t, 6>& neighbor, const Word* receiv
   nn::sum_activated(width_, count, edges, receiver, sum);
 }
 
-RestrictSums::RestrictSums(const nn::Weights& weights, const HgnConfig& config, std::size_t level)
+RestrictAggregation::RestrictAggregation(const nn::Weights& weights, const HgnConfig& config, std::size_t level)
     : level_(level), width_(nn::padded_width(static_cast<int>(config.latent))) {
   const int h = static_cast<int>(config.latent);
   const std::string name = "restrict." + std::to_string(level);
@@ -64,8 +64,8 @@ RestrictSums::RestrictSums(const nn::Weights& weights, const HgnConfig& config, 
   network_ = ReceiverNetwork(FcnWeights::load(weights, name, h, h, h), ReceiverNetwork::Inputs::sum);
 }
 
-void RestrictSums::apply(const sparsegrid::Hierarchy<3>& hierarchy, const nn::Linear& next,
-                         SumWorkspace& workspace) const {
+void RestrictAggregation::apply(const sparsegrid::Hierarchy<3>& hierarchy, const nn::Linear& next,
+                                AggregationWorkspace& workspace) const {
   const auto cells = static_cast<int64_t>(hierarchy.levels[level_ + 1].size());
   const auto& children = workspace.topology.children[level_ + 1];
   Buffer<float>& latent = workspace.cell[level_ + 1];
@@ -75,9 +75,9 @@ void RestrictSums::apply(const sparsegrid::Hierarchy<3>& hierarchy, const nn::Li
       for (int32_t c = begin; c < end; ++c) {
         float* const sum = network_.sum(scratch, c - begin);
         nn::clear_row(sum, width_);
-        nn::ActivatedRow<Word> rows[SumTopology::corners];
+        nn::ActivatedRow<Word> rows[AggregationTopology::corners];
         int count = 0;
-        for (int octant = 0; octant < SumTopology::corners; ++octant) {
+        for (int octant = 0; octant < AggregationTopology::corners; ++octant) {
           const int32_t child = children[static_cast<std::size_t>(c)][static_cast<std::size_t>(octant)];
           if (child >= 0) rows[count++] = {workspace.now.row<Word>(child, width_), octant_.row(octant), 1.0f};
         }
@@ -99,7 +99,8 @@ Prolong::Prolong(const nn::Weights& weights, const HgnConfig& config, std::size_
   second_ = nn::NormalizedLayer(fcn);
 }
 
-void Prolong::apply(const sparsegrid::Hierarchy<3>& hierarchy, const nn::Linear& next, SumWorkspace& workspace) const {
+void Prolong::apply(const sparsegrid::Hierarchy<3>& hierarchy, const nn::Linear& next,
+                    AggregationWorkspace& workspace) const {
   const auto& fine = hierarchy.levels[level_];
   const auto count = static_cast<int64_t>(fine.size());
   Buffer<float>& latent = workspace.cell[level_];

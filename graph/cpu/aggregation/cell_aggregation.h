@@ -16,15 +16,15 @@
 namespace graupel::graph {
 
 /// One iteration of a block.
-class CellSums {
+class CellAggregation {
  public:
   /// `name` is the prefix of its weights: "down.<l>.<k>" or "up.<l>.<k>".
-  CellSums(const nn::Weights& weights, const HgnConfig& config, const std::string& name);
+  CellAggregation(const nn::Weights& weights, const HgnConfig& config, const std::string& name);
 
   /// What it gathers, [2 H]: sender part, receiver part.
   const nn::Linear& gathered() const { return gathered_.linear(); }
   void apply(const sparsegrid::Hierarchy<3>& hierarchy, std::size_t level, const nn::Linear& next,
-             SumWorkspace& workspace) const;
+             AggregationWorkspace& workspace) const;
 
  private:
   /// Word as in GatheredRows; `rows` are the cells' sender and receiver parts.
@@ -38,13 +38,13 @@ class CellSums {
 };
 
 /// From a level to the next coarser one.
-class RestrictSums {
+class RestrictAggregation {
  public:
-  RestrictSums(const nn::Weights& weights, const HgnConfig& config, std::size_t level);
+  RestrictAggregation(const nn::Weights& weights, const HgnConfig& config, std::size_t level);
 
   /// What it gathers of fine cells, [H].
   const nn::Linear& gathered() const { return gathered_; }
-  void apply(const sparsegrid::Hierarchy<3>& hierarchy, const nn::Linear& next, SumWorkspace& workspace) const;
+  void apply(const sparsegrid::Hierarchy<3>& hierarchy, const nn::Linear& next, AggregationWorkspace& workspace) const;
 
  private:
   std::size_t level_;
@@ -61,7 +61,7 @@ class Prolong {
 
   /// What it gathers of coarse cells, [H].
   const nn::Linear& gathered() const { return gathered_; }
-  void apply(const sparsegrid::Hierarchy<3>& hierarchy, const nn::Linear& next, SumWorkspace& workspace) const;
+  void apply(const sparsegrid::Hierarchy<3>& hierarchy, const nn::Linear& next, AggregationWorkspace& workspace) const;
 
  private:
   std::size_t level_;

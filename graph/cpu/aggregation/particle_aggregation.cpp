@@ -6,7 +6,7 @@
 
 #include "graph/topology/offset_tables.h"
 #include "nn/activated_sums.h"
-#include "nn/chain_on_units.h"
+#include "nn/matrix_extension_mlp.h"
 
 namespace graupel::graph {
 
@@ -14,10 +14,10 @@ using nn::FcnWeights;
 using Bias = FcnWeights::Bias;
 
 namespace {
-constexpr int corners = SumTopology::corners;
+constexpr int corners = AggregationTopology::corners;
 }
 
-ParticleSums::ParticleSums(const nn::Weights& weights, const HgnConfig& config)
+ParticleAggregation::ParticleAggregation(const nn::Weights& weights, const HgnConfig& config)
     : width_(nn::padded_width(static_cast<int>(config.latent))),
       p2g_scale_(static_cast<float>(config.p2g_scale)),
       encoder_(weights, "encoder", config, {.latent = static_cast<int>(config.latent)}),
@@ -37,21 +37,22 @@ ParticleSums::ParticleSums(const nn::Weights& weights, const HgnConfig& config)
                                       ReceiverNetwork::Inputs::sum_and_latent);
 }
 
-void ParticleSums::add_offset(const Vec3f& offset, const nn::InputTable& axis, float* part) const {
+void ParticleAggregation::add_offset(const Vec3f& offset, const nn::InputTable& axis, float* part) const {
   nn::add_three_rows(part, {offset[0], offset[1], offset[2]}, {axis.row(0), axis.row(1), axis.row(2)}, width_);
 }
 
-void ParticleSums::encode(const std::vector<float>& features, const std::vector<int32_t>& particle_type,
-                          const sparsegrid::Hierarchy<3>& hierarchy, SumWorkspace& workspace) const {
+void ParticleAggregation::encode(const std::vector<float>& features, const std::vector<int32_t>& particle_type,
+                                 const sparsegrid::Hierarchy<3>& hierarchy, AggregationWorkspace& workspace) const {
   const auto count = static_cast<int64_t>(particle_type.size());
   for_each_range(workspace, count, sum_rows(count), [&](int32_t begin, int32_t end, TileScratch& scratch) {
     encode_tile(begin, end, features, particle_type, hierarchy, workspace, scratch);
   });
 }
 
-void ParticleSums::encode_tile(int32_t begin, int32_t end, const std::vector<float>& features,
-                               const std::vector<int32_t>& particle_type, const sparsegrid::Hierarchy<3>& hierarchy,
-                               SumWorkspace& workspace, TileScratch& scratch) const {
+void ParticleAggregation::encode_tile(int32_t begin, int32_t end, const std::vector<float>& features,
+                                      const std::vector<int32_t>& particle_type,
+                                      const sparsegrid::Hierarchy<3>& hierarchy, AggregationWorkspace& workspace,
+                                      TileScratch& scratch) const {
   const int rows = end - begin;
   float* const latent = workspace.particle.data() + int64_t{begin} * width_;
   const float* const hidden =
@@ -61,12 +62,13 @@ void ParticleSums::encode_tile(int32_t begin, int32_t end, const std::vector<flo
   leave_for_grid(begin, end, part, hierarchy, workspace);
 }
 
-NextRows ParticleSums::grid_rows(int32_t begin, float* spare, SumWorkspace& workspace) const {
+NextRows ParticleAggregation::grid_rows(int32_t begin, float* spare, AggregationWorkspace& workspace) const {
   return {.layer = p2g_part_, .floats = workspace.on_units ? spare : workspace.particle_part.row<float>(begin, width_)};
 }
 
-void ParticleSums::leave_for_grid(int32_t begin, int32_t end, const NextRows& part,
-                                  const sparsegrid::Hierarchy<3>& hierarchy, SumWorkspace& workspace) const {
+void ParticleAggregation::leave_for_grid(int32_t begin, int32_t end, const NextRows& part,
+                                         const sparsegrid::Hierarchy<3>& hierarchy,
+                                         AggregationWorkspace& workspace) const {
   for (int32_t place = begin; place < end; ++place) {
     const auto particle = static_cast<std::size_t>(workspace.topology.order[static_cast<std::size_t>(place)]);
     add_offset(hierarchy.offset[particle], p2g_axis_, part.floats + int64_t{place - begin} * width_);
@@ -76,8 +78,8 @@ void ParticleSums::leave_for_grid(int32_t begin, int32_t end, const NextRows& pa
     nn::pack_rows(part.floats, end - begin, width_, workspace.particle_part.row<uint32_t>(begin, width_));
 }
 
-void ParticleSums::particle_to_grid(const sparsegrid::Hierarchy<3>& hierarchy, const nn::Linear& next,
-                                    SumWorkspace& workspace) const {
+void ParticleAggregation::particle_to_grid(const sparsegrid::Hierarchy<3>& hierarchy, const nn::Linear& next,
+                                           AggregationWorkspace& workspace) const {
   const auto& cells = hierarchy.levels[0];
   const auto count = static_cast<int64_t>(cells.size());
   for_each_range(workspace, count, sum_rows(count), [&](int32_t begin, int32_t end, TileScratch& scratch) {
@@ -92,8 +94,8 @@ void ParticleSums::particle_to_grid(const sparsegrid::Hierarchy<3>& hierarchy, c
 }
 
 template <typename Word>
-void ParticleSums::gather_to_cell(const sparsegrid::HierarchyLevel<3>& cells, int32_t cell,
-                                  const SumWorkspace& workspace, float* sum) const {
+void ParticleAggregation::gather_to_cell(const sparsegrid::HierarchyLevel<3>& cells, int32_t cell,
+                                         const AggregationWorkspace& workspace, float* sum) const {
   // The cell that lies k lower; -1 also where only a way over cells that are not active leads there: a particle there
   // would make the cells of the way active.
   int32_t base[corners] = {cell};
@@ -123,16 +125,17 @@ void ParticleSums::gather_to_cell(const sparsegrid::HierarchyLevel<3>& cells, in
   add_pairs();
 }
 
-void ParticleSums::grid_to_particle(const sparsegrid::Hierarchy<3>& hierarchy, SumWorkspace& workspace,
-                                    std::vector<float>& acceleration) const {
+void ParticleAggregation::grid_to_particle(const sparsegrid::Hierarchy<3>& hierarchy, AggregationWorkspace& workspace,
+                                           std::vector<float>& acceleration) const {
   const auto count = static_cast<int64_t>(hierarchy.cell.size());
   for_each_range(workspace, count, sum_rows(count), [&](int32_t begin, int32_t end, TileScratch& scratch) {
     decode_tile(begin, end, hierarchy, workspace, scratch, acceleration);
   });
 }
 
-void ParticleSums::decode_tile(int32_t begin, int32_t end, const sparsegrid::Hierarchy<3>& hierarchy,
-                               SumWorkspace& workspace, TileScratch& scratch, std::vector<float>& acceleration) const {
+void ParticleAggregation::decode_tile(int32_t begin, int32_t end, const sparsegrid::Hierarchy<3>& hierarchy,
+                                      AggregationWorkspace& workspace, TileScratch& scratch,
+                                      std::vector<float>& acceleration) const {
   const int32_t* const order = workspace.topology.order.data() + begin;
   const int rows = end - begin;
   float* const latent = workspace.particle.data() + int64_t{begin} * width_;
@@ -151,8 +154,9 @@ void ParticleSums::decode_tile(int32_t begin, int32_t end, const sparsegrid::Hie
 }
 
 template <typename Word>
-void ParticleSums::gather_to_particle(std::size_t particle, const sparsegrid::Hierarchy<3>& hierarchy,
-                                      const SumWorkspace& workspace, const float* own, float* sum) const {
+void ParticleAggregation::gather_to_particle(std::size_t particle, const sparsegrid::Hierarchy<3>& hierarchy,
+                                             const AggregationWorkspace& workspace, const float* own,
+                                             float* sum) const {
   const auto& cells = hierarchy.cell[particle];
   const auto& weight = hierarchy.weight[particle];
   nn::ActivatedRow<Word> rows[corners];

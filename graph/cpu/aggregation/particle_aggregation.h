@@ -14,40 +14,40 @@
 
 namespace graupel::graph {
 
-class ParticleSums {
+class ParticleAggregation {
  public:
-  ParticleSums(const nn::Weights& weights, const HgnConfig& config);
+  ParticleAggregation(const nn::Weights& weights, const HgnConfig& config);
 
   /// f_p of all particles, and what the grid gathers of them.
   void encode(const std::vector<float>& features, const std::vector<int32_t>& particle_type,
-              const sparsegrid::Hierarchy<3>& hierarchy, SumWorkspace& workspace) const;
+              const sparsegrid::Hierarchy<3>& hierarchy, AggregationWorkspace& workspace) const;
   /// Ends with what the `next` step gathers of the cells.
   void particle_to_grid(const sparsegrid::Hierarchy<3>& hierarchy, const nn::Linear& next,
-                        SumWorkspace& workspace) const;
+                        AggregationWorkspace& workspace) const;
   /// What grid_to_particle gathers of cells, [H].
   const nn::Linear& gathered() const { return g2p_cell_part_; }
   /// Normalised accelerations [n, output_width()].
-  void grid_to_particle(const sparsegrid::Hierarchy<3>& hierarchy, SumWorkspace& workspace,
+  void grid_to_particle(const sparsegrid::Hierarchy<3>& hierarchy, AggregationWorkspace& workspace,
                         std::vector<float>& acceleration) const;
 
  private:
   void encode_tile(int32_t begin, int32_t end, const std::vector<float>& features,
                    const std::vector<int32_t>& particle_type, const sparsegrid::Hierarchy<3>& hierarchy,
-                   SumWorkspace& workspace, TileScratch& scratch) const;
+                   AggregationWorkspace& workspace, TileScratch& scratch) const;
   /// Where p2g_part_ of a tile's latents goes; `spare` where it is packed after.
-  NextRows grid_rows(int32_t begin, float* spare, SumWorkspace& workspace) const;
+  NextRows grid_rows(int32_t begin, float* spare, AggregationWorkspace& workspace) const;
   /// The rest of what the grid gathers.
   void leave_for_grid(int32_t begin, int32_t end, const NextRows& part, const sparsegrid::Hierarchy<3>& hierarchy,
-                      SumWorkspace& workspace) const;
+                      AggregationWorkspace& workspace) const;
   /// Word as in GatheredRows.
   template <typename Word>
-  void gather_to_cell(const sparsegrid::HierarchyLevel<3>& cells, int32_t cell, const SumWorkspace& workspace,
+  void gather_to_cell(const sparsegrid::HierarchyLevel<3>& cells, int32_t cell, const AggregationWorkspace& workspace,
                       float* sum) const;
   template <typename Word>
   void gather_to_particle(std::size_t particle, const sparsegrid::Hierarchy<3>& hierarchy,
-                          const SumWorkspace& workspace, const float* own, float* sum) const;
-  void decode_tile(int32_t begin, int32_t end, const sparsegrid::Hierarchy<3>& hierarchy, SumWorkspace& workspace,
-                   TileScratch& scratch, std::vector<float>& acceleration) const;
+                          const AggregationWorkspace& workspace, const float* own, float* sum) const;
+  void decode_tile(int32_t begin, int32_t end, const sparsegrid::Hierarchy<3>& hierarchy,
+                   AggregationWorkspace& workspace, TileScratch& scratch, std::vector<float>& acceleration) const;
   /// part += sum over axes of offset * axis row.
   void add_offset(const Vec3f& offset, const nn::InputTable& axis, float* part) const;
 

@@ -3,7 +3,7 @@
 #include <algorithm>
 
 #include "core/system/error.h"
-#include "nn/chain_on_units.h"
+#include "nn/matrix_extension_mlp.h"
 
 namespace graupel::graph {
 
@@ -12,12 +12,12 @@ namespace {
 /// On units for bf16, where they are used for all layers; else false, and nothing is done.
 bool apply_on_units(const nn::Linear* first, const nn::NormalizedLayer& second, const NextRows& next,
                     nn::ChainRows rows) {
-  const nn::UnitChain chain{.first = first ? first->on_units() : nn::UnitLayer(),
-                            .second = second.linear().on_units(),
-                            .next = next.layer.on_units(),
-                            .gamma = second.gamma(),
-                            .beta = second.beta(),
-                            .out = second.linear().out()};
+  const nn::MatrixExtensionMlp chain{.first = first ? first->on_units() : nn::MatrixExtensionLayer(),
+                                     .second = second.linear().on_units(),
+                                     .next = next.layer.on_units(),
+                                     .gamma = second.gamma(),
+                                     .beta = second.beta(),
+                                     .out = second.linear().out()};
   if ((first && !chain.first.tiles) || !chain.second.tiles || !chain.next.tiles ||
       second.width() > nn::most_chain_width) {
     GRAUPEL_ASSERT(!next.packed);

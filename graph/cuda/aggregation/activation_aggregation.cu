@@ -54,7 +54,7 @@ struct Table {
 };
 
 template <int ways, int under_way>
-__global__ void __launch_bounds__(threads) sum_kernel(ActivationSums s) {
+__global__ void __launch_bounds__(threads) sum_kernel(ActivationAggregation s) {
   __shared__ Table table;
   for (int i = static_cast<int>(threadIdx.x); i < table_rows * 2 * group; i += threads) {
     const int half = i % 2, lane = i / 2 % group, row = i / (2 * group);
@@ -280,7 +280,7 @@ int few_blocks(int64_t nodes, bool is_receiver) {
 }
 
 template <int ways, int under_way>
-void launch_sums(const ActivationSums& sums, void* stream) {
+void launch_sums(const ActivationAggregation& sums, void* stream) {
   sum_kernel<ways, under_way>
       <<<blocks_of_groups(sums.receivers, ways), threads, 0, static_cast<cudaStream_t>(stream)>>>(sums);
 }
@@ -298,7 +298,7 @@ void launch_gradient(const ActivationGradient& gradient, int blocks, void* strea
 
 int most_offset_partials() { return resident(true) * multiprocessors(); }
 
-void sum_activations(const ActivationSums& sums, void* stream) {
+void aggregate_activations(const ActivationAggregation& sums, void* stream) {
   if (sums.receivers == 0) return;
   if (sums.items.are_long)
     launch_sums<long_ways, many_items>(sums, stream);

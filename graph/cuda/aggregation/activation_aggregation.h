@@ -23,7 +23,7 @@ struct NodeItems {
 
 /// sum[r] = scale * sum over the items q of receiver r of weight[q] a(sent[sender(q)] + received[r] + table[row(q)]),
 /// a = LeakyReLU_0.01.
-struct ActivationSums {
+struct ActivationAggregation {
   int64_t receivers = 0;
   NodeItems items = {};
   RowOf sender = {};                   ///< of an item
@@ -36,7 +36,7 @@ struct ActivationSums {
   uint16_t* sum = nullptr;   ///< [receivers, 128]
   uint8_t* signs = nullptr;  ///< [items, 16]
 };
-void sum_activations(const ActivationSums& sums, void* stream);
+void aggregate_activations(const ActivationAggregation& sums, void* stream);
 
 /// Blocks of partial sums [3, 128] that the gradients below leave at most.
 int most_offset_partials();

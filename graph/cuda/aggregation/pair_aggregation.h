@@ -13,7 +13,7 @@ inline constexpr int pairs_a_part = 32;
 ///   sums[c + p] = sum over these pairs i of weight[i] a(source[i / 8] + table[i % 8]),   a = LeakyReLU 0.01.
 /// Cells and parts both ascend along the list, so that no two have the same row, and the rows of a cell are neighbours.
 /// All pointers are to the GPU's memory.
-struct PairSums {
+struct PairAggregation {
   const int32_t* range;     ///< cells range[0] to range[1] - 1 of `begin`; they are cells 0, 1, .. of all others
   int32_t most_cells;       ///< with more than that nothing is done
   const int32_t* overflow;  ///< where it is not 0 nothing is done; null: none
@@ -23,11 +23,11 @@ struct PairSums {
   const float* weight;      ///< of each pair
   const uint16_t* source;   ///< [particles, 128], bf16
   const float* table;       ///< [8, 128]
-  float* sums;              ///< [rows_of_pair_sums(cells, pairs), 128]
+  float* sums;              ///< [rows_of_pair_aggregation(cells, pairs), 128]
 };
-inline int64_t rows_of_pair_sums(int64_t cells, int64_t pairs) { return cells + pairs / pairs_a_part + 1; }
+inline int64_t rows_of_pair_aggregation(int64_t cells, int64_t pairs) { return cells + pairs / pairs_a_part + 1; }
 
 /// `pairs`: as many as there are at most.
-void sum_pairs(const PairSums& sums, int64_t pairs, void* stream);
+void aggregate_pairs(const PairAggregation& sums, int64_t pairs, void* stream);
 
 }  // namespace graupel::graph

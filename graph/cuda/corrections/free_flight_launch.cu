@@ -19,7 +19,7 @@ __device__ int64_t item_of_thread(unsigned block) { return static_cast<int64_t>(
 
 /// Adds what the lanes have to their groups' sums; slot < 0: nothing. All lanes of a warp must call it.
 template <int N>
-__device__ void add_by_warp(GroupSums* sums, Terms<N> GroupSums::*part, int32_t slot, const Terms<N>& terms) {
+__device__ void add_by_warp(GroupMomentum* sums, Terms<N> GroupMomentum::*part, int32_t slot, const Terms<N>& terms) {
   const int lane = static_cast<int>(threadIdx.x % 32);
   for (int round = 0; round < common_groups; ++round) {
     const unsigned left = __ballot_sync(whole_warp, slot >= 0);
@@ -81,7 +81,7 @@ __global__ void __launch_bounds__(threads) place_kernel(Groups groups) {
   const int32_t slot = i < groups.n ? place_particle(groups, i) : -1;
   PlaceTerms terms{};
   if (slot >= 0) terms = groups.place_terms(i, slot);
-  add_by_warp(groups.sums, &GroupSums::place, slot, terms);
+  add_by_warp(groups.sums, &GroupMomentum::place, slot, terms);
   clear_at_last(groups);
 }
 
@@ -91,7 +91,7 @@ __device__ void add_push(const Groups& groups, int64_t i, const Vec3f* next) {
   if (!groups.flies(slot)) slot = -1;
   PushTerms terms{};
   if (slot >= 0) terms = groups.push_terms(i, slot, next);
-  add_by_warp(groups.sums, &GroupSums::push, slot, terms);
+  add_by_warp(groups.sums, &GroupMomentum::push, slot, terms);
 }
 
 /// Read past the first cache, where the sums of this launch are not.
@@ -106,7 +106,7 @@ __device__ Terms<N> sums_of(const Terms<N>& place) {
 __device__ void correct_particle(const Groups& groups, int64_t i, Vec3f* next) {
   const int32_t slot = groups.group[i];
   if (!groups.flies(slot)) return;
-  const GroupSums& sums = groups.sums[slot];
+  const GroupMomentum& sums = groups.sums[slot];
   correct(groups, i, slot, change_of(sums.place, sums_of(sums.push)), next);
 }
 

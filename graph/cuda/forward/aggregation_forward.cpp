@@ -22,7 +22,8 @@ struct Projections {
 
 class ForwardPass {
  public:
-  ForwardPass(const PackedHgn& network, const HgnGraph& graph, RowMemory& memory, SumsRecord& record, void* stream)
+  ForwardPass(const PackedHgn& network, const HgnGraph& graph, RowMemory& memory, AggregationRecord& record,
+              void* stream)
       : network_(network), graph_(graph), memory_(memory), record_(record), stream_(stream), f_(graph.level.size()) {
     GRAUPEL_ASSERT(f_.size() == static_cast<std::size_t>(network.config().levels));
   }
@@ -47,11 +48,11 @@ class ForwardPass {
     constexpr int64_t in_a_row = 2 * h / sign_bytes;
     return reinterpret_cast<uint8_t*>(memory_.rows16((items + in_a_row - 1) / in_a_row));
   }
-  SumsRecord::Step& new_step(const PlanBlock& block) { return record_.blocks[block.number].emplace_back(); }
+  AggregationRecord::Step& new_step(const PlanBlock& block) { return record_.blocks[block.number].emplace_back(); }
   /// FCN `name` over [sum] or, with `nodes`, over [sum, nodes]; the nodes are added to its result.
   RowLatents update(const std::string& name, int64_t rows, const uint16_t* sum, const RowLatents& nodes,
-                    RowNetwork& record, const RowOutlook& outlook = {});
-  RowOutlook outlook(const std::string& gather, const Projections& to) const;
+                    FusedMlp& record, const EpilogueProjection& epilogue = {});
+  EpilogueProjection epilogue(const std::string& gather, const Projections& to) const;
   Projections projections(const LevelLinks& level) {
     return {memory_.rows16(level.cells), memory_.rows16(level.cells)};
   }
@@ -59,7 +60,7 @@ class ForwardPass {
   const PackedHgn& network_;
   const HgnGraph& graph_;
   RowMemory& memory_;
-  SumsRecord& record_;
+  AggregationRecord& record_;
   void* stream_;
   std::vector<RowLatents> f_;        ///< cells of each level
   RowLatents result_;                ///< of the particles
@@ -67,8 +68,8 @@ class ForwardPass {
   uint16_t* to_particle_ = nullptr;  ///< W_p f_p + W_o offset + b of grid_to_particle.gather, [particles, 128]
 };
 
-RowOutlook ForwardPass::outlook(const std::string& gather, const Projections& to) const {
-  RowOutlook wanted;
+EpilogueProjection ForwardPass::epilogue(const std::string& gather, const Projections& to) const {
+  EpilogueProjection wanted;
   wanted.weight[0] = network_.tile(gather, 0);
   wanted.weight[1] = network_.tile(gather, h);
   wanted.bias[1] = network_.fcn(gather).b1;
@@ -78,7 +79,7 @@ RowOutlook ForwardPass::outlook(const std::string& gather, const Projections& to
 }
 
 RowLatents ForwardPass::update(const std::string& name, int64_t rows, const uint16_t* sum, const RowLatents& nodes,
-                               RowNetwork& record, const RowOutlook& outlook) {
+                               FusedMlp& record, const EpilogueProjection& epilogue) {
   const RowLatents result = latents(rows);
   record = network_.network(name, rows);
   record.operand[0] = {.rows = sum, .weight = network_.tile(name, 0)};
@@ -87,7 +88,7 @@ RowLatents ForwardPass::update(const std::string& name, int64_t rows, const uint
   record.add32 = nodes.f32;
   record.sum32 = result.f32;
   record.copy16 = result.f16;
-  record.outlook = outlook;
+  record.epilogue = epilogue;
   forward(record, stream_);
   return result;
 }
@@ -111,19 +112,19 @@ void ForwardPass::particle_to_grid(const PlanBlock& block) {
            .out16 = {to_cells, to_particle_}},
           stream_);
   uint16_t* const sum = memory_.rows16(cells);
-  SumsRecord::Step& step = new_step(block);
+  AggregationRecord::Step& step = new_step(block);
   step.signs = signs(corners * n);
-  sum_activations({.receivers = cells,
-                   .items = {.begin = graph_.pair_begin, .item = graph_.pair, .are_long = true},
-                   .sender = by_particle,
-                   .sent = to_cells,
-                   .table = network_.table(to_name),
-                   .table_row = by_corner,
-                   .weight = graph_.weight,
-                   .scale = static_cast<float>(network_.config().p2g_scale),
-                   .sum = sum,
-                   .signs = step.signs},
-                  stream_);
+  aggregate_activations({.receivers = cells,
+                         .items = {.begin = graph_.pair_begin, .item = graph_.pair, .are_long = true},
+                         .sender = by_particle,
+                         .sent = to_cells,
+                         .table = network_.table(to_name),
+                         .table_row = by_corner,
+                         .weight = graph_.weight,
+                         .scale = static_cast<float>(network_.config().p2g_scale),
+                         .sum = sum,
+                         .signs = step.signs},
+                        stream_);
   f_[0] = update(block.name, cells, sum, {}, step.network);
 }
 
@@ -132,20 +133,20 @@ void ForwardPass::grid_to_particle(const PlanBlock& block) {
   const int64_t n = graph_.particles, n_cells = graph_.level[0].cells;
   uint16_t *const per_cell = memory_.rows16(n_cells), *const sum = memory_.rows16(n);
   project({.rows = n_cells, .x = f_[0].f16, .weight = {network_.tile(name, 0)}, .out16 = {per_cell}}, stream_);
-  SumsRecord::Step& step = new_step(block);
+  AggregationRecord::Step& step = new_step(block);
   step.gathered = f_[0].f16;
   step.signs = signs(corners * n);
-  sum_activations({.receivers = n,
-                   .items = {.fixed = corners},
-                   .sender = {graph_.cell},
-                   .sent = per_cell,
-                   .received = to_particle_,
-                   .table = network_.table(name),
-                   .table_row = by_corner,
-                   .weight = graph_.weight,
-                   .sum = sum,
-                   .signs = step.signs},
-                  stream_);
+  aggregate_activations({.receivers = n,
+                         .items = {.fixed = corners},
+                         .sender = {graph_.cell},
+                         .sent = per_cell,
+                         .received = to_particle_,
+                         .table = network_.table(name),
+                         .table_row = by_corner,
+                         .weight = graph_.weight,
+                         .sum = sum,
+                         .signs = step.signs},
+                        stream_);
   result_ = update(block.name, n, sum, record_.particles, step.network);
 }
 
@@ -156,17 +157,17 @@ void ForwardPass::restrict_to_coarse(const PlanBlock& block) {
   const int64_t parents = graph_.level[l + 1].cells;
   uint16_t *const per_child = memory_.rows16(level.cells), *const sum = memory_.rows16(parents);
   project({.rows = level.cells, .x = f_[l].f16, .weight = {network_.tile(gather, 0)}, .out16 = {per_child}}, stream_);
-  SumsRecord::Step& step = new_step(block);
+  AggregationRecord::Step& step = new_step(block);
   step.signs = signs(level.cells);
   step.gathered = f_[l].f16;
-  sum_activations({.receivers = parents,
-                   .items = {.begin = level.child_begin, .first = level.first_child, .item = level.child},
-                   .sent = per_child,
-                   .table = network_.table(gather),
-                   .table_row = {level.octant},
-                   .sum = sum,
-                   .signs = step.signs},
-                  stream_);
+  aggregate_activations({.receivers = parents,
+                         .items = {.begin = level.child_begin, .first = level.first_child, .item = level.child},
+                         .sent = per_child,
+                         .table = network_.table(gather),
+                         .table_row = {level.octant},
+                         .sum = sum,
+                         .signs = step.signs},
+                        stream_);
   f_[l + 1] = update(block.name, parents, sum, {}, step.network);
 }
 
@@ -174,11 +175,11 @@ void ForwardPass::prolong_to_fine(const PlanBlock& block) {
   const std::size_t l = block.level();
   const LevelLinks& level = graph_.level[l];
   const RowLatents refined = latents(level.cells);
-  RowNetwork& network = new_step(block).network;
+  FusedMlp& network = new_step(block).network;
   network = prolongation(network_, l, level, f_[l + 1], f_[l], refined);
-  if (can_look_ahead()) {
+  if (can_project_ahead()) {
     ahead_ = projections(level);
-    network.outlook = outlook(numbered(network_.plan().blocks[block.number + 1].name, 0, ".gather"), ahead_);
+    network.epilogue = epilogue(numbered(network_.plan().blocks[block.number + 1].name, 0, ".gather"), ahead_);
   }
   forward(network, stream_);
   f_[l] = refined;
@@ -192,11 +193,11 @@ void ForwardPass::pass_messages(const PlanBlock& block) {
   record_.blocks[block.number].reserve(static_cast<std::size_t>(block.iterations));
   for (int64_t k = 0; k < block.iterations; ++k) {
     const std::string gather = numbered(block.name, k, ".gather");
-    SumsRecord::Step& step = new_step(block);
+    AggregationRecord::Step& step = new_step(block);
     step.gathered = nodes.f16;
     if (projected.sender == nullptr) {
       projected = projections(level);
-      const RowOutlook wanted = outlook(gather, projected);
+      const EpilogueProjection wanted = epilogue(gather, projected);
       project({.rows = level.cells,
                .x = nodes.f16,
                .weight = {wanted.weight[0], wanted.weight[1]},
@@ -206,21 +207,21 @@ void ForwardPass::pass_messages(const PlanBlock& block) {
     }
     uint16_t* const sum = memory_.rows16(level.cells);
     step.signs = signs(level.edges);
-    sum_activations({.receivers = level.cells,
-                     .items = {.begin = level.edge_begin, .first = level.first_edge},
-                     .sender = {level.sender},
-                     .sent = projected.sender,
-                     .received = projected.receiver,
-                     .table = network_.table(gather),
-                     .table_row = {level.slot},
-                     .sum = sum,
-                     .signs = step.signs},
-                    stream_);
-    RowOutlook next;
+    aggregate_activations({.receivers = level.cells,
+                           .items = {.begin = level.edge_begin, .first = level.first_edge},
+                           .sender = {level.sender},
+                           .sent = projected.sender,
+                           .received = projected.receiver,
+                           .table = network_.table(gather),
+                           .table_row = {level.slot},
+                           .sum = sum,
+                           .signs = step.signs},
+                          stream_);
+    EpilogueProjection next;
     projected = {};
-    if (can_look_ahead() && k + 1 < block.iterations) {
+    if (can_project_ahead() && k + 1 < block.iterations) {
       projected = projections(level);
-      next = outlook(numbered(block.name, k + 1, ".gather"), projected);
+      next = epilogue(numbered(block.name, k + 1, ".gather"), projected);
     }
     nodes = update(numbered(block.name, k, ".cell"), level.cells, sum, nodes, step.network, next);
   }
@@ -228,8 +229,8 @@ void ForwardPass::pass_messages(const PlanBlock& block) {
 
 }  // namespace
 
-RowLatents forward_sums(const PackedHgn& network, const HgnGraph& graph, RowMemory& memory, SumsRecord& record,
-                        void* stream) {
+RowLatents forward_aggregation(const PackedHgn& network, const HgnGraph& graph, RowMemory& memory,
+                               AggregationRecord& record, void* stream) {
   return ForwardPass(network, graph, memory, record, stream).run();
 }
 

@@ -11,20 +11,20 @@
 namespace graupel::graph {
 
 /// What a forward pass leaves for the backward pass.
-struct SumsRecord {
+struct AggregationRecord {
   /// A sum of activations and the network that takes it as its first operand.
   struct Step {
     uint8_t* signs = nullptr;  ///< of the activations
-    RowNetwork network;
+    FusedMlp network;
     const uint16_t* gathered = nullptr;  ///< senders' latents
   };
-  RowNetwork encoder;
+  FusedMlp encoder;
   RowLatents particles;                   ///< after the encoder
   std::vector<std::vector<Step>> blocks;  ///< [LayerPlan::blocks][iterations]; a prolongation has its network alone
 };
 
 /// Latents of the particles before the decoder, [particles, 128]: encoder's plus what the cells send.
-RowLatents forward_sums(const PackedHgn& network, const HgnGraph& graph, RowMemory& memory, SumsRecord& record,
-                        void* stream);
+RowLatents forward_aggregation(const PackedHgn& network, const HgnGraph& graph, RowMemory& memory,
+                               AggregationRecord& record, void* stream);
 
 }  // namespace graupel::graph

@@ -49,8 +49,8 @@ class ForwardPass {
     return arrays_[place];
   }
   /// Where nothing is kept, node networks make their rows' projections for the step that comes next.
-  bool looks_ahead() const { return !memory_.keeps_all() && can_look_ahead(); }
-  RowOutlook outlook(int64_t k) {
+  bool projects_ahead() const { return !memory_.keeps_all() && can_project_ahead(); }
+  EpilogueProjection epilogue(int64_t k) {
     const std::string name = step_name(k, "edge");
     const Projections& to = arrays_of(k).projections;
     return {
@@ -85,7 +85,7 @@ void ForwardPass::encode_nodes() {
                    .out = first},
                   stream_);
   nodes_ = {memory_.rows32(rows_.nodes), memory_.rows16(rows_.nodes)};
-  RowNetwork& encoder = record_.node_encoder = network_.network("encoder.node", rows_.nodes, rows_.node_count);
+  FusedMlp& encoder = record_.node_encoder = network_.network("encoder.node", rows_.nodes, rows_.node_count);
   encoder.table[0] = {first, {}};
   encoder.sum32 = nodes_.f32;
   encoder.copy16 = nodes_.f16;
@@ -94,7 +94,7 @@ void ForwardPass::encode_nodes() {
 
 void ForwardPass::encode_edges() {
   const FcnWeights& fcn = network_.fcn("encoder.edge");
-  RowNetwork& encoder = record_.edge_encoder = network_.network("encoder.edge", rows_.edges, rows_.edge_count);
+  FusedMlp& encoder = record_.edge_encoder = network_.network("encoder.edge", rows_.edges, rows_.edge_count);
   encoder.features = {rows_.edge_features, fcn.w1};
   encoder.table[0] = {fcn.b1, always_first};
   encoder.out16 = edges_.latent(0);
@@ -102,7 +102,7 @@ void ForwardPass::encode_edges() {
 }
 
 void ForwardPass::project_nodes(int64_t k) {
-  const RowOutlook wanted = outlook(k);
+  const EpilogueProjection wanted = epilogue(k);
   project({.rows = rows_.nodes,
            .row_count = rows_.node_count,
            .x = nodes_.f16,
@@ -116,8 +116,8 @@ void ForwardPass::step(int64_t k, bool is_followed) {
   const std::string edge_name = step_name(k, "edge"), node_name = step_name(k, "node");
   GnsRecord::Step& record = record_.step[static_cast<std::size_t>(k)];
   const NodeArrays own = arrays_of(k);
-  if (k == 0 || !looks_ahead()) project_nodes(k);
-  RowNetwork& edge = record.edge = network_.network(edge_name, rows_.edges, rows_.edge_count);
+  if (k == 0 || !projects_ahead()) project_nodes(k);
+  FusedMlp& edge = record.edge = network_.network(edge_name, rows_.edges, rows_.edge_count);
   edge.operand[0] = {.rows = edges_.latent(k), .weight = network_.tile(edge_name, 2 * h)};
   edge.table[0] = {own.projections.sender, {rows_.sender}};
   edge.table[1] = {own.projections.receiver, {rows_.receiver}};
@@ -134,14 +134,14 @@ void ForwardPass::step(int64_t k, bool is_followed) {
                 .source = edge.out16,
                 .out16 = own.received},
                stream_);
-  RowNetwork& node = record.node = network_.network(node_name, rows_.nodes, rows_.node_count);
+  FusedMlp& node = record.node = network_.network(node_name, rows_.nodes, rows_.node_count);
   node.operand[0] = {.rows = own.received, .weight = network_.tile(node_name, 0)};
   node.operand[1] = {.rows = nodes_.f16, .weight = network_.tile(node_name, h)};
   node.table[0] = {network_.fcn(node_name).b1, always_first};
   node.add32 = nodes_.f32;
   node.sum32 = own.latents.f32;
   node.copy16 = own.latents.f16;
-  if (is_followed && looks_ahead()) node.outlook = outlook(k + 1);
+  if (is_followed && projects_ahead()) node.epilogue = epilogue(k + 1);
   forward(node, stream_);
   nodes_ = own.latents;
 }
@@ -185,9 +185,9 @@ const uint16_t* PackedGns::tile(const std::string& fcn, int64_t first_column) co
   return tiles_.data() + tile_of_.at({fcn, first_column}) * tile_numbers;
 }
 
-RowNetwork PackedGns::network(const std::string& name, int64_t rows, const int32_t* row_count) const {
+FusedMlp PackedGns::network(const std::string& name, int64_t rows, const int32_t* row_count) const {
   const FcnWeights& net = fcn(name);
-  RowNetwork network;
+  FusedMlp network;
   network.rows = rows;
   network.row_count = row_count;
   network.slope = static_cast<float>(config_.leaky_slope);

@@ -31,7 +31,7 @@ class PackedGns {
   /// What the node encoder's first layer adds for a type.
   const float* type_table() const { return table_.data(); }
   /// A network over rows with its second layer; operands and tables are the caller's.
-  RowNetwork network(const std::string& fcn, int64_t rows, const int32_t* row_count) const;
+  FusedMlp network(const std::string& fcn, int64_t rows, const int32_t* row_count) const;
 
  private:
   GnsConfig config_;
@@ -66,10 +66,10 @@ class EdgeMemory {
 /// What a forward pass leaves for the backward pass.
 struct GnsRecord {
   struct Step {
-    RowNetwork edge;  ///< operand 0: e
-    RowNetwork node;  ///< operands: the sums of messages, f
+    FusedMlp edge;  ///< operand 0: e
+    FusedMlp node;  ///< operands: the sums of messages, f
   };
-  RowNetwork node_encoder, edge_encoder;
+  FusedMlp node_encoder, edge_encoder;
   std::vector<Step> step;
 };
 

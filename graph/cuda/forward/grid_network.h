@@ -22,7 +22,7 @@ struct GridInputs {
   const Vec3f* position = nullptr;    ///< [particles]
   Vec3d origin = {};                  ///< of the grid [m]
   GridLinks grid = {};
-  LevelRoom room;  ///< frames with more cells than that are not predicted
+  LevelCapacity room;  ///< frames with more cells than that are not predicted
 };
 
 class GridNetwork {
@@ -35,7 +35,7 @@ class GridNetwork {
   /// What the grid's stream does after the grid was built.
   virtual void follow_grid(void* grid_stream) = 0;
   /// The moments' graph is the grid.
-  virtual void launch(void* stream, const LaunchMoments& moments) = 0;
+  virtual void launch(void* stream, const LaunchHooks& moments) = 0;
 
   virtual const float* output() const = 0;  ///< [particles, output_width()] normalised accelerations
   /// Not 0 where the grid has overflowed or there was no room for it; the output is of no use then.

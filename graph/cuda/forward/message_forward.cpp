@@ -35,7 +35,7 @@ class ForwardPass {
   }
 
   float* run(const std::function<void()>& grid_ready) {
-    RowNetwork encoder;
+    FusedMlp encoder;
     particles_ = encode_particles(network_, graph_, memory_, encoder, stream_);
     if (grid_ready) grid_ready();
     run_blocks(network_.plan(), *this);
@@ -53,7 +53,7 @@ class ForwardPass {
   Projections projections(const LevelLinks& level) {
     return {memory_.rows32(level.cells), memory_.rows32(level.cells)};
   }
-  RowOutlook outlook(const std::string& edge_name, const Projections& to) const {
+  EpilogueProjection epilogue(const std::string& edge_name, const Projections& to) const {
     return {{network_.tile(edge_name, 0), network_.tile(edge_name, h)},
             {nullptr, network_.fcn(edge_name).b1},
             {to.sender, to.receiver}};
@@ -66,7 +66,7 @@ class ForwardPass {
   std::vector<RowLatents> f_;  ///< cells of each level
   RowLatents particles_;
   Projections ahead_;  ///< of the next block's first iteration, where they are there already
-  RowNetwork to_particle_;
+  FusedMlp to_particle_;
   float* result_ = nullptr;
 };
 
@@ -87,7 +87,7 @@ void ForwardPass::particle_to_grid(const PlanBlock&) {
            .offset_sign = {-1, 1},
            .out = {to_particle, from_particle}},
           stream_);
-  RowNetwork to_grid = network_.network("particle_to_grid", pairs, graph_.pair_count);
+  FusedMlp to_grid = network_.network("particle_to_grid", pairs, graph_.pair_count);
   to_grid.table[0] = {to_particle, by_particle};
   to_grid.table[1] = {network_.table("particle_to_grid"), by_corner};
   to_grid.out16 = memory_.rows16(pairs);
@@ -119,7 +119,7 @@ void ForwardPass::grid_to_particle(const PlanBlock&) {
            .weight = {network_.tile("grid_to_particle", 0)},
            .out = {per_cell}},
           stream_);
-  RowNetwork& network = to_particle_;
+  FusedMlp& network = to_particle_;
   network.table[2] = {per_cell, {graph_.cell}};
   float* const sums = memory_.rows32(n);
   network.group_weight = graph_.weight;
@@ -133,7 +133,7 @@ void ForwardPass::restrict_to_coarse(const PlanBlock& block) {
   const std::size_t l = block.level();
   const LevelLinks& level = graph_.level[l];
   const std::string& name = block.name;
-  RowNetwork network = network_.network(name, level.cells, level.cell_count);
+  FusedMlp network = network_.network(name, level.cells, level.cell_count);
   network.operand[0] = {.rows = f_[l].f16, .weight = network_.tile(name, 0)};
   network.table[0] = {network_.table(name), {level.octant}};
   network.out16 = memory_.rows16(level.cells);
@@ -156,10 +156,10 @@ void ForwardPass::prolong_to_fine(const PlanBlock& block) {
   const std::size_t l = block.level();
   const LevelLinks& level = graph_.level[l];
   const RowLatents refined = latents(level.cells);
-  RowNetwork network = prolongation(network_, l, level, f_[l + 1], f_[l], refined);
-  if (can_look_ahead()) {
+  FusedMlp network = prolongation(network_, l, level, f_[l + 1], f_[l], refined);
+  if (can_project_ahead()) {
     ahead_ = projections(level);
-    network.outlook = outlook(numbered(network_.plan().blocks[block.number + 1].name, 0, ".edge"), ahead_);
+    network.epilogue = epilogue(numbered(network_.plan().blocks[block.number + 1].name, 0, ".edge"), ahead_);
   }
   forward(network, stream_);
   f_[l] = refined;
@@ -185,7 +185,7 @@ void ForwardPass::pass_messages(const PlanBlock& block) {
     const IterationRows own = rows_of(k);
     if (projected.sender == nullptr) {
       projected = own.projections;
-      const RowOutlook wanted = outlook(edge_name, projected);
+      const EpilogueProjection wanted = epilogue(edge_name, projected);
       project({.rows = level.cells,
                .row_count = level.cell_count,
                .x = nodes.f16,
@@ -194,7 +194,7 @@ void ForwardPass::pass_messages(const PlanBlock& block) {
                .out = {wanted.out[0], wanted.out[1]}},
               stream_);
     }
-    RowNetwork edge = network_.network(edge_name, level.edges, level.edge_count);
+    FusedMlp edge = network_.network(edge_name, level.edges, level.edge_count);
     edge.table[0] = {projected.sender, {level.sender}};
     edge.table[1] = {projected.receiver, {level.receiver}};
     edge.out16 = own.message;
@@ -212,7 +212,7 @@ void ForwardPass::pass_messages(const PlanBlock& block) {
     forward(edge, stream_);
     latent = next_latent;
 
-    RowNetwork cell = network_.network(cell_name, level.cells, level.cell_count);
+    FusedMlp cell = network_.network(cell_name, level.cells, level.cell_count);
     cell.operand[0] = {.rows = edge.out16,
                        .begin = level.edge_begin,
                        .first = level.first_edge,
@@ -223,9 +223,9 @@ void ForwardPass::pass_messages(const PlanBlock& block) {
     cell.sum32 = own.nodes.f32;
     cell.copy16 = own.nodes.f16;
     projected = {};
-    if (can_look_ahead() && k + 1 < block.iterations) {
+    if (can_project_ahead() && k + 1 < block.iterations) {
       projected = rows_of(k + 1).projections;
-      cell.outlook = outlook(numbered(block.name, k + 1, ".edge"), projected);
+      cell.epilogue = epilogue(numbered(block.name, k + 1, ".edge"), projected);
     }
     forward(cell, stream_);
     nodes = own.nodes;

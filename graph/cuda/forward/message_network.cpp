@@ -32,7 +32,7 @@ HgnGraph MessageNetwork::graph() const {
 
 void MessageNetwork::follow_grid(void* grid_stream) { places_.place(inputs_.grid, inputs_.particles, grid_stream); }
 
-void MessageNetwork::launch(void* stream, const LaunchMoments& moments) {
+void MessageNetwork::launch(void* stream, const LaunchHooks& moments) {
   moments.room_beside();
   const float* const latents = forward_to_decoder(network_, graph(), arena_, stream, moments.graph_ready);
   const FcnWeights& last = network_.fcn("decoder");

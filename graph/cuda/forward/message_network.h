@@ -15,7 +15,7 @@ class MessageNetwork : public GridNetwork {
   void prepare(const GridInputs& inputs) override;
   void reset() override { arena_.reset(); }
   void follow_grid(void* grid_stream) override;
-  void launch(void* stream, const LaunchMoments& moments) override;
+  void launch(void* stream, const LaunchHooks& moments) override;
   const float* output() const override { return output_.data(); }
   const int32_t* fault() const override { return places_.fault(); }
 
@@ -25,7 +25,7 @@ class MessageNetwork : public GridNetwork {
   DeviceWeights weights_;
   PackedHgn network_;
   GridInputs inputs_;
-  LevelPlaces places_{Device::cuda};
+  FixedCapacityLevels places_{Device::cuda};
   RowArena arena_;
   Buffer<float> output_{Device::cuda, 0};
 };

@@ -71,9 +71,9 @@ const float* PackedHgn::table(const std::string& fcn) const {
   return tables_.data() + table_of_.at(fcn) * most_table_rows * h;
 }
 
-RowNetwork PackedHgn::network(const std::string& name, int64_t rows, const int32_t* row_count) const {
+FusedMlp PackedHgn::network(const std::string& name, int64_t rows, const int32_t* row_count) const {
   const FcnWeights& net = fcn(name);
-  RowNetwork network;
+  FusedMlp network;
   network.rows = rows;
   network.row_count = row_count;
   network.w2 = tile(name, second);
@@ -83,7 +83,7 @@ RowNetwork PackedHgn::network(const std::string& name, int64_t rows, const int32
   return network;
 }
 
-RowLatents encode_particles(const PackedHgn& network, const HgnGraph& graph, RowMemory& memory, RowNetwork& encoder,
+RowLatents encode_particles(const PackedHgn& network, const HgnGraph& graph, RowMemory& memory, FusedMlp& encoder,
                             void* stream) {
   const int64_t n = graph.particles;
   const FcnWeights& fcn = network.fcn("encoder");
@@ -106,10 +106,10 @@ RowLatents encode_particles(const PackedHgn& network, const HgnGraph& graph, Row
   return particles;
 }
 
-RowNetwork prolongation(const PackedHgn& network, std::size_t l, const LevelLinks& level, const RowLatents& coarse,
-                        const RowLatents& fine, const RowLatents& refined) {
+FusedMlp prolongation(const PackedHgn& network, std::size_t l, const LevelLinks& level, const RowLatents& coarse,
+                      const RowLatents& fine, const RowLatents& refined) {
   const std::string name = numbered("prolong", static_cast<int64_t>(l));
-  RowNetwork way = network.network(name, level.cells, level.cell_count);
+  FusedMlp way = network.network(name, level.cells, level.cell_count);
   way.operand[0] = {.rows = coarse.f16, .index = level.parent, .weight = network.tile(name, 0)};
   way.operand[1] = {.rows = fine.f16, .weight = network.tile(name, h)};
   way.table[0] = {network.table(name), {level.octant}};

@@ -44,7 +44,7 @@ class PackedHgn {
   /// Rows that first layers add: of "encoder" by type; of the transfers by corner or octant; of first edges by slot.
   const float* table(const std::string& fcn) const;
   /// A network over rows with its second layer; operands and tables are the caller's.
-  RowNetwork network(const std::string& fcn, int64_t rows, const int32_t* row_count = nullptr) const;
+  FusedMlp network(const std::string& fcn, int64_t rows, const int32_t* row_count = nullptr) const;
 
  private:
   void add_tables();
@@ -95,10 +95,10 @@ inline std::string numbered(const std::string& block, int64_t k, const char* par
 }
 
 /// Latents of the particles after the encoder; launches it.
-RowLatents encode_particles(const PackedHgn& network, const HgnGraph& graph, RowMemory& memory, RowNetwork& encoder,
+RowLatents encode_particles(const PackedHgn& network, const HgnGraph& graph, RowMemory& memory, FusedMlp& encoder,
                             void* stream);
 /// The network of prolong.<l> that makes `refined` of the cells of level l + 1 and of level l, the links of `level`.
-RowNetwork prolongation(const PackedHgn& network, std::size_t l, const LevelLinks& level, const RowLatents& coarse,
-                        const RowLatents& fine, const RowLatents& refined);
+FusedMlp prolongation(const PackedHgn& network, std::size_t l, const LevelLinks& level, const RowLatents& coarse,
+                      const RowLatents& fine, const RowLatents& refined);
 
 }  // namespace graupel::graph

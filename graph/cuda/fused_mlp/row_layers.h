@@ -48,7 +48,7 @@ struct RowFeatures {
 };
 
 /// What the next kernels want of rows: out[j] = x W[j]^T + bias[j], f32 or bf16 (out16).
-struct RowOutlook {
+struct EpilogueProjection {
   const uint16_t* weight[2] = {nullptr, nullptr};
   const float* bias[2] = {nullptr, nullptr};
   float* out[2] = {nullptr, nullptr};
@@ -56,7 +56,7 @@ struct RowOutlook {
 };
 
 /// y[r] = LayerNorm(W2 LeakyReLU(sum of operands W1^T + sum of tables) + b2), r < rows, eps 1e-5.
-struct RowNetwork {
+struct FusedMlp {
   int64_t rows = 0;
   const int32_t* row_count = nullptr;
   RowOperand operand[2];
@@ -77,11 +77,11 @@ struct RowNetwork {
   /// without operands, in place of the other sums.
   const float *group_weight = nullptr, *group_add32 = nullptr;
   float* group32 = nullptr;
-  RowOutlook outlook;  ///< of sum32's rows, rounded, where wanted: of a network with two operands
+  EpilogueProjection epilogue;  ///< of sum32's rows, rounded, where wanted: of a network with two operands
 };
-void forward(const RowNetwork& network, void* stream);
-/// Whether the GPU has the shared memory that networks with an outlook need.
-bool can_look_ahead();
+void forward(const FusedMlp& network, void* stream);
+/// Whether the GPU has the shared memory that networks with an epilogue need.
+bool can_project_ahead();
 
 /// Gradient of an operand: result = add + d, f32 or bf16.
 struct OperandGradient {
@@ -91,10 +91,10 @@ struct OperandGradient {
   uint16_t* d16 = nullptr;
 };
 
-/// What goes back through a RowNetwork whose results' gradient is
+/// What goes back through a FusedMlp whose results' gradient is
 ///   g[r] = scale * weight[r] * g32[row(r)] + g16[r]      (absent parts: weight 1, g 0).
-struct RowNetworkGradient {
-  RowNetwork network;  ///< results are not written
+struct FusedMlpGradient {
+  FusedMlp network;  ///< results are not written
   const float* g32 = nullptr;
   RowOf g_row = {};
   const float* g_weight = nullptr;
@@ -109,7 +109,7 @@ struct RowNetworkGradient {
 };
 int most_norm_partials();
 /// Returns how many partial sums of the norm's gradients it writes.
-int backward(const RowNetworkGradient& gradient, void* stream);
+int backward(const FusedMlpGradient& gradient, void* stream);
 
 /// Products of rows with up to two tiles: out[j] = x W[j]^T + bias[j] + sign[j] V[j] offset (f32 tables of a first
 /// layer), V[j] [128, 3] with rows `offset_stride` apart.

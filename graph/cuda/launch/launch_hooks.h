@@ -5,7 +5,7 @@
 
 namespace graupel::graph {
 
-struct LaunchMoments {
+struct LaunchHooks {
   std::function<void()> graph_ready;  ///< called when the stream depends on nothing but the graph
   std::function<void()> room_beside;  ///< called before the coarse levels, which do not fill the GPU
 };

@@ -18,7 +18,7 @@ struct Shared {
 /// A half warp's sums over one part of the list; a lane has eight columns.
 class PartSums {
  public:
-  __device__ PartSums(const PairSums& s, const Table& table, int32_t part)
+  __device__ PartSums(const PairAggregation& s, const Table& table, int32_t part)
       : s_(s),
         table_(table),
         part_(part),
@@ -72,17 +72,17 @@ class PartSums {
     sums_ = {};
   }
 
-  const PairSums& s_;
+  const PairAggregation& s_;
   const Table& table_;
   int32_t part_;
   int lane_;
   unsigned mask_;
   int32_t pair_ = -1, cell_ = -1, current_ = -1;
   float weight_ = 0;
-  MessageSums sums_;
+  MessageAggregation sums_;
 };
 
-__global__ void __launch_bounds__(threads) sum_pairs_kernel(PairSums s) {
+__global__ void __launch_bounds__(threads) sum_pairs_kernel(PairAggregation s) {
   __shared__ Shared shared;
   const int i = 4 * static_cast<int>(threadIdx.x);
   static_assert(most_slots * layer_width == 4 * threads);
@@ -98,7 +98,7 @@ __global__ void __launch_bounds__(threads) sum_pairs_kernel(PairSums s) {
 
 }  // namespace
 
-void sum_pairs(const PairSums& sums, int64_t pairs, void* stream) {
+void aggregate_pairs(const PairAggregation& sums, int64_t pairs, void* stream) {
   const int64_t parts = (pairs + pairs_a_part - 1) / pairs_a_part;
   if (parts == 0) return;
   sum_pairs_kernel<<<static_cast<unsigned>((parts + half_warps - 1) / half_warps), threads, 0,

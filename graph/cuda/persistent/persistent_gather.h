@@ -28,7 +28,7 @@ __device__ inline uint4 packed(const float (&sum)[8]) {
 }
 
 /// Sums of eight numbers x and of their sizes: a(x) = (1 + slope) / 2 x + (1 - slope) / 2 |x|.
-struct MessageSums {
+struct MessageAggregation {
   float plain[8] = {}, size[8] = {};
   /// Adds weight (u + v + t).
   __device__ void add(const uint4& u, const float (&v)[8], const float* t, float weight) {
@@ -68,7 +68,7 @@ __device__ inline int slots_of(Gather gather) {
 }
 
 /// Starts to copy them. Six links a row begin at multiples of eight bytes.
-__device__ inline void stage_links(StagedLinks& to, const WideNetwork& n, int64_t first_link, int64_t first,
+__device__ inline void stage_links(StagedLinks& to, const PersistentLayer& n, int64_t first_link, int64_t first,
                                    int64_t rows) {
   const int slots = slots_of(n.gather), i = static_cast<int>(threadIdx.x);
   const int count = slots * static_cast<int>(rows - first < tile_rows ? rows - first : tile_rows);
@@ -83,8 +83,8 @@ __device__ inline void stage_links(StagedLinks& to, const WideNetwork& n, int64_
 
 /// Sums over a fixed number of links; those that are missing count with weight 0.
 template <int slots, bool weighted>
-__device__ inline void sum_slots(MessageSums& sums, const WideNetwork& n, const Table& table, const int32_t* link,
-                                 const float* weights, int64_t row, int lane) {
+__device__ inline void sum_slots(MessageAggregation& sums, const PersistentLayer& n, const Table& table,
+                                 const int32_t* link, const float* weights, int64_t row, int lane) {
   uint4 word[slots];
   float weight[slots];
 #pragma unroll
@@ -136,17 +136,17 @@ __device__ inline uint4 feature_word(const float* features, int width, int first
   return {word[0], word[1], word[2], word[3]};
 }
 
-static_assert(4 * most_wide_features <= 2 * row_stride && feature_tiles(most_wide_features) <= 2);
+static_assert(4 * most_persistent_features <= 2 * row_stride && feature_tiles(most_persistent_features) <= 2);
 /// Features of a tile's rows in shared memory; all threads of the block.
-__device__ inline void fetch_features(float* to, const WideNetwork& n, int64_t first, int64_t rows) {
+__device__ inline void fetch_features(float* to, const PersistentLayer& n, int64_t first, int64_t rows) {
   const int count = n.width * static_cast<int>(rows - first < tile_rows ? rows - first : tile_rows);
   for (int i = static_cast<int>(threadIdx.x); i < count; i += threads) to[i] = __ldcg(n.rows32 + first * n.width + i);
   __syncthreads();
 }
 
 /// The parts of a tile's features. All threads of the block.
-__device__ inline void gather_features(const WideNetwork& n, int64_t first, int64_t rows, uint16_t* to0, uint16_t* to1,
-                                       float* scratch) {
+__device__ inline void gather_features(const PersistentLayer& n, int64_t first, int64_t rows, uint16_t* to0,
+                                       uint16_t* to1, float* scratch) {
   fetch_features(scratch, n, first, rows);
   const int lane = static_cast<int>(threadIdx.x) % row_lanes;
   for (int i = static_cast<int>(threadIdx.x) / row_lanes; i < tile_rows; i += threads / row_lanes)
@@ -158,7 +158,7 @@ __device__ inline void gather_features(const WideNetwork& n, int64_t first, int6
 }
 
 /// Sums over a row's parts of the list of pairs (graph/cuda/aggregation/pair_aggregation.h).
-__device__ inline void sum_parts(float (&sum)[8], const WideNetwork& n, int64_t link_row, int64_t row, int lane) {
+__device__ inline void sum_parts(float (&sum)[8], const PersistentLayer& n, int64_t link_row, int64_t row, int lane) {
   constexpr int under_way = 4;
   const int32_t begin = __ldg(n.begin + link_row), end = __ldg(n.begin + link_row + 1);
   if (begin == end) return;
@@ -175,8 +175,9 @@ __device__ inline void sum_parts(float (&sum)[8], const WideNetwork& n, int64_t 
 
 /// Gathers the operands of rows `first` and on into shared memory; rows beyond the last are 0. `scratch`: room for a
 /// tile's features.
-__device__ inline void gather(const WideNetwork& n, const StagedLinks& staged, const Table& table, int64_t first_link,
-                              int64_t first, int64_t rows, uint16_t* to0, uint16_t* to1, float* scratch) {
+__device__ inline void gather(const PersistentLayer& n, const StagedLinks& staged, const Table& table,
+                              int64_t first_link, int64_t first, int64_t rows, uint16_t* to0, uint16_t* to1,
+                              float* scratch) {
   const int lane = static_cast<int>(threadIdx.x) % row_lanes;
   if (n.gather == Gather::features) {
     gather_features(n, first, rows, to0, to1, scratch);
@@ -188,7 +189,7 @@ __device__ inline void gather(const WideNetwork& n, const StagedLinks& staged, c
     Wide second;
     if (row < rows) {
       if (n.second) second.load(n.second, row, lane);  // under way together with what follows
-      MessageSums sums;
+      MessageAggregation sums;
       float sum[8] = {};
       Wide only;
       switch (n.gather) {

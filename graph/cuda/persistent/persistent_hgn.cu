@@ -46,9 +46,9 @@ struct Layer {
 }  // namespace
 
 /// Packs the weights network by network.
-class WideHgn::Planner {
+class PersistentHgn::Planner {
  public:
-  Planner(WideHgn& to, const nn::Weights& weights) : to_(to), weights_(weights) {}
+  Planner(PersistentHgn& to, const nn::Weights& weights) : to_(to), weights_(weights) {}
 
   void plan() {
     const LayerPlan plan = plan_of(to_.config_);
@@ -80,12 +80,12 @@ class WideHgn::Planner {
   void pass_messages(const PlanBlock& block) {
     for (int64_t k = 0; k < block.iterations; ++k) {
       const std::string iteration = numbered(block.name, k);
-      outlook_on_iteration(iteration);
+      project_for_iteration(iteration);
       begin(iteration + ".cell", Gather::links, 2);
       table(gathering(iteration, 2 * h + 3), 2 * h, 1, neighbor);
     }
-    if (next_->links.kind == LinkKind::to_parent) outlook(gathering(next_->name, h + 3), 0, true);
-    if (next_->links.kind == LinkKind::cell_to_particle) outlook(gathering(next_->name, 2 * h + 3), 0, false);
+    if (next_->links.kind == LinkKind::to_parent) epilogue(gathering(next_->name, h + 3), 0, true);
+    if (next_->links.kind == LinkKind::cell_to_particle) epilogue(gathering(next_->name, 2 * h + 3), 0, false);
   }
   void grid_to_particle(const PlanBlock& block) {
     begin(block.name, Gather::corners, 2);
@@ -101,7 +101,7 @@ class WideHgn::Planner {
 
   void tile(const Layer& layer, int64_t column) {
     tiles_.resize(tiles_.size() + tile_numbers);
-    pack_wide_tile(layer.weight.data() + column, layer.inputs, h, tiles_.data() + tiles_.size() - tile_numbers);
+    pack_persistent_tile(layer.weight.data() + column, layer.inputs, h, tiles_.data() + tiles_.size() - tile_numbers);
   }
   void vector(int which, const std::vector<float>& values) {
     std::copy(values.begin(), values.end(), vectors_.begin() + static_cast<std::ptrdiff_t>(now().vectors) + which * h);
@@ -133,15 +133,15 @@ class WideHgn::Planner {
     vector(norm_shift, weights_.get(name + ".norm.bias", {h}));
   }
   /// What the next network gathers of this one's rows: columns from `column` on of a gathering's layer.
-  void outlook(const Layer& gathering, int64_t column, bool with_bias) {
+  void epilogue(const Layer& gathering, int64_t column, bool with_bias) {
     tile(gathering, column);
-    if (with_bias) vector(out_bias0 + now().network.outlooks, gathering.bias);
-    ++now().network.outlooks;
+    if (with_bias) vector(out_bias0 + now().network.epilogues, gathering.bias);
+    ++now().network.epilogues;
   }
-  void outlook_on_iteration(const std::string& name) {
+  void project_for_iteration(const std::string& name) {
     const Layer next = gathering(name, 2 * h + 3);
-    outlook(next, 0, false);
-    outlook(next, h, true);
+    epilogue(next, 0, false);
+    epilogue(next, h, true);
   }
 
   template <typename OffsetOf>
@@ -181,8 +181,8 @@ class WideHgn::Planner {
         vectors_.push_back(sum);
       }
     const Layer to_grid = gathering("particle_to_grid", h + 3), from_grid = gathering("grid_to_particle", 2 * h + 3);
-    outlook(to_grid, 0, true);
-    outlook(from_grid, h, true);
+    epilogue(to_grid, 0, true);
+    epilogue(from_grid, h, true);
     now().offsets = vectors_.size();
     add_axes(to_grid, h, -1);
     add_axes(from_grid, 2 * h, 1);
@@ -195,7 +195,7 @@ class WideHgn::Planner {
 
   void decoder() {
     const Layer first = layer("decoder.layer1", h), second = layer("decoder.layer2", h, 3);
-    outlook(first, 0, true);
+    epilogue(first, 0, true);
     for (int64_t d = 0; d < 3; ++d) {
       const auto row = second.weight.begin() + d * h;
       vector(out_bias1 + static_cast<int>(d), {row, row + h});
@@ -203,26 +203,26 @@ class WideHgn::Planner {
     }
   }
 
-  WideHgn& to_;
+  PersistentHgn& to_;
   const nn::Weights& weights_;
   const PlanBlock* next_ = nullptr;  ///< behind the block at hand
   std::vector<uint16_t> tiles_;
   std::vector<float> tables_, vectors_;
 };
 
-bool WideHgn::fits(const HgnConfig& config) {
+bool PersistentHgn::fits(const HgnConfig& config) {
   const auto features = static_cast<int>(config.input_width() - config.embedding);
-  return config.aggregation == Aggregation::activations && config.latent == h && features <= most_wide_features;
+  return config.aggregation == Aggregation::activations && config.latent == h && features <= most_persistent_features;
 }
 
-WideHgn::WideHgn(const HgnConfig& config, const nn::Weights& weights) : config_(config) {
+PersistentHgn::PersistentHgn(const HgnConfig& config, const nn::Weights& weights) : config_(config) {
   GRAUPEL_ASSERT(fits(config));
   Planner(*this, weights).plan();
   if (has_own_decoder()) pack_decoder(weights);
   GRAUPEL_ASSERT(plan_.size() <= most_networks);
 }
 
-void WideHgn::pack_decoder(const nn::Weights& weights) {
+void PersistentHgn::pack_decoder(const nn::Weights& weights) {
   const int64_t outputs = config_.output_width();
   std::vector<float> all;
   const auto add = [&](const std::string& name, const std::vector<int64_t>& shape) {
@@ -241,7 +241,7 @@ void WideHgn::pack_decoder(const nn::Weights& weights) {
   GRAUPEL_CUDA_CHECK(cudaStreamSynchronize(nullptr));
 }
 
-void WideHgn::launch_decoder(void* stream) {
+void PersistentHgn::launch_decoder(void* stream) {
   const float* const b1 = decoder_.data() + h * h;
   decode({.rows = particles_,
           .frames = static_cast<int>(config_.bundle),
@@ -254,7 +254,7 @@ void WideHgn::launch_decoder(void* stream) {
          stream);
 }
 
-void WideHgn::prepare(const GridInputs& inputs) {
+void PersistentHgn::prepare(const GridInputs& inputs) {
   const auto levels = static_cast<std::size_t>(config_.levels);
   const int64_t n = inputs.particles;
   particles_ = n;
@@ -263,7 +263,7 @@ void WideHgn::prepare(const GridInputs& inputs) {
   latents_.resize_discard(static_cast<std::size_t>((n + cells) * h));
   projections_.resize_discard(static_cast<std::size_t>((2 * n + 4 * cells) * h));
   output_.resize_discard(static_cast<std::size_t>(config_.output_width() * n));
-  part_sums_.resize_discard(static_cast<std::size_t>(rows_of_pair_sums(inputs.room.cells[0], corners * n) * h));
+  part_sums_.resize_discard(static_cast<std::size_t>(rows_of_pair_aggregation(inputs.room.cells[0], corners * n) * h));
   done_.resize_discard(plan_.size());
   range_.upload({0, static_cast<int32_t>(n), 0});
 
@@ -285,11 +285,11 @@ void WideHgn::prepare(const GridInputs& inputs) {
     level.push_back({latents(rows), {{projections(rows), projections(rows)}, {projections(rows), projections(rows)}}});
   }
 
-  std::vector<WideNetwork> networks;
+  std::vector<PersistentLayer> networks;
   most_rows_.clear();
   std::size_t l = 0;  // the level that is worked on
   for (const Planned& planned : plan_) {
-    WideNetwork network = planned.network;
+    PersistentLayer network = planned.network;
     network.tiles = tiles_.data() + planned.tiles;
     network.vectors = vectors_.data() + planned.vectors;
     if (planned.table != none) network.table = tables_.data() + planned.table;
@@ -309,16 +309,16 @@ void WideHgn::prepare(const GridInputs& inputs) {
                           vectors_.data() + planned.offsets};
         break;
       case Gather::pairs:
-        pair_sums_ = {.range = grid.level_begin,
-                      .most_cells = static_cast<int32_t>(inputs.room.cells[0]),
-                      .overflow = grid.overflow,
-                      .begin = grid.pair_begin,
-                      .pair = grid.pair,
-                      .cell = grid.cell,
-                      .weight = grid.weight,
-                      .source = to_grid,
-                      .table = network.table,
-                      .sums = part_sums_.data()};
+        pair_aggregation_ = {.range = grid.level_begin,
+                             .most_cells = static_cast<int32_t>(inputs.room.cells[0]),
+                             .overflow = grid.overflow,
+                             .begin = grid.pair_begin,
+                             .pair = grid.pair,
+                             .cell = grid.cell,
+                             .weight = grid.weight,
+                             .source = to_grid,
+                             .table = network.table,
+                             .sums = part_sums_.data()};
         network.rows32 = part_sums_.data();
         network.begin = grid.pair_begin;
         break;
@@ -370,16 +370,16 @@ void WideHgn::prepare(const GridInputs& inputs) {
   overflow_ = inputs.grid.overflow;
 }
 
-void WideHgn::follow_grid(void* grid_stream) {
+void PersistentHgn::follow_grid(void* grid_stream) {
   GRAUPEL_CUDA_CHECK(
       cudaMemsetAsync(done_.data(), 0, done_.size() * sizeof(uint32_t), static_cast<cudaStream_t>(grid_stream)));
 }
 
-void WideHgn::launch(void* stream, const LaunchMoments& moments) {
+void PersistentHgn::launch(void* stream, const LaunchHooks& moments) {
   // The encoder runs beside the making of the grid.
   run_networks({networks_.data(), done_.data(), nullptr, nullptr}, {particles_}, stream);
   moments.graph_ready();
-  sum_pairs(pair_sums_, corners * particles_, stream);
+  aggregate_pairs(pair_aggregation_, corners * particles_, stream);
   run_networks({networks_.data() + 1, done_.data() + 1, overflow_, range_.data() + 2},
                {most_rows_.begin() + 1, most_rows_.end()}, stream, moments.room_beside);
   if (has_own_decoder()) launch_decoder(stream);

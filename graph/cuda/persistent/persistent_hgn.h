@@ -13,25 +13,25 @@
 
 namespace graupel::graph {
 
-class WideHgn : public GridNetwork {
+class PersistentHgn : public GridNetwork {
  public:
   /// Whether the kernels exist for such a network: width 128, few enough features.
   static bool fits(const HgnConfig& config);
 
-  WideHgn(const HgnConfig& config, const nn::Weights& weights);
-  WideHgn(const WideHgn&) = delete;
-  WideHgn& operator=(const WideHgn&) = delete;
+  PersistentHgn(const HgnConfig& config, const nn::Weights& weights);
+  PersistentHgn(const PersistentHgn&) = delete;
+  PersistentHgn& operator=(const PersistentHgn&) = delete;
 
   void prepare(const GridInputs& inputs) override;
   void follow_grid(void* grid_stream) override;
-  void launch(void* stream, const LaunchMoments& moments) override;
+  void launch(void* stream, const LaunchHooks& moments) override;
   const float* output() const override { return output_.data(); }
   const int32_t* fault() const override { return range_.data() + 2; }
 
  private:
   /// A network and where its weights begin in the arrays of all.
   struct Planned {
-    WideNetwork network{};
+    PersistentLayer network{};
     std::size_t tiles = 0, vectors = 0, table = none, addend = none, offsets = none;
   };
   static constexpr std::size_t none = SIZE_MAX;
@@ -45,12 +45,12 @@ class WideHgn : public GridNetwork {
   std::vector<Planned> plan_;  ///< in the order in which they run, without their rows
   Buffer<uint16_t> tiles_{Device::cuda, 0};
   Buffer<float> tables_{Device::cuda, 0}, vectors_{Device::cuda, 0};
-  Buffer<WideNetwork> networks_{Device::cuda, 0};
+  Buffer<PersistentLayer> networks_{Device::cuda, 0};
   Buffer<uint32_t> done_{Device::cuda, 0};
   Buffer<int32_t> range_{Device::cuda, 0};  ///< 0, particles; fault
   Buffer<float> latents_{Device::cuda, 0}, output_{Device::cuda, 0};
   Buffer<uint16_t> projections_{Device::cuda, 0};
-  PairSums pair_sums_{};
+  PairAggregation pair_aggregation_{};
   Buffer<float> part_sums_{Device::cuda, 0};
   /// A decoder of several frames at once, which has a launch of its own: W1, b1, W2 and b2; W1 as a tile.
   Buffer<float> decoder_{Device::cuda, 0};

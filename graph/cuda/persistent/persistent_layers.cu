@@ -13,7 +13,7 @@ using namespace wide;
 template <typename Tile>
 class Walk {
  public:
-  __device__ Walk(TileMemory& shared, const WideProgram& program) : s_(shared), program_(program) {}
+  __device__ Walk(TileMemory& shared, const PersistentProgram& program) : s_(shared), program_(program) {}
 
   __device__ void run() {
     count_rows();
@@ -49,7 +49,7 @@ class Walk {
  private:
   __device__ int tiles(int network) const { return s_.tiles[network]; }
   /// What is known of the network at this turn of the block.
-  __device__ const WideNetwork& of(int turn) const { return s_.network[turn & (descriptions - 1)]; }
+  __device__ const PersistentLayer& of(int turn) const { return s_.network[turn & (descriptions - 1)]; }
   /// The next network of the launch in which the block has work; its end where there is none.
   __device__ int next_network(int after) const {
     int network = std::min(after + 1, program_.end);
@@ -60,7 +60,7 @@ class Walk {
   __device__ void count_rows() {
     bool fault = program_.overflow && *program_.overflow != 0;
     for (int i = static_cast<int>(threadIdx.x); i < program_.networks; i += threads) {
-      const WideNetwork& n = program_.network[i];
+      const PersistentLayer& n = program_.network[i];
       const int32_t first = n.range[0], rows = n.range[1] - first;
       s_.first_link[i] = first;
       s_.rows[i] = rows;
@@ -77,7 +77,7 @@ class Walk {
 
   /// Starts to copy what is to be known of a network.
   __device__ void describe(int network, int turn) {
-    constexpr int own_words = sizeof(WideNetwork) / 16;
+    constexpr int own_words = sizeof(PersistentLayer) / 16;
     static_assert(own_words < threads);
     const int i = static_cast<int>(threadIdx.x);
     if (network < program_.end && i < own_words)
@@ -128,8 +128,8 @@ class Walk {
   /// place for those of that network as soon as they have been used.
   __device__ void work(int network, int turn, int tile, int next_network, int next_tile, int finished) {
     const bool ends = next_network != network, last = ends && next_network < program_.end;
-    const WideNetwork& n = of(turn);
-    const WideNetwork& next = of(turn + 1);
+    const PersistentLayer& n = of(turn);
+    const PersistentLayer& next = of(turn + 1);
     const int64_t first_link = s_.first_link[network], first = int64_t{tile} * tile_rows;
     const int64_t rows = std::min<int64_t>(s_.rows[network], first + tile_rows);
     const Place at;
@@ -169,9 +169,9 @@ class Walk {
       const int64_t row = first + at.group + 8 * half;
       if (n.sum32 && row < rows) *reinterpret_cast<float4*>(n.sum32 + row * layer_width + at.column) = c.row(half);
     }
-    if (n.outlooks > 0) store(s_.operand[0], c, at);
+    if (n.epilogues > 0) store(s_.operand[0], c, at);
     __syncthreads();
-    if (n.outlooks > 0) look_ahead(n, turn, first, rows, at);
+    if (n.epilogues > 0) look_ahead(n, turn, first, rows, at);
     if (n.decoded) decode(n, first, rows);
     if (ends) {
       __syncthreads();
@@ -181,8 +181,8 @@ class Walk {
     wait_for_copies();
   }
 
-  __device__ void first_layer(const WideNetwork& n, int turn, int64_t first_link, int64_t first, int64_t rows, Part& c,
-                              const Place& at) {
+  __device__ void first_layer(const PersistentLayer& n, int turn, int64_t first_link, int64_t first, int64_t rows,
+                              Part& c, const Place& at) {
     Part other;
     other.clear();
     c.clear();
@@ -206,7 +206,7 @@ class Walk {
     store(s_.hidden, c, at);
   }
 
-  __device__ void look_ahead(const WideNetwork& n, int turn, int64_t first, int64_t rows, const Place& at) {
+  __device__ void look_ahead(const PersistentLayer& n, int turn, int64_t first, int64_t rows, const Place& at) {
     const uint16_t* const from = s_.operand[0];
     Part c[2];
 #pragma unroll
@@ -214,10 +214,10 @@ class Walk {
       c[j].clear();
       c[j].add(vector_of(s_.vectors[turn % 2], out_bias0 + j, at));
     }
-    if (n.outlooks > 1)
-      multiply(c[0], c[1], from, from, weights_.outlook[0], weights_.outlook[1], at.lane);
+    if (n.epilogues > 1)
+      multiply(c[0], c[1], from, from, weights_.epilogue[0], weights_.epilogue[1], at.lane);
     else
-      multiply(c[0], from, weights_.outlook[0], at.lane);
+      multiply(c[0], from, weights_.epilogue[0], at.lane);
     if (n.decoded) {
       c[0].activate();
       leave_decoded(s_, turn, c[0], at);
@@ -229,7 +229,7 @@ class Walk {
       if (row >= rows) continue;
 #pragma unroll
       for (int j = 0; j < 2; ++j) {
-        if (j >= n.outlooks) continue;
+        if (j >= n.epilogues) continue;
         if (n.offset.position) add_offset(c[j], half, n.offset, j, s_.offset[row - first], at);
         const float4 v = c[j].row(half);
         *reinterpret_cast<uint2*>(n.out[j] + row * layer_width + at.column) = {pack(v.x, v.y), pack(v.z, v.w)};
@@ -237,7 +237,7 @@ class Walk {
     }
   }
 
-  __device__ void decode(const WideNetwork& n, int64_t first, int64_t rows) {
+  __device__ void decode(const PersistentLayer& n, int64_t first, int64_t rows) {
     __syncthreads();
     for (int i = static_cast<int>(threadIdx.x); i < 3 * tile_rows; i += threads) {
       const int row = i / 3, d = i % 3;
@@ -250,7 +250,7 @@ class Walk {
   }
 
   TileMemory& s_;
-  const WideProgram& program_;
+  const PersistentProgram& program_;
   Weights<Tile> weights_;
   int staged_ = 0;
 };
@@ -258,7 +258,7 @@ class Walk {
 /// Few rows: tiles in registers, asked for ahead, one block a multiprocessor. Many: the blocks of a multiprocessor
 /// work while others wait.
 template <typename Tile>
-__global__ void __launch_bounds__(threads, Tile::resident) run_kernel(WideProgram program) {
+__global__ void __launch_bounds__(threads, Tile::resident) run_kernel(PersistentProgram program) {
   Walk<Tile>(*reinterpret_cast<TileMemory*>(shared_numbers), program).run();
 }
 
@@ -273,7 +273,7 @@ void leave_to_cache(const void* kernel, int bytes) {
 }
 
 template <typename Tile>
-void launch(const WideProgram& program, int64_t most_rows, void* stream) {
+void launch(const PersistentProgram& program, int64_t most_rows, void* stream) {
   constexpr int bytes = sizeof(TileMemory);
   const auto kernel = run_kernel<Tile>;
   GRAUPEL_CUDA_CHECK(cudaFuncSetAttribute(kernel, cudaFuncAttributeMaxDynamicSharedMemorySize, bytes));
@@ -287,7 +287,7 @@ bool has_many(int64_t rows) { return rows > int64_t{tile_rows} * multiprocessors
 
 }  // namespace
 
-void run_networks(WideProgram program, const std::vector<int64_t>& most_rows, void* stream,
+void run_networks(PersistentProgram program, const std::vector<int64_t>& most_rows, void* stream,
                   const std::function<void()>& room_beside) {
   const auto count = static_cast<int32_t>(most_rows.size());
   GRAUPEL_ASSERT(count > 0 && count <= most_networks);

@@ -26,9 +26,9 @@ enum class Gather : int32_t {
   features,  ///< `width` f32 features of row r, in three parts (wide_weights.h)
 };
 
-/// Vectors of a network, rows of 128 f32 numbers: biases of both layers, norm, biases of the outlook. With a decoder
-/// the outlook's second place and the two after it are its second layer.
-enum WideVector { bias1, bias2, norm_scale, norm_shift, out_bias0, out_bias1, vectors_of_network = 8 };
+/// Vectors of a network, rows of 128 f32 numbers: biases of both layers, norm, biases of the epilogue. With a decoder
+/// the epilogue's second place and the two after it are its second layer.
+enum PersistentVector { bias1, bias2, norm_scale, norm_shift, out_bias0, out_bias1, vectors_of_network = 8 };
 
 /// Positions of particles in cells, for what is linear in it: offset_d = frac((x_d - origin_d) / spacing - 1/2).
 struct CellOffset {
@@ -39,7 +39,7 @@ struct CellOffset {
 
 /// One network. Numbers of rows are read on the GPU; links, tables and weights are not written by other networks of the
 /// launch, everything else may be.
-struct alignas(16) WideNetwork {
+struct alignas(16) PersistentLayer {
   const int32_t* range;  ///< rows range[0] to range[1] - 1 of the arrays of links; they are rows 0, 1, .. of all others
   int32_t most_rows;     ///< with more rows than that nothing is done
 
@@ -58,12 +58,12 @@ struct alignas(16) WideNetwork {
   const float* addend;        ///< table, f32, by addend_row; null: none
   const int32_t* addend_row;  ///< with the links' rows
 
-  const uint16_t* tiles;  ///< packed one after the other: W1 (one a operand), W2, the outlook's
+  const uint16_t* tiles;  ///< packed one after the other: W1 (one a operand), W2, the epilogue's
   const float* vectors;   ///< [vectors_of_network, 128]
 
   const float* add32;  ///< null: 0
   float* sum32;        ///< f; null: not kept
-  int32_t outlooks;    ///< 0 to 2
+  int32_t epilogues;   ///< 0 to 2
   uint16_t* out[2];    ///< bf16
   CellOffset offset;
   /// With a decoder, out[0] is not written but d[r] = D2 a(W[0] f[r] + bias[0]) + decoder_bias, [rows, 3].
@@ -72,19 +72,19 @@ struct alignas(16) WideNetwork {
 };
 
 /// Networks, one after the other, and those of a launch: first to end - 1.
-struct WideProgram {
-  const WideNetwork* network;
+struct PersistentProgram {
+  const PersistentLayer* network;
   uint32_t* done;                            ///< [networks], zero before the launch
   const int32_t* overflow;                   ///< where it is not 0 nothing is done; null: none
   int32_t* fault;                            ///< set to whether nothing was done; null: not wanted
   int32_t networks = 0, first = 0, end = 0;  ///< set by run_networks
 };
 inline constexpr int most_networks = 272;
-inline constexpr int most_wide_features = 64;
+inline constexpr int most_persistent_features = 64;
 
 /// `most_rows`: of each network. Neighbours with few rows, and those with many, share a launch. `room_beside` is called
 /// once, before the first launch that leaves multiprocessors idle, or after all.
-void run_networks(WideProgram program, const std::vector<int64_t>& most_rows, void* stream,
+void run_networks(PersistentProgram program, const std::vector<int64_t>& most_rows, void* stream,
                   const std::function<void()>& room_beside = {});
 
 }  // namespace graupel::graph

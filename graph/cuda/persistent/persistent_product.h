@@ -38,15 +38,15 @@ __device__ inline void load(TilePlace& part, const uint16_t* tiles, int tile) { 
 /// The tiles of a network; those that it does not have are not touched.
 template <typename Tile>
 struct Weights {
-  Tile first[2], second, outlook[2];
-  __device__ void load_first(const WideNetwork& n) {
+  Tile first[2], second, epilogue[2];
+  __device__ void load_first(const PersistentLayer& n) {
     load(first[0], n.tiles, 0);
     if (n.operands > 1) load(first[1], n.tiles, 1);
   }
-  __device__ void load_second(const WideNetwork& n) { load(second, n.tiles, n.operands); }
-  __device__ void load_outlook(const WideNetwork& n) {
-    if (n.outlooks > 0) load(outlook[0], n.tiles, n.operands + 1);
-    if (n.outlooks > 1) load(outlook[1], n.tiles, n.operands + 2);
+  __device__ void load_second(const PersistentLayer& n) { load(second, n.tiles, n.operands); }
+  __device__ void load_outlook(const PersistentLayer& n) {
+    if (n.epilogues > 0) load(epilogue[0], n.tiles, n.operands + 1);
+    if (n.epilogues > 1) load(epilogue[1], n.tiles, n.operands + 2);
   }
 };
 

@@ -14,7 +14,7 @@ struct TileMemory {
   __align__(16) uint16_t operand[2][tile_rows * row_stride];
   __align__(16) uint16_t hidden[tile_rows * row_stride];
   __align__(16) float vectors[2][vectors_of_network][layer_width];
-  __align__(16) WideNetwork network[descriptions];  ///< of the network that is worked on and of those after it
+  __align__(16) PersistentLayer network[descriptions];  ///< of the network that is worked on and of those after it
   __align__(16) Table table[2];
   StagedLinks links[2];  ///< of the tile that is worked on, and of the next one
   float2 statistics[warps][tile_rows];
@@ -79,7 +79,7 @@ __device__ inline float cell_offset(const CellOffset& offset, int64_t row, int d
       (static_cast<double>(__ldg(offset.position + 3 * row + d)) - offset.origin[d]) * offset.inverse_spacing - 0.5;
   return static_cast<float>(u - floor(u));
 }
-/// What a row's position in its cell adds to an outlook.
+/// What a row's position in its cell adds to an epilogue.
 __device__ inline void add_offset(Part& c, int half, const CellOffset& offset, int out, const float (&position)[3],
                                   const Place& at) {
 #pragma unroll

@@ -13,7 +13,7 @@ void pack(uint16_t* packed, const At& at) {
     for (int step = 0; step < 8; ++step)
       for (int lane = 0; lane < 32; ++lane)
         for (int word = 0; word < 4; ++word) {
-          const WideWord from = wide_word(warp, step, lane, word);
+          const PersistentWord from = wide_word(warp, step, lane, word);
           uint16_t* const to = packed + wide_place(warp, step, lane, word);
           for (int i = 0; i < 2; ++i) to[i] = nn::bf16_from_float(at(from.row, from.column + i));
         }
@@ -21,7 +21,7 @@ void pack(uint16_t* packed, const At& at) {
 
 }  // namespace
 
-void pack_wide_tile(const float* weight, int64_t stride, int64_t columns, uint16_t* packed) {
+void pack_persistent_tile(const float* weight, int64_t stride, int64_t columns, uint16_t* packed) {
   pack(packed, [&](int row, int column) { return column < columns ? weight[row * stride + column] : 0.0f; });
 }
 

@@ -11,10 +11,10 @@ namespace graupel::graph {
 /// Where a lane's registers take their part of a 128 x 128 matrix from: lane `lane` of warp `warp` reads for step `k`
 /// of 16 columns four words (mma.sync m16n8k16's second operand for two blocks of eight results), each of two numbers.
 /// The results of a lane's two blocks are four neighbours: 16 warp + 4 (lane % 4) and on.
-struct WideWord {
+struct PersistentWord {
   int row, column;  ///< of the first number; the second lies in the next column
 };
-constexpr WideWord wide_word(int warp, int step, int lane, int word) {
+constexpr PersistentWord wide_word(int warp, int step, int lane, int word) {
   const int result = lane / 4, block = word / 2, half = word % 2;
   return {16 * warp + 4 * (result / 2) + 2 * block + result % 2, 16 * step + 2 * (lane % 4) + 8 * half};
 }
@@ -24,7 +24,7 @@ constexpr int wide_place(int warp, int step, int lane, int word) {
 }
 
 /// Packs W [128, columns], rows `stride` apart; columns from `columns` on are 0.
-void pack_wide_tile(const float* weight, int64_t stride, int64_t columns, uint16_t* packed);
+void pack_persistent_tile(const float* weight, int64_t stride, int64_t columns, uint16_t* packed);
 
 /// Features are multiplied in three parts, so that nothing of them is lost: x W = x_h W_h + x_l W_h + x_h W_l with
 /// x_h = bf16(x), x_l = bf16(x - x_h). Packs the matrix [W_h, W_h, W_l] of W [128, width] as one or two tiles.

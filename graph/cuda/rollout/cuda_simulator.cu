@@ -39,7 +39,7 @@ struct FrameStatus {
 /// Item i makes part i / particles of a row, so that neighbouring threads do the same.
 struct WriteFeatures {
   FeatureRules rules;
-  SurroundingsView surroundings;
+  EnvironmentView environment;
   FrameRing ring;
   float* features;
   GRAUPEL_HD void operator()(int64_t item) const {
@@ -48,7 +48,7 @@ struct WriteFeatures {
     Vec3f position[most_history + 1];
     const int first = part == FeaturePart::motion ? 0 : rules.history;
     for (int t = first; t <= rules.history; ++t) position[t] = ring.at(rules.history - t, i);
-    write_feature_part(part, rules, surroundings, AxisMap{}, position, features + i * rules.width);
+    write_feature_part(part, rules, environment, AxisMap{}, position, features + i * rules.width);
   }
 };
 
@@ -72,7 +72,7 @@ struct StepParticles {
 
 /// Moves `next`, reached from `from`, out of obstacles and into the walls.
 struct PushParticles {
-  WayFollower way;
+  SweptCollision way;
   bool project;
   FrameRing ring;
   const Vec3f* from;  ///< null: from where the frame to come has them already
@@ -194,7 +194,7 @@ struct CudaSimulator::Impl {
   bool recording = false;
 
   const Scene* scene = nullptr;
-  const Surroundings* surroundings = nullptr;
+  const Environment* environment = nullptr;
   CudaLaws laws;
   int64_t particles = 0;
   /// Where no network runs: accelerations of 0 beside the mean [particles, output_width()], and no fault.
@@ -218,7 +218,7 @@ void CudaSimulator::Impl::launch_graph() {
   if (!laws.network) return mark(features_done);
   model->launch_graph(stream, /*with_counts=*/!recording);
   parallel_for_in(stream, Device::cuda, feature_parts_of_row * particles,
-                  WriteFeatures{FeatureRules(config, normalization), surroundings->view(Device::cuda), frame_ring(),
+                  WriteFeatures{FeatureRules(config, normalization), environment->view(Device::cuda), frame_ring(),
                                 model->features()});
   mark(features_done);
 }
@@ -252,7 +252,7 @@ void CudaSimulator::Impl::launch_move(int64_t frame) {
                                 before.data(), now(), limit, fault(), status.data(), next.data()});
   if (flight && frame > 0) flight->find_groups(before.data(), now(), stream);
   if (flight) flight->correct(before.data(), now(), next.data(), stream);
-  const PushParticles push{surroundings->way_follower(Device::cuda), laws.project, frame_ring(), now(), next.data()};
+  const PushParticles push{environment->swept_collision(Device::cuda), laws.project, frame_ring(), now(), next.data()};
   PushLast last{push, fault(), before.data(), now(), status.data(), seen};
   if (density && frame + 1 == config.bundle) {
     parallel_for_in(stream, Device::cuda, particles, PushAndSpread{push, density->spreading(next.data(), particles)});
@@ -305,14 +305,13 @@ void CudaSimulator::Impl::record_bundle() {
 CudaSimulator::CudaSimulator(const nn::Weights& weights) : impl_(std::make_unique<Impl>(weights)) {}
 CudaSimulator::~CudaSimulator() = default;
 
-void CudaSimulator::start(const Scene& scene, const Surroundings& surroundings,
-                          const std::vector<int32_t>& particle_type, const std::vector<std::vector<Vec3f>>& positions,
-                          const CudaLaws& laws) {
+void CudaSimulator::start(const Scene& scene, const Environment& environment, const std::vector<int32_t>& particle_type,
+                          const std::vector<std::vector<Vec3f>>& positions, const CudaLaws& laws) {
   Impl& impl = *impl_;
   impl.drop_graph();
   impl.scene = &scene;
-  impl.surroundings = &surroundings;
-  surroundings.view(Device::cuda);  // uploads the obstacles: no memory may be taken while a frame is recorded
+  impl.environment = &environment;
+  environment.view(Device::cuda);  // uploads the obstacles: no memory may be taken while a frame is recorded
   impl.laws = laws;
   impl.particles = static_cast<int64_t>(particle_type.size());
   const auto frames = static_cast<std::size_t>(impl.config.history) + 1;
@@ -329,7 +328,7 @@ void CudaSimulator::start(const Scene& scene, const Surroundings& surroundings,
   impl.status.upload({{static_cast<int32_t>(frames) - 1, 0, 0, 0}});
   *impl.seen = {static_cast<int32_t>(frames) - 1, 0, 0, 0};
   impl.shown = impl.seen->newest;
-  impl.model->start(surroundings, rows, impl.stream);
+  impl.model->start(environment, rows, impl.stream);
   impl.before.upload(positions[positions.size() - 2]);
   device_copy(Device::cuda, impl.model->position(), Device::cpu, positions.back().data(),
               positions.back().size() * sizeof(Vec3f));
@@ -340,11 +339,11 @@ void CudaSimulator::start(const Scene& scene, const Surroundings& surroundings,
         std::vector<float>(static_cast<std::size_t>(impl.config.output_width()) * particle_type.size()));
     impl.no_fault.upload({0});
   }
-  if (laws.free_flight) impl.flight.emplace(Device::cuda, scene, surroundings, particle_type);
+  if (laws.free_flight) impl.flight.emplace(Device::cuda, scene, environment, particle_type);
   impl.density.reset();
   const double spacing = impl.model->spacing(), rest = rest_density(scene, positions.back(), spacing);
   if (laws.density_limit * rest > 0)
-    impl.density.emplace(Device::cuda, surroundings, laws.density_limit * rest, spacing);
+    impl.density.emplace(Device::cuda, environment, laws.density_limit * rest, spacing);
   impl.wait();
 }
 

@@ -20,9 +20,9 @@ class FrameModel {
   /// As Network::spacing.
   virtual double spacing() const = 0;
 
-  /// Makes ready for particles of these rows of the embedding table. `surroundings` must live as long as frames are
+  /// Makes ready for particles of these rows of the embedding table. `environment` must live as long as frames are
   /// launched. Launches in `stream`.
-  virtual void start(const Surroundings& surroundings, const std::vector<int32_t>& type_row, void* stream) = 0;
+  virtual void start(const Environment& environment, const std::vector<int32_t>& type_row, void* stream) = 0;
   /// What a frame begins with, to be written by the caller: features [particles, width] before launch(), positions
   /// [particles] before launch_graph().
   virtual float* features() = 0;
@@ -39,7 +39,7 @@ class FrameModel {
   /// Waits for the graph made last.
   virtual Room make_room() = 0;
   /// Normalised accelerations from features() and the graph made last.
-  virtual void launch(void* stream, const LaunchMoments& moments) = 0;
+  virtual void launch(void* stream, const LaunchHooks& moments) = 0;
   virtual const float* output() const = 0;  ///< [particles, output_width()]
   /// Not 0 where the graph made last had no room: the output is of no use.
   virtual const int32_t* fault() const = 0;

@@ -31,13 +31,13 @@ GnsFrame::GnsFrame(const nn::Weights& weights)
   network_.refresh(nullptr);
 }
 
-void GnsFrame::start(const Surroundings& surroundings, const std::vector<int32_t>& type_row, void* stream) {
+void GnsFrame::start(const Environment& environment, const std::vector<int32_t>& type_row, void* stream) {
   particles_ = static_cast<int64_t>(type_row.size());
   std::vector<Vec3f> points;
-  if (config_.obstacle_particles) points = surroundings.obstacle_particles.at_spacing(config_.obstacle_spacing);
+  if (config_.obstacle_particles) points = environment.obstacle_particles.at_spacing(config_.obstacle_spacing);
   point_.upload(points);
-  builder_.prepare({{surroundings.wall_low, surroundings.wall_high, particles_, point_.data(),
-                     static_cast<int64_t>(points.size()), AxisMap{}, surroundings.view(Device::cuda)}},
+  builder_.prepare({{environment.wall_low, environment.wall_high, particles_, point_.data(),
+                     static_cast<int64_t>(points.size()), AxisMap{}, environment.view(Device::cuda)}},
                    stream);
   const auto nodes = static_cast<std::size_t>(builder_.most_nodes());
   std::vector<int32_t> types = type_row;
@@ -69,7 +69,7 @@ FrameModel::Room GnsFrame::make_room() {
   return builder_.room() == room ? Room::there : Room::moved;
 }
 
-void GnsFrame::launch(void* stream, const LaunchMoments& moments) {
+void GnsFrame::launch(void* stream, const LaunchHooks& moments) {
   moments.room_beside();
   if (is_due_) make_graph(stream);
   is_due_ = false;

@@ -15,12 +15,12 @@ class GnsFrame : public FrameModel, private EdgeMemory {
 
   const FeatureConfig& feature_config() const override { return config_; }
   double spacing() const override { return config_.radius; }
-  void start(const Surroundings& surroundings, const std::vector<int32_t>& type_row, void* stream) override;
+  void start(const Environment& environment, const std::vector<int32_t>& type_row, void* stream) override;
   float* features() override { return features_.data(); }
   Vec3f* position() override { return position_.data(); }
   void launch_graph(void* stream, bool with_counts) override;
   Room make_room() override;
-  void launch(void* stream, const LaunchMoments& moments) override;
+  void launch(void* stream, const LaunchHooks& moments) override;
   const float* output() const override { return output_.data(); }
   const int32_t* fault() const override { return builder_.links().fault; }
   void reuse_memory() override { arena_.reset(); }

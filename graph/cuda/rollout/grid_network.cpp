@@ -9,7 +9,7 @@
 namespace graupel::graph {
 
 std::unique_ptr<GridNetwork> make_grid_network(const HgnConfig& config, const nn::Weights& weights) {
-  if (WideHgn::fits(config)) return std::make_unique<WideHgn>(config, weights);
+  if (PersistentHgn::fits(config)) return std::make_unique<PersistentHgn>(config, weights);
   if (config.aggregation == Aggregation::messages && PackedHgn::fits(config))
     return std::make_unique<MessageNetwork>(config, weights);
   throw ConfigError("'" + weights.file + "': networks run on a GPU with a latent width of " +

@@ -43,14 +43,14 @@ HgnFrame::HgnFrame(const nn::Weights& weights)
       streams_(std::make_unique<Streams>()) {}
 HgnFrame::~HgnFrame() = default;
 
-void HgnFrame::start(const Surroundings& surroundings, const std::vector<int32_t>& type_row, void* stream) {
+void HgnFrame::start(const Environment& environment, const std::vector<int32_t>& type_row, void* stream) {
   room_ = {};
-  origin_ = surroundings.wall_low;
+  origin_ = environment.wall_low;
   particles_ = static_cast<int64_t>(type_row.size());
   type_row_.upload(type_row);
   features_.resize_discard(type_row.size() * static_cast<std::size_t>(config_.input_width() - config_.embedding));
   position_.resize_discard(type_row.size());
-  builder_.prepare({{surroundings.wall_low, surroundings.wall_low, surroundings.wall_high, particles_}}, stream);
+  builder_.prepare({{environment.wall_low, environment.wall_low, environment.wall_high, particles_}}, stream);
 }
 
 void HgnFrame::launch_graph(void* stream, bool with_counts) {
@@ -63,13 +63,13 @@ FrameModel::Room HgnFrame::make_room() {
   const GridCounts counts = builder_.counts(streams_->grid);
   if (counts.overflow) return Room::none;
   if (room_.holds(counts)) return Room::there;
-  room_ = LevelRoom::for_counts(counts);
+  room_ = LevelCapacity::for_counts(counts);
   network_->prepare(
       {particles_, features_.data(), type_row_.data(), position_.data(), origin_, builder_.links(), room_});
   return Room::moved;
 }
 
-void HgnFrame::launch(void* stream, const LaunchMoments& moments) {
+void HgnFrame::launch(void* stream, const LaunchHooks& moments) {
   network_->follow_grid(streams_->grid);
   GRAUPEL_CUDA_CHECK(cudaEventRecord(streams_->grid_there, streams_->grid));
   network_->launch(

@@ -17,12 +17,12 @@ class HgnFrame : public FrameModel {
 
   const FeatureConfig& feature_config() const override { return config_; }
   double spacing() const override { return config_.spacing; }
-  void start(const Surroundings& surroundings, const std::vector<int32_t>& type_row, void* stream) override;
+  void start(const Environment& environment, const std::vector<int32_t>& type_row, void* stream) override;
   float* features() override { return features_.data(); }
   Vec3f* position() override { return position_.data(); }
   void launch_graph(void* stream, bool with_counts) override;
   Room make_room() override;
-  void launch(void* stream, const LaunchMoments& moments) override;
+  void launch(void* stream, const LaunchHooks& moments) override;
   const float* output() const override { return network_->output(); }
   const int32_t* fault() const override { return network_->fault(); }
   void reuse_memory() override { network_->reset(); }
@@ -33,7 +33,7 @@ class HgnFrame : public FrameModel {
   HgnConfig config_;
   std::unique_ptr<GridNetwork> network_;
   GridBuilder builder_;
-  LevelRoom room_;
+  LevelCapacity room_;
   std::unique_ptr<Streams> streams_;
   Vec3d origin_;  ///< of the grid [m]
   int64_t particles_ = 0;

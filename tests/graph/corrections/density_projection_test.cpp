@@ -82,18 +82,18 @@ double largest_way(const std::vector<Vec3f>& a, const std::vector<Vec3f>& b) {
   return most;
 }
 
-void apply_times(DensityProjection& projection, const Surroundings& surroundings, std::vector<Vec3f>& position,
+void apply_times(DensityProjection& projection, const Environment& environment, std::vector<Vec3f>& position,
                  int times) {
   for (int k = 0; k < times; ++k) {
     const std::vector<Vec3f> before = position;
     projection.apply(position.data(), static_cast<int64_t>(position.size()));
-    project_out(surroundings, before, position);
+    project_out(environment, before, position);
   }
 }
 
 TEST(DensityProjection, MatterAtRestOrThinnerStaysWhereItIs) {
-  const Surroundings surroundings(box_scene());
-  DensityProjection projection(Device::cpu, surroundings, rest, spacing);
+  const Environment environment(box_scene());
+  DensityProjection projection(Device::cpu, environment, rest, spacing);
   const std::vector<std::vector<Vec3f>> still = {block({0.3, 0.3, 0.3}, {20, 20, 20}, lattice),
                                                  block(Vec3d::filled(0.02), {96, 16, 96}, lattice),  // between walls
                                                  block({0.02, 0.9, 0.5}, {30, 8, 30}, lattice),  // below the ceiling
@@ -108,12 +108,12 @@ TEST(DensityProjection, MatterAtRestOrThinnerStaysWhereItIs) {
 }
 
 TEST(DensityProjection, ACompressedBlockExpandsToTheDensityAtRest) {
-  const Surroundings surroundings(box_scene());
+  const Environment environment(box_scene());
   for (const double limit : {1.0, 1.5}) {
-    DensityProjection projection(Device::cpu, surroundings, limit * rest, spacing);
+    DensityProjection projection(Device::cpu, environment, limit * rest, spacing);
     std::vector<Vec3f> position = block(Vec3d::filled(0.4), {24, 24, 24}, lattice / std::cbrt(2.0));
     ASSERT_GT(largest_density(position), 1.9);
-    apply_times(projection, surroundings, position, 8);
+    apply_times(projection, environment, position, 8);
     EXPECT_LT(largest_density(position), 1.06 * limit);
     EXPECT_GT(largest_density(position), 0.9 * limit);
   }
@@ -122,14 +122,14 @@ TEST(DensityProjection, ACompressedBlockExpandsToTheDensityAtRest) {
 TEST(DensityProjection, ADeepTankThatIsPressedTogetherKeepsItsDepth) {
   Scene scene = box_scene();
   scene.domain.size = {0.36, 1, 0.36};
-  const Surroundings surroundings(scene);
+  const Environment environment(scene);
   constexpr double coarse = 2 * lattice;  // 8 particles a cell
-  DensityProjection projection(Device::cpu, surroundings, 1 / (coarse * coarse * coarse), spacing);
+  DensityProjection projection(Device::cpu, environment, 1 / (coarse * coarse * coarse), spacing);
   std::vector<Vec3f> position = block(Vec3d::filled(0.02), {16, 40, 16}, coarse);
   double worst = 0;
   for (int frame = 0; frame < 60; ++frame) {  // to 0.55 of its depth, but for the projection
     for (Vec3f& x : position) x[1] = 0.02f + 0.99f * (x[1] - 0.02f);
-    apply_times(projection, surroundings, position, 1);
+    apply_times(projection, environment, position, 1);
     worst = std::max(worst, 8 * largest_density(position));
   }
   EXPECT_LT(worst, 1.12);
@@ -137,19 +137,19 @@ TEST(DensityProjection, ADeepTankThatIsPressedTogetherKeepsItsDepth) {
 }
 
 TEST(DensityProjection, ABlockThatExpandsInTheAirKeepsItsCentre) {
-  const Surroundings surroundings(box_scene());
-  DensityProjection projection(Device::cpu, surroundings, rest, spacing);
+  const Environment environment(box_scene());
+  DensityProjection projection(Device::cpu, environment, rest, spacing);
   // Two cells along each axis, evenly dense, its middle on a cell's corner.
   std::vector<Vec3f> position = block(Vec3d::filled(0.42), {18, 18, 18}, 0.16 / 18);
   const std::vector<Vec3f> start = position;
-  apply_times(projection, surroundings, position, 1);
+  apply_times(projection, environment, position, 1);
   EXPECT_GT(largest_way(position, start), 0.001);
   EXPECT_LT(norm(centre_of(position) - centre_of(start)), 2e-5);
 }
 
 TEST(DensityProjection, WhatIsSymmetricStaysSymmetric) {
-  const Surroundings surroundings(box_scene());
-  DensityProjection projection(Device::cpu, surroundings, rest, spacing);
+  const Environment environment(box_scene());
+  DensityProjection projection(Device::cpu, environment, rest, spacing);
   std::vector<Vec3f> half = random_cloud(3000, {0.36, 0.36, 0.36}, {0.5, 0.5, 0.5}), position = half;
   for (const Vec3f& x : half) position.push_back({x[2], x[1], x[0]});
   projection.apply(position.data(), static_cast<int64_t>(position.size()));
@@ -172,40 +172,39 @@ TEST(DensityProjection, WhatIsSymmetricStaysSymmetric) {
 TEST(DensityProjection, NothingIsPressedIntoWallsAndObstacles) {
   Scene scene = scene_with_ball({0.2, 0.02, 0.2}, 0.1);
   scene.domain = box_scene().domain;
-  const Surroundings surroundings(scene);
-  DensityProjection projection(Device::cpu, surroundings, rest, spacing);
+  const Environment environment(scene);
+  DensityProjection projection(Device::cpu, environment, rest, spacing);
   std::vector<Vec3f> position = random_cloud(12000, Vec3d::filled(0.02), {0.22, 0.22, 0.22});  // 1.5 times
-  position.erase(
-      std::remove_if(position.begin(), position.end(),
-                     [&](const Vec3f& x) { return surroundings.obstacles.sample(x.cast<double>()).phi < 0; }),
-      position.end());
+  position.erase(std::remove_if(position.begin(), position.end(),
+                                [&](const Vec3f& x) { return environment.obstacles.sample(x.cast<double>()).phi < 0; }),
+                 position.end());
   std::vector<Vec3f> pushed = position;
   projection.apply(pushed.data(), static_cast<int64_t>(pushed.size()));
   EXPECT_GT(largest_way(pushed, position), 0.01);
   double deepest = 0;
   for (const Vec3f& x : pushed) {
     for (int d = 0; d < 3; ++d) deepest = std::min(deepest, double(x[d]) - 0.02);
-    deepest = std::min(deepest, surroundings.obstacles.sample(x.cast<double>()).phi);
+    deepest = std::min(deepest, environment.obstacles.sample(x.cast<double>()).phi);
   }
   EXPECT_GT(deepest, -0.2 * spacing);
-  apply_times(projection, surroundings, position, 10);
+  apply_times(projection, environment, position, 10);
   for (const Vec3f& x : position) {
     for (int d = 0; d < 3; ++d) ASSERT_GE(x[d], 0.02f);
-    ASSERT_GT(surroundings.obstacles.sample(x.cast<double>()).phi, -1e-5);
+    ASSERT_GT(environment.obstacles.sample(x.cast<double>()).phi, -1e-5);
   }
   EXPECT_LT(largest_density(position), 1.25);
 }
 
 TEST(DensityProjection, DependsOnNeitherThreadsNorOrderNorTheLastRollout) {
-  const Surroundings surroundings(scene_with_ball({0.3, 0.3, 0.5}, 0.1));
+  const Environment environment(scene_with_ball({0.3, 0.3, 0.5}, 0.1));
   const std::vector<Vec3f> start = random_cloud(20000, {0.3, 0.2, 0.3}, {0.5, 0.4, 0.6});
-  DensityProjection projection(Device::cpu, surroundings, rest, spacing);
+  DensityProjection projection(Device::cpu, environment, rest, spacing);
   std::vector<Vec3f> expected;
   for (const int threads : {1, 2, 5}) {
     set_num_threads(threads);
     projection.restart();
     std::vector<Vec3f> position = start;
-    apply_times(projection, surroundings, position, 3);
+    apply_times(projection, environment, position, 3);
     if (threads == 1) expected = position;
     EXPECT_EQ(position, expected) << threads;
   }
@@ -213,14 +212,14 @@ TEST(DensityProjection, DependsOnNeitherThreadsNorOrderNorTheLastRollout) {
   const std::vector<std::size_t> order = random_order(start.size());
   std::vector<Vec3f> shuffled;
   for (const std::size_t i : order) shuffled.push_back(start[i]);
-  DensityProjection fresh(Device::cpu, surroundings, rest, spacing);
-  apply_times(fresh, surroundings, shuffled, 3);
+  DensityProjection fresh(Device::cpu, environment, rest, spacing);
+  apply_times(fresh, environment, shuffled, 3);
   for (std::size_t i = 0; i < order.size(); ++i) ASSERT_EQ(shuffled[i], expected[order[i]]);
 }
 
 TEST(DensityProjection, ParticlesOutsideAreLeftAlone) {
-  const Surroundings surroundings(box_scene());
-  DensityProjection projection(Device::cpu, surroundings, rest, spacing);
+  const Environment environment(box_scene());
+  DensityProjection projection(Device::cpu, environment, rest, spacing);
   std::vector<Vec3f> position(2000, Vec3f{0.5f, -0.3f, 0.5f});
   position.push_back({0.5f, std::numeric_limits<float>::infinity(), 0.5f});
   std::vector<Vec3f> start = position;
@@ -258,9 +257,8 @@ TEST(DensityProjection, RefusesCellsThatDoNotFitIntoTheMemory) {
 
 void expect_same_on_gpu(int particles, double of_cells, const Vec3d& high = {0.5, 0.4, 0.6}) {
   // No face of a cell lies between two of the ball's voxels, where its normal jumps.
-  const Surroundings surroundings(scene_with_ball({0.3123, 0.3057, 0.4891}, 0.1));
-  DensityProjection on_cpu(Device::cpu, surroundings, rest, of_cells),
-      on_gpu(Device::cuda, surroundings, rest, of_cells);
+  const Environment environment(scene_with_ball({0.3123, 0.3057, 0.4891}, 0.1));
+  DensityProjection on_cpu(Device::cpu, environment, rest, of_cells), on_gpu(Device::cuda, environment, rest, of_cells);
   std::vector<Vec3f> position = random_cloud(particles, {0.3, 0.2, 0.3}, high);
   Buffer<Vec3f> device(Device::cuda, 0);
   for (int frame = 0; frame < 4; ++frame) {

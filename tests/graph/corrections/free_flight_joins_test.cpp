@@ -85,7 +85,7 @@ struct Arrays {
   Groups groups{};
   std::vector<uint64_t> matter;
   std::vector<int32_t> parent, slot, group, origin, list, listed;
-  std::vector<GroupSums> sums;
+  std::vector<GroupMomentum> sums;
 };
 
 /// Two warps take the items in turns, as the kernel's do.
@@ -108,9 +108,9 @@ void join_by_warps(const Groups& groups) {
 
 TEST(FreeFlightJoins, WarpsFindTheGroupsOfTheCpu) {
   const Scene scene = box_scene();
-  const Surroundings surroundings(scene);
+  const Environment environment(scene);
   for (const Frame& frame : {crowd(scene), snake(scene, 2000)}) {
-    FreeFlight flight(Device::cpu, scene, surroundings, frame.type);
+    FreeFlight flight(Device::cpu, scene, environment, frame.type);
     flight.find_groups(frame.before.data(), frame.now.data());
     const std::vector<int32_t> expected = flight.groups();
     Arrays arrays(scene, frame);

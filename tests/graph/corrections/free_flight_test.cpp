@@ -35,8 +35,8 @@ Result result_of(FreeFlight& flight, const Frame& frame, Device device = Device:
   return {next.download(), flight.groups()};
 }
 Result result_of(const Scene& scene, const Frame& frame, Device device = Device::cpu) {
-  const Surroundings surroundings(scene);
-  FreeFlight flight(device, scene, surroundings, frame.type);
+  const Environment environment(scene);
+  FreeFlight flight(device, scene, environment, frame.type);
   return result_of(flight, frame, device);
 }
 std::vector<Vec3f> corrected(const Scene& scene, const Frame& frame) { return result_of(scene, frame).next; }
@@ -250,8 +250,8 @@ TEST(FreeFlight, OrderAndEarlierFramesDoNotMatter) {
   const Result first = result_of(scene, frame);
   EXPECT_GT(std::set(first.groups.begin(), first.groups.end()).size(), 50u);
   EXPECT_GT(std::count(first.groups.begin(), first.groups.end(), -1), 400);
-  const Surroundings surroundings(scene);
-  FreeFlight flight(Device::cpu, scene, surroundings, frame.type);
+  const Environment environment(scene);
+  FreeFlight flight(Device::cpu, scene, environment, frame.type);
   Frame empty = frame;  // all in one place: as little as can be
   std::fill(empty.now.begin(), empty.now.end(), Vec3f::filled(0.7f));
   for (int repeat = 0; repeat < 3; ++repeat) {
@@ -313,10 +313,10 @@ TEST(FreeFlight, GpuGivesTheSame) {
   GRAUPEL_NEEDS_GPU();
   for (const bool with_obstacle : {true, false}) {
     const Scene scene = box_scene(with_obstacle);
-    const Surroundings surroundings(scene);
+    const Environment environment(scene);
     for (const Frame& frame : {crowd(scene), snake(scene, 50000)}) {
       const Result expected = result_of(scene, frame);
-      FreeFlight flight(Device::cuda, scene, surroundings, frame.type);
+      FreeFlight flight(Device::cuda, scene, environment, frame.type);
       for (int repeat = 0; repeat < 3; ++repeat) {
         const Result actual = result_of(flight, frame, Device::cuda);
         EXPECT_TRUE(same_groups(actual.groups, expected.groups));

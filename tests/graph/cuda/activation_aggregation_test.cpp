@@ -136,24 +136,24 @@ struct Pairs {
 constexpr RowOf by_particle{nullptr, 3, -1};
 constexpr RowOf by_corner{nullptr, 0, 7};
 
-TEST(ActivationSums, OfParticlesInCellsAndBack) {
+TEST(ActivationAggregation, OfParticlesInCellsAndBack) {
   GRAUPEL_NEEDS_GPU();
   const Pairs pairs;
   Case c(pairs.items(true, 1), Pairs::cells, Pairs::particles);
   const Expected expected = formula(c, false, 0.125);
   const auto begin = on_gpu(pairs.begin), pair = on_gpu(pairs.pair), cell = on_gpu(pairs.cell);
   const auto offset = on_gpu(pairs.offset);
-  sum_activations({.receivers = Pairs::cells,
-                   .items = {.begin = begin.data(), .item = pair.data(), .are_long = true},
-                   .sender = by_particle,
-                   .sent = c.on_sent.data(),
-                   .table = c.on_table.data(),
-                   .table_row = by_corner,
-                   .weight = c.on_weight.data(),
-                   .scale = 0.125f,
-                   .sum = c.sum.data(),
-                   .signs = c.signs.data()},
-                  nullptr);
+  aggregate_activations({.receivers = Pairs::cells,
+                         .items = {.begin = begin.data(), .item = pair.data(), .are_long = true},
+                         .sender = by_particle,
+                         .sent = c.on_sent.data(),
+                         .table = c.on_table.data(),
+                         .table_row = by_corner,
+                         .weight = c.on_weight.data(),
+                         .scale = 0.125f,
+                         .sum = c.sum.data(),
+                         .signs = c.signs.data()},
+                        nullptr);
   expect_rows(c.sum, expected.sum, "sum");
   const int partials = sum_gradients(ActivationGradient{.nodes = Pairs::particles,
                                                         .items = {.fixed = 8},
@@ -170,24 +170,24 @@ TEST(ActivationSums, OfParticlesInCellsAndBack) {
   expect_offsets(c, partials, expected.offsets);
 }
 
-TEST(ActivationSums, OfCellsAroundParticlesAndBack) {
+TEST(ActivationAggregation, OfCellsAroundParticlesAndBack) {
   GRAUPEL_NEEDS_GPU();
   const Pairs pairs;
   Case c(pairs.items(false, -1), Pairs::particles, Pairs::cells);
   const Expected expected = formula(c, true, 1);
   const auto begin = on_gpu(pairs.begin), pair = on_gpu(pairs.pair), cell = on_gpu(pairs.cell);
   const auto offset = on_gpu(pairs.offset);
-  sum_activations({.receivers = Pairs::particles,
-                   .items = {.fixed = 8},
-                   .sender = {cell.data()},
-                   .sent = c.on_sent.data(),
-                   .received = c.on_received.data(),
-                   .table = c.on_table.data(),
-                   .table_row = by_corner,
-                   .weight = c.on_weight.data(),
-                   .sum = c.sum.data(),
-                   .signs = c.signs.data()},
-                  nullptr);
+  aggregate_activations({.receivers = Pairs::particles,
+                         .items = {.fixed = 8},
+                         .sender = {cell.data()},
+                         .sent = c.on_sent.data(),
+                         .received = c.on_received.data(),
+                         .table = c.on_table.data(),
+                         .table_row = by_corner,
+                         .weight = c.on_weight.data(),
+                         .sum = c.sum.data(),
+                         .signs = c.signs.data()},
+                        nullptr);
   expect_rows(c.sum, expected.sum, "sum");
   const int partials = sum_gradients(ActivationGradient{.nodes = Pairs::particles,
                                                         .items = {.fixed = 8},
@@ -214,7 +214,7 @@ TEST(ActivationSums, OfCellsAroundParticlesAndBack) {
   expect_rows(c.back_sent, expected.sent, "gradient of the senders");
 }
 
-TEST(ActivationSums, OfNeighborsAndBack) {
+TEST(ActivationAggregation, OfNeighborsAndBack) {
   GRAUPEL_NEEDS_GPU();
   // A box of cells with holes
   constexpr int size[3] = {7, 6, 5};
@@ -251,16 +251,16 @@ TEST(ActivationSums, OfNeighborsAndBack) {
   Case c(items, cells, cells);
   const Expected expected = formula(c, true, 1);
   const auto begins = on_gpu(begin), senders = on_gpu(sender), slots = on_gpu(slot), reverses = on_gpu(reverse);
-  sum_activations({.receivers = cells,
-                   .items = {.begin = begins.data()},
-                   .sender = {senders.data()},
-                   .sent = c.on_sent.data(),
-                   .received = c.on_received.data(),
-                   .table = c.on_table.data(),
-                   .table_row = {slots.data()},
-                   .sum = c.sum.data(),
-                   .signs = c.signs.data()},
-                  nullptr);
+  aggregate_activations({.receivers = cells,
+                         .items = {.begin = begins.data()},
+                         .sender = {senders.data()},
+                         .sent = c.on_sent.data(),
+                         .received = c.on_received.data(),
+                         .table = c.on_table.data(),
+                         .table_row = {slots.data()},
+                         .sum = c.sum.data(),
+                         .signs = c.signs.data()},
+                        nullptr);
   expect_rows(c.sum, expected.sum, "sum");
   const int partials = sum_gradients(EdgeGradient{.cells = cells,
                                                   .edge_begin = begins.data(),

@@ -12,7 +12,7 @@ namespace {
 Trajectory rollout(const LearnedSimulator& simulator, const Case& c, Device device,
                    LearnedSimulator::RolloutOptions options) {
   options.device = device;
-  return simulator.rollout(c.scene, Surroundings(c.scene), c.type, c.history, options);
+  return simulator.rollout(c.scene, Environment(c.scene), c.type, c.history, options);
 }
 
 /// The same normalised accelerations for all particles and frames, whatever the graph.
@@ -48,9 +48,9 @@ void expect_same_as_frame_by_frame(const Config& config) {
 
 void expect_rollouts_of_the_cpu(const LearnedSimulator& simulator) {
   const Case c = clouds_at_a_ball(800);
-  const Surroundings surroundings(c.scene);
-  EXPECT_LT(difference(simulator.one_step_on_gpu(c.scene, surroundings, c.type, c.history),
-                       simulator.one_step(surroundings, c.type, c.history)),
+  const Environment environment(c.scene);
+  EXPECT_LT(difference(simulator.one_step_on_gpu(c.scene, environment, c.type, c.history),
+                       simulator.one_step(environment, c.type, c.history)),
             0.02);
   LearnedSimulator::RolloutOptions options;
   options.frames = 7;  // cuts the last bundle
@@ -82,10 +82,10 @@ Case shower_among_obstacles() {
     for (int d = 0; d < 3; ++d) obstacle.position[d] = 0.1 + 0.8 * random.uniform(k, d);
     c.scene.obstacles.push_back(obstacle);
   }
-  const Surroundings surroundings(c.scene);
+  const Environment environment(c.scene);
   std::vector<std::size_t> free;
   for (std::size_t i = 0; i < c.type.size(); ++i)
-    if (surroundings.obstacles.sample(c.history.back()[i].cast<double>()).phi > 1e-4) free.push_back(i);
+    if (environment.obstacles.sample(c.history.back()[i].cast<double>()).phi > 1e-4) free.push_back(i);
   Case kept{c.scene, {}, {}};
   for (const std::size_t i : free) kept.type.push_back(c.type[i]);
   for (const auto& frame : c.history) {
@@ -108,11 +108,11 @@ TEST(CudaWays, PastObstaclesAreThoseOfTheCpu) {
   const Trajectory expected = rollout(simulator, c, Device::cpu, options);
   const Trajectory actual = rollout(simulator, c, Device::cuda, options);
   ASSERT_EQ(actual.frame_count(), 2u);
-  const Surroundings surroundings(c.scene);
+  const Environment environment(c.scene);
   int64_t stopped = 0, apart = 0;
   for (std::size_t i = 0; i < c.type.size(); ++i) {
     const Vec3f &x = actual.frames[1].position[i], &y = expected.frames[1].position[i];
-    EXPECT_GT(surroundings.obstacles.sample(x.cast<double>()).phi, -1e-6) << i;
+    EXPECT_GT(environment.obstacles.sample(x.cast<double>()).phi, -1e-6) << i;
     const Vec3f flies = c.history[5][i] + (c.history[5][i] - c.history[4][i]);
     stopped += norm(y - flies) > 0.005f;
     apart += norm(x - y) > 5e-5f;
@@ -172,11 +172,11 @@ TEST(GnsBundle, EveryFrameIsCorrectedAsFrameByFrame) {
 
 void expect_gns_of_the_cpu(const GnsConfig& config, const Normalization& statistics) {
   const Case c = clouds_at_a_ball(300);
-  const Surroundings surroundings(c.scene);
+  const Environment environment(c.scene);
   const WeightsFile file;
   const LearnedSimulator simulator = file.read_back(random_weights(config, statistics));
-  EXPECT_LT(difference(simulator.one_step_on_gpu(c.scene, surroundings, c.type, c.history),
-                       simulator.one_step(surroundings, c.type, c.history)),
+  EXPECT_LT(difference(simulator.one_step_on_gpu(c.scene, environment, c.type, c.history),
+                       simulator.one_step(environment, c.type, c.history)),
             0.03);
   LearnedSimulator::RolloutOptions options;
   options.frames = 3;

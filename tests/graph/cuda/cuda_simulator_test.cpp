@@ -22,29 +22,29 @@ TEST_P(CudaSimulatorTest, AccelerationsAreThoseOfTheCpu) {
   GRAUPEL_NEEDS_GPU();
   for (const int particles : {1, 37, 3000, 12000}) {
     const Case c = clouds_at_a_ball(particles);
-    const Surroundings surroundings(c.scene);
+    const Environment environment(c.scene);
     const LearnedSimulator simulator = make(wide_config(GetParam()));
-    const auto expected = simulator.one_step(surroundings, c.type, c.history);
-    const auto actual = simulator.one_step_on_gpu(c.scene, surroundings, c.type, c.history);
+    const auto expected = simulator.one_step(environment, c.type, c.history);
+    const auto actual = simulator.one_step_on_gpu(c.scene, environment, c.type, c.history);
     ASSERT_EQ(actual.size(), expected.size());
     EXPECT_LT(difference(actual, expected), 0.02) << particles;
-    EXPECT_EQ(simulator.one_step_on_gpu(c.scene, surroundings, c.type, c.history), actual) << "the same every time";
+    EXPECT_EQ(simulator.one_step_on_gpu(c.scene, environment, c.type, c.history), actual) << "the same every time";
   }
 }
 
 TEST_P(CudaSimulatorTest, RolloutsFollowThoseOfTheCpu) {
   GRAUPEL_NEEDS_GPU();
   const Case c = clouds_at_a_ball(800);
-  const Surroundings surroundings(c.scene);
+  const Environment environment(c.scene);
   const LearnedSimulator simulator = make(wide_config(GetParam()));
   for (const double density_limit : {0.0, 1.0}) {
     LearnedSimulator::RolloutOptions options;
     options.frames = 8;
     options.free_flight = false;
     options.density_limit = density_limit;
-    const Trajectory expected = simulator.rollout(c.scene, surroundings, c.type, c.history, options);
+    const Trajectory expected = simulator.rollout(c.scene, environment, c.type, c.history, options);
     options.device = Device::cuda;
-    const Trajectory actual = simulator.rollout(c.scene, surroundings, c.type, c.history, options);
+    const Trajectory actual = simulator.rollout(c.scene, environment, c.type, c.history, options);
     ASSERT_EQ(actual.frames.size(), expected.frames.size());
     double squares = 0, way = 0;
     for (std::size_t i = 0; i < c.type.size(); ++i) {
@@ -53,8 +53,8 @@ TEST_P(CudaSimulatorTest, RolloutsFollowThoseOfTheCpu) {
     }
     EXPECT_LT(std::sqrt(squares / way), density_limit > 0 ? 0.03 : 0.01);
     for (const Vec3f& x : actual.frames.back().position)
-      EXPECT_GT(surroundings.obstacles.sample(x.cast<double>()).phi, -1e-4);
-    EXPECT_EQ(simulator.rollout(c.scene, surroundings, c.type, c.history, options).frames.back().position,
+      EXPECT_GT(environment.obstacles.sample(x.cast<double>()).phi, -1e-4);
+    EXPECT_EQ(simulator.rollout(c.scene, environment, c.type, c.history, options).frames.back().position,
               actual.frames.back().position)
         << "the same every time";
   }
@@ -63,7 +63,7 @@ TEST_P(CudaSimulatorTest, RolloutsFollowThoseOfTheCpu) {
 TEST_P(CudaSimulatorTest, CorrectionsWithoutTheNetworkFollowThoseOfTheCpu) {
   GRAUPEL_NEEDS_GPU();
   const Case c = clouds_at_a_ball(800);
-  const Surroundings surroundings(c.scene);
+  const Environment environment(c.scene);
   const LearnedSimulator simulator = make(wide_config(GetParam()));
   LearnedSimulator::RolloutOptions options;
   options.frames = 8;
@@ -72,9 +72,9 @@ TEST_P(CudaSimulatorTest, CorrectionsWithoutTheNetworkFollowThoseOfTheCpu) {
     options.project = options.free_flight = corrected;
     options.density_limit = corrected ? 1 : 0;
     options.device = Device::cpu;
-    const Trajectory expected = simulator.rollout(c.scene, surroundings, c.type, c.history, options);
+    const Trajectory expected = simulator.rollout(c.scene, environment, c.type, c.history, options);
     options.device = Device::cuda;
-    const Trajectory actual = simulator.rollout(c.scene, surroundings, c.type, c.history, options);
+    const Trajectory actual = simulator.rollout(c.scene, environment, c.type, c.history, options);
     ASSERT_EQ(actual.frames.size(), expected.frames.size());
     for (std::size_t i = 0; i < c.type.size(); ++i)
       ASSERT_LT(norm(actual.frames.back().position[i] - expected.frames.back().position[i]), corrected ? 1e-3f : 1e-5f);
@@ -90,20 +90,20 @@ TEST_P(CudaSimulatorTest, RolloutsGoOnWhereMatterSpreads) {
       const Vec3f start = Vec3f{0.5f, 0.7f, 0.5f} + (c.history[5][i] - Vec3f{0.4f, 0.4f, 0.4f}) * 0.1f;
       c.history[t][i] = start + (start - Vec3f{0.5f, 0.7f, 0.5f}) * (0.4f * static_cast<float>(t));
     }
-  const Surroundings surroundings(c.scene);
+  const Environment environment(c.scene);
   const LearnedSimulator simulator = make(wide_config(GetParam()));
   LearnedSimulator::RolloutOptions options;
   options.frames = 10;
   options.free_flight = false;
   options.density_limit = 0;
-  const Trajectory expected = simulator.rollout(c.scene, surroundings, c.type, c.history, options);
+  const Trajectory expected = simulator.rollout(c.scene, environment, c.type, c.history, options);
   options.device = Device::cuda;
-  const Trajectory actual = simulator.rollout(c.scene, surroundings, c.type, c.history, options);
+  const Trajectory actual = simulator.rollout(c.scene, environment, c.type, c.history, options);
   ASSERT_EQ(actual.frames.size(), expected.frames.size());
   for (std::size_t frame = 0; frame < expected.frames.size(); ++frame)
     for (std::size_t i = 0; i < c.type.size(); ++i)
       ASSERT_LT(norm(actual.frames[frame].position[i] - expected.frames[frame].position[i]), 0.01f) << frame;
-  const Trajectory again = simulator.rollout(c.scene, surroundings, c.type, c.history, options);
+  const Trajectory again = simulator.rollout(c.scene, environment, c.type, c.history, options);
   EXPECT_EQ(again.frames.back().position, actual.frames.back().position) << "the same every time";
 }
 
@@ -112,9 +112,9 @@ TEST_P(CudaSimulatorTest, RefusesNetworksWithoutKernels) {
   HgnConfig config = wide_config(GetParam());
   config.latent = 64;
   const Case c = clouds_at_a_ball(10);
-  const Surroundings surroundings(c.scene);
+  const Environment environment(c.scene);
   const LearnedSimulator simulator = make(config);
-  EXPECT_THROW(simulator.one_step_on_gpu(c.scene, surroundings, c.type, c.history), ConfigError);
+  EXPECT_THROW(simulator.one_step_on_gpu(c.scene, environment, c.type, c.history), ConfigError);
   EXPECT_THROW(simulator.check_runs_on(Device::cuda), ConfigError);
   simulator.check_runs_on(Device::cpu);
 }
@@ -122,9 +122,9 @@ TEST_P(CudaSimulatorTest, RefusesNetworksWithoutKernels) {
 TEST_P(CudaSimulatorTest, SaysWhereThereIsNoGpu) {
   if (cuda_available()) GTEST_SKIP() << "there is a GPU here";
   const Case c = clouds_at_a_ball(10);
-  const Surroundings surroundings(c.scene);
+  const Environment environment(c.scene);
   const LearnedSimulator simulator = make(wide_config(GetParam()));
-  EXPECT_THROW(simulator.one_step_on_gpu(c.scene, surroundings, c.type, c.history), ConfigError);
+  EXPECT_THROW(simulator.one_step_on_gpu(c.scene, environment, c.type, c.history), ConfigError);
   EXPECT_THROW(simulator.check_runs_on(Device::cuda), ConfigError);
   simulator.check_runs_on(Device::cpu);
 }

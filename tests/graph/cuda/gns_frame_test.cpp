@@ -61,12 +61,12 @@ TEST_F(GnsFrame, AccelerationsAreThoseOfTheCpu) {
     for (const int particles : {1, 37, 1500}) {
       const LearnedSimulator simulator = make(wide_config(obstacle_particles));
       const Case c = make_case(particles, 0.02f);
-      const Surroundings surroundings(c.scene);
-      const auto expected = simulator.one_step(surroundings, c.type, c.history);
-      const auto actual = simulator.one_step_on_gpu(c.scene, surroundings, c.type, c.history);
+      const Environment environment(c.scene);
+      const auto expected = simulator.one_step(environment, c.type, c.history);
+      const auto actual = simulator.one_step_on_gpu(c.scene, environment, c.type, c.history);
       ASSERT_EQ(actual.size(), expected.size());
       EXPECT_LT(relative(actual, expected, std::vector<Vec3f>(actual.size(), mean)), 0.03) << particles;
-      EXPECT_EQ(simulator.one_step_on_gpu(c.scene, surroundings, c.type, c.history), actual) << "the same every time";
+      EXPECT_EQ(simulator.one_step_on_gpu(c.scene, environment, c.type, c.history), actual) << "the same every time";
     }
 }
 
@@ -75,20 +75,20 @@ TEST_F(GnsFrame, RolloutsFollowThoseOfTheCpu) {
   for (const bool obstacle_particles : {false, true}) {
     const LearnedSimulator simulator = make(wide_config(obstacle_particles));
     const Case c = make_case(800, 0.02f);
-    const Surroundings surroundings(c.scene);
+    const Environment environment(c.scene);
     LearnedSimulator::RolloutOptions options;
     options.frames = 8;
     options.free_flight = false;
     options.density_limit = 0;
-    const Trajectory expected = simulator.rollout(c.scene, surroundings, c.type, c.history, options);
+    const Trajectory expected = simulator.rollout(c.scene, environment, c.type, c.history, options);
     options.device = Device::cuda;
-    const Trajectory actual = simulator.rollout(c.scene, surroundings, c.type, c.history, options);
+    const Trajectory actual = simulator.rollout(c.scene, environment, c.type, c.history, options);
     ASSERT_EQ(actual.frames.size(), expected.frames.size());
     EXPECT_LT(relative(actual.frames.back().position, expected.frames.back().position, expected.frames[0].position),
               0.02);
     for (const Vec3f& x : actual.frames.back().position)
-      EXPECT_GT(surroundings.obstacles.sample(x.cast<double>()).phi, -1e-4);
-    EXPECT_EQ(simulator.rollout(c.scene, surroundings, c.type, c.history, options).frames.back().position,
+      EXPECT_GT(environment.obstacles.sample(x.cast<double>()).phi, -1e-4);
+    EXPECT_EQ(simulator.rollout(c.scene, environment, c.type, c.history, options).frames.back().position,
               actual.frames.back().position)
         << "the same every time";
   }
@@ -101,19 +101,19 @@ TEST_F(GnsFrame, RolloutsGoOnWhereMatterGathers) {
   silence_decoder(weights);
   const LearnedSimulator simulator = make(weights);
   const Case c = make_case(600, -0.1f);
-  const Surroundings surroundings(c.scene);
+  const Environment environment(c.scene);
   LearnedSimulator::RolloutOptions options;
   options.frames = 8;
   options.free_flight = false;
   options.project = false;
   options.density_limit = 0;
-  const Trajectory expected = simulator.rollout(c.scene, surroundings, c.type, c.history, options);
+  const Trajectory expected = simulator.rollout(c.scene, environment, c.type, c.history, options);
   const auto pairs = [&](std::size_t frame) {
     return sparsegrid::build_radius_graph(expected.frames[frame].position, 0.035, sparsegrid::SelfEdges::with).edges();
   };
   ASSERT_GT(pairs(8), 4 * pairs(0));
   options.device = Device::cuda;
-  const Trajectory actual = simulator.rollout(c.scene, surroundings, c.type, c.history, options);
+  const Trajectory actual = simulator.rollout(c.scene, environment, c.type, c.history, options);
   ASSERT_EQ(actual.frames.size(), expected.frames.size());
   for (std::size_t i = 0; i < c.type.size(); ++i)
     ASSERT_LT(norm(actual.frames.back().position[i] - expected.frames.back().position[i]), 1e-5f);
@@ -122,12 +122,12 @@ TEST_F(GnsFrame, RolloutsGoOnWhereMatterGathers) {
 TEST_F(GnsFrame, RefusesNetworksWithoutKernels) {
   GRAUPEL_NEEDS_GPU();
   const Case c = make_case(10, 0);
-  const Surroundings surroundings(c.scene);
+  const Environment environment(c.scene);
   GnsConfig deep = wide_config(false), narrow = wide_config(false);
   deep.hidden_layers = 2;
   narrow.latent = 64;
   for (const GnsConfig& config : {deep, narrow})
-    EXPECT_THROW(make(config).one_step_on_gpu(c.scene, surroundings, c.type, c.history), ConfigError);
+    EXPECT_THROW(make(config).one_step_on_gpu(c.scene, environment, c.type, c.history), ConfigError);
 }
 
 }  // namespace

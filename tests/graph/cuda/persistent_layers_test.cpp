@@ -34,7 +34,7 @@ Numbers numbers(const std::vector<uint16_t>& bits) {
   return all;
 }
 
-/// A network of two operands with two outlooks, or a decoder, and everything that it reads.
+/// A network of two operands with two epilogues, or a decoder, and everything that it reads.
 struct Case {
   Gather gather;
   int64_t rows, sources, first_link;
@@ -166,7 +166,8 @@ struct Case {
 /// Runs a case twice in one launch: the second network's rows are the first one's, so that it has to wait for it.
 Case::Result run_on_gpu(const Case& c, bool overflows = false) {
   std::vector<uint16_t> packed(5 * tile_numbers);
-  for (int t = 0; t < 5; ++t) pack_wide_tile(c.matrices.data() + t * h * h, h, h, packed.data() + t * tile_numbers);
+  for (int t = 0; t < 5; ++t)
+    pack_persistent_tile(c.matrices.data() + t * h * h, h, h, packed.data() + t * tile_numbers);
   const auto source = on_gpu(bits(c.source)), own = on_gpu(bits(c.own)), tiles = on_gpu(packed);
   const auto table = on_gpu(c.table), x = on_gpu(c.x), weight = on_gpu(c.weight), vectors = on_gpu(c.vectors),
              addend = on_gpu(c.addend), add = on_gpu(c.add);
@@ -174,8 +175,8 @@ Case::Result run_on_gpu(const Case& c, bool overflows = false) {
   Buffer<float> sum(Device::cuda, c.add.size()), decoded(Device::cuda, static_cast<std::size_t>(3 * c.rows));
   Buffer<uint16_t> out0(Device::cuda, c.add.size()), out1(Device::cuda, c.add.size());
   const auto pair_row = on_gpu(c.pair_row);
-  Buffer<float> part_sums(Device::cuda,
-                          static_cast<std::size_t>(rows_of_pair_sums(c.rows, static_cast<int64_t>(c.link.size())) * h));
+  Buffer<float> part_sums(Device::cuda, static_cast<std::size_t>(
+                                            rows_of_pair_aggregation(c.rows, static_cast<int64_t>(c.link.size())) * h));
   Buffer<int32_t> fault(Device::cuda, 1), overflow(Device::cuda, 1);
   Buffer<uint32_t> done(Device::cuda, 2);
   for (auto* buffer : {&sum, &decoded}) buffer->fill_zero();
@@ -183,7 +184,7 @@ Case::Result run_on_gpu(const Case& c, bool overflows = false) {
   done.fill_zero();
   overflow.upload({overflows});
 
-  WideNetwork n{};
+  PersistentLayer n{};
   n.range = range.data();
   n.most_rows = static_cast<int32_t>(c.rows);
   n.gather = c.gather;
@@ -203,16 +204,16 @@ Case::Result run_on_gpu(const Case& c, bool overflows = false) {
   n.vectors = vectors.data();
   n.add32 = add.data();
   n.sum32 = sum.data();
-  n.outlooks = c.decoder ? 1 : 2;
+  n.epilogues = c.decoder ? 1 : 2;
   n.out[0] = out0.data();
   n.out[1] = out1.data();
   for (float& bias : n.decoder_bias) bias = 0.5f;
   if (c.decoder) n.decoded = decoded.data();
-  const auto networks = on_gpu(std::vector<WideNetwork>{n, n});
+  const auto networks = on_gpu(std::vector<PersistentLayer>{n, n});
   if (c.gather == Gather::pairs)
-    sum_pairs({range.data(), n.most_rows, overflow.data(), begin.data(), link.data(), pair_row.data(), weight.data(),
-               source.data(), table.data(), part_sums.data()},
-              static_cast<int64_t>(c.link.size()), nullptr);
+    aggregate_pairs({range.data(), n.most_rows, overflow.data(), begin.data(), link.data(), pair_row.data(),
+                     weight.data(), source.data(), table.data(), part_sums.data()},
+                    static_cast<int64_t>(c.link.size()), nullptr);
   run_networks({networks.data(), done.data(), overflow.data(), fault.data()}, {c.rows, c.rows}, nullptr);
   Case::Result result{sum.download(), {numbers(out0.download()), numbers(out1.download())}, decoded.download()};
   EXPECT_EQ(fault.download()[0], overflows);
@@ -256,7 +257,7 @@ TEST(WideRows, ManyRowsAndADecoder) {
   EXPECT_EQ(run_on_gpu(c).decoded, actual.decoded) << "the same every time";
 }
 
-/// An encoder: features of one and of two tiles, what a type adds, and outlooks with positions in cells.
+/// An encoder: features of one and of two tiles, what a type adds, and epilogues with positions in cells.
 TEST(WideRows, FeaturesAndPositionsAreThoseOfTheHost) {
   GRAUPEL_NEEDS_GPU();
   for (const auto& [width, rows] : {std::pair{28, 37}, {61, 37}, {28, 2500}}) {
@@ -268,7 +269,7 @@ TEST(WideRows, FeaturesAndPositionsAreThoseOfTheHost) {
     std::vector<uint16_t> packed(static_cast<std::size_t>(operands + 3) * tile_numbers);
     pack_feature_tiles(first.data(), width, width, packed.data());
     for (int t = 0; t < 3; ++t)
-      pack_wide_tile(c.matrices.data() + (2 + t) * h * h, h, h, packed.data() + (operands + t) * tile_numbers);
+      pack_persistent_tile(c.matrices.data() + (2 + t) * h * h, h, h, packed.data() + (operands + t) * tile_numbers);
     const auto tiles = on_gpu(packed);
     const auto x = on_gpu(features), vectors = on_gpu(c.vectors), addend = on_gpu(c.addend), at = on_gpu(position),
                axes = on_gpu(offset_weight);
@@ -277,7 +278,7 @@ TEST(WideRows, FeaturesAndPositionsAreThoseOfTheHost) {
     Buffer<uint16_t> out0(Device::cuda, c.add.size()), out1(Device::cuda, c.add.size());
     Buffer<uint32_t> done(Device::cuda, 1);
     done.fill_zero();
-    WideNetwork n{};
+    PersistentLayer n{};
     n.range = range.data();
     n.most_rows = rows;
     n.gather = Gather::features;
@@ -289,11 +290,11 @@ TEST(WideRows, FeaturesAndPositionsAreThoseOfTheHost) {
     n.tiles = tiles.data();
     n.vectors = vectors.data();
     n.sum32 = sum.data();
-    n.outlooks = 2;
+    n.epilogues = 2;
     n.out[0] = out0.data();
     n.out[1] = out1.data();
     n.offset = {at.data(), {0.1, 0.2, 0.3}, 1 / 0.035, axes.data()};
-    const auto networks = on_gpu(std::vector<WideNetwork>{n});
+    const auto networks = on_gpu(std::vector<PersistentLayer>{n});
     run_networks({networks.data(), done.data(), nullptr, nullptr}, {rows}, nullptr);
 
     Case::Result expected;

@@ -17,7 +17,7 @@ TEST(WideWeights, EveryNumberHasOnePlace) {
     for (int step = 0; step < 8; ++step)
       for (int lane = 0; lane < 32; ++lane)
         for (int word = 0; word < 4; ++word) {
-          const WideWord at = wide_word(warp, step, lane, word);
+          const PersistentWord at = wide_word(warp, step, lane, word);
           seen.insert({at.row, at.column});
           seen.insert({at.row, at.column + 1});
         }
@@ -29,7 +29,7 @@ TEST(WideWeights, LanesHoldTheResultsThatTheKernelTakesThemFor) {
   Draws draws(1);
   const Numbers weight = draws.rounded_numbers(h * 140, 1), x = draws.numbers(h, 1);
   std::vector<uint16_t> tile(tile_numbers);
-  pack_wide_tile(weight.data() + 3, 140, h, tile.data());
+  pack_persistent_tile(weight.data() + 3, 140, h, tile.data());
   for (int warp = 0; warp < 8; ++warp)
     for (int block = 0; block < 2; ++block)
       for (int column = 0; column < 8; ++column) {  // of the second operand and of the sums
@@ -58,7 +58,7 @@ TEST(WideWeights, FeaturesLoseNothing) {
     for (int tile = 0; tile < feature_tiles(width); ++tile)
       for (int place = 0; place < tile_numbers; place += 2) {
         const int word = place / 2 % 4, lane = place / 8 % 32, step = place / 256 % 8, warp = place / 2048;
-        const WideWord at = wide_word(warp, step, lane, word);
+        const PersistentWord at = wide_word(warp, step, lane, word);
         for (int i = 0; i < 2; ++i) {
           const int column = tile * h + at.column + i;
           if (column >= feature_parts * width) continue;

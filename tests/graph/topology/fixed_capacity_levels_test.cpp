@@ -53,7 +53,7 @@ class Places {
   int64_t particles_ = 0;
 
  public:
-  LevelPlaces places;
+  FixedCapacityLevels places;
 };
 
 /// Children, parents, edges and counts of all levels beside those of the hierarchy.
@@ -100,7 +100,7 @@ void expect_links_of(const Places& links, const std::vector<Vec3f>& position) {
 void expect_placed_links(Device device) {
   Places links(device);
   const std::vector<Vec3f> spread = cloud(1, 300, 0.9), gathered = cloud(2, 40, 0.2);
-  const LevelRoom room = LevelRoom::for_counts(links.build(spread));
+  const LevelCapacity room = LevelCapacity::for_counts(links.build(spread));
   links.places.prepare(room);
   for (const auto& position : {spread, gathered, spread}) {
     EXPECT_TRUE(room.holds(links.build(position)));
@@ -111,7 +111,7 @@ void expect_placed_links(Device device) {
 
 void expect_fault_without_room(Device device) {
   Places links(device);
-  const LevelRoom room = LevelRoom::for_counts(links.build(cloud(2, 4, 0.1)));
+  const LevelCapacity room = LevelCapacity::for_counts(links.build(cloud(2, 4, 0.1)));
   links.places.prepare(room);
   const auto expect_nothing = [&] {
     links.place();
@@ -131,13 +131,13 @@ void expect_fault_without_room(Device device) {
   expect_nothing();
 }
 
-TEST(LevelPlaces, HoldTheLinksOfTheGrid) { expect_placed_links(Device::cpu); }
-TEST(LevelPlaces, HoldTheLinksOfTheGridOnTheGpu) {
+TEST(FixedCapacityLevels, HoldTheLinksOfTheGrid) { expect_placed_links(Device::cpu); }
+TEST(FixedCapacityLevels, HoldTheLinksOfTheGridOnTheGpu) {
   GRAUPEL_NEEDS_GPU();
   expect_placed_links(Device::cuda);
 }
-TEST(LevelPlaces, HaveNoCellsWhereTheyDoNotFit) { expect_fault_without_room(Device::cpu); }
-TEST(LevelPlaces, HaveNoCellsWhereTheyDoNotFitOnTheGpu) {
+TEST(FixedCapacityLevels, HaveNoCellsWhereTheyDoNotFit) { expect_fault_without_room(Device::cpu); }
+TEST(FixedCapacityLevels, HaveNoCellsWhereTheyDoNotFitOnTheGpu) {
   GRAUPEL_NEEDS_GPU();
   expect_fault_without_room(Device::cuda);
 }

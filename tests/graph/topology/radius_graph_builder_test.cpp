@@ -225,9 +225,9 @@ TEST(RadiusGraphBuilder, WithoutRoomThereAreNoEdgesAndAFault) {
 void expect_resting_features(Device device) {
   const GnsConfig config = small_config();
   const Scene scene = scene_with_ball({0.5, 0.2, 0.5}, 0.15);
-  const Surroundings surroundings(scene, config.dx);
+  const Environment environment(scene, config.dx);
   Cloud cloud = random_cloud(4, 30, 0, 0.1);
-  for (const Vec3f& x : surroundings.obstacle_particles.at_spacing(0.03)) cloud.point.push_back(x);
+  for (const Vec3f& x : environment.obstacle_particles.at_spacing(0.03)) cloud.point.push_back(x);
   Normalization normalization;
   normalization.velocity_mean[1] = 0.5f;
   const FeatureRules rules(config, normalization);
@@ -240,7 +240,7 @@ void expect_resting_features(Device device) {
                     point.data(),
                     static_cast<int64_t>(cloud.point.size()),
                     {},
-                    surroundings.view(device)}});
+                    environment.view(device)}});
   std::vector<Vec3f> nodes = cloud.position;
   nodes.resize(static_cast<std::size_t>(builder.most_nodes()));
   position.upload(nodes);
@@ -254,7 +254,7 @@ void expect_resting_features(Device device) {
   std::vector<std::vector<Vec3f>> resting(static_cast<std::size_t>(config.history) + 1);
   for (auto& frame : resting)
     for (const int32_t p : near) frame.push_back(cloud.point[static_cast<std::size_t>(p)]);
-  const std::vector<float> expected = particle_features(config, normalization, surroundings, resting),
+  const std::vector<float> expected = particle_features(config, normalization, environment, resting),
                            actual = features.download();
   ASSERT_EQ(static_cast<int64_t>(near.size()), obstacles);
   for (std::size_t i = 0; i < expected.size(); ++i)

@@ -47,16 +47,16 @@ struct Body {
   rom::Clusters clusters;
 };
 
-TEST(GridSums, OfAllParticlesAsPointsAreExact) {
+TEST(NodalSums, OfAllParticlesAsPointsAreExact) {
   const Body body(300, 1);
-  const QuadratureError error = GridSums(body.view(), body.snapshots(false)).error();
+  const QuadratureError error = NodalSums(body.view(), body.snapshots(false)).error();
   EXPECT_LT(error.mass, 1e-6);
   EXPECT_LT(error.force, 1e-5);
 }
 
-TEST(GridSums, ChosenPointsAreOfTheirClustersAndNearerToAllParticles) {
+TEST(NodalSums, ChosenPointsAreOfTheirClustersAndNearerToAllParticles) {
   const Body body(1600, 8);
-  GridSums sums(body.view(), {body.snapshot(0, true), body.snapshot(0.0113f, true)});
+  NodalSums sums(body.view(), {body.snapshot(0, true), body.snapshot(0.0113f, true)});
   const QuadratureError before = sums.error();
   sums.choose_points();
   const QuadratureError after = sums.error();
@@ -69,7 +69,7 @@ TEST(GridSums, ChosenPointsAreOfTheirClustersAndNearerToAllParticles) {
   chosen.points = sums.points();
   const QuadratureBody again{chosen, body.mass, body.volume, {0, 0, 0}, dx};
   const std::vector<QuadratureSnapshot> elsewhere = {body.snapshot(0.0257f, true)};
-  EXPECT_LT(GridSums(again, elsewhere).error().mass, GridSums(body.view(), elsewhere).error().mass);
+  EXPECT_LT(NodalSums(again, elsewhere).error().mass, NodalSums(body.view(), elsewhere).error().mass);
 }
 
 }  // namespace

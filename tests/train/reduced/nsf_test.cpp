@@ -151,9 +151,9 @@ TEST_F(NsfTraining, BlocksOfSnapshotsGiveTheSameModel) {
 }
 
 /// The record on trust of a whole run.
-rom::TrustRecord record_of(const rom::ReducedModel& model, const Scene& scene, double angle) {
+rom::ErrorIndicatorRecord record_of(const rom::ReducedModel& model, const Scene& scene, double angle) {
   rom::ReducedSolver<float> solver(model, mpm::PreparedScene(scene, {.seed = scene.seed}), {angle}, {});
-  rom::TrustRecord record(model.usual);
+  rom::ErrorIndicatorRecord record(model.usual);
   for (int64_t f = 0; f < scene.frames; ++f) {
     solver.advance_frame();
     record.add(solver.trust());
@@ -267,7 +267,7 @@ TEST_F(NsfTraining, SurvivesStorageAndTakesClustersAndLongerSteps) {
 /// Root mean square error of the trunk of some particles at the others, and that of their nearest neighbours'
 /// displacement, in dx; over the last states of the training runs.
 std::pair<double, double> left_out_error(const rom::ReducedModel& model, int64_t every, double spacing, double dx) {
-  rom::TrunkParticles known;
+  rom::MlsParticles known;
   rom::ReferencePoints points;
   std::vector<int32_t> all, left_out;
   for (int32_t p = 0; p < static_cast<int32_t>(model.fields->particles()); ++p) {
@@ -294,7 +294,7 @@ std::pair<double, double> left_out_error(const rom::ReducedModel& model, int64_t
       if (norm2(known.reference[i] - x) < norm2(known.reference[best] - x)) best = i;
     nearest.push_back(best);
   }
-  rom::TrunkPositions<double> trunk(*model.fields, known, points);
+  rom::MlsPositions<double> trunk(*model.fields, known, points);
   const auto exact = model.fields->bind_positions_f64(all);
   std::vector<double> truth(static_cast<std::size_t>(3 * mpm::padded_to_tile(model.fields->particles()))),
       x(static_cast<std::size_t>(3 * mpm::padded_to_tile(static_cast<int64_t>(left_out.size()))));

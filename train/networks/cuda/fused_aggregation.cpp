@@ -12,9 +12,9 @@ constexpr graph::RowOf by_particle{nullptr, 3, -1};
 }  // namespace
 
 /// From the gradient of the particles' latents before the decoder, block by block, to that of the encoder's result.
-class FusedSums::BackwardPass {
+class FusedAggregation::BackwardPass {
  public:
-  BackwardPass(FusedSums& network, const DeviceBatch& batch, float* grad_particles)
+  BackwardPass(FusedAggregation& network, const DeviceBatch& batch, float* grad_particles)
       : network_(network), batch_(batch), g_(grad_particles), skip_(batch.level.size()) {}
 
   float* run() {
@@ -29,11 +29,11 @@ class FusedSums::BackwardPass {
   void particle_to_grid(const graph::PlanBlock& block);
 
  private:
-  const graph::SumsRecord::Step& step_of(const graph::PlanBlock& block) const {
+  const graph::AggregationRecord::Step& step_of(const graph::PlanBlock& block) const {
     return network_.record_.blocks[block.number].front();
   }
 
-  FusedSums& network_;
+  FusedAggregation& network_;
   const DeviceBatch& batch_;
   float* g_;                            ///< gradient of what the block at hand made
   std::vector<float*> skip_;            ///< gradient of level l's cells through the up pass
@@ -41,20 +41,20 @@ class FusedSums::BackwardPass {
   const uint16_t* received_ = nullptr;  ///< of what grid_to_particle's gather layer takes of the particles
 };
 
-graph::RowLatents FusedSums::to_decoder(const graph::HgnGraph& graph) {
-  return graph::forward_sums(packed_, graph, *this, record_, nullptr);
+graph::RowLatents FusedAggregation::to_decoder(const graph::HgnGraph& graph) {
+  return graph::forward_aggregation(packed_, graph, *this, record_, nullptr);
 }
 
-float* FusedSums::back_to_encoder(const DeviceBatch& batch, float* grad_particles) {
+float* FusedAggregation::back_to_encoder(const DeviceBatch& batch, float* grad_particles) {
   return BackwardPass(*this, batch, grad_particles).run();
 }
 
-const uint16_t* FusedSums::update_backward(const std::string& name, const graph::RowNetwork& network, const float* g,
-                                           float* nodes) {
+const uint16_t* FusedAggregation::update_backward(const std::string& name, const graph::FusedMlp& network,
+                                                  const float* g, float* nodes) {
   const Fcn& net = fcn(name);
   const bool has_nodes = network.operand[1].rows != nullptr;
   uint16_t* const sum = rows16(network.rows);
-  graph::RowNetworkGradient way{.network = network, .g32 = g};
+  graph::FusedMlpGradient way{.network = network, .g32 = g};
   way.operand[0] = {.d16 = sum};
   if (has_nodes) way.operand[1] = {.add32 = g, .d32 = nodes};
   way = back_through(name, way);
@@ -63,12 +63,12 @@ const uint16_t* FusedSums::update_backward(const std::string& name, const graph:
   return sum;
 }
 
-void FusedSums::BackwardPass::grid_to_particle(const graph::PlanBlock& block) {
+void FusedAggregation::BackwardPass::grid_to_particle(const graph::PlanBlock& block) {
   beside_cells_ = network_.rows32(batch_.particles);
   const std::string name = block.name + ".gather";
   const Fcn::Layer& layer = network_.gather(name);
   const int64_t n = batch_.particles, cells = batch_.level[0].cells;
-  const graph::SumsRecord::Step& step = step_of(block);
+  const graph::AggregationRecord::Step& step = step_of(block);
   const uint16_t* const sum = network_.update_backward(block.name, step.network, g_, beside_cells_);
   uint16_t *const of_particles = network_.rows16(n), *const of_cells = network_.rows16(cells);
   network_.offsets_backward(layer.w_grad, graph::ActivationGradient{.nodes = n,
@@ -99,10 +99,10 @@ void FusedSums::BackwardPass::grid_to_particle(const graph::PlanBlock& block) {
   g_ = grad;
 }
 
-void FusedSums::BackwardPass::particle_to_grid(const graph::PlanBlock& block) {
+void FusedAggregation::BackwardPass::particle_to_grid(const graph::PlanBlock& block) {
   const std::string name = block.name + ".gather";
   const Fcn::Layer& layer = network_.gather(name);
-  const graph::SumsRecord::Step& step = step_of(block);
+  const graph::AggregationRecord::Step& step = step_of(block);
   const uint16_t* const sum = network_.update_backward(block.name, step.network, g_);
   uint16_t* const sent = network_.rows16(batch_.particles);
   network_.offsets_backward(layer.w_grad,
@@ -127,11 +127,11 @@ void FusedSums::BackwardPass::particle_to_grid(const graph::PlanBlock& block) {
   g_ = grad;
 }
 
-void FusedSums::BackwardPass::restrict_to_coarse(const graph::PlanBlock& block) {
+void FusedAggregation::BackwardPass::restrict_to_coarse(const graph::PlanBlock& block) {
   const DeviceLevel& fine = batch_.level[block.level()];
   const std::string gather_name = block.name + ".gather";
   const Fcn::Layer& layer = network_.gather(gather_name);
-  const graph::SumsRecord::Step& step = step_of(block);
+  const graph::AggregationRecord::Step& step = step_of(block);
   const uint16_t* const sum = network_.update_backward(block.name, step.network, g_);
   uint16_t* const sent = network_.rows16(fine.cells);
   network_.offsets_backward(layer.w_grad, graph::ActivationGradient{.nodes = fine.cells,
@@ -152,18 +152,18 @@ void FusedSums::BackwardPass::restrict_to_coarse(const graph::PlanBlock& block) 
   g_ = grad;
 }
 
-void FusedSums::BackwardPass::prolong_to_fine(const graph::PlanBlock& block) {
+void FusedAggregation::BackwardPass::prolong_to_fine(const graph::PlanBlock& block) {
   const std::size_t l = block.level();
   skip_[l] = network_.rows32(batch_.level[l].cells);
   g_ = network_.prolong_backward(l, step_of(block).network, batch_, g_, skip_[l]);
 }
 
-void FusedSums::BackwardPass::pass_messages(const graph::PlanBlock& block) {
+void FusedAggregation::BackwardPass::pass_messages(const graph::PlanBlock& block) {
   const DeviceLevel& level = batch_.level[block.level()];
   for (int64_t k = block.iterations; k-- > 0;) {
     const std::string at_k = graph::numbered(block.name, k), name = at_k + ".gather";
     const Fcn::Layer& layer = network_.gather(name);
-    const graph::SumsRecord::Step& step = network_.record_.blocks[block.number][static_cast<std::size_t>(k)];
+    const graph::AggregationRecord::Step& step = network_.record_.blocks[block.number][static_cast<std::size_t>(k)];
     float* const beside_sums = network_.rows32(level.cells);
     const uint16_t* const sum = network_.update_backward(at_k + ".cell", step.network, g_, beside_sums);
     uint16_t *const sent = network_.rows16(level.cells), *const received = network_.rows16(level.cells);

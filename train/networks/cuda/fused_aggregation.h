@@ -5,28 +5,28 @@
 #include <string>
 
 #include "graph/cuda/forward/aggregation_forward.h"
-#include "train/networks/cuda/fused_passes.h"
+#include "train/networks/cuda/fused_hgn.h"
 
 namespace graupel::train {
 
-class FusedSums : public FusedPasses {
+class FusedAggregation : public FusedHgn {
  public:
-  FusedSums(const graph::HgnConfig& config, const ParameterLayout& layout, const at::Tensor& flat,
-            const at::Tensor& gradient)
-      : FusedPasses(config, layout, flat, gradient) {}
+  FusedAggregation(const graph::HgnConfig& config, const ParameterLayout& layout, const at::Tensor& flat,
+                   const at::Tensor& gradient)
+      : FusedHgn(config, layout, flat, gradient) {}
 
  private:
   graph::RowLatents to_decoder(const graph::HgnGraph& graph) override;
   float* back_to_encoder(const DeviceBatch& batch, float* grad_particles) override;
-  const graph::RowNetwork& encoder() const override { return record_.encoder; }
+  const graph::FusedMlp& encoder() const override { return record_.encoder; }
 
   /// Back through the FCN `name` on [sum] or [sum, nodes], from the gradient g of its results: adds the products for
   /// all its weights, returns the gradient of the sum. To `nodes` goes the nodes' gradient, g included.
-  const uint16_t* update_backward(const std::string& name, const graph::RowNetwork& network, const float* g,
+  const uint16_t* update_backward(const std::string& name, const graph::FusedMlp& network, const float* g,
                                   float* nodes = nullptr);
   class BackwardPass;
 
-  graph::SumsRecord record_;
+  graph::AggregationRecord record_;
 };
 
 }  // namespace graupel::train

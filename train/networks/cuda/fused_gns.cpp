@@ -97,8 +97,8 @@ at::Tensor FusedGns::forward(const DeviceBatch& batch) {
   return fcn_forward(fcn("decoder"), at::from_blob(latents, {batch.particles, h}, number_), &decoder_);
 }
 
-graph::RowNetworkGradient FusedGns::back_through(const std::string& name, graph::RowNetworkGradient gradient,
-                                                 const Traces& traces) {
+graph::FusedMlpGradient FusedGns::back_through(const std::string& name, graph::FusedMlpGradient gradient,
+                                               const Traces& traces) {
   const Fcn& net = fcn(name);
   gradient.hidden = traces.hidden;
   gradient.d_raw = traces.d_raw;
@@ -150,7 +150,7 @@ void FusedGns::backward(const DeviceBatch& batch, const at::Tensor& grad) {
 
 void FusedGns::latents_again(int64_t first, int64_t last) {
   for (int64_t k = first; k + 1 < last; ++k) {
-    graph::RowNetwork again = record_.step[static_cast<std::size_t>(k)].edge;
+    graph::FusedMlp again = record_.step[static_cast<std::size_t>(k)].edge;
     again.out16 = nullptr;
     graph::forward(again, nullptr);
   }
@@ -164,7 +164,7 @@ void FusedGns::step_backward(int64_t k, const DeviceLevel& links) {
   const uint16_t* const f = record.node.operand[1].rows;
 
   const at::Tensor by_message = at::empty({nodes, h}, number_), by_node = at::empty({nodes, h}, number_);
-  graph::RowNetworkGradient node{.network = record.node, .g32 = node_grad_};
+  graph::FusedMlpGradient node{.network = record.node, .g32 = node_grad_};
   node.operand[0] = {.d32 = f32(by_message)};
   node.operand[1] = {.add32 = node_grad_, .d32 = f32(by_node)};
   back_through(node_name, node, node_traces_);
@@ -173,7 +173,7 @@ void FusedGns::step_backward(int64_t k, const DeviceLevel& links) {
 
   const Traces traces = edge_traces();
   uint16_t* const edge_grad = edge_array(latent_arrays_ + latent_grad);
-  graph::RowNetworkGradient edge{.network = record.edge, .g32 = f32(by_message), .g_row = {index(links.receiver)}};
+  graph::FusedMlpGradient edge{.network = record.edge, .g32 = f32(by_message), .g_row = {index(links.receiver)}};
   edge.g16 = k + 1 < config_.message_passing ? edge_grad : nullptr;
   edge.operand[0] = {.add16 = edge.g16, .d16 = edge_grad};  // each number is read before it is written
   back_through(edge_name, edge, traces);

@@ -11,13 +11,13 @@
 #include <vector>
 
 #include "graph/cuda/forward/gns_forward.h"
-#include "train/networks/mixed_passes.h"
+#include "train/networks/mixed_precision_network.h"
 #include "train/networks/parameter_layout.h"
 #include "train/networks/torch_layers.h"
 
 namespace graupel::train {
 
-class FusedGns : public MixedPasses, private graph::RowMemory, private graph::EdgeMemory {
+class FusedGns : public MixedPrecisionNetwork, private graph::RowMemory, private graph::EdgeMemory {
  public:
   /// `checkpoint_layers` = k; 0: everything is kept.
   FusedGns(const graph::GnsConfig& config, int64_t checkpoint_layers, const ParameterLayout& layout,
@@ -53,8 +53,7 @@ class FusedGns : public MixedPasses, private graph::RowMemory, private graph::Ed
   void node_encoder_backward(const DeviceBatch& batch);
 
   /// Goes back through a network and adds the products for its W2, b2, gamma and beta.
-  graph::RowNetworkGradient back_through(const std::string& name, graph::RowNetworkGradient gradient,
-                                         const Traces& traces);
+  graph::FusedMlpGradient back_through(const std::string& name, graph::FusedMlpGradient gradient, const Traces& traces);
   /// Gradient of columns of W1: sum over rows of d x, `bias` the sum of d.
   void add_product(int64_t rows, const uint16_t* d, const uint16_t* x, const at::Tensor& w1_grad, int64_t first_column,
                    int64_t columns, const at::Tensor& bias = {});

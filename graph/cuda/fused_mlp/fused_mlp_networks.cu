@@ -29,7 +29,7 @@ __device__ void add_features(Sums& c, const RowFeatures& features, int64_t first
 
 /// First-layer sums of a warp's rows; with `keep`, operands are saved where the network asks for it.
 template <int operands, int warps>
-__device__ void first_layer(Sums& c, const RowNetwork& n, int64_t rows, const Shared<warps>& shared, uint16_t* mine,
+__device__ void first_layer(Sums& c, const FusedMlp& n, int64_t rows, const Shared<warps>& shared, uint16_t* mine,
                             int64_t first, int lane) {
   clear(c);
 #pragma unroll
@@ -52,14 +52,14 @@ __device__ void first_layer(Sums& c, const RowNetwork& n, int64_t rows, const Sh
 }
 
 template <int operands, int warps>
-__device__ void load_weights(const RowNetwork& n, const Shared<warps>& shared) {
+__device__ void load_weights(const FusedMlp& n, const Shared<warps>& shared) {
   load_tile(shared.tile(0), n.w2);
 #pragma unroll
   for (int j = 0; j < operands; ++j) load_tile(shared.tile(1 + j), n.operand[j].weight);
 }
 
 /// What follows the layer norm: residual sums in bf16 and f32; c becomes the last.
-__device__ void write_sums(const RowNetwork& n, int64_t rows, Sums& c, int64_t first, int lane) {
+__device__ void write_sums(const FusedMlp& n, int64_t rows, Sums& c, int64_t first, int lane) {
   if (n.sum16) {
     Sums sum;
 #pragma unroll
@@ -72,7 +72,7 @@ __device__ void write_sums(const RowNetwork& n, int64_t rows, Sums& c, int64_t f
 }
 
 /// Weighted sums of the first and the last eight of a warp's rows.
-__device__ void write_groups(const RowNetwork& n, int64_t rows, const Sums& c, int64_t first, int lane) {
+__device__ void write_groups(const FusedMlp& n, int64_t rows, const Sums& c, int64_t first, int lane) {
   constexpr int group_rows = 8;
 #pragma unroll
   for (int half = 0; half < 2; ++half) {
@@ -94,10 +94,10 @@ __device__ void write_groups(const RowNetwork& n, int64_t rows, const Sums& c, i
   }
 }
 
-/// What comes after the layer norm of a network with an outlook: sum32, copy16 and the outlook.
+/// What comes after the layer norm of a network with an epilogue: sum32, copy16 and the epilogue.
 template <int warps>
-__device__ void write_outlook(const RowNetwork& n, int64_t rows, Sums& c, const Shared<warps>& shared, uint16_t* mine,
-                              int64_t first, int lane) {
+__device__ void write_epilogue(const FusedMlp& n, int64_t rows, Sums& c, const Shared<warps>& shared, uint16_t* mine,
+                               int64_t first, int lane) {
   add_table(c, n.add32, {}, first, rows, lane);
   write_operand_gradient({nullptr, n.sum32}, c, first, rows, lane);
   store_rows(mine, c, lane);
@@ -105,24 +105,24 @@ __device__ void write_outlook(const RowNetwork& n, int64_t rows, Sums& c, const 
   copy_out(n.copy16, mine, first, rows, lane);
 #pragma unroll
   for (int j = 0; j < 2; ++j) {
-    if (!n.outlook.weight[j]) continue;
+    if (!n.epilogue.weight[j]) continue;
     clear(c);
     product(c, mine, shared.tile(3 + j), lane);
-    if (n.outlook.bias[j]) add_bias(c, n.outlook.bias[j], lane);
-    write_operand_gradient({nullptr, n.outlook.out[j], nullptr, n.outlook.out16[j]}, c, first, rows, lane);
+    if (n.epilogue.bias[j]) add_bias(c, n.epilogue.bias[j], lane);
+    write_operand_gradient({nullptr, n.epilogue.out[j], nullptr, n.epilogue.out16[j]}, c, first, rows, lane);
   }
   __syncwarp();
 }
 
-enum class After { sums, groups, outlook };  ///< what follows the layer norm
+enum class After { sums, groups, epilogue };  ///< what follows the layer norm
 
 template <int operands, int warps, After after = After::sums>
-__global__ void __launch_bounds__(32 * warps, operands == 2 ? 1 : 2) forward_kernel(RowNetwork n) {
+__global__ void __launch_bounds__(32 * warps, operands == 2 ? 1 : 2) forward_kernel(FusedMlp n) {
   start_next();
-  const Shared<warps> shared{shared_numbers, 1 + operands + (after == After::outlook ? 2 : 0)};
-  if constexpr (after == After::outlook)
+  const Shared<warps> shared{shared_numbers, 1 + operands + (after == After::epilogue ? 2 : 0)};
+  if constexpr (after == After::epilogue)
     for (int j = 0; j < 2; ++j)
-      if (n.outlook.weight[j]) load_tile(shared.tile(3 + j), n.outlook.weight[j]);
+      if (n.epilogue.weight[j]) load_tile(shared.tile(3 + j), n.epilogue.weight[j]);
   load_weights<operands>(n, shared);
   wait_for_previous();
   const int64_t rows = rows_now(n.rows, n.row_count);
@@ -155,15 +155,15 @@ __global__ void __launch_bounds__(32 * warps, operands == 2 ? 1 : 2) forward_ker
     }
     if constexpr (after == After::groups)
       write_groups(n, rows, c, first, lane);
-    else if constexpr (after == After::outlook)
-      write_outlook(n, rows, c, shared, mine, first, lane);
+    else if constexpr (after == After::epilogue)
+      write_epilogue(n, rows, c, shared, mine, first, lane);
     else
       write_sums(n, rows, c, first, lane);
   }
 }
 
 /// Gradient of a warp's rows' results.
-__device__ void result_gradient(Sums& g, const RowNetworkGradient& d, int64_t first, int lane) {
+__device__ void result_gradient(Sums& g, const FusedMlpGradient& d, int64_t first, int lane) {
   clear(g);
   const int64_t rows = d.network.rows;
   if (d.g32) add_table(g, d.g32, d.g_row, first, rows, lane, d.g_weight, d.g_scale);
@@ -207,8 +207,8 @@ __device__ void norm_backward(Sums& c, Sums& g, const float (&inverse)[2], const
 }
 
 template <int operands, int warps>
-__global__ void __launch_bounds__(32 * warps, 1) backward_kernel(RowNetworkGradient d) {
-  const RowNetwork& n = d.network;
+__global__ void __launch_bounds__(32 * warps, 1) backward_kernel(FusedMlpGradient d) {
+  const FusedMlp& n = d.network;
   const Shared<warps> shared{shared_numbers, 1 + operands};
   load_weights<operands>(n, shared);
   wait_for_tiles();
@@ -273,34 +273,34 @@ __global__ void __launch_bounds__(32 * warps, 1) backward_kernel(RowNetworkGradi
 }
 
 template <int operands, int warps, After after = After::sums>
-void launch_forward(const RowNetwork& n, int resident, void* stream) {
-  constexpr int tiles = 1 + operands + (after == After::outlook ? 2 : 0);
+void launch_forward(const FusedMlp& n, int resident, void* stream) {
+  constexpr int tiles = 1 + operands + (after == After::epilogue ? 2 : 0);
   launch_ahead(forward_kernel<operands, warps, after>, blocks_for(n.rows, resident), 32 * warps,
                shared_bytes(warps, tiles, 1), n, stream);
 }
 
 template <int operands>
-int launch_backward(const RowNetworkGradient& d, void* stream) {
+int launch_backward(const FusedMlpGradient& d, void* stream) {
   constexpr int warps = many_warps;
   const int blocks = blocks_for(d.network.rows, 1);
   launch(backward_kernel<operands, warps>, blocks, 32 * warps, shared_bytes(warps, 1 + operands, 2), d, stream);
   return blocks;
 }
 
-int operands_of(const RowNetwork& n) { return n.operand[1].rows ? 2 : n.operand[0].rows ? 1 : 0; }
+int operands_of(const FusedMlp& n) { return n.operand[1].rows ? 2 : n.operand[0].rows ? 1 : 0; }
 
 }  // namespace
 
-void forward(const RowNetwork& network, void* stream) {
+void forward(const FusedMlp& network, void* stream) {
   if (network.rows == 0) return;
   const int operands = operands_of(network);
   if (network.group32) {
     GRAUPEL_ASSERT(operands == 0 && !network.sum32 && !network.sum16);
     return launch_forward<0, few_warps, After::groups>(network, 2, stream);
   }
-  if (network.outlook.weight[0]) {
+  if (network.epilogue.weight[0]) {
     GRAUPEL_ASSERT(operands == 2 && network.add32 && network.sum32 && network.copy16 && !network.sum16);
-    return launch_forward<2, many_warps, After::outlook>(network, 1, stream);
+    return launch_forward<2, many_warps, After::epilogue>(network, 1, stream);
   }
   switch (operands) {
     case 0:
@@ -312,7 +312,7 @@ void forward(const RowNetwork& network, void* stream) {
   }
 }
 
-bool can_look_ahead() {
+bool can_project_ahead() {
   static const bool can = [] {
     int device = 0, bytes = 0;
     GRAUPEL_CUDA_CHECK(cudaGetDevice(&device));
@@ -322,7 +322,7 @@ bool can_look_ahead() {
   return can;
 }
 
-int backward(const RowNetworkGradient& gradient, void* stream) {
+int backward(const FusedMlpGradient& gradient, void* stream) {
   switch (operands_of(gradient.network)) {
     case 0:
       return launch_backward<0>(gradient, stream);

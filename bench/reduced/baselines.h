@@ -23,16 +23,16 @@ TrainingPair nearest_run(const std::vector<std::vector<double>>& runs, const std
 std::optional<TrainingPair> runs_beside(const std::vector<std::vector<double>>& runs,
                                         const std::vector<double>& parameters);
 
-struct NaiveErrors {
+struct BaselineErrors {
   double delta = 0, displacement_relative = 0;
 };
-struct NaiveAnswers {
-  NaiveErrors nothing_moves, nearest;
-  std::optional<NaiveErrors> linear;
+struct Baselines {
+  BaselineErrors nothing_moves, nearest;
+  std::optional<BaselineErrors> linear;
 };
 
 /// Of run `i` of a split against its truth, over the frames that the training runs have too. Throws InputError when
 /// these have other particles.
-NaiveAnswers naive_answers(const io::TrajectoryReader& train, const io::TrajectoryReader& split, int i);
+Baselines baselines_of_run(const io::TrajectoryReader& train, const io::TrajectoryReader& split, int i);
 
 }  // namespace graupel::bench

@@ -1,4 +1,4 @@
-#include "bench/reduced/naive_answers.h"
+#include "bench/reduced/baselines.h"
 
 #include <algorithm>
 #include <cmath>
@@ -29,7 +29,7 @@ std::vector<Vec3d> mixed(const io::TrajectoryReader& train, const TrainingPair& 
   return result;
 }
 
-NaiveErrors errors_of(const compare::DisplacementError& error) {
+BaselineErrors errors_of(const compare::DisplacementError& error) {
   return {error.delta(), error.displacement_relative()};
 }
 
@@ -71,7 +71,7 @@ std::optional<TrainingPair> runs_beside(const std::vector<std::vector<double>>& 
   return TrainingPair{below, above, high > low ? (mu - low) / (high - low) : 0};
 }
 
-NaiveAnswers naive_answers(const io::TrajectoryReader& train, const io::TrajectoryReader& split, int i) {
+Baselines baselines_of_run(const io::TrajectoryReader& train, const io::TrajectoryReader& split, int i) {
   std::vector<std::vector<double>> runs;
   std::size_t frames = split.header(i).frame_count();
   for (int run = 0; run < train.count(); ++run) {
@@ -91,7 +91,7 @@ NaiveAnswers naive_answers(const io::TrajectoryReader& train, const io::Trajecto
     near.add(truth, mixed(train, nearest, f));
     if (beside) linear.add(truth, mixed(train, *beside, f));
   }
-  NaiveAnswers answers{errors_of(still), errors_of(near), std::nullopt};
+  Baselines answers{errors_of(still), errors_of(near), std::nullopt};
   if (beside) answers.linear = errors_of(linear);
   return answers;
 }

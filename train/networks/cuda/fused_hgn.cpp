@@ -1,4 +1,4 @@
-#include "train/networks/cuda/fused_passes.h"
+#include "train/networks/cuda/fused_hgn.h"
 
 #include <ATen/TensorOperators.h>
 #include <ATen/ops/cat.h>
@@ -10,7 +10,7 @@
 
 namespace graupel::train {
 
-std::map<std::string, graph::FcnWeights> FusedPasses::weights() const {
+std::map<std::string, graph::FcnWeights> FusedHgn::weights() const {
   std::map<std::string, graph::FcnWeights> weights;
   for (const auto& [name, fcn] : fcns_)
     weights[name] = {f32(fcn.w1),
@@ -25,8 +25,8 @@ std::map<std::string, graph::FcnWeights> FusedPasses::weights() const {
   return weights;
 }
 
-FusedPasses::FusedPasses(const graph::HgnConfig& config, const ParameterLayout& layout, const at::Tensor& flat,
-                         const at::Tensor& gradient)
+FusedHgn::FusedHgn(const graph::HgnConfig& config, const ParameterLayout& layout, const at::Tensor& flat,
+                   const at::Tensor& gradient)
     : config_(config),
       fcns_(bind_fcns(layout, flat, gradient)),
       gathers_(bind_gathers(layout, flat, gradient)),
@@ -36,7 +36,7 @@ FusedPasses::FusedPasses(const graph::HgnConfig& config, const ParameterLayout& 
       embedding_grad_(view_of(layout.find("embedding.weight"), gradient)),
       packed_(config, weights(), f32(embedding_)) {}
 
-at::Tensor FusedPasses::forward(const DeviceBatch& batch) {
+at::Tensor FusedHgn::forward(const DeviceBatch& batch) {
   kept_.clear();
   packed_.refresh(nullptr);
   const graph::RowLatents latents = to_decoder(graph_of(batch));
@@ -58,7 +58,7 @@ at::Tensor FusedPasses::forward(const DeviceBatch& batch) {
   return out;
 }
 
-float* FusedPasses::decoder_backward(int64_t particles, const at::Tensor& grad) {
+float* FusedHgn::decoder_backward(int64_t particles, const at::Tensor& grad) {
   const Fcn& net = fcn("decoder");
   if (config_.bundle > 1) return f32(kept_.emplace_back(fcn_backward(net, decoder_, grad).contiguous()));
   graph::DecoderGradient back{.rows = particles,
@@ -82,15 +82,15 @@ float* FusedPasses::decoder_backward(int64_t particles, const at::Tensor& grad) 
   return back.d_x;
 }
 
-float* FusedPasses::partials(int64_t rows, int64_t parts) {
+float* FusedHgn::partials(int64_t rows, int64_t parts) {
   return f32(kept_.emplace_back(at::empty({rows, parts, h}, number_)));
 }
 
-void FusedPasses::backward(const DeviceBatch& batch, const at::Tensor& grad) {
+void FusedHgn::backward(const DeviceBatch& batch, const at::Tensor& grad) {
   const float* const grad_particles = back_to_encoder(batch, decoder_backward(batch.particles, grad));
   // The inputs that belong to the embedding are a row of it a type: first the sums over the particles of a type.
   const Fcn& net = fcn("encoder");
-  const graph::RowNetworkGradient rows = back_through("encoder", {.network = encoder(), .g32 = grad_particles});
+  const graph::FusedMlpGradient rows = back_through("encoder", {.network = encoder(), .g32 = grad_particles});
   const int64_t features = batch.features.size(1);
   const at::Tensor inputs = at::cat({batch.features, batch.type_one_hot}, 1);
   const at::Tensor sums = kept_.emplace_back(at::empty({h, inputs.size(1)}, number_));
@@ -103,17 +103,17 @@ void FusedPasses::backward(const DeviceBatch& batch, const at::Tensor& grad) {
   at::mm_out(embedding_grad, by_type.t(), net.w1.narrow(1, features, config_.embedding));
 }
 
-float* FusedPasses::rows32(int64_t rows) { return f32(kept_.emplace_back(at::empty({rows, h}, number_))); }
-uint16_t* FusedPasses::rows16(int64_t rows) { return f16(kept_.emplace_back(at::empty({rows, h}, half_))); }
+float* FusedHgn::rows32(int64_t rows) { return f32(kept_.emplace_back(at::empty({rows, h}, number_))); }
+uint16_t* FusedHgn::rows16(int64_t rows) { return f16(kept_.emplace_back(at::empty({rows, h}, half_))); }
 
-const uint16_t* FusedPasses::packed(const at::Tensor& numbers) {
+const uint16_t* FusedHgn::packed(const at::Tensor& numbers) {
   uint16_t* const rows = rows16(numbers.size(0));
   const at::Tensor dense = kept_.emplace_back(numbers.contiguous());
   graph::pack_rows(numbers.size(0), static_cast<int>(numbers.size(1)), f32(dense), rows, nullptr);
   return rows;
 }
 
-graph::HgnGraph FusedPasses::graph_of(const DeviceBatch& batch) {
+graph::HgnGraph FusedHgn::graph_of(const DeviceBatch& batch) {
   graph::HgnGraph graph{};
   graph.particles = batch.particles;
   graph.features = f32(kept_.emplace_back(batch.features.contiguous()));
@@ -127,8 +127,8 @@ graph::HgnGraph FusedPasses::graph_of(const DeviceBatch& batch) {
   return graph;
 }
 
-void FusedPasses::add_product(int64_t rows, const uint16_t* d, const uint16_t* x, const at::Tensor& w1_grad,
-                              int64_t first_column, int64_t columns, const at::Tensor& bias) {
+void FusedHgn::add_product(int64_t rows, const uint16_t* d, const uint16_t* x, const at::Tensor& w1_grad,
+                           int64_t first_column, int64_t columns, const at::Tensor& bias) {
   products_.add({.rows = rows,
                  .d = d,
                  .x = x,
@@ -138,7 +138,7 @@ void FusedPasses::add_product(int64_t rows, const uint16_t* d, const uint16_t* x
                  .bias = bias.defined() ? f32(bias) : nullptr});
 }
 
-graph::RowNetworkGradient FusedPasses::back_through(const std::string& name, graph::RowNetworkGradient gradient) {
+graph::FusedMlpGradient FusedHgn::back_through(const std::string& name, graph::FusedMlpGradient gradient) {
   const Fcn& net = fcn(name);
   const int64_t rows = gradient.network.rows;
   gradient.hidden = rows16(rows);
@@ -155,7 +155,7 @@ graph::RowNetworkGradient FusedPasses::back_through(const std::string& name, gra
   return gradient;
 }
 
-void FusedPasses::octants_backward(const DeviceLevel& level, const uint16_t* d, float sign, const at::Tensor& w_grad) {
+void FusedHgn::octants_backward(const DeviceLevel& level, const uint16_t* d, float sign, const at::Tensor& w_grad) {
   offsets_backward(w_grad, graph::ActivationGradient{.nodes = level.cells,
                                                      .items = {.fixed = 1},
                                                      .g = d,
@@ -165,13 +165,13 @@ void FusedPasses::octants_backward(const DeviceLevel& level, const uint16_t* d, 
                                                      .octant = index(level.octant)});
 }
 
-float* FusedPasses::prolong_backward(std::size_t l, const graph::RowNetwork& network, const DeviceBatch& batch,
-                                     float* g, float* skip) {
+float* FusedHgn::prolong_backward(std::size_t l, const graph::FusedMlp& network, const DeviceBatch& batch, float* g,
+                                  float* skip) {
   const DeviceLevel& level = batch.level[l];
   const std::string name = "prolong." + std::to_string(l);
   const Fcn& net = fcn(name);
   uint16_t *const coarse = rows16(level.cells), *const coarse_input = rows16(level.cells);
-  graph::RowNetworkGradient way{.network = network, .g32 = g};
+  graph::FusedMlpGradient way{.network = network, .g32 = g};
   way.network.operand[0].save = coarse_input;
   way.operand[0] = {.d16 = coarse};
   way.operand[1] = {.add32 = g, .d32 = skip};

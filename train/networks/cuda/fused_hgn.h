@@ -11,19 +11,19 @@
 
 #include "graph/cuda/aggregation/activation_aggregation.h"
 #include "graph/cuda/forward/packed_hgn.h"
-#include "train/networks/mixed_passes.h"
+#include "train/networks/mixed_precision_network.h"
 #include "train/networks/torch_layers.h"
 
 namespace graupel::train {
 
-class FusedPasses : public MixedPasses, protected graph::RowMemory {
+class FusedHgn : public MixedPrecisionNetwork, protected graph::RowMemory {
  public:
   at::Tensor forward(const DeviceBatch& batch) override;
   void backward(const DeviceBatch& batch, const at::Tensor& grad) override;
 
  protected:
-  FusedPasses(const graph::HgnConfig& config, const ParameterLayout& layout, const at::Tensor& flat,
-              const at::Tensor& gradient);
+  FusedHgn(const graph::HgnConfig& config, const ParameterLayout& layout, const at::Tensor& flat,
+           const at::Tensor& gradient);
 
   static constexpr int64_t h = graph::layer_width;
   static constexpr int corners = 8;
@@ -39,7 +39,7 @@ class FusedPasses : public MixedPasses, protected graph::RowMemory {
   /// weights between them.
   virtual float* back_to_encoder(const DeviceBatch& batch, float* grad_particles) = 0;
   /// The encoder as the forward pass ran it.
-  virtual const graph::RowNetwork& encoder() const = 0;
+  virtual const graph::FusedMlp& encoder() const = 0;
 
   float* rows32(int64_t rows) override;
   uint16_t* rows16(int64_t rows) override;
@@ -53,9 +53,9 @@ class FusedPasses : public MixedPasses, protected graph::RowMemory {
   const Fcn& fcn(const std::string& name) const { return fcns_.at(name); }
   const Fcn::Layer& gather(const std::string& name) const { return gathers_.at(name); }
   /// Goes back through `name` and adds the products for its W2, b2, gamma and beta.
-  graph::RowNetworkGradient back_through(const std::string& name, graph::RowNetworkGradient gradient);
+  graph::FusedMlpGradient back_through(const std::string& name, graph::FusedMlpGradient gradient);
   /// Back through prolong.<l>: to `skip` the gradient of level l's cells, returns that of level l + 1's.
-  float* prolong_backward(std::size_t l, const graph::RowNetwork& network, const DeviceBatch& batch, float* g,
+  float* prolong_backward(std::size_t l, const graph::FusedMlp& network, const DeviceBatch& batch, float* g,
                           float* skip);
   /// Gradient of columns of W1: sum over rows of d x, `bias` the sum of d.
   void add_product(int64_t rows, const uint16_t* d, const uint16_t* x, const at::Tensor& w1_grad, int64_t first_column,

@@ -20,15 +20,15 @@ static_assert(sizeof(TileConfig) == 64);
 
 /// Matrix units: the sums lie in four tiles of 16 x 16; two tiles of x and two of W add 32 inputs' products to all
 /// four.
-class MatrixUnits {
+class AmxTiles {
  public:
-  MatrixUnits() {
+  AmxTiles() {
     alignas(64) const TileConfig config;
     _tile_loadconfig(&config);
   }
-  ~MatrixUnits() { _tile_release(); }
-  MatrixUnits(const MatrixUnits&) = delete;
-  MatrixUnits& operator=(const MatrixUnits&) = delete;
+  ~AmxTiles() { _tile_release(); }
+  AmxTiles(const AmxTiles&) = delete;
+  AmxTiles& operator=(const AmxTiles&) = delete;
 
   /// Outputs [o, o + 32) of 16 or, with `two`, 32 rows of x: sums = bias + x W^T. `tiles` as bf16_place.
   void multiply_block(const uint16_t* tiles, const float* bias, const uint16_t* x, int x_stride, int in, int o,
@@ -65,7 +65,7 @@ class MatrixUnits {
 };
 
 /// Vector units: eight rows' sums lie in registers while W's pairs of inputs pass by, then in the first-level cache.
-class VectorUnits {
+class Avx512Bf16Tiles {
  public:
   void multiply_block(const uint16_t* tiles, const float* bias, const uint16_t* x, int x_stride, int in, int o,
                       bool two) {

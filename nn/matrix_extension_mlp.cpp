@@ -1,5 +1,5 @@
 // Compiled for the units whatever the rest is compiled for: nothing but plain functions here.
-#include "nn/chain_on_units.h"
+#include "nn/matrix_extension_mlp.h"
 
 #ifdef __AMX_BF16__
 // GCC 12 takes the undefined operands inside its own intrinsics for values that were forgotten (its bug 105593).
@@ -9,7 +9,7 @@
 #include <type_traits>
 
 #include "nn/bf16_products.h"
-#include "nn/unit_tiles.h"
+#include "nn/matrix_extension_tiles.h"
 #endif
 
 namespace graupel::nn {
@@ -95,7 +95,7 @@ inline float scale_of(const float* y, Columns width, int out) {
 
 /// latent = [latent +] norm(y) gamma + beta, also as bf16, row after row.
 template <bool add>
-void finish_rows_of(const UnitChain& chain, const float* y, int rows, float* latent, uint16_t* rounded) {
+void finish_rows_of(const MatrixExtensionMlp& chain, const float* y, int rows, float* latent, uint16_t* rounded) {
   with_columns(chain.second.width, [&](auto width) {
     for (int r = 0; r < rows; ++r, y += width, latent += width, rounded += width) {
       const __m512 scale = _mm512_set1_ps(scale_of(y, width, chain.out));
@@ -128,7 +128,7 @@ struct Block {
 template <typename Units>
 class ChainPass {
  public:
-  ChainPass(const UnitChain& chain, const ChainRows& rows) : chain_(chain), at_(rows) {}
+  ChainPass(const MatrixExtensionMlp& chain, const ChainRows& rows) : chain_(chain), at_(rows) {}
 
   void run() {
     for (int64_t first = 0; first < at_.rows; first += block) {
@@ -183,7 +183,7 @@ class ChainPass {
   }
 
   void next_floats(const Block& here) {
-    const UnitLayer& layer = chain_.next;
+    const MatrixExtensionLayer& layer = chain_.next;
     float* const y = at_.next + here.first * layer.width;
     for (int o = 0; o < layer.width; o += block) {
       units_.multiply_block(layer.tiles, layer.bias, scratch_.latent, layer.in, layer.in, o, here.two());
@@ -200,7 +200,7 @@ class ChainPass {
   }
 
   void next_packed(const Block& here) {
-    const UnitLayer& layer = chain_.next;
+    const MatrixExtensionLayer& layer = chain_.next;
     const int64_t words = layer.width / 2;
     uint32_t* const y = at_.packed_next + here.first * words;
     const auto pack = [&](int o) {
@@ -215,7 +215,7 @@ class ChainPass {
     pack(layer.width - block);
   }
 
-  const UnitChain& chain_;
+  const MatrixExtensionMlp& chain_;
   const ChainRows& at_;
   Units units_;
   Scratch scratch_;
@@ -223,18 +223,18 @@ class ChainPass {
 
 }  // namespace
 
-void apply_chain_on_units(const UnitChain& chain, const ChainRows& rows) {
+void apply_chain_on_units(const MatrixExtensionMlp& chain, const ChainRows& rows) {
   if (rows.rows == 0) return;
-  if (bf16_units_in_use() == Bf16Units::matrices)
-    ChainPass<MatrixUnits>(chain, rows).run();
+  if (bf16_units_in_use() == Bf16Extension::matrices)
+    ChainPass<AmxTiles>(chain, rows).run();
   else
-    ChainPass<VectorUnits>(chain, rows).run();
+    ChainPass<Avx512Bf16Tiles>(chain, rows).run();
 }
 void pack_rows(const float* x, int64_t rows, int width, uint32_t* packed) {
   for (int64_t i = 0; i < rows * width; i += block) pack_panel(x + i, packed + i / 2);
 }
 #else
-void apply_chain_on_units(const UnitChain&, const ChainRows&) {}
+void apply_chain_on_units(const MatrixExtensionMlp&, const ChainRows&) {}
 void pack_rows(const float*, int64_t, int, uint32_t*) {}
 #endif
 

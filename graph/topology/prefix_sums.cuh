@@ -15,7 +15,7 @@ constexpr int64_t most_in_one_launch = int64_t{1} << 20;
 
 template <typename T, typename From, typename Value>
 __global__ void __launch_bounds__(scan_threads)
-    running_sums_kernel(int64_t n, const int32_t* present, const From* from, Value value, T* sums) {
+    prefix_sums_kernel(int64_t n, const int32_t* present, const From* from, Value value, T* sums) {
   using Reduce = cub::BlockReduce<T, scan_threads>;
   using Scan = cub::BlockScan<T, scan_threads>;
   __shared__ union {
@@ -43,10 +43,10 @@ __global__ void __launch_bounds__(scan_threads)
 
 /// sums[i] = value(from[0]) + .. + value(from[i - 1]), i <= n, or i <= *present where given.
 template <typename T, typename From, typename Value>
-void launch_running_sums(int64_t n, const int32_t* present, const From* from, Value value, T* sums,
-                         cudaStream_t stream) {
+void launch_prefix_sums(int64_t n, const int32_t* present, const From* from, Value value, T* sums,
+                        cudaStream_t stream) {
   const auto blocks = static_cast<unsigned>(n / scan_block + 1);
-  running_sums_kernel<<<blocks, scan_threads, 0, stream>>>(n, present, from, value, sums);
+  prefix_sums_kernel<<<blocks, scan_threads, 0, stream>>>(n, present, from, value, sums);
   GRAUPEL_CUDA_CHECK(cudaGetLastError());
 }
 

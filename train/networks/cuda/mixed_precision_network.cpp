@@ -1,4 +1,4 @@
-#include "train/networks/mixed_passes.h"
+#include "train/networks/mixed_precision_network.h"
 
 #include "core/system/error.h"
 #include "train/networks/cuda/fused_aggregation.h"
@@ -6,12 +6,14 @@
 
 namespace graupel::train {
 
-std::unique_ptr<MixedPasses> make_mixed_passes(const NetworkConfig& config, int64_t checkpoint_layers,
-                                               const ParameterLayout& layout, const at::Tensor& flat,
-                                               const at::Tensor& gradient) {
+std::unique_ptr<MixedPrecisionNetwork> make_mixed_precision_network(const NetworkConfig& config,
+                                                                    int64_t checkpoint_layers,
+                                                                    const ParameterLayout& layout,
+                                                                    const at::Tensor& flat,
+                                                                    const at::Tensor& gradient) {
   if (const auto* hgn = std::get_if<graph::HgnConfig>(&config)) {
     if (hgn->aggregation != graph::Aggregation::activations || !graph::PackedHgn::fits(*hgn)) return nullptr;
-    return std::make_unique<FusedSums>(*hgn, layout, flat, gradient);
+    return std::make_unique<FusedAggregation>(*hgn, layout, flat, gradient);
   }
   const auto& gns = std::get<graph::GnsConfig>(config);
   if (gns.hidden_layers > 1)

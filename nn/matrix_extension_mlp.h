@@ -7,15 +7,15 @@
 namespace graupel::nn {
 
 /// y = x W^T + b as Linear has it for the units; `tiles` null: there is no such layer.
-struct UnitLayer {
+struct MatrixExtensionLayer {
   const uint16_t* tiles = nullptr;
   const float* bias = nullptr;
   int in = 0, width = 0;
 };
 
 /// hidden = leaky_relu(first(x)), or x where there is no first layer; f = norm(second(hidden)); next(f) is wanted, too.
-struct UnitChain {
-  UnitLayer first, second, next;
+struct MatrixExtensionMlp {
+  MatrixExtensionLayer first, second, next;
   const float *gamma = nullptr, *beta = nullptr;
   int out = 0;  ///< numbers of a latent, for the norm's mean
 };
@@ -34,7 +34,7 @@ struct ChainRows {
 
 /// Only where has_bf16_units(), and suits_bf16_units() all layers' inputs, at most most_chain_width columns.
 inline constexpr int most_chain_width = 256;
-void apply_chain_on_units(const UnitChain& chain, const ChainRows& rows);
+void apply_chain_on_units(const MatrixExtensionMlp& chain, const ChainRows& rows);
 
 /// Rows of `width` columns (whole panels) packed as nn/row_kernels.h has them, rounded to bf16. Only where
 /// has_bf16_units().

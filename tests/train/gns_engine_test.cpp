@@ -63,7 +63,7 @@ void expect_parity(const graph::GnsConfig& config, int particles, int obstacles)
   }
 }
 
-TEST(GnsPasses, AgreeWithTheInferenceEngineInTheSizeOfThePaper) {
+TEST(GnsEngine, AgreeWithTheInferenceEngineInTheSizeOfThePaper) {
   for (const int64_t layers : {1, 2}) {
     graph::GnsConfig config;
     config.hidden_layers = layers;
@@ -72,7 +72,7 @@ TEST(GnsPasses, AgreeWithTheInferenceEngineInTheSizeOfThePaper) {
   }
 }
 
-TEST(GnsPasses, AgreeWithTheInferenceEngineInOtherForms) {
+TEST(GnsEngine, AgreeWithTheInferenceEngineInOtherForms) {
   graph::GnsConfig config = small_config();
   config.latent = 33;
   config.leaky_slope = 0.2;
@@ -113,7 +113,7 @@ Batch two_scenes(const graph::GnsConfig& config) {
   return concatenate({random_cloud(config, 1, 40, 0.2, 9).scene, random_cloud(config, 2, 25, 0.3, 5).scene});
 }
 
-TEST(GnsPasses, GradientAgreesWithFiniteDifferences) {
+TEST(GnsEngine, GradientAgreesWithFiniteDifferences) {
   graph::GnsConfig config = small_config();
   config.leaky_slope = 0.1;  // of ReLU some units give nothing
   for (const int64_t layers : {1, 2, 3}) {
@@ -126,7 +126,7 @@ TEST(GnsPasses, GradientAgreesWithFiniteDifferences) {
   check_gradient(config, two_scenes(config), 1);
 }
 
-TEST(GnsPasses, CheckpointsChangeNoGradient) {
+TEST(GnsEngine, CheckpointsChangeNoGradient) {
   graph::GnsConfig config = small_config();
   config.message_passing = 5;
   config.hidden_layers = 2;
@@ -140,7 +140,7 @@ TEST(GnsPasses, CheckpointsChangeNoGradient) {
   }
 }
 
-TEST(GnsPasses, ABatchGivesEachSceneItsOwnPrediction) {
+TEST(GnsEngine, ABatchGivesEachSceneItsOwnPrediction) {
   const graph::GnsConfig config = small_config();
   const NetworkModule module(config, Device::cpu, 3);
   const SceneGraph a = random_cloud(config, 5, 30, 0.2, 7).scene, b = random_cloud(config, 6, 50, 0.1).scene,
@@ -157,7 +157,7 @@ TEST(GnsPasses, ABatchGivesEachSceneItsOwnPrediction) {
   for (std::size_t i = 0; i < together.size(); ++i) EXPECT_NEAR(together[i], one_by_one[i], 1e-5f);
 }
 
-TEST(GnsPasses, TheNetworksOfThePapersHaveTheirSizes) {
+TEST(GnsEngine, TheNetworksOfThePapersHaveTheirSizes) {
   graph::GnsConfig config;
   EXPECT_NEAR(static_cast<double>(ParameterLayout(config).parameter_count()), 1.22e6, 0.01e6);
   config.hidden_layers = 2;  // the authors' program has 1.59 million in two dimensions
@@ -255,7 +255,7 @@ TEST(GnsTraining, LearnsToBounceAndRollsOut) {
   const TrajectoryInfo& trajectory = split.trajectory(0);
   std::vector<int32_t> types;
   for (std::size_t p = 0; p < trajectory.type_row.size(); ++p) types.push_back(p % 2 ? 5 : 6);
-  const Trajectory rollout = simulator.rollout(trajectory.context->scene, trajectory.context->surroundings, types,
+  const Trajectory rollout = simulator.rollout(trajectory.context->scene, trajectory.context->environment, types,
                                                split.history(0, 2, 2), {.frames = 5, .progress = {}});
   EXPECT_EQ(rollout.diverged_at_frame, -1);
   const std::vector<Vec3f> truth = split.positions(0, 7, 1).front();

@@ -38,10 +38,10 @@ class Moments {
   double count_ = 0;
 };
 
-struct MotionMoments {
+struct MotionStatistics {
   Moments velocity;      ///< v_t = x_t - x_(t-1) [m/frame]
   Moments acceleration;  ///< v_(t+1) - v_t [m/frame^2]
-  void add(const MotionMoments& more) {
+  void add(const MotionStatistics& more) {
     velocity.add(more.velocity);
     acceleration.add(more.acceleration);
   }

@@ -16,9 +16,9 @@
 
 namespace graupel::sparsegrid {
 
-class DartBoard {
+class PoissonDisk {
  public:
-  explicit DartBoard(double distance) : distance2_(distance * distance), inverse_(1 / distance) {}
+  explicit PoissonDisk(double distance) : distance2_(distance * distance), inverse_(1 / distance) {}
 
   using Pieces = std::vector<std::vector<Vec3d>>;
 

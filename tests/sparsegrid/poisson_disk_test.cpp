@@ -1,4 +1,4 @@
-#include "sparsegrid/dart_board.h"
+#include "sparsegrid/poisson_disk.h"
 
 #include <gtest/gtest.h>
 
@@ -8,9 +8,9 @@ namespace graupel::sparsegrid {
 namespace {
 
 /// n points in a box of four tiles an axis about the origin, in pieces of 100 neighbours in number.
-DartBoard::Pieces random_points(uint64_t n, double distance, uint64_t seed) {
+PoissonDisk::Pieces random_points(uint64_t n, double distance, uint64_t seed) {
   const Random random(seed, RandomPurpose::surface_sample, 0);
-  DartBoard::Pieces pieces;
+  PoissonDisk::Pieces pieces;
   for (uint64_t i = 0; i < n; ++i) {
     if (i % 100 == 0) pieces.emplace_back();
     Vec3d x;
@@ -27,12 +27,12 @@ double nearest(const std::vector<Vec3d>& points, const Vec3d& x) {
   return least;
 }
 
-TEST(DartBoard, TakesWhatIsFarFromAllThatIsTakenAndNothingElse) {
+TEST(PoissonDisk, TakesWhatIsFarFromAllThatIsTakenAndNothingElse) {
   const double distance = 0.02;
-  DartBoard board(distance);
+  PoissonDisk board(distance);
   std::vector<Vec3d> taken, refused;
   for (const uint64_t seed : {1, 2}) {
-    const DartBoard::Pieces candidates = random_points(20000, distance, seed);
+    const PoissonDisk::Pieces candidates = random_points(20000, distance, seed);
     const auto answer = board.take(candidates);
     for (std::size_t piece = 0; piece < answer.size(); ++piece)
       for (std::size_t i = 0; i < answer[piece].size(); ++i)
@@ -44,8 +44,8 @@ TEST(DartBoard, TakesWhatIsFarFromAllThatIsTakenAndNothingElse) {
   for (std::size_t i = 0; i < refused.size(); i += 7) EXPECT_LT(nearest(taken, refused[i]), distance);
 }
 
-TEST(DartBoard, PointsOnTheBordersOfTilesAreHeldToo) {
-  DartBoard board(1);
+TEST(PoissonDisk, PointsOnTheBordersOfTilesAreHeldToo) {
+  PoissonDisk board(1);
   // Tiles are 16 wide: two points on both sides of a corner, one on it, and one beyond the distance.
   const auto answer = board.take({{{-0.4, -0.4, -0.4}, {0.1, 0.1, 0.1}, {0, 0, 0}, {16, 16, 16}, {15.5, 15.9, 16.2}}});
   EXPECT_EQ(answer[0][0] + answer[0][1] + answer[0][2], 1);

@@ -19,8 +19,8 @@ using Field = std::function<Vec3d(const Vec3d&)>;
 double noise(uint64_t i, int c) { return Random(5, RandomPurpose::test).uniform(i, c, -0.5, 0.5); }
 
 /// A box of 9 x 9 x `layers` particles, each anywhere in its cell; of kind 1 beyond `cut`.
-TrunkParticles box(int layers, double cut = 1e9) {
-  TrunkParticles body;
+MlsParticles box(int layers, double cut = 1e9) {
+  MlsParticles body;
   body.spacing = spacing;
   for (int i = 0; i < 81 * layers; ++i) {
     const auto n = static_cast<uint64_t>(i);
@@ -46,7 +46,7 @@ ReferencePoints points_in(int layers, int count) {
   return points;
 }
 
-ModeTable table_of(const TrunkParticles& body, int components, const Field& mode) {
+ModeTable table_of(const MlsParticles& body, int components, const Field& mode) {
   ModeTable table;
   table.components = components;
   table.modes = 1;
@@ -60,7 +60,7 @@ ModeTable table_of(const TrunkParticles& body, int components, const Field& mode
 }
 
 /// x = X + q mode(X).
-FactoredFields fields_with(const TrunkParticles& body, const Field& mode) {
+FactoredFields fields_with(const MlsParticles& body, const Field& mode) {
   const MapBranch nothing(CoefficientMap(1, 1, {0}, {1}, {}, {}, {0, 0}));
   return {table_of(body, 3, mode), ClosureBranch(1, CoefficientMap()),        table_of(body, 6, mode), nothing,
           table_of(body, 9, mode), std::make_shared<const MapBranch>(nothing)};
@@ -73,8 +73,8 @@ struct Decoded {
 
 /// At q = 1, q' = 2.
 template <typename T>
-Decoded decode(const Fields& fields, const TrunkParticles& body, const ReferencePoints& points) {
-  TrunkPositions<T> trunk(fields, body, points);
+Decoded decode(const Fields& fields, const MlsParticles& body, const ReferencePoints& points) {
+  MlsPositions<T> trunk(fields, body, points);
   const auto n = static_cast<int64_t>(points.position.size());
   std::vector<T> x(static_cast<std::size_t>(3 * mpm::padded_to_tile(n))), v(x.size()), f(3 * x.size());
   const LatentState state{{1}, {2}, {}, 0, {}};
@@ -106,7 +106,7 @@ Vec3d linear(const Vec3d& x) {
 
 template <typename T>
 void expect_linear_fields_exact(int layers, double tolerance) {
-  const TrunkParticles body = box(layers);
+  const MlsParticles body = box(layers);
   const ReferencePoints points = points_in(layers, 500);
   const FactoredFields fields = fields_with(body, linear);
   const Decoded out = decode<T>(fields, body, points);
@@ -124,7 +124,7 @@ void expect_linear_fields_exact(int layers, double tolerance) {
   }
 }
 
-TEST(Trunk, LinearFieldsAreExact) {
+TEST(MlsInterpolation, LinearFieldsAreExact) {
   expect_linear_fields_exact<double>(9, 2e-5);  // modes are stored in single precision
   expect_linear_fields_exact<float>(9, 3e-3);
   expect_linear_fields_exact<double>(1, 2e-5);
@@ -134,8 +134,8 @@ Vec3d waves(const Vec3d& x) {
   return {0.02 * std::sin(30 * x[0] + 10 * x[1]), 0.01 * std::cos(40 * x[2]), 0.02 * std::sin(25 * x[1]) * x[0]};
 }
 
-TEST(Trunk, TheGradientIsTheDerivativeAndContinuous) {
-  const TrunkParticles body = box(9);
+TEST(MlsInterpolation, TheGradientIsTheDerivativeAndContinuous) {
+  const MlsParticles body = box(9);
   const FactoredFields fields = fields_with(body, waves);
   constexpr int count = 400;
   constexpr float step = 2e-4f;  // of a metre: a hundredth of the spacing
@@ -158,8 +158,8 @@ TEST(Trunk, TheGradientIsTheDerivativeAndContinuous) {
   }
 }
 
-TEST(Trunk, SmoothFieldsAreFollowedInside) {
-  const TrunkParticles body = box(9);
+TEST(MlsInterpolation, SmoothFieldsAreFollowedInside) {
+  const MlsParticles body = box(9);
   ReferencePoints points = points_in(9, 300);
   for (Vec3f& x : points.position)
     for (int d = 0; d < 3; ++d) x[d] = 0.08f + 0.6f * (x[d] - 0.08f);
@@ -170,8 +170,8 @@ TEST(Trunk, SmoothFieldsAreFollowedInside) {
   }
 }
 
-TEST(Trunk, CutsStaySharp) {
-  const TrunkParticles body = box(9, 0.08);
+TEST(MlsInterpolation, CutsStaySharp) {
+  const MlsParticles body = box(9, 0.08);
   const FactoredFields fields = fields_with(body, [](const Vec3d& x) { return Vec3d{x[0] > 0.08 ? 1.0 : 0.0, 0, 0}; });
   ReferencePoints points = points_in(9, 200);
   for (std::size_t i = 0; i < points.position.size(); ++i) {
@@ -183,8 +183,8 @@ TEST(Trunk, CutsStaySharp) {
     EXPECT_NEAR(out.position[i][0] - static_cast<double>(points.position[i][0]), points.kind[i], 1e-5);
 }
 
-TEST(Trunk, PointsOutsideOfTheBodyAreRefused) {
-  const TrunkParticles body = box(9, 0.08);
+TEST(MlsInterpolation, PointsOutsideOfTheBodyAreRefused) {
+  const MlsParticles body = box(9, 0.08);
   const FactoredFields fields = fields_with(body, linear);
   const auto refused = [&](const Vec3f& x, int32_t kind, const std::string& part) {
     ReferencePoints points = points_in(9, 20);
@@ -192,7 +192,7 @@ TEST(Trunk, PointsOutsideOfTheBodyAreRefused) {
     points.position.push_back(x);
     points.kind.push_back(kind);
     try {
-      TrunkPositions<float> trunk(fields, body, points);
+      MlsPositions<float> trunk(fields, body, points);
       FAIL() << "accepted a point outside";
     } catch (const ConfigError& error) {
       EXPECT_NE(std::string(error.what()).find(part), std::string::npos) << error.what();
@@ -203,8 +203,8 @@ TEST(Trunk, PointsOutsideOfTheBodyAreRefused) {
   refused({0.08f, 0.08f, 0.08f}, 7, "far from the nearest particle of its kind");
 }
 
-TEST(Trunk, RefinedPointsFillTheVolumesOfTheParticles) {
-  const TrunkParticles body = box(9);
+TEST(MlsInterpolation, RefinedPointsFillTheVolumesOfTheParticles) {
+  const MlsParticles body = box(9);
   const std::vector<double> side(body.numbers.size(), spacing);
   const ReferencePoints points = refined_points(body, side, 100, 3, 8);
   ASSERT_EQ(points.position.size(), 100 * body.numbers.size());
@@ -220,7 +220,7 @@ TEST(Trunk, RefinedPointsFillTheVolumesOfTheParticles) {
   for (const int count : octants) EXPECT_NEAR(count, 12.5, 8);
   EXPECT_EQ(refined_points(body, side, 100, 3, 8).position, points.position);
   EXPECT_NE(refined_points(body, side, 100, 3, 9).position, points.position);
-  const TrunkParticles sheet = box(1);
+  const MlsParticles sheet = box(1);
   for (const Vec3f& x : refined_points(sheet, std::vector<double>(81, spacing), 7, 2, 8).position)
     EXPECT_EQ(x[2], 0.5f);
   // Some lie outside of the body's corners, where too few particles are near for a slope.

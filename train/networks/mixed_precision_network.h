@@ -11,9 +11,9 @@
 
 namespace graupel::train {
 
-class MixedPasses {
+class MixedPrecisionNetwork {
  public:
-  virtual ~MixedPasses() = default;
+  virtual ~MixedPrecisionNetwork() = default;
   /// Normalised accelerations [particles, 3 k]; keeps what backward() needs until the next call.
   virtual at::Tensor forward(const DeviceBatch& batch) = 0;
   /// Writes the gradient of every weight; `grad` is the gradient of forward()'s result.
@@ -23,8 +23,9 @@ class MixedPasses {
 /// The passes of a network whose weights and their gradient lie in flat arrays on a GPU; null where there are none for
 /// such a network, of HGN that sums messages and in a build without CUDA. Throws ConfigError for a GNS of several
 /// hidden layers.
-std::unique_ptr<MixedPasses> make_mixed_passes(const NetworkConfig& config, int64_t checkpoint_layers,
-                                               const ParameterLayout& layout, const at::Tensor& flat,
-                                               const at::Tensor& gradient);
+std::unique_ptr<MixedPrecisionNetwork> make_mixed_precision_network(const NetworkConfig& config,
+                                                                    int64_t checkpoint_layers,
+                                                                    const ParameterLayout& layout,
+                                                                    const at::Tensor& flat, const at::Tensor& gradient);
 
 }  // namespace graupel::train

@@ -1,5 +1,5 @@
 // Rows that go through a network from end to end are what its layers make of them one after the other.
-#include "nn/chain_on_units.h"
+#include "nn/matrix_extension_mlp.h"
 
 #include <gtest/gtest.h>
 
@@ -46,10 +46,10 @@ float unpacked(const uint32_t* row, int c) {
 
 enum class Form { on_sum, on_sum_and_latent, on_hidden };
 
-class ChainOnUnits : public ::testing::TestWithParam<std::tuple<int, int, Form, Bf16Units>> {
+class ChainOnUnits : public ::testing::TestWithParam<std::tuple<int, int, Form, Bf16Extension>> {
  protected:
   void SetUp() override {
-    const Bf16Units units = std::get<3>(GetParam());
+    const Bf16Extension units = std::get<3>(GetParam());
     if (available_bf16_units() < units) GTEST_SKIP() << "this processor has no such units for bf16";
     use_bf16_units(units);
   }
@@ -81,12 +81,12 @@ TEST_P(ChainOnUnits, IsItsLayersOneAfterTheOther) {
     with_latent ? second.add_to(expected.data() + r * width, y.data() + r * width)
                 : second.finish(expected.data() + r * width, y.data() + r * width);
 
-  const UnitChain chain{.first = on_hidden ? UnitLayer() : first.on_units(),
-                        .second = second.linear().on_units(),
-                        .next = next.on_units(),
-                        .gamma = second.gamma(),
-                        .beta = second.beta(),
-                        .out = width};
+  const MatrixExtensionMlp chain{.first = on_hidden ? MatrixExtensionLayer() : first.on_units(),
+                                 .second = second.linear().on_units(),
+                                 .next = next.on_units(),
+                                 .gamma = second.gamma(),
+                                 .beta = second.beta(),
+                                 .out = width};
   ASSERT_NE(chain.next.tiles, nullptr);
   Buffer<float> floats(Device::cpu, 2 * count);
   Buffer<uint32_t> packed(Device::cpu, count);
@@ -121,7 +121,7 @@ TEST_P(ChainOnUnits, IsItsLayersOneAfterTheOther) {
 INSTANTIATE_TEST_SUITE_P(Sizes, ChainOnUnits,
                          ::testing::Combine(::testing::Values(1, 16, 17, 32, 33, 70), ::testing::Values(64, 128, 160),
                                             ::testing::Values(Form::on_sum, Form::on_sum_and_latent, Form::on_hidden),
-                                            ::testing::Values(Bf16Units::vectors, Bf16Units::matrices)));
+                                            ::testing::Values(Bf16Extension::vectors, Bf16Extension::matrices)));
 
 }  // namespace
 }  // namespace graupel::nn
