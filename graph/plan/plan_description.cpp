@@ -50,7 +50,10 @@ std::string tensors_of(const LayerPlan& plan, const PlanOperation& op) {
     const std::string rest = tensor.name.substr(layer.size() + 1);
     if (rest != "weight" && rest != "bias" && !rest.starts_with("layer") && !rest.starts_with("norm")) continue;
     if (tensor.name.ends_with("bias")) continue;  // [outputs] beside each weight
-    text += text.empty() ? "`" + layer + "`: " : ", ";
+    if (text.empty())
+      text.append("`").append(layer).append("`: ");
+    else
+      text += ", ";
     if (rest == "norm.weight")
       text += "norm";
     else

@@ -9,6 +9,7 @@
 
 #include "core/math/random.h"
 #include "core/system/error.h"
+#include "mpm/physics/stencil.h"
 #include "rom/cubature/quadrature.h"
 #include "rom/fields/factored_fields.h"
 #include "rom/reduced_solver.h"
