@@ -57,7 +57,11 @@ std::string tensors_of(const LayerPlan& plan, const PlanOperation& op) {
     if (rest == "norm.weight")
       text += "norm";
     else
-      text += "[" + std::to_string(tensor.shape[0]) + ", " + std::to_string(tensor.shape[1]) + "]";
+      text.append("[")
+          .append(std::to_string(tensor.shape[0]))
+          .append(", ")
+          .append(std::to_string(tensor.shape[1]))
+          .append("]");
   }
   return text;
 }
