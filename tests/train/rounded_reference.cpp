@@ -199,7 +199,8 @@ void expect_gradients_near(const NetworkConfig& config, const std::vector<double
   ASSERT_EQ(gradient.size(), expected.size());
   double worst = 0;
   std::string worst_name;
-  for (const Parameter& parameter : ParameterLayout(config).parameters()) {
+  const ParameterLayout layout(config);
+  for (const Parameter& parameter : layout.parameters()) {
     double difference = 0, size = 0;
     for (int64_t i = parameter.begin; i < parameter.begin + parameter.count; ++i) {
       const auto at = static_cast<std::size_t>(i);
