@@ -1,7 +1,5 @@
 #include "graph/config/config_metadata.h"
 
-#include "graph/config/hgn_config.h"
-
 namespace graupel::graph {
 
 namespace {
@@ -26,21 +24,22 @@ std::string where(const std::string& file, const std::string& key) {
   return "'" + file + "': metadata key '" + key + "' ";
 }
 
+std::vector<std::string> metadata_forms(const RemovedField& field) {
+  std::vector<std::string> forms;
+  for (std::string_view form : accepted_forms(field)) {
+    if (form.size() > 1 && form.front() == '"') form = form.substr(1, form.size() - 2);
+    forms.emplace_back(form);
+  }
+  return forms;
+}
+
+void check_removed(const RemovedField& field, const std::string& value, const std::string& where) {
+  const std::vector<std::string> forms = metadata_forms(field);
+  if (std::find(forms.begin(), forms.end(), value) == forms.end())
+    throw InputError(where + removed_text(field, value) + ". Train a network without it");
+}
+
 }  // namespace metadata
-
-std::string removed_option(const FeatureConfig& config) {
-  if (config.predictor == FramePredictor::none) return "";
-  return "predictor (" + std::string(word_of(config.predictor)) +
-         ", allowed: none) was removed: rollouts of networks that correct ballistic frames were no better. Train a " +
-         "network without it";
-}
-
-std::string removed_option(const HgnConfig& config) {
-  if (config.short_range == 0) return removed_option(static_cast<const FeatureConfig&>(config));
-  return "short_range (" + metadata::text_of(config.short_range) +
-         ", allowed: 0) was removed: links between particles cost twice the time and rollouts were worse. Train a " +
-         "network without them";
-}
 
 std::string architecture_of(const nn::Weights& weights) { return value_of(weights, "architecture"); }
 

@@ -11,10 +11,11 @@
 #include <string>
 #include <string_view>
 #include <type_traits>
+#include <vector>
 
 #include "core/scene/fields.h"
+#include "core/scene/removed_field.h"
 #include "core/system/error.h"
-#include "graph/config/feature_config.h"
 #include "nn/weights.h"
 
 namespace graupel::graph {
@@ -80,6 +81,10 @@ std::string range_text(const Range& range);
 std::string key_of(const std::string& prefix, const FieldInfo& info);
 /// "'file': metadata key 'key' ".
 std::string where(const std::string& file, const std::string& key);
+/// RemovedField::accepted as metadata has it: words without quotes.
+std::vector<std::string> metadata_forms(const RemovedField& field);
+/// Throws InputError unless the value of a removed key is one of them.
+void check_removed(const RemovedField& field, const std::string& value, const std::string& where);
 
 }  // namespace metadata
 
@@ -89,11 +94,15 @@ Metadata metadata_of(const Config& config, const std::string& prefix, const char
   Config::fields([&](auto member, const FieldInfo& info) {
     all[metadata::key_of(prefix, info)] = metadata::text_of(config.*member);
   });
+  // Programs from before a key was removed read it.
+  for (const RemovedField& field : removed_fields<Config>())
+    all[prefix + std::string(field.name)] = metadata::metadata_forms(field).front();
   return all;
 }
 
-/// Throws InputError naming `file`, key and value when a key is missing, unknown, unreadable or out of range. The
-/// fields named in `newer` came after the first files: without their key they keep the default.
+/// Throws InputError naming `file`, key and value when a key is missing, unknown, unreadable, out of range, or removed
+/// and not switched off. The fields named in `newer` came after the first files: without their key they keep the
+/// default.
 template <typename Config>
 Config config_from(const Metadata& all, const std::string& prefix, const std::string& file,
                    std::initializer_list<std::string_view> newer = {}) {
@@ -117,8 +126,12 @@ Config config_from(const Metadata& all, const std::string& prefix, const std::st
       throw InputError(where + "is out of range ('" + found->second + "', allowed " + metadata::range_text(info.range) +
                        "). Export the weights again");
   });
-  if (const std::string removed = removed_option(config); !removed.empty())
-    throw InputError("'" + file + "': metadata key " + prefix + removed);
+  for (const RemovedField& field : removed_fields<Config>()) {
+    const std::string key = prefix + std::string(field.name);
+    known.insert(key);
+    if (const auto found = all.find(key); found != all.end())
+      metadata::check_removed(field, found->second, metadata::where(file, key));
+  }
   for (const auto& [key, value] : all)
     if (key.starts_with(prefix) && !known.contains(key))
       throw InputError(metadata::where(file, key) + "is not known ('" + value +

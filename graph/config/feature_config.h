@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "core/scene/fields.h"
+#include "core/scene/removed_field.h"
 
 namespace graupel {
 namespace graph {
@@ -14,8 +15,9 @@ namespace graph {
 /// Frames that a network may predict at once.
 inline constexpr int most_bundle = 8;
 
-/// Words of the removed option `predictor`; `none` alone is accepted (removed_option).
-enum class FramePredictor { none, ballistic };
+/// Networks that corrected a frame of gravity alone.
+inline constexpr RemovedField removed_predictor = {"predictor", "\"none\"",
+                                                   "rollouts of networks that correct ballistic frames were no better"};
 
 /// The part of a network's hyper-parameters that settles its features, its outputs and the scenes it fits. Defaults are
 /// the HGN paper's.
@@ -32,7 +34,8 @@ struct FeatureConfig {
   /// Frames k predicted at once (time bundling; Brandstetter, Worrall and Welling 2022): accelerations a_1 .. a_k of
   /// the frames after the newest one, v_j = v_{j-1} + a_j, x_j = x_{j-1} + v_j.
   int64_t bundle = 1;
-  FramePredictor predictor = FramePredictor::none;  ///< removed (removed_option)
+
+  static constexpr RemovedField removed[] = {removed_predictor};
 
   bool in_plane() const { return dimensions == 2; }
   int64_t input_width() const {
@@ -76,7 +79,6 @@ struct FeatureConfig {
                                 .unit = "frames",
                                 .meaning = "Frames that are predicted at once",
                                 .range = Range::between(1, most_bundle)});
-    visit(&C::predictor, FieldInfo{.name = "predictor", .unit = "", .meaning = "Removed: none is the one value left"});
   }
 };
 
@@ -86,16 +88,5 @@ struct Normalization {
   float acceleration_mean[3] = {0, 0, 0}, acceleration_std[3] = {1, 1, 1};
 };
 
-/// Empty, or what is wrong with an option that was removed and is switched on: "NAME (VALUE, allowed: ..) was removed:
-/// .. Remedy". Older weights and runs have the keys of such options, with the value that switches them off.
-std::string removed_option(const FeatureConfig& config);
-
 }  // namespace graph
-
-template <>
-struct EnumWords<graph::FramePredictor> {
-  static constexpr std::pair<const char*, graph::FramePredictor> words[] = {
-      {"none", graph::FramePredictor::none}, {"ballistic", graph::FramePredictor::ballistic}};
-};
-
 }  // namespace graupel

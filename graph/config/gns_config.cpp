@@ -13,7 +13,7 @@ std::map<std::string, std::string> GnsConfig::to_metadata() const {
 }
 
 GnsConfig GnsConfig::from_metadata(const std::map<std::string, std::string>& metadata, const std::string& file) {
-  return config_from<GnsConfig>(metadata, prefix, file, {"bundle", "dimensions", "predictor"});
+  return config_from<GnsConfig>(metadata, prefix, file, {"bundle", "dimensions"});
 }
 
 }  // namespace graupel::graph

@@ -13,8 +13,7 @@ std::map<std::string, std::string> HgnConfig::to_metadata() const {
 }
 
 HgnConfig HgnConfig::from_metadata(const std::map<std::string, std::string>& metadata, const std::string& file) {
-  return config_from<HgnConfig>(metadata, prefix, file,
-                                {"aggregation", "bundle", "dimensions", "predictor", "short_range"});
+  return config_from<HgnConfig>(metadata, prefix, file, {"aggregation", "bundle", "dimensions"});
 }
 
 }  // namespace graupel::graph

@@ -29,7 +29,10 @@ struct HgnConfig : FeatureConfig {
   double spacing = 0.035;       ///< R [m]
   double p2g_scale = 0.125;     ///< constant factor on the particle-to-grid sum
   Aggregation aggregation = Aggregation::messages;
-  double short_range = 0;  ///< removed (removed_option)
+
+  static constexpr RemovedField removed[] = {
+      removed_predictor,
+      {"short_range", "0 0.0", "links between particles cost twice the time and rollouts were worse"}};
 
   template <typename Visitor>
   static void fields(Visitor&& visit) {
@@ -51,10 +54,6 @@ struct HgnConfig : FeatureConfig {
                                    .range = Range::positive()});
     visit(&C::aggregation,
           FieldInfo{.name = "aggregation", .unit = "", .meaning = "What cells and particles sum of what reaches them"});
-    visit(&C::short_range, FieldInfo{.name = "short_range",
-                                     .unit = "",
-                                     .meaning = "Removed: 0 is the one value left",
-                                     .range = Range::between(0, 1)});
     FeatureConfig::fields(visit);
   }
 
@@ -63,9 +62,6 @@ struct HgnConfig : FeatureConfig {
   std::map<std::string, std::string> to_metadata() const;
   static HgnConfig from_metadata(const std::map<std::string, std::string>& metadata, const std::string& file);
 };
-
-/// As that of FeatureConfig.
-std::string removed_option(const HgnConfig& config);
 
 }  // namespace graph
 

@@ -50,12 +50,6 @@ std::vector<std::string_view> field_names() {
 }
 
 template <typename T>
-std::vector<RemovedField> removed_fields() {
-  if constexpr (requires { T::removed; }) return {std::begin(T::removed), std::end(T::removed)};
-  return {};
-}
-
-template <typename T>
 struct IsVector : std::false_type {};
 template <typename T>
 struct IsVector<std::vector<T>> : std::true_type {};

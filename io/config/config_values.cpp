@@ -135,12 +135,9 @@ namespace {
 bool is_removed(const ConfigPlace& place, std::string_view key, const std::vector<RemovedField>& removed) {
   for (const RemovedField& field : removed) {
     if (field.name != key) continue;
-    const auto accepted = words_of_list(field.accepted);
+    const auto accepted = accepted_forms(field);
     if (std::find(accepted.begin(), accepted.end(), write_json(place.node, JsonLayout::compact)) == accepted.end())
-      config_fail(place,
-                  "is " + place.value() + ", but this setting was removed: " + std::string(field.finding) +
-                      " (still read: " + std::string(accepted.front()) + ")",
-                  "Leave it out");
+      config_fail(place, removed_text(field, place.value()), "Leave it out");
     return true;
   }
   return false;

@@ -65,13 +65,15 @@ TEST(HgnConfig, FilesFromBeforeTheChoicesHaveTheOldNetwork) {
 /// Older files have the keys of options that were removed; switched on, they are refused.
 TEST(GnsConfig, ARemovedPredictorIsRefused) {
   auto metadata = GnsConfig().to_metadata();
-  EXPECT_EQ(GnsConfig::from_metadata(metadata, "f").predictor, FramePredictor::none);
+  EXPECT_EQ(metadata.at("gns.predictor"), "none");
+  EXPECT_EQ(GnsConfig::from_metadata(metadata, "f").to_metadata(), metadata);
   metadata["gns.predictor"] = "ballistic";
   try {
     GnsConfig::from_metadata(metadata, "net.safetensors");
     ADD_FAILURE();
   } catch (const InputError& error) {
-    for (const char* text : {"'net.safetensors'", "gns.predictor (ballistic, allowed: none) was removed", "Train"})
+    for (const char* text :
+         {"'net.safetensors'", "'gns.predictor' is ballistic, but this setting was removed", "Train"})
       EXPECT_NE(std::string(error.what()).find(text), std::string::npos) << error.what();
   }
 }
@@ -111,9 +113,9 @@ TEST(HgnConfig, ErrorsNameFileKeyAndValue) {
                {"hgn.aggregation", "sums", "not one of messages, activations ('sums')"},
                {"hgn.cell_normal", "yes", "not true or false ('yes')"},
                {"hgn.bundle", "9", "allowed from 1 to 8"},
-               {"hgn.predictor", "falling", "not one of none, ballistic ('falling')"},
-               {"hgn.predictor", "ballistic", "(ballistic, allowed: none) was removed"},
-               {"hgn.short_range", "0.5", "(0.5, allowed: 0) was removed"},
+               {"hgn.predictor", "falling", "is falling, but this setting was removed"},
+               {"hgn.predictor", "ballistic", "is ballistic, but this setting was removed"},
+               {"hgn.short_range", "0.5", "is 0.5, but this setting was removed"},
                {"hgn.window", "2", "not known ('2')"}};
   for (const auto& c : cases) {
     const std::string message = error(c.key, c.value);

@@ -107,9 +107,6 @@ TrainingRun::TrainingRun(const TrainingOptions& options)
     throw ConfigError(std::to_string(comm_.size()) + " ranks are too many for batches of " +
                       std::to_string(config_.batch_scenes) +
                       " scenes (each takes one or more). Start fewer, or set batch_scenes higher");
-  const std::string removed = config_.architecture == Architecture::hgn ? graph::removed_option(config_.hgn)
-                                                                        : graph::removed_option(config_.gns);
-  if (!removed.empty()) throw ConfigError(word_of(config_.architecture) + ("." + removed));
   train_ = open("train.h5");
   train_->check_length(
       1 + config_.features().bundle * (1 + config_.push_steps),
