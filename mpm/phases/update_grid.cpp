@@ -2,6 +2,12 @@
 #include "mpm/phases/phases.h"
 #include "mpm/physics/node_update.h"
 
+#if defined(__GNUC__) && !defined(__CUDA_ARCH__)
+#define HOST_CALL __attribute__((noinline))
+#else
+#define HOST_CALL
+#endif
+
 namespace graupel::mpm {
 
 namespace {
@@ -10,7 +16,10 @@ template <typename T, int D, bool moving>
 struct UpdateNode {
   SolverView<T> view;
   T dt;
-  GRAUPEL_HD void operator()(int64_t entry) const {
+  /// Not inlined into loops on the host: there the product dt g would be rounded once for all nodes instead of being
+  /// fused with the sum.
+  HOST_CALL GRAUPEL_HD void operator()(int64_t entry) const { update(entry); }
+  GRAUPEL_HD void update(int64_t entry) const {
     T* node = view.nodes + entry * channels;
     const T mass = node[3];
     if (!(mass > T(0))) {
@@ -47,10 +56,10 @@ void update_grid_block(const SolverView<T>& view, T dt, int64_t block) {
   const int64_t first = block * nodes_per_block<3>, end = first + nodes_per_block<3>;
   if (view.moving.count > 0) {
     const UpdateNode<T, 3, true> update{view, dt};
-    for (int64_t entry = first; entry < end; ++entry) update(entry);
+    for (int64_t entry = first; entry < end; ++entry) update.update(entry);
   } else {
     const UpdateNode<T, 3, false> update{view, dt};
-    for (int64_t entry = first; entry < end; ++entry) update(entry);
+    for (int64_t entry = first; entry < end; ++entry) update.update(entry);
   }
 }
 

@@ -346,12 +346,9 @@ GRAUPEL_HD void substep(Worker<Block>& w, int64_t k, bool last) {
   });
 }
 
-/// A frame of one scene by the blocks of a group.
+/// P2G of the present state into grid k (modulo 3).
 template <typename Block>
-GRAUPEL_HD void run_scene(Worker<Block>& w) {
-  const StepControl& control = w.view.controls[w.number];
-  const int64_t k = control.substeps;
-  const auto substeps = static_cast<int32_t>(w.scene.time_step.substeps_per_frame);
+GRAUPEL_HD void scatter_scene(const Worker<Block>& w, int64_t k) {
   w.for_turns([&](int32_t first, int32_t count) {
     const int own = w.lane() % w.turn, at = own < count ? own : count - 1;
     stage(w, first, count, present_share(w, int64_t(w.small.first) + first + at),
@@ -359,6 +356,15 @@ GRAUPEL_HD void run_scene(Worker<Block>& w) {
     scatter_turn(w, count, w.small.sums[k % 3]);
     w.block.sync_warp();
   });
+}
+
+/// A frame of one scene by the blocks of a group.
+template <typename Block>
+GRAUPEL_HD void run_scene(Worker<Block>& w) {
+  const StepControl& control = w.view.controls[w.number];
+  const int64_t k = control.substeps;
+  const auto substeps = static_cast<int32_t>(w.scene.time_step.substeps_per_frame);
+  scatter_scene(w, k);
   bool stop = w.meet(1);
   int32_t done = 0;
   while (!stop && done < substeps) {
