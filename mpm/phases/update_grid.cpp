@@ -16,10 +16,7 @@ template <typename T, int D, bool moving>
 struct UpdateNode {
   SolverView<T> view;
   T dt;
-  /// Not inlined into loops on the host: there the product dt g would be rounded once for all nodes instead of being
-  /// fused with the sum.
-  HOST_CALL GRAUPEL_HD void operator()(int64_t entry) const { update(entry); }
-  GRAUPEL_HD void update(int64_t entry) const {
+  GRAUPEL_HD void operator()(int64_t entry) const {
     T* node = view.nodes + entry * channels;
     const T mass = node[3];
     if (!(mass > T(0))) {
@@ -35,20 +32,29 @@ struct UpdateNode {
   }
 };
 
-template <int D, typename T>
+/// In the plane a function of its own on the host: in a loop the product dt g would be rounded once for all nodes
+/// instead of being fused with the sum, and the last bits of a run would change.
+template <typename T, bool moving>
+struct UpdatePlaneNode {
+  UpdateNode<T, 2, moving> update;
+  HOST_CALL GRAUPEL_HD void operator()(int64_t entry) const { update(entry); }
+};
+
+template <bool moving, typename T>
 void update_nodes(const SolverView<T>& view, T dt) {
-  const int64_t nodes = view.blocks.node_count * int64_t(nodes_per_block<D>);
-  if (view.moving.count > 0)
-    launch<T>(view.device, nodes, UpdateNode<T, D, true>{view, dt}, Grain{1024});
+  if (view.dimensions == 2)
+    launch<T>(view.device, view.blocks.node_count * int64_t(nodes_per_block<2>), UpdatePlaneNode<T, moving>{{view, dt}},
+              Grain{1024});
   else
-    launch<T>(view.device, nodes, UpdateNode<T, D, false>{view, dt}, Grain{1024});
+    launch<T>(view.device, view.blocks.node_count * int64_t(nodes_per_block<3>), UpdateNode<T, 3, moving>{view, dt},
+              Grain{1024});
 }
 
 }  // namespace
 
 template <typename T>
 void update_grid(const SolverView<T>& view, T dt) {
-  view.dimensions == 2 ? update_nodes<2>(view, dt) : update_nodes<3>(view, dt);
+  view.moving.count > 0 ? update_nodes<true>(view, dt) : update_nodes<false>(view, dt);
 }
 
 template <typename T>
@@ -56,10 +62,10 @@ void update_grid_block(const SolverView<T>& view, T dt, int64_t block) {
   const int64_t first = block * nodes_per_block<3>, end = first + nodes_per_block<3>;
   if (view.moving.count > 0) {
     const UpdateNode<T, 3, true> update{view, dt};
-    for (int64_t entry = first; entry < end; ++entry) update.update(entry);
+    for (int64_t entry = first; entry < end; ++entry) update(entry);
   } else {
     const UpdateNode<T, 3, false> update{view, dt};
-    for (int64_t entry = first; entry < end; ++entry) update.update(entry);
+    for (int64_t entry = first; entry < end; ++entry) update(entry);
   }
 }
 

@@ -82,9 +82,9 @@ GRAUPEL_HD inline Vec<T, 3> inside_walls(const WallView<T>& walls, Vec<T, 3> x) 
 /// Projection out of obstacles of a particle that went from `before` to x, and the loss of velocity into what pushed it
 /// there from where it wanted to be.
 template <bool some_move, int D, typename T, typename Found>
-GRAUPEL_HD inline void keep_out(const SceneView<T>& scene, const MovingObstacleView<T>& moving, T mass, T dt,
-                                const Vec<T, 3>& before, const Vec<T, 3>& wanted, Vec<T, 3>& x, Vec<T, 3>& v,
-                                Found& found) {
+[[gnu::always_inline]] GRAUPEL_HD inline void keep_out(const SceneView<T>& scene, const MovingObstacleView<T>& moving,
+                                                       T mass, T dt, const Vec<T, 3>& before, const Vec<T, 3>& wanted,
+                                                       Vec<T, 3>& x, Vec<T, 3>& v, Found& found) {
   Vec<T, 3> surface_velocity = Vec<T, 3>::zero();
   if (some_move && scene.push_out && moving.count > 0 && near_moving(moving, x))
     surface_velocity = push_out_of_moving<D, T>(scene, moving, dt, before, x);
