@@ -1,9 +1,9 @@
 // The substep's hot loops for one instruction set (compiled once for each, with GRAUPEL_ISA its name): P2G into arenas,
 // sums and grid update, and one pass over the particles that does G2P, deformation, return mapping, stress, motion,
-// home blocks and survey while their state is in registers. The twins are particle_to_grid.cpp, grid_update.cpp,
-// grid_to_particle.cpp, update_deformation*.cpp and move_particles.cpp, which pass over all particles four times.
-// Measured against them, a particle (Zen 4, f32, AVX-512): water 93 -> 48, jelly 150 -> 52, snow 153 -> 63, sand 184 ->
-// 63 ns (docs/decisions/0006-cpu-tuning.md).
+// home blocks and survey while their state is in registers.
+// Equals the phases of mpm/phases/ (particle_to_grid, update_grid, grid_to_particle, update_deformation,
+// move_particles), which pass over all particles four times. Gain, ns a particle (Zen 4, f32, AVX-512): water 93 -> 48,
+// jelly 150 -> 52, snow 153 -> 63, sand 184 -> 63 (docs/decisions/0006-cpu-tuning.md).
 #include "mpm/cpu/cpu_step.h"
 #include "mpm/cpu/lanes_gather.h"
 #include "mpm/cpu/lanes_materials.h"

@@ -1,6 +1,7 @@
 // One step of a material, a particle in every lane: the laws of mpm/materials/ over Pack<T>, and what the lanes do to
 // find the singular values that some of them are functions of. No right rotation is needed: with
-// b = F F^T = U diag(s^2) U^T, a return map of the singular values s -> s' is F <- U diag(s'/s) U^T F.
+// b = F F^T = U diag(s^2) U^T, a return map of the singular values s -> s' is F <- U diag(s'/s) U^T F. Equals
+// mpm/materials/material.h; its gain is in that of the whole pass (docs/decisions/0006-cpu-tuning.md).
 #pragma once
 
 #include "mpm/cpu/pack.h"

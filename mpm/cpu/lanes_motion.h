@@ -1,4 +1,6 @@
-// Motion of particles away from walls and obstacles, their home blocks, and the survey of the new state.
+// Motion of particles away from walls and obstacles, their home blocks, and the survey of the new state. Equals
+// move_point() and the survey of mpm/physics/particle_motion.h where nothing is in the way; its gain is in that of the
+// whole pass (docs/decisions/0006-cpu-tuning.md).
 #pragma once
 
 #include "mpm/cpu/lanes_materials.h"

@@ -1,4 +1,5 @@
-// Where particles lie in the arenas of their home blocks, a particle in every lane (mpm/physics/transfer.h).
+// Where particles lie in the arenas of their home blocks, a particle in every lane. Equals arena_stencil() of
+// mpm/physics/transfer.h.
 #pragma once
 
 #include "mpm/cpu/cpu_step.h"

@@ -2,6 +2,12 @@
 #include "mpm/phases/phases.h"
 #include "mpm/physics/node_update.h"
 
+#if defined(__GNUC__) && !defined(__CUDA_ARCH__)
+#define HOST_CALL __attribute__((noinline))
+#else
+#define HOST_CALL
+#endif
+
 namespace graupel::mpm {
 
 namespace {
@@ -26,20 +32,29 @@ struct UpdateNode {
   }
 };
 
-template <int D, typename T>
+/// In the plane a function of its own on the host: in a loop the product dt g would be rounded once for all nodes
+/// instead of being fused with the sum, and the last bits of a run would change.
+template <typename T, bool moving>
+struct UpdatePlaneNode {
+  UpdateNode<T, 2, moving> update;
+  HOST_CALL GRAUPEL_HD void operator()(int64_t entry) const { update(entry); }
+};
+
+template <bool moving, typename T>
 void update_nodes(const SolverView<T>& view, T dt) {
-  const int64_t nodes = view.blocks.node_count * int64_t(nodes_per_block<D>);
-  if (view.moving.count > 0)
-    launch<T>(view.device, nodes, UpdateNode<T, D, true>{view, dt}, Grain{1024});
+  if (view.dimensions == 2)
+    launch<T>(view.device, view.blocks.node_count * int64_t(nodes_per_block<2>), UpdatePlaneNode<T, moving>{{view, dt}},
+              Grain{1024});
   else
-    launch<T>(view.device, nodes, UpdateNode<T, D, false>{view, dt}, Grain{1024});
+    launch<T>(view.device, view.blocks.node_count * int64_t(nodes_per_block<3>), UpdateNode<T, 3, moving>{view, dt},
+              Grain{1024});
 }
 
 }  // namespace
 
 template <typename T>
 void update_grid(const SolverView<T>& view, T dt) {
-  view.dimensions == 2 ? update_nodes<2>(view, dt) : update_nodes<3>(view, dt);
+  view.moving.count > 0 ? update_nodes<true>(view, dt) : update_nodes<false>(view, dt);
 }
 
 template <typename T>

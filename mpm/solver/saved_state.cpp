@@ -1,5 +1,7 @@
-// Saving and restoring a solver, bit for bit: where the run is, particle arrays in slot order, who is present. All else
-// follows from these and the scene: every frame starts with a sort, scripts and moving obstacles depend on time alone.
+// Saving and restoring a solver, bit for bit: where the run is, particle arrays
+// in slot order, who is present. All else follows from these and the scene:
+// every frame starts with a sort, scripts and moving obstacles depend on time
+// alone.
 #include "mpm/particles/state_bytes.h"
 #include "mpm/scene/scene_hash.h"
 #include "mpm/solver/solver.h"
@@ -26,13 +28,13 @@ SolverKind solver_kind(const SimulationOptions& options, InstructionSet set) {
 
 template <typename T>
 StateOwner Solver<T>::state_owner() const {
-  return {scene_hash(scene_, options_.seed), solver_kind(options_, instruction_set_), sizeof(T),
+  return {scene_hash(scene_, options_.seed), solver_kind(options_, grid_.instruction_set), sizeof(T),
           static_cast<int64_t>(particle_count())};
 }
 
 template <typename T>
 std::size_t Solver<T>::state_bytes() const {
-  std::size_t content = sizeof(Course) + roles_.presence().size() * sizeof(Presence);
+  std::size_t content = sizeof(Course) + grid_.roles.presence().size() * sizeof(Presence);
   particles_.for_each_buffer([&](const auto& buffer) { content += buffer.size() * sizeof(*buffer.data()); });
   return content;
 }
@@ -44,7 +46,7 @@ std::vector<std::byte> Solver<T>::save_state() const {
   course.statistics.solver_seconds = 0;
   writer.add(course);
   particles_.for_each_buffer([&](const auto& buffer) { writer.add(buffer); });
-  writer.add(roles_.presence());
+  writer.add(grid_.roles.presence());
   return writer.finish();
 }
 
@@ -54,7 +56,7 @@ void Solver<T>::load_state(const std::vector<std::byte>& state) {
   Course course;
   reader.get(course);
   particles_.for_each_buffer([&](auto& buffer) { reader.get(buffer); });
-  reader.get(roles_.presence());
+  reader.get(grid_.roles.presence());
   const double seconds = statistics_.solver_seconds;
   frames_done_ = course.frames_done;
   frame_elapsed_ = course.frame_elapsed;
@@ -62,7 +64,7 @@ void Solver<T>::load_state(const std::vector<std::byte>& state) {
   statistics_ = course.statistics;
   statistics_.solver_seconds = seconds;
   find_home_blocks(view());
-  blocks_.invalidate();
+  grid_.blocks.invalidate();
 }
 
 template StateOwner Solver<float>::state_owner() const;

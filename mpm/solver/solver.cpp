@@ -9,7 +9,6 @@
 #include "core/system/error.h"
 #include "mpm/cpu/tuned_phases.h"
 #include "mpm/materials/material.h"
-#include "mpm/phases/transfer_form.h"
 #include "mpm/solver/divergence.h"
 
 namespace graupel::mpm {
@@ -20,44 +19,22 @@ Solver<T>::Solver(const Scene& scene, const SimulationOptions& options, const Sa
     : scene_(scene),
       options_(options),
       obstacles_(obstacles),
-      grid_(grid_of<T>(scene.domain)),
-      walls_(wall_view<T>(scene)),
-      materials_(options.device, 0),
-      blocks_(options.device, grid_.blocks, scene.domain.axes(), static_cast<int64_t>(sampled.position.size())),
-      moving_(options.device, scene, obstacles),
-      roles_(options.device, scene, sampled),
-      obstacle_nodes_(options.device, grid_, moving_.fixed(), scene.domain.axes()),
-      arenas_(options.device, 0),
-      nodes_(options.device, 0),
-      joined_(options.device, 0),
-      records_(options.device, 0),
-      impulses_(options.device, 0),
-      instruction_set_(options.instruction_set.value_or(instruction_set())) {
-  if (scene.domain.has_wall(Wall::periodic)) blocks_.keep_node_lookup();
-  std::vector<MaterialParameters<T>> parameters;
-  for (const std::string& name : sampled.material_names) {
-    material_configs_.push_back(scene.materials.at(name));
-    parameters.push_back(material_parameters<T>(material_configs_.back()));
-  }
-  materials_.upload(parameters);
-  for (const MaterialConfig& m : material_configs_) {
-    some_stationary_ = some_stationary_ || m.model == MaterialModel::stationary;
+      grid_(options, scene, sampled, obstacles, static_cast<int64_t>(sampled.position.size())) {
+  for (const MaterialConfig& m : grid_.material_configs)
     if (m.model == MaterialModel::water) diffusivity_ = std::max(diffusivity_, m.viscosity / m.density);
-  }
-  for (const int32_t m : sampled.material) particle_type_.push_back(particle_type_of(material_configs_[m].model));
-  const auto n = static_cast<int64_t>(sampled.position.size());
-  particles_ = upload_particles(initial_particles<T>(sampled, material_configs_), options.device);
-  spare_ = Particles<T>(options.device, n);
+  for (const int32_t m : sampled.material) particle_type_.push_back(particle_type_of(grid_.material_configs[m].model));
+  particles_ = upload_particles(initial_particles<T>(sampled, grid_.material_configs), options.device);
+  spare_ = Particles<T>(options.device, particles_.count());
   find_home_blocks(view());
-  survey_ = survey_particles(view(), records_);
+  survey_ = survey_particles(view(), grid_.records);
   check_fixed_step();
 }
 
 template <typename T>
 StateSpeeds Solver<T>::speeds() const {
   const double from = time(), to = from + scene_.frame_time;
-  return {std::max(std::sqrt(survey_.largest_speed2), roles_.largest_speed(from, to)), survey_.largest_sound_speed,
-          diffusivity_, moving_.largest_speed(from, to)};
+  return {std::max(std::sqrt(survey_.largest_speed2), grid_.roles.largest_speed(from, to)), survey_.largest_sound_speed,
+          diffusivity_, grid_.moving.largest_speed(from, to)};
 }
 
 /// A fixed step must not let a scripted body cross over one cell.
@@ -66,38 +43,21 @@ void Solver<T>::check_fixed_step() const {
   if (scene_.time_step.policy != StepPolicy::fixed) return;
   constexpr double forever = std::numeric_limits<double>::infinity();
   const double dt = scene_.frame_time / static_cast<double>(scene_.time_step.substeps_per_frame);
-  const double speed = std::max(moving_.largest_speed(0, forever), roles_.largest_speed(0, forever));
+  const double speed = std::max(grid_.moving.largest_speed(0, forever), grid_.roles.largest_speed(0, forever));
   const double cells = speed * dt / scene_.domain.dx;
   if (cells > 1)
-    throw ConfigError(fmt::format(
-        "a scripted body or an emitter moves {:.3g} cells in a substep of {:.4g} s (at {:.4g} m/s, allowed: 1). Use at "
-        "least {} substeps_per_frame, time_step.policy adaptive, or a slower motion",
-        cells, dt, speed, static_cast<int64_t>(std::ceil(speed * scene_.frame_time / scene_.domain.dx))));
+    throw ConfigError(
+        fmt::format("a scripted body or an emitter moves {:.3g} cells in a "
+                    "substep of {:.4g} s (at {:.4g} m/s, allowed: 1). Use at "
+                    "least {} substeps_per_frame, time_step.policy adaptive, "
+                    "or a slower motion",
+                    cells, dt, speed, static_cast<int64_t>(std::ceil(speed * scene_.frame_time / scene_.domain.dx))));
 }
 
 template <typename T>
 void Solver<T>::substep(double dt) {
-  const T step = static_cast<T>(dt);
-  const bool tuned = options_.device == Device::cpu && options_.kernels == Kernels::tuned &&
-                     !scene_.domain.is_plane() && scene_.transfer.spline == Spline::quadratic;
-  sort_particles();
-  if (moving_.any()) moving_.begin_step(time(), dt);
-  roles_.begin_step(time(), dt);
-  SolverView<T> v = view();
-  if (roles_.has_scripts()) statistics_.scripted_momentum += lead_particles(v, impulses_);
-  const bool periodic = v.blocks.node_of_key != nullptr;
-  if (tuned)
-    particle_to_grid_tuned(v, step, instruction_set_, periodic ? GridParts::sums : GridParts::velocities);
-  else
-    particle_to_grid(v, step);
-  if (periodic) {
-    joined_.resize_discard(nodes_.size());
-    join_periodic(v, joined_.data());
-    std::swap(nodes_, joined_);
-    v = view();
-  }
-  if (periodic || !tuned) update_grid(v, step);
-  if (tuned)
+  const SolverView<T> v = grid_.move_nodes(particles_.view(), time(), dt, statistics_.scripted_momentum);
+  if (grid_.tuned)
     advance_particles(v, dt);
   else
     advance_particles_portably(v, dt);
@@ -124,27 +84,27 @@ template <typename T>
 void Solver<T>::advance_particles(const SolverView<T>& v, double dt) {
   const T step = static_cast<T>(dt);
   const bool keeps_affine = scene_.transfer.scheme == TransferScheme::apic && scene_.transfer.damping == 0;
-  const AdvanceParts parts = roles_.has_scripts()               ? AdvanceParts::gather
+  const AdvanceParts parts = grid_.roles.has_scripts()          ? AdvanceParts::gather
                              : keeps_affine && moves_plainly(v) ? AdvanceParts::all
                                                                 : AdvanceParts::gather_and_deform;
-  survey_ = advance_tuned(v, step, parts, records_, instruction_set_);
+  survey_ = advance_tuned(v, step, parts, grid_.records, grid_.instruction_set);
   if (parts == AdvanceParts::all) return;
   if (parts == AdvanceParts::gather) {
-    statistics_.scripted_momentum += lead_particles(v, impulses_);
+    grid_.lead(v, statistics_.scripted_momentum);
     update_deformation(v, step);
   }
   carry_affine(dt);
-  survey_ = move_particles(v, step, records_);
+  survey_ = move_particles(v, step, grid_.records);
 }
 
 template <typename T>
 void Solver<T>::advance_particles_portably(const SolverView<T>& v, double dt) {
   const T step = static_cast<T>(dt);
   grid_to_particle(v);
-  if (roles_.has_scripts()) statistics_.scripted_momentum += lead_particles(v, impulses_);
+  grid_.lead(v, statistics_.scripted_momentum);
   update_deformation(v, step);
   carry_affine(dt);
-  survey_ = move_particles(v, step, records_);
+  survey_ = move_particles(v, step, grid_.records);
 }
 
 template <typename T>
@@ -182,34 +142,18 @@ void Solver<T>::advance_frame() {
   statistics_.solver_seconds += std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
 }
 
-/// Blocks in use and the particles of each; grid storage to match.
-template <typename T>
-void Solver<T>::sort_particles() {
-  blocks_.update();
-  // With room for more: while material spreads there are more blocks in every substep.
-  const auto make_room = [](Buffer<T>& buffer, std::size_t n) {
-    if (n > buffer.size()) buffer.resize_discard(n + n / 4);
-  };
-  with_form(view(), [&](auto form) {
-    constexpr int D = decltype(form)::D;
-    const BlockView b = blocks_.view();
-    if (options_.device == Device::cpu)
-      make_room(arenas_, static_cast<std::size_t>(b.home_count) * arena_size<D, decltype(form)::spline>);
-    make_room(nodes_, static_cast<std::size_t>(b.node_count) * nodes_per_block<D> * channels);
-  });
-}
-
-/// Puts the particles into block order in memory. Done at the start of every frame, so that the order inside a frame,
-/// and with it every sum, depends on the state at the frame's start alone: a restarted run repeats it.
+/// Puts the particles into block order in memory. Done at the start of every
+/// frame, so that the order inside a frame, and with it every sum, depends on
+/// the state at the frame's start alone: a restarted run repeats it.
 template <typename T>
 void Solver<T>::reorder_particles() {
   find_home_blocks(view());
-  blocks_.invalidate();
-  blocks_.update();
-  permute_particles(particles_, spare_, blocks_.view().order);
+  grid_.blocks.invalidate();
+  grid_.blocks.update();
+  permute_particles(particles_, spare_, grid_.blocks.view().order);
   std::swap(particles_, spare_);
   find_home_blocks(view());
-  blocks_.invalidate();
+  grid_.blocks.invalidate();
 }
 
 template <typename T>
@@ -235,32 +179,7 @@ void Solver<T>::throw_diverged(double dt, const StateSpeeds& before) const {
   bad.time = time();
   bad.dt = dt;
   bad.before = before;
-  mpm::throw_diverged(scene_, material_configs_[static_cast<std::size_t>(host.material[slot])], bad);
-}
-
-template <typename T>
-SolverView<T> Solver<T>::view() const {
-  auto& self = const_cast<Solver&>(*this);  // views give kernels access to the arrays; const members only read them
-  SolverView<T> v;
-  v.grid = grid_;
-  v.walls = walls_;
-  v.gravity = scene_.gravity.template cast<T>();
-  v.push_out = scene_.push_out;
-  v.obstacle_nodes = obstacle_nodes_.view();
-  v.materials = materials_.data();
-  v.device = options_.device;
-  v.particles = particles_.view();
-  v.blocks = blocks_.view();
-  v.moving = moving_.view();
-  v.roles = roles_.view();
-  v.dimensions = scene_.domain.axes();
-  v.spline = scene_.transfer.spline;
-  v.arenas = self.arenas_.data();
-  v.nodes = self.nodes_.data();
-  v.keys = self.blocks_.keys();
-  v.keys_changed = self.blocks_.changed_flag();
-  v.some_stationary = some_stationary_;
-  return v;
+  mpm::throw_diverged(scene_, grid_.material_configs[static_cast<std::size_t>(host.material[slot])], bad);
 }
 
 template <typename T>
@@ -268,7 +187,7 @@ ParticleFrame Solver<T>::frame() const {
   const HostParticles<T> host = particles();
   ParticleFrame frame;
   frame.time = time();
-  frame.active = roles_.active();
+  frame.active = grid_.roles.active();
   frame.position.resize(particle_count());
   frame.velocity.resize(particle_count());
   for (std::size_t slot = 0; slot < particle_count(); ++slot) {
@@ -282,26 +201,25 @@ ParticleFrame Solver<T>::frame() const {
 
 template <typename T>
 ParticleFields Solver<T>::fields(FieldSet wanted) const {
-  return fields_of(particles(), wanted, roles_.active());
+  return fields_of(particles(), wanted, grid_.roles.active());
 }
 
 template <typename T>
 Diagnostics Solver<T>::diagnostics() const {
-  return diagnose(particles(), material_configs_, scene_, roles_.active());
+  return diagnose(particles(), grid_.material_configs, scene_, grid_.roles.active());
 }
 
 template <typename T>
 RunStatistics Solver<T>::statistics() const {
   RunStatistics s = statistics_;
-  s.active_blocks = blocks_.view().home_count;
+  s.active_blocks = grid_.blocks.view().home_count;
   s.peak_bytes = memory_bytes();
   return s;
 }
 
 template <typename T>
 int64_t Solver<T>::memory_bytes() const {
-  return particles_.bytes() + spare_.bytes() + blocks_.bytes() + obstacle_nodes_.bytes() +
-         static_cast<int64_t>((arenas_.size() + nodes_.size() + joined_.size()) * sizeof(T));
+  return particles_.bytes() + spare_.bytes() + grid_.bytes();
 }
 
 template class Solver<float>;

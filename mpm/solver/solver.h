@@ -1,16 +1,16 @@
-// The explicit MPM solver of one scene in one precision: MLS-MPM with APIC transfers (Hu et al. 2018, Jiang et al.
-// 2015), quadratic or cubic B-splines, symplectic Euler, in space or in the plane (plane strain).
+// The explicit MPM solver of one scene in one precision: MLS-MPM with APIC
+// transfers (Hu et al. 2018, Jiang et al. 2015), quadratic or cubic B-splines,
+// symplectic Euler, in space or in the plane (plane strain).
 #pragma once
 
 #include <memory>
 #include <vector>
 
-#include "core/parallel/instruction_set.h"
 #include "mpm/particles/host_particles.h"
 #include "mpm/particles/state_bytes.h"
-#include "mpm/phases/phases.h"
 #include "mpm/sampling.h"
 #include "mpm/simulation.h"
+#include "mpm/solver/scene_grid.h"
 #include "mpm/solver/time_step.h"
 #include "mpm/solver/tracers.h"
 
@@ -41,11 +41,13 @@ class Solver final : public Simulation {
   void substep(double dt);
   /// Particle state in slot order.
   HostParticles<T> particles() const { return download_particles(particles_); }
-  /// For kernels; blocks and grid storage are those of the last sort_particles().
-  SolverView<T> view() const;
-  void sort_particles();
+  /// For kernels; blocks and grid storage are those of the last
+  /// sort_particles().
+  SolverView<T> view() const { return grid_.view(particles_.view()); }
+  void sort_particles() { grid_.sort(particles_.view()); }
   int64_t memory_bytes() const;
-  /// Of the present state; of scripted bodies and emitters over the next frame_time.
+  /// Of the present state; of scripted bodies and emitters over the next
+  /// frame_time.
   StateSpeeds speeds() const;
 
  private:
@@ -63,25 +65,13 @@ class Solver final : public Simulation {
   Scene scene_;
   SimulationOptions options_;
   sparsegrid::ObstacleSet obstacles_;
-  std::vector<MaterialConfig> material_configs_;
   std::vector<int32_t> particle_type_;
-  bool some_stationary_ = false;
   double diffusivity_ = 0;  ///< largest kinematic viscosity [m^2/s]
 
-  GridGeometry<T, 3> grid_;
-  WallView<T> walls_;
-  Buffer<MaterialParameters<T>> materials_;
+  mutable SceneGrid<T> grid_;  ///< views give kernels access to the arrays;
+                               ///< const members only read them
   mutable Particles<T> particles_;
   Particles<T> spare_;  ///< target of the next reordering
-  BlockTable blocks_;
-  MovingObstacles<T> moving_;
-  ParticleRoles<T> roles_;
-  ObstacleNodes<T> obstacle_nodes_;
-  Buffer<T> arenas_, nodes_;
-  Buffer<T> joined_;  ///< node sums with those of periodic images
-  Buffer<Survey> records_;
-  Buffer<Impulse> impulses_;
-  InstructionSet instruction_set_;
 
   Survey survey_;  ///< of the present state
   int64_t frames_done_ = 0;

@@ -1,20 +1,21 @@
-// One step of the full model's grid for some of its particles: their state goes to the active nodes, the nodes move,
-// and the sample particles read their new positions. mpm's own transfers, contact and scripts, on compact arrays; no
+// One step of the full model's grid for some of its particles: their state goes
+// to the active nodes, the nodes move, and the sample particles read their new
+// positions. mpm's own transfers, contact and scripts, on compact arrays; no
 // deformation gradient, no return mapping (NSF section 5.2).
 #pragma once
 
 #include <vector>
 
-#include "core/parallel/instruction_set.h"
-#include "mpm/phases/phases.h"
 #include "mpm/simulation.h"
+#include "mpm/solver/scene_grid.h"
 
 namespace graupel::rom {
 
 /// Which particles take part, and how much of the body each stands for.
 struct GridParticles {
   std::vector<int32_t> particles;  ///< numbers in the scene; the samples first
-  std::vector<double> share;       ///< mass and volume over the particle's own; 0: it only reads the grid
+  std::vector<double> share;       ///< mass and volume over the particle's own; 0: it
+                                   ///< only reads the grid
   int64_t samples = 0;
 };
 
@@ -25,38 +26,27 @@ class ParticleGrid {
 
   /// From now on these take part, all of them.
   void choose(const GridParticles& chosen);
-  /// From now on these tiles of 16 of the chosen ones take part; ascending, those of the samples among them.
+  /// From now on these tiles of 16 of the chosen ones take part; ascending,
+  /// those of the samples among them.
   void select(const std::vector<int32_t>& tiles);
-  /// Slot i of tile j is particle 16 tiles[j] + i of the chosen ones: position, velocity, affine velocity and stress
-  /// are to be written before a step.
+  /// Slot i of tile j is particle 16 tiles[j] + i of the chosen ones: position,
+  /// velocity, affine velocity and stress are to be written before a step.
   mpm::ParticleView<T> particles();
-  /// Advances the grid by dt from `time` [s] on; the samples' positions and velocities are then those after the step.
-  /// `lost[s]`: sample s is not finite or would move over one cell, as beside a node with hardly any mass; it stays.
+  /// Advances the grid by dt from `time` [s] on; the samples' positions and
+  /// velocities are then those after the step. `lost[s]`: sample s is not
+  /// finite or would move over one cell, as beside a node with hardly any mass;
+  /// it stays.
   void step(double time, double dt, std::vector<bool>& lost);
   int64_t active_nodes() const;
   int64_t bytes() const;
 
  private:
-  mpm::SolverView<T> view();
-  void make_room();
   void move_samples(const mpm::SolverView<T>& v, T dt, std::vector<bool>& lost);
 
   mpm::PreparedScene const& prepared_;
-  std::vector<MaterialConfig> configs_;
-  mpm::GridGeometry<T, 3> grid_;
-  mpm::WallView<T> walls_;
-  Buffer<mpm::MaterialParameters<T>> materials_;
-  mpm::MovingObstacles<T> moving_;
-  mpm::ParticleRoles<T> roles_;
-  mpm::ObstacleNodes<T> obstacle_nodes_;
+  mpm::SceneGrid<T> grid_;
   mpm::Particles<T> particles_, chosen_;  ///< that take part; all there are
-  mpm::BlockTable blocks_;
   int64_t samples_ = 0, count_ = 0;
-  Buffer<T> arenas_, nodes_, joined_;
-  Buffer<mpm::Survey> records_;
-  Buffer<mpm::Impulse> impulses_;
-  InstructionSet instruction_set_;
-  bool some_stationary_ = false;
 };
 
 extern template class ParticleGrid<float>;

@@ -1,4 +1,5 @@
-// G2P of one home block: velocity, deformation, stress and motion of its particles from the 8^3 nodes around it.
+// G2P of one home block: velocity, deformation, stress and motion of its particles from the 8^3 nodes around it. Equals
+// grid_to_particle, update_deformation and move_particles of mpm/phases/; gain: mpm/gpu/blocks/batch_kernels.h.
 #pragma once
 
 #include "core/parallel/thread_block.h"

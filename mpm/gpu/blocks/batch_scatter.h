@@ -1,4 +1,5 @@
-// P2G of one home block: its particles' momentum and mass summed into its arena.
+// P2G of one home block: its particles' momentum and mass summed into its arena. Equals
+// mpm/phases/particle_to_grid.cpp; gain: mpm/gpu/blocks/batch_kernels.h.
 //
 // A warp takes 32 particles at a time. Nine lanes stand for the nine rows of a stencil (three nodes along z each) and
 // walk through a third of the particles, each summing its own nodes in registers; three such groups share a warp. When

@@ -1,4 +1,6 @@
 // Contact at the nodes of a small scene, from a table made before the run: which law holds each of them and the normal.
+// Equals mpm/physics/node_update.h for obstacles at rest. Gain, with turns of equal length: one scene of the recipe
+// 0.89 -> 0.71 ms a frame (docs/decisions/0007-small-scenes-on-gpus.md).
 #pragma once
 
 #include "mpm/gpu/small/small_scene_view.h"

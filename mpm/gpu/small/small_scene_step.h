@@ -1,7 +1,9 @@
 // A frame of small scenes in one kernel, by particles instead of blocks: no lists, no sorting, and one barrier among
 // the threads of a scene in a substep. A particle reads the sums at its 27 nodes, makes them velocities there and then
 // (gravity, contact), moves, and adds its share to the next grid by integer atomics. Where particles are spread thin,
-// this is less work than the blocks around them (mpm/gpu/blocks/batch_kernels.h); measured in docs/lab/performance.md.
+// this is less work than the blocks around them. Equals the phases of mpm/phases/. Gain over mpm/gpu/blocks/, H200,
+// recipe scenes: one scene 2.22 -> 0.68 ms a frame, 64 scenes 0.40 -> 0.84 G particle-updates a second
+// (docs/decisions/0007-small-scenes-on-gpus.md, docs/lab/gpu-mpm.md).
 //
 // Eight lanes of a warp share a particle while it reads or adds; in between, every lane has a particle of its own (or
 // several lanes the same one, when there are more lanes than particles). The eight partial sums are added in a fixed
@@ -346,12 +348,9 @@ GRAUPEL_HD void substep(Worker<Block>& w, int64_t k, bool last) {
   });
 }
 
-/// A frame of one scene by the blocks of a group.
+/// P2G of the present state into grid k (modulo 3).
 template <typename Block>
-GRAUPEL_HD void run_scene(Worker<Block>& w) {
-  const StepControl& control = w.view.controls[w.number];
-  const int64_t k = control.substeps;
-  const auto substeps = static_cast<int32_t>(w.scene.time_step.substeps_per_frame);
+GRAUPEL_HD void scatter_scene(const Worker<Block>& w, int64_t k) {
   w.for_turns([&](int32_t first, int32_t count) {
     const int own = w.lane() % w.turn, at = own < count ? own : count - 1;
     stage(w, first, count, present_share(w, int64_t(w.small.first) + first + at),
@@ -359,6 +358,15 @@ GRAUPEL_HD void run_scene(Worker<Block>& w) {
     scatter_turn(w, count, w.small.sums[k % 3]);
     w.block.sync_warp();
   });
+}
+
+/// A frame of one scene by the blocks of a group.
+template <typename Block>
+GRAUPEL_HD void run_scene(Worker<Block>& w) {
+  const StepControl& control = w.view.controls[w.number];
+  const int64_t k = control.substeps;
+  const auto substeps = static_cast<int32_t>(w.scene.time_step.substeps_per_frame);
+  scatter_scene(w, k);
   bool stop = w.meet(1);
   int32_t done = 0;
   while (!stop && done < substeps) {

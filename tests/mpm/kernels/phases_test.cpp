@@ -35,39 +35,6 @@ std::unique_ptr<Solver<T>> state_in_motion(const TransferCase& form = transfer_c
 }
 
 template <typename T>
-std::vector<T> nodes_of(const SolverView<T>& view) {
-  const int nodes = view.dimensions == 2 ? nodes_per_block<2> : nodes_per_block<3>;
-  return {view.nodes, view.nodes + int64_t(view.blocks.node_count) * nodes * channels};
-}
-
-template <typename T>
-void check_particle_to_grid(const TransferCase& form) {
-  const auto solver = state_in_motion<T>(form);
-  const SolverView<T> view = solver->view();
-  const T dt = T(3e-4), tolerance = sizeof(T) == 4 ? T(2e-6) : T(1e-14);
-  particle_to_grid(view, dt);
-  const std::vector<T> arenas = nodes_of(view);
-  particle_to_grid_by_nodes(view, dt);
-  const std::vector<T> gathered = nodes_of(view);
-  T largest = 0, worst = 0;
-  double mass = 0;
-  for (std::size_t i = 0; i < arenas.size(); ++i) {
-    largest = std::max(largest, std::abs(arenas[i]));
-    worst = std::max(worst, std::abs(arenas[i] - gathered[i]));
-    if (i % channels == 3) mass += static_cast<double>(arenas[i]);
-  }
-  EXPECT_LT(worst, tolerance * largest * 10);
-  EXPECT_NEAR(mass, solver->diagnostics().mass, 1e-5 * mass);
-}
-
-TEST(Phases, BothFormsOfParticleToGridAgreeAndKeepTheMass) {
-  for (const TransferCase& form : transfer_cases) {
-    check_particle_to_grid<float>(form);
-    check_particle_to_grid<double>(form);
-  }
-}
-
-template <typename T>
 T largest_difference(const HostParticles<T>& a, const HostParticles<T>& b) {
   T worst = 0;
   for (std::size_t i = 0; i < a.size(); ++i) {

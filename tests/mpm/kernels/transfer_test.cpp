@@ -1,4 +1,4 @@
-// Laws of the transfers: conservation of mass and momenta for any state, exactness for affine fields.
+// Laws of the transfer from grid to particles; the other way: tests/mpm/kernels/particle_to_grid_laws.h.
 #include "mpm/physics/transfer.h"
 
 #include <gtest/gtest.h>
@@ -57,53 +57,6 @@ void for_all_forms(const Check& check) {
   check.template operator()<double, 3, Spline::cubic>();
 }
 
-/// Torque-like products r x q with all axes, as the antisymmetric part of outer(q, r).
-template <typename T, int D>
-Mat<double, D> moment(const Vec<T, D>& r, const Vec<T, D>& q) {
-  const Mat<double, D> m = outer(q.template cast<double>(), r.template cast<double>());
-  return m - transpose(m);
-}
-
-template <typename T, int D, Spline S>
-void check_conservation() {
-  const double tolerance = sizeof(T) == 4 ? 2e-5 : 1e-12;
-  Arena<T, D, S> arena;
-  double mass = 0;
-  Vec<double, D> momentum = Vec<double, D>::zero();
-  Mat<double, D> angular = Mat<double, D>::zero();
-  for (uint64_t i = 0; i < 50; ++i) {
-    const auto place = random_place<T, D, S>(i);
-    const T m = static_cast<T>(1 + 0.1 * static_cast<double>(i % 7));
-    const Mat<T, D> A = random_matrix<T, D>(i, 3);
-    const Vec<T, D> q = random_matrix<T, D>(1000 + i, 2) * Vec<T, D>::filled(T(1));
-    scatter_particle<S>(arena.node, place, m, q, A);
-    mass += m;
-    momentum += q.template cast<double>();
-    const Mat<double, D> A_64 = A.template cast<double>();
-    angular += moment(position_of(place), q) + (1 / BSpline<S>::inverse_moment) * (A_64 - transpose(A_64));  // dx = 1
-  }
-  double grid_mass = 0;
-  Vec<double, D> grid_momentum = Vec<double, D>::zero();
-  Mat<double, D> grid_angular = Mat<double, D>::zero();
-  arena.for_each_node([&](const Vec<int, D>& c, const T* node) {
-    Vec<T, D> q, x;
-    for (int d = 0; d < D; ++d) {
-      q[d] = node[d];
-      x[d] = static_cast<T>(c[d]);
-    }
-    grid_mass += node[3];
-    grid_momentum += q.template cast<double>();
-    grid_angular += moment(x, q);
-  });
-  EXPECT_NEAR(grid_mass, mass, tolerance * mass);
-  for (int d = 0; d < D; ++d) EXPECT_NEAR(grid_momentum[d], momentum[d], 10 * tolerance);
-  EXPECT_LT(largest_entry(grid_angular - angular), 100 * tolerance);
-}
-
-TEST(Transfer, ParticleToGridConservesMassAndBothMomenta) {
-  for_all_forms([]<typename T, int D, Spline S>() { check_conservation<T, D, S>(); });
-}
-
 template <typename T, int D, Spline S>
 void check_affine_field() {
   const T tolerance = sizeof(T) == 4 ? T(2e-5) : T(1e-13);
@@ -126,34 +79,6 @@ void check_affine_field() {
 
 TEST(Transfer, GridToParticleReproducesAffineFields) {
   for_all_forms([]<typename T, int D, Spline S>() { check_affine_field<T, D, S>(); });
-}
-
-/// Particles that carry v = A x + b and C = A give nodes with that velocity, whatever their masses.
-template <int D, Spline S>
-void check_affine_round_trip() {
-  const Mat<double, D> A = random_matrix<double, D>(3, 1);
-  const Vec<double, D> b = random_matrix<double, D>(4, 1) * Vec<double, D>::filled(1.0);
-  Arena<double, D, S> arena;
-  for (uint64_t i = 0; i < 200; ++i) {
-    const auto place = random_place<double, D, S>(i);
-    const double m = 1 + 0.2 * static_cast<double>(i % 3);
-    scatter_particle<S>(arena.node, place, m, m * (A * position_of(place) + b), m * A);
-  }
-  int nodes = 0;
-  arena.for_each_node([&](const Vec<int, D>& c, const double* node) {
-    if (node[3] < 1e-6) return;
-    ++nodes;
-    const Vec<double, D> v = A * c.template cast<double>() + b;
-    for (int d = 0; d < D; ++d) EXPECT_NEAR(node[d] / node[3], v[d], 1e-9);
-  });
-  EXPECT_GE(nodes, D == 2 ? 30 : 150);
-}
-
-TEST(Transfer, AnAffineFieldOnParticlesIsThatFieldOnTheGrid) {
-  check_affine_round_trip<2, Spline::quadratic>();
-  check_affine_round_trip<2, Spline::cubic>();
-  check_affine_round_trip<3, Spline::quadratic>();
-  check_affine_round_trip<3, Spline::cubic>();
 }
 
 TEST(Transfer, RoundingAtABlockFaceStaysInsideTheArena) {

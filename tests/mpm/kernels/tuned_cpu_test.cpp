@@ -62,11 +62,6 @@ Scene variants() {
   return scene;
 }
 
-template <typename T>
-std::vector<T> nodes_of(const SolverView<T>& view) {
-  return {view.nodes, view.nodes + int64_t(view.blocks.node_count) * nodes_per_block<3> * channels};
-}
-
 /// A plastic law may decide differently for a state within rounding of its yield surface, and contact for a light node
 /// that hardly moves against the surface; with f32 a few particles see that.
 template <typename T>
@@ -169,33 +164,6 @@ TEST(TunedCpu, EveryVariantOfTheLawsEqualsThePortableOne) {
 TEST(TunedCpu, OtherModelsAndStationaryParticlesTakeTheGeneralWay) {
   check_scene<float>(every_model(), 6);
   check_scene<double>(every_model(), 6);
-}
-
-template <typename T>
-void check_particle_to_grid() {
-  for (const InstructionSet set : available_instruction_sets()) {
-    SCOPED_TRACE(name_of(set));
-    const SolverPointer<T> solver = state_of<T>(four_materials(), 2);
-    const SolverView<T> view = solver->view();
-    particle_to_grid_tuned(view, step_of_tests<T>, set, GridParts::sums);
-    const std::vector<T> tuned = nodes_of(view);
-    particle_to_grid_by_nodes(view, step_of_tests<T>);
-    const std::vector<T> twin = nodes_of(view);
-    T largest = 0, worst = 0;
-    double mass = 0;
-    for (std::size_t i = 0; i < tuned.size(); ++i) {
-      largest = std::max(largest, std::abs(twin[i]));
-      worst = std::max(worst, std::abs(tuned[i] - twin[i]));
-      if (i % channels == 3) mass += static_cast<double>(tuned[i]);
-    }
-    EXPECT_LT(worst, (sizeof(T) == 4 ? T(2e-5) : T(1e-13)) * largest);
-    EXPECT_NEAR(mass, solver->diagnostics().mass, (sizeof(T) == 4 ? 1e-5 : 1e-13) * mass);
-  }
-}
-
-TEST(TunedCpu, NodeSumsEqualThePortableOnesAndKeepTheMass) {
-  check_particle_to_grid<float>();
-  check_particle_to_grid<double>();
 }
 
 constexpr double flatness = 0.01;
