@@ -1,4 +1,4 @@
-# graupel_module(name PORTABLE a.cpp.. SOURCES b.cpp.. DEPENDS core.. LIBRARIES fmt::fmt..)
+# graupel_module(name PORTABLE a.cpp.. SOURCES b.cpp.. DEPENDS core.. LIBRARIES fmt::fmt.. PRECOMPILE fmt/format.h..)
 #   One static library per folder, called graupel_<name>. PORTABLE sources hold kernels: they are compiled as CUDA
 #   where nvcc is in use and as C++ elsewhere. DEPENDS lists the folders this one may include (tests/architecture checks).
 function(graupel_compile_settings target)
@@ -23,7 +23,7 @@ function(graupel_compile_settings target)
 endfunction()
 
 function(graupel_module name)
-  cmake_parse_arguments(MODULE "" "" "PORTABLE;SOURCES;DEPENDS;LIBRARIES" ${ARGN})
+  cmake_parse_arguments(MODULE "" "" "PORTABLE;SOURCES;DEPENDS;LIBRARIES;PRECOMPILE" ${ARGN})
   add_library(graupel_${name} STATIC ${MODULE_PORTABLE} ${MODULE_SOURCES})
   graupel_compile_settings(graupel_${name})
   if(GRAUPEL_HAVE_CUDA AND MODULE_PORTABLE)
@@ -33,7 +33,41 @@ function(graupel_module name)
     target_link_libraries(graupel_${name} PUBLIC graupel_${dependency})
   endforeach()
   target_link_libraries(graupel_${name} PUBLIC ${MODULE_LIBRARIES})
+  if(MODULE_PRECOMPILE)
+    graupel_precompile(graupel_${name} ${MODULE_PRECOMPILE})
+  else()
+    graupel_precompile(graupel_${name} SHARED graupel_standard)
+  endif()
   set_property(GLOBAL PROPERTY GRAUPEL_DEPENDS_${name} "${MODULE_DEPENDS}")
+endfunction()
+
+# graupel_precompile(target header..): the standard library's headers and these ones of other libraries, which many of a
+#   target's C++ files include, are parsed once. graupel_precompile(target SHARED other): those of another target.
+#   No header of Graupel: an edit of one would compile the whole target. Files still include what they use: build/tidy,
+#   which the lint reads, has no precompiled headers.
+set(graupel_standard_headers algorithm array cmath cstdint filesystem functional map memory numeric optional stdexcept string
+    utility vector)
+function(graupel_precompile target)
+  # Headers that do not fit are parsed again with a warning. ccache needs to see them in preprocessed text.
+  target_compile_options(${target} PRIVATE
+    "$<$<AND:$<COMPILE_LANGUAGE:CXX>,$<CXX_COMPILER_ID:GNU>>:-Wno-error=invalid-pch;-fpch-preprocess>")
+  cmake_parse_arguments(PCH "" "SHARED" "" ${ARGN})
+  if(PCH_SHARED)
+    target_precompile_headers(${target} REUSE_FROM ${PCH_SHARED})
+    return()
+  endif()
+  set(headers "")
+  foreach(header ${graupel_standard_headers} ${PCH_UNPARSED_ARGUMENTS})
+    list(APPEND headers "$<$<COMPILE_LANGUAGE:CXX>:<${header}$<ANGLE-R>>")
+  endforeach()
+  target_precompile_headers(${target} PRIVATE ${headers})
+endfunction()
+
+# graupel_precompiled(target header..): the headers that others share, once `target` is there: an object library for
+#   libraries, a program for programs, which are compiled with other options.
+function(graupel_precompiled target)
+  graupel_compile_settings(${target})
+  graupel_precompile(${target} ${ARGN})
 endfunction()
 
 # graupel_folders(name "sub/folder: others.." ..): the sub-folders of module `name` with those that their files may include
@@ -49,10 +83,10 @@ function(graupel_quick_to_compile target)
     $<$<AND:$<COMPILE_LANGUAGE:CXX>,$<CXX_COMPILER_ID:GNU>>:-Wno-array-bounds -Wno-restrict -Wno-stringop-overflow>)
 endfunction()
 
-# graupel_test(name SOURCES a_test.cpp.. PORTABLE k_test.cpp.. DEPENDS mpm..): one GoogleTest program, tests/<name>.
+# graupel_test(name SOURCES a_test.cpp.. PORTABLE k_test.cpp.. DEPENDS mpm.. PRECOMPILE Eigen/Core..): one GoogleTest program, tests/<name>.
 #   Tests called *.Slow* are left out by tests/run_all.sh unless it is given --slow.
 function(graupel_test name)
-  cmake_parse_arguments(TEST "" "" "PORTABLE;SOURCES;DEPENDS;LIBRARIES" ${ARGN})
+  cmake_parse_arguments(TEST "" "" "PORTABLE;SOURCES;DEPENDS;LIBRARIES;PRECOMPILE" ${ARGN})
   add_executable(${name}_test ${TEST_SOURCES} ${TEST_PORTABLE})
   graupel_compile_settings(${name}_test)
   if(GRAUPEL_HAVE_CUDA AND TEST_PORTABLE)
@@ -65,7 +99,11 @@ function(graupel_test name)
   target_compile_definitions(${name}_test PRIVATE GRAUPEL_SOURCE_DIR="${PROJECT_SOURCE_DIR}" GRAUPEL_BINARY_DIR="${PROJECT_BINARY_DIR}")
   # What is tested is compiled with -O3 in its library; the tests' own text compiles in 60 % of the time without.
   graupel_quick_to_compile(${name}_test)
-  target_precompile_headers(${name}_test PRIVATE $<$<COMPILE_LANGUAGE:CXX>:<gtest/gtest.h$<ANGLE-R>>)
+  if(TEST_PRECOMPILE)
+    graupel_precompile(${name}_test gtest/gtest.h ${TEST_PRECOMPILE})
+  else()
+    graupel_precompile(${name}_test SHARED graupel_test_headers)
+  endif()
   add_test(NAME ${name} COMMAND ${name}_test)
 endfunction()
 

@@ -12,7 +12,9 @@ set(CMAKE_CXX_FLAGS_RELEASE "-O3 -DNDEBUG")
 
 find_program(GRAUPEL_CCACHE ccache)
 if(GRAUPEL_CCACHE)
-  set(CMAKE_CXX_COMPILER_LAUNCHER ${GRAUPEL_CCACHE})
+  # Without this ccache keeps nothing that was compiled with precompiled headers.
+  set(CMAKE_CXX_COMPILER_LAUNCHER env
+    CCACHE_SLOPPINESS=pch_defines,time_macros,include_file_mtime,include_file_ctime ${GRAUPEL_CCACHE})
 endif()
 
 # nvcc is looked for where CUDA's installers put it; a compiler that cannot build a trivial program turns CUDA off.
