@@ -10,9 +10,9 @@ namespace graupel::mpm {
 
 namespace {
 
-class SideBySide final : public SceneBatch {
+class CpuBatch final : public SceneBatch {
  public:
-  explicit SideBySide(const std::vector<PreparedScene>& scenes)
+  explicit CpuBatch(const std::vector<PreparedScene>& scenes)
       : device_(scenes.front().options.device), divergence_(scenes.size()) {
     for (const PreparedScene& scene : scenes) runs_.push_back(Simulation::create(scene));
   }
@@ -40,7 +40,7 @@ class SideBySide final : public SceneBatch {
   double seconds_ = 0;
 };
 
-void SideBySide::advance(std::size_t scene) {
+void CpuBatch::advance(std::size_t scene) {
   if (divergence_[scene]) return;
   try {
     runs_[scene]->advance_frame();
@@ -50,7 +50,7 @@ void SideBySide::advance(std::size_t scene) {
 }
 
 /// A single scene has all threads; of several each has one, whose kernels then run on that thread alone.
-void SideBySide::advance_frame() {
+void CpuBatch::advance_frame() {
   const auto begin = std::chrono::steady_clock::now();
   std::exception_ptr failure;
   const auto n = static_cast<int>(runs_.size());
@@ -70,7 +70,7 @@ void SideBySide::advance_frame() {
   seconds_ += std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
 }
 
-RunStatistics SideBySide::statistics() const {
+RunStatistics CpuBatch::statistics() const {
   RunStatistics all;
   for (const auto& run : runs_) {
     const RunStatistics one = run->statistics();
@@ -85,7 +85,7 @@ RunStatistics SideBySide::statistics() const {
 }  // namespace
 
 std::unique_ptr<SceneBatch> make_side_by_side(const std::vector<PreparedScene>& scenes) {
-  return std::make_unique<SideBySide>(scenes);
+  return std::make_unique<CpuBatch>(scenes);
 }
 
 }  // namespace graupel::mpm

@@ -16,7 +16,7 @@ namespace graupel::rom {
 namespace {
 
 /// Adds the time since the last lap to a sum.
-class LapTimer {
+class PhaseTimer {
  public:
   void lap(double& sum) {
     const auto now = Clock::now();
@@ -200,7 +200,7 @@ bool ReducedSolver<T>::try_step(double dt) {
 
 template <typename T>
 void ReducedSolver<T>::step(double dt) {
-  LapTimer timer;
+  PhaseTimer timer;
   StepTiming& timing = statistics_.timing;
   if (due_) choose_points();
   timer.lap(timing.search);

@@ -78,10 +78,10 @@ CpuStep<T> cpu_step(const SolverView<T>& v, T dt) {
   s.node_key = v.blocks.node_key;
   s.node_surfaces = v.obstacle_nodes.block_number;
   s.obstacles_move = v.moving.count > 0;
-  s.home_key = v.blocks.home_key;
-  s.home_to_node = v.blocks.home_to_node;
-  s.node_to_home = v.blocks.node_to_home;
-  s.home_of_key = v.blocks.home_of_key;
+  s.owner_key = v.blocks.owner_key;
+  s.owner_to_node = v.blocks.owner_to_node;
+  s.node_to_owner = v.blocks.node_to_owner;
+  s.owner_of_key = v.blocks.owner_of_key;
   s.start = v.blocks.start;
   s.order = v.blocks.order;
   s.arenas = v.arenas;
@@ -94,12 +94,14 @@ CpuStep<T> cpu_step(const SolverView<T>& v, T dt) {
     update_deformation_slots(view_of<T>(view), step, first, end);
   };
   s.update_block = [](const void* view, T step, int64_t block) { update_grid_block(view_of<T>(view), step, block); };
-  s.meets_moving_obstacle = [](const void* view, int32_t key) { return meets_moving_obstacle(view_of<T>(view), key); };
-  s.move_slots = [](const void* view, T step, int64_t first, int64_t end, Survey& found) {
+  s.touches_moving_obstacle = [](const void* view, int32_t key) {
+    return touches_moving_obstacle(view_of<T>(view), key);
+  };
+  s.move_slots = [](const void* view, T step, int64_t first, int64_t end, StepStatistics& found) {
     move_slots(view_of<T>(view), step, first, end, found);
   };
-  s.survey_slots = [](const void* view, T step, int64_t first, int64_t end, Survey& found) {
-    survey_slots(view_of<T>(view), step, first, end, found);
+  s.statistics_slots = [](const void* view, T step, int64_t first, int64_t end, StepStatistics& found) {
+    statistics_slots(view_of<T>(view), step, first, end, found);
   };
   return s;
 }
@@ -111,7 +113,7 @@ void particle_to_grid_tuned(const SolverView<T>& view, T dt, InstructionSet set,
   const CpuKernels<T>& kernels = cpu_kernels<T>(set);
   const CpuStep<T> step = cpu_step(view, dt);
   parallel_for_cpu(
-      view.blocks.home_count, [&](int64_t home) { kernels.scatter(step, home); }, Grain{1});
+      view.blocks.owner_count, [&](int64_t owner) { kernels.scatter(step, owner); }, Grain{1});
   parallel_for_cpu(
       view.blocks.node_count,
       [&](int64_t block) {
@@ -122,18 +124,19 @@ void particle_to_grid_tuned(const SolverView<T>& view, T dt, InstructionSet set,
 }
 
 template <typename T>
-Survey advance_tuned(const SolverView<T>& view, T dt, AdvanceParts parts, Buffer<Survey>& records, InstructionSet set) {
-  if (view.blocks.home_count == 0) return {};
+StepStatistics advance_tuned(const SolverView<T>& view, T dt, AdvanceParts parts, Buffer<StepStatistics>& records,
+                             InstructionSet set) {
+  if (view.blocks.owner_count == 0) return {};
   const CpuKernels<T>& kernels = cpu_kernels<T>(set);
   const CpuStep<T> step = cpu_step(view, dt);
   const int64_t items = (view.particles.count + slots_per_record - 1) / slots_per_record;
   records.resize_discard(static_cast<std::size_t>(2 * items));
   parallel_for_cpu(
-      view.blocks.home_count, [&](int64_t home) { kernels.fill_arena(step, home); }, Grain{8});
+      view.blocks.owner_count, [&](int64_t owner) { kernels.fill_arena(step, owner); }, Grain{8});
   parallel_for_cpu(
       items,
       [&](int64_t item) {
-        Survey found;
+        StepStatistics found;
         kernels.advance(step, parts, item, found);
         records[static_cast<std::size_t>(item)] = found;
       },
@@ -141,9 +144,10 @@ Survey advance_tuned(const SolverView<T>& view, T dt, AdvanceParts parts, Buffer
   return total(view.device, records, items);
 }
 
-#define GRAUPEL_INSTANTIATE(T)                                                                 \
-  template void particle_to_grid_tuned<T>(const SolverView<T>&, T, InstructionSet, GridParts); \
-  template Survey advance_tuned<T>(const SolverView<T>&, T, AdvanceParts, Buffer<Survey>&, InstructionSet);
+#define GRAUPEL_INSTANTIATE(T)                                                                             \
+  template void particle_to_grid_tuned<T>(const SolverView<T>&, T, InstructionSet, GridParts);             \
+  template StepStatistics advance_tuned<T>(const SolverView<T>&, T, AdvanceParts, Buffer<StepStatistics>&, \
+                                           InstructionSet);
 GRAUPEL_INSTANTIATE(float)
 GRAUPEL_INSTANTIATE(double)
 #undef GRAUPEL_INSTANTIATE

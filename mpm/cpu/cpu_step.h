@@ -17,10 +17,10 @@ namespace graupel::mpm {
 enum class AdvanceParts {
   gather,             ///< velocity and affine velocity from the arenas
   gather_and_deform,  ///< and deformation, return mapping, stress
-  all                 ///< and motion, new home blocks, survey
+  all                 ///< and motion, new owner blocks, statistics
 };
 
-/// Slots whose survey is one record.
+/// Slots whose statistics is one record.
 inline constexpr int64_t slots_per_record = 512;
 
 /// One substep of a 3-D scene with quadratic splines: arrays as in SolverView (mpm/phases/phases.h).
@@ -36,7 +36,7 @@ struct CpuStep {
 
   T origin[3], dx, inverse_dx;
   int32_t blocks[3];
-  const int32_t *home_key, *home_to_node, *node_to_home, *home_of_key, *start, *order;
+  const int32_t *owner_key, *owner_to_node, *node_to_owner, *owner_of_key, *start, *order;
   T *arenas, *nodes;
   int32_t* keys;
   uint8_t* keys_changed;
@@ -53,20 +53,20 @@ struct CpuStep {
   const void* view;
   void (*deform_slots)(const void* view, T dt, int64_t first, int64_t end);  ///< at most a tile
   void (*update_block)(const void* view, T dt, int64_t node_block);
-  bool (*meets_moving_obstacle)(const void* view, int32_t key);
-  void (*move_slots)(const void* view, T dt, int64_t first, int64_t end, Survey& found);
-  void (*survey_slots)(const void* view, T dt, int64_t first, int64_t end, Survey& found);
+  bool (*touches_moving_obstacle)(const void* view, int32_t key);
+  void (*move_slots)(const void* view, T dt, int64_t first, int64_t end, StepStatistics& found);
+  void (*statistics_slots)(const void* view, T dt, int64_t first, int64_t end, StepStatistics& found);
 };
 
 /// Each call is one item of a parallel loop.
 template <typename T>
 struct CpuKernels {
-  void (*scatter)(const CpuStep<T>&, int64_t home);             ///< P2G: the home block's particles into its arena
+  void (*scatter)(const CpuStep<T>&, int64_t owner);            ///< P2G: the owner block's particles into its arena
   void (*sum_arenas)(const CpuStep<T>&, int64_t node_block);    ///< arenas -> nodes
   void (*update_nodes)(const CpuStep<T>&, int64_t node_block);  ///< momentum -> velocity, gravity, contact
-  void (*fill_arena)(const CpuStep<T>&, int64_t home);          ///< node velocities -> the home block's arena
+  void (*fill_arena)(const CpuStep<T>&, int64_t owner);         ///< node velocities -> the owner block's arena
   /// G2P from the arenas, and more, of the slots of one record.
-  void (*advance)(const CpuStep<T>&, AdvanceParts, int64_t record, Survey& found);
+  void (*advance)(const CpuStep<T>&, AdvanceParts, int64_t record, StepStatistics& found);
 };
 
 template <typename T>

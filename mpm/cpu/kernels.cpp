@@ -1,6 +1,6 @@
 // The substep's hot loops for one instruction set (compiled once for each, with GRAUPEL_ISA its name): P2G into arenas,
 // sums and grid update, and one pass over the particles that does G2P, deformation, return mapping, stress, motion,
-// home blocks and survey while their state is in registers.
+// owner blocks and statistics while their state is in registers.
 // Equals the phases of mpm/phases/ (particle_to_grid, update_grid, grid_to_particle, update_deformation,
 // move_particles), which pass over all particles four times. Gain, ns a particle (Zen 4, f32, AVX-512): water 93 -> 48,
 // jelly 150 -> 52, snow 153 -> 63, sand 184 -> 63 (docs/decisions/0006-cpu-tuning.md).
@@ -27,15 +27,15 @@ GRAUPEL_LANES void block_low(const CpuStep<T>& s, int32_t key, int32_t (&low)[3]
 }
 
 template <typename T>
-[[gnu::flatten]] void scatter(const CpuStep<T>& s, int64_t home) {
-  T* arena = s.arenas + home * arena_numbers;
+[[gnu::flatten]] void scatter(const CpuStep<T>& s, int64_t owner) {
+  T* arena = s.arenas + owner * arena_numbers;
   for (int i = 0; i < arena_numbers; i += width<T>) store(arena + i, Lanes<T>{});
   int32_t low[3];
-  block_low(s, s.home_key[home], low);
+  block_low(s, s.owner_key[owner], low);
   const Ints<T> lows[3] = {Ints<T>{} + low[0], Ints<T>{} + low[1], Ints<T>{} + low[2]};
   ScatterTile<T> work;
   int64_t prepared = -1;
-  for (int32_t i = s.start[home]; i < s.start[home + 1]; ++i) {
+  for (int32_t i = s.start[owner]; i < s.start[owner + 1]; ++i) {
     const int32_t slot = s.order[i];
     if (slot / tile_lanes != prepared) {
       prepared = slot / tile_lanes;
@@ -62,9 +62,9 @@ void sum_arenas(const CpuStep<T>& s, int64_t node_block) {
   T* nodes = s.nodes + node_block * node_numbers;
   for (int i = 0; i < node_numbers; i += width<T>) store(nodes + i, Lanes<T>{});
   for (int c = 0; c < corner_count; ++c) {
-    const int32_t home = s.node_to_home[node_block * corner_count + c];
-    if (home < 0) continue;
-    const T* arena = s.arenas + int64_t(home) * arena_numbers;
+    const int32_t owner = s.node_to_owner[node_block * corner_count + c];
+    if (owner < 0) continue;
+    const T* arena = s.arenas + int64_t(owner) * arena_numbers;
     for_shared_rows(c, [&](int from, int to, int length) {
       for (int z = 0; z < length; ++z) {
         T* at = nodes + to + z * channels;
@@ -77,7 +77,7 @@ void sum_arenas(const CpuStep<T>& s, int64_t node_block) {
 /// Whether no wall and no obstacle acts on a block's nodes.
 template <typename T>
 GRAUPEL_LANES bool is_free(const CpuStep<T>& s, int32_t key) {
-  if (s.node_surfaces[key] >= 0 || (s.obstacles_move && s.meets_moving_obstacle(s.view, key))) return false;
+  if (s.node_surfaces[key] >= 0 || (s.obstacles_move && s.touches_moving_obstacle(s.view, key))) return false;
   int32_t low[3];
   block_low(s, key, low);
   bool inside = true;
@@ -103,10 +103,10 @@ void update_nodes(const CpuStep<T>& s, int64_t node_block) {
 }
 
 template <typename T>
-void fill_arena(const CpuStep<T>& s, int64_t home) {
-  T* arena = s.arenas + home * arena_numbers;
+void fill_arena(const CpuStep<T>& s, int64_t owner) {
+  T* arena = s.arenas + owner * arena_numbers;
   for (int c = 0; c < corner_count; ++c) {
-    const T* nodes = s.nodes + int64_t(s.home_to_node[home * corner_count + c]) * node_numbers;
+    const T* nodes = s.nodes + int64_t(s.owner_to_node[owner * corner_count + c]) * node_numbers;
     // A whole row, so that also the padding, which has weight 0, is a number.
     for_shared_rows(c, [&](int to, int from, int) {
       for (int i = 0; i < node_row; i += 4) store(arena + to + i, load_as<Node<T>>(nodes + from + i));
@@ -116,11 +116,11 @@ void fill_arena(const CpuStep<T>& s, int64_t home) {
 
 /// Where the particles of a tile live.
 template <typename T>
-struct TileHomes {
+struct TileOwners {
   int lanes;     ///< particles in the tile
   bool uniform;  ///< 16 particles in motion, of one material
   bool keeps_some;
-  alignas(64) int32_t low[3][tile_lanes];  ///< lowest nodes of the home blocks
+  alignas(64) int32_t low[3][tile_lanes];  ///< lowest nodes of the owner blocks
   const T* arena[tile_lanes];
   alignas(64) T keeps[tile_lanes];  ///< not 0 for lanes that keep their velocity
 
@@ -129,39 +129,39 @@ struct TileHomes {
   }
 };
 
-/// The home block looked up last: neighbours in memory mostly share it.
-struct KnownHome {
+/// The owner block looked up last: neighbours in memory mostly share it.
+struct KnownOwner {
   int32_t key = -1, low[3] = {0, 0, 0};
-  int64_t home = 0;
+  int64_t owner = 0;
 };
 
 template <typename T>
-GRAUPEL_LANES void find_homes(const CpuStep<T>& s, int64_t tile_index, KnownHome& known, TileHomes<T>& homes) {
+GRAUPEL_LANES void find_owners(const CpuStep<T>& s, int64_t tile_index, KnownOwner& known, TileOwners<T>& owners) {
   const int64_t first = tile_index * tile_lanes;
-  homes.lanes = s.count - first < tile_lanes ? static_cast<int>(s.count - first) : tile_lanes;
-  homes.uniform = homes.lanes == tile_lanes;
-  homes.keeps_some = !homes.uniform;
+  owners.lanes = s.count - first < tile_lanes ? static_cast<int>(s.count - first) : tile_lanes;
+  owners.uniform = owners.lanes == tile_lanes;
+  owners.keeps_some = !owners.uniform;
   for (int l = 0; l < tile_lanes; ++l) {
-    const int32_t key = l < homes.lanes ? s.keys[first + l] : -1;
+    const int32_t key = l < owners.lanes ? s.keys[first + l] : -1;
     const bool rests =
         key >= 0 && s.some_stationary && s.materials[s.material[first + l]].model == MaterialModel::stationary;
-    homes.keeps[l] = T(key < 0 || rests);
-    homes.keeps_some = homes.keeps_some || key < 0 || rests;
+    owners.keeps[l] = T(key < 0 || rests);
+    owners.keeps_some = owners.keeps_some || key < 0 || rests;
     if (key >= 0 && key != known.key) {
       known.key = key;
-      known.home = s.home_of_key[key];
+      known.owner = s.owner_of_key[key];
       block_low(s, key, known.low);
     }
-    for (int d = 0; d < 3; ++d) homes.low[d][l] = known.low[d];
-    homes.arena[l] = s.arenas + known.home * arena_numbers;
+    for (int d = 0; d < 3; ++d) owners.low[d][l] = known.low[d];
+    owners.arena[l] = s.arenas + known.owner * arena_numbers;
   }
-  for (int l = 1; l < homes.lanes; ++l) homes.uniform = homes.uniform && s.material[first + l] == s.material[first];
-  homes.uniform = homes.uniform && !homes.keeps_some;
+  for (int l = 1; l < owners.lanes; ++l) owners.uniform = owners.uniform && s.material[first + l] == s.material[first];
+  owners.uniform = owners.uniform && !owners.keeps_some;
 }
 
 /// Velocity and affine velocity of the particles from `lane` on, into C and into memory.
 template <typename T>
-GRAUPEL_LANES void take_velocity(const CpuStep<T>& s, const GatherTile<T>& work, const TileHomes<T>& homes,
+GRAUPEL_LANES void take_velocity(const CpuStep<T>& s, const GatherTile<T>& work, const TileOwners<T>& owners,
                                  int64_t tile_index, int lane, LaneMotion<T>& motion) {
   Lanes<T>(&v)[3] = motion.v;
   load_by_lane<T>(work.velocity + 4 * lane, v[0], v[1], v[2]);
@@ -171,8 +171,8 @@ GRAUPEL_LANES void take_velocity(const CpuStep<T>& s, const GatherTile<T>& work,
     load_by_lane<T>(work.column[c] + 4 * lane, column[0], column[1], column[2]);
     for (int r = 0; r < 3; ++r) motion.C.m[r][c] = scale * column[r];
   }
-  if (homes.keeps_some) {
-    const Mask<T> keep = load(homes.keeps + lane) != T(0);
+  if (owners.keeps_some) {
+    const Mask<T> keep = load(owners.keeps + lane) != T(0);
     for (int d = 0; d < 3; ++d) v[d] = keep ? component<T, 3>(s.velocity, tile_index, d, lane) : v[d];
     for (int k = 0; k < 9; ++k) {
       Lanes<T>& entry = motion.C.m[k / 3][k % 3];
@@ -204,20 +204,21 @@ GRAUPEL_LANES bool deform(const CpuStep<T>& s, const MaterialParameters<T>& m, i
 /// A tile of one material after its gather.
 template <typename T, typename Law>
 GRAUPEL_LANES void finish_tile(const CpuStep<T>& s, AdvanceParts parts, const GatherTile<T>& work,
-                               const TileHomes<T>& homes, int64_t tile_index, LaneSurvey<T>& survey, Survey& found) {
+                               const TileOwners<T>& owners, int64_t tile_index, LaneStepStatistics<T>& statistics,
+                               StepStatistics& found) {
   const MaterialParameters<T>& m = s.materials[s.material[tile_index * tile_lanes]];
   for (int lane = 0; lane < tile_lanes; lane += width<T>) {
     const int64_t first = tile_index * tile_lanes + lane, end = first + width<T>;
     LaneMotion<T> motion;
-    take_velocity(s, work, homes, tile_index, lane, motion);
+    take_velocity(s, work, owners, tile_index, lane, motion);
     LaneState<T> state;
     const bool deformed = deform<T, Law>(s, m, tile_index, lane, motion.C, state);
     if (!deformed) s.deform_slots(s.view, s.dt, first, end);
     if (parts != AdvanceParts::all) continue;
     if (!move(s, tile_index, lane, motion))
       s.move_slots(s.view, s.dt, first, end, found);
-    else if (!deformed || !survey_lanes<T, Law::keeps_volume_positive>(s, motion, state, survey))
-      s.survey_slots(s.view, s.dt, first, end, found);
+    else if (!deformed || !survey_lanes<T, Law::keeps_volume_positive>(s, motion, state, statistics))
+      s.statistics_slots(s.view, s.dt, first, end, found);
   }
 }
 
@@ -225,68 +226,70 @@ GRAUPEL_LANES void finish_tile(const CpuStep<T>& s, AdvanceParts parts, const Ga
 /// inlined; false where there is none.
 template <typename T, typename Law>
 [[gnu::noinline, gnu::flatten]] void finish_tile_of_other(const CpuStep<T>& s, AdvanceParts parts,
-                                                          const GatherTile<T>& work, const TileHomes<T>& homes,
-                                                          int64_t tile_index, LaneSurvey<T>& survey, Survey& found) {
-  finish_tile<T, Law>(s, parts, work, homes, tile_index, survey, found);
+                                                          const GatherTile<T>& work, const TileOwners<T>& owners,
+                                                          int64_t tile_index, LaneStepStatistics<T>& statistics,
+                                                          StepStatistics& found) {
+  finish_tile<T, Law>(s, parts, work, owners, tile_index, statistics, found);
 }
 template <typename T, typename Law, bool frequent>
 GRAUPEL_LANES bool try_law(MaterialModel model, const CpuStep<T>& s, AdvanceParts parts, const GatherTile<T>& work,
-                           const TileHomes<T>& homes, int64_t tile_index, LaneSurvey<T>& survey, Survey& found) {
+                           const TileOwners<T>& owners, int64_t tile_index, LaneStepStatistics<T>& statistics,
+                           StepStatistics& found) {
   if constexpr (Law::measure == Measure::nothing) {
     return false;
   } else {
     if (model != Law::model) return false;
     if constexpr (frequent)
-      finish_tile<T, Law>(s, parts, work, homes, tile_index, survey, found);
+      finish_tile<T, Law>(s, parts, work, owners, tile_index, statistics, found);
     else
-      finish_tile_of_other<T, Law>(s, parts, work, homes, tile_index, survey, found);
+      finish_tile_of_other<T, Law>(s, parts, work, owners, tile_index, statistics, found);
     return true;
   }
 }
 template <typename T, bool frequent, typename... Laws>
 GRAUPEL_LANES bool finish_tile_by(LawList<Laws...>, MaterialModel model, const CpuStep<T>& s, AdvanceParts parts,
-                                  const GatherTile<T>& work, const TileHomes<T>& homes, int64_t tile_index,
-                                  LaneSurvey<T>& survey, Survey& found) {
-  return (try_law<T, Laws, frequent>(model, s, parts, work, homes, tile_index, survey, found) || ...);
+                                  const GatherTile<T>& work, const TileOwners<T>& owners, int64_t tile_index,
+                                  LaneStepStatistics<T>& statistics, StepStatistics& found) {
+  return (try_law<T, Laws, frequent>(model, s, parts, work, owners, tile_index, statistics, found) || ...);
 }
 
 /// Any tile: mixed materials, particles at rest or not there.
 template <typename T>
 GRAUPEL_LANES void finish_any_tile(const CpuStep<T>& s, AdvanceParts parts, const GatherTile<T>& work,
-                                   const TileHomes<T>& homes, int64_t tile_index, Survey& found) {
-  const int64_t first = tile_index * tile_lanes, end = first + homes.lanes;
+                                   const TileOwners<T>& owners, int64_t tile_index, StepStatistics& found) {
+  const int64_t first = tile_index * tile_lanes, end = first + owners.lanes;
   for (int lane = 0; lane < tile_lanes; lane += width<T>) {
     LaneMotion<T> motion;
-    take_velocity(s, work, homes, tile_index, lane, motion);
+    take_velocity(s, work, owners, tile_index, lane, motion);
   }
   if (parts != AdvanceParts::gather) s.deform_slots(s.view, s.dt, first, end);
   if (parts == AdvanceParts::all) s.move_slots(s.view, s.dt, first, end, found);
 }
 
 template <typename T>
-[[gnu::flatten]] void advance(const CpuStep<T>& s, AdvanceParts parts, int64_t record, Survey& found) {
+[[gnu::flatten]] void advance(const CpuStep<T>& s, AdvanceParts parts, int64_t record, StepStatistics& found) {
   constexpr int64_t tiles = slots_per_record / tile;
   const int64_t end =
       (s.count + tile - 1) / tile < (record + 1) * tiles ? (s.count + tile - 1) / tile : (record + 1) * tiles;
-  KnownHome known;
-  TileHomes<T> homes;
+  KnownOwner known;
+  TileOwners<T> owners;
   GatherTile<T> work;
-  LaneSurvey<T> survey;
+  LaneStepStatistics<T> statistics;
   for (int64_t t = record * tiles; t < end; ++t) {
-    find_homes(s, t, known, homes);
+    find_owners(s, t, known, owners);
     for (int lane = 0; lane < tile_lanes; lane += width<T>) {
       Ints<T> low[3];
-      homes.low_of(lane, low);
+      owners.low_of(lane, low);
       prepare_gather(s, t, lane, low, work);
     }
-    for (int l = 0; l < tile_lanes; ++l) gather_one(work, l, homes.arena[l]);
+    for (int l = 0; l < tile_lanes; ++l) gather_one(work, l, owners.arena[l]);
     const MaterialModel model = s.materials[s.material[t * tile_lanes]].model;
-    const bool simple = homes.uniform && parts != AdvanceParts::gather;
-    if (!simple || !(finish_tile_by<T, true>(FrequentLaws{}, model, s, parts, work, homes, t, survey, found) ||
-                     finish_tile_by<T, false>(OtherLaws{}, model, s, parts, work, homes, t, survey, found)))
-      finish_any_tile(s, parts, work, homes, t, found);
+    const bool simple = owners.uniform && parts != AdvanceParts::gather;
+    if (!simple || !(finish_tile_by<T, true>(FrequentLaws{}, model, s, parts, work, owners, t, statistics, found) ||
+                     finish_tile_by<T, false>(OtherLaws{}, model, s, parts, work, owners, t, statistics, found)))
+      finish_any_tile(s, parts, work, owners, t, found);
   }
-  survey.add_to(found);
+  statistics.add_to(found);
 }
 
 }  // namespace

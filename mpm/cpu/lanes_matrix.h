@@ -91,7 +91,7 @@ constexpr T tiny = sizeof(T) == 4 ? T(1.17549435e-38) : T(2.2250738585072014e-30
 
 /// Jacobi's rotation that makes entry (p, q) vanish, p < q, r the third axis (Golub and Van Loan, section 8.5).
 template <typename T, int p, int q>
-GRAUPEL_LANES void turn(LaneSymmetric<T>& A, LaneMatrix<T>& U) {
+GRAUPEL_LANES void rotate(LaneSymmetric<T>& A, LaneMatrix<T>& U) {
   constexpr int r = 3 - p - q;
   Lanes<T>&pp = A.s[p], &qq = A.s[q], &pq = A.s[symmetric_entry(p, q)];
   Lanes<T>&pr = A.s[symmetric_entry(p, r)], &qr = A.s[symmetric_entry(q, r)];
@@ -122,9 +122,9 @@ GRAUPEL_LANES LaneMatrix<T> eigenvectors(LaneSymmetric<T>& A) {
   for (int sweep = 0; sweep < 8; ++sweep) {
     const Lanes<T> off = A.s[3] * A.s[3] + A.s[4] * A.s[4] + A.s[5] * A.s[5], sum = A.s[0] + A.s[1] + A.s[2];
     if (!any(off > small * sum * sum)) break;
-    turn<T, 0, 1>(A, U);
-    turn<T, 0, 2>(A, U);
-    turn<T, 1, 2>(A, U);
+    rotate<T, 0, 1>(A, U);
+    rotate<T, 0, 2>(A, U);
+    rotate<T, 1, 2>(A, U);
   }
   return U;
 }

@@ -1,6 +1,6 @@
-// Motion of particles away from walls and obstacles, their home blocks, and the survey of the new state. Equals
-// move_point() and the survey of mpm/physics/particle_motion.h where nothing is in the way; its gain is in that of the
-// whole pass (docs/decisions/0006-cpu-tuning.md).
+// Motion of particles away from walls and obstacles, their owner blocks, and the statistics of the new state. Equals
+// move_point() and the statistics of mpm/physics/particle_motion.h where nothing is in the way; its gain is in that of
+// the whole pass (docs/decisions/0006-cpu-tuning.md).
 #pragma once
 
 #include "mpm/cpu/lanes_materials.h"
@@ -24,7 +24,7 @@ GRAUPEL_LANES Ints<T> directory_index(const CpuStep<T>& s, const Lanes<T> (&cell
   return index;
 }
 
-/// x <- x + dt v, and the home blocks of that. False, with nothing done, where a lane meets a wall, may meet an
+/// x <- x + dt v, and the owner blocks of that. False, with nothing done, where a lane meets a wall, may meet an
 /// obstacle, or goes too far: that is for the general code.
 template <typename T>
 GRAUPEL_LANES bool move(const CpuStep<T>& s, int64_t tile_index, int lane, const LaneMotion<T>& motion) {
@@ -49,20 +49,20 @@ GRAUPEL_LANES bool move(const CpuStep<T>& s, int64_t tile_index, int lane, const
     cells[d] -= T(1);
   }
   int32_t* keys = s.keys + tile_index * tile_lanes + lane;
-  const Ints<T> home = directory_index(s, cells);
-  if (any(home != load_as<Ints<T>>(keys))) {
-    store(keys, home);
+  const Ints<T> owner = directory_index(s, cells);
+  if (any(owner != load_as<Ints<T>>(keys))) {
+    store(keys, owner);
     __atomic_store_n(s.keys_changed, uint8_t(1), __ATOMIC_RELAXED);
   }
   return true;
 }
 
 template <typename T>
-struct LaneSurvey {
+struct LaneStepStatistics {
   Lanes<T> speed2 = Lanes<T>{}, sound_speed = Lanes<T>{};
   Mask<T> over_courant = Mask<T>{};  ///< minus their number
 
-  GRAUPEL_LANES_MEMBER void add_to(Survey& found) const {
+  GRAUPEL_LANES_MEMBER void add_to(StepStatistics& found) const {
     const double v2 = static_cast<double>(largest_of<T>(speed2)), c = static_cast<double>(largest_of<T>(sound_speed));
     if (v2 > found.largest_speed2) found.largest_speed2 = v2;
     if (c > found.largest_sound_speed) found.largest_sound_speed = c;
@@ -73,13 +73,13 @@ struct LaneSurvey {
 /// False, with nothing counted, where a lane is bad.
 template <typename T, bool volume_ratio>
 GRAUPEL_LANES bool survey_lanes(const CpuStep<T>& s, const LaneMotion<T>& motion, const LaneState<T>& state,
-                                LaneSurvey<T>& survey) {
+                                LaneStepStatistics<T>& statistics) {
   const Lanes<T> speed2 = motion.v[0] * motion.v[0] + motion.v[1] * motion.v[1] + motion.v[2] * motion.v[2];
   const Mask<T> internal_is_good = volume_ratio ? state.internal > T(0) : state.internal == state.internal;
   if (any(~((speed2 < T(1e30)) & internal_is_good))) return false;
-  survey.speed2 = larger(speed2, survey.speed2);
-  survey.sound_speed = larger(state.sound_speed, survey.sound_speed);
-  survey.over_courant += state.sound_speed * s.dt > s.dx;
+  statistics.speed2 = larger(speed2, statistics.speed2);
+  statistics.sound_speed = larger(state.sound_speed, statistics.sound_speed);
+  statistics.over_courant += state.sound_speed * s.dt > s.dx;
   return true;
 }
 

@@ -1,4 +1,4 @@
-// Where particles lie in the arenas of their home blocks, a particle in every lane. Equals arena_stencil() of
+// Where particles lie in the arenas of their owner blocks, a particle in every lane. Equals arena_stencil() of
 // mpm/physics/transfer.h.
 #pragma once
 
@@ -28,14 +28,14 @@ GRAUPEL_LANES void set_component(T* data, int64_t tile_index, int k, int lane, L
   store(data + (tile_index * K + k) * tile_lanes + lane, value);
 }
 
-/// Where particles lie in the arenas of their home blocks.
+/// Where particles lie in the arenas of their owner blocks.
 template <typename T>
 struct LanePlace {
   Ints<T> offset;      ///< of the base node in the arena
   Vec<Pack<T>, 3> fx;  ///< cells above it
 };
 
-/// `low`: lowest node of the home block.
+/// `low`: lowest node of the owner block.
 template <typename T>
 GRAUPEL_LANES LanePlace<T> place_of(const CpuStep<T>& s, int64_t tile_index, int lane, const Ints<T> (&low)[3]) {
   LanePlace<T> place;

@@ -35,9 +35,9 @@ static __global__ void __launch_bounds__(batch::block_threads, 4) grid_to_partic
   __shared__ batch::GatherShared shared;
   batch::grid_to_particle(CudaBlock{}, view, shared);
 }
-static __global__ void __launch_bounds__(batch::list_threads) list_homes(BatchView view) {
+static __global__ void __launch_bounds__(batch::list_threads) list_owners(BatchView view) {
   __shared__ batch::ListShared shared;
-  batch::list_homes(CudaBlock{}, view, shared);
+  batch::list_owners(CudaBlock{}, view, shared);
 }
 static __global__ void __launch_bounds__(batch::resident_threads, 2) run_segment(BatchView view) {
   extern __shared__ __align__(16) unsigned char shared[];
@@ -167,7 +167,7 @@ class CudaBackend {
   }
 
   void particle_to_grid(const BatchView& view) {
-    kernels::particle_to_grid<<<static_cast<unsigned>(view.home_capacity), batch::block_threads, 0, stream_>>>(view);
+    kernels::particle_to_grid<<<static_cast<unsigned>(view.owner_capacity), batch::block_threads, 0, stream_>>>(view);
     GRAUPEL_CUDA_CHECK(cudaGetLastError());
   }
   void update_grid(const BatchView& view) {
@@ -176,11 +176,11 @@ class CudaBackend {
     GRAUPEL_CUDA_CHECK(cudaGetLastError());
   }
   void grid_to_particle(const BatchView& view) {
-    kernels::grid_to_particle<<<static_cast<unsigned>(view.home_capacity), batch::block_threads, 0, stream_>>>(view);
+    kernels::grid_to_particle<<<static_cast<unsigned>(view.owner_capacity), batch::block_threads, 0, stream_>>>(view);
     GRAUPEL_CUDA_CHECK(cudaGetLastError());
   }
-  void list_homes(const BatchView& view) {
-    kernels::list_homes<<<1, batch::list_threads, 0, stream_>>>(view);
+  void list_owners(const BatchView& view) {
+    kernels::list_owners<<<1, batch::list_threads, 0, stream_>>>(view);
     GRAUPEL_CUDA_CHECK(cudaGetLastError());
   }
   /// Blocks of run_frame() that fit on the GPU at once, and the warps of each.

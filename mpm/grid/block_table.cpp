@@ -27,26 +27,26 @@ struct MarkOccupied {
   }
 };
 
-struct NumberHomes {
-  const int32_t* home_key;
-  int32_t* home_of_key;
-  GRAUPEL_HD void operator()(int64_t home) const { home_of_key[home_key[home]] = static_cast<int32_t>(home); }
+struct NumberOwners {
+  const int32_t* owner_key;
+  int32_t* owner_of_key;
+  GRAUPEL_HD void operator()(int64_t owner) const { owner_of_key[owner_key[owner]] = static_cast<int32_t>(owner); }
 };
 
-/// Place of a slot's home block in a row of counts: slots without one come last.
-GRAUPEL_HD inline int64_t column_of(const int32_t* home_of_key, int32_t key, int64_t columns) {
-  return key < 0 ? columns - 1 : home_of_key[key];
+/// Place of a slot's owner block in a row of counts: slots without one come last.
+GRAUPEL_HD inline int64_t column_of(const int32_t* owner_of_key, int32_t key, int64_t columns) {
+  return key < 0 ? columns - 1 : owner_of_key[key];
 }
 
 struct CountChunk {
-  const int32_t *keys, *home_of_key;
+  const int32_t *keys, *owner_of_key;
   int32_t* counts;  ///< [chunks, columns]
   int64_t columns, chunk, slots;
   GRAUPEL_HD void operator()(int64_t item) const {
     int32_t* own = counts + item * columns;
     for (int64_t h = 0; h < columns; ++h) own[h] = 0;
     const int64_t end = (item + 1) * chunk < slots ? (item + 1) * chunk : slots;
-    for (int64_t slot = item * chunk; slot < end; ++slot) ++own[column_of(home_of_key, keys[slot], columns)];
+    for (int64_t slot = item * chunk; slot < end; ++slot) ++own[column_of(owner_of_key, keys[slot], columns)];
   }
 };
 
@@ -54,27 +54,27 @@ struct CountChunk {
 struct ScanChunks {
   int32_t *counts, *totals;
   int64_t columns, chunks;
-  GRAUPEL_HD void operator()(int64_t home) const {
+  GRAUPEL_HD void operator()(int64_t owner) const {
     int32_t sum = 0;
     for (int64_t c = 0; c < chunks; ++c) {
-      const int32_t n = counts[c * columns + home];
-      counts[c * columns + home] = sum;
+      const int32_t n = counts[c * columns + owner];
+      counts[c * columns + owner] = sum;
       sum += n;
     }
-    totals[home] = sum;
+    totals[owner] = sum;
   }
 };
 
 struct PlaceChunk {
-  const int32_t *keys, *home_of_key, *start;
+  const int32_t *keys, *owner_of_key, *start;
   int32_t *counts, *order;
   int64_t columns, chunk, slots;
   GRAUPEL_HD void operator()(int64_t item) const {
     int32_t* own = counts + item * columns;
     const int64_t end = (item + 1) * chunk < slots ? (item + 1) * chunk : slots;
     for (int64_t slot = item * chunk; slot < end; ++slot) {
-      const int64_t home = column_of(home_of_key, keys[slot], columns);
-      order[start[home] + own[home]++] = static_cast<int32_t>(slot);
+      const int64_t owner = column_of(owner_of_key, keys[slot], columns);
+      order[start[owner] + own[owner]++] = static_cast<int32_t>(slot);
     }
   }
 };
@@ -90,12 +90,12 @@ BlockTable::BlockTable(Device device, const Vec<int, 3>& blocks, int dimensions,
   const auto directory = static_cast<std::size_t>(geometry_.directory_size());
   const auto n = static_cast<std::size_t>(particle_count);
   node_of_key_.assign(directory, -1);
-  for (Buffer<int32_t>* b : {&keys_, &home_of_key_, &home_key_, &node_key_, &home_to_node_, &node_to_home_, &start_,
+  for (Buffer<int32_t>* b : {&keys_, &owner_of_key_, &owner_key_, &node_key_, &owner_to_node_, &node_to_owner_, &start_,
                              &order_, &chunk_counts_, &totals_, &device_node_of_key_})
     *b = Buffer<int32_t>(device, 0);
   keys_.resize_discard(n);
   order_.resize_discard(n);
-  home_of_key_.resize_discard(directory);
+  owner_of_key_.resize_discard(directory);
   occupied_ = Buffer<uint8_t>(device, directory);
   occupied_.fill_zero();
   changed_ = Buffer<uint8_t>(device, 1);
@@ -109,7 +109,7 @@ void BlockTable::update() {
   changed_.fill_zero();
   stale_ = false;
   const std::vector<int32_t> occupied = occupied_blocks();
-  if (occupied != home_keys_) link_blocks(occupied);
+  if (occupied != owner_keys_) link_blocks(occupied);
   sort_slots();
 }
 
@@ -119,7 +119,7 @@ std::vector<int32_t> BlockTable::occupied_blocks() {
   if (device_ != Device::cpu) copy = occupied_.download();
   const uint8_t* flags = device_ == Device::cpu ? occupied_.data() : copy.data();
   std::vector<int32_t> keys;
-  keys.reserve(home_keys_.size() + 64);
+  keys.reserve(owner_keys_.size() + 64);
   const auto n = static_cast<int64_t>(occupied_.size());
   for (const uint8_t* p = flags; (p = static_cast<const uint8_t*>(std::memchr(p, 1, flags + n - p))) != nullptr; ++p)
     keys.push_back(static_cast<int32_t>(p - flags));
@@ -130,14 +130,14 @@ std::vector<int32_t> BlockTable::occupied_blocks() {
   return keys;
 }
 
-void BlockTable::link_blocks(const std::vector<int32_t>& home_keys) {
+void BlockTable::link_blocks(const std::vector<int32_t>& owner_keys) {
   for (const int32_t key : node_keys_) node_of_key_[key] = -1;
-  home_keys_ = home_keys;
+  owner_keys_ = owner_keys;
   node_keys_.clear();
-  std::vector<int32_t> corner_key(home_keys.size() * corners_);
-  for (std::size_t h = 0; h < home_keys.size(); ++h)
+  std::vector<int32_t> corner_key(owner_keys.size() * corners_);
+  for (std::size_t h = 0; h < owner_keys.size(); ++h)
     for (std::size_t c = 0; c < corners_; ++c) {
-      const Vec<int, 3> at = geometry_.block_of(home_keys[h]) + corner_bits<3>(static_cast<int>(c));
+      const Vec<int, 3> at = geometry_.block_of(owner_keys[h]) + corner_bits<3>(static_cast<int>(c));
       const int32_t key = geometry_.directory_index(at);
       corner_key[h * corners_ + c] = key;
       if (node_of_key_[key] >= 0) continue;
@@ -146,30 +146,30 @@ void BlockTable::link_blocks(const std::vector<int32_t>& home_keys) {
     }
   std::sort(node_keys_.begin(), node_keys_.end());
   for (std::size_t i = 0; i < node_keys_.size(); ++i) node_of_key_[node_keys_[i]] = static_cast<int32_t>(i);
-  std::vector<int32_t> home_to_node(corner_key.size()), node_to_home(node_keys_.size() * corners_, -1);
+  std::vector<int32_t> owner_to_node(corner_key.size()), node_to_owner(node_keys_.size() * corners_, -1);
   for (std::size_t i = 0; i < corner_key.size(); ++i) {
-    home_to_node[i] = node_of_key_[corner_key[i]];
-    node_to_home[static_cast<std::size_t>(home_to_node[i]) * corners_ + i % corners_] =
+    owner_to_node[i] = node_of_key_[corner_key[i]];
+    node_to_owner[static_cast<std::size_t>(owner_to_node[i]) * corners_ + i % corners_] =
         static_cast<int32_t>(i / corners_);
   }
-  home_key_.upload(home_keys_);
+  owner_key_.upload(owner_keys_);
   node_key_.upload(node_keys_);
-  home_to_node_.upload(home_to_node);
-  node_to_home_.upload(node_to_home);
+  owner_to_node_.upload(owner_to_node);
+  node_to_owner_.upload(node_to_owner);
   if (keeps_node_lookup_) device_node_of_key_.upload(node_of_key_);
-  parallel_for(device_, static_cast<int64_t>(home_keys_.size()), NumberHomes{home_key_.data(), home_of_key_.data()},
+  parallel_for(device_, static_cast<int64_t>(owner_keys_.size()), NumberOwners{owner_key_.data(), owner_of_key_.data()},
                Grain{4096});
 }
 
 void BlockTable::sort_slots() {
-  const auto columns = static_cast<int64_t>(home_keys_.size()) + 1;
+  const auto columns = static_cast<int64_t>(owner_keys_.size()) + 1;
   const int64_t chunk = chunk_size(device_, count_), chunks = (count_ + chunk - 1) / chunk;
   chunk_counts_.resize_discard(static_cast<std::size_t>(chunks * columns));
   totals_.resize_discard(static_cast<std::size_t>(columns));
   start_.resize_discard(static_cast<std::size_t>(columns) + 1);
   const Grain grain{device_ == Device::cpu ? 4 : 1};
   parallel_for(device_, chunks,
-               CountChunk{keys_.data(), home_of_key_.data(), chunk_counts_.data(), columns, chunk, count_}, grain);
+               CountChunk{keys_.data(), owner_of_key_.data(), chunk_counts_.data(), columns, chunk, count_}, grain);
   parallel_for(device_, columns, ScanChunks{chunk_counts_.data(), totals_.data(), columns, chunks}, Grain{1024});
   std::vector<int32_t> start(static_cast<std::size_t>(columns) + 1, 0);
   device_copy(Device::cpu, start.data() + 1, device_, totals_.data(),
@@ -177,19 +177,19 @@ void BlockTable::sort_slots() {
   for (int64_t h = 0; h < columns; ++h) start[h + 1] += start[h];
   device_copy(device_, start_.data(), Device::cpu, start.data(), start.size() * sizeof(int32_t));
   parallel_for(device_, chunks,
-               PlaceChunk{keys_.data(), home_of_key_.data(), start_.data(), chunk_counts_.data(), order_.data(),
+               PlaceChunk{keys_.data(), owner_of_key_.data(), start_.data(), chunk_counts_.data(), order_.data(),
                           columns, chunk, count_},
                grain);
 }
 
 BlockView BlockTable::view() const {
-  return {static_cast<int32_t>(home_keys_.size()),
+  return {static_cast<int32_t>(owner_keys_.size()),
           static_cast<int32_t>(node_keys_.size()),
-          home_key_.data(),
+          owner_key_.data(),
           node_key_.data(),
-          home_to_node_.data(),
-          node_to_home_.data(),
-          home_of_key_.data(),
+          owner_to_node_.data(),
+          node_to_owner_.data(),
+          owner_of_key_.data(),
           keeps_node_lookup_ ? device_node_of_key_.data() : nullptr,
           start_.data(),
           order_.data()};
@@ -197,7 +197,7 @@ BlockView BlockTable::view() const {
 
 int64_t BlockTable::bytes() const {
   std::size_t n = node_of_key_.size() + occupied_.size() / 4;
-  for (const Buffer<int32_t>* b : {&keys_, &home_of_key_, &home_key_, &node_key_, &home_to_node_, &node_to_home_,
+  for (const Buffer<int32_t>* b : {&keys_, &owner_of_key_, &owner_key_, &node_key_, &owner_to_node_, &node_to_owner_,
                                    &start_, &order_, &chunk_counts_, &totals_, &device_node_of_key_})
     n += b->size();
   return static_cast<int64_t>(n * sizeof(int32_t));

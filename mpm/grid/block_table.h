@@ -1,5 +1,5 @@
-// Which blocks of the grid are in use, and the particles of each: a stable counting sort by home block. The result
-// depends on the particles' slots and home blocks alone, never on threads.
+// Which blocks of the grid are in use, and the particles of each: a stable counting sort by owner block. The result
+// depends on the particles' slots and owner blocks alone, never on threads.
 #pragma once
 
 #include <atomic>
@@ -21,15 +21,15 @@ GRAUPEL_HD inline void mark(uint8_t* flag) {
 
 /// Blocks in use, for kernels. Home blocks hold particles; node blocks are these and their upper neighbours.
 struct BlockView {
-  int32_t home_count, node_count;
-  const int32_t* home_key;      ///< [home_count] directory index, ascending
-  const int32_t* node_key;      ///< [node_count] directory index, ascending
-  const int32_t* home_to_node;  ///< [home_count, 2^D] node block at each corner (bit d: upper along axis d)
-  const int32_t* node_to_home;  ///< [node_count, 2^D] home block of which this is that corner; -1 for none
-  const int32_t* home_of_key;   ///< [directory] home block of a directory index; only where one is
-  const int32_t* node_of_key;   ///< [directory] node block of a directory index or -1; null unless asked for
-  const int32_t* start;         ///< [home_count + 1] first entry of each home block in `order`
-  const int32_t* order;         ///< [n] slots, by home block, ascending inside one; then those without one
+  int32_t owner_count, node_count;
+  const int32_t* owner_key;      ///< [owner_count] directory index, ascending
+  const int32_t* node_key;       ///< [node_count] directory index, ascending
+  const int32_t* owner_to_node;  ///< [owner_count, 2^D] node block at each corner (bit d: upper along axis d)
+  const int32_t* node_to_owner;  ///< [node_count, 2^D] owner block of which this is that corner; -1 for none
+  const int32_t* owner_of_key;   ///< [directory] owner block of a directory index; only where one is
+  const int32_t* node_of_key;    ///< [directory] node block of a directory index or -1; null unless asked for
+  const int32_t* start;          ///< [owner_count + 1] first entry of each owner block in `order`
+  const int32_t* order;          ///< [n] slots, by owner block, ascending inside one; then those without one
 };
 
 class BlockTable {
@@ -55,7 +55,7 @@ class BlockTable {
 
  private:
   std::vector<int32_t> occupied_blocks();
-  void link_blocks(const std::vector<int32_t>& home_keys);
+  void link_blocks(const std::vector<int32_t>& owner_keys);
   void sort_slots();
 
   Device device_ = Device::cpu;
@@ -63,9 +63,9 @@ class BlockTable {
   GridGeometry<float, 3> geometry_{};  ///< only its numbering of blocks is used
   int64_t count_ = 0;
   bool stale_ = true, keeps_node_lookup_ = false;
-  std::vector<int32_t> home_keys_, node_keys_;
+  std::vector<int32_t> owner_keys_, node_keys_;
   std::vector<int32_t> node_of_key_;  ///< [directory] -1 where no node block is
-  Buffer<int32_t> keys_, home_of_key_, home_key_, node_key_, home_to_node_, node_to_home_, start_, order_;
+  Buffer<int32_t> keys_, owner_of_key_, owner_key_, node_key_, owner_to_node_, node_to_owner_, start_, order_;
   Buffer<int32_t> chunk_counts_, totals_, device_node_of_key_;
   Buffer<uint8_t> occupied_, changed_;
 };

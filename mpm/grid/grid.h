@@ -1,7 +1,7 @@
 // Geometry of the sparse grid: nodes in blocks of 4^D, found through a dense directory of blocks (one integer a block),
 // and the arena, the nodes that the particles of one block touch.
 //
-// A particle's home block holds its base node. Its stencil reaches two or three nodes further, into the upper
+// A particle's owner block holds its base node. Its stencil reaches two or three nodes further, into the upper
 // neighbours, so that all particles of a block touch 6^D (quadratic) or 7^D (cubic) nodes: the arena. Rows of an arena
 // (last axis) are padded to 8 nodes, so that a stencil row is 4 nodes x 4 channels, for the quadratic spline with
 // weight 0 for the fourth.

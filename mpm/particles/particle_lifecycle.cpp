@@ -5,7 +5,7 @@
 namespace graupel::mpm {
 
 template <typename T>
-ParticleRoles<T>::ParticleRoles(Device device, const Scene& scene, const SampledParticles& sampled)
+ParticleLifecycle<T>::ParticleLifecycle(Device device, const Scene& scene, const SampledParticles& sampled)
     : plane_(scene.domain.is_plane()),
       scripts_(sampled.scripts),
       reach_(sampled.scripts.size(), 0.0),
@@ -37,7 +37,7 @@ ParticleRoles<T>::ParticleRoles(Device device, const Scene& scene, const Sampled
 }
 
 template <typename T>
-void ParticleRoles<T>::begin_step(double time, double dt) {
+void ParticleLifecycle<T>::begin_step(double time, double dt) {
   step_end_ = time + dt;
   if (!has_scripts()) return;
   std::vector<ScriptStep<T>> steps;
@@ -49,8 +49,8 @@ void ParticleRoles<T>::begin_step(double time, double dt) {
 }
 
 template <typename T>
-RoleView<T> ParticleRoles<T>::view() const {
-  auto& self = const_cast<ParticleRoles&>(*this);  // kernels change who is present; const members only read it
+LifecycleView<T> ParticleLifecycle<T>::view() const {
+  auto& self = const_cast<ParticleLifecycle&>(*this);  // kernels change who is present; const members only read it
   return {has_presence() ? self.presence_.data() : nullptr,
           birth_time_.data(),
           step_end_,
@@ -61,14 +61,14 @@ RoleView<T> ParticleRoles<T>::view() const {
 }
 
 template <typename T>
-std::vector<uint8_t> ParticleRoles<T>::active() const {
+std::vector<uint8_t> ParticleLifecycle<T>::active() const {
   std::vector<uint8_t> active;
   for (const Presence p : presence_.download()) active.push_back(p == Presence::active ? 1 : 0);
   return active;
 }
 
 template <typename T>
-double ParticleRoles<T>::largest_speed(double from, double to) const {
+double ParticleLifecycle<T>::largest_speed(double from, double to) const {
   double fastest = 0;
   for (std::size_t s = 0; s < scripts_.size(); ++s) {
     if (from >= scripts_[s].release_time) continue;
@@ -85,7 +85,7 @@ double ParticleRoles<T>::largest_speed(double from, double to) const {
   return fastest;
 }
 
-template class ParticleRoles<float>;
-template class ParticleRoles<double>;
+template class ParticleLifecycle<float>;
+template class ParticleLifecycle<double>;
 
 }  // namespace graupel::mpm

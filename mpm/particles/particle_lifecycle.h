@@ -16,7 +16,7 @@ namespace graupel::mpm {
 enum class Presence : uint8_t { unborn = 0, active = 1, gone = 2 };
 
 /// Home block of a particle that takes no part.
-inline constexpr int32_t no_home = -1;
+inline constexpr int32_t no_owner = -1;
 
 template <typename T>
 struct ScriptStep {
@@ -26,7 +26,7 @@ struct ScriptStep {
 
 /// For kernels.
 template <typename T>
-struct RoleView {
+struct LifecycleView {
   Presence* presence;        ///< [n] null: all particles are active
   const double* birth_time;  ///< [n] [s]
   double step_end;           ///< [s]
@@ -46,16 +46,16 @@ struct RoleView {
 };
 
 template <typename T>
-class ParticleRoles {
+class ParticleLifecycle {
  public:
-  ParticleRoles() = default;
-  ParticleRoles(Device device, const Scene& scene, const SampledParticles& sampled);
+  ParticleLifecycle() = default;
+  ParticleLifecycle(Device device, const Scene& scene, const SampledParticles& sampled);
 
   bool has_scripts() const { return !scripts_.empty(); }
   bool has_presence() const { return presence_.size() > 0; }
   /// Sets the scripts' velocities for the substep of `dt` seconds from `time` on.
   void begin_step(double time, double dt);
-  RoleView<T> view() const;
+  LifecycleView<T> view() const;
   /// [n], 1 for active; empty where all particles always are.
   std::vector<uint8_t> active() const;
   /// For saving and loading.

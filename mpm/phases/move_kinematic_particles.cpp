@@ -9,7 +9,7 @@ namespace graupel::mpm {
 namespace {
 
 template <typename T>
-struct LeadSlots {
+struct MoveKinematicSlots {
   SolverView<T> view;
   SlotRange range;
   Impulse* records;
@@ -26,8 +26,8 @@ struct LeadSlots {
   GRAUPEL_HD void lead(int64_t slot, Impulse& given) const {
     const ParticleView<T>& p = view.particles;
     const int32_t particle = p.source_index.get(slot);
-    const RigidStep<T>* leader = view.roles.leader(particle);
-    if (leader == nullptr || !view.roles.is_active(particle)) return;
+    const RigidStep<T>* leader = view.lifecycle.leader(particle);
+    if (leader == nullptr || !view.lifecycle.is_active(particle)) return;
     const T mass = view.materials[p.material.get(slot)].density * p.volume.get(slot);
     const Vec<T, 3> v = leader->velocity_at(p.position.vec(slot)), change = v - p.velocity.vec(slot);
     for (int d = 0; d < 3; ++d) given.momentum[d] += static_cast<double>(mass * change[d]);
@@ -39,15 +39,15 @@ struct LeadSlots {
 }  // namespace
 
 template <typename T>
-Vec3d lead_particles(const SolverView<T>& view, Buffer<Impulse>& records) {
+Vec3d move_kinematic_particles(const SolverView<T>& view, Buffer<Impulse>& records) {
   const SlotRange range = make_slot_range(view.device, view.particles.count);
   records.resize_discard(static_cast<std::size_t>(2 * range.items));
-  launch<T>(view.device, range.items, LeadSlots<T>{view, range, records.data()}, Grain{2});
+  launch<T>(view.device, range.items, MoveKinematicSlots<T>{view, range, records.data()}, Grain{2});
   const Impulse sum = total(view.device, records, range.items);
   return {sum.momentum[0], sum.momentum[1], sum.momentum[2]};
 }
 
-template Vec3d lead_particles<float>(const SolverView<float>&, Buffer<Impulse>&);
-template Vec3d lead_particles<double>(const SolverView<double>&, Buffer<Impulse>&);
+template Vec3d move_kinematic_particles<float>(const SolverView<float>&, Buffer<Impulse>&);
+template Vec3d move_kinematic_particles<double>(const SolverView<double>&, Buffer<Impulse>&);
 
 }  // namespace graupel::mpm

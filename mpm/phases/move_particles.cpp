@@ -1,5 +1,5 @@
-// Advection, projection out of obstacles, passage of open and periodic walls, births and sinks, home blocks, and the
-// survey of the new state; and the copying of particles into another order.
+// Advection, projection out of obstacles, passage of open and periodic walls, births and sinks, owner blocks, and the
+// statistics of the new state; and the copying of particles into another order.
 #include "mpm/particles/slot_range.h"
 #include "mpm/phases/phases.h"
 #include "mpm/physics/particle_motion.h"
@@ -11,25 +11,25 @@ namespace {
 /// Inlined into each form of the mover: as a call, which compilers choose where there are many forms, other products
 /// are fused with sums, and the last bits of a run change.
 template <typename T>
-[[gnu::always_inline]] GRAUPEL_HD inline void survey_particle(const SolverView<T>& view, int64_t slot, T dt,
-                                                              Survey& found) {
+[[gnu::always_inline]] GRAUPEL_HD inline void add_to_statistics(const SolverView<T>& view, int64_t slot, T dt,
+                                                                StepStatistics& found) {
   const ParticleView<T>& p = view.particles;
   const MaterialParameters<T>& m = view.materials[p.material.get(slot)];
   const Mat<T, 3> F =
       sound_speed_needs_deformation(m.model) ? load_matrix<T, 3>(p.deformation_gradient, slot) : Mat<T, 3>{};
-  survey_state(view.grid.dx, m, slot, p.velocity.vec(slot), F, p.internal.get(slot), dt, found);
+  state_statistics(view.grid.dx, m, slot, p.velocity.vec(slot), F, p.internal.get(slot), dt, found);
 }
 
 template <typename T>
 struct SurveySlots {
   SolverView<T> view;
   SlotRange range;
-  Survey* records;
+  StepStatistics* records;
   GRAUPEL_HD void operator()(int64_t item) const {
-    Survey found;
+    StepStatistics found;
     for (int64_t i = 0; i < range.slots_per_item; ++i) {
       const int64_t slot = range.slot(item, i);
-      if (slot < range.slots && view.keys[slot] != no_home) survey_particle(view, slot, T(0), found);
+      if (slot < range.slots && view.keys[slot] != no_owner) add_to_statistics(view, slot, T(0), found);
     }
     records[item] = found;
   }
@@ -41,38 +41,39 @@ template <typename T, bool plain, int D>
 struct MoveSlots {
   SolverView<T> view;
   SlotRange range;
-  Survey* records;
+  StepStatistics* records;
   T dt;
 
   GRAUPEL_HD void operator()(int64_t item) const {
-    Survey found;
+    StepStatistics found;
     for (int64_t i = 0; i < range.slots_per_item; ++i) {
       const int64_t slot = range.slot(item, i);
       if (slot >= range.slots) break;
-      if (!plain && view.keys[slot] == no_home && !appear(slot, found)) continue;
-      if (move(slot, found)) survey_particle(view, slot, dt, found);
+      if (!plain && view.keys[slot] == no_owner && !appear(slot, found)) continue;
+      if (move(slot, found)) add_to_statistics(view, slot, dt, found);
     }
     records[item] = found;
   }
 
   /// A particle whose time of birth falls into this substep starts where it would be had it moved since then: backed
   /// off by the part of the substep before its birth, so that the step that follows takes it there.
-  GRAUPEL_HD bool appear(int64_t slot, Survey& found) const {
+  GRAUPEL_HD bool appear(int64_t slot, StepStatistics& found) const {
     const ParticleView<T>& p = view.particles;
     const int32_t particle = p.source_index.get(slot);
-    if (view.roles.presence[particle] != Presence::unborn) return false;
-    const double age = view.roles.step_end - view.roles.birth_time[particle];
+    if (view.lifecycle.presence[particle] != Presence::unborn) return false;
+    const double age = view.lifecycle.step_end - view.lifecycle.birth_time[particle];
     if (!(age >= 0)) return false;
-    view.roles.presence[particle] = Presence::active;
+    view.lifecycle.presence[particle] = Presence::active;
     p.position.set_vec(slot, p.position.vec(slot) + (static_cast<T>(age) - dt) * p.velocity.vec(slot));
     ++found.born;
     return true;
   }
 
   /// False for a particle that is gone.
-  GRAUPEL_HD bool move(int64_t slot, Survey& found) const {
+  GRAUPEL_HD bool move(int64_t slot, StepStatistics& found) const {
     const ParticleView<T>& p = view.particles;
-    const bool led = !plain && view.roles.script != nullptr && view.roles.leader(p.source_index.get(slot)) != nullptr;
+    const bool led =
+        !plain && view.lifecycle.script != nullptr && view.lifecycle.leader(p.source_index.get(slot)) != nullptr;
     if (!led && view.is_stationary(slot)) {
       settle(slot, p.position.vec(slot));
       return true;
@@ -82,7 +83,7 @@ struct MoveSlots {
     const T mass = view.materials[p.material.get(slot)].density * p.volume.get(slot);
     if (!move_point<!plain, D, T>(view, view.moving, led, slot, mass, dt, x, slowed, found)) return true;
     if (!(slowed == v)) p.velocity.set_vec(slot, slowed);
-    if (!plain && !led && (view.walls.has_gates || view.roles.sink_count > 0) && leaves(x)) {
+    if (!plain && !led && (view.walls.has_gates || view.lifecycle.sink_count > 0) && leaves(x)) {
       remove(slot, x, found);
       return false;
     }
@@ -91,9 +92,9 @@ struct MoveSlots {
     return true;
   }
 
-  /// Brings the home block of a particle at x up to date.
+  /// Brings the owner block of a particle at x up to date.
   GRAUPEL_HD void settle(int64_t slot, const Vec<T, 3>& x) const {
-    const int32_t key = home_key(view.grid, x, static_cast<T>(base_shift(view.spline)));
+    const int32_t key = owner_key(view.grid, x, static_cast<T>(base_shift(view.spline)));
     if (key == view.keys[slot]) return;
     view.keys[slot] = key;
     mark(view.keys_changed);
@@ -110,31 +111,31 @@ struct MoveSlots {
       if (above) x[d] -= period;
       out = out || ((below || above) && walls.periodic[d].cells == 0);
     }
-    for (int32_t s = 0; s < view.roles.sink_count; ++s)
-      out = out || view.roles.sinks[s].contains(x.template cast<double>());
+    for (int32_t s = 0; s < view.lifecycle.sink_count; ++s)
+      out = out || view.lifecycle.sinks[s].contains(x.template cast<double>());
     return out;
   }
 
-  GRAUPEL_HD void remove(int64_t slot, const Vec<T, 3>& x, Survey& found) const {
+  GRAUPEL_HD void remove(int64_t slot, const Vec<T, 3>& x, StepStatistics& found) const {
     const ParticleView<T>& p = view.particles;
-    view.roles.presence[p.source_index.get(slot)] = Presence::gone;
+    view.lifecycle.presence[p.source_index.get(slot)] = Presence::gone;
     p.position.set_vec(slot, x);
     p.velocity.set_vec(slot, Vec<T, 3>::zero());
     store_matrix<T, 3>(p.affine_velocity, slot, Mat<T, 3>::zero());
-    view.keys[slot] = no_home;
+    view.keys[slot] = no_owner;
     mark(view.keys_changed);
     ++found.removed;
   }
 };
 
 template <typename T>
-struct FindHomes {
+struct FindOwners {
   SolverView<T> view;
   GRAUPEL_HD void operator()(int64_t slot) const {
     const ParticleView<T>& p = view.particles;
-    const bool active = view.roles.presence == nullptr || view.roles.is_active(p.source_index.get(slot));
+    const bool active = view.lifecycle.presence == nullptr || view.lifecycle.is_active(p.source_index.get(slot));
     const T shift = static_cast<T>(base_shift(view.spline));
-    view.keys[slot] = active ? home_key(view.grid, p.position.vec(slot), shift) : no_home;
+    view.keys[slot] = active ? owner_key(view.grid, p.position.vec(slot), shift) : no_owner;
   }
 };
 
@@ -157,12 +158,12 @@ struct Permute {
 
 template <typename T>
 bool moves_plainly(const SolverView<T>& view) {
-  return view.roles.presence == nullptr && view.roles.script == nullptr && view.moving.count == 0 &&
+  return view.lifecycle.presence == nullptr && view.lifecycle.script == nullptr && view.moving.count == 0 &&
          !view.walls.has_gates;
 }
 
 template <typename T>
-Survey move_particles(const SolverView<T>& view, T dt, Buffer<Survey>& records) {
+StepStatistics move_particles(const SolverView<T>& view, T dt, Buffer<StepStatistics>& records) {
   const SlotRange range = make_slot_range(view.device, view.particles.count);
   records.resize_discard(static_cast<std::size_t>(2 * range.items));
   const auto move = [&](auto kernel) {
@@ -178,7 +179,7 @@ Survey move_particles(const SolverView<T>& view, T dt, Buffer<Survey>& records) 
 }
 
 template <typename T>
-Survey survey_particles(const SolverView<T>& view, Buffer<Survey>& records) {
+StepStatistics particle_statistics(const SolverView<T>& view, Buffer<StepStatistics>& records) {
   const SlotRange range = make_slot_range(view.device, view.particles.count);
   records.resize_discard(static_cast<std::size_t>(2 * range.items));
   launch<T>(view.device, range.items, SurveySlots<T>{view, range, records.data()}, Grain{2});
@@ -186,20 +187,20 @@ Survey survey_particles(const SolverView<T>& view, Buffer<Survey>& records) {
 }
 
 template <typename T>
-void move_slots(const SolverView<T>& view, T dt, int64_t first, int64_t end, Survey& found) {
+void move_slots(const SolverView<T>& view, T dt, int64_t first, int64_t end, StepStatistics& found) {
   const MoveSlots<T, true, 3> mover{view, {}, nullptr, dt};
   for (int64_t slot = first; slot < end; ++slot)
-    if (mover.move(slot, found)) survey_particle(view, slot, dt, found);
+    if (mover.move(slot, found)) add_to_statistics(view, slot, dt, found);
 }
 
 template <typename T>
-void survey_slots(const SolverView<T>& view, T dt, int64_t first, int64_t end, Survey& found) {
-  for (int64_t slot = first; slot < end; ++slot) survey_particle(view, slot, dt, found);
+void statistics_slots(const SolverView<T>& view, T dt, int64_t first, int64_t end, StepStatistics& found) {
+  for (int64_t slot = first; slot < end; ++slot) add_to_statistics(view, slot, dt, found);
 }
 
 template <typename T>
-void find_home_blocks(const SolverView<T>& view) {
-  launch<T>(view.device, view.particles.count, FindHomes<T>{view}, Grain{4096});
+void find_owner_blocks(const SolverView<T>& view) {
+  launch<T>(view.device, view.particles.count, FindOwners<T>{view}, Grain{4096});
 }
 
 template <typename T>
@@ -217,13 +218,13 @@ void permute_particles(Particles<T>& from, Particles<T>& to, const int32_t* orde
   });
 }
 
-#define GRAUPEL_INSTANTIATE(T)                                                       \
-  template bool moves_plainly<T>(const SolverView<T>&);                              \
-  template void move_slots<T>(const SolverView<T>&, T, int64_t, int64_t, Survey&);   \
-  template void survey_slots<T>(const SolverView<T>&, T, int64_t, int64_t, Survey&); \
-  template Survey move_particles<T>(const SolverView<T>&, T, Buffer<Survey>&);       \
-  template Survey survey_particles<T>(const SolverView<T>&, Buffer<Survey>&);        \
-  template void find_home_blocks<T>(const SolverView<T>&);                           \
+#define GRAUPEL_INSTANTIATE(T)                                                                   \
+  template bool moves_plainly<T>(const SolverView<T>&);                                          \
+  template void move_slots<T>(const SolverView<T>&, T, int64_t, int64_t, StepStatistics&);       \
+  template void statistics_slots<T>(const SolverView<T>&, T, int64_t, int64_t, StepStatistics&); \
+  template StepStatistics move_particles<T>(const SolverView<T>&, T, Buffer<StepStatistics>&);   \
+  template StepStatistics particle_statistics<T>(const SolverView<T>&, Buffer<StepStatistics>&); \
+  template void find_owner_blocks<T>(const SolverView<T>&);                                      \
   template void permute_particles<T>(Particles<T>&, Particles<T>&, const int32_t*);
 GRAUPEL_INSTANTIATE(float)
 GRAUPEL_INSTANTIATE(double)

@@ -1,4 +1,4 @@
-// P2G. On the CPU every home block sums its particles into its own arena, and every node then adds the arenas that
+// P2G. On the CPU every owner block sums its particles into its own arena, and every node then adds the arenas that
 // cover it; on a GPU every node looks for its particles. Neither needs atomics, so the sums have a fixed order.
 #include "mpm/phases/phases.h"
 #include "mpm/phases/transfer_form.h"
@@ -27,14 +27,14 @@ template <typename T, typename Form>
 struct ScatterBlock {
   SolverView<T> view;
   T dt;
-  GRAUPEL_HD void operator()(int64_t home) const {
+  GRAUPEL_HD void operator()(int64_t owner) const {
     constexpr int D = Form::D;
     constexpr Spline S = Form::spline;
-    T* arena = view.arenas + home * arena_size<D, S>;
+    T* arena = view.arenas + owner * arena_size<D, S>;
     for (int i = 0; i < arena_size<D, S>; ++i) arena[i] = T(0);
     const GridGeometry<T, D> grid = in_axes<D>(view.grid);
-    const Vec<int, D> block = grid.block_of(view.blocks.home_key[home]);
-    for (int32_t i = view.blocks.start[home]; i < view.blocks.start[home + 1]; ++i) {
+    const Vec<int, D> block = grid.block_of(view.blocks.owner_key[owner]);
+    for (int32_t i = view.blocks.start[owner]; i < view.blocks.start[owner + 1]; ++i) {
       const int64_t slot = view.blocks.order[i];
       const T mass = mass_of(view, slot);
       const auto stencil = arena_stencil<S>(grid.local(in_axes<D>(view.particles.position.vec(slot))), block);
@@ -44,7 +44,7 @@ struct ScatterBlock {
   }
 };
 
-/// Adds the arenas of the home blocks that reach into a node block: up to four in the plane, eight in space.
+/// Adds the arenas of the owner blocks that reach into a node block: up to four in the plane, eight in space.
 template <typename T, typename Form>
 struct SumArenas {
   SolverView<T> view;
@@ -53,9 +53,9 @@ struct SumArenas {
     T* nodes = view.nodes + block * (nodes_per_block<D> * channels);
     for (int i = 0; i < nodes_per_block<D> * channels; ++i) nodes[i] = T(0);
     for (int corner = 0; corner < upper_neighbors<D>; ++corner) {
-      const int32_t home = view.blocks.node_to_home[block * upper_neighbors<D> + corner];
-      if (home < 0) continue;
-      const T* arena = view.arenas + static_cast<int64_t>(home) * arena_size<D, Form::spline>;
+      const int32_t owner = view.blocks.node_to_owner[block * upper_neighbors<D> + corner];
+      if (owner < 0) continue;
+      const T* arena = view.arenas + static_cast<int64_t>(owner) * arena_size<D, Form::spline>;
       for_each_arena_row<Form>(corner, [&](int offset, int node, auto count) {
         const T* from = arena + offset;
         T* to = nodes + node * channels;
@@ -65,7 +65,7 @@ struct SumArenas {
   }
 };
 
-/// Sums the particles within reach of one node, home block by home block.
+/// Sums the particles within reach of one node, owner block by owner block.
 template <typename T, typename Form>
 struct GatherNode {
   static constexpr int D = Form::D;
@@ -79,9 +79,9 @@ struct GatherNode {
     for (int d = 0; d < D; ++d) node[d] += block_width * block_at[d];
     T sum[channels] = {};
     for (int corner = 0; corner < upper_neighbors<D>; ++corner) {
-      const int32_t home = view.blocks.node_to_home[block * upper_neighbors<D> + corner];
-      if (home < 0) continue;
-      for (int32_t i = view.blocks.start[home]; i < view.blocks.start[home + 1]; ++i)
+      const int32_t owner = view.blocks.node_to_owner[block * upper_neighbors<D> + corner];
+      if (owner < 0) continue;
+      for (int32_t i = view.blocks.start[owner]; i < view.blocks.start[owner + 1]; ++i)
         add_particle(view.blocks.order[i], node, sum);
     }
     for (int c = 0; c < channels; ++c) view.nodes[entry * channels + c] = sum[c];
@@ -119,7 +119,7 @@ void particle_to_grid(const SolverView<T>& view, T dt) {
   if (view.device != Device::cpu) return particle_to_grid_by_nodes(view, dt);
   with_form(view, [&](auto form) {
     using Form = decltype(form);
-    parallel_for_cpu(view.blocks.home_count, ScatterBlock<T, Form>{view, dt}, Grain{1});
+    parallel_for_cpu(view.blocks.owner_count, ScatterBlock<T, Form>{view, dt}, Grain{1});
     parallel_for_cpu(view.blocks.node_count, SumArenas<T, Form>{view}, Grain{8});
   });
 }

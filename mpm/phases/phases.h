@@ -18,12 +18,12 @@ struct SolverView : SceneView<T> {
   ParticleView<T> particles;
   BlockView blocks;
   MovingObstacleView<T> moving;
-  RoleView<T> roles;
+  LifecycleView<T> lifecycle;
   int dimensions;  ///< 2 or 3
   Spline spline;
-  T* arenas;      ///< [home blocks, arena_size]: sums of each block's own particles (CPU)
+  T* arenas;      ///< [owner blocks, arena_size]: sums of each block's own particles (CPU)
   T* nodes;       ///< [node blocks, 16 or 64, 4]: momentum, then velocity; mass
-  int32_t* keys;  ///< [n] home block of each slot, or no_home
+  int32_t* keys;  ///< [n] owner block of each slot, or no_owner
   uint8_t* keys_changed;
   bool some_stationary;  ///< whether any material is stationary
 
@@ -43,7 +43,7 @@ struct Impulse {
 
 /// Particles that a script leads take its velocity and gradient; returns the momentum that this gave them [kg m/s].
 template <typename T>
-Vec3d lead_particles(const SolverView<T>& view, Buffer<Impulse>& records);
+Vec3d move_kinematic_particles(const SolverView<T>& view, Buffer<Impulse>& records);
 
 /// Node sums with those of all periodic images, into an array like view.nodes.
 template <typename T>
@@ -69,7 +69,7 @@ template <typename T>
 void update_grid_block(const SolverView<T>& view, T dt, int64_t block);
 /// Whether a moving obstacle may hold nodes of the block with this key.
 template <typename T>
-bool meets_moving_obstacle(const SolverView<T>& view, int32_t key);
+bool touches_moving_obstacle(const SolverView<T>& view, int32_t key);
 
 /// Particle velocity and affine velocity from the nodes.
 template <typename T>
@@ -96,26 +96,26 @@ template <typename T>
 void update_deformation_slots(const SolverView<T>& view, T dt, int64_t first, int64_t end);
 
 /// x <- x + dt v, kept out of obstacles and inside the walls; particles that are born, leave or pass a periodic wall;
-/// new home blocks; the survey of the new state.
+/// new owner blocks; the statistics of the new state.
 template <typename T>
-Survey move_particles(const SolverView<T>& view, T dt, Buffer<Survey>& records);
+StepStatistics move_particles(const SolverView<T>& view, T dt, Buffer<StepStatistics>& records);
 
 /// True for static obstacles, closed walls and a fixed set of particles without scripts.
 template <typename T>
 bool moves_plainly(const SolverView<T>& view);
-/// move_particles(), and the survey alone, of some slots of a scene that moves plainly, on the CPU.
+/// move_particles(), and the statistics alone, of some slots of a scene that moves plainly, on the CPU.
 template <typename T>
-void move_slots(const SolverView<T>& view, T dt, int64_t first, int64_t end, Survey& found);
+void move_slots(const SolverView<T>& view, T dt, int64_t first, int64_t end, StepStatistics& found);
 template <typename T>
-void survey_slots(const SolverView<T>& view, T dt, int64_t first, int64_t end, Survey& found);
+void statistics_slots(const SolverView<T>& view, T dt, int64_t first, int64_t end, StepStatistics& found);
 
-/// The survey alone, for a state that was just made or loaded.
+/// The statistics alone, for a state that was just made or loaded.
 template <typename T>
-Survey survey_particles(const SolverView<T>& view, Buffer<Survey>& records);
+StepStatistics particle_statistics(const SolverView<T>& view, Buffer<StepStatistics>& records);
 
 /// Home block of every slot from its position.
 template <typename T>
-void find_home_blocks(const SolverView<T>& view);
+void find_owner_blocks(const SolverView<T>& view);
 
 /// Copies every particle from slot order[i] of `from` to slot i of `to`.
 template <typename T>

@@ -70,7 +70,7 @@ void update_grid_block(const SolverView<T>& view, T dt, int64_t block) {
 }
 
 template <typename T>
-bool meets_moving_obstacle(const SolverView<T>& view, int32_t key) {
+bool touches_moving_obstacle(const SolverView<T>& view, int32_t key) {
   const Vec<T, 3> low = node_position<3>(view.grid, key, 0),
                   high = node_position<3>(view.grid, key, nodes_per_block<3> - 1);
   for (int32_t i = 0; i < view.moving.count; ++i)
@@ -78,8 +78,8 @@ bool meets_moving_obstacle(const SolverView<T>& view, int32_t key) {
   return false;
 }
 
-template bool meets_moving_obstacle<float>(const SolverView<float>&, int32_t);
-template bool meets_moving_obstacle<double>(const SolverView<double>&, int32_t);
+template bool touches_moving_obstacle<float>(const SolverView<float>&, int32_t);
+template bool touches_moving_obstacle<double>(const SolverView<double>&, int32_t);
 template void update_grid_block<float>(const SolverView<float>&, float, int64_t);
 template void update_grid_block<double>(const SolverView<double>&, double, int64_t);
 template void update_grid<float>(const SolverView<float>&, float);

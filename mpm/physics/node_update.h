@@ -9,8 +9,8 @@ namespace graupel::mpm {
 
 /// Law of the obstacle at rest at a node. Deep inside, where no normal is known, the material stands still.
 template <typename T>
-GRAUPEL_HD inline Vec<T, 3> meet_fixed_obstacle(const ObstacleNodeView<T>& obstacles, int64_t entry,
-                                                const Vec<T, 3>& v) {
+GRAUPEL_HD inline Vec<T, 3> apply_fixed_obstacle(const ObstacleNodeView<T>& obstacles, int64_t entry,
+                                                 const Vec<T, 3>& v) {
   const int32_t law = obstacles.law[entry];
   if (law < 0) return v;
   const Vec<T, 3> normal = obstacles.normal[entry];
@@ -36,7 +36,7 @@ GRAUPEL_HD inline Vec<T, 3> wall_normal(int axis, int side) {
 }
 
 template <typename T>
-GRAUPEL_HD inline Vec<T, 3> meet_walls(const WallView<T>& walls, const Vec<T, 3>& x, T dx, Vec<T, 3> v) {
+GRAUPEL_HD inline Vec<T, 3> apply_walls(const WallView<T>& walls, const Vec<T, 3>& x, T dx, Vec<T, 3> v) {
   for (int d = 0; d < 3; ++d) {
     const int side = wall_side(walls, x, dx, d) - 1;
     if (side < 0) continue;
@@ -48,8 +48,8 @@ GRAUPEL_HD inline Vec<T, 3> meet_walls(const WallView<T>& walls, const Vec<T, 3>
 /// The law of the deeper one of the obstacles at rest and the moving ones, at node `inside` of the block with directory
 /// index `key`, which lies at x.
 template <bool some_move, int D, typename T>
-GRAUPEL_HD inline Vec<T, 3> meet_obstacles(const SceneView<T>& scene, const MovingObstacleView<T>& moving, int32_t key,
-                                           int inside, const Vec<T, 3>& x, const Vec<T, 3>& v) {
+GRAUPEL_HD inline Vec<T, 3> apply_obstacles(const SceneView<T>& scene, const MovingObstacleView<T>& moving, int32_t key,
+                                            int inside, const Vec<T, 3>& x, const Vec<T, 3>& v) {
   const int32_t surface = scene.obstacle_nodes.block_number[key];
   const int64_t entry = int64_t(surface) * nodes_per_block<D> + inside;
   if constexpr (some_move) {
@@ -64,7 +64,7 @@ GRAUPEL_HD inline Vec<T, 3> meet_obstacles(const SceneView<T>& scene, const Movi
       return u + apply_contact(obstacle.contact, static_cast<T>(obstacle.friction), here.normal, v - u);
     }
   }
-  return surface != block_without_surface ? meet_fixed_obstacle(scene.obstacle_nodes, entry, v) : v;
+  return surface != block_without_surface ? apply_fixed_obstacle(scene.obstacle_nodes, entry, v) : v;
 }
 
 /// Velocity of a node after gravity, before contact: p / m + dt g. `gain` is dt g.
@@ -80,7 +80,7 @@ GRAUPEL_HD inline Vec<T, 3> updated_velocity(const SceneView<T>& scene, const Mo
                                              int32_t key, int inside, const Vec<T, 3>& x, const Vec<T, 3>& momentum,
                                              T mass, T dt) {
   const Vec<T, 3> v = free_velocity(momentum, T(1) / mass, dt * scene.gravity);
-  return meet_walls(scene.walls, x, scene.grid.dx, meet_obstacles<some_move, D>(scene, moving, key, inside, x, v));
+  return apply_walls(scene.walls, x, scene.grid.dx, apply_obstacles<some_move, D>(scene, moving, key, inside, x, v));
 }
 
 }  // namespace graupel::mpm

@@ -1,4 +1,4 @@
-// Advection of one particle, kept inside the walls and out of obstacles, and the survey of its new state.
+// Advection of one particle, kept inside the walls and out of obstacles, and the statistics of its new state.
 #pragma once
 
 #include "mpm/materials/material.h"
@@ -10,7 +10,7 @@ namespace graupel::mpm {
 /// Directory index of the block that holds the base node of x, floor(x/dx - shift); in a plane run the plane's layer of
 /// blocks is the only one.
 template <typename T>
-GRAUPEL_HD inline int32_t home_key(const GridGeometry<T, 3>& grid, const Vec<T, 3>& x, T shift) {
+GRAUPEL_HD inline int32_t owner_key(const GridGeometry<T, 3>& grid, const Vec<T, 3>& x, T shift) {
   const Vec<T, 3> local = grid.local(x);
   Vec<int, 3> block;
   for (int d = 0; d < 3; ++d) block[d] = static_cast<int>(local[d] - shift) / block_width;
@@ -40,7 +40,7 @@ GRAUPEL_HD inline bool near_surface(const SceneView<T>& scene, const Vec<T, 3>& 
   return o.phi[int64_t(number) * nodes_per_block<D> + inside] < reach;
 }
 
-/// `found` is a Survey or has its members.
+/// `found` is a StepStatistics or has its members.
 template <typename Found>
 GRAUPEL_HD inline void mark_bad(int64_t slot, Found& found) {
   using Slot = decltype(found.bad_slot);
@@ -48,7 +48,7 @@ GRAUPEL_HD inline void mark_bad(int64_t slot, Found& found) {
 }
 
 /// A particle that was pushed by `push` loses its velocity against that direction, relative to the surface, as in an
-/// inelastic contact. Inlined whatever the number of its callers: see survey_particle.
+/// inelastic contact. Inlined whatever the number of its callers: see add_to_statistics.
 template <typename T, typename Found>
 [[gnu::always_inline]] GRAUPEL_HD inline void stop_at_surface(const Vec<T, 3>& push, T mass,
                                                               const Vec<T, 3>& surface_velocity, Vec<T, 3>& v,
@@ -111,8 +111,8 @@ template <bool some_move, int D, typename T, typename Found>
 /// Whether the deformation of a particle can go on, and its sound speed. F is read where
 /// sound_speed_needs_deformation().
 template <typename T, typename Found>
-GRAUPEL_HD inline bool survey_deformation(T dx, const MaterialParameters<T>& m, const Mat<T, 3>& F, T internal, T dt,
-                                          Found& found) {
+GRAUPEL_HD inline bool deformation_statistics(T dx, const MaterialParameters<T>& m, const Mat<T, 3>& F, T internal,
+                                              T dt, Found& found) {
   if (!(internal_variable_is_volume_ratio(m.model) ? internal > T(0) : internal == internal)) return false;
   using Speed = decltype(found.largest_sound_speed);
   const T c = sound_speed(m, F, internal);
@@ -123,7 +123,7 @@ GRAUPEL_HD inline bool survey_deformation(T dx, const MaterialParameters<T>& m, 
 
 /// Whether the motion of a particle can go on, and its speed.
 template <typename T, typename Found>
-GRAUPEL_HD inline bool survey_velocity(const Vec<T, 3>& v, Found& found) {
+GRAUPEL_HD inline bool velocity_statistics(const Vec<T, 3>& v, Found& found) {
   const T speed2 = norm2(v);
   if (!(speed2 < T(1e30))) return false;
   using Speed = decltype(found.largest_speed2);
@@ -133,9 +133,9 @@ GRAUPEL_HD inline bool survey_velocity(const Vec<T, 3>& v, Found& found) {
 
 /// Both.
 template <typename T, typename Found>
-GRAUPEL_HD inline void survey_state(T dx, const MaterialParameters<T>& m, int64_t slot, const Vec<T, 3>& v,
-                                    const Mat<T, 3>& F, T internal, T dt, Found& found) {
-  if (!survey_velocity(v, found) || !survey_deformation(dx, m, F, internal, dt, found)) mark_bad(slot, found);
+GRAUPEL_HD inline void state_statistics(T dx, const MaterialParameters<T>& m, int64_t slot, const Vec<T, 3>& v,
+                                        const Mat<T, 3>& F, T internal, T dt, Found& found) {
+  if (!velocity_statistics(v, found) || !deformation_statistics(dx, m, F, internal, dt, found)) mark_bad(slot, found);
 }
 
 }  // namespace graupel::mpm

@@ -8,7 +8,7 @@
 namespace graupel::mpm {
 
 /// What a pass over some particles found. Sums are added and bounds are merged in a fixed order.
-struct Survey {
+struct StepStatistics {
   double largest_speed2 = 0;       ///< of finite velocities [m^2/s^2]
   double largest_sound_speed = 0;  ///< [m/s]
   int64_t over_courant = 0;        ///< particles with c dt / dx > 1
@@ -17,7 +17,7 @@ struct Survey {
   double pushed_momentum[3] = {0, 0, 0};  ///< [kg m/s]
   int64_t born = 0, removed = 0;          ///< particles that came and went
 
-  GRAUPEL_HD void merge(const Survey& o) {
+  GRAUPEL_HD void merge(const StepStatistics& o) {
     largest_speed2 = o.largest_speed2 > largest_speed2 ? o.largest_speed2 : largest_speed2;
     largest_sound_speed = o.largest_sound_speed > largest_sound_speed ? o.largest_sound_speed : largest_sound_speed;
     over_courant += o.over_courant;

@@ -26,7 +26,7 @@ GRAUPEL_HD inline Mat<S, D> affine_momentum(const S& mass, const S& volume, Real
   }
 }
 
-/// Stencil of a particle in the arena of its home block `block`; `local` in cells from node 0.
+/// Stencil of a particle in the arena of its owner block `block`; `local` in cells from node 0.
 template <Spline S = Spline::quadratic, typename T, int D>
 GRAUPEL_HD inline Stencil<T, D> arena_stencil(const Vec<T, D>& local, const Vec<int, D>& block) {
   return stencil_at<S>(local, block_width * block, block_width - 1);

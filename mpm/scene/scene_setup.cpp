@@ -33,13 +33,14 @@ SceneView<T> SceneSetup<T>::view() const {
   return {grid, walls, scene.gravity.template cast<T>(), scene.push_out, obstacle_nodes.view(), materials.data()};
 }
 
-Survey survey_start(const SceneSetup<float>& setup, const HostParticles<float>& particles) {
+StepStatistics survey_start(const SceneSetup<float>& setup, const HostParticles<float>& particles) {
   std::vector<MaterialParameters<float>> parameters;
   for (const MaterialConfig& config : setup.material_configs) parameters.push_back(material_parameters<float>(config));
-  Survey found;
+  StepStatistics found;
   for (std::size_t i = 0; i < particles.size(); ++i)
-    survey_state(setup.grid.dx, parameters[static_cast<std::size_t>(particles.material[i])], static_cast<int64_t>(i),
-                 particles.velocity[i], particles.deformation_gradient[i], particles.internal[i], 0.0f, found);
+    state_statistics(setup.grid.dx, parameters[static_cast<std::size_t>(particles.material[i])],
+                     static_cast<int64_t>(i), particles.velocity[i], particles.deformation_gradient[i],
+                     particles.internal[i], 0.0f, found);
   return found;
 }
 

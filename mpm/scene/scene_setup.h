@@ -25,8 +25,8 @@ struct SceneSetup {
   ObstacleNodes<T> obstacle_nodes;
 };
 
-/// Survey of a state on the host.
-Survey survey_start(const SceneSetup<float>& setup, const HostParticles<float>& particles);
+/// StepStatistics of a state on the host.
+StepStatistics survey_start(const SceneSetup<float>& setup, const HostParticles<float>& particles);
 
 /// Adds the particles of `more` after those of `all`.
 void append(HostParticles<float>& all, const HostParticles<float>& more);

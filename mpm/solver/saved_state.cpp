@@ -13,7 +13,7 @@ namespace {
 struct Course {
   int64_t frames_done;
   double frame_elapsed;
-  Survey survey;
+  StepStatistics statistics;
   RunStatistics statistics;
 };
 
@@ -34,7 +34,7 @@ StateOwner Solver<T>::state_owner() const {
 
 template <typename T>
 std::size_t Solver<T>::state_bytes() const {
-  std::size_t content = sizeof(Course) + grid_.roles.presence().size() * sizeof(Presence);
+  std::size_t content = sizeof(Course) + grid_.lifecycle.presence().size() * sizeof(Presence);
   particles_.for_each_buffer([&](const auto& buffer) { content += buffer.size() * sizeof(*buffer.data()); });
   return content;
 }
@@ -42,11 +42,11 @@ std::size_t Solver<T>::state_bytes() const {
 template <typename T>
 std::vector<std::byte> Solver<T>::save_state() const {
   StateWriter writer(state_owner(), state_bytes());
-  Course course{frames_done_, frame_elapsed_, survey_, statistics_};
+  Course course{frames_done_, frame_elapsed_, statistics_, statistics_};
   course.statistics.solver_seconds = 0;
   writer.add(course);
   particles_.for_each_buffer([&](const auto& buffer) { writer.add(buffer); });
-  writer.add(grid_.roles.presence());
+  writer.add(grid_.lifecycle.presence());
   return writer.finish();
 }
 
@@ -56,14 +56,14 @@ void Solver<T>::load_state(const std::vector<std::byte>& state) {
   Course course;
   reader.get(course);
   particles_.for_each_buffer([&](auto& buffer) { reader.get(buffer); });
-  reader.get(grid_.roles.presence());
+  reader.get(grid_.lifecycle.presence());
   const double seconds = statistics_.solver_seconds;
   frames_done_ = course.frames_done;
   frame_elapsed_ = course.frame_elapsed;
-  survey_ = course.survey;
+  statistics_ = course.statistics;
   statistics_ = course.statistics;
   statistics_.solver_seconds = seconds;
-  find_home_blocks(view());
+  find_owner_blocks(view());
   grid_.blocks.invalidate();
 }
 

@@ -21,7 +21,7 @@ SceneGrid<T>::SceneGrid(const SimulationOptions& options, const Scene& scene, co
       spline(scene.transfer.spline),
       materials(device, 0),
       moving(device, scene, obstacles),
-      roles(device, scene, sampled),
+      lifecycle(device, scene, sampled),
       obstacle_nodes(device, geometry, moving.fixed(), dimensions),
       records(device, 0),
       arenas_(device, 0),
@@ -57,7 +57,7 @@ SolverView<T> SceneGrid<T>::view(const ParticleView<T>& particles) {
   v.particles = particles;
   v.blocks = blocks.view();
   v.moving = moving.view();
-  v.roles = roles.view();
+  v.lifecycle = lifecycle.view();
   v.dimensions = dimensions;
   v.spline = spline;
   v.arenas = arenas_.data();
@@ -80,14 +80,14 @@ void SceneGrid<T>::sort(const ParticleView<T>& particles) {
     constexpr int D = decltype(form)::D;
     const BlockView b = blocks.view();
     if (device == Device::cpu)
-      make_room(arenas_, static_cast<std::size_t>(b.home_count) * arena_size<D, decltype(form)::spline>);
+      make_room(arenas_, static_cast<std::size_t>(b.owner_count) * arena_size<D, decltype(form)::spline>);
     make_room(nodes_, static_cast<std::size_t>(b.node_count) * nodes_per_block<D> * channels);
   });
 }
 
 template <typename T>
 void SceneGrid<T>::lead(const SolverView<T>& v, Vec3d& scripted) {
-  if (roles.has_scripts()) scripted += lead_particles(v, impulses_);
+  if (lifecycle.has_scripts()) scripted += move_kinematic_particles(v, impulses_);
 }
 
 template <typename T>
@@ -95,7 +95,7 @@ SolverView<T> SceneGrid<T>::move_nodes(const ParticleView<T>& particles, double 
   const T step = static_cast<T>(dt);
   sort(particles);
   if (moving.any()) moving.begin_step(time, dt);
-  roles.begin_step(time, dt);
+  lifecycle.begin_step(time, dt);
   SolverView<T> v = view(particles);
   lead(v, scripted);
   if (tuned)

@@ -46,10 +46,10 @@ struct SceneGrid {
   std::vector<MaterialConfig> material_configs;
   Buffer<MaterialParameters<T>> materials;
   MovingObstacles<T> moving;
-  ParticleRoles<T> roles;
+  ParticleLifecycle<T> lifecycle;
   ObstacleNodes<T> obstacle_nodes;
   BlockTable blocks;
-  Buffer<Survey> records;
+  Buffer<StepStatistics> records;
 
  private:
   Buffer<T> arenas_, nodes_;

@@ -25,16 +25,16 @@ Solver<T>::Solver(const Scene& scene, const SimulationOptions& options, const Sa
   for (const int32_t m : sampled.material) particle_type_.push_back(particle_type_of(grid_.material_configs[m].model));
   particles_ = upload_particles(initial_particles<T>(sampled, grid_.material_configs), options.device);
   spare_ = Particles<T>(options.device, particles_.count());
-  find_home_blocks(view());
-  survey_ = survey_particles(view(), grid_.records);
+  find_owner_blocks(view());
+  statistics_ = particle_statistics(view(), grid_.records);
   check_fixed_step();
 }
 
 template <typename T>
 StateSpeeds Solver<T>::speeds() const {
   const double from = time(), to = from + scene_.frame_time;
-  return {std::max(std::sqrt(survey_.largest_speed2), grid_.roles.largest_speed(from, to)), survey_.largest_sound_speed,
-          diffusivity_, grid_.moving.largest_speed(from, to)};
+  return {std::max(std::sqrt(statistics_.largest_speed2), grid_.lifecycle.largest_speed(from, to)),
+          statistics_.largest_sound_speed, diffusivity_, grid_.moving.largest_speed(from, to)};
 }
 
 /// A fixed step must not let a scripted body cross over one cell.
@@ -43,7 +43,7 @@ void Solver<T>::check_fixed_step() const {
   if (scene_.time_step.policy != StepPolicy::fixed) return;
   constexpr double forever = std::numeric_limits<double>::infinity();
   const double dt = scene_.frame_time / static_cast<double>(scene_.time_step.substeps_per_frame);
-  const double speed = std::max(grid_.moving.largest_speed(0, forever), grid_.roles.largest_speed(0, forever));
+  const double speed = std::max(grid_.moving.largest_speed(0, forever), grid_.lifecycle.largest_speed(0, forever));
   const double cells = speed * dt / scene_.domain.dx;
   if (cells > 1)
     throw ConfigError(
@@ -84,17 +84,17 @@ template <typename T>
 void Solver<T>::advance_particles(const SolverView<T>& v, double dt) {
   const T step = static_cast<T>(dt);
   const bool keeps_affine = scene_.transfer.scheme == TransferScheme::apic && scene_.transfer.damping == 0;
-  const AdvanceParts parts = grid_.roles.has_scripts()          ? AdvanceParts::gather
+  const AdvanceParts parts = grid_.lifecycle.has_scripts()      ? AdvanceParts::gather
                              : keeps_affine && moves_plainly(v) ? AdvanceParts::all
                                                                 : AdvanceParts::gather_and_deform;
-  survey_ = advance_tuned(v, step, parts, grid_.records, grid_.instruction_set);
+  statistics_ = advance_tuned(v, step, parts, grid_.records, grid_.instruction_set);
   if (parts == AdvanceParts::all) return;
   if (parts == AdvanceParts::gather) {
     grid_.lead(v, statistics_.scripted_momentum);
     update_deformation(v, step);
   }
-  carry_affine(dt);
-  survey_ = move_particles(v, step, grid_.records);
+  blend_affine(dt);
+  statistics_ = move_particles(v, step, grid_.records);
 }
 
 template <typename T>
@@ -103,12 +103,12 @@ void Solver<T>::advance_particles_portably(const SolverView<T>& v, double dt) {
   grid_to_particle(v);
   grid_.lead(v, statistics_.scripted_momentum);
   update_deformation(v, step);
-  carry_affine(dt);
-  survey_ = move_particles(v, step, grid_.records);
+  blend_affine(dt);
+  statistics_ = move_particles(v, step, grid_.records);
 }
 
 template <typename T>
-void Solver<T>::carry_affine(double dt) {
+void Solver<T>::blend_affine(double dt) {
   const TransferConfig& transfer = scene_.transfer;
   if (transfer.scheme == TransferScheme::apic && transfer.damping == 0) return;
   const double kept = std::exp(-transfer.damping * dt);
@@ -130,7 +130,7 @@ void Solver<T>::advance_frame() {
                             : next_step(policy, scene_.domain.dx, scene_.frame_time, before, left);
     substep(dt);
     record_step(dt);
-    if (survey_.bad_slot >= 0) throw_diverged(dt, before);
+    if (statistics_.bad_slot >= 0) throw_diverged(dt, before);
     const bool last = fixed ? i + 1 == policy.substeps_per_frame : dt >= left * (1 - 1e-9);
     frame_elapsed_ = last ? scene_.frame_time : frame_elapsed_ + dt;
   }
@@ -138,7 +138,7 @@ void Solver<T>::advance_frame() {
   frame_elapsed_ = 0;
   const double n = static_cast<double>(particle_count());
   statistics_.share_over_courant =
-      std::max(statistics_.share_over_courant, static_cast<double>(survey_.over_courant) / n);
+      std::max(statistics_.share_over_courant, static_cast<double>(statistics_.over_courant) / n);
   statistics_.solver_seconds += std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
 }
 
@@ -147,12 +147,12 @@ void Solver<T>::advance_frame() {
 /// the state at the frame's start alone: a restarted run repeats it.
 template <typename T>
 void Solver<T>::reorder_particles() {
-  find_home_blocks(view());
+  find_owner_blocks(view());
   grid_.blocks.invalidate();
   grid_.blocks.update();
   permute_particles(particles_, spare_, grid_.blocks.view().order);
   std::swap(particles_, spare_);
-  find_home_blocks(view());
+  find_owner_blocks(view());
   grid_.blocks.invalidate();
 }
 
@@ -160,17 +160,18 @@ template <typename T>
 void Solver<T>::record_step(double dt) {
   statistics_.substeps += 1;
   statistics_.last_step = dt;
-  statistics_.pushed_out += survey_.pushed_out;
-  statistics_.born += survey_.born;
-  statistics_.removed += survey_.removed;
-  for (int d = 0; d < 3; ++d) statistics_.pushed_out_momentum[d] += survey_.pushed_momentum[d];
-  statistics_.sound_courant = std::max(statistics_.sound_courant, survey_.largest_sound_speed * dt / scene_.domain.dx);
+  statistics_.pushed_out += statistics_.pushed_out;
+  statistics_.born += statistics_.born;
+  statistics_.removed += statistics_.removed;
+  for (int d = 0; d < 3; ++d) statistics_.pushed_out_momentum[d] += statistics_.pushed_momentum[d];
+  statistics_.sound_courant =
+      std::max(statistics_.sound_courant, statistics_.largest_sound_speed * dt / scene_.domain.dx);
 }
 
 template <typename T>
 void Solver<T>::throw_diverged(double dt, const StateSpeeds& before) const {
   const HostParticles<T> host = particles();
-  const auto slot = static_cast<std::size_t>(survey_.bad_slot);
+  const auto slot = static_cast<std::size_t>(statistics_.bad_slot);
   DivergedParticle bad;
   bad.index = host.source_index[slot];
   bad.speed = static_cast<double>(norm(host.velocity[slot]));
@@ -187,7 +188,7 @@ ParticleFrame Solver<T>::frame() const {
   const HostParticles<T> host = particles();
   ParticleFrame frame;
   frame.time = time();
-  frame.active = grid_.roles.active();
+  frame.active = grid_.lifecycle.active();
   frame.position.resize(particle_count());
   frame.velocity.resize(particle_count());
   for (std::size_t slot = 0; slot < particle_count(); ++slot) {
@@ -201,18 +202,18 @@ ParticleFrame Solver<T>::frame() const {
 
 template <typename T>
 ParticleFields Solver<T>::fields(FieldSet wanted) const {
-  return fields_of(particles(), wanted, grid_.roles.active());
+  return fields_of(particles(), wanted, grid_.lifecycle.active());
 }
 
 template <typename T>
 Diagnostics Solver<T>::diagnostics() const {
-  return diagnose(particles(), grid_.material_configs, scene_, grid_.roles.active());
+  return diagnose(particles(), grid_.material_configs, scene_, grid_.lifecycle.active());
 }
 
 template <typename T>
 RunStatistics Solver<T>::statistics() const {
   RunStatistics s = statistics_;
-  s.active_blocks = grid_.blocks.view().home_count;
+  s.active_blocks = grid_.blocks.view().owner_count;
   s.peak_bytes = memory_bytes();
   return s;
 }

@@ -54,7 +54,7 @@ class Solver final : public Simulation {
   void reorder_particles();
   void record_step(double dt);
   void check_fixed_step() const;
-  void carry_affine(double dt);
+  void blend_affine(double dt);
   void advance_particles(const SolverView<T>& v, double dt);
   void move_tracers(const SolverView<T>& v, double dt);
   void advance_particles_portably(const SolverView<T>& v, double dt);
@@ -73,7 +73,7 @@ class Solver final : public Simulation {
   mutable Particles<T> particles_;
   Particles<T> spare_;  ///< target of the next reordering
 
-  Survey survey_;  ///< of the present state
+  StepStatistics statistics_;  ///< of the present state
   int64_t frames_done_ = 0;
   double frame_elapsed_ = 0;  ///< [s] inside the present frame
   RunStatistics statistics_;

@@ -74,7 +74,7 @@ struct MoveTracer {
     bool all;
     const T weight = gather(x, all, v);
     if (!all) v = weight > least_weight ? v * (T(1) / weight) : velocity[i] + dt * view.gravity;
-    Survey unused;
+    StepStatistics unused;
     const Vec<T, 3> before = x;
     move_point<false, 3, T>(view, {}, false, i, T(1), dt, x, v, unused);
     if (view.push_out && view.moving.count > 0 && near_moving(view.moving, x))

@@ -44,7 +44,7 @@ GRAUPEL_HD inline Vec<float, 3> sample_way(const RunView& view, const InstanceVi
   const auto dt = static_cast<float>(view.dt);
   const Vec<float, 3> from = before.cast<float>(), step = dt * v, wanted = from + step;
   Vec<float, 3> x = from, slowed = v, way = step;
-  mpm::Survey unused;
+  mpm::StepStatistics unused;
   mpm::move_point<true, 3>(scene, instance.moving(instance.state->step), led, 0, 1.0f, dt, x, slowed, unused);
   for (int d = 0; d < 3; ++d)
     if (!(x[d] == wanted[d] && slowed[d] == v[d])) way[d] = static_cast<float>(static_cast<double>(x[d]) - before[d]);

@@ -22,9 +22,10 @@ constexpr double radius_spacings = 2.25;
 constexpr double furthest_spacings = 1.5;  ///< of a point to the nearest particle
 
 /// Particles sorted by the cells of a lattice as wide as the radius.
-class CellList {
+class MlsCellList {
  public:
-  CellList(const MlsParticles& particles, double radius) : particles_(particles), width_(static_cast<float>(radius)) {
+  MlsCellList(const MlsParticles& particles, double radius)
+      : particles_(particles), width_(static_cast<float>(radius)) {
     low_ = particles.reference.front();
     Vec3f high = low_;
     for (const Vec3f& x : particles.reference)
@@ -81,7 +82,7 @@ class CellList {
 /// Finds the neighbours of one tile after the other.
 class TileSearch {
  public:
-  TileSearch(const MlsParticles& particles, const ReferencePoints& points, const CellList& cells, double radius)
+  TileSearch(const MlsParticles& particles, const ReferencePoints& points, const MlsCellList& cells, double radius)
       : particles_(particles), points_(points), cells_(cells), radius_(static_cast<float>(radius)) {}
 
   void append(int64_t t, std::vector<int32_t>& list) {
@@ -142,7 +143,7 @@ class TileSearch {
 
   const MlsParticles& particles_;
   const ReferencePoints& points_;
-  const CellList& cells_;
+  const MlsCellList& cells_;
   float radius_;
   int runs_ = 0;
 };
@@ -153,7 +154,7 @@ MlsNeighbours::MlsNeighbours(const MlsParticles& particles, const ReferencePoint
     : radius_(radius_spacings * particles.spacing) {
   GRAUPEL_ASSERT(!particles.reference.empty() && particles.spacing > 0);
   GRAUPEL_ASSERT(points.kind.size() == points.position.size());
-  const CellList cells(particles, radius_);
+  const MlsCellList cells(particles, radius_);
   const int64_t tiles = mpm::padded_to_tile(static_cast<int64_t>(points.position.size())) / tile;
   batches_.resize(static_cast<std::size_t>((tiles + batch_tiles - 1) / batch_tiles));
   std::vector<std::exception_ptr> failures(batches_.size());

@@ -98,7 +98,7 @@ void ForwardPass::particle_to_grid(const PlanBlock& block) {
   // W_p f_p + b + W_o offset_p - W_o bits_k. Both parts of a particle are made at once.
   const std::string to_name = "particle_to_grid.gather", from_name = "grid_to_particle.gather";
   const int64_t n = graph_.particles, cells = graph_.level[0].cells;
-  const FcnWeights &to = network_.fcn(to_name), &from = network_.fcn(from_name);
+  const DeviceFcn &to = network_.fcn(to_name), &from = network_.fcn(from_name);
   uint16_t* const to_cells = memory_.rows16(n);
   to_particle_ = memory_.rows16(n);
   project({.rows = n,

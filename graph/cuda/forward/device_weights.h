@@ -27,8 +27,8 @@ class DeviceWeights {
   }
   const float* get(const std::string& name) const { return numbers_.data() + begin_.at(name); }
   /// Every FCN of the file.
-  std::map<std::string, FcnWeights> fcns() const {
-    std::map<std::string, FcnWeights> fcns;
+  std::map<std::string, DeviceFcn> fcns() const {
+    std::map<std::string, DeviceFcn> fcns;
     const std::string last = ".layer1.weight";
     for (const auto& [name, shape] : shape_) {
       if (!name.ends_with(last)) continue;

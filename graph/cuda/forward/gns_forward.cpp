@@ -73,7 +73,7 @@ class ForwardPass {
 };
 
 void ForwardPass::encode_nodes() {
-  const FcnWeights& fcn = network_.fcn("encoder.node");
+  const DeviceFcn& fcn = network_.fcn("encoder.node");
   float* const first = memory_.rows32(rows_.nodes);
   encode_features({.rows = rows_.nodes,
                    .features = rows_.features,
@@ -93,7 +93,7 @@ void ForwardPass::encode_nodes() {
 }
 
 void ForwardPass::encode_edges() {
-  const FcnWeights& fcn = network_.fcn("encoder.edge");
+  const DeviceFcn& fcn = network_.fcn("encoder.edge");
   FusedMlp& encoder = record_.edge_encoder = network_.network("encoder.edge", rows_.edges, rows_.edge_count);
   encoder.features = {rows_.edge_features, fcn.w1};
   encoder.table[0] = {fcn.b1, always_first};
@@ -156,7 +156,7 @@ bool PackedGns::fits(const GnsConfig& config) {
   return config.latent == h && config.hidden_layers == 1 && config.input_width() <= h;
 }
 
-PackedGns::PackedGns(const GnsConfig& config, std::map<std::string, FcnWeights> fcns, const float* embedding)
+PackedGns::PackedGns(const GnsConfig& config, std::map<std::string, DeviceFcn> fcns, const float* embedding)
     : config_(config), fcns_(std::move(fcns)) {
   GRAUPEL_ASSERT(fits(config));
   std::vector<TileSource> sources;
@@ -170,7 +170,7 @@ PackedGns::PackedGns(const GnsConfig& config, std::map<std::string, FcnWeights> 
   }
   tile_sources_.upload(sources);
   tiles_.resize_discard(sources.size() * tile_numbers);
-  const FcnWeights& encoder = fcn("encoder.node");
+  const DeviceFcn& encoder = fcn("encoder.node");
   table_source_.upload({{Offsets::embedding, 1, encoder.w1 + (config.input_width() - config.embedding), encoder.inputs,
                          encoder.b1, embedding, static_cast<int32_t>(config.embedding)}});
   table_.resize_discard(most_table_rows * h);
@@ -186,7 +186,7 @@ const uint16_t* PackedGns::tile(const std::string& fcn, int64_t first_column) co
 }
 
 FusedMlp PackedGns::network(const std::string& name, int64_t rows, const int32_t* row_count) const {
-  const FcnWeights& net = fcn(name);
+  const DeviceFcn& net = fcn(name);
   FusedMlp network;
   network.rows = rows;
   network.row_count = row_count;

@@ -20,12 +20,12 @@ class PackedGns {
   static bool fits(const GnsConfig& config);
 
   /// `embedding` [types, E]; all pointers must stay valid.
-  PackedGns(const GnsConfig& config, std::map<std::string, FcnWeights> fcns, const float* embedding);
+  PackedGns(const GnsConfig& config, std::map<std::string, DeviceFcn> fcns, const float* embedding);
   /// Takes over the weights' present values.
   void refresh(void* stream);
 
   const GnsConfig& config() const { return config_; }
-  const FcnWeights& fcn(const std::string& name) const { return fcns_.at(name); }
+  const DeviceFcn& fcn(const std::string& name) const { return fcns_.at(name); }
   /// Tile of 128 columns of a first layer.
   const uint16_t* tile(const std::string& fcn, int64_t first_column) const;
   /// What the node encoder's first layer adds for a type.
@@ -35,7 +35,7 @@ class PackedGns {
 
  private:
   GnsConfig config_;
-  std::map<std::string, FcnWeights> fcns_;
+  std::map<std::string, DeviceFcn> fcns_;
   std::map<std::pair<std::string, int64_t>, int64_t> tile_of_;
   Buffer<TileSource> tile_sources_{Device::cuda, 0};
   Buffer<OffsetTable> table_source_{Device::cuda, 0};

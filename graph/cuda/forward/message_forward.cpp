@@ -74,7 +74,7 @@ void ForwardPass::particle_to_grid(const PlanBlock&) {
   // Layer 1 of pair (i, k), to the grid: W_f f_i + b - W_o offset_i + W_o bits_k; from it: W_c f_cell + W_p f_i + b +
   // W_o offset_i - W_o bits_k. Both networks' parts of a particle are made at once.
   const int64_t n = graph_.particles, pairs = corners * n, cells = graph_.level[0].cells;
-  const FcnWeights &to = network_.fcn("particle_to_grid"), &from = network_.fcn("grid_to_particle");
+  const DeviceFcn &to = network_.fcn("particle_to_grid"), &from = network_.fcn("grid_to_particle");
   float *const to_particle = memory_.rows32(n), *const from_particle = memory_.rows32(n);
   project({.rows = n,
            .row_count = graph_.particle_count,

@@ -35,7 +35,7 @@ void MessageNetwork::follow_grid(void* grid_stream) { places_.place(inputs_.grid
 void MessageNetwork::launch(void* stream, const LaunchHooks& moments) {
   moments.room_beside();
   const float* const latents = forward_to_decoder(network_, graph(), arena_, stream, moments.graph_ready);
-  const FcnWeights& last = network_.fcn("decoder");
+  const DeviceFcn& last = network_.fcn("decoder");
   decode({.rows = inputs_.particles,
           .frames = static_cast<int>(network_.config().bundle),
           .x = latents,

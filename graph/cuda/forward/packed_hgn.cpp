@@ -14,7 +14,7 @@ constexpr int64_t second = -1;  ///< stands for W2 among the columns of W1
 
 bool PackedHgn::fits(const HgnConfig& config) { return config.latent == h && config.input_width() <= h; }
 
-PackedHgn::PackedHgn(const HgnConfig& config, std::map<std::string, FcnWeights> fcns, const float* embedding)
+PackedHgn::PackedHgn(const HgnConfig& config, std::map<std::string, DeviceFcn> fcns, const float* embedding)
     : config_(config), plan_(plan_of(config)), fcns_(std::move(fcns)), embedding_(embedding) {
   GRAUPEL_ASSERT(fits(config));
   std::vector<TileSource> sources;
@@ -44,7 +44,7 @@ void PackedHgn::add_tables() {
   for (const PlanOperation& op : plan_.operations) {
     if (op.kind != operation::gather || !op.offset) continue;
     const PlanLayer& layer = plan_.layers[static_cast<std::size_t>(op.layer)];
-    const FcnWeights& net = fcn(layer.name);
+    const DeviceFcn& net = fcn(layer.name);
     const LinkKind kind = op.links.kind;
     const bool up = kind == LinkKind::cell_to_particle || kind == LinkKind::from_parent;
     const Offsets offsets = kind == LinkKind::cell_neighbors                               ? Offsets::slot
@@ -53,7 +53,7 @@ void PackedHgn::add_tables() {
     add(layer.name, {offsets, up ? -1.0f : 1.0f, net.w1 + layer.inputs - op.links.offset(), net.inputs,
                      offsets == Offsets::octant ? net.b1 : nullptr, nullptr, 0});
   }
-  const FcnWeights& encoder = fcn("encoder");
+  const DeviceFcn& encoder = fcn("encoder");
   add("encoder", {Offsets::embedding, 1, encoder.w1 + (config_.input_width() - config_.embedding), encoder.inputs,
                   encoder.b1, embedding_, static_cast<int32_t>(config_.embedding)});
 }
@@ -72,7 +72,7 @@ const float* PackedHgn::table(const std::string& fcn) const {
 }
 
 FusedMlp PackedHgn::network(const std::string& name, int64_t rows, const int32_t* row_count) const {
-  const FcnWeights& net = fcn(name);
+  const DeviceFcn& net = fcn(name);
   FusedMlp network;
   network.rows = rows;
   network.row_count = row_count;
@@ -86,7 +86,7 @@ FusedMlp PackedHgn::network(const std::string& name, int64_t rows, const int32_t
 RowLatents encode_particles(const PackedHgn& network, const HgnGraph& graph, RowMemory& memory, FusedMlp& encoder,
                             void* stream) {
   const int64_t n = graph.particles;
-  const FcnWeights& fcn = network.fcn("encoder");
+  const DeviceFcn& fcn = network.fcn("encoder");
   float* const first = memory.rows32(n);
   encode_features({.rows = n,
                    .features = graph.features,

@@ -18,7 +18,7 @@ namespace graupel::graph {
 
 /// Weights of one FCN, f32, in the GPU's memory; w1 [outputs of layer 1, inputs]. Of a gather layer w1, b1 and inputs
 /// alone.
-struct FcnWeights {
+struct DeviceFcn {
   const float *w1 = nullptr, *b1 = nullptr, *w2 = nullptr, *b2 = nullptr, *gamma = nullptr, *beta = nullptr;
   int32_t inputs = 0;
 };
@@ -31,14 +31,14 @@ class PackedHgn {
   static bool fits(const HgnConfig& config);
 
   /// `embedding` [types, E]; all pointers must stay valid.
-  PackedHgn(const HgnConfig& config, std::map<std::string, FcnWeights> fcns, const float* embedding);
+  PackedHgn(const HgnConfig& config, std::map<std::string, DeviceFcn> fcns, const float* embedding);
 
   /// Takes over the weights' present values.
   void refresh(void* stream);
 
   const HgnConfig& config() const { return config_; }
   const LayerPlan& plan() const { return plan_; }
-  const FcnWeights& fcn(const std::string& name) const { return fcns_.at(name); }
+  const DeviceFcn& fcn(const std::string& name) const { return fcns_.at(name); }
   /// Tile of 128 columns of a first layer.
   const uint16_t* tile(const std::string& fcn, int64_t first_column) const;
   /// Rows that first layers add: of "encoder" by type; of the transfers by corner or octant; of first edges by slot.
@@ -51,7 +51,7 @@ class PackedHgn {
 
   HgnConfig config_;
   LayerPlan plan_;
-  std::map<std::string, FcnWeights> fcns_;
+  std::map<std::string, DeviceFcn> fcns_;
   const float* embedding_;
   std::map<std::pair<std::string, int64_t>, int64_t> tile_of_;
   std::map<std::string, int64_t> table_of_;

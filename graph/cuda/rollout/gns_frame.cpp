@@ -87,7 +87,7 @@ void GnsFrame::launch(void* stream, const LaunchHooks& moments) {
   rows.receiver = links.receiver;
   rows.edge_features = links.features;
   const float* const latents = forward_to_decoder(network_, rows, arena_, *this, record_, stream);
-  const FcnWeights& last = network_.fcn("decoder");
+  const DeviceFcn& last = network_.fcn("decoder");
   decode({.rows = particles_,
           .frames = static_cast<int>(config_.bundle),
           .x = latents,

@@ -1,5 +1,5 @@
-// G2P of one home block: velocity, deformation, stress and motion of its particles from the 8^3 nodes around it. Equals
-// grid_to_particle, update_deformation and move_particles of mpm/phases/; gain: mpm/gpu/blocks/batch_kernels.h.
+// G2P of one owner block: velocity, deformation, stress and motion of its particles from the 8^3 nodes around it.
+// Equals grid_to_particle, update_deformation and move_particles of mpm/phases/; gain: mpm/gpu/blocks/batch_kernels.h.
 #pragma once
 
 #include "core/parallel/thread_block.h"
@@ -51,7 +51,7 @@ GRAUPEL_HD inline bool advance_particle(const ParticleView<float>& p, const Scen
   float internal = p.internal.get(slot);
   Mat<float, 3> F = Mat<float, 3>::identity();
   if (m.model == MaterialModel::stationary) {  // keeps place and velocity whatever the grid does
-    survey_state(scene.grid.dx, m, place, p.velocity.vec(slot), F, internal, dt, found);
+    state_statistics(scene.grid.dx, m, place, p.velocity.vec(slot), F, internal, dt, found);
     return true;
   }
   Mat<float, 3> C;
@@ -67,23 +67,23 @@ GRAUPEL_HD inline bool advance_particle(const ParticleView<float>& p, const Scen
     store_symmetric(p.stress, slot, fluid_stress(m, C, internal));
   }
   p.internal.set(slot, internal);
-  if (!survey_deformation(scene.grid.dx, m, F, internal, dt, found)) mark_bad(place, found);
+  if (!deformation_statistics(scene.grid.dx, m, F, internal, dt, found)) mark_bad(place, found);
   // Obstacles last: their search needs the registers that a deformation fills.
   move_point<false, 3>(scene, {}, false, place, m.density * p.volume.get(slot), dt, x, v, found);
   p.position.set_vec(slot, x);
   p.velocity.set_vec(slot, v);
-  if (!survey_velocity(v, found)) mark_bad(place, found);
+  if (!velocity_statistics(v, found)) mark_bad(place, found);
   return is_in_reach(scene.grid, block, x);
 }
 
-/// All particles of a home block, from its nodes in shared memory; `report` lies in shared memory too.
+/// All particles of a owner block, from its nodes in shared memory; `report` lies in shared memory too.
 template <typename Block>
 GRAUPEL_HD void advance_block(const Block& block, const ParticleView<float>& p, const SceneView<float>& scene,
-                              const HomeBlock& home, float dt, const NodeSum* node, StepReport& report) {
+                              const OwnerBlock& owner, float dt, const NodeSum* node, StepReport& report) {
   float speed2 = 0, sound_speed = 0;
-  for (int32_t slot = home.begin + block.thread(); slot < home.end; slot += block.threads()) {
+  for (int32_t slot = owner.begin + block.thread(); slot < owner.end; slot += block.threads()) {
     ParticleFindings found;
-    const bool inside = advance_particle(p, scene, home.at, node, slot, dt, found);
+    const bool inside = advance_particle(p, scene, owner.at, node, slot, dt, found);
     speed2 = found.largest_speed2 > speed2 ? found.largest_speed2 : speed2;
     sound_speed = found.largest_sound_speed > sound_speed ? found.largest_sound_speed : sound_speed;
     if (!inside || found.over_courant || found.bad_slot >= 0 || found.pushed_out)

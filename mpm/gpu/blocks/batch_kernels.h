@@ -16,13 +16,13 @@ inline constexpr int block_warps = block_threads / warp_width;
 
 template <typename Block>
 GRAUPEL_HD void particle_to_grid(const Block& block, const BatchView& view, ScatterShared<block_warps>& shared) {
-  const int home = block.index();
-  if (home >= view.counts->homes_to_run()) return;
-  const HomeBlock b = view.homes[home];
-  const StepControl& control = view.controls[b.scene];
+  const int owner = block.index();
+  if (owner >= view.counts->owners_to_run()) return;
+  const OwnerBlock b = view.owners[owner];
+  const SceneProgress& control = view.controls[b.scene];
   if (control.phase != ScenePhase::running) return;
   scatter_block<block_warps>(block, view.now(), view.scenes[b.scene].view, b, control.dt, shared,
-                             view.arenas + static_cast<int64_t>(home) * reach_nodes);
+                             view.arenas + static_cast<int64_t>(owner) * reach_nodes);
 }
 
 /// Along each axis a node lies in the arena of its own block, and of the lower one (nodes 0..2) or the upper (node 3).
@@ -57,8 +57,8 @@ GRAUPEL_HD inline NodeSum moved_node(const SceneView<float>& scene, int32_t key,
 GRAUPEL_HD inline void update_node(const BatchView& view, int64_t entry) {
   const int64_t number = entry / nodes_per_block<3>;
   if (number >= view.counts->nodes_to_run()) return;
-  const HomeBlock b = block_of_key(view, view.node_key[number]);
-  const StepControl& control = view.controls[b.scene];
+  const OwnerBlock b = block_of_key(view, view.node_key[number]);
+  const SceneProgress& control = view.controls[b.scene];
   if (control.phase != ScenePhase::running) return;
   const int inside = static_cast<int>(entry % nodes_per_block<3>);
   const NodeReach reach(node_in_block<3>(inside));
@@ -66,9 +66,9 @@ GRAUPEL_HD inline void update_node(const BatchView& view, int64_t entry) {
   for (int corner = 0; corner < 8; ++corner) {
     const int32_t key = neighbor_key(view, b, corner & 1 ? reach.shift[0] : 0, corner >> 1 & 1 ? reach.shift[1] : 0,
                                      corner >> 2 ? reach.shift[2] : 0);
-    const int32_t home = key < 0 ? -1 : view.home_of_key[key];
-    if (home < 0) continue;
-    const NodeSum part = view.arenas[static_cast<int64_t>(home) * reach_nodes + reach.place(corner)];
+    const int32_t owner = key < 0 ? -1 : view.owner_of_key[key];
+    if (owner < 0) continue;
+    const NodeSum part = view.arenas[static_cast<int64_t>(owner) * reach_nodes + reach.place(corner)];
     for (int n = 0; n < 4; ++n) sum.v[n] += part.v[n];
   }
   view.nodes[entry] = moved_node(view.scenes[b.scene].view, b.key, inside, sum, control.dt);
@@ -94,10 +94,10 @@ struct WindowNode {
 
 template <typename Block>
 GRAUPEL_HD void grid_to_particle(const Block& block, const BatchView& view, GatherShared& shared) {
-  const int home = block.index();
-  if (home >= view.counts->homes_to_run()) return;
-  const HomeBlock b = view.homes[home];
-  const StepControl& control = view.controls[b.scene];
+  const int owner = block.index();
+  if (owner >= view.counts->owners_to_run()) return;
+  const OwnerBlock b = view.owners[owner];
+  const SceneProgress& control = view.controls[b.scene];
   if (control.phase != ScenePhase::running) return;
   const SceneView<float>& scene = view.scenes[b.scene].view;
   const float dt = control.dt;

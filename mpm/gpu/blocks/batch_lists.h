@@ -93,29 +93,29 @@ struct MarkHeads {
   }
 };
 
-/// The home block with a number, whose first slots are known.
-GRAUPEL_HD inline HomeBlock named_home(const BatchView& view, int32_t home) {
-  HomeBlock b = block_of_key(view, static_cast<int32_t>(view.sort_key[view.start[home]] / cells_per_block));
-  b.begin = view.start[home];
-  b.end = home + 1 < view.counts->home ? view.start[home + 1] : view.particle_count;
+/// The owner block with a number, whose first slots are known.
+GRAUPEL_HD inline OwnerBlock named_owner(const BatchView& view, int32_t owner) {
+  OwnerBlock b = block_of_key(view, static_cast<int32_t>(view.sort_key[view.start[owner]] / cells_per_block));
+  b.begin = view.start[owner];
+  b.end = owner + 1 < view.counts->owner ? view.start[owner + 1] : view.particle_count;
   return b;
 }
 
-/// Names the home blocks, counts those of each scene, and marks the blocks that their arenas reach.
+/// Names the owner blocks, counts those of each scene, and marks the blocks that their arenas reach.
 template <typename Atomics>
-struct NameHomes {
+struct NameOwners {
   BatchView view;
   Atomics atomics;
-  GRAUPEL_HD void operator()(int64_t home) const {
-    const int32_t count = view.counts->home;
-    if (home >= count) return;
-    if (count > view.home_capacity) {
-      if (home == 0) view.counts->overflow = 1;
+  GRAUPEL_HD void operator()(int64_t owner) const {
+    const int32_t count = view.counts->owner;
+    if (owner >= count) return;
+    if (count > view.owner_capacity) {
+      if (owner == 0) view.counts->overflow = 1;
       return;
     }
-    const HomeBlock b = named_home(view, static_cast<int32_t>(home));
-    view.homes[home] = b;
-    view.home_of_key[b.scene * view.directory + b.key] = static_cast<int32_t>(home);
+    const OwnerBlock b = named_owner(view, static_cast<int32_t>(owner));
+    view.owners[owner] = b;
+    view.owner_of_key[b.scene * view.directory + b.key] = static_cast<int32_t>(owner);
     atomics.add(&view.controls[b.scene].blocks, 1);
     for (int n = 0; n < 27; ++n) {
       const int32_t key = neighbor_key(view, b, n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1);
@@ -141,7 +141,7 @@ struct ResumeScenes {
   BatchView view;
   GRAUPEL_HD void operator()(int64_t scene) const {
     view.arrivals[scene] = 0;
-    StepControl& control = view.controls[scene];
+    SceneProgress& control = view.controls[scene];
     if (control.phase != ScenePhase::unsorted || view.counts->overflow) return;
     control.phase = ScenePhase::running;
     control.since_sort = 0;

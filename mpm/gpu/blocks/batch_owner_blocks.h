@@ -1,4 +1,4 @@
-// The blocks of a batch as kernels see them: which scene and place a home block has, its neighbours, and where its
+// The blocks of a batch as kernels see them: which scene and place a owner block has, its neighbours, and where its
 // particles lie in its arena.
 #pragma once
 
@@ -8,8 +8,8 @@
 namespace graupel::mpm::batch {
 
 /// The block with a key of the batch, without particles.
-GRAUPEL_HD inline HomeBlock block_of_key(const BatchView& view, int32_t full_key) {
-  HomeBlock b{};
+GRAUPEL_HD inline OwnerBlock block_of_key(const BatchView& view, int32_t full_key) {
+  OwnerBlock b{};
   b.scene = full_key / view.directory;
   b.key = full_key - b.scene * view.directory;
   b.at = view.scenes[b.scene].view.grid.block_of(b.key);
@@ -17,7 +17,7 @@ GRAUPEL_HD inline HomeBlock block_of_key(const BatchView& view, int32_t full_key
 }
 
 /// Directory index of the block at `at` + (x, y, z) in its scene, or -1 outside the directory.
-GRAUPEL_HD inline int32_t neighbor_in_scene(const BatchView& view, const HomeBlock& b, int x, int y, int z) {
+GRAUPEL_HD inline int32_t neighbor_in_scene(const BatchView& view, const OwnerBlock& b, int x, int y, int z) {
   const GridGeometry<float, 3>& grid = view.scenes[b.scene].view.grid;
   const Vec<int, 3> at = {b.at[0] + x, b.at[1] + y, b.at[2] + z};
   for (int d = 0; d < 3; ++d)
@@ -26,7 +26,7 @@ GRAUPEL_HD inline int32_t neighbor_in_scene(const BatchView& view, const HomeBlo
 }
 
 /// The same as a key of the batch.
-GRAUPEL_HD inline int32_t neighbor_key(const BatchView& view, const HomeBlock& b, int x, int y, int z) {
+GRAUPEL_HD inline int32_t neighbor_key(const BatchView& view, const OwnerBlock& b, int x, int y, int z) {
   const int32_t key = neighbor_in_scene(view, b, x, y, z);
   return key < 0 ? -1 : b.scene * view.directory + key;
 }

@@ -12,7 +12,7 @@ struct FixedMomentum {
   GRAUPEL_HD void operator+=(double momentum) { units += static_cast<long long>(momentum / momentum_unit); }
 };
 
-/// What one particle reports: the members of Survey that concern it.
+/// What one particle reports: the members of StepStatistics that concern it.
 struct ParticleFindings {
   float largest_speed2 = 0, largest_sound_speed = 0;
   int32_t over_courant = 0, bad_slot = -1, pushed_out = 0;
@@ -52,7 +52,7 @@ template <typename Block, typename View>
 GRAUPEL_HD void report_block(const Block& block, const View& view, int32_t scene, const StepReport& mine,
                              int32_t substeps) {
   StepReport& all = view.reports[scene];
-  StepControl& control = view.controls[scene];
+  SceneProgress& control = view.controls[scene];
   block.max(&all.speed2, mine.speed2);
   block.max(&all.sound_speed, mine.sound_speed);
   if (substeps > 1) {

@@ -1,5 +1,5 @@
 // A whole segment of substeps in one kernel, for scenes so small that launches and loads take most of the time. Every
-// home block has a block of threads of its own, all of them at once on the GPU. A substep has one barrier among the
+// owner block has a block of threads of its own, all of them at once on the GPU. A substep has one barrier among the
 // blocks of a scene: after P2G, which leaves a block's sums in its arena in global memory. Then every block adds the
 // arenas that reach its own 8^3 nodes and moves those nodes itself, in shared memory, before G2P. Neighbours move the
 // same nodes again; that is less work than a second barrier.
@@ -17,32 +17,32 @@ namespace graupel::mpm::batch {
 inline constexpr int resident_threads = 256;
 inline constexpr int resident_warps = resident_threads / warp_width;
 inline constexpr uint32_t arrival_stop = 1u << 20;  ///< added to the number of arrivals by a block that must stop
-inline constexpr int far_width = 5;                 ///< home blocks at (-2..2)^3 reach the nodes of a window
+inline constexpr int far_width = 5;                 ///< owner blocks at (-2..2)^3 reach the nodes of a window
 
 struct ResidentShared {
   ScatterShared<resident_warps> scatter;
   NodeSum node[reach_nodes];
-  int32_t home[far_width * far_width * far_width];  ///< at (-2..2)^3, or -1
-  int32_t block_key[27];                            ///< directory index at (-1..1)^3, or -1
+  int32_t owner[far_width * far_width * far_width];  ///< at (-2..2)^3, or -1
+  int32_t block_key[27];                             ///< directory index at (-1..1)^3, or -1
   StepReport report;
   uint32_t arrivals;
 };
 
 /// What a block of threads knows for the whole segment.
 struct Resident {
-  HomeBlock home;
-  int number;  ///< of the home block
+  OwnerBlock owner;
+  int number;  ///< of the owner block
   int32_t blocks, substeps;
   float dt;
 };
 
 template <typename Block>
-GRAUPEL_HD void find_neighbors(const Block& block, const BatchView& view, const HomeBlock& b, ResidentShared& shared) {
+GRAUPEL_HD void find_neighbors(const Block& block, const BatchView& view, const OwnerBlock& b, ResidentShared& shared) {
   const int t = block.thread();
   if (t < far_width * far_width * far_width) {
     const int32_t key =
         neighbor_key(view, b, t / (far_width * far_width) - 2, t / far_width % far_width - 2, t % far_width - 2);
-    shared.home[t] = key < 0 ? -1 : view.home_of_key[key];
+    shared.owner[t] = key < 0 ? -1 : view.owner_of_key[key];
   }
   if (t < 27) shared.block_key[t] = neighbor_in_scene(view, b, t / 9 - 1, t / 3 % 3 - 1, t % 3 - 1);
   if (t == 0) clear_report(shared.report);
@@ -63,10 +63,10 @@ GRAUPEL_HD void move_window(const Block& block, const SceneView<float>& scene, c
       for (int corner = 0; corner < 8; ++corner) {
         const int x = at[0] + (corner & 1 ? reach.shift[0] : 0), y = at[1] + (corner >> 1 & 1 ? reach.shift[1] : 0),
                   z = at[2] + (corner >> 2 ? reach.shift[2] : 0);
-        const int32_t home = shared.home[(x * far_width + y) * far_width + z];
+        const int32_t owner = shared.owner[(x * far_width + y) * far_width + z];
         part[corner] = {};
-        if (home >= 0)
-          part[corner] = block.fresh(arenas + static_cast<int64_t>(home) * reach_nodes + reach.place(corner));
+        if (owner >= 0)
+          part[corner] = block.fresh(arenas + static_cast<int64_t>(owner) * reach_nodes + reach.place(corner));
       }
       for (int corner = 0; corner < 8; ++corner)
         for (int c = 0; c < 4; ++c) sum.v[c] += part[corner].v[c];
@@ -109,39 +109,39 @@ GRAUPEL_HD inline void begin_substep_report(StepReport& report) {
   report.over_courant = 0;
 }
 
-/// The substeps until the next sort or the end of the frame, for the home block with this block's number. Nothing
-/// happens when there are more home blocks than blocks of threads.
+/// The substeps until the next sort or the end of the frame, for the owner block with this block's number. Nothing
+/// happens when there are more owner blocks than blocks of threads.
 template <typename Block>
 GRAUPEL_HD void run_segment(const Block& block, const BatchView& view, ResidentShared& shared) {
   Resident own;
   own.number = block.index();
-  const int32_t homes = view.counts->homes_to_run();
-  if (own.number >= homes || homes > block.blocks()) return;
-  own.home = view.homes[own.number];
-  const StepControl& control = view.controls[own.home.scene];
+  const int32_t owners = view.counts->owners_to_run();
+  if (own.number >= owners || owners > block.blocks()) return;
+  own.owner = view.owners[own.number];
+  const SceneProgress& control = view.controls[own.owner.scene];
   if (control.phase != ScenePhase::running) return;
-  const BatchScene& scene = view.scenes[own.home.scene];
+  const BatchScene& scene = view.scenes[own.owner.scene];
   const auto left = static_cast<int32_t>(scene.time_step.substeps_per_frame) - control.frame_substeps;
   const int32_t sorted = control.sort_interval - control.since_sort;
   own.substeps = left < sorted ? left : sorted;
   own.blocks = control.blocks;
   own.dt = control.dt;
   const ParticleView<float>& p = view.now();
-  find_neighbors(block, view, own.home, shared);
+  find_neighbors(block, view, own.owner, shared);
   int32_t done = 0;
   for (;; ++done) {
     NodeSum* arenas = view.arenas + static_cast<int64_t>(done & 1) * block.blocks() * reach_nodes;
     if (done == own.substeps) break;
-    scatter_block<resident_warps>(block, p, scene.view, own.home, own.dt, shared.scatter,
+    scatter_block<resident_warps>(block, p, scene.view, own.owner, own.dt, shared.scatter,
                                   arenas + static_cast<int64_t>(own.number) * reach_nodes);
-    if (meet(block, view.arrivals + own.home.scene, own, done, shared)) break;
+    if (meet(block, view.arrivals + own.owner.scene, own, done, shared)) break;
     move_window(block, scene.view, arenas, own.dt, shared);
     if (block.thread() == 0 && done > 0) begin_substep_report(shared.report);
     block.sync();
-    advance_block(block, p, scene.view, own.home, own.dt, shared.node, shared.report);
+    advance_block(block, p, scene.view, own.owner, own.dt, shared.node, shared.report);
     block.sync();
   }
-  if (block.thread() == 0) report_block(block, view, own.home.scene, shared.report, done);
+  if (block.thread() == 0) report_block(block, view, own.owner.scene, shared.report, done);
 }
 
 }  // namespace graupel::mpm::batch

@@ -18,7 +18,7 @@ namespace graupel::mpm {
 /// Throws what ended a scene at `time` [s].
 template <typename Batch>
 [[noreturn]] void throw_stopped(const Batch& batch, int scene_number, double time) {
-  const StepControl& c = batch.control(scene_number);
+  const SceneProgress& c = batch.control(scene_number);
   const auto& setup = batch.setup(scene_number);
   const Scene& scene = setup.scene;
   if (c.phase == ScenePhase::too_stiff)

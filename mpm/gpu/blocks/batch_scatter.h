@@ -1,4 +1,4 @@
-// P2G of one home block: its particles' momentum and mass summed into its arena. Equals
+// P2G of one owner block: its particles' momentum and mass summed into its arena. Equals
 // mpm/phases/particle_to_grid.cpp; gain: mpm/gpu/blocks/batch_kernels.h.
 //
 // A warp takes 32 particles at a time. Nine lanes stand for the nine rows of a stencil (three nodes along z each) and
@@ -103,9 +103,9 @@ GRAUPEL_HD inline void flush_row(NodeSum* arena, int32_t base, int i, int j, Row
 
 /// One turn of a warp: `count` <= 32 particles from slot `first`.
 template <typename Block>
-GRAUPEL_HD void scatter_turn(const Block& block, const ParticleView<float>& p, const SceneView<float>& scene,
-                             const Vec<int, 3>& at, int32_t first, int32_t count, float dt, StagedParticle* staged,
-                             NodeSum* arena) {
+GRAUPEL_HD void scatter_chunk(const Block& block, const ParticleView<float>& p, const SceneView<float>& scene,
+                              const Vec<int, 3>& at, int32_t first, int32_t count, float dt, StagedParticle* staged,
+                              NodeSum* arena) {
   const int lane = block.thread() % warp_width, group = lane / group_lanes;
   const int i = lane % group_lanes / 3, j = lane % 3;
   block.sync_warp();
@@ -134,26 +134,26 @@ GRAUPEL_HD void scatter_turn(const Block& block, const ParticleView<float>& p, c
   }
 }
 
-/// Sums the particles of a home block into `arena` (reach_nodes). All threads of the block take part; the arena may be
+/// Sums the particles of a owner block into `arena` (reach_nodes). All threads of the block take part; the arena may be
 /// read by others after the caller's next barrier. Warps is a multiple of `streams`.
 template <int Warps, typename Block>
 GRAUPEL_HD void scatter_block(const Block& block, const ParticleView<float>& p, const SceneView<float>& scene,
-                              const HomeBlock& home, float dt, ScatterShared<Warps>& shared, NodeSum* arena) {
+                              const OwnerBlock& owner, float dt, ScatterShared<Warps>& shared, NodeSum* arena) {
   constexpr int rounds_at_once = Warps / streams, threads = Warps * warp_width;
   constexpr int own_nodes = (reach_nodes + threads - 1) / threads;
   const int warp = block.thread() / warp_width, lane = block.thread() % warp_width;
   NodeSum total[own_nodes] = {};
-  for (int32_t first = home.begin; first < home.end; first += rounds_at_once * round_particles) {
+  for (int32_t first = owner.begin; first < owner.end; first += rounds_at_once * round_particles) {
     int32_t mine = first + warp / streams * round_particles + warp % streams * warp_width;
-    if (mine < home.end)
+    if (mine < owner.end)
       for (int n = lane; n < reach_nodes; n += warp_width) shared.arena[warp][n] = {};
     for (int turn = 0; turn < round_turns; ++turn, mine += streams * warp_width)
-      if (mine < home.end)
-        scatter_turn(block, p, scene, home.at, mine, home.end - mine < warp_width ? home.end - mine : warp_width, dt,
-                     shared.staged[warp], shared.arena[warp]);
+      if (mine < owner.end)
+        scatter_chunk(block, p, scene, owner.at, mine, owner.end - mine < warp_width ? owner.end - mine : warp_width,
+                      dt, shared.staged[warp], shared.arena[warp]);
     block.sync();
     for (int round = 0; round < rounds_at_once; ++round) {
-      const int32_t left = home.end - first - round * round_particles;
+      const int32_t left = owner.end - first - round * round_particles;
       if (left <= 0) break;
       const int used = left >= streams * warp_width ? streams : (left + warp_width - 1) / warp_width;
       for (int o = 0; o < own_nodes; ++o) {
@@ -164,7 +164,7 @@ GRAUPEL_HD void scatter_block(const Block& block, const ParticleView<float>& p, 
         for (int c = 0; c < 4; ++c) total[o].v[c] += sum.v[c];
       }
     }
-    if (first + rounds_at_once * round_particles < home.end) block.sync();
+    if (first + rounds_at_once * round_particles < owner.end) block.sync();
   }
   for (int o = 0; o < own_nodes; ++o) arena[block.thread() + o * threads] = total[o];
 }

@@ -19,12 +19,12 @@ BatchSetup set_up_batch(std::vector<BatchEntry> entries, Device device) {
     for (int32_t& index : own.source_index) index += static_cast<int32_t>(first);
     batch.records.push_back(
         {s.view(), s.scene.time_step, s.scene.frame_time, s.diffusivity, static_cast<int32_t>(first)});
-    StepControl control{};
+    SceneProgress control{};
     control.phase = ScenePhase::frame_done;
     control.bad_particle = no_bad_particle;
-    const Survey survey = survey_start(s, own);
-    control.speed = std::sqrt(survey.largest_speed2);
-    control.sound_speed = survey.largest_sound_speed;
+    const StepStatistics statistics = survey_start(s, own);
+    control.speed = std::sqrt(statistics.largest_speed2);
+    control.sound_speed = statistics.largest_sound_speed;
     batch.controls.push_back(control);
     append(batch.particles, own);
   }

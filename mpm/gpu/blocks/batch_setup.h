@@ -22,7 +22,7 @@ struct BatchSetup {
   std::vector<int64_t> first_particle;  ///< of every scene, and one past the last scene's
   HostParticles<float> particles;       ///< source_index counts through all scenes
   std::vector<BatchScene> records;
-  std::vector<StepControl> controls;
+  std::vector<SceneProgress> controls;
 };
 
 BatchSetup set_up_batch(std::vector<BatchEntry> entries, Device device);

@@ -31,7 +31,7 @@ class BatchSolver {
   /// One frame of every scene that has not diverged.
   void advance_frame();
   int scene_count() const { return static_cast<int>(scenes_.size()); }
-  const StepControl& control(int scene) const { return host_controls_[static_cast<std::size_t>(scene)]; }
+  const SceneProgress& control(int scene) const { return host_controls_[static_cast<std::size_t>(scene)]; }
   const SceneSetup<float>& setup(int scene) const { return *scenes_[static_cast<std::size_t>(scene)]; }
   /// First place of a scene's particles in frames, and one past the last scene's.
   int64_t first_particle(int scene) const { return first_particle_[static_cast<std::size_t>(scene)]; }
@@ -41,7 +41,7 @@ class BatchSolver {
   HostParticles<float> particles() const;
   /// The arrays in use, and the scenes' records: what a saved state holds.
   Particles<float>& present_particles() { return particles_[counts_.download().front().current]; }
-  void set_controls(const std::vector<StepControl>& controls) {
+  void set_controls(const std::vector<SceneProgress>& controls) {
     controls_.upload(controls);
     host_controls_ = controls;
   }
@@ -50,7 +50,7 @@ class BatchSolver {
 
  private:
   BatchView view() const;
-  void reserve(int64_t homes, int64_t nodes);
+  void reserve(int64_t owners, int64_t nodes);
   void sort(const BatchView& v, bool resident);
   void segment(int substeps);
   int substeps_until_sort() const;
@@ -64,19 +64,19 @@ class BatchSolver {
   std::vector<int64_t> first_particle_;
   int64_t count_ = 0;
   int32_t directory_ = 0;
-  std::vector<StepControl> host_controls_;
+  std::vector<SceneProgress> host_controls_;
   int64_t active_blocks_ = 0;
 
   mutable Particles<float> particles_[2];
   std::vector<BatchScene> host_scenes_;
   bool fixed_steps_ = true;
-  int64_t home_capacity_ = 0;
+  int64_t owner_capacity_ = 0;
   Buffer<BatchScene> batch_scenes_;
-  Buffer<StepControl> controls_;
+  Buffer<SceneProgress> controls_;
   Buffer<StepReport> reports_;
   Buffer<BlockCounts> counts_;
-  Buffer<HomeBlock> homes_;
-  Buffer<int32_t> start_, home_of_key_, node_key_, node_of_key_, slots_, sorted_slots_;
+  Buffer<OwnerBlock> owners_;
+  Buffer<int32_t> start_, owner_of_key_, node_key_, node_of_key_, slots_, sorted_slots_;
   Buffer<uint32_t> keys_, sorted_keys_, arrivals_;
   Buffer<uint8_t> node_flag_, head_;
   Buffer<NodeSum> arenas_, nodes_;
@@ -105,12 +105,12 @@ BatchSolver<Backend>::BatchSolver(Backend& backend, std::vector<BatchEntry> entr
                       " particles, allowed: 2147483632). Use fewer scenes, a larger dx or a smaller domain");
   directory_ = static_cast<int32_t>(scenes_.front()->view().grid.directory_size());
   const auto n = static_cast<std::size_t>(count_);
-  const auto keys = static_cast<std::size_t>(directory_) * scenes_.size(), homes = std::min(n, keys);
+  const auto keys = static_cast<std::size_t>(directory_) * scenes_.size(), owners = std::min(n, keys);
   particles_[0] = upload_particles(batch.particles, device);
   particles_[1] = Particles<float>(device, count_);
   batch_scenes_ = Buffer<BatchScene>(device, 0);
   batch_scenes_.upload(host_scenes_);
-  controls_ = Buffer<StepControl>(device, 0);
+  controls_ = Buffer<SceneProgress>(device, 0);
   controls_.upload(host_controls_);
   std::vector<StepReport> reports(scenes_.size());
   for (StepReport& report : reports) clear_report(report);
@@ -118,9 +118,9 @@ BatchSolver<Backend>::BatchSolver(Backend& backend, std::vector<BatchEntry> entr
   reports_.upload(reports);
   counts_ = Buffer<BlockCounts>(device, 0);
   counts_.upload({BlockCounts{}});
-  homes_ = Buffer<HomeBlock>(device, homes);
-  start_ = Buffer<int32_t>(device, homes + 1);
-  home_of_key_ = Buffer<int32_t>(device, keys);
+  owners_ = Buffer<OwnerBlock>(device, owners);
+  start_ = Buffer<int32_t>(device, owners + 1);
+  owner_of_key_ = Buffer<int32_t>(device, keys);
   node_key_ = Buffer<int32_t>(device, keys);
   node_of_key_ = Buffer<int32_t>(device, keys);
   node_flag_ = Buffer<uint8_t>(device, keys);
@@ -137,17 +137,17 @@ BatchSolver<Backend>::BatchSolver(Backend& backend, std::vector<BatchEntry> entr
 }
 
 template <typename Backend>
-void BatchSolver<Backend>::reserve(int64_t homes, int64_t nodes) {
+void BatchSolver<Backend>::reserve(int64_t owners, int64_t nodes) {
   const auto keys = static_cast<int64_t>(node_key_.size());
-  homes = std::min({homes, keys, count_});
+  owners = std::min({owners, keys, count_});
   nodes = std::min(nodes, keys);
   constexpr int64_t most_nodes = 0x7fffffff / nodes_per_block<3>;  // a node's place is a 32-bit number
   if (nodes > most_nodes)
     throw ConfigError("the particles spread over too many grid blocks (" + std::to_string(nodes) +
                       ", allowed: " + std::to_string(most_nodes) + "). Use fewer scenes, a larger dx or less material");
-  home_capacity_ = homes;
+  owner_capacity_ = owners;
   arenas_.resize_discard(
-      static_cast<std::size_t>(std::max<int64_t>(homes, 2 * backend_.resident_blocks()) * reach_nodes));
+      static_cast<std::size_t>(std::max<int64_t>(owners, 2 * backend_.resident_blocks()) * reach_nodes));
   nodes_.resize_discard(static_cast<std::size_t>(nodes * nodes_per_block<3>));
   backend_.forget();
 }
@@ -160,16 +160,16 @@ BatchView BatchSolver<Backend>::view() const {
   v.scene_count = scene_count();
   v.directory = directory_;
   v.particle_count = static_cast<int32_t>(count_);
-  v.home_capacity = static_cast<int32_t>(home_capacity_);
+  v.owner_capacity = static_cast<int32_t>(owner_capacity_);
   v.node_capacity = static_cast<int32_t>(nodes_.size() / nodes_per_block<3>);
   v.scenes = batch_scenes_.data();
   v.controls = self.controls_.data();
   v.reports = self.reports_.data();
   for (int i = 0; i < 2; ++i) v.particles[i] = particles_[i].view();
   v.counts = self.counts_.data();
-  v.homes = self.homes_.data();
+  v.owners = self.owners_.data();
   v.start = self.start_.data();
-  v.home_of_key = self.home_of_key_.data();
+  v.owner_of_key = self.owner_of_key_.data();
   v.node_key = self.node_key_.data();
   v.node_of_key = self.node_of_key_.data();
   v.node_flag = self.node_flag_.data();
@@ -180,7 +180,7 @@ BatchView BatchSolver<Backend>::view() const {
   return v;
 }
 
-/// Particles by block and cell; home blocks with their particles; node blocks, unless a segment is one kernel.
+/// Particles by block and cell; owner blocks with their particles; node blocks, unless a segment is one kernel.
 template <typename Backend>
 void BatchSolver<Backend>::sort(const BatchView& v, bool resident) {
   using namespace batch;
@@ -189,21 +189,21 @@ void BatchSolver<Backend>::sort(const BatchView& v, bool resident) {
   backend_.sort_pairs(keys_.data(), sorted_keys_.data(), slots_.data(), sorted_slots_.data(), count_,
                       static_cast<uint64_t>(keys) * cells_per_block);
   backend_.launch(count_, PermuteBatch{v, sorted_slots_.data()});
-  backend_.fill(home_of_key_.data(), 0xff, home_of_key_.size() * sizeof(int32_t));
-  if (resident) return backend_.list_homes(v);
+  backend_.fill(owner_of_key_.data(), 0xff, owner_of_key_.size() * sizeof(int32_t));
+  if (resident) return backend_.list_owners(v);
   backend_.launch(v.scene_count, SwapBatch{v});
   backend_.launch(count_, MarkHeads{v.sort_key, head_.data()});
-  backend_.select_marked(head_.data(), count_, v.start, &counts_.data()->home);
+  backend_.select_marked(head_.data(), count_, v.start, &counts_.data()->owner);
   backend_.fill(node_flag_.data(), 0, node_flag_.size());
   backend_.fill(node_of_key_.data(), 0xff, node_of_key_.size() * sizeof(int32_t));
-  backend_.launch(static_cast<int64_t>(homes_.size()),
-                  NameHomes<typename Backend::Atomics>{v, typename Backend::Atomics{}});
+  backend_.launch(static_cast<int64_t>(owners_.size()),
+                  NameOwners<typename Backend::Atomics>{v, typename Backend::Atomics{}});
   backend_.select_marked(node_flag_.data(), keys, v.node_key, &counts_.data()->node);
   backend_.launch(keys, NameNodes{v});
   backend_.launch(v.scene_count, ResumeScenes{v});
 }
 
-/// Whether all home blocks can be on the GPU at once and no step waits for a survey of the whole scene. Before the
+/// Whether all owner blocks can be on the GPU at once and no step waits for a statistics of the whole scene. Before the
 /// first sort nothing is known: then it is tried, and does nothing if not.
 template <typename Backend>
 bool BatchSolver<Backend>::is_resident() const {
@@ -214,7 +214,7 @@ bool BatchSolver<Backend>::is_resident() const {
 template <typename Backend>
 int BatchSolver<Backend>::substeps_until_sort() const {
   int substeps = 0;
-  for (const StepControl& c : host_controls_)
+  for (const SceneProgress& c : host_controls_)
     if (c.phase == ScenePhase::unsorted) substeps = std::gcd(substeps, c.sort_interval);
   return std::max(substeps, shortest_interval);
 }
@@ -239,7 +239,7 @@ template <typename Backend>
 int64_t BatchSolver<Backend>::segments_left(int substeps) const {
   int64_t most = 0;
   for (int i = 0; i < scene_count(); ++i) {
-    const StepControl& c = control(i);
+    const SceneProgress& c = control(i);
     if (c.phase != ScenePhase::running && c.phase != ScenePhase::unsorted) continue;
     const SceneSetup<float>& s = setup(i);
     const int64_t steps = s.scene.time_step.policy == StepPolicy::fixed
@@ -255,14 +255,14 @@ template <typename Backend>
 bool BatchSolver<Backend>::read_back() {
   BlockCounts counts;
   backend_.read(controls_.data(), host_controls_.size(), host_controls_.data(), counts_.data(), 1, &counts);
-  active_blocks_ = counts.home;
+  active_blocks_ = counts.owner;
   return counts.overflow != 0;
 }
 
 template <typename Backend>
 void BatchSolver<Backend>::grow() {
   const BlockCounts counts = counts_.download().front();
-  reserve(counts.home + counts.home / 4 + 16, counts.node + counts.node / 4 + 64);
+  reserve(counts.owner + counts.owner / 4 + 16, counts.node + counts.node / 4 + 64);
 }
 
 template <typename Backend>

@@ -12,7 +12,7 @@ namespace graupel::mpm {
 
 template <typename Batch>
 std::size_t batch_state_bytes(Batch& batch) {
-  std::size_t content = sizeof(int64_t) + static_cast<std::size_t>(batch.scene_count()) * sizeof(StepControl);
+  std::size_t content = sizeof(int64_t) + static_cast<std::size_t>(batch.scene_count()) * sizeof(SceneProgress);
   batch.present_particles().for_each_buffer(
       [&](const auto& buffer) { content += buffer.size() * sizeof(*buffer.data()); });
   return content;
@@ -32,7 +32,7 @@ template <typename Batch>
 int64_t load_batch(Batch& batch, const StateOwner& owner, const std::vector<std::byte>& state) {
   StateReader reader(state, owner, batch_state_bytes(batch));
   int64_t frames_done = 0;
-  std::vector<StepControl> controls(static_cast<std::size_t>(batch.scene_count()));
+  std::vector<SceneProgress> controls(static_cast<std::size_t>(batch.scene_count()));
   reader.get(frames_done);
   reader.get(controls);
   batch.present_particles().for_each_buffer([&](auto& buffer) { reader.get(buffer); });

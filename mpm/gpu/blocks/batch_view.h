@@ -60,12 +60,12 @@ inline constexpr int32_t no_bad_particle = 0x7fffffff;
 inline constexpr double momentum_unit = 1e-12;  ///< [kg m/s] of pushed_momentum
 
 /// The course of one scene.
-struct StepControl {
+struct SceneProgress {
   ScenePhase phase;
   float dt;                           ///< of the present substep [s]
   double elapsed;                     ///< inside the frame [s]
   int32_t frame_substeps;             ///< done in this frame
-  int32_t blocks;                     ///< home blocks since the last sort
+  int32_t blocks;                     ///< owner blocks since the last sort
   int32_t since_sort, sort_interval;  ///< substeps; a scene's own, so that it does not depend on the batch
   double speed, sound_speed;          ///< largest of the present state [m/s]
   double before_speed, before_sound;  ///< of the state before
@@ -76,7 +76,7 @@ struct StepControl {
 };
 
 /// A block of the grid with the particles that were sorted into it; as wide as two loads.
-struct alignas(16) HomeBlock {
+struct alignas(16) OwnerBlock {
   int32_t key;  ///< directory index in its scene
   int32_t scene;
   Vec<int, 3> at;      ///< block coordinates
@@ -85,34 +85,34 @@ struct alignas(16) HomeBlock {
 
 /// Numbers of blocks, on the device.
 struct BlockCounts {
-  int32_t home, node;
+  int32_t owner, node;
   int32_t overflow;  ///< set when they exceed the storage: nothing runs until it has grown
   int32_t current;   ///< 0 or 1: the particle arrays in use
 
   /// Blocks that substeps work on: none while their lists are not complete.
-  GRAUPEL_HD int32_t homes_to_run() const { return overflow ? 0 : home; }
+  GRAUPEL_HD int32_t owners_to_run() const { return overflow ? 0 : owner; }
   GRAUPEL_HD int32_t nodes_to_run() const { return overflow ? 0 : node; }
 };
 
 /// Everything that the kernels of a batch read or write.
 struct BatchView {
   int32_t scene_count, directory, particle_count;
-  int32_t home_capacity, node_capacity;
+  int32_t owner_capacity, node_capacity;
   const BatchScene* scenes;
-  StepControl* controls;
+  SceneProgress* controls;
   StepReport* reports;
   ParticleView<float> particles[2];
   BlockCounts* counts;
-  HomeBlock* homes;      ///< [home_capacity] with ascending keys
-  int32_t* start;        ///< [n + 1] first slot of each home block
-  int32_t* home_of_key;  ///< [scenes * directory] -1 for none
-  int32_t* node_key;     ///< [node blocks] ascending
-  int32_t* node_of_key;  ///< [scenes * directory] -1 for none
-  uint8_t* node_flag;    ///< [scenes * directory]
-  uint32_t* arrivals;    ///< [scenes] blocks at the barriers of the present segment (mpm/gpu/blocks/batch_resident.h)
-  uint32_t* sort_key;    ///< [n] key * 64 + cell, of the sorted slots
-  NodeSum* arenas;       ///< [home_capacity, reach_nodes]
-  NodeSum* nodes;        ///< [node_capacity, 64]
+  OwnerBlock* owners;     ///< [owner_capacity] with ascending keys
+  int32_t* start;         ///< [n + 1] first slot of each owner block
+  int32_t* owner_of_key;  ///< [scenes * directory] -1 for none
+  int32_t* node_key;      ///< [node blocks] ascending
+  int32_t* node_of_key;   ///< [scenes * directory] -1 for none
+  uint8_t* node_flag;     ///< [scenes * directory]
+  uint32_t* arrivals;     ///< [scenes] blocks at the barriers of the present segment (mpm/gpu/blocks/batch_resident.h)
+  uint32_t* sort_key;     ///< [n] key * 64 + cell, of the sorted slots
+  NodeSum* arenas;        ///< [owner_capacity, reach_nodes]
+  NodeSum* nodes;         ///< [node_capacity, 64]
 
   GRAUPEL_HD const ParticleView<float>& now() const { return particles[counts->current]; }
 };

@@ -22,7 +22,7 @@ GRAUPEL_HD inline double device_step(const TimeStep& policy, double dx, double f
   return left / (steps > 1 ? steps : 1);
 }
 
-GRAUPEL_HD inline void choose_step(const BatchScene& scene, StepControl& control) {
+GRAUPEL_HD inline void choose_step(const BatchScene& scene, SceneProgress& control) {
   const double left = scene.frame_time - control.elapsed;
   const double dt = device_step(scene.time_step, static_cast<double>(scene.view.grid.dx), scene.frame_time,
                                 control.speed, control.sound_speed, scene.diffusivity, left);
@@ -33,7 +33,7 @@ GRAUPEL_HD inline void choose_step(const BatchScene& scene, StepControl& control
 /// Substeps between two sorts: those that the fastest particle needs for most of the cell that it may go beyond its
 /// block, a multiple of eight.
 inline constexpr int32_t shortest_interval = 8, longest_interval = 64;
-GRAUPEL_HD inline int32_t interval_of_sorts(const BatchScene& scene, const StepControl& control) {
+GRAUPEL_HD inline int32_t interval_of_sorts(const BatchScene& scene, const SceneProgress& control) {
   const double way = control.speed * static_cast<double>(control.dt) / static_cast<double>(scene.view.grid.dx);
   int32_t interval = shortest_interval;
   while (interval < longest_interval && (interval + shortest_interval) * way <= 0.9) interval += shortest_interval;
@@ -41,7 +41,7 @@ GRAUPEL_HD inline int32_t interval_of_sorts(const BatchScene& scene, const StepC
 }
 
 /// Every frame starts with a sort.
-GRAUPEL_HD inline void begin_frame(const BatchScene& scene, StepControl& control) {
+GRAUPEL_HD inline void begin_frame(const BatchScene& scene, SceneProgress& control) {
   if (control.phase != ScenePhase::frame_done) return;
   control.phase = ScenePhase::unsorted;
   control.elapsed = 0;
@@ -58,7 +58,7 @@ GRAUPEL_HD inline void clear_report(StepReport& report) {
 /// Counts substeps before the one that finish_substep() is about to end, which did not end the frame: speeds of the
 /// last of them, and the largest sound speed of all.
 GRAUPEL_HD inline void count_earlier_substeps(const BatchScene& scene, int32_t substeps, float speed2,
-                                              float sound_speed, float peak_sound_speed, StepControl& control) {
+                                              float sound_speed, float peak_sound_speed, SceneProgress& control) {
   const double dt = static_cast<double>(control.dt);
   control.substeps += substeps;
   control.frame_substeps += substeps;
@@ -72,7 +72,7 @@ GRAUPEL_HD inline void count_earlier_substeps(const BatchScene& scene, int32_t s
 
 /// Ends a substep: `found` is the report of all blocks.
 GRAUPEL_HD inline void finish_substep(const BatchScene& scene, const StepReport& found, float largest_speed2,
-                                      float largest_sound_speed, StepControl& control) {
+                                      float largest_sound_speed, SceneProgress& control) {
   const double dt = static_cast<double>(control.dt), left = scene.frame_time - control.elapsed;
   ++control.substeps;
   ++control.frame_substeps;

@@ -131,7 +131,7 @@ GRAUPEL_HD inline int add_lanes(const Block& block, int part, float (&value)[12]
 
 /// G2P of a turn: moments of the particles into the warp's staged ones.
 template <typename Block>
-GRAUPEL_HD void gather_turn(const Worker<Block>& w, int32_t first, int32_t count, const UnitPair* sums) {
+GRAUPEL_HD void gather_chunk(const Worker<Block>& w, int32_t first, int32_t count, const UnitPair* sums) {
   const SceneView<float>& scene = w.scene.view;
   const SmallScene& small = w.small;
   const int part = w.lane() % particle_lanes;
@@ -217,7 +217,7 @@ GRAUPEL_HD Share advance(Worker<Block>& w, int64_t slot, const Moment& moment, b
   Mat<float, 3> F = Mat<float, 3>::identity(), A = Mat<float, 3>::zero();
   if (m.model == MaterialModel::stationary) {  // keeps place and velocity whatever the grid does
     v = p.velocity.vec(slot);
-    survey_state(dx, m, place, v, F, internal, w.dt, found);
+    state_statistics(dx, m, place, v, F, internal, w.dt, found);
   } else {
     Mat<float, 3> C;
     for (int r = 0; r < 3; ++r) {
@@ -235,13 +235,13 @@ GRAUPEL_HD Share advance(Worker<Block>& w, int64_t slot, const Moment& moment, b
         store_symmetric(p.stress, slot, tau);
       }
     }
-    if (!survey_deformation(dx, m, F, internal, w.dt, found)) mark_bad(place, found);
+    if (!deformation_statistics(dx, m, F, internal, w.dt, found)) mark_bad(place, found);
     move_point<false, 3>(scene, {}, false, place, mass, w.dt, x, v, found);
     if (reports) {
       p.position.set_vec(slot, x);
       p.velocity.set_vec(slot, v);
     }
-    if (!survey_velocity(v, found)) mark_bad(place, found);
+    if (!velocity_statistics(v, found)) mark_bad(place, found);
   }
   if (reports) {
     w.speed2 = found.largest_speed2 > w.speed2 ? found.largest_speed2 : w.speed2;
@@ -256,7 +256,7 @@ GRAUPEL_HD Share advance(Worker<Block>& w, int64_t slot, const Moment& moment, b
 /// share a particle: the others see the stencil from its far corner, with mirrored weights, and stop before the node in
 /// its middle.
 template <typename Block>
-GRAUPEL_HD void scatter_turn(const Worker<Block>& w, int32_t count, UnitPair* sums) {
+GRAUPEL_HD void scatter_chunk(const Worker<Block>& w, int32_t count, UnitPair* sums) {
   const int channel = w.lane() % 4;
   const bool mirrored = w.lane() / 4 % 2 == 1;
   const int32_t row = 4 * w.small.nodes[2], plane = row * w.small.nodes[1];
@@ -334,7 +334,7 @@ GRAUPEL_HD void substep(Worker<Block>& w, int64_t k, bool last) {
                   *const old = w.small.sums[(k + 2) % 3];
   w.for_turns([&](int32_t first, int32_t count) {
     clear_turn(w, first, count, bases(k + 2), old);
-    gather_turn(w, first, count, now);
+    gather_chunk(w, first, count, now);
     w.block.sync_warp();
     const int lane = w.lane(), own = lane % w.turn, at = own < count ? own : count - 1;
     const Moment moment = w.staged()[at].moment;
@@ -343,7 +343,7 @@ GRAUPEL_HD void substep(Worker<Block>& w, int64_t k, bool last) {
         advance(w, int64_t(w.small.first) + first + at, moment, lane < count, last ? Keep::everything : Keep::motion);
     if (last) return;
     stage(w, first, count, share, bases(k + 1));
-    scatter_turn(w, count, next);
+    scatter_chunk(w, count, next);
     w.block.sync_warp();
   });
 }
@@ -355,7 +355,7 @@ GRAUPEL_HD void scatter_scene(const Worker<Block>& w, int64_t k) {
     const int own = w.lane() % w.turn, at = own < count ? own : count - 1;
     stage(w, first, count, present_share(w, int64_t(w.small.first) + first + at),
           w.view.base + k % 3 * w.view.particles.count);
-    scatter_turn(w, count, w.small.sums[k % 3]);
+    scatter_chunk(w, count, w.small.sums[k % 3]);
     w.block.sync_warp();
   });
 }

@@ -160,7 +160,7 @@ TEST(Batch, StorageGrowsWhileAFrameRuns) {
   expect_close(cpu->frame(), batch.frame(), 2e-5f, 2e-2f);
 }
 
-/// Frames of a batch whose home blocks all run at once, up to `resident_blocks` of them, or by three kernels (0).
+/// Frames of a batch whose owner blocks all run at once, up to `resident_blocks` of them, or by three kernels (0).
 std::unique_ptr<BatchSolver<FiberBackend>> run_batch(FiberBackend& backend, const std::vector<Scene>& scenes,
                                                      int frames) {
   std::vector<BatchEntry> entries = entries_of(scenes, 3);
@@ -174,7 +174,7 @@ void expect_same_bytes(const BatchSolver<FiberBackend>& a, const BatchSolver<Fib
   EXPECT_TRUE(x.position == y.position);
   EXPECT_TRUE(x.velocity == y.velocity);
   for (int i = 0; i < a.scene_count(); ++i) {
-    const StepControl &c = a.control(i), &d = b.control(i);
+    const SceneProgress &c = a.control(i), &d = b.control(i);
     EXPECT_EQ(c.phase, d.phase);
     EXPECT_EQ(c.substeps, d.substeps);
     EXPECT_EQ(c.elapsed, d.elapsed);

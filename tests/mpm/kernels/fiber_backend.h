@@ -66,13 +66,15 @@ class FiberBackend {
     std::copy_n(a, n, to_a);
     std::copy_n(b, m, to_b);
   }
-  void list_homes(const BatchView& view) {
+  void list_owners(const BatchView& view) {
     batch::ListShared shared;
     std::memset(static_cast<void*>(&shared), 0xa5, sizeof(shared));
-    FiberBlock(batch::list_threads).run(0, [&](const FiberThread& thread) { batch::list_homes(thread, view, shared); });
+    FiberBlock(batch::list_threads).run(0, [&](const FiberThread& thread) {
+      batch::list_owners(thread, view, shared);
+    });
   }
   void run_segment(const BatchView& view) {
-    const int blocks = std::min(resident_blocks_, view.counts->home + 1);  // one too many, which does nothing
+    const int blocks = std::min(resident_blocks_, view.counts->owner + 1);  // one too many, which does nothing
     run_together<batch::ResidentShared>(blocks, resident_blocks_, batch::resident_threads,
                                         [&view](const FiberThread& thread, batch::ResidentShared& shared) {
                                           batch::run_segment(thread, view, shared);
@@ -117,7 +119,7 @@ class FiberBackend {
   template <typename Shared, typename Kernel>
   void run(const BatchView& view, const Kernel& kernel) {
     const auto shared = std::make_unique<Shared>();
-    const int blocks = std::min(view.home_capacity, view.counts->home + 1);  // one block too many must do nothing
+    const int blocks = std::min(view.owner_capacity, view.counts->owner + 1);  // one block too many must do nothing
     for (int i = 0; i < blocks; ++i) {
       std::memset(static_cast<void*>(shared.get()), 0xa5, sizeof(Shared));  // shared memory starts undefined
       block_.run(i, [&](const FiberThread& thread) { kernel(thread, view, *shared); });

@@ -1,4 +1,4 @@
-// The schedules of P2G in mpm/ under their laws (tests/mpm/kernels/particle_to_grid_laws.h): portable by home blocks
+// The schedules of P2G in mpm/ under their laws (tests/mpm/kernels/particle_to_grid_laws.h): portable by owner blocks
 // and by nodes, vectorised on every instruction set, and on GPUs by blocks and for small scenes, which fibers run here.
 // The sixth, of reduced-order models, is in tests/rom/particle_to_grid_test.cpp.
 #include "mpm/cpu/tuned_phases.h"
@@ -43,23 +43,23 @@ struct Vectorised : Portable<T, 3, Spline::quadratic> {
   }
 };
 
-/// The arenas of home blocks, node for node.
+/// The arenas of owner blocks, node for node.
 struct GpuBlocks : Portable<float, 3, Spline::quadratic> {
   static NodeSums sums(const SolverView<float>& view, float dt) {
     using Shared = batch::ScatterShared<batch::block_warps>;
     NodeSums sums;
     const auto shared = std::make_unique<Shared>();
     std::vector<NodeSum> arena(reach_nodes);
-    for (int32_t h = 0; h < view.blocks.home_count; ++h) {
-      HomeBlock home{};
-      home.at = view.grid.block_of(view.blocks.home_key[h]);
-      home.begin = view.blocks.start[h];
-      home.end = view.blocks.start[h + 1];
-      for (int32_t i = home.begin; i < home.end; ++i) EXPECT_EQ(view.blocks.order[i], i);
+    for (int32_t h = 0; h < view.blocks.owner_count; ++h) {
+      OwnerBlock owner{};
+      owner.at = view.grid.block_of(view.blocks.owner_key[h]);
+      owner.begin = view.blocks.start[h];
+      owner.end = view.blocks.start[h + 1];
+      for (int32_t i = owner.begin; i < owner.end; ++i) EXPECT_EQ(view.blocks.order[i], i);
       FiberBlock(batch::block_threads).run(0, [&](const FiberThread& thread) {
-        batch::scatter_block<batch::block_warps>(thread, view.particles, view, home, dt, *shared, arena.data());
+        batch::scatter_block<batch::block_warps>(thread, view.particles, view, owner, dt, *shared, arena.data());
       });
-      const Vec<int, 3> low = batch::reach_low(home.at);
+      const Vec<int, 3> low = batch::reach_low(owner.at);
       for (int n = 0; n < reach_nodes; ++n) {
         const Vec<int, 3> c = {n / 64, n / 8 % 8, n % 8}, at = low + c;
         const NodeSum& node = arena[static_cast<std::size_t>(reach_index(c[0], c[1], c[2]))];

@@ -86,21 +86,21 @@ TEST(Phases, EveryParticleIsInItsHomeBlockAndEveryBlockIsLinked) {
   const auto solver = state_in_motion<float>();
   const SolverView<float> view = solver->view();
   std::vector<int> seen(static_cast<std::size_t>(view.particles.count), 0);
-  for (int32_t h = 0; h < view.blocks.home_count; ++h) {
+  for (int32_t h = 0; h < view.blocks.owner_count; ++h) {
     ASSERT_LT(view.blocks.start[h], view.blocks.start[h + 1]);
     for (int32_t i = view.blocks.start[h]; i < view.blocks.start[h + 1]; ++i) {
       const int32_t slot = view.blocks.order[i];
       ++seen[slot];
-      ASSERT_EQ(view.keys[slot], view.blocks.home_key[h]);
+      ASSERT_EQ(view.keys[slot], view.blocks.owner_key[h]);
       if (i > view.blocks.start[h]) {
         ASSERT_LT(view.blocks.order[i - 1], slot);
       }
     }
-    const Vec3i block = view.grid.block_of(view.blocks.home_key[h]);
+    const Vec3i block = view.grid.block_of(view.blocks.owner_key[h]);
     for (int c = 0; c < 8; ++c) {
-      const int32_t node = view.blocks.home_to_node[8 * h + c];
+      const int32_t node = view.blocks.owner_to_node[8 * h + c];
       ASSERT_EQ(view.blocks.node_key[node], view.grid.directory_index(block + corner_bits<3>(c)));
-      ASSERT_EQ(view.blocks.node_to_home[8 * node + c], h);
+      ASSERT_EQ(view.blocks.node_to_owner[8 * node + c], h);
     }
   }
   for (const int s : seen) ASSERT_EQ(s, 1);

@@ -89,7 +89,7 @@ void expect_close(const HostParticles<T>& a, const HostParticles<T>& b, double t
   EXPECT_LE(outliers, allowed_outliers<T>(a.size()));
 }
 
-void expect_same_survey(const Survey& a, const Survey& b, double tolerance) {
+void expect_same_survey(const StepStatistics& a, const StepStatistics& b, double tolerance) {
   EXPECT_NEAR(a.largest_speed2, b.largest_speed2, tolerance * b.largest_speed2);
   EXPECT_NEAR(a.largest_sound_speed, b.largest_sound_speed, tolerance * b.largest_sound_speed);
   EXPECT_EQ(a.over_courant, b.over_courant);
@@ -102,13 +102,13 @@ constexpr T step_of_tests = T(3e-4);
 
 /// One substep by the portable phases, of which `parts` says how much.
 template <typename T>
-Survey portable_substep(Solver<T>& solver, AdvanceParts parts, Buffer<Survey>& records) {
+StepStatistics portable_substep(Solver<T>& solver, AdvanceParts parts, Buffer<StepStatistics>& records) {
   const SolverView<T> view = solver.view();
   particle_to_grid_by_nodes(view, step_of_tests<T>);
   update_grid(view, step_of_tests<T>);
   grid_to_particle_by_particles(view);
   if (parts != AdvanceParts::gather) update_deformation_portable(view, step_of_tests<T>);
-  return parts == AdvanceParts::all ? move_particles(view, step_of_tests<T>, records) : Survey{};
+  return parts == AdvanceParts::all ? move_particles(view, step_of_tests<T>, records) : StepStatistics{};
 }
 
 template <typename T>
@@ -119,16 +119,16 @@ void check_substep(Solver<T>& solver, const std::vector<std::byte>& start, Advan
     solver.sort_particles();
     return solver.view();
   };
-  Buffer<Survey> records(Device::cpu, 0);
+  Buffer<StepStatistics> records(Device::cpu, 0);
   SolverView<T> view = restore();
-  const Survey expected = portable_substep(solver, parts, records);
+  const StepStatistics expected = portable_substep(solver, parts, records);
   const HostParticles<T> particles = solver.particles();
   const std::vector<int32_t> keys(view.keys, view.keys + view.particles.count);
   for (const InstructionSet set : available_instruction_sets()) {
     SCOPED_TRACE(name_of(set));
     view = restore();
     particle_to_grid_tuned(view, step_of_tests<T>, set, GridParts::velocities);
-    const Survey found = advance_tuned(view, step_of_tests<T>, parts, records, set);
+    const StepStatistics found = advance_tuned(view, step_of_tests<T>, parts, records, set);
     expect_close(solver.particles(), particles, tolerance);
     if (parts != AdvanceParts::all) continue;
     expect_same_survey(found, expected, sizeof(T) == 4 ? 1e-4 : 1e-11);
@@ -200,8 +200,8 @@ TEST(TunedCpu, BadParticlesAreFoundWhereTheyAre) {
       const SolverView<float> view = solver->view();
       particle_to_grid_tuned(view, step_of_tests<float>, set, GridParts::velocities);
       view.particles.internal.set(slot, -1.0F);
-      Buffer<Survey> records(Device::cpu, 0);
-      const Survey found = advance_tuned(view, step_of_tests<float>, AdvanceParts::all, records, set);
+      Buffer<StepStatistics> records(Device::cpu, 0);
+      const StepStatistics found = advance_tuned(view, step_of_tests<float>, AdvanceParts::all, records, set);
       EXPECT_EQ(found.bad_slot, slot);
     }
   }

@@ -31,8 +31,8 @@ at::Tensor aligned(const at::Tensor& tensor) {
 }
 
 /// Weights of the architecture as graph/cuda takes them.
-std::map<std::string, graph::FcnWeights> weights_of(const std::map<std::string, Fcn>& fcns) {
-  std::map<std::string, graph::FcnWeights> weights;
+std::map<std::string, graph::DeviceFcn> weights_of(const std::map<std::string, Fcn>& fcns) {
+  std::map<std::string, graph::DeviceFcn> weights;
   for (const auto& [name, fcn] : fcns)
     weights[name] = {f32(fcn.w1),
                      f32(fcn.b1),

@@ -10,8 +10,8 @@
 
 namespace graupel::train {
 
-std::map<std::string, graph::FcnWeights> FusedHgn::weights() const {
-  std::map<std::string, graph::FcnWeights> weights;
+std::map<std::string, graph::DeviceFcn> FusedHgn::weights() const {
+  std::map<std::string, graph::DeviceFcn> weights;
   for (const auto& [name, fcn] : fcns_)
     weights[name] = {f32(fcn.w1),
                      f32(fcn.b1),

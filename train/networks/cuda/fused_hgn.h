@@ -89,7 +89,7 @@ class FusedHgn : public MixedPrecisionNetwork, protected graph::RowMemory {
 
  private:
   /// Weights as graph/cuda takes them.
-  std::map<std::string, graph::FcnWeights> weights() const;
+  std::map<std::string, graph::DeviceFcn> weights() const;
   graph::HgnGraph graph_of(const DeviceBatch& batch);
 
   float* decoder_backward(int64_t particles, const at::Tensor& grad);
