@@ -43,8 +43,7 @@ endfunction()
 
 # graupel_precompile(target header..): the standard library's headers and these ones of other libraries, which many of a
 #   target's C++ files include, are parsed once. graupel_precompile(target SHARED other): those of another target.
-#   No header of Graupel: an edit of one would compile the whole target. Files still include what they use: build/tidy,
-#   which the lint reads, has no precompiled headers.
+#   No header of Graupel: an edit of one would compile the whole target. Files still include what they use.
 set(graupel_standard_headers algorithm array cmath cstdint filesystem functional map memory numeric optional stdexcept string
     utility vector)
 function(graupel_precompile target)

@@ -1,0 +1,114 @@
+#!/usr/bin/env python3
+"""Runs clang-tidy over the sources: tests/lint.py [FOLDER_OR_FILE..]. Exit status 1 where there are findings.
+
+clang-tidy matches its checks against all headers of every file that it reads, which is nine tenths of its time. Files
+of one module whose names do not clash are therefore read together, through a file that includes them. Where such a group
+does not compile, because a clash was not foreseen, its halves are read.
+"""
+import concurrent.futures
+import json
+import os
+import re
+import shlex
+import subprocess
+import sys
+
+ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
+DATABASE = os.path.join(ROOT, "build", "tidy")
+MODULES = ["core", "nn", "io", "mpm", "validation", "graph", "sparsegrid", "compare", "experiments", "apps", "bench"]
+LARGEST_GROUP = 12
+# Files that include libtorch or OpenVDB take minutes each in clang-tidy 14; g++'s warnings cover them.
+LEFT_OUT = re.compile(r'#include [<"](openvdb|torch)/')
+
+
+def names_of(text):
+    """Names that a file declares in the first column: clang-format indents all that is inside of something."""
+    names = set()
+    for line in text.splitlines():
+        macro = re.match(r"#define (\w+)", line)
+        if macro:
+            names.add(macro[1])
+        if not line or not (line[0].isalpha() or line[0] == "_") or line.startswith("namespace"):
+            continue
+        if line.startswith("using ") and " = " not in line:
+            continue
+        kind = re.match(r"(?:struct|class|enum class|enum|using) (\w+)", line)
+        if kind:
+            names.add(kind[1])
+        head = re.split(r"[;={]", line)[0]
+        names.update(re.findall(r"(?<![\w:~])(\w+)\s*\(", head)[:1])  # members of classes do not clash
+        names.update(re.findall(r"(\w+)(?:\[.*)?\s*$", head)[:1])
+        if "(" not in head:
+            names.update(re.findall(r"(\w+)(?:\[\w*\])? = ", line))
+    return names - {"void", "bool", "int", "float", "double", "const", "noexcept"}
+
+
+def options_of(command):
+    """The compiler's options without files, ccache and the compiler."""
+    options = shlex.split(re.sub(r" -o \S+ -c \S+", "", command))
+    return tuple(options[next(i for i, o in enumerate(options) if o.startswith("-")):])
+
+
+def groups_of(files, commands):
+    """Lists of files that are read together; a file without a compile command of its own is alone."""
+    groups, alone = {}, []
+    for file in files:
+        with open(os.path.join(ROOT, file), encoding="utf-8") as source:
+            text = source.read()
+        if LEFT_OUT.search(text):
+            continue
+        if file not in commands:
+            alone.append([file])
+            continue
+        names = names_of(text)
+        of_module = groups.setdefault((file.split("/")[0], options_of(commands[file])), [])
+        for members, taken in of_module:
+            if len(members) < LARGEST_GROUP and not taken & names:
+                members.append(file)
+                taken |= names
+                break
+        else:
+            of_module.append(([file], set(names)))
+    return [members for module in groups.values() for members, _ in module] + alone
+
+
+def tidy(arguments):
+    done = subprocess.run(["clang-tidy", "--quiet"] + arguments, cwd=ROOT, text=True, capture_output=True)
+    return done.returncode, done.stdout + done.stderr
+
+
+def lint(group, commands):
+    """Findings in a group of files, "" for none."""
+    if len(group) == 1:
+        status, text = tidy(["-p", DATABASE, group[0]])
+        return text if status != 0 else ""
+    unit = os.path.join(DATABASE, "lint", group[0].replace("/", "_"))
+    os.makedirs(os.path.dirname(unit), exist_ok=True)
+    with open(unit, "w", encoding="utf-8") as out:
+        for file in group:
+            out.write(f'#include "{os.path.join(ROOT, file)}"  // NOLINT(bugprone-suspicious-include)\n')
+    shown = f"--header-filter=.*/({'|'.join(MODULES)})/.*\\.(h|cpp)"
+    status, text = tidy([shown, unit, "--", *options_of(commands[group[0]])])
+    if "[clang-diagnostic-error]" in text:
+        half = len(group) // 2
+        return lint(group[:half], commands) + lint(group[half:], commands)
+    return text if status != 0 else ""
+
+
+def main():
+    wanted = sys.argv[1:] or MODULES
+    listed = subprocess.run(["git", "ls-files", "--"] + wanted, cwd=ROOT, text=True, capture_output=True, check=True)
+    files = [f for f in listed.stdout.split() if f.endswith(".cpp")]
+    with open(os.path.join(DATABASE, "compile_commands.json"), encoding="utf-8") as database:
+        commands = {os.path.relpath(entry["file"], ROOT): entry["command"] for entry in json.load(database)}
+    groups = groups_of(files, commands)
+    with concurrent.futures.ThreadPoolExecutor(os.cpu_count()) as pool:
+        texts = list(pool.map(lambda group: lint(group, commands), groups))
+    findings = [text for text in texts if text]
+    print("".join(findings), end="")
+    print(f"{len(files)} files in {len(groups)} groups, {len(findings)} groups with findings")
+    return 1 if findings else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
