@@ -4,7 +4,6 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <CLI/CLI.hpp>
 #include <cmath>
 #include <filesystem>
 #include <fstream>
@@ -14,6 +13,7 @@
 #include "compare/report/report.h"
 #include "core/system/atomic_file.h"
 #include "core/system/error.h"
+#include "experiments/models/memory_meter.h"
 #include "experiments/models/model_choice.h"
 #include "experiments/models/mpm_run.h"
 #include "experiments/models/network_run.h"
@@ -381,9 +381,12 @@ TEST(MemoryMeter, SeesWhatARunTouches) {
 }
 
 TEST(CompareVerb, HelpIsShortAndHasTwoExamples) {
-  CLI::App app;
-  apps::add_compare(app);
-  const std::string help = app.get_subcommand("compare")->help();
+  const CommandLine program("graupel");
+  apps::add_compare(program);
+  const char* const words[] = {"graupel", "compare", "--help"};
+  ::testing::internal::CaptureStdout();
+  EXPECT_EQ(program.run(3, words, "graupel"), 0);
+  const std::string help = ::testing::internal::GetCapturedStdout();
   EXPECT_LT(std::count(help.begin(), help.end(), '\n'), 40);
   for (const char* flag : {"--scenes", "--models", "--frames", "--set", "--json", "--csv", "--report", "--seed",
                            "--threads", "--device", "--one-step-only"})
