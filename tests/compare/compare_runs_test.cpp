@@ -12,7 +12,6 @@
 #include "apps/verbs.h"
 #include "compare/report/report.h"
 #include "core/system/atomic_file.h"
-#include "core/system/command_line.h"
 #include "core/system/error.h"
 #include "experiments/models/memory_meter.h"
 #include "experiments/models/model_choice.h"
@@ -382,12 +381,12 @@ TEST(MemoryMeter, SeesWhatARunTouches) {
 }
 
 TEST(CompareVerb, HelpIsShortAndHasTwoExamples) {
-  const CommandLine program("a test");
+  const CommandLine program("graupel");
   apps::add_compare(program);
   const char* const words[] = {"graupel", "compare", "--help"};
-  testing::internal::CaptureStdout();
-  ASSERT_EQ(program.run(3, words, "graupel"), 0);
-  const std::string help = testing::internal::GetCapturedStdout();
+  ::testing::internal::CaptureStdout();
+  EXPECT_EQ(program.run(3, words, "graupel"), 0);
+  const std::string help = ::testing::internal::GetCapturedStdout();
   EXPECT_LT(std::count(help.begin(), help.end(), '\n'), 40);
   for (const char* flag : {"--scenes", "--models", "--frames", "--set", "--json", "--csv", "--report", "--seed",
                            "--threads", "--device", "--one-step-only"})
