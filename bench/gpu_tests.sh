@@ -28,7 +28,7 @@ wait
     echo "== ${module}_test: exit code $(cat "$logs/$module.status")"
     grep -E '^\[ +(PASSED|FAILED|SKIPPED) +\]' "$logs/$module" | sort -u
     grep -E '^\[ +OK \] .*(Gpu|GPU|Cuda|CUDA|cuda|Device)' "$logs/$module"
-    [ "$(cat "$logs/$module.status")" = 0 ] || grep -v -E '^\[ +(RUN|OK) ' "$logs/$module" | tail -n 30
+    [ "$(cat "$logs/$module.status")" = 0 ] || { grep -A 5 -E ': Failure$' "$logs/$module" | cut -c 1-300 | head -n 60; tail -n 5 "$logs/$module"; }
   done
 } > "$output"
 rm -r "$logs"

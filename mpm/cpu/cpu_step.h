@@ -17,10 +17,10 @@ namespace graupel::mpm {
 enum class AdvanceParts {
   gather,             ///< velocity and affine velocity from the arenas
   gather_and_deform,  ///< and deformation, return mapping, stress
-  all                 ///< and motion, new owner blocks, statistics
+  all                 ///< and motion, new owner blocks, step_statistics
 };
 
-/// Slots whose statistics is one record.
+/// Slots whose step_statistics is one record.
 inline constexpr int64_t slots_per_record = 512;
 
 /// One substep of a 3-D scene with quadratic splines: arrays as in SolverView (mpm/phases/phases.h).

@@ -1,6 +1,6 @@
 // The substep's hot loops for one instruction set (compiled once for each, with GRAUPEL_ISA its name): P2G into arenas,
 // sums and grid update, and one pass over the particles that does G2P, deformation, return mapping, stress, motion,
-// owner blocks and statistics while their state is in registers.
+// owner blocks and step_statistics while their state is in registers.
 // Equals the phases of mpm/phases/ (particle_to_grid, update_grid, grid_to_particle, update_deformation,
 // move_particles), which pass over all particles four times. Gain, ns a particle (Zen 4, f32, AVX-512): water 93 -> 48,
 // jelly 150 -> 52, snow 153 -> 63, sand 184 -> 63 (docs/decisions/0006-cpu-tuning.md).
@@ -204,7 +204,7 @@ GRAUPEL_LANES bool deform(const CpuStep<T>& s, const MaterialParameters<T>& m, i
 /// A tile of one material after its gather.
 template <typename T, typename Law>
 GRAUPEL_LANES void finish_tile(const CpuStep<T>& s, AdvanceParts parts, const GatherTile<T>& work,
-                               const TileOwners<T>& owners, int64_t tile_index, LaneStepStatistics<T>& statistics,
+                               const TileOwners<T>& owners, int64_t tile_index, LaneStepStatistics<T>& step_statistics,
                                StepStatistics& found) {
   const MaterialParameters<T>& m = s.materials[s.material[tile_index * tile_lanes]];
   for (int lane = 0; lane < tile_lanes; lane += width<T>) {
@@ -217,7 +217,7 @@ GRAUPEL_LANES void finish_tile(const CpuStep<T>& s, AdvanceParts parts, const Ga
     if (parts != AdvanceParts::all) continue;
     if (!move(s, tile_index, lane, motion))
       s.move_slots(s.view, s.dt, first, end, found);
-    else if (!deformed || !survey_lanes<T, Law::keeps_volume_positive>(s, motion, state, statistics))
+    else if (!deformed || !survey_lanes<T, Law::keeps_volume_positive>(s, motion, state, step_statistics))
       s.statistics_slots(s.view, s.dt, first, end, found);
   }
 }
@@ -227,30 +227,30 @@ GRAUPEL_LANES void finish_tile(const CpuStep<T>& s, AdvanceParts parts, const Ga
 template <typename T, typename Law>
 [[gnu::noinline, gnu::flatten]] void finish_tile_of_other(const CpuStep<T>& s, AdvanceParts parts,
                                                           const GatherTile<T>& work, const TileOwners<T>& owners,
-                                                          int64_t tile_index, LaneStepStatistics<T>& statistics,
+                                                          int64_t tile_index, LaneStepStatistics<T>& step_statistics,
                                                           StepStatistics& found) {
-  finish_tile<T, Law>(s, parts, work, owners, tile_index, statistics, found);
+  finish_tile<T, Law>(s, parts, work, owners, tile_index, step_statistics, found);
 }
 template <typename T, typename Law, bool frequent>
 GRAUPEL_LANES bool try_law(MaterialModel model, const CpuStep<T>& s, AdvanceParts parts, const GatherTile<T>& work,
-                           const TileOwners<T>& owners, int64_t tile_index, LaneStepStatistics<T>& statistics,
+                           const TileOwners<T>& owners, int64_t tile_index, LaneStepStatistics<T>& step_statistics,
                            StepStatistics& found) {
   if constexpr (Law::measure == Measure::nothing) {
     return false;
   } else {
     if (model != Law::model) return false;
     if constexpr (frequent)
-      finish_tile<T, Law>(s, parts, work, owners, tile_index, statistics, found);
+      finish_tile<T, Law>(s, parts, work, owners, tile_index, step_statistics, found);
     else
-      finish_tile_of_other<T, Law>(s, parts, work, owners, tile_index, statistics, found);
+      finish_tile_of_other<T, Law>(s, parts, work, owners, tile_index, step_statistics, found);
     return true;
   }
 }
 template <typename T, bool frequent, typename... Laws>
 GRAUPEL_LANES bool finish_tile_by(LawList<Laws...>, MaterialModel model, const CpuStep<T>& s, AdvanceParts parts,
                                   const GatherTile<T>& work, const TileOwners<T>& owners, int64_t tile_index,
-                                  LaneStepStatistics<T>& statistics, StepStatistics& found) {
-  return (try_law<T, Laws, frequent>(model, s, parts, work, owners, tile_index, statistics, found) || ...);
+                                  LaneStepStatistics<T>& step_statistics, StepStatistics& found) {
+  return (try_law<T, Laws, frequent>(model, s, parts, work, owners, tile_index, step_statistics, found) || ...);
 }
 
 /// Any tile: mixed materials, particles at rest or not there.
@@ -274,7 +274,7 @@ template <typename T>
   KnownOwner known;
   TileOwners<T> owners;
   GatherTile<T> work;
-  LaneStepStatistics<T> statistics;
+  LaneStepStatistics<T> step_statistics;
   for (int64_t t = record * tiles; t < end; ++t) {
     find_owners(s, t, known, owners);
     for (int lane = 0; lane < tile_lanes; lane += width<T>) {
@@ -285,11 +285,12 @@ template <typename T>
     for (int l = 0; l < tile_lanes; ++l) gather_one(work, l, owners.arena[l]);
     const MaterialModel model = s.materials[s.material[t * tile_lanes]].model;
     const bool simple = owners.uniform && parts != AdvanceParts::gather;
-    if (!simple || !(finish_tile_by<T, true>(FrequentLaws{}, model, s, parts, work, owners, t, statistics, found) ||
-                     finish_tile_by<T, false>(OtherLaws{}, model, s, parts, work, owners, t, statistics, found)))
+    if (!simple ||
+        !(finish_tile_by<T, true>(FrequentLaws{}, model, s, parts, work, owners, t, step_statistics, found) ||
+          finish_tile_by<T, false>(OtherLaws{}, model, s, parts, work, owners, t, step_statistics, found)))
       finish_any_tile(s, parts, work, owners, t, found);
   }
-  statistics.add_to(found);
+  step_statistics.add_to(found);
 }
 
 }  // namespace

@@ -1,6 +1,6 @@
-// Motion of particles away from walls and obstacles, their owner blocks, and the statistics of the new state. Equals
-// move_point() and the statistics of mpm/physics/particle_motion.h where nothing is in the way; its gain is in that of
-// the whole pass (docs/decisions/0006-cpu-tuning.md).
+// Motion of particles away from walls and obstacles, their owner blocks, and the step_statistics of the new state.
+// Equals move_point() and the step_statistics of mpm/physics/particle_motion.h where nothing is in the way; its gain is
+// in that of the whole pass (docs/decisions/0006-cpu-tuning.md).
 #pragma once
 
 #include "mpm/cpu/lanes_materials.h"
@@ -73,13 +73,13 @@ struct LaneStepStatistics {
 /// False, with nothing counted, where a lane is bad.
 template <typename T, bool volume_ratio>
 GRAUPEL_LANES bool survey_lanes(const CpuStep<T>& s, const LaneMotion<T>& motion, const LaneState<T>& state,
-                                LaneStepStatistics<T>& statistics) {
+                                LaneStepStatistics<T>& step_statistics) {
   const Lanes<T> speed2 = motion.v[0] * motion.v[0] + motion.v[1] * motion.v[1] + motion.v[2] * motion.v[2];
   const Mask<T> internal_is_good = volume_ratio ? state.internal > T(0) : state.internal == state.internal;
   if (any(~((speed2 < T(1e30)) & internal_is_good))) return false;
-  statistics.speed2 = larger(speed2, statistics.speed2);
-  statistics.sound_speed = larger(state.sound_speed, statistics.sound_speed);
-  statistics.over_courant += state.sound_speed * s.dt > s.dx;
+  step_statistics.speed2 = larger(speed2, step_statistics.speed2);
+  step_statistics.sound_speed = larger(state.sound_speed, step_statistics.sound_speed);
+  step_statistics.over_courant += state.sound_speed * s.dt > s.dx;
   return true;
 }
 

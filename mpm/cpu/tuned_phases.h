@@ -15,8 +15,8 @@ enum class GridParts {
 template <typename T>
 void particle_to_grid_tuned(const SolverView<T>& view, T dt, InstructionSet set, GridParts parts);
 
-/// G2P, and of deformation and motion what `parts` says; the statistics is complete with AdvanceParts::all only, which
-/// is for particles that all take part, with nothing that moves but they (moves_plainly()).
+/// G2P, and of deformation and motion what `parts` says; the step_statistics is complete with AdvanceParts::all only,
+/// which is for particles that all take part, with nothing that moves but they (moves_plainly()).
 template <typename T>
 StepStatistics advance_tuned(const SolverView<T>& view, T dt, AdvanceParts parts, Buffer<StepStatistics>& records,
                              InstructionSet set);

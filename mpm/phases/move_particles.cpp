@@ -1,5 +1,5 @@
 // Advection, projection out of obstacles, passage of open and periodic walls, births and sinks, owner blocks, and the
-// statistics of the new state; and the copying of particles into another order.
+// step_statistics of the new state; and the copying of particles into another order.
 #include "mpm/particles/slot_range.h"
 #include "mpm/phases/phases.h"
 #include "mpm/physics/particle_motion.h"

@@ -96,20 +96,20 @@ template <typename T>
 void update_deformation_slots(const SolverView<T>& view, T dt, int64_t first, int64_t end);
 
 /// x <- x + dt v, kept out of obstacles and inside the walls; particles that are born, leave or pass a periodic wall;
-/// new owner blocks; the statistics of the new state.
+/// new owner blocks; the step_statistics of the new state.
 template <typename T>
 StepStatistics move_particles(const SolverView<T>& view, T dt, Buffer<StepStatistics>& records);
 
 /// True for static obstacles, closed walls and a fixed set of particles without scripts.
 template <typename T>
 bool moves_plainly(const SolverView<T>& view);
-/// move_particles(), and the statistics alone, of some slots of a scene that moves plainly, on the CPU.
+/// move_particles(), and the step_statistics alone, of some slots of a scene that moves plainly, on the CPU.
 template <typename T>
 void move_slots(const SolverView<T>& view, T dt, int64_t first, int64_t end, StepStatistics& found);
 template <typename T>
 void statistics_slots(const SolverView<T>& view, T dt, int64_t first, int64_t end, StepStatistics& found);
 
-/// The statistics alone, for a state that was just made or loaded.
+/// The step_statistics alone, for a state that was just made or loaded.
 template <typename T>
 StepStatistics particle_statistics(const SolverView<T>& view, Buffer<StepStatistics>& records);
 

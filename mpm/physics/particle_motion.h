@@ -1,4 +1,4 @@
-// Advection of one particle, kept inside the walls and out of obstacles, and the statistics of its new state.
+// Advection of one particle, kept inside the walls and out of obstacles, and the step_statistics of its new state.
 #pragma once
 
 #include "mpm/materials/material.h"

@@ -13,7 +13,7 @@ namespace {
 struct Course {
   int64_t frames_done;
   double frame_elapsed;
-  StepStatistics statistics;
+  StepStatistics step_statistics;
   RunStatistics statistics;
 };
 
@@ -42,7 +42,7 @@ std::size_t Solver<T>::state_bytes() const {
 template <typename T>
 std::vector<std::byte> Solver<T>::save_state() const {
   StateWriter writer(state_owner(), state_bytes());
-  Course course{frames_done_, frame_elapsed_, statistics_, statistics_};
+  Course course{frames_done_, frame_elapsed_, step_statistics_, statistics_};
   course.statistics.solver_seconds = 0;
   writer.add(course);
   particles_.for_each_buffer([&](const auto& buffer) { writer.add(buffer); });
@@ -60,7 +60,7 @@ void Solver<T>::load_state(const std::vector<std::byte>& state) {
   const double seconds = statistics_.solver_seconds;
   frames_done_ = course.frames_done;
   frame_elapsed_ = course.frame_elapsed;
-  statistics_ = course.statistics;
+  step_statistics_ = course.step_statistics;
   statistics_ = course.statistics;
   statistics_.solver_seconds = seconds;
   find_owner_blocks(view());

@@ -26,15 +26,15 @@ Solver<T>::Solver(const Scene& scene, const SimulationOptions& options, const Sa
   particles_ = upload_particles(initial_particles<T>(sampled, grid_.material_configs), options.device);
   spare_ = Particles<T>(options.device, particles_.count());
   find_owner_blocks(view());
-  statistics_ = particle_statistics(view(), grid_.records);
+  step_statistics_ = particle_statistics(view(), grid_.records);
   check_fixed_step();
 }
 
 template <typename T>
 StateSpeeds Solver<T>::speeds() const {
   const double from = time(), to = from + scene_.frame_time;
-  return {std::max(std::sqrt(statistics_.largest_speed2), grid_.lifecycle.largest_speed(from, to)),
-          statistics_.largest_sound_speed, diffusivity_, grid_.moving.largest_speed(from, to)};
+  return {std::max(std::sqrt(step_statistics_.largest_speed2), grid_.lifecycle.largest_speed(from, to)),
+          step_statistics_.largest_sound_speed, diffusivity_, grid_.moving.largest_speed(from, to)};
 }
 
 /// A fixed step must not let a scripted body cross over one cell.
@@ -87,14 +87,14 @@ void Solver<T>::advance_particles(const SolverView<T>& v, double dt) {
   const AdvanceParts parts = grid_.lifecycle.has_scripts()      ? AdvanceParts::gather
                              : keeps_affine && moves_plainly(v) ? AdvanceParts::all
                                                                 : AdvanceParts::gather_and_deform;
-  statistics_ = advance_tuned(v, step, parts, grid_.records, grid_.instruction_set);
+  step_statistics_ = advance_tuned(v, step, parts, grid_.records, grid_.instruction_set);
   if (parts == AdvanceParts::all) return;
   if (parts == AdvanceParts::gather) {
     grid_.lead(v, statistics_.scripted_momentum);
     update_deformation(v, step);
   }
   blend_affine(dt);
-  statistics_ = move_particles(v, step, grid_.records);
+  step_statistics_ = move_particles(v, step, grid_.records);
 }
 
 template <typename T>
@@ -104,7 +104,7 @@ void Solver<T>::advance_particles_portably(const SolverView<T>& v, double dt) {
   grid_.lead(v, statistics_.scripted_momentum);
   update_deformation(v, step);
   blend_affine(dt);
-  statistics_ = move_particles(v, step, grid_.records);
+  step_statistics_ = move_particles(v, step, grid_.records);
 }
 
 template <typename T>
@@ -130,7 +130,7 @@ void Solver<T>::advance_frame() {
                             : next_step(policy, scene_.domain.dx, scene_.frame_time, before, left);
     substep(dt);
     record_step(dt);
-    if (statistics_.bad_slot >= 0) throw_diverged(dt, before);
+    if (step_statistics_.bad_slot >= 0) throw_diverged(dt, before);
     const bool last = fixed ? i + 1 == policy.substeps_per_frame : dt >= left * (1 - 1e-9);
     frame_elapsed_ = last ? scene_.frame_time : frame_elapsed_ + dt;
   }
@@ -138,7 +138,7 @@ void Solver<T>::advance_frame() {
   frame_elapsed_ = 0;
   const double n = static_cast<double>(particle_count());
   statistics_.share_over_courant =
-      std::max(statistics_.share_over_courant, static_cast<double>(statistics_.over_courant) / n);
+      std::max(statistics_.share_over_courant, static_cast<double>(step_statistics_.over_courant) / n);
   statistics_.solver_seconds += std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
 }
 
@@ -160,18 +160,18 @@ template <typename T>
 void Solver<T>::record_step(double dt) {
   statistics_.substeps += 1;
   statistics_.last_step = dt;
-  statistics_.pushed_out += statistics_.pushed_out;
-  statistics_.born += statistics_.born;
-  statistics_.removed += statistics_.removed;
-  for (int d = 0; d < 3; ++d) statistics_.pushed_out_momentum[d] += statistics_.pushed_momentum[d];
+  statistics_.pushed_out += step_statistics_.pushed_out;
+  statistics_.born += step_statistics_.born;
+  statistics_.removed += step_statistics_.removed;
+  for (int d = 0; d < 3; ++d) statistics_.pushed_out_momentum[d] += step_statistics_.pushed_momentum[d];
   statistics_.sound_courant =
-      std::max(statistics_.sound_courant, statistics_.largest_sound_speed * dt / scene_.domain.dx);
+      std::max(statistics_.sound_courant, step_statistics_.largest_sound_speed * dt / scene_.domain.dx);
 }
 
 template <typename T>
 void Solver<T>::throw_diverged(double dt, const StateSpeeds& before) const {
   const HostParticles<T> host = particles();
-  const auto slot = static_cast<std::size_t>(statistics_.bad_slot);
+  const auto slot = static_cast<std::size_t>(step_statistics_.bad_slot);
   DivergedParticle bad;
   bad.index = host.source_index[slot];
   bad.speed = static_cast<double>(norm(host.velocity[slot]));

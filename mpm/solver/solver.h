@@ -73,7 +73,7 @@ class Solver final : public Simulation {
   mutable Particles<T> particles_;
   Particles<T> spare_;  ///< target of the next reordering
 
-  StepStatistics statistics_;  ///< of the present state
+  StepStatistics step_statistics_;  ///< of the present state
   int64_t frames_done_ = 0;
   double frame_elapsed_ = 0;  ///< [s] inside the present frame
   RunStatistics statistics_;

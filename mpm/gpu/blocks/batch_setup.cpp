@@ -22,9 +22,9 @@ BatchSetup set_up_batch(std::vector<BatchEntry> entries, Device device) {
     SceneProgress control{};
     control.phase = ScenePhase::frame_done;
     control.bad_particle = no_bad_particle;
-    const StepStatistics statistics = survey_start(s, own);
-    control.speed = std::sqrt(statistics.largest_speed2);
-    control.sound_speed = statistics.largest_sound_speed;
+    const StepStatistics step_statistics = survey_start(s, own);
+    control.speed = std::sqrt(step_statistics.largest_speed2);
+    control.sound_speed = step_statistics.largest_sound_speed;
     batch.controls.push_back(control);
     append(batch.particles, own);
   }

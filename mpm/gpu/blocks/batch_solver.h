@@ -203,8 +203,8 @@ void BatchSolver<Backend>::sort(const BatchView& v, bool resident) {
   backend_.launch(v.scene_count, ResumeScenes{v});
 }
 
-/// Whether all owner blocks can be on the GPU at once and no step waits for a statistics of the whole scene. Before the
-/// first sort nothing is known: then it is tried, and does nothing if not.
+/// Whether all owner blocks can be on the GPU at once and no step waits for a step_statistics of the whole scene.
+/// Before the first sort nothing is known: then it is tried, and does nothing if not.
 template <typename Backend>
 bool BatchSolver<Backend>::is_resident() const {
   return fixed_steps_ && active_blocks_ <= backend_.resident_blocks();
