@@ -27,7 +27,7 @@ class CudaSimulation final : public Simulation {
   const std::vector<int32_t>& particle_type() const override { return solver_.setup(0).particle_type; }
   const sparsegrid::ObstacleSet& obstacles() const override { return solver_.setup(0).obstacles; }
   double time() const override {
-    const StepControl& c = solver_.control(0);
+    const SceneProgress& c = solver_.control(0);
     return static_cast<double>(frames_done_) * scene().frame_time + (c.phase == ScenePhase::frame_done ? 0 : c.elapsed);
   }
   void advance_frame() override;
@@ -77,7 +77,7 @@ void CudaSimulation<BatchOf>::advance_frame() {
 
 template <template <typename> class BatchOf>
 RunStatistics CudaSimulation<BatchOf>::statistics() const {
-  const StepControl& c = solver_.control(0);
+  const SceneProgress& c = solver_.control(0);
   RunStatistics s;
   s.substeps = c.substeps;
   s.last_step = static_cast<double>(c.dt);

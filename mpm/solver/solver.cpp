@@ -93,7 +93,7 @@ void Solver<T>::advance_particles(const SolverView<T>& v, double dt) {
     grid_.lead(v, statistics_.scripted_momentum);
     update_deformation(v, step);
   }
-  blend_affine(dt);
+  apply_transfer_scheme(dt);
   step_statistics_ = move_particles(v, step, grid_.records);
 }
 
@@ -103,12 +103,12 @@ void Solver<T>::advance_particles_portably(const SolverView<T>& v, double dt) {
   grid_to_particle(v);
   grid_.lead(v, statistics_.scripted_momentum);
   update_deformation(v, step);
-  blend_affine(dt);
+  apply_transfer_scheme(dt);
   step_statistics_ = move_particles(v, step, grid_.records);
 }
 
 template <typename T>
-void Solver<T>::blend_affine(double dt) {
+void Solver<T>::apply_transfer_scheme(double dt) {
   const TransferConfig& transfer = scene_.transfer;
   if (transfer.scheme == TransferScheme::apic && transfer.damping == 0) return;
   const double kept = std::exp(-transfer.damping * dt);

@@ -41,7 +41,7 @@ class SmallSceneSolver {
   /// One frame of every scene that has not diverged.
   void advance_frame();
   int scene_count() const { return static_cast<int>(scenes_.size()); }
-  const StepControl& control(int scene) const { return host_controls_[static_cast<std::size_t>(scene)]; }
+  const SceneProgress& control(int scene) const { return host_controls_[static_cast<std::size_t>(scene)]; }
   const SceneSetup<float>& setup(int scene) const { return *scenes_[static_cast<std::size_t>(scene)]; }
   /// First place of a scene's particles in frames, and one past the last scene's.
   int64_t first_particle(int scene) const { return first_particle_[static_cast<std::size_t>(scene)]; }
@@ -51,7 +51,7 @@ class SmallSceneSolver {
   HostParticles<float> particles() const { return download_particles(particles_); }
   /// The particle arrays, and the scenes' records: what a saved state holds.
   Particles<float>& present_particles() { return particles_; }
-  void set_controls(const std::vector<StepControl>& controls);
+  void set_controls(const std::vector<SceneProgress>& controls);
   int64_t memory_bytes() const;
   int64_t active_blocks() const { return 0; }  ///< the grid is kept in full
 
@@ -65,14 +65,14 @@ class SmallSceneSolver {
   Backend& backend_;
   std::vector<std::unique_ptr<SceneSetup<float>>> scenes_;
   std::vector<int64_t> first_particle_;
-  std::vector<StepControl> host_controls_;
+  std::vector<SceneProgress> host_controls_;
   std::vector<int64_t> first_node_;  ///< of every scene's grid, and one past the last scene's
   int32_t groups_ = 1, blocks_ = 1;  ///< of threads, in a group
 
   mutable Particles<float> particles_;
   Buffer<BatchScene> batch_scenes_;
   Buffer<SmallScene> small_scenes_;
-  Buffer<StepControl> controls_;
+  Buffer<SceneProgress> controls_;
   Buffer<StepReport> reports_;
   Buffer<UnitPair> sums_;
   Buffer<NodeContact> contact_;
@@ -206,7 +206,7 @@ void SmallSceneSolver<Backend>::advance_frame() {
 }
 
 template <typename Backend>
-void SmallSceneSolver<Backend>::set_controls(const std::vector<StepControl>& controls) {
+void SmallSceneSolver<Backend>::set_controls(const std::vector<SceneProgress>& controls) {
   controls_.upload(controls);
   host_controls_ = controls;
   clear_grids();

@@ -363,7 +363,7 @@ GRAUPEL_HD void scatter_scene(const Worker<Block>& w, int64_t k) {
 /// A frame of one scene by the blocks of a group.
 template <typename Block>
 GRAUPEL_HD void run_scene(Worker<Block>& w) {
-  const StepControl& control = w.view.controls[w.number];
+  const SceneProgress& control = w.view.controls[w.number];
   const int64_t k = control.substeps;
   const auto substeps = static_cast<int32_t>(w.scene.time_step.substeps_per_frame);
   scatter_scene(w, k);

@@ -52,7 +52,7 @@ struct SmallBatchView {
   int32_t scene_count, groups;
   const BatchScene* scenes;
   const SmallScene* small;
-  StepControl* controls;
+  SceneProgress* controls;
   StepReport* reports;
   ParticleView<float> particles;
   int32_t* base;       ///< [3, n] lowest node of the stencil that a particle last added to each grid, or -1
