@@ -37,7 +37,8 @@ def resumed(build, folder, context):
 
 def material_words(source):
     """Those of small_scenes, and any that the reference knows beyond them is an error: it would go unseen."""
-    text = (source / "core" / "material_config.h").read_text()
+    folders = (source / "core", source / "core" / "scene")  # of the reference, and of later trees
+    text = next((folder / "material_config.h" for folder in folders if (folder / "material_config.h").exists())).read_text()
     words = set(re.findall(r'\{"(\w+)", MaterialModel::', text))
     unknown = words - set(small_scenes.MATERIALS)
     if unknown:
