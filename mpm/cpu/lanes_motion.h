@@ -29,12 +29,11 @@ GRAUPEL_LANES Ints<T> directory_index(const CpuStep<T>& s, const Lanes<T> (&cell
 template <typename T>
 GRAUPEL_LANES bool move(const CpuStep<T>& s, int64_t tile_index, int lane, const LaneMotion<T>& motion) {
   Lanes<T> x[3], cells[3];
-  Vec<Pack<T>, 3> step;
-  for (int d = 0; d < 3; ++d) step[d] = s.dt * motion.v[d];
-  Mask<T> simple = within_a_cell(step, s.dx).m;
+  Mask<T> simple = Mask<T>{} - 1;
   for (int d = 0; d < 3; ++d) {
-    x[d] = component<T, 3>(s.position, tile_index, d, lane) + step[d].v;
-    simple &= (x[d] >= s.particle_low[d]) & (x[d] <= s.particle_high[d]);
+    const Lanes<T> step = s.dt * motion.v[d];
+    x[d] = component<T, 3>(s.position, tile_index, d, lane) + step;
+    simple &= within_a_cell(Pack<T>(step), s.dx).m & (x[d] >= s.particle_low[d]) & (x[d] <= s.particle_high[d]);
     cells[d] = (x[d] - s.origin[d]) * s.inverse_dx + T(0.5);
   }
   if (any(~simple)) return false;

@@ -32,19 +32,19 @@ struct UpdateNode {
   }
 };
 
-/// In the plane a function of its own on the host: in a loop the product dt g would be rounded once for all nodes
-/// instead of being fused with the sum, and the last bits of a run would change.
-template <typename T, bool moving>
-struct UpdatePlaneNode {
-  UpdateNode<T, 2, moving> update;
+/// A function of its own on the host, in the plane and in blocks that obstacles pass: in a loop the product dt g would
+/// be rounded once for all nodes instead of being fused with the sum, and the last bits of a run would change.
+template <typename Update>
+struct Called {
+  Update update;
   HOST_CALL GRAUPEL_HD void operator()(int64_t entry) const { update(entry); }
 };
 
 template <bool moving, typename T>
 void update_nodes(const SolverView<T>& view, T dt) {
   if (view.dimensions == 2)
-    launch<T>(view.device, view.blocks.node_count * int64_t(nodes_per_block<2>), UpdatePlaneNode<T, moving>{{view, dt}},
-              Grain{1024});
+    launch<T>(view.device, view.blocks.node_count * int64_t(nodes_per_block<2>),
+              Called<UpdateNode<T, 2, moving>>{{view, dt}}, Grain{1024});
   else
     launch<T>(view.device, view.blocks.node_count * int64_t(nodes_per_block<3>), UpdateNode<T, 3, moving>{view, dt},
               Grain{1024});
@@ -61,7 +61,7 @@ template <typename T>
 void update_grid_block(const SolverView<T>& view, T dt, int64_t block) {
   const int64_t first = block * nodes_per_block<3>, end = first + nodes_per_block<3>;
   if (view.moving.count > 0) {
-    const UpdateNode<T, 3, true> update{view, dt};
+    const Called<UpdateNode<T, 3, true>> update{{view, dt}};
     for (int64_t entry = first; entry < end; ++entry) update(entry);
   } else {
     const UpdateNode<T, 3, false> update{view, dt};

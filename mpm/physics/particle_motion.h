@@ -61,11 +61,15 @@ template <typename T, typename Found>
   for (int d = 0; d < 3; ++d) found.pushed_momentum[d] += static_cast<double>(-mass * v_n * normal[d]);
 }
 
-/// Whether a step goes at most one cell along every axis (false for a number that is none).
-template <typename S, int D>
-GRAUPEL_HD inline MaskOf<S> within_a_cell(const Vec<S, D>& step, Real<S> dx) {
-  MaskOf<S> within = magnitude(step[0]) <= dx;
-  for (int d = 1; d < D; ++d) within = within & (magnitude(step[d]) <= dx);
+/// Whether a step goes at most one cell along an axis, and along every axis (false for a number that is none).
+template <typename S>
+GRAUPEL_HD inline MaskOf<S> within_a_cell(const S& step, Real<S> dx) {
+  return magnitude(step) <= dx;
+}
+template <typename T, int D>
+GRAUPEL_HD inline bool within_a_cell(const Vec<T, D>& step, T dx) {
+  bool within = true;
+  for (int d = 0; d < D; ++d) within = within && within_a_cell(step[d], dx);
   return within;
 }
 
