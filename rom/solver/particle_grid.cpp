@@ -75,7 +75,7 @@ mpm::ParticleView<T> ParticleGrid<T>::particles() {
 
 template <typename T>
 void ParticleGrid<T>::step(double time, double dt, std::vector<bool>& lost) {
-  mpm::find_home_blocks(grid_.view(particles()));
+  mpm::find_owner_blocks(grid_.view(particles()));
   grid_.blocks.invalidate();
   Vec3d scripted = Vec3d::zero();
   const mpm::SolverView<T> v = grid_.move_nodes(particles(), time, dt, scripted);
