@@ -149,7 +149,7 @@ TEST(RoundedReference, IsTheExactGradientWhereNothingIsRounded) {
   NetworkModule exact(config, Device::cpu, 5, NumberType::f64);
   std::vector<double> expected;
   const double loss = exact.loss_and_gradient(batch, &expected);
-  const RoundedReference reference = rounded_reference(config, 5, batch, false);
+  const RoundedReference reference = rounded_reference(config, 5, batch, {.rounds = false});
   EXPECT_NEAR(reference.loss, loss, 1e-12 * loss);
   expect_gradients_near(config, reference.gradient, expected, 1e-9);
   // Rounding to bf16 changes it, by far more than that and by far less than the gradient.
@@ -158,26 +158,11 @@ TEST(RoundedReference, IsTheExactGradientWhereNothingIsRounded) {
   EXPECT_NE(rounded.loss, reference.loss);
 }
 
-/// Gradient in mixed precision on a GPU beside that of a reference that rounds at the same places, 3 % of each tensor;
-/// beside double precision without rounding 8 % of the whole.
-void check_mixed_gradient(const graph::HgnConfig& config, const Batch& batch) {
-  NetworkModule exact(config, Device::cpu, 5, NumberType::f64), mixed(config, Device::cuda, 5, NumberType::mixed);
-  ASSERT_TRUE(mixed.is_mixed());
-  std::vector<double> expected, gradient, again;
-  const double loss = exact.loss_and_gradient(batch, &expected);
-  const RoundedReference rounded = rounded_reference(config, 5, batch);
-  const double found = mixed.loss_and_gradient(batch, &gradient);
-  EXPECT_NEAR(found, loss, 3e-3 * loss);
-  EXPECT_NEAR(found, rounded.loss, 3e-4 * loss);
-  mixed.loss_and_gradient(batch, &again);
-  EXPECT_EQ(gradient, again) << "sums are made in a fixed order";
-  expect_gradients_near(config, gradient, rounded.gradient, 0.03);
-  double difference = 0, size = 0;
-  for (std::size_t i = 0; i < gradient.size(); ++i) {
-    difference += std::pow(gradient[i] - expected[i], 2);
-    size += std::pow(expected[i], 2);
-  }
-  EXPECT_LT(std::sqrt(difference / size), 0.08);
+/// Many scenes of one kind: upper levels have few cells in each.
+Batch scenes_of(const graph::HgnConfig& config, uint64_t count, int particles, double edge) {
+  std::vector<SceneGraph> scenes;
+  for (uint64_t seed = 0; seed < count; ++seed) scenes.push_back(random_graph(config, 4 + seed, particles, edge));
+  return concatenate(scenes);
 }
 
 TEST(MixedPrecision, GradientIsThatOfDoublePrecisionOnTheGpu) {
@@ -186,14 +171,14 @@ TEST(MixedPrecision, GradientIsThatOfDoublePrecisionOnTheGpu) {
   check_mixed_gradient(config, concatenate({random_graph(config, 1, 150, 0.25), random_graph(config, 2, 333, 0.4)}));
   config.levels = 5;  // the top level has no edges and few cells
   config.message_passing = 3;
-  check_mixed_gradient(config,  // cells with hundreds of pairs
-                       concatenate({random_graph(config, 4, 300, 0.02), random_graph(config, 5, 50, 0.02)}));
-  check_mixed_gradient(config, concatenate({random_graph(config, 4, 12, 0.02)}));  // a row or two a tensor
+  check_mixed_gradient(config, scenes_of(config, 16, 100, 0.02));  // cells with hundreds of pairs
+  check_mixed_gradient(config, scenes_of(config, 64, 12, 0.02));
+  check_mixed_gradient(config, scenes_of(config, 1, 12, 0.02));  // a row or two a tensor
   config.levels = 1;
   config.message_passing = 1;
-  check_mixed_gradient(config, concatenate({random_graph(config, 7, 900, 0.1)}));
+  check_mixed_gradient(config, scenes_of(config, 1, 900, 0.1));
   config.bundle = 3;
-  check_mixed_gradient(config, concatenate({random_graph(config, 7, 900, 0.1)}));
+  check_mixed_gradient(config, scenes_of(config, 1, 900, 0.1));
 }
 
 TEST(MixedPrecision, IsLeftToLibtorchForTheMessageFormOnTheGpu) {
@@ -201,12 +186,15 @@ TEST(MixedPrecision, IsLeftToLibtorchForTheMessageFormOnTheGpu) {
   graph::HgnConfig config = config_with_kernels();
   config.aggregation = Aggregation::messages;
   const Batch batch = concatenate({random_graph(config, 1, 150, 0.25)});
-  NetworkModule exact(config, Device::cpu, 5, NumberType::f64), mixed(config, Device::cuda, 5, NumberType::mixed);
+  NetworkModule exact(config, Device::cpu, 5, NumberType::f64), on_cpu(config, Device::cpu, 5, NumberType::f32);
+  NetworkModule mixed(config, Device::cuda, 5, NumberType::mixed);
   EXPECT_FALSE(mixed.is_mixed());
-  std::vector<double> expected, gradient;
+  std::vector<double> expected, single, gradient;
   const double loss = exact.loss_and_gradient(batch, &expected);
   EXPECT_NEAR(mixed.loss_and_gradient(batch, &gradient), loss, 1e-4 * loss);
-  expect_gradients_near(config, gradient, expected, 1e-3);
+  // Rounding to f32 moves sums over the kinks of leaky ReLU: by how much, single precision on the CPU says.
+  on_cpu.loss_and_gradient(batch, &single);
+  expect_gradients_near(config, gradient, expected, 2e-3, relative_differences(config, single, expected));
 }
 
 TEST(MixedPrecision, IsLeftOutWhereItDoesNotExist) {
