@@ -59,11 +59,11 @@ class UpdateTile {
     const ParticleView<T>& p = view_.particles;
     for (int l = 0; l < count; ++l) {
       const MaterialParameters<T>& m = view_.materials[p.material.get(first + l)];
-      if (m.model != MaterialModel::water || m.viscosity > T(0)) {
+      if (!is_fluid(m.model) || m.viscosity > T(0)) {
         map_particle(first + l, Svd<T, 3>{});
         continue;
       }
-      const T s = water_stress(m, p.internal.get(first + l));
+      const T s = fluid_mean_stress(m, p.internal.get(first + l));
       p.stress.set_vec(first + l, {s, s, s, T(0), T(0), T(0)});
     }
   }

@@ -48,4 +48,24 @@ GRAUPEL_HD inline void with_law(MaterialModel model, Body&& body) {
   if (!with_law(FrequentLaws{}, model, body)) with_law(OtherLaws{}, model, body);
 }
 
+/// Whether the law of this model is a function of `measure`. Only laws of that measure are compared.
+template <Measure measure, typename... Laws>
+GRAUPEL_HD constexpr bool has_measure(LawList<Laws...>, MaterialModel model) {
+  return ((Laws::measure == measure && model == Laws::model) || ...);
+}
+template <Measure measure>
+GRAUPEL_HD constexpr bool has_measure(MaterialModel model) {
+  return has_measure<measure>(FrequentLaws{}, model) || has_measure<measure>(OtherLaws{}, model);
+}
+/// A fluid: its stress depends on J and, by viscosity, on the affine velocity.
+GRAUPEL_HD constexpr bool is_fluid(MaterialModel model) { return has_measure<Measure::volume_ratio>(model); }
+
+/// body(law) of the fluid with this model.
+template <typename Body>
+GRAUPEL_HD inline void with_fluid(MaterialModel model, Body&& body) {
+  with_law(model, [&](auto law) {
+    if constexpr (decltype(law)::measure == Measure::volume_ratio) body(law);
+  });
+}
+
 }  // namespace graupel::mpm

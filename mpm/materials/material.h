@@ -1,6 +1,6 @@
 // One step of any material: deformation, return mapping, stress; chosen by the material's model.
 //
-// A particle keeps the elastic deformation gradient F (identity for water and stationary particles) and one internal
+// A particle keeps the elastic deformation gradient F (identity for fluids and stationary particles) and one internal
 // variable:
 //   J = det F          water, jelly, neo_hookean, toothpaste
 //   J_p                snow: volume ratio of the plastic flow
@@ -35,7 +35,7 @@ GRAUPEL_HD inline Measure measure_of(MaterialModel model) {
 
 /// Whether F is part of the particle's state.
 GRAUPEL_HD inline bool keeps_deformation(MaterialModel model) {
-  return model != MaterialModel::water && model != MaterialModel::stationary;
+  return !is_fluid(model) && !has_measure<Measure::nothing>(model);
 }
 
 constexpr GRAUPEL_HD bool is_principal(Measure measure) {
@@ -45,14 +45,14 @@ constexpr GRAUPEL_HD bool is_principal(Measure measure) {
 /// Whether the model works on the singular values of F.
 GRAUPEL_HD inline bool needs_svd(MaterialModel model) { return is_principal(measure_of(model)); }
 
-/// Trial state of a step with the affine velocity C [1/s]: F <- (I + dt C) F, water J <- det(I + dt C) J.
+/// Trial state of a step with the affine velocity C [1/s]: F <- (I + dt C) F, fluids J <- det(I + dt C) J.
 template <typename T, int D>
 GRAUPEL_HD inline void trial_deformation(const MaterialParameters<T>& m, T dt, const Mat<T, D>& C, Mat<T, D>& F,
                                          T& internal) {
   const Mat<T, D> increment = Mat<T, D>::identity() + dt * C;
-  if (m.model == MaterialModel::water)
-    internal = WaterLaw::volume_ratio(increment, internal);
-  else if (m.model != MaterialModel::stationary)
+  if (is_fluid(m.model))
+    with_fluid(m.model, [&](auto law) { internal = decltype(law)::volume_ratio(increment, internal); });
+  else if (keeps_deformation(m.model))
     F = increment * F;
 }
 
@@ -94,7 +94,7 @@ GRAUPEL_COLD GRAUPEL_HD Mat<T, D> map_principal_of_others(const MaterialParamete
   return tau;
 }
 
-/// Return mapping and Kirchhoff stress [Pa] of a trial state, viscosity of water excepted. `d` is the decomposition of
+/// Return mapping and Kirchhoff stress [Pa] of a trial state, viscosity of fluids excepted. `d` is the decomposition of
 /// F (unused where needs_svd() is false), `dt` the step that led to it [s].
 template <typename T, int D>
 GRAUPEL_HD inline Mat<T, D> map_and_stress(const MaterialParameters<T>& m, T dt, const Svd<T, D>& d, Mat<T, D>& F,
@@ -132,11 +132,19 @@ GRAUPEL_HD inline Mat<T, D> map_and_stress_of_solid(const MaterialParameters<T>&
   return map_and_stress(m, dt, needs_svd(m.model) ? svd(F) : Svd<T, D>{}, F, internal);
 }
 
-/// Kirchhoff stress [Pa] of water and stationary particles.
+/// Kirchhoff stress [Pa] of a fluid without its viscosity: this times the identity.
+template <typename S>
+GRAUPEL_HD inline S fluid_mean_stress(const MaterialParameters<Real<S>>& m, S internal) {
+  S stress{};
+  with_fluid(m.model, [&](auto law) { stress = decltype(law)::mean_stress(m, internal); });
+  return stress;
+}
+
+/// Kirchhoff stress [Pa] of fluids and stationary particles.
 template <typename S, int D>
 GRAUPEL_HD inline Mat<S, D> fluid_stress(const MaterialParameters<Real<S>>& m, const Mat<S, D>& C, S internal) {
-  if (m.model != MaterialModel::water) return Mat<S, D>::zero();
-  Mat<S, D> tau = Mat<S, D>::diagonal(Vec<S, D>::filled(water_stress(m, internal)));
+  if (!is_fluid(m.model)) return Mat<S, D>::zero();
+  Mat<S, D> tau = Mat<S, D>::diagonal(Vec<S, D>::filled(fluid_mean_stress(m, internal)));
   if (m.viscosity > Real<S>(0)) tau += viscous_stress(m, C, internal);
   return tau;
 }

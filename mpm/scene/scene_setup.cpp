@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "mpm/materials/list.h"
 #include "mpm/physics/particle_motion.h"
 
 namespace graupel::mpm {
@@ -21,7 +22,7 @@ SceneSetup<T>::SceneSetup(Scene read_scene, const SampledParticles& particles, c
     parameters.push_back(material_parameters<T>(material_configs.back()));
   }
   for (const MaterialConfig& m : material_configs)
-    if (m.model == MaterialModel::water) diffusivity = std::max(diffusivity, m.viscosity / m.density);
+    if (is_fluid(m.model)) diffusivity = std::max(diffusivity, m.viscosity / m.density);
   materials.upload(parameters);
   for (const double volume : particles.volume) largest_volume = std::max(largest_volume, volume);
   for (const int32_t m : particles.material)

@@ -21,7 +21,7 @@ Solver<T>::Solver(const Scene& scene, const SimulationOptions& options, const Sa
       obstacles_(obstacles),
       grid_(options, scene, sampled, obstacles, static_cast<int64_t>(sampled.position.size())) {
   for (const MaterialConfig& m : grid_.material_configs)
-    if (m.model == MaterialModel::water) diffusivity_ = std::max(diffusivity_, m.viscosity / m.density);
+    if (is_fluid(m.model)) diffusivity_ = std::max(diffusivity_, m.viscosity / m.density);
   for (const int32_t m : sampled.material) particle_type_.push_back(particle_type_of(grid_.material_configs[m].model));
   particles_ = upload_particles(initial_particles<T>(sampled, grid_.material_configs), options.device);
   spare_ = Particles<T>(options.device, particles_.count());
