@@ -58,7 +58,7 @@ class Case:
     precision: str = "f32"
     against_itself: bool = False  # not the same bytes in every run: bounded by FLOORS times what two runs of the reference differ
     # An explained difference may grow by chaos. `outputs(.., nudge=k)`, k = 1..nudges, are runs whose start is moved by
-    # one unit in the last place. Of the reference's run and these, the largest difference of any two is the chaos floor.
+    # units in the last place. Of the reference's run and these, the largest difference of any two is the chaos floor.
     nudges: int = 0
 
     def run(self, context):
@@ -81,7 +81,7 @@ class Case:
                    [d.text for d in (over or found)[:5]], explained=bool(entry))
 
     def _floor_name(self):
-        return "reference against itself" if self.against_itself else "reference moved by one ulp"
+        return "reference against itself" if self.against_itself else "reference moved by ulps"
 
     def _floors(self, reference, context):
         """Largest difference of every array between any two runs of the reference."""
