@@ -5,8 +5,7 @@
 //   struct Domain {
 //     double dx = 1.0 / 64;
 //     template <typename Visitor> static void fields(Visitor&& visit) {
-//       visit(&Domain::dx, FieldInfo{.name = "dx", .unit = "m", .meaning = "Grid spacing", .range =
-//       Range::positive()});
+//       visit(&Domain::dx, FieldInfo{"dx", "m", "Grid spacing", Range::positive()});
 //     }
 //   };
 //
@@ -42,6 +41,9 @@ struct FieldInfo {
   Range range = {};
   bool required = false;           ///< no default: the reader insists on it (for the kinds it applies to)
   std::string_view only_for = {};  ///< space-separated words of the struct's kind field ("shape", "model"); "" = all
+
+  constexpr FieldInfo mandatory() const { return {name, unit, meaning, range, true, only_for}; }
+  constexpr FieldInfo only_in(std::string_view kinds) const { return {name, unit, meaning, range, required, kinds}; }
 };
 
 /// Specialise with `static constexpr std::pair<const char*, E> words[]` for every enum used in a config.
