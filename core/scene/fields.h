@@ -13,6 +13,7 @@
 // std::optional, std::vector or std::map<std::string, ...> of these.
 #pragma once
 
+#include <array>
 #include <limits>
 #include <string_view>
 #include <utility>
@@ -46,9 +47,15 @@ struct FieldInfo {
   constexpr FieldInfo only_in(std::string_view kinds) const { return {name, unit, meaning, range, required, kinds}; }
 };
 
-/// Specialise with `static constexpr std::pair<const char*, E> words[]` for every enum used in a config.
+/// Specialise with `static constexpr std::pair<const char*, E> words[]` for every enum used in a config, or declare
+/// `constexpr auto enum_list(E)` beside it, which returns a std::array of these pairs.
 template <typename E>
 struct EnumWords;
+template <typename E>
+requires requires { enum_list(E()); }
+struct EnumWords<E> {
+  static constexpr auto words = enum_list(E());
+};
 
 /// Word of an enum value, e.g. "slip".
 template <typename E>

@@ -6,8 +6,7 @@
 
 #include "core/scene/fields.h"
 
-namespace graupel {
-namespace train {
+namespace graupel::train {
 
 /// Hidden width of a network from its beta (table 1).
 enum class WidthRule {
@@ -26,25 +25,17 @@ enum class AffineInput {
   parameters  ///< q and mu
 };
 
-}  // namespace train
-
-template <>
-struct EnumWords<train::WidthRule> {
-  static constexpr std::pair<const char*, train::WidthRule> words[] = {{"paper", train::WidthRule::paper},
-                                                                       {"code", train::WidthRule::code}};
-};
-template <>
-struct EnumWords<train::EncoderKind> {
-  static constexpr std::pair<const char*, train::EncoderKind> words[] = {
-      {"least_squares", train::EncoderKind::least_squares}, {"conv", train::EncoderKind::conv}};
-};
-template <>
-struct EnumWords<train::AffineInput> {
-  static constexpr std::pair<const char*, train::AffineInput> words[] = {
-      {"latent", train::AffineInput::latent}, {"parameters", train::AffineInput::parameters}};
-};
-
-namespace train {
+constexpr auto enum_list(WidthRule) {
+  return std::to_array<std::pair<const char*, WidthRule>>({{"paper", WidthRule::paper}, {"code", WidthRule::code}});
+}
+constexpr auto enum_list(EncoderKind) {
+  return std::to_array<std::pair<const char*, EncoderKind>>(
+      {{"least_squares", EncoderKind::least_squares}, {"conv", EncoderKind::conv}});
+}
+constexpr auto enum_list(AffineInput) {
+  return std::to_array<std::pair<const char*, AffineInput>>(
+      {{"latent", AffineInput::latent}, {"parameters", AffineInput::parameters}});
+}
 
 struct MlpConfig {
   WidthRule widths = WidthRule::code;
@@ -103,5 +94,4 @@ struct MlpConfig {
   }
 };
 
-}  // namespace train
-}  // namespace graupel
+}  // namespace graupel::train

@@ -11,8 +11,7 @@
 #include "rom/reduced_model.h"
 #include "train/config/mlp_config.h"
 
-namespace graupel {
-namespace train {
+namespace graupel::train {
 
 /// How the modes are stored in the weights file.
 enum class ModeStorage { f32, f16 };
@@ -24,20 +23,14 @@ enum class ClusterPoint {
            ///< (train/reduced/cubature_rows.h)
 };
 
-}  // namespace train
+constexpr auto enum_list(ModeStorage) {
+  return std::to_array<std::pair<const char*, ModeStorage>>({{"f32", ModeStorage::f32}, {"f16", ModeStorage::f16}});
+}
 
-template <>
-struct EnumWords<train::ModeStorage> {
-  static constexpr std::pair<const char*, train::ModeStorage> words[] = {{"f32", train::ModeStorage::f32},
-                                                                         {"f16", train::ModeStorage::f16}};
-};
-
-template <>
-struct EnumWords<train::ClusterPoint> {
-  static constexpr std::pair<const char*, train::ClusterPoint> words[] = {{"random", train::ClusterPoint::random},
-                                                                          {"matched", train::ClusterPoint::matched}};
-};
-namespace train {
+constexpr auto enum_list(ClusterPoint) {
+  return std::to_array<std::pair<const char*, ClusterPoint>>(
+      {{"random", ClusterPoint::random}, {"matched", ClusterPoint::matched}});
+}
 
 struct NsfConfig {
   rom::FieldKind field = rom::FieldKind::factored;
@@ -140,5 +133,4 @@ struct NsfConfig {
   }
 };
 
-}  // namespace train
-}  // namespace graupel
+}  // namespace graupel::train

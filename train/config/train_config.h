@@ -8,8 +8,7 @@
 #include "core/scene/fields.h"
 #include "train/config/network_config.h"
 
-namespace graupel {
-namespace train {
+namespace graupel::train {
 
 /// How far the grid's origin is moved at random, towards negative coordinates.
 enum class GridJitter {
@@ -23,21 +22,14 @@ enum class RateSchedule {
   cosine        ///< half a cosine from first to final over all steps
 };
 
-}  // namespace train
-
-template <>
-struct EnumWords<train::GridJitter> {
-  static constexpr std::pair<const char*, train::GridJitter> words[] = {{"coarsest", train::GridJitter::coarsest},
-                                                                        {"finest", train::GridJitter::finest},
-                                                                        {"none", train::GridJitter::none}};
-};
-template <>
-struct EnumWords<train::RateSchedule> {
-  static constexpr std::pair<const char*, train::RateSchedule> words[] = {
-      {"exponential", train::RateSchedule::exponential}, {"cosine", train::RateSchedule::cosine}};
-};
-
-namespace train {
+constexpr auto enum_list(GridJitter) {
+  return std::to_array<std::pair<const char*, GridJitter>>(
+      {{"coarsest", GridJitter::coarsest}, {"finest", GridJitter::finest}, {"none", GridJitter::none}});
+}
+constexpr auto enum_list(RateSchedule) {
+  return std::to_array<std::pair<const char*, RateSchedule>>(
+      {{"exponential", RateSchedule::exponential}, {"cosine", RateSchedule::cosine}});
+}
 
 struct TrainConfig {
   Architecture architecture = Architecture::hgn;
@@ -177,5 +169,4 @@ struct TrainConfig {
   }
 };
 
-}  // namespace train
-}  // namespace graupel
+}  // namespace graupel::train
