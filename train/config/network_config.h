@@ -12,8 +12,7 @@
 #include "graph/plan/layer_plan.h"
 #include "nn/weights.h"
 
-namespace graupel {
-namespace train {
+namespace graupel::train {
 
 /// Words of the metadata key "architecture".
 enum class Architecture { hgn, gns };
@@ -42,12 +41,8 @@ inline std::map<std::string, std::string> metadata_of(const NetworkConfig& confi
 /// Of a weights file. Throws InputError for another architecture and for keys that are missing or wrong.
 NetworkConfig network_config_of(const nn::Weights& weights);
 
-}  // namespace train
+constexpr auto enum_list(Architecture) {
+  return std::to_array<std::pair<const char*, Architecture>>({{"hgn", Architecture::hgn}, {"gns", Architecture::gns}});
+}
 
-template <>
-struct EnumWords<train::Architecture> {
-  static constexpr std::pair<const char*, train::Architecture> words[] = {{"hgn", train::Architecture::hgn},
-                                                                          {"gns", train::Architecture::gns}};
-};
-
-}  // namespace graupel
+}  // namespace graupel::train
