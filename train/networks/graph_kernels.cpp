@@ -22,9 +22,7 @@ GRAUPEL_HD void store(T* p, const Pack<T, W>& x) {
   *reinterpret_cast<Pack<T, W>*>(p) = x;
 }
 
-GRAUPEL_HD inline int64_t row_of(const RowIndex& row, int64_t r) {
-  return row.index ? row.index[r] : (r >> row.shift) & row.mask;
-}
+GRAUPEL_HD inline int64_t row_of(const RowIndex& row, int64_t r) { return row.index ? row.index[r] : r >> row.shift; }
 template <typename T>
 GRAUPEL_HD T leaky(T x, T slope) {
   return x > T(0) ? x : slope * x;
@@ -80,17 +78,12 @@ struct GatherRows {
   int64_t stride;
   RowIndex row;
   const T* weight;
-  const T* add;
   T* out;
   GRAUPEL_HD void operator()(int64_t i) const {
     const int64_t r = i / packs, column = (i - r * packs) * W;
     Pack<T, W> x = load<T, W>(source + row_of(row, r) * stride + column);
     const T w = weight ? weight[r] : T(1);
     for (int k = 0; k < W; ++k) x.v[k] *= w;
-    if (add) {
-      const Pack<T, W> y = load<T, W>(add + i * W);
-      for (int k = 0; k < W; ++k) x.v[k] += y.v[k];
-    }
     store<T, W>(out + i * W, x);
   }
 };
@@ -160,12 +153,12 @@ void segment_sum(Device device, const Segments& segments, int64_t width, const T
 
 template <typename T>
 void gather_rows(Device device, int64_t rows, int64_t width, const T* source, int64_t source_stride,
-                 const RowIndex& row, const T* weight, const T* add, T* out) {
+                 const RowIndex& row, const T* weight, T* out) {
   if (packable(width, source_stride))
-    parallel_for(device, rows * (width / 4), GatherRows<T, 4>{width / 4, source, source_stride, row, weight, add, out},
+    parallel_for(device, rows * (width / 4), GatherRows<T, 4>{width / 4, source, source_stride, row, weight, out},
                  light);
   else
-    parallel_for(device, rows * width, GatherRows<T, 1>{width, source, source_stride, row, weight, add, out}, light);
+    parallel_for(device, rows * width, GatherRows<T, 1>{width, source, source_stride, row, weight, out}, light);
 }
 
 template <typename T>
@@ -183,12 +176,12 @@ void adam_step(Device device, int64_t count, const AdamSettings& settings, const
                   light);
 }
 
-#define GRAUPEL_INSTANTIATE(T)                                                                                     \
-  template void gather_sum_leaky(Device, int64_t, int64_t, const GatherTerm<T>&, const GatherTerm<T>&,             \
-                                 const GatherTerm<T>&, T*, double);                                                \
-  template void segment_sum(Device, const Segments&, int64_t, const T*, int64_t, const T*, T*);                    \
-  template void gather_rows(Device, int64_t, int64_t, const T*, int64_t, const RowIndex&, const T*, const T*, T*); \
-  template void leaky_backward(Device, int64_t, const T*, T*, double);                                             \
+#define GRAUPEL_INSTANTIATE(T)                                                                           \
+  template void gather_sum_leaky(Device, int64_t, int64_t, const GatherTerm<T>&, const GatherTerm<T>&,   \
+                                 const GatherTerm<T>&, T*, double);                                      \
+  template void segment_sum(Device, const Segments&, int64_t, const T*, int64_t, const T*, T*);          \
+  template void gather_rows(Device, int64_t, int64_t, const T*, int64_t, const RowIndex&, const T*, T*); \
+  template void leaky_backward(Device, int64_t, const T*, T*, double);                                   \
   template void adam_step(Device, int64_t, const AdamSettings&, const T*, const T*, T*, T*, T*, T*, void*);
 GRAUPEL_INSTANTIATE(float)
 GRAUPEL_INSTANTIATE(double)

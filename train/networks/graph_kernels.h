@@ -9,11 +9,10 @@
 
 namespace graupel::train {
 
-/// Which row of a table belongs to row r: index[r], or (r >> shift) & mask where there is no index.
+/// Which row of a table belongs to row r: index[r], or r >> shift where there is no index.
 struct RowIndex {
   const int32_t* index = nullptr;
   int shift = 0;
-  int64_t mask = -1;
 };
 
 /// One addend of a gathered sum; rows of `table` lie `stride` numbers apart.
@@ -45,10 +44,10 @@ template <typename T>
 void segment_sum(Device device, const Segments& segments, int64_t width, const T* source, int64_t source_stride,
                  const T* weight, T* out);
 
-/// out[r] = weight[r] * source[row(r)] + add[r], shape [rows, width]; `weight` null means 1, `add` null means 0.
+/// out[r] = weight[r] * source[row(r)], shape [rows, width]; `weight` null means 1.
 template <typename T>
 void gather_rows(Device device, int64_t rows, int64_t width, const T* source, int64_t source_stride,
-                 const RowIndex& row, const T* weight, const T* add, T* out);
+                 const RowIndex& row, const T* weight, T* out);
 
 /// grad *= LeakyReLU'(.), from the activated values (a slope keeps their sign; ReLU has the slope 0 at 0).
 template <typename T>

@@ -43,7 +43,7 @@ at::Tensor sum_at(const LinkEnd& end, const at::Tensor& rows, const at::Tensor& 
 }
 /// weight * row of its node, for each link.
 at::Tensor rows_at(const LinkEnd& end, int64_t links, const at::Tensor& nodes, const at::Tensor& weight) {
-  return gather_rows(links, end.row(nodes.stride(1) == 1 ? nodes : nodes.contiguous()), weight, {});
+  return gather_rows(links, end.row(nodes.stride(1) == 1 ? nodes : nodes.contiguous()), weight);
 }
 
 /// Autograd's functions keep the address of the links, which live as long as the pass (LinkCache).
@@ -56,7 +56,7 @@ const TorchLinks& kept_links(AutogradContext* ctx) {
 struct GatherActivate : torch::autograd::Function<GatherActivate> {
   static at::Tensor compute(const at::Tensor& own, const at::Tensor& sent, const at::Tensor& received,
                             const TorchLinks& links, double slope) {
-    const Term self{own, {}, 0, -1};
+    const Term self{own, {}};
     if (sent.numel() > 0 && received.numel() > 0)
       gather_sum_leaky_into(own, links.sender.row(sent), links.receiver.row(received), self, slope);
     else if (sent.numel() > 0)

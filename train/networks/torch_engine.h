@@ -18,7 +18,7 @@ namespace graupel::train {
 
 /// Rows of nodes at one end of a set of links, and the links of each node.
 struct LinkEnd {
-  Term row(const at::Tensor& table) const { return {table, index, shift, -1}; }
+  Term row(const at::Tensor& table) const { return {table, index, shift}; }
   bool is_own_row() const { return !index.defined() && shift == 0; }  ///< link l belongs to node l
 
   at::Tensor index;  ///< [links] node; undefined: l >> shift

@@ -20,7 +20,7 @@ template <typename T>
 const T* data_of(const at::Tensor& tensor) {
   return tensor.defined() ? tensor.data_ptr<T>() : nullptr;
 }
-RowIndex row_of(const Term& term) { return {data_of<int32_t>(term.index), term.shift, term.mask}; }
+RowIndex row_of(const Term& term) { return {data_of<int32_t>(term.index), term.shift}; }
 template <typename T>
 GatherTerm<T> term_of(const Term& term) {
   if (!term.table.defined()) return {nullptr, 0, {}};
@@ -187,12 +187,12 @@ at::Tensor segment_sum_fixed(const at::Tensor& source, int fixed, const at::Tens
   return sum_segments(source, {source.size(0) / fixed, nullptr, nullptr, fixed}, weight);
 }
 
-at::Tensor gather_rows(int64_t rows, const Term& source, const at::Tensor& weight, const at::Tensor& add) {
+at::Tensor gather_rows(int64_t rows, const Term& source, const at::Tensor& weight) {
   at::Tensor out = at::empty({rows, source.table.size(1)}, source.table.options());
   with_type(out, [&](auto zero) {
     using T = decltype(zero);
     gather_rows<T>(place_of(out), rows, out.size(1), source.table.data_ptr<T>(), source.table.stride(0), row_of(source),
-                   data_of<T>(weight), data_of<T>(add), out.data_ptr<T>());
+                   data_of<T>(weight), out.data_ptr<T>());
   });
   return out;
 }

@@ -23,8 +23,6 @@ struct Fcn {
   std::vector<Layer> middle;  ///< further hidden layers
   double slope = graph::hgn_leaky_slope;
   bool norm = true;
-
-  Layer first() const { return {w1, b1, w1_grad, b1_grad}; }
 };
 
 /// All FCNs of the network by name, as views of a flat array (and of a flat gradient, which may be undefined).
@@ -60,12 +58,11 @@ void activation_backward(const at::Tensor& activated, const at::Tensor& grad, do
 
 /// The kernels of graph_kernels.h on tensors. An index is an int32 tensor.
 Device place_of(const at::Tensor& tensor);
-/// A term of gather_sum_leaky: rows of `table` by an index, or by (row >> shift) & mask.
+/// A term of gather_sum_leaky: rows of `table` by an index, or by row >> shift.
 struct Term {
   at::Tensor table;
   at::Tensor index;
   int shift = 0;
-  int64_t mask = -1;
 };
 /// LeakyReLU of a sum of gathered rows (graph_kernels.h) into `out`, which may be c's table.
 void gather_sum_leaky_into(const at::Tensor& out, const Term& a, const Term& b, const Term& c, double slope);
@@ -74,7 +71,7 @@ at::Tensor segment_sum(const at::Tensor& source, const at::Tensor& begin, const 
                        const at::Tensor& weight);
 /// Sums over groups of `fixed` rows.
 at::Tensor segment_sum_fixed(const at::Tensor& source, int fixed, const at::Tensor& weight);
-/// out[r] = weight[r] * source[row(r)] + add[r]; `weight` and `add` may be undefined.
-at::Tensor gather_rows(int64_t rows, const Term& source, const at::Tensor& weight, const at::Tensor& add);
+/// out[r] = weight[r] * source[row(r)]; `weight` may be undefined.
+at::Tensor gather_rows(int64_t rows, const Term& source, const at::Tensor& weight);
 
 }  // namespace graupel::train

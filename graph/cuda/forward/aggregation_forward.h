@@ -1,6 +1,6 @@
 // Forward pass, for training, of the hierarchical graph network whose receivers sum activations (Aggregation in
-// graph/config/hgn_config.h), by the kernels of row_layers.h and activation_sums.h. Gather layers over [f_i, f_j,
-// offset] are evaluated as W_i f_i + W_j f_j + W_o offset, projected once a node, kept in bf16.
+// graph/config/hgn_config.h), by the kernels of row_layers.h and activation_aggregation.h. Gather layers over [f_i,
+// f_j, offset] are evaluated as W_i f_i + W_j f_j + W_o offset, projected once a node, kept in bf16.
 #pragma once
 
 #include <vector>

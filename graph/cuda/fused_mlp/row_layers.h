@@ -23,14 +23,13 @@ struct RowOf {
   int32_t mask = -1;
 };
 
-/// A bf16 operand of the first layer, [*, 128]: row index[r]; or the sum of the rows item[i], i in
-/// [begin[r] - first, begin[r + 1] - first) (item null: i itself), where `begin` is given.
+/// A bf16 operand of the first layer, [*, 128]: row index[r]; or the sum of the rows begin[r] - first to
+/// begin[r + 1] - first - 1, where `begin` is given.
 struct RowOperand {
   const uint16_t* rows = nullptr;
   const int32_t* index = nullptr;
   const int32_t* begin = nullptr;
   int32_t first = 0;
-  const int32_t* item = nullptr;
   uint16_t* save = nullptr;          ///< [rows, 128] the operand as it was used, if wanted
   const uint16_t* weight = nullptr;  ///< tile
 };
@@ -91,14 +90,11 @@ struct OperandGradient {
   uint16_t* d16 = nullptr;
 };
 
-/// What goes back through a FusedMlp whose results' gradient is
-///   g[r] = scale * weight[r] * g32[row(r)] + g16[r]      (absent parts: weight 1, g 0).
+/// What goes back through a FusedMlp whose results' gradient is g[r] = g32[row(r)] + g16[r], absent parts 0.
 struct FusedMlpGradient {
   FusedMlp network;  ///< results are not written
   const float* g32 = nullptr;
   RowOf g_row = {};
-  const float* g_weight = nullptr;
-  float g_scale = 1;
   const uint16_t* g16 = nullptr;
 
   uint16_t* hidden = nullptr;  ///< [rows, 128] activations of the first layer
@@ -128,28 +124,26 @@ struct RowProjection {
 };
 void project(const RowProjection& projection, void* stream);
 
-/// The way back: sum32 = add32 + sum over j of d[j] W[j]; d[j] are operands (summed rows, mostly), `save` keeps them.
+/// The way back: sum32 = add32 + sum over j of d[j] W[j].
 struct ProjectionGradient {
   int64_t rows = 0;
-  RowOperand d[2];
+  RowOperand d[2];  ///< rows and weights alone
   const float* add32 = nullptr;
   float* sum32 = nullptr;
 };
 void project_back(const ProjectionGradient& gradient, void* stream);
 
-/// out[s] = add32[s] + scale * sum of weight[i] source[i] over the rows i of segment s.
+/// out[s] = scale * sum of weight[i] source[i] over the rows i of segment s.
 struct SegmentRows {
   int64_t segments = 0;
   const int32_t* row_count = nullptr;  ///< of segments
-  const int32_t* begin = nullptr;      ///< [segments + 1]; null: `fixed` rows each
+  const int32_t* begin = nullptr;      ///< [segments + 1]
   int32_t first = 0;                   ///< subtracted from `begin`
   const int32_t* item = nullptr;       ///< rows; null: as they stand
-  int32_t fixed = 0;
-  bool are_long = false;  ///< some have hundreds of rows
+  bool are_long = false;               ///< some have hundreds of rows
   const uint16_t* source = nullptr;
   const float* weight = nullptr;  ///< of a row
   float scale = 1;
-  const float* add32 = nullptr;
   float* out32 = nullptr;
   uint16_t* out16 = nullptr;
 };
@@ -201,8 +195,7 @@ struct Decoder {
   const uint16_t* w1 = nullptr;   ///< tile
   const float *b1 = nullptr, *w2 = nullptr, *b2 = nullptr;
   float slope = 0.01f;
-  float* out = nullptr;      ///< [rows, 3 frames]
-  uint16_t* save = nullptr;  ///< [rows, 128] x, rounded, if wanted
+  float* out = nullptr;  ///< [rows, 3 frames]
 };
 void decode(const Decoder& decoder, void* stream);
 
@@ -231,7 +224,6 @@ struct WeightProduct {
   const uint16_t* x = nullptr;
   float* out = nullptr;
   int32_t stride = 0, columns = layer_width;
-  float scale = 1;
   float* bias = nullptr;
 };
 

@@ -42,18 +42,16 @@ at::Tensor FusedHgn::forward(const DeviceBatch& batch) {
   const graph::RowLatents latents = to_decoder(graph_of(batch));
   if (config_.bundle > 1)
     return fcn_forward(fcn("decoder"), at::from_blob(latents.f32, {batch.particles, h}, number_), &decoder_);
-  before_decoder_ = latents.f16 ? latents.f16 : rows16(batch.particles);
+  before_decoder_ = latents.f16;
   const Fcn& net = fcn("decoder");
   const at::Tensor out = at::empty({batch.particles, 3}, number_);
   graph::decode({.rows = batch.particles,
-                 .x = latents.f32,
                  .x16 = latents.f16,
                  .w1 = packed_.tile("decoder", 0),
                  .b1 = f32(net.b1),
                  .w2 = f32(net.w2),
                  .b2 = f32(net.b2),
-                 .out = f32(out),
-                 .save = latents.f16 ? nullptr : before_decoder_},
+                 .out = f32(out)},
                 nullptr);
   return out;
 }

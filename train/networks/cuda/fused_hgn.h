@@ -33,7 +33,7 @@ class FusedHgn : public MixedPrecisionNetwork, protected graph::RowMemory {
     return tensor.defined() ? static_cast<const int32_t*>(tensor.data_ptr()) : nullptr;
   }
 
-  /// Latents before the decoder; f16 may be missing.
+  /// Latents before the decoder.
   virtual graph::RowLatents to_decoder(const graph::HgnGraph& graph) = 0;
   /// From the gradient of the latents before the decoder to that of the encoder's result; adds the products for the
   /// weights between them.
@@ -61,10 +61,11 @@ class FusedHgn : public MixedPrecisionNetwork, protected graph::RowMemory {
   void add_product(int64_t rows, const uint16_t* d, const uint16_t* x, const at::Tensor& w1_grad, int64_t first_column,
                    int64_t columns, const at::Tensor& bias = {});
 
-  /// Runs a kernel of activation_sums.h, whose partial sums are the gradient of the last `parts` columns
-  /// of a layer.
+  /// Runs a kernel of activation_aggregation.h, whose partial sums are the gradient of the last three columns of a
+  /// layer.
   template <typename Gradient>
-  void offsets_backward(const at::Tensor& w_grad, Gradient gradient, int parts = 3) {
+  void offsets_backward(const at::Tensor& w_grad, Gradient gradient) {
+    constexpr int parts = 3;
     gradient.partial = partials(graph::most_offset_partials(), parts);
     const int rows = graph::sum_gradients(gradient, nullptr);
     const auto columns = static_cast<int32_t>(w_grad.size(1));
