@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "graph/cuda/aggregation/activation_aggregation.h"
-#include "graph/cuda/forward/packed_hgn.h"
+#include "graph/cuda/forward/packed_network.h"
 
 namespace graupel::graph {
 
@@ -24,7 +24,7 @@ struct AggregationRecord {
 };
 
 /// Latents of the particles before the decoder, [particles, 128]: encoder's plus what the cells send.
-RowLatents forward_aggregation(const PackedHgn& network, const HgnGraph& graph, RowMemory& memory,
+RowLatents forward_aggregation(const PackedNetwork& network, const NetworkGraph& graph, RowMemory& memory,
                                AggregationRecord& record, void* stream);
 
 }  // namespace graupel::graph

@@ -2,7 +2,7 @@
 #pragma once
 
 #include "graph/cuda/forward/device_weights.h"
-#include "graph/cuda/forward/gns_forward.h"
+#include "graph/cuda/forward/message_forward.h"
 #include "graph/cuda/forward/row_arena.h"
 #include "graph/cuda/rollout/frame_model.h"
 #include "graph/topology/radius_graph_builder.h"
@@ -33,10 +33,10 @@ class GnsFrame : public FrameModel, private EdgeMemory {
   GnsConfig config_;
   FeatureRules rules_;
   DeviceWeights weights_;
-  PackedGns network_;
+  PackedNetwork network_;
   RadiusGraphBuilder builder_{Device::cuda, config_};
   RowArena arena_;
-  GnsRecord record_;
+  MessageRecord record_;
   void* stream_ = nullptr;  ///< of the graph made last
   bool is_due_ = false;     ///< the graph is made by launch(), after the features
 

@@ -41,7 +41,7 @@ class FusedAggregation::BackwardPass {
   const uint16_t* received_ = nullptr;  ///< of what grid_to_particle's gather layer takes of the particles
 };
 
-graph::RowLatents FusedAggregation::to_decoder(const graph::HgnGraph& graph) {
+graph::RowLatents FusedAggregation::to_decoder(const graph::NetworkGraph& graph) {
   return graph::forward_aggregation(packed_, graph, *this, record_, nullptr);
 }
 
@@ -161,7 +161,7 @@ void FusedAggregation::BackwardPass::prolong_to_fine(const graph::PlanBlock& blo
 void FusedAggregation::BackwardPass::pass_messages(const graph::PlanBlock& block) {
   const DeviceLevel& level = batch_.level[block.level()];
   for (int64_t k = block.iterations; k-- > 0;) {
-    const std::string at_k = graph::numbered(block.name, k), name = at_k + ".gather";
+    const std::string at_k = block.name + "." + std::to_string(k), name = at_k + ".gather";
     const Fcn::Layer& layer = network_.gather(name);
     const graph::AggregationRecord::Step& step = network_.record_.blocks[block.number][static_cast<std::size_t>(k)];
     float* const beside_sums = network_.rows32(level.cells);

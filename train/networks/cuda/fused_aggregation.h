@@ -16,7 +16,7 @@ class FusedAggregation : public FusedHgn {
       : FusedHgn(config, layout, flat, gradient) {}
 
  private:
-  graph::RowLatents to_decoder(const graph::HgnGraph& graph) override;
+  graph::RowLatents to_decoder(const graph::NetworkGraph& graph) override;
   float* back_to_encoder(const DeviceBatch& batch, float* grad_particles) override;
   const graph::FusedMlp& encoder() const override { return record_.encoder; }
 

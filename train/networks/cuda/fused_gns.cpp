@@ -21,27 +21,15 @@ constexpr int64_t h = graph::layer_width;
 
 float* f32(const at::Tensor& tensor) { return static_cast<float*>(tensor.data_ptr()); }
 uint16_t* f16(const at::Tensor& tensor) { return static_cast<uint16_t*>(tensor.data_ptr()); }
-const int32_t* index(const at::Tensor& tensor) { return static_cast<const int32_t*>(tensor.data_ptr()); }
+const int32_t* index(const at::Tensor& tensor) {
+  return tensor.defined() ? static_cast<const int32_t*>(tensor.data_ptr()) : nullptr;
+}
 
 /// At a place from which the kernels read four numbers at once: those of an uploaded batch begin anywhere.
 at::Tensor aligned(const at::Tensor& tensor) {
   constexpr std::uintptr_t bytes = 16;
   const bool is_aligned = reinterpret_cast<std::uintptr_t>(tensor.data_ptr()) % bytes == 0;
   return is_aligned && tensor.is_contiguous() ? tensor : tensor.clone();
-}
-
-/// Weights of the architecture as graph/cuda takes them.
-std::map<std::string, graph::DeviceFcn> weights_of(const std::map<std::string, Fcn>& fcns) {
-  std::map<std::string, graph::DeviceFcn> weights;
-  for (const auto& [name, fcn] : fcns)
-    weights[name] = {f32(fcn.w1),
-                     f32(fcn.b1),
-                     f32(fcn.w2),
-                     f32(fcn.b2),
-                     fcn.norm ? f32(fcn.gamma) : nullptr,
-                     fcn.norm ? f32(fcn.beta) : nullptr,
-                     static_cast<int32_t>(fcn.w1.size(1))};
-  return weights;
 }
 
 }  // namespace
@@ -56,7 +44,7 @@ FusedGns::FusedGns(const graph::GnsConfig& config, int64_t checkpoint_layers, co
       embedding_grad_(view_of(layout.find("embedding.weight"), gradient)),
       number_(flat.options()),
       half_(flat.options().dtype(at::kBFloat16)),
-      packed_(config, weights_of(fcns_), f32(embedding_)) {}
+      packed_(layout.plan(), [&](const std::string& name) { return f32(view_of(layout.find(name), flat)); }) {}
 
 float* FusedGns::rows32(int64_t rows) { return f32(kept_.emplace_back(at::empty({rows, h}, number_))); }
 uint16_t* FusedGns::rows16(int64_t rows) { return f16(kept_.emplace_back(at::empty({rows, h}, half_))); }
@@ -83,17 +71,14 @@ at::Tensor FusedGns::forward(const DeviceBatch& batch) {
   const DeviceLevel& links = batch.level.front();
   kept_.clear();
   packed_.refresh(nullptr);
-  graph::GnsRows rows;
-  rows.nodes = links.cells;
-  rows.edges = links.sender.size(0);
-  rows.features = f32(kept_.emplace_back(batch.features.contiguous()));
-  rows.type_row = index(batch.type_row);
-  rows.begin = index(links.edge_begin);
-  rows.sender = index(links.sender);
-  rows.receiver = index(links.receiver);
-  rows.edge_features = f32(kept_.emplace_back(aligned(links.direction)));
-  make_room(rows.edges);
-  float* const latents = graph::forward_to_decoder(packed_, rows, *this, *this, record_, nullptr);
+  graph::NetworkGraph graph;
+  graph.particles = links.cells;
+  graph.features = f32(kept_.emplace_back(batch.features.contiguous()));
+  graph.type_row = index(batch.type_row);
+  graph.edge_features = f32(kept_.emplace_back(aligned(links.direction)));
+  graph.level.push_back({links.as<const int32_t*>(index)});
+  make_room(links.edges);
+  float* const latents = graph::forward_messages(packed_, graph, *this, this, record_, nullptr);
   return fcn_forward(fcn("decoder"), at::from_blob(latents, {batch.particles, h}, number_), &decoder_);
 }
 
@@ -157,8 +142,9 @@ void FusedGns::latents_again(int64_t first, int64_t last) {
 }
 
 void FusedGns::step_backward(int64_t k, const DeviceLevel& links) {
-  const graph::GnsRecord::Step& record = record_.step[static_cast<std::size_t>(k)];
-  const std::string edge_name = graph::step_name(k, "edge"), node_name = graph::step_name(k, "node");
+  const graph::MessageRecord::Step& record = record_.step[static_cast<std::size_t>(k)];
+  const std::string edge_name = "step." + std::to_string(k) + ".edge",
+                    node_name = "step." + std::to_string(k) + ".node";
   const Fcn &edge_net = fcn(edge_name), &node_net = fcn(node_name);
   const int64_t nodes = links.cells, edges = record.edge.rows;
   const uint16_t* const f = record.node.operand[1].rows;

@@ -1,5 +1,5 @@
-// The graph network simulator's passes in mixed precision on a GPU (graph/cuda/forward/gns_forward.h). The function is
-// that of TorchEngine, with edge latents in bf16. Latent width 128, one hidden layer. Internal, as torch_layers.h.
+// The graph network simulator's passes in mixed precision on a GPU (graph/cuda/forward/message_forward.h). The function
+// is that of TorchEngine, with edge latents in bf16. Latent width 128, one hidden layer. Internal, as torch_layers.h.
 //
 // Memory is that of arrays [edges, 128] in bf16: the latents before every step, one gradient, and three arrays of what
 // the backward pass of one network leaves for its weights' gradients, which are made before the next one. With
@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include "graph/cuda/forward/gns_forward.h"
+#include "graph/cuda/forward/message_forward.h"
 #include "train/networks/mixed_precision_network.h"
 #include "train/networks/parameter_layout.h"
 #include "train/networks/torch_layers.h"
@@ -66,12 +66,12 @@ class FusedGns : public MixedPrecisionNetwork, private graph::RowMemory, private
   std::map<std::string, Fcn> fcns_;
   at::Tensor embedding_, embedding_grad_;
   at::TensorOptions number_, half_;
-  graph::PackedGns packed_;
+  graph::PackedNetwork packed_;
   graph::WeightProducts products_;
   at::Tensor edge_rows_;  ///< [arrays, room, 128]
   int64_t room_ = 0;
   std::vector<at::Tensor> kept_;  ///< what launches of this step read and write
-  graph::GnsRecord record_;
+  graph::MessageRecord record_;
   FcnRecord decoder_;
   float* node_grad_ = nullptr;  ///< [nodes, 128] of the latents after the step that comes next on the way back
   Traces node_traces_{};

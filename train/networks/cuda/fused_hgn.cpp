@@ -10,21 +10,6 @@
 
 namespace graupel::train {
 
-std::map<std::string, graph::DeviceFcn> FusedHgn::weights() const {
-  std::map<std::string, graph::DeviceFcn> weights;
-  for (const auto& [name, fcn] : fcns_)
-    weights[name] = {f32(fcn.w1),
-                     f32(fcn.b1),
-                     f32(fcn.w2),
-                     f32(fcn.b2),
-                     fcn.norm ? f32(fcn.gamma) : nullptr,
-                     fcn.norm ? f32(fcn.beta) : nullptr,
-                     static_cast<int32_t>(fcn.w1.size(1))};
-  for (const auto& [name, layer] : gathers_)
-    weights[name] = {.w1 = f32(layer.w), .b1 = f32(layer.b), .inputs = static_cast<int32_t>(layer.w.size(1))};
-  return weights;
-}
-
 FusedHgn::FusedHgn(const graph::HgnConfig& config, const ParameterLayout& layout, const at::Tensor& flat,
                    const at::Tensor& gradient)
     : config_(config),
@@ -34,7 +19,7 @@ FusedHgn::FusedHgn(const graph::HgnConfig& config, const ParameterLayout& layout
       half_(flat.options().dtype(at::kBFloat16)),
       embedding_(view_of(layout.find("embedding.weight"), flat)),
       embedding_grad_(view_of(layout.find("embedding.weight"), gradient)),
-      packed_(config, weights(), f32(embedding_)) {}
+      packed_(layout.plan(), [&](const std::string& name) { return f32(view_of(layout.find(name), flat)); }) {}
 
 at::Tensor FusedHgn::forward(const DeviceBatch& batch) {
   kept_.clear();
@@ -111,8 +96,8 @@ const uint16_t* FusedHgn::packed(const at::Tensor& numbers) {
   return rows;
 }
 
-graph::HgnGraph FusedHgn::graph_of(const DeviceBatch& batch) {
-  graph::HgnGraph graph{};
+graph::NetworkGraph FusedHgn::graph_of(const DeviceBatch& batch) {
+  graph::NetworkGraph graph;
   graph.particles = batch.particles;
   graph.features = f32(kept_.emplace_back(batch.features.contiguous()));
   graph.type_row = index(batch.type_row);

@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "graph/cuda/aggregation/activation_aggregation.h"
-#include "graph/cuda/forward/packed_hgn.h"
+#include "graph/cuda/forward/packed_network.h"
 #include "train/networks/mixed_precision_network.h"
 #include "train/networks/torch_layers.h"
 
@@ -34,7 +34,7 @@ class FusedHgn : public MixedPrecisionNetwork, protected graph::RowMemory {
   }
 
   /// Latents before the decoder.
-  virtual graph::RowLatents to_decoder(const graph::HgnGraph& graph) = 0;
+  virtual graph::RowLatents to_decoder(const graph::NetworkGraph& graph) = 0;
   /// From the gradient of the latents before the decoder to that of the encoder's result; adds the products for the
   /// weights between them.
   virtual float* back_to_encoder(const DeviceBatch& batch, float* grad_particles) = 0;
@@ -84,14 +84,12 @@ class FusedHgn : public MixedPrecisionNetwork, protected graph::RowMemory {
   std::map<std::string, Fcn::Layer> gathers_;
   at::TensorOptions number_, half_;
   at::Tensor embedding_, embedding_grad_;
-  graph::PackedHgn packed_;
+  graph::PackedNetwork packed_;
   graph::WeightProducts products_;
   std::vector<at::Tensor> kept_;  ///< what launches of this step read and write
 
  private:
-  /// Weights as graph/cuda takes them.
-  std::map<std::string, graph::DeviceFcn> weights() const;
-  graph::HgnGraph graph_of(const DeviceBatch& batch);
+  graph::NetworkGraph graph_of(const DeviceBatch& batch);
 
   float* decoder_backward(int64_t particles, const at::Tensor& grad);
 

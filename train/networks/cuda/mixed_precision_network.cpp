@@ -12,14 +12,15 @@ std::unique_ptr<MixedPrecisionNetwork> make_mixed_precision_network(const Networ
                                                                     const at::Tensor& flat,
                                                                     const at::Tensor& gradient) {
   if (const auto* hgn = std::get_if<graph::HgnConfig>(&config)) {
-    if (hgn->aggregation != graph::Aggregation::activations || !graph::PackedHgn::fits(*hgn)) return nullptr;
+    if (hgn->aggregation != graph::Aggregation::activations || !graph::PackedNetwork::fits(layout.plan()))
+      return nullptr;
     return std::make_unique<FusedAggregation>(*hgn, layout, flat, gradient);
   }
   const auto& gns = std::get<graph::GnsConfig>(config);
   if (gns.hidden_layers > 1)
     throw ConfigError("networks of several hidden layers have no kernels in mixed precision (gns.hidden_layers: " +
                       std::to_string(gns.hidden_layers) + ", with kernels: 1). Set mixed_precision=false");
-  if (!graph::PackedGns::fits(gns)) return nullptr;
+  if (!graph::PackedNetwork::fits(layout.plan())) return nullptr;
   return std::make_unique<FusedGns>(gns, checkpoint_layers, layout, flat, gradient);
 }
 
