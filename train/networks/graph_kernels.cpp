@@ -88,19 +88,6 @@ struct GatherRows {
   }
 };
 
-template <typename T, int W>
-struct LeakyBackward {
-  const T* activated;
-  T* grad;
-  T slope;
-  GRAUPEL_HD void operator()(int64_t i) const {
-    const Pack<T, W> h = load<T, W>(activated + i * W);
-    Pack<T, W> g = load<T, W>(grad + i * W);
-    for (int k = 0; k < W; ++k) g.v[k] = h.v[k] > T(0) ? g.v[k] : slope * g.v[k];
-    store<T, W>(grad + i * W, g);
-  }
-};
-
 template <typename T>
 struct AdamStep {
   AdamSettings s;
@@ -162,14 +149,6 @@ void gather_rows(Device device, int64_t rows, int64_t width, const T* source, in
 }
 
 template <typename T>
-void leaky_backward(Device device, int64_t count, const T* activated, T* grad, double slope) {
-  if (count % 4 == 0)
-    parallel_for(device, count / 4, LeakyBackward<T, 4>{activated, grad, T(slope)}, light);
-  else
-    parallel_for(device, count, LeakyBackward<T, 1>{activated, grad, T(slope)}, light);
-}
-
-template <typename T>
 void adam_step(Device device, int64_t count, const AdamSettings& settings, const T* gradient, const T* gradient_norm,
                T* weights, T* moment1, T* moment2, T* ema, void* stream) {
   parallel_for_in(stream, device, count, AdamStep<T>{settings, gradient, gradient_norm, weights, moment1, moment2, ema},
@@ -181,7 +160,6 @@ void adam_step(Device device, int64_t count, const AdamSettings& settings, const
                                  const GatherTerm<T>&, T*, double);                                      \
   template void segment_sum(Device, const Segments&, int64_t, const T*, int64_t, const T*, T*);          \
   template void gather_rows(Device, int64_t, int64_t, const T*, int64_t, const RowIndex&, const T*, T*); \
-  template void leaky_backward(Device, int64_t, const T*, T*, double);                                   \
   template void adam_step(Device, int64_t, const AdamSettings&, const T*, const T*, T*, T*, T*, T*, void*);
 GRAUPEL_INSTANTIATE(float)
 GRAUPEL_INSTANTIATE(double)

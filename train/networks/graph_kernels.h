@@ -49,10 +49,6 @@ template <typename T>
 void gather_rows(Device device, int64_t rows, int64_t width, const T* source, int64_t source_stride,
                  const RowIndex& row, const T* weight, T* out);
 
-/// grad *= LeakyReLU'(.), from the activated values (a slope keeps their sign; ReLU has the slope 0 at 0).
-template <typename T>
-void leaky_backward(Device device, int64_t count, const T* activated, T* grad, double slope);
-
 /// Adam (Kingma and Ba 2015, algorithm 1) with the gradient scaled to at most `clip` in norm, and the moving average
 /// ema = decay ema + (1 - decay) weights. A gradient that is not finite changes nothing.
 struct AdamSettings {

@@ -2,6 +2,7 @@
 
 #include <ATen/TensorOperators.h>
 #include <ATen/ops/from_blob.h>
+#include <torch/csrc/autograd/autograd.h>
 
 #include <cstdint>
 
@@ -25,7 +26,7 @@ FusedNetwork::FusedNetwork(const ParameterLayout& layout, const at::Tensor& flat
       layout_(layout),
       flat_(flat),
       gradient_(gradient),
-      decoder_(bind_fcns(layout, flat, gradient).at("decoder")) {
+      engine_(layout, flat) {
   for (const Parameter& parameter : layout_.parameters()) parameter_[parameter.name] = &parameter;
 }
 
@@ -84,7 +85,22 @@ void FusedNetwork::add_product(int64_t rows, const uint16_t* d, const uint16_t* 
 }
 
 at::Tensor FusedNetwork::decode(float* latents, int64_t particles) {
-  return fcn_forward(decoder_, at::from_blob(latents, {particles, h}, number_), &decoded_);
+  const at::AutoGradMode with_grad(true);
+  before_decoder_ = at::from_blob(latents, {particles, h}, number_).set_requires_grad(true);
+  decoded_ = engine_.fcn(plan().layers.back(), before_decoder_);
+  return decoded_.detach();
+}
+
+at::Tensor FusedNetwork::decoder_backward(const at::Tensor& grad) {
+  const std::string& name = plan().layers.back().name;
+  std::vector<std::string> weights;
+  torch::autograd::variable_list leaves = {before_decoder_};
+  for (const char* part : {".layer1.weight", ".layer1.bias", ".layer2.weight", ".layer2.bias"})
+    leaves.push_back(engine_.parameter(weights.emplace_back(name + part)));
+  const torch::autograd::variable_list found = torch::autograd::grad({decoded_}, leaves, {grad});
+  for (std::size_t i = 0; i < weights.size(); ++i) gradient(weights[i]).copy_(found[i + 1]);
+  decoded_.reset();
+  return found.front();
 }
 
 }  // namespace graupel::train

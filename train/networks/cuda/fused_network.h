@@ -12,7 +12,7 @@
 
 #include "graph/cuda/forward/packed_network.h"
 #include "train/networks/mixed_precision_network.h"
-#include "train/networks/torch_layers.h"
+#include "train/networks/torch_engine.h"
 
 namespace graupel::train {
 
@@ -52,10 +52,10 @@ class FusedNetwork : public MixedPrecisionNetwork, protected graph::RowMemory {
   void add_product(int64_t rows, const uint16_t* d, const uint16_t* x, const std::string& matrix, int64_t first_column,
                    int64_t columns, bool with_bias = false);
 
-  /// The decoder by libtorch, of the first `particles` rows of the latents; from the gradient of its result that of
-  /// these latents and of its weights.
+  /// The decoder by libtorch, of the first `particles` rows of the latents; and by autograd, from the gradient of its
+  /// result, that of these latents and of its weights.
   at::Tensor decode(float* latents, int64_t particles);
-  at::Tensor decoder_backward(const at::Tensor& grad) { return fcn_backward(decoder_, decoded_, grad); }
+  at::Tensor decoder_backward(const at::Tensor& grad);
 
   at::TensorOptions number_, half_;
   graph::PackedNetwork packed_;
@@ -66,8 +66,8 @@ class FusedNetwork : public MixedPrecisionNetwork, protected graph::RowMemory {
   ParameterLayout layout_;
   at::Tensor flat_, gradient_;
   std::map<std::string, const Parameter*> parameter_;
-  Fcn decoder_;
-  FcnRecord decoded_;
+  TorchEngine engine_;
+  at::Tensor before_decoder_, decoded_;
 };
 
 }  // namespace graupel::train
