@@ -126,19 +126,13 @@ __device__ void add_offset(OffsetSums& sums, const float (&d)[columns], const fl
     for (int i = 0; i < columns; ++i) sums[axis][i] += offset[axis] * d[i];
 }
 
-/// Unit vector from sender to receiver.
-__device__ void slot_offset(float (&offset)[3], int slot) {
-#pragma unroll
-  for (int axis = 0; axis < 3; ++axis) offset[axis] = slot / 2 != axis ? 0.0f : slot % 2 == 0 ? 1.0f : -1.0f;
-}
-
 /// What the offsets of all items of a node have in common.
 template <Offsets offsets>
 __device__ void node_offset(float (&offset)[3], const ActivationGradient& d, int64_t node) {
 #pragma unroll
   for (int axis = 0; axis < 3; ++axis) {
     offset[axis] = 0;
-    if (offsets == Offsets::octant) offset[axis] = 0.5f - static_cast<float>(d.octant[node] >> axis & 1);
+    if (offsets == Offsets::octant) offset[axis] = offset_of(Offsets::octant, d.octant[node], axis);
     if (offsets == Offsets::corner) offset[axis] = -d.corner_sign * d.offset[3 * node + axis];
   }
 }
@@ -259,7 +253,8 @@ __global__ void __launch_bounds__(threads, resident(false)) edge_gradient_kernel
 #pragma unroll
       for (int i = 0; i < columns; ++i) received[i] += x[i];
       float offset[3];
-      slot_offset(offset, slot[k]);
+#pragma unroll
+      for (int axis = 0; axis < 3; ++axis) offset[axis] = offset_of(Offsets::slot, slot[k], axis);
       add_offset(offset_sums, x, offset);
     }
     store_row(d.sent, cell, sent, lane);

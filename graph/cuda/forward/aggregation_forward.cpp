@@ -34,7 +34,7 @@ class AggregationPass : public ForwardPass {
   /// W f, of the senders of a transfer.
   const uint16_t* project_senders(const PlanLayer& gather, int64_t rows, const uint16_t* f);
   RowLatents finish(AggregationRecord::Step& step, const PlanLayer& layer, int64_t rows, const uint16_t* sum,
-                    const RowLatents& nodes, const EpilogueProjection& epilogue = {});
+                    const RowLatents& nodes, const Projections& epilogue = {});
 
   AggregationRecord& record_;
   RowLatents result_;                      ///< of the particles
@@ -51,13 +51,13 @@ const uint16_t* AggregationPass::aggregate(AggregationRecord::Step& step, int64_
 
 const uint16_t* AggregationPass::project_senders(const PlanLayer& gather, int64_t rows, const uint16_t* f) {
   uint16_t* const sent = memory_.rows16(rows);
-  project({.rows = rows, .x = f, .weight = {network_.tile(gather.name, 0)}, .out16 = {sent}}, stream_);
+  project({.rows = rows, .x = f, .to = {.weight = {network_.tile(gather.name, 0)}, .out16 = {sent}}}, stream_);
   return sent;
 }
 
 /// The update behind a sum.
 RowLatents AggregationPass::finish(AggregationRecord::Step& step, const PlanLayer& layer, int64_t rows,
-                                   const uint16_t* sum, const RowLatents& nodes, const EpilogueProjection& epilogue) {
+                                   const uint16_t* sum, const RowLatents& nodes, const Projections& epilogue) {
   const RowLatents result = latents(rows);
   step.network = update(layer, rows, nullptr, {.rows = sum}, nodes, result);
   step.network.epilogue = epilogue;
@@ -68,7 +68,7 @@ RowLatents AggregationPass::finish(AggregationRecord::Step& step, const PlanLaye
 void AggregationPass::particle_to_grid(const PlanBlock& block) {
   const int64_t n = graph_.particles, cells = graph_.level[0].cells;
   const BlockLayers layer = layers(block);
-  const EpilogueProjection of_particles = project_particles();
+  const Projections of_particles = project_particles();
   to_particle_ = of_particles.out16[1];
   AggregationRecord::Step& step = new_step(block);
   const uint16_t* const sum =
@@ -122,7 +122,7 @@ void AggregationPass::pass_messages(const PlanBlock& block) {
   // Before the activation of edge s -> r: W_s f_s + W_r f_r + b + W_o (unit vector from s to r).
   const LevelLinks& level = graph_.level[block.level()];
   RowLatents& nodes = f_[block.level()];
-  EpilogueProjection projected = std::exchange(ahead_, {});
+  Projections projected = std::exchange(ahead_, {});
   record_.blocks[block.number].reserve(static_cast<std::size_t>(block.iterations));
   for (int64_t k = 0; k < block.iterations; ++k) {
     const BlockLayers layer = layers(block, k);

@@ -32,8 +32,8 @@ void ForwardPass::encode_particles(FusedMlp& encoder, const int32_t* row_count) 
   forward(encoder, stream_);
 }
 
-EpilogueProjection ForwardPass::rows_for(const PlanLayer& gather, int64_t rows, const PlanLayer& other) {
-  EpilogueProjection to;
+Projections ForwardPass::rows_for(const PlanLayer& gather, int64_t rows, const PlanLayer& other) {
+  Projections to;
   for (int j = 0; j < 2; ++j)
     if ((j == 0 ? gather : other).is_linear())
       to.out16[j] = memory_.rows16(rows);
@@ -42,47 +42,41 @@ EpilogueProjection ForwardPass::rows_for(const PlanLayer& gather, int64_t rows, 
   return to;
 }
 
-EpilogueProjection ForwardPass::node_projections(const PlanLayer& gather, int64_t rows) {
+Projections ForwardPass::node_projections(const PlanLayer& gather, int64_t rows) {
   return node_projections(gather, rows_for(gather, rows, gather));
 }
 
-EpilogueProjection ForwardPass::node_projections(const PlanLayer& gather, const EpilogueProjection& taken) const {
-  EpilogueProjection wanted = taken;
+Projections ForwardPass::node_projections(const PlanLayer& gather, const Projections& taken) const {
+  Projections wanted = taken;
   wanted.weight[0] = network_.tile(gather.name, 0);
   wanted.weight[1] = network_.tile(gather.name, h);
   wanted.bias[1] = network_.fcn(gather.name).b1;
   return wanted;
 }
 
-void ForwardPass::project_nodes(const EpilogueProjection& wanted, const LevelLinks& level, const uint16_t* nodes) {
-  project({.rows = level.cells,
-           .row_count = level.cell_count,
-           .x = nodes,
-           .weight = {wanted.weight[0], wanted.weight[1]},
-           .bias = {wanted.bias[0], wanted.bias[1]},
-           .out = {wanted.out[0], wanted.out[1]},
-           .out16 = {wanted.out16[0], wanted.out16[1]}},
-          stream_);
+void ForwardPass::project_nodes(const Projections& wanted, const LevelLinks& level, const uint16_t* nodes) {
+  project({.rows = level.cells, .row_count = level.cell_count, .x = nodes, .to = wanted}, stream_);
 }
 
-EpilogueProjection ForwardPass::project_particles() {
+Projections ForwardPass::project_particles() {
   // Before the activation of pair (p, k), to the grid: W_f f_p + b - W_o offset_p + W_o bits_k; from it: W_c f_cell +
   // W_p f_p + b + W_o offset_p - W_o bits_k.
   const std::vector<PlanBlock>& blocks = network_.plan().blocks;
   const PlanLayer &to_layer = *layers(blocks.front()).gather, &from_layer = *layers(blocks.back()).gather;
   const DeviceFcn &to = network_.fcn(to_layer.name), &from = network_.fcn(from_layer.name);
-  const EpilogueProjection made = rows_for(to_layer, graph_.particles, from_layer);
+  Projections made = rows_for(to_layer, graph_.particles, from_layer);
+  made.weight[0] = network_.tile(to_layer.name, 0);
+  made.weight[1] = network_.tile(from_layer.name, h);
+  made.bias[0] = to.b1;
+  made.bias[1] = from.b1;
   project({.rows = graph_.particles,
            .row_count = graph_.particle_count,
            .x = particles_.f16,
-           .weight = {network_.tile(to_layer.name, 0), network_.tile(from_layer.name, h)},
-           .bias = {to.b1, from.b1},
+           .to = made,
            .offset = graph_.offset,
            .offset_weight = {to.w1 + h, from.w1 + 2 * h},
            .offset_stride = {to.inputs, from.inputs},
-           .offset_sign = {-1, 1},
-           .out = {made.out[0], made.out[1]},
-           .out16 = {made.out16[0], made.out16[1]}},
+           .offset_sign = {-1, 1}},
           stream_);
   return made;
 }

@@ -28,13 +28,13 @@ class ForwardPass {
   void encode_particles(FusedMlp& encoder, const int32_t* row_count = nullptr);
 
   /// Of a gather over [f_s, f_r, ..]: W_s f, and W_r f with the bias, of `rows` nodes; in bf16 for a linear layer.
-  EpilogueProjection node_projections(const PlanLayer& gather, int64_t rows);
+  Projections node_projections(const PlanLayer& gather, int64_t rows);
   /// The same of another layer, in the place of `taken`.
-  EpilogueProjection node_projections(const PlanLayer& gather, const EpilogueProjection& taken) const;
-  void project_nodes(const EpilogueProjection& wanted, const LevelLinks& level, const uint16_t* nodes);
+  Projections node_projections(const PlanLayer& gather, const Projections& taken) const;
+  void project_nodes(const Projections& wanted, const LevelLinks& level, const uint16_t* nodes);
   /// The particles' parts of the first layers of both transfers, made at once: to the grid W_f f_p + b - W_o offset_p,
   /// from it W_p f_p + b + W_o offset_p.
-  EpilogueProjection project_particles();
+  Projections project_particles();
 
   /// FCN `layer` over [sum] or, with `nodes`, over [sum, nodes]; the nodes are added to its result.
   FusedMlp update(const PlanLayer& layer, int64_t rows, const int32_t* row_count, RowOperand sum,
@@ -48,11 +48,11 @@ class ForwardPass {
   void* stream_;
   std::vector<RowLatents> f_;  ///< cells of each level
   RowLatents particles_;       ///< after the encoder
-  EpilogueProjection ahead_;   ///< for the next block's first iteration, where they are there already
+  Projections ahead_;          ///< for the next block's first iteration, where they are there already
 
  private:
   /// Where two projections of rows go.
-  EpilogueProjection rows_for(const PlanLayer& gather, int64_t rows, const PlanLayer& other);
+  Projections rows_for(const PlanLayer& gather, int64_t rows, const PlanLayer& other);
 };
 
 }  // namespace graupel::graph

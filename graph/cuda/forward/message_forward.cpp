@@ -21,7 +21,7 @@ class BlockEdges : public EdgeMemory {
 
 /// What an iteration writes of the nodes.
 struct NodeArrays {
-  EpilogueProjection projections;
+  Projections projections;
   RowLatents latents;
   uint16_t* received = nullptr;  ///< sums of messages, where the node network does not gather them itself
 };
@@ -87,7 +87,7 @@ FusedMlp MessagePass::pair_network(const std::string& name, const float* of_part
 }
 
 void MessagePass::particle_to_grid(const PlanBlock& block) {
-  const EpilogueProjection of_particles = project_particles();
+  const Projections of_particles = project_particles();
   from_particle_ = of_particles.out[1];
   FusedMlp network = pair_network(block.name, of_particles.out[0]);
   network.out16 = memory_.rows16(network.rows);
@@ -113,8 +113,7 @@ void MessagePass::grid_to_particle(const PlanBlock& block) {
   project({.rows = level.cells,
            .row_count = level.cell_count,
            .x = f_[0].f16,
-           .weight = {network_.tile(block.name, 0)},
-           .out = {per_cell}},
+           .to = {.weight = {network_.tile(block.name, 0)}, .out = {per_cell}}},
           stream_);
   FusedMlp network = pair_network(block.name, from_particle_);
   network.table[2] = {per_cell, {graph_.cell}};
@@ -162,7 +161,7 @@ void MessagePass::pass_messages(const PlanBlock& block) {
   EdgeMemory& edges = edges_ ? *edges_ : of_block.emplace(memory_, level.edges);
   RowLatents& nodes = f_[block.level()];
   std::vector<NodeArrays> all;
-  EpilogueProjection projected = std::exchange(ahead_, {});
+  Projections projected = std::exchange(ahead_, {});
   for (int64_t k = 0; k < block.iterations; ++k) {
     const BlockLayers now = layers(block, k);
     const NodeArrays own = arrays_of(block, k, all);

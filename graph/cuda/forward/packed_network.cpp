@@ -26,13 +26,14 @@ DeviceFcn weights_of(const PlanLayer& layer, const PackedNetwork::Parameters& pa
   return fcn;
 }
 
-/// The offsets of a link's gather, which are of a few kinds.
-Offsets offsets_of(LinkKind kind) {
-  if (kind == LinkKind::cell_neighbors) return Offsets::slot;
-  return kind == LinkKind::to_parent || kind == LinkKind::from_parent ? Offsets::octant : Offsets::corner;
-}
-
 }  // namespace
+
+LinkOffsets offsets_of(LinkKind links) {
+  const bool of_parents = links == LinkKind::to_parent || links == LinkKind::from_parent;
+  const bool up = links == LinkKind::cell_to_particle || links == LinkKind::from_parent;
+  const Offsets of_others = links == LinkKind::cell_neighbors ? Offsets::slot : Offsets::corner;
+  return {of_parents ? Offsets::octant : of_others, up ? -1.0f : 1.0f};
+}
 
 bool PackedNetwork::fits(const LayerPlan& plan) {
   return plan.layers.front().inputs <= h && std::all_of(plan.layers.begin(), plan.layers.end(), [](const auto& layer) {
@@ -72,10 +73,9 @@ void PackedNetwork::add_tables(const float* embedding) {
                          static_cast<int32_t>(plan_.embedding)});
       continue;
     }
-    const Offsets offsets = offsets_of(op.links.kind);
-    const bool up = op.links.kind == LinkKind::cell_to_particle || op.links.kind == LinkKind::from_parent;
-    sources.push_back({offsets, up ? -1.0f : 1.0f, net.w1 + layer.inputs - op.links.offset(), net.inputs,
-                       offsets == Offsets::octant ? net.b1 : nullptr, nullptr, 0});
+    const LinkOffsets offsets = offsets_of(op.links.kind);
+    sources.push_back({offsets.kind, offsets.sign, net.w1 + layer.inputs - op.links.offset(), net.inputs,
+                       offsets.kind == Offsets::octant ? net.b1 : nullptr, nullptr, 0});
   }
   table_sources_.upload(sources);
   tables_.resize_discard(sources.size() * most_table_rows * h);

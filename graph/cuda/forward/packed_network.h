@@ -24,6 +24,13 @@ struct DeviceFcn {
   float slope = 0;  ///< of the activation below zero
 };
 
+/// The offsets of a gather's links: sign times one of the few that there are.
+struct LinkOffsets {
+  Offsets kind;
+  float sign;
+};
+LinkOffsets offsets_of(LinkKind links);
+
 /// The weights as the kernels take them: bf16 tiles of every matrix, and what first layers add for the few offsets that
 /// corners, octants, neighbour slots and particle types have.
 class PackedNetwork {

@@ -10,6 +10,8 @@
 #include <memory>
 #include <vector>
 
+#include "core/parallel/host_device.h"
+
 namespace graupel::graph {
 
 inline constexpr int layer_width = 128;
@@ -46,8 +48,8 @@ struct RowFeatures {
   const float* weight = nullptr;
 };
 
-/// What the next kernels want of rows: out[j] = x W[j]^T + bias[j], f32 or bf16 (out16).
-struct EpilogueProjection {
+/// What the next kernels want of rows x: out[j] = x W[j]^T + bias[j], f32 or bf16 (out16).
+struct Projections {
   const uint16_t* weight[2] = {nullptr, nullptr};
   const float* bias[2] = {nullptr, nullptr};
   float* out[2] = {nullptr, nullptr};
@@ -76,7 +78,7 @@ struct FusedMlp {
   /// without operands, in place of the other sums.
   const float *group_weight = nullptr, *group_add32 = nullptr;
   float* group32 = nullptr;
-  EpilogueProjection epilogue;  ///< of sum32's rows, rounded, where wanted: of a network with two operands
+  Projections epilogue;  ///< of sum32's rows, rounded, where wanted: of a network with two operands
 };
 void forward(const FusedMlp& network, void* stream);
 /// Whether the GPU has the shared memory that networks with an epilogue need.
@@ -107,20 +109,16 @@ int most_norm_partials();
 /// Returns how many partial sums of the norm's gradients it writes.
 int backward(const FusedMlpGradient& gradient, void* stream);
 
-/// Products of rows with up to two tiles: out[j] = x W[j]^T + bias[j] + sign[j] V[j] offset (f32 tables of a first
-/// layer), V[j] [128, 3] with rows `offset_stride` apart.
+/// Projections of rows x to which sign[j] V[j] offset is added, V[j] [128, 3] with rows `offset_stride` apart.
 struct RowProjection {
   int64_t rows = 0;
   const int32_t* row_count = nullptr;
   const uint16_t* x = nullptr;
-  const uint16_t* weight[2] = {nullptr, nullptr};
-  const float* bias[2] = {nullptr, nullptr};  ///< [128]
-  const float* offset = nullptr;              ///< [rows, 3]; null: none
+  Projections to = {};
+  const float* offset = nullptr;  ///< [rows, 3]; null: none
   const float* offset_weight[2] = {nullptr, nullptr};
   int32_t offset_stride[2] = {0, 0};
   float offset_sign[2] = {1, 1};
-  float* out[2] = {nullptr, nullptr};
-  uint16_t* out16[2] = {nullptr, nullptr};  ///< the same, rounded
 };
 void project(const RowProjection& projection, void* stream);
 
@@ -159,6 +157,13 @@ void pack_tiles(int count, const TileSource* sources, uint16_t* tiles, void* str
 /// Offsets that few things have: of corners (their bits), octants (1/2 - bits), neighbour slots (the unit vector from
 /// sender to receiver), and embeddings of types.
 enum class Offsets : int32_t { corner, octant, slot, embedding };
+/// Coordinate d of number t of them.
+GRAUPEL_HD inline float offset_of(Offsets offsets, int t, int d) {
+  // a sender at -x (slot 0) sees its receiver at +x
+  if (offsets == Offsets::slot) return t / 2 != d ? 0.0f : t % 2 == 0 ? 1.0f : -1.0f;
+  const float bit = static_cast<float>(t >> d & 1);
+  return offsets == Offsets::octant ? 0.5f - bit : bit;
+}
 inline constexpr int most_table_rows = 16;
 /// Rows bias + sign W offset, W with rows `stride` apart; an embedding [types, width] takes the offsets' place.
 struct OffsetTable {

@@ -42,8 +42,8 @@ __global__ void __launch_bounds__(threads, 2) project_kernel(RowProjection p) {
   const Shared<warps> shared{shared_numbers, 2};
   __shared__ OffsetWeights offset_weights[2];
   for (int j = 0; j < 2; ++j) {
-    if (!p.weight[j]) continue;
-    load_tile(shared.tile(j), p.weight[j]);
+    if (!p.to.weight[j]) continue;
+    load_tile(shared.tile(j), p.to.weight[j]);
     if (p.offset) load_offset_weights(offset_weights[j], p.offset_weight[j], p.offset_stride[j]);
   }
   wait_for_previous();
@@ -58,13 +58,13 @@ __global__ void __launch_bounds__(threads, 2) project_kernel(RowProjection p) {
     __syncwarp();
 #pragma unroll
     for (int j = 0; j < 2; ++j) {
-      if (!p.weight[j]) continue;
+      if (!p.to.weight[j]) continue;
       Sums c;
       clear(c);
       product(c, mine, shared.tile(j), lane);
-      if (p.bias[j]) add_bias(c, p.bias[j], lane);
+      if (p.to.bias[j]) add_bias(c, p.to.bias[j], lane);
       if (p.offset) add_offsets(c, offset_weights[j], p.offset, p.offset_sign[j], rows, first, lane);
-      write_operand_gradient({nullptr, p.out[j], nullptr, p.out16[j]}, c, first, rows, lane);
+      write_operand_gradient({nullptr, p.to.out[j], nullptr, p.to.out16[j]}, c, first, rows, lane);
     }
     __syncwarp();
   }
