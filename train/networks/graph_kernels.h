@@ -15,20 +15,19 @@ struct RowIndex {
   int shift = 0;
 };
 
-/// One addend of a gathered sum; rows of `table` lie `stride` numbers apart.
+/// Gathered rows; those of `table` lie `stride` numbers apart.
 template <typename T>
 struct GatherTerm {
-  const T* table;
-  int64_t stride;
-  RowIndex row;
+  const T* table = nullptr;
+  int64_t stride = 0;
+  RowIndex row = {};
 };
 
-/// A slope of 0 is ReLU.
-/// out[r] = LeakyReLU(a[row_a(r)] + b[row_b(r)] + c[row_c(r)]), shape [rows, width]. A term may be `out` itself when it
-/// is read row by row (RowIndex{}). Pass c.table = nullptr for two terms.
+/// out[r] = LeakyReLU(a[row_a(r)] + b[row_b(r)] + out[r]), shape [rows, width]; b may be without a table. A slope of 0
+/// is ReLU.
 template <typename T>
 void gather_sum_leaky(Device device, int64_t rows, int64_t width, const GatherTerm<T>& a, const GatherTerm<T>& b,
-                      const GatherTerm<T>& c, T* out, double slope);
+                      T* out, double slope);
 
 /// Rows that are summed: segment s holds item[i] for i in [begin[s], begin[s+1]); `item` null means i itself, `begin`
 /// null means `fixed` rows a segment.
@@ -46,8 +45,7 @@ void segment_sum(Device device, const Segments& segments, int64_t width, const T
 
 /// out[r] = weight[r] * source[row(r)], shape [rows, width]; `weight` null means 1.
 template <typename T>
-void gather_rows(Device device, int64_t rows, int64_t width, const T* source, int64_t source_stride,
-                 const RowIndex& row, const T* weight, T* out);
+void gather_rows(Device device, int64_t rows, int64_t width, const GatherTerm<T>& source, const T* weight, T* out);
 
 /// Adam (Kingma and Ba 2015, algorithm 1) with the gradient scaled to at most `clip` in norm, and the moving average
 /// ema = decay ema + (1 - decay) weights. A gradient that is not finite changes nothing.

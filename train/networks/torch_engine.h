@@ -16,16 +16,6 @@
 
 namespace graupel::train {
 
-/// Rows of nodes at one end of a set of links, and the links of each node.
-struct LinkEnd {
-  Term row(const at::Tensor& table) const { return {table, index, shift}; }
-  bool is_own_row() const { return !index.defined() && shift == 0; }  ///< link l belongs to node l
-
-  at::Tensor index;  ///< [links] node; undefined: l >> shift
-  int shift = 0;
-  at::Tensor begin, item;  ///< of sorted segments; undefined: 1 << shift links a node
-};
-
 /// A set of links on the device.
 struct TorchLinks {
   int64_t count = 0;

@@ -12,22 +12,21 @@ namespace graupel::train {
 /// View of one parameter.
 at::Tensor view_of(const Parameter& parameter, const at::Tensor& flat);
 
-/// The kernels of graph_kernels.h on tensors. An index is an int32 tensor.
-Device place_of(const at::Tensor& tensor);
-/// A term of gather_sum_leaky: rows of `table` by an index, or by row >> shift.
-struct Term {
-  at::Tensor table;
-  at::Tensor index;
+/// Rows of nodes at one end of a set of links, and the links of each node. Indices are int32 tensors.
+struct LinkEnd {
+  bool is_own_row() const { return !index.defined() && shift == 0; }  ///< link l belongs to node l
+
+  at::Tensor index;  ///< [links] node; undefined: l >> shift
   int shift = 0;
+  at::Tensor begin, item;  ///< of sorted segments; undefined: 1 << shift links a node
 };
-/// LeakyReLU of a sum of gathered rows (graph_kernels.h) into `out`, which may be c's table.
-void gather_sum_leaky_into(const at::Tensor& out, const Term& a, const Term& b, const Term& c, double slope);
-/// Sums over sorted segments; `item` and `weight` may be undefined.
-at::Tensor segment_sum(const at::Tensor& source, const at::Tensor& begin, const at::Tensor& item,
-                       const at::Tensor& weight);
-/// Sums over groups of `fixed` rows.
-at::Tensor segment_sum_fixed(const at::Tensor& source, int fixed, const at::Tensor& weight);
-/// out[r] = weight[r] * source[row(r)]; `weight` may be undefined.
-at::Tensor gather_rows(int64_t rows, const Term& source, const at::Tensor& weight);
+
+/// out[l] = LeakyReLU(out[l] + sent[sender(l)] + received[receiver(l)]) for each link l; one of both may be empty.
+void add_ends_and_activate(const at::Tensor& out, const LinkEnd& sender, const at::Tensor& sent,
+                           const LinkEnd& receiver, const at::Tensor& received, double slope);
+/// sum over the links l of each node of weight[l] * rows[l]; `weight` may be undefined.
+at::Tensor sum_at(const LinkEnd& end, const at::Tensor& rows, const at::Tensor& weight);
+/// weight[l] * nodes[node(l)] for each link l; `weight` may be undefined.
+at::Tensor rows_at(const LinkEnd& end, int64_t links, const at::Tensor& nodes, const at::Tensor& weight);
 
 }  // namespace graupel::train
