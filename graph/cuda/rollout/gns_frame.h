@@ -16,8 +16,6 @@ class GnsFrame : public FrameModel, private EdgeMemory {
   const FeatureConfig& feature_config() const override { return config_; }
   double spacing() const override { return config_.radius; }
   void start(const Environment& environment, const std::vector<int32_t>& type_row, void* stream) override;
-  float* features() override { return features_.data(); }
-  Vec3f* position() override { return position_.data(); }
   void launch_graph(void* stream, bool with_counts) override;
   Room make_room() override;
   void launch(void* stream, const LaunchHooks& moments) override;
@@ -43,9 +41,7 @@ class GnsFrame : public FrameModel, private EdgeMemory {
   int64_t particles_ = 0;
   Buffer<uint16_t> latent_{Device::cuda, 0}, message_{Device::cuda, 0};  ///< [edges, 128]
   Buffer<Vec3f> point_{Device::cuda, 0};                                 ///< obstacle particles, near or not
-  Buffer<Vec3f> position_{Device::cuda, 0};                              ///< particles, then obstacle particles
-  Buffer<int32_t> type_row_{Device::cuda, 0};
-  Buffer<float> features_{Device::cuda, 0}, output_{Device::cuda, 0};
+  Buffer<float> output_{Device::cuda, 0};
 };
 
 }  // namespace graupel::graph
