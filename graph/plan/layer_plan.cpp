@@ -79,24 +79,23 @@ int64_t PlanRows::count(const Rows& rows) const {
   return 0;
 }
 
-namespace {
-
-std::string text_of(const Rows& rows) {
-  const std::string of_level = " of level " + std::to_string(rows.level);
+std::string text_of(const Rows& rows, const std::string& level) {
   switch (rows.set) {
     case RowSet::particles:
       return "particles";
     case RowSet::moving:
       return "moving particles";
     case RowSet::cells:
-      return "cells" + of_level;
+      return "cells" + level + std::to_string(rows.level);
     case RowSet::pairs:
       return "pairs";
     case RowSet::edges:
-      return "edges" + of_level;
+      return "edges" + level + std::to_string(rows.level);
   }
   return {};
 }
+
+namespace {
 
 /// What an operation reads and writes, held against the plan.
 class Checker {
@@ -369,6 +368,34 @@ std::vector<PlanTensor> LayerPlan::tensors() const {
     tensors.push_back({layer.name + ".norm.bias", {layer.outputs}, 0});
   }
   return tensors;
+}
+
+const PlanBlock& LayerPlan::block_of(const Links& links) const {
+  const auto found =
+      std::find_if(blocks.begin(), blocks.end(), [&](const auto& block) { return block.links == links; });
+  if (found == blocks.end()) throw ConfigError("plan '" + name + "' has no block over the links wanted");
+  return *found;
+}
+
+std::vector<PlanLayer> LayerPlan::layers_of(const PlanBlock& block) const {
+  const std::size_t end = block.number + 1 < blocks.size() ? blocks[block.number + 1].operation : operations.size();
+  std::vector<PlanLayer> found;
+  for (std::size_t o = block.operation; o < end; ++o)
+    if (operations[o].layer >= 0) found.push_back(layers[static_cast<std::size_t>(operations[o].layer)]);
+  return found;
+}
+
+double LayerPlan::scale_of(const PlanBlock& block) const {
+  std::size_t o = block.operation;
+  while (operations.at(o).kind != operation::aggregate) ++o;
+  return operations[o].scale;
+}
+
+int LayerPlan::levels() const {
+  int levels = 0;
+  for (const PlanBlock& block : blocks)
+    if (block.links.kind == LinkKind::cell_neighbors) levels = std::max(levels, block.links.level + 1);
+  return levels;
 }
 
 void check_operations(const LayerPlan& plan, const std::string& engine, const std::vector<std::string>& known) {
