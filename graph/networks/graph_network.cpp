@@ -39,10 +39,17 @@ struct GraphNetwork::Impl {
     return acceleration;
   }
   Vec3d origin(const Environment& environment) const { return environment.grid_origin(spacing_of(config)); }
-  void add_obstacles(const Environment& environment, std::vector<std::vector<Vec3f>>& positions,
-                     std::vector<int32_t>& particle_type) const {
-    if (const auto* gns = std::get_if<GnsConfig>(&config))
-      add_obstacle_particles(*gns, environment, positions, particle_type);
+  /// Settings of a network that sees obstacle particles; null: it does not.
+  const GnsConfig* with_obstacles() const {
+    const auto* gns = std::get_if<GnsConfig>(&config);
+    return gns && gns->obstacle_particles ? gns : nullptr;
+  }
+  std::vector<float> predict(const Environment& environment, const std::vector<int32_t>& particle_type,
+                             const std::vector<std::vector<Vec3f>>& positions, FrameTiming& timing) const {
+    LapTimer watch;
+    const std::vector<float> features = particle_features(features_of(config), normalization, environment, positions);
+    timing.features += watch.lap();
+    return forward(features, particle_type, positions.back(), origin(environment), timing);
   }
 
   NetworkConfig config;
@@ -52,7 +59,6 @@ struct GraphNetwork::Impl {
 
 GraphNetwork::GraphNetwork(const nn::Weights& weights) : impl_(std::make_unique<Impl>(weights)) {}
 GraphNetwork::~GraphNetwork() = default;
-GraphNetwork::GraphNetwork(GraphNetwork&&) noexcept = default;
 
 const NetworkConfig& GraphNetwork::config() const { return impl_->config; }
 const FeatureConfig& GraphNetwork::feature_config() const { return features_of(impl_->config); }
@@ -67,24 +73,23 @@ std::vector<float> GraphNetwork::forward(const std::vector<float>& features, con
 
 std::vector<float> GraphNetwork::predict(const Environment& environment, const std::vector<int32_t>& particle_type,
                                          const std::vector<std::vector<Vec3f>>& positions, FrameTiming& timing) const {
+  const GnsConfig* gns = impl_->with_obstacles();
+  if (!gns) return impl_->predict(environment, particle_type, positions, timing);
   LapTimer watch;
   std::vector<std::vector<Vec3f>> all_positions = positions;
   std::vector<int32_t> all_types = particle_type;
-  impl_->add_obstacles(environment, all_positions, all_types);
+  add_obstacle_particles(*gns, environment, all_positions, all_types);
   timing.hierarchy += watch.lap();
-  const std::vector<float> features =
-      particle_features(feature_config(), impl_->normalization, environment, all_positions);
-  timing.features += watch.lap();
-  std::vector<float> acceleration =
-      impl_->forward(features, all_types, all_positions.back(), impl_->origin(environment), timing);
-  acceleration.resize(particle_type.size() * static_cast<std::size_t>(feature_config().output_width()));
+  std::vector<float> acceleration = impl_->predict(environment, all_types, all_positions, timing);
+  acceleration.resize(particle_type.size() * static_cast<std::size_t>(gns->output_width()));
   return acceleration;
 }
 
 double GraphNetwork::flop(const Environment& environment, const std::vector<Vec3f>& position) const {
   std::vector<std::vector<Vec3f>> all = {position};
   std::vector<int32_t> types_of_obstacles;
-  impl_->add_obstacles(environment, all, types_of_obstacles);
+  if (const GnsConfig* gns = impl_->with_obstacles())
+    add_obstacle_particles(*gns, environment, all, types_of_obstacles);
   PlanRows rows = impl_->engine->rows(all.back(), impl_->origin(environment));
   rows.moving = static_cast<int64_t>(position.size());
   return flop_of(plan_of(impl_->config), rows);

@@ -42,7 +42,6 @@ class GraphNetwork : public Network {
   /// Throws InputError when the file is of another architecture, or a tensor is missing or of another shape.
   explicit GraphNetwork(const nn::Weights& weights);
   ~GraphNetwork() override;
-  GraphNetwork(GraphNetwork&&) noexcept;
 
   const NetworkConfig& config() const;
   const FeatureConfig& feature_config() const override;
