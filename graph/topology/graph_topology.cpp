@@ -33,18 +33,6 @@ void split_tiles(const std::vector<int32_t>& begin, std::vector<int32_t>& tile) 
   if (receivers > 0) tile.push_back(receivers);
 }
 
-/// Items 0, 1, .. by their receivers.
-void list_by_receiver(const std::vector<int32_t>& receiver, std::size_t receivers, std::vector<int32_t>& begin,
-                      std::vector<int32_t>& list) {
-  begin.assign(receivers + 1, 0);
-  for (const int32_t r : receiver) ++begin[static_cast<std::size_t>(r) + 1];
-  std::partial_sum(begin.begin(), begin.end(), begin.begin());
-  std::vector<int32_t> next(begin.begin(), begin.end() - 1);
-  list.resize(receiver.size());
-  for (std::size_t i = 0; i < receiver.size(); ++i)
-    list[static_cast<std::size_t>(next[static_cast<std::size_t>(receiver[i])]++)] = static_cast<int32_t>(i);
-}
-
 void build_edges(const sparsegrid::HierarchyLevel<3>& cells, HostLinks& links) {
   for (auto* list : {&links.sender, &links.receiver, &links.slot}) list->clear();
   links.edge_begin.assign(1, 0);
@@ -63,6 +51,17 @@ void build_edges(const sparsegrid::HierarchyLevel<3>& cells, HostLinks& links) {
 }
 
 }  // namespace
+
+void list_by_receiver(const std::vector<int32_t>& receiver, std::size_t receivers, std::vector<int32_t>& begin,
+                      std::vector<int32_t>& list) {
+  begin.assign(receivers + 1, 0);
+  for (const int32_t r : receiver) ++begin[static_cast<std::size_t>(r) + 1];
+  std::partial_sum(begin.begin(), begin.end(), begin.begin());
+  std::vector<int32_t> next(begin.begin(), begin.end() - 1);
+  list.resize(receiver.size());
+  for (std::size_t i = 0; i < receiver.size(); ++i)
+    list[static_cast<std::size_t>(next[static_cast<std::size_t>(receiver[i])]++)] = static_cast<int32_t>(i);
+}
 
 void GraphTopology::build_order(const sparsegrid::Hierarchy<3>& hierarchy) {
   std::vector<int32_t> base;

@@ -11,6 +11,10 @@
 
 namespace graupel::graph {
 
+/// Items 0, 1, .. by their receivers: those of receiver r are list[begin[r]] to list[begin[r + 1] - 1], ascending.
+void list_by_receiver(const std::vector<int32_t>& receiver, std::size_t receivers, std::vector<int32_t>& begin,
+                      std::vector<int32_t>& list);
+
 /// The links of a level in host memory. Parents and octants are the hierarchy's; reverse edges are not wanted.
 struct HostLinks : LevelGraph<std::vector<int32_t>> {
   std::vector<int32_t> edge_tile;   ///< receivers [edge_tile[t], edge_tile[t + 1]) make tile t
