@@ -3,14 +3,14 @@
 #include "core/scene/material_config.h"
 #include "core/system/error.h"
 #include "graph/features/normalization.h"
-#include "graph/networks/gns_network.h"
+#include "graph/networks/graph_network.h"
 
 namespace graupel::graph {
 
 namespace {
 
 GnsConfig checked_config(const nn::Weights& weights) {
-  static_cast<void>(GnsNetwork(weights));  // its errors
+  static_cast<void>(GraphNetwork(weights));  // its errors
   const GnsConfig config = GnsConfig::from_metadata(weights.metadata, weights.file);
   if (!cuda_available()) throw ConfigError("device 'cuda' is not usable (no GPU). Use --device cpu");
   if (!PackedNetwork::fits(plan_of(config)))
