@@ -22,8 +22,13 @@ FcnWeights FcnWeights::load(const Weights& weights, const std::string& prefix, i
                             int hidden_layers) {
   FcnWeights fcn;
   fcn.in = in;
-  fcn.hidden = hidden;
+  fcn.hidden = hidden_layers > 0 ? hidden : out;
   fcn.out = out;
+  if (hidden_layers == 0) {
+    fcn.weight1 = weights.get(prefix + ".weight", {out, in});
+    fcn.bias1 = weights.get(prefix + ".bias", {out});
+    return fcn;
+  }
   fcn.weight1 = weights.get(prefix + ".layer1.weight", {hidden, in});
   fcn.bias1 = weights.get(prefix + ".layer1.bias", {hidden});
   for (int l = 2; l <= hidden_layers; ++l) {
@@ -37,15 +42,6 @@ FcnWeights FcnWeights::load(const Weights& weights, const std::string& prefix, i
     fcn.gamma = weights.get(prefix + ".norm.weight", {out});
     fcn.beta = weights.get(prefix + ".norm.bias", {out});
   }
-  return fcn;
-}
-
-FcnWeights FcnWeights::load_layer(const Weights& weights, const std::string& prefix, int in, int hidden) {
-  FcnWeights fcn;
-  fcn.in = in;
-  fcn.hidden = hidden;
-  fcn.weight1 = weights.get(prefix + ".weight", {hidden, in});
-  fcn.bias1 = weights.get(prefix + ".bias", {hidden});
   return fcn;
 }
 

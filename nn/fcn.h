@@ -28,12 +28,10 @@ struct FcnWeights {
   std::vector<float> weight2, bias2;  ///< of the last layer
   std::vector<float> gamma, beta;
 
-  /// Throws InputError for a tensor that is missing, of another shape or not finite.
+  /// Throws InputError for a tensor that is missing, of another shape or not finite. Without hidden layers it is a
+  /// linear layer alone, `<prefix>.weight` [out, in] and `<prefix>.bias`, as the first layer of an FCN.
   static FcnWeights load(const Weights& weights, const std::string& prefix, int in, int hidden, int out,
                          Norm norm = Norm::layer, int hidden_layers = 1);
-
-  /// A linear layer alone, `<prefix>.weight` [hidden, in] and `<prefix>.bias`, as the first layer of an FCN.
-  static FcnWeights load_layer(const Weights& weights, const std::string& prefix, int in, int hidden);
 
   enum class Bias { with, without };
   /// Columns [column, column + count) of the first layer.

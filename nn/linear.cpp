@@ -35,12 +35,7 @@ void Linear::apply(const float* x, int64_t x_stride, int64_t rows, float* y, int
   if (tiles_.size() > 0 && uses_bf16_products())
     return multiply_on_extension(x, x_stride, rows, in_, tiles_.data(), bias_.data(), width(), y, y_stride);
   for (int o = 0; o < width(); o += panel)
-    row_kernels().multiply(x, x_stride, rows, in_, weight_.data() + o * in_, bias_.data() + o, false, y + o, y_stride);
-}
-
-void Linear::add(const float* x, int64_t x_stride, int64_t rows, float* y, int64_t y_stride) const {
-  for (int o = 0; o < width(); o += panel)
-    row_kernels().multiply(x, x_stride, rows, in_, weight_.data() + o * in_, bias_.data() + o, true, y + o, y_stride);
+    row_kernels().multiply(x, x_stride, rows, in_, weight_.data() + o * in_, bias_.data() + o, y + o, y_stride);
 }
 
 }  // namespace graupel::nn

@@ -23,14 +23,12 @@ class Linear {
 
   int in() const { return in_; }
   int out() const { return out_; }
-  int width() const { return padded_width(out_); }  ///< columns that apply and add write
+  int width() const { return padded_width(out_); }  ///< columns that apply writes
   /// As the units for bf16 take it; without tiles where they are not to be used.
   MatrixExtensionLayer on_units() const;
 
   /// y = x W^T + b. Row r is x + r x_stride (in() values) and y + r y_stride (width() values, 64-byte aligned).
   void apply(const float* x, int64_t x_stride, int64_t rows, float* y, int64_t y_stride) const;
-  /// y += x W^T + b.
-  void add(const float* x, int64_t x_stride, int64_t rows, float* y, int64_t y_stride) const;
 
  private:
   int out_ = 0, in_ = 0;

@@ -29,9 +29,9 @@ struct ActivatedRow {
 };
 
 struct RowKernels {
-  /// y = start + x W^T for 32 columns of y, start being y or the bias; weight [in][32]. Row r of x is x + r x_stride.
+  /// y = bias + x W^T for 32 columns of y; weight [in][32]. Row r of x is x + r x_stride.
   void (*multiply)(const float* x, int64_t x_stride, int64_t rows, int in, const float* weight, const float* bias,
-                   bool onto, float* y, int64_t y_stride);
+                   float* y, int64_t y_stride);
 
   /// sum += sum over i < n of weight leaky_relu(row + table).
   void (*add_activated)(int width, int n, const ActivatedRow<float>* rows, float* sum);

@@ -16,8 +16,7 @@
 #include "rom/solver/error_indicator.h"
 #include "rom/solver/particle_grid.h"
 
-namespace graupel {
-namespace rom {
+namespace graupel::rom {
 
 /// What the affine velocity is a function of.
 enum class AffineKind {
@@ -25,15 +24,10 @@ enum class AffineKind {
   position  ///< l(q, mu), as in the paper
 };
 
-}  // namespace rom
-
-template <>
-struct EnumWords<rom::AffineKind> {
-  static constexpr std::pair<const char*, rom::AffineKind> words[] = {{"rate", rom::AffineKind::rate},
-                                                                      {"position", rom::AffineKind::position}};
-};
-
-namespace rom {
+constexpr auto enum_list(AffineKind) {
+  return std::to_array<std::pair<const char*, AffineKind>>(
+      {{"rate", AffineKind::rate}, {"position", AffineKind::position}});
+}
 
 inline constexpr const char* nsf_architecture = "nsf";
 
@@ -88,5 +82,4 @@ struct ReducedModel {
 /// Distance of a latent to the nearest of the training, in the model's scale.
 double latent_distance(const ReducedModel& model, const std::vector<double>& latent);
 
-}  // namespace rom
-}  // namespace graupel
+}  // namespace graupel::rom

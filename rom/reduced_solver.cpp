@@ -4,30 +4,16 @@
 
 #include <Eigen/Cholesky>
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <numeric>
 #include <utility>
 
 #include "core/system/error.h"
+#include "core/system/stopwatch.h"
 
 namespace graupel::rom {
 
 namespace {
-
-/// Adds the time since the last lap to a sum.
-class PhaseTimer {
- public:
-  void lap(double& sum) {
-    const auto now = Clock::now();
-    sum += std::chrono::duration<double>(now - last_).count();
-    last_ = now;
-  }
-
- private:
-  using Clock = std::chrono::steady_clock;
-  Clock::time_point last_ = Clock::now();
-};
 
 /// The scene, once its particles are known to be the model's.
 mpm::PreparedScene checked(const ReducedModel& model, mpm::PreparedScene prepared) {
@@ -200,18 +186,18 @@ bool ReducedSolver<T>::try_step(double dt) {
 
 template <typename T>
 void ReducedSolver<T>::step(double dt) {
-  PhaseTimer timer;
+  Stopwatch timer;
   StepTiming& timing = statistics_.timing;
   if (due_) choose_points();
-  timer.lap(timing.search);
+  timing.search += timer.lap();
   fields_->decode(state_, tiles_, grid_.particles());
   hold_inside(prepared_.scene, grid_.particles());
-  timer.lap(timing.decode);
+  timing.decode += timer.lap();
   sample_field_->evaluate(state_.latent.data(), before_);
   grid_.step(time_, dt, lost_);
-  timer.lap(timing.grid);
+  timing.grid += timer.lap();
   invert(dt);
-  timer.lap(timing.inversion);
+  timing.inversion += timer.lap();
   time_ += dt;
   ++timing.steps;
 }

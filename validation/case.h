@@ -57,6 +57,7 @@ struct Outcome {
   std::vector<Check> checks;
   std::vector<Figure> figures;
 
+  void add(const Check& check) { checks.push_back(check); }
   bool passed() const;
 };
 

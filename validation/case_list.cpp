@@ -1,18 +1,4 @@
-#include "validation/case.h"
-#include "validation/cases/cantilever.h"
-#include "validation/cases/colliding_disks.h"
-#include "validation/cases/compression.h"
-#include "validation/cases/curved_track.h"
-#include "validation/cases/dam_break.h"
-#include "validation/cases/elastic_bar.h"
-#include "validation/cases/granular.h"
-#include "validation/cases/hole_in_plate.h"
-#include "validation/cases/rotating_square.h"
-#include "validation/cases/self_weight_column.h"
-#include "validation/cases/sliding_block.h"
-#include "validation/cases/viscous_flow.h"
-#include "validation/cases/yield.h"
-#include "validation/exact_laws.h"
+#include "validation/case_list.h"
 
 namespace graupel::validation {
 

@@ -6,12 +6,12 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <chrono>
 #include <cstring>
 #include <vector>
 
 #include "core/parallel/memory.h"
 #include "core/parallel/parallel_for.h"
+#include "core/system/stopwatch.h"
 #include "nn/linear.h"
 
 namespace graupel::bench {
@@ -33,7 +33,7 @@ double measured_bandwidth() {
   std::vector<float> a(n), b(n, 1.0f), c(n, 2.0f);
   double best = 0;
   for (int round = 0; round < 6; ++round) {
-    const auto begin = std::chrono::steady_clock::now();
+    const Stopwatch watch;
     parallel_for_cpu(
         n / 4096,
         [&](int64_t part) {
@@ -41,7 +41,7 @@ double measured_bandwidth() {
             a[static_cast<std::size_t>(i)] = b[static_cast<std::size_t>(i)] + 0.5f * c[static_cast<std::size_t>(i)];
         },
         Grain{16});
-    const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+    const double seconds = watch.seconds();
     best = std::max(best, 12.0 * static_cast<double>(n) / seconds);
   }
   return best;
@@ -54,7 +54,7 @@ double measured_product_rate() {
   const nn::Linear layer(out, in, weight.data(), in);
   double best = 0;
   for (int64_t round = 0; round < rounds; ++round) {
-    const auto begin = std::chrono::steady_clock::now();
+    const Stopwatch watch;
     parallel_for_cpu(
         parts,
         [&](int64_t) {
@@ -63,7 +63,7 @@ double measured_product_rate() {
           for (int again = 0; again < 4; ++again) layer.apply(x.data(), in, rows, y.data(), out);
         },
         Grain{1});
-    const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+    const double seconds = watch.seconds();
     best = std::max(best, 2.0 * out * in * rows * 4 * parts / seconds);
   }
   return best;

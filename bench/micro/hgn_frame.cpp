@@ -1,11 +1,11 @@
 // Graph-network speed: frames of a shared scene, by part, beside the rate of a plain matrix product on the same
 // threads.
 #include <Eigen/Dense>
-#include <chrono>
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
 #include "bench/micro/micro.h"
+#include "core/system/stopwatch.h"
 #include "graph/learned_simulator.h"
 #include "io/scene/scene_reader.h"
 #include "mpm/sampling.h"
@@ -21,7 +21,7 @@ double product_rate() {
   const Matrix weight = Matrix::Random(width, width);
   std::vector<double> rates;
   for (int repeat = 0; repeat < 5; ++repeat) {
-    const auto start = std::chrono::steady_clock::now();
+    const Stopwatch watch;
 #pragma omp parallel
     {
       Matrix x = Matrix::Random(tile, width), y = Matrix::Zero(tile, width);
@@ -31,7 +31,7 @@ double product_rate() {
         x(t % tile, 0) = y(0, 0) * 1e-9f;
       }
     }
-    const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    const double seconds = watch.seconds();
     rates.push_back(2e-9 * width * width * tile * tiles / seconds);
   }
   return median(rates);

@@ -1,8 +1,9 @@
 #include "bench/reduced/rom_measurement.h"
+#include "core/system/stopwatch.h"
+#include "experiments/models/timed_run.h"
 #include "experiments/process/process.h"
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <numeric>
 
@@ -20,17 +21,6 @@ namespace graupel::bench {
 using namespace experiments;
 
 namespace {
-
-using Clock = std::chrono::steady_clock;
-
-double seconds_since(Clock::time_point begin) { return std::chrono::duration<double>(Clock::now() - begin).count(); }
-
-double median(std::vector<double> values) {
-  if (values.empty()) return 0;
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 ReducedRun start_run(const LoadedModel& model, const StoredRun& truth, const RomRunOptions& options,
                      OutsideRange outside) {
@@ -145,9 +135,9 @@ RomMeasurement measure_rom(const LoadedModel& model, const StoredRun& truth, con
   try {
     for (int64_t f = 1; f < truth.frames; ++f) {
       stop_if_interrupted();
-      const auto begin = Clock::now();
+      const Stopwatch watch;
       run.advance_frame();
-      result.seconds += seconds_since(begin);
+      result.seconds += watch.seconds();
       const ParticleFrame frame = truth.reader.frames(truth.run, f, 1, {ParticleField::stress}).front();
       const std::vector<Vec3f> position = run.frame().position;
       error.add(frame.position, position);
@@ -189,12 +179,12 @@ SpeedComparison compare_speed(const LoadedModel& model, const StoredRun& truth, 
     ReducedRun run = start_run(model, truth, options, OutsideRange::be_quiet);
     for (int64_t f = 1; f < truth.frames; ++f) {
       stop_if_interrupted();
-      auto begin = Clock::now();
+      Stopwatch watch;
       simulation->advance_frame();
-      full_times.push_back(seconds_since(begin));
-      begin = Clock::now();
+      full_times.push_back(watch.seconds());
+      watch = {};
       run.advance_frame();
-      reduced_times.push_back(seconds_since(begin));
+      reduced_times.push_back(watch.seconds());
       result.substeps = static_cast<double>(simulation->statistics().substeps) / static_cast<double>(f);
     }
   } catch (const DivergedError&) {

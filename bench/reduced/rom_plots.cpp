@@ -26,14 +26,9 @@ double error_of(const Json& row) { return 100 * row.at("displacement_relative_er
 bool finished(const Json& row) { return row.contains("displacement_relative_error"); }
 
 compare::Plot trust_plot(const std::vector<Json>& results) {
-  compare::Plot plot;
-  plot.title = "Verdict number and true error of a run";
-  plot.x_label = "trust number (1: as in the training's roll-outs)";
-  plot.y_label = "error, % of the displacement";
-  plot.y_axis = compare::Axis::logarithmic;
-  plot.width = 560;
-  plot.height = 380;
-  plot.standalone = true;
+  compare::Plot plot =
+      compare::file_plot("Verdict number and true error of a run", "trust number (1: as in the training's roll-outs)",
+                         "error, % of the displacement", 380);
   std::map<std::string, compare::PlotLine> sets;
   for (const Json& result : results)
     for (const Json& row : result.at("rows")) {
@@ -51,14 +46,8 @@ compare::Plot trust_plot(const std::vector<Json>& results) {
 }
 
 compare::Plot modes_plot(const Json& result) {
-  compare::Plot plot;
-  plot.title = name_of(result) + ": decay of the modes";
-  plot.x_label = "mode";
-  plot.y_label = "singular value over the first";
-  plot.y_axis = compare::Axis::logarithmic;
-  plot.width = 560;
-  plot.height = 320;
-  plot.standalone = true;
+  compare::Plot plot =
+      compare::file_plot(name_of(result) + ": decay of the modes", "mode", "singular value over the first", 320);
   for (const auto& [field, values] : result.at("singular_values").items()) {
     compare::PlotLine line;
     line.label = field;
@@ -113,15 +102,10 @@ void add_setting_lines(const std::string& name, const std::vector<SettingPoint>&
       line.x.push_back(value);
       line.y.push_back(sum / static_cast<double>(of_value.size()));
     }
-    compare::Plot& plot = plots[key];
-    plot.title = "Mean error of the test runs over " + key;
-    plot.x_label = key;
-    plot.y_label = "error, % of the displacement";
-    plot.y_axis = compare::Axis::logarithmic;
-    plot.width = 560;
-    plot.height = 360;
-    plot.standalone = true;
-    plot.lines.push_back(std::move(line));
+    plots
+        .try_emplace(key, compare::file_plot("Mean error of the test runs over " + key, key,
+                                             "error, % of the displacement", 360))
+        .first->second.lines.push_back(std::move(line));
   }
 }
 

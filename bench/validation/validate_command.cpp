@@ -1,7 +1,6 @@
 // graupel-bench validate: the solver against theory and experiments, as a Markdown table, with plots.
 #include <fmt/format.h>
 
-#include <chrono>
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
@@ -9,6 +8,7 @@
 #include "compare/report/plot_svg.h"
 #include "core/system/atomic_file.h"
 #include "core/system/error.h"
+#include "core/system/stopwatch.h"
 #include "experiments/process/common_options.h"
 #include "experiments/process/outputs.h"
 #include "experiments/process/process.h"
@@ -90,7 +90,7 @@ nlohmann::ordered_json run_case(const BenchValidateOptions& options, const valid
   validation::RunOptions run;
   run.form = options.full ? validation::Form::full : validation::Form::quick;
   run.between_frames = [] { stop_if_interrupted(); };
-  const auto begin = std::chrono::steady_clock::now();
+  const Stopwatch watch;
   validation::Outcome outcome;
   std::string trouble;
   try {
@@ -104,13 +104,8 @@ nlohmann::ordered_json run_case(const BenchValidateOptions& options, const valid
   if (!options.plots.empty()) write_plots(options.plots, c.name, outcome.figures);
   nlohmann::ordered_json checks = nlohmann::ordered_json::array();
   for (const Check& check : outcome.checks) checks.push_back(json_of(check));
-  return {{"name", c.name},
-          {"title", c.title},
-          {"reference", c.reference},
-          {"passed", outcome.passed()},
-          {"error", trouble},
-          {"seconds", std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count()},
-          {"checks", checks}};
+  return {{"name", c.name},   {"title", c.title},           {"reference", c.reference}, {"passed", outcome.passed()},
+          {"error", trouble}, {"seconds", watch.seconds()}, {"checks", checks}};
 }
 
 void list_cases() {

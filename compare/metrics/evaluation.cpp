@@ -38,37 +38,6 @@ std::size_t sampled_frame(int64_t k, std::size_t frames, std::size_t count) {
   return (static_cast<std::size_t>(k) + 1) * frames / count;
 }
 
-struct Cloud {
-  std::vector<Vec3d> position;
-  std::vector<double> mass;
-};
-
-Cloud cloud_of(const ParticleRun& run, std::size_t frame, int32_t type) {
-  Cloud cloud;
-  for (std::size_t i = 0; i < run.size(); ++i) {
-    if (run.trajectory.particle_type[i] != type) continue;
-    cloud.position.push_back(run.position(frame)[i].cast<double>());
-    cloud.mass.push_back(run.mass[i]);
-  }
-  return cloud;
-}
-
-/// Mean over the sampled frames.
-double sinkhorn_of_material(const Scene& scene, const ParticleRun& truth, const ParticleRun& run, std::size_t frames,
-                            int32_t type) {
-  const std::size_t count = std::min(sampled_frames, frames);
-  std::vector<double> divergence(count);
-  const auto one_frame = [&](int64_t k) {
-    const std::size_t frame = sampled_frame(k, frames, count);
-    const Cloud x = cloud_of(truth, frame, type), y = cloud_of(run, frame, type);
-    WeightedPoints a, b;
-    const double cell = bin_together(x.position, x.mass, y.position, y.mass, scene.domain.dx, transport_points, a, b);
-    divergence[k] = sinkhorn_divergence(a, b, 4 * cell * cell);
-  };
-  parallel_for(Device::cpu, static_cast<int64_t>(count), one_frame, Grain{1});
-  return mean(divergence);
-}
-
 /// Particles of a material in a frame.
 struct MaterialFrame {
   std::vector<Vec3f> position;
@@ -84,6 +53,29 @@ MaterialFrame material_frame(const ParticleRun& run, std::size_t frame, int32_t 
     material.volume.push_back(run.volume[i]);
   }
   return material;
+}
+
+std::vector<Vec3d> in_f64(const std::vector<Vec3f>& position) {
+  std::vector<Vec3d> exact;
+  for (const Vec3f& x : position) exact.push_back(x.cast<double>());
+  return exact;
+}
+
+/// Mean over the sampled frames.
+double sinkhorn_of_material(const Scene& scene, const ParticleRun& truth, const ParticleRun& run, std::size_t frames,
+                            int32_t type) {
+  const std::size_t count = std::min(sampled_frames, frames);
+  std::vector<double> divergence(count);
+  const auto one_frame = [&](int64_t k) {
+    const std::size_t frame = sampled_frame(k, frames, count);
+    const MaterialFrame x = material_frame(truth, frame, type), y = material_frame(run, frame, type);
+    WeightedPoints a, b;
+    const double cell =
+        bin_together(in_f64(x.position), x.mass, in_f64(y.position), y.mass, scene.domain.dx, transport_points, a, b);
+    divergence[k] = sinkhorn_divergence(a, b, 4 * cell * cell);
+  };
+  parallel_for(Device::cpu, static_cast<int64_t>(count), one_frame, Grain{1});
+  return mean(divergence);
 }
 
 /// Clumps and local density, means over the sampled frames.

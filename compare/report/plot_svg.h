@@ -24,6 +24,11 @@ struct Plot {
   bool standalone = false;        ///< a file of its own: dark on white, whatever shows it
 };
 
+/// One without lines for a file of its own, with a logarithmic axis.
+inline Plot file_plot(const std::string& title, const std::string& x_label, const std::string& y_label, int height) {
+  return {title, x_label, y_label, Axis::logarithmic, {}, 560, height, true};
+}
+
 /// An <svg> element. Text and axes take the page's colour (currentColor), so that it reads on dark and light pages.
 std::string plot_svg(const Plot& plot);
 

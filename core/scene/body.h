@@ -61,42 +61,22 @@ struct Body {
 
   template <typename Self, typename Visitor>
   static void body_fields(Visitor&& visit) {
-    visit(&Self::shape, FieldInfo{.name = "shape", .unit = "", .meaning = "Kind of body", .required = true});
-    visit(&Self::size, FieldInfo{.name = "size",
-                                 .unit = "m",
-                                 .meaning = "Edge lengths (pyramid: x and z of the base)",
-                                 .range = Range::positive(),
-                                 .required = true,
-                                 .only_for = "box half_box pyramid"});
-    visit(&Self::radius, FieldInfo{.name = "radius",
-                                   .unit = "m",
-                                   .meaning = "Radius (cone: of the base)",
-                                   .range = Range::positive(),
-                                   .required = true,
-                                   .only_for = "sphere half_sphere cone cylinder"});
-    visit(&Self::height, FieldInfo{.name = "height",
-                                   .unit = "m",
-                                   .meaning = "Height along the body's y axis",
-                                   .range = Range::positive(),
-                                   .required = true,
-                                   .only_for = "cone pyramid cylinder"});
-    visit(&Self::file, FieldInfo{.name = "file",
-                                 .unit = "",
-                                 .meaning = "File with the geometry, relative to the scene file",
-                                 .required = true,
-                                 .only_for = "mesh vdb points"});
-    visit(&Self::scale, FieldInfo{.name = "scale",
-                                  .unit = "",
-                                  .meaning = "Factor on the file's coordinates",
-                                  .range = Range::positive(),
-                                  .only_for = "mesh vdb points"});
-    visit(&Self::position,
-          FieldInfo{.name = "position", .unit = "m", .meaning = "Where the body's own origin lies in the world"});
-    visit(&Self::rotation_axis,
-          FieldInfo{
-              .name = "rotation_axis", .unit = "", .meaning = "Axis of the rotation, through the body's own origin"});
-    visit(&Self::rotation_angle,
-          FieldInfo{.name = "rotation_angle", .unit = "degrees", .meaning = "Angle of the rotation"});
+    visit(&Self::shape, FieldInfo{"shape", "", "Kind of body"}.mandatory());
+    visit(&Self::size,
+          FieldInfo{"size", "m", "Edge lengths (pyramid: x and z of the base)", Range::positive()}.mandatory().only_in(
+              "box half_box pyramid"));
+    visit(&Self::radius, FieldInfo{"radius", "m", "Radius (cone: of the base)", Range::positive()}.mandatory().only_in(
+                             "sphere half_sphere cone cylinder"));
+    visit(&Self::height,
+          FieldInfo{"height", "m", "Height along the body's y axis", Range::positive()}.mandatory().only_in(
+              "cone pyramid cylinder"));
+    visit(&Self::file, FieldInfo{"file", "", "File with the geometry, relative to the scene file"}.mandatory().only_in(
+                           "mesh vdb points"));
+    visit(&Self::scale,
+          FieldInfo{"scale", "", "Factor on the file's coordinates", Range::positive()}.only_in("mesh vdb points"));
+    visit(&Self::position, FieldInfo{"position", "m", "Where the body's own origin lies in the world"});
+    visit(&Self::rotation_axis, FieldInfo{"rotation_axis", "", "Axis of the rotation, through the body's own origin"});
+    visit(&Self::rotation_angle, FieldInfo{"rotation_angle", "degrees", "Angle of the rotation"});
   }
 };
 

@@ -49,12 +49,11 @@ struct WallConfig {
   template <typename Visitor>
   static void fields(Visitor&& visit) {
     using W = WallConfig;
-    visit(&W::kind, FieldInfo{.name = "kind", .unit = "", .meaning = "What the wall does", .required = true});
-    visit(&W::friction, FieldInfo{.name = "friction",
-                                  .unit = "",
-                                  .meaning = "Coulomb friction coefficient; default wall_friction",
-                                  .range = Range::not_negative(),
-                                  .only_for = "slip separate"});
+    visit(&W::kind, FieldInfo{"kind", "", "What the wall does"}.mandatory());
+    visit(
+        &W::friction,
+        FieldInfo{"friction", "", "Coulomb friction coefficient; default wall_friction", Range::not_negative()}.only_in(
+            "slip separate"));
   }
 };
 
@@ -71,12 +70,12 @@ struct Faces {
   template <typename Visitor>
   static void fields(Visitor&& visit) {
     using F = Faces;
-    visit(&F::x_low, FieldInfo{.name = "x_low", .unit = "", .meaning = "Wall at the lower end of x"});
-    visit(&F::x_high, FieldInfo{.name = "x_high", .unit = "", .meaning = "Wall at the upper end of x"});
-    visit(&F::y_low, FieldInfo{.name = "y_low", .unit = "", .meaning = "Wall at the lower end of y: the floor"});
-    visit(&F::y_high, FieldInfo{.name = "y_high", .unit = "", .meaning = "Wall at the upper end of y"});
-    visit(&F::z_low, FieldInfo{.name = "z_low", .unit = "", .meaning = "Wall at the lower end of z"});
-    visit(&F::z_high, FieldInfo{.name = "z_high", .unit = "", .meaning = "Wall at the upper end of z"});
+    visit(&F::x_low, FieldInfo{"x_low", "", "Wall at the lower end of x"});
+    visit(&F::x_high, FieldInfo{"x_high", "", "Wall at the upper end of x"});
+    visit(&F::y_low, FieldInfo{"y_low", "", "Wall at the lower end of y: the floor"});
+    visit(&F::y_high, FieldInfo{"y_high", "", "Wall at the upper end of y"});
+    visit(&F::z_low, FieldInfo{"z_low", "", "Wall at the lower end of z"});
+    visit(&F::z_high, FieldInfo{"z_high", "", "Wall at the upper end of z"});
   }
 };
 
@@ -129,25 +128,18 @@ struct Domain {
   template <typename Visitor>
   static void fields(Visitor&& visit) {
     using D = Domain;
-    visit(&D::dimensions, FieldInfo{.name = "dimensions",
-                                    .unit = "",
-                                    .meaning = "3: space; 2: the plane half way along z, in plane strain",
-                                    .range = Range::between(2, 3)});
-    visit(&D::origin, FieldInfo{.name = "origin", .unit = "m", .meaning = "Lower corner of the domain"});
-    visit(&D::size,
-          FieldInfo{.name = "size", .unit = "m", .meaning = "Edge lengths of the domain", .range = Range::positive()});
-    visit(&D::dx, FieldInfo{.name = "dx", .unit = "m", .meaning = "Grid spacing", .range = Range::positive()});
-    visit(&D::walls, FieldInfo{.name = "walls", .unit = "", .meaning = "Contact at the walls"});
-    visit(&D::wall_friction, FieldInfo{.name = "wall_friction",
-                                       .unit = "",
-                                       .meaning = "Coulomb friction coefficient of the walls",
-                                       .range = Range::not_negative()});
-    visit(&D::faces, FieldInfo{.name = "faces", .unit = "", .meaning = "Walls that differ from `walls`, by side"});
+    visit(&D::dimensions, FieldInfo{"dimensions", "", "3: space; 2: the plane half way along z, in plane strain",
+                                    Range::between(2, 3)});
+    visit(&D::origin, FieldInfo{"origin", "m", "Lower corner of the domain"});
+    visit(&D::size, FieldInfo{"size", "m", "Edge lengths of the domain", Range::positive()});
+    visit(&D::dx, FieldInfo{"dx", "m", "Grid spacing", Range::positive()});
+    visit(&D::walls, FieldInfo{"walls", "", "Contact at the walls"});
+    visit(&D::wall_friction,
+          FieldInfo{"wall_friction", "", "Coulomb friction coefficient of the walls", Range::not_negative()});
+    visit(&D::faces, FieldInfo{"faces", "", "Walls that differ from `walls`, by side"});
     visit(&D::wall_cells,
-          FieldInfo{.name = "wall_cells",
-                    .unit = "cells",
-                    .meaning = "Distance of the walls from the domain's faces; material stays inside them",
-                    .range = Range::between(2, 16)});
+          FieldInfo{"wall_cells", "cells", "Distance of the walls from the domain's faces; material stays inside them",
+                    Range::between(2, 16)});
   }
 };
 

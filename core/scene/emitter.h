@@ -35,41 +35,24 @@ struct Emitter : Body {
   static void fields(Visitor&& visit) {
     using E = Emitter;
     Body::body_fields<E>(visit);
-    visit(&E::emission, FieldInfo{.name = "emission", .unit = "", .meaning = "How the material appears"});
-    visit(&E::material,
-          FieldInfo{.name = "material", .unit = "", .meaning = "Key of the scene's materials", .required = true});
-    visit(&E::particles_per_cell, FieldInfo{.name = "particles_per_cell",
-                                            .unit = "",
-                                            .meaning = "Particles in a grid cell",
-                                            .range = {.low = 0, .high = 1000, .low_open = true}});
-    visit(&E::velocity,
-          FieldInfo{.name = "velocity", .unit = "m/s", .meaning = "Velocity of the new particles; a stream needs one"});
-    visit(&E::rate, FieldInfo{.name = "rate",
-                              .unit = "1/s",
-                              .meaning = "Particles a second; default and upper limit: what fills the space swept",
-                              .range = Range::positive(),
-                              .only_for = "stream"});
-    visit(&E::start_time, FieldInfo{.name = "start_time",
-                                    .unit = "s",
-                                    .meaning = "When the stream starts",
-                                    .range = Range::not_negative(),
-                                    .only_for = "stream"});
-    visit(&E::end_time, FieldInfo{.name = "end_time",
-                                  .unit = "s",
-                                  .meaning = "When the stream ends",
-                                  .range = Range::positive(),
-                                  .required = true,
-                                  .only_for = "stream"});
-    visit(&E::times, FieldInfo{.name = "times",
-                               .unit = "s",
-                               .meaning = "When the body appears, in ascending order",
-                               .range = Range::not_negative(),
-                               .required = true,
-                               .only_for = "burst"});
-    visit(&E::particle_limit, FieldInfo{.name = "particle_limit",
-                                        .unit = "",
-                                        .meaning = "Most particles that it may send out in the run",
-                                        .range = Range::between(1, 2e9)});
+    visit(&E::emission, FieldInfo{"emission", "", "How the material appears"});
+    visit(&E::material, FieldInfo{"material", "", "Key of the scene's materials"}.mandatory());
+    visit(&E::particles_per_cell,
+          FieldInfo{"particles_per_cell", "", "Particles in a grid cell", {.low = 0, .high = 1000, .low_open = true}});
+    visit(&E::velocity, FieldInfo{"velocity", "m/s", "Velocity of the new particles; a stream needs one"});
+    visit(&E::rate, FieldInfo{"rate", "1/s", "Particles a second; default and upper limit: what fills the space swept",
+                              Range::positive()}
+                        .only_in("stream"));
+    visit(&E::start_time,
+          FieldInfo{"start_time", "s", "When the stream starts", Range::not_negative()}.only_in("stream"));
+    visit(&E::end_time,
+          FieldInfo{"end_time", "s", "When the stream ends", Range::positive()}.mandatory().only_in("stream"));
+    visit(
+        &E::times,
+        FieldInfo{"times", "s", "When the body appears, in ascending order", Range::not_negative()}.mandatory().only_in(
+            "burst"));
+    visit(&E::particle_limit,
+          FieldInfo{"particle_limit", "", "Most particles that it may send out in the run", Range::between(1, 2e9)});
   }
 };
 

@@ -5,8 +5,7 @@
 //   struct Domain {
 //     double dx = 1.0 / 64;
 //     template <typename Visitor> static void fields(Visitor&& visit) {
-//       visit(&Domain::dx, FieldInfo{.name = "dx", .unit = "m", .meaning = "Grid spacing", .range =
-//       Range::positive()});
+//       visit(&Domain::dx, FieldInfo{"dx", "m", "Grid spacing", Range::positive()});
 //     }
 //   };
 //
@@ -14,6 +13,7 @@
 // std::optional, std::vector or std::map<std::string, ...> of these.
 #pragma once
 
+#include <array>
 #include <limits>
 #include <string_view>
 #include <utility>
@@ -42,11 +42,20 @@ struct FieldInfo {
   Range range = {};
   bool required = false;           ///< no default: the reader insists on it (for the kinds it applies to)
   std::string_view only_for = {};  ///< space-separated words of the struct's kind field ("shape", "model"); "" = all
+
+  constexpr FieldInfo mandatory() const { return {name, unit, meaning, range, true, only_for}; }
+  constexpr FieldInfo only_in(std::string_view kinds) const { return {name, unit, meaning, range, required, kinds}; }
 };
 
-/// Specialise with `static constexpr std::pair<const char*, E> words[]` for every enum used in a config.
+/// Specialise with `static constexpr std::pair<const char*, E> words[]` for every enum used in a config, or declare
+/// `constexpr auto enum_list(E)` beside it, which returns a std::array of these pairs.
 template <typename E>
 struct EnumWords;
+template <typename E>
+requires requires { enum_list(E()); }
+struct EnumWords<E> {
+  static constexpr auto words = enum_list(E());
+};
 
 /// Word of an enum value, e.g. "slip".
 template <typename E>

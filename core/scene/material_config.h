@@ -112,113 +112,76 @@ struct MaterialConfig {
   template <typename Visitor>
   static void fields(Visitor&& visit) {
     using M = MaterialConfig;
-    visit(&M::preset, FieldInfo{.name = "preset",
-                                .unit = "",
-                                .meaning = "Named set of constants that the other keys start from (table below)"});
-    visit(&M::model, FieldInfo{.name = "model", .unit = "", .meaning = "Constitutive model"});
-    visit(&M::density,
-          FieldInfo{.name = "density", .unit = "kg/m^3", .meaning = "Density at rest", .range = Range::positive()});
-    visit(&M::bulk_modulus, FieldInfo{.name = "bulk_modulus",
-                                      .unit = "Pa",
-                                      .meaning = "Bulk modulus; the sound speed is sqrt(bulk_modulus / density)",
-                                      .range = Range::positive(),
-                                      .only_for = "water"});
-    visit(&M::equation_of_state, FieldInfo{.name = "equation_of_state",
-                                           .unit = "",
-                                           .meaning = "Pressure: linear, K (1 - J), or tait, K / gamma (J^-gamma - 1)",
-                                           .only_for = "water"});
-    visit(&M::tait_exponent, FieldInfo{.name = "tait_exponent",
-                                       .unit = "",
-                                       .meaning = "Exponent gamma of the Tait law",
-                                       .range = Range::between(1, 20),
-                                       .only_for = "tait"});
-    visit(&M::viscosity, FieldInfo{.name = "viscosity",
-                                   .unit = "Pa s",
-                                   .meaning = "Dynamic viscosity (Newtonian)",
-                                   .range = Range::not_negative(),
-                                   .only_for = "water"});
-    visit(&M::youngs_modulus, FieldInfo{.name = "youngs_modulus",
-                                        .unit = "Pa",
-                                        .meaning = "Young's modulus",
-                                        .range = Range::positive(),
-                                        .only_for = "jelly snow sand neo_hookean metal cake toothpaste foam"});
-    visit(&M::poissons_ratio, FieldInfo{.name = "poissons_ratio",
-                                        .unit = "",
-                                        .meaning = "Poisson's ratio",
-                                        .range = {.low = 0, .high = 0.5, .high_open = true},
-                                        .only_for = "jelly snow sand neo_hookean metal cake toothpaste foam"});
-    visit(&M::friction_angle,
-          FieldInfo{.name = "friction_angle",
-                    .unit = "degrees",
-                    .meaning = "Internal friction angle of the Drucker-Prager cone (triaxial compression)",
-                    .range = {.low = 0, .high = 90, .high_open = true},
-                    .only_for = "sand"});
-    visit(&M::cohesion, FieldInfo{.name = "cohesion",
-                                  .unit = "Pa",
-                                  .meaning = "Mohr-Coulomb cohesion; holds tension up to cohesion cot(friction_angle)",
-                                  .range = Range::not_negative(),
-                                  .only_for = "sand"});
-    visit(&M::volume_correction, FieldInfo{.name = "volume_correction",
-                                           .unit = "",
-                                           .meaning = "How sand regains the volume it gained in tension",
-                                           .only_for = "sand"});
-    visit(&M::critical_compression, FieldInfo{.name = "critical_compression",
-                                              .unit = "",
-                                              .meaning = "Singular values of F below 1 minus this yield",
-                                              .range = {.low = 0, .high = 1, .high_open = true},
-                                              .only_for = "snow"});
-    visit(&M::critical_stretch, FieldInfo{.name = "critical_stretch",
-                                          .unit = "",
-                                          .meaning = "Singular values of F above 1 plus this yield",
-                                          .range = Range::not_negative(),
-                                          .only_for = "snow"});
-    visit(&M::hardening, FieldInfo{.name = "hardening",
-                                   .unit = "",
-                                   .meaning = "Exponent of the hardening factor exp(hardening (1 - J_p))",
-                                   .range = Range::not_negative(),
-                                   .only_for = "snow"});
-    visit(&M::max_hardening, FieldInfo{.name = "max_hardening",
-                                       .unit = "",
-                                       .meaning = "Cap of the hardening factor; 0 for none",
-                                       .range = Range::not_negative(),
-                                       .only_for = "snow"});
-    visit(&M::yield_stress, FieldInfo{.name = "yield_stress",
-                                      .unit = "Pa",
-                                      .meaning = "Yield stress in uniaxial tension (in shear: over sqrt(3))",
-                                      .range = Range::not_negative(),
-                                      .only_for = "metal cake toothpaste foam"});
-    visit(&M::hardening_modulus, FieldInfo{.name = "hardening_modulus",
-                                           .unit = "Pa",
-                                           .meaning = "Rise of the yield stress over equivalent plastic strain",
-                                           .range = Range::not_negative(),
-                                           .only_for = "metal"});
-    visit(
-        &M::softening_modulus,
-        FieldInfo{.name = "softening_modulus",
-                  .unit = "Pa",
-                  .meaning = "Fall of the yield stress over equivalent plastic strain; at zero the material is broken",
-                  .range = Range::not_negative(),
-                  .only_for = "cake"});
+    visit(&M::preset, FieldInfo{"preset", "", "Named set of constants that the other keys start from (table below)"});
+    visit(&M::model, FieldInfo{"model", "", "Constitutive model"});
+    visit(&M::density, FieldInfo{"density", "kg/m^3", "Density at rest", Range::positive()});
+    visit(&M::bulk_modulus,
+          FieldInfo{"bulk_modulus", "Pa", "Bulk modulus; the sound speed is sqrt(bulk_modulus / density)",
+                    Range::positive()}
+              .only_in("water"));
+    visit(&M::equation_of_state,
+          FieldInfo{"equation_of_state", "", "Pressure: linear, K (1 - J), or tait, K / gamma (J^-gamma - 1)"}.only_in(
+              "water"));
+    visit(&M::tait_exponent,
+          FieldInfo{"tait_exponent", "", "Exponent gamma of the Tait law", Range::between(1, 20)}.only_in("tait"));
+    visit(&M::viscosity,
+          FieldInfo{"viscosity", "Pa s", "Dynamic viscosity (Newtonian)", Range::not_negative()}.only_in("water"));
+    visit(&M::youngs_modulus, FieldInfo{"youngs_modulus", "Pa", "Young's modulus", Range::positive()}.only_in(
+                                  "jelly snow sand neo_hookean metal cake toothpaste foam"));
+    visit(&M::poissons_ratio,
+          FieldInfo{"poissons_ratio", "", "Poisson's ratio", {.low = 0, .high = 0.5, .high_open = true}}.only_in(
+              "jelly snow sand neo_hookean metal cake toothpaste foam"));
+    visit(&M::friction_angle, FieldInfo{"friction_angle",
+                                        "degrees",
+                                        "Internal friction angle of the Drucker-Prager cone (triaxial compression)",
+                                        {.low = 0, .high = 90, .high_open = true}}
+                                  .only_in("sand"));
+    visit(&M::cohesion,
+          FieldInfo{"cohesion", "Pa", "Mohr-Coulomb cohesion; holds tension up to cohesion cot(friction_angle)",
+                    Range::not_negative()}
+              .only_in("sand"));
+    visit(&M::volume_correction,
+          FieldInfo{"volume_correction", "", "How sand regains the volume it gained in tension"}.only_in("sand"));
+    visit(&M::critical_compression, FieldInfo{"critical_compression",
+                                              "",
+                                              "Singular values of F below 1 minus this yield",
+                                              {.low = 0, .high = 1, .high_open = true}}
+                                        .only_in("snow"));
+    visit(&M::critical_stretch,
+          FieldInfo{"critical_stretch", "", "Singular values of F above 1 plus this yield", Range::not_negative()}
+              .only_in("snow"));
+    visit(&M::hardening,
+          FieldInfo{"hardening", "", "Exponent of the hardening factor exp(hardening (1 - J_p))", Range::not_negative()}
+              .only_in("snow"));
+    visit(&M::max_hardening,
+          FieldInfo{"max_hardening", "", "Cap of the hardening factor; 0 for none", Range::not_negative()}.only_in(
+              "snow"));
+    visit(&M::yield_stress, FieldInfo{"yield_stress", "Pa", "Yield stress in uniaxial tension (in shear: over sqrt(3))",
+                                      Range::not_negative()}
+                                .only_in("metal cake toothpaste foam"));
+    visit(&M::hardening_modulus,
+          FieldInfo{"hardening_modulus", "Pa", "Rise of the yield stress over equivalent plastic strain",
+                    Range::not_negative()}
+              .only_in("metal"));
+    visit(&M::softening_modulus,
+          FieldInfo{"softening_modulus", "Pa",
+                    "Fall of the yield stress over equivalent plastic strain; at zero the material is broken",
+                    Range::not_negative()}
+              .only_in("cake"));
     visit(&M::consistency,
-          FieldInfo{.name = "consistency",
-                    .unit = "Pa s^n",
-                    .meaning = "k of the flow law: shear stress = yield_stress / sqrt(3) + k (shear rate)^flow_index",
-                    .range = Range::not_negative(),
-                    .only_for = "toothpaste foam"});
-    visit(&M::flow_index, FieldInfo{.name = "flow_index",
-                                    .unit = "",
-                                    .meaning = "Exponent n of the flow law; below 1 it thins in shear",
-                                    .range = Range::between(0.1, 3),
-                                    .only_for = "toothpaste foam"});
-    visit(&M::elasticity, FieldInfo{.name = "elasticity",
-                                    .unit = "",
-                                    .meaning = "Law of the stress (corotated: as the code of NSF's authors)",
-                                    .only_for = "cake"});
+          FieldInfo{"consistency", "Pa s^n",
+                    "k of the flow law: shear stress = yield_stress / sqrt(3) + k (shear rate)^flow_index",
+                    Range::not_negative()}
+              .only_in("toothpaste foam"));
+    visit(&M::flow_index,
+          FieldInfo{"flow_index", "", "Exponent n of the flow law; below 1 it thins in shear", Range::between(0.1, 3)}
+              .only_in("toothpaste foam"));
+    visit(&M::elasticity,
+          FieldInfo{"elasticity", "", "Law of the stress (corotated: as the code of NSF's authors)"}.only_in("cake"));
     visit(&M::hardening_update,
-          FieldInfo{.name = "hardening_update",
-                    .unit = "",
-                    .meaning = "Whether a step's stress feels the hardening after or before its own plastic flow",
-                    .only_for = "snow metal cake"});
+          FieldInfo{"hardening_update", "",
+                    "Whether a step's stress feels the hardening after or before its own plastic flow"}
+              .only_in("snow metal cake"));
   }
 };
 

@@ -32,16 +32,10 @@ struct MotionKey {
   template <typename Visitor>
   static void fields(Visitor&& visit) {
     using K = MotionKey;
-    visit(&K::time, FieldInfo{.name = "time",
-                              .unit = "s",
-                              .meaning = "Time of the pose, above that of the key before it",
-                              .range = Range::positive(),
-                              .required = true});
-    visit(&K::translation,
-          FieldInfo{.name = "translation", .unit = "m", .meaning = "Way of the centre since the start"});
-    visit(&K::angle,
-          FieldInfo{
-              .name = "angle", .unit = "degrees", .meaning = "Turn about the axis since the start; whole turns count"});
+    visit(&K::time,
+          FieldInfo{"time", "s", "Time of the pose, above that of the key before it", Range::positive()}.mandatory());
+    visit(&K::translation, FieldInfo{"translation", "m", "Way of the centre since the start"});
+    visit(&K::angle, FieldInfo{"angle", "degrees", "Turn about the axis since the start; whole turns count"});
   }
 };
 
@@ -117,29 +111,18 @@ struct Motion {
   template <typename Visitor>
   static void fields(Visitor&& visit) {
     using M = Motion;
-    visit(&M::kind, FieldInfo{.name = "kind", .unit = "", .meaning = "How the motion is given"});
-    visit(&M::velocity,
-          FieldInfo{.name = "velocity", .unit = "m/s", .meaning = "Velocity of the centre", .only_for = "constant"});
-    visit(&M::spin,
-          FieldInfo{.name = "spin", .unit = "rad/s", .meaning = "Rate of turn about the axis", .only_for = "constant"});
-    visit(&M::start_time, FieldInfo{.name = "start_time",
-                                    .unit = "s",
-                                    .meaning = "When the motion starts",
-                                    .range = Range::not_negative(),
-                                    .only_for = "constant"});
-    visit(&M::end_time, FieldInfo{.name = "end_time",
-                                  .unit = "s",
-                                  .meaning = "When it stops; default never",
-                                  .range = Range::not_negative(),
-                                  .only_for = "constant"});
-    visit(&M::keyframes, FieldInfo{.name = "keyframes",
-                                   .unit = "",
-                                   .meaning = "Poses in the order of time, after the initial one at time 0",
-                                   .required = true,
-                                   .only_for = "keyframes"});
-    visit(&M::axis, FieldInfo{.name = "axis", .unit = "", .meaning = "Axis of the turns"});
-    visit(&M::center,
-          FieldInfo{.name = "center", .unit = "m", .meaning = "Point of the axis; default the body's position"});
+    visit(&M::kind, FieldInfo{"kind", "", "How the motion is given"});
+    visit(&M::velocity, FieldInfo{"velocity", "m/s", "Velocity of the centre"}.only_in("constant"));
+    visit(&M::spin, FieldInfo{"spin", "rad/s", "Rate of turn about the axis"}.only_in("constant"));
+    visit(&M::start_time,
+          FieldInfo{"start_time", "s", "When the motion starts", Range::not_negative()}.only_in("constant"));
+    visit(&M::end_time,
+          FieldInfo{"end_time", "s", "When it stops; default never", Range::not_negative()}.only_in("constant"));
+    visit(&M::keyframes,
+          FieldInfo{"keyframes", "", "Poses in the order of time, after the initial one at time 0"}.mandatory().only_in(
+              "keyframes"));
+    visit(&M::axis, FieldInfo{"axis", "", "Axis of the turns"});
+    visit(&M::center, FieldInfo{"center", "m", "Point of the axis; default the body's position"});
   }
 };
 

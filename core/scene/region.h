@@ -38,25 +38,11 @@ struct Region {
 
   template <typename Self, typename Visitor>
   static void region_fields(Visitor&& visit) {
-    visit(&Self::shape, FieldInfo{.name = "shape", .unit = "", .meaning = "Kind of region", .required = true});
-    visit(&Self::size, FieldInfo{.name = "size",
-                                 .unit = "m",
-                                 .meaning = "Edge lengths",
-                                 .range = Range::positive(),
-                                 .required = true,
-                                 .only_for = "box"});
-    visit(&Self::radius, FieldInfo{.name = "radius",
-                                   .unit = "m",
-                                   .meaning = "Radius",
-                                   .range = Range::positive(),
-                                   .required = true,
-                                   .only_for = "sphere"});
-    visit(&Self::normal, FieldInfo{.name = "normal",
-                                   .unit = "",
-                                   .meaning = "Direction out of the half-space",
-                                   .required = true,
-                                   .only_for = "half_space"});
-    visit(&Self::position, FieldInfo{.name = "position", .unit = "m", .meaning = "Centre, or a point of the plane"});
+    visit(&Self::shape, FieldInfo{"shape", "", "Kind of region"}.mandatory());
+    visit(&Self::size, FieldInfo{"size", "m", "Edge lengths", Range::positive()}.mandatory().only_in("box"));
+    visit(&Self::radius, FieldInfo{"radius", "m", "Radius", Range::positive()}.mandatory().only_in("sphere"));
+    visit(&Self::normal, FieldInfo{"normal", "", "Direction out of the half-space"}.mandatory().only_in("half_space"));
+    visit(&Self::position, FieldInfo{"position", "m", "Centre, or a point of the plane"});
   }
 };
 
@@ -77,13 +63,9 @@ struct KinematicRegion : Region {
   static void fields(Visitor&& visit) {
     using K = KinematicRegion;
     Region::region_fields<K>(visit);
-    visit(&K::motion, FieldInfo{.name = "motion",
-                                .unit = "",
-                                .meaning = "Script that the particles inside at the start follow; {} holds them"});
-    visit(&K::release_time, FieldInfo{.name = "release_time",
-                                      .unit = "s",
-                                      .meaning = "When they become free; default never",
-                                      .range = Range::not_negative()});
+    visit(&K::motion, FieldInfo{"motion", "", "Script that the particles inside at the start follow; {} holds them"});
+    visit(&K::release_time,
+          FieldInfo{"release_time", "s", "When they become free; default never", Range::not_negative()});
   }
 };
 

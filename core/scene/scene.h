@@ -35,27 +35,16 @@ struct Source : Body {
   static void fields(Visitor&& visit) {
     using S = Source;
     Body::body_fields<S>(visit);
-    visit(&S::material,
-          FieldInfo{.name = "material", .unit = "", .meaning = "Key of the scene's materials", .required = true});
-    visit(&S::sampling,
-          FieldInfo{.name = "sampling", .unit = "", .meaning = "How particles are placed (not for points)"});
-    visit(&S::particles_per_cell, FieldInfo{.name = "particles_per_cell",
-                                            .unit = "",
-                                            .meaning = "Particles in a grid cell",
-                                            .range = {.low = 0, .high = 1000, .low_open = true}});
-    visit(&S::velocity, FieldInfo{.name = "velocity", .unit = "m/s", .meaning = "Initial velocity"});
-    visit(&S::angular_velocity,
-          FieldInfo{.name = "angular_velocity", .unit = "rad/s", .meaning = "Initial spin, about spin_center"});
-    visit(
-        &S::spin_center,
-        FieldInfo{.name = "spin_center", .unit = "m", .meaning = "Centre of the spin; default the source's position"});
-    visit(&S::motion, FieldInfo{.name = "motion",
-                                .unit = "",
-                                .meaning = "Script that its particles follow instead of the forces; {} holds them"});
-    visit(&S::release_time, FieldInfo{.name = "release_time",
-                                      .unit = "s",
-                                      .meaning = "When scripted particles become free; default never",
-                                      .range = Range::not_negative()});
+    visit(&S::material, FieldInfo{"material", "", "Key of the scene's materials"}.mandatory());
+    visit(&S::sampling, FieldInfo{"sampling", "", "How particles are placed (not for points)"});
+    visit(&S::particles_per_cell,
+          FieldInfo{"particles_per_cell", "", "Particles in a grid cell", {.low = 0, .high = 1000, .low_open = true}});
+    visit(&S::velocity, FieldInfo{"velocity", "m/s", "Initial velocity"});
+    visit(&S::angular_velocity, FieldInfo{"angular_velocity", "rad/s", "Initial spin, about spin_center"});
+    visit(&S::spin_center, FieldInfo{"spin_center", "m", "Centre of the spin; default the source's position"});
+    visit(&S::motion, FieldInfo{"motion", "", "Script that its particles follow instead of the forces; {} holds them"});
+    visit(&S::release_time,
+          FieldInfo{"release_time", "s", "When scripted particles become free; default never", Range::not_negative()});
   }
 };
 
@@ -69,13 +58,10 @@ struct Obstacle : Body {
   static void fields(Visitor&& visit) {
     using O = Obstacle;
     Body::body_fields<O>(visit);
-    visit(&O::contact,
-          FieldInfo{.name = "contact", .unit = "", .meaning = "What the surface does to material that touches it"});
-    visit(&O::friction, FieldInfo{.name = "friction",
-                                  .unit = "",
-                                  .meaning = "Coulomb friction coefficient (slip and separate)",
-                                  .range = Range::not_negative()});
-    visit(&O::motion, FieldInfo{.name = "motion", .unit = "", .meaning = "Scripted motion; at rest without one"});
+    visit(&O::contact, FieldInfo{"contact", "", "What the surface does to material that touches it"});
+    visit(&O::friction,
+          FieldInfo{"friction", "", "Coulomb friction coefficient (slip and separate)", Range::not_negative()});
+    visit(&O::motion, FieldInfo{"motion", "", "Scripted motion; at rest without one"});
   }
 };
 
@@ -118,41 +104,29 @@ struct Scene {
   template <typename Visitor>
   static void fields(Visitor&& visit) {
     using S = Scene;
-    visit(&S::name, FieldInfo{.name = "name", .unit = "", .meaning = "Short name, used in file names and tables"});
-    visit(&S::description, FieldInfo{.name = "description", .unit = "", .meaning = "What the scene shows"});
-    visit(&S::domain, FieldInfo{.name = "domain", .unit = "", .meaning = "Domain, grid and walls"});
-    visit(&S::gravity, FieldInfo{.name = "gravity", .unit = "m/s^2", .meaning = "Gravity"});
-    visit(&S::materials, FieldInfo{.name = "materials", .unit = "", .meaning = "Materials by name", .required = true});
-    visit(&S::sources,
-          FieldInfo{.name = "sources", .unit = "", .meaning = "Bodies of material at the start", .required = true});
+    visit(&S::name, FieldInfo{"name", "", "Short name, used in file names and tables"});
+    visit(&S::description, FieldInfo{"description", "", "What the scene shows"});
+    visit(&S::domain, FieldInfo{"domain", "", "Domain, grid and walls"});
+    visit(&S::gravity, FieldInfo{"gravity", "m/s^2", "Gravity"});
+    visit(&S::materials, FieldInfo{"materials", "", "Materials by name"}.mandatory());
+    visit(&S::sources, FieldInfo{"sources", "", "Bodies of material at the start"}.mandatory());
     visit(&S::kinematic_regions,
-          FieldInfo{.name = "kinematic_regions",
-                    .unit = "",
-                    .meaning = "Particles that follow a script, by where they are at the start"});
-    visit(&S::emitters,
-          FieldInfo{.name = "emitters", .unit = "", .meaning = "Bodies that send out material during the run"});
-    visit(&S::sinks, FieldInfo{.name = "sinks", .unit = "", .meaning = "Regions that remove particles"});
-    visit(&S::obstacles, FieldInfo{.name = "obstacles", .unit = "", .meaning = "Rigid obstacles"});
-    visit(&S::obstacle_voxel, FieldInfo{.name = "obstacle_voxel",
-                                        .unit = "m",
-                                        .meaning = "Voxel size of the obstacles' signed-distance grids; default dx/2",
-                                        .range = Range::positive()});
-    visit(&S::obstacle_band, FieldInfo{.name = "obstacle_band",
-                                       .unit = "m",
-                                       .meaning = "Half width of their narrow band; default max(4 dx, 0.1)",
-                                       .range = Range::positive()});
+          FieldInfo{"kinematic_regions", "", "Particles that follow a script, by where they are at the start"});
+    visit(&S::emitters, FieldInfo{"emitters", "", "Bodies that send out material during the run"});
+    visit(&S::sinks, FieldInfo{"sinks", "", "Regions that remove particles"});
+    visit(&S::obstacles, FieldInfo{"obstacles", "", "Rigid obstacles"});
+    visit(&S::obstacle_voxel,
+          FieldInfo{"obstacle_voxel", "m", "Voxel size of the obstacles' signed-distance grids; default dx/2",
+                    Range::positive()});
+    visit(&S::obstacle_band, FieldInfo{"obstacle_band", "m", "Half width of their narrow band; default max(4 dx, 0.1)",
+                                       Range::positive()});
     visit(&S::push_out,
-          FieldInfo{.name = "push_out",
-                    .unit = "",
-                    .meaning = "Move particles that entered an obstacle back to its surface after each substep"});
-    visit(&S::transfer, FieldInfo{.name = "transfer", .unit = "", .meaning = "Transfers between particles and grid"});
-    visit(&S::time_step, FieldInfo{.name = "time_step", .unit = "", .meaning = "Step size"});
-    visit(&S::seed, FieldInfo{.name = "seed", .unit = "", .meaning = "Seed of the particle sampling"});
-    visit(
-        &S::frames,
-        FieldInfo{.name = "frames", .unit = "", .meaning = "Frames after the first", .range = Range::between(0, 1e6)});
-    visit(&S::frame_time,
-          FieldInfo{.name = "frame_time", .unit = "s", .meaning = "Time between frames", .range = Range::positive()});
+          FieldInfo{"push_out", "", "Move particles that entered an obstacle back to its surface after each substep"});
+    visit(&S::transfer, FieldInfo{"transfer", "", "Transfers between particles and grid"});
+    visit(&S::time_step, FieldInfo{"time_step", "", "Step size"});
+    visit(&S::seed, FieldInfo{"seed", "", "Seed of the particle sampling"});
+    visit(&S::frames, FieldInfo{"frames", "", "Frames after the first", Range::between(0, 1e6)});
+    visit(&S::frame_time, FieldInfo{"frame_time", "s", "Time between frames", Range::positive()});
   }
 };
 

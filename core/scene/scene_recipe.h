@@ -17,11 +17,9 @@ struct RecipeCounts {
   template <typename Visitor>
   static void fields(Visitor&& visit) {
     using C = RecipeCounts;
-    visit(&C::train,
-          FieldInfo{.name = "train", .unit = "", .meaning = "Training scenes", .range = Range::between(0, 1e6)});
-    visit(&C::valid,
-          FieldInfo{.name = "valid", .unit = "", .meaning = "Validation scenes", .range = Range::between(0, 1e6)});
-    visit(&C::test, FieldInfo{.name = "test", .unit = "", .meaning = "Test scenes", .range = Range::between(0, 1e6)});
+    visit(&C::train, FieldInfo{"train", "", "Training scenes", Range::between(0, 1e6)});
+    visit(&C::valid, FieldInfo{"valid", "", "Validation scenes", Range::between(0, 1e6)});
+    visit(&C::test, FieldInfo{"test", "", "Test scenes", Range::between(0, 1e6)});
   }
 };
 
@@ -38,31 +36,16 @@ struct RecipeGroups {
   template <typename Visitor>
   static void fields(Visitor&& visit) {
     using G = RecipeGroups;
-    visit(&G::count, FieldInfo{.name = "count",
-                               .unit = "",
-                               .meaning = "Groups of particles in a scene",
-                               .range = Range::between(1, 10000)});
-    visit(&G::shapes, FieldInfo{.name = "shapes", .unit = "", .meaning = "Shapes to draw from: sphere, box"});
-    visit(
-        &G::materials,
-        FieldInfo{.name = "materials", .unit = "", .meaning = "Materials to draw from; default: all of the recipe's"});
-    visit(
-        &G::size,
-        FieldInfo{
-            .name = "size", .unit = "m", .meaning = "Edge of a box, diameter of a sphere", .range = Range::positive()});
-    visit(&G::max_speed, FieldInfo{.name = "max_speed",
-                                   .unit = "m/s",
-                                   .meaning = "Initial velocity: uniform direction, speed uniform up to this",
-                                   .range = Range::not_negative()});
-    visit(&G::mixed_share,
-          FieldInfo{.name = "mixed_share",
-                    .unit = "",
-                    .meaning = "Share of the groups that are cut along a random axis in halves of two materials",
-                    .range = Range::between(0, 1)});
-    visit(&G::particles_per_cell, FieldInfo{.name = "particles_per_cell",
-                                            .unit = "",
-                                            .meaning = "Particles in a grid cell",
-                                            .range = Range::positive()});
+    visit(&G::count, FieldInfo{"count", "", "Groups of particles in a scene", Range::between(1, 10000)});
+    visit(&G::shapes, FieldInfo{"shapes", "", "Shapes to draw from: sphere, box"});
+    visit(&G::materials, FieldInfo{"materials", "", "Materials to draw from; default: all of the recipe's"});
+    visit(&G::size, FieldInfo{"size", "m", "Edge of a box, diameter of a sphere", Range::positive()});
+    visit(&G::max_speed, FieldInfo{"max_speed", "m/s", "Initial velocity: uniform direction, speed uniform up to this",
+                                   Range::not_negative()});
+    visit(&G::mixed_share, FieldInfo{"mixed_share", "",
+                                     "Share of the groups that are cut along a random axis in halves of two materials",
+                                     Range::between(0, 1)});
+    visit(&G::particles_per_cell, FieldInfo{"particles_per_cell", "", "Particles in a grid cell", Range::positive()});
   }
 };
 
@@ -77,25 +60,14 @@ struct RecipeObstacles {
   template <typename Visitor>
   static void fields(Visitor&& visit) {
     using O = RecipeObstacles;
-    visit(&O::count,
-          FieldInfo{.name = "count", .unit = "", .meaning = "Obstacles in a scene", .range = Range::between(0, 10000)});
+    visit(&O::count, FieldInfo{"count", "", "Obstacles in a scene", Range::between(0, 10000)});
     visit(&O::shapes,
-          FieldInfo{.name = "shapes",
-                    .unit = "",
-                    .meaning = "Shapes to draw from: box, half_box, sphere, half_sphere, cone, pyramid, cylinder"});
-    visit(&O::min_size, FieldInfo{.name = "min_size",
-                                  .unit = "m",
-                                  .meaning = "Smallest edge, diameter or height",
-                                  .range = Range::positive()});
-    visit(&O::max_size, FieldInfo{.name = "max_size",
-                                  .unit = "m",
-                                  .meaning = "Largest edge, diameter or height",
-                                  .range = Range::positive()});
-    visit(&O::contact, FieldInfo{.name = "contact", .unit = "", .meaning = "Contact of all obstacles"});
-    visit(&O::friction, FieldInfo{.name = "friction",
-                                  .unit = "",
-                                  .meaning = "Coulomb friction coefficient of all obstacles",
-                                  .range = Range::not_negative()});
+          FieldInfo{"shapes", "", "Shapes to draw from: box, half_box, sphere, half_sphere, cone, pyramid, cylinder"});
+    visit(&O::min_size, FieldInfo{"min_size", "m", "Smallest edge, diameter or height", Range::positive()});
+    visit(&O::max_size, FieldInfo{"max_size", "m", "Largest edge, diameter or height", Range::positive()});
+    visit(&O::contact, FieldInfo{"contact", "", "Contact of all obstacles"});
+    visit(&O::friction,
+          FieldInfo{"friction", "", "Coulomb friction coefficient of all obstacles", Range::not_negative()});
   }
 };
 
@@ -115,20 +87,17 @@ struct SceneRecipe {
   template <typename Visitor>
   static void fields(Visitor&& visit) {
     using R = SceneRecipe;
-    visit(&R::name, FieldInfo{.name = "name", .unit = "", .meaning = "Short name"});
-    visit(&R::description, FieldInfo{.name = "description", .unit = "", .meaning = "What the recipe draws"});
-    visit(&R::domain, FieldInfo{.name = "domain", .unit = "", .meaning = "Domain, grid and walls"});
-    visit(&R::gravity, FieldInfo{.name = "gravity", .unit = "m/s^2", .meaning = "Gravity"});
-    visit(&R::materials, FieldInfo{.name = "materials", .unit = "", .meaning = "Materials by name", .required = true});
-    visit(&R::groups, FieldInfo{.name = "groups", .unit = "", .meaning = "Groups of particles"});
-    visit(&R::obstacles, FieldInfo{.name = "obstacles", .unit = "", .meaning = "Obstacles"});
-    visit(&R::time_step, FieldInfo{.name = "time_step", .unit = "", .meaning = "Step size"});
-    visit(
-        &R::frames,
-        FieldInfo{.name = "frames", .unit = "", .meaning = "Frames after the first", .range = Range::between(1, 1e6)});
-    visit(&R::frame_time,
-          FieldInfo{.name = "frame_time", .unit = "s", .meaning = "Time between frames", .range = Range::positive()});
-    visit(&R::counts, FieldInfo{.name = "counts", .unit = "", .meaning = "Scenes of each split"});
+    visit(&R::name, FieldInfo{"name", "", "Short name"});
+    visit(&R::description, FieldInfo{"description", "", "What the recipe draws"});
+    visit(&R::domain, FieldInfo{"domain", "", "Domain, grid and walls"});
+    visit(&R::gravity, FieldInfo{"gravity", "m/s^2", "Gravity"});
+    visit(&R::materials, FieldInfo{"materials", "", "Materials by name"}.mandatory());
+    visit(&R::groups, FieldInfo{"groups", "", "Groups of particles"});
+    visit(&R::obstacles, FieldInfo{"obstacles", "", "Obstacles"});
+    visit(&R::time_step, FieldInfo{"time_step", "", "Step size"});
+    visit(&R::frames, FieldInfo{"frames", "", "Frames after the first", Range::between(1, 1e6)});
+    visit(&R::frame_time, FieldInfo{"frame_time", "s", "Time between frames", Range::positive()});
+    visit(&R::counts, FieldInfo{"counts", "", "Scenes of each split"});
   }
 };
 

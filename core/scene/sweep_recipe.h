@@ -29,11 +29,8 @@ struct SweepFollower {
   template <typename Visitor>
   static void fields(Visitor&& visit) {
     using F = SweepFollower;
-    visit(&F::key, FieldInfo{.name = "key", .unit = "", .meaning = "Scene key, as a dotted path", .required = true});
-    visit(&F::values, FieldInfo{.name = "values",
-                                .unit = "",
-                                .meaning = "Its value in each run: numbers, words, vectors, ...",
-                                .required = true});
+    visit(&F::key, FieldInfo{"key", "", "Scene key, as a dotted path"}.mandatory());
+    visit(&F::values, FieldInfo{"values", "", "Its value in each run: numbers, words, vectors, ..."}.mandatory());
   }
 };
 
@@ -48,21 +45,11 @@ struct SweepParameter {
   template <typename Visitor>
   static void fields(Visitor&& visit) {
     using P = SweepParameter;
-    visit(&P::name, FieldInfo{.name = "name",
-                              .unit = "",
-                              .meaning = "Name under which the values are stored with the trajectories",
-                              .required = true});
-    visit(&P::unit, FieldInfo{.name = "unit", .unit = "", .meaning = "Unit of the values, as text"});
-    visit(&P::key, FieldInfo{.name = "key",
-                             .unit = "",
-                             .meaning = "Scene key, as a dotted path: materials.sand.friction_angle",
-                             .required = true});
-    visit(&P::values, FieldInfo{.name = "values",
-                                .unit = "",
-                                .meaning = "Its value in each run: run i takes item i of every list",
-                                .required = true});
-    visit(&P::also,
-          FieldInfo{.name = "also", .unit = "", .meaning = "Further scene keys that follow the same parameter"});
+    visit(&P::name, FieldInfo{"name", "", "Name under which the values are stored with the trajectories"}.mandatory());
+    visit(&P::unit, FieldInfo{"unit", "", "Unit of the values, as text"});
+    visit(&P::key, FieldInfo{"key", "", "Scene key, as a dotted path: materials.sand.friction_angle"}.mandatory());
+    visit(&P::values, FieldInfo{"values", "", "Its value in each run: run i takes item i of every list"}.mandatory());
+    visit(&P::also, FieldInfo{"also", "", "Further scene keys that follow the same parameter"});
   }
 };
 
@@ -80,39 +67,25 @@ struct SweepRecipe {
   template <typename Visitor>
   static void fields(Visitor&& visit) {
     using R = SweepRecipe;
-    visit(&R::name, FieldInfo{.name = "name", .unit = "", .meaning = "Short name; default the scene's"});
-    visit(&R::description, FieldInfo{.name = "description", .unit = "", .meaning = "What the sweep shows"});
+    visit(&R::name, FieldInfo{"name", "", "Short name; default the scene's"});
+    visit(&R::description, FieldInfo{"description", "", "What the sweep shows"});
     visit(&R::scene,
-          FieldInfo{.name = "scene",
-                    .unit = "",
-                    .meaning = "Scene file, relative to the recipe's folder; this key makes a recipe a sweep",
-                    .required = true});
-    visit(&R::set,
-          FieldInfo{.name = "set",
-                    .unit = "",
-                    .meaning = "Scene keys that all runs change, by dotted path (\"domain.dx\": 0.02); an object "
-                               "replaces the scene's as a whole"});
-    visit(&R::parameters, FieldInfo{.name = "parameters",
-                                    .unit = "",
-                                    .meaning = "What differs between the runs; all lists of values have one length",
-                                    .required = true});
+          FieldInfo{"scene", "", "Scene file, relative to the recipe's folder; this key makes a recipe a sweep"}
+              .mandatory());
+    visit(&R::set, FieldInfo{"set", "",
+                             "Scene keys that all runs change, by dotted path (\"domain.dx\": 0.02); an object "
+                             "replaces the scene's as a whole"});
     visit(
-        &R::test,
-        FieldInfo{
-            .name = "test", .unit = "", .meaning = "Runs for testing, counted from 0", .range = Range::not_negative()});
-    visit(&R::valid,
-          FieldInfo{.name = "valid", .unit = "", .meaning = "Runs for validation", .range = Range::not_negative()});
-    visit(&R::training, FieldInfo{.name = "training",
-                                  .unit = "",
-                                  .meaning = "Runs for training: rest, all in neither list; none, a set for testing"});
+        &R::parameters,
+        FieldInfo{"parameters", "", "What differs between the runs; all lists of values have one length"}.mandatory());
+    visit(&R::test, FieldInfo{"test", "", "Runs for testing, counted from 0", Range::not_negative()});
+    visit(&R::valid, FieldInfo{"valid", "", "Runs for validation", Range::not_negative()});
+    visit(&R::training,
+          FieldInfo{"training", "", "Runs for training: rest, all in neither list; none, a set for testing"});
     visit(&R::fields_stored,
-          FieldInfo{.name = "fields",
-                    .unit = "",
-                    .meaning = "Fields stored in every frame: stress,affine,deformation_gradient,plastic"});
-    visit(&R::deflate, FieldInfo{.name = "deflate",
-                                 .unit = "",
-                                 .meaning = "Compression of the data, from none to the smallest and slowest",
-                                 .range = Range::between(0, 9)});
+          FieldInfo{"fields", "", "Fields stored in every frame: stress,affine,deformation_gradient,plastic"});
+    visit(&R::deflate, FieldInfo{"deflate", "", "Compression of the data, from none to the smallest and slowest",
+                                 Range::between(0, 9)});
   }
 };
 

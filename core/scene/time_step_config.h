@@ -27,29 +27,18 @@ struct TimeStep {
   template <typename Visitor>
   static void fields(Visitor&& visit) {
     using S = TimeStep;
-    visit(&S::policy,
-          FieldInfo{
-              .name = "policy", .unit = "", .meaning = "adaptive: from stiffness and speed; fixed: equal substeps"});
-    visit(&S::substeps_per_frame, FieldInfo{.name = "substeps_per_frame",
-                                            .unit = "",
-                                            .meaning = "Substeps of a frame",
-                                            .range = Range::between(1, 1e6),
-                                            .only_for = "fixed"});
-    visit(&S::courant, FieldInfo{.name = "courant",
-                                 .unit = "",
-                                 .meaning = "Largest share of a cell that a wave or a particle crosses in a step",
-                                 .range = {.low = 0, .high = 1, .low_open = true},
-                                 .only_for = "adaptive"});
-    visit(&S::max_step, FieldInfo{.name = "max_step",
-                                  .unit = "s",
-                                  .meaning = "Upper limit of the step",
-                                  .range = Range::positive(),
-                                  .only_for = "adaptive"});
-    visit(&S::min_step, FieldInfo{.name = "min_step",
-                                  .unit = "s",
-                                  .meaning = "Lower limit of the step, kept even where stability asks for less",
-                                  .range = Range::not_negative(),
-                                  .only_for = "adaptive"});
+    visit(&S::policy, FieldInfo{"policy", "", "adaptive: from stiffness and speed; fixed: equal substeps"});
+    visit(&S::substeps_per_frame,
+          FieldInfo{"substeps_per_frame", "", "Substeps of a frame", Range::between(1, 1e6)}.only_in("fixed"));
+    visit(&S::courant, FieldInfo{"courant",
+                                 "",
+                                 "Largest share of a cell that a wave or a particle crosses in a step",
+                                 {.low = 0, .high = 1, .low_open = true}}
+                           .only_in("adaptive"));
+    visit(&S::max_step, FieldInfo{"max_step", "s", "Upper limit of the step", Range::positive()}.only_in("adaptive"));
+    visit(&S::min_step, FieldInfo{"min_step", "s", "Lower limit of the step, kept even where stability asks for less",
+                                  Range::not_negative()}
+                            .only_in("adaptive"));
   }
 };
 

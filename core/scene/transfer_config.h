@@ -36,17 +36,12 @@ struct TransferConfig {
   template <typename Visitor>
   static void fields(Visitor&& visit) {
     using C = TransferConfig;
-    visit(&C::scheme,
-          FieldInfo{
-              .name = "scheme", .unit = "", .meaning = "apic: whole affine velocity; rpic: its rotation; pic: none"});
-    visit(&C::damping, FieldInfo{.name = "damping",
-                                 .unit = "1/s",
-                                 .meaning = "Rate at which what is carried decays towards pic",
-                                 .range = Range::not_negative(),
-                                 .only_for = "apic rpic"});
-    visit(&C::spline, FieldInfo{.name = "spline",
-                                .unit = "",
-                                .meaning = "B-spline of the transfers; cubic: smoother, about twice the work"});
+    visit(&C::scheme, FieldInfo{"scheme", "", "apic: whole affine velocity; rpic: its rotation; pic: none"});
+    visit(
+        &C::damping,
+        FieldInfo{"damping", "1/s", "Rate at which what is carried decays towards pic", Range::not_negative()}.only_in(
+            "apic rpic"));
+    visit(&C::spline, FieldInfo{"spline", "", "B-spline of the transfers; cubic: smoother, about twice the work"});
   }
 };
 

@@ -87,14 +87,7 @@ nlohmann::ordered_json number_or_null(double value) {
 /// Empty without any value.
 std::string write_plot(const std::vector<TrainingCurve>& curves, double Validation::*value, const std::string& title,
                        const std::string& y_label, const fs::path& file) {
-  compare::Plot plot;
-  plot.title = title;
-  plot.x_label = "minutes of training";
-  plot.y_label = y_label;
-  plot.y_axis = compare::Axis::logarithmic;
-  plot.width = 560;
-  plot.height = 380;
-  plot.standalone = true;
+  compare::Plot plot = compare::file_plot(title, "minutes of training", y_label, 380);
   for (const TrainingCurve& curve : curves) {
     compare::PlotLine line;
     line.label = curve.name;

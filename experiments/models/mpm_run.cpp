@@ -4,6 +4,7 @@
 #include <memory>
 
 #include "core/system/error.h"
+#include "core/system/stopwatch.h"
 #include "experiments/models/memory_meter.h"
 #include "experiments/process/process.h"
 #include "experiments/process/progress.h"
@@ -48,7 +49,7 @@ TimedRun run_once(const Scene& variant, const MpmRunOptions& options) {
   Progress progress(options.label, options.frames);
   for (int64_t f = 1; f <= options.frames; ++f) {
     stop_if_interrupted();
-    const auto begin = Clock::now();
+    const Stopwatch watch;
     try {
       simulation->advance_frame();
     } catch (const DivergedError&) {
@@ -56,11 +57,11 @@ TimedRun run_once(const Scene& variant, const MpmRunOptions& options) {
       trajectory.diverged_at_frame = f;
       break;
     }
-    solver.push_back(seconds_since(begin) - (simulation->tracer_seconds() - carried));
+    solver.push_back(watch.seconds() - (simulation->tracer_seconds() - carried));
     carried = simulation->tracer_seconds();
-    const auto solved = Clock::now();
+    const Stopwatch after;
     trajectory.frames.push_back(frame_now());
-    output.push_back(seconds_since(solved));
+    output.push_back(after.seconds());
     trajectory.frames.back().velocity.clear();  // the comparison reads positions
     trajectory.frames.back().velocity.shrink_to_fit();
     progress.update(f);
@@ -100,12 +101,12 @@ TimedRun run_fast(const Scene& scene, const MpmRunOptions& options) {
     return run_as_is(scene, options);  // a stored truth's scene, which does not run here with its own step
   }
   for (;;) {
-    const auto begin = Clock::now();
+    const Stopwatch watch;
     TimedRun result = run_as_is(step.scene, options);
     result.cost.search = step.seconds;
     if (result.run.trajectory.diverged_at_frame < 0 || step.substeps >= step.data_substeps) return result;
     step = mpm::shorter_step(step, scene);
-    step.seconds += seconds_since(begin);
+    step.seconds += watch.seconds();
   }
 }
 

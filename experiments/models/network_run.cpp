@@ -1,6 +1,7 @@
 #include "experiments/models/network_run.h"
 
 #include "core/scene/held_particles.h"
+#include "core/system/stopwatch.h"
 #include "experiments/models/bundle_times.h"
 #include "experiments/models/memory_meter.h"
 #include "experiments/process/process.h"
@@ -33,7 +34,7 @@ TimedRun run_network(const graph::LearnedSimulator& simulator, const Scene& scen
   options.free_flight = laws.free_flight;
   options.project = laws.project;
   options.network = laws.network;
-  auto last = Clock::now();
+  Stopwatch last;
   options.progress = [&](int64_t frame, const graph::FrameTiming& timing) {
     stop_if_interrupted();
     total.add(frame, timing.wall);
@@ -42,10 +43,10 @@ TimedRun run_network(const graph::LearnedSimulator& simulator, const Scene& scen
     hierarchy.push_back(timing.hierarchy);
     network.push_back(timing.network);
     projection.add(frame, timing.projection);
-    output.add(frame, seconds_since(last) - timing.wall);
+    output.add(frame, last.seconds() - timing.wall);
     if (frame == frames) device_memory.look();
     progress.update(frame);
-    last = Clock::now();
+    last = {};
   };
   TimedRun result;
   result.run.trajectory = simulator.rollout(scene, environment, start.particle_type, past, options);

@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "core/system/error.h"
+#include "core/system/stopwatch.h"
 #include "experiments/models/memory_meter.h"
 #include "experiments/models/start_state.h"
 #include "experiments/process/process.h"
@@ -63,17 +64,17 @@ TimedRun run_reduced(const LoadedModel& model, const Scene& scene, uint64_t seed
   Progress progress(label, frames);
   for (int64_t f = 1; f <= frames; ++f) {
     stop_if_interrupted();
-    const auto begin = Clock::now();
+    const Stopwatch watch;
     try {
       run.advance_frame();
     } catch (const DivergedError&) {
       trajectory.diverged_at_frame = f;
       break;
     }
-    times.frame.push_back(seconds_since(begin));
-    const auto solved = Clock::now();
+    times.frame.push_back(watch.seconds());
+    const Stopwatch after;
     keep_frame();
-    times.output.push_back(seconds_since(solved));
+    times.output.push_back(after.seconds());
     times.add_parts(run.statistics().timing);
     progress.update(f);
   }

@@ -1,7 +1,6 @@
-// A model's run with its cost, and the clock that all of them share.
+// A model's run with its cost, and the median that all of them share.
 #pragma once
 
-#include <chrono>
 #include <cstddef>
 #include <vector>
 
@@ -17,8 +16,6 @@ struct TimedRun {
   std::size_t moved = 0;  ///< particles that the model moves; those of the run, but where it carries tracers
 };
 
-using Clock = std::chrono::steady_clock;
-double seconds_since(Clock::time_point start);
 /// The upper one of the two in the middle; 0 of none.
 double median(std::vector<double> values);
 

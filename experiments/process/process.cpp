@@ -1,5 +1,7 @@
 #include "experiments/process/process.h"
 
+#include <unistd.h>
+
 #include <fstream>
 #include <iterator>
 
@@ -37,5 +39,15 @@ std::string command_line() {
 }
 
 std::string version_text() { return "graupel " GRAUPEL_VERSION; }
+
+void execute(const std::string& program, const std::vector<std::string>& arguments) {
+  std::vector<std::string> words = {program};
+  words.insert(words.end(), arguments.begin(), arguments.end());
+  std::vector<char*> argv;
+  argv.reserve(words.size() + 1);
+  for (std::string& word : words) argv.push_back(word.data());
+  argv.push_back(nullptr);
+  ::execvp(argv[0], argv.data());
+}
 
 }  // namespace graupel::experiments

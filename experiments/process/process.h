@@ -2,6 +2,7 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 namespace graupel::experiments {
 
@@ -14,5 +15,8 @@ void stop_if_interrupted(const std::string& what_now = "");
 std::string command_line();
 /// "graupel 0.1.0".
 std::string version_text();
+
+/// Becomes a program, looked for in PATH where it is a name alone. Returns only where it cannot be started.
+void execute(const std::string& program, const std::vector<std::string>& arguments);
 
 }  // namespace graupel::experiments

@@ -8,6 +8,7 @@
 #include <filesystem>
 
 #include "core/system/error.h"
+#include "experiments/process/process.h"
 
 namespace graupel::experiments {
 
@@ -34,14 +35,10 @@ std::string tool_file(const std::string& name, const fs::path& program) {
 
 void become_python_tool(const std::string& name, const std::vector<std::string>& arguments) {
   const fs::path program = fs::read_symlink("/proc/self/exe");
-  std::vector<std::string> words = {"python3", tool_file(name, program)};
+  std::vector<std::string> words = {tool_file(name, program)};
   words.insert(words.end(), arguments.begin(), arguments.end());
-  std::vector<char*> argv;
-  argv.reserve(words.size() + 1);
-  for (std::string& word : words) argv.push_back(word.data());
-  argv.push_back(nullptr);
   ::setenv("GRAUPEL_PROGRAM", program.c_str(), 1);
-  ::execvp(argv[0], argv.data());
+  execute("python3", words);
   throw ConfigError("cannot start python3, which '" + name + "' runs on (" + std::strerror(errno) +
                     "). Install python3, python3-numpy and python3-h5py");
 }

@@ -20,6 +20,7 @@
 #include <utility>
 
 #include "core/system/error.h"
+#include "experiments/process/process.h"
 
 namespace graupel::experiments {
 
@@ -198,14 +199,8 @@ void Supervisor::become(int rank, int port, int output, pid_t parent) const {
     ::dup2(output, STDOUT_FILENO);
     ::dup2(output, STDERR_FILENO);
   }
-  std::vector<std::string> words = {settings_.program};
-  words.insert(words.end(), settings_.arguments.begin(), settings_.arguments.end());
-  std::vector<char*> argv;
-  argv.reserve(words.size() + 1);
-  for (std::string& word : words) argv.push_back(word.data());
-  argv.push_back(nullptr);
-  ::execv(argv[0], argv.data());
-  std::fprintf(stderr, "cannot start '%s' (%s)\n", argv[0], std::strerror(errno));
+  execute(settings_.program, settings_.arguments);
+  std::fprintf(stderr, "cannot start '%s' (%s)\n", settings_.program.c_str(), std::strerror(errno));
   ::_exit(static_cast<int>(ExitCode::failed));
 }
 

@@ -17,17 +17,6 @@ namespace graupel::experiments {
 
 namespace {
 
-/// Returns only where the program cannot be started.
-void execute(const std::string& program, const std::vector<std::string>& arguments) {
-  std::vector<std::string> words = {program};
-  words.insert(words.end(), arguments.begin(), arguments.end());
-  std::vector<char*> argv;
-  argv.reserve(words.size() + 1);
-  for (std::string& word : words) argv.push_back(word.data());
-  argv.push_back(nullptr);
-  ::execv(argv[0], argv.data());
-}
-
 /// Status of a child at its end; a signal that this process is sent meanwhile ends the child.
 int wait_for(pid_t child) {
   int status = 0;

@@ -9,6 +9,7 @@
 #include "compare/metrics/position_error.h"
 #include "core/system/error.h"
 #include "experiments/models/bundle_times.h"
+#include "experiments/models/timed_run.h"
 #include "experiments/process/process.h"
 #include "experiments/process/progress.h"
 #include "experiments/rollout/rollout_input.h"
@@ -86,15 +87,14 @@ void write_trajectory(const std::string& file, const Trajectory& trajectory) {
 
 /// Prints what was run and, where the input goes on after the start, how far it is from that; writes it to --json.
 void report(const RolloutOptions& options, const Trajectory& trajectory, const RolloutError& error,
-            std::vector<double> seconds) {
-  std::sort(seconds.begin(), seconds.end());
-  const double median = seconds.empty() ? 0 : seconds[seconds.size() / 2];
+            const std::vector<double>& seconds) {
+  const double middle = median(seconds);
   std::fprintf(stderr, "%s: %zu particles, %zu frames, %s a frame (median)\n", options.output.c_str(),
-               trajectory.particle_count(), trajectory.frame_count() - 1, human_time(median).c_str());
+               trajectory.particle_count(), trajectory.frame_count() - 1, human_time(middle).c_str());
   nlohmann::ordered_json json = {{"output", options.output},
                                  {"particles", trajectory.particle_count()},
                                  {"frames", trajectory.frame_count() - 1},
-                                 {"seconds_per_frame", median},
+                                 {"seconds_per_frame", middle},
                                  {"diverged_at_frame", trajectory.diverged_at_frame}};
   if (error.frames > 0) {
     std::fprintf(stderr, "position MSE against '%s': %.3g m^2 over %zu frames, %.3g m^2 over %zu\n",

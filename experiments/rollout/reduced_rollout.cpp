@@ -1,14 +1,15 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <chrono>
 #include <cstdio>
 #include <nlohmann/json.hpp>
 #include <utility>
 
 #include "core/system/error.h"
+#include "core/system/stopwatch.h"
 #include "experiments/models/reduced_model.h"
 #include "experiments/models/refined_body.h"
+#include "experiments/models/timed_run.h"
 #include "experiments/process/process.h"
 #include "experiments/process/progress.h"
 #include "experiments/rollout/reduced_rollout.h"
@@ -97,9 +98,9 @@ class ReducedRollout {
   /// `trust`: the largest since the frame before.
   void write_frame(const rom::ErrorIndicator& trust) {
     if (refined_) {
-      const auto begin = std::chrono::steady_clock::now();
+      const Stopwatch watch;
       const ParticleFrame frame = refined_->frame(run_.state(), run_.time());
-      refine_seconds_.push_back(std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count());
+      refine_seconds_.push_back(watch.seconds());
       writer_.append(frame);
     } else {
       writer_.append(run_.frame());
@@ -120,7 +121,7 @@ class ReducedRollout {
     rom::ErrorIndicator since;
     for (int64_t f = 1; f <= frames_; ++f) {
       stop_if_interrupted(fmt::format("; 'graupel inspect --recover {}' keeps the frames so far", options_.output));
-      const auto begin = std::chrono::steady_clock::now();
+      const Stopwatch watch;
       try {
         run_.advance_frame();
       } catch (const DivergedError& error) {
@@ -128,7 +129,7 @@ class ReducedRollout {
         trouble_ = error.what();
         return;
       }
-      seconds_.push_back(std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count());
+      seconds_.push_back(watch.seconds());
       since = larger(since, run_.trust());
       if (f % options_.stride == 0) write_frame(std::exchange(since, {}));
       progress.update(f, fmt::format("{:.0f} ms a frame, residual {:.2g}, latent distance {:.2g}",
@@ -137,10 +138,6 @@ class ReducedRollout {
     progress.done();
   }
 
-  static double median(std::vector<double> values) {
-    std::sort(values.begin(), values.end());
-    return values.empty() ? 0 : values[values.size() / 2];
-  }
   double median_frame() const { return median(seconds_); }
 
   void print_summary() const {

@@ -2,15 +2,6 @@
 
 namespace graupel::graph {
 
-namespace {
-
-std::string value_of(const nn::Weights& weights, const char* key) {
-  const auto found = weights.metadata.find(key);
-  return found == weights.metadata.end() ? std::string() : found->second;
-}
-
-}  // namespace
-
 namespace metadata {
 
 std::string range_text(const Range& range) {
@@ -40,17 +31,5 @@ void check_removed(const RemovedField& field, const std::string& value, const st
 }
 
 }  // namespace metadata
-
-std::string architecture_of(const nn::Weights& weights) { return value_of(weights, "architecture"); }
-
-void check_architecture(const nn::Weights& weights, const std::string& architecture, const std::string& version,
-                        const std::string& what) {
-  if (const std::string found = architecture_of(weights); found != architecture)
-    throw InputError("'" + weights.file + "' holds no " + what + " (architecture '" + found + "', supported: '" +
-                     architecture + "'). Choose a weights file of that architecture");
-  if (const std::string found = value_of(weights, "format_version"); found != version)
-    throw InputError("'" + weights.file + "' has another format (format_version '" + found + "', supported: '" +
-                     version + "'). Export the weights again");
-}
 
 }  // namespace graupel::graph

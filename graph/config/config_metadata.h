@@ -22,12 +22,6 @@ namespace graupel::graph {
 
 using Metadata = std::map<std::string, std::string>;
 
-/// "architecture" of a weights file, "" where it has none.
-std::string architecture_of(const nn::Weights& weights);
-/// Throws InputError unless the file is of this architecture and format; `what` names the network in words.
-void check_architecture(const nn::Weights& weights, const std::string& architecture, const std::string& version,
-                        const std::string& what);
-
 namespace metadata {
 
 template <typename T>

@@ -108,10 +108,6 @@ void keep_in_plane(const Environment& environment, std::vector<Vec3f>& position)
   for (Vec3f& x : position) x[2] = z;
 }
 
-int64_t project_out(const Environment& environment, std::vector<Vec3f>& position) {
-  return project_out(environment, std::vector<Vec3f>(position), position);
-}
-
 int64_t project_out(const Environment& environment, const std::vector<Vec3f>& before, std::vector<Vec3f>& position) {
   GRAUPEL_ASSERT(before.size() == position.size());
   const SweptCollision way = environment.swept_collision(Device::cpu);

@@ -53,9 +53,9 @@ int embedding_row(int32_t particle_type);
 inline constexpr int embedding_rows = 9;
 
 /// Moves particles out of obstacles and back inside the walls (in place); returns how many moved.
-/// `before` holds free positions that the particles came from: where given, a particle stays on the side of an obstacle
-/// that it came from, also when it would have passed through, and slides along the surface for the rest of its way.
-int64_t project_out(const Environment& environment, std::vector<Vec3f>& position);
+/// `before` holds the positions that the particles came from. From a free one, a particle stays on the side of an
+/// obstacle that it came from, also when it would have passed through, and slides along the surface for the rest of its
+/// way.
 int64_t project_out(const Environment& environment, const std::vector<Vec3f>& before, std::vector<Vec3f>& position);
 
 /// Moves particles back into the plane of a scene with two dimensions (in place).

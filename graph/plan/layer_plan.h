@@ -17,8 +17,7 @@
 #include <string>
 #include <vector>
 
-#include "graph/config/gns_config.h"
-#include "graph/config/hgn_config.h"
+#include "graph/config/network_config.h"
 #include "sparsegrid/hierarchy.h"
 
 namespace graupel::graph {
@@ -136,6 +135,13 @@ struct LayerPlan {
   void check() const;
   /// All weights: the embedding table, then layer by layer.
   std::vector<PlanTensor> tensors() const;
+
+  const PlanBlock& block_of(const Links& links) const;
+  /// Layers of a block's operations in their order; of the last block, those of the decoder too.
+  std::vector<PlanLayer> layers_of(const PlanBlock& block) const;
+  /// Factor on a block's first sum.
+  double scale_of(const PlanBlock& block) const;
+  int levels() const;  ///< of the grid hierarchy
 };
 
 /// Throws ConfigError where the plan has an operation that `engine` does not know, naming both.
@@ -143,6 +149,9 @@ void check_operations(const LayerPlan& plan, const std::string& engine, const st
 
 LayerPlan plan_of(const HgnConfig& config);
 LayerPlan plan_of(const GnsConfig& config);
+inline LayerPlan plan_of(const NetworkConfig& config) {
+  return std::visit([](const auto& c) { return plan_of(c); }, config);
+}
 
 /// Rows of one evaluation.
 struct PlanRows {
@@ -154,6 +163,9 @@ struct PlanRows {
 
   int64_t count(const Rows& rows) const;
 };
+
+/// "cells" + `level` + "0".
+std::string text_of(const Rows& rows, const std::string& level = " of level ");
 
 PlanRows rows_of(const sparsegrid::Hierarchy<3>& hierarchy);
 

@@ -4,22 +4,6 @@ namespace graupel::graph {
 
 namespace {
 
-std::string text_of(const Rows& rows) {
-  switch (rows.set) {
-    case RowSet::particles:
-      return "particles";
-    case RowSet::moving:
-      return "moving particles";
-    case RowSet::cells:
-      return "cells " + std::to_string(rows.level);
-    case RowSet::pairs:
-      return "pairs";
-    case RowSet::edges:
-      return "edges " + std::to_string(rows.level);
-  }
-  return {};
-}
-
 std::string name_of(int value) { return "f" + std::to_string(value); }
 
 std::string inputs_of(const LayerPlan& plan, const PlanOperation& op) {
@@ -73,7 +57,7 @@ std::string description_of(const LayerPlan& plan) {
       "| value | operation | rows | width | inputs | layer and its matrices |\n|---|---|---|---|---|---|\n";
   const auto row = [&](int value, const std::string& operation, const std::string& inputs, const std::string& tensors) {
     const PlanValue& made = plan.values[static_cast<std::size_t>(value)];
-    text += "| " + name_of(value) + " | " + operation + " | " + text_of(made.rows) + " | " +
+    text += "| " + name_of(value) + " | " + operation + " | " + text_of(made.rows, " ") + " | " +
             std::to_string(made.width) + " | " + inputs + " | " + tensors + " |\n";
   };
   for (int i = 0; i < plan.inputs; ++i) row(i, i == 0 ? "features" : "features of edges", "", "");

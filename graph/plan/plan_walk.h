@@ -1,5 +1,6 @@
 // The order of an HGN's blocks, for engines whose kernels run a block at a time: down the levels of the grid hierarchy
-// and up again (HGN paper, figure 2). The only place that goes over them; the order itself is the plan's.
+// and up again (HGN paper, figure 2). The only place that goes over them; the order itself is the plan's. And the
+// layers of a block, by which the kernels find its weights.
 #pragma once
 
 #include "core/system/error.h"
@@ -38,6 +39,25 @@ void run_blocks(const LayerPlan& plan, Engine& engine) {
 template <typename Engine>
 void run_blocks_in_reverse(const LayerPlan& plan, Engine& engine) {
   for (std::size_t b = plan.blocks.size(); b-- > 0;) visit_block(plan, plan.blocks[b], engine);
+}
+
+/// Layers of one iteration of a block: of its gather, and of the update of what the receivers gather, if there is one.
+struct BlockLayers {
+  const PlanLayer *gather = nullptr, *update = nullptr;
+};
+inline BlockLayers layers_of(const LayerPlan& plan, const PlanBlock& block, int64_t iteration = 0) {
+  BlockLayers found;
+  for (std::size_t i = block.operation; i < plan.operations.size(); ++i) {
+    const PlanOperation& op = plan.operations[i];
+    const bool is_gather = op.kind == operation::gather, is_update = op.kind == operation::update;
+    if (found.gather != nullptr && (is_gather || is_update)) {
+      if (is_update) found.update = &plan.layers[static_cast<std::size_t>(op.layer)];
+      break;
+    }
+    if (is_gather && iteration-- == 0) found.gather = &plan.layers[static_cast<std::size_t>(op.layer)];
+  }
+  GRAUPEL_ASSERT(found.gather != nullptr);
+  return found;
 }
 
 }  // namespace graupel::graph

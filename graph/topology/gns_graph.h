@@ -1,14 +1,12 @@
-// The graph of GNS: particles in the order of the cells that they lie in, so that neighbours lie close in memory, and
-// edges between all within the radius, each particle's edge to itself included.
+// Features of the edges of GNS, between all particles within the radius (graph/topology/graph_topology.h).
 #pragma once
 
 #include <array>
 #include <cmath>
 #include <cstdint>
-#include <vector>
 
+#include "core/math/vec.h"
 #include "core/parallel/host_device.h"
-#include "sparsegrid/radius_graph.h"
 
 namespace graupel::graph {
 
@@ -24,16 +22,5 @@ inline std::array<float, edge_feature_count> edge_features(const Vec3f& sender, 
   write_edge_features(sender, receiver, radius, features.data());
   return features;
 }
-
-/// Rebuilt every frame.
-struct GnsGraph {
-  std::vector<int32_t> order;     ///< [n] particle of a sorted place
-  std::vector<Vec3f> position;    ///< [n] in sorted order
-  sparsegrid::RadiusGraph links;  ///< between sorted places
-  std::vector<int32_t> receiver;  ///< [edges]
-
-  void build(const std::vector<Vec3f>& unsorted, double radius);
-  int32_t particles() const { return links.points(); }
-};
 
 }  // namespace graupel::graph

@@ -2,93 +2,110 @@
 
 #include <algorithm>
 #include <numeric>
+#include <utility>
 
 #include "graph/topology/tiles.h"
+#include "sparsegrid/cell_list.h"
+#include "sparsegrid/radius_graph.h"
 
 namespace graupel::graph {
 
 namespace {
 
-/// Counts held in begin[i + 1] become first items.
-void sum_up(std::vector<int32_t>& begin) { std::partial_sum(begin.begin(), begin.end(), begin.begin()); }
+/// Particles with many neighbours: tiles of as many rows of products.
+constexpr int32_t particles_in_tile = 16;
 
 /// Receivers are put together until a tile has its rows; small levels get small tiles, so that there is work for some
 /// threads. Depends on the groups alone.
-void split_tiles(const Groups& groups, std::vector<int32_t>& tile) {
-  const int32_t target = std::clamp(groups.items() / 8, 16, tile_rows);
+void split_tiles(const std::vector<int32_t>& begin, std::vector<int32_t>& tile) {
+  const int32_t target = std::clamp(begin.back() / 8, 16, tile_rows);
+  const auto receivers = static_cast<int32_t>(begin.size()) - 1;
   tile.assign(1, 0);
   int32_t rows = 0;
-  for (int32_t i = 0; i < groups.receivers(); ++i) {
-    const int32_t more = groups.begin[i + 1] - groups.begin[i];
+  for (int32_t i = 0; i < receivers; ++i) {
+    const int32_t more = begin[i + 1] - begin[i];
     if (tile.back() < i && (rows + more > target || i - tile.back() >= target)) {
       tile.push_back(i);
       rows = 0;
     }
     rows += more;
   }
-  if (groups.receivers() > 0) tile.push_back(groups.receivers());
+  if (receivers > 0) tile.push_back(receivers);
 }
 
-void build_order(const sparsegrid::Hierarchy<3>& hierarchy, std::vector<int32_t>& order) {
-  std::vector<int32_t> next(hierarchy.levels[0].size() + 1, 0);
-  for (const auto& cell : hierarchy.cell) ++next[static_cast<std::size_t>(cell[0]) + 1];
-  sum_up(next);
-  order.resize(hierarchy.cell.size());
-  for (std::size_t p = 0; p < hierarchy.cell.size(); ++p)
-    order[static_cast<std::size_t>(next[static_cast<std::size_t>(hierarchy.cell[p][0])]++)] = static_cast<int32_t>(p);
-}
-
-void build_pairs(const sparsegrid::Hierarchy<3>& hierarchy, GraphTopology& topology) {
-  auto& begin = topology.pairs_in.begin;
-  begin.assign(hierarchy.levels[0].size() + 1, 0);
-  for (const auto& cells : hierarchy.cell)
-    for (const int32_t cell : cells) ++begin[static_cast<std::size_t>(cell) + 1];
-  sum_up(begin);
-  topology.pairs.resize(hierarchy.cell.size() * 8);
-  std::vector<int32_t> next(begin.begin(), begin.end() - 1);
-  for (std::size_t s = 0; s < topology.order.size(); ++s) {
-    const auto& cells = hierarchy.cell[static_cast<std::size_t>(topology.order[s])];
-    for (int32_t corner = 0; corner < 8; ++corner)
-      topology.pairs[static_cast<std::size_t>(next[static_cast<std::size_t>(cells[corner])]++)] = {
-          static_cast<int32_t>(s), corner};
+void build_edges(const sparsegrid::HierarchyLevel<3>& cells, HostLinks& links) {
+  for (auto* list : {&links.sender, &links.receiver, &links.slot}) list->clear();
+  links.edge_begin.assign(1, 0);
+  for (std::size_t c = 0; c < cells.size(); ++c) {
+    for (int32_t slot = 0; slot < 6; ++slot) {
+      if (cells.neighbor[c][slot] < 0) continue;
+      links.sender.push_back(cells.neighbor[c][slot]);
+      links.receiver.push_back(static_cast<int32_t>(c));
+      links.slot.push_back(slot);
+    }
+    links.edge_begin.push_back(static_cast<int32_t>(links.sender.size()));
   }
-  split_tiles(topology.pairs_in, topology.pair_tile);
-}
-
-void build_edges(const sparsegrid::HierarchyLevel<3>& cells, LevelTopology& level) {
-  level.edges.clear();
-  level.edges_in.begin.assign(1, 0);
-  for (const auto& neighbors : cells.neighbor) {
-    for (int32_t direction = 0; direction < 6; ++direction)
-      if (neighbors[direction] >= 0) level.edges.push_back({neighbors[direction], direction});
-    level.edges_in.begin.push_back(static_cast<int32_t>(level.edges.size()));
-  }
-  split_tiles(level.edges_in, level.edge_tile);
-}
-
-void build_children(const sparsegrid::HierarchyLevel<3>& fine, std::size_t coarse_cells, LevelTopology& level) {
-  auto& begin = level.children_of.begin;
-  begin.assign(coarse_cells + 1, 0);
-  for (const int32_t parent : fine.parent) ++begin[static_cast<std::size_t>(parent) + 1];
-  sum_up(begin);
-  std::vector<int32_t> next(begin.begin(), begin.end() - 1);
-  level.children.resize(fine.size());
-  for (std::size_t c = 0; c < fine.size(); ++c)
-    level.children[static_cast<std::size_t>(next[static_cast<std::size_t>(fine.parent[c])]++)] =
-        static_cast<int32_t>(c);
-  split_tiles(level.children_of, level.child_tile);
+  links.cells = static_cast<int64_t>(cells.size());
+  links.edges = static_cast<int64_t>(links.sender.size());
+  split_tiles(links.edge_begin, links.edge_tile);
 }
 
 }  // namespace
 
-void GraphTopology::build(const sparsegrid::Hierarchy<3>& hierarchy) {
-  build_order(hierarchy, order);
-  build_pairs(hierarchy, *this);
+void list_by_receiver(const std::vector<int32_t>& receiver, std::size_t receivers, std::vector<int32_t>& begin,
+                      std::vector<int32_t>& list) {
+  begin.assign(receivers + 1, 0);
+  for (const int32_t r : receiver) ++begin[static_cast<std::size_t>(r) + 1];
+  std::partial_sum(begin.begin(), begin.end(), begin.begin());
+  std::vector<int32_t> next(begin.begin(), begin.end() - 1);
+  list.resize(receiver.size());
+  for (std::size_t i = 0; i < receiver.size(); ++i)
+    list[static_cast<std::size_t>(next[static_cast<std::size_t>(receiver[i])]++)] = static_cast<int32_t>(i);
+}
+
+void GraphTopology::build_order(const sparsegrid::Hierarchy<3>& hierarchy) {
+  std::vector<int32_t> base;
+  base.reserve(hierarchy.cell.size());
+  for (const auto& cell : hierarchy.cell) base.push_back(cell[0]);
+  list_by_receiver(base, hierarchy.levels[0].size(), base_begin, order);
   levels.resize(hierarchy.levels.size());
-  for (std::size_t l = 0; l < levels.size(); ++l) {
-    build_edges(hierarchy.levels[l], levels[l]);
-    if (l > 0) build_children(hierarchy.levels[l - 1], hierarchy.levels[l].size(), levels[l]);
+  for (std::size_t l = 0; l + 1 < levels.size(); ++l) {
+    HostLinks& links = levels[l];
+    list_by_receiver(hierarchy.levels[l].parent, hierarchy.levels[l + 1].size(), links.child_begin, links.child);
+    split_tiles(links.child_begin, links.child_tile);
   }
+}
+
+void GraphTopology::build(const sparsegrid::Hierarchy<3>& hierarchy) {
+  build_order(hierarchy);
+  std::vector<int32_t> cell;
+  cell.reserve(8 * order.size());
+  for (const int32_t p : order)
+    for (const int32_t c : hierarchy.cell[static_cast<std::size_t>(p)]) cell.push_back(c);
+  list_by_receiver(cell, hierarchy.levels[0].size(), pair_begin, pair);
+  split_tiles(pair_begin, pair_tile);
+  for (std::size_t l = 0; l < levels.size(); ++l) build_edges(hierarchy.levels[l], levels[l]);
+}
+
+void GraphTopology::build(const std::vector<Vec3f>& unsorted, double radius) {
+  order = sparsegrid::CellList(unsorted, radius).point();
+  position.clear();
+  for (const int32_t p : order) position.push_back(unsorted[static_cast<std::size_t>(p)]);
+  auto graph = sparsegrid::build_radius_graph(position, radius, sparsegrid::SelfEdges::with);
+  levels.resize(1);
+  HostLinks& links = levels[0];
+  links.cells = graph.points();
+  links.edges = graph.edges();
+  links.receiver.resize(graph.sender.size());
+  links.edge_tile.clear();
+  for (int32_t r = 0; r < graph.points(); ++r) {
+    std::fill(links.receiver.begin() + graph.begin[static_cast<std::size_t>(r)],
+              links.receiver.begin() + graph.begin[static_cast<std::size_t>(r) + 1], r);
+    if (r % particles_in_tile == 0) links.edge_tile.push_back(r);
+  }
+  links.edge_tile.push_back(graph.points());
+  links.edge_begin = std::move(graph.begin);
+  links.sender = std::move(graph.sender);
 }
 
 }  // namespace graupel::graph

@@ -1,51 +1,42 @@
-// Who sends to whom: the pairs and edges of a grid hierarchy as sorted lists, so that every sum is a gather by its
-// receiver in a fixed order, without atomics.
+// Who sends to whom on the host: the pairs and edges of a grid hierarchy or of a radius graph as sorted lists, so that
+// every sum is a gather by its receiver in a fixed order, without atomics.
 #pragma once
 
 #include <cstdint>
 #include <vector>
 
+#include "core/math/vec.h"
+#include "graph/topology/level_graph.h"
 #include "sparsegrid/hierarchy.h"
 
 namespace graupel::graph {
 
-/// Items [begin[i], begin[i + 1]) belong to receiver i.
-struct Groups {
-  std::vector<int32_t> begin;  ///< [receivers + 1]
-  int32_t receivers() const { return static_cast<int32_t>(begin.size()) - 1; }
-  int32_t items() const { return begin.back(); }
-};
+/// Items 0, 1, .. by their receivers: those of receiver r are list[begin[r]] to list[begin[r + 1] - 1], ascending.
+void list_by_receiver(const std::vector<int32_t>& receiver, std::size_t receivers, std::vector<int32_t>& begin,
+                      std::vector<int32_t>& list);
 
-/// One (particle, cell) pair; `particle` counts in sorted order.
-struct ParticlePair {
-  int32_t particle;
-  int32_t corner;
-};
-
-/// One directed edge of a level, at its receiver.
-struct Edge {
-  int32_t sender;
-  int32_t direction;  ///< neighbour slot of the receiver, 0..5: the sender lies at -x, +x, -y, +y, -z, +z
-};
-
-struct LevelTopology {
-  Groups edges_in;                 ///< edges by receiving cell
-  std::vector<Edge> edges;         ///< in slot order
-  std::vector<int32_t> edge_tile;  ///< cells [edge_tile[t], edge_tile[t + 1]) make tile t
-  Groups children_of;              ///< fine cells by parent; empty at level 0
-  std::vector<int32_t> children;   ///< cells of the level below, ascending
-  std::vector<int32_t> child_tile;
+/// The links of a level in host memory. Parents and octants are the hierarchy's; reverse edges are not wanted.
+struct HostLinks : LevelGraph<std::vector<int32_t>> {
+  std::vector<int32_t> edge_tile;   ///< receivers [edge_tile[t], edge_tile[t + 1]) make tile t
+  std::vector<int32_t> child_tile;  ///< the same of the next level's cells
 };
 
 /// Rebuilt every frame; keeps its memory.
 struct GraphTopology {
-  std::vector<int32_t> order;  ///< [n] particle of a sorted place: sorted by base cell, ties by number
-  Groups pairs_in;             ///< pairs by receiving level-0 cell
-  std::vector<ParticlePair> pairs;
+  std::vector<int32_t> order;       ///< [n] particle of a sorted place: sorted by cell, ties by number
+  std::vector<int32_t> base_begin;  ///< [level-0 cells + 1] sorted places of the particles with this base cell
+  std::vector<Vec3f> position;      ///< [n] in sorted order; of a radius graph
+  std::vector<int32_t> pair_begin;  ///< [level-0 cells + 1] pairs by receiving cell
+  std::vector<int32_t> pair;        ///< [8 n] 8 * sorted place of the particle + corner
   std::vector<int32_t> pair_tile;
-  std::vector<LevelTopology> levels;
+  std::vector<HostLinks> levels;
 
+  /// Order and children alone: for receivers that find their senders by the cells' links.
+  void build_order(const sparsegrid::Hierarchy<3>& hierarchy);
+  /// And the lists of pairs and edges.
   void build(const sparsegrid::Hierarchy<3>& hierarchy);
+  /// Edges between all particles within the radius, each particle's edge to itself included, as those of one level.
+  void build(const std::vector<Vec3f>& unsorted, double radius);
 };
 
 }  // namespace graupel::graph

@@ -19,13 +19,10 @@ static_assert(vectors_of_panel % tile_vectors == 0);
 
 template <int R>
 GRAUPEL_ROWS void multiply_tile(const float* x, int64_t x_stride, int in, const float* weight, const float* bias,
-                                bool onto, float* y, int64_t y_stride) {
+                                float* y, int64_t y_stride) {
   Lanes sum[R][tile_vectors];
   for (int r = 0; r < R; ++r)
-    for (int c = 0; c < tile_vectors; ++c) {
-      sum[r][c] = lanes_at(bias + c * lanes);
-      if (onto) sum[r][c] += lanes_at(y + r * y_stride + c * lanes);
-    }
+    for (int c = 0; c < tile_vectors; ++c) sum[r][c] = lanes_at(bias + c * lanes);
   for (int k = 0; k < in; ++k) {
     Lanes w[tile_vectors];
     for (int c = 0; c < tile_vectors; ++c) w[c] = lanes_at(weight + k * panel + c * lanes);
@@ -41,22 +38,22 @@ GRAUPEL_ROWS void multiply_tile(const float* x, int64_t x_stride, int in, const 
 /// All columns of `rows` rows, at most R.
 template <int R>
 GRAUPEL_ROWS void multiply_rows(int64_t rows, const float* x, int64_t x_stride, int in, const float* weight,
-                                const float* bias, bool onto, float* y, int64_t y_stride) {
+                                const float* bias, float* y, int64_t y_stride) {
   if (rows == R) {
     for (int c = 0; c < panel; c += tile_vectors * lanes)
-      multiply_tile<R>(x, x_stride, in, weight + c, bias + c, onto, y + c, y_stride);
+      multiply_tile<R>(x, x_stride, in, weight + c, bias + c, y + c, y_stride);
   } else if constexpr (R > 1) {
-    multiply_rows<R - 1>(rows, x, x_stride, in, weight, bias, onto, y, y_stride);
+    multiply_rows<R - 1>(rows, x, x_stride, in, weight, bias, y, y_stride);
   }
 }
 
 /// In tiles of even heights: in a tile of few rows sums wait for each other.
-void multiply(const float* x, int64_t x_stride, int64_t rows, int in, const float* weight, const float* bias, bool onto,
-              float* y, int64_t y_stride) {
+void multiply(const float* x, int64_t x_stride, int64_t rows, int in, const float* weight, const float* bias, float* y,
+              int64_t y_stride) {
   int64_t r = 0;
   for (int64_t tiles = (rows + most_rows - 1) / most_rows; tiles > 0; --tiles) {
     const int64_t count = (rows - r + tiles - 1) / tiles;
-    multiply_rows<most_rows>(count, x + r * x_stride, x_stride, in, weight, bias, onto, y + r * y_stride, y_stride);
+    multiply_rows<most_rows>(count, x + r * x_stride, x_stride, in, weight, bias, y + r * y_stride, y_stride);
     r += count;
   }
 }

@@ -7,8 +7,7 @@
 #include "core/math/vec.h"
 #include "core/scene/fields.h"
 
-namespace graupel {
-namespace rom {
+namespace graupel::rom {
 
 enum class SampleRule {
   random,  ///< as in the paper
@@ -16,15 +15,10 @@ enum class SampleRule {
   patches  ///< the same, in groups of 16 neighbours, which need fewer integration points
 };
 
-}  // namespace rom
-
-template <>
-struct EnumWords<rom::SampleRule> {
-  static constexpr std::pair<const char*, rom::SampleRule> words[] = {
-      {"random", rom::SampleRule::random}, {"spread", rom::SampleRule::spread}, {"patches", rom::SampleRule::patches}};
-};
-
-namespace rom {
+constexpr auto enum_list(SampleRule) {
+  return std::to_array<std::pair<const char*, SampleRule>>(
+      {{"random", SampleRule::random}, {"spread", SampleRule::spread}, {"patches", SampleRule::patches}});
+}
 
 /// Those of the points whose place in the reference body [particles, 3] lies in a box [m], in their order.
 std::vector<int32_t> points_within(const std::vector<int32_t>& points, const std::vector<float>& reference,
@@ -35,5 +29,4 @@ std::vector<int32_t> points_within(const std::vector<int32_t>& points, const std
 std::vector<int32_t> choose_samples(SampleRule rule, const std::vector<int32_t>& candidates, int64_t count,
                                     uint64_t seed);
 
-}  // namespace rom
-}  // namespace graupel
+}  // namespace graupel::rom

@@ -1,11 +1,11 @@
 #include "rom/cuda/reduced_cuda.h"
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <utility>
 
 #include "core/system/error.h"
+#include "core/system/stopwatch.h"
 #include "rom/cuda/cuda_run.h"
 #include "rom/cuda/device_run.h"
 
@@ -65,9 +65,9 @@ ReducedDeviceSolver::~ReducedDeviceSolver() = default;
 const device::InstanceState& ReducedDeviceSolver::report(int instance) const { return run_->state(instance); }
 
 void ReducedDeviceSolver::advance_frame() {
-  const auto begin = std::chrono::steady_clock::now();
+  const Stopwatch watch;
   run_->advance_frame();
-  seconds_ += std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+  seconds_ += watch.seconds();
   time_ += dt_ * static_cast<double>(steps_);
 }
 

@@ -7,8 +7,7 @@
 #include "core/scene/fields.h"
 #include "nn/weights.h"
 
-namespace graupel {
-namespace rom {
+namespace graupel::rom {
 
 /// What such a map is; `branch` in the metadata of a weights file.
 enum class BranchKind {
@@ -16,15 +15,9 @@ enum class BranchKind {
   mlp   ///< a network (rom/fields/mlp_map.h)
 };
 
-}  // namespace rom
-
-template <>
-struct EnumWords<rom::BranchKind> {
-  static constexpr std::pair<const char*, rom::BranchKind> words[] = {{"rbf", rom::BranchKind::rbf},
-                                                                      {"mlp", rom::BranchKind::mlp}};
-};
-
-namespace rom {
+constexpr auto enum_list(BranchKind) {
+  return std::to_array<std::pair<const char*, BranchKind>>({{"rbf", BranchKind::rbf}, {"mlp", BranchKind::mlp}});
+}
 
 class BranchMap {
  public:
@@ -49,5 +42,4 @@ std::shared_ptr<const BranchMap> load_branch_map(const nn::Weights& weights, con
 /// InputError for an unknown word.
 BranchKind read_branch_kind(const nn::Weights& weights);
 
-}  // namespace rom
-}  // namespace graupel
+}  // namespace graupel::rom

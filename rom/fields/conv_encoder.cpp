@@ -1,6 +1,7 @@
 #include "rom/fields/conv_encoder.h"
 
 #include <cmath>
+#include <utility>
 
 #include "core/system/error.h"
 
@@ -35,20 +36,6 @@ std::vector<double> convolve(const MlpLayer& layer, const std::vector<double>& x
       y[static_cast<std::size_t>(o * places + i)] = elu(sum);
     }
   return y;
-}
-
-MlpLayer load_layer(const nn::Weights& weights, const std::string& name, std::vector<int64_t> shape) {
-  MlpLayer layer;
-  layer.out = static_cast<int>(shape[0]);
-  layer.weight = weights.get(name + ".weight", shape);
-  layer.in = static_cast<int>(layer.weight.size()) / layer.out;
-  layer.bias = weights.get(name + ".bias", {layer.out});
-  return layer;
-}
-
-void store_layer(nn::Weights& weights, const std::string& name, const MlpLayer& layer, std::vector<int64_t> shape) {
-  weights.tensors[name + ".weight"] = nn::Tensor::from_float(layer.weight, std::move(shape));
-  weights.tensors[name + ".bias"] = nn::Tensor::from_float(layer.bias, {layer.out});
 }
 
 }  // namespace
@@ -88,14 +75,18 @@ std::vector<double> ConvEncoder::encode(const std::vector<double>& position) con
 }
 
 ConvEncoder ConvEncoder::load(const nn::Weights& weights, const std::string& prefix, int64_t particles, int latents) {
+  return load(weights, prefix, particles, latents, load_standardization(weights, prefix + ".position", channels));
+}
+
+ConvEncoder ConvEncoder::load(const nn::Weights& weights, const std::string& prefix, int64_t particles, int latents,
+                              Standardization position) {
   const std::vector<int64_t> places = lengths(particles);
   std::vector<MlpLayer> convolutions;
   for (std::size_t l = 0; l + 1 < places.size(); ++l)
     convolutions.push_back(load_layer(weights, conv_name(prefix, l), {channels, channels, kernel}));
   MlpLayer hidden_layer = load_layer(weights, prefix + ".hidden", {hidden, channels * places.back()});
   MlpLayer latent_layer = load_layer(weights, prefix + ".latent", {latents, hidden});
-  return {particles, std::move(convolutions), std::move(hidden_layer), std::move(latent_layer),
-          load_standardization(weights, prefix + ".position", channels)};
+  return {particles, std::move(convolutions), std::move(hidden_layer), std::move(latent_layer), std::move(position)};
 }
 
 void ConvEncoder::store(nn::Weights& weights, const std::string& prefix) const {

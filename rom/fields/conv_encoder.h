@@ -29,6 +29,9 @@ class ConvEncoder {
   /// Tensors <prefix>.conv0.weight [3, 3, 6], .conv0.bias [3] .., .hidden.weight [32, 3 length], .latent.weight [r, 32]
   /// with their biases, .position.shift and .scale [3]. Throws InputError as nn::Weights::get.
   static ConvEncoder load(const nn::Weights& weights, const std::string& prefix, int64_t particles, int latents);
+  /// The same with another standardization than the file's.
+  static ConvEncoder load(const nn::Weights& weights, const std::string& prefix, int64_t particles, int latents,
+                          Standardization position);
   void store(nn::Weights& weights, const std::string& prefix) const;
 
  private:

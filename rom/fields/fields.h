@@ -13,8 +13,7 @@
 #include "rom/projection/gauss_newton.h"
 #include "rom/projection/latent_state.h"
 
-namespace graupel {
-namespace rom {
+namespace graupel::rom {
 
 /// How the fields are represented; `field` in the metadata of a weights file.
 enum class FieldKind {
@@ -22,15 +21,9 @@ enum class FieldKind {
   mlp        ///< the paper's networks (rom/fields/mlp_fields.h)
 };
 
-}  // namespace rom
-
-template <>
-struct EnumWords<rom::FieldKind> {
-  static constexpr std::pair<const char*, rom::FieldKind> words[] = {{"factored", rom::FieldKind::factored},
-                                                                     {"mlp", rom::FieldKind::mlp}};
-};
-
-namespace rom {
+constexpr auto enum_list(FieldKind) {
+  return std::to_array<std::pair<const char*, FieldKind>>({{"factored", FieldKind::factored}, {"mlp", FieldKind::mlp}});
+}
 
 /// All three fields at some particles.
 template <typename T>
@@ -90,5 +83,4 @@ std::unique_ptr<PointPositions<T>> bind_positions(const Fields& fields, const st
     return fields.bind_positions_f64(points);
 }
 
-}  // namespace rom
-}  // namespace graupel
+}  // namespace graupel::rom

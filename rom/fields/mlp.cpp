@@ -18,6 +18,20 @@ Eigen::Map<const Eigen::RowVectorXd> row_of(const std::vector<double>& values) {
 
 }  // namespace
 
+MlpLayer load_layer(const nn::Weights& weights, const std::string& name, const std::vector<int64_t>& shape) {
+  MlpLayer layer;
+  layer.out = static_cast<int>(shape[0]);
+  layer.weight = weights.get(name + ".weight", shape);
+  layer.in = static_cast<int>(layer.weight.size()) / layer.out;
+  layer.bias = weights.get(name + ".bias", {layer.out});
+  return layer;
+}
+
+void store_layer(nn::Weights& weights, const std::string& name, const MlpLayer& layer, std::vector<int64_t> shape) {
+  weights.tensors[name + ".weight"] = nn::Tensor::from_float(layer.weight, std::move(shape));
+  weights.tensors[name + ".bias"] = nn::Tensor::from_float(layer.bias, {layer.out});
+}
+
 Mlp::Mlp(std::vector<MlpLayer> layers, Standardization input, Standardization output)
     : layers_(std::move(layers)), input_(rounded(input)), output_(rounded(output)) {
   GRAUPEL_ASSERT(layers_.size() == static_cast<std::size_t>(layer_count));
@@ -33,37 +47,25 @@ Mlp::Mlp(std::vector<MlpLayer> layers, Standardization input, Standardization ou
   }
 }
 
-int64_t Mlp::operations() const {
-  int64_t sum = 0;
-  for (const MlpLayer& layer : layers_) sum += 2 * static_cast<int64_t>(layer.in) * layer.out;
-  return sum;
-}
-
-void Mlp::evaluate(const Rows& z, Rows& y) const {
+void Mlp::forward(const Rows& z, Rows& y, std::vector<Rows>* slope) const {
   Rows h = (z.rowwise() - row_of(input_.shift)).array().rowwise() * row_of(input_.scale).array();
   for (int l = 0; l < hidden_layers; ++l) {
     const auto i = static_cast<std::size_t>(l);
     Rows a = h * weight_[i].transpose();
     h = (a.rowwise() + bias_[i]).unaryExpr([](double x) { return x > 0 ? x : std::expm1(x); });
+    if (slope) slope->push_back(h.unaryExpr([](double e) { return e > 0 ? 1.0 : e + 1.0; }));
   }
   y = h * weight_.back().transpose();
   y.rowwise() += bias_.back();
   y = (y.array().rowwise() * row_of(output_.scale).array()).rowwise() + row_of(output_.shift).array();
 }
+
+void Mlp::evaluate(const Rows& z, Rows& y) const { forward(z, y, nullptr); }
 
 void Mlp::evaluate(const Rows& z, Rows& y, Rows& jacobian) const {
   const Eigen::Index n = z.rows(), d = outputs();
-  std::vector<Rows> slope(hidden_layers);  // elu' at every hidden unit
-  Rows h = (z.rowwise() - row_of(input_.shift)).array().rowwise() * row_of(input_.scale).array();
-  for (int l = 0; l < hidden_layers; ++l) {
-    const auto i = static_cast<std::size_t>(l);
-    Rows a = h * weight_[i].transpose();
-    h = (a.rowwise() + bias_[i]).unaryExpr([](double x) { return x > 0 ? x : std::expm1(x); });
-    slope[i] = h.unaryExpr([](double e) { return e > 0 ? 1.0 : e + 1.0; });
-  }
-  y = h * weight_.back().transpose();
-  y.rowwise() += bias_.back();
-  y = (y.array().rowwise() * row_of(output_.scale).array()).rowwise() + row_of(output_.shift).array();
+  std::vector<Rows> slope;
+  forward(z, y, &slope);
   Rows back(n * d, width());  // d output c of row r / d hidden units
   const auto times_slope = [&](const Rows& s) {
     for (Eigen::Index r = 0; r < n; ++r) back.middleRows(r * d, d).array().rowwise() *= s.row(r).array();
@@ -105,21 +107,24 @@ Mlp Mlp::load(const nn::Weights& weights, const std::string& prefix, int inputs,
   if (width < 1 || width > 65536)
     throw InputError("'" + weights.file + "': the network '" + prefix + "' has " + std::to_string(width) +
                      " hidden units (allowed: 1 to 65536). Train the model again");
-  std::vector<MlpLayer> layers;
-  for (int l = 0; l < layer_count; ++l) {
-    const int in = l == 0 ? inputs : width, out = l == hidden_layers ? outputs : width;
-    layers.push_back({in, out, weights.get(layer_name(prefix, l) + ".weight", {out, in}),
-                      weights.get(layer_name(prefix, l) + ".bias", {out})});
-  }
-  return {std::move(layers), load_standardization(weights, prefix + ".input", inputs),
+  return {load_layers(weights, prefix + ".", inputs, width, outputs),
+          load_standardization(weights, prefix + ".input", inputs),
           load_standardization(weights, prefix + ".output", outputs)};
+}
+
+std::vector<MlpLayer> Mlp::load_layers(const nn::Weights& weights, const std::string& prefix, int inputs, int width,
+                                       int outputs) {
+  std::vector<MlpLayer> layers;
+  for (int l = 0; l < layer_count; ++l)
+    layers.push_back(load_layer(weights, prefix + "layer" + std::to_string(l),
+                                {l == hidden_layers ? outputs : width, l == 0 ? inputs : width}));
+  return layers;
 }
 
 void Mlp::store(nn::Weights& weights, const std::string& prefix) const {
   for (int l = 0; l < layer_count; ++l) {
     const MlpLayer& layer = layers_[static_cast<std::size_t>(l)];
-    weights.tensors[layer_name(prefix, l) + ".weight"] = nn::Tensor::from_float(layer.weight, {layer.out, layer.in});
-    weights.tensors[layer_name(prefix, l) + ".bias"] = nn::Tensor::from_float(layer.bias, {layer.out});
+    store_layer(weights, layer_name(prefix, l), layer, {layer.out, layer.in});
   }
   store_standardization(weights, prefix + ".input", input_);
   store_standardization(weights, prefix + ".output", output_);

@@ -20,6 +20,11 @@ struct MlpLayer {
   std::vector<float> bias;    ///< [out]
 };
 
+/// Tensors <name>.weight of `shape`, its first extent the outputs, and <name>.bias. Throws InputError as
+/// nn::Weights::get.
+MlpLayer load_layer(const nn::Weights& weights, const std::string& name, const std::vector<int64_t>& shape);
+void store_layer(nn::Weights& weights, const std::string& name, const MlpLayer& layer, std::vector<int64_t> shape);
+
 class Mlp {
  public:
   static constexpr int hidden_layers = 5, layer_count = hidden_layers + 1;
@@ -35,8 +40,6 @@ class Mlp {
   const std::vector<MlpLayer>& layers() const { return layers_; }
   const Standardization& input() const { return input_; }
   const Standardization& output() const { return output_; }
-  /// Multiplications and additions of one point.
-  int64_t operations() const;
 
   /// y of rows z [n, inputs] -> [n, outputs], in f64, on the calling thread.
   void evaluate(const Rows& z, Rows& y) const;
@@ -49,9 +52,15 @@ class Mlp {
   /// Tensors <prefix>.layer0.weight [width, inputs], .layer0.bias [width] .. .layer5, .input.shift, .input.scale
   /// [inputs], .output.shift, .output.scale [outputs]. Throws InputError as nn::Weights::get, and for a scale of 0.
   static Mlp load(const nn::Weights& weights, const std::string& prefix, int inputs, int outputs);
+  /// The layers alone, from tensors whose names begin with `prefix`.
+  static std::vector<MlpLayer> load_layers(const nn::Weights& weights, const std::string& prefix, int inputs, int width,
+                                           int outputs);
   void store(nn::Weights& weights, const std::string& prefix) const;
 
  private:
+  /// evaluate(), and elu' at every hidden unit where it is asked for.
+  void forward(const Rows& z, Rows& y, std::vector<Rows>* slope) const;
+
   std::vector<MlpLayer> layers_;
   std::vector<Rows> weight_;  ///< of layers_, in f64
   std::vector<Eigen::RowVectorXd> bias_;

@@ -36,11 +36,11 @@ class Build:
     def run(self, words, inputs, environment=None, timeout=900, check=True):
         """Runs a program of this build in the folder `inputs`; standard output and error as one text."""
         program, rest = self.program(words[0]), [str(word) for word in words[1:]]
-        environment = {key: value for key, value in os.environ.items() if not key.startswith("GRAUPEL_")}
-        environment.update(environment or {})
+        variables = {key: value for key, value in os.environ.items() if not key.startswith("GRAUPEL_")}
+        variables.update(environment or {})
         command = " ".join([words[0]] + rest)
         try:
-            done = subprocess.run([str(program)] + rest, cwd=inputs, env=environment, timeout=timeout,
+            done = subprocess.run([str(program)] + rest, cwd=inputs, env=variables, timeout=timeout,
                                   stdout=subprocess.PIPE, stderr=subprocess.STDOUT, stdin=subprocess.DEVNULL)
         except subprocess.TimeoutExpired:
             raise ProgramFailed(command, "none", f"not done after {timeout} s") from None
@@ -59,10 +59,35 @@ class Build:
         raise ProgramFailed(f"bench {kind}", "none", f"neither graupel-bench nor graupel in '{self.folder}' has it")
 
 
-def configure_and_build(source, folder, cmake_arguments):
-    """Release build of the programs of `source` in `folder`."""
+# What decides which products compilers fuse with sums. nvcc hands other code to the C++ compiler than the source has.
+SETTINGS = ("CMAKE_BUILD_TYPE", "CMAKE_CXX_COMPILER", "CMAKE_CXX_FLAGS", "GRAUPEL_NATIVE", "GRAUPEL_CUDA")
+
+
+def settings_of(build_folder):
+    """SETTINGS of a build's cache; empty where there is none. GRAUPEL_CUDA is OFF where no nvcc was found."""
+    cache = Path(build_folder) / "CMakeCache.txt"
+    if not cache.exists():
+        return {}
+    entries = dict(re.findall(r"^(\w+):\w+=(.*)$", cache.read_text(), re.MULTILINE))
+    found = {name: entries.get(name, "") for name in SETTINGS}
+    if entries.get("CMAKE_CUDA_COMPILER", "NOTFOUND").endswith("NOTFOUND"):
+        found["GRAUPEL_CUDA"] = "OFF"
+    return found
+
+
+def check_alike(reference, new):
+    """GoldenError where two builds have other settings: their last bits differ whatever the sources are."""
+    a, b = settings_of(reference.folder), settings_of(new.folder)
+    unlike = [f"{name} ('{a[name]}', '{b[name]}')" for name in SETTINGS if a and b and a[name] != b[name]]
+    if unlike:
+        raise GoldenError(f"'{reference.folder}' and '{new.folder}' differ in {', '.join(unlike)}, and so in last bits. "
+                          "Build both with the same settings")
+
+
+def configure_and_build(source, folder, settings, cmake_arguments):
+    """Build of the programs of `source` in `folder`, with the settings of another build (see settings_of)."""
     configure = ["cmake", "-S", str(source), "-B", str(folder), "-G", "Ninja", "-DCMAKE_BUILD_TYPE=Release",
-                 "-DGRAUPEL_TESTS=OFF", *cmake_arguments]
+                 "-DGRAUPEL_TESTS=OFF", *(f"-D{name}={value}" for name, value in settings.items()), *cmake_arguments]
     _quietly(configure, "cmake")
     targets = _quietly(["ninja", "-C", str(folder), "-t", "targets", "all"], "ninja")
     programs = [name for name in ("graupel", "graupel-train", "graupel-bench")

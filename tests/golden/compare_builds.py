@@ -19,7 +19,7 @@ import cases_mpm
 import cases_rollouts
 import cases_speed
 import cases_training
-from builds import Build, GoldenError, configure_and_build, reference_source, source_of
+from builds import Build, GoldenError, check_alike, configure_and_build, reference_source, settings_of, source_of
 from case import Context, read_explained, run_case
 
 REPOSITORY = Path(__file__).resolve().parents[2]
@@ -54,7 +54,7 @@ def sides(options):
         source = options.reference_source or reference_source(REPOSITORY, options.reference)
         folder = REPOSITORY / "build" / "golden" / (options.reference_source.resolve().name if options.reference_source
                                                     else options.reference) / "build"
-        configure_and_build(source.resolve(), folder, options.cmake_args.split())
+        configure_and_build(source.resolve(), folder, settings_of(options.build), options.cmake_args.split())
     return Build("reference", folder, source), Build("new", options.build, REPOSITORY)
 
 
@@ -76,6 +76,7 @@ def compare(options):
     if not cases:
         raise GoldenError("no case has such a name (see --list)")
     work = Path(options.work or tempfile.mkdtemp(prefix="graupel-golden-")).resolve()
+    check_alike(reference, new)
     context = Context(reference, new, work, options.device, options.rounds, read_explained(options.explained, REPOSITORY))
     rows, start = [], time.time()
     print(f"reference {reference.folder}, new {new.folder}")
@@ -91,10 +92,12 @@ def compare(options):
         if not options.work:
             shutil.rmtree(work, ignore_errors=True)
         counts = {word: sum(row.verdict == word for row in rows) for word in ("pass", "FAIL", "skipped")}
+        counts["explained"] = sum(row.verdict == "pass" and row.explained for row in rows)
         if options.json:
             Path(options.json).write_text(json.dumps({"reference": str(reference.folder), "new": str(new.folder), **counts,
                                                       "seconds": time.time() - start, "rows": [asdict(row) for row in rows]}, indent=1))
-    print(f"{counts['pass']} passed, {counts['FAIL']} failed, {counts['skipped']} skipped in {time.time() - start:.0f} s")
+    print(f"{counts['pass']} passed, {counts['FAIL']} failed, {counts['skipped']} skipped in {time.time() - start:.0f} s; "
+          f"{counts['explained']} of the passed differ as a decision explains")
     return 1 if counts["FAIL"] else 0
 
 

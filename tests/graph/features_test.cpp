@@ -132,12 +132,12 @@ TEST(Features, ProjectionMovesOnlyWhatIsInsideAnObstacleOrBeyondAWall) {
   const Environment environment(scene_with_ball({0.5, 0.5, 0.5}, 0.2));
   std::vector<Vec3f> x = {{0.5f, 0.69f, 0.5f}, {0.5f, 0.8f, 0.5f}, {0.5f, -0.2f, 0.5f}};
   const std::vector<Vec3f> before = x;
-  EXPECT_EQ(project_out(environment, x), 2);
+  EXPECT_EQ(project_out(environment, before, x), 2);
   EXPECT_GE(environment.obstacles.sample(x[0].cast<double>()).phi, -1e-6);
   EXPECT_NEAR(x[0][1], 0.7, 0.005);
   EXPECT_EQ(x[1], before[1]);
   EXPECT_NEAR(x[2][1], environment.hold_low[1], 1e-6);
-  EXPECT_EQ(project_out(environment, x), 0);
+  EXPECT_EQ(project_out(environment, std::vector<Vec3f>(x), x), 0);
 }
 
 Scene scene_with_plate() {

@@ -1,38 +1,24 @@
 #include "reference_network.h"
 
 #include <cmath>
-#include <map>
-#include <string>
-#include <tuple>
+
+#include "reference_layers.h"
 
 namespace graupel::graph {
 
 namespace {
 
-using Row = std::vector<double>;
-using Rows = std::vector<Row>;
-
-Row join(std::initializer_list<Row> parts) {
-  Row all;
-  for (const Row& part : parts) all.insert(all.end(), part.begin(), part.end());
-  return all;
-}
-
-void add(Row& sum, const Row& x, double factor = 1) {
-  for (std::size_t i = 0; i < sum.size(); ++i) sum[i] += factor * x[i];
-}
-
 class Reference {
  public:
   Reference(const nn::Weights& weights, const sparsegrid::Hierarchy<3>& hierarchy)
-      : weights_(weights),
+      : layers_(weights, 1, 0.01),
         hierarchy_(hierarchy),
         config_(HgnConfig::from_metadata(weights.metadata, weights.file)),
         h_(static_cast<std::size_t>(config_.latent)) {}
 
   std::vector<double> run(const std::vector<float>& features, const std::vector<int32_t>& type,
                           const std::vector<Vec<float, 3>>& position) {
-    encode(features, type);
+    particle_ = layers_.encode("encoder", features, type);
     particle_to_grid(position);
     for (std::size_t l = 0; l < levels(); ++l) {
       if (l > 0) restrict_from(l - 1);
@@ -48,44 +34,12 @@ class Reference {
  private:
   std::size_t levels() const { return static_cast<std::size_t>(config_.levels); }
 
-  const Row& tensor(const std::string& name) {
-    Row& values = cache_[name];
-    if (values.empty())
-      for (const float v : weights_.tensors.at(name).as_float()) values.push_back(v);
-    return values;
-  }
-
-  Row linear(const std::string& name, const Row& x) {
-    const Row &weight = tensor(name + ".weight"), &bias = tensor(name + ".bias");
-    Row y = bias;
-    for (std::size_t o = 0; o < y.size(); ++o)
-      for (std::size_t i = 0; i < x.size(); ++i) y[o] += weight[o * x.size() + i] * x[i];
-    return y;
-  }
-
-  Row fcn(const std::string& name, const Row& x, bool norm = true) {
-    Row hidden = linear(name + ".layer1", x);
-    for (double& v : hidden) v = v > 0 ? v : 0.01 * v;
-    Row y = linear(name + ".layer2", hidden);
-    if (!norm) return y;
-    const auto n = static_cast<double>(y.size());
-    double mean = 0, variance = 0;
-    for (const double v : y) mean += v / n;
-    for (const double v : y) variance += (v - mean) * (v - mean) / n;
-    for (std::size_t i = 0; i < y.size(); ++i)
-      y[i] = (y[i] - mean) / std::sqrt(variance + 1e-5) * tensor(name + ".norm.weight")[i] +
-             tensor(name + ".norm.bias")[i];
-    return y;
-  }
-
+  Row fcn(const std::string& name, const Row& x) const { return layers_.fcn(name, x); }
   bool sums_activations() const { return config_.aggregation == Aggregation::activations; }
 
   /// What a receiver sums of one message.
   Row message(const std::string& name, const Row& x) {
-    if (!sums_activations()) return fcn(name, x);
-    Row hidden = linear(name + ".gather", x);
-    for (double& v : hidden) v = v > 0 ? v : 0.01 * v;
-    return hidden;
+    return sums_activations() ? layers_.activated(name + ".gather", x) : fcn(name, x);
   }
   /// What a receiver makes of its sum: nothing more, where the messages are summed.
   Row received(const std::string& name, const Row& sum) { return sums_activations() ? fcn(name, sum) : sum; }
@@ -102,18 +56,6 @@ class Reference {
 
   static Row scaled_difference(const Row& a, const Row& b, double scale) {
     return {(a[0] - b[0]) / scale, (a[1] - b[1]) / scale, (a[2] - b[2]) / scale};
-  }
-
-  void encode(const std::vector<float>& features, const std::vector<int32_t>& type) {
-    const auto e = static_cast<std::size_t>(config_.embedding);
-    const std::size_t f = static_cast<std::size_t>(config_.input_width()) - e;
-    const Row& table = tensor("embedding.weight");
-    for (std::size_t p = 0; p < type.size(); ++p) {
-      const Row own(features.begin() + static_cast<std::ptrdiff_t>(p * f),
-                    features.begin() + static_cast<std::ptrdiff_t>((p + 1) * f));
-      const auto row = table.begin() + static_cast<std::ptrdiff_t>(static_cast<std::size_t>(type[p]) * e);
-      particle_.push_back(fcn("encoder", join({own, Row(row, row + static_cast<std::ptrdiff_t>(e))})));
-    }
   }
 
   void particle_to_grid(const std::vector<Vec<float, 3>>& position) {
@@ -202,17 +144,13 @@ class Reference {
     });
     for (std::size_t p = 0; p < sum.size(); ++p)
       add(particle_[p], sums_activations() ? fcn("grid_to_particle", join({sum[p], particle_[p]})) : sum[p]);
-    std::vector<double> acceleration;
-    for (const Row& row : particle_)
-      for (const double a : fcn("decoder", row, false)) acceleration.push_back(a);
-    return acceleration;
+    return layers_.decode(particle_);
   }
 
-  const nn::Weights& weights_;
+  ReferenceLayers layers_;
   const sparsegrid::Hierarchy<3>& hierarchy_;
   HgnConfig config_;
   std::size_t h_;
-  std::map<std::string, Row> cache_;
   Rows particle_;
   std::vector<Rows> cell_;
 };

@@ -59,9 +59,10 @@ TEST(Fcn, SplitFirstLayerAndFoldedNormEqualTheFormula) {
   const Linear first = f.first_layer_part(0, 5, FcnWeights::Bias::with);
   const Linear second = f.first_layer_part(5, 3, FcnWeights::Bias::without);
   const InputTable table(f, 8, {{0, 0, 1}, {0.5f, -1.0f, 1.0f}});
-  Buffer<float> h(Device::cpu, width), y(Device::cpu, padded_width(out));
+  Buffer<float> h(Device::cpu, width), part(Device::cpu, width), y(Device::cpu, padded_width(out));
   first.apply(x.data(), 5, 1, h.data(), width);
-  second.add(x.data() + 5, 3, 1, h.data(), width);
+  second.apply(x.data() + 5, 3, 1, part.data(), width);
+  add_scaled_row(h.data(), 1, part.data(), width);
   add_scaled_row(h.data(), 1, table.row(1), width);
   activate_row(h.data(), width);
   const NormalizedLayer layer(f);

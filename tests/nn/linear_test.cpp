@@ -34,10 +34,6 @@ TEST_P(LinearShapes, EqualsADoublePrecisionProduct) {
   for (int r = 0; r < rows; ++r)
     for (int o = 0; o < width; ++o)
       ASSERT_NEAR(y[r * width + o], o < out ? product(x, weight, bias, in, r, o) : 0.0, 1e-6 * in) << r << " " << o;
-
-  linear.add(x.data(), in, rows, y.data(), width);
-  for (int r = 0; r < rows; ++r)
-    for (int o = 0; o < out; ++o) ASSERT_NEAR(y[r * width + o], 2 * product(x, weight, bias, in, r, o), 4e-6 * in);
 }
 
 INSTANTIATE_TEST_SUITE_P(Sizes, LinearShapes,

@@ -10,7 +10,7 @@
 #include "core/system/error.h"
 #include "graph/features/normalization.h"
 #include "graph/learned_simulator.h"
-#include "graph/networks/gns_network.h"
+#include "graph/networks/graph_network.h"
 #include "graph/topology/gns_graph.h"
 #include "tests/train/gns_cloud.h"
 #include "tests/train/learning.h"
@@ -51,7 +51,7 @@ void expect_parity(const graph::GnsConfig& config, int particles, int obstacles)
     nn::Weights weights = module.state(StateArray::weights);
     weights.metadata = config.to_metadata();
     graph::add_normalization(weights, {});
-    const graph::GnsNetwork engine(weights);
+    const graph::GraphNetwork engine(weights);
     const Cloud cloud = random_cloud(config, 3, particles, 0.3, obstacles);
     const std::vector<float> expected = engine.forward(cloud.scene.features, cloud.type, cloud.position);
     const Batch batch = concatenate({cloud.scene});

@@ -7,7 +7,7 @@
 #include "graph/features/features.h"
 #include "graph/features/normalization.h"
 #include "graph/learned_simulator.h"
-#include "graph/networks/hierarchical_graph_network.h"
+#include "graph/networks/graph_network.h"
 #include "io/scene/scene_reader.h"
 #include "mpm/simulation.h"
 #include "train/networks/network_module.h"
@@ -47,7 +47,7 @@ void check_parity(const graph::HgnConfig& config, int particles) {
   nn::Weights weights = module.state(StateArray::weights);
   weights.metadata = config.to_metadata();
   graph::add_normalization(weights, {});
-  const graph::HierarchicalGraphNetwork engine(weights);
+  const graph::GraphNetwork engine(weights);
 
   const std::vector<Vec3f> position = clouds(particles);
   SceneGraph scene;
@@ -65,7 +65,7 @@ void check_parity(const graph::HgnConfig& config, int particles) {
       scene.features.push_back(static_cast<float>(a));
     }
   }
-  const std::vector<float> expected = engine.forward(scene.features, types, scene.hierarchy);
+  const std::vector<float> expected = engine.forward(scene.features, types, position, {0.01, 0.02, 0.03});
   const Batch batch = concatenate({scene});
   check_equal(expected, module.predict(batch, StateArray::weights));
   for (const graph::FirstLayers first_layers : {graph::FirstLayers::whole, graph::FirstLayers::split})
@@ -109,7 +109,7 @@ TEST(Parity, ShippedWeightsOnASharedScene) {
   const nn::Weights weights = nn::read_safetensors(GRAUPEL_SOURCE_DIR "/models/hgn.safetensors");
   const graph::HgnConfig config = graph::HgnConfig::from_metadata(weights.metadata, "hgn.safetensors");
   const graph::Normalization normalization = graph::read_normalization(weights);
-  const graph::HierarchicalGraphNetwork engine(weights);
+  const graph::GraphNetwork engine(weights);
   NetworkModule module(config, Device::cpu, 0);
   module.set_state(StateArray::weights, weights);
 
@@ -126,7 +126,7 @@ TEST(Parity, ShippedWeightsOnASharedScene) {
     graph.hierarchy = sparsegrid::build_hierarchy<3>(history.back(), config.spacing, environment.wall_low,
                                                      static_cast<int>(config.levels));
     for (const int32_t type : types) graph.type_row.push_back(graph::embedding_row(type));
-    check_equal(engine.forward(graph.features, types, graph.hierarchy),
+    check_equal(engine.forward(graph.features, types, history.back(), environment.wall_low),
                 module.predict(concatenate({graph}), StateArray::weights));
   };
   check();

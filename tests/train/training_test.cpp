@@ -7,7 +7,7 @@
 #include "core/system/atomic_file.h"
 #include "core/system/error.h"
 #include "graph/learned_simulator.h"
-#include "graph/networks/hierarchical_graph_network.h"
+#include "graph/networks/graph_network.h"
 #include "io/config/json_node.h"
 #include "tests/graph/random_weights.h"
 #include "tests/train/learning.h"
@@ -232,8 +232,8 @@ TEST(Training, LearnsToBounce) {
   EXPECT_TRUE(std::isfinite(result.validation->rollout_mse));
   EXPECT_LT(result.validation->rollout_mse, 1e-3);
   // The exported weights are complete for the inference engine.
-  const graph::HierarchicalGraphNetwork engine(nn::read_safetensors(result.weights_file));
-  EXPECT_EQ(engine.config().latent, 16);
+  const graph::GraphNetwork engine(nn::read_safetensors(result.weights_file));
+  EXPECT_EQ(std::get<graph::HgnConfig>(engine.config()).latent, 16);
   EXPECT_EQ(nn::read_safetensors(result.weights_file).metadata.at("training.scene_samples"), "1600");
   remove_path(folder);
 }

@@ -7,8 +7,6 @@
 #include <cstdlib>
 #include <ctime>
 #include <exception>
-#include <filesystem>
-#include <fstream>
 #include <memory>
 #include <new>
 #include <nlohmann/json.hpp>
@@ -21,6 +19,7 @@
 #include "core/system/stop_signal.h"
 #include "graph/features/normalization.h"
 #include "train/commands/nsf_command.h"
+#include "train/commands/run_log.h"
 #include "train/commands/time_command.h"
 #include "train/config/presets.h"
 #include "train/loop/run_folder.h"
@@ -45,19 +44,6 @@ struct Arguments {
   bool print_defaults = false;
   bool seed_given = false, preset_given = false;
   std::string command_line;
-};
-
-/// Lines for the terminal and for the run's log.
-class Output {
- public:
-  void keep(const std::string& file) { log_.open(file, std::ios::app); }
-  void line(const std::string& text) {
-    std::fprintf(stderr, "%s\n", text.c_str());
-    if (log_.is_open()) log_ << text << "\n" << std::flush;
-  }
-
- private:
-  std::ofstream log_;
 };
 
 std::string progress_line(const TrainingProgress& p) {
@@ -112,12 +98,6 @@ std::string utc_name(Architecture architecture) {
   char text[32];
   std::strftime(text, sizeof(text), "-%Y%m%dT%H%M%SZ", &utc);
   return std::string(word_of(architecture)) + text;
-}
-
-/// "auto" is the GPU only where libtorch can use it too.
-Device device_of(const Arguments& arguments) {
-  if (arguments.device == "auto" && !torch_has_cuda()) return Device::cpu;
-  return parse_device(arguments.device);
 }
 
 /// Settings of a new run: preset or file, then --set, then the flags of their own.
@@ -205,15 +185,15 @@ void share_run(Comm& comm, Arguments& arguments, TrainingOptions& options) {
 int run_training(Arguments& arguments) {
   const RankEnvironment environment = read_rank_environment();
   take_part_of_machine(environment, arguments);
-  Output output;
+  RunLog log;
   TrainingOptions options;
-  options.device = device_of(arguments);
+  options.device = device_for_torch(arguments.device);
   options.threads = num_threads();
   options.local_ranks = environment.local_size;
   std::unique_ptr<Comm> ranks;
   if (!environment.alone()) {
     ranks = join_ranks(environment, {options.device, arguments.rank_timeout, [&](const std::string& text) {
-                                       if (environment.rank == 0) output.line(text);
+                                       if (environment.rank == 0) std::fprintf(stderr, "%s\n", text.c_str());
                                      }});
     options.comm = ranks.get();
   }
@@ -224,14 +204,8 @@ int run_training(Arguments& arguments) {
   options.command_line = arguments.command_line;
   options.version = GRAUPEL_VERSION;
   options.should_stop = [] { return stop_signal() != 0; };
-  bool log_open = false;
   const auto print = [&](const std::string& text) {
-    if (!options.comm->leads()) return;
-    if (!log_open && std::filesystem::exists(arguments.out + "/config.json")) {
-      output.keep(arguments.out + "/log.txt");
-      log_open = true;
-    }
-    output.line(text);
+    if (options.comm->leads()) log.line(text, arguments.out);
   };
   options.message = print;
   options.progress = [&](const TrainingProgress& progress) { print(progress_line(progress)); };
@@ -255,7 +229,7 @@ int run_evaluation(const Arguments& arguments) {
     throw ConfigError(
         "--evaluate trains nothing (--preset, --config, --set, --steps, --from, --seed, --resume and --out are for "
         "training). Leave them out");
-  const Device device = device_of(arguments);
+  const Device device = device_for_torch(arguments.device);
   configure_torch(num_threads(), /*tf32=*/true);
   const nn::Weights weights = nn::read_safetensors(arguments.evaluate);
   const NetworkConfig config = network_config_of(weights);

@@ -5,7 +5,6 @@
 #include <csignal>
 #include <cstdio>
 #include <filesystem>
-#include <fstream>
 #include <memory>
 #include <nlohmann/json.hpp>
 
@@ -16,6 +15,7 @@
 #include "core/system/human_time.h"
 #include "core/system/stop_signal.h"
 #include "io/config/config_description.h"
+#include "train/commands/run_log.h"
 #include "train/loop/run_folder.h"
 #include "train/parallel/rank_environment.h"
 #include "train/reduced/mlp_training.h"
@@ -107,19 +107,14 @@ int train_networks(const Arguments& arguments, const NsfConfig& config, const st
   options.run = arguments.out;
   options.config = config;
   options.resume = !arguments.resume.empty();
-  options.device = arguments.device == "auto" && !torch_has_cuda() ? Device::cpu : parse_device(arguments.device);
+  options.device = device_for_torch(arguments.device);
   options.threads = num_threads();
   options.time_limit = arguments.time_limit;
   options.command_line = command_line;
   options.version = GRAUPEL_VERSION;
   options.should_stop = [] { return stop_signal() != 0; };
-  std::ofstream log;
-  options.message = [&](const std::string& text) {
-    if (!log.is_open() && std::filesystem::exists(arguments.out + "/config.json"))
-      log.open(arguments.out + "/log.txt", std::ios::app);
-    std::fprintf(stderr, "%s\n", text.c_str());
-    if (log.is_open()) log << text << "\n" << std::flush;
-  };
+  RunLog log;
+  options.message = [&](const std::string& text) { log.line(text, arguments.out); };
   options.provenance =
       provenance_of(arguments, command_line, io::write_json(io::json_of_struct(config), io::JsonLayout::compact));
   MlpReport report;

@@ -10,6 +10,7 @@
 #include "core/system/atomic_file.h"
 #include "core/system/command_line.h"
 #include "train/commands/network_timing.h"
+#include "train/commands/run_log.h"
 #include "train/networks/network_module.h"
 #include "train/parallel/blas_threads.h"
 #include "train/parallel/rank_environment.h"
@@ -30,7 +31,7 @@ void time_and_print(const Arguments& arguments, const std::string& command_line)
   NetworkTimingOptions options = arguments.timing;
   set_num_threads(options.threads);
   options.threads = num_threads();
-  options.device = arguments.device == "auto" && !torch_has_cuda() ? Device::cpu : parse_device(arguments.device);
+  options.device = device_for_torch(arguments.device);
   options.first_layers = arguments.first_layers == "whole" ? graph::FirstLayers::whole : graph::FirstLayers::split;
   const NetworkTime time = time_network(nn::read_safetensors(arguments.weights), arguments.data, options);
   const bool gpu = options.device == Device::cuda;

@@ -6,8 +6,7 @@
 
 #include "core/scene/fields.h"
 
-namespace graupel {
-namespace train {
+namespace graupel::train {
 
 /// Hidden width of a network from its beta (table 1).
 enum class WidthRule {
@@ -26,25 +25,17 @@ enum class AffineInput {
   parameters  ///< q and mu
 };
 
-}  // namespace train
-
-template <>
-struct EnumWords<train::WidthRule> {
-  static constexpr std::pair<const char*, train::WidthRule> words[] = {{"paper", train::WidthRule::paper},
-                                                                       {"code", train::WidthRule::code}};
-};
-template <>
-struct EnumWords<train::EncoderKind> {
-  static constexpr std::pair<const char*, train::EncoderKind> words[] = {
-      {"least_squares", train::EncoderKind::least_squares}, {"conv", train::EncoderKind::conv}};
-};
-template <>
-struct EnumWords<train::AffineInput> {
-  static constexpr std::pair<const char*, train::AffineInput> words[] = {
-      {"latent", train::AffineInput::latent}, {"parameters", train::AffineInput::parameters}};
-};
-
-namespace train {
+constexpr auto enum_list(WidthRule) {
+  return std::to_array<std::pair<const char*, WidthRule>>({{"paper", WidthRule::paper}, {"code", WidthRule::code}});
+}
+constexpr auto enum_list(EncoderKind) {
+  return std::to_array<std::pair<const char*, EncoderKind>>(
+      {{"least_squares", EncoderKind::least_squares}, {"conv", EncoderKind::conv}});
+}
+constexpr auto enum_list(AffineInput) {
+  return std::to_array<std::pair<const char*, AffineInput>>(
+      {{"latent", AffineInput::latent}, {"parameters", AffineInput::parameters}});
+}
 
 struct MlpConfig {
   WidthRule widths = WidthRule::code;
@@ -73,44 +64,34 @@ struct MlpConfig {
   static void fields(Visitor&& visit) {
     using C = MlpConfig;
     const auto count = [&](int64_t C::*member, const char* name, const char* unit, const char* meaning, double most) {
-      visit(member, FieldInfo{.name = name, .unit = unit, .meaning = meaning, .range = Range::between(1, most)});
+      visit(member, FieldInfo{name, unit, meaning, Range::between(1, most)});
     };
     visit(&C::widths,
-          FieldInfo{.name = "widths",
-                    .unit = "",
-                    .meaning = "Hidden width: beta times the field's components (paper), or 3 beta (code)"});
+          FieldInfo{"widths", "", "Hidden width: beta times the field's components (paper), or 3 beta (code)"});
     count(&C::deformation_beta, "deformation_beta", "", "beta of the deformation's network (table 1 of the paper)",
           1024);
     count(&C::stress_beta, "stress_beta", "", "beta of the stress's network", 1024);
     count(&C::affine_beta, "affine_beta", "", "beta of the affine velocity's network", 1024);
-    visit(&C::encoder,
-          FieldInfo{.name = "encoder", .unit = "", .meaning = "What gives the latents: least_squares, or conv"});
+    visit(&C::encoder, FieldInfo{"encoder", "", "What gives the latents: least_squares, or conv"});
     visit(&C::affine_input,
-          FieldInfo{.name = "affine_input",
-                    .unit = "",
-                    .meaning = "The affine velocity follows the latent alone, or the parameters too"});
+          FieldInfo{"affine_input", "", "The affine velocity follows the latent alone, or the parameters too"});
     count(&C::deformation_epochs, "deformation_epochs", "", "Epochs of each learning rate, deformation", 1e6);
     count(&C::field_epochs, "field_epochs", "", "Epochs of each learning rate, stress and affine velocity", 1e6);
-    visit(&C::epochs_scale, FieldInfo{.name = "epochs_scale",
-                                      .unit = "",
-                                      .meaning = "Times as many epochs of all learning rates",
-                                      .range = Range::positive()});
-    visit(&C::learning_rate, FieldInfo{.name = "learning_rate",
-                                       .unit = "",
-                                       .meaning = "First learning rate of Adam; then 1/2, 1/5, 1/10 and 1/20 of it",
-                                       .range = Range::positive()});
+    visit(&C::epochs_scale,
+          FieldInfo{"epochs_scale", "", "Times as many epochs of all learning rates", Range::positive()});
+    visit(&C::learning_rate,
+          FieldInfo{"learning_rate", "", "First learning rate of Adam; then 1/2, 1/5, 1/10 and 1/20 of it",
+                    Range::positive()});
     count(&C::batch_snapshots, "batch_snapshots", "", "Snapshots in a batch; an epoch has each of them once", 4096);
     count(&C::batch_particles, "batch_particles", "", "Particles of each snapshot in a batch, drawn anew; at most all",
           1e7);
-    visit(&C::tf32, FieldInfo{.name = "tf32", .unit = "", .meaning = "TF32 matrix products on a GPU"});
-    visit(&C::memory_limit, FieldInfo{.name = "memory_limit",
-                                      .unit = "GB",
-                                      .meaning = "A field up to this size lies on the device, else batches are copied",
-                                      .range = Range::not_negative()});
+    visit(&C::tf32, FieldInfo{"tf32", "", "TF32 matrix products on a GPU"});
+    visit(&C::memory_limit,
+          FieldInfo{"memory_limit", "GB", "A field up to this size lies on the device, else batches are copied",
+                    Range::not_negative()});
     count(&C::log_interval, "log_interval", "steps", "Steps between lines of the metrics", 1e9);
     count(&C::checkpoint_interval, "checkpoint_interval", "steps", "Steps between checkpoints", 1e9);
   }
 };
 
-}  // namespace train
-}  // namespace graupel
+}  // namespace graupel::train

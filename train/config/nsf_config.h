@@ -11,8 +11,7 @@
 #include "rom/reduced_model.h"
 #include "train/config/mlp_config.h"
 
-namespace graupel {
-namespace train {
+namespace graupel::train {
 
 /// How the modes are stored in the weights file.
 enum class ModeStorage { f32, f16 };
@@ -24,20 +23,14 @@ enum class ClusterPoint {
            ///< (train/reduced/cubature_rows.h)
 };
 
-}  // namespace train
+constexpr auto enum_list(ModeStorage) {
+  return std::to_array<std::pair<const char*, ModeStorage>>({{"f32", ModeStorage::f32}, {"f16", ModeStorage::f16}});
+}
 
-template <>
-struct EnumWords<train::ModeStorage> {
-  static constexpr std::pair<const char*, train::ModeStorage> words[] = {{"f32", train::ModeStorage::f32},
-                                                                         {"f16", train::ModeStorage::f16}};
-};
-
-template <>
-struct EnumWords<train::ClusterPoint> {
-  static constexpr std::pair<const char*, train::ClusterPoint> words[] = {{"random", train::ClusterPoint::random},
-                                                                          {"matched", train::ClusterPoint::matched}};
-};
-namespace train {
+constexpr auto enum_list(ClusterPoint) {
+  return std::to_array<std::pair<const char*, ClusterPoint>>(
+      {{"random", ClusterPoint::random}, {"matched", ClusterPoint::matched}});
+}
 
 struct NsfConfig {
   rom::FieldKind field = rom::FieldKind::factored;
@@ -73,111 +66,71 @@ struct NsfConfig {
   static void fields(Visitor&& visit) {
     using C = NsfConfig;
     visit(&C::field,
-          FieldInfo{.name = "field",
-                    .unit = "",
-                    .meaning = "Fields: spatial modes and a regression (factored), or the paper's networks"});
-    visit(&C::latents,
-          FieldInfo{
-              .name = "latents", .unit = "", .meaning = "Numbers of the latent state", .range = Range::between(1, 32)});
-    visit(&C::deformation_modes, FieldInfo{.name = "deformation_modes",
-                                           .unit = "",
-                                           .meaning = "Spatial modes of the deformation field, at most",
-                                           .range = Range::between(1, 512)});
-    visit(&C::stress_modes, FieldInfo{.name = "stress_modes",
-                                      .unit = "",
-                                      .meaning = "Spatial modes of the stress field, at most",
-                                      .range = Range::between(1, 512)});
-    visit(&C::affine_modes, FieldInfo{.name = "affine_modes",
-                                      .unit = "",
-                                      .meaning = "Spatial modes of the affine field, at most",
-                                      .range = Range::between(1, 512)});
-    visit(&C::affine, FieldInfo{.name = "affine",
-                                .unit = "",
-                                .meaning = "What the affine field follows: the latent's velocity, or its position"});
-    visit(&C::branch,
-          FieldInfo{.name = "branch",
-                    .unit = "",
-                    .meaning = "What gives the coefficients of the modes: radial basis functions (rbf), or a "
-                               "small network (mlp)"});
-    visit(&C::centers, FieldInfo{.name = "centers",
-                                 .unit = "",
-                                 .meaning = "Centres of the branches; every snapshot where there are no more",
-                                 .range = Range::between(0, 10000)});
-    visit(&C::affine_centers, FieldInfo{.name = "affine_centers",
-                                        .unit = "",
-                                        .meaning = "Centres of the affine field's branch, when it follows the rate",
-                                        .range = Range::between(0, 1000)});
-    visit(&C::branch_width, FieldInfo{.name = "branch_width",
-                                      .unit = "",
-                                      .meaning = "Hidden width of a branch's network",
-                                      .range = Range::between(1, 1024)});
-    visit(&C::branch_steps, FieldInfo{.name = "branch_steps",
-                                      .unit = "",
-                                      .meaning = "Steps of Adam that train a branch's network",
-                                      .range = Range::between(1, 1e7)});
-    visit(&C::branch_batch, FieldInfo{.name = "branch_batch",
-                                      .unit = "",
-                                      .meaning = "Snapshots of such a step; all where there are no more",
-                                      .range = Range::between(1, 1e6)});
-    visit(&C::branch_learning_rate, FieldInfo{.name = "branch_learning_rate",
-                                              .unit = "",
-                                              .meaning = "First learning rate of them; it falls to 0 as half a cosine",
-                                              .range = Range::positive()});
-    visit(&C::branch_noise,
-          FieldInfo{.name = "branch_noise",
-                    .unit = "",
-                    .meaning = "Standard deviation of the noise on their inputs (standardised), which "
-                               "keeps a network flat beside the states of the training",
-                    .range = Range::between(0, 10)});
-    visit(&C::samples,
-          FieldInfo{.name = "samples", .unit = "", .meaning = "Sample particles", .range = Range::between(1, 1e6)});
-    visit(&C::sample_rule, FieldInfo{.name = "sample_rule", .unit = "", .meaning = "How the samples are chosen"});
-    visit(&C::sample_low, FieldInfo{.name = "sample_low",
-                                    .unit = "m",
-                                    .meaning = "Lower corner of the box of the reference body that samples lie in"});
-    visit(&C::sample_high,
-          FieldInfo{.name = "sample_high", .unit = "m", .meaning = "Upper corner of the samples' box"});
+          FieldInfo{"field", "", "Fields: spatial modes and a regression (factored), or the paper's networks"});
+    visit(&C::latents, FieldInfo{"latents", "", "Numbers of the latent state", Range::between(1, 32)});
+    visit(&C::deformation_modes, FieldInfo{"deformation_modes", "", "Spatial modes of the deformation field, at most",
+                                           Range::between(1, 512)});
+    visit(&C::stress_modes,
+          FieldInfo{"stress_modes", "", "Spatial modes of the stress field, at most", Range::between(1, 512)});
+    visit(&C::affine_modes,
+          FieldInfo{"affine_modes", "", "Spatial modes of the affine field, at most", Range::between(1, 512)});
+    visit(&C::affine, FieldInfo{"affine", "", "What the affine field follows: the latent's velocity, or its position"});
+    visit(
+        &C::branch,
+        FieldInfo{"branch", "",
+                  "What gives the coefficients of the modes: radial basis functions (rbf), or a small network (mlp)"});
+    visit(&C::centers, FieldInfo{"centers", "", "Centres of the branches; every snapshot where there are no more",
+                                 Range::between(0, 10000)});
+    visit(&C::affine_centers,
+          FieldInfo{"affine_centers", "", "Centres of the affine field's branch, when it follows the rate",
+                    Range::between(0, 1000)});
+    visit(&C::branch_width,
+          FieldInfo{"branch_width", "", "Hidden width of a branch's network", Range::between(1, 1024)});
+    visit(&C::branch_steps,
+          FieldInfo{"branch_steps", "", "Steps of Adam that train a branch's network", Range::between(1, 1e7)});
+    visit(&C::branch_batch, FieldInfo{"branch_batch", "", "Snapshots of such a step; all where there are no more",
+                                      Range::between(1, 1e6)});
+    visit(&C::branch_learning_rate,
+          FieldInfo{"branch_learning_rate", "", "First learning rate of them; it falls to 0 as half a cosine",
+                    Range::positive()});
+    visit(&C::branch_noise, FieldInfo{"branch_noise", "",
+                                      "Standard deviation of the noise on their inputs (standardised), which keeps a "
+                                      "network flat beside the states of the training",
+                                      Range::between(0, 10)});
+    visit(&C::samples, FieldInfo{"samples", "", "Sample particles", Range::between(1, 1e6)});
+    visit(&C::sample_rule, FieldInfo{"sample_rule", "", "How the samples are chosen"});
+    visit(&C::sample_low,
+          FieldInfo{"sample_low", "m", "Lower corner of the box of the reference body that samples lie in"});
+    visit(&C::sample_high, FieldInfo{"sample_high", "m", "Upper corner of the samples' box"});
     visit(&C::manifold_pull,
-          FieldInfo{.name = "manifold_pull",
-                    .unit = "",
-                    .meaning = "Share of the way back to the states of the training that a step takes",
-                    .range = Range::between(0, 1)});
-    visit(&C::step_factor, FieldInfo{.name = "step_factor",
-                                     .unit = "",
-                                     .meaning = "Time steps of the model over those of its data, unless told otherwise",
-                                     .range = Range::positive()});
-    visit(&C::cluster, FieldInfo{.name = "cluster",
-                                 .unit = "",
-                                 .meaning = "So many particles that lie together are one integration point",
-                                 .range = Range::between(1, 1000)});
-    visit(&C::cluster_point,
-          FieldInfo{.name = "cluster_point",
-                    .unit = "",
-                    .meaning = "Which particle of a cluster is its integration point: a random one, or "
-                               "the one that matches the training's sums at grid nodes"});
-    visit(&C::quadrature_snapshots, FieldInfo{.name = "quadrature_snapshots",
-                                              .unit = "",
-                                              .meaning = "Training snapshots that matched points are chosen by",
-                                              .range = Range::between(1, 1000)});
-    visit(&C::encoder_particles, FieldInfo{.name = "encoder_particles",
-                                           .unit = "",
-                                           .meaning = "Particles whose positions give the latent of a state, at most",
-                                           .range = Range::between(1, 1e6)});
+          FieldInfo{"manifold_pull", "", "Share of the way back to the states of the training that a step takes",
+                    Range::between(0, 1)});
+    visit(&C::step_factor,
+          FieldInfo{"step_factor", "", "Time steps of the model over those of its data, unless told otherwise",
+                    Range::positive()});
+    visit(&C::cluster, FieldInfo{"cluster", "", "So many particles that lie together are one integration point",
+                                 Range::between(1, 1000)});
+    visit(&C::cluster_point, FieldInfo{"cluster_point", "",
+                                       "Which particle of a cluster is its integration point: a random one, or the one "
+                                       "that matches the training's sums at grid nodes"});
+    visit(&C::quadrature_snapshots,
+          FieldInfo{"quadrature_snapshots", "", "Training snapshots that matched points are chosen by",
+                    Range::between(1, 1000)});
+    visit(&C::encoder_particles,
+          FieldInfo{"encoder_particles", "", "Particles whose positions give the latent of a state, at most",
+                    Range::between(1, 1e6)});
     visit(&C::calibration_runs,
-          FieldInfo{.name = "calibration_runs",
-                    .unit = "",
-                    .meaning = "Training runs that the model rolls out to learn what is usual (0: no verdict on trust)",
-                    .range = Range::between(0, 1000)});
-    visit(&C::storage, FieldInfo{.name = "storage", .unit = "", .meaning = "How the weights file keeps the modes"});
-    visit(&C::memory, FieldInfo{.name = "memory",
-                                .unit = "GB",
-                                .meaning = "Memory for the snapshots of a field; more of them are read in blocks. 0: "
-                                           "half of what is free",
-                                .range = Range::not_negative()});
-    visit(&C::seed, FieldInfo{.name = "seed", .unit = "", .meaning = "Seed of samples, weights and batches"});
-    visit(&C::mlp, FieldInfo{.name = "mlp", .unit = "", .meaning = "The paper's networks and their training"});
+          FieldInfo{"calibration_runs", "",
+                    "Training runs that the model rolls out to learn what is usual (0: no verdict on trust)",
+                    Range::between(0, 1000)});
+    visit(&C::storage, FieldInfo{"storage", "", "How the weights file keeps the modes"});
+    visit(&C::memory,
+          FieldInfo{"memory", "GB",
+                    "Memory for the snapshots of a field; more of them are read in blocks. 0: half of what is free",
+                    Range::not_negative()});
+    visit(&C::seed, FieldInfo{"seed", "", "Seed of samples, weights and batches"});
+    visit(&C::mlp, FieldInfo{"mlp", "", "The paper's networks and their training"});
   }
 };
 
-}  // namespace train
-}  // namespace graupel
+}  // namespace graupel::train

@@ -5,6 +5,7 @@
 #include "core/system/error.h"
 #include "graph/features/feature_row.h"
 #include "graph/topology/gns_graph.h"
+#include "graph/topology/graph_topology.h"
 
 namespace graupel::train {
 
@@ -16,18 +17,13 @@ Part append(std::vector<int32_t>& indices, const std::vector<int32_t>& values) {
   return part;
 }
 
-/// Items 0..keys-1 sorted by key (stable counting sort): begin [n_keys + 1] and the items.
-struct Sorted {
-  std::vector<int32_t> begin, item;
-};
-Sorted sort_by_key(const std::vector<int32_t>& key, int64_t n_keys) {
-  Sorted sorted{std::vector<int32_t>(static_cast<std::size_t>(n_keys) + 1, 0), std::vector<int32_t>(key.size())};
-  for (const int32_t k : key) ++sorted.begin[static_cast<std::size_t>(k) + 1];
-  for (std::size_t k = 1; k < sorted.begin.size(); ++k) sorted.begin[k] += sorted.begin[k - 1];
-  std::vector<int32_t> next(sorted.begin.begin(), sorted.begin.end() - 1);
-  for (std::size_t i = 0; i < key.size(); ++i)
-    sorted.item[static_cast<std::size_t>(next[static_cast<std::size_t>(key[i])]++)] = static_cast<int32_t>(i);
-  return sorted;
+/// Appends items 0, 1, .. by their receivers: where those of each begin, and the items.
+void append_by_receiver(std::vector<int32_t>& indices, const std::vector<int32_t>& receiver, int32_t receivers,
+                        Part& begins, Part& items) {
+  std::vector<int32_t> begin, list;
+  graph::list_by_receiver(receiver, static_cast<std::size_t>(receivers), begin, list);
+  begins = append(indices, begin);
+  items = append(indices, list);
 }
 
 BatchLevel join_level(const std::vector<SceneGraph>& scenes, std::size_t l, std::vector<int32_t>& indices) {
@@ -70,9 +66,7 @@ BatchLevel join_level(const std::vector<SceneGraph>& scenes, std::size_t l, std:
   joined.octant = append(indices, octant);
   joined.parent = append(indices, parent);
   if (!parent.empty()) {
-    const Sorted children = sort_by_key(parent, first_parent);
-    joined.child_begin = append(indices, children.begin);
-    joined.child = append(indices, children.item);
+    append_by_receiver(indices, parent, first_parent, joined.child_begin, joined.child);
   }
   return joined;
 }
@@ -107,12 +101,10 @@ void join_particles(Batch& batch, const std::vector<SceneGraph>& scenes) {
     first_cell += static_cast<int32_t>(h.levels[0].size());
     batch.particle_begin.push_back(batch.particles() + static_cast<int64_t>(h.cell.size()));
   }
-  const Sorted pairs = sort_by_key(cell, first_cell);
   batch.type_row = append(batch.indices, type_row);
   count_held(batch, type_row);
   batch.cell = append(batch.indices, cell);
-  batch.pair_begin = append(batch.indices, pairs.begin);
-  batch.pair = append(batch.indices, pairs.item);
+  append_by_receiver(batch.indices, cell, first_cell, batch.pair_begin, batch.pair);
 
   auto& numbers = batch.numbers;
   batch.features = join_numbers(

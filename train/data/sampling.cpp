@@ -6,7 +6,7 @@
 
 #include "core/scene/material_config.h"
 #include "core/system/error.h"
-#include "graph/networks/gns_network.h"
+#include "graph/networks/graph_network.h"
 #include "graph/topology/gns_graph.h"
 #include "train/data/symmetry.h"
 

@@ -35,26 +35,16 @@ std::vector<int64_t> steps_in(const std::string& folder) {
   return steps;
 }
 
-Json json_of(const CheckpointState& state) {
-  return {{"step", state.step},
-          {"seed", state.seed},
-          {"config_hash", state.config_hash},
-          {"seconds", state.seconds},
-          {"loss_average", state.loss_average},
-          {"best_validation", state.best_validation},
-          {"best_step", state.best_step}};
-}
-
-CheckpointState state_of(const Json& json) {
-  CheckpointState state;
-  json.at("step").get_to(state.step);
-  json.at("seed").get_to(state.seed);
-  json.at("config_hash").get_to(state.config_hash);
-  json.at("seconds").get_to(state.seconds);
-  json.at("loss_average").get_to(state.loss_average);
-  json.at("best_validation").get_to(state.best_validation);
-  json.at("best_step").get_to(state.best_step);
-  return state;
+/// Calls use(key, member) for all that state.json holds of it, in its order.
+template <typename State, typename Use>
+void at_fields(State& state, const Use& use) {
+  use("step", state.step);
+  use("seed", state.seed);
+  use("config_hash", state.config_hash);
+  use("seconds", state.seconds);
+  use("loss_average", state.loss_average);
+  use("best_validation", state.best_validation);
+  use("best_step", state.best_step);
 }
 
 }  // namespace
@@ -63,7 +53,8 @@ void write_checkpoint(const std::string& folder, const Checkpoint& checkpoint) {
   const std::string path = folder + "/" + folder_name(checkpoint.state.step), part = path + ".part";
   remove_path(part);  // left by a kill
   make_folder(part);
-  Json json = json_of(checkpoint.state);
+  Json json;
+  at_fields(checkpoint.state, [&](const char* key, const auto& value) { json[key] = value; });
   for (const auto& [name, weights] : checkpoint.arrays) {
     const std::string file = part + "/" + name + ".safetensors";
     nn::write_safetensors(file, weights);
@@ -78,7 +69,7 @@ Checkpoint read_checkpoint(const std::string& path) {
   Checkpoint checkpoint;
   try {
     const Json json = Json::parse(read_file(path + "/state.json"));
-    checkpoint.state = state_of(json);
+    at_fields(checkpoint.state, [&](const char* key, auto& value) { json.at(key).get_to(value); });
     for (const auto& [name, sum] : json.at("crc32c").items()) {
       const std::string file = path + "/" + name + ".safetensors";
       if (crc32c(read_file(file)) != sum.get<uint32_t>())

@@ -22,9 +22,7 @@ GRAUPEL_HD void store(T* p, const Pack<T, W>& x) {
   *reinterpret_cast<Pack<T, W>*>(p) = x;
 }
 
-GRAUPEL_HD inline int64_t row_of(const RowIndex& row, int64_t r) {
-  return row.index ? row.index[r] : (r >> row.shift) & row.mask;
-}
+GRAUPEL_HD inline int64_t row_of(const RowIndex& row, int64_t r) { return row.index ? row.index[r] : r >> row.shift; }
 template <typename T>
 GRAUPEL_HD T leaky(T x, T slope) {
   return x > T(0) ? x : slope * x;
@@ -33,18 +31,18 @@ GRAUPEL_HD T leaky(T x, T slope) {
 template <typename T, int W>
 struct GatherSumLeaky {
   int64_t packs;  // per row
-  GatherTerm<T> a, b, c;
+  GatherTerm<T> a, b;
   T* out;
   T slope;
   GRAUPEL_HD void operator()(int64_t i) const {
     const int64_t r = i / packs, column = (i - r * packs) * W;
     Pack<T, W> x = load<T, W>(a.table + row_of(a.row, r) * a.stride + column);
-    const Pack<T, W> y = load<T, W>(b.table + row_of(b.row, r) * b.stride + column);
-    for (int k = 0; k < W; ++k) x.v[k] += y.v[k];
-    if (c.table) {
-      const Pack<T, W> z = load<T, W>(c.table + row_of(c.row, r) * c.stride + column);
-      for (int k = 0; k < W; ++k) x.v[k] += z.v[k];
+    if (b.table) {
+      const Pack<T, W> y = load<T, W>(b.table + row_of(b.row, r) * b.stride + column);
+      for (int k = 0; k < W; ++k) x.v[k] += y.v[k];
     }
+    const Pack<T, W> own = load<T, W>(out + i * W);
+    for (int k = 0; k < W; ++k) x.v[k] += own.v[k];
     for (int k = 0; k < W; ++k) x.v[k] = leaky(x.v[k], slope);
     store<T, W>(out + i * W, x);
   }
@@ -76,35 +74,15 @@ struct SegmentSum {
 template <typename T, int W>
 struct GatherRows {
   int64_t packs;
-  const T* source;
-  int64_t stride;
-  RowIndex row;
+  GatherTerm<T> source;
   const T* weight;
-  const T* add;
   T* out;
   GRAUPEL_HD void operator()(int64_t i) const {
     const int64_t r = i / packs, column = (i - r * packs) * W;
-    Pack<T, W> x = load<T, W>(source + row_of(row, r) * stride + column);
+    Pack<T, W> x = load<T, W>(source.table + row_of(source.row, r) * source.stride + column);
     const T w = weight ? weight[r] : T(1);
     for (int k = 0; k < W; ++k) x.v[k] *= w;
-    if (add) {
-      const Pack<T, W> y = load<T, W>(add + i * W);
-      for (int k = 0; k < W; ++k) x.v[k] += y.v[k];
-    }
     store<T, W>(out + i * W, x);
-  }
-};
-
-template <typename T, int W>
-struct LeakyBackward {
-  const T* activated;
-  T* grad;
-  T slope;
-  GRAUPEL_HD void operator()(int64_t i) const {
-    const Pack<T, W> h = load<T, W>(activated + i * W);
-    Pack<T, W> g = load<T, W>(grad + i * W);
-    for (int k = 0; k < W; ++k) g.v[k] = h.v[k] > T(0) ? g.v[k] : slope * g.v[k];
-    store<T, W>(grad + i * W, g);
   }
 };
 
@@ -140,11 +118,11 @@ bool packable(int64_t width, int64_t stride) { return width % 4 == 0 && stride %
 
 template <typename T>
 void gather_sum_leaky(Device device, int64_t rows, int64_t width, const GatherTerm<T>& a, const GatherTerm<T>& b,
-                      const GatherTerm<T>& c, T* out, double slope) {
-  if (packable(width, a.stride) && packable(width, b.stride) && (!c.table || packable(width, c.stride)))
-    parallel_for(device, rows * (width / 4), GatherSumLeaky<T, 4>{width / 4, a, b, c, out, T(slope)}, light);
+                      T* out, double slope) {
+  if (packable(width, a.stride) && (!b.table || packable(width, b.stride)))
+    parallel_for(device, rows * (width / 4), GatherSumLeaky<T, 4>{width / 4, a, b, out, T(slope)}, light);
   else
-    parallel_for(device, rows * width, GatherSumLeaky<T, 1>{width, a, b, c, out, T(slope)}, light);
+    parallel_for(device, rows * width, GatherSumLeaky<T, 1>{width, a, b, out, T(slope)}, light);
 }
 
 template <typename T>
@@ -159,21 +137,11 @@ void segment_sum(Device device, const Segments& segments, int64_t width, const T
 }
 
 template <typename T>
-void gather_rows(Device device, int64_t rows, int64_t width, const T* source, int64_t source_stride,
-                 const RowIndex& row, const T* weight, const T* add, T* out) {
-  if (packable(width, source_stride))
-    parallel_for(device, rows * (width / 4), GatherRows<T, 4>{width / 4, source, source_stride, row, weight, add, out},
-                 light);
+void gather_rows(Device device, int64_t rows, int64_t width, const GatherTerm<T>& source, const T* weight, T* out) {
+  if (packable(width, source.stride))
+    parallel_for(device, rows * (width / 4), GatherRows<T, 4>{width / 4, source, weight, out}, light);
   else
-    parallel_for(device, rows * width, GatherRows<T, 1>{width, source, source_stride, row, weight, add, out}, light);
-}
-
-template <typename T>
-void leaky_backward(Device device, int64_t count, const T* activated, T* grad, double slope) {
-  if (count % 4 == 0)
-    parallel_for(device, count / 4, LeakyBackward<T, 4>{activated, grad, T(slope)}, light);
-  else
-    parallel_for(device, count, LeakyBackward<T, 1>{activated, grad, T(slope)}, light);
+    parallel_for(device, rows * width, GatherRows<T, 1>{width, source, weight, out}, light);
 }
 
 template <typename T>
@@ -183,12 +151,10 @@ void adam_step(Device device, int64_t count, const AdamSettings& settings, const
                   light);
 }
 
-#define GRAUPEL_INSTANTIATE(T)                                                                                     \
-  template void gather_sum_leaky(Device, int64_t, int64_t, const GatherTerm<T>&, const GatherTerm<T>&,             \
-                                 const GatherTerm<T>&, T*, double);                                                \
-  template void segment_sum(Device, const Segments&, int64_t, const T*, int64_t, const T*, T*);                    \
-  template void gather_rows(Device, int64_t, int64_t, const T*, int64_t, const RowIndex&, const T*, const T*, T*); \
-  template void leaky_backward(Device, int64_t, const T*, T*, double);                                             \
+#define GRAUPEL_INSTANTIATE(T)                                                                                      \
+  template void gather_sum_leaky(Device, int64_t, int64_t, const GatherTerm<T>&, const GatherTerm<T>&, T*, double); \
+  template void segment_sum(Device, const Segments&, int64_t, const T*, int64_t, const T*, T*);                     \
+  template void gather_rows(Device, int64_t, int64_t, const GatherTerm<T>&, const T*, T*);                          \
   template void adam_step(Device, int64_t, const AdamSettings&, const T*, const T*, T*, T*, T*, T*, void*);
 GRAUPEL_INSTANTIATE(float)
 GRAUPEL_INSTANTIATE(double)

@@ -9,27 +9,25 @@
 
 namespace graupel::train {
 
-/// Which row of a table belongs to row r: index[r], or (r >> shift) & mask where there is no index.
+/// Which row of a table belongs to row r: index[r], or r >> shift where there is no index.
 struct RowIndex {
   const int32_t* index = nullptr;
   int shift = 0;
-  int64_t mask = -1;
 };
 
-/// One addend of a gathered sum; rows of `table` lie `stride` numbers apart.
+/// Gathered rows; those of `table` lie `stride` numbers apart.
 template <typename T>
 struct GatherTerm {
-  const T* table;
-  int64_t stride;
-  RowIndex row;
+  const T* table = nullptr;
+  int64_t stride = 0;
+  RowIndex row = {};
 };
 
-/// A slope of 0 is ReLU.
-/// out[r] = LeakyReLU(a[row_a(r)] + b[row_b(r)] + c[row_c(r)]), shape [rows, width]. A term may be `out` itself when it
-/// is read row by row (RowIndex{}). Pass c.table = nullptr for two terms.
+/// out[r] = LeakyReLU(a[row_a(r)] + b[row_b(r)] + out[r]), shape [rows, width]; b may be without a table. A slope of 0
+/// is ReLU.
 template <typename T>
 void gather_sum_leaky(Device device, int64_t rows, int64_t width, const GatherTerm<T>& a, const GatherTerm<T>& b,
-                      const GatherTerm<T>& c, T* out, double slope);
+                      T* out, double slope);
 
 /// Rows that are summed: segment s holds item[i] for i in [begin[s], begin[s+1]); `item` null means i itself, `begin`
 /// null means `fixed` rows a segment.
@@ -45,14 +43,9 @@ template <typename T>
 void segment_sum(Device device, const Segments& segments, int64_t width, const T* source, int64_t source_stride,
                  const T* weight, T* out);
 
-/// out[r] = weight[r] * source[row(r)] + add[r], shape [rows, width]; `weight` null means 1, `add` null means 0.
+/// out[r] = weight[r] * source[row(r)], shape [rows, width]; `weight` null means 1.
 template <typename T>
-void gather_rows(Device device, int64_t rows, int64_t width, const T* source, int64_t source_stride,
-                 const RowIndex& row, const T* weight, const T* add, T* out);
-
-/// grad *= LeakyReLU'(.), from the activated values (a slope keeps their sign; ReLU has the slope 0 at 0).
-template <typename T>
-void leaky_backward(Device device, int64_t count, const T* activated, T* grad, double slope);
+void gather_rows(Device device, int64_t rows, int64_t width, const GatherTerm<T>& source, const T* weight, T* out);
 
 /// Adam (Kingma and Ba 2015, algorithm 1) with the gradient scaled to at most `clip` in norm, and the moving average
 /// ema = decay ema + (1 - decay) weights. A gradient that is not finite changes nothing.

@@ -16,10 +16,10 @@
 #include <cmath>
 
 #include "core/system/error.h"
+#include "core/system/stopwatch.h"
 #include "train/networks/loss.h"
 #include "train/networks/mixed_precision_network.h"
 #include "train/networks/torch_engine.h"
-#include "train/parallel/stopwatch.h"
 
 namespace graupel::train {
 

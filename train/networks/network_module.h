@@ -61,7 +61,7 @@ bool torch_has_cuda();
 class NetworkModule {
  public:
   /// Fresh weights from `seed`. Throws ConfigError for Device::cuda where libtorch has no CUDA.
-  /// `checkpoint_layers`: see GnsEngine.
+  /// `checkpoint_layers`: see TorchEngine.
   NetworkModule(const NetworkConfig& config, Device device, uint64_t seed, NumberType number = NumberType::f32,
                 int64_t checkpoint_layers = 0);
   ~NetworkModule();
@@ -77,8 +77,7 @@ class NetworkModule {
   std::vector<float> predict(const Batch& batch, StateArray which) const;
 
   /// Predictions in inference mode with their times, `runs` of them after `warm_ups` more. The batch is uploaded before
-  /// and results stay on the device; a GPU is waited for. See WholeNetwork for FirstLayers::whole; split is
-  /// predict()'s.
+  /// and results stay on the device; a GPU is waited for. FirstLayers::split is predict()'s.
   TimedPrediction time_prediction(const Batch& batch, StateArray which, graph::FirstLayers first_layers,
                                   int64_t warm_ups, int64_t runs) const;
 

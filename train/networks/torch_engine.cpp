@@ -35,17 +35,6 @@ using torch::autograd::variable_list;
 constexpr int64_t corners = 8;
 constexpr double norm_epsilon = 1e-5;
 
-/// sum over the links of each node of weight * row.
-at::Tensor sum_at(const LinkEnd& end, const at::Tensor& rows, const at::Tensor& weight) {
-  const at::Tensor dense = rows.stride(1) == 1 ? rows : rows.contiguous();
-  return end.begin.defined() ? segment_sum(dense, end.begin, end.item, weight)
-                             : segment_sum_fixed(dense, 1 << end.shift, weight);
-}
-/// weight * row of its node, for each link.
-at::Tensor rows_at(const LinkEnd& end, int64_t links, const at::Tensor& nodes, const at::Tensor& weight) {
-  return gather_rows(links, end.row(nodes.stride(1) == 1 ? nodes : nodes.contiguous()), weight, {});
-}
-
 /// Autograd's functions keep the address of the links, which live as long as the pass (LinkCache).
 int64_t address_of(const TorchLinks& links) { return reinterpret_cast<int64_t>(&links); }
 const TorchLinks& kept_links(AutogradContext* ctx) {
@@ -56,13 +45,7 @@ const TorchLinks& kept_links(AutogradContext* ctx) {
 struct GatherActivate : torch::autograd::Function<GatherActivate> {
   static at::Tensor compute(const at::Tensor& own, const at::Tensor& sent, const at::Tensor& received,
                             const TorchLinks& links, double slope) {
-    const Term self{own, {}, 0, -1};
-    if (sent.numel() > 0 && received.numel() > 0)
-      gather_sum_leaky_into(own, links.sender.row(sent), links.receiver.row(received), self, slope);
-    else if (sent.numel() > 0)
-      gather_sum_leaky_into(own, links.sender.row(sent), self, {}, slope);
-    else
-      gather_sum_leaky_into(own, links.receiver.row(received), self, {}, slope);
+    add_ends_and_activate(own, links.sender, sent, links.receiver, received, slope);
     return own;
   }
   static at::Tensor forward(AutogradContext* ctx, at::Tensor own, const at::Tensor& sent, const at::Tensor& received,

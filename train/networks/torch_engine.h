@@ -16,16 +16,6 @@
 
 namespace graupel::train {
 
-/// Rows of nodes at one end of a set of links, and the links of each node.
-struct LinkEnd {
-  Term row(const at::Tensor& table) const { return {table, index, shift, -1}; }
-  bool is_own_row() const { return !index.defined() && shift == 0; }  ///< link l belongs to node l
-
-  at::Tensor index;  ///< [links] node; undefined: l >> shift
-  int shift = 0;
-  at::Tensor begin, item;  ///< of sorted segments; undefined: 1 << shift links a node
-};
-
 /// A set of links on the device.
 struct TorchLinks {
   int64_t count = 0;
@@ -80,20 +70,22 @@ class TorchEngine {
                 const std::function<at::Tensor(const at::Tensor&)>& gradient_of) const;
 
   const at::Tensor& weights() const { return flat_; }
+  /// A weight, a leaf of autograd.
+  const at::Tensor& parameter(const std::string& name) const { return parameters_[index_.at(name)]; }
+  /// An FCN of the plan over rows; autograd follows it where it is on.
+  at::Tensor fcn(const graph::PlanLayer& layer, const at::Tensor& input) const;
 
  private:
   const graph::LayerPlan& plan() const { return layout_.plan(); }
   const graph::PlanLayer& layer_of(const graph::PlanOperation& op) const {
     return plan().layers[static_cast<std::size_t>(op.layer)];
   }
-  const at::Tensor& parameter(const std::string& name) const { return parameters_[index_.at(name)]; }
   /// Inputs of the plan; the others are undefined.
   std::vector<at::Tensor> given(const DeviceBatch& batch) const;
   /// Operations begin .. end; values that none after them reads are let go where there is no gradient.
   void run(LinkCache& links, std::size_t begin, std::size_t end, std::vector<at::Tensor>& values,
            graph::FirstLayers first_layers) const;
   at::Tensor gather(const Context& context) const;
-  at::Tensor fcn(const graph::PlanLayer& layer, const at::Tensor& input) const;
   at::Tensor behind_first(const graph::PlanLayer& layer, at::Tensor hidden) const;
   at::Tensor first_layer_of_links(const graph::PlanLayer& layer, const Context& context, const TorchLinks& links) const;
   /// The first operations of the parts between checkpoints, and the end.

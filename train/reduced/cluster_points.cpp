@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/system/stopwatch.h"
 #include "io/scene/scene_reader.h"
 #include "mpm/grid/grid.h"
-#include "train/parallel/stopwatch.h"
 
 namespace graupel::train {
 

@@ -1,11 +1,11 @@
 #include "train/reduced/error_calibration.h"
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <utility>
 
 #include "core/system/error.h"
+#include "core/system/stopwatch.h"
 #include "io/scene/scene_reader.h"
 #include "io/trajectory/trajectory_file.h"
 #include "mpm/simulation.h"
@@ -47,7 +47,7 @@ std::vector<rom::ErrorIndicator> roll_out(const rom::ReducedModel& model, const 
 }  // namespace
 
 void calibrate_trust(rom::ReducedModel& model, const CalibrationOptions& options, CalibrationReport& report) {
-  const auto begin = std::chrono::steady_clock::now();
+  const Stopwatch watch;
   const io::TrajectoryReader reader(options.file);
   const int count = std::min(options.runs, reader.count());
   std::vector<std::vector<rom::ErrorIndicator>> runs;
@@ -57,7 +57,7 @@ void calibrate_trust(rom::ReducedModel& model, const CalibrationOptions& options
   }
   model.usual = rom::usual_levels(runs);
   model.usual_error = report.errors.empty() ? 0 : *std::max_element(report.errors.begin(), report.errors.end());
-  report.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+  report.seconds = watch.seconds();
 }
 
 }  // namespace graupel::train

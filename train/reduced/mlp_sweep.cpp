@@ -9,7 +9,6 @@
 
 #include "core/system/error.h"
 #include "train/reduced/mlp/standardize.h"
-#include "train/reduced/mlp/trained_layers.h"
 
 namespace graupel::train {
 
@@ -17,20 +16,6 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 
 namespace {
-
-rom::ConvEncoder encoder_of(const MlpStage& stage, const nn::Weights& weights, rom::Standardization position) {
-  using rom::ConvEncoder;
-  const std::vector<int64_t> lengths = ConvEncoder::lengths(stage.shape.encoder_particles);
-  constexpr int channels = ConvEncoder::channels, kernel = ConvEncoder::kernel, hidden = ConvEncoder::hidden;
-  std::vector<rom::MlpLayer> convolutions;
-  for (std::size_t l = 0; l + 1 < lengths.size(); ++l)
-    convolutions.push_back(layer_of(weights, "encoder.conv" + std::to_string(l), channels, channels * kernel,
-                                    {channels, channels, kernel}));
-  const int flat = channels * static_cast<int>(lengths.back()), r = stage.shape.latents;
-  return {stage.shape.encoder_particles, std::move(convolutions),
-          layer_of(weights, "encoder.hidden", hidden, flat, {hidden, flat}),
-          layer_of(weights, "encoder.latent", r, hidden, {r, hidden}), std::move(position)};
-}
 
 /// [snapshots, particles, 3] to [snapshots, 3, particles].
 std::vector<float> by_channel(const std::vector<float>& values, std::size_t particles) {
@@ -43,7 +28,7 @@ std::vector<float> by_channel(const std::vector<float>& values, std::size_t part
 }  // namespace
 
 rom::Mlp MlpStage::network(const nn::Weights& weights) const {
-  return {layers_of(weights, shape), input, inverse_scale(output)};
+  return {rom::Mlp::load_layers(weights, "", shape.inputs(), shape.width, shape.outputs), input, inverse_scale(output)};
 }
 
 MlpSweep::MlpSweep(const std::string& data, const NsfConfig& config, std::function<void(const std::string&)> message)
@@ -160,7 +145,7 @@ std::optional<rom::ConvEncoder> MlpSweep::take_encoder(const MlpStage& stage, co
     const std::vector<double> q = stage.module->encode({i});
     for (std::size_t j = 0; j < q.size(); ++j) latents_(i, static_cast<Index>(j)) = q[j];
   }
-  return encoder_of(stage, weights, position_);
+  return rom::ConvEncoder::load(weights, "encoder", stage.shape.encoder_particles, stage.shape.latents, position_);
 }
 
 /// Root of the mean square of every latent.

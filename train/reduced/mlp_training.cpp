@@ -8,12 +8,12 @@
 
 #include "core/system/error.h"
 #include "core/system/human_time.h"
+#include "core/system/stopwatch.h"
 #include "io/config/config_description.h"
 #include "rom/fields/mlp_fields.h"
 #include "train/loop/checkpoint.h"
 #include "train/loop/metrics_log.h"
 #include "train/loop/run_folder.h"
-#include "train/parallel/stopwatch.h"
 #include "train/reduced/mlp/mlp_batches.h"
 #include "train/reduced/mlp_sweep.h"
 

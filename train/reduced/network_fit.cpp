@@ -13,12 +13,11 @@
 #include "core/math/random.h"
 #include "core/parallel/device.h"
 #include "core/system/error.h"
+#include "core/system/stopwatch.h"
 #include "train/parallel/blas_threads.h"
-#include "train/parallel/stopwatch.h"
 #include "train/parallel/worker_threads.h"
 #include "train/reduced/mlp/mlp_batches.h"
 #include "train/reduced/mlp/mlp_module.h"
-#include "train/reduced/mlp/trained_layers.h"
 #include "train/reduced/run_folds.h"
 
 namespace graupel::train {
@@ -77,7 +76,9 @@ MatrixXd linear_part(const Regression& data) {
 rom::MlpMap map_of(const Regression& data, const MlpShape& shape, const nn::Weights& weights,
                    std::vector<double> output_scale, const MatrixXd& linear) {
   rom::Standardization output{std::vector<double>(output_scale.size(), 0.0), std::move(output_scale)};
-  return {rom::Mlp(layers_of(weights, shape), data.input, std::move(output)), row_major(linear)};
+  return {rom::Mlp(rom::Mlp::load_layers(weights, "", shape.inputs(), shape.width, shape.outputs), data.input,
+                   std::move(output)),
+          row_major(linear)};
 }
 
 /// The states of a batch beside where they are, each by normal noise of its own.

@@ -6,8 +6,8 @@
 #include <numeric>
 
 #include "core/system/error.h"
+#include "core/system/stopwatch.h"
 #include "rom/fields/factored_fields.h"
-#include "train/parallel/stopwatch.h"
 #include "train/reduced/error_calibration.h"
 #include "train/reduced/map_fit.h"
 #include "train/reduced/network_fit.h"

@@ -1,8 +1,9 @@
 #include "train/reduced/snapshot_blocks.h"
 
 #include <algorithm>
-#include <chrono>
 #include <cstring>
+
+#include "core/system/stopwatch.h"
 
 namespace graupel::train {
 
@@ -28,7 +29,7 @@ SnapshotMatrix FieldBlocks::load(int block) {
   const auto width = static_cast<std::size_t>(components_), row = count * width;
   const auto as_matrix = [&] { return SnapshotMatrix(values_.data(), snapshots(), static_cast<Eigen::Index>(row)); };
   if (block == loaded_) return as_matrix();
-  const auto begin = std::chrono::steady_clock::now();
+  const Stopwatch watch;
   loaded_ = -1;
   values_.assign(static_cast<std::size_t>(snapshots()) * row, 0);
   const auto copy = [&](int64_t snapshot, const float* from) {
@@ -48,7 +49,7 @@ SnapshotMatrix FieldBlocks::load(int block) {
   else
     set_.visit(field_, copy);
   loaded_ = block;
-  seconds_ += std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+  seconds_ += watch.seconds();
   return as_matrix();
 }
 

@@ -1,8 +1,10 @@
-#include "validation/cases/dam_break.h"
-
+// The collapse of a column of water of width a = 0.05715 m and height 2a (Martin and Moyce 1952): front Z = x/a over
+// T = t sqrt(2 g / a), height H at the wall over t sqrt(g / a). Water without viscosity runs 5-15 % ahead of the
+// experiment, whose gate and floor delay it; its front cannot be faster than dZ/dT = 2 (Ritter 1892).
 #include <algorithm>
 #include <cmath>
 
+#include "validation/case_list.h"
 #include "validation/setup.h"
 
 namespace graupel::validation {
@@ -97,12 +99,12 @@ Outcome dam_break(const RunOptions& options) {
   for (std::size_t i = 0; i < front_data.x.size(); ++i)
     ahead = std::max(ahead, interpolated(front.x, front.y, front_data.x[i]) / front_data.y[i] - 1);
   Outcome outcome;
-  outcome.checks.push_back(relative("speed of the front dZ/dT, T 1.5 to 3.3", slope_between(front, 1.5, 3.3).slope,
-                                    slope_between(front_data, 1.5, 3.3).slope, 0.15));
-  outcome.checks.push_back(at_most("front ahead of the experiment, largest share", ahead, 0.15));
-  outcome.checks.push_back(at_most("fastest dZ/dT (Ritter)", fastest, 2));
-  outcome.checks.push_back(at_most("height at the wall, largest error [2a]", worst_height, 0.06));
-  outcome.checks.push_back(at_most("change of volume, largest share", loss, 0.02));
+  outcome.add(relative("speed of the front dZ/dT, T 1.5 to 3.3", slope_between(front, 1.5, 3.3).slope,
+                       slope_between(front_data, 1.5, 3.3).slope, 0.15));
+  outcome.add(at_most("front ahead of the experiment, largest share", ahead, 0.15));
+  outcome.add(at_most("fastest dZ/dT (Ritter)", fastest, 2));
+  outcome.add(at_most("height at the wall, largest error [2a]", worst_height, 0.06));
+  outcome.add(at_most("change of volume, largest share", loss, 0.02));
   outcome.figures.push_back({"Dam break: front", "T = t sqrt(2g/a)", "Z = x/a", {front, front_data, figure_data}});
   outcome.figures.push_back({"Dam break: height", "t sqrt(g/a)", "H = height/2a", {height, height_data}});
   return outcome;

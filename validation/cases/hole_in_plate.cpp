@@ -1,8 +1,9 @@
-#include "validation/cases/hole_in_plate.h"
-
+// A wide plate with a hole of radius R = 0.2 W, half its width W, in tension: the stress at the hole's edge is 3.14
+// times that far from it (Heywood 1952: (2 + (1 - 2R/2W)^3) / (1 - 2R/2W); cb-geo's benchmark gets 3.13).
 #include <algorithm>
 #include <cmath>
 
+#include "validation/case_list.h"
 #include "validation/setup.h"
 
 namespace graupel::validation {
@@ -82,8 +83,7 @@ Outcome hole_in_plate(const RunOptions& options) {
     y.push_back(sum / n);
   }
   Outcome outcome;
-  outcome.checks.push_back(
-      relative("stress at the hole over that far away", parabola_at_one(s, y), 3.14, options.pick(0.10, 0.05)));
+  outcome.add(relative("stress at the hole over that far away", parabola_at_one(s, y), 3.14, options.pick(0.10, 0.05)));
   outcome.figures.push_back(
       {"Hole in a plate", "distance from the centre [R]", "stress over that far away", {profile, kirsch}});
   return outcome;

@@ -1,7 +1,8 @@
-#include "validation/cases/rotating_square.h"
-
+// A rotating and flying elastic square (matter's EnergyTest): side 1 m, omega 1/s, v_cm (0.5, 0.5) m/s, E 1 MPa,
+// nu 0.3, 1550 kg/m^3, 20 s. The motion is rigid: transfers that lose energy or angular momentum show here.
 #include <algorithm>
 
+#include "validation/case_list.h"
 #include "validation/setup.h"
 
 namespace graupel::validation {
@@ -28,10 +29,9 @@ Outcome rotating_square(const RunOptions& options) {
   });
   const mpm::Diagnostics last = solver->diagnostics();
   Outcome outcome;
-  outcome.checks.push_back(at_most("largest relative loss of kinetic energy", largest, 1e-3));
-  outcome.checks.push_back(at_least("smallest relative loss (a gain is negative)", smallest, -1e-12));
-  outcome.checks.push_back(
-      relative("angular momentum [kg m^2/s]", last.angular_momentum[2], first.angular_momentum[2], 1e-10));
+  outcome.add(at_most("largest relative loss of kinetic energy", largest, 1e-3));
+  outcome.add(at_least("smallest relative loss (a gain is negative)", smallest, -1e-12));
+  outcome.add(relative("angular momentum [kg m^2/s]", last.angular_momentum[2], first.angular_momentum[2], 1e-10));
   outcome.figures.push_back({"Rotating square", "time [s]", "relative loss of kinetic energy", {loss}});
   return outcome;
 }

@@ -1,10 +1,12 @@
-#include "validation/cases/self_weight_column.h"
-
+// A column under its own weight, sigma_yy = -rho g (H - y), settled by rho g H^2 / (2 M) at its top (cb-geo's
+// benchmark: H 0.1 m, 1800 kg/m^3, g 9.81 m/s^2, 1765.8 Pa at the base; its own code is 4.8, 2.3 and 1.1 % off at
+// dx 0.01, 0.005 and 0.0025 m). Damped by pic transfers, compared at every particle.
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <cmath>
 
+#include "validation/case_list.h"
 #include "validation/setup.h"
 
 namespace graupel::validation {
@@ -72,11 +74,11 @@ Outcome self_weight_column(const RunOptions& options) {
   for (const auto& [dx, tolerance] : cases) {
     const Settled settled = settle(dx, options);
     const std::string name = fmt::format(", dx {:g} m", dx);
-    outcome.checks.push_back(
+    outcome.add(
         at_most("rms error of the stress above the first cell, of rho g H" + name, settled.mean_error, tolerance));
-    outcome.checks.push_back(at_most("largest error in the first cell, of rho g H" + name, settled.floor_error, 0.2));
-    outcome.checks.push_back(absolute("relative error at the lowest particle" + name, settled.base_error, 0, 0.048));
-    outcome.checks.push_back(relative("settlement of the top [m]" + name, settled.settlement, sunk, tolerance));
+    outcome.add(at_most("largest error in the first cell, of rho g H" + name, settled.floor_error, 0.2));
+    outcome.add(absolute("relative error at the lowest particle" + name, settled.base_error, 0, 0.048));
+    outcome.add(relative("settlement of the top [m]" + name, settled.settlement, sunk, tolerance));
     figure.curves.push_back(settled.stress);
   }
   figure.curves.push_back({"rho g (H - y)", {0, height}, {density * gravity * height, 0}, CurveRole::reference});

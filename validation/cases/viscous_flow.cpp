@@ -1,8 +1,10 @@
-#include "validation/cases/viscous_flow.h"
-
+// Viscous flows with known profiles: the decay of a shear wave, exp(-nu k^2 t); a Newtonian film on an incline,
+// u = (rho g_x / mu)(H y - y^2 / 2); and a Bingham film, whose upper part of thickness tau_0 / (rho g_x) moves as a
+// plug at rho g_x (H - h_plug)^2 / (2 mu_B).
 #include <algorithm>
 #include <cmath>
 
+#include "validation/case_list.h"
 #include "validation/setup.h"
 
 namespace graupel::validation {
@@ -53,9 +55,9 @@ Outcome check_film(const Scene& scene, const std::function<double(double)>& theo
     error += std::pow((measured.y[i] - reference.y[i]) / surface, 2);
   }
   Outcome outcome;
-  outcome.checks.push_back(relative("speed of the surface [m/s]", measured.y.back(), surface, tolerance));
-  outcome.checks.push_back(at_most("rms error of the profile, of the surface's speed",
-                                   std::sqrt(error / static_cast<double>(measured.x.size())), tolerance));
+  outcome.add(relative("speed of the surface [m/s]", measured.y.back(), surface, tolerance));
+  outcome.add(at_most("rms error of the profile, of the surface's speed",
+                      std::sqrt(error / static_cast<double>(measured.x.size())), tolerance));
   outcome.figures.push_back({title, "height [m]", "speed [m/s]", {measured, reference}});
   return outcome;
 }
@@ -88,8 +90,7 @@ Outcome shear_wave(const RunOptions& options) {
     theory.y.push_back(std::exp(-rate * solver->time()));
   });
   Outcome outcome;
-  outcome.checks.push_back(
-      relative("rate of decay [1/s]", -fit_line(amplitude.x, logarithm).slope, rate, options.pick(0.05, 0.02)));
+  outcome.add(relative("rate of decay [1/s]", -fit_line(amplitude.x, logarithm).slope, rate, options.pick(0.05, 0.02)));
   outcome.figures.push_back({"Shear wave", "time [s]", "amplitude", {amplitude, theory}});
   return outcome;
 }

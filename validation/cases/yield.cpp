@@ -1,9 +1,10 @@
-#include "validation/cases/yield.h"
-
+// Yield of metal and snow in runs of the solver: a bar pulled beyond sigma_Y, with the slope E K / (E + K) of linear
+// hardening; a layer sheared beyond sigma_Y / sqrt(3); snow pressed and stretched beyond its elastic range.
 #include <algorithm>
 #include <cmath>
 
 #include "mpm/materials/material.h"
+#include "validation/case_list.h"
 #include "validation/setup.h"
 
 namespace graupel::validation {
@@ -55,9 +56,9 @@ struct Pull {
       }
     const Line plastic = fit_line(e, s);
     Outcome result;
-    result.checks.push_back(relative("yield stress in " + kind + " [Pa]",
-                                     plastic.offset * modulus / (modulus - plastic.slope), strength, 0.01));
-    result.checks.push_back(relative("slope of the hardening in " + kind + " [Pa]", plastic.slope, tangent, 0.03));
+    result.add(relative("yield stress in " + kind + " [Pa]", plastic.offset * modulus / (modulus - plastic.slope),
+                        strength, 0.01));
+    result.add(relative("slope of the hardening in " + kind + " [Pa]", plastic.slope, tangent, 0.03));
     result.figures.push_back({title, "strain", "stress [Pa]", {measured, theory}});
     return result;
   }
@@ -137,14 +138,14 @@ Outcome snow_range(const RunOptions&) {
     const MaterialConfig config = preset(name);
     const auto m = mpm::material_parameters<double>(config);
     const std::string of = std::string(", ") + name;
-    outcome.checks.push_back(absolute("largest elastic stretch" + of, elastic_limit(m, 1), stretch, 1e-5));
-    outcome.checks.push_back(absolute("largest elastic compression" + of, elastic_limit(m, -1), -2.5e-2, 1e-5));
+    outcome.add(absolute("largest elastic stretch" + of, elastic_limit(m, 1), stretch, 1e-5));
+    outcome.add(absolute("largest elastic compression" + of, elastic_limit(m, -1), -2.5e-2, 1e-5));
     // Pressed to a plastic volume ratio of 0.9, then by the same small elastic strain as fresh snow.
     double fresh = 1, packed = 0.9;
     Mat3d F = Mat3d::diagonal({0.999, 1, 1}), F_packed = F;
     const double soft = mpm::update_material(m, 1.0, Mat3d::zero(), F, fresh)(0, 0);
     const double hard = mpm::update_material(m, 1.0, Mat3d::zero(), F_packed, packed)(0, 0);
-    outcome.checks.push_back(relative("stiffness at J_p = 0.9 over that at 1" + of, hard / soft, std::exp(1.0), 1e-9));
+    outcome.add(relative("stiffness at J_p = 0.9 over that at 1" + of, hard / soft, std::exp(1.0), 1e-9));
   }
   return outcome;
 }

@@ -2,8 +2,8 @@
 
 #include "graph/cpu/aggregation/cell_aggregation.h"
 #include "graph/cpu/aggregation/particle_aggregation.h"
-#include "graph/cpu/hgn_engine.h"
-#include "graph/cpu/workspace_pool.h"
+#include "graph/cpu/grid_engine.h"
+#include "graph/cpu/layer_weights.h"
 #include "graph/plan/plan_walk.h"
 
 namespace graupel::graph {
@@ -11,35 +11,30 @@ namespace graupel::graph {
 namespace {
 
 /// Each step also projects its results for the step that gathers them (epilogue projection): W_s f_s and W_r f_r.
-class ActivationEngine : public HgnEngine {
+class ActivationEngine : public GridEngine<AggregationWorkspace> {
  public:
-  ActivationEngine(const nn::Weights& weights, const HgnConfig& config)
-      : features_(static_cast<int>(config.input_width())),
-        latent_(static_cast<int>(config.latent)),
-        plan_(plan_of(config)),
-        particles_(weights, config) {
-    for (const PlanBlock& block : plan_.blocks) {
+  ActivationEngine(const LayerPlan& plan, const nn::Weights& weights, double spacing)
+      : GridEngine(plan, spacing), particles_(weights, plan) {
+    for (const PlanBlock& block : plan.blocks) {
       if (block.links.kind == LinkKind::cell_neighbors)
-        for (int64_t k = 0; k < block.iterations; ++k)
-          iterations_[block.number].emplace_back(weights, config, block.name + "." + std::to_string(k));
-      if (block.links.kind == LinkKind::to_parent) restrict_.emplace_back(weights, config, block.level());
-      if (block.links.kind == LinkKind::from_parent)
-        prolong_.emplace(block.level(), Prolong(weights, config, block.level()));
+        for (std::size_t k = 0; k < static_cast<std::size_t>(block.iterations); ++k)
+          iterations_[block.number].emplace_back(weights, plan, block, k);
+      if (block.links.kind == LinkKind::to_parent) restrict_.emplace_back(weights, plan, block);
+      if (block.links.kind == LinkKind::from_parent) prolong_.emplace(block.level(), Prolong(weights, plan, block));
     }
   }
 
-  void evaluate(const std::vector<float>& features, const std::vector<int32_t>& particle_type,
-                const sparsegrid::Hierarchy<3>& hierarchy, std::vector<float>& acceleration) const override {
-    auto workspace = workspaces_.take();
-    workspace->topology.build(hierarchy);
-    workspace->prepare(hierarchy, latent_, features_);
-    particles_.encode(features, particle_type, hierarchy, *workspace);
-    Pass pass{*this, hierarchy, *workspace, acceleration};
-    run_blocks(plan_, pass);
-    workspaces_.give_back(std::move(workspace));
+ private:
+  void run(const std::vector<float>& features, const std::vector<int32_t>& particle_type,
+           const sparsegrid::Hierarchy<3>& hierarchy, AggregationWorkspace& workspace,
+           std::vector<float>& acceleration) const override {
+    workspace.topology.build_order(hierarchy);
+    workspace.prepare(hierarchy, static_cast<int>(plan().layers.front().outputs), inputs_of(plan()));
+    particles_.encode(features, particle_type, hierarchy, workspace);
+    Pass pass{*this, hierarchy, workspace, acceleration};
+    run_blocks(plan(), pass);
   }
 
- private:
   struct Pass {
     void particle_to_grid(const PlanBlock& block) {
       engine.particles_.particle_to_grid(hierarchy, engine.gathered_after(block), workspace);
@@ -67,7 +62,7 @@ class ActivationEngine : public HgnEngine {
 
   /// First layer of the block behind `block`.
   const nn::Linear& gathered_after(const PlanBlock& block) const {
-    const PlanBlock& next = plan_.blocks[block.number + 1];
+    const PlanBlock& next = plan().blocks[block.number + 1];
     switch (next.links.kind) {
       case LinkKind::cell_neighbors:
         return iterations_.at(next.number).front().gathered();
@@ -80,19 +75,16 @@ class ActivationEngine : public HgnEngine {
     }
   }
 
-  int features_, latent_;
-  LayerPlan plan_;
   ParticleAggregation particles_;
   std::map<std::size_t, std::vector<CellAggregation>> iterations_;  ///< by the block's number
   std::vector<RestrictAggregation> restrict_;                       ///< by the finer level
   std::map<std::size_t, Prolong> prolong_;                          ///< by the finer level
-  mutable WorkspacePool<AggregationWorkspace> workspaces_;
 };
 
 }  // namespace
 
-std::unique_ptr<HgnEngine> make_activation_engine(const nn::Weights& weights, const HgnConfig& config) {
-  return std::make_unique<ActivationEngine>(weights, config);
+std::unique_ptr<CpuEngine> make_activation_engine(const LayerPlan& plan, const nn::Weights& weights, double spacing) {
+  return std::make_unique<ActivationEngine>(plan, weights, spacing);
 }
 
 }  // namespace graupel::graph

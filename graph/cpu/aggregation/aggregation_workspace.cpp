@@ -14,7 +14,7 @@ void AggregationWorkspace::prepare(const sparsegrid::Hierarchy<3>& hierarchy, in
   const std::size_t particles = hierarchy.cell.size();
   particle.resize_discard(particles * w);
   particle_part.resize(particles, width);
-  weight.resize_discard(particles * AggregationTopology::corners);
+  weight.resize_discard(particles * 8);
   std::size_t cells = 0;
   cell.resize(hierarchy.levels.size());
   for (std::size_t l = 0; l < hierarchy.levels.size(); ++l) {

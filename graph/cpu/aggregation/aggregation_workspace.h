@@ -4,8 +4,8 @@
 #include <utility>
 #include <vector>
 
-#include "graph/cpu/aggregation/aggregation_topology.h"
 #include "graph/cpu/aggregation/receiver_network.h"
+#include "graph/topology/graph_topology.h"
 #include "graph/topology/tiles.h"
 #include "nn/row_kernels.h"
 
@@ -31,7 +31,7 @@ class GatheredRows {
 };
 
 struct AggregationWorkspace {
-  AggregationTopology topology;
+  GraphTopology topology;
   Buffer<float> particle;            ///< [n][H] latents of particles, in sorted order
   GatheredRows particle_part;        ///< [n][H] what particle_to_grid gathers of them
   Buffer<float> weight;              ///< [n][8] of the pairs, in sorted order

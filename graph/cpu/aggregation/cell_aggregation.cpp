@@ -1,5 +1,6 @@
 #include "graph/cpu/aggregation/cell_aggregation.h"
 
+#include "graph/cpu/layer_weights.h"
 #include "graph/topology/offset_tables.h"
 #include "nn/activated_sums.h"
 
@@ -14,14 +15,15 @@ float* row_of(Buffer<float>& buffer, int64_t row, int width) { return buffer.dat
 
 }  // namespace
 
-CellAggregation::CellAggregation(const nn::Weights& weights, const HgnConfig& config, const std::string& name)
-    : width_(nn::padded_width(static_cast<int>(config.latent))) {
-  const int h = static_cast<int>(config.latent);
-  const FcnWeights layer = FcnWeights::load_layer(weights, name + ".gather", 2 * h + 3, h);
+CellAggregation::CellAggregation(const nn::Weights& weights, const LayerPlan& plan, const PlanBlock& block,
+                                 std::size_t k)
+    : width_(width_of(plan)) {
+  const std::vector<PlanLayer> layers = plan.layers_of(block);
+  const FcnWeights layer = load(weights, layers[2 * k]);
+  const int h = layer.out;
   gathered_ = nn::StackedLinear(h, {{&layer, 0, Bias::without}, {&layer, h, Bias::with}});
   direction_ = nn::InputTable(layer, 2 * h, slot_directions());
-  network_ =
-      ReceiverNetwork(FcnWeights::load(weights, name + ".cell", 2 * h, h, h), ReceiverNetwork::Inputs::sum_and_latent);
+  network_ = ReceiverNetwork(load(weights, layers[2 * k + 1]), ReceiverNetwork::Inputs::sum_and_latent);
 }
 
 void CellAggregation::apply(const sparsegrid::Hierarchy<3>& hierarchy, std::size_t level, const nn::Linear& next,
@@ -54,20 +56,21 @@ void CellAggregation::gather(const std::array<int32_t, 6>& neighbor, const Word*
   nn::sum_activated(width_, count, edges, receiver, sum);
 }
 
-RestrictAggregation::RestrictAggregation(const nn::Weights& weights, const HgnConfig& config, std::size_t level)
-    : level_(level), width_(nn::padded_width(static_cast<int>(config.latent))) {
-  const int h = static_cast<int>(config.latent);
-  const std::string name = "restrict." + std::to_string(level);
-  const FcnWeights layer = FcnWeights::load_layer(weights, name + ".gather", h + 3, h);
+RestrictAggregation::RestrictAggregation(const nn::Weights& weights, const LayerPlan& plan, const PlanBlock& block)
+    : level_(block.level()), width_(width_of(plan)) {
+  const std::vector<PlanLayer> layers = plan.layers_of(block);
+  const FcnWeights layer = load(weights, layers[0]);
+  const int h = layer.out;
   gathered_ = layer.first_layer_part(0, h, Bias::with);
   octant_ = nn::InputTable(layer, h, octant_offsets(-1));
-  network_ = ReceiverNetwork(FcnWeights::load(weights, name, h, h, h), ReceiverNetwork::Inputs::sum);
+  network_ = ReceiverNetwork(load(weights, layers[1]), ReceiverNetwork::Inputs::sum);
 }
 
 void RestrictAggregation::apply(const sparsegrid::Hierarchy<3>& hierarchy, const nn::Linear& next,
                                 AggregationWorkspace& workspace) const {
   const auto cells = static_cast<int64_t>(hierarchy.levels[level_ + 1].size());
-  const auto& children = workspace.topology.children[level_ + 1];
+  const HostLinks& links = workspace.topology.levels[level_];
+  const auto& octant = hierarchy.levels[level_].octant;
   Buffer<float>& latent = workspace.cell[level_ + 1];
   for_each_range(workspace, cells, sum_rows(cells), [&](int32_t begin, int32_t end, TileScratch& scratch) {
     with_rows(workspace, [&](auto word) {
@@ -75,11 +78,13 @@ void RestrictAggregation::apply(const sparsegrid::Hierarchy<3>& hierarchy, const
       for (int32_t c = begin; c < end; ++c) {
         float* const sum = network_.sum(scratch, c - begin);
         nn::clear_row(sum, width_);
-        nn::ActivatedRow<Word> rows[AggregationTopology::corners];
+        nn::ActivatedRow<Word> rows[8];
         int count = 0;
-        for (int octant = 0; octant < AggregationTopology::corners; ++octant) {
-          const int32_t child = children[static_cast<std::size_t>(c)][static_cast<std::size_t>(octant)];
-          if (child >= 0) rows[count++] = {workspace.now.row<Word>(child, width_), octant_.row(octant), 1.0f};
+        const auto parent = static_cast<std::size_t>(c);
+        for (int32_t i = links.child_begin[parent]; i < links.child_begin[parent + 1]; ++i) {
+          const int32_t child = links.child[static_cast<std::size_t>(i)];
+          rows[count++] = {workspace.now.row<Word>(child, width_), octant_.row(octant[static_cast<std::size_t>(child)]),
+                           1.0f};
         }
         nn::add_activated(width_, count, rows, sum);
       }
@@ -89,10 +94,10 @@ void RestrictAggregation::apply(const sparsegrid::Hierarchy<3>& hierarchy, const
   workspace.advance();
 }
 
-Prolong::Prolong(const nn::Weights& weights, const HgnConfig& config, std::size_t level)
-    : level_(level), width_(nn::padded_width(static_cast<int>(config.latent))) {
-  const int h = static_cast<int>(config.latent);
-  const FcnWeights fcn = FcnWeights::load(weights, "prolong." + std::to_string(level), 2 * h + 3, h, h);
+Prolong::Prolong(const nn::Weights& weights, const LayerPlan& plan, const PlanBlock& block)
+    : level_(block.level()), width_(width_of(plan)) {
+  const FcnWeights fcn = load(weights, plan.layers_of(block).front());
+  const int h = fcn.out;
   gathered_ = fcn.first_layer_part(0, h, Bias::with);
   fine_part_ = fcn.first_layer_part(h, h, Bias::without);
   octant_ = nn::InputTable(fcn, 2 * h, octant_offsets(1));

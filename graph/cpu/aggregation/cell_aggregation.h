@@ -7,19 +7,17 @@
 // what the `next` one wants.
 #pragma once
 
-#include <string>
-
-#include "graph/config/hgn_config.h"
 #include "graph/cpu/aggregation/aggregation_workspace.h"
 #include "graph/cpu/aggregation/receiver_network.h"
+#include "graph/plan/layer_plan.h"
 
 namespace graupel::graph {
 
 /// One iteration of a block.
 class CellAggregation {
  public:
-  /// `name` is the prefix of its weights: "down.<l>.<k>" or "up.<l>.<k>".
-  CellAggregation(const nn::Weights& weights, const HgnConfig& config, const std::string& name);
+  /// Iteration k.
+  CellAggregation(const nn::Weights& weights, const LayerPlan& plan, const PlanBlock& block, std::size_t k);
 
   /// What it gathers, [2 H]: sender part, receiver part.
   const nn::Linear& gathered() const { return gathered_.linear(); }
@@ -40,7 +38,7 @@ class CellAggregation {
 /// From a level to the next coarser one.
 class RestrictAggregation {
  public:
-  RestrictAggregation(const nn::Weights& weights, const HgnConfig& config, std::size_t level);
+  RestrictAggregation(const nn::Weights& weights, const LayerPlan& plan, const PlanBlock& block);
 
   /// What it gathers of fine cells, [H].
   const nn::Linear& gathered() const { return gathered_; }
@@ -57,7 +55,7 @@ class RestrictAggregation {
 /// From a level to the next finer one.
 class Prolong {
  public:
-  Prolong(const nn::Weights& weights, const HgnConfig& config, std::size_t level);
+  Prolong(const nn::Weights& weights, const LayerPlan& plan, const PlanBlock& block);
 
   /// What it gathers of coarse cells, [H].
   const nn::Linear& gathered() const { return gathered_; }

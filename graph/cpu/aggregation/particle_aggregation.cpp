@@ -4,6 +4,7 @@
 // cell that lies `k` lower.
 #include "graph/cpu/aggregation/particle_aggregation.h"
 
+#include "graph/cpu/layer_weights.h"
 #include "graph/topology/offset_tables.h"
 #include "nn/activated_sums.h"
 #include "nn/matrix_extension_mlp.h"
@@ -14,27 +15,28 @@ using nn::FcnWeights;
 using Bias = FcnWeights::Bias;
 
 namespace {
-constexpr int corners = AggregationTopology::corners;
+constexpr int corners = 8;
 }
 
-ParticleAggregation::ParticleAggregation(const nn::Weights& weights, const HgnConfig& config)
-    : width_(nn::padded_width(static_cast<int>(config.latent))),
-      p2g_scale_(static_cast<float>(config.p2g_scale)),
-      encoder_(weights, "encoder", config, {.latent = static_cast<int>(config.latent)}),
-      decoder_(weights, config, {.latent = static_cast<int>(config.latent)}) {
-  const int h = static_cast<int>(config.latent);
-  const FcnWeights p2g = FcnWeights::load_layer(weights, "particle_to_grid.gather", h + 3, h);
+ParticleAggregation::ParticleAggregation(const nn::Weights& weights, const LayerPlan& plan)
+    : width_(width_of(plan)),
+      p2g_scale_(static_cast<float>(plan.scale_of(plan.blocks.front()))),
+      encoder_(weights, plan),
+      decoder_(weights, plan) {
+  const std::vector<PlanLayer> to_cells = plan.layers_of(plan.blocks.front());
+  const std::vector<PlanLayer> to_particles = plan.layers_of(plan.blocks.back());
+  const FcnWeights p2g = load(weights, to_cells[0]);
+  const int h = p2g.out;
   p2g_part_ = p2g.first_layer_part(0, h, Bias::with);
   p2g_corner_ = nn::InputTable(p2g, h, corner_offsets(1));
   p2g_axis_ = nn::InputTable(p2g, h, axis_offsets(-1));
-  cell_network_ = ReceiverNetwork(FcnWeights::load(weights, "particle_to_grid", h, h, h), ReceiverNetwork::Inputs::sum);
-  const FcnWeights g2p = FcnWeights::load_layer(weights, "grid_to_particle.gather", 2 * h + 3, h);
+  cell_network_ = ReceiverNetwork(load(weights, to_cells[1]), ReceiverNetwork::Inputs::sum);
+  const FcnWeights g2p = load(weights, to_particles[0]);
   g2p_cell_part_ = g2p.first_layer_part(0, h, Bias::without);
   g2p_part_ = g2p.first_layer_part(h, h, Bias::with);
   g2p_corner_ = nn::InputTable(g2p, 2 * h, corner_offsets(-1));
   g2p_axis_ = nn::InputTable(g2p, 2 * h, axis_offsets(1));
-  particle_network_ = ReceiverNetwork(FcnWeights::load(weights, "grid_to_particle", 2 * h, h, h),
-                                      ReceiverNetwork::Inputs::sum_and_latent);
+  particle_network_ = ReceiverNetwork(load(weights, to_particles[1]), ReceiverNetwork::Inputs::sum_and_latent);
 }
 
 void ParticleAggregation::add_offset(const Vec3f& offset, const nn::InputTable& axis, float* part) const {

@@ -7,7 +7,6 @@
 
 #include <vector>
 
-#include "graph/config/hgn_config.h"
 #include "graph/cpu/aggregation/aggregation_workspace.h"
 #include "graph/cpu/aggregation/receiver_network.h"
 #include "graph/cpu/messages/particle_codec.h"
@@ -16,7 +15,7 @@ namespace graupel::graph {
 
 class ParticleAggregation {
  public:
-  ParticleAggregation(const nn::Weights& weights, const HgnConfig& config);
+  ParticleAggregation(const nn::Weights& weights, const LayerPlan& plan);
 
   /// f_p of all particles, and what the grid gathers of them.
   void encode(const std::vector<float>& features, const std::vector<int32_t>& particle_type,

@@ -1,8 +1,8 @@
 #include "graph/cpu/messages/level_transfer.h"
 
 #include <cstring>
-#include <string>
 
+#include "graph/cpu/layer_weights.h"
 #include "graph/topology/offset_tables.h"
 
 namespace graupel::graph {
@@ -10,14 +10,15 @@ namespace graupel::graph {
 using nn::FcnWeights;
 using Bias = FcnWeights::Bias;
 
-LevelTransfer::LevelTransfer(const nn::Weights& weights, const HgnConfig& config, std::size_t level)
-    : level_(level), width_(nn::padded_width(static_cast<int>(config.latent))) {
-  const int h = static_cast<int>(config.latent);
-  const FcnWeights down = FcnWeights::load(weights, "restrict." + std::to_string(level), h + 3, h, h);
+LevelTransfer::LevelTransfer(const nn::Weights& weights, const LayerPlan& plan, int level)
+    : level_(static_cast<std::size_t>(level)), width_(width_of(plan)) {
+  const auto layer_of = [&](LinkKind kind) { return plan.layers_of(plan.block_of({kind, level})).front(); };
+  const FcnWeights down = load(weights, layer_of(LinkKind::to_parent));
+  const int h = down.out;
   restrict_first_ = down.first_layer_part(0, h, Bias::with);
   restrict_octant_ = nn::InputTable(down, h, octant_offsets(-1));
   restrict_second_ = nn::NormalizedLayer(down);
-  const FcnWeights up = FcnWeights::load(weights, "prolong." + std::to_string(level), 2 * h + 3, h, h);
+  const FcnWeights up = load(weights, layer_of(LinkKind::from_parent));
   prolong_coarse_part_ = up.first_layer_part(0, h, Bias::with);
   prolong_fine_part_ = up.first_layer_part(h, h, Bias::without);
   prolong_octant_ = nn::InputTable(up, 2 * h, octant_offsets(1));
@@ -25,13 +26,13 @@ LevelTransfer::LevelTransfer(const nn::Weights& weights, const HgnConfig& config
 }
 
 void LevelTransfer::restrict_to_coarse(const sparsegrid::Hierarchy<3>& hierarchy, Workspace& workspace) const {
-  const LevelTopology& coarse = workspace.topology.levels[level_ + 1];
+  const HostLinks& links = workspace.topology.levels[level_];
   const auto& octant = hierarchy.levels[level_].octant;
   const float* fine_latent = workspace.cell[level_].data();
-  for_each_tile(workspace, coarse.child_tile, [&](int32_t begin, int32_t end, TileScratch& scratch) {
-    const int32_t* first_child = coarse.children_of.begin.data();
+  for_each_tile(workspace, links.child_tile, [&](int32_t begin, int32_t end, TileScratch& scratch) {
+    const int32_t* first_child = links.child_begin.data();
     const int32_t first = first_child[begin], rows = first_child[end] - first;
-    const int32_t* child = coarse.children.data() + first;
+    const int32_t* child = links.child.data() + first;
     for (int32_t r = 0; r < rows; ++r)
       std::memcpy(scratch.input.data() + r * width_, fine_latent + static_cast<int64_t>(child[r]) * width_,
                   sizeof(float) * static_cast<std::size_t>(width_));
@@ -53,6 +54,7 @@ void LevelTransfer::restrict_to_coarse(const sparsegrid::Hierarchy<3>& hierarchy
 void LevelTransfer::prolong_to_fine(const sparsegrid::Hierarchy<3>& hierarchy, Workspace& workspace) const {
   const auto& fine = hierarchy.levels[level_];
   const auto coarse_cells = static_cast<int64_t>(hierarchy.levels[level_ + 1].size());
+  workspace.cell_part.resize_discard(workspace.cell[level_ + 1].size());
   for_each_range(workspace, coarse_cells, tile_rows, [&](int32_t begin, int32_t end, TileScratch&) {
     const int64_t first = static_cast<int64_t>(begin) * width_;
     prolong_coarse_part_.apply(workspace.cell[level_ + 1].data() + first, width_, end - begin,

@@ -3,8 +3,8 @@
 //   prolong   f_fine += FCN([f_coarse, f_fine, (centre_fine - centre_coarse)/spacing_fine])
 #pragma once
 
-#include "graph/config/hgn_config.h"
 #include "graph/cpu/workspace.h"
+#include "graph/plan/layer_plan.h"
 #include "nn/fcn.h"
 
 namespace graupel::graph {
@@ -12,7 +12,7 @@ namespace graupel::graph {
 class LevelTransfer {
  public:
   /// Between `level` and `level` + 1.
-  LevelTransfer(const nn::Weights& weights, const HgnConfig& config, std::size_t level);
+  LevelTransfer(const nn::Weights& weights, const LayerPlan& plan, int level);
 
   void restrict_to_coarse(const sparsegrid::Hierarchy<3>& hierarchy, Workspace& workspace) const;
   void prolong_to_fine(const sparsegrid::Hierarchy<3>& hierarchy, Workspace& workspace) const;

@@ -1,45 +1,44 @@
 #include <map>
 
-#include "graph/cpu/hgn_engine.h"
+#include "graph/cpu/grid_engine.h"
+#include "graph/cpu/layer_weights.h"
 #include "graph/cpu/messages/level_transfer.h"
 #include "graph/cpu/messages/message_passing.h"
 #include "graph/cpu/messages/particle_transfer.h"
-#include "graph/cpu/workspace_pool.h"
 #include "graph/plan/plan_walk.h"
 
 namespace graupel::graph {
 
 namespace {
 
-class MessageEngine : public HgnEngine {
+class MessageEngine : public GridEngine<Workspace> {
  public:
-  MessageEngine(const nn::Weights& weights, const HgnConfig& config)
-      : features_(static_cast<int>(config.input_width())),
-        width_(nn::padded_width(static_cast<int>(config.latent))),
-        plan_(plan_of(config)),
-        particles_(weights, config) {
-    for (const PlanBlock& block : plan_.blocks) {
+  MessageEngine(const LayerPlan& plan, const nn::Weights& weights, double spacing)
+      : GridEngine(plan, spacing), particles_(weights, plan) {
+    for (const PlanBlock& block : plan.blocks) {
       if (block.links.kind == LinkKind::cell_neighbors)
-        passing_.emplace(block.number, MessagePassing(weights, config, block.name));
-      if (block.links.kind == LinkKind::to_parent) between_.emplace_back(weights, config, block.level());
+        passing_.emplace(block.number, MessagePassing(weights, plan, block));
+      if (block.links.kind == LinkKind::to_parent) between_.emplace_back(weights, plan, block.links.level);
     }
   }
 
-  void evaluate(const std::vector<float>& features, const std::vector<int32_t>& particle_type,
-                const sparsegrid::Hierarchy<3>& hierarchy, std::vector<float>& acceleration) const override {
-    auto workspace = workspaces_.take();
-    workspace->topology.build(hierarchy);
-    workspace->prepare(width_, features_);
-    particles_.encode(features, particle_type, hierarchy, *workspace);
-    Pass pass{*this, hierarchy, *workspace, acceleration};
-    run_blocks(plan_, pass);
-    workspaces_.give_back(std::move(workspace));
+ private:
+  void run(const std::vector<float>& features, const std::vector<int32_t>& particle_type,
+           const sparsegrid::Hierarchy<3>& hierarchy, Workspace& workspace,
+           std::vector<float>& acceleration) const override {
+    workspace.topology.build(hierarchy);
+    workspace.prepare(width_of(plan()), inputs_of(plan()));
+    particles_.encode(features, particle_type, hierarchy, workspace);
+    Pass pass{*this, hierarchy, workspace, acceleration};
+    run_blocks(plan(), pass);
   }
 
- private:
   struct Pass {
     void particle_to_grid(const PlanBlock&) { engine.particles_.particle_to_grid(hierarchy, workspace); }
-    void pass_messages(const PlanBlock& block) { engine.passing_.at(block.number).apply(block.level(), workspace); }
+    void pass_messages(const PlanBlock& block) {
+      const std::size_t level = block.level();
+      engine.passing_.at(block.number).apply(workspace.topology.levels[level], workspace.cell[level], workspace);
+    }
     void restrict_to_coarse(const PlanBlock& block) {
       engine.between_[block.level()].restrict_to_coarse(hierarchy, workspace);
     }
@@ -54,18 +53,15 @@ class MessageEngine : public HgnEngine {
     std::vector<float>& acceleration;
   };
 
-  int features_, width_;
-  LayerPlan plan_;
   ParticleTransfer particles_;
   std::map<std::size_t, MessagePassing> passing_;  ///< by the block's number
   std::vector<LevelTransfer> between_;             ///< by the finer level
-  mutable WorkspacePool<Workspace> workspaces_;
 };
 
 }  // namespace
 
-std::unique_ptr<HgnEngine> make_message_engine(const nn::Weights& weights, const HgnConfig& config) {
-  return std::make_unique<MessageEngine>(weights, config);
+std::unique_ptr<CpuEngine> make_message_engine(const LayerPlan& plan, const nn::Weights& weights, double spacing) {
+  return std::make_unique<MessageEngine>(plan, weights, spacing);
 }
 
 }  // namespace graupel::graph

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cstring>
 
+#include "graph/cpu/layer_weights.h"
 #include "graph/features/features.h"
 
 namespace graupel::graph {
@@ -23,15 +24,13 @@ std::vector<std::vector<float>> embedding_rows_of(const nn::Weights& weights, in
 
 }  // namespace
 
-ParticleEncoder::ParticleEncoder(const nn::Weights& weights, const std::string& name, const FeatureConfig& config,
-                                 const FcnForm& form)
-    : width_(nn::padded_width(form.latent)),
-      features_(static_cast<int>(config.input_width() - config.embedding)),
-      slope_(form.slope) {
-  const FcnWeights fcn = FcnWeights::load(weights, name, static_cast<int>(config.input_width()), form.latent,
-                                          form.latent, nn::Norm::layer, form.hidden_layers);
+ParticleEncoder::ParticleEncoder(const nn::Weights& weights, const LayerPlan& plan)
+    : width_(width_of(plan)),
+      features_(static_cast<int>(plan.values.front().width)),
+      slope_(static_cast<float>(plan.layers.front().slope)) {
+  const FcnWeights fcn = load(weights, plan.layers.front());
   first_ = fcn.first_layer_part(0, features_, Bias::with);
-  embedding_ = nn::InputTable(fcn, features_, embedding_rows_of(weights, static_cast<int>(config.embedding)));
+  embedding_ = nn::InputTable(fcn, features_, embedding_rows_of(weights, static_cast<int>(plan.embedding)));
   middle_ = nn::MiddleLayers(fcn, slope_);
   last_ = nn::NormalizedLayer(fcn);
 }
@@ -56,14 +55,14 @@ void ParticleEncoder::apply(const int32_t* order, int rows, const std::vector<fl
   for (int r = 0; r < rows; ++r) last_.finish(latent + r * width_);
 }
 
-ParticleDecoder::ParticleDecoder(const nn::Weights& weights, const FeatureConfig& config, const FcnForm& form)
-    : width_(nn::padded_width(form.latent)), outputs_(static_cast<int>(config.output_width())), slope_(form.slope) {
+ParticleDecoder::ParticleDecoder(const nn::Weights& weights, const LayerPlan& plan)
+    : width_(width_of(plan)), slope_(static_cast<float>(plan.layers.back().slope)) {
   static_assert(3 * most_bundle <= nn::padded_width(1), "a row of latents holds the outputs of any network");
-  const FcnWeights fcn =
-      FcnWeights::load(weights, "decoder", form.latent, form.latent, outputs_, nn::Norm::none, form.hidden_layers);
-  first_ = fcn.first_layer_part(0, form.latent, Bias::with);
+  const FcnWeights fcn = load(weights, plan.layers.back());
+  outputs_ = fcn.out;
+  first_ = fcn.first_layer_part(0, fcn.in, Bias::with);
   middle_ = nn::MiddleLayers(fcn, slope_);
-  last_ = nn::Linear(outputs_, form.latent, fcn.weight2.data(), form.latent, fcn.bias2);
+  last_ = nn::Linear(fcn.out, fcn.hidden, fcn.weight2.data(), fcn.hidden, fcn.bias2);
 }
 
 void ParticleDecoder::apply(const float* latent, const int32_t* order, int rows, TileScratch& scratch,

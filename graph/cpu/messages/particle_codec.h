@@ -1,26 +1,18 @@
 // The first and the last network of every graph network: particle features -> latents, latents -> accelerations.
 #pragma once
 
-#include <string>
 #include <vector>
 
-#include "graph/config/feature_config.h"
+#include "graph/plan/layer_plan.h"
 #include "graph/topology/tiles.h"
 #include "nn/fcn.h"
 
 namespace graupel::graph {
 
-/// Shape of a network's fully connected parts.
-struct FcnForm {
-  int latent = 128, hidden_layers = 1;
-  float slope = nn::leaky_slope;  ///< of the activation
-};
-
 /// f_p = FCN([features, embedding]).
 class ParticleEncoder {
  public:
-  ParticleEncoder(const nn::Weights& weights, const std::string& name, const FeatureConfig& config,
-                  const FcnForm& form);
+  ParticleEncoder(const nn::Weights& weights, const LayerPlan& plan);
 
   /// Activated rows in front of the last layer, in scratch; the other arguments as below.
   const float* hidden(const int32_t* order, int rows, const std::vector<float>& features,
@@ -39,10 +31,10 @@ class ParticleEncoder {
   nn::NormalizedLayer last_;
 };
 
-/// Normalised accelerations of the frames to come [config.output_width()], an FCN without norm.
+/// Normalised accelerations of the frames to come, an FCN without norm.
 class ParticleDecoder {
  public:
-  ParticleDecoder(const nn::Weights& weights, const FeatureConfig& config, const FcnForm& form);
+  ParticleDecoder(const nn::Weights& weights, const LayerPlan& plan);
 
   const nn::Linear& first() const { return first_; }
   /// Row order[r] of `acceleration` from what first() made of row r, in row r of scratch.hidden.

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 
+#include "graph/cpu/layer_weights.h"
 #include "graph/topology/offset_tables.h"
 
 namespace graupel::graph {
@@ -16,14 +17,14 @@ namespace {
 constexpr int32_t particles_in_tile = tile_rows / 8;
 }
 
-ParticleTransfer::ParticleTransfer(const nn::Weights& weights, const HgnConfig& config)
-    : width_(nn::padded_width(static_cast<int>(config.latent))),
-      p2g_scale_(static_cast<float>(config.p2g_scale)),
-      encoder_(weights, "encoder", config, {.latent = static_cast<int>(config.latent)}),
-      decoder_(weights, config, {.latent = static_cast<int>(config.latent)}) {
-  const int h = static_cast<int>(config.latent);
-  const FcnWeights p2g = FcnWeights::load(weights, "particle_to_grid", h + 3, h, h);
-  const FcnWeights g2p = FcnWeights::load(weights, "grid_to_particle", 2 * h + 3, h, h);
+ParticleTransfer::ParticleTransfer(const nn::Weights& weights, const LayerPlan& plan)
+    : width_(width_of(plan)),
+      p2g_scale_(static_cast<float>(plan.scale_of(plan.blocks.front()))),
+      encoder_(weights, plan),
+      decoder_(weights, plan) {
+  const FcnWeights p2g = load(weights, plan.layers_of(plan.blocks.front()).front());
+  const FcnWeights g2p = load(weights, plan.layers_of(plan.blocks.back()).front());
+  const int h = p2g.out;
   particle_part_ = nn::StackedLinear(h, {{&p2g, 0, Bias::with}, {&g2p, h, Bias::with}});
   p2g_corner_ = nn::InputTable(p2g, h, corner_offsets(1));
   p2g_axis_ = nn::InputTable(p2g, h, axis_offsets(-1));
@@ -36,6 +37,8 @@ ParticleTransfer::ParticleTransfer(const nn::Weights& weights, const HgnConfig& 
 
 void ParticleTransfer::encode(const std::vector<float>& features, const std::vector<int32_t>& particle_type,
                               const sparsegrid::Hierarchy<3>& hierarchy, Workspace& workspace) const {
+  workspace.particle.resize_discard(particle_type.size() * static_cast<std::size_t>(width_));
+  workspace.particle_part.resize_discard(2 * workspace.particle.size());
   for_each_range(workspace, static_cast<int64_t>(particle_type.size()), tile_rows,
                  [&](int32_t begin, int32_t end, TileScratch& scratch) {
                    encode_tile(begin, end, features, particle_type, hierarchy, workspace, scratch);
@@ -71,7 +74,7 @@ void ParticleTransfer::particle_to_grid(const sparsegrid::Hierarchy<3>& hierarch
 void ParticleTransfer::gather_tile(int32_t begin, int32_t end, const sparsegrid::Hierarchy<3>& hierarchy,
                                    Workspace& workspace, TileScratch& scratch) const {
   const GraphTopology& topology = workspace.topology;
-  const int32_t* first_pair = topology.pairs_in.begin.data();
+  const int32_t* first_pair = topology.pair_begin.data();
   float* cells = workspace.cell[0].data();
   for (int32_t c = begin; c < end; ++c) nn::clear_row(cells + static_cast<int64_t>(c) * width_, width_);
   int32_t cell = begin;
@@ -84,16 +87,16 @@ void ParticleTransfer::gather_tile(int32_t begin, int32_t end, const sparsegrid:
   };
   for (int32_t run = first_pair[begin]; run < first_pair[end]; run += tile_rows) {
     const int32_t rows = std::min(tile_rows, first_pair[end] - run);
-    const ParticlePair* pairs = topology.pairs.data() + run;
+    const int32_t* pairs = topology.pair.data() + run;
     for (int32_t r = 0; r < rows; ++r) {
-      const float* part = workspace.particle_part.data() + static_cast<int64_t>(pairs[r].particle) * 2 * width_;
-      nn::activate_sum(scratch.hidden.data() + r * width_, part, p2g_corner_.row(pairs[r].corner), width_);
+      const float* part = workspace.particle_part.data() + static_cast<int64_t>(pairs[r] / 8) * 2 * width_;
+      nn::activate_sum(scratch.hidden.data() + r * width_, part, p2g_corner_.row(pairs[r] % 8), width_);
     }
     p2g_second_.apply(scratch.hidden.data(), rows, scratch.output.data());
     for (int32_t r = 0; r < rows; ++r) {
       while (run + r >= first_pair[cell + 1]) finish_cell();
-      const auto particle = static_cast<std::size_t>(topology.order[static_cast<std::size_t>(pairs[r].particle)]);
-      const float weight = hierarchy.weight[particle][static_cast<std::size_t>(pairs[r].corner)];
+      const auto particle = static_cast<std::size_t>(topology.order[static_cast<std::size_t>(pairs[r] / 8)]);
+      const float weight = hierarchy.weight[particle][static_cast<std::size_t>(pairs[r] % 8)];
       const float* y = scratch.output.data() + r * width_;
       total_weight += weight;
       nn::add_scaled_row(cells + static_cast<int64_t>(cell) * width_, weight * p2g_second_.scale(y), y, width_);
@@ -105,6 +108,7 @@ void ParticleTransfer::gather_tile(int32_t begin, int32_t end, const sparsegrid:
 void ParticleTransfer::grid_to_particle(const sparsegrid::Hierarchy<3>& hierarchy, Workspace& workspace,
                                         std::vector<float>& acceleration) const {
   const auto cells = static_cast<int64_t>(hierarchy.levels[0].size());
+  workspace.cell_part.resize_discard(workspace.cell[0].size());
   for_each_range(workspace, cells, tile_rows, [&](int32_t begin, int32_t end, TileScratch&) {
     g2p_cell_part_.apply(workspace.cell[0].data() + static_cast<int64_t>(begin) * width_, width_, end - begin,
                          workspace.cell_part.data() + static_cast<int64_t>(begin) * width_, width_);

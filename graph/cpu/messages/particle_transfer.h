@@ -4,7 +4,6 @@
 
 #include <vector>
 
-#include "graph/config/hgn_config.h"
 #include "graph/cpu/messages/particle_codec.h"
 #include "graph/cpu/workspace.h"
 #include "nn/fcn.h"
@@ -13,7 +12,7 @@ namespace graupel::graph {
 
 class ParticleTransfer {
  public:
-  ParticleTransfer(const nn::Weights& weights, const HgnConfig& config);
+  ParticleTransfer(const nn::Weights& weights, const LayerPlan& plan);
 
   /// f_p = FCN([features, embedding]) for all particles, and the particles' parts of both transfers' first layers.
   void encode(const std::vector<float>& features, const std::vector<int32_t>& particle_type,

@@ -126,31 +126,19 @@ __device__ void add_offset(OffsetSums& sums, const float (&d)[columns], const fl
     for (int i = 0; i < columns; ++i) sums[axis][i] += offset[axis] * d[i];
 }
 
-/// Unit vector from sender to receiver.
-__device__ void slot_offset(float (&offset)[3], int slot) {
-#pragma unroll
-  for (int axis = 0; axis < 3; ++axis) offset[axis] = slot / 2 != axis ? 0.0f : slot % 2 == 0 ? 1.0f : -1.0f;
-}
-
 /// What the offsets of all items of a node have in common.
 template <Offsets offsets>
 __device__ void node_offset(float (&offset)[3], const ActivationGradient& d, int64_t node) {
 #pragma unroll
   for (int axis = 0; axis < 3; ++axis) {
     offset[axis] = 0;
-    if (offsets == Offsets::octant) offset[axis] = 0.5f - static_cast<float>(d.octant[node] >> axis & 1);
+    if (offsets == Offsets::octant) offset[axis] = offset_of(Offsets::octant, d.octant[node], axis);
     if (offsets == Offsets::corner) offset[axis] = -d.corner_sign * d.offset[3 * node + axis];
   }
 }
-/// What item k of a node, number q, adds to it.
+/// What item k of a node adds to it.
 template <Offsets offsets>
-__device__ void add_item_offset(OffsetSums& sums, const float (&x)[columns], const ActivationGradient& d, int k,
-                                int32_t q) {
-  if (offsets == Offsets::slot) {
-    float offset[3];
-    slot_offset(offset, d.slot[q]);
-    add_offset(sums, x, offset);
-  }
+__device__ void add_item_offset(OffsetSums& sums, const float (&x)[columns], const ActivationGradient& d, int k) {
   if (offsets == Offsets::corner)
 #pragma unroll
     for (int axis = 0; axis < 3; ++axis) {
@@ -174,14 +162,13 @@ __global__ void __launch_bounds__(threads, resident(is_receiver)) gradient_kerne
       uint4 word[under_way];
       unsigned signs[under_way];
       float weight[under_way];
-      int32_t q[under_way];
 #pragma unroll
       for (int k = 0; k < under_way; ++k) {
         if (at + k >= range.end) continue;
-        q[k] = d.items.item ? d.items.item[at + k] : at + k;
-        signs[k] = d.signs ? d.signs[int64_t{q[k]} * sign_bytes + lane] : 0xffu;
-        weight[k] = d.weight ? d.scale * d.weight[q[k]] : d.scale;
-        if (!is_receiver) word[k] = load_row(d.g, row_of(d.row, q[k]), lane);
+        const int32_t q = d.items.item ? d.items.item[at + k] : at + k;
+        signs[k] = d.signs ? d.signs[int64_t{q} * sign_bytes + lane] : 0xffu;
+        weight[k] = d.weight ? d.scale * d.weight[q] : d.scale;
+        if (!is_receiver) word[k] = load_row(d.g, row_of(d.row, q), lane);
       }
 #pragma unroll
       for (int k = 0; k < under_way; ++k) {
@@ -193,10 +180,10 @@ __global__ void __launch_bounds__(threads, resident(is_receiver)) gradient_kerne
           item_gradient(x, word[k], signs[k], weight[k]);
 #pragma unroll
         for (int i = 0; i < columns; ++i) sum[i] += x[i];
-        add_item_offset<offsets>(offset_sums, x, d, k, q[k]);
+        add_item_offset<offsets>(offset_sums, x, d, k);
       }
     }
-    if (offsets != Offsets::slot) add_offset(offset_sums, sum, base);
+    add_offset(offset_sums, sum, base);
     if (d.out) store_row(d.out, node, sum, lane);
   }
   write_partial(d.partial, offset_sums);
@@ -266,7 +253,8 @@ __global__ void __launch_bounds__(threads, resident(false)) edge_gradient_kernel
 #pragma unroll
       for (int i = 0; i < columns; ++i) received[i] += x[i];
       float offset[3];
-      slot_offset(offset, slot[k]);
+#pragma unroll
+      for (int axis = 0; axis < 3; ++axis) offset[axis] = offset_of(Offsets::slot, slot[k], axis);
       add_offset(offset_sums, x, offset);
     }
     store_row(d.sent, cell, sent, lane);
@@ -320,10 +308,9 @@ int sum_gradients(const ActivationGradient& gradient, void* stream) {
   } else if (gradient.offsets == Offsets::corner) {
     GRAUPEL_ASSERT(gradient.items.fixed == many_items && !gradient.items.item);  // item k of a node is corner k
     launch_gradient<Offsets::corner, many_items>(gradient, blocks, stream);
-  } else if (gradient.offsets == Offsets::octant) {
-    launch_gradient<Offsets::octant, 1>(gradient, blocks, stream);
   } else {
-    launch_gradient<Offsets::slot, many_neighbors>(gradient, blocks, stream);
+    GRAUPEL_ASSERT(gradient.offsets == Offsets::octant);
+    launch_gradient<Offsets::octant, 1>(gradient, blocks, stream);
   }
   GRAUPEL_CUDA_CHECK(cudaGetLastError());
   return blocks;

@@ -54,13 +54,11 @@ struct ActivationGradient {
   const uint8_t* signs = nullptr;  ///< null: a' = 1
   uint16_t* out = nullptr;         ///< [nodes, 128], if wanted
 
-  /// Offsets of items: corner: corner_sign (bits of q - offset[n]); octant: 1/2 - bits of octant[n]; slot: the unit
-  /// vector from sender to receiver of slot[q].
+  /// Offsets of items: corner: corner_sign (bits of q - offset[n]); octant: 1/2 - bits of octant[n].
   Offsets offsets = Offsets::corner;
   float corner_sign = 1;
   const float* offset = nullptr;    ///< [nodes, 3]
   const int32_t* octant = nullptr;  ///< [nodes]
-  const int32_t* slot = nullptr;    ///< of an item
   float* partial = nullptr;         ///< [most_offset_partials(), 3, 128], to be added
 };
 /// Returns how many partial sums it writes.

@@ -1,4 +1,4 @@
-// Lanes of the kernels of activation_sums.cu: 16 lanes a node with eight columns each.
+// Lanes of the kernels of activation_aggregation.cu: 16 lanes a node with eight columns each.
 #pragma once
 
 #include "graph/cuda/fused_mlp/row_block.h"

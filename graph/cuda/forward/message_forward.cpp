@@ -1,147 +1,138 @@
 #include "graph/cuda/forward/message_forward.h"
 
-#include "core/system/error.h"
-#include "graph/plan/plan_walk.h"
+#include <optional>
+
+#include "graph/cuda/forward/forward_pass.h"
 
 namespace graupel::graph {
 
 namespace {
 
-constexpr int corners = 8;
-constexpr int64_t h = layer_width;
-
-/// Row r of a [pairs, .] array belongs to particle r / 8 and corner r % 8.
-constexpr RowOf by_particle{nullptr, 3, -1};
-constexpr RowOf by_corner{nullptr, 0, corners - 1};
-constexpr RowOf always_first{nullptr, 0, 0};
-
-/// W_s f_s, and W_r f_r with the bias, of the first layer of an edge network, [cells].
-struct Projections {
-  float *sender = nullptr, *receiver = nullptr;
-};
-
-/// Results of one iteration of message passing.
-struct IterationRows {
-  Projections projections;
-  uint16_t *message, *latent;  ///< [edges]
-  RowLatents nodes;            ///< [cells]
-};
-
-class ForwardPass {
+/// Arrays [edges, 128] of a block, whose latents are written where they were read.
+class BlockEdges : public EdgeMemory {
  public:
-  ForwardPass(const PackedHgn& network, const HgnGraph& graph, RowMemory& memory, void* stream)
-      : network_(network), graph_(graph), memory_(memory), stream_(stream), f_(graph.level.size()) {
-    GRAUPEL_ASSERT(f_.size() == static_cast<std::size_t>(network.config().levels));
-  }
+  BlockEdges(RowMemory& memory, int64_t edges) : latent_(memory.rows16(edges)), message_(memory.rows16(edges)) {}
+  uint16_t* latent(int64_t) override { return latent_; }
+  uint16_t* message() override { return message_; }
 
-  float* run(const std::function<void()>& grid_ready) {
-    FusedMlp encoder;
-    particles_ = encode_particles(network_, graph_, memory_, encoder, stream_);
-    if (grid_ready) grid_ready();
-    run_blocks(network_.plan(), *this);
-    return result_;
+ private:
+  uint16_t *latent_, *message_;
+};
+
+/// What an iteration writes of the nodes.
+struct NodeArrays {
+  Projections projections;
+  RowLatents latents;
+  uint16_t* received = nullptr;  ///< sums of messages, where the node network does not gather them itself
+};
+
+class MessagePass : public ForwardPass {
+ public:
+  MessagePass(const PackedNetwork& network, const NetworkGraph& graph, RowMemory& memory, EdgeMemory* edges,
+              MessageRecord& record, void* stream)
+      : ForwardPass(network, graph, memory, stream), edges_(edges), record_(record) {}
+
+  float* run(const std::function<void()>& graph_ready) {
+    record_ = {};
+    encode_particles(record_.node_encoder, has_grid() ? nullptr : graph_.level.front().cell_count);
+    if (!has_grid()) encode_edges();
+    if (graph_ready) graph_ready();
+    if (has_grid())
+      run_blocks(network_.plan(), *this);
+    else
+      for (const PlanBlock& block : network_.plan().blocks) pass_messages(block);
+    return has_grid() ? result_ : f_.front().f32;
   }
 
   void particle_to_grid(const PlanBlock& block);
   void pass_messages(const PlanBlock& block);
   void restrict_to_coarse(const PlanBlock& block);
-  void prolong_to_fine(const PlanBlock& block);
+  void prolong_to_fine(const PlanBlock& block) { prolong(block); }
   void grid_to_particle(const PlanBlock& block);
 
  private:
-  RowLatents latents(int64_t rows) { return {memory_.rows32(rows), memory_.rows16(rows)}; }
-  Projections projections(const LevelLinks& level) {
-    return {memory_.rows32(level.cells), memory_.rows32(level.cells)};
-  }
-  EpilogueProjection epilogue(const std::string& edge_name, const Projections& to) const {
-    return {{network_.tile(edge_name, 0), network_.tile(edge_name, h)},
-            {nullptr, network_.fcn(edge_name).b1},
-            {to.sender, to.receiver}};
-  }
+  bool has_grid() const { return network_.plan().inputs == 1; }  ///< else edges between particles have features
+  void encode_edges();
+  /// Arrays of iteration k; where not all are kept, those of the iteration before the last.
+  NodeArrays& arrays_of(const PlanBlock& block, int64_t k, std::vector<NodeArrays>& all);
+  /// Where nothing is kept, node networks make their rows' projections for the iteration that comes next.
+  bool projects_ahead() const { return !memory_.keeps_all() && can_project_ahead(); }
+  /// A network over pairs, from the particles' parts of its first layer.
+  FusedMlp pair_network(const std::string& name, const float* of_particles) const;
 
-  const PackedHgn& network_;
-  const HgnGraph& graph_;
-  RowMemory& memory_;
-  void* stream_;
-  std::vector<RowLatents> f_;  ///< cells of each level
-  RowLatents particles_;
-  Projections ahead_;  ///< of the next block's first iteration, where they are there already
-  FusedMlp to_particle_;
+  EdgeMemory* edges_;
+  MessageRecord& record_;
+  const float* from_particle_ = nullptr;  ///< the particles' part of grid_to_particle's first layer
   float* result_ = nullptr;
 };
 
-void ForwardPass::particle_to_grid(const PlanBlock&) {
-  // Layer 1 of pair (i, k), to the grid: W_f f_i + b - W_o offset_i + W_o bits_k; from it: W_c f_cell + W_p f_i + b +
-  // W_o offset_i - W_o bits_k. Both networks' parts of a particle are made at once.
-  const int64_t n = graph_.particles, pairs = corners * n, cells = graph_.level[0].cells;
-  const DeviceFcn &to = network_.fcn("particle_to_grid"), &from = network_.fcn("grid_to_particle");
-  float *const to_particle = memory_.rows32(n), *const from_particle = memory_.rows32(n);
-  project({.rows = n,
-           .row_count = graph_.particle_count,
-           .x = particles_.f16,
-           .weight = {network_.tile("particle_to_grid", 0), network_.tile("grid_to_particle", h)},
-           .bias = {to.b1, from.b1},
-           .offset = graph_.offset,
-           .offset_weight = {to.w1 + h, from.w1 + 2 * h},
-           .offset_stride = {to.inputs, from.inputs},
-           .offset_sign = {-1, 1},
-           .out = {to_particle, from_particle}},
-          stream_);
-  FusedMlp to_grid = network_.network("particle_to_grid", pairs, graph_.pair_count);
-  to_grid.table[0] = {to_particle, by_particle};
-  to_grid.table[1] = {network_.table("particle_to_grid"), by_corner};
-  to_grid.out16 = memory_.rows16(pairs);
-  to_particle_ = network_.network("grid_to_particle", pairs, graph_.pair_count);
-  to_particle_.table[0] = {from_particle, by_particle};
-  to_particle_.table[1] = {network_.table("grid_to_particle"), by_corner};
-  forward(to_grid, stream_);
-  const RowLatents sums = latents(cells);
-  sum_segments({.segments = cells,
-                .row_count = graph_.level[0].cell_count,
+void MessagePass::encode_edges() {
+  // Without a grid the nodes of level 0 are the particles.
+  f_.front() = particles_;
+  const LevelLinks& level = graph_.level.front();
+  const std::string& name = network_.plan().layers[1].name;
+  const DeviceFcn& fcn = network_.fcn(name);
+  FusedMlp& encoder = record_.edge_encoder = network_.network(name, level.edges, level.edge_count);
+  encoder.features = {graph_.edge_features, fcn.w1};
+  encoder.table[0] = {fcn.b1, always_first};
+  encoder.out16 = edges_->latent(0);
+  forward(encoder, stream_);
+}
+
+FusedMlp MessagePass::pair_network(const std::string& name, const float* of_particles) const {
+  FusedMlp network = network_.network(name, corners * graph_.particles, graph_.pair_count);
+  network.table[0] = {of_particles, by_particle};
+  network.table[1] = {network_.table(name), by_corner};
+  return network;
+}
+
+void MessagePass::particle_to_grid(const PlanBlock& block) {
+  const Projections of_particles = project_particles();
+  from_particle_ = of_particles.out[1];
+  FusedMlp network = pair_network(block.name, of_particles.out[0]);
+  network.out16 = memory_.rows16(network.rows);
+  forward(network, stream_);
+  const LevelLinks& level = graph_.level[0];
+  f_[0] = latents(level.cells);
+  sum_segments({.segments = level.cells,
+                .row_count = level.cell_count,
                 .begin = graph_.pair_begin,
                 .item = graph_.pair,
                 .are_long = true,
-                .source = to_grid.out16,
+                .source = network.out16,
                 .weight = graph_.weight,
-                .scale = static_cast<float>(network_.config().p2g_scale),
-                .out32 = sums.f32,
-                .out16 = sums.f16},
+                .scale = static_cast<float>(network_.plan().operations[block.operation + 1].scale),
+                .out32 = f_[0].f32,
+                .out16 = f_[0].f16},
                stream_);
-  f_[0] = sums;
 }
 
-void ForwardPass::grid_to_particle(const PlanBlock&) {
-  const int64_t n = graph_.particles, n_cells = graph_.level[0].cells;
-  float* const per_cell = memory_.rows32(n_cells);
-  project({.rows = n_cells,
-           .row_count = graph_.level[0].cell_count,
+void MessagePass::grid_to_particle(const PlanBlock& block) {
+  const LevelLinks& level = graph_.level[0];
+  float* const per_cell = memory_.rows32(level.cells);
+  project({.rows = level.cells,
+           .row_count = level.cell_count,
            .x = f_[0].f16,
-           .weight = {network_.tile("grid_to_particle", 0)},
-           .out = {per_cell}},
+           .to = {.weight = {network_.tile(block.name, 0)}, .out = {per_cell}}},
           stream_);
-  FusedMlp& network = to_particle_;
+  FusedMlp network = pair_network(block.name, from_particle_);
   network.table[2] = {per_cell, {graph_.cell}};
-  float* const sums = memory_.rows32(n);
   network.group_weight = graph_.weight;
   network.group_add32 = particles_.f32;
-  network.group32 = sums;
+  network.group32 = result_ = memory_.rows32(graph_.particles);
   forward(network, stream_);
-  result_ = sums;
 }
 
-void ForwardPass::restrict_to_coarse(const PlanBlock& block) {
-  const std::size_t l = block.level();
-  const LevelLinks& level = graph_.level[l];
-  const std::string& name = block.name;
-  FusedMlp network = network_.network(name, level.cells, level.cell_count);
-  network.operand[0] = {.rows = f_[l].f16, .weight = network_.tile(name, 0)};
-  network.table[0] = {network_.table(name), {level.octant}};
+void MessagePass::restrict_to_coarse(const PlanBlock& block) {
+  const LevelLinks &level = graph_.level[block.level()], &above = graph_.level[block.level() + 1];
+  FusedMlp network = network_.network(block.name, level.cells, level.cell_count);
+  network.operand[0] = {.rows = f_[block.level()].f16, .weight = network_.tile(block.name, 0)};
+  network.table[0] = {network_.table(block.name), {level.octant}};
   network.out16 = memory_.rows16(level.cells);
   forward(network, stream_);
-  const int64_t parents = graph_.level[l + 1].cells;
-  const RowLatents coarse = latents(parents);
-  sum_segments({.segments = parents,
-                .row_count = graph_.level[l + 1].cell_count,
+  const RowLatents coarse = f_[block.level() + 1] = latents(above.cells);
+  sum_segments({.segments = above.cells,
+                .row_count = above.cell_count,
                 .begin = level.child_begin,
                 .first = level.first_child,
                 .item = level.child,
@@ -149,95 +140,77 @@ void ForwardPass::restrict_to_coarse(const PlanBlock& block) {
                 .out32 = coarse.f32,
                 .out16 = coarse.f16},
                stream_);
-  f_[l + 1] = coarse;
 }
 
-void ForwardPass::prolong_to_fine(const PlanBlock& block) {
-  const std::size_t l = block.level();
-  const LevelLinks& level = graph_.level[l];
-  const RowLatents refined = latents(level.cells);
-  FusedMlp network = prolongation(network_, l, level, f_[l + 1], f_[l], refined);
-  if (can_project_ahead()) {
-    ahead_ = projections(level);
-    network.epilogue = epilogue(numbered(network_.plan().blocks[block.number + 1].name, 0, ".edge"), ahead_);
-  }
-  forward(network, stream_);
-  f_[l] = refined;
+NodeArrays& MessagePass::arrays_of(const PlanBlock& block, int64_t k, std::vector<NodeArrays>& all) {
+  const auto place = static_cast<std::size_t>(memory_.keeps_all() ? k : k % 2);
+  const int64_t nodes = graph_.level[block.level()].cells;
+  const PlanLayer& gather = *layers(block, k).gather;
+  if (place == all.size())
+    all.push_back({node_projections(gather, nodes), latents(nodes), edges_ ? memory_.rows16(nodes) : nullptr});
+  else
+    all[place].projections = node_projections(gather, all[place].projections);
+  return all[place];
 }
 
-void ForwardPass::pass_messages(const PlanBlock& block) {
-  // Layer 1 of edge s -> r: W_s f_s + W_r f_r + b + W_e e; e is the unit vector at first, the edge latent after.
+void MessagePass::pass_messages(const PlanBlock& block) {
+  // Layer 1 of edge s -> r: W_s f_s + W_r f_r + b + W_e e. Between cells e is the unit vector at first, and the first
+  // messages are the edges' first latents; between particles both come from the encoder.
   const LevelLinks& level = graph_.level[block.level()];
-  RowLatents nodes = f_[block.level()];
-  std::vector<IterationRows> all;  // of two block.iterations in turn
-  const auto rows_of = [&](int64_t k) -> IterationRows& {
-    const auto place = static_cast<std::size_t>(k % 2);
-    if (place == all.size())
-      all.push_back(
-          {projections(level), memory_.rows16(level.edges), memory_.rows16(level.edges), latents(level.cells)});
-    return all[place];
-  };
-  uint16_t* latent = nullptr;
+  std::optional<BlockEdges> of_block;
+  EdgeMemory& edges = edges_ ? *edges_ : of_block.emplace(memory_, level.edges);
+  RowLatents& nodes = f_[block.level()];
+  std::vector<NodeArrays> all;
   Projections projected = std::exchange(ahead_, {});
   for (int64_t k = 0; k < block.iterations; ++k) {
-    const std::string edge_name = numbered(block.name, k, ".edge");
-    const std::string cell_name = numbered(block.name, k, ".cell");
-    const IterationRows own = rows_of(k);
-    if (projected.sender == nullptr) {
+    const BlockLayers now = layers(block, k);
+    const NodeArrays own = arrays_of(block, k, all);
+    const bool is_followed = k + 1 < block.iterations;
+    if (projected.weight[0] == nullptr) {
       projected = own.projections;
-      const EpilogueProjection wanted = epilogue(edge_name, projected);
-      project({.rows = level.cells,
-               .row_count = level.cell_count,
-               .x = nodes.f16,
-               .weight = {wanted.weight[0], wanted.weight[1]},
-               .bias = {wanted.bias[0], wanted.bias[1]},
-               .out = {wanted.out[0], wanted.out[1]}},
-              stream_);
+      project_nodes(projected, level, nodes.f16);
     }
-    FusedMlp edge = network_.network(edge_name, level.edges, level.edge_count);
-    edge.table[0] = {projected.sender, {level.sender}};
-    edge.table[1] = {projected.receiver, {level.receiver}};
-    edge.out16 = own.message;
-    uint16_t* next_latent = edge.out16;
-    if (k == 0) {
-      edge.table[2] = {network_.table(edge_name), {level.slot}};
+    MessageRecord::Step& step = record_.step.emplace_back();
+    FusedMlp& edge = step.edge = network_.network(now.gather->name, level.edges, level.edge_count);
+    edge.table[0] = {projected.out[0], {level.sender}};
+    edge.table[1] = {projected.out[1], {level.receiver}};
+    edge.out16 = edges.message();
+    if (k == 0 && has_grid()) {
+      edge.table[2] = {network_.table(now.gather->name), {level.slot}};
+      edge.out16 = edges.latent(1);
     } else {
-      edge.operand[0] = {.rows = latent, .weight = network_.tile(edge_name, 2 * h)};
-      if (k + 1 < block.iterations) {
-        next_latent = own.latent;
-        edge.add16 = latent;
-        edge.sum16 = next_latent;
+      edge.operand[0] = {.rows = edges.latent(k), .weight = network_.tile(now.gather->name, 2 * h)};
+      if (is_followed) {
+        edge.add16 = edges.latent(k);
+        edge.sum16 = edges.latent(k + 1);
       }
     }
     forward(edge, stream_);
-    latent = next_latent;
 
-    FusedMlp cell = network_.network(cell_name, level.cells, level.cell_count);
-    cell.operand[0] = {.rows = edge.out16,
-                       .begin = level.edge_begin,
-                       .first = level.first_edge,
-                       .weight = network_.tile(cell_name, 0)};
-    cell.operand[1] = {.rows = nodes.f16, .weight = network_.tile(cell_name, h)};
-    cell.table[0] = {network_.fcn(cell_name).b1, always_first};
-    cell.add32 = nodes.f32;
-    cell.sum32 = own.nodes.f32;
-    cell.copy16 = own.nodes.f16;
-    projected = {};
-    if (can_project_ahead() && k + 1 < block.iterations) {
-      projected = rows_of(k + 1).projections;
-      cell.epilogue = epilogue(numbered(block.name, k + 1, ".edge"), projected);
+    RowOperand sum{.rows = edge.out16, .begin = level.edge_begin, .first = level.first_edge};
+    if (own.received) {  // tens of messages a node
+      sum_segments({.segments = level.cells,
+                    .row_count = level.cell_count,
+                    .begin = level.edge_begin,
+                    .are_long = true,
+                    .source = edge.out16,
+                    .out16 = own.received},
+                   stream_);
+      sum = {.rows = own.received};
     }
-    forward(cell, stream_);
-    nodes = own.nodes;
+    step.node = update(*now.update, level.cells, level.cell_count, sum, nodes, own.latents);
+    projected = {};
+    if (is_followed && projects_ahead()) step.node.epilogue = projected = arrays_of(block, k + 1, all).projections;
+    forward(step.node, stream_);
+    nodes = own.latents;
   }
-  f_[block.level()] = nodes;
 }
 
 }  // namespace
 
-float* forward_to_decoder(const PackedHgn& network, const HgnGraph& graph, RowMemory& memory, void* stream,
-                          const std::function<void()>& grid_ready) {
-  return ForwardPass(network, graph, memory, stream).run(grid_ready);
+float* forward_messages(const PackedNetwork& network, const NetworkGraph& graph, RowMemory& memory, EdgeMemory* edges,
+                        MessageRecord& record, void* stream, const std::function<void()>& graph_ready) {
+  return MessagePass(network, graph, memory, edges, record, stream).run(graph_ready);
 }
 
 }  // namespace graupel::graph

@@ -3,19 +3,19 @@
 namespace graupel::graph {
 
 MessageNetwork::MessageNetwork(const HgnConfig& config, const nn::Weights& weights)
-    : weights_(weights), network_(config, weights_.fcns(), weights_.get("embedding.weight")) {
+    : weights_(weights), network_(plan_of(config), std::cref(weights_)) {
   network_.refresh(nullptr);
 }
 
 void MessageNetwork::prepare(const GridInputs& inputs) {
   inputs_ = inputs;
   places_.prepare(inputs.room);
-  output_.resize_discard(static_cast<std::size_t>(network_.config().output_width() * inputs.particles));
+  output_.resize_discard(static_cast<std::size_t>(network_.plan().layers.back().outputs * inputs.particles));
 }
 
-HgnGraph MessageNetwork::graph() const {
+NetworkGraph MessageNetwork::graph() const {
   const GridLinks& links = inputs_.grid;
-  HgnGraph placed{};
+  NetworkGraph placed;
   placed.particles = inputs_.particles;
   placed.particle_count = places_.particle_count();
   placed.pair_count = places_.pair_count();
@@ -34,17 +34,11 @@ void MessageNetwork::follow_grid(void* grid_stream) { places_.place(inputs_.grid
 
 void MessageNetwork::launch(void* stream, const LaunchHooks& moments) {
   moments.room_beside();
-  const float* const latents = forward_to_decoder(network_, graph(), arena_, stream, moments.graph_ready);
-  const DeviceFcn& last = network_.fcn("decoder");
-  decode({.rows = inputs_.particles,
-          .frames = static_cast<int>(network_.config().bundle),
-          .x = latents,
-          .w1 = network_.tile("decoder", 0),
-          .b1 = last.b1,
-          .w2 = last.w2,
-          .b2 = last.b2,
-          .out = output_.data()},
-         stream);
+  Decoder decoder = network_.decoder();
+  decoder.rows = inputs_.particles;
+  decoder.x = forward_messages(network_, graph(), arena_, nullptr, record_, stream, moments.graph_ready);
+  decoder.out = output_.data();
+  decode(decoder, stream);
 }
 
 }  // namespace graupel::graph

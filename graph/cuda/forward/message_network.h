@@ -1,4 +1,4 @@
-// The network that sums messages on a GPU, for rollouts: message_forward.h on the links of one scene.
+// HGN that sums messages on a GPU, for rollouts: message_forward.h on the links of one scene.
 #pragma once
 
 #include "core/parallel/buffer.h"
@@ -20,10 +20,11 @@ class MessageNetwork : public GridNetwork {
   const int32_t* fault() const override { return places_.fault(); }
 
  private:
-  HgnGraph graph() const;
+  NetworkGraph graph() const;
 
   DeviceWeights weights_;
-  PackedHgn network_;
+  PackedNetwork network_;
+  MessageRecord record_;
   GridInputs inputs_;
   FixedCapacityLevels places_{Device::cuda};
   RowArena arena_;

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "core/parallel/buffer.h"
-#include "graph/cuda/forward/packed_hgn.h"
+#include "graph/cuda/forward/packed_network.h"
 
 namespace graupel::graph {
 

@@ -166,7 +166,7 @@ __global__ void __launch_bounds__(32 * warps, operands == 2 ? 1 : 2) forward_ker
 __device__ void result_gradient(Sums& g, const FusedMlpGradient& d, int64_t first, int lane) {
   clear(g);
   const int64_t rows = d.network.rows;
-  if (d.g32) add_table(g, d.g32, d.g_row, first, rows, lane, d.g_weight, d.g_scale);
+  if (d.g32) add_table(g, d.g32, d.g_row, first, rows, lane);
   if (d.g16) add_rows(g, d.g16, first, rows, lane);
 }
 

@@ -60,7 +60,6 @@ __global__ void __launch_bounds__(threads, 2) decode_kernel(Decoder n) {
   const int64_t step = int64_t{gridDim.x} * warps * warp_rows;
   for (int64_t first = first_row(warp); first < n.rows; first += step) {
     load_rows(mine, n, first, lane);
-    if (n.save) copy_out(n.save, mine, first, n.rows, lane);
     Sums c;
     clear(c);
     product(c, mine, shared.tile(0), lane);

@@ -10,6 +10,8 @@
 #include <memory>
 #include <vector>
 
+#include "core/parallel/host_device.h"
+
 namespace graupel::graph {
 
 inline constexpr int layer_width = 128;
@@ -23,14 +25,13 @@ struct RowOf {
   int32_t mask = -1;
 };
 
-/// A bf16 operand of the first layer, [*, 128]: row index[r]; or the sum of the rows item[i], i in
-/// [begin[r] - first, begin[r + 1] - first) (item null: i itself), where `begin` is given.
+/// A bf16 operand of the first layer, [*, 128]: row index[r]; or the sum of the rows begin[r] - first to
+/// begin[r + 1] - first - 1, where `begin` is given.
 struct RowOperand {
   const uint16_t* rows = nullptr;
   const int32_t* index = nullptr;
   const int32_t* begin = nullptr;
   int32_t first = 0;
-  const int32_t* item = nullptr;
   uint16_t* save = nullptr;          ///< [rows, 128] the operand as it was used, if wanted
   const uint16_t* weight = nullptr;  ///< tile
 };
@@ -47,8 +48,8 @@ struct RowFeatures {
   const float* weight = nullptr;
 };
 
-/// What the next kernels want of rows: out[j] = x W[j]^T + bias[j], f32 or bf16 (out16).
-struct EpilogueProjection {
+/// What the next kernels want of rows x: out[j] = x W[j]^T + bias[j], f32 or bf16 (out16).
+struct Projections {
   const uint16_t* weight[2] = {nullptr, nullptr};
   const float* bias[2] = {nullptr, nullptr};
   float* out[2] = {nullptr, nullptr};
@@ -77,7 +78,7 @@ struct FusedMlp {
   /// without operands, in place of the other sums.
   const float *group_weight = nullptr, *group_add32 = nullptr;
   float* group32 = nullptr;
-  EpilogueProjection epilogue;  ///< of sum32's rows, rounded, where wanted: of a network with two operands
+  Projections epilogue;  ///< of sum32's rows, rounded, where wanted: of a network with two operands
 };
 void forward(const FusedMlp& network, void* stream);
 /// Whether the GPU has the shared memory that networks with an epilogue need.
@@ -91,14 +92,11 @@ struct OperandGradient {
   uint16_t* d16 = nullptr;
 };
 
-/// What goes back through a FusedMlp whose results' gradient is
-///   g[r] = scale * weight[r] * g32[row(r)] + g16[r]      (absent parts: weight 1, g 0).
+/// What goes back through a FusedMlp whose results' gradient is g[r] = g32[row(r)] + g16[r], absent parts 0.
 struct FusedMlpGradient {
   FusedMlp network;  ///< results are not written
   const float* g32 = nullptr;
   RowOf g_row = {};
-  const float* g_weight = nullptr;
-  float g_scale = 1;
   const uint16_t* g16 = nullptr;
 
   uint16_t* hidden = nullptr;  ///< [rows, 128] activations of the first layer
@@ -111,45 +109,39 @@ int most_norm_partials();
 /// Returns how many partial sums of the norm's gradients it writes.
 int backward(const FusedMlpGradient& gradient, void* stream);
 
-/// Products of rows with up to two tiles: out[j] = x W[j]^T + bias[j] + sign[j] V[j] offset (f32 tables of a first
-/// layer), V[j] [128, 3] with rows `offset_stride` apart.
+/// Projections of rows x to which sign[j] V[j] offset is added, V[j] [128, 3] with rows `offset_stride` apart.
 struct RowProjection {
   int64_t rows = 0;
   const int32_t* row_count = nullptr;
   const uint16_t* x = nullptr;
-  const uint16_t* weight[2] = {nullptr, nullptr};
-  const float* bias[2] = {nullptr, nullptr};  ///< [128]
-  const float* offset = nullptr;              ///< [rows, 3]; null: none
+  Projections to = {};
+  const float* offset = nullptr;  ///< [rows, 3]; null: none
   const float* offset_weight[2] = {nullptr, nullptr};
   int32_t offset_stride[2] = {0, 0};
   float offset_sign[2] = {1, 1};
-  float* out[2] = {nullptr, nullptr};
-  uint16_t* out16[2] = {nullptr, nullptr};  ///< the same, rounded
 };
 void project(const RowProjection& projection, void* stream);
 
-/// The way back: sum32 = add32 + sum over j of d[j] W[j]; d[j] are operands (summed rows, mostly), `save` keeps them.
+/// The way back: sum32 = add32 + sum over j of d[j] W[j].
 struct ProjectionGradient {
   int64_t rows = 0;
-  RowOperand d[2];
+  RowOperand d[2];  ///< rows and weights alone
   const float* add32 = nullptr;
   float* sum32 = nullptr;
 };
 void project_back(const ProjectionGradient& gradient, void* stream);
 
-/// out[s] = add32[s] + scale * sum of weight[i] source[i] over the rows i of segment s.
+/// out[s] = scale * sum of weight[i] source[i] over the rows i of segment s.
 struct SegmentRows {
   int64_t segments = 0;
   const int32_t* row_count = nullptr;  ///< of segments
-  const int32_t* begin = nullptr;      ///< [segments + 1]; null: `fixed` rows each
+  const int32_t* begin = nullptr;      ///< [segments + 1]
   int32_t first = 0;                   ///< subtracted from `begin`
   const int32_t* item = nullptr;       ///< rows; null: as they stand
-  int32_t fixed = 0;
-  bool are_long = false;  ///< some have hundreds of rows
+  bool are_long = false;               ///< some have hundreds of rows
   const uint16_t* source = nullptr;
   const float* weight = nullptr;  ///< of a row
   float scale = 1;
-  const float* add32 = nullptr;
   float* out32 = nullptr;
   uint16_t* out16 = nullptr;
 };
@@ -165,6 +157,13 @@ void pack_tiles(int count, const TileSource* sources, uint16_t* tiles, void* str
 /// Offsets that few things have: of corners (their bits), octants (1/2 - bits), neighbour slots (the unit vector from
 /// sender to receiver), and embeddings of types.
 enum class Offsets : int32_t { corner, octant, slot, embedding };
+/// Coordinate d of number t of them.
+GRAUPEL_HD inline float offset_of(Offsets offsets, int t, int d) {
+  // a sender at -x (slot 0) sees its receiver at +x
+  if (offsets == Offsets::slot) return t / 2 != d ? 0.0f : t % 2 == 0 ? 1.0f : -1.0f;
+  const float bit = static_cast<float>(t >> d & 1);
+  return offsets == Offsets::octant ? 0.5f - bit : bit;
+}
 inline constexpr int most_table_rows = 16;
 /// Rows bias + sign W offset, W with rows `stride` apart; an embedding [types, width] takes the offsets' place.
 struct OffsetTable {
@@ -201,8 +200,7 @@ struct Decoder {
   const uint16_t* w1 = nullptr;   ///< tile
   const float *b1 = nullptr, *w2 = nullptr, *b2 = nullptr;
   float slope = 0.01f;
-  float* out = nullptr;      ///< [rows, 3 frames]
-  uint16_t* save = nullptr;  ///< [rows, 128] x, rounded, if wanted
+  float* out = nullptr;  ///< [rows, 3 frames]
 };
 void decode(const Decoder& decoder, void* stream);
 
@@ -231,7 +229,6 @@ struct WeightProduct {
   const uint16_t* x = nullptr;
   float* out = nullptr;
   int32_t stride = 0, columns = layer_width;
-  float scale = 1;
   float* bias = nullptr;
 };
 

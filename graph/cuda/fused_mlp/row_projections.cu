@@ -42,8 +42,8 @@ __global__ void __launch_bounds__(threads, 2) project_kernel(RowProjection p) {
   const Shared<warps> shared{shared_numbers, 2};
   __shared__ OffsetWeights offset_weights[2];
   for (int j = 0; j < 2; ++j) {
-    if (!p.weight[j]) continue;
-    load_tile(shared.tile(j), p.weight[j]);
+    if (!p.to.weight[j]) continue;
+    load_tile(shared.tile(j), p.to.weight[j]);
     if (p.offset) load_offset_weights(offset_weights[j], p.offset_weight[j], p.offset_stride[j]);
   }
   wait_for_previous();
@@ -58,13 +58,13 @@ __global__ void __launch_bounds__(threads, 2) project_kernel(RowProjection p) {
     __syncwarp();
 #pragma unroll
     for (int j = 0; j < 2; ++j) {
-      if (!p.weight[j]) continue;
+      if (!p.to.weight[j]) continue;
       Sums c;
       clear(c);
       product(c, mine, shared.tile(j), lane);
-      if (p.bias[j]) add_bias(c, p.bias[j], lane);
+      if (p.to.bias[j]) add_bias(c, p.to.bias[j], lane);
       if (p.offset) add_offsets(c, offset_weights[j], p.offset, p.offset_sign[j], rows, first, lane);
-      write_operand_gradient({nullptr, p.out[j], nullptr, p.out16[j]}, c, first, rows, lane);
+      write_operand_gradient({nullptr, p.to.out[j], nullptr, p.to.out16[j]}, c, first, rows, lane);
     }
     __syncwarp();
   }
@@ -87,7 +87,6 @@ __global__ void __launch_bounds__(threads, 2) project_back_kernel(ProjectionGrad
       if (!p.d[j].weight) continue;
       gather_rows(mine, p.d[j], first, p.rows, lane);
       __syncwarp();
-      if (p.d[j].save) copy_out(p.d[j].save, mine, first, p.rows, lane);
       product_back(c, mine, shared.tile(j), lane);
       __syncwarp();
     }
@@ -107,8 +106,7 @@ __global__ void __launch_bounds__(threads) sum_segments_kernel(SegmentRows s) {
   if (ways == 1 && !there) return;
   float sum[8] = {};
   if (there) {
-    const int64_t begin = s.begin ? s.begin[segment] - s.first : segment * s.fixed;
-    const int64_t end = s.begin ? s.begin[segment + 1] - s.first : begin + s.fixed;
+    const int64_t begin = s.begin[segment] - s.first, end = s.begin[segment + 1] - s.first;
     for (int64_t at = begin + way * under_way; at < end; at += ways * under_way) {
       uint4 word[under_way];
       float weight[under_way];
@@ -139,12 +137,6 @@ __global__ void __launch_bounds__(threads) sum_segments_kernel(SegmentRows s) {
   const int64_t place = segment * layer_width + 8 * lane;
 #pragma unroll
   for (int i = 0; i < 8; ++i) sum[i] *= s.scale;
-  if (s.add32)
-#pragma unroll
-    for (int i = 0; i < 2; ++i) {
-      const float4 before = *reinterpret_cast<const float4*>(s.add32 + place + 4 * i);
-      sum[4 * i] += before.x, sum[4 * i + 1] += before.y, sum[4 * i + 2] += before.z, sum[4 * i + 3] += before.w;
-    }
   if (s.out32)
 #pragma unroll
     for (int i = 0; i < 2; ++i)

@@ -20,19 +20,6 @@ __global__ void __launch_bounds__(threads) pack_tiles_kernel(const TileSource* s
   }
 }
 
-/// Offset d of row t.
-__device__ float offset_of(Offsets offsets, int t, int d) {
-  const float bit = static_cast<float>(t >> d & 1);
-  switch (offsets) {
-    case Offsets::corner:
-      return bit;
-    case Offsets::octant:
-      return 0.5f - bit;
-    default:  // a sender at -x (slot 0) sees its receiver at +x
-      return t / 2 != d ? 0.0f : t % 2 == 0 ? 1.0f : -1.0f;
-  }
-}
-
 __global__ void __launch_bounds__(layer_width) make_tables_kernel(const OffsetTable* tables, float* out) {
   const OffsetTable table = tables[blockIdx.x];
   const int t = static_cast<int>(blockIdx.y), column = static_cast<int>(threadIdx.x);

@@ -175,8 +175,7 @@ __device__ inline void gather_rows(uint16_t* to, const RowOperand& x, int64_t fi
       for (int k = 0; k < rows_under_way; ++k) {
         word[k] = {0, 0, 0, 0};
         if (at + k >= end) continue;
-        const int64_t from = x.item ? x.item[at + k] : at + k;
-        word[k] = *(reinterpret_cast<const uint4*>(x.rows + from * layer_width) + lane % 16);
+        word[k] = *(reinterpret_cast<const uint4*>(x.rows + int64_t{at + k} * layer_width) + lane % 16);
       }
 #pragma unroll
       for (int k = 0; k < rows_under_way; ++k) add_numbers(sum, word[k]);
@@ -190,20 +189,18 @@ __device__ inline int64_t row_of(const RowOf& row, int64_t r) {
   return row.index ? row.index[r] : (r >> row.shift) & static_cast<int64_t>(row.mask);
 }
 
-/// c += scale * the table's rows of this warp's rows.
-__device__ inline void add_table(Sums& c, const float* table, const RowOf& row, int64_t first, int64_t rows, int lane,
-                                 const float* weight = nullptr, float scale = 1) {
+/// c += the table's rows of this warp's rows.
+__device__ inline void add_table(Sums& c, const float* table, const RowOf& row, int64_t first, int64_t rows, int lane) {
 #pragma unroll
   for (int half = 0; half < 2; ++half) {
     const int64_t r = first + lane / 4 + 8 * half;
     if (r >= rows) continue;
-    const float factor = weight ? scale * weight[r] : scale;
     const float2* const from = reinterpret_cast<const float2*>(table + row_of(row, r) * layer_width) + lane % 4;
 #pragma unroll
     for (int j = 0; j < column_blocks; ++j) {
       const float2 v = from[4 * j];
-      c[j][2 * half] += factor * v.x;
-      c[j][2 * half + 1] += factor * v.y;
+      c[j][2 * half] += v.x;
+      c[j][2 * half + 1] += v.y;
     }
   }
 }

@@ -35,7 +35,6 @@ struct Addition {
   int64_t parts;
   float *out, *out_bias;
   int32_t stride, columns;
-  float scale;
 };
 
 __device__ void copy_async(uint16_t* to, const uint16_t* from, bool there) {
@@ -139,14 +138,14 @@ __global__ void __launch_bounds__(threads) add_kernel(const Addition* additions)
     if (!a.out_bias || thread >= layer_width) return;
     float sum = 0;
     for (int64_t p = 0; p < a.parts; ++p) sum += a.bias[p * layer_width + thread];
-    a.out_bias[thread] = a.scale * sum;
+    a.out_bias[thread] = sum;
     return;
   }
   const int number = block * threads + thread, row = number / layer_width, column = number % layer_width;
   if (!a.out || column >= a.columns) return;
   float sum = 0;
   for (int64_t p = 0; p < a.parts; ++p) sum += a.sums[p * tile_numbers + number];
-  a.out[int64_t{row} * a.stride + column] = a.scale * sum;
+  a.out[int64_t{row} * a.stride + column] = sum;
 }
 
 /// Block (x, y): 32 numbers of partial sums y; a warp adds every eighth row.
@@ -207,7 +206,7 @@ void WeightProducts::run(void* stream) {
       sums += tile_numbers;
       bias += layer_width;
     }
-    additions.push_back({first_sums, first_bias, n, p.out, p.bias, p.stride, p.columns, p.scale});
+    additions.push_back({first_sums, first_bias, n, p.out, p.bias, p.stride, p.columns});
   }
   products_.clear();
   upload_in(stream, memory_->chunks, chunks);

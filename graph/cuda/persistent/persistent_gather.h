@@ -1,4 +1,4 @@
-// What a block of wide_rows.cu gathers: 16 lanes a row, eight columns a lane; the loads of a row are under way
+// What a block of persistent_layers.cu gathers: 16 lanes a row, eight columns a lane; the loads of a row are under way
 // together.
 #pragma once
 
@@ -120,14 +120,14 @@ struct Wide {
   }
 };
 
-/// A column of the three parts of a row's features (wide_weights.h); 0 beyond them.
+/// A column of the three parts of a row's features (persistent_weights.h); 0 beyond them.
 __device__ inline float feature_part(const float* features, int width, int column) {
   const int which = (column >= width) + (column >= 2 * width);
   const float x = column < feature_parts * width ? features[column - which * width] : 0.0f;
   const float high = from_bf16(static_cast<uint16_t>(pack(x, 0) & 0xffffu));
   return which == 1 ? x - high : high;
 }
-/// Columns first to first + 7 of the three parts of a row's features (wide_weights.h).
+/// Columns first to first + 7 of the three parts of a row's features (persistent_weights.h).
 __device__ inline uint4 feature_word(const float* features, int width, int first) {
   uint32_t word[4];
 #pragma unroll

@@ -3,12 +3,12 @@
 #include <cuda_runtime.h>
 
 #include <algorithm>
-#include <array>
 #include <string>
 #include <utility>
 
 #include "core/parallel/cuda_check.h"
 #include "core/system/error.h"
+#include "graph/cuda/forward/packed_network.h"
 #include "graph/cuda/persistent/persistent_weights.h"
 #include "graph/plan/plan_walk.h"
 
@@ -19,25 +19,8 @@ namespace {
 constexpr int64_t h = layer_width;
 constexpr int slots = 8;        ///< most rows of a table
 constexpr int64_t corners = 8;  ///< pairs a particle
-using Offset = std::array<float, 3>;
 
-/// The offsets that few things have (graph/cuda/fused_mlp/row_layers.h, Offsets).
-Offset corner(int k) { return {static_cast<float>(k & 1), static_cast<float>(k >> 1 & 1), static_cast<float>(k >> 2)}; }
-Offset octant(int k) {
-  const Offset bits = corner(k);
-  return {0.5f - bits[0], 0.5f - bits[1], 0.5f - bits[2]};
-}
-Offset neighbor(int k) {
-  Offset unit{};
-  if (k < 6) unit[static_cast<std::size_t>(k / 2)] = k % 2 == 0 ? 1.0f : -1.0f;
-  return unit;
-}
-
-std::string numbered(const std::string& block, int64_t l) {
-  return std::string(block).append(".").append(std::to_string(l));
-}
-
-/// A gathering's linear layer.
+/// A matrix [outputs, inputs] with its bias.
 struct Layer {
   std::vector<float> weight, bias;
   int64_t inputs;
@@ -48,56 +31,50 @@ struct Layer {
 /// Packs the weights network by network.
 class PersistentHgn::Planner {
  public:
-  Planner(PersistentHgn& to, const nn::Weights& weights) : to_(to), weights_(weights) {}
+  Planner(PersistentHgn& to, const nn::Weights& weights) : to_(to), plan_(plan_of(to.config_)), weights_(weights) {}
 
   void plan() {
-    const LayerPlan plan = plan_of(to_.config_);
     encoder();
-    for (std::size_t b = 0; b < plan.blocks.size(); ++b) {
-      next_ = b + 1 < plan.blocks.size() ? &plan.blocks[b + 1] : nullptr;
-      visit_block(plan, plan.blocks[b], *this);
-    }
+    for (const PlanBlock& block : plan_.blocks) visit_block(plan_, block, *this);
     if (!to_.has_own_decoder()) decoder();
     to_.tiles_.upload(tiles_);
     to_.tables_.upload(tables_);
     to_.vectors_.upload(vectors_);
   }
 
-  void particle_to_grid(const PlanBlock& block) {
-    begin(block.name, Gather::pairs, 1, static_cast<float>(to_.config_.p2g_scale));
-    table(gathering(block.name, h + 3), h, 1, corner);
-  }
-  void restrict_to_coarse(const PlanBlock& block) {
-    begin(block.name, Gather::children, 1);
-    table(gathering(block.name, h + 3), h, 1, octant);
-  }
+  void particle_to_grid(const PlanBlock& block) { transfer(block, Gather::pairs, 1); }
+  void restrict_to_coarse(const PlanBlock& block) { transfer(block, Gather::children, 1); }
+  void grid_to_particle(const PlanBlock& block) { transfer(block, Gather::corners, 2); }
   void prolong_to_fine(const PlanBlock& block) {
-    begin(block.name, Gather::rows, 2, 1, 2 * h + 3);
+    const PlanLayer& layer = *layers_of(plan_, block).gather;
+    begin(layer, Gather::rows, 2);
     now().addend = vectors_.size();
-    add_offsets(vectors_, layer(block.name + ".layer1", 2 * h + 3), 2 * h, -1, octant);
+    add_offsets(vectors_, first_of(layer), block.links.kind);
   }
   /// The network before its iterations is the last one planned.
   void pass_messages(const PlanBlock& block) {
     for (int64_t k = 0; k < block.iterations; ++k) {
-      const std::string iteration = numbered(block.name, k);
-      project_for_iteration(iteration);
-      begin(iteration + ".cell", Gather::links, 2);
-      table(gathering(iteration, 2 * h + 3), 2 * h, 1, neighbor);
+      const BlockLayers layers = layers_of(plan_, block, k);
+      const Layer gather = first_of(*layers.gather);
+      epilogue(gather, 0, false);
+      epilogue(gather, h, true);
+      begin(*layers.update, Gather::links, 2);
+      table(gather, block.links.kind);
     }
-    if (next_->links.kind == LinkKind::to_parent) epilogue(gathering(next_->name, h + 3), 0, true);
-    if (next_->links.kind == LinkKind::cell_to_particle) epilogue(gathering(next_->name, 2 * h + 3), 0, false);
-  }
-  void grid_to_particle(const PlanBlock& block) {
-    begin(block.name, Gather::corners, 2);
-    table(gathering(block.name, 2 * h + 3), 2 * h, -1, corner);
+    const PlanBlock& next = plan_.blocks[block.number + 1];
+    if (next.links.kind != LinkKind::from_parent)
+      epilogue(first_of(*layers_of(plan_, next).gather), 0, next.links.kind == LinkKind::to_parent);
   }
 
  private:
   Planned& now() { return to_.plan_.back(); }
-  Layer layer(const std::string& name, int64_t inputs, int64_t outputs = h) const {
+  Layer layer(const std::string& name, int64_t inputs, int64_t outputs) const {
     return {weights_.get(name + ".weight", {outputs, inputs}), weights_.get(name + ".bias", {outputs}), inputs};
   }
-  Layer gathering(const std::string& name, int64_t inputs) const { return layer(name + ".gather", inputs); }
+  Layer first_of(const PlanLayer& fcn) const {
+    return layer(fcn.is_linear() ? fcn.name : fcn.name + ".layer1", fcn.inputs, h);
+  }
+  Layer second_of(const PlanLayer& fcn) const { return layer(fcn.name + ".layer2", h, fcn.outputs); }
 
   void tile(const Layer& layer, int64_t column) {
     tiles_.resize(tiles_.size() + tile_numbers);
@@ -107,13 +84,19 @@ class PersistentHgn::Planner {
     std::copy(values.begin(), values.end(), vectors_.begin() + static_cast<std::ptrdiff_t>(now().vectors) + which * h);
   }
 
-  /// A network with its second layer and norm; of an FCN with `inputs`, of which the first `operands` * 128 are rows.
-  void begin(const std::string& name, Gather gather, int operands, float scale = 1, int64_t inputs = 0) {
+  /// The update of what is gathered by a linear layer.
+  void transfer(const PlanBlock& block, Gather gather, int operands) {
+    const BlockLayers layers = layers_of(plan_, block);
+    begin(*layers.update, gather, operands, static_cast<float>(plan_.operations[block.operation + 1].scale));
+    table(first_of(*layers.gather), block.links.kind);
+  }
+  /// A network with its second layer and norm, of whose inputs the first `operands` * 128 are rows.
+  void begin(const PlanLayer& layer, Gather gather, int operands, float scale = 1) {
     start(gather, operands, scale);
-    const Layer first = layer(name + ".layer1", inputs > 0 ? inputs : operands * h);
+    const Layer first = first_of(layer);
     for (int64_t i = 0; i < operands; ++i) tile(first, i * h);
     vector(bias1, first.bias);
-    finish(name);
+    finish(layer);
   }
   void start(Gather gather, int operands, float scale = 1) {
     Planned planned;
@@ -125,12 +108,12 @@ class PersistentHgn::Planner {
     vectors_.resize(vectors_.size() + vectors_of_network * h);
     to_.plan_.push_back(planned);
   }
-  void finish(const std::string& name) {
-    const Layer second = layer(name + ".layer2", h);
+  void finish(const PlanLayer& layer) {
+    const Layer second = second_of(layer);
     tile(second, 0);
     vector(bias2, second.bias);
-    vector(norm_scale, weights_.get(name + ".norm.weight", {h}));
-    vector(norm_shift, weights_.get(name + ".norm.bias", {h}));
+    vector(norm_scale, weights_.get(layer.name + ".norm.weight", {h}));
+    vector(norm_shift, weights_.get(layer.name + ".norm.bias", {h}));
   }
   /// What the next network gathers of this one's rows: columns from `column` on of a gathering's layer.
   void epilogue(const Layer& gathering, int64_t column, bool with_bias) {
@@ -138,39 +121,36 @@ class PersistentHgn::Planner {
     if (with_bias) vector(out_bias0 + now().network.epilogues, gathering.bias);
     ++now().network.epilogues;
   }
-  void project_for_iteration(const std::string& name) {
-    const Layer next = gathering(name, 2 * h + 3);
-    epilogue(next, 0, false);
-    epilogue(next, h, true);
-  }
 
-  template <typename OffsetOf>
-  void add_offsets(std::vector<float>& to, const Layer& layer, int64_t column, float sign, const OffsetOf& offset_of) {
+  /// W_o offset of the links of a gather, whose last three inputs are the offset.
+  void add_offsets(std::vector<float>& to, const Layer& layer, LinkKind links) {
+    const LinkOffsets offsets = offsets_of(links);
     for (int k = 0; k < slots; ++k)
       for (int64_t row = 0; row < h; ++row) {
         float sum = 0;
-        for (std::size_t d = 0; d < 3; ++d)
-          sum += layer.weight[static_cast<std::size_t>(row * layer.inputs + column) + d] * offset_of(k)[d];
-        to.push_back(sign * sum);
+        for (int d = 0; d < 3; ++d)
+          sum +=
+              layer.weight[static_cast<std::size_t>((row + 1) * layer.inputs - 3 + d)] * offset_of(offsets.kind, k, d);
+        to.push_back(offsets.sign * sum);
       }
   }
-  template <typename OffsetOf>
-  void table(const Layer& layer, int64_t column, float sign, const OffsetOf& offset_of) {
+  void table(const Layer& layer, LinkKind links) {
     now().table = tables_.size();
-    add_offsets(tables_, layer, column, sign, offset_of);
+    add_offsets(tables_, layer, links);
   }
 
   void encoder() {
-    const int64_t width = to_.config_.input_width(), features = width - to_.config_.embedding;
-    const Layer first = layer("encoder.layer1", width);
+    const PlanLayer& layer = plan_.layers.front();
+    const int64_t width = layer.inputs, features = width - plan_.embedding;
+    const Layer first = first_of(layer);
     start(Gather::features, feature_tiles(static_cast<int>(features)));
     now().network.width = static_cast<int32_t>(features);
     tiles_.resize(tiles_.size() + static_cast<std::size_t>(now().network.operands) * tile_numbers);
     pack_feature_tiles(first.weight.data(), width, static_cast<int>(features), tiles_.data() + now().tiles);
     vector(bias1, first.bias);
-    finish("encoder");
+    finish(layer);
     now().addend = vectors_.size();
-    const int64_t types = 9, e = to_.config_.embedding;
+    const int64_t types = 9, e = plan_.embedding;
     const std::vector<float> embedding = weights_.get("embedding.weight", {types, e});
     for (int64_t t = 0; t < types; ++t)
       for (int64_t row = 0; row < h; ++row) {
@@ -180,7 +160,8 @@ class PersistentHgn::Planner {
                  embedding[static_cast<std::size_t>(t * e + i)];
         vectors_.push_back(sum);
       }
-    const Layer to_grid = gathering("particle_to_grid", h + 3), from_grid = gathering("grid_to_particle", 2 * h + 3);
+    const Layer to_grid = first_of(*layers_of(plan_, plan_.blocks.front()).gather),
+                from_grid = first_of(*layers_of(plan_, plan_.blocks.back()).gather);
     epilogue(to_grid, 0, true);
     epilogue(from_grid, h, true);
     now().offsets = vectors_.size();
@@ -194,8 +175,8 @@ class PersistentHgn::Planner {
   }
 
   void decoder() {
-    const Layer first = layer("decoder.layer1", h), second = layer("decoder.layer2", h, 3);
-    epilogue(first, 0, true);
+    const Layer second = second_of(plan_.layers.back());
+    epilogue(first_of(plan_.layers.back()), 0, true);
     for (int64_t d = 0; d < 3; ++d) {
       const auto row = second.weight.begin() + d * h;
       vector(out_bias1 + static_cast<int>(d), {row, row + h});
@@ -204,8 +185,8 @@ class PersistentHgn::Planner {
   }
 
   PersistentHgn& to_;
+  const LayerPlan plan_;
   const nn::Weights& weights_;
-  const PlanBlock* next_ = nullptr;  ///< behind the block at hand
   std::vector<uint16_t> tiles_;
   std::vector<float> tables_, vectors_;
 };
@@ -223,33 +204,22 @@ PersistentHgn::PersistentHgn(const HgnConfig& config, const nn::Weights& weights
 }
 
 void PersistentHgn::pack_decoder(const nn::Weights& weights) {
-  const int64_t outputs = config_.output_width();
-  std::vector<float> all;
-  const auto add = [&](const std::string& name, const std::vector<int64_t>& shape) {
-    const std::vector<float> values = weights.get("decoder." + name, shape);
-    all.insert(all.end(), values.begin(), values.end());
-  };
-  add("layer1.weight", {h, h});
-  add("layer1.bias", {h});
-  add("layer2.weight", {outputs, h});
-  add("layer2.bias", {outputs});
-  decoder_.upload(all);
+  decoder_.emplace(weights);
   Buffer<TileSource> source(Device::cuda, 0);
-  source.upload({{decoder_.data(), h, h}});
+  source.upload({{(*decoder_)("decoder.layer1.weight"), h, h}});
   decoder_tile_.resize_discard(tile_numbers);
   pack_tiles(1, source.data(), decoder_tile_.data(), nullptr);
   GRAUPEL_CUDA_CHECK(cudaStreamSynchronize(nullptr));
 }
 
 void PersistentHgn::launch_decoder(void* stream) {
-  const float* const b1 = decoder_.data() + h * h;
   decode({.rows = particles_,
           .frames = static_cast<int>(config_.bundle),
           .x = latents_.data(),  // the particles' stand first
           .w1 = decoder_tile_.data(),
-          .b1 = b1,
-          .w2 = b1 + h,
-          .b2 = b1 + h + config_.output_width() * h,
+          .b1 = (*decoder_)("decoder.layer1.bias"),
+          .w2 = (*decoder_)("decoder.layer2.weight"),
+          .b2 = (*decoder_)("decoder.layer2.bias"),
           .out = output_.data()},
          stream);
 }

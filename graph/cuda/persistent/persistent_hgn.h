@@ -4,10 +4,12 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "core/parallel/buffer.h"
 #include "graph/cuda/aggregation/pair_aggregation.h"
+#include "graph/cuda/forward/device_weights.h"
 #include "graph/cuda/forward/grid_network.h"
 #include "graph/cuda/persistent/persistent_layers.h"
 
@@ -52,8 +54,8 @@ class PersistentHgn : public GridNetwork {
   Buffer<uint16_t> projections_{Device::cuda, 0};
   PairAggregation pair_aggregation_{};
   Buffer<float> part_sums_{Device::cuda, 0};
-  /// A decoder of several frames at once, which has a launch of its own: W1, b1, W2 and b2; W1 as a tile.
-  Buffer<float> decoder_{Device::cuda, 0};
+  /// The weights for a decoder of several frames at once, which has a launch of its own; its W1 as a tile.
+  std::optional<DeviceWeights> decoder_;
   Buffer<uint16_t> decoder_tile_{Device::cuda, 0};
   const int32_t* overflow_ = nullptr;
   std::vector<int64_t> most_rows_;  ///< of each network

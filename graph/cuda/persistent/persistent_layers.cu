@@ -1,4 +1,4 @@
-// The networks of wide_rows.h: a block keeps its place in the list of networks; a warp has 16 columns of each.
+// The networks of persistent_layers.h: a block keeps its place in the list of networks; a warp has 16 columns of each.
 #include "graph/cuda/persistent/persistent_layers.h"
 
 #include "graph/cuda/persistent/persistent_tile.h"

@@ -21,9 +21,9 @@ enum class Gather : int32_t {
   links,     ///< the sum over six neighbours: link [rows, 6], -1 for none
   children,  ///< over eight children: link [rows, 8], -1 for none
   corners,   ///< over eight cells with weights: link and weight [rows, 8]
-  pairs,     ///< over the pairs begin[r] to begin[r + 1] - 1, whose parts are added up in `rows32` (pair_sums.h)
+  pairs,     ///< over the pairs begin[r] to begin[r + 1] - 1, whose parts are added up in `rows32` (pair_aggregation.h)
   rows,      ///< row link[r] of `rows32`
-  features,  ///< `width` f32 features of row r, in three parts (wide_weights.h)
+  features,  ///< `width` f32 features of row r, in three parts (persistent_weights.h)
 };
 
 /// Vectors of a network, rows of 128 f32 numbers: biases of both layers, norm, biases of the epilogue. With a decoder

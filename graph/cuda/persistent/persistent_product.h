@@ -1,4 +1,4 @@
-// A warp's part of a network of wide_rows.cu: 16 of 128 columns of products with tiles that lie in registers.
+// A warp's part of a network of persistent_layers.cu: 16 of 128 columns of products with tiles that lie in registers.
 #pragma once
 
 #include "graph/cuda/persistent/persistent_gather.h"

@@ -1,4 +1,4 @@
-// What a block of wide_rows.cu keeps of a tile of rows, and what it does with the tile's products.
+// What a block of persistent_layers.cu keeps of a tile of rows, and what it does with the tile's products.
 #pragma once
 
 #include "graph/cuda/persistent/persistent_gather.h"

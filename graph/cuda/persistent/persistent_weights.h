@@ -1,4 +1,4 @@
-// Weights in the order in which the kernels of wide_rows.h read them.
+// Weights in the order in which the kernels of persistent_layers.h read them.
 #pragma once
 
 #include <cstdint>

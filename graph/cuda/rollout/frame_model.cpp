@@ -1,7 +1,7 @@
 #include "graph/cuda/rollout/frame_model.h"
 
 #include "core/system/error.h"
-#include "graph/config/config_metadata.h"
+#include "graph/config/network_config.h"
 #include "graph/cuda/rollout/gns_frame.h"
 #include "graph/cuda/rollout/hgn_frame.h"
 

@@ -5,6 +5,7 @@
 #include <memory>
 #include <vector>
 
+#include "core/parallel/buffer.h"
 #include "graph/config/feature_config.h"
 #include "graph/cuda/launch/launch_hooks.h"
 #include "graph/features/features.h"
@@ -25,8 +26,8 @@ class FrameModel {
   virtual void start(const Environment& environment, const std::vector<int32_t>& type_row, void* stream) = 0;
   /// What a frame begins with, to be written by the caller: features [particles, width] before launch(), positions
   /// [particles] before launch_graph().
-  virtual float* features() = 0;
-  virtual Vec3f* position() = 0;
+  float* features() { return features_.data(); }
+  Vec3f* position() { return position_.data(); }
 
   /// Makes the graph of position(), beside what follows in the stream or in launch(). `with_counts`: at once, with what
   /// make_room() needs.
@@ -45,6 +46,11 @@ class FrameModel {
   virtual const int32_t* fault() const = 0;
   /// The memory of the launches so far may be used again.
   virtual void reuse_memory() = 0;
+
+ protected:
+  Buffer<Vec3f> position_{Device::cuda, 0};
+  Buffer<int32_t> type_row_{Device::cuda, 0};
+  Buffer<float> features_{Device::cuda, 0};
 };
 
 /// The network of a weights file. Throws InputError for damaged weights, ConfigError where there is no GPU or no

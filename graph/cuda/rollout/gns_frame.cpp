@@ -3,17 +3,17 @@
 #include "core/scene/material_config.h"
 #include "core/system/error.h"
 #include "graph/features/normalization.h"
-#include "graph/networks/gns_network.h"
+#include "graph/networks/graph_network.h"
 
 namespace graupel::graph {
 
 namespace {
 
 GnsConfig checked_config(const nn::Weights& weights) {
-  static_cast<void>(GnsNetwork(weights));  // its errors
+  static_cast<void>(GraphNetwork(weights));  // its errors
   const GnsConfig config = GnsConfig::from_metadata(weights.metadata, weights.file);
   if (!cuda_available()) throw ConfigError("device 'cuda' is not usable (no GPU). Use --device cpu");
-  if (!PackedGns::fits(config))
+  if (!PackedNetwork::fits(plan_of(config)))
     throw ConfigError("'" + weights.file + "': networks run on a GPU with a latent width of " +
                       std::to_string(layer_width) +
                       " and one hidden layer only (gns.latent: " + std::to_string(config.latent) +
@@ -27,7 +27,7 @@ GnsFrame::GnsFrame(const nn::Weights& weights)
     : config_(checked_config(weights)),
       rules_(config_, read_normalization(weights)),
       weights_(weights),
-      network_(config_, weights_.fcns(), weights_.get("embedding.weight")) {
+      network_(plan_of(config_), std::cref(weights_)) {
   network_.refresh(nullptr);
 }
 
@@ -75,29 +75,24 @@ void GnsFrame::launch(void* stream, const LaunchHooks& moments) {
   is_due_ = false;
   moments.graph_ready();
   const RadiusLinks links = builder_.links();
-  GnsRows rows;
-  rows.nodes = builder_.most_nodes();
-  rows.edges = builder_.room();
-  rows.node_count = links.node_count;
-  rows.edge_count = links.edge_count;
-  rows.features = features_.data();
-  rows.type_row = type_row_.data();
-  rows.begin = links.begin;
-  rows.sender = links.sender;
-  rows.receiver = links.receiver;
-  rows.edge_features = links.features;
-  const float* const latents = forward_to_decoder(network_, rows, arena_, *this, record_, stream);
-  const DeviceFcn& last = network_.fcn("decoder");
-  decode({.rows = particles_,
-          .frames = static_cast<int>(config_.bundle),
-          .x = latents,
-          .w1 = network_.tile("decoder", 0),
-          .b1 = last.b1,
-          .w2 = last.w2,
-          .b2 = last.b2,
-          .slope = static_cast<float>(config_.leaky_slope),
-          .out = output_.data()},
-         stream);
+  NetworkGraph graph;
+  graph.particles = builder_.most_nodes();
+  graph.features = features_.data();
+  graph.type_row = type_row_.data();
+  graph.edge_features = links.features;
+  LevelLinks& edges = graph.level.emplace_back();
+  edges.cells = graph.particles;
+  edges.edges = builder_.room();
+  edges.cell_count = links.node_count;
+  edges.edge_count = links.edge_count;
+  edges.edge_begin = links.begin;
+  edges.sender = links.sender;
+  edges.receiver = links.receiver;
+  Decoder decoder = network_.decoder();
+  decoder.rows = particles_;
+  decoder.x = forward_messages(network_, graph, arena_, this, record_, stream);
+  decoder.out = output_.data();
+  decode(decoder, stream);
 }
 
 }  // namespace graupel::graph

@@ -2,7 +2,7 @@
 #pragma once
 
 #include "graph/cuda/forward/device_weights.h"
-#include "graph/cuda/forward/gns_forward.h"
+#include "graph/cuda/forward/message_forward.h"
 #include "graph/cuda/forward/row_arena.h"
 #include "graph/cuda/rollout/frame_model.h"
 #include "graph/topology/radius_graph_builder.h"
@@ -16,8 +16,6 @@ class GnsFrame : public FrameModel, private EdgeMemory {
   const FeatureConfig& feature_config() const override { return config_; }
   double spacing() const override { return config_.radius; }
   void start(const Environment& environment, const std::vector<int32_t>& type_row, void* stream) override;
-  float* features() override { return features_.data(); }
-  Vec3f* position() override { return position_.data(); }
   void launch_graph(void* stream, bool with_counts) override;
   Room make_room() override;
   void launch(void* stream, const LaunchHooks& moments) override;
@@ -33,19 +31,17 @@ class GnsFrame : public FrameModel, private EdgeMemory {
   GnsConfig config_;
   FeatureRules rules_;
   DeviceWeights weights_;
-  PackedGns network_;
+  PackedNetwork network_;
   RadiusGraphBuilder builder_{Device::cuda, config_};
   RowArena arena_;
-  GnsRecord record_;
+  MessageRecord record_;
   void* stream_ = nullptr;  ///< of the graph made last
   bool is_due_ = false;     ///< the graph is made by launch(), after the features
 
   int64_t particles_ = 0;
   Buffer<uint16_t> latent_{Device::cuda, 0}, message_{Device::cuda, 0};  ///< [edges, 128]
   Buffer<Vec3f> point_{Device::cuda, 0};                                 ///< obstacle particles, near or not
-  Buffer<Vec3f> position_{Device::cuda, 0};                              ///< particles, then obstacle particles
-  Buffer<int32_t> type_row_{Device::cuda, 0};
-  Buffer<float> features_{Device::cuda, 0}, output_{Device::cuda, 0};
+  Buffer<float> output_{Device::cuda, 0};
 };
 
 }  // namespace graupel::graph

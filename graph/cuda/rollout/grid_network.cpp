@@ -10,7 +10,7 @@ namespace graupel::graph {
 
 std::unique_ptr<GridNetwork> make_grid_network(const HgnConfig& config, const nn::Weights& weights) {
   if (PersistentHgn::fits(config)) return std::make_unique<PersistentHgn>(config, weights);
-  if (config.aggregation == Aggregation::messages && PackedHgn::fits(config))
+  if (config.aggregation == Aggregation::messages && PackedNetwork::fits(plan_of(config)))
     return std::make_unique<MessageNetwork>(config, weights);
   throw ConfigError("'" + weights.file + "': networks run on a GPU with a latent width of " +
                     std::to_string(layer_width) +

@@ -4,14 +4,14 @@
 
 #include "core/parallel/cuda_check.h"
 #include "core/system/error.h"
-#include "graph/networks/hierarchical_graph_network.h"
+#include "graph/networks/graph_network.h"
 
 namespace graupel::graph {
 
 namespace {
 
 HgnConfig checked_config(const nn::Weights& weights) {
-  static_cast<void>(HierarchicalGraphNetwork(weights));  // its errors
+  static_cast<void>(GraphNetwork(weights));  // its errors
   if (!cuda_available()) throw ConfigError("device 'cuda' is not usable (no GPU). Use --device cpu");
   return HgnConfig::from_metadata(weights.metadata, weights.file);
 }

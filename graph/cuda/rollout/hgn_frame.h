@@ -2,7 +2,6 @@
 // network over them in the form that its weights ask for.
 #pragma once
 
-#include "core/parallel/buffer.h"
 #include "graph/cuda/forward/grid_network.h"
 #include "graph/cuda/rollout/frame_model.h"
 
@@ -18,8 +17,6 @@ class HgnFrame : public FrameModel {
   const FeatureConfig& feature_config() const override { return config_; }
   double spacing() const override { return config_.spacing; }
   void start(const Environment& environment, const std::vector<int32_t>& type_row, void* stream) override;
-  float* features() override { return features_.data(); }
-  Vec3f* position() override { return position_.data(); }
   void launch_graph(void* stream, bool with_counts) override;
   Room make_room() override;
   void launch(void* stream, const LaunchHooks& moments) override;
@@ -37,9 +34,6 @@ class HgnFrame : public FrameModel {
   std::unique_ptr<Streams> streams_;
   Vec3d origin_;  ///< of the grid [m]
   int64_t particles_ = 0;
-  Buffer<Vec3f> position_{Device::cuda, 0};
-  Buffer<int32_t> type_row_{Device::cuda, 0};
-  Buffer<float> features_{Device::cuda, 0};
 };
 
 }  // namespace graupel::graph

@@ -8,7 +8,6 @@
 #include "tests/train/gradient_check.h"
 #include "tests/train/reduced/mlp_data.h"
 #include "train/reduced/mlp/mlp_batches.h"
-#include "train/reduced/mlp/trained_layers.h"
 
 namespace graupel::train {
 namespace {
@@ -27,7 +26,8 @@ rom::Mlp engine_of(const MlpShape& shape, const nn::Weights& weights) {
     const auto count = static_cast<std::size_t>(n);
     return rom::Standardization{std::vector<double>(count, 0.0), std::vector<double>(count, 1.0)};
   };
-  return {layers_of(weights, shape), same(shape.inputs()), same(shape.outputs)};
+  return {rom::Mlp::load_layers(weights, "", shape.inputs(), shape.width, shape.outputs), same(shape.inputs()),
+          same(shape.outputs)};
 }
 
 /// Largest difference of libtorch and the engine, over the size of the values.

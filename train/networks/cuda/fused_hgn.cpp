@@ -3,69 +3,265 @@
 #include <ATen/TensorOperators.h>
 #include <ATen/ops/cat.h>
 #include <ATen/ops/empty.h>
-#include <ATen/ops/from_blob.h>
 #include <ATen/ops/mm.h>
 
+#include <initializer_list>
+
 #include "graph/features/features.h"
+#include "graph/plan/plan_walk.h"
 
 namespace graupel::train {
 
-std::map<std::string, graph::DeviceFcn> FusedHgn::weights() const {
-  std::map<std::string, graph::DeviceFcn> weights;
-  for (const auto& [name, fcn] : fcns_)
-    weights[name] = {f32(fcn.w1),
-                     f32(fcn.b1),
-                     f32(fcn.w2),
-                     f32(fcn.b2),
-                     fcn.norm ? f32(fcn.gamma) : nullptr,
-                     fcn.norm ? f32(fcn.beta) : nullptr,
-                     static_cast<int32_t>(fcn.w1.size(1))};
-  for (const auto& [name, layer] : gathers_)
-    weights[name] = {.w1 = f32(layer.w), .b1 = f32(layer.b), .inputs = static_cast<int32_t>(layer.w.size(1))};
-  return weights;
+namespace {
+
+constexpr int corners = 8;
+/// Pair q belongs to particle q / 8.
+constexpr graph::RowOf by_particle{nullptr, 3, -1};
+
+}  // namespace
+
+/// From the gradient of the particles' latents before the decoder, block by block, to that of the encoder's result.
+class FusedHgn::BackwardPass {
+ public:
+  BackwardPass(FusedHgn& network, const DeviceBatch& batch, float* grad_particles)
+      : n_(network), batch_(batch), g_(grad_particles), skip_(batch.level.size()) {}
+
+  float* run() {
+    graph::run_blocks_in_reverse(n_.plan(), *this);
+    return g_;
+  }
+
+  void grid_to_particle(const graph::PlanBlock& block);
+  void pass_messages(const graph::PlanBlock& block);
+  void prolong_to_fine(const graph::PlanBlock& block);
+  void restrict_to_coarse(const graph::PlanBlock& block);
+  void particle_to_grid(const graph::PlanBlock& block);
+
+ private:
+  const graph::AggregationRecord::Step& step_of(const graph::PlanBlock& block, int64_t iteration = 0) const {
+    return n_.record_.blocks[block.number][static_cast<std::size_t>(iteration)];
+  }
+  graph::BlockLayers layers(const graph::PlanBlock& block, int64_t iteration = 0) const {
+    return graph::layers_of(n_.plan(), block, iteration);
+  }
+  /// Back through the FCN `name` on [sum] or [sum, nodes], from the gradient g_ of its results: adds the products for
+  /// all its weights, returns the gradient of the sum. To `nodes` goes the nodes' gradient, g_ included.
+  const uint16_t* update_backward(const std::string& name, const graph::FusedMlp& network, float* nodes = nullptr);
+  /// Runs a kernel of activation_aggregation.h, whose partial sums are the gradient of the last three columns of
+  /// `matrix`.
+  template <typename Gradient>
+  void offsets_backward(const std::string& matrix, Gradient gradient);
+  /// Gradient of nodes: add + sum over j of d[j] times the 128 columns of gather[j] from column[j] on.
+  struct Projected {
+    const uint16_t* d;
+    const std::string& gather;
+    int64_t column;
+  };
+  float* nodes_gradient(int64_t rows, std::initializer_list<Projected> projected, const float* add = nullptr);
+
+  FusedHgn& n_;
+  const DeviceBatch& batch_;
+  float* g_;                            ///< gradient of what the block at hand made
+  std::vector<float*> skip_;            ///< gradient of level l's cells through the up pass
+  float* beside_cells_ = nullptr;       ///< of the particles' latents beside the cells
+  const uint16_t* received_ = nullptr;  ///< of what grid_to_particle's gather layer takes of the particles
+};
+
+const uint16_t* FusedHgn::BackwardPass::update_backward(const std::string& name, const graph::FusedMlp& network,
+                                                        float* nodes) {
+  uint16_t* const sum = n_.rows16(network.rows);
+  const Traces traces = n_.new_traces(network.rows);
+  graph::FusedMlpGradient gradient{.network = network, .g32 = g_};
+  gradient.operand[0] = {.d16 = sum};
+  if (nodes) gradient.operand[1] = {.add32 = g_, .d32 = nodes};
+  n_.back_through(name, gradient, traces);
+  const std::string first = name + ".layer1";
+  n_.add_product(network.rows, traces.d_sum, network.operand[0].rows, first, 0, h, true);
+  if (nodes) n_.add_product(network.rows, traces.d_sum, network.operand[1].rows, first, h, h);
+  return sum;
 }
 
-FusedHgn::FusedHgn(const graph::HgnConfig& config, const ParameterLayout& layout, const at::Tensor& flat,
-                   const at::Tensor& gradient)
-    : config_(config),
-      fcns_(bind_fcns(layout, flat, gradient)),
-      gathers_(bind_gathers(layout, flat, gradient)),
-      number_(flat.options()),
-      half_(flat.options().dtype(at::kBFloat16)),
-      embedding_(view_of(layout.find("embedding.weight"), flat)),
-      embedding_grad_(view_of(layout.find("embedding.weight"), gradient)),
-      packed_(config, weights(), f32(embedding_)) {}
+template <typename Gradient>
+void FusedHgn::BackwardPass::offsets_backward(const std::string& matrix, Gradient gradient) {
+  constexpr int parts = 3;
+  gradient.partial = n_.partials(graph::most_offset_partials(), parts);
+  const int rows = graph::sum_gradients(gradient, nullptr);
+  const at::Tensor out = n_.gradient(matrix + ".weight");
+  const auto columns = static_cast<int32_t>(out.size(1));
+  n_.products_.add({.rows = rows,
+                    .partial = gradient.partial,
+                    .parts = parts,
+                    .out = f32(out) + columns - parts,
+                    .stride = columns});
+}
+
+float* FusedHgn::BackwardPass::nodes_gradient(int64_t rows, std::initializer_list<Projected> projected,
+                                              const float* add) {
+  float* const grad = n_.rows32(rows);
+  graph::ProjectionGradient back{.rows = rows, .d = {}, .add32 = add, .sum32 = grad};
+  graph::RowOperand* operand = back.d;
+  for (const Projected& one : projected)
+    *operand++ = {.rows = one.d, .weight = n_.packed_.tile(one.gather, one.column)};
+  graph::project_back(back, nullptr);
+  return grad;
+}
+
+void FusedHgn::BackwardPass::grid_to_particle(const graph::PlanBlock& block) {
+  beside_cells_ = n_.rows32(batch_.particles);
+  const graph::BlockLayers layer = layers(block);
+  const std::string& gather = layer.gather->name;
+  const int64_t n = batch_.particles, cells = batch_.level[0].cells;
+  const graph::AggregationRecord::Step& step = step_of(block);
+  const uint16_t* const sum = update_backward(layer.update->name, step.network, beside_cells_);
+  uint16_t *const of_particles = n_.rows16(n), *const of_cells = n_.rows16(cells);
+  offsets_backward(gather, graph::ActivationGradient{.nodes = n,
+                                                     .items = {.fixed = corners},
+                                                     .g = sum,
+                                                     .is_receiver = true,
+                                                     .weight = f32(batch_.weight),
+                                                     .signs = step.signs,
+                                                     .out = of_particles,
+                                                     .corner_sign = -1,
+                                                     .offset = f32(batch_.offset)});
+  graph::sum_gradients(
+      graph::ActivationGradient{
+          .nodes = cells,
+          .items = {.begin = index(batch_.pair_begin), .item = index(batch_.pair), .are_long = true},
+          .g = sum,
+          .row = by_particle,
+          .weight = f32(batch_.weight),
+          .signs = step.signs,
+          .out = of_cells},
+      nullptr);
+  n_.add_product(n, of_particles, n_.record_.particles.f16, gather, h, h, true);
+  n_.add_product(cells, of_cells, step.gathered, gather, 0, h);
+  g_ = nodes_gradient(cells, {{of_cells, gather, 0}});
+  received_ = of_particles;
+}
+
+void FusedHgn::BackwardPass::particle_to_grid(const graph::PlanBlock& block) {
+  const graph::BlockLayers layer = layers(block);
+  const std::string& gather = layer.gather->name;
+  const int64_t n = batch_.particles;
+  const graph::AggregationRecord::Step& step = step_of(block);
+  const uint16_t* const sum = update_backward(layer.update->name, step.network);
+  uint16_t* const sent = n_.rows16(n);
+  const double scale = n_.plan().operations[block.operation + 1].scale;
+  offsets_backward(gather, graph::ActivationGradient{.nodes = n,
+                                                     .items = {.fixed = corners},
+                                                     .g = sum,
+                                                     .row = {index(batch_.cell)},
+                                                     .weight = f32(batch_.weight),
+                                                     .scale = static_cast<float>(scale),
+                                                     .signs = step.signs,
+                                                     .out = sent,
+                                                     .corner_sign = 1,
+                                                     .offset = f32(batch_.offset)});
+  n_.add_product(n, sent, n_.record_.particles.f16, gather, 0, h, true);
+  g_ = nodes_gradient(n, {{received_, layers(n_.plan().blocks.back()).gather->name, h}, {sent, gather, 0}},
+                      beside_cells_);
+}
+
+void FusedHgn::BackwardPass::restrict_to_coarse(const graph::PlanBlock& block) {
+  const DeviceLevel& fine = batch_.level[block.level()];
+  const graph::BlockLayers layer = layers(block);
+  const std::string& gather = layer.gather->name;
+  const graph::AggregationRecord::Step& step = step_of(block);
+  const uint16_t* const sum = update_backward(layer.update->name, step.network);
+  uint16_t* const sent = n_.rows16(fine.cells);
+  offsets_backward(gather, graph::ActivationGradient{.nodes = fine.cells,
+                                                     .items = {.fixed = 1},
+                                                     .g = sum,
+                                                     .row = {index(fine.parent)},
+                                                     .signs = step.signs,
+                                                     .out = sent,
+                                                     .offsets = graph::Offsets::octant,
+                                                     .octant = index(fine.octant)});
+  n_.add_product(fine.cells, sent, step.gathered, gather, 0, h, true);
+  g_ = nodes_gradient(fine.cells, {{sent, gather, 0}}, skip_[block.level()]);
+}
+
+void FusedHgn::BackwardPass::prolong_to_fine(const graph::PlanBlock& block) {
+  const DeviceLevel& level = batch_.level[block.level()];
+  const int64_t cells_above = batch_.level[block.level() + 1].cells;
+  const std::string &name = layers(block).gather->name, first = name + ".layer1";
+  float* const skip = skip_[block.level()] = n_.rows32(level.cells);
+  uint16_t *const coarse = n_.rows16(level.cells), *const coarse_input = n_.rows16(level.cells);
+  const Traces traces = n_.new_traces(level.cells);
+  graph::FusedMlpGradient gradient{.network = step_of(block).network, .g32 = g_};
+  gradient.network.operand[0].save = coarse_input;
+  gradient.operand[0] = {.d16 = coarse};
+  gradient.operand[1] = {.add32 = g_, .d32 = skip};
+  n_.back_through(name, gradient, traces);
+  n_.add_product(level.cells, traces.d_sum, coarse_input, first, 0, h);
+  n_.add_product(level.cells, traces.d_sum, gradient.network.operand[1].rows, first, h, h, true);
+  offsets_backward(first, graph::ActivationGradient{.nodes = level.cells,
+                                                    .items = {.fixed = 1},
+                                                    .g = traces.d_sum,
+                                                    .is_receiver = true,
+                                                    .scale = -1,
+                                                    .offsets = graph::Offsets::octant,
+                                                    .octant = index(level.octant)});
+  g_ = n_.rows32(cells_above);
+  graph::sum_segments({.segments = cells_above,
+                       .begin = index(level.child_begin),
+                       .item = index(level.child),
+                       .source = coarse,
+                       .out32 = g_},
+                      nullptr);
+}
+
+void FusedHgn::BackwardPass::pass_messages(const graph::PlanBlock& block) {
+  const DeviceLevel& level = batch_.level[block.level()];
+  for (int64_t k = block.iterations; k-- > 0;) {
+    const graph::BlockLayers layer = layers(block, k);
+    const std::string& gather = layer.gather->name;
+    const graph::AggregationRecord::Step& step = step_of(block, k);
+    float* const beside_sums = n_.rows32(level.cells);
+    const uint16_t* const sum = update_backward(layer.update->name, step.network, beside_sums);
+    uint16_t *const sent = n_.rows16(level.cells), *const received = n_.rows16(level.cells);
+    offsets_backward(gather, graph::EdgeGradient{.cells = level.cells,
+                                                 .edge_begin = index(level.edge_begin),
+                                                 .sender = index(level.sender),
+                                                 .slot = index(level.slot),
+                                                 .reverse = index(level.reverse),
+                                                 .g = sum,
+                                                 .signs = step.signs,
+                                                 .sent = sent,
+                                                 .received = received});
+    n_.add_product(level.cells, sent, step.gathered, gather, 0, h);
+    n_.add_product(level.cells, received, step.gathered, gather, h, h, true);
+    g_ = nodes_gradient(level.cells, {{sent, gather, 0}, {received, gather, h}}, beside_sums);
+  }
+}
 
 at::Tensor FusedHgn::forward(const DeviceBatch& batch) {
-  kept_.clear();
-  packed_.refresh(nullptr);
-  const graph::RowLatents latents = to_decoder(graph_of(batch));
-  if (config_.bundle > 1)
-    return fcn_forward(fcn("decoder"), at::from_blob(latents.f32, {batch.particles, h}, number_), &decoder_);
-  before_decoder_ = latents.f16 ? latents.f16 : rows16(batch.particles);
-  const Fcn& net = fcn("decoder");
+  const graph::RowLatents latents = graph::forward_aggregation(packed_, begin(batch), *this, record_, nullptr);
+  if (!has_own_decoder()) return decode(latents.f32, batch.particles);
+  before_decoder_ = latents.f16;
   const at::Tensor out = at::empty({batch.particles, 3}, number_);
-  graph::decode({.rows = batch.particles,
-                 .x = latents.f32,
-                 .x16 = latents.f16,
-                 .w1 = packed_.tile("decoder", 0),
-                 .b1 = f32(net.b1),
-                 .w2 = f32(net.w2),
-                 .b2 = f32(net.b2),
-                 .out = f32(out),
-                 .save = latents.f16 ? nullptr : before_decoder_},
-                nullptr);
+  graph::Decoder decoder = packed_.decoder();
+  decoder.rows = batch.particles;
+  decoder.x16 = latents.f16;
+  decoder.out = f32(out);
+  graph::decode(decoder, nullptr);
   return out;
 }
 
-float* FusedHgn::decoder_backward(int64_t particles, const at::Tensor& grad) {
-  const Fcn& net = fcn("decoder");
-  if (config_.bundle > 1) return f32(kept_.emplace_back(fcn_backward(net, decoder_, grad).contiguous()));
+void FusedHgn::backward(const DeviceBatch& batch, const at::Tensor& grad) {
+  float* const grad_latents = has_own_decoder() ? own_decoder_backward(batch.particles, grad)
+                                                : f32(kept_.emplace_back(decoder_backward(grad).contiguous()));
+  encoder_backward(batch, BackwardPass(*this, batch, grad_latents).run());
+}
+
+float* FusedHgn::own_decoder_backward(int64_t particles, const at::Tensor& grad) {
+  const std::string& name = plan().layers.back().name;
+  const graph::Decoder decoder = packed_.decoder();
   graph::DecoderGradient back{.rows = particles,
                               .x16 = before_decoder_,
-                              .w1 = packed_.tile("decoder", 0),
-                              .b1 = f32(net.b1),
-                              .w2 = f32(net.w2),
+                              .w1 = decoder.w1,
+                              .b1 = decoder.b1,
+                              .w2 = decoder.w2,
                               .g = f32(kept_.emplace_back(grad.contiguous())),
                               .d_sum = rows16(particles),
                               .d_x = rows32(particles),
@@ -74,119 +270,37 @@ float* FusedHgn::decoder_backward(int64_t particles, const at::Tensor& grad) {
   products_.add({.rows = rows,
                  .partial = back.partial,
                  .parts = 4,
-                 .out = f32(net.w2_grad),
+                 .out = f32(gradient(name + ".layer2.weight")),
                  .step = h,
-                 .bias = f32(net.b2_grad),
+                 .bias = f32(gradient(name + ".layer2.bias")),
                  .biases = 3});
-  add_product(particles, back.d_sum, before_decoder_, net.w1_grad, 0, h, net.b1_grad);
+  add_product(particles, back.d_sum, before_decoder_, name + ".layer1", 0, h, true);
   return back.d_x;
 }
 
-float* FusedHgn::partials(int64_t rows, int64_t parts) {
-  return f32(kept_.emplace_back(at::empty({rows, parts, h}, number_)));
-}
-
-void FusedHgn::backward(const DeviceBatch& batch, const at::Tensor& grad) {
-  const float* const grad_particles = back_to_encoder(batch, decoder_backward(batch.particles, grad));
+void FusedHgn::encoder_backward(const DeviceBatch& batch, const float* grad) {
   // The inputs that belong to the embedding are a row of it a type: first the sums over the particles of a type.
-  const Fcn& net = fcn("encoder");
-  const graph::FusedMlpGradient rows = back_through("encoder", {.network = encoder(), .g32 = grad_particles});
+  const std::string& name = plan().layers.front().name;
+  const Traces traces = new_traces(batch.particles);
+  back_through(name, {.network = record_.encoder, .g32 = grad}, traces);
   const int64_t features = batch.features.size(1);
   const at::Tensor inputs = at::cat({batch.features, batch.type_one_hot}, 1);
   const at::Tensor sums = kept_.emplace_back(at::empty({h, inputs.size(1)}, number_));
-  add_product(batch.particles, rows.d_sum, packed(inputs), sums, 0, inputs.size(1), net.b1_grad);
+  products_.add({.rows = batch.particles,
+                 .d = traces.d_sum,
+                 .x = packed(inputs),
+                 .out = f32(sums),
+                 .stride = static_cast<int32_t>(inputs.size(1)),
+                 .columns = static_cast<int32_t>(inputs.size(1)),
+                 .bias = f32(gradient(name + ".layer1.bias"))});
   products_.run(nullptr);
-  const at::Tensor by_type = sums.narrow(1, features, graph::embedding_rows);
-  at::Tensor embedding_columns = net.w1_grad.narrow(1, features, config_.embedding), embedding_grad = embedding_grad_;
-  net.w1_grad.narrow(1, 0, features).copy_(sums.narrow(1, 0, features));
-  at::mm_out(embedding_columns, by_type, embedding_);
-  at::mm_out(embedding_grad, by_type.t(), net.w1.narrow(1, features, config_.embedding));
-}
-
-float* FusedHgn::rows32(int64_t rows) { return f32(kept_.emplace_back(at::empty({rows, h}, number_))); }
-uint16_t* FusedHgn::rows16(int64_t rows) { return f16(kept_.emplace_back(at::empty({rows, h}, half_))); }
-
-const uint16_t* FusedHgn::packed(const at::Tensor& numbers) {
-  uint16_t* const rows = rows16(numbers.size(0));
-  const at::Tensor dense = kept_.emplace_back(numbers.contiguous());
-  graph::pack_rows(numbers.size(0), static_cast<int>(numbers.size(1)), f32(dense), rows, nullptr);
-  return rows;
-}
-
-graph::HgnGraph FusedHgn::graph_of(const DeviceBatch& batch) {
-  graph::HgnGraph graph{};
-  graph.particles = batch.particles;
-  graph.features = f32(kept_.emplace_back(batch.features.contiguous()));
-  graph.type_row = index(batch.type_row);
-  graph.weight = f32(batch.weight);
-  graph.offset = f32(batch.offset);
-  graph.cell = index(batch.cell);
-  graph.pair_begin = index(batch.pair_begin);
-  graph.pair = index(batch.pair);
-  for (const DeviceLevel& level : batch.level) graph.level.push_back({level.as<const int32_t*>(index)});
-  return graph;
-}
-
-void FusedHgn::add_product(int64_t rows, const uint16_t* d, const uint16_t* x, const at::Tensor& w1_grad,
-                           int64_t first_column, int64_t columns, const at::Tensor& bias) {
-  products_.add({.rows = rows,
-                 .d = d,
-                 .x = x,
-                 .out = f32(w1_grad) + first_column,
-                 .stride = static_cast<int32_t>(w1_grad.stride(0)),
-                 .columns = static_cast<int32_t>(columns),
-                 .bias = bias.defined() ? f32(bias) : nullptr});
-}
-
-graph::FusedMlpGradient FusedHgn::back_through(const std::string& name, graph::FusedMlpGradient gradient) {
-  const Fcn& net = fcn(name);
-  const int64_t rows = gradient.network.rows;
-  gradient.hidden = rows16(rows);
-  gradient.d_raw = rows16(rows);
-  gradient.d_sum = rows16(rows);
-  gradient.norm_partial = partials(graph::most_norm_partials(), 2);
-  const int partial_rows = graph::backward(gradient, nullptr);
-  add_product(rows, gradient.d_raw, gradient.hidden, net.w2_grad, 0, h, net.b2_grad);
-  products_.add({.rows = partial_rows,
-                 .partial = gradient.norm_partial,
-                 .parts = 2,
-                 .out = f32(net.gamma_grad),
-                 .bias = f32(net.beta_grad)});
-  return gradient;
-}
-
-void FusedHgn::octants_backward(const DeviceLevel& level, const uint16_t* d, float sign, const at::Tensor& w_grad) {
-  offsets_backward(w_grad, graph::ActivationGradient{.nodes = level.cells,
-                                                     .items = {.fixed = 1},
-                                                     .g = d,
-                                                     .is_receiver = true,
-                                                     .scale = sign,
-                                                     .offsets = graph::Offsets::octant,
-                                                     .octant = index(level.octant)});
-}
-
-float* FusedHgn::prolong_backward(std::size_t l, const graph::FusedMlp& network, const DeviceBatch& batch, float* g,
-                                  float* skip) {
-  const DeviceLevel& level = batch.level[l];
-  const std::string name = "prolong." + std::to_string(l);
-  const Fcn& net = fcn(name);
-  uint16_t *const coarse = rows16(level.cells), *const coarse_input = rows16(level.cells);
-  graph::FusedMlpGradient way{.network = network, .g32 = g};
-  way.network.operand[0].save = coarse_input;
-  way.operand[0] = {.d16 = coarse};
-  way.operand[1] = {.add32 = g, .d32 = skip};
-  way = back_through(name, way);
-  add_product(level.cells, way.d_sum, coarse_input, net.w1_grad, 0, h);
-  add_product(level.cells, way.d_sum, way.network.operand[1].rows, net.w1_grad, h, h, net.b1_grad);
-  octants_backward(level, way.d_sum, -1, net.w1_grad);
-  float* const above = rows32(batch.level[l + 1].cells);
-  graph::sum_segments({.segments = batch.level[l + 1].cells,
-                       .begin = index(level.child_begin),
-                       .item = index(level.child),
-                       .source = coarse,
-                       .out32 = above},
-                      nullptr);
-  return above;
+  const at::Tensor by_type = sums.narrow(1, features, graph::embedding_rows), w1 = weight(name + ".layer1.weight"),
+                   w1_grad = gradient(name + ".layer1.weight");
+  at::Tensor embedding_columns = w1_grad.narrow(1, features, plan().embedding),
+             embedding_grad = gradient("embedding.weight");
+  w1_grad.narrow(1, 0, features).copy_(sums.narrow(1, 0, features));
+  at::mm_out(embedding_columns, by_type, weight("embedding.weight"));
+  at::mm_out(embedding_grad, by_type.t(), w1.narrow(1, features, plan().embedding));
 }
 
 }  // namespace graupel::train

@@ -1,0 +1,112 @@
+#include "graph/networks/graph_network.h"
+
+#include "core/scene/material_config.h"
+#include "core/system/error.h"
+#include "graph/cpu/engine.h"
+#include "graph/cpu/lap_timer.h"
+#include "graph/features/normalization.h"
+
+namespace graupel::graph {
+
+namespace {
+
+std::unique_ptr<CpuEngine> make_engine(const NetworkConfig& config, const nn::Weights& weights) {
+  const auto* hgn = std::get_if<HgnConfig>(&config);
+  const auto make = !hgn                                           ? make_gns_engine
+                    : hgn->aggregation == Aggregation::activations ? make_activation_engine
+                                                                   : make_message_engine;
+  return make(plan_of(config), weights, spacing_of(config));
+}
+
+}  // namespace
+
+struct GraphNetwork::Impl {
+  explicit Impl(const nn::Weights& weights)
+      : config(network_config_of(weights)),
+        normalization(read_normalization(weights)),
+        engine(make_engine(config, weights)) {}
+
+  std::vector<float> forward(const std::vector<float>& features, const std::vector<int32_t>& particle_type,
+                             const std::vector<Vec3f>& position, const Vec3d& origin, FrameTiming& timing) const {
+    const FeatureConfig& c = features_of(config);
+    const std::size_t n = particle_type.size();
+    GRAUPEL_ASSERT(position.size() == n);
+    GRAUPEL_ASSERT(features.size() == n * static_cast<std::size_t>(c.input_width() - c.embedding));
+    std::vector<float> acceleration(n * static_cast<std::size_t>(c.output_width()));
+    if (n == 0) return acceleration;
+    for (const int32_t type : particle_type) embedding_row(type);  // refuses an unknown type before threads start
+    engine->evaluate(features, particle_type, position, origin, acceleration, timing);
+    return acceleration;
+  }
+  Vec3d origin(const Environment& environment) const { return environment.grid_origin(spacing_of(config)); }
+  /// Settings of a network that sees obstacle particles; null: it does not.
+  const GnsConfig* with_obstacles() const {
+    const auto* gns = std::get_if<GnsConfig>(&config);
+    return gns && gns->obstacle_particles ? gns : nullptr;
+  }
+  std::vector<float> predict(const Environment& environment, const std::vector<int32_t>& particle_type,
+                             const std::vector<std::vector<Vec3f>>& positions, FrameTiming& timing) const {
+    LapTimer watch;
+    const std::vector<float> features = particle_features(features_of(config), normalization, environment, positions);
+    timing.features += watch.lap();
+    return forward(features, particle_type, positions.back(), origin(environment), timing);
+  }
+
+  NetworkConfig config;
+  Normalization normalization;
+  std::unique_ptr<CpuEngine> engine;
+};
+
+GraphNetwork::GraphNetwork(const nn::Weights& weights) : impl_(std::make_unique<Impl>(weights)) {}
+GraphNetwork::~GraphNetwork() = default;
+
+const NetworkConfig& GraphNetwork::config() const { return impl_->config; }
+const FeatureConfig& GraphNetwork::feature_config() const { return features_of(impl_->config); }
+const Normalization& GraphNetwork::normalization() const { return impl_->normalization; }
+double GraphNetwork::spacing() const { return spacing_of(impl_->config); }
+
+std::vector<float> GraphNetwork::forward(const std::vector<float>& features, const std::vector<int32_t>& particle_type,
+                                         const std::vector<Vec3f>& position, const Vec3d& origin) const {
+  FrameTiming unused;
+  return impl_->forward(features, particle_type, position, origin, unused);
+}
+
+std::vector<float> GraphNetwork::predict(const Environment& environment, const std::vector<int32_t>& particle_type,
+                                         const std::vector<std::vector<Vec3f>>& positions, FrameTiming& timing) const {
+  const GnsConfig* gns = impl_->with_obstacles();
+  if (!gns) return impl_->predict(environment, particle_type, positions, timing);
+  LapTimer watch;
+  std::vector<std::vector<Vec3f>> all_positions = positions;
+  std::vector<int32_t> all_types = particle_type;
+  add_obstacle_particles(*gns, environment, all_positions, all_types);
+  timing.hierarchy += watch.lap();
+  std::vector<float> acceleration = impl_->predict(environment, all_types, all_positions, timing);
+  acceleration.resize(particle_type.size() * static_cast<std::size_t>(gns->output_width()));
+  return acceleration;
+}
+
+double GraphNetwork::flop(const Environment& environment, const std::vector<Vec3f>& position) const {
+  std::vector<std::vector<Vec3f>> all = {position};
+  std::vector<int32_t> types_of_obstacles;
+  if (const GnsConfig* gns = impl_->with_obstacles())
+    add_obstacle_particles(*gns, environment, all, types_of_obstacles);
+  PlanRows rows = impl_->engine->rows(all.back(), impl_->origin(environment));
+  rows.moving = static_cast<int64_t>(position.size());
+  return flop_of(plan_of(impl_->config), rows);
+}
+
+void add_obstacle_particles(const GnsConfig& config, const Environment& environment,
+                            std::vector<std::vector<Vec3f>>& positions, std::vector<int32_t>& particle_type) {
+  if (!config.obstacle_particles) return;
+  const std::vector<Vec3f>& points = environment.obstacle_particles.at_spacing(config.obstacle_spacing);
+  const std::vector<int32_t> near = within_reach(points, positions.back(), config.reach());
+  for (std::vector<Vec3f>& frame : positions)
+    for (const int32_t p : near) frame.push_back(points[static_cast<std::size_t>(p)]);
+  particle_type.insert(particle_type.end(), near.size(), obstacle_particle_type);
+}
+
+std::shared_ptr<const Network> load_network(const nn::Weights& weights) {
+  return std::make_shared<const GraphNetwork>(weights);
+}
+
+}  // namespace graupel::graph
