@@ -22,7 +22,8 @@ MlpLayer load_layer(const nn::Weights& weights, const std::string& name, const s
   MlpLayer layer;
   layer.out = static_cast<int>(shape[0]);
   layer.weight = weights.get(name + ".weight", shape);
-  layer.in = static_cast<int>(layer.weight.size()) / layer.out;
+  layer.in = 1;
+  for (std::size_t axis = 1; axis < shape.size(); ++axis) layer.in *= static_cast<int>(shape[axis]);
   layer.bias = weights.get(name + ".bias", {layer.out});
   return layer;
 }

@@ -173,9 +173,9 @@ TEST(MixedPrecision, GradientIsThatOfDoublePrecisionOnTheGpu) {
   config.message_passing = 3;
   check_mixed_gradient(config, scenes_of(config, 16, 100, 0.02));  // cells with hundreds of pairs
   check_mixed_gradient(config, scenes_of(config, 64, 12, 0.02));
+  config.message_passing = 1;
   check_mixed_gradient(config, scenes_of(config, 1, 12, 0.02));  // a row or two a tensor
   config.levels = 1;
-  config.message_passing = 1;
   check_mixed_gradient(config, scenes_of(config, 1, 900, 0.1));
   config.bundle = 3;
   check_mixed_gradient(config, scenes_of(config, 1, 900, 0.1));

@@ -2,6 +2,7 @@
 
 #include <ATen/TensorOperators.h>
 #include <ATen/ops/from_blob.h>
+#include <c10/core/GradMode.h>
 #include <torch/csrc/autograd/autograd.h>
 
 #include <cstdint>
@@ -85,7 +86,7 @@ void FusedNetwork::add_product(int64_t rows, const uint16_t* d, const uint16_t* 
 }
 
 at::Tensor FusedNetwork::decode(float* latents, int64_t particles) {
-  const at::AutoGradMode with_grad(true);
+  const c10::AutoGradMode with_grad(true);
   before_decoder_ = at::from_blob(latents, {particles, h}, number_).set_requires_grad(true);
   decoded_ = engine_.fcn(plan().layers.back(), before_decoder_);
   return decoded_.detach();
