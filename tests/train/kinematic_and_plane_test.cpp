@@ -128,7 +128,7 @@ TEST(KinematicParticles, AreInTheSamplesAsInTheData) {
     EXPECT_EQ(same, is_kinematic) << i;
     EXPECT_EQ((Rows{noisy, noisy.target, 3}.row(i)[2]), 0);
   }
-  EXPECT_EQ(kinematic_count, noisy.kinematic_count);
+  EXPECT_EQ(found, noisy.kinematic_count);
 }
 
 /// Of both architectures: the loss is the mean over the others' x and y, and its gradient knows no target of kinematic

@@ -14,7 +14,7 @@ bool apply_on_units(const nn::Linear* first, const nn::NormalizedLayer& second, 
                     nn::ChainRows rows) {
   const nn::MatrixExtensionMlp chain{.first = first ? first->on_units() : nn::MatrixExtensionLayer(),
                                      .second = second.linear().on_units(),
-                                     .next_rows = next_rows.layer.on_units(),
+                                     .next = next_rows.layer.on_units(),
                                      .gamma = second.gamma(),
                                      .beta = second.beta(),
                                      .out = second.linear().out()};
@@ -23,7 +23,7 @@ bool apply_on_units(const nn::Linear* first, const nn::NormalizedLayer& second, 
     GRAUPEL_ASSERT(!next_rows.packed);
     return false;
   }
-  rows.next_rows = next_rows.floats;
+  rows.next = next_rows.floats;
   rows.packed_next = next_rows.packed;
   nn::apply_chain_on_units(chain, rows);
   return true;

@@ -167,13 +167,13 @@ std::vector<int32_t> groups_by_pairs(const Scene& scene, const Frame& frame, flo
   const Vec3f gravity = (scene.gravity * (scene.frame_time * scene.frame_time)).cast<float>();
   const std::size_t n = frame.current.size();
   const auto near = [&](std::size_t i, std::size_t j) {
-    bool current = true, then = true;
+    bool now = true, then = true;
     for (int d = 0; d < 3; ++d) {
       const auto after = [&](std::size_t k) { return 2 * frame.current[k][d] - frame.before[k][d] + gravity[d]; };
-      current = current && std::abs(frame.current[i][d] - frame.current[j][d]) < apart;
+      now = now && std::abs(frame.current[i][d] - frame.current[j][d]) < apart;
       then = then && std::abs(after(i) - after(j)) < apart;
     }
-    return current || then;
+    return now || then;
   };
   std::vector<int32_t> group(n, -1);
   for (std::size_t i = 0; i < n; ++i) {

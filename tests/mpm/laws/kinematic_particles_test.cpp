@@ -86,8 +86,8 @@ TEST(KinematicParticles, ThatAreHeldStandStillUnderLoad) {
       height += static_cast<double>(end.position[i][1]);
     }
   }
-  EXPECT_NEAR(height / static_cast<double>(start.position.size() - stationary), 0.38,
-              0.02);  // it rests on the stationary block
+  // The snow rests on the stationary block.
+  EXPECT_NEAR(height / static_cast<double>(start.position.size() - stationary), 0.38, 0.02);
 }
 
 TEST(KinematicParticles, MoveOthersByThePartOfTheirMotion) {
