@@ -5,7 +5,7 @@
 #include <optional>
 #include <utility>
 
-#include "core/scene/held_particles.h"
+#include "core/scene/kinematic_particles.h"
 #include "core/system/error.h"
 #include "graph/corrections/density_projection.h"
 #include "graph/corrections/free_flight.h"
@@ -60,13 +60,13 @@ std::vector<Vec3f> falling(const Scene& scene, const std::vector<int32_t>& parti
 }
 
 ParticleFrame make_frame(int64_t number, double frame_time, const std::vector<Vec3f>& before,
-                         const std::vector<Vec3f>& now) {
+                         const std::vector<Vec3f>& current) {
   ParticleFrame frame;
   frame.time = static_cast<double>(number) * frame_time;
-  frame.position = now;
-  frame.velocity.resize(now.size());
+  frame.position = current;
+  frame.velocity.resize(current.size());
   const auto rate = static_cast<float>(1 / frame_time);
-  for (std::size_t i = 0; i < now.size(); ++i) frame.velocity[i] = (now[i] - before[i]) * rate;
+  for (std::size_t i = 0; i < current.size(); ++i) frame.velocity[i] = (current[i] - before[i]) * rate;
   return frame;
 }
 
@@ -85,43 +85,45 @@ Trajectory empty_trajectory(const Scene& scene, const std::vector<int32_t>& part
 class Corrections {
  public:
   Corrections(const Scene& scene, const Environment& environment, const std::vector<int32_t>& particle_type,
-              PrescribedPositions held, const LearnedSimulator::RolloutOptions& options, const Network& network)
+              PrescribedPositions prescribed, const LearnedSimulator::RolloutOptions& options, const Network& network)
       : environment_(environment),
-        held_(std::move(held)),
+        prescribed_(std::move(prescribed)),
         bundle_(network.feature_config().bundle),
         project_(options.project) {
-    const double spacing = network.spacing(), rest = rest_density(scene, held_.others(held_.start()), spacing);
+    const double spacing = network.spacing(),
+                 rest = rest_density(scene, prescribed_.others(prescribed_.start()), spacing);
     if (options.density_limit * rest > 0 && !environment.plane)
       density_.emplace(Device::cpu, environment, options.density_limit * rest, spacing);
-    if (options.free_flight && !held_.any()) flight_.emplace(Device::cpu, scene, environment, particle_type);
+    if (options.free_flight && !prescribed_.any()) flight_.emplace(Device::cpu, scene, environment, particle_type);
   }
 
   /// Of frame number `frame`, with those before it.
-  void apply(int64_t frame, const std::vector<Vec3f>& before, const std::vector<Vec3f>& now, std::vector<Vec3f>& next) {
+  void apply(int64_t frame, const std::vector<Vec3f>& before, const std::vector<Vec3f>& current,
+             std::vector<Vec3f>& next) {
     if (flight_) {
-      flight_->find_groups(before.data(), now.data());
-      flight_->correct(before.data(), now.data(), next.data());
+      flight_->find_groups(before.data(), current.data());
+      flight_->correct(before.data(), current.data(), next.data());
     }
-    if (project_) project_out(environment_, now, next);
+    if (project_) project_out(environment_, current, next);
     if (density_ && frame % bundle_ == 0) {
       free_ = next;
       hold_density(next);
       if (project_) project_out(environment_, free_, next);
     }
     keep_in_plane(environment_, next);
-    held_.put(frame, next);
+    prescribed_.put(frame, next);
   }
 
  private:
   void hold_density(std::vector<Vec3f>& position) {
-    if (!held_.any()) return density_->apply(position.data(), static_cast<int64_t>(position.size()));
-    std::vector<Vec3f> others = held_.others(position);
+    if (!prescribed_.any()) return density_->apply(position.data(), static_cast<int64_t>(position.size()));
+    std::vector<Vec3f> others = prescribed_.others(position);
     density_->apply(others.data(), static_cast<int64_t>(others.size()));
-    held_.put_others(others, position);
+    prescribed_.put_others(others, position);
   }
 
   const Environment& environment_;
-  PrescribedPositions held_;
+  PrescribedPositions prescribed_;
   int64_t bundle_;
   bool project_;
   std::optional<DensityProjection> density_;
@@ -182,17 +184,17 @@ Trajectory LearnedSimulator::rollout(const Scene& scene, const Environment& envi
   check_start(start, needed, particle_type.size());
   std::vector<std::vector<Vec3f>> history(start.end() - static_cast<std::ptrdiff_t>(needed), start.end());
 
-  PrescribedPositions held(particle_type, start.back(), options.given);
+  PrescribedPositions prescribed(particle_type, start.back(), options.given);
   if (options.device == Device::cuda) {
-    held.refuse_gpu();
+    prescribed.refuse_gpu();
     return rollout_on_gpu(scene, environment, particle_type, start, options);
   }
-  Corrections corrections(scene, environment, particle_type, std::move(held), options, *network_);
+  Corrections corrections(scene, environment, particle_type, std::move(prescribed), options, *network_);
   Trajectory trajectory = empty_trajectory(scene, particle_type, weights_->file);
   trajectory.frames.push_back(make_frame(0, scene.frame_time, history[needed - 2], history[needed - 1]));
   std::vector<Vec3f> next;
   std::vector<std::vector<Vec3f>> acceleration;  // of the frames of a bundle
-  FrameTiming share;
+  FrameTiming frame_timing;
   for (int64_t frame = 1; frame <= options.frames; ++frame) {
     const int64_t in_bundle = (frame - 1) % config().bundle;
     LapTimer whole;
@@ -201,9 +203,9 @@ Trajectory LearnedSimulator::rollout(const Scene& scene, const Environment& envi
     if (in_bundle == 0 && options.network) {
       FrameTiming spent;
       acceleration = predict(environment, particle_type, history, spent);
-      share = spent.shared_by(std::min(config().bundle, options.frames - frame + 1));
+      frame_timing = spent.shared_by(std::min(config().bundle, options.frames - frame + 1));
     }
-    FrameTiming timing = share;
+    FrameTiming timing = frame_timing;
     if (!step_frame(scene, history[needed - 2], history[needed - 1], acceleration[static_cast<std::size_t>(in_bundle)],
                     next)) {
       trajectory.diverged_at_frame = frame;
@@ -248,9 +250,9 @@ Trajectory LearnedSimulator::rollout_on_gpu(const Scene& scene, const Environmen
       trajectory.diverged_at_frame = frame;
       break;
     }
-    std::vector<Vec3f> now = simulator.positions();
-    trajectory.frames.push_back(make_frame(frame, scene.frame_time, before, now));
-    before = std::move(now);
+    std::vector<Vec3f> current = simulator.positions();
+    trajectory.frames.push_back(make_frame(frame, scene.frame_time, before, current));
+    before = std::move(current);
     const CudaFrameTime spent = simulator.frame_time();
     if (options.progress)
       options.progress(
@@ -273,14 +275,14 @@ void LearnedSimulator::check_runs_on(Device device) const {
 
 std::vector<std::vector<Vec3f>> start_history(const std::vector<Vec3f>& position, const std::vector<Vec3f>& velocity,
                                               const Vec3d& gravity, double frame_time, int frames,
-                                              const std::vector<uint8_t>& held) {
+                                              const std::vector<uint8_t>& kinematic) {
   GRAUPEL_ASSERT(velocity.size() == position.size() && frames >= 1);
   std::vector<std::vector<Vec3f>> history(static_cast<std::size_t>(frames), position);
   for (int k = 1; k < frames; ++k) {
     const double t = k * frame_time;
     std::vector<Vec3f>& frame = history[static_cast<std::size_t>(frames - 1 - k)];
     for (std::size_t i = 0; i < position.size(); ++i) {
-      const bool falls = held.empty() || held[i] == 0;
+      const bool falls = kinematic.empty() || kinematic[i] == 0;
       const Vec3d fallen = gravity * (falls ? t * t / 2 : 0);
       frame[i] = (position[i].cast<double>() - velocity[i].cast<double>() * t + fallen).cast<float>();
     }

@@ -38,8 +38,8 @@ class LearnedSimulator {
   /// bundle (graph/plan/layer_plan.h).
   double flop(const Environment& environment, const std::vector<Vec3f>& position) const;
 
-  /// Where held particles (core/scene/held_particles.h) are: positions [frames][n] after the start, of which theirs
-  /// count. Beyond the last frame they stay.
+  /// Where kinematic particles (core/scene/kinematic_particles.h) are: positions [frames][n] after the start, of which
+  /// theirs count. Beyond the last frame they stay.
   using GivenFrames = std::vector<std::vector<Vec3f>>;
   struct RolloutOptions {
     int64_t frames = 300;
@@ -48,7 +48,7 @@ class LearnedSimulator {
     double density_limit =
         1;  ///< largest density, of that at rest (graph/features/rest_density.h); 0: none; in space alone
     bool free_flight =
-        true;  ///< momentum of what flies is kept (graph/corrections/free_flight.h); not beside held particles
+        true;  ///< momentum of what flies is kept (graph/corrections/free_flight.h); not beside kinematic particles
     bool network = true;  ///< false: nothing but gravity and these laws, at the network's settings
     const GivenFrames* given = nullptr;
     Device device = Device::cpu;  ///< on a GPU matrix products are in bf16, and latents have to be 128 wide
@@ -82,9 +82,9 @@ class LearnedSimulator {
 /// History of `frames` positions ending at the scene's start, extrapolated ballistically backwards: particle i was at
 /// x - v k dt + g (k dt)^2 / 2 k frames before. Frame differences then grow by g dt^2 a frame, and so does the next one
 /// in free flight, x + v dt + g dt^2 / 2: the acceleration to predict is g dt^2 from the first frame on. Used in
-/// rollouts and in training alike. Particles that are `held` ([n]; empty: none) do not fall.
+/// rollouts and in training alike. Particles that are `kinematic` ([n]; empty: none) do not fall.
 std::vector<std::vector<Vec3f>> start_history(const std::vector<Vec3f>& position, const std::vector<Vec3f>& velocity,
                                               const Vec3d& gravity, double frame_time, int frames,
-                                              const std::vector<uint8_t>& held = {});
+                                              const std::vector<uint8_t>& kinematic = {});
 
 }  // namespace graupel::graph

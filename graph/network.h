@@ -21,8 +21,8 @@ struct FrameTiming {
   double total() const { return features + hierarchy + network + projection; }
   /// What each of so many frames has of it.
   FrameTiming shared_by(int64_t frames) const {
-    const double share = 1 / static_cast<double>(frames);
-    return {share * features, share * hierarchy, share * network, share * projection};
+    const double fraction = 1 / static_cast<double>(frames);
+    return {fraction * features, fraction * hierarchy, fraction * network, fraction * projection};
   }
 };
 

@@ -15,14 +15,14 @@ struct BSpline;
 template <>
 struct BSpline<Spline::quadratic> {
   static constexpr int width = 3;              ///< nodes that a particle touches along one axis
-  static constexpr double reach = 1.5;         ///< half the support [cells]
+  static constexpr double half_support = 1.5;  ///< half the support [cells]
   static constexpr double base_shift = 0.5;    ///< the lowest node of the stencil is floor(x/dx - base_shift)
   static constexpr double inverse_moment = 4;  ///< of the second moment [1/dx^2]
 };
 template <>
 struct BSpline<Spline::cubic> {
   static constexpr int width = 4;
-  static constexpr double reach = 2;
+  static constexpr double half_support = 2;
   static constexpr double base_shift = 1;
   static constexpr double inverse_moment = 3;
 };

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "nn/bf16_products.h"
+#include "nn/bf16_gemm.h"
 #include "nn/row_kernels.h"
 #include "nn/weights.h"
 
@@ -28,11 +28,11 @@ Linear::Linear(int out, int in, const float* weight, int stride, const std::vect
 }
 
 MatrixExtensionLayer Linear::on_units() const {
-  return {tiles_.size() > 0 && uses_bf16_products() ? tiles_.data() : nullptr, bias_.data(), in_, width()};
+  return {tiles_.size() > 0 && uses_bf16_gemm() ? tiles_.data() : nullptr, bias_.data(), in_, width()};
 }
 
 void Linear::apply(const float* x, int64_t x_stride, int64_t rows, float* y, int64_t y_stride) const {
-  if (tiles_.size() > 0 && uses_bf16_products())
+  if (tiles_.size() > 0 && uses_bf16_gemm())
     return multiply_on_extension(x, x_stride, rows, in_, tiles_.data(), bias_.data(), width(), y, y_stride);
   for (int o = 0; o < width(); o += panel)
     row_kernels().multiply(x, x_stride, rows, in_, weight_.data() + o * in_, bias_.data() + o, y + o, y_stride);

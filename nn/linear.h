@@ -14,7 +14,7 @@ constexpr int padded_width(int n) { return (n + 31) / 32 * 32; }
 
 /// Rows are computed one by one in a fixed order of additions: results depend neither on how many rows are given at
 /// once nor on the thread that does it. Calls may run in parallel; each uses one thread. Where bf16 products were asked
-/// for (nn/bf16_products.h), apply() rounds x and W to bf16.
+/// for (nn/bf16_gemm.h), apply() rounds x and W to bf16.
 class Linear {
  public:
   Linear() = default;

@@ -8,7 +8,7 @@
 
 #include <type_traits>
 
-#include "nn/bf16_products.h"
+#include "nn/bf16_gemm.h"
 #include "nn/matrix_extension_tiles.h"
 #endif
 

@@ -1,4 +1,4 @@
-// A tile of rows through a fully connected network on the processor's units for bf16 (nn/bf16_products.h), 32 rows
+// A tile of rows through a fully connected network on the processor's units for bf16 (nn/bf16_gemm.h), 32 rows
 // after the other from end to end: what lies between the products stays in registers and in the first-level cache.
 #pragma once
 

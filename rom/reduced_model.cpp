@@ -237,11 +237,11 @@ nn::Weights ReducedModel::store(nn::DType modes) const {
 GridParticles ReducedModel::integration_points(const std::vector<double>& volume) const {
   GridParticles all;
   all.particles = clusters.representatives();
-  all.share.assign(all.particles.size(), 0.0);
+  all.weight.assign(all.particles.size(), 0.0);
   for (std::size_t p = 0; p < volume.size(); ++p)
-    all.share[static_cast<std::size_t>(clusters.of_particle[p])] += volume[p];
+    all.weight[static_cast<std::size_t>(clusters.of_particle[p])] += volume[p];
   for (std::size_t i = 0; i < all.particles.size(); ++i)
-    all.share[i] /= volume[static_cast<std::size_t>(all.particles[i])];
+    all.weight[i] /= volume[static_cast<std::size_t>(all.particles[i])];
   return all;
 }
 

@@ -56,10 +56,10 @@ CellList::CellList(const std::vector<Vec3f>& position, double size)
     ++begin_[static_cast<std::size_t>(cell_of_[p]) + 1];
   }
   std::partial_sum(begin_.begin(), begin_.end(), begin_.begin());
-  std::vector<int32_t> next(begin_.begin(), begin_.end() - 1);
+  std::vector<int32_t> cursor(begin_.begin(), begin_.end() - 1);
   point_.resize(position.size());
   for (std::size_t p = 0; p < position.size(); ++p)
-    point_[static_cast<std::size_t>(next[static_cast<std::size_t>(cell_of_[p])]++)] = static_cast<int32_t>(p);
+    point_[static_cast<std::size_t>(cursor[static_cast<std::size_t>(cell_of_[p])]++)] = static_cast<int32_t>(p);
 }
 
 }  // namespace graupel::sparsegrid

@@ -10,7 +10,7 @@
 #include "core/parallel/instruction_set.h"
 #include "experiments/process/process.h"
 #include "experiments/process/sibling_program.h"
-#include "nn/bf16_products.h"
+#include "nn/bf16_gemm.h"
 
 namespace graupel::bench {
 
@@ -115,7 +115,7 @@ void print_graph_table(BenchGraphOptions& options) {
   const double rate = product_rate(device);
   const std::string arithmetic = device == Device::cuda
                                      ? "bf16 products"
-                                     : fmt::format("{}, {}", name_of(instruction_set()), nn::name_of_products());
+                                     : fmt::format("{}, {}", name_of(instruction_set()), nn::gemm_precision_name());
   std::printf("%s, %s: %.4g GFLOP/s\n%s",
               device == Device::cuda ? cuda_device_name().c_str() : fmt::format("{} threads", num_threads()).c_str(),
               arithmetic.c_str(), 1e-9 * rate, table_head);

@@ -22,10 +22,10 @@ std::vector<Vec3f> positions(const io::TrajectoryReader& reader, int run, int64_
 
 std::vector<Vec3d> mixed(const io::TrajectoryReader& train, const TrainingPair& pair, int64_t frame) {
   const std::vector<Vec3f> a = positions(train, pair.first, frame),
-                           b = pair.share > 0 ? positions(train, pair.second, frame) : a;
+                           b = pair.fraction > 0 ? positions(train, pair.second, frame) : a;
   std::vector<Vec3d> result;
   for (std::size_t p = 0; p < a.size(); ++p)
-    result.push_back((1 - pair.share) * a[p].cast<double>() + pair.share * b[p].cast<double>());
+    result.push_back((1 - pair.fraction) * a[p].cast<double>() + pair.fraction * b[p].cast<double>());
   return result;
 }
 

@@ -12,10 +12,10 @@
 
 namespace graupel::bench {
 
-/// Training runs that stand for other parameters: (1 - share) first + share second.
+/// Training runs that stand for other parameters: (1 - fraction) first + fraction second.
 struct TrainingPair {
   int first = 0, second = 0;
-  double share = 0;
+  double fraction = 0;
 };
 /// Nearest of `runs` [runs][parameters], every parameter over its range.
 TrainingPair nearest_run(const std::vector<std::vector<double>>& runs, const std::vector<double>& parameters);

@@ -140,7 +140,7 @@ void print_row(const RomMeasurement& m, double factor, const std::optional<Basel
     std::printf("diverged after %lld steps: %s\n", static_cast<long long>(t.steps), m.trouble.c_str());
     return;
   }
-  const auto percent = [](double share) { return fmt::format("{:.2f}", 100 * share); };
+  const auto percent = [](double fraction) { return fmt::format("{:.2f}", 100 * fraction); };
   const std::string stress = m.stress ? percent(m.stress->clusters) : "-";
   const std::string still = naive ? percent(naive->nothing_moves.displacement_relative) : "-",
                     near = naive ? percent(naive->nearest.displacement_relative) : "-",

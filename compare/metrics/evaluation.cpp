@@ -177,8 +177,8 @@ void average_materials(const ParticleRun& truth, Evaluation& evaluation) {
   for (const char* key : {"clumps", "clumps_truth"}) values[key] = 0;
   for (const int32_t type : types_of(truth.trajectory)) {
     const MetricValues& material = evaluation.materials.at(particle_type_name(type));
-    const double share = mass_of(truth, type) / total_mass;
-    for (const auto& [key, of_material] : means_of_materials) values[key] += share * material.at(of_material);
+    const double mass_fraction = mass_of(truth, type) / total_mass;
+    for (const auto& [key, of_material] : means_of_materials) values[key] += mass_fraction * material.at(of_material);
     for (const char* key : {"clumps", "clumps_truth"}) values[key] += material.at(key);
   }
 }

@@ -6,11 +6,11 @@
 
 namespace graupel::compare {
 
-std::vector<Vec3d> frame_accelerations(const std::vector<Vec3f>& before, const std::vector<Vec3f>& now,
+std::vector<Vec3d> frame_accelerations(const std::vector<Vec3f>& before, const std::vector<Vec3f>& current,
                                        const std::vector<Vec3f>& next) {
-  std::vector<Vec3d> acceleration(now.size());
-  for (std::size_t i = 0; i < now.size(); ++i)
-    acceleration[i] = next[i].cast<double>() - 2.0 * now[i].cast<double>() + before[i].cast<double>();
+  std::vector<Vec3d> acceleration(current.size());
+  for (std::size_t i = 0; i < current.size(); ++i)
+    acceleration[i] = next[i].cast<double>() - 2.0 * current[i].cast<double>() + before[i].cast<double>();
   return acceleration;
 }
 
@@ -23,10 +23,10 @@ ParticleState OneStepAccumulator::state_of(const Vec3d& acceleration, double cle
 }
 
 void OneStepAccumulator::add(const std::vector<Vec3d>& predicted, const std::vector<Vec3d>& truth,
-                             const std::vector<double>& clearance, const std::vector<uint8_t>& held) {
+                             const std::vector<double>& clearance, const std::vector<uint8_t>& kinematic) {
   GRAUPEL_ASSERT(predicted.size() == truth.size() && clearance.size() == truth.size());
   for (std::size_t i = 0; i < truth.size(); ++i) {
-    if (!held.empty() && held[i] != 0) continue;
+    if (!kinematic.empty() && kinematic[i] != 0) continue;
     ++count_;
     const double error = norm2(predicted[i] - truth[i]);
     const auto state = static_cast<std::size_t>(state_of(truth[i], clearance[i]));

@@ -18,7 +18,7 @@ enum class ParticleState {
 };
 
 /// x_next - 2 x_now + x_before [m], shape [n].
-std::vector<Vec3d> frame_accelerations(const std::vector<Vec3f>& before, const std::vector<Vec3f>& now,
+std::vector<Vec3d> frame_accelerations(const std::vector<Vec3f>& before, const std::vector<Vec3f>& current,
                                        const std::vector<Vec3f>& next);
 
 /// Means over particles and frames of squared errors [m^2], axes summed.
@@ -33,9 +33,9 @@ class OneStepAccumulator {
  public:
   OneStepAccumulator(const Vec3d& gravity, double frame_time, double dx);
   /// One frame: predicted and true accelerations, and each particle's distance to the nearest obstacle or wall [m].
-  /// Particles that are `held` ([n]; empty: none) do not count.
+  /// Particles that are `kinematic` ([n]; empty: none) do not count.
   void add(const std::vector<Vec3d>& predicted, const std::vector<Vec3d>& truth, const std::vector<double>& clearance,
-           const std::vector<uint8_t>& held = {});
+           const std::vector<uint8_t>& kinematic = {});
   OneStepError result() const;
   ParticleState state_of(const Vec3d& acceleration, double clearance) const;
 

@@ -4,7 +4,7 @@
 #include <numeric>
 
 #include "core/parallel/parallel_for.h"
-#include "core/scene/held_particles.h"
+#include "core/scene/kinematic_particles.h"
 #include "core/system/error.h"
 
 namespace graupel::compare {

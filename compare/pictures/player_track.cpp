@@ -58,8 +58,8 @@ PlayerTrack make_track(const Scene& scene, const ParticleRun& run, const std::st
     track.type.push_back(static_cast<uint8_t>(run.trajectory.particle_type[i]));
     volume += run.volume[i];
   }
-  const double share = static_cast<double>(index.size()) / static_cast<double>(run.size());
-  track.radius = sphere_radius(volume / static_cast<double>(index.size())) / std::cbrt(share);
+  const double fraction = static_cast<double>(index.size()) / static_cast<double>(run.size());
+  track.radius = sphere_radius(volume / static_cast<double>(index.size())) / std::cbrt(fraction);
   const Domain& domain = scene.domain;
   for (std::size_t f = 0; f <= run.predicted(); f += thinning.frame_stride) {
     track.frames.push_back(static_cast<int64_t>(f));

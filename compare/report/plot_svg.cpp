@@ -67,7 +67,7 @@ struct Scale {
 
   bool shows(double v) const { return std::isfinite(v) && (axis == Axis::linear || v > 0); }
   double plotted(double v) const { return axis == Axis::linear ? v : std::log10(v); }
-  double share(double v) const { return (plotted(v) - low) / (high - low); }
+  double fraction(double v) const { return (plotted(v) - low) / (high - low); }
 };
 
 Scale make_scale(Axis axis, const Bounds& data, bool from_zero) {
@@ -124,8 +124,8 @@ class Painter {
   }
 
  private:
-  double px(double x) const { return left + x_.share(x) * (plot_.width - left - right); }
-  double py(double y) const { return plot_.height - bottom - y_.share(y) * (plot_.height - top - bottom); }
+  double px(double x) const { return left + x_.fraction(x) * (plot_.width - left - right); }
+  double py(double y) const { return plot_.height - bottom - y_.fraction(y) * (plot_.height - top - bottom); }
   int legend_height() const { return 16 * static_cast<int>((plot_.lines.size() + 1) / 2); }
 
   void text(double x, double y, const char* anchor, const std::string& content, const char* more = "") {

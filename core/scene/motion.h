@@ -73,9 +73,9 @@ struct Motion {
       if (key.time > time) break;
       before = key;
     }
-    const double share = after.time > before.time ? (time - before.time) / (after.time - before.time) : 0;
-    translation = before.translation + share * (after.translation - before.translation);
-    angle = (before.angle + share * (after.angle - before.angle)) * degree;
+    const double fraction = after.time > before.time ? (time - before.time) / (after.time - before.time) : 0;
+    translation = before.translation + fraction * (after.translation - before.translation);
+    angle = (before.angle + fraction * (after.angle - before.angle)) * degree;
   }
 
   /// Initial pose -> pose at `time`. `body_center` stands in for a center that is not given.
@@ -88,13 +88,13 @@ struct Motion {
     return {rotation, c + translation - rotation * c};
   }
 
-  /// Largest speed of the centre [m/s] and largest rate of turn [rad/s] at any time in [from, to].
-  void fastest(double from, double to, double& speed, double& turn) const {
-    speed = turn = 0;
+  /// Largest speed of the centre [m/s] and largest angular speed [rad/s] at any time in [from, to].
+  void fastest(double from, double to, double& speed, double& angular_speed) const {
+    speed = angular_speed = 0;
     const auto raise = [&](double begin, double end, const Vec3d& v, double w) {
       if (end <= from || begin > to) return;
       speed = std::max(speed, norm(v));
-      turn = std::max(turn, std::abs(w));
+      angular_speed = std::max(angular_speed, std::abs(w));
     };
     if (kind == MotionKind::constant)
       return raise(start_time, end_time.value_or(std::numeric_limits<double>::infinity()), velocity, spin);

@@ -10,7 +10,7 @@
 #include "compare/metrics/position_error.h"
 #include "compare/pictures/png.h"
 #include "compare/pictures/raster.h"
-#include "core/scene/held_particles.h"
+#include "core/scene/kinematic_particles.h"
 #include "core/scene/material_config.h"
 #include "core/system/error.h"
 #include "experiments/comparison/fairness.h"
@@ -170,7 +170,7 @@ std::vector<std::size_t> SceneComparison::one_step_frames() const {
 std::vector<Vec3f> SceneComparison::true_position(int64_t frame) const {
   if (frame >= 0) return truth_.run.position(static_cast<std::size_t>(frame));
   return graph::start_history(start_.position, start_.velocity, task_.scene.gravity, task_.scene.frame_time,
-                              static_cast<int>(1 - frame), held_particles(start_.particle_type))
+                              static_cast<int>(1 - frame), kinematic_mask(start_.particle_type))
       .front();
 }
 
@@ -191,7 +191,7 @@ compare::OneStepError SceneComparison::one_step_of_network(const ComparedModel& 
   };
   compare::OneStepAccumulator error(task_.scene.gravity, task_.scene.frame_time, task_.scene.domain.dx);
   const int64_t history = network.config().history;
-  const std::vector<uint8_t> held = held_particles(start_.particle_type);
+  const std::vector<uint8_t> kinematic = kinematic_mask(start_.particle_type);
   for (const std::size_t frame : one_step_frames()) {
     const auto n = static_cast<int64_t>(frame);
     std::vector<std::vector<Vec3f>> positions;
@@ -199,7 +199,7 @@ compare::OneStepError SceneComparison::one_step_of_network(const ComparedModel& 
     std::vector<Vec3d> predicted;
     for (const Vec3f& a : accelerations(positions)) predicted.push_back(a.cast<double>());
     error.add(predicted, compare::frame_accelerations(true_position(n - 1), true_position(n), true_position(n + 1)),
-              compare::clearances(task_.scene, obstacles_, true_position(n)), held);
+              compare::clearances(task_.scene, obstacles_, true_position(n)), kinematic);
   }
   return error.result();
 }
@@ -215,10 +215,10 @@ compare::OneStepError SceneComparison::one_step_of_rollout(const compare::Partic
   for (const std::size_t frame : one_step_frames()) {
     const auto n = static_cast<int64_t>(frame);
     std::vector<Vec3d> predicted = position(n + 1);
-    const auto now = position(n), before = position(n - 1);
-    for (std::size_t i = 0; i < predicted.size(); ++i) predicted[i] += before[i] - 2.0 * now[i];
+    const auto current = position(n), before = position(n - 1);
+    for (std::size_t i = 0; i < predicted.size(); ++i) predicted[i] += before[i] - 2.0 * current[i];
     error.add(predicted, compare::frame_accelerations(true_position(n - 1), true_position(n), true_position(n + 1)),
-              compare::clearances(task_.scene, obstacles_, true_position(n)), held_particles(start_.particle_type));
+              compare::clearances(task_.scene, obstacles_, true_position(n)), kinematic_mask(start_.particle_type));
   }
   return error.result();
 }

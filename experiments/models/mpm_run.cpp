@@ -33,7 +33,7 @@ TimedRun run_once(const Scene& variant, const MpmRunOptions& options) {
   Trajectory& trajectory = result.run.trajectory;
   trajectory.particle_type = options.tracers ? start.particle_type : simulation->particle_type();
   if (options.tracers) simulation->carry_tracers(start.position, start.velocity);
-  const auto frame_now = [&] {
+  const auto current_frame = [&] {
     if (!options.tracers) return simulation->frame();
     ParticleFrame frame;
     frame.time = simulation->time();
@@ -43,7 +43,7 @@ TimedRun run_once(const Scene& variant, const MpmRunOptions& options) {
   trajectory.frame_time = variant.frame_time;
   trajectory.seed = options.seed;
   trajectory.made_by = "mpm";
-  trajectory.frames.push_back(frame_now());
+  trajectory.frames.push_back(current_frame());
   std::vector<double> solver, output;
   double carried = 0;  // time of the tracers so far, which are no part of the run
   Progress progress(options.label, options.frames);
@@ -60,7 +60,7 @@ TimedRun run_once(const Scene& variant, const MpmRunOptions& options) {
     solver.push_back(watch.seconds() - (simulation->tracer_seconds() - carried));
     carried = simulation->tracer_seconds();
     const Stopwatch after;
-    trajectory.frames.push_back(frame_now());
+    trajectory.frames.push_back(current_frame());
     output.push_back(after.seconds());
     trajectory.frames.back().velocity.clear();  // the comparison reads positions
     trajectory.frames.back().velocity.shrink_to_fit();

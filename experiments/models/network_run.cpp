@@ -1,6 +1,6 @@
 #include "experiments/models/network_run.h"
 
-#include "core/scene/held_particles.h"
+#include "core/scene/kinematic_particles.h"
 #include "core/system/stopwatch.h"
 #include "experiments/models/bundle_times.h"
 #include "experiments/models/memory_meter.h"
@@ -22,7 +22,7 @@ TimedRun run_network(const graph::LearnedSimulator& simulator, const Scene& scen
   DeviceMemoryMeter device_memory(device);
   const int history = static_cast<int>(simulator.config().history) + 1;
   const auto past = graph::start_history(start.position, start.velocity, scene.gravity, scene.frame_time, history,
-                                         held_particles(start.particle_type));
+                                         kinematic_mask(start.particle_type));
   std::vector<double> features, hierarchy, network;
   const BundleTimes none(simulator.config().bundle, frames);
   BundleTimes total = none, events = none, projection = none, output = none;

@@ -20,11 +20,11 @@ struct ReducedTimes {
   std::vector<double> frame, fields, grid, search, output;
   rom::StepTiming sum;  ///< of all frames so far
 
-  void add_parts(const rom::StepTiming& now) {
-    fields.push_back(now.decode + now.inversion - sum.decode - sum.inversion);
-    grid.push_back(now.grid + now.device - sum.grid - sum.device);
-    search.push_back(now.search - sum.search);
-    sum = now;
+  void add_parts(const rom::StepTiming& current) {
+    fields.push_back(current.decode + current.inversion - sum.decode - sum.inversion);
+    grid.push_back(current.grid + current.device - sum.grid - sum.device);
+    search.push_back(current.search - sum.search);
+    sum = current;
   }
   compare::RunCost cost(const MemoryMeter& memory) const {
     const auto frames = static_cast<double>(std::max<std::size_t>(1, frame.size()));

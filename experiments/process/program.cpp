@@ -11,7 +11,7 @@
 #include "core/system/error.h"
 #include "core/system/stop_signal.h"
 #include "experiments/process/process.h"
-#include "nn/bf16_products.h"
+#include "nn/bf16_gemm.h"
 
 namespace graupel::experiments {
 
@@ -45,7 +45,7 @@ int run_program(int argc, char** argv, const char* name, const char* description
     declare(program, exit_code);
     catch_stop_signals();
     instruction_set();  // its error, before any work
-    nn::choose_products();
+    nn::choose_gemm_precision();
     const int usage = program.run(argc, argv, name);
     return usage != 0 ? usage : exit_code;
   } catch (const Error& error) {

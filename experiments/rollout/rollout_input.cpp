@@ -4,7 +4,7 @@
 
 #include <algorithm>
 
-#include "core/scene/held_particles.h"
+#include "core/scene/kinematic_particles.h"
 #include "core/system/error.h"
 #include "graph/learned_simulator.h"
 #include "io/scene/scene_reader.h"
@@ -45,7 +45,7 @@ RolloutStart start_from_scene(const RolloutOptions& options, int history) {
         start.scene.materials.at(particles.material_names[static_cast<std::size_t>(particles.material[p])]).model));
   }
   start.history = graph::start_history(position, velocity, start.scene.gravity, start.scene.frame_time, history,
-                                       held_particles(start.particle_type));
+                                       kinematic_mask(start.particle_type));
   return start;
 }
 
@@ -80,7 +80,7 @@ RolloutStart start_from_trajectory(const RolloutOptions& options, int history) {
       throw InputError("'" + options.input +
                        "' stores no velocity of the first frame. Use --start truth:" + std::to_string(history));
     start.history = graph::start_history(first.position, velocity, start.scene.gravity, start.scene.frame_time, history,
-                                         held_particles(start.particle_type));
+                                         kinematic_mask(start.particle_type));
     return start;
   }
   for (auto& frame : reader.frames(index, 0, history)) start.history.push_back(std::move(frame.position));

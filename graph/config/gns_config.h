@@ -27,7 +27,7 @@ struct GnsConfig : FeatureConfig {
   double obstacle_spacing = 1.0 / 128;  ///< least distance between them [m]
 
   /// How far an obstacle particle may be from every other particle and still change its acceleration [m].
-  double reach() const { return radius * static_cast<double>(message_passing); }
+  double receptive_field() const { return radius * static_cast<double>(message_passing); }
 
   template <typename Visitor>
   static void fields(Visitor&& visit) {

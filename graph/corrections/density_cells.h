@@ -11,8 +11,8 @@ namespace graupel::graph::density {
 
 inline constexpr int64_t most_cells = int64_t{1} << 26;
 inline constexpr int border = 2;  ///< [cells] around the walls
-/// Shares, mass, pressure, and bits with their ranks.
-inline constexpr double bytes_of_cell = sizeof(Shares) + 2 * sizeof(float) + 2.0 * sizeof(float) / word_bits;
+/// Open fractions, mass, pressure, and bits with their ranks.
+inline constexpr double bytes_of_cell = sizeof(OpenFractions) + 2 * sizeof(float) + 2.0 * sizeof(float) / word_bits;
 
 /// Cells over the box low .. high [m], whose corner is `shift` cells below; `spacing` [m] is doubled until there are at
 /// most most_cells, so that places of faces and cells fit into 32 bits.

@@ -19,12 +19,12 @@ using grid::word_bits;
 
 inline constexpr uint32_t full = 1u << 22;  ///< mass of a cell of the largest density
 inline constexpr int place_bits = 10;       ///< of a particle's place in its cell, so that weights are integers
-inline constexpr float narrowest = 0.05f;   ///< least share of a cell that may be called free
+inline constexpr float narrowest = 0.05f;   ///< least open fraction of a cell that may be called free
 inline constexpr float most_way = 0.5f;     ///< [cells] along an axis
 inline constexpr float closed = 1e-3f;      ///< a cell with less open faces has no pressure
 
-/// Shares of a cell and of its faces to the lower neighbours that walls and obstacles leave free.
-struct Shares {
+/// Fractions of a cell and of its faces to the lower neighbours that walls and obstacles leave free.
+struct OpenFractions {
   float cell, face[3];
 };
 
@@ -63,16 +63,16 @@ struct Cells {
   }
 };
 
-/// Share of a tent of half width 1 that lies on the free side, s from its centre to the wall.
-GRAUPEL_HD inline float tent_share(double s) {
+/// Fraction of a tent of half width 1 that lies on the free side, s from its centre to the wall.
+GRAUPEL_HD inline float open_cell_fraction(double s) {
   if (s <= -1) return 0;
   if (s >= 1) return 1;
   return static_cast<float>(s < 0 ? (1 + s) * (1 + s) / 2 : 1 - (1 - s) * (1 - s) / 2);
 }
 
-/// Share of a face across `axis` that lies before a plane: the face's extent along the plane's normal is what it takes
-/// from closed to open. A face in the plane itself is closed.
-GRAUPEL_HD inline float face_share(const sparsegrid::SignedDistance<double>& plane, int axis) {
+/// Fraction of a face across `axis` that lies before a plane: the face's extent along the plane's normal is what it
+/// takes from closed to open. A face in the plane itself is closed.
+GRAUPEL_HD inline float open_face_fraction(const sparsegrid::SignedDistance<double>& plane, int axis) {
   constexpr double thickness = 1e-3;
   double extent = 0;
   for (int d = 0; d < 3; ++d)
@@ -88,11 +88,11 @@ GRAUPEL_HD inline bool stands_between(const sparsegrid::SignedDistance<double>& 
   return down > 0 && up > 0 && below.phi / down + above.phi / up <= 1;
 }
 
-struct FindShares {
+struct FindOpenFractions {
   Cells cells;
   sparsegrid::ObstacleSetView obstacles;
   Vec3d low, high;  ///< [m] the walls
-  Shares* shares;
+  OpenFractions* open_fractions;
 
   /// Distance phi [cells] and normal of the nearest wall or obstacle; beyond an obstacle's band it is far, on both
   /// sides.
@@ -118,15 +118,15 @@ struct FindShares {
     const auto n = static_cast<int32_t>(i);
     const Vec3i cell = {n % cells.size[0], n / cells.size[0] % cells.size[1], n / cells.size[0] / cells.size[1]};
     const Vec3d centre = cells.origin + (cell.cast<double>() + Vec3d::filled(0.5)) * cells.spacing;
-    Shares& share = shares[i];
+    OpenFractions& open_fraction = open_fractions[i];
     const auto here = nearest(centre);
-    share.cell = tent_share(here.phi);
+    open_fraction.cell = open_cell_fraction(here.phi);
     for (int d = 0; d < 3; ++d) {
       Vec3d face = centre;
       face[d] -= cells.spacing / 2;
       Vec3d neighbor = centre;
       neighbor[d] -= cells.spacing;
-      share.face[d] = stands_between(nearest(neighbor), here, d) ? 0 : face_share(nearest(face), d);
+      open_fraction.face[d] = stands_between(nearest(neighbor), here, d) ? 0 : open_face_fraction(nearest(face), d);
     }
   }
 };
@@ -151,10 +151,10 @@ struct Spread {
     const int32_t base = cells.number(cell);
     for (int k = 0; k < corners; ++k) {
       // Downwards, so that the rounding of matter at rest is no excess.
-      const auto share = static_cast<uint32_t>(
+      const auto contribution = static_cast<uint32_t>(
           (unit * (weight[0][k & 1] * weight[1][k >> 1 & 1]) * weight[2][k >> 2 & 1]) >> 3 * place_bits);
-      if (share == 0) continue;
-      if (add(mass[cells.corner(base, k)], share) == 0) set_bit(words, cells.bit_of(grid::corner_of(cell, k)));
+      if (contribution == 0) continue;
+      if (add(mass[cells.corner(base, k)], contribution) == 0) set_bit(words, cells.bit_of(grid::corner_of(cell, k)));
     }
   }
   GRAUPEL_HD uint32_t add(uint32_t& sum, uint32_t value) const {
@@ -189,8 +189,8 @@ struct Equation {
   float excess, inverse_sum;  ///< of the open faces; 0 for a closed cell
 };
 
-/// Of a cell with this mass, its shares and those of its upper faces.
-GRAUPEL_HD inline Equation equation_of(uint32_t mass, const Shares& own, const float (&upper)[3]) {
+/// Of a cell with this mass, its open fractions and those of its upper faces.
+GRAUPEL_HD inline Equation equation_of(uint32_t mass, const OpenFractions& own, const float (&upper)[3]) {
   float open = 0;
   for (int d = 0; d < 3; ++d) open += own.face[d] + upper[d];
   const float room = own.cell > narrowest ? own.cell : narrowest;
@@ -206,7 +206,7 @@ GRAUPEL_HD inline float relaxed(float before, float sum, float inverse_sum, floa
 /// Lists the cells of a word, with their equations, and clears the word and their mass.
 struct ListCells {
   ActiveCells active;
-  const Shares* shares;
+  const OpenFractions* open_fractions;
   uint32_t *words, *mass;
   Equation* equation;
   GRAUPEL_HD void operator()(int64_t w) const {
@@ -223,8 +223,8 @@ struct ListCells {
   }
   GRAUPEL_HD Equation equation_of(int32_t i) const {
     float upper[3];
-    for (int d = 0; d < 3; ++d) upper[d] = shares[i + active.cells.stride(d)].face[d];
-    return density::equation_of(mass[i], shares[i], upper);
+    for (int d = 0; d < 3; ++d) upper[d] = open_fractions[i + active.cells.stride(d)].face[d];
+    return density::equation_of(mass[i], open_fractions[i], upper);
   }
 };
 
@@ -233,7 +233,7 @@ struct Sweep {
   ActiveCells active;
   int color;
   float relaxation;
-  const Shares* shares;
+  const OpenFractions* open_fractions;
   const Equation* equation;
   float* pressure;
   GRAUPEL_HD void operator()(int64_t n) const {
@@ -242,11 +242,11 @@ struct Sweep {
     const Equation e = equation[k];
     if (e.inverse_sum == 0) return;
     const int32_t i = active.cell[k];
-    const Shares own = shares[i];
+    const OpenFractions own = open_fractions[i];
     float sum = e.excess;
     for (int d = 0; d < 3; ++d) {
       const int32_t s = active.cells.stride(d);
-      sum += own.face[d] * pressure[i - s] + shares[i + s].face[d] * pressure[i + s];
+      sum += own.face[d] * pressure[i - s] + open_fractions[i + s].face[d] * pressure[i + s];
     }
     pressure[i] = relaxed(pressure[i], sum, e.inverse_sum, relaxation);
   }
@@ -255,7 +255,7 @@ struct Sweep {
 /// Moves a particle by the displacements of the faces around it.
 struct MoveParticle {
   Cells cells;
-  const Shares* shares;
+  const OpenFractions* open_fractions;
   const float* pressure;
   Vec3f* position;
   GRAUPEL_HD void operator()(int64_t p) const {
@@ -281,7 +281,7 @@ struct MoveParticle {
     float u = 0;
     for (int k = 0; k < corners; ++k) {
       const int32_t c = cells.corner(base, k);
-      float weight = shares[c].face[axis];
+      float weight = open_fractions[c].face[axis];
       for (int d = 0; d < 3; ++d) weight *= k >> d & 1 ? at[d] : 1 - at[d];
       u += weight * (pressure[c - s] - pressure[c]);
     }

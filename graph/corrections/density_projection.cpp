@@ -33,9 +33,9 @@ class DensityProjection::Lattice {
         unit_(static_cast<uint64_t>(
             std::clamp(full / (largest_density * std::pow(cells.spacing, 3)), 1.0, std::exp2(31)))),
         scratch_(device),
-        shares_(device, static_cast<std::size_t>(cells.count())),
-        mass_(device, shares_.size()),
-        pressure_(device, shares_.size()),
+        open_fractions_(device, static_cast<std::size_t>(cells.count())),
+        mass_(device, open_fractions_.size()),
+        pressure_(device, open_fractions_.size()),
         words_(device, static_cast<std::size_t>(2 * cells.words_of_color())),
         rank_(device, words_.size() + 1),
         cell_(device, 0),
@@ -43,8 +43,8 @@ class DensityProjection::Lattice {
     mass_.fill_zero();
     words_.fill_zero();
     parallel_for(device_, cells.count(),
-                 FindShares{cells, environment.view(device).obstacles, environment.hold_low, environment.hold_high,
-                            shares_.data()});
+                 FindOpenFractions{cells, environment.view(device).obstacles, environment.hold_low,
+                                   environment.hold_high, open_fractions_.data()});
     restart();
   }
 
@@ -72,7 +72,7 @@ class DensityProjection::Lattice {
   bool solve(void* stream) {
     const auto capacity = static_cast<int64_t>(cell_.size());
     if (device_ == Device::cuda && solves_density_at_once(capacity, static_cast<int64_t>(words_.size()))) {
-      solve_density({cells_, sweeps, relaxation, shares_.data(), words_.data(), mass_.data(), rank_.data(),
+      solve_density({cells_, sweeps, relaxation, open_fractions_.data(), words_.data(), mass_.data(), rank_.data(),
                      cell_.data(), equation_.data(), pressure_.data()},
                     capacity, stream);
       return true;
@@ -82,7 +82,8 @@ class DensityProjection::Lattice {
     for (int sweep = 0; sweep < sweeps; ++sweep)
       for (int color = 0; color < 2; ++color)
         parallel_for_in(stream, device_, most_active(color),
-                        Sweep{active(), color, relaxation, shares_.data(), equation_.data(), pressure_.data()}, light);
+                        Sweep{active(), color, relaxation, open_fractions_.data(), equation_.data(), pressure_.data()},
+                        light);
     return true;
   }
 
@@ -90,7 +91,7 @@ class DensityProjection::Lattice {
     prepare(n);
     return {cells_, position, unit_, mass_.data(), words_.data(), is_alone(n)};
   }
-  MoveParticle moving(Vec3f* position) const { return {cells_, shares_.data(), pressure_.data(), position}; }
+  MoveParticle moving(Vec3f* position) const { return {cells_, open_fractions_.data(), pressure_.data(), position}; }
 
  private:
   /// A few particles are spread by one thread sooner than by several with atomic sums.
@@ -108,7 +109,7 @@ class DensityProjection::Lattice {
                     DropPressure{active(), mass_.data(), pressure_.data()}, light);
     count_bits(device_, words, words_.data(), rank_.data(), scratch_, stream);
     parallel_for_in(stream, device_, words,
-                    ListCells{active(), shares_.data(), words_.data(), mass_.data(), equation_.data()}, light);
+                    ListCells{active(), open_fractions_.data(), words_.data(), mass_.data(), equation_.data()}, light);
   }
 
   /// Whether no cell has too much matter or a pressure: all pressures stay 0, and nothing moves.
@@ -131,7 +132,7 @@ class DensityProjection::Lattice {
   Cells cells_;
   uint64_t unit_;  ///< mass of a particle
   ListScratch scratch_;
-  Buffer<Shares> shares_;
+  Buffer<OpenFractions> open_fractions_;
   Buffer<uint32_t> mass_;   ///< zero between calls
   Buffer<float> pressure_;  ///< of the last frame; zero where it had no matter
   Buffer<uint32_t> words_;  ///< cells of both colours that hold matter as bits, zero between calls

@@ -11,7 +11,7 @@ struct DensitySystem {
   density::Cells cells;
   int sweeps;
   float relaxation;
-  const density::Shares* shares;
+  const density::OpenFractions* open_fractions;
   uint32_t *words, *mass;       ///< of Spread; zero afterwards
   int32_t* rank;                ///< [words + 1], of the last solution before it
   int32_t* cell;                ///< [capacity] active cells, of the last solution before it

@@ -141,11 +141,11 @@ struct FreeFlight::Impl {
       : device(on) {
     groups.cells = cells_of(environment);
     const std::size_t nodes = times * static_cast<std::size_t>(groups.cells.count()), n = particle_type.size();
-    const double reach = contact_cells * environment.normal_spacing;
+    const double contact_distance = contact_cells * environment.normal_spacing;
     groups.gravity = (scene.gravity * (scene.frame_time * scene.frame_time)).cast<float>();
-    groups.low = (environment.hold_low + Vec3d::filled(reach)).cast<float>();
-    groups.high = (environment.hold_high - Vec3d::filled(reach)).cast<float>();
-    groups.reach = static_cast<float>(reach);
+    groups.low = (environment.hold_low + Vec3d::filled(contact_distance)).cast<float>();
+    groups.high = (environment.hold_high - Vec3d::filled(contact_distance)).cast<float>();
+    groups.contact_distance = static_cast<float>(contact_distance);
     groups.obstacles = environment.obstacles.view(on);
     groups.n = static_cast<int64_t>(n);
     matter.upload(std::vector<uint64_t>(nodes, 0));
@@ -184,18 +184,18 @@ FreeFlight::FreeFlight(Device device, const Scene& scene, const Environment& env
     : impl_(std::make_unique<Impl>(device, scene, environment, particle_type)) {}
 FreeFlight::~FreeFlight() = default;
 
-void FreeFlight::find_groups(const Vec3f* before, const Vec3f* now, void* stream) {
+void FreeFlight::find_groups(const Vec3f* before, const Vec3f* current, void* stream) {
   Groups& groups = impl_->groups;
   groups.before = before;
-  groups.now = now;
+  groups.current = current;
   if (impl_->device == Device::cuda) return find_groups_on_gpu(groups, stream);
   find_groups_on_cpu(groups);
 }
 
-void FreeFlight::correct(const Vec3f* before, const Vec3f* now, Vec3f* next, void* stream) {
+void FreeFlight::correct(const Vec3f* before, const Vec3f* current, Vec3f* next, void* stream) {
   Groups& groups = impl_->groups;
   groups.before = before;
-  groups.now = now;
+  groups.current = current;
   if (impl_->device == Device::cuda) return correct_on_gpu(groups, next, stream);
   correct_on_cpu(groups, next);
 }

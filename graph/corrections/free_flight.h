@@ -6,7 +6,7 @@
 //   a_i <- a_i - (mean of a - g) - w x (x_i - centre),   inertia w = sum m (x_i - centre) x a_i.
 //
 // Groups: particles less than two cells of the scene's grid apart along each axis, now or after a frame of ballistic
-// flight, belong together. That is counted in quarters of that reach, at most four apart: none that are 2.5 cells
+// flight, belong together. That is counted in quarters of that distance, at most four apart: none that are 2.5 cells
 // apart.
 #pragma once
 
@@ -30,12 +30,12 @@ class FreeFlight {
              const std::vector<int32_t>& particle_type);
   ~FreeFlight();
 
-  /// Groups of the particles at `now`, and which of them fly: nothing is within reach of their contact (two cells of
+  /// Groups of the particles at `current`, and which of them fly: nothing is within contact distance (two cells of
   /// the scene's grid) in the frame to come. All positions [n] [m] lie in the device's memory. Allocates nothing; takes
   /// its place in `stream` (cudaStream_t; null: the default one).
-  void find_groups(const Vec3f* before, const Vec3f* now, void* stream = nullptr);
-  /// Corrects `next` = 2 now - before + a, of the frame that find_groups() saw, once.
-  void correct(const Vec3f* before, const Vec3f* now, Vec3f* next, void* stream = nullptr);
+  void find_groups(const Vec3f* before, const Vec3f* current, void* stream = nullptr);
+  /// Corrects `next` = 2 current - before + a, of the frame that find_groups() saw, once.
+  void correct(const Vec3f* before, const Vec3f* current, Vec3f* next, void* stream = nullptr);
 
   /// A number of particle i's group where it flies, -1 where it touches something, of the frame that find_groups() saw
   /// [n]. Numbers may be others the next time.

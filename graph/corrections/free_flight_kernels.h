@@ -94,9 +94,9 @@ struct GroupMomentum {
   int32_t touches;
 };
 
-/// What a group's accelerations change by: push + turn x (x - centre).
+/// What a group's accelerations change by: push + spin x (x - centre).
 struct GroupChange {
-  Vec3d push, turn, centre;
+  Vec3d push, spin, centre;
 };
 
 /// The frame at hand and its groups: a union-find over nodes, which are the cells now and, behind them, the cells after
@@ -104,9 +104,9 @@ struct GroupChange {
 /// corner of the cells outside the walls.
 struct Groups {
   FlightCells cells;
-  Vec3f gravity;    ///< [m/frame^2]
-  Vec3f low, high;  ///< [m] the walls, less the reach of contact
-  float reach;      ///< [m] of contact
+  Vec3f gravity;           ///< [m/frame^2]
+  Vec3f low, high;         ///< [m] the walls, less the contact distance
+  float contact_distance;  ///< [m] of contact
   sparsegrid::ObstacleSetView obstacles;
   int64_t n;
   uint64_t* matter;     ///< [nodes] fine cells with particles; 0 between frames
@@ -120,9 +120,9 @@ struct Groups {
   GroupMomentum* sums;  ///< [n] of a slot
   const float* mass;    ///< [n] of the largest
   const Vec3f* before;  ///< [n] [m]
-  const Vec3f* now;
+  const Vec3f* current;
 
-  GRAUPEL_HD Vec3f ballistic(int64_t i) const { return now[i] + (now[i] - before[i]) + gravity; }
+  GRAUPEL_HD Vec3f ballistic(int64_t i) const { return current[i] + (current[i] - before[i]) + gravity; }
   GRAUPEL_HD bool is_inside(const Vec3f& x) const {
     bool inside = true;
     for (int d = 0; d < 3; ++d) inside = inside && x[d] > low[d] && x[d] < high[d];
@@ -131,7 +131,7 @@ struct Groups {
   GRAUPEL_HD int32_t first_node(int time) const { return time * static_cast<int32_t>(cells.count()); }
 
   GRAUPEL_HD int32_t node_of(int time, int64_t i) const {
-    return first_node(time) + cells.of(time == 0 ? now[i] : ballistic(i)).cell;
+    return first_node(time) + cells.of(time == 0 ? current[i] : ballistic(i)).cell;
   }
 
   /// With path halving (as ECL-CC, Jaiganesh and Burtscher 2018): it is written to nodes that are no roots alone.
@@ -155,16 +155,16 @@ struct Groups {
     }
   }
 
-  /// Whether an obstacle is within reach, now or on the way of this frame.
+  /// Whether an obstacle is within the contact distance, now or on the way of this frame.
   GRAUPEL_HD bool touches_obstacle(int64_t i) const {
     int nearest = -1;
-    const float phi = signed_distance(obstacles, now[i], nearest).phi;
-    const float way = norm(ballistic(i) - now[i]);
-    return nearest >= 0 && !(phi > (reach + way) * static_cast<float>(sparsegrid::steepest_grid));
+    const float phi = signed_distance(obstacles, current[i], nearest).phi;
+    const float way = norm(ballistic(i) - current[i]);
+    return nearest >= 0 && !(phi > (contact_distance + way) * static_cast<float>(sparsegrid::steepest_grid));
   }
 
   GRAUPEL_HD Vec3d from_origin(int64_t i, int32_t slot_of_group) const {
-    return (now[i] - cells.centre(origin[slot_of_group])).cast<double>();
+    return (current[i] - cells.centre(origin[slot_of_group])).cast<double>();
   }
   GRAUPEL_HD PlaceTerms place_terms(int64_t i, int32_t slot_of_group) const {
     const double m = mass[i] * unit_of_way;
@@ -212,9 +212,9 @@ struct MarkCells {
     groups.sums[slot] = {};
   }
   GRAUPEL_HD void operator()(int64_t i) const {
-    const Vec3f now = groups.now[i], then = groups.ballistic(i);
-    const bool touches = !groups.is_inside(now) || !groups.is_inside(then);
-    mark(0, groups.cells.of(now), touches);
+    const Vec3f current = groups.current[i], then = groups.ballistic(i);
+    const bool touches = !groups.is_inside(current) || !groups.is_inside(then);
+    mark(0, groups.cells.of(current), touches);
     mark(1, groups.cells.of(then), touches);
   }
 };
@@ -278,7 +278,7 @@ GRAUPEL_HD inline Vec3d solve(const double (&m)[6], const Vec3d& b) {
   return (yz * b[0] + cross(z, x) * b[1] + cross(x, y) * b[2]) * (1 / dot(x, yz));
 }
 
-/// push = mean a; inertia turn = sum m (x - centre) x a.
+/// push = mean a; inertia spin = sum m (x - centre) x a.
 GRAUPEL_HD inline GroupChange change_of(const PlaceTerms& places, const PushTerms& pushes) {
   const double mass = static_cast<double>(places.value[0]) / unit_of_way;
   const double of_ways = 1 / (unit_of_way * mass), of_pushes = 1 / (unit_of_acceleration * mass);
@@ -293,7 +293,7 @@ GRAUPEL_HD inline GroupChange change_of(const PlaceTerms& places, const PushTerm
   const Vec3d& centre = change.centre;
   for (int k = 0; k < 6; ++k)
     square[k] = static_cast<double>(places.value[4 + k]) * of_ways - centre[k % 3] * centre[k < 3 ? k : (k + 1) % 3];
-  change.turn = Vec3d::zero();
+  change.spin = Vec3d::zero();
   const double trace = square[0] + square[1] + square[2];
   if (!(trace > least_inertia)) return change;
   const double spare = singular * trace;
@@ -303,13 +303,13 @@ GRAUPEL_HD inline GroupChange change_of(const PlaceTerms& places, const PushTerm
                              -square[3],
                              -square[4],
                              -square[5]};
-  change.turn = solve(inertia, twist - cross(centre, change.push));
+  change.spin = solve(inertia, twist - cross(centre, change.push));
   return change;
 }
 
 /// Corrects particle i of a group that flies.
 GRAUPEL_HD inline void correct(const Groups& groups, int64_t i, int32_t slot, const GroupChange& change, Vec3f* next) {
-  const Vec3d by = change.push + cross(change.turn, groups.from_origin(i, slot) - change.centre);
+  const Vec3d by = change.push + cross(change.spin, groups.from_origin(i, slot) - change.centre);
   next[i] = next[i] - by.cast<float>();
 }
 

@@ -12,10 +12,10 @@ inline constexpr int most_history = 16;
 /// Positions of a particle that a network may see.
 inline constexpr int most_positions = most_history + 1;
 
-/// Rows of the embedding table of particles that are held (core/scene/held_particles.h): of obstacles and of the
+/// Rows of the embedding table of kinematic particles (core/scene/kinematic_particles.h): of obstacles and of the
 /// material "stationary".
 inline constexpr int32_t obstacle_row = 3, stationary_row = 2;
-GRAUPEL_HD inline bool is_held_row(int32_t row) { return row == obstacle_row || row == stationary_row; }
+GRAUPEL_HD inline bool is_kinematic_row(int32_t row) { return row == obstacle_row || row == stationary_row; }
 
 /// What a FeatureConfig and a Normalization say about features.
 struct FeatureRules {
@@ -82,7 +82,7 @@ inline constexpr int feature_parts_of_row = 3;
 
 /// Writes one part of a row, at its place in it; see write_feature_row.
 GRAUPEL_HD inline void write_feature_part(FeaturePart part, const FeatureRules& rules,
-                                          const EnvironmentView& environment, const AxisMap& turn,
+                                          const EnvironmentView& environment, const AxisMap& symmetry,
                                           const Vec3f* position, float* row) {
   using namespace feature_row;
   const Vec3d x = position[rules.history].cast<double>();
@@ -90,7 +90,7 @@ GRAUPEL_HD inline void write_feature_part(FeaturePart part, const FeatureRules& 
   float* const walls = normal + (rules.cell_normal ? 3 : 0);
   float* const distance = walls + 6;
   if (part == FeaturePart::cell_normal) {
-    if (rules.cell_normal) put(turn.apply(normal_in(environment, environment.normals.at(x))), normal);
+    if (rules.cell_normal) put(symmetry.apply(normal_in(environment, environment.normals.at(x))), normal);
     return;
   }
   if (part == FeaturePart::signed_distance) {
@@ -98,28 +98,28 @@ GRAUPEL_HD inline void write_feature_part(FeaturePart part, const FeatureRules& 
     int nearest = -1;
     const sparsegrid::SignedDistance<double> obstacle = signed_distance(environment.obstacles, x, nearest);
     *distance = clamped(obstacle.phi, rules.distance_clamp);
-    put(turn.apply(normal_in(environment, obstacle.normal.cast<float>())), distance + 1);
+    put(symmetry.apply(normal_in(environment, obstacle.normal.cast<float>())), distance + 1);
     return;
   }
   for (int newer = rules.history; newer > 0; --newer) {
-    const Vec3f velocity = turn.apply(position[newer] - position[newer - 1]);
+    const Vec3f velocity = symmetry.apply(position[newer] - position[newer - 1]);
     for (int d = 0; d < 3; ++d)
       *row++ = (velocity[d] - rules.normalization.velocity_mean[d]) / rules.normalization.velocity_std[d];
   }
   for (int face = 0; face < 6; ++face) {
-    const int axis = turn.axis[face % 3];
-    const bool lower = (face < 3) == (turn.sign[face % 3] > 0);  // a reflection exchanges the two faces
+    const int axis = symmetry.axis[face % 3];
+    const bool lower = (face < 3) == (symmetry.sign[face % 3] > 0);  // a reflection exchanges the two faces
     walls[face] =
         clamped(lower ? x[axis] - environment.wall_low[axis] : environment.wall_high[axis] - x[axis], rules.wall_clamp);
   }
 }
 
 /// Writes rules.width features of a particle, in the order of particle_features(), as those of the scene turned by
-/// `turn`. `position` [m] holds rules.history + 1 frames, newest last, unturned.
+/// `symmetry`. `position` [m] holds rules.history + 1 frames, newest last, unturned.
 GRAUPEL_HD inline void write_feature_row(const FeatureRules& rules, const EnvironmentView& environment,
-                                         const AxisMap& turn, const Vec3f* position, float* row) {
+                                         const AxisMap& symmetry, const Vec3f* position, float* row) {
   for (int part = 0; part < feature_parts_of_row; ++part)
-    write_feature_part(static_cast<FeaturePart>(part), rules, environment, turn, position, row);
+    write_feature_part(static_cast<FeaturePart>(part), rules, environment, symmetry, position, row);
 }
 
 }  // namespace graupel::graph

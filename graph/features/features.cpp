@@ -77,7 +77,7 @@ Vec3d Environment::grid_origin(double spacing) const {
 
 std::vector<float> particle_features(const FeatureConfig& config, const Normalization& normalization,
                                      const Environment& environment, const std::vector<std::vector<Vec3f>>& positions,
-                                     const AxisMap& turn) {
+                                     const AxisMap& symmetry) {
   GRAUPEL_ASSERT(positions.size() == static_cast<std::size_t>(config.history) + 1);
   const std::size_t n = positions.back().size();
   for (const auto& frame : positions) GRAUPEL_ASSERT(frame.size() == n);
@@ -89,7 +89,7 @@ std::vector<float> particle_features(const FeatureConfig& config, const Normaliz
     const auto p = static_cast<std::size_t>(i);
     Vec3f history[most_history + 1];
     for (std::size_t t = 0; t < positions.size(); ++t) history[t] = positions[t][p];
-    write_feature_row(rules, view, turn, history, features.data() + p * width);
+    write_feature_row(rules, view, symmetry, history, features.data() + p * width);
   });
   return features;
 }

@@ -42,10 +42,10 @@ struct Environment {
 ///   six faces of the domain (lower x y z, upper x y z; clamped to +-wall_clamp and divided by it), and, if used, the
 ///   obstacle distance (clamped, divided by distance_clamp) and its gradient (3; zero beyond the band).
 /// `positions` holds history + 1 frames, newest last, each [n]; velocities are frame differences (dt = 1). The features
-/// are those of the scene turned by `turn`.
+/// are those of the scene turned by `symmetry`.
 std::vector<float> particle_features(const FeatureConfig& config, const Normalization& normalization,
                                      const Environment& environment, const std::vector<std::vector<Vec3f>>& positions,
-                                     const AxisMap& turn = {});
+                                     const AxisMap& symmetry = {});
 
 /// Row of the embedding table for a particle type id: 0..8 have their own, 13 (stationary) stationary_row. Throws
 /// InputError for other ids.

@@ -1,4 +1,4 @@
-// within_reach looks at the cells of two cell lists first: most pairs of cells are wholly near or wholly far.
+// within_cutoff looks at the cells of two cell lists first: most pairs of cells are wholly near or wholly far.
 #include "graph/features/obstacle_particles.h"
 
 #include <algorithm>
@@ -14,7 +14,7 @@ namespace graupel::graph {
 
 namespace {
 
-constexpr double cells_in_reach = 8;
+constexpr double cells_in_cutoff = 8;
 
 /// Points of a cell and the box around them.
 struct Group {
@@ -83,18 +83,19 @@ const std::vector<Vec3f>& ObstacleParticles::at_spacing(double spacing) const {
   return entry->second;
 }
 
-std::vector<int32_t> within_reach(const std::vector<Vec3f>& points, const std::vector<Vec3f>& particles, double reach) {
+std::vector<int32_t> within_cutoff(const std::vector<Vec3f>& points, const std::vector<Vec3f>& particles,
+                                   double cutoff) {
   std::vector<int32_t> near;
   if (points.empty() || particles.empty()) return near;
-  const sparsegrid::CellList point_cells(points, reach / cells_in_reach),
-      particle_cells(particles, reach / cells_in_reach);
+  const sparsegrid::CellList point_cells(points, cutoff / cells_in_cutoff),
+      particle_cells(particles, cutoff / cells_in_cutoff);
   const std::vector<Group> point_groups = groups_of(point_cells, points),
                            particle_groups = groups_of(particle_cells, particles);
-  const double reach2 = reach * reach;
+  const double cutoff2 = cutoff * cutoff;
   const auto is_near = [&](const Vec3f& x, const Group& group) {
     for (int32_t i = group.begin; i < group.end; ++i) {
       const auto p = static_cast<std::size_t>(particle_cells.point()[static_cast<std::size_t>(i)]);
-      if (norm2(x.cast<double>() - particles[p].cast<double>()) <= reach2) return true;
+      if (norm2(x.cast<double>() - particles[p].cast<double>()) <= cutoff2) return true;
     }
     return false;
   };
@@ -107,9 +108,9 @@ std::vector<int32_t> within_reach(const std::vector<Vec3f>& points, const std::v
         bool all = false;
         for (const Group& other : particle_groups) {
           const BoxDistance distance(group, other);
-          all = distance.largest <= reach2;
+          all = distance.largest <= cutoff2;
           if (all) break;
-          if (distance.least <= reach2) doubtful.push_back(&other);
+          if (distance.least <= cutoff2) doubtful.push_back(&other);
         }
         for (int32_t i = group.begin; i < group.end; ++i) {
           const auto p = static_cast<std::size_t>(point_cells.point()[static_cast<std::size_t>(i)]);

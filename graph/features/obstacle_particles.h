@@ -26,7 +26,8 @@ class ObstacleParticles {
   std::shared_ptr<Cache> cache_;
 };
 
-/// Numbers of those `points` that are no farther than `reach` [m] from some point of `particles`, ascending.
-std::vector<int32_t> within_reach(const std::vector<Vec3f>& points, const std::vector<Vec3f>& particles, double reach);
+/// Numbers of those `points` that are no farther than `cutoff` [m] from some point of `particles`, ascending.
+std::vector<int32_t> within_cutoff(const std::vector<Vec3f>& points, const std::vector<Vec3f>& particles,
+                                   double cutoff);
 
 }  // namespace graupel::graph

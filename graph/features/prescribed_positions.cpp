@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <string>
 
-#include "core/scene/held_particles.h"
+#include "core/scene/kinematic_particles.h"
 #include "core/system/error.h"
 
 namespace graupel::graph {
@@ -12,7 +12,7 @@ PrescribedPositions::PrescribedPositions(const std::vector<int32_t>& particle_ty
                                          const std::vector<std::vector<Vec3f>>* given)
     : start_(start), given_(given != nullptr && !given->empty() ? given : nullptr) {
   for (std::size_t i = 0; i < particle_type.size(); ++i)
-    (moves_by_itself(particle_type[i]) ? others_ : held_).push_back(i);
+    (moves_by_itself(particle_type[i]) ? others_ : prescribed_).push_back(i);
   if (given_ == nullptr) return;
   for (const std::vector<Vec3f>& frame : *given_)
     if (frame.size() != particle_type.size())
@@ -24,8 +24,8 @@ PrescribedPositions::PrescribedPositions(const std::vector<int32_t>& particle_ty
 void PrescribedPositions::refuse_gpu() const {
   if (any())
     throw ConfigError("rollouts on a GPU know no particles that are held in place, of obstacles or stationary (" +
-                      std::to_string(held_.size()) + " of " + std::to_string(held_.size() + others_.size()) +
-                      ", allowed: none). Use --device cpu");
+                      std::to_string(prescribed_.size()) + " of " +
+                      std::to_string(prescribed_.size() + others_.size()) + ", allowed: none). Use --device cpu");
 }
 
 void PrescribedPositions::put(int64_t frame, std::vector<Vec3f>& position) const {
@@ -33,7 +33,7 @@ void PrescribedPositions::put(int64_t frame, std::vector<Vec3f>& position) const
       given_ == nullptr
           ? start_
           : (*given_)[static_cast<std::size_t>(std::min<int64_t>(frame, static_cast<int64_t>(given_->size())) - 1)];
-  for (const std::size_t i : held_) position[i] = places[i];
+  for (const std::size_t i : prescribed_) position[i] = places[i];
 }
 
 std::vector<Vec3f> PrescribedPositions::others(const std::vector<Vec3f>& position) const {

@@ -10,7 +10,7 @@ namespace graupel::graph {
 namespace {
 
 /// A tenth, a half .. of the particles have so many in their cell, or more.
-double count_of_share(const std::vector<Vec3f>& position, double spacing, double share) {
+double count_quantile(const std::vector<Vec3f>& position, double spacing, double fraction) {
   std::vector<std::tuple<int64_t, int64_t, int64_t>> cell;
   cell.reserve(position.size());
   for (const Vec3f& x : position) {
@@ -26,7 +26,7 @@ double count_of_share(const std::vector<Vec3f>& position, double spacing, double
     first = last;
   }
   if (counts.empty()) return 0;
-  const auto last = counts.begin() + static_cast<std::ptrdiff_t>(share * static_cast<double>(counts.size()));
+  const auto last = counts.begin() + static_cast<std::ptrdiff_t>(fraction * static_cast<double>(counts.size()));
   std::nth_element(counts.begin(), last, counts.end(), std::greater<>());
   return static_cast<double>(*last);
 }
@@ -34,8 +34,8 @@ double count_of_share(const std::vector<Vec3f>& position, double spacing, double
 }  // namespace
 
 double rest_density(const Scene& scene, const std::vector<Vec3f>& start, double spacing) {
-  const double share = scene.sources.empty() ? 0.1 : 0.5;
-  double density = count_of_share(start, spacing, share) / std::pow(spacing, 3);
+  const double fraction = scene.sources.empty() ? 0.1 : 0.5;
+  double density = count_quantile(start, spacing, fraction) / std::pow(spacing, 3);
   for (const Source& source : scene.sources)
     density = std::max(density, source.particles_per_cell / scene.domain.cell_volume());
   return density;

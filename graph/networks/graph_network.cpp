@@ -99,7 +99,7 @@ void add_obstacle_particles(const GnsConfig& config, const Environment& environm
                             std::vector<std::vector<Vec3f>>& positions, std::vector<int32_t>& particle_type) {
   if (!config.obstacle_particles) return;
   const std::vector<Vec3f>& points = environment.obstacle_particles.at_spacing(config.obstacle_spacing);
-  const std::vector<int32_t> near = within_reach(points, positions.back(), config.reach());
+  const std::vector<int32_t> near = within_cutoff(points, positions.back(), config.receptive_field());
   for (std::vector<Vec3f>& frame : positions)
     for (const int32_t p : near) frame.push_back(points[static_cast<std::size_t>(p)]);
   particle_type.insert(particle_type.end(), near.size(), obstacle_particle_type);

@@ -17,7 +17,7 @@ constexpr int corners = 8;
 struct PlaceLinks {
   int levels;
   int64_t first_item[most_levels + 1];
-  int64_t room_for_cells[most_levels], room_for_edges[most_levels];
+  int64_t cell_capacity[most_levels], edge_capacity[most_levels];
   int64_t particles;
   GridLinks grid;
   LevelGraph<int32_t*> to[most_levels];
@@ -28,7 +28,7 @@ struct PlaceLinks {
 
   GRAUPEL_HD void operator()(int64_t item) const {
     bool fits = *grid.overflow == 0;
-    for (int l = 0; l < levels; ++l) fits = fits && cells(l) <= room_for_cells[l] && edges(l) <= room_for_edges[l];
+    for (int l = 0; l < levels; ++l) fits = fits && cells(l) <= cell_capacity[l] && edges(l) <= edge_capacity[l];
     if (item == 0) {
       for (int l = 0; l < levels; ++l) {
         counts[l] = fits ? cells(l) : 0;
@@ -70,13 +70,13 @@ struct PlaceLinks {
 
 LevelCapacity LevelCapacity::for_counts(const GridCounts& counts) {
   constexpr int64_t least = 64;
-  LevelCapacity room;
-  room.levels = counts.levels;
+  LevelCapacity capacity;
+  capacity.levels = counts.levels;
   for (std::size_t l = 0; l < static_cast<std::size_t>(counts.levels); ++l) {
-    room.cells[l] = counts.cells[l] + counts.cells[l] / 2 + least;
-    room.edges[l] = counts.edges[l] + counts.edges[l] / 2 + 6 * least;
+    capacity.cells[l] = counts.cells[l] + counts.cells[l] / 2 + least;
+    capacity.edges[l] = counts.edges[l] + counts.edges[l] / 2 + 6 * least;
   }
-  return room;
+  return capacity;
 }
 
 bool LevelCapacity::holds(const GridCounts& counts) const {
@@ -85,19 +85,19 @@ bool LevelCapacity::holds(const GridCounts& counts) const {
   return counts.levels == levels;
 }
 
-void FixedCapacityLevels::prepare(const LevelCapacity& room) {
-  room_ = room;
+void FixedCapacityLevels::prepare(const LevelCapacity& capacity) {
+  capacity_ = capacity;
   const auto cells_above = [&](std::size_t l) {
-    return l + 1 < static_cast<std::size_t>(room.levels) ? room.cells[l + 1] : 0;
+    return l + 1 < static_cast<std::size_t>(capacity.levels) ? capacity.cells[l + 1] : 0;
   };
   int64_t numbers = 0;
-  for (std::size_t l = 0; l < static_cast<std::size_t>(room.levels); ++l)
-    numbers += 4 * room.cells[l] + 1 + 3 * room.edges[l] + cells_above(l) + 1;
+  for (std::size_t l = 0; l < static_cast<std::size_t>(capacity.levels); ++l)
+    numbers += 4 * capacity.cells[l] + 1 + 3 * capacity.edges[l] + cells_above(l) + 1;
   numbers_.resize_discard(static_cast<std::size_t>(numbers));
   int32_t* place = numbers_.data();
   const auto take = [&](int64_t size) { return std::exchange(place, place + size); };
-  for (std::size_t l = 0; l < static_cast<std::size_t>(room.levels); ++l) {
-    const int64_t cells = room.cells[l], edges = room.edges[l];
+  for (std::size_t l = 0; l < static_cast<std::size_t>(capacity.levels); ++l) {
+    const int64_t cells = capacity.cells[l], edges = capacity.edges[l];
     level_[l] = {.cells = cells,
                  .edges = edges,
                  .edge_begin = take(cells + 1),
@@ -112,22 +112,22 @@ void FixedCapacityLevels::prepare(const LevelCapacity& room) {
 }
 
 void FixedCapacityLevels::place(const GridLinks& grid, int64_t particles, void* stream) {
-  GRAUPEL_ASSERT(room_.levels > 0);
+  GRAUPEL_ASSERT(capacity_.levels > 0);
   PlaceLinks body{};
-  body.levels = room_.levels;
-  for (int l = 0; l < room_.levels; ++l) {
+  body.levels = capacity_.levels;
+  for (int l = 0; l < capacity_.levels; ++l) {
     const auto at = static_cast<std::size_t>(l);
-    body.room_for_cells[l] = room_.cells[at];
-    body.room_for_edges[l] = room_.edges[at];
+    body.cell_capacity[l] = capacity_.cells[at];
+    body.edge_capacity[l] = capacity_.edges[at];
     body.to[l] = level_[at];
-    int64_t items = std::max(room_.cells[at] + 1, room_.edges[at]);
-    if (l + 1 < room_.levels) items = std::max(items, room_.cells[at + 1] + 1);
+    int64_t items = std::max(capacity_.cells[at] + 1, capacity_.edges[at]);
+    if (l + 1 < capacity_.levels) items = std::max(items, capacity_.cells[at + 1] + 1);
     body.first_item[l + 1] = body.first_item[l] + items;
   }
   body.particles = particles;
   body.grid = grid;
   body.counts = counts_.data();
-  parallel_for_in(stream, device_, body.first_item[room_.levels], body);
+  parallel_for_in(stream, device_, body.first_item[capacity_.levels], body);
 }
 
 LevelLinks FixedCapacityLevels::level(int l) const {

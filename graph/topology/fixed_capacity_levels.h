@@ -25,8 +25,8 @@ class FixedCapacityLevels {
   explicit FixedCapacityLevels(Device device)
       : device_(device), numbers_(device, 0), counts_(device, 2 * most_levels + 3) {}
 
-  /// Makes room; what was placed is lost.
-  void prepare(const LevelCapacity& room);
+  /// Allocates the capacity; what was placed is lost.
+  void prepare(const LevelCapacity& capacity);
   /// Copies the links of a grid of one scene; launches alone. Where they do not fit, or the grid has overflowed, every
   /// count becomes 0, so that what runs on them does nothing, and fault() is set.
   void place(const GridLinks& grid, int64_t particles, void* stream = nullptr);
@@ -39,7 +39,7 @@ class FixedCapacityLevels {
 
  private:
   Device device_;
-  LevelCapacity room_;
+  LevelCapacity capacity_;
   std::array<LevelGraph<int32_t*>, most_levels> level_{};
   Buffer<int32_t> numbers_;  ///< all arrays
   Buffer<int32_t> counts_;   ///< cells, edges of every level; particles, pairs; fault

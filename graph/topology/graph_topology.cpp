@@ -57,10 +57,10 @@ void list_by_receiver(const std::vector<int32_t>& receiver, std::size_t receiver
   begin.assign(receivers + 1, 0);
   for (const int32_t r : receiver) ++begin[static_cast<std::size_t>(r) + 1];
   std::partial_sum(begin.begin(), begin.end(), begin.begin());
-  std::vector<int32_t> next(begin.begin(), begin.end() - 1);
+  std::vector<int32_t> cursor(begin.begin(), begin.end() - 1);
   list.resize(receiver.size());
   for (std::size_t i = 0; i < receiver.size(); ++i)
-    list[static_cast<std::size_t>(next[static_cast<std::size_t>(receiver[i])]++)] = static_cast<int32_t>(i);
+    list[static_cast<std::size_t>(cursor[static_cast<std::size_t>(receiver[i])]++)] = static_cast<int32_t>(i);
 }
 
 void GraphTopology::build_order(const sparsegrid::Hierarchy<3>& hierarchy) {

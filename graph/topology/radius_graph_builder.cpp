@@ -71,10 +71,10 @@ struct RadiusGraphBuilder::Arrays {
   Buffer<float> features;
 };
 
-RadiusGraphBuilder::RadiusGraphBuilder(Device device, double radius, double reach)
+RadiusGraphBuilder::RadiusGraphBuilder(Device device, double radius, double receptive_field)
     : device_(device),
       radius_(radius),
-      reach_(reach),
+      receptive_field_(receptive_field),
       cell_size_(radius * cell_margin),
       arrays_(std::make_unique<Arrays>(device)) {}
 RadiusGraphBuilder::~RadiusGraphBuilder() = default;
@@ -92,7 +92,7 @@ void RadiusGraphBuilder::prepare(const std::vector<RadiusScene>& scenes, void* s
   particles_ = points_ = 0;
   for (const RadiusScene& scene : scenes) {
     const CellBox box = box_of(scene, cell_size_, cells);
-    views.push_back({box, particles_, scene.particles, points_, scene.point, scene.turn, scene.environment});
+    views.push_back({box, particles_, scene.particles, points_, scene.point, scene.symmetry, scene.environment});
     cells += int64_t{box.size[0]} * box.size[1] * box.size[2];
     particles_ += scene.particles;
     points_ += scene.points;
@@ -141,7 +141,7 @@ void RadiusGraphBuilder::build(Vec3f* position, void* stream) {
   launch(stream, 1, ResetCounts{particles_, a.counts.data()});
   if (points_ > 0) {
     list_cells(particles_, nullptr, stream);
-    launch(stream, points_, MarkNear{points(), order(), reach_, a.near.data()});
+    launch(stream, points_, MarkNear{points(), order(), receptive_field_, a.near.data()});
     prefix_sums(device_, points_, a.near.data(), a.rank.data(), a.scratch, stream);
     launch(
         stream, points_ + 1,
@@ -159,12 +159,12 @@ void RadiusGraphBuilder::build(Vec3f* position, void* stream) {
 void RadiusGraphBuilder::link_pairs(void* stream) {
   Arrays& a = *arrays_;
   launch(stream, most_nodes() + 1,
-         BeginEdges{most_nodes(), room_, particles_, a.pair_sum.data(), a.counts.data(), a.begin.data()});
+         BeginEdges{most_nodes(), capacity_, particles_, a.pair_sum.data(), a.counts.data(), a.begin.data()});
   int32_t* const unsorted = a.reverse.data();  // until the edges back are known
   launch(stream, neighbour_rows * most_nodes(),
          FillPairs{search(), a.counts.data(), a.pair_sum.data(), unsorted, a.receiver.data()});
-  launch(stream, room_, SortSenders{a.counts.data(), a.begin.data(), a.receiver.data(), unsorted, a.sender.data()});
-  launch(stream, room_,
+  launch(stream, capacity_, SortSenders{a.counts.data(), a.begin.data(), a.receiver.data(), unsorted, a.sender.data()});
+  launch(stream, capacity_,
          DescribeEdges{a.counts.data(), radius_, position_, a.begin.data(), a.sender.data(), a.receiver.data(),
                        a.reverse.data(), a.features.data()});
 }
@@ -183,10 +183,10 @@ RadiusCounts RadiusGraphBuilder::finish(double spare, void* stream) {
     throw InputError("the particles have too many neighbours (at most 2^31 - 1 pairs within the radius). They have " +
                      std::string("clumped: use an earlier frame, or a scene with fewer particles"));
   if (counts.fault) {
-    room_ = counts.wanted_edges + static_cast<int64_t>(spare * counts.wanted_edges) + 1024;
+    capacity_ = counts.wanted_edges + static_cast<int64_t>(spare * counts.wanted_edges) + 1024;
     for (Buffer<int32_t>* buffer : {&a.sender, &a.receiver, &a.reverse})
-      buffer->resize_discard(static_cast<std::size_t>(room_));
-    a.features.resize_discard(static_cast<std::size_t>(room_ * edge_feature_count));
+      buffer->resize_discard(static_cast<std::size_t>(capacity_));
+    a.features.resize_discard(static_cast<std::size_t>(capacity_ * edge_feature_count));
     link_pairs(stream);
     counts = read(a.counts, stream);
     GRAUPEL_ASSERT(!counts.fault);

@@ -1,7 +1,7 @@
 // The graph of GNS for a batch of scenes (graph/topology/gns_graph.h, sparsegrid/radius_graph.h), built where its
-// network runs: by cells of the radius's size, with the obstacle particles that are within reach. Particles keep their
-// order, scene by scene; obstacle particles stand behind those of all scenes, as in train::Batch. The same numbers on
-// every device.
+// network runs: by cells of the radius's size, with the obstacle particles that are in the receptive field. Particles
+// keep their order, scene by scene; obstacle particles stand behind those of all scenes, as in train::Batch. The same
+// numbers on every device.
 #pragma once
 
 #include <cstdint>
@@ -21,18 +21,18 @@ struct RadiusScene {
   int64_t particles = 0;         ///< scenes follow each other
   const Vec3f* point = nullptr;  ///< [points] of obstacles, unturned
   int64_t points = 0;
-  AxisMap turn = {};
+  AxisMap symmetry = {};
   EnvironmentView environment = {};  ///< for the features of obstacle particles
 };
 
 /// Arrays in the device's memory. Edges are sorted by receiver, then by sender.
 struct RadiusLinks {
-  const int32_t *node_count, *obstacle_count, *edge_count;  ///< all 0 where the edges found no room
+  const int32_t *node_count, *obstacle_count, *edge_count;  ///< all 0 where the edges exceed the capacity
   const int32_t* begin;                                     ///< [nodes + 1] edges of a receiver
   const int32_t *sender, *receiver;                         ///< [edges]
   const int32_t* reverse;                                   ///< [edges] the edge from receiver to sender
   const float* features;                                    ///< [edges, edge_feature_count]
-  const int32_t* fault;                                     ///< 1 where the edges found no room
+  const int32_t* fault;                                     ///< 1 where the edges exceed the capacity
 };
 
 /// Counts of one build, on the host.
@@ -43,9 +43,9 @@ struct RadiusCounts {
 class RadiusGraphBuilder {
  public:
   RadiusGraphBuilder(Device device, const GnsConfig& config)
-      : RadiusGraphBuilder(device, config.radius, config.reach()) {}
-  /// `reach`: how near obstacle particles must be [m].
-  RadiusGraphBuilder(Device device, double radius, double reach);
+      : RadiusGraphBuilder(device, config.radius, config.receptive_field()) {}
+  /// `receptive_field`: how near obstacle particles must be [m].
+  RadiusGraphBuilder(Device device, double radius, double receptive_field);
   ~RadiusGraphBuilder();
   RadiusGraphBuilder(RadiusGraphBuilder&&) noexcept;
 
@@ -62,8 +62,8 @@ class RadiusGraphBuilder {
   /// Waits for the last build; where its edges found no room, makes some, `spare` of it for later builds, and
   /// builds them. Throws InputError for 2^31 edges or more.
   RadiusCounts finish(double spare, void* stream = nullptr);
-  /// Edges that there is room for.
-  int64_t room() const { return room_; }
+  /// Most edges of a build.
+  int64_t capacity() const { return capacity_; }
   RadiusLinks links() const;
 
  private:
@@ -77,8 +77,8 @@ class RadiusGraphBuilder {
   void launch(void* stream, int64_t n, const Body& body) const;
 
   Device device_;
-  double radius_, reach_, cell_size_;
-  int64_t particles_ = 0, points_ = 0, room_ = 0;
+  double radius_, receptive_field_, cell_size_;
+  int64_t particles_ = 0, points_ = 0, capacity_ = 0;
   int scenes_ = 0;
   int32_t cells_ = 0;
   Vec3f* position_ = nullptr;  ///< of the last build

@@ -1,5 +1,5 @@
 // Kernels of the radius graph builder (graph/topology/radius_graph_builder.cpp), for host and device: points by cells,
-// obstacle points within reach, pairs within the radius.
+// obstacle points in the receptive field, pairs within the radius.
 #pragma once
 
 #include <atomic>
@@ -30,7 +30,7 @@ struct PointScene {
   int64_t first_particle = 0, particles = 0;  ///< of all nodes
   int64_t first_point = 0;                    ///< of all scenes' obstacle points
   const Vec3f* point = nullptr;               ///< obstacle points, unturned
-  AxisMap turn;
+  AxisMap symmetry;
   EnvironmentView environment;
 };
 
@@ -152,30 +152,31 @@ struct CellOrder {
   const Vec3f* position;  ///< [nodes]
 };
 
-/// Whether obstacle point j is no farther than `reach` from some particle of its scene, turned as they are.
+/// Whether obstacle point j is no farther than `receptive_field` from some particle of its scene, turned as they are.
 struct MarkNear {
   Points points;
   CellOrder order;
-  double reach;
+  double receptive_field;
   int32_t* near;
   GRAUPEL_HD void operator()(int64_t j) const {
     const PointScene& scene = points.scene_of_point(j);
-    const Vec3f x = scene.turn.apply(scene.point[j - scene.first_point]);
+    const Vec3f x = scene.symmetry.apply(scene.point[j - scene.first_point]);
     near[j] = is_near(scene.box, x);
   }
   GRAUPEL_HD bool is_near(const CellBox& box, const Vec3f& x) const {
     const Vec3i home = points.cell_of(box, x);
-    const int cells = static_cast<int>(std::ceil(reach * points.inverse_size));
+    const int cells = static_cast<int>(std::ceil(receptive_field * points.inverse_size));
     for (int a = 0; a <= 2 * cells; ++a)  // 0, 1, -1, 2 ..: what is near is found early
       for (int b = 0; b <= 2 * cells; ++b) {
         const int dy = a % 2 ? (a + 1) / 2 : -a / 2, dz = b % 2 ? (b + 1) / 2 : -b / 2;
         const double y = gap(dy), z = gap(dz);
-        if (y * y + z * z > reach * reach || !box.has_row(home[1] + dy, home[2] + dz)) continue;
+        if (y * y + z * z > receptive_field * receptive_field || !box.has_row(home[1] + dy, home[2] + dz)) continue;
         const int32_t row = box.row_of(home[1] + dy, home[2] + dz);
         const int first = home[0] - cells < 0 ? 0 : home[0] - cells;
         const int last = home[0] + cells >= box.size[0] ? box.size[0] - 1 : home[0] + cells;
         for (int32_t i = order.begin[row + first]; i < order.begin[row + last + 1]; ++i)
-          if (norm2(x.cast<double>() - order.position[i].cast<double>()) <= reach * reach) return true;
+          if (norm2(x.cast<double>() - order.position[i].cast<double>()) <= receptive_field * receptive_field)
+            return true;
       }
     return false;
   }
@@ -198,7 +199,7 @@ struct PlaceObstacles {
     }
     if (!near[j]) return;
     const PointScene& scene = points.scene_of_point(j);
-    position[points.particles + rank[j]] = scene.turn.apply(scene.point[j - scene.first_point]);
+    position[points.particles + rank[j]] = scene.symmetry.apply(scene.point[j - scene.first_point]);
     point_of[rank[j]] = static_cast<int32_t>(j);
   }
 };
@@ -248,7 +249,7 @@ struct FindOverflow {
 
 /// Where the edges of receiver i begin; item 0 settles the counts.
 struct BeginEdges {
-  int64_t most_nodes, room, particles;
+  int64_t most_nodes, capacity, particles;
   const int32_t* sum;  ///< [9 most_nodes + 1]
   GraphCounts* counts;
   int32_t* begin;  ///< [most_nodes + 1]
@@ -257,7 +258,7 @@ struct BeginEdges {
     if (i > 0) return;
     const int32_t edges = sum[neighbour_rows * most_nodes];
     counts->wanted_edges = edges;
-    counts->fault = counts->overflow || edges > room;
+    counts->fault = counts->overflow || edges > capacity;
     counts->nodes = counts->fault ? 0 : counts->wanted_nodes;
     counts->obstacles = counts->fault ? 0 : counts->wanted_nodes - static_cast<int32_t>(particles);
     counts->edges = counts->fault ? 0 : edges;
@@ -330,7 +331,7 @@ struct DescribeObstacles {
     Vec3f position[most_history + 1];
     for (int t = 0; t <= rules.history; ++t) position[t] = scene.point[points.point_of[i] - scene.first_point];
     const int64_t row = points.particles + i;
-    write_feature_row(rules, scene.environment, scene.turn, position, features + row * rules.width);
+    write_feature_row(rules, scene.environment, scene.symmetry, position, features + row * rules.width);
     type_row[row] = type;
   }
 };

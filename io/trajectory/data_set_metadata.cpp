@@ -7,7 +7,7 @@
 #include <filesystem>
 
 #include "core/parallel/device.h"
-#include "core/scene/held_particles.h"
+#include "core/scene/kinematic_particles.h"
 #include "core/system/atomic_file.h"
 #include "core/system/error.h"
 #include "io/config/json_node.h"

@@ -71,9 +71,9 @@ template <typename T>
 double MovingObstacles<T>::largest_speed(double from, double to) const {
   double fastest = 0;
   for (std::size_t k = 0; k < index_.size(); ++k) {
-    double speed, turn;
-    scene_.obstacles[static_cast<std::size_t>(index_[k])].motion->fastest(from, to, speed, turn);
-    fastest = std::max(fastest, speed + turn * reach_[k]);
+    double speed, angular_speed;
+    scene_.obstacles[static_cast<std::size_t>(index_[k])].motion->fastest(from, to, speed, angular_speed);
+    fastest = std::max(fastest, speed + angular_speed * reach_[k]);
   }
   return fastest;
 }

@@ -23,14 +23,14 @@ void set_wall(const Scene& scene, int axis, int side, WallView<T>& walls) {
   const T away = static_cast<T>(side == 0 ? -far_off : far_off);
   walls.contact[axis][side] = contact_of(kind);
   walls.friction[axis][side] = static_cast<T>(scene.domain.friction(axis, side));
-  T& held = (side == 0 ? walls.low : walls.high)[axis];
+  T& face = (side == 0 ? walls.low : walls.high)[axis];
   T& gate = (side == 0 ? walls.gate_low : walls.gate_high)[axis];
   const bool is_gate = kind == Wall::open || kind == Wall::periodic;
-  gate = is_gate ? held : away;
+  gate = is_gate ? face : away;
   if (side == 0) walls.periodic[axis] = {static_cast<int>(scene.domain.wall_cells), 0};
   if (!is_gate) return;
   walls.has_gates = true;
-  held = away;
+  face = away;
   (side == 0 ? walls.particle_low : walls.particle_high)[axis] = away;
   const double width = scene.wall_high()[axis] - scene.wall_low()[axis];
   if (kind != Wall::periodic) return;

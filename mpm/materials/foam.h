@@ -24,8 +24,8 @@ struct FoamLaw {
     const MaskOf<S> yields = trial > m.yield_strength;
     if (any(yields)) {
       const S zero = S(T(0)), flow = length * (T(1) - herschel_bulkley_stress(m, S(m.mu), dt, trial) / trial);
-      const S share = select(yields, flow / length, zero);
-      for (int i = 0; i < D; ++i) strain[i] -= share * deviator[i];
+      const S flow_fraction = select(yields, flow / length, zero);
+      for (int i = 0; i < D; ++i) strain[i] -= flow_fraction * deviator[i];
       e += select(yields, equivalent_strain<T> * flow, zero);
     }
     principal = hencky_principal_stress(m, strain);

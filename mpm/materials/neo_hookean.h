@@ -55,8 +55,9 @@ template <typename S, int D>
 GRAUPEL_HD inline S neo_hookean_sound_speed(const MaterialParameters<Real<S>>& m, const Mat<S, D>& F) {
   using T = Real<S>;
   const NeoHookeanConstants<T> k = neo_hookean_constants<D, S>(m);
-  const S s2 = largest_stretch2_bound(F), J = determinant(F), share = s2 / (squared_norm(F) + T(1));
-  return square_root((k.mu * (s2 - share) + T(2) * k.mu * share * share + k.lambda * J * J) / m.density);
+  const S s2 = largest_stretch2_bound(F), J = determinant(F), stretch_ratio = s2 / (squared_norm(F) + T(1));
+  return square_root((k.mu * (s2 - stretch_ratio) + T(2) * k.mu * stretch_ratio * stretch_ratio + k.lambda * J * J) /
+                     m.density);
 }
 
 struct NeoHookeanLaw {

@@ -35,8 +35,8 @@ GRAUPEL_HD inline MaskOf<S> sand_return_mapping(const MaterialParameters<Real<S>
   const S length = length_of(deviator);
   const S excess = length + T(D) * bulk / (T(2) * m.mu) * m.friction * sum - m.cohesion_length;
   const MaskOf<S> yields = excess > T(0);
-  const S share = select(yields, excess / length, zero);
-  for (int i = 0; i < D; ++i) strain[i] = select(apart, zero, strain[i] - share * deviator[i]);
+  const S flow_fraction = select(yields, excess / length, zero);
+  for (int i = 0; i < D; ++i) strain[i] = select(apart, zero, strain[i] - flow_fraction * deviator[i]);
   return changed | apart | yields;
 }
 

@@ -35,8 +35,8 @@ GRAUPEL_HD inline MaskOf<S> von_mises_return_mapping(const MaterialParameters<Re
   const T softness = equivalent_strain<T> * m.hardening_slope / (T(2) * m.mu);
   const T rate = m.hardening_update == HardeningUpdate::after ? T(1) + softness : T(1);
   const S flow = select(excess < rate * length, excess / rate, length);
-  const S share = select(yields, flow / length, zero);
-  for (int i = 0; i < D; ++i) strain[i] -= share * deviator[i];
+  const S flow_fraction = select(yields, flow / length, zero);
+  for (int i = 0; i < D; ++i) strain[i] -= flow_fraction * deviator[i];
   e += select(yields, equivalent_strain<T> * flow, zero);
   return yields;
 }

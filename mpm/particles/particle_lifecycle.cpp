@@ -72,9 +72,9 @@ double ParticleLifecycle<T>::largest_speed(double from, double to) const {
   double fastest = 0;
   for (std::size_t s = 0; s < scripts_.size(); ++s) {
     if (from >= scripts_[s].release_time) continue;
-    double speed, turn;
-    scripts_[s].motion.fastest(from, to, speed, turn);
-    fastest = std::max(fastest, speed + turn * reach_[s]);
+    double speed, angular_speed;
+    scripts_[s].motion.fastest(from, to, speed, angular_speed);
+    fastest = std::max(fastest, speed + angular_speed * reach_[s]);
   }
   for (const Emitter& emitter : emitters_) {
     const double last = emitter.emission == Emission::stream ? emitter.end_time

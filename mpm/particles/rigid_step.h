@@ -9,7 +9,7 @@ namespace graupel::mpm {
 /// v(x) = gradient (x - center) + velocity.
 template <typename T>
 struct RigidStep {
-  Mat<T, 3> gradient;  ///< (R - I) / dt with the turn R of the substep [1/s]
+  Mat<T, 3> gradient;  ///< (R - I) / dt with the rotation R of the substep [1/s]
   Vec<T, 3> center;    ///< where the body's centre is at the start of the substep [m]
   Vec<T, 3> velocity;  ///< of that centre [m/s]
 
@@ -29,8 +29,8 @@ template <typename T>
 RigidStep<T> rigid_step(const Motion& motion, const Vec3d& body_center, double time, double dt) {
   const Vec3d center = motion.center.value_or(body_center);
   const RigidMap from = motion.at(time, body_center), to = motion.at(time + dt, body_center);
-  const Mat3d turn = to.rotation * transpose(from.rotation);
-  return {((1 / dt) * (turn - Mat3d::identity())).cast<T>(), from(center).cast<T>(),
+  const Mat3d relative_rotation = to.rotation * transpose(from.rotation);
+  return {((1 / dt) * (relative_rotation - Mat3d::identity())).cast<T>(), from(center).cast<T>(),
           ((to(center) - from(center)) * (1 / dt)).cast<T>()};
 }
 

@@ -72,18 +72,18 @@ struct MoveSlots {
   /// False for a particle that is gone.
   GRAUPEL_HD bool move(int64_t slot, StepStatistics& found) const {
     const ParticleView<T>& p = view.particles;
-    const bool led =
+    const bool kinematic =
         !plain && view.lifecycle.script != nullptr && view.lifecycle.leader(p.source_index.get(slot)) != nullptr;
-    if (!led && view.is_stationary(slot)) {
+    if (!kinematic && view.is_stationary(slot)) {
       settle(slot, p.position.vec(slot));
       return true;
     }
     const Vec<T, 3> v = p.velocity.vec(slot);
     Vec<T, 3> x = p.position.vec(slot), slowed = v;
     const T mass = view.materials[p.material.get(slot)].density * p.volume.get(slot);
-    if (!move_point<!plain, D, T>(view, view.moving, led, slot, mass, dt, x, slowed, found)) return true;
+    if (!move_point<!plain, D, T>(view, view.moving, kinematic, slot, mass, dt, x, slowed, found)) return true;
     if (!(slowed == v)) p.velocity.set_vec(slot, slowed);
-    if (!plain && !led && (view.walls.has_gates || view.lifecycle.sink_count > 0) && leaves(x)) {
+    if (!plain && !kinematic && (view.walls.has_gates || view.lifecycle.sink_count > 0) && leaves(x)) {
       remove(slot, x, found);
       return false;
     }

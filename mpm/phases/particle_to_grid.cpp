@@ -65,7 +65,7 @@ struct SumArenas {
   }
 };
 
-/// Sums the particles within reach of one node, owner block by owner block.
+/// Sums the particles whose stencils contain one node, owner block by owner block.
 template <typename T, typename Form>
 struct GatherNode {
   static constexpr int D = Form::D;
@@ -93,7 +93,7 @@ struct GatherNode {
     T w = 1;
     for (int d = 0; d < D; ++d) {
       offset[d] = T(node[d]) - local[d];
-      if (!(std::abs(offset[d]) < T(BSpline<S>::reach))) return;
+      if (!(std::abs(offset[d]) < T(BSpline<S>::half_support))) return;
       w *= bspline<S>(offset[d]);
     }
     const T mass = mass_of(view, slot);

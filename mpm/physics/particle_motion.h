@@ -102,13 +102,13 @@ template <bool some_move, int D, typename T, typename Found>
 /// would move over one cell, or whose velocity is not a number: it stays where it is and is marked bad.
 template <bool some_move, int D, typename T, typename Found>
 [[gnu::always_inline]] GRAUPEL_HD inline bool move_point(const SceneView<T>& scene, const MovingObstacleView<T>& moving,
-                                                         bool led, int64_t slot, T mass, T dt, Vec<T, 3>& x,
+                                                         bool kinematic, int64_t slot, T mass, T dt, Vec<T, 3>& x,
                                                          Vec<T, 3>& v, Found& found) {
   const Vec<T, 3> before = x, step = dt * v;
   if (!within_a_cell(step, scene.grid.dx)) return mark_bad(slot, found), false;
   const Vec<T, 3> wanted = before + step;
   x = inside_walls(scene.walls, wanted);
-  if (!led) keep_out<some_move, D>(scene, moving, mass, dt, before, wanted, x, v, found);
+  if (!kinematic) keep_out<some_move, D>(scene, moving, mass, dt, before, wanted, x, v, found);
   return true;
 }
 

@@ -109,9 +109,9 @@ struct Lattice {
     n[1] = 1;
     low[1] = height;
   }
-  double at(int axis, int64_t cell, double share) const {
+  double at(int axis, int64_t cell, double fraction) const {
     if (flat && axis == 1) return low[1];
-    return low[axis] + (static_cast<double>(cell) + share) * spacing;
+    return low[axis] + (static_cast<double>(cell) + fraction) * spacing;
   }
 };
 

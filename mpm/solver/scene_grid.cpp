@@ -73,15 +73,15 @@ void SceneGrid<T>::sort(const ParticleView<T>& particles) {
   blocks.update();
   // With room for more: while material spreads there are more blocks in every
   // substep.
-  const auto make_room = [](Buffer<T>& buffer, std::size_t n) {
+  const auto reserve = [](Buffer<T>& buffer, std::size_t n) {
     if (n > buffer.size()) buffer.resize_discard(n + n / 4);
   };
   with_form(view(particles), [&](auto form) {
     constexpr int D = decltype(form)::D;
     const BlockView b = blocks.view();
     if (device == Device::cpu)
-      make_room(arenas_, static_cast<std::size_t>(b.owner_count) * arena_size<D, decltype(form)::spline>);
-    make_room(nodes_, static_cast<std::size_t>(b.node_count) * nodes_per_block<D> * channels);
+      reserve(arenas_, static_cast<std::size_t>(b.owner_count) * arena_size<D, decltype(form)::spline>);
+    reserve(nodes_, static_cast<std::size_t>(b.node_count) * nodes_per_block<D> * channels);
   });
 }
 

@@ -10,7 +10,7 @@ namespace graupel::rom::device {
 
 inline constexpr int most_inputs = 2 * most_latents;  ///< latents and parameters
 struct BranchShared {
-  double place[most_inputs], inside[most_inputs];  ///< standardised input, and the same held at the centres' box
+  double place[most_inputs], inside[most_inputs];  ///< standardised input, and the same clamped to the centres' box
   double sums[step_warps][1 + most_latents];
   int32_t first_place[step_warps];  ///< of the nodes that a warp marks at once
 };
@@ -23,7 +23,7 @@ GRAUPEL_HD void map_output(const Block& block, const MapView& map, const Input& 
   const int lane = block.thread() % warp_width, warp = block.thread() / warp_width;
   for (int j = block.thread(); j < map.inputs; j += block.threads()) {
     shared.place[j] = standardised(map, j, input(j));
-    shared.inside[j] = held(map, j, shared.place[j]);
+    shared.inside[j] = clamped(map, j, shared.place[j]);
   }
   block.sync();
   constexpr int batch = 4;  // centres of a thread at once: they are waited for together
@@ -73,7 +73,7 @@ GRAUPEL_HD void map_output(const Block& block, const MapView& map, const Input& 
     to[0] += linear[1 + j] * shared.place[j];
     if constexpr (slope) {
       double steep = linear[1 + j];
-      // The radial part is constant where an input is held.
+      // The radial part is constant where an input is clamped.
       for (int w = 0; w < step_warps && shared.inside[j] == shared.place[j]; ++w) steep += shared.sums[w][1 + j];
       to[1 + j] = steep * map.scale[j];
     }
@@ -82,14 +82,14 @@ GRAUPEL_HD void map_output(const Block& block, const MapView& map, const Input& 
 
 /// Blocks of each part, a block an output.
 struct BranchBlocks {
-  int stress, affine, now, earlier, ahead;
+  int stress, affine, current, earlier, ahead;
   GRAUPEL_HD explicit BranchBlocks(const ModelView& model)
       : stress(model.stress_map.outputs),
         affine(model.affine_map.outputs),
-        now(model.deformation_modes),
+        current(model.deformation_modes),
         earlier(model.deformation_modes),
         ahead(model.deformation_modes) {}
-  GRAUPEL_HD int all() const { return stress + affine + now + earlier + ahead; }
+  GRAUPEL_HD int all() const { return stress + affine + current + earlier + ahead; }
 };
 
 /// Coefficient of a mode of the deformation at the latent `input`; before the first step those of the start stay.
@@ -194,11 +194,11 @@ GRAUPEL_HD void branch(const Block& block, const RunView& view, BranchShared& sh
   if (part < blocks.ahead) return deformation_ahead(block, view, instance, part, shared);
   part -= blocks.ahead;
   const InstanceState& state = *instance.state;
-  if (part < blocks.now) {
-    const auto now = [&](int j) { return state.latent[j]; };
-    return deformation_at(block, view, instance, now, part, shared, instance.coefficient);
+  if (part < blocks.current) {
+    const auto current = [&](int j) { return state.latent[j]; };
+    return deformation_at(block, view, instance, current, part, shared, instance.coefficient);
   }
-  part -= blocks.now;
+  part -= blocks.current;
   if (part < blocks.earlier) {
     const auto earlier = [&](int j) { return state.latent[j] - view.dt * state.velocity[j]; };
     return deformation_at(block, view, instance, earlier, part, shared, instance.earlier);

@@ -62,7 +62,7 @@ struct Equations {
       gram = room.table;
     }
     block.sync();
-    turn(gram);
+    apply_gram(gram);
     block.sync();
     assemble();
     block.sync();
@@ -71,7 +71,7 @@ struct Equations {
   }
 
  private:
-  GRAUPEL_HD void turn(const double* gram) const {
+  GRAUPEL_HD void apply_gram(const double* gram) const {
     const int r = model.latents, m = model.deformation_modes;
     each(m * (1 + r), [&](int i) {
       const int k = i % m, j = i / m;

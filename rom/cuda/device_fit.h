@@ -14,13 +14,13 @@ inline constexpr int curve_parts = 2 * curve_window + 1;
 struct FitShared {
   InstanceState state;  ///< at work; written back in the end
   WaySums ways;
-  double change[most_latents];                                  ///< dq
-  double seen[most_latents];                                    ///< S^T U^T way
-  double latent[most_latents];                                  ///< q* + dq
-  double along;                                                 ///< d^T U^T way
-  double curve[(curve_parts + 1) * most_latents];               ///< around the present
-  double way[most_latents];                                     ///< of the way back that the step takes
-  double part_distance2[curve_parts], part_share[curve_parts];  ///< of parts of the curve
+  double change[most_latents];                                     ///< dq
+  double seen[most_latents];                                       ///< S^T U^T way
+  double latent[most_latents];                                     ///< q* + dq
+  double along;                                                    ///< d^T U^T way
+  double curve[(curve_parts + 1) * most_latents];                  ///< around the present
+  double way[most_latents];                                        ///< of the way back that the step takes
+  double part_distance2[curve_parts], part_fraction[curve_parts];  ///< of parts of the curve
   int failed;
 };
 
@@ -67,8 +67,8 @@ struct Fit {
 
   /// First part of the curve that may be the nearest.
   GRAUPEL_HD int first_part(int64_t steps) const {
-    const auto now = static_cast<int32_t>(static_cast<double>(steps + 1) * view.curve_step);
-    return now > curve_window ? now - curve_window : 0;
+    const auto curve_index = static_cast<int32_t>(static_cast<double>(steps + 1) * view.curve_step);
+    return curve_index > curve_window ? curve_index - curve_window : 0;
   }
 
   /// All that the step needs, into shared memory at once.
@@ -123,25 +123,25 @@ struct Fit {
   /// of the curve a thread, then a latent a thread.
   GRAUPEL_HD void measure_curve() const {
     const int r = model.latents, first = first_part(shared.state.steps);
-    const auto now = static_cast<int32_t>(static_cast<double>(shared.state.steps + 1) * view.curve_step);
+    const auto curve_index = static_cast<int32_t>(static_cast<double>(shared.state.steps + 1) * view.curve_step);
     const int last = instance.curve_points - 2;
     each(curve_parts, [&](int part) {
       shared.part_distance2[part] = 1e300;
-      if (first + part > (now + curve_window < last ? now + curve_window : last)) return;
+      if (first + part > (curve_index + curve_window < last ? curve_index + curve_window : last)) return;
       const double* const from = shared.curve + part * r;
       double along = 0, length2 = 0;
       for (int j = 0; j < r; ++j) {
         along += (from[r + j] - from[j]) * (shared.latent[j] - from[j]);
         length2 += (from[r + j] - from[j]) * (from[r + j] - from[j]);
       }
-      double share = along / (length2 > 1e-300 ? length2 : 1e-300), distance2 = 0;
-      share = share < 0 ? 0.0 : share > 1 ? 1.0 : share;
+      double fraction = along / (length2 > 1e-300 ? length2 : 1e-300), distance2 = 0;
+      fraction = fraction < 0 ? 0.0 : fraction > 1 ? 1.0 : fraction;
       for (int j = 0; j < r; ++j) {
-        const double d = shared.latent[j] - from[j] - share * (from[r + j] - from[j]);
+        const double d = shared.latent[j] - from[j] - fraction * (from[r + j] - from[j]);
         distance2 += d * d;
       }
       shared.part_distance2[part] = distance2;
-      shared.part_share[part] = share;
+      shared.part_fraction[part] = fraction;
     });
   }
   GRAUPEL_HD void find_way_back() const {
@@ -152,7 +152,7 @@ struct Fit {
         if (shared.part_distance2[part] < shared.part_distance2[nearest]) nearest = part;
       if (!(shared.part_distance2[nearest] < 1e300)) return;  // the run is longer than the training's
       const double* const from = shared.curve + nearest * r;
-      const double point = from[j] + shared.part_share[nearest] * (from[r + j] - from[j]);
+      const double point = from[j] + shared.part_fraction[nearest] * (from[r + j] - from[j]);
       shared.way[j] = view.pull * (point - shared.latent[j]);
     });
   }

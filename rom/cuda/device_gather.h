@@ -38,14 +38,14 @@ GRAUPEL_HD inline Vec<float, 3> node_velocity(const RunView& view, const Instanc
 
 /// How far a sample goes with velocity v, at most a cell. The way [m] is not rounded to the precision of positions
 /// where nothing is in the way: that would count in velocities.
-GRAUPEL_HD inline Vec<float, 3> sample_way(const RunView& view, const InstanceView& instance, bool led,
+GRAUPEL_HD inline Vec<float, 3> sample_way(const RunView& view, const InstanceView& instance, bool kinematic,
                                            const Vec<double, 3>& before, const Vec<float, 3>& v) {
   const mpm::SceneView<float>& scene = instance.scene;
   const auto dt = static_cast<float>(view.dt);
   const Vec<float, 3> from = before.cast<float>(), step = dt * v, wanted = from + step;
   Vec<float, 3> x = from, slowed = v, way = step;
   mpm::StepStatistics unused;
-  mpm::move_point<true, 3>(scene, instance.moving(instance.state->step), led, 0, 1.0f, dt, x, slowed, unused);
+  mpm::move_point<true, 3>(scene, instance.moving(instance.state->step), kinematic, 0, 1.0f, dt, x, slowed, unused);
   for (int d = 0; d < 3; ++d)
     if (!(x[d] == wanted[d] && slowed[d] == v[d])) way[d] = static_cast<float>(static_cast<double>(x[d]) - before[d]);
   return way;

@@ -72,7 +72,7 @@ void InstanceStore::set_particles(const ModelTable& model) {
   const bool scripted = !all.scripts.empty();
   for (std::size_t i = 0; i < model.point_particle.size(); ++i) {
     const auto p = static_cast<std::size_t>(model.point_particle[i]);
-    volume.push_back(static_cast<float>(all.volume[p] * table_.point_share[i]));
+    volume.push_back(static_cast<float>(all.volume[p] * table_.point_weight[i]));
     mass.push_back(density[static_cast<std::size_t>(all.material[p])] * volume.back());
     if (scripted) point_script.push_back(all.script[p]);
   }

@@ -297,8 +297,8 @@ class DeviceRunOn final : public DeviceRun {
     view_.curve_step = settings_.curve_step;
     const auto blocks_for = [](int items) { return (items + step_warps - 1) / step_warps; };
     // A few blocks a multiprocessor, shared by the instances; but no more than there is work for.
-    const int share = std::max(4, 4 * backend_.processors() / view_.instance_count);
-    view_.worker_blocks = std::max(1, std::min(share, blocks_for(view_.model.points)));
+    const int blocks_per_instance = std::max(4, 4 * backend_.processors() / view_.instance_count);
+    view_.worker_blocks = std::max(1, std::min(blocks_per_instance, blocks_for(view_.model.points)));
     view_.decode_blocks = std::max(1, view_.worker_blocks - 1);  // beside that of the equations
     view_.gather_blocks = std::max(1, blocks_for(view_.model.samples));
   }

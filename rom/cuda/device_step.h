@@ -1,8 +1,8 @@
 // What the kernels of a reduced-order model's step share: sums over warps, stencils, coefficient maps, marked blocks.
 //   branch   (device_branch.h)  coefficients of all fields, at q and where the velocity takes it; sums cleared;
 //                               blocks marked that samples can read, where that is due
-//   decode   (device_decode.h)  a warp decodes an integration point's fields and adds its share to its nodes; a block
-//                               beside solves the normal equations for any ways of samples (device_equations.h)
+//   decode   (device_decode.h)  a warp decodes an integration point's fields and adds its contribution to its nodes; a
+//                               block beside solves the normal equations for any ways of samples (device_equations.h)
 //   gather   (device_gather.h)  a warp moves a sample; ways are projected onto the modes
 //   fit      (device_fit.h)     a block finds the latent
 // All are templates over core/parallel/thread_block.h: GPUs run them, and tests with fibers on a CPU.
@@ -112,8 +112,8 @@ GRAUPEL_HD inline Vec<int, 3> stencil_node(int n) { return {n / 9, n / 3 % 3, n 
 
 /// y = (z - shift) * scale of input j.
 GRAUPEL_HD inline double standardised(const MapView& map, int j, double z) { return (z - map.shift[j]) * map.scale[j]; }
-/// The same held at the box of the centres.
-GRAUPEL_HD inline double held(const MapView& map, int j, double y) {
+/// The same clamped to the box of the centres.
+GRAUPEL_HD inline double clamped(const MapView& map, int j, double y) {
   if (map.count == 0) return y;
   return y < map.low[j] ? map.low[j] : y > map.high[j] ? map.high[j] : y;
 }

@@ -159,7 +159,7 @@ InstanceTable instance_table(const ReducedModel& model, mpm::PreparedScene prepa
   const auto m = static_cast<std::size_t>(branch.count()), r = static_cast<std::size_t>(branch.latents());
   InstanceTable table{std::move(prepared), state.parameters, state.latent, state.velocity, {}, {}, {}, {}};
   table.curve = curve_of(model, state.parameters);
-  table.point_share = model.integration_points(table.prepared.particles.volume).share;
+  table.point_weight = model.integration_points(table.prepared.particles.volume).weight;
   table.coefficient.resize(m);
   table.rate.assign(m, 0.0);
   std::vector<double> slope(m * r);

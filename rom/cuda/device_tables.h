@@ -44,7 +44,7 @@ struct InstanceTable {
   mpm::PreparedScene prepared;
   std::vector<double> parameters, latent, velocity;  ///< mu, q, q'
   std::vector<double> coefficient, rate;  ///< of the deformation's modes at the start, and their change [1/s]
-  std::vector<double> point_share;        ///< [points] mass and volume over the particle's own
+  std::vector<double> point_weight;       ///< [points] mass and volume over the particle's own
   std::vector<double> curve;              ///< where runs go at these parameters [n, latents]; may be empty
 };
 

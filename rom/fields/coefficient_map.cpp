@@ -51,7 +51,7 @@ CoefficientMap::Place CoefficientMap::place(const double* z) const {
     const auto at = static_cast<Eigen::Index>(j);
     p.y[at] = (z[j] - shift_[j]) * scale_[j];
     p.inside[at] = count_ > 0 ? std::clamp(p.y[at], low_[j], high_[j]) : p.y[at];
-    p.held[j] = p.inside[at] != p.y[at];
+    p.clamped[j] = p.inside[at] != p.y[at];
   }
   return p;
 }
@@ -76,7 +76,7 @@ void CoefficientMap::derivative(const double* z, int wrt, double* jacobian) cons
   const Eigen::ArrayXd slope = 3 * squared_distances(p.inside).sqrt();
   Eigen::MatrixXd radial(count_, wrt);
   for (Eigen::Index j = 0; j < wrt; ++j) {
-    if (p.held[static_cast<std::size_t>(j)])
+    if (p.clamped[static_cast<std::size_t>(j)])
       radial.col(j).setZero();
     else
       radial.col(j) = slope * (p.inside[j] - centers_.col(j));

@@ -1,6 +1,6 @@
 // A smooth map R^n -> R^m from scattered values: radial basis functions with a linear part,
 //   c(z) = b + L y + sum_i w_i |y - y_i|^3,   y = (z - shift) * scale.
-// The cubic kernel grows fast outside of its data, so there y is held at the data's box (widened by a tenth) for the
+// The cubic kernel grows fast outside of its data, so there y is clamped to the data's box (widened by a tenth) for the
 // radial part, and the linear part alone goes on.
 #pragma once
 
@@ -43,10 +43,10 @@ class CoefficientMap final : public BranchMap {
   Parts parts() const;
 
  private:
-  /// Standardised z, and the same held at the data's box; `held[j]`: input j is.
+  /// Standardised z, and the same clamped to the data's box; `clamped[j]`: input j is.
   struct Place {
     Eigen::VectorXd y, inside;
-    std::vector<bool> held;
+    std::vector<bool> clamped;
   };
   Place place(const double* z) const;
   /// |y - y_i|^2, [count].

@@ -69,18 +69,20 @@ Eigen::MatrixXd LatentManifold::between(const std::vector<float>& values, double
   while (above + 1 < runs && static_cast<double>(values[order[above]]) < value) ++above;
   const std::size_t low = order[above - 1], high = order[above];
   const double from = static_cast<double>(values[low]), to = static_cast<double>(values[high]);
-  const double share = to > from ? (value - from) / (to - from) : 0.0;
-  return (1 - share) * latents_.middleCols(first_[low], length) + share * latents_.middleCols(first_[high], length);
+  const double fraction = to > from ? (value - from) / (to - from) : 0.0;
+  return (1 - fraction) * latents_.middleCols(first_[low], length) +
+         fraction * latents_.middleCols(first_[high], length);
 }
 
 Eigen::VectorXd nearest_on_curve(const Eigen::MatrixXd& curve, const Eigen::VectorXd& q, double place) {
   Eigen::VectorXd best = q;
   double least = std::numeric_limits<double>::infinity();
-  const auto now = static_cast<Index>(place);
-  for (Index i = std::max<Index>(0, now - curve_window); i + 1 < curve.cols() && i <= now + curve_window; ++i) {
+  const auto curve_index = static_cast<Index>(place);
+  for (Index i = std::max<Index>(0, curve_index - curve_window);
+       i + 1 < curve.cols() && i <= curve_index + curve_window; ++i) {
     const Eigen::VectorXd way = curve.col(i + 1) - curve.col(i);
-    const double share = std::clamp(way.dot(q - curve.col(i)) / std::max(way.squaredNorm(), 1e-300), 0.0, 1.0);
-    const Eigen::VectorXd point = curve.col(i) + share * way;
+    const double fraction = std::clamp(way.dot(q - curve.col(i)) / std::max(way.squaredNorm(), 1e-300), 0.0, 1.0);
+    const Eigen::VectorXd point = curve.col(i) + fraction * way;
     const double distance = (q - point).squaredNorm();
     if (distance >= least) continue;
     least = distance;

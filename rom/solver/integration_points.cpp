@@ -17,18 +17,18 @@ IntegrationPoints<T>::IntegrationPoints(const Fields& fields, const GridParticle
   std::unordered_map<int32_t, std::size_t> place;
   for (std::size_t i = 0; i < all.particles.size(); ++i) place[all.particles[i]] = i;
   std::vector<bool> taken(all.particles.size(), false);
-  const auto append = [&](int32_t particle, double share) {
+  const auto append = [&](int32_t particle, double weight) {
     all_.particles.push_back(particle);
-    all_.share.push_back(share);
+    all_.weight.push_back(weight);
   };
   for (const int32_t sample : samples) {
     const auto at = place.find(sample);
-    append(sample, at == place.end() ? 0.0 : all.share[at->second]);
+    append(sample, at == place.end() ? 0.0 : all.weight[at->second]);
     if (at != place.end()) taken[at->second] = true;
   }
   all_.samples = static_cast<int64_t>(samples.size());
   for (std::size_t i = 0; i < all.particles.size(); ++i)
-    if (!taken[i]) append(all.particles[i], all.share[i]);
+    if (!taken[i]) append(all.particles[i], all.weight[i]);
   positions_ = bind_positions<T>(fields, all_.particles);
   position_.resize(static_cast<std::size_t>(3 * mpm::padded_to_tile(static_cast<int64_t>(all_.particles.size()))));
   std::size_t cells = 1;

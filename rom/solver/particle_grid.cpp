@@ -33,7 +33,7 @@ void ParticleGrid<T>::choose(const GridParticles& chosen) {
     const MaterialModel model = grid_.material_configs[static_cast<std::size_t>(material)].model;
     mpm::store_matrix<T, 3>(p.deformation_gradient, slot, Mat<T, 3>::identity());
     p.internal.set(slot, static_cast<T>(mpm::initial_internal_variable(model)));
-    p.volume.set(slot, static_cast<T>(all.volume[particle] * chosen.share[static_cast<std::size_t>(slot)]));
+    p.volume.set(slot, static_cast<T>(all.volume[particle] * chosen.weight[static_cast<std::size_t>(slot)]));
     p.material.set(slot, material);
     p.source_index.set(slot, static_cast<int32_t>(particle));
   }

@@ -14,7 +14,7 @@ namespace graupel::rom {
 /// Which particles take part, and how much of the body each stands for.
 struct GridParticles {
   std::vector<int32_t> particles;  ///< numbers in the scene; the samples first
-  std::vector<double> share;       ///< mass and volume over the particle's own; 0: it
+  std::vector<double> weight;      ///< mass and volume over the particle's own; 0: it
                                    ///< only reads the grid
   int64_t samples = 0;
 };

@@ -104,10 +104,10 @@ std::vector<Vec3d> ring(std::size_t points, double radius, double thickness, boo
   std::vector<Vec3d> rope;
   for (std::size_t i = 0; i < points; ++i) {
     const Random random(3, RandomPurpose::metric_subset, i);
-    double turn = 2 * M_PI * random.uniform(0);
-    if (broken) turn = (std::floor(turn / (2 * M_PI) * 6) + 0.5 * random.uniform(0)) / 6 * 2 * M_PI;
+    double angle = 2 * M_PI * random.uniform(0);
+    if (broken) angle = (std::floor(angle / (2 * M_PI) * 6) + 0.5 * random.uniform(0)) / 6 * 2 * M_PI;
     const double out = radius + thickness * (random.uniform(1) - 0.5), up = thickness * (random.uniform(2) - 0.5);
-    rope.push_back({out * std::cos(turn), up, out * std::sin(turn)});
+    rope.push_back({out * std::cos(angle), up, out * std::sin(angle)});
   }
   Vec3d centre = {0, 0, 0};
   for (const Vec3d& p : rope) centre += p * (1 / double(points));

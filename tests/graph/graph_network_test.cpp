@@ -9,7 +9,7 @@
 #include "core/parallel/device.h"
 #include "core/scene/material_config.h"
 #include "core/system/error.h"
-#include "nn/bf16_products.h"
+#include "nn/bf16_gemm.h"
 #include "random_input.h"
 #include "reference_gns.h"
 #include "reference_network.h"
@@ -242,7 +242,7 @@ TEST(HgnNetwork, ProductsInBf16ChangeLittle) {
       set_num_threads(1);
       const std::vector<float> one_thread = evaluate(network, input);
       set_num_threads(0);
-      nn::use_bf16_products(false);
+      nn::set_bf16_gemm(false);
       EXPECT_EQ(rounded, again);
       EXPECT_EQ(rounded, one_thread);
       EXPECT_EQ(evaluate(network, input), exact) << "rows of another form in the same memory";
@@ -394,7 +394,7 @@ TEST(GnsConfig, MetadataRoundTripKeepsEveryValue) {
   const GnsConfig read = GnsConfig::from_metadata(metadata, "f");
   EXPECT_EQ(read.to_metadata(), metadata);
   EXPECT_EQ(read.radius, config.radius);
-  EXPECT_DOUBLE_EQ(read.reach(), 1.0 / 3);
+  EXPECT_DOUBLE_EQ(read.receptive_field(), 1.0 / 3);
 }
 
 }  // namespace

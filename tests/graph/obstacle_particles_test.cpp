@@ -42,19 +42,19 @@ TEST(ObstacleParticles, SeveralThreadsGetTheSame) {
 
 TEST(WithinReach, AgreesWithAllPairs) {
   const std::vector<Vec3f> points = blobs(40, 2000, 0.2, 3);
-  for (const double reach : {0.01, 0.1, 0.35, 5.0})
+  for (const double cutoff : {0.01, 0.1, 0.35, 5.0})
     for (const std::vector<Vec3f>& particles : {blobs(1, 1, 0), blobs(2, 200, 0.05), blobs(9, 900, 0.02, 7)}) {
       std::vector<int32_t> expected;
       for (std::size_t i = 0; i < points.size(); ++i)
         for (const Vec3f& p : particles)
-          if (norm2(points[i].cast<double>() - p.cast<double>()) <= reach * reach) {
+          if (norm2(points[i].cast<double>() - p.cast<double>()) <= cutoff * cutoff) {
             expected.push_back(static_cast<int32_t>(i));
             break;
           }
-      EXPECT_EQ(within_reach(points, particles, reach), expected) << reach;
+      EXPECT_EQ(within_cutoff(points, particles, cutoff), expected) << cutoff;
     }
-  EXPECT_TRUE(within_reach(points, {}, 1).empty());
-  EXPECT_TRUE(within_reach({}, points, 1).empty());
+  EXPECT_TRUE(within_cutoff(points, {}, 1).empty());
+  EXPECT_TRUE(within_cutoff({}, points, 1).empty());
 }
 
 }  // namespace

@@ -129,10 +129,10 @@ TEST_F(LearnedSimulatorTest, TheDensityIsHeldAfterTheLastFrameOfABundle) {
     options.density_limit = density_limit;
     return simulator.rollout(scene, environment, std::vector<int32_t>(100, 5), start, options).frames.back().position;
   };
-  int64_t held = 1;  // the first frame that the density changes
-  while (held < 24 && frame(held, 0.5) == frame(held, 0)) ++held;
-  ASSERT_LT(held, 24);
-  EXPECT_EQ(held % 3, 0);
+  int64_t changed = 1;  // the first frame that the density changes
+  while (changed < 24 && frame(changed, 0.5) == frame(changed, 0)) ++changed;
+  ASSERT_LT(changed, 24);
+  EXPECT_EQ(changed % 3, 0);
 }
 
 TEST_F(LearnedSimulatorTest, TheFirstFrameOfABundleIsOneStep) {

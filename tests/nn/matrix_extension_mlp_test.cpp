@@ -7,7 +7,7 @@
 #include <tuple>
 
 #include "core/math/random.h"
-#include "nn/bf16_products.h"
+#include "nn/bf16_gemm.h"
 #include "nn/fcn.h"
 
 namespace graupel::nn {
@@ -53,7 +53,7 @@ class ChainOnUnits : public ::testing::TestWithParam<std::tuple<int, int, Form, 
     if (available_bf16_units() < units) GTEST_SKIP() << "this processor has no such units for bf16";
     use_bf16_units(units);
   }
-  void TearDown() override { use_bf16_products(false); }
+  void TearDown() override { set_bf16_gemm(false); }
 };
 
 TEST_P(ChainOnUnits, IsItsLayersOneAfterTheOther) {

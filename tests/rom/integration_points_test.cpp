@@ -58,7 +58,7 @@ TEST(IntegrationPoints, ContainEveryParticleThatSharesANodeWithASample) {
   const auto grid = mpm::grid_of<float>(domain);
   GridParticles all;  // neighbours after each other
   all.particles = make_clusters(x, std::vector<int32_t>(x.size(), 0), 1).representatives();
-  all.share.assign(x.size(), 1);
+  all.weight.assign(x.size(), 1);
   const std::vector<int32_t> samples = {7, 500, 2999};
   IntegrationPoints<float> points(fields, all, samples, grid);
   for (const double q : {0.0, 0.03, 0.17}) {
@@ -69,7 +69,7 @@ TEST(IntegrationPoints, ContainEveryParticleThatSharesANodeWithASample) {
       for (std::size_t i = 16 * static_cast<std::size_t>(t);
            i < std::min<std::size_t>(16 * static_cast<std::size_t>(t) + 16, x.size()); ++i) {
         found.particles.push_back(points.candidates().particles[i]);
-        found.share.push_back(points.candidates().share[i]);
+        found.weight.push_back(points.candidates().weight[i]);
       }
     ASSERT_EQ(points.candidates().samples, 3);
     EXPECT_TRUE(std::equal(samples.begin(), samples.end(), found.particles.begin()));
@@ -83,10 +83,10 @@ TEST(IntegrationPoints, ContainEveryParticleThatSharesANodeWithASample) {
         return std::abs(a[0] - b[0]) <= 2 && std::abs(a[1] - b[1]) <= 2 && std::abs(a[2] - b[2]) <= 2;
       });
       if (!reaches) continue;
-      double share = 0;
+      double weight = 0;
       for (std::size_t i = 0; i < found.particles.size(); ++i)
-        if (found.particles[i] == p) share += found.share[i];
-      EXPECT_EQ(share, 1) << "particle " << p << " at q = " << q;
+        if (found.particles[i] == p) weight += found.weight[i];
+      EXPECT_EQ(weight, 1) << "particle " << p << " at q = " << q;
     }
   }
 }

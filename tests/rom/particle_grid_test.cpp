@@ -49,7 +49,7 @@ TEST_P(ParticleGridTest, WithAllParticlesAStepIsThatOfTheFullModel) {
   GridParticles all;
   all.particles.resize(full->particle_count());
   std::iota(all.particles.begin(), all.particles.end(), 0);
-  all.share.assign(all.particles.size(), 1);
+  all.weight.assign(all.particles.size(), 1);
   all.samples = static_cast<int64_t>(all.particles.size());
   ParticleGrid<float> grid(prepared);
   grid.choose(all);

@@ -36,17 +36,17 @@ void expect_near(const std::vector<float>& actual, const float* expected, int64_
     ASSERT_NEAR(actual[i], expected[i], tolerance * (1 + std::abs(expected[i]))) << "number " << i;
 }
 
-void expect_the_batches_of_the_cpu(Device device, double tolerance, BatchShare share = {}, int64_t bundle = 1) {
+void expect_the_batches_of_the_cpu(Device device, double tolerance, BatchShard shard = {}, int64_t bundle = 1) {
   TrainConfig config = sample_config();
   config.hgn.bundle = bundle;
   const DataSplit split(tiny_data_set() + "/train.h5");
   const graph::Normalization normalization = split.statistics(config.noise_std, 1);
-  DeviceSamples samples(split, config, normalization, device, share);
+  DeviceSamples samples(split, config, normalization, device, shard);
   samples.start(0);
   for (int64_t step = 0; step < 6; ++step) {
     const SampleArrays made = samples.take();
     samples.start(step + 1);
-    const Batch batch = training_batch(split, config, normalization, step, share);
+    const Batch batch = training_batch(split, config, normalization, step, shard);
     ASSERT_EQ(made.particles, batch.particles());
     ASSERT_EQ(made.feature_width, batch.feature_width);
     ASSERT_EQ(made.target_width, 3 * bundle);
@@ -167,15 +167,15 @@ void expect_pushed_batches(Device device, int64_t bundle) {
       };
       const Vec3f next =
           x + velocity + acceleration(1) + (truth[1][p] - truth[0][p] - velocity) * 0.75f + (truth[1][p] - x) * 0.25f;
-      const Vec3f newest = draw.turn.apply(velocity), older = draw.turn.apply(velocity),
-                  wanted = draw.turn.apply(next - x - velocity);
+      const Vec3f newest = draw.symmetry.apply(velocity), older = draw.symmetry.apply(velocity),
+                  wanted = draw.symmetry.apply(next - x - velocity);
       for (std::size_t d = 0; d < 3; ++d) {
         const int axis = static_cast<int>(d);
         EXPECT_NEAR(features[row * static_cast<std::size_t>(batch.feature_width) + d], newest[axis], 5e-7);
         EXPECT_NEAR(features[row * static_cast<std::size_t>(batch.feature_width) + 3 + d], older[axis], 5e-7);
         EXPECT_NEAR(target[width * row + d], wanted[axis], 1e-6);
         for (std::size_t j = 2; j <= static_cast<std::size_t>(bundle); ++j)
-          EXPECT_NEAR(target[width * row + 3 * (j - 1) + d], draw.turn.apply(acceleration(j))[axis], 5e-7);
+          EXPECT_NEAR(target[width * row + 3 * (j - 1) + d], draw.symmetry.apply(acceleration(j))[axis], 5e-7);
       }
     }
   }

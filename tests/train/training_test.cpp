@@ -79,8 +79,8 @@ TEST(Training, RunsFromBeforeASettingGoOn) {
   options.stop_step = 0;
   options.resume = true;
   const std::string file = options.run + "/config.json", last = options.run + "/checkpoints/step-00000010/state.json";
-  const std::string now = run_config_hash(options.run), settings = read_file(file);
-  EXPECT_EQ(now, config_hash(options.config));
+  const std::string current = run_config_hash(options.run), settings = read_file(file);
+  EXPECT_EQ(current, config_hash(options.config));
   io::JsonNode older = io::parse_json(settings, file);
   EXPECT_EQ(std::erase_if(older.find("hgn")->members,
                           [](const auto& m) { return m.key == "dimensions" || m.key == "bundle"; }),
@@ -88,7 +88,7 @@ TEST(Training, RunsFromBeforeASettingGoOn) {
   write_file_atomically(file, io::write_json(older, io::JsonLayout::indented));
   EXPECT_THROW(train_network(options), ConfigError);  // the checkpoint is of all settings
   std::string state = read_file(last);
-  state.replace(state.find(now), now.size(), run_config_hash(options.run));
+  state.replace(state.find(current), current.size(), run_config_hash(options.run));
   write_file_atomically(last, state);
   EXPECT_EQ(train_network(options).reason, StopReason::finished);
   TrainingOptions other = options;

@@ -19,9 +19,9 @@ struct SampleRules {
   uint64_t seed = 0;
   double noise_std = 0;  ///< [m/frame]
   // What the target takes in a frame, the first one of k:
-  float push_recovery = 0;           ///< share of the way back to the true position
+  float push_recovery = 0;           ///< fraction of the way back to the true position
   float push_velocity_recovery = 0;  ///< the same of the true velocity
-  float wave_recovery = 0;           ///< share of a wave's displacement
+  float wave_recovery = 0;           ///< fraction of a wave's displacement
 };
 
 /// Longitudinal waves, amplitude cos(vector . x + phase) along the vector: what is too dense or too thin somewhere.
@@ -43,7 +43,7 @@ struct Waves {
 struct SampleScene {
   int64_t first = 0;    ///< its first particle in the batch
   uint64_t stream = 0;  ///< of its random numbers
-  AxisMap turn;         ///< the scene as the network sees it
+  AxisMap symmetry;     ///< the scene as the network sees it
   Waves displacement;   ///< [m] of the whole history
   Waves drift;          ///< [m/frame] by which the history moves
   graph::EnvironmentView environment;
@@ -81,8 +81,8 @@ GRAUPEL_HD inline Vec3f add_waves(const SampleScene& scene, float recovery, int 
 }
 
 /// The acceleration x^{n+1} - 2 x^n + x^{n-1} [m/frame^2].
-GRAUPEL_HD inline Vec3f acceleration_at(const Vec3f& next, const Vec3f& now, const Vec3f& before) {
-  const Vec3d x = now.cast<double>();
+GRAUPEL_HD inline Vec3f acceleration_at(const Vec3f& next, const Vec3f& current, const Vec3f& before) {
+  const Vec3d x = current.cast<double>();
   return ((next.cast<double>() - x) - (x - before.cast<double>())).cast<float>();
 }
 
@@ -102,7 +102,7 @@ GRAUPEL_HD inline void disturb(const SampleRules& rules, const SampleScene& scen
 
 GRAUPEL_HD inline void write_target(const SampleRules& rules, const SampleScene& scene, const Vec3f& acceleration,
                                     float* target) {
-  const Vec3f turned = scene.turn.apply(acceleration);
+  const Vec3f turned = scene.symmetry.apply(acceleration);
   const graph::Normalization& statistics = rules.features.normalization;
   for (int d = 0; d < 3; ++d)
     target[d] = (turned[d] - statistics.acceleration_mean[d]) / statistics.acceleration_std[d];
@@ -117,51 +117,51 @@ GRAUPEL_HD inline Vec3f write_sample(const SampleRules& rules, const SampleScene
   write_target(rules, scene, acceleration_at(next, position[history], position[history - 1]), target);
   for (int j = 2; j <= rules.bundle; ++j)
     write_target(rules, scene, acceleration_at(truth(j), truth(j - 1), truth(j - 2)), target + 3 * (j - 1));
-  graph::write_feature_row(rules.features, scene.environment, scene.turn, position, feature_row);
-  return scene.turn.apply(position[history]);
+  graph::write_feature_row(rules.features, scene.environment, scene.symmetry, position, feature_row);
+  return scene.symmetry.apply(position[history]);
 }
 
-/// Both at once, for particle p; `position` is changed. Particles that are held stay where the data have them.
+/// Both at once, for particle p; `position` is changed. Kinematic particles stay where the data have them.
 template <typename Truth>
 GRAUPEL_HD inline Vec3f write_disturbed_sample(const SampleRules& rules, const SampleScene& scene, uint64_t p,
-                                               bool held, Vec3f* position, const Truth& truth, float* feature_row,
-                                               float* target) {
+                                               bool is_kinematic, Vec3f* position, const Truth& truth,
+                                               float* feature_row, float* target) {
   Vec3f next = truth(1);
-  if (!held) disturb(rules, scene, p, position, next);
+  if (!is_kinematic) disturb(rules, scene, p, position, next);
   return write_sample(rules, scene, position, next, truth, feature_row, target);
 }
 
 /// A frame of the network's own: from the acceleration that it predicts (normalised, turned) to the history moved on by
 /// one frame, whose true position is `truth`. The network moves on from the true positions where it has left them by
-/// more than `farthest`, and where particles are held.
+/// more than `farthest`, and where particles are kinematic.
 GRAUPEL_HD inline void move_on(const SampleRules& rules, const SampleScene& scene, const graph::SweptCollision& way,
-                               bool held, const float* predicted, const Vec3f& truth, Vec3f* position) {
+                               bool is_kinematic, const float* predicted, const Vec3f& truth, Vec3f* position) {
   constexpr float farthest = 0.1f;  // [m]
   const int history = rules.features.history;
   const Vec3f acceleration = graph::real_acceleration(rules.features.normalization, rules.features.plane, predicted);
-  Vec3f x = position[history] + (position[history] - position[history - 1]) + scene.turn.undo(acceleration);
+  Vec3f x = position[history] + (position[history] - position[history - 1]) + scene.symmetry.undo(acceleration);
   way.follow(position[history], x);
   if (rules.features.plane) x[2] = truth[2];
-  if (held || !(norm2(x - truth) <= farthest * farthest)) x = truth;
+  if (is_kinematic || !(norm2(x - truth) <= farthest * farthest)) x = truth;
   for (int t = 0; t < history; ++t) position[t] = position[t + 1];
   position[history] = x;
 }
 
 /// The k frames of the network's own that it predicts at once (pushforward; Brandstetter, Worrall and Welling 2022);
 /// `truth` is that of the newest frame after them. Returns the next position that the network should make then: that of
-/// the true acceleration, and shares of the way back to the true velocity and position. The whole way back would ask
+/// the true acceleration, and fractions of the way back to the true velocity and position. The whole way back would ask
 /// for what no state tells: most of a velocity's error cannot be seen in it.
 template <typename Truth>
 GRAUPEL_HD inline Vec3f push_forward(const SampleRules& rules, const SampleScene& scene,
-                                     const graph::SweptCollision& way, bool held, const float* predicted,
+                                     const graph::SweptCollision& way, bool is_kinematic, const float* predicted,
                                      const Truth& truth, Vec3f* position) {
   const int history = rules.features.history;
   for (int j = 1; j <= rules.bundle; ++j)
-    move_on(rules, scene, way, held, predicted + 3 * (j - 1), truth(j - rules.bundle), position);
-  const Vec3f x = position[history], now = truth(0);
-  const Vec3f velocity = x - position[history - 1], true_velocity = now - truth(-1);
-  return x + (truth(1) - now) + (velocity - true_velocity) * (1 - rules.push_velocity_recovery) +
-         (now - x) * rules.push_recovery;
+    move_on(rules, scene, way, is_kinematic, predicted + 3 * (j - 1), truth(j - rules.bundle), position);
+  const Vec3f x = position[history], current = truth(0);
+  const Vec3f velocity = x - position[history - 1], true_velocity = current - truth(-1);
+  return x + (truth(1) - current) + (velocity - true_velocity) * (1 - rules.push_velocity_recovery) +
+         (current - x) * rules.push_recovery;
 }
 
 }  // namespace graupel::train

@@ -17,10 +17,10 @@ const graph::FeatureConfig& TrainConfig::features() const {
 
 double TrainConfig::rate_at(int64_t step) const {
   const auto at = static_cast<double>(step), all = static_cast<double>(steps);
-  const double share = schedule == RateSchedule::cosine
-                           ? 0.5 * (1 + std::cos(M_PI * std::min(at / all, 1.0)))
-                           : std::pow(0.1, at / (decay_steps > 0 ? static_cast<double>(decay_steps) : all / 4));
-  const double rate = final_learning_rate + (learning_rate - final_learning_rate) * share;
+  const double fraction = schedule == RateSchedule::cosine
+                              ? 0.5 * (1 + std::cos(M_PI * std::min(at / all, 1.0)))
+                              : std::pow(0.1, at / (decay_steps > 0 ? static_cast<double>(decay_steps) : all / 4));
+  const double rate = final_learning_rate + (learning_rate - final_learning_rate) * fraction;
   return step < warm_up_steps ? rate * (at + 1) / static_cast<double>(warm_up_steps) : rate;
 }
 

@@ -80,8 +80,9 @@ Part join_numbers(Batch& batch, const std::vector<SceneGraph>& scenes, const App
 }
 
 /// What the loss is to count, of particles whose types are the first of `type_row`.
-void count_held(Batch& batch, const std::vector<int32_t>& type_row) {
-  batch.held = std::count_if(type_row.begin(), type_row.begin() + batch.particles(), graph::is_held_row);
+void count_kinematic(Batch& batch, const std::vector<int32_t>& type_row) {
+  batch.kinematic_count =
+      std::count_if(type_row.begin(), type_row.begin() + batch.particles(), graph::is_kinematic_row);
 }
 
 void set_target_width(Batch& batch) {
@@ -102,7 +103,7 @@ void join_particles(Batch& batch, const std::vector<SceneGraph>& scenes) {
     batch.particle_begin.push_back(batch.particles() + static_cast<int64_t>(h.cell.size()));
   }
   batch.type_row = append(batch.indices, type_row);
-  count_held(batch, type_row);
+  count_kinematic(batch, type_row);
   batch.cell = append(batch.indices, cell);
   append_by_receiver(batch.indices, cell, first_cell, batch.pair_begin, batch.pair);
 
@@ -223,7 +224,7 @@ Batch concatenate_gns(const std::vector<SceneGraph>& scenes) {
     }
   batch.features = {0, static_cast<int64_t>(numbers.size())};
   batch.type_row = append(batch.indices, type_row);
-  count_held(batch, type_row);
+  count_kinematic(batch, type_row);
   batch.target = join_numbers(
       batch, scenes, [&](const SceneGraph& s) { numbers.insert(numbers.end(), s.target.begin(), s.target.end()); });
   batch.feature_width = rows > 0 ? batch.features.count / rows : 0;

@@ -39,7 +39,7 @@ struct Batch {
   Part pair;                      ///< indices [particles * 8] pairs sorted by cell
   std::vector<BatchLevel> level;  ///< finest first; of GNS one, whose cells are all particles
 
-  int64_t held = 0;  ///< of the particles (core/scene/held_particles.h), which the loss does not count
+  int64_t kinematic_count = 0;  ///< of the particles (core/scene/kinematic_particles.h), which the loss does not count
 
   int64_t scenes() const { return static_cast<int64_t>(particle_begin.size()) - 1; }
   int64_t particles() const { return particle_begin.back(); }

@@ -9,7 +9,7 @@
 #include <map>
 #include <mutex>
 
-#include "core/scene/held_particles.h"
+#include "core/scene/kinematic_particles.h"
 #include "core/system/error.h"
 #include "graph/learned_simulator.h"
 #include "io/scene/scene_reader.h"
@@ -53,10 +53,10 @@ Sums sums_of(const TrajectoryInfo& info, const std::vector<std::vector<Vec3f>>& 
   Sums sums;
   for (std::size_t t = 1; t < frames.size(); ++t)
     for (std::size_t p = 0; p < frames[t].size(); ++p) {
-      if (info.is_held(p)) continue;
-      const Vec3d now = frames[t][p].cast<double>(), before = frames[t - 1][p].cast<double>();
-      sums.add(0, now - before);
-      if (t + 1 < frames.size()) sums.add(1, frames[t + 1][p].cast<double>() - now - (now - before));
+      if (info.is_kinematic(p)) continue;
+      const Vec3d current = frames[t][p].cast<double>(), before = frames[t - 1][p].cast<double>();
+      sums.add(0, current - before);
+      if (t + 1 < frames.size()) sums.add(1, frames[t + 1][p].cast<double>() - current - (current - before));
     }
   return sums;
 }
@@ -96,8 +96,8 @@ void DataSplit::read_headers(const DataSplitOptions& options) {
       throw InputError(where +
                        " has no scene, which the obstacle and wall features need. Use data of 'graupel generate'");
     for (const int32_t type : header.particle_type) info.type_row.push_back(graph::embedding_row(type));
-    info.held = held_particles(header.particle_type);
-    if (info.held_count() == static_cast<int64_t>(info.type_row.size()))
+    info.kinematic = kinematic_mask(header.particle_type);
+    if (info.kinematic_count() == static_cast<int64_t>(info.type_row.size()))
       throw InputError(where + " has no particle that moves by itself (" + std::to_string(info.type_row.size()) +
                        " of obstacles or stationary). Leave that run out");
     info.converted = header.made_by.starts_with("converted from");
@@ -171,7 +171,7 @@ std::vector<std::vector<Vec3f>> DataSplit::history(int i, int64_t frame, int64_t
   std::vector<std::vector<Vec3f>> real = positions(i, 0, frame + 1);
   std::vector<std::vector<Vec3f>> all =
       graph::start_history(real.front(), info.initial_velocity, info.context->scene.gravity,
-                           info.context->scene.frame_time, static_cast<int>(history - frame) + 1, info.held);
+                           info.context->scene.frame_time, static_cast<int>(history - frame) + 1, info.kinematic);
   all.pop_back();
   std::move(real.begin(), real.end(), std::back_inserter(all));
   return all;

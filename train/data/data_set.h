@@ -26,14 +26,14 @@ struct SceneContext {
 
 struct TrajectoryInfo {
   std::vector<int32_t> type_row;        ///< [n] rows of the embedding table
-  std::vector<uint8_t> held;            ///< [n] 1 for particles that are held, which no loss or error counts; or empty
+  std::vector<uint8_t> kinematic;       ///< [n] 1 for kinematic particles, which no loss or error counts; or empty
   std::vector<Vec3f> initial_velocity;  ///< [n] [m/s]
   int64_t frames = 0;                   ///< usable ones
   bool converted = false;               ///< from the data of another program, which may not say gravity (then 0)
   std::shared_ptr<const SceneContext> context;
 
-  bool is_held(std::size_t particle) const { return !held.empty() && held[particle] != 0; }
-  int64_t held_count() const { return std::count(held.begin(), held.end(), 1); }
+  bool is_kinematic(std::size_t particle) const { return !kinematic.empty() && kinematic[particle] != 0; }
+  int64_t kinematic_count() const { return std::count(kinematic.begin(), kinematic.end(), 1); }
 };
 
 struct DataSplitOptions {

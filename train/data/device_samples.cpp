@@ -19,12 +19,12 @@ struct SampleFrames {
   Vec3d gravity;      ///< [m/s^2]
   double frame_time;  ///< [s]
 
-  GRAUPEL_HD bool held(int64_t p) const { return graph::is_held_row(type_row[p]); }
+  GRAUPEL_HD bool is_kinematic(int64_t p) const { return graph::is_kinematic_row(type_row[p]); }
   /// Position at a frame; before the first that of graph::start_history.
   GRAUPEL_HD Vec3f at(int64_t t, int64_t p) const {
     if (t >= 0) return position[t * particles + p];
     const double before = -static_cast<double>(t) * frame_time;
-    const Vec3d fallen = gravity * (held(p) ? 0 : before * before / 2);
+    const Vec3d fallen = gravity * (is_kinematic(p) ? 0 : before * before / 2);
     return (position[p].cast<double>() - initial_velocity[p].cast<double>() * before + fallen).cast<float>();
   }
 };
@@ -52,7 +52,7 @@ struct TruePositions {
 /// What the kernels write: features and targets, where the grid has the particles, and the history for pushes.
 struct SampleOutput {
   float *features, *target;
-  Vec3f* now;
+  Vec3f* current;
   int32_t* type_row;
   Vec3f* history;  ///< [history + 1, particles], null where none is pushed
 };
@@ -71,9 +71,9 @@ struct MakeSample {
     Vec3f position[graph::most_positions];
     for (int t = 0; t <= rules.features.history; ++t)
       position[t] = frames.at(frames.frame - rules.features.history + t, p);
-    out.now[i] = write_disturbed_sample(rules, own.scene, static_cast<uint64_t>(p), frames.held(p), position,
-                                        TruePositions{frames, frames.frame, p}, out.features + i * rules.features.width,
-                                        out.target + 3 * rules.bundle * i);
+    out.current[i] = write_disturbed_sample(rules, own.scene, static_cast<uint64_t>(p), frames.is_kinematic(p),
+                                            position, TruePositions{frames, frames.frame, p},
+                                            out.features + i * rules.features.width, out.target + 3 * rules.bundle * i);
     out.type_row[i] = frames.type_row[p];
     if (out.history)
       for (int t = 0; t <= rules.features.history; ++t) out.history[t * particles + i] = position[t];
@@ -95,11 +95,11 @@ struct PushSample {
     Vec3f position[graph::most_positions];
     for (int t = 0; t <= rules.features.history; ++t) position[t] = out.history[t * particles + i];
     const TruePositions truth{frames, frames.frame + push * rules.bundle, p};
-    const Vec3f next =
-        push_forward(rules, own.scene, own.way, frames.held(p), acceleration + 3 * rules.bundle * i, truth, position);
+    const Vec3f next = push_forward(rules, own.scene, own.way, frames.is_kinematic(p),
+                                    acceleration + 3 * rules.bundle * i, truth, position);
     for (int t = 0; t <= rules.features.history; ++t) out.history[t * particles + i] = position[t];
-    out.now[i] = write_sample(rules, own.scene, position, next, truth, out.features + i * rules.features.width,
-                              out.target + 3 * rules.bundle * i);
+    out.current[i] = write_sample(rules, own.scene, position, next, truth, out.features + i * rules.features.width,
+                                  out.target + 3 * rules.bundle * i);
   }
 };
 
@@ -124,21 +124,21 @@ struct DeviceSamples::Slot {
         samples(device, 0),
         features(device, 0),
         target(device, 0),
-        now(device, 0),
+        current(device, 0),
         history(device, 0),
         type_row(device, 0) {}
   SampleOutput output() {
-    return {features.data(), target.data(), now.data(), type_row.data(), pushes > 0 ? history.data() : nullptr};
+    return {features.data(), target.data(), current.data(), type_row.data(), pushes > 0 ? history.data() : nullptr};
   }
   void build_graph(const SampleRules& rules, void* in) {
-    graph->build(rules.features, {now.data(), features.data(), type_row.data()}, in);
+    graph->build(rules.features, {current.data(), features.data(), type_row.data()}, in);
   }
   std::unique_ptr<SampleGraph> graph;
   Buffer<SceneSample> samples;
   Buffer<float> features, target;
-  Buffer<Vec3f> now, history;
+  Buffer<Vec3f> current, history;
   Buffer<int32_t> type_row;
-  int64_t particles = 0, held = 0, step = 0, pushes = 0;
+  int64_t particles = 0, kinematic_count = 0, step = 0, pushes = 0;
 #ifdef __CUDACC__
   cudaEvent_t released = nullptr;  ///< the launches that read this batch are done
 #endif
@@ -146,19 +146,19 @@ struct DeviceSamples::Slot {
 
 struct DeviceSamples::Impl {
   Impl(const DataSplit& data, const TrainConfig& train_config, const graph::Normalization& normalization, Device where,
-       BatchShare rank_share)
+       BatchShard rank_shard)
       : split(data),
         config(train_config),
         rules(sample_rules(train_config, normalization)),
         device(where),
-        share(rank_share),
+        shard(rank_shard),
         slots{Slot(where, train_config.network()), Slot(where, train_config.network())} {}
 
   const DataSplit& split;
   TrainConfig config;
   SampleRules rules;
   Device device;
-  BatchShare share;
+  BatchShard shard;
   std::vector<ResidentTrajectory> resident;
   std::array<Slot, 2> slots;
   int64_t started = 0, taken = 0;
@@ -200,15 +200,15 @@ SceneSample DeviceSamples::Impl::sample_of(const SampleDraw& draw, int64_t first
   const TrajectoryInfo& info = split.trajectory(draw.key.trajectory);
   const ResidentTrajectory& trajectory = resident[static_cast<std::size_t>(draw.key.trajectory)];
   const Scene& scene = info.context->scene;
-  return {{first, draw.stream, draw.turn, draw.displacement, draw.drift, info.context->environment.view(device)},
+  return {{first, draw.stream, draw.symmetry, draw.displacement, draw.drift, info.context->environment.view(device)},
           {trajectory.position.data(), trajectory.initial_velocity.data(), trajectory.type_row.data(),
            static_cast<int64_t>(info.type_row.size()), draw.key.frame, scene.gravity, scene.frame_time},
           info.context->environment.swept_collision(device)};
 }
 
 DeviceSamples::DeviceSamples(const DataSplit& split, const TrainConfig& config,
-                             const graph::Normalization& normalization, Device device, BatchShare share)
-    : impl_(std::make_unique<Impl>(split, config, normalization, device, share)) {
+                             const graph::Normalization& normalization, Device device, BatchShard shard)
+    : impl_(std::make_unique<Impl>(split, config, normalization, device, shard)) {
   GRAUPEL_ASSERT(device == Device::cpu || with_cuda);
   GRAUPEL_ASSERT(config.features().history <= graph::most_history);
   impl_->load();
@@ -242,10 +242,10 @@ void DeviceSamples::start(int64_t step) {
 #endif
   std::vector<SceneSample> samples;
   std::vector<SampleGraph::Scene> scenes;
-  slot.particles = slot.held = 0;
+  slot.particles = slot.kinematic_count = 0;
   slot.step = step;
   slot.pushes = pushes_of(impl.config, step);
-  for (int64_t k = impl.share.first; k < impl.config.batch_scenes; k += impl.share.stride) {
+  for (int64_t k = impl.shard.first; k < impl.config.batch_scenes; k += impl.shard.stride) {
     const SampleDraw draw = draw_training_sample(impl.split, impl.config, step, k);
     samples.push_back(impl.sample_of(draw, slot.particles));
     const SceneSample& own = samples.back();
@@ -253,13 +253,13 @@ void DeviceSamples::start(int64_t step) {
     scenes.push_back(
         {draw, own.frames.particles, point.data(), static_cast<int64_t>(point.size()), own.scene.environment});
     slot.particles += own.frames.particles;
-    slot.held += impl.split.trajectory(draw.key.trajectory).held_count();
+    slot.kinematic_count += impl.split.trajectory(draw.key.trajectory).kinematic_count();
   }
   slot.graph->prepare(scenes, impl.stream);
   const auto n = static_cast<std::size_t>(slot.particles), rows = static_cast<std::size_t>(slot.graph->most_rows());
   slot.features.resize_discard(rows * static_cast<std::size_t>(impl.rules.features.width));
   slot.target.resize_discard(3 * n * static_cast<std::size_t>(impl.rules.bundle));
-  slot.now.resize_discard(rows);
+  slot.current.resize_discard(rows);
   slot.type_row.resize_discard(rows);
   if (slot.pushes > 0) slot.history.resize_discard(n * static_cast<std::size_t>(impl.rules.features.history + 1));
   upload_in(impl.stream, slot.samples, samples);
@@ -294,7 +294,7 @@ SampleArrays DeviceSamples::arrays_of(const Slot& slot, void* stream) const {
                      " lies outside the domain of its scene by more than three cells of the network's grid. Generate " +
                      "the data set anew, or lower noise_std");
   arrays.particles = slot.particles;
-  arrays.held = slot.held;
+  arrays.kinematic_count = slot.kinematic_count;
   arrays.feature_width = impl_->rules.features.width;
   arrays.target_width = 3 * impl_->rules.bundle;
   arrays.features = slot.features.data();

@@ -15,9 +15,9 @@ class DeviceSamples {
   /// Bytes of the device that the positions of a data set take.
   static uint64_t bytes_for(const DataSplit& split);
 
-  /// Copies all positions to `device`. `split` must live as long as this. Batches are a rank's share of the run's.
+  /// Copies all positions to `device`. `split` must live as long as this. Batches are a rank's shard of the run's.
   DeviceSamples(const DataSplit& split, const TrainConfig& config, const graph::Normalization& normalization,
-                Device device, BatchShare share = {});
+                Device device, BatchShard shard = {});
   ~DeviceSamples();
 
   /// Starts to make batch number `step`, beside what the device computes; two batches may be held at a time.

@@ -48,7 +48,7 @@ class RadiusSamples : public SampleGraph {
     std::vector<graph::RadiusScene> radius_scenes;
     for (const Scene& scene : scenes)
       radius_scenes.push_back({scene.draw.low, scene.draw.high, scene.particles, scene.point, scene.points,
-                               scene.draw.turn, scene.environment});
+                               scene.draw.symmetry, scene.environment});
     builder_.prepare(radius_scenes, stream);
   }
   int64_t most_rows() const override { return builder_.most_nodes(); }

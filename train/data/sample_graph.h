@@ -14,7 +14,7 @@ namespace graupel::train {
 /// the next one. Rows are particles; of GNS those of obstacles stand behind them.
 struct SampleArrays {
   int64_t particles = 0, rows = 0;
-  int64_t held = 0;  ///< of the particles (core/scene/held_particles.h)
+  int64_t kinematic_count = 0;  ///< of the particles (core/scene/kinematic_particles.h)
   int feature_width = 0, target_width = 0;
   const float* features = nullptr;    ///< [rows, feature_width]
   const float* target = nullptr;      ///< [particles, target_width]

@@ -17,40 +17,40 @@ namespace {
 /// Frames of a trajectory that have a next one.
 int64_t usable(const TrajectoryInfo& trajectory) { return trajectory.frames - 1; }
 
-void set_links(SceneGraph& graph, const std::vector<Vec3f>& now, double radius) {
-  graph.links = sparsegrid::build_radius_graph(now, radius, sparsegrid::SelfEdges::with);
+void set_links(SceneGraph& graph, const std::vector<Vec3f>& current, double radius) {
+  graph.links = sparsegrid::build_radius_graph(current, radius, sparsegrid::SelfEdges::with);
   graph.edge_features.reserve(graph.links.sender.size() * graph::edge_feature_count);
-  for (std::size_t r = 0; r < now.size(); ++r)
+  for (std::size_t r = 0; r < current.size(); ++r)
     for (int32_t e = graph.links.begin[r]; e < graph.links.begin[r + 1]; ++e) {
       const auto s = static_cast<std::size_t>(graph.links.sender[static_cast<std::size_t>(e)]);
-      const auto features = graph::edge_features(now[s], now[r], radius);
+      const auto features = graph::edge_features(current[s], current[r], radius);
       graph.edge_features.insert(graph.edge_features.end(), features.begin(), features.end());
     }
 }
 
-/// Hierarchy, links between particles at `now`.
-void set_graph(SceneGraph& graph, const NetworkConfig& config, const std::vector<Vec3f>& now, const Vec3d& origin) {
-  if (const auto* gns = std::get_if<graph::GnsConfig>(&config)) return set_links(graph, now, gns->radius);
+/// Hierarchy, links between particles at `current`.
+void set_graph(SceneGraph& graph, const NetworkConfig& config, const std::vector<Vec3f>& current, const Vec3d& origin) {
+  if (const auto* gns = std::get_if<graph::GnsConfig>(&config)) return set_links(graph, current, gns->radius);
   const auto& hgn = std::get<graph::HgnConfig>(config);
-  graph.hierarchy = sparsegrid::build_hierarchy<3>(now, hgn.spacing, origin, static_cast<int>(hgn.levels));
+  graph.hierarchy = sparsegrid::build_hierarchy<3>(current, hgn.spacing, origin, static_cast<int>(hgn.levels));
 }
 
-/// Appends the obstacle particles within reach of the turned positions `now`, their features and types.
+/// Appends the obstacle particles in the receptive field of the turned positions `current`, their features and types.
 void add_obstacles(SceneGraph& graph, const graph::GnsConfig& config, const SampleRules& rules,
-                   const graph::Environment& environment, const SampleScene& scene, std::vector<Vec3f>& now) {
+                   const graph::Environment& environment, const SampleScene& scene, std::vector<Vec3f>& current) {
   if (!config.obstacle_particles) return;
   const std::vector<Vec3f>& points = environment.obstacle_particles.at_spacing(config.obstacle_spacing);
   std::vector<Vec3f> turned;
-  for (const Vec3f& x : points) turned.push_back(scene.turn.apply(x));
-  const std::vector<int32_t> near = graph::within_reach(turned, now, config.reach());
+  for (const Vec3f& x : points) turned.push_back(scene.symmetry.apply(x));
+  const std::vector<int32_t> near = graph::within_cutoff(turned, current, config.receptive_field());
   const auto width = static_cast<std::size_t>(rules.features.width);
   for (const int32_t p : near) {
     Vec3f position[graph::most_history + 1];
     std::fill(std::begin(position), std::end(position), points[static_cast<std::size_t>(p)]);
     graph.features.resize(graph.features.size() + width);
-    graph::write_feature_row(rules.features, scene.environment, scene.turn, position,
+    graph::write_feature_row(rules.features, scene.environment, scene.symmetry, position,
                              graph.features.data() + graph.features.size() - width);
-    now.push_back(turned[static_cast<std::size_t>(p)]);
+    current.push_back(turned[static_cast<std::size_t>(p)]);
   }
   graph.type_row.insert(graph.type_row.end(), near.size(), graph::embedding_row(obstacle_particle_type));
   graph.obstacle_particles = static_cast<int64_t>(near.size());
@@ -64,23 +64,23 @@ SceneGraph training_graph(const DataSplit& split, const TrainConfig& config, con
       split.history(draw.key.trajectory, draw.key.frame, rules.features.history);
   const std::vector<std::vector<Vec3f>> ahead = split.positions(draw.key.trajectory, draw.key.frame, rules.bundle + 1);
   const graph::Environment& environment = trajectory.context->environment;
-  const SampleScene scene{0, draw.stream, draw.turn, draw.displacement, draw.drift, environment.view(Device::cpu)};
+  const SampleScene scene{0, draw.stream, draw.symmetry, draw.displacement, draw.drift, environment.view(Device::cpu)};
   SceneGraph graph;
   graph.type_row = trajectory.type_row;
   const std::size_t particles = graph.type_row.size(), target_width = 3 * static_cast<std::size_t>(rules.bundle);
   graph.features.resize(particles * static_cast<std::size_t>(rules.features.width));
   graph.target.resize(particles * target_width);
-  std::vector<Vec3f> now(particles);
+  std::vector<Vec3f> current(particles);
   for (std::size_t p = 0; p < particles; ++p) {
     const auto truth = [&](int j) { return ahead[static_cast<std::size_t>(j)][p]; };
     Vec3f position[graph::most_positions];
     for (std::size_t t = 0; t < history.size(); ++t) position[t] = history[t][p];
-    now[p] = write_disturbed_sample(rules, scene, p, trajectory.is_held(p), position, truth,
-                                    graph.features.data() + p * static_cast<std::size_t>(rules.features.width),
-                                    graph.target.data() + p * target_width);
+    current[p] = write_disturbed_sample(rules, scene, p, trajectory.is_kinematic(p), position, truth,
+                                        graph.features.data() + p * static_cast<std::size_t>(rules.features.width),
+                                        graph.target.data() + p * target_width);
   }
-  if (config.architecture == Architecture::gns) add_obstacles(graph, config.gns, rules, environment, scene, now);
-  set_graph(graph, config.network(), now, draw.origin);
+  if (config.architecture == Architecture::gns) add_obstacles(graph, config.gns, rules, environment, scene, current);
+  set_graph(graph, config.network(), current, draw.origin);
   return graph;
 }
 
@@ -157,9 +157,9 @@ SampleDraw draw_training_sample(const DataSplit& split, const TrainConfig& confi
   draw.high = context.environment.wall_high;
   if (dimensions == 2) draw.high[2] = draw.low[2] + 2 * spacing;
   if (config.symmetries) {
-    draw.turn = draw_symmetry(context.scene.gravity, dimensions,
-                              Random(config.seed, RandomPurpose::training_symmetry, draw.stream));
-    apply_to_box(draw.turn, draw.low, draw.high);
+    draw.symmetry = draw_symmetry(context.scene.gravity, dimensions,
+                                  Random(config.seed, RandomPurpose::training_symmetry, draw.stream));
+    apply_to_box(draw.symmetry, draw.low, draw.high);
   }
   const Random waves(config.seed, RandomPurpose::training_symmetry, draw.stream);
   constexpr uint64_t first = 16;  // after the draws of the symmetry
@@ -201,9 +201,9 @@ std::vector<Vec3f> add_random_walk(std::vector<std::vector<Vec3f>>& positions, d
 }
 
 std::vector<Vec3f> acceleration_of(const std::vector<Vec3f>& next, const std::vector<std::vector<Vec3f>>& history) {
-  const std::vector<Vec3f>&now = history.back(), &before = history[history.size() - 2];
+  const std::vector<Vec3f>&current = history.back(), &before = history[history.size() - 2];
   std::vector<Vec3f> acceleration(next.size());
-  for (std::size_t p = 0; p < next.size(); ++p) acceleration[p] = acceleration_at(next[p], now[p], before[p]);
+  for (std::size_t p = 0; p < next.size(); ++p) acceleration[p] = acceleration_at(next[p], current[p], before[p]);
   return acceleration;
 }
 
@@ -224,10 +224,10 @@ SceneGraph scene_graph(const NetworkConfig& config, const graph::Normalization& 
 }
 
 Batch training_batch(const DataSplit& split, const TrainConfig& config, const graph::Normalization& normalization,
-                     int64_t step, BatchShare share) {
+                     int64_t step, BatchShard shard) {
   const SampleRules rules = sample_rules(config, normalization);
   std::vector<SceneGraph> graphs;
-  for (int64_t slot = share.first; slot < config.batch_scenes; slot += share.stride)
+  for (int64_t slot = shard.first; slot < config.batch_scenes; slot += shard.stride)
     graphs.push_back(training_graph(split, config, rules, step, slot));
   return concatenate(graphs);
 }

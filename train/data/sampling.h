@@ -52,7 +52,7 @@ Vec3d grid_origin(const TrajectoryInfo& trajectory, const NetworkConfig& config)
 struct SampleDraw {
   SampleKey key;
   uint64_t stream = 0;
-  AxisMap turn;
+  AxisMap symmetry;
   Vec3d low, high;  ///< [m] the domain, turned; along z two layers of cells about the plane of two dimensions
   Vec3d origin;     ///< [m] of the grid, jittered
   Waves displacement, drift;
@@ -61,13 +61,13 @@ SampleDraw draw_training_sample(const DataSplit& split, const TrainConfig& confi
 SampleRules sample_rules(const TrainConfig& config, const graph::Normalization& normalization);
 
 /// The scenes of a batch that one of several ranks takes: `first`, `first` + `stride` ...
-struct BatchShare {
+struct BatchShard {
   int64_t first = 0, stride = 1;
 };
 
-/// Batch number `step` of a run, or a rank's share of it. What a scene is depends on its place in the whole batch
+/// Batch number `step` of a run, or a rank's shard of it. What a scene is depends on its place in the whole batch
 /// alone.
 Batch training_batch(const DataSplit& split, const TrainConfig& config, const graph::Normalization& normalization,
-                     int64_t step, BatchShare share = {});
+                     int64_t step, BatchShard shard = {});
 
 }  // namespace graupel::train

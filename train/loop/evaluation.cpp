@@ -17,10 +17,10 @@ constexpr double near_cells = 2;             // in dx
 /// Inputs of the network and the truth, for a few samples.
 struct EvaluationBatch {
   Batch batch;
-  std::vector<Vec3f> truth;    ///< [particles] [m/frame^2]
-  std::vector<Vec3f> gravity;  ///< [scenes] [m/frame^2]
-  std::vector<Region> region;  ///< [particles]
-  std::vector<uint8_t> held;   ///< [particles] 1 for those that do not count
+  std::vector<Vec3f> truth;        ///< [particles] [m/frame^2]
+  std::vector<Vec3f> gravity;      ///< [scenes] [m/frame^2]
+  std::vector<Region> region;      ///< [particles]
+  std::vector<uint8_t> kinematic;  ///< [particles] 1 for those that do not count
 };
 
 /// Distance to the nearest wall that holds the material; negative outside.
@@ -55,7 +55,7 @@ EvaluationBatch prepare(const NetworkConfig& config, const graph::Normalization&
     for (std::size_t p = 0; p < truth.size(); ++p) {
       prepared.truth.push_back(truth[p]);
       prepared.region.push_back(region_of(*trajectory.context, history.back()[p], truth[p]));
-      prepared.held.push_back(trajectory.is_held(p) ? 1 : 0);
+      prepared.kinematic.push_back(trajectory.is_kinematic(p) ? 1 : 0);
     }
   }
   prepared.batch = concatenate(graphs);
@@ -70,7 +70,7 @@ void accumulate(const EvaluationBatch& prepared, const std::vector<float>& predi
     for (int64_t p = prepared.batch.particle_begin[static_cast<std::size_t>(s)];
          p < prepared.batch.particle_begin[static_cast<std::size_t>(s) + 1]; ++p) {
       const auto at = static_cast<std::size_t>(p);
-      if (prepared.held[at]) continue;
+      if (prepared.kinematic[at]) continue;
       const Vec3f guess = graph::real_acceleration(normalization, config.in_plane(), predicted.data() + width * at);
       SquaredErrors& sums = errors.region[static_cast<std::size_t>(prepared.region[at])];
       ++sums.particles;
@@ -103,8 +103,8 @@ struct Prediction {
     std::vector<Vec3f> acceleration(static_cast<std::size_t>(first_particle[s + 1] - first_particle[s]));
     const float* guess = output.data() + 3 * (bundle * first_particle[s] + frame);
     for (std::size_t p = 0; p < acceleration.size(); ++p) {
-      acceleration[p] =
-          trajectory.is_held(p) ? Vec3f::zero() : graph::real_acceleration(normalization, config.in_plane(), guess);
+      acceleration[p] = trajectory.is_kinematic(p) ? Vec3f::zero()
+                                                   : graph::real_acceleration(normalization, config.in_plane(), guess);
       guess += 3 * bundle;
     }
     return acceleration;
@@ -130,17 +130,17 @@ bool advance(const Prediction& predicted, int64_t frame, const graph::Normalizat
              const DataSplit& split, const std::vector<std::vector<Vec3f>>& truth, Histories& histories) {
   for (std::size_t s = 0; s < histories.size(); ++s) {
     auto& history = histories[s];
-    const std::vector<Vec3f>&now = history.back(), &before = history[history.size() - 2];
+    const std::vector<Vec3f>&current = history.back(), &before = history[history.size() - 2];
     const TrajectoryInfo& trajectory = split.trajectory(static_cast<int>(s));
     const SceneContext& context = *trajectory.context;
     std::vector<Vec3f> next;
-    if (!graph::step_frame(context.scene, before, now, predicted.accelerations(s, frame, trajectory, normalization),
+    if (!graph::step_frame(context.scene, before, current, predicted.accelerations(s, frame, trajectory, normalization),
                            next))
       return false;
-    graph::project_out(context.environment, now, next);
+    graph::project_out(context.environment, current, next);
     graph::keep_in_plane(context.environment, next);
     for (std::size_t p = 0; p < next.size(); ++p)
-      if (trajectory.is_held(p)) next[p] = truth[s][p];
+      if (trajectory.is_kinematic(p)) next[p] = truth[s][p];
     history.erase(history.begin());
     history.push_back(std::move(next));
   }
@@ -222,8 +222,8 @@ double evaluate_rollout(const NetworkModule& module, const graph::Normalization&
     for (std::size_t s = 0; s < histories.size(); ++s) {
       const TrajectoryInfo& trajectory = split.trajectory(static_cast<int>(s));
       for (std::size_t p = 0; p < truth[s].size(); ++p)
-        if (!trajectory.is_held(p)) sum += norm2((histories[s].back()[p] - truth[s][p]).cast<double>());
-      count += static_cast<int64_t>(truth[s].size()) - trajectory.held_count();
+        if (!trajectory.is_kinematic(p)) sum += norm2((histories[s].back()[p] - truth[s][p]).cast<double>());
+      count += static_cast<int64_t>(truth[s].size()) - trajectory.kinematic_count();
     }
   }
   return count > 0 ? sum / static_cast<double>(count) : 0;

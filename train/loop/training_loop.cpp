@@ -69,7 +69,7 @@ class TrainingRun {
   StopReason train_on_device();
   StopReason train_with_workers();
   StepSettings step_settings() const;
-  BatchShare share() const { return {comm_.rank(), comm_.size()}; }
+  BatchShard shard() const { return {comm_.rank(), comm_.size()}; }
   /// What follows a step; whether and why to stop.
   std::optional<StopReason> after_step();
   void report();
@@ -197,7 +197,7 @@ void TrainingRun::prepare_samples() {
     say(sizes + ": batches are made by the CPU, more slowly");
     return;
   }
-  samples_ = std::make_unique<DeviceSamples>(*train_, config_, normalization_, options_.device, share());
+  samples_ = std::make_unique<DeviceSamples>(*train_, config_, normalization_, options_.device, shard());
 }
 
 StopReason TrainingRun::train_on_device() {
@@ -217,7 +217,7 @@ StopReason TrainingRun::train_on_device() {
 StopReason TrainingRun::train_with_workers() {
   const int workers = worker_count(options_);
   OrderedQueue<Batch> batches(workers, state_.step, config_.steps, 2 * workers + 2,
-                              [&](int64_t k) { return training_batch(*train_, config_, normalization_, k, share()); });
+                              [&](int64_t k) { return training_batch(*train_, config_, normalization_, k, shard()); });
   while (state_.step < config_.steps) {
     module_.train_step(batches.next(), step_settings(), comm_);
     if (const auto stop = after_step()) return *stop;

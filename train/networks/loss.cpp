@@ -13,8 +13,9 @@ namespace graupel::train {
 
 AccelerationLoss::AccelerationLoss(const at::Tensor& accelerations, const DeviceBatch& batch, bool plane)
     : difference_(accelerations - batch.target),
-      predictions_(static_cast<double>(std::max<int64_t>(1, batch.particles - batch.held) * difference_.size(1) / 3)) {
-  if (batch.held > 0) {
+      predictions_(static_cast<double>(std::max<int64_t>(1, batch.particles - batch.kinematic_count) *
+                                       difference_.size(1) / 3)) {
+  if (batch.kinematic_count > 0) {
     const at::Tensor row = batch.type_row.narrow(0, 0, batch.particles);
     const at::Tensor moves = at::ne(row, graph::obstacle_row).logical_and(at::ne(row, graph::stationary_row));
     difference_.mul_(moves.view({-1, 1}));

@@ -19,11 +19,12 @@ std::vector<QuadratureSnapshot> read_snapshots(const SnapshotSet& set, int64_t f
       0.6180339887498949;  // fractions of its multiples fill [0, 1) evenly, however many there are
   std::vector<QuadratureSnapshot> snapshots;
   for (int64_t i = first; i < first + count; ++i) {
-    const double turn = static_cast<double>(i + 1) * golden, share = turn - std::floor(turn);
+    const double golden_multiple = static_cast<double>(i + 1) * golden,
+                 fraction = golden_multiple - std::floor(golden_multiple);
     const auto run = static_cast<int>(i % set.runs());
     const int64_t frames = set.first_snapshot(run + 1) - set.first_snapshot(run);
     const int64_t snapshot =
-        set.first_snapshot(run) + std::min(frames - 1, static_cast<int64_t>(share * static_cast<double>(frames)));
+        set.first_snapshot(run) + std::min(frames - 1, static_cast<int64_t>(fraction * static_cast<double>(frames)));
     snapshots.push_back({set.read(SnapshotField::position, snapshot), set.read(SnapshotField::stress, snapshot)});
   }
   return snapshots;

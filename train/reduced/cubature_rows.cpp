@@ -181,9 +181,9 @@ class NodalSums::Descent {
     double before = error2();
     for (int i = 0; i < most; ++i) {
       for (std::size_t c = 0; c < points_.size(); ++c) visit(c);
-      const double now = error2();
-      if (before - now <= gain * before) break;
-      before = now;
+      const double current = error2();
+      if (before - current <= gain * before) break;
+      before = current;
     }
   }
   /// The particle of least error.

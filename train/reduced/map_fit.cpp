@@ -66,21 +66,21 @@ double best_ridge(const std::vector<Fold>& parts, const double* first, const dou
     }
   }
   double squares = 0;
-  for (const Fold& fold : parts) squares += rows_of(outputs, fold.held).squaredNorm();
+  for (const Fold& fold : parts) squares += rows_of(outputs, fold.held_out).squaredNorm();
   relative_error = std::sqrt(least / std::max(squares, std::numeric_limits<double>::min()));
   return best;
 }
 
 /// Rows far from each other, the first one nearest to the mean.
 std::vector<Index> spread_rows(const MatrixXd& y, int count) {
-  Index next;
-  y.rowwise().squaredNorm().minCoeff(&next);
+  Index farthest;
+  y.rowwise().squaredNorm().minCoeff(&farthest);
   std::vector<Index> chosen;
   VectorXd least = VectorXd::Constant(y.rows(), std::numeric_limits<double>::infinity());
   while (static_cast<int>(chosen.size()) < std::min<Index>(count, y.rows())) {
-    chosen.push_back(next);
-    least = least.cwiseMin((y.rowwise() - y.row(next)).rowwise().squaredNorm());
-    if (!(least.maxCoeff(&next) > 0)) break;
+    chosen.push_back(farthest);
+    least = least.cwiseMin((y.rowwise() - y.row(farthest)).rowwise().squaredNorm());
+    if (!(least.maxCoeff(&farthest) > 0)) break;
   }
   return chosen;
 }
@@ -94,11 +94,11 @@ MapFit fit_map(const MatrixXd& inputs, const MatrixXd& outputs, const std::vecto
   MapFit fit;
   fit.ridge = best_ridge(folds_of(run), std::begin(map_ridges), std::end(map_ridges), outputs, fit.held_out_error,
                          [&](double ridge, const Fold& fold) {
-                           const MatrixXd kept = rows_of(y, fold.kept), held = rows_of(y, fold.held);
-                           const Spline spline(kept, rows_of(outputs, fold.kept), ridge);
+                           const MatrixXd fitted = rows_of(y, fold.fitted), held_out = rows_of(y, fold.held_out);
+                           const Spline spline(fitted, rows_of(outputs, fold.fitted), ridge);
                            const MatrixXd predicted =
-                               cubic_kernel(held, kept) * spline.weights + with_ones(held) * spline.linear;
-                           return (predicted - rows_of(outputs, fold.held)).squaredNorm();
+                               cubic_kernel(held_out, kept) * spline.weights + with_ones(held_out) * spline.linear;
+                           return (predicted - rows_of(outputs, fold.held_out)).squaredNorm();
                          });
   const Spline spline(standardized(inputs, standard), outputs, fit.ridge);
   fit.map = {static_cast<int>(inputs.cols()),
@@ -136,16 +136,17 @@ MapFit fit_rate_map(const MatrixXd& inputs, const MatrixXd& rates, const MatrixX
     return MatrixXd(normal.ldlt().solve(a.transpose() * c));
   };
   const auto kept_features = [&](const Fold& fold) {
-    MatrixXd kept = features_of(rows_of(y, fold.kept), rows_of(rates, fold.kept));
+    MatrixXd fitted = features_of(rows_of(y, fold.fitted), rows_of(rates, fold.fitted));
     kept.array().rowwise() /= size.transpose().array();
     return kept;
   };
   MapFit fit;
-  fit.ridge = best_ridge(folds_of(run), std::begin(rate_ridges), std::end(rate_ridges), outputs, fit.held_out_error,
-                         [&](double ridge, const Fold& fold) {
-                           const MatrixXd w = solve(kept_features(fold), rows_of(outputs, fold.kept), ridge);
-                           return (rows_of(features, fold.held) * w - rows_of(outputs, fold.held)).squaredNorm();
-                         });
+  fit.ridge =
+      best_ridge(folds_of(run), std::begin(rate_ridges), std::end(rate_ridges), outputs, fit.held_out_error,
+                 [&](double ridge, const Fold& fold) {
+                   const MatrixXd w = solve(kept_features(fold), rows_of(outputs, fold.fitted), ridge);
+                   return (rows_of(features, fold.held_out) * w - rows_of(outputs, fold.held_out)).squaredNorm();
+                 });
   const MatrixXd solution = solve(features, outputs, fit.ridge);
   // Row of shape s: outputs [m, r].
   const Index m = outputs.cols();

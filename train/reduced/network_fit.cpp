@@ -189,19 +189,19 @@ NetworkFit fit(const MatrixXd& inputs, const Regression& data, const std::vector
     const auto i = static_cast<std::size_t>(task - 1);
     const Fold& fold = parts[i];
     const Stopwatch watch;
-    const Regression kept = data.chosen(fold.kept);
-    error[i] = squared_error(fit_rows(kept, options), inputs, data, fold.held);
-    const double squares = data.outputs(fold.held, Eigen::all).squaredNorm();
+    const Regression fitted = data.chosen(fold.fitted);
+    error[i] = squared_error(fit_rows(kept, options), inputs, data, fold.held_out);
+    const double squares = data.outputs(fold.held_out, Eigen::all).squaredNorm();
     if (!options.message || squares == 0) return;
     const std::lock_guard lock(speaks);
     options.message(fmt::format("network without run {}: {:.3g} % in that run, {:.1f} s",
-                                run[static_cast<std::size_t>(fold.held.front())], 100 * std::sqrt(error[i] / squares),
-                                watch.seconds()));
+                                run[static_cast<std::size_t>(fold.held_out.front())],
+                                100 * std::sqrt(error[i] / squares), watch.seconds()));
   });
   double sum = 0, squares = 0;
   for (std::size_t i = 0; i < parts.size(); ++i) {
     sum += error[i];
-    squares += data.outputs(parts[i].held, Eigen::all).squaredNorm();
+    squares += data.outputs(parts[i].held_out, Eigen::all).squaredNorm();
   }
   return {std::move(*map), squares > 0 ? std::sqrt(sum / squares) : 0};
 }

@@ -21,10 +21,10 @@ std::vector<Fold> folds_of(const std::vector<int>& run) {
   const int inner = static_cast<int>(runs.size()) - 2, count = std::min(folds, inner);
   std::vector<Fold> result;
   for (int f = 0; f < count; ++f) {
-    const int held = runs[static_cast<std::size_t>(1 + (2 * f + 1) * inner / (2 * count))];
+    const int held_out = runs[static_cast<std::size_t>(1 + (2 * f + 1) * inner / (2 * count))];
     Fold& fold = result.emplace_back();
     for (std::size_t i = 0; i < run.size(); ++i)
-      (run[i] == held ? fold.held : fold.kept).push_back(static_cast<Index>(i));
+      (run[i] == held_out ? fold.held_out : fold.fitted).push_back(static_cast<Index>(i));
   }
   return result;
 }

@@ -11,7 +11,7 @@ namespace graupel::train {
 
 /// Rows that are fitted, and those of the run that is held out.
 struct Fold {
-  std::vector<Eigen::Index> kept, held;
+  std::vector<Eigen::Index> fitted, held_out;
 };
 /// Four folds at most, one run held out in each, none of them the first or the last: a new parameter lies between those
 /// of the training. `run`: of every row.

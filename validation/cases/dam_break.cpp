@@ -28,11 +28,11 @@ const Curve height_data = {"Martin and Moyce",
                            {.94, .89, .83, .78, .72, .67, .61, .56, .50, .44, .39, .33, .28, .22},
                            CurveRole::reference};
 
-/// The x that only `share` of the particles have passed.
-double front_of(const Particles& particles, double share) {
+/// The x that only `fraction` of the particles have passed.
+double front_of(const Particles& particles, double fraction) {
   std::vector<double> x;
   for (const Vec3d& position : particles.position) x.push_back(position[0]);
-  const auto rank = static_cast<std::ptrdiff_t>((1 - share) * static_cast<double>(x.size()));
+  const auto rank = static_cast<std::ptrdiff_t>((1 - fraction) * static_cast<double>(x.size()));
   std::nth_element(x.begin(), x.begin() + rank, x.end());
   return x[static_cast<std::size_t>(rank)];
 }

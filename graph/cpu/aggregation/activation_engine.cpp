@@ -62,14 +62,14 @@ class ActivationEngine : public GridEngine<AggregationWorkspace> {
 
   /// First layer of the block behind `block`.
   const nn::Linear& gathered_after(const PlanBlock& block) const {
-    const PlanBlock& next = plan().blocks[block.number + 1];
-    switch (next.links.kind) {
+    const PlanBlock& next_block = plan().blocks[block.number + 1];
+    switch (next_block.links.kind) {
       case LinkKind::cell_neighbors:
-        return iterations_.at(next.number).front().gathered();
+        return iterations_.at(next_block.number).front().gathered();
       case LinkKind::to_parent:
-        return restrict_[next.level()].gathered();
+        return restrict_[next_block.level()].gathered();
       case LinkKind::from_parent:
-        return prolong_.at(next.level()).gathered();
+        return prolong_.at(next_block.level()).gathered();
       default:
         return particles_.gathered();
     }

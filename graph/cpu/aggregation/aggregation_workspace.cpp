@@ -1,6 +1,6 @@
 #include "graph/cpu/aggregation/aggregation_workspace.h"
 
-#include "nn/bf16_products.h"
+#include "nn/bf16_gemm.h"
 #include "nn/linear.h"
 #include "nn/matrix_extension_mlp.h"
 
@@ -8,8 +8,7 @@ namespace graupel::graph {
 
 void AggregationWorkspace::prepare(const sparsegrid::Hierarchy<3>& hierarchy, int latent, int features) {
   const int width = nn::padded_width(latent);
-  on_units =
-      nn::uses_bf16_products() && latent == width && nn::suits_bf16_units(latent) && latent <= nn::most_chain_width;
+  on_units = nn::uses_bf16_gemm() && latent == width && nn::suits_bf16_units(latent) && latent <= nn::most_chain_width;
   const auto w = static_cast<std::size_t>(width);
   const std::size_t particles = hierarchy.cell.size();
   particle.resize_discard(particles * w);
@@ -21,7 +20,7 @@ void AggregationWorkspace::prepare(const sparsegrid::Hierarchy<3>& hierarchy, in
     cell[l].resize_discard(hierarchy.levels[l].size() * w);
     cells = std::max(cells, hierarchy.levels[l].size());
   }
-  now.resize(cells, 2 * width);
+  current.resize(cells, 2 * width);
   next.resize(cells, 2 * width);
   prepare_scratch(scratch, width, features);
 }

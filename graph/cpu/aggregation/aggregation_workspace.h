@@ -36,19 +36,19 @@ struct AggregationWorkspace {
   GatheredRows particle_part;        ///< [n][H] what particle_to_grid gathers of them
   Buffer<float> weight;              ///< [n][8] of the pairs, in sorted order
   std::vector<Buffer<float>> cell;   ///< per level [cells][H] latents
-  GatheredRows now, next;            ///< [cells][up to 2 H] what is gathered of cells in this step, and in the next one
+  GatheredRows current, next;        ///< [cells][up to 2 H] what is gathered of cells in this step, and in the next one
   bool on_units = false;             ///< products are made on bf16 units, and gathered rows are packed
   std::vector<TileScratch> scratch;  ///< per thread
 
   /// Sizes everything for the topology, `latent` = H and the number of features.
   void prepare(const sparsegrid::Hierarchy<3>& hierarchy, int latent, int features);
   /// Where the rows of `layer` of the cells from `begin` on go, for the next step.
-  NextRows next_rows(const nn::Linear& layer, int64_t begin) {
+  NextLayerRows next_rows(const nn::Linear& layer, int64_t begin) {
     if (on_units) return {.layer = layer, .packed = next.row<uint32_t>(begin, layer.width())};
     return {.layer = layer, .floats = next.row<float>(begin, layer.width())};
   }
   /// The step is done.
-  void advance() { std::swap(now, next); }
+  void advance() { std::swap(current, next); }
 };
 
 /// body(Word()) for the rows as they are.

@@ -26,7 +26,7 @@ CellAggregation::CellAggregation(const nn::Weights& weights, const LayerPlan& pl
   network_ = ReceiverNetwork(load(weights, layers[2 * k + 1]), ReceiverNetwork::Inputs::sum_and_latent);
 }
 
-void CellAggregation::apply(const sparsegrid::Hierarchy<3>& hierarchy, std::size_t level, const nn::Linear& next,
+void CellAggregation::apply(const sparsegrid::Hierarchy<3>& hierarchy, std::size_t level, const nn::Linear& next_layer,
                             AggregationWorkspace& workspace) const {
   const auto& cells = hierarchy.levels[level];
   const auto count = static_cast<int64_t>(cells.size());
@@ -35,10 +35,11 @@ void CellAggregation::apply(const sparsegrid::Hierarchy<3>& hierarchy, std::size
     with_rows(workspace, [&](auto word) {
       using Word = decltype(word);
       for (int32_t c = begin; c < end; ++c)
-        gather<Word>(cells.neighbor[static_cast<std::size_t>(c)], workspace.now.row<Word>(2 * int64_t{c} + 1, width_),
-                     workspace.now.row<Word>(0, width_), network_.sum(scratch, c - begin));
+        gather<Word>(cells.neighbor[static_cast<std::size_t>(c)],
+                     workspace.current.row<Word>(2 * int64_t{c} + 1, width_), workspace.current.row<Word>(0, width_),
+                     network_.sum(scratch, c - begin));
     });
-    network_.apply(scratch, end - begin, row_of(latent, begin, width_), workspace.next_rows(next, begin));
+    network_.apply(scratch, end - begin, row_of(latent, begin, width_), workspace.next_rows(next_layer, begin));
   });
   workspace.advance();
 }
@@ -66,7 +67,7 @@ RestrictAggregation::RestrictAggregation(const nn::Weights& weights, const Layer
   network_ = ReceiverNetwork(load(weights, layers[1]), ReceiverNetwork::Inputs::sum);
 }
 
-void RestrictAggregation::apply(const sparsegrid::Hierarchy<3>& hierarchy, const nn::Linear& next,
+void RestrictAggregation::apply(const sparsegrid::Hierarchy<3>& hierarchy, const nn::Linear& next_layer,
                                 AggregationWorkspace& workspace) const {
   const auto cells = static_cast<int64_t>(hierarchy.levels[level_ + 1].size());
   const HostLinks& links = workspace.topology.levels[level_];
@@ -83,13 +84,13 @@ void RestrictAggregation::apply(const sparsegrid::Hierarchy<3>& hierarchy, const
         const auto parent = static_cast<std::size_t>(c);
         for (int32_t i = links.child_begin[parent]; i < links.child_begin[parent + 1]; ++i) {
           const int32_t child = links.child[static_cast<std::size_t>(i)];
-          rows[count++] = {workspace.now.row<Word>(child, width_), octant_.row(octant[static_cast<std::size_t>(child)]),
-                           1.0f};
+          rows[count++] = {workspace.current.row<Word>(child, width_),
+                           octant_.row(octant[static_cast<std::size_t>(child)]), 1.0f};
         }
         nn::add_activated(width_, count, rows, sum);
       }
     });
-    network_.apply(scratch, end - begin, row_of(latent, begin, width_), workspace.next_rows(next, begin));
+    network_.apply(scratch, end - begin, row_of(latent, begin, width_), workspace.next_rows(next_layer, begin));
   });
   workspace.advance();
 }
@@ -104,7 +105,7 @@ Prolong::Prolong(const nn::Weights& weights, const LayerPlan& plan, const PlanBl
   second_ = nn::NormalizedLayer(fcn);
 }
 
-void Prolong::apply(const sparsegrid::Hierarchy<3>& hierarchy, const nn::Linear& next,
+void Prolong::apply(const sparsegrid::Hierarchy<3>& hierarchy, const nn::Linear& next_layer,
                     AggregationWorkspace& workspace) const {
   const auto& fine = hierarchy.levels[level_];
   const auto count = static_cast<int64_t>(fine.size());
@@ -117,12 +118,13 @@ void Prolong::apply(const sparsegrid::Hierarchy<3>& hierarchy, const nn::Linear&
       for (int32_t c = begin; c < end; ++c) {
         float* const hidden = scratch.hidden.data() + int64_t{c - begin} * width_;
         const auto cell = static_cast<std::size_t>(c);
-        const nn::ActivatedRow<Word> row = {workspace.now.row<Word>(fine.parent[cell], width_),
+        const nn::ActivatedRow<Word> row = {workspace.current.row<Word>(fine.parent[cell], width_),
                                             octant_.row(fine.octant[cell]), 1.0f};
         nn::sum_activated(width_, 1, &row, hidden, hidden);
       }
     });
-    finish_latents(second_, scratch.hidden.data(), end - begin, true, f, workspace.next_rows(next, begin), scratch);
+    finish_latents(second_, scratch.hidden.data(), end - begin, true, f, workspace.next_rows(next_layer, begin),
+                   scratch);
   });
   workspace.advance();
 }

@@ -21,7 +21,7 @@ class CellAggregation {
 
   /// What it gathers, [2 H]: sender part, receiver part.
   const nn::Linear& gathered() const { return gathered_.linear(); }
-  void apply(const sparsegrid::Hierarchy<3>& hierarchy, std::size_t level, const nn::Linear& next,
+  void apply(const sparsegrid::Hierarchy<3>& hierarchy, std::size_t level, const nn::Linear& next_layer,
              AggregationWorkspace& workspace) const;
 
  private:
@@ -42,7 +42,8 @@ class RestrictAggregation {
 
   /// What it gathers of fine cells, [H].
   const nn::Linear& gathered() const { return gathered_; }
-  void apply(const sparsegrid::Hierarchy<3>& hierarchy, const nn::Linear& next, AggregationWorkspace& workspace) const;
+  void apply(const sparsegrid::Hierarchy<3>& hierarchy, const nn::Linear& next_layer,
+             AggregationWorkspace& workspace) const;
 
  private:
   std::size_t level_;
@@ -59,7 +60,8 @@ class Prolong {
 
   /// What it gathers of coarse cells, [H].
   const nn::Linear& gathered() const { return gathered_; }
-  void apply(const sparsegrid::Hierarchy<3>& hierarchy, const nn::Linear& next, AggregationWorkspace& workspace) const;
+  void apply(const sparsegrid::Hierarchy<3>& hierarchy, const nn::Linear& next_layer,
+             AggregationWorkspace& workspace) const;
 
  private:
   std::size_t level_;

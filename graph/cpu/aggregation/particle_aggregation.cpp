@@ -59,16 +59,16 @@ void ParticleAggregation::encode_tile(int32_t begin, int32_t end, const std::vec
   float* const latent = workspace.particle.data() + int64_t{begin} * width_;
   const float* const hidden =
       encoder_.hidden(workspace.topology.order.data() + begin, rows, features, particle_type, scratch);
-  const NextRows part = grid_rows(begin, scratch.sums.data(), workspace);
+  const NextLayerRows part = grid_rows(begin, scratch.sums.data(), workspace);
   finish_latents(encoder_.last(), hidden, rows, false, latent, part, scratch);
   leave_for_grid(begin, end, part, hierarchy, workspace);
 }
 
-NextRows ParticleAggregation::grid_rows(int32_t begin, float* spare, AggregationWorkspace& workspace) const {
+NextLayerRows ParticleAggregation::grid_rows(int32_t begin, float* spare, AggregationWorkspace& workspace) const {
   return {.layer = p2g_part_, .floats = workspace.on_units ? spare : workspace.particle_part.row<float>(begin, width_)};
 }
 
-void ParticleAggregation::leave_for_grid(int32_t begin, int32_t end, const NextRows& part,
+void ParticleAggregation::leave_for_grid(int32_t begin, int32_t end, const NextLayerRows& part,
                                          const sparsegrid::Hierarchy<3>& hierarchy,
                                          AggregationWorkspace& workspace) const {
   for (int32_t place = begin; place < end; ++place) {
@@ -80,7 +80,7 @@ void ParticleAggregation::leave_for_grid(int32_t begin, int32_t end, const NextR
     nn::pack_rows(part.floats, end - begin, width_, workspace.particle_part.row<uint32_t>(begin, width_));
 }
 
-void ParticleAggregation::particle_to_grid(const sparsegrid::Hierarchy<3>& hierarchy, const nn::Linear& next,
+void ParticleAggregation::particle_to_grid(const sparsegrid::Hierarchy<3>& hierarchy, const nn::Linear& next_layer,
                                            AggregationWorkspace& workspace) const {
   const auto& cells = hierarchy.levels[0];
   const auto count = static_cast<int64_t>(cells.size());
@@ -90,7 +90,7 @@ void ParticleAggregation::particle_to_grid(const sparsegrid::Hierarchy<3>& hiera
         gather_to_cell<decltype(word)>(cells, c, workspace, cell_network_.sum(scratch, c - begin));
     });
     float* const latent = workspace.cell[0].data() + int64_t{begin} * width_;
-    cell_network_.apply(scratch, end - begin, latent, workspace.next_rows(next, begin));
+    cell_network_.apply(scratch, end - begin, latent, workspace.next_rows(next_layer, begin));
   });
   workspace.advance();
 }
@@ -164,7 +164,7 @@ void ParticleAggregation::gather_to_particle(std::size_t particle, const sparseg
   nn::ActivatedRow<Word> rows[corners];
   for (int k = 0; k < corners; ++k) {
     const auto corner = static_cast<std::size_t>(k);
-    rows[k] = {workspace.now.row<Word>(cells[corner], width_), g2p_corner_.row(k), weight[corner]};
+    rows[k] = {workspace.current.row<Word>(cells[corner], width_), g2p_corner_.row(k), weight[corner]};
   }
   nn::sum_activated(width_, corners, rows, own, sum);
 }

@@ -21,7 +21,7 @@ class ParticleAggregation {
   void encode(const std::vector<float>& features, const std::vector<int32_t>& particle_type,
               const sparsegrid::Hierarchy<3>& hierarchy, AggregationWorkspace& workspace) const;
   /// Ends with what the `next` step gathers of the cells.
-  void particle_to_grid(const sparsegrid::Hierarchy<3>& hierarchy, const nn::Linear& next,
+  void particle_to_grid(const sparsegrid::Hierarchy<3>& hierarchy, const nn::Linear& next_layer,
                         AggregationWorkspace& workspace) const;
   /// What grid_to_particle gathers of cells, [H].
   const nn::Linear& gathered() const { return g2p_cell_part_; }
@@ -34,9 +34,9 @@ class ParticleAggregation {
                    const std::vector<int32_t>& particle_type, const sparsegrid::Hierarchy<3>& hierarchy,
                    AggregationWorkspace& workspace, TileScratch& scratch) const;
   /// Where p2g_part_ of a tile's latents goes; `spare` where it is packed after.
-  NextRows grid_rows(int32_t begin, float* spare, AggregationWorkspace& workspace) const;
+  NextLayerRows grid_rows(int32_t begin, float* spare, AggregationWorkspace& workspace) const;
   /// The rest of what the grid gathers.
-  void leave_for_grid(int32_t begin, int32_t end, const NextRows& part, const sparsegrid::Hierarchy<3>& hierarchy,
+  void leave_for_grid(int32_t begin, int32_t end, const NextLayerRows& part, const sparsegrid::Hierarchy<3>& hierarchy,
                       AggregationWorkspace& workspace) const;
   /// Word as in GatheredRows.
   template <typename Word>

@@ -50,13 +50,13 @@ MessagePassing::MessagePassing(const nn::Weights& weights, const LayerPlan& plan
 }
 
 void MessagePassing::apply(const HostLinks& links, Buffer<float>& node, Workspace& workspace) const {
-  float* now = workspace.projection[0].data();
+  float* current = workspace.projection[0].data();
   float* next = workspace.projection[1].data();
   const auto tile_of = [&](int32_t begin, int32_t end, TileScratch& scratch) {
-    return Tile{links, begin, end, node.data(), workspace.edge.data(), now, scratch};
+    return Tile{links, begin, end, node.data(), workspace.edge.data(), current, scratch};
   };
   for_each_tile(workspace, links.edge_tile, [&](int32_t begin, int32_t end, TileScratch& scratch) {
-    project(iterations_[0], tile_of(begin, end, scratch), now);
+    project(iterations_[0], tile_of(begin, end, scratch), current);
   });
   for (std::size_t k = 0; k < iterations_.size(); ++k) {
     for_each_tile(workspace, links.edge_tile, [&](int32_t begin, int32_t end, TileScratch& scratch) {
@@ -65,7 +65,7 @@ void MessagePassing::apply(const HostLinks& links, Buffer<float>& node, Workspac
       update_nodes(iterations_[k], tile);
       if (k + 1 < iterations_.size()) project(iterations_[k + 1], tile, next);
     });
-    std::swap(now, next);
+    std::swap(current, next);
   }
 }
 

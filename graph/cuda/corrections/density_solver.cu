@@ -23,7 +23,7 @@ struct Shared {
 };
 
 /// A cell with its neighbours' numbers among the active cells.
-struct HeldCell {
+struct RegisterCell {
   Equation equation;
   float face[6];
   uint16_t neighbor[6];
@@ -63,7 +63,7 @@ class Solver {
   }
 
   __device__ void upper_faces(int32_t i, float (&upper)[3]) const {
-    for (int d = 0; d < 3; ++d) upper[d] = s_.shares[i + s_.cells.stride(d)].face[d];
+    for (int d = 0; d < 3; ++d) upper[d] = s_.open_fractions[i + s_.cells.stride(d)].face[d];
   }
 
   __device__ void clear_words() {
@@ -75,12 +75,12 @@ class Solver {
 
   __device__ void solve_few(int32_t begin, int32_t end) {
     if (cluster_.block_rank() != 0) return;
-    HeldCell held[2][cells_a_thread];
+    RegisterCell register_cells[2][cells_a_thread];
 #pragma unroll
     for (int color = 0; color < 2; ++color)
 #pragma unroll
       for (int j = 0; j < cells_a_thread; ++j)
-        hold(held[color][j], color, number(begin, color, j), color == 0 ? begin : end);
+        load_cell(register_cells[color][j], color, number(begin, color, j), color == 0 ? begin : end);
     if (threadIdx.x == 0) shared_.pressure[2 * few_cells] = 0;
     __syncthreads();
     for (int32_t k = static_cast<int32_t>(threadIdx.x); k < end; k += block_threads) s_.mass[__ldcg(s_.cell + k)] = 0;
@@ -88,7 +88,7 @@ class Solver {
 #pragma unroll
       for (int color = 0; color < 2; ++color) {
 #pragma unroll
-        for (int j = 0; j < cells_a_thread; ++j) sweep_held(held[color][j], number(begin, color, j));
+        for (int j = 0; j < cells_a_thread; ++j) sweep_registers(register_cells[color][j], number(begin, color, j));
         __syncthreads();
       }
     for (int32_t k = static_cast<int32_t>(threadIdx.x); k < end; k += block_threads)
@@ -97,25 +97,25 @@ class Solver {
   __device__ static int32_t number(int32_t begin, int color, int j) {
     return (color == 0 ? 0 : begin) + static_cast<int32_t>(threadIdx.x) + j * block_threads;
   }
-  __device__ void hold(HeldCell& held, int color, int32_t k, int32_t end) {
-    held.equation.inverse_sum = 0;
+  __device__ void load_cell(RegisterCell& cell, int color, int32_t k, int32_t end) {
+    cell.equation.inverse_sum = 0;
     if (k >= end) return;
     const int32_t i = __ldcg(s_.cell + k);
 #pragma unroll
     for (int d = 0; d < 3; ++d) {
       const int32_t stride = s_.cells.stride(d);
-      held.neighbor[2 * d] = active_number(1 - color, i - stride);
-      held.neighbor[2 * d + 1] = active_number(1 - color, i + stride);
+      cell.neighbor[2 * d] = active_number(1 - color, i - stride);
+      cell.neighbor[2 * d + 1] = active_number(1 - color, i + stride);
     }
-    const Shares own = s_.shares[i];
+    const OpenFractions own = s_.open_fractions[i];
     float upper[3];
     upper_faces(i, upper);
-    held.equation = equation_of(__ldcg(s_.mass + i), own, upper);
+    cell.equation = equation_of(__ldcg(s_.mass + i), own, upper);
     shared_.pressure[k] = __ldcg(s_.pressure + i);
 #pragma unroll
     for (int d = 0; d < 3; ++d) {
-      held.face[2 * d] = own.face[d];
-      held.face[2 * d + 1] = upper[d];
+      cell.face[2 * d] = own.face[d];
+      cell.face[2 * d + 1] = upper[d];
     }
   }
   /// Number of a cell of a colour; one without pressure where it holds no matter.
@@ -125,14 +125,14 @@ class Solver {
     const int32_t number = __ldcg(s_.rank + bit / word_bits) + grid::ones(word & (mask - 1));
     return static_cast<uint16_t>((word & mask) == 0 ? 2 * few_cells : number);
   }
-  __device__ void sweep_held(const HeldCell& held, int32_t k) {
-    if (held.equation.inverse_sum == 0) return;
-    float sum = held.equation.excess;
+  __device__ void sweep_registers(const RegisterCell& cell, int32_t k) {
+    if (cell.equation.inverse_sum == 0) return;
+    float sum = cell.equation.excess;
 #pragma unroll
     for (int d = 0; d < 3; ++d)
-      sum += held.face[2 * d] * shared_.pressure[held.neighbor[2 * d]] +
-             held.face[2 * d + 1] * shared_.pressure[held.neighbor[2 * d + 1]];
-    shared_.pressure[k] = relaxed(shared_.pressure[k], sum, held.equation.inverse_sum, s_.relaxation);
+      sum += cell.face[2 * d] * shared_.pressure[cell.neighbor[2 * d]] +
+             cell.face[2 * d + 1] * shared_.pressure[cell.neighbor[2 * d + 1]];
+    shared_.pressure[k] = relaxed(shared_.pressure[k], sum, cell.equation.inverse_sum, s_.relaxation);
   }
 
   const DensitySystem& s_;

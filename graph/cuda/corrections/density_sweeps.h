@@ -12,7 +12,7 @@ namespace graupel::graph::density {
 struct SweptCell {
   int32_t cell = -1;  ///< none
   Equation equation;
-  float pressure, lower[3], upper[3];  ///< shares of the faces
+  float pressure, lower[3], upper[3];  ///< open fractions of the faces
 };
 
 /// The sweeps of one of `threads` threads, which wait for each other between the colours.
@@ -26,12 +26,12 @@ class Sweeps {
   /// `wait`: until all threads are there.
   template <typename Wait>
   __device__ void run(const Wait& wait) {
-    SweptCell held[2][cells_a_thread];
+    SweptCell register_cells[2][cells_a_thread];
 #pragma unroll
     for (int color = 0; color < 2; ++color) {
 #pragma unroll
       for (int j = 0; j < cells_a_thread; ++j)
-        if (number(color, j) < begin_[color + 1]) held[color][j] = taken(number(color, j));
+        if (number(color, j) < begin_[color + 1]) register_cells[color][j] = taken(number(color, j));
       for (int32_t k = number(color, cells_a_thread); k < begin_[color + 1]; k += threads_)
         s_.equation[k] = taken(k).equation;
     }
@@ -40,7 +40,7 @@ class Sweeps {
       for (int color = 0; color < 2; ++color) {
 #pragma unroll
         for (int j = 0; j < cells_a_thread; ++j)
-          if (held[color][j].cell >= 0) relax(held[color][j]);
+          if (register_cells[color][j].cell >= 0) relax(register_cells[color][j]);
         for (int32_t k = number(color, cells_a_thread); k < begin_[color + 1]; k += threads_) relax_again(k);
         if (color == 0 || sweep + 1 < s_.sweeps) wait();
       }
@@ -51,41 +51,41 @@ class Sweeps {
 
   /// Cell number k; its mass is used up.
   __device__ SweptCell taken(int32_t k) {
-    SweptCell held = with_faces(k);
-    held.equation = equation_of(s_.mass[held.cell], s_.shares[held.cell], held.upper);
-    s_.mass[held.cell] = 0;
-    return held;
+    SweptCell swept = with_faces(k);
+    swept.equation = equation_of(s_.mass[swept.cell], s_.open_fractions[swept.cell], swept.upper);
+    s_.mass[swept.cell] = 0;
+    return swept;
   }
   __device__ SweptCell with_faces(int32_t k) {
-    SweptCell held;
-    held.cell = __ldcg(s_.cell + k);
-    const Shares own = s_.shares[held.cell];
+    SweptCell swept;
+    swept.cell = __ldcg(s_.cell + k);
+    const OpenFractions own = s_.open_fractions[swept.cell];
 #pragma unroll
     for (int d = 0; d < 3; ++d) {
-      held.lower[d] = own.face[d];
-      held.upper[d] = s_.shares[held.cell + s_.cells.stride(d)].face[d];
+      swept.lower[d] = own.face[d];
+      swept.upper[d] = s_.open_fractions[swept.cell + s_.cells.stride(d)].face[d];
     }
-    held.pressure = __ldcg(s_.pressure + held.cell);
-    return held;
+    swept.pressure = __ldcg(s_.pressure + swept.cell);
+    return swept;
   }
-  __device__ void relax(SweptCell& held) {
-    if (held.equation.inverse_sum == 0) return;
-    float below[3], above[3], sum = held.equation.excess;
+  __device__ void relax(SweptCell& swept) {
+    if (swept.equation.inverse_sum == 0) return;
+    float below[3], above[3], sum = swept.equation.excess;
 #pragma unroll
     for (int d = 0; d < 3; ++d) {
-      below[d] = __ldcg(s_.pressure + held.cell - s_.cells.stride(d));
-      above[d] = __ldcg(s_.pressure + held.cell + s_.cells.stride(d));
+      below[d] = __ldcg(s_.pressure + swept.cell - s_.cells.stride(d));
+      above[d] = __ldcg(s_.pressure + swept.cell + s_.cells.stride(d));
     }
 #pragma unroll
-    for (int d = 0; d < 3; ++d) sum += held.lower[d] * below[d] + held.upper[d] * above[d];
-    held.pressure = relaxed(held.pressure, sum, held.equation.inverse_sum, s_.relaxation);
-    s_.pressure[held.cell] = held.pressure;
+    for (int d = 0; d < 3; ++d) sum += swept.lower[d] * below[d] + swept.upper[d] * above[d];
+    swept.pressure = relaxed(swept.pressure, sum, swept.equation.inverse_sum, s_.relaxation);
+    s_.pressure[swept.cell] = swept.pressure;
   }
-  /// A cell beyond those that threads hold.
+  /// A cell beyond those in registers.
   __device__ void relax_again(int32_t k) {
-    SweptCell held = with_faces(k);
-    held.equation = s_.equation[k];
-    relax(held);
+    SweptCell swept = with_faces(k);
+    swept.equation = s_.equation[k];
+    relax(swept);
   }
 
   const DensitySystem& s_;

@@ -22,13 +22,13 @@ struct GridInputs {
   const Vec3f* position = nullptr;    ///< [particles]
   Vec3d origin = {};                  ///< of the grid [m]
   GridLinks grid = {};
-  LevelCapacity room;  ///< frames with more cells than that are not predicted
+  LevelCapacity capacity;  ///< frames with more cells than that are not predicted
 };
 
 class GridNetwork {
  public:
   virtual ~GridNetwork() = default;
-  /// Makes room; what follows reads these inputs.
+  /// Allocates the capacity; what follows reads these inputs.
   virtual void prepare(const GridInputs& inputs) = 0;
   /// Before each further launch(), and outside of a recording.
   virtual void reset() {}

@@ -163,7 +163,7 @@ void MessagePass::pass_messages(const PlanBlock& block) {
   std::vector<NodeArrays> all;
   Projections projected = std::exchange(ahead_, {});
   for (int64_t k = 0; k < block.iterations; ++k) {
-    const BlockLayers now = layers(block, k);
+    const BlockLayers current = layers(block, k);
     const NodeArrays own = arrays_of(block, k, all);
     const bool is_followed = k + 1 < block.iterations;
     if (projected.weight[0] == nullptr) {
@@ -171,15 +171,15 @@ void MessagePass::pass_messages(const PlanBlock& block) {
       project_nodes(projected, level, nodes.f16);
     }
     MessageRecord::Step& step = record_.step.emplace_back();
-    FusedMlp& edge = step.edge = network_.network(now.gather->name, level.edges, level.edge_count);
+    FusedMlp& edge = step.edge = network_.network(current.gather->name, level.edges, level.edge_count);
     edge.table[0] = {projected.out[0], {level.sender}};
     edge.table[1] = {projected.out[1], {level.receiver}};
     edge.out16 = edges.message();
     if (k == 0 && has_grid()) {
-      edge.table[2] = {network_.table(now.gather->name), {level.slot}};
+      edge.table[2] = {network_.table(current.gather->name), {level.slot}};
       edge.out16 = edges.latent(1);
     } else {
-      edge.operand[0] = {.rows = edges.latent(k), .weight = network_.tile(now.gather->name, 2 * h)};
+      edge.operand[0] = {.rows = edges.latent(k), .weight = network_.tile(current.gather->name, 2 * h)};
       if (is_followed) {
         edge.add16 = edges.latent(k);
         edge.sum16 = edges.latent(k + 1);
@@ -198,7 +198,7 @@ void MessagePass::pass_messages(const PlanBlock& block) {
                    stream_);
       sum = {.rows = own.received};
     }
-    step.node = update(*now.update, level.cells, level.cell_count, sum, nodes, own.latents);
+    step.node = update(*current.update, level.cells, level.cell_count, sum, nodes, own.latents);
     projected = {};
     if (is_followed && projects_ahead()) step.node.epilogue = projected = arrays_of(block, k + 1, all).projections;
     forward(step.node, stream_);

@@ -9,7 +9,7 @@ MessageNetwork::MessageNetwork(const HgnConfig& config, const nn::Weights& weigh
 
 void MessageNetwork::prepare(const GridInputs& inputs) {
   inputs_ = inputs;
-  places_.prepare(inputs.room);
+  places_.prepare(inputs.capacity);
   output_.resize_discard(static_cast<std::size_t>(network_.plan().layers.back().outputs * inputs.particles));
 }
 
@@ -26,7 +26,7 @@ NetworkGraph MessageNetwork::graph() const {
   placed.cell = links.cell;
   placed.pair_begin = links.pair_begin;
   placed.pair = links.pair;
-  for (int l = 0; l < inputs_.room.levels; ++l) placed.level.push_back(places_.level(l));
+  for (int l = 0; l < inputs_.capacity.levels; ++l) placed.level.push_back(places_.level(l));
   return placed;
 }
 

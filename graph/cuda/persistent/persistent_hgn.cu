@@ -48,7 +48,7 @@ class PersistentHgn::Planner {
   void prolong_to_fine(const PlanBlock& block) {
     const PlanLayer& layer = *layers_of(plan_, block).gather;
     begin(layer, Gather::rows, 2);
-    now().addend = vectors_.size();
+    last_planned().addend = vectors_.size();
     add_offsets(vectors_, first_of(layer), block.links.kind);
   }
   /// The network before its iterations is the last one planned.
@@ -67,7 +67,7 @@ class PersistentHgn::Planner {
   }
 
  private:
-  Planned& now() { return to_.plan_.back(); }
+  Planned& last_planned() { return to_.plan_.back(); }
   Layer layer(const std::string& name, int64_t inputs, int64_t outputs) const {
     return {weights_.get(name + ".weight", {outputs, inputs}), weights_.get(name + ".bias", {outputs}), inputs};
   }
@@ -81,7 +81,8 @@ class PersistentHgn::Planner {
     pack_persistent_tile(layer.weight.data() + column, layer.inputs, h, tiles_.data() + tiles_.size() - tile_numbers);
   }
   void vector(int which, const std::vector<float>& values) {
-    std::copy(values.begin(), values.end(), vectors_.begin() + static_cast<std::ptrdiff_t>(now().vectors) + which * h);
+    std::copy(values.begin(), values.end(),
+              vectors_.begin() + static_cast<std::ptrdiff_t>(last_planned().vectors) + which * h);
   }
 
   /// The update of what is gathered by a linear layer.
@@ -118,8 +119,8 @@ class PersistentHgn::Planner {
   /// What the next network gathers of this one's rows: columns from `column` on of a gathering's layer.
   void epilogue(const Layer& gathering, int64_t column, bool with_bias) {
     tile(gathering, column);
-    if (with_bias) vector(out_bias0 + now().network.epilogues, gathering.bias);
-    ++now().network.epilogues;
+    if (with_bias) vector(out_bias0 + last_planned().network.epilogues, gathering.bias);
+    ++last_planned().network.epilogues;
   }
 
   /// W_o offset of the links of a gather, whose last three inputs are the offset.
@@ -135,7 +136,7 @@ class PersistentHgn::Planner {
       }
   }
   void table(const Layer& layer, LinkKind links) {
-    now().table = tables_.size();
+    last_planned().table = tables_.size();
     add_offsets(tables_, layer, links);
   }
 
@@ -144,12 +145,12 @@ class PersistentHgn::Planner {
     const int64_t width = layer.inputs, features = width - plan_.embedding;
     const Layer first = first_of(layer);
     start(Gather::features, feature_tiles(static_cast<int>(features)));
-    now().network.width = static_cast<int32_t>(features);
-    tiles_.resize(tiles_.size() + static_cast<std::size_t>(now().network.operands) * tile_numbers);
-    pack_feature_tiles(first.weight.data(), width, static_cast<int>(features), tiles_.data() + now().tiles);
+    last_planned().network.width = static_cast<int32_t>(features);
+    tiles_.resize(tiles_.size() + static_cast<std::size_t>(last_planned().network.operands) * tile_numbers);
+    pack_feature_tiles(first.weight.data(), width, static_cast<int>(features), tiles_.data() + last_planned().tiles);
     vector(bias1, first.bias);
     finish(layer);
-    now().addend = vectors_.size();
+    last_planned().addend = vectors_.size();
     const int64_t types = 9, e = plan_.embedding;
     const std::vector<float> embedding = weights_.get("embedding.weight", {types, e});
     for (int64_t t = 0; t < types; ++t)
@@ -164,7 +165,7 @@ class PersistentHgn::Planner {
                 from_grid = first_of(*layers_of(plan_, plan_.blocks.back()).gather);
     epilogue(to_grid, 0, true);
     epilogue(from_grid, h, true);
-    now().offsets = vectors_.size();
+    last_planned().offsets = vectors_.size();
     add_axes(to_grid, h, -1);
     add_axes(from_grid, 2 * h, 1);
   }
@@ -180,7 +181,7 @@ class PersistentHgn::Planner {
     for (int64_t d = 0; d < 3; ++d) {
       const auto row = second.weight.begin() + d * h;
       vector(out_bias1 + static_cast<int>(d), {row, row + h});
-      now().network.decoder_bias[d] = second.bias[static_cast<std::size_t>(d)];
+      last_planned().network.decoder_bias[d] = second.bias[static_cast<std::size_t>(d)];
     }
   }
 
@@ -229,11 +230,12 @@ void PersistentHgn::prepare(const GridInputs& inputs) {
   const int64_t n = inputs.particles;
   particles_ = n;
   int64_t cells = 0;
-  for (std::size_t l = 0; l < levels; ++l) cells += inputs.room.cells[l];
+  for (std::size_t l = 0; l < levels; ++l) cells += inputs.capacity.cells[l];
   latents_.resize_discard(static_cast<std::size_t>((n + cells) * h));
   projections_.resize_discard(static_cast<std::size_t>((2 * n + 4 * cells) * h));
   output_.resize_discard(static_cast<std::size_t>(config_.output_width() * n));
-  part_sums_.resize_discard(static_cast<std::size_t>(rows_of_pair_aggregation(inputs.room.cells[0], corners * n) * h));
+  part_sums_.resize_discard(
+      static_cast<std::size_t>(rows_of_pair_aggregation(inputs.capacity.cells[0], corners * n) * h));
   done_.resize_discard(plan_.size());
   range_.upload({0, static_cast<int32_t>(n), 0});
 
@@ -247,11 +249,11 @@ void PersistentHgn::prepare(const GridInputs& inputs) {
   struct Level {
     float* f;
     uint16_t* projected[2][2];  ///< of the iteration that reads, and of the next one
-    int turn = 0;
+    int current_buffer = 0;
   };
   std::vector<Level> level;
   for (std::size_t l = 0; l < levels; ++l) {
-    const int64_t rows = inputs.room.cells[l];
+    const int64_t rows = inputs.capacity.cells[l];
     level.push_back({latents(rows), {{projections(rows), projections(rows)}, {projections(rows), projections(rows)}}});
   }
 
@@ -280,7 +282,7 @@ void PersistentHgn::prepare(const GridInputs& inputs) {
         break;
       case Gather::pairs:
         pair_aggregation_ = {.range = grid.level_begin,
-                             .most_cells = static_cast<int32_t>(inputs.room.cells[0]),
+                             .most_cells = static_cast<int32_t>(inputs.capacity.cells[0]),
                              .overflow = grid.overflow,
                              .begin = grid.pair_begin,
                              .pair = grid.pair,
@@ -293,14 +295,14 @@ void PersistentHgn::prepare(const GridInputs& inputs) {
         network.begin = grid.pair_begin;
         break;
       case Gather::links:
-        network.source = level[l].projected[level[l].turn][0];
-        network.own = level[l].projected[level[l].turn][1];
+        network.source = level[l].projected[level[l].current_buffer][0];
+        network.own = level[l].projected[level[l].current_buffer][1];
         network.link = grid.neighbor;
         network.second = network.add32 = level[l].f;
-        level[l].turn = 1 - level[l].turn;
+        level[l].current_buffer = 1 - level[l].current_buffer;
         break;
       case Gather::children:
-        network.source = level[l].projected[level[l].turn][0];
+        network.source = level[l].projected[level[l].current_buffer][0];
         network.link = grid.children;
         ++l;
         break;
@@ -312,7 +314,7 @@ void PersistentHgn::prepare(const GridInputs& inputs) {
         network.second = network.add32 = level[l].f;
         break;
       case Gather::corners:
-        network.source = level[0].projected[level[0].turn][0];
+        network.source = level[0].projected[level[0].current_buffer][0];
         network.own = from_grid;
         network.link = grid.cell;
         network.weight = grid.weight;
@@ -328,10 +330,10 @@ void PersistentHgn::prepare(const GridInputs& inputs) {
       network.most_rows = static_cast<int32_t>(n);
     } else {
       network.range = grid.level_begin + l;
-      network.most_rows = static_cast<int32_t>(inputs.room.cells[l]);
+      network.most_rows = static_cast<int32_t>(inputs.capacity.cells[l]);
       network.sum32 = level[l].f;
-      network.out[0] = level[l].projected[level[l].turn][0];
-      network.out[1] = level[l].projected[level[l].turn][1];
+      network.out[0] = level[l].projected[level[l].current_buffer][0];
+      network.out[1] = level[l].projected[level[l].current_buffer][1];
     }
     networks.push_back(network);
     most_rows_.push_back(network.most_rows);

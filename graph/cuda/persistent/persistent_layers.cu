@@ -17,28 +17,29 @@ class Walk {
 
   __device__ void run() {
     count_rows();
-    int network = next_network(program_.first - 1), next = next_network(network), turn = 0;
+    int network = next_network(program_.first - 1), next = next_network(network), pipeline_index = 0;
     if (network == program_.end) return;
-    describe(network, turn);
-    describe(next, turn + 1);
+    describe(network, pipeline_index);
+    describe(next, pipeline_index + 1);
     wait_for_copies();
-    fetch_vectors(turn);
-    stage(network, turn, static_cast<int>(blockIdx.x));
-    weights_.load_first(of(turn));
-    weights_.load_second(of(turn));
-    weights_.load_outlook(of(turn));
+    fetch_vectors(pipeline_index);
+    stage(network, pipeline_index, static_cast<int>(blockIdx.x));
+    weights_.load_first(of(pipeline_index));
+    weights_.load_second(of(pipeline_index));
+    weights_.load_outlook(of(pipeline_index));
     wait_for_copies();
-    for (; network < program_.end; ++turn) {
+    for (; network < program_.end; ++pipeline_index) {
       const int after_next = next_network(next);
-      describe(after_next, turn + 2);
-      if (next < program_.end) fetch_vectors(turn + 1);
+      describe(after_next, pipeline_index + 2);
+      if (next < program_.end) fetch_vectors(pipeline_index + 1);
       wait_until_complete(network - 1);
       int finished = 0;
       for (int tile = static_cast<int>(blockIdx.x); tile < tiles(network);) {
         const int after = tile + static_cast<int>(gridDim.x);
         const bool goes_on = after < tiles(network);
         ++finished;
-        work(network, turn, tile, goes_on ? network : next, goes_on ? after : static_cast<int>(blockIdx.x), finished);
+        work(network, pipeline_index, tile, goes_on ? network : next, goes_on ? after : static_cast<int>(blockIdx.x),
+             finished);
         tile = after;
       }
       network = next;
@@ -48,8 +49,10 @@ class Walk {
 
  private:
   __device__ int tiles(int network) const { return s_.tiles[network]; }
-  /// What is known of the network at this turn of the block.
-  __device__ const PersistentLayer& of(int turn) const { return s_.network[turn & (descriptions - 1)]; }
+  /// Description of the network at this pipeline index.
+  __device__ const PersistentLayer& of(int pipeline_index) const {
+    return s_.network[pipeline_index & (descriptions - 1)];
+  }
   /// The next network of the launch in which the block has work; its end where there is none.
   __device__ int next_network(int after) const {
     int network = std::min(after + 1, program_.end);
@@ -76,20 +79,20 @@ class Walk {
   }
 
   /// Starts to copy what is to be known of a network.
-  __device__ void describe(int network, int turn) {
+  __device__ void describe(int network, int pipeline_index) {
     constexpr int own_words = sizeof(PersistentLayer) / 16;
     static_assert(own_words < threads);
     const int i = static_cast<int>(threadIdx.x);
     if (network < program_.end && i < own_words)
-      copy_async<16>(reinterpret_cast<char*>(&s_.network[turn & (descriptions - 1)]) + 16 * i,
+      copy_async<16>(reinterpret_cast<char*>(&s_.network[pipeline_index & (descriptions - 1)]) + 16 * i,
                      reinterpret_cast<const char*>(program_.network + network) + 16 * i);
   }
   /// Starts to copy the vectors and the table of a network that is known.
-  __device__ void fetch_vectors(int turn) {
+  __device__ void fetch_vectors(int pipeline_index) {
     static_assert(vectors_of_network * layer_width == 4 * threads && most_slots * layer_width == 4 * threads);
     const int i = 4 * static_cast<int>(threadIdx.x);
-    copy_async<16>(&s_.vectors[turn % 2][0][0] + i, of(turn).vectors + i);
-    if (of(turn).table) copy_async<16>(&s_.table[turn % 2][0][0] + i, of(turn).table + i);
+    copy_async<16>(&s_.vectors[pipeline_index % 2][0][0] + i, of(pipeline_index).vectors + i);
+    if (of(pipeline_index).table) copy_async<16>(&s_.table[pipeline_index % 2][0][0] + i, of(pipeline_index).table + i);
   }
   __device__ static void wait_for_copies() {
     asm volatile("cp.async.wait_all;" ::: "memory");
@@ -120,21 +123,23 @@ class Walk {
     }
   }
 
-  __device__ void stage(int network, int turn, int tile) {
-    stage_links(s_.links[staged_], of(turn), s_.first_link[network], int64_t{tile} * tile_rows, s_.rows[network]);
+  __device__ void stage(int network, int pipeline_index, int tile) {
+    stage_links(s_.links[staged_], of(pipeline_index), s_.first_link[network], int64_t{tile} * tile_rows,
+                s_.rows[network]);
   }
 
   /// One tile. What is to be known of the next one is asked for; where it is of the next network, the weights make
   /// place for those of that network as soon as they have been used.
-  __device__ void work(int network, int turn, int tile, int next_network, int next_tile, int finished) {
+  __device__ void work(int network, int pipeline_index, int tile, int next_network, int next_tile, int finished) {
     const bool ends = next_network != network, last = ends && next_network < program_.end;
-    const PersistentLayer& n = of(turn);
-    const PersistentLayer& next = of(turn + 1);
+    const PersistentLayer& n = of(pipeline_index);
+    const PersistentLayer& next = of(pipeline_index + 1);
     const int64_t first_link = s_.first_link[network], first = int64_t{tile} * tile_rows;
     const int64_t rows = std::min<int64_t>(s_.rows[network], first + tile_rows);
     const Place at;
     float* const scratch = reinterpret_cast<float*>(s_.hidden);
-    gather(n, s_.links[staged_], s_.table[turn % 2], first_link, first, rows, s_.operand[0], s_.operand[1], scratch);
+    gather(n, s_.links[staged_], s_.table[pipeline_index % 2], first_link, first, rows, s_.operand[0], s_.operand[1],
+           scratch);
     if (n.offset.position)
       for (int i = static_cast<int>(threadIdx.x); i < 3 * tile_rows; i += threads)
         if (first + i / 3 < rows) s_.offset[i / 3][i % 3] = cell_offset(n.offset, first + i / 3, i % 3);
@@ -147,22 +152,22 @@ class Walk {
         before[half] = __ldcg(reinterpret_cast<const float4*>(n.add32 + row * layer_width + at.column));
     }
     staged_ = 1 - staged_;
-    if (next_network < program_.end) stage(next_network, ends ? turn + 1 : turn, next_tile);
+    if (next_network < program_.end) stage(next_network, ends ? pipeline_index + 1 : pipeline_index, next_tile);
     __syncthreads();
 
     Part c;
-    first_layer(n, turn, first_link, first, rows, c, at);
+    first_layer(n, pipeline_index, first_link, first, rows, c, at);
     if (last) weights_.load_first(next);
     __syncthreads();
 
     c.clear();
-    c.add(vector_of(s_.vectors[turn % 2], bias2, at));
+    c.add(vector_of(s_.vectors[pipeline_index % 2], bias2, at));
     multiply(c, s_.hidden, weights_.second, at.lane);
     leave_statistics(s_, c, at);
     if (last) weights_.load_second(next);
     __syncthreads();
 
-    normalize(s_, turn, c, at);
+    normalize(s_, pipeline_index, c, at);
 #pragma unroll
     for (int half = 0; half < 2; ++half) {
       c.add(half, before[half]);
@@ -171,7 +176,7 @@ class Walk {
     }
     if (n.epilogues > 0) store(s_.operand[0], c, at);
     __syncthreads();
-    if (n.epilogues > 0) look_ahead(n, turn, first, rows, at);
+    if (n.epilogues > 0) look_ahead(n, pipeline_index, first, rows, at);
     if (n.decoded) decode(n, first, rows);
     if (ends) {
       __syncthreads();
@@ -181,12 +186,12 @@ class Walk {
     wait_for_copies();
   }
 
-  __device__ void first_layer(const PersistentLayer& n, int turn, int64_t first_link, int64_t first, int64_t rows,
-                              Part& c, const Place& at) {
+  __device__ void first_layer(const PersistentLayer& n, int pipeline_index, int64_t first_link, int64_t first,
+                              int64_t rows, Part& c, const Place& at) {
     Part other;
     other.clear();
     c.clear();
-    c.add(vector_of(s_.vectors[turn % 2], bias1, at));
+    c.add(vector_of(s_.vectors[pipeline_index % 2], bias1, at));
     if (n.addend) {
 #pragma unroll
       for (int half = 0; half < 2; ++half) {
@@ -206,13 +211,14 @@ class Walk {
     store(s_.hidden, c, at);
   }
 
-  __device__ void look_ahead(const PersistentLayer& n, int turn, int64_t first, int64_t rows, const Place& at) {
+  __device__ void look_ahead(const PersistentLayer& n, int pipeline_index, int64_t first, int64_t rows,
+                             const Place& at) {
     const uint16_t* const from = s_.operand[0];
     Part c[2];
 #pragma unroll
     for (int j = 0; j < 2; ++j) {
       c[j].clear();
-      c[j].add(vector_of(s_.vectors[turn % 2], out_bias0 + j, at));
+      c[j].add(vector_of(s_.vectors[pipeline_index % 2], out_bias0 + j, at));
     }
     if (n.epilogues > 1)
       multiply(c[0], c[1], from, from, weights_.epilogue[0], weights_.epilogue[1], at.lane);
@@ -220,7 +226,7 @@ class Walk {
       multiply(c[0], from, weights_.epilogue[0], at.lane);
     if (n.decoded) {
       c[0].activate();
-      leave_decoded(s_, turn, c[0], at);
+      leave_decoded(s_, pipeline_index, c[0], at);
       return;
     }
 #pragma unroll

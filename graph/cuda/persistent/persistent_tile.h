@@ -49,9 +49,9 @@ __device__ inline void leave_statistics(TileMemory& s, Part& c, const Place& at)
 }
 
 /// Layer norm from the statistics of all warps (Chan et al. 1983, equation 2.1).
-__device__ inline void normalize(const TileMemory& s, int turn, Part& c, const Place& at) {
-  const float4 scale = vector_of(s.vectors[turn % 2], norm_scale, at),
-               shift = vector_of(s.vectors[turn % 2], norm_shift, at);
+__device__ inline void normalize(const TileMemory& s, int pipeline_index, Part& c, const Place& at) {
+  const float4 scale = vector_of(s.vectors[pipeline_index % 2], norm_scale, at),
+               shift = vector_of(s.vectors[pipeline_index % 2], norm_shift, at);
 #pragma unroll
   for (int half = 0; half < 2; ++half) {
     const int row = at.group + 8 * half;
@@ -91,10 +91,10 @@ __device__ inline void add_offset(Part& c, int half, const CellOffset& offset, i
 }
 
 /// The decoder's second layer: a warp's columns' parts of its sums.
-__device__ inline void leave_decoded(TileMemory& s, int turn, Part& c, const Place& at) {
+__device__ inline void leave_decoded(TileMemory& s, int pipeline_index, Part& c, const Place& at) {
 #pragma unroll
   for (int d = 0; d < 3; ++d) {
-    const float4 w = vector_of(s.vectors[turn % 2], out_bias1 + d, at);
+    const float4 w = vector_of(s.vectors[pipeline_index % 2], out_bias1 + d, at);
 #pragma unroll
     for (int half = 0; half < 2; ++half) {
       const float4 v = c.row(half);

@@ -6,7 +6,7 @@
 
 #include "core/parallel/cuda_check.h"
 #include "core/parallel/parallel_for_in.h"
-#include "core/scene/held_particles.h"
+#include "core/scene/kinematic_particles.h"
 #include "core/system/error.h"
 #include "graph/corrections/density_kernels.h"
 #include "graph/corrections/density_projection.h"
@@ -57,16 +57,16 @@ struct StepParticles {
   Normalization statistics;
   const float* output;  ///< of the frame, [particles, 3] in rows of `width`
   int32_t width;
-  const Vec3f *before, *now;
+  const Vec3f *before, *current;
   float limit;           ///< [m/frame]
   const int32_t* fault;  ///< the output is of no use
   FrameStatus* status;
   Vec3f* next;
   GRAUPEL_HD void operator()(int64_t i) const {
     if (*fault != 0) return;
-    const Vec3f velocity = now[i] - before[i] + real_acceleration(statistics, false, output + width * i);
+    const Vec3f velocity = current[i] - before[i] + real_acceleration(statistics, false, output + width * i);
     if (!(norm2(velocity) <= limit * limit)) status->diverged = 1;
-    next[i] = now[i] + velocity;
+    next[i] = current[i] + velocity;
   }
 };
 
@@ -94,19 +94,19 @@ struct PushAndSpread {
   }
 };
 
-/// The last of it: the frame to come becomes `now`, and `now` becomes `before`, unless the output is of no use. The
-/// particle that is finished last makes the frame to come the newest.
+/// The last of it: the frame to come becomes `current`, and `current` becomes `before`, unless the output is of no use.
+/// The particle that is finished last makes the frame to come the newest.
 struct PushLast {
   PushParticles push;
   const int32_t* fault;
-  Vec3f *before, *now;
+  Vec3f *before, *current;
   FrameStatus* status;
   FrameStatus* seen;  ///< on the host
   GRAUPEL_HD void operator()(int64_t i) const {
     if (*fault == 0) {
       const Vec3f x = push.pushed(i);
-      before[i] = now[i];
-      now[i] = push.ring.at(-1, i) = x;
+      before[i] = current[i];
+      current[i] = push.ring.at(-1, i) = x;
     }
 #ifdef __CUDA_ARCH__
     __threadfence();
@@ -162,7 +162,7 @@ struct CudaSimulator::Impl {
   /// History and the frames to come.
   int32_t ring_frames() const { return static_cast<int32_t>(config.history + 1 + config.bundle); }
   /// The newest frame.
-  Vec3f* now() { return model->position(); }
+  Vec3f* current() { return model->position(); }
   FrameRing frame_ring() { return {ring.data(), particles, ring_frames(), &status.data()->newest}; }
   /// Of accelerations; without a network gravity alone.
   Normalization real_statistics() const {
@@ -181,7 +181,7 @@ struct CudaSimulator::Impl {
   void launch_network();
   void launch_move(int64_t frame);
   void launch_bundle();
-  bool make_room();
+  bool ensure_capacity();
   void record_bundle();
 
   std::unique_ptr<FrameModel> model;
@@ -227,14 +227,14 @@ void CudaSimulator::Impl::launch_graph() {
 void CudaSimulator::Impl::launch_network() {
   if (!laws.network) {
     mark(hierarchy_done);
-    if (flight) flight->find_groups(before.data(), now(), stream);
+    if (flight) flight->find_groups(before.data(), current(), stream);
     return mark(network_done);
   }
   const auto find_groups = [&] {
     if (!flight) return;
     GRAUPEL_CUDA_CHECK(cudaEventRecord(room_beside, stream));
     GRAUPEL_CUDA_CHECK(cudaStreamWaitEvent(group_stream, room_beside, 0));
-    flight->find_groups(before.data(), now(), group_stream);
+    flight->find_groups(before.data(), current(), group_stream);
     GRAUPEL_CUDA_CHECK(cudaEventRecord(groups_there, group_stream));
   };
   model->launch(stream, {[&] { mark(hierarchy_done); }, find_groups});
@@ -249,11 +249,12 @@ void CudaSimulator::Impl::launch_move(int64_t frame) {
   const auto limit = static_cast<float>(std::max({size[0], size[1], size[2]}));
   parallel_for_in(stream, Device::cuda, particles,
                   StepParticles{real_statistics(), output() + 3 * frame, static_cast<int32_t>(config.output_width()),
-                                before.data(), now(), limit, fault(), status.data(), next.data()});
-  if (flight && frame > 0) flight->find_groups(before.data(), now(), stream);
-  if (flight) flight->correct(before.data(), now(), next.data(), stream);
-  const PushParticles push{environment->swept_collision(Device::cuda), laws.project, frame_ring(), now(), next.data()};
-  PushLast last{push, fault(), before.data(), now(), status.data(), seen};
+                                before.data(), current(), limit, fault(), status.data(), next.data()});
+  if (flight && frame > 0) flight->find_groups(before.data(), current(), stream);
+  if (flight) flight->correct(before.data(), current(), next.data(), stream);
+  const PushParticles push{environment->swept_collision(Device::cuda), laws.project, frame_ring(), current(),
+                           next.data()};
+  PushLast last{push, fault(), before.data(), current(), status.data(), seen};
   if (density && frame + 1 == config.bundle) {
     parallel_for_in(stream, Device::cuda, particles, PushAndSpread{push, density->spreading(next.data(), particles)});
     density->between(next.data(), particles, stream);
@@ -271,13 +272,13 @@ void CudaSimulator::Impl::launch_bundle() {
   mark(end);
 }
 
-/// Room for the graph of the newest frame; false when a particle is outside what it can hold.
-bool CudaSimulator::Impl::make_room() {
+/// Capacity for the graph of the newest frame; false when a particle is outside what it can hold.
+bool CudaSimulator::Impl::ensure_capacity() {
   if (!laws.network) return true;
   launch_graph();
-  const FrameModel::Room room = model->make_room();
-  if (room == FrameModel::Room::moved) drop_graph();
-  return room != FrameModel::Room::none;
+  const FrameModel::CapacityStatus capacity = model->ensure_capacity();
+  if (capacity == FrameModel::CapacityStatus::reallocated) drop_graph();
+  return capacity != FrameModel::CapacityStatus::exceeded;
 }
 
 /// The graph of a bundle. The network runs once before, so that all memory is there.
@@ -356,23 +357,23 @@ bool CudaSimulator::advance() {
   };
   if (show_next()) return true;
   if (impl.seen->diverged != 0) return false;
-  for (bool has_room = false;;) {
+  for (bool has_capacity = false;;) {
     if (!impl.graph) {
-      if (!impl.make_room()) return false;
+      if (!impl.ensure_capacity()) return false;
       impl.record_bundle();
-      has_room = true;
+      has_capacity = true;
     }
     GRAUPEL_CUDA_CHECK(cudaGraphLaunch(impl.graph, impl.stream));
     impl.wait();
     if (impl.seen->fault == 0) return show_next();
-    GRAUPEL_ASSERT(!has_room);
+    GRAUPEL_ASSERT(!has_capacity);
     impl.drop_graph();  // the newest frame is still the same
   }
 }
 
 std::vector<Vec3f> CudaSimulator::accelerations() {
   Impl& impl = *impl_;
-  if (!impl.make_room())
+  if (!impl.ensure_capacity())
     throw InputError("a particle lies outside the domain of its scene by more than three cells of the network's grid");
   impl.model->reuse_memory();
   impl.launch_network();

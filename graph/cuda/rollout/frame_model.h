@@ -30,19 +30,19 @@ class FrameModel {
   Vec3f* position() { return position_.data(); }
 
   /// Makes the graph of position(), beside what follows in the stream or in launch(). `with_counts`: at once, with what
-  /// make_room() needs.
+  /// ensure_capacity() needs.
   virtual void launch_graph(void* stream, bool with_counts) = 0;
-  enum class Room {
-    there,  ///< for the graph made last
-    moved,  ///< there, at new places: what was recorded is of no use
-    none    ///< a particle lies outside what the graph can hold
+  enum class CapacityStatus {
+    sufficient,   ///< for the graph made last
+    reallocated,  ///< there, at new places: what was recorded is of no use
+    exceeded      ///< a particle lies outside what the graph can hold
   };
   /// Waits for the graph made last.
-  virtual Room make_room() = 0;
+  virtual CapacityStatus ensure_capacity() = 0;
   /// Normalised accelerations from features() and the graph made last.
   virtual void launch(void* stream, const LaunchHooks& moments) = 0;
   virtual const float* output() const = 0;  ///< [particles, output_width()]
-  /// Not 0 where the graph made last had no room: the output is of no use.
+  /// Not 0 where the graph made last exceeded the capacity: the output is of no use.
   virtual const int32_t* fault() const = 0;
   /// The memory of the launches so far may be used again.
   virtual void reuse_memory() = 0;

@@ -59,14 +59,14 @@ void GnsFrame::make_graph(void* stream) {
   builder_.describe_obstacles(rules_, features_.data(), type_row_.data(), stream);
 }
 
-FrameModel::Room GnsFrame::make_room() {
+FrameModel::CapacityStatus GnsFrame::ensure_capacity() {
   constexpr double spare = 0.5;  // for frames to come
-  const int64_t room = builder_.room();
+  const int64_t capacity = builder_.capacity();
   builder_.finish(spare, stream_);
-  const auto rows = static_cast<std::size_t>(builder_.room() * layer_width);
+  const auto rows = static_cast<std::size_t>(builder_.capacity() * layer_width);
   latent_.resize_discard(rows);
   message_.resize_discard(rows);
-  return builder_.room() == room ? Room::there : Room::moved;
+  return builder_.capacity() == capacity ? CapacityStatus::sufficient : CapacityStatus::reallocated;
 }
 
 void GnsFrame::launch(void* stream, const LaunchHooks& moments) {
@@ -82,7 +82,7 @@ void GnsFrame::launch(void* stream, const LaunchHooks& moments) {
   graph.edge_features = links.features;
   LevelLinks& edges = graph.level.emplace_back();
   edges.cells = graph.particles;
-  edges.edges = builder_.room();
+  edges.edges = builder_.capacity();
   edges.cell_count = links.node_count;
   edges.edge_count = links.edge_count;
   edges.edge_begin = links.begin;

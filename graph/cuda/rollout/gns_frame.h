@@ -17,7 +17,7 @@ class GnsFrame : public FrameModel, private EdgeMemory {
   double spacing() const override { return config_.radius; }
   void start(const Environment& environment, const std::vector<int32_t>& type_row, void* stream) override;
   void launch_graph(void* stream, bool with_counts) override;
-  Room make_room() override;
+  CapacityStatus ensure_capacity() override;
   void launch(void* stream, const LaunchHooks& moments) override;
   const float* output() const override { return output_.data(); }
   const int32_t* fault() const override { return builder_.links().fault; }

@@ -44,7 +44,7 @@ HgnFrame::HgnFrame(const nn::Weights& weights)
 HgnFrame::~HgnFrame() = default;
 
 void HgnFrame::start(const Environment& environment, const std::vector<int32_t>& type_row, void* stream) {
-  room_ = {};
+  capacity_ = {};
   origin_ = environment.wall_low;
   particles_ = static_cast<int64_t>(type_row.size());
   type_row_.upload(type_row);
@@ -59,14 +59,14 @@ void HgnFrame::launch_graph(void* stream, bool with_counts) {
   builder_.build(position_.data(), streams_->grid, with_counts);
 }
 
-FrameModel::Room HgnFrame::make_room() {
+FrameModel::CapacityStatus HgnFrame::ensure_capacity() {
   const GridCounts counts = builder_.counts(streams_->grid);
-  if (counts.overflow) return Room::none;
-  if (room_.holds(counts)) return Room::there;
-  room_ = LevelCapacity::for_counts(counts);
+  if (counts.overflow) return CapacityStatus::exceeded;
+  if (capacity_.holds(counts)) return CapacityStatus::sufficient;
+  capacity_ = LevelCapacity::for_counts(counts);
   network_->prepare(
-      {particles_, features_.data(), type_row_.data(), position_.data(), origin_, builder_.links(), room_});
-  return Room::moved;
+      {particles_, features_.data(), type_row_.data(), position_.data(), origin_, builder_.links(), capacity_});
+  return CapacityStatus::reallocated;
 }
 
 void HgnFrame::launch(void* stream, const LaunchHooks& moments) {

@@ -18,7 +18,7 @@ class HgnFrame : public FrameModel {
   double spacing() const override { return config_.spacing; }
   void start(const Environment& environment, const std::vector<int32_t>& type_row, void* stream) override;
   void launch_graph(void* stream, bool with_counts) override;
-  Room make_room() override;
+  CapacityStatus ensure_capacity() override;
   void launch(void* stream, const LaunchHooks& moments) override;
   const float* output() const override { return network_->output(); }
   const int32_t* fault() const override { return network_->fault(); }
@@ -30,7 +30,7 @@ class HgnFrame : public FrameModel {
   HgnConfig config_;
   std::unique_ptr<GridNetwork> network_;
   GridBuilder builder_;
-  LevelCapacity room_;
+  LevelCapacity capacity_;
   std::unique_ptr<Streams> streams_;
   Vec3d origin_;  ///< of the grid [m]
   int64_t particles_ = 0;

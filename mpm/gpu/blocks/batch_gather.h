@@ -20,7 +20,7 @@ GRAUPEL_HD inline void gather(const NodeSum* node, const Stencil<float, 3>& sten
       float row[3] = {};
       const float w_row = w[0].w[i] * w[1].w[j];
       for (int k = 0; k < 3; ++k) {
-        const NodeSum n = node[reach_index(stencil.base[0] + i, stencil.base[1] + j, stencil.base[2] + k)];
+        const NodeSum n = node[halo_index(stencil.base[0] + i, stencil.base[1] + j, stencil.base[2] + k)];
         const float weight = w_row * w[2].w[k], dz = static_cast<float>(k) - stencil.fx[2];
         for (int c = 0; c < 3; ++c) {
           const float part = weight * n.v[c];
@@ -55,7 +55,7 @@ GRAUPEL_HD inline bool advance_particle(const ParticleView<float>& p, const Scen
     return true;
   }
   Mat<float, 3> C;
-  gather(node, reach_stencil(scene.grid, block, x), scene.grid.inverse_dx, v, C);
+  gather(node, halo_stencil(scene.grid, block, x), scene.grid.inverse_dx, v, C);
   store_matrix<float, 3>(p.affine_velocity, slot, C);
   if (keeps_deformation(m.model)) {
     F = load_matrix<float, 3>(p.deformation_gradient, slot);
@@ -73,7 +73,7 @@ GRAUPEL_HD inline bool advance_particle(const ParticleView<float>& p, const Scen
   p.position.set_vec(slot, x);
   p.velocity.set_vec(slot, v);
   if (!velocity_statistics(v, found)) mark_bad(place, found);
-  return is_in_reach(scene.grid, block, x);
+  return is_in_halo(scene.grid, block, x);
 }
 
 /// All particles of a owner block, from its nodes in shared memory; `report` lies in shared memory too.

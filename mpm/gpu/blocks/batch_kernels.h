@@ -21,17 +21,17 @@ GRAUPEL_HD void particle_to_grid(const Block& block, const BatchView& view, Scat
   const OwnerBlock b = view.owners[owner];
   const SceneProgress& control = view.controls[b.scene];
   if (control.phase != ScenePhase::running) return;
-  scatter_block<block_warps>(block, view.now(), view.scenes[b.scene].view, b, control.dt, shared,
-                             view.arenas + static_cast<int64_t>(owner) * reach_nodes);
+  scatter_block<block_warps>(block, view.current_particles(), view.scenes[b.scene].view, b, control.dt, shared,
+                             view.arenas + static_cast<int64_t>(owner) * halo_nodes);
 }
 
 /// Along each axis a node lies in the arena of its own block, and of the lower one (nodes 0..2) or the upper (node 3).
 /// `part(corner, place)` is the sum of the arena beyond the bits of `corner`, at `place`; those of the other blocks.
-struct NodeReach {
+struct NodeHalo {
   int shift[3];          ///< to the other block
   int own[3], other[3];  ///< place in the arenas of the own and the other block
 
-  GRAUPEL_HD explicit NodeReach(const Vec<int, 3>& c) {
+  GRAUPEL_HD explicit NodeHalo(const Vec<int, 3>& c) {
     for (int d = 0; d < 3; ++d) {
       shift[d] = c[d] == 3 ? 1 : -1;
       own[d] = c[d] + 1;
@@ -39,8 +39,8 @@ struct NodeReach {
     }
   }
   GRAUPEL_HD int place(int corner) const {
-    return reach_index(corner & 1 ? other[0] : own[0], corner >> 1 & 1 ? other[1] : own[1],
-                       corner >> 2 ? other[2] : own[2]);
+    return halo_index(corner & 1 ? other[0] : own[0], corner >> 1 & 1 ? other[1] : own[1],
+                      corner >> 2 ? other[2] : own[2]);
   }
 };
 
@@ -61,21 +61,21 @@ GRAUPEL_HD inline void update_node(const BatchView& view, int64_t entry) {
   const SceneProgress& control = view.controls[b.scene];
   if (control.phase != ScenePhase::running) return;
   const int inside = static_cast<int>(entry % nodes_per_block<3>);
-  const NodeReach reach(node_in_block<3>(inside));
+  const NodeHalo halo(node_in_block<3>(inside));
   NodeSum sum = {};
   for (int corner = 0; corner < 8; ++corner) {
-    const int32_t key = neighbor_key(view, b, corner & 1 ? reach.shift[0] : 0, corner >> 1 & 1 ? reach.shift[1] : 0,
-                                     corner >> 2 ? reach.shift[2] : 0);
+    const int32_t key = neighbor_key(view, b, corner & 1 ? halo.shift[0] : 0, corner >> 1 & 1 ? halo.shift[1] : 0,
+                                     corner >> 2 ? halo.shift[2] : 0);
     const int32_t owner = key < 0 ? -1 : view.owner_of_key[key];
     if (owner < 0) continue;
-    const NodeSum part = view.arenas[static_cast<int64_t>(owner) * reach_nodes + reach.place(corner)];
+    const NodeSum part = view.arenas[static_cast<int64_t>(owner) * halo_nodes + halo.place(corner)];
     for (int n = 0; n < 4; ++n) sum.v[n] += part.v[n];
   }
   view.nodes[entry] = moved_node(view.scenes[b.scene].view, b.key, inside, sum, control.dt);
 }
 
 struct GatherShared {
-  NodeSum node[reach_nodes];
+  NodeSum node[halo_nodes];
   int32_t neighbor[27];  ///< node block at (-1..1)^3, or -1
   StepReport report;
 };
@@ -108,14 +108,14 @@ GRAUPEL_HD void grid_to_particle(const Block& block, const BatchView& view, Gath
   }
   if (t == 0) clear_report(shared.report);
   block.sync();
-  for (int n = t; n < reach_nodes; n += block_threads) {
+  for (int n = t; n < halo_nodes; n += block_threads) {
     const WindowNode node(n);
     const int64_t number = shared.neighbor[node.corner];
-    shared.node[reach_index(n / 64, n / 8 % 8, n % 8)] =
+    shared.node[halo_index(n / 64, n / 8 % 8, n % 8)] =
         number < 0 ? NodeSum{} : view.nodes[number * nodes_per_block<3> + node.inside];
   }
   block.sync();
-  advance_block(block, view.now(), scene, b, dt, shared.node, shared.report);
+  advance_block(block, view.current_particles(), scene, b, dt, shared.node, shared.report);
   block.sync();
   if (t == 0) report_block(block, view, b.scene, shared.report, 1);
 }

@@ -28,7 +28,7 @@ struct WriteSortKeys {
   }
   /// Scenes that run on keep their keys, and so their order.
   GRAUPEL_HD void operator()(int64_t slot) const {
-    const ParticleView<float>& p = view.now();
+    const ParticleView<float>& p = view.current_particles();
     const int32_t scene = scene_of(p.source_index.get(slot));
     slots[slot] = static_cast<int32_t>(slot);
     if (view.controls[scene].phase == ScenePhase::running) {
@@ -60,7 +60,7 @@ struct PermuteBatch {
     for (int k = 0; k < K; ++k) target[k * tile] = source[k * tile];
   }
   GRAUPEL_HD void operator()(int64_t slot) const {
-    const ParticleView<float>&from = view.now(), &to = view.particles[1 - view.counts->current];
+    const ParticleView<float>&from = view.current_particles(), &to = view.particles[1 - view.counts->current];
     const int64_t old = old_slot[slot];
     copy(from.position, to.position, old, slot);
     copy(from.velocity, to.velocity, old, slot);
@@ -169,7 +169,7 @@ struct PackParticles {
 struct PackFrame {
   BatchView view;
   float *position, *velocity;
-  GRAUPEL_HD void operator()(int64_t slot) const { PackParticles{view.now(), position, velocity}(slot); }
+  GRAUPEL_HD void operator()(int64_t slot) const { PackParticles{view.current_particles(), position, velocity}(slot); }
 };
 
 }  // namespace graupel::mpm::batch

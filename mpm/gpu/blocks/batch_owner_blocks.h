@@ -32,22 +32,22 @@ GRAUPEL_HD inline int32_t neighbor_key(const BatchView& view, const OwnerBlock& 
 }
 
 /// The lowest node of a block's arena, and the last base node in it, counted from there.
-GRAUPEL_HD inline Vec<int, 3> reach_low(const Vec<int, 3>& block) {
+GRAUPEL_HD inline Vec<int, 3> halo_low(const Vec<int, 3>& block) {
   return block_width * block - Vec<int, 3>::filled(1);
 }
-inline constexpr int reach_last_base = reach_width - stencil_width<>;
+inline constexpr int halo_last_base = halo_width - stencil_width<>;
 
 /// Stencil of a particle in its block's arena.
-GRAUPEL_HD inline Stencil<float, 3> reach_stencil(const GridGeometry<float, 3>& grid, const Vec<int, 3>& block,
-                                                  const Vec<float, 3>& x) {
-  return stencil_at(grid.local(x), reach_low(block), reach_last_base);
+GRAUPEL_HD inline Stencil<float, 3> halo_stencil(const GridGeometry<float, 3>& grid, const Vec<int, 3>& block,
+                                                 const Vec<float, 3>& x) {
+  return stencil_at(grid.local(x), halo_low(block), halo_last_base);
 }
 /// Whether it lies there.
-GRAUPEL_HD inline bool is_in_reach(const GridGeometry<float, 3>& grid, const Vec<int, 3>& block,
-                                   const Vec<float, 3>& x) {
-  const Vec<int, 3> base = base_node(grid.local(x)) - reach_low(block);
+GRAUPEL_HD inline bool is_in_halo(const GridGeometry<float, 3>& grid, const Vec<int, 3>& block,
+                                  const Vec<float, 3>& x) {
+  const Vec<int, 3> base = base_node(grid.local(x)) - halo_low(block);
   bool inside = true;
-  for (int d = 0; d < 3; ++d) inside = inside && base[d] >= 0 && base[d] <= reach_last_base;
+  for (int d = 0; d < 3; ++d) inside = inside && base[d] >= 0 && base[d] <= halo_last_base;
   return inside;
 }
 

@@ -37,7 +37,7 @@ GRAUPEL_HD inline float number_of(uint32_t bits) {
 /// Adds what a particle reports beside its speeds to the report of its block.
 template <typename Block>
 GRAUPEL_HD void report_rare(const Block& block, const ParticleFindings& found, bool inside, StepReport& report) {
-  if (!inside) block.add(&report.left_reach, 1);
+  if (!inside) block.add(&report.left_halo, 1);
   if (found.over_courant > 0) block.add(&report.over_courant, found.over_courant);
   if (found.bad_slot >= 0) block.min(&report.bad_particle, found.bad_slot);
   if (found.pushed_out == 0) return;
@@ -60,7 +60,7 @@ GRAUPEL_HD void report_block(const Block& block, const View& view, int32_t scene
     block.max(&all.before_sound_speed, mine.before_sound_speed);
     block.max(&all.peak_sound_speed, mine.peak_sound_speed);
   }
-  if (mine.left_reach) block.add(&all.left_reach, mine.left_reach);
+  if (mine.left_halo) block.add(&all.left_halo, mine.left_halo);
   if (mine.over_courant) block.add(&all.over_courant, mine.over_courant);
   if (mine.bad_particle != no_bad_particle) block.min(&all.bad_particle, mine.bad_particle);
   if (mine.pushed_out) {
@@ -76,7 +76,7 @@ GRAUPEL_HD void report_block(const Block& block, const View& view, int32_t scene
   found.before_speed2 = block.exchange(&all.before_speed2, 0u);
   found.before_sound_speed = block.exchange(&all.before_sound_speed, 0u);
   found.peak_sound_speed = block.exchange(&all.peak_sound_speed, 0u);
-  found.left_reach = block.exchange(&all.left_reach, 0);
+  found.left_halo = block.exchange(&all.left_halo, 0);
   found.over_courant = block.exchange(&all.over_courant, 0);
   found.bad_particle = block.exchange(&all.bad_particle, no_bad_particle);
   found.pushed_out = block.exchange(&all.pushed_out, 0ull);

@@ -21,7 +21,7 @@ inline constexpr int far_width = 5;                 ///< owner blocks at (-2..2)
 
 struct ResidentShared {
   ScatterShared<resident_warps> scatter;
-  NodeSum node[reach_nodes];
+  NodeSum node[halo_nodes];
   int32_t owner[far_width * far_width * far_width];  ///< at (-2..2)^3, or -1
   int32_t block_key[27];                             ///< directory index at (-1..1)^3, or -1
   StepReport report;
@@ -52,38 +52,38 @@ GRAUPEL_HD void find_neighbors(const Block& block, const BatchView& view, const 
 template <typename Block>
 GRAUPEL_HD void move_window(const Block& block, const SceneView<float>& scene, const NodeSum* arenas, float dt,
                             ResidentShared& shared) {
-  for (int n = block.thread(); n < reach_nodes; n += resident_threads) {
+  for (int n = block.thread(); n < halo_nodes; n += resident_threads) {
     const WindowNode node(n);
     const int32_t key = shared.block_key[node.corner];
     NodeSum sum = {};
     if (key >= 0) {
-      const NodeReach reach(node_in_block<3>(node.inside));
+      const NodeHalo halo(node_in_block<3>(node.inside));
       const int at[3] = {node.corner / 9 + 1, node.corner / 3 % 3 + 1, node.corner % 3 + 1};
       NodeSum part[8];
       for (int corner = 0; corner < 8; ++corner) {
-        const int x = at[0] + (corner & 1 ? reach.shift[0] : 0), y = at[1] + (corner >> 1 & 1 ? reach.shift[1] : 0),
-                  z = at[2] + (corner >> 2 ? reach.shift[2] : 0);
+        const int x = at[0] + (corner & 1 ? halo.shift[0] : 0), y = at[1] + (corner >> 1 & 1 ? halo.shift[1] : 0),
+                  z = at[2] + (corner >> 2 ? halo.shift[2] : 0);
         const int32_t owner = shared.owner[(x * far_width + y) * far_width + z];
         part[corner] = {};
         if (owner >= 0)
-          part[corner] = block.fresh(arenas + static_cast<int64_t>(owner) * reach_nodes + reach.place(corner));
+          part[corner] = block.fresh(arenas + static_cast<int64_t>(owner) * halo_nodes + halo.place(corner));
       }
       for (int corner = 0; corner < 8; ++corner)
         for (int c = 0; c < 4; ++c) sum.v[c] += part[corner].v[c];
       sum = moved_node(scene, key, node.inside, sum, dt);
     }
-    shared.node[reach_index(n / 64, n / 8 % 8, n % 8)] = sum;
+    shared.node[halo_index(n / 64, n / 8 % 8, n % 8)] = sum;
   }
 }
 
 /// Waits until all blocks of the scene have finished the P2G of substep `done`; returns whether one of them had to stop
 /// after the substep before.
 template <typename Block>
-GRAUPEL_HD bool meet(const Block& block, uint32_t* arrivals, const Resident& own, int32_t done,
-                     ResidentShared& shared) {
+GRAUPEL_HD bool scene_barrier(const Block& block, uint32_t* arrivals, const Resident& own, int32_t done,
+                              ResidentShared& shared) {
   block.sync();
   if (block.thread() == 0) {
-    const bool stop = shared.report.left_reach > 0 || shared.report.bad_particle != no_bad_particle;
+    const bool stop = shared.report.left_halo > 0 || shared.report.bad_particle != no_bad_particle;
     block.fence();
     block.add(arrivals, stop ? arrival_stop + 1 : 1u);
     const auto all = static_cast<uint32_t>(own.blocks) * static_cast<uint32_t>(done + 1);
@@ -126,15 +126,15 @@ GRAUPEL_HD void run_segment(const Block& block, const BatchView& view, ResidentS
   own.substeps = left < sorted ? left : sorted;
   own.blocks = control.blocks;
   own.dt = control.dt;
-  const ParticleView<float>& p = view.now();
+  const ParticleView<float>& p = view.current_particles();
   find_neighbors(block, view, own.owner, shared);
   int32_t done = 0;
   for (;; ++done) {
-    NodeSum* arenas = view.arenas + static_cast<int64_t>(done & 1) * block.blocks() * reach_nodes;
+    NodeSum* arenas = view.arenas + static_cast<int64_t>(done & 1) * block.blocks() * halo_nodes;
     if (done == own.substeps) break;
     scatter_block<resident_warps>(block, p, scene.view, own.owner, own.dt, shared.scatter,
-                                  arenas + static_cast<int64_t>(own.number) * reach_nodes);
-    if (meet(block, view.arrivals + own.owner.scene, own, done, shared)) break;
+                                  arenas + static_cast<int64_t>(own.number) * halo_nodes);
+    if (scene_barrier(block, view.arrivals + own.owner.scene, own, done, shared)) break;
     move_window(block, scene.view, arenas, own.dt, shared);
     if (block.thread() == 0 && done > 0) begin_substep_report(shared.report);
     block.sync();

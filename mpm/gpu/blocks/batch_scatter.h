@@ -15,12 +15,12 @@
 
 namespace graupel::mpm::batch {
 
-inline constexpr int streams = 4;      ///< arenas that a round of particles is summed in
-inline constexpr int round_turns = 2;  ///< 32 particles a turn of a stream
-inline constexpr int round_particles = streams * warp_width * round_turns;
+inline constexpr int streams = 4;           ///< arenas that a round of particles is summed in
+inline constexpr int chunks_per_round = 2;  ///< a chunk is 32 particles of a stream
+inline constexpr int round_particles = streams * warp_width * chunks_per_round;
 inline constexpr int scatter_groups = 3;
 inline constexpr int group_lanes = 9;
-inline constexpr int group_share = 11;  ///< most particles of a group: a third of a warp's 32
+inline constexpr int group_size = 11;  ///< most particles of a group: a third of a warp's 32
 
 /// A particle as the lanes of a warp read it: its sums at node (i, j, k) of its stencil are w (q + A (i, j, k)), w m.
 struct alignas(16) StagedParticle {
@@ -32,7 +32,7 @@ struct alignas(16) StagedParticle {
 
 template <int Warps>
 struct ScatterShared {
-  NodeSum arena[Warps][reach_nodes];
+  NodeSum arena[Warps][halo_nodes];
   StagedParticle staged[Warps][warp_width];
 };
 
@@ -49,7 +49,7 @@ GRAUPEL_HD inline float weight_at(const LaneWeight& w, float f) { return w.c0 + 
 
 GRAUPEL_HD inline StagedParticle stage_particle(const ParticleView<float>& p, const SceneView<float>& scene,
                                                 const Vec<int, 3>& block, int64_t slot, float dt) {
-  const Stencil<float, 3> stencil = reach_stencil(scene.grid, block, p.position.vec(slot));
+  const Stencil<float, 3> stencil = halo_stencil(scene.grid, block, p.position.vec(slot));
   const float volume = p.volume.get(slot);
   const float mass = scene.materials[p.material.get(slot)].density * volume;
   const Mat<float, 3> A =
@@ -58,7 +58,7 @@ GRAUPEL_HD inline StagedParticle stage_particle(const ParticleView<float>& p, co
   const Vec<float, 3> q = mass * p.velocity.vec(slot) - A * stencil.fx;
   StagedParticle s;
   s.mass = mass;
-  s.base = (stencil.base[0] * reach_width + stencil.base[1]) * reach_width + stencil.base[2];
+  s.base = (stencil.base[0] * halo_width + stencil.base[1]) * halo_width + stencil.base[2];
   for (int r = 0; r < 3; ++r) {
     s.fx[r] = stencil.fx[r];
     s.q[r] = q[r];
@@ -93,7 +93,7 @@ GRAUPEL_HD inline void add_to_row(const StagedParticle& s, const LaneWeight& wx,
 /// Adds a lane's sums to the arena and clears them.
 GRAUPEL_HD inline void flush_row(NodeSum* arena, int32_t base, int i, int j, RowSums& sums) {
   for (int k = 0; k < 3; ++k) {
-    NodeSum& node = arena[reach_index(base / 64 + i, base / 8 % 8 + j, base % 8 + k)];
+    NodeSum& node = arena[halo_index(base / 64 + i, base / 8 % 8 + j, base % 8 + k)];
     NodeSum total = node;
     for (int c = 0; c < 4; ++c) total.v[c] += sums.node[k].v[c];
     node = total;
@@ -101,7 +101,7 @@ GRAUPEL_HD inline void flush_row(NodeSum* arena, int32_t base, int i, int j, Row
   sums = {};
 }
 
-/// One turn of a warp: `count` <= 32 particles from slot `first`.
+/// One chunk of a warp: `count` <= 32 particles from slot `first`.
 template <typename Block>
 GRAUPEL_HD void scatter_chunk(const Block& block, const ParticleView<float>& p, const SceneView<float>& scene,
                               const Vec<int, 3>& at, int32_t first, int32_t count, float dt, StagedParticle* staged,
@@ -113,41 +113,41 @@ GRAUPEL_HD void scatter_chunk(const Block& block, const ParticleView<float>& p, 
   block.sync_warp();
   const uint32_t changes =
       block.ballot(lane > 0 && lane < count && staged[lane].base != staged[lane > 0 ? lane - 1 : 0].base);
-  const int begin = group * group_share;
-  const int end = group >= scatter_groups ? begin : begin + group_share < count ? begin + group_share : count;
+  const int begin = group * group_size;
+  const int end = group >= scatter_groups ? begin : begin + group_size < count ? begin + group_size : count;
   const LaneWeight wx = lane_weight(i), wy = lane_weight(j);
   const float fi = static_cast<float>(i), fj = static_cast<float>(j);
   RowSums sums = {};
-  for (int n = 0; n < group_share; ++n) {
+  for (int n = 0; n < group_size; ++n) {
     const uint32_t ends = changes >> n;
-    if (n > 0 && (ends | ends >> group_share | ends >> 2 * group_share) & 1)
-      for (int turn = 0; turn < scatter_groups; ++turn) {
-        if (!(ends >> (turn * group_share) & 1)) continue;
-        if (turn == group) flush_row(arena, staged[begin + n - 1].base, i, j, sums);
+    if (n > 0 && (ends | ends >> group_size | ends >> 2 * group_size) & 1)
+      for (int flushing = 0; flushing < scatter_groups; ++flushing) {
+        if (!(ends >> (flushing * group_size) & 1)) continue;
+        if (flushing == group) flush_row(arena, staged[begin + n - 1].base, i, j, sums);
         block.sync_warp();
       }
     if (begin + n < end) add_to_row(staged[begin + n], wx, wy, fi, fj, sums);
   }
-  for (int turn = 0; turn < scatter_groups; ++turn) {
-    if (turn == group && begin < end) flush_row(arena, staged[end - 1].base, i, j, sums);
+  for (int flushing = 0; flushing < scatter_groups; ++flushing) {
+    if (flushing == group && begin < end) flush_row(arena, staged[end - 1].base, i, j, sums);
     block.sync_warp();
   }
 }
 
-/// Sums the particles of a owner block into `arena` (reach_nodes). All threads of the block take part; the arena may be
+/// Sums the particles of a owner block into `arena` (halo_nodes). All threads of the block take part; the arena may be
 /// read by others after the caller's next barrier. Warps is a multiple of `streams`.
 template <int Warps, typename Block>
 GRAUPEL_HD void scatter_block(const Block& block, const ParticleView<float>& p, const SceneView<float>& scene,
                               const OwnerBlock& owner, float dt, ScatterShared<Warps>& shared, NodeSum* arena) {
   constexpr int rounds_at_once = Warps / streams, threads = Warps * warp_width;
-  constexpr int own_nodes = (reach_nodes + threads - 1) / threads;
+  constexpr int own_nodes = (halo_nodes + threads - 1) / threads;
   const int warp = block.thread() / warp_width, lane = block.thread() % warp_width;
   NodeSum total[own_nodes] = {};
   for (int32_t first = owner.begin; first < owner.end; first += rounds_at_once * round_particles) {
     int32_t mine = first + warp / streams * round_particles + warp % streams * warp_width;
     if (mine < owner.end)
-      for (int n = lane; n < reach_nodes; n += warp_width) shared.arena[warp][n] = {};
-    for (int turn = 0; turn < round_turns; ++turn, mine += streams * warp_width)
+      for (int n = lane; n < halo_nodes; n += warp_width) shared.arena[warp][n] = {};
+    for (int chunk = 0; chunk < chunks_per_round; ++chunk, mine += streams * warp_width)
       if (mine < owner.end)
         scatter_chunk(block, p, scene, owner.at, mine, owner.end - mine < warp_width ? owner.end - mine : warp_width,
                       dt, shared.staged[warp], shared.arena[warp]);

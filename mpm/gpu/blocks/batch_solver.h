@@ -147,7 +147,7 @@ void BatchSolver<Backend>::reserve(int64_t owners, int64_t nodes) {
                       ", allowed: " + std::to_string(most_nodes) + "). Use fewer scenes, a larger dx or less material");
   owner_capacity_ = owners;
   arenas_.resize_discard(
-      static_cast<std::size_t>(std::max<int64_t>(owners, 2 * backend_.resident_blocks()) * reach_nodes));
+      static_cast<std::size_t>(std::max<int64_t>(owners, 2 * backend_.resident_blocks()) * halo_nodes));
   nodes_.resize_discard(static_cast<std::size_t>(nodes * nodes_per_block<3>));
   backend_.forget();
 }

@@ -19,13 +19,13 @@ struct alignas(16) NodeSum {
   float v[4];
 };
 
-inline constexpr int reach_width = 8;  ///< nodes of a block's arena along an axis
-inline constexpr int reach_nodes = reach_width * reach_width * reach_width;
+inline constexpr int halo_width = 8;  ///< nodes of a block's arena along an axis
+inline constexpr int halo_nodes = halo_width * halo_width * halo_width;
 
 /// Place of node (x, y, z), each 0..7, in an arena. Rows are turned by three nodes, so that the 27 nodes of a stencil
 /// lie in different banks of shared memory.
-GRAUPEL_HD inline int reach_index(int x, int y, int z) {
-  return (x * reach_width + y) * reach_width + ((z + 3 * y) & (reach_width - 1));
+GRAUPEL_HD inline int halo_index(int x, int y, int z) {
+  return (x * halo_width + y) * halo_width + ((z + 3 * y) & (halo_width - 1));
 }
 
 struct BatchScene {
@@ -49,7 +49,7 @@ struct StepReport {
   uint32_t speed2, sound_speed;                ///< largest, as the bits of non-negative floats (ordered as integers)
   uint32_t before_speed2, before_sound_speed;  ///< of the substep before, in a report of several
   uint32_t peak_sound_speed;                   ///< of all substeps but the last
-  int32_t left_reach;                          ///< particles beyond their block's arena
+  int32_t left_halo;                           ///< particles beyond their block's arena
   int32_t over_courant;
   int32_t bad_particle;  ///< lowest place in the order of the sources; no_bad_particle for none
   int32_t blocks_done;   ///< blocks that have reported
@@ -111,10 +111,10 @@ struct BatchView {
   uint8_t* node_flag;     ///< [scenes * directory]
   uint32_t* arrivals;     ///< [scenes] blocks at the barriers of the present segment (mpm/gpu/blocks/batch_resident.h)
   uint32_t* sort_key;     ///< [n] key * 64 + cell, of the sorted slots
-  NodeSum* arenas;        ///< [owner_capacity, reach_nodes]
+  NodeSum* arenas;        ///< [owner_capacity, halo_nodes]
   NodeSum* nodes;         ///< [node_capacity, 64]
 
-  GRAUPEL_HD const ParticleView<float>& now() const { return particles[counts->current]; }
+  GRAUPEL_HD const ParticleView<float>& current_particles() const { return particles[counts->current]; }
 };
 
 }  // namespace graupel::mpm

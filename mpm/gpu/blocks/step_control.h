@@ -98,7 +98,7 @@ GRAUPEL_HD inline void finish_substep(const BatchScene& scene, const StepReport&
     return;
   }
   control.elapsed += dt;
-  const bool sort = found.left_reach > 0 || control.since_sort >= control.sort_interval;
+  const bool sort = found.left_halo > 0 || control.since_sort >= control.sort_interval;
   control.phase = sort ? ScenePhase::unsorted : ScenePhase::running;
   choose_step(scene, control);
 }

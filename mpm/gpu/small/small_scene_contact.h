@@ -1,5 +1,5 @@
 // Contact at the nodes of a small scene, from a table made before the run: which law holds each of them and the normal.
-// Equals mpm/physics/node_update.h for obstacles at rest. Gain, with turns of equal length: one scene of the recipe
+// Equals mpm/physics/node_update.h for obstacles at rest. Gain, with chunks of equal length: one scene of the recipe
 // 0.89 -> 0.71 ms a frame (docs/decisions/0007-small-scenes-on-gpus.md).
 #pragma once
 
@@ -48,15 +48,16 @@ struct FindContacts {
 };
 
 /// Contact at a node: the obstacle at rest, then the walls, so that these hold (mpm/physics/node_update.h).
-GRAUPEL_HD inline Vec<float, 3> meet_node(const SmallScene& small, const NodeContact& node, Vec<float, 3> v) {
-  const auto meet = [&](int32_t law, const Vec<float, 3>& normal) {
-    v = apply_contact<FastShare>(small.laws[law].contact, small.laws[law].friction, normal, v);
+GRAUPEL_HD inline Vec<float, 3> apply_contact_at_node(const SmallScene& small, const NodeContact& node,
+                                                      Vec<float, 3> v) {
+  const auto apply_law = [&](int32_t law, const Vec<float, 3>& normal) {
+    v = apply_contact<FastFraction>(small.laws[law].contact, small.laws[law].friction, normal, v);
   };
-  meet((node.code & 0xffff) - 1, node.normal);
+  apply_law((node.code & 0xffff) - 1, node.normal);
   for (int32_t walls = node.code >> 16, axis = 0; walls != 0; walls >>= 2, ++axis) {
     if ((walls & 3) == 0) continue;
     const int side = walls & 2 ? 1 : 0;
-    meet(small.first_wall_law + 2 * axis + side, wall_normal<float>(axis, side));
+    apply_law(small.first_wall_law + 2 * axis + side, wall_normal<float>(axis, side));
   }
   return v;
 }

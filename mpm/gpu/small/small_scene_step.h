@@ -1,8 +1,8 @@
 // A frame of small scenes in one kernel, by particles instead of blocks: no lists, no sorting, and one barrier among
 // the threads of a scene in a substep. A particle reads the sums at its 27 nodes, makes them velocities there and then
-// (gravity, contact), moves, and adds its share to the next grid by integer atomics. Where particles are spread thin,
-// this is less work than the blocks around them. Equals the phases of mpm/phases/. Gain over mpm/gpu/blocks/, H200,
-// recipe scenes: one scene 2.22 -> 0.68 ms a frame, 64 scenes 0.40 -> 0.84 G particle-updates a second
+// (gravity, contact), moves, and adds its contribution to the next grid by integer atomics. Where particles are spread
+// thin, this is less work than the blocks around them. Equals the phases of mpm/phases/. Gain over mpm/gpu/blocks/,
+// H200, recipe scenes: one scene 2.22 -> 0.68 ms a frame, 64 scenes 0.40 -> 0.84 G particle-updates a second
 // (docs/decisions/0007-small-scenes-on-gpus.md, docs/lab/gpu-mpm.md).
 //
 // Eight lanes of a warp share a particle while it reads or adds; in between, every lane has a particle of its own (or
@@ -29,7 +29,7 @@ struct Moment {
   float value[12];  ///< sum of w v, then of w v (x_i - x_p)^T / dx row by row
   float pad;
 };
-struct Share {
+struct Contribution {
   float fx[3];
   int32_t base;
   float row[4][4];  ///< sum of channel c at node (i, j, k) of the stencil: w (row[c] . (1, i, j, k)), in units
@@ -37,7 +37,7 @@ struct Share {
 };
 union Staged {
   Moment moment;
-  Share share;
+  Contribution contribution;
 };
 struct Shared {
   Staged staged[warps][warp_width];
@@ -56,10 +56,10 @@ struct Worker {
   Shared& shared;
   const BatchScene& scene;  ///< copies in shared memory
   const SmallScene& small;
-  int32_t number;  ///< of the scene
-  int32_t blocks;  ///< of the group
-  int32_t member;  ///< this block's place among them
-  int32_t turn;    ///< particles that a warp takes at once, a multiple of four
+  int32_t number;      ///< of the scene
+  int32_t blocks;      ///< of the group
+  int32_t member;      ///< this block's place among them
+  int32_t chunk_size;  ///< particles that a warp takes at once, a multiple of four
   float dt;
   float speed2 = 0, sound_speed = 0;  ///< largest of this thread's particles in a substep
   float before_speed2 = 0, before_sound_speed = 0, peak_sound_speed = 0;
@@ -67,17 +67,17 @@ struct Worker {
   GRAUPEL_HD int lane() const { return block.thread() % warp_width; }
   GRAUPEL_HD Staged* staged() const { return shared.staged[block.thread() / warp_width]; }
 
-  /// Calls work(first, count) for every turn of this warp: particles first .. first + count - 1 of the scene.
+  /// Calls work(first, count) for every chunk of this warp: particles first .. first + count - 1 of the scene.
   template <typename Work>
-  GRAUPEL_HD void for_turns(const Work& work) const {
-    const int32_t own_warps = block.threads() / warp_width, stride = blocks * own_warps * turn;
-    for (int32_t first = (member * own_warps + block.thread() / warp_width) * turn; first < small.count;
+  GRAUPEL_HD void for_chunks(const Work& work) const {
+    const int32_t own_warps = block.threads() / warp_width, stride = blocks * own_warps * chunk_size;
+    for (int32_t first = (member * own_warps + block.thread() / warp_width) * chunk_size; first < small.count;
          first += stride)
-      work(first, small.count - first < turn ? small.count - first : turn);
+      work(first, small.count - first < chunk_size ? small.count - first : chunk_size);
   }
 
   /// Waits for the blocks of the scene, the n-th time (from 1); whether one of them had to stop.
-  GRAUPEL_HD bool meet(int32_t n) const {
+  GRAUPEL_HD bool grid_barrier(int32_t n) const {
     block.sync();
     if (block.thread() == 0) {
       uint32_t* const arrivals = view.arrivals + number;
@@ -109,7 +109,7 @@ GRAUPEL_HD inline Vec<float, 3> node_velocity(const SmallScene& small, float mom
   const float scale = mass > 0.0f ? momentum_per_mass_unit * fast_reciprocal(mass) : 0.0f;
   const Vec<float, 3> v = free_velocity(
       Vec<float, 3>{static_cast<float>(low.a), static_cast<float>(low.b), static_cast<float>(high.a)}, scale, gain);
-  return contact.code != 0 ? meet_node(small, contact, v) : v;
+  return contact.code != 0 ? apply_contact_at_node(small, contact, v) : v;
 }
 
 /// Sums of twelve values over the eight lanes of a particle, three of them in every lane: with every step, a lane gives
@@ -129,7 +129,7 @@ GRAUPEL_HD inline int add_lanes(const Block& block, int part, float (&value)[12]
   return (upper ? 6 : 0) + (second ? 3 : 0);
 }
 
-/// G2P of a turn: moments of the particles into the warp's staged ones.
+/// G2P of a chunk: moments of the particles into the warp's staged ones.
 template <typename Block>
 GRAUPEL_HD void gather_chunk(const Worker<Block>& w, int32_t first, int32_t count, const UnitPair* sums) {
   const SceneView<float>& scene = w.scene.view;
@@ -174,11 +174,12 @@ GRAUPEL_HD void gather_chunk(const Worker<Block>& w, int32_t first, int32_t coun
 
 /// What a particle adds to the nodes of its stencil: w (m v + A (x_i - x_p)), with A = m C - dt V0 (4 / dx^2) tau.
 /// `A` is given times dx.
-GRAUPEL_HD inline Share share_of(const SceneView<float>& scene, const SmallScene& small, const Vec<float, 3>& x,
-                                 const Vec<float, 3>& v, const Mat<float, 3>& A, float mass) {
+GRAUPEL_HD inline Contribution contribution_of(const SceneView<float>& scene, const SmallScene& small,
+                                               const Vec<float, 3>& x, const Vec<float, 3>& v, const Mat<float, 3>& A,
+                                               float mass) {
   const Stencil<float, 3> s = stencil_at(scene.grid.local(x));
   const Vec<float, 3> q = small.per_momentum_unit * (mass * v - A * s.fx);
-  Share staged = {};
+  Contribution staged = {};
   staged.base = place_of(small, s.base);
   for (int d = 0; d < 3; ++d) {
     staged.fx[d] = s.fx[d];
@@ -191,21 +192,21 @@ GRAUPEL_HD inline Share share_of(const SceneView<float>& scene, const SmallScene
 
 /// What a particle adds at the start of a frame.
 template <typename Block>
-GRAUPEL_HD Share present_share(const Worker<Block>& w, int64_t slot) {
+GRAUPEL_HD Contribution initial_contribution(const Worker<Block>& w, int64_t slot) {
   const ParticleView<float>& p = w.view.particles;
   const SceneView<float>& scene = w.scene.view;
   const float volume = p.volume.get(slot), mass = scene.materials[p.material.get(slot)].density * volume;
   const Mat<float, 3> A =
       affine_momentum(mass, volume, w.dt, scene.grid.dx, scene.grid.inverse_dx,
                       load_matrix<float, 3>(p.affine_velocity, slot), load_symmetric(p.stress, slot));
-  return share_of(scene, w.small, p.position.vec(slot), p.velocity.vec(slot), A, mass);
+  return contribution_of(scene, w.small, p.position.vec(slot), p.velocity.vec(slot), A, mass);
 }
 
 enum class Keep { motion, everything };  ///< what of a particle's new state is stored
 
 /// A particle from its moments to its new state and what it adds to the next grid. `reports`: this lane speaks for it.
 template <typename Block>
-GRAUPEL_HD Share advance(Worker<Block>& w, int64_t slot, const Moment& moment, bool reports, Keep keep) {
+GRAUPEL_HD Contribution advance(Worker<Block>& w, int64_t slot, const Moment& moment, bool reports, Keep keep) {
   const ParticleView<float>& p = w.view.particles;
   const SceneView<float>& scene = w.scene.view;
   const MaterialParameters<float>& m = scene.materials[p.material.get(slot)];
@@ -249,10 +250,10 @@ GRAUPEL_HD Share advance(Worker<Block>& w, int64_t slot, const Moment& moment, b
     if (found.over_courant || found.bad_slot >= 0 || found.pushed_out)
       batch::report_rare(w.block, found, true, w.shared.report);
   }
-  return share_of(scene, w.small, x, v, A, mass);
+  return contribution_of(scene, w.small, x, v, A, mass);
 }
 
-/// P2G of a turn: adds the staged particles to a grid. Four lanes stand for the four sums of a node, and twice four
+/// P2G of a chunk: adds the staged particles to a grid. Four lanes stand for the four sums of a node, and twice four
 /// share a particle: the others see the stencil from its far corner, with mirrored weights, and stop before the node in
 /// its middle.
 template <typename Block>
@@ -266,7 +267,7 @@ GRAUPEL_HD void scatter_chunk(const Worker<Block>& w, int32_t count, UnitPair* s
   for (int32_t n = 0; n < count; n += warp_width / particle_lanes) {
     const int32_t particle = n + w.lane() / particle_lanes;
     if (particle >= count) continue;
-    const Share& s = w.staged()[particle].share;
+    const Contribution& s = w.staged()[particle].contribution;
     AxisWeights<float> weight[3];
     for (int d = 0; d < 3; ++d) weight[d] = bspline_weights(mirrored ? 2.0f - s.fx[d] : s.fx[d]);
     float at_corner = s.row[channel][0], slope[3] = {s.row[channel][1], s.row[channel][2], s.row[channel][3]};
@@ -290,9 +291,10 @@ GRAUPEL_HD void scatter_chunk(const Worker<Block>& w, int32_t count, UnitPair* s
   }
 }
 
-/// Clears the nodes that the particles of a turn last added to in a grid.
+/// Clears the nodes that the particles of a chunk last added to in a grid.
 template <typename Block>
-GRAUPEL_HD void clear_turn(const Worker<Block>& w, int32_t first, int32_t count, const int32_t* bases, UnitPair* sums) {
+GRAUPEL_HD void clear_chunk(const Worker<Block>& w, int32_t first, int32_t count, const int32_t* bases,
+                            UnitPair* sums) {
   const int part = w.lane() % particle_lanes;
   for (int32_t n = 0; n < count; n += warp_width / particle_lanes) {
     const int32_t particle = n + w.lane() / particle_lanes;
@@ -307,11 +309,12 @@ GRAUPEL_HD void clear_turn(const Worker<Block>& w, int32_t first, int32_t count,
 
 /// Stages what the lanes' particles add, and remembers where.
 template <typename Block>
-GRAUPEL_HD void stage(const Worker<Block>& w, int32_t first, int32_t count, const Share& share, int32_t* bases) {
+GRAUPEL_HD void stage(const Worker<Block>& w, int32_t first, int32_t count, const Contribution& contribution,
+                      int32_t* bases) {
   const int lane = w.lane();
   if (lane < count) {
-    w.staged()[lane].share = share;
-    bases[w.small.first + first + lane] = share.base;
+    w.staged()[lane].contribution = contribution;
+    bases[w.small.first + first + lane] = contribution.base;
   }
   w.block.sync_warp();
 }
@@ -326,23 +329,23 @@ GRAUPEL_HD void begin_substep(Worker<Block>& w) {
   w.sound_speed = 0;
 }
 
-/// One substep of a warp's turns: from grid k to grid k + 1, while grid k + 2 is cleared (all modulo 3).
+/// One substep of a warp's chunks: from grid k to grid k + 1, while grid k + 2 is cleared (all modulo 3).
 template <typename Block>
 GRAUPEL_HD void substep(Worker<Block>& w, int64_t k, bool last) {
   const auto bases = [&](int64_t grid) { return w.view.base + grid % 3 * w.view.particles.count; };
-  UnitPair *const now = w.small.sums[k % 3], *const next = w.small.sums[(k + 1) % 3],
+  UnitPair *const current = w.small.sums[k % 3], *const next = w.small.sums[(k + 1) % 3],
                   *const old = w.small.sums[(k + 2) % 3];
-  w.for_turns([&](int32_t first, int32_t count) {
-    clear_turn(w, first, count, bases(k + 2), old);
-    gather_chunk(w, first, count, now);
+  w.for_chunks([&](int32_t first, int32_t count) {
+    clear_chunk(w, first, count, bases(k + 2), old);
+    gather_chunk(w, first, count, current);
     w.block.sync_warp();
-    const int lane = w.lane(), own = lane % w.turn, at = own < count ? own : count - 1;
+    const int lane = w.lane(), own = lane % w.chunk_size, at = own < count ? own : count - 1;
     const Moment moment = w.staged()[at].moment;
     w.block.sync_warp();
-    const Share share =
+    const Contribution contribution =
         advance(w, int64_t(w.small.first) + first + at, moment, lane < count, last ? Keep::everything : Keep::motion);
     if (last) return;
-    stage(w, first, count, share, bases(k + 1));
+    stage(w, first, count, contribution, bases(k + 1));
     scatter_chunk(w, count, next);
     w.block.sync_warp();
   });
@@ -351,9 +354,9 @@ GRAUPEL_HD void substep(Worker<Block>& w, int64_t k, bool last) {
 /// P2G of the present state into grid k (modulo 3).
 template <typename Block>
 GRAUPEL_HD void scatter_scene(const Worker<Block>& w, int64_t k) {
-  w.for_turns([&](int32_t first, int32_t count) {
-    const int own = w.lane() % w.turn, at = own < count ? own : count - 1;
-    stage(w, first, count, present_share(w, int64_t(w.small.first) + first + at),
+  w.for_chunks([&](int32_t first, int32_t count) {
+    const int own = w.lane() % w.chunk_size, at = own < count ? own : count - 1;
+    stage(w, first, count, initial_contribution(w, int64_t(w.small.first) + first + at),
           w.view.base + k % 3 * w.view.particles.count);
     scatter_chunk(w, count, w.small.sums[k % 3]);
     w.block.sync_warp();
@@ -367,13 +370,13 @@ GRAUPEL_HD void run_scene(Worker<Block>& w) {
   const int64_t k = control.substeps;
   const auto substeps = static_cast<int32_t>(w.scene.time_step.substeps_per_frame);
   scatter_scene(w, k);
-  bool stop = w.meet(1);
+  bool stop = w.grid_barrier(1);
   int32_t done = 0;
   while (!stop && done < substeps) {
     begin_substep(w);
     substep(w, k + done, done + 1 == substeps);
     ++done;
-    if (done < substeps) stop = w.meet(1 + done);
+    if (done < substeps) stop = w.grid_barrier(1 + done);
   }
   w.block.max(&w.shared.report.speed2, batch::bits_of(w.speed2));
   w.block.max(&w.shared.report.sound_speed, batch::bits_of(w.sound_speed));
@@ -385,12 +388,12 @@ GRAUPEL_HD void run_scene(Worker<Block>& w) {
   w.block.sync();
 }
 
-/// Turns of equal length: as few as `all_warps` of them at once allow, in steps of four particles.
-GRAUPEL_HD inline int32_t turn_of(int32_t count, int32_t all_warps) {
+/// Size of chunks of equal length: as few as `all_warps` of them at once allow, in steps of four particles.
+GRAUPEL_HD inline int32_t chunk_size_for(int32_t count, int32_t all_warps) {
   constexpr int32_t step = warp_width / particle_lanes;
   const int32_t rounds = (count + all_warps * warp_width - 1) / (all_warps * warp_width),
-                turns = rounds * all_warps * step;
-  return (count + turns - 1) / turns * step;
+                chunks = rounds * all_warps * step;
+  return (count + chunks - 1) / chunks * step;
 }
 
 template <typename Block>
@@ -423,7 +426,7 @@ GRAUPEL_HD void run_frame(const Block& block, const SmallBatchView& view, Shared
                     scene,
                     blocks,
                     block.index() % blocks,
-                    turn_of(shared.small.count, blocks * (block.threads() / warp_width)),
+                    chunk_size_for(shared.small.count, blocks * (block.threads() / warp_width)),
                     view.controls[scene].dt};
     run_scene(w);
   }

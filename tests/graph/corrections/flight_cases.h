@@ -30,7 +30,7 @@ inline Scene box_scene(bool with_obstacle = false) {
 }
 
 struct Frame {
-  std::vector<Vec3f> before, now, next;
+  std::vector<Vec3f> before, current, next;
   std::vector<int32_t> type;
 };
 
@@ -49,7 +49,7 @@ inline void add_cloud(Frame& frame, const Scene& scene, const Vec3f& centre, int
                                 scene.gravity[d] * scene.frame_time * scene.frame_time);
     }
     frame.before.push_back(x - v);
-    frame.now.push_back(x);
+    frame.current.push_back(x);
     frame.next.push_back(x + v + a);
     frame.type.push_back(type);
   }
@@ -97,7 +97,7 @@ inline Frame snake(const Scene& scene, int64_t n) {
     const float z = apart * static_cast<float>(layer) + (to_next_layer ? turn : 0);
     const Vec3f at = {0.1f + (back ? length - x : x), 0.1f + y, 0.1f + z};
     frame.before.push_back(at);
-    frame.now.push_back(at);
+    frame.current.push_back(at);
     frame.next.push_back(at + gravity * (1 + 0.1f * static_cast<float>(i % 7)));
     frame.type.push_back(water);
   }

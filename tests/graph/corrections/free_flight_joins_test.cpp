@@ -53,15 +53,15 @@ class ThreadWarp {
 /// The arrays of a frame, without obstacles, as FreeFlight has them.
 struct Arrays {
   Arrays(const Scene& scene, const Frame& frame) {
-    const double spacing = 2 * scene.domain.dx, reach = 2 * scene.domain.dx;
+    const double spacing = 2 * scene.domain.dx, contact_distance = 2 * scene.domain.dx;
     groups.cells.fine = static_cast<float>(spacing / fine_cells);
     groups.cells.inverse_fine = static_cast<float>(fine_cells / spacing);
     groups.cells.origin = Vec3f::filled(static_cast<float>(-spacing));
     groups.cells.size = {34, 34, 34};
     groups.gravity = (scene.gravity * (scene.frame_time * scene.frame_time)).cast<float>();
-    groups.low = (scene.wall_low() + Vec3d::filled(reach)).cast<float>();
-    groups.high = (scene.wall_high() - Vec3d::filled(reach)).cast<float>();
-    const std::size_t n = frame.now.size(), cells = static_cast<std::size_t>(groups.cells.count());
+    groups.low = (scene.wall_low() + Vec3d::filled(contact_distance)).cast<float>();
+    groups.high = (scene.wall_high() - Vec3d::filled(contact_distance)).cast<float>();
+    const std::size_t n = frame.current.size(), cells = static_cast<std::size_t>(groups.cells.count());
     groups.n = static_cast<int64_t>(n);
     matter.assign(times * cells, 0);
     parent.assign(times * cells, nobody);
@@ -80,7 +80,7 @@ struct Arrays {
     groups.origin = origin.data();
     groups.sums = sums.data();
     groups.before = frame.before.data();
-    groups.now = frame.now.data();
+    groups.current = frame.current.data();
   }
   Groups groups{};
   std::vector<uint64_t> matter;
@@ -111,7 +111,7 @@ TEST(FreeFlightJoins, WarpsFindTheGroupsOfTheCpu) {
   const Environment environment(scene);
   for (const Frame& frame : {crowd(scene), snake(scene, 2000)}) {
     FreeFlight flight(Device::cpu, scene, environment, frame.type);
-    flight.find_groups(frame.before.data(), frame.now.data());
+    flight.find_groups(frame.before.data(), frame.current.data());
     const std::vector<int32_t> expected = flight.groups();
     Arrays arrays(scene, frame);
     for (int64_t i = 0; i < arrays.groups.n; ++i) MarkCells{arrays.groups}(i);

@@ -26,12 +26,12 @@ struct Result {
 };
 
 Result result_of(FreeFlight& flight, const Frame& frame, Device device = Device::cpu) {
-  Buffer<Vec3f> before(device, 0), now(device, 0), next(device, 0);
+  Buffer<Vec3f> before(device, 0), current(device, 0), next(device, 0);
   before.upload(frame.before);
-  now.upload(frame.now);
+  current.upload(frame.current);
   next.upload(frame.next);
-  flight.find_groups(before.data(), now.data());
-  flight.correct(before.data(), now.data(), next.data());
+  flight.find_groups(before.data(), current.data());
+  flight.correct(before.data(), current.data(), next.data());
   return {next.download(), flight.groups()};
 }
 Result result_of(const Scene& scene, const Frame& frame, Device device = Device::cpu) {
@@ -46,7 +46,7 @@ bool same_bytes(const std::vector<Vec3f>& a, const std::vector<Vec3f>& b) {
 }
 
 Vec3d acceleration(const Frame& frame, const std::vector<Vec3f>& next, std::size_t i) {
-  return next[i].cast<double>() - frame.now[i].cast<double>() * 2.0 + frame.before[i].cast<double>();
+  return next[i].cast<double>() - frame.current[i].cast<double>() * 2.0 + frame.before[i].cast<double>();
 }
 
 struct Momenta {
@@ -59,7 +59,7 @@ Momenta momenta(const Scene& scene, const Frame& frame, const std::vector<Vec3f>
     const double mass = frame.type[i] == sand ? 1.6 : 1;
     const Vec3d a = (acceleration(frame, next, i) - scene.gravity * (scene.frame_time * scene.frame_time)) * mass;
     sum.linear += a;
-    sum.angular += cross(frame.now[i].cast<double>(), a);
+    sum.angular += cross(frame.current[i].cast<double>(), a);
   }
   return sum;
 }
@@ -88,7 +88,7 @@ TEST(FreeFlight, ChangeIsRigid) {
   double largest = 0;
   for (std::size_t i = 1; i < next.size(); ++i) {
     // No two particles come closer or part by the change.
-    const Vec3d apart = frame.now[i].cast<double>() - frame.now[0].cast<double>();
+    const Vec3d apart = frame.current[i].cast<double>() - frame.current[0].cast<double>();
     const Vec3d change = acceleration(frame, next, i) - acceleration(frame, frame.next, i) -
                          (acceleration(frame, next, 0) - acceleration(frame, frame.next, 0));
     EXPECT_NEAR(dot(apart, change), 0, 1e-7);
@@ -165,12 +165,12 @@ TEST(FreeFlight, GroupsThatMeetAreOne) {
 /// Groups of what is less than `apart` [m] away along each axis, now or after a frame of flight.
 std::vector<int32_t> groups_by_pairs(const Scene& scene, const Frame& frame, float apart) {
   const Vec3f gravity = (scene.gravity * (scene.frame_time * scene.frame_time)).cast<float>();
-  const std::size_t n = frame.now.size();
+  const std::size_t n = frame.current.size();
   const auto near = [&](std::size_t i, std::size_t j) {
     bool now = true, then = true;
     for (int d = 0; d < 3; ++d) {
-      const auto after = [&](std::size_t k) { return 2 * frame.now[k][d] - frame.before[k][d] + gravity[d]; };
-      now = now && std::abs(frame.now[i][d] - frame.now[j][d]) < apart;
+      const auto after = [&](std::size_t k) { return 2 * frame.current[k][d] - frame.before[k][d] + gravity[d]; };
+      now = now && std::abs(frame.current[i][d] - frame.current[j][d]) < apart;
       then = then && std::abs(after(i) - after(j)) < apart;
     }
     return now || then;
@@ -215,9 +215,9 @@ TEST(FreeFlight, GroupsAreThoseOfDistances) {
         v[d] = static_cast<float>(random.uniform(100000 + 1000 * k + i, d, -0.005, 0.005));
       }
       frame.before.push_back(x - v);
-      frame.now.push_back(x);
+      frame.current.push_back(x);
     }
-    frame.next = frame.now;
+    frame.next = frame.current;
     frame.type.assign(400, water);
     const std::vector<int32_t> groups = result_of(scene, frame).groups;
     EXPECT_TRUE(lie_within(groups_by_pairs(scene, frame, 1.999f * cell), groups)) << k;
@@ -253,7 +253,7 @@ TEST(FreeFlight, OrderAndEarlierFramesDoNotMatter) {
   const Environment environment(scene);
   FreeFlight flight(Device::cpu, scene, environment, frame.type);
   Frame empty = frame;  // all in one place: as little as can be
-  std::fill(empty.now.begin(), empty.now.end(), Vec3f::filled(0.7f));
+  std::fill(empty.current.begin(), empty.current.end(), Vec3f::filled(0.7f));
   for (int repeat = 0; repeat < 3; ++repeat) {
     const Result again = result_of(flight, repeat == 1 ? empty : frame);
     if (repeat == 1) continue;
@@ -261,7 +261,7 @@ TEST(FreeFlight, OrderAndEarlierFramesDoNotMatter) {
     EXPECT_TRUE(same_groups(again.groups, first.groups));
   }
   Frame turned = frame;
-  for (auto* positions : {&turned.before, &turned.now, &turned.next})
+  for (auto* positions : {&turned.before, &turned.current, &turned.next})
     std::reverse(positions->begin(), positions->end());
   std::reverse(turned.type.begin(), turned.type.end());
   Result other = result_of(scene, turned);
@@ -280,9 +280,9 @@ TEST(FreeFlight, LongSnakeIsOneGroup) {
     return std::set(groups.begin(), groups.end()).size();
   };
   EXPECT_EQ(groups_of(), 1u);
-  for (auto* positions : {&frame.before, &frame.now, &frame.next})
+  for (auto* positions : {&frame.before, &frame.current, &frame.next})
     positions->erase(positions->begin() + 25000, positions->begin() + 25015);
-  frame.type.resize(frame.now.size());
+  frame.type.resize(frame.current.size());
   EXPECT_EQ(groups_of(), 2u);
 }
 
@@ -295,7 +295,7 @@ TEST(FreeFlight, WhatIsOutsideTheDomainOrNowhereIsLeftAlone) {
   add_cloud(frame, scene, {0.5f, 0.5f, 0.5f}, 1, {0, 0, 0}, water, 17);
   add_cloud(frame, scene, {0.8f, 0.5f, 0.5f}, 1, {0, 0, 0}, water, 18);
   add_cloud(frame, scene, {0.2f, 0.5f, 0.2f}, 40, {0, 0, 0}, water, 19);
-  frame.now[15] = Vec3f::filled(std::numeric_limits<float>::quiet_NaN());
+  frame.current[15] = Vec3f::filled(std::numeric_limits<float>::quiet_NaN());
   frame.before[16][2] = std::numeric_limits<float>::infinity();
   const std::vector<Vec3f> next = corrected(scene, frame);
   EXPECT_EQ(std::memcmp(next.data(), frame.next.data(), 17 * sizeof(Vec3f)), 0);

@@ -100,10 +100,10 @@ void expect_links_of(const Places& links, const std::vector<Vec3f>& position) {
 void expect_placed_links(Device device) {
   Places links(device);
   const std::vector<Vec3f> spread = cloud(1, 300, 0.9), gathered = cloud(2, 40, 0.2);
-  const LevelCapacity room = LevelCapacity::for_counts(links.build(spread));
-  links.places.prepare(room);
+  const LevelCapacity capacity = LevelCapacity::for_counts(links.build(spread));
+  links.places.prepare(capacity);
   for (const auto& position : {spread, gathered, spread}) {
-    EXPECT_TRUE(room.holds(links.build(position)));
+    EXPECT_TRUE(capacity.holds(links.build(position)));
     links.place();
     expect_links_of(links, position);
   }
@@ -111,8 +111,8 @@ void expect_placed_links(Device device) {
 
 void expect_fault_without_room(Device device) {
   Places links(device);
-  const LevelCapacity room = LevelCapacity::for_counts(links.build(cloud(2, 4, 0.1)));
-  links.places.prepare(room);
+  const LevelCapacity capacity = LevelCapacity::for_counts(links.build(cloud(2, 4, 0.1)));
+  links.places.prepare(capacity);
   const auto expect_nothing = [&] {
     links.place();
     EXPECT_EQ(links.number(links.places.fault()), 1);
@@ -123,7 +123,7 @@ void expect_fault_without_room(Device device) {
       EXPECT_EQ(links.number(links.places.level(l).edge_count), 0);
     }
   };
-  EXPECT_FALSE(room.holds(links.build(cloud(1, 300, 0.9))));
+  EXPECT_FALSE(capacity.holds(links.build(cloud(1, 300, 0.9))));
   expect_nothing();
   std::vector<Vec3f> outside = cloud(2, 4, 0.1);
   outside[2][1] = 3;

@@ -89,10 +89,10 @@ GridLaunch launch_on_host(const LaunchSize& size, unsigned seed) {
     for (int64_t b = 0; b < count; ++b) blocks.emplace_back(b, count, size.threads, order);
     using Build = grid::BuildAtOnce<HostBlock>;
     for (void (Build::*part)() : {&Build::mark_cells, &Build::number_cells, &Build::link_cells, &Build::order_pairs}) {
-      std::vector<std::size_t> turn(blocks.size());
-      std::iota(turn.begin(), turn.end(), std::size_t{0});
-      std::shuffle(turn.begin(), turn.end(), order);
-      for (const std::size_t b : turn) (Build(program, blocks[b]).*part)();
+      std::vector<std::size_t> shuffled(blocks.size());
+      std::iota(shuffled.begin(), shuffled.end(), std::size_t{0});
+      std::shuffle(shuffled.begin(), shuffled.end(), order);
+      for (const std::size_t b : shuffled) (Build(program, blocks[b]).*part)();
     }
   };
 }

@@ -1,5 +1,5 @@
 // The graph made on a device is that of sparsegrid::build_radius_graph over the particles and the obstacle particles
-// that within_reach() chooses.
+// that within_cutoff() chooses.
 #include "graph/topology/radius_graph_builder.h"
 
 #include <gtest/gtest.h>
@@ -29,7 +29,7 @@ GnsConfig small_config() {
 struct Cloud {
   Vec3d low, high;
   std::vector<Vec3f> position, point;
-  AxisMap turn;
+  AxisMap symmetry;
 };
 
 Cloud random_cloud(uint64_t seed, int particles, int points, double edge) {
@@ -47,10 +47,10 @@ Cloud random_cloud(uint64_t seed, int particles, int points, double edge) {
 
 std::vector<Cloud> clouds() {
   std::vector<Cloud> all = {random_cloud(1, 300, 400, 0.2), random_cloud(2, 40, 0, 0.1), random_cloud(3, 1, 50, 0.2)};
-  all[0].turn = {{2, 1, 0}, {-1, 1, 1}};  // about the box's middle once shifted below
+  all[0].symmetry = {{2, 1, 0}, {-1, 1, 1}};  // about the box's middle once shifted below
   all[0].low = {-1, 0, 0};
   all[0].high = {0, 1, 1};
-  for (Vec3f& x : all[0].position) x = all[0].turn.apply(x);
+  for (Vec3f& x : all[0].position) x = all[0].symmetry.apply(x);
   // On the radius exactly, at one place, and outside of the box.
   all[1].position.insert(
       all[1].position.end(),
@@ -92,7 +92,7 @@ class GraphOnDevice {
                         static_cast<int64_t>(cloud.position.size()),
                         points_.back().data(),
                         static_cast<int64_t>(cloud.point.size()),
-                        cloud.turn,
+                        cloud.symmetry,
                         {}});
       particles.insert(particles.end(), cloud.position.begin(), cloud.position.end());
     }
@@ -133,8 +133,8 @@ Expected expected_graph(const std::vector<Cloud>& all, const GnsConfig& config) 
   std::vector<std::vector<Vec3f>> near(all.size());
   for (std::size_t s = 0; s < all.size(); ++s) {
     std::vector<Vec3f> turned;
-    for (const Vec3f& x : all[s].point) turned.push_back(all[s].turn.apply(x));
-    for (const int32_t p : within_reach(turned, all[s].position, config.reach()))
+    for (const Vec3f& x : all[s].point) turned.push_back(all[s].symmetry.apply(x));
+    for (const int32_t p : within_cutoff(turned, all[s].position, config.receptive_field()))
       near[s].push_back(turned[static_cast<std::size_t>(p)]);
     expected.position.insert(expected.position.end(), all[s].position.begin(), all[s].position.end());
   }
@@ -250,7 +250,7 @@ void expect_resting_features(Device device) {
   builder.describe_obstacles(rules, features.data(), type.data());
   const int64_t obstacles = builder.finish(0).nodes - 30;
   ASSERT_GT(obstacles, 10);
-  const std::vector<int32_t> near = within_reach(cloud.point, cloud.position, config.reach());
+  const std::vector<int32_t> near = within_cutoff(cloud.point, cloud.position, config.receptive_field());
   std::vector<std::vector<Vec3f>> resting(static_cast<std::size_t>(config.history) + 1);
   for (auto& frame : resting)
     for (const int32_t p : near) frame.push_back(cloud.point[static_cast<std::size_t>(p)]);

@@ -33,8 +33,8 @@ TEST(Bspline, WeightsSumToOneWithZeroFirstAndConstantSecondMoment) {
 template <Spline S>
 void check_gradients() {
   const double h = 1e-6;
-  for (const double share : {0.1, 0.4, 0.5, 0.8, 0.99}) {
-    const double fx = BSpline<S>::base_shift + share;
+  for (const double fraction : {0.1, 0.4, 0.5, 0.8, 0.99}) {
+    const double fx = BSpline<S>::base_shift + fraction;
     const auto low = bspline_weights<S>(fx - h), high = bspline_weights<S>(fx + h);
     double sum = 0, slope = 0;
     for (int k = 0; k < stencil_width<S>; ++k) {

@@ -98,13 +98,13 @@ std::vector<std::pair<std::string, Scene>> scenes_beyond_tuned_kernels() {
   motion.axis = {0, 1, 0};
   table.motion = motion;
   carried.obstacles.push_back(table);
-  Scene& led = add("led particles");
+  Scene& kinematic = add("led particles");
   KinematicRegion region;
   region.shape = RegionShape::half_space;
   region.position = {0.48, 0.2, 0.5};
   region.normal = {1, 0, 0};
   region.motion = motion;
-  led.kinematic_regions.push_back(region);
+  kinematic.kinematic_regions.push_back(region);
   Scene& emitted = add("emitter and sink");
   Emitter emitter;
   emitter.shape = Shape::box;

@@ -49,7 +49,7 @@ struct GpuBlocks : Portable<float, 3, Spline::quadratic> {
     using Shared = batch::ScatterShared<batch::block_warps>;
     NodeSums sums;
     const auto shared = std::make_unique<Shared>();
-    std::vector<NodeSum> arena(reach_nodes);
+    std::vector<NodeSum> arena(halo_nodes);
     for (int32_t h = 0; h < view.blocks.owner_count; ++h) {
       OwnerBlock owner{};
       owner.at = view.grid.block_of(view.blocks.owner_key[h]);
@@ -59,10 +59,10 @@ struct GpuBlocks : Portable<float, 3, Spline::quadratic> {
       FiberBlock(batch::block_threads).run(0, [&](const FiberThread& thread) {
         batch::scatter_block<batch::block_warps>(thread, view.particles, view, owner, dt, *shared, arena.data());
       });
-      const Vec<int, 3> low = batch::reach_low(owner.at);
-      for (int n = 0; n < reach_nodes; ++n) {
+      const Vec<int, 3> low = batch::halo_low(owner.at);
+      for (int n = 0; n < halo_nodes; ++n) {
         const Vec<int, 3> c = {n / 64, n / 8 % 8, n % 8}, at = low + c;
-        const NodeSum& node = arena[static_cast<std::size_t>(reach_index(c[0], c[1], c[2]))];
+        const NodeSum& node = arena[static_cast<std::size_t>(halo_index(c[0], c[1], c[2]))];
         if (node.v[3] == 0) continue;
         auto& sum = sums[{at[0], at[1], at[2]}];
         for (std::size_t k = 0; k < 4; ++k) sum[k] += static_cast<double>(node.v[k]);
@@ -103,7 +103,7 @@ struct GpuSmallScene : Portable<float, 3, Spline::quadratic> {
                                               0,
                                               1,
                                               0,
-                                              small::turn_of(small.count, threads / warp_width),
+                                              small::chunk_size_for(small.count, threads / warp_width),
                                               dt};
       small::scatter_scene(worker, 0);
     });

@@ -18,7 +18,7 @@ KinematicRegion region_below(const Vec3d& at, const Vec3d& normal, const Motion&
   return region;
 }
 
-/// A jelly bar along x whose ends are led; the left one may be held, the right one is pulled and twisted.
+/// A jelly bar along x whose ends are kinematic; the left one may be stationary, the right one is pulled and twisted.
 Scene torsion() {
   Scene scene = scene_with("jelly");
   scene.gravity = {0, 0, 0};
@@ -44,31 +44,31 @@ void check_torsion(Precision precision, double position_tolerance, double moment
   for (int f = 0; f < 9; ++f) sim->advance_frame();
   const RigidMap pose = scene.kinematic_regions[1].motion.at(sim->time(), {});
   const ParticleFrame end = sim->frame();
-  int led = 0, held = 0;
+  int scripted = 0, stationary = 0;
   for (std::size_t i = 0; i < start.position.size(); ++i) {
     const Vec3d x = start.position[i].cast<double>();
     if (x[0] < 0.41 - 1e-6) {
-      ++held;
+      ++stationary;
       ASSERT_EQ(end.position[i], start.position[i]);
     } else if (x[0] > 0.59 + 1e-6) {
-      ++led;
+      ++scripted;
       ASSERT_LT(norm(end.position[i].cast<double>() - pose(x)), position_tolerance);
     }
   }
-  EXPECT_GT(led, 200);
-  EXPECT_GT(held, 200);
+  EXPECT_GT(scripted, 200);
+  EXPECT_GT(stationary, 200);
   const Diagnostics last = sim->diagnostics();
   const Vec3d given = sim->statistics().scripted_momentum - before.scripted_momentum;
   EXPECT_LT(norm(last.momentum - first.momentum - given), momentum_tolerance * last.mass);
   EXPECT_GT(last.elastic_energy, 1e-4);
 }
 
-TEST(LedParticles, FollowTheirScriptExactlyAndItsImpulseBalancesTheMomentum) {
+TEST(KinematicParticles, FollowTheirScriptExactlyAndItsImpulseBalancesTheMomentum) {
   check_torsion(Precision::f32, 2e-5, 2e-5);
   check_torsion(Precision::f64, 1e-7, 1e-11);
 }
 
-TEST(LedParticles, ThatAreHeldStandStillUnderLoad) {
+TEST(KinematicParticles, ThatAreHeldStandStillUnderLoad) {
   Scene scene = scene_with("jelly", {0.5, 0.3, 0.5});
   scene.sources[0].motion = Motion{};
   add_box(scene, "snow", {0.5, 0.382, 0.5});
@@ -77,19 +77,20 @@ TEST(LedParticles, ThatAreHeldStandStillUnderLoad) {
   for (int f = 0; f < 20; ++f) sim->advance_frame();
   const ParticleFrame end = sim->frame();
   double height = 0;
-  std::size_t held = 0;
+  std::size_t stationary = 0;
   for (std::size_t i = 0; i < start.position.size(); ++i) {
     if (sim->particle_type()[i] == particle_type_of(MaterialModel::jelly)) {
-      ++held;
+      ++stationary;
       ASSERT_EQ(start.position[i], end.position[i]);
     } else {
       height += static_cast<double>(end.position[i][1]);
     }
   }
-  EXPECT_NEAR(height / static_cast<double>(start.position.size() - held), 0.38, 0.02);  // it rests on the held block
+  // The snow rests on the stationary block.
+  EXPECT_NEAR(height / static_cast<double>(start.position.size() - stationary), 0.38, 0.02);
 }
 
-TEST(LedParticles, MoveOthersByThePartOfTheirMotion) {
+TEST(KinematicParticles, MoveOthersByThePartOfTheirMotion) {
   Scene scene = torsion();
   scene.kinematic_regions.erase(scene.kinematic_regions.begin());
   scene.kinematic_regions[0].motion.spin = 0;
@@ -99,7 +100,7 @@ TEST(LedParticles, MoveOthersByThePartOfTheirMotion) {
   EXPECT_NEAR(d.momentum[0], 0.3 * d.mass, 0.06 * d.mass);  // the free bar swings about the speed of its end
 }
 
-TEST(LedParticles, AreFreeOnceReleased) {
+TEST(KinematicParticles, AreFreeOnceReleased) {
   Scene scene = torsion();
   for (KinematicRegion& region : scene.kinematic_regions) region.release_time = 0.05;
   const auto sim = Simulation::create(scene, {.precision = Precision::f64});
@@ -129,7 +130,7 @@ std::string refused(const Scene& scene) {
   return "";
 }
 
-TEST(LedParticles, AreNotLedOutOfTheWallsNorFasterThanACellInAStep) {
+TEST(KinematicParticles, AreNotLedOutOfTheWallsNorFasterThanACellInAStep) {
   Scene scene = torsion();
   scene.frames = 300;
   EXPECT_THAT(refused(scene), testing::AllOf(testing::HasSubstr("kinematic region 1 leads particles out of the walls"),

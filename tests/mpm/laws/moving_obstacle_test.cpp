@@ -159,13 +159,13 @@ TEST(MovingObstacle, KeyframesAndEndsAreKept) {
   EXPECT_LT(norm(motion.at(0.5, c)(x) - (x + Vec3d{0, 1, 0})), 1e-15);
   EXPECT_LT(norm(motion.at(1.25, c)(x) - (c + Vec3d{0.5, 2, 0} + Vec3d{0, 0.5, 0})), 1e-14);  // a quarter turn
   EXPECT_LT(norm(motion.at(9, c)(x) - (x + Vec3d{4, 2, 0})), 1e-14);
-  double speed, turn;
-  motion.fastest(0, 1, speed, turn);
+  double speed, angular_speed;
+  motion.fastest(0, 1, speed, angular_speed);
   EXPECT_NEAR(speed, 2, 1e-15);
-  motion.fastest(1.5, 2, speed, turn);
-  EXPECT_NEAR(turn, 2 * 3.14159265358979, 1e-12);
-  motion.fastest(3.5, 4, speed, turn);
-  EXPECT_EQ(speed + turn, 0);
+  motion.fastest(1.5, 2, speed, angular_speed);
+  EXPECT_NEAR(angular_speed, 2 * 3.14159265358979, 1e-12);
+  motion.fastest(3.5, 4, speed, angular_speed);
+  EXPECT_EQ(speed + angular_speed, 0);
 
   Motion timed = constant({1, 0, 0});
   timed.start_time = 1;

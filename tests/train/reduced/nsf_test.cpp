@@ -212,7 +212,7 @@ TEST_F(NsfTraining, MatchesThePointsOfClusters) {
   EXPECT_EQ(stored.clusters.representatives(), model.clusters.points);
   std::vector<double> volume(static_cast<std::size_t>(model.fields->particles()), 2e-6);
   const rom::GridParticles points = stored.integration_points(volume);
-  EXPECT_NEAR(std::accumulate(points.share.begin(), points.share.end(), 0.0), static_cast<double>(volume.size()),
+  EXPECT_NEAR(std::accumulate(points.weight.begin(), points.weight.end(), 0.0), static_cast<double>(volume.size()),
               1e-9 * static_cast<double>(volume.size()));
   EXPECT_LT(displacement_error<float>(stored, 29, {}), 0.1);
 

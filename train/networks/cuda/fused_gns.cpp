@@ -26,16 +26,16 @@ int64_t FusedGns::latent_array(int64_t k) const {
   return k % group_ == 0 ? k / group_ : kept + k % group_ - 1;
 }
 
-void FusedGns::make_room(int64_t edges) {
-  if (edges <= room_) return;
-  room_ = edges + edges / 8;
+void FusedGns::ensure_capacity(int64_t edges) {
+  if (edges <= capacity_) return;
+  capacity_ = edges + edges / 8;
   edge_rows_ = at::Tensor();  // its memory may serve the new one
-  edge_rows_ = at::empty({latent_arrays_ + scratch_arrays, room_, h}, half_);
+  edge_rows_ = at::empty({latent_arrays_ + scratch_arrays, capacity_, h}, half_);
 }
 
 at::Tensor FusedGns::forward(const DeviceBatch& batch) {
   const graph::NetworkGraph graph = begin(batch);
-  make_room(batch.level.front().edges);
+  ensure_capacity(batch.level.front().edges);
   return decode(graph::forward_messages(packed_, graph, *this, this, record_, nullptr), batch.particles);
 }
 

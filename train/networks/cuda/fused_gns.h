@@ -29,8 +29,8 @@ class FusedGns : public FusedNetwork, private graph::EdgeMemory {
 
   /// Steps whose latents are kept, the rest of a group of steps taking turns in the arrays behind.
   int64_t latent_array(int64_t k) const;
-  uint16_t* edge_array(int64_t array) const { return f16(edge_rows_) + array * room_ * h; }
-  void make_room(int64_t edges);
+  uint16_t* edge_array(int64_t array) const { return f16(edge_rows_) + array * capacity_ * h; }
+  void ensure_capacity(int64_t edges);
   /// Of the network that goes back; overwritten by the next one.
   Traces edge_traces() const {
     return {edge_array(latent_arrays_ + hidden), edge_array(latent_arrays_ + d_raw),
@@ -46,8 +46,8 @@ class FusedGns : public FusedNetwork, private graph::EdgeMemory {
   int64_t steps_;
   int64_t group_;          ///< steps of which the first one's latents are kept
   int64_t latent_arrays_;  ///< of edges
-  at::Tensor edge_rows_;   ///< [arrays, room, 128]
-  int64_t room_ = 0;
+  at::Tensor edge_rows_;   ///< [arrays, capacity, 128]
+  int64_t capacity_ = 0;
   graph::MessageRecord record_;
   float* node_grad_ = nullptr;  ///< [nodes, 128] of the latents after the step that comes next on the way back
   Traces node_traces_{};

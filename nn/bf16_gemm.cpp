@@ -1,5 +1,5 @@
 // Compiled for the units whatever the rest is compiled for: nothing but plain functions here.
-#include "nn/bf16_products.h"
+#include "nn/bf16_gemm.h"
 
 #include <atomic>
 

@@ -1,10 +1,10 @@
-// Training on data of other programs: particles that are held in place, and scenes with two dimensions.
+// Training on data of other programs: kinematic particles, and scenes with two dimensions.
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <numbers>
 
-#include "core/scene/held_particles.h"
+#include "core/scene/kinematic_particles.h"
 #include "core/system/error.h"
 #include "tests/gpu_only.h"
 #include "tests/train/gns_cloud.h"
@@ -18,7 +18,7 @@
 namespace graupel::train {
 namespace {
 
-constexpr int held_count = 10;
+constexpr int kinematic_count = 10;
 
 const char* plane_scene() {
   return R"({
@@ -29,24 +29,25 @@ const char* plane_scene() {
   })";
 }
 
-/// The tiny trajectory in the plane z = 0.5; with `held`, behind it a row of obstacle particles that goes up and down
-/// and one of stationary particles that is still.
-Trajectory plane_trajectory(uint64_t seed, bool held) {
+/// The tiny trajectory in the plane z = 0.5; with `with_kinematic`, behind it a row of obstacle particles that goes up
+/// and down and one of stationary particles that is still.
+Trajectory plane_trajectory(uint64_t seed, bool with_kinematic) {
   Trajectory trajectory = tiny_trajectory(seed, 24, 30);
   trajectory.scene_json = io::scene_to_json(io::parse_scene(plane_scene(), "plane", "."));
-  for (int k = 0; held && k < held_count; ++k) trajectory.particle_type.push_back(k % 2 ? 13 : obstacle_particle_type);
+  for (int k = 0; with_kinematic && k < kinematic_count; ++k)
+    trajectory.particle_type.push_back(k % 2 ? 13 : obstacle_particle_type);
   for (std::size_t t = 0; t < trajectory.frames.size(); ++t) {
     ParticleFrame& frame = trajectory.frames[t];
     frame.velocity.clear();
     for (Vec3f& x : frame.position) x[2] = 0.5f;
-    for (int k = 0; held && k < held_count; ++k)
+    for (int k = 0; with_kinematic && k < kinematic_count; ++k)
       frame.position.push_back({0.4f + 0.02f * static_cast<float>(k),
                                 0.17f + (k % 2 ? 0 : 0.01f * std::sin(0.3f * static_cast<float>(t))), 0.5f});
   }
   return trajectory;
 }
 
-const std::string& plane_file(bool held) {
+const std::string& plane_file(bool with_kinematic) {
   static const struct Files {
     Files() : folder(test_folder("plane")), file{folder + "/without.h5", folder + "/with.h5"} {
       for (const bool with : {false, true}) {
@@ -64,7 +65,7 @@ const std::string& plane_file(bool held) {
     ~Files() { remove_path(folder); }
     std::string folder, file[2];
   } files;
-  return files.file[held];
+  return files.file[with_kinematic];
 }
 
 TrainConfig plane_config() {
@@ -89,7 +90,7 @@ int32_t type_row(const Batch& batch, int64_t i) {
   return batch.indices[static_cast<std::size_t>(batch.type_row.begin + i)];
 }
 
-TEST(HeldParticles, StatisticsAreThoseOfTheOthers) {
+TEST(KinematicParticles, StatisticsAreThoseOfTheOthers) {
   const DataSplit with(plane_file(true)), without(plane_file(false));
   const graph::Normalization a = with.statistics(1e-3, 1), b = without.statistics(1e-3, 2);
   for (int d = 0; d < 3; ++d) {
@@ -98,11 +99,11 @@ TEST(HeldParticles, StatisticsAreThoseOfTheOthers) {
     EXPECT_EQ(a.acceleration_std[d], b.acceleration_std[d]);
   }
   EXPECT_EQ(a.velocity_std[2], 1) << "nothing moves along z, noise neither";
-  EXPECT_EQ(with.trajectory(0).held_count(), held_count);
+  EXPECT_EQ(with.trajectory(0).kinematic_count(), kinematic_count);
 }
 
 /// Held particles have neither noise nor waves, whatever the others have; nothing leaves the plane.
-TEST(HeldParticles, AreInTheSamplesAsInTheData) {
+TEST(KinematicParticles, AreInTheSamplesAsInTheData) {
   TrainConfig config = plane_config();
   config.symmetries = false;
   const DataSplit split(plane_file(true));
@@ -111,12 +112,12 @@ TEST(HeldParticles, AreInTheSamplesAsInTheData) {
   const Batch clean = training_batch(split, config, {}, 3);
   const int64_t width = clean.feature_width;
   const Rows a{noisy, noisy.features, width}, b{clean, clean.features, width};
-  ASSERT_EQ(noisy.particles(), 4 * (24 + held_count));
-  EXPECT_EQ(noisy.held, 4 * held_count);
-  int64_t held = 0;
+  ASSERT_EQ(noisy.particles(), 4 * (24 + kinematic_count));
+  EXPECT_EQ(noisy.kinematic_count, 4 * kinematic_count);
+  int64_t found = 0;
   for (int64_t i = 0; i < noisy.particles(); ++i) {
-    const bool is_held = graph::is_held_row(type_row(noisy, i));
-    held += is_held;
+    const bool is_kinematic = graph::is_kinematic_row(type_row(noisy, i));
+    found += is_kinematic;
     bool same = true;
     for (int64_t k = 0; k < 3 * config.hgn.history; ++k) {
       same = same && a.row(i)[k] == b.row(i)[k];
@@ -124,13 +125,14 @@ TEST(HeldParticles, AreInTheSamplesAsInTheData) {
         EXPECT_EQ(a.row(i)[k], 0) << "a velocity along z";
       }
     }
-    EXPECT_EQ(same, is_held) << i;
+    EXPECT_EQ(same, is_kinematic) << i;
     EXPECT_EQ((Rows{noisy, noisy.target, 3}.row(i)[2]), 0);
   }
-  EXPECT_EQ(held, noisy.held);
+  EXPECT_EQ(found, noisy.kinematic_count);
 }
 
-/// Of both architectures: the loss is the mean over the others' x and y, and its gradient knows no held target.
+/// Of both architectures: the loss is the mean over the others' x and y, and its gradient knows no target of kinematic
+/// particles.
 void expect_the_loss_of_the_others(const TrainConfig& config) {
   const DataSplit split(plane_file(true));
   split.check_fits(config.network());
@@ -141,24 +143,24 @@ void expect_the_loss_of_the_others(const TrainConfig& config) {
   double sum = 0, out_of_plane = 0;
   int64_t count = 0;
   for (int64_t i = 0; i < batch.particles(); ++i) {
-    if (graph::is_held_row(type_row(batch, i))) continue;
+    if (graph::is_kinematic_row(type_row(batch, i))) continue;
     ++count;
     const float *guess = predicted.data() + 3 * i, *truth = Rows{batch, batch.target, 3}.row(i);
     sum += std::pow(guess[0] - truth[0], 2) + std::pow(guess[1] - truth[1], 2);
     out_of_plane += std::abs(guess[2]);
   }
   ASSERT_GT(out_of_plane, 0);
-  EXPECT_EQ(count, batch.particles() - batch.held);
+  EXPECT_EQ(count, batch.particles() - batch.kinematic_count);
   std::vector<double> gradient, other;
   EXPECT_NEAR(module.loss_and_gradient(batch, &gradient), sum / static_cast<double>(count), 1e-5 * sum);
   for (int64_t i = 0; i < batch.particles(); ++i)
-    if (graph::is_held_row(type_row(batch, i)))
+    if (graph::is_kinematic_row(type_row(batch, i)))
       batch.numbers[static_cast<std::size_t>(batch.target.begin + 3 * i)] += 100;
   module.loss_and_gradient(batch, &other);
   EXPECT_EQ(gradient, other);
 }
 
-TEST(HeldParticles, TheLossDoesNotCountThemNorZ) { expect_the_loss_of_the_others(plane_config()); }
+TEST(KinematicParticles, TheLossDoesNotCountThemNorZ) { expect_the_loss_of_the_others(plane_config()); }
 
 TrainConfig plane_gns_config() {
   TrainConfig config = tiny_gns_config();
@@ -166,10 +168,10 @@ TrainConfig plane_gns_config() {
   return config;
 }
 
-TEST(HeldParticles, TheLossOfGnsDoesNotCountThemNorZ) { expect_the_loss_of_the_others(plane_gns_config()); }
+TEST(KinematicParticles, TheLossOfGnsDoesNotCountThemNorZ) { expect_the_loss_of_the_others(plane_gns_config()); }
 
 /// The kernels that make batches on a device have the same rules, frames of the network's own too.
-TEST(HeldParticles, BatchesOfTheDeviceAreThoseOfTheWorkers) {
+TEST(KinematicParticles, BatchesOfTheDeviceAreThoseOfTheWorkers) {
   TrainConfig config = plane_config();
   config.push_steps = 2;
   config.push_share = 1;
@@ -180,7 +182,7 @@ TEST(HeldParticles, BatchesOfTheDeviceAreThoseOfTheWorkers) {
   const SampleArrays made = samples.take();
   const Batch batch = training_batch(split, config, statistics, 0);
   ASSERT_EQ(made.particles, batch.particles());
-  EXPECT_EQ(made.held, batch.held);
+  EXPECT_EQ(made.kinematic_count, batch.kinematic_count);
   for (int64_t i = 0; i < batch.features.count; ++i) {  // compilers choose which sums become fused multiply-adds
     const float feature = batch.numbers[static_cast<std::size_t>(batch.features.begin + i)];
     ASSERT_NEAR(made.features[i], feature, 1e-5 * (1 + std::abs(feature))) << i;
@@ -193,7 +195,7 @@ TEST(HeldParticles, BatchesOfTheDeviceAreThoseOfTheWorkers) {
   for (int64_t i = 0; i < pushed.particles; ++i) {
     const float* row = pushed.features + i * pushed.feature_width;
     for (int64_t k = 2; k < 3 * config.hgn.history; k += 3) EXPECT_EQ(row[k], 0);
-    if (!graph::is_held_row(pushed.type_row[i])) continue;
+    if (!graph::is_kinematic_row(pushed.type_row[i])) continue;
     // The velocity before the newest one is what the newest one was; the newest one is the data's: 3 mm a frame at
     // most.
     EXPECT_EQ(row[3], before[static_cast<std::size_t>(i * pushed.feature_width)]);
@@ -202,7 +204,7 @@ TEST(HeldParticles, BatchesOfTheDeviceAreThoseOfTheWorkers) {
   }
 }
 
-TEST(HeldParticles, TheLossOnTheGpuIsThatOfTheCpu) {
+TEST(KinematicParticles, TheLossOnTheGpuIsThatOfTheCpu) {
   GRAUPEL_NEEDS_GPU();
   const TrainConfig config = plane_config();
   const DataSplit split(plane_file(true));
@@ -211,13 +213,13 @@ TEST(HeldParticles, TheLossOnTheGpuIsThatOfTheCpu) {
   samples.start(0);
   const SampleArrays made = samples.take();
   const Batch batch = training_batch(split, config, statistics, 0);
-  EXPECT_EQ(made.held, batch.held);
+  EXPECT_EQ(made.kinematic_count, batch.kinematic_count);
   const NetworkModule on_gpu(config.network(), Device::cuda, 3), on_cpu(config.network(), Device::cpu, 3);
   const double loss = on_cpu.loss(batch);
   EXPECT_NEAR(on_gpu.loss(batch), loss, 1e-2 * loss);  // TF32
 }
 
-TEST(HeldParticles, ErrorsDoNotCountThem) {
+TEST(KinematicParticles, ErrorsDoNotCountThem) {
   const TrainConfig config = plane_config();
   const DataSplit split(plane_file(true));
   const graph::Normalization statistics = split.statistics(config.noise_std, 1);
@@ -228,7 +230,7 @@ TEST(HeldParticles, ErrorsDoNotCountThem) {
   EXPECT_TRUE(std::isfinite(evaluate_rollout(module, statistics, split, 2, 5, {})));
 }
 
-TEST(HeldParticles, ARunWithoutOthersIsRefused) {
+TEST(KinematicParticles, ARunWithoutOthersIsRefused) {
   const std::string file = test_folder("held") + "/all.h5";
   Trajectory trajectory = plane_trajectory(1, false);
   for (int32_t& type : trajectory.particle_type) type = obstacle_particle_type;
@@ -246,8 +248,8 @@ TEST(Plane, GridsHaveTwoLayersAndOneAbove) {
   const TrajectoryInfo& trajectory = split.trajectory(0);
   for (int64_t step = 0; step < 20; ++step) {
     const SampleDraw draw = draw_training_sample(split, config, step, 0);
-    EXPECT_EQ(draw.turn.axis[2], 2);
-    EXPECT_EQ(draw.turn.sign[2], 1);
+    EXPECT_EQ(draw.symmetry.axis[2], 2);
+    EXPECT_EQ(draw.symmetry.sign[2], 1);
     EXPECT_DOUBLE_EQ(draw.origin[2], 0.5 - config.hgn.spacing);
     for (int w = 0; w < Waves::count; ++w)
       EXPECT_EQ(draw.displacement.amplitude[w] * draw.displacement.vector[w][2], 0);

@@ -1,10 +1,10 @@
-// Rollouts with particles that are held in place, and rollouts in the plane.
+// Rollouts with kinematic particles, and rollouts in the plane.
 #include <gtest/gtest.h>
 #include <unistd.h>
 
 #include <filesystem>
 
-#include "core/scene/held_particles.h"
+#include "core/scene/kinematic_particles.h"
 #include "core/system/error.h"
 #include "graph/features/prescribed_positions.h"
 #include "graph/learned_simulator.h"
@@ -62,7 +62,7 @@ struct Start {
       for (Vec3f& p : x) p[2] = static_cast<float>(scene.domain.plane());
     for (int i = 0; i < 40; ++i) type.push_back(i % 8 == 0 ? 13 : i % 4 == 0 ? obstacle_particle_type : 5);
     history = start_history(x, std::vector<Vec3f>(40, Vec3f{0.1f, -0.2f, 0}), scene.gravity, frame_time, 4,
-                            held_particles(type));
+                            kinematic_mask(type));
   }
   std::vector<int32_t> type;
   std::vector<std::vector<Vec3f>> history;
@@ -74,7 +74,7 @@ LearnedSimulator::RolloutOptions frames(int64_t count) {
   return options;
 }
 
-TEST(HeldParticles, HistoryOfHeldParticlesIsNotBallistic) {
+TEST(KinematicParticles, HistoryOfHeldParticlesIsNotBallistic) {
   const Scene scene = scene_of(3);
   const Start start(scene);
   for (std::size_t i = 0; i < 40; ++i) {
@@ -84,7 +84,7 @@ TEST(HeldParticles, HistoryOfHeldParticlesIsNotBallistic) {
   }
 }
 
-TEST(HeldParticles, AreWhereTheDataHaveThemAndStayBeyond) {
+TEST(KinematicParticles, AreWhereTheDataHaveThemAndStayBeyond) {
   const LearnedSimulator network = simulator(3);
   const Scene scene = scene_of(3);
   const Start start(scene);
@@ -112,7 +112,7 @@ TEST(HeldParticles, AreWhereTheDataHaveThemAndStayBeyond) {
   EXPECT_TRUE(others_differ) << "others meet them";
 }
 
-TEST(HeldParticles, NothingIsPredictedOfThem) {
+TEST(KinematicParticles, NothingIsPredictedOfThem) {
   const Scene scene = scene_of(3);
   const Start start(scene);
   const auto acceleration = simulator(3).one_step(Environment(scene), start.type, start.history);
@@ -121,7 +121,7 @@ TEST(HeldParticles, NothingIsPredictedOfThem) {
 
 /// The density that is held is that of the others: alone each of them is in cells of its own, with 20 held ones about
 /// it, or among them, they would be pushed away.
-TEST(HeldParticles, AreNoMatterThatIsTooDense) {
+TEST(KinematicParticles, AreNoMatterThatIsTooDense) {
   Scene scene = scene_of(3);
   scene.sources.emplace_back();
   scene.sources.back().particles_per_cell = 0.01;  // at rest one in each of the network's cells, as half of them have
@@ -149,7 +149,7 @@ TEST(HeldParticles, AreNoMatterThatIsTooDense) {
       << "as matter they are";
 }
 
-TEST(HeldParticles, AGpuRefusesThemAndNamesTheRemedy) {
+TEST(KinematicParticles, AGpuRefusesThemAndNamesTheRemedy) {
   const Scene scene = scene_of(3);
   const Start start(scene);
   auto options = frames(1);
@@ -163,7 +163,7 @@ TEST(HeldParticles, AGpuRefusesThemAndNamesTheRemedy) {
   }
 }
 
-TEST(HeldParticles, FramesOfAnotherNumberOfParticlesAreRefused) {
+TEST(KinematicParticles, FramesOfAnotherNumberOfParticlesAreRefused) {
   const LearnedSimulator::GivenFrames given(2, std::vector<Vec3f>(3));
   EXPECT_THROW(PrescribedPositions({5, 3}, std::vector<Vec3f>(2), &given), InputError);
 }

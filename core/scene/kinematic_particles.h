@@ -14,13 +14,13 @@ inline bool moves_by_itself(int32_t particle_type) {
   return particle_type != obstacle_particle_type && particle_type != particle_type_of(MaterialModel::stationary);
 }
 
-/// [n] 1 for particles that are held; empty where none is.
-inline std::vector<uint8_t> held_particles(const std::vector<int32_t>& particle_type) {
-  std::vector<uint8_t> held;
-  held.reserve(particle_type.size());
-  for (const int32_t type : particle_type) held.push_back(moves_by_itself(type) ? 0 : 1);
-  if (std::find(held.begin(), held.end(), 1) == held.end()) held.clear();
-  return held;
+/// [n] 1 for kinematic particles; empty where there are none.
+inline std::vector<uint8_t> kinematic_mask(const std::vector<int32_t>& particle_type) {
+  std::vector<uint8_t> kinematic;
+  kinematic.reserve(particle_type.size());
+  for (const int32_t type : particle_type) kinematic.push_back(moves_by_itself(type) ? 0 : 1);
+  if (std::find(kinematic.begin(), kinematic.end(), 1) == kinematic.end()) kinematic.clear();
+  return kinematic;
 }
 
 }  // namespace graupel

@@ -18,13 +18,13 @@ Bf16Extension fastest_bf16_units();
 /// they are asked for; no better ones than are available.
 void use_bf16_units(Bf16Extension units);
 Bf16Extension bf16_units_in_use();
-void use_bf16_products(bool use);
-bool uses_bf16_products();
+void set_bf16_gemm(bool use);
+bool uses_bf16_gemm();
 /// What programs begin with: the units that are faster than f32, unless the environment variable GRAUPEL_PRODUCTS says
 /// f32, bf16 (the best units) or bf16-vectors. Throws ConfigError for another value, and for units that are not there.
-void choose_products();
+void choose_gemm_precision();
 /// "f32 products", "bf16 products on vector units" or "bf16 products on matrix units".
-const char* name_of_products();
+const char* gemm_precision_name();
 
 /// Inputs that the units take: whole tiles, and enough of them.
 constexpr bool suits_bf16_units(int in) { return in % 32 == 0 && in >= 64 && in <= 512; }

@@ -1,6 +1,6 @@
 // Products on units for bf16 are those of operands rounded to bf16, row by row, whatever the number and place of the
 // rows.
-#include "nn/bf16_products.h"
+#include "nn/bf16_gemm.h"
 
 #include <gtest/gtest.h>
 
@@ -15,14 +15,14 @@
 namespace graupel::nn {
 namespace {
 
-class Bf16Products : public ::testing::TestWithParam<std::tuple<Bf16Extension, std::tuple<int, int, int>>> {
+class Bf16Gemm : public ::testing::TestWithParam<std::tuple<Bf16Extension, std::tuple<int, int, int>>> {
  protected:
   void SetUp() override {
     const Bf16Extension units = std::get<0>(GetParam());
     if (available_bf16_units() < units) GTEST_SKIP() << "this processor has no such units for bf16";
     use_bf16_units(units);
   }
-  void TearDown() override { use_bf16_products(false); }
+  void TearDown() override { set_bf16_gemm(false); }
 };
 
 std::vector<float> random_values(std::size_t n, uint64_t stream) {
@@ -34,7 +34,7 @@ std::vector<float> random_values(std::size_t n, uint64_t stream) {
 
 double rounded(float value) { return float_from_bf16(bf16_from_float(value)); }
 
-TEST_P(Bf16Products, AreThoseOfRoundedOperands) {
+TEST_P(Bf16Gemm, AreThoseOfRoundedOperands) {
   const auto [rows, in, out] = std::get<1>(GetParam());
   const int stride = in + 8;  // rows of a wider matrix
   const auto x = random_values(static_cast<std::size_t>(rows * stride), 1),
@@ -63,7 +63,7 @@ TEST_P(Bf16Products, AreThoseOfRoundedOperands) {
     }
 }
 
-TEST_P(Bf16Products, OfARowDoNotDependOnTheRowsBesideIt) {
+TEST_P(Bf16Gemm, OfARowDoNotDependOnTheRowsBesideIt) {
   const auto [rows, in, out] = std::get<1>(GetParam());
   const auto x = random_values(static_cast<std::size_t>(rows * in), 4),
              weight = random_values(static_cast<std::size_t>(out * in), 5);
@@ -78,14 +78,14 @@ TEST_P(Bf16Products, OfARowDoNotDependOnTheRowsBesideIt) {
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(Sizes, Bf16Products,
+INSTANTIATE_TEST_SUITE_P(Sizes, Bf16Gemm,
                          ::testing::Combine(::testing::Values(Bf16Extension::vectors, Bf16Extension::matrices),
                                             ::testing::Values(std::tuple(1, 64, 32), std::tuple(15, 96, 33),
                                                               std::tuple(16, 128, 128), std::tuple(17, 128, 384),
                                                               std::tuple(32, 256, 128), std::tuple(70, 128, 3),
                                                               std::tuple(33, 512, 40))));
 
-TEST(Bf16ProductsChoice, OtherInputsStayInF32) {
+TEST(GemmPrecision, OtherInputsStayInF32) {
   if (!has_bf16_units()) GTEST_SKIP() << "this processor has no units for bf16";
   for (const int in : {31, 32, 43, 100}) {
     const auto x = random_values(static_cast<std::size_t>(in), 1),
@@ -93,42 +93,42 @@ TEST(Bf16ProductsChoice, OtherInputsStayInF32) {
     const Linear linear(32, in, weight.data(), in);
     Buffer<float> exact(Device::cpu, 32), also(Device::cpu, 32);
     linear.apply(x.data(), in, 1, exact.data(), 32);
-    use_bf16_products(true);
+    set_bf16_gemm(true);
     linear.apply(x.data(), in, 1, also.data(), 32);
-    use_bf16_products(false);
+    set_bf16_gemm(false);
     EXPECT_TRUE(std::equal(exact.begin(), exact.end(), also.begin())) << in;
   }
 }
 
-TEST(Bf16ProductsChoice, FollowsTheEnvironment) {
-  EXPECT_FALSE(uses_bf16_products()) << "libraries compute in f32 until a program asks for less";
+TEST(GemmPrecision, FollowsTheEnvironment) {
+  EXPECT_FALSE(uses_bf16_gemm()) << "libraries compute in f32 until a program asks for less";
   ::unsetenv("GRAUPEL_PRODUCTS");
-  choose_products();
+  choose_gemm_precision();
   EXPECT_EQ(bf16_units_in_use(), fastest_bf16_units());
   ::setenv("GRAUPEL_PRODUCTS", "f32", 1);
-  choose_products();
-  EXPECT_FALSE(uses_bf16_products());
+  choose_gemm_precision();
+  EXPECT_FALSE(uses_bf16_gemm());
   ::setenv("GRAUPEL_PRODUCTS", "bf16", 1);
   if (has_bf16_units()) {
-    choose_products();
+    choose_gemm_precision();
     EXPECT_EQ(bf16_units_in_use(), available_bf16_units());
     ::setenv("GRAUPEL_PRODUCTS", "bf16-vectors", 1);
-    choose_products();
+    choose_gemm_precision();
     EXPECT_EQ(bf16_units_in_use(), Bf16Extension::vectors);
-    EXPECT_STREQ(name_of_products(), "bf16 products on vector units");
+    EXPECT_STREQ(gemm_precision_name(), "bf16 products on vector units");
   } else {
-    EXPECT_THROW(choose_products(), ConfigError);
+    EXPECT_THROW(choose_gemm_precision(), ConfigError);
   }
   ::setenv("GRAUPEL_PRODUCTS", "f16", 1);
   try {
-    choose_products();
+    choose_gemm_precision();
     ADD_FAILURE() << "an unknown word was taken";
   } catch (const ConfigError& error) {
     EXPECT_NE(std::string(error.what()).find("'f16'"), std::string::npos) << error.what();
     EXPECT_NE(std::string(error.what()).find("f32, bf16"), std::string::npos) << error.what();
   }
   ::unsetenv("GRAUPEL_PRODUCTS");
-  use_bf16_products(false);
+  set_bf16_gemm(false);
 }
 
 }  // namespace

@@ -2,15 +2,15 @@
 #include <string>
 
 #include "core/system/error.h"
-#include "nn/bf16_products.h"
+#include "nn/bf16_gemm.h"
 
 namespace graupel::nn {
 
 bool has_bf16_units() { return available_bf16_units() != Bf16Extension::none; }
-void use_bf16_products(bool use) { use_bf16_units(use ? available_bf16_units() : Bf16Extension::none); }
-bool uses_bf16_products() { return bf16_units_in_use() != Bf16Extension::none; }
+void set_bf16_gemm(bool use) { use_bf16_units(use ? available_bf16_units() : Bf16Extension::none); }
+bool uses_bf16_gemm() { return bf16_units_in_use() != Bf16Extension::none; }
 
-void choose_products() {
+void choose_gemm_precision() {
   const char* const wanted = std::getenv("GRAUPEL_PRODUCTS");
   const std::string word = wanted == nullptr ? "" : wanted;
   if (!word.empty() && word != "f32" && word != "bf16" && word != "bf16-vectors")
@@ -24,7 +24,7 @@ void choose_products() {
                                           : fastest_bf16_units());
 }
 
-const char* name_of_products() {
+const char* gemm_precision_name() {
   switch (bf16_units_in_use()) {
     case Bf16Extension::matrices:
       return "bf16 products on matrix units";
