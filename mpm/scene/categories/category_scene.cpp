@@ -129,14 +129,31 @@ bool stream(SceneDraft& draft) {
   return true;
 }
 
-/// A paddle, a sliding box or a tray, and bodies that fall on it or lie in its way.
+/// The part of the domain from the middle of a box in the world upwards, and within it sideways.
+Part above(const SceneDraft& draft, const sparsegrid::LocalBox& box) {
+  const Vec3d inside = draft.high() - draft.low();
+  Part part;
+  for (const int d : {0, 2}) {
+    part.low[d] = std::clamp((box.low[d] - draft.low()[d]) / inside[d], 0.0, 1.0);
+    part.high[d] = std::clamp((box.high[d] - draft.low()[d]) / inside[d], 0.0, 1.0);
+  }
+  part.low[1] = std::clamp(((box.low[1] + box.high[1]) / 2 - draft.low()[1]) / inside[1], 0.0, 1.0);
+  return part;
+}
+
+/// A paddle, a sliding box or a tray; two thirds of the bodies fall on it, the others lie or fall anywhere.
 bool moving_obstacle(SceneDraft& draft) {
-  constexpr std::array<void (*)(SceneDraft&), 3> movers = {add_paddle, add_sliding_box, add_tray};
-  draft.draws.one_of(movers)(draft);
+  constexpr std::array<Body (*)(SceneDraft&), 3> movers = {add_paddle, add_sliding_box, add_tray};
+  const Body mover = draft.draws.one_of(movers)(draft);
   draft.add_obstacles(few_obstacles(draft));
-  const int64_t bodies = draft.draws.whole(draft.recipe.bodies.count);
+  const int64_t bodies = draft.draws.whole(draft.recipe.bodies.count), on_it = (2 * bodies + 2) / 3;
   draft.share_particles(bodies);
-  return draft.add_bodies(bodies, Pose::free, everywhere, Place::anywhere);
+  sparsegrid::LocalBox box = world_extent(mover);
+  box.low += mover.position;
+  box.high += mover.position;
+  if (!draft.add_bodies(on_it, Pose::free, above(draft, box), Place::anywhere)) return false;
+  draft.add_bodies(bodies - on_it, Pose::free, everywhere, Place::anywhere);
+  return true;
 }
 
 /// A container under a stream or under falling bodies, of no more material than overflows it a little.
@@ -152,13 +169,9 @@ bool filling_container(SceneDraft& draft) {
   }
   const int64_t bodies = draws.whole(draft.recipe.bodies.count);
   draft.share_particles(bodies, volume);
-  Part above = everywhere;
-  const Vec3d inside = draft.high() - draft.low(), half = {opening.width / 3, 0, opening.depth / 3};
-  for (int d = 0; d < 3; ++d) {
-    above.low[d] = (opening.center[d] - half[d] - draft.low()[d]) / inside[d];
-    above.high[d] = d == 1 ? 1 : (opening.center[d] + half[d] - draft.low()[d]) / inside[d];
-  }
-  return draft.add_bodies(bodies, Pose::free, above, Place::anywhere);
+  const Vec3d half = {opening.width / 3, 0, opening.depth / 3};
+  return draft.add_bodies(bodies, Pose::free, above(draft, {opening.center - half, opening.center + half}),
+                          Place::anywhere);
 }
 
 bool compose(SceneCategory category, SceneDraft& draft) {

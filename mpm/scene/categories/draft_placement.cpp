@@ -18,13 +18,16 @@ void turn(Body& body, Pose pose, Draws& draws) {
   body.rotation_angle = draws.uniform(0, 360);
 }
 
+/// The upper half of the sizes, in their logarithm.
+Interval large(const Interval& sizes) { return {std::sqrt(sizes.low * sizes.high), sizes.high}; }
+
 }  // namespace
 
-std::optional<Source> SceneDraft::body(Pose pose) { return body(pose, recipe.bodies.shapes); }
+std::optional<Source> SceneDraft::body(Pose pose) { return body(pose, recipe.bodies.shapes, recipe.bodies.size); }
 
-std::optional<Source> SceneDraft::body(Pose pose, const std::vector<Shape>& shapes) {
+std::optional<Source> SceneDraft::body(Pose pose, const std::vector<Shape>& shapes, const Interval& sizes) {
   const double most = take_share() * particle_volume(), least = recipe.bodies.size.low;
-  double size = draws.in(recipe.bodies.size);
+  double size = draws.in(sizes);
   Source source;
   source.sampling = Sampling::random;
   source.particles_per_cell = recipe.bodies.particles_per_cell;
@@ -60,7 +63,7 @@ std::optional<Source> SceneDraft::body(Pose pose, const std::vector<Shape>& shap
 std::optional<Source> SceneDraft::dam() {
   const double first = take_share();
   if (!shares_.empty()) shares_.back() += first;
-  std::optional<Source> dam = body(Pose::upright, {Shape::box});
+  std::optional<Source> dam = body(Pose::upright, {Shape::box}, large(recipe.bodies.size));
   if (dam) dam->rotation_angle = 0;
   return dam;
 }
@@ -71,7 +74,7 @@ std::optional<Source> SceneDraft::column() {
   column.sampling = Sampling::random;
   column.particles_per_cell = recipe.bodies.particles_per_cell;
   column.shape = draws.chance(0.5) ? Shape::cylinder : Shape::box;
-  const double height = draws.in(recipe.bodies.size), width = std::max(least, height / draws.uniform(1, 5));
+  const double height = draws.in(large(recipe.bodies.size)), width = std::max(least, height / draws.uniform(1, 5));
   column.height = height;
   column.radius = width / 2;
   column.size = {width, height, std::max(least, width * draws.uniform(0.7, 1))};

@@ -48,7 +48,7 @@ std::vector<MotionKey> to_and_fro(double start, double leg, double end, Pose&& p
 
 }  // namespace
 
-void add_paddle(SceneDraft& draft) {
+Body add_paddle(SceneDraft& draft) {
   Draws& draws = draft.draws;
   const Vec3d inside = draft.high() - draft.low();
   const int axis = static_cast<int>(draws.integer(3)), blades = draws.chance(0.5) ? 2 : 3;
@@ -86,9 +86,10 @@ void add_paddle(SceneDraft& draft) {
   swept.position = blade.position;
   swept.radius = std::hypot(length, width) / 2;
   draft.keep_out(swept);
+  return swept;
 }
 
-void add_sliding_box(SceneDraft& draft) {
+Body add_sliding_box(SceneDraft& draft) {
   Draws& draws = draft.draws;
   const Vec3d inside = draft.high() - draft.low();
   const int axis = draws.chance(0.5) ? 0 : 2, other = 2 - axis;
@@ -122,9 +123,10 @@ void add_sliding_box(SceneDraft& draft) {
   swept.size[axis] += way;
   swept.position[axis] = from + way / 2;
   draft.keep_out(swept);
+  return swept;
 }
 
-void add_tray(SceneDraft& draft) {
+Body add_tray(SceneDraft& draft) {
   Draws& draws = draft.draws;
   const Vec3d inside = draft.high() - draft.low();
   const double t = wall_thickness(draft), tilt = draws.in(draft.recipe.motions.tilt), sine = std::sin(tilt * pi / 180);
@@ -169,6 +171,7 @@ void add_tray(SceneDraft& draft) {
   Body swept = box(part, center, {size[axis], 2 * (rim + t) + size[along] * sine, size[axis]});
   swept.size[along] = size[along];
   draft.keep_out(swept);
+  return swept;
 }
 
 Opening add_container(SceneDraft& draft) {

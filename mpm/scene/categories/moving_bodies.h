@@ -5,12 +5,12 @@
 
 namespace graupel::mpm {
 
-/// Blades that turn about a common axis for a part of the run.
-void add_paddle(SceneDraft& draft);
+/// Blades that turn about a common axis for a part of the run. These three return a body that encloses the motion.
+Body add_paddle(SceneDraft& draft);
 /// A box on the floor that slides to and fro.
-void add_sliding_box(SceneDraft& draft);
+Body add_sliding_box(SceneDraft& draft);
 /// A tray with rims above the floor that tilts to both sides.
-void add_tray(SceneDraft& draft);
+Body add_tray(SceneDraft& draft);
 
 /// The opening of a container: a box in the world above whose lower face it is open [m].
 struct Opening {

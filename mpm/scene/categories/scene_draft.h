@@ -45,8 +45,8 @@ class SceneDraft {
 
   /// A body of a drawn shape and size at rest, small enough for the next share of particles; none where no body is.
   std::optional<Source> body(Pose pose);
-  std::optional<Source> body(Pose pose, const std::vector<Shape>& shapes);
-  /// A box that is not turned, of two shares of particles.
+  std::optional<Source> body(Pose pose, const std::vector<Shape>& shapes, const Interval& sizes);
+  /// A box that is not turned, of two shares of particles; large, as columns are.
   std::optional<Source> dam();
   /// A box or cylinder that stands on its end, up to five times as high as wide.
   std::optional<Source> column();

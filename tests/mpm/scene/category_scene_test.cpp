@@ -230,10 +230,16 @@ TEST(CategoryScene, FixedStepsMustDoForTheStiffestConstants) {
 }
 
 TEST(CategoryScene, ARecipeWithoutRoomIsAnError) {
-  EXPECT_THROW(draw_scene(recipe({"bodies.size=[0.9,0.95]", "bodies.shapes=[\"sphere\"]", "max_particles=1000000",
-                                  "categories=[\"fall_on_obstacles\"]", "obstacles.count=[40,40]"}),
-                          1, Split::train, 0),
-               ConfigError);
+  const CategoryRecipe large = recipe({"bodies.size=[0.7,0.8]", "bodies.shapes=[\"sphere\"]", "max_particles=10000000",
+                                       "domain.sizes=[[0.75,0.75,0.75]]"});
+  try {
+    draw_scene(large, 1, Split::train, index_of(SceneCategory::fall_on_obstacles));
+    ADD_FAILURE() << "nothing was thrown";
+  } catch (const ConfigError& error) {
+    for (const char* part : {"no room for the bodies of scene 2 of 'general'", "fall_on_obstacles", "0.7 to 0.8 m",
+                             "Use fewer or smaller ones"})
+      EXPECT_NE(std::string(error.what()).find(part), std::string::npos) << error.what();
+  }
 }
 
 /// A shrunk body has the asked volume, keeps what it can of its largest extent, and none is below the least.
