@@ -57,7 +57,7 @@ struct RecipeDomain {
     visit(&D::sizes,
           FieldInfo{.name = "sizes",
                     .unit = "m",
-                    .meaning = "Edge lengths of the domain to draw from; a GPU runs scenes of one size together",
+                    .meaning = "Edge lengths of the domain to draw from; on a GPU scenes of one size advance together",
                     .range = Range::positive()});
     visit(&D::dx, FieldInfo{.name = "dx", .unit = "m", .meaning = "Grid spacing", .range = Range::positive()});
     visit(&D::wall_cells, FieldInfo{.name = "wall_cells",

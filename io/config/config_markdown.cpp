@@ -33,10 +33,10 @@ std::string type_text(const FieldDescription& field) {
       one = "[x, y, z]";
       break;
     case FieldType::interval:
-      one = "[low, high]";
+      one = "interval";
       break;
     case FieldType::whole_interval:
-      one = "[low, high], whole";
+      one = "whole interval";
       break;
     case FieldType::word:
       one = "word";
