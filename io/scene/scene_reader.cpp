@@ -118,11 +118,11 @@ std::string category_markdown() {
          "| `moving_obstacle` | A paddle that turns, a box that slides or a tray that tilts; bodies at rest |\n"
          "| `filling_container` | A container under a stream or under falling bodies |\n\n"
          "An interval is written [low, high]. It is drawn from uniformly, or uniformly in its logarithm where high/low "
-         "is 10 or more. "
-         "Bodies share\n`max_particles`: one that would have more is made slender, then small, and left out below "
-         "`bodies.size`. Obstacles have\nbounding boxes in place of meshes and level sets where places are looked "
-         "for. All scenes have the same `time_step`; fixed\nsteps that are too long for the stiffest constants are "
-         "an error.\n\n"
+         "is "
+         "10 or\nmore. Bodies share `max_particles`: one that would have more is made slender, then small, and left "
+         "out "
+         "below\n`bodies.size`. Bounding boxes stand for meshes and level sets where places are looked for. All scenes "
+         "have the same\n`time_step`; fixed steps that are too long for the stiffest constants are an error.\n\n"
          "These tables are made from `core/scene/category_recipe.h` and `core/scene/category_parts.h`.\n" +
          description_markdown(describe<CategoryRecipe>(), "Top level of categories");
 }
