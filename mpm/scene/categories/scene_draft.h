@@ -43,7 +43,8 @@ class SceneDraft {
   void share_particles(int64_t n);
   void share_particles(int64_t n, double volume);
 
-  /// A body of a drawn shape and size at rest, small enough for the next share of particles; none where no body is.
+  /// A body of a drawn shape and size at rest, small enough for the next share of particles; none where the
+  /// smallest one has more.
   std::optional<Source> body(Pose pose);
   std::optional<Source> body(Pose pose, const std::vector<Shape>& shapes, const Interval& sizes);
   /// A box that is not turned, of two shares of particles; large, as columns are.
