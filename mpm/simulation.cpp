@@ -6,6 +6,7 @@
 #include "core/system/error.h"
 #include "mpm/cpu_batch.h"
 #include "mpm/cuda_simulation.h"
+#include "mpm/grouped_batch.h"
 #include "mpm/memory_need.h"
 #include "mpm/scene/scene_check.h"
 #include "mpm/solver/solver.h"
@@ -48,6 +49,39 @@ Estimate estimate_with(const Scene& scene, const SimulationOptions& options, con
   e.substeps = scene.frames * static_cast<int64_t>(std::ceil(scene.frame_time / step - 1e-9));
   e.memory_bytes = solver.memory_bytes();
   return e;
+}
+
+/// Scenes of one grid that the tuned kernels for GPUs know, grid by grid, and all others, in one group.
+SceneGroups groups_of_a_launch(const std::vector<PreparedScene>& scenes) {
+  SceneGroups groups;
+  for (std::size_t i = 0; i < scenes.size(); ++i) {
+    const auto joins = [&](const std::vector<std::size_t>& group) {
+      const PreparedScene &one = scenes[i], &other = scenes[group.front()];
+      if (!runs_tuned(one) || !runs_tuned(other)) return runs_tuned(one) == runs_tuned(other);
+      return one.scene.domain.dx == other.scene.domain.dx && one.scene.domain.size == other.scene.domain.size;
+    };
+    const auto found = std::find_if(groups.begin(), groups.end(), joins);
+    if (found != groups.end())
+      found->push_back(i);
+    else
+      groups.push_back({i});
+  }
+  return groups;
+}
+
+/// A batch of scenes of one group.
+std::unique_ptr<SceneBatch> make_group(const std::vector<PreparedScene>& scenes) {
+  if (!runs_tuned(scenes.front())) return make_side_by_side(scenes);
+  std::vector<Scene> of_batch;
+  std::vector<SampledParticles> particles;
+  std::vector<sparsegrid::ObstacleSet> obstacles;
+  for (const PreparedScene& s : scenes) {
+    of_batch.push_back(s.scene);
+    particles.push_back(s.particles);
+    obstacles.push_back(s.obstacles);
+  }
+  check_memory(least_memory(scenes), Device::cuda);
+  return make_cuda_batch(of_batch, particles, obstacles);
 }
 
 /// The scene, once it is known that the device may run it and that it can fit.
@@ -94,22 +128,8 @@ void Simulation::carry_tracers(const std::vector<Vec3f>&, const std::vector<Vec3
 
 std::unique_ptr<SceneBatch> SceneBatch::create(const std::vector<PreparedScene>& scenes) {
   GRAUPEL_ASSERT(!scenes.empty());
-  const Domain& grid = scenes.front().scene.domain;
-  if (std::all_of(scenes.begin(), scenes.end(), [&](const PreparedScene& s) {
-        return runs_tuned(s) && s.scene.domain.dx == grid.dx && s.scene.domain.size == grid.size;
-      })) {
-    std::vector<Scene> of_batch;
-    std::vector<SampledParticles> particles;
-    std::vector<sparsegrid::ObstacleSet> obstacles;
-    for (const PreparedScene& s : scenes) {
-      of_batch.push_back(s.scene);
-      particles.push_back(s.particles);
-      obstacles.push_back(s.obstacles);
-    }
-    check_memory(least_memory(scenes), Device::cuda);
-    return make_cuda_batch(of_batch, particles, obstacles);
-  }
-  return make_side_by_side(scenes);
+  const SceneGroups groups = groups_of_a_launch(scenes);
+  return groups.size() == 1 ? make_group(scenes) : make_grouped(scenes, groups, make_group);
 }
 
 int64_t SceneBatch::particle_count() const {

@@ -111,9 +111,9 @@ class Simulation {
   virtual void load_state(const std::vector<std::byte>& state) = 0;
 };
 
-/// Many scenes that advance together; each moves as it would alone, to the byte. On a GPU one launch advances all,
-/// where the tuned kernels know all that the scenes have and these have one grid; otherwise one scene after another. On
-/// the CPU each thread advances scenes of its own.
+/// Many scenes that advance together; each moves as it would alone, to the byte. On a GPU one launch advances all
+/// scenes of one grid of which the tuned kernels know all; grids take turns, and the other scenes run one after
+/// another. On the CPU each thread advances scenes of its own.
 class SceneBatch {
  public:
   /// All scenes must have the same options but for the seed. Throws as Simulation::create does.

@@ -9,8 +9,8 @@
 //     }
 //   };
 //
-// Member types: bool, int64_t, double, std::string, Vec3d, AnyValue, an enum with EnumWords, another such struct,
-// std::optional, std::vector or std::map<std::string, ...> of these.
+// Member types: bool, int64_t, double, std::string, Vec3d, Interval, WholeInterval, AnyValue, an enum with EnumWords,
+// another such struct, std::optional, std::vector or std::map<std::string, ...> of these.
 #pragma once
 
 #include <array>

@@ -6,11 +6,13 @@
 #include <nlohmann/json.hpp>
 
 #include "core/system/error.h"
+#include "io/scene/category_reader.h"
 #include "io/scene/recipe_reader.h"
 #include "io/scene/scene_reader.h"
 #include "io/scene/sweep_reader.h"
 #include "mpm/memory_need.h"
 #include "mpm/sampling.h"
+#include "mpm/scene/categories/category_scene.h"
 
 namespace graupel::experiments {
 
@@ -20,13 +22,13 @@ constexpr int64_t most_scenes_at_once = 64;
 /// Particles that fill a GPU several times over; more at once cost memory and gain nothing.
 constexpr double particles_at_once = 4e6;
 
-/// Scenes drawn at random (core/scene/scene_recipe.h).
+/// Scenes drawn at random from a SceneRecipe or a CategoryRecipe.
+template <typename Recipe>
 class RandomScenes : public SceneSource {
  public:
-  explicit RandomScenes(const SceneSourceOptions& options)
-      : recipe_(io::read_recipe(options.recipe, options.set)),
-        fields_(FieldSet::parse(options.fields)),
-        seed_(options.seed) {}
+  /// `json`: the recipe's text.
+  RandomScenes(Recipe recipe, std::string json, const std::string& fields, uint64_t seed)
+      : recipe_(std::move(recipe)), json_(std::move(json)), fields_(FieldSet::parse(fields)), seed_(seed) {}
 
   std::string name() const override { return recipe_.name; }
   int64_t count(mpm::Split split) const override {
@@ -54,12 +56,11 @@ class RandomScenes : public SceneSource {
   std::string text(const SceneJob& job) const override {
     return fmt::format("{} scene {}", mpm::name_of(job.split), job.index);
   }
-  nlohmann::ordered_json card() const override {
-    return {{"recipe", nlohmann::ordered_json::parse(io::recipe_to_json(recipe_))}};
-  }
+  nlohmann::ordered_json card() const override { return {{"recipe", nlohmann::ordered_json::parse(json_)}}; }
 
  private:
-  SceneRecipe recipe_;
+  Recipe recipe_;
+  std::string json_;
   FieldSet fields_;
   uint64_t seed_;
 };
@@ -168,7 +169,15 @@ class SweepScenes : public SceneSource {
 
 std::unique_ptr<SceneSource> open_recipe(const SceneSourceOptions& options) {
   if (io::is_sweep(options.recipe)) return std::make_unique<SweepScenes>(options);
-  return std::make_unique<RandomScenes>(options);
+  if (io::is_category_recipe(options.recipe)) {
+    CategoryRecipe recipe = io::read_category_recipe(options.recipe, options.set);
+    const std::string json = io::category_recipe_to_json(recipe),
+                      fields = options.fields.empty() ? recipe.fields_stored : options.fields;
+    return std::make_unique<RandomScenes<CategoryRecipe>>(std::move(recipe), json, fields, options.seed);
+  }
+  SceneRecipe recipe = io::read_recipe(options.recipe, options.set);
+  const std::string json = io::recipe_to_json(recipe);
+  return std::make_unique<RandomScenes<SceneRecipe>>(std::move(recipe), json, options.fields, options.seed);
 }
 
 }  // namespace graupel::experiments

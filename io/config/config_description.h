@@ -12,7 +12,19 @@ struct StructDescription;
 
 /// How a field holds its type.
 enum class FieldShape { single, list, map };
-enum class FieldType { boolean, integer, natural, number, text, vector3, word, any, structure };
+enum class FieldType {
+  boolean,
+  integer,
+  natural,
+  number,
+  text,
+  vector3,
+  interval,
+  whole_interval,
+  word,
+  any,
+  structure
+};
 
 struct FieldDescription {
   FieldInfo info;
@@ -52,12 +64,14 @@ void describe_type(FieldDescription& field) {
   } else if constexpr (std::is_same_v<T, AnyValue>) {
     field.type = FieldType::any;
   } else {
-    field.type = std::is_same_v<T, bool>       ? FieldType::boolean
-                 : std::is_same_v<T, int64_t>  ? FieldType::integer
-                 : std::is_same_v<T, uint64_t> ? FieldType::natural
-                 : std::is_same_v<T, double>   ? FieldType::number
-                 : std::is_same_v<T, Vec3d>    ? FieldType::vector3
-                                               : FieldType::text;
+    field.type = std::is_same_v<T, bool>            ? FieldType::boolean
+                 : std::is_same_v<T, int64_t>       ? FieldType::integer
+                 : std::is_same_v<T, uint64_t>      ? FieldType::natural
+                 : std::is_same_v<T, double>        ? FieldType::number
+                 : std::is_same_v<T, Vec3d>         ? FieldType::vector3
+                 : std::is_same_v<T, Interval>      ? FieldType::interval
+                 : std::is_same_v<T, WholeInterval> ? FieldType::whole_interval
+                                                    : FieldType::text;
   }
 }
 

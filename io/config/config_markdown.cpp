@@ -32,6 +32,12 @@ std::string type_text(const FieldDescription& field) {
     case FieldType::vector3:
       one = "[x, y, z]";
       break;
+    case FieldType::interval:
+      one = "interval";
+      break;
+    case FieldType::whole_interval:
+      one = "whole interval";
+      break;
     case FieldType::word:
       one = "word";
       break;

@@ -11,6 +11,7 @@
 #include <optional>
 #include <type_traits>
 
+#include "core/scene/interval.h"
 #include "core/system/any_value.h"
 #include "io/config/config_values.h"
 
@@ -50,6 +51,10 @@ std::vector<std::string_view> field_names() {
 }
 
 template <typename T>
+struct IsInterval : std::false_type {};
+template <typename T>
+struct IsInterval<IntervalOf<T>> : std::true_type {};
+template <typename T>
 struct IsVector : std::false_type {};
 template <typename T>
 struct IsVector<std::vector<T>> : std::true_type {};
@@ -81,6 +86,11 @@ void read_value(const ConfigPlace& place, const FieldInfo& info, T& out) {
     out.json = write_json(place.node, JsonLayout::compact);
   } else if constexpr (std::is_same_v<T, Vec3d>) {
     read_numbers(place, info.range, out.a, 3);
+  } else if constexpr (IsInterval<T>::value) {
+    const auto& ends = read_interval_ends(place);
+    read_value(place.child(0, ends[0]), info, out.low);
+    read_value(place.child(1, ends[1]), info, out.high);
+    if (out.low > out.high) interval_out_of_order(place);
   } else if constexpr (ConfigEnum<T>) {
     out = EnumWords<T>::words[read_word(place, enum_words<T>())].second;
   } else if constexpr (IsOptional<T>::value) {

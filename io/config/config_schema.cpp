@@ -33,6 +33,14 @@ JsonNode number_schema(const char* type, const Range& range) {
   return schema;
 }
 
+JsonNode numbers_schema(const char* type, int64_t count, const Range& range) {
+  JsonNode schema = typed("array");
+  schema.set("items", number_schema(type, range));
+  schema.set("minItems", JsonNode::of(count));
+  schema.set("maxItems", JsonNode::of(count));
+  return schema;
+}
+
 JsonNode single_schema(const FieldDescription& field) {
   switch (field.type) {
     case FieldType::boolean:
@@ -48,13 +56,12 @@ JsonNode single_schema(const FieldDescription& field) {
       return number_schema("number", field.info.range);
     case FieldType::text:
       return typed("string");
-    case FieldType::vector3: {
-      JsonNode schema = typed("array");
-      schema.set("items", number_schema("number", field.info.range));
-      schema.set("minItems", JsonNode::of(int64_t(3)));
-      schema.set("maxItems", JsonNode::of(int64_t(3)));
-      return schema;
-    }
+    case FieldType::vector3:
+      return numbers_schema("number", 3, field.info.range);
+    case FieldType::interval:
+      return numbers_schema("number", 2, field.info.range);
+    case FieldType::whole_interval:
+      return numbers_schema("integer", 2, field.info.range);
     case FieldType::word: {
       JsonNode schema = JsonNode::object();
       schema.set("enum", word_list(field.words));

@@ -86,6 +86,18 @@ void read_numbers(const ConfigPlace& place, const Range& range, double* out, std
   for (std::size_t i = 0; i < count; ++i) out[i] = read_number(place.child(i, items[i]), range);
 }
 
+const std::vector<JsonNode>& read_interval_ends(const ConfigPlace& place) {
+  const auto& items = place.node.items;
+  if (place.node.kind != JsonNode::Kind::array || items.size() != 2)
+    wrong_type(place, "an interval of 2 numbers", "Write it like [0.1, 0.7]");
+  return items;
+}
+
+void interval_out_of_order(const ConfigPlace& place) {
+  config_fail(place, "has its upper end below the lower one (" + place.value() + ", allowed [low, high], low <= high)",
+              "Swap them");
+}
+
 std::size_t read_word(const ConfigPlace& place, const std::vector<std::string_view>& words) {
   const std::string word = read_string(place);
   const auto found = std::find(words.begin(), words.end(), word);

@@ -19,6 +19,9 @@ double read_number(const ConfigPlace& place, const Range& range);
 std::string read_string(const ConfigPlace& place);
 /// `count` numbers, each within the range, to `out`.
 void read_numbers(const ConfigPlace& place, const Range& range, double* out, std::size_t count);
+/// The two ends of an interval [low, high].
+const std::vector<JsonNode>& read_interval_ends(const ConfigPlace& place);
+[[noreturn]] void interval_out_of_order(const ConfigPlace& place);
 /// Index of the value among `words`.
 std::size_t read_word(const ConfigPlace& place, const std::vector<std::string_view>& words);
 const std::vector<JsonNode>& read_list(const ConfigPlace& place);

@@ -16,6 +16,10 @@ JsonNode json_of(const T& value) {
     JsonNode list = JsonNode::array();
     for (int i = 0; i < 3; ++i) list.items.push_back(JsonNode::of(value[i]));
     return list;
+  } else if constexpr (IsInterval<T>::value) {
+    JsonNode ends = JsonNode::array();
+    ends.items = {JsonNode::of(value.low), JsonNode::of(value.high)};
+    return ends;
   } else if constexpr (ConfigEnum<T>) {
     return JsonNode::of(word_of(value));
   } else if constexpr (IsOptional<T>::value) {

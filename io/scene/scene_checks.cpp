@@ -22,22 +22,6 @@ ConfigPlace body_place(const ConfigDocument& document, const char* list, std::si
   return find_place(document, {list, std::to_string(index), key});
 }
 
-void check_domain(const ConfigDocument& document, const Domain& domain) {
-  for (int axis = 0; axis < domain.axes(); ++axis) {
-    const double cells = domain.size[axis] / domain.dx;
-    const double needed = fewest_cells + 2 * static_cast<double>(domain.wall_cells);
-    const std::string figures = number_text(cells) + " cells along " + std::string(1, "xyz"[axis]) + ", ";
-    if (cells < needed * (1 - 1e-9))
-      config_fail(find_place(document, {"domain", "size"}),
-                  "is too small for its grid (" + figures + "at least " + number_text(needed) + ": 16 and the walls)",
-                  "Enlarge the domain or reduce dx");
-    if (cells > most_cells)
-      config_fail(find_place(document, {"domain", "size"}),
-                  "has too many cells (" + figures + "at most " + number_text(most_cells) + ")",
-                  "Increase dx or reduce the domain");
-  }
-}
-
 const char* face_name(int axis, int side) {
   constexpr const char* names[] = {"x_low", "x_high", "y_low", "y_high", "z_low", "z_high"};
   return names[2 * axis + side];
@@ -163,8 +147,23 @@ void load_body(ConfigDocument& document, const char* list, std::size_t index, co
 
 }  // namespace
 
+void check_grid(const ConfigPlace& place, const Domain& domain) {
+  for (int axis = 0; axis < domain.axes(); ++axis) {
+    const double cells = domain.size[axis] / domain.dx;
+    const double needed = fewest_cells + 2 * static_cast<double>(domain.wall_cells);
+    const std::string figures = number_text(cells) + " cells along " + std::string(1, "xyz"[axis]) + ", ";
+    if (cells < needed * (1 - 1e-9))
+      config_fail(place,
+                  "is too small for its grid (" + figures + "at least " + number_text(needed) + ": 16 and the walls)",
+                  "Enlarge the domain or reduce dx");
+    if (cells > most_cells)
+      config_fail(place, "has too many cells (" + figures + "at most " + number_text(most_cells) + ")",
+                  "Increase dx or reduce the domain");
+  }
+}
+
 void check_scene(const ConfigDocument& document, const Scene& scene) {
-  check_domain(document, scene.domain);
+  check_grid(find_place(document, {"domain", "size"}), scene.domain);
   check_faces(document, scene.domain);
   if (const auto out = first_out_of_plane(scene))
     config_fail(find_place(document, out->path), out->problem, out->remedy);

@@ -7,6 +7,9 @@
 
 namespace graupel::io {
 
+/// Throws ConfigError, naming `place`, for a domain with too few or too many cells along an edge.
+void check_grid(const ConfigPlace& place, const Domain& domain);
+
 /// Throws ConfigError for a scene whose parts do not fit together.
 void check_scene(const ConfigDocument& document, const Scene& scene);
 

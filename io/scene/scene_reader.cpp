@@ -5,6 +5,7 @@
 #include <iomanip>
 #include <sstream>
 
+#include "core/scene/category_recipe.h"
 #include "core/scene/sweep_recipe.h"
 #include "core/system/atomic_file.h"
 #include "io/config/config_description.h"
@@ -92,6 +93,40 @@ std::string sweep_markdown() {
          description_markdown(describe<SweepRecipe>(), "Top level of a sweep");
 }
 
+/// Recipes of random scenes.
+std::string random_markdown() {
+  return "\n# Random scenes\n\n"
+         "A recipe without the keys `scene` and `categories` draws scenes of one kind: groups of particles that fall "
+         "among\nobstacles. These tables are made from `core/scene/scene_recipe.h`.\n" +
+         description_markdown(describe<SceneRecipe>(), "Top level of random scenes");
+}
+
+std::string category_markdown() {
+  return "\n# Categories of random scenes\n\n"
+         "A recipe with the key `categories` draws scenes of several kinds (`scenes/recipes/general.json`). Scene i of "
+         "a split\nhas category i mod n, and its name says so: `general-test-00003-thrown_bodies`. It depends on the "
+         "recipe, the seed, the\nsplit and i alone. A scene states its constants: materials are written with the "
+         "numbers that were drawn.\n\n"
+         "| Category | What it draws |\n|---|---|\n"
+         "| `dam_break` | A block of water at a wall, on the floor; 0 to 2 obstacles and 0 to 2 other bodies |\n"
+         "| `column_collapse` | 1 to 3 columns on the floor, the first of sand or snow; 0 to 2 obstacles |\n"
+         "| `fall_on_obstacles` | Bodies at rest above `obstacles.count` obstacles |\n"
+         "| `thrown_bodies` | Bodies with velocity and spin; 0 to 2 obstacles |\n"
+         "| `snow_impact` | 1 to 3 bodies of snow, thrown at an obstacle or a wall in the upper half of "
+         "`bodies.speed`; 0 to 2 other bodies, 1 to 3 obstacles |\n"
+         "| `stream` | `streams.count` emitters above obstacles; 0 to 2 bodies on the floor |\n"
+         "| `moving_obstacle` | A paddle that turns, a box that slides or a tray that tilts; bodies at rest |\n"
+         "| `filling_container` | A container under a stream or under falling bodies |\n\n"
+         "An interval is written [low, high]. It is drawn from uniformly, or uniformly in its logarithm where high/low "
+         "is "
+         "10 or\nmore. Bodies share `max_particles`: one that would have more is made slender, then small, and left "
+         "out "
+         "below\n`bodies.size`. Bounding boxes stand for meshes and level sets where places are looked for. All scenes "
+         "have the same\n`time_step`; fixed steps that are too long for the stiffest constants are an error.\n\n"
+         "These tables are made from `core/scene/category_recipe.h` and `core/scene/category_parts.h`.\n" +
+         description_markdown(describe<CategoryRecipe>(), "Top level of categories");
+}
+
 /// Self-contained text: overrides applied, absolute paths, no link to an editor's schema.
 std::string source_text(const ConfigDocument& document) {
   JsonNode copy = JsonNode::object();
@@ -154,7 +189,8 @@ std::string scene_format_markdown() {
          "16 cells along each edge inside its walls and at most 2^21 cells along an edge. A material starts from its\n"
          "`preset`, then its other keys apply.\n\n"
          "This file is made from the declarations in `core/scene/scene.h` and the headers that it names.\n" +
-         description_markdown(describe<Scene>(), "Top level") + preset_markdown() + sweep_markdown();
+         description_markdown(describe<Scene>(), "Top level") + preset_markdown() + sweep_markdown() +
+         random_markdown() + category_markdown();
 }
 
 std::string scene_schema_json() { return description_schema(describe<Scene>(), "Graupel scene"); }

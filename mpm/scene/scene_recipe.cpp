@@ -7,48 +7,12 @@
 
 #include "core/math/random.h"
 #include "core/system/error.h"
+#include "mpm/scene/placement.h"
 #include "sparsegrid/analytic_shape.h"
 
 namespace graupel::mpm {
 
 namespace {
-
-constexpr double pi = 3.14159265358979323846;
-
-uint64_t stream_of(Split split, int64_t index, int64_t attempt) {
-  return (static_cast<uint64_t>(split) << 60) | (static_cast<uint64_t>(attempt) << 40) | static_cast<uint64_t>(index);
-}
-
-/// Numbers in the order they are asked for.
-class Draws {
- public:
-  Draws(uint64_t seed, uint64_t stream) : random_(seed, RandomPurpose::scene_layout, stream) {}
-  double uniform(double low, double high) { return random_.uniform(next_++, 0, low, high); }
-  uint32_t integer(uint32_t n) { return random_.integer(next_++, 0, n); }
-  Vec3d point(const Vec3d& low, const Vec3d& high) {
-    Vec3d x;
-    for (int d = 0; d < 3; ++d) x[d] = uniform(low[d], high[d]);
-    return x;
-  }
-  Vec3d direction() {
-    const double z = uniform(-1, 1), phase = uniform(0, 2 * pi), r = std::sqrt(std::max(0.0, 1 - z * z));
-    return {r * std::cos(phase), r * std::sin(phase), z};
-  }
-  /// Uniform rotation (Shoemake 1992) as axis and angle [degrees].
-  void rotation(Vec3d& axis, double& angle) {
-    const double u = uniform(0, 1), a = uniform(0, 2 * pi), b = uniform(0, 2 * pi);
-    const Vec3d imaginary = {std::sqrt(1 - u) * std::sin(a), std::sqrt(1 - u) * std::cos(a),
-                             std::sqrt(u) * std::sin(b)};
-    const double real = std::sqrt(u) * std::cos(b);
-    const double length = norm(imaginary);
-    axis = length > 1e-12 ? imaginary * (1 / length) : Vec3d{0, 1, 0};
-    angle = 2 * std::atan2(length, real) * 180 / pi;
-  }
-
- private:
-  Random random_;
-  uint64_t next_ = 0;
-};
 
 Shape shape_named(const std::string& word, const char* key) {
   for (const auto& [name, shape] : EnumWords<Shape>::words)
@@ -58,48 +22,6 @@ Shape shape_named(const std::string& word, const char* key) {
       fmt::format("recipe key '{}': shape '{}' cannot be drawn at random (allowed: box, half_box, sphere, half_sphere, "
                   "cone, pyramid, cylinder)",
                   key, word));
-}
-
-/// A body whose largest extent along its axes is `size`.
-void set_size(Body& body, double size) {
-  body.size = Vec3d::filled(size);
-  body.radius = size / 2;
-  body.height = size;
-}
-
-/// No point of the body is farther from its position than this.
-double reach(const Body& body) {
-  const sparsegrid::LocalBox box = sparsegrid::analytic_bounds(body);
-  Vec3d farthest;
-  for (int d = 0; d < 3; ++d) farthest[d] = std::max(std::abs(box.low[d]), std::abs(box.high[d]));
-  return norm(farthest);
-}
-
-/// Points on and in the body's bounding box, by which overlaps are found; their spacing is a small share of the size.
-bool overlap(const Body& a, const Body& b) {
-  constexpr int n = 12;
-  if (norm(a.position - b.position) > reach(a) + reach(b)) return false;
-  for (const auto& [body, other] : {std::pair(&a, &b), std::pair(&b, &a)}) {
-    const sparsegrid::LocalBox box = sparsegrid::analytic_bounds(*body);
-    for (int i = 0; i <= n; ++i)
-      for (int j = 0; j <= n; ++j)
-        for (int k = 0; k <= n; ++k) {
-          const Vec3d t = {i / double(n), j / double(n), k / double(n)};
-          Vec3d local;
-          for (int d = 0; d < 3; ++d) local[d] = box.low[d] + t[d] * (box.high[d] - box.low[d]);
-          if (sparsegrid::analytic_distance(*body, local) > 0) continue;
-          if (sparsegrid::analytic_distance(*other, other->to_local(body->to_world(local))) < 0) return true;
-        }
-  }
-  return false;
-}
-
-/// Draws bodies until one fits.
-template <typename Draw, typename Fits>
-bool place(Draw&& draw, Fits&& fits) {
-  for (int attempt = 0; attempt < 200; ++attempt)
-    if (fits(draw())) return true;
-  return false;
 }
 
 bool add_obstacles(const SceneRecipe& recipe, Draws& draws, Scene& scene) {
@@ -200,6 +122,10 @@ const char* name_of(Split split) {
       return "test";
   }
   return "";
+}
+
+uint64_t stream_of(Split split, int64_t index, int64_t attempt) {
+  return (static_cast<uint64_t>(split) << 60) | (static_cast<uint64_t>(attempt) << 40) | static_cast<uint64_t>(index);
 }
 
 uint64_t sampling_seed(uint64_t seed, Split split, int64_t index, int64_t attempt) {

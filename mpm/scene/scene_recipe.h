@@ -12,6 +12,9 @@ namespace graupel::mpm {
 enum class Split { train, valid, test };
 const char* name_of(Split split);
 
+/// Stream of the random numbers of a scene's layout.
+uint64_t stream_of(Split split, int64_t index, int64_t attempt);
+
 /// Scene `index` of a split. Depends on (recipe, seed, split, index, attempt) alone; `attempt` > 0 redraws a scene
 /// whose run diverged. Throws ConfigError when no placement without overlaps is found (too many or too large bodies).
 Scene draw_scene(const SceneRecipe& recipe, uint64_t seed, Split split, int64_t index, int64_t attempt = 0);

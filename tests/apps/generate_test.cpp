@@ -187,6 +187,37 @@ TEST(Generate, DivergedScenesAreRedrawnTheSameInEveryBatchOnTheGpu) {
   expect_same_redraws_for_every_batch("cuda");
 }
 
+/// A scene of each category, with the fields that the recipe names; the same bytes by shards. Small scenes.
+TEST(Generate, CategoriesAreDrawnInTurnAndRecorded) {
+  const Folder folder;
+  const std::string whole = folder.file("whole"), shards = folder.file("shards");
+  const std::string flags =
+      "generate scenes/recipes/general.json --set frames=2 --set max_particles=800 --set "
+      "time_step.substeps_per_frame=50 "
+      "--set counts.train=8 --set counts.valid=0 --set counts.test=1 --seed 5 --device cpu -o ";
+  const Outcome outcome = graupel(flags + whole + " --threads 2");
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.output;
+  for (const char* shard : {"1/2", "0/2"}) ASSERT_EQ(graupel(flags + shards + " --shard " + shard).exit_code, 0);
+  for (const char* name : {"train.h5", "test.h5", "metadata.json"})
+    EXPECT_TRUE(read_file(whole + "/" + name) == read_file(shards + "/" + name)) << name << " differs";
+
+  const io::TrajectoryReader reader(whole + "/train.h5");
+  ASSERT_EQ(reader.count(), 8);
+  const char* categories[] = {"dam_break",   "column_collapse", "fall_on_obstacles", "thrown_bodies",
+                              "snow_impact", "stream",          "moving_obstacle",   "filling_container"};
+  for (int i = 0; i < reader.count(); ++i) {
+    const Scene scene = io::parse_scene(reader.read(i).scene_json, "stored", ".");
+    EXPECT_EQ(scene.name, "general-train-0000" + std::to_string(i) + "-" + categories[i]);
+    EXPECT_EQ(reader.fields(i).names(), "affine,plastic");
+    EXPECT_LE(reader.read(i).particle_count(), 800u);
+    EXPECT_EQ(reader.attribute(i, "recipe"), "general");
+  }
+  EXPECT_EQ(graupel(flags + whole + " --fields plastic").exit_code, 2);  // the folder has other fields
+  const Outcome wrong = graupel(flags + folder.file("none") + " --set bodies.speed=[4,1]");
+  EXPECT_EQ(wrong.exit_code, 2);
+  EXPECT_TRUE(wrong.says("/bodies/speed")) << wrong.output;
+}
+
 TEST(Generate, AStoppedRunLeavesNoPieces) {
   const Folder folder;
   const std::string set = folder.file("set");

@@ -5,6 +5,7 @@
 
 #include "core/system/error.h"
 #include "expect_error.h"
+#include "io/scene/category_reader.h"
 #include "io/scene/recipe_reader.h"
 #include "io/scene/scene_reader.h"
 #include "replaced.h"
@@ -111,7 +112,10 @@ TEST_F(SweepReader, ShippedRecipesAreGood) {
   for (const auto& entry : std::filesystem::directory_iterator(GRAUPEL_SOURCE_DIR "/scenes/recipes")) {
     if (entry.path().extension() != ".json") continue;
     const std::string path = entry.path().string();
-    EXPECT_NO_THROW(is_sweep(path) ? (void)read_sweep(path) : (void)read_recipe(path)) << path;
+    EXPECT_NO_THROW(is_sweep(path)             ? (void)read_sweep(path)
+                    : is_category_recipe(path) ? (void)read_category_recipe(path)
+                                               : (void)read_recipe(path))
+        << path;
     ++count;
   }
   EXPECT_GT(count, 0);

@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include "core/system/error.h"
+#include "mpm/grouped_batch.h"
 #include "mpm/simulation.h"
 #include "tests/gpu_only.h"
 #include "tests/mpm/test_scenes.h"
@@ -100,7 +101,27 @@ std::vector<Scene> scenes_that_share_no_launch() {
   std::vector<Scene> scenes = some_scenes();
   scenes[0].domain.dx = 1.0 / 48;
   scenes[2].transfer = {TransferScheme::rpic, 3};
+  scenes.push_back(scenes[3]);  // one grid with the second and fourth
+  scenes.back().sources[0].velocity = {0, -2, 0};
   return scenes;
+}
+
+/// Batches of any grouping give the frames and errors of each scene at its own index.
+TEST(SceneBatch, GroupsKeepTheOrderOfTheScenes) {
+  const auto starts = prepared(some_scenes(), Device::cpu);
+  const auto together = SceneBatch::create(starts),
+             apart =
+                 make_grouped(starts, {{3, 1}, {2}, {0}}, [](const auto&group) { return SceneBatch::create(group); });
+  ASSERT_EQ(apart->scene_count(), 4);
+  for (int f = 0; f < 2; ++f) together->advance_frame(), apart->advance_frame();
+  const auto expected = together->frames(all_fields()), frames = apart->frames(all_fields());
+  for (int i = 0; i < 4; ++i) {
+    EXPECT_EQ(apart->particle_type(i), together->particle_type(i));
+    EXPECT_EQ(apart->divergence(i), together->divergence(i));
+    if (i != 1) expect_same_frame(frames[static_cast<std::size_t>(i)], expected[static_cast<std::size_t>(i)]);
+  }
+  EXPECT_EQ(apart->particle_count(), together->particle_count());
+  EXPECT_EQ(apart->statistics().substeps, together->statistics().substeps);
 }
 
 TEST(SceneBatch, ScenesWithoutACommonLaunchAreAsAloneOnTheCpu) {

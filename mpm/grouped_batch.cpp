@@ -1,0 +1,68 @@
+#include "mpm/grouped_batch.h"
+
+#include <algorithm>
+#include <utility>
+
+namespace graupel::mpm {
+
+namespace {
+
+class GroupedBatch final : public SceneBatch {
+ public:
+  GroupedBatch(std::vector<std::unique_ptr<SceneBatch>> batches, const SceneGroups& groups)
+      : batches_(std::move(batches)) {
+    for (std::size_t g = 0; g < groups.size(); ++g)
+      for (std::size_t i = 0; i < groups[g].size(); ++i) {
+        slots_.resize(std::max(slots_.size(), groups[g][i] + 1));
+        slots_[groups[g][i]] = {g, static_cast<int>(i)};
+      }
+  }
+
+  int scene_count() const override { return static_cast<int>(slots_.size()); }
+  const std::vector<int32_t>& particle_type(int scene) const override {
+    return batch(scene).particle_type(slot(scene).index);
+  }
+  void advance_frame() override {
+    for (const auto& batch : batches_) batch->advance_frame();
+  }
+  std::optional<std::string> divergence(int scene) const override { return batch(scene).divergence(slot(scene).index); }
+  std::vector<ParticleFrame> frames(FieldSet wanted) const override {
+    std::vector<std::vector<ParticleFrame>> of_groups;
+    for (const auto& batch : batches_) of_groups.push_back(batch->frames(wanted));
+    std::vector<ParticleFrame> frames;
+    for (const Slot& slot : slots_)
+      frames.push_back(std::move(of_groups[slot.group][static_cast<std::size_t>(slot.index)]));
+    return frames;
+  }
+  RunStatistics statistics() const override {
+    RunStatistics all;
+    for (const auto& batch : batches_) {
+      const RunStatistics one = batch->statistics();
+      all.substeps = std::max(all.substeps, one.substeps);
+      all.active_blocks += one.active_blocks;
+      all.peak_bytes += one.peak_bytes;
+      all.solver_seconds += one.solver_seconds;
+    }
+    return all;
+  }
+
+ private:
+  /// Where a scene is.
+  struct Slot {
+    std::size_t group = 0;
+    int index = 0;
+  };
+  const Slot& slot(int scene) const { return slots_[static_cast<std::size_t>(scene)]; }
+  const SceneBatch& batch(int scene) const { return *batches_[slot(scene).group]; }
+
+  std::vector<std::unique_ptr<SceneBatch>> batches_;
+  std::vector<Slot> slots_;
+};
+
+}  // namespace
+
+std::unique_ptr<SceneBatch> join_groups(std::vector<std::unique_ptr<SceneBatch>> batches, const SceneGroups& groups) {
+  return std::make_unique<GroupedBatch>(std::move(batches), groups);
+}
+
+}  // namespace graupel::mpm
