@@ -97,7 +97,7 @@ MapFit fit_map(const MatrixXd& inputs, const MatrixXd& outputs, const std::vecto
                            const MatrixXd fitted = rows_of(y, fold.fitted), held_out = rows_of(y, fold.held_out);
                            const Spline spline(fitted, rows_of(outputs, fold.fitted), ridge);
                            const MatrixXd predicted =
-                               cubic_kernel(held_out, kept) * spline.weights + with_ones(held_out) * spline.linear;
+                               cubic_kernel(held_out, fitted) * spline.weights + with_ones(held_out) * spline.linear;
                            return (predicted - rows_of(outputs, fold.held_out)).squaredNorm();
                          });
   const Spline spline(standardized(inputs, standard), outputs, fit.ridge);
@@ -135,16 +135,16 @@ MapFit fit_rate_map(const MatrixXd& inputs, const MatrixXd& rates, const MatrixX
     normal.diagonal().array() += ridge * static_cast<double>(a.rows());
     return MatrixXd(normal.ldlt().solve(a.transpose() * c));
   };
-  const auto kept_features = [&](const Fold& fold) {
+  const auto fitted_features = [&](const Fold& fold) {
     MatrixXd fitted = features_of(rows_of(y, fold.fitted), rows_of(rates, fold.fitted));
-    kept.array().rowwise() /= size.transpose().array();
-    return kept;
+    fitted.array().rowwise() /= size.transpose().array();
+    return fitted;
   };
   MapFit fit;
   fit.ridge =
       best_ridge(folds_of(run), std::begin(rate_ridges), std::end(rate_ridges), outputs, fit.held_out_error,
                  [&](double ridge, const Fold& fold) {
-                   const MatrixXd w = solve(kept_features(fold), rows_of(outputs, fold.fitted), ridge);
+                   const MatrixXd w = solve(fitted_features(fold), rows_of(outputs, fold.fitted), ridge);
                    return (rows_of(features, fold.held_out) * w - rows_of(outputs, fold.held_out)).squaredNorm();
                  });
   const MatrixXd solution = solve(features, outputs, fit.ridge);

@@ -190,7 +190,7 @@ NetworkFit fit(const MatrixXd& inputs, const Regression& data, const std::vector
     const Fold& fold = parts[i];
     const Stopwatch watch;
     const Regression fitted = data.chosen(fold.fitted);
-    error[i] = squared_error(fit_rows(kept, options), inputs, data, fold.held_out);
+    error[i] = squared_error(fit_rows(fitted, options), inputs, data, fold.held_out);
     const double squares = data.outputs(fold.held_out, Eigen::all).squaredNorm();
     if (!options.message || squares == 0) return;
     const std::lock_guard lock(speaks);
