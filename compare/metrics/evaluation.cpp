@@ -57,6 +57,7 @@ MaterialFrame material_frame(const ParticleRun& run, std::size_t frame, int32_t 
 
 std::vector<Vec3d> in_f64(const std::vector<Vec3f>& position) {
   std::vector<Vec3d> exact;
+  exact.reserve(position.size());
   for (const Vec3f& x : position) exact.push_back(x.cast<double>());
   return exact;
 }

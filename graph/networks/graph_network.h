@@ -1,5 +1,5 @@
-// Inference of a graph network on the CPU, without libtorch: the hierarchical graph network (HGN paper, figure 2) or the
-// graph network simulator (GNS, Sanchez-Gonzalez et al. 2020). A weights file holds the tensors of its plan
+// Inference of a graph network on the CPU, without libtorch: the hierarchical graph network (HGN paper, figure 2) or
+// the graph network simulator (GNS, Sanchez-Gonzalez et al. 2020). A weights file holds the tensors of its plan
 // (LayerPlan::tensors; docs/reference/network_plans.md lists them, networks.md gives the formulas), normalization.*
 // (graph/features/normalization.h), and the config as metadata.
 #pragma once
