@@ -106,7 +106,7 @@ struct Groups {
   FlightCells cells;
   Vec3f gravity;           ///< [m/frame^2]
   Vec3f low, high;         ///< [m] the walls, less the contact distance
-  float contact_distance;  ///< [m] of contact
+  float contact_distance;  ///< [m] nearer obstacles and walls are touched
   sparsegrid::ObstacleSetView obstacles;
   int64_t n;
   uint64_t* matter;     ///< [nodes] fine cells with particles; 0 between frames

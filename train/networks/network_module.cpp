@@ -98,9 +98,9 @@ struct NetworkModule::Impl {
   AccelerationLoss loss_of(const at::Tensor& accelerations, const DeviceBatch& on_device) const {
     return {accelerations, on_device, features_of(config).in_plane()};
   }
-  /// Loss and gradient of all ranks' shards as one batch. Both are means over particles that count, so that a share
+  /// Loss and gradient of all ranks' shards as one batch. Both are means over particles that count, so that a shard
   /// counts by its particles: one sum over ranks of particles * [gradient, loss, 1].
-  at::Tensor join_shares(Comm& comm, const at::Tensor& loss, int64_t particles) {
+  at::Tensor join_shards(Comm& comm, const at::Tensor& loss, int64_t particles) {
     if (comm.alone()) return loss;
     const int64_t n = layout.size();
     reduced.select(0, n).copy_(loss);
@@ -172,7 +172,7 @@ TimedPrediction NetworkModule::time_prediction(const Batch& batch, StateArray wh
 }
 
 void NetworkModule::Impl::train_step(const DeviceBatch& batch, const StepSettings& settings, Comm& comm) {
-  const at::Tensor loss = join_shares(comm, forward_backward(batch), batch.particles - batch.kinematic_count);
+  const at::Tensor loss = join_shards(comm, forward_backward(batch), batch.particles - batch.kinematic_count);
   const at::Tensor norm = at::norm(gradient);
   AdamSettings rule;
   rule.learning_rate = settings.learning_rate;

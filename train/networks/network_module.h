@@ -82,7 +82,7 @@ class NetworkModule {
                                   int64_t warm_ups, int64_t runs) const;
 
   /// Forward, backward and optimiser step. Returns at once on a GPU; the loss is kept there until take_means(). With
-  /// several ranks `batch` is this rank's share: loss and gradient are those of all shares as one batch.
+  /// several ranks `batch` is this rank's shard: loss and gradient are those of all shards as one batch.
   void train_step(const Batch& batch, const StepSettings& settings, Comm& comm = single_process());
   /// The same with a batch of HGN that lies in the module's device.
   void train_step(const SampleArrays& batch, const StepSettings& settings, Comm& comm = single_process());

@@ -71,16 +71,15 @@ void AggregationPass::particle_to_grid(const PlanBlock& block) {
   const Projections of_particles = project_particles();
   to_particle_ = of_particles.out16[1];
   AggregationRecord::Step& step = new_step(block);
-  const uint16_t* const sum =
-      aggregate(step, corners * n,
-                {.receivers = cells,
-                 .items = {.begin = graph_.pair_begin, .item = graph_.pair, .are_long = true},
-                 .sender = by_particle,
-                 .sent = of_particles.out16[0],
-                 .table = network_.table(layer.gather->name),
-                 .table_row = by_corner,
-                 .weight = graph_.weight,
-                 .scale = static_cast<float>(network_.plan().operations[block.operation + 1].scale)});
+  const uint16_t* const sum = aggregate(step, corners * n,
+                                        {.receivers = cells,
+                                         .items = {.begin = graph_.pair_begin, .item = graph_.pair, .are_long = true},
+                                         .sender = by_particle,
+                                         .sent = of_particles.out16[0],
+                                         .table = network_.table(layer.gather->name),
+                                         .table_row = by_corner,
+                                         .weight = graph_.weight,
+                                         .scale = static_cast<float>(network_.plan().scale_of(block))});
   f_[0] = finish(step, *layer.update, cells, sum, {});
 }
 

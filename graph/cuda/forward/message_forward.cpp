@@ -101,7 +101,7 @@ void MessagePass::particle_to_grid(const PlanBlock& block) {
                 .are_long = true,
                 .source = network.out16,
                 .weight = graph_.weight,
-                .scale = static_cast<float>(network_.plan().operations[block.operation + 1].scale),
+                .scale = static_cast<float>(network_.plan().scale_of(block)),
                 .out32 = f_[0].f32,
                 .out16 = f_[0].f16},
                stream_);

@@ -88,7 +88,7 @@ class PersistentHgn::Planner {
   /// The update of what is gathered by a linear layer.
   void transfer(const PlanBlock& block, Gather gather, int operands) {
     const BlockLayers layers = layers_of(plan_, block);
-    begin(*layers.update, gather, operands, static_cast<float>(plan_.operations[block.operation + 1].scale));
+    begin(*layers.update, gather, operands, static_cast<float>(plan_.scale_of(block)));
     table(first_of(*layers.gather), block.links.kind);
   }
   /// A network with its second layer and norm, of whose inputs the first `operands` * 128 are rows.

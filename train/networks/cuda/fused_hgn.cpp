@@ -146,7 +146,7 @@ void FusedHgn::BackwardPass::particle_to_grid(const graph::PlanBlock& block) {
   const graph::AggregationRecord::Step& step = step_of(block);
   const uint16_t* const sum = update_backward(layer.update->name, step.network);
   uint16_t* const sent = n_.rows16(n);
-  const double scale = n_.plan().operations[block.operation + 1].scale;
+  const double scale = n_.plan().scale_of(block);
   offsets_backward(gather, graph::ActivationGradient{.nodes = n,
                                                      .items = {.fixed = corners},
                                                      .g = sum,
