@@ -5,10 +5,10 @@
 #include <algorithm>
 #include <cmath>
 
+#include "bench/one_kind_recipe.h"
 #include "core/system/error.h"
 #include "experiments/models/memory_meter.h"
 #include "experiments/process/process.h"
-#include "io/scene/recipe_reader.h"
 #include "io/scene/scene_reader.h"
 #include "mpm/sampling.h"
 #include "mpm/scene/scene_recipe.h"
@@ -92,7 +92,7 @@ GraphBench::GraphBench(const BenchGraphOptions& options, Device device) : option
 
 std::vector<GraphBenchRow> GraphBench::measure(int64_t particles) {
   const uint64_t seed = options_.common.seed;
-  const Scene flying = scene_of_size(io::read_recipe(options_.recipe), particles, seed);
+  const Scene flying = scene_of_size(read_one_kind_recipe(options_.recipe), particles, seed);
   scene_json_ = io::scene_to_json(flying);
   std::vector<GraphBenchRow> rows = measure_state(flying, "flying");
   const TimedRun truth = run_mpm(

@@ -8,10 +8,10 @@
 
 #include "bench/machine/roofline.h"
 #include "bench/mpm/falling_cube.h"
+#include "bench/one_kind_recipe.h"
 #include "core/parallel/instruction_set.h"
 #include "core/system/error.h"
 #include "experiments/process/process.h"
-#include "io/scene/recipe_reader.h"
 #include "mpm/scene/scene_recipe.h"
 #include "mpm/simulation.h"
 
@@ -75,7 +75,7 @@ nlohmann::ordered_json measure_cube(const BenchMpmOptions& options, Device devic
 }
 
 nlohmann::ordered_json measure_batch(const BenchMpmOptions& options, Device device, int64_t batch) {
-  const SceneRecipe recipe = io::read_recipe(options.recipe);
+  const SceneRecipe recipe = read_one_kind_recipe(options.recipe);
   std::vector<mpm::PreparedScene> scenes;
   for (int64_t i = 0; i < batch; ++i) {
     mpm::SimulationOptions simulation;

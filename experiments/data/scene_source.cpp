@@ -27,8 +27,12 @@ template <typename Recipe>
 class RandomScenes : public SceneSource {
  public:
   /// `json`: the recipe's text.
-  RandomScenes(Recipe recipe, std::string json, const std::string& fields, uint64_t seed)
-      : recipe_(std::move(recipe)), json_(std::move(json)), fields_(FieldSet::parse(fields)), seed_(seed) {}
+  RandomScenes(Recipe recipe, std::string path, std::string json, const std::string& fields, uint64_t seed)
+      : recipe_(std::move(recipe)),
+        path_(std::move(path)),
+        json_(std::move(json)),
+        fields_(FieldSet::parse(fields)),
+        seed_(seed) {}
 
   std::string name() const override { return recipe_.name; }
   int64_t count(mpm::Split split) const override {
@@ -50,7 +54,11 @@ class RandomScenes : public SceneSource {
   OnDivergence on_divergence() const override { return OnDivergence::redraw; }
   int64_t default_batch(Device device) const override { return device == Device::cuda ? most_scenes_at_once : 1; }
   Scene scene(const SceneJob& job) const override {
-    return mpm::draw_scene(recipe_, seed_, job.split, job.index, job.attempt);
+    try {
+      return mpm::draw_scene(recipe_, seed_, job.split, job.index, job.attempt);
+    } catch (const ConfigError& error) {
+      throw ConfigError("'" + path_ + "': " + error.what());
+    }
   }
   std::vector<io::NamedValue> parameters(const SceneJob&) const override { return {}; }
   std::string text(const SceneJob& job) const override {
@@ -60,7 +68,7 @@ class RandomScenes : public SceneSource {
 
  private:
   Recipe recipe_;
-  std::string json_;
+  std::string path_, json_;
   FieldSet fields_;
   uint64_t seed_;
 };
@@ -173,11 +181,13 @@ std::unique_ptr<SceneSource> open_recipe(const SceneSourceOptions& options) {
     CategoryRecipe recipe = io::read_category_recipe(options.recipe, options.set);
     const std::string json = io::category_recipe_to_json(recipe),
                       fields = options.fields.empty() ? recipe.fields_stored : options.fields;
-    return std::make_unique<RandomScenes<CategoryRecipe>>(std::move(recipe), json, fields, options.seed);
+    return std::make_unique<RandomScenes<CategoryRecipe>>(std::move(recipe), options.recipe, json, fields,
+                                                          options.seed);
   }
   SceneRecipe recipe = io::read_recipe(options.recipe, options.set);
   const std::string json = io::recipe_to_json(recipe);
-  return std::make_unique<RandomScenes<SceneRecipe>>(std::move(recipe), json, options.fields, options.seed);
+  return std::make_unique<RandomScenes<SceneRecipe>>(std::move(recipe), options.recipe, json, options.fields,
+                                                     options.seed);
 }
 
 }  // namespace graupel::experiments

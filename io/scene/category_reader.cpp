@@ -1,7 +1,10 @@
 #include "io/scene/category_reader.h"
 
 #include <algorithm>
+#include <cmath>
 #include <filesystem>
+#include <type_traits>
+#include <utility>
 
 #include "core/scene/particle_fields.h"
 #include "core/system/atomic_file.h"
@@ -30,7 +33,9 @@ constexpr std::size_t largest_file = std::size_t(16) << 20;
 
 template <typename List>
 void check_not_empty(const ConfigDocument& document, const std::vector<std::string>& keys, const List& list) {
-  if (list.empty()) config_fail(find_place(document, keys), "is empty ([], at least 1 entry)", "Name at least one");
+  if (!list.empty()) return;
+  const ConfigPlace place = find_place(document, keys);
+  config_fail(place, "is empty (" + place.value() + ", at least 1 entry)", "Name at least one");
 }
 
 /// The range of every constant that the material's model has.
@@ -99,6 +104,14 @@ void check_files(const ConfigDocument& document, const char* part, const std::ve
               "Name files under '" + std::string(key) + "', or take the shape out");
 }
 
+void check_level_sets(const ConfigDocument& document, const std::vector<std::string>& files) {
+  for (std::size_t i = 0; i < files.size(); ++i)
+    if (fs::path(files[i]).extension() != ".vdb")
+      config_fail(find_place(document, {"obstacles", "level_sets", std::to_string(i)}),
+                  "is no level set (\"" + files[i] + "\", allowed: files that end in .vdb)",
+                  "Name a .vdb file, or list a mesh under 'meshes'");
+}
+
 void check_domain_sizes(const ConfigDocument& document, const RecipeDomain& recipe) {
   check_not_empty(document, {"domain", "sizes"}, recipe.sizes);
   check_not_empty(document, {"domain", "floor", "kinds"}, recipe.floor.kinds);
@@ -123,6 +136,7 @@ void check_recipe(const ConfigDocument& document, const CategoryRecipe& recipe) 
                 Shape::cylinder, Shape::mesh, Shape::vdb});
   check_files(document, "obstacles", recipe.obstacles.shapes, Shape::mesh, "meshes", recipe.obstacles.meshes);
   check_files(document, "obstacles", recipe.obstacles.shapes, Shape::vdb, "level_sets", recipe.obstacles.level_sets);
+  check_level_sets(document, recipe.obstacles.level_sets);
   check_not_empty(document, {"obstacles", "surface", "kinds"}, recipe.obstacles.surface.kinds);
   const double cells = recipe.bodies.size.low / recipe.domain.dx;
   const double least = recipe.bodies.particles_per_cell * cells * cells * cells;

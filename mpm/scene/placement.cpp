@@ -77,11 +77,11 @@ bool may_touch(const Body& a, const Body& b, double gap) {
   const Body& large = reach_a < reach_b ? b : a;
   const sparsegrid::LocalBox box = sparsegrid::analytic_bounds(small);
   const double decides = norm(box.high - box.low) / intervals / 2;
-  const Mat3d turn = transpose(large.rotation()) * small.rotation();
+  const Mat3d relative_rotation = transpose(large.rotation()) * small.rotation();
   const Vec3d shift = large.to_local(small.position);
   return any_lattice_point(box, [&](const Vec3d& local) {
     return sparsegrid::analytic_distance(small, local) <= decides &&
-           sparsegrid::analytic_distance(large, turn * local + shift) <= gap + decides;
+           sparsegrid::analytic_distance(large, relative_rotation * local + shift) <= gap + decides;
   });
 }
 

@@ -216,6 +216,9 @@ TEST(Generate, CategoriesAreDrawnInTurnAndRecorded) {
   const Outcome wrong = graupel(flags + folder.file("none") + " --set bodies.speed=[4,1]");
   EXPECT_EQ(wrong.exit_code, 2);
   EXPECT_TRUE(wrong.says("/bodies/speed")) << wrong.output;
+  const Outcome fast = graupel(flags + folder.file("none") + " --set streams.speed=[1,900]");
+  EXPECT_EQ(fast.exit_code, 2);
+  EXPECT_TRUE(fast.says("'scenes/recipes/general.json': recipe key 'time_step.substeps_per_frame'")) << fast.output;
 }
 
 TEST(Generate, AStoppedRunLeavesNoPieces) {

@@ -116,5 +116,11 @@ TEST(BenchGraph, RefusesReducedModels) {
   EXPECT_TRUE(outcome.says("nsf-sand") && outcome.says("bench rom")) << outcome.output;
 }
 
+TEST(BenchGraph, RefusesRecipesOfCategories) {
+  const Outcome outcome = graupel("bench graph --recipe scenes/recipes/general.json --models mpm --device cpu");
+  EXPECT_EQ(outcome.exit_code, 2);
+  EXPECT_TRUE(outcome.says("'scenes/recipes/general.json' is a recipe of categories")) << outcome.output;
+}
+
 }  // namespace
 }  // namespace graupel::test

@@ -41,5 +41,11 @@ TEST(BenchMpm, AnUnknownInstructionSetAndATableOfAnotherDeviceAreRefused) {
   EXPECT_TRUE(device.says("--table cpu measures the CPU")) << device.output;
 }
 
+TEST(BenchMpm, RefusesRecipesOfCategories) {
+  const Outcome outcome = graupel("bench mpm --recipe scenes/recipes/general.json --device cpu");
+  EXPECT_EQ(outcome.exit_code, 2);
+  EXPECT_TRUE(outcome.says("'scenes/recipes/general.json' is a recipe of categories")) << outcome.output;
+}
+
 }  // namespace
 }  // namespace graupel::test

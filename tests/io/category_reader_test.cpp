@@ -47,7 +47,8 @@ TEST(CategoryReader, NamesTheUnknownCategoryAndTheMaterialThatOneLacks) {
   expect_error<ConfigError>(
       [] { read({"categories=[\"dam_brake\"]"}); },
       {"/categories/0", "dam_brake", "allowed: dam_break, column_collapse", "Did you mean 'dam_break'"});
-  expect_error<ConfigError>([] { read({"categories=[]"}); }, {"/categories", "at least 1 entry"});
+  expect_error<ConfigError>([] { read({"categories=[]"}); }, {"/categories", "([], at least 1 entry)"});
+  expect_error<ConfigError>([] { read({"materials={}"}); }, {"/materials", "is empty ({}, at least 1 entry)"});
   expect_error<ConfigError>(
       [] {
         read({"materials={\"water\": {\"preset\": \"water\"}}", "categories=[\"stream\", \"snow_impact\"]"});
@@ -84,6 +85,10 @@ TEST(CategoryReader, RefusesShapesThatCannotBeDrawnAndFilesThatAreNotThere) {
   expect_error<InputError>([] { read({"bodies.meshes=[\"assets/stra.obj\"]"}); },
                            {"/bodies/meshes/0", "assets/stra.obj", "does not exist"});
   expect_error<InputError>([] { read({"bodies.meshes=[\"general.json\"]"}); }, {"/bodies/meshes/0"});
+  expect_error<ConfigError>([] { read({"obstacles.level_sets=[\"assets/trough.vdb\", \"assets/star.obj\"]"}); },
+                            {"/obstacles/level_sets/1", "assets/star.obj", "end in .vdb", "'meshes'"});
+  expect_error<InputError>([] { read({"obstacles.level_sets=[\"assets/through.vdb\"]"}); },
+                           {"/obstacles/level_sets/0", "assets/through.vdb", "does not exist"});
 }
 
 TEST(CategoryReader, RefusesWhatCannotHoldAScene) {

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <stdexcept>
 
 #include "core/system/error.h"
 #include "sparsegrid/obstacle_set.h"

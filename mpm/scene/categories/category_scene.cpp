@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <optional>
+#include <type_traits>
 
 #include "core/system/error.h"
 #include "mpm/materials/material_parameters.h"
@@ -113,6 +115,7 @@ bool stream(SceneDraft& draft) {
   for (int64_t i = 0; i < streams; ++i) {
     const double width = draws.in(draft.recipe.streams.width);
     const std::string material = draft.material();
+    const double most_particles = draft.take_share();
     const bool placed = place(
         [&] {
           const Vec3d from = draft.point_in({{0, 0.6, 0}, {1, 1, 1}});
@@ -120,7 +123,8 @@ bool stream(SceneDraft& draft) {
           const Vec3d middle = (draft.low() + draft.high()) * 0.5;
           const Vec3d level = normalized(Vec3d{middle[0] - from[0] + 1e-6, 0, middle[2] - from[2]});
           const double down = draws.uniform(0, 1.5707963267948966);
-          return draft.add_stream(from, level * std::cos(down) - Vec3d{0, std::sin(down), 0}, width, material);
+          return draft.add_stream(from, level * std::cos(down) - Vec3d{0, std::sin(down), 0}, width, material,
+                                  most_particles);
         },
         [](bool added) { return added; });
     if (!placed && i == 0) return false;
@@ -165,7 +169,7 @@ bool filling_container(SceneDraft& draft) {
     draft.share_particles(1, volume);
     const double width = std::min({draws.in(draft.recipe.streams.width), 0.6 * opening.width, 0.6 * opening.depth});
     const Vec3d from = opening.center + Vec3d{0, draws.uniform(0.4, 0.9) * room, 0};
-    return draft.add_stream(from, {0, -1, 0}, width, draft.material());
+    return draft.add_stream(from, {0, -1, 0}, width, draft.material(), draft.take_share());
   }
   const int64_t bodies = draws.whole(draft.recipe.bodies.count);
   draft.share_particles(bodies, volume);
@@ -207,16 +211,23 @@ MaterialConfig stiffest(const RecipeMaterial& from) {
   return material;
 }
 
+bool has_category(const CategoryRecipe& recipe, const std::vector<SceneCategory>& any) {
+  return std::find_first_of(recipe.categories.begin(), recipe.categories.end(), any.begin(), any.end()) !=
+         recipe.categories.end();
+}
+
 void check_step(const CategoryRecipe& recipe) {
   if (recipe.time_step.policy != StepPolicy::fixed) return;
-  const double share = largest_courant(recipe);
-  if (share <= 1) return;
+  const double courant = largest_courant(recipe);
+  if (courant <= 1) return;
   throw ConfigError(fmt::format(
       "recipe key 'time_step.substeps_per_frame' is too small for the stiffest constants that 'materials' can give and "
-      "the fastest bodies ({}, at least {:.0f}: in a substep a wave crosses {:.3g} cells, allowed up to 1). Raise it, "
-      "or lower the upper ends of youngs_modulus, bulk_modulus, viscosity or bodies.speed",
-      recipe.time_step.substeps_per_frame, std::ceil(share * static_cast<double>(recipe.time_step.substeps_per_frame)),
-      share));
+      "the fastest bodies, streams and obstacles ({}, at least {:.0f}: in a substep a wave crosses {:.3g} cells, "
+      "allowed up to 1). Raise it, "
+      "or lower the upper ends of youngs_modulus, bulk_modulus, viscosity, bodies.speed, streams.speed, motions.speed "
+      "or motions.spin",
+      recipe.time_step.substeps_per_frame,
+      std::ceil(courant * static_cast<double>(recipe.time_step.substeps_per_frame)), courant));
 }
 
 }  // namespace
@@ -230,8 +241,14 @@ double largest_courant(const CategoryRecipe& recipe) {
   }
   double height = 0;
   for (const Vec3d& size : recipe.domain.sizes) height = std::max(height, size[1]);
-  // A body that is thrown down from the top.
-  speeds.speed = std::sqrt(recipe.bodies.speed.high * recipe.bodies.speed.high + 2 * norm(recipe.gravity) * height);
+  double start = recipe.bodies.speed.high;
+  if (has_category(recipe, {SceneCategory::stream, SceneCategory::filling_container}))
+    start = std::max(start, recipe.streams.speed.high);
+  // Material that starts at the top with this speed: v^2 = v0^2 + 2 g h.
+  speeds.speed = std::sqrt(start * start + 2 * norm(recipe.gravity) * height);
+  if (has_category(recipe, {SceneCategory::moving_obstacle}))  // a sliding box, the tip of a paddle
+    speeds.speed =
+        std::max({speeds.speed, recipe.motions.speed.high, recipe.motions.spin.high * recipe.obstacles.size.high / 2});
   TimeStep unit;
   unit.policy = StepPolicy::adaptive;
   unit.courant = 1;
@@ -254,10 +271,12 @@ Scene draw_scene(const CategoryRecipe& recipe, uint64_t seed, Split split, int64
     return draft.scene;
   }
   throw ConfigError(fmt::format(
-      "no room for the bodies of scene {} of '{}' ({}; bodies of {:.4g} to {:.4g} m, obstacles of {:.4g} to {:.4g} m). "
-      "Use fewer or smaller ones, or larger domains",
+      "no room for the bodies of scene {} of '{}' ({}; bodies of {:.4g} to {:.4g} m, obstacles of {:.4g} to {:.4g} m, "
+      "streams of {:.4g} to {:.4g} m and {:.4g} to {:.4g} m/s, max_particles {}, particles_per_cell {:.4g}). "
+      "Use fewer or smaller ones, larger domains, or raise max_particles",
       index, recipe.name, word_of(category), recipe.bodies.size.low, recipe.bodies.size.high, recipe.obstacles.size.low,
-      recipe.obstacles.size.high));
+      recipe.obstacles.size.high, recipe.streams.width.low, recipe.streams.width.high, recipe.streams.speed.low,
+      recipe.streams.speed.high, recipe.max_particles, recipe.bodies.particles_per_cell));
 }
 
 }  // namespace graupel::mpm

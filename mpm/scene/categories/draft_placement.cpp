@@ -1,6 +1,8 @@
 // Bodies, obstacles and streams of a draft: their sizes, and places where they touch nothing.
 #include <algorithm>
 #include <cmath>
+#include <optional>
+#include <stdexcept>
 #include <utility>
 
 #include "mpm/scene/categories/scene_draft.h"
@@ -12,7 +14,7 @@ namespace {
 constexpr double shortest_stream = 0.02;  ///< [s]
 constexpr double narrowest = 0.35;        ///< smallest extent over the largest one, before a body is shrunk
 
-void turn(Body& body, Pose pose, Draws& draws) {
+void rotate_body(Body& body, Pose pose, Draws& draws) {
   if (pose == Pose::free) return draws.rotation(body.rotation_axis, body.rotation_angle);
   body.rotation_axis = {0, 1, 0};
   body.rotation_angle = draws.uniform(0, 360);
@@ -55,7 +57,7 @@ std::optional<Source> SceneDraft::body(Pose pose, const std::vector<Shape>& shap
   } else {
     small_enough = shrink(source, most, least);
   }
-  turn(source, pose, draws);
+  rotate_body(source, pose, draws);
   if (!small_enough) return std::nullopt;
   return source;
 }
@@ -78,7 +80,7 @@ std::optional<Source> SceneDraft::column() {
   column.height = height;
   column.radius = width / 2;
   column.size = {width, height, std::max(least, width * draws.uniform(0.7, 1))};
-  turn(column, Pose::upright, draws);
+  rotate_body(column, Pose::upright, draws);
   if (!shrink(column, most, least)) return std::nullopt;
   return column;
 }
@@ -117,8 +119,9 @@ bool SceneDraft::add(Source source, const Part& part, Place where) {
       // Particles on the very wall are within it, but for the rounding of the turn.
       const double from = low()[d] - extent.low[d] - at_origin.position[d] + 1e-9,
                    to = high()[d] - extent.high[d] - at_origin.position[d] - 1e-9;
-      source.position[d] = from <= to ? std::clamp(wanted[d], from, to) : 1e300;
-      if (d == 1 && where == Place::on_floor) source.position[d] = from;
+      const double clamped =
+          where == Place::on_floor && d == 1 ? from : std::clamp(wanted[d], from, std::max(from, to));
+      source.position[d] = from <= to ? clamped : 1e300;
     }
     return envelope(source, box);
   };
@@ -173,7 +176,7 @@ void SceneDraft::add_obstacles(int64_t n) {
   for (int64_t i = 0; i < n; ++i) {
     Obstacle drawn = obstacle();
     const bool stands = draws.chance(0.5);
-    turn(drawn, stands ? Pose::upright : Pose::free, draws);
+    rotate_body(drawn, stands ? Pose::upright : Pose::free, draws);
     const sparsegrid::LocalBox box = file_box(drawn);
     const auto draw = [&] {
       drawn.position = point_in({});
@@ -194,7 +197,8 @@ void SceneDraft::add_obstacles(int64_t n) {
   }
 }
 
-bool SceneDraft::add_stream(const Vec3d& position, const Vec3d& direction, double width, const std::string& material) {
+bool SceneDraft::add_stream(const Vec3d& position, const Vec3d& direction, double width, const std::string& material,
+                            double most_particles) {
   Emitter emitter;
   emitter.material = material;
   emitter.particles_per_cell = recipe.bodies.particles_per_cell;
@@ -212,7 +216,7 @@ bool SceneDraft::add_stream(const Vec3d& position, const Vec3d& direction, doubl
   emitter.start_time = draws.uniform(0, 0.2);
   const double spacing = scene.domain.spacing(emitter.particles_per_cell), across = std::ceil(width / spacing);
   const double duration =
-      std::min(draws.in(recipe.streams.duration), take_share() * spacing / (across * across * speed));
+      std::min(draws.in(recipe.streams.duration), most_particles * spacing / (across * across * speed));
   emitter.end_time = emitter.start_time + duration;
   emitter.particle_limit = std::max<int64_t>(1, recipe.max_particles);
   const sparsegrid::LocalBox extent = world_extent(emitter);

@@ -35,13 +35,13 @@ Obstacle box(const Obstacle& like, const Vec3d& center, const Vec3d& size) {
   return box;
 }
 
-/// Poses to and fro from 0 to `far` (a share of the whole way), a leg in `leg` seconds, until `end`.
+/// Poses of a motion to and fro: pose(time, 0) at `start`, then 1, 0, 1, .. every `leg` seconds until `end`.
 template <typename Pose>
 std::vector<MotionKey> to_and_fro(double start, double leg, double end, Pose&& pose) {
   std::vector<MotionKey> keys = {pose(start, 0)};
-  double share = 1;
-  for (double time = start + leg; time <= end; time += leg, share = share > 0 ? 0 : 1)
-    keys.push_back(pose(time, share));
+  double fraction = 1;
+  for (double time = start + leg; time <= end; time += leg, fraction = fraction > 0 ? 0 : 1)
+    keys.push_back(pose(time, fraction));
   if (keys.size() == 1) keys.push_back(pose(start + leg, 1));
   return keys;
 }
@@ -111,10 +111,10 @@ Body add_sliding_box(SceneDraft& draft) {
   Motion motion;
   motion.kind = MotionKind::keyframes;
   const double speed = draws.in(draft.recipe.motions.speed), start = draws.uniform(0.05, 0.3);
-  motion.keyframes = to_and_fro(start, way / speed, end_time(draft), [&](double time, double share) {
+  motion.keyframes = to_and_fro(start, way / speed, end_time(draft), [&](double time, double fraction) {
     MotionKey key;
     key.time = time;
-    key.translation[axis] = (forward ? way : -way) * share;
+    key.translation[axis] = (forward ? way : -way) * fraction;
     return key;
   });
   slider.motion = motion;

@@ -42,6 +42,8 @@ class SceneDraft {
   /// Gives the budget of particles (all of it, or what fits `volume` [m^3]) to n bodies and streams, in random shares.
   void share_particles(int64_t n);
   void share_particles(int64_t n, double volume);
+  /// The next share, in particles; 0 where all are taken.
+  double take_share();
 
   /// A body of a drawn shape and size at rest, small enough for the next share of particles; none where the
   /// smallest one has more.
@@ -68,15 +70,15 @@ class SceneDraft {
   /// No obstacle may be added within this body.
   void keep_out(const Body& body) { kept_out_.push_back(body); }
 
-  /// A stream of `width` and of a drawn speed along `direction`, as long as the next share of particles lasts. False
-  /// where an obstacle or a body is in its way or it would be outside the walls.
-  bool add_stream(const Vec3d& position, const Vec3d& direction, double width, const std::string& material);
+  /// A stream of `width` and of a drawn speed along `direction`, as long as `most_particles` last. False where an
+  /// obstacle or a body is in its way or it would be outside the walls.
+  bool add_stream(const Vec3d& position, const Vec3d& direction, double width, const std::string& material,
+                  double most_particles);
 
  private:
   void draw_walls();
   WallConfig wall(const RecipeSurface& surface);
   bool is_clear(const Body& envelope, double gap) const;
-  double take_share();
   double particle_volume() const;
   sparsegrid::LocalBox file_box(const Body& body) const;
 

@@ -229,6 +229,39 @@ TEST(CategoryScene, FixedStepsMustDoForTheStiffestConstants) {
       draw_scene(recipe({"materials.jelly.ranges.youngs_modulus=[3e4,9e6]", "time_step={}"}), 1, Split::train, 0));
 }
 
+TEST(CategoryScene, FixedStepsMustDoForStreamsAndMovingObstacles) {
+  const double slow = largest_courant(general());
+  for (const char* set : {"streams.speed=[1,50]", "motions.speed=[1,50]", "motions.spin=[1,500]"}) {
+    EXPECT_GT(largest_courant(recipe({set})), slow) << set;
+    EXPECT_EQ(largest_courant(recipe({set, "categories=[\"thrown_bodies\"]"})), slow) << set;
+  }
+}
+
+/// Columns that are higher than the domain are not used: the start checks find no particle outside the walls.
+TEST(CategoryScene, NoColumnReachesThroughTheCeiling) {
+  const CategoryRecipe low =
+      recipe({"categories=[\"column_collapse\"]", "domain.sizes=[[1,0.4,1]]", "bodies.size=[0.04,0.9]"});
+  int drawn = 0;
+  for (int64_t i = 0; i < 20; ++i) {
+    try {
+      const Scene scene = draw_scene(low, 1, Split::train, i);
+      ASSERT_NO_THROW(PreparedScene(scene, {.seed = scene.seed})) << scene.name;
+      ++drawn;
+    } catch (const ConfigError& error) {
+      EXPECT_NE(std::string(error.what()).find("no room"), std::string::npos) << error.what();
+    }
+  }
+  EXPECT_GT(drawn, 0);
+}
+
+/// A stream that does not fit at the first position keeps its share of particles for the next one.
+TEST(CategoryScene, NearlyAllScenesHaveTheStreamsThatTheyAskFor) {
+  const CategoryRecipe streams = recipe({"categories=[\"stream\"]", "streams.count=[2,2]"});
+  int both = 0;
+  for (int64_t i = 0; i < 40; ++i) both += draw_scene(streams, 1, Split::train, i).emitters.size() == 2;
+  EXPECT_GE(both, 38);
+}
+
 TEST(CategoryScene, ARecipeWithoutRoomIsAnError) {
   const CategoryRecipe large = recipe({"bodies.size=[0.7,0.8]", "bodies.shapes=[\"sphere\"]", "max_particles=10000000",
                                        "domain.sizes=[[0.75,0.75,0.75]]"});
@@ -237,7 +270,8 @@ TEST(CategoryScene, ARecipeWithoutRoomIsAnError) {
     ADD_FAILURE() << "nothing was thrown";
   } catch (const ConfigError& error) {
     for (const char* part : {"no room for the bodies of scene 2 of 'general'", "fall_on_obstacles", "0.7 to 0.8 m",
-                             "Use fewer or smaller ones"})
+                             "streams of 0.05 to 0.12 m and 0.5 to 2.5 m/s", "max_particles 10000000",
+                             "particles_per_cell 8", "Use fewer or smaller ones", "or raise max_particles"})
       EXPECT_NE(std::string(error.what()).find(part), std::string::npos) << error.what();
   }
 }
