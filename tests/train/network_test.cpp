@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "core/math/random.h"
+#include "core/parallel/device.h"
 #include "graph/features/features.h"
 #include "tests/gpu_only.h"
 #include "tests/train/rounded_reference.h"
@@ -185,6 +186,7 @@ TEST(MixedPrecision, IsLeftToLibtorchForTheMessageFormOnTheGpu) {
   GRAUPEL_NEEDS_GPU();
   graph::HgnConfig config = config_with_kernels();
   config.aggregation = Aggregation::messages;
+  configure_torch(num_threads(), /*tf32=*/false);  // a training that ran before in this process may have allowed it
   const Batch batch = concatenate({random_graph(config, 1, 150, 0.25)});
   NetworkModule exact(config, Device::cpu, 5, NumberType::f64), on_cpu(config, Device::cpu, 5, NumberType::f32);
   NetworkModule mixed(config, Device::cuda, 5, NumberType::mixed);
