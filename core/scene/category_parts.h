@@ -35,13 +35,9 @@ struct RecipeSurface {
   template <typename Visitor>
   static void fields(Visitor&& visit) {
     using S = RecipeSurface;
-    visit(&S::kinds, FieldInfo{.name = "kinds",
-                               .unit = "",
-                               .meaning = "Contacts to draw from; one named twice is drawn twice as often"});
-    visit(&S::friction, FieldInfo{.name = "friction",
-                                  .unit = "",
-                                  .meaning = "Coulomb friction coefficient of the kind `friction`",
-                                  .range = Range::not_negative()});
+    visit(&S::kinds, FieldInfo{"kinds", "", "Contacts to draw from; one named twice is drawn twice as often"});
+    visit(&S::friction,
+          FieldInfo{"friction", "", "Coulomb friction coefficient of the kind `friction`", Range::not_negative()});
   }
 };
 
@@ -54,18 +50,14 @@ struct RecipeDomain {
   template <typename Visitor>
   static void fields(Visitor&& visit) {
     using D = RecipeDomain;
-    visit(&D::sizes,
-          FieldInfo{.name = "sizes",
-                    .unit = "m",
-                    .meaning = "Edge lengths of the domain to draw from; on a GPU scenes of one size advance together",
-                    .range = Range::positive()});
-    visit(&D::dx, FieldInfo{.name = "dx", .unit = "m", .meaning = "Grid spacing", .range = Range::positive()});
-    visit(&D::wall_cells, FieldInfo{.name = "wall_cells",
-                                    .unit = "cells",
-                                    .meaning = "Distance of the walls from the domain's faces",
-                                    .range = Range::between(2, 16)});
-    visit(&D::floor, FieldInfo{.name = "floor", .unit = "", .meaning = "Contact of the floor (y_low)"});
-    visit(&D::walls, FieldInfo{.name = "walls", .unit = "", .meaning = "Contact of the other five walls"});
+    visit(&D::sizes, FieldInfo{"sizes", "m",
+                               "Edge lengths of the domain to draw from; on a GPU scenes of one size advance together",
+                               Range::positive()});
+    visit(&D::dx, FieldInfo{"dx", "m", "Grid spacing", Range::positive()});
+    visit(&D::wall_cells,
+          FieldInfo{"wall_cells", "cells", "Distance of the walls from the domain's faces", Range::between(2, 16)});
+    visit(&D::floor, FieldInfo{"floor", "", "Contact of the floor (y_low)"});
+    visit(&D::walls, FieldInfo{"walls", "", "Contact of the other five walls"});
   }
 };
 
@@ -77,9 +69,8 @@ struct RecipeMaterial : MaterialConfig {
   static void fields(Visitor&& visit) {
     MaterialConfig::fields(visit);
     visit(&RecipeMaterial::ranges,
-          FieldInfo{.name = "ranges",
-                    .unit = "",
-                    .meaning = "[low, high] of constants to draw, by key; uniform, from high/low = 10 on log-uniform"});
+          FieldInfo{"ranges", "",
+                    "[low, high] of constants to draw, by key; uniform, from high/low = 10 on log-uniform"});
   }
 };
 
@@ -104,33 +95,18 @@ struct RecipeBodies {
   template <typename Visitor>
   static void fields(Visitor&& visit) {
     using B = RecipeBodies;
-    visit(&B::count,
-          FieldInfo{.name = "count", .unit = "", .meaning = "Bodies in a scene", .range = Range::between(1, 1000)});
+    visit(&B::count, FieldInfo{"count", "", "Bodies in a scene", Range::between(1, 1000)});
     visit(&B::size,
-          FieldInfo{.name = "size",
-                    .unit = "m",
-                    .meaning = "Largest extent of a body; no extent of a box or cylinder is below the lower bound",
-                    .range = Range::positive()});
-    visit(&B::shapes,
-          FieldInfo{.name = "shapes", .unit = "", .meaning = "Shapes to draw from: box, sphere, cylinder, mesh"});
-    visit(&B::meshes,
-          FieldInfo{.name = "meshes", .unit = "", .meaning = "Files of the shape mesh, relative to the recipe"});
-    visit(&B::materials, FieldInfo{.name = "materials",
-                                   .unit = "",
-                                   .meaning = "Materials in a scene, each with constants of its own",
-                                   .range = Range::between(1, 100)});
-    visit(&B::speed, FieldInfo{.name = "speed",
-                               .unit = "m/s",
-                               .meaning = "Initial speed of thrown bodies and snow",
-                               .range = Range::not_negative()});
-    visit(&B::spin, FieldInfo{.name = "spin",
-                              .unit = "rad/s",
-                              .meaning = "Initial spin of thrown bodies and snow",
-                              .range = Range::not_negative()});
-    visit(&B::particles_per_cell, FieldInfo{.name = "particles_per_cell",
-                                            .unit = "",
-                                            .meaning = "Particles in a grid cell",
-                                            .range = {.low = 0, .high = 1000, .low_open = true}});
+          FieldInfo{"size", "m", "Largest extent of a body; no extent of a box or cylinder is below the lower bound",
+                    Range::positive()});
+    visit(&B::shapes, FieldInfo{"shapes", "", "Shapes to draw from: box, sphere, cylinder, mesh"});
+    visit(&B::meshes, FieldInfo{"meshes", "", "Files of the shape mesh, relative to the recipe"});
+    visit(&B::materials,
+          FieldInfo{"materials", "", "Materials in a scene, each with constants of its own", Range::between(1, 100)});
+    visit(&B::speed, FieldInfo{"speed", "m/s", "Initial speed of thrown bodies and snow", Range::not_negative()});
+    visit(&B::spin, FieldInfo{"spin", "rad/s", "Initial spin of thrown bodies and snow", Range::not_negative()});
+    visit(&B::particles_per_cell,
+          FieldInfo{"particles_per_cell", "", "Particles in a grid cell", {.low = 0, .high = 1000, .low_open = true}});
   }
 };
 
@@ -147,23 +123,15 @@ struct RecipeFixedObstacles {
   template <typename Visitor>
   static void fields(Visitor&& visit) {
     using O = RecipeFixedObstacles;
-    visit(&O::count, FieldInfo{.name = "count",
-                               .unit = "",
-                               .meaning = "Obstacles of fall_on_obstacles; other categories draw some of them or none",
-                               .range = Range::between(0, 1000)});
-    visit(&O::size, FieldInfo{.name = "size",
-                              .unit = "m",
-                              .meaning = "Largest extent; also of containers, paddles, boxes and trays that move",
-                              .range = Range::positive()});
-    visit(&O::shapes,
-          FieldInfo{
-              .name = "shapes", .unit = "", .meaning = "Shapes to draw from: all of a scene's obstacles but plane"});
-    visit(&O::meshes,
-          FieldInfo{.name = "meshes", .unit = "", .meaning = "Files of the shape mesh, relative to the recipe"});
-    visit(&O::level_sets,
-          FieldInfo{.name = "level_sets", .unit = "", .meaning = "Files of the shape vdb, relative to the recipe"});
-    visit(&O::surface,
-          FieldInfo{.name = "surface", .unit = "", .meaning = "Contact of the obstacles, at rest and moving"});
+    visit(&O::count,
+          FieldInfo{"count", "", "Obstacles of fall_on_obstacles; other categories draw some of them or none",
+                    Range::between(0, 1000)});
+    visit(&O::size, FieldInfo{"size", "m", "Largest extent; also of containers, paddles, boxes and trays that move",
+                              Range::positive()});
+    visit(&O::shapes, FieldInfo{"shapes", "", "Shapes to draw from: all of a scene's obstacles but plane"});
+    visit(&O::meshes, FieldInfo{"meshes", "", "Files of the shape mesh, relative to the recipe"});
+    visit(&O::level_sets, FieldInfo{"level_sets", "", "Files of the shape vdb, relative to the recipe"});
+    visit(&O::surface, FieldInfo{"surface", "", "Contact of the obstacles, at rest and moving"});
   }
 };
 
@@ -176,19 +144,11 @@ struct RecipeStreams {
   template <typename Visitor>
   static void fields(Visitor&& visit) {
     using S = RecipeStreams;
-    visit(&S::count, FieldInfo{.name = "count",
-                               .unit = "",
-                               .meaning = "Emitters of the category stream",
-                               .range = Range::between(1, 100)});
-    visit(
-        &S::width,
-        FieldInfo{.name = "width", .unit = "m", .meaning = "Diameter or edge of a stream", .range = Range::positive()});
-    visit(&S::speed,
-          FieldInfo{.name = "speed", .unit = "m/s", .meaning = "Speed of new particles", .range = Range::positive()});
-    visit(&S::duration, FieldInfo{.name = "duration",
-                                  .unit = "s",
-                                  .meaning = "How long a stream flows; shorter where max_particles asks for it",
-                                  .range = Range::positive()});
+    visit(&S::count, FieldInfo{"count", "", "Emitters of the category stream", Range::between(1, 100)});
+    visit(&S::width, FieldInfo{"width", "m", "Diameter or edge of a stream", Range::positive()});
+    visit(&S::speed, FieldInfo{"speed", "m/s", "Speed of new particles", Range::positive()});
+    visit(&S::duration, FieldInfo{"duration", "s", "How long a stream flows; shorter where max_particles asks for it",
+                                  Range::positive()});
   }
 };
 
@@ -201,19 +161,11 @@ struct RecipeMotions {
   template <typename Visitor>
   static void fields(Visitor&& visit) {
     using M = RecipeMotions;
-    visit(&M::speed,
-          FieldInfo{.name = "speed", .unit = "m/s", .meaning = "Speed of a sliding box", .range = Range::positive()});
-    visit(
-        &M::spin,
-        FieldInfo{.name = "spin", .unit = "rad/s", .meaning = "Rate of turn of a paddle", .range = Range::positive()});
-    visit(&M::tilt, FieldInfo{.name = "tilt",
-                              .unit = "degrees",
-                              .meaning = "Largest angle of a tray",
-                              .range = {.low = 0, .high = 90, .low_open = true}});
-    visit(&M::end, FieldInfo{.name = "end",
-                             .unit = "",
-                             .meaning = "When motions end, as a share of the run",
-                             .range = {.low = 0, .high = 1, .low_open = true}});
+    visit(&M::speed, FieldInfo{"speed", "m/s", "Speed of a sliding box", Range::positive()});
+    visit(&M::spin, FieldInfo{"spin", "rad/s", "Rate of turn of a paddle", Range::positive()});
+    visit(&M::tilt, FieldInfo{"tilt", "degrees", "Largest angle of a tray", {.low = 0, .high = 90, .low_open = true}});
+    visit(&M::end,
+          FieldInfo{"end", "", "When motions end, as a share of the run", {.low = 0, .high = 1, .low_open = true}});
   }
 };
 

@@ -69,37 +69,28 @@ struct CategoryRecipe {
   template <typename Visitor>
   static void fields(Visitor&& visit) {
     using R = CategoryRecipe;
-    visit(&R::name, FieldInfo{.name = "name", .unit = "", .meaning = "Short name"});
-    visit(&R::description, FieldInfo{.name = "description", .unit = "", .meaning = "What the recipe draws"});
-    visit(&R::categories,
-          FieldInfo{.name = "categories",
-                    .unit = "",
-                    .meaning = "Kinds of scenes: scene i of a split is of kind i mod n; this key makes a recipe "
-                               "one of categories",
-                    .required = true});
-    visit(&R::domain, FieldInfo{.name = "domain", .unit = "", .meaning = "Domain, grid and walls"});
-    visit(&R::gravity, FieldInfo{.name = "gravity", .unit = "m/s^2", .meaning = "Gravity"});
-    visit(&R::materials, FieldInfo{.name = "materials", .unit = "", .meaning = "Materials by name", .required = true});
-    visit(&R::bodies, FieldInfo{.name = "bodies", .unit = "", .meaning = "Bodies of material"});
-    visit(&R::obstacles, FieldInfo{.name = "obstacles", .unit = "", .meaning = "Obstacles"});
-    visit(&R::streams, FieldInfo{.name = "streams", .unit = "", .meaning = "Emitters"});
-    visit(&R::motions, FieldInfo{.name = "motions", .unit = "", .meaning = "Scripts of moving obstacles"});
+    visit(&R::name, FieldInfo{"name", "", "Short name"});
+    visit(&R::description, FieldInfo{"description", "", "What the recipe draws"});
+    visit(&R::categories, FieldInfo{"categories", "",
+                                    "Kinds of scenes: scene i of a split is of kind i mod n; this key makes a recipe "
+                                    "one of categories"}
+                              .mandatory());
+    visit(&R::domain, FieldInfo{"domain", "", "Domain, grid and walls"});
+    visit(&R::gravity, FieldInfo{"gravity", "m/s^2", "Gravity"});
+    visit(&R::materials, FieldInfo{"materials", "", "Materials by name"}.mandatory());
+    visit(&R::bodies, FieldInfo{"bodies", "", "Bodies of material"});
+    visit(&R::obstacles, FieldInfo{"obstacles", "", "Obstacles"});
+    visit(&R::streams, FieldInfo{"streams", "", "Emitters"});
+    visit(&R::motions, FieldInfo{"motions", "", "Scripts of moving obstacles"});
     visit(&R::max_particles,
-          FieldInfo{.name = "max_particles",
-                    .unit = "",
-                    .meaning = "Most particles in a scene: bodies are shrunk or left out, streams cut short",
-                    .range = Range::between(1, 1e9)});
-    visit(&R::time_step, FieldInfo{.name = "time_step", .unit = "", .meaning = "Step size of all scenes"});
-    visit(
-        &R::frames,
-        FieldInfo{.name = "frames", .unit = "", .meaning = "Frames after the first", .range = Range::between(1, 1e6)});
-    visit(&R::frame_time,
-          FieldInfo{.name = "frame_time", .unit = "s", .meaning = "Time between frames", .range = Range::positive()});
+          FieldInfo{"max_particles", "", "Most particles in a scene: bodies are shrunk or left out, streams cut short",
+                    Range::between(1, 1e9)});
+    visit(&R::time_step, FieldInfo{"time_step", "", "Step size of all scenes"});
+    visit(&R::frames, FieldInfo{"frames", "", "Frames after the first", Range::between(1, 1e6)});
+    visit(&R::frame_time, FieldInfo{"frame_time", "s", "Time between frames", Range::positive()});
     visit(&R::fields_stored,
-          FieldInfo{.name = "fields",
-                    .unit = "",
-                    .meaning = "Fields stored in every frame: stress,affine,deformation_gradient,plastic"});
-    visit(&R::counts, FieldInfo{.name = "counts", .unit = "", .meaning = "Scenes of each split"});
+          FieldInfo{"fields", "", "Fields stored in every frame: stress,affine,deformation_gradient,plastic"});
+    visit(&R::counts, FieldInfo{"counts", "", "Scenes of each split"});
   }
 };
 
