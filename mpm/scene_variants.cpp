@@ -114,18 +114,38 @@ void check_variant_fits(const Scene& scene, const SolverVariant& variant, const 
       options.device == Device::cpu ? std::numeric_limits<uint64_t>::max() : available_bytes(options.device));
 }
 
-/// The walls stay where they are: the domain's faces move, so that the walls are again a whole number of cells inside.
-Scene coarse_variant(const Scene& scene) {
+Scene scene_of_points(const Scene& scene, std::vector<std::vector<Vec3d>> points) {
+  Scene changed = scene;
+  for (std::size_t s = 0; s < changed.sources.size(); ++s) {
+    Source& source = changed.sources[s];
+    source.spin_center = source.spin_center.value_or(source.position);
+    source.shape = Shape::points;
+    source.mesh.reset();
+    source.points = std::make_shared<const std::vector<Vec3d>>(std::move(points[s]));
+    source.position = {0, 0, 0};
+    source.rotation_angle = 0;
+  }
+  return changed;
+}
+
+/// The domain's faces move, so that the walls are again a whole number of cells inside.
+Scene on_coarser_grid(const Scene& scene, double ratio) {
   Scene coarse = scene;
   const Vec3d low = scene.wall_low(), high = scene.wall_high();
-  coarse.domain.dx = 2 * scene.domain.dx;
-  coarse.domain.wall_cells = std::max<int64_t>(2, (scene.domain.wall_cells + 1) / 2);
+  const auto divided = [&](int64_t n) { return static_cast<int64_t>(std::ceil(static_cast<double>(n) / ratio)); };
+  coarse.domain.dx = ratio * scene.domain.dx;
+  coarse.domain.wall_cells = std::max<int64_t>(2, divided(scene.domain.wall_cells));
   const Vec3d margin = coarse.domain.wall_distance();
   coarse.domain.origin = low - margin;
   coarse.domain.size = high - low + 2.0 * margin;
   coarse.obstacle_voxel = scene.voxel();
   coarse.obstacle_band = std::max(scene.band(), 4 * coarse.domain.dx);
-  coarse.time_step.substeps_per_frame = std::max<int64_t>(1, (scene.time_step.substeps_per_frame + 1) / 2);
+  coarse.time_step.substeps_per_frame = std::max<int64_t>(1, divided(scene.time_step.substeps_per_frame));
+  return coarse;
+}
+
+Scene coarse_variant(const Scene& scene) {
+  Scene coarse = on_coarser_grid(scene, 2);
   for (std::size_t s = 0; s < coarse.sources.size(); ++s) {
     Source& source = coarse.sources[s];
     if (source.shape == Shape::points && source.points)

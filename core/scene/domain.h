@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstdint>
 #include <optional>
+#include <utility>
 
 #include "core/math/vec.h"
 #include "core/scene/fields.h"
@@ -65,6 +66,9 @@ struct Faces {
   const std::optional<WallConfig>& at(int axis, int side) const {
     const std::optional<WallConfig>* all[] = {&x_low, &x_high, &y_low, &y_high, &z_low, &z_high};
     return *all[2 * axis + side];
+  }
+  std::optional<WallConfig>& at(int axis, int side) {
+    return const_cast<std::optional<WallConfig>&>(std::as_const(*this).at(axis, side));
   }
 
   template <typename Visitor>

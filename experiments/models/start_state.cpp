@@ -1,12 +1,12 @@
 #include "experiments/models/start_state.h"
 
 #include <algorithm>
-#include <memory>
 #include <utility>
 
 #include "core/math/random.h"
 #include "core/system/error.h"
 #include "mpm/sampling.h"
+#include "mpm/scene_variants.h"
 
 namespace graupel::experiments {
 
@@ -26,20 +26,6 @@ StartState start_of(const Scene& scene, uint64_t seed) {
 }
 
 namespace {
-
-/// The scene with points for particles, by source.
-Scene scene_of_points(const Scene& scene, std::vector<std::vector<Vec3d>> points) {
-  Scene changed = scene;
-  for (std::size_t s = 0; s < changed.sources.size(); ++s) {
-    Source& source = changed.sources[s];
-    source.shape = Shape::points;
-    source.mesh.reset();
-    source.points = std::make_shared<const std::vector<Vec3d>>(std::move(points[s]));
-    source.position = {0, 0, 0};
-    source.rotation_angle = 0;
-  }
-  return changed;
-}
 
 Vec3d within_walls(const Scene& scene, Vec3d x) {
   const Vec3d low = scene.wall_low(), high = scene.wall_high();
@@ -61,7 +47,7 @@ Scene moved_scene(const Scene& scene, uint64_t seed, double distance) {
     const Vec3d x = particles.position[p] + normalized(direction) * distance;
     points[static_cast<std::size_t>(particles.source[p])].push_back(within_walls(scene, x));
   }
-  return scene_of_points(scene, std::move(points));
+  return mpm::scene_of_points(scene, std::move(points));
 }
 
 Scene resting_scene(const Scene& scene, uint64_t seed, const std::vector<Vec3f>& position) {
@@ -70,7 +56,7 @@ Scene resting_scene(const Scene& scene, uint64_t seed, const std::vector<Vec3f>&
   std::vector<std::vector<Vec3d>> points(scene.sources.size());
   for (std::size_t p = 0; p < position.size(); ++p)
     points[static_cast<std::size_t>(particles.source[p])].push_back(within_walls(scene, position[p].cast<double>()));
-  Scene resting = scene_of_points(scene, std::move(points));
+  Scene resting = mpm::scene_of_points(scene, std::move(points));
   for (Source& source : resting.sources) {
     source.velocity = Vec3d::zero();
     source.angular_velocity = Vec3d::zero();
