@@ -15,19 +15,6 @@ namespace graupel::mpm {
 
 namespace {
 
-/// One point at random of every `group`, or about as many, that follow one another: at 2 dx each stands for that many
-/// times the volume.
-std::shared_ptr<const std::vector<Vec3d>> one_of_each(std::size_t group, const std::vector<Vec3d>& points,
-                                                      const Random& random) {
-  std::vector<Vec3d> kept;
-  const std::size_t n = points.size(), groups = n == 0 ? 0 : std::max<std::size_t>(1, (n + group / 2) / group);
-  for (std::size_t g = 0; g < groups; ++g) {
-    const std::size_t first = g * n / groups, end = (g + 1) * n / groups;
-    kept.push_back(points[first + random.integer(g, 0, static_cast<uint32_t>(end - first))]);
-  }
-  return std::make_shared<const std::vector<Vec3d>>(std::move(kept));
-}
-
 /// Each point becomes the corners of a cube (a square in the plane) of edge `edge` around it.
 std::shared_ptr<const std::vector<Vec3d>> corners_around(const std::vector<Vec3d>& points, double edge, bool plane) {
   std::vector<Vec3d> corners;
@@ -128,6 +115,20 @@ Scene scene_of_points(const Scene& scene, std::vector<std::vector<Vec3d>> points
   return changed;
 }
 
+std::vector<std::size_t> thinned_points(const Scene& scene, std::size_t source, std::size_t count, double ratio) {
+  const Random random(scene.seed, RandomPurpose::particle_position, source);
+  const double group = std::pow(ratio, scene.domain.axes());
+  const std::size_t groups =
+      count == 0 ? 0
+                 : std::max<std::size_t>(1, static_cast<std::size_t>(std::lround(static_cast<double>(count) / group)));
+  std::vector<std::size_t> kept;
+  for (std::size_t g = 0; g < groups; ++g) {
+    const std::size_t first = g * count / groups, end = (g + 1) * count / groups;
+    kept.push_back(first + random.integer(g, 0, static_cast<uint32_t>(end - first)));
+  }
+  return kept;
+}
+
 /// The domain's faces move, so that the walls are again a whole number of cells inside.
 Scene on_coarser_grid(const Scene& scene, double ratio) {
   Scene coarse = scene;
@@ -141,18 +142,17 @@ Scene on_coarser_grid(const Scene& scene, double ratio) {
   coarse.obstacle_voxel = scene.voxel();
   coarse.obstacle_band = std::max(scene.band(), 4 * coarse.domain.dx);
   coarse.time_step.substeps_per_frame = std::max<int64_t>(1, divided(scene.time_step.substeps_per_frame));
-  return coarse;
-}
-
-Scene coarse_variant(const Scene& scene) {
-  Scene coarse = on_coarser_grid(scene, 2);
   for (std::size_t s = 0; s < coarse.sources.size(); ++s) {
     Source& source = coarse.sources[s];
-    if (source.shape == Shape::points && source.points)
-      source.points = one_of_each(scene.domain.is_plane() ? 4 : 8, *source.points,
-                                  Random(scene.seed, RandomPurpose::particle_position, s));
+    if (source.shape != Shape::points || !source.points) continue;
+    std::vector<Vec3d> kept;
+    for (const std::size_t p : thinned_points(scene, s, source.points->size(), ratio))
+      kept.push_back((*source.points)[p]);
+    source.points = std::make_shared<const std::vector<Vec3d>>(std::move(kept));
   }
   return coarse;
 }
+
+Scene coarse_variant(const Scene& scene) { return on_coarser_grid(scene, 2); }
 
 }  // namespace graupel::mpm

@@ -32,12 +32,17 @@ std::string variant_words();
 /// replaced by points a quarter of their distance off them along each axis; obstacles keep their grids.
 Scene fine_variant(const Scene& scene);
 
-/// The scene with points for particles: `points` [sources] [m] are those of each source, which keeps its velocity and the
-/// centre of its spin.
+/// The scene with points for particles: `points` [sources] [m] are those of each source, which keeps its velocity and
+/// the centre of its spin.
 Scene scene_of_points(const Scene& scene, std::vector<std::vector<Vec3d>> points);
 
-/// The scene on a grid with `ratio` times its spacing: walls and obstacles stay where they are, bodies and emitters are
-/// sampled with as many particles a cell as before, given points are kept. Fewer substeps a frame, in proportion.
+/// Which of a source's `count` points stand for all on a grid with `ratio` (from 1) times the spacing: one at random of
+/// every ratio^3 (ratio^2 in the plane), or about as many, that follow one another.
+std::vector<std::size_t> thinned_points(const Scene& scene, std::size_t source, std::size_t count, double ratio);
+
+/// The scene on a grid with `ratio` (from 1) times its spacing: walls and obstacles stay where they are, bodies and
+/// emitters are sampled with as many particles a cell as before, given points are thinned. Fewer substeps a frame, in
+/// proportion.
 Scene on_coarser_grid(const Scene& scene, double ratio);
 
 /// The scene on the variant's grid; the step is still the given one.

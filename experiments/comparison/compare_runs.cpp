@@ -62,7 +62,7 @@ std::vector<ModelChoice> parse_models(const std::vector<std::string>& words) {
 std::vector<ComparedModel> load_models(const std::vector<ModelChoice>& choices, Device device) {
   std::vector<ComparedModel> models;
   for (const ModelChoice& choice : choices) {
-    ComparedModel model{choice, nullptr, nullptr};
+    ComparedModel model{choice, nullptr, nullptr, nullptr};
     for (const ComparedModel& other : models)
       if (other.choice.weights == choice.weights) model.network = other.network;
     if (choice.kind == ModelKind::network && !model.network) {
@@ -70,6 +70,8 @@ std::vector<ComparedModel> load_models(const std::vector<ModelChoice>& choices, 
       model.network->check_runs_on(device);
     }
     if (choice.kind == ModelKind::reduced) model.reduced = std::make_shared<const LoadedModel>(choice.weights);
+    if (choice.kind == ModelKind::coarse)
+      model.coarse = std::make_shared<const hybrid::CoarseModel>(read_coarse_model(choice.weights));
     models.push_back(std::move(model));
   }
   return models;
@@ -77,7 +79,8 @@ std::vector<ComparedModel> load_models(const std::vector<ModelChoice>& choices, 
 
 void check_one_step_only(const std::vector<ModelChoice>& models) {
   for (const ModelChoice& model : models)
-    if (model.kind == ModelKind::reduced || (model.kind == ModelKind::mpm && !(model.variant == mpm::same_solver)))
+    if (model.kind == ModelKind::reduced || model.kind == ModelKind::coarse ||
+        (model.kind == ModelKind::mpm && !(model.variant == mpm::same_solver)))
       throw ConfigError("'" + model.name +
                         "' has no one-step error without a rollout. Leave it or --one-step-only out");
 }

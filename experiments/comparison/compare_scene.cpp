@@ -232,6 +232,13 @@ const TimedRun& SceneComparison::run_of(const ComparedModel& model, TimedRun& ow
                                laws_of(choice.parts, {options_.density_limit, options_.free_flight}));
     case ModelKind::reduced:
       return own = run_reduced(*model.reduced, task_.scene, task_.seed, task_.frames, device_, label(choice.label));
+    case ModelKind::coarse:
+      return own = run_coarse_model(*model.coarse, task_.scene,
+                                    {.device = device_,
+                                     .seed = task_.seed,
+                                     .frames = task_.frames,
+                                     .label = label(choice.label),
+                                     .tracers = &start_});
     case ModelKind::mpm:
       break;
   }
@@ -255,6 +262,12 @@ compare::ModelResult SceneComparison::evaluate(const ComparedModel& model) {
       result.remarks.push_back(line);
       std::fprintf(stderr, "graupel: warning: %s: '%s' %s\n", task_.scene.name.c_str(), model.choice.name.c_str(),
                    line.c_str());
+    }
+  if (model.coarse)
+    for (const std::string& line : model.coarse->unlike_training(task_.scene)) {
+      result.remarks.push_back("outside the training: " + line);
+      std::fprintf(stderr, "graupel: warning: %s: '%s' %s\n", task_.scene.name.c_str(), model.choice.name.c_str(),
+                   result.remarks.back().c_str());
     }
   if (options_.one_step_only) {
     if (model.network) result.values = compare::one_step_values(one_step_of_network(model));

@@ -13,6 +13,7 @@
 #include "experiments/comparison/compare_runs.h"
 #include "experiments/comparison/floor_file.h"
 #include "experiments/comparison/scene_tasks.h"
+#include "experiments/models/coarse_run.h"
 #include "experiments/models/model_choice.h"
 #include "experiments/models/mpm_run.h"
 #include "experiments/models/network_run.h"
@@ -26,6 +27,7 @@ struct ComparedModel {
   ModelChoice choice;
   std::shared_ptr<const graph::LearnedSimulator> network;
   std::shared_ptr<const LoadedModel> reduced;
+  std::shared_ptr<const hybrid::CoarseModel> coarse;
 };
 
 class SceneComparison {

@@ -27,7 +27,7 @@ mpm::SolverVariant opponent_of(const std::vector<ModelChoice>& models) {
   return coarse_alone ? mpm::coarse_solver : mpm::coarse_fast_solver;
 }
 
-bool has_one_step_error(ModelKind kind) { return kind != ModelKind::mpm; }
+bool has_one_step_error(ModelKind kind) { return kind == ModelKind::network || kind == ModelKind::reduced; }
 
 std::map<std::string, std::string> verdicts(const compare::MetricValues& model, const compare::MetricValues& opponent,
                                             const compare::MetricValues& floors) {

@@ -4,9 +4,19 @@
 #include <utility>
 
 #include "core/system/error.h"
-#include "experiments/models/reduced_model.h"
+#include "hybrid/coarse_model.h"
+#include "nn/weights.h"
+#include "rom/reduced_model.h"
 
 namespace graupel::experiments {
+
+ModelKind kind_of_weights(const std::string& file) {
+  const nn::Weights weights = nn::read_safetensors(file);
+  if (hybrid::is_coarse_model(weights)) return ModelKind::coarse;
+  const auto architecture = weights.metadata.find("architecture");
+  const bool reduced = architecture != weights.metadata.end() && architecture->second == rom::nsf_architecture;
+  return reduced ? ModelKind::reduced : ModelKind::network;
+}
 
 ModelChoice parse_model(const std::string& word) {
   if (const auto variant = mpm::parse_variant(word)) return {word, ModelKind::mpm, *variant};
@@ -19,12 +29,13 @@ ModelChoice parse_model(const std::string& word) {
                                       std::pair{":corrections-only", NetworkParts::corrections_alone}}) {
     if (!word.ends_with(suffix)) continue;
     const std::string file = word.substr(0, word.size() - std::strlen(suffix));
-    if (is_reduced_model(file))
-      throw ConfigError("'" + word + "' asks for a part of a reduced-order model, which has no corrections (allowed: " +
-                        "graph networks). Name '" + file + "' alone");
+    if (kind_of_weights(file) != ModelKind::network)
+      throw ConfigError("'" + word +
+                        "' asks for a part of a model that has no corrections (allowed: graph networks). " + "Name '" +
+                        file + "' alone");
     return {.name = word, .kind = ModelKind::network, .weights = file, .parts = parts};
   }
-  return {.name = word, .kind = is_reduced_model(word) ? ModelKind::reduced : ModelKind::network, .weights = word};
+  return {.name = word, .kind = kind_of_weights(word), .weights = word};
 }
 
 }  // namespace graupel::experiments

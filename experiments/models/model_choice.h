@@ -1,4 +1,5 @@
-// What a word of --models means: MPM and its cheaper variants, graph networks and reduced-order models.
+// What a word of --models means: MPM and its cheaper variants, graph networks, reduced-order models and coarse MPM with
+// trained constants.
 #pragma once
 
 #include <string>
@@ -7,7 +8,10 @@
 
 namespace graupel::experiments {
 
-enum class ModelKind { mpm, network, reduced };
+enum class ModelKind { mpm, network, reduced, coarse };  ///< coarse: MPM on a coarse grid with trained constants
+
+/// Of a weights file. Throws InputError where it cannot be read.
+ModelKind kind_of_weights(const std::string& file);
 
 /// A network with the laws that its rollouts are held to, or one of the two alone.
 enum class NetworkParts { all, network_alone, corrections_alone };
@@ -22,7 +26,7 @@ struct ModelChoice {
   NetworkParts parts = NetworkParts::all;
 };
 /// "mpm", "mpm:...", a weights file, "WEIGHTS:no-corrections", "WEIGHTS:corrections-only", or "corrections-only".
-/// Throws ConfigError for an unknown "mpm:..." word and for parts of a reduced-order model, InputError for a weights
+/// Throws ConfigError for an unknown "mpm:..." word and for parts of a model without them, InputError for a weights
 /// file that cannot be read.
 ModelChoice parse_model(const std::string& word);
 

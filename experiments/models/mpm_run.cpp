@@ -15,7 +15,6 @@ namespace graupel::experiments {
 
 namespace {
 
-/// Runs a scene with its own grid and step, whatever options.variant says.
 TimedRun run_once(const Scene& variant, const MpmRunOptions& options) {
   const MemoryMeter memory;
   DeviceMemoryMeter device_memory(options.device);
@@ -79,16 +78,20 @@ TimedRun run_once(const Scene& variant, const MpmRunOptions& options) {
   return result;
 }
 
+}  // namespace
+
 /// On a GPU the tuned kernels, which carry no tracers, tell the time, and the portable ones the places.
-TimedRun run_as_is(const Scene& variant, const MpmRunOptions& options) {
-  if (options.tracers == nullptr || options.device == Device::cpu) return run_once(variant, options);
+TimedRun run_scene(const Scene& scene, const MpmRunOptions& options) {
+  if (options.tracers == nullptr || options.device == Device::cpu) return run_once(scene, options);
   MpmRunOptions timed = options;
   timed.tracers = nullptr;
-  const TimedRun tuned = run_once(variant, timed);
-  TimedRun result = run_once(variant, options);
+  const TimedRun tuned = run_once(scene, timed);
+  TimedRun result = run_once(scene, options);
   result.cost = tuned.cost;
   return result;
 }
+
+namespace {
 
 /// With the largest stable step, searched for; the search and every run that blew up all the same count as its cost.
 TimedRun run_fast(const Scene& scene, const MpmRunOptions& options) {
@@ -98,11 +101,11 @@ TimedRun run_fast(const Scene& scene, const MpmRunOptions& options) {
   try {
     step = mpm::find_fast_step(scene, simulation, options.frames, [] { stop_if_interrupted(); });
   } catch (const DivergedError&) {
-    return run_as_is(scene, options);  // a stored truth's scene, which does not run here with its own step
+    return run_scene(scene, options);  // a stored truth's scene, which does not run here with its own step
   }
   for (;;) {
     const Stopwatch watch;
-    TimedRun result = run_as_is(step.scene, options);
+    TimedRun result = run_scene(step.scene, options);
     result.cost.search = step.seconds;
     if (result.run.trajectory.diverged_at_frame < 0 || step.substeps >= step.data_substeps) return result;
     step = mpm::shorter_step(step, scene);
@@ -115,7 +118,7 @@ TimedRun run_fast(const Scene& scene, const MpmRunOptions& options) {
 TimedRun run_mpm(const Scene& scene, const MpmRunOptions& options) {
   const Scene variant = mpm::variant_scene(scene, options.variant);
   if (options.variant.step == mpm::StepRule::largest_stable) return run_fast(variant, options);
-  return run_as_is(variant, options);
+  return run_scene(variant, options);
 }
 
 }  // namespace graupel::experiments

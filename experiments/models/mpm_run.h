@@ -23,6 +23,9 @@ struct MpmRunOptions {
   const StartState* tracers = nullptr;
   bool must_finish = false;  ///< throw DivergedError instead of returning the frames before it (the truth)
 };
+/// The scene with its own grid and step, whatever options.variant says.
+TimedRun run_scene(const Scene& scene, const MpmRunOptions& options);
+
 /// Frames after a divergence repeat the last usable one. Throws DivergedError where options.must_finish.
 TimedRun run_mpm(const Scene& scene, const MpmRunOptions& options);
 

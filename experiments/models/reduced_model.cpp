@@ -83,12 +83,6 @@ std::vector<int32_t> particle_kinds(const rom::ReducedModel& model) {
   return particle_kinds(mpm::sample_sources(scene, scene.seed));
 }
 
-bool is_reduced_model(const std::string& file) {
-  const nn::Weights weights = nn::read_safetensors(file);
-  const auto architecture = weights.metadata.find("architecture");
-  return architecture != weights.metadata.end() && architecture->second == rom::nsf_architecture;
-}
-
 namespace {
 
 void check_same_scene(const LoadedModel& loaded, const std::string& text) {

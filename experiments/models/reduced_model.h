@@ -25,9 +25,6 @@ std::vector<int32_t> particle_kinds(const mpm::SampledParticles& particles);
 /// Of the model's scene.
 std::vector<int32_t> particle_kinds(const rom::ReducedModel& model);
 
-/// Whether a weights file holds a reduced-order model.
-bool is_reduced_model(const std::string& file);
-
 /// What becomes of a scene that differs from that of the training in more than its parameters, frames and names.
 enum class ForeignScene {
   refuse,

@@ -14,7 +14,6 @@
 #include "experiments/process/progress.h"
 #include "experiments/rollout/rollout_input.h"
 #include "graph/learned_simulator.h"
-#include "io/trajectory/trajectory_file.h"
 
 namespace graupel::experiments {
 
@@ -77,14 +76,6 @@ graph::LearnedSimulator::RolloutOptions simulator_options(const RolloutOptions& 
   return run;
 }
 
-void write_trajectory(const std::string& file, const Trajectory& trajectory) {
-  io::TrajectoryWriteOptions write;
-  write.velocity = false;
-  io::TrajectoryWriter writer(file, trajectory, write);
-  for (const ParticleFrame& frame : trajectory.frames) writer.append(frame);
-  writer.finish(trajectory.diverged_at_frame);
-}
-
 /// Prints what was run and, where the input goes on after the start, how far it is from that; writes it to --json.
 void report(const RolloutOptions& options, const Trajectory& trajectory, const RolloutError& error,
             const std::vector<double>& seconds) {
@@ -127,7 +118,7 @@ void rollout_network(const RolloutOptions& options, Device device) {
   if (trajectory.diverged_at_frame < 0) progress.done();
   trajectory.seed = start.seed;
   trajectory.made_by = options.weights;
-  write_trajectory(options.output, trajectory);
+  write_positions(options.output, trajectory);
   const RolloutError error = error_of(trajectory, start.rest);
   report(options, trajectory, error, times.times());
   if (trajectory.diverged_at_frame >= 0)

@@ -14,28 +14,11 @@
 #include "experiments/process/progress.h"
 #include "experiments/rollout/reduced_rollout.h"
 #include "experiments/rollout/rollout_input.h"
-#include "io/scene/scene_reader.h"
 #include "io/trajectory/trajectory_file.h"
 
 namespace graupel::experiments {
 
 namespace {
-
-struct SceneAndSeed {
-  Scene scene;
-  uint64_t seed = 0;
-};
-
-SceneAndSeed scene_of(const RolloutOptions& options) {
-  if (is_trajectory(options.input)) {
-    const io::TrajectoryReader reader(options.input);
-    const Trajectory header = chosen_header(reader, options);
-    return {stored_scene(header, options), header.seed};
-  }
-  Scene scene = io::read_scene(options.input, options.set);
-  const uint64_t seed = options.common.seed_given ? options.common.seed : scene.seed;
-  return {std::move(scene), seed};
-}
 
 rom::ReducedOptions reduced_options(const RolloutOptions& options) {
   rom::ReducedOptions reduced;
@@ -222,7 +205,7 @@ class ReducedRollout {
 
 void rollout_reduced(const RolloutOptions& options) {
   const LoadedModel loaded(options.weights);
-  const SceneAndSeed task = scene_of(options);
+  const SceneAndSeed task = scene_and_seed(options);
   ReducedRollout(loaded, options, task).run();
 }
 

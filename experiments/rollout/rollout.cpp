@@ -3,8 +3,9 @@
 #include <fmt/format.h>
 
 #include "core/system/error.h"
-#include "experiments/models/reduced_model.h"
+#include "experiments/models/model_choice.h"
 #include "experiments/process/outputs.h"
+#include "experiments/rollout/coarse_rollout.h"
 #include "experiments/rollout/network_rollout.h"
 #include "experiments/rollout/reduced_rollout.h"
 #include "experiments/rollout/rollout_input.h"
@@ -52,16 +53,41 @@ void check_flags_of_reduced_model(const RolloutOptions& options) {
                       "' is a reduced-order model, which keeps the volume of its matter itself. Leave it out");
 }
 
+void check_flags_of_coarse_model(const RolloutOptions& options) {
+  const char* flag = options.start != "scene" ? "--start"
+                     : options.no_project     ? "--no-project"
+                     : options.no_free_flight ? "--no-free-flight"
+                     : options.density_limit  ? "--density-limit"
+                     : options.step_factor    ? "--step-factor"
+                     : options.refine         ? "--refine"
+                     : options.stride != 1    ? "--stride"
+                     : options.f64            ? "--f64"
+                                              : nullptr;
+  if (flag != nullptr)
+    throw ConfigError(
+        fmt::format("{} is of graph networks or reduced-order models, and '{}' is coarse MPM. Leave it out", flag,
+                    options.weights));
+}
+
 }  // namespace
 
 void rollout(RolloutOptions& options) {
   check_flags(options);
-  const bool reduced = is_reduced_model(options.weights);
+  const ModelKind kind = kind_of_weights(options.weights);
   // Learned simulators take the GPU where it is asked for.
   const Device device = options.common.device == "auto" ? Device::cpu : parse_device(options.common.device);
   options.common.apply();
-  reduced ? check_flags_of_reduced_model(options) : check_flags_of_network(options);
-  reduced ? rollout_reduced(options) : rollout_network(options, device);
+  switch (kind) {
+    case ModelKind::coarse:
+      check_flags_of_coarse_model(options);
+      return rollout_coarse(options, device);
+    case ModelKind::reduced:
+      check_flags_of_reduced_model(options);
+      return rollout_reduced(options);
+    default:
+      check_flags_of_network(options);
+      return rollout_network(options, device);
+  }
 }
 
 }  // namespace graupel::experiments

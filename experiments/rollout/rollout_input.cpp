@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <utility>
 
 #include "core/scene/kinematic_particles.h"
 #include "core/system/error.h"
@@ -27,6 +28,25 @@ Trajectory chosen_header(const io::TrajectoryReader& reader, const RolloutOption
 
 Scene stored_scene(const Trajectory& header, const RolloutOptions& options) {
   return io::parse_stored_scene(header.scene_json, options.input, options.input, options.set);
+}
+
+SceneAndSeed scene_and_seed(const RolloutOptions& options) {
+  if (is_trajectory(options.input)) {
+    const io::TrajectoryReader reader(options.input);
+    const Trajectory header = chosen_header(reader, options);
+    return {stored_scene(header, options), header.seed};
+  }
+  Scene scene = io::read_scene(options.input, options.set);
+  const uint64_t seed = options.common.seed_given ? options.common.seed : scene.seed;
+  return {std::move(scene), seed};
+}
+
+void write_positions(const std::string& file, const Trajectory& trajectory) {
+  io::TrajectoryWriteOptions write;
+  write.velocity = false;
+  io::TrajectoryWriter writer(file, trajectory, write);
+  for (const ParticleFrame& frame : trajectory.frames) writer.append(frame);
+  writer.finish(trajectory.diverged_at_frame);
 }
 
 namespace {

@@ -18,6 +18,16 @@ Trajectory chosen_header(const io::TrajectoryReader& reader, const RolloutOption
 /// The scene stored with it, changed by --set.
 Scene stored_scene(const Trajectory& header, const RolloutOptions& options);
 
+struct SceneAndSeed {
+  Scene scene;
+  uint64_t seed = 0;
+};
+/// The scene that is run from its start, or the one stored with a trajectory.
+SceneAndSeed scene_and_seed(const RolloutOptions& options);
+
+/// Writes a trajectory without velocities.
+void write_positions(const std::string& file, const Trajectory& trajectory);
+
 /// The state that a graph network starts from.
 struct RolloutStart {
   Scene scene;

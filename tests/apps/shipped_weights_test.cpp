@@ -6,6 +6,8 @@
 
 #include "compare/metrics/displacement_error.h"
 #include "core/system/atomic_file.h"
+#include "experiments/models/coarse_run.h"
+#include "experiments/models/model_choice.h"
 #include "experiments/models/reduced_model.h"
 #include "graph/learned_simulator.h"
 #include "io/scene/scene_reader.h"
@@ -29,19 +31,34 @@ Trajectory roll_out(const std::string& weights, const mpm::Simulation& truth, co
                            rollout);
 }
 
-/// Mean over particles and `frames` predicted frames of the squared distance [m^2] between prediction and MPM.
-double rollout_error(const std::string& weights, const Scene& scene, int64_t frames) {
-  const auto truth = mpm::Simulation::create(scene, {.seed = scene.seed});
-  const Trajectory predicted = roll_out(weights, *truth, scene, frames);
-  EXPECT_EQ(predicted.diverged_at_frame, -1);
+/// Mean over particles and `frames` predicted frames of the squared distance [m^2] between prediction and MPM, which is
+/// run from its start.
+double mean_squared_distance(mpm::Simulation& truth, const Trajectory& predicted, int64_t frames) {
   double sum = 0;
   for (std::size_t f = 1; f <= static_cast<std::size_t>(frames); ++f) {
-    truth->advance_frame();
-    const ParticleFrame frame = truth->frame();
+    truth.advance_frame();
+    const ParticleFrame frame = truth.frame();
     for (std::size_t p = 0; p < frame.position.size(); ++p)
       sum += norm2((predicted.frames[f].position[p] - frame.position[p]).cast<double>());
   }
   return sum / static_cast<double>(frames) / static_cast<double>(predicted.particle_count());
+}
+
+double rollout_error(const std::string& weights, const Scene& scene, int64_t frames) {
+  const auto truth = mpm::Simulation::create(scene, {.seed = scene.seed});
+  const Trajectory predicted = roll_out(weights, *truth, scene, frames);
+  EXPECT_EQ(predicted.diverged_at_frame, -1);
+  return mean_squared_distance(*truth, predicted, frames);
+}
+
+double coarse_error(const std::string& weights, const Scene& scene, int64_t frames) {
+  const experiments::StartState start = experiments::start_of(scene, scene.seed);
+  const experiments::TimedRun run =
+      experiments::run_coarse_model(experiments::read_coarse_model(weights), scene,
+                                    {.seed = scene.seed, .frames = frames, .label = "coarse", .tracers = &start});
+  EXPECT_EQ(run.run.trajectory.diverged_at_frame, -1);
+  const auto truth = mpm::Simulation::create(scene, {.seed = scene.seed});
+  return mean_squared_distance(*truth, run.run.trajectory, frames);
 }
 
 /// delta of a reduced-order model over the whole scene.
@@ -69,10 +86,13 @@ TEST(ShippedWeights, RollOutAsWellAsTheirCardsSay) {
                &check = card.at("check");
     const Scene scene = io::read_scene(GRAUPEL_SOURCE_DIR "/" + check.at("scene").get<std::string>(),
                                        check.contains("set") ? words(check.at("set")) : std::vector<std::string>());
-    const bool reduced = experiments::is_reduced_model(entry.path());
-    const double expected = check.at(reduced ? "delta" : "position_mse").get<double>();
-    const double error = reduced ? reduced_error(entry.path(), scene)
-                                 : rollout_error(entry.path(), scene, check.at("frames").get<int64_t>());
+    using enum experiments::ModelKind;
+    const experiments::ModelKind kind = experiments::kind_of_weights(entry.path());
+    const double expected = check.at(kind == reduced ? "delta" : "position_mse").get<double>();
+    const auto frames = check.value("frames", int64_t{0});
+    const double error = kind == reduced  ? reduced_error(entry.path(), scene)
+                         : kind == coarse ? coarse_error(entry.path(), scene, frames)
+                                          : rollout_error(entry.path(), scene, frames);
     EXPECT_LE(error, 1.5 * expected) << entry.path() << " on " << scene.name;
     if (check.contains("corrections_only")) {
       EXPECT_LT(error, check.at("corrections_only").get<double>()) << entry.path() << ": worse than without a network";

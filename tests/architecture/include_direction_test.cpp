@@ -27,10 +27,11 @@ const Graph allowed = {
     {"graph", {"core", "nn", "sparsegrid"}},
     {"compare", {"core", "io", "sparsegrid"}},
     {"rom", {"core", "nn", "sparsegrid", "mpm"}},
-    {"train", {"core", "io", "nn", "sparsegrid", "mpm", "graph", "rom"}},
-    {"experiments", {"core", "io", "nn", "sparsegrid", "mpm", "graph", "compare", "rom"}},
+    {"hybrid", {"core", "nn", "sparsegrid", "mpm"}},
+    {"train", {"core", "io", "nn", "sparsegrid", "mpm", "graph", "rom", "hybrid"}},
+    {"experiments", {"core", "io", "nn", "sparsegrid", "mpm", "graph", "compare", "rom", "hybrid"}},
     {"apps", {"core", "io", "nn", "mpm", "experiments"}},
-    {"bench", {"core", "io", "nn", "sparsegrid", "mpm", "validation", "graph", "compare", "rom", "experiments"}},
+    {"bench", {"core", "io", "nn", "sparsegrid", "mpm", "validation", "graph", "compare", "rom", "hybrid", "experiments"}},
 };
 
 std::string text_of(const fs::path& path) {

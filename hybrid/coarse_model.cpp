@@ -1,0 +1,210 @@
+#include "hybrid/coarse_model.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <nlohmann/json.hpp>
+#include <type_traits>
+
+#include "core/system/error.h"
+#include "mpm/materials/material_parameters.h"
+#include "mpm/scene_variants.h"
+
+namespace graupel::hybrid {
+
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+/// Laws whose Courant number is trained.
+constexpr MaterialModel trained_laws[] = {MaterialModel::water, MaterialModel::sand, MaterialModel::snow,
+                                          MaterialModel::jelly};
+constexpr double untrained_courant = 0.4;
+
+std::string law_name(MaterialModel model) { return particle_type_name(particle_type_of(model)); }
+
+/// Speed that matter reaches [m/s]: its start and the fall through the domain, v^2 = v0^2 + 2 g h.
+double expected_speed(const Scene& scene) {
+  double start = 0;
+  for (const Source& source : scene.sources) {
+    const double reach = norm(source.size) / 2;
+    start = std::max(start, norm(source.velocity) + norm(source.angular_velocity) * std::min(reach, 0.2));
+  }
+  for (const Emitter& emitter : scene.emitters) start = std::max(start, norm(emitter.velocity));
+  double fall = 0;
+  for (int d = 0; d < 3; ++d) fall += std::abs(scene.gravity[d]) * scene.domain.size[d];
+  return std::sqrt(start * start + 2 * fall);
+}
+
+void widen(TrainedRanges& ranges, const std::string& key, double value) {
+  const auto [range, added] = ranges.try_emplace(key, value, value);
+  if (added) return;
+  range->second.first = std::min(range->second.first, value);
+  range->second.second = std::max(range->second.second, value);
+}
+
+/// Calls visit("law.key", value) for the numbers of a material that its law uses.
+template <typename Visit>
+void visit_constants(const MaterialConfig& material, Visit&& visit) {
+  const std::string law = law_name(material.model);
+  MaterialConfig::fields([&](auto member, const FieldInfo& info) {
+    if constexpr (std::is_same_v<std::decay_t<decltype(material.*member)>, double>) {
+      const std::string laws = " " + std::string(info.only_for) + " ";
+      if (info.only_for.empty() || laws.find(" " + law + " ") != std::string::npos)
+        visit(law + "." + std::string(info.name), material.*member);
+    }
+  });
+}
+
+template <typename Visit>
+void visit_contacts(const Scene& scene, Visit&& visit) {
+  for (int axis = 0; axis < scene.domain.axes(); ++axis)
+    for (const int side : {0, 1}) {
+      visit("contact.friction", scene.domain.friction(axis, side));
+      visit("contact.kinds", static_cast<double>(scene.domain.wall(axis, side)));
+    }
+  for (const Obstacle& obstacle : scene.obstacles) {
+    visit("contact.friction", obstacle.friction);
+    visit("contact.kinds", static_cast<double>(obstacle.contact));
+  }
+}
+
+template <typename Visit>
+void visit_scene(const Scene& scene, Visit&& visit) {
+  for (const auto& [name, material] : scene.materials) visit_constants(material, visit);
+  visit_contacts(scene, visit);
+}
+
+}  // namespace
+
+void widen(TrainedRanges& ranges, const Scene& scene) {
+  visit_scene(scene, [&](const std::string& key, double value) { widen(ranges, key, value); });
+}
+
+CoarseModel::CoarseModel() : log_speed_courant(std::log(0.25)) {
+  log_courant = {{MaterialModel::water, std::log(0.6)},
+                 {MaterialModel::sand, std::log(1.5)},
+                 {MaterialModel::snow, std::log(1.2)},
+                 {MaterialModel::jelly, std::log(0.6)}};
+}
+
+const std::vector<std::string>& CoarseModel::parameter_names() {
+  static const std::vector<std::string> names = [] {
+    std::vector<std::string> all;
+    for (const ConstantRule& rule : constant_rules()) {
+      all.push_back(law_name(rule.model) + "." + rule.constant + ".offset");
+      if (rule.has_slope) all.push_back(law_name(rule.model) + "." + rule.constant + ".slope");
+    }
+    all.emplace_back("walls.friction.offset");
+    for (const MaterialModel law : trained_laws) all.push_back(law_name(law) + ".log_courant");
+    all.emplace_back("speed.log_courant");
+    return all;
+  }();
+  return names;
+}
+
+std::vector<double> CoarseModel::parameters() const {
+  std::vector<double> values;
+  for (std::size_t r = 0; r < constant_rules().size(); ++r) {
+    values.push_back(constants.offset[r]);
+    if (constant_rules()[r].has_slope) values.push_back(constants.slope[r]);
+  }
+  values.push_back(constants.wall_friction);
+  for (const MaterialModel law : trained_laws) values.push_back(log_courant.at(law));
+  values.push_back(log_speed_courant);
+  return values;
+}
+
+void CoarseModel::set_parameters(const std::vector<double>& values) {
+  GRAUPEL_ASSERT(values.size() == parameter_names().size());
+  const double* next = values.data();
+  for (std::size_t r = 0; r < constant_rules().size(); ++r) {
+    constants.offset[r] = *next++;
+    if (constant_rules()[r].has_slope) constants.slope[r] = *next++;
+  }
+  constants.wall_friction = *next++;
+  for (const MaterialModel law : trained_laws) log_courant[law] = *next++;
+  log_speed_courant = *next++;
+}
+
+Scene CoarseModel::scene(const Scene& of) const {
+  Scene coarse = constants.scene(mpm::on_coarser_grid(of, resolution));
+  coarse.time_step.policy = StepPolicy::fixed;
+  coarse.time_step.substeps_per_frame = substeps(coarse);
+  return coarse;
+}
+
+int64_t CoarseModel::substeps(const Scene& coarse) const {
+  const double frame = coarse.frame_time / coarse.domain.dx;
+  double substeps = expected_speed(coarse) * frame / std::exp(log_speed_courant);
+  for (const auto& [name, config] : coarse.materials) {
+    const auto courant = log_courant.find(config.model);
+    const double limit = courant == log_courant.end() ? untrained_courant : std::exp(courant->second);
+    substeps = std::max(substeps, mpm::material_parameters<double>(config).elastic_speed * frame / limit);
+  }
+  return std::max<int64_t>(1, static_cast<int64_t>(std::ceil(substeps)));
+}
+
+std::vector<std::string> CoarseModel::unlike_training(const Scene& scene) const {
+  std::vector<std::string> lines;
+  if (ranges.empty()) return lines;
+  visit_scene(scene, [&](const std::string& key, double value) {
+    const auto range = ranges.find(key);
+    std::string line;
+    if (range == ranges.end())
+      line = fmt::format("{} is {:.6g}; the training had no such constant", key, value);
+    else if (value < range->second.first * (1 - 1e-9) || value > range->second.second * (1 + 1e-9))
+      line = fmt::format("{} is {:.6g}, of the training {:.6g} to {:.6g}", key, value, range->second.first,
+                         range->second.second);
+    if (!line.empty() && std::find(lines.begin(), lines.end(), line) == lines.end()) lines.push_back(line);
+  });
+  return lines;
+}
+
+nn::Weights CoarseModel::store() const {
+  nn::Weights weights;
+  weights.metadata = metadata;
+  weights.metadata["architecture"] = coarse_architecture;
+  weights.metadata["parameter_names"] = Json(parameter_names()).dump();
+  weights.metadata["training.ranges"] = Json(ranges).dump();
+  const std::vector<double> values = parameters();
+  weights.tensors["parameters"] =
+      nn::Tensor::from_float({values.begin(), values.end()}, {static_cast<int64_t>(values.size())});
+  weights.tensors["resolution"] = nn::Tensor::from_float({static_cast<float>(resolution)}, {1});
+  return weights;
+}
+
+bool is_coarse_model(const nn::Weights& weights) {
+  const auto found = weights.metadata.find("architecture");
+  return found != weights.metadata.end() && found->second == coarse_architecture;
+}
+
+CoarseModel CoarseModel::load(const nn::Weights& weights) {
+  const auto bad = [&](const std::string& what) {
+    return InputError(fmt::format("'{}': {}. Train the model again with `graupel train coarse`", weights.file, what));
+  };
+  if (!is_coarse_model(weights)) throw bad("it holds no coarse MPM model (metadata architecture)");
+  CoarseModel model;
+  model.metadata = weights.metadata;
+  try {
+    const auto names = Json::parse(weights.metadata.at("parameter_names")).get<std::vector<std::string>>();
+    if (names != parameter_names()) throw bad("its parameters are of another version (metadata parameter_names)");
+    model.ranges = Json::parse(weights.metadata.at("training.ranges")).get<TrainedRanges>();
+  } catch (const Json::exception& error) {
+    throw bad(std::string("its metadata are no JSON (") + error.what() + ")");
+  } catch (const std::out_of_range&) {
+    throw bad("metadata parameter_names or training.ranges are missing");
+  }
+  const std::vector<float> values = weights.get("parameters", {static_cast<int64_t>(parameter_names().size())});
+  model.set_parameters({values.begin(), values.end()});
+  model.resolution = static_cast<double>(weights.get("resolution", {1}).front());
+  if (!(model.resolution >= 1 && model.resolution <= 8))
+    throw bad(fmt::format("resolution is {} (allowed 1 to 8)", model.resolution));
+  for (std::size_t p = 0; p < values.size(); ++p)
+    if (std::abs(values[p]) > 12)
+      throw bad(fmt::format("parameter {} is {} (allowed -12 to 12)", parameter_names()[p], values[p]));
+  return model;
+}
+
+}  // namespace graupel::hybrid

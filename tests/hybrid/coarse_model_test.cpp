@@ -1,0 +1,153 @@
+// Coarse MPM with trained constants: the grid, the constants, the step and the file of a model.
+#include "hybrid/coarse_model.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <numbers>
+
+#include "core/system/error.h"
+#include "mpm/simulation.h"
+#include "tests/mpm/test_scenes.h"
+
+namespace graupel::hybrid {
+namespace {
+
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+
+/// The model with one parameter changed.
+CoarseModel with(const std::string& name, double value) {
+  CoarseModel model;
+  std::vector<double> values = model.parameters();
+  const auto& names = CoarseModel::parameter_names();
+  const auto found = std::find(names.begin(), names.end(), name);
+  EXPECT_NE(found, names.end()) << name;
+  values[static_cast<std::size_t>(found - names.begin())] = value;
+  model.set_parameters(values);
+  return model;
+}
+
+TEST(CoarseModel, AtTheScenesOwnSpacingWithoutTrainingItChangesTheStepAlone) {
+  Scene scene = mpm::four_materials();
+  CoarseModel model;
+  model.resolution = 1;
+  const Scene own = model.scene(scene);
+  scene.time_step.substeps_per_frame = own.time_step.substeps_per_frame;
+  const auto run = mpm::Simulation::create(own, {}), expected = mpm::Simulation::create(scene, {});
+  for (int f = 0; f < 3; ++f) {
+    run->advance_frame();
+    expected->advance_frame();
+  }
+  EXPECT_EQ(run->frame().position, expected->frame().position);
+}
+
+TEST(CoarseModel, StiffnessIsReplacedAndTheStepFollowsIt) {
+  Scene scene = mpm::scene_with("taichi_water");
+  scene.gravity = {0, 0, 0};  // no fall, whose speed would set the step
+  const auto own = CoarseModel().scene(scene);
+  const auto soft = with("water.bulk_modulus.offset", -std::log(4)).scene(scene);
+  const auto bulk_modulus = [](const Scene& s) { return s.materials.begin()->second.bulk_modulus; };
+  EXPECT_NEAR(bulk_modulus(soft) / bulk_modulus(scene), 0.25, 1e-12);
+  EXPECT_DOUBLE_EQ(bulk_modulus(own), bulk_modulus(scene));
+  EXPECT_NEAR(
+      static_cast<double>(soft.time_step.substeps_per_frame) / static_cast<double>(own.time_step.substeps_per_frame),
+      0.5, 0.05);
+}
+
+TEST(CoarseModel, ASlopeHasNoEffectAtTheReference) {
+  const CoarseModel model = with("sand.friction_angle.slope", 0.5);
+  const auto angle = [&](double degrees) {
+    MaterialConfig sand = mpm::preset("taichi_sand");
+    sand.friction_angle = degrees;
+    return model.constants.material(sand).friction_angle;
+  };
+  EXPECT_NEAR(angle(32), 32, 1e-9);
+  EXPECT_GT(angle(40), 40);
+  EXPECT_LT(angle(25), 25);
+  const double tangent = std::tan(40 * std::numbers::pi / 180), reference = std::tan(32 * std::numbers::pi / 180);
+  EXPECT_NEAR(std::tan(angle(40) * std::numbers::pi / 180), tangent * std::sqrt(tangent / reference), 1e-9);
+}
+
+TEST(CoarseModel, WallsTakeTheirFactorAndObstaclesKeepTheirFriction) {
+  Scene scene = mpm::four_materials();
+  scene.domain.wall_friction = 0.4;
+  scene.domain.faces.y_low = WallConfig{.friction = 0.2};
+  const Scene changed = with("walls.friction.offset", std::log(1.5)).scene(scene);
+  EXPECT_NEAR(changed.domain.friction(0, 0), 0.6, 1e-12);
+  EXPECT_NEAR(changed.domain.friction(1, 0), 0.3, 1e-12);
+  EXPECT_EQ(changed.obstacles[0].friction, scene.obstacles[0].friction);
+}
+
+TEST(CoarseModel, FastMotionShortensTheStep) {
+  Scene slow = mpm::scene_with("taichi_jelly"), fast = slow;
+  fast.sources[0].velocity = {0, -300, 0};
+  const CoarseModel model;
+  EXPECT_GT(model.scene(fast).time_step.substeps_per_frame, 2 * model.scene(slow).time_step.substeps_per_frame);
+}
+
+TEST(CoarseModel, AFileGivesTheSameModel) {
+  CoarseModel model = with("snow.hardening.slope", 0.25);
+  model.resolution = 1.5;
+  model.metadata["recipe"] = "general";
+  widen(model.ranges, mpm::four_materials());
+  const CoarseModel again = CoarseModel::load(model.store());
+  EXPECT_EQ(again.resolution, 1.5);
+  EXPECT_EQ(again.metadata.at("recipe"), "general");
+  EXPECT_EQ(again.ranges, model.ranges);
+  for (std::size_t i = 0; i < model.parameters().size(); ++i)
+    EXPECT_NEAR(again.parameters()[i], model.parameters()[i], 1e-6) << CoarseModel::parameter_names()[i];
+}
+
+std::string refusal(const nn::Weights& weights) {
+  try {
+    CoarseModel::load(weights);
+  } catch (const InputError& error) {
+    return error.what();
+  }
+  return "";
+}
+
+TEST(CoarseModel, DamagedFilesAreRefusedByName) {
+  nn::Weights good = CoarseModel().store();
+  good.file = "coarse.safetensors";
+  EXPECT_EQ(refusal(good), "");
+  nn::Weights other = good;
+  other.metadata["architecture"] = "hgn";
+  EXPECT_THAT(refusal(other), HasSubstr("'coarse.safetensors': it holds no coarse MPM model"));
+  other = good;
+  other.metadata.erase("training.ranges");
+  EXPECT_THAT(refusal(other), HasSubstr("training.ranges are missing"));
+  other = good;
+  other.metadata["parameter_names"] = "[\"a\"]";
+  EXPECT_THAT(refusal(other), HasSubstr("of another version"));
+  other = good;
+  other.metadata["parameter_names"] = "{";
+  EXPECT_THAT(refusal(other), HasSubstr("no JSON"));
+  CoarseModel far;
+  far.resolution = 20;
+  EXPECT_THAT(refusal(far.store()), HasSubstr("resolution is 20 (allowed 1 to 8)"));
+  EXPECT_THAT(refusal(with("sand.cohesion.offset", 100).store()), HasSubstr("sand.cohesion.offset is 100"));
+  other = good;
+  other.tensors["parameters"] = nn::Tensor::from_float({1, 2}, {2});
+  EXPECT_NE(refusal(other), "");
+}
+
+TEST(CoarseModel, ConstantsOutsideTheTrainingAreNamed) {
+  Scene scene = mpm::scene_with("taichi_sand");
+  CoarseModel model;
+  EXPECT_THAT(model.unlike_training(scene), ElementsAre());  // ranges that are not told
+  widen(model.ranges, scene);
+  EXPECT_THAT(model.unlike_training(scene), ElementsAre());
+  scene.materials["taichi_sand"].friction_angle = 50;
+  scene.domain.wall_friction = 0.9;
+  EXPECT_THAT(model.unlike_training(scene),
+              ElementsAre(HasSubstr("sand.friction_angle is 50, of the training 45 to 45"),
+                          HasSubstr("contact.friction is 0.9, of the training 0 to 0")));
+  EXPECT_THAT(model.unlike_training(mpm::scene_with("taichi_jelly")),
+              ::testing::Contains(HasSubstr("jelly.youngs_modulus is")));
+}
+
+}  // namespace
+}  // namespace graupel::hybrid

@@ -1,0 +1,61 @@
+// Trains the constants of coarse MPM (hybrid/coarse_model.h) by evolution: each candidate runs scenes to the end of the
+// horizon, so that what is judged is the rollout itself. No gradient passes through the solver.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "train/coarse/coarse_scenes.h"
+
+namespace graupel::train {
+
+struct CoarseTrainingOptions {
+  CategoryRecipe recipe;
+  double resolution = 1.5;     ///< of the model: grid spacing over the scene's
+  double substep_budget = 1;   ///< substeps over those of MPM on 2 dx at its largest step, geometric mean over scenes
+  int64_t scenes = 96;         ///< drawn of the split train
+  int64_t valid_scenes = 48;   ///< drawn of the split valid, for the choice among generations
+  int64_t scenes_a_step = 24;  ///< that a generation runs
+  int candidates = 16;         ///< of a generation
+  double minutes = 5;
+  int64_t generations = 1000000;
+  int64_t frames = 120;
+  uint64_t seed = 0;
+  Device device = Device::cpu;
+  std::map<std::string, std::string> provenance;
+  std::function<void(const std::string&)> message = [](const std::string&) {};
+  /// Called with each model that is better on the scenes of split valid than those before.
+  std::function<void(const hybrid::CoarseModel&)> improved = [](const hybrid::CoarseModel&) {};
+  std::function<bool()> should_stop = [] { return false; };
+};
+
+/// ln of a model's error over the opponent's, max(error - floor, floor / 10) each, within -4 and 4: the mean of
+/// position and density. A diverged run counts as 4.
+double log_ratio(const RunErrors& run, const CoarseScene& scene);
+
+/// Mean of log_ratio, and how far the substeps are over the budget: four times the mean of ln, where positive.
+double coarse_cost(const hybrid::CoarseModel& model, const std::vector<RunErrors>& errors,
+                   const std::vector<const CoarseScene*>& scenes, double substep_budget);
+
+/// A model on the scenes of split valid.
+struct Judgement {
+  double cost = 0;                                 ///< coarse_cost
+  double position = 0, density = 0, substeps = 0;  ///< over MPM's on 2 dx at its largest step, geometric means
+};
+
+struct CoarseTrainingResult {
+  hybrid::CoarseModel model;
+  int64_t generations = 0;
+  double seconds = 0;  ///< of the evolution
+  std::size_t train_scenes = 0, valid_scenes = 0;
+  Judgement before, after;
+};
+
+/// Begins with steps fitted to those of the largest-step search and with softened water and sand; keeps the best of
+/// every tenth generation's mean on split valid. Throws ConfigError where the recipe gives no scenes to train on.
+CoarseTrainingResult train_coarse(const CoarseTrainingOptions& options);
+
+}  // namespace graupel::train

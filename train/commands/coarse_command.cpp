@@ -1,0 +1,117 @@
+#include "train/commands/coarse_command.h"
+
+#include <fmt/format.h>
+
+#include <csignal>
+#include <cstdio>
+#include <memory>
+#include <nlohmann/json.hpp>
+
+#include "core/parallel/device.h"
+#include "core/parallel/thread_pool.h"
+#include "core/system/atomic_file.h"
+#include "core/system/error.h"
+#include "core/system/human_time.h"
+#include "core/system/stop_signal.h"
+#include "io/scene/category_reader.h"
+#include "train/coarse/coarse_training.h"
+#include "train/commands/run_log.h"
+#include "train/loop/run_folder.h"
+#include "train/parallel/rank_environment.h"
+
+namespace graupel::train {
+
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+struct Arguments {
+  std::string recipe = "scenes/recipes/general.json", out = "runs/coarse", device = "auto", json;
+  CoarseTrainingOptions training;
+  int threads = 0;
+};
+
+Json json_of(const Judgement& judged) {
+  return {{"cost", judged.cost},
+          {"ratio_position", judged.position},
+          {"ratio_density", judged.density},
+          {"ratio_substeps", judged.substeps}};
+}
+
+int train(const Arguments& arguments, const std::string& command_line) {
+  require_one_process("'graupel train coarse'");
+  if (!io::is_category_recipe(arguments.recipe))
+    throw ConfigError(
+        fmt::format("'{}' is no recipe of categories, which this training draws its scenes from (allowed: a .json with "
+                    "\"categories\"). Name one, such as scenes/recipes/general.json",
+                    arguments.recipe));
+  CoarseTrainingOptions options = arguments.training;
+  options.recipe = io::read_category_recipe(arguments.recipe);
+  options.device = parse_device(arguments.device);
+  set_num_threads(arguments.threads);
+  RunLog log;
+  options.message = [&](const std::string& text) { log.line(text, arguments.out); };
+  options.should_stop = [] { return stop_signal() != 0; };
+  options.provenance = {{"recipe", arguments.recipe}, {"command", command_line}, {"version", GRAUPEL_VERSION}};
+  const std::string file = arguments.out + "/weights.safetensors";
+  options.improved = [&](const hybrid::CoarseModel& model) { nn::write_safetensors(file, model.store()); };
+  catch_stop_signals();
+  make_folder(arguments.out);
+  const CoarseTrainingResult result = train_coarse(options);
+  const Json facts = {{"generations", result.generations},      {"seconds", result.seconds},
+                      {"train_scenes", result.train_scenes},    {"valid_scenes", result.valid_scenes},
+                      {"valid_before", json_of(result.before)}, {"valid", json_of(result.after)}};
+  hybrid::CoarseModel model = result.model;
+  model.metadata["training"] = facts.dump();
+  nn::write_safetensors(file, model.store());
+  write_file_atomically(arguments.out + "/report.json", facts.dump(2) + "\n");
+  if (!arguments.json.empty()) write_file_atomically(arguments.json, facts.dump(2) + "\n");
+  options.message(fmt::format(
+      "{} generations in {}; validation over MPM on 2 dx at its largest step: position {:.3f}, density {:.3f}, "
+      "substeps "
+      "{:.3f}; {}",
+      result.generations, human_time(result.seconds), result.after.position, result.after.density,
+      result.after.substeps, file));
+  return stop_signal() == SIGINT ? static_cast<int>(ExitCode::interrupted) : 0;
+}
+
+}  // namespace
+
+void add_coarse_command(const Command& app, const std::string& command_line, int& exit_code) {
+  auto a = std::make_shared<Arguments>();
+  const Command verb = app.command("coarse", "Constants with which MPM on a coarse grid follows the fine one");
+  verb.option("--recipe", a->recipe, "Recipe of categories that the scenes are drawn from").show_default();
+  verb.option("--out", a->out, "Run folder").show_default();
+  verb.option("--resolution", a->training.resolution, "Grid spacing over the scene's")
+      .check(real_number(1, 8))
+      .show_default();
+  verb.option("--substep-budget", a->training.substep_budget,
+              "Substeps over those of MPM on 2 dx at its largest step, mean over scenes")
+      .check(real_number(LowerBound::above_zero))
+      .show_default();
+  verb.option("--minutes", a->training.minutes, "Wall time of the evolution")
+      .check(real_number(LowerBound::above_zero))
+      .show_default();
+  verb.option("--generations", a->training.generations, "Stop after so many").check(whole_number(1));
+  verb.option("--scenes", a->training.scenes, "Scenes drawn for training").check(whole_number(1)).show_default();
+  verb.option("--valid-scenes", a->training.valid_scenes, "Scenes drawn to choose among generations")
+      .check(whole_number(1))
+      .show_default();
+  verb.option("--scenes-a-step", a->training.scenes_a_step, "Scenes that a generation runs")
+      .check(whole_number(1))
+      .show_default();
+  verb.option("--candidates", a->training.candidates, "Candidates of a generation")
+      .check(whole_number(4, 4096))
+      .show_default();
+  verb.option("--frames", a->training.frames, "Frames of a run").check(whole_number(10)).show_default();
+  verb.option("--seed", a->training.seed, "Seed of the scenes and of the evolution").show_default();
+  verb.option("--device", a->device, "auto, cpu or cuda").show_default();
+  verb.option("--threads", a->threads, "CPU threads (0: all)").check(whole_number(0, 4096)).show_default();
+  verb.option("--json", a->json, "Write the result as JSON to this file (-: standard output)");
+  verb.footer(
+      "Examples:\n  graupel train coarse --out runs/coarse --minutes 10\n"
+      "  graupel train coarse --recipe my_scenes.json --resolution 1.5 --device cuda --out runs/coarse-1.5");
+  verb.callback([a, command_line, &exit_code] { exit_code = train(*a, command_line); });
+}
+
+}  // namespace graupel::train
