@@ -5,22 +5,26 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numeric>
 
 #include "core/math/random.h"
 #include "core/parallel/memory.h"
 #include "core/system/error.h"
 #include "mpm/memory_need.h"
+#include "mpm/scene/emission.h"
 
 namespace graupel::mpm {
 
 namespace {
 
-/// One point at random of every `group`, or about as many, that follow one another: at 2 dx each stands for that many
-/// times the volume.
-std::shared_ptr<const std::vector<Vec3d>> one_of_each(std::size_t group, const std::vector<Vec3d>& points,
+/// One point at random of every `group`, or about as many, that follow one another: each stands for that many times the
+/// volume.
+std::shared_ptr<const std::vector<Vec3d>> one_of_each(double group, const std::vector<Vec3d>& points,
                                                       const Random& random) {
   std::vector<Vec3d> kept;
-  const std::size_t n = points.size(), groups = n == 0 ? 0 : std::max<std::size_t>(1, (n + group / 2) / group);
+  const std::size_t n = points.size(),
+                    rounded = static_cast<std::size_t>(std::llround(static_cast<double>(n) / group)),
+                    groups = n == 0 ? 0 : std::max<std::size_t>(1, rounded);
   for (std::size_t g = 0; g < groups; ++g) {
     const std::size_t first = g * n / groups, end = (g + 1) * n / groups;
     kept.push_back(points[first + random.integer(g, 0, static_cast<uint32_t>(end - first))]);
@@ -38,6 +42,23 @@ std::shared_ptr<const std::vector<Vec3d>> corners_around(const std::vector<Vec3d
       corners.push_back(x + offset);
     }
   return std::make_shared<const std::vector<Vec3d>>(std::move(corners));
+}
+
+/// Gives the emitters of `changed` the flux that they have in `scene`.
+void keep_flux(const Scene& scene, Scene& changed) {
+  for (std::size_t e = 0; e < scene.emitters.size(); ++e)
+    changed.emitters[e] = with_flux_of(scene.emitters[e], e, scene.domain, changed.domain);
+}
+
+/// The ratio nearest to `ratio` that leaves whole cells between periodic walls.
+double ratio_of_whole_cells(const Domain& domain, double ratio) {
+  int64_t cells = 0;  // greatest common divisor over the periodic axes
+  for (int d = 0; d < domain.axes(); ++d)
+    if (domain.wall(d, 0) == Wall::periodic)
+      cells = std::gcd(cells, std::llround((domain.wall_high()[d] - domain.wall_low()[d]) / domain.dx));
+  if (cells == 0) return ratio;
+  const auto n = static_cast<double>(cells);
+  return n / std::max(1.0, std::round(n / ratio));
 }
 
 struct Word {
@@ -84,6 +105,7 @@ Scene fine_variant(const Scene& scene) {
     const double distance = scene.domain.dx / std::pow(source.particles_per_cell, plane ? 1.0 / 2 : 1.0 / 3);
     source.points = corners_around(*source.points, distance / 2, plane);
   }
+  keep_flux(scene, fine);
   return fine;
 }
 
@@ -119,6 +141,7 @@ Scene scene_of_points(const Scene& scene, std::vector<std::vector<Vec3d>> points
   for (std::size_t s = 0; s < changed.sources.size(); ++s) {
     Source& source = changed.sources[s];
     source.spin_center = source.spin_center.value_or(source.position);
+    if (source.motion) source.motion->center = source.motion->center.value_or(source.position);
     source.shape = Shape::points;
     source.mesh.reset();
     source.points = std::make_shared<const std::vector<Vec3d>>(std::move(points[s]));
@@ -129,8 +152,9 @@ Scene scene_of_points(const Scene& scene, std::vector<std::vector<Vec3d>> points
 }
 
 /// The domain's faces move, so that the walls are again a whole number of cells inside.
-Scene on_coarser_grid(const Scene& scene, double ratio) {
+Scene on_coarser_grid(const Scene& scene, double wanted_ratio) {
   Scene coarse = scene;
+  const double ratio = ratio_of_whole_cells(scene.domain, wanted_ratio);
   const Vec3d low = scene.wall_low(), high = scene.wall_high();
   const auto divided = [&](int64_t n) { return static_cast<int64_t>(std::ceil(static_cast<double>(n) / ratio)); };
   coarse.domain.dx = ratio * scene.domain.dx;
@@ -141,16 +165,17 @@ Scene on_coarser_grid(const Scene& scene, double ratio) {
   coarse.obstacle_voxel = scene.voxel();
   coarse.obstacle_band = std::max(scene.band(), 4 * coarse.domain.dx);
   coarse.time_step.substeps_per_frame = std::max<int64_t>(1, divided(scene.time_step.substeps_per_frame));
+  keep_flux(scene, coarse);
   return coarse;
 }
 
 Scene coarse_variant(const Scene& scene) {
   Scene coarse = on_coarser_grid(scene, 2);
+  const double group = coarse.domain.cell_volume() / scene.domain.cell_volume();
   for (std::size_t s = 0; s < coarse.sources.size(); ++s) {
     Source& source = coarse.sources[s];
     if (source.shape == Shape::points && source.points)
-      source.points = one_of_each(scene.domain.is_plane() ? 4 : 8, *source.points,
-                                  Random(scene.seed, RandomPurpose::particle_position, s));
+      source.points = one_of_each(group, *source.points, Random(scene.seed, RandomPurpose::particle_position, s));
   }
   return coarse;
 }

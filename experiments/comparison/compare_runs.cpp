@@ -88,6 +88,7 @@ std::vector<ComparedModel> models_for(const SceneTask& task, const std::vector<C
                                       OtherScenes other_scenes) {
   std::vector<ComparedModel> fitting;
   for (const ComparedModel& model : models) {
+    check_runs_on(model.choice, task.scene);
     if (!runs_on_all_scenes(model.choice.kind)) {
       try {
         const ReducedRun runs_here(*model.reduced, task.scene, task.seed, {});

@@ -61,6 +61,7 @@ class SceneComparison {
   Device device_;
   compare::ReportBudget budget_;
   sparsegrid::ObstacleSet obstacles_;              ///< those that stay where they are
+  sparsegrid::ObstacleSet all_obstacles_;          ///< with those that move
   std::optional<graph::Environment> environment_;  ///< for networks; made when one runs
   StartState start_;
   TimedRun truth_;                 ///< its cost is that of mpm, also where the truth was stored
