@@ -22,8 +22,7 @@ namespace {
 std::shared_ptr<const std::vector<Vec3d>> one_of_each(double group, const std::vector<Vec3d>& points,
                                                       const Random& random) {
   std::vector<Vec3d> kept;
-  const std::size_t n = points.size(),
-                    rounded = static_cast<std::size_t>(std::llround(static_cast<double>(n) / group)),
+  const std::size_t n = points.size(), rounded = static_cast<std::size_t>(std::llround(static_cast<double>(n) / group)),
                     groups = n == 0 ? 0 : std::max<std::size_t>(1, rounded);
   for (std::size_t g = 0; g < groups; ++g) {
     const std::size_t first = g * n / groups, end = (g + 1) * n / groups;

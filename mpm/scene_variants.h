@@ -33,8 +33,8 @@ std::string variant_words();
 /// flux (mpm/scene/emission.h).
 Scene fine_variant(const Scene& scene);
 
-/// The scene with points for particles: `points` [sources] [m] are those of each source, which keeps its velocity and the
-/// centres of its spin and its script. Emitters stay as they are.
+/// The scene with points for particles: `points` [sources] [m] are those of each source, which keeps its velocity and
+/// the centres of its spin and its script. Emitters stay as they are.
 Scene scene_of_points(const Scene& scene, std::vector<std::vector<Vec3d>> points);
 
 /// The scene on a grid with `ratio` times its spacing, or the nearest that leaves whole cells between periodic walls:

@@ -107,7 +107,7 @@ class Simulation {
   virtual std::vector<Vec3f> tracers() const { return {}; }
   /// [tracers] 0 for those that are not in the run (yet, any more); empty: all always are.
   virtual std::vector<uint8_t> active_tracers() const { return {}; }
-  virtual double tracer_seconds() const { return 0; }        ///< wall time inside advance_frame that they took (CPU)
+  virtual double tracer_seconds() const { return 0; }  ///< wall time inside advance_frame that they took (CPU)
 
   /// Whole state between two frames, bit for bit: a restored run goes on exactly as if it had not stopped.
   virtual std::vector<std::byte> save_state() const = 0;

@@ -105,8 +105,8 @@ std::vector<double> clearances(const Scene& scene, const sparsegrid::ObstacleSet
   std::vector<double> clearance(position.size());
   parallel_for(Device::cpu, static_cast<int64_t>(position.size()), [&](int64_t i) {
     const Vec3d x = position[i].cast<double>();
-    clearance[i] = std::min(distance_inside_box(x, low, high),
-                            obstacles.count() > 0 ? obstacles.sample(x).phi : scene.band());
+    clearance[i] =
+        std::min(distance_inside_box(x, low, high), obstacles.count() > 0 ? obstacles.sample(x).phi : scene.band());
   });
   return clearance;
 }

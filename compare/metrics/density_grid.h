@@ -26,7 +26,8 @@ class DensityGrid {
   };
   Field spread(const ParticleRun& run, std::size_t frame, const std::vector<int32_t>& types) const;
 
-  static double relative_l1(const Field& truth, const Field& other);    ///< 0 same, 2 nothing in common (equal masses), or a truth without mass
+  static double relative_l1(
+      const Field& truth, const Field& other);  ///< 0 same, 2 nothing in common (equal masses), or a truth without mass
   static double occupancy_iou(const Field& truth, const Field& other);  ///< 1 same; 1 when both are empty
   /// Of one type's nodes alone; `type` counts in the list given to spread.
   static double occupancy_iou(const Field& truth, const Field& other, std::size_t type);

@@ -13,8 +13,8 @@ namespace graupel::compare {
 /// particles, and along periodic axes, where none is defined.
 Vec3d center_of_mass(const ParticleRun& run, std::size_t frame, int32_t type = -1, const Space& space = {});
 
-/// 99th percentile over the particles of a type that are in the run of the horizontal distance to `center` [m]; 0 without
-/// such particles. Linear interpolation between order statistics; `vertical` and periodic axes are left out.
+/// 99th percentile over the particles of a type that are in the run of the horizontal distance to `center` [m]; 0
+/// without such particles. Linear interpolation between order statistics; `vertical` and periodic axes are left out.
 double front_distance(const ParticleRun& run, std::size_t frame, int32_t type, const Vec3d& center, int vertical,
                       const Space& space = {});
 

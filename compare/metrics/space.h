@@ -8,9 +8,9 @@
 namespace graupel::compare {
 
 struct Space {
-  int axes = 3;                ///< 2 in the plane
-  Vec3d low = {0, 0, 0};       ///< lower walls [m]
-  Vec3d period = {0, 0, 0};    ///< from wall to wall of a periodic axis; 0 of the others [m]
+  int axes = 3;              ///< 2 in the plane
+  Vec3d low = {0, 0, 0};     ///< lower walls [m]
+  Vec3d period = {0, 0, 0};  ///< from wall to wall of a periodic axis; 0 of the others [m]
 
   Space() = default;
   explicit Space(const Domain& domain) : axes(domain.axes()), low(domain.wall_low()) {

@@ -66,10 +66,10 @@ PlayerTrack make_track(const Scene& scene, const ParticleRun& run, const std::st
     track.frames.push_back(static_cast<int64_t>(f));
     for (const std::size_t i : index)
       for (int d = 0; d < 3; ++d)
-        track.position.push_back(run.is_active(f, i)
-                                     ? std::min<uint16_t>(quantize(run.position(f)[i][d], domain.origin[d], domain.size[d]),
-                                                          not_in_run - 1)
-                                     : not_in_run);
+        track.position.push_back(
+            run.is_active(f, i)
+                ? std::min<uint16_t>(quantize(run.position(f)[i][d], domain.origin[d], domain.size[d]), not_in_run - 1)
+                : not_in_run);
   }
   return track;
 }

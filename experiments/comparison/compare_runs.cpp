@@ -185,7 +185,7 @@ void compare_scenes(const CompareOptions& options, compare::Comparison& comparis
   using enum compare::MetricGroup;
   comparison.groups = {one_step};
   if (!options.one_step_only) comparison.groups = {rollout, one_step, cost};
-  if (!options.one_step_only && options.floors) comparison.groups.push_back(floors);
+  if (!options.one_step_only && options.floors) comparison.groups.insert(comparison.groups.end(), {floors, ratios});
   const auto budget = compare::report_budget(tasks.size() * (models.size() + 1));
   for (std::size_t t = 0; t < tasks.size(); ++t) {
     const SceneTask& task = tasks[t];

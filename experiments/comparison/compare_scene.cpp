@@ -79,10 +79,15 @@ StartState start_of_stored(const SceneTask& task, const compare::ParticleRun& tr
 
 SceneComparison::SceneComparison(const CompareOptions& options, const SceneTask& task, Device device,
                                  const compare::ReportBudget& budget)
-    : options_(options), task_(task), device_(device), budget_(budget), obstacles_(fixed_part(task.scene)),
+    : options_(options),
+      task_(task),
+      device_(device),
+      budget_(budget),
+      obstacles_(fixed_part(task.scene)),
       all_obstacles_(task.scene.has_moving_obstacles() ? sparsegrid::ObstacleSet(task.scene) : obstacles_) {
   result_.name = task.scene.name;
   result_.source = task.source;
+  result_.category = task.category;
   result_.frames = static_cast<std::size_t>(task.frames);
   result_.frame_time = task.scene.frame_time;
   result_.low = task.scene.domain.origin;
@@ -157,6 +162,7 @@ void SceneComparison::make_references(const mpm::SolverVariant& opponent) {
   opponent_run_ = run_variant(opponent);
   note_divergence(result_.opponent, *opponent_run_);
   opponent_values_ = evaluate_rollout(task_.scene, all_obstacles_, truth_.run, opponent_run_->run).values;
+  opponent_values_["frame_ms"] = 1e3 * opponent_run_->cost.frame;
   if (options_.floors) {
     floors_ = options_.floor_file.empty() ? measure_floors()
                                           : FloorFile(options_.floor_file).of(task_.scene, task_.seed, task_.frames);
@@ -292,6 +298,7 @@ compare::ModelResult SceneComparison::evaluate(const ComparedModel& model) {
     result.values.merge(
         compare::one_step_values(model.network ? one_step_of_network(model) : one_step_of_rollout(timed.run)));
   result.values.insert(floors_.values.begin(), floors_.values.end());
+  if (options_.floors) result.values.merge(ratios(result.values, opponent_values_, floors_.values));
   const bool is_opponent = model.choice.kind == ModelKind::mpm && model.choice.variant == opponent_;
   if (!is_opponent) result.against_opponent = verdicts(result.values, opponent_values_, floors_.values);
   result.values["loses_to_coarse"] = loses(result.against_opponent) ? 1 : 0;

@@ -68,7 +68,7 @@ class SceneComparison {
   std::optional<TimedRun> rerun_;  ///< mpm run again where the truth was stored
   mpm::SolverVariant opponent_;
   std::optional<TimedRun> opponent_run_;
-  compare::MetricValues opponent_values_;  ///< group rollout
+  compare::MetricValues opponent_values_;  ///< group rollout, and frame_ms
   SceneFloors floors_;                     ///< none where the options leave them out
   std::optional<compare::Backdrop> backdrop_;
   compare::SceneResult result_;

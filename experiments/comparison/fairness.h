@@ -50,6 +50,10 @@ inline constexpr int losing_metrics = 2;
 /// was not computed) are ties.
 std::map<std::string, std::string> verdicts(const compare::MetricValues& model, const compare::MetricValues& opponent,
                                             const compare::MetricValues& floors);
+/// Ratios to the opponent, "ratio_<metric>": of what a deciding metric is beyond MPM's own floor, which counts a tenth
+/// of itself at least: max(error - floor, floor / 10); and of frame_ms.
+compare::MetricValues ratios(const compare::MetricValues& model, const compare::MetricValues& opponent,
+                             const compare::MetricValues& floors);
 /// Worse in two deciding metrics or more, whatever the speed.
 bool loses(const std::map<std::string, std::string>& verdicts);
 

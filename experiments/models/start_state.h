@@ -15,7 +15,7 @@ struct StartState {
   std::vector<Vec3f> position;       ///< [m]
   std::vector<Vec3f> velocity;       ///< [m/s]
   std::vector<double> mass, volume;  ///< [kg], [m^3]
-  std::vector<double> birth_time;    ///< [s]; those after 0 have the place and the velocity of it; empty without emitters
+  std::vector<double> birth_time;  ///< [s]; those after 0 have the place and the velocity of it; empty without emitters
 };
 StartState start_of(const Scene& scene, uint64_t seed);
 

@@ -154,8 +154,7 @@ EmittedParticles stream(const Emitter& emitter, std::size_t index, const Domain&
                                   name_of(emitter, index)));
   const StreamLattice across(emitter, index, domain);
   const auto& [body, view, lattice, lines] = across;
-  const double spacing = lattice.spacing, full_rate = across.full_rate(speed),
-               rate = emitter.rate.value_or(full_rate);
+  const double spacing = lattice.spacing, full_rate = across.full_rate(speed), rate = emitter.rate.value_or(full_rate);
   if (lines.empty())
     throw ConfigError(
         fmt::format("{} is thinner than its particles' spacing ({:.3g} m). Make it wider or raise "

@@ -179,8 +179,8 @@ template <typename T>
 void Tracers<T>::move(const SolverView<T>& view, T dt) {
   Presence* const presence = presence_.size() > 0 ? presence_.data() : nullptr;
   with_form(view, [&](auto form) {
-    const MoveTracer<T, decltype(form)> kernel{
-        view, dt, position_.data(), velocity_.data(), birth_time_.data(), presence};
+    const MoveTracer<T, decltype(form)> kernel{view,    dt, position_.data(), velocity_.data(), birth_time_.data(),
+                                               presence};
     launch<T>(view.device, static_cast<int64_t>(position_.size()), kernel, Grain{64});
   });
 }
