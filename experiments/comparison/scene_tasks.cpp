@@ -102,8 +102,11 @@ mpm::Split needed_split(const std::string& path, const CompareOptions& options) 
 
 std::vector<SceneTask> read_recipe(const std::string& path, int64_t wanted, const CompareOptions& options) {
   const mpm::Split split = needed_split(path, options);
-  const auto recipe = open_recipe(
-      {.recipe = path, .set = options.set, .fields = "", .seed = options.seed.value_or(0), .seed_given = options.seed.has_value()});
+  const auto recipe = open_recipe({.recipe = path,
+                                   .set = options.set,
+                                   .fields = "",
+                                   .seed = options.seed.value_or(0),
+                                   .seed_given = options.seed.has_value()});
   const int64_t count =
       number_of(wanted, recipe->count(split), fmt::format("the {} split of '{}'", mpm::name_of(split), path));
   if (count == 0)

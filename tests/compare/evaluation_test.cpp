@@ -121,8 +121,9 @@ TEST(Evaluation, MassThatIsNotInTheRunCountsNowhere) {
 TEST(Evaluation, ARunThatNeverHasAMaterialIsFinite) {
   const auto blocks = falling_blocks(6);
   const auto none = with_active(blocks, [](std::size_t, std::size_t) { return false; });
-  for (const auto& e : {evaluate_rollout(unit_scene(), {}, blocks, none), evaluate_rollout(unit_scene(), {}, none, blocks),
-                        evaluate_rollout(unit_scene(), {}, none, none)})
+  for (const auto& e :
+       {evaluate_rollout(unit_scene(), {}, blocks, none), evaluate_rollout(unit_scene(), {}, none, blocks),
+        evaluate_rollout(unit_scene(), {}, none, none)})
     EXPECT_TRUE(missing_metrics(metric_list(), {MetricGroup::rollout}, e.values).empty());
   EXPECT_EQ(evaluate_rollout(unit_scene(), {}, blocks, none).values.at("density_error"), 1);
   EXPECT_EQ(evaluate_rollout(unit_scene(), {}, none, blocks).values.at("density_error"), 2);

@@ -173,7 +173,8 @@ TEST(Tracers, OfACoarseRunFollowAStreamAndItsEnd) {
   for (int f = 0; f < 14; ++f) {
     truth->advance_frame();
     coarse->advance_frame();
-    const auto expected = static_cast<double>(sum(truth->frame().active)), n = static_cast<double>(coarse->tracers().size());
+    const auto expected = static_cast<double>(sum(truth->frame().active)),
+               n = static_cast<double>(coarse->tracers().size());
     EXPECT_NEAR(static_cast<double>(sum(coarse->active_tracers())), expected, 0.05 * n) << f;
   }
 }
