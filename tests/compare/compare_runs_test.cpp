@@ -363,7 +363,14 @@ TEST_F(CompareRuns, RefusesWhatItCannotCompare) {
   EXPECT_THROW(make_comparison(o), InputError);
 }
 
-/// The small scene with more in it: `extra` are members of the scene, or replace "domain".
+MpmRunOptions seeded(int64_t frames) {
+  MpmRunOptions options;
+  options.seed = 3;
+  options.frames = frames;
+  return options;
+}
+
+/// The small scene with more in it: `extra` are members of the scene, `domain` of its domain.
 std::string scene_with(const std::string& name, const std::string& extra, const std::string& domain = "") {
   std::string text = small_scene;
   text.replace(text.find("\"small\""), 7, "\"" + name + "\"");
@@ -423,7 +430,7 @@ TEST_F(CompareRuns, RunsScenesOfAllKinds) {
 TEST_F(CompareRuns, AStoredStreamIsATruth) {
   std::ofstream(folder_ + "/stream.json") << scene_with("stream", stream);
   const Scene scene = io::read_scene(folder_ + "/stream.json");
-  Trajectory truth = run_mpm(scene, {.seed = 3, .frames = 8}).run.trajectory;
+  Trajectory truth = run_mpm(scene, seeded(8)).run.trajectory;
   truth.scene_json = scene.source;
   truth.seed = 3;
   StartState start = start_of(scene, 3);
@@ -491,7 +498,7 @@ TEST_F(CompareRuns, RecipesAndDataSetsHaveSplits) {
   o.scenes = {folder_ + "/set"};
   EXPECT_THAT(refusal(), ::testing::HasSubstr("has several splits"));
   const Scene scene = io::read_scene(scene_);
-  Trajectory truth = run_mpm(scene, {.seed = 3, .frames = 1}).run.trajectory;
+  Trajectory truth = run_mpm(scene, seeded(1)).run.trajectory;
   truth.scene_json = scene.source;
   io::TrajectoryWriter writer(folder_ + "/set/valid.h5", truth, {});
   for (ParticleFrame& frame : truth.frames) {

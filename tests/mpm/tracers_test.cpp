@@ -227,7 +227,7 @@ TEST(Tracers, OfAPlaneRunStayInItAndOnTheFloor) {
 }
 
 TEST(Tracers, ArePushedByMovingObstacles) {
-  Scene scene = scene_with("taichi_sand", {0.5, 0.1, 0.5}, 0.1);
+  Scene scene = scene_with("taichi_sand", {0.5, 0.15, 0.5}, 0.1);
   scene.domain.dx = 1.0 / 32;
   Obstacle box;
   box.shape = Shape::box;
