@@ -13,6 +13,7 @@
 #include "compare/report/report.h"
 #include "core/system/atomic_file.h"
 #include "core/system/error.h"
+#include "experiments/comparison/floor_file.h"
 #include "experiments/comparison/scene_tasks.h"
 #include "experiments/models/memory_meter.h"
 #include "experiments/models/model_choice.h"
@@ -509,6 +510,18 @@ TEST_F(CompareRuns, RecipesAndDataSetsHaveSplits) {
   o.split = "valid";
   ASSERT_EQ(read_scene_tasks(o).size(), 1u);
   EXPECT_EQ(read_scene_tasks(o)[0].scene.name, "valid#0");
+}
+
+TEST_F(CompareRuns, TheStoredFloorsOfTheValidationSplitAreThoseOfItsScenes) {
+  CompareOptions o = options({"mpm"});
+  o.scenes = {std::string(GRAUPEL_SOURCE_DIR) + "/scenes/recipes/general.json"};
+  o.split = "valid";
+  o.frames = 120;
+  const FloorFile floors(GRAUPEL_SOURCE_DIR "/scenes/floors/general_valid.json");
+  const auto tasks = read_scene_tasks(o);
+  EXPECT_EQ(tasks.size(), 16u);
+  for (const SceneTask& task : tasks)
+    EXPECT_GT(floors.of(task.scene, task.seed, task.frames).values.at("floor_density_error"), 0) << task.scene.name;
 }
 
 TEST_F(CompareRuns, MovedBirthsAreAllTheSameDistanceOff) {
