@@ -6,6 +6,7 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 #include <set>
+#include <sstream>
 
 namespace graupel::compare {
 
@@ -87,6 +88,20 @@ std::string category_table(const Comparison& comparison) {
     add(fmt::format("{} ({})", category, scenes_of_category(comparison, category)), category);
   add(fmt::format("all ({})", comparison.scenes.size()), "");
   return table;
+}
+
+/// A sentence in lines of at most 120 characters; empty for none.
+std::string wrapped(const std::string& sentence) {
+  std::istringstream words(sentence);
+  std::string text;
+  std::size_t width = 0;
+  for (std::string word; words >> word; width += word.size() + 1) {
+    const bool fits = width + word.size() <= 120;
+    if (!text.empty()) text += fits ? " " : "\n";
+    if (!fits) width = 0;
+    text += word;
+  }
+  return text.empty() ? "" : text + "\n";
 }
 
 std::string table_row(const std::string& name, const MetricValues& values, const std::string& mark) {
@@ -220,7 +235,7 @@ std::string comparison_table(const Comparison& comparison) {
                          mark_of_missing_scenes(comparison, model));
   }
   table += category_table(comparison);
-  if (const std::string sentence = headline(comparison); !sentence.empty()) table += sentence + "\n";
+  table += wrapped(headline(comparison));
   return table;
 }
 

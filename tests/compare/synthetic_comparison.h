@@ -59,6 +59,7 @@ inline Comparison make_synthetic_comparison() {
                        MetricGroup::ratios};
   SceneResult result;
   result.source = "scenes/falling.json";
+  result.opponent = "mpm:coarse:fast";
   result.particles = truth.size();
   result.frames = truth.predicted();
   result.frame_time = scene.frame_time;
