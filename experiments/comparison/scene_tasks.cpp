@@ -107,13 +107,13 @@ std::vector<SceneTask> read_recipe(const std::string& path, int64_t wanted, cons
                                    .fields = "",
                                    .seed = options.seed.value_or(0),
                                    .seed_given = options.seed.has_value()});
-  const int64_t count =
-      number_of(wanted, recipe->count(split), fmt::format("the {} split of '{}'", mpm::name_of(split), path));
-  if (count == 0)
+  const int64_t there = recipe->count(split);
+  if (there == 0)
     throw ConfigError(
         fmt::format("the {} split of '{}' has no scenes. Choose another --split, or raise its count with "
                     "--set counts.{}=N",
                     mpm::name_of(split), path, mpm::name_of(split)));
+  const int64_t count = number_of(wanted, there, fmt::format("the {} split of '{}'", mpm::name_of(split), path));
   std::vector<SceneTask> tasks;
   for (int64_t i = 0; i < count; ++i) {
     SceneTask task;
