@@ -248,7 +248,7 @@ Emitter with_flux_of(const Emitter& emitter, std::size_t index, const Domain& fr
   constexpr double step = 1.01;
   const auto steps = static_cast<int>(std::abs(std::log(volumes)) / std::log(step));
   for (int i = 0; i <= 2 * steps; ++i) {
-    const Emitter other = with_flux(std::pow(step, (i % 2 == 0 ? 1 : -1) * ((i + 1) / 2)));
+    Emitter other = with_flux(std::pow(step, (i % 2 == 0 ? 1 : -1) * ((i + 1) / 2)));
     if (StreamLattice(other, index, to).full_rate(speed) >= *other.rate) return other;
   }
   return with_flux(volumes);
