@@ -64,10 +64,11 @@ constexpr Column category_columns[] = {{"frame_ms", "ms/frame"},
                                        {"ratio_density_error", "r. dens."},
                                        {"ratio_frame_ms", "r. time"}};
 
-/// Geometric means of every category and of all scenes; empty where the scenes have no categories.
+/// Geometric means of every category and of all scenes; empty where the scenes have no categories, and without
+/// rollouts.
 std::string category_table(const Comparison& comparison) {
   std::vector<std::string> categories = categories_of(comparison);
-  if (categories.empty()) return "";
+  if (categories.empty() || !computed(comparison, MetricGroup::rollout)) return "";
   const std::vector<std::string> models = models_of(comparison);
   std::string table = fmt::format("geometric means by category; r.: over {}, beyond the floor\n  {:<24} {:<18}",
                                   comparison.scenes.front().opponent, "category", "model");

@@ -299,7 +299,8 @@ std::string build(const Comparison& comparison) {
       std::string(report_style) + "</style>\n</head>\n<body>\n" + head_section(comparison);
   if (const std::string sentence = headline(comparison); !sentence.empty())
     html += "<p><strong>" + escape_markup(sentence) + "</strong></p>\n";
-  if (!categories_of(comparison).empty()) html += category_table(comparison);
+  if (!categories_of(comparison).empty() && computed(comparison, MetricGroup::rollout))
+    html += category_table(comparison);
   if (comparison.scenes.size() > 1)
     html += fmt::format("<h2>Mean of {} scenes</h2>\n", comparison.scenes.size()) + mean_table(comparison);
   if (computed(comparison, MetricGroup::rollout) && !comparison.scenes.empty()) html += player_section(comparison);

@@ -218,6 +218,9 @@ TEST(ComparisonFiles, CategoriesHaveATableEverywhere) {
   EXPECT_NE(table.find(sentence.substr(0, 60)), std::string::npos);
   EXPECT_NE(html.find(sentence.substr(0, 30)), std::string::npos);
   EXPECT_EQ(comparison_table(synthetic_comparison(3)).find("by category"), std::string::npos);
+  comparison.groups = {MetricGroup::one_step};
+  EXPECT_EQ(comparison_table(comparison).find("by category"), std::string::npos);
+  EXPECT_EQ(report_html(comparison).find("<h2>Categories"), std::string::npos);
 }
 
 TEST(Report, HoldsTablesCurvesPicturesAndCommand) {
