@@ -35,7 +35,13 @@ void add_compare(const Command& app) {
   auto verb = std::make_shared<CompareVerb>();
   CompareOptions& options = verb->compare;
   const Command command = app.command("compare", "Hold learned simulators and cheaper MPM settings against MPM");
-  command.option("--scenes", options.scenes, "Scene files, folders of them, or data sets (.h5)").required();
+  command
+      .option(
+          "scenes,--scenes", options.scenes,
+          "Scene files, folders of them, data sets (.h5 or their folders) and recipes; a number takes so many scenes "
+          "of a data set or recipe")
+      .required();
+  command.option("--split", options.split, "Of recipes and data sets' folders: train, valid or test");
   command
       .option("--models", options.models,
               mpm::variant_words() +
@@ -70,6 +76,7 @@ void add_compare(const Command& app) {
       "Examples:\n  graupel compare --scenes scenes/shared --models mpm,mpm:coarse,models/hgn.safetensors --report "
       "report.html\n"
       "  graupel compare --scenes valid.h5 --models models/hgn.safetensors --frames 100 --json out.json\n"
+      "  graupel compare scenes/recipes/general.json --split valid --models mpm:fast,mpm:coarse:fast\n"
       "  graupel compare --scenes scenes/shared/sand_column.json --models mpm,models/nsf-sand.safetensors --set "
       "materials.sand.friction_angle=33\n"
       "docs/reference/metrics.md defines the metrics.");

@@ -3,6 +3,9 @@
 #include <algorithm>
 #include <cmath>
 #include <numeric>
+#include <utility>
+
+#include "compare/comparison_files.h"
 
 namespace graupel::compare {
 
@@ -15,16 +18,18 @@ MetricValues mean_over_scenes(const Comparison& comparison, const std::string& m
       count += 1;
       for (const auto& [key, value] : result.values) sum[key] += value;
     }
+  std::erase_if(sum, [](const auto& value) { return value.first.starts_with("ratio_"); });
   for (auto& [key, value] : sum) value /= count;
   return sum;
 }
 
-MetricValues geometric_mean_over_scenes(const Comparison& comparison, const std::string& model) {
+MetricValues geometric_mean_over_scenes(const Comparison& comparison, const std::string& model,
+                                        const std::string& category) {
   std::map<std::string, std::vector<double>> logs;
   std::size_t scenes = 0;
   for (const SceneResult& scene : comparison.scenes)
     for (const ModelResult& result : scene.models) {
-      if (result.model != model) continue;
+      if (result.model != model || (!category.empty() && scene.category != category)) continue;
       ++scenes;
       for (const auto& [key, value] : result.values)
         if (value > 0) logs[key].push_back(std::log(value));
@@ -34,6 +39,58 @@ MetricValues geometric_mean_over_scenes(const Comparison& comparison, const std:
     if (values.size() == scenes)
       mean[key] = std::exp(std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(scenes));
   return mean;
+}
+
+std::vector<std::string> categories_of(const Comparison& comparison) {
+  std::vector<std::string> categories;
+  for (const SceneResult& scene : comparison.scenes)
+    if (!scene.category.empty() && std::find(categories.begin(), categories.end(), scene.category) == categories.end())
+      categories.push_back(scene.category);
+  return categories;
+}
+
+std::size_t scenes_of_category(const Comparison& comparison, const std::string& category) {
+  return static_cast<std::size_t>(std::count_if(comparison.scenes.begin(), comparison.scenes.end(),
+                                                [&](const SceneResult& scene) { return scene.category == category; }));
+}
+
+namespace {
+
+/// "wins in density (0.4) and loses in time (6.4)".
+std::string won_and_lost(const MetricValues& ratios) {
+  constexpr double equal = 0.005;  // ratios that round to 1.00
+  constexpr std::pair<const char*, const char*> names[] = {{"ratio_position_mse_all", "position"},
+                                                           {"ratio_sinkhorn", "Sinkhorn divergence"},
+                                                           {"ratio_density_error", "density"},
+                                                           {"ratio_frame_ms", "time"}};
+  std::map<std::string, std::string> lists;
+  for (const auto& [key, name] : names) {
+    const double ratio = ratios.at(key);
+    std::string& list = lists[ratio < 1 - equal ? "wins in " : ratio > 1 + equal ? "loses in " : "ties in "];
+    list += (list.empty() ? "" : ", ") + std::string(name) + " (" + short_number(ratio) + ")";
+  }
+  std::string text;
+  for (const char* verdict : {"wins in ", "ties in ", "loses in "})
+    if (lists.contains(verdict)) text += (text.empty() ? "" : ", ") + (verdict + lists[verdict]);
+  return text;
+}
+
+}  // namespace
+
+std::string headline(const Comparison& comparison) {
+  if (!computed(comparison, MetricGroup::ratios) || comparison.scenes.empty()) return "";
+  const std::string& opponent = comparison.scenes.front().opponent;
+  const std::vector<std::string> models = models_of(comparison);
+  std::string text;
+  for (const std::string& model : models) {
+    if (model == opponent || model == "mpm") continue;
+    const std::string missing = mark_of_missing_scenes(comparison, model);
+    text += (text.empty() ? "" : "; ") + short_name(model, models) + (missing.empty() ? "" : " (" + missing + ")") +
+            " " + won_and_lost(geometric_mean_over_scenes(comparison, model));
+  }
+  if (text.empty()) return "";
+  const std::size_t n = comparison.scenes.size();
+  return "Against " + opponent + " on " + std::to_string(n) + (n == 1 ? " scene, " : " scenes, ") + text + ".";
 }
 
 std::string mark_of_ties(const ModelResult& result) {

@@ -28,6 +28,7 @@ struct ModelResult {
 
 struct SceneResult {
   std::string name, source;  ///< source: file, and number of the trajectory in a data set
+  std::string category;      ///< of a recipe of categories; empty for none
   std::size_t particles = 0;
   std::size_t frames = 0;  ///< predicted frames
   double frame_time = 0;   ///< [s]
@@ -55,10 +56,19 @@ struct Comparison {
   std::vector<SceneResult> scenes;
 };
 
-/// Mean of every metric of a model over the scenes that it is run on; loses_to_coarse becomes the share of scenes.
+/// Mean of every metric of a model over the scenes that it is run on, but of ratios; loses_to_coarse becomes the share
+/// of scenes.
 MetricValues mean_over_scenes(const Comparison& comparison, const std::string& model);
 /// The geometric mean, of the metrics that are positive in all of them: not ruled by the scene with the largest error.
-MetricValues geometric_mean_over_scenes(const Comparison& comparison, const std::string& model);
+/// With a category, over the scenes of that one.
+MetricValues geometric_mean_over_scenes(const Comparison& comparison, const std::string& model,
+                                        const std::string& category = "");
+/// Categories of the scenes, in the order in which they come first, and the number of scenes of one.
+std::vector<std::string> categories_of(const Comparison& comparison);
+std::size_t scenes_of_category(const Comparison& comparison, const std::string& category);
+/// Who wins what over the opponent, by geometric means of the ratios over all scenes, in a sentence; empty without
+/// ratios, and where nothing but `mpm` and the opponent was compared.
+std::string headline(const Comparison& comparison);
 /// Metrics in which a model ties with the opponent: "tie in sinkhorn, density_error"; empty for none.
 std::string mark_of_ties(const ModelResult& result);
 /// Models of any scene, in the order in which they come first.

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 #include <set>
+#include <sstream>
 
 namespace graupel::compare {
 
@@ -53,6 +54,56 @@ constexpr Column columns[] = {
     {"position_mse_20", "MSE 20"},   {"position_mse_all", "MSE all"},   {"sinkhorn", "sinkhorn"},
     {"density_error", "density"},    {"material_occupancy_iou", "IoU"}, {"clump_size_error", "clumps"},
     {"local_density_error", "local"}};
+
+constexpr Column category_columns[] = {{"frame_ms", "ms/frame"},
+                                       {"position_mse_all", "MSE all"},
+                                       {"sinkhorn", "sinkhorn"},
+                                       {"density_error", "density"},
+                                       {"ratio_position_mse_all", "r. MSE"},
+                                       {"ratio_sinkhorn", "r. sink."},
+                                       {"ratio_density_error", "r. dens."},
+                                       {"ratio_frame_ms", "r. time"}};
+
+/// Geometric means of every category and of all scenes; empty where the scenes have no categories, and without
+/// rollouts.
+std::string category_table(const Comparison& comparison) {
+  std::vector<std::string> categories = categories_of(comparison);
+  if (categories.empty() || !computed(comparison, MetricGroup::rollout)) return "";
+  const std::vector<std::string> models = models_of(comparison);
+  std::string table = fmt::format("geometric means by category; r.: over {}, beyond the floor\n  {:<24} {:<18}",
+                                  comparison.scenes.front().opponent, "category", "model");
+  for (const Column& column : category_columns) table += fmt::format(" {:>8}", column.title);
+  table += "\n";
+  const auto add = [&](const std::string& name, const std::string& category) {
+    for (const std::string& model : models) {
+      const MetricValues mean = geometric_mean_over_scenes(comparison, model, category);
+      table += fmt::format("  {:<24.24} {:<18.18}", name, short_name(model, models));
+      for (const Column& column : category_columns) {
+        const auto value = mean.find(column.key);
+        table += fmt::format(" {:>8}", value == mean.end() ? "-" : short_number(value->second));
+      }
+      table += "\n";
+    }
+  };
+  for (const std::string& category : categories)
+    add(fmt::format("{} ({})", category, scenes_of_category(comparison, category)), category);
+  add(fmt::format("all ({})", comparison.scenes.size()), "");
+  return table;
+}
+
+/// A sentence in lines of at most 120 characters; empty for none.
+std::string wrapped(const std::string& sentence) {
+  std::istringstream words(sentence);
+  std::string text;
+  std::size_t width = 0;
+  for (std::string word; words >> word; width += word.size() + 1) {
+    const bool fits = width + word.size() <= 120;
+    if (!text.empty()) text += fits ? " " : "\n";
+    if (!fits) width = 0;
+    text += word;
+  }
+  return text.empty() ? "" : text + "\n";
+}
 
 std::string table_row(const std::string& name, const MetricValues& values, const std::string& mark) {
   std::string row = fmt::format("  {:<23.23}", name);
@@ -107,6 +158,7 @@ Json comparison_json(const Comparison& comparison) {
         {"frames", scene.frames}, {"frame_time", scene.frame_time}, {"true_kinetic_energy", scene.true_energy}};
     if (computed(comparison, MetricGroup::floors))
       entry["floor_curves"] = {{"position_error", scene.floor_position}, {"density_error", scene.floor_density}};
+    if (!scene.category.empty()) entry["category"] = scene.category;
     if (!scene.opponent.empty()) entry["opponent"] = scene.opponent;
     if (!scene.diverged_references.empty()) entry["diverged_references"] = scene.diverged_references;
     json["scenes"].push_back(entry);
@@ -118,6 +170,14 @@ Json comparison_json(const Comparison& comparison) {
   json["geometric_mean"] = Json::object();
   for (const std::string& model : models_of(comparison))
     json["geometric_mean"][model] = values_json(metric_list(), geometric_mean_over_scenes(comparison, model));
+  json["categories"] = Json::object();
+  for (const std::string& category : categories_of(comparison)) {
+    Json& entry = json["categories"][category] = {{"scenes", scenes_of_category(comparison, category)}};
+    for (const std::string& model : models_of(comparison))
+      entry["geometric_mean"][model] =
+          values_json(metric_list(), geometric_mean_over_scenes(comparison, model, category));
+  }
+  if (const std::string sentence = headline(comparison); !sentence.empty()) json["headline"] = sentence;
   return json;
 }
 
@@ -175,6 +235,8 @@ std::string comparison_table(const Comparison& comparison) {
       table += table_row(short_name(model, models), geometric_mean_over_scenes(comparison, model),
                          mark_of_missing_scenes(comparison, model));
   }
+  table += category_table(comparison);
+  table += wrapped(headline(comparison));
   return table;
 }
 

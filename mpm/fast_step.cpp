@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <memory>
 #include <vector>
 
 #include "core/system/error.h"
@@ -16,6 +17,16 @@ Scene with_substeps(const Scene& scene, int64_t substeps) {
   changed.time_step.policy = StepPolicy::fixed;
   changed.time_step.substeps_per_frame = substeps;
   return changed;
+}
+
+/// Frames until the last stream or burst has begun: before, a trial would look at a part of the scene.
+int64_t last_start(const Scene& scene) {
+  double last = 0;
+  for (const Emitter& emitter : scene.emitters) {
+    const bool bursts = emitter.emission == Emission::burst;
+    if (!bursts || !emitter.times.empty()) last = std::max(last, bursts ? emitter.times.back() : emitter.start_time);
+  }
+  return static_cast<int64_t>(std::ceil(last / scene.frame_time));
 }
 
 struct Search {
@@ -42,8 +53,14 @@ struct Search {
     data_substeps = (simulation->statistics().substeps + frames - 1) / std::max<int64_t>(1, frames);
   }
 
+  /// False also for a step in which a script or an emitter moves particles over a cell: creating the run refuses it.
   bool holds(const Scene& scene) const {
-    const auto simulation = Simulation::create(scene, options);
+    std::unique_ptr<Simulation> simulation;
+    try {
+      simulation = Simulation::create(scene, options);
+    } catch (const ConfigError&) {
+      return false;
+    }
     try {
       for (const double expected : energy) {
         if (every_frame) every_frame();
@@ -62,7 +79,7 @@ struct Search {
 FastStep find_fast_step(const Scene& scene, const SimulationOptions& options, int64_t frames,
                         const std::function<void()>& every_frame) {
   const auto start = std::chrono::steady_clock::now();
-  Search search{options, std::min(frames, fast_step_frames), every_frame, {}};
+  Search search{options, std::min(frames, last_start(scene) + fast_step_frames), every_frame, {}};
   search.run_as_is(scene);
   FastStep result{scene, search.data_substeps, search.data_substeps, 1, 0};
   int64_t fails = 0;

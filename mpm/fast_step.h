@@ -9,7 +9,7 @@
 
 namespace graupel::mpm {
 
-/// Frames that a trial step has to hold for, at most.
+/// Frames that a trial step has to hold for, at most; from the last emitter's start on.
 constexpr int64_t fast_step_frames = 60;
 /// Largest deviation of a trial's kinetic + elastic energy in any frame, as a share of the largest of the scene's own
 /// run. Stable runs of mixed scenes differ by up to 0.06; beyond the limit a run ends by itself within frames.
@@ -25,8 +25,9 @@ struct FastStep {
 
 /// Bisects the number of substeps a frame below the scene's own. A trial holds when it runs min(frames,
 /// fast_step_frames) frames without its blow-up test (NaN, det F <= 0, a particle over a cell in a substep) and with
-/// the energy of the scene's own run. `every_frame` is called between frames and may throw. Throws DivergedError when
-/// the scene does not run with its own step.
+/// the energy of the scene's own run, and when no script or emitter moves particles over a cell in a substep.
+/// `every_frame` is called between frames and may throw. Throws DivergedError when the scene does not run with its own
+/// step.
 FastStep find_fast_step(const Scene& scene, const SimulationOptions& options, int64_t frames,
                         const std::function<void()>& every_frame = {});
 

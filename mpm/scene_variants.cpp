@@ -5,11 +5,13 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numeric>
 
 #include "core/math/random.h"
 #include "core/parallel/memory.h"
 #include "core/system/error.h"
 #include "mpm/memory_need.h"
+#include "mpm/scene/emission.h"
 
 namespace graupel::mpm {
 
@@ -25,6 +27,23 @@ std::shared_ptr<const std::vector<Vec3d>> corners_around(const std::vector<Vec3d
       corners.push_back(x + offset);
     }
   return std::make_shared<const std::vector<Vec3d>>(std::move(corners));
+}
+
+/// Gives the emitters of `changed` the flux that they have in `scene`.
+void keep_flux(const Scene& scene, Scene& changed) {
+  for (std::size_t e = 0; e < scene.emitters.size(); ++e)
+    changed.emitters[e] = with_flux_of(scene.emitters[e], e, scene.domain, changed.domain);
+}
+
+/// The ratio nearest to `ratio` that leaves whole cells between periodic walls.
+double ratio_of_whole_cells(const Domain& domain, double ratio) {
+  int64_t cells = 0;  // greatest common divisor over the periodic axes
+  for (int d = 0; d < domain.axes(); ++d)
+    if (domain.wall(d, 0) == Wall::periodic)
+      cells = std::gcd(cells, std::llround((domain.wall_high()[d] - domain.wall_low()[d]) / domain.dx));
+  if (cells == 0) return ratio;
+  const auto n = static_cast<double>(cells);
+  return n / std::max(1.0, std::round(n / ratio));
 }
 
 struct Word {
@@ -71,6 +90,7 @@ Scene fine_variant(const Scene& scene) {
     const double distance = scene.domain.dx / std::pow(source.particles_per_cell, plane ? 1.0 / 2 : 1.0 / 3);
     source.points = corners_around(*source.points, distance / 2, plane);
   }
+  keep_flux(scene, fine);
   return fine;
 }
 
@@ -106,6 +126,7 @@ Scene scene_of_points(const Scene& scene, std::vector<std::vector<Vec3d>> points
   for (std::size_t s = 0; s < changed.sources.size(); ++s) {
     Source& source = changed.sources[s];
     source.spin_center = source.spin_center.value_or(source.position);
+    if (source.motion) source.motion->center = source.motion->center.value_or(source.position);
     source.shape = Shape::points;
     source.mesh.reset();
     source.points = std::make_shared<const std::vector<Vec3d>>(std::move(points[s]));
@@ -115,12 +136,10 @@ Scene scene_of_points(const Scene& scene, std::vector<std::vector<Vec3d>> points
   return changed;
 }
 
-std::vector<std::size_t> thinned_points(const Scene& scene, std::size_t source, std::size_t count, double ratio) {
+std::vector<std::size_t> thinned_points(const Scene& scene, std::size_t source, std::size_t count, double group) {
   const Random random(scene.seed, RandomPurpose::particle_position, source);
-  const double group = std::pow(ratio, scene.domain.axes());
-  const std::size_t groups =
-      count == 0 ? 0
-                 : std::max<std::size_t>(1, static_cast<std::size_t>(std::lround(static_cast<double>(count) / group)));
+  const auto rounded = static_cast<std::size_t>(std::llround(static_cast<double>(count) / group));
+  const std::size_t groups = count == 0 ? 0 : std::max<std::size_t>(1, rounded);
   std::vector<std::size_t> kept;
   for (std::size_t g = 0; g < groups; ++g) {
     const std::size_t first = g * count / groups, end = (g + 1) * count / groups;
@@ -130,8 +149,9 @@ std::vector<std::size_t> thinned_points(const Scene& scene, std::size_t source, 
 }
 
 /// The domain's faces move, so that the walls are again a whole number of cells inside.
-Scene on_coarser_grid(const Scene& scene, double ratio) {
+Scene on_coarser_grid(const Scene& scene, double wanted_ratio) {
   Scene coarse = scene;
+  const double ratio = ratio_of_whole_cells(scene.domain, wanted_ratio);
   const Vec3d low = scene.wall_low(), high = scene.wall_high();
   const auto divided = [&](int64_t n) { return static_cast<int64_t>(std::ceil(static_cast<double>(n) / ratio)); };
   coarse.domain.dx = ratio * scene.domain.dx;
@@ -142,11 +162,13 @@ Scene on_coarser_grid(const Scene& scene, double ratio) {
   coarse.obstacle_voxel = scene.voxel();
   coarse.obstacle_band = std::max(scene.band(), 4 * coarse.domain.dx);
   coarse.time_step.substeps_per_frame = std::max<int64_t>(1, divided(scene.time_step.substeps_per_frame));
+  keep_flux(scene, coarse);
+  const double group = coarse.domain.cell_volume() / scene.domain.cell_volume();
   for (std::size_t s = 0; s < coarse.sources.size(); ++s) {
     Source& source = coarse.sources[s];
     if (source.shape != Shape::points || !source.points) continue;
     std::vector<Vec3d> kept;
-    for (const std::size_t p : thinned_points(scene, s, source.points->size(), ratio))
+    for (const std::size_t p : thinned_points(scene, s, source.points->size(), group))
       kept.push_back((*source.points)[p]);
     source.points = std::make_shared<const std::vector<Vec3d>>(std::move(kept));
   }

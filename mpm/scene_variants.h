@@ -29,20 +29,21 @@ std::string variant_word(const SolverVariant& variant);
 std::string variant_words();
 
 /// The scene at dx/2 with eight times the particles (four in the plane) and twice the substeps. Given points are
-/// replaced by points a quarter of their distance off them along each axis; obstacles keep their grids.
+/// replaced by points a quarter of their distance off them along each axis; obstacles keep their grids, streams their
+/// flux (mpm/scene/emission.h).
 Scene fine_variant(const Scene& scene);
 
 /// The scene with points for particles: `points` [sources] [m] are those of each source, which keeps its velocity and
-/// the centre of its spin.
+/// the centres of its spin and its script. Emitters stay as they are.
 Scene scene_of_points(const Scene& scene, std::vector<std::vector<Vec3d>> points);
 
-/// Which of a source's `count` points stand for all on a grid with `ratio` (from 1) times the spacing: one at random of
-/// every ratio^3 (ratio^2 in the plane), or about as many, that follow one another.
-std::vector<std::size_t> thinned_points(const Scene& scene, std::size_t source, std::size_t count, double ratio);
+/// Which of a source's `count` points stand for all where each takes the volume of `group`: one at random of every
+/// `group`, or about as many, that follow one another.
+std::vector<std::size_t> thinned_points(const Scene& scene, std::size_t source, std::size_t count, double group);
 
-/// The scene on a grid with `ratio` (from 1) times its spacing: walls and obstacles stay where they are, bodies and
-/// emitters are sampled with as many particles a cell as before, given points are thinned. Fewer substeps a frame, in
-/// proportion.
+/// The scene on a grid with `ratio` (from 1) times its spacing, or the nearest that leaves whole cells between periodic
+/// walls: walls and obstacles stay where they are, bodies are sampled with as many particles a cell as before, streams
+/// keep their flux (mpm/scene/emission.h), given points are thinned. Fewer substeps a frame, in proportion.
 Scene on_coarser_grid(const Scene& scene, double ratio);
 
 /// The scene on the variant's grid; the step is still the given one.

@@ -122,7 +122,7 @@ std::unique_ptr<Simulation> Simulation::create(const Scene& scene, const Simulat
   return create(PreparedScene(scene, options));
 }
 
-void Simulation::carry_tracers(const std::vector<Vec3f>&, const std::vector<Vec3f>&) {
+void Simulation::carry_tracers(const std::vector<Vec3f>&, const std::vector<Vec3f>&, const std::vector<double>&) {
   throw ConfigError("the tuned kernels for GPUs carry no tracers (allowed: portable ones). Use Kernels::portable");
 }
 

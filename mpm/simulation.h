@@ -98,11 +98,16 @@ class Simulation {
   virtual RunStatistics statistics() const = 0;
 
   /// Carries massless points along with the grid's velocity (mpm/solver/tracers.h), from their positions [m] and
-  /// velocities [m/s] now; they change nothing of the run and are no part of its saved state. Throws ConfigError where
-  /// they are not known: two dimensions, periodic and open walls, the tuned kernels for GPUs.
-  virtual void carry_tracers(const std::vector<Vec3f>& position, const std::vector<Vec3f>& velocity);
-  virtual std::vector<Vec3f> tracers() const { return {}; }  ///< positions now [m], in the given order
-  virtual double tracer_seconds() const { return 0; }        ///< wall time inside advance_frame that they took (CPU)
+  /// velocities [m/s] now, or, where times of birth are given, from then on [s]. They leave the run where particles do,
+  /// change nothing of it and are no part of its saved state. All [tracers]; no times of birth: all are there now.
+  /// Throws ConfigError for lists of other lengths, and for the tuned kernels for GPUs.
+  virtual void carry_tracers(const std::vector<Vec3f>& position, const std::vector<Vec3f>& velocity,
+                             const std::vector<double>& birth_time = {});
+  /// Positions now [m], in the given order; of those that are not in the run as in frame().
+  virtual std::vector<Vec3f> tracers() const { return {}; }
+  /// [tracers] 0 for those that are not in the run (yet, any more); empty: all always are.
+  virtual std::vector<uint8_t> active_tracers() const { return {}; }
+  virtual double tracer_seconds() const { return 0; }  ///< wall time inside advance_frame that they took (CPU)
 
   /// Whole state between two frames, bit for bit: a restored run goes on exactly as if it had not stopped.
   virtual std::vector<std::byte> save_state() const = 0;

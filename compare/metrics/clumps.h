@@ -4,6 +4,7 @@
 
 #include <vector>
 
+#include "compare/metrics/space.h"
 #include "compare/metrics/wasserstein.h"
 #include "core/math/vec.h"
 
@@ -13,8 +14,10 @@ namespace graupel::compare {
 /// spacing is one that a node of the grid would see.
 inline constexpr double clump_radius = 1;
 
-/// Mass of every clump [kg], in the order of its first particle. `position` [n] in m, `radius` > 0 in m.
-std::vector<double> clump_masses(const std::vector<Vec3f>& position, const std::vector<double>& mass, double radius);
+/// Mass of every clump [kg], in the order of its first particle. `position` [n] in m, `radius` > 0 in m. Particles are
+/// linked across periodic walls too.
+std::vector<double> clump_masses(const std::vector<Vec3f>& position, const std::vector<double>& mass, double radius,
+                                 const Space& space = {});
 
 /// Share of the mass in clumps by size: values log10(clump mass / `unit`), weights clump masses. A distance of 1
 /// between two such distributions is that of all mass in clumps ten times as large; the logarithm, since a lump that

@@ -9,7 +9,8 @@
 
 namespace graupel::compare {
 
-/// Over all particles and predicted frames. Depth is max(0, -phi), at most the obstacles' narrow band.
+/// Over all predicted frames and the particles that are in the run in each, with moving obstacles where they are in the
+/// frame. Depth is max(0, -phi), at most the obstacles' narrow band. Open and periodic walls hold nothing.
 struct Containment {
   double mean_depth = 0;            ///< [m], over all particles, those outside counting 0
   double max_depth = 0;             ///< [m]

@@ -6,22 +6,25 @@
 
 namespace graupel::compare {
 
-void DisplacementError::add(const std::vector<Vec3f>& truth, const std::vector<Vec3d>& run) {
+void DisplacementError::add(const std::vector<Vec3f>& truth, const std::vector<Vec3d>& run,
+                            const std::vector<uint8_t>& counted) {
   GRAUPEL_ASSERT(truth.size() == reference_.size() && run.size() == reference_.size());
   for (std::size_t i = 0; i < truth.size(); ++i) {
+    if (!counted.empty() && counted[i] == 0) continue;
     const Vec3d x = truth[i].cast<double>();
-    error2_ += norm2(run[i] - x);
+    error2_ += norm2(space_.difference(run[i], x));
     position2_ += norm2(x);
-    displacement2_ += norm2(x - reference_[i].cast<double>());
+    displacement2_ += norm2(space_.difference(x, reference_[i].cast<double>()));
+    ++count_;
   }
-  count_ += truth.size();
 }
 
-void DisplacementError::add(const std::vector<Vec3f>& truth, const std::vector<Vec3f>& run) {
+void DisplacementError::add(const std::vector<Vec3f>& truth, const std::vector<Vec3f>& run,
+                            const std::vector<uint8_t>& counted) {
   std::vector<Vec3d> position;
   position.reserve(run.size());
   for (const Vec3f& x : run) position.push_back(x.cast<double>());
-  add(truth, position);
+  add(truth, position, counted);
 }
 
 double DisplacementError::delta() const { return position2_ > 0 ? std::sqrt(error2_ / position2_) : 0; }

@@ -13,6 +13,7 @@
 #include "compare/metrics/material_shape.h"
 #include "compare/metrics/optimal_transport.h"
 #include "compare/metrics/position_error.h"
+#include "compare/metrics/space.h"
 #include "core/parallel/parallel_for.h"
 #include "core/scene/material_config.h"
 #include "core/system/error.h"
@@ -33,12 +34,24 @@ double mass_of(const ParticleRun& run, int32_t type) {
   return mass;
 }
 
-/// Frame k of `count` evenly spaced ones of 1..frames, the last one among them.
-std::size_t sampled_frame(int64_t k, std::size_t frames, std::size_t count) {
-  return (static_cast<std::size_t>(k) + 1) * frames / count;
+/// Those of the frames 1..frames in which both runs have a material.
+std::vector<std::size_t> common_frames(const ParticleRun& truth, const ParticleRun& run, std::size_t frames,
+                                       int32_t type) {
+  std::vector<std::size_t> common;
+  for (std::size_t f = 1; f <= frames; ++f)
+    if (truth.has_type(f, type) && run.has_type(f, type)) common.push_back(f);
+  return common;
 }
 
-/// Particles of a material in a frame.
+/// Evenly spaced ones of these, the last one among them.
+std::vector<std::size_t> sample_of(const std::vector<std::size_t>& frames) {
+  const std::size_t count = std::min(sampled_frames, frames.size());
+  std::vector<std::size_t> sample;
+  for (std::size_t k = 1; k <= count; ++k) sample.push_back(frames[k * frames.size() / count - 1]);
+  return sample;
+}
+
+/// Particles of a material that are in the run in a frame.
 struct MaterialFrame {
   std::vector<Vec3f> position;
   std::vector<double> mass, volume;
@@ -47,7 +60,7 @@ struct MaterialFrame {
 MaterialFrame material_frame(const ParticleRun& run, std::size_t frame, int32_t type) {
   MaterialFrame material;
   for (std::size_t i = 0; i < run.size(); ++i) {
-    if (run.trajectory.particle_type[i] != type) continue;
+    if (run.trajectory.particle_type[i] != type || !run.is_active(frame, i)) continue;
     material.position.push_back(run.position(frame)[i]);
     material.mass.push_back(run.mass[i]);
     material.volume.push_back(run.volume[i]);
@@ -63,37 +76,39 @@ std::vector<Vec3d> in_f64(const std::vector<Vec3f>& position) {
 }
 
 /// Mean over the sampled frames.
-double sinkhorn_of_material(const Scene& scene, const ParticleRun& truth, const ParticleRun& run, std::size_t frames,
-                            int32_t type) {
-  const std::size_t count = std::min(sampled_frames, frames);
-  std::vector<double> divergence(count);
+double sinkhorn_of_material(const Scene& scene, const ParticleRun& truth, const ParticleRun& run,
+                            const std::vector<std::size_t>& sample, int32_t type) {
+  const Space space(scene.domain);
+  std::vector<double> divergence(sample.size());
   const auto one_frame = [&](int64_t k) {
-    const std::size_t frame = sampled_frame(k, frames, count);
+    const std::size_t frame = sample[static_cast<std::size_t>(k)];
     const MaterialFrame x = material_frame(truth, frame, type), y = material_frame(run, frame, type);
     WeightedPoints a, b;
     const double cell =
         bin_together(in_f64(x.position), x.mass, in_f64(y.position), y.mass, scene.domain.dx, transport_points, a, b);
-    divergence[k] = sinkhorn_divergence(a, b, 4 * cell * cell);
+    divergence[k] = sinkhorn_divergence(a, b, 4 * cell * cell, space);
   };
-  parallel_for(Device::cpu, static_cast<int64_t>(count), one_frame, Grain{1});
+  parallel_for(Device::cpu, static_cast<int64_t>(sample.size()), one_frame, Grain{1});
   return mean(divergence);
 }
 
 /// Clumps and local density, means over the sampled frames.
-void distribution_values(const Scene& scene, const ParticleRun& truth, const ParticleRun& run, std::size_t frames,
-                         int32_t type, MetricValues& values) {
-  const std::size_t count = std::min(sampled_frames, frames);
+void distribution_values(const Scene& scene, const ParticleRun& truth, const ParticleRun& run,
+                         const std::vector<std::size_t>& sample, int32_t type, MetricValues& values) {
+  const std::size_t count = sample.size();
   std::vector<double> size_error(count), clumps(count), true_clumps(count), density_error(count);
   const double dx = scene.domain.dx, unit = mass_of(truth, type);
+  const Space space(scene.domain);
   const auto one_frame = [&](int64_t k) {
-    const std::size_t frame = sampled_frame(k, frames, count);
+    const std::size_t frame = sample[static_cast<std::size_t>(k)];
     const MaterialFrame a = material_frame(truth, frame, type), b = material_frame(run, frame, type);
-    const auto expected = clump_masses(a.position, a.mass, clump_radius * dx),
-               got = clump_masses(b.position, b.mass, clump_radius * dx);
+    const auto expected = clump_masses(a.position, a.mass, clump_radius * dx, space),
+               got = clump_masses(b.position, b.mass, clump_radius * dx, space);
     size_error[k] = wasserstein_1(clump_sizes(expected, unit), clump_sizes(got, unit));
     true_clumps[k] = static_cast<double>(expected.size());
     clumps[k] = static_cast<double>(got.size());
-    density_error[k] = wasserstein_1(local_density(a.position, a.volume, dx), local_density(b.position, b.volume, dx));
+    density_error[k] =
+        wasserstein_1(local_density(a.position, a.volume, dx, space), local_density(b.position, b.volume, dx, space));
   };
   parallel_for(Device::cpu, static_cast<int64_t>(count), one_frame, Grain{1});
   values["local_density_error"] = mean(density_error);
@@ -102,46 +117,65 @@ void distribution_values(const Scene& scene, const ParticleRun& truth, const Par
   values["clumps_truth"] = mean(true_clumps);
 }
 
+/// Where the fronts of a material are measured from: its centre in the first frame in which the truth has some.
+Vec3d front_origin(const ParticleRun& truth, int32_t type, const Space& space) {
+  for (std::size_t f = 0; f <= truth.predicted(); ++f)
+    if (truth.has_type(f, type)) return center_of_mass(truth, f, type, space);
+  return Vec3d::zero();
+}
+
 MetricValues material_values(const Scene& scene, const ParticleRun& truth, const ParticleRun& run, std::size_t frames,
                              int32_t type) {
   const int vertical = vertical_axis(scene.gravity);
-  const Vec3d start = center_of_mass(truth, 0, type);
-  std::vector<double> center(frames), front(frames);
-  double last = 0, last_truth = 0;
-  for (std::size_t f = 1; f <= frames; ++f) {
-    center[f - 1] = norm(center_of_mass(run, f, type) - center_of_mass(truth, f, type));
-    last = front_distance(run, f, type, start, vertical);
-    last_truth = front_distance(truth, f, type, start, vertical);
-    front[f - 1] = std::abs(last - last_truth);
+  const Space space(scene.domain);
+  const Vec3d start = front_origin(truth, type, space);
+  const auto common = common_frames(truth, run, frames, type), sample = sample_of(common);
+  std::vector<double> center, front;
+  for (const std::size_t f : common) {
+    center.push_back(norm(center_of_mass(run, f, type, space) - center_of_mass(truth, f, type, space)));
+    front.push_back(std::abs(front_distance(run, f, type, start, vertical, space) -
+                             front_distance(truth, f, type, start, vertical, space)));
   }
   const auto& types = run.trajectory.particle_type;
   MetricValues values = {{"particles", static_cast<double>(std::count(types.begin(), types.end(), type))},
-                         {"sinkhorn", sinkhorn_of_material(scene, truth, run, frames, type)},
+                         {"sinkhorn", sinkhorn_of_material(scene, truth, run, sample, type)},
                          {"center_of_mass_error", mean(center)},
                          {"front_error", mean(front)},
-                         {"front_final", last},
-                         {"front_final_truth", last_truth}};
-  distribution_values(scene, truth, run, frames, type, values);
+                         {"front_final", front_distance(run, frames, type, start, vertical, space)},
+                         {"front_final_truth", front_distance(truth, frames, type, start, vertical, space)}};
+  distribution_values(scene, truth, run, sample, type, values);
   return values;
 }
 
-void displacement_values(const ParticleRun& truth, const ParticleRun& run, std::size_t frames, MetricValues& values) {
-  DisplacementError error(truth.position(0));
-  for (std::size_t f = 1; f <= frames; ++f) error.add(truth.position(f), run.position(f));
+/// [n], 1 for the particles that are in both runs in a frame; empty: all.
+std::vector<uint8_t> in_both(const ParticleRun& truth, const ParticleRun& run, std::size_t f) {
+  if (truth.trajectory.frames[f].active.empty() && run.trajectory.frames[f].active.empty()) return {};
+  std::vector<uint8_t> both(truth.size());
+  for (std::size_t i = 0; i < both.size(); ++i) both[i] = truth.is_active(f, i) && run.is_active(f, i) ? 1 : 0;
+  return both;
+}
+
+void displacement_values(const ParticleRun& truth, const ParticleRun& run, std::size_t frames, const Space& space,
+                         MetricValues& values) {
+  DisplacementError error(truth.position(0), space);
+  for (std::size_t f = 1; f <= frames; ++f) error.add(truth.position(f), run.position(f), in_both(truth, run, f));
   values["delta"] = error.delta();
   values["displacement_relative_error"] = error.displacement_relative();
 }
 
 /// Of runs of the same particles.
-void position_values(const ParticleRun& truth, const ParticleRun& run, std::size_t frames, Evaluation& evaluation) {
-  evaluation.curves.position = position_error_curve(truth, run);
+void position_values(const Scene& scene, const ParticleRun& truth, const ParticleRun& run, std::size_t frames,
+                     Evaluation& evaluation) {
+  const Space space(scene.domain);
+  evaluation.curves.position = position_error_curve(truth, run, -1, space);
   MetricValues& values = evaluation.values;
   values["position_mse_20"] = mean_of_first(evaluation.curves.position, 20);
   values["position_mse_100"] = mean_of_first(evaluation.curves.position, 100);
   values["position_mse_all"] = mean(evaluation.curves.position);
-  displacement_values(truth, run, frames, values);
+  displacement_values(truth, run, frames, space, values);
   for (const int32_t type : types_of(truth.trajectory))
-    evaluation.materials[particle_type_name(type)]["position_mse_all"] = mean(position_error_curve(truth, run, type));
+    evaluation.materials[particle_type_name(type)]["position_mse_all"] =
+        mean(position_error_curve(truth, run, type, space));
 }
 
 void density_values(const Scene& scene, const ParticleRun& truth, const ParticleRun& run, std::size_t frames,
@@ -187,8 +221,10 @@ void average_materials(const ParticleRun& truth, Evaluation& evaluation) {
 void energy_values(const Scene& scene, const ParticleRun& truth, const ParticleRun& run, Evaluation& evaluation) {
   const double mass = std::accumulate(truth.mass.begin(), truth.mass.end(), 0.0);
   const double smallest = std::max(1e-12, mass * norm(scene.gravity) * scene.domain.dx);
-  evaluation.curves.kinetic_energy = kinetic_energy_curve(run);
-  const auto error = kinetic_energy_error(kinetic_energy_curve(truth), evaluation.curves.kinetic_energy, smallest);
+  const Space space(scene.domain);
+  evaluation.curves.kinetic_energy = kinetic_energy_curve(run, space);
+  const auto error =
+      kinetic_energy_error(kinetic_energy_curve(truth, space), evaluation.curves.kinetic_energy, smallest);
   evaluation.values["kinetic_energy_error"] = error.relative;
   evaluation.values["kinetic_energy_mse"] = error.mean_squared;
 }
@@ -207,7 +243,7 @@ Evaluation evaluate_rollout(const Scene& scene, const sparsegrid::ObstacleSet& o
                        "). Use runs of the same scene");
   for (const int32_t type : types)
     evaluation.materials[particle_type_name(type)] = material_values(scene, truth, run, frames, type);
-  if (same_particles(truth, run)) position_values(truth, run, frames, evaluation);
+  if (same_particles(truth, run)) position_values(scene, truth, run, frames, evaluation);
   density_values(scene, truth, run, frames, evaluation);
   average_materials(truth, evaluation);
   energy_values(scene, truth, run, evaluation);

@@ -7,14 +7,16 @@
 
 namespace graupel::compare {
 
-std::vector<double> kinetic_energy_curve(const ParticleRun& run) {
+std::vector<double> kinetic_energy_curve(const ParticleRun& run, const Space& space) {
   const double dt = run.trajectory.frame_time;
   std::vector<double> energy(run.predicted());
   const auto frame_energy = [&](int64_t k) {
     const auto f = static_cast<std::size_t>(k) + 1;
     double sum = 0;
     for (std::size_t i = 0; i < run.size(); ++i)
-      sum += run.mass[i] * norm2(run.position(f)[i].cast<double>() - run.position(f - 1)[i].cast<double>());
+      if (run.is_active(f, i) && run.is_active(f - 1, i))
+        sum += run.mass[i] *
+               norm2(space.difference(run.position(f)[i].cast<double>(), run.position(f - 1)[i].cast<double>()));
     energy[k] = 0.5 * sum / (dt * dt);
   };
   parallel_for(Device::cpu, static_cast<int64_t>(energy.size()), frame_energy, Grain{1});

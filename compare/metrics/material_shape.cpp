@@ -5,23 +5,27 @@
 
 namespace graupel::compare {
 
-Vec3d center_of_mass(const ParticleRun& run, std::size_t frame, int32_t type) {
+Vec3d center_of_mass(const ParticleRun& run, std::size_t frame, int32_t type, const Space& space) {
   Vec3d moment = {0, 0, 0};
   double mass = 0;
   for (std::size_t i = 0; i < run.size(); ++i) {
-    if (type >= 0 && run.trajectory.particle_type[i] != type) continue;
+    if ((type >= 0 && run.trajectory.particle_type[i] != type) || !run.is_active(frame, i)) continue;
     moment += run.position(frame)[i].cast<double>() * run.mass[i];
     mass += run.mass[i];
   }
+  for (int d = 0; d < 3; ++d)
+    if (space.is_periodic(d)) moment[d] = 0;
   return mass > 0 ? moment * (1 / mass) : moment;
 }
 
-double front_distance(const ParticleRun& run, std::size_t frame, int32_t type, const Vec3d& center, int vertical) {
+double front_distance(const ParticleRun& run, std::size_t frame, int32_t type, const Vec3d& center, int vertical,
+                      const Space& space) {
   std::vector<double> distance;
   for (std::size_t i = 0; i < run.size(); ++i) {
-    if (type >= 0 && run.trajectory.particle_type[i] != type) continue;
+    if ((type >= 0 && run.trajectory.particle_type[i] != type) || !run.is_active(frame, i)) continue;
     Vec3d arm = run.position(frame)[i].cast<double>() - center;
-    arm[vertical] = 0;
+    for (int d = 0; d < 3; ++d)
+      if (d == vertical || space.is_periodic(d)) arm[d] = 0;
     distance.push_back(norm(arm));
   }
   if (distance.empty()) return 0;

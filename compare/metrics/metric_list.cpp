@@ -70,6 +70,10 @@ const std::vector<MetricInfo>& metric_list() {
       {"floor_kinetic_energy_error", "", "kinetic_energy_error of the same", floors},
       {"floor_center_of_mass_error", "m", "center_of_mass_error of the same", floors},
       {"floor_front_error", "m", "front_error of the same", floors},
+      {"ratio_position_mse_all", "", "position_mse_all beyond its floor over the opponent's", ratios},
+      {"ratio_sinkhorn", "", "sinkhorn beyond its floor over the opponent's", ratios},
+      {"ratio_density_error", "", "density_error beyond its floor over the opponent's", ratios},
+      {"ratio_frame_ms", "", "frame_ms over the opponent's", ratios},
   };
   return list;
 }

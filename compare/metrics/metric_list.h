@@ -11,7 +11,7 @@ namespace graupel::compare {
 using MetricValues = std::map<std::string, double>;
 
 /// Part of the comparison that yields a metric; a part that was switched off leaves its metrics out.
-enum class MetricGroup { rollout, one_step, cost, floors };
+enum class MetricGroup { rollout, one_step, cost, floors, ratios };
 
 struct MetricInfo {
   std::string key;

@@ -46,11 +46,12 @@ namespace {
 using Matrix = Eigen::Array<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 using Row = Eigen::Array<double, 1, Eigen::Dynamic>;
 
-Matrix squared_distances(const WeightedPoints& a, const WeightedPoints& b) {
+Matrix squared_distances(const WeightedPoints& a, const WeightedPoints& b, const Space& space) {
   Matrix cost(a.weight.size(), b.weight.size());
   for (std::size_t i = 0; i < a.weight.size(); ++i)
     for (std::size_t j = 0; j < b.weight.size(); ++j)
-      cost(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(j)) = norm2(a.position[i] - b.position[j]);
+      cost(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(j)) =
+          norm2(space.difference(a.position[i], b.position[j]));
   return cost;
 }
 
@@ -80,8 +81,8 @@ std::vector<double> entropy_schedule(double largest_cost, double eps) {
 constexpr int most_iterations = 500;
 
 /// OT_eps(a, b) = <a, f> + <b, g> at the fixed point of f = softmin(g), g = softmin(f).
-double transport_cost(const WeightedPoints& a, const WeightedPoints& b, double eps) {
-  const Matrix cost = squared_distances(a, b), turned = cost.transpose();
+double transport_cost(const WeightedPoints& a, const WeightedPoints& b, double eps, const Space& space) {
+  const Matrix cost = squared_distances(a, b, space), turned = cost.transpose();
   const Row log_a = log_weights(a), log_b = log_weights(b);
   Row f = Row::Zero(cost.rows()), g = Row::Zero(cost.cols());
   for (const double e : entropy_schedule(cost.maxCoeff(), eps)) {
@@ -98,8 +99,8 @@ double transport_cost(const WeightedPoints& a, const WeightedPoints& b, double e
 }
 
 /// OT_eps(a, a): f = g, by averaged updates, which converge in a few iterations (Feydy et al. 2019, eq. 25).
-double self_transport_cost(const WeightedPoints& a, double eps) {
-  const Matrix cost = squared_distances(a, a);
+double self_transport_cost(const WeightedPoints& a, double eps, const Space& space) {
+  const Matrix cost = squared_distances(a, a, space);
   const Row log_a = log_weights(a);
   Row f = Row::Zero(cost.rows());
   for (const double e : entropy_schedule(cost.maxCoeff(), eps)) f = 0.5 * (f + soft_minimum(cost, log_a, f, e));
@@ -115,11 +116,11 @@ double self_transport_cost(const WeightedPoints& a, double eps) {
 
 }  // namespace
 
-double sinkhorn_divergence(const WeightedPoints& a, const WeightedPoints& b, double eps) {
+double sinkhorn_divergence(const WeightedPoints& a, const WeightedPoints& b, double eps, const Space& space) {
   if (a.weight.empty() || b.weight.empty()) return 0;
   if (a.position == b.position && a.weight == b.weight) return 0;
-  const double s = transport_cost(a, b, eps) - 0.5 * (self_transport_cost(a, eps) + self_transport_cost(b, eps));
-  return std::max(0.0, s);
+  const double self = 0.5 * (self_transport_cost(a, eps, space) + self_transport_cost(b, eps, space));
+  return std::max(0.0, transport_cost(a, b, eps, space) - self);
 }
 
 }  // namespace graupel::compare

@@ -5,6 +5,7 @@
 
 #include <vector>
 
+#include "compare/metrics/space.h"
 #include "core/math/vec.h"
 
 namespace graupel::compare {
@@ -26,6 +27,7 @@ double bin_together(const std::vector<Vec3d>& x, const std::vector<double>& x_ma
 
 /// S(a, b) [m^2] with entropy `eps` [m^2]; at least 0, and exactly 0 for identical clouds. The iteration needs an eps
 /// of about the squared distance between neighbouring points or more to converge in the steps it takes.
-double sinkhorn_divergence(const WeightedPoints& a, const WeightedPoints& b, double eps);
+/// Across periodic walls distances are the shortest ones.
+double sinkhorn_divergence(const WeightedPoints& a, const WeightedPoints& b, double eps, const Space& space = {});
 
 }  // namespace graupel::compare

@@ -10,6 +10,12 @@ std::vector<int32_t> types_of(const Trajectory& trajectory) {
   return {types.begin(), types.end()};
 }
 
+bool ParticleRun::has_type(std::size_t f, int32_t type) const {
+  for (std::size_t i = 0; i < size(); ++i)
+    if (trajectory.particle_type[i] == type && is_active(f, i)) return true;
+  return false;
+}
+
 void hold_last_frame(Trajectory& trajectory, std::size_t frames) {
   while (trajectory.frames.size() < frames + 1) {
     ParticleFrame frame = trajectory.frames.back();

@@ -20,6 +20,10 @@ struct ParticleRun {
   std::size_t predicted() const { return trajectory.frames.empty() ? 0 : trajectory.frames.size() - 1; }
   /// Positions of frame f [m], shape [n, 3].
   const std::vector<Vec3f>& position(std::size_t f) const { return trajectory.frames[f].position; }
+  /// Whether a particle is in the run in a frame.
+  bool is_active(std::size_t f, std::size_t i) const { return trajectory.frames[f].is_active(i); }
+  /// Whether any particle of a type is.
+  bool has_type(std::size_t f, int32_t type) const;
 };
 
 /// Particle types present, ascending.

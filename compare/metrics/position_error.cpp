@@ -13,7 +13,8 @@ bool same_particles(const ParticleRun& truth, const ParticleRun& run) {
   return truth.trajectory.particle_type == run.trajectory.particle_type;
 }
 
-std::vector<double> position_error_curve(const ParticleRun& truth, const ParticleRun& run, int32_t type) {
+std::vector<double> position_error_curve(const ParticleRun& truth, const ParticleRun& run, int32_t type,
+                                         const Space& space) {
   if (!same_particles(truth, run))
     throw InputError("a run has other particles than the truth (" + std::to_string(run.size()) + ", " +
                      std::to_string(truth.size()) +
@@ -27,7 +28,8 @@ std::vector<double> position_error_curve(const ParticleRun& truth, const Particl
     for (std::size_t i = 0; i < truth.size(); ++i) {
       const int32_t own = truth.trajectory.particle_type[i];
       if (type >= 0 ? own != type : !moves_by_itself(own)) continue;
-      sum += norm2(run.position(f)[i].cast<double>() - truth.position(f)[i].cast<double>());
+      if (!truth.is_active(f, i) || !run.is_active(f, i)) continue;
+      sum += norm2(space.difference(run.position(f)[i].cast<double>(), truth.position(f)[i].cast<double>()));
       ++n;
     }
     curve[k] = n > 0 ? sum / static_cast<double>(n) : 0;

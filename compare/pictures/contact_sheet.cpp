@@ -18,6 +18,18 @@ double mean_volume(const ParticleRun& run) {
          static_cast<double>(std::max<std::size_t>(1, run.size()));
 }
 
+/// The particles that are in the run in a frame.
+Image picture_of(const Backdrop& backdrop, const ParticleRun& run, std::size_t frame, double radius) {
+  std::vector<Vec3f> position;
+  std::vector<int32_t> type;
+  for (std::size_t i = 0; i < run.size(); ++i) {
+    if (!run.is_active(frame, i)) continue;
+    position.push_back(run.position(frame)[i]);
+    type.push_back(run.trajectory.particle_type[i]);
+  }
+  return draw_particles(backdrop, position, type, radius);
+}
+
 }  // namespace
 
 std::vector<std::size_t> picture_frames(std::size_t last) {
@@ -36,7 +48,7 @@ Image picture_row(const Backdrop& backdrop, const ParticleRun& run, const std::v
   const double radius = sphere_radius(mean_volume(run));
   for (int k = 0; k < count; ++k) {
     const std::size_t frame = frames[static_cast<std::size_t>(k)];
-    Image picture = draw_particles(backdrop, run.position(frame), run.trajectory.particle_type, radius);
+    Image picture = picture_of(backdrop, run, frame, radius);
     draw_text(picture, 6, 6, label, {235, 238, 242}, height >= 240 ? 2 : 1);
     const std::string number = "frame " + std::to_string(frame);
     draw_text(picture, width - text_width(number) - 6, height - 13, number, {235, 238, 242});

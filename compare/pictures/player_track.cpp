@@ -12,6 +12,7 @@ namespace graupel::compare {
 namespace {
 
 constexpr std::size_t bytes_per_position = 6;
+constexpr uint16_t not_in_run = 65535;  ///< on all axes: the player leaves the particle out
 
 uint16_t quantize(double x, double low, double size) {
   return static_cast<uint16_t>(std::lround(65535 * std::clamp((x - low) / size, 0.0, 1.0)));
@@ -65,7 +66,10 @@ PlayerTrack make_track(const Scene& scene, const ParticleRun& run, const std::st
     track.frames.push_back(static_cast<int64_t>(f));
     for (const std::size_t i : index)
       for (int d = 0; d < 3; ++d)
-        track.position.push_back(quantize(run.position(f)[i][d], domain.origin[d], domain.size[d]));
+        track.position.push_back(
+            run.is_active(f, i)
+                ? std::min<uint16_t>(quantize(run.position(f)[i][d], domain.origin[d], domain.size[d]), not_in_run - 1)
+                : not_in_run);
   }
   return track;
 }

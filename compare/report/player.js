@@ -28,8 +28,11 @@ layout(location=2) in vec3 color; layout(location=3) in vec3 normal;
 uniform mat4 view, projection; uniform vec3 low, size; uniform float blend, radius, pixels;
 out vec3 tint; out vec3 side; out float nearness;
 void main() {
-  vec4 p = view * vec4(low + size * mix(now, next, blend), 1.0);
-  gl_Position = projection * p;
+  // 1 on all axes: not in the run. A step of over half the box is one through a periodic wall.
+  bool absent = all(equal(now, vec3(1.0))) || (blend > 0.0 && all(equal(next, vec3(1.0))));
+  vec3 at = any(greaterThan(abs(next - now), vec3(0.5))) ? now : mix(now, next, blend);
+  vec4 p = view * vec4(low + size * at, 1.0);
+  gl_Position = absent ? vec4(2.0, 2.0, 2.0, 1.0) : projection * p;
   gl_PointSize = max(1.5, pixels * radius / -p.z);
   tint = color; side = mat3(view) * normal;
   nearness = clamp(1.25 + 0.22 * p.z / length(size), 0.55, 1.15);

@@ -93,6 +93,30 @@ std::string mean_table(const Comparison& comparison) {
   return html + "</tbody></table></div>\n";
 }
 
+/// Geometric means of every category and of all scenes.
+std::string category_table(const Comparison& comparison) {
+  constexpr const char* keys[] = {
+      "frame_ms",       "position_mse_all",    "sinkhorn",      "density_error", "ratio_position_mse_all",
+      "ratio_sinkhorn", "ratio_density_error", "ratio_frame_ms"};
+  std::string html =
+      "<h2>Categories</h2>\n<p class=\"soft\">Geometric means; ratios are over the opponent, of errors "
+      "beyond the chaos floor.</p>\n<div class=\"scroll\"><table><thead><tr><th>category, model</th>";
+  for (const char* key : keys) html += "<th>" + breakable(key) + "</th>";
+  html += "</tr></thead><tbody>\n";
+  const auto add = [&](const std::string& name, std::size_t scenes, const std::string& category, const char* style) {
+    for (const std::string& model : models_of(comparison)) {
+      const MetricValues mean = geometric_mean_over_scenes(comparison, model, category);
+      html += fmt::format("<tr{}><td>{}</td>", style, escape_markup(fmt::format("{} ({}), {}", name, scenes, model)));
+      for (const char* key : keys) html += cell(mean, key);
+      html += "</tr>\n";
+    }
+  };
+  for (const std::string& category : categories_of(comparison))
+    add(category, scenes_of_category(comparison, category), category, "");
+  add("all", comparison.scenes.size(), "", " class=\"floor\"");
+  return html + "</tbody></table></div>\n";
+}
+
 /// Every metric as a row, models as columns.
 std::string full_table(const SceneResult& scene) {
   std::string html = "<details><summary>All metrics</summary><div class=\"scroll\"><table><thead><tr><th>metric</th>";
@@ -273,6 +297,10 @@ std::string build(const Comparison& comparison) {
       "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n<link rel=\"icon\" href=\"data:,\">\n"
       "<title>Graupel comparison</title>\n<style>\n" +
       std::string(report_style) + "</style>\n</head>\n<body>\n" + head_section(comparison);
+  if (const std::string sentence = headline(comparison); !sentence.empty())
+    html += "<p><strong>" + escape_markup(sentence) + "</strong></p>\n";
+  if (!categories_of(comparison).empty() && computed(comparison, MetricGroup::rollout))
+    html += category_table(comparison);
   if (comparison.scenes.size() > 1)
     html += fmt::format("<h2>Mean of {} scenes</h2>\n", comparison.scenes.size()) + mean_table(comparison);
   if (computed(comparison, MetricGroup::rollout) && !comparison.scenes.empty()) html += player_section(comparison);

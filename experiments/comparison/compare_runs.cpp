@@ -91,6 +91,7 @@ std::vector<ComparedModel> models_for(const SceneTask& task, const std::vector<C
                                       OtherScenes other_scenes) {
   std::vector<ComparedModel> fitting;
   for (const ComparedModel& model : models) {
+    check_runs_on(model.choice, task.scene);
     if (!runs_on_all_scenes(model.choice.kind)) {
       try {
         const ReducedRun runs_here(*model.reduced, task.scene, task.seed, {});
@@ -187,7 +188,7 @@ void compare_scenes(const CompareOptions& options, compare::Comparison& comparis
   using enum compare::MetricGroup;
   comparison.groups = {one_step};
   if (!options.one_step_only) comparison.groups = {rollout, one_step, cost};
-  if (!options.one_step_only && options.floors) comparison.groups.push_back(floors);
+  if (!options.one_step_only && options.floors) comparison.groups.insert(comparison.groups.end(), {floors, ratios});
   const auto budget = compare::report_budget(tasks.size() * (models.size() + 1));
   for (std::size_t t = 0; t < tasks.size(); ++t) {
     const SceneTask& task = tasks[t];

@@ -14,14 +14,17 @@ namespace graupel::experiments {
 enum class OtherScenes { refuse, leave_out };
 
 struct CompareOptions {
-  std::vector<std::string> scenes;  ///< scene files, data sets (.h5), folders of scene files
+  /// Scene files, folders of them, data sets (.h5, or their folders) and recipes. A number among them takes so many
+  /// scenes of each recipe and data set, the first ones.
+  std::vector<std::string> scenes;
+  std::string split;                ///< of recipes and data sets' folders: train, valid or test
   std::vector<std::string> models;  ///< mpm, mpm:fast, mpm:coarse, weights files
   int64_t frames = 0;               ///< 0: the scene's
   int64_t one_step_stride = 5;      ///< every how many frames the one-step error is taken
   double density_limit = 1;         ///< of networks' rollouts, of the density at rest; 0: none
   bool free_flight = true;          ///< of networks' rollouts: what flies keeps its momentum
   std::vector<std::string> set;     ///< scene keys, "key=value"
-  std::optional<uint64_t> seed;     ///< of the particle sampling; default the scene's
+  std::optional<uint64_t> seed;     ///< of the particle sampling; default the scene's; of a recipe's draws, default 0
   std::string device = "auto";      ///< of MPM
   int threads = 0;
   OtherScenes other_scenes = OtherScenes::refuse;

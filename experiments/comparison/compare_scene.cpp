@@ -45,28 +45,49 @@ void attach_masses(const Scene& scene, uint64_t seed, compare::ParticleRun& run)
   }
 }
 
-/// The scene without its moving obstacles, of which the metrics know nothing. Throws ConfigError for scenes whose
-/// frames cannot be compared particle by particle.
+/// The scene without its moving obstacles, of which pictures and one-step errors know nothing.
 Scene fixed_part(Scene scene) {
-  const char* what = scene.domain.is_plane()                 ? "two dimensions (domain.dimensions: 2)"
-                     : scene.has_inactive_particles()        ? "particles that come or go (emitters, sinks, open walls)"
-                     : scene.domain.has_wall(Wall::periodic) ? "periodic walls"
-                                                             : nullptr;
-  if (what != nullptr)
-    throw ConfigError("compare cannot run '" + scene.name + "': it has " + what +
-                      " (allowed: none). Use `graupel simulate`, or a scene without them; data of other programs are "
-                      "compared with by `graupel rollout WEIGHTS DATA.h5 --start truth:N`");
   std::erase_if(scene.obstacles, [](const Obstacle& obstacle) { return obstacle.motion.has_value(); });
   return scene;
+}
+
+/// Where the truth's particles start: as stored, but those that emitters will send out, of which a file stores neither
+/// velocity nor time.
+StartState start_of_stored(const SceneTask& task, const compare::ParticleRun& truth) {
+  StartState start = start_of(task.scene, task.seed);
+  const bool as_stored = start.particle_type == truth.trajectory.particle_type;
+  if (!start.birth_time.empty() && !as_stored)
+    throw InputError(fmt::format(
+        "'{}' holds other particles than its scene's sources and emitters make ({}, {} of the scene). Make the data "
+        "set again, or name the scene file",
+        task.source, truth.size(), start.position.size()));
+  if (!as_stored) start = {};
+  start.particle_type = truth.trajectory.particle_type;
+  start.mass = truth.mass;
+  start.volume = truth.volume;
+  start.position.resize(truth.size());
+  start.velocity.resize(truth.size());
+  for (std::size_t i = 0; i < truth.size(); ++i) {
+    if (!start.birth_time.empty() && start.birth_time[i] > 0) continue;
+    start.position[i] = truth.position(0)[i];
+    start.velocity[i] = task.initial_velocity[i];
+  }
+  return start;
 }
 
 }  // namespace
 
 SceneComparison::SceneComparison(const CompareOptions& options, const SceneTask& task, Device device,
                                  const compare::ReportBudget& budget)
-    : options_(options), task_(task), device_(device), budget_(budget), obstacles_(fixed_part(task.scene)) {
+    : options_(options),
+      task_(task),
+      device_(device),
+      budget_(budget),
+      obstacles_(fixed_part(task.scene)),
+      all_obstacles_(task.scene.has_moving_obstacles() ? sparsegrid::ObstacleSet(task.scene) : obstacles_) {
   result_.name = task.scene.name;
   result_.source = task.source;
+  result_.category = task.category;
   result_.frames = static_cast<std::size_t>(task.frames);
   result_.frame_time = task.scene.frame_time;
   result_.low = task.scene.domain.origin;
@@ -88,11 +109,7 @@ void SceneComparison::make_truth() {
   if (task_.stored) {
     truth_.run.trajectory = *task_.stored;
     attach_masses(task_.scene, task_.seed, truth_.run);
-    start_.particle_type = truth_.run.trajectory.particle_type;
-    start_.position = truth_.run.position(0);
-    start_.velocity = task_.initial_velocity;
-    start_.mass = truth_.run.mass;
-    start_.volume = truth_.run.volume;
+    start_ = start_of_stored(task_, truth_.run);
     if (!options_.one_step_only) {
       rerun_ = run_variant(mpm::same_solver);
       truth_.cost = rerun_->cost;
@@ -110,13 +127,18 @@ void SceneComparison::note_divergence(const std::string& reference, const TimedR
 }
 
 SceneFloors SceneComparison::measure_floors() {
-  MpmRunOptions run{.device = device_, .seed = task_.seed, .frames = task_.frames, .label = label("moved particles")};
-  const TimedRun moved = run_mpm(moved_scene(task_.scene, task_.seed, floor_displacement * task_.scene.domain.dx), run);
-  const auto position = evaluate_rollout(task_.scene, obstacles_, truth_.run, moved.run);
+  MpmRunOptions run{.device = device_,
+                    .seed = task_.seed,
+                    .frames = task_.frames,
+                    .label = label("moved particles"),
+                    .displacement = floor_displacement * task_.scene.domain.dx};
+  const TimedRun moved = run_mpm(task_.scene, run);
+  const auto position = evaluate_rollout(task_.scene, all_obstacles_, truth_.run, moved.run);
   run.label = label("another seed");
+  run.displacement = 0;
   run.seed = reseeded(task_.seed);
   const TimedRun other_seed = run_mpm(task_.scene, run);
-  const auto distribution = evaluate_rollout(task_.scene, obstacles_, truth_.run, other_seed.run);
+  const auto distribution = evaluate_rollout(task_.scene, all_obstacles_, truth_.run, other_seed.run);
   SceneFloors floors{.scene_hash = mpm::scene_hash(task_.scene, task_.seed),
                      .frames = task_.frames,
                      .values = compare::floor_values(position, distribution),
@@ -133,13 +155,14 @@ SceneFloors SceneComparison::measure_floors() {
 }
 
 void SceneComparison::make_references(const mpm::SolverVariant& opponent) {
-  const compare::Evaluation self = evaluate_rollout(task_.scene, obstacles_, truth_.run, truth_.run);
+  const compare::Evaluation self = evaluate_rollout(task_.scene, all_obstacles_, truth_.run, truth_.run);
   result_.true_energy = self.curves.kinetic_energy;
   opponent_ = opponent;
   result_.opponent = mpm::variant_word(opponent);
   opponent_run_ = run_variant(opponent);
   note_divergence(result_.opponent, *opponent_run_);
-  opponent_values_ = evaluate_rollout(task_.scene, obstacles_, truth_.run, opponent_run_->run).values;
+  opponent_values_ = evaluate_rollout(task_.scene, all_obstacles_, truth_.run, opponent_run_->run).values;
+  opponent_values_["frame_ms"] = 1e3 * opponent_run_->cost.frame;
   if (options_.floors) {
     floors_ = options_.floor_file.empty() ? measure_floors()
                                           : FloorFile(options_.floor_file).of(task_.scene, task_.seed, task_.frames);
@@ -275,7 +298,7 @@ compare::ModelResult SceneComparison::evaluate(const ComparedModel& model) {
   }
   TimedRun own;  // of the models that are not run already
   const TimedRun& timed = run_of(model, own);
-  auto evaluation = evaluate_rollout(task_.scene, obstacles_, truth_.run, timed.run);
+  auto evaluation = evaluate_rollout(task_.scene, all_obstacles_, truth_.run, timed.run);
   if (!compare::same_particles(truth_.run, timed.run))
     throw InputError("'" + model.choice.name + "' moves other particles than the truth of '" + task_.scene.name +
                      "'. Use the scene and the seed that it was trained with");
@@ -288,6 +311,7 @@ compare::ModelResult SceneComparison::evaluate(const ComparedModel& model) {
     result.values.merge(
         compare::one_step_values(model.network ? one_step_of_network(model) : one_step_of_rollout(timed.run)));
   result.values.insert(floors_.values.begin(), floors_.values.end());
+  if (options_.floors) result.values.merge(ratios(result.values, opponent_values_, floors_.values));
   const bool is_opponent = model.choice.kind == ModelKind::mpm && model.choice.variant == opponent_;
   if (!is_opponent) result.against_opponent = verdicts(result.values, opponent_values_, floors_.values);
   result.values["loses_to_coarse"] = loses(result.against_opponent) ? 1 : 0;

@@ -63,13 +63,14 @@ class SceneComparison {
   Device device_;
   compare::ReportBudget budget_;
   sparsegrid::ObstacleSet obstacles_;              ///< those that stay where they are
+  sparsegrid::ObstacleSet all_obstacles_;          ///< with those that move
   std::optional<graph::Environment> environment_;  ///< for networks; made when one runs
   StartState start_;
   TimedRun truth_;                 ///< its cost is that of mpm, also where the truth was stored
   std::optional<TimedRun> rerun_;  ///< mpm run again where the truth was stored
   mpm::SolverVariant opponent_;
   std::optional<TimedRun> opponent_run_;
-  compare::MetricValues opponent_values_;  ///< group rollout
+  compare::MetricValues opponent_values_;  ///< group rollout, and frame_ms
   SceneFloors floors_;                     ///< none where the options leave them out
   std::optional<compare::Backdrop> backdrop_;
   compare::SceneResult result_;

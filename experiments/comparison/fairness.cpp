@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/system/error.h"
 #include "experiments/process/process.h"
 
 namespace graupel::experiments {
@@ -14,6 +15,19 @@ Device common_device(const std::string& word, const std::vector<ModelChoice>& mo
 }
 
 bool runs_on_all_scenes(ModelKind kind) { return kind != ModelKind::reduced; }
+
+void check_runs_on(const ModelChoice& model, const Scene& scene) {
+  if (model.kind == ModelKind::mpm) return;
+  const char* what = scene.domain.is_plane()                 ? "two dimensions (domain.dimensions: 2)"
+                     : scene.has_inactive_particles()        ? "particles that come or go (emitters, sinks, open walls)"
+                     : scene.domain.has_wall(Wall::periodic) ? "periodic walls"
+                                                             : nullptr;
+  if (what != nullptr)
+    throw ConfigError("'" + model.name + "' cannot run '" + scene.name + "': it has " + what +
+                      " (allowed for learned models: none). Compare " + mpm::variant_words() +
+                      " on it, or use a scene without them; data of other programs are compared with by `graupel "
+                      "rollout WEIGHTS DATA.h5 --start truth:N`");
+}
 
 bool judged_by_tracers(const mpm::SolverVariant& variant) { return variant.resolution != 1; }
 
@@ -41,6 +55,19 @@ std::map<std::string, std::string> verdicts(const compare::MetricValues& model, 
       verdict[key] = difference > 0 ? "worse" : "better";
   }
   return verdict;
+}
+
+compare::MetricValues ratios(const compare::MetricValues& model, const compare::MetricValues& opponent,
+                             const compare::MetricValues& floors) {
+  constexpr double smallest = 1e-30;  // where both the error and its floor are 0
+  compare::MetricValues ratios;
+  for (const std::string key : deciding_metrics) {
+    const double floor = floors.at("floor_" + key);
+    const auto beyond = [&](double error) { return std::max({error - floor, floor / 10, smallest}); };
+    ratios["ratio_" + key] = beyond(model.at(key)) / beyond(opponent.at(key));
+  }
+  ratios["ratio_frame_ms"] = std::max(model.at("frame_ms"), smallest) / std::max(opponent.at("frame_ms"), smallest);
+  return ratios;
 }
 
 bool loses(const std::map<std::string, std::string>& verdicts) {

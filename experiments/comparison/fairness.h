@@ -22,12 +22,15 @@ Device common_device(const std::string& word, const std::vector<ModelChoice>& mo
 
 /// Scenes: a reduced-order model runs the scene that it was trained on, every other model all scenes.
 bool runs_on_all_scenes(ModelKind kind);
+/// Throws ConfigError for what only MPM runs: particles that come or go, periodic walls and two dimensions.
+void check_runs_on(const ModelChoice& model, const Scene& scene);
 
-/// Particles: every run is judged on the truth's; one on another grid carries them as tracers.
+/// Particles: every run is judged on the truth's; one on another grid carries them as tracers, which are born when the
+/// truth's are, and leave where the run's own particles do.
 bool judged_by_tracers(const mpm::SolverVariant& variant);
 
-/// References: MPM differs from itself by as much as a run whose particles start this far off [dx] (position errors),
-/// and one that samples the sources with the next seed (all others).
+/// References: MPM differs from itself by as much as a run whose particles start, or are born, this far off [dx]
+/// (position errors), and one that samples the sources with the next seed (all others).
 inline constexpr double floor_displacement = 1e-4;
 constexpr uint64_t reseeded(uint64_t seed) { return seed + 1; }
 
@@ -47,6 +50,10 @@ inline constexpr int losing_metrics = 2;
 /// was not computed) are ties.
 std::map<std::string, std::string> verdicts(const compare::MetricValues& model, const compare::MetricValues& opponent,
                                             const compare::MetricValues& floors);
+/// Ratios to the opponent, "ratio_<metric>": of what a deciding metric is beyond MPM's own floor, which counts a tenth
+/// of itself at least: max(error - floor, floor / 10); and of frame_ms.
+compare::MetricValues ratios(const compare::MetricValues& model, const compare::MetricValues& opponent,
+                             const compare::MetricValues& floors);
 /// Worse in two deciding metrics or more, whatever the speed.
 bool loses(const std::map<std::string, std::string>& verdicts);
 

@@ -3,11 +3,14 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <charconv>
 #include <filesystem>
 #include <map>
 #include <utility>
 
+#include "core/scene/category_recipe.h"
 #include "core/system/error.h"
+#include "experiments/data/scene_source.h"
 #include "io/scene/scene_reader.h"
 #include "io/trajectory/trajectory_file.h"
 
@@ -17,23 +20,40 @@ namespace fs = std::filesystem;
 
 namespace {
 
+/// What a recipe of categories says in a scene's name; empty for other scenes.
+std::string category_of(const std::string& name) {
+  for (const auto& [word, category] : EnumWords<SceneCategory>::words)
+    if (name.ends_with(std::string("-") + word)) return word;
+  return "";
+}
+
 SceneTask read_scene_file(const std::string& path, const CompareOptions& options) {
   SceneTask task;
   task.scene = io::read_scene(path, options.set);
   if (task.scene.name.empty()) task.scene.name = fs::path(path).stem();
   task.source = path;
+  task.category = category_of(task.scene.name);
   task.seed = options.seed.value_or(task.scene.seed);
   task.frames = options.frames > 0 ? options.frames : task.scene.frames;
   return task;
 }
 
-std::vector<SceneTask> read_data_set(const std::string& path, const CompareOptions& options) {
+/// How many scenes of `there` to take: all without a wish (0). Throws ConfigError for more than there are.
+int64_t number_of(int64_t wanted, int64_t there, const std::string& what) {
+  if (wanted > there)
+    throw ConfigError(
+        fmt::format("--scenes {} is more than {} holds (allowed: 1 to {}). Ask for fewer", wanted, what, there));
+  return wanted > 0 ? wanted : there;
+}
+
+std::vector<SceneTask> read_data_set(const std::string& path, int64_t wanted, const CompareOptions& options) {
   if (!options.set.empty())
     throw ConfigError("--set cannot change the scenes of a data set ('" + path +
                       "'). Leave it out, or name scene files");
   const io::TrajectoryReader reader(path);
   std::vector<SceneTask> tasks;
-  for (int i = 0; i < reader.count(); ++i) {
+  const auto count = static_cast<int>(number_of(wanted, reader.count(), "'" + path + "'"));
+  for (int i = 0; i < count; ++i) {
     Trajectory trajectory = reader.header(i);
     const std::string source = reader.count() > 1 ? fmt::format("{}#{}", path, i) : path;
     if (trajectory.scene_json.empty())
@@ -41,6 +61,7 @@ std::vector<SceneTask> read_data_set(const std::string& path, const CompareOptio
                        "' holds no scene, so its walls and obstacles are unknown. Use a data set made by graupel");
     SceneTask task;
     task.scene = io::parse_stored_scene(trajectory.scene_json, source, path);
+    task.category = category_of(task.scene.name);
     task.scene.name = fmt::format("{}#{}", fs::path(path).stem().string(), i);
     task.source = source;
     task.seed = trajectory.seed;
@@ -63,21 +84,82 @@ std::vector<SceneTask> read_data_set(const std::string& path, const CompareOptio
   return tasks;
 }
 
-std::vector<std::string> expand_folders(const std::vector<std::string>& paths) {
-  std::vector<std::string> files;
-  for (const std::string& path : paths) {
-    if (!fs::is_directory(path)) {
-      files.push_back(path);
+mpm::Split split_named(const std::string& word) {
+  std::string allowed;
+  for (const mpm::Split split : mpm::all_splits) {
+    if (word == mpm::name_of(split)) return split;
+    allowed += (allowed.empty() ? "" : ", ") + std::string(mpm::name_of(split));
+  }
+  throw ConfigError("--split '" + word + "' is unknown (allowed: " + allowed + "). Correct it");
+}
+
+/// Of a recipe or of the folder of a data set, which cannot do without.
+mpm::Split needed_split(const std::string& path, const CompareOptions& options) {
+  if (options.split.empty())
+    throw ConfigError("'" + path + "' has several splits. Choose one with --split (allowed: train, valid, test)");
+  return split_named(options.split);
+}
+
+std::vector<SceneTask> read_recipe(const std::string& path, int64_t wanted, const CompareOptions& options) {
+  const mpm::Split split = needed_split(path, options);
+  const auto recipe = open_recipe({.recipe = path,
+                                   .set = options.set,
+                                   .fields = "",
+                                   .seed = options.seed.value_or(0),
+                                   .seed_given = options.seed.has_value()});
+  const int64_t there = recipe->count(split);
+  if (there == 0)
+    throw ConfigError(
+        fmt::format("the {} split of '{}' has no scenes. Choose another --split, or raise its count with "
+                    "--set counts.{}=N",
+                    mpm::name_of(split), path, mpm::name_of(split)));
+  const int64_t count = number_of(wanted, there, fmt::format("the {} split of '{}'", mpm::name_of(split), path));
+  std::vector<SceneTask> tasks;
+  for (int64_t i = 0; i < count; ++i) {
+    SceneTask task;
+    task.scene = recipe->scene({split, i});
+    task.source = fmt::format("{}#{}", path, i);
+    task.category = category_of(task.scene.name);
+    task.seed = task.scene.seed;
+    task.frames = options.frames > 0 ? options.frames : task.scene.frames;
+    tasks.push_back(std::move(task));
+  }
+  return tasks;
+}
+
+/// What is named in --scenes: paths, and a number of scenes.
+struct NamedScenes {
+  std::vector<std::string> paths;
+  int64_t number = 0;  ///< 0: none was named
+};
+
+NamedScenes names_of(const std::vector<std::string>& words) {
+  NamedScenes names;
+  for (const std::string& word : words) {
+    int64_t number = 0;
+    const auto [end, error] = std::from_chars(word.data(), word.data() + word.size(), number);
+    if (error != std::errc() || end != word.data() + word.size()) {
+      names.paths.push_back(word);
       continue;
     }
-    std::vector<std::string> inside;
-    for (const auto& entry : fs::directory_iterator(path))
-      if (entry.path().extension() == ".json") inside.push_back(entry.path());
-    if (inside.empty()) throw ConfigError("no scene (*.json) in folder '" + path + "'. Name another with --scenes");
-    std::sort(inside.begin(), inside.end());
-    files.insert(files.end(), inside.begin(), inside.end());
+    if (number < 1 || names.number > 0)
+      throw ConfigError("--scenes " + word + " is no number of scenes (allowed: one number, at least 1). Correct it");
+    names.number = number;
   }
-  return files;
+  return names;
+}
+
+bool is_data_set_folder(const std::string& path) {
+  return fs::is_directory(path) && fs::exists(fs::path(path) / "dataset.json");
+}
+
+std::vector<std::string> scenes_of_folder(const std::string& path) {
+  std::vector<std::string> inside;
+  for (const auto& entry : fs::directory_iterator(path))
+    if (entry.path().extension() == ".json") inside.push_back(entry.path());
+  if (inside.empty()) throw ConfigError("no scene (*.json) in folder '" + path + "'. Name another with --scenes");
+  std::sort(inside.begin(), inside.end());
+  return inside;
 }
 
 /// Names are file names of pictures and keys of rows.
@@ -94,18 +176,43 @@ void check_names_differ(const std::vector<SceneTask>& tasks) {
 }  // namespace
 
 std::vector<SceneTask> read_scene_tasks(const CompareOptions& options) {
+  if (!options.split.empty()) split_named(options.split);
+  const NamedScenes names = names_of(options.scenes);
   std::vector<SceneTask> tasks;
-  for (const std::string& path : expand_folders(options.scenes)) {
-    if (path.ends_with(".h5")) {
-      for (SceneTask& task : read_data_set(path, options)) tasks.push_back(std::move(task));
-    } else {
-      tasks.push_back(read_scene_file(path, options));
+  bool split_used = false, number_used = false;
+  const auto add = [&](std::vector<SceneTask> more) {
+    for (SceneTask& task : more) {
+      if (task.frames < 1)
+        throw ConfigError("'" + task.source + "' has no frame after the first. Give --frames 1 or more");
+      tasks.push_back(std::move(task));
     }
-    if (tasks.back().frames < 1)
-      throw ConfigError("'" + path + "' has no frame after the first. Give --frames 1 or more");
+  };
+  for (const std::string& path : names.paths) {
+    const bool of_folder = is_data_set_folder(path);
+    if (of_folder || path.ends_with(".h5")) {
+      const fs::path file = of_folder
+                                ? fs::path(path) / (mpm::name_of(needed_split(path, options)) + std::string(".h5"))
+                                : fs::path(path);
+      add(read_data_set(file, names.number, options));
+      split_used = split_used || of_folder;
+      number_used = true;
+    } else if (fs::is_directory(path)) {
+      for (const std::string& file : scenes_of_folder(path)) add({read_scene_file(file, options)});
+    } else if (is_recipe(path)) {
+      add(read_recipe(path, names.number, options));
+      split_used = number_used = true;
+    } else {
+      add({read_scene_file(path, options)});
+    }
   }
   check_names_differ(tasks);
   if (tasks.empty()) throw ConfigError("compare needs at least one scene. Example: --scenes scenes/shared");
+  if (!options.split.empty() && !split_used)
+    throw ConfigError("--split " + options.split +
+                      " is for recipes and folders of data sets, and --scenes names none. Leave it out");
+  if (names.number > 0 && !number_used)
+    throw ConfigError(fmt::format(
+        "--scenes {} is a number of scenes of recipes and data sets, and none is named. Leave it out", names.number));
   return tasks;
 }
 

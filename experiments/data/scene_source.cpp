@@ -175,6 +175,8 @@ class SweepScenes : public SceneSource {
 
 }  // namespace
 
+bool is_recipe(const std::string& path) { return io::is_recipe(path) || io::is_sweep(path); }
+
 std::unique_ptr<SceneSource> open_recipe(const SceneSourceOptions& options) {
   if (io::is_sweep(options.recipe)) return std::make_unique<SweepScenes>(options);
   if (io::is_category_recipe(options.recipe)) {

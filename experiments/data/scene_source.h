@@ -57,6 +57,9 @@ struct SceneSourceOptions {
   bool seed_given = false;
 };
 
+/// Whether a JSON file is a recipe of any kind rather than a scene. Throws as its readers do.
+bool is_recipe(const std::string& path);
+
 /// Reads the recipe. Throws ConfigError for a bad one and InputError for a missing file.
 std::unique_ptr<SceneSource> open_recipe(const SceneSourceOptions& options);
 

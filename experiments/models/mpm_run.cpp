@@ -18,12 +18,13 @@ namespace {
 TimedRun run_once(const Scene& variant, const MpmRunOptions& options) {
   const MemoryMeter memory;
   DeviceMemoryMeter device_memory(options.device);
-  const auto simulation = mpm::Simulation::create(
-      variant,
-      {.device = options.device,
-       .precision = mpm::Precision::f32,
-       .seed = options.seed,
-       .kernels = options.tracers && options.device == Device::cuda ? mpm::Kernels::portable : mpm::Kernels::tuned});
+  const bool portable = options.tracers && options.device == Device::cuda;
+  mpm::PreparedScene prepared(variant, {.device = options.device,
+                                        .precision = mpm::Precision::f32,
+                                        .seed = options.seed,
+                                        .kernels = portable ? mpm::Kernels::portable : mpm::Kernels::tuned});
+  if (options.displacement > 0) move_births(variant, options.seed, options.displacement, prepared.particles);
+  const auto simulation = mpm::Simulation::create(prepared);
   TimedRun result;
   result.moved = simulation->particle_count();
   const StartState start = options.tracers ? *options.tracers : start_of(variant, options.seed);
@@ -31,12 +32,13 @@ TimedRun run_once(const Scene& variant, const MpmRunOptions& options) {
   result.run.volume = start.volume;
   Trajectory& trajectory = result.run.trajectory;
   trajectory.particle_type = options.tracers ? start.particle_type : simulation->particle_type();
-  if (options.tracers) simulation->carry_tracers(start.position, start.velocity);
+  if (options.tracers) simulation->carry_tracers(start.position, start.velocity, start.birth_time);
   const auto current_frame = [&] {
     if (!options.tracers) return simulation->frame();
     ParticleFrame frame;
     frame.time = simulation->time();
     frame.position = simulation->tracers();
+    frame.active = simulation->active_tracers();
     return frame;
   };
   trajectory.frame_time = variant.frame_time;

@@ -5,7 +5,6 @@
 
 #include "core/math/random.h"
 #include "core/system/error.h"
-#include "mpm/sampling.h"
 #include "mpm/scene_variants.h"
 
 namespace graupel::experiments {
@@ -22,6 +21,7 @@ StartState start_of(const Scene& scene, uint64_t seed) {
     start.volume.push_back(particles.volume[p]);
     start.mass.push_back(particles.volume[p] * material.density);
   }
+  start.birth_time = particles.birth_time;
   return start;
 }
 
@@ -35,25 +35,22 @@ Vec3d within_walls(const Scene& scene, Vec3d x) {
 
 }  // namespace
 
-Scene moved_scene(const Scene& scene, uint64_t seed, double distance) {
-  const mpm::SampledParticles particles = mpm::sample_sources(scene, seed);
-  std::vector<std::vector<Vec3d>> points(scene.sources.size());
+void move_births(const Scene& scene, uint64_t seed, double distance, mpm::SampledParticles& particles) {
   for (std::size_t p = 0; p < particles.position.size(); ++p) {
     const Random random(seed, RandomPurpose::metric_subset, p);
     Vec3d direction;
     double unused;
     random.normal(0, 0, direction[0], direction[1]);
     random.normal(0, 1, direction[2], unused);
-    const Vec3d x = particles.position[p] + normalized(direction) * distance;
-    points[static_cast<std::size_t>(particles.source[p])].push_back(within_walls(scene, x));
+    if (scene.domain.is_plane()) direction[2] = 0;
+    particles.position[p] = within_walls(scene, particles.position[p] + normalized(direction) * distance);
   }
-  return mpm::scene_of_points(scene, std::move(points));
 }
 
 Scene resting_scene(const Scene& scene, uint64_t seed, const std::vector<Vec3f>& position) {
   const mpm::SampledParticles particles = mpm::sample_sources(scene, seed);
   GRAUPEL_ASSERT(particles.position.size() == position.size());
-  std::vector<std::vector<Vec3d>> points(scene.sources.size());
+  std::vector<std::vector<Vec3d>> points(scene.sources.size() + scene.emitters.size());
   for (std::size_t p = 0; p < position.size(); ++p)
     points[static_cast<std::size_t>(particles.source[p])].push_back(within_walls(scene, position[p].cast<double>()));
   Scene resting = mpm::scene_of_points(scene, std::move(points));

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "core/scene/scene.h"
+#include "mpm/sampling.h"
 
 namespace graupel::experiments {
 
@@ -14,12 +15,12 @@ struct StartState {
   std::vector<Vec3f> position;       ///< [m]
   std::vector<Vec3f> velocity;       ///< [m/s]
   std::vector<double> mass, volume;  ///< [kg], [m^3]
+  std::vector<double> birth_time;  ///< [s]; those after 0 have the place and the velocity of it; empty without emitters
 };
 StartState start_of(const Scene& scene, uint64_t seed);
 
-/// The scene with its particles as points, each moved by `distance` [m] in a random direction, but not beyond the
-/// walls.
-Scene moved_scene(const Scene& scene, uint64_t seed, double distance);
+/// Moves each particle's start, or place of birth, by `distance` [m] in a random direction, but not beyond the walls.
+void move_births(const Scene& scene, uint64_t seed, double distance, mpm::SampledParticles& particles);
 
 /// The scene with its particles as points at `position` [particles], at rest: a late state, without its stresses.
 Scene resting_scene(const Scene& scene, uint64_t seed, const std::vector<Vec3f>& position);

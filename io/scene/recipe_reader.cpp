@@ -10,6 +10,8 @@ namespace graupel::io {
 
 namespace {
 
+constexpr std::size_t largest_file = std::size_t(16) << 20;
+
 /// What the declarations cannot say: the materials a group draws from exist, and sizes are in order.
 void check_recipe(const ConfigDocument& document, const SceneRecipe& recipe) {
   if (recipe.materials.empty())
@@ -36,6 +38,12 @@ void check_recipe(const ConfigDocument& document, const SceneRecipe& recipe) {
 }
 
 }  // namespace
+
+bool is_recipe(const std::string& path) {
+  const JsonNode root = parse_json(read_file(path, largest_file), path);
+  const auto has = [&](const char* key) { return root.find(key) != nullptr; };
+  return !has("sources") && (has("categories") || has("groups") || has("counts"));
+}
 
 SceneRecipe read_recipe(const std::string& path, const std::vector<std::string>& overrides) {
   constexpr std::size_t limit = std::size_t(16) << 20;

@@ -8,6 +8,10 @@
 
 namespace graupel::io {
 
+/// Whether a JSON file is a recipe of random scenes, of categories or not, rather than a scene. Throws as parse_json
+/// does, and InputError for a missing file.
+bool is_recipe(const std::string& path);
+
 /// Reads a recipe; `overrides` are "key.path=value". Throws ConfigError for a bad recipe, InputError for a missing
 /// file.
 SceneRecipe read_recipe(const std::string& path, const std::vector<std::string>& overrides = {});

@@ -1,7 +1,7 @@
 // Advection, projection out of obstacles, passage of open and periodic walls, births and sinks, owner blocks, and the
 // step_statistics of the new state; and the copying of particles into another order.
 #include "mpm/particles/slot_range.h"
-#include "mpm/phases/phases.h"
+#include "mpm/phases/exits.h"
 #include "mpm/physics/particle_motion.h"
 
 namespace graupel::mpm {
@@ -55,16 +55,15 @@ struct MoveSlots {
     records[item] = found;
   }
 
-  /// A particle whose time of birth falls into this substep starts where it would be had it moved since then: backed
-  /// off by the part of the substep before its birth, so that the step that follows takes it there.
+  /// A particle whose time of birth falls into this substep.
   GRAUPEL_HD bool appear(int64_t slot, StepStatistics& found) const {
     const ParticleView<T>& p = view.particles;
     const int32_t particle = p.source_index.get(slot);
     if (view.lifecycle.presence[particle] != Presence::unborn) return false;
-    const double age = view.lifecycle.step_end - view.lifecycle.birth_time[particle];
-    if (!(age >= 0)) return false;
+    Vec<T, 3> x = p.position.vec(slot);
+    if (!appears(view, view.lifecycle.birth_time[particle], dt, p.velocity.vec(slot), x)) return false;
     view.lifecycle.presence[particle] = Presence::active;
-    p.position.set_vec(slot, p.position.vec(slot) + (static_cast<T>(age) - dt) * p.velocity.vec(slot));
+    p.position.set_vec(slot, x);
     ++found.born;
     return true;
   }
@@ -83,7 +82,7 @@ struct MoveSlots {
     const T mass = view.materials[p.material.get(slot)].density * p.volume.get(slot);
     if (!move_point<!plain, D, T>(view, view.moving, kinematic, slot, mass, dt, x, slowed, found)) return true;
     if (!(slowed == v)) p.velocity.set_vec(slot, slowed);
-    if (!plain && !kinematic && (view.walls.has_gates || view.lifecycle.sink_count > 0) && leaves(x)) {
+    if (!plain && !kinematic && has_exits(view) && leaves(view, x)) {
       remove(slot, x, found);
       return false;
     }
@@ -98,22 +97,6 @@ struct MoveSlots {
     if (key == view.keys[slot]) return;
     view.keys[slot] = key;
     mark(view.keys_changed);
-  }
-
-  /// Takes x through a periodic wall; true when it passed an open one or entered a sink.
-  GRAUPEL_HD bool leaves(Vec<T, 3>& x) const {
-    const WallView<T>& walls = view.walls;
-    bool out = false;
-    for (int d = 0; d < 3; ++d) {
-      const bool below = x[d]<walls.gate_low[d], above = x[d]> walls.gate_high[d];
-      const T period = static_cast<T>(walls.periodic[d].cells) * view.grid.dx;
-      if (below) x[d] += period;
-      if (above) x[d] -= period;
-      out = out || ((below || above) && walls.periodic[d].cells == 0);
-    }
-    for (int32_t s = 0; s < view.lifecycle.sink_count; ++s)
-      out = out || view.lifecycle.sinks[s].contains(x.template cast<double>());
-    return out;
   }
 
   GRAUPEL_HD void remove(int64_t slot, const Vec<T, 3>& x, StepStatistics& found) const {

@@ -115,27 +115,46 @@ struct Lattice {
   }
 };
 
+/// The lattice of a stream across its body.
+struct StreamLattice {
+  SourceBody body;
+  View view;
+  Lattice lattice;
+  std::vector<int64_t> lines;  ///< that meet the body
+
+  StreamLattice(const Emitter& emitter, std::size_t index, const Domain& domain)
+      : body(source_of(emitter), index, domain.dx / 4),
+        view(body.bounds(), transpose(emitter.rotation()) * (emitter.velocity * (1 / norm(emitter.velocity)))),
+        lattice(turned(emitter, domain), domain.spacing(emitter.particles_per_cell)) {
+    if (domain.is_plane()) lattice.flatten(domain.plane() - emitter.position[2]);
+    double s;
+    for (int64_t line = 0; line < lattice.n[0] * lattice.n[1]; ++line)
+      if (front_of(body, view, lattice.at(0, line / lattice.n[1], 0.5), lattice.at(1, line % lattice.n[1], 0.5),
+                   lattice.spacing, s))
+        lines.push_back(line);
+  }
+
+  /// Particles that fill the space swept [1/s].
+  double full_rate(double speed) const { return static_cast<double>(lines.size()) * speed / lattice.spacing; }
+
+ private:
+  /// In the plane the second direction across is its normal.
+  const View& turned(const Emitter& emitter, const Domain& domain) {
+    if (!domain.is_plane()) return view;
+    const Vec3d normal = transpose(emitter.rotation()) * Vec3d{0, 0, 1};
+    view.look_across(body.bounds(), cross(normal, view.along), normal);
+    return view;
+  }
+};
+
 EmittedParticles stream(const Emitter& emitter, std::size_t index, const Domain& domain, uint64_t seed) {
-  const double speed = norm(emitter.velocity), spacing = domain.spacing(emitter.particles_per_cell);
+  const double speed = norm(emitter.velocity);
   if (!(speed > 0))
     throw ConfigError(fmt::format("{} has no velocity (0 m/s, above 0 for a stream). Give it one, or use bursts",
                                   name_of(emitter, index)));
-  const SourceBody body(source_of(emitter), index, domain.dx / 4);
-  const Mat3d to_body = transpose(emitter.rotation());
-  View view(body.bounds(), to_body * (emitter.velocity * (1 / speed)));
-  if (domain.is_plane()) {
-    const Vec3d normal = to_body * Vec3d{0, 0, 1};
-    view.look_across(body.bounds(), cross(normal, view.along), normal);
-  }
-  Lattice lattice(view, spacing);
-  if (domain.is_plane()) lattice.flatten(domain.plane() - emitter.position[2]);
-  std::vector<int64_t> lines;
-  double s;
-  for (int64_t line = 0; line < lattice.n[0] * lattice.n[1]; ++line)
-    if (front_of(body, view, lattice.at(0, line / lattice.n[1], 0.5), lattice.at(1, line % lattice.n[1], 0.5), spacing,
-                 s))
-      lines.push_back(line);
-  const double full_rate = static_cast<double>(lines.size()) * speed / spacing, rate = emitter.rate.value_or(full_rate);
+  const StreamLattice across(emitter, index, domain);
+  const auto& [body, view, lattice, lines] = across;
+  const double spacing = lattice.spacing, full_rate = across.full_rate(speed), rate = emitter.rate.value_or(full_rate);
   if (lines.empty())
     throw ConfigError(
         fmt::format("{} is thinner than its particles' spacing ({:.3g} m). Make it wider or raise "
@@ -151,6 +170,7 @@ EmittedParticles stream(const Emitter& emitter, std::size_t index, const Domain&
   check_limit(emitter, index, std::max(0.0, emitter.end_time - emitter.start_time) * rate);
   EmittedParticles out;
   const Random random(seed, RandomPurpose::emission, index);
+  double s;
   for (uint64_t draw = 0;; ++draw) {
     const uint64_t layer = draw / lines.size();
     const int64_t line = lines[draw % lines.size()];
@@ -205,6 +225,33 @@ EmittedParticles sample_emitter(const Emitter& emitter, std::size_t index, const
                                                                     : bursts(emitter, index, domain, seed);
   check_limit(emitter, index, static_cast<double>(particles.position.size()));
   return particles;
+}
+
+Emitter with_flux_of(const Emitter& emitter, std::size_t index, const Domain& from, const Domain& to) {
+  const double volumes = to.cell_volume() / from.cell_volume(), speed = norm(emitter.velocity);
+  const auto with_particles = [&](double factor) {  // times as many in a cell
+    Emitter other = emitter;
+    other.particles_per_cell = emitter.particles_per_cell * factor;
+    const double more = std::max(1.0, 1.1 * factor / volumes), limit = static_cast<double>(emitter.particle_limit);
+    other.particle_limit = static_cast<int64_t>(std::ceil(more * limit));
+    return other;
+  };
+  if (emitter.emission != Emission::stream || !(speed > 0)) return with_particles(1);
+  const double rate = emitter.rate.value_or(StreamLattice(emitter, index, from).full_rate(speed));
+  const auto with_flux = [&](double factor) {  // the particles' volume decides on the rate
+    Emitter other = with_particles(factor);
+    other.rate = rate * factor / volumes;
+    return other;
+  };
+  // A lattice covers a little more or less than the body: the nearest number of particles a cell with room for the
+  // flux. That of the scene's own particles has.
+  constexpr double step = 1.01;
+  const auto steps = static_cast<int>(std::abs(std::log(volumes)) / std::log(step));
+  for (int i = 0; i <= 2 * steps; ++i) {
+    Emitter other = with_flux(std::pow(step, (i % 2 == 0 ? 1 : -1) * ((i + 1) / 2)));
+    if (StreamLattice(other, index, to).full_rate(speed) >= *other.rate) return other;
+  }
+  return with_flux(volumes);
 }
 
 }  // namespace graupel::mpm

@@ -10,6 +10,7 @@
 namespace graupel::mpm {
 
 enum class Split { train, valid, test };
+inline constexpr Split all_splits[] = {Split::train, Split::valid, Split::test};
 const char* name_of(Split split);
 
 /// Stream of the random numbers of a scene's layout.

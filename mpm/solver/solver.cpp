@@ -74,9 +74,11 @@ void Solver<T>::move_tracers(const SolverView<T>& v, double dt) {
 }
 
 template <typename T>
-void Solver<T>::carry_tracers(const std::vector<Vec3f>& position, const std::vector<Vec3f>& velocity) {
-  check_carries_tracers(scene_);
-  tracers_ = Tracers<T>(options_.device, position, velocity);
+void Solver<T>::carry_tracers(const std::vector<Vec3f>& position, const std::vector<Vec3f>& velocity,
+                              const std::vector<double>& birth_time) {
+  std::vector<double> birth = birth_time;
+  if (birth.empty() && scene_.has_inactive_particles()) birth.assign(position.size(), 0.0);
+  tracers_ = Tracers<T>(options_.device, position, velocity, birth, time());
 }
 
 /// Fuses grid-to-particle, deformation update and advection where no phase between them is needed.

@@ -31,8 +31,10 @@ class Solver final : public Simulation {
   ParticleFields fields(FieldSet wanted) const override;
   Diagnostics diagnostics() const override;
   RunStatistics statistics() const override;
-  void carry_tracers(const std::vector<Vec3f>& position, const std::vector<Vec3f>& velocity) override;
+  void carry_tracers(const std::vector<Vec3f>& position, const std::vector<Vec3f>& velocity,
+                     const std::vector<double>& birth_time) override;
   std::vector<Vec3f> tracers() const override { return tracers_.positions(); }
+  std::vector<uint8_t> active_tracers() const override { return tracers_.active(); }
   double tracer_seconds() const override { return tracer_seconds_; }
   std::vector<std::byte> save_state() const override;
   void load_state(const std::vector<std::byte>& state) override;

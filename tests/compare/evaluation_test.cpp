@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <functional>
 #include <regex>
 #include <set>
 
@@ -79,6 +80,121 @@ TEST(Evaluation, RunsOfOtherParticlesAreComparedByMassAlone) {
   EXPECT_LT(e.values.at("density_error"), 0.3);
 }
 
+/// The same run with some particles out of it: `active`(particle, frame).
+ParticleRun with_active(ParticleRun run, const std::function<bool(std::size_t, std::size_t)>& active) {
+  for (std::size_t f = 0; f < run.trajectory.frames.size(); ++f) {
+    auto& list = run.trajectory.frames[f].active;
+    for (std::size_t i = 0; i < run.size(); ++i) list.push_back(active(i, f) ? 1 : 0);
+  }
+  return run;
+}
+
+TEST(Evaluation, PositionErrorsAreOfParticlesInBothRuns) {
+  const auto blocks = falling_blocks(6);
+  auto shifted = blocks;
+  for (std::size_t f = 1; f <= 6; ++f)
+    for (std::size_t i = 0; i < shifted.size(); ++i)
+      shifted.trajectory.frames[f].position[i][0] += i % 2 == 0 ? 0.1f : 5;
+  const auto truth = with_active(blocks, [](std::size_t i, std::size_t f) { return i % 2 == 0 && f >= 3; });
+  const auto e = evaluate_rollout(unit_scene(), {}, truth, shifted);
+  EXPECT_EQ(e.curves.position[1], 0);  // nobody is in both
+  EXPECT_NEAR(e.curves.position[3], 0.01, 1e-6);
+  EXPECT_NEAR(e.values.at("center_of_mass_error"), (0.1 + 5) / 2, 0.01);  // of all in each, frames 3..6
+  EXPECT_TRUE(missing_metrics(metric_list(), {MetricGroup::rollout}, e.values).empty());
+}
+
+TEST(Evaluation, MassThatIsNotInTheRunCountsNowhere) {
+  const auto blocks = falling_blocks(6);
+  const auto half = [](std::size_t i, std::size_t) { return i % 2 == 0; };
+  const auto truth = with_active(blocks, half);
+  auto run = truth;  // those out of it may be anywhere
+  for (auto& frame : run.trajectory.frames)
+    for (std::size_t i = 1; i < run.size(); i += 2) frame.position[i] = {9, 9, 9};
+  const auto e = evaluate_rollout(unit_scene(), {}, truth, run);
+  for (const char* key : {"position_mse_all", "sinkhorn", "density_error", "kinetic_energy_error", "clump_size_error",
+                          "local_density_error", "outside_walls_share", "outside_domain_max"})
+    EXPECT_EQ(e.values.at(key), 0) << key;
+  const auto whole = evaluate_rollout(unit_scene(), {}, truth, blocks);
+  EXPECT_NEAR(whole.values.at("density_error"), 1, 0.1);  // twice the mass
+}
+
+TEST(Evaluation, ARunThatNeverHasAMaterialIsFinite) {
+  const auto blocks = falling_blocks(6);
+  const auto none = with_active(blocks, [](std::size_t, std::size_t) { return false; });
+  for (const auto& e :
+       {evaluate_rollout(unit_scene(), {}, blocks, none), evaluate_rollout(unit_scene(), {}, none, blocks),
+        evaluate_rollout(unit_scene(), {}, none, none)})
+    EXPECT_TRUE(missing_metrics(metric_list(), {MetricGroup::rollout}, e.values).empty());
+  EXPECT_EQ(evaluate_rollout(unit_scene(), {}, blocks, none).values.at("density_error"), 1);
+  EXPECT_EQ(evaluate_rollout(unit_scene(), {}, none, blocks).values.at("density_error"), 2);
+}
+
+TEST(Evaluation, APeriodicWallIsNoDistance) {
+  Scene scene = unit_scene();
+  scene.gravity = Vec3d::zero();
+  scene.domain.wall_cells = 2;
+  scene.domain.faces.x_low = scene.domain.faces.x_high = WallConfig{.kind = Wall::periodic, .friction = {}};
+  const auto low = static_cast<float>(scene.wall_low()[0]), high = static_cast<float>(scene.wall_high()[0]);
+  const auto points = block(6, {low + 0.0625f, 0.3f, 0.3f}, 0.125f);
+  const std::vector<int32_t> type(points.size(), 5);
+  // Both drift to the left through the wall, the run a sixteenth of a cell behind.
+  const auto drifting = [&](float behind) {
+    ParticleRun run = make_run(points, type, 6, [&, behind](const Vec3f& x, std::size_t f) {
+      const float at = x[0] - 0.03125f * static_cast<float>(f) + (f > 0 ? behind : 0);
+      return Vec3f{at < low ? at + high - low : at, x[1], x[2]};
+    });
+    run.volume.assign(points.size(), 0.125 * 0.125 * 0.125 / 216);
+    return run;
+  };
+  const float d = 1.0f / 512;
+  const auto e = evaluate_rollout(scene, {}, drifting(0), drifting(d));
+  EXPECT_NEAR(e.values.at("position_mse_all"), d * d, 1e-8);
+  EXPECT_LT(e.values.at("sinkhorn"), 4 * d * d);
+  EXPECT_LT(e.values.at("density_error"), 0.1);
+  EXPECT_LT(e.values.at("kinetic_energy_error"), 0.05);
+  EXPECT_EQ(e.values.at("center_of_mass_error"), 0);
+  EXPECT_EQ(e.values.at("outside_walls_share"), 0);
+  EXPECT_EQ(e.values.at("clumps"), 1);
+  EXPECT_LT(e.values.at("local_density_error"), 0.03);
+}
+
+TEST(Evaluation, APlaneHasAreas) {
+  Scene scene = unit_scene();
+  scene.domain.dimensions = 2;
+  const double dx = scene.domain.dx;
+  std::vector<Vec3f> points;
+  for (int i = 0; i < 16; ++i)
+    for (int j = 0; j < 16; ++j)
+      points.push_back({0.25f + (float(i) + 0.5f) / 64, 0.25f + (float(j) + 0.5f) / 64, float(scene.domain.plane())});
+  auto truth = make_run(points, std::vector<int32_t>(points.size(), 5), 3, stay);
+  truth.volume.assign(points.size(), dx * dx / 4);
+  auto other = truth;
+  for (std::size_t f = 1; f <= 3; ++f)
+    for (Vec3f& x : other.trajectory.frames[f].position) x[0] += 0.125f;
+  const auto e = evaluate_rollout(scene, {}, truth, other);
+  EXPECT_NEAR(e.values.at("occupancy_iou"), 1.0 / 3, 0.15);  // half of each square
+  EXPECT_NEAR(e.values.at("density_error"), 1, 0.01);
+  EXPECT_NEAR(e.values.at("local_density_error"), 0, 0.01);
+  auto thin = truth;
+  for (std::size_t f = 1; f <= 3; ++f)
+    for (Vec3f& x : thin.trajectory.frames[f].position) x[0] = 0.25f + 2 * (x[0] - 0.25f);
+  // 8 x 8 cells on 9 x 9 nodes, and on 17 x 9.
+  EXPECT_NEAR(evaluate_rollout(scene, {}, truth, thin).values.at("local_density_error"), 64.0 / 81 - 64.0 / 153, 0.01);
+}
+
+TEST(Evaluation, MovingObstaclesAreWhereTheyAreInTheFrame) {
+  Scene scene = scene_with_sphere();
+  scene.obstacles[0].motion.emplace();
+  scene.obstacles[0].motion->velocity = {0, 6, 0};  // 0.1 m a frame
+  const sparsegrid::ObstacleSet obstacles(scene);
+  const auto inside = make_run({{0.5f, 0.3f, 0.5f}}, {5}, 1, [](const Vec3f& x, std::size_t f) {
+    return x + Vec3f{0, 0.1f * static_cast<float>(f), 0};
+  });
+  const auto behind = make_run({{0.5f, 0.3f, 0.5f}}, {5}, 1, stay);
+  EXPECT_NEAR(evaluate_rollout(scene, obstacles, inside, inside).values.at("penetration_max"), scene.band(), 0.051);
+  EXPECT_NEAR(evaluate_rollout(scene, obstacles, inside, behind).values.at("penetration_max"), 0.05, 0.005);
+}
+
 TEST(Evaluation, RefusesRunsWithoutAMaterialOfTheTruth) {
   const auto both = falling_blocks(1);
   ParticleRun water = both;
@@ -143,6 +259,52 @@ TEST(Comparison, GeometricMeansAreOfPositiveMetrics) {
   EXPECT_NEAR(mean.at("sinkhorn"), 1e-3, 1e-12);
   EXPECT_FALSE(mean.contains("penetration_max"));
   EXPECT_TRUE(geometric_mean_over_scenes(comparison, "mpm").empty());
+}
+
+/// Two categories of two scenes each, with the ratios of a model and its opponent.
+Comparison categories() {
+  Comparison comparison;
+  comparison.groups = {MetricGroup::rollout, MetricGroup::ratios};
+  for (const double ratio : {0.5, 2.0, 0.1, 0.4}) {
+    SceneResult scene;
+    scene.opponent = "mpm:coarse:fast";
+    scene.category = ratio < 0.45 ? "stream" : "dam_break";
+    for (const std::string model : {"mpm", "mpm:fast", "mpm:coarse:fast"}) {
+      ModelResult result;
+      result.model = model;
+      const double r = model == "mpm:fast" ? ratio : 1;
+      result.values = {{"sinkhorn", r},
+                       {"ratio_position_mse_all", r},
+                       {"ratio_sinkhorn", r},
+                       {"ratio_density_error", 1},
+                       {"ratio_frame_ms", model == "mpm:fast" ? 6.4 : 1}};
+      scene.models.push_back(result);
+    }
+    comparison.scenes.push_back(scene);
+  }
+  return comparison;
+}
+
+TEST(Comparison, CategoriesHaveGeometricMeansOfTheirOwn) {
+  const Comparison comparison = categories();
+  EXPECT_EQ(categories_of(comparison), (std::vector<std::string>{"dam_break", "stream"}));
+  EXPECT_EQ(scenes_of_category(comparison, "stream"), 2u);
+  const auto ratio = [&](const std::string& category) {
+    return geometric_mean_over_scenes(comparison, "mpm:fast", category).at("ratio_sinkhorn");
+  };
+  EXPECT_NEAR(ratio("dam_break"), 1, 1e-12);
+  EXPECT_NEAR(ratio("stream"), 0.2, 1e-12);
+  EXPECT_NEAR(ratio(""), std::sqrt(0.2), 1e-12);
+  EXPECT_FALSE(mean_over_scenes(comparison, "mpm:fast").contains("ratio_sinkhorn"));
+}
+
+TEST(Comparison, TheHeadlineSaysWhoWinsWhat) {
+  Comparison comparison = categories();
+  EXPECT_EQ(headline(comparison),
+            "Against mpm:coarse:fast on 4 scenes, mpm:fast wins in position (0.447), Sinkhorn divergence (0.447), ties "
+            "in density (1.00), loses in time (6.40).");
+  comparison.groups = {MetricGroup::rollout};
+  EXPECT_EQ(headline(comparison), "");
 }
 
 TEST(Comparison, RunsWithoutAOneStepErrorNeedNone) {

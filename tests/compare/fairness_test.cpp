@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include "core/system/error.h"
 #include "experiments/comparison/trained_materials.h"
 
 namespace graupel::experiments {
@@ -29,6 +30,32 @@ TEST(Fairness, DifferencesWithinTheChaosFloorAreTies) {
   EXPECT_EQ(verdict.at("density_error"), "worse");
   EXPECT_FALSE(loses(verdict));
   EXPECT_TRUE(loses(verdicts(errors(1.6, 0.8, 1.01), errors(1, 1, 1), floors)));
+}
+
+TEST(Fairness, RatiosAreOfWhatIsBeyondTheFloor) {
+  compare::MetricValues model = errors(3, 1.05, 0.2), opponent = errors(5, 2, 0.3);
+  model["frame_ms"] = 8;
+  opponent["frame_ms"] = 2;
+  const compare::MetricValues floors = {
+      {"floor_position_mse_all", 1}, {"floor_sinkhorn", 1}, {"floor_density_error", 0}};
+  const auto ratio = ratios(model, opponent, floors);
+  EXPECT_NEAR(ratio.at("ratio_position_mse_all"), 2.0 / 4, 1e-12);
+  EXPECT_NEAR(ratio.at("ratio_sinkhorn"), 0.1, 1e-12);  // a tenth of the floor at least
+  EXPECT_NEAR(ratio.at("ratio_density_error"), 2.0 / 3, 1e-12);
+  EXPECT_NEAR(ratio.at("ratio_frame_ms"), 4, 1e-12);
+  for (const auto& [key, value] : ratios(opponent, opponent, floors)) EXPECT_EQ(value, 1) << key;
+}
+
+TEST(Fairness, LearnedModelsRunInSpaceWithAFixedSetOfParticles) {
+  const ModelChoice network{.name = "net.safetensors", .kind = ModelKind::network}, mpm{.name = "mpm"};
+  Scene scene;
+  EXPECT_NO_THROW(check_runs_on(network, scene));
+  scene.emitters.emplace_back();
+  EXPECT_THROW(check_runs_on(network, scene), ConfigError);
+  EXPECT_NO_THROW(check_runs_on(mpm, scene));
+  scene.emitters.clear();
+  scene.domain.dimensions = 2;
+  EXPECT_THROW(check_runs_on(network, scene), ConfigError);
 }
 
 TEST(Fairness, TheOpponentIsTheCoarseGridAtItsOwnStepUnlessTheOtherWasAskedFor) {

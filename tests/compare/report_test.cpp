@@ -199,6 +199,30 @@ TEST(ComparisonFiles, TableFitsATerminal) {
     EXPECT_LE(table.find('\n', start) - start, 120u);
 }
 
+TEST(ComparisonFiles, CategoriesHaveATableEverywhere) {
+  Comparison comparison = synthetic_comparison(3);
+  comparison.scenes[0].category = comparison.scenes[2].category = "stream";
+  comparison.scenes[1].category = "moving_obstacle";
+  const std::string table = comparison_table(comparison), html = report_html(comparison);
+  for (const std::string row : {"stream (2)", "moving_obstacle (1)", "all (3)"}) {
+    EXPECT_NE(table.find(row), std::string::npos) << row;
+    EXPECT_NE(html.find("<td>" + row + ","), std::string::npos) << row;
+  }
+  for (std::size_t start = 0; start < table.size(); start = table.find('\n', start) + 1)
+    EXPECT_LE(table.find('\n', start) - start, 120u);
+  const auto json = comparison_json(comparison);
+  EXPECT_EQ(json["categories"]["stream"]["scenes"], 2);
+  EXPECT_TRUE(json["categories"]["stream"]["geometric_mean"]["mpm"].contains("ratio_sinkhorn"));
+  const std::string sentence = json["headline"];
+  EXPECT_EQ(sentence.find("Against mpm:coarse:fast on 3 scenes, "), 0u);
+  EXPECT_NE(table.find(sentence.substr(0, 60)), std::string::npos);
+  EXPECT_NE(html.find(sentence.substr(0, 30)), std::string::npos);
+  EXPECT_EQ(comparison_table(synthetic_comparison(3)).find("by category"), std::string::npos);
+  comparison.groups = {MetricGroup::one_step};
+  EXPECT_EQ(comparison_table(comparison).find("by category"), std::string::npos);
+  EXPECT_EQ(report_html(comparison).find("<h2>Categories"), std::string::npos);
+}
+
 TEST(Report, HoldsTablesCurvesPicturesAndCommand) {
   const std::string html = report_html(synthetic_comparison());
   for (const MetricInfo& metric : metric_list())

@@ -18,8 +18,13 @@ inline ModelResult synthetic_result(const std::string& model, const Scene& scene
   result.values = evaluation.values;
   result.materials = evaluation.materials;
   result.curves = evaluation.curves;
-  for (const MetricValues& more : {one_step_values(OneStepError{}), cost_values(RunCost{}, run.size(), 0.01),
-                                   floor_values(evaluation, evaluation), MetricValues{{"loses_to_coarse", 0}}})
+  for (const MetricValues& more :
+       {one_step_values(OneStepError{}), cost_values(RunCost{}, run.size(), 0.01), floor_values(evaluation, evaluation),
+        MetricValues{{"loses_to_coarse", 0},
+                     {"ratio_position_mse_all", 0.5},
+                     {"ratio_sinkhorn", 0.25},
+                     {"ratio_density_error", 1},
+                     {"ratio_frame_ms", 6.4}}})
     result.values.insert(more.begin(), more.end());
   for (auto& [key, value] : result.values)
     if (!(value >= 0)) value = 0;
@@ -50,9 +55,11 @@ inline Comparison make_synthetic_comparison() {
   comparison.command = "graupel compare --scenes a.json --models mpm,<b>&\"c\"";
   comparison.version = "graupel test";
   comparison.machine = "a machine";
-  comparison.groups = {MetricGroup::rollout, MetricGroup::one_step, MetricGroup::cost, MetricGroup::floors};
+  comparison.groups = {MetricGroup::rollout, MetricGroup::one_step, MetricGroup::cost, MetricGroup::floors,
+                       MetricGroup::ratios};
   SceneResult result;
   result.source = "scenes/falling.json";
+  result.opponent = "mpm:coarse:fast";
   result.particles = truth.size();
   result.frames = truth.predicted();
   result.frame_time = scene.frame_time;

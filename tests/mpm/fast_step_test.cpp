@@ -98,6 +98,35 @@ TEST_F(FastSteps, ShorterStepsEndAtTheScenesOwn) {
   EXPECT_EQ(tried, (std::vector<int64_t>{45, 50, 54}));
 }
 
+TEST_F(FastSteps, AreShortEnoughForStreamsAndScripts) {
+  Scene scene = scene_with("taichi_jelly", {0.3, 0.2, 0.5});
+  scene.materials["taichi_jelly"].youngs_modulus = 500;  // its waves would go with a substep or two
+  scene.domain.dx = 1.0 / 32;
+  scene.gravity = Vec3d::zero();
+  Obstacle box;
+  box.shape = Shape::box;
+  box.size = {0.05, 0.05, 0.05};
+  box.position = {0.7, 0.2, 0.7};
+  box.motion.emplace();
+  box.motion->velocity = {0, 4, 0};  // 2.1 cells a frame
+  box.motion->end_time = 0.1;
+  scene.obstacles.push_back(box);
+  EXPECT_EQ(find_fast_step(scene, {}, frames).substeps, 3);
+
+  scene.obstacles.clear();
+  Emitter emitter;
+  emitter.shape = Shape::box;
+  emitter.size = {0.03, 0.1, 0.1};
+  emitter.position = {0.2, 0.6, 0.5};
+  emitter.material = "taichi_jelly";
+  emitter.velocity = {6, 0, 0};  // 3.2 cells a frame
+  emitter.start_time = 0.05;
+  emitter.end_time = 0.08;
+  scene.emitters.push_back(emitter);
+  EXPECT_GE(find_fast_step(scene, {}, frames).substeps, 4);
+  EXPECT_LT(find_fast_step(scene, {}, frames).substeps, 54);
+}
+
 TEST_F(FastSteps, IsInterruptedBetweenFrames) {
   int calls = 0;
   const auto stop = [&] {

@@ -101,7 +101,7 @@ std::vector<std::size_t> thinned(const Scene& scene, const mpm::SampledParticles
   for (std::size_t first = 0, end = 0; first < n; first = end) {
     const int32_t source = particles.source[first];
     while (end < n && particles.source[end] == source) ++end;
-    for (const std::size_t p : mpm::thinned_points(scene, static_cast<std::size_t>(source), end - first, ratio))
+    for (const std::size_t p : mpm::thinned_points(scene, static_cast<std::size_t>(source), end - first, ratio * ratio * ratio))
       picked.push_back(first + p);
   }
   return picked;

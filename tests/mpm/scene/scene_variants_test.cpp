@@ -3,6 +3,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <optional>
+
 #include "core/system/error.h"
 #include "mpm/sampling.h"
 #include "mpm/simulation.h"
@@ -105,6 +107,65 @@ TEST(SceneVariants, FineKeepsTheMassAndTheCentreOfGivenPoints) {
   EXPECT_LT(norm(centre - before.position[0]), 1e-12);
   const double fine_distance = scene.domain.dx / 2 / 2;  // between eight particles a cell of dx/2
   EXPECT_NEAR(norm(after.position[1] - after.position[0]), fine_distance, 1e-12);
+}
+
+/// Volume that an emitter sends out in a scene [m^3].
+double emitted(const Scene& scene) {
+  const SampledParticles particles = sample_sources(scene, 1);
+  double volume = 0;
+  for (std::size_t i = 0; i < particles.volume.size(); ++i)
+    if (static_cast<std::size_t>(particles.source[i]) >= scene.sources.size()) volume += particles.volume[i];
+  return volume;
+}
+
+TEST(SceneVariants, StreamsKeepTheirFluxOnEveryGrid) {
+  for (const bool plane : {false, true})
+    for (const double width : {0.05, 0.083, 0.12})
+      for (const std::optional<double>& rate : {std::optional<double>(), std::optional<double>(plane ? 900 : 4000)}) {
+        Scene scene = scene_with("water", {0.2, 0.2, 0.5});
+        if (plane) scene = in_the_plane(scene);
+        Emitter emitter;
+        emitter.shape = plane ? Shape::box : Shape::cylinder;
+        emitter.size = {width, 0.03, 0.5};
+        emitter.radius = width / 2;
+        emitter.height = 0.03;
+        emitter.position = {0.6, 0.7, 0.5};
+        emitter.material = "water";
+        emitter.velocity = {0, -2, 0};
+        emitter.rate = rate;
+        emitter.end_time = 1;
+        scene.emitters.push_back(emitter);
+        const double expected = emitted(scene);
+        EXPECT_NEAR(emitted(coarse_variant(scene)) / expected, 1, 0.03) << width;
+        EXPECT_NEAR(emitted(fine_variant(scene)) / expected, 1, 0.03) << width;
+        for (const double ratio : {1.25, 1.5, 2.0, 3.0}) {
+          const Scene coarse = on_coarser_grid(scene, ratio);
+          EXPECT_NEAR(emitted(coarse) / expected, 1, 0.04) << width << " " << ratio;
+          EXPECT_LE(coarse.emitters[0].particles_per_cell, 2 * emitter.particles_per_cell) << width << " " << ratio;
+        }
+      }
+}
+
+TEST(SceneVariants, CellsBetweenPeriodicWallsStayWhole) {
+  Scene scene = scene_with("water");
+  scene.domain.faces.x_low = scene.domain.faces.x_high = WallConfig{.kind = Wall::periodic, .friction = {}};
+  for (const int64_t wall_cells : {2, 3}) {
+    scene.domain.wall_cells = wall_cells;
+    for (const double ratio : {1.5, 2.0}) {
+      const Scene coarse = on_coarser_grid(scene, ratio);
+      EXPECT_NO_THROW(Simulation::create(coarse, {}));
+      EXPECT_NEAR(coarse.domain.dx / scene.domain.dx, ratio, 0.05 * ratio);
+      EXPECT_LT(norm(coarse.wall_low() - scene.wall_low()), 1e-12);
+    }
+  }
+}
+
+TEST(SceneVariants, PointsOfAScriptedSourceTurnAboutTheSameCentre) {
+  Scene scene = scene_with("water");
+  scene.sources[0].motion.emplace();
+  scene.sources[0].motion->spin = 1;
+  const Scene points = scene_of_points(scene, {{{0.5, 0.5, 0.5}}});
+  EXPECT_EQ(points.sources[0].motion->center, scene.sources[0].position);
 }
 
 TEST(SceneVariants, WhatDoesNotFitIsRefusedWithNeedAndRemedy) {

@@ -1,0 +1,32 @@
+// The space of a scene as the metrics see it: two or three axes, some of which close on themselves at periodic walls.
+#pragma once
+
+#include <cmath>
+
+#include "core/scene/domain.h"
+
+namespace graupel::compare {
+
+struct Space {
+  int axes = 3;              ///< 2 in the plane
+  Vec3d low = {0, 0, 0};     ///< lower walls [m]
+  Vec3d period = {0, 0, 0};  ///< from wall to wall of a periodic axis; 0 of the others [m]
+
+  Space() = default;
+  explicit Space(const Domain& domain) : axes(domain.axes()), low(domain.wall_low()) {
+    for (int d = 0; d < axes; ++d)
+      if (domain.wall(d, 0) == Wall::periodic) period[d] = domain.wall_high()[d] - low[d];
+  }
+
+  bool is_periodic(int axis) const { return period[axis] > 0; }
+  bool has_period() const { return is_periodic(0) || is_periodic(1) || is_periodic(2); }
+  /// The shortest way from b to a [m].
+  Vec3d difference(const Vec3d& a, const Vec3d& b) const {
+    Vec3d way = a - b;
+    for (int d = 0; d < 3; ++d)
+      if (is_periodic(d)) way[d] -= period[d] * std::round(way[d] / period[d]);
+    return way;
+  }
+};
+
+}  // namespace graupel::compare
