@@ -179,6 +179,15 @@ const graph::Environment& SceneComparison::environment() {
   return *environment_;
 }
 
+/// Numbers of the particles that are in the run in the frames n and n + 1.
+std::vector<std::size_t> SceneComparison::active_between(std::size_t n) const {
+  std::vector<std::size_t> active;
+  const ParticleFrame &current = truth_.run.trajectory.frames[n], &next = truth_.run.trajectory.frames[n + 1];
+  for (std::size_t i = 0; i < truth_.run.size(); ++i)
+    if (current.is_active(i) && next.is_active(i)) active.push_back(i);
+  return active;
+}
+
 compare::OneStepError SceneComparison::one_step_of_network(const ComparedModel& model) {
   const graph::LearnedSimulator& network = *model.network;
   const auto accelerations = [&](const std::vector<std::vector<Vec3f>>& positions) {

@@ -69,6 +69,9 @@ graph::LearnedSimulator::RolloutOptions simulator_options(const RolloutOptions& 
   run.density_limit = options.density_limit.value_or(run.density_limit);
   run.free_flight = !options.no_free_flight && !start.unknown_gravity;
   run.given = &start.rest;
+  run.schedule = &start.schedule;
+  run.active = start.active;
+  run.start_time = start.time;
   run.device = device;
   if (start.unknown_gravity && !options.no_free_flight)
     std::fprintf(stderr,
@@ -80,6 +83,7 @@ graph::LearnedSimulator::RolloutOptions simulator_options(const RolloutOptions& 
 void write_trajectory(const std::string& file, const Trajectory& trajectory) {
   io::TrajectoryWriteOptions write;
   write.velocity = false;
+  write.active = !trajectory.frames.front().active.empty();
   io::TrajectoryWriter writer(file, trajectory, write);
   for (const ParticleFrame& frame : trajectory.frames) writer.append(frame);
   writer.finish(trajectory.diverged_at_frame);

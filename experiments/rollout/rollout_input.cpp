@@ -4,11 +4,9 @@
 
 #include <algorithm>
 
-#include "core/scene/kinematic_particles.h"
 #include "core/system/error.h"
-#include "graph/learned_simulator.h"
+#include "experiments/models/start_state.h"
 #include "io/scene/scene_reader.h"
-#include "mpm/sampling.h"
 
 namespace graupel::experiments {
 
@@ -36,16 +34,10 @@ RolloutStart start_from_scene(const RolloutOptions& options, int history) {
   RolloutStart start;
   start.scene = io::read_scene(options.input, options.set);
   start.seed = options.common.seed_given ? options.common.seed : start.scene.seed;
-  const mpm::SampledParticles particles = mpm::sample_sources(start.scene, start.seed);
-  std::vector<Vec3f> position, velocity;
-  for (std::size_t p = 0; p < particles.position.size(); ++p) {
-    position.push_back(particles.position[p].cast<float>());
-    velocity.push_back(particles.velocity[p].cast<float>());
-    start.particle_type.push_back(particle_type_of(
-        start.scene.materials.at(particles.material_names[static_cast<std::size_t>(particles.material[p])]).model));
-  }
-  start.history = graph::start_history(position, velocity, start.scene.gravity, start.scene.frame_time, history,
-                                       kinematic_mask(start.particle_type));
+  const StartState sampled = start_of(start.scene, start.seed);
+  start.particle_type = sampled.particle_type;
+  start.history = past_of(sampled, start.scene, history);
+  start.schedule = schedule_of(sampled);
   return start;
 }
 
@@ -61,6 +53,12 @@ std::vector<std::vector<Vec3f>> read_rest(const io::TrajectoryReader& reader, in
   return positions;
 }
 
+/// Whether something of a scene happens at a time.
+bool is_timed(const Scene& scene) {
+  return scene.has_moving_obstacles() || !scene.emitters.empty() || !scene.kinematic_regions.empty() ||
+         std::any_of(scene.sources.begin(), scene.sources.end(), [](const Source& s) { return s.motion.has_value(); });
+}
+
 /// "scene": frame 0 with a ballistic past; "truth:N": the first N frames of the trajectory.
 RolloutStart start_from_trajectory(const RolloutOptions& options, int history) {
   const io::TrajectoryReader reader(options.input);
@@ -71,19 +69,28 @@ RolloutStart start_from_trajectory(const RolloutOptions& options, int history) {
   start.particle_type = header.particle_type;
   start.seed = header.seed;
   start.unknown_gravity = header.made_by.starts_with("converted from") && norm2(start.scene.gravity) == 0;
-  start.rest = read_rest(reader, index, header, options.start == "scene" ? 1 : history, options.frames);
-  if (options.start == "scene") {
-    auto velocity = reader.initial_velocity(index);
-    const auto first = reader.frames(index, 0, 1).front();
-    if (velocity.empty()) velocity = first.velocity;
-    if (velocity.empty())
-      throw InputError("'" + options.input +
-                       "' stores no velocity of the first frame. Use --start truth:" + std::to_string(history));
-    start.history = graph::start_history(first.position, velocity, start.scene.gravity, start.scene.frame_time, history,
-                                         kinematic_mask(start.particle_type));
+  const bool from_scene = options.start == "scene";
+  const ParticleFrame first = reader.frames(index, 0, 1).front();
+  StartState particles;
+  particles.particle_type = start.particle_type;
+  particles.position = first.position;
+  particles.velocity = reader.initial_velocity(index);
+  if (particles.velocity.empty()) particles.velocity = first.velocity;
+  if (from_scene && particles.velocity.empty())
+    throw InputError("'" + options.input +
+                     "' stores no velocity of the first frame. Use --start truth:" + std::to_string(history));
+  add_schedule(start.scene, start.seed, particles);
+  start.schedule = schedule_of(particles);
+  start.rest = read_rest(reader, index, header, from_scene ? 1 : history, options.frames);
+  if (from_scene) {
+    start.active = first.active;
+    start.history = past_of(particles, start.scene, history);
     return start;
   }
-  for (auto& frame : reader.frames(index, 0, history)) start.history.push_back(std::move(frame.position));
+  std::vector<ParticleFrame> frames = reader.frames(index, 0, history);
+  start.active = frames.back().active;
+  for (ParticleFrame& frame : frames) start.history.push_back(std::move(frame.position));
+  if (is_timed(start.scene)) start.time = (history - 1) * start.scene.frame_time;
   return start;
 }
 

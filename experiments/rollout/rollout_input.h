@@ -7,6 +7,7 @@
 
 #include "core/scene/scene.h"
 #include "experiments/rollout/rollout.h"
+#include "graph/features/particle_schedule.h"
 #include "io/trajectory/trajectory_file.h"
 
 namespace graupel::experiments {
@@ -24,6 +25,9 @@ struct RolloutStart {
   std::vector<int32_t> particle_type;
   std::vector<std::vector<Vec3f>> history;  ///< positions [m] of frames, oldest first
   std::vector<std::vector<Vec3f>> rest;     ///< of a trajectory: its frames after the start
+  graph::ParticleSchedule schedule;         ///< births and scripts
+  std::vector<uint8_t> active;              ///< of a trajectory: those in the run at the start; empty: all that are born
+  double time = 0;                          ///< [s] of the start in the scene
   uint64_t seed = 0;
   bool unknown_gravity = false;  ///< other programs' data do not say it
 };

@@ -140,30 +140,35 @@ struct FreeFlight::Impl {
   Impl(Device on, const Scene& scene, const Environment& environment, const std::vector<int32_t>& particle_type)
       : device(on) {
     groups.cells = cells_of(environment);
-    const std::size_t nodes = times * static_cast<std::size_t>(groups.cells.count()), n = particle_type.size();
+    const std::size_t nodes = times * static_cast<std::size_t>(groups.cells.count());
     const double contact_distance = contact_cells * environment.normal_spacing;
     groups.gravity = (scene.gravity * (scene.frame_time * scene.frame_time)).cast<float>();
     groups.low = (environment.hold_low + Vec3d::filled(contact_distance)).cast<float>();
     groups.high = (environment.hold_high - Vec3d::filled(contact_distance)).cast<float>();
     groups.contact_distance = static_cast<float>(contact_distance);
     groups.obstacles = environment.obstacles.view(on);
-    groups.n = static_cast<int64_t>(n);
     matter.upload(std::vector<uint64_t>(nodes, 0));
     std::vector<int32_t> parents(nodes, nobody);
     parents[ground] = ground;
     parent.upload(parents);
     counters.upload(std::vector<int32_t>(times + 1, 0));
-    mass.upload(relative_masses(scene, particle_type));
-    for (Buffer<int32_t>* of_particles : {&group, &origin}) of_particles->resize_discard(n);
     slot.resize_discard(nodes / times);
-    list.resize_discard(times * n);
-    sums.resize_discard(n);
     groups.matter = matter.data();
     groups.parent = parent.data();
     groups.slot = slot.data();
-    groups.list = list.data();
     groups.listed = counters.data();
     groups.finished = counters.data() + times;
+    set_particles(scene, particle_type);
+  }
+
+  void set_particles(const Scene& scene, const std::vector<int32_t>& particle_type) {
+    const std::size_t n = particle_type.size();
+    groups.n = static_cast<int64_t>(n);
+    mass.upload(relative_masses(scene, particle_type));
+    for (Buffer<int32_t>* of_particles : {&group, &origin}) of_particles->resize_discard(n);
+    list.resize_discard(times * n);
+    sums.resize_discard(n);
+    groups.list = list.data();
     groups.group = group.data();
     groups.origin = origin.data();
     groups.sums = sums.data();
@@ -183,6 +188,14 @@ FreeFlight::FreeFlight(Device device, const Scene& scene, const Environment& env
                        const std::vector<int32_t>& particle_type)
     : impl_(std::make_unique<Impl>(device, scene, environment, particle_type)) {}
 FreeFlight::~FreeFlight() = default;
+
+void FreeFlight::set_particles(const Scene& scene, const std::vector<int32_t>& particle_type) {
+  impl_->set_particles(scene, particle_type);
+}
+
+void FreeFlight::place(const Environment& environment) {
+  impl_->groups.obstacles = environment.obstacles.view(impl_->device);
+}
 
 void FreeFlight::find_groups(const Vec3f* before, const Vec3f* current, void* stream) {
   Groups& groups = impl_->groups;
