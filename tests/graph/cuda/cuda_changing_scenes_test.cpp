@@ -70,6 +70,14 @@ TEST_P(CudaChangingScenes, ScriptedParticles) {
   expect_parity(simulator(), scripted_particles(0.05), 6);
 }
 
+TEST_P(CudaChangingScenes, KinematicParticles) {
+  GRAUPEL_NEEDS_GPU();
+  ChangingCase c = scripted_particles();
+  c.schedule = {};
+  for (std::size_t i = 0; i < 8; ++i) c.type[i] = obstacle_particle_type;
+  expect_parity(simulator(), c, 5);
+}
+
 TEST_P(CudaChangingScenes, OneStepAcrossAPeriodicWall) {
   GRAUPEL_NEEDS_GPU();
   const ChangingCase c = body_across_a_periodic_wall();
