@@ -96,11 +96,12 @@ Environment::Environment(const Scene& scene, std::optional<double> spacing)
   moving = std::make_shared<const Scene>(std::move(parts));
 }
 
-Environment Environment::at(double when) const {
+Environment Environment::at(double when, bool for_features) const {
   Environment placed = *this;
   placed.time = when;
   if (!moves()) return placed;
   placed.obstacles = obstacles.at(when);
+  if (!for_features) return placed;
   placed.normals = sparsegrid::CellNormals(*moving, placed.obstacles);
   placed.obstacle_particles = ObstacleParticles(*moving, placed.obstacles);
   return placed;
@@ -132,14 +133,20 @@ Vec3f Environment::point_before(const Vec3f& point, double seconds) const {
   return before(transpose(now.rotation) * (point.cast<double>() - now.translation)).cast<float>();
 }
 
-const Environment& MovingEnvironment::at(double time) {
+const Environment& MovingEnvironment::at(double time, bool for_features) {
   if (!start_.moves()) return start_;
-  const Environment& last = placed_ ? *placed_ : start_;
-  if (time == last.time) return last;
-  Environment next = last;
-  next.time = time;
-  if (!next.ways_since(last.time).empty()) next = start_.at(time);
-  placed_ = std::move(next);
+  const auto poses_are = [&](double then) {
+    Environment other = start_;
+    other.time = time;
+    return other.ways_since(then).empty();
+  };
+  Environment placed = placed_ ? *placed_ : start_;
+  if (!poses_are(placed.time) || (for_features && !poses_are(features_time_))) {
+    placed = placed.at(time, for_features);
+    if (for_features) features_time_ = time;
+  }
+  placed.time = time;
+  placed_ = std::move(placed);
   return *placed_;
 }
 

@@ -27,8 +27,9 @@ struct Environment {
   /// `normal_spacing` [m] is the cell size of the obstacle normals, scene.domain.dx unless given. Throws ConfigError
   /// for periodic walls without a partner.
   explicit Environment(const Scene& scene, std::optional<double> normal_spacing = {});
-  /// The same with the obstacles where their scripts have them at `time` [s].
-  Environment at(double time) const;
+  /// The same with the obstacles where their scripts have them at `time` [s]. Without `for_features` normals and
+  /// obstacle particles, which take most of the time, are those of before.
+  Environment at(double time, bool for_features = true) const;
   /// Whether a script moves an obstacle.
   bool moves() const { return moving != nullptr; }
   /// Ways of the obstacles that move between `from` [s] and this environment's time.
@@ -63,12 +64,13 @@ class MovingEnvironment {
  public:
   /// `start` must live as long as this.
   explicit MovingEnvironment(const Environment& start) : start_(start) {}
-  /// At `time` [s]; `start` itself where nothing moves. Valid until the next call.
-  const Environment& at(double time);
+  /// At `time` [s], as Environment::at; `start` itself where nothing moves. Valid until the next call.
+  const Environment& at(double time, bool for_features = true);
 
  private:
   const Environment& start_;
   std::optional<Environment> placed_;
+  double features_time_ = 0;  ///< [s] of placed_'s normals
 };
 
 /// Continuous features of each particle, without the type embedding, shape [n, input_width - embedding], row-major:
