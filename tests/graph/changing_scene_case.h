@@ -8,6 +8,15 @@
 
 namespace graupel::graph {
 
+/// `spin` [rad/s] is about z.
+inline Motion motion_of(const Vec3d& velocity, double spin = 0) {
+  Motion motion;
+  motion.velocity = velocity;
+  motion.spin = spin;
+  motion.axis = {0, 0, 1};
+  return motion;
+}
+
 /// A scene with the particles that it starts with and those that appear later.
 struct ChangingCase {
   Scene scene;
@@ -32,9 +41,10 @@ struct ChangingCase {
 inline std::vector<Vec3f> cube(const Vec3f& center, float edge, int along) {
   std::vector<Vec3f> position;
   for (int i = 0; i < along * along * along; ++i)
-    position.push_back(center + Vec3f{static_cast<float>(i % along), static_cast<float>(i / along % along),
-                                      static_cast<float>(i / along / along)} *
-                                    (edge / static_cast<float>(along - 1)) -
+    position.push_back(center +
+                       Vec3f{static_cast<float>(i % along), static_cast<float>(i / along % along),
+                             static_cast<float>(i / along / along)} *
+                           (edge / static_cast<float>(along - 1)) -
                        Vec3f::filled(edge / 2));
   return position;
 }
@@ -55,7 +65,7 @@ inline ChangingCase moving_paddle() {
   Obstacle paddle;
   paddle.size = {0.04, 0.5, 0.5};
   paddle.position = {0.25, 0.5, 0.5};
-  paddle.motion = Motion{.velocity = {3, 0, 0}};  // more than its thickness a frame
+  paddle.motion = motion_of({3, 0, 0});  // more than its thickness a frame
   c.scene.obstacles.push_back(paddle);
   for (const Vec3f& x : cube({0.5f, 0.5f, 0.5f}, 0.2f, 6)) c.add(x, Vec3f::zero());
   return c;
@@ -77,7 +87,7 @@ inline ChangingCase emitter_over_a_sink() {
 /// Particles of which the first eight turn about an axis, until they are let go.
 inline ChangingCase scripted_particles(double release_time = std::numeric_limits<double>::infinity()) {
   ChangingCase c;
-  ParticleScript script{Motion{.velocity = {0.2, 0, 0}, .spin = 3, .axis = {0, 0, 1}}, {0.5, 0.5, 0.5}, release_time};
+  ParticleScript script{motion_of({0.2, 0, 0}, 3), {0.5, 0.5, 0.5}, release_time};
   c.schedule.scripts.push_back(script);
   const std::vector<Vec3f> led = cube({0.5f, 0.5f, 0.5f}, 0.05f, 2), free = cube({0.6f, 0.65f, 0.5f}, 0.05f, 2);
   for (const Vec3f& x : led) c.add(x, Vec3f::zero(), 0, 0);

@@ -7,8 +7,9 @@
 #include "core/system/error.h"
 #include "graph/features/particle_lifecycle.h"
 #include "graph/features/periodic_images.h"
+#include "graph/networks/graph_network.h"
 #include "tests/graph/changing_scene_case.h"
-#include "tests/graph/rollout_case.h"
+#include "tests/graph/cuda/simulator_case.h"
 
 namespace graupel::graph {
 namespace {
@@ -119,7 +120,7 @@ TEST_F(ChangingScenes, APaddlePushesParticlesAndLeavesNoneInside) {
 
 TEST_F(ChangingScenes, AnEnvironmentAtATimeIsThatOfTheMovedObstacle) {
   Scene moving = scene_with_ball({0.4, 0.5, 0.5}, 0.15);
-  moving.obstacles[0].motion = Motion{.velocity = {0.5, 0.25, 0}};
+  moving.obstacles[0].motion = motion_of({0.5, 0.25, 0});
   const Environment then = Environment(moving).at(0.5);
   const Environment still(scene_with_ball({0.65, 0.625, 0.5}, 0.15));
   EXPECT_EQ(then.normals.active_cells(), still.normals.active_cells());
@@ -149,7 +150,9 @@ TEST_F(ChangingScenes, EmittedParticlesAppearWithTheirVelocityAndLeaveAtASink) {
       } else if (y > 0.31) {
         EXPECT_TRUE(t.frames[f].is_active(i)) << f << " " << i;
         EXPECT_NEAR(x[1], y, 1e-5) << f << " " << i;
-        if (f > 0) EXPECT_NEAR(t.frames[f].velocity[i][1], -2 + gravity * (age - frame_time / 2), 1e-3);
+        if (f > 0) {
+          EXPECT_NEAR(t.frames[f].velocity[i][1], -2 + gravity * (age - frame_time / 2), 1e-3);
+        }
         was[i] = 1;
       } else {
         EXPECT_FALSE(t.frames[f].is_active(i)) << "gone, " << f << " " << i;
@@ -178,7 +181,9 @@ TEST_F(ChangingScenes, ParticlesLeaveByAnOpenWallAndTheOthersDoNotSeeThem) {
   const LearnedSimulator random = make_random();
   const Trajectory a = roll(random, other, 8), b = roll(random, elsewhere, 8);
   for (std::size_t i = 0; i < other.type.size(); ++i)
-    if (i != 7) EXPECT_EQ(a.frames.back().position[i], b.frames.back().position[i]);
+    if (i != 7) {
+      EXPECT_EQ(a.frames.back().position[i], b.frames.back().position[i]);
+    }
 }
 
 TEST_F(ChangingScenes, ScriptedParticlesFollowTheScriptUntilTheyAreReleased) {
@@ -192,8 +197,12 @@ TEST_F(ChangingScenes, ScriptedParticlesFollowTheScriptUntilTheyAreReleased) {
     const RigidMap map = script.motion.at(time, script.body_center);
     for (std::size_t i = 0; i < 8; ++i) {
       const double off = norm(t.frames[f].position[i].cast<double>() - map(c.position[i].cast<double>()));
-      if (time <= release + 1e-9) EXPECT_LT(off, 1e-7) << f;
-      if (time > release + 2 * frame_time) EXPECT_GT(off, 1e-4) << f;
+      if (time <= release + 1e-9) {
+        EXPECT_LT(off, 1e-7) << f;
+      }
+      if (time > release + 2 * frame_time) {
+        EXPECT_GT(off, 1e-4) << f;
+      }
     }
   }
 }

@@ -3,7 +3,7 @@
 
 #include "tests/gpu_only.h"
 #include "tests/graph/changing_scene_case.h"
-#include "tests/graph/cuda/simulator_case.h"
+#include "tests/graph/rollout_case.h"
 
 namespace graupel::graph {
 namespace {
