@@ -61,12 +61,13 @@ bool follow_among_moving(const SweptCollision& way, const std::vector<ObstacleWa
   Vec3f from = before;
   bool moved = false;
   for (const ObstacleWay& carrier : carriers) {
-    const Vec3f carried = carrier.map(before.cast<double>()).cast<float>();
+    Vec3f carried = carrier.map(before.cast<double>()).cast<float>();
     SweptCollision alone = way;
     alone.obstacles = {way.obstacles.obstacles + carrier.obstacle, 1};
-    if (!alone.may_meet_obstacle(carried, x) || !alone.follow(carried, x)) continue;
+    if (!alone.may_meet_obstacle(carried, x) && !alone.may_meet_obstacle(before, x)) continue;
+    alone.push(carried, carried);  // what touched it may be inside by the rounding of its map
+    moved = alone.follow(carried, x) || moved;
     from = carried;
-    moved = true;
   }
   return way.follow(from, x) || moved;
 }
