@@ -59,6 +59,49 @@ TEST_F(ChangingScenes, ABodyInFlightCrossesAPeriodicWallAndKeepsItsMomentum) {
   EXPECT_EQ(wrapped, c.type.size());
 }
 
+/// A body that spans the period has no spin of its own.
+TEST_F(ChangingScenes, ALayerAcrossThePeriodFallsAndKeepsItsMomentum) {
+  ChangingCase c;
+  c.scene = body_across_a_periodic_wall().scene;
+  const auto low = static_cast<float>(Environment(c.scene).box_low[0]);
+  for (int i = 0; i < 400; ++i)
+    c.add({low + 0.02f * (static_cast<float>(i % 50) + 0.5f), 0.8f + 0.02f * static_cast<float>(i / 50 % 2),
+           0.5f + 0.02f * static_cast<float>(i / 100)},
+          {1, 0, 0});
+  const Trajectory t = roll(make_random(), c, 8);
+  for (std::size_t f = 1; f < t.frame_count(); ++f) {
+    EXPECT_NEAR(mean_velocity(t.frames[f])[0], 1, 1e-3) << f;
+    EXPECT_NEAR(mean_velocity(t.frames[f])[1], gravity * frame_time * (static_cast<double>(f) - 0.5), 1e-3) << f;
+  }
+}
+
+/// Matter that is too dense spreads at a periodic wall as it does in the middle.
+TEST_F(ChangingScenes, DensityIsHeldAcrossAPeriodicWall) {
+  const auto spread_at = [&](float center) {
+    ChangingCase c;
+    c.scene = body_across_a_periodic_wall().scene;
+    c.scene.gravity = Vec3d::zero();
+    c.scene.sources.emplace_back();  // eight particles a cell at rest
+    const double low = Environment(c.scene).box_low[0];
+    for (const Vec3f& x : cube({center, 0.5f, 0.5f}, 0.07f, 12))
+      c.add({static_cast<float>(x[0] > low + 1 ? x[0] - 1 : x[0]), x[1], x[2]}, Vec3f::zero());
+    nn::Weights weights = random_weights(small_config(), free_flight());
+    silence_decoder(weights);
+    weights.tensors["normalization.acceleration_mean"] = nn::Tensor::from_float({0, 0, 0}, {3});
+    const Trajectory t = roll(make(weights), c, 6);
+    double squares = 0;
+    for (const Vec3f& x : t.frames.back().position) {
+      double d = x[0] - center;
+      d -= std::round(d);
+      squares += d * d;
+    }
+    return std::sqrt(squares / static_cast<double>(c.type.size()));
+  };
+  const double middle = spread_at(0.546875f), wall = spread_at(1.046875f), at_rest = 0.07 / std::sqrt(12.0);
+  EXPECT_GT(middle, 1.1 * at_rest);
+  EXPECT_NEAR(wall / middle, 1, 0.05);
+}
+
 /// A cloud at a periodic wall is one in the middle of the domain.
 template <typename Config>
 void expect_same_across_a_wall(const Config& config, double tolerance) {

@@ -1,6 +1,8 @@
 // Rollouts of scenes that change on a GPU are those of the CPU's engine, but for products in bf16.
 #include <gtest/gtest.h>
 
+#include <cmath>
+
 #include "tests/gpu_only.h"
 #include "tests/graph/changing_scene_case.h"
 #include "tests/graph/rollout_case.h"
@@ -23,6 +25,16 @@ nn::Weights weights_of(const std::string& network) {
   return random_weights(config, wide_statistics());
 }
 
+/// Of the last positions: root mean square of the difference over that of the way since the start.
+double relative_difference(const Trajectory& a, const Trajectory& b) {
+  double squares = 0, way = 0;
+  for (std::size_t i = 0; i < b.particle_count(); ++i) {
+    squares += norm2((a.frames.back().position[i] - b.frames.back().position[i]).cast<double>());
+    way += norm2((b.frames.back().position[i] - b.frames.front().position[i]).cast<double>());
+  }
+  return std::sqrt(squares / way);
+}
+
 class CudaChangingScenes : public ::testing::TestWithParam<const char*> {
  protected:
   /// Both devices go the same way.
@@ -37,11 +49,9 @@ class CudaChangingScenes : public ::testing::TestWithParam<const char*> {
     options.device = Device::cuda;
     const Trajectory actual = simulator.rollout(c.scene, environment, c.type, history, options);
     ASSERT_EQ(actual.frame_count(), expected.frame_count());
-    for (std::size_t f = 0; f < expected.frame_count(); ++f) {
+    for (std::size_t f = 0; f < expected.frame_count(); ++f)
       EXPECT_EQ(actual.frames[f].active, expected.frames[f].active) << f;
-      for (std::size_t i = 0; i < c.type.size(); ++i)
-        ASSERT_LT(norm(actual.frames[f].position[i] - expected.frames[f].position[i]), 2e-3f) << f << " " << i;
-    }
+    EXPECT_LT(relative_difference(actual, expected), 0.05);
     EXPECT_EQ(simulator.rollout(c.scene, environment, c.type, history, options).frames.back().position,
               actual.frames.back().position)
         << "the same every time";
@@ -57,7 +67,7 @@ TEST_P(CudaChangingScenes, MovingObstacles) {
 
 TEST_P(CudaChangingScenes, EmittersAndSinks) {
   GRAUPEL_NEEDS_GPU();
-  expect_parity(simulator(), emitter_over_a_sink(), 6);
+  expect_parity(simulator(), emitter_over_a_sink(), 8);
 }
 
 TEST_P(CudaChangingScenes, PeriodicWalls) {
@@ -127,10 +137,8 @@ TEST(CudaPlane, RolloutsFollowThoseOfTheCpu) {
   options.device = Device::cuda;
   const Trajectory actual = network.rollout(c.scene, environment, c.type, history, options);
   ASSERT_EQ(actual.frame_count(), expected.frame_count());
-  for (std::size_t i = 0; i < c.type.size(); ++i) {
-    EXPECT_LT(norm(actual.frames.back().position[i] - expected.frames.back().position[i]), 2e-3f);
-    EXPECT_EQ(actual.frames.back().position[i][2], static_cast<float>(c.scene.domain.plane()));
-  }
+  EXPECT_LT(relative_difference(actual, expected), 0.05);
+  for (const Vec3f& x : actual.frames.back().position) EXPECT_EQ(x[2], static_cast<float>(c.scene.domain.plane()));
 }
 
 }  // namespace
