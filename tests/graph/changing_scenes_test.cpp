@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "core/system/error.h"
+#include "graph/corrections/free_flight.h"
 #include "graph/features/particle_lifecycle.h"
 #include "graph/features/periodic_images.h"
 #include "graph/networks/graph_network.h"
@@ -17,9 +18,11 @@ namespace {
 class ChangingScenes : public LearnedSimulatorTest {
  protected:
   LearnedSimulator make_random() const { return make(random_weights(small_config(), free_flight())); }
-  static Trajectory roll(const LearnedSimulator& simulator, const ChangingCase& c, int64_t frames) {
+  static Trajectory roll(const LearnedSimulator& simulator, const ChangingCase& c, int64_t frames,
+                         double density_limit = 1) {
     LearnedSimulator::RolloutOptions options;
     options.frames = frames;
+    options.density_limit = density_limit;
     options.schedule = &c.schedule;
     const int history = static_cast<int>(simulator.config().history) + 1;
     return simulator.rollout(c.scene, Environment(c.scene), c.type, c.history(history), options);
@@ -59,6 +62,30 @@ TEST_F(ChangingScenes, ABodyInFlightCrossesAPeriodicWallAndKeepsItsMomentum) {
   EXPECT_EQ(wrapped, c.type.size());
 }
 
+TEST_F(ChangingScenes, ABodyAcrossAPeriodicWallIsOneGroup) {
+  const ChangingCase c = body_across_a_periodic_wall();
+  const Environment environment(c.scene);
+  std::vector<std::vector<Vec3f>> history = c.history(2);
+  for (std::size_t i = 0; i < c.type.size(); ++i) {
+    const float shift = history[1][i][0] + 0.1f > static_cast<float>(environment.box_high[0]) ? -0.9f : 0.1f;
+    for (std::vector<Vec3f>& frame : history) frame[i][0] += shift;
+  }
+  FreeFlight flight(Device::cpu, c.scene, environment, c.type);
+  flight.find_groups(history[0].data(), history[1].data());
+  const std::vector<int32_t> groups = flight.groups();
+  EXPECT_GE(groups[0], 0);
+  EXPECT_EQ(groups, std::vector<int32_t>(groups.size(), groups[0]));
+  // Accelerations that turn the body about its centre are taken from it as from one that is whole.
+  std::vector<Vec3f> next(c.type.size()), flying(c.type.size());
+  for (std::size_t i = 0; i < next.size(); ++i) {
+    flying[i] = history[1][i] * 2.0f - history[0][i] + environment.gravity_step;
+    const Vec3f arm = c.position[i] - Vec3f{0.85f, 0.7f, 0.5f};
+    next[i] = flying[i] + Vec3f{-arm[1], arm[0], 0} * 0.01f;
+  }
+  flight.correct(history[0].data(), history[1].data(), next.data());
+  for (std::size_t i = 0; i < next.size(); ++i) EXPECT_LT(norm(next[i] - flying[i]), 2e-6f);
+}
+
 /// A body that spans the period has no spin of its own.
 TEST_F(ChangingScenes, ALayerAcrossThePeriodFallsAndKeepsItsMomentum) {
   ChangingCase c;
@@ -68,7 +95,7 @@ TEST_F(ChangingScenes, ALayerAcrossThePeriodFallsAndKeepsItsMomentum) {
     c.add({low + 0.02f * (static_cast<float>(i % 50) + 0.5f), 0.8f + 0.02f * static_cast<float>(i / 50 % 2),
            0.5f + 0.02f * static_cast<float>(i / 100)},
           {1, 0, 0});
-  const Trajectory t = roll(make_random(), c, 8);
+  const Trajectory t = roll(make_random(), c, 8, /*density_limit=*/0);
   for (std::size_t f = 1; f < t.frame_count(); ++f) {
     EXPECT_NEAR(mean_velocity(t.frames[f])[0], 1, 1e-3) << f;
     EXPECT_NEAR(mean_velocity(t.frames[f])[1], gravity * frame_time * (static_cast<double>(f) - 0.5), 1e-3) << f;
