@@ -41,16 +41,16 @@ RolloutStart start_from_scene(const RolloutOptions& options, int history) {
   return start;
 }
 
-/// Positions of usable frames from `first` on, at most `count` of them (-1: all).
-std::vector<std::vector<Vec3f>> read_rest(const io::TrajectoryReader& reader, int index, const Trajectory& header,
-                                          int64_t first, int64_t count) {
+/// Reads usable frames from `first` on, at most `count` of them (-1: all).
+void read_rest(const io::TrajectoryReader& reader, int index, const Trajectory& header, int64_t first, int64_t count,
+               RolloutStart& start) {
   int64_t usable = static_cast<int64_t>(header.frame_count());
   if (header.diverged_at_frame >= 0) usable = std::min(usable, header.diverged_at_frame);
   const int64_t there = std::max<int64_t>(0, usable - first);
-  std::vector<std::vector<Vec3f>> positions;
-  for (auto& frame : reader.frames(index, first, count < 0 ? there : std::min(there, count)))
-    positions.push_back(std::move(frame.position));
-  return positions;
+  for (auto& frame : reader.frames(index, first, count < 0 ? there : std::min(there, count))) {
+    start.rest.push_back(std::move(frame.position));
+    start.rest_active.push_back(std::move(frame.active));
+  }
 }
 
 /// Whether something of a scene happens at a time.
@@ -81,7 +81,7 @@ RolloutStart start_from_trajectory(const RolloutOptions& options, int history) {
                      "' stores no velocity of the first frame. Use --start truth:" + std::to_string(history));
   add_schedule(start.scene, start.seed, particles);
   start.schedule = schedule_of(particles);
-  start.rest = read_rest(reader, index, header, from_scene ? 1 : history, options.frames);
+  read_rest(reader, index, header, from_scene ? 1 : history, options.frames, start);
   if (from_scene) {
     start.active = first.active;
     start.history = past_of(particles, start.scene, history);

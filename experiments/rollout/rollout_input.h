@@ -23,11 +23,12 @@ Scene stored_scene(const Trajectory& header, const RolloutOptions& options);
 struct RolloutStart {
   Scene scene;
   std::vector<int32_t> particle_type;
-  std::vector<std::vector<Vec3f>> history;  ///< positions [m] of frames, oldest first
-  std::vector<std::vector<Vec3f>> rest;     ///< of a trajectory: its frames after the start
-  graph::ParticleSchedule schedule;         ///< births and scripts
-  std::vector<uint8_t> active;              ///< of a trajectory: those in the run at the start; empty: all that are born
-  double time = 0;                          ///< [s] of the start in the scene
+  std::vector<std::vector<Vec3f>> history;        ///< positions [m] of frames, oldest first
+  std::vector<std::vector<Vec3f>> rest;           ///< of a trajectory: its frames after the start
+  std::vector<std::vector<uint8_t>> rest_active;  ///< and which particles are in the run in them, or empty ones
+  graph::ParticleSchedule schedule;               ///< births and scripts
+  std::vector<uint8_t> active;  ///< of a trajectory: those in the run at the start; empty: all that are born
+  double time = 0;              ///< [s] of the start in the scene
   uint64_t seed = 0;
   bool unknown_gravity = false;  ///< other programs' data do not say it
 };
