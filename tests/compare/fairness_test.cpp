@@ -68,6 +68,10 @@ TEST(UnknownWalls, AreNamedWithTheirFrictionAndWhereTheyStick) {
   scene.domain.walls = Contact::stick;
   ASSERT_EQ(unknown_walls(weights, scene).size(), 1u);
   EXPECT_NE(unknown_walls(weights, scene)[0].find("sticky"), std::string::npos);
+  scene.domain.walls = Contact::separate;
+  scene.sinks.emplace_back();
+  ASSERT_EQ(unknown_walls(weights, scene).size(), 1u);
+  EXPECT_NE(unknown_walls(weights, scene)[0].find("come or go"), std::string::npos);
 }
 
 }  // namespace
