@@ -65,6 +65,7 @@ Scene fixed_part(Scene scene) {
 template <typename T>
 std::vector<T> rows_of(const std::vector<T>& all, const std::vector<std::size_t>& chosen) {
   std::vector<T> rows;
+  if (all.empty()) return rows;
   rows.reserve(chosen.size());
   for (const std::size_t i : chosen) rows.push_back(all[i]);
   return rows;
@@ -228,7 +229,8 @@ compare::OneStepError SceneComparison::one_step_of_network(const ComparedModel& 
     error.add(
         predicted,
         compare::frame_accelerations(positions[positions.size() - 2], positions.back(), rows_of(next.front(), active)),
-        compare::clearances(task_.scene, obstacles_, positions.back()), kinematic_mask(type));
+        compare::clearances(task_.scene, obstacles_, positions.back()),
+        rows_of(kinematic_at(start_, static_cast<double>(n + 1) * dt), active));
   }
   return error.result();
 }

@@ -31,11 +31,23 @@ StartState start_of(const Scene& scene, uint64_t seed) {
   return start;
 }
 
+bool has_scripts(const Scene& scene) {
+  return !scene.kinematic_regions.empty() ||
+         std::any_of(scene.sources.begin(), scene.sources.end(), [](const Source& s) { return s.motion.has_value(); });
+}
+
+std::vector<uint8_t> kinematic_at(const StartState& start, double time) {
+  std::vector<uint8_t> kinematic = kinematic_mask(start.particle_type);
+  for (std::size_t i = 0; i < start.script.size(); ++i) {
+    if (start.script[i] < 0 || time > start.scripts[static_cast<std::size_t>(start.script[i])].release_time) continue;
+    kinematic.resize(start.script.size());
+    kinematic[i] = 1;
+  }
+  return kinematic;
+}
+
 void add_schedule(const Scene& scene, uint64_t seed, StartState& start) {
-  const bool has_scripts =
-      !scene.kinematic_regions.empty() ||
-      std::any_of(scene.sources.begin(), scene.sources.end(), [](const Source& s) { return s.motion.has_value(); });
-  if (scene.emitters.empty() && !has_scripts) return;
+  if (scene.emitters.empty() && !has_scripts(scene)) return;
   StartState sampled = start_of(scene, seed);
   if (sampled.position.size() != start.position.size())
     throw InputError(fmt::format(
@@ -61,15 +73,11 @@ graph::ParticleSchedule schedule_of(const StartState& start) {
 }
 
 std::vector<std::vector<Vec3f>> past_of(const StartState& start, const Scene& scene, int frames) {
-  std::vector<uint8_t> kinematic = kinematic_mask(start.particle_type);
   std::vector<Vec3f> velocity = start.velocity;
-  for (std::size_t i = 0; i < start.script.size(); ++i) {
-    if (start.script[i] < 0) continue;
-    kinematic.resize(start.script.size());
-    kinematic[i] = 1;
-    velocity[i] = Vec3f::zero();
-  }
-  return graph::start_history(start.position, velocity, scene.gravity, scene.frame_time, frames, kinematic);
+  for (std::size_t i = 0; i < start.script.size(); ++i)
+    if (start.script[i] >= 0) velocity[i] = Vec3f::zero();
+  return graph::start_history(start.position, velocity, scene.gravity, scene.frame_time, frames,
+                              kinematic_at(start, 0));
 }
 
 namespace {

@@ -25,10 +25,15 @@ StartState start_of(const Scene& scene, uint64_t seed);
 /// Adds the births and scripts of a scene to a start whose particles are its sampled ones in other states. Those that
 /// are born later have the velocity of their birth. Throws InputError where there is another number of particles.
 void add_schedule(const Scene& scene, uint64_t seed, StartState& start);
+/// Whether some particles follow a script.
+bool has_scripts(const Scene& scene);
+/// [n] 1 for particles that are kinematic at `time` [s], by their type or by a script that has not released them; empty
+/// where none are.
+std::vector<uint8_t> kinematic_at(const StartState& start, double time);
 /// Births and scripts, for networks.
 graph::ParticleSchedule schedule_of(const StartState& start);
-/// Positions of `frames` frames up to the start, oldest first: ballistic, but for particles that are kinematic or led by
-/// a script, which rest where the script begins.
+/// Positions of `frames` frames up to the start, oldest first: ballistic, but for particles that are kinematic or led
+/// by a script, which rest where the script begins.
 std::vector<std::vector<Vec3f>> past_of(const StartState& start, const Scene& scene, int frames);
 
 /// The scene with its particles as points, each moved by `distance` [m] in a random direction, but not beyond the

@@ -55,8 +55,7 @@ void read_rest(const io::TrajectoryReader& reader, int index, const Trajectory& 
 
 /// Whether something of a scene happens at a time.
 bool is_timed(const Scene& scene) {
-  return scene.has_moving_obstacles() || !scene.emitters.empty() || !scene.kinematic_regions.empty() ||
-         std::any_of(scene.sources.begin(), scene.sources.end(), [](const Source& s) { return s.motion.has_value(); });
+  return scene.has_moving_obstacles() || !scene.emitters.empty() || has_scripts(scene);
 }
 
 /// "scene": frame 0 with a ballistic past; "truth:N": the first N frames of the trajectory.
