@@ -169,6 +169,25 @@ TEST_F(ChangingScenes, GnsSeesNeighboursAcrossAPeriodicWall) {
   expect_same_across_a_wall(config, 1e-3);
 }
 
+/// An engine in place of the CPU's, such as a GPU, gets the images as particles and gives what the CPU's gives.
+TEST_F(ChangingScenes, AnotherEngineGetsTheImagesToo) {
+  const ChangingCase c = body_across_a_periodic_wall();
+  const GraphNetwork network(random_weights(small_config(), free_flight()));
+  std::size_t seen = 0;
+  const NetworkEngine engine = [&](const std::vector<float>& features, const std::vector<int32_t>& type,
+                                   const std::vector<Vec3f>& position, const Vec3d& origin,
+                                   std::vector<float>& acceleration) {
+    seen = position.size();
+    acceleration = network.forward(features, type, position, origin);
+  };
+  FrameTiming timing;
+  const Environment environment(c.scene);
+  const auto elsewhere = network.predict(environment, c.type, c.history(4), timing, &engine);
+  EXPECT_GT(seen, c.type.size());
+  EXPECT_EQ(elsewhere, network.predict(environment, c.type, c.history(4), timing));
+  EXPECT_EQ(elsewhere.size(), 3 * c.type.size());
+}
+
 TEST_F(ChangingScenes, APaddlePushesParticlesAndLeavesNoneInside) {
   const ChangingCase c = moving_paddle();
   nn::Weights weights = random_weights(small_config(), free_flight());
