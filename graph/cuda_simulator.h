@@ -40,6 +40,10 @@ class CudaSimulator {
   bool advance();
   /// Accelerations of the next frame [m/frame^2], without moving. After start() alone.
   std::vector<Vec3f> accelerations();
+  /// The network alone, as NetworkEngine has it (graph/network.h): normalised accelerations [n, output_width()] from
+  /// features [n, features] and positions [n] in host memory. Ends a rollout.
+  void evaluate(const std::vector<float>& features, const std::vector<int32_t>& particle_type,
+                const std::vector<Vec3f>& position, const Vec3d& origin, std::vector<float>& output);
   std::vector<Vec3f> positions() const;
   /// Of the last frame, by events on the GPU.
   CudaFrameTime frame_time() const;

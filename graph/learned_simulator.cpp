@@ -2,22 +2,23 @@
 
 #include <algorithm>
 #include <cmath>
-#include <optional>
 #include <utility>
 
 #include "core/scene/kinematic_particles.h"
 #include "core/system/error.h"
-#include "graph/corrections/density_projection.h"
-#include "graph/corrections/free_flight.h"
+#include "graph/corrections/frame_corrections.h"
 #include "graph/cpu/lap_timer.h"
 #include "graph/cuda_simulator.h"
 #include "graph/features/frame_step.h"
+#include "graph/features/particle_lifecycle.h"
+#include "graph/features/periodic_images.h"
 #include "graph/features/prescribed_positions.h"
-#include "graph/features/rest_density.h"
 
 namespace graupel::graph {
 
 namespace {
+
+using Frames = std::vector<std::vector<Vec3f>>;  ///< positions [frames][n]
 
 bool about_equal(double a, double b) { return std::abs(a - b) <= 1e-3 * std::max(std::abs(a), std::abs(b)); }
 
@@ -50,6 +51,32 @@ void check_start(const std::vector<std::vector<Vec3f>>& start, std::size_t frame
   }
 }
 
+void check_schedule(const Scene& scene, const ParticleSchedule* schedule, std::size_t particles) {
+  const bool emits = !scene.emitters.empty();
+  const std::size_t births = schedule != nullptr ? schedule->birth_time.size() : 0,
+                    scripts = schedule != nullptr ? schedule->script.size() : 0;
+  if ((emits && births == 0) || (births != 0 && births != particles) || (scripts != 0 && scripts != particles))
+    throw InputError("the schedule of the scene's particles is not of these particles (times of birth " +
+                     std::to_string(births) + ", scripts " + std::to_string(scripts) + ", particles " +
+                     std::to_string(particles) + "). Use the scene and the seed that made them");
+}
+
+/// Whether rollouts run wholly on a GPU: nothing of the environment changes, and all of it is known there.
+bool stays_on_gpu(const Environment& environment) {
+  return !environment.moves() && !environment.is_periodic() && !environment.plane;
+}
+
+/// Positions at the start of what is in the run and not kinematic.
+std::vector<Vec3f> matter_at(const std::vector<Vec3f>& start, const PrescribedPositions& prescribed,
+                             const ParticleLifecycle& lifecycle) {
+  const std::vector<uint8_t> kinematic = prescribed.mask(0);
+  std::vector<Vec3f> matter;
+  for (std::size_t i = 0; i < start.size(); ++i)
+    if ((kinematic.empty() || kinematic[i] == 0) && (!lifecycle.changes() || lifecycle.active()[i] != 0))
+      matter.push_back(start[i]);
+  return matter;
+}
+
 /// Accelerations [m/frame^2] of what only falls.
 std::vector<Vec3f> falling(const Scene& scene, const std::vector<int32_t>& particle_type) {
   const Vec3f fall = (scene.gravity * (scene.frame_time * scene.frame_time)).cast<float>();
@@ -59,14 +86,17 @@ std::vector<Vec3f> falling(const Scene& scene, const std::vector<int32_t>& parti
   return acceleration;
 }
 
-ParticleFrame make_frame(int64_t number, double frame_time, const std::vector<Vec3f>& before,
-                         const std::vector<Vec3f>& current) {
+/// `active`: [n], or empty where all are.
+ParticleFrame make_frame(double time, double frame_time, const std::vector<Vec3f>& before,
+                         const std::vector<Vec3f>& current, const std::vector<uint8_t>& active = {}) {
   ParticleFrame frame;
-  frame.time = static_cast<double>(number) * frame_time;
+  frame.time = time;
   frame.position = current;
   frame.velocity.resize(current.size());
   const auto rate = static_cast<float>(1 / frame_time);
-  for (std::size_t i = 0; i < current.size(); ++i) frame.velocity[i] = (current[i] - before[i]) * rate;
+  for (std::size_t i = 0; i < current.size(); ++i)
+    if (active.empty() || active[i] != 0) frame.velocity[i] = (current[i] - before[i]) * rate;
+  frame.active = active;
   return frame;
 }
 
@@ -80,55 +110,57 @@ Trajectory empty_trajectory(const Scene& scene, const std::vector<int32_t>& part
   return trajectory;
 }
 
-/// What rollouts on the CPU do to the frames that a network predicts; the density is held after the last one of a
-/// bundle.
-class Corrections {
- public:
-  Corrections(const Scene& scene, const Environment& environment, const std::vector<int32_t>& particle_type,
-              PrescribedPositions prescribed, const LearnedSimulator::RolloutOptions& options, const Network& network)
-      : environment_(environment),
-        prescribed_(std::move(prescribed)),
-        bundle_(network.feature_config().bundle),
-        project_(options.project) {
-    const double spacing = network.spacing(),
-                 rest = rest_density(scene, prescribed_.others(prescribed_.start()), spacing);
-    if (options.density_limit * rest > 0 && !environment.plane)
-      density_.emplace(Device::cpu, environment, options.density_limit * rest, spacing);
-    if (options.free_flight && !prescribed_.any()) flight_.emplace(Device::cpu, scene, environment, particle_type);
-  }
+/// Rows `place` of v [n].
+template <typename T>
+std::vector<T> rows_of(const std::vector<T>& v, const std::vector<int32_t>& place) {
+  std::vector<T> rows;
+  if (v.empty()) return rows;
+  rows.reserve(place.size());
+  for (const int32_t i : place) rows.push_back(v[static_cast<std::size_t>(i)]);
+  return rows;
+}
 
-  /// Of frame number `frame`, with those before it.
-  void apply(int64_t frame, const std::vector<Vec3f>& before, const std::vector<Vec3f>& current,
-             std::vector<Vec3f>& next) {
-    if (flight_) {
-      flight_->find_groups(before.data(), current.data());
-      flight_->correct(before.data(), current.data(), next.data());
+/// The particles of a step: all, where none come or go, else copies of those in the run.
+class StepParticles {
+ public:
+  StepParticles(const ParticleLifecycle& lifecycle, const std::vector<int32_t>& type, const Frames& history,
+                const std::vector<uint8_t>& kinematic)
+      : place_(lifecycle.changes() ? &lifecycle.present() : nullptr),
+        type_(type),
+        history_(history),
+        kinematic_(kinematic) {
+    if (place_ == nullptr) return;
+    own_type_ = rows_of(type, *place_);
+    own_kinematic_ = rows_of(kinematic, *place_);
+    for (const std::vector<Vec3f>& frame : history) own_history_.push_back(rows_of(frame, *place_));
+  }
+  const std::vector<int32_t>& type() const { return place_ != nullptr ? own_type_ : type_; }
+  const std::vector<uint8_t>& kinematic() const { return place_ != nullptr ? own_kinematic_ : kinematic_; }
+  const Frames& history() const { return place_ != nullptr ? own_history_ : history_; }
+  /// Their rows among those of all.
+  const std::vector<Vec3f>& rows(const std::vector<Vec3f>& of_all) {
+    if (place_ == nullptr) return of_all;
+    own_rows_ = rows_of(of_all, *place_);
+    return own_rows_;
+  }
+  /// Puts their rows into those of all: the others keep what is there.
+  void put(std::vector<Vec3f>& rows, std::vector<Vec3f>& of_all) const {
+    if (place_ == nullptr) {
+      std::swap(of_all, rows);
+      return;
     }
-    if (project_) project_out(environment_, current, next);
-    if (density_ && frame % bundle_ == 0) {
-      free_ = next;
-      hold_density(next);
-      if (project_) project_out(environment_, free_, next);
-    }
-    keep_in_plane(environment_, next);
-    prescribed_.put(frame, next);
+    for (std::size_t k = 0; k < place_->size(); ++k) of_all[static_cast<std::size_t>((*place_)[k])] = rows[k];
   }
 
  private:
-  void hold_density(std::vector<Vec3f>& position) {
-    if (!prescribed_.any()) return density_->apply(position.data(), static_cast<int64_t>(position.size()));
-    std::vector<Vec3f> others = prescribed_.others(position);
-    density_->apply(others.data(), static_cast<int64_t>(others.size()));
-    prescribed_.put_others(others, position);
-  }
-
-  const Environment& environment_;
-  PrescribedPositions prescribed_;
-  int64_t bundle_;
-  bool project_;
-  std::optional<DensityProjection> density_;
-  std::optional<FreeFlight> flight_;
-  std::vector<Vec3f> free_;  ///< out of obstacles
+  const std::vector<int32_t>* place_;
+  const std::vector<int32_t>& type_;
+  const Frames& history_;
+  const std::vector<uint8_t>& kinematic_;
+  std::vector<int32_t> own_type_;
+  Frames own_history_;
+  std::vector<uint8_t> own_kinematic_;
+  std::vector<Vec3f> own_rows_;
 };
 
 }  // namespace
@@ -144,12 +176,18 @@ const nn::Weights& LearnedSimulator::weights() const { return *weights_; }
 std::vector<std::vector<Vec3f>> LearnedSimulator::predict(const Environment& environment,
                                                           const std::vector<int32_t>& particle_type,
                                                           const std::vector<std::vector<Vec3f>>& positions,
-                                                          FrameTiming& timing) const {
+                                                          Device device, FrameTiming& timing) const {
   if (config().in_plane() != environment.plane.has_value())
     throw ConfigError("'" + weights_->file + "' is for scenes with another number of dimensions (" +
                       std::to_string(config().dimensions) + "). Choose weights that were trained on such scenes");
   const Normalization& normalization = network_->normalization();
-  const std::vector<float> output = network_->predict(environment, particle_type, positions, timing);
+  const NetworkEngine on_gpu = [this](const std::vector<float>& features, const std::vector<int32_t>& type,
+                                      const std::vector<Vec3f>& position, const Vec3d& origin,
+                                      std::vector<float>& output) {
+    gpu_simulator().evaluate(features, type, position, origin, output);
+  };
+  const std::vector<float> output =
+      network_->predict(environment, particle_type, positions, timing, device == Device::cuda ? &on_gpu : nullptr);
   std::vector<std::vector<Vec3f>> acceleration(static_cast<std::size_t>(config().bundle),
                                                std::vector<Vec3f>(particle_type.size()));
   const float* number = output.data();
@@ -166,7 +204,7 @@ std::vector<Vec3f> LearnedSimulator::one_step(const Environment& environment, co
                                               const std::vector<std::vector<Vec3f>>& positions,
                                               FrameTiming* timing) const {
   FrameTiming spent;
-  std::vector<Vec3f> first = std::move(predict(environment, particle_type, positions, spent).front());
+  std::vector<Vec3f> first = std::move(predict(environment, particle_type, positions, Device::cpu, spent).front());
   if (timing != nullptr) *timing = spent;
   return first;
 }
@@ -182,52 +220,77 @@ Trajectory LearnedSimulator::rollout(const Scene& scene, const Environment& envi
   const auto needed = static_cast<std::size_t>(config().history) + 1;
   check_fit(config(), scene, environment, weights_->file);
   check_start(start, needed, particle_type.size());
-  std::vector<std::vector<Vec3f>> history(start.end() - static_cast<std::ptrdiff_t>(needed), start.end());
-
+  check_schedule(scene, options.schedule, particle_type.size());
   PrescribedPositions prescribed(particle_type, start.back(), options.given);
-  if (options.device == Device::cuda) {
-    prescribed.refuse_gpu();
+  if (options.schedule != nullptr)
+    prescribed.add_scripts(*options.schedule, options.start_time, scene.frame_time, environment.plane.has_value());
+  ParticleLifecycle lifecycle(scene, options.schedule, start.back(), options.active, options.start_time);
+  if (options.device == Device::cuda && !lifecycle.changes() && !prescribed.any() && stays_on_gpu(environment))
     return rollout_on_gpu(scene, environment, particle_type, start, options);
-  }
-  Corrections corrections(scene, environment, particle_type, std::move(prescribed), options, *network_);
+
+  Frames history(start.end() - static_cast<std::ptrdiff_t>(needed), start.end());
+  if (options.schedule != nullptr) add_past_of_born(scene, *options.schedule, options.start_time, history);
+  unwrap_periodic(environment, history);
+  MovingEnvironment surroundings(environment);
+  FrameCorrections corrections(
+      scene, environment, matter_at(start.back(), prescribed, lifecycle),
+      {options.project, options.density_limit, options.free_flight, config().bundle, network_->spacing()});
   Trajectory trajectory = empty_trajectory(scene, particle_type, weights_->file);
-  trajectory.frames.push_back(make_frame(0, scene.frame_time, history[needed - 2], history[needed - 1]));
-  std::vector<Vec3f> next;
-  std::vector<std::vector<Vec3f>> acceleration;  // of the frames of a bundle
+  trajectory.frames.push_back(
+      make_frame(options.start_time, scene.frame_time, history[needed - 2], history[needed - 1], lifecycle.active()));
+  std::vector<Vec3f> next, all_next;
+  Frames acceleration;  // of the frames of a bundle
   FrameTiming frame_timing;
+  bool other_particles = false;
   for (int64_t frame = 1; frame <= options.frames; ++frame) {
     const int64_t in_bundle = (frame - 1) % config().bundle;
+    const double from = options.start_time + static_cast<double>(frame - 1) * scene.frame_time,
+                 to = options.start_time + static_cast<double>(frame) * scene.frame_time;
     LapTimer whole;
-    if (in_bundle == 0 && !options.network)
-      acceleration.assign(static_cast<std::size_t>(config().bundle), falling(scene, particle_type));
-    if (in_bundle == 0 && options.network) {
+    const Environment& here = surroundings.at(to, /*for_features=*/in_bundle == 0 && options.network);
+    const std::vector<uint8_t> kinematic = prescribed.mask(frame);
+    StepParticles step(lifecycle, particle_type, history, kinematic);
+    if (in_bundle == 0) {
       FrameTiming spent;
-      acceleration = predict(environment, particle_type, history, spent);
-      frame_timing = spent.shared_by(std::min(config().bundle, options.frames - frame + 1));
+      const double placing = whole.lap();
+      Frames predicted = options.network
+                             ? predict(here, step.type(), step.history(), options.device, spent)
+                             : Frames(static_cast<std::size_t>(config().bundle), falling(scene, step.type()));
+      spent.features += here.moves() ? placing : 0;
+      frame_timing =
+          options.network ? spent.shared_by(std::min(config().bundle, options.frames - frame + 1)) : FrameTiming();
+      // What appears within the bundle falls until the next one.
+      acceleration.assign(predicted.size(), lifecycle.changes() ? falling(scene, particle_type) : std::vector<Vec3f>());
+      for (std::size_t j = 0; j < predicted.size(); ++j) step.put(predicted[j], acceleration[j]);
     }
     FrameTiming timing = frame_timing;
-    if (!step_frame(scene, history[needed - 2], history[needed - 1], acceleration[static_cast<std::size_t>(in_bundle)],
-                    next)) {
+    const Frames& known = step.history();
+    if (!step_frame(scene, known[needed - 2], known[needed - 1],
+                    step.rows(acceleration[static_cast<std::size_t>(in_bundle)]), next)) {
       trajectory.diverged_at_frame = frame;
       break;
     }
     LapTimer watch;
-    corrections.apply(frame, history[needed - 2], history[needed - 1], next);
+    corrections.apply(
+        {frame, from, here, step.type(), other_particles, step.kinematic(), known[needed - 2], known[needed - 1]},
+        next);
+    if (lifecycle.changes()) all_next = history.back();
+    step.put(next, all_next);
+    prescribed.put(frame, all_next);
     timing.projection = watch.lap();
     std::rotate(history.begin(), history.begin() + 1, history.end());
-    std::swap(history.back(), next);
+    std::swap(history.back(), all_next);
+    const bool some_gone = lifecycle.leave(here, kinematic, history), some_new = lifecycle.appear(here, history, to);
+    other_particles = some_gone || some_new;
     timing.wall = whole.lap();
-    trajectory.frames.push_back(make_frame(frame, scene.frame_time, history[needed - 2], history[needed - 1]));
+    trajectory.frames.push_back(
+        make_frame(to, scene.frame_time, history[needed - 2], history[needed - 1], lifecycle.active()));
     if (options.progress) options.progress(frame, timing);
   }
   return trajectory;
 }
 
 CudaSimulator& LearnedSimulator::gpu_simulator() const {
-  if (config().in_plane())
-    throw ConfigError("'" + weights_->file +
-                      "' is for scenes with two dimensions, which networks on a GPU do not roll out (dimensions 2, "
-                      "allowed: 3). Use --device cpu");
   if (!on_gpu_) on_gpu_ = std::make_shared<CudaSimulator>(*weights_);
   return *on_gpu_;
 }
@@ -241,7 +304,7 @@ Trajectory LearnedSimulator::rollout_on_gpu(const Scene& scene, const Environmen
                   {options.project, options.density_limit, options.free_flight, options.network});
   Trajectory trajectory = empty_trajectory(scene, particle_type, weights_->file);
   std::vector<Vec3f> before = start.back();
-  trajectory.frames.push_back(make_frame(0, scene.frame_time, start[start.size() - 2], before));
+  trajectory.frames.push_back(make_frame(options.start_time, scene.frame_time, start[start.size() - 2], before));
   for (int64_t frame = 1; frame <= options.frames; ++frame) {
     LapTimer whole;
     const bool goes_on = simulator.advance();
@@ -251,7 +314,8 @@ Trajectory LearnedSimulator::rollout_on_gpu(const Scene& scene, const Environmen
       break;
     }
     std::vector<Vec3f> current = simulator.positions();
-    trajectory.frames.push_back(make_frame(frame, scene.frame_time, before, current));
+    const double time = options.start_time + static_cast<double>(frame) * scene.frame_time;
+    trajectory.frames.push_back(make_frame(time, scene.frame_time, before, current));
     before = std::move(current);
     const CudaFrameTime spent = simulator.frame_time();
     if (options.progress)
@@ -264,6 +328,10 @@ Trajectory LearnedSimulator::rollout_on_gpu(const Scene& scene, const Environmen
 std::vector<Vec3f> LearnedSimulator::one_step_on_gpu(const Scene& scene, const Environment& environment,
                                                      const std::vector<int32_t>& particle_type,
                                                      const std::vector<std::vector<Vec3f>>& positions) const {
+  if (!stays_on_gpu(environment)) {
+    FrameTiming spent;
+    return std::move(predict(environment, particle_type, positions, Device::cuda, spent).front());
+  }
   CudaSimulator& simulator = gpu_simulator();
   simulator.start(scene, environment, particle_type, positions, {false, 0, false, true});
   return simulator.accelerations();

@@ -10,6 +10,7 @@
 #include "core/scene/scene.h"
 #include "core/scene/trajectory.h"
 #include "graph/features/features.h"
+#include "graph/features/particle_schedule.h"
 #include "graph/network.h"
 
 namespace graupel::graph {
@@ -27,7 +28,7 @@ class LearnedSimulator {
   void check_runs_on(Device device) const;
 
   /// Accelerations per frame^2 [m], shape [n], from history + 1 positions, newest last: those of the next frame, the
-  /// first one of a bundle.
+  /// first one of a bundle. `environment` is that of the frame to come, the particles are those in the run.
   std::vector<Vec3f> one_step(const Environment& environment, const std::vector<int32_t>& particle_type,
                               const std::vector<std::vector<Vec3f>>& positions, FrameTiming* timing = nullptr) const;
   /// The same on a GPU, as rollouts there have it. Throws ConfigError without one.
@@ -51,6 +52,9 @@ class LearnedSimulator {
         true;  ///< momentum of what flies is kept (graph/corrections/free_flight.h); not beside kinematic particles
     bool network = true;  ///< false: nothing but gravity and these laws, at the network's settings
     const GivenFrames* given = nullptr;
+    const ParticleSchedule* schedule = nullptr;  ///< births and scripts; null: none
+    double start_time = 0;                       ///< [s] of the newest start frame
+    std::vector<uint8_t> active = {};            ///< [n] 1 for those in the run at the start; empty: all that are born
     Device device = Device::cpu;  ///< on a GPU matrix products are in bf16, and latents have to be 128 wide
   };
   /// Predicts options.frames frames after `start` (history + 1 positions or more, newest last; see start_history). The
@@ -61,14 +65,17 @@ class LearnedSimulator {
   /// or the cell size of the obstacle normals is not the one that the network was trained for, or it has another number
   /// of dimensions.
   /// Held particles take their given places, or stay where they start; the others see them, and the density is that of
-  /// the others.
+  /// the others. Obstacles are where their scripts have them in each frame; frames of scenes where particles come and
+  /// go say which are active. Where anything of the scene changes, in a plane and beside kinematic particles, a GPU
+  /// evaluates the network alone.
   Trajectory rollout(const Scene& scene, const Environment& environment, const std::vector<int32_t>& particle_type,
                      const std::vector<std::vector<Vec3f>>& start, const RolloutOptions& options) const;
 
  private:
   /// Accelerations of the next config().bundle frames [bundle][n].
   std::vector<std::vector<Vec3f>> predict(const Environment& environment, const std::vector<int32_t>& particle_type,
-                                          const std::vector<std::vector<Vec3f>>& positions, FrameTiming& timing) const;
+                                          const std::vector<std::vector<Vec3f>>& positions, Device device,
+                                          FrameTiming& timing) const;
   CudaSimulator& gpu_simulator() const;
   Trajectory rollout_on_gpu(const Scene& scene, const Environment& environment,
                             const std::vector<int32_t>& particle_type, const std::vector<std::vector<Vec3f>>& start,

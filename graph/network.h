@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <vector>
 
@@ -26,6 +27,12 @@ struct FrameTiming {
   }
 };
 
+/// Evaluates a network's layers in place of the CPU's engine: normalised accelerations [n, output_width()] from
+/// features [n, features], types and positions [n]. `origin` is that of HGN's grid.
+using NetworkEngine =
+    std::function<void(const std::vector<float>& features, const std::vector<int32_t>& particle_type,
+                       const std::vector<Vec3f>& position, const Vec3d& origin, std::vector<float>& acceleration)>;
+
 class Network {
  public:
   virtual ~Network() = default;
@@ -36,11 +43,13 @@ class Network {
   virtual double spacing() const = 0;
 
   /// Normalised accelerations [n, output_width()] of the next feature_config().bundle frames of particles of the given
-  /// types [n], from history + 1 positions [n], newest last.
+  /// types [n], from history + 1 positions [n], newest last. `environment` is that of the frame to come. Across
+  /// periodic walls particles see each other as far as their images reach (graph/features/periodic_images.h).
   /// Fills in the parts of `timing` that it knows. May be called from several threads. Throws InputError for a particle
   /// type that is not known.
   virtual std::vector<float> predict(const Environment& environment, const std::vector<int32_t>& particle_type,
-                                     const std::vector<std::vector<Vec3f>>& positions, FrameTiming& timing) const = 0;
+                                     const std::vector<std::vector<Vec3f>>& positions, FrameTiming& timing,
+                                     const NetworkEngine* engine = nullptr) const = 0;
 
   /// Floating-point operations of an evaluation, for particles at `position` (graph/plan/layer_plan.h).
   virtual double flop(const Environment& environment, const std::vector<Vec3f>& position) const = 0;

@@ -31,6 +31,10 @@ void CudaSimulator::start(const Scene&, const Environment&, const std::vector<in
 }
 bool CudaSimulator::advance() { no_cuda(); }
 std::vector<Vec3f> CudaSimulator::accelerations() { no_cuda(); }
+void CudaSimulator::evaluate(const std::vector<float>&, const std::vector<int32_t>&, const std::vector<Vec3f>&,
+                             const Vec3d&, std::vector<float>&) {
+  no_cuda();
+}
 std::vector<Vec3f> CudaSimulator::positions() const { no_cuda(); }
 CudaFrameTime CudaSimulator::frame_time() const { no_cuda(); }
 

@@ -129,11 +129,15 @@ LocalBox analytic_bounds(const Body& body) {
 }
 
 LocalBox plane_bounds(const Body& body, const Domain& domain) {
+  return plane_bounds(body.rotation(), body.position, domain);
+}
+
+LocalBox plane_bounds(const Mat3d& rotation, const Vec3d& position, const Domain& domain) {
   LocalBox box = {Vec3d::filled(1e300), Vec3d::filled(-1e300)};
   for (int corner = 0; corner < 8; ++corner) {
     Vec3d x = domain.origin;
     for (int d = 0; d < 3; ++d) x[d] += (corner >> d & 1) * domain.size[d];
-    const Vec3d local = body.to_local(x);
+    const Vec3d local = transpose(rotation) * (x - position);
     for (int d = 0; d < 3; ++d) {
       box.low[d] = std::min(box.low[d], local[d]);
       box.high[d] = std::max(box.high[d], local[d]);

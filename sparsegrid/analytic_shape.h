@@ -21,5 +21,7 @@ LocalBox analytic_bounds(const Body& body);
 
 /// The rectangle of the plane y = 0 of the body's own frame below and above which the domain lies.
 LocalBox plane_bounds(const Body& body, const Domain& domain);
+/// Of the pose x_world = rotation x_local + position.
+LocalBox plane_bounds(const Mat3d& rotation, const Vec3d& position, const Domain& domain);
 
 }  // namespace graupel::sparsegrid

@@ -198,6 +198,8 @@ struct ObstacleSet::Impl {
   mutable Buffer<int32_t> cuda_list_begin{Device::cuda, 0}, cuda_list_place{Device::cuda, 0};
 
   explicit Impl(const Scene& from);
+  /// The same bodies at another time.
+  Impl(const Impl& bodies, double time);
   void build_grids();
   SharedGrid grid_of(std::size_t i) const;
   LevelSetGrid solid_grid(std::size_t i) const;
@@ -226,6 +228,13 @@ ObstacleSet::Impl::Impl(const Scene& from) {
   std::vector<bool> moves;
   for (const Obstacle& obstacle : scene.obstacles) moves.push_back(obstacle.motion.has_value());
   lists = list_obstacles(host, moves, scene.domain.origin, scene.domain.origin + scene.domain.size);
+}
+
+ObstacleSet::Impl::Impl(const Impl& bodies, double time)
+    : scene(bodies.scene), names(bodies.names), grids(bodies.grids), lists(bodies.lists) {
+  std::vector<ObstacleView> placed = bodies.views.download();
+  for (std::size_t i = 0; i < placed.size(); ++i) set_pose(placed[i], pose_at(scene.obstacles[i], time), *grids[i]);
+  views.upload(placed);
 }
 
 void ObstacleSet::Impl::build_grids() {
@@ -283,6 +292,12 @@ void ObstacleSet::Impl::upload() const {
 }
 
 ObstacleSet::ObstacleSet(const Scene& scene) : impl_(std::make_shared<Impl>(scene)) {}
+
+ObstacleSet ObstacleSet::at(double time) const {
+  ObstacleSet placed;
+  if (impl_) placed.impl_ = std::make_shared<Impl>(*impl_, time);
+  return placed;
+}
 
 int ObstacleSet::count() const { return impl_ ? static_cast<int>(impl_->names.size()) : 0; }
 

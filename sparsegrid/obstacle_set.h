@@ -33,6 +33,9 @@ class ObstacleSet {
   /// Throws InputError for an open mesh or an unusable .vdb file, ConfigError for a shape that cannot be an obstacle.
   explicit ObstacleSet(const Scene& scene);
 
+  /// The same obstacles where their scripts have them at `time` [s]; shares the grids.
+  ObstacleSet at(double time) const;
+
   int count() const;
   /// View for kernels on `device`; valid as long as this set lives. The first call for cuda uploads the grids.
   ObstacleSetView view(Device device = Device::cpu) const;
@@ -45,7 +48,7 @@ class ObstacleSet {
   /// Upper bound of the distance of the obstacle's initial surface (of a plane: inside the domain) from a point [m].
   double largest_distance(int obstacle, const Vec3d& from) const;
 
-  /// Host look-ups of the union at the start.
+  /// Host look-ups of the union.
   SignedDistance<double> sample(const Vec3d& x, int* nearest = nullptr) const;
 
   GridFacts facts(int obstacle) const;

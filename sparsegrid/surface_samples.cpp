@@ -160,8 +160,9 @@ SurfaceSamples sample_surface(const Scene& scene, const ObstacleSet& obstacles, 
   for (int i = 0; i < set.count; ++i) {
     const Candidates candidates(scene, set, i);
     const Random random(seed, RandomPurpose::surface_sample, static_cast<uint64_t>(i));
+    const ObstacleFrame<double>& pose = set.obstacles[i].exact;
     if (set.obstacles[i].is_plane)
-      plane_candidates(candidates, plane_bounds(scene.obstacles[i], scene.domain), random, spacing, waiting);
+      plane_candidates(candidates, plane_bounds(pose.rotation, pose.position, scene.domain), random, spacing, waiting);
     else
       grid_candidates(candidates, set.obstacles[i], random, spacing, waiting);
     if (waiting.count < most_waiting && i + 1 < set.count) continue;

@@ -15,6 +15,8 @@
 #include "core/system/error.h"
 #include "experiments/comparison/fairness.h"
 #include "experiments/comparison/trained_materials.h"
+#include "graph/features/particle_lifecycle.h"
+#include "graph/features/periodic_images.h"
 #include "mpm/scene/scene_hash.h"
 
 namespace graupel::experiments {
@@ -72,7 +74,17 @@ StartState start_of_stored(const SceneTask& task, const compare::ParticleRun& tr
     start.position[i] = truth.position(0)[i];
     start.velocity[i] = task.initial_velocity[i];
   }
+  if (!as_stored) add_schedule(task.scene, task.seed, start);
   return start;
+}
+
+template <typename T>
+std::vector<T> rows_of(const std::vector<T>& all, const std::vector<std::size_t>& chosen) {
+  std::vector<T> rows;
+  if (all.empty()) return rows;
+  rows.reserve(chosen.size());
+  for (const std::size_t i : chosen) rows.push_back(all[i]);
+  return rows;
 }
 
 }  // namespace
@@ -192,9 +204,7 @@ std::vector<std::size_t> SceneComparison::one_step_frames() const {
 /// Positions of the truth; before frame 0 its ballistic past.
 std::vector<Vec3f> SceneComparison::true_position(int64_t frame) const {
   if (frame >= 0) return truth_.run.position(static_cast<std::size_t>(frame));
-  return graph::start_history(start_.position, start_.velocity, task_.scene.gravity, task_.scene.frame_time,
-                              static_cast<int>(1 - frame), kinematic_mask(start_.particle_type))
-      .front();
+  return past_of(start_, task_.scene, static_cast<int>(1 - frame)).front();
 }
 
 const graph::Environment& SceneComparison::environment() {
@@ -202,27 +212,48 @@ const graph::Environment& SceneComparison::environment() {
   return *environment_;
 }
 
+/// Numbers of the particles that are in the run in the frames n and n + 1.
+std::vector<std::size_t> SceneComparison::active_between(std::size_t n) const {
+  std::vector<std::size_t> active;
+  const ParticleFrame &current = truth_.run.trajectory.frames[n], &next = truth_.run.trajectory.frames[n + 1];
+  for (std::size_t i = 0; i < truth_.run.size(); ++i)
+    if (current.is_active(i) && next.is_active(i)) active.push_back(i);
+  return active;
+}
+
 compare::OneStepError SceneComparison::one_step_of_network(const ComparedModel& model) {
   const graph::LearnedSimulator& network = *model.network;
-  const auto accelerations = [&](const std::vector<std::vector<Vec3f>>& positions) {
+  const double dt = task_.scene.frame_time;
+  graph::MovingEnvironment surroundings(environment());
+  const graph::ParticleSchedule schedule = schedule_of(start_);
+  const auto accelerations = [&](const graph::Environment& here, const std::vector<int32_t>& type,
+                                 const std::vector<std::vector<Vec3f>>& positions) {
     if (model.choice.parts == NetworkParts::corrections_alone)
-      return std::vector<Vec3f>(positions.back().size(),
-                                (task_.scene.gravity * std::pow(task_.scene.frame_time, 2)).cast<float>());
-    return device_ == Device::cuda
-               ? network.one_step_on_gpu(task_.scene, environment(), start_.particle_type, positions)
-               : network.one_step(environment(), start_.particle_type, positions);
+      return std::vector<Vec3f>(positions.back().size(), (task_.scene.gravity * std::pow(dt, 2)).cast<float>());
+    return device_ == Device::cuda ? network.one_step_on_gpu(task_.scene, here, type, positions)
+                                   : network.one_step(here, type, positions);
   };
-  compare::OneStepAccumulator error(task_.scene.gravity, task_.scene.frame_time, task_.scene.domain.dx);
+  compare::OneStepAccumulator error(task_.scene.gravity, dt, task_.scene.domain.dx);
   const int64_t history = network.config().history;
-  const std::vector<uint8_t> kinematic = kinematic_mask(start_.particle_type);
   for (const std::size_t frame : one_step_frames()) {
     const auto n = static_cast<int64_t>(frame);
+    const graph::Environment& here = surroundings.at(static_cast<double>(n + 1) * dt);
     std::vector<std::vector<Vec3f>> positions;
     for (int64_t f = n - history; f <= n; ++f) positions.push_back(true_position(f));
+    graph::add_past_of_born(task_.scene, schedule, static_cast<double>(n) * dt, positions);
+    graph::unwrap_periodic(here, positions);
+    std::vector<std::vector<Vec3f>> next = {true_position(n + 1), positions.back()};
+    graph::unwrap_periodic(here, next);
+    const std::vector<std::size_t> active = active_between(frame);
+    for (std::vector<Vec3f>& all : positions) all = rows_of(all, active);
+    const std::vector<int32_t> type = rows_of(start_.particle_type, active);
     std::vector<Vec3d> predicted;
-    for (const Vec3f& a : accelerations(positions)) predicted.push_back(a.cast<double>());
-    error.add(predicted, compare::frame_accelerations(true_position(n - 1), true_position(n), true_position(n + 1)),
-              compare::clearances(task_.scene, obstacles_, true_position(n)), kinematic);
+    for (const Vec3f& a : accelerations(here, type, positions)) predicted.push_back(a.cast<double>());
+    error.add(
+        predicted,
+        compare::frame_accelerations(positions[positions.size() - 2], positions.back(), rows_of(next.front(), active)),
+        compare::clearances(task_.scene, obstacles_, positions.back()),
+        rows_of(kinematic_at(start_, static_cast<double>(n + 1) * dt), active));
   }
   return error.result();
 }

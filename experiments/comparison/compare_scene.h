@@ -56,6 +56,7 @@ class SceneComparison {
   compare::OneStepError one_step_of_rollout(const compare::ParticleRun& run) const;
   std::vector<std::size_t> one_step_frames() const;
   std::vector<Vec3f> true_position(int64_t frame) const;
+  std::vector<std::size_t> active_between(std::size_t n) const;
   std::string label(const std::string& what) const { return task_.scene.name + ": " + what; }
 
   const CompareOptions& options_;

@@ -17,16 +17,15 @@ Device common_device(const std::string& word, const std::vector<ModelChoice>& mo
 bool runs_on_all_scenes(ModelKind kind) { return kind != ModelKind::reduced; }
 
 void check_runs_on(const ModelChoice& model, const Scene& scene) {
-  if (model.kind == ModelKind::mpm) return;
+  if (model.kind != ModelKind::reduced) return;
   const char* what = scene.domain.is_plane()                 ? "two dimensions (domain.dimensions: 2)"
                      : scene.has_inactive_particles()        ? "particles that come or go (emitters, sinks, open walls)"
                      : scene.domain.has_wall(Wall::periodic) ? "periodic walls"
                                                              : nullptr;
   if (what != nullptr)
     throw ConfigError("'" + model.name + "' cannot run '" + scene.name + "': it has " + what +
-                      " (allowed for learned models: none). Compare " + mpm::variant_words() +
-                      " on it, or use a scene without them; data of other programs are compared with by `graupel "
-                      "rollout WEIGHTS DATA.h5 --start truth:N`");
+                      " (allowed for reduced-order models: none). Compare " + mpm::variant_words() +
+                      " or graph networks on it, or use a scene without them");
 }
 
 bool judged_by_tracers(const mpm::SolverVariant& variant) { return variant.resolution != 1; }

@@ -8,6 +8,7 @@
 
 #include "core/scene/material_config.h"
 #include "core/system/error.h"
+#include "experiments/models/start_state.h"
 #include "io/config/config_writer.h"
 #include "io/scene/scene_reader.h"
 
@@ -85,6 +86,12 @@ std::vector<std::string> unknown_walls(const nn::Weights& weights, const Scene& 
     lines.push_back("the network has no input for the kind of a wall: the scene has sticky ones");
   add("walls", walls);
   add("obstacles", obstacles);
+  const std::pair<bool, const char*> changes[] = {{scene.has_moving_obstacles(), "moving obstacles"},
+                                                  {scene.has_inactive_particles(), "particles that come or go"},
+                                                  {scene.domain.has_wall(Wall::periodic), "periodic walls"},
+                                                  {has_scripts(scene), "particles that follow a script"}};
+  for (const auto& [has, what] : changes)
+    if (has) lines.push_back(fmt::format("the training had no scene with {}", what));
   return lines;
 }
 

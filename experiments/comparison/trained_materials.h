@@ -15,7 +15,8 @@ namespace graupel::experiments {
 std::vector<std::string> unlike_training(const nn::Weights& weights, const Scene& scene);
 
 /// A line for walls and one for obstacles with friction: contact with them is what the network saw in training, and no
-/// weights so far name friction there. None for weights that do not say what they were taught.
+/// weights so far name friction there. A line for each kind of thing that changes, which no training has
+/// (graph::check_training_scene). None for weights that do not say what they were taught.
 std::vector<std::string> unknown_walls(const nn::Weights& weights, const Scene& scene);
 
 }  // namespace graupel::experiments

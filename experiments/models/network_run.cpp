@@ -1,6 +1,5 @@
 #include "experiments/models/network_run.h"
 
-#include "core/scene/kinematic_particles.h"
 #include "core/system/stopwatch.h"
 #include "experiments/models/bundle_times.h"
 #include "experiments/models/memory_meter.h"
@@ -21,8 +20,8 @@ TimedRun run_network(const graph::LearnedSimulator& simulator, const Scene& scen
   const MemoryMeter memory;
   DeviceMemoryMeter device_memory(device);
   const int history = static_cast<int>(simulator.config().history) + 1;
-  const auto past = graph::start_history(start.position, start.velocity, scene.gravity, scene.frame_time, history,
-                                         kinematic_mask(start.particle_type));
+  const auto past = past_of(start, scene, history);
+  const graph::ParticleSchedule schedule = schedule_of(start);
   std::vector<double> features, hierarchy, network;
   const BundleTimes none(simulator.config().bundle, frames);
   BundleTimes total = none, events = none, projection = none, output = none;
@@ -34,6 +33,7 @@ TimedRun run_network(const graph::LearnedSimulator& simulator, const Scene& scen
   options.free_flight = laws.free_flight;
   options.project = laws.project;
   options.network = laws.network;
+  options.schedule = &schedule;
   Stopwatch last;
   options.progress = [&](int64_t frame, const graph::FrameTiming& timing) {
     stop_if_interrupted();

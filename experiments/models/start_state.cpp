@@ -1,10 +1,14 @@
 #include "experiments/models/start_state.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <utility>
 
 #include "core/math/random.h"
+#include "core/scene/kinematic_particles.h"
 #include "core/system/error.h"
+#include "graph/learned_simulator.h"
 #include "mpm/scene_variants.h"
 
 namespace graupel::experiments {
@@ -22,7 +26,58 @@ StartState start_of(const Scene& scene, uint64_t seed) {
     start.mass.push_back(particles.volume[p] * material.density);
   }
   start.birth_time = particles.birth_time;
+  start.script = particles.script;
+  start.scripts = particles.scripts;
   return start;
+}
+
+bool has_scripts(const Scene& scene) {
+  return !scene.kinematic_regions.empty() ||
+         std::any_of(scene.sources.begin(), scene.sources.end(), [](const Source& s) { return s.motion.has_value(); });
+}
+
+std::vector<uint8_t> kinematic_at(const StartState& start, double time) {
+  std::vector<uint8_t> kinematic = kinematic_mask(start.particle_type);
+  for (std::size_t i = 0; i < start.script.size(); ++i) {
+    if (start.script[i] < 0 || time > start.scripts[static_cast<std::size_t>(start.script[i])].release_time) continue;
+    kinematic.resize(start.script.size());
+    kinematic[i] = 1;
+  }
+  return kinematic;
+}
+
+void add_schedule(const Scene& scene, uint64_t seed, StartState& start) {
+  if (scene.emitters.empty() && !has_scripts(scene)) return;
+  StartState sampled = start_of(scene, seed);
+  if (sampled.position.size() != start.position.size())
+    throw InputError(fmt::format(
+        "the emitters and scripts of '{}' are of other particles than the trajectory's ({}, {} in the trajectory). Use "
+        "a trajectory that `graupel simulate` made of this scene",
+        scene.name, sampled.position.size(), start.position.size()));
+  start.velocity.resize(start.position.size(), Vec3f::zero());
+  for (std::size_t i = 0; i < sampled.birth_time.size(); ++i)
+    if (sampled.birth_time[i] > 0) start.velocity[i] = sampled.velocity[i];
+  start.birth_time = std::move(sampled.birth_time);
+  start.script = std::move(sampled.script);
+  start.scripts = std::move(sampled.scripts);
+}
+
+graph::ParticleSchedule schedule_of(const StartState& start) {
+  graph::ParticleSchedule schedule;
+  schedule.birth_time = start.birth_time;
+  if (!start.birth_time.empty()) schedule.birth_velocity = start.velocity;
+  schedule.script = start.script;
+  for (const mpm::Script& script : start.scripts)
+    schedule.scripts.push_back({script.motion, script.body_center, script.release_time});
+  return schedule;
+}
+
+std::vector<std::vector<Vec3f>> past_of(const StartState& start, const Scene& scene, int frames) {
+  std::vector<Vec3f> velocity = start.velocity;
+  for (std::size_t i = 0; i < start.script.size(); ++i)
+    if (start.script[i] >= 0) velocity[i] = Vec3f::zero();
+  return graph::start_history(start.position, velocity, scene.gravity, scene.frame_time, frames,
+                              kinematic_at(start, 0));
 }
 
 namespace {

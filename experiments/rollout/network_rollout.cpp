@@ -26,16 +26,17 @@ struct RolloutError {
 };
 constexpr std::size_t first_frames = 20;
 
-/// `rest` is used up.
-RolloutError error_of(Trajectory& trajectory, std::vector<std::vector<Vec3f>>& rest) {
-  if (rest.empty()) return {};
+/// The start's rest is used up.
+RolloutError error_of(Trajectory& trajectory, RolloutStart& start) {
+  if (start.rest.empty()) return {};
   compare::ParticleRun truth, run;
   truth.trajectory.particle_type = trajectory.particle_type;
   truth.trajectory.frames.push_back(trajectory.frames.front());
   run.trajectory = std::move(trajectory);
-  for (std::vector<Vec3f>& position : rest) {
-    truth.trajectory.frames.emplace_back();
-    truth.trajectory.frames.back().position = std::move(position);
+  for (std::size_t f = 0; f < start.rest.size(); ++f) {
+    ParticleFrame& frame = truth.trajectory.frames.emplace_back();
+    frame.position = std::move(start.rest[f]);
+    frame.active = std::move(start.rest_active[f]);
   }
   const auto curve = compare::position_error_curve(truth, run);
   trajectory = std::move(run.trajectory);
@@ -68,6 +69,9 @@ graph::LearnedSimulator::RolloutOptions simulator_options(const RolloutOptions& 
   run.density_limit = options.density_limit.value_or(run.density_limit);
   run.free_flight = !options.no_free_flight && !start.unknown_gravity;
   run.given = &start.rest;
+  run.schedule = &start.schedule;
+  run.active = start.active;
+  run.start_time = start.time;
   run.device = device;
   if (start.unknown_gravity && !options.no_free_flight)
     std::fprintf(stderr,
@@ -119,7 +123,7 @@ void rollout_network(const RolloutOptions& options, Device device) {
   trajectory.seed = start.seed;
   trajectory.made_by = options.weights;
   write_positions(options.output, trajectory);
-  const RolloutError error = error_of(trajectory, start.rest);
+  const RolloutError error = error_of(trajectory, start);
   report(options, trajectory, error, times.times());
   if (trajectory.diverged_at_frame >= 0)
     throw DivergedError(fmt::format("the rollout diverged at frame {}; the frames before it are in '{}'",

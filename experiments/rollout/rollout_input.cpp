@@ -5,11 +5,9 @@
 #include <algorithm>
 #include <utility>
 
-#include "core/scene/kinematic_particles.h"
 #include "core/system/error.h"
-#include "graph/learned_simulator.h"
+#include "experiments/models/start_state.h"
 #include "io/scene/scene_reader.h"
-#include "mpm/sampling.h"
 
 namespace graupel::experiments {
 
@@ -44,6 +42,7 @@ SceneAndSeed scene_and_seed(const RolloutOptions& options) {
 void write_positions(const std::string& file, const Trajectory& trajectory) {
   io::TrajectoryWriteOptions write;
   write.velocity = false;
+  write.active = !trajectory.frames.front().active.empty();
   io::TrajectoryWriter writer(file, trajectory, write);
   for (const ParticleFrame& frame : trajectory.frames) writer.append(frame);
   writer.finish(trajectory.diverged_at_frame);
@@ -56,29 +55,28 @@ RolloutStart start_from_scene(const RolloutOptions& options, int history) {
   RolloutStart start;
   start.scene = io::read_scene(options.input, options.set);
   start.seed = options.common.seed_given ? options.common.seed : start.scene.seed;
-  const mpm::SampledParticles particles = mpm::sample_sources(start.scene, start.seed);
-  std::vector<Vec3f> position, velocity;
-  for (std::size_t p = 0; p < particles.position.size(); ++p) {
-    position.push_back(particles.position[p].cast<float>());
-    velocity.push_back(particles.velocity[p].cast<float>());
-    start.particle_type.push_back(particle_type_of(
-        start.scene.materials.at(particles.material_names[static_cast<std::size_t>(particles.material[p])]).model));
-  }
-  start.history = graph::start_history(position, velocity, start.scene.gravity, start.scene.frame_time, history,
-                                       kinematic_mask(start.particle_type));
+  const StartState sampled = start_of(start.scene, start.seed);
+  start.particle_type = sampled.particle_type;
+  start.history = past_of(sampled, start.scene, history);
+  start.schedule = schedule_of(sampled);
   return start;
 }
 
-/// Positions of usable frames from `first` on, at most `count` of them (-1: all).
-std::vector<std::vector<Vec3f>> read_rest(const io::TrajectoryReader& reader, int index, const Trajectory& header,
-                                          int64_t first, int64_t count) {
+/// Reads usable frames from `first` on, at most `count` of them (-1: all).
+void read_rest(const io::TrajectoryReader& reader, int index, const Trajectory& header, int64_t first, int64_t count,
+               RolloutStart& start) {
   int64_t usable = static_cast<int64_t>(header.frame_count());
   if (header.diverged_at_frame >= 0) usable = std::min(usable, header.diverged_at_frame);
   const int64_t there = std::max<int64_t>(0, usable - first);
-  std::vector<std::vector<Vec3f>> positions;
-  for (auto& frame : reader.frames(index, first, count < 0 ? there : std::min(there, count)))
-    positions.push_back(std::move(frame.position));
-  return positions;
+  for (auto& frame : reader.frames(index, first, count < 0 ? there : std::min(there, count))) {
+    start.rest.push_back(std::move(frame.position));
+    start.rest_active.push_back(std::move(frame.active));
+  }
+}
+
+/// Whether something of a scene happens at a time.
+bool is_timed(const Scene& scene) {
+  return scene.has_moving_obstacles() || !scene.emitters.empty() || has_scripts(scene);
 }
 
 /// "scene": frame 0 with a ballistic past; "truth:N": the first N frames of the trajectory.
@@ -91,19 +89,28 @@ RolloutStart start_from_trajectory(const RolloutOptions& options, int history) {
   start.particle_type = header.particle_type;
   start.seed = header.seed;
   start.unknown_gravity = header.made_by.starts_with("converted from") && norm2(start.scene.gravity) == 0;
-  start.rest = read_rest(reader, index, header, options.start == "scene" ? 1 : history, options.frames);
-  if (options.start == "scene") {
-    auto velocity = reader.initial_velocity(index);
-    const auto first = reader.frames(index, 0, 1).front();
-    if (velocity.empty()) velocity = first.velocity;
-    if (velocity.empty())
-      throw InputError("'" + options.input +
-                       "' stores no velocity of the first frame. Use --start truth:" + std::to_string(history));
-    start.history = graph::start_history(first.position, velocity, start.scene.gravity, start.scene.frame_time, history,
-                                         kinematic_mask(start.particle_type));
+  const bool from_scene = options.start == "scene";
+  const ParticleFrame first = reader.frames(index, 0, 1).front();
+  StartState particles;
+  particles.particle_type = start.particle_type;
+  particles.position = first.position;
+  particles.velocity = reader.initial_velocity(index);
+  if (particles.velocity.empty()) particles.velocity = first.velocity;
+  if (from_scene && particles.velocity.empty())
+    throw InputError("'" + options.input +
+                     "' stores no velocity of the first frame. Use --start truth:" + std::to_string(history));
+  add_schedule(start.scene, start.seed, particles);
+  start.schedule = schedule_of(particles);
+  read_rest(reader, index, header, from_scene ? 1 : history, options.frames, start);
+  if (from_scene) {
+    start.active = first.active;
+    start.history = past_of(particles, start.scene, history);
     return start;
   }
-  for (auto& frame : reader.frames(index, 0, history)) start.history.push_back(std::move(frame.position));
+  std::vector<ParticleFrame> frames = reader.frames(index, 0, history);
+  start.active = frames.back().active;
+  for (ParticleFrame& frame : frames) start.history.push_back(std::move(frame.position));
+  if (is_timed(start.scene)) start.time = (history - 1) * start.scene.frame_time;
   return start;
 }
 

@@ -7,6 +7,7 @@
 
 #include "core/scene/scene.h"
 #include "experiments/rollout/rollout.h"
+#include "graph/features/particle_schedule.h"
 #include "io/trajectory/trajectory_file.h"
 
 namespace graupel::experiments {
@@ -25,15 +26,19 @@ struct SceneAndSeed {
 /// The scene that is run from its start, or the one stored with a trajectory.
 SceneAndSeed scene_and_seed(const RolloutOptions& options);
 
-/// Writes a trajectory without velocities.
+/// Writes a trajectory without velocities, with who is active where its frames say so.
 void write_positions(const std::string& file, const Trajectory& trajectory);
 
 /// The state that a graph network starts from.
 struct RolloutStart {
   Scene scene;
   std::vector<int32_t> particle_type;
-  std::vector<std::vector<Vec3f>> history;  ///< positions [m] of frames, oldest first
-  std::vector<std::vector<Vec3f>> rest;     ///< of a trajectory: its frames after the start
+  std::vector<std::vector<Vec3f>> history;        ///< positions [m] of frames, oldest first
+  std::vector<std::vector<Vec3f>> rest;           ///< of a trajectory: its frames after the start
+  std::vector<std::vector<uint8_t>> rest_active;  ///< and which particles are in the run in them, or empty ones
+  graph::ParticleSchedule schedule;               ///< births and scripts
+  std::vector<uint8_t> active;  ///< of a trajectory: those in the run at the start; empty: all that are born
+  double time = 0;              ///< [s] of the start in the scene
   uint64_t seed = 0;
   bool unknown_gravity = false;  ///< other programs' data do not say it
 };

@@ -42,10 +42,14 @@ class DensityProjection::Lattice {
         equation_(device, 0) {
     mass_.fill_zero();
     words_.fill_zero();
-    parallel_for(device_, cells.count(),
-                 FindOpenFractions{cells, environment.view(device).obstacles, environment.hold_low,
-                                   environment.hold_high, open_fractions_.data()});
+    place(environment);
     restart();
+  }
+
+  void place(const Environment& environment) {
+    parallel_for(device_, cells_.count(),
+                 FindOpenFractions{cells_, environment.view(device_).obstacles, environment.hold_low,
+                                   environment.hold_high, open_fractions_.data()});
   }
 
   void restart() {
@@ -144,12 +148,22 @@ DensityProjection::DensityProjection(Device device, const Environment& environme
                                      double spacing) {
   GRAUPEL_ASSERT(largest_density > 0 && spacing > 0);
   for (std::size_t k = 0; k < lattices_.size(); ++k) {
-    const Cells cells = cells_over(environment.hold_low, environment.hold_high, spacing, 0.5 * static_cast<double>(k));
+    Vec3d low = environment.box_low, high = environment.box_high;
+    for (int d = 0; d < 3; ++d)
+      if (environment.period[d] > 0) {
+        low[d] -= image_cells * spacing;
+        high[d] += image_cells * spacing;
+      }
+    const Cells cells = cells_over(low, high, spacing, 0.5 * static_cast<double>(k));
     check_fits(cells, available_bytes(device));
     lattices_[k] = std::make_unique<Lattice>(device, environment, largest_density, cells);
   }
 }
 DensityProjection::~DensityProjection() = default;
+
+void DensityProjection::place(const Environment& environment) {
+  for (const auto& lattice : lattices_) lattice->place(environment);
+}
 
 void DensityProjection::apply(Vec3f* position, int64_t n, void* stream) {
   lattices_.front()->spread(position, n, stream);

@@ -26,13 +26,16 @@ struct Spread;
 struct MoveParticle;
 }  // namespace density
 
+/// Cells beyond periodic walls, for images of the particles (graph/features/periodic_images.h), which the caller gives.
+inline constexpr double image_cells = 4;
+
 /// Densities are sums of integers and colours are swept one after the other: results do not depend on the number of
 /// threads or the order of the particles; another device gives the same up to rounding.
 class DensityProjection {
  public:
   /// `largest_density` [particles/m^3]; `spacing` of the cells [m], doubled until each grid has at most 2^26 of them.
-  /// The environment are read here alone. Throws ConfigError when the cells, 25 bytes each, do not fit into the
-  /// memory.
+  /// The environment is read here and in place() alone. Throws ConfigError when the cells, 25 bytes each, do not fit
+  /// into the memory.
   DensityProjection(Device device, const Environment& environment, double largest_density, double spacing);
   ~DensityProjection();
 
@@ -47,6 +50,9 @@ class DensityProjection {
   density::Spread spreading(const Vec3f* position, int64_t n);
   void between(Vec3f* position, int64_t n, void* stream = nullptr);
   density::MoveParticle moving(Vec3f* position);
+
+  /// Obstacles are now where `environment` has them. In the default stream.
+  void place(const Environment& environment);
 
   /// Forgets the last frame's pressure, as before another rollout.
   void restart();

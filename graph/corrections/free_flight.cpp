@@ -99,11 +99,40 @@ void join_neighbors(const Groups& groups, int time, int64_t k) {
   }
 }
 
+/// Joins particle i with what is near to its images beyond periodic walls.
+void join_images(const Groups& groups, int time, int64_t i) {
+  const Vec3f x = time == 0 ? groups.current[i] : groups.wrapped(groups.ballistic(i));
+  const float near = 1.5f * fine_cells * groups.cells.fine;
+  Vec3f shift[8] = {Vec3f::zero()};
+  int images = 1;
+  for (int d = 0; d < 3; ++d) {
+    if (!(groups.period[d] > 0)) continue;
+    const bool low = x[d]<groups.box_low[d] + near, high = x[d]> groups.box_high[d] - near;
+    const int known = images;
+    for (int k = 0; (low || high) && k < known; ++k, ++images) {
+      shift[images] = shift[k];
+      shift[images][d] += low ? groups.period[d] : -groups.period[d];
+    }
+  }
+  const int32_t own = groups.first_node(time) + groups.cells.of(x).cell;
+  for (int k = 1; k < images; ++k) {
+    const FineCell image = groups.cells.of(x + shift[k]);
+    for (int step = 0; step < 27; ++step) {
+      const Vec3i to = step_of(step);
+      const Neighbor other = neighbor_of(groups, time, groups.first_node(time) + image.cell, to);
+      if (any_near(image.bit, other.matter, to)) groups.unite(own, other.node);
+    }
+  }
+}
+
 void find_groups_on_cpu(const Groups& groups) {
   parallel_for_cpu(groups.n, MarkCells{groups}, light);
   for (int time = 0; time < times; ++time)
     parallel_for_cpu(
         groups.listed[time], [&](int64_t k) { join_neighbors(groups, time, k); }, light);
+  for (int time = 0; time < times && norm2(groups.period) > 0; ++time)
+    parallel_for_cpu(
+        groups.n, [&](int64_t i) { join_images(groups, time, i); }, light);
   parallel_for_cpu(
       groups.n, [&](int64_t i) { groups.unite(groups.node_of(0, i), groups.node_of(1, i)); }, light);
   sum_by_runs(
@@ -127,7 +156,8 @@ void correct_on_cpu(const Groups& groups, Vec3f* next) {
     for (int64_t i = begin; i < end; ++i) {
       const int32_t slot = flying_slot(i);
       if (slot < 0) continue;
-      if (slot != known) change = change_of(groups.sums[slot].place, groups.sums[slot].push);
+      const GroupMomentum& sums = groups.sums[slot];
+      if (slot != known) change = change_of(sums.place, sums.push, sums.spans_period != 0);
       known = slot;
       correct(groups, i, slot, change, next);
     }
@@ -140,30 +170,38 @@ struct FreeFlight::Impl {
   Impl(Device on, const Scene& scene, const Environment& environment, const std::vector<int32_t>& particle_type)
       : device(on) {
     groups.cells = cells_of(environment);
-    const std::size_t nodes = times * static_cast<std::size_t>(groups.cells.count()), n = particle_type.size();
+    const std::size_t nodes = times * static_cast<std::size_t>(groups.cells.count());
     const double contact_distance = contact_cells * environment.normal_spacing;
     groups.gravity = (scene.gravity * (scene.frame_time * scene.frame_time)).cast<float>();
     groups.low = (environment.hold_low + Vec3d::filled(contact_distance)).cast<float>();
     groups.high = (environment.hold_high - Vec3d::filled(contact_distance)).cast<float>();
     groups.contact_distance = static_cast<float>(contact_distance);
     groups.obstacles = environment.obstacles.view(on);
-    groups.n = static_cast<int64_t>(n);
+    groups.period = environment.period.cast<float>();
+    groups.box_low = environment.box_low.cast<float>();
+    groups.box_high = environment.box_high.cast<float>();
     matter.upload(std::vector<uint64_t>(nodes, 0));
     std::vector<int32_t> parents(nodes, nobody);
     parents[ground] = ground;
     parent.upload(parents);
     counters.upload(std::vector<int32_t>(times + 1, 0));
-    mass.upload(relative_masses(scene, particle_type));
-    for (Buffer<int32_t>* of_particles : {&group, &origin}) of_particles->resize_discard(n);
     slot.resize_discard(nodes / times);
-    list.resize_discard(times * n);
-    sums.resize_discard(n);
     groups.matter = matter.data();
     groups.parent = parent.data();
     groups.slot = slot.data();
-    groups.list = list.data();
     groups.listed = counters.data();
     groups.finished = counters.data() + times;
+    set_particles(scene, particle_type);
+  }
+
+  void set_particles(const Scene& scene, const std::vector<int32_t>& particle_type) {
+    const std::size_t n = particle_type.size();
+    groups.n = static_cast<int64_t>(n);
+    mass.upload(relative_masses(scene, particle_type));
+    for (Buffer<int32_t>* of_particles : {&group, &origin}) of_particles->resize_discard(n);
+    list.resize_discard(times * n);
+    sums.resize_discard(n);
+    groups.list = list.data();
     groups.group = group.data();
     groups.origin = origin.data();
     groups.sums = sums.data();
@@ -183,6 +221,14 @@ FreeFlight::FreeFlight(Device device, const Scene& scene, const Environment& env
                        const std::vector<int32_t>& particle_type)
     : impl_(std::make_unique<Impl>(device, scene, environment, particle_type)) {}
 FreeFlight::~FreeFlight() = default;
+
+void FreeFlight::set_particles(const Scene& scene, const std::vector<int32_t>& particle_type) {
+  impl_->set_particles(scene, particle_type);
+}
+
+void FreeFlight::place(const Environment& environment) {
+  impl_->groups.obstacles = environment.obstacles.view(impl_->device);
+}
 
 void FreeFlight::find_groups(const Vec3f* before, const Vec3f* current, void* stream) {
   Groups& groups = impl_->groups;

@@ -29,6 +29,10 @@ class FreeFlight {
   FreeFlight(Device device, const Scene& scene, const Environment& environment,
              const std::vector<int32_t>& particle_type);
   ~FreeFlight();
+  /// Other particles, of these types [n].
+  void set_particles(const Scene& scene, const std::vector<int32_t>& particle_type);
+  /// Obstacles are now where `environment` has them, which must live until the next call.
+  void place(const Environment& environment);
 
   /// Groups of the particles at `current`, and which of them fly: nothing is within contact distance (two cells of
   /// the scene's grid) in the frame to come. All positions [n] [m] lie in the device's memory. Allocates nothing; takes

@@ -92,6 +92,7 @@ struct GroupMomentum {
   PlaceTerms place;
   PushTerms push;
   int32_t touches;
+  int32_t spans_period;  ///< so far that a place of its spin is ambiguous
 };
 
 /// What a group's accelerations change by: push + spin x (x - centre).
@@ -104,9 +105,11 @@ struct GroupChange {
 /// corner of the cells outside the walls.
 struct Groups {
   FlightCells cells;
-  Vec3f gravity;           ///< [m/frame^2]
-  Vec3f low, high;         ///< [m] the walls, less the contact distance
-  float contact_distance;  ///< [m] nearer obstacles and walls are touched
+  Vec3f gravity;            ///< [m/frame^2]
+  Vec3f low, high;          ///< [m] the walls, less the contact distance
+  float contact_distance;   ///< [m] nearer obstacles and walls are touched
+  Vec3f period;             ///< [m] of axes with periodic walls; 0 of others
+  Vec3f box_low, box_high;  ///< [m] where those walls are
   sparsegrid::ObstacleSetView obstacles;
   int64_t n;
   uint64_t* matter;     ///< [nodes] fine cells with particles; 0 between frames
@@ -128,10 +131,19 @@ struct Groups {
     for (int d = 0; d < 3; ++d) inside = inside && x[d] > low[d] && x[d] < high[d];
     return inside;
   }
+  /// Across a periodic wall: in the box.
+  GRAUPEL_HD Vec3f wrapped(Vec3f x) const {
+    for (int d = 0; d < 3; ++d) {
+      if (!(period[d] > 0)) continue;
+      if (x[d] < box_low[d]) x[d] += period[d];
+      if (x[d] > box_high[d]) x[d] -= period[d];
+    }
+    return x;
+  }
   GRAUPEL_HD int32_t first_node(int time) const { return time * static_cast<int32_t>(cells.count()); }
 
   GRAUPEL_HD int32_t node_of(int time, int64_t i) const {
-    return first_node(time) + cells.of(time == 0 ? current[i] : ballistic(i)).cell;
+    return first_node(time) + cells.of(time == 0 ? current[i] : wrapped(ballistic(i))).cell;
   }
 
   /// With path halving (as ECL-CC, Jaiganesh and Burtscher 2018): it is written to nodes that are no roots alone.
@@ -164,7 +176,20 @@ struct Groups {
   }
 
   GRAUPEL_HD Vec3d from_origin(int64_t i, int32_t slot_of_group) const {
-    return (current[i] - cells.centre(origin[slot_of_group])).cast<double>();
+    Vec3d d = (current[i] - cells.centre(origin[slot_of_group])).cast<double>();
+    for (int k = 0; k < 3; ++k) {
+      const double length = static_cast<double>(period[k]);
+      if (length > 0) d[k] += d[k] > length / 2 ? -length : d[k] < -length / 2 ? length : 0;
+    }
+    return d;
+  }
+  /// Whether the nearest image of particle i is nearly as far as the next one.
+  GRAUPEL_HD bool is_ambiguous(int64_t i, int32_t slot_of_group) const {
+    constexpr double most = 0.4;
+    bool ambiguous = false;
+    for (int k = 0; k < 3; ++k)
+      ambiguous = ambiguous || (period[k] > 0 && std::abs(from_origin(i, slot_of_group)[k]) > most * period[k]);
+    return ambiguous;
   }
   GRAUPEL_HD PlaceTerms place_terms(int64_t i, int32_t slot_of_group) const {
     const double m = mass[i] * unit_of_way;
@@ -215,7 +240,7 @@ struct MarkCells {
     const Vec3f current = groups.current[i], then = groups.ballistic(i);
     const bool touches = !groups.is_inside(current) || !groups.is_inside(then);
     mark(0, groups.cells.of(current), touches);
-    mark(1, groups.cells.of(then), touches);
+    mark(1, groups.cells.of(groups.wrapped(then)), touches);
   }
 };
 
@@ -256,6 +281,7 @@ GRAUPEL_HD inline int32_t place_particle(const Groups& groups, int64_t i) {
   const int32_t slot = root == ground ? -1 : groups.slot[root];
   groups.group[i] = slot;
   if (slot < 0 || read(groups.sums[slot].touches) != 0) return -1;
+  if (groups.is_ambiguous(i, slot)) write(groups.sums[slot].spans_period, 1);
   if (!groups.touches_obstacle(i)) return slot;
   write(groups.sums[slot].touches, 1);
   return -1;
@@ -278,8 +304,8 @@ GRAUPEL_HD inline Vec3d solve(const double (&m)[6], const Vec3d& b) {
   return (yz * b[0] + cross(z, x) * b[1] + cross(x, y) * b[2]) * (1 / dot(x, yz));
 }
 
-/// push = mean a; inertia spin = sum m (x - centre) x a.
-GRAUPEL_HD inline GroupChange change_of(const PlaceTerms& places, const PushTerms& pushes) {
+/// push = mean a; inertia spin = sum m (x - centre) x a. No spin of what spans a period.
+GRAUPEL_HD inline GroupChange change_of(const PlaceTerms& places, const PushTerms& pushes, bool spans_period) {
   const double mass = static_cast<double>(places.value[0]) / unit_of_way;
   const double of_ways = 1 / (unit_of_way * mass), of_pushes = 1 / (unit_of_acceleration * mass);
   GroupChange change;
@@ -295,7 +321,7 @@ GRAUPEL_HD inline GroupChange change_of(const PlaceTerms& places, const PushTerm
     square[k] = static_cast<double>(places.value[4 + k]) * of_ways - centre[k % 3] * centre[k < 3 ? k : (k + 1) % 3];
   change.spin = Vec3d::zero();
   const double trace = square[0] + square[1] + square[2];
-  if (!(trace > least_inertia)) return change;
+  if (spans_period || !(trace > least_inertia)) return change;
   const double spare = singular * trace;
   const double inertia[6] = {trace - square[0] + spare,
                              trace - square[1] + spare,

@@ -16,20 +16,27 @@ Scene with_spacing(Scene scene, double dx) {
   return scene;
 }
 
-const Scene& checked(const Scene& scene) {
-  std::string what;
-  if (scene.has_moving_obstacles()) what = "moving obstacles";
-  for (const Source& source : scene.sources)
-    if (source.motion) what = "particles that follow a script";
-  if (!scene.kinematic_regions.empty()) what = "particles that follow a script";
-  if (!scene.emitters.empty()) what = "emitters";
-  if (!scene.sinks.empty()) what = "sinks";
-  if (scene.domain.has_wall(Wall::open)) what = "open walls";
-  if (scene.domain.has_wall(Wall::periodic)) what = "periodic walls";
-  if (!what.empty())
-    throw ConfigError("a learned network cannot run this scene (it has " + what + ", allowed: none). Use `graupel " +
-                      "simulate`, or a scene without them");
-  return scene;
+constexpr double far_away = 1e30;  ///< [m]
+
+/// Where a wall holds the material.
+double hold(const Scene& scene, int axis, int side) {
+  const Wall kind = scene.domain.wall(axis, side);
+  if (kind == Wall::open || kind == Wall::periodic) return side == 0 ? -far_away : far_away;
+  return (side == 0 ? scene.wall_low() : scene.wall_high())[axis];
+}
+
+Vec3d holds(const Scene& scene, int side) { return {hold(scene, 0, side), hold(scene, 1, side), hold(scene, 2, side)}; }
+
+Vec3d periods(const Scene& scene) {
+  Vec3d period = Vec3d::zero();
+  for (int d = 0; d < scene.domain.axes(); ++d) {
+    const bool low = scene.domain.wall(d, 0) == Wall::periodic, high = scene.domain.wall(d, 1) == Wall::periodic;
+    if (low != high)
+      throw ConfigError(std::string("the periodic wall of axis ") + "xyz"[d] +
+                        " has no partner at the other end (allowed: both or none). Make both periodic");
+    if (low) period[d] = scene.wall_high()[d] - scene.wall_low()[d];
+  }
+  return period;
 }
 
 /// Longest piece of a particle's way [m] that cannot jump over an obstacle: a grid's smallest value is half of the
@@ -42,20 +49,107 @@ double longest_piece(const sparsegrid::ObstacleSet& obstacles, double voxel) {
   return std::max(piece, voxel / 64);
 }
 
+bool same(const RigidMap& a, const RigidMap& b) {
+  const double* const first = &a.rotation.a[0][0];
+  return std::equal(first, first + 9, &b.rotation.a[0][0]) && a.translation == b.translation;
+}
+
+/// A particle's way from `before`, among obstacles of which some have moved since. In the frame of each of these the
+/// particle comes from where that obstacle has carried it.
+bool follow_among_moving(const SweptCollision& way, const std::vector<ObstacleWay>& carriers, const Vec3f& before,
+                         Vec3f& x) {
+  Vec3f from = before;
+  bool moved = false;
+  for (const ObstacleWay& carrier : carriers) {
+    Vec3f carried = carrier.map(before.cast<double>()).cast<float>();
+    SweptCollision alone = way;
+    alone.obstacles = {way.obstacles.obstacles + carrier.obstacle, 1};
+    if (!alone.may_meet_obstacle(carried, x) && !alone.may_meet_obstacle(before, x)) continue;
+    alone.push(carried, carried);  // what touched it may be inside by the rounding of its map
+    moved = alone.follow(carried, x) || moved;
+    from = carried;
+  }
+  return way.follow(from, x) || moved;
+}
+
 }  // namespace
 
 Environment::Environment(const Scene& scene, std::optional<double> spacing)
-    : obstacles(checked(scene)),
+    : obstacles(scene),
       normals(with_spacing(scene, spacing.value_or(scene.domain.dx)), obstacles),
       obstacle_particles(scene, obstacles),
       normal_spacing(spacing.value_or(scene.domain.dx)),
       plane(scene.domain.is_plane() ? std::optional(scene.domain.plane()) : std::nullopt),
       wall_low(scene.domain.origin),
       wall_high(scene.domain.origin + scene.domain.size),
-      hold_low(scene.wall_low()),
-      hold_high(scene.wall_high()),
+      hold_low(holds(scene, 0)),
+      hold_high(holds(scene, 1)),
+      box_low(scene.wall_low()),
+      box_high(scene.wall_high()),
+      period(periods(scene)),
       gravity_step((scene.gravity * (scene.frame_time * scene.frame_time)).cast<float>()),
-      way_piece(longest_piece(obstacles, scene.voxel())) {}
+      way_piece(longest_piece(obstacles, scene.voxel())) {
+  if (!scene.has_moving_obstacles()) return;
+  Scene parts;
+  parts.domain = scene.domain;
+  parts.domain.dx = normal_spacing;
+  parts.obstacles = scene.obstacles;
+  moving = std::make_shared<const Scene>(std::move(parts));
+}
+
+Environment Environment::at(double when, bool for_features) const {
+  Environment placed = *this;
+  placed.time = when;
+  if (!moves()) return placed;
+  placed.obstacles = obstacles.at(when);
+  if (!for_features) return placed;
+  placed.normals = sparsegrid::CellNormals(*moving, placed.obstacles);
+  placed.obstacle_particles = ObstacleParticles(*moving, placed.obstacles);
+  return placed;
+}
+
+std::vector<ObstacleWay> Environment::ways_since(double from) const {
+  std::vector<ObstacleWay> ways;
+  if (!moves()) return ways;
+  for (std::size_t i = 0; i < moving->obstacles.size(); ++i) {
+    const Obstacle& obstacle = moving->obstacles[i];
+    if (!obstacle.motion) continue;
+    const RigidMap before = obstacle.motion->at(from, obstacle.position),
+                   now = obstacle.motion->at(time, obstacle.position);
+    if (same(before, now)) continue;
+    const Mat3d rotation = now.rotation * transpose(before.rotation);
+    ways.push_back({static_cast<int32_t>(i), {rotation, now.translation - rotation * before.translation}});
+  }
+  return ways;
+}
+
+Vec3f Environment::point_before(const Vec3f& point, double seconds) const {
+  int nearest = -1;
+  if (moves()) obstacles.sample(point.cast<double>(), &nearest);
+  if (nearest < 0) return point;
+  const Obstacle& obstacle = moving->obstacles[static_cast<std::size_t>(nearest)];
+  if (!obstacle.motion) return point;
+  const RigidMap before = obstacle.motion->at(time - seconds, obstacle.position),
+                 now = obstacle.motion->at(time, obstacle.position);
+  return before(transpose(now.rotation) * (point.cast<double>() - now.translation)).cast<float>();
+}
+
+const Environment& MovingEnvironment::at(double time, bool for_features) {
+  if (!start_.moves()) return start_;
+  const auto poses_are = [&](double then) {
+    Environment other = start_;
+    other.time = time;
+    return other.ways_since(then).empty();
+  };
+  Environment placed = placed_ ? *placed_ : start_;
+  if (!poses_are(placed.time) || (for_features && !poses_are(features_time_))) {
+    placed = placed.at(time, for_features);
+    if (for_features) features_time_ = time;
+  }
+  placed.time = time;
+  placed_ = std::move(placed);
+  return *placed_;
+}
 
 SweptCollision Environment::swept_collision(Device device) const {
   return {obstacles.view(device), hold_low.cast<float>(), hold_high.cast<float>(), static_cast<float>(way_piece)};
@@ -63,10 +157,10 @@ SweptCollision Environment::swept_collision(Device device) const {
 
 EnvironmentView Environment::view(Device device) const {
   EnvironmentView all = {obstacles.view(device), normals.view(device), wall_low, wall_high, plane.has_value()};
-  constexpr double far_away = 1e30;
-  if (plane) {
-    all.wall_low[2] = -far_away;
-    all.wall_high[2] = far_away;
+  for (int d = 0; d < 3; ++d) {
+    const bool none = plane.has_value() && d == 2;
+    if (none || hold_low[d] == -far_away) all.wall_low[d] = -far_away;
+    if (none || hold_high[d] == far_away) all.wall_high[d] = far_away;
   }
   return all;
 }
@@ -108,15 +202,35 @@ void keep_in_plane(const Environment& environment, std::vector<Vec3f>& position)
   for (Vec3f& x : position) x[2] = z;
 }
 
-int64_t project_out(const Environment& environment, const std::vector<Vec3f>& before, std::vector<Vec3f>& position) {
+int64_t project_out(const Environment& environment, const std::vector<Vec3f>& before, std::vector<Vec3f>& position,
+                    std::optional<double> since) {
   GRAUPEL_ASSERT(before.size() == position.size());
   const SweptCollision way = environment.swept_collision(Device::cpu);
+  const std::vector<ObstacleWay> carriers = since ? environment.ways_since(*since) : std::vector<ObstacleWay>();
   std::atomic<int64_t> moved = 0;
   parallel_for(Device::cpu, static_cast<int64_t>(position.size()), [&](int64_t i) {
     const auto p = static_cast<std::size_t>(i);
-    if (way.follow(before[p], position[p])) moved.fetch_add(1, std::memory_order_relaxed);
+    const bool moves = carriers.empty() ? way.follow(before[p], position[p])
+                                        : follow_among_moving(way, carriers, before[p], position[p]);
+    if (moves) moved.fetch_add(1, std::memory_order_relaxed);
   });
   return moved;
+}
+
+const Scene& check_training_scene(const Scene& scene) {
+  std::string what;
+  if (scene.has_moving_obstacles()) what = "moving obstacles";
+  for (const Source& source : scene.sources)
+    if (source.motion) what = "particles that follow a script";
+  if (!scene.kinematic_regions.empty()) what = "particles that follow a script";
+  if (!scene.emitters.empty()) what = "emitters";
+  if (!scene.sinks.empty()) what = "sinks";
+  if (scene.domain.has_wall(Wall::open)) what = "open walls";
+  if (scene.domain.has_wall(Wall::periodic)) what = "periodic walls";
+  if (!what.empty())
+    throw ConfigError("networks are not trained on this scene (it has " + what +
+                      ", allowed: none). Train on scenes without them; rollouts run such scenes");
+  return scene;
 }
 
 }  // namespace graupel::graph

@@ -1,6 +1,7 @@
 // Particle features of the HGN paper (section 3.1), shared by training and inference.
 #pragma once
 
+#include <memory>
 #include <optional>
 #include <vector>
 
@@ -14,19 +15,38 @@
 
 namespace graupel::graph {
 
-/// The static environment of a scene, built once: obstacles, their cell normals and the walls.
+/// The way of a moving obstacle from one time to another, as a map of the points that it carries.
+struct ObstacleWay {
+  int32_t obstacle;  ///< index in the scene
+  RigidMap map;
+};
+
+/// The environment of a scene at one time, built once: obstacles, their cell normals and the walls.
 struct Environment {
-  /// In a scene with two dimensions obstacles are those parts of them that lie in its plane. `normal_spacing` [m] is
-  /// the cell size of the obstacle normals, scene.domain.dx unless given. Throws ConfigError for what no network was
-  /// taught: moving obstacles, scripted particles, emitters, sinks, open and periodic walls.
+  /// At the start. In a scene with two dimensions obstacles are those parts of them that lie in its plane.
+  /// `normal_spacing` [m] is the cell size of the obstacle normals, scene.domain.dx unless given. Throws ConfigError
+  /// for periodic walls without a partner.
   explicit Environment(const Scene& scene, std::optional<double> normal_spacing = {});
+  /// The same with the obstacles where their scripts have them at `time` [s]. Without `for_features` normals and
+  /// obstacle particles, which take most of the time, are those of before.
+  Environment at(double time, bool for_features = true) const;
+  /// Whether a script moves an obstacle.
+  bool moves() const { return moving != nullptr; }
+  /// Ways of the obstacles that move between `from` [s] and this environment's time.
+  std::vector<ObstacleWay> ways_since(double from) const;
+  /// Where a point of an obstacle's surface was `seconds` before this environment's time.
+  Vec3f point_before(const Vec3f& point, double seconds) const;
+  /// Whether a wall is periodic.
+  bool is_periodic() const { return period[0] > 0 || period[1] > 0 || period[2] > 0; }
   sparsegrid::ObstacleSet obstacles;
   sparsegrid::CellNormals normals;
   ObstacleParticles obstacle_particles;
   double normal_spacing;        ///< [m]
   std::optional<double> plane;  ///< [m] z of all particles of a scene with two dimensions
   Vec3d wall_low, wall_high;    ///< [m] scene.domain.origin and origin + size: the AABB of the domain
-  Vec3d hold_low, hold_high;    ///< [m] where the walls hold the material (Scene::wall_low/high)
+  Vec3d hold_low, hold_high;    ///< [m] where the walls hold the material; far away at open and periodic walls
+  Vec3d box_low, box_high;      ///< [m] Scene::wall_low/high: particles are in this box, or leave it by a wall
+  Vec3d period;                 ///< [m] distance of the periodic walls of an axis; 0 for none
   Vec3f gravity_step;           ///< [m/frame^2] gravity times the square of the frame time
   /// For kernels on `device`; valid as long as this lives.
   EnvironmentView view(Device device) const;
@@ -34,7 +54,23 @@ struct Environment {
   /// Origin of the grid of evaluation and rollouts: the domain's lower corner. In two dimensions the plane lies between
   /// the two lowest layers of cells, so that both see the same and the levels above have one.
   Vec3d grid_origin(double spacing) const;
-  double way_piece;  ///< [m] pieces in which project_out follows a particle's way past obstacles
+  double way_piece;                     ///< [m] pieces in which project_out follows a particle's way past obstacles
+  double time = 0;                      ///< [s]
+  std::shared_ptr<const Scene> moving;  ///< domain and obstacles; null where none moves
+};
+
+/// The environment of a scene over time, rebuilt where obstacles have moved.
+class MovingEnvironment {
+ public:
+  /// `start` must live as long as this.
+  explicit MovingEnvironment(const Environment& start) : start_(start) {}
+  /// At `time` [s], as Environment::at; `start` itself where nothing moves. Valid until the next call.
+  const Environment& at(double time, bool for_features = true);
+
+ private:
+  const Environment& start_;
+  std::optional<Environment> placed_;
+  double features_time_ = 0;  ///< [s] of placed_'s normals
 };
 
 /// Continuous features of each particle, without the type embedding, shape [n, input_width - embedding], row-major:
@@ -55,8 +91,14 @@ inline constexpr int embedding_rows = 9;
 /// Moves particles out of obstacles and back inside the walls (in place); returns how many moved.
 /// `before` holds the positions that the particles came from. From a free one, a particle stays on the side of an
 /// obstacle that it came from, also when it would have passed through, and slides along the surface for the rest of its
-/// way.
-int64_t project_out(const Environment& environment, const std::vector<Vec3f>& before, std::vector<Vec3f>& position);
+/// way. Where obstacles move, `before` is of the time `since` [s], the environment's without it; a particle that meets
+/// one comes from where that obstacle has carried it since.
+int64_t project_out(const Environment& environment, const std::vector<Vec3f>& before, std::vector<Vec3f>& position,
+                    std::optional<double> since = {});
+
+/// Throws ConfigError for scenes that networks run but are not trained on: moving obstacles, scripted particles,
+/// emitters, sinks, open and periodic walls. Returns the scene.
+const Scene& check_training_scene(const Scene& scene);
 
 /// Moves particles back into the plane of a scene with two dimensions (in place).
 void keep_in_plane(const Environment& environment, std::vector<Vec3f>& position);

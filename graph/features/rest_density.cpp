@@ -34,10 +34,12 @@ double count_quantile(const std::vector<Vec3f>& position, double spacing, double
 }  // namespace
 
 double rest_density(const Scene& scene, const std::vector<Vec3f>& start, double spacing) {
-  const double fraction = scene.sources.empty() ? 0.1 : 0.5;
+  const double fraction = scene.sources.empty() && scene.emitters.empty() ? 0.1 : 0.5;
   double density = count_quantile(start, spacing, fraction) / std::pow(spacing, 3);
   for (const Source& source : scene.sources)
     density = std::max(density, source.particles_per_cell / scene.domain.cell_volume());
+  for (const Emitter& emitter : scene.emitters)
+    density = std::max(density, emitter.particles_per_cell / scene.domain.cell_volume());
   return density;
 }
 

@@ -1,6 +1,8 @@
 // The verbs take a GNS as they take an HGN.
 #include <gtest/gtest.h>
 
+#include <algorithm>
+
 #include "core/scene/material_config.h"
 #include "io/trajectory/trajectory_file.h"
 #include "nn/weights.h"
@@ -59,6 +61,43 @@ TEST(GraphNetworks, AGnsRollsOutIsInspectedAndCompared) {
               " --frames 4 --density-limit 1.2 --no-floors --threads 1 --json " + folder.file("out.json"));
   ASSERT_EQ(compare.exit_code, 0) << compare.output;
   EXPECT_TRUE(compare.says("gns")) << compare.output;
+}
+
+TEST(GraphNetworks, RollOutScenesThatChange) {
+  const Folder folder;
+  nn::write_safetensors(folder.file("gns.safetensors"), ballistic_gns());
+  const std::string paddle =
+      R"("obstacles": [{"shape": "box", "size": [0.1, 0.2, 0.3], "position": [0.3, 0.5, 0.5],
+                        "motion": {"velocity": [2, 0, 0]}}])";
+  const std::string scene = folder.write("changing.json", small_scene(paddle + R"(,
+    "emitters": [{"shape": "box", "size": [0.1, 0.04, 0.1], "position": [0.7, 0.8, 0.5], "velocity": [0, -1, 0],
+                  "end_time": 0.15, "material": "water"}],
+    "sinks": [{"shape": "box", "size": [0.2, 0.1, 0.2], "position": [0.7, 0.7, 0.5]}])"));
+  const std::string network = "rollout " + folder.file("gns.safetensors") + " ";
+  const std::string out = " -o " + folder.file("out.h5") + " --threads 1";
+  const auto active_counts = [&] {
+    std::vector<int64_t> counts;
+    for (const ParticleFrame& frame : io::TrajectoryReader(folder.file("out.h5")).frames(0, 0, 13))
+      counts.push_back(std::count(frame.active.begin(), frame.active.end(), 1));
+    return counts;
+  };
+  const Outcome rollout = graupel(network + scene + out);
+  ASSERT_EQ(rollout.exit_code, 0) << rollout.output;
+  const std::vector<int64_t> counts = active_counts();
+  EXPECT_LT(counts[0], counts[4]);
+  EXPECT_LT(counts[12], counts[8]) << "what the sink took is gone";
+
+  ASSERT_EQ(graupel("simulate " + scene + " --threads 1 -o " + folder.file("mpm.h5")).exit_code, 0);
+  const Outcome later = graupel(network + folder.file("mpm.h5") + out + " --start truth:6");
+  ASSERT_EQ(later.exit_code, 0) << later.output;
+  const auto frames = io::TrajectoryReader(folder.file("out.h5")).frames(0, 0, 8);
+  EXPECT_DOUBLE_EQ(frames[0].time, 5.0 / 60) << "obstacles go on from there";
+  EXPECT_EQ(frames[0].active, io::TrajectoryReader(folder.file("mpm.h5")).frames(0, 5, 1)[0].active);
+
+  const std::string moving = folder.write("moving.json", small_scene(paddle));
+  const Outcome compare = graupel("compare --scenes " + moving + " --models " + folder.file("gns.safetensors") +
+                                  " --frames 4 --no-floors --threads 1");
+  EXPECT_EQ(compare.exit_code, 0) << compare.output;
 }
 
 TEST(GraphNetworks, DamagedAndForeignWeightsAreRefused) {

@@ -46,16 +46,18 @@ TEST(Fairness, RatiosAreOfWhatIsBeyondTheFloor) {
   for (const auto& [key, value] : ratios(opponent, opponent, floors)) EXPECT_EQ(value, 1) << key;
 }
 
-TEST(Fairness, LearnedModelsRunInSpaceWithAFixedSetOfParticles) {
-  const ModelChoice network{.name = "net.safetensors", .kind = ModelKind::network}, mpm{.name = "mpm"};
+TEST(Fairness, ReducedModelsRunInSpaceWithAFixedSetOfParticles) {
+  const ModelChoice reduced{.name = "nsf.safetensors", .kind = ModelKind::reduced}, mpm{.name = "mpm"},
+      network{.name = "net.safetensors", .kind = ModelKind::network};
   Scene scene;
-  EXPECT_NO_THROW(check_runs_on(network, scene));
+  EXPECT_NO_THROW(check_runs_on(reduced, scene));
   scene.emitters.emplace_back();
-  EXPECT_THROW(check_runs_on(network, scene), ConfigError);
+  EXPECT_THROW(check_runs_on(reduced, scene), ConfigError);
   EXPECT_NO_THROW(check_runs_on(mpm, scene));
+  EXPECT_NO_THROW(check_runs_on(network, scene));
   scene.emitters.clear();
   scene.domain.dimensions = 2;
-  EXPECT_THROW(check_runs_on(network, scene), ConfigError);
+  EXPECT_THROW(check_runs_on(reduced, scene), ConfigError);
 }
 
 TEST(Fairness, TheOpponentIsTheCoarseGridAtItsOwnStepUnlessTheOtherWasAskedFor) {
@@ -95,6 +97,10 @@ TEST(UnknownWalls, AreNamedWithTheirFrictionAndWhereTheyStick) {
   scene.domain.walls = Contact::stick;
   ASSERT_EQ(unknown_walls(weights, scene).size(), 1u);
   EXPECT_NE(unknown_walls(weights, scene)[0].find("sticky"), std::string::npos);
+  scene.domain.walls = Contact::separate;
+  scene.sinks.emplace_back();
+  ASSERT_EQ(unknown_walls(weights, scene).size(), 1u);
+  EXPECT_NE(unknown_walls(weights, scene)[0].find("come or go"), std::string::npos);
 }
 
 }  // namespace

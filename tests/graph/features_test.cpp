@@ -102,12 +102,12 @@ TEST(Features, WrongNumberOfFramesOrParticlesIsAProgrammersError) {
   EXPECT_THROW(particle_features(config, {}, environment, uneven), std::logic_error);
 }
 
-TEST(Features, ScenesThatNoNetworkWasTaughtAreRefused) {
+TEST(Features, TrainingRefusesScenesThatChange) {
   const auto refused = [](auto&& change, const std::string& what) {
     Scene scene = scene_with_ball({0.5, 0.5, 0.5}, 0.2);
     change(scene);
     try {
-      const Environment environment(scene);
+      check_training_scene(scene);
     } catch (const ConfigError& error) {
       return std::string(error.what()).find(what) != std::string::npos;
     }

@@ -149,20 +149,6 @@ TEST(KinematicParticles, AreNoMatterThatIsTooDense) {
       << "as matter they are";
 }
 
-TEST(KinematicParticles, AGpuRefusesThemAndNamesTheRemedy) {
-  const Scene scene = scene_of(3);
-  const Start start(scene);
-  auto options = frames(1);
-  options.device = Device::cuda;
-  try {
-    simulator(3).rollout(scene, Environment(scene), start.type, start.history, options);
-    FAIL() << "no error";
-  } catch (const ConfigError& error) {
-    EXPECT_NE(std::string(error.what()).find("10 of 40"), std::string::npos) << error.what();
-    EXPECT_NE(std::string(error.what()).find("--device cpu"), std::string::npos) << error.what();
-  }
-}
-
 TEST(KinematicParticles, FramesOfAnotherNumberOfParticlesAreRefused) {
   const LearnedSimulator::GivenFrames given(2, std::vector<Vec3f>(3));
   EXPECT_THROW(PrescribedPositions({5, 3}, std::vector<Vec3f>(2), &given), InputError);

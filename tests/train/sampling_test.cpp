@@ -61,6 +61,13 @@ TEST(DataSplit, RefusesDataOfAnotherFrameTimeOrMissingFiles) {
   EXPECT_THROW(DataSplit(tiny_data_set() + "/none.h5"), InputError);
 }
 
+TEST(DataSplit, ScenesThatChangeAreNotTrainedOn) {
+  Scene scene;
+  EXPECT_NO_THROW(SceneContext{scene});
+  scene.sinks.emplace_back();
+  EXPECT_THROW(SceneContext{scene}, ConfigError);
+}
+
 TEST(Statistics, AreThoseOfAllFrameDifferencesWithTheNoiseInQuadrature) {
   const DataSplit split(tiny_data_set() + "/train.h5");
   std::vector<double> velocity, acceleration;

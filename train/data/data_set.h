@@ -17,7 +17,8 @@ namespace graupel::train {
 
 /// A scene with what is built of it once.
 struct SceneContext {
-  explicit SceneContext(Scene read_scene) : scene(std::move(read_scene)), environment(scene) {}
+  explicit SceneContext(Scene read_scene)
+      : scene(std::move(read_scene)), environment(graph::check_training_scene(scene)) {}
   Scene scene;
   graph::Environment environment;
   /// Displacement that gravity adds in a frame: g dt^2 [m/frame^2].

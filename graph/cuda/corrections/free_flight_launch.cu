@@ -107,7 +107,7 @@ __device__ void correct_particle(const Groups& groups, int64_t i, Vec3f* next) {
   const int32_t slot = groups.group[i];
   if (!groups.flies(slot)) return;
   const GroupMomentum& sums = groups.sums[slot];
-  correct(groups, i, slot, change_of(sums.place, sums_of(sums.push)), next);
+  correct(groups, i, slot, change_of(sums.place, sums_of(sums.push), sums.spans_period != 0), next);
 }
 
 struct Correction {

@@ -329,7 +329,8 @@ void CudaSimulator::start(const Scene& scene, const Environment& environment, co
   impl.status.upload({{static_cast<int32_t>(frames) - 1, 0, 0, 0}});
   *impl.seen = {static_cast<int32_t>(frames) - 1, 0, 0, 0};
   impl.shown = impl.seen->newest;
-  impl.model->start(environment, rows, impl.stream);
+  impl.model->start({environment.wall_low, environment.wall_low, environment.wall_high, &environment}, rows,
+                    impl.stream);
   impl.before.upload(positions[positions.size() - 2]);
   device_copy(Device::cuda, impl.model->position(), Device::cpu, positions.back().data(),
               positions.back().size() * sizeof(Vec3f));
@@ -386,6 +387,34 @@ std::vector<Vec3f> CudaSimulator::accelerations() {
   for (std::size_t i = 0; i < acceleration.size(); ++i)
     acceleration[i] = real_acceleration(statistics, false, output.data() + width * i);
   return acceleration;
+}
+
+void CudaSimulator::evaluate(const std::vector<float>& features, const std::vector<int32_t>& particle_type,
+                             const std::vector<Vec3f>& position, const Vec3d& origin, std::vector<float>& output) {
+  GRAUPEL_ASSERT(!position.empty() && particle_type.size() == position.size());
+  Impl& impl = *impl_;
+  impl.drop_graph();
+  impl.wait();
+  FrameModel::Range range{origin, Vec3d::filled(1e30), Vec3d::filled(-1e30), nullptr};
+  for (const Vec3f& x : position)
+    for (int d = 0; d < 3; ++d) {
+      range.low[d] = std::min<double>(range.low[d], x[d]);
+      range.high[d] = std::max<double>(range.high[d], x[d]);
+    }
+  std::vector<int32_t> rows;
+  for (const int32_t type : particle_type) rows.push_back(embedding_row(type));
+  FrameModel& model = *impl.model;
+  model.start(range, rows, impl.stream);
+  device_copy(Device::cuda, model.position(), Device::cpu, position.data(), position.size() * sizeof(Vec3f));
+  device_copy(Device::cuda, model.features(), Device::cpu, features.data(), features.size() * sizeof(float));
+  model.launch_graph(impl.stream, /*with_counts=*/true);
+  if (model.ensure_capacity() == FrameModel::CapacityStatus::exceeded)
+    throw InputError("the particles do not fit the network's grid on the GPU. Use --device cpu");
+  model.reuse_memory();
+  model.launch(impl.stream, {[] {}, [] {}});
+  impl.wait();
+  output.resize(static_cast<std::size_t>(impl.config.output_width()) * position.size());
+  device_copy(Device::cpu, output.data(), Device::cuda, model.output(), output.size() * sizeof(float));
 }
 
 std::vector<Vec3f> CudaSimulator::positions() const {

@@ -21,9 +21,15 @@ class FrameModel {
   /// As Network::spacing.
   virtual double spacing() const = 0;
 
-  /// Makes ready for particles of these rows of the embedding table. `environment` must live as long as frames are
-  /// launched. Launches in `stream`.
-  virtual void start(const Environment& environment, const std::vector<int32_t>& type_row, void* stream) = 0;
+  /// Where the particles of a rollout may be.
+  struct Range {
+    Vec3d origin;                    ///< of a grid [m]
+    Vec3d low, high;                 ///< [m] box that holds the particles, give or take what the graph's cells allow
+    const Environment* environment;  ///< of obstacle particles; null: there are none but among the particles
+  };
+  /// Makes ready for particles of these rows of the embedding table. The range's environment must live as long as
+  /// frames are launched. Launches in `stream`.
+  virtual void start(const Range& range, const std::vector<int32_t>& type_row, void* stream) = 0;
   /// What a frame begins with, to be written by the caller: features [particles, width] before launch(), positions
   /// [particles] before launch_graph().
   float* features() { return features_.data(); }

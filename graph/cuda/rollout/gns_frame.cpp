@@ -31,13 +31,14 @@ GnsFrame::GnsFrame(const nn::Weights& weights)
   network_.refresh(nullptr);
 }
 
-void GnsFrame::start(const Environment& environment, const std::vector<int32_t>& type_row, void* stream) {
+void GnsFrame::start(const Range& range, const std::vector<int32_t>& type_row, void* stream) {
   particles_ = static_cast<int64_t>(type_row.size());
   std::vector<Vec3f> points;
-  if (config_.obstacle_particles) points = environment.obstacle_particles.at_spacing(config_.obstacle_spacing);
+  const bool with_points = config_.obstacle_particles && range.environment != nullptr;
+  if (with_points) points = range.environment->obstacle_particles.at_spacing(config_.obstacle_spacing);
   point_.upload(points);
-  builder_.prepare({{environment.wall_low, environment.wall_high, particles_, point_.data(),
-                     static_cast<int64_t>(points.size()), AxisMap{}, environment.view(Device::cuda)}},
+  builder_.prepare({{range.low, range.high, particles_, point_.data(), static_cast<int64_t>(points.size()), AxisMap{},
+                     with_points ? range.environment->view(Device::cuda) : EnvironmentView{}}},
                    stream);
   const auto nodes = static_cast<std::size_t>(builder_.most_nodes());
   std::vector<int32_t> types = type_row;

@@ -43,14 +43,14 @@ HgnFrame::HgnFrame(const nn::Weights& weights)
       streams_(std::make_unique<Streams>()) {}
 HgnFrame::~HgnFrame() = default;
 
-void HgnFrame::start(const Environment& environment, const std::vector<int32_t>& type_row, void* stream) {
+void HgnFrame::start(const Range& range, const std::vector<int32_t>& type_row, void* stream) {
   capacity_ = {};
-  origin_ = environment.wall_low;
+  origin_ = range.origin;
   particles_ = static_cast<int64_t>(type_row.size());
   type_row_.upload(type_row);
   features_.resize_discard(type_row.size() * static_cast<std::size_t>(config_.input_width() - config_.embedding));
   position_.resize_discard(type_row.size());
-  builder_.prepare({{environment.wall_low, environment.wall_low, environment.wall_high, particles_}}, stream);
+  builder_.prepare({{range.origin, range.low, range.high, particles_}}, stream);
 }
 
 void HgnFrame::launch_graph(void* stream, bool with_counts) {

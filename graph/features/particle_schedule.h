@@ -1,0 +1,27 @@
+// Which particles of a rollout are not there from the start, and which a script leads.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "core/math/vec.h"
+#include "core/scene/motion.h"
+
+namespace graupel::graph {
+
+/// A motion that some particles follow until they are released.
+struct ParticleScript {
+  Motion motion;
+  Vec3d body_center;    ///< stands in for a centre that the motion does not give [m]
+  double release_time;  ///< [s]; infinite: never
+};
+
+/// Of the n particles of a scene, in its order.
+struct ParticleSchedule {
+  std::vector<double> birth_time;     ///< [n] [s]; empty: all are there from the start
+  std::vector<Vec3f> birth_velocity;  ///< [n] [m/s]; empty with birth_time
+  std::vector<int32_t> script;        ///< [n] index into scripts or -1; empty without scripts
+  std::vector<ParticleScript> scripts;
+};
+
+}  // namespace graupel::graph
