@@ -82,12 +82,12 @@ void widen(TrainedRanges& ranges, const Scene& scene) {
   visit_scene(scene, [&](const std::string& key, double value) { widen(ranges, key, value); });
 }
 
-CoarseModel::CoarseModel() : log_speed_courant(std::log(0.25)) {
-  log_courant = {{MaterialModel::water, std::log(0.6)},
-                 {MaterialModel::sand, std::log(1.5)},
-                 {MaterialModel::snow, std::log(1.2)},
-                 {MaterialModel::jelly, std::log(0.6)}};
-}
+CourantNumbers::CourantNumbers()
+    : waves({{MaterialModel::water, std::log(0.6)},
+             {MaterialModel::sand, std::log(1.5)},
+             {MaterialModel::snow, std::log(1.2)},
+             {MaterialModel::jelly, std::log(0.6)}}),
+      speed(std::log(0.25)) {}
 
 const std::vector<std::string>& CoarseModel::parameter_names() {
   static const std::vector<std::string> names = [] {
@@ -97,8 +97,6 @@ const std::vector<std::string>& CoarseModel::parameter_names() {
       if (rule.has_slope) all.push_back(law_name(rule.model) + "." + rule.constant + ".slope");
     }
     all.emplace_back("walls.friction.offset");
-    for (const MaterialModel law : trained_laws) all.push_back(law_name(law) + ".log_courant");
-    all.emplace_back("speed.log_courant");
     return all;
   }();
   return names;
@@ -111,8 +109,6 @@ std::vector<double> CoarseModel::parameters() const {
     if (constant_rules()[r].has_slope) values.push_back(constants.slope[r]);
   }
   values.push_back(constants.wall_friction);
-  for (const MaterialModel law : trained_laws) values.push_back(log_courant.at(law));
-  values.push_back(log_speed_courant);
   return values;
 }
 
@@ -124,23 +120,35 @@ void CoarseModel::set_parameters(const std::vector<double>& values) {
     if (constant_rules()[r].has_slope) constants.slope[r] = *next++;
   }
   constants.wall_friction = *next++;
-  for (const MaterialModel law : trained_laws) log_courant[law] = *next++;
-  log_speed_courant = *next++;
 }
 
-Scene CoarseModel::scene(const Scene& of) const {
-  Scene coarse = constants.scene(mpm::on_coarser_grid(of, resolution));
+Scene CoarseModel::scene(const Scene& of, double resolution) const {
+  Scene coarse = constants.scene(resolution == 1 ? of : mpm::on_coarser_grid(of, resolution));
   coarse.time_step.policy = StepPolicy::fixed;
   coarse.time_step.substeps_per_frame = substeps(coarse);
   return coarse;
 }
 
-int64_t CoarseModel::substeps(const Scene& coarse) const {
-  const double frame = coarse.frame_time / coarse.domain.dx;
-  double substeps = expected_speed(coarse) * frame / std::exp(log_speed_courant);
-  for (const auto& [name, config] : coarse.materials) {
-    const auto courant = log_courant.find(config.model);
-    const double limit = courant == log_courant.end() ? untrained_courant : std::exp(courant->second);
+double CoarseModel::cost(const Scene& of, double resolution, Device device) const {
+  Scene reference = of, coarse = constants.scene(of);  // the spacing and the constants alone set the step
+  reference.domain.dx = 2 * of.domain.dx;
+  coarse.domain.dx = resolution * of.domain.dx;
+  return static_cast<double>(substeps(coarse)) / static_cast<double>(substeps(reference)) *
+         std::pow(2 / resolution, cost_exponent.at(device));
+}
+
+double CoarseModel::resolution(const Scene& of, Device device) const {
+  for (const double resolution : resolutions)
+    if (cost(of, resolution, device) <= 1) return resolution;
+  return resolutions.back();
+}
+
+int64_t CoarseModel::substeps(const Scene& scene) const {
+  const double frame = scene.frame_time / scene.domain.dx;
+  double substeps = expected_speed(scene) * frame / std::exp(log_courant.speed);
+  for (const auto& [name, config] : scene.materials) {
+    const auto courant = log_courant.waves.find(config.model);
+    const double limit = courant == log_courant.waves.end() ? untrained_courant : std::exp(courant->second);
     substeps = std::max(substeps, mpm::material_parameters<double>(config).elastic_speed * frame / limit);
   }
   return std::max<int64_t>(1, static_cast<int64_t>(std::ceil(substeps)));
@@ -162,16 +170,31 @@ std::vector<std::string> CoarseModel::unlike_training(const Scene& scene) const 
   return lines;
 }
 
+namespace {
+
+void add(nn::Weights& weights, const char* name, const std::vector<double>& values) {
+  weights.tensors[name] = nn::Tensor::from_float({values.begin(), values.end()}, {static_cast<int64_t>(values.size())});
+}
+
+std::vector<double> courant_values(const CourantNumbers& numbers) {
+  std::vector<double> values;
+  for (const MaterialModel law : trained_laws) values.push_back(numbers.waves.at(law));
+  values.push_back(numbers.speed);
+  return values;
+}
+
+}  // namespace
+
 nn::Weights CoarseModel::store() const {
   nn::Weights weights;
   weights.metadata = metadata;
   weights.metadata["architecture"] = coarse_architecture;
   weights.metadata["parameter_names"] = Json(parameter_names()).dump();
   weights.metadata["training.ranges"] = Json(ranges).dump();
-  const std::vector<double> values = parameters();
-  weights.tensors["parameters"] =
-      nn::Tensor::from_float({values.begin(), values.end()}, {static_cast<int64_t>(values.size())});
-  weights.tensors["resolution"] = nn::Tensor::from_float({static_cast<float>(resolution)}, {1});
+  add(weights, "parameters", parameters());
+  add(weights, "log_courant", courant_values(log_courant));
+  add(weights, "resolutions", resolutions);
+  add(weights, "cost_exponents", {cost_exponent.at(Device::cpu), cost_exponent.at(Device::cuda)});
   return weights;
 }
 
@@ -196,14 +219,25 @@ CoarseModel CoarseModel::load(const nn::Weights& weights) {
   } catch (const std::out_of_range&) {
     throw bad("metadata parameter_names or training.ranges are missing");
   }
-  const std::vector<float> values = weights.get("parameters", {static_cast<int64_t>(parameter_names().size())});
-  model.set_parameters({values.begin(), values.end()});
-  model.resolution = static_cast<double>(weights.get("resolution", {1}).front());
-  if (!(model.resolution >= 1 && model.resolution <= 8))
-    throw bad(fmt::format("resolution is {} (allowed 1 to 8)", model.resolution));
-  for (std::size_t p = 0; p < values.size(); ++p)
-    if (std::abs(values[p]) > 12)
-      throw bad(fmt::format("parameter {} is {} (allowed -12 to 12)", parameter_names()[p], values[p]));
+  const auto numbers = [&](const char* name, std::size_t count, double low, double high) {
+    const std::vector<float> stored = weights.get(name, {static_cast<int64_t>(count)});
+    for (std::size_t i = 0; i < count; ++i)
+      if (!(static_cast<double>(stored[i]) >= low && static_cast<double>(stored[i]) <= high))
+        throw bad(fmt::format("{}[{}] is {} (allowed {} to {})", name, i, stored[i], low, high));
+    return std::vector<double>(stored.begin(), stored.end());
+  };
+  model.set_parameters(numbers("parameters", parameter_names().size(), -12, 12));
+  const std::vector<double> courant = numbers("log_courant", std::size(trained_laws) + 1, -6, 6);
+  for (std::size_t l = 0; l < std::size(trained_laws); ++l) model.log_courant.waves[trained_laws[l]] = courant[l];
+  model.log_courant.speed = courant.back();
+  const auto found = weights.tensors.find("resolutions");
+  const std::size_t count = found == weights.tensors.end() ? 0 : static_cast<std::size_t>(found->second.count());
+  if (count == 0) throw bad("tensor resolutions is missing or empty (allowed: 1 or more spacings)");
+  model.resolutions = numbers("resolutions", count, 1, 8);
+  if (!std::is_sorted(model.resolutions.begin(), model.resolutions.end()))
+    throw bad("tensor resolutions is not ascending");
+  const std::vector<double> exponents = numbers("cost_exponents", 2, 0, 4);
+  model.cost_exponent = {{Device::cpu, exponents[0]}, {Device::cuda, exponents[1]}};
   return model;
 }
 

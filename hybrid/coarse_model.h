@@ -1,5 +1,6 @@
-// Coarse MPM with trained constants: the scene on a grid of `resolution` times its spacing, with effective constants
-// and a step of its own. A run of it is a run of the solver, so contact, momentum and conservation are the solver's.
+// Coarse MPM with trained constants: softer matter takes longer steps, and what that saves is spent on the finest grid
+// that is predicted to cost no more than MPM on 2 dx. A run of it is a run of the solver, so contact, momentum and
+// conservation are the solver's.
 #pragma once
 
 #include <cstdint>
@@ -8,6 +9,7 @@
 #include <utility>
 #include <vector>
 
+#include "core/parallel/device.h"
 #include "hybrid/effective_constants.h"
 #include "nn/weights.h"
 
@@ -21,26 +23,40 @@ using TrainedRanges = std::map<std::string, std::pair<double, double>>;
 /// Widens the ranges to hold a scene's constants.
 void widen(TrainedRanges& ranges, const Scene& scene);
 
+/// ln of the Courant numbers that set a step: c dt / dx of a law's elastic waves at rest, and v dt / dx of the largest
+/// speed that the scene can be expected to have.
+struct CourantNumbers {
+  CourantNumbers();
+  std::map<MaterialModel, double> waves;
+  double speed;
+  bool operator==(const CourantNumbers&) const = default;
+};
+
 struct CoarseModel {
-  double resolution = 1.5;  ///< grid spacing over the scene's, from 1
   EffectiveConstants constants;
-  /// ln of the Courant numbers that set the step: c dt / dx of a law's elastic waves at rest, and v dt / dx of the
-  /// largest speed that the scene can be expected to have.
-  std::map<MaterialModel, double> log_courant;
-  double log_speed_courant;
+  CourantNumbers log_courant;
+  /// Grid spacings over the scene's that the model chooses from, ascending from 1; the last one where all cost too
+  /// much.
+  std::vector<double> resolutions = {1, 1.25, 1.5, 1.75, 2};
+  /// A substep on a grid of spacing r dx takes r^-k times as long: k on the CPU and on a GPU.
+  std::map<Device, double> cost_exponent = {{Device::cpu, 1.8}, {Device::cuda, 0.7}};
   TrainedRanges ranges;                         ///< empty: not told
   std::map<std::string, std::string> metadata;  ///< of the file: provenance
 
-  CoarseModel();
-  /// Everything that training changes, by name, in a fixed order.
+  /// The constants that the evolution changes, by name, in a fixed order.
   static const std::vector<std::string>& parameter_names();
   std::vector<double> parameters() const;
   void set_parameters(const std::vector<double>& values);
 
   /// What the solver runs: coarse grid, effective constants, fixed steps.
-  Scene scene(const Scene& of) const;
-  /// Substeps a frame of such a scene.
-  int64_t substeps(const Scene& coarse) const;
+  Scene scene(const Scene& of, Device device) const { return scene(of, resolution(of, device)); }
+  Scene scene(const Scene& of, double resolution) const;
+  /// The finest of `resolutions` whose predicted time is at most that of the scene's own constants on 2 dx.
+  double resolution(const Scene& of, Device device) const;
+  /// Predicted time of such a run over that on 2 dx.
+  double cost(const Scene& of, double resolution, Device device) const;
+  /// Substeps a frame that a scene on any grid takes.
+  int64_t substeps(const Scene& scene) const;
   /// A line for each constant and contact of the scene outside the training's range.
   std::vector<std::string> unlike_training(const Scene& scene) const;
 

@@ -93,9 +93,9 @@ std::vector<ComparedModel> models_for(const SceneTask& task, const std::vector<C
   for (const ComparedModel& model : models) {
     check_runs_on(model.choice, task.scene);
     if (model.network && model.network->config().dimensions != task.scene.domain.dimensions)
-      throw ConfigError(fmt::format("'{}' is for {} dimensions and '{}' has {} (allowed: the same). Leave out one of them",
-                                    model.choice.name, model.network->config().dimensions, task.scene.name,
-                                    task.scene.domain.dimensions));
+      throw ConfigError(fmt::format(
+          "'{}' is for {} dimensions and '{}' has {} (allowed: the same). Leave out one of them", model.choice.name,
+          model.network->config().dimensions, task.scene.name, task.scene.domain.dimensions));
     if (!runs_on_all_scenes(model.choice.kind)) {
       try {
         const ReducedRun runs_here(*model.reduced, task.scene, task.seed, {});

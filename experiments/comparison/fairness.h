@@ -22,7 +22,7 @@ Device common_device(const std::string& word, const std::vector<ModelChoice>& mo
 
 /// Scenes: a reduced-order model runs the scene that it was trained on, every other model all scenes.
 bool runs_on_all_scenes(ModelKind kind);
-/// Throws ConfigError for what only MPM runs: particles that come or go, periodic walls and two dimensions.
+/// Throws ConfigError for what reduced-order models do not run: particles that come or go, periodic walls, the plane.
 void check_runs_on(const ModelChoice& model, const Scene& scene);
 
 /// Particles: every run is judged on the truth's; one on another grid carries them as tracers, which are born when the

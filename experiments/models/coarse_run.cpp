@@ -10,9 +10,10 @@ hybrid::CoarseModel read_coarse_model(const std::string& file) {
 }
 
 TimedRun run_coarse_model(const hybrid::CoarseModel& model, const Scene& scene, MpmRunOptions options) {
-  Scene coarse = model.scene(scene);
+  const double resolution = model.resolution(scene, options.device);
+  Scene coarse = model.scene(scene, resolution);
   const int64_t most = 8 * coarse.time_step.substeps_per_frame;
-  if (model.resolution == 1) options.tracers = nullptr;  // it moves the truth's particles
+  if (resolution == 1) options.tracers = nullptr;  // it moves the truth's particles
   double lost = 0;
   for (;;) {
     const Stopwatch watch;

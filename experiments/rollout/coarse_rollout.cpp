@@ -31,11 +31,12 @@ void rollout_coarse(const RolloutOptions& options, Device device) {
     trajectory.frames.resize(static_cast<std::size_t>(trajectory.diverged_at_frame));
   write_positions(options.output, trajectory);
   std::fprintf(stderr, "%s: %zu particles on a grid of %.4g times the spacing, %zu frames, %s a frame (median)\n",
-               options.output.c_str(), trajectory.particle_count(), model.resolution, trajectory.frames.size() - 1,
-               human_time(timed.cost.frame).c_str());
+               options.output.c_str(), trajectory.particle_count(), model.resolution(scene, device),
+               trajectory.frames.size() - 1, human_time(timed.cost.frame).c_str());
   options.common.write_json({{"output", options.output},
                              {"particles", trajectory.particle_count()},
                              {"moved_particles", timed.moved},
+                             {"resolution", model.resolution(scene, device)},
                              {"frames", trajectory.frames.size() - 1},
                              {"seconds_per_frame", timed.cost.frame},
                              {"substeps_per_frame", timed.cost.substeps},

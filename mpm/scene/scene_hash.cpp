@@ -2,6 +2,7 @@
 
 #include <type_traits>
 
+#include "core/system/atomic_file.h"
 #include "core/system/fnv1a.h"
 
 namespace graupel::mpm {
@@ -71,7 +72,7 @@ class FieldHash {
     }
     if (body.points)
       for (const Vec3d& p : *body.points) add(p);
-    if (body.shape == Shape::vdb) add(body.file);
+    if (body.shape == Shape::vdb) add(read_file(body.file));  // wherever it lies
   }
 
   uint64_t hash_;

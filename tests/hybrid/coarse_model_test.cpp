@@ -31,9 +31,7 @@ CoarseModel with(const std::string& name, double value) {
 
 TEST(CoarseModel, AtTheScenesOwnSpacingWithoutTrainingItChangesTheStepAlone) {
   Scene scene = mpm::four_materials();
-  CoarseModel model;
-  model.resolution = 1;
-  const Scene own = model.scene(scene);
+  const Scene own = CoarseModel().scene(scene, 1.0);
   scene.time_step.substeps_per_frame = own.time_step.substeps_per_frame;
   const auto run = mpm::Simulation::create(own, {}), expected = mpm::Simulation::create(scene, {});
   for (int f = 0; f < 3; ++f) {
@@ -46,8 +44,8 @@ TEST(CoarseModel, AtTheScenesOwnSpacingWithoutTrainingItChangesTheStepAlone) {
 TEST(CoarseModel, StiffnessIsReplacedAndTheStepFollowsIt) {
   Scene scene = mpm::scene_with("taichi_water");
   scene.gravity = {0, 0, 0};  // no fall, whose speed would set the step
-  const auto own = CoarseModel().scene(scene);
-  const auto soft = with("water.bulk_modulus.offset", -std::log(4)).scene(scene);
+  const auto own = CoarseModel().scene(scene, 2.0);
+  const auto soft = with("water.bulk_modulus.offset", -std::log(4)).scene(scene, 2.0);
   const auto bulk_modulus = [](const Scene& s) { return s.materials.begin()->second.bulk_modulus; };
   EXPECT_NEAR(bulk_modulus(soft) / bulk_modulus(scene), 0.25, 1e-12);
   EXPECT_DOUBLE_EQ(bulk_modulus(own), bulk_modulus(scene));
@@ -74,26 +72,49 @@ TEST(CoarseModel, WallsTakeTheirFactorAndObstaclesKeepTheirFriction) {
   Scene scene = mpm::four_materials();
   scene.domain.wall_friction = 0.4;
   scene.domain.faces.y_low = WallConfig{.friction = 0.2};
-  const Scene changed = with("walls.friction.offset", std::log(1.5)).scene(scene);
+  const Scene changed = with("walls.friction.offset", std::log(1.5)).scene(scene, 1.0);
   EXPECT_NEAR(changed.domain.friction(0, 0), 0.6, 1e-12);
   EXPECT_NEAR(changed.domain.friction(1, 0), 0.3, 1e-12);
   EXPECT_EQ(changed.obstacles[0].friction, scene.obstacles[0].friction);
+}
+
+TEST(CoarseModel, WhatSofterMatterSavesIsSpentOnAFinerGrid) {
+  Scene scene = mpm::scene_with("taichi_water");
+  scene.gravity = {0, 0, 0};
+  const CoarseModel own;
+  EXPECT_EQ(own.resolution(scene, Device::cuda), 2);
+  EXPECT_NEAR(own.cost(scene, 2, Device::cpu), 1, 1e-12);
+  const CoarseModel soft = with("water.bulk_modulus.offset", -std::log(4));
+  const double on_gpu = soft.resolution(scene, Device::cuda), on_cpu = soft.resolution(scene, Device::cpu);
+  EXPECT_LT(on_gpu, on_cpu);
+  EXPECT_LT(on_cpu, 2);
+  EXPECT_LE(soft.cost(scene, on_gpu, Device::cuda), 1);
+  EXPECT_LE(soft.cost(scene, on_cpu, Device::cpu), 1);
+  EXPECT_NEAR(soft.scene(scene, Device::cuda).domain.dx, on_gpu * scene.domain.dx, 1e-12);
+  const CoarseModel stiff = with("water.bulk_modulus.offset", std::log(4));  // the coarsest, though it costs more
+  EXPECT_EQ(stiff.resolution(scene, Device::cpu), 2);
+  EXPECT_GT(stiff.cost(scene, 2, Device::cpu), 1);
 }
 
 TEST(CoarseModel, FastMotionShortensTheStep) {
   Scene slow = mpm::scene_with("taichi_jelly"), fast = slow;
   fast.sources[0].velocity = {0, -300, 0};
   const CoarseModel model;
-  EXPECT_GT(model.scene(fast).time_step.substeps_per_frame, 2 * model.scene(slow).time_step.substeps_per_frame);
+  EXPECT_GT(model.scene(fast, 2.0).time_step.substeps_per_frame,
+            2 * model.scene(slow, 2.0).time_step.substeps_per_frame);
 }
 
 TEST(CoarseModel, AFileGivesTheSameModel) {
   CoarseModel model = with("snow.hardening.slope", 0.25);
-  model.resolution = 1.5;
+  model.resolutions = {1, 1.5};
+  model.log_courant.speed = -0.5;
+  model.cost_exponent[Device::cuda] = 0.75;
   model.metadata["recipe"] = "general";
   widen(model.ranges, mpm::four_materials());
   const CoarseModel again = CoarseModel::load(model.store());
-  EXPECT_EQ(again.resolution, 1.5);
+  EXPECT_EQ(again.resolutions, model.resolutions);
+  EXPECT_EQ(again.log_courant.speed, -0.5);
+  EXPECT_EQ(again.cost_exponent.at(Device::cuda), 0.75);
   EXPECT_EQ(again.metadata.at("recipe"), "general");
   EXPECT_EQ(again.ranges, model.ranges);
   for (std::size_t i = 0; i < model.parameters().size(); ++i)
@@ -126,9 +147,13 @@ TEST(CoarseModel, DamagedFilesAreRefusedByName) {
   other.metadata["parameter_names"] = "{";
   EXPECT_THAT(refusal(other), HasSubstr("no JSON"));
   CoarseModel far;
-  far.resolution = 20;
-  EXPECT_THAT(refusal(far.store()), HasSubstr("resolution is 20 (allowed 1 to 8)"));
-  EXPECT_THAT(refusal(with("sand.cohesion.offset", 100).store()), HasSubstr("sand.cohesion.offset is 100"));
+  far.resolutions = {1, 20};
+  EXPECT_THAT(refusal(far.store()), HasSubstr("resolutions[1] is 20 (allowed 1 to 8)"));
+  far.resolutions = {2, 1};
+  EXPECT_THAT(refusal(far.store()), HasSubstr("not ascending"));
+  far.resolutions = {};
+  EXPECT_THAT(refusal(far.store()), HasSubstr("resolutions is missing or empty"));
+  EXPECT_THAT(refusal(with("sand.cohesion.offset", 100).store()), HasSubstr("is 100 (allowed -12 to 12)"));
   other = good;
   other.tensors["parameters"] = nn::Tensor::from_float({1, 2}, {2});
   EXPECT_NE(refusal(other), "");

@@ -67,19 +67,19 @@ std::vector<float> density_of(const Scene& fine, const std::vector<Vec3f>& posit
   return share;
 }
 
-/// Errors of particles `which` of the truth (empty: all) at `position`.
-RunErrors errors_of(const Scene& fine, const std::vector<std::vector<Vec3f>>& truth,
-                    const std::vector<std::vector<float>>& density, const std::vector<std::vector<Vec3f>>& run,
-                    const std::vector<std::size_t>& which = {}) {
+/// Errors of a run of the truth's particles `which` (empty: all).
+RunErrors errors_of(const CoarseScene& scene, const std::vector<std::vector<Vec3f>>& run,
+                    const std::vector<std::size_t>& which) {
+  const auto& truth = scene.truth;
   RunErrors errors;
   for (std::size_t f = 0; f < truth.size(); ++f) {
     double position = 0;
     for (std::size_t p = 0; p < run[f].size(); ++p)
       position += static_cast<double>(norm2(run[f][p] - truth[f][which.empty() ? p : which[p]]));
     errors.position += position / static_cast<double>(run[f].size() * truth.size());
-    const std::vector<float> own = density_of(fine, run[f]);
+    const std::vector<float> own = density_of(scene.scene, run[f]);
     double difference = 0;
-    for (std::size_t c = 0; c < own.size(); ++c) difference += std::abs(own[c] - density[f][c]);
+    for (std::size_t c = 0; c < own.size(); ++c) difference += std::abs(own[c] - scene.density[f][c]);
     errors.density += difference / static_cast<double>(truth.size());
   }
   errors.diverged = !std::isfinite(errors.position);
@@ -101,17 +101,11 @@ std::vector<std::size_t> thinned(const Scene& scene, const mpm::SampledParticles
   for (std::size_t first = 0, end = 0; first < n; first = end) {
     const int32_t source = particles.source[first];
     while (end < n && particles.source[end] == source) ++end;
-    for (const std::size_t p : mpm::thinned_points(scene, static_cast<std::size_t>(source), end - first, ratio * ratio * ratio))
+    for (const std::size_t p :
+         mpm::thinned_points(scene, static_cast<std::size_t>(source), end - first, ratio * ratio * ratio))
       picked.push_back(first + p);
   }
   return picked;
-}
-
-std::vector<Vec3f> picked_from(const std::vector<Vec3f>& position, const std::vector<std::size_t>& picked) {
-  std::vector<Vec3f> some;
-  some.reserve(picked.size());
-  for (const std::size_t p : picked) some.push_back(position[p]);
-  return some;
 }
 
 /// The scene with its particles floor_displacement away in random directions.
@@ -184,26 +178,24 @@ std::vector<CoarseScene> make_coarse_scenes(const CategoryRecipe& recipe, const 
       }),
       options);
 
-  auto coarse = prepared(
-      [&](std::size_t s) { return mpm::on_coarser_grid(as_points(scenes[s], fine[s].particles), options.resolution); });
+  std::vector<std::vector<mpm::PreparedScene>> coarse;  // [resolutions][scenes]
+  for (const double resolution : options.resolutions)
+    coarse.push_back(prepared(
+        [&](std::size_t s) { return mpm::on_coarser_grid(as_points(scenes[s], fine[s].particles), resolution); }));
   std::vector<CoarseScene> made;
   for (std::size_t s = 0; s < n; ++s) {
     if (truth.diverged[s] || moved.diverged[s] || opponent.diverged[s]) continue;
-    const std::vector<std::size_t> picked = thinned(scenes[s], fine[s].particles, options.resolution);
-    CoarseScene one{.scene = scenes[s],
-                    .coarse = std::move(coarse[s]),
-                    .truth = {},
-                    .density = {},
-                    .floor = {},
-                    .opponent = {},
-                    .opponent_substeps = substeps[s]};
-    for (const auto& frame : truth.positions[s]) {
-      one.density.push_back(density_of(scenes[s], frame));
-      one.truth.push_back(picked_from(frame, picked));
+    CoarseScene one;
+    one.scene = scenes[s];
+    one.opponent_substeps = substeps[s];
+    for (std::size_t r = 0; r < coarse.size(); ++r) {
+      one.coarse.push_back(std::move(coarse[r][s]));
+      one.picked.push_back(thinned(scenes[s], fine[s].particles, options.resolutions[r]));
     }
-    one.floor = errors_of(scenes[s], truth.positions[s], one.density, moved.positions[s]);
-    one.opponent = errors_of(scenes[s], truth.positions[s], one.density, opponent.positions[s],
-                             thinned(scenes[s], fine[s].particles, 2));
+    one.truth = truth.positions[s];
+    for (const auto& frame : one.truth) one.density.push_back(density_of(scenes[s], frame));
+    one.floor = errors_of(one, moved.positions[s], {});
+    one.opponent = errors_of(one, opponent.positions[s], thinned(scenes[s], fine[s].particles, 2));
     made.push_back(std::move(one));
   }
   return made;
@@ -213,11 +205,15 @@ std::vector<std::vector<RunErrors>> run_coarse_models(const std::vector<hybrid::
                                                       const std::vector<const CoarseScene*>& scenes,
                                                       const CoarseSceneOptions& options) {
   std::vector<mpm::PreparedScene> runs;
-  runs.reserve(models.size() * scenes.size());
+  std::vector<std::size_t> grid;  // of each run, in the order of the resolutions
   for (const hybrid::CoarseModel& model : models)
     for (const CoarseScene* scene : scenes) {
-      runs.push_back(scene->coarse);  // particles and obstacles stay, the constants are the model's
-      runs.back().scene = model.scene(scene->scene);
+      const double resolution = model.resolution(scene->scene, options.target);
+      const auto found = std::find(options.resolutions.begin(), options.resolutions.end(), resolution);
+      GRAUPEL_ASSERT(found != options.resolutions.end());
+      grid.push_back(static_cast<std::size_t>(found - options.resolutions.begin()));
+      runs.push_back(scene->coarse[grid.back()]);  // particles and obstacles stay, the constants are the model's
+      runs.back().scene = model.scene(scene->scene, resolution);
     }
   const BatchRun run = run_batch(runs, options);
   std::vector<std::vector<RunErrors>> errors(models.size(), std::vector<RunErrors>(scenes.size()));
@@ -225,7 +221,7 @@ std::vector<std::vector<RunErrors>> run_coarse_models(const std::vector<hybrid::
     const CoarseScene& scene = *scenes[k % scenes.size()];
     RunErrors& own = errors[k / scenes.size()][k % scenes.size()];
     own.diverged = run.diverged[k];
-    if (!own.diverged) own = errors_of(scene.scene, scene.truth, scene.density, run.positions[k]);
+    if (!own.diverged) own = errors_of(scene, run.positions[k], scene.picked[grid[k]]);
   });
   return errors;
 }

@@ -23,12 +23,13 @@ struct RunErrors {
 };
 
 struct CoarseScene {
-  Scene scene;                              ///< the fine one
-  mpm::PreparedScene coarse;                ///< on the model's grid, constants and step to be filled in
-  std::vector<std::vector<Vec3f>> truth;    ///< [frames looked at][coarse particles], of the fine run [m]
-  std::vector<std::vector<float>> density;  ///< [frames looked at][cells], share of the mass in each
-  RunErrors floor;                          ///< of a fine run whose particles start 1e-4 dx off
-  RunErrors opponent;                       ///< of MPM on 2 dx at its largest stable step
+  Scene scene;                                   ///< the fine one
+  std::vector<mpm::PreparedScene> coarse;        ///< [resolutions], constants and step to be filled in
+  std::vector<std::vector<std::size_t>> picked;  ///< [resolutions][coarse particles], the fine one's number of each
+  std::vector<std::vector<Vec3f>> truth;         ///< [frames looked at][fine particles] [m]
+  std::vector<std::vector<float>> density;       ///< [frames looked at][cells], share of the mass in each
+  RunErrors floor;                               ///< of a fine run whose particles start 1e-4 dx off
+  RunErrors opponent;                            ///< of MPM on 2 dx at its largest stable step
   int64_t opponent_substeps = 1;
 };
 
@@ -38,7 +39,8 @@ struct CoarseSceneOptions {
   uint64_t seed = 0;
   int64_t frames = 120;  ///< horizon
   int64_t stride = 10;   ///< frames between those looked at
-  double resolution = 1.5;
+  std::vector<double> resolutions = hybrid::CoarseModel().resolutions;
+  Device target = Device::cpu;  ///< whose cost chooses the grid
   Device device = Device::cpu;
   std::function<void(const std::string&)> message = [](const std::string&) {};
 };

@@ -30,9 +30,12 @@ double log_density(const RunErrors& run, const CoarseScene& scene) {
                   (above_floor(scene.opponent.density, scene.floor.density) + density_noise));
 }
 
-double log_substeps(const hybrid::CoarseModel& model, const CoarseScene& scene) {
-  return std::log(static_cast<double>(model.scene(scene.scene).time_step.substeps_per_frame) /
-                  static_cast<double>(scene.opponent_substeps));
+/// ln of the predicted time over that of MPM on 2 dx with the step that was searched for.
+double log_time(const hybrid::CoarseModel& model, const CoarseScene& scene, Device target) {
+  const double resolution = model.resolution(scene.scene, target);
+  return std::log(static_cast<double>(model.scene(scene.scene, resolution).time_step.substeps_per_frame) /
+                  static_cast<double>(scene.opponent_substeps)) +
+         model.cost_exponent.at(target) * std::log(2 / resolution);
 }
 
 /// Softer matter than the scene's, which takes fewer substeps; snow and jelly lose their shape by it.
@@ -58,31 +61,27 @@ double step_misfit(const hybrid::CoarseModel& model, const std::vector<CoarseSce
 
 /// Courant numbers that give the steps which were searched for: one after the other, in ever finer steps.
 void fit_courant_numbers(hybrid::CoarseModel& model, const std::vector<CoarseScene>& scenes) {
+  std::vector<double*> numbers = {&model.log_courant.speed};
+  for (auto& [law, number] : model.log_courant.waves) numbers.push_back(&number);
   double best = step_misfit(model, scenes);
   for (double change = 0.4; change > 0.02; change /= 2)
     for (int pass = 0; pass < 3; ++pass)
-      for (std::size_t p = 0; p < hybrid::CoarseModel::parameter_names().size(); ++p) {
-        if (!hybrid::CoarseModel::parameter_names()[p].ends_with("log_courant")) continue;
+      for (double* const number : numbers)
         for (const double by : {change, -change}) {
-          hybrid::CoarseModel other = model;
-          std::vector<double> values = model.parameters();
-          values[p] += by;
-          other.set_parameters(values);
-          const double misfit = step_misfit(other, scenes);
-          if (misfit >= best) continue;
-          best = misfit;
-          model = other;
+          *number += by;
+          const double misfit = step_misfit(model, scenes);
+          if (misfit < best)
+            best = misfit;
+          else
+            *number -= by;
         }
-      }
 }
 
 /// A first guess of how far each parameter may have to move.
 std::vector<double> spreads() {
   std::vector<double> spread;
   for (const std::string& name : hybrid::CoarseModel::parameter_names())
-    spread.push_back(name.ends_with("slope") || name.ends_with("courant") ? 0.1
-                     : name.find("friction") != std::string::npos         ? 0.1
-                                                                          : 0.3);
+    spread.push_back(name.ends_with("slope") || name.find("friction") != std::string::npos ? 0.1 : 0.3);
   return spread;
 }
 
@@ -93,8 +92,8 @@ std::vector<const CoarseScene*> pointers(const std::vector<CoarseScene>& scenes)
 }
 
 std::string words(const Judgement& judged) {
-  return fmt::format("{:.4f} (position {:.3f}, density {:.3f}, substeps {:.3f})", judged.cost, judged.position,
-                     judged.density, judged.substeps);
+  return fmt::format("{:.4f} (position {:.3f}, density {:.3f}, time {:.3f})", judged.cost, judged.position,
+                     judged.density, judged.time);
 }
 
 /// `count` of the scenes, in the order of a shuffle that every pass through them renews.
@@ -120,14 +119,14 @@ double log_ratio(const RunErrors& run, const CoarseScene& scene) {
 }
 
 double coarse_cost(const hybrid::CoarseModel& model, const std::vector<RunErrors>& errors,
-                   const std::vector<const CoarseScene*>& scenes, double substep_budget) {
-  double ratio = 0, substeps = 0;
+                   const std::vector<const CoarseScene*>& scenes, Device target) {
+  double ratio = 0, time = 0;
   for (std::size_t s = 0; s < scenes.size(); ++s) {
     ratio += log_ratio(errors[s], *scenes[s]);
-    substeps += log_substeps(model, *scenes[s]) - std::log(substep_budget);
+    time += log_time(model, *scenes[s], target);
   }
   const auto n = static_cast<double>(scenes.size());
-  return ratio / n + 4 * std::max(0.0, substeps / n);
+  return ratio / n + 4 * std::max(0.0, time / n);
 }
 
 CoarseTrainingResult train_coarse(const CoarseTrainingOptions& options) {
@@ -135,7 +134,7 @@ CoarseTrainingResult train_coarse(const CoarseTrainingOptions& options) {
                             .count = options.scenes,
                             .seed = options.seed,
                             .frames = options.frames,
-                            .resolution = options.resolution,
+                            .target = options.target,
                             .device = options.device,
                             .message = options.message};
   const std::vector<CoarseScene> train = make_coarse_scenes(options.recipe, scenes);
@@ -152,7 +151,6 @@ CoarseTrainingResult train_coarse(const CoarseTrainingOptions& options) {
   result.train_scenes = train.size();
   result.valid_scenes = valid.size();
   hybrid::CoarseModel& model = result.model;
-  model.resolution = options.resolution;
   fit_courant_numbers(model, train);
   options.message(
       fmt::format("steps by Courant numbers: {:.3f} from those searched for, in ln", step_misfit(model, train)));
@@ -162,13 +160,13 @@ CoarseTrainingResult train_coarse(const CoarseTrainingOptions& options) {
   const std::vector<const CoarseScene*> judges = pointers(valid);
   const auto judged = [&](const hybrid::CoarseModel& candidate) {
     const auto errors = run_coarse_models({candidate}, judges, scenes).front();
-    Judgement found{.cost = coarse_cost(candidate, errors, judges, options.substep_budget)};
+    Judgement found{.cost = coarse_cost(candidate, errors, judges, options.target)};
     for (std::size_t s = 0; s < judges.size(); ++s) {
       found.position += errors[s].diverged ? worst : log_position(errors[s], *judges[s]);
       found.density += errors[s].diverged ? worst : log_density(errors[s], *judges[s]);
-      found.substeps += log_substeps(candidate, *judges[s]);
+      found.time += log_time(candidate, *judges[s], options.target);
     }
-    for (double* mean : {&found.position, &found.density, &found.substeps})
+    for (double* mean : {&found.position, &found.density, &found.time})
       *mean = std::exp(*mean / static_cast<double>(judges.size()));
     return found;
   };
@@ -190,7 +188,7 @@ CoarseTrainingResult train_coarse(const CoarseTrainingOptions& options) {
     const auto errors = run_coarse_models(candidates, batch, scenes);
     std::vector<double> costs;
     for (std::size_t k = 0; k < candidates.size(); ++k)
-      costs.push_back(coarse_cost(candidates[k], errors[k], batch, options.substep_budget));
+      costs.push_back(coarse_cost(candidates[k], errors[k], batch, options.target));
     evolution.update(costs);
     ++result.generations;
     if (result.generations % generations_a_check != 0) continue;

@@ -14,12 +14,11 @@ namespace graupel::train {
 
 struct CoarseTrainingOptions {
   CategoryRecipe recipe;
-  double resolution = 1.5;     ///< of the model: grid spacing over the scene's
-  double substep_budget = 1;   ///< substeps over those of MPM on 2 dx at its largest step, geometric mean over scenes
-  int64_t scenes = 96;         ///< drawn of the split train
-  int64_t valid_scenes = 48;   ///< drawn of the split valid, for the choice among generations
-  int64_t scenes_a_step = 24;  ///< that a generation runs
-  int candidates = 16;         ///< of a generation
+  Device target = Device::cpu;  ///< where runs of the model have to cost no more than MPM on 2 dx
+  int64_t scenes = 96;          ///< drawn of the split train
+  int64_t valid_scenes = 48;    ///< drawn of the split valid, for the choice among generations
+  int64_t scenes_a_step = 24;   ///< that a generation runs
+  int candidates = 16;          ///< of a generation
   double minutes = 5;
   int64_t generations = 1000000;
   int64_t frames = 120;
@@ -36,14 +35,15 @@ struct CoarseTrainingOptions {
 /// position and density. A diverged run counts as 4.
 double log_ratio(const RunErrors& run, const CoarseScene& scene);
 
-/// Mean of log_ratio, and how far the substeps are over the budget: four times the mean of ln, where positive.
+/// Mean of log_ratio, and four times the mean ln of the predicted time over that of MPM on 2 dx at its largest step,
+/// where that is positive.
 double coarse_cost(const hybrid::CoarseModel& model, const std::vector<RunErrors>& errors,
-                   const std::vector<const CoarseScene*>& scenes, double substep_budget);
+                   const std::vector<const CoarseScene*>& scenes, Device target);
 
 /// A model on the scenes of split valid.
 struct Judgement {
-  double cost = 0;                                 ///< coarse_cost
-  double position = 0, density = 0, substeps = 0;  ///< over MPM's on 2 dx at its largest step, geometric means
+  double cost = 0;                             ///< coarse_cost
+  double position = 0, density = 0, time = 0;  ///< over MPM's on 2 dx at its largest step, geometric means
 };
 
 struct CoarseTrainingResult {

@@ -26,7 +26,7 @@ namespace {
 using Json = nlohmann::ordered_json;
 
 struct Arguments {
-  std::string recipe = "scenes/recipes/general.json", out = "runs/coarse", device = "auto", json;
+  std::string recipe = "scenes/recipes/general.json", out = "runs/coarse", device = "auto", target = "cpu", json;
   CoarseTrainingOptions training;
   int threads = 0;
 };
@@ -35,7 +35,7 @@ Json json_of(const Judgement& judged) {
   return {{"cost", judged.cost},
           {"ratio_position", judged.position},
           {"ratio_density", judged.density},
-          {"ratio_substeps", judged.substeps}};
+          {"ratio_time", judged.time}};
 }
 
 int train(const Arguments& arguments, const std::string& command_line) {
@@ -48,6 +48,7 @@ int train(const Arguments& arguments, const std::string& command_line) {
   CoarseTrainingOptions options = arguments.training;
   options.recipe = io::read_category_recipe(arguments.recipe);
   options.device = parse_device(arguments.device);
+  options.target = arguments.target == "cuda" ? Device::cuda : Device::cpu;
   set_num_threads(arguments.threads);
   RunLog log;
   options.message = [&](const std::string& text) { log.line(text, arguments.out); };
@@ -66,12 +67,12 @@ int train(const Arguments& arguments, const std::string& command_line) {
   nn::write_safetensors(file, model.store());
   write_file_atomically(arguments.out + "/report.json", facts.dump(2) + "\n");
   if (!arguments.json.empty()) write_file_atomically(arguments.json, facts.dump(2) + "\n");
-  options.message(fmt::format(
-      "{} generations in {}; validation over MPM on 2 dx at its largest step: position {:.3f}, density {:.3f}, "
-      "substeps "
-      "{:.3f}; {}",
-      result.generations, human_time(result.seconds), result.after.position, result.after.density,
-      result.after.substeps, file));
+  options.message(
+      fmt::format("{} generations in {}; split valid over MPM on 2 dx at its largest step: position {:.3f}, density "
+                  "{:.3f}, predicted "
+                  "time {:.3f}; {}",
+                  result.generations, human_time(result.seconds), result.after.position, result.after.density,
+                  result.after.time, file));
   return stop_signal() == SIGINT ? static_cast<int>(ExitCode::interrupted) : 0;
 }
 
@@ -82,12 +83,8 @@ void add_coarse_command(const Command& app, const std::string& command_line, int
   const Command verb = app.command("coarse", "Constants with which MPM on a coarse grid follows the fine one");
   verb.option("--recipe", a->recipe, "Recipe of categories that the scenes are drawn from").show_default();
   verb.option("--out", a->out, "Run folder").show_default();
-  verb.option("--resolution", a->training.resolution, "Grid spacing over the scene's")
-      .check(real_number(1, 8))
-      .show_default();
-  verb.option("--substep-budget", a->training.substep_budget,
-              "Substeps over those of MPM on 2 dx at its largest step, mean over scenes")
-      .check(real_number(LowerBound::above_zero))
+  verb.option("--target", a->target, "cpu or cuda: where a run may cost no more than MPM on 2 dx at its largest step")
+      .check(one_of({"cpu", "cuda"}))
       .show_default();
   verb.option("--minutes", a->training.minutes, "Wall time of the evolution")
       .check(real_number(LowerBound::above_zero))
@@ -110,7 +107,7 @@ void add_coarse_command(const Command& app, const std::string& command_line, int
   verb.option("--json", a->json, "Write the result as JSON to this file (-: standard output)");
   verb.footer(
       "Examples:\n  graupel train coarse --out runs/coarse --minutes 10\n"
-      "  graupel train coarse --recipe my_scenes.json --resolution 1.5 --device cuda --out runs/coarse-1.5");
+      "  graupel train coarse --recipe my_scenes.json --target cuda --out runs/coarse-gpu");
   verb.callback([a, command_line, &exit_code] { exit_code = train(*a, command_line); });
 }
 
