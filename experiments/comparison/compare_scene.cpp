@@ -34,6 +34,10 @@ void attach_masses(const Scene& scene, uint64_t seed, compare::ParticleRun& run)
     run.volume = sampled.volume;
     return;
   }
+  if (!kinematic_mask(run.trajectory.particle_type).empty())
+    throw InputError(
+        "a trajectory holds kinematic particles that its scene does not make (allowed: those of the scene). Data of "
+        "other programs are compared with by `graupel rollout WEIGHTS DATA.h5 --start truth:N`");
   for (const int32_t type : run.trajectory.particle_type) {
     const auto same = std::find(sampled.particle_type.begin(), sampled.particle_type.end(), type);
     if (same == sampled.particle_type.end())

@@ -122,7 +122,7 @@ void expect_plane_data_to_train(const Folder& folder, const std::string& format,
   }
   const Outcome compared =
       graupel("compare --scenes " + back + "/train.h5 --models " + data + "-hgn/weights.safetensors");
-  EXPECT_EQ(compared.exit_code, 2);
+  EXPECT_EQ(compared.exit_code, 3);
   EXPECT_TRUE(compared.says("graupel rollout WEIGHTS DATA.h5 --start truth:N")) << compared.output;
 }
 

@@ -151,10 +151,14 @@ CoarseTrainingResult train_coarse(const CoarseTrainingOptions& options) {
   result.train_scenes = train.size();
   result.valid_scenes = valid.size();
   hybrid::CoarseModel& model = result.model;
-  fit_courant_numbers(model, train);
+  if (options.from) {
+    model = *options.from;
+  } else {
+    fit_courant_numbers(model, train);
+    set_start(model);
+  }
   options.message(
       fmt::format("steps by Courant numbers: {:.3f} from those searched for, in ln", step_misfit(model, train)));
-  set_start(model);
   model.metadata = options.provenance;
   for (const CoarseScene& scene : train) hybrid::widen(model.ranges, scene.scene);
   const std::vector<const CoarseScene*> judges = pointers(valid);

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <functional>
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -24,6 +25,8 @@ struct CoarseTrainingOptions {
   int64_t frames = 120;
   uint64_t seed = 0;
   Device device = Device::cpu;
+  /// Where the evolution begins, with its own steps; nothing: at softened water and sand, with fitted steps.
+  std::optional<hybrid::CoarseModel> from = {};
   std::map<std::string, std::string> provenance;
   std::function<void(const std::string&)> message = [](const std::string&) {};
   /// Called with each model that is better on the scenes of split valid than those before.

@@ -26,7 +26,7 @@ namespace {
 using Json = nlohmann::ordered_json;
 
 struct Arguments {
-  std::string recipe = "scenes/recipes/general.json", out = "runs/coarse", device = "auto", target = "cpu", json;
+  std::string recipe = "scenes/recipes/general.json", out = "runs/coarse", device = "auto", from, target = "cpu", json;
   CoarseTrainingOptions training;
   int threads = 0;
 };
@@ -50,6 +50,7 @@ int train(const Arguments& arguments, const std::string& command_line) {
   options.device = parse_device(arguments.device);
   options.target = arguments.target == "cuda" ? Device::cuda : Device::cpu;
   set_num_threads(arguments.threads);
+  if (!arguments.from.empty()) options.from = hybrid::CoarseModel::load(nn::read_safetensors(arguments.from));
   RunLog log;
   options.message = [&](const std::string& text) { log.line(text, arguments.out); };
   options.should_stop = [] { return stop_signal() != 0; };
@@ -82,6 +83,7 @@ void add_coarse_command(const Command& app, const std::string& command_line, int
   auto a = std::make_shared<Arguments>();
   const Command verb = app.command("coarse", "Constants with which MPM on a coarse grid follows the fine one");
   verb.option("--recipe", a->recipe, "Recipe of categories that the scenes are drawn from").show_default();
+  verb.option("--from", a->from, "Begin with the constants and steps of this weights file");
   verb.option("--out", a->out, "Run folder").show_default();
   verb.option("--target", a->target, "cpu or cuda: where a run may cost no more than MPM on 2 dx at its largest step")
       .check(one_of({"cpu", "cuda"}))
