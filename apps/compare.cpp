@@ -45,7 +45,7 @@ void add_compare(const Command& app) {
   command
       .option("--models", options.models,
               mpm::variant_words() +
-                  ", weights files of networks and reduced-order models; corrections-only; a network's "
+                  ", weights files of networks, reduced-order models and coarse MPM; corrections-only; a network's "
                   "WEIGHTS:no-corrections; comma-separated")
       .required()
       .delimiter(',');

@@ -10,8 +10,8 @@ using namespace experiments;
 
 void add_rollout(const Command& app) {
   auto options = std::make_shared<RolloutOptions>();
-  const Command verb =
-      app.command("rollout", "Predict a scene with a learned simulator: a graph network or a reduced-order model");
+  const Command verb = app.command(
+      "rollout", "Predict a scene with a learned simulator: a graph network, a reduced-order model or coarse MPM");
   verb.option("weights", options->weights, "Weights file (.safetensors)").required();
   verb.option("input", options->input, "Scene (.json) or trajectory (.h5)").required();
   verb.option("-o,--output", options->output, "Trajectory file").show_default();

@@ -30,6 +30,6 @@ wait
     grep -E '^\[ +OK \] .*(Gpu|GPU|Cuda|CUDA|cuda|Device)' "$logs/$module"
     [ "$(cat "$logs/$module.status")" = 0 ] || { grep -A 5 -E ': Failure$' "$logs/$module" | cut -c 1-300 | head -n 60; tail -n 5 "$logs/$module"; }
   done
-} > "$output"
+} | sed "s#$PWD/##g" > "$output"
 rm -r "$logs"
 cat "$output"

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <nlohmann/json.hpp>
 #include <type_traits>
 
@@ -37,11 +38,21 @@ double expected_speed(const Scene& scene) {
   return std::sqrt(start * start + 2 * fall);
 }
 
-void widen(TrainedRanges& ranges, const std::string& key, double value) {
-  const auto [range, added] = ranges.try_emplace(key, value, value);
-  if (added) return;
-  range->second.first = std::min(range->second.first, value);
-  range->second.second = std::max(range->second.second, value);
+/// At least the speed of any point of a scripted body [m/s], which may not cross over a cell in a substep.
+double scripted_speed(const Scene& scene) {
+  const double reach = norm(scene.wall_high() - scene.wall_low());
+  double fastest = 0;
+  const auto add = [&](const Motion& motion) {
+    double speed, spin;
+    motion.fastest(0, std::numeric_limits<double>::infinity(), speed, spin);
+    fastest = std::max(fastest, speed + spin * reach);
+  };
+  for (const Obstacle& obstacle : scene.obstacles)
+    if (obstacle.motion) add(*obstacle.motion);
+  for (const Source& source : scene.sources)
+    if (source.motion) add(*source.motion);
+  for (const KinematicRegion& region : scene.kinematic_regions) add(region.motion);
+  return fastest;
 }
 
 /// Calls visit("law.key", value) for the numbers of a material that its law uses.
@@ -57,29 +68,39 @@ void visit_constants(const MaterialConfig& material, Visit&& visit) {
   });
 }
 
+/// Calls visit(key, value) for the numbers of a scene that the training covers: constants of materials and friction.
 template <typename Visit>
-void visit_contacts(const Scene& scene, Visit&& visit) {
+void visit_numbers(const Scene& scene, Visit&& visit) {
+  for (const auto& [name, material] : scene.materials) visit_constants(material, visit);
   for (int axis = 0; axis < scene.domain.axes(); ++axis)
-    for (const int side : {0, 1}) {
-      visit("contact.friction", scene.domain.friction(axis, side));
-      visit("contact.kinds", static_cast<double>(scene.domain.wall(axis, side)));
-    }
-  for (const Obstacle& obstacle : scene.obstacles) {
-    visit("contact.friction", obstacle.friction);
-    visit("contact.kinds", static_cast<double>(obstacle.contact));
-  }
+    for (const int side : {0, 1}) visit("contact.friction", scene.domain.friction(axis, side));
+  for (const Obstacle& obstacle : scene.obstacles) visit("contact.friction", obstacle.friction);
 }
 
-template <typename Visit>
-void visit_scene(const Scene& scene, Visit&& visit) {
-  for (const auto& [name, material] : scene.materials) visit_constants(material, visit);
-  visit_contacts(scene, visit);
+template <typename Enum>
+std::string word_of_enum(Enum value) {
+  for (const auto& [word, known] : EnumWords<Enum>::words)
+    if (known == value) return word;
+  return "";
+}
+
+/// Kinds of walls and contacts of obstacles, in words.
+std::set<std::string> contacts_of(const Scene& scene) {
+  std::set<std::string> words;
+  for (int axis = 0; axis < scene.domain.axes(); ++axis)
+    for (const int side : {0, 1}) words.insert(word_of_enum(scene.domain.wall(axis, side)));
+  for (const Obstacle& obstacle : scene.obstacles) words.insert(word_of_enum(obstacle.contact));
+  return words;
 }
 
 }  // namespace
 
-void widen(TrainedRanges& ranges, const Scene& scene) {
-  visit_scene(scene, [&](const std::string& key, double value) { widen(ranges, key, value); });
+void TrainedBox::widen(const Scene& scene) {
+  visit_numbers(scene, [&](const std::string& key, double value) {
+    const auto [range, added] = ranges.try_emplace(key, value, value);
+    range->second = {std::min(range->second.first, value), std::max(range->second.second, value)};
+  });
+  contacts.merge(contacts_of(scene));
 }
 
 CourantNumbers::CourantNumbers()
@@ -145,7 +166,8 @@ double CoarseModel::resolution(const Scene& of, Device device) const {
 
 int64_t CoarseModel::substeps(const Scene& scene) const {
   const double frame = scene.frame_time / scene.domain.dx;
-  double substeps = expected_speed(scene) * frame / std::exp(log_courant.speed);
+  double substeps =
+      std::max(expected_speed(scene) * frame / std::exp(log_courant.speed), scripted_speed(scene) * frame);
   for (const auto& [name, config] : scene.materials) {
     const auto courant = log_courant.waves.find(config.model);
     const double limit = courant == log_courant.waves.end() ? untrained_courant : std::exp(courant->second);
@@ -156,17 +178,20 @@ int64_t CoarseModel::substeps(const Scene& scene) const {
 
 std::vector<std::string> CoarseModel::unlike_training(const Scene& scene) const {
   std::vector<std::string> lines;
-  if (ranges.empty()) return lines;
-  visit_scene(scene, [&](const std::string& key, double value) {
-    const auto range = ranges.find(key);
+  if (trained.ranges.empty()) return lines;
+  visit_numbers(scene, [&](const std::string& key, double value) {
+    const auto range = trained.ranges.find(key);
     std::string line;
-    if (range == ranges.end())
+    if (range == trained.ranges.end())
       line = fmt::format("{} is {:.6g}; the training had no such constant", key, value);
     else if (value < range->second.first * (1 - 1e-9) || value > range->second.second * (1 + 1e-9))
       line = fmt::format("{} is {:.6g}, of the training {:.6g} to {:.6g}", key, value, range->second.first,
                          range->second.second);
     if (!line.empty() && std::find(lines.begin(), lines.end(), line) == lines.end()) lines.push_back(line);
   });
+  for (const std::string& word : contacts_of(scene))
+    if (!trained.contacts.contains(word))
+      lines.push_back(fmt::format("contact is {}, of the training {}", word, fmt::join(trained.contacts, ", ")));
   return lines;
 }
 
@@ -190,7 +215,8 @@ nn::Weights CoarseModel::store() const {
   weights.metadata = metadata;
   weights.metadata["architecture"] = coarse_architecture;
   weights.metadata["parameter_names"] = Json(parameter_names()).dump();
-  weights.metadata["training.ranges"] = Json(ranges).dump();
+  weights.metadata["training.ranges"] = Json(trained.ranges).dump();
+  weights.metadata["training.contacts"] = Json(trained.contacts).dump();
   add(weights, "parameters", parameters());
   add(weights, "log_courant", courant_values(log_courant));
   add(weights, "resolutions", resolutions);
@@ -213,11 +239,12 @@ CoarseModel CoarseModel::load(const nn::Weights& weights) {
   try {
     const auto names = Json::parse(weights.metadata.at("parameter_names")).get<std::vector<std::string>>();
     if (names != parameter_names()) throw bad("its parameters are of another version (metadata parameter_names)");
-    model.ranges = Json::parse(weights.metadata.at("training.ranges")).get<TrainedRanges>();
+    model.trained.ranges = Json::parse(weights.metadata.at("training.ranges")).get<decltype(TrainedBox::ranges)>();
+    model.trained.contacts = Json::parse(weights.metadata.at("training.contacts")).get<std::set<std::string>>();
   } catch (const Json::exception& error) {
     throw bad(std::string("its metadata are no JSON (") + error.what() + ")");
   } catch (const std::out_of_range&) {
-    throw bad("metadata parameter_names or training.ranges are missing");
+    throw bad("metadata parameter_names, training.ranges or training.contacts are missing");
   }
   const auto numbers = [&](const char* name, std::size_t count, double low, double high) {
     const std::vector<float> stored = weights.get(name, {static_cast<int64_t>(count)});

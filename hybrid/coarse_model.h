@@ -5,6 +5,7 @@
 
 #include <cstdint>
 #include <map>
+#include <set>
 #include <string>
 #include <utility>
 #include <vector>
@@ -17,11 +18,13 @@ namespace graupel::hybrid {
 
 inline constexpr const char* coarse_architecture = "coarse_mpm";
 
-/// Lowest and highest value of each constant in the training scenes, by "law.key" ("sand.friction_angle"), and
-/// "contact.friction", "contact.kinds" (of Contact, 0 to 2).
-using TrainedRanges = std::map<std::string, std::pair<double, double>>;
-/// Widens the ranges to hold a scene's constants.
-void widen(TrainedRanges& ranges, const Scene& scene);
+/// What the training scenes cover.
+struct TrainedBox {
+  /// Lowest and highest value of each constant, by "law.key" ("sand.friction_angle"), and of "contact.friction".
+  std::map<std::string, std::pair<double, double>> ranges;
+  std::set<std::string> contacts;  ///< kinds of walls and of obstacles' contact, in words
+  void widen(const Scene& scene);  ///< so that it holds the scene's
+};
 
 /// ln of the Courant numbers that set a step: c dt / dx of a law's elastic waves at rest, and v dt / dx of the largest
 /// speed that the scene can be expected to have.
@@ -29,7 +32,6 @@ struct CourantNumbers {
   CourantNumbers();
   std::map<MaterialModel, double> waves;
   double speed;
-  bool operator==(const CourantNumbers&) const = default;
 };
 
 struct CoarseModel {
@@ -37,19 +39,18 @@ struct CoarseModel {
   CourantNumbers log_courant;
   /// Grid spacings over the scene's that the model chooses from, ascending from 1; the last one where all cost too
   /// much.
-  std::vector<double> resolutions = {1, 1.25, 1.5, 1.75, 2};
+  std::vector<double> resolutions = {1, 1.125, 1.25, 1.375, 1.5, 1.625, 1.75, 1.875, 2};
   /// A substep on a grid of spacing r dx takes r^-k times as long: k on the CPU and on a GPU.
-  std::map<Device, double> cost_exponent = {{Device::cpu, 1.8}, {Device::cuda, 0.7}};
-  TrainedRanges ranges;                         ///< empty: not told
+  std::map<Device, double> cost_exponent = {{Device::cpu, 2}, {Device::cuda, 0.75}};
+  TrainedBox trained;                           ///< empty: not told
   std::map<std::string, std::string> metadata;  ///< of the file: provenance
 
-  /// The constants that the evolution changes, by name, in a fixed order.
+  /// The constants that the search changes, by name, in a fixed order.
   static const std::vector<std::string>& parameter_names();
   std::vector<double> parameters() const;
   void set_parameters(const std::vector<double>& values);
 
   /// What the solver runs: coarse grid, effective constants, fixed steps.
-  Scene scene(const Scene& of, Device device) const { return scene(of, resolution(of, device)); }
   Scene scene(const Scene& of, double resolution) const;
   /// The finest of `resolutions` whose predicted time is at most that of the scene's own constants on 2 dx.
   double resolution(const Scene& of, Device device) const;
@@ -65,7 +66,7 @@ struct CoarseModel {
   static CoarseModel load(const nn::Weights& weights);
 };
 
-/// Whether the file holds such a model; false where it cannot be read.
+/// Whether the file holds such a model.
 bool is_coarse_model(const nn::Weights& weights);
 
 }  // namespace graupel::hybrid

@@ -43,11 +43,12 @@ MaterialConfig EffectiveConstants::material(const MaterialConfig& of) const {
     const ConstantRule& rule = constant_rules()[r];
     if (rule.model != of.model || (offset[r] == 0 && slope[r] == 0)) continue;
     double& p = effective.*rule.member;
+    const double own = p;
     if (is_angle(rule))
       p = std::atan(replaced(std::tan(p * degree), std::tan(rule.reference * degree), offset[r], slope[r])) / degree;
     else
       p = replaced(p, rule.reference, offset[r], slope[r]);
-    p = std::clamp(p, rule.low, rule.high);
+    p = std::clamp(p, std::min(rule.low, own), std::max(rule.high, own));
   }
   return effective;
 }

@@ -18,7 +18,7 @@ struct ConstantRule {
   double MaterialConfig::*member;  ///< the constant
   double reference;                ///< p, where the slope has no effect
   bool has_slope;                  ///< whether the offset may depend on the constant
-  double low, high;                ///< p' is kept within [unit of the constant]
+  double low, high;                ///< p' is kept within, unless p is outside [unit of the constant]
 };
 
 /// The rules, in the order of EffectiveConstants' numbers.

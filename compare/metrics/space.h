@@ -19,7 +19,6 @@ struct Space {
   }
 
   bool is_periodic(int axis) const { return period[axis] > 0; }
-  bool has_period() const { return is_periodic(0) || is_periodic(1) || is_periodic(2); }
   /// The shortest way from b to a [m].
   Vec3d difference(const Vec3d& a, const Vec3d& b) const {
     Vec3d way = a - b;

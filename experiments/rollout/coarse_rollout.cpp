@@ -23,6 +23,7 @@ void rollout_coarse(const RolloutOptions& options, Device device) {
                     .frames = options.frames >= 0 ? options.frames : scene.frames,
                     .label = fmt::format("rollout {} ({} particles)", scene.name, start.position.size()),
                     .tracers = &start};
+  const double spacing = model.scene(scene, model.resolution(scene, device)).domain.dx / scene.domain.dx;
   TimedRun timed = run_coarse_model(model, scene, run);
   Trajectory& trajectory = timed.run.trajectory;
   trajectory.scene_json = scene.source;
@@ -36,7 +37,7 @@ void rollout_coarse(const RolloutOptions& options, Device device) {
   options.common.write_json({{"output", options.output},
                              {"particles", trajectory.particle_count()},
                              {"moved_particles", timed.moved},
-                             {"resolution", model.resolution(scene, device)},
+                             {"resolution", spacing},
                              {"frames", trajectory.frames.size() - 1},
                              {"seconds_per_frame", timed.cost.frame},
                              {"substeps_per_frame", timed.cost.substeps},

@@ -26,7 +26,7 @@ struct RolloutOptions {
 };
 
 /// Predicts, writes the trajectory, prints a summary. Throws ConfigError for flags that the model or the input does not
-/// know, and as rollout_network rollout_reduced and rollout_coarse.
+/// know, and as rollout_network, rollout_reduced and rollout_coarse.
 void rollout(RolloutOptions& options);
 
 }  // namespace graupel::experiments

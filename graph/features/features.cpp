@@ -129,7 +129,7 @@ Vec3f Environment::point_before(const Vec3f& point, double seconds) const {
   if (nearest < 0) return point;
   const Obstacle& obstacle = moving->obstacles[static_cast<std::size_t>(nearest)];
   if (!obstacle.motion) return point;
-  const RigidMap before = obstacle.motion->at(time - seconds, obstacle.position),
+  const RigidMap before = obstacle.motion->at(std::max(0.0, time - seconds), obstacle.position),
                  now = obstacle.motion->at(time, obstacle.position);
   return before(transpose(now.rotation) * (point.cast<double>() - now.translation)).cast<float>();
 }

@@ -31,7 +31,8 @@ const Graph allowed = {
     {"train", {"core", "io", "nn", "sparsegrid", "mpm", "graph", "rom", "hybrid"}},
     {"experiments", {"core", "io", "nn", "sparsegrid", "mpm", "graph", "compare", "rom", "hybrid"}},
     {"apps", {"core", "io", "nn", "mpm", "experiments"}},
-    {"bench", {"core", "io", "nn", "sparsegrid", "mpm", "validation", "graph", "compare", "rom", "hybrid", "experiments"}},
+    {"bench",
+     {"core", "io", "nn", "sparsegrid", "mpm", "validation", "graph", "compare", "rom", "hybrid", "experiments"}},
 };
 
 std::string text_of(const fs::path& path) {

@@ -20,6 +20,7 @@
 #include "experiments/models/mpm_run.h"
 #include "experiments/models/network_run.h"
 #include "experiments/models/start_state.h"
+#include "hybrid/coarse_model.h"
 #include "io/scene/scene_reader.h"
 #include "io/trajectory/trajectory_file.h"
 #include "mpm/sampling.h"
@@ -431,6 +432,30 @@ TEST_F(CompareRuns, RunsScenesOfAllKinds) {
     EXPECT_LT(scene.models[0].values.at("position_mse_20"), 0.05) << scene.name;
     EXPECT_GT(scene.models[0].values.at("position_mse_20"), 0) << scene.name;
   }
+}
+
+TEST_F(CompareRuns, CoarseModelsRunAndSayWhatTheyDoNotKnow) {
+  hybrid::CoarseModel model;
+  Scene trained;
+  trained.materials["sand"] = *material_preset("sand");
+  model.trained.widen(trained);
+  const std::string file = folder_ + "/coarse.safetensors";
+  nn::write_safetensors(file, model.store());
+  std::ofstream(folder_ + "/stream.json") << scene_with("stream", stream);
+  CompareOptions o = options({file, "mpm:coarse:fast"});
+  o.scenes.push_back(folder_ + "/stream.json");
+  for (const compare::SceneResult& scene : make_comparison(o).scenes) {
+    const ModelResult& result = scene.models[0];
+    EXPECT_EQ(result.diverged_at_frame, -1) << scene.name;
+    EXPECT_LT(result.values.at("position_mse_all"), 0.05) << scene.name;
+    EXPECT_GT(result.values.at("position_mse_all"), 0) << scene.name;
+    EXPECT_LT(result.values.at("ratio_density_error"), 10) << scene.name;
+    EXPECT_GE(result.values.at("substeps_per_frame"), 1) << scene.name;
+    EXPECT_THAT(result.remarks, ::testing::Contains(::testing::HasSubstr("outside the training: water.")));
+  }
+  o.one_step_only = true;
+  EXPECT_THAT([&] { make_comparison(o); },
+              ::testing::ThrowsMessage<ConfigError>(::testing::HasSubstr("has no one-step error without a rollout")));
 }
 
 TEST_F(CompareRuns, AStoredStreamIsATruth) {

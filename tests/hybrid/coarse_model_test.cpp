@@ -90,7 +90,7 @@ TEST(CoarseModel, WhatSofterMatterSavesIsSpentOnAFinerGrid) {
   EXPECT_LT(on_cpu, 2);
   EXPECT_LE(soft.cost(scene, on_gpu, Device::cuda), 1);
   EXPECT_LE(soft.cost(scene, on_cpu, Device::cpu), 1);
-  EXPECT_NEAR(soft.scene(scene, Device::cuda).domain.dx, on_gpu * scene.domain.dx, 1e-12);
+  EXPECT_NEAR(soft.scene(scene, on_gpu).domain.dx, on_gpu * scene.domain.dx, 1e-12);
   const CoarseModel stiff = with("water.bulk_modulus.offset", std::log(4));  // the coarsest, though it costs more
   EXPECT_EQ(stiff.resolution(scene, Device::cpu), 2);
   EXPECT_GT(stiff.cost(scene, 2, Device::cpu), 1);
@@ -104,19 +104,42 @@ TEST(CoarseModel, FastMotionShortensTheStep) {
             2 * model.scene(slow, 2.0).time_step.substeps_per_frame);
 }
 
+TEST(CoarseModel, ScriptedBodiesStayWithinACellASubstep) {
+  Scene scene = mpm::scene_with("taichi_jelly");
+  Obstacle paddle;
+  paddle.shape = Shape::box;
+  paddle.position = {0.2, 0.2, 0.2};
+  paddle.motion = Motion();
+  paddle.motion->velocity = {400, 0, 0};
+  paddle.motion->spin = 30;
+  scene.obstacles.push_back(paddle);
+  const Scene coarse = CoarseModel().scene(scene, 2.0);
+  EXPECT_NO_THROW(mpm::Simulation::create(coarse, {}));  // which checks fixed steps
+}
+
+TEST(CoarseModel, ZeroAndWhatIsBeyondTheLimitsStay) {
+  MaterialConfig sand = mpm::preset("taichi_sand");
+  sand.friction_angle = 0;
+  sand.youngs_modulus = 5e9;
+  const MaterialConfig same = with("sand.youngs_modulus.offset", 1e-9).constants.material(sand);
+  EXPECT_EQ(same.friction_angle, 0);
+  EXPECT_NEAR(same.youngs_modulus, 5e9, 100);
+  EXPECT_EQ(with("sand.friction_angle.offset", 0.3).constants.material(sand).friction_angle, 0);
+}
+
 TEST(CoarseModel, AFileGivesTheSameModel) {
   CoarseModel model = with("snow.hardening.slope", 0.25);
   model.resolutions = {1, 1.5};
   model.log_courant.speed = -0.5;
   model.cost_exponent[Device::cuda] = 0.75;
   model.metadata["recipe"] = "general";
-  widen(model.ranges, mpm::four_materials());
+  model.trained.widen(mpm::four_materials());
   const CoarseModel again = CoarseModel::load(model.store());
   EXPECT_EQ(again.resolutions, model.resolutions);
   EXPECT_EQ(again.log_courant.speed, -0.5);
   EXPECT_EQ(again.cost_exponent.at(Device::cuda), 0.75);
   EXPECT_EQ(again.metadata.at("recipe"), "general");
-  EXPECT_EQ(again.ranges, model.ranges);
+  EXPECT_EQ(again.trained.ranges, model.trained.ranges);
   for (std::size_t i = 0; i < model.parameters().size(); ++i)
     EXPECT_NEAR(again.parameters()[i], model.parameters()[i], 1e-6) << CoarseModel::parameter_names()[i];
 }
@@ -139,7 +162,7 @@ TEST(CoarseModel, DamagedFilesAreRefusedByName) {
   EXPECT_THAT(refusal(other), HasSubstr("'coarse.safetensors': it holds no coarse MPM model"));
   other = good;
   other.metadata.erase("training.ranges");
-  EXPECT_THAT(refusal(other), HasSubstr("training.ranges are missing"));
+  EXPECT_THAT(refusal(other), HasSubstr("training.ranges or training.contacts are missing"));
   other = good;
   other.metadata["parameter_names"] = "[\"a\"]";
   EXPECT_THAT(refusal(other), HasSubstr("of another version"));
@@ -163,13 +186,19 @@ TEST(CoarseModel, ConstantsOutsideTheTrainingAreNamed) {
   Scene scene = mpm::scene_with("taichi_sand");
   CoarseModel model;
   EXPECT_THAT(model.unlike_training(scene), ElementsAre());  // ranges that are not told
-  widen(model.ranges, scene);
+  model.trained.widen(scene);
   EXPECT_THAT(model.unlike_training(scene), ElementsAre());
   scene.materials["taichi_sand"].friction_angle = 50;
   scene.domain.wall_friction = 0.9;
   EXPECT_THAT(model.unlike_training(scene),
               ElementsAre(HasSubstr("sand.friction_angle is 50, of the training 45 to 45"),
                           HasSubstr("contact.friction is 0.9, of the training 0 to 0")));
+  scene.domain.wall_friction = 0;
+  scene.materials["taichi_sand"].friction_angle = 45;
+  Obstacle sticky;
+  sticky.contact = Contact::stick;
+  scene.obstacles.push_back(sticky);
+  EXPECT_THAT(model.unlike_training(scene), ElementsAre(HasSubstr("contact is stick, of the training")));
   EXPECT_THAT(model.unlike_training(mpm::scene_with("taichi_jelly")),
               ::testing::Contains(HasSubstr("jelly.youngs_modulus is")));
 }

@@ -4,6 +4,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <exception>
+#include <functional>
 #include <memory>
 #include <utility>
 
@@ -140,16 +142,20 @@ void for_each(std::size_t n, const std::function<void(std::size_t)>& body) {
 
 std::vector<CoarseScene> make_coarse_scenes(const CategoryRecipe& recipe, const CoarseSceneOptions& options) {
   std::vector<Scene> scenes;
-  for (int64_t i = options.first; i < options.first + options.count; ++i) {
+  for (int64_t i = 0; i < options.count; ++i) {
     Scene scene = mpm::draw_scene(recipe, options.seed, options.split, i);
     scene.seed = mpm::sampling_seed(options.seed, options.split, i, 0);
     if (scene.emitters.empty() && scene.sinks.empty() && !scene.has_moving_obstacles()) scenes.push_back(scene);
   }
+  const auto stop_if_asked = [&] {
+    if (options.should_stop()) throw Error(ExitCode::interrupted, "stopped before the search began");
+  };
   const std::size_t n = scenes.size();
   options.message(fmt::format("{} scenes: fine runs", n));
   const auto prepared = [&](const std::function<Scene(std::size_t)>& make) {
     std::vector<std::unique_ptr<mpm::PreparedScene>> made(n);
     for_each(n, [&](std::size_t s) {
+      stop_if_asked();
       const Scene scene = make(s);
       made[s] = std::make_unique<mpm::PreparedScene>(
           scene, mpm::SimulationOptions{.device = options.device, .seed = scene.seed});
@@ -170,7 +176,8 @@ std::vector<CoarseScene> make_coarse_scenes(const CategoryRecipe& recipe, const 
         const Scene scene = mpm::on_coarser_grid(as_points(scenes[s], fine[s].particles), 2);
         Scene fast = scene;
         try {
-          fast = mpm::find_fast_step(scene, {.device = Device::cpu, .seed = scene.seed}, options.frames).scene;
+          fast = mpm::find_fast_step(scene, {.device = Device::cpu, .seed = scene.seed}, options.frames, stop_if_asked)
+                     .scene;
         } catch (const DivergedError&) {
         }
         substeps[s] = fast.time_step.substeps_per_frame;

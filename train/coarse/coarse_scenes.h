@@ -35,7 +35,7 @@ struct CoarseScene {
 
 struct CoarseSceneOptions {
   mpm::Split split = mpm::Split::train;
-  int64_t first = 0, count = 64;  ///< scenes of the recipe that are drawn
+  int64_t count = 64;  ///< scenes of the recipe that are drawn
   uint64_t seed = 0;
   int64_t frames = 120;  ///< horizon
   int64_t stride = 10;   ///< frames between those looked at
@@ -43,9 +43,11 @@ struct CoarseSceneOptions {
   Device target = Device::cpu;  ///< whose cost chooses the grid
   Device device = Device::cpu;
   std::function<void(const std::string&)> message = [](const std::string&) {};
+  std::function<bool()> should_stop = [] { return false; };
 };
 
-/// Scenes without emitters and moving obstacles among those drawn, and whose runs do not diverge.
+/// Scenes without emitters, sinks and moving obstacles among those drawn, and whose runs do not diverge. Throws Error
+/// (ExitCode::interrupted) once should_stop().
 std::vector<CoarseScene> make_coarse_scenes(const CategoryRecipe& recipe, const CoarseSceneOptions& options);
 
 /// Runs of each model on each scene, [models][scenes], all in one batch.

@@ -5,17 +5,17 @@
 #include <algorithm>
 #include <cmath>
 
-#include "core/math/random.h"
 #include "core/system/error.h"
 #include "core/system/stopwatch.h"
 #include "mpm/scene_variants.h"
-#include "train/coarse/cma_es.h"
 
 namespace graupel::train {
 
 namespace {
 
 constexpr double worst = 4;
+constexpr double least_gain = 0.01;      ///< of the cost, for a step that is taken
+constexpr double slope_step = 0.5;       ///< of slopes, over that of offsets
 constexpr double position_noise = 1e-8;  ///< [m^2], far below any error that can be seen
 constexpr double density_noise = 1e-3;
 
@@ -77,14 +77,6 @@ void fit_courant_numbers(hybrid::CoarseModel& model, const std::vector<CoarseSce
         }
 }
 
-/// A first guess of how far each parameter may have to move.
-std::vector<double> spreads() {
-  std::vector<double> spread;
-  for (const std::string& name : hybrid::CoarseModel::parameter_names())
-    spread.push_back(name.ends_with("slope") || name.find("friction") != std::string::npos ? 0.1 : 0.3);
-  return spread;
-}
-
 std::vector<const CoarseScene*> pointers(const std::vector<CoarseScene>& scenes) {
   std::vector<const CoarseScene*> all;
   for (const CoarseScene& scene : scenes) all.push_back(&scene);
@@ -94,21 +86,6 @@ std::vector<const CoarseScene*> pointers(const std::vector<CoarseScene>& scenes)
 std::string words(const Judgement& judged) {
   return fmt::format("{:.4f} (position {:.3f}, density {:.3f}, time {:.3f})", judged.cost, judged.position,
                      judged.density, judged.time);
-}
-
-/// `count` of the scenes, in the order of a shuffle that every pass through them renews.
-std::vector<const CoarseScene*> drawn(const std::vector<CoarseScene>& scenes, int64_t count, int64_t generation,
-                                      uint64_t seed) {
-  std::vector<const CoarseScene*> all = pointers(scenes);
-  const auto size = static_cast<int64_t>(all.size());
-  count = std::min(count, size);
-  const Random random(seed, RandomPurpose::batch_order, static_cast<uint64_t>(generation));
-  for (int64_t i = 0; i < count; ++i)
-    std::swap(all[static_cast<std::size_t>(i)],
-              all[static_cast<std::size_t>(
-                  i + random.integer(static_cast<uint64_t>(i), 0, static_cast<uint32_t>(size - i)))]);
-  all.resize(static_cast<std::size_t>(count));
-  return all;
 }
 
 }  // namespace
@@ -136,15 +113,18 @@ CoarseTrainingResult train_coarse(const CoarseTrainingOptions& options) {
                             .frames = options.frames,
                             .target = options.target,
                             .device = options.device,
-                            .message = options.message};
+                            .message = options.message,
+                            .should_stop = options.should_stop};
+  if (options.from) scenes.resolutions = options.from->resolutions;
   const std::vector<CoarseScene> train = make_coarse_scenes(options.recipe, scenes);
   scenes.split = mpm::Split::valid;
   scenes.count = options.valid_scenes;
   const std::vector<CoarseScene> valid = make_coarse_scenes(options.recipe, scenes);
   if (train.empty() || valid.empty())
     throw ConfigError(fmt::format(
-        "recipe '{}' gives no scenes to train on: {} of {} drawn for training and {} of {} for validation have neither "
-        "emitters nor moving obstacles (allowed: 1 or more). Add categories such as dam_break or thrown_bodies",
+        "recipe '{}' gives no scenes to train on: {} of {} drawn for training and {} of {} for validation run, with "
+        "neither emitters, sinks nor moving obstacles (allowed: 1 or more). Add categories such as dam_break or "
+        "thrown_bodies",
         options.recipe.name, train.size(), options.scenes, valid.size(), options.valid_scenes));
 
   CoarseTrainingResult result;
@@ -160,7 +140,7 @@ CoarseTrainingResult train_coarse(const CoarseTrainingOptions& options) {
   options.message(
       fmt::format("steps by Courant numbers: {:.3f} from those searched for, in ln", step_misfit(model, train)));
   model.metadata = options.provenance;
-  for (const CoarseScene& scene : train) hybrid::widen(model.ranges, scene.scene);
+  for (const CoarseScene& scene : train) model.trained.widen(scene.scene);
   const std::vector<const CoarseScene*> judges = pointers(valid);
   const auto judged = [&](const hybrid::CoarseModel& candidate) {
     const auto errors = run_coarse_models({candidate}, judges, scenes).front();
@@ -175,35 +155,42 @@ CoarseTrainingResult train_coarse(const CoarseTrainingOptions& options) {
     return found;
   };
   result.before = result.after = judged(model);
+  options.improved(model);
   options.message(
       fmt::format("{} scenes, {} for validation: at the start {}", train.size(), valid.size(), words(result.before)));
 
   const Stopwatch watch;
-  CmaEs evolution(model.parameters(), spreads(), options.candidates, options.seed);
-  hybrid::CoarseModel candidate = model;
-  constexpr int64_t generations_a_check = 10;
-  while (result.generations < options.generations && watch.seconds() < 60 * options.minutes && !options.should_stop()) {
-    std::vector<hybrid::CoarseModel> candidates;
-    for (const std::vector<double>& point : evolution.sample()) {
-      candidate.set_parameters(point);
-      candidates.push_back(candidate);
+  const auto out_of_time = [&] { return watch.seconds() >= 60 * options.minutes || options.should_stop(); };
+  const std::vector<const CoarseScene*> teachers = pointers(train);
+  hybrid::CoarseModel current = model;
+  double cost = coarse_cost(current, run_coarse_models({current}, teachers, scenes).front(), teachers, options.target);
+  const std::vector<std::string>& names = hybrid::CoarseModel::parameter_names();
+  double step = options.first_step;
+  for (; result.sweeps < options.sweeps && !out_of_time(); ++result.sweeps, step /= 2) {
+    for (std::size_t p = 0; p < names.size() && !out_of_time(); ++p) {
+      std::vector<hybrid::CoarseModel> candidates(2, current);
+      for (const int side : {0, 1}) {
+        std::vector<double> values = current.parameters();
+        values[p] += (side == 0 ? 1 : -1) * step * (names[p].ends_with("slope") ? slope_step : 1);
+        candidates[static_cast<std::size_t>(side)].set_parameters(values);
+      }
+      const auto errors = run_coarse_models(candidates, teachers, scenes);
+      for (std::size_t k = 0; k < candidates.size(); ++k) {
+        const double other = coarse_cost(candidates[k], errors[k], teachers, options.target);
+        if (other >= cost - least_gain) continue;
+        options.message(fmt::format("{} {:+.3f}: {:.4f} to {:.4f}, {:.1f} s", names[p],
+                                    candidates[k].parameters()[p] - model.parameters()[p], cost, other,
+                                    watch.seconds()));
+        cost = other;
+        current = candidates[k];
+      }
     }
-    const auto batch = drawn(train, options.scenes_a_step, result.generations, options.seed);
-    const auto errors = run_coarse_models(candidates, batch, scenes);
-    std::vector<double> costs;
-    for (std::size_t k = 0; k < candidates.size(); ++k)
-      costs.push_back(coarse_cost(candidates[k], errors[k], batch, options.target));
-    evolution.update(costs);
-    ++result.generations;
-    if (result.generations % generations_a_check != 0) continue;
-    candidate.set_parameters(evolution.mean());
-    const Judgement judgement = judged(candidate);
-    options.message(fmt::format("generation {}: best of {} {:.4f}; validation {}; step size {:.3f}, {:.1f} s",
-                                result.generations, options.candidates, *std::min_element(costs.begin(), costs.end()),
-                                words(judgement), evolution.step_size(), watch.seconds()));
+    const Judgement judgement = judged(current);
+    options.message(fmt::format("sweep {} with steps of {:.3f}: training {:.4f}, validation {}", result.sweeps + 1,
+                                step, cost, words(judgement)));
     if (judgement.cost >= result.after.cost) continue;
     result.after = judgement;
-    model.set_parameters(candidate.parameters());
+    model = current;
     options.improved(model);
   }
 

@@ -1,5 +1,6 @@
-// Trains the constants of coarse MPM (hybrid/coarse_model.h) by evolution: each candidate runs scenes to the end of the
-// horizon, so that what is judged is the rollout itself. No gradient passes through the solver.
+// Trains the constants of coarse MPM (hybrid/coarse_model.h) by compass search (Kolda, Lewis and Torczon 2003): each
+// constant in turn is made larger and smaller, and kept where runs of all training scenes to the end of the horizon get
+// better. What is judged is the rollout itself; no gradient passes through the solver.
 #pragma once
 
 #include <cstdint>
@@ -18,18 +19,17 @@ struct CoarseTrainingOptions {
   Device target = Device::cpu;  ///< where runs of the model have to cost no more than MPM on 2 dx
   int64_t scenes = 96;          ///< drawn of the split train
   int64_t valid_scenes = 48;    ///< drawn of the split valid, for the choice among generations
-  int64_t scenes_a_step = 24;   ///< that a generation runs
-  int candidates = 16;          ///< of a generation
-  double minutes = 5;
-  int64_t generations = 1000000;
+  double minutes = 1e9;         ///< stop after this wall time
+  int64_t sweeps = 3;           ///< through all constants, each with half the step of the one before
+  double first_step = 0.7;      ///< of offsets, in ln
   int64_t frames = 120;
   uint64_t seed = 0;
   Device device = Device::cpu;
-  /// Where the evolution begins, with its own steps; nothing: at softened water and sand, with fitted steps.
+  /// Where the search begins, with its own steps; nothing: at softened water and sand, with fitted steps.
   std::optional<hybrid::CoarseModel> from = {};
   std::map<std::string, std::string> provenance;
   std::function<void(const std::string&)> message = [](const std::string&) {};
-  /// Called with each model that is better on the scenes of split valid than those before.
+  /// Called with the model that the search begins with, and with each that is better on split valid.
   std::function<void(const hybrid::CoarseModel&)> improved = [](const hybrid::CoarseModel&) {};
   std::function<bool()> should_stop = [] { return false; };
 };
@@ -51,14 +51,14 @@ struct Judgement {
 
 struct CoarseTrainingResult {
   hybrid::CoarseModel model;
-  int64_t generations = 0;
-  double seconds = 0;  ///< of the evolution
+  int64_t sweeps = 0;
+  double seconds = 0;  ///< of the search
   std::size_t train_scenes = 0, valid_scenes = 0;
   Judgement before, after;
 };
 
-/// Begins with steps fitted to those of the largest-step search and with softened water and sand; keeps the best of
-/// every tenth generation's mean on split valid. Throws ConfigError where the recipe gives no scenes to train on.
+/// Begins with steps fitted to those of the largest-step search and with softened water and sand; of the models after
+/// each sweep the best on split valid is returned. Throws ConfigError where the recipe gives no scenes to train on.
 CoarseTrainingResult train_coarse(const CoarseTrainingOptions& options);
 
 }  // namespace graupel::train

@@ -60,20 +60,22 @@ int train(const Arguments& arguments, const std::string& command_line) {
   catch_stop_signals();
   make_folder(arguments.out);
   const CoarseTrainingResult result = train_coarse(options);
-  const Json facts = {{"generations", result.generations},      {"seconds", result.seconds},
-                      {"train_scenes", result.train_scenes},    {"valid_scenes", result.valid_scenes},
-                      {"valid_before", json_of(result.before)}, {"valid", json_of(result.after)}};
+  const Json facts = {{"sweeps", result.sweeps},
+                      {"seconds", result.seconds},
+                      {"train_scenes", result.train_scenes},
+                      {"valid_scenes", result.valid_scenes},
+                      {"valid_before", json_of(result.before)},
+                      {"valid", json_of(result.after)}};
   hybrid::CoarseModel model = result.model;
   model.metadata["training"] = facts.dump();
   nn::write_safetensors(file, model.store());
   write_file_atomically(arguments.out + "/report.json", facts.dump(2) + "\n");
   if (!arguments.json.empty()) write_file_atomically(arguments.json, facts.dump(2) + "\n");
-  options.message(
-      fmt::format("{} generations in {}; split valid over MPM on 2 dx at its largest step: position {:.3f}, density "
-                  "{:.3f}, predicted "
-                  "time {:.3f}; {}",
-                  result.generations, human_time(result.seconds), result.after.position, result.after.density,
-                  result.after.time, file));
+  options.message(fmt::format(
+      "{} sweeps in {}; split valid over MPM on 2 dx at its largest step: position {:.3f}, density "
+      "{:.3f}, predicted "
+      "time {:.3f}; {}",
+      result.sweeps, human_time(result.seconds), result.after.position, result.after.density, result.after.time, file));
   return stop_signal() == SIGINT ? static_cast<int>(ExitCode::interrupted) : 0;
 }
 
@@ -88,22 +90,17 @@ void add_coarse_command(const Command& app, const std::string& command_line, int
   verb.option("--target", a->target, "cpu or cuda: where a run may cost no more than MPM on 2 dx at its largest step")
       .check(one_of({"cpu", "cuda"}))
       .show_default();
-  verb.option("--minutes", a->training.minutes, "Wall time of the evolution")
-      .check(real_number(LowerBound::above_zero))
+  verb.option("--minutes", a->training.minutes, "Stop the search after this wall time")
+      .check(real_number(LowerBound::above_zero));
+  verb.option("--sweeps", a->training.sweeps, "Sweeps through the constants, each with half the step of the one before")
+      .check(whole_number(1))
       .show_default();
-  verb.option("--generations", a->training.generations, "Stop after so many").check(whole_number(1));
   verb.option("--scenes", a->training.scenes, "Scenes drawn for training").check(whole_number(1)).show_default();
-  verb.option("--valid-scenes", a->training.valid_scenes, "Scenes drawn to choose among generations")
+  verb.option("--valid-scenes", a->training.valid_scenes, "Scenes drawn to choose among the sweeps")
       .check(whole_number(1))
-      .show_default();
-  verb.option("--scenes-a-step", a->training.scenes_a_step, "Scenes that a generation runs")
-      .check(whole_number(1))
-      .show_default();
-  verb.option("--candidates", a->training.candidates, "Candidates of a generation")
-      .check(whole_number(4, 4096))
       .show_default();
   verb.option("--frames", a->training.frames, "Frames of a run").check(whole_number(10)).show_default();
-  verb.option("--seed", a->training.seed, "Seed of the scenes and of the evolution").show_default();
+  verb.option("--seed", a->training.seed, "Seed of the scenes").show_default();
   verb.option("--device", a->device, "auto, cpu or cuda").show_default();
   verb.option("--threads", a->threads, "CPU threads (0: all)").check(whole_number(0, 4096)).show_default();
   verb.option("--json", a->json, "Write the result as JSON to this file (-: standard output)");
