@@ -51,8 +51,6 @@ TEST_F(ConvertVerb, GoesToBothFormatsAndBack) {
   }
 }
 
-bool training_is_built() { return std::filesystem::exists(GRAUPEL_BINARY_DIR "/graupel-train"); }
-
 const std::string tiny_training =
     " --device cpu --threads 1 --steps 3 --set hgn.latent=16 --set hgn.levels=2 --set hgn.message_passing=1 "
     "--set batch_scenes=1 --set validation_samples=2 --set rollout_scenes=1 --set rollout_frames=2";

@@ -36,6 +36,9 @@ inline Outcome run_program(const std::string& file, const std::string& arguments
 /// The same for build/graupel.
 inline Outcome graupel(const std::string& arguments) { return run_program(GRAUPEL_BINARY_DIR "/graupel", arguments); }
 
+/// Whether graupel-train, which needs libtorch, is there.
+inline bool training_is_built() { return std::filesystem::exists(GRAUPEL_BINARY_DIR "/graupel-train"); }
+
 /// A folder that is removed with the test.
 class Folder {
  public:
