@@ -275,8 +275,9 @@ std::string player_section(const Comparison& comparison) {
 }
 
 std::string head_section(const Comparison& comparison) {
+  const std::string sentence = headline(comparison);
   return fmt::format(
-      "<h1>Graupel: learned simulators against MPM</h1>\n"
+      "<h1>Graupel: learned simulators against MPM</h1>\n{}"
       "<p class=\"soft\">{} &middot; {} &middot; {} threads</p>\n<p>Made by</p>\n<pre>{}</pre>\n"
       "<p>Errors count predicted frames only, against the truth named with each scene. "
       "<code>mpm</code> is the solver at the scene's own step, <code>mpm:fast</code> at the largest stable step "
@@ -287,6 +288,7 @@ std::string head_section(const Comparison& comparison) {
       "Sinkhorn divergence and density error; differences within the chaos floor are ties. The chaos floor is what MPM "
       "differs from itself when its particles are moved by 1e-4 dx (position errors) or sampled with another seed (the "
       "rest): errors near it cannot be told from chaos. Definitions: <code>docs/reference/metrics.md</code>.</p>\n",
+      sentence.empty() ? "" : "<p><strong>" + escape_markup(sentence) + "</strong></p>\n",
       escape_markup(comparison.version), escape_markup(comparison.machine), comparison.threads,
       escape_markup(comparison.command));
 }
@@ -297,8 +299,6 @@ std::string build(const Comparison& comparison) {
       "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n<link rel=\"icon\" href=\"data:,\">\n"
       "<title>Graupel comparison</title>\n<style>\n" +
       std::string(report_style) + "</style>\n</head>\n<body>\n" + head_section(comparison);
-  if (const std::string sentence = headline(comparison); !sentence.empty())
-    html += "<p><strong>" + escape_markup(sentence) + "</strong></p>\n";
   if (!categories_of(comparison).empty() && computed(comparison, MetricGroup::rollout))
     html += category_table(comparison);
   if (comparison.scenes.size() > 1)
