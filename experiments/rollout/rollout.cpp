@@ -24,14 +24,18 @@ void check_flags(const RolloutOptions& options) {
   check_output_file(options.output);
 }
 
+/// The first flag given that only reduced-order models know; null where there is none.
+const char* flag_of_reduced_models(const RolloutOptions& options) {
+  return options.step_factor   ? "--step-factor"
+         : options.refine      ? "--refine"
+         : options.stride != 1 ? "--stride"
+         : options.f64         ? "--f64"
+                               : nullptr;
+}
+
 /// Flags that the kind of model does not know.
 void check_flags_of_network(const RolloutOptions& options) {
-  const char* flag = options.step_factor   ? "--step-factor"
-                     : options.refine      ? "--refine"
-                     : options.stride != 1 ? "--stride"
-                     : options.f64         ? "--f64"
-                                           : nullptr;
-  if (flag != nullptr)
+  if (const char* flag = flag_of_reduced_models(options))
     throw ConfigError(
         fmt::format("{} is of reduced-order models, and '{}' is a graph network. Leave it out", flag, options.weights));
 }
@@ -58,11 +62,7 @@ void check_flags_of_coarse_model(const RolloutOptions& options) {
                      : options.no_project     ? "--no-project"
                      : options.no_free_flight ? "--no-free-flight"
                      : options.density_limit  ? "--density-limit"
-                     : options.step_factor    ? "--step-factor"
-                     : options.refine         ? "--refine"
-                     : options.stride != 1    ? "--stride"
-                     : options.f64            ? "--f64"
-                                              : nullptr;
+                                              : flag_of_reduced_models(options);
   if (flag != nullptr)
     throw ConfigError(
         fmt::format("{} is of graph networks or reduced-order models, and '{}' is coarse MPM. Leave it out", flag,
