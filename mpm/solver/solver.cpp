@@ -34,7 +34,8 @@ template <typename T>
 StateSpeeds Solver<T>::speeds() const {
   const double from = time(), to = from + scene_.frame_time;
   return {std::max(std::sqrt(step_statistics_.largest_speed2), grid_.lifecycle.largest_speed(from, to)),
-          step_statistics_.largest_sound_speed, diffusivity_, grid_.moving.largest_speed(from, to)};
+          step_statistics_.largest_sound_speed, diffusivity_, grid_.moving.largest_speed(from, to),
+          norm(scene_.gravity) * scene_.frame_time};
 }
 
 /// A fixed step must not let a scripted body cross over one cell.
@@ -124,16 +125,17 @@ void Solver<T>::advance_frame() {
   const auto begin = std::chrono::steady_clock::now();
   reorder_particles();
   const TimeStep& policy = scene_.time_step;
+  const bool equal_steps = policy.policy != StepPolicy::adaptive;
+  const double step = largest_step(policy, scene_.domain.dx, scene_.frame_time, speeds());
+  const auto substeps = equal_steps ? std::llround(scene_.frame_time / step) : 0;
   for (int64_t i = 0; frame_elapsed_ < scene_.frame_time; ++i) {
     const StateSpeeds before = speeds();
-    const bool fixed = policy.policy == StepPolicy::fixed;
     const double left = scene_.frame_time - frame_elapsed_;
-    const double dt = fixed ? largest_step(policy, scene_.domain.dx, scene_.frame_time, before)
-                            : next_step(policy, scene_.domain.dx, scene_.frame_time, before, left);
+    const double dt = equal_steps ? step : next_step(policy, scene_.domain.dx, scene_.frame_time, before, left);
     substep(dt);
     record_step(dt);
     if (step_statistics_.bad_slot >= 0) throw_diverged(dt, before);
-    const bool last = fixed ? i + 1 == policy.substeps_per_frame : dt >= left * (1 - 1e-9);
+    const bool last = equal_steps ? i + 1 == substeps : dt >= left * (1 - 1e-9);
     frame_elapsed_ = last ? scene_.frame_time : frame_elapsed_ + dt;
   }
   ++frames_done_;

@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "core/system/error.h"
+#include "mpm/physics/equal_substeps.h"
 
 namespace graupel::mpm {
 
@@ -19,7 +20,9 @@ double stable_step(double courant, double dx, const StateSpeeds& s) {
 }  // namespace
 
 double largest_step(const TimeStep& policy, double dx, double frame_time, const StateSpeeds& speeds) {
-  if (policy.policy == StepPolicy::fixed) return frame_time / static_cast<double>(policy.substeps_per_frame);
+  if (policy.policy != StepPolicy::adaptive)
+    return frame_time /
+           static_cast<double>(equal_substeps(policy, dx, frame_time, speeds.speed + speeds.scripted + speeds.fall));
   const double stable = std::max(stable_step(policy.courant, dx, speeds), policy.min_step);
   return std::min({stable, policy.max_step, frame_time});
 }

@@ -1,7 +1,8 @@
 // Step size: fixed, or from the sound speed of the present state and the speeds of particles and scripted bodies,
 //   1/dt = (max |v| + max |u| + max c) / (courant dx) + 6 nu / dx^2, between min_step and max_step,
 // whose second term is the limit of explicit diffusion of the momentum by the kinematic viscosity nu in three
-// dimensions. Yield and Herschel-Bulkley flow are implicit and set no limit of their own.
+// dimensions. Yield and Herschel-Bulkley flow are implicit and set no limit of their own. Or settled for a frame at its
+// start, from the speeds alone.
 #pragma once
 
 #include "core/scene/scene.h"
@@ -14,9 +15,10 @@ struct StateSpeeds {
   double sound_speed = 0;  ///< max c [m/s]
   double diffusivity = 0;  ///< max nu [m^2/s]
   double scripted = 0;     ///< max |u| of moving obstacles [m/s]
+  double fall = 0;         ///< that gravity adds in a frame [m/s]
 };
 
-/// Largest step that the policy allows for this state [s]; for the fixed policy the frame's equal share.
+/// Largest step that the policy allows for this state [s]; for the policies of equal steps the frame's equal share.
 double largest_step(const TimeStep& policy, double dx, double frame_time, const StateSpeeds& speeds);
 
 /// Step to take with `left` seconds of the frame to go: equal shares of the rest, so that no sliver remains.

@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <limits>
+
 #include "core/system/error.h"
 
 namespace graupel::mpm {
@@ -12,6 +14,16 @@ constexpr double dx = 0.01, frame = 1.0 / 60;
 TEST(TimeStep, FixedStepsShareTheFrame) {
   TimeStep policy{.policy = StepPolicy::fixed, .substeps_per_frame = 54};
   EXPECT_DOUBLE_EQ(largest_step(policy, dx, frame, {100, 100}), frame / 54);
+}
+
+TEST(TimeStep, StepsOfAFrameFollowItsFastestBodyAndNotItsWaves) {
+  const TimeStep policy{.policy = StepPolicy::per_frame, .substeps_per_frame = 8, .courant = 0.25};
+  EXPECT_DOUBLE_EQ(largest_step(policy, dx, frame, {0.5, 100}), frame / 8);
+  // (2 + 0.5 + 0.2) m/s cross 4.5 cells in the frame: 18 steps of a quarter.
+  StateSpeeds fast{.speed = 2, .sound_speed = 100, .scripted = 0.5, .fall = 0.2};
+  EXPECT_DOUBLE_EQ(largest_step(policy, dx, frame, fast), frame / 18);
+  fast.speed = std::numeric_limits<double>::infinity();
+  EXPECT_DOUBLE_EQ(largest_step(policy, dx, frame, fast), frame / 1e6);
 }
 
 TEST(TimeStep, AdaptiveStepFollowsSpeedAndSoundUpToItsLimit) {

@@ -121,7 +121,7 @@ GRAUPEL_HD void run_segment(const Block& block, const BatchView& view, ResidentS
   const SceneProgress& control = view.controls[own.owner.scene];
   if (control.phase != ScenePhase::running) return;
   const BatchScene& scene = view.scenes[own.owner.scene];
-  const auto left = static_cast<int32_t>(scene.time_step.substeps_per_frame) - control.frame_substeps;
+  const auto left = control.equal_substeps - control.frame_substeps;
   const int32_t sorted = control.sort_interval - control.since_sort;
   own.substeps = left < sorted ? left : sorted;
   own.blocks = control.blocks;

@@ -17,8 +17,8 @@ BatchSetup set_up_batch(std::vector<BatchEntry> entries, Device device) {
     batch.first_particle.push_back(first);
     HostParticles<float> own = initial_particles<float>(entry.particles, s.material_configs);
     for (int32_t& index : own.source_index) index += static_cast<int32_t>(first);
-    batch.records.push_back(
-        {s.view(), s.scene.time_step, s.scene.frame_time, s.diffusivity, static_cast<int32_t>(first)});
+    batch.records.push_back({s.view(), s.scene.time_step, s.scene.frame_time, s.diffusivity,
+                             norm(s.scene.gravity) * s.scene.frame_time, static_cast<int32_t>(first)});
     SceneProgress control{};
     control.phase = ScenePhase::frame_done;
     control.bad_particle = no_bad_particle;

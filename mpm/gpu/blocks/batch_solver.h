@@ -69,7 +69,7 @@ class BatchSolver {
 
   mutable Particles<float> particles_[2];
   std::vector<BatchScene> host_scenes_;
-  bool fixed_steps_ = true;
+  bool equal_steps_ = true;
   int64_t owner_capacity_ = 0;
   Buffer<BatchScene> batch_scenes_;
   Buffer<SceneProgress> controls_;
@@ -95,7 +95,7 @@ BatchSolver<Backend>::BatchSolver(Backend& backend, std::vector<BatchEntry> entr
     const Domain &first = scenes_.front()->scene.domain, &domain = s->scene.domain;
     if (domain.dx != first.dx || !(domain.size == first.size))
       throw ConfigError("scenes of one batch must have the same grid (domain.size and domain.dx)");
-    fixed_steps_ = fixed_steps_ && s->scene.time_step.policy == StepPolicy::fixed;
+    equal_steps_ = equal_steps_ && s->scene.time_step.policy != StepPolicy::adaptive;
   }
   const double directory =
       static_cast<double>(scenes_.front()->view().grid.directory_size()) * static_cast<double>(scenes_.size());
@@ -207,7 +207,7 @@ void BatchSolver<Backend>::sort(const BatchView& v, bool resident) {
 /// Before the first sort nothing is known: then it is tried, and does nothing if not.
 template <typename Backend>
 bool BatchSolver<Backend>::is_resident() const {
-  return fixed_steps_ && active_blocks_ <= backend_.resident_blocks();
+  return equal_steps_ && active_blocks_ <= backend_.resident_blocks();
 }
 
 /// Substeps of a segment after which scenes are due for a sort together.
@@ -242,8 +242,8 @@ int64_t BatchSolver<Backend>::segments_left(int substeps) const {
     const SceneProgress& c = control(i);
     if (c.phase != ScenePhase::running && c.phase != ScenePhase::unsorted) continue;
     const SceneSetup<float>& s = setup(i);
-    const int64_t steps = s.scene.time_step.policy == StepPolicy::fixed
-                              ? s.scene.time_step.substeps_per_frame - c.frame_substeps
+    const int64_t steps = s.scene.time_step.policy != StepPolicy::adaptive
+                              ? c.equal_substeps - c.frame_substeps
                               : static_cast<int64_t>(std::ceil((s.scene.frame_time - c.elapsed) / double(c.dt)));
     most = std::max(most, (steps + substeps - 1) / substeps);
   }

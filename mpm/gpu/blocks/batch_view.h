@@ -33,6 +33,7 @@ struct BatchScene {
   TimeStep time_step;
   double frame_time;       ///< [s]
   double diffusivity;      ///< largest kinematic viscosity [m^2/s]
+  double fall_speed;       ///< that gravity adds in a frame [m/s]
   int32_t first_particle;  ///< its first place in the order of the sources of all scenes
 };
 
@@ -65,6 +66,7 @@ struct SceneProgress {
   float dt;                           ///< of the present substep [s]
   double elapsed;                     ///< inside the frame [s]
   int32_t frame_substeps;             ///< done in this frame
+  int32_t equal_substeps;             ///< of this frame, where they are equal
   int32_t blocks;                     ///< owner blocks since the last sort
   int32_t since_sort, sort_interval;  ///< substeps; a scene's own, so that it does not depend on the batch
   double speed, sound_speed;          ///< largest of the present state [m/s]

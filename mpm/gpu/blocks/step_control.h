@@ -4,14 +4,14 @@
 #include <cmath>
 
 #include "mpm/gpu/blocks/batch_view.h"
+#include "mpm/physics/equal_substeps.h"
 
 namespace graupel::mpm {
 
-/// As mpm/solver/time_step.h, without exceptions: the step with `left` seconds of the frame to go, or 0 when the frame
-/// would need over a million steps.
+/// As mpm/solver/time_step.h for the adaptive policy, without exceptions: the step with `left` seconds of the frame to
+/// go, or 0 when the frame would need over a million steps.
 GRAUPEL_HD inline double device_step(const TimeStep& policy, double dx, double frame_time, double speed,
                                      double sound_speed, double diffusivity, double left) {
-  if (policy.policy == StepPolicy::fixed) return frame_time / static_cast<double>(policy.substeps_per_frame);
   const double rate = (speed + sound_speed) / (policy.courant * dx) + 6 * diffusivity / (dx * dx);
   double limit = rate > 0 ? 1 / rate : policy.max_step;
   limit = limit > policy.min_step ? limit : policy.min_step;
@@ -22,10 +22,16 @@ GRAUPEL_HD inline double device_step(const TimeStep& policy, double dx, double f
   return left / (steps > 1 ? steps : 1);
 }
 
+GRAUPEL_HD inline bool has_equal_steps(const BatchScene& scene) {
+  return scene.time_step.policy != StepPolicy::adaptive;
+}
+
 GRAUPEL_HD inline void choose_step(const BatchScene& scene, SceneProgress& control) {
   const double left = scene.frame_time - control.elapsed;
-  const double dt = device_step(scene.time_step, static_cast<double>(scene.view.grid.dx), scene.frame_time,
-                                control.speed, control.sound_speed, scene.diffusivity, left);
+  const double dt = has_equal_steps(scene)
+                        ? scene.frame_time / static_cast<double>(control.equal_substeps)
+                        : device_step(scene.time_step, static_cast<double>(scene.view.grid.dx), scene.frame_time,
+                                      control.speed, control.sound_speed, scene.diffusivity, left);
   control.dt = static_cast<float>(dt);
   if (!(dt > 0)) control.phase = ScenePhase::too_stiff;
 }
@@ -46,6 +52,8 @@ GRAUPEL_HD inline void begin_frame(const BatchScene& scene, SceneProgress& contr
   control.phase = ScenePhase::unsorted;
   control.elapsed = 0;
   control.frame_substeps = 0;
+  control.equal_substeps = static_cast<int32_t>(equal_substeps(scene.time_step, static_cast<double>(scene.view.grid.dx),
+                                                               scene.frame_time, control.speed + scene.fall_speed));
   choose_step(scene, control);
   control.sort_interval = interval_of_sorts(scene, control);
 }
@@ -90,8 +98,7 @@ GRAUPEL_HD inline void finish_substep(const BatchScene& scene, const StepReport&
     control.phase = ScenePhase::diverged;
     return;
   }
-  const bool fixed = scene.time_step.policy == StepPolicy::fixed;
-  const bool last = fixed ? control.frame_substeps == scene.time_step.substeps_per_frame : dt >= left * (1 - 1e-6);
+  const bool last = has_equal_steps(scene) ? control.frame_substeps == control.equal_substeps : dt >= left * (1 - 1e-6);
   if (last) {
     if (found.over_courant > control.over_courant) control.over_courant = found.over_courant;
     control.phase = ScenePhase::frame_done;

@@ -1,4 +1,4 @@
-// The solver for small scenes with fixed steps on a GPU: many scenes in one launch, a whole frame in one kernel
+// The solver for small scenes with equal steps on a GPU: many scenes in one launch, a whole frame in one kernel
 // (mpm/gpu/small/small_scene_step.h). A Backend runs the kernel: CUDA's (mpm/gpu/cuda_backend.cuh) or, in tests,
 // fibers.
 #pragma once
@@ -19,7 +19,7 @@ inline bool is_small_scene(const Scene& scene, std::size_t particles) {
   const Vec<int, 3> blocks = grid_of<float>(scene.domain).blocks;
   int64_t nodes = 1;
   for (int d = 0; d < 3; ++d) nodes *= block_width * int64_t(blocks[d]);
-  return scene.time_step.policy == StepPolicy::fixed && static_cast<int64_t>(particles) <= most_small_particles &&
+  return scene.time_step.policy != StepPolicy::adaptive && static_cast<int64_t>(particles) <= most_small_particles &&
          nodes <= most_small_nodes && scene.obstacles.size() < 65000;
 }
 
@@ -136,7 +136,8 @@ void SmallSceneSolver<Backend>::clear_grids() {
   backend_.fill(base_.data(), 0xff, base_.size() * sizeof(int32_t));
 }
 
-/// Units: a sum holds 2^22 of the heaviest particles at one cell a step, in steps of 2^-40 of one of them.
+/// Units: a sum holds 2^22 of the heaviest particles at one cell a step of the fewest substeps, in steps of 2^-40 of
+/// one of them.
 template <typename Backend>
 SmallScene SmallSceneSolver<Backend>::small_scene(int scene) const {
   const SceneSetup<float>& s = setup(scene);

@@ -368,7 +368,7 @@ template <typename Block>
 GRAUPEL_HD void run_scene(Worker<Block>& w) {
   const SceneProgress& control = w.view.controls[w.number];
   const int64_t k = control.substeps;
-  const auto substeps = static_cast<int32_t>(w.scene.time_step.substeps_per_frame);
+  const int32_t substeps = control.equal_substeps;
   scatter_scene(w, k);
   bool stop = w.grid_barrier(1);
   int32_t done = 0;

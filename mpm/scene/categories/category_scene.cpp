@@ -217,7 +217,7 @@ bool has_category(const CategoryRecipe& recipe, const std::vector<SceneCategory>
 }
 
 void check_step(const CategoryRecipe& recipe) {
-  if (recipe.time_step.policy != StepPolicy::fixed) return;
+  if (recipe.time_step.policy == StepPolicy::adaptive) return;
   const double courant = largest_courant(recipe);
   if (courant <= 1) return;
   throw ConfigError(fmt::format(

@@ -73,6 +73,24 @@ TEST(Batch, AdaptiveStepsEqualTheCpuSolver) {
   EXPECT_EQ(batch.control(0).substeps, cpu->statistics().substeps);
 }
 
+TEST(Batch, StepsOfAFrameEqualTheCpuSolver) {
+  Scene scene = four_materials(0.06);
+  for (Source& source : scene.sources) source.velocity = {0, -8, 0};
+  scene.time_step.policy = StepPolicy::per_frame;
+  scene.time_step.substeps_per_frame = 6;
+  scene.time_step.courant = 0.05;
+  const auto cpu = Simulation::create(scene, {});
+  FiberBackend backend;
+  BatchSolver<FiberBackend> batch(backend, entries_of({scene}, 0));
+  for (int frame = 0; frame < 2; ++frame) {
+    cpu->advance_frame();
+    batch.advance_frame();
+  }
+  expect_close(cpu->frame(), batch.frame(), 2e-5f, 2e-2f);
+  EXPECT_GT(batch.control(0).equal_substeps, 6);
+  EXPECT_EQ(batch.control(0).substeps, cpu->statistics().substeps);
+}
+
 TEST(Batch, ASceneIsTheSameAloneAndAmongOthers) {
   const Scene one = four_materials(0.06);
   Scene fast = scene_with("taichi_water", {0.5, 0.3, 0.5}, 0.06);

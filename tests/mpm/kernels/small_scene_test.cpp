@@ -88,6 +88,26 @@ TEST(SmallScene, EveryModelMovesAsWithTheCpuSolver) {
   EXPECT_LT(d.velocity, 2e-2f);
 }
 
+TEST(SmallScene, StepsOfAFrameEqualTheCpuSolver) {
+  Scene scene = mixed_scene();
+  scene.time_step.policy = StepPolicy::per_frame;
+  scene.time_step.substeps_per_frame = 6;
+  scene.time_step.courant = 0.1;
+  ASSERT_TRUE(is_small_scene(scene, 1000));
+  const auto cpu = Simulation::create(scene, {.seed = 3});
+  FiberBackend backend;
+  const auto small = solver_of(backend, {scene});
+  for (int frame = 0; frame < 2; ++frame) {
+    cpu->advance_frame();
+    small->advance_frame();
+  }
+  const Difference d = difference(cpu->frame(), small->frame());
+  EXPECT_LT(d.position, 2e-5f);
+  EXPECT_LT(d.velocity, 2e-2f);
+  EXPECT_GT(small->control(0).equal_substeps, 6);
+  EXPECT_EQ(small->control(0).substeps, cpu->statistics().substeps);
+}
+
 TEST(SmallScene, ASceneIsTheSameAloneAndAmongOthers) {
   // Alone, a warp takes fewer particles at once, and all blocks of threads work for the scene.
   const Scene one = mixed_scene();
