@@ -1,5 +1,5 @@
 // Networks know materials by their type; a scene with others than those of the training is told of.
-#include "experiments/comparison/trained_materials.h"
+#include "experiments/models/trained_materials.h"
 
 #include <gtest/gtest.h>
 
