@@ -4,6 +4,7 @@
 
 #include <map>
 #include <set>
+#include <sstream>
 #include <string>
 #include <type_traits>
 #include <utility>
@@ -38,9 +39,10 @@ void visit_constants(const MaterialConfig& material, Visit&& visit) {
   const std::string law = particle_type_name(particle_type_of(material.model));
   MaterialConfig::fields([&](auto member, const FieldInfo& info) {
     if constexpr (std::is_same_v<decltype(member), double MaterialConfig::*>) {
-      const std::string laws = " " + std::string(info.only_for) + " ";
-      if (info.only_for.empty() || laws.find(" " + law + " ") != std::string::npos)
-        visit(law + "." + std::string(info.name), material.*member);
+      std::istringstream laws{std::string(info.only_for)};
+      bool is_used = info.only_for.empty();
+      for (std::string word; laws >> word;) is_used = is_used || word == law;
+      if (is_used) visit(std::string(law).append(".").append(info.name), material.*member);
     }
   });
 }

@@ -53,10 +53,10 @@ struct SurfaceContact {
 struct EnvironmentView {
   sparsegrid::ObstacleSetView obstacles;
   sparsegrid::CellNormalsView normals;
-  Vec3d wall_low, wall_high;  ///< [m]; far away along z in the plane, which has no walls there
-  bool plane = false;         ///< two dimensions: normals have no part along z
-  Vec3d hold_low, hold_high;  ///< [m] where walls hold the material; far away at open and periodic walls
-  SurfaceContact wall[6];     ///< lower x y z, upper x y z
+  Vec3d wall_low, wall_high;            ///< [m]; far away along z in the plane, which has no walls there
+  bool plane = false;                   ///< two dimensions: normals have no part along z
+  Vec3d hold_low = {}, hold_high = {};  ///< [m] where walls hold the material; far away at open and periodic walls
+  SurfaceContact wall[6] = {};          ///< lower x y z, upper x y z
   const MaterialConstants* materials = nullptr;
   const RigidMap* carried_from = nullptr;  ///< [obstacles] where each was a frame before; null: all rest
 };
@@ -119,7 +119,8 @@ GRAUPEL_HD inline NearestSurface nearest_surface(const FeatureRules& rules, cons
   found.contact = {own.contact, own.contact == Contact::stick ? 0.0f : static_cast<float>(own.friction)};
   if (environment.carried_from == nullptr) return found;
   const Vec3d point = x - at.phi * at.normal;
-  found.velocity = (point - environment.carried_from[obstacle](point)).cast<float>();
+  const RigidMap& back = environment.carried_from[obstacle];
+  found.velocity = (point - (back.rotation * point + back.translation)).cast<float>();
   if (environment.plane) found.velocity[2] = 0;
   return found;
 }
