@@ -53,10 +53,10 @@ struct SurfaceContact {
 struct EnvironmentView {
   sparsegrid::ObstacleSetView obstacles;
   sparsegrid::CellNormalsView normals;
-  Vec3d wall_low, wall_high;            ///< [m]; far away along z in the plane, which has no walls there
-  bool plane = false;                   ///< two dimensions: normals have no part along z
-  Vec3d hold_low = {}, hold_high = {};  ///< [m] where walls hold the material; far away at open and periodic walls
-  SurfaceContact wall[6] = {};          ///< lower x y z, upper x y z
+  Vec3d wall_low, wall_high;  ///< [m]; far away along z in the plane, which has no walls there
+  bool plane = false;         ///< two dimensions: normals have no part along z
+  Vec3d hold_low, hold_high;  ///< [m] where walls hold the material; far away at open and periodic walls
+  SurfaceContact wall[6];     ///< lower x y z, upper x y z
   const MaterialConstants* materials = nullptr;
   const RigidMap* carried_from = nullptr;  ///< [obstacles] where each was a frame before; null: all rest
 };

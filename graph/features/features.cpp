@@ -183,7 +183,12 @@ SweptCollision Environment::swept_collision(Device device) const {
 
 EnvironmentView Environment::view(Device device) const {
   GRAUPEL_ASSERT(device == Device::cpu || !moves());
-  EnvironmentView all = {obstacles.view(device), normals.view(device), wall_low, wall_high, plane.has_value()};
+  EnvironmentView all;
+  all.obstacles = obstacles.view(device);
+  all.normals = normals.view(device);
+  all.wall_low = wall_low;
+  all.wall_high = wall_high;
+  all.plane = plane.has_value();
   all.hold_low = hold_low;
   all.hold_high = hold_high;
   std::copy(std::begin(wall), std::end(wall), all.wall);
