@@ -171,8 +171,8 @@ TEST(ContactFeatures, OfAnObstacleAtRest) {
   expect_row(contact_at(scene, {0.5f, 0.58f, 0.5f}), {0.45, 0, 1, 0, 0, 0, 0});  // inside
   scene.obstacles[0].contact = Contact::stick;
   expect_row(contact_at(scene, {0.5f, 0.61f, 0.5f}), {0, 0, 0, 1, 0, 0, 0});
-  // Beyond its clamp of 0.1 m, though a wall's is wider.
-  expect_row(contact_at(scene, {0.5f, 0.65f, 0.5f}), nothing);
+  // Beyond its clamp of 0.1 m it counts no more, but the ceiling, 0.24 m away, does.
+  expect_row(contact_at(scene, {0.5f, 0.71f, 0.5f}), {0, 0, 1, 0, 0, 0, 0});
 }
 
 /// The velocity is the way of the surface's point in a frame, turns included, over the deviation of velocities.
