@@ -62,6 +62,7 @@ bool sees(const nn::Weights& weights, const std::string& input) {
 void name_varied(const nn::TrainedBox& box, const std::string& key, double value, std::vector<std::string>& lines) {
   const auto range = box.ranges.find(key);
   if (range == box.ranges.end() || range->second.first == range->second.second) return;
+  if (value < range->second.first || value > range->second.second) return;  // which is told already
   const std::string line =
       fmt::format("the network has no input for {}: it is {:.6g}, and the training had {:.6g} to {:.6g}", key, value,
                   range->second.first, range->second.second);

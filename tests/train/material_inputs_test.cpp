@@ -31,7 +31,7 @@ std::string jelly_scene(const std::string& materials) {
     "sources": [
       {"shape": "box", "size": [0.1, 0.1, 0.1], "position": [0.35, 0.35, 0.35], "particles_per_cell": 1, "material": "b"},
       {"shape": "box", "size": [0.1, 0.1, 0.1], "position": [0.6, 0.35, 0.35], "particles_per_cell": 1, "material": "a"}],
-    "obstacles": [{"shape": "sphere", "radius": 0.1, "position": [0.2, 0.3, 0.2], "contact": "stick"}],
+    "obstacles": [{"shape": "sphere", "radius": 0.1, "position": [0.22, 0.35, 0.22], "contact": "stick"}],
     "frames": 20, "frame_time": 0.016666666666666666
   })";
 }
@@ -230,6 +230,7 @@ TEST(MaterialInputs, AreTrainedAndRolledOut) {
     options.run = folder + "/" + word_of(config.architecture);
     options.config = config;
     options.config.steps = 3;
+    options.config.noise_std = 1e-3;
     options.config.push_steps = 1;
     options.config.push_share = 1;
     if (config.architecture == Architecture::gns) options.config.push_steps = 0;
@@ -248,6 +249,7 @@ TEST(MaterialInputs, AreTrainedAndRolledOut) {
     const TrajectoryInfo& info = split.trajectory(0);
     graph::LearnedSimulator::RolloutOptions rollout{.frames = 3, .progress = {}};
     rollout.material = info.material;
+    rollout.free_flight = false;
     const std::vector<int32_t> types(info.material.size(), 4);
     const auto run = [&] {
       return simulator
@@ -258,7 +260,7 @@ TEST(MaterialInputs, AreTrainedAndRolledOut) {
     };
     const auto mixed = run();
     rollout.material.assign(types.size(), 0);
-    EXPECT_NE(run(), mixed);
+    EXPECT_TRUE(run() != mixed) << "the same whatever they are made of";
   }
   remove_path(folder);
 }
