@@ -33,7 +33,7 @@ struct FeatureConfig {
   double distance_clamp = 0.1;   ///< [m] of that distance
   /// features: constants of the particle's material (graph/features/material_constants.h)
   bool material_constants = false;
-  /// features of the nearest surface within the clamps: friction, kind of contact, velocity (feature_row.h)
+  /// features of the nearest surface within the clamps: friction, kind of contact, velocity (contact_features.h)
   bool contact = false;
   double frame_time = 1.0 / 60;  ///< [s] the network was trained for
   double dx = 1.0 / 64;          ///< cell size of the obstacle normals [m]

@@ -2,11 +2,9 @@
 #pragma once
 
 #include "core/math/axis_map.h"
-#include "core/scene/motion.h"
-#include "graph/config/feature_config.h"
-#include "graph/features/material_constants.h"
-#include "sparsegrid/cell_normals.h"
-#include "sparsegrid/obstacle.h"
+#include "graph/features/contact_features.h"
+#include "graph/features/environment_view.h"
+#include "graph/features/feature_rules.h"
 
 namespace graupel::graph {
 
@@ -18,48 +16,6 @@ inline constexpr int most_positions = most_history + 1;
 /// material "stationary".
 inline constexpr int32_t obstacle_row = 3, stationary_row = 2;
 GRAUPEL_HD inline bool is_kinematic_row(int32_t row) { return row == obstacle_row || row == stationary_row; }
-
-/// What a FeatureConfig and a Normalization say about features.
-struct FeatureRules {
-  FeatureRules() = default;
-  FeatureRules(const FeatureConfig& config, const Normalization& statistics)
-      : history(static_cast<int>(config.history)),
-        width(static_cast<int>(config.input_width() - config.embedding)),
-        cell_normal(config.cell_normal),
-        signed_distance(config.signed_distance),
-        material_constants(config.material_constants),
-        contact(config.contact),
-        plane(config.in_plane()),
-        wall_clamp(config.wall_clamp),
-        distance_clamp(config.distance_clamp),
-        normalization(statistics) {}
-
-  int history = 0;  ///< velocities
-  int width = 0;    ///< numbers a particle
-  bool cell_normal = false, signed_distance = false;
-  bool material_constants = false, contact = false;
-  bool plane = false;                         ///< two dimensions
-  double wall_clamp = 1, distance_clamp = 1;  ///< [m]
-  Normalization normalization;
-};
-
-/// What a surface does to material that touches it.
-struct SurfaceContact {
-  Contact kind = Contact::separate;
-  float friction = 0;  ///< Coulomb coefficient; 0 of those that stick
-};
-
-/// Environment in the memory of one device (graph/features/features.h, Environment::view).
-struct EnvironmentView {
-  sparsegrid::ObstacleSetView obstacles;
-  sparsegrid::CellNormalsView normals;
-  Vec3d wall_low, wall_high;  ///< [m]; far away along z in the plane, which has no walls there
-  bool plane = false;         ///< two dimensions: normals have no part along z
-  Vec3d hold_low, hold_high;  ///< [m] where walls hold the material; far away at open and periodic walls
-  SurfaceContact wall[6];     ///< lower x y z, upper x y z
-  const MaterialConstants* materials = nullptr;
-  const RigidMap* carried_from = nullptr;  ///< [obstacles] where each was a frame before; null: all rest
-};
 
 /// The acceleration [m/frame^2] that three numbers of a network's output stand for; none out of the plane.
 GRAUPEL_HD inline Vec3f real_acceleration(const Normalization& statistics, bool plane, const float* output) {
@@ -90,54 +46,6 @@ GRAUPEL_HD inline Vec3f normal_in(const EnvironmentView& environment, Vec3f norm
 }
 
 }  // namespace feature_row
-
-/// The surface that a particle is nearest to.
-struct NearestSurface {
-  bool is_found = false;
-  SurfaceContact contact;
-  Vec3f velocity = Vec3f::zero();  ///< [m/frame] of its point nearest to the particle
-};
-
-/// Walls within the wall clamp of where they hold the material, obstacles within the distance clamp.
-GRAUPEL_HD inline NearestSurface nearest_surface(const FeatureRules& rules, const EnvironmentView& environment,
-                                                 const Vec3d& x) {
-  NearestSurface found;
-  double nearest = rules.wall_clamp;
-  for (int face = 0; face < 6; ++face) {
-    const int axis = face % 3;
-    const double distance = face < 3 ? x[axis] - environment.hold_low[axis] : environment.hold_high[axis] - x[axis];
-    if (!(distance < nearest)) continue;
-    nearest = distance;
-    found.is_found = true;
-    found.contact = environment.wall[face];
-  }
-  int obstacle = -1;
-  const sparsegrid::SignedDistance<double> at = signed_distance(environment.obstacles, x, obstacle);
-  if (obstacle < 0 || !(at.phi < rules.distance_clamp) || !(at.phi < nearest)) return found;
-  const sparsegrid::ObstacleView& own = environment.obstacles.obstacles[obstacle];
-  found.is_found = true;
-  found.contact = {own.contact, own.contact == Contact::stick ? 0.0f : static_cast<float>(own.friction)};
-  if (environment.carried_from == nullptr) return found;
-  const Vec3d point = x - at.phi * at.normal;
-  const RigidMap& back = environment.carried_from[obstacle];
-  found.velocity = (point - (back.rotation * point + back.translation)).cast<float>();
-  if (environment.plane) found.velocity[2] = 0;
-  return found;
-}
-
-/// Friction; 1 for the kind among slip, separate, stick; velocity of the surface's point over the standard deviation of
-/// velocities (3), so that it is 0 at rest. All 0 without a surface.
-GRAUPEL_HD inline void write_contact(const FeatureRules& rules, const EnvironmentView& environment,
-                                     const AxisMap& symmetry, const Vec3d& x, float* row) {
-  const NearestSurface surface = nearest_surface(rules, environment, x);
-  const Vec3f velocity = symmetry.apply(surface.velocity);
-  const auto is = [&](Contact kind) { return surface.is_found && surface.contact.kind == kind ? 1.0f : 0.0f; };
-  row[0] = surface.is_found ? surface.contact.friction : 0;
-  row[1] = is(Contact::slip);
-  row[2] = is(Contact::separate);
-  row[3] = is(Contact::stick);
-  for (int d = 0; d < 3; ++d) row[4 + d] = velocity[d] / rules.normalization.velocity_std[d];
-}
 
 /// A row is made in parts, which need not wait for each other; the last ones of networks that have them alone.
 enum class FeaturePart : int { motion, cell_normal, signed_distance, material_constants, contact };
