@@ -268,8 +268,8 @@ const Scene& check_training_scene(const Scene& scene) {
   if (scene.domain.has_wall(Wall::periodic)) what = "periodic walls";
   if (!what.empty())
     throw ConfigError("networks are not trained on this scene (it has " + what +
-                      ", allowed: none). Train on scenes without them, of a recipe's categories those without (--set "
-                      "'categories=[...]' of generate); rollouts run such scenes");
+                      ", allowed: none). Leave it out, of a recipe by its categories (generate --set "
+                      "'categories=[...]'); rollouts run such scenes");
   return scene;
 }
 

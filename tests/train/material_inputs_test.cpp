@@ -21,17 +21,23 @@ namespace {
 
 using ::testing::HasSubstr;
 
-/// Two jellies in turn above a rough floor, beside a sphere that sticks.
-std::string jelly_scene(const std::string& materials) {
+/// Two jellies beside each other above a rough floor, beside a sphere that sticks; in two dimensions all in the plane.
+std::string jelly_scene(const std::string& materials, int dimensions = 3) {
+  const std::string z = dimensions == 2 ? "0.5" : "0.35", z_of_sphere = dimensions == 2 ? "0.5" : "0.22";
   return R"({
     "name": "jellies",
-    "domain": {"size": [1, 1, 1], "dx": 0.03125, "wall_cells": 4, "faces": {"y_low": {"kind": "slip", "friction": 0.4}}},
+    "domain": {"dimensions": )" +
+         std::to_string(dimensions) +
+         R"(, "size": [1, 1, 1], "dx": 0.03125, "wall_cells": 4, "faces": {"y_low": {"kind": "slip", "friction": 0.4}}},
     "materials": )" +
          materials + R"(,
     "sources": [
-      {"shape": "box", "size": [0.1, 0.1, 0.1], "position": [0.35, 0.35, 0.35], "particles_per_cell": 1, "material": "b"},
-      {"shape": "box", "size": [0.1, 0.1, 0.1], "position": [0.6, 0.35, 0.35], "particles_per_cell": 1, "material": "a"}],
-    "obstacles": [{"shape": "sphere", "radius": 0.1, "position": [0.22, 0.35, 0.22], "contact": "stick"}],
+      {"shape": "box", "size": [0.1, 0.1, 0.1], "position": [0.35, 0.35, )" +
+         z + R"(], "particles_per_cell": 1, "material": "b"},
+      {"shape": "box", "size": [0.1, 0.1, 0.1], "position": [0.6, 0.35, )" +
+         z + R"(], "particles_per_cell": 1, "material": "a"}],
+    "obstacles": [{"shape": "sphere", "radius": 0.1, "position": [0.22, 0.35, )" +
+         z_of_sphere + R"(], "contact": "stick"}],
     "frames": 20, "frame_time": 0.016666666666666666
   })";
 }
@@ -49,10 +55,11 @@ Trajectory flight(const Scene& scene, uint64_t seed) {
   for (int t = 0; t < 20; ++t) {
     ParticleFrame frame;
     frame.time = t / 60.0;
-    const Vec3d way = {0.3 * frame.time, 0.5 * frame.time - 4.9 * frame.time * frame.time, 0.1 * frame.time};
+    const double sideways = scene.domain.is_plane() ? 0 : 0.1;
+    const Vec3d way = {0.3 * frame.time, 0.5 * frame.time - 4.9 * frame.time * frame.time, sideways * frame.time};
     for (const Vec3d& x : particles.position) {
       frame.position.push_back((x + way).cast<float>());
-      frame.velocity.push_back({0.3f, 0.5f, 0.1f});
+      frame.velocity.push_back({0.3f, 0.5f, static_cast<float>(sideways)});
     }
     trajectory.frames.push_back(std::move(frame));
   }
@@ -77,6 +84,8 @@ const std::string& jelly_data() {
       const Scene scene = io::parse_scene(jelly_scene(soft_and_hard), "jellies", ".");
       write(folder + "/train.h5", {flight(scene, 1), flight(scene, 2)});
       write(folder + "/valid.h5", {flight(scene, 3)});
+      const Scene plane = io::parse_scene(jelly_scene(soft_and_hard, 2), "jellies", ".");
+      write(folder + "/plane.h5", {flight(plane, 4)});
     }
     ~Data() { remove_path(folder); }
     std::string folder;
@@ -144,7 +153,7 @@ TEST(MaterialInputs, OfDataThatDoNotTellThemAreRefusedByName) {
 
 /// Batches without noise are what rollouts and evaluation see: HGN and GNS.
 void expect_features_of_rollouts(const TrainConfig& config) {
-  const DataSplit split = open_split();
+  const DataSplit split = open_split(jelly_data() + (config.features().in_plane() ? "/plane.h5" : "/train.h5"));
   const graph::Normalization normalization = split.statistics(1e-4, 1);
   const graph::FeatureConfig& features = config.features();
   const Batch batch = training_batch(split, config, normalization, 0);
@@ -180,6 +189,8 @@ TEST(MaterialInputs, OfBatchesAreThoseOfRollouts) {
   for (TrainConfig config : {seeing(tiny_config()), seeing(tiny_gns_config())}) {
     expect_features_of_rollouts(config);
     config.symmetries = true;
+    expect_features_of_rollouts(config);
+    config.hgn.dimensions = config.gns.dimensions = 2;
     expect_features_of_rollouts(config);
   }
 }
