@@ -34,8 +34,10 @@ class CudaSimulator {
   ~CudaSimulator();
 
   /// A rollout from history + 1 positions, newest last. `scene` and `environment` must live as long as it runs.
+  /// `material` [n] as Network::predict has it; empty for networks that do not see constants.
   void start(const Scene& scene, const Environment& environment, const std::vector<int32_t>& particle_type,
-             const std::vector<std::vector<Vec3f>>& positions, const CudaLaws& laws);
+             const std::vector<int32_t>& material, const std::vector<std::vector<Vec3f>>& positions,
+             const CudaLaws& laws);
   /// Predicts the next frame; false when it has diverged (step_frame) or a particle has left the domain's environment.
   bool advance();
   /// Accelerations of the next frame [m/frame^2], without moving. After start() alone.

@@ -123,18 +123,21 @@ std::vector<T> rows_of(const std::vector<T>& v, const std::vector<int32_t>& plac
 /// The particles of a step: all, where none come or go, else copies of those in the run.
 class StepParticles {
  public:
-  StepParticles(const ParticleLifecycle& lifecycle, const std::vector<int32_t>& type, const Frames& history,
-                const std::vector<uint8_t>& kinematic)
+  StepParticles(const ParticleLifecycle& lifecycle, const std::vector<int32_t>& type,
+                const std::vector<int32_t>& material, const Frames& history, const std::vector<uint8_t>& kinematic)
       : place_(lifecycle.changes() ? &lifecycle.present() : nullptr),
         type_(type),
+        material_(material),
         history_(history),
         kinematic_(kinematic) {
     if (place_ == nullptr) return;
     own_type_ = rows_of(type, *place_);
+    own_material_ = rows_of(material, *place_);
     own_kinematic_ = rows_of(kinematic, *place_);
     for (const std::vector<Vec3f>& frame : history) own_history_.push_back(rows_of(frame, *place_));
   }
   const std::vector<int32_t>& type() const { return place_ != nullptr ? own_type_ : type_; }
+  const std::vector<int32_t>& material() const { return place_ != nullptr ? own_material_ : material_; }
   const std::vector<uint8_t>& kinematic() const { return place_ != nullptr ? own_kinematic_ : kinematic_; }
   const Frames& history() const { return place_ != nullptr ? own_history_ : history_; }
   /// Their rows among those of all.
@@ -154,10 +157,10 @@ class StepParticles {
 
  private:
   const std::vector<int32_t>* place_;
-  const std::vector<int32_t>& type_;
+  const std::vector<int32_t>&type_, &material_;
   const Frames& history_;
   const std::vector<uint8_t>& kinematic_;
-  std::vector<int32_t> own_type_;
+  std::vector<int32_t> own_type_, own_material_;
   Frames own_history_;
   std::vector<uint8_t> own_kinematic_;
   std::vector<Vec3f> own_rows_;
@@ -175,6 +178,7 @@ const nn::Weights& LearnedSimulator::weights() const { return *weights_; }
 
 std::vector<std::vector<Vec3f>> LearnedSimulator::predict(const Environment& environment,
                                                           const std::vector<int32_t>& particle_type,
+                                                          const std::vector<int32_t>& material,
                                                           const std::vector<std::vector<Vec3f>>& positions,
                                                           Device device, FrameTiming& timing) const {
   if (config().in_plane() != environment.plane.has_value())
@@ -186,8 +190,8 @@ std::vector<std::vector<Vec3f>> LearnedSimulator::predict(const Environment& env
                                       std::vector<float>& output) {
     gpu_simulator().evaluate(features, type, position, origin, output);
   };
-  const std::vector<float> output =
-      network_->predict(environment, particle_type, positions, timing, device == Device::cuda ? &on_gpu : nullptr);
+  const std::vector<float> output = network_->predict(environment, particle_type, material, positions, timing,
+                                                      device == Device::cuda ? &on_gpu : nullptr);
   std::vector<std::vector<Vec3f>> acceleration(static_cast<std::size_t>(config().bundle),
                                                std::vector<Vec3f>(particle_type.size()));
   const float* number = output.data();
@@ -200,11 +204,22 @@ std::vector<std::vector<Vec3f>> LearnedSimulator::predict(const Environment& env
   return acceleration;
 }
 
+std::vector<int32_t> LearnedSimulator::seen_materials(const Environment& environment,
+                                                      const std::vector<int32_t>& particle_type,
+                                                      const std::vector<int32_t>& material) const {
+  if (!config().material_constants) return {};
+  if (material.empty()) return environment.materials.by_type(particle_type);
+  GRAUPEL_ASSERT(material.size() == particle_type.size());
+  return material;
+}
+
 std::vector<Vec3f> LearnedSimulator::one_step(const Environment& environment, const std::vector<int32_t>& particle_type,
-                                              const std::vector<std::vector<Vec3f>>& positions,
-                                              FrameTiming* timing) const {
+                                              const std::vector<std::vector<Vec3f>>& positions, FrameTiming* timing,
+                                              const std::vector<int32_t>& material) const {
   FrameTiming spent;
-  std::vector<Vec3f> first = std::move(predict(environment, particle_type, positions, Device::cpu, spent).front());
+  const std::vector<int32_t> seen = seen_materials(environment, particle_type, material);
+  std::vector<Vec3f> first =
+      std::move(predict(environment, particle_type, seen, positions, Device::cpu, spent).front());
   if (timing != nullptr) *timing = spent;
   return first;
 }
@@ -221,12 +236,13 @@ Trajectory LearnedSimulator::rollout(const Scene& scene, const Environment& envi
   check_fit(config(), scene, environment, weights_->file);
   check_start(start, needed, particle_type.size());
   check_schedule(scene, options.schedule, particle_type.size());
+  const std::vector<int32_t> material = seen_materials(environment, particle_type, options.material);
   PrescribedPositions prescribed(particle_type, start.back(), options.given);
   if (options.schedule != nullptr)
     prescribed.add_scripts(*options.schedule, options.start_time, scene.frame_time, environment.plane.has_value());
   ParticleLifecycle lifecycle(scene, options.schedule, start.back(), options.active, options.start_time);
   if (options.device == Device::cuda && !lifecycle.changes() && !prescribed.any() && stays_on_gpu(environment))
-    return rollout_on_gpu(scene, environment, particle_type, start, options);
+    return rollout_on_gpu(scene, environment, particle_type, material, start, options);
 
   Frames history(start.end() - static_cast<std::ptrdiff_t>(needed), start.end());
   if (options.schedule != nullptr) add_past_of_born(scene, *options.schedule, options.start_time, history);
@@ -249,12 +265,12 @@ Trajectory LearnedSimulator::rollout(const Scene& scene, const Environment& envi
     LapTimer whole;
     const Environment& here = surroundings.at(to, /*for_features=*/in_bundle == 0 && options.network);
     const std::vector<uint8_t> kinematic = prescribed.mask(frame);
-    StepParticles step(lifecycle, particle_type, history, kinematic);
+    StepParticles step(lifecycle, particle_type, material, history, kinematic);
     if (in_bundle == 0) {
       FrameTiming spent;
       const double placing = whole.lap();
       Frames predicted = options.network
-                             ? predict(here, step.type(), step.history(), options.device, spent)
+                             ? predict(here, step.type(), step.material(), step.history(), options.device, spent)
                              : Frames(static_cast<std::size_t>(config().bundle), falling(scene, step.type()));
       spent.features += here.moves() ? placing : 0;
       frame_timing =
@@ -297,10 +313,11 @@ CudaSimulator& LearnedSimulator::gpu_simulator() const {
 
 Trajectory LearnedSimulator::rollout_on_gpu(const Scene& scene, const Environment& environment,
                                             const std::vector<int32_t>& particle_type,
+                                            const std::vector<int32_t>& material,
                                             const std::vector<std::vector<Vec3f>>& start,
                                             const RolloutOptions& options) const {
   CudaSimulator& simulator = gpu_simulator();
-  simulator.start(scene, environment, particle_type, start,
+  simulator.start(scene, environment, particle_type, material, start,
                   {options.project, options.density_limit, options.free_flight, options.network});
   Trajectory trajectory = empty_trajectory(scene, particle_type, weights_->file);
   std::vector<Vec3f> before = start.back();
@@ -327,13 +344,15 @@ Trajectory LearnedSimulator::rollout_on_gpu(const Scene& scene, const Environmen
 
 std::vector<Vec3f> LearnedSimulator::one_step_on_gpu(const Scene& scene, const Environment& environment,
                                                      const std::vector<int32_t>& particle_type,
-                                                     const std::vector<std::vector<Vec3f>>& positions) const {
+                                                     const std::vector<std::vector<Vec3f>>& positions,
+                                                     const std::vector<int32_t>& material) const {
+  const std::vector<int32_t> seen = seen_materials(environment, particle_type, material);
   if (!stays_on_gpu(environment)) {
     FrameTiming spent;
-    return std::move(predict(environment, particle_type, positions, Device::cuda, spent).front());
+    return std::move(predict(environment, particle_type, seen, positions, Device::cuda, spent).front());
   }
   CudaSimulator& simulator = gpu_simulator();
-  simulator.start(scene, environment, particle_type, positions, {false, 0, false, true});
+  simulator.start(scene, environment, particle_type, seen, positions, {false, 0, false, true});
   return simulator.accelerations();
 }
 

@@ -28,13 +28,16 @@ class LearnedSimulator {
   void check_runs_on(Device device) const;
 
   /// Accelerations per frame^2 [m], shape [n], from history + 1 positions, newest last: those of the next frame, the
-  /// first one of a bundle. `environment` is that of the frame to come, the particles are those in the run.
+  /// first one of a bundle. `environment` is that of the frame to come, the particles are those in the run. `material`
+  /// [n]: as RolloutOptions has it.
   std::vector<Vec3f> one_step(const Environment& environment, const std::vector<int32_t>& particle_type,
-                              const std::vector<std::vector<Vec3f>>& positions, FrameTiming* timing = nullptr) const;
+                              const std::vector<std::vector<Vec3f>>& positions, FrameTiming* timing = nullptr,
+                              const std::vector<int32_t>& material = {}) const;
   /// The same on a GPU, as rollouts there have it. Throws ConfigError without one.
   std::vector<Vec3f> one_step_on_gpu(const Scene& scene, const Environment& environment,
                                      const std::vector<int32_t>& particle_type,
-                                     const std::vector<std::vector<Vec3f>>& positions) const;
+                                     const std::vector<std::vector<Vec3f>>& positions,
+                                     const std::vector<int32_t>& material = {}) const;
   /// Floating-point operations of the network for one frame of particles at `position`, a frame's share of those of a
   /// bundle (graph/plan/layer_plan.h).
   double flop(const Environment& environment, const std::vector<Vec3f>& position) const;
@@ -54,8 +57,11 @@ class LearnedSimulator {
     const GivenFrames* given = nullptr;
     const ParticleSchedule* schedule = nullptr;  ///< births and scripts; null: none
     double start_time = 0;                       ///< [s] of the newest start frame
-    std::vector<uint8_t> active = {};            ///< [n] 1 for those in the run at the start; empty: all that are born
-    Device device = Device::cpu;  ///< on a GPU matrix products are in bf16, and latents have to be 128 wide
+    /// [n] indices into the environment's materials, or no_material, for networks that see constants; empty: by the
+    /// particles' types (MaterialTable::by_type)
+    std::vector<int32_t> material = {};
+    std::vector<uint8_t> active = {};  ///< [n] 1 for those in the run at the start; empty: all that are born
+    Device device = Device::cpu;       ///< on a GPU matrix products are in bf16, and latents have to be 128 wide
   };
   /// Predicts options.frames frames after `start` (history + 1 positions or more, newest last; see start_history). The
   /// network is evaluated every config().bundle frames, from then newest ones; the last bundle may be cut. The
@@ -74,12 +80,16 @@ class LearnedSimulator {
  private:
   /// Accelerations of the next config().bundle frames [bundle][n].
   std::vector<std::vector<Vec3f>> predict(const Environment& environment, const std::vector<int32_t>& particle_type,
+                                          const std::vector<int32_t>& material,
                                           const std::vector<std::vector<Vec3f>>& positions, Device device,
                                           FrameTiming& timing) const;
+  /// What the network sees of the particles' materials; empty where it does not.
+  std::vector<int32_t> seen_materials(const Environment& environment, const std::vector<int32_t>& particle_type,
+                                      const std::vector<int32_t>& material) const;
   CudaSimulator& gpu_simulator() const;
   Trajectory rollout_on_gpu(const Scene& scene, const Environment& environment,
-                            const std::vector<int32_t>& particle_type, const std::vector<std::vector<Vec3f>>& start,
-                            const RolloutOptions& options) const;
+                            const std::vector<int32_t>& particle_type, const std::vector<int32_t>& material,
+                            const std::vector<std::vector<Vec3f>>& start, const RolloutOptions& options) const;
 
   std::shared_ptr<const Network> network_;
   std::shared_ptr<const nn::Weights> weights_;

@@ -45,9 +45,11 @@ class Network {
   /// Normalised accelerations [n, output_width()] of the next feature_config().bundle frames of particles of the given
   /// types [n], from history + 1 positions [n], newest last. `environment` is that of the frame to come. Across
   /// periodic walls particles see each other as far as their images reach (graph/features/periodic_images.h).
+  /// `material` [n]: indices into environment.materials, or no_material; read by networks that see constants alone.
   /// Fills in the parts of `timing` that it knows. May be called from several threads. Throws InputError for a particle
   /// type that is not known.
   virtual std::vector<float> predict(const Environment& environment, const std::vector<int32_t>& particle_type,
+                                     const std::vector<int32_t>& material,
                                      const std::vector<std::vector<Vec3f>>& positions, FrameTiming& timing,
                                      const NetworkEngine* engine = nullptr) const = 0;
 

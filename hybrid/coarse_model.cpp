@@ -6,7 +6,6 @@
 #include <cmath>
 #include <limits>
 #include <nlohmann/json.hpp>
-#include <type_traits>
 
 #include "core/system/error.h"
 #include "mpm/materials/material_parameters.h"
@@ -55,53 +54,7 @@ double scripted_speed(const Scene& scene) {
   return fastest;
 }
 
-/// Calls visit("law.key", value) for the numbers of a material that its law uses.
-template <typename Visit>
-void visit_constants(const MaterialConfig& material, Visit&& visit) {
-  const std::string law = law_name(material.model);
-  MaterialConfig::fields([&](auto member, const FieldInfo& info) {
-    if constexpr (std::is_same_v<std::decay_t<decltype(material.*member)>, double>) {
-      const std::string laws = " " + std::string(info.only_for) + " ";
-      if (info.only_for.empty() || laws.find(" " + law + " ") != std::string::npos)
-        visit(law + "." + std::string(info.name), material.*member);
-    }
-  });
-}
-
-/// Calls visit(key, value) for the numbers of a scene that the training covers: constants of materials and friction.
-template <typename Visit>
-void visit_numbers(const Scene& scene, Visit&& visit) {
-  for (const auto& [name, material] : scene.materials) visit_constants(material, visit);
-  for (int axis = 0; axis < scene.domain.axes(); ++axis)
-    for (const int side : {0, 1}) visit("contact.friction", scene.domain.friction(axis, side));
-  for (const Obstacle& obstacle : scene.obstacles) visit("contact.friction", obstacle.friction);
-}
-
-template <typename Enum>
-std::string word_of_enum(Enum value) {
-  for (const auto& [word, known] : EnumWords<Enum>::words)
-    if (known == value) return word;
-  return "";
-}
-
-/// Kinds of walls and contacts of obstacles, in words.
-std::set<std::string> contacts_of(const Scene& scene) {
-  std::set<std::string> words;
-  for (int axis = 0; axis < scene.domain.axes(); ++axis)
-    for (const int side : {0, 1}) words.insert(word_of_enum(scene.domain.wall(axis, side)));
-  for (const Obstacle& obstacle : scene.obstacles) words.insert(word_of_enum(obstacle.contact));
-  return words;
-}
-
 }  // namespace
-
-void TrainedBox::widen(const Scene& scene) {
-  visit_numbers(scene, [&](const std::string& key, double value) {
-    const auto [range, added] = ranges.try_emplace(key, value, value);
-    range->second = {std::min(range->second.first, value), std::max(range->second.second, value)};
-  });
-  contacts.merge(contacts_of(scene));
-}
 
 CourantNumbers::CourantNumbers()
     : waves({{MaterialModel::water, std::log(0.6)},
@@ -177,21 +130,8 @@ int64_t CoarseModel::substeps(const Scene& scene) const {
 }
 
 std::vector<std::string> CoarseModel::unlike_training(const Scene& scene) const {
-  std::vector<std::string> lines;
-  if (trained.ranges.empty()) return lines;
-  visit_numbers(scene, [&](const std::string& key, double value) {
-    const auto range = trained.ranges.find(key);
-    std::string line;
-    if (range == trained.ranges.end())
-      line = fmt::format("{} is {:.6g}; the training had no such constant", key, value);
-    else if (value < range->second.first * (1 - 1e-9) || value > range->second.second * (1 + 1e-9))
-      line = fmt::format("{} is {:.6g}, of the training {:.6g} to {:.6g}", key, value, range->second.first,
-                         range->second.second);
-    if (!line.empty() && std::find(lines.begin(), lines.end(), line) == lines.end()) lines.push_back(line);
-  });
-  for (const std::string& word : contacts_of(scene))
-    if (!trained.contacts.contains(word))
-      lines.push_back(fmt::format("contact is {}, of the training {}", word, fmt::join(trained.contacts, ", ")));
+  std::vector<std::string> lines = trained.unlike_materials(scene);
+  for (std::string& line : trained.unlike_contacts(scene)) lines.push_back(std::move(line));
   return lines;
 }
 
@@ -215,8 +155,7 @@ nn::Weights CoarseModel::store() const {
   weights.metadata = metadata;
   weights.metadata["architecture"] = coarse_architecture;
   weights.metadata["parameter_names"] = Json(parameter_names()).dump();
-  weights.metadata["training.ranges"] = Json(trained.ranges).dump();
-  weights.metadata["training.contacts"] = Json(trained.contacts).dump();
+  trained.store(weights.metadata);
   add(weights, "parameters", parameters());
   add(weights, "log_courant", courant_values(log_courant));
   add(weights, "resolutions", resolutions);
@@ -239,13 +178,14 @@ CoarseModel CoarseModel::load(const nn::Weights& weights) {
   try {
     const auto names = Json::parse(weights.metadata.at("parameter_names")).get<std::vector<std::string>>();
     if (names != parameter_names()) throw bad("its parameters are of another version (metadata parameter_names)");
-    model.trained.ranges = Json::parse(weights.metadata.at("training.ranges")).get<decltype(TrainedBox::ranges)>();
-    model.trained.contacts = Json::parse(weights.metadata.at("training.contacts")).get<std::set<std::string>>();
   } catch (const Json::exception& error) {
     throw bad(std::string("its metadata are no JSON (") + error.what() + ")");
   } catch (const std::out_of_range&) {
-    throw bad("metadata parameter_names, training.ranges or training.contacts are missing");
+    throw bad("metadata parameter_names are missing");
   }
+  if (!weights.metadata.contains("training.ranges") || !weights.metadata.contains("training.contacts"))
+    throw bad("metadata training.ranges or training.contacts are missing");
+  model.trained = nn::TrainedBox::load(weights);
   const auto numbers = [&](const char* name, std::size_t count, double low, double high) {
     const std::vector<float> stored = weights.get(name, {static_cast<int64_t>(count)});
     for (std::size_t i = 0; i < count; ++i)

@@ -5,26 +5,17 @@
 
 #include <cstdint>
 #include <map>
-#include <set>
 #include <string>
-#include <utility>
 #include <vector>
 
 #include "core/parallel/device.h"
 #include "hybrid/effective_constants.h"
+#include "nn/trained_box.h"
 #include "nn/weights.h"
 
 namespace graupel::hybrid {
 
 inline constexpr const char* coarse_architecture = "coarse_mpm";
-
-/// What the training scenes cover.
-struct TrainedBox {
-  /// Lowest and highest value of each constant, by "law.key" ("sand.friction_angle"), and of "contact.friction".
-  std::map<std::string, std::pair<double, double>> ranges;
-  std::set<std::string> contacts;  ///< kinds of walls and of obstacles' contact, in words
-  void widen(const Scene& scene);  ///< so that it holds the scene's
-};
 
 /// ln of the Courant numbers that set a step: c dt / dx of a law's elastic waves at rest, and v dt / dx of the largest
 /// speed that the scene can be expected to have.
@@ -42,7 +33,7 @@ struct CoarseModel {
   std::vector<double> resolutions = {1, 1.125, 1.25, 1.375, 1.5, 1.625, 1.75, 1.875, 2};
   /// A substep on a grid of spacing r dx takes r^-k times as long: k on the CPU and on a GPU.
   std::map<Device, double> cost_exponent = {{Device::cpu, 2}, {Device::cuda, 0.75}};
-  TrainedBox trained;                           ///< empty: not told
+  nn::TrainedBox trained;                       ///< empty: not told
   std::map<std::string, std::string> metadata;  ///< of the file: provenance
 
   /// The constants that the search changes, by name, in a fixed order.

@@ -14,9 +14,10 @@
 #include "core/scene/material_config.h"
 #include "core/system/error.h"
 #include "experiments/comparison/fairness.h"
-#include "experiments/comparison/trained_materials.h"
+#include "experiments/models/trained_materials.h"
 #include "graph/features/particle_lifecycle.h"
 #include "graph/features/periodic_images.h"
+#include "mpm/scene/particle_materials.h"
 #include "mpm/scene/scene_hash.h"
 
 namespace graupel::experiments {
@@ -231,11 +232,12 @@ compare::OneStepError SceneComparison::one_step_of_network(const ComparedModel& 
   graph::MovingEnvironment surroundings(environment());
   const graph::ParticleSchedule schedule = schedule_of(start_);
   const auto accelerations = [&](const graph::Environment& here, const std::vector<int32_t>& type,
+                                 const std::vector<int32_t>& material,
                                  const std::vector<std::vector<Vec3f>>& positions) {
     if (model.choice.parts == NetworkParts::corrections_alone)
       return std::vector<Vec3f>(positions.back().size(), (task_.scene.gravity * std::pow(dt, 2)).cast<float>());
-    return device_ == Device::cuda ? network.one_step_on_gpu(task_.scene, here, type, positions)
-                                   : network.one_step(here, type, positions);
+    return device_ == Device::cuda ? network.one_step_on_gpu(task_.scene, here, type, positions, material)
+                                   : network.one_step(here, type, positions, nullptr, material);
   };
   compare::OneStepAccumulator error(task_.scene.gravity, dt, task_.scene.domain.dx);
   const int64_t history = network.config().history;
@@ -250,9 +252,10 @@ compare::OneStepError SceneComparison::one_step_of_network(const ComparedModel& 
     graph::unwrap_periodic(here, next);
     const std::vector<std::size_t> active = active_between(frame);
     for (std::vector<Vec3f>& all : positions) all = rows_of(all, active);
-    const std::vector<int32_t> type = rows_of(start_.particle_type, active);
+    const std::vector<int32_t> type = rows_of(start_.particle_type, active),
+                               material = rows_of(start_.material, active);
     std::vector<Vec3d> predicted;
-    for (const Vec3f& a : accelerations(here, type, positions)) predicted.push_back(a.cast<double>());
+    for (const Vec3f& a : accelerations(here, type, material, positions)) predicted.push_back(a.cast<double>());
     error.add(
         predicted,
         compare::frame_accelerations(positions[positions.size() - 2], positions.back(), rows_of(next.front(), active)),
@@ -309,14 +312,11 @@ compare::ModelResult SceneComparison::evaluate(const ComparedModel& model) {
   compare::ModelResult result;
   result.model = model.choice.name;
   if (has_one_step_error(model.choice.kind)) result.one_step_source = model.network ? "true history" : "own rollout";
+  if (task_.stored && model.network && model.network->config().material_constants)
+    start_.material =
+        mpm::particle_materials(task_.scene, *task_.stored, truth_.run.position(0), "'" + task_.source + "'");
   if (model.network && model.choice.parts != NetworkParts::corrections_alone)
-    for (const std::string& line : unlike_training(model.network->weights(), task_.scene)) {
-      result.remarks.push_back("the network knows materials by their type alone: " + line);
-      std::fprintf(stderr, "graupel: warning: %s: '%s' %s\n", task_.scene.name.c_str(), model.choice.name.c_str(),
-                   result.remarks.back().c_str());
-    }
-  if (model.network && model.choice.parts != NetworkParts::corrections_alone)
-    for (const std::string& line : unknown_walls(model.network->weights(), task_.scene)) {
+    for (const std::string& line : training_remarks(model.network->weights(), task_.scene)) {
       result.remarks.push_back(line);
       std::fprintf(stderr, "graupel: warning: %s: '%s' %s\n", task_.scene.name.c_str(), model.choice.name.c_str(),
                    line.c_str());

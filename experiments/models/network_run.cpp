@@ -34,6 +34,7 @@ TimedRun run_network(const graph::LearnedSimulator& simulator, const Scene& scen
   options.project = laws.project;
   options.network = laws.network;
   options.schedule = &schedule;
+  options.material = start.material;
   Stopwatch last;
   options.progress = [&](int64_t frame, const graph::FrameTiming& timing) {
     stop_if_interrupted();

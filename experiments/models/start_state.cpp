@@ -25,6 +25,7 @@ StartState start_of(const Scene& scene, uint64_t seed) {
     start.volume.push_back(particles.volume[p]);
     start.mass.push_back(particles.volume[p] * material.density);
   }
+  start.material = particles.material;
   start.birth_time = particles.birth_time;
   start.script = particles.script;
   start.scripts = particles.scripts;

@@ -14,6 +14,7 @@ namespace graupel::experiments {
 /// at the place and with the velocity of their birth.
 struct StartState {
   std::vector<int32_t> particle_type;
+  std::vector<int32_t> material;     ///< indices into scene.materials in map order
   std::vector<Vec3f> position;       ///< [m]
   std::vector<Vec3f> velocity;       ///< [m/s]
   std::vector<double> mass, volume;  ///< [kg], [m^3]

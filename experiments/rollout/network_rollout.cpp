@@ -10,10 +10,12 @@
 #include "core/system/error.h"
 #include "experiments/models/bundle_times.h"
 #include "experiments/models/timed_run.h"
+#include "experiments/models/trained_materials.h"
 #include "experiments/process/process.h"
 #include "experiments/process/progress.h"
 #include "experiments/rollout/rollout_input.h"
 #include "graph/learned_simulator.h"
+#include "nn/trained_box.h"
 
 namespace graupel::experiments {
 
@@ -70,6 +72,7 @@ graph::LearnedSimulator::RolloutOptions simulator_options(const RolloutOptions& 
   run.free_flight = !options.no_free_flight && !start.unknown_gravity;
   run.given = &start.rest;
   run.schedule = &start.schedule;
+  run.material = start.material;
   run.active = start.active;
   run.start_time = start.time;
   run.device = device;
@@ -107,8 +110,11 @@ void rollout_network(const RolloutOptions& options, Device device) {
   const graph::LearnedSimulator simulator(options.weights);
   const int history = static_cast<int>(simulator.config().history) + 1;
   check_start(options, history);
-  RolloutStart start = rollout_start(options, history);
+  RolloutStart start = rollout_start(options, history, simulator.config().material_constants);
   check_scene(start, options);
+  if (nn::TrainedBox::load(simulator.weights()).is_told())
+    for (const std::string& line : training_remarks(simulator.weights(), start.scene))
+      std::fprintf(stderr, "graupel: warning: %s\n", line.c_str());
   const graph::Environment environment(start.scene);
   graph::LearnedSimulator::RolloutOptions run = simulator_options(options, start, device);
   Progress progress(fmt::format("rollout {} ({} particles)", start.scene.name, start.particle_type.size()), run.frames);

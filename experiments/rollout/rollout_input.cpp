@@ -8,6 +8,7 @@
 #include "core/system/error.h"
 #include "experiments/models/start_state.h"
 #include "io/scene/scene_reader.h"
+#include "mpm/scene/particle_materials.h"
 
 namespace graupel::experiments {
 
@@ -57,6 +58,7 @@ RolloutStart start_from_scene(const RolloutOptions& options, int history) {
   start.seed = options.common.seed_given ? options.common.seed : start.scene.seed;
   const StartState sampled = start_of(start.scene, start.seed);
   start.particle_type = sampled.particle_type;
+  start.material = sampled.material;
   start.history = past_of(sampled, start.scene, history);
   start.schedule = schedule_of(sampled);
   return start;
@@ -80,7 +82,7 @@ bool is_timed(const Scene& scene) {
 }
 
 /// "scene": frame 0 with a ballistic past; "truth:N": the first N frames of the trajectory.
-RolloutStart start_from_trajectory(const RolloutOptions& options, int history) {
+RolloutStart start_from_trajectory(const RolloutOptions& options, int history, bool materials) {
   const io::TrajectoryReader reader(options.input);
   const Trajectory header = chosen_header(reader, options);
   const int index = static_cast<int>(options.trajectory);
@@ -91,6 +93,9 @@ RolloutStart start_from_trajectory(const RolloutOptions& options, int history) {
   start.unknown_gravity = header.made_by.starts_with("converted from") && norm2(start.scene.gravity) == 0;
   const bool from_scene = options.start == "scene";
   const ParticleFrame first = reader.frames(index, 0, 1).front();
+  if (materials)
+    start.material = mpm::particle_materials(start.scene, header, first.position,
+                                             fmt::format("'{}': trajectory {}", options.input, index));
   StartState particles;
   particles.particle_type = start.particle_type;
   particles.position = first.position;
@@ -116,8 +121,9 @@ RolloutStart start_from_trajectory(const RolloutOptions& options, int history) {
 
 }  // namespace
 
-RolloutStart rollout_start(const RolloutOptions& options, int history) {
-  return is_trajectory(options.input) ? start_from_trajectory(options, history) : start_from_scene(options, history);
+RolloutStart rollout_start(const RolloutOptions& options, int history, bool materials) {
+  return is_trajectory(options.input) ? start_from_trajectory(options, history, materials)
+                                      : start_from_scene(options, history);
 }
 
 }  // namespace graupel::experiments

@@ -33,6 +33,7 @@ void write_positions(const std::string& file, const Trajectory& trajectory);
 struct RolloutStart {
   Scene scene;
   std::vector<int32_t> particle_type;
+  std::vector<int32_t> material;                  ///< indices into the scene's materials, where asked for; or empty
   std::vector<std::vector<Vec3f>> history;        ///< positions [m] of frames, oldest first
   std::vector<std::vector<Vec3f>> rest;           ///< of a trajectory: its frames after the start
   std::vector<std::vector<uint8_t>> rest_active;  ///< and which particles are in the run in them, or empty ones
@@ -44,7 +45,8 @@ struct RolloutStart {
 };
 
 /// With `history` frames: of a scene, and of the first frame of a trajectory (--start scene), a ballistic past; of
-/// --start truth:N the first frames themselves. Throws ConfigError and InputError.
-RolloutStart rollout_start(const RolloutOptions& options, int history);
+/// --start truth:N the first frames themselves. `materials`: of the particles are asked for. Throws ConfigError and
+/// InputError.
+RolloutStart rollout_start(const RolloutOptions& options, int history, bool materials);
 
 }  // namespace graupel::experiments

@@ -15,6 +15,9 @@ namespace graph {
 /// Frames that a network may predict at once.
 inline constexpr int most_bundle = 8;
 
+/// Features of FeatureConfig::material_constants and ::contact.
+inline constexpr int material_constant_count = 7, contact_feature_count = 7;
+
 /// Networks that corrected a frame of gravity alone.
 inline constexpr RemovedField removed_predictor = {"predictor", "\"none\"",
                                                    "rollouts of networks that correct ballistic frames were no better"};
@@ -28,6 +31,10 @@ struct FeatureConfig {
   bool cell_normal = true;       ///< feature: normal of the particle's obstacle cell (the paper's)
   bool signed_distance = false;  ///< features: obstacle distance / band, and its gradient
   double distance_clamp = 0.1;   ///< [m] of that distance
+  /// features: constants of the particle's material (graph/features/material_constants.h)
+  bool material_constants = false;
+  /// features of the nearest surface within the clamps: friction, kind of contact, velocity (contact_features.h)
+  bool contact = false;
   double frame_time = 1.0 / 60;  ///< [s] the network was trained for
   double dx = 1.0 / 64;          ///< cell size of the obstacle normals [m]
   int64_t dimensions = 3;        ///< of the scenes; in two all particles lie in a plane of z, and stay there
@@ -39,7 +46,8 @@ struct FeatureConfig {
 
   bool in_plane() const { return dimensions == 2; }
   int64_t input_width() const {
-    return 3 * history + 6 + (cell_normal ? 3 : 0) + (signed_distance ? 4 : 0) + embedding;
+    return 3 * history + 6 + (cell_normal ? 3 : 0) + (signed_distance ? 4 : 0) +
+           (material_constants ? material_constant_count : 0) + (contact ? contact_feature_count : 0) + embedding;
   }
   /// Numbers that the decoder gives for a particle: [a_1 xyz, a_2 xyz, ..].
   int64_t output_width() const { return 3 * bundle; }
@@ -67,6 +75,12 @@ struct FeatureConfig {
                                         .unit = "m",
                                         .meaning = "Obstacle distances are clamped to this",
                                         .range = Range::positive()});
+    visit(&C::material_constants,
+          FieldInfo{
+              .name = "material_constants", .unit = "", .meaning = "Features: constants of the particle's material"});
+    visit(&C::contact, FieldInfo{.name = "contact",
+                                 .unit = "",
+                                 .meaning = "Features: friction, kind of contact and velocity of the nearest surface"});
     visit(&C::frame_time,
           FieldInfo{.name = "frame_time", .unit = "s", .meaning = "Time between frames", .range = Range::positive()});
     visit(&C::dx,

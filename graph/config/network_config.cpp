@@ -24,10 +24,11 @@ std::map<std::string, std::string> GnsConfig::to_metadata() const {
 }
 
 HgnConfig HgnConfig::from_metadata(const std::map<std::string, std::string>& metadata, const std::string& file) {
-  return config_from<HgnConfig>(metadata, hgn_prefix, file, {"aggregation", "bundle", "dimensions"});
+  return config_from<HgnConfig>(metadata, hgn_prefix, file,
+                                {"aggregation", "bundle", "dimensions", "material_constants", "contact"});
 }
 GnsConfig GnsConfig::from_metadata(const std::map<std::string, std::string>& metadata, const std::string& file) {
-  return config_from<GnsConfig>(metadata, gns_prefix, file, {"bundle", "dimensions"});
+  return config_from<GnsConfig>(metadata, gns_prefix, file, {"bundle", "dimensions", "material_constants", "contact"});
 }
 
 std::string architecture_of(const nn::Weights& weights) { return value_of(weights, "architecture"); }

@@ -2,9 +2,9 @@
 #pragma once
 
 #include "core/math/axis_map.h"
-#include "graph/config/feature_config.h"
-#include "sparsegrid/cell_normals.h"
-#include "sparsegrid/obstacle.h"
+#include "graph/features/contact_features.h"
+#include "graph/features/environment_view.h"
+#include "graph/features/feature_rules.h"
 
 namespace graupel::graph {
 
@@ -16,35 +16,6 @@ inline constexpr int most_positions = most_history + 1;
 /// material "stationary".
 inline constexpr int32_t obstacle_row = 3, stationary_row = 2;
 GRAUPEL_HD inline bool is_kinematic_row(int32_t row) { return row == obstacle_row || row == stationary_row; }
-
-/// What a FeatureConfig and a Normalization say about features.
-struct FeatureRules {
-  FeatureRules() = default;
-  FeatureRules(const FeatureConfig& config, const Normalization& statistics)
-      : history(static_cast<int>(config.history)),
-        width(static_cast<int>(config.input_width() - config.embedding)),
-        cell_normal(config.cell_normal),
-        signed_distance(config.signed_distance),
-        plane(config.in_plane()),
-        wall_clamp(config.wall_clamp),
-        distance_clamp(config.distance_clamp),
-        normalization(statistics) {}
-
-  int history = 0;  ///< velocities
-  int width = 0;    ///< numbers a particle
-  bool cell_normal = false, signed_distance = false;
-  bool plane = false;                         ///< two dimensions
-  double wall_clamp = 1, distance_clamp = 1;  ///< [m]
-  Normalization normalization;
-};
-
-/// Static environment in the memory of one device (graph/features/features.h, Environment::view).
-struct EnvironmentView {
-  sparsegrid::ObstacleSetView obstacles;
-  sparsegrid::CellNormalsView normals;
-  Vec3d wall_low, wall_high;  ///< [m]; far away along z in the plane, which has no walls there
-  bool plane = false;         ///< two dimensions: normals have no part along z
-};
 
 /// The acceleration [m/frame^2] that three numbers of a network's output stand for; none out of the plane.
 GRAUPEL_HD inline Vec3f real_acceleration(const Normalization& statistics, bool plane, const float* output) {
@@ -76,19 +47,34 @@ GRAUPEL_HD inline Vec3f normal_in(const EnvironmentView& environment, Vec3f norm
 
 }  // namespace feature_row
 
-/// A row is made in parts, which need not wait for each other.
-enum class FeaturePart : int { motion, cell_normal, signed_distance };
-inline constexpr int feature_parts_of_row = 3;
+/// A row is made in parts, which need not wait for each other; the last ones of networks that have them alone.
+enum class FeaturePart : int { motion, cell_normal, signed_distance, material_constants, contact };
+GRAUPEL_HD inline int feature_parts_of_row(const FeatureRules& rules) {
+  return rules.contact ? 5 : rules.material_constants ? 4 : 3;
+}
 
 /// Writes one part of a row, at its place in it; see write_feature_row.
 GRAUPEL_HD inline void write_feature_part(FeaturePart part, const FeatureRules& rules,
-                                          const EnvironmentView& environment, const AxisMap& symmetry,
+                                          const EnvironmentView& environment, const AxisMap& symmetry, int32_t material,
                                           const Vec3f* position, float* row) {
   using namespace feature_row;
   const Vec3d x = position[rules.history].cast<double>();
   float* const normal = row + 3 * rules.history;
   float* const walls = normal + (rules.cell_normal ? 3 : 0);
   float* const distance = walls + 6;
+  float* const constants = distance + (rules.signed_distance ? 4 : 0);
+  float* const contact = constants + (rules.material_constants ? material_constant_count : 0);
+  if (part == FeaturePart::material_constants) {
+    if (!rules.material_constants) return;
+    const bool is_known = material != no_material;
+    for (int k = 0; k < material_constant_count; ++k)
+      constants[k] = is_known ? environment.materials[material].feature[k] : 0;
+    return;
+  }
+  if (part == FeaturePart::contact) {
+    if (rules.contact) write_contact(rules, environment, symmetry, x, contact);
+    return;
+  }
   if (part == FeaturePart::cell_normal) {
     if (rules.cell_normal) put(symmetry.apply(normal_in(environment, environment.normals.at(x))), normal);
     return;
@@ -115,11 +101,12 @@ GRAUPEL_HD inline void write_feature_part(FeaturePart part, const FeatureRules& 
 }
 
 /// Writes rules.width features of a particle, in the order of particle_features(), as those of the scene turned by
-/// `symmetry`. `position` [m] holds rules.history + 1 frames, newest last, unturned.
+/// `symmetry`. `material` is an index into environment.materials, or no_material. `position` [m] holds
+/// rules.history + 1 frames, newest last, unturned.
 GRAUPEL_HD inline void write_feature_row(const FeatureRules& rules, const EnvironmentView& environment,
-                                         const AxisMap& symmetry, const Vec3f* position, float* row) {
-  for (int part = 0; part < feature_parts_of_row; ++part)
-    write_feature_part(static_cast<FeaturePart>(part), rules, environment, symmetry, position, row);
+                                         const AxisMap& symmetry, int32_t material, const Vec3f* position, float* row) {
+  for (int part = 0; part < feature_parts_of_row(rules); ++part)
+    write_feature_part(static_cast<FeaturePart>(part), rules, environment, symmetry, material, position, row);
 }
 
 }  // namespace graupel::graph

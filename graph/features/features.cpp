@@ -25,6 +25,13 @@ double hold(const Scene& scene, int axis, int side) {
   return (side == 0 ? scene.wall_low() : scene.wall_high())[axis];
 }
 
+/// Open and periodic walls are met by nothing.
+SurfaceContact wall_contact(const Domain& domain, int axis, int side) {
+  const Wall kind = domain.wall(axis, side);
+  if (kind == Wall::stick) return {Contact::stick, 0};
+  return {kind == Wall::slip ? Contact::slip : Contact::separate, static_cast<float>(domain.friction(axis, side))};
+}
+
 Vec3d holds(const Scene& scene, int side) { return {hold(scene, 0, side), hold(scene, 1, side), hold(scene, 2, side)}; }
 
 Vec3d periods(const Scene& scene) {
@@ -88,18 +95,37 @@ Environment::Environment(const Scene& scene, std::optional<double> spacing)
       box_high(scene.wall_high()),
       period(periods(scene)),
       gravity_step((scene.gravity * (scene.frame_time * scene.frame_time)).cast<float>()),
+      frame_time(scene.frame_time),
+      materials(scene),
       way_piece(longest_piece(obstacles, scene.voxel())) {
+  for (int face = 0; face < 2 * scene.domain.axes(); ++face)
+    wall[face % 2 * 3 + face / 2] = wall_contact(scene.domain, face / 2, face % 2);
   if (!scene.has_moving_obstacles()) return;
   Scene parts;
   parts.domain = scene.domain;
   parts.domain.dx = normal_spacing;
   parts.obstacles = scene.obstacles;
   moving = std::make_shared<const Scene>(std::move(parts));
+  set_time(0);
+}
+
+void Environment::set_time(double when) {
+  time = when;
+  carried_from.clear();
+  if (!moves()) return;
+  for (const Obstacle& obstacle : moving->obstacles) {
+    RigidMap& map = carried_from.emplace_back();
+    if (!obstacle.motion) continue;
+    const RigidMap before = obstacle.motion->at(std::max(0.0, time - frame_time), obstacle.position),
+                   now = obstacle.motion->at(time, obstacle.position);
+    map.rotation = before.rotation * transpose(now.rotation);
+    map.translation = before.translation - map.rotation * now.translation;
+  }
 }
 
 Environment Environment::at(double when, bool for_features) const {
   Environment placed = *this;
-  placed.time = when;
+  placed.set_time(when);
   if (!moves()) return placed;
   placed.obstacles = obstacles.at(when);
   if (!for_features) return placed;
@@ -146,7 +172,7 @@ const Environment& MovingEnvironment::at(double time, bool for_features) {
     placed = placed.at(time, for_features);
     if (for_features) features_time_ = time;
   }
-  placed.time = time;
+  placed.set_time(time);
   placed_ = std::move(placed);
   return *placed_;
 }
@@ -156,11 +182,22 @@ SweptCollision Environment::swept_collision(Device device) const {
 }
 
 EnvironmentView Environment::view(Device device) const {
-  EnvironmentView all = {obstacles.view(device), normals.view(device), wall_low, wall_high, plane.has_value()};
+  GRAUPEL_ASSERT(device == Device::cpu || !moves());
+  EnvironmentView all;
+  all.obstacles = obstacles.view(device);
+  all.normals = normals.view(device);
+  all.wall_low = wall_low;
+  all.wall_high = wall_high;
+  all.plane = plane.has_value();
+  all.hold_low = hold_low;
+  all.hold_high = hold_high;
+  std::copy(std::begin(wall), std::end(wall), all.wall);
+  all.materials = materials.constants(device);
+  if (moves()) all.carried_from = carried_from.data();
   for (int d = 0; d < 3; ++d) {
     const bool none = plane.has_value() && d == 2;
-    if (none || hold_low[d] == -far_away) all.wall_low[d] = -far_away;
-    if (none || hold_high[d] == far_away) all.wall_high[d] = far_away;
+    if (none || hold_low[d] == -far_away) all.wall_low[d] = all.hold_low[d] = -far_away;
+    if (none || hold_high[d] == far_away) all.wall_high[d] = all.hold_high[d] = far_away;
   }
   return all;
 }
@@ -171,10 +208,11 @@ Vec3d Environment::grid_origin(double spacing) const {
 
 std::vector<float> particle_features(const FeatureConfig& config, const Normalization& normalization,
                                      const Environment& environment, const std::vector<std::vector<Vec3f>>& positions,
-                                     const AxisMap& symmetry) {
+                                     const std::vector<int32_t>& material, const AxisMap& symmetry) {
   GRAUPEL_ASSERT(positions.size() == static_cast<std::size_t>(config.history) + 1);
   const std::size_t n = positions.back().size();
   for (const auto& frame : positions) GRAUPEL_ASSERT(frame.size() == n);
+  GRAUPEL_ASSERT(!config.material_constants || material.size() == n);
   const auto width = static_cast<std::size_t>(config.input_width() - config.embedding);
   std::vector<float> features(n * width);
   const FeatureRules rules(config, normalization);
@@ -183,7 +221,8 @@ std::vector<float> particle_features(const FeatureConfig& config, const Normaliz
     const auto p = static_cast<std::size_t>(i);
     Vec3f history[most_history + 1];
     for (std::size_t t = 0; t < positions.size(); ++t) history[t] = positions[t][p];
-    write_feature_row(rules, view, symmetry, history, features.data() + p * width);
+    write_feature_row(rules, view, symmetry, config.material_constants ? material[p] : no_material, history,
+                      features.data() + p * width);
   });
   return features;
 }
@@ -229,7 +268,8 @@ const Scene& check_training_scene(const Scene& scene) {
   if (scene.domain.has_wall(Wall::periodic)) what = "periodic walls";
   if (!what.empty())
     throw ConfigError("networks are not trained on this scene (it has " + what +
-                      ", allowed: none). Train on scenes without them; rollouts run such scenes");
+                      ", allowed: none). Leave it out, of a recipe by its categories (generate --set "
+                      "'categories=[...]'); rollouts run such scenes");
   return scene;
 }
 

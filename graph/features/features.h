@@ -8,6 +8,7 @@
 #include "core/scene/scene.h"
 #include "graph/config/feature_config.h"
 #include "graph/features/feature_row.h"
+#include "graph/features/material_constants.h"
 #include "graph/features/obstacle_particles.h"
 #include "graph/features/swept_collision.h"
 #include "sparsegrid/cell_normals.h"
@@ -48,8 +49,14 @@ struct Environment {
   Vec3d box_low, box_high;      ///< [m] Scene::wall_low/high: particles are in this box, or leave it by a wall
   Vec3d period;                 ///< [m] distance of the periodic walls of an axis; 0 for none
   Vec3f gravity_step;           ///< [m/frame^2] gravity times the square of the frame time
-  /// For kernels on `device`; valid as long as this lives.
+  double frame_time;            ///< [s]
+  SurfaceContact wall[6];       ///< lower x y z, upper x y z
+  MaterialTable materials;
+  /// For kernels on `device`; valid as long as this lives and its time is not set. Where obstacles move, on the CPU
+  /// alone.
   EnvironmentView view(Device device) const;
+  /// Of obstacles that stay where they are placed.
+  void set_time(double when);
   SweptCollision swept_collision(Device device) const;
   /// Origin of the grid of evaluation and rollouts: the domain's lower corner. In two dimensions the plane lies between
   /// the two lowest layers of cells, so that both see the same and the levels above have one.
@@ -57,6 +64,7 @@ struct Environment {
   double way_piece;                     ///< [m] pieces in which project_out follows a particle's way past obstacles
   double time = 0;                      ///< [s]
   std::shared_ptr<const Scene> moving;  ///< domain and obstacles; null where none moves
+  std::vector<RigidMap> carried_from;   ///< [obstacles] where each was a frame before; empty where none moves
 };
 
 /// The environment of a scene over time, rebuilt where obstacles have moved.
@@ -76,12 +84,15 @@ class MovingEnvironment {
 /// Continuous features of each particle, without the type embedding, shape [n, input_width - embedding], row-major:
 ///   velocities v^n, v^{n-1}, .. (history x 3, newest first, normalised), cell normal (3, if used), distances to the
 ///   six faces of the domain (lower x y z, upper x y z; clamped to +-wall_clamp and divided by it), and, if used, the
-///   obstacle distance (clamped, divided by distance_clamp) and its gradient (3; zero beyond the band).
-/// `positions` holds history + 1 frames, newest last, each [n]; velocities are frame differences (dt = 1). The features
+///   obstacle distance (clamped, divided by distance_clamp) and its gradient (3; zero beyond the band), the constants
+///   of the material (7; graph/features/material_constants.h) and the contact of the nearest surface (7;
+///   write_contact).
+/// `positions` holds history + 1 frames, newest last, each [n]; velocities are frame differences (dt = 1). `material`
+/// [n] is of use to networks that see constants alone: indices into environment.materials, or no_material. The features
 /// are those of the scene turned by `symmetry`.
 std::vector<float> particle_features(const FeatureConfig& config, const Normalization& normalization,
                                      const Environment& environment, const std::vector<std::vector<Vec3f>>& positions,
-                                     const AxisMap& symmetry = {});
+                                     const std::vector<int32_t>& material = {}, const AxisMap& symmetry = {});
 
 /// Row of the embedding table for a particle type id: 0..8 have their own, 13 (stationary) stationary_row. Throws
 /// InputError for other ids.

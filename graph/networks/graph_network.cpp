@@ -63,10 +63,11 @@ struct GraphNetwork::Impl {
     return gns && gns->obstacle_particles ? gns : nullptr;
   }
   std::vector<float> predict(const Environment& environment, const std::vector<int32_t>& particle_type,
-                             const std::vector<std::vector<Vec3f>>& positions, FrameTiming& timing,
-                             const NetworkEngine* other) const {
+                             const std::vector<int32_t>& material, const std::vector<std::vector<Vec3f>>& positions,
+                             FrameTiming& timing, const NetworkEngine* other) const {
     LapTimer watch;
-    std::vector<float> features = particle_features(features_of(config), normalization, environment, positions);
+    std::vector<float> features =
+        particle_features(features_of(config), normalization, environment, positions, material);
     const PeriodicImages images = periodic_images(environment, positions.back(), image_layer(config));
     timing.features += watch.lap();
     if (images.source.empty())
@@ -107,16 +108,20 @@ std::vector<float> GraphNetwork::forward(const std::vector<float>& features, con
 }
 
 std::vector<float> GraphNetwork::predict(const Environment& environment, const std::vector<int32_t>& particle_type,
+                                         const std::vector<int32_t>& material,
                                          const std::vector<std::vector<Vec3f>>& positions, FrameTiming& timing,
                                          const NetworkEngine* engine) const {
   const GnsConfig* gns = impl_->with_obstacles();
-  if (!gns) return impl_->predict(environment, particle_type, positions, timing, engine);
+  if (!gns) return impl_->predict(environment, particle_type, material, positions, timing, engine);
   LapTimer watch;
   std::vector<std::vector<Vec3f>> all_positions = positions;
   std::vector<int32_t> all_types = particle_type;
   add_obstacle_particles(*gns, environment, all_positions, all_types);
+  std::vector<int32_t> all_materials = material;
+  if (!material.empty()) all_materials.resize(all_types.size(), no_material);
   timing.hierarchy += watch.lap();
-  std::vector<float> acceleration = impl_->predict(environment, all_types, all_positions, timing, engine);
+  std::vector<float> acceleration =
+      impl_->predict(environment, all_types, all_materials, all_positions, timing, engine);
   acceleration.resize(particle_type.size() * static_cast<std::size_t>(gns->output_width()));
   return acceleration;
 }

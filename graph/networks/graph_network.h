@@ -31,8 +31,8 @@ class GraphNetwork : public Network {
   /// The grid's origin is the domain's lower corner. The obstacle particles, where the network was trained with them,
   /// come from the environment.
   std::vector<float> predict(const Environment& environment, const std::vector<int32_t>& particle_type,
-                             const std::vector<std::vector<Vec3f>>& positions, FrameTiming& timing,
-                             const NetworkEngine* engine = nullptr) const override;
+                             const std::vector<int32_t>& material, const std::vector<std::vector<Vec3f>>& positions,
+                             FrameTiming& timing, const NetworkEngine* engine = nullptr) const override;
   double flop(const Environment& environment, const std::vector<Vec3f>& position) const override;
 
  private:
@@ -41,7 +41,7 @@ class GraphNetwork : public Network {
 };
 
 /// Adds the obstacle particles within reach of the newest positions to particles: where they were at every time, of
-/// type obstacle_particle_type, behind the others. Nothing where the network has none.
+/// type obstacle_particle_type, behind the others; they have no material. Nothing where the network has none.
 void add_obstacle_particles(const GnsConfig& config, const Environment& environment,
                             std::vector<std::vector<Vec3f>>& positions, std::vector<int32_t>& particle_type);
 

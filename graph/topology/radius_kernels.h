@@ -331,7 +331,7 @@ struct DescribeObstacles {
     Vec3f position[most_history + 1];
     for (int t = 0; t <= rules.history; ++t) position[t] = scene.point[points.point_of[i] - scene.first_point];
     const int64_t row = points.particles + i;
-    write_feature_row(rules, scene.environment, scene.symmetry, position, features + row * rules.width);
+    write_feature_row(rules, scene.environment, scene.symmetry, no_material, position, features + row * rules.width);
     type_row[row] = type;
   }
 };

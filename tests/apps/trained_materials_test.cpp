@@ -1,13 +1,18 @@
 // Networks know materials by their type; a scene with others than those of the training is told of.
-#include "experiments/comparison/trained_materials.h"
+#include "experiments/models/trained_materials.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "core/system/error.h"
 #include "io/scene/scene_reader.h"
+#include "nn/trained_box.h"
 
 namespace graupel::experiments {
 namespace {
+
+using ::testing::ElementsAre;
+using ::testing::IsEmpty;
 
 Scene scene_with(const std::string& name, const std::string& material) {
   return io::parse_scene(R"({"domain": {"size": [1, 1, 1], "dx": 0.03125}, "materials": {")" + name + R"(": )" +
@@ -44,6 +49,42 @@ TEST(TrainedMaterials, TellOfMaterialsThatWereNotThere) {
 TEST(TrainedMaterials, SayNothingWhereWeightsDoNot) {
   EXPECT_TRUE(unlike_training({}, scene_with("snow", R"({"preset": "taichi_snow"})")).empty());
   EXPECT_THROW(unlike_training(taught("{"), scene_with("snow", R"({"preset": "taichi_snow"})")), InputError);
+}
+
+/// Weights of a training on sand of 20 to 45 degrees on floors of friction 0.1 to 0.7.
+nn::Weights taught_ranges(bool with_inputs) {
+  nn::Weights weights = taught(R"({"sand": {"preset": "taichi_sand"}})");
+  nn::TrainedBox box;
+  for (const char* angle : {"20", "45"}) {
+    Scene scene = scene_with("dune", std::string(R"({"preset": "taichi_sand", "friction_angle": )") + angle + "}");
+    scene.domain.wall_friction = *angle == '2' ? 0.1 : 0.7;
+    box.widen(scene);
+  }
+  box.store(weights.metadata);
+  weights.metadata["hgn.material_constants"] = weights.metadata["hgn.contact"] = with_inputs ? "true" : "false";
+  return weights;
+}
+
+TEST(TrainedRanges, TellOfWhatIsOutside) {
+  Scene scene = scene_with("dune", R"({"preset": "taichi_sand", "friction_angle": 33})");
+  scene.domain.wall_friction = 0.3;
+  EXPECT_THAT(training_remarks(taught_ranges(true), scene), IsEmpty());
+  scene.materials.at("dune").friction_angle = 50;
+  scene.domain.walls = Contact::stick;
+  EXPECT_THAT(training_remarks(taught_ranges(true), scene),
+              ElementsAre("outside the training: sand.friction_angle is 50, of the training 20 to 45",
+                          "outside the training: contact is stick, of the training separate"));
+}
+
+/// A network that was taught various constants, but does not see them, knows their mean at best.
+TEST(TrainedRanges, TellOfWhatTheNetworkDoesNotSee) {
+  Scene scene = scene_with("dune", R"({"preset": "taichi_sand", "friction_angle": 33})");
+  scene.domain.wall_friction = 0.3;
+  scene.sinks.emplace_back();
+  EXPECT_THAT(training_remarks(taught_ranges(false), scene),
+              ElementsAre("the network has no input for sand.friction_angle: it is 33, and the training had 20 to 45",
+                          "the network has no input for contact.friction: it is 0.3, and the training had 0.1 to 0.7",
+                          "the training had no scene with particles that come or go"));
 }
 
 }  // namespace

@@ -4,7 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "core/system/error.h"
-#include "experiments/comparison/trained_materials.h"
+#include "experiments/models/trained_materials.h"
 
 namespace graupel::experiments {
 namespace {

@@ -146,8 +146,8 @@ void expect_same_across_a_wall(const Config& config, double tolerance) {
       for (auto& frame : history) frame[i][0] -= 1;
   FrameTiming timing;
   const auto expected =
-      network.predict(environment, middle.type, middle.history(static_cast<int>(config.history) + 1), timing);
-  const auto actual = network.predict(environment, wall.type, history, timing);
+      network.predict(environment, middle.type, {}, middle.history(static_cast<int>(config.history) + 1), timing);
+  const auto actual = network.predict(environment, wall.type, {}, history, timing);
   double error = 0;
   for (std::size_t k = 0; k < expected.size(); ++k) error = std::max<double>(error, std::abs(actual[k] - expected[k]));
   EXPECT_LT(error, tolerance * largest(expected));
@@ -183,9 +183,9 @@ TEST_F(ChangingScenes, AnotherEngineGetsTheImagesToo) {
   };
   FrameTiming timing;
   const Environment environment(c.scene);
-  const auto elsewhere = network.predict(environment, c.type, c.history(4), timing, &engine);
+  const auto elsewhere = network.predict(environment, c.type, {}, c.history(4), timing, &engine);
   EXPECT_GT(seen, c.type.size());
-  EXPECT_EQ(elsewhere, network.predict(environment, c.type, c.history(4), timing));
+  EXPECT_EQ(elsewhere, network.predict(environment, c.type, {}, c.history(4), timing));
   EXPECT_EQ(elsewhere.size(), 3 * c.type.size());
 }
 

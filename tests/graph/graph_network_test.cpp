@@ -284,8 +284,8 @@ TEST(GnsNetwork, ObstacleParticlesActAndRest) {
   for (Vec3f& x : positions[0]) x[1] += 0.001f;
   const std::vector<int32_t> type = {5, 6, 8};
   FrameTiming timing;
-  const std::vector<float> with = network.predict(environment, type, positions, timing),
-                           without = network.predict(empty, type, positions, timing);
+  const std::vector<float> with = network.predict(environment, type, {}, positions, timing),
+                           without = network.predict(empty, type, {}, positions, timing);
   ASSERT_EQ(with.size(), 9u);
   EXPECT_GT(std::abs(with[0] - without[0]), 1e-4);
   EXPECT_GT(std::abs(with[3] - without[3]), 1e-4);

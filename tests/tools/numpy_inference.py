@@ -41,6 +41,30 @@ def read_safetensors(path):
     return metadata, tensors
 
 
+def write_safetensors(path, metadata, tensors):
+    """As F32."""
+    header, data = {"__metadata__": metadata}, b""
+    for name, values in sorted(tensors.items()):
+        one = np.ascontiguousarray(values, "<f4").tobytes()
+        header[name] = {"dtype": "F32", "shape": list(values.shape), "data_offsets": [len(data), len(data) + len(one)]}
+        data += one
+    text = json.dumps(header).encode()
+    with open(path, "wb") as file:
+        file.write(struct.pack("<Q", len(text)) + text + data)
+
+
+def with_more_inputs(path, target):
+    """A network that sees materials' constants and contact, from one that does not: random weights of those columns."""
+    metadata, tensors = read_safetensors(path)
+    prefix = metadata["architecture"] + "."
+    metadata.update({prefix + "material_constants": "true", prefix + "contact": "true"})
+    weight = tensors["encoder.layer1.weight"]
+    before = weight.shape[1] - int(metadata[prefix + "embedding"])
+    more = np.random.default_rng(1).uniform(-0.3, 0.3, (len(weight), 14)).astype(np.float32)
+    tensors["encoder.layer1.weight"] = np.concatenate([weight[:, :before], more, weight[:, before:]], axis=1)
+    write_safetensors(target, metadata, tensors)
+
+
 class Network:
     def __init__(self, path):
         self.metadata, self.tensors = read_safetensors(path)
@@ -199,14 +223,15 @@ class Obstacle:
 
 
 def signed_distance(obstacles, x):
-    phi, normal = np.full(len(x), 1e30), np.zeros((len(x), 3))
+    """phi [n], normal [n, 3] and number of the nearest obstacle [n], -1 beyond the bands."""
+    phi, normal, nearest = np.full(len(x), 1e30), np.zeros((len(x), 3)), np.full(len(x), -1)
     if obstacles:
         phi[:] = np.float32(obstacles[0].band)
-    for obstacle in obstacles:
+    for number, obstacle in enumerate(obstacles):
         one, one_normal = obstacle.signed_distance(x)
         nearer = one < phi
-        phi[nearer], normal[nearer] = one[nearer], one_normal[nearer]
-    return phi, normal
+        phi[nearer], normal[nearer], nearest[nearer] = one[nearer], one_normal[nearer], number
+    return phi, normal, nearest
 
 
 # 3.3 Cell normals
@@ -373,9 +398,71 @@ class Environment:
         band = scene.get("obstacle_band", max(4 * self.dx, 0.1))
         self.obstacles = [Obstacle(body, voxel, band) for body in scene.get("obstacles", [])]
         self.normals = cell_normals(self.obstacles, self.origin, self.size, self.dx)
+        self.materials = scene["materials"]
+        walls, friction, faces = (domain.get(key, default) for key, default in
+                                  (("walls", "separate"), ("wall_friction", 0), ("faces", {})))
+        names = [f"{axis}_{side}" for side in ("low", "high") for axis in "xyz"]
+        own = [faces.get(name) or {} for name in names]
+        self.walls = [(face.get("kind", walls), face.get("friction", friction)) for face in own]
+        self.inset = domain.get("wall_cells", 3) * self.dx
 
 
-def features_of(network, environment, history):
+# 2.1 Constants of the material
+
+MODELS = {4: "jelly", 5: "water", 6: "sand", 8: "snow"}
+
+
+def constants_of(material):
+    """[7] of a material with all its constants."""
+    law, number = material["model"], lambda key: float(material[key])
+    out = np.zeros(7)
+    out[0] = math.log(number("bulk_modulus" if law == "water" else "youngs_modulus") / 3e5)
+    if law == "water":
+        out[1] = math.log(1 + number("viscosity") / 0.01) / 3
+    if law == "sand":
+        out[2:4] = math.tan(math.radians(number("friction_angle"))), math.log(1 + number("cohesion") / 50)
+    if law == "snow":
+        out[4:] = (number("hardening") / 10, number("critical_compression") / 0.025, number("critical_stretch") / 0.005)
+    return out
+
+
+def material_constants(environment, particle_type):
+    """[n, 7]; of scenes with one material of a law."""
+    of_law = {material["model"]: constants_of(material) for material in environment.materials.values()}
+    assert len(of_law) == len(environment.materials)
+    return np.array([of_law[MODELS[int(kind)]] for kind in particle_type])
+
+
+# 2.2 Contact
+
+
+def contact(network, environment, x):
+    """[n, 7]; of scenes where nothing moves."""
+    low, high = environment.origin + environment.inset, environment.origin + environment.size - environment.inset
+    distance = np.concatenate([x - low, high - x], axis=1)
+    surfaces = list(environment.walls)
+    for face, (kind, _) in enumerate(surfaces):
+        if kind in ("open", "periodic"):
+            distance[:, face] = np.inf
+    phi, _, nearest = signed_distance(environment.obstacles, x)
+    surfaces += [(o.body.get("contact", "separate"), o.body.get("friction", 0)) for o in environment.obstacles]
+    distance[distance >= network.number("wall_clamp")] = np.inf
+    phi = np.where((nearest < 0) | (phi >= network.number("distance_clamp")), np.inf, phi)
+    out = np.zeros((len(x), 7))
+    for row, (walls, obstacle, which) in enumerate(zip(distance, phi, nearest)):
+        face = int(np.argmin(walls))
+        if min(walls[face], obstacle) == np.inf:
+            continue
+        kind, friction = surfaces[face if walls[face] <= obstacle else len(environment.walls) + which]
+        out[row, 0] = 0 if kind == "stick" else friction
+        out[row, 1 + ("slip", "separate", "stick").index(kind)] = 1
+    return out
+
+
+# 2. The row of features
+
+
+def features_of(network, environment, history, particle_type):
     """[n, width] of positions [history + 1, n, 3] f32, newest last."""
     mean, std = (network.tensors["normalization.velocity_" + name] for name in ("mean", "std"))
     velocity = np.diff(history, axis=0).astype(np.float64)
@@ -389,14 +476,19 @@ def features_of(network, environment, history):
     parts.append(np.clip(environment.origin + environment.size - x, -clamp, clamp) / clamp)
     if network.flag("signed_distance"):
         clamp = network.number("distance_clamp")
-        phi, normal = signed_distance(environment.obstacles, x)
+        phi, normal, _ = signed_distance(environment.obstacles, x)
         parts += [(np.clip(phi, -clamp, clamp) / clamp)[:, None], normal]
+    if network.flag("material_constants"):
+        parts.append(material_constants(environment, particle_type))
+    if network.flag("contact"):
+        parts.append(contact(network, environment, x))
     return np.concatenate(parts, axis=1)
 
 
 def encoder_input(network, environment, history, particle_type):
     row = np.where(particle_type == 13, 2, particle_type)
-    return np.concatenate([features_of(network, environment, history), network.tensors["embedding.weight"][row]], axis=1)
+    features = features_of(network, environment, history, particle_type)
+    return np.concatenate([features, network.tensors["embedding.weight"][row]], axis=1)
 
 
 # 4. The hierarchical graph network
@@ -544,12 +636,13 @@ class InferenceTest(unittest.TestCase):
             return history, group["particle_type"][:], Environment(scene)
 
     def compare(self, weights, history, types, environment, most):
-        network = Network(os.path.join(ROOT, "models", weights + ".safetensors"))
+        """`weights`: a file, or the name of a shipped one."""
+        path = weights if os.path.isabs(weights) else os.path.join(ROOT, "models", weights + ".safetensors")
+        network = Network(path)
         bundle = int(network.number("bundle", 1))
         acceleration = predict(network, environment, history, types)
         mine = frames_after(history, acceleration)
-        self.run_program("rollout", os.path.join(ROOT, "models", weights + ".safetensors"), "truth.h5", "--start",
-                         "truth:6", "--frames", str(bundle), "--no-project", "--no-free-flight", "--density-limit", "0",
+        self.run_program("rollout", path, "truth.h5", "--start", "truth:6", "--frames", str(bundle), "--no-project", "--no-free-flight", "--density-limit", "0",
                          "-o", "predicted.h5", "--device", "cpu")
         with h5py.File(os.path.join(self.folder, "predicted.h5")) as file:
             theirs = file["00000/position"][1:].astype(np.float64)
@@ -567,6 +660,22 @@ class InferenceTest(unittest.TestCase):
         inputs = self.history_of(scene, 24)
         self.compare("hgn", *inputs, most=2e-5)
         self.compare("hgn-small", *inputs, most=2e-5)
+
+    def test_hgn_that_sees_constants_and_contact(self):
+        scene = os.path.join(ROOT, "scenes", "shared", "mixed_blocks.json")
+        faces = {"y_low": {"kind": "slip", "friction": 0.4}, "x_low": {"kind": "stick"}}
+        materials = {
+            "water": {"model": "water", "bulk_modulus": 2e5, "viscosity": 0.5},
+            "sand": {"model": "sand", "youngs_modulus": 1e6, "friction_angle": 30, "cohesion": 100},
+            "snow": {"model": "snow", "youngs_modulus": 1.4e5, "hardening": 9, "critical_compression": 0.02,
+                     "critical_stretch": 0.006}}
+        inputs = self.history_of(scene, 24, "--set", f"domain.faces={json.dumps(faces)}", "--set",
+                                 f"materials={json.dumps(materials)}", "--set", "domain.wall_friction=0.2")
+        more = contact(Network(os.path.join(ROOT, "models", "hgn.safetensors")), inputs[2], inputs[0][-1].astype(float))
+        self.assertGreater(len(np.unique(more, axis=0)), 3)
+        path = os.path.join(self.folder, "more.safetensors")
+        with_more_inputs(os.path.join(ROOT, "models", "hgn.safetensors"), path)
+        self.compare(path, *inputs, most=2e-5)
 
     def test_gns(self):
         """One small ball between a plane, a sphere and a cylinder: GNS has some hundred edges a particle."""

@@ -251,7 +251,8 @@ TEST(Waves, AreInTheHistoryAndTheTargetTakesThemBack) {
     features.resize(static_cast<std::size_t>(rules.features.width));
     target.resize(3);
     const auto truth = [](int) { return Vec3f{0.503f, 0.498f, 0.47f}; };  // of the next frame
-    return write_disturbed_sample(rules, scene, 0, false, position, truth, features.data(), target.data());
+    return write_disturbed_sample(rules, scene, 0, false, graph::no_material, position, truth, features.data(),
+                                  target.data());
   };
   std::vector<float> still, target_still, moved, target_moved;
   const Vec3f x = sample(still, target_still);
@@ -347,7 +348,7 @@ TEST(Symmetry, TurnedFeaturesAreThoseOfTheTurnedScene) {
     for (auto& frame : turned_history)
       for (Vec3f& x : frame) x = symmetry.apply(x);
     const auto expected = graph::particle_features(config, normalization, graph::Environment(turned), turned_history);
-    const auto features = graph::particle_features(config, normalization, environment, history, symmetry);
+    const auto features = graph::particle_features(config, normalization, environment, history, {}, symmetry);
     ASSERT_EQ(features.size(), expected.size());
     const auto width = static_cast<std::size_t>(config.input_width() - config.embedding);
     for (std::size_t i = 0; i < features.size(); ++i) {

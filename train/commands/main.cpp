@@ -244,6 +244,7 @@ int run_evaluation(const Arguments& arguments) {
 
   DataSplitOptions split_options;
   split_options.threads = num_threads();
+  split_options.materials = features_of(config).material_constants;
   const DataSplit split(arguments.data + "/" + arguments.split + ".h5", split_options);
   split.check_fits(config);
   const OneStepErrors errors =

@@ -45,6 +45,7 @@ NetworkTime time_network(const nn::Weights& weights, const std::string& file, co
   module.set_state(StateArray::weights, weights);
   DataSplitOptions split_options;
   split_options.threads = options.threads;
+  split_options.materials = features_of(config).material_constants;
   const DataSplit split(file, split_options);
   split.check_fits(config);
   const SceneGraph graph = newest_graph(config, graph::read_normalization(weights), split);

@@ -108,27 +108,28 @@ GRAUPEL_HD inline void write_target(const SampleRules& rules, const SampleScene&
     target[d] = (turned[d] - statistics.acceleration_mean[d]) / statistics.acceleration_std[d];
 }
 
-/// Features [rules.features.width] and normalised accelerations [3 k] of a particle, from history + 1 frames, newest
-/// last, and its next one. Returns where the grid has it.
+/// Features [rules.features.width] and normalised accelerations [3 k] of a particle of a `material`
+/// (graph::write_feature_row), from history + 1 frames, newest last, and its next one. Returns where the grid has it.
 template <typename Truth>
-GRAUPEL_HD inline Vec3f write_sample(const SampleRules& rules, const SampleScene& scene, const Vec3f* position,
-                                     const Vec3f& next, const Truth& truth, float* feature_row, float* target) {
+GRAUPEL_HD inline Vec3f write_sample(const SampleRules& rules, const SampleScene& scene, int32_t material,
+                                     const Vec3f* position, const Vec3f& next, const Truth& truth, float* feature_row,
+                                     float* target) {
   const int history = rules.features.history;
   write_target(rules, scene, acceleration_at(next, position[history], position[history - 1]), target);
   for (int j = 2; j <= rules.bundle; ++j)
     write_target(rules, scene, acceleration_at(truth(j), truth(j - 1), truth(j - 2)), target + 3 * (j - 1));
-  graph::write_feature_row(rules.features, scene.environment, scene.symmetry, position, feature_row);
+  graph::write_feature_row(rules.features, scene.environment, scene.symmetry, material, position, feature_row);
   return scene.symmetry.apply(position[history]);
 }
 
 /// Both at once, for particle p; `position` is changed. Kinematic particles stay where the data have them.
 template <typename Truth>
 GRAUPEL_HD inline Vec3f write_disturbed_sample(const SampleRules& rules, const SampleScene& scene, uint64_t p,
-                                               bool is_kinematic, Vec3f* position, const Truth& truth,
+                                               bool is_kinematic, int32_t material, Vec3f* position, const Truth& truth,
                                                float* feature_row, float* target) {
   Vec3f next = truth(1);
   if (!is_kinematic) disturb(rules, scene, p, position, next);
-  return write_sample(rules, scene, position, next, truth, feature_row, target);
+  return write_sample(rules, scene, material, position, next, truth, feature_row, target);
 }
 
 /// A frame of the network's own: from the acceleration that it predicts (normalised, turned) to the history moved on by

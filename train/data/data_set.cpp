@@ -13,6 +13,7 @@
 #include "core/system/error.h"
 #include "graph/learned_simulator.h"
 #include "io/scene/scene_reader.h"
+#include "mpm/scene/particle_materials.h"
 #include "train/parallel/worker_threads.h"
 
 namespace graupel::train {
@@ -78,6 +79,7 @@ DataSplit::DataSplit(const std::string& file, const DataSplitOptions& options)
     : file_(file), reader_(std::make_unique<io::TrajectoryReader>(file)) {
   read_headers(options);
   build_contexts(options);
+  if (options.materials) find_materials(options);
   load_positions(options);
 }
 
@@ -124,12 +126,31 @@ void DataSplit::build_contexts(const DataSplitOptions& options) {
   for_each_index(options.threads, static_cast<int64_t>(groups.size()), [&](int64_t g) {
     const auto& trajectories = *groups[static_cast<std::size_t>(g)];
     const std::string name = file_ + ", scene of trajectory " + std::to_string(trajectories.front());
-    const auto context =
-        std::make_shared<const SceneContext>(io::parse_stored_scene(scene_json_[trajectories.front()], name, file_));
+    Scene scene = io::parse_stored_scene(scene_json_[trajectories.front()], name, file_);
+    std::shared_ptr<const SceneContext> context;
+    try {
+      context = std::make_shared<const SceneContext>(std::move(scene));
+    } catch (const ConfigError& error) {
+      throw ConfigError("'" + name + "': " + error.what());
+    }
     const std::lock_guard lock(mutex);
     for (const std::size_t i : trajectories) info_[i].context = context;
     if (options.progress) options.progress("environment", ++done, static_cast<int64_t>(groups.size()));
   });
+}
+
+void DataSplit::find_materials(const DataSplitOptions& options) {
+  for_each_index(options.threads, count(), [&](int64_t i) {
+    const auto t = static_cast<int>(i);
+    TrajectoryInfo& info = info_[static_cast<std::size_t>(i)];
+    std::unique_lock lock(reading);
+    const Trajectory header = reader_->header(t);
+    const std::vector<Vec3f> start = reader_->frames(t, 0, 1).front().position;
+    lock.unlock();
+    info.material =
+        mpm::particle_materials(info.context->scene, header, start, "'" + file_ + "': trajectory " + std::to_string(i));
+  });
+  has_materials_ = true;
 }
 
 void DataSplit::load_positions(const DataSplitOptions& options) {

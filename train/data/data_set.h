@@ -28,12 +28,14 @@ struct SceneContext {
 struct TrajectoryInfo {
   std::vector<int32_t> type_row;        ///< [n] rows of the embedding table
   std::vector<uint8_t> kinematic;       ///< [n] 1 for kinematic particles, which no loss or error counts; or empty
+  std::vector<int32_t> material;        ///< [n] indices into context->environment.materials; or empty, unasked
   std::vector<Vec3f> initial_velocity;  ///< [n] [m/s]
   int64_t frames = 0;                   ///< usable ones
   bool converted = false;               ///< from the data of another program, which may not say gravity (then 0)
   std::shared_ptr<const SceneContext> context;
 
   bool is_kinematic(std::size_t particle) const { return !kinematic.empty() && kinematic[particle] != 0; }
+  int32_t material_of(std::size_t particle) const { return material.empty() ? graph::no_material : material[particle]; }
   int64_t kinematic_count() const { return std::count(kinematic.begin(), kinematic.end(), 1); }
 };
 
@@ -41,18 +43,21 @@ struct DataSplitOptions {
   double memory_limit = 0;  ///< [bytes] of positions kept; the rest is read when needed; 0: half of the machine's
   int processes = 1;        ///< of this machine that open the file; they share the limit
   int threads = 1;
+  bool materials = false;  ///< find the particles' materials, for networks that see their constants
   std::function<void(const std::string& what, int64_t done, int64_t total)> progress;
 };
 
 /// One file of a data set. Immutable once open; may be read from many threads.
 class DataSplit {
  public:
-  /// Throws InputError when the file is missing, damaged, or a trajectory has no scene or fewer than 3 frames.
+  /// Throws InputError when the file is missing, damaged, or a trajectory has no scene or fewer than 3 frames, and as
+  /// mpm::particle_materials where materials are asked for; ConfigError for scenes that are not trained on.
   explicit DataSplit(const std::string& file, const DataSplitOptions& options = {});
 
   const std::string& file() const { return file_; }
   int count() const { return static_cast<int>(info_.size()); }
   const TrajectoryInfo& trajectory(int i) const { return info_[static_cast<std::size_t>(i)]; }
+  bool has_materials() const { return has_materials_; }
   /// Recorded attribute of the data set, "" when absent (e.g. "recipe", "seed").
   std::string attribute(const std::string& name) const;
   /// The scene of a trajectory, as it is stored.
@@ -78,9 +83,11 @@ class DataSplit {
  private:
   void read_headers(const DataSplitOptions& options);
   void build_contexts(const DataSplitOptions& options);
+  void find_materials(const DataSplitOptions& options);
   void load_positions(const DataSplitOptions& options);
 
   std::string file_;
+  bool has_materials_ = false;
   std::unique_ptr<io::TrajectoryReader> reader_;
   std::vector<TrajectoryInfo> info_;
   std::vector<std::string> scene_json_;

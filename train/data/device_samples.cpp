@@ -15,11 +15,13 @@ struct SampleFrames {
   const Vec3f* position;          ///< [frames, particles]
   const Vec3f* initial_velocity;  ///< [particles] [m/s]
   const int32_t* type_row;        ///< [particles]
+  const int32_t* material;        ///< [particles]; null where networks do not see constants
   int64_t particles, frame;
   Vec3d gravity;      ///< [m/s^2]
   double frame_time;  ///< [s]
 
   GRAUPEL_HD bool is_kinematic(int64_t p) const { return graph::is_kinematic_row(type_row[p]); }
+  GRAUPEL_HD int32_t material_of(int64_t p) const { return material == nullptr ? graph::no_material : material[p]; }
   /// Position at a frame; before the first that of graph::start_history.
   GRAUPEL_HD Vec3f at(int64_t t, int64_t p) const {
     if (t >= 0) return position[t * particles + p];
@@ -72,7 +74,7 @@ struct MakeSample {
     for (int t = 0; t <= rules.features.history; ++t)
       position[t] = frames.at(frames.frame - rules.features.history + t, p);
     out.current[i] = write_disturbed_sample(rules, own.scene, static_cast<uint64_t>(p), frames.is_kinematic(p),
-                                            position, TruePositions{frames, frames.frame, p},
+                                            frames.material_of(p), position, TruePositions{frames, frames.frame, p},
                                             out.features + i * rules.features.width, out.target + 3 * rules.bundle * i);
     out.type_row[i] = frames.type_row[p];
     if (out.history)
@@ -98,14 +100,14 @@ struct PushSample {
     const Vec3f next = push_forward(rules, own.scene, own.way, frames.is_kinematic(p),
                                     acceleration + 3 * rules.bundle * i, truth, position);
     for (int t = 0; t <= rules.features.history; ++t) out.history[t * particles + i] = position[t];
-    out.current[i] = write_sample(rules, own.scene, position, next, truth, out.features + i * rules.features.width,
-                                  out.target + 3 * rules.bundle * i);
+    out.current[i] = write_sample(rules, own.scene, frames.material_of(p), position, next, truth,
+                                  out.features + i * rules.features.width, out.target + 3 * rules.bundle * i);
   }
 };
 
 struct ResidentTrajectory {
   Buffer<Vec3f> position, initial_velocity;
-  Buffer<int32_t> type_row;
+  Buffer<int32_t> type_row, material;
   Buffer<Vec3f> point;  ///< where obstacle particles are part of the graph
 };
 
@@ -173,7 +175,8 @@ uint64_t DeviceSamples::bytes_for(const DataSplit& split) {
   uint64_t bytes = 0;
   for (int i = 0; i < split.count(); ++i) {
     const TrajectoryInfo& info = split.trajectory(i);
-    bytes += info.type_row.size() * (sizeof(Vec3f) * (static_cast<uint64_t>(info.frames) + 1) + sizeof(int32_t));
+    bytes += info.type_row.size() * (sizeof(Vec3f) * (static_cast<uint64_t>(info.frames) + 1) + sizeof(int32_t)) +
+             info.material.size() * sizeof(int32_t);
   }
   return bytes;
 }
@@ -186,10 +189,11 @@ void DeviceSamples::Impl::load() {
     for (const std::vector<Vec3f>& frame : split.positions(i, 0, info.frames))
       all.insert(all.end(), frame.begin(), frame.end());
     ResidentTrajectory trajectory{Buffer<Vec3f>(device, 0), Buffer<Vec3f>(device, 0), Buffer<int32_t>(device, 0),
-                                  Buffer<Vec3f>(device, 0)};
+                                  Buffer<int32_t>(device, 0), Buffer<Vec3f>(device, 0)};
     trajectory.position.upload(all);
     trajectory.initial_velocity.upload(info.initial_velocity);
     trajectory.type_row.upload(info.type_row);
+    trajectory.material.upload(info.material);
     resident.push_back(std::move(trajectory));
   }
   const std::vector<const std::vector<Vec3f>*> points = obstacle_points(split, config.network());
@@ -202,7 +206,8 @@ SceneSample DeviceSamples::Impl::sample_of(const SampleDraw& draw, int64_t first
   const Scene& scene = info.context->scene;
   return {{first, draw.stream, draw.symmetry, draw.displacement, draw.drift, info.context->environment.view(device)},
           {trajectory.position.data(), trajectory.initial_velocity.data(), trajectory.type_row.data(),
-           static_cast<int64_t>(info.type_row.size()), draw.key.frame, scene.gravity, scene.frame_time},
+           info.material.empty() ? nullptr : trajectory.material.data(), static_cast<int64_t>(info.type_row.size()),
+           draw.key.frame, scene.gravity, scene.frame_time},
           info.context->environment.swept_collision(device)};
 }
 
@@ -211,6 +216,7 @@ DeviceSamples::DeviceSamples(const DataSplit& split, const TrainConfig& config,
     : impl_(std::make_unique<Impl>(split, config, normalization, device, shard)) {
   GRAUPEL_ASSERT(device == Device::cpu || with_cuda);
   GRAUPEL_ASSERT(config.features().history <= graph::most_history);
+  GRAUPEL_ASSERT(!config.features().material_constants || split.has_materials());
   impl_->load();
 #ifdef __CUDACC__
   if (device == Device::cuda) {

@@ -48,7 +48,7 @@ void add_obstacles(SceneGraph& graph, const graph::GnsConfig& config, const Samp
     Vec3f position[graph::most_history + 1];
     std::fill(std::begin(position), std::end(position), points[static_cast<std::size_t>(p)]);
     graph.features.resize(graph.features.size() + width);
-    graph::write_feature_row(rules.features, scene.environment, scene.symmetry, position,
+    graph::write_feature_row(rules.features, scene.environment, scene.symmetry, graph::no_material, position,
                              graph.features.data() + graph.features.size() - width);
     current.push_back(turned[static_cast<std::size_t>(p)]);
   }
@@ -60,6 +60,7 @@ SceneGraph training_graph(const DataSplit& split, const TrainConfig& config, con
                           int64_t slot) {
   const SampleDraw draw = draw_training_sample(split, config, step, slot);
   const TrajectoryInfo& trajectory = split.trajectory(draw.key.trajectory);
+  GRAUPEL_ASSERT(!rules.features.material_constants || split.has_materials());
   const std::vector<std::vector<Vec3f>> history =
       split.history(draw.key.trajectory, draw.key.frame, rules.features.history);
   const std::vector<std::vector<Vec3f>> ahead = split.positions(draw.key.trajectory, draw.key.frame, rules.bundle + 1);
@@ -75,9 +76,10 @@ SceneGraph training_graph(const DataSplit& split, const TrainConfig& config, con
     const auto truth = [&](int j) { return ahead[static_cast<std::size_t>(j)][p]; };
     Vec3f position[graph::most_positions];
     for (std::size_t t = 0; t < history.size(); ++t) position[t] = history[t][p];
-    current[p] = write_disturbed_sample(rules, scene, p, trajectory.is_kinematic(p), position, truth,
-                                        graph.features.data() + p * static_cast<std::size_t>(rules.features.width),
-                                        graph.target.data() + p * target_width);
+    current[p] =
+        write_disturbed_sample(rules, scene, p, trajectory.is_kinematic(p), trajectory.material_of(p), position, truth,
+                               graph.features.data() + p * static_cast<std::size_t>(rules.features.width),
+                               graph.target.data() + p * target_width);
   }
   if (config.architecture == Architecture::gns) add_obstacles(graph, config.gns, rules, environment, scene, current);
   set_graph(graph, config.network(), current, draw.origin);
@@ -218,7 +220,9 @@ SceneGraph scene_graph(const NetworkConfig& config, const graph::Normalization& 
     graph::add_obstacle_particles(*gns, environment, seen, graph.type_row);
     graph.obstacle_particles = static_cast<int64_t>(seen.back().size() - history.back().size());
   }
-  graph.features = graph::particle_features(features_of(config), normalization, environment, seen);
+  std::vector<int32_t> material = trajectory.material;
+  if (!material.empty()) material.resize(seen.back().size(), graph::no_material);
+  graph.features = graph::particle_features(features_of(config), normalization, environment, seen, material);
   set_graph(graph, config, seen.back(), origin);
   return graph;
 }

@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "io/scene/scene_reader.h"
+#include "nn/trained_box.h"
 #include "train/networks/network_module.h"
 
 namespace graupel::train {
@@ -34,8 +35,15 @@ std::map<std::string, std::string> training_provenance(const TrainingOptions& op
   entries["training.ranks"] = std::to_string(options.comm->size());
   entries["training.data"] = std::filesystem::path(options.data).filename();
   entries["training.data_trajectories"] = std::to_string(data.count());
-  // What networks see of a material is its type alone, so that users must know which one they were taught.
+  // What a network has not seen it does not know: users must know what that was.
   entries["training.materials"] = resolved_materials(data.scene_json(0), data.file());
+  bool tells_constants = true;
+  nn::TrainedBox box;
+  for (int i = 0; i < data.count(); ++i) {
+    box.widen(data.trajectory(i).context->scene);
+    tells_constants = tells_constants && !data.trajectory(i).converted;  // other programs' data need not tell them
+  }
+  if (tells_constants) box.store(entries);
   for (const char* name : {"recipe", "recipe_seed"})
     if (const std::string value = data.attribute(name); !value.empty())
       entries[std::string("training.data_") + name] = value;

@@ -142,6 +142,7 @@ std::unique_ptr<DataSplit> TrainingRun::open(const std::string& name) const {
   split.memory_limit = config_.memory_limit * 1e9;
   split.processes = options_.local_ranks;
   split.threads = options_.threads;
+  split.materials = config_.features().material_constants;
   auto last = Clock::now();
   split.progress = [&](const std::string& what, int64_t done, int64_t total) {
     if (done < total && seconds_since(last) < 10) return;

@@ -40,6 +40,7 @@ struct FrameStatus {
 struct WriteFeatures {
   FeatureRules rules;
   EnvironmentView environment;
+  const int32_t* material;  ///< null: constants are not seen
   FrameRing ring;
   float* features;
   GRAUPEL_HD void operator()(int64_t item) const {
@@ -48,7 +49,8 @@ struct WriteFeatures {
     Vec3f position[most_history + 1];
     const int first = part == FeaturePart::motion ? 0 : rules.history;
     for (int t = first; t <= rules.history; ++t) position[t] = ring.at(rules.history - t, i);
-    write_feature_part(part, rules, environment, AxisMap{}, position, features + i * rules.width);
+    write_feature_part(part, rules, environment, AxisMap{}, material == nullptr ? no_material : material[i], position,
+                       features + i * rules.width);
   }
 };
 
@@ -197,6 +199,7 @@ struct CudaSimulator::Impl {
   const Environment* environment = nullptr;
   CudaLaws laws;
   int64_t particles = 0;
+  Buffer<int32_t> material{Device::cuda, 0};  ///< [particles], of networks that see constants
   /// Where no network runs: accelerations of 0 beside the mean [particles, output_width()], and no fault.
   Buffer<float> no_output{Device::cuda, 0};
   Buffer<int32_t> no_fault{Device::cuda, 1};
@@ -217,9 +220,11 @@ void CudaSimulator::Impl::launch_graph() {
   mark(begin);
   if (!laws.network) return mark(features_done);
   model->launch_graph(stream, /*with_counts=*/!recording);
-  parallel_for_in(stream, Device::cuda, feature_parts_of_row * particles,
-                  WriteFeatures{FeatureRules(config, normalization), environment->view(Device::cuda), frame_ring(),
-                                model->features()});
+  const FeatureRules rules(config, normalization);
+  parallel_for_in(
+      stream, Device::cuda, feature_parts_of_row(rules) * particles,
+      WriteFeatures{rules, environment->view(Device::cuda), config.material_constants ? material.data() : nullptr,
+                    frame_ring(), model->features()});
   mark(features_done);
 }
 
@@ -307,7 +312,8 @@ CudaSimulator::CudaSimulator(const nn::Weights& weights) : impl_(std::make_uniqu
 CudaSimulator::~CudaSimulator() = default;
 
 void CudaSimulator::start(const Scene& scene, const Environment& environment, const std::vector<int32_t>& particle_type,
-                          const std::vector<std::vector<Vec3f>>& positions, const CudaLaws& laws) {
+                          const std::vector<int32_t>& material, const std::vector<std::vector<Vec3f>>& positions,
+                          const CudaLaws& laws) {
   Impl& impl = *impl_;
   impl.drop_graph();
   impl.scene = &scene;
@@ -326,6 +332,8 @@ void CudaSimulator::start(const Scene& scene, const Environment& environment, co
   }
   all.resize(static_cast<std::size_t>(impl.ring_frames()) * particle_type.size());
   impl.ring.upload(all);
+  GRAUPEL_ASSERT(!impl.config.material_constants || material.size() == particle_type.size());
+  impl.material.upload(material);
   impl.status.upload({{static_cast<int32_t>(frames) - 1, 0, 0, 0}});
   *impl.seen = {static_cast<int32_t>(frames) - 1, 0, 0, 0};
   impl.shown = impl.seen->newest;

@@ -32,6 +32,30 @@ TEST_P(CudaSimulatorTest, AccelerationsAreThoseOfTheCpu) {
   }
 }
 
+/// Two materials of one law, and a sticky wall near half of the particles.
+TEST_P(CudaSimulatorTest, ConstantsAndContactAreThoseOfTheCpu) {
+  GRAUPEL_NEEDS_GPU();
+  Case c = clouds_at_a_ball(3000);
+  for (const char* name : {"a", "b", "c", "d"}) {
+    MaterialConfig& material = c.scene.materials[name];
+    material.model = MaterialModel::jelly;
+    material.youngs_modulus = *name == 'a' ? 3e4 : 9e5;
+  }
+  c.scene.obstacles[0].friction = 0.5;
+  c.scene.domain.faces.x_low = WallConfig{Wall::stick, {}};
+  std::vector<int32_t> material;
+  for (std::size_t i = 0; i < c.type.size(); ++i)
+    material.push_back(i % 7 == 0 ? no_material : static_cast<int>(i % 4));
+  const Environment environment(c.scene);
+  HgnConfig config = wide_config(GetParam());
+  config.material_constants = config.contact = true;
+  const LearnedSimulator simulator = make(config);
+  const auto expected = simulator.one_step(environment, c.type, c.history, nullptr, material);
+  EXPECT_LT(difference(simulator.one_step_on_gpu(c.scene, environment, c.type, c.history, material), expected), 0.02);
+  const std::vector<int32_t> one(c.type.size(), 0);
+  EXPECT_GT(difference(simulator.one_step_on_gpu(c.scene, environment, c.type, c.history, one), expected), 0.05);
+}
+
 TEST_P(CudaSimulatorTest, RolloutsFollowThoseOfTheCpu) {
   GRAUPEL_NEEDS_GPU();
   const Case c = clouds_at_a_ball(800);

@@ -1,0 +1,164 @@
+#include "experiments/models/trained_materials.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <map>
+#include <nlohmann/json.hpp>
+
+#include "core/scene/material_config.h"
+#include "core/system/error.h"
+#include "experiments/models/start_state.h"
+#include "io/config/config_writer.h"
+#include "io/scene/scene_reader.h"
+#include "nn/trained_box.h"
+
+namespace graupel::experiments {
+
+namespace {
+
+using Json = nlohmann::json;
+
+Json resolved(const MaterialConfig& material) {
+  return Json::parse(io::write_json(io::json_of_struct(material), io::JsonLayout::compact));
+}
+
+/// Materials as a scene file has them, presets resolved.
+std::map<std::string, MaterialConfig> read_materials(const nn::Weights& weights, const std::string& text) {
+  const std::string place = "'" + weights.file + "' (metadata training.materials)";
+  try {
+    const Json materials = Json::parse(text);
+    const Json body = {{"shape", "box"},
+                       {"size", {0.1, 0.1, 0.1}},
+                       {"position", {0.5, 0.5, 0.5}},
+                       {"material", materials.begin().key()}};  // scenes have one
+    const Json scene = {
+        {"domain", {{"size", {1, 1, 1}}, {"dx", 0.03125}}}, {"materials", materials}, {"sources", {body}}};
+    return io::parse_stored_scene(scene.dump(), place, weights.file).materials;
+  } catch (const Json::exception& error) {
+    throw InputError(place + " is no JSON (" + error.what() + "). Train the network again");
+  }
+}
+
+/// "friction_angle is 33, of the training 45", or nothing.
+std::string first_difference(const Json& own, const Json& trained) {
+  for (const auto& [key, value] : own.items()) {
+    if (trained.at(key) == value) continue;
+    return fmt::format("{} is {}, of the training {}", key, value.dump(), trained.at(key).dump());
+  }
+  return {};
+}
+
+/// Whether the network has the input "material_constants" or "contact".
+bool sees(const nn::Weights& weights, const std::string& input) {
+  for (const char* prefix : {"hgn.", "gns."}) {
+    const auto found = weights.metadata.find(prefix + input);
+    if (found != weights.metadata.end()) return found->second == "true";
+  }
+  return false;
+}
+
+/// "sand.friction_angle is 33, the training had 20 to 45" for a number of the scene that the training varied.
+void name_varied(const nn::TrainedBox& box, const std::string& key, double value, std::vector<std::string>& lines) {
+  const auto range = box.ranges.find(key);
+  if (range == box.ranges.end() || range->second.first == range->second.second) return;
+  if (value < range->second.first || value > range->second.second) return;  // which is told already
+  const std::string line =
+      fmt::format("the network has no input for {}: it is {:.6g}, and the training had {:.6g} to {:.6g}", key, value,
+                  range->second.first, range->second.second);
+  if (std::find(lines.begin(), lines.end(), line) == lines.end()) lines.push_back(line);
+}
+
+std::vector<std::string> outside(std::vector<std::string> lines) {
+  for (std::string& line : lines) line = "outside the training: " + line;
+  return lines;
+}
+
+std::vector<std::string> unlike_ranges(const nn::Weights& weights, const nn::TrainedBox& box, const Scene& scene) {
+  std::vector<std::string> lines = outside(box.unlike_materials(scene));
+  if (sees(weights, "material_constants")) return lines;
+  for (const auto& [name, material] : scene.materials)
+    nn::visit_constants(material, [&](const std::string& key, double value) { name_varied(box, key, value, lines); });
+  return lines;
+}
+
+std::vector<std::string> unlike_contacts(const nn::Weights& weights, const nn::TrainedBox& box, const Scene& scene) {
+  std::vector<std::string> lines = outside(box.unlike_contacts(scene));
+  if (sees(weights, "contact")) return lines;
+  for (int axis = 0; axis < scene.domain.axes(); ++axis)
+    for (const int side : {0, 1}) name_varied(box, "contact.friction", scene.domain.friction(axis, side), lines);
+  for (const Obstacle& obstacle : scene.obstacles) name_varied(box, "contact.friction", obstacle.friction, lines);
+  if (box.contacts.size() > 1)
+    lines.push_back(fmt::format("the network has no input for the kind of contact, and the training had {}",
+                                fmt::join(box.contacts, ", ")));
+  return lines;
+}
+
+/// A line for each kind of thing that changes in the scene.
+void name_changes(const Scene& scene, std::vector<std::string>& lines) {
+  const std::pair<bool, const char*> changes[] = {{scene.has_moving_obstacles(), "moving obstacles"},
+                                                  {scene.has_inactive_particles(), "particles that come or go"},
+                                                  {scene.domain.has_wall(Wall::periodic), "periodic walls"},
+                                                  {has_scripts(scene), "particles that follow a script"}};
+  for (const auto& [has, what] : changes)
+    if (has) lines.push_back(fmt::format("the training had no scene with {}", what));
+}
+
+}  // namespace
+
+std::vector<std::string> unlike_training(const nn::Weights& weights, const Scene& scene) {
+  if (const auto box = nn::TrainedBox::load(weights); box.is_told()) return unlike_ranges(weights, box, scene);
+  const auto known = weights.metadata.find("training.materials");
+  if (known == weights.metadata.end()) return {};
+  const auto trained = read_materials(weights, known->second);
+  std::vector<std::string> lines;
+  for (const auto& [name, material] : scene.materials) {
+    bool taught = false;
+    std::string difference;
+    for (const auto& [trained_name, candidate] : trained) {
+      if (particle_type_of(candidate.model) != particle_type_of(material.model)) continue;
+      const std::string found = first_difference(resolved(material), resolved(candidate));
+      taught = taught || found.empty();
+      difference = found;
+    }
+    if (taught) continue;
+    lines.push_back(name + ": " + (difference.empty() ? "the training had no such material" : difference));
+  }
+  return lines;
+}
+
+std::vector<std::string> unknown_walls(const nn::Weights& weights, const Scene& scene) {
+  std::vector<std::string> lines;
+  if (const auto box = nn::TrainedBox::load(weights); box.is_told()) {
+    lines = unlike_contacts(weights, box, scene);
+    name_changes(scene, lines);
+    return lines;
+  }
+  if (!weights.metadata.contains("training.materials")) return lines;
+  double walls = 0, obstacles = 0;
+  for (int axis = 0; axis < scene.domain.axes(); ++axis)
+    for (const int side : {0, 1}) walls = std::max(walls, scene.domain.friction(axis, side));
+  for (const Obstacle& obstacle : scene.obstacles) obstacles = std::max(obstacles, obstacle.friction);
+  const auto add = [&](const char* what, double friction) {
+    if (friction > 0)
+      lines.push_back(fmt::format(
+          "the network has no input for friction: that of {} is {}, and its training names none", what, friction));
+  };
+  if (scene.domain.has_wall(Wall::stick))
+    lines.push_back("the network has no input for the kind of a wall: the scene has sticky ones");
+  add("walls", walls);
+  add("obstacles", obstacles);
+  name_changes(scene, lines);
+  return lines;
+}
+
+std::vector<std::string> training_remarks(const nn::Weights& weights, const Scene& scene) {
+  const bool tells_ranges = nn::TrainedBox::load(weights).is_told();
+  std::vector<std::string> lines;
+  for (const std::string& line : unlike_training(weights, scene))
+    lines.push_back((tells_ranges ? "" : "the network knows materials by their type alone: ") + line);
+  for (const std::string& line : unknown_walls(weights, scene)) lines.push_back(line);
+  return lines;
+}
+
+}  // namespace graupel::experiments

@@ -1,0 +1,86 @@
+#include "mpm/scene/particle_materials.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <map>
+
+#include "core/system/error.h"
+#include "mpm/sampling.h"
+
+namespace graupel::mpm {
+
+namespace {
+
+constexpr int32_t no_material = -1;
+
+/// Whether all numbers of a material are those that a material of its model has when nothing is said of them.
+bool is_all_default(const MaterialConfig& material) {
+  const MaterialConfig untold;
+  bool same = material.preset.empty();
+  MaterialConfig::fields([&](auto member, const FieldInfo&) {
+    if constexpr (std::is_same_v<decltype(member), double MaterialConfig::*>)
+      same = same && material.*member == untold.*member;
+  });
+  return same;
+}
+
+void check_told(const Scene& scene, const std::string& where) {
+  for (const auto& [name, material] : scene.materials)
+    if (material.model != MaterialModel::stationary && is_all_default(material))
+      throw InputError(fmt::format(
+          "{} is of another program's data, whose scene tells no constants (key materials.{}: those of its model {} by "
+          "default), and the network sees them (material_constants true). Convert the data with --set "
+          "materials.{}.preset=... or its constants, or train with material_constants=false",
+          where, name, word_of(material.model), name));
+}
+
+std::vector<int32_t> sampled_materials(const Scene& scene, const Trajectory& header, const std::vector<Vec3f>& start,
+                                       const std::string& where) {
+  constexpr double tolerance = 1e-4;  // [m], far below the distance of particles
+  const auto refuse = [&](const std::string& what) {
+    return InputError(
+        fmt::format("{} has two materials of one law, and {}, so that the material of each particle is not known. "
+                    "Generate the data "
+                    "again, or use a network without material_constants",
+                    where, what));
+  };
+  const SampledParticles sampled = sample_sources(scene, header.seed);
+  if (sampled.material.size() != header.particle_type.size())
+    throw refuse(fmt::format("its scene and seed give another number of particles ({}, stored {})",
+                             sampled.material.size(), header.particle_type.size()));
+  std::vector<MaterialModel> model;
+  for (const auto& [name, material] : scene.materials) model.push_back(material.model);
+  for (std::size_t i = 0; i < start.size(); ++i) {
+    const bool same_law =
+        particle_type_of(model[static_cast<std::size_t>(sampled.material[i])]) == header.particle_type[i];
+    if (!same_law || !(norm(sampled.position[i] - start[i].cast<double>()) <= tolerance))
+      throw refuse(fmt::format("its scene and seed place particle {} elsewhere", i));
+  }
+  return sampled.material;
+}
+
+}  // namespace
+
+std::vector<int32_t> particle_materials(const Scene& scene, const Trajectory& header, const std::vector<Vec3f>& start,
+                                        const std::string& where) {
+  if (header.made_by.starts_with("converted from")) check_told(scene, where);
+  std::map<int32_t, int32_t> of_type = {{obstacle_particle_type, no_material}};
+  int32_t index = 0;
+  bool is_told_by_type = true;
+  for (const auto& [name, material] : scene.materials)
+    is_told_by_type = of_type.emplace(particle_type_of(material.model), index++).second && is_told_by_type;
+  if (!is_told_by_type) return sampled_materials(scene, header, start, where);
+  std::vector<int32_t> materials;
+  materials.reserve(header.particle_type.size());
+  for (const int32_t type : header.particle_type) {
+    const auto found = of_type.find(type);
+    if (found == of_type.end())
+      throw InputError(fmt::format("{} has particles of a type that its scene has no material of ({}). Make it again",
+                                   where, particle_type_name(type)));
+    materials.push_back(found->second);
+  }
+  return materials;
+}
+
+}  // namespace graupel::mpm

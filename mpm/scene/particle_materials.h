@@ -1,0 +1,22 @@
+// Which material each particle of a stored trajectory is of: files tell its law, and a scene may have two materials of
+// one law.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "core/scene/scene.h"
+#include "core/scene/trajectory.h"
+
+namespace graupel::mpm {
+
+/// Indices into scene.materials in map order [n], -1 for particles of obstacles, those that emitters send out included.
+/// Where the scene has one material of each law, particles' types tell; else the scene is sampled again with the
+/// trajectory's seed, which must give the particles of its first frame `start` [n]. Throws InputError naming `where`
+/// for particles that are not the scene's, and for data of other programs, whose scene tells no constants: then all of
+/// a material's are the defaults of its model.
+std::vector<int32_t> particle_materials(const Scene& scene, const Trajectory& header, const std::vector<Vec3f>& start,
+                                        const std::string& where);
+
+}  // namespace graupel::mpm
