@@ -8,6 +8,8 @@
 #include <set>
 #include <sstream>
 
+#include "compare/break_even.h"
+
 namespace graupel::compare {
 
 using Json = nlohmann::ordered_json;
@@ -35,6 +37,28 @@ Json model_json(const SceneResult& scene, const ModelResult& result) {
   json["curves"] = {{"position_error", result.curves.position},
                     {"density_error", result.curves.density},
                     {"kinetic_energy", result.curves.kinetic_energy}};
+  return json;
+}
+
+/// null for what is not known.
+Json number_or_null(const std::optional<double>& value) { return value ? Json(*value) : Json(); }
+
+Json break_even_json(const BreakEven& result, const Comparison& comparison) {
+  Json json = {{"model", result.model},
+               {"scenes", result.scenes},
+               {"scene_s", result.scene_seconds},
+               {"data_s", number_or_null(result.offline.data)},
+               {"training_s", number_or_null(result.offline.training)},
+               {"made_on", result.offline.devices},
+               {"run_on", comparison.hardware},
+               {"estimate", result.estimate}};
+  json["rivals"] = Json::array();
+  for (const RivalBreakEven& rival : result.rivals)
+    json["rivals"].push_back({{"rival", rival.rival},
+                              {"scene_s", rival.rival_seconds},
+                              {"verdict", name_of(rival.verdict)},
+                              {"scenes", number_or_null(rival.scenes)}});
+  json["sentence"] = break_even_sentence(result, comparison);
   return json;
 }
 
@@ -159,7 +183,11 @@ Json comparison_json(const Comparison& comparison) {
     if (computed(comparison, MetricGroup::floors))
       entry["floor_curves"] = {{"position_error", scene.floor_position}, {"density_error", scene.floor_density}};
     if (!scene.category.empty()) entry["category"] = scene.category;
-    if (!scene.opponent.empty()) entry["opponent"] = scene.opponent;
+    if (!scene.opponent.empty()) {
+      entry["opponent"] = scene.opponent;
+      entry["opponent_frame_ms"] = scene.opponent_frame_ms;
+      entry["mpm_frame_ms"] = scene.mpm_frame_ms;
+    }
     if (!scene.diverged_references.empty()) entry["diverged_references"] = scene.diverged_references;
     json["scenes"].push_back(entry);
     for (const ModelResult& result : scene.models) json["results"].push_back(model_json(scene, result));
@@ -178,6 +206,9 @@ Json comparison_json(const Comparison& comparison) {
           values_json(metric_list(), geometric_mean_over_scenes(comparison, model, category));
   }
   if (const std::string sentence = headline(comparison); !sentence.empty()) json["headline"] = sentence;
+  json["break_even"] = Json::array();
+  for (const BreakEven& result : break_evens(comparison))
+    json["break_even"].push_back(break_even_json(result, comparison));
   return json;
 }
 
@@ -237,6 +268,7 @@ std::string comparison_table(const Comparison& comparison) {
   }
   table += category_table(comparison);
   table += wrapped(headline(comparison));
+  for (const BreakEven& result : break_evens(comparison)) table += wrapped(break_even_sentence(result, comparison));
   return table;
 }
 

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
+#include "compare/break_even.h"
 #include "compare/comparison_files.h"
 #include "compare/report/base64.h"
 #include "compare/report/plot_svg.h"
@@ -276,6 +277,9 @@ std::string player_section(const Comparison& comparison) {
 
 std::string head_section(const Comparison& comparison) {
   const std::string sentence = headline(comparison);
+  std::string sentences = sentence.empty() ? "" : "<p><strong>" + escape_markup(sentence) + "</strong></p>\n";
+  for (const BreakEven& result : break_evens(comparison))
+    sentences += "<p>" + escape_markup(break_even_sentence(result, comparison)) + "</p>\n";
   return fmt::format(
       "<h1>Graupel: learned simulators against MPM</h1>\n{}"
       "<p class=\"soft\">{} &middot; {} &middot; {} threads</p>\n<p>Made by</p>\n<pre>{}</pre>\n"
@@ -288,8 +292,7 @@ std::string head_section(const Comparison& comparison) {
       "Sinkhorn divergence and density error; differences within the chaos floor are ties. The chaos floor is what MPM "
       "differs from itself when its particles are moved by 1e-4 dx (position errors) or sampled with another seed (the "
       "rest): errors near it cannot be told from chaos. Definitions: <code>docs/reference/metrics.md</code>.</p>\n",
-      sentence.empty() ? "" : "<p><strong>" + escape_markup(sentence) + "</strong></p>\n",
-      escape_markup(comparison.version), escape_markup(comparison.machine), comparison.threads,
+      sentences, escape_markup(comparison.version), escape_markup(comparison.machine), comparison.threads,
       escape_markup(comparison.command));
 }
 

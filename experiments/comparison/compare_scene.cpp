@@ -178,7 +178,8 @@ void SceneComparison::make_references(const mpm::SolverVariant& opponent) {
   opponent_run_ = run_variant(opponent);
   note_divergence(result_.opponent, *opponent_run_);
   opponent_values_ = evaluate_rollout(task_.scene, all_obstacles_, truth_.run, opponent_run_->run).values;
-  opponent_values_["frame_ms"] = 1e3 * opponent_run_->cost.frame;
+  opponent_values_["frame_ms"] = result_.opponent_frame_ms = 1e3 * opponent_run_->cost.frame;
+  result_.mpm_frame_ms = 1e3 * truth_.cost.frame;
   if (options_.floors) {
     floors_ = options_.floor_file.empty() ? measure_floors()
                                           : FloorFile(options_.floor_file).of(task_.scene, task_.seed, task_.frames);
