@@ -69,24 +69,11 @@ std::string quoted(const std::string& text) {
   return out + "\"";
 }
 
-struct Column {
-  const char* key;
-  const char* title;
-};
 constexpr Column columns[] = {
     {"frame_ms", "ms/frame"},        {"speed_ratio", "speed"},          {"one_step_normalized", "one-step"},
     {"position_mse_20", "MSE 20"},   {"position_mse_all", "MSE all"},   {"sinkhorn", "sinkhorn"},
     {"density_error", "density"},    {"material_occupancy_iou", "IoU"}, {"clump_size_error", "clumps"},
     {"local_density_error", "local"}};
-
-constexpr Column category_columns[] = {{"frame_ms", "ms/frame"},
-                                       {"position_mse_all", "MSE all"},
-                                       {"sinkhorn", "sinkhorn"},
-                                       {"density_error", "density"},
-                                       {"ratio_position_mse_all", "r. MSE"},
-                                       {"ratio_sinkhorn", "r. sink."},
-                                       {"ratio_density_error", "r. dens."},
-                                       {"ratio_frame_ms", "r. time"}};
 
 /// Geometric means of every category and of all scenes; empty where the scenes have no categories, and without
 /// rollouts.

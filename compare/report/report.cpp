@@ -96,19 +96,16 @@ std::string mean_table(const Comparison& comparison) {
 
 /// Geometric means of every category and of all scenes.
 std::string category_table(const Comparison& comparison) {
-  constexpr const char* keys[] = {
-      "frame_ms",       "position_mse_all",    "sinkhorn",      "density_error", "ratio_position_mse_all",
-      "ratio_sinkhorn", "ratio_density_error", "ratio_frame_ms"};
   std::string html =
       "<h2>Categories</h2>\n<p class=\"soft\">Geometric means; ratios are over the opponent, of errors "
       "beyond the chaos floor.</p>\n<div class=\"scroll\"><table><thead><tr><th>category, model</th>";
-  for (const char* key : keys) html += "<th>" + breakable(key) + "</th>";
+  for (const Column& column : category_columns) html += "<th>" + breakable(column.key) + "</th>";
   html += "</tr></thead><tbody>\n";
   const auto add = [&](const std::string& name, std::size_t scenes, const std::string& category, const char* style) {
     for (const std::string& model : models_of(comparison)) {
       const MetricValues mean = geometric_mean_over_scenes(comparison, model, category);
       html += fmt::format("<tr{}><td>{}</td>", style, escape_markup(fmt::format("{} ({}), {}", name, scenes, model)));
-      for (const char* key : keys) html += cell(mean, key);
+      for (const Column& column : category_columns) html += cell(mean, column.key);
       html += "</tr>\n";
     }
   };
