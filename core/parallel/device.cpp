@@ -2,8 +2,6 @@
 
 #include <omp.h>
 
-#include <fstream>
-
 #include "core/parallel/cuda_runtime.h"
 #include "core/system/error.h"
 
@@ -25,18 +23,6 @@ Device parse_device(const std::string& word) {
 }
 
 std::string cuda_device_name() { return cuda_available() ? cuda::device_name() : ""; }
-
-std::string processor_name() {
-  std::ifstream info("/proc/cpuinfo");
-  for (std::string line; std::getline(info, line);)
-    if (line.starts_with("model name")) return line.substr(line.find(':') + 2);
-  return "unknown processor";
-}
-
-std::string hardware_name(Device device, int threads) {
-  if (device == Device::cuda) return cuda_device_name();
-  return std::to_string(threads) + (threads == 1 ? " thread of " : " threads of ") + processor_name();
-}
 
 void synchronize(Device device) {
   if (device == Device::cuda) cuda::synchronize();

@@ -17,10 +17,6 @@ Device parse_device(const std::string& word);
 
 /// Name of the GPU in use, empty without one.
 std::string cuda_device_name();
-/// Name of the processor; "unknown processor" where the system does not tell.
-std::string processor_name();
-/// What a run of so many threads is timed on: "NVIDIA H200", "2 threads of AMD EPYC".
-std::string hardware_name(Device device, int threads);
 
 /// Waits until the device has finished; throws std::runtime_error with the text of any pending CUDA error.
 void synchronize(Device device);

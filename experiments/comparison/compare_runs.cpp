@@ -12,6 +12,7 @@
 #include "compare/pictures/contact_sheet.h"
 #include "compare/pictures/png.h"
 #include "compare/report/report.h"
+#include "core/parallel/hardware.h"
 #include "core/system/atomic_file.h"
 #include "core/system/error.h"
 #include "experiments/comparison/compare_scene.h"

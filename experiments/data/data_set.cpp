@@ -7,6 +7,7 @@
 #include <cstring>
 #include <nlohmann/json.hpp>
 
+#include "core/parallel/hardware.h"
 #include "core/system/atomic_file.h"
 #include "core/system/error.h"
 #include "core/system/file_lock.h"

@@ -7,7 +7,7 @@
 #include <nlohmann/json.hpp>
 #include <sstream>
 
-#include "core/parallel/device.h"
+#include "core/parallel/hardware.h"
 #include "core/system/atomic_file.h"
 #include "io/scene/scene_reader.h"
 #include "io/trajectory/trajectory_file.h"

@@ -12,6 +12,7 @@
 #include "apps/verbs.h"
 #include "compare/break_even.h"
 #include "compare/report/report.h"
+#include "core/parallel/hardware.h"
 #include "core/system/atomic_file.h"
 #include "core/system/error.h"
 #include "experiments/comparison/floor_file.h"

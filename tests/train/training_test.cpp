@@ -4,6 +4,7 @@
 #include <cmath>
 #include <fstream>
 
+#include "core/parallel/hardware.h"
 #include "core/system/atomic_file.h"
 #include "core/system/error.h"
 #include "graph/learned_simulator.h"

@@ -7,7 +7,7 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
-#include "core/parallel/device.h"
+#include "core/parallel/hardware.h"
 #include "core/parallel/thread_pool.h"
 #include "core/system/atomic_file.h"
 #include "core/system/error.h"

@@ -8,7 +8,7 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
-#include "core/parallel/device.h"
+#include "core/parallel/hardware.h"
 #include "core/system/atomic_file.h"
 #include "core/system/command_line.h"
 #include "core/system/error.h"

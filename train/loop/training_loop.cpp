@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <memory>
 
+#include "core/parallel/hardware.h"
 #include "core/parallel/memory.h"
 #include "core/system/error.h"
 #include "graph/features/normalization.h"
