@@ -35,25 +35,15 @@ SceneTimes times_of(const Comparison& comparison, const std::string& model) {
   return times;
 }
 
-/// "never against mpm, which takes 3.20 s".
+/// "never against mpm (3.20 s)".
 std::string rival_words(const RivalBreakEven& rival) {
-  std::string text;
-  switch (rival.verdict) {
-    case BreakEvenVerdict::never:
-      text = "never";
-      break;
-    case BreakEvenVerdict::unknown:
-      text = "not known";
-      break;
-    case BreakEvenVerdict::pays:
-    case BreakEvenVerdict::later:
-      text = fmt::format("{} {:.0f} scene{}", rival.verdict == BreakEvenVerdict::pays ? "after" : "after at least",
-                         *rival.scenes, *rival.scenes == 1 ? "" : "s");
-  }
-  return fmt::format("{} against {} ({} s)", text, rival.rival, short_number(rival.rival_seconds));
+  const std::string against = fmt::format("against {} ({} s)", rival.rival, short_number(rival.rival_seconds));
+  if (!rival.scenes) return (rival.verdict == BreakEvenVerdict::never ? "never " : "not known ") + against;
+  return fmt::format("{} {:.0f} scene{} {}", rival.verdict == BreakEvenVerdict::pays ? "after" : "after at least",
+                     *rival.scenes, *rival.scenes == 1 ? "" : "s", against);
 }
 
-/// "Data took 41.0 s, training 7.4 s, on 2 threads of AMD EPYC."
+/// "Data took 41.0 s, training 7.4 s; on 2 threads of AMD EPYC."
 std::string offline_words(const OfflineTime& offline) {
   if (!offline.data && !offline.training) return "The weights do not say how long data and training took.";
   std::string text;
@@ -64,7 +54,7 @@ std::string offline_words(const OfflineTime& offline) {
         fmt::format("Training took {}; the weights do not say how long the data took", human_time(*offline.training));
   else
     text = fmt::format("Data took {}; the weights do not say how long training took", human_time(*offline.data));
-  return text + fmt::format("; on {}.", fmt::join(offline.devices, ", "));
+  return fmt::format("{}; on {}.", text, fmt::join(offline.devices, ", "));
 }
 
 }  // namespace
@@ -96,7 +86,8 @@ std::vector<BreakEven> break_evens(const Comparison& comparison) {
     const SceneTimes times = times_of(comparison, model);
     BreakEven result{
         .model = model, .scenes = times.scenes, .scene_seconds = times.model, .offline = offline->second, .rivals = {}};
-    result.estimate = result.offline.devices != std::vector<std::string>{comparison.hardware};
+    result.estimate = std::any_of(result.offline.devices.begin(), result.offline.devices.end(),
+                                  [&](const std::string& device) { return device != comparison.hardware; });
     result.rivals = {break_even(result.offline, times.model, comparison.scenes.front().opponent, times.opponent),
                      break_even(result.offline, times.model, "mpm", times.mpm)};
     results.push_back(std::move(result));
@@ -107,16 +98,14 @@ std::vector<BreakEven> break_evens(const Comparison& comparison) {
 std::string break_even_sentence(const BreakEven& result, const Comparison& comparison) {
   std::vector<std::string> rivals;
   for (const RivalBreakEven& rival : result.rivals) rivals.push_back(rival_words(rival));
-  std::string text =
-      fmt::format("Break-even of {} in time, errors aside: {}. A scene takes it {} s (mean of {} here, on {}).",
-                  short_name(result.model, models_of(comparison)), fmt::join(rivals, ", "),
-                  short_number(result.scene_seconds), result.scenes, comparison.hardware);
-  text += " " + offline_words(result.offline);
   const bool has_number = std::any_of(result.rivals.begin(), result.rivals.end(),
                                       [](const RivalBreakEven& rival) { return rival.scenes.has_value(); });
-  if (result.estimate && has_number)
-    text += " That is not the hardware of the rollouts: the number of scenes is an estimate.";
-  return text;
+  return fmt::format(
+      "Break-even of {} in time, errors aside: {}. A scene takes it {} s (mean of {} here, on {}). {}{}",
+      short_name(result.model, models_of(comparison)), fmt::join(rivals, ", "), short_number(result.scene_seconds),
+      result.scenes, comparison.hardware, offline_words(result.offline),
+      result.estimate && has_number ? " That is not the hardware of the rollouts: the number of scenes is an estimate."
+                                    : "");
 }
 
 }  // namespace graupel::compare
