@@ -129,15 +129,17 @@ TEST_F(Program, ReducedModelsTellTheirOfflineCost) {
 
 TEST_F(Program, CoarseModelsTellTheirOfflineCost) {
   std::string recipe = read_file(GRAUPEL_SOURCE_DIR "/scenes/recipes/general.json");
-  const auto replace = [&](const std::string& from, const std::string& to) {
-    for (std::size_t at = recipe.find(from); at != std::string::npos; at = recipe.find(from, at + to.size()))
-      recipe.replace(at, from.size(), to);
+  const auto set = [&](const std::string& key, const std::string& end, const std::string& value) {
+    const std::size_t at = recipe.find("\"" + key + "\":");
+    recipe.replace(at, recipe.find(end, at) - at, "\"" + key + "\": " + value);
   };
-  const std::size_t list = recipe.find("\"categories\"");
-  recipe.replace(list, recipe.find(']', list) + 1 - list, "\"categories\": [\"dam_break\"]");
-  replace("\"assets/", "\"" GRAUPEL_SOURCE_DIR "/scenes/recipes/assets/");
-  replace("\"max_particles\": 20000", "\"max_particles\": 600");
-  replace("\"dx\": 0.015625", "\"dx\": 0.03125");
+  set("categories", ",\n  \"domain\"", "[\"dam_break\"]");
+  set("sizes", ",\n    \"dx\"", "[[1, 1, 1]]");
+  set("dx", ", \"wall_cells\"", "0.03125");
+  set("max_particles", ",\n", "600");
+  const std::string assets = "\"assets/", there = "\"" GRAUPEL_SOURCE_DIR "/scenes/recipes/assets/";
+  for (std::size_t at = 0; (at = recipe.find(assets, at)) != std::string::npos; at += there.size())
+    recipe.replace(at, assets.size(), there);
   write_file_atomically(folder_ + "/recipe.json", recipe);
   const std::vector<std::string> words = {"coarse",   "--recipe",  folder_ + "/recipe.json",
                                           "--scenes", "2",         "--valid-scenes",
