@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -38,6 +39,7 @@ struct SceneResult {
   std::vector<double> floor_position;  ///< position error curve of MPM with moved particles; empty without floors
   std::vector<double> floor_density;   ///< density error curve of MPM with another seed
   std::string opponent;                ///< solver variant that models lose to: "mpm:coarse:fast" or "mpm:coarse"
+  double mpm_frame_ms = 0, opponent_frame_ms = 0;  ///< frame_ms of mpm and of the opponent, whether compared or not
   /// First unusable frame of the runs that all models are held against, where one diverged: the opponent, "moved" and
   /// "reseeded" (the chaos floors).
   std::map<std::string, int64_t> diverged_references;
@@ -47,13 +49,21 @@ struct SceneResult {
   std::vector<ModelResult> models;
 };
 
+/// What a model took before its first rollout, as its weights tell.
+struct OfflineTime {
+  std::optional<double> data, training;  ///< [s]; nothing: not told
+  std::vector<std::string> devices;      ///< hardware that what is told was timed on, each once
+};
+
 struct Comparison {
   std::string command;  ///< that makes it
   std::string version;
-  std::string machine;  ///< processor, device
+  std::string machine;   ///< processor, device
+  std::string hardware;  ///< that all runs are timed on: "NVIDIA H200", "2 threads of AMD EPYC"
   int threads = 1;
   std::vector<MetricGroup> groups;  ///< parts that were computed
   std::vector<SceneResult> scenes;
+  std::map<std::string, OfflineTime> offline;  ///< of models that are made from data, by name
 };
 
 /// Mean of every metric of a model over the scenes that it is run on, but of ratios; loses_to_coarse becomes the share

@@ -8,6 +8,8 @@
 #include <set>
 #include <sstream>
 
+#include "compare/break_even.h"
+
 namespace graupel::compare {
 
 using Json = nlohmann::ordered_json;
@@ -38,6 +40,28 @@ Json model_json(const SceneResult& scene, const ModelResult& result) {
   return json;
 }
 
+/// null for what is not known.
+Json number_or_null(const std::optional<double>& value) { return value ? Json(*value) : Json(); }
+
+Json break_even_json(const BreakEven& result, const Comparison& comparison) {
+  Json json = {{"model", result.model},
+               {"scenes", result.scenes},
+               {"scene_s", result.scene_seconds},
+               {"data_s", number_or_null(result.offline.data)},
+               {"training_s", number_or_null(result.offline.training)},
+               {"made_on", result.offline.devices},
+               {"run_on", comparison.hardware},
+               {"estimate", result.estimate}};
+  json["rivals"] = Json::array();
+  for (const RivalBreakEven& rival : result.rivals)
+    json["rivals"].push_back({{"rival", rival.rival},
+                              {"scene_s", rival.rival_seconds},
+                              {"verdict", name_of(rival.verdict)},
+                              {"scenes", number_or_null(rival.scenes)}});
+  json["sentence"] = break_even_sentence(result, comparison);
+  return json;
+}
+
 std::string quoted(const std::string& text) {
   if (text.find_first_of(",\"\n") == std::string::npos) return text;
   std::string out = "\"";
@@ -45,24 +69,11 @@ std::string quoted(const std::string& text) {
   return out + "\"";
 }
 
-struct Column {
-  const char* key;
-  const char* title;
-};
 constexpr Column columns[] = {
     {"frame_ms", "ms/frame"},        {"speed_ratio", "speed"},          {"one_step_normalized", "one-step"},
     {"position_mse_20", "MSE 20"},   {"position_mse_all", "MSE all"},   {"sinkhorn", "sinkhorn"},
     {"density_error", "density"},    {"material_occupancy_iou", "IoU"}, {"clump_size_error", "clumps"},
     {"local_density_error", "local"}};
-
-constexpr Column category_columns[] = {{"frame_ms", "ms/frame"},
-                                       {"position_mse_all", "MSE all"},
-                                       {"sinkhorn", "sinkhorn"},
-                                       {"density_error", "density"},
-                                       {"ratio_position_mse_all", "r. MSE"},
-                                       {"ratio_sinkhorn", "r. sink."},
-                                       {"ratio_density_error", "r. dens."},
-                                       {"ratio_frame_ms", "r. time"}};
 
 /// Geometric means of every category and of all scenes; empty where the scenes have no categories, and without
 /// rollouts.
@@ -159,7 +170,11 @@ Json comparison_json(const Comparison& comparison) {
     if (computed(comparison, MetricGroup::floors))
       entry["floor_curves"] = {{"position_error", scene.floor_position}, {"density_error", scene.floor_density}};
     if (!scene.category.empty()) entry["category"] = scene.category;
-    if (!scene.opponent.empty()) entry["opponent"] = scene.opponent;
+    if (!scene.opponent.empty()) {
+      entry["opponent"] = scene.opponent;
+      entry["opponent_frame_ms"] = scene.opponent_frame_ms;
+      entry["mpm_frame_ms"] = scene.mpm_frame_ms;
+    }
     if (!scene.diverged_references.empty()) entry["diverged_references"] = scene.diverged_references;
     json["scenes"].push_back(entry);
     for (const ModelResult& result : scene.models) json["results"].push_back(model_json(scene, result));
@@ -178,6 +193,9 @@ Json comparison_json(const Comparison& comparison) {
           values_json(metric_list(), geometric_mean_over_scenes(comparison, model, category));
   }
   if (const std::string sentence = headline(comparison); !sentence.empty()) json["headline"] = sentence;
+  json["break_even"] = Json::array();
+  for (const BreakEven& result : break_evens(comparison))
+    json["break_even"].push_back(break_even_json(result, comparison));
   return json;
 }
 
@@ -237,6 +255,7 @@ std::string comparison_table(const Comparison& comparison) {
   }
   table += category_table(comparison);
   table += wrapped(headline(comparison));
+  for (const BreakEven& result : break_evens(comparison)) table += wrapped(break_even_sentence(result, comparison));
   return table;
 }
 

@@ -8,6 +8,21 @@
 
 namespace graupel::compare {
 
+/// A metric in a table, with a title of at most 8 characters for the terminal.
+struct Column {
+  const char* key;
+  const char* title;
+};
+/// Of the table of geometric means by category.
+inline constexpr Column category_columns[] = {{"frame_ms", "ms/frame"},
+                                              {"position_mse_all", "MSE all"},
+                                              {"sinkhorn", "sinkhorn"},
+                                              {"density_error", "density"},
+                                              {"ratio_position_mse_all", "r. MSE"},
+                                              {"ratio_sinkhorn", "r. sink."},
+                                              {"ratio_density_error", "r. dens."},
+                                              {"ratio_frame_ms", "r. time"}};
+
 nlohmann::ordered_json comparison_json(const Comparison& comparison);
 /// One row a scene and model; columns scene, model, diverged_at_frame, every metric, "<material>.<metric>".
 std::string comparison_csv(const Comparison& comparison);

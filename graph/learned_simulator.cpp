@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "core/scene/kinematic_particles.h"
+#include "core/scene/particle_rows.h"
 #include "core/system/error.h"
 #include "graph/corrections/frame_corrections.h"
 #include "graph/cpu/lap_timer.h"
@@ -110,16 +111,6 @@ Trajectory empty_trajectory(const Scene& scene, const std::vector<int32_t>& part
   return trajectory;
 }
 
-/// Rows `place` of v [n].
-template <typename T>
-std::vector<T> rows_of(const std::vector<T>& v, const std::vector<int32_t>& place) {
-  std::vector<T> rows;
-  if (v.empty()) return rows;
-  rows.reserve(place.size());
-  for (const int32_t i : place) rows.push_back(v[static_cast<std::size_t>(i)]);
-  return rows;
-}
-
 /// The particles of a step: all, where none come or go, else copies of those in the run.
 class StepParticles {
  public:
@@ -131,10 +122,10 @@ class StepParticles {
         history_(history),
         kinematic_(kinematic) {
     if (place_ == nullptr) return;
-    own_type_ = rows_of(type, *place_);
-    own_material_ = rows_of(material, *place_);
-    own_kinematic_ = rows_of(kinematic, *place_);
-    for (const std::vector<Vec3f>& frame : history) own_history_.push_back(rows_of(frame, *place_));
+    own_type_ = particle_rows(type, *place_);
+    own_material_ = particle_rows(material, *place_);
+    own_kinematic_ = particle_rows(kinematic, *place_);
+    for (const std::vector<Vec3f>& frame : history) own_history_.push_back(particle_rows(frame, *place_));
   }
   const std::vector<int32_t>& type() const { return place_ != nullptr ? own_type_ : type_; }
   const std::vector<int32_t>& material() const { return place_ != nullptr ? own_material_ : material_; }
@@ -143,7 +134,7 @@ class StepParticles {
   /// Their rows among those of all.
   const std::vector<Vec3f>& rows(const std::vector<Vec3f>& of_all) {
     if (place_ == nullptr) return of_all;
-    own_rows_ = rows_of(of_all, *place_);
+    own_rows_ = particle_rows(of_all, *place_);
     return own_rows_;
   }
   /// Puts their rows into those of all: the others keep what is there.

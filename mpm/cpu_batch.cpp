@@ -2,8 +2,8 @@
 
 #include <algorithm>
 #include <chrono>
-#include <exception>
 
+#include "core/parallel/parallel_tasks.h"
 #include "core/system/error.h"
 
 namespace graupel::mpm {
@@ -52,21 +52,7 @@ void CpuBatch::advance(std::size_t scene) {
 /// A single scene has all threads; of several each has one, whose kernels then run on that thread alone.
 void CpuBatch::advance_frame() {
   const auto begin = std::chrono::steady_clock::now();
-  std::exception_ptr failure;
-  const auto n = static_cast<int>(runs_.size());
-  const int threads = device_ == Device::cpu ? std::min(num_threads(), n) : 1;
-  if (threads == 1) {
-    for (int i = 0; i < n; ++i) advance(static_cast<std::size_t>(i));
-  } else {
-#pragma omp parallel for schedule(dynamic) num_threads(threads)
-    for (int i = 0; i < n; ++i) try {
-        advance(static_cast<std::size_t>(i));
-      } catch (...) {
-#pragma omp critical
-        failure = std::current_exception();
-      }
-  }
-  if (failure) std::rethrow_exception(failure);
+  for_each_task(runs_.size(), device_ == Device::cpu ? num_threads() : 1, [this](std::size_t i) { advance(i); });
   seconds_ += std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
 }
 

@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "core/parallel/parallel_for.h"
+#include "core/scene/periodic_walls.h"
 
 namespace graupel::compare {
 
@@ -23,8 +24,7 @@ struct HoldingWalls {
     constexpr double far_off = 1e30;  // [m]
     for (int d = 0; d < 3; ++d)
       for (const int side : {0, 1}) {
-        const Wall wall = scene.domain.wall(d, side);
-        if (d >= scene.domain.axes() || wall == Wall::open || wall == Wall::periodic)
+        if (d >= scene.domain.axes() || !holds_material(scene.domain.wall(d, side)))
           (side == 0 ? low : high)[d] = side == 0 ? -far_off : far_off;
       }
   }

@@ -3,7 +3,7 @@
 
 #include <cmath>
 
-#include "core/scene/domain.h"
+#include "core/scene/periodic_walls.h"
 
 namespace graupel::compare {
 
@@ -13,10 +13,7 @@ struct Space {
   Vec3d period = {0, 0, 0};  ///< from wall to wall of a periodic axis; 0 of the others [m]
 
   Space() = default;
-  explicit Space(const Domain& domain) : axes(domain.axes()), low(domain.wall_low()) {
-    for (int d = 0; d < axes; ++d)
-      if (domain.wall(d, 0) == Wall::periodic) period[d] = domain.wall_high()[d] - low[d];
-  }
+  explicit Space(const Domain& domain) : axes(domain.axes()), low(domain.wall_low()), period(period_of(domain)) {}
 
   bool is_periodic(int axis) const { return period[axis] > 0; }
   /// The shortest way from b to a [m].

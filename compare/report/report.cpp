@@ -6,6 +6,7 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
+#include "compare/break_even.h"
 #include "compare/comparison_files.h"
 #include "compare/report/base64.h"
 #include "compare/report/plot_svg.h"
@@ -95,19 +96,16 @@ std::string mean_table(const Comparison& comparison) {
 
 /// Geometric means of every category and of all scenes.
 std::string category_table(const Comparison& comparison) {
-  constexpr const char* keys[] = {
-      "frame_ms",       "position_mse_all",    "sinkhorn",      "density_error", "ratio_position_mse_all",
-      "ratio_sinkhorn", "ratio_density_error", "ratio_frame_ms"};
   std::string html =
       "<h2>Categories</h2>\n<p class=\"soft\">Geometric means; ratios are over the opponent, of errors "
       "beyond the chaos floor.</p>\n<div class=\"scroll\"><table><thead><tr><th>category, model</th>";
-  for (const char* key : keys) html += "<th>" + breakable(key) + "</th>";
+  for (const Column& column : category_columns) html += "<th>" + breakable(column.key) + "</th>";
   html += "</tr></thead><tbody>\n";
   const auto add = [&](const std::string& name, std::size_t scenes, const std::string& category, const char* style) {
     for (const std::string& model : models_of(comparison)) {
       const MetricValues mean = geometric_mean_over_scenes(comparison, model, category);
       html += fmt::format("<tr{}><td>{}</td>", style, escape_markup(fmt::format("{} ({}), {}", name, scenes, model)));
-      for (const char* key : keys) html += cell(mean, key);
+      for (const Column& column : category_columns) html += cell(mean, column.key);
       html += "</tr>\n";
     }
   };
@@ -276,6 +274,9 @@ std::string player_section(const Comparison& comparison) {
 
 std::string head_section(const Comparison& comparison) {
   const std::string sentence = headline(comparison);
+  std::string sentences = sentence.empty() ? "" : "<p><strong>" + escape_markup(sentence) + "</strong></p>\n";
+  for (const BreakEven& result : break_evens(comparison))
+    sentences += "<p>" + escape_markup(break_even_sentence(result, comparison)) + "</p>\n";
   return fmt::format(
       "<h1>Graupel: learned simulators against MPM</h1>\n{}"
       "<p class=\"soft\">{} &middot; {} &middot; {} threads</p>\n<p>Made by</p>\n<pre>{}</pre>\n"
@@ -288,8 +289,7 @@ std::string head_section(const Comparison& comparison) {
       "Sinkhorn divergence and density error; differences within the chaos floor are ties. The chaos floor is what MPM "
       "differs from itself when its particles are moved by 1e-4 dx (position errors) or sampled with another seed (the "
       "rest): errors near it cannot be told from chaos. Definitions: <code>docs/reference/metrics.md</code>.</p>\n",
-      sentence.empty() ? "" : "<p><strong>" + escape_markup(sentence) + "</strong></p>\n",
-      escape_markup(comparison.version), escape_markup(comparison.machine), comparison.threads,
+      sentences, escape_markup(comparison.version), escape_markup(comparison.machine), comparison.threads,
       escape_markup(comparison.command));
 }
 

@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <cstdio>
 #include <filesystem>
-#include <fstream>
 #include <nlohmann/json.hpp>
 #include <set>
 
@@ -13,6 +12,7 @@
 #include "compare/pictures/contact_sheet.h"
 #include "compare/pictures/png.h"
 #include "compare/report/report.h"
+#include "core/parallel/hardware.h"
 #include "core/system/atomic_file.h"
 #include "core/system/error.h"
 #include "experiments/comparison/compare_scene.h"
@@ -20,17 +20,12 @@
 #include "experiments/process/outputs.h"
 #include "experiments/process/process.h"
 #include "mpm/memory_need.h"
+#include "nn/offline_cost.h"
+#include "nn/weights.h"
 
 namespace graupel::experiments {
 
 namespace {
-
-std::string processor_name() {
-  std::ifstream info("/proc/cpuinfo");
-  for (std::string line; std::getline(info, line);)
-    if (line.starts_with("model name")) return line.substr(line.find(':') + 2);
-  return "unknown processor";
-}
 
 std::vector<ModelChoice> parse_models(const std::vector<std::string>& words) {
   if (words.empty())
@@ -75,6 +70,21 @@ std::vector<ComparedModel> load_models(const std::vector<ModelChoice>& choices, 
     models.push_back(std::move(model));
   }
   return models;
+}
+
+/// Nothing for MPM and for corrections alone, which no data are behind.
+std::optional<compare::OfflineTime> offline_time_of(const ComparedModel& model) {
+  if (model.choice.kind == ModelKind::mpm || model.choice.parts == NetworkParts::corrections_alone) return std::nullopt;
+  const std::string& file = model.choice.weights;
+  const nn::OfflineCost cost = nn::offline_cost_of(nn::read_safetensors(file).metadata, file);
+  compare::OfflineTime time{
+      .data = nn::total_seconds(cost.data), .training = nn::total_seconds(cost.training), .devices = {}};
+  std::set<std::string> seen;
+  for (const auto* parts : {&cost.data, &cost.training})
+    for (const nn::CostPart& part : *parts)
+      if (nn::total_seconds(*parts) && seen.insert(part.device).second)
+        time.devices.push_back(part.device.empty() ? "hardware that is not told" : part.device);
+  return time;
 }
 
 void check_one_step_only(const std::vector<ModelChoice>& models) {
@@ -189,6 +199,9 @@ void compare_scenes(const CompareOptions& options, compare::Comparison& comparis
   comparison.machine =
       fmt::format("{}, MPM on {}", processor_name(), device == Device::cuda ? cuda_device_name() : "the CPU");
   comparison.threads = num_threads();
+  comparison.hardware = hardware_name(device, num_threads());
+  for (const ComparedModel& model : models)
+    if (const auto offline = offline_time_of(model)) comparison.offline[model.choice.name] = *offline;
   using enum compare::MetricGroup;
   comparison.groups = {one_step};
   if (!options.one_step_only) comparison.groups = {rollout, one_step, cost};

@@ -12,6 +12,7 @@
 #include "compare/pictures/raster.h"
 #include "core/scene/kinematic_particles.h"
 #include "core/scene/material_config.h"
+#include "core/scene/particle_rows.h"
 #include "core/system/error.h"
 #include "experiments/comparison/fairness.h"
 #include "experiments/models/trained_materials.h"
@@ -81,15 +82,6 @@ StartState start_of_stored(const SceneTask& task, const compare::ParticleRun& tr
   }
   if (!as_stored) add_schedule(task.scene, task.seed, start);
   return start;
-}
-
-template <typename T>
-std::vector<T> rows_of(const std::vector<T>& all, const std::vector<std::size_t>& chosen) {
-  std::vector<T> rows;
-  if (all.empty()) return rows;
-  rows.reserve(chosen.size());
-  for (const std::size_t i : chosen) rows.push_back(all[i]);
-  return rows;
 }
 
 }  // namespace
@@ -179,7 +171,8 @@ void SceneComparison::make_references(const mpm::SolverVariant& opponent) {
   opponent_run_ = run_variant(opponent);
   note_divergence(result_.opponent, *opponent_run_);
   opponent_values_ = evaluate_rollout(task_.scene, all_obstacles_, truth_.run, opponent_run_->run).values;
-  opponent_values_["frame_ms"] = 1e3 * opponent_run_->cost.frame;
+  opponent_values_["frame_ms"] = result_.opponent_frame_ms = 1e3 * opponent_run_->cost.frame;
+  result_.mpm_frame_ms = 1e3 * truth_.cost.frame;
   if (options_.floors) {
     floors_ = options_.floor_file.empty() ? measure_floors()
                                           : FloorFile(options_.floor_file).of(task_.scene, task_.seed, task_.frames);
@@ -251,16 +244,16 @@ compare::OneStepError SceneComparison::one_step_of_network(const ComparedModel& 
     std::vector<std::vector<Vec3f>> next = {true_position(n + 1), positions.back()};
     graph::unwrap_periodic(here, next);
     const std::vector<std::size_t> active = active_between(frame);
-    for (std::vector<Vec3f>& all : positions) all = rows_of(all, active);
-    const std::vector<int32_t> type = rows_of(start_.particle_type, active),
-                               material = rows_of(start_.material, active);
+    for (std::vector<Vec3f>& all : positions) all = particle_rows(all, active);
+    const std::vector<int32_t> type = particle_rows(start_.particle_type, active),
+                               material = particle_rows(start_.material, active);
     std::vector<Vec3d> predicted;
     for (const Vec3f& a : accelerations(here, type, material, positions)) predicted.push_back(a.cast<double>());
-    error.add(
-        predicted,
-        compare::frame_accelerations(positions[positions.size() - 2], positions.back(), rows_of(next.front(), active)),
-        compare::clearances(task_.scene, obstacles_, positions.back()),
-        rows_of(kinematic_at(start_, static_cast<double>(n + 1) * dt), active));
+    error.add(predicted,
+              compare::frame_accelerations(positions[positions.size() - 2], positions.back(),
+                                           particle_rows(next.front(), active)),
+              compare::clearances(task_.scene, obstacles_, positions.back()),
+              particle_rows(kinematic_at(start_, static_cast<double>(n + 1) * dt), active));
   }
   return error.result();
 }

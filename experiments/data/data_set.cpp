@@ -7,9 +7,11 @@
 #include <cstring>
 #include <nlohmann/json.hpp>
 
+#include "core/parallel/hardware.h"
 #include "core/system/atomic_file.h"
 #include "core/system/error.h"
 #include "core/system/file_lock.h"
+#include "core/system/stopwatch.h"
 #include "experiments/data/scene_batches.h"
 
 namespace graupel::experiments {
@@ -53,6 +55,7 @@ class DataSet {
 
   std::vector<SceneJob> missing_scenes() const;
   void check_or_write_card() const;
+  void note_time(double seconds) const;
   void run_jobs(const std::vector<SceneJob>& jobs);
   void log_redraw(const SceneJob& job, const std::string& reason) const;
   bool merge_split(mpm::Split split, nlohmann::ordered_json& result) const;
@@ -96,6 +99,7 @@ void DataSet::check_or_write_card() const {
   nlohmann::ordered_json facts = source_.card();
   const nlohmann::ordered_json scenes = facts;
   facts.update({{"seed", source_.seed()}, {"device", device}, {"fields", fields}, {"made_by", version_text()}});
+  facts["made_in"] = nlohmann::ordered_json::array();
   if (!fs::exists(card)) return write_file_atomically(card, facts.dump(2) + "\n");
   const auto old = nlohmann::ordered_json::parse(read_file(card), nullptr, false);
   bool same = old.is_object() && old.value("seed", uint64_t(0)) == source_.seed();
@@ -111,6 +115,22 @@ void DataSet::check_or_write_card() const {
                       fields + "'). Use the same --fields, or choose another --output");
 }
 
+/// Adds the time of a run to "made_in" of dataset.json; one of before that key says nothing of the scenes that it has.
+void DataSet::note_time(double seconds) const {
+  const FileLock hold = lock();
+  const fs::path file = folder_ / "dataset.json";
+  auto card = nlohmann::ordered_json::parse(read_file(file));
+  if (!card.contains("made_in")) return;
+  const std::string device = hardware_name(options_.device, num_threads());
+  for (auto& part : card["made_in"])
+    if (part.at("device") == device) {
+      part["seconds"] = part.at("seconds").get<double>() + seconds;
+      return write_file_atomically(file, card.dump(2) + "\n");
+    }
+  card["made_in"].push_back({{"device", device}, {"seconds", seconds}});
+  write_file_atomically(file, card.dump(2) + "\n");
+}
+
 void DataSet::run_jobs(const std::vector<SceneJob>& jobs) {
   SceneBatchOptions batches;
   batches.device = options_.device;
@@ -122,7 +142,9 @@ void DataSet::run_jobs(const std::vector<SceneJob>& jobs) {
     lost_.push_back(source_.text(job) + ": " + reason);
     std::fprintf(stderr, "generate: %s\n", lost_.back().c_str());
   };
+  const Stopwatch watch;
   run_scenes(source_, jobs, batches);
+  if (!jobs.empty()) note_time(watch.seconds());
   stop_if_interrupted("; run the same command again to go on");
   if (lost_.empty()) return;
   std::string list;

@@ -13,6 +13,7 @@
 #include <optional>
 #include <thread>
 
+#include "core/parallel/parallel_tasks.h"
 #include "core/system/error.h"
 #include "experiments/process/process.h"
 #include "experiments/process/progress.h"
@@ -26,20 +27,6 @@ namespace {
 
 constexpr int64_t most_attempts = 20;
 constexpr std::size_t frames_a_block = 8;  ///< that are written at once: a chunk of a trajectory
-
-/// body(i) for every i < n, on `threads` threads; the first error is thrown again.
-template <typename Body>
-void for_each_scene(std::size_t n, int threads, const Body& body) {
-  std::exception_ptr failure;
-#pragma omp parallel for schedule(dynamic) num_threads(threads)
-  for (std::size_t i = 0; i < n; ++i) try {
-      body(i);
-    } catch (...) {
-#pragma omp critical
-      if (!failure) failure = std::current_exception();
-    }
-  if (failure) std::rethrow_exception(failure);
-}
 
 /// The trajectory of one scene on its way to the disk; what is not finished is removed.
 class SceneFile {
@@ -160,7 +147,7 @@ SceneRunner::Jobs SceneRunner::take() {
 
 std::vector<mpm::PreparedScene> SceneRunner::prepare(const Jobs& jobs) const {
   std::vector<std::optional<mpm::PreparedScene>> scenes(jobs.size());
-  for_each_scene(jobs.size(), worker_threads_, [&](std::size_t i) {
+  for_each_task(jobs.size(), worker_threads_, [&](std::size_t i) {
     const SceneJob& job = jobs[i];
     mpm::SimulationOptions simulation;
     simulation.device = options_.device;
@@ -249,14 +236,14 @@ bool SceneRunner::advance(mpm::SceneBatch& batch, const Jobs& jobs, const Files&
 }
 
 void SceneRunner::write(const Block& block, const Jobs& jobs, const Files& files) const {
-  for_each_scene(files.size(), worker_threads_, [&](std::size_t i) {
+  for_each_task(files.size(), worker_threads_, [&](std::size_t i) {
     if (!block.usable[i]) return;
     for (const auto& frames : block.frames) files[i]->append(frames[i], source_, jobs[i]);
   });
 }
 
 void SceneRunner::finish(const Files& files, const std::vector<bool>& usable) const {
-  for_each_scene(files.size(), worker_threads_, [&](std::size_t i) {
+  for_each_task(files.size(), worker_threads_, [&](std::size_t i) {
     if (usable[i]) files[i]->finish();
   });
 }

@@ -5,6 +5,7 @@
 #include <string>
 
 #include "core/parallel/parallel_for.h"
+#include "core/scene/periodic_walls.h"
 #include "core/system/error.h"
 
 namespace graupel::graph {
@@ -20,8 +21,7 @@ constexpr double far_away = 1e30;  ///< [m]
 
 /// Where a wall holds the material.
 double hold(const Scene& scene, int axis, int side) {
-  const Wall kind = scene.domain.wall(axis, side);
-  if (kind == Wall::open || kind == Wall::periodic) return side == 0 ? -far_away : far_away;
+  if (!holds_material(scene.domain.wall(axis, side))) return side == 0 ? -far_away : far_away;
   return (side == 0 ? scene.wall_low() : scene.wall_high())[axis];
 }
 
@@ -35,15 +35,13 @@ SurfaceContact wall_contact(const Domain& domain, int axis, int side) {
 Vec3d holds(const Scene& scene, int side) { return {hold(scene, 0, side), hold(scene, 1, side), hold(scene, 2, side)}; }
 
 Vec3d periods(const Scene& scene) {
-  Vec3d period = Vec3d::zero();
   for (int d = 0; d < scene.domain.axes(); ++d) {
     const bool low = scene.domain.wall(d, 0) == Wall::periodic, high = scene.domain.wall(d, 1) == Wall::periodic;
     if (low != high)
       throw ConfigError(std::string("the periodic wall of axis ") + "xyz"[d] +
                         " has no partner at the other end (allowed: both or none). Make both periodic");
-    if (low) period[d] = scene.wall_high()[d] - scene.wall_low()[d];
   }
-  return period;
+  return period_of(scene.domain);
 }
 
 /// Longest piece of a particle's way [m] that cannot jump over an obstacle: a grid's smallest value is half of the

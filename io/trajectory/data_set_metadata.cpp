@@ -8,6 +8,7 @@
 
 #include "core/parallel/device.h"
 #include "core/scene/kinematic_particles.h"
+#include "core/scene/periodic_walls.h"
 #include "core/system/atomic_file.h"
 #include "core/system/error.h"
 #include "io/config/json_node.h"

@@ -6,7 +6,6 @@
 #include <cstdint>
 
 #include "core/math/vec.h"
-#include "core/scene/domain.h"
 
 namespace graupel::io {
 
@@ -46,14 +45,6 @@ struct MotionStatistics {
     acceleration.add(more.acceleration);
   }
 };
-
-/// Distances between the periodic walls of a domain [m]; 0 along axes without them.
-inline Vec3d period_of(const Domain& domain) {
-  Vec3d period = Vec3d::zero();
-  for (int axis = 0; axis < domain.axes(); ++axis)
-    if (domain.wall(axis, 0) == Wall::periodic) period[axis] = domain.wall_high()[axis] - domain.wall_low()[axis];
-  return period;
-}
 
 /// The way from one frame to the next [m], through a periodic wall where that is shorter; `period` is 0 along axes
 /// without one.

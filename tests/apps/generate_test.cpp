@@ -4,8 +4,10 @@
 
 #include <algorithm>
 #include <future>
+#include <nlohmann/json.hpp>
 #include <sstream>
 
+#include "core/parallel/hardware.h"
 #include "core/system/atomic_file.h"
 #include "io/scene/scene_reader.h"
 #include "io/trajectory/trajectory_file.h"
@@ -34,10 +36,22 @@ TEST(Generate, ShardsMakeTheSameBytesAsOneRun) {
 
   EXPECT_FALSE(std::filesystem::exists(whole + "/.lock"));
 
+  // The card tells the time of the run; that of both shards is on other threads.
+  const auto made_in = [](const std::string& set) {
+    return nlohmann::json::parse(read_file(set + "/dataset.json")).at("made_in");
+  };
+  const nlohmann::json time = made_in(whole);
+  ASSERT_EQ(time.size(), 1u);
+  EXPECT_GT(time[0].at("seconds").get<double>(), 0);
+  EXPECT_EQ(time[0].at("device"), hardware_name(Device::cpu, 2));
+  ASSERT_EQ(made_in(shards).size(), 1u);
+  EXPECT_EQ(made_in(shards)[0].at("device"), hardware_name(Device::cpu, 1));
+
   // A second run has nothing to do; another seed or device is refused.
   const auto stamp = std::filesystem::last_write_time(whole + "/train.h5");
   ASSERT_EQ(graupel("generate " + recipe_flags + " -o " + whole).exit_code, 0);
   EXPECT_EQ(std::filesystem::last_write_time(whole + "/train.h5"), stamp);
+  EXPECT_EQ(made_in(whole), time);
   EXPECT_EQ(graupel("generate " + recipe_flags + " --seed 6 -o " + whole).exit_code, 2);
   std::string card = read_file(whole + "/dataset.json");
   card.replace(card.find("\"cpu\""), 5, "\"cuda\"");

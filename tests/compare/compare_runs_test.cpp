@@ -10,7 +10,9 @@
 #include <nlohmann/json.hpp>
 
 #include "apps/verbs.h"
+#include "compare/break_even.h"
 #include "compare/report/report.h"
+#include "core/parallel/hardware.h"
 #include "core/system/atomic_file.h"
 #include "core/system/error.h"
 #include "experiments/comparison/floor_file.h"
@@ -24,6 +26,7 @@
 #include "io/scene/scene_reader.h"
 #include "io/trajectory/trajectory_file.h"
 #include "mpm/sampling.h"
+#include "nn/offline_cost.h"
 #include "nn/weights.h"
 #include "tests/apps/falling_model.h"
 #include "tests/graph/random_weights.h"
@@ -309,6 +312,32 @@ TEST_F(CompareRuns, NetworksAndCorrectionsRunApart) {
   EXPECT_LT(value(0, "inside_share"), 1e-3);
   EXPECT_GT(value(2, "inside_share"), 0.05);
   EXPECT_EQ(value(2, "projection_ms") < value(2, "frame_ms"), true);
+}
+
+TEST_F(CompareRuns, TheOfflineCostOfWeightsIsHeldAgainstTheirRuns) {
+  const std::string silent = ballistic_network(), telling = folder_ + "/telling.safetensors";
+  nn::Weights weights = nn::read_safetensors(silent);
+  weights.metadata[nn::offline_cost_key] =
+      R"({"data": [{"seconds": 2, "device": "a"}, {"seconds": 3, "device": ""}], "training": [{"seconds": 7, "device": "a"}]})";
+  nn::write_safetensors(telling, weights);
+  CompareOptions o = options({"mpm", telling, silent, telling + ":corrections-only"});
+  o.frames = 5;
+  o.floors = false;
+  const compare::Comparison comparison = make_comparison(o);
+  EXPECT_EQ(comparison.hardware, hardware_name(Device::cpu, 1));
+  ASSERT_EQ(comparison.offline.size(), 2u);
+  EXPECT_EQ(comparison.offline.at(telling).data, 5);
+  EXPECT_EQ(comparison.offline.at(telling).training, 7);
+  EXPECT_EQ(comparison.offline.at(telling).devices, (std::vector<std::string>{"a", "hardware that is not told"}));
+  EXPECT_FALSE(comparison.offline.at(silent).data || comparison.offline.at(silent).training);
+  const compare::SceneResult& scene = comparison.scenes.front();
+  EXPECT_DOUBLE_EQ(scene.mpm_frame_ms, scene.models[0].values.at("frame_ms"));
+  EXPECT_GT(scene.opponent_frame_ms, 0);
+  const std::vector<compare::BreakEven> results = compare::break_evens(comparison);
+  ASSERT_EQ(results.size(), 2u);
+  EXPECT_DOUBLE_EQ(results[0].scene_seconds, 5e-3 * scene.models[1].values.at("frame_ms"));
+  EXPECT_DOUBLE_EQ(results[0].rivals[1].rival_seconds, 5e-3 * scene.mpm_frame_ms);
+  EXPECT_TRUE(results[0].estimate);
 }
 
 TEST_F(CompareRuns, PartsOfNetworksNeedANetwork) {

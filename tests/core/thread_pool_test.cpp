@@ -7,11 +7,13 @@
 #include <chrono>
 #include <numeric>
 #include <stdexcept>
+#include <string>
 #include <thread>
 #include <vector>
 
 #include "core/parallel/device.h"
 #include "core/parallel/parallel_for.h"
+#include "core/parallel/parallel_tasks.h"
 
 namespace graupel {
 namespace {
@@ -153,6 +155,45 @@ TEST_F(ThreadPool, BusyCoresDoNotStopShortRegions) {
   stop = true;
   for (std::thread& neighbour : neighbours) neighbour.join();
   EXPECT_LT(together, 2 * alone);
+}
+
+TEST_F(ThreadPool, TasksAreAllRunAndTheFirstErrorIsThrown) {
+  for (const int threads : {1, 4}) {
+    std::vector<std::atomic<int>> times(50);
+    try {
+      for_each_task(times.size(), threads, [&](std::size_t i) {
+        ++times[i];
+        if (i == 7 || i == 31) throw std::runtime_error("task " + std::to_string(i));
+      });
+      ADD_FAILURE() << threads;
+    } catch (const std::runtime_error& error) {
+      EXPECT_STREQ(error.what(), "task 7");
+    }
+    for (const auto& one : times) EXPECT_EQ(one, 1);
+  }
+}
+
+TEST_F(ThreadPool, TasksRunAtOnceAndASingleOneHasAllThreads) {
+  std::atomic<int> inside = 0, met = 0;
+  for_each_task(2, 2, [&](std::size_t) {
+    ++inside;
+    for (int tries = 0; inside < 2 && tries < 20000; ++tries)
+      std::this_thread::sleep_for(std::chrono::microseconds(100));
+    if (inside == 2) ++met;
+  });
+  EXPECT_EQ(met, 2);
+  std::atomic<int> other_threads = 0;
+  for_each_task(1, 4, [&](std::size_t) {
+    const auto own = std::this_thread::get_id();
+    parallel_for_cpu(
+        400,
+        [&](int64_t) {
+          if (std::this_thread::get_id() != own) ++other_threads;
+          std::this_thread::sleep_for(std::chrono::microseconds(50));
+        },
+        Grain{1});
+  });
+  EXPECT_GT(other_threads, 0);
 }
 
 }  // namespace

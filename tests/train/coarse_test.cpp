@@ -47,6 +47,8 @@ TEST(CoarseTraining, LowersTheCostOfScenesThatItWasNotTrainedOn) {
   EXPECT_EQ(result.sweeps, 1);
   EXPECT_LT(result.after.cost, result.before.cost - 0.02);
   EXPECT_GE(improved, 2);  // the first is the start
+  EXPECT_GT(result.data_seconds, 0);
+  EXPECT_GT(result.seconds, 0);
   EXPECT_LT(result.after.time, 1.1);
   EXPECT_TRUE(result.model.trained.ranges.contains("water.viscosity"));
 }

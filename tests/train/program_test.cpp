@@ -5,9 +5,12 @@
 #include <chrono>
 #include <thread>
 
+#include "core/parallel/hardware.h"
 #include "core/system/atomic_file.h"
 #include "graph/config/hgn_config.h"
+#include "nn/offline_cost.h"
 #include "nn/weights.h"
+#include "tests/train/reduced/tiny_sweep.h"
 #include "tests/train/started_program.h"
 #include "tests/train/tiny_data.h"
 #include "train/loop/run_folder.h"
@@ -107,6 +110,59 @@ TEST_F(Program, TrainsWritesARunFolderAndEvaluates) {
       << log();
   EXPECT_NE(log().find("airborne"), std::string::npos);
   EXPECT_NE(read_file(folder_ + "/errors.json").find("near_obstacle"), std::string::npos);
+}
+
+TEST_F(Program, ReducedModelsTellTheirOfflineCost) {
+  const std::string data = tiny_sweep("offline_cost_data"), weights = folder_ + "/nsf/weights.safetensors";
+  write_file_atomically(data + "/dataset.json", R"({"made_in": [{"device": "a GPU", "seconds": 30}]})");
+  ASSERT_EQ(run({"nsf", "--data", data, "--out", folder_ + "/nsf", "--threads", "1", "--set", "samples=120", "--set",
+                 "deformation_modes=8", "--set", "stress_modes=8", "--set", "affine_modes=8"}),
+            0)
+      << log();
+  const nn::OfflineCost cost = nn::offline_cost_of(nn::read_safetensors(weights).metadata, weights);
+  EXPECT_EQ(nn::total_seconds(cost.data), 30);
+  ASSERT_EQ(cost.training.size(), 1u);
+  EXPECT_GT(cost.training[0].seconds, 0);
+  EXPECT_EQ(cost.training[0].device, hardware_name(Device::cpu, 1));
+  remove_path(data);
+}
+
+TEST_F(Program, CoarseModelsTellTheirOfflineCost) {
+  std::string recipe = read_file(GRAUPEL_SOURCE_DIR "/scenes/recipes/general.json");
+  const auto set = [&](const std::string& key, const std::string& end, const std::string& value) {
+    const std::size_t at = recipe.find("\"" + key + "\":");
+    recipe.replace(at, recipe.find(end, at) - at, "\"" + key + "\": " + value);
+  };
+  set("categories", ",\n  \"domain\"", "[\"dam_break\"]");
+  set("sizes", ",\n    \"dx\"", "[[1, 1, 1]]");
+  set("dx", ", \"wall_cells\"", "0.03125");
+  set("max_particles", ",\n", "600");
+  const std::string assets = "\"assets/", there = "\"" GRAUPEL_SOURCE_DIR "/scenes/recipes/assets/";
+  for (std::size_t at = 0; (at = recipe.find(assets, at)) != std::string::npos; at += there.size())
+    recipe.replace(at, assets.size(), there);
+  write_file_atomically(folder_ + "/recipe.json", recipe);
+  const std::vector<std::string> words = {"coarse",   "--recipe",  folder_ + "/recipe.json",
+                                          "--scenes", "2",         "--valid-scenes",
+                                          "2",        "--frames",  "10",
+                                          "--sweeps", "1",         "--minutes",
+                                          "1e-9",     "--threads", "1",
+                                          "--device", "cpu",       "--out"};
+  const auto trained = [&](const std::string& out, const std::vector<std::string>& more) {
+    std::vector<std::string> all = words;
+    all.push_back(folder_ + out);
+    all.insert(all.end(), more.begin(), more.end());
+    EXPECT_EQ(run(all), 0) << log();
+    const std::string file = folder_ + out + "/weights.safetensors";
+    return nn::offline_cost_of(nn::read_safetensors(file).metadata, file);
+  };
+  const nn::OfflineCost first = trained("/first", {});
+  ASSERT_EQ(first.training.size(), 1u);
+  EXPECT_GT(nn::total_seconds(first.data), 0);
+  EXPECT_GT(first.training[0].seconds, 0);
+  EXPECT_EQ(first.data[0].device, hardware_name(Device::cpu, 1));
+  const nn::OfflineCost second = trained("/second", {"--from", folder_ + "/first/weights.safetensors"});
+  ASSERT_EQ(second.training.size(), 2u);
+  EXPECT_DOUBLE_EQ(*second.training[0].seconds, *first.training[0].seconds);
 }
 
 TEST_F(Program, TrainsGoesOnWithAndEvaluatesAGns) {

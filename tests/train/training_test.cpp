@@ -4,11 +4,13 @@
 #include <cmath>
 #include <fstream>
 
+#include "core/parallel/hardware.h"
 #include "core/system/atomic_file.h"
 #include "core/system/error.h"
 #include "graph/learned_simulator.h"
 #include "graph/networks/graph_network.h"
 #include "io/config/json_node.h"
+#include "nn/offline_cost.h"
 #include "tests/graph/random_weights.h"
 #include "tests/train/learning.h"
 #include "tests/train/tiny_data.h"
@@ -262,6 +264,57 @@ TEST(Training, DivergenceIsReported) {
   options.config.learning_rate = 1e18;
   options.config.clip_norm = 0;
   EXPECT_THROW(train_network(options), DivergedError);
+  remove_path(folder);
+}
+
+/// The data of tiny_data_set() in a folder whose card tells what they took.
+std::string data_that_took(const std::string& folder, const std::string& made_in) {
+  fs::create_directories(folder);
+  for (const char* name : {"train.h5", "valid.h5", "test.h5"})
+    fs::copy_file(tiny_data_set() + "/" + name, folder + "/" + name);
+  write_file_atomically(folder + "/dataset.json", R"({"recipe": {"name": "tiny"}, "seed": 1)" + made_in + "}");
+  return folder;
+}
+
+TEST(Training, WeightsTellTheCostOfTheirDataAndOfAllTraining) {
+  const std::string folder = test_folder("cost");
+  const auto cost_of = [](const TrainingResult& result) {
+    return nn::offline_cost_of(nn::read_safetensors(result.weights_file).metadata, result.weights_file);
+  };
+  TrainingOptions options = tiny_options(folder + "/first");
+  options.config.steps = 4;
+  options.data = data_that_took(folder + "/data", R"(, "made_in": [{"device": "a GPU", "seconds": 30}])");
+  const nn::OfflineCost first = cost_of(train_network(options));
+  EXPECT_EQ(nn::total_seconds(first.data), 30);
+  EXPECT_EQ(first.data[0].device, "a GPU");
+  ASSERT_EQ(first.training.size(), 1u);
+  EXPECT_GT(first.training[0].seconds, 0);
+  EXPECT_EQ(first.training[0].device, hardware_name(Device::cpu, 1));
+
+  // A run from these weights has their cost too, also when it is resumed; the same data are paid once.
+  options.run = folder + "/second";
+  options.from = folder + "/first/weights.safetensors";
+  options.stop_step = 2;
+  train_network(options);
+  options.from.clear();
+  options.stop_step = 0;
+  options.resume = true;
+  const nn::OfflineCost second = cost_of(train_network(options));
+  EXPECT_EQ(nn::total_seconds(second.data), 30);
+  ASSERT_EQ(second.training.size(), 2u);
+  EXPECT_NEAR(*second.training[0].seconds, *first.training[0].seconds, 1e-9);
+
+  // What is not told stays unknown: a card of before, and weights of before.
+  TrainingOptions untold = tiny_options(folder + "/third");
+  untold.config.steps = 2;
+  untold.data = data_that_took(folder + "/old", "");
+  EXPECT_FALSE(nn::total_seconds(cost_of(train_network(untold)).data));
+  nn::Weights older = nn::read_safetensors(folder + "/first/weights.safetensors");
+  older.metadata.erase(nn::offline_cost_key);
+  nn::write_safetensors(folder + "/older.safetensors", older);
+  untold.run = folder + "/fourth";
+  untold.from = folder + "/older.safetensors";
+  EXPECT_FALSE(nn::total_seconds(cost_of(train_network(untold)).training));
   remove_path(folder);
 }
 

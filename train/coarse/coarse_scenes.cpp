@@ -4,13 +4,12 @@
 
 #include <algorithm>
 #include <cmath>
-#include <exception>
 #include <functional>
 #include <memory>
 #include <utility>
 
 #include "core/math/random.h"
-#include "core/parallel/thread_pool.h"
+#include "core/parallel/parallel_tasks.h"
 #include "core/system/error.h"
 #include "mpm/fast_step.h"
 #include "mpm/scene/categories/category_scene.h"
@@ -125,19 +124,6 @@ Scene displaced(const Scene& scene, mpm::SampledParticles particles) {
   return as_points(scene, particles);
 }
 
-/// body(i) for i < n on all threads.
-void for_each(std::size_t n, const std::function<void(std::size_t)>& body) {
-  std::exception_ptr failure;
-#pragma omp parallel for schedule(dynamic)
-  for (std::size_t i = 0; i < n; ++i) try {
-      body(i);
-    } catch (...) {
-#pragma omp critical
-      if (!failure) failure = std::current_exception();
-    }
-  if (failure) std::rethrow_exception(failure);
-}
-
 }  // namespace
 
 std::vector<CoarseScene> make_coarse_scenes(const CategoryRecipe& recipe, const CoarseSceneOptions& options) {
@@ -154,7 +140,7 @@ std::vector<CoarseScene> make_coarse_scenes(const CategoryRecipe& recipe, const 
   options.message(fmt::format("{} scenes: fine runs", n));
   const auto prepared = [&](const std::function<Scene(std::size_t)>& make) {
     std::vector<std::unique_ptr<mpm::PreparedScene>> made(n);
-    for_each(n, [&](std::size_t s) {
+    for_each_task(n, num_threads(), [&](std::size_t s) {
       stop_if_asked();
       const Scene scene = make(s);
       made[s] = std::make_unique<mpm::PreparedScene>(
@@ -224,7 +210,7 @@ std::vector<std::vector<RunErrors>> run_coarse_models(const std::vector<hybrid::
     }
   const BatchRun run = run_batch(runs, options);
   std::vector<std::vector<RunErrors>> errors(models.size(), std::vector<RunErrors>(scenes.size()));
-  for_each(runs.size(), [&](std::size_t k) {
+  for_each_task(runs.size(), num_threads(), [&](std::size_t k) {
     const CoarseScene& scene = *scenes[k % scenes.size()];
     RunErrors& own = errors[k / scenes.size()][k % scenes.size()];
     own.diverged = run.diverged[k];

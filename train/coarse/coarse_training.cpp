@@ -116,6 +116,7 @@ CoarseTrainingResult train_coarse(const CoarseTrainingOptions& options) {
                             .message = options.message,
                             .should_stop = options.should_stop};
   if (options.from) scenes.resolutions = options.from->resolutions;
+  const Stopwatch data_watch;
   const std::vector<CoarseScene> train = make_coarse_scenes(options.recipe, scenes);
   scenes.split = mpm::Split::valid;
   scenes.count = options.valid_scenes;
@@ -128,6 +129,8 @@ CoarseTrainingResult train_coarse(const CoarseTrainingOptions& options) {
         options.recipe.name, train.size(), options.scenes, valid.size(), options.valid_scenes));
 
   CoarseTrainingResult result;
+  result.data_seconds = data_watch.seconds();
+  const Stopwatch training_watch;
   result.train_scenes = train.size();
   result.valid_scenes = valid.size();
   hybrid::CoarseModel& model = result.model;
@@ -194,7 +197,7 @@ CoarseTrainingResult train_coarse(const CoarseTrainingOptions& options) {
     options.improved(model);
   }
 
-  result.seconds = watch.seconds();
+  result.seconds = training_watch.seconds();
   return result;
 }
 

@@ -52,7 +52,8 @@ struct Judgement {
 struct CoarseTrainingResult {
   hybrid::CoarseModel model;
   int64_t sweeps = 0;
-  double seconds = 0;  ///< of the search
+  double seconds = 0;       ///< of the search, with the runs that it begins with
+  double data_seconds = 0;  ///< of the scenes' runs of MPM and their largest steps
   std::size_t train_scenes = 0, valid_scenes = 0;
   Judgement before, after;
 };

@@ -7,13 +7,14 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
-#include "core/parallel/device.h"
+#include "core/parallel/hardware.h"
 #include "core/parallel/thread_pool.h"
 #include "core/system/atomic_file.h"
 #include "core/system/error.h"
 #include "core/system/human_time.h"
 #include "core/system/stop_signal.h"
 #include "io/scene/category_reader.h"
+#include "nn/offline_cost.h"
 #include "train/coarse/coarse_training.h"
 #include "train/commands/run_log.h"
 #include "train/loop/run_folder.h"
@@ -62,12 +63,18 @@ int train(const Arguments& arguments, const std::string& command_line) {
   const CoarseTrainingResult result = train_coarse(options);
   const Json facts = {{"sweeps", result.sweeps},
                       {"seconds", result.seconds},
+                      {"data_seconds", result.data_seconds},
                       {"train_scenes", result.train_scenes},
                       {"valid_scenes", result.valid_scenes},
                       {"valid_before", json_of(result.before)},
                       {"valid", json_of(result.after)}};
   hybrid::CoarseModel model = result.model;
   model.metadata["training"] = facts.dump();
+  nn::OfflineCost cost = options.from ? nn::offline_cost_of(options.from->metadata, arguments.from) : nn::OfflineCost();
+  const std::string device = hardware_name(options.device, num_threads());
+  cost.data.push_back({"", result.data_seconds, device});
+  cost.training.push_back({"", result.seconds, device});
+  model.metadata[nn::offline_cost_key] = nn::offline_cost_json(cost);
   nn::write_safetensors(file, model.store());
   write_file_atomically(arguments.out + "/report.json", facts.dump(2) + "\n");
   if (!arguments.json.empty()) write_file_atomically(arguments.json, facts.dump(2) + "\n");

@@ -8,7 +8,7 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
-#include "core/parallel/device.h"
+#include "core/parallel/hardware.h"
 #include "core/system/atomic_file.h"
 #include "core/system/command_line.h"
 #include "core/system/error.h"
@@ -17,6 +17,7 @@
 #include "io/config/config_description.h"
 #include "train/commands/run_log.h"
 #include "train/loop/run_folder.h"
+#include "train/loop/training_cost.h"
 #include "train/parallel/rank_environment.h"
 #include "train/reduced/mlp_training.h"
 #include "train/reduced/nsf_training.h"
@@ -52,9 +53,12 @@ Json json_of(const FieldReport& field) {
           {"branch_seconds", field.branch_seconds}};
 }
 
-/// The model and what the training tells, in the run folder.
-void write_result(const Arguments& arguments, rom::ReducedModel& model, const Json& facts, ModeStorage storage) {
+/// The model, what the training tells and `seconds` of all its parts, in the run folder.
+void write_result(const Arguments& arguments, rom::ReducedModel& model, const Json& facts, double seconds,
+                  Device device, ModeStorage storage) {
   model.provenance["training"] = facts.dump();
+  model.provenance[nn::offline_cost_key] =
+      nn::offline_cost_json(with_training({}, arguments.data, seconds, hardware_name(device, num_threads())));
   make_folder(arguments.out);
   nn::write_safetensors(arguments.out + "/weights.safetensors",
                         model.store(storage == ModeStorage::f16 ? nn::DType::f16 : nn::DType::f32));
@@ -95,10 +99,9 @@ void train_modes(const Arguments& arguments, const NsfConfig& config, const std:
                         {"diverged", report.calibration.diverged},
                         {"seconds", report.calibration.seconds},
                         {"displacement_relative_errors", report.calibration.errors}}}};
-  model.provenance["training"] = facts.dump();
   make_folder(arguments.out);
   write_file_atomically(arguments.out + "/config.json", config_json + "\n");
-  write_result(arguments, model, facts, config.storage);
+  write_result(arguments, model, facts, report.seconds, Device::cpu, config.storage);
 }
 
 int train_networks(const Arguments& arguments, const NsfConfig& config, const std::string& command_line) {
@@ -135,7 +138,7 @@ int train_networks(const Arguments& arguments, const NsfConfig& config, const st
                          {"seconds", stage.seconds},
                          {"loss", stage.loss},
                          {"error", stage.error}};
-  write_result(arguments, *model, facts, config.storage);
+  write_result(arguments, *model, facts, report.run_seconds, options.device, config.storage);
   return 0;
 }
 

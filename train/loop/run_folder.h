@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "graph/config/hgn_config.h"
+#include "nn/offline_cost.h"
 #include "train/config/train_config.h"
 
 namespace graupel::train {
@@ -15,9 +16,10 @@ struct RunFacts {
   std::string data;  ///< folder of the data set, absolute
   std::string device;
   std::string torch;
-  std::string version;  ///< of Graupel
-  int threads = 0;      ///< of each rank
-  int ranks = 1;        ///< processes that the run was started with
+  std::string version;         ///< of Graupel
+  int threads = 0;             ///< of each rank
+  int ranks = 1;               ///< processes that the run was started with
+  nn::OfflineCost start = {};  ///< of the weights that it starts from; none for a run from nothing
 };
 
 /// Settings from JSON text (comments allowed) and "key.path=value" overrides. Throws ConfigError.

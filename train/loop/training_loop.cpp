@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <memory>
 
+#include "core/parallel/hardware.h"
 #include "core/parallel/memory.h"
 #include "core/system/error.h"
 #include "graph/features/normalization.h"
@@ -16,6 +17,7 @@
 #include "train/loop/metrics_log.h"
 #include "train/loop/provenance.h"
 #include "train/loop/run_folder.h"
+#include "train/loop/training_cost.h"
 #include "train/networks/initial_weights.h"
 #include "train/parallel/worker_threads.h"
 
@@ -63,6 +65,7 @@ class TrainingRun {
   std::unique_ptr<DataSplit> open(const std::string& name) const;
   void prepare_normalization();
   void start_from_weights();
+  nn::OfflineCost cost_of_start() const;
   void restore();
   void prepare_samples();
   /// Trains from batches made on the device, or by worker threads.
@@ -127,7 +130,7 @@ void TrainingRun::begin_run() {
   if (!options_.resume)
     create_run(options_.run, config_,
                {fs::absolute(options_.data).lexically_normal(), name_of(options_.device), torch_version(),
-                options_.version, options_.threads, comm_.size()},
+                options_.version, options_.threads, comm_.size(), cost_of_start()},
                options_.command_line);
   state_.config_hash = config_hash(config_);
   if (options_.resume && config_hash(read_run_config(options_.run)) == state_.config_hash)
@@ -172,6 +175,11 @@ void TrainingRun::start_from_weights() {
   normalization_ = graph::read_normalization(weights);
   for (const StateArray array : {StateArray::weights, StateArray::ema}) module_.set_state(array, weights);
   say("starts from '" + options_.from + "'");
+}
+
+nn::OfflineCost TrainingRun::cost_of_start() const {
+  if (options_.from.empty()) return {};
+  return nn::offline_cost_of(nn::read_safetensors(options_.from).metadata, options_.from);
 }
 
 void TrainingRun::restore() {
@@ -370,6 +378,10 @@ std::string TrainingRun::export_weights() const {
   CheckpointState state = state_;
   state.seconds = seconds();
   weights.metadata.merge(training_provenance(options_, state, *train_, validation_));
+  const nn::OfflineCost cost =
+      with_training(read_run_facts(options_.run).start, options_.data, state.seconds * comm_.size(),
+                    hardware_name(options_.device, options_.threads));
+  weights.metadata[nn::offline_cost_key] = nn::offline_cost_json(cost);
   const std::string file = options_.run + "/weights.safetensors";
   nn::write_safetensors(file, weights);
   return file;

@@ -67,6 +67,7 @@ class MlpTraining {
     model.provenance = options_.provenance;
     sweep_.describe(model);
     report_.read_seconds = sweep_.snapshots().read_seconds();
+    report_.run_seconds = seconds();
     return model;
   }
 

@@ -31,6 +31,7 @@ struct MlpReport {
   int64_t snapshots = 0;
   double latent_tail = 0;                ///< root of the share of squares that the latent's modes leave out
   double read_seconds = 0, seconds = 0;  ///< of this part of the run
+  double run_seconds = 0;                ///< of all its parts
   StopReason reason = StopReason::finished;
 };
 
