@@ -13,7 +13,8 @@ namespace graupel::compare {
 
 namespace {
 
-/// Times of runs, means over the scenes of a model [s].
+/// Times of runs, means over the scenes of a model in which the model and both rivals predicted a frame [s]: a run that
+/// diverges in its first frame has no time.
 struct SceneTimes {
   std::size_t scenes = 0;
   double model = 0, mpm = 0, opponent = 0;
@@ -24,9 +25,10 @@ SceneTimes times_of(const Comparison& comparison, const std::string& model) {
   for (const SceneResult& scene : comparison.scenes)
     for (const ModelResult& result : scene.models) {
       if (result.model != model) continue;
-      const double frames = 1e-3 * static_cast<double>(scene.frames);
+      const double frames = 1e-3 * static_cast<double>(scene.frames), frame_ms = result.values.at("frame_ms");
+      if (!(frame_ms > 0) || !(scene.mpm_frame_ms > 0) || !(scene.opponent_frame_ms > 0)) continue;
       ++times.scenes;
-      times.model += frames * result.values.at("frame_ms");
+      times.model += frames * frame_ms;
       times.mpm += frames * scene.mpm_frame_ms;
       times.opponent += frames * scene.opponent_frame_ms;
     }
@@ -84,6 +86,7 @@ std::vector<BreakEven> break_evens(const Comparison& comparison) {
     const auto offline = comparison.offline.find(model);
     if (offline == comparison.offline.end()) continue;
     const SceneTimes times = times_of(comparison, model);
+    if (times.scenes == 0) continue;
     BreakEven result{
         .model = model, .scenes = times.scenes, .scene_seconds = times.model, .offline = offline->second, .rivals = {}};
     result.estimate = std::any_of(result.offline.devices.begin(), result.offline.devices.end(),

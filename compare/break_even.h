@@ -21,18 +21,18 @@ const char* name_of(BreakEvenVerdict verdict);
 /// A model against one rival.
 struct RivalBreakEven {
   std::string rival;         ///< "mpm:coarse:fast", "mpm"
-  double rival_seconds = 0;  ///< of one of its runs, mean over the model's scenes [s]
+  double rival_seconds = 0;  ///< of one of its runs, mean over BreakEven::scenes [s]
   BreakEvenVerdict verdict = BreakEvenVerdict::unknown;
   std::optional<double> scenes;  ///< whole number
 };
 
 struct BreakEven {
   std::string model;
-  std::size_t scenes = 0;    ///< that it was run on
+  std::size_t scenes = 0;    ///< in which it and both rivals predicted a frame: others have no times
   double scene_seconds = 0;  ///< of a rollout, mean over them [s]
   OfflineTime offline;
-  bool estimate =
-      false;  ///< data or training were timed on other hardware than the rollouts, or on such that is not told
+  /// Data or training were timed on other hardware than the rollouts, or on such that is not told.
+  bool estimate = false;
   std::vector<RivalBreakEven> rivals;
 };
 
@@ -40,10 +40,10 @@ struct BreakEven {
 RivalBreakEven break_even(const OfflineTime& offline, double model_seconds, const std::string& rival,
                           double rival_seconds);
 
-/// Of every model with an offline time, in the order of models_of; empty without rollouts.
+/// Of every model with an offline time and such scenes, in the order of models_of; empty without rollouts.
 std::vector<BreakEven> break_evens(const Comparison& comparison);
 
-/// "Break-even of hgn.safetensors, in time alone: ...".
+/// "Break-even of hgn.safetensors in time, errors aside: ...".
 std::string break_even_sentence(const BreakEven& result, const Comparison& comparison);
 
 }  // namespace graupel::compare

@@ -79,6 +79,29 @@ TEST(BreakEven, TakesMeansOverTheScenesOfTheModel) {
   EXPECT_TRUE(break_evens(one_step).empty());
 }
 
+TEST(BreakEven, LeavesOutScenesWhereARunHasNoTime) {
+  const Comparison timed = timed_comparison({.data = 100, .training = 500, .devices = {"a GPU"}});
+  const auto without_time = [&](std::size_t scene, const std::string& run) {
+    Comparison comparison = timed;
+    SceneResult& result = comparison.scenes[scene];
+    (run == "mpm"     ? result.mpm_frame_ms
+     : run == "rival" ? result.opponent_frame_ms
+                      : result.models[1].values["frame_ms"]) = 0;
+    return comparison;
+  };
+  for (const std::string run : {"model", "mpm", "rival"}) {  // diverged in its first frame
+    const std::vector<BreakEven> results = break_evens(without_time(0, run));
+    ASSERT_EQ(results.size(), 1u) << run;
+    EXPECT_EQ(results[0].scenes, 1u) << run;
+    EXPECT_DOUBLE_EQ(results[0].scene_seconds, 2) << run;
+    EXPECT_DOUBLE_EQ(results[0].rivals[1].rival_seconds, 5) << run;
+    EXPECT_EQ(results[0].rivals[1].scenes, 200) << run;
+  }
+  Comparison none = without_time(0, "model");
+  none.scenes[1].models[1].values["frame_ms"] = 0;
+  EXPECT_TRUE(break_evens(none).empty());
+}
+
 TEST(BreakEven, IsInTableReportAndJson) {
   const Comparison comparison = timed_comparison({.data = 100, .training = 500, .devices = {"a GPU"}});
   const std::string sentence =
