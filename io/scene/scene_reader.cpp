@@ -122,8 +122,8 @@ std::string category_markdown() {
          "10 or\nmore. Bodies share `max_particles`: one that would have more is made slender, then small, and left "
          "out "
          "below\n`bodies.size`. Bounding boxes stand for meshes and level sets where places are looked for. All scenes "
-         "have the same\n`time_step`; fixed steps that are too long for the stiffest constants or the fastest motion "
-         "are an error.\n\n"
+         "have the same\n`time_step`. Equal substeps that are too long for the stiffest constants are an error, and "
+         "`fixed` ones also where\nthey are too long for the fastest motion.\n\n"
          "These tables are made from `core/scene/category_recipe.h` and `core/scene/category_parts.h`.\n" +
          description_markdown(describe<CategoryRecipe>(), "Top level of categories");
 }

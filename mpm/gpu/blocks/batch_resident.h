@@ -4,7 +4,7 @@
 // arenas that reach its own 8^3 nodes and moves those nodes itself, in shared memory, before G2P. Neighbours move the
 // same nodes again; that is less work than a second barrier.
 //
-// For fixed steps only: a block does not know its neighbours' new state when it starts the next P2G. That a particle
+// For equal steps only: a block does not know its neighbours' new state when it starts the next P2G. That a particle
 // left its arena or went bad is told at the next barrier, where all blocks of the scene stop with the state of the
 // substep before. Equals the three kernels (mpm/gpu/blocks/batch_kernels.h), to the byte. Gain: one scene of the recipe
 // 53 -> 49 us a substep on an H200 (docs/decisions/0005-gpu-tuning.md).

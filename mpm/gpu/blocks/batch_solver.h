@@ -4,7 +4,7 @@
 //
 // The host launches whole segments, a sort and some substeps each, without waiting for any of them; the size of every
 // step and the end of the frame are decided on the device. It reads one small record a scene and frame. A segment's
-// substeps are three kernels each, or, for small scenes with fixed steps, all in one (mpm/gpu/blocks/batch_resident.h).
+// substeps are three kernels each, or, for small scenes with equal steps, all in one (mpm/gpu/blocks/batch_resident.h).
 #pragma once
 
 #include <algorithm>

@@ -1,4 +1,4 @@
-// Small scenes with fixed steps on a GPU: what their kernel (mpm/gpu/small/small_scene_step.h) reads and writes.
+// Small scenes with equal steps on a GPU: what their kernel (mpm/gpu/small/small_scene_step.h) reads and writes.
 //
 // A small scene keeps its whole grid in full, three times: one grid holds the sums that particles read in a substep,
 // one takes the sums of the next, and one is cleared for the one after. Sums are integers, multiples of a unit of

@@ -249,12 +249,16 @@ double largest_courant(const CategoryRecipe& recipe) {
   if (has_category(recipe, {SceneCategory::moving_obstacle}))  // a sliding box, the tip of a paddle
     speeds.speed =
         std::max({speeds.speed, recipe.motions.speed.high, recipe.motions.spin.high * recipe.obstacles.size.high / 2});
+  const double dt = recipe.frame_time / static_cast<double>(recipe.time_step.substeps_per_frame);
+  // Where particles are faster, a frame has more substeps, in which waves go less far.
+  if (recipe.time_step.policy == StepPolicy::per_frame)
+    speeds.speed = std::min(speeds.speed, recipe.time_step.courant * recipe.domain.dx / dt);
   TimeStep unit;
   unit.policy = StepPolicy::adaptive;
   unit.courant = 1;
   unit.max_step = 1e300;
   const double stable = largest_step(unit, recipe.domain.dx, 1e300, speeds);
-  return recipe.frame_time / static_cast<double>(recipe.time_step.substeps_per_frame) / stable;
+  return dt / stable;
 }
 
 Scene draw_scene(const CategoryRecipe& recipe, uint64_t seed, Split split, int64_t index, int64_t attempt) {

@@ -237,6 +237,18 @@ TEST(CategoryScene, FixedStepsMustDoForStreamsAndMovingObstacles) {
   }
 }
 
+TEST(CategoryScene, StepsOfAFrameMustDoForWavesAlone) {
+  const auto with_streams = [](const char* speed, const char* step) { return recipe({speed, step}); };
+  const char* fixed = R"(time_step={"policy": "fixed", "substeps_per_frame": 54})";
+  const char* per_frame = R"(time_step={"policy": "per_frame", "substeps_per_frame": 54, "courant": 0.25})";
+  EXPECT_GT(largest_courant(with_streams("streams.speed=[1,500]", fixed)), 1);
+  const double fast = largest_courant(with_streams("streams.speed=[1,500]", per_frame));
+  EXPECT_LT(fast, 1);
+  EXPECT_EQ(fast, largest_courant(with_streams("streams.speed=[1,1000]", per_frame)));
+  EXPECT_THROW(draw_scene(recipe({"materials.jelly.ranges.youngs_modulus=[3e4,9e6]", per_frame}), 1, Split::train, 0),
+               ConfigError);
+}
+
 /// Columns that are higher than the domain are not used: the start checks find no particle outside the walls.
 TEST(CategoryScene, NoColumnReachesThroughTheCeiling) {
   const CategoryRecipe low =
