@@ -25,7 +25,7 @@ void build_grid(const GridProgram&, void*) { no_cuda(); }
 struct CudaSimulator::Impl {};
 CudaSimulator::CudaSimulator(const nn::Weights&) { no_cuda(); }
 CudaSimulator::~CudaSimulator() = default;
-void CudaSimulator::start(const Scene&, const Environment&, const std::vector<int32_t>&,
+void CudaSimulator::start(const Scene&, const Environment&, const std::vector<int32_t>&, const std::vector<int32_t>&,
                           const std::vector<std::vector<Vec3f>>&, const CudaLaws&) {
   no_cuda();
 }
