@@ -54,6 +54,15 @@ double scripted_speed(const Scene& scene) {
   return fastest;
 }
 
+/// c T / (C dx) of a material's elastic waves at rest.
+double substeps_of_waves(const Scene& scene, const MaterialConfig& config, const CourantNumbers& log_courant) {
+  const auto courant = log_courant.waves.find(config.model);
+  const double limit = courant == log_courant.waves.end() ? untrained_courant : std::exp(courant->second);
+  return mpm::material_parameters<double>(config).elastic_speed * scene.frame_time / (scene.domain.dx * limit);
+}
+
+int64_t whole_substeps(double substeps) { return std::max<int64_t>(1, static_cast<int64_t>(std::ceil(substeps))); }
+
 }  // namespace
 
 CourantNumbers::CourantNumbers()
@@ -98,8 +107,9 @@ void CoarseModel::set_parameters(const std::vector<double>& values) {
 
 Scene CoarseModel::scene(const Scene& of, double resolution) const {
   Scene coarse = constants.scene(resolution == 1 ? of : mpm::on_coarser_grid(of, resolution));
-  coarse.time_step.policy = StepPolicy::fixed;
-  coarse.time_step.substeps_per_frame = substeps(coarse);
+  coarse.time_step.policy = StepPolicy::per_frame;
+  coarse.time_step.substeps_per_frame = wave_substeps(coarse);
+  coarse.time_step.courant = std::min(1.0, std::exp(log_courant.speed));
   return coarse;
 }
 
@@ -107,7 +117,7 @@ double CoarseModel::cost(const Scene& of, double resolution, Device device) cons
   Scene reference = of, coarse = constants.scene(of);  // the spacing and the constants alone set the step
   reference.domain.dx = 2 * of.domain.dx;
   coarse.domain.dx = resolution * of.domain.dx;
-  return static_cast<double>(substeps(coarse)) / static_cast<double>(substeps(reference)) *
+  return static_cast<double>(wave_substeps(coarse)) / static_cast<double>(largest_step_substeps(reference)) *
          std::pow(2 / resolution, cost_exponent.at(device));
 }
 
@@ -117,16 +127,23 @@ double CoarseModel::resolution(const Scene& of, Device device) const {
   return resolutions.back();
 }
 
-int64_t CoarseModel::substeps(const Scene& scene) const {
+int64_t CoarseModel::largest_step_substeps(const Scene& scene) const {
   const double frame = scene.frame_time / scene.domain.dx;
   double substeps =
       std::max(expected_speed(scene) * frame / std::exp(log_courant.speed), scripted_speed(scene) * frame);
+  for (const auto& [name, config] : scene.materials)
+    substeps = std::max(substeps, substeps_of_waves(scene, config, log_courant));
+  return whole_substeps(substeps);
+}
+
+int64_t CoarseModel::wave_substeps(const Scene& scene) const {
+  double substeps = 0;
   for (const auto& [name, config] : scene.materials) {
-    const auto courant = log_courant.waves.find(config.model);
-    const double limit = courant == log_courant.waves.end() ? untrained_courant : std::exp(courant->second);
-    substeps = std::max(substeps, mpm::material_parameters<double>(config).elastic_speed * frame / limit);
+    const auto safety = log_safety.find(config.model);
+    substeps = std::max(substeps, substeps_of_waves(scene, config, log_courant) *
+                                      std::exp(safety == log_safety.end() ? 0 : safety->second));
   }
-  return std::max<int64_t>(1, static_cast<int64_t>(std::ceil(substeps)));
+  return whole_substeps(substeps);
 }
 
 std::vector<std::string> CoarseModel::unlike_training(const Scene& scene) const {
@@ -141,9 +158,14 @@ void add(nn::Weights& weights, const char* name, const std::vector<double>& valu
   weights.tensors[name] = nn::Tensor::from_float({values.begin(), values.end()}, {static_cast<int64_t>(values.size())});
 }
 
-std::vector<double> courant_values(const CourantNumbers& numbers) {
+std::vector<double> values_by_law(const std::map<MaterialModel, double>& of) {
   std::vector<double> values;
-  for (const MaterialModel law : trained_laws) values.push_back(numbers.waves.at(law));
+  for (const MaterialModel law : trained_laws) values.push_back(of.at(law));
+  return values;
+}
+
+std::vector<double> courant_values(const CourantNumbers& numbers) {
+  std::vector<double> values = values_by_law(numbers.waves);
   values.push_back(numbers.speed);
   return values;
 }
@@ -158,6 +180,7 @@ nn::Weights CoarseModel::store() const {
   trained.store(weights.metadata);
   add(weights, "parameters", parameters());
   add(weights, "log_courant", courant_values(log_courant));
+  add(weights, "log_safety", values_by_law(log_safety));
   add(weights, "resolutions", resolutions);
   add(weights, "cost_exponents", {cost_exponent.at(Device::cpu), cost_exponent.at(Device::cuda)});
   return weights;
@@ -197,6 +220,8 @@ CoarseModel CoarseModel::load(const nn::Weights& weights) {
   const std::vector<double> courant = numbers("log_courant", std::size(trained_laws) + 1, -6, 6);
   for (std::size_t l = 0; l < std::size(trained_laws); ++l) model.log_courant.waves[trained_laws[l]] = courant[l];
   model.log_courant.speed = courant.back();
+  const std::vector<double> safety = numbers("log_safety", std::size(trained_laws), 0, 6);
+  for (std::size_t l = 0; l < std::size(trained_laws); ++l) model.log_safety[trained_laws[l]] = safety[l];
   const auto found = weights.tensors.find("resolutions");
   const std::size_t count = found == weights.tensors.end() ? 0 : static_cast<std::size_t>(found->second.count());
   if (count == 0) throw bad("tensor resolutions is missing or empty (allowed: 1 or more spacings)");

@@ -28,9 +28,15 @@ struct CourantNumbers {
 struct CoarseModel {
   EffectiveConstants constants;
   CourantNumbers log_courant;
+  /// ln of how many more substeps than log_courant asks for the model's own runs take, by law: as many as the largest
+  /// stable step leave larger errors, of snow most (docs/lab/coarse-mpm.md).
+  std::map<MaterialModel, double> log_safety = {{MaterialModel::water, 0.15},
+                                                {MaterialModel::sand, 0.15},
+                                                {MaterialModel::snow, 0.5},
+                                                {MaterialModel::jelly, 0.15}};
   /// Grid spacings over the scene's that the model chooses from, ascending from 1; the last one where all cost too
   /// much.
-  std::vector<double> resolutions = {1, 1.125, 1.25, 1.375, 1.5, 1.625, 1.75, 1.875, 2};
+  std::vector<double> resolutions = {1, 1.125, 1.25, 1.375, 1.5, 1.625, 1.75, 1.875, 2, 2.25};
   /// A substep on a grid of spacing r dx takes r^-k times as long: k on the CPU and on a GPU.
   std::map<Device, double> cost_exponent = {{Device::cpu, 2}, {Device::cuda, 0.75}};
   nn::TrainedBox trained;                       ///< empty: not told
@@ -41,14 +47,17 @@ struct CoarseModel {
   std::vector<double> parameters() const;
   void set_parameters(const std::vector<double>& values);
 
-  /// What the solver runs: coarse grid, effective constants, fixed steps.
+  /// What the solver runs: coarse grid, effective constants, steps by waves, more in frames of fast particles.
   Scene scene(const Scene& of, double resolution) const;
   /// The finest of `resolutions` whose predicted time is at most that of the scene's own constants on 2 dx.
   double resolution(const Scene& of, Device device) const;
   /// Predicted time of such a run over that on 2 dx.
   double cost(const Scene& of, double resolution, Device device) const;
-  /// Substeps a frame that a scene on any grid takes.
-  int64_t substeps(const Scene& scene) const;
+  /// Substeps a frame of the largest stable step of a scene on any grid, as predicted from its waves and the fall
+  /// through its domain.
+  int64_t largest_step_substeps(const Scene& scene) const;
+  /// Least substeps a frame of the model's own run of a scene, by its waves.
+  int64_t wave_substeps(const Scene& scene) const;
   /// A line for each constant and contact of the scene outside the training's range.
   std::vector<std::string> unlike_training(const Scene& scene) const;
 

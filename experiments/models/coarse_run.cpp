@@ -24,6 +24,7 @@ TimedRun run_coarse_model(const hybrid::CoarseModel& model, const Scene& scene, 
       return result;
     }
     substeps += (substeps + 1) / 2;
+    coarse.time_step.courant /= 1.5;
     lost += watch.seconds();
   }
 }

@@ -52,7 +52,7 @@ void set_start(hybrid::CoarseModel& model) {
 double step_misfit(const hybrid::CoarseModel& model, const std::vector<CoarseScene>& scenes) {
   double sum = 0;
   for (const CoarseScene& scene : scenes) {
-    const auto substeps = static_cast<double>(model.substeps(mpm::on_coarser_grid(scene.scene, 2)));
+    const auto substeps = static_cast<double>(model.largest_step_substeps(mpm::on_coarser_grid(scene.scene, 2)));
     const double excess = std::log(substeps / static_cast<double>(scene.opponent_substeps));
     sum += excess > 0 ? excess : -3 * excess;
   }
