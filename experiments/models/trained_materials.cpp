@@ -5,10 +5,12 @@
 #include <algorithm>
 #include <map>
 #include <nlohmann/json.hpp>
+#include <type_traits>
 
 #include "core/scene/material_config.h"
 #include "core/system/error.h"
 #include "experiments/models/start_state.h"
+#include "graph/features/material_constants.h"
 #include "io/config/config_writer.h"
 #include "io/scene/scene_reader.h"
 #include "nn/trained_box.h"
@@ -58,7 +60,19 @@ bool sees(const nn::Weights& weights, const std::string& input) {
   return false;
 }
 
-/// "sand.friction_angle is 33, the training had 20 to 45" for a number of the scene that the training varied.
+/// Whether graph::material_constants tells a material from one that has `other` as its constant "law.key".
+bool is_feature(const MaterialConfig& material, const std::string& key, double other) {
+  MaterialConfig changed = material;
+  MaterialConfig::fields([&](auto member, const FieldInfo& info) {
+    if constexpr (std::is_same_v<decltype(member), double MaterialConfig::*>)
+      if (key.substr(key.find('.') + 1) == info.name) changed.*member = other;
+  });
+  const graph::MaterialConstants a = graph::material_constants(material), b = graph::material_constants(changed);
+  return !std::equal(std::begin(a.feature), std::end(a.feature), std::begin(b.feature));
+}
+
+/// "the network has no input for sand.friction_angle: it is 33, and the training had 20 to 45", for a number of the
+/// scene that the training varied.
 void name_varied(const nn::TrainedBox& box, const std::string& key, double value, std::vector<std::string>& lines) {
   const auto range = box.ranges.find(key);
   if (range == box.ranges.end() || range->second.first == range->second.second) return;
@@ -76,9 +90,11 @@ std::vector<std::string> outside(std::vector<std::string> lines) {
 
 std::vector<std::string> unlike_ranges(const nn::Weights& weights, const nn::TrainedBox& box, const Scene& scene) {
   std::vector<std::string> lines = outside(box.unlike_materials(scene));
-  if (sees(weights, "material_constants")) return lines;
+  const bool sees_constants = sees(weights, "material_constants");
   for (const auto& [name, material] : scene.materials)
-    nn::visit_constants(material, [&](const std::string& key, double value) { name_varied(box, key, value, lines); });
+    nn::visit_constants(material, [&, &own = material](const std::string& key, double value) {
+      if (!sees_constants || !is_feature(own, key, 2 * value + 1)) name_varied(box, key, value, lines);
+    });
   return lines;
 }
 

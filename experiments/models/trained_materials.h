@@ -11,7 +11,7 @@ namespace graupel::experiments {
 
 /// A line for every material of the scene that is not that of the training.
 /// Of weights that tell ranges (nn::TrainedBox): "outside the training: sand.friction_angle is 50, of the training 20
-/// to 45". Where the network has no input for constants, also a line for each that the training varied. Of others a
+/// to 45", and a line for each constant that the training varied and the network has no input for. Of others a
 /// network sees types alone, so that every other constant counts: "sand: friction_angle is 33, of the training 45"
 /// (metadata training.materials). None for weights that do not say.
 std::vector<std::string> unlike_training(const nn::Weights& weights, const Scene& scene);

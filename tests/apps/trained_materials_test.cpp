@@ -76,6 +76,17 @@ TEST(TrainedRanges, TellOfWhatIsOutside) {
                           "outside the training: contact is stick, of the training separate"));
 }
 
+/// Constants that are no features (graph/features/material_constants.h) are not seen by any network.
+TEST(TrainedRanges, TellOfConstantsThatAreNoInput) {
+  nn::Weights weights = taught_ranges(true);
+  nn::TrainedBox box = nn::TrainedBox::load(weights);
+  box.ranges.at("sand.density") = {1400, 1800};
+  box.store(weights.metadata);
+  const Scene scene = scene_with("dune", R"({"preset": "taichi_sand", "friction_angle": 33, "density": 1500})");
+  EXPECT_THAT(unlike_training(weights, scene), ElementsAre("the network has no input for sand.density: it is 1500, and "
+                                                           "the training had 1400 to 1800"));
+}
+
 /// A network that was taught various constants, but does not see them, knows their mean at best.
 TEST(TrainedRanges, TellOfWhatTheNetworkDoesNotSee) {
   Scene scene = scene_with("dune", R"({"preset": "taichi_sand", "friction_angle": 33})");
