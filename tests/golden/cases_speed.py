@@ -127,7 +127,7 @@ def interleaved(measure):
     return rows
 
 
-NETWORKS = "mpm,mpm:coarse,models/hgn.safetensors,models/hgn-small.safetensors"
+NETWORKS = "mpm,mpm:coarse,models/hgn.safetensors,models/hgn-general.safetensors"
 
 
 def cases(source, device):

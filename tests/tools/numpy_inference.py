@@ -659,7 +659,6 @@ class InferenceTest(unittest.TestCase):
         scene = os.path.join(ROOT, "scenes", "shared", "mixed_blocks.json")
         inputs = self.history_of(scene, 24)
         self.compare("hgn", *inputs, most=2e-5)
-        self.compare("hgn-small", *inputs, most=2e-5)
 
     def test_hgn_that_sees_constants_and_contact(self):
         scene = os.path.join(ROOT, "scenes", "shared", "mixed_blocks.json")
@@ -676,6 +675,7 @@ class InferenceTest(unittest.TestCase):
         path = os.path.join(self.folder, "more.safetensors")
         with_more_inputs(os.path.join(ROOT, "models", "hgn.safetensors"), path)
         self.compare(path, *inputs, most=2e-5)
+        self.compare("hgn-general", *inputs, most=2e-5)
 
     def test_gns(self):
         """One small ball between a plane, a sphere and a cylinder: GNS has some hundred edges a particle."""
