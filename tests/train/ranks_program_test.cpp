@@ -63,7 +63,7 @@ class RanksProgram : public testing::Test {
     const std::vector<pid_t> ranks = start_ranks(2, training("two", device));
     for (int rank = 0; rank < 2; ++rank) EXPECT_EQ(finish(ranks[static_cast<std::size_t>(rank)]), 0) << log(rank);
     EXPECT_THAT(log(0), HasSubstr("2 ranks (Open MPI), CPU threads of each: 1"));
-    EXPECT_EQ(log(1), "");
+    EXPECT_THAT(log(1), testing::Not(HasSubstr("step ")));  // libtorch may warn there
     const nn::Weights a = nn::read_safetensors(folder_ + "/one/weights.safetensors"),
                       b = nn::read_safetensors(folder_ + "/two/weights.safetensors");
     for (const auto& [name, tensor] : a.tensors) {
