@@ -17,25 +17,30 @@ double stable_step(double courant, double dx, const StateSpeeds& s) {
   return 1 / ((s.speed + s.scripted + s.sound_speed) / (courant * dx) + 6 * s.diffusivity / (dx * dx));
 }
 
+[[noreturn]] void throw_endless(double limit, const StateSpeeds& speeds) {
+  throw DivergedError(fmt::format(
+      "the stable step fell to {:.3g} s (sound speed {:.4g} m/s, speed {:.4g} m/s, obstacles {:.4g} m/s, kinematic "
+      "viscosity {:.4g} m^2/s, over a million steps a frame). Cap the hardening of snow (max_hardening), lower the "
+      "stiffness, the viscosity or the speed, or raise dx",
+      limit, speeds.sound_speed, speeds.speed, speeds.scripted, speeds.diffusivity));
+}
+
 }  // namespace
 
 double largest_step(const TimeStep& policy, double dx, double frame_time, const StateSpeeds& speeds) {
-  if (policy.policy != StepPolicy::adaptive)
-    return frame_time /
-           static_cast<double>(equal_substeps(policy, dx, frame_time, speeds.speed + speeds.scripted + speeds.fall));
+  if (policy.policy != StepPolicy::adaptive) {
+    const double fastest = speeds.speed + speeds.scripted + speeds.fall;
+    const int64_t substeps = equal_substeps(policy, dx, frame_time, fastest);
+    if (substeps == 0) throw_endless(policy.courant * dx / fastest, speeds);
+    return frame_time / static_cast<double>(substeps);
+  }
   const double stable = std::max(stable_step(policy.courant, dx, speeds), policy.min_step);
   return std::min({stable, policy.max_step, frame_time});
 }
 
 double next_step(const TimeStep& policy, double dx, double frame_time, const StateSpeeds& speeds, double left) {
   const double limit = largest_step(policy, dx, frame_time, speeds);
-  constexpr double most_steps = 1e6;
-  if (!(left / limit <= most_steps))
-    throw DivergedError(fmt::format(
-        "the stable step fell to {:.3g} s (sound speed {:.4g} m/s, speed {:.4g} m/s, obstacles {:.4g} m/s, kinematic "
-        "viscosity {:.4g} m^2/s, over a million steps a frame). Cap the hardening of snow (max_hardening), lower the "
-        "stiffness or the viscosity, or raise dx",
-        limit, speeds.sound_speed, speeds.speed, speeds.scripted, speeds.diffusivity));
+  if (!(left / limit <= most_substeps)) throw_endless(limit, speeds);
   return left / std::max(1.0, std::ceil(left / limit - 1e-9));
 }
 

@@ -19,6 +19,7 @@ struct StateSpeeds {
 };
 
 /// Largest step that the policy allows for this state [s]; for the policies of equal steps the frame's equal share.
+/// Throws DivergedError when a frame of equal steps would need over a million.
 double largest_step(const TimeStep& policy, double dx, double frame_time, const StateSpeeds& speeds);
 
 /// Step to take with `left` seconds of the frame to go: equal shares of the rest, so that no sliver remains.

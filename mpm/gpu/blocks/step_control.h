@@ -17,7 +17,7 @@ GRAUPEL_HD inline double device_step(const TimeStep& policy, double dx, double f
   limit = limit > policy.min_step ? limit : policy.min_step;
   limit = limit < policy.max_step ? limit : policy.max_step;
   limit = limit < frame_time ? limit : frame_time;
-  if (!(left / limit <= 1e6)) return 0;
+  if (!(left / limit <= most_substeps)) return 0;
   const double steps = ceil(left / limit - 1e-9);
   return left / (steps > 1 ? steps : 1);
 }
@@ -26,10 +26,15 @@ GRAUPEL_HD inline bool has_equal_steps(const BatchScene& scene) {
   return scene.time_step.policy != StepPolicy::adaptive;
 }
 
+/// 0 when the frame would need over a million steps.
+GRAUPEL_HD inline double equal_step(const BatchScene& scene, const SceneProgress& control) {
+  return control.equal_substeps > 0 ? scene.frame_time / static_cast<double>(control.equal_substeps) : 0.0;
+}
+
 GRAUPEL_HD inline void choose_step(const BatchScene& scene, SceneProgress& control) {
   const double left = scene.frame_time - control.elapsed;
   const double dt = has_equal_steps(scene)
-                        ? scene.frame_time / static_cast<double>(control.equal_substeps)
+                        ? equal_step(scene, control)
                         : device_step(scene.time_step, static_cast<double>(scene.view.grid.dx), scene.frame_time,
                                       control.speed, control.sound_speed, scene.diffusivity, left);
   control.dt = static_cast<float>(dt);

@@ -31,16 +31,21 @@ void expect_close(const ParticleFrame& a, const ParticleFrame& b, float position
   EXPECT_LT(worst_velocity, velocity);
 }
 
+/// Runs two frames of both.
+void expect_two_close_frames(Simulation& cpu, BatchSolver<FiberBackend>& batch) {
+  for (int frame = 0; frame < 2; ++frame) {
+    cpu.advance_frame();
+    batch.advance_frame();
+  }
+  expect_close(cpu.frame(), batch.frame(), 2e-5f, 2e-2f);
+}
+
 TEST(Batch, TwentySubstepsEqualTheCpuSolver) {
   const Scene scene = four_materials(0.06);
   const auto cpu = Simulation::create(scene, {});
   FiberBackend backend;
   BatchSolver<FiberBackend> batch(backend, entries_of({scene}, 0));
-  for (int frame = 0; frame < 2; ++frame) {
-    cpu->advance_frame();
-    batch.advance_frame();
-  }
-  expect_close(cpu->frame(), batch.frame(), 2e-5f, 2e-2f);
+  expect_two_close_frames(*cpu, batch);
   EXPECT_EQ(batch.control(0).substeps, 40);
   EXPECT_EQ(batch.control(0).phase, ScenePhase::frame_done);
   EXPECT_NEAR(static_cast<double>(batch.control(0).pushed_out), static_cast<double>(cpu->statistics().pushed_out),
@@ -82,11 +87,7 @@ TEST(Batch, StepsOfAFrameEqualTheCpuSolver) {
   const auto cpu = Simulation::create(scene, {});
   FiberBackend backend;
   BatchSolver<FiberBackend> batch(backend, entries_of({scene}, 0));
-  for (int frame = 0; frame < 2; ++frame) {
-    cpu->advance_frame();
-    batch.advance_frame();
-  }
-  expect_close(cpu->frame(), batch.frame(), 2e-5f, 2e-2f);
+  expect_two_close_frames(*cpu, batch);
   EXPECT_GT(batch.control(0).equal_substeps, 6);
   EXPECT_EQ(batch.control(0).substeps, cpu->statistics().substeps);
 }

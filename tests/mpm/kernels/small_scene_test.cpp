@@ -52,19 +52,24 @@ Difference difference(const ParticleFrame& a, const ParticleFrame& b, std::size_
   return worst;
 }
 
+/// Runs two frames of both.
+void expect_two_close_frames(Simulation& cpu, SmallSolver& small) {
+  for (int frame = 0; frame < 2; ++frame) {
+    cpu.advance_frame();
+    small.advance_frame();
+  }
+  const Difference d = difference(cpu.frame(), small.frame());
+  EXPECT_LT(d.position, 2e-5f);
+  EXPECT_LT(d.velocity, 2e-2f);
+}
+
 TEST(SmallScene, SubstepsEqualTheCpuSolver) {
   const Scene scene = mixed_scene();
   const auto cpu = Simulation::create(scene, {.seed = 3});
   FiberBackend backend;
   const auto small = solver_of(backend, {scene});
   const ParticleFrame start = small->frame();
-  for (int frame = 0; frame < 2; ++frame) {
-    cpu->advance_frame();
-    small->advance_frame();
-  }
-  const Difference d = difference(cpu->frame(), small->frame());
-  EXPECT_LT(d.position, 2e-5f);
-  EXPECT_LT(d.velocity, 2e-2f);
+  expect_two_close_frames(*cpu, *small);
   EXPECT_GT(difference(start, small->frame()).position, 1e-3f);
   EXPECT_EQ(small->control(0).substeps, 20);
   EXPECT_EQ(small->control(0).phase, ScenePhase::frame_done);
@@ -97,13 +102,7 @@ TEST(SmallScene, StepsOfAFrameEqualTheCpuSolver) {
   const auto cpu = Simulation::create(scene, {.seed = 3});
   FiberBackend backend;
   const auto small = solver_of(backend, {scene});
-  for (int frame = 0; frame < 2; ++frame) {
-    cpu->advance_frame();
-    small->advance_frame();
-  }
-  const Difference d = difference(cpu->frame(), small->frame());
-  EXPECT_LT(d.position, 2e-5f);
-  EXPECT_LT(d.velocity, 2e-2f);
+  expect_two_close_frames(*cpu, *small);
   EXPECT_GT(small->control(0).equal_substeps, 6);
   EXPECT_EQ(small->control(0).substeps, cpu->statistics().substeps);
 }
