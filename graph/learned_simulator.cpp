@@ -254,7 +254,7 @@ Trajectory LearnedSimulator::rollout(const Scene& scene, const Environment& envi
     const double from = options.start_time + static_cast<double>(frame - 1) * scene.frame_time,
                  to = options.start_time + static_cast<double>(frame) * scene.frame_time;
     LapTimer whole;
-    const Environment& here = surroundings.at(to, /*for_features=*/in_bundle == 0 && options.network);
+    const Environment& here = surroundings.at(to);
     const std::vector<uint8_t> kinematic = prescribed.mask(frame);
     StepParticles step(lifecycle, particle_type, material, history, kinematic);
     if (in_bundle == 0) {

@@ -42,10 +42,10 @@ struct CellNormals::Impl {
   mutable Buffer<char> cuda_grid;
 };
 
-CellNormals::CellNormals(const Scene& scene, const ObstacleSet& obstacles) {
+CellNormals::CellNormals(const Scene& scene, const ObstacleSet& obstacles, const SurfaceChoice& choice) {
   if (obstacles.count() == 0) return;
   const Domain& domain = scene.domain;
-  const auto sums = sum_normals(sample_surface(scene, obstacles, domain.dx / 4), domain);
+  const auto sums = sum_normals(sample_surface(scene, obstacles, domain.dx / 4, /*seed=*/0, choice), domain);
   std::vector<Vec3i> coordinate;
   std::vector<Vec3f> value;
   for (const auto& [cell, sum] : sums) {

@@ -17,8 +17,14 @@ struct SurfaceSamples {
   std::vector<Vec3d> position;  ///< [m]
   std::vector<Vec3d> normal;    ///< outward unit normals
 };
+/// Which surfaces are sampled, and where.
+struct SurfaceChoice {
+  std::vector<bool> left_out = {};  ///< [obstacles] as if they were not there; empty: none
+  bool is_whole = false;            ///< beyond the domain, too
+};
 /// No two points closer than `spacing` [m], no hole over 2 `spacing`; the same for the same scene and seed.
-SurfaceSamples sample_surface(const Scene& scene, const ObstacleSet& obstacles, double spacing, uint64_t seed = 0);
+SurfaceSamples sample_surface(const Scene& scene, const ObstacleSet& obstacles, double spacing, uint64_t seed = 0,
+                              const SurfaceChoice& choice = {});
 
 /// The normals in the memory of one device.
 struct CellNormalsView {
@@ -40,7 +46,8 @@ struct CellNormalsView {
 class CellNormals {
  public:
   CellNormals() = default;
-  CellNormals(const Scene& scene, const ObstacleSet& obstacles);  ///< spacing scene.domain.dx, samples at dx/4
+  /// Spacing scene.domain.dx, samples at dx/4.
+  CellNormals(const Scene& scene, const ObstacleSet& obstacles, const SurfaceChoice& choice = {});
 
   /// Normal of the cell that holds x, zero when no surface passes through it.
   Vec3f at(const Vec3d& x) const { return view().at(x); }

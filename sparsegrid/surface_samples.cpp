@@ -24,19 +24,27 @@ constexpr double strata_per_spacing = 1.5;
 /// to a sample, so that those of a thousand obstacles would fill the memory, and miss every cache.
 constexpr std::size_t most_waiting = std::size_t{1} << 22;
 
+bool is_left_out(const SurfaceChoice& choice, int obstacle) {
+  return !choice.left_out.empty() && choice.left_out[static_cast<std::size_t>(obstacle)];
+}
+
 /// Takes points and normals of one obstacle, in the world.
 class Candidates {
  public:
-  Candidates(const Scene& scene, const ObstacleSetView& set, int obstacle)
-      : low_(scene.domain.origin), high_(scene.domain.origin + scene.domain.size), set_(set), obstacle_(obstacle) {}
+  Candidates(const Scene& scene, const ObstacleSetView& set, int obstacle, const SurfaceChoice& choice)
+      : low_(scene.domain.origin),
+        high_(scene.domain.origin + scene.domain.size),
+        set_(set),
+        obstacle_(obstacle),
+        choice_(choice) {}
 
   void add(SurfaceSamples& out, const Vec3d& local, const Vec3d& local_normal) const {
     const ObstacleFrame<double>& own = set_.obstacles[obstacle_].exact;
     const Vec3d x = own.rotation * local + own.position;
-    if (!lookup::in_box(x, low_, high_)) return;
+    if (!choice_.is_whole && !lookup::in_box(x, low_, high_)) return;
     bool covered = false;
     set_.near(x).for_each([&](int32_t i) {
-      covered = covered || (i != obstacle_ && lookup::may_be_inside(set_.obstacles[i], x) &&
+      covered = covered || (i != obstacle_ && !is_left_out(choice_, i) && lookup::may_be_inside(set_.obstacles[i], x) &&
                             signed_distance(set_.obstacles[i], x).phi < 0);
     });
     if (covered) return;
@@ -48,6 +56,7 @@ class Candidates {
   Vec3d low_, high_;
   const ObstacleSetView& set_;
   int obstacle_;
+  const SurfaceChoice& choice_;
 };
 
 /// Candidates of several obstacles, in pieces as they were found.
@@ -151,24 +160,27 @@ void throw_darts(const Waiting& waiting, PoissonDisk& board, SurfaceSamples& to)
 
 }  // namespace
 
-SurfaceSamples sample_surface(const Scene& scene, const ObstacleSet& obstacles, double spacing, uint64_t seed) {
+SurfaceSamples sample_surface(const Scene& scene, const ObstacleSet& obstacles, double spacing, uint64_t seed,
+                              const SurfaceChoice& choice) {
   if (!(spacing > 0)) throw ConfigError("the sample spacing is not positive (" + std::to_string(spacing) + " m)");
   const ObstacleSetView set = obstacles.view();
   Waiting waiting;
   SurfaceSamples taken;
   PoissonDisk board(spacing);
   for (int i = 0; i < set.count; ++i) {
-    const Candidates candidates(scene, set, i);
+    if (is_left_out(choice, i)) continue;
+    const Candidates candidates(scene, set, i, choice);
     const Random random(seed, RandomPurpose::surface_sample, static_cast<uint64_t>(i));
     const ObstacleFrame<double>& pose = set.obstacles[i].exact;
     if (set.obstacles[i].is_plane)
       plane_candidates(candidates, plane_bounds(pose.rotation, pose.position, scene.domain), random, spacing, waiting);
     else
       grid_candidates(candidates, set.obstacles[i], random, spacing, waiting);
-    if (waiting.count < most_waiting && i + 1 < set.count) continue;
+    if (waiting.count < most_waiting) continue;
     throw_darts(waiting, board, taken);
     waiting = {};
   }
+  throw_darts(waiting, board, taken);
   return taken;
 }
 

@@ -4,8 +4,8 @@
 #include "core/scene/domain.h"
 #include "core/scene/motion.h"
 #include "graph/features/material_constants.h"
-#include "sparsegrid/cell_normals.h"
 #include "sparsegrid/obstacle.h"
+#include "sparsegrid/obstacle_normals.h"
 
 namespace graupel::graph {
 
@@ -18,7 +18,7 @@ struct SurfaceContact {
 /// Environment in the memory of one device (graph/features/features.h, Environment::view).
 struct EnvironmentView {
   sparsegrid::ObstacleSetView obstacles;
-  sparsegrid::CellNormalsView normals;
+  sparsegrid::ObstacleNormalsView normals;
   Vec3d wall_low, wall_high;  ///< [m]; far away along z in the plane, which has no walls there
   bool plane = false;         ///< two dimensions: normals have no part along z
   Vec3d hold_low, hold_high;  ///< [m] where walls hold the material; far away at open and periodic walls

@@ -107,11 +107,12 @@ Environment::Environment(const Scene& scene, std::optional<double> spacing)
   set_time(0);
 }
 
-void Environment::set_time(double when) {
-  time = when;
-  carried_from.clear();
-  if (!moves()) return;
-  for (const Obstacle& obstacle : moving->obstacles) {
+namespace {
+
+/// Where each obstacle was a frame before `time` [s], from where it is.
+std::vector<RigidMap> carried_from_of(const std::vector<Obstacle>& obstacles, double time, double frame_time) {
+  std::vector<RigidMap> carried_from;
+  for (const Obstacle& obstacle : obstacles) {
     RigidMap& map = carried_from.emplace_back();
     if (!obstacle.motion) continue;
     const RigidMap before = obstacle.motion->at(std::max(0.0, time - frame_time), obstacle.position),
@@ -119,17 +120,30 @@ void Environment::set_time(double when) {
     map.rotation = before.rotation * transpose(now.rotation);
     map.translation = before.translation - map.rotation * now.translation;
   }
+  return carried_from;
 }
 
-Environment Environment::at(double when, bool for_features) const {
+}  // namespace
+
+void Environment::set_time(double when) {
+  time = when;
+  if (moves()) carried_from = carried_from_of(moving->obstacles, time, frame_time);
+}
+
+Environment Environment::at(double when) const {
   Environment placed = *this;
   placed.set_time(when);
   if (!moves()) return placed;
   placed.obstacles = obstacles.at(when);
-  if (!for_features) return placed;
-  placed.normals = sparsegrid::CellNormals(*moving, placed.obstacles);
+  placed.normals = normals.at(when);
   placed.obstacle_particles = ObstacleParticles(*moving, placed.obstacles);
   return placed;
+}
+
+EnvironmentPose Environment::pose_at(double when, Device device) const {
+  GRAUPEL_ASSERT(moves());
+  return {obstacles.views_at(when, device), carried_from_of(moving->obstacles, when, frame_time),
+          normals.carried_at(when, device)};
 }
 
 std::vector<ObstacleWay> Environment::ways_since(double from) const {
@@ -158,20 +172,12 @@ Vec3f Environment::point_before(const Vec3f& point, double seconds) const {
   return before(transpose(now.rotation) * (point.cast<double>() - now.translation)).cast<float>();
 }
 
-const Environment& MovingEnvironment::at(double time, bool for_features) {
+const Environment& MovingEnvironment::at(double time) {
   if (!start_.moves()) return start_;
-  const auto poses_are = [&](double then) {
-    Environment other = start_;
-    other.time = time;
-    return other.ways_since(then).empty();
-  };
-  Environment placed = placed_ ? *placed_ : start_;
-  if (!poses_are(placed.time) || (for_features && !poses_are(features_time_))) {
-    placed = placed.at(time, for_features);
-    if (for_features) features_time_ = time;
-  }
-  placed.set_time(time);
-  placed_ = std::move(placed);
+  Environment now = placed_ ? *placed_ : start_;
+  const double before = now.time;
+  now.set_time(time);
+  placed_ = now.ways_since(before).empty() ? std::move(now) : start_.at(time);
   return *placed_;
 }
 
@@ -181,9 +187,17 @@ SweptCollision Environment::swept_collision(Device device) const {
 
 EnvironmentView Environment::view(Device device) const {
   GRAUPEL_ASSERT(device == Device::cpu || !moves());
+  const sparsegrid::ObstacleNormalsView all_normals = normals.view();
+  return view_of_pose(
+      device, {obstacles.view(device).obstacles, moves() ? carried_from.data() : nullptr, all_normals.carried});
+}
+
+EnvironmentView Environment::view_of_pose(Device device, const PoseView& pose) const {
   EnvironmentView all;
   all.obstacles = obstacles.view(device);
-  all.normals = normals.view(device);
+  all.obstacles.obstacles = pose.obstacles;
+  all.normals = normals.view(device, pose.normals);
+  all.carried_from = pose.carried_from;
   all.wall_low = wall_low;
   all.wall_high = wall_high;
   all.plane = plane.has_value();
@@ -191,7 +205,6 @@ EnvironmentView Environment::view(Device device) const {
   all.hold_high = hold_high;
   std::copy(std::begin(wall), std::end(wall), all.wall);
   all.materials = materials.constants(device);
-  if (moves()) all.carried_from = carried_from.data();
   for (int d = 0; d < 3; ++d) {
     const bool none = plane.has_value() && d == 2;
     if (none || hold_low[d] == -far_away) all.wall_low[d] = all.hold_low[d] = -far_away;
@@ -256,13 +269,11 @@ int64_t project_out(const Environment& environment, const std::vector<Vec3f>& be
 
 const Scene& check_training_scene(const Scene& scene) {
   std::string what;
-  if (scene.has_moving_obstacles()) what = "moving obstacles";
+  if (scene.domain.is_plane() && (scene.has_moving_obstacles() || scene.has_inactive_particles()))
+    what = "moving obstacles, emitters, sinks or open walls in a plane";
   for (const Source& source : scene.sources)
     if (source.motion) what = "particles that follow a script";
   if (!scene.kinematic_regions.empty()) what = "particles that follow a script";
-  if (!scene.emitters.empty()) what = "emitters";
-  if (!scene.sinks.empty()) what = "sinks";
-  if (scene.domain.has_wall(Wall::open)) what = "open walls";
   if (scene.domain.has_wall(Wall::periodic)) what = "periodic walls";
   if (!what.empty())
     throw ConfigError("networks are not trained on this scene (it has " + what +

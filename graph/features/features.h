@@ -11,7 +11,7 @@
 #include "graph/features/material_constants.h"
 #include "graph/features/obstacle_particles.h"
 #include "graph/features/swept_collision.h"
-#include "sparsegrid/cell_normals.h"
+#include "sparsegrid/obstacle_normals.h"
 #include "sparsegrid/obstacle_set.h"
 
 namespace graupel::graph {
@@ -22,15 +22,27 @@ struct ObstacleWay {
   RigidMap map;
 };
 
+/// Moving obstacles at a time, for EnvironmentView.
+struct EnvironmentPose {
+  std::vector<sparsegrid::ObstacleView> obstacles;      ///< [obstacles]
+  std::vector<RigidMap> carried_from;                   ///< [obstacles]
+  std::vector<sparsegrid::CarriedNormalsView> normals;  ///< [obstacles that move]
+};
+/// The same in the memory of some device.
+struct PoseView {
+  const sparsegrid::ObstacleView* obstacles;
+  const RigidMap* carried_from;
+  const sparsegrid::CarriedNormalsView* normals;
+};
+
 /// The environment of a scene at one time, built once: obstacles, their cell normals and the walls.
 struct Environment {
   /// At the start. In a scene with two dimensions obstacles are those parts of them that lie in its plane.
   /// `normal_spacing` [m] is the cell size of the obstacle normals, scene.domain.dx unless given. Throws ConfigError
   /// for periodic walls without a partner.
   explicit Environment(const Scene& scene, std::optional<double> normal_spacing = {});
-  /// The same with the obstacles where their scripts have them at `time` [s]. Without `for_features` normals and
-  /// obstacle particles, which take most of the time, are those of before.
-  Environment at(double time, bool for_features = true) const;
+  /// The same with the obstacles where their scripts have them at `time` [s]; shares their grids.
+  Environment at(double time) const;
   /// Whether a script moves an obstacle.
   bool moves() const { return moving != nullptr; }
   /// Ways of the obstacles that move between `from` [s] and this environment's time.
@@ -40,7 +52,7 @@ struct Environment {
   /// Whether a wall is periodic.
   bool is_periodic() const { return period[0] > 0 || period[1] > 0 || period[2] > 0; }
   sparsegrid::ObstacleSet obstacles;
-  sparsegrid::CellNormals normals;
+  sparsegrid::ObstacleNormals normals;
   ObstacleParticles obstacle_particles;
   double normal_spacing;        ///< [m]
   std::optional<double> plane;  ///< [m] z of all particles of a scene with two dimensions
@@ -55,6 +67,10 @@ struct Environment {
   /// For kernels on `device`; valid as long as this lives and its time is not set. Where obstacles move, on the CPU
   /// alone.
   EnvironmentView view(Device device) const;
+  /// What a pose of the moving obstacles changes of a view on `device`, in host memory.
+  EnvironmentPose pose_at(double time, Device device) const;
+  /// view(device) with a pose, whose arrays lie in the memory of the device.
+  EnvironmentView view_of_pose(Device device, const PoseView& pose) const;
   /// Of obstacles that stay where they are placed.
   void set_time(double when);
   SweptCollision swept_collision(Device device) const;
@@ -73,12 +89,11 @@ class MovingEnvironment {
   /// `start` must live as long as this.
   explicit MovingEnvironment(const Environment& start) : start_(start) {}
   /// At `time` [s], as Environment::at; `start` itself where nothing moves. Valid until the next call.
-  const Environment& at(double time, bool for_features = true);
+  const Environment& at(double time);
 
  private:
   const Environment& start_;
   std::optional<Environment> placed_;
-  double features_time_ = 0;  ///< [s] of placed_'s normals
 };
 
 /// Continuous features of each particle, without the type embedding, shape [n, input_width - embedding], row-major:
@@ -107,8 +122,8 @@ inline constexpr int embedding_rows = 9;
 int64_t project_out(const Environment& environment, const std::vector<Vec3f>& before, std::vector<Vec3f>& position,
                     std::optional<double> since = {});
 
-/// Throws ConfigError for scenes that networks run but are not trained on: moving obstacles, scripted particles,
-/// emitters, sinks, open and periodic walls. Returns the scene.
+/// Throws ConfigError for scenes that networks run but are not trained on: with scripted particles, periodic walls, and
+/// planes in which obstacles move or particles come or go. Returns the scene.
 const Scene& check_training_scene(const Scene& scene);
 
 /// Moves particles back into the plane of a scene with two dimensions (in place).

@@ -37,17 +37,13 @@ bool meets(const Region& region, const Vec3d& a, const Vec3d& b) {
 
 }  // namespace
 
-Vec3f flight_since_birth(const Vec3f& place, const Vec3f& velocity, const Vec3d& gravity, double seconds) {
-  return (place.cast<double>() + seconds * velocity.cast<double>() + (seconds * seconds / 2) * gravity).cast<float>();
-}
-
 void add_past_of_born(const Scene& scene, const ParticleSchedule& schedule, double time,
                       std::vector<std::vector<Vec3f>>& positions) {
   for (std::size_t f = 0; f < positions.size(); ++f) {
     const double then = time - static_cast<double>(positions.size() - 1 - f) * scene.frame_time;
     for (std::size_t i = 0; i < schedule.birth_time.size(); ++i) {
       const double birth = schedule.birth_time[i];
-      if (birth <= 0 || birth > time || then >= birth) continue;
+      if (!was_born_between(birth, then, time)) continue;
       positions[f][i] = flight_since_birth(positions[f][i], schedule.birth_velocity[i], scene.gravity, then - birth);
     }
   }

@@ -46,9 +46,6 @@ class ParticleLifecycle {
   std::vector<Vec3f> birth_place_;  ///< [n]
 };
 
-/// Positions of a particle `seconds` after its birth in ballistic flight, also before it.
-Vec3f flight_since_birth(const Vec3f& place, const Vec3f& velocity, const Vec3d& gravity, double seconds);
-
 /// Replaces the places that stored frames give for particles before their birth, that of the birth, by the ballistic
 /// past of it. `positions` are frames [n], the newest at `time` [s].
 void add_past_of_born(const Scene& scene, const ParticleSchedule& schedule, double time,

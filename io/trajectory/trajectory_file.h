@@ -104,6 +104,7 @@ class TrajectoryReader {
   std::vector<float> velocities(int i, int64_t first, int64_t count) const;
   std::vector<float> values(int i, ParticleField field, int64_t first, int64_t count) const;
   std::vector<Vec3f> initial_velocity(int i) const;             ///< empty when not stored
+  std::vector<uint8_t> active(int i) const;                     ///< of all frames [frames, n]; empty when not stored
   Trajectory read(int i, FieldSet wanted = {}) const;           ///< whole trajectory
   std::string attribute(int i, const std::string& name) const;  ///< "" when absent
   std::vector<NamedValue> parameters(int i) const;              ///< of the run, in the recipe's order; empty for none

@@ -275,6 +275,17 @@ std::vector<Vec3f> TrajectoryReader::initial_velocity(int i) const {
   });
 }
 
+std::vector<uint8_t> TrajectoryReader::active(int i) const {
+  return impl_->guarded([&] {
+    const auto& dataset = impl_->trajectory(i).active;
+    std::vector<uint8_t> values;
+    if (!dataset) return values;
+    values.resize(dataset->size[0] * dataset->size[1]);
+    if (!values.empty()) dataset->read_rows(0, dataset->size[0], hdf5::Element::uint8, values.data());
+    return values;
+  });
+}
+
 Trajectory TrajectoryReader::read(int i, FieldSet wanted) const {
   Trajectory out = header(i);
   out.frames = frames(i, 0, static_cast<int64_t>(out.frames.size()), wanted);

@@ -192,7 +192,8 @@ TEST(GnsSampling, ObstacleParticlesStandBehindTheOthersAndRest) {
   const SampleKey first = draw_sample(split, config.seed, 3, 0), second = draw_sample(split, config.seed, 3, 1);
   std::vector<SceneGraph> graphs;
   for (const SampleKey& key : {first, second})
-    graphs.push_back(scene_graph(config.gns, normalization, split.trajectory(key.trajectory),
+    graphs.push_back(scene_graph(config.gns, normalization, split.trajectory(key.trajectory).context->environment,
+                                 {split.trajectory(key.trajectory).type_row, {}},
                                  split.history(key.trajectory, key.frame, config.gns.history), {0, 0, 0}));
   const Batch expected = concatenate(graphs);
   EXPECT_EQ(batch.indices, expected.indices);

@@ -113,7 +113,7 @@ TEST(KinematicParticles, AreInTheSamplesAsInTheData) {
   const int64_t width = clean.feature_width;
   const Rows a{noisy, noisy.features, width}, b{clean, clean.features, width};
   ASSERT_EQ(noisy.particles(), 4 * (24 + kinematic_count));
-  EXPECT_EQ(noisy.kinematic_count, 4 * kinematic_count);
+  EXPECT_EQ(noisy.uncounted, 4 * kinematic_count);
   int64_t found = 0;
   for (int64_t i = 0; i < noisy.particles(); ++i) {
     const bool is_kinematic = graph::is_kinematic_row(type_row(noisy, i));
@@ -128,7 +128,7 @@ TEST(KinematicParticles, AreInTheSamplesAsInTheData) {
     EXPECT_EQ(same, is_kinematic) << i;
     EXPECT_EQ((Rows{noisy, noisy.target, 3}.row(i)[2]), 0);
   }
-  EXPECT_EQ(found, noisy.kinematic_count);
+  EXPECT_EQ(found, noisy.uncounted);
 }
 
 /// Of both architectures: the loss is the mean over the others' x and y, and its gradient knows no target of kinematic
@@ -150,7 +150,7 @@ void expect_the_loss_of_the_others(const TrainConfig& config) {
     out_of_plane += std::abs(guess[2]);
   }
   ASSERT_GT(out_of_plane, 0);
-  EXPECT_EQ(count, batch.particles() - batch.kinematic_count);
+  EXPECT_EQ(count, batch.particles() - batch.uncounted);
   std::vector<double> gradient, other;
   EXPECT_NEAR(module.loss_and_gradient(batch, &gradient), sum / static_cast<double>(count), 1e-5 * sum);
   for (int64_t i = 0; i < batch.particles(); ++i)
@@ -182,7 +182,7 @@ TEST(KinematicParticles, BatchesOfTheDeviceAreThoseOfTheWorkers) {
   const SampleArrays made = samples.take();
   const Batch batch = training_batch(split, config, statistics, 0);
   ASSERT_EQ(made.particles, batch.particles());
-  EXPECT_EQ(made.kinematic_count, batch.kinematic_count);
+  EXPECT_EQ(made.uncounted, batch.uncounted);
   for (int64_t i = 0; i < batch.features.count; ++i) {  // compilers choose which sums become fused multiply-adds
     const float feature = batch.numbers[static_cast<std::size_t>(batch.features.begin + i)];
     ASSERT_NEAR(made.features[i], feature, 1e-5 * (1 + std::abs(feature))) << i;
@@ -213,7 +213,7 @@ TEST(KinematicParticles, TheLossOnTheGpuIsThatOfTheCpu) {
   samples.start(0);
   const SampleArrays made = samples.take();
   const Batch batch = training_batch(split, config, statistics, 0);
-  EXPECT_EQ(made.kinematic_count, batch.kinematic_count);
+  EXPECT_EQ(made.uncounted, batch.uncounted);
   const NetworkModule on_gpu(config.network(), Device::cuda, 3), on_cpu(config.network(), Device::cpu, 3);
   const double loss = on_cpu.loss(batch);
   EXPECT_NEAR(on_gpu.loss(batch), loss, 1e-2 * loss);  // TF32
@@ -254,7 +254,8 @@ TEST(Plane, GridsHaveTwoLayersAndOneAbove) {
     for (int w = 0; w < Waves::count; ++w)
       EXPECT_EQ(draw.displacement.amplitude[w] * draw.displacement.vector[w][2], 0);
   }
-  const SceneGraph graph = scene_graph(config.network(), {}, trajectory, split.history(0, 9, config.hgn.history),
+  const SceneGraph graph = scene_graph(config.network(), {}, trajectory.context->environment,
+                                       {trajectory.type_row, {}}, split.history(0, 9, config.hgn.history),
                                        grid_origin(trajectory, config.network()));
   for (const Vec<int, 3>& cell : graph.hierarchy.levels[0].coordinate) EXPECT_TRUE(cell[2] == 0 || cell[2] == 1);
   for (const Vec<int, 3>& cell : graph.hierarchy.levels[1].coordinate) EXPECT_EQ(cell[2], 0);

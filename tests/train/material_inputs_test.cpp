@@ -171,7 +171,8 @@ void expect_features_of_rollouts(const TrainConfig& config) {
     ASSERT_TRUE(std::equal(expected.begin(), expected.end(), row)) << "slot " << slot;
     if (!config.symmetries) {
       const SceneGraph graph =
-          scene_graph(config.network(), normalization, info, history, grid_origin(info, config.network()));
+          scene_graph(config.network(), normalization, info.context->environment, {info.type_row, info.material},
+                      history, grid_origin(info, config.network()));
       ASSERT_TRUE(std::equal(expected.begin(), expected.end(), graph.features.begin()));
     }
     for (std::size_t p = 0; p < info.material.size(); ++p, row += width) {

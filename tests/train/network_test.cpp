@@ -112,12 +112,12 @@ TEST(NetworkModule, TheLossOfABundleIsTheMeanOverItsFrames) {
   ASSERT_EQ(batch.target_width, 12);
   const std::vector<float> predicted = module.predict(batch, StateArray::weights);
   ASSERT_EQ(predicted.size(), 12u * 30u);
-  ASSERT_GT(batch.kinematic_count, 0);  // which do not count
+  ASSERT_GT(batch.uncounted, 0);  // which do not count
   double sum = 0;
   for (std::size_t i = 0; i < predicted.size(); ++i)
     if (!graph::is_kinematic_row(batch.indices[static_cast<std::size_t>(batch.type_row.begin) + i / 12]))
       sum += std::pow(predicted[i] - batch.numbers[static_cast<std::size_t>(batch.target.begin) + i], 2);
-  EXPECT_NEAR(module.loss(batch), sum / (static_cast<double>(30 - batch.kinematic_count) * 4), 1e-5 * sum);
+  EXPECT_NEAR(module.loss(batch), sum / (static_cast<double>(30 - batch.uncounted) * 4), 1e-5 * sum);
 }
 
 INSTANTIATE_TEST_SUITE_P(NetworkModule, EitherAggregation,

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "core/scene/particle_rows.h"
 #include "core/system/error.h"
 #include "graph/features/normalization.h"
 #include "graph/plan/layer_plan.h"
@@ -21,7 +22,11 @@ SceneGraph newest_graph(const NetworkConfig& config, const graph::Normalization&
   if (trajectory.frames < history + 1)
     throw InputError("'" + split.file() + "': trajectory 0 has too few frames (" + std::to_string(trajectory.frames) +
                      ", the network sees " + std::to_string(history + 1) + "). Give a longer one");
-  return scene_graph(config, normalization, trajectory, split.history(0, trajectory.frames - 1, history),
+  const int64_t newest = trajectory.frames - 1;
+  const std::vector<int32_t> present = trajectory.present(newest);
+  graph::MovingEnvironment surroundings(trajectory.context->environment);
+  return scene_graph(config, normalization, surroundings.at(trajectory.context->time_of(newest + 1)),
+                     trajectory.kinds(present), frame_rows(split.history(0, newest, history), present),
                      grid_origin(trajectory, config));
 }
 

@@ -79,10 +79,18 @@ Part join_numbers(Batch& batch, const std::vector<SceneGraph>& scenes, const App
   return {begin, static_cast<int64_t>(batch.numbers.size()) - begin};
 }
 
-/// What the loss is to count, of particles whose types are the first of `type_row`.
-void count_kinematic(Batch& batch, const std::vector<int32_t>& type_row) {
-  batch.kinematic_count =
-      std::count_if(type_row.begin(), type_row.begin() + batch.particles(), graph::is_kinematic_row);
+/// What the loss is to count.
+void add_counted(Batch& batch, const std::vector<SceneGraph>& scenes) {
+  std::vector<float> counted;
+  for (const SceneGraph& scene : scenes)
+    for (std::size_t p = 0; p < static_cast<std::size_t>(scene.moving()); ++p) {
+      const bool leaves = !scene.leaves.empty() && scene.leaves[p] != 0;
+      counted.push_back(leaves || graph::is_kinematic_row(scene.type_row[p]) ? 0.0f : 1.0f);
+    }
+  batch.uncounted = std::count(counted.begin(), counted.end(), 0.0f);
+  if (batch.uncounted == 0) return;
+  batch.counted = {static_cast<int64_t>(batch.numbers.size()), static_cast<int64_t>(counted.size())};
+  batch.numbers.insert(batch.numbers.end(), counted.begin(), counted.end());
 }
 
 void set_target_width(Batch& batch) {
@@ -103,7 +111,6 @@ void join_particles(Batch& batch, const std::vector<SceneGraph>& scenes) {
     batch.particle_begin.push_back(batch.particles() + static_cast<int64_t>(h.cell.size()));
   }
   batch.type_row = append(batch.indices, type_row);
-  count_kinematic(batch, type_row);
   batch.cell = append(batch.indices, cell);
   append_by_receiver(batch.indices, cell, first_cell, batch.pair_begin, batch.pair);
 
@@ -224,7 +231,6 @@ Batch concatenate_gns(const std::vector<SceneGraph>& scenes) {
     }
   batch.features = {0, static_cast<int64_t>(numbers.size())};
   batch.type_row = append(batch.indices, type_row);
-  count_kinematic(batch, type_row);
   batch.target = join_numbers(
       batch, scenes, [&](const SceneGraph& s) { numbers.insert(numbers.end(), s.target.begin(), s.target.end()); });
   batch.feature_width = rows > 0 ? batch.features.count / rows : 0;
@@ -239,7 +245,11 @@ Batch concatenate_gns(const std::vector<SceneGraph>& scenes) {
 Batch concatenate(const std::vector<SceneGraph>& scenes) {
   GRAUPEL_ASSERT(!scenes.empty());
   const std::size_t levels = scenes.front().hierarchy.levels.size();
-  if (levels == 0) return concatenate_gns(scenes);
+  if (levels == 0) {
+    Batch batch = concatenate_gns(scenes);
+    add_counted(batch, scenes);
+    return batch;
+  }
   std::size_t particles = 0;
   for (const SceneGraph& scene : scenes) {
     GRAUPEL_ASSERT(scene.hierarchy.levels.size() == levels);
@@ -250,6 +260,7 @@ Batch concatenate(const std::vector<SceneGraph>& scenes) {
   batch.indices.reserve(particles * 32);
   join_particles(batch, scenes);
   for (std::size_t l = 0; l < levels; ++l) batch.level.push_back(join_level(scenes, l, batch.indices));
+  add_counted(batch, scenes);
   return batch;
 }
 

@@ -32,6 +32,7 @@ struct Batch {
   Part weight;                    ///< numbers [particles, 8] trilinear
   Part offset;                    ///< numbers [particles, 3]
   Part target;                    ///< numbers [particles, target_width] normalised accelerations; empty for inference
+  Part counted;                   ///< numbers [particles] 1 for those that the loss counts, 0; empty where it counts all
   Part type_row;                  ///< indices [particles and obstacle particles] rows of the embedding table
   Part edge_features;             ///< of links between particles: numbers [edges, 4]
   Part cell;                      ///< indices [particles, 8] level-0 cells
@@ -39,7 +40,8 @@ struct Batch {
   Part pair;                      ///< indices [particles * 8] pairs sorted by cell
   std::vector<BatchLevel> level;  ///< finest first; of GNS one, whose cells are all particles
 
-  int64_t kinematic_count = 0;  ///< of the particles (core/scene/kinematic_particles.h), which the loss does not count
+  /// Particles that the loss does not count: kinematic ones (core/scene/kinematic_particles.h), and those that leave.
+  int64_t uncounted = 0;
 
   int64_t scenes() const { return static_cast<int64_t>(particle_begin.size()) - 1; }
   int64_t particles() const { return particle_begin.back(); }
@@ -54,6 +56,7 @@ struct SceneGraph {
   std::vector<float> edge_features;    ///< of these [edges, 4], graph::edge_features
   int64_t obstacle_particles = 0;      ///< of GNS: the last rows of features and type_row
   std::vector<float> target;           ///< [particles without those of obstacles, 3 k], or empty
+  std::vector<uint8_t> leaves;         ///< [the same] 1 for those that are gone in a frame of the target, or empty
 
   /// Particles that move.
   int64_t moving() const { return static_cast<int64_t>(type_row.size()) - obstacle_particles; }

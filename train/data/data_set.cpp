@@ -11,8 +11,11 @@
 
 #include "core/scene/kinematic_particles.h"
 #include "core/system/error.h"
+#include "core/scene/particle_rows.h"
+#include "graph/features/particle_lifecycle.h"
 #include "graph/learned_simulator.h"
 #include "io/scene/scene_reader.h"
+#include "mpm/sampling.h"
 #include "mpm/scene/particle_materials.h"
 #include "train/parallel/worker_threads.h"
 
@@ -54,10 +57,12 @@ Sums sums_of(const TrajectoryInfo& info, const std::vector<std::vector<Vec3f>>& 
   Sums sums;
   for (std::size_t t = 1; t < frames.size(); ++t)
     for (std::size_t p = 0; p < frames[t].size(); ++p) {
-      if (info.is_kinematic(p)) continue;
+      const auto frame = static_cast<int64_t>(t);
+      if (!info.counts(p, frame - 1, frame)) continue;
       const Vec3d current = frames[t][p].cast<double>(), before = frames[t - 1][p].cast<double>();
       sums.add(0, current - before);
-      if (t + 1 < frames.size()) sums.add(1, frames[t + 1][p].cast<double>() - current - (current - before));
+      if (t + 1 < frames.size() && info.is_in_run(p, frame, frame + 1))
+        sums.add(1, frames[t + 1][p].cast<double>() - current - (current - before));
     }
   return sums;
 }
@@ -73,13 +78,74 @@ void finish(const Sums& sums, std::size_t what, const Vec3d& noise_std, float (&
   }
 }
 
+/// Frames in which each particle is in the run, from flags [frames, n]; empty where all always are. Throws InputError
+/// naming `where` for one that comes back.
+std::vector<FramesInRun> frames_in_run(const std::vector<uint8_t>& active, int64_t frames, std::size_t particles,
+                                       const std::string& where) {
+  std::vector<FramesInRun> spans(active.empty() ? 0 : particles);
+  for (int64_t t = 0; t < frames; ++t)
+    for (std::size_t p = 0; p < spans.size(); ++p) {
+      FramesInRun& span = spans[p];
+      if (active[static_cast<std::size_t>(t) * particles + p] == 0) continue;
+      if (span.end > 0 && span.end < t)
+        throw InputError(where + " has particle " + std::to_string(p) + " in the run again in frame " +
+                         std::to_string(t) + ", after it was gone ('active', allowed: one piece of the frames). " +
+                         "Generate the data set anew");
+      if (span.end == 0) span.first = static_cast<int32_t>(t);
+      span.end = static_cast<int32_t>(t + 1);
+    }
+  const bool all_stay = std::all_of(spans.begin(), spans.end(), [&](const FramesInRun& span) {
+    return span.holds(0, frames - 1);
+  });
+  return all_stay ? std::vector<FramesInRun>() : spans;
+}
+
+/// Births of a scene's emitted particles. Throws InputError naming `where` for a trajectory of other ones.
+graph::ParticleSchedule births_of(const Scene& scene, uint64_t seed, const std::vector<Vec3f>& start,
+                                  const std::string& where) {
+  constexpr double tolerance = 1e-4;  // [m], far below the distance of particles
+  const mpm::SampledParticles sampled = mpm::sample_sources(scene, seed);
+  bool fits = sampled.position.size() == start.size();
+  graph::ParticleSchedule schedule;
+  schedule.birth_time = sampled.birth_time;
+  for (std::size_t p = 0; fits && p < start.size(); ++p) {
+    schedule.birth_velocity.push_back(sampled.velocity[p].cast<float>());
+    const bool is_born_later = sampled.birth_time[p] > 0;
+    fits = !is_born_later || norm(sampled.position[p] - start[p].cast<double>()) <= tolerance;
+  }
+  if (!fits)
+    throw InputError(where + ": the emitters of its scene are of other particles than the trajectory's (" +
+                     std::to_string(sampled.position.size()) + " with its seed, " + std::to_string(start.size()) +
+                     " stored). Generate the data set anew");
+  return schedule;
+}
+
 }  // namespace
+
+bool TrajectoryInfo::some_count(int64_t from, int64_t to) const {
+  for (std::size_t p = 0; p < type_row.size(); ++p)
+    if (counts(p, from, to)) return true;
+  return false;
+}
+
+std::vector<int32_t> TrajectoryInfo::present(int64_t frame) const {
+  std::vector<int32_t> particles;
+  particles.reserve(type_row.size());
+  for (std::size_t p = 0; p < type_row.size(); ++p)
+    if (is_in_run(p, frame, frame)) particles.push_back(static_cast<int32_t>(p));
+  return particles;
+}
+
+ParticleKinds TrajectoryInfo::kinds(const std::vector<int32_t>& particles) const {
+  return {particle_rows(type_row, particles), particle_rows(material, particles)};
+}
 
 DataSplit::DataSplit(const std::string& file, const DataSplitOptions& options)
     : file_(file), reader_(std::make_unique<io::TrajectoryReader>(file)) {
   read_headers(options);
   build_contexts(options);
   if (options.materials) find_materials(options);
+  find_births(options);
   load_positions(options);
 }
 
@@ -103,6 +169,9 @@ void DataSplit::read_headers(const DataSplitOptions& options) {
       throw InputError(where + " has no particle that moves by itself (" + std::to_string(info.type_row.size()) +
                        " of obstacles or stationary). Leave that run out");
     info.converted = header.made_by.starts_with("converted from");
+    const std::vector<uint8_t> active = reader_->active(i);
+    info.tells_presence = !active.empty();
+    info.in_run = frames_in_run(active, info.frames, info.type_row.size(), where);
     info.initial_velocity = reader_->initial_velocity(i);
     if (info.initial_velocity.empty()) {
       const auto start = reader_->frames(i, 0, 2);
@@ -167,6 +236,25 @@ void DataSplit::load_positions(const DataSplitOptions& options) {
   }
 }
 
+void DataSplit::find_births(const DataSplitOptions& options) {
+  for_each_index(options.threads, count(), [&](int64_t i) {
+    TrajectoryInfo& info = info_[static_cast<std::size_t>(i)];
+    const Scene& scene = info.context->scene;
+    if (!scene.has_inactive_particles()) return;
+    const auto t = static_cast<int>(i);
+    const std::string where = "'" + file_ + "': trajectory " + std::to_string(i);
+    if (!info.tells_presence)
+      throw InputError(where + " does not tell which particles are in the run (no 'active', although its scene has "
+                               "emitters, sinks or open walls). Generate the data set anew");
+    if (scene.emitters.empty()) return;
+    std::unique_lock lock(reading);
+    const uint64_t seed = reader_->header(t).seed;
+    const std::vector<Vec3f> start = reader_->frames(t, 0, 1).front().position;
+    lock.unlock();
+    info.schedule = births_of(scene, seed, start, where);
+  });
+}
+
 std::string DataSplit::attribute(const std::string& name) const {
   const std::lock_guard lock(reading);
   return reader_->attribute(0, name);
@@ -187,14 +275,20 @@ std::vector<std::vector<Vec3f>> DataSplit::positions(int i, int64_t first, int64
 }
 
 std::vector<std::vector<Vec3f>> DataSplit::history(int i, int64_t frame, int64_t history) const {
-  if (frame >= history) return positions(i, frame - history, history + 1);
   const TrajectoryInfo& info = trajectory(i);
-  std::vector<std::vector<Vec3f>> real = positions(i, 0, frame + 1);
-  std::vector<std::vector<Vec3f>> all =
-      graph::start_history(real.front(), info.initial_velocity, info.context->scene.gravity,
-                           info.context->scene.frame_time, static_cast<int>(history - frame) + 1, info.kinematic);
-  all.pop_back();
-  std::move(real.begin(), real.end(), std::back_inserter(all));
+  const Scene& scene = info.context->scene;
+  std::vector<std::vector<Vec3f>> all = positions(i, std::max<int64_t>(0, frame - history), std::min(frame, history) + 1);
+  if (frame < history) {
+    std::vector<std::vector<Vec3f>> past =
+        graph::start_history(all.front(), info.initial_velocity, scene.gravity, scene.frame_time,
+                             static_cast<int>(history - frame) + 1, info.kinematic);
+    past.pop_back();
+    for (std::size_t p = 0; p < info.schedule.birth_time.size(); ++p)
+      if (info.schedule.birth_time[p] > 0)  // waits at the place of its birth
+        for (std::vector<Vec3f>& before : past) before[p] = all.front()[p];
+    all.insert(all.begin(), std::make_move_iterator(past.begin()), std::make_move_iterator(past.end()));
+  }
+  graph::add_past_of_born(scene, info.schedule, info.context->time_of(frame), all);
   return all;
 }
 
@@ -242,6 +336,10 @@ void DataSplit::check_fits(const NetworkConfig& network_config) const {
       throw ConfigError("'" + file_ + "': trajectory " + std::to_string(i) +
                         " has obstacles in the plane, which are not made of particles (gns.obstacle_particles true, "
                         "allowed there: false). Set gns.obstacle_particles=false");
+    if (scene.has_moving_obstacles() && gns != nullptr && gns->obstacle_particles)
+      throw ConfigError("'" + file_ + "': trajectory " + std::to_string(i) +
+                        " has moving obstacles, whose particles networks are not trained on (gns.obstacle_particles "
+                        "true, allowed there: false). Set gns.obstacle_particles=false, or leave that run out");
     if (differs(scene.frame_time, config.frame_time)) refuse("frame_time", scene.frame_time, config.frame_time);
     if (config.cell_normal && differs(scene.domain.dx, config.dx)) refuse("dx", scene.domain.dx, config.dx);
   }

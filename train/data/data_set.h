@@ -1,4 +1,4 @@
-// Trajectories of a data set as training reads them: positions, types, and the static environment of each scene.
+// Trajectories of a data set as training reads them: positions, types, who is in the run, and each scene's environment.
 #pragma once
 
 #include <algorithm>
@@ -10,6 +10,7 @@
 
 #include "core/scene/scene.h"
 #include "graph/features/features.h"
+#include "graph/features/particle_schedule.h"
 #include "io/trajectory/trajectory_file.h"
 #include "train/config/network_config.h"
 
@@ -23,6 +24,19 @@ struct SceneContext {
   graph::Environment environment;
   /// Displacement that gravity adds in a frame: g dt^2 [m/frame^2].
   Vec3f gravity_step() const { return environment.gravity_step; }
+  /// [s] as rollouts count it.
+  double time_of(int64_t frame) const { return static_cast<double>(frame) * scene.frame_time; }
+};
+
+/// Frames of a trajectory in which a particle is in the run: [first, end).
+struct FramesInRun {
+  int32_t first = 0, end = 0;
+  bool holds(int64_t from, int64_t to) const { return first <= from && to < end; }
+};
+
+/// What a network is told of some particles; of networks that do not see constants the materials are empty.
+struct ParticleKinds {
+  std::vector<int32_t> type_row, material;
 };
 
 struct TrajectoryInfo {
@@ -30,13 +44,29 @@ struct TrajectoryInfo {
   std::vector<uint8_t> kinematic;       ///< [n] 1 for kinematic particles, which no loss or error counts; or empty
   std::vector<int32_t> material;        ///< [n] indices into context->environment.materials; or empty, unasked
   std::vector<Vec3f> initial_velocity;  ///< [n] [m/s]
+  std::vector<FramesInRun> in_run;      ///< [n]; empty: all particles are always in the run
+  graph::ParticleSchedule schedule;     ///< births of the scene's emitters
   int64_t frames = 0;                   ///< usable ones
+  bool tells_presence = false;          ///< the file says which particles are in the run
   bool converted = false;               ///< from the data of another program, which may not say gravity (then 0)
   std::shared_ptr<const SceneContext> context;
 
   bool is_kinematic(std::size_t particle) const { return !kinematic.empty() && kinematic[particle] != 0; }
   int32_t material_of(std::size_t particle) const { return material.empty() ? graph::no_material : material[particle]; }
   int64_t kinematic_count() const { return std::count(kinematic.begin(), kinematic.end(), 1); }
+  /// Whether a particle is in the run in all frames `from` .. `to`.
+  bool is_in_run(std::size_t particle, int64_t from, int64_t to) const {
+    return in_run.empty() || in_run[particle].holds(from, to);
+  }
+  /// Whether it moves by itself and is in the run in all these frames: a prediction of it counts.
+  bool counts(std::size_t particle, int64_t from, int64_t to) const {
+    return !is_kinematic(particle) && is_in_run(particle, from, to);
+  }
+  /// Whether counts() holds for some particle.
+  bool some_count(int64_t from, int64_t to) const;
+  /// Particles in the run in a frame, ascending.
+  std::vector<int32_t> present(int64_t frame) const;
+  ParticleKinds kinds(const std::vector<int32_t>& particles) const;
 };
 
 struct DataSplitOptions {
@@ -50,8 +80,9 @@ struct DataSplitOptions {
 /// One file of a data set. Immutable once open; may be read from many threads.
 class DataSplit {
  public:
-  /// Throws InputError when the file is missing, damaged, or a trajectory has no scene or fewer than 3 frames, and as
-  /// mpm::particle_materials where materials are asked for; ConfigError for scenes that are not trained on.
+  /// Throws InputError when the file is missing, damaged, or a trajectory has no scene or fewer than 3 frames, does not
+  /// tell which particles are in the run although its scene lets them come or go, and as mpm::particle_materials where
+  /// materials are asked for; ConfigError for scenes that are not trained on.
   explicit DataSplit(const std::string& file, const DataSplitOptions& options = {});
 
   const std::string& file() const { return file_; }
@@ -65,13 +96,13 @@ class DataSplit {
 
   /// Positions of frames [first, first + count), [count][n] [m].
   std::vector<std::vector<Vec3f>> positions(int i, int64_t first, int64_t count) const;
-  /// history + 1 positions ending at `frame`, newest last. Frames before the first are those that a rollout starts with
-  /// (graph::start_history).
+  /// history + 1 positions [n] ending at `frame`, newest last. Frames before the first are those that a rollout starts
+  /// with (graph::start_history), those before a birth those that a rollout gives (graph::add_past_of_born).
   std::vector<std::vector<Vec3f>> history(int i, int64_t frame, int64_t history) const;
 
   /// Means and standard deviations of v^t = x^t - x^{t-1} and v^{t+1} - v^t over all particles and frames, sums in
-  /// f64; the training noise enters in quadrature. Held particles do not count, and nothing varies along z in the
-  /// plane.
+  /// f64; the training noise enters in quadrature. Held particles and those that are not in the run do not count, and
+  /// nothing varies along z in the plane.
   graph::Normalization statistics(double noise_std, int threads) const;
 
   /// Throws ConfigError when the data were made with another frame time, cell size or number of dimensions than the
@@ -84,6 +115,7 @@ class DataSplit {
   void read_headers(const DataSplitOptions& options);
   void build_contexts(const DataSplitOptions& options);
   void find_materials(const DataSplitOptions& options);
+  void find_births(const DataSplitOptions& options);
   void load_positions(const DataSplitOptions& options);
 
   std::string file_;

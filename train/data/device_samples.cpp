@@ -16,14 +16,23 @@ struct SampleFrames {
   const Vec3f* initial_velocity;  ///< [particles] [m/s]
   const int32_t* type_row;        ///< [particles]
   const int32_t* material;        ///< [particles]; null where networks do not see constants
-  int64_t particles, frame;
+  const double* birth_time;       ///< [particles] [s]; null without emitters
+  const Vec3f* birth_velocity;    ///< [particles] [m/s]
+  const int32_t* present;         ///< [rows] particles of the sample, ascending; null: all
+  int64_t particles, frame, rows;
   Vec3d gravity;      ///< [m/s^2]
   double frame_time;  ///< [s]
 
   GRAUPEL_HD bool is_kinematic(int64_t p) const { return graph::is_kinematic_row(type_row[p]); }
   GRAUPEL_HD int32_t material_of(int64_t p) const { return material == nullptr ? graph::no_material : material[p]; }
-  /// Position at a frame; before the first that of graph::start_history.
+  GRAUPEL_HD int64_t particle(int64_t row) const { return present == nullptr ? row : present[row]; }
+  /// Position at a frame; before the first that of graph::start_history, before the birth as graph::add_past_of_born.
   GRAUPEL_HD Vec3f at(int64_t t, int64_t p) const {
+    if (birth_time != nullptr) {
+      const double now = static_cast<double>(frame) * frame_time, then = now - static_cast<double>(frame - t) * frame_time;
+      if (graph::was_born_between(birth_time[p], then, now))
+        return graph::flight_since_birth(position[p], birth_velocity[p], gravity, then - birth_time[p]);
+    }
     if (t >= 0) return position[t * particles + p];
     const double before = -static_cast<double>(t) * frame_time;
     const Vec3d fallen = gravity * (is_kinematic(p) ? 0 : before * before / 2);
@@ -35,6 +44,7 @@ struct SceneSample {
   SampleScene scene;
   SampleFrames frames;
   graph::SweptCollision way;
+  bool is_pushed;  ///< the network's own frames are made; not in scenes that change
 };
 
 /// Scene of particle i of a batch.
@@ -69,7 +79,7 @@ struct MakeSample {
   GRAUPEL_HD void operator()(int64_t i) const {
     const SceneSample& own = scene_of(sample, scenes, i);
     const SampleFrames& frames = own.frames;
-    const int64_t p = i - own.scene.first;
+    const int64_t p = frames.particle(i - own.scene.first);
     Vec3f position[graph::most_positions];
     for (int t = 0; t <= rules.features.history; ++t)
       position[t] = frames.at(frames.frame - rules.features.history + t, p);
@@ -82,7 +92,7 @@ struct MakeSample {
   }
 };
 
-/// The same one bundle of the network's later.
+/// The same one bundle of the network's later. Samples that are not pushed stay as they are.
 struct PushSample {
   SampleRules rules;
   const SceneSample* sample;
@@ -92,6 +102,7 @@ struct PushSample {
   SampleOutput out;
   GRAUPEL_HD void operator()(int64_t i) const {
     const SceneSample& own = scene_of(sample, scenes, i);
+    if (!own.is_pushed) return;
     const SampleFrames& frames = own.frames;
     const int64_t p = i - own.scene.first;
     Vec3f position[graph::most_positions];
@@ -106,9 +117,41 @@ struct PushSample {
 };
 
 struct ResidentTrajectory {
-  Buffer<Vec3f> position, initial_velocity;
+  explicit ResidentTrajectory(Device device)
+      : position(device, 0),
+        initial_velocity(device, 0),
+        birth_velocity(device, 0),
+        birth_time(device, 0),
+        type_row(device, 0),
+        material(device, 0),
+        point(device, 0) {}
+  Buffer<Vec3f> position, initial_velocity, birth_velocity;
+  Buffer<double> birth_time;
   Buffer<int32_t> type_row, material;
   Buffer<Vec3f> point;  ///< where obstacle particles are part of the graph
+};
+
+/// What the samples of a batch need beside the trajectories, on the host: where each sample's part begins, and all
+/// parts.
+struct HostBatch {
+  std::vector<SceneSample> samples;
+  std::vector<SampleGraph::Scene> scenes;
+  std::vector<int32_t> present;
+  std::vector<float> counted;  ///< [particles]
+  int64_t uncounted = 0;
+  std::vector<sparsegrid::ObstacleView> obstacles;
+  std::vector<RigidMap> carried_from;
+  std::vector<sparsegrid::CarriedNormalsView> normals;
+  struct Begin {
+    std::size_t present, obstacles, normals;
+  };
+  std::vector<Begin> begin;  ///< [samples]
+
+  void append(const graph::EnvironmentPose& pose) {
+    obstacles.insert(obstacles.end(), pose.obstacles.begin(), pose.obstacles.end());
+    carried_from.insert(carried_from.end(), pose.carried_from.begin(), pose.carried_from.end());
+    normals.insert(normals.end(), pose.normals.begin(), pose.normals.end());
+  }
 };
 
 #ifdef __CUDACC__
@@ -128,7 +171,12 @@ struct DeviceSamples::Slot {
         target(device, 0),
         current(device, 0),
         history(device, 0),
-        type_row(device, 0) {}
+        type_row(device, 0),
+        present(device, 0),
+        counted(device, 0),
+        obstacles(device, 0),
+        carried_from(device, 0),
+        normals(device, 0) {}
   SampleOutput output() {
     return {features.data(), target.data(), current.data(), type_row.data(), pushes > 0 ? history.data() : nullptr};
   }
@@ -139,8 +187,12 @@ struct DeviceSamples::Slot {
   Buffer<SceneSample> samples;
   Buffer<float> features, target;
   Buffer<Vec3f> current, history;
-  Buffer<int32_t> type_row;
-  int64_t particles = 0, kinematic_count = 0, step = 0, pushes = 0;
+  Buffer<int32_t> type_row, present;
+  Buffer<float> counted;
+  Buffer<sparsegrid::ObstacleView> obstacles;
+  Buffer<RigidMap> carried_from;
+  Buffer<sparsegrid::CarriedNormalsView> normals;
+  int64_t particles = 0, uncounted = 0, step = 0, pushes = 0;
 #ifdef __CUDACC__
   cudaEvent_t released = nullptr;  ///< the launches that read this batch are done
 #endif
@@ -169,6 +221,8 @@ struct DeviceSamples::Impl {
   Slot& slot(int64_t number) { return slots[static_cast<std::size_t>(number % 2)]; }
   void load();
   SceneSample sample_of(const SampleDraw& draw, int64_t first) const;
+  void add_sample(const SampleDraw& draw, int64_t first, HostBatch& batch) const;
+  void upload(HostBatch& batch, Slot& slot) const;
 };
 
 uint64_t DeviceSamples::bytes_for(const DataSplit& split) {
@@ -176,7 +230,8 @@ uint64_t DeviceSamples::bytes_for(const DataSplit& split) {
   for (int i = 0; i < split.count(); ++i) {
     const TrajectoryInfo& info = split.trajectory(i);
     bytes += info.type_row.size() * (sizeof(Vec3f) * (static_cast<uint64_t>(info.frames) + 1) + sizeof(int32_t)) +
-             info.material.size() * sizeof(int32_t);
+             info.material.size() * sizeof(int32_t) +
+             info.schedule.birth_time.size() * (sizeof(double) + sizeof(Vec3f));
   }
   return bytes;
 }
@@ -188,10 +243,11 @@ void DeviceSamples::Impl::load() {
     all.reserve(static_cast<std::size_t>(info.frames) * info.type_row.size());
     for (const std::vector<Vec3f>& frame : split.positions(i, 0, info.frames))
       all.insert(all.end(), frame.begin(), frame.end());
-    ResidentTrajectory trajectory{Buffer<Vec3f>(device, 0), Buffer<Vec3f>(device, 0), Buffer<int32_t>(device, 0),
-                                  Buffer<int32_t>(device, 0), Buffer<Vec3f>(device, 0)};
+    ResidentTrajectory trajectory(device);
     trajectory.position.upload(all);
     trajectory.initial_velocity.upload(info.initial_velocity);
+    trajectory.birth_time.upload(info.schedule.birth_time);
+    trajectory.birth_velocity.upload(info.schedule.birth_velocity);
     trajectory.type_row.upload(info.type_row);
     trajectory.material.upload(info.material);
     resident.push_back(std::move(trajectory));
@@ -204,11 +260,62 @@ SceneSample DeviceSamples::Impl::sample_of(const SampleDraw& draw, int64_t first
   const TrajectoryInfo& info = split.trajectory(draw.key.trajectory);
   const ResidentTrajectory& trajectory = resident[static_cast<std::size_t>(draw.key.trajectory)];
   const Scene& scene = info.context->scene;
-  return {{first, draw.stream, draw.symmetry, draw.displacement, draw.drift, info.context->environment.view(device)},
+  const graph::Environment& environment = info.context->environment;
+  const auto particles = static_cast<int64_t>(info.type_row.size());
+  const bool emits = !info.schedule.birth_time.empty();
+  // Where obstacles move, upload() makes the view.
+  return {{first, draw.stream, draw.symmetry, draw.displacement, draw.drift,
+           environment.moves() ? graph::EnvironmentView() : environment.view(device)},
           {trajectory.position.data(), trajectory.initial_velocity.data(), trajectory.type_row.data(),
-           info.material.empty() ? nullptr : trajectory.material.data(), static_cast<int64_t>(info.type_row.size()),
-           draw.key.frame, scene.gravity, scene.frame_time},
-          info.context->environment.swept_collision(device)};
+           info.material.empty() ? nullptr : trajectory.material.data(),
+           emits ? trajectory.birth_time.data() : nullptr, emits ? trajectory.birth_velocity.data() : nullptr, nullptr,
+           particles, draw.key.frame, particles, scene.gravity, scene.frame_time},
+          environment.swept_collision(device),
+          !environment.moves() && info.in_run.empty()};
+}
+
+void DeviceSamples::Impl::add_sample(const SampleDraw& draw, int64_t first, HostBatch& batch) const {
+  const TrajectoryInfo& info = split.trajectory(draw.key.trajectory);
+  SceneSample sample = sample_of(draw, first);
+  batch.begin.push_back({batch.present.size(), batch.obstacles.size(), batch.normals.size()});
+  if (info.in_run.empty() && info.kinematic.empty()) {
+    batch.counted.insert(batch.counted.end(), info.type_row.size(), 1.0f);
+  } else {
+    const std::vector<int32_t> present = info.present(draw.key.frame);
+    sample.frames.rows = static_cast<int64_t>(present.size());
+    if (!info.in_run.empty()) batch.present.insert(batch.present.end(), present.begin(), present.end());
+    for (const int32_t p : present) {
+      const bool counts = info.counts(static_cast<std::size_t>(p), draw.key.frame, draw.key.frame + rules.bundle);
+      batch.counted.push_back(counts ? 1.0f : 0.0f);
+      batch.uncounted += counts ? 0 : 1;
+    }
+  }
+  if (info.context->environment.moves()) batch.append(info.context->environment.pose_at(draw.time, device));
+  const Buffer<Vec3f>& point = resident[static_cast<std::size_t>(draw.key.trajectory)].point;
+  batch.scenes.push_back({draw, sample.frames.rows, point.data(), static_cast<int64_t>(point.size()), {}});
+  batch.samples.push_back(sample);
+}
+
+/// Copies a batch to its slot; samples then know where their parts lie.
+void DeviceSamples::Impl::upload(HostBatch& batch, Slot& slot) const {
+  upload_in(stream, slot.present, batch.present);
+  upload_in(stream, slot.obstacles, batch.obstacles);
+  upload_in(stream, slot.carried_from, batch.carried_from);
+  upload_in(stream, slot.normals, batch.normals);
+  slot.uncounted = batch.uncounted;
+  if (slot.uncounted > 0) upload_in(stream, slot.counted, batch.counted);
+  for (std::size_t s = 0; s < batch.samples.size(); ++s) {
+    SceneSample& sample = batch.samples[s];
+    const TrajectoryInfo& info = split.trajectory(batch.scenes[s].draw.key.trajectory);
+    const HostBatch::Begin& begin = batch.begin[s];
+    if (!info.in_run.empty()) sample.frames.present = slot.present.data() + begin.present;
+    if (info.context->environment.moves())
+      sample.scene.environment = info.context->environment.view_of_pose(
+          device, {slot.obstacles.data() + begin.obstacles, slot.carried_from.data() + begin.obstacles,
+                   slot.normals.data() + begin.normals});
+    batch.scenes[s].environment = sample.scene.environment;
+  }
+  upload_in(stream, slot.samples, batch.samples);
 }
 
 DeviceSamples::DeviceSamples(const DataSplit& split, const TrainConfig& config,
@@ -246,32 +353,25 @@ void DeviceSamples::start(int64_t step) {
 #ifdef __CUDACC__
   if (impl.stream) GRAUPEL_CUDA_CHECK(cudaStreamWaitEvent(static_cast<cudaStream_t>(impl.stream), slot.released, 0));
 #endif
-  std::vector<SceneSample> samples;
-  std::vector<SampleGraph::Scene> scenes;
-  slot.particles = slot.kinematic_count = 0;
+  HostBatch batch;
+  slot.particles = 0;
   slot.step = step;
   slot.pushes = pushes_of(impl.config, step);
   for (int64_t k = impl.shard.first; k < impl.config.batch_scenes; k += impl.shard.stride) {
-    const SampleDraw draw = draw_training_sample(impl.split, impl.config, step, k);
-    samples.push_back(impl.sample_of(draw, slot.particles));
-    const SceneSample& own = samples.back();
-    const Buffer<Vec3f>& point = impl.resident[static_cast<std::size_t>(draw.key.trajectory)].point;
-    scenes.push_back(
-        {draw, own.frames.particles, point.data(), static_cast<int64_t>(point.size()), own.scene.environment});
-    slot.particles += own.frames.particles;
-    slot.kinematic_count += impl.split.trajectory(draw.key.trajectory).kinematic_count();
+    impl.add_sample(draw_training_sample(impl.split, impl.config, step, k), slot.particles, batch);
+    slot.particles += batch.samples.back().frames.rows;
   }
-  slot.graph->prepare(scenes, impl.stream);
+  impl.upload(batch, slot);
+  slot.graph->prepare(batch.scenes, impl.stream);
   const auto n = static_cast<std::size_t>(slot.particles), rows = static_cast<std::size_t>(slot.graph->most_rows());
   slot.features.resize_discard(rows * static_cast<std::size_t>(impl.rules.features.width));
   slot.target.resize_discard(3 * n * static_cast<std::size_t>(impl.rules.bundle));
   slot.current.resize_discard(rows);
   slot.type_row.resize_discard(rows);
   if (slot.pushes > 0) slot.history.resize_discard(n * static_cast<std::size_t>(impl.rules.features.history + 1));
-  upload_in(impl.stream, slot.samples, samples);
   parallel_for_in(
       impl.stream, impl.device, slot.particles,
-      MakeSample{impl.rules, slot.samples.data(), static_cast<int>(samples.size()), slot.particles, slot.output()});
+      MakeSample{impl.rules, slot.samples.data(), static_cast<int>(slot.samples.size()), slot.particles, slot.output()});
   slot.build_graph(impl.rules, impl.stream);
 }
 
@@ -300,11 +400,12 @@ SampleArrays DeviceSamples::arrays_of(const Slot& slot, void* stream) const {
                      " lies outside the domain of its scene by more than three cells of the network's grid. Generate " +
                      "the data set anew, or lower noise_std");
   arrays.particles = slot.particles;
-  arrays.kinematic_count = slot.kinematic_count;
+  arrays.uncounted = slot.uncounted;
   arrays.feature_width = impl_->rules.features.width;
   arrays.target_width = 3 * impl_->rules.bundle;
   arrays.features = slot.features.data();
   arrays.target = slot.target.data();
+  if (slot.uncounted > 0) arrays.counted = slot.counted.data();
   arrays.type_row = slot.type_row.data();
   return arrays;
 }

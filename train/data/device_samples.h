@@ -26,7 +26,8 @@ class DeviceSamples {
   SampleArrays take();
   /// The batch taken last, a bundle of k frames later: the network's own frames from `acceleration` [particles, 3 k]
   /// (normalised, as the network gives them, in the device's memory), bundle number `push` of them, are its newest
-  /// ones. Waits.
+  /// ones. Scenes that change keep the batch's frames: of what moves or comes into them the network's frames would need
+  /// other particles and poses. Waits.
   SampleArrays push(const float* acceleration, int64_t push);
   /// Says that all launches that read the batch taken last are in the default stream.
   void release();

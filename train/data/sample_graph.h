@@ -14,10 +14,11 @@ namespace graupel::train {
 /// the next one. Rows are particles; of GNS those of obstacles stand behind them.
 struct SampleArrays {
   int64_t particles = 0, rows = 0;
-  int64_t kinematic_count = 0;  ///< of the particles (core/scene/kinematic_particles.h)
+  int64_t uncounted = 0;  ///< of the particles, by the loss
   int feature_width = 0, target_width = 0;
   const float* features = nullptr;    ///< [rows, feature_width]
   const float* target = nullptr;      ///< [particles, target_width]
+  const float* counted = nullptr;     ///< [particles] 1 for those that the loss counts, 0; null where it counts all
   const int32_t* type_row = nullptr;  ///< [rows]
   graph::GridLinks links{};           ///< of HGN
   graph::GridCounts counts;           ///< of HGN

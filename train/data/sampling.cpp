@@ -5,6 +5,7 @@
 #include <numbers>
 
 #include "core/scene/material_config.h"
+#include "core/scene/particle_rows.h"
 #include "core/system/error.h"
 #include "graph/networks/graph_network.h"
 #include "graph/topology/gns_graph.h"
@@ -64,22 +65,26 @@ SceneGraph training_graph(const DataSplit& split, const TrainConfig& config, con
   const std::vector<std::vector<Vec3f>> history =
       split.history(draw.key.trajectory, draw.key.frame, rules.features.history);
   const std::vector<std::vector<Vec3f>> ahead = split.positions(draw.key.trajectory, draw.key.frame, rules.bundle + 1);
-  const graph::Environment& environment = trajectory.context->environment;
+  graph::MovingEnvironment surroundings(trajectory.context->environment);
+  const graph::Environment& environment = surroundings.at(draw.time);
   const SampleScene scene{0, draw.stream, draw.symmetry, draw.displacement, draw.drift, environment.view(Device::cpu)};
+  const std::vector<int32_t> present = trajectory.present(draw.key.frame);
   SceneGraph graph;
-  graph.type_row = trajectory.type_row;
-  const std::size_t particles = graph.type_row.size(), target_width = 3 * static_cast<std::size_t>(rules.bundle);
+  graph.type_row = particle_rows(trajectory.type_row, present);
+  const std::size_t particles = present.size(), target_width = 3 * static_cast<std::size_t>(rules.bundle);
   graph.features.resize(particles * static_cast<std::size_t>(rules.features.width));
   graph.target.resize(particles * target_width);
   std::vector<Vec3f> current(particles);
-  for (std::size_t p = 0; p < particles; ++p) {
+  for (std::size_t row = 0; row < particles; ++row) {
+    const auto p = static_cast<std::size_t>(present[row]);
     const auto truth = [&](int j) { return ahead[static_cast<std::size_t>(j)][p]; };
     Vec3f position[graph::most_positions];
     for (std::size_t t = 0; t < history.size(); ++t) position[t] = history[t][p];
-    current[p] =
+    current[row] =
         write_disturbed_sample(rules, scene, p, trajectory.is_kinematic(p), trajectory.material_of(p), position, truth,
-                               graph.features.data() + p * static_cast<std::size_t>(rules.features.width),
-                               graph.target.data() + p * target_width);
+                               graph.features.data() + row * static_cast<std::size_t>(rules.features.width),
+                               graph.target.data() + row * target_width);
+    graph.leaves.push_back(trajectory.is_in_run(p, draw.key.frame, draw.key.frame + rules.bundle) ? 0 : 1);
   }
   if (config.architecture == Architecture::gns) add_obstacles(graph, config.gns, rules, environment, scene, current);
   set_graph(graph, config.network(), current, draw.origin);
@@ -99,19 +104,27 @@ int64_t pushes_of(const TrainConfig& config, int64_t step) {
   return 1 + random.integer(0, 0, static_cast<uint32_t>(config.push_steps));
 }
 
-SampleKey draw_sample(const DataSplit& split, uint64_t seed, int64_t step, int64_t slot, int64_t ahead) {
+SampleKey draw_sample(const DataSplit& split, uint64_t seed, int64_t step, int64_t slot, int64_t ahead,
+                      int64_t bundle) {
   const Random random(seed, RandomPurpose::batch_order, stream_of(step, slot));
   SampleKey key;
   key.trajectory = static_cast<int>(random.integer(0, 0, static_cast<uint32_t>(split.count())));
-  const int64_t frames = std::max<int64_t>(1, usable(split.trajectory(key.trajectory)) - ahead);
+  const TrajectoryInfo& trajectory = split.trajectory(key.trajectory);
+  const int64_t frames = std::max<int64_t>(1, usable(trajectory) - ahead);
   key.frame = random.integer(0, 1, static_cast<uint32_t>(frames));
-  return key;
+  for (int64_t tried = 0; tried < frames; ++tried, key.frame = (key.frame + 1) % frames)
+    if (trajectory.some_count(key.frame, key.frame + bundle)) return key;
+  throw InputError("'" + split.file() + "': trajectory " + std::to_string(key.trajectory) +
+                   " has no particle that moves by itself and is in the run for " + std::to_string(bundle + 1) +
+                   " frames (of 0 to " + std::to_string(frames - 1 + bundle) +
+                   "). Leave it out, or generate longer runs");
 }
 
 std::vector<SampleKey> strided_samples(const DataSplit& split, int64_t stride) {
   std::vector<SampleKey> keys;
   for (int i = 0; i < split.count(); ++i)
-    for (int64_t t = 0; t < usable(split.trajectory(i)); t += stride) keys.push_back({i, t});
+    for (int64_t t = 0; t < usable(split.trajectory(i)); t += stride)
+      if (split.trajectory(i).some_count(t, t + 1)) keys.push_back({i, t});
   return keys;
 }
 
@@ -150,9 +163,10 @@ Waves draw_waves(const Random& random, uint64_t first, const TrainConfig& config
 SampleDraw draw_training_sample(const DataSplit& split, const TrainConfig& config, int64_t step, int64_t slot) {
   SampleDraw draw;
   const int64_t bundle = config.features().bundle;
-  draw.key = draw_sample(split, config.seed, step, slot, pushes_of(config, step) * bundle + bundle - 1);
+  draw.key = draw_sample(split, config.seed, step, slot, pushes_of(config, step) * bundle + bundle - 1, bundle);
   draw.stream = stream_of(step, slot);
   const SceneContext& context = *split.trajectory(draw.key.trajectory).context;
+  draw.time = context.time_of(draw.key.frame + 1);
   const int64_t dimensions = context.scene.domain.dimensions;
   const double spacing = spacing_of(config.network());
   draw.low = context.environment.grid_origin(spacing);
@@ -210,17 +224,16 @@ std::vector<Vec3f> acceleration_of(const std::vector<Vec3f>& next, const std::ve
 }
 
 SceneGraph scene_graph(const NetworkConfig& config, const graph::Normalization& normalization,
-                       const TrajectoryInfo& trajectory, const std::vector<std::vector<Vec3f>>& history,
-                       const Vec3d& origin) {
-  const graph::Environment& environment = trajectory.context->environment;
+                       const graph::Environment& environment, const ParticleKinds& particles,
+                       const std::vector<std::vector<Vec3f>>& history, const Vec3d& origin) {
   SceneGraph graph;
-  graph.type_row = trajectory.type_row;
+  graph.type_row = particles.type_row;
   std::vector<std::vector<Vec3f>> seen = history;
   if (const auto* gns = std::get_if<graph::GnsConfig>(&config); gns && gns->obstacle_particles) {
     graph::add_obstacle_particles(*gns, environment, seen, graph.type_row);
     graph.obstacle_particles = static_cast<int64_t>(seen.back().size() - history.back().size());
   }
-  std::vector<int32_t> material = trajectory.material;
+  std::vector<int32_t> material = particles.material;
   if (!material.empty()) material.resize(seen.back().size(), graph::no_material);
   graph.features = graph::particle_features(features_of(config), normalization, environment, seen, material);
   set_graph(graph, config, seen.back(), origin);

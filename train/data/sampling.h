@@ -24,11 +24,14 @@ uint64_t stream_of(int64_t step, int64_t slot);
 /// Predictions that the network itself makes before the target of batch number `step`, of a bundle of frames each: 1 to
 /// config.push_steps, each as likely, in config.push_share of the batches, else none.
 int64_t pushes_of(const TrainConfig& config, int64_t step);
-/// Uniform over trajectories, then over their frames that `ahead` more frames than the next one follow.
-SampleKey draw_sample(const DataSplit& split, uint64_t seed, int64_t step, int64_t slot, int64_t ahead = 0);
-/// `count` samples spread evenly over all frames of a split; the same for the same split.
+/// Uniform over trajectories, then over their frames that `ahead` more frames than the next one follow. Where no
+/// particle counts in that frame and the next `bundle` ones (TrajectoryInfo::counts), the next frame in which some do,
+/// the first one after the last. Throws InputError where there is none.
+SampleKey draw_sample(const DataSplit& split, uint64_t seed, int64_t step, int64_t slot, int64_t ahead = 0,
+                      int64_t bundle = 1);
+/// `count` samples spread evenly over all frames of a split in which particles count; the same for the same split.
 std::vector<SampleKey> spread_samples(const DataSplit& split, int64_t count);
-/// Every `stride`-th frame of every trajectory.
+/// Every `stride`-th frame of every trajectory, where particles count.
 std::vector<SampleKey> strided_samples(const DataSplit& split, int64_t stride);
 
 /// Random-walk noise of GNS (Sanchez-Gonzalez et al. 2020, section 4.3) on `history` + 1 positions, newest last: each
@@ -41,10 +44,11 @@ std::vector<Vec3f> add_random_walk(std::vector<std::vector<Vec3f>>& positions, d
 /// The acceleration x^{n+1} - 2 x^n + x^{n-1} [m/frame^2], from the next positions and a history (newest last).
 std::vector<Vec3f> acceleration_of(const std::vector<Vec3f>& next, const std::vector<std::vector<Vec3f>>& history);
 
-/// What the network sees of a history, without target; HGN's grid starts at `origin`.
+/// What the network sees of a history of particles, without target; HGN's grid starts at `origin`. `environment` is
+/// that of the frame to come.
 SceneGraph scene_graph(const NetworkConfig& config, const graph::Normalization& normalization,
-                       const TrajectoryInfo& trajectory, const std::vector<std::vector<Vec3f>>& history,
-                       const Vec3d& origin);
+                       const graph::Environment& environment, const ParticleKinds& particles,
+                       const std::vector<std::vector<Vec3f>>& history, const Vec3d& origin);
 /// Origin of the grid in evaluation and rollouts (graph::Environment::grid_origin).
 Vec3d grid_origin(const TrajectoryInfo& trajectory, const NetworkConfig& config);
 
@@ -52,6 +56,7 @@ Vec3d grid_origin(const TrajectoryInfo& trajectory, const NetworkConfig& config)
 struct SampleDraw {
   SampleKey key;
   uint64_t stream = 0;
+  double time = 0;  ///< [s] of the frame after the sample's, in which the network sees the environment
   AxisMap symmetry;
   Vec3d low, high;  ///< [m] the domain, turned; along z two layers of cells about the plane of two dimensions
   Vec3d origin;     ///< [m] of the grid, jittered

@@ -4,7 +4,9 @@
 #include <cmath>
 #include <limits>
 
+#include "core/scene/particle_rows.h"
 #include "graph/features/frame_step.h"
+#include "graph/features/particle_lifecycle.h"
 #include "train/parallel/worker_threads.h"
 
 namespace graupel::train {
@@ -20,7 +22,7 @@ struct EvaluationBatch {
   std::vector<Vec3f> truth;        ///< [particles] [m/frame^2]
   std::vector<Vec3f> gravity;      ///< [scenes] [m/frame^2]
   std::vector<Region> region;      ///< [particles]
-  std::vector<uint8_t> kinematic;  ///< [particles] 1 for those that do not count
+  std::vector<uint8_t> uncounted;  ///< [particles] 1 for those that do not count
 };
 
 /// Distance to the nearest wall that holds the material; negative outside.
@@ -31,14 +33,14 @@ double wall_distance(const graph::Environment& environment, const Vec3d& x) {
   return distance;
 }
 
-Region region_of(const SceneContext& context, const Vec3f& position, const Vec3f& acceleration) {
+Region region_of(const SceneContext& context, const graph::Environment& environment, const Vec3f& position,
+                 const Vec3f& acceleration) {
   const Vec3f gravity = context.gravity_step();
   if (norm(acceleration - gravity) < static_cast<float>(airborne_tolerance) * norm(gravity)) return Region::airborne;
   const double reach = near_cells * context.scene.domain.dx;
   const Vec3d x = position.cast<double>();
-  if (wall_distance(context.environment, x) < reach) return Region::near_obstacle;
-  const auto& obstacles = context.environment.obstacles;
-  if (obstacles.count() > 0 && obstacles.sample(x).phi < reach) return Region::near_obstacle;
+  if (wall_distance(environment, x) < reach) return Region::near_obstacle;
+  if (environment.obstacles.count() > 0 && environment.obstacles.sample(x).phi < reach) return Region::near_obstacle;
   return Region::bulk;
 }
 
@@ -48,14 +50,21 @@ EvaluationBatch prepare(const NetworkConfig& config, const graph::Normalization&
   std::vector<SceneGraph> graphs;
   for (const SampleKey* key = first; key != last; ++key) {
     const TrajectoryInfo& trajectory = split.trajectory(key->trajectory);
-    const auto history = split.history(key->trajectory, key->frame, features_of(config).history);
-    const auto truth = acceleration_of(split.positions(key->trajectory, key->frame + 1, 1).front(), history);
-    graphs.push_back(scene_graph(config, normalization, trajectory, history, grid_origin(trajectory, config)));
+    const std::vector<int32_t> present = trajectory.present(key->frame);
+    const auto history =
+        frame_rows(split.history(key->trajectory, key->frame, features_of(config).history), present);
+    const auto truth = acceleration_of(
+        particle_rows(split.positions(key->trajectory, key->frame + 1, 1).front(), present), history);
+    graph::MovingEnvironment surroundings(trajectory.context->environment);
+    const graph::Environment& environment = surroundings.at(trajectory.context->time_of(key->frame + 1));
+    graphs.push_back(scene_graph(config, normalization, environment, trajectory.kinds(present), history,
+                                 grid_origin(trajectory, config)));
     prepared.gravity.push_back(trajectory.context->gravity_step());
-    for (std::size_t p = 0; p < truth.size(); ++p) {
-      prepared.truth.push_back(truth[p]);
-      prepared.region.push_back(region_of(*trajectory.context, history.back()[p], truth[p]));
-      prepared.kinematic.push_back(trajectory.is_kinematic(p) ? 1 : 0);
+    for (std::size_t row = 0; row < truth.size(); ++row) {
+      prepared.truth.push_back(truth[row]);
+      prepared.region.push_back(region_of(*trajectory.context, environment, history.back()[row], truth[row]));
+      const auto p = static_cast<std::size_t>(present[row]);
+      prepared.uncounted.push_back(trajectory.counts(p, key->frame, key->frame + 1) ? 0 : 1);
     }
   }
   prepared.batch = concatenate(graphs);
@@ -70,7 +79,7 @@ void accumulate(const EvaluationBatch& prepared, const std::vector<float>& predi
     for (int64_t p = prepared.batch.particle_begin[static_cast<std::size_t>(s)];
          p < prepared.batch.particle_begin[static_cast<std::size_t>(s) + 1]; ++p) {
       const auto at = static_cast<std::size_t>(p);
-      if (prepared.kinematic[at]) continue;
+      if (prepared.uncounted[at]) continue;
       const Vec3f guess = graph::real_acceleration(normalization, config.in_plane(), predicted.data() + width * at);
       SquaredErrors& sums = errors.region[static_cast<std::size_t>(prepared.region[at])];
       ++sums.particles;
@@ -87,64 +96,90 @@ void accumulate(const EvaluationBatch& prepared, const std::vector<float>& predi
   errors.samples += prepared.batch.scenes();
 }
 
-/// Histories of the scenes of a rollout, newest last.
-using Histories = std::vector<std::vector<std::vector<Vec3f>>>;
+/// A scene that is rolled out from its first frame.
+struct Rollout {
+  Rollout(const DataSplit& split, int number, int64_t history_length)
+      : trajectory(split.trajectory(number)),
+        surroundings(trajectory.context->environment),
+        history(split.history(number, 0, history_length)),
+        lifecycle(trajectory.context->scene, &trajectory.schedule, history.back(), active_at_start(trajectory), 0) {}
 
-/// Normalised accelerations of a bundle of frames, of the particles of all scenes.
-struct Prediction {
-  std::vector<float> output;  ///< [particles, 3 bundle]
-  std::vector<int64_t> first_particle;
-  graph::FeatureConfig config;
+  /// Particles in the run, ascending.
+  std::vector<int32_t> present() const {
+    if (lifecycle.changes()) return lifecycle.present();
+    return trajectory.present(0);
+  }
+  bool is_in_run(std::size_t p) const { return !lifecycle.changes() || lifecycle.active()[p] != 0; }
+  /// To a frame, by accelerations [n] of the particles in the run [m/frame^2]; false when it diverged. Held particles
+  /// go where the `truth` [n] of that frame has them.
+  bool advance(int64_t frame, const std::vector<Vec3f>& acceleration, const std::vector<Vec3f>& truth);
 
-  /// Of scene s in a frame of the bundle [m/frame^2].
-  std::vector<Vec3f> accelerations(std::size_t s, int64_t frame, const TrajectoryInfo& trajectory,
-                                   const graph::Normalization& normalization) const {
-    const int64_t bundle = config.bundle;
-    std::vector<Vec3f> acceleration(static_cast<std::size_t>(first_particle[s + 1] - first_particle[s]));
-    const float* guess = output.data() + 3 * (bundle * first_particle[s] + frame);
-    for (std::size_t p = 0; p < acceleration.size(); ++p) {
-      acceleration[p] = trajectory.is_kinematic(p) ? Vec3f::zero()
-                                                   : graph::real_acceleration(normalization, config.in_plane(), guess);
-      guess += 3 * bundle;
-    }
-    return acceleration;
+  const TrajectoryInfo& trajectory;
+  graph::MovingEnvironment surroundings;
+  std::vector<std::vector<Vec3f>> history;  ///< newest last
+  graph::ParticleLifecycle lifecycle;
+  std::vector<std::vector<Vec3f>> predicted;  ///< accelerations [m/frame^2] of a bundle's frames [bundle][n]
+
+ private:
+  static std::vector<uint8_t> active_at_start(const TrajectoryInfo& trajectory) {
+    std::vector<uint8_t> active;
+    for (const FramesInRun& span : trajectory.in_run) active.push_back(span.holds(0, 0) ? 1 : 0);
+    return active;
   }
 };
 
-Prediction predict(const NetworkModule& module, const graph::Normalization& normalization, const DataSplit& split,
-                   const Histories& histories, const EvaluationOptions& options) {
-  std::vector<SceneGraph> graphs(histories.size());
-  for_each_index(options.threads, static_cast<int64_t>(histories.size()), [&](int64_t s) {
-    const TrajectoryInfo& trajectory = split.trajectory(static_cast<int>(s));
-    graphs[static_cast<std::size_t>(s)] =
-        scene_graph(module.config(), normalization, trajectory, histories[static_cast<std::size_t>(s)],
-                    grid_origin(trajectory, module.config()));
-  });
-  const Batch batch = concatenate(graphs);
-  return {module.predict(batch, options.which), batch.particle_begin, features_of(module.config())};
+bool Rollout::advance(int64_t frame, const std::vector<Vec3f>& acceleration, const std::vector<Vec3f>& truth) {
+  const SceneContext& context = *trajectory.context;
+  const graph::Environment& environment = surroundings.at(context.time_of(frame));
+  const std::vector<int32_t> present = this->present();
+  const std::vector<Vec3f> current = particle_rows(history.back(), present),
+                           before = particle_rows(history[history.size() - 2], present);
+  std::vector<Vec3f> next, all_next = history.back();
+  if (!graph::step_frame(context.scene, before, current, particle_rows(acceleration, present), next)) return false;
+  graph::project_out(environment, current, next, context.time_of(frame - 1));
+  graph::keep_in_plane(environment, next);
+  for (std::size_t row = 0; row < present.size(); ++row) {
+    const auto p = static_cast<std::size_t>(present[row]);
+    all_next[p] = trajectory.is_kinematic(p) ? truth[p] : next[row];
+  }
+  history.erase(history.begin());
+  history.push_back(std::move(all_next));
+  lifecycle.leave(environment, trajectory.kinematic, history);
+  lifecycle.appear(environment, history, context.time_of(frame));
+  return true;
 }
 
-/// Advances every history to that frame of the prediction's bundle; false when one of them diverged. Held particles go
-/// where the `truth` [scenes][n] of the next frame has them.
-bool advance(const Prediction& predicted, int64_t frame, const graph::Normalization& normalization,
-             const DataSplit& split, const std::vector<std::vector<Vec3f>>& truth, Histories& histories) {
-  for (std::size_t s = 0; s < histories.size(); ++s) {
-    auto& history = histories[s];
-    const std::vector<Vec3f>&current = history.back(), &before = history[history.size() - 2];
-    const TrajectoryInfo& trajectory = split.trajectory(static_cast<int>(s));
-    const SceneContext& context = *trajectory.context;
-    std::vector<Vec3f> next;
-    if (!graph::step_frame(context.scene, before, current, predicted.accelerations(s, frame, trajectory, normalization),
-                           next))
-      return false;
-    graph::project_out(context.environment, current, next);
-    graph::keep_in_plane(context.environment, next);
-    for (std::size_t p = 0; p < next.size(); ++p)
-      if (trajectory.is_kinematic(p)) next[p] = truth[s][p];
-    history.erase(history.begin());
-    history.push_back(std::move(next));
-  }
-  return true;
+/// What the network says of the bundle of frames that begins with `frame`, of all rollouts. Particles that appear
+/// within it fall.
+void predict(const NetworkModule& module, const graph::Normalization& normalization, int64_t frame,
+             std::vector<Rollout>& rollouts, const EvaluationOptions& options) {
+  const graph::FeatureConfig config = features_of(module.config());
+  std::vector<SceneGraph> graphs(rollouts.size());
+  for_each_index(options.threads, static_cast<int64_t>(rollouts.size()), [&](int64_t s) {
+    Rollout& rollout = rollouts[static_cast<std::size_t>(s)];
+    const TrajectoryInfo& trajectory = rollout.trajectory;
+    const std::vector<int32_t> present = rollout.present();
+    rollout.predicted.assign(
+        static_cast<std::size_t>(config.bundle),
+        std::vector<Vec3f>(trajectory.type_row.size(), trajectory.context->gravity_step()));
+    if (present.empty()) return;
+    graphs[static_cast<std::size_t>(s)] = scene_graph(
+        module.config(), normalization, rollout.surroundings.at(trajectory.context->time_of(frame)),
+        trajectory.kinds(present), frame_rows(rollout.history, present), grid_origin(trajectory, module.config()));
+  });
+  std::erase_if(graphs, [](const SceneGraph& graph) { return graph.type_row.empty(); });
+  if (graphs.empty()) return;
+  const std::vector<float> output = module.predict(concatenate(graphs), options.which);
+  const float* guess = output.data();
+  for (Rollout& rollout : rollouts)
+    for (const int32_t particle : rollout.present())
+      for (std::vector<Vec3f>& accelerations : rollout.predicted) {
+        const auto p = static_cast<std::size_t>(particle);
+        accelerations[p] = rollout.trajectory.is_kinematic(p)
+                               ? Vec3f::zero()
+                               : graph::real_acceleration(normalization, config.in_plane(), guess);
+        guess += 3;
+      }
 }
 
 }  // namespace
@@ -203,27 +238,26 @@ OneStepErrors evaluate_one_step(const NetworkModule& module, const graph::Normal
 double evaluate_rollout(const NetworkModule& module, const graph::Normalization& normalization, const DataSplit& split,
                         int64_t scenes, int64_t frames, const EvaluationOptions& options) {
   scenes = std::min<int64_t>(scenes, split.count());
-  Histories histories;
+  std::vector<Rollout> rollouts;
   for (int64_t s = 0; s < scenes; ++s) {
-    histories.push_back(split.history(static_cast<int>(s), 0, features_of(module.config()).history));
+    rollouts.emplace_back(split, static_cast<int>(s), features_of(module.config()).history);
     frames = std::min(frames, split.trajectory(static_cast<int>(s)).frames - 1);
   }
-  Prediction predicted;
   double sum = 0;
   int64_t count = 0;
   for (int64_t t = 1; t <= frames; ++t) {
     const int64_t in_bundle = (t - 1) % features_of(module.config()).bundle;
-    if (in_bundle == 0) predicted = predict(module, normalization, split, histories, options);
-    std::vector<std::vector<Vec3f>> truth;
-    for (std::size_t s = 0; s < histories.size(); ++s)
-      truth.push_back(split.positions(static_cast<int>(s), t, 1).front());
-    if (!advance(predicted, in_bundle, normalization, split, truth, histories))
-      return std::numeric_limits<double>::infinity();
-    for (std::size_t s = 0; s < histories.size(); ++s) {
-      const TrajectoryInfo& trajectory = split.trajectory(static_cast<int>(s));
-      for (std::size_t p = 0; p < truth[s].size(); ++p)
-        if (!trajectory.is_kinematic(p)) sum += norm2((histories[s].back()[p] - truth[s][p]).cast<double>());
-      count += static_cast<int64_t>(truth[s].size()) - trajectory.kinematic_count();
+    if (in_bundle == 0) predict(module, normalization, t, rollouts, options);
+    for (std::size_t s = 0; s < rollouts.size(); ++s) {
+      Rollout& rollout = rollouts[s];
+      const std::vector<Vec3f> truth = split.positions(static_cast<int>(s), t, 1).front();
+      if (!rollout.advance(t, rollout.predicted[static_cast<std::size_t>(in_bundle)], truth))
+        return std::numeric_limits<double>::infinity();
+      for (std::size_t p = 0; p < truth.size(); ++p) {
+        if (!rollout.trajectory.counts(p, t, t) || !rollout.is_in_run(p)) continue;
+        sum += norm2((rollout.history.back()[p] - truth[p]).cast<double>());
+        ++count;
+      }
     }
   }
   return count > 0 ? sum / static_cast<double>(count) : 0;

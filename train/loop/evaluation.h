@@ -54,8 +54,8 @@ OneStepErrors evaluate_one_step(const NetworkModule& module, const graph::Normal
                                 const EvaluationOptions& options);
 
 /// Rolls out the first `scenes` trajectories from their first frame for `frames` frames, with the network evaluated
-/// once a bundle of frames, as graph::LearnedSimulator does without its corrections. Mean over particles and frames of
-/// |x - x_true|^2 [m^2]; infinite when a rollout blows up.
+/// once a bundle of frames, as graph::LearnedSimulator does without its corrections. Mean over particles, where rollout
+/// and data have them in the run, and frames of |x - x_true|^2 [m^2]; infinite when a rollout blows up.
 double evaluate_rollout(const NetworkModule& module, const graph::Normalization& normalization, const DataSplit& split,
                         int64_t scenes, int64_t frames, const EvaluationOptions& options);
 

@@ -112,7 +112,8 @@ DeviceBatch upload(const Batch& batch, const at::Tensor& like) {
   };
   DeviceBatch on_device;
   on_device.particles = batch.particles();
-  on_device.kinematic_count = batch.kinematic_count;
+  on_device.uncounted = batch.uncounted;
+  if (batch.uncounted > 0) on_device.counted = rows(batch.counted, 1);
   on_device.features = rows(batch.features, batch.feature_width);
   if (batch.target.count > 0) on_device.target = rows(batch.target, batch.target_width);
   on_device.type_row = index(batch.type_row);
@@ -143,7 +144,8 @@ DeviceBatch attach(const SampleArrays& arrays, const at::Tensor& like, bool with
   const bool of_cells = arrays.counts.levels > 0;
   DeviceBatch batch;
   batch.particles = arrays.particles;
-  batch.kinematic_count = arrays.kinematic_count;
+  batch.uncounted = arrays.uncounted;
+  if (arrays.uncounted > 0) batch.counted = on.numbers(arrays.counted, arrays.particles, 1);
   const int64_t nodes = of_cells ? arrays.particles : arrays.rows;
   batch.features = on.numbers(arrays.features, nodes, arrays.feature_width);
   batch.target = on.numbers(arrays.target, arrays.particles, arrays.target_width);

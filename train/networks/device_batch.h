@@ -21,8 +21,9 @@ struct DeviceLevel : graph::LevelGraph<at::Tensor> {
 /// A batch on the device; see Batch.
 struct DeviceBatch {
   int64_t particles = 0;
-  int64_t kinematic_count = 0;  ///< of the particles; the loss does not count them
+  int64_t uncounted = 0;  ///< of the particles, by the loss
   at::Tensor features, weight, offset, target;
+  at::Tensor counted;       ///< [particles, 1] of the loss; undefined where it counts all
   at::Tensor type_row;      ///< [nodes] row of the embedding table
   at::Tensor type_one_hot;  ///< [nodes, embedding rows]
   at::Tensor cell, pair_begin, pair;

@@ -6,8 +6,9 @@
 
 namespace graupel::train {
 
-/// (1 / N) sum over the moving particles and the frames of a bundle of |a - a_target|^2, N their number. Particles
-/// whose positions are prescribed (obstacles, stationary ones) do not count; of plane scenes nor does z.
+/// (1 / N) sum over the counted particles and the frames of a bundle of |a - a_target|^2, N their number. Particles
+/// whose positions are prescribed (obstacles, stationary ones) do not count, nor do those that leave within the bundle;
+/// of plane scenes nor does z.
 class AccelerationLoss {
  public:
   /// `accelerations` [particles, 3 frames], as batch.target.

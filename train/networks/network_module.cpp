@@ -172,7 +172,7 @@ TimedPrediction NetworkModule::time_prediction(const Batch& batch, StateArray wh
 }
 
 void NetworkModule::Impl::train_step(const DeviceBatch& batch, const StepSettings& settings, Comm& comm) {
-  const at::Tensor loss = join_shards(comm, forward_backward(batch), batch.particles - batch.kinematic_count);
+  const at::Tensor loss = join_shards(comm, forward_backward(batch), batch.particles - batch.uncounted);
   const at::Tensor norm = at::norm(gradient);
   AdamSettings rule;
   rule.learning_rate = settings.learning_rate;
