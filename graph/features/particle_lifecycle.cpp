@@ -75,15 +75,15 @@ bool ParticleLifecycle::appear(const Environment& environment, std::vector<std::
   std::vector<int32_t> still_unborn;
   for (const int32_t particle : unborn_) {
     const auto i = static_cast<std::size_t>(particle);
-    const double age = time - schedule_->birth_time[i];
-    if (!(age >= 0)) {
+    const double birth = schedule_->birth_time[i];
+    if (birth > time) {
       still_unborn.push_back(particle);
       continue;
     }
     active_[i] = 1;
     for (std::size_t f = 0; f < history.size(); ++f) {
-      const double back = static_cast<double>(history.size() - 1 - f) * scene_.frame_time;
-      history[f][i] = flight_since_birth(birth_place_[i], schedule_->birth_velocity[i], scene_.gravity, age - back);
+      const double then = time - static_cast<double>(history.size() - 1 - f) * scene_.frame_time;
+      history[f][i] = flight_since_birth(birth_place_[i], schedule_->birth_velocity[i], scene_.gravity, then - birth);
       if (environment.plane) history[f][i][2] = static_cast<float>(*environment.plane);
     }
     environment.swept_collision(Device::cpu).follow(birth_place_[i], history.back()[i]);

@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <functional>
+
 #include <cmath>
 
 #include "core/math/random.h"
@@ -102,7 +104,7 @@ TEST(Features, WrongNumberOfFramesOrParticlesIsAProgrammersError) {
   EXPECT_THROW(particle_features(config, {}, environment, uneven), std::logic_error);
 }
 
-TEST(Features, TrainingRefusesScenesThatChange) {
+TEST(Features, TrainingRefusesScenesWhoseChangesItDoesNotSee) {
   const auto refused = [](auto&& change, const std::string& what) {
     Scene scene = scene_with_ball({0.5, 0.5, 0.5}, 0.2);
     change(scene);
@@ -113,12 +115,26 @@ TEST(Features, TrainingRefusesScenesThatChange) {
     }
     return false;
   };
-  EXPECT_TRUE(refused([](Scene& s) { s.obstacles[0].motion = Motion{}; }, "it has moving obstacles"));
+  const auto move = [](Scene& s) { s.obstacles[0].motion = Motion{}; };
+  const auto pour = [](Scene& s) { s.emitters.emplace_back(); };
+  const auto drain = [](Scene& s) { s.sinks.emplace_back(); };
+  const auto flatten = [](Scene& s) { s.domain.dimensions = 2; };
   EXPECT_TRUE(refused([](Scene& s) { s.kinematic_regions.emplace_back(); }, "particles that follow a script"));
-  EXPECT_TRUE(refused([](Scene& s) { s.emitters.emplace_back(); }, "emitters"));
-  EXPECT_TRUE(refused([](Scene& s) { s.sinks.emplace_back(); }, "sinks"));
-  EXPECT_TRUE(refused([](Scene& s) { s.domain.faces.x_low = WallConfig{Wall::open, {}}; }, "open walls"));
-  EXPECT_FALSE(refused([](Scene&) {}, ""));
+  EXPECT_TRUE(refused(
+      [](Scene& s) {
+        s.domain.faces.x_low = s.domain.faces.x_high = WallConfig{Wall::periodic, {}};
+      },
+      "periodic walls"));
+  for (const std::function<void(Scene&)>& change : std::vector<std::function<void(Scene&)>>{move, pour, drain}) {
+    EXPECT_FALSE(refused(change, ""));
+    EXPECT_TRUE(refused(
+        [&](Scene& s) {
+          change(s);
+          flatten(s);
+        },
+        "in a plane"));
+  }
+  EXPECT_FALSE(refused(flatten, ""));
 }
 
 TEST(Features, EmbeddingRows) {

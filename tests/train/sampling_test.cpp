@@ -61,10 +61,10 @@ TEST(DataSplit, RefusesDataOfAnotherFrameTimeOrMissingFiles) {
   EXPECT_THROW(DataSplit(tiny_data_set() + "/none.h5"), InputError);
 }
 
-TEST(DataSplit, ScenesThatChangeAreNotTrainedOn) {
+TEST(DataSplit, ScenesWithPeriodicWallsAreNotTrainedOn) {
   Scene scene;
   EXPECT_NO_THROW(SceneContext{scene});
-  scene.sinks.emplace_back();
+  scene.domain.faces.x_low = scene.domain.faces.x_high = WallConfig{Wall::periodic, {}};
   EXPECT_THROW(SceneContext{scene}, ConfigError);
 }
 
