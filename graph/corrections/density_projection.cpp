@@ -58,6 +58,8 @@ class DensityProjection::Lattice {
     synchronize(device_);
   }
 
+  void skip_where(const int32_t* flag) { skip_ = flag; }
+
   void spread(const Vec3f* position, int64_t n, void* stream) {
     parallel_for_in(stream, device_, n, spreading(position, n),
                     Grain{.items = is_alone(n) ? few_particles : Grain().items});
@@ -77,7 +79,7 @@ class DensityProjection::Lattice {
     const auto capacity = static_cast<int64_t>(cell_.size());
     if (device_ == Device::cuda && solves_density_at_once(capacity, static_cast<int64_t>(words_.size()))) {
       solve_density({cells_, sweeps, relaxation, open_fractions_.data(), words_.data(), mass_.data(), rank_.data(),
-                     cell_.data(), equation_.data(), pressure_.data()},
+                     cell_.data(), equation_.data(), pressure_.data(), skip_},
                     capacity, stream);
       return true;
     }
@@ -93,7 +95,7 @@ class DensityProjection::Lattice {
 
   Spread spreading(const Vec3f* position, int64_t n) {
     prepare(n);
-    return {cells_, position, unit_, mass_.data(), words_.data(), is_alone(n)};
+    return {cells_, position, unit_, mass_.data(), words_.data(), is_alone(n), skip_};
   }
   MoveParticle moving(Vec3f* position) const { return {cells_, open_fractions_.data(), pressure_.data(), position}; }
 
@@ -142,6 +144,7 @@ class DensityProjection::Lattice {
   Buffer<uint32_t> words_;  ///< cells of both colours that hold matter as bits, zero between calls
   Buffer<int32_t> rank_, cell_;
   Buffer<Equation> equation_;
+  const int32_t* skip_ = nullptr;
 };
 
 DensityProjection::DensityProjection(Device device, const Environment& environment, double largest_density,
@@ -189,6 +192,10 @@ void DensityProjection::between(Vec3f* position, int64_t n, void* stream) {
 }
 
 MoveParticle DensityProjection::moving(Vec3f* position) { return lattices_.back()->moving(position); }
+
+void DensityProjection::skip_where(const int32_t* flag) {
+  for (const auto& lattice : lattices_) lattice->skip_where(flag);
+}
 
 void DensityProjection::restart() {
   for (const auto& lattice : lattices_) lattice->restart();

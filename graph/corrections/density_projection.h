@@ -54,6 +54,10 @@ class DensityProjection {
   /// Obstacles are now where `environment` has them. In the default stream.
   void place(const Environment& environment);
 
+  /// What is launched from now on does nothing, and keeps the last frame's pressure, where `flag`, in the device's
+  /// memory, is not 0. A GPU that solves in several launches (density_solver.h) drops the pressure instead.
+  void skip_where(const int32_t* flag);
+
   /// Forgets the last frame's pressure, as before another rollout.
   void restart();
 

@@ -17,6 +17,8 @@ struct DensitySystem {
   int32_t* cell;                ///< [capacity] active cells, of the last solution before it
   density::Equation* equation;  ///< [capacity]
   float* pressure;
+  const int32_t* skip;  ///< where it is not 0 nothing is done; null: none
+  GRAUPEL_HD bool is_skipped() const { return skip != nullptr && *skip != 0; }
 };
 
 /// Whether this GPU can for so many words of bits, and at most `capacity` cells that hold matter.

@@ -143,7 +143,7 @@ class Solver {
 
 __global__ void __launch_bounds__(block_threads) solve_kernel(DensitySystem system) {
   __shared__ Shared shared;
-  Solver(system, shared).run();
+  if (!system.is_skipped()) Solver(system, shared).run();
 }
 
 }  // namespace

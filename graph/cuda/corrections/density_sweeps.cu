@@ -51,7 +51,7 @@ class Sweeper {
 
 __global__ void __launch_bounds__(block_threads) sweep_kernel(DensitySystem system) {
   __shared__ Scan::TempStorage scan;
-  Sweeper(system, scan).run();
+  if (!system.is_skipped()) Sweeper(system, scan).run();
 }
 
 }  // namespace
