@@ -101,6 +101,7 @@ std::string LearnedSimulator::why_alone(const SceneRollout& s) const {
   check_fit(config(), *s.scene, *s.environment, weights_->file);
   check_start(*s.start, static_cast<std::size_t>(config().history) + 1, n);
   check_schedule(*s.scene, options.schedule, n);
+  for (const int32_t type : *s.particle_type) static_cast<void>(embedding_row(type));  // its error
   if (options.device == Device::cpu) return "scenes run one after the other on a CPU";
   PrescribedPositions prescribed(*s.particle_type, s.start->back(), options.given);
   if (options.schedule != nullptr)
