@@ -24,7 +24,7 @@ class CudaBatch {
   /// Predicts all frames. A scene that diverges (step_frame), or of which a particle leaves what the network's grid can
   /// hold, stops alone. `progress`: frames so far of those that go on; what it throws ends the run.
   void run(const std::function<void(int64_t frame)>& progress = {});
-  /// Seconds on the GPU from the first launch of run() to the last one.
+  /// Of run() on the GPU, without recording what it launches.
   double seconds() const;
   /// Positions [frames that the scene has][n] after the start.
   std::vector<std::vector<Vec3f>> frames(std::size_t scene) const;

@@ -92,15 +92,16 @@ class LearnedSimulator {
     Trajectory trajectory;
     std::string alone;  ///< why it ran alone; empty: together with others on a GPU
   };
+  static constexpr int64_t batch_scenes = 64;
   struct ManyOptions {
-    int64_t most_at_once = 64;  ///< scenes in a batch of a GPU
+    int64_t most_at_once = batch_scenes;  ///< scenes that a GPU runs together
     /// Of the scenes that are being run.
     std::function<void(int64_t frame)> progress = {};
   };
   /// Of the scenes that ran together.
   struct ManyCost {
     int64_t frames = 0;  ///< of all scenes
-    double seconds = 0;  ///< on the GPU, without starts and copies of results
+    double seconds = 0;  ///< on the GPU, without what starts, recordings of launches and copies of results take
   };
   /// The rollouts of all scenes, each with the bits that rollout() gives it. `done` takes each result as soon as it is
   /// there, in the order of the list but for scenes that run alone, which come last. On a GPU scenes run together where
@@ -108,7 +109,7 @@ class LearnedSimulator {
   /// frames and the same lower corner of the domain; the others run one after the other, as all do on a CPU. A scene
   /// that diverges stops alone. Checks all scenes first: throws as rollout(), with the scene's name before the text.
   ManyCost rollout_many(const std::vector<SceneRollout>& scenes, const std::function<void(SceneResult&&)>& done,
-                        const ManyOptions& options = {}) const;
+                        const ManyOptions& options) const;
 
  private:
   /// Checks a scene of rollout_many(). Why it runs alone; "" where it may run with others.

@@ -16,8 +16,8 @@ namespace graupel::graph {
 
 namespace {
 
-constexpr int64_t most_particles = int64_t{1} << 20;      ///< of a batch: about 7 KB each on the GPU
-constexpr int64_t most_positions = int64_t{1} << 29;      ///< of a batch's frames: 12 bytes each there
+constexpr int64_t most_particles = int64_t{1} << 20;         ///< of a batch: about 7 KB each on the GPU
+constexpr int64_t most_positions = int64_t{1} << 29;         ///< of a batch's frames: 12 bytes each there
 constexpr double most_cells = static_cast<double>(1 << 20);  ///< of the network in a scene's domain
 
 /// Whether the network's sums do not depend on the rows beside them.
@@ -111,7 +111,7 @@ std::string LearnedSimulator::why_alone(const SceneRollout& s) const {
   const std::string changes = what_changes(*s.environment, prescribed, lifecycle);
   if (!changes.empty()) return changes;
   const Vec3d cells = s.scene->domain.size * (1 / network_->spacing());
-  return !takes_scenes(*weights_)                          ? "the network is no HGN that aggregates activations"
+  return !takes_scenes(*weights_)                           ? "the network is no HGN that aggregates activations"
          : !options.network || n == 0 || options.frames < 1 ? "there is nothing to predict"
          : cells[0] * cells[1] * cells[2] > most_cells      ? "its domain is large"
                                                             : "";
@@ -145,13 +145,16 @@ void LearnedSimulator::rollout_together(const std::vector<SceneRollout>& scenes,
                                         ManyCost& cost) const {
   std::vector<std::vector<int32_t>> materials;
   for (const std::size_t i : batch)
-    materials.push_back(
-        seen_materials(*scenes[i].environment, *scenes[i].particle_type, scenes[i].options.material));
+    materials.push_back(seen_materials(*scenes[i].environment, *scenes[i].particle_type, scenes[i].options.material));
   std::vector<CudaScene> of_batch;
   for (std::size_t k = 0; k < batch.size(); ++k) {
     const SceneRollout& s = scenes[batch[k]];
     const RolloutOptions& o = s.options;
-    of_batch.push_back({s.scene, s.environment, s.particle_type, &materials[k], s.start,
+    of_batch.push_back({s.scene,
+                        s.environment,
+                        s.particle_type,
+                        &materials[k],
+                        s.start,
                         {o.project, o.density_limit, o.free_flight, o.network}});
   }
   if (!batch_) batch_ = std::make_shared<CudaBatch>(*weights_);

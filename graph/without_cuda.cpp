@@ -15,10 +15,10 @@ namespace {
 }  // namespace
 
 bool solves_density_at_once(int64_t, int64_t) { return false; }
-void solve_density(const DensitySystem&, int64_t, void*) { no_cuda(); }
+void solve_density(const std::vector<DensitySystem>&, void*) { no_cuda(); }
 
-void flight::find_groups_on_gpu(const Groups&, void*) { no_cuda(); }
-void flight::correct_on_gpu(const Groups&, Vec3f*, void*) { no_cuda(); }
+void flight::find_groups_on_gpu(const std::vector<Groups>&, void*) { no_cuda(); }
+void flight::correct_on_gpu(const std::vector<Correction>&, void*) { no_cuda(); }
 
 bool builds_grid_at_once(int, int64_t) { return false; }
 void build_grid(const GridProgram&, void*) { no_cuda(); }

@@ -74,9 +74,8 @@ compare::RunCost many_cost(const graph::LearnedSimulator& network, const Scene& 
   constexpr int warm_up = 1, runs = 5;
   for (int k = 0; k < warm_up + runs; ++k) {
     const Stopwatch watch;
-    const auto cost = network.rollout_many(
-        scenes, [](const graph::LearnedSimulator::SceneResult&) {},
-        {.progress = [](int64_t) { stop_if_interrupted(); }});
+    const auto cost = network.rollout_many(scenes, [](const graph::LearnedSimulator::SceneResult&) {},
+                                           {.progress = [](int64_t) { stop_if_interrupted(); }});
     if (cost.frames == 0) return {};
     if (k < warm_up) continue;
     const auto frames = static_cast<double>(cost.frames);
@@ -84,7 +83,8 @@ compare::RunCost many_cost(const graph::LearnedSimulator& network, const Scene& 
     output.push_back((watch.seconds() - cost.seconds) / frames);
   }
   memory.look();
-  return {.frame = median(frame), .output = median(output), .device_bytes = memory.taken() / static_cast<double>(count)};
+  return {
+      .frame = median(frame), .output = median(output), .device_bytes = memory.taken() / static_cast<double>(count)};
 }
 
 /// A scene of the recipe's density: floor, groups and obstacles grow with the particles.

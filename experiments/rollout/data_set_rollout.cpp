@@ -2,9 +2,11 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cstdio>
 #include <filesystem>
 #include <map>
+#include <memory>
 #include <nlohmann/json.hpp>
 #include <set>
 
@@ -23,7 +25,7 @@ namespace fs = std::filesystem;
 using graph::LearnedSimulator;
 
 /// Starts that are in memory at once: as many as a GPU runs together.
-constexpr int64_t scenes_at_once = LearnedSimulator::ManyOptions().most_at_once;
+constexpr int64_t scenes_at_once = LearnedSimulator::batch_scenes;
 
 /// The folder of the trajectories that are not merged yet. It goes with this.
 class PartsFolder {
@@ -32,8 +34,9 @@ class PartsFolder {
     std::error_code error;
     fs::remove_all(path_, error);
     if (!fs::create_directory(path_, error))
-      throw IoError(fmt::format("the folder '{}' for unfinished trajectories cannot be made ({}). Choose another output",
-                                path_.string(), error.message()));
+      throw IoError(
+          fmt::format("the folder '{}' for unfinished trajectories cannot be made ({}). Choose another output",
+                      path_.string(), error.message()));
   }
   ~PartsFolder() {
     std::error_code ignored;
@@ -103,12 +106,12 @@ class DataSetRollout {
                         environments[i].get(), &s.particle_type, &s.history, simulator_options(options_, s, device_)});
     }
     const Stopwatch watch;
-    const auto cost = simulator_.rollout_many(
-        scenes,
-        [&](LearnedSimulator::SceneResult&& result) {
-          take(first + static_cast<int64_t>(result.scene), starts[result.scene], std::move(result));
-        },
-        {.progress = [](int64_t) { stop_if_interrupted(); }});
+    const auto cost = simulator_.rollout_many(scenes,
+                                              [&](LearnedSimulator::SceneResult&& result) {
+                                                take(first + static_cast<int64_t>(result.scene), starts[result.scene],
+                                                     std::move(result));
+                                              },
+                                              {.progress = [](int64_t) { stop_if_interrupted(); }});
     seconds_ += watch.seconds();
     together_.frames += cost.frames;
     together_.seconds += cost.seconds;
@@ -186,8 +189,8 @@ void DataSetRollout::report() const {
   json["rows"] = rows;
   options_.common.write_json(json);
   if (!diverged.empty())
-    throw DivergedError(fmt::format("rollouts diverged (trajectory {}); the frames before are in '{}'", diverged,
-                                    options_.output));
+    throw DivergedError(
+        fmt::format("rollouts diverged (trajectory {}); the frames before are in '{}'", diverged, options_.output));
 }
 
 }  // namespace

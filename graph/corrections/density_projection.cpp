@@ -2,9 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <tuple>
 
+#include "core/parallel/launch_items.h"
 #include "core/parallel/memory.h"
-#include "core/parallel/parallel_for_in.h"
 #include "core/system/error.h"
 #include "graph/corrections/density_cells.h"
 #include "graph/corrections/density_solver.h"
@@ -74,13 +75,19 @@ class DensityProjection::Lattice {
     if (next != nullptr) next->spread(position, n, stream);
   }
 
+  bool solves_at_once() const {
+    return device_ == Device::cuda &&
+           solves_density_at_once(static_cast<int64_t>(cell_.size()), static_cast<int64_t>(words_.size()));
+  }
+  DensitySystem system() {
+    return {cells_,        sweeps,           relaxation,       open_fractions_.data(),
+            words_.data(), mass_.data(),     rank_.data(),     static_cast<int64_t>(cell_.size()),
+            cell_.data(),  equation_.data(), pressure_.data(), skip_};
+  }
   /// False where nothing will move.
   bool solve(void* stream) {
-    const auto capacity = static_cast<int64_t>(cell_.size());
-    if (device_ == Device::cuda && solves_density_at_once(capacity, static_cast<int64_t>(words_.size()))) {
-      solve_density({cells_, sweeps, relaxation, open_fractions_.data(), words_.data(), mass_.data(), rank_.data(),
-                     cell_.data(), equation_.data(), pressure_.data(), skip_},
-                    capacity, stream);
+    if (solves_at_once()) {
+      solve_density({system()}, stream);
       return true;
     }
     find_cells(stream);
@@ -183,12 +190,25 @@ Spread DensityProjection::spreading(const Vec3f* position, int64_t n) {
   return lattices_.front()->spreading(position, n);
 }
 
-void DensityProjection::between(Vec3f* position, int64_t n, void* stream) {
-  for (std::size_t k = 0; k + 1 < lattices_.size(); ++k) {
-    lattices_[k]->solve(stream);
-    lattices_[k]->move(position, n, lattices_[k + 1].get(), stream);
+void DensityProjection::between(const std::vector<Frame>& scenes, void* stream) {
+  constexpr std::size_t count = std::tuple_size_v<decltype(lattices_)>;
+  for (std::size_t k = 0; k < count; ++k) {
+    std::vector<DensitySystem> systems;
+    for (const Frame& scene : scenes) {
+      Lattice& lattice = *scene.density->lattices_[k];
+      if (lattice.solves_at_once())
+        systems.push_back(lattice.system());
+      else
+        lattice.solve(stream);
+    }
+    if (!systems.empty()) solve_density(systems, stream);
+    if (k + 1 == count) break;
+    std::vector<Loop<MoveAndSpread>> moves;
+    for (const auto& [density, position, n] : scenes)
+      moves.push_back(
+          {n, {density->lattices_[k]->moving(position), density->lattices_[k + 1]->spreading(position, n)}});
+    parallel_loops_in(stream, Device::cuda, moves);
   }
-  lattices_.back()->solve(stream);
 }
 
 MoveParticle DensityProjection::moving(Vec3f* position) { return lattices_.back()->moving(position); }

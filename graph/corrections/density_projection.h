@@ -45,10 +45,15 @@ class DensityProjection {
   /// allocates nothing.
   void apply(Vec3f* position, int64_t n, void* stream = nullptr);
 
-  /// apply() in parts, for callers that join its first and last step with their own: spreading() for all particles,
-  /// between(), moving() for all.
+  /// apply() of several scenes on a GPU in parts, for callers that join its first and last step with their own:
+  /// spreading() for all particles, between(), moving() for all.
+  struct Frame {
+    DensityProjection* density;
+    Vec3f* position;
+    int64_t n;
+  };
   density::Spread spreading(const Vec3f* position, int64_t n);
-  void between(Vec3f* position, int64_t n, void* stream = nullptr);
+  static void between(const std::vector<Frame>& scenes, void* stream);
   density::MoveParticle moving(Vec3f* position);
 
   /// Obstacles are now where `environment` has them. In the default stream.

@@ -16,8 +16,7 @@ class ManyScenes {
   void add(Case c, const LearnedSimulator::RolloutOptions& options) {
     const Case& kept = cases_.emplace_back(std::move(c));
     const Environment& environment = environments_.emplace_back(kept.scene);
-    list_.push_back(
-        {std::to_string(list_.size()), &kept.scene, &environment, &kept.type, &kept.history, options});
+    list_.push_back({std::to_string(list_.size()), &kept.scene, &environment, &kept.type, &kept.history, options});
   }
   const std::vector<LearnedSimulator::SceneRollout>& list() const { return list_; }
 

@@ -51,7 +51,7 @@ TEST_F(RolloutMany, ErrorsNameTheScene) {
   const auto expect_named = [&](const ManyScenes& scenes, const std::string& text) {
     int results = 0;
     try {
-      simulator_->rollout_many(scenes.list(), [&](LearnedSimulator::SceneResult&&) { ++results; });
+      simulator_->rollout_many(scenes.list(), [&](LearnedSimulator::SceneResult&&) { ++results; }, {});
       ADD_FAILURE() << "no error";
     } catch (const Error& error) {
       EXPECT_NE(std::string(error.what()).find("scene '1': " + text), std::string::npos) << error.what();

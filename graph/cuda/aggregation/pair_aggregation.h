@@ -34,8 +34,7 @@ struct PairParts {
     if (pair_begin == nullptr) return {part * pairs_a_part, (part + 1) * pairs_a_part};
     if (part >= part_begin[scenes]) return {0, 0};
     const int scene = grid::range_of(part_begin, scenes, part);
-    const int32_t begin = pair_begin[scene] + (part - part_begin[scene]) * pairs_a_part,
-                  end = pair_begin[scene + 1];
+    const int32_t begin = pair_begin[scene] + (part - part_begin[scene]) * pairs_a_part, end = pair_begin[scene + 1];
     return {begin, begin + pairs_a_part < end ? begin + pairs_a_part : end};
   }
 };

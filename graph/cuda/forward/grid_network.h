@@ -19,10 +19,10 @@ namespace graupel::graph {
 struct GridInputs {
   int64_t particles = 0;
   std::vector<int64_t> particles_of_scene = {};  ///< of scenes that follow each other; their sum is `particles`
-  const float* features = nullptr;    ///< [particles, input_width - embedding]
-  const int32_t* type_row = nullptr;  ///< [particles]
-  const Vec3f* position = nullptr;    ///< [particles]
-  Vec3d origin = {};                  ///< of the grid [m]
+  const float* features = nullptr;               ///< [particles, input_width - embedding]
+  const int32_t* type_row = nullptr;             ///< [particles]
+  const Vec3f* position = nullptr;               ///< [particles]
+  Vec3d origin = {};                             ///< of the grid [m]
   GridLinks grid = {};
   LevelCapacity capacity;  ///< frames with more cells than that are not predicted
 };

@@ -12,50 +12,6 @@ namespace graupel::graph {
 
 namespace {
 
-/// Streams that fork from another one and join it again. Scene s takes branch s % count.
-class Branches {
- public:
-  static constexpr std::size_t count = 32;
-
-  Branches() {
-    GRAUPEL_CUDA_CHECK(cudaEventCreateWithFlags(&forked_, cudaEventDisableTiming));
-    for (std::size_t b = 0; b < count; ++b) {
-      GRAUPEL_CUDA_CHECK(cudaStreamCreate(&stream_[b]));
-      GRAUPEL_CUDA_CHECK(cudaEventCreateWithFlags(&finished_[b], cudaEventDisableTiming));
-    }
-  }
-  ~Branches() {
-    for (std::size_t b = 0; b < count; ++b) {
-      cudaEventDestroy(finished_[b]);
-      cudaStreamDestroy(stream_[b]);
-    }
-    cudaEventDestroy(forked_);
-  }
-  Branches(const Branches&) = delete;
-  Branches& operator=(const Branches&) = delete;
-
-  /// launch(scene, stream) for each scene, after what is in `from`.
-  template <typename Launch>
-  void fork(cudaStream_t from, std::size_t scenes, const Launch& launch) {
-    used_ = std::min(scenes, count);
-    GRAUPEL_CUDA_CHECK(cudaEventRecord(forked_, from));
-    for (std::size_t b = 0; b < used_; ++b) GRAUPEL_CUDA_CHECK(cudaStreamWaitEvent(stream_[b], forked_, 0));
-    for (std::size_t s = 0; s < scenes; ++s) launch(s, stream_[s % count]);
-  }
-  /// What follows in `into` waits for them.
-  void join(cudaStream_t into) {
-    for (std::size_t b = 0; b < used_; ++b) {
-      GRAUPEL_CUDA_CHECK(cudaEventRecord(finished_[b], stream_[b]));
-      GRAUPEL_CUDA_CHECK(cudaStreamWaitEvent(into, finished_[b], 0));
-    }
-  }
-
- private:
-  cudaEvent_t forked_ = nullptr, finished_[count] = {};
-  cudaStream_t stream_[count] = {};
-  std::size_t used_ = 0;
-};
-
 constexpr int64_t ahead = 2;  ///< bundles that are launched before the host looks at the first of them
 
 }  // namespace
@@ -66,7 +22,9 @@ struct CudaBatch::Impl {
   explicit Impl(const nn::Weights& file)
       : weights(file), model(make_frame_model(file)), config(model->feature_config()) {
     GRAUPEL_ASSERT(model->takes_scenes());
-    GRAUPEL_CUDA_CHECK(cudaStreamCreate(&stream));
+    for (cudaStream_t* one : {&stream, &group_stream}) GRAUPEL_CUDA_CHECK(cudaStreamCreate(one));
+    for (cudaEvent_t* event : {&room_beside, &groups_there})
+      GRAUPEL_CUDA_CHECK(cudaEventCreateWithFlags(event, cudaEventDisableTiming));
     for (cudaEvent_t& event : launched) GRAUPEL_CUDA_CHECK(cudaEventCreateWithFlags(&event, cudaEventDisableTiming));
     for (cudaEvent_t* event : {&begun, &ended}) GRAUPEL_CUDA_CHECK(cudaEventCreate(event));
   }
@@ -74,9 +32,9 @@ struct CudaBatch::Impl {
     cudaStreamSynchronize(stream);
     graph.drop();
     for (cudaEvent_t event : launched) cudaEventDestroy(event);
-    for (cudaEvent_t event : {begun, ended}) cudaEventDestroy(event);
+    for (cudaEvent_t event : {room_beside, groups_there, begun, ended}) cudaEventDestroy(event);
     cudaFreeHost(staging);
-    cudaStreamDestroy(stream);
+    for (cudaStream_t one : {group_stream, stream}) cudaStreamDestroy(one);
   }
   Impl(const Impl&) = delete;
   Impl& operator=(const Impl&) = delete;
@@ -87,6 +45,11 @@ struct CudaBatch::Impl {
     return {model->position() + first, model->features() + first * (config.input_width() - config.embedding),
             model->output() + first * config.output_width(), model->fault()};
   }
+  std::vector<SceneMotion::Placed> placed() {
+    std::vector<SceneMotion::Placed> all;
+    for (std::size_t s = 0; s < scenes; ++s) all.push_back({motion[s].get(), rows(s)});
+    return all;
+  }
   int64_t frames_of(std::size_t scene) const {
     return std::min<int64_t>(motion[scene]->status().newest - config.history, frames);
   }
@@ -96,7 +59,6 @@ struct CudaBatch::Impl {
     while (s < scenes && motion[s]->status().diverged != 0) ++s;
     return s;
   }
-  void launch_features();
   void launch_network();
   void launch_bundle();
   void ensure_capacity();
@@ -106,41 +68,37 @@ struct CudaBatch::Impl {
   const nn::Weights& weights;
   std::unique_ptr<FrameModel> model;
   FeatureConfig config;
-  Branches branches;
-  cudaStream_t stream = nullptr;
-  cudaEvent_t launched[ahead] = {}, begun = nullptr, ended = nullptr;
+  cudaStream_t stream = nullptr, group_stream = nullptr;
+  cudaEvent_t room_beside = nullptr, groups_there = nullptr, begun = nullptr, ended = nullptr;
+  cudaEvent_t launched[ahead] = {};
   RecordedGraph graph;
   std::vector<std::unique_ptr<SceneMotion>> motion;  ///< at least one a scene: they keep their memory
   std::size_t scenes = 0;
   std::vector<int64_t> first_row;  ///< of each scene
   std::vector<Vec3f> corner;       ///< [m] of each scene's domain
   int64_t frames = 0;
+  double seconds = 0;
   Vec3f* staging = nullptr;  ///< a scene's frames on the host
   std::size_t staged = 0;    ///< bytes of it
 };
 
-void CudaBatch::Impl::launch_features() {
-  branches.fork(stream, scenes, [&](std::size_t s, cudaStream_t branch) { motion[s]->launch_features(rows(s), branch); });
-  branches.join(stream);
-}
-
 /// The groups of what flies are found beside the coarse levels.
 void CudaBatch::Impl::launch_network() {
   const auto find_groups = [&] {
-    branches.fork(stream, scenes, [&](std::size_t s, cudaStream_t branch) { motion[s]->launch_groups(rows(s), branch); });
+    GRAUPEL_CUDA_CHECK(cudaEventRecord(room_beside, stream));
+    GRAUPEL_CUDA_CHECK(cudaStreamWaitEvent(group_stream, room_beside, 0));
+    SceneMotion::launch_groups(placed(), group_stream);
+    GRAUPEL_CUDA_CHECK(cudaEventRecord(groups_there, group_stream));
   };
   model->launch(stream, {[] {}, find_groups});
-  branches.join(stream);
+  GRAUPEL_CUDA_CHECK(cudaStreamWaitEvent(stream, groups_there, 0));
 }
 
 void CudaBatch::Impl::launch_bundle() {
   model->launch_graph(stream, /*with_counts=*/false);
-  launch_features();
+  SceneMotion::launch_features(placed(), stream);
   launch_network();
-  branches.fork(stream, scenes, [&](std::size_t s, cudaStream_t branch) {
-    for (int64_t frame = 0; frame < config.bundle; ++frame) motion[s]->launch_move(rows(s), frame, branch);
-  });
-  branches.join(stream);
+  for (int64_t frame = 0; frame < config.bundle; ++frame) SceneMotion::launch_move(placed(), frame, stream);
 }
 
 /// Capacity for the grids of the newest frames. Scenes whose particles lie outside of what it can hold stop.
@@ -157,7 +115,7 @@ void CudaBatch::Impl::ensure_capacity() {
 
 /// The graph of a bundle. The network runs once before, so that all memory is there.
 void CudaBatch::Impl::record_bundle() {
-  launch_features();
+  SceneMotion::launch_features(placed(), stream);
   launch_network();
   wait();
   graph.record(stream, [&] { launch_bundle(); });
@@ -165,15 +123,21 @@ void CudaBatch::Impl::record_bundle() {
 
 /// Until a grid needs more room, or so many bundles are made, or no scene goes on.
 void CudaBatch::Impl::run_recorded(int64_t bundles, const std::function<void(int64_t)>& progress) {
+  GRAUPEL_CUDA_CHECK(cudaEventRecord(begun, stream));
   for (int64_t k = 0; k < bundles; ++k) {
     graph.launch(stream);
     GRAUPEL_CUDA_CHECK(cudaEventRecord(launched[k % ahead], stream));
     if (k + 1 < ahead) continue;
     GRAUPEL_CUDA_CHECK(cudaEventSynchronize(launched[(k + 1) % ahead]));
     const std::size_t scene = going_on();
-    if (scene == scenes || motion[scene]->status().fault != 0) return;
+    if (scene == scenes || motion[scene]->status().fault != 0) break;
     if (progress) progress(frames_of(scene));
   }
+  GRAUPEL_CUDA_CHECK(cudaEventRecord(ended, stream));
+  wait();
+  float milliseconds = 0;
+  GRAUPEL_CUDA_CHECK(cudaEventElapsedTime(&milliseconds, begun, ended));
+  seconds += 1e-3 * static_cast<double>(milliseconds);
 }
 
 CudaBatch::CudaBatch(const nn::Weights& weights) : impl_(std::make_unique<Impl>(weights)) {}
@@ -212,7 +176,7 @@ void CudaBatch::start(const std::vector<CudaScene>& scenes, int64_t frames) {
 
 void CudaBatch::run(const std::function<void(int64_t)>& progress) {
   Impl& impl = *impl_;
-  GRAUPEL_CUDA_CHECK(cudaEventRecord(impl.begun, impl.stream));
+  impl.seconds = 0;
   for (;;) {
     const std::size_t scene = impl.going_on();
     if (scene == impl.scenes || impl.frames_of(scene) == impl.frames) break;
@@ -223,19 +187,12 @@ void CudaBatch::run(const std::function<void(int64_t)>& progress) {
     }
     const int64_t left = impl.frames - impl.frames_of(scene);
     impl.run_recorded((left + impl.config.bundle - 1) / impl.config.bundle, progress);
-    impl.wait();
     const std::size_t still = impl.going_on();
     if (still < impl.scenes && impl.motion[still]->status().fault != 0) impl.graph.drop();
   }
-  GRAUPEL_CUDA_CHECK(cudaEventRecord(impl.ended, impl.stream));
-  impl.wait();
 }
 
-double CudaBatch::seconds() const {
-  float milliseconds = 0;
-  GRAUPEL_CUDA_CHECK(cudaEventElapsedTime(&milliseconds, impl_->begun, impl_->ended));
-  return 1e-3 * static_cast<double>(milliseconds);
-}
+double CudaBatch::seconds() const { return impl_->seconds; }
 
 std::vector<std::vector<Vec3f>> CudaBatch::frames(std::size_t scene) const {
   Impl& impl = *impl_;

@@ -42,9 +42,10 @@ struct CudaSimulator::Impl {
         cudaEventRecordWithFlags(events[m], stream, recording ? cudaEventRecordExternal : cudaEventRecordDefault));
   }
   void wait() { GRAUPEL_CUDA_CHECK(cudaStreamSynchronize(stream)); }
-  SceneMotion::Rows rows() {
-    return {model->position(), model->features(), laws.network ? model->output() : no_output.data(),
-            laws.network ? model->fault() : no_fault.data()};
+  std::vector<SceneMotion::Placed> placed() {
+    return {{&motion,
+             {model->position(), model->features(), laws.network ? model->output() : no_output.data(),
+              laws.network ? model->fault() : no_fault.data()}}};
   }
   void launch_graph();
   void launch_network();
@@ -73,7 +74,7 @@ void CudaSimulator::Impl::launch_graph() {
   mark(begin);
   if (!laws.network) return mark(features_done);
   model->launch_graph(stream, /*with_counts=*/!recording);
-  motion.launch_features(rows(), stream);
+  SceneMotion::launch_features(placed(), stream);
   mark(features_done);
 }
 
@@ -81,14 +82,14 @@ void CudaSimulator::Impl::launch_graph() {
 void CudaSimulator::Impl::launch_network() {
   if (!laws.network) {
     mark(hierarchy_done);
-    motion.launch_groups(rows(), stream);
+    SceneMotion::launch_groups(placed(), stream);
     return mark(network_done);
   }
   const auto find_groups = [&] {
     if (!motion.finds_groups()) return;
     GRAUPEL_CUDA_CHECK(cudaEventRecord(room_beside, stream));
     GRAUPEL_CUDA_CHECK(cudaStreamWaitEvent(group_stream, room_beside, 0));
-    motion.launch_groups(rows(), group_stream);
+    SceneMotion::launch_groups(placed(), group_stream);
     GRAUPEL_CUDA_CHECK(cudaEventRecord(groups_there, group_stream));
   };
   model->launch(stream, {[&] { mark(hierarchy_done); }, find_groups});
@@ -99,7 +100,7 @@ void CudaSimulator::Impl::launch_network() {
 void CudaSimulator::Impl::launch_bundle() {
   launch_graph();
   launch_network();
-  for (int64_t frame = 0; frame < config.bundle; ++frame) motion.launch_move(rows(), frame, stream);
+  for (int64_t frame = 0; frame < config.bundle; ++frame) SceneMotion::launch_move(placed(), frame, stream);
   mark(end);
 }
 

@@ -4,15 +4,13 @@
 #include <cmath>
 
 #include "core/parallel/cuda_check.h"
-#include "core/parallel/parallel_for_in.h"
+#include "core/parallel/launch_items.h"
 #include "core/scene/kinematic_particles.h"
 #include "core/system/error.h"
 #include "graph/corrections/density_kernels.h"
 #include "graph/features/rest_density.h"
 
 namespace graupel::graph {
-
-namespace {
 
 /// Positions of the last frames, one after the other; which one is the newest is known on the device alone.
 struct FrameRing {
@@ -24,6 +22,8 @@ struct FrameRing {
     return frames[static_cast<int64_t>((*newest - back + count) % count) * particles + i];
   }
 };
+
+namespace {
 
 /// Item i makes part i / particles of a row, so that neighbouring threads do the same.
 struct WriteFeatures {
@@ -178,42 +178,65 @@ Normalization SceneMotion::real_statistics() const {
   return statistics;
 }
 
-void SceneMotion::launch_features(const Rows& rows, void* stream) {
-  const FeatureRules rules(config_, normalization_);
-  const FrameRing ring{ring_.data(), particles_, ring_frames_, &status_.data()->newest};
-  parallel_for_in(
-      stream, Device::cuda, feature_parts_of_row(rules) * particles_,
-      WriteFeatures{rules, environment_->view(Device::cuda), config_.material_constants ? material_.data() : nullptr,
-                    ring, rows.features});
+FrameRing SceneMotion::ring() { return {ring_.data(), particles_, ring_frames_, &status_.data()->newest}; }
+
+FreeFlight::Frame SceneMotion::flight_frame(const Rows& rows) {
+  return {&*flight_, before_.data(), rows.position, next_.data()};
 }
 
-void SceneMotion::launch_groups(const Rows& rows, void* stream) {
-  if (flight_) flight_->find_groups(before_.data(), rows.position, stream);
-}
-
-void SceneMotion::launch_move(const Rows& rows, int64_t frame, void* stream) {
-  const Vec3d& size = scene_->domain.size;
-  const auto limit = static_cast<float>(std::max({size[0], size[1], size[2]}));
-  parallel_for_in(
-      stream, Device::cuda, particles_,
-      StepParticles{real_statistics(), rows.output + 3 * frame, static_cast<int32_t>(config_.output_width()),
-                    before_.data(), rows.position, limit, rows.fault, status_.data(), next_.data()});
-  if (frame > 0) launch_groups(rows, stream);
-  if (flight_) flight_->correct(before_.data(), rows.position, next_.data(), stream);
-  const FrameRing ring{ring_.data(), particles_, ring_frames_, &status_.data()->newest};
-  const PushParticles push{environment_->swept_collision(Device::cuda), laws_.project, ring, rows.position,
-                           next_.data()};
-  PushLast last{push, rows.fault, before_.data(), rows.position, status_.data(), seen_};
-  if (density_ && frame + 1 == config_.bundle) {
-    density_->skip_where(rows.fault);
-    parallel_for_in(stream, Device::cuda, particles_,
-                    PushAndSpread{push, density_->spreading(next_.data(), particles_)});
-    density_->between(next_.data(), particles_, stream);
-    last.push.from = nullptr;
-    parallel_for_in(stream, Device::cuda, particles_, MoveAndPushLast{density_->moving(next_.data()), last});
-  } else {
-    parallel_for_in(stream, Device::cuda, particles_, last);
+void SceneMotion::launch_features(const std::vector<Placed>& scenes, void* stream) {
+  std::vector<Loop<WriteFeatures>> loops;
+  for (const auto& [m, rows] : scenes) {
+    const FeatureRules rules(m->config_, m->normalization_);
+    loops.push_back({feature_parts_of_row(rules) * m->particles_,
+                     {rules, m->environment_->view(Device::cuda),
+                      m->config_.material_constants ? m->material_.data() : nullptr, m->ring(), rows.features}});
   }
+  parallel_loops_in(stream, Device::cuda, loops);
+}
+
+void SceneMotion::launch_groups(const std::vector<Placed>& scenes, void* stream) {
+  std::vector<FreeFlight::Frame> frames;
+  for (const auto& [m, rows] : scenes)
+    if (m->flight_) frames.push_back(m->flight_frame(rows));
+  FreeFlight::find_groups_of_all(frames, stream);
+}
+
+void SceneMotion::launch_move(const std::vector<Placed>& scenes, int64_t frame, void* stream) {
+  std::vector<Loop<StepParticles>> steps;
+  std::vector<FreeFlight::Frame> flights;
+  std::vector<Loop<PushAndSpread>> spreads;
+  std::vector<DensityProjection::Frame> densities;
+  std::vector<Loop<MoveAndPushLast>> last_of_dense;
+  std::vector<Loop<PushLast>> last;
+  for (const auto& [m, rows] : scenes) {
+    const Vec3d& size = m->scene_->domain.size;
+    const auto limit = static_cast<float>(std::max({size[0], size[1], size[2]}));
+    Vec3f* const next = m->next_.data();
+    steps.push_back({m->particles_,
+                     {m->real_statistics(), rows.output + 3 * frame, static_cast<int32_t>(m->config_.output_width()),
+                      m->before_.data(), rows.position, limit, rows.fault, m->status_.data(), next}});
+    if (m->flight_) flights.push_back(m->flight_frame(rows));
+    const PushParticles push{m->environment_->swept_collision(Device::cuda), m->laws_.project, m->ring(), rows.position,
+                             next};
+    PushLast end{push, rows.fault, m->before_.data(), rows.position, m->status_.data(), m->seen_};
+    if (!m->density_ || frame + 1 < m->config_.bundle) {
+      last.push_back({m->particles_, end});
+      continue;
+    }
+    m->density_->skip_where(rows.fault);
+    spreads.push_back({m->particles_, {push, m->density_->spreading(next, m->particles_)}});
+    densities.push_back({&*m->density_, next, m->particles_});
+    end.push.from = nullptr;
+    last_of_dense.push_back({m->particles_, {m->density_->moving(next), end}});
+  }
+  parallel_loops_in(stream, Device::cuda, steps);
+  if (frame > 0) FreeFlight::find_groups_of_all(flights, stream);
+  FreeFlight::correct_all(flights, stream);
+  parallel_loops_in(stream, Device::cuda, spreads);
+  DensityProjection::between(densities, stream);
+  parallel_loops_in(stream, Device::cuda, last_of_dense);
+  parallel_loops_in(stream, Device::cuda, last);
 }
 
 void SceneMotion::stop(const Vec3f& place, Vec3f* position) {

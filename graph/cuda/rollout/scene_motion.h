@@ -1,5 +1,5 @@
-// What of a rollout on a GPU belongs to one scene: its frames, their features, the motion by the network's accelerations
-// and the corrections. The network's arrays may hold the rows of several scenes.
+// What of a rollout on a GPU belongs to one scene: its frames, their features, the motion by the network's
+// accelerations and the corrections. The network's arrays may hold the rows of several scenes.
 #pragma once
 
 #include <cstdint>
@@ -23,6 +23,8 @@ struct FrameStatus {
   int32_t finished;  ///< particles of the frame that is being made
 };
 
+struct FrameRing;
+
 class SceneMotion {
  public:
   /// Of networks whose cells or radius are of `spacing` [m].
@@ -33,24 +35,28 @@ class SceneMotion {
 
   /// The scene's rows in the network's arrays.
   struct Rows {
-    Vec3f* position;        ///< [particles] of the newest frame
-    float* features;        ///< [particles, features]
-    const float* output;    ///< [particles, output_width()]
-    const int32_t* fault;   ///< where it is not 0 the output is of no use
+    Vec3f* position;       ///< [particles] of the newest frame
+    float* features;       ///< [particles, features]
+    const float* output;   ///< [particles, output_width()]
+    const int32_t* fault;  ///< where it is not 0 the output is of no use
   };
   /// Begins a rollout whose ring keeps the last `frames` frames beside the history. Writes `position`. The scene and
   /// its environment must live as long as it runs. Waits for `stream`.
   void start(const CudaScene& scene, int64_t frames, Vec3f* position, void* stream);
   int64_t particles() const { return particles_; }
 
-  // Launches, which may be recorded
-  void launch_features(const Rows& rows, void* stream);
+  // Launches of all scenes, which may be recorded
+  struct Placed {
+    SceneMotion* motion;
+    Rows rows;
+  };
+  static void launch_features(const std::vector<Placed>& scenes, void* stream);
   /// Groups of what flies in the newest frame.
-  void launch_groups(const Rows& rows, void* stream);
+  static void launch_groups(const std::vector<Placed>& scenes, void* stream);
   bool finds_groups() const { return flight_.has_value(); }
   /// From the newest frame to the next one, by the accelerations of a frame of the bundle. Groups of the first one are
   /// those of launch_groups(). The density is held after the last one.
-  void launch_move(const Rows& rows, int64_t frame, void* stream);
+  static void launch_move(const std::vector<Placed>& scenes, int64_t frame, void* stream);
 
   /// As the last frame left it: it may be read while others run.
   const volatile FrameStatus& status() const { return *seen_; }
@@ -62,6 +68,10 @@ class SceneMotion {
   Normalization real_statistics() const;
 
  private:
+  FrameRing ring();
+  /// A frame of the bundle, as launch_move() corrects it.
+  FreeFlight::Frame flight_frame(const Rows& rows);
+
   FeatureConfig config_;
   Normalization normalization_;
   double spacing_;

@@ -1,0 +1,92 @@
+// Kernels over several items: block row y of a launch works on item y. Items are arguments of the kernel, so that a
+// recorded launch owns them. With one item it is an ordinary launch.
+#pragma once
+
+#include <algorithm>
+#include <cstdint>
+#include <new>
+#include <vector>
+
+#include "core/parallel/device.h"
+#include "core/parallel/parallel_for_in.h"
+
+namespace graupel {
+
+#ifdef __CUDACC__
+/// Bytes of a kernel's arguments, less those beside the items.
+#if CUDART_VERSION >= 12010
+inline constexpr std::size_t most_argument_bytes = 32000;
+#else
+inline constexpr std::size_t most_argument_bytes = 4000;
+#endif
+
+/// The first argument of a kernel of launch_items(), as `const __grid_constant__`.
+template <typename T, int most>
+struct LaunchItems {
+  alignas(T) unsigned char bytes[most * sizeof(T)];
+  /// The item of the calling block.
+  __device__ const T& own() const { return reinterpret_cast<const T*>(bytes)[most == 1 ? 0 : blockIdx.y]; }
+};
+
+template <typename T>
+inline constexpr int most_launch_items = static_cast<int>(std::clamp<std::size_t>(most_argument_bytes / sizeof(T), 1,
+                                                                                  64));
+
+/// launch(items, count) for all of `all`, count at a time: launches a kernel of (.., count) blocks.
+template <typename T, typename Launch>
+void launch_items(const std::vector<T>& all, const Launch& launch) {
+  const auto fill = [&](auto& items, std::size_t first, std::size_t count) {
+    for (std::size_t k = 0; k < count; ++k) new (items.bytes + k * sizeof(T)) T(all[first + k]);
+    launch(items, static_cast<unsigned>(count));
+    GRAUPEL_CUDA_CHECK(cudaGetLastError());
+  };
+  constexpr int most = most_launch_items<T>;
+  for (std::size_t first = 0; first < all.size(); first += most) {
+    const std::size_t count = std::min<std::size_t>(most, all.size() - first);
+    if (count == 1) {
+      LaunchItems<T, 1> items;
+      fill(items, first, 1);
+    } else {
+      LaunchItems<T, most> items;
+      fill(items, first, count);
+    }
+  }
+}
+#endif
+
+/// body(i) for i in [0, n).
+template <typename Body>
+struct Loop {
+  int64_t n;
+  Body body;
+};
+
+#ifdef __CUDACC__
+template <typename Items>
+__global__ void loops_kernel(const __grid_constant__ Items items) {
+  const int64_t i = static_cast<int64_t>(blockIdx.x) * blockDim.x + threadIdx.x;
+  const auto& loop = items.own();
+  if (i < loop.n) loop.body(i);
+}
+#endif
+
+/// As parallel_for_in for each loop; on a GPU many of them in one launch. Loops must be independent.
+template <typename Body>
+void parallel_loops_in(void* stream, Device device, const std::vector<Loop<Body>>& loops, Grain grain = {}) {
+#ifdef __CUDACC__
+  if (device == Device::cuda && loops.size() > 1) {
+    constexpr int threads = 128;
+    int64_t most = 0;
+    for (const Loop<Body>& loop : loops) most = std::max(most, loop.n);
+    if (most == 0) return;
+    const auto blocks = static_cast<unsigned>((most + threads - 1) / threads);
+    launch_items(loops, [&](const auto& items, unsigned count) {
+      loops_kernel<<<dim3(blocks, count), threads, 0, static_cast<cudaStream_t>(stream)>>>(items);
+    });
+    return;
+  }
+#endif
+  for (const Loop<Body>& loop : loops) parallel_for_in(stream, device, loop.n, loop.body, grain);
+}
+
+}  // namespace graupel
