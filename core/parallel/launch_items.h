@@ -4,7 +4,8 @@
 
 #include <algorithm>
 #include <cstdint>
-#include <new>
+#include <cstring>
+#include <type_traits>
 #include <vector>
 
 #include "core/parallel/device.h"
@@ -23,6 +24,7 @@ inline constexpr std::size_t most_argument_bytes = 4000;
 /// The first argument of a kernel of launch_items(), as `const __grid_constant__`.
 template <typename T, int most>
 struct LaunchItems {
+  static_assert(std::is_trivially_copyable_v<T>);
   alignas(T) unsigned char bytes[most * sizeof(T)];
   /// The item of the calling block.
   __device__ const T& own() const { return reinterpret_cast<const T*>(bytes)[most == 1 ? 0 : blockIdx.y]; }
@@ -36,7 +38,7 @@ inline constexpr int most_launch_items = static_cast<int>(std::clamp<std::size_t
 template <typename T, typename Launch>
 void launch_items(const std::vector<T>& all, const Launch& launch) {
   const auto fill = [&](auto& items, std::size_t first, std::size_t count) {
-    for (std::size_t k = 0; k < count; ++k) new (items.bytes + k * sizeof(T)) T(all[first + k]);
+    std::memcpy(items.bytes, all.data() + first, count * sizeof(T));
     launch(items, static_cast<unsigned>(count));
     GRAUPEL_CUDA_CHECK(cudaGetLastError());
   };

@@ -260,7 +260,9 @@ struct MoveParticle {
   const OpenFractions* open_fractions;
   const float* pressure;
   Vec3f* position;
+  const int32_t* skip;  ///< as Spread has it
   GRAUPEL_HD void operator()(int64_t p) const {
+    if (skip != nullptr && *skip != 0) return;
     Vec3i cell;
     Vec3d at;
     if (!cells.locate(position[p], cell, at)) return;

@@ -104,7 +104,9 @@ class DensityProjection::Lattice {
     prepare(n);
     return {cells_, position, unit_, mass_.data(), words_.data(), is_alone(n), skip_};
   }
-  MoveParticle moving(Vec3f* position) const { return {cells_, open_fractions_.data(), pressure_.data(), position}; }
+  MoveParticle moving(Vec3f* position) const {
+    return {cells_, open_fractions_.data(), pressure_.data(), position, skip_};
+  }
 
  private:
   /// A few particles are spread by one thread sooner than by several with atomic sums.

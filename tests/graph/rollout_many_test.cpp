@@ -79,7 +79,7 @@ TEST(WhatChanges, NamesWhatAGpuDoesNotRunWhole) {
   const Case c = clouds_at_a_ball(4);
   EXPECT_EQ(what_changes(Environment(c.scene)), "");
   Scene moving = c.scene;
-  moving.obstacles[0].motion = Motion{.velocity = {1, 0, 0}};
+  moving.obstacles[0].motion.emplace().velocity = {1, 0, 0};
   EXPECT_EQ(what_changes(Environment(moving)), "its obstacles move");
   const Environment environment(c.scene);
   const ParticleLifecycle lifecycle(c.scene, nullptr, c.history.back(), {}, 0);

@@ -155,7 +155,7 @@ TEST_F(CudaBatchTest, ScenesThatDoNotFitRunAloneInTheSameCall) {
   const LearnedSimulator simulator = make(2);
   ManyScenes scenes;
   Case moving = clouds_at_a_ball(60);
-  moving.scene.obstacles[0].motion = Motion{.velocity = {0.1, 0, 0}};
+  moving.scene.obstacles[0].motion.emplace().velocity = {0.1, 0, 0};
   scenes.add(moving, options_);
   scenes.add(clouds_at_a_ball(60), options_);
   auto shorter = options_;
