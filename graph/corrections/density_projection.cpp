@@ -4,7 +4,7 @@
 #include <cmath>
 #include <tuple>
 
-#include "core/parallel/launch_items.h"
+#include "core/parallel/parallel_for_in.h"
 #include "core/parallel/memory.h"
 #include "core/system/error.h"
 #include "graph/corrections/density_cells.h"

@@ -1,6 +1,6 @@
 #include "graph/corrections/density_solver.h"
 
-#include "core/parallel/launch_items.h"
+#include "core/parallel/launch_items.cuh"
 #include "core/system/error.h"
 #include "graph/cuda/corrections/density_list.h"
 #include "graph/cuda/corrections/density_sweeps.h"

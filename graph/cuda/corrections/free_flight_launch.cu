@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "core/parallel/launch_items.h"
+#include "core/parallel/parallel_for_in.h"
 #include "graph/corrections/free_flight_joins.h"
 #include "graph/cuda/launch/block_cluster.h"
 

@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "core/parallel/cuda_check.h"
-#include "core/parallel/launch_items.h"
+#include "core/parallel/parallel_for_in.h"
 #include "core/scene/kinematic_particles.h"
 #include "core/system/error.h"
 #include "graph/corrections/density_kernels.h"

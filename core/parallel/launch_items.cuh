@@ -8,20 +8,18 @@
 #include <type_traits>
 #include <vector>
 
-#include "core/parallel/device.h"
-#include "core/parallel/parallel_for_in.h"
+#include "core/parallel/cuda_check.h"
 
 namespace graupel {
 
-#ifdef __CUDACC__
-/// Bytes of a kernel's arguments, less those beside the items.
+/// Bytes of a kernel's arguments.
 #if CUDART_VERSION >= 12010
 inline constexpr std::size_t most_argument_bytes = 32000;
 #else
 inline constexpr std::size_t most_argument_bytes = 4000;
 #endif
 
-/// The first argument of a kernel of launch_items(), as `const __grid_constant__`.
+/// The only argument of a kernel of launch_items(), as `const __grid_constant__`.
 template <typename T, int most>
 struct LaunchItems {
   static_assert(std::is_trivially_copyable_v<T>);
@@ -54,41 +52,13 @@ void launch_items(const std::vector<T>& all, const Launch& launch) {
     }
   }
 }
-#endif
 
-/// body(i) for i in [0, n).
-template <typename Body>
-struct Loop {
-  int64_t n;
-  Body body;
-};
-
-#ifdef __CUDACC__
+/// Each item has a body and its n.
 template <typename Items>
 __global__ void loops_kernel(const __grid_constant__ Items items) {
   const int64_t i = static_cast<int64_t>(blockIdx.x) * blockDim.x + threadIdx.x;
   const auto& loop = items.own();
   if (i < loop.n) loop.body(i);
-}
-#endif
-
-/// As parallel_for_in for each loop; on a GPU many of them in one launch. Loops must be independent.
-template <typename Body>
-void parallel_loops_in(void* stream, Device device, const std::vector<Loop<Body>>& loops, Grain grain = {}) {
-#ifdef __CUDACC__
-  if (device == Device::cuda && loops.size() > 1) {
-    constexpr int threads = 128;
-    int64_t most = 0;
-    for (const Loop<Body>& loop : loops) most = std::max(most, loop.n);
-    if (most == 0) return;
-    const auto blocks = static_cast<unsigned>((most + threads - 1) / threads);
-    launch_items(loops, [&](const auto& items, unsigned count) {
-      loops_kernel<<<dim3(blocks, count), threads, 0, static_cast<cudaStream_t>(stream)>>>(items);
-    });
-    return;
-  }
-#endif
-  for (const Loop<Body>& loop : loops) parallel_for_in(stream, device, loop.n, loop.body, grain);
 }
 
 }  // namespace graupel
