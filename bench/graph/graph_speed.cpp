@@ -55,6 +55,10 @@ compare::RunCost batch_cost(const Scene& scene, const BenchGraphOptions& options
 compare::RunCost many_cost(const graph::LearnedSimulator& network, const Scene& scene,
                            const graph::Environment& environment, const BenchGraphOptions& options, int64_t count) {
   const int history = static_cast<int>(network.config().history) + 1;
+  const auto run = [&](const std::vector<graph::LearnedSimulator::SceneRollout>& scenes) {
+    return network.rollout_many(scenes, [](const graph::LearnedSimulator::SceneResult&) {},
+                                {.progress = [](int64_t) { stop_if_interrupted(); }});
+  };
   std::vector<StartState> starts;
   std::vector<std::vector<std::vector<Vec3f>>> past;
   for (int64_t i = 0; i < count; ++i) {

@@ -91,12 +91,12 @@ TEST_F(CudaBatchTest, BatchesFollowEachOther) {
   scenes.expect_as_alone(simulator, results);
 }
 
-TEST_F(CudaBatchTest, ManyScenesShareBranches) {
+TEST_F(CudaBatchTest, MoreScenesThanALaunchTakes) {
   GRAUPEL_NEEDS_GPU();
   const LearnedSimulator simulator = make(2);
   options_.frames = 4;
   ManyScenes scenes;
-  for (int k = 0; k < 50; ++k) scenes.add(clouds_at_a_ball(20 + 3 * k), options_);
+  for (int k = 0; k < 64; ++k) scenes.add(clouds_at_a_ball(20 + 3 * k), options_);
   const auto results = scenes.run(simulator);
   expect_together(results);
   scenes.expect_as_alone(simulator, results);
