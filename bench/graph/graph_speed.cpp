@@ -67,22 +67,22 @@ compare::RunCost many_cost(const graph::LearnedSimulator& network, const Scene& 
   }
   std::vector<graph::LearnedSimulator::SceneRollout> scenes;
   for (std::size_t i = 0; i < starts.size(); ++i) {
-    graph::LearnedSimulator::RolloutOptions run;
-    run.frames = options.frames;
-    run.material = starts[i].material;
-    run.device = Device::cuda;
-    scenes.push_back({std::to_string(i), &scene, &environment, &starts[i].particle_type, &past[i], run});
+    graph::LearnedSimulator::RolloutOptions one;
+    one.frames = network.config().bundle;
+    one.material = starts[i].material;
+    one.device = Device::cuda;
+    scenes.push_back({std::to_string(i), &scene, &environment, &starts[i].particle_type, &past[i], one});
   }
+  if (run({scenes[0], scenes[1]}).frames == 0) return {};
+  for (auto& one : scenes) one.options.frames = options.frames;
   DeviceMemoryMeter memory(Device::cuda);
   std::vector<double> frame, output;
   constexpr int warm_up = 1, runs = 5;
   for (int k = 0; k < warm_up + runs; ++k) {
     const Stopwatch watch;
-    const auto cost = network.rollout_many(scenes, [](const graph::LearnedSimulator::SceneResult&) {},
-                                           {.progress = [](int64_t) { stop_if_interrupted(); }});
-    if (cost.frames == 0) return {};
-    if (k < warm_up) continue;
+    const auto cost = run(scenes);
     const auto frames = static_cast<double>(cost.frames);
+    if (k < warm_up) continue;
     frame.push_back(cost.seconds / frames);
     output.push_back((watch.seconds() - cost.seconds) / frames);
   }
