@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <span>
 #include <vector>
 
 #include "graph/cuda_simulator.h"
@@ -26,8 +27,8 @@ class CudaBatch {
   void run(const std::function<void(int64_t frame)>& progress = {});
   /// Of run() on the GPU, without recording what it launches.
   double seconds() const;
-  /// Positions [frames that the scene has][n] after the start.
-  std::vector<std::vector<Vec3f>> frames(std::size_t scene) const;
+  /// Positions [frames that the scene has, n] after the start. Valid until the next call.
+  std::span<const Vec3f> frames(std::size_t scene) const;
 
  private:
   struct Impl;

@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <array>
 #include <map>
+#include <span>
 #include <utility>
 #include <variant>
 
@@ -76,20 +77,22 @@ std::vector<std::vector<std::size_t>> batches_of(const std::vector<LearnedSimula
   return batches;
 }
 
-/// With velocities, as rollout() has it.
-Trajectory trajectory_of(const LearnedSimulator::SceneRollout& s, std::vector<std::vector<Vec3f>> positions,
+/// Of positions [frames, n] after the start; with velocities, as rollout() has it.
+Trajectory trajectory_of(const LearnedSimulator::SceneRollout& s, std::span<const Vec3f> positions,
                          const std::string& made_by) {
   Trajectory trajectory = empty_trajectory(*s.scene, *s.particle_type, made_by);
   const std::vector<std::vector<Vec3f>>& start = *s.start;
   const double frame_time = s.scene->frame_time;
-  trajectory.frames.resize(positions.size() + 1);
+  const std::size_t n = s.particle_type->size(), predicted = positions.size() / n;
+  trajectory.frames.resize(predicted + 1);
   trajectory.frames[0] = make_frame(s.options.start_time, frame_time, start[start.size() - 2], start.back());
-  for_each_task(positions.size(), num_threads(), [&](std::size_t f) {
+  for_each_task(predicted, num_threads(), [&](std::size_t f) {
     const double time = s.options.start_time + static_cast<double>(f + 1) * frame_time;
-    trajectory.frames[f + 1] = make_frame(time, frame_time, f == 0 ? start.back() : positions[f - 1], positions[f]);
+    const auto before = f == 0 ? std::span<const Vec3f>(start.back()) : positions.subspan((f - 1) * n, n);
+    trajectory.frames[f + 1] = make_frame(time, frame_time, before, positions.subspan(f * n, n));
   });
-  const auto predicted = static_cast<int64_t>(positions.size());
-  if (predicted < s.options.frames) trajectory.diverged_at_frame = predicted + 1;
+  const auto frames = static_cast<int64_t>(predicted);
+  if (frames < s.options.frames) trajectory.diverged_at_frame = frames + 1;
   return trajectory;
 }
 
@@ -162,9 +165,9 @@ void LearnedSimulator::rollout_together(const std::vector<SceneRollout>& scenes,
   batch_->run(options.progress);
   cost.seconds += batch_->seconds();
   for (std::size_t k = 0; k < batch.size(); ++k) {
-    std::vector<std::vector<Vec3f>> positions = batch_->frames(k);
-    cost.frames += static_cast<int64_t>(positions.size());
-    done({batch[k], trajectory_of(scenes[batch[k]], std::move(positions), weights_->file), ""});
+    Trajectory trajectory = trajectory_of(scenes[batch[k]], batch_->frames(k), weights_->file);
+    cost.frames += static_cast<int64_t>(trajectory.frames.size()) - 1;
+    done({batch[k], std::move(trajectory), ""});
   }
 }
 

@@ -62,11 +62,11 @@ std::string what_changes(const Environment& environment, const PrescribedPositio
                              : what_changes(environment);
 }
 
-ParticleFrame make_frame(double time, double frame_time, const std::vector<Vec3f>& before,
-                         const std::vector<Vec3f>& current, const std::vector<uint8_t>& active) {
+ParticleFrame make_frame(double time, double frame_time, std::span<const Vec3f> before, std::span<const Vec3f> current,
+                         const std::vector<uint8_t>& active) {
   ParticleFrame frame;
   frame.time = time;
-  frame.position = current;
+  frame.position.assign(current.begin(), current.end());
   frame.velocity.resize(current.size());
   const auto rate = static_cast<float>(1 / frame_time);
   for (std::size_t i = 0; i < current.size(); ++i)

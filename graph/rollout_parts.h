@@ -1,6 +1,7 @@
 // What rollouts of one scene and of many share: checks of what they start from, and the frames of trajectories.
 #pragma once
 
+#include <span>
 #include <string>
 #include <vector>
 
@@ -28,9 +29,9 @@ std::string what_changes(const Environment& environment);
 std::string what_changes(const Environment& environment, const PrescribedPositions& prescribed,
                          const ParticleLifecycle& lifecycle);
 
-/// `active`: [n], or empty where all are.
-ParticleFrame make_frame(double time, double frame_time, const std::vector<Vec3f>& before,
-                         const std::vector<Vec3f>& current, const std::vector<uint8_t>& active = {});
+/// Of positions [n] one frame apart. `active`: [n], or empty where all are.
+ParticleFrame make_frame(double time, double frame_time, std::span<const Vec3f> before, std::span<const Vec3f> current,
+                         const std::vector<uint8_t>& active = {});
 Trajectory empty_trajectory(const Scene& scene, const std::vector<int32_t>& particle_type, const std::string& made_by);
 
 }  // namespace graupel::graph

@@ -42,6 +42,6 @@ CudaBatch::~CudaBatch() = default;
 void CudaBatch::start(const std::vector<CudaScene>&, int64_t) { no_cuda(); }
 void CudaBatch::run(const std::function<void(int64_t)>&) { no_cuda(); }
 double CudaBatch::seconds() const { no_cuda(); }
-std::vector<std::vector<Vec3f>> CudaBatch::frames(std::size_t) const { no_cuda(); }
+std::span<const Vec3f> CudaBatch::frames(std::size_t) const { no_cuda(); }
 
 }  // namespace graupel::graph

@@ -79,7 +79,7 @@ struct CudaBatch::Impl {
   int64_t frames = 0;
   double seconds = 0;
   Vec3f* staging = nullptr;  ///< a scene's frames on the host
-  std::size_t staged = 0;    ///< bytes of it
+  std::size_t staged = 0;    ///< positions that it holds
 };
 
 /// The groups of what flies are found beside the coarse levels.
@@ -194,23 +194,20 @@ void CudaBatch::run(const std::function<void(int64_t)>& progress) {
 
 double CudaBatch::seconds() const { return impl_->seconds; }
 
-std::vector<std::vector<Vec3f>> CudaBatch::frames(std::size_t scene) const {
+std::span<const Vec3f> CudaBatch::frames(std::size_t scene) const {
   Impl& impl = *impl_;
   const SceneMotion& motion = *impl.motion[scene];
-  const auto n = static_cast<std::size_t>(motion.particles()), count = static_cast<std::size_t>(impl.frames_of(scene));
-  const std::size_t bytes = count * n * sizeof(Vec3f);
-  if (bytes > impl.staged) {
+  const auto count = static_cast<std::size_t>(impl.frames_of(scene) * motion.particles());
+  if (count > impl.staged) {
     cudaFreeHost(impl.staging);
     impl.staging = nullptr;
     impl.staged = 0;
-    GRAUPEL_CUDA_CHECK(cudaMallocHost(&impl.staging, bytes));
-    impl.staged = bytes;
+    GRAUPEL_CUDA_CHECK(cudaMallocHost(&impl.staging, count * sizeof(Vec3f)));
+    impl.staged = count;
   }
   device_copy(Device::cpu, impl.staging, Device::cuda, motion.frame(static_cast<int32_t>(impl.config.history) + 1),
-              bytes);
-  std::vector<std::vector<Vec3f>> frames;
-  for (std::size_t f = 0; f < count; ++f) frames.emplace_back(impl.staging + f * n, impl.staging + (f + 1) * n);
-  return frames;
+              count * sizeof(Vec3f));
+  return {impl.staging, count};
 }
 
 }  // namespace graupel::graph
