@@ -11,7 +11,7 @@ namespace graupel::graph::flight {
 namespace {
 
 constexpr int threads = 128;
-constexpr int64_t most_at_once = 16384;  ///< particles: beyond it two launches are faster
+constexpr int64_t most_at_once = 16384;  ///< particles of one scene: beyond it two launches are faster
 constexpr int join_threads = 4;          ///< threads a particle: few cells have less than four
 constexpr unsigned whole_warp = ~0u;
 /// Groups of a warp that it adds up in registers; particles of one scene lie side by side, so there are seldom more.
@@ -130,9 +130,7 @@ __global__ void __launch_bounds__(threads) correct_kernel(const __grid_constant_
 }
 
 /// Both by a cluster of blocks.
-template <typename Items>
-__global__ void __launch_bounds__(cluster::block_threads) correct_at_once_kernel(const __grid_constant__ Items items) {
-  const Correction& c = items.own();
+__global__ void __launch_bounds__(cluster::block_threads) correct_at_once_kernel(Correction c) {
   const cluster::Group group;
   const int64_t first = cluster::thread_of(group), whole_warps = (c.groups.n + 31) / 32 * 32;
   for (int64_t i = first; i < whole_warps; i += cluster::all_threads) add_push(c.groups, i, c.next);
@@ -167,16 +165,9 @@ void correct_on_gpu(const std::vector<Correction>& scenes, void* stream) {
   for (const Correction& scene : scenes) most = std::max(most, scene.groups.n);
   if (most == 0) return;
   const auto in = static_cast<cudaStream_t>(stream);
-  if (most <= most_at_once) {
-    bool at_once = true;
-    launch_items(scenes, [&](const auto& items, unsigned count) {
-      const auto kernel = correct_at_once_kernel<std::decay_t<decltype(items)>>;
-      static const bool can = cluster::can_launch(kernel);
-      at_once = can;
-      if (can) cluster::launch(kernel, items, stream, count);
-    });
-    if (at_once) return;
-  }
+  static const bool at_once = cluster::can_launch(correct_at_once_kernel);
+  if (at_once && scenes.size() == 1 && most <= most_at_once)
+    return cluster::launch(correct_at_once_kernel, scenes.front(), stream);
   launch_items(scenes, [&](const auto& items, unsigned count) {
     push_kernel<<<dim3(blocks_of(most), count), threads, 0, in>>>(items);
   });
