@@ -4,8 +4,8 @@
 #include <cmath>
 #include <tuple>
 
-#include "core/parallel/parallel_for_in.h"
 #include "core/parallel/memory.h"
+#include "core/parallel/parallel_for_in.h"
 #include "core/system/error.h"
 #include "graph/corrections/density_cells.h"
 #include "graph/corrections/density_solver.h"
