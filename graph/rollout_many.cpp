@@ -56,19 +56,21 @@ std::vector<std::vector<std::size_t>> batches_of(const std::vector<LearnedSimula
     if (!alone[s].empty()) continue;
     const Vec3d& low = scenes[s].environment->wall_low;
     const int64_t frames = scenes[s].options.frames, n = particles_of(scenes[s]);
-    const auto [place, is_new] = open.try_emplace(Key{frames, {low[0], low[1], low[2]}}, batches.size());
+    const auto found = open.try_emplace(Key{frames, {low[0], low[1], low[2]}}, batches.size());
+    std::size_t& place = found.first->second;
+    const bool is_new = found.second;
     const auto has_room = [&] {
-      const int64_t all = particles[place->second] + n;
-      return static_cast<int64_t>(batches[place->second].size()) < most_at_once && all <= most_particles &&
+      const int64_t all = particles[place] + n;
+      return static_cast<int64_t>(batches[place].size()) < most_at_once && all <= most_particles &&
              all * frames <= most_positions;
     };
     if (is_new || !has_room()) {
-      place->second = batches.size();
+      place = batches.size();
       batches.emplace_back();
       particles.push_back(0);
     }
-    batches[place->second].push_back(s);
-    particles[place->second] += n;
+    batches[place].push_back(s);
+    particles[place] += n;
   }
   std::erase_if(batches, [&](const std::vector<std::size_t>& batch) {
     if (batch.size() == 1) alone[batch.front()] = "no other scene has its number of frames and lower corner";
@@ -111,7 +113,7 @@ std::string LearnedSimulator::why_alone(const SceneRollout& s) const {
     prescribed.add_scripts(*options.schedule, options.start_time, s.scene->frame_time,
                            s.environment->plane.has_value());
   const ParticleLifecycle lifecycle(*s.scene, options.schedule, s.start->back(), options.active, options.start_time);
-  const std::string changes = what_changes(*s.environment, prescribed, lifecycle);
+  std::string changes = what_changes(*s.environment, prescribed, lifecycle);
   if (!changes.empty()) return changes;
   const Vec3d cells = s.scene->domain.size * (1 / network_->spacing());
   return !takes_scenes(*weights_)                           ? "the network is no HGN that aggregates activations"
@@ -124,6 +126,7 @@ LearnedSimulator::ManyCost LearnedSimulator::rollout_many(const std::vector<Scen
                                                           const std::function<void(SceneResult&&)>& done,
                                                           const ManyOptions& options) const {
   std::vector<std::string> alone;
+  alone.reserve(scenes.size());
   for (const SceneRollout& s : scenes) alone.push_back(named(s.name, [&] { return why_alone(s); }));
   ManyCost cost;
   for (const std::vector<std::size_t>& batch : batches_of(scenes, alone, options.most_at_once))
@@ -147,9 +150,11 @@ void LearnedSimulator::rollout_together(const std::vector<SceneRollout>& scenes,
                                         const std::function<void(SceneResult&&)>& done, const ManyOptions& options,
                                         ManyCost& cost) const {
   std::vector<std::vector<int32_t>> materials;
+  materials.reserve(batch.size());
   for (const std::size_t i : batch)
     materials.push_back(seen_materials(*scenes[i].environment, *scenes[i].particle_type, scenes[i].options.material));
   std::vector<CudaScene> of_batch;
+  of_batch.reserve(batch.size());
   for (std::size_t k = 0; k < batch.size(); ++k) {
     const SceneRollout& s = scenes[batch[k]];
     const RolloutOptions& o = s.options;

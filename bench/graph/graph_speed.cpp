@@ -66,6 +66,7 @@ compare::RunCost many_cost(const graph::LearnedSimulator& network, const Scene& 
     past.push_back(past_of(starts.back(), scene, history));
   }
   std::vector<graph::LearnedSimulator::SceneRollout> scenes;
+  scenes.reserve(starts.size());
   for (std::size_t i = 0; i < starts.size(); ++i) {
     graph::LearnedSimulator::RolloutOptions one;
     one.frames = network.config().bundle;

@@ -79,6 +79,7 @@ class DataSetRollout {
     }
     progress.done();
     std::vector<std::string> files;
+    files.reserve(rows_.size());
     for (int64_t i = 0; i < count; ++i) files.push_back(parts_.file(i));
     io::merge_trajectories(files, options_.output);
     report();
@@ -87,6 +88,7 @@ class DataSetRollout {
  private:
   void run_scenes(int64_t first, int64_t count) {
     std::vector<RolloutStart> starts;
+    starts.reserve(static_cast<std::size_t>(count));
     for (int64_t i = 0; i < count; ++i) {
       stop_if_interrupted();
       RolloutOptions one = options_;
@@ -100,6 +102,7 @@ class DataSetRollout {
     for_each_task(starts.size(), num_threads(),
                   [&](std::size_t i) { environments[i] = std::make_unique<graph::Environment>(starts[i].scene); });
     std::vector<LearnedSimulator::SceneRollout> scenes;
+    scenes.reserve(starts.size());
     for (std::size_t i = 0; i < starts.size(); ++i) {
       const RolloutStart& s = starts[i];
       scenes.push_back({fmt::format("trajectory {} of {}", first + static_cast<int64_t>(i), options_.input), &s.scene,

@@ -206,6 +206,7 @@ void DensityProjection::between(const std::vector<Frame>& scenes, void* stream) 
     if (!systems.empty()) solve_density(systems, stream);
     if (k + 1 == count) break;
     std::vector<Loop<MoveAndSpread>> moves;
+    moves.reserve(scenes.size());
     for (const auto& [density, position, n] : scenes)
       moves.push_back(
           {n, {density->lattices_[k]->moving(position), density->lattices_[k + 1]->spreading(position, n)}});

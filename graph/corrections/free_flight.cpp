@@ -248,12 +248,14 @@ void FreeFlight::correct(const Vec3f* before, const Vec3f* current, Vec3f* next,
 
 void FreeFlight::find_groups_of_all(const std::vector<Frame>& scenes, void* stream) {
   std::vector<Groups> all;
+  all.reserve(scenes.size());
   for (const Frame& scene : scenes) all.push_back(scene.groups());
   find_groups_on_gpu(all, stream);
 }
 
 void FreeFlight::correct_all(const std::vector<Frame>& scenes, void* stream) {
   std::vector<Correction> all;
+  all.reserve(scenes.size());
   for (const Frame& scene : scenes) all.push_back({scene.groups(), scene.next});
   correct_on_gpu(all, stream);
 }
