@@ -167,7 +167,7 @@ TEST_F(CudaBatchTest, ScenesThatDoNotFitRunAloneInTheSameCall) {
   EXPECT_EQ(order, (std::vector<std::size_t>{1, 3, 0, 2}));
   EXPECT_EQ(results[0].alone, "its obstacles move");
   EXPECT_EQ(results[1].alone, "");
-  EXPECT_EQ(results[2].alone, "no other scene has its number of frames and lower corner");
+  EXPECT_EQ(results[2].alone, "no other scene is left with its frames and lower corner");
   scenes.expect_as_alone(simulator, results);
 }
 
