@@ -58,7 +58,6 @@ class TrainingRun {
   void say(const std::string& text) const {
     if (options_.message && comm_.leads()) options_.message(text);
   }
-  void read_teacher_of_run();
   void check_same_teacher() const;
   void begin_run();
   std::unique_ptr<DataSplit> open(const std::string& name) const;
@@ -85,7 +84,7 @@ class TrainingRun {
   const TrainingOptions& options_;
   const TrainConfig& config_;
   Comm& comm_;
-  std::optional<Teacher> teacher_;
+  std::unique_ptr<Teacher> teacher_;          ///< may be null
   std::unique_ptr<DataSplit> train_, valid_;  ///< valid_ may be null
   graph::Normalization normalization_;
   NetworkModule module_;
@@ -100,13 +99,13 @@ TrainingRun::TrainingRun(const TrainingOptions& options)
     : options_(options),
       config_(options.config),
       comm_(*options.comm),
+      teacher_(read_teacher(options.teacher, config_, options.device)),
       module_(config_.network(), options.device, config_.seed,
               config_.mixed_precision ? NumberType::mixed : NumberType::f32, config_.checkpoint_layers) {
   if (comm_.size() > config_.batch_scenes)
     throw ConfigError(std::to_string(comm_.size()) + " ranks are too many for batches of " +
                       std::to_string(config_.batch_scenes) +
                       " scenes (each takes one or more). Start fewer, or set batch_scenes higher");
-  read_teacher_of_run();
   train_ = open("train.h5");
   train_->check_length(
       1 + config_.features().bundle * (1 + config_.push_steps),
@@ -116,17 +115,6 @@ TrainingRun::TrainingRun(const TrainingOptions& options)
   broadcast_value(comm_, normalization_);
   broadcast_value(comm_, state_.step);
   module_.share_state(comm_);
-}
-
-void TrainingRun::read_teacher_of_run() {
-  if (options_.teacher.empty()) {
-    if (config_.teacher_share != TrainConfig().teacher_share)
-      throw ConfigError("teacher_share is set (" + std::to_string(config_.teacher_share) +
-                        "), but there is no teacher. Name its weights by --teacher, or leave teacher_share out");
-    return;
-  }
-  teacher_.emplace(read_teacher(options_.teacher, config_, options_.device));
-  say("learns from '" + teacher_->file + "'");
 }
 
 void TrainingRun::check_same_teacher() const {
@@ -222,9 +210,9 @@ void TrainingRun::restore() {
 }
 
 std::unique_ptr<TrainingSteps> TrainingRun::make_steps() {
-  return make_training_steps({*train_, config_, normalization_, teacher_ ? &*teacher_ : nullptr, module_, comm_,
-                              options_.device, options_.threads},
-                             state_.step, [this](const std::string& text) { say(text); });
+  return make_training_steps(
+      {*train_, config_, normalization_, teacher_.get(), module_, comm_, options_.device, options_.threads},
+      state_.step, [this](const std::string& text) { say(text); });
 }
 
 StopReason TrainingRun::train(TrainingSteps& steps) {
@@ -378,7 +366,7 @@ std::string TrainingRun::export_weights() const {
   weights.metadata = metadata_of(config_.network());
   CheckpointState state = state_;
   state.seconds = seconds();
-  weights.metadata.merge(training_provenance(options_, state, *train_, validation_, teacher_ ? &*teacher_ : nullptr));
+  weights.metadata.merge(training_provenance(options_, state, *train_, validation_, teacher_.get()));
   const nn::OfflineCost cost =
       with_training(read_run_facts(options_.run).start, options_.data, state.seconds * comm_.size(),
                     hardware_name(options_.device, options_.threads));

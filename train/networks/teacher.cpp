@@ -34,18 +34,23 @@ void check_frames(const std::string& file, const TrainConfig& teacher, const Tra
 
 std::string file_hash(const std::string& file) { return fnv1a_digits(read_file(file)); }
 
-Teacher read_teacher(const std::string& file, const TrainConfig& student, Device device) {
+std::unique_ptr<Teacher> read_teacher(const std::string& file, const TrainConfig& student, Device device) {
+  if (file.empty()) {
+    if (student.teacher_share == TrainConfig().teacher_share) return nullptr;
+    throw ConfigError("teacher_share is set (" + std::to_string(student.teacher_share) +
+                      "), but there is no teacher. Name its weights by --teacher, or leave teacher_share out");
+  }
   const nn::Weights weights = nn::read_safetensors(file);
   const TrainConfig config = with_network(student, network_config_of(weights));
   check_frames(file, config, student);
-  Teacher teacher{
+  auto teacher = std::make_unique<Teacher>(Teacher{
       .file = file,
       .hash = file_hash(file),
       .config = config,
       .normalization = graph::read_normalization(weights),
       .module = NetworkModule(config.network(), device, 0, config.mixed_precision ? NumberType::mixed : NumberType::f32,
-                              config.checkpoint_layers)};
-  teacher.module.set_state(StateArray::weights, weights);
+                              config.checkpoint_layers)});
+  teacher->module.set_state(StateArray::weights, weights);
   return teacher;
 }
 

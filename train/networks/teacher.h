@@ -1,6 +1,7 @@
 // A trained network whose predictions another one learns (distillation; Hinton, Vinyals and Dean 2015).
 #pragma once
 
+#include <memory>
 #include <string>
 
 #include "graph/features/feature_rules.h"
@@ -21,8 +22,8 @@ struct Teacher {
 std::string file_hash(const std::string& file);
 
 /// The network in `file` as the teacher of a run with the settings `student`. It may be of any architecture and size,
-/// with inputs and a grid of its own. Throws InputError for files that are no network; ConfigError where its history or
-/// bundle differ from the student's.
-Teacher read_teacher(const std::string& file, const TrainConfig& student, Device device);
+/// with inputs and a grid of its own. Null for "". Throws InputError for files that are no network; ConfigError where
+/// its history or bundle differ from the student's, and where `student` has a share of no teacher.
+std::unique_ptr<Teacher> read_teacher(const std::string& file, const TrainConfig& student, Device device);
 
 }  // namespace graupel::train
