@@ -8,6 +8,7 @@
 #include "core/system/error.h"
 #include "graph/features/normalization.h"
 #include "nn/offline_cost.h"
+#include "tests/gpu_only.h"
 #include "tests/train/gns_cloud.h"
 #include "tests/train/learning.h"
 #include "tests/train/tiny_data.h"
@@ -42,11 +43,12 @@ class Distillation : public testing::Test {
     return train_network(options(run, config)).weights_file;
   }
   /// Loss of the first step of a run that starts from the weights of its teacher.
-  double first_loss_of_the_teachers_equal(const std::string& run, const std::string& teacher,
-                                          TrainConfig config) const {
+  double first_loss_of_the_teachers_equal(const std::string& run, const std::string& teacher, TrainConfig config,
+                                          Device device = Device::cpu) const {
     config.steps = config.log_interval = 1;
     TrainingOptions student = options(run, config);
     student.from = student.teacher = teacher;
+    student.device = device;
     double loss = -1;
     student.progress = [&](const TrainingProgress& p) { loss = p.loss; };
     train_network(student);
@@ -99,6 +101,18 @@ TEST_F(Distillation, ANetworkHasNothingToLearnFromItsEqual) {
   EXPECT_LT(first_loss_of_the_teachers_equal("pushed", teacher, config), 1e-8);
   config.teacher_share = 0.5;
   EXPECT_GT(first_loss_of_the_teachers_equal("half", teacher, config), 1e-3);
+}
+
+TEST_F(Distillation, ANetworkHasNothingToLearnFromItsEqualOnTheGpu) {
+  GRAUPEL_NEEDS_GPU();
+  TrainConfig config = tiny_config();
+  config.hgn.aggregation = graph::Aggregation::activations;
+  config.hgn.latent = 128;  // in mixed precision
+  config.push_steps = 2;
+  const std::string teacher = trained("teacher", config);
+  EXPECT_LT(first_loss_of_the_teachers_equal("equal", teacher, config, Device::cuda), 1e-8);
+  config.teacher_share = 0;
+  EXPECT_GT(first_loss_of_the_teachers_equal("data", teacher, config, Device::cuda), 1e-3);
 }
 
 TEST_F(Distillation, WithoutAShareTheTeacherChangesNothing) {

@@ -143,6 +143,7 @@ void TrainingRun::begin_run() {
   state_.config_hash = config_hash(config_);
   if (options_.resume && config_hash(read_run_config(options_.run)) == state_.config_hash)
     state_.config_hash = run_config_hash(options_.run);
+  if (teacher_) say("learns from '" + teacher_->file + "'");
   prepare_normalization();
   if (options_.resume) restore();
   metrics_.emplace(options_.run, metric_columns(), state_.step);
