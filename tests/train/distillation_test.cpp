@@ -110,7 +110,8 @@ TEST_F(Distillation, ANetworkHasNothingToLearnFromItsEqualOnTheGpu) {
   config.hgn.latent = 128;  // in mixed precision
   config.push_steps = 2;
   const std::string teacher = trained("teacher", config);
-  EXPECT_LT(first_loss_of_the_teachers_equal("equal", teacher, config, Device::cuda), 1e-8);
+  // The order of sums may differ, and with it roundings to bf16.
+  EXPECT_LT(first_loss_of_the_teachers_equal("equal", teacher, config, Device::cuda), 1e-5);
   config.teacher_share = 0;
   EXPECT_GT(first_loss_of_the_teachers_equal("data", teacher, config, Device::cuda), 1e-3);
 }
