@@ -90,10 +90,11 @@ class StepParticles {
 
 }  // namespace
 
-LearnedSimulator::LearnedSimulator(const std::string& weights_file) {
-  weights_ = std::make_shared<const nn::Weights>(nn::read_safetensors(weights_file));
-  network_ = load_network(*weights_);
-}
+LearnedSimulator::LearnedSimulator(const std::string& weights_file)
+    : LearnedSimulator(std::make_shared<const nn::Weights>(nn::read_safetensors(weights_file))) {}
+
+LearnedSimulator::LearnedSimulator(std::shared_ptr<const nn::Weights> weights)
+    : network_(load_network(*weights)), weights_(std::move(weights)) {}
 
 const FeatureConfig& LearnedSimulator::config() const { return network_->feature_config(); }
 const nn::Weights& LearnedSimulator::weights() const { return *weights_; }

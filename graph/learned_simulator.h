@@ -23,6 +23,7 @@ class LearnedSimulator {
  public:
   /// Throws InputError for a file that is missing, damaged or holds no graph network.
   explicit LearnedSimulator(const std::string& weights_file);
+  explicit LearnedSimulator(std::shared_ptr<const nn::Weights> weights);
   const FeatureConfig& config() const;
   const nn::Weights& weights() const;
   /// Throws ConfigError where the network cannot run on a device: there is no GPU, or what it has is not done there.

@@ -119,7 +119,7 @@ std::vector<std::vector<Vec3f>> middle_history(const Trajectory& run, const Scen
 
 GraphBench::GraphBench(const BenchGraphOptions& options, Device device) : options_(options), device_(device) {
   for (const std::string& word : options.models) {
-    choices_.push_back(parse_model(word));
+    choices_.push_back(parse_model(word, choices_));
     if (choices_.back().parts != NetworkParts::all)
       throw ConfigError("--models: '" + word + "' is a part of a network (allowed: " + mpm::variant_words() +
                         ", weights of graph networks). Use `graupel compare`");
@@ -127,7 +127,7 @@ GraphBench::GraphBench(const BenchGraphOptions& options, Device device) : option
       throw ConfigError("--models: '" + word + "' is a reduced-order model, which runs its own scene alone " +
                         "(allowed: " + mpm::variant_words() + ", weights of graph networks). Use `graupel bench rom`");
     networks_.push_back(choices_.back().kind == ModelKind::network
-                            ? std::make_shared<const graph::LearnedSimulator>(choices_.back().weights)
+                            ? std::make_shared<const graph::LearnedSimulator>(choices_.back().contents)
                             : nullptr);
     if (networks_.back()) networks_.back()->check_runs_on(device);
   }

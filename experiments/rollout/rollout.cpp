@@ -82,7 +82,7 @@ void check_flags_of_coarse_model(const RolloutOptions& options) {
 
 void rollout(RolloutOptions& options) {
   check_flags(options);
-  const ModelKind kind = kind_of_weights(options.weights);
+  const ModelKind kind = kind_of_weights(nn::read_safetensors(options.weights));
   // Learned simulators take the GPU where it is asked for.
   const Device device = options.common.device == "auto" ? Device::cpu : parse_device(options.common.device);
   options.common.apply();
