@@ -25,6 +25,8 @@ void add_rollout(const Command& app) {
   verb.option("--trajectory", options->trajectory, "Which trajectory of a data set")
       .check(whole_number(0))
       .show_default();
+  verb.flag("--all", options->all,
+            "Of networks: all trajectories of a data set, many at once on a GPU; the output is a data set");
   verb.flag("--no-project", options->no_project, "Of networks: do not move particles out of obstacles");
   verb.flag("--no-free-flight", options->no_free_flight,
             "Of networks: let them change the momentum of what flies freely");
@@ -44,6 +46,7 @@ void add_rollout(const Command& app) {
   verb.footer(
       "Examples:\n  graupel rollout models/hgn.safetensors scenes/shared/water_steps.json -o predicted.h5\n"
       "  graupel rollout models/hgn.safetensors steps.h5 --start truth:6 --frames 60\n"
+      "  graupel rollout models/hgn.safetensors data/test.h5 --all --device cuda -o predicted.h5\n"
       "  graupel rollout models/nsf-sand.safetensors scenes/shared/sand_column.json --set "
       "materials.sand.friction_angle=33\n"
       "  graupel rollout models/nsf-sand.safetensors scenes/shared/sand_column.json --refine 100 --stride 10");

@@ -27,17 +27,23 @@ struct CudaLaws {
   bool network = true;
 };
 
+/// A scene and its history + 1 positions, newest last. Scene and environment must live as long as it runs.
+struct CudaScene {
+  const Scene* scene;
+  const Environment* environment;
+  const std::vector<int32_t>* particle_type;  ///< [n]
+  const std::vector<int32_t>* material;  ///< [n] as Network::predict has it; empty for networks that see no constants
+  const std::vector<std::vector<Vec3f>>* positions;  ///< [history + 1 or more][n]
+  CudaLaws laws;
+};
+
 class CudaSimulator {
  public:
   /// Throws ConfigError where there is no GPU or no kernels for such a network.
   explicit CudaSimulator(const nn::Weights& weights);
   ~CudaSimulator();
 
-  /// A rollout from history + 1 positions, newest last. `scene` and `environment` must live as long as it runs.
-  /// `material` [n] as Network::predict has it; empty for networks that do not see constants.
-  void start(const Scene& scene, const Environment& environment, const std::vector<int32_t>& particle_type,
-             const std::vector<int32_t>& material, const std::vector<std::vector<Vec3f>>& positions,
-             const CudaLaws& laws);
+  void start(const CudaScene& scene);
   /// Predicts the next frame; false when it has diverged (step_frame) or a particle has left the domain's environment.
   bool advance();
   /// Accelerations of the next frame [m/frame^2], without moving. After start() alone.

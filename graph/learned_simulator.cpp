@@ -14,58 +14,13 @@
 #include "graph/features/particle_lifecycle.h"
 #include "graph/features/periodic_images.h"
 #include "graph/features/prescribed_positions.h"
+#include "graph/rollout_parts.h"
 
 namespace graupel::graph {
 
 namespace {
 
 using Frames = std::vector<std::vector<Vec3f>>;  ///< positions [frames][n]
-
-bool about_equal(double a, double b) { return std::abs(a - b) <= 1e-3 * std::max(std::abs(a), std::abs(b)); }
-
-void check_fit(const FeatureConfig& config, const Scene& scene, const Environment& environment,
-               const std::string& file) {
-  if (config.dimensions != scene.domain.dimensions)
-    throw ConfigError("the network was trained for scenes with another number of dimensions (scene " +
-                      std::to_string(scene.domain.dimensions) + ", '" + file + "' " +
-                      std::to_string(config.dimensions) + "). Choose weights that were trained on such scenes");
-  if (!about_equal(scene.frame_time, config.frame_time))
-    throw ConfigError("the network was trained for another frame time (scene " + std::to_string(scene.frame_time) +
-                      " s, '" + file + "' " + std::to_string(config.frame_time) + " s). Set the scene's frame_time");
-  if (config.cell_normal && environment.obstacles.count() > 0 && !about_equal(environment.normal_spacing, config.dx))
-    throw ConfigError("the network was trained with another cell size of the obstacle normals (scene " +
-                      std::to_string(environment.normal_spacing) + " m, '" + file + "' " + std::to_string(config.dx) +
-                      " m). Set the scene's domain.dx");
-}
-
-void check_start(const std::vector<std::vector<Vec3f>>& start, std::size_t frames, std::size_t particles) {
-  if (start.size() < frames)
-    throw InputError("the start of the rollout has too few frames (" + std::to_string(start.size()) +
-                     ", needed at least " + std::to_string(frames) + "). Give more frames or start from the scene");
-  for (const auto& frame : start) {
-    if (frame.size() != particles)
-      throw InputError("a start frame has another number of particles (" + std::to_string(frame.size()) +
-                       ", particle types " + std::to_string(particles) + "). Use frames of one trajectory");
-    for (const Vec3f& x : frame)
-      if (!std::isfinite(x[0] + x[1] + x[2]))
-        throw InputError("a start position is not finite. Use an earlier frame of that trajectory");
-  }
-}
-
-void check_schedule(const Scene& scene, const ParticleSchedule* schedule, std::size_t particles) {
-  const bool emits = !scene.emitters.empty();
-  const std::size_t births = schedule != nullptr ? schedule->birth_time.size() : 0,
-                    scripts = schedule != nullptr ? schedule->script.size() : 0;
-  if ((emits && births == 0) || (births != 0 && births != particles) || (scripts != 0 && scripts != particles))
-    throw InputError("the schedule of the scene's particles is not of these particles (times of birth " +
-                     std::to_string(births) + ", scripts " + std::to_string(scripts) + ", particles " +
-                     std::to_string(particles) + "). Use the scene and the seed that made them");
-}
-
-/// Whether rollouts run wholly on a GPU: nothing of the environment changes, and all of it is known there.
-bool stays_on_gpu(const Environment& environment) {
-  return !environment.moves() && !environment.is_periodic() && !environment.plane;
-}
 
 /// Positions at the start of what is in the run and not kinematic.
 std::vector<Vec3f> matter_at(const std::vector<Vec3f>& start, const PrescribedPositions& prescribed,
@@ -85,30 +40,6 @@ std::vector<Vec3f> falling(const Scene& scene, const std::vector<int32_t>& parti
   for (std::size_t i = 0; i < acceleration.size(); ++i)
     if (moves_by_itself(particle_type[i])) acceleration[i] = fall;
   return acceleration;
-}
-
-/// `active`: [n], or empty where all are.
-ParticleFrame make_frame(double time, double frame_time, const std::vector<Vec3f>& before,
-                         const std::vector<Vec3f>& current, const std::vector<uint8_t>& active = {}) {
-  ParticleFrame frame;
-  frame.time = time;
-  frame.position = current;
-  frame.velocity.resize(current.size());
-  const auto rate = static_cast<float>(1 / frame_time);
-  for (std::size_t i = 0; i < current.size(); ++i)
-    if (active.empty() || active[i] != 0) frame.velocity[i] = (current[i] - before[i]) * rate;
-  frame.active = active;
-  return frame;
-}
-
-Trajectory empty_trajectory(const Scene& scene, const std::vector<int32_t>& particle_type, const std::string& made_by) {
-  Trajectory trajectory;
-  trajectory.particle_type = particle_type;
-  trajectory.frame_time = scene.frame_time;
-  trajectory.scene_json = scene.source;
-  trajectory.seed = scene.seed;
-  trajectory.made_by = made_by;
-  return trajectory;
 }
 
 /// The particles of a step: all, where none come or go, else copies of those in the run.
@@ -159,10 +90,11 @@ class StepParticles {
 
 }  // namespace
 
-LearnedSimulator::LearnedSimulator(const std::string& weights_file) {
-  weights_ = std::make_shared<const nn::Weights>(nn::read_safetensors(weights_file));
-  network_ = load_network(*weights_);
-}
+LearnedSimulator::LearnedSimulator(const std::string& weights_file)
+    : LearnedSimulator(std::make_shared<const nn::Weights>(nn::read_safetensors(weights_file))) {}
+
+LearnedSimulator::LearnedSimulator(std::shared_ptr<const nn::Weights> weights)
+    : network_(load_network(*weights)), weights_(std::move(weights)) {}
 
 const FeatureConfig& LearnedSimulator::config() const { return network_->feature_config(); }
 const nn::Weights& LearnedSimulator::weights() const { return *weights_; }
@@ -232,7 +164,7 @@ Trajectory LearnedSimulator::rollout(const Scene& scene, const Environment& envi
   if (options.schedule != nullptr)
     prescribed.add_scripts(*options.schedule, options.start_time, scene.frame_time, environment.plane.has_value());
   ParticleLifecycle lifecycle(scene, options.schedule, start.back(), options.active, options.start_time);
-  if (options.device == Device::cuda && !lifecycle.changes() && !prescribed.any() && stays_on_gpu(environment))
+  if (options.device == Device::cuda && what_changes(environment, prescribed, lifecycle).empty())
     return rollout_on_gpu(scene, environment, particle_type, material, start, options);
 
   Frames history(start.end() - static_cast<std::ptrdiff_t>(needed), start.end());
@@ -308,8 +240,12 @@ Trajectory LearnedSimulator::rollout_on_gpu(const Scene& scene, const Environmen
                                             const std::vector<std::vector<Vec3f>>& start,
                                             const RolloutOptions& options) const {
   CudaSimulator& simulator = gpu_simulator();
-  simulator.start(scene, environment, particle_type, material, start,
-                  {options.project, options.density_limit, options.free_flight, options.network});
+  simulator.start({&scene,
+                   &environment,
+                   &particle_type,
+                   &material,
+                   &start,
+                   {options.project, options.density_limit, options.free_flight, options.network}});
   Trajectory trajectory = empty_trajectory(scene, particle_type, weights_->file);
   std::vector<Vec3f> before = start.back();
   trajectory.frames.push_back(make_frame(options.start_time, scene.frame_time, start[start.size() - 2], before));
@@ -338,12 +274,12 @@ std::vector<Vec3f> LearnedSimulator::one_step_on_gpu(const Scene& scene, const E
                                                      const std::vector<std::vector<Vec3f>>& positions,
                                                      const std::vector<int32_t>& material) const {
   const std::vector<int32_t> seen = seen_materials(environment, particle_type, material);
-  if (!stays_on_gpu(environment)) {
+  if (!what_changes(environment).empty()) {
     FrameTiming spent;
     return std::move(predict(environment, particle_type, seen, positions, Device::cuda, spent).front());
   }
   CudaSimulator& simulator = gpu_simulator();
-  simulator.start(scene, environment, particle_type, seen, positions, {false, 0, false, true});
+  simulator.start({&scene, &environment, &particle_type, &seen, &positions, {false, 0, false, true}});
   return simulator.accelerations();
 }
 

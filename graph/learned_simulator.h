@@ -15,6 +15,7 @@
 
 namespace graupel::graph {
 
+class CudaBatch;
 class CudaSimulator;
 
 /// On a GPU not to be used from several threads at once.
@@ -22,6 +23,7 @@ class LearnedSimulator {
  public:
   /// Throws InputError for a file that is missing, damaged or holds no graph network.
   explicit LearnedSimulator(const std::string& weights_file);
+  explicit LearnedSimulator(std::shared_ptr<const nn::Weights> weights);
   const FeatureConfig& config() const;
   const nn::Weights& weights() const;
   /// Throws ConfigError where the network cannot run on a device: there is no GPU, or what it has is not done there.
@@ -77,7 +79,45 @@ class LearnedSimulator {
   Trajectory rollout(const Scene& scene, const Environment& environment, const std::vector<int32_t>& particle_type,
                      const std::vector<std::vector<Vec3f>>& start, const RolloutOptions& options) const;
 
+  /// A scene of rollout_many() and what rollout() takes. All that is pointed to must live until its result is there.
+  struct SceneRollout {
+    std::string name;  ///< in errors
+    const Scene* scene = nullptr;
+    const Environment* environment = nullptr;
+    const std::vector<int32_t>* particle_type = nullptr;     ///< [n]
+    const std::vector<std::vector<Vec3f>>* start = nullptr;  ///< [history + 1 or more][n] positions [m], newest last
+    RolloutOptions options = {};
+  };
+  struct SceneResult {
+    std::size_t scene;  ///< its place in the list
+    Trajectory trajectory;
+    std::string alone;  ///< why it ran alone; empty: together with others on a GPU
+  };
+  static constexpr int64_t batch_scenes = 64;
+  struct ManyOptions {
+    int64_t most_at_once = batch_scenes;  ///< scenes that a GPU runs together
+    /// Of the scenes that are being run.
+    std::function<void(int64_t frame)> progress = {};
+  };
+  /// Of the scenes that ran together.
+  struct ManyCost {
+    int64_t frames = 0;  ///< of all scenes
+    double seconds = 0;  ///< on the GPU, without what starts, recordings of launches and copies of results take
+  };
+  /// The rollouts of all scenes, each with the bits that rollout() gives it. `done` takes each result as soon as it is
+  /// there, in the order of the list but for scenes that run alone, which come last. On a GPU scenes run together where
+  /// the network is an HGN that aggregates activations, nothing of them changes, they have particles, equally many
+  /// frames and the same lower corner of the domain; the others run one after the other, as all do on a CPU. A scene
+  /// that diverges stops alone. Checks all scenes first: throws as rollout(), with the scene's name before the text.
+  ManyCost rollout_many(const std::vector<SceneRollout>& scenes, const std::function<void(SceneResult&&)>& done,
+                        const ManyOptions& options) const;
+
  private:
+  /// Checks a scene of rollout_many(). Why it runs alone; "" where it may run with others.
+  std::string why_alone(const SceneRollout& scene) const;
+  void rollout_together(const std::vector<SceneRollout>& scenes, const std::vector<std::size_t>& batch,
+                        const std::function<void(SceneResult&&)>& done, const ManyOptions& options,
+                        ManyCost& cost) const;
   /// Accelerations of the next config().bundle frames [bundle][n].
   std::vector<std::vector<Vec3f>> predict(const Environment& environment, const std::vector<int32_t>& particle_type,
                                           const std::vector<int32_t>& material,
@@ -94,6 +134,7 @@ class LearnedSimulator {
   std::shared_ptr<const Network> network_;
   std::shared_ptr<const nn::Weights> weights_;
   mutable std::shared_ptr<CudaSimulator> on_gpu_;  ///< made when first asked for
+  mutable std::shared_ptr<CudaBatch> batch_;       ///< the same
 };
 
 /// History of `frames` positions ending at the scene's start, extrapolated ballistically backwards: particle i was at

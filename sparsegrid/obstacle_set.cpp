@@ -4,14 +4,13 @@
 
 #include <algorithm>
 #include <array>
-#include <exception>
 #include <map>
 #include <memory>
 #include <mutex>
 #include <tuple>
 
 #include "core/parallel/buffer.h"
-#include "core/parallel/parallel_for.h"
+#include "core/parallel/parallel_tasks.h"
 #include "core/system/error.h"
 #include "sparsegrid/level_set_grid.h"
 
@@ -239,20 +238,7 @@ ObstacleSet::Impl::Impl(const Impl& bodies, double time)
 
 void ObstacleSet::Impl::build_grids() {
   grids.resize(scene.obstacles.size());
-  std::vector<std::exception_ptr> failure(grids.size());
-  parallel_for_cpu(
-      static_cast<int64_t>(grids.size()),
-      [&](int64_t i) {
-        const auto n = static_cast<std::size_t>(i);
-        try {
-          grids[n] = grid_of(n);
-        } catch (...) {
-          failure[n] = std::current_exception();
-        }
-      },
-      Grain{1});
-  for (const std::exception_ptr& one : failure)
-    if (one) std::rethrow_exception(one);
+  for_each_pool_task(grids.size(), [&](std::size_t i) { grids[i] = grid_of(i); });
 }
 
 SharedGrid ObstacleSet::Impl::grid_of(std::size_t i) const {

@@ -23,9 +23,9 @@ void add_graph(const Command& program) {
   verb.option("--settle", options->settle, "Frames of MPM before the settled state")
       .check(whole_number(1))
       .show_default();
-  verb.option("--batch", options->batch, "Time MPM with so many such scenes at once, too (0: not)")
-      .check(whole_number(0, 4096))
-      .show_default();
+  verb.option("--batch", options->batch,
+              "Time so many such scenes at once, too, each sampled by a seed of its own: MPM, and on a GPU networks")
+      .check(whole_number(2, 4096));
   verb.flag("--libtorch", options->libtorch, "Time each network in libtorch too, by graupel-train");
   options->common.add_to(verb);
   verb.footer(
@@ -38,7 +38,8 @@ void add_graph(const Command& program) {
       "operations, and with the first\nlayers split as Graupel's engine has them.\n\n"
       "Examples:\n  graupel bench graph --particles 3600 40000 --json graph.json\n"
       "  graupel bench graph --libtorch --models models/hgn.safetensors\n"
-      "  graupel bench graph --device cuda --particles 3600 40000 1000000");
+      "  graupel bench graph --device cuda --particles 3600 40000 1000000\n"
+      "  graupel bench graph --device cuda --models models/hgn.safetensors --batch 8 64 1024");
   verb.callback([options] { print_graph_table(*options); });
 }
 

@@ -16,7 +16,8 @@ struct BenchGraphOptions {
   std::vector<std::string> models = {"mpm", "mpm:fast", "mpm:coarse", "models/hgn.safetensors"};
   std::vector<int64_t> particles = {3600};
   std::string recipe = "scenes/recipes/hgn.json";
-  int64_t frames = 30, settle = 150, batch = 0;
+  int64_t frames = 30, settle = 150;
+  std::vector<int64_t> batch = {};  ///< scenes at once
   bool libtorch = false;
 };
 

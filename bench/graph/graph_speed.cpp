@@ -7,6 +7,7 @@
 
 #include "bench/one_kind_recipe.h"
 #include "core/system/error.h"
+#include "core/system/stopwatch.h"
 #include "experiments/models/memory_meter.h"
 #include "experiments/process/process.h"
 #include "io/scene/scene_reader.h"
@@ -49,6 +50,48 @@ compare::RunCost batch_cost(const Scene& scene, const BenchGraphOptions& options
           .device_bytes = memory.taken() / n};
 }
 
+/// Of one of `count` scenes that a network predicts at once, each sampled by a seed of its own; nothing where they do
+/// not run together. `output` is what starts and results take beside the frames.
+compare::RunCost many_cost(const graph::LearnedSimulator& network, const Scene& scene,
+                           const graph::Environment& environment, const BenchGraphOptions& options, int64_t count) {
+  const int history = static_cast<int>(network.config().history) + 1;
+  const auto run = [&](const std::vector<graph::LearnedSimulator::SceneRollout>& scenes) {
+    return network.rollout_many(scenes, [](const graph::LearnedSimulator::SceneResult&) {},
+                                {.progress = [](int64_t) { stop_if_interrupted(); }});
+  };
+  std::vector<StartState> starts;
+  std::vector<std::vector<std::vector<Vec3f>>> past;
+  for (int64_t i = 0; i < count; ++i) {
+    starts.push_back(start_of(scene, mpm::sampling_seed(options.common.seed, mpm::Split::test, i, 0)));
+    past.push_back(past_of(starts.back(), scene, history));
+  }
+  std::vector<graph::LearnedSimulator::SceneRollout> scenes;
+  scenes.reserve(starts.size());
+  for (std::size_t i = 0; i < starts.size(); ++i) {
+    graph::LearnedSimulator::RolloutOptions one;
+    one.frames = network.config().bundle;
+    one.material = starts[i].material;
+    one.device = Device::cuda;
+    scenes.push_back({std::to_string(i), &scene, &environment, &starts[i].particle_type, &past[i], one});
+  }
+  if (run({scenes[0], scenes[1]}).frames == 0) return {};
+  for (auto& one : scenes) one.options.frames = options.frames;
+  DeviceMemoryMeter memory(Device::cuda);
+  std::vector<double> frame, output;
+  constexpr int warm_up = 1, runs = 5;
+  for (int k = 0; k < warm_up + runs; ++k) {
+    const Stopwatch watch;
+    const auto cost = run(scenes);
+    const auto frames = static_cast<double>(cost.frames);
+    if (k < warm_up) continue;
+    frame.push_back(cost.seconds / frames);
+    output.push_back((watch.seconds() - cost.seconds) / frames);
+  }
+  memory.look();
+  return {
+      .frame = median(frame), .output = median(output), .device_bytes = memory.taken() / static_cast<double>(count)};
+}
+
 /// A scene of the recipe's density: floor, groups and obstacles grow with the particles.
 Scene scene_of_size(const SceneRecipe& recipe, int64_t particles, uint64_t seed) {
   SceneRecipe larger = recipe;
@@ -76,7 +119,7 @@ std::vector<std::vector<Vec3f>> middle_history(const Trajectory& run, const Scen
 
 GraphBench::GraphBench(const BenchGraphOptions& options, Device device) : options_(options), device_(device) {
   for (const std::string& word : options.models) {
-    choices_.push_back(parse_model(word));
+    choices_.push_back(parse_model(word, choices_));
     if (choices_.back().parts != NetworkParts::all)
       throw ConfigError("--models: '" + word + "' is a part of a network (allowed: " + mpm::variant_words() +
                         ", weights of graph networks). Use `graupel compare`");
@@ -84,7 +127,7 @@ GraphBench::GraphBench(const BenchGraphOptions& options, Device device) : option
       throw ConfigError("--models: '" + word + "' is a reduced-order model, which runs its own scene alone " +
                         "(allowed: " + mpm::variant_words() + ", weights of graph networks). Use `graupel bench rom`");
     networks_.push_back(choices_.back().kind == ModelKind::network
-                            ? std::make_shared<const graph::LearnedSimulator>(choices_.back().weights)
+                            ? std::make_shared<const graph::LearnedSimulator>(choices_.back().contents)
                             : nullptr);
     if (networks_.back()) networks_.back()->check_runs_on(device);
   }
@@ -111,7 +154,8 @@ std::vector<GraphBenchRow> GraphBench::measure_state(const Scene& scene, const s
   for (std::size_t m = 0; m < choices_.size(); ++m) {
     GraphBenchRow row = {state, choices_[m].name, start.position.size()};
     if (networks_[m]) {
-      measure_network(*networks_[m], scene, environment, start, std::move(row), rows);
+      measure_network(*networks_[m], scene, environment, start, row, rows);
+      if (device_ == Device::cuda) measure_many(*networks_[m], scene, environment, std::move(row), rows);
       continue;
     }
     row.cost = run_mpm(scene, {.variant = choices_[m].variant,
@@ -121,10 +165,12 @@ std::vector<GraphBenchRow> GraphBench::measure_state(const Scene& scene, const s
                                .label = row.label()})
                    .cost;
     rows.push_back(row);
-    if (options_.batch < 2 || choices_[m].variant.step == mpm::StepRule::largest_stable) continue;
-    row.scenes = options_.batch;
-    row.cost = batch_cost(mpm::variant_scene(scene, choices_[m].variant), options_, device_, row.scenes);
-    rows.push_back(std::move(row));
+    if (choices_[m].variant.step == mpm::StepRule::largest_stable) continue;
+    for (const int64_t count : options_.batch) {
+      row.scenes = count;
+      row.cost = batch_cost(mpm::variant_scene(scene, choices_[m].variant), options_, device_, count);
+      rows.push_back(row);
+    }
   }
   return rows;
 }
@@ -151,6 +197,16 @@ void GraphBench::measure_network(const graph::LearnedSimulator& network, const S
     there.libtorch = time;
     there.over_engine = seconds / row.cost.frame;
     rows.push_back(std::move(there));
+  }
+}
+
+void GraphBench::measure_many(const graph::LearnedSimulator& network, const Scene& scene,
+                              const graph::Environment& environment, GraphBenchRow row,
+                              std::vector<GraphBenchRow>& rows) const {
+  for (const int64_t count : options_.batch) {
+    row.scenes = count;
+    row.cost = many_cost(network, scene, environment, options_, count);
+    if (row.cost.frame > 0) rows.push_back(row);
   }
 }
 

@@ -46,6 +46,9 @@ class GraphBench {
   void measure_network(const graph::LearnedSimulator& network, const Scene& scene,
                        const graph::Environment& environment, const StartState& start, GraphBenchRow row,
                        std::vector<GraphBenchRow>& rows) const;
+  /// Appends its rows with --batch.
+  void measure_many(const graph::LearnedSimulator& network, const Scene& scene, const graph::Environment& environment,
+                    GraphBenchRow row, std::vector<GraphBenchRow>& rows) const;
 
   const BenchGraphOptions& options_;
   Device device_;

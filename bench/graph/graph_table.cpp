@@ -94,13 +94,13 @@ Json json_of(const GraphBenchRow& row, double mpm) {
     json["bundle"] = c.bundle;
     json["flop"] = row.flop;
     json["gflop_per_second"] = 1e-9 * row.flop_per_second();
-  } else {
+  } else if (c.substeps > 0) {
     json["substeps_per_frame"] = c.substeps;
     json["search"] = c.search;
   }
   if (c.device_bytes > 0) json["device_bytes"] = c.device_bytes;
+  if (c.output > 0 || row.scenes == 1) json["output"] = c.output;
   if (row.scenes > 1) return json;
-  json["output"] = c.output;
   json["peak_bytes"] = c.peak_bytes;
   return json;
 }

@@ -1,10 +1,14 @@
 // Launches and copies that take their place in a stream of a GPU.
 #pragma once
 
+#include <algorithm>
 #include <vector>
 
 #include "core/parallel/buffer.h"
 #include "core/parallel/parallel_for.h"
+#ifdef __CUDACC__
+#include "core/parallel/launch_items.cuh"
+#endif
 
 namespace graupel {
 
@@ -22,6 +26,32 @@ void parallel_for_in(void* stream, Device device, int64_t n, const Body& body, G
 #endif
   static_cast<void>(stream);
   parallel_for(device, n, body, grain);
+}
+
+/// body(i) for i in [0, n).
+template <typename Body>
+struct Loop {
+  int64_t n;
+  Body body;
+};
+
+/// parallel_for_in for each of some independent loops; on a GPU many of them in one launch.
+template <typename Body>
+void parallel_loops_in(void* stream, Device device, const std::vector<Loop<Body>>& loops, Grain grain = {}) {
+#ifdef __CUDACC__
+  if (device == Device::cuda && loops.size() > 1) {
+    constexpr int threads = 128;
+    int64_t most = 0;
+    for (const Loop<Body>& loop : loops) most = std::max(most, loop.n);
+    if (most == 0) return;
+    const auto blocks = static_cast<unsigned>((most + threads - 1) / threads);
+    launch_items(loops, [&](const auto& items, unsigned count) {
+      loops_kernel<<<dim3(blocks, count), threads, 0, static_cast<cudaStream_t>(stream)>>>(items);
+    });
+    return;
+  }
+#endif
+  for (const Loop<Body>& loop : loops) parallel_for_in(stream, device, loop.n, loop.body, grain);
 }
 
 /// Copies a small array in a stream's order; the source may go at once.

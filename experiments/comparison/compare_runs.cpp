@@ -43,11 +43,12 @@ std::vector<ModelChoice> parse_models(const std::vector<std::string>& words) {
                           "' needs the settings of a network: cell size and frames at once. Name one in "
                           "--models, or write WEIGHTS:corrections-only");
       model.weights = first->weights;
+      model.contents = first->contents;
     }
   };
   for (const std::string& word : words) {
     if (!seen.insert(word).second) throw ConfigError("model '" + word + "' is named twice in --models. Name it once");
-    models.push_back(parse_model(word));
+    models.push_back(parse_model(word, models));
     models.back().label = compare::short_name(word, words);
   }
   give_settings();
@@ -61,12 +62,12 @@ std::vector<ComparedModel> load_models(const std::vector<ModelChoice>& choices, 
     for (const ComparedModel& other : models)
       if (other.choice.weights == choice.weights) model.network = other.network;
     if (choice.kind == ModelKind::network && !model.network) {
-      model.network = std::make_shared<const graph::LearnedSimulator>(choice.weights);
+      model.network = std::make_shared<const graph::LearnedSimulator>(choice.contents);
       model.network->check_runs_on(device);
     }
-    if (choice.kind == ModelKind::reduced) model.reduced = std::make_shared<const LoadedModel>(choice.weights);
+    if (choice.kind == ModelKind::reduced) model.reduced = std::make_shared<const LoadedModel>(*choice.contents);
     if (choice.kind == ModelKind::coarse)
-      model.coarse = std::make_shared<const hybrid::CoarseModel>(read_coarse_model(choice.weights));
+      model.coarse = std::make_shared<const hybrid::CoarseModel>(hybrid::CoarseModel::load(*choice.contents));
     models.push_back(std::move(model));
   }
   return models;
@@ -75,8 +76,7 @@ std::vector<ComparedModel> load_models(const std::vector<ModelChoice>& choices, 
 /// Nothing for MPM and for corrections alone, which no data are behind.
 std::optional<compare::OfflineTime> offline_time_of(const ComparedModel& model) {
   if (model.choice.kind == ModelKind::mpm || model.choice.parts == NetworkParts::corrections_alone) return std::nullopt;
-  const std::string& file = model.choice.weights;
-  const nn::OfflineCost cost = nn::offline_cost_of(nn::read_safetensors(file).metadata, file);
+  const nn::OfflineCost cost = nn::offline_cost_of(model.choice.contents->metadata, model.choice.weights);
   compare::OfflineTime time{
       .data = nn::total_seconds(cost.data), .training = nn::total_seconds(cost.training), .devices = {}};
   std::set<std::string> seen;

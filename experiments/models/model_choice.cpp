@@ -5,20 +5,26 @@
 
 #include "core/system/error.h"
 #include "hybrid/coarse_model.h"
-#include "nn/weights.h"
 #include "rom/reduced_model.h"
 
 namespace graupel::experiments {
 
-ModelKind kind_of_weights(const std::string& file) {
-  const nn::Weights weights = nn::read_safetensors(file);
+ModelKind kind_of_weights(const nn::Weights& weights) {
   if (hybrid::is_coarse_model(weights)) return ModelKind::coarse;
   const auto architecture = weights.metadata.find("architecture");
   const bool reduced = architecture != weights.metadata.end() && architecture->second == rom::nsf_architecture;
   return reduced ? ModelKind::reduced : ModelKind::network;
 }
 
-ModelChoice parse_model(const std::string& word) {
+ModelChoice parse_model(const std::string& word, std::span<const ModelChoice> before) {
+  const auto choice_of = [&](const std::string& file, NetworkParts parts) {
+    ModelChoice choice{.name = word, .weights = file, .parts = parts};
+    for (const ModelChoice& other : before)
+      if (other.weights == file) choice.contents = other.contents;
+    if (!choice.contents) choice.contents = std::make_shared<const nn::Weights>(nn::read_safetensors(file));
+    choice.kind = kind_of_weights(*choice.contents);
+    return choice;
+  };
   if (const auto variant = mpm::parse_variant(word)) return {word, ModelKind::mpm, *variant};
   if (word.starts_with("mpm:"))
     throw ConfigError("unknown model '" + word + "' (allowed: " + mpm::variant_words() +
@@ -29,13 +35,14 @@ ModelChoice parse_model(const std::string& word) {
                                       std::pair{":corrections-only", NetworkParts::corrections_alone}}) {
     if (!word.ends_with(suffix)) continue;
     const std::string file = word.substr(0, word.size() - std::strlen(suffix));
-    if (kind_of_weights(file) != ModelKind::network)
+    const ModelChoice choice = choice_of(file, parts);
+    if (choice.kind != ModelKind::network)
       throw ConfigError("'" + word +
                         "' asks for a part of a model that has no corrections (allowed: graph networks). " + "Name '" +
                         file + "' alone");
-    return {.name = word, .kind = ModelKind::network, .weights = file, .parts = parts};
+    return choice;
   }
-  return {.name = word, .kind = kind_of_weights(word), .weights = word};
+  return choice_of(word, NetworkParts::all);
 }
 
 }  // namespace graupel::experiments

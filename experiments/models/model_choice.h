@@ -2,16 +2,18 @@
 // trained constants.
 #pragma once
 
+#include <memory>
+#include <span>
 #include <string>
 
 #include "mpm/scene_variants.h"
+#include "nn/weights.h"
 
 namespace graupel::experiments {
 
 enum class ModelKind { mpm, network, reduced, coarse };  ///< coarse: MPM on a coarse grid with trained constants
 
-/// Of a weights file. Throws InputError where it cannot be read.
-ModelKind kind_of_weights(const std::string& file);
+ModelKind kind_of_weights(const nn::Weights& weights);
 
 /// A network with the laws that its rollouts are held to, or one of the two alone.
 enum class NetworkParts { all, network_alone, corrections_alone };
@@ -24,10 +26,11 @@ struct ModelChoice {
   std::string label = "";    ///< short, and unlike those of the other models
   std::string weights = "";  ///< file; empty for MPM, and for corrections-only until it has a network's settings
   NetworkParts parts = NetworkParts::all;
+  std::shared_ptr<const nn::Weights> contents = nullptr;  ///< of the file
 };
 /// "mpm", "mpm:...", a weights file, "WEIGHTS:no-corrections", "WEIGHTS:corrections-only", or "corrections-only".
 /// Throws ConfigError for an unknown "mpm:..." word and for parts of a model without them, InputError for a weights
-/// file that cannot be read.
-ModelChoice parse_model(const std::string& word);
+/// file that cannot be read. Files of the entries `before` are not read again.
+ModelChoice parse_model(const std::string& word, std::span<const ModelChoice> before = {});
 
 }  // namespace graupel::experiments

@@ -64,8 +64,9 @@ double foreign_share(const LoadedModel& loaded, const Scene& scene, const mpm::S
 
 }  // namespace
 
-LoadedModel::LoadedModel(const std::string& path)
-    : file(path), model(rom::ReducedModel::load(nn::read_safetensors(path))) {
+LoadedModel::LoadedModel(const std::string& path) : LoadedModel(nn::read_safetensors(path)) {}
+
+LoadedModel::LoadedModel(const nn::Weights& weights) : file(weights.file), model(rom::ReducedModel::load(weights)) {
   // As the scene reader writes it, with every default of this version.
   model.scene_json = io::scene_to_json(io::parse_stored_scene(model.scene_json, file, file));
 }

@@ -16,6 +16,7 @@ namespace graupel::experiments {
 /// A weights file, read once.
 struct LoadedModel {
   explicit LoadedModel(const std::string& file);
+  explicit LoadedModel(const nn::Weights& weights);
   std::string file;
   rom::ReducedModel model;
 };

@@ -21,6 +21,11 @@ void check_flags(const RolloutOptions& options) {
                       "' (a trajectory's particles are given; --seed samples a scene's). Leave it out");
   if (!is_trajectory(options.input) && options.trajectory > 0)
     throw ConfigError("--trajectory needs a data set (.h5) as input, not '" + options.input + "'. Leave it out");
+  if (options.all && !is_trajectory(options.input))
+    throw ConfigError("--all needs a data set (.h5) as input, not '" + options.input + "'. Leave it out");
+  if (options.all && options.trajectory > 0)
+    throw ConfigError("--all and --trajectory do not go together (--trajectory " + std::to_string(options.trajectory) +
+                      " is one of them). Leave one out");
   check_output_file(options.output);
 }
 
@@ -41,6 +46,9 @@ void check_flags_of_network(const RolloutOptions& options) {
 }
 
 void check_flags_of_reduced_model(const RolloutOptions& options) {
+  if (options.all)
+    throw ConfigError("--all is of graph networks; '" + options.weights +
+                      "' is a reduced-order model, which runs one scene. Leave it out");
   if (options.start != "scene")
     throw ConfigError(fmt::format(
         "--start {} is of graph networks; '{}' is a reduced-order model, which starts with its scene (allowed: scene). "
@@ -59,6 +67,7 @@ void check_flags_of_reduced_model(const RolloutOptions& options) {
 
 void check_flags_of_coarse_model(const RolloutOptions& options) {
   const char* flag = options.start != "scene" ? "--start"
+                     : options.all            ? "--all"
                      : options.no_project     ? "--no-project"
                      : options.no_free_flight ? "--no-free-flight"
                      : options.density_limit  ? "--density-limit"
@@ -73,7 +82,7 @@ void check_flags_of_coarse_model(const RolloutOptions& options) {
 
 void rollout(RolloutOptions& options) {
   check_flags(options);
-  const ModelKind kind = kind_of_weights(options.weights);
+  const ModelKind kind = kind_of_weights(nn::read_safetensors(options.weights));
   // Learned simulators take the GPU where it is asked for.
   const Device device = options.common.device == "auto" ? Device::cpu : parse_device(options.common.device);
   options.common.apply();

@@ -16,6 +16,7 @@ struct RolloutOptions {
   std::string weights, input, output = "rollout.h5", start = "scene";
   std::vector<std::string> set;
   int64_t frames = -1, trajectory = 0;  ///< frames -1: the scene's
+  bool all = false;                     ///< of networks: all trajectories of a data set
   bool no_project = false;
   bool no_free_flight = false;          ///< of networks
   std::optional<double> density_limit;  ///< of networks

@@ -137,8 +137,10 @@ struct Spread {
   const Vec3f* position;
   uint64_t unit;  ///< mass of a particle
   uint32_t *mass, *words;
-  bool alone;  ///< one thread spreads all
+  bool alone;           ///< one thread spreads all
+  const int32_t* skip;  ///< where it is not 0 nothing is done; null: none
   GRAUPEL_HD void operator()(int64_t p) const {
+    if (skip != nullptr && *skip != 0) return;
     Vec3i cell;
     Vec3d at;
     if (!cells.locate(position[p], cell, at)) return;
@@ -258,7 +260,9 @@ struct MoveParticle {
   const OpenFractions* open_fractions;
   const float* pressure;
   Vec3f* position;
+  const int32_t* skip;  ///< as Spread has it
   GRAUPEL_HD void operator()(int64_t p) const {
+    if (skip != nullptr && *skip != 0) return;
     Vec3i cell;
     Vec3d at;
     if (!cells.locate(position[p], cell, at)) return;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <tuple>
 
 #include "core/parallel/memory.h"
 #include "core/parallel/parallel_for_in.h"
@@ -58,6 +59,8 @@ class DensityProjection::Lattice {
     synchronize(device_);
   }
 
+  void skip_where(const int32_t* flag) { skip_ = flag; }
+
   void spread(const Vec3f* position, int64_t n, void* stream) {
     parallel_for_in(stream, device_, n, spreading(position, n),
                     Grain{.items = is_alone(n) ? few_particles : Grain().items});
@@ -72,13 +75,19 @@ class DensityProjection::Lattice {
     if (next != nullptr) next->spread(position, n, stream);
   }
 
+  bool solves_at_once() const {
+    return device_ == Device::cuda &&
+           solves_density_at_once(static_cast<int64_t>(cell_.size()), static_cast<int64_t>(words_.size()));
+  }
+  DensitySystem system() {
+    return {cells_,        sweeps,           relaxation,       open_fractions_.data(),
+            words_.data(), mass_.data(),     rank_.data(),     static_cast<int64_t>(cell_.size()),
+            cell_.data(),  equation_.data(), pressure_.data(), skip_};
+  }
   /// False where nothing will move.
   bool solve(void* stream) {
-    const auto capacity = static_cast<int64_t>(cell_.size());
-    if (device_ == Device::cuda && solves_density_at_once(capacity, static_cast<int64_t>(words_.size()))) {
-      solve_density({cells_, sweeps, relaxation, open_fractions_.data(), words_.data(), mass_.data(), rank_.data(),
-                     cell_.data(), equation_.data(), pressure_.data()},
-                    capacity, stream);
+    if (solves_at_once()) {
+      solve_density({system()}, stream);
       return true;
     }
     find_cells(stream);
@@ -93,9 +102,11 @@ class DensityProjection::Lattice {
 
   Spread spreading(const Vec3f* position, int64_t n) {
     prepare(n);
-    return {cells_, position, unit_, mass_.data(), words_.data(), is_alone(n)};
+    return {cells_, position, unit_, mass_.data(), words_.data(), is_alone(n), skip_};
   }
-  MoveParticle moving(Vec3f* position) const { return {cells_, open_fractions_.data(), pressure_.data(), position}; }
+  MoveParticle moving(Vec3f* position) const {
+    return {cells_, open_fractions_.data(), pressure_.data(), position, skip_};
+  }
 
  private:
   /// A few particles are spread by one thread sooner than by several with atomic sums.
@@ -142,6 +153,7 @@ class DensityProjection::Lattice {
   Buffer<uint32_t> words_;  ///< cells of both colours that hold matter as bits, zero between calls
   Buffer<int32_t> rank_, cell_;
   Buffer<Equation> equation_;
+  const int32_t* skip_ = nullptr;
 };
 
 DensityProjection::DensityProjection(Device device, const Environment& environment, double largest_density,
@@ -180,15 +192,33 @@ Spread DensityProjection::spreading(const Vec3f* position, int64_t n) {
   return lattices_.front()->spreading(position, n);
 }
 
-void DensityProjection::between(Vec3f* position, int64_t n, void* stream) {
-  for (std::size_t k = 0; k + 1 < lattices_.size(); ++k) {
-    lattices_[k]->solve(stream);
-    lattices_[k]->move(position, n, lattices_[k + 1].get(), stream);
+void DensityProjection::between(const std::vector<Frame>& scenes, void* stream) {
+  constexpr std::size_t count = std::tuple_size_v<decltype(lattices_)>;
+  for (std::size_t k = 0; k < count; ++k) {
+    std::vector<DensitySystem> systems;
+    for (const Frame& scene : scenes) {
+      Lattice& lattice = *scene.density->lattices_[k];
+      if (lattice.solves_at_once())
+        systems.push_back(lattice.system());
+      else
+        lattice.solve(stream);
+    }
+    if (!systems.empty()) solve_density(systems, stream);
+    if (k + 1 == count) break;
+    std::vector<Loop<MoveAndSpread>> moves;
+    moves.reserve(scenes.size());
+    for (const auto& [density, position, n] : scenes)
+      moves.push_back(
+          {n, {density->lattices_[k]->moving(position), density->lattices_[k + 1]->spreading(position, n)}});
+    parallel_loops_in(stream, Device::cuda, moves);
   }
-  lattices_.back()->solve(stream);
 }
 
 MoveParticle DensityProjection::moving(Vec3f* position) { return lattices_.back()->moving(position); }
+
+void DensityProjection::skip_where(const int32_t* flag) {
+  for (const auto& lattice : lattices_) lattice->skip_where(flag);
+}
 
 void DensityProjection::restart() {
   for (const auto& lattice : lattices_) lattice->restart();

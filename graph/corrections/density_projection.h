@@ -45,14 +45,23 @@ class DensityProjection {
   /// allocates nothing.
   void apply(Vec3f* position, int64_t n, void* stream = nullptr);
 
-  /// apply() in parts, for callers that join its first and last step with their own: spreading() for all particles,
-  /// between(), moving() for all.
+  /// apply() of several scenes on a GPU in parts, for callers that join its first and last step with their own:
+  /// spreading() for all particles, between(), moving() for all.
+  struct Frame {
+    DensityProjection* density;
+    Vec3f* position;
+    int64_t n;
+  };
   density::Spread spreading(const Vec3f* position, int64_t n);
-  void between(Vec3f* position, int64_t n, void* stream = nullptr);
+  static void between(const std::vector<Frame>& scenes, void* stream);
   density::MoveParticle moving(Vec3f* position);
 
   /// Obstacles are now where `environment` has them. In the default stream.
   void place(const Environment& environment);
+
+  /// What is launched from now on does nothing, and keeps the last frame's pressure, where `flag`, in the device's
+  /// memory, is not 0. A GPU that solves in several launches (density_solver.h) drops the pressure instead.
+  void skip_where(const int32_t* flag);
 
   /// Forgets the last frame's pressure, as before another rollout.
   void restart();

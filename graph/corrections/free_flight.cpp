@@ -234,7 +234,7 @@ void FreeFlight::find_groups(const Vec3f* before, const Vec3f* current, void* st
   Groups& groups = impl_->groups;
   groups.before = before;
   groups.current = current;
-  if (impl_->device == Device::cuda) return find_groups_on_gpu(groups, stream);
+  if (impl_->device == Device::cuda) return find_groups_on_gpu({groups}, stream);
   find_groups_on_cpu(groups);
 }
 
@@ -242,8 +242,29 @@ void FreeFlight::correct(const Vec3f* before, const Vec3f* current, Vec3f* next,
   Groups& groups = impl_->groups;
   groups.before = before;
   groups.current = current;
-  if (impl_->device == Device::cuda) return correct_on_gpu(groups, next, stream);
+  if (impl_->device == Device::cuda) return correct_on_gpu({{groups, next}}, stream);
   correct_on_cpu(groups, next);
+}
+
+void FreeFlight::find_groups_of_all(const std::vector<Frame>& scenes, void* stream) {
+  std::vector<Groups> all;
+  all.reserve(scenes.size());
+  for (const Frame& scene : scenes) all.push_back(scene.groups());
+  find_groups_on_gpu(all, stream);
+}
+
+void FreeFlight::correct_all(const std::vector<Frame>& scenes, void* stream) {
+  std::vector<Correction> all;
+  all.reserve(scenes.size());
+  for (const Frame& scene : scenes) all.push_back({scene.groups(), scene.next});
+  correct_on_gpu(all, stream);
+}
+
+const Groups& FreeFlight::Frame::groups() const {
+  Groups& groups = flight->impl_->groups;
+  groups.before = before;
+  groups.current = current;
+  return groups;
 }
 
 std::vector<int32_t> FreeFlight::groups() const {

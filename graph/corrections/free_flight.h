@@ -21,6 +21,10 @@
 
 namespace graupel::graph {
 
+namespace flight {
+struct Groups;
+}
+
 /// Sums are of integers about places of the grid: a particle's result depends neither on the device or the number of
 /// threads nor on the order of the particles.
 class FreeFlight {
@@ -40,6 +44,20 @@ class FreeFlight {
   void find_groups(const Vec3f* before, const Vec3f* current, void* stream = nullptr);
   /// Corrects `next` = 2 current - before + a, of the frame that find_groups() saw, once.
   void correct(const Vec3f* before, const Vec3f* current, Vec3f* next, void* stream = nullptr);
+
+  /// The positions of one of several scenes, in a GPU's memory.
+  struct Frame {
+    FreeFlight* flight;
+    const Vec3f *before, *current;
+    Vec3f* next;  ///< read by correct_all() alone
+
+   private:
+    friend class FreeFlight;
+    const flight::Groups& groups() const;
+  };
+  /// find_groups() and correct() of several scenes on a GPU, in as many launches as one takes or a few times that.
+  static void find_groups_of_all(const std::vector<Frame>& scenes, void* stream);
+  static void correct_all(const std::vector<Frame>& scenes, void* stream);
 
   /// A number of particle i's group where it flies, -1 where it touches something, of the frame that find_groups() saw
   /// [n]. Numbers may be others the next time.

@@ -1,13 +1,21 @@
-// Free flight on a GPU: three launches find the groups of a frame, one or two correct it. The
+// Free flight on a GPU: three launches find the groups of a frame, one or two correct it, of all scenes at once. The
 // numbers are those of the CPU.
 #pragma once
+
+#include <vector>
 
 #include "graph/corrections/free_flight_kernels.h"
 
 namespace graupel::graph::flight {
 
-/// All of `groups` lies in the GPU's memory. `stream`: a cudaStream_t; null: the default one.
-void find_groups_on_gpu(const Groups& groups, void* stream);
-void correct_on_gpu(const Groups& groups, Vec3f* next, void* stream);
+/// A scene's groups and its positions to be corrected.
+struct Correction {
+  Groups groups;
+  Vec3f* next;
+};
+
+/// All of the groups of each scene lies in the GPU's memory. `stream`: a cudaStream_t; null: the default one.
+void find_groups_on_gpu(const std::vector<Groups>& scenes, void* stream);
+void correct_on_gpu(const std::vector<Correction>& scenes, void* stream);
 
 }  // namespace graupel::graph::flight

@@ -3,10 +3,9 @@
 #include <cmath>
 #include <mutex>
 #include <numbers>
-#include <string>
 
 #include "core/parallel/buffer.h"
-#include "core/system/error.h"
+#include "core/scene/materials_by_type.h"
 
 namespace graupel::graph {
 
@@ -42,46 +41,20 @@ MaterialConstants material_constants(const MaterialConfig& material) {
 }
 
 struct MaterialTable::Impl {
-  std::vector<std::string> name;
-  std::vector<int32_t> type;
+  explicit Impl(const Scene& scene) : by_type(scene.materials) {}
+  MaterialsByType by_type;
   std::vector<MaterialConstants> constants;
   std::once_flag uploaded;
   Buffer<MaterialConstants> on_gpu;
 };
 
-MaterialTable::MaterialTable(const Scene& scene) : impl_(std::make_shared<Impl>()) {
-  for (const auto& [name, material] : scene.materials) {
-    impl_->name.push_back(name);
-    impl_->type.push_back(particle_type_of(material.model));
-    impl_->constants.push_back(material_constants(material));
-  }
+MaterialTable::MaterialTable(const Scene& scene) : impl_(std::make_shared<Impl>(scene)) {
+  for (const auto& [name, material] : scene.materials) impl_->constants.push_back(material_constants(material));
 }
 
 std::vector<int32_t> MaterialTable::by_type(const std::vector<int32_t>& particle_type) const {
-  constexpr int32_t unknown = -2;
-  std::vector<int32_t> of_type(64, unknown), material;
-  of_type[obstacle_particle_type] = no_material;
-  material.reserve(particle_type.size());
-  for (const int32_t type : particle_type) {
-    if (type < 0 || static_cast<std::size_t>(type) >= of_type.size())
-      throw InputError("a particle type is not known (" + std::to_string(type) + ", allowed 0 to 63)");
-    int32_t& found = of_type[static_cast<std::size_t>(type)];
-    for (std::size_t m = 0; found == unknown && m < impl_->type.size(); ++m) {
-      if (impl_->type[m] != type) continue;
-      for (std::size_t other = m + 1; other < impl_->type.size(); ++other)
-        if (impl_->type[other] == type)
-          throw ConfigError("materials '" + impl_->name[m] + "' and '" + impl_->name[other] + "' are of one law (" +
-                            particle_type_name(type) +
-                            "), so that the particles' types do not tell which of them a "
-                            "particle is of. Give the particles' materials");
-      found = static_cast<int32_t>(m);
-    }
-    if (found == unknown)
-      throw InputError("the scene has no material of a particle's type (" + particle_type_name(type) +
-                       "). Use particles of the scene");
-    material.push_back(found);
-  }
-  return material;
+  static_assert(MaterialsByType::none == no_material);
+  return impl_->by_type.indices(particle_type, "the start of a rollout");
 }
 
 const MaterialConstants* MaterialTable::constants(Device device) const {

@@ -10,6 +10,7 @@
 #include "core/math/vec.h"
 #include "core/parallel/host_device.h"
 #include "graph/topology/device_lists.h"
+#include "graph/topology/range_search.h"
 
 namespace graupel::graph::grid {
 
@@ -66,16 +67,6 @@ GRAUPEL_HD inline Vec3i corner_of(const Vec3i& base, int corner) {
 }
 
 GRAUPEL_HD inline Vec3i coarser(const Vec3i& cell) { return {cell[0] >> 1, cell[1] >> 1, cell[2] >> 1}; }
-
-/// The one of `count` ranges that holds item i; begin[r] <= i < begin[r + 1].
-GRAUPEL_HD inline int range_of(const int32_t* begin, int count, int64_t i) {
-  int low = 0, high = count;
-  while (high - low > 1) {
-    const int middle = (low + high) / 2;
-    (begin[middle] <= i ? low : high) = middle;
-  }
-  return low;
-}
 
 /// What all launches see. Box l * scenes + s is that of level l of scene s.
 struct GridCells {

@@ -2,17 +2,13 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
-#include <map>
-
+#include "core/scene/materials_by_type.h"
 #include "core/system/error.h"
 #include "mpm/sampling.h"
 
 namespace graupel::mpm {
 
 namespace {
-
-constexpr int32_t no_material = -1;
 
 /// Whether all numbers of a material are those that a material of its model has when nothing is said of them.
 bool is_all_default(const MaterialConfig& material) {
@@ -65,22 +61,9 @@ std::vector<int32_t> sampled_materials(const Scene& scene, const Trajectory& hea
 std::vector<int32_t> particle_materials(const Scene& scene, const Trajectory& header, const std::vector<Vec3f>& start,
                                         const std::string& where) {
   if (header.made_by.starts_with("converted from")) check_told(scene, where);
-  std::map<int32_t, int32_t> of_type = {{obstacle_particle_type, no_material}};
-  int32_t index = 0;
-  bool is_told_by_type = true;
-  for (const auto& [name, material] : scene.materials)
-    is_told_by_type = of_type.emplace(particle_type_of(material.model), index++).second && is_told_by_type;
-  if (!is_told_by_type) return sampled_materials(scene, header, start, where);
-  std::vector<int32_t> materials;
-  materials.reserve(header.particle_type.size());
-  for (const int32_t type : header.particle_type) {
-    const auto found = of_type.find(type);
-    if (found == of_type.end())
-      throw InputError(fmt::format("{} has particles of a type that its scene has no material of ({}). Make it again",
-                                   where, particle_type_name(type)));
-    materials.push_back(found->second);
-  }
-  return materials;
+  const MaterialsByType by_type(scene.materials);
+  if (!by_type.tells_all()) return sampled_materials(scene, header, start, where);
+  return by_type.indices(header.particle_type, where);
 }
 
 }  // namespace graupel::mpm

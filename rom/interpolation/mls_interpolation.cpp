@@ -4,11 +4,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <exception>
 #include <utility>
 
 #include "core/math/random.h"
 #include "core/parallel/parallel_for.h"
+#include "core/parallel/parallel_tasks.h"
 #include "core/system/error.h"
 #include "rom/interpolation/mls_tile.h"
 
@@ -157,24 +157,17 @@ MlsNeighbours::MlsNeighbours(const MlsParticles& particles, const ReferencePoint
   const MlsCellList cells(particles, radius_);
   const int64_t tiles = mpm::padded_to_tile(static_cast<int64_t>(points.position.size())) / tile;
   batches_.resize(static_cast<std::size_t>((tiles + batch_tiles - 1) / batch_tiles));
-  std::vector<std::exception_ptr> failures(batches_.size());
-  const auto search = [&](int64_t b) {
-    try {
-      Batch& batch = batches_[static_cast<std::size_t>(b)];
-      TileSearch one(particles, points, cells, radius_);
-      batch.first = {0};
-      for (int64_t t = b * batch_tiles; t < std::min(tiles, (b + 1) * batch_tiles); ++t) {
-        one.append(t, batch.list);
-        batch.first.push_back(batch.list.size());
-      }
-      batch.list.shrink_to_fit();
-    } catch (...) {
-      failures[static_cast<std::size_t>(b)] = std::current_exception();
+  for_each_pool_task(batches_.size(), [&](std::size_t b) {
+    Batch& batch = batches_[b];
+    TileSearch one(particles, points, cells, radius_);
+    batch.first = {0};
+    const int64_t begin = static_cast<int64_t>(b) * batch_tiles;
+    for (int64_t t = begin; t < std::min(tiles, begin + batch_tiles); ++t) {
+      one.append(t, batch.list);
+      batch.first.push_back(batch.list.size());
     }
-  };
-  parallel_for_cpu(static_cast<int64_t>(batches_.size()), search, Grain{1});
-  for (const std::exception_ptr& failure : failures)
-    if (failure) std::rethrow_exception(failure);
+    batch.list.shrink_to_fit();
+  });
 }
 
 int64_t MlsNeighbours::bytes() const {

@@ -2,6 +2,9 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
 
 #include "core/scene/material_config.h"
 #include "io/trajectory/trajectory_file.h"
@@ -61,6 +64,60 @@ TEST(GraphNetworks, AGnsRollsOutIsInspectedAndCompared) {
               " --frames 4 --density-limit 1.2 --no-floors --threads 1 --json " + folder.file("out.json"));
   ASSERT_EQ(compare.exit_code, 0) << compare.output;
   EXPECT_TRUE(compare.says("gns")) << compare.output;
+}
+
+TEST(GraphNetworks, RollOutAllTrajectoriesOfADataSet) {
+  const Folder folder;
+  const std::string weights = folder.file("gns.safetensors"), data = folder.file("data.h5");
+  nn::write_safetensors(weights, ballistic_gns());
+  std::vector<std::string> parts;
+  for (const char* size : {"0.15", "0.1"}) {
+    const std::string scene =
+        folder.write("scene.json", small_scene("", std::string(R"({"shape": "box", "size": [0.1, 0.1, )") + size +
+                                                       R"(], "position": [0.5, 0.6, 0.5], "material": "water"})"));
+    parts.push_back(folder.file(std::string(size) + ".h5"));
+    ASSERT_EQ(graupel("simulate " + scene + " -o " + parts.back() + " --frames 8 --device cpu").exit_code, 0);
+  }
+  io::merge_trajectories(parts, data);
+
+  const std::string all = "rollout " + weights + " " + data + " --all --start truth:6 -o ";
+  const Outcome outcome = graupel(all + folder.file("all.h5") + " --json " + folder.file("all.json"));
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.output;
+  EXPECT_TRUE(outcome.says("2 trajectories, 6 frames")) << outcome.output;
+  const io::TrajectoryReader reader(folder.file("all.h5"));
+  ASSERT_EQ(reader.count(), 2);
+  std::ifstream file(folder.file("all.json"));
+  const auto rows = nlohmann::json::parse(file)["rows"];
+  ASSERT_EQ(rows.size(), 2u);
+  for (int i = 0; i < 2; ++i) {
+    const std::string one = folder.file("one.h5");
+    ASSERT_EQ(
+        graupel("rollout " + weights + " " + data + " --start truth:6 -o " + one + " --trajectory " + std::to_string(i))
+            .exit_code,
+        0);
+    const Trajectory expected = io::TrajectoryReader(one).read(0), actual = reader.read(i);
+    ASSERT_EQ(actual.frame_count(), 4u);
+    for (std::size_t f = 0; f < 4; ++f) EXPECT_EQ(actual.frames[f].position, expected.frames[f].position);
+    EXPECT_EQ(actual.scene_json, expected.scene_json);
+    EXPECT_EQ(rows[static_cast<std::size_t>(i)]["particles"], expected.particle_count());
+    EXPECT_GT(rows[static_cast<std::size_t>(i)]["position_mse_all"].get<double>(), 0);
+  }
+  EXPECT_FALSE(std::filesystem::exists(folder.file("all.h5.parts")));
+}
+
+TEST(GraphNetworks, RefuseAllWhereThereIsOne) {
+  const Folder folder;
+  const std::string weights = folder.file("gns.safetensors");
+  nn::write_safetensors(weights, ballistic_gns());
+  const auto expect_refused = [&](const std::string& arguments, const std::string& text) {
+    const Outcome refused = graupel("rollout " + arguments + " -o " + folder.file("out.h5"));
+    EXPECT_EQ(refused.exit_code, 2) << refused.output;
+    EXPECT_TRUE(refused.says(text)) << refused.output;
+  };
+  expect_refused(weights + " scenes/shared/water_steps.json --all", "--all needs a data set (.h5)");
+  expect_refused(weights + " data.h5 --all --trajectory 1", "--all and --trajectory do not go together");
+  expect_refused("models/nsf-sand.safetensors data.h5 --all", "--all is of graph networks");
+  expect_refused("models/coarse-mpm.safetensors data.h5 --all", "--all is of graph networks");
 }
 
 TEST(GraphNetworks, RollOutScenesThatChange) {

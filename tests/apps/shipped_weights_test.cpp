@@ -87,7 +87,7 @@ TEST(ShippedWeights, RollOutAsWellAsTheirCardsSay) {
     const Scene scene = io::read_scene(GRAUPEL_SOURCE_DIR "/" + check.at("scene").get<std::string>(),
                                        check.contains("set") ? words(check.at("set")) : std::vector<std::string>());
     using enum experiments::ModelKind;
-    const experiments::ModelKind kind = experiments::kind_of_weights(entry.path());
+    const experiments::ModelKind kind = experiments::kind_of_weights(nn::read_safetensors(entry.path()));
     const double expected = check.at(kind == reduced ? "delta" : "position_mse").get<double>();
     const auto frames = check.value("frames", int64_t{0});
     const double error = kind == reduced  ? reduced_error(entry.path(), scene)

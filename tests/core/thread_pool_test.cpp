@@ -158,13 +158,18 @@ TEST_F(ThreadPool, BusyCoresDoNotStopShortRegions) {
 }
 
 TEST_F(ThreadPool, TasksAreAllRunAndTheFirstErrorIsThrown) {
-  for (const int threads : {1, 4}) {
+  constexpr int pool = 0;  // the threads of parallel_for_cpu
+  for (const int threads : {1, 4, pool}) {
     std::vector<std::atomic<int>> times(50);
     try {
-      for_each_task(times.size(), threads, [&](std::size_t i) {
+      const auto task = [&](std::size_t i) {
         ++times[i];
         if (i == 7 || i == 31) throw std::runtime_error("task " + std::to_string(i));
-      });
+      };
+      if (threads == pool)
+        for_each_pool_task(times.size(), task);
+      else
+        for_each_task(times.size(), threads, task);
       ADD_FAILURE() << threads;
     } catch (const std::runtime_error& error) {
       EXPECT_STREQ(error.what(), "task 7");

@@ -91,7 +91,7 @@ TEST(MaterialConstants, OfTwoJelliesAreToldByTheParticle) {
     environment.materials.by_type({4, 4});
     ADD_FAILURE();
   } catch (const ConfigError& error) {
-    EXPECT_THAT(error.what(), HasSubstr("'hard' and 'soft' are of one law (jelly)"));
+    EXPECT_THAT(error.what(), HasSubstr("materials 'hard' and 'soft' of one law (jelly)"));
   }
   EXPECT_THROW(environment.materials.by_type({5}), InputError);  // no water there
 }

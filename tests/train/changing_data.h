@@ -10,7 +10,7 @@ namespace graupel::train {
 inline const char* moving_box_scene() {
   return R"({
     "name": "box", "domain": {"size": [1, 1, 1], "dx": 0.03125, "wall_cells": 4},
-    "materials": {"w": {"preset": "water"}},
+    "materials": {"s": {"preset": "sand"}, "w": {"preset": "water"}},
     "sources": [{"shape": "box", "size": [0.1, 0.1, 0.1], "position": [0.5, 0.5, 0.5], "material": "w"}],
     "obstacles": [
       {"shape": "sphere", "radius": 0.1, "position": [0.6, 0.3, 0.5], "contact": "stick"},
@@ -37,6 +37,13 @@ inline const char* stream_scene() {
 inline Trajectory moving_box_trajectory(uint64_t seed) {
   Trajectory trajectory = tiny_trajectory(seed, 24, 30);
   trajectory.scene_json = io::scene_to_json(io::parse_scene(moving_box_scene(), "box", "."));
+  return trajectory;
+}
+
+/// A scene at rest, of water alone.
+inline Trajectory resting_trajectory(uint64_t seed) {
+  Trajectory trajectory = tiny_trajectory(seed, 24, 30);
+  trajectory.particle_type.assign(trajectory.particle_type.size(), 5);
   return trajectory;
 }
 
@@ -87,7 +94,7 @@ inline const std::string& changing_data_set() {
       write_trajectories(folder + "/box.h5", {moving_box_trajectory(1), moving_box_trajectory(2)});
       write_trajectories(folder + "/stream.h5", {stream_trajectory(1), stream_trajectory(2)});
       for (const char* name : {"/train.h5", "/valid.h5"})
-        write_trajectories(folder + name, {stream_trajectory(3), moving_box_trajectory(4), tiny_trajectory(5, 24, 30)});
+        write_trajectories(folder + name, {stream_trajectory(3), moving_box_trajectory(4), resting_trajectory(5)});
     }
     ~Data() { remove_path(folder); }
     std::string folder;

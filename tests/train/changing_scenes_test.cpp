@@ -187,7 +187,7 @@ void expect_pushes_to_keep_what_changes(Device device) {
                            target = floats_of(device, before.target, before.particles * 3);
   Buffer<float> still(device, static_cast<std::size_t>(3 * before.particles));
   still.fill_zero();
-  const SampleArrays after = samples.push(still.data(), 1);
+  const SampleArrays after = samples.push(still.data(), {}, 1);
   ASSERT_EQ(after.particles, before.particles);
   const std::vector<float> pushed = floats_of(device, after.features, after.particles * after.feature_width),
                            pushed_target = floats_of(device, after.target, after.particles * 3);

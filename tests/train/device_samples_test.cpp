@@ -149,7 +149,7 @@ void expect_pushed_batches(Device device, int64_t bundle) {
   SampleArrays batch = samples.take();
   Buffer<float> still(device, static_cast<std::size_t>(3 * bundle * batch.particles));
   still.fill_zero();
-  for (const int64_t push : {1, 2}) batch = samples.push(still.data(), push);
+  for (const int64_t push : {1, 2}) batch = samples.push(still.data(), {}, push);
   const std::vector<float> features = floats_of(device, batch.features, batch.particles * batch.feature_width),
                            target = floats_of(device, batch.target, 3 * bundle * batch.particles);
   std::size_t row = 0;

@@ -191,7 +191,7 @@ TEST(KinematicParticles, BatchesOfTheDeviceAreThoseOfTheWorkers) {
 
   const std::vector<float> wild(static_cast<std::size_t>(3 * made.particles), 5.0f);
   std::vector<float> before(made.features, made.features + made.particles * made.feature_width);
-  const SampleArrays pushed = samples.push(wild.data(), 1);
+  const SampleArrays pushed = samples.push(wild.data(), statistics, 1);
   for (int64_t i = 0; i < pushed.particles; ++i) {
     const float* row = pushed.features + i * pushed.feature_width;
     for (int64_t k = 2; k < 3 * config.hgn.history; k += 3) EXPECT_EQ(row[k], 0);

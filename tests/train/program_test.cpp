@@ -112,6 +112,20 @@ TEST_F(Program, TrainsWritesARunFolderAndEvaluates) {
   EXPECT_NE(read_file(folder_ + "/errors.json").find("near_obstacle"), std::string::npos);
 }
 
+TEST_F(Program, LearnsFromATeacherWhenItIsResumedToo) {
+  ASSERT_EQ(run(training("teacher")), 0) << log();
+  const std::string teacher = folder_ + "/teacher/weights.safetensors";
+  auto words = training("student");
+  words.insert(words.end(), {"--teacher", teacher, "--stop-step", "5"});
+  ASSERT_EQ(run(words), 0) << log();
+  ASSERT_EQ(run({"hgn", "--resume", folder_ + "/student", "--device", "cpu", "--threads", "1"}), 0) << log();
+  EXPECT_NE(log().find("learns from '" + teacher), std::string::npos) << log();
+  EXPECT_EQ(run({"hgn", "--resume", folder_ + "/student", "--teacher", teacher}), 2);
+  fs::remove(teacher);
+  EXPECT_EQ(run({"hgn", "--resume", folder_ + "/student", "--device", "cpu"}), 3);
+  EXPECT_NE(log().find("teacher/weights.safetensors"), std::string::npos) << log();
+}
+
 TEST_F(Program, ReducedModelsTellTheirOfflineCost) {
   const std::string data = tiny_sweep("offline_cost_data"), weights = folder_ + "/nsf/weights.safetensors";
   write_file_atomically(data + "/dataset.json", R"({"made_in": [{"device": "a GPU", "seconds": 30}]})");

@@ -19,7 +19,7 @@ namespace graupel::train {
 inline const char* tiny_scene() {
   return R"({
     "name": "bounce", "domain": {"size": [1, 1, 1], "dx": 0.03125, "wall_cells": 4},
-    "materials": {"w": {"preset": "water"}},
+    "materials": {"w": {"preset": "water"}, "s": {"preset": "sand"}},
     "sources": [{"shape": "box", "size": [0.1, 0.1, 0.1], "position": [0.5, 0.5, 0.5], "material": "w"}],
     "obstacles": [{"shape": "sphere", "radius": 0.1, "position": [0.2, 0.3, 0.2], "contact": "separate"}],
     "frames": 40, "frame_time": 0.016666666666666666

@@ -36,7 +36,8 @@ using Json = nlohmann::ordered_json;
 /// The words of the command line.
 struct Arguments {
   Architecture architecture = Architecture::hgn;
-  std::string data, out, config, from, resume, evaluate, split = "test", device = "auto", preset = "recommended", json;
+  std::string data, out, config, from, teacher, resume, evaluate, split = "test", device = "auto",
+                                                                  preset = "recommended", json;
   std::vector<std::string> set;
   int64_t steps = 0, stop_step = 0, stride = 1;
   double minutes = 0, rank_timeout = CommOptions().timeout;
@@ -120,13 +121,14 @@ TrainConfig config_of(const Arguments& arguments) {
 
 bool says_how_to_train(const Arguments& arguments) {
   return !arguments.config.empty() || !arguments.set.empty() || arguments.steps > 0 || !arguments.from.empty() ||
-         arguments.seed_given || arguments.preset_given;
+         !arguments.teacher.empty() || arguments.seed_given || arguments.preset_given;
 }
 
 void prepare_resume(Arguments& arguments, TrainingOptions& options) {
   if (says_how_to_train(arguments))
     throw ConfigError(
-        "a resumed run keeps its settings (--preset, --config, --set, --steps, --from and --seed are for new runs). "
+        "a resumed run keeps its settings (--preset, --config, --set, --steps, --from, --teacher and --seed are for "
+        "new runs). "
         "Leave them out");
   arguments.out =
       arguments.resume == "latest" ? latest_run(arguments.out.empty() ? "runs" : arguments.out) : arguments.resume;
@@ -136,7 +138,9 @@ void prepare_resume(Arguments& arguments, TrainingOptions& options) {
     throw ConfigError(fmt::format(
         "'{}' is a run of another network ({}). Go on with it by graupel train {} --resume {}", arguments.out,
         word_of(options.config.architecture), word_of(options.config.architecture), arguments.out));
-  if (arguments.data.empty()) arguments.data = read_run_facts(arguments.out).data;
+  const RunFacts facts = read_run_facts(arguments.out);
+  if (arguments.data.empty()) arguments.data = facts.data;
+  arguments.teacher = facts.teacher;
 }
 
 /// Cores and GPU of this rank; before anything asks CUDA which GPUs there are.
@@ -161,6 +165,7 @@ void settle_run(Arguments& arguments, TrainingOptions& options) {
   }
   options.data = arguments.data;
   options.run = arguments.out;
+  options.teacher = arguments.teacher;
 }
 
 void share_run(Comm& comm, Arguments& arguments, TrainingOptions& options) {
@@ -168,7 +173,10 @@ void share_run(Comm& comm, Arguments& arguments, TrainingOptions& options) {
   std::exception_ptr refusal;
   try {
     if (comm.leads()) settle_run(arguments, options);
-    run = {{"config", train_config_text(options.config)}, {"data", options.data}, {"run", options.run}};
+    run = {{"config", train_config_text(options.config)},
+           {"data", options.data},
+           {"run", options.run},
+           {"teacher", options.teacher}};
   } catch (const Error& error) {
     refusal = std::current_exception();
     run = {{"refused", error.code()}};
@@ -181,6 +189,7 @@ void share_run(Comm& comm, Arguments& arguments, TrainingOptions& options) {
   options.config = read_train_config(run.at("config"), "the settings of rank 0");
   options.data = run.at("data");
   options.run = run.at("run");
+  options.teacher = run.at("teacher");
 }
 
 int run_training(Arguments& arguments) {
@@ -228,8 +237,8 @@ int run_evaluation(const Arguments& arguments) {
   if (arguments.data.empty()) throw ConfigError("--data is missing. Name the folder of the data set");
   if (says_how_to_train(arguments) || !arguments.resume.empty() || !arguments.out.empty())
     throw ConfigError(
-        "--evaluate trains nothing (--preset, --config, --set, --steps, --from, --seed, --resume and --out are for "
-        "training). Leave them out");
+        "--evaluate trains nothing (--preset, --config, --set, --steps, --from, --teacher, --seed, --resume and --out "
+        "are for training). Leave them out");
   const Device device = device_for_torch(arguments.device);
   configure_torch(num_threads(), /*tf32=*/true);
   const nn::Weights weights = nn::read_safetensors(arguments.evaluate);
@@ -246,7 +255,7 @@ int run_evaluation(const Arguments& arguments) {
   split_options.threads = num_threads();
   split_options.materials = features_of(config).material_constants;
   const DataSplit split(arguments.data + "/" + arguments.split + ".h5", split_options);
-  split.check_fits(config);
+  split.check_fits(config, arguments.evaluate);
   const OneStepErrors errors =
       evaluate_one_step(module, normalization, split, strided_samples(split, arguments.stride),
                         {.which = StateArray::weights, .batch_scenes = 16, .threads = num_threads()});
@@ -281,6 +290,8 @@ void add_options(const Command& verb, Arguments& a) {
       .check(real_number(LowerBound::above_zero));
   verb.option("--stop-step", a.stop_step, "Stop after this step, with a checkpoint").check(whole_number(1));
   verb.option("--from", a.from, "Start from this weights file, with its normalisation, instead of fresh weights");
+  verb.option("--teacher", a.teacher,
+              "Learn from the predictions of this weights file (share: --set teacher_share=0.5)");
   verb.option("--resume", a.resume, "Go on with this run folder, or with the latest one below --out");
   verb.option("--seed", a.seed, "Seed of all random numbers").remember_in(a.seed_given);
   verb.option("--device", a.device, "auto, cpu or cuda").show_default();

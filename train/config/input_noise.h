@@ -132,14 +132,15 @@ GRAUPEL_HD inline Vec3f write_disturbed_sample(const SampleRules& rules, const S
   return write_sample(rules, scene, material, position, next, truth, feature_row, target);
 }
 
-/// A frame of the network's own: from the acceleration that it predicts (normalised, turned) to the history moved on by
-/// one frame, whose true position is `truth`. The network moves on from the true positions where it has left them by
-/// more than `farthest`, and where particles are kinematic.
+/// A frame of the network's own: from the acceleration that it predicts (turned, normalised by `normalization`) to the
+/// history moved on by one frame, whose true position is `truth`. The network moves on from the true positions where it
+/// has left them by more than `farthest`, and where particles are kinematic.
 GRAUPEL_HD inline void move_on(const SampleRules& rules, const SampleScene& scene, const graph::SweptCollision& way,
-                               bool is_kinematic, const float* predicted, const Vec3f& truth, Vec3f* position) {
+                               bool is_kinematic, const graph::Normalization& normalization, const float* predicted,
+                               const Vec3f& truth, Vec3f* position) {
   constexpr float farthest = 0.1f;  // [m]
   const int history = rules.features.history;
-  const Vec3f acceleration = graph::real_acceleration(rules.features.normalization, rules.features.plane, predicted);
+  const Vec3f acceleration = graph::real_acceleration(normalization, rules.features.plane, predicted);
   Vec3f x = position[history] + (position[history] - position[history - 1]) + scene.symmetry.undo(acceleration);
   way.follow(position[history], x);
   if (rules.features.plane) x[2] = truth[2];
@@ -154,11 +155,12 @@ GRAUPEL_HD inline void move_on(const SampleRules& rules, const SampleScene& scen
 /// for what no state tells: most of a velocity's error cannot be seen in it.
 template <typename Truth>
 GRAUPEL_HD inline Vec3f push_forward(const SampleRules& rules, const SampleScene& scene,
-                                     const graph::SweptCollision& way, bool is_kinematic, const float* predicted,
+                                     const graph::SweptCollision& way, bool is_kinematic,
+                                     const graph::Normalization& normalization, const float* predicted,
                                      const Truth& truth, Vec3f* position) {
   const int history = rules.features.history;
   for (int j = 1; j <= rules.bundle; ++j)
-    move_on(rules, scene, way, is_kinematic, predicted + 3 * (j - 1), truth(j - rules.bundle), position);
+    move_on(rules, scene, way, is_kinematic, normalization, predicted + 3 * (j - 1), truth(j - rules.bundle), position);
   const Vec3f x = position[history], current = truth(0);
   const Vec3f velocity = x - position[history - 1], true_velocity = current - truth(-1);
   return x + (truth(1) - current) + (velocity - true_velocity) * (1 - rules.push_velocity_recovery) +

@@ -50,6 +50,7 @@ struct TrainConfig {
   double push_share = 0.5;
   double push_recovery = 0.2;
   double push_velocity_recovery = 0.5;
+  double teacher_share = 1;
   double wave_share = 0;
   double wave_strain = 0.2;
   double wave_rate = 0.03;
@@ -126,6 +127,10 @@ struct TrainConfig {
     visit(
         &C::push_velocity_recovery,
         FieldInfo{"push_velocity_recovery", "", "The same of the true velocity", Range::between(0, 1)}.only_in("hgn"));
+    visit(&C::teacher_share, FieldInfo{"teacher_share", "",
+                                       "Share of the teacher's accelerations in the targets (--teacher), beside those "
+                                       "of the data",
+                                       Range::between(0, 1)});
     visit(&C::wave_share,
           FieldInfo{"wave_share", "", "Share of the samples that waves of density are added to", Range::between(0, 1)});
     visit(&C::wave_strain,

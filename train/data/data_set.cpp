@@ -316,21 +316,21 @@ void DataSplit::check_length(int64_t frames, const std::string& why) const {
                         " for " + why + "). Lower these, or generate longer runs");
 }
 
-void DataSplit::check_fits(const NetworkConfig& network_config) const {
+void DataSplit::check_fits(const NetworkConfig& network_config, const std::string& weights) const {
   const graph::FeatureConfig& config = features_of(network_config);
   const std::string section = word_of(architecture_of(network_config));
   const auto differs = [](double a, double b) { return std::abs(a - b) > 1e-6 * std::abs(b); };
   for (int i = 0; i < count(); ++i) {
     const Scene& scene = trajectory(i).context->scene;
-    const auto refuse = [&](const std::string& what, double data, double network) {
-      throw ConfigError("'" + file_ + "': trajectory " + std::to_string(i) + " has " + what + " " +
-                        std::to_string(data) + ", the network is for " + std::to_string(network) + ". Set " + section +
-                        "." + what + " to that of the data");
+    const auto refuse = [&](const std::string& what, const std::string& data, const std::string& network) {
+      const std::string is_for =
+          data + ", the network " + (weights.empty() ? "" : "'" + weights + "' ") + "is for " + network + ". ";
+      throw ConfigError("'" + file_ + "': trajectory " + std::to_string(i) + " has " + what + " " + is_for +
+                        (weights.empty() ? "Set " + section + "." + what + " to that of the data"
+                                         : "Take data with its " + what + ", or other weights"));
     };
     if (scene.domain.dimensions != config.dimensions)
-      throw ConfigError("'" + file_ + "': trajectory " + std::to_string(i) + " has " +
-                        std::to_string(scene.domain.dimensions) + " dimensions, the network is for " +
-                        std::to_string(config.dimensions) + ". Set " + section + ".dimensions to that of the data");
+      refuse("dimensions", std::to_string(scene.domain.dimensions), std::to_string(config.dimensions));
     const auto* gns = std::get_if<graph::GnsConfig>(&network_config);
     if (scene.domain.is_plane() && gns != nullptr && gns->obstacle_particles && !scene.obstacles.empty())
       throw ConfigError("'" + file_ + "': trajectory " + std::to_string(i) +
@@ -340,8 +340,10 @@ void DataSplit::check_fits(const NetworkConfig& network_config) const {
       throw ConfigError("'" + file_ + "': trajectory " + std::to_string(i) +
                         " has moving obstacles, whose particles networks are not trained on (gns.obstacle_particles "
                         "true, allowed there: false). Set gns.obstacle_particles=false, or leave that run out");
-    if (differs(scene.frame_time, config.frame_time)) refuse("frame_time", scene.frame_time, config.frame_time);
-    if (config.cell_normal && differs(scene.domain.dx, config.dx)) refuse("dx", scene.domain.dx, config.dx);
+    if (differs(scene.frame_time, config.frame_time))
+      refuse("frame_time", std::to_string(scene.frame_time), std::to_string(config.frame_time));
+    if (config.cell_normal && differs(scene.domain.dx, config.dx))
+      refuse("dx", std::to_string(scene.domain.dx), std::to_string(config.dx));
   }
 }
 

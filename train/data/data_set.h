@@ -106,8 +106,9 @@ class DataSplit {
   graph::Normalization statistics(double noise_std, int threads) const;
 
   /// Throws ConfigError when the data were made with another frame time, cell size or number of dimensions than the
-  /// network is for, or with obstacles that it cannot see.
-  void check_fits(const NetworkConfig& config) const;
+  /// network is for, or with obstacles that it cannot see. `weights`: the file whose settings these are, "" for a run's
+  /// own.
+  void check_fits(const NetworkConfig& config, const std::string& weights = "") const;
   /// Throws ConfigError when a trajectory is shorter than `frames`, which training needs for the reason `why`.
   void check_length(int64_t frames, const std::string& why) const;
 

@@ -5,6 +5,7 @@
 #include "core/parallel/cuda_check.h"
 #include "core/parallel/parallel_for_in.h"
 #include "core/system/error.h"
+#include "train/data/teacher_target.h"
 
 namespace graupel::train {
 
@@ -99,6 +100,7 @@ struct PushSample {
   int scenes;
   int64_t particles, push;
   const float* acceleration;
+  graph::Normalization normalization;  ///< of the acceleration
   SampleOutput out;
   GRAUPEL_HD void operator()(int64_t i) const {
     const SceneSample& own = scene_of(sample, scenes, i);
@@ -108,7 +110,7 @@ struct PushSample {
     Vec3f position[graph::most_positions];
     for (int t = 0; t <= rules.features.history; ++t) position[t] = out.history[t * particles + i];
     const TruePositions truth{frames, frames.frame + push * rules.bundle, p};
-    const Vec3f next = push_forward(rules, own.scene, own.way, frames.is_kinematic(p),
+    const Vec3f next = push_forward(rules, own.scene, own.way, frames.is_kinematic(p), normalization,
                                     acceleration + 3 * rules.bundle * i, truth, position);
     for (int t = 0; t <= rules.features.history; ++t) out.history[t * particles + i] = position[t];
     out.current[i] = write_sample(rules, own.scene, frames.material_of(p), position, next, truth,
@@ -123,13 +125,32 @@ struct ResidentTrajectory {
         birth_velocity(device, 0),
         birth_time(device, 0),
         type_row(device, 0),
-        material(device, 0),
-        point(device, 0) {}
+        material(device, 0) {}
   Buffer<Vec3f> position, initial_velocity, birth_velocity;
   Buffer<double> birth_time;
   Buffer<int32_t> type_row, material;
-  Buffer<Vec3f> point;  ///< where obstacle particles are part of the graph
 };
+using ResidentData = std::vector<ResidentTrajectory>;
+
+ResidentData load(const DataSplit& split, Device device) {
+  ResidentData resident;
+  for (int i = 0; i < split.count(); ++i) {
+    const TrajectoryInfo& info = split.trajectory(i);
+    std::vector<Vec3f> all;
+    all.reserve(static_cast<std::size_t>(info.frames) * info.type_row.size());
+    for (const std::vector<Vec3f>& frame : split.positions(i, 0, info.frames))
+      all.insert(all.end(), frame.begin(), frame.end());
+    ResidentTrajectory trajectory(device);
+    trajectory.position.upload(all);
+    trajectory.initial_velocity.upload(info.initial_velocity);
+    trajectory.birth_time.upload(info.schedule.birth_time);
+    trajectory.birth_velocity.upload(info.schedule.birth_velocity);
+    trajectory.type_row.upload(info.type_row);
+    trajectory.material.upload(info.material);
+    resident.push_back(std::move(trajectory));
+  }
+  return resident;
+}
 
 /// What the samples of a batch need beside the trajectories, on the host: where each sample's part begins, and all
 /// parts.
@@ -200,26 +221,20 @@ struct DeviceSamples::Slot {
 
 struct DeviceSamples::Impl {
   Impl(const DataSplit& data, const TrainConfig& train_config, const graph::Normalization& normalization, Device where,
-       BatchShard rank_shard)
-      : split(data),
-        config(train_config),
-        rules(sample_rules(train_config, normalization)),
-        device(where),
-        shard(rank_shard),
-        slots{Slot(where, train_config.network()), Slot(where, train_config.network())} {}
+       BatchShard rank_shard, std::shared_ptr<const ResidentData> loaded);
 
   const DataSplit& split;
   TrainConfig config;
   SampleRules rules;
   Device device;
   BatchShard shard;
-  std::vector<ResidentTrajectory> resident;
+  std::shared_ptr<const ResidentData> resident;
+  std::vector<Buffer<Vec3f>> point;  ///< of each trajectory, where obstacle particles are part of the graph
   std::array<Slot, 2> slots;
   int64_t started = 0, taken = 0;
   void* stream = nullptr;
 
   Slot& slot(int64_t number) { return slots[static_cast<std::size_t>(number % 2)]; }
-  void load();
   SceneSample sample_of(const SampleDraw& draw, int64_t first) const;
   void add_sample(const SampleDraw& draw, int64_t first, HostBatch& batch) const;
   void upload(HostBatch& batch, Slot& slot) const;
@@ -236,29 +251,9 @@ uint64_t DeviceSamples::bytes_for(const DataSplit& split) {
   return bytes;
 }
 
-void DeviceSamples::Impl::load() {
-  for (int i = 0; i < split.count(); ++i) {
-    const TrajectoryInfo& info = split.trajectory(i);
-    std::vector<Vec3f> all;
-    all.reserve(static_cast<std::size_t>(info.frames) * info.type_row.size());
-    for (const std::vector<Vec3f>& frame : split.positions(i, 0, info.frames))
-      all.insert(all.end(), frame.begin(), frame.end());
-    ResidentTrajectory trajectory(device);
-    trajectory.position.upload(all);
-    trajectory.initial_velocity.upload(info.initial_velocity);
-    trajectory.birth_time.upload(info.schedule.birth_time);
-    trajectory.birth_velocity.upload(info.schedule.birth_velocity);
-    trajectory.type_row.upload(info.type_row);
-    trajectory.material.upload(info.material);
-    resident.push_back(std::move(trajectory));
-  }
-  const std::vector<const std::vector<Vec3f>*> points = obstacle_points(split, config.network());
-  for (std::size_t i = 0; i < points.size(); ++i) resident[i].point.upload(*points[i]);
-}
-
 SceneSample DeviceSamples::Impl::sample_of(const SampleDraw& draw, int64_t first) const {
   const TrajectoryInfo& info = split.trajectory(draw.key.trajectory);
-  const ResidentTrajectory& trajectory = resident[static_cast<std::size_t>(draw.key.trajectory)];
+  const ResidentTrajectory& trajectory = (*resident)[static_cast<std::size_t>(draw.key.trajectory)];
   const Scene& scene = info.context->scene;
   const graph::Environment& environment = info.context->environment;
   const auto particles = static_cast<int64_t>(info.type_row.size());
@@ -291,8 +286,13 @@ void DeviceSamples::Impl::add_sample(const SampleDraw& draw, int64_t first, Host
     }
   }
   if (info.context->environment.moves()) batch.append(info.context->environment.pose_at(draw.time, device));
-  const Buffer<Vec3f>& point = resident[static_cast<std::size_t>(draw.key.trajectory)].point;
-  batch.scenes.push_back({draw, sample.frames.rows, point.data(), static_cast<int64_t>(point.size()), {}});
+  SampleGraph::Scene scene{.draw = draw, .particles = sample.frames.rows};
+  if (!point.empty()) {
+    const Buffer<Vec3f>& own = point[static_cast<std::size_t>(draw.key.trajectory)];
+    scene.point = own.data();
+    scene.points = static_cast<int64_t>(own.size());
+  }
+  batch.scenes.push_back(scene);
   batch.samples.push_back(sample);
 }
 
@@ -318,24 +318,41 @@ void DeviceSamples::Impl::upload(HostBatch& batch, Slot& slot) const {
   upload_in(stream, slot.samples, batch.samples);
 }
 
-DeviceSamples::DeviceSamples(const DataSplit& split, const TrainConfig& config,
-                             const graph::Normalization& normalization, Device device, BatchShard shard)
-    : impl_(std::make_unique<Impl>(split, config, normalization, device, shard)) {
+DeviceSamples::Impl::Impl(const DataSplit& data, const TrainConfig& train_config,
+                          const graph::Normalization& normalization, Device where, BatchShard rank_shard,
+                          std::shared_ptr<const ResidentData> loaded)
+    : split(data),
+      config(train_config),
+      rules(sample_rules(train_config, normalization)),
+      device(where),
+      shard(rank_shard),
+      resident(std::move(loaded)),
+      slots{Slot(where, train_config.network()), Slot(where, train_config.network())} {
   GRAUPEL_ASSERT(device == Device::cpu || with_cuda);
   GRAUPEL_ASSERT(config.features().history <= graph::most_history);
   GRAUPEL_ASSERT(!config.features().material_constants || split.has_materials());
-  impl_->load();
+  for (const std::vector<Vec3f>* const points : obstacle_points(split, config.network()))
+    point.emplace_back(device, 0).upload(*points);
 #ifdef __CUDACC__
   if (device == Device::cuda) {
-    cudaStream_t stream = nullptr;
+    cudaStream_t own = nullptr;
     // Beside the default stream, not ordered by it.
-    GRAUPEL_CUDA_CHECK(cudaStreamCreateWithFlags(&stream, cudaStreamNonBlocking));
-    impl_->stream = stream;
-    for (Slot& slot : impl_->slots)
-      GRAUPEL_CUDA_CHECK(cudaEventCreateWithFlags(&slot.released, cudaEventDisableTiming));
+    GRAUPEL_CUDA_CHECK(cudaStreamCreateWithFlags(&own, cudaStreamNonBlocking));
+    stream = own;
+    for (Slot& slot : slots) GRAUPEL_CUDA_CHECK(cudaEventCreateWithFlags(&slot.released, cudaEventDisableTiming));
   }
 #endif
 }
+
+DeviceSamples::DeviceSamples(const DataSplit& split, const TrainConfig& config,
+                             const graph::Normalization& normalization, Device device, BatchShard shard)
+    : impl_(std::make_unique<Impl>(split, config, normalization, device, shard,
+                                   std::make_shared<const ResidentData>(load(split, device)))) {}
+
+DeviceSamples::DeviceSamples(const DeviceSamples& other, const TrainConfig& config,
+                             const graph::Normalization& normalization)
+    : impl_(std::make_unique<Impl>(other.impl_->split, config, normalization, other.impl_->device, other.impl_->shard,
+                                   other.impl_->resident)) {}
 
 DeviceSamples::~DeviceSamples() {
 #ifdef __CUDACC__
@@ -380,16 +397,24 @@ SampleArrays DeviceSamples::take() {
   return arrays_of(impl_->slot(impl_->taken++), impl_->stream);
 }
 
-SampleArrays DeviceSamples::push(const float* acceleration, int64_t push) {
+SampleArrays DeviceSamples::push(const float* acceleration, const graph::Normalization& normalization, int64_t push) {
   Impl& impl = *impl_;
   Slot& slot = impl.slot(impl.taken - 1);
   GRAUPEL_ASSERT(push >= 1 && push <= slot.pushes);
   // In the default stream, where the network works on the batch.
   parallel_for_in(nullptr, impl.device, slot.particles,
                   PushSample{impl.rules, slot.samples.data(), static_cast<int>(slot.samples.size()), slot.particles,
-                             push, acceleration, slot.output()});
+                             push, acceleration, normalization, slot.output()});
   slot.build_graph(impl.rules, nullptr);
   return arrays_of(slot, nullptr);
+}
+
+void DeviceSamples::mix_targets(const float* acceleration, const graph::Normalization& normalization, double share) {
+  Impl& impl = *impl_;
+  Slot& slot = impl.slot(impl.taken - 1);
+  parallel_for_in(nullptr, impl.device, slot.particles * impl.rules.bundle,
+                  TeacherTarget{normalization, impl.rules.features.normalization, static_cast<float>(share),
+                                acceleration, slot.target.data()});
 }
 
 SampleArrays DeviceSamples::arrays_of(const Slot& slot, void* stream) const {

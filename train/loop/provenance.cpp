@@ -22,7 +22,8 @@ std::string resolved_materials(const std::string& scene_json, const std::string&
 
 std::map<std::string, std::string> training_provenance(const TrainingOptions& options, const CheckpointState& state,
                                                        const DataSplit& data,
-                                                       const std::optional<Validation>& validation) {
+                                                       const std::optional<Validation>& validation,
+                                                       const Teacher* teacher) {
   std::map<std::string, std::string> entries;
   entries["training.steps"] = std::to_string(state.step);
   entries["training.scene_samples"] = std::to_string(state.step * options.config.batch_scenes);
@@ -35,6 +36,11 @@ std::map<std::string, std::string> training_provenance(const TrainingOptions& op
   entries["training.ranks"] = std::to_string(options.comm->size());
   entries["training.data"] = std::filesystem::path(options.data).filename();
   entries["training.data_trajectories"] = std::to_string(data.count());
+  if (teacher) {
+    entries["training.teacher"] = std::filesystem::path(teacher->file).filename();
+    entries["training.teacher_hash"] = teacher->hash;
+    entries["training.teacher_share"] = std::to_string(options.config.teacher_share);
+  }
   // What a network has not seen it does not know: users must know what that was.
   entries["training.materials"] = resolved_materials(data.scene_json(0), data.file());
   bool tells_constants = true;

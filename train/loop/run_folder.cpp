@@ -54,12 +54,16 @@ void create_run(const std::string& folder, const std::string& config_text, const
   make_folder(checkpoint_folder(folder));
   utsname host{};
   ::uname(&host);
-  const nlohmann::ordered_json environment = {
+  nlohmann::ordered_json environment = {
       {"data", facts.data},       {"device", facts.device},
       {"ranks", facts.ranks},     {"threads", facts.threads},
       {"host", host.nodename},    {"kernel", host.release},
       {"compiler", __VERSION__},  {"torch", facts.torch},
       {"graupel", facts.version}, {"start_cost", nlohmann::ordered_json::parse(nn::offline_cost_json(facts.start))}};
+  if (!facts.teacher.empty()) {
+    environment["teacher"] = facts.teacher;
+    environment["teacher_hash"] = facts.teacher_hash;
+  }
   write_file_atomically(folder + "/run.json", environment.dump(2) + "\n");
   write_file_atomically(folder + "/command.txt", command_line + "\n");
   write_file_atomically(folder + "/config.json", config_text);
@@ -82,6 +86,8 @@ RunFacts read_run_facts(const std::string& folder) {
   facts.version = json.value("graupel", "");
   facts.threads = json.value("threads", 0);
   facts.ranks = json.value("ranks", 1);
+  facts.teacher = json.value("teacher", "");
+  facts.teacher_hash = json.value("teacher_hash", "");
   const auto start = json.find("start_cost");
   facts.start = start == json.end() ? nn::unknown_offline_cost()
                                     : nn::parse_offline_cost(start->dump(), "'" + file + "' (start_cost)");

@@ -16,10 +16,12 @@ struct RunFacts {
   std::string data;  ///< folder of the data set, absolute
   std::string device;
   std::string torch;
-  std::string version;         ///< of Graupel
-  int threads = 0;             ///< of each rank
-  int ranks = 1;               ///< processes that the run was started with
-  nn::OfflineCost start = {};  ///< of the weights that it starts from; none for a run from nothing
+  std::string version;            ///< of Graupel
+  int threads = 0;                ///< of each rank
+  int ranks = 1;                  ///< processes that the run was started with
+  nn::OfflineCost start = {};     ///< of the weights that it starts from and of its teacher; none without them
+  std::string teacher = {};       ///< weights file, absolute; "": none
+  std::string teacher_hash = {};  ///< file_hash() of it
 };
 
 /// Settings from JSON text (comments allowed) and "key.path=value" overrides. Throws ConfigError.

@@ -1,6 +1,5 @@
 #include "train/loop/training_cost.h"
 
-#include <cstdio>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
@@ -17,13 +16,9 @@ using Json = nlohmann::json;
 std::string name_of_data(const Json& card) {
   Json scenes = card;
   scenes.erase("made_in");
-  const std::string text = scenes.dump();
-  char hash[20];
-  std::snprintf(hash, sizeof(hash), "-%016llx",
-                static_cast<unsigned long long>(fnv1a(fnv_start, text.data(), text.size())));
   const auto recipe = card.find("recipe");
   const std::string name = recipe != card.end() && recipe->is_object() ? recipe->value("name", "") : "";
-  return (name.empty() ? "data" : name) + hash;
+  return (name.empty() ? "data" : name) + "-" + fnv1a_digits(scenes.dump());
 }
 
 }  // namespace

@@ -8,18 +8,16 @@
 #include <memory>
 
 #include "core/parallel/hardware.h"
-#include "core/parallel/memory.h"
 #include "core/system/error.h"
 #include "graph/features/normalization.h"
-#include "train/data/device_samples.h"
 #include "train/data/sampling.h"
 #include "train/loop/checkpoint.h"
 #include "train/loop/metrics_log.h"
 #include "train/loop/provenance.h"
 #include "train/loop/run_folder.h"
 #include "train/loop/training_cost.h"
+#include "train/loop/training_steps.h"
 #include "train/networks/initial_weights.h"
-#include "train/parallel/worker_threads.h"
 
 namespace graupel::train {
 
@@ -30,9 +28,8 @@ using Clock = std::chrono::steady_clock;
 
 double seconds_since(Clock::time_point start) { return std::chrono::duration<double>(Clock::now() - start).count(); }
 
-/// Batches are prepared on most threads where a GPU computes, on half of them where the CPU does.
-int worker_count(const TrainingOptions& options) {
-  return std::max(1, options.device == Device::cuda ? options.threads - 2 : options.threads / 2);
+nn::OfflineCost cost_of(const std::string& file) {
+  return nn::offline_cost_of(nn::read_safetensors(file).metadata, file);
 }
 
 /// Steps between two agreements of several ranks on whether to stop; on a GPU each waits until the GPU is done.
@@ -61,18 +58,16 @@ class TrainingRun {
   void say(const std::string& text) const {
     if (options_.message && comm_.leads()) options_.message(text);
   }
+  void check_same_teacher() const;
   void begin_run();
   std::unique_ptr<DataSplit> open(const std::string& name) const;
   void prepare_normalization();
   void start_from_weights();
   nn::OfflineCost cost_of_start() const;
   void restore();
-  void prepare_samples();
-  /// Trains from batches made on the device, or by worker threads.
-  StopReason train_on_device();
-  StopReason train_with_workers();
+  std::unique_ptr<TrainingSteps> make_steps();
+  StopReason train(TrainingSteps& steps);
   StepSettings step_settings() const;
-  BatchShard shard() const { return {comm_.rank(), comm_.size()}; }
   /// What follows a step; whether and why to stop.
   std::optional<StopReason> after_step();
   void report();
@@ -89,11 +84,11 @@ class TrainingRun {
   const TrainingOptions& options_;
   const TrainConfig& config_;
   Comm& comm_;
+  std::unique_ptr<Teacher> teacher_;          ///< may be null
   std::unique_ptr<DataSplit> train_, valid_;  ///< valid_ may be null
   graph::Normalization normalization_;
   NetworkModule module_;
-  std::unique_ptr<DeviceSamples> samples_;  ///< null where worker threads make the batches
-  CheckpointState state_;                   ///< `seconds` is that of the run's earlier parts
+  CheckpointState state_;  ///< `seconds` is that of the run's earlier parts
   int64_t saved_step_ = -1;
   std::optional<Validation> validation_;
   std::optional<MetricsLog> metrics_;  ///< of rank 0
@@ -104,6 +99,7 @@ TrainingRun::TrainingRun(const TrainingOptions& options)
     : options_(options),
       config_(options.config),
       comm_(*options.comm),
+      teacher_(read_teacher(options.teacher, config_, options.device)),
       module_(config_.network(), options.device, config_.seed,
               config_.mixed_precision ? NumberType::mixed : NumberType::f32, config_.checkpoint_layers) {
   if (comm_.size() > config_.batch_scenes)
@@ -121,6 +117,14 @@ TrainingRun::TrainingRun(const TrainingOptions& options)
   module_.share_state(comm_);
 }
 
+void TrainingRun::check_same_teacher() const {
+  const RunFacts facts = read_run_facts(options_.run);
+  if (facts.teacher_hash == (teacher_ ? teacher_->hash : "")) return;
+  const auto named = [](const std::string& file) { return file.empty() ? "none" : "'" + file + "'"; };
+  throw ConfigError("'" + options_.run + "' began with another teacher (" + named(facts.teacher) + ", here " +
+                    named(options_.teacher) + ", or its bytes have changed). Resume it with the same file");
+}
+
 /// What rank 0 does alone: the run folder, the normalisation, the checkpoint to go on from.
 void TrainingRun::begin_run() {
   if (fs::exists(options_.data + "/valid.h5"))
@@ -128,13 +132,18 @@ void TrainingRun::begin_run() {
   else
     say("'" + options_.data + "' has no valid.h5: training without validation");
   if (!options_.resume)
-    create_run(options_.run, config_,
-               {fs::absolute(options_.data).lexically_normal(), name_of(options_.device), torch_version(),
-                options_.version, options_.threads, comm_.size(), cost_of_start()},
-               options_.command_line);
+    create_run(
+        options_.run, config_,
+        {fs::absolute(options_.data).lexically_normal(), name_of(options_.device), torch_version(), options_.version,
+         options_.threads, comm_.size(), cost_of_start(),
+         teacher_ ? fs::absolute(teacher_->file).lexically_normal().string() : "", teacher_ ? teacher_->hash : ""},
+        options_.command_line);
+  else
+    check_same_teacher();
   state_.config_hash = config_hash(config_);
   if (options_.resume && config_hash(read_run_config(options_.run)) == state_.config_hash)
     state_.config_hash = run_config_hash(options_.run);
+  if (teacher_) say("learns from '" + teacher_->file + "'");
   prepare_normalization();
   if (options_.resume) restore();
   metrics_.emplace(options_.run, metric_columns(), state_.step);
@@ -145,7 +154,8 @@ std::unique_ptr<DataSplit> TrainingRun::open(const std::string& name) const {
   split.memory_limit = config_.memory_limit * 1e9;
   split.processes = options_.local_ranks;
   split.threads = options_.threads;
-  split.materials = config_.features().material_constants;
+  split.materials =
+      config_.features().material_constants || (teacher_ && teacher_->config.features().material_constants);
   auto last = Clock::now();
   split.progress = [&](const std::string& what, int64_t done, int64_t total) {
     if (done < total && seconds_since(last) < 10) return;
@@ -154,6 +164,7 @@ std::unique_ptr<DataSplit> TrainingRun::open(const std::string& name) const {
   };
   auto opened = std::make_unique<DataSplit>(options_.data + "/" + name, split);
   opened->check_fits(config_.network());
+  if (teacher_) opened->check_fits(teacher_->config.network(), teacher_->file);
   return opened;
 }
 
@@ -177,9 +188,15 @@ void TrainingRun::start_from_weights() {
   say("starts from '" + options_.from + "'");
 }
 
+/// Of the weights that the run starts from, and of the teacher.
 nn::OfflineCost TrainingRun::cost_of_start() const {
-  if (options_.from.empty()) return {};
-  return nn::offline_cost_of(nn::read_safetensors(options_.from).metadata, options_.from);
+  nn::OfflineCost cost;
+  if (!options_.from.empty()) cost = cost_of(options_.from);
+  if (!teacher_ || (!options_.from.empty() && file_hash(options_.from) == teacher_->hash)) return cost;
+  const nn::OfflineCost of_teacher = cost_of(teacher_->file);
+  cost.add_data(of_teacher.data);
+  cost.training.insert(cost.training.end(), of_teacher.training.begin(), of_teacher.training.end());
+  return cost;
 }
 
 void TrainingRun::restore() {
@@ -193,42 +210,15 @@ void TrainingRun::restore() {
       (comm_.alone() ? "" : " on " + std::to_string(comm_.size()) + " ranks"));
 }
 
-void TrainingRun::prepare_samples() {
-  // Workers make batches ahead of the network, which its own frames cannot be.
-  if (options_.device == Device::cpu && (config_.architecture != Architecture::hgn || config_.push_steps == 0)) return;
-  const uint64_t needed = DeviceSamples::bytes_for(*train_), free = available_bytes(options_.device);
-  if (needed > free / 2) {
-    const std::string sizes = "the data set (" + std::to_string(needed >> 20) +
-                              " MiB) is too large for half of the free " + "memory of device '" +
-                              name_of(options_.device) + "' (" + std::to_string(free >> 20) + " MiB)";
-    if (config_.push_steps > 0)
-      throw ConfigError(sizes + ", where push_steps needs it. Set push_steps to 0, or train on fewer scenes");
-    say(sizes + ": batches are made by the CPU, more slowly");
-    return;
-  }
-  samples_ = std::make_unique<DeviceSamples>(*train_, config_, normalization_, options_.device, shard());
+std::unique_ptr<TrainingSteps> TrainingRun::make_steps() {
+  return make_training_steps(
+      {*train_, config_, normalization_, teacher_.get(), module_, comm_, options_.device, options_.threads},
+      state_.step, [this](const std::string& text) { say(text); });
 }
 
-StopReason TrainingRun::train_on_device() {
-  samples_->start(state_.step);
+StopReason TrainingRun::train(TrainingSteps& steps) {
   while (state_.step < config_.steps) {
-    SampleArrays batch = samples_->take();
-    if (state_.step + 1 < config_.steps) samples_->start(state_.step + 1);
-    for (int64_t push = 1; push <= pushes_of(config_, state_.step); ++push)
-      batch = samples_->push(module_.predict(batch), push);
-    module_.train_step(batch, step_settings(), comm_);
-    samples_->release();
-    if (const auto stop = after_step()) return *stop;
-  }
-  return StopReason::finished;
-}
-
-StopReason TrainingRun::train_with_workers() {
-  const int workers = worker_count(options_);
-  OrderedQueue<Batch> batches(workers, state_.step, config_.steps, 2 * workers + 2,
-                              [&](int64_t k) { return training_batch(*train_, config_, normalization_, k, shard()); });
-  while (state_.step < config_.steps) {
-    module_.train_step(batches.next(), step_settings(), comm_);
+    steps.take(step_settings());
     if (const auto stop = after_step()) return *stop;
   }
   return StopReason::finished;
@@ -247,10 +237,10 @@ std::optional<StopReason> TrainingRun::after_step() {
 
 TrainingResult TrainingRun::execute() {
   start_ = last_report_ = Clock::now();
-  prepare_samples();
+  const std::unique_ptr<TrainingSteps> steps = make_steps();
   StopReason reason = StopReason::finished;
   try {
-    reason = samples_ ? train_on_device() : train_with_workers();
+    reason = train(*steps);
   } catch (const CommError&) {
     save_checkpoint();  // the state of the last whole step
     throw;
@@ -377,7 +367,7 @@ std::string TrainingRun::export_weights() const {
   weights.metadata = metadata_of(config_.network());
   CheckpointState state = state_;
   state.seconds = seconds();
-  weights.metadata.merge(training_provenance(options_, state, *train_, validation_));
+  weights.metadata.merge(training_provenance(options_, state, *train_, validation_, teacher_.get()));
   const nn::OfflineCost cost =
       with_training(read_run_facts(options_.run).start, options_.data, state.seconds * comm_.size(),
                     hardware_name(options_.device, options_.threads));

@@ -38,7 +38,9 @@ struct TrainingOptions {
   std::string data;  ///< folder with train.h5 and, for validation, valid.h5
   std::string run;   ///< run folder, see run_folder.h
   TrainConfig config;
-  std::string from;                ///< weights file to start a new run from, with its normalisation; "": fresh weights
+  std::string from;  ///< weights file to start a new run from, with its normalisation; "": fresh weights
+  /// Weights file of a network to learn from (distillation), of a resumed run the same one; "": the data alone.
+  std::string teacher;
   bool resume = false;             ///< go on from the newest sound checkpoint; config must be the run's
   Comm* comm = &single_process();  ///< the run's ranks: each takes its share of every batch, rank 0 alone writes files
   int local_ranks = 1;             ///< those of this machine, which share its memory

@@ -1,5 +1,7 @@
 #include "graph/corrections/density_solver.h"
 
+#include "core/parallel/launch_items.cuh"
+#include "core/system/error.h"
 #include "graph/cuda/corrections/density_list.h"
 #include "graph/cuda/corrections/density_sweeps.h"
 #include "graph/cuda/launch/block_cluster.h"
@@ -141,15 +143,17 @@ class Solver {
   int thread_;
 };
 
-__global__ void __launch_bounds__(block_threads) solve_kernel(DensitySystem system) {
+template <typename Items>
+__global__ void __launch_bounds__(block_threads) solve_kernel(const __grid_constant__ Items items) {
+  const DensitySystem& system = items.own();
   __shared__ Shared shared;
-  Solver(system, shared).run();
+  if (!system.is_skipped()) Solver(system, shared).run();
 }
 
 }  // namespace
 
 static bool suits_a_cluster(int64_t capacity, int64_t words) {
-  static const bool can = can_launch(solve_kernel);
+  static const bool can = can_launch(solve_kernel<LaunchItems<DensitySystem, 1>>);
   return can && capacity <= most_of_cluster && words <= most_words / 4;
 }
 
@@ -157,9 +161,19 @@ bool solves_density_at_once(int64_t capacity, int64_t words) {
   return suits_a_cluster(capacity, words) || words <= most_words;
 }
 
-void solve_density(const DensitySystem& system, int64_t capacity, void* stream) {
-  suits_a_cluster(capacity, 2 * system.cells.words_of_color()) ? launch(solve_kernel, system, stream)
-                                                               : sweep_density(system, capacity, stream);
+void solve_density(const std::vector<DensitySystem>& systems, void* stream) {
+  std::vector<DensitySystem> of_clusters;
+  for (const DensitySystem& system : systems)
+    if (suits_a_cluster(system.capacity, 2 * system.cells.words_of_color()))
+      of_clusters.push_back(system);
+    else
+      sweep_density(system, stream);
+  launch_items(of_clusters, [&](const auto& items, unsigned count) {
+    const auto kernel = solve_kernel<std::decay_t<decltype(items)>>;
+    static const bool can = can_launch(kernel);
+    GRAUPEL_ASSERT(can);
+    launch(kernel, items, stream, count);
+  });
 }
 
 }  // namespace graupel::graph

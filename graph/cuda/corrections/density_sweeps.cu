@@ -51,13 +51,13 @@ class Sweeper {
 
 __global__ void __launch_bounds__(block_threads) sweep_kernel(DensitySystem system) {
   __shared__ Scan::TempStorage scan;
-  Sweeper(system, scan).run();
+  if (!system.is_skipped()) Sweeper(system, scan).run();
 }
 
 }  // namespace
 
-void sweep_density(const DensitySystem& system, int64_t capacity, void* stream) {
-  const int64_t of_color = (capacity + 1) / 2;
+void sweep_density(const DensitySystem& system, void* stream) {
+  const int64_t of_color = (system.capacity + 1) / 2;
   launch_together(sweep_kernel, (of_color + block_threads - 1) / block_threads, block_threads, 0, system, stream);
 }
 

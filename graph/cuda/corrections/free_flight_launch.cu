@@ -1,5 +1,7 @@
 #include "graph/corrections/free_flight_launch.h"
 
+#include <algorithm>
+
 #include "core/parallel/parallel_for_in.h"
 #include "graph/corrections/free_flight_joins.h"
 #include "graph/cuda/launch/block_cluster.h"
@@ -9,7 +11,7 @@ namespace graupel::graph::flight {
 namespace {
 
 constexpr int threads = 128;
-constexpr int64_t most_at_once = 16384;  ///< particles: beyond it two launches are faster
+constexpr int64_t most_at_once = 16384;  ///< particles of one scene: beyond it two launches are faster
 constexpr int join_threads = 4;          ///< threads a particle: few cells have less than four
 constexpr unsigned whole_warp = ~0u;
 /// Groups of a warp that it adds up in registers; particles of one scene lie side by side, so there are seldom more.
@@ -50,7 +52,9 @@ struct Warp {
 };
 
 /// Neighbours first: then most particles' nodes have one root each time.
-__global__ void __launch_bounds__(threads) join_kernel(Groups groups) {
+template <typename Items>
+__global__ void __launch_bounds__(threads) join_kernel(const __grid_constant__ Items items) {
+  const Groups& groups = items.own();
   const Warp warp;
   const int64_t thread = item_of_thread(blockIdx.x), all_threads = int64_t{gridDim.x} * threads;
   for (int time = 0; time < times; ++time) {
@@ -76,7 +80,9 @@ __device__ void clear_at_last(const Groups& groups) {
   if (threadIdx.x == 0) *groups.finished = 0;
 }
 
-__global__ void __launch_bounds__(threads) place_kernel(Groups groups) {
+template <typename Items>
+__global__ void __launch_bounds__(threads) place_kernel(const __grid_constant__ Items items) {
+  const Groups& groups = items.own();
   const int64_t i = item_of_thread(blockIdx.x);
   const int32_t slot = i < groups.n ? place_particle(groups, i) : -1;
   PlaceTerms terms{};
@@ -110,16 +116,15 @@ __device__ void correct_particle(const Groups& groups, int64_t i, Vec3f* next) {
   correct(groups, i, slot, change_of(sums.place, sums_of(sums.push), sums.spans_period != 0), next);
 }
 
-struct Correction {
-  Groups groups;
-  Vec3f* next;
-};
-
-__global__ void __launch_bounds__(threads) push_kernel(Correction c) {
+template <typename Items>
+__global__ void __launch_bounds__(threads) push_kernel(const __grid_constant__ Items items) {
+  const Correction& c = items.own();
   add_push(c.groups, item_of_thread(blockIdx.x), c.next);
 }
 
-__global__ void __launch_bounds__(threads) correct_kernel(Correction c) {
+template <typename Items>
+__global__ void __launch_bounds__(threads) correct_kernel(const __grid_constant__ Items items) {
+  const Correction& c = items.own();
   const int64_t i = item_of_thread(blockIdx.x);
   if (i < c.groups.n) correct_particle(c.groups, i, c.next);
 }
@@ -133,30 +138,42 @@ __global__ void __launch_bounds__(cluster::block_threads) correct_at_once_kernel
   for (int64_t i = first; i < c.groups.n; i += cluster::all_threads) correct_particle(c.groups, i, c.next);
 }
 
-template <typename... Parameters, typename... Arguments>
-void launch(void (*kernel)(Parameters...), int64_t blocks, void* stream, const Arguments&... arguments) {
-  kernel<<<static_cast<unsigned>(blocks), threads, 0, static_cast<cudaStream_t>(stream)>>>(arguments...);
-  GRAUPEL_CUDA_CHECK(cudaGetLastError());
-}
-
-int64_t blocks_of(int64_t n) { return (n + threads - 1) / threads; }
+unsigned blocks_of(int64_t n) { return static_cast<unsigned>((n + threads - 1) / threads); }
 
 }  // namespace
 
-void find_groups_on_gpu(const Groups& groups, void* stream) {
-  if (groups.n == 0) return;
-  parallel_for_in(stream, Device::cuda, groups.n, MarkCells{groups});
-  launch(join_kernel, join_threads * blocks_of(groups.n), stream, groups);
-  launch(place_kernel, blocks_of(groups.n), stream, groups);
+void find_groups_on_gpu(const std::vector<Groups>& scenes, void* stream) {
+  std::vector<Loop<MarkCells>> marks;
+  int64_t most = 0;
+  for (const Groups& groups : scenes) {
+    marks.push_back({groups.n, MarkCells{groups}});
+    most = std::max(most, groups.n);
+  }
+  if (most == 0) return;
+  const auto in = static_cast<cudaStream_t>(stream);
+  parallel_loops_in(stream, Device::cuda, marks);
+  launch_items(scenes, [&](const auto& items, unsigned count) {
+    join_kernel<<<dim3(join_threads * blocks_of(most), count), threads, 0, in>>>(items);
+  });
+  launch_items(scenes, [&](const auto& items, unsigned count) {
+    place_kernel<<<dim3(blocks_of(most), count), threads, 0, in>>>(items);
+  });
 }
 
-void correct_on_gpu(const Groups& groups, Vec3f* next, void* stream) {
-  if (groups.n == 0) return;
-  const Correction correction{groups, next};
+void correct_on_gpu(const std::vector<Correction>& scenes, void* stream) {
+  int64_t most = 0;
+  for (const Correction& scene : scenes) most = std::max(most, scene.groups.n);
+  if (most == 0) return;
+  const auto in = static_cast<cudaStream_t>(stream);
   static const bool at_once = cluster::can_launch(correct_at_once_kernel);
-  if (at_once && groups.n <= most_at_once) return cluster::launch(correct_at_once_kernel, correction, stream);
-  launch(push_kernel, blocks_of(groups.n), stream, correction);
-  launch(correct_kernel, blocks_of(groups.n), stream, correction);
+  if (at_once && scenes.size() == 1 && most <= most_at_once)
+    return cluster::launch(correct_at_once_kernel, scenes.front(), stream);
+  launch_items(scenes, [&](const auto& items, unsigned count) {
+    push_kernel<<<dim3(blocks_of(most), count), threads, 0, in>>>(items);
+  });
+  launch_items(scenes, [&](const auto& items, unsigned count) {
+    correct_kernel<<<dim3(blocks_of(most), count), threads, 0, in>>>(items);
+  });
 }
 
 }  // namespace graupel::graph::flight

@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <vector>
 
 #include "core/math/vec.h"
 #include "graph/config/hgn_config.h"
@@ -17,10 +18,11 @@ namespace graupel::graph {
 /// What a frame is predicted from, in the GPU's memory.
 struct GridInputs {
   int64_t particles = 0;
-  const float* features = nullptr;    ///< [particles, input_width - embedding]
-  const int32_t* type_row = nullptr;  ///< [particles]
-  const Vec3f* position = nullptr;    ///< [particles]
-  Vec3d origin = {};                  ///< of the grid [m]
+  std::vector<int64_t> particles_of_scene = {};  ///< of scenes that follow each other; their sum is `particles`
+  const float* features = nullptr;               ///< [particles, input_width - embedding]
+  const int32_t* type_row = nullptr;             ///< [particles]
+  const Vec3f* position = nullptr;               ///< [particles]
+  Vec3d origin = {};                             ///< of the grid [m]
   GridLinks grid = {};
   LevelCapacity capacity;  ///< frames with more cells than that are not predicted
 };

@@ -1,5 +1,7 @@
 #include "graph/cuda/forward/message_network.h"
 
+#include "core/system/error.h"
+
 namespace graupel::graph {
 
 MessageNetwork::MessageNetwork(const HgnConfig& config, const nn::Weights& weights)
@@ -8,6 +10,7 @@ MessageNetwork::MessageNetwork(const HgnConfig& config, const nn::Weights& weigh
 }
 
 void MessageNetwork::prepare(const GridInputs& inputs) {
+  GRAUPEL_ASSERT(inputs.particles_of_scene.size() == 1);
   inputs_ = inputs;
   places_.prepare(inputs.capacity);
   output_.resize_discard(static_cast<std::size_t>(network_.plan().layers.back().outputs * inputs.particles));

@@ -28,12 +28,13 @@ __device__ inline int thread_of(const Group& cluster) {
   return static_cast<int>(cluster.block_rank()) * block_threads + static_cast<int>(threadIdx.x);
 }
 
-inline cudaLaunchConfig_t launch_config(cudaLaunchAttribute& attribute, void* stream) {
+/// Of `clusters` clusters, one a row of blocks.
+inline cudaLaunchConfig_t launch_config(cudaLaunchAttribute& attribute, void* stream, unsigned clusters = 1) {
   attribute.id = cudaLaunchAttributeClusterDimension;
   attribute.val.clusterDim.x = blocks;
   attribute.val.clusterDim.y = attribute.val.clusterDim.z = 1;
   cudaLaunchConfig_t config{};
-  config.gridDim = dim3(blocks);
+  config.gridDim = dim3(blocks, clusters);
   config.blockDim = dim3(block_threads);
   config.stream = static_cast<cudaStream_t>(stream);
   config.attrs = &attribute;
@@ -54,9 +55,9 @@ bool can_launch(Kernel kernel) {
 }
 
 template <typename Kernel, typename Argument>
-void launch(Kernel kernel, const Argument& argument, void* stream) {
+void launch(Kernel kernel, const Argument& argument, void* stream, unsigned clusters = 1) {
   cudaLaunchAttribute attribute{};
-  const cudaLaunchConfig_t config = launch_config(attribute, stream);
+  const cudaLaunchConfig_t config = launch_config(attribute, stream, clusters);
   GRAUPEL_CUDA_CHECK(cudaLaunchKernelEx(&config, kernel, argument));
 }
 

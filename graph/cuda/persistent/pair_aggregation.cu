@@ -92,15 +92,17 @@ __global__ void __launch_bounds__(threads) sum_pairs_kernel(PairAggregation s) {
   __syncthreads();
   const int32_t begin = __ldg(s.begin + first), end = __ldg(s.begin + first + cells);
   const auto part = static_cast<int32_t>(blockIdx.x * half_warps + threadIdx.x / row_lanes);
-  const int32_t from = max(part * pairs_a_part, begin), to = min((part + 1) * pairs_a_part, end);
+  const PairParts::Range pairs = s.parts.pairs_of(part);
+  const int32_t from = max(pairs.begin, begin), to = min(pairs.end, end);
   if (from < to) PartSums(s, shared.table, part).run(from, to);
 }
 
 }  // namespace
 
 void aggregate_pairs(const PairAggregation& sums, int64_t pairs, void* stream) {
-  const int64_t parts = (pairs + pairs_a_part - 1) / pairs_a_part;
-  if (parts == 0) return;
+  if (pairs == 0) return;
+  const int64_t of_further_scenes = sums.parts.pair_begin == nullptr ? 0 : sums.parts.scenes - 1;
+  const int64_t parts = (pairs + pairs_a_part - 1) / pairs_a_part + of_further_scenes;
   sum_pairs_kernel<<<static_cast<unsigned>((parts + half_warps - 1) / half_warps), threads, 0,
                      static_cast<cudaStream_t>(stream)>>>(sums);
   GRAUPEL_CUDA_CHECK(cudaGetLastError());

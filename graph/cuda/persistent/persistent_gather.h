@@ -162,8 +162,8 @@ __device__ inline void sum_parts(float (&sum)[8], const PersistentLayer& n, int6
   constexpr int under_way = 4;
   const int32_t begin = __ldg(n.begin + link_row), end = __ldg(n.begin + link_row + 1);
   if (begin == end) return;
-  const int32_t last = (end - 1) / pairs_a_part;
-  for (int32_t first = begin / pairs_a_part; first <= last; first += under_way) {
+  const int32_t last = n.parts.part_of(end - 1);
+  for (int32_t first = n.parts.part_of(begin); first <= last; first += under_way) {
     Wide part[under_way];
 #pragma unroll
     for (int k = 0; k < under_way; ++k)

@@ -234,8 +234,14 @@ void PersistentHgn::prepare(const GridInputs& inputs) {
   latents_.resize_discard(static_cast<std::size_t>((n + cells) * h));
   projections_.resize_discard(static_cast<std::size_t>((2 * n + 4 * cells) * h));
   output_.resize_discard(static_cast<std::size_t>(config_.output_width() * n));
+  const auto scenes = static_cast<int32_t>(inputs.particles_of_scene.size());
   part_sums_.resize_discard(
-      static_cast<std::size_t>(rows_of_pair_aggregation(inputs.capacity.cells[0], corners * n) * h));
+      static_cast<std::size_t>(rows_of_pair_aggregation(inputs.capacity.cells[0], corners * n, scenes) * h));
+  std::vector<int64_t> pairs_of_scene;
+  for (const int64_t of_scene : inputs.particles_of_scene) pairs_of_scene.push_back(corners * of_scene);
+  part_begins_.upload(begins_of_parts(pairs_of_scene));
+  PairParts parts{};
+  if (scenes > 1) parts = {scenes, part_begins_.data(), part_begins_.data() + scenes + 1};
   done_.resize_discard(plan_.size());
   range_.upload({0, static_cast<int32_t>(n), 0});
 
@@ -290,9 +296,11 @@ void PersistentHgn::prepare(const GridInputs& inputs) {
                              .weight = grid.weight,
                              .source = to_grid,
                              .table = network.table,
-                             .sums = part_sums_.data()};
+                             .sums = part_sums_.data(),
+                             .parts = parts};
         network.rows32 = part_sums_.data();
         network.begin = grid.pair_begin;
+        network.parts = parts;
         break;
       case Gather::links:
         network.source = level[l].projected[level[l].current_buffer][0];

@@ -54,6 +54,7 @@ class PersistentHgn : public GridNetwork {
   Buffer<uint16_t> projections_{Device::cuda, 0};
   PairAggregation pair_aggregation_{};
   Buffer<float> part_sums_{Device::cuda, 0};
+  Buffer<int32_t> part_begins_{Device::cuda, 0};  ///< of PairParts
   /// The weights for a decoder of several frames at once, which has a launch of its own; its W1 as a tile.
   std::optional<DeviceWeights> decoder_;
   Buffer<uint16_t> decoder_tile_{Device::cuda, 0};

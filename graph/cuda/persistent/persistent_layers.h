@@ -12,6 +12,7 @@
 #include <functional>
 #include <vector>
 
+#include "graph/cuda/aggregation/pair_aggregation.h"
 #include "graph/cuda/fused_mlp/row_layers.h"
 
 namespace graupel::graph {
@@ -49,6 +50,7 @@ struct alignas(16) PersistentLayer {
   const float* table;      ///< T, f32
   const float* rows32;     ///< Gather::rows, Gather::features and Gather::pairs
   const int32_t *link, *begin;
+  PairParts parts;  ///< Gather::pairs
   const float* weight;
   float scale;
   int32_t width;

@@ -21,15 +21,21 @@ class FrameModel {
   /// As Network::spacing.
   virtual double spacing() const = 0;
 
-  /// Where the particles of a rollout may be.
+  /// Where the particles of a scene may be.
   struct Range {
     Vec3d origin;                    ///< of a grid [m]
     Vec3d low, high;                 ///< [m] box that holds the particles, give or take what the graph's cells allow
     const Environment* environment;  ///< of obstacle particles; null: there are none but among the particles
+    int64_t particles;
   };
-  /// Makes ready for particles of these rows of the embedding table. The range's environment must live as long as
-  /// frames are launched. Launches in `stream`.
-  virtual void start(const Range& range, const std::vector<int32_t>& type_row, void* stream) = 0;
+  /// Makes ready for particles of these rows of the embedding table, in one scene or, where takes_scenes(), in several
+  /// with the same origin that follow each other. The ranges' environments must live as long as frames are launched.
+  /// Launches in `stream`.
+  virtual void start(const std::vector<Range>& scenes, const std::vector<int32_t>& type_row, void* stream) = 0;
+  /// Whether it predicts several scenes at once, each with the bits that it has alone.
+  virtual bool takes_scenes() const { return false; }
+  /// The scenes with a particle at position() outside of what the graph can hold. Waits.
+  virtual std::vector<std::size_t> scenes_outside() { return {}; }
   /// What a frame begins with, to be written by the caller: features [particles, width] before launch(), positions
   /// [particles] before launch_graph().
   float* features() { return features_.data(); }

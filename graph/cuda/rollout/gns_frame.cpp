@@ -31,7 +31,9 @@ GnsFrame::GnsFrame(const nn::Weights& weights)
   network_.refresh(nullptr);
 }
 
-void GnsFrame::start(const Range& range, const std::vector<int32_t>& type_row, void* stream) {
+void GnsFrame::start(const std::vector<Range>& scenes, const std::vector<int32_t>& type_row, void* stream) {
+  GRAUPEL_ASSERT(scenes.size() == 1);
+  const Range& range = scenes.front();
   particles_ = static_cast<int64_t>(type_row.size());
   std::vector<Vec3f> points;
   const bool with_points = config_.obstacle_particles && range.environment != nullptr;

@@ -15,7 +15,7 @@ class GnsFrame : public FrameModel, private EdgeMemory {
 
   const FeatureConfig& feature_config() const override { return config_; }
   double spacing() const override { return config_.radius; }
-  void start(const Range& range, const std::vector<int32_t>& type_row, void* stream) override;
+  void start(const std::vector<Range>& scenes, const std::vector<int32_t>& type_row, void* stream) override;
   void launch_graph(void* stream, bool with_counts) override;
   CapacityStatus ensure_capacity() override;
   void launch(void* stream, const LaunchHooks& moments) override;

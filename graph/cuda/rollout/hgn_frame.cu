@@ -10,6 +10,8 @@ namespace graupel::graph {
 
 namespace {
 
+constexpr int margin = 3;  ///< cells around a scene's box that the grid can hold
+
 HgnConfig checked_config(const nn::Weights& weights) {
   static_cast<void>(GraphNetwork(weights));  // its errors
   if (!cuda_available()) throw ConfigError("device 'cuda' is not usable (no GPU). Use --device cpu");
@@ -38,19 +40,36 @@ struct HgnFrame::Streams {
 HgnFrame::HgnFrame(const nn::Weights& weights)
     : config_(checked_config(weights)),
       network_(make_grid_network(config_, weights)),
-      builder_(Device::cuda, config_.spacing, static_cast<int>(config_.levels), /*margin=*/3,
+      builder_(Device::cuda, config_.spacing, static_cast<int>(config_.levels), margin,
                config_.aggregation == Aggregation::messages),
       streams_(std::make_unique<Streams>()) {}
 HgnFrame::~HgnFrame() = default;
 
-void HgnFrame::start(const Range& range, const std::vector<int32_t>& type_row, void* stream) {
+void HgnFrame::start(const std::vector<Range>& scenes, const std::vector<int32_t>& type_row, void* stream) {
+  GRAUPEL_ASSERT(scenes.size() == 1 || (takes_scenes() && !scenes.empty()));
   capacity_ = {};
-  origin_ = range.origin;
-  particles_ = static_cast<int64_t>(type_row.size());
+  scenes_.clear();
+  for (const Range& scene : scenes) {
+    GRAUPEL_ASSERT(scene.origin == scenes.front().origin);
+    scenes_.push_back({scene.origin, scene.low, scene.high, scene.particles});
+  }
   type_row_.upload(type_row);
   features_.resize_discard(type_row.size() * static_cast<std::size_t>(config_.input_width() - config_.embedding));
   position_.resize_discard(type_row.size());
-  builder_.prepare({{range.origin, range.low, range.high, particles_}}, stream);
+  builder_.prepare(scenes_, stream);
+}
+
+std::vector<std::size_t> HgnFrame::scenes_outside() {
+  GridBuilder alone(Device::cuda, config_.spacing, static_cast<int>(config_.levels), margin, /*with_edges=*/false);
+  std::vector<std::size_t> outside;
+  const Vec3f* position = position_.data();
+  for (std::size_t s = 0; s < scenes_.size(); ++s) {
+    alone.prepare({scenes_[s]}, streams_->grid);
+    alone.build(position, streams_->grid, /*with_counts=*/true);
+    if (alone.counts(streams_->grid).overflow) outside.push_back(s);
+    position += scenes_[s].particles;
+  }
+  return outside;
 }
 
 void HgnFrame::launch_graph(void* stream, bool with_counts) {
@@ -64,8 +83,10 @@ FrameModel::CapacityStatus HgnFrame::ensure_capacity() {
   if (counts.overflow) return CapacityStatus::exceeded;
   if (capacity_.holds(counts)) return CapacityStatus::sufficient;
   capacity_ = LevelCapacity::for_counts(counts);
-  network_->prepare(
-      {particles_, features_.data(), type_row_.data(), position_.data(), origin_, builder_.links(), capacity_});
+  std::vector<int64_t> particles_of_scene;
+  for (const SceneGrid& scene : scenes_) particles_of_scene.push_back(scene.particles);
+  network_->prepare({static_cast<int64_t>(type_row_.size()), particles_of_scene, features_.data(), type_row_.data(),
+                     position_.data(), scenes_.front().origin, builder_.links(), capacity_});
   return CapacityStatus::reallocated;
 }
 

@@ -16,7 +16,9 @@ class HgnFrame : public FrameModel {
 
   const FeatureConfig& feature_config() const override { return config_; }
   double spacing() const override { return config_.spacing; }
-  void start(const Range& range, const std::vector<int32_t>& type_row, void* stream) override;
+  void start(const std::vector<Range>& scenes, const std::vector<int32_t>& type_row, void* stream) override;
+  bool takes_scenes() const override { return config_.aggregation == Aggregation::activations; }
+  std::vector<std::size_t> scenes_outside() override;
   void launch_graph(void* stream, bool with_counts) override;
   CapacityStatus ensure_capacity() override;
   void launch(void* stream, const LaunchHooks& moments) override;
@@ -32,8 +34,7 @@ class HgnFrame : public FrameModel {
   GridBuilder builder_;
   LevelCapacity capacity_;
   std::unique_ptr<Streams> streams_;
-  Vec3d origin_;  ///< of the grid [m]
-  int64_t particles_ = 0;
+  std::vector<SceneGrid> scenes_;
 };
 
 }  // namespace graupel::graph

@@ -271,6 +271,47 @@ void expect_same_on_gpu(int particles, double of_cells, const Vec3d& high = {0.5
   }
 }
 
+TEST(DensityProjection, MovesNothingWhereItIsToSkip) {
+  const Environment environment(box_scene());
+  DensityProjection projection(Device::cpu, environment, rest, spacing);
+  const std::vector<Vec3f> start = random_cloud(20000, {0.3, 0.2, 0.3}, {0.5, 0.4, 0.6});
+  std::vector<Vec3f> position = start;
+  int32_t flag = 1;
+  projection.skip_where(&flag);
+  projection.apply(position.data(), static_cast<int64_t>(position.size()));
+  EXPECT_EQ(position, start);
+  flag = 0;
+  projection.apply(position.data(), static_cast<int64_t>(position.size()));
+  EXPECT_NE(position, start);
+}
+
+/// A frame that is skipped leaves the pressure that the next one starts from.
+TEST(DensityProjection, KeepsItsPressureOverSkippedFramesOnTheGpu) {
+  GRAUPEL_NEEDS_GPU();
+  const Environment environment(box_scene());
+  const std::vector<Vec3f> start = random_cloud(20000, {0.3, 0.2, 0.3}, {0.5, 0.4, 0.6});
+  const auto n = static_cast<int64_t>(start.size());
+  const auto second_frame = [&](bool skips) {
+    DensityProjection projection(Device::cuda, environment, rest, spacing);
+    Buffer<Vec3f> position(Device::cuda, 0);
+    Buffer<int32_t> flag(Device::cuda, 0);
+    position.upload(start);
+    projection.apply(position.data(), n);
+    const std::vector<Vec3f> after = position.download();
+    if (skips) {
+      flag.upload({1});
+      projection.skip_where(flag.data());
+      position.upload(std::vector<Vec3f>(start.size(), Vec3f::filled(0.1f)));
+      projection.apply(position.data(), n);
+      projection.skip_where(nullptr);
+    }
+    position.upload(after);
+    projection.apply(position.data(), n);
+    return position.download();
+  };
+  EXPECT_EQ(second_frame(true), second_frame(false));
+}
+
 TEST(DensityProjection, IsTheSameOnTheGpu) {
   GRAUPEL_NEEDS_GPU();
   expect_same_on_gpu(20000, spacing);

@@ -211,8 +211,17 @@ Case::Result run_on_gpu(const Case& c, bool overflows = false) {
   if (c.decoder) n.decoded = decoded.data();
   const auto networks = on_gpu(std::vector<PersistentLayer>{n, n});
   if (c.gather == Gather::pairs)
-    aggregate_pairs({range.data(), n.most_rows, overflow.data(), begin.data(), link.data(), pair_row.data(),
-                     weight.data(), source.data(), table.data(), part_sums.data()},
+    aggregate_pairs({range.data(),
+                     n.most_rows,
+                     overflow.data(),
+                     begin.data(),
+                     link.data(),
+                     pair_row.data(),
+                     weight.data(),
+                     source.data(),
+                     table.data(),
+                     part_sums.data(),
+                     {}},
                     static_cast<int64_t>(c.link.size()), nullptr);
   run_networks({networks.data(), done.data(), overflow.data(), fault.data()}, {c.rows, c.rows}, nullptr);
   Case::Result result{sum.download(), {numbers(out0.download()), numbers(out1.download())}, decoded.download()};

@@ -1,0 +1,213 @@
+#include "graph/cuda_batch.h"
+
+#include <algorithm>
+
+#include "core/parallel/cuda_check.h"
+#include "core/system/error.h"
+#include "graph/cuda/rollout/frame_model.h"
+#include "graph/cuda/rollout/recorded_graph.h"
+#include "graph/cuda/rollout/scene_motion.h"
+
+namespace graupel::graph {
+
+namespace {
+
+constexpr int64_t ahead = 2;  ///< bundles that are launched before the host looks at the first of them
+
+}  // namespace
+
+/// All scenes make a bundle of frames in one recorded graph. Where a grid needs more room than there is, all stay as
+/// they are in this bundle and in those launched after it, until the host has recorded another graph.
+struct CudaBatch::Impl {
+  explicit Impl(const nn::Weights& file)
+      : weights(file), model(make_frame_model(file)), config(model->feature_config()) {
+    GRAUPEL_ASSERT(model->takes_scenes());
+    for (cudaStream_t* one : {&stream, &group_stream}) GRAUPEL_CUDA_CHECK(cudaStreamCreate(one));
+    for (cudaEvent_t* event : {&room_beside, &groups_there})
+      GRAUPEL_CUDA_CHECK(cudaEventCreateWithFlags(event, cudaEventDisableTiming));
+    for (cudaEvent_t& event : launched) GRAUPEL_CUDA_CHECK(cudaEventCreateWithFlags(&event, cudaEventDisableTiming));
+    for (cudaEvent_t* event : {&begun, &ended}) GRAUPEL_CUDA_CHECK(cudaEventCreate(event));
+  }
+  ~Impl() {
+    cudaStreamSynchronize(stream);
+    graph.drop();
+    for (cudaEvent_t event : launched) cudaEventDestroy(event);
+    for (cudaEvent_t event : {room_beside, groups_there, begun, ended}) cudaEventDestroy(event);
+    cudaFreeHost(staging);
+    for (cudaStream_t one : {group_stream, stream}) cudaStreamDestroy(one);
+  }
+  Impl(const Impl&) = delete;
+  Impl& operator=(const Impl&) = delete;
+
+  void wait() { GRAUPEL_CUDA_CHECK(cudaStreamSynchronize(stream)); }
+  SceneMotion::Rows rows(std::size_t scene) {
+    const int64_t first = first_row[scene];
+    return {model->position() + first, model->features() + first * (config.input_width() - config.embedding),
+            model->output() + first * config.output_width(), model->fault()};
+  }
+  std::vector<SceneMotion::Placed> placed() {
+    std::vector<SceneMotion::Placed> all;
+    for (std::size_t s = 0; s < scenes; ++s) all.push_back({motion[s].get(), rows(s)});
+    return all;
+  }
+  int64_t frames_of(std::size_t scene) const {
+    return std::min<int64_t>(motion[scene]->status().newest - config.history, frames);
+  }
+  /// A scene that goes on; `scenes` where none does.
+  std::size_t going_on() const {
+    std::size_t s = 0;
+    while (s < scenes && motion[s]->status().diverged != 0) ++s;
+    return s;
+  }
+  void launch_network();
+  void launch_bundle();
+  void ensure_capacity();
+  void record_bundle();
+  void run_recorded(int64_t bundles, const std::function<void(int64_t)>& progress);
+
+  const nn::Weights& weights;
+  std::unique_ptr<FrameModel> model;
+  FeatureConfig config;
+  cudaStream_t stream = nullptr, group_stream = nullptr;
+  cudaEvent_t room_beside = nullptr, groups_there = nullptr, begun = nullptr, ended = nullptr;
+  cudaEvent_t launched[ahead] = {};
+  RecordedGraph graph;
+  std::vector<std::unique_ptr<SceneMotion>> motion;  ///< at least one a scene: they keep their memory
+  std::size_t scenes = 0;
+  std::vector<int64_t> first_row;  ///< of each scene
+  std::vector<Vec3f> corner;       ///< [m] of each scene's domain
+  int64_t frames = 0;
+  double seconds = 0;
+  Vec3f* staging = nullptr;  ///< a scene's frames on the host
+  std::size_t staged = 0;    ///< positions that it holds
+};
+
+/// The groups of what flies are found beside the coarse levels.
+void CudaBatch::Impl::launch_network() {
+  const auto find_groups = [&] {
+    GRAUPEL_CUDA_CHECK(cudaEventRecord(room_beside, stream));
+    GRAUPEL_CUDA_CHECK(cudaStreamWaitEvent(group_stream, room_beside, 0));
+    SceneMotion::launch_groups(placed(), group_stream);
+    GRAUPEL_CUDA_CHECK(cudaEventRecord(groups_there, group_stream));
+  };
+  model->launch(stream, {[] {}, find_groups});
+  GRAUPEL_CUDA_CHECK(cudaStreamWaitEvent(stream, groups_there, 0));
+}
+
+void CudaBatch::Impl::launch_bundle() {
+  model->launch_graph(stream, /*with_counts=*/false);
+  SceneMotion::launch_features(placed(), stream);
+  launch_network();
+  for (int64_t frame = 0; frame < config.bundle; ++frame) SceneMotion::launch_move(placed(), frame, stream);
+}
+
+/// Capacity for the grids of the newest frames. Scenes whose particles lie outside of what it can hold stop.
+void CudaBatch::Impl::ensure_capacity() {
+  const auto has_capacity = [&] {
+    model->launch_graph(stream, /*with_counts=*/true);
+    return model->ensure_capacity() != FrameModel::CapacityStatus::exceeded;
+  };
+  if (has_capacity()) return;
+  for (const std::size_t s : model->scenes_outside()) motion[s]->stop(corner[s], rows(s).position);
+  const bool now = has_capacity();
+  GRAUPEL_ASSERT(now);
+}
+
+/// The graph of a bundle. The network runs once before, so that all memory is there.
+void CudaBatch::Impl::record_bundle() {
+  SceneMotion::launch_features(placed(), stream);
+  launch_network();
+  wait();
+  graph.record(stream, [&] { launch_bundle(); });
+}
+
+/// Until a grid needs more room, or so many bundles are made, or no scene goes on.
+void CudaBatch::Impl::run_recorded(int64_t bundles, const std::function<void(int64_t)>& progress) {
+  GRAUPEL_CUDA_CHECK(cudaEventRecord(begun, stream));
+  for (int64_t k = 0; k < bundles; ++k) {
+    graph.launch(stream);
+    GRAUPEL_CUDA_CHECK(cudaEventRecord(launched[k % ahead], stream));
+    if (k + 1 < ahead) continue;
+    GRAUPEL_CUDA_CHECK(cudaEventSynchronize(launched[(k + 1) % ahead]));
+    const std::size_t scene = going_on();
+    if (scene == scenes || motion[scene]->status().fault != 0) break;
+    if (progress) progress(frames_of(scene));
+  }
+  GRAUPEL_CUDA_CHECK(cudaEventRecord(ended, stream));
+  wait();
+  float milliseconds = 0;
+  GRAUPEL_CUDA_CHECK(cudaEventElapsedTime(&milliseconds, begun, ended));
+  seconds += 1e-3 * static_cast<double>(milliseconds);
+}
+
+CudaBatch::CudaBatch(const nn::Weights& weights) : impl_(std::make_unique<Impl>(weights)) {}
+CudaBatch::~CudaBatch() = default;
+
+void CudaBatch::start(const std::vector<CudaScene>& scenes, int64_t frames) {
+  Impl& impl = *impl_;
+  GRAUPEL_ASSERT(!scenes.empty() && frames > 0);
+  impl.wait();
+  impl.graph.drop();
+  impl.scenes = scenes.size();
+  impl.frames = frames;
+  impl.first_row.clear();
+  impl.corner.clear();
+  std::vector<FrameModel::Range> ranges;
+  std::vector<int32_t> rows;
+  for (const CudaScene& scene : scenes) {
+    const Environment& environment = *scene.environment;
+    GRAUPEL_ASSERT(!scene.particle_type->empty() && scene.laws.network);
+    impl.first_row.push_back(static_cast<int64_t>(rows.size()));
+    impl.corner.push_back(environment.wall_low.cast<float>());
+    ranges.push_back({environment.wall_low, environment.wall_low, environment.wall_high, &environment,
+                      static_cast<int64_t>(scene.particle_type->size())});
+    for (const int32_t type : *scene.particle_type) rows.push_back(embedding_row(type));
+  }
+  impl.model->start(ranges, rows, impl.stream);
+  const int64_t bundles = (frames + impl.config.bundle - 1) / impl.config.bundle;
+  const Normalization normalization = read_normalization(impl.weights);
+  for (std::size_t s = 0; s < scenes.size(); ++s) {
+    if (s == impl.motion.size())
+      impl.motion.push_back(std::make_unique<SceneMotion>(impl.config, normalization, impl.model->spacing()));
+    impl.motion[s]->start(scenes[s], bundles * impl.config.bundle, impl.model->position() + impl.first_row[s],
+                          impl.stream);
+  }
+}
+
+void CudaBatch::run(const std::function<void(int64_t)>& progress) {
+  Impl& impl = *impl_;
+  impl.seconds = 0;
+  for (;;) {
+    const std::size_t scene = impl.going_on();
+    if (scene == impl.scenes || impl.frames_of(scene) == impl.frames) break;
+    if (!impl.graph) {
+      impl.ensure_capacity();
+      impl.record_bundle();
+      continue;  // scenes may have stopped
+    }
+    const int64_t left = impl.frames - impl.frames_of(scene);
+    impl.run_recorded((left + impl.config.bundle - 1) / impl.config.bundle, progress);
+    const std::size_t still = impl.going_on();
+    if (still < impl.scenes && impl.motion[still]->status().fault != 0) impl.graph.drop();
+  }
+}
+
+double CudaBatch::seconds() const { return impl_->seconds; }
+
+std::span<const Vec3f> CudaBatch::frames(std::size_t scene) const {
+  Impl& impl = *impl_;
+  const SceneMotion& motion = *impl.motion[scene];
+  const auto count = static_cast<std::size_t>(impl.frames_of(scene) * motion.particles());
+  if (count > impl.staged) {
+    cudaFreeHost(impl.staging);
+    impl.staging = nullptr;
+    impl.staged = 0;
+    GRAUPEL_CUDA_CHECK(cudaMallocHost(&impl.staging, count * sizeof(Vec3f)));
+    impl.staged = count;
+  }
+  device_copy(Device::cpu, impl.staging, Device::cuda, motion.frame(static_cast<int32_t>(impl.config.history) + 1),
+              count * sizeof(Vec3f));
+  return {impl.staging, count};
+}
+
+}  // namespace graupel::graph

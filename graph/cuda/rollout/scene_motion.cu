@@ -1,0 +1,250 @@
+#include "graph/cuda/rollout/scene_motion.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "core/parallel/cuda_check.h"
+#include "core/parallel/parallel_for_in.h"
+#include "core/scene/kinematic_particles.h"
+#include "core/system/error.h"
+#include "graph/corrections/density_kernels.h"
+#include "graph/features/rest_density.h"
+
+namespace graupel::graph {
+
+/// Positions of the last frames, one after the other; which one is the newest is known on the device alone.
+struct FrameRing {
+  Vec3f* frames;
+  int64_t particles;
+  int32_t count;
+  const int32_t* newest;
+  GRAUPEL_HD Vec3f& at(int back, int64_t i) const {  // back 0: the newest, -1: the one to come
+    return frames[static_cast<int64_t>((*newest - back + count) % count) * particles + i];
+  }
+};
+
+namespace {
+
+/// Item i makes part i / particles of a row, so that neighbouring threads do the same.
+struct WriteFeatures {
+  FeatureRules rules;
+  EnvironmentView environment;
+  const int32_t* material;  ///< null: constants are not seen
+  FrameRing ring;
+  float* features;
+  GRAUPEL_HD void operator()(int64_t item) const {
+    const auto part = static_cast<FeaturePart>(item / ring.particles);
+    const int64_t i = item % ring.particles;
+    Vec3f position[most_history + 1];
+    const int first = part == FeaturePart::motion ? 0 : rules.history;
+    for (int t = first; t <= rules.history; ++t) position[t] = ring.at(rules.history - t, i);
+    write_feature_part(part, rules, environment, AxisMap{}, material == nullptr ? no_material : material[i], position,
+                       features + i * rules.width);
+  }
+};
+
+/// v' = v + a, x' = x + v' in frame units (step_frame).
+struct StepParticles {
+  Normalization statistics;
+  const float* output;  ///< of the frame, [particles, 3] in rows of `width`
+  int32_t width;
+  const Vec3f *before, *current;
+  float limit;           ///< [m/frame]
+  const int32_t* fault;  ///< the output is of no use
+  FrameStatus* status;
+  Vec3f* next;
+  GRAUPEL_HD void operator()(int64_t i) const {
+    if (*fault != 0) return;
+    if (status->diverged != 0) {  // since a frame before
+      next[i] = current[i];
+      return;
+    }
+    const Vec3f velocity = current[i] - before[i] + real_acceleration(statistics, false, output + width * i);
+    if (!(norm2(velocity) <= limit * limit)) status->diverged = 1;
+    next[i] = current[i] + velocity;
+  }
+};
+
+/// Moves `next`, reached from `from`, out of obstacles and into the walls.
+struct PushParticles {
+  SweptCollision way;
+  bool project;
+  FrameRing ring;
+  const Vec3f* from;  ///< null: from where the frame to come has them already
+  Vec3f* next;
+  GRAUPEL_HD Vec3f pushed(int64_t i) const {
+    Vec3f x = next[i];
+    if (project) way.follow(from ? from[i] : ring.at(-1, i), x);
+    return x;
+  }
+  GRAUPEL_HD void operator()(int64_t i) const { next[i] = ring.at(-1, i) = pushed(i); }
+};
+
+struct PushAndSpread {
+  PushParticles push;
+  density::Spread spread;
+  GRAUPEL_HD void operator()(int64_t i) const {
+    push(i);
+    spread(i);
+  }
+};
+
+/// The last of it: the frame to come becomes `current`, and `current` becomes `before`, unless the output is of no use
+/// or the scene has diverged. The particle that is finished last makes the frame to come the newest.
+struct PushLast {
+  PushParticles push;
+  const int32_t* fault;
+  Vec3f *before, *current;
+  FrameStatus* status;
+  FrameStatus* seen;  ///< on the host
+  GRAUPEL_HD void operator()(int64_t i) const {
+    if (*fault == 0 && status->diverged == 0) {
+      const Vec3f x = push.pushed(i);
+      before[i] = current[i];
+      current[i] = push.ring.at(-1, i) = x;
+    }
+#ifdef __CUDA_ARCH__
+    __threadfence();
+#endif
+    if (grid::add_to(status->finished, 1) == push.ring.particles - 1) finish();
+  }
+  GRAUPEL_HD void finish() const {
+    status->finished = 0;
+    status->fault = *fault;
+    if (*fault == 0 && status->diverged == 0) status->newest = (status->newest + 1) % push.ring.count;
+    *seen = *status;
+  }
+};
+
+struct MoveAndPushLast {
+  density::MoveParticle move;
+  PushLast push;
+  GRAUPEL_HD void operator()(int64_t i) const {
+    move(i);
+    push(i);
+  }
+};
+
+}  // namespace
+
+SceneMotion::SceneMotion(const FeatureConfig& config, const Normalization& normalization, double spacing)
+    : config_(config), normalization_(normalization), spacing_(spacing) {
+  GRAUPEL_CUDA_CHECK(cudaMallocHost(&seen_, sizeof(FrameStatus)));
+}
+SceneMotion::~SceneMotion() { cudaFreeHost(seen_); }
+
+void SceneMotion::start(const CudaScene& scene, int64_t frames, Vec3f* position, void* stream) {
+  scene_ = scene.scene;
+  environment_ = scene.environment;
+  environment_->view(Device::cuda);  // uploads the obstacles: no memory may be taken while a frame is recorded
+  laws_ = scene.laws;
+  const std::size_t n = scene.particle_type->size(), known = static_cast<std::size_t>(config_.history) + 1;
+  const std::vector<std::vector<Vec3f>>& positions = *scene.positions;
+  particles_ = static_cast<int64_t>(n);
+  GRAUPEL_ASSERT(positions.size() >= known);
+  ring_frames_ = static_cast<int32_t>(static_cast<int64_t>(known) + frames);
+  ring_.resize_discard(static_cast<std::size_t>(ring_frames_) * n);
+  for (std::size_t t = 0; t < known; ++t) {
+    const std::vector<Vec3f>& frame = positions[positions.size() - known + t];
+    GRAUPEL_ASSERT(frame.size() == n);
+    device_copy(Device::cuda, ring_.data() + t * n, Device::cpu, frame.data(), n * sizeof(Vec3f));
+  }
+  before_.upload(positions[positions.size() - 2]);
+  device_copy(Device::cuda, position, Device::cpu, positions.back().data(), n * sizeof(Vec3f));
+  next_.resize_discard(n);
+  GRAUPEL_ASSERT(!config_.material_constants || scene.material->size() == n);
+  material_.upload(*scene.material);
+  *seen_ = {static_cast<int32_t>(known) - 1, 0, 0, 0};
+  status_.upload({*seen_});
+  flight_.reset();
+  if (laws_.free_flight) flight_.emplace(Device::cuda, *scene_, *environment_, *scene.particle_type);
+  density_.reset();
+  const double rest = rest_density(*scene_, positions.back(), spacing_);
+  if (laws_.density_limit * rest > 0) {
+    density_.emplace(Device::cuda, *environment_, laws_.density_limit * rest, spacing_);
+    // Of nothing, so that all memory is there.
+    next_.upload(std::vector<Vec3f>(n, Vec3f::filled(NAN)));
+    density_->apply(next_.data(), particles_, stream);
+  }
+  GRAUPEL_CUDA_CHECK(cudaStreamSynchronize(static_cast<cudaStream_t>(stream)));
+  if (density_) density_->restart();
+}
+
+Normalization SceneMotion::real_statistics() const {
+  Normalization statistics = normalization_;
+  if (laws_.network) return statistics;
+  const double dt2 = scene_->frame_time * scene_->frame_time;
+  for (int d = 0; d < 3; ++d) statistics.acceleration_mean[d] = static_cast<float>(scene_->gravity[d] * dt2);
+  return statistics;
+}
+
+FrameRing SceneMotion::ring() { return {ring_.data(), particles_, ring_frames_, &status_.data()->newest}; }
+
+FreeFlight::Frame SceneMotion::flight_frame(const Rows& rows) {
+  return {&*flight_, before_.data(), rows.position, next_.data()};
+}
+
+void SceneMotion::launch_features(const std::vector<Placed>& scenes, void* stream) {
+  std::vector<Loop<WriteFeatures>> loops;
+  for (const auto& [m, rows] : scenes) {
+    const FeatureRules rules(m->config_, m->normalization_);
+    loops.push_back({feature_parts_of_row(rules) * m->particles_,
+                     {rules, m->environment_->view(Device::cuda),
+                      m->config_.material_constants ? m->material_.data() : nullptr, m->ring(), rows.features}});
+  }
+  parallel_loops_in(stream, Device::cuda, loops);
+}
+
+void SceneMotion::launch_groups(const std::vector<Placed>& scenes, void* stream) {
+  std::vector<FreeFlight::Frame> frames;
+  for (const auto& [m, rows] : scenes)
+    if (m->flight_) frames.push_back(m->flight_frame(rows));
+  FreeFlight::find_groups_of_all(frames, stream);
+}
+
+void SceneMotion::launch_move(const std::vector<Placed>& scenes, int64_t frame, void* stream) {
+  std::vector<Loop<StepParticles>> steps;
+  std::vector<FreeFlight::Frame> flights;
+  std::vector<Loop<PushAndSpread>> spreads;
+  std::vector<DensityProjection::Frame> densities;
+  std::vector<Loop<MoveAndPushLast>> last_of_dense;
+  std::vector<Loop<PushLast>> last;
+  for (const auto& [m, rows] : scenes) {
+    const Vec3d& size = m->scene_->domain.size;
+    const auto limit = static_cast<float>(std::max({size[0], size[1], size[2]}));
+    Vec3f* const next = m->next_.data();
+    steps.push_back({m->particles_,
+                     {m->real_statistics(), rows.output + 3 * frame, static_cast<int32_t>(m->config_.output_width()),
+                      m->before_.data(), rows.position, limit, rows.fault, m->status_.data(), next}});
+    if (m->flight_) flights.push_back(m->flight_frame(rows));
+    const PushParticles push{m->environment_->swept_collision(Device::cuda), m->laws_.project, m->ring(), rows.position,
+                             next};
+    PushLast end{push, rows.fault, m->before_.data(), rows.position, m->status_.data(), m->seen_};
+    if (!m->density_ || frame + 1 < m->config_.bundle) {
+      last.push_back({m->particles_, end});
+      continue;
+    }
+    m->density_->skip_where(rows.fault);
+    spreads.push_back({m->particles_, {push, m->density_->spreading(next, m->particles_)}});
+    densities.push_back({&*m->density_, next, m->particles_});
+    end.push.from = nullptr;
+    last_of_dense.push_back({m->particles_, {m->density_->moving(next), end}});
+  }
+  parallel_loops_in(stream, Device::cuda, steps);
+  if (frame > 0) FreeFlight::find_groups_of_all(flights, stream);
+  FreeFlight::correct_all(flights, stream);
+  parallel_loops_in(stream, Device::cuda, spreads);
+  DensityProjection::between(densities, stream);
+  parallel_loops_in(stream, Device::cuda, last_of_dense);
+  parallel_loops_in(stream, Device::cuda, last);
+}
+
+void SceneMotion::stop(const Vec3f& place, Vec3f* position) {
+  const auto n = static_cast<std::size_t>(particles_);
+  const std::vector<Vec3f> all(n, place);
+  device_copy(Device::cuda, position, Device::cpu, all.data(), n * sizeof(Vec3f));
+  *seen_ = {seen_->newest, 1, 0, 0};
+  status_.upload({*seen_});
+}
+
+}  // namespace graupel::graph

@@ -1,0 +1,179 @@
+// Rollouts of many scenes (LearnedSimulator::rollout_many): which of them run together, and their trajectories.
+#include <algorithm>
+#include <array>
+#include <map>
+#include <span>
+#include <utility>
+#include <variant>
+
+#include "core/parallel/parallel_tasks.h"
+#include "core/system/error.h"
+#include "graph/config/network_config.h"
+#include "graph/cuda_batch.h"
+#include "graph/learned_simulator.h"
+#include "graph/rollout_parts.h"
+
+namespace graupel::graph {
+
+namespace {
+
+constexpr int64_t most_particles = int64_t{1} << 20;         ///< of a batch: about 7 KB each on the GPU
+constexpr int64_t most_positions = int64_t{1} << 29;         ///< of a batch's frames: 12 bytes each there
+constexpr double most_cells = static_cast<double>(1 << 20);  ///< of the network in a scene's domain
+
+/// Whether the network's sums do not depend on the rows beside them.
+bool takes_scenes(const nn::Weights& weights) {
+  const NetworkConfig config = network_config_of(weights);
+  const auto* hgn = std::get_if<HgnConfig>(&config);
+  return hgn != nullptr && hgn->aggregation == Aggregation::activations;
+}
+
+/// Runs `work`; the scene's name goes before the text of errors.
+template <typename Work>
+auto named(const std::string& scene, const Work& work) {
+  const auto text = [&](const Error& error) { return "scene '" + scene + "': " + error.what(); };
+  try {
+    return work();
+  } catch (const InputError& error) {
+    throw InputError(text(error));
+  } catch (const ConfigError& error) {
+    throw ConfigError(text(error));
+  }
+}
+
+int64_t particles_of(const LearnedSimulator::SceneRollout& scene) {
+  return static_cast<int64_t>(scene.particle_type->size());
+}
+
+/// Lists of scenes that run together, in their order; those that fit no other one are left out.
+std::vector<std::vector<std::size_t>> batches_of(const std::vector<LearnedSimulator::SceneRollout>& scenes,
+                                                 std::vector<std::string>& alone, int64_t most_at_once) {
+  using Key = std::pair<int64_t, std::array<double, 3>>;  // frames, lower corner
+  std::map<Key, std::size_t> open;                        // the list that takes more
+  std::vector<std::vector<std::size_t>> batches;
+  std::vector<int64_t> particles;
+  for (std::size_t s = 0; s < scenes.size(); ++s) {
+    if (!alone[s].empty()) continue;
+    const Vec3d& low = scenes[s].environment->wall_low;
+    const int64_t frames = scenes[s].options.frames, n = particles_of(scenes[s]);
+    const auto found = open.try_emplace(Key{frames, {low[0], low[1], low[2]}}, batches.size());
+    std::size_t& place = found.first->second;
+    const bool is_new = found.second;
+    const auto has_room = [&] {
+      const int64_t all = particles[place] + n;
+      return static_cast<int64_t>(batches[place].size()) < most_at_once && all <= most_particles &&
+             all * frames <= most_positions;
+    };
+    if (is_new || !has_room()) {
+      place = batches.size();
+      batches.emplace_back();
+      particles.push_back(0);
+    }
+    batches[place].push_back(s);
+    particles[place] += n;
+  }
+  std::erase_if(batches, [&](const std::vector<std::size_t>& batch) {
+    if (batch.size() == 1) alone[batch.front()] = "no other scene is left with its frames and lower corner";
+    return batch.size() == 1;
+  });
+  return batches;
+}
+
+/// Of positions [frames, n] after the start; with velocities, as rollout() has it.
+Trajectory trajectory_of(const LearnedSimulator::SceneRollout& s, std::span<const Vec3f> positions,
+                         const std::string& made_by) {
+  Trajectory trajectory = empty_trajectory(*s.scene, *s.particle_type, made_by);
+  const std::vector<std::vector<Vec3f>>& start = *s.start;
+  const double frame_time = s.scene->frame_time;
+  const std::size_t n = s.particle_type->size(), predicted = positions.size() / n;
+  trajectory.frames.resize(predicted + 1);
+  trajectory.frames[0] = make_frame(s.options.start_time, frame_time, start[start.size() - 2], start.back());
+  for_each_task(predicted, num_threads(), [&](std::size_t f) {
+    const double time = s.options.start_time + static_cast<double>(f + 1) * frame_time;
+    const auto before = f == 0 ? std::span<const Vec3f>(start.back()) : positions.subspan((f - 1) * n, n);
+    trajectory.frames[f + 1] = make_frame(time, frame_time, before, positions.subspan(f * n, n));
+  });
+  const auto frames = static_cast<int64_t>(predicted);
+  if (frames < s.options.frames) trajectory.diverged_at_frame = frames + 1;
+  return trajectory;
+}
+
+}  // namespace
+
+std::string LearnedSimulator::why_alone(const SceneRollout& s) const {
+  const std::size_t n = s.particle_type->size();
+  const RolloutOptions& options = s.options;
+  check_fit(config(), *s.scene, *s.environment, weights_->file);
+  check_start(*s.start, static_cast<std::size_t>(config().history) + 1, n);
+  check_schedule(*s.scene, options.schedule, n);
+  for (const int32_t type : *s.particle_type) static_cast<void>(embedding_row(type));  // its error
+  if (options.device == Device::cpu) return "scenes run one after the other on a CPU";
+  PrescribedPositions prescribed(*s.particle_type, s.start->back(), options.given);
+  if (options.schedule != nullptr)
+    prescribed.add_scripts(*options.schedule, options.start_time, s.scene->frame_time,
+                           s.environment->plane.has_value());
+  const ParticleLifecycle lifecycle(*s.scene, options.schedule, s.start->back(), options.active, options.start_time);
+  std::string changes = what_changes(*s.environment, prescribed, lifecycle);
+  if (!changes.empty()) return changes;
+  const Vec3d cells = s.scene->domain.size * (1 / network_->spacing());
+  return !takes_scenes(*weights_)                           ? "the network is no HGN that aggregates activations"
+         : !options.network || n == 0 || options.frames < 1 ? "there is nothing to predict"
+         : cells[0] * cells[1] * cells[2] > most_cells      ? "its domain is large"
+                                                            : "";
+}
+
+LearnedSimulator::ManyCost LearnedSimulator::rollout_many(const std::vector<SceneRollout>& scenes,
+                                                          const std::function<void(SceneResult&&)>& done,
+                                                          const ManyOptions& options) const {
+  std::vector<std::string> alone;
+  alone.reserve(scenes.size());
+  for (const SceneRollout& s : scenes) alone.push_back(named(s.name, [&] { return why_alone(s); }));
+  ManyCost cost;
+  for (const std::vector<std::size_t>& batch : batches_of(scenes, alone, options.most_at_once))
+    rollout_together(scenes, batch, done, options, cost);
+  for (std::size_t i = 0; i < scenes.size(); ++i) {
+    if (alone[i].empty()) continue;
+    const SceneRollout& s = scenes[i];
+    RolloutOptions own = s.options;
+    own.progress = [&](int64_t frame, const FrameTiming& timing) {
+      if (s.options.progress) s.options.progress(frame, timing);
+      if (options.progress) options.progress(frame);
+    };
+    Trajectory trajectory =
+        named(s.name, [&] { return rollout(*s.scene, *s.environment, *s.particle_type, *s.start, own); });
+    done({i, std::move(trajectory), alone[i]});
+  }
+  return cost;
+}
+
+void LearnedSimulator::rollout_together(const std::vector<SceneRollout>& scenes, const std::vector<std::size_t>& batch,
+                                        const std::function<void(SceneResult&&)>& done, const ManyOptions& options,
+                                        ManyCost& cost) const {
+  std::vector<std::vector<int32_t>> materials;
+  materials.reserve(batch.size());
+  for (const std::size_t i : batch)
+    materials.push_back(seen_materials(*scenes[i].environment, *scenes[i].particle_type, scenes[i].options.material));
+  std::vector<CudaScene> of_batch;
+  of_batch.reserve(batch.size());
+  for (std::size_t k = 0; k < batch.size(); ++k) {
+    const SceneRollout& s = scenes[batch[k]];
+    const RolloutOptions& o = s.options;
+    of_batch.push_back({s.scene,
+                        s.environment,
+                        s.particle_type,
+                        &materials[k],
+                        s.start,
+                        {o.project, o.density_limit, o.free_flight, o.network}});
+  }
+  if (!batch_) batch_ = std::make_shared<CudaBatch>(*weights_);
+  batch_->start(of_batch, scenes[batch.front()].options.frames);
+  batch_->run(options.progress);
+  cost.seconds += batch_->seconds();
+  for (std::size_t k = 0; k < batch.size(); ++k) {
+    Trajectory trajectory = trajectory_of(scenes[batch[k]], batch_->frames(k), weights_->file);
+    cost.frames += static_cast<int64_t>(trajectory.frames.size()) - 1;
+    done({batch[k], std::move(trajectory), ""});
+  }
+}
+
+}  // namespace graupel::graph

@@ -1,0 +1,184 @@
+// Rollouts of many scenes at once on a GPU have the bits of each scene alone.
+#include <gtest/gtest.h>
+
+#include "graph/cuda/aggregation/pair_aggregation.h"
+#include "tests/gpu_only.h"
+#include "tests/graph/many_scenes.h"
+
+namespace graupel::graph {
+namespace {
+
+/// Parts of a scene are those that it has alone, one after the other.
+TEST(PairParts, DoNotDependOnTheScenesBefore) {
+  const std::vector<int64_t> pairs = {8, 40, 8 * 37, 0, 64, 8 * 1001};
+  const std::vector<int32_t> begins = begins_of_parts(pairs);
+  const auto scenes = static_cast<int32_t>(pairs.size());
+  const PairParts together{scenes, begins.data(), begins.data() + scenes + 1}, alone{};
+  int32_t first_pair = 0, first_part = 0;
+  for (const int64_t count : pairs) {
+    int32_t parts = 0;
+    for (int32_t k = 0; k < count; ++k) {
+      const int32_t part = together.part_of(first_pair + k);
+      ASSERT_EQ(part - first_part, alone.part_of(k));
+      const PairParts::Range range = together.pairs_of(part);
+      ASSERT_LE(range.begin, first_pair + k);
+      ASSERT_LT(first_pair + k, range.end);
+      ASSERT_EQ(range.begin - first_pair, alone.pairs_of(alone.part_of(k)).begin);
+      ASSERT_LE(range.end, first_pair + count);
+      parts = part - first_part + 1;
+    }
+    first_pair += static_cast<int32_t>(count);
+    first_part += parts;
+  }
+  EXPECT_LE(first_part, rows_of_pair_aggregation(0, first_pair, scenes));
+  const PairParts::Range beyond = together.pairs_of(first_part);
+  EXPECT_EQ(beyond.begin, beyond.end);
+}
+
+class CudaBatchTest : public ::testing::Test {
+ protected:
+  CudaBatchTest() {
+    options_.frames = 7;
+    options_.device = Device::cuda;
+  }
+  LearnedSimulator make(int64_t bundle, Aggregation aggregation = Aggregation::activations) const {
+    HgnConfig config = wide_config(aggregation);
+    config.bundle = bundle;
+    return file_.read_back(random_weights(config, wide_statistics()));
+  }
+  /// Of different sizes, motions and obstacles.
+  ManyScenes different_scenes(int count) const {
+    ManyScenes scenes;
+    for (int k = 0; k < count; ++k) {
+      constexpr int particles[] = {37, 800, 1, 3001, 1500, 90};
+      Case c = clouds_at_a_ball(particles[k % 6], 0.004 * (k % 4), {0.002 * k / count, -0.01, 0});
+      if (k % 3 == 1) c.scene.obstacles.clear();
+      if (k % 5 == 2) c.scene.gravity = {0, -3, 1};
+      scenes.add(std::move(c), options_);
+    }
+    return scenes;
+  }
+  static void expect_together(const std::vector<LearnedSimulator::SceneResult>& results) {
+    for (const auto& result : results) EXPECT_EQ(result.alone, "") << result.scene;
+  }
+  WeightsFile file_;
+  LearnedSimulator::RolloutOptions options_;
+};
+
+TEST_F(CudaBatchTest, ScenesHaveTheBitsThatTheyHaveAlone) {
+  GRAUPEL_NEEDS_GPU();
+  for (const int64_t bundle : {1, 2, 3}) {  // the last ones cut
+    const LearnedSimulator simulator = make(bundle);
+    for (const int count : {2, 6}) {  // grids in one launch, and in several
+      const ManyScenes scenes = different_scenes(count);
+      const auto results = scenes.run(simulator);
+      expect_together(results);
+      scenes.expect_as_alone(simulator, results);
+    }
+  }
+}
+
+TEST_F(CudaBatchTest, BatchesFollowEachOther) {
+  GRAUPEL_NEEDS_GPU();
+  const LearnedSimulator simulator = make(2);
+  const ManyScenes scenes = different_scenes(8);
+  LearnedSimulator::ManyOptions options;
+  options.most_at_once = 3;
+  std::vector<std::size_t> order;
+  const auto results = scenes.run(simulator, options, &order);
+  EXPECT_EQ(order, (std::vector<std::size_t>{0, 1, 2, 3, 4, 5, 6, 7}));
+  expect_together(results);
+  scenes.expect_as_alone(simulator, results);
+}
+
+TEST_F(CudaBatchTest, MoreScenesThanALaunchTakes) {
+  GRAUPEL_NEEDS_GPU();
+  const LearnedSimulator simulator = make(2);
+  options_.frames = 4;
+  ManyScenes scenes;
+  for (int k = 0; k < 64; ++k) scenes.add(clouds_at_a_ball(20 + 3 * k), options_);
+  const auto results = scenes.run(simulator);
+  expect_together(results);
+  scenes.expect_as_alone(simulator, results);
+}
+
+/// One scene needs many times the cells of its first frame, and its pressures go on.
+TEST_F(CudaBatchTest, GoOnWhereMatterSpreads) {
+  GRAUPEL_NEEDS_GPU();
+  Case spreading = clouds_at_a_ball(600);
+  const Vec3f middle{0.5f, 0.7f, 0.5f};
+  for (std::size_t t = 0; t < spreading.history.size(); ++t)
+    for (std::size_t i = 0; i < spreading.type.size(); ++i) {
+      const Vec3f start = middle + (spreading.history[5][i] - Vec3f{0.4f, 0.4f, 0.4f}) * 0.1f;
+      spreading.history[t][i] = start + (start - middle) * (0.4f * static_cast<float>(t));
+    }
+  const LearnedSimulator simulator = make(2);
+  options_.frames = 12;
+  ManyScenes scenes;
+  scenes.add(clouds_at_a_ball(800), options_);
+  scenes.add(spreading, options_);
+  scenes.add(clouds_at_a_ball(3000), options_);
+  const auto results = scenes.run(simulator);
+  expect_together(results);
+  scenes.expect_as_alone(simulator, results);
+}
+
+TEST_F(CudaBatchTest, ScenesThatDivergeOrLeaveTheGridStopAlone) {
+  GRAUPEL_NEEDS_GPU();
+  for (const int64_t bundle : {1, 2}) {
+    const LearnedSimulator simulator = make(bundle);
+    options_.project = false;
+    ManyScenes scenes;
+    scenes.add(clouds_at_a_ball(800), options_);
+    scenes.add(moving_by(clouds_at_a_ball(100), {1.5f, 0, 0}), options_);  // more than the domain's edge a frame
+    scenes.add(moving_by(clouds_at_a_ball(100), {0.4f, 0, 0}), options_);  // out of the domain
+    scenes.add(clouds_at_a_ball(300), options_);
+    const auto results = scenes.run(simulator);
+    expect_together(results);
+    scenes.expect_as_alone(simulator, results);
+    EXPECT_EQ(results[1].trajectory.diverged_at_frame, 1);
+    EXPECT_GT(results[2].trajectory.diverged_at_frame, 1);
+    for (const std::size_t i : {0, 3}) EXPECT_EQ(results[i].trajectory.diverged_at_frame, -1);
+  }
+}
+
+TEST_F(CudaBatchTest, AllScenesMayDiverge) {
+  GRAUPEL_NEEDS_GPU();
+  const LearnedSimulator simulator = make(2);
+  ManyScenes scenes;
+  for (int k = 0; k < 3; ++k) scenes.add(moving_by(clouds_at_a_ball(50), {1.5f, 0, 0}), options_);
+  for (const auto& result : scenes.run(simulator)) EXPECT_EQ(result.trajectory.diverged_at_frame, 1);
+}
+
+TEST_F(CudaBatchTest, ScenesThatDoNotFitRunAloneInTheSameCall) {
+  GRAUPEL_NEEDS_GPU();
+  const LearnedSimulator simulator = make(2);
+  ManyScenes scenes;
+  Case moving = clouds_at_a_ball(60);
+  moving.scene.obstacles[0].motion.emplace().velocity = {0.1, 0, 0};
+  scenes.add(moving, options_);
+  scenes.add(clouds_at_a_ball(60), options_);
+  auto shorter = options_;
+  shorter.frames = 3;
+  scenes.add(clouds_at_a_ball(60), shorter);
+  scenes.add(clouds_at_a_ball(90), options_);
+  std::vector<std::size_t> order;
+  const auto results = scenes.run(simulator, {}, &order);
+  EXPECT_EQ(order, (std::vector<std::size_t>{1, 3, 0, 2}));
+  EXPECT_EQ(results[0].alone, "its obstacles move");
+  EXPECT_EQ(results[1].alone, "");
+  EXPECT_EQ(results[2].alone, "no other scene is left with its frames and lower corner");
+  scenes.expect_as_alone(simulator, results);
+}
+
+TEST_F(CudaBatchTest, OtherNetworksRunSceneByScene) {
+  GRAUPEL_NEEDS_GPU();
+  const LearnedSimulator simulator = make(2, Aggregation::messages);
+  const ManyScenes scenes = different_scenes(2);
+  const auto results = scenes.run(simulator);
+  for (const auto& result : results) EXPECT_EQ(result.alone, "the network is no HGN that aggregates activations");
+  scenes.expect_as_alone(simulator, results);
+}
+
+}  // namespace
+}  // namespace graupel::graph
