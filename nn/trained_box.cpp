@@ -12,7 +12,8 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-constexpr const char *ranges_key = "training.ranges", *contacts_key = "training.contacts";
+constexpr const char *ranges_key = "training.ranges", *contacts_key = "training.contacts",
+                     *changes_key = "training.changes";
 
 template <typename Visit>
 void visit_materials(const Scene& scene, Visit&& visit) {
@@ -39,6 +40,19 @@ std::set<std::string> contacts_of(const Scene& scene) {
   for (int axis = 0; axis < scene.domain.axes(); ++axis)
     for (const int side : {0, 1}) words.insert(word_of_enum(scene.domain.wall(axis, side)));
   for (const Obstacle& obstacle : scene.obstacles) words.insert(word_of_enum(obstacle.contact));
+  return words;
+}
+
+std::set<std::string> changes_of(const Scene& scene) {
+  bool has_scripts = !scene.kinematic_regions.empty();
+  for (const Source& source : scene.sources) has_scripts = has_scripts || source.motion.has_value();
+  const std::pair<bool, const char*> kinds[] = {{scene.has_moving_obstacles(), "moving obstacles"},
+                                                {scene.has_inactive_particles(), "particles that come or go"},
+                                                {scene.domain.has_wall(Wall::periodic), "periodic walls"},
+                                                {has_scripts, "particles that follow a script"}};
+  std::set<std::string> words;
+  for (const auto& [has, word] : kinds)
+    if (has) words.insert(word);
   return words;
 }
 
@@ -82,6 +96,7 @@ void TrainedBox::widen(const Scene& scene) {
   visit_materials(scene, add);
   visit_frictions(scene, add);
   contacts.merge(contacts_of(scene));
+  changes.merge(changes_of(scene));
 }
 
 std::vector<std::string> TrainedBox::unlike_materials(const Scene& scene) const {
@@ -102,15 +117,24 @@ std::vector<std::string> TrainedBox::unlike_contacts(const Scene& scene) const {
   return lines;
 }
 
+std::vector<std::string> TrainedBox::unlike_changes(const Scene& scene) const {
+  std::vector<std::string> lines;
+  for (const std::string& kind : changes_of(scene))
+    if (!changes.contains(kind)) lines.push_back("the training had no scene with " + kind);
+  return lines;
+}
+
 void TrainedBox::store(std::map<std::string, std::string>& metadata) const {
   metadata[ranges_key] = Json(ranges).dump();
   metadata[contacts_key] = Json(contacts).dump();
+  metadata[changes_key] = Json(changes).dump();
 }
 
 TrainedBox TrainedBox::load(const Weights& weights) {
   TrainedBox box;
   read_json(weights, ranges_key, box.ranges);
   read_json(weights, contacts_key, box.contacts);
+  read_json(weights, changes_key, box.changes);
   return box;
 }
 

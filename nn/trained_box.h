@@ -1,5 +1,5 @@
-// What the scenes of a training cover, as metadata of the weights file: training.ranges and training.contacts. Models
-// whose scenes lie outside are not refused; who runs them says so.
+// What the scenes of a training cover, as metadata of the weights file: training.ranges, training.contacts and
+// training.changes. Models whose scenes lie outside are not refused; who runs them says so.
 #pragma once
 
 #include <map>
@@ -20,6 +20,10 @@ struct TrainedBox {
   std::map<std::string, std::pair<double, double>> ranges;
   std::set<std::string> contacts;  ///< kinds of walls and of obstacles' contact, in words
 
+  /// What changed in some scene: "moving obstacles", "particles that come or go", "periodic walls", "particles that
+  /// follow a script".
+  std::set<std::string> changes;
+
   void widen(const Scene& scene);  ///< so that it holds the scene's
   bool is_told() const { return !ranges.empty(); }
   /// A line for each constant of the scene's materials outside the ranges: "sand.friction_angle is 50, of the training
@@ -27,6 +31,9 @@ struct TrainedBox {
   std::vector<std::string> unlike_materials(const Scene& scene) const;
   /// The same for friction and kinds of contact.
   std::vector<std::string> unlike_contacts(const Scene& scene) const;
+
+  /// A line for each kind of change of the scene that no scene of the training had, told or not.
+  std::vector<std::string> unlike_changes(const Scene& scene) const;
 
   void store(std::map<std::string, std::string>& metadata) const;
   /// Not told where the metadata lack it. Throws InputError naming file and key for what is no such JSON.

@@ -9,7 +9,6 @@
 
 #include "core/scene/material_config.h"
 #include "core/system/error.h"
-#include "experiments/models/start_state.h"
 #include "graph/features/material_constants.h"
 #include "io/config/config_writer.h"
 #include "io/scene/scene_reader.h"
@@ -110,16 +109,6 @@ std::vector<std::string> unlike_contacts(const nn::Weights& weights, const nn::T
   return lines;
 }
 
-/// A line for each kind of thing that changes in the scene.
-void name_changes(const Scene& scene, std::vector<std::string>& lines) {
-  const std::pair<bool, const char*> changes[] = {{scene.has_moving_obstacles(), "moving obstacles"},
-                                                  {scene.has_inactive_particles(), "particles that come or go"},
-                                                  {scene.domain.has_wall(Wall::periodic), "periodic walls"},
-                                                  {has_scripts(scene), "particles that follow a script"}};
-  for (const auto& [has, what] : changes)
-    if (has) lines.push_back(fmt::format("the training had no scene with {}", what));
-}
-
 }  // namespace
 
 std::vector<std::string> unlike_training(const nn::Weights& weights, const Scene& scene) {
@@ -147,7 +136,8 @@ std::vector<std::string> unknown_walls(const nn::Weights& weights, const Scene& 
   std::vector<std::string> lines;
   if (const auto box = nn::TrainedBox::load(weights); box.is_told()) {
     lines = unlike_contacts(weights, box, scene);
-    name_changes(scene, lines);
+    const std::vector<std::string> changes = box.unlike_changes(scene);
+    lines.insert(lines.end(), changes.begin(), changes.end());
     return lines;
   }
   if (!weights.metadata.contains("training.materials")) return lines;
@@ -164,7 +154,8 @@ std::vector<std::string> unknown_walls(const nn::Weights& weights, const Scene& 
     lines.push_back("the network has no input for the kind of a wall: the scene has sticky ones");
   add("walls", walls);
   add("obstacles", obstacles);
-  name_changes(scene, lines);
+  const std::vector<std::string> changes = nn::TrainedBox().unlike_changes(scene);
+  lines.insert(lines.end(), changes.begin(), changes.end());
   return lines;
 }
 

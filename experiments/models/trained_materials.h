@@ -18,8 +18,7 @@ std::vector<std::string> unlike_training(const nn::Weights& weights, const Scene
 
 /// A line for friction and for kinds of contact outside of the training, or that the network has no input for: of
 /// weights that tell no ranges, those of walls and of obstacles with friction. A line for each kind of thing that
-/// changes, which no training has (graph::check_training_scene). None for weights that do not say what they were
-/// taught.
+/// changes and changed in no scene of the training. None for weights that do not say what they were taught.
 std::vector<std::string> unknown_walls(const nn::Weights& weights, const Scene& scene);
 
 /// Both, as sentences for readers of a run.

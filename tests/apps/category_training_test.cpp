@@ -59,5 +59,29 @@ TEST_F(CategoryTraining, OfGnsWithObstacleParticles) {
   EXPECT_NE(weights.tensors.at("embedding.weight").as_float(), without.tensors.at("embedding.weight").as_float());
 }
 
+/// All eight categories of the recipe: streams, moving obstacles and containers that fill among them.
+TEST(AllCategories, TrainOneNetwork) {
+  if (!training_is_built()) GTEST_SKIP() << "graupel-train is not built (needs libtorch)";
+  const Folder folder;
+  const std::string data = folder.file("data"), run = folder.file("run");
+  const Outcome made = graupel(
+      "generate scenes/recipes/general.json --set frames=40 --set max_particles=400 --set counts.train=8 --set "
+      "counts.valid=8 --set counts.test=0 --set fields='' --device cpu --seed 11 -o " +
+      data);
+  ASSERT_EQ(made.exit_code, 0) << made.output;
+  const Outcome trained = graupel(
+      "train hgn --data " + data + " --out " + run +
+      " --device cpu --threads 1 --steps 20 --set validation_samples=16 --set rollout_scenes=8 --set rollout_frames=39"
+      " --set batch_scenes=8 --set hgn.latent=16 --set hgn.material_constants=true --set hgn.contact=true --set "
+      "hgn.bundle=2 --set push_steps=1");
+  ASSERT_EQ(trained.exit_code, 0) << trained.output;
+  EXPECT_TRUE(trained.says("finished at step 20")) << trained.output;
+  EXPECT_EQ(nn::TrainedBox::load(nn::read_safetensors(run + "/weights.safetensors")).changes,
+            (std::set<std::string>{"moving obstacles", "particles that come or go"}));
+  const Outcome rolled = graupel("rollout " + run + "/weights.safetensors " + data +
+                                 "/valid.h5 --frames 2 --device cpu -o " + folder.file("rollout.h5"));
+  EXPECT_EQ(rolled.exit_code, 0) << rolled.output;
+}
+
 }  // namespace
 }  // namespace graupel::test

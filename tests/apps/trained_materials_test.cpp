@@ -98,5 +98,18 @@ TEST(TrainedRanges, TellOfWhatTheNetworkDoesNotSee) {
                           "the training had no scene with particles that come or go"));
 }
 
+TEST(TrainedRanges, TellOfChangesThatTheTrainingDidNotHave) {
+  nn::Weights weights = taught_ranges(true);
+  Scene scene = scene_with("dune", R"({"preset": "taichi_sand", "friction_angle": 33})");
+  scene.sinks.emplace_back();
+  nn::TrainedBox box = nn::TrainedBox::load(weights);
+  box.widen(scene);
+  box.store(weights.metadata);
+  EXPECT_THAT(training_remarks(weights, scene), testing::IsEmpty());
+  scene.obstacles.emplace_back().motion = Motion{};
+  EXPECT_THAT(training_remarks(weights, scene),
+              testing::Contains("the training had no scene with moving obstacles"));
+}
+
 }  // namespace
 }  // namespace graupel::experiments

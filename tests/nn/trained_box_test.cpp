@@ -10,6 +10,7 @@ namespace graupel::nn {
 namespace {
 
 using ::testing::Contains;
+using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 
@@ -43,7 +44,9 @@ TEST(TrainedBox, HoldsWhatItWasWidenedBy) {
 
 TEST(TrainedBox, IsInTheMetadata) {
   TrainedBox box;
-  box.widen(sand_of(20.5, 0.1));
+  Scene poured = sand_of(20.5, 0.1);
+  poured.emitters.emplace_back();
+  box.widen(poured);
   Weights weights;
   weights.file = "net.safetensors";
   EXPECT_FALSE(TrainedBox::load(weights).is_told());
@@ -51,6 +54,10 @@ TEST(TrainedBox, IsInTheMetadata) {
   const TrainedBox again = TrainedBox::load(weights);
   EXPECT_EQ(again.ranges, box.ranges);
   EXPECT_EQ(again.contacts, box.contacts);
+  EXPECT_EQ(again.changes, (std::set<std::string>{"particles that come or go"}));
+  EXPECT_TRUE(again.unlike_changes(poured).empty());
+  poured.obstacles.emplace_back().motion = Motion{};
+  EXPECT_THAT(again.unlike_changes(poured), ElementsAre("the training had no scene with moving obstacles"));
   weights.metadata["training.ranges"] = R"({"sand.friction_angle": "steep"})";
   try {
     TrainedBox::load(weights);

@@ -24,6 +24,9 @@ SceneGraph newest_graph(const NetworkConfig& config, const graph::Normalization&
                      ", the network sees " + std::to_string(history + 1) + "). Give a longer one");
   const int64_t newest = trajectory.frames - 1;
   const std::vector<int32_t> present = trajectory.present(newest);
+  if (present.empty())
+    throw InputError("'" + split.file() + "': trajectory 0 has no particle in the run in its last frame (" +
+                     std::to_string(newest) + "). Give one that has some");
   graph::MovingEnvironment surroundings(trajectory.context->environment);
   return scene_graph(config, normalization, surroundings.at(trajectory.context->time_of(newest + 1)),
                      trajectory.kinds(present), frame_rows(split.history(0, newest, history), present),
