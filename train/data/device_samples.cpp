@@ -286,7 +286,7 @@ void DeviceSamples::Impl::add_sample(const SampleDraw& draw, int64_t first, Host
     }
   }
   if (info.context->environment.moves()) batch.append(info.context->environment.pose_at(draw.time, device));
-  SampleGraph::Scene scene{.draw = draw, .particles = sample.frames.rows};
+  SampleGraph::Scene scene{.draw = draw, .particles = sample.frames.rows, .environment = {}};
   if (!point.empty()) {
     const Buffer<Vec3f>& own = point[static_cast<std::size_t>(draw.key.trajectory)];
     scene.point = own.data();
