@@ -188,8 +188,8 @@ SweptCollision Environment::swept_collision(Device device) const {
 EnvironmentView Environment::view(Device device) const {
   GRAUPEL_ASSERT(device == Device::cpu || !moves());
   const sparsegrid::ObstacleNormalsView all_normals = normals.view();
-  return view_of_pose(
-      device, {obstacles.view(device).obstacles, moves() ? carried_from.data() : nullptr, all_normals.carried});
+  return view_of_pose(device,
+                      {obstacles.view(device).obstacles, moves() ? carried_from.data() : nullptr, all_normals.carried});
 }
 
 EnvironmentView Environment::view_of_pose(Device device, const PoseView& pose) const {

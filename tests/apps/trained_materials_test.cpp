@@ -107,8 +107,7 @@ TEST(TrainedRanges, TellOfChangesThatTheTrainingDidNotHave) {
   box.store(weights.metadata);
   EXPECT_THAT(training_remarks(weights, scene), testing::IsEmpty());
   scene.obstacles.emplace_back().motion = Motion{};
-  EXPECT_THAT(training_remarks(weights, scene),
-              testing::Contains("the training had no scene with moving obstacles"));
+  EXPECT_THAT(training_remarks(weights, scene), testing::Contains("the training had no scene with moving obstacles"));
 }
 
 }  // namespace

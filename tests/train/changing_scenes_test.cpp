@@ -41,7 +41,9 @@ DataSplit open_split(const std::string& name) {
 /// Particles in the run and their history up to a frame, as a rollout keeps them when its predictions are true.
 struct TrueRollout {
   TrueRollout(const DataSplit& split, int number, int64_t frame, int64_t length)
-      : info(split.trajectory(number)), surroundings(info.context->environment), history(split.history(number, 0, length)) {
+      : info(split.trajectory(number)),
+        surroundings(info.context->environment),
+        history(split.history(number, 0, length)) {
     const Scene& scene = info.context->scene;
     graph::ParticleLifecycle lifecycle(scene, &info.schedule, history.back(), {}, 0);
     for (int64_t t = 1; t <= frame; ++t) {
@@ -77,9 +79,9 @@ void expect_features_of_rollouts(const std::string& data, const TrainConfig& con
       const SampleDraw draw = draw_training_sample(split, config, step, slot);
       TrueRollout rollout(split, draw.key.trajectory, draw.key.frame, features.history);
       const double next = static_cast<double>(draw.key.frame + 1) * rollout.info.context->scene.frame_time;
-      const std::vector<float> expected = graph::particle_features(
-          features, normalization, rollout.surroundings.at(next), rollout.history,
-          particle_rows(rollout.info.material, rollout.present), draw.symmetry);
+      const std::vector<float> expected =
+          graph::particle_features(features, normalization, rollout.surroundings.at(next), rollout.history,
+                                   particle_rows(rollout.info.material, rollout.present), draw.symmetry);
       ASSERT_GT(expected.size(), 0u);
       ASSERT_LE(row + expected.size(), batch.numbers.data() + batch.features.begin + batch.features.count);
       ASSERT_TRUE(std::equal(expected.begin(), expected.end(), row)) << data << " step " << step << " slot " << slot;

@@ -254,9 +254,9 @@ TEST(Plane, GridsHaveTwoLayersAndOneAbove) {
     for (int w = 0; w < Waves::count; ++w)
       EXPECT_EQ(draw.displacement.amplitude[w] * draw.displacement.vector[w][2], 0);
   }
-  const SceneGraph graph = scene_graph(config.network(), {}, trajectory.context->environment,
-                                       {trajectory.type_row, {}}, split.history(0, 9, config.hgn.history),
-                                       grid_origin(trajectory, config.network()));
+  const SceneGraph graph =
+      scene_graph(config.network(), {}, trajectory.context->environment, {trajectory.type_row, {}},
+                  split.history(0, 9, config.hgn.history), grid_origin(trajectory, config.network()));
   for (const Vec<int, 3>& cell : graph.hierarchy.levels[0].coordinate) EXPECT_TRUE(cell[2] == 0 || cell[2] == 1);
   for (const Vec<int, 3>& cell : graph.hierarchy.levels[1].coordinate) EXPECT_EQ(cell[2], 0);
   for (const auto& weight : graph.hierarchy.weight)

@@ -28,16 +28,16 @@ struct Batch {
   int64_t feature_width = 0;
   int64_t target_width = 0;  ///< 3 k for the accelerations of k frames; 0 for inference
 
-  Part features;                  ///< numbers [particles and obstacle particles, feature_width]
-  Part weight;                    ///< numbers [particles, 8] trilinear
-  Part offset;                    ///< numbers [particles, 3]
-  Part target;                    ///< numbers [particles, target_width] normalised accelerations; empty for inference
-  Part counted;                   ///< numbers [particles] 1 for those that the loss counts, 0; empty where it counts all
-  Part type_row;                  ///< indices [particles and obstacle particles] rows of the embedding table
-  Part edge_features;             ///< of links between particles: numbers [edges, 4]
-  Part cell;                      ///< indices [particles, 8] level-0 cells
-  Part pair_begin;                ///< indices [cells + 1] (particle, corner) pairs of a level-0 cell
-  Part pair;                      ///< indices [particles * 8] pairs sorted by cell
+  Part features;       ///< numbers [particles and obstacle particles, feature_width]
+  Part weight;         ///< numbers [particles, 8] trilinear
+  Part offset;         ///< numbers [particles, 3]
+  Part target;         ///< numbers [particles, target_width] normalised accelerations; empty for inference
+  Part counted;        ///< numbers [particles] 1 for those that the loss counts, 0; empty where it counts all
+  Part type_row;       ///< indices [particles and obstacle particles] rows of the embedding table
+  Part edge_features;  ///< of links between particles: numbers [edges, 4]
+  Part cell;           ///< indices [particles, 8] level-0 cells
+  Part pair_begin;     ///< indices [cells + 1] (particle, corner) pairs of a level-0 cell
+  Part pair;           ///< indices [particles * 8] pairs sorted by cell
   std::vector<BatchLevel> level;  ///< finest first; of GNS one, whose cells are all particles
 
   /// Particles that the loss does not count: kinematic ones (core/scene/kinematic_particles.h), and those that leave.

@@ -10,8 +10,8 @@
 #include <mutex>
 
 #include "core/scene/kinematic_particles.h"
-#include "core/system/error.h"
 #include "core/scene/particle_rows.h"
+#include "core/system/error.h"
 #include "graph/features/particle_lifecycle.h"
 #include "graph/learned_simulator.h"
 #include "io/scene/scene_reader.h"
@@ -94,9 +94,8 @@ std::vector<FramesInRun> frames_in_run(const std::vector<uint8_t>& active, int64
       if (span.end == 0) span.first = static_cast<int32_t>(t);
       span.end = static_cast<int32_t>(t + 1);
     }
-  const bool all_stay = std::all_of(spans.begin(), spans.end(), [&](const FramesInRun& span) {
-    return span.holds(0, frames - 1);
-  });
+  const bool all_stay =
+      std::all_of(spans.begin(), spans.end(), [&](const FramesInRun& span) { return span.holds(0, frames - 1); });
   return all_stay ? std::vector<FramesInRun>() : spans;
 }
 
@@ -244,8 +243,9 @@ void DataSplit::find_births(const DataSplitOptions& options) {
     const auto t = static_cast<int>(i);
     const std::string where = "'" + file_ + "': trajectory " + std::to_string(i);
     if (!info.tells_presence)
-      throw InputError(where + " does not tell which particles are in the run (no 'active', although its scene has "
-                               "emitters, sinks or open walls). Generate the data set anew");
+      throw InputError(where +
+                       " does not tell which particles are in the run (no 'active', although its scene has "
+                       "emitters, sinks or open walls). Generate the data set anew");
     if (scene.emitters.empty()) return;
     std::unique_lock lock(reading);
     const uint64_t seed = reader_->header(t).seed;
@@ -277,7 +277,8 @@ std::vector<std::vector<Vec3f>> DataSplit::positions(int i, int64_t first, int64
 std::vector<std::vector<Vec3f>> DataSplit::history(int i, int64_t frame, int64_t history) const {
   const TrajectoryInfo& info = trajectory(i);
   const Scene& scene = info.context->scene;
-  std::vector<std::vector<Vec3f>> all = positions(i, std::max<int64_t>(0, frame - history), std::min(frame, history) + 1);
+  std::vector<std::vector<Vec3f>> all =
+      positions(i, std::max<int64_t>(0, frame - history), std::min(frame, history) + 1);
   if (frame < history) {
     std::vector<std::vector<Vec3f>> past =
         graph::start_history(all.front(), info.initial_velocity, scene.gravity, scene.frame_time,

@@ -27,13 +27,16 @@ struct SampleFrames {
   GRAUPEL_HD bool is_kinematic(int64_t p) const { return graph::is_kinematic_row(type_row[p]); }
   GRAUPEL_HD int32_t material_of(int64_t p) const { return material == nullptr ? graph::no_material : material[p]; }
   GRAUPEL_HD int64_t particle(int64_t row) const { return present == nullptr ? row : present[row]; }
-  /// Position at a frame; before the first that of graph::start_history, before the birth as graph::add_past_of_born.
+  /// Position at a frame that history shows: before the birth that of graph::add_past_of_born.
+  GRAUPEL_HD Vec3f seen_at(int64_t t, int64_t p) const {
+    if (birth_time == nullptr) return at(t, p);
+    const double now = static_cast<double>(frame) * frame_time,
+                 then = now - static_cast<double>(frame - t) * frame_time;
+    if (!graph::was_born_between(birth_time[p], then, now)) return at(t, p);
+    return graph::flight_since_birth(position[p], birth_velocity[p], gravity, then - birth_time[p]);
+  }
+  /// Stored position at a frame; before the first that of graph::start_history.
   GRAUPEL_HD Vec3f at(int64_t t, int64_t p) const {
-    if (birth_time != nullptr) {
-      const double now = static_cast<double>(frame) * frame_time, then = now - static_cast<double>(frame - t) * frame_time;
-      if (graph::was_born_between(birth_time[p], then, now))
-        return graph::flight_since_birth(position[p], birth_velocity[p], gravity, then - birth_time[p]);
-    }
     if (t >= 0) return position[t * particles + p];
     const double before = -static_cast<double>(t) * frame_time;
     const Vec3d fallen = gravity * (is_kinematic(p) ? 0 : before * before / 2);
@@ -83,7 +86,7 @@ struct MakeSample {
     const int64_t p = frames.particle(i - own.scene.first);
     Vec3f position[graph::most_positions];
     for (int t = 0; t <= rules.features.history; ++t)
-      position[t] = frames.at(frames.frame - rules.features.history + t, p);
+      position[t] = frames.seen_at(frames.frame - rules.features.history + t, p);
     out.current[i] = write_disturbed_sample(rules, own.scene, static_cast<uint64_t>(p), frames.is_kinematic(p),
                                             frames.material_of(p), position, TruePositions{frames, frames.frame, p},
                                             out.features + i * rules.features.width, out.target + 3 * rules.bundle * i);
@@ -262,9 +265,9 @@ SceneSample DeviceSamples::Impl::sample_of(const SampleDraw& draw, int64_t first
   return {{first, draw.stream, draw.symmetry, draw.displacement, draw.drift,
            environment.moves() ? graph::EnvironmentView() : environment.view(device)},
           {trajectory.position.data(), trajectory.initial_velocity.data(), trajectory.type_row.data(),
-           info.material.empty() ? nullptr : trajectory.material.data(),
-           emits ? trajectory.birth_time.data() : nullptr, emits ? trajectory.birth_velocity.data() : nullptr, nullptr,
-           particles, draw.key.frame, particles, scene.gravity, scene.frame_time},
+           info.material.empty() ? nullptr : trajectory.material.data(), emits ? trajectory.birth_time.data() : nullptr,
+           emits ? trajectory.birth_velocity.data() : nullptr, nullptr, particles, draw.key.frame, particles,
+           scene.gravity, scene.frame_time},
           environment.swept_collision(device),
           !environment.moves() && info.in_run.empty()};
 }
@@ -386,9 +389,9 @@ void DeviceSamples::start(int64_t step) {
   slot.current.resize_discard(rows);
   slot.type_row.resize_discard(rows);
   if (slot.pushes > 0) slot.history.resize_discard(n * static_cast<std::size_t>(impl.rules.features.history + 1));
-  parallel_for_in(
-      impl.stream, impl.device, slot.particles,
-      MakeSample{impl.rules, slot.samples.data(), static_cast<int>(slot.samples.size()), slot.particles, slot.output()});
+  parallel_for_in(impl.stream, impl.device, slot.particles,
+                  MakeSample{impl.rules, slot.samples.data(), static_cast<int>(slot.samples.size()), slot.particles,
+                             slot.output()});
   slot.build_graph(impl.rules, impl.stream);
 }
 

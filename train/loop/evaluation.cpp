@@ -51,10 +51,9 @@ EvaluationBatch prepare(const NetworkConfig& config, const graph::Normalization&
   for (const SampleKey* key = first; key != last; ++key) {
     const TrajectoryInfo& trajectory = split.trajectory(key->trajectory);
     const std::vector<int32_t> present = trajectory.present(key->frame);
-    const auto history =
-        frame_rows(split.history(key->trajectory, key->frame, features_of(config).history), present);
-    const auto truth = acceleration_of(
-        particle_rows(split.positions(key->trajectory, key->frame + 1, 1).front(), present), history);
+    const auto history = frame_rows(split.history(key->trajectory, key->frame, features_of(config).history), present);
+    const auto truth =
+        acceleration_of(particle_rows(split.positions(key->trajectory, key->frame + 1, 1).front(), present), history);
     graph::MovingEnvironment surroundings(trajectory.context->environment);
     const graph::Environment& environment = surroundings.at(trajectory.context->time_of(key->frame + 1));
     graphs.push_back(scene_graph(config, normalization, environment, trajectory.kinds(present), history,
@@ -159,9 +158,8 @@ void predict(const NetworkModule& module, const graph::Normalization& normalizat
     Rollout& rollout = rollouts[static_cast<std::size_t>(s)];
     const TrajectoryInfo& trajectory = rollout.trajectory;
     const std::vector<int32_t> present = rollout.present();
-    rollout.predicted.assign(
-        static_cast<std::size_t>(config.bundle),
-        std::vector<Vec3f>(trajectory.type_row.size(), trajectory.context->gravity_step()));
+    rollout.predicted.assign(static_cast<std::size_t>(config.bundle),
+                             std::vector<Vec3f>(trajectory.type_row.size(), trajectory.context->gravity_step()));
     if (present.empty()) return;
     graphs[static_cast<std::size_t>(s)] = scene_graph(
         module.config(), normalization, rollout.surroundings.at(trajectory.context->time_of(frame)),

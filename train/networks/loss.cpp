@@ -9,8 +9,8 @@ namespace graupel::train {
 
 AccelerationLoss::AccelerationLoss(const at::Tensor& accelerations, const DeviceBatch& batch, bool plane)
     : difference_(accelerations - batch.target),
-      predictions_(static_cast<double>(std::max<int64_t>(1, batch.particles - batch.uncounted) *
-                                       difference_.size(1) / 3)) {
+      predictions_(
+          static_cast<double>(std::max<int64_t>(1, batch.particles - batch.uncounted) * difference_.size(1) / 3)) {
   if (batch.uncounted > 0) difference_.mul_(batch.counted);
   if (plane) difference_.view({batch.particles, -1, 3}).select(2, 2).zero_();
 }
