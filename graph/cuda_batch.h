@@ -40,10 +40,10 @@ class CudaBatch {
     int64_t first;                    ///< frame after the start
     std::span<const Vec3f> position;  ///< [frames, n]
   };
-  /// read(pieces) until all that was taken aside is read, scene by scene and in the order of the frames; no call has two
-  /// pieces of a scene. The next pieces are copied meanwhile, at most 2^21 positions or one frame in each of two pieces
-  /// of pinned memory. May run on another thread beside start() and run(), but not beside keep_frames().
-  void read_frames(const std::function<void(const std::vector<FramePiece>&)>& read);
+  /// read(pieces) until all that was taken aside is read, scene by scene and in the order of the frames; no call has
+  /// two pieces of a scene. The next pieces are copied meanwhile: two times `at_once` positions, or one frame, are in
+  /// pinned memory. May run on another thread beside start() and run(), but not beside keep_frames().
+  void read_frames(const std::function<void(const std::vector<FramePiece>&)>& read, int64_t at_once = int64_t{1} << 21);
 
  private:
   struct Impl;

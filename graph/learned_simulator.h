@@ -106,11 +106,11 @@ class LearnedSimulator {
   };
   /// The rollouts of all scenes, each with the bits that rollout() gives it. `done` takes each result on the calling
   /// thread, in the order of the list but for scenes that run alone, which come last; those of scenes that ran together
-  /// when the next such batch has run, or not where that throws. At most 2^27 positions of frames are in memory at once:
-  /// of longer rollouts fewer scenes run together. On a GPU scenes run together where
-  /// the network is an HGN that aggregates activations, nothing of them changes, they have particles, equally many
-  /// frames and the same lower corner of the domain; the others run one after the other, as all do on a CPU. A scene
-  /// that diverges stops alone. Checks all scenes first: throws as rollout(), with the scene's name before the text.
+  /// when the next such batch has run, or not where that throws. At most 2^27 positions of frames are in memory at
+  /// once: of longer rollouts fewer scenes run together. On a GPU scenes run together where the network is an HGN that
+  /// aggregates activations, nothing of them changes, they have particles, equally many frames and the same lower
+  /// corner of the domain; the others run one after the other, as all do on a CPU. A scene that diverges stops alone.
+  /// Checks all scenes first: throws as rollout(), with the scene's name before the text.
   ManyCost rollout_many(const std::vector<SceneRollout>& scenes, const std::function<void(SceneResult&&)>& done,
                         const ManyOptions& options) const;
 

@@ -18,7 +18,7 @@ namespace graupel::graph {
 
 namespace {
 
-constexpr int64_t most_particles = int64_t{1} << 20;         ///< of a batch: about 7 KB each on the GPU
+constexpr int64_t most_particles = int64_t{1} << 20;  ///< of a batch: about 7 KB each on the GPU
 /// Of a batch's frames: 12 bytes each on the GPU, for this batch and for the one before, and 24 in its trajectories.
 constexpr int64_t most_positions = int64_t{1} << 27;
 constexpr double most_cells = static_cast<double>(1 << 20);  ///< of the network in a scene's domain
@@ -188,7 +188,8 @@ void LearnedSimulator::rollout_batches(const std::vector<SceneRollout>& scenes,
     cost.seconds += batch_->seconds();
     give_last();
     batch_->keep_frames();
-    of_last = std::async(std::launch::async, [this, &scenes, &batch] {
+    of_last = std::async(std::launch::async, [this, &scenes, &batch, threads = num_threads()] {
+      set_num_threads(threads);  // of the new thread
       return kept_trajectories(*batch_, scenes, batch, weights_->file);
     });
     last = &batch;

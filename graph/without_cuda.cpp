@@ -45,6 +45,6 @@ void CudaBatch::run(const std::function<void(int64_t)>&) { no_cuda(); }
 double CudaBatch::seconds() const { no_cuda(); }
 void CudaBatch::keep_frames() { no_cuda(); }
 int64_t CudaBatch::kept_frames(std::size_t) const { no_cuda(); }
-void CudaBatch::read_frames(const std::function<void(const std::vector<FramePiece>&)>&) { no_cuda(); }
+void CudaBatch::read_frames(const std::function<void(const std::vector<FramePiece>&)>&, int64_t) { no_cuda(); }
 
 }  // namespace graupel::graph

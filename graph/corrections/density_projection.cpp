@@ -44,8 +44,8 @@ class DensityProjection::Lattice {
   void start(const Environment& environment, double largest_density, const Cells& cells, void* stream) {
     cells_ = cells;
     most_cells_ = std::max(most_cells_, cells.count());
-    unit_ = static_cast<uint64_t>(
-        std::clamp(full / (largest_density * std::pow(cells.spacing, 3)), 1.0, std::exp2(31)));
+    unit_ =
+        static_cast<uint64_t>(std::clamp(full / (largest_density * std::pow(cells.spacing, 3)), 1.0, std::exp2(31)));
     skip_ = nullptr;
     const auto count = static_cast<std::size_t>(cells.count());
     open_fractions_.resize_discard(count);
@@ -55,9 +55,12 @@ class DensityProjection::Lattice {
     rank_.resize_discard(words_.size() + 1);
     cell_.resize_discard(0);  // its size, which is that of the particles, chooses the solver
     equation_.resize_discard(0);
-    const StartCells start{fractions_of(environment), static_cast<int64_t>(words_.size()),
-                           mass_.data(),              words_.data(),
-                           pressure_.data(),          rank_.data()};
+    const StartCells start{fractions_of(environment),
+                           static_cast<int64_t>(words_.size()),
+                           mass_.data(),
+                           words_.data(),
+                           pressure_.data(),
+                           rank_.data()};
     parallel_for_in(stream, device_, start.items(), start);
   }
   /// What frames of n particles allocate.

@@ -34,8 +34,8 @@ inline constexpr double image_cells = 4;
 class DensityProjection {
  public:
   /// `largest_density` [particles/m^3]; `spacing` of the cells [m], doubled until each grid has at most 2^26 of them.
-  /// The environment is read here, in start() and in place() alone. Throws ConfigError when the cells, 25 bytes each, do
-  /// not fit into the memory.
+  /// The environment is read here, in start() and in place() alone. Throws ConfigError when the cells, 25 bytes each,
+  /// do not fit into the memory.
   DensityProjection(Device device, const Environment& environment, double largest_density, double spacing);
   ~DensityProjection();
 

@@ -15,7 +15,6 @@ namespace graupel::graph {
 namespace {
 
 constexpr int64_t ahead = 2;  ///< bundles that are launched before the host looks at the first of them
-constexpr int64_t positions_at_once = int64_t{1} << 21;  ///< of frames that are copied to the host
 
 /// Frames of scenes that have ended, on the GPU.
 struct KeptFrames {
@@ -26,8 +25,8 @@ struct KeptFrames {
   Buffer<Vec3f> memory{Device::cuda, 0};
   std::vector<Of> of_scene;
 
-  /// Lists of successive pieces, each of which fits into positions_at_once or is one frame; pieces lie on the GPU.
-  std::vector<std::vector<CudaBatch::FramePiece>> pieces() const {
+  /// Lists of successive pieces, each list of `at_once` positions at most or of one frame; pieces lie on the GPU.
+  std::vector<std::vector<CudaBatch::FramePiece>> pieces(int64_t at_once) const {
     std::vector<std::vector<CudaBatch::FramePiece>> lists;
     int64_t room = 0;
     for (std::size_t s = 0; s < of_scene.size(); ++s) {
@@ -35,7 +34,7 @@ struct KeptFrames {
       for (int64_t first = 0; first < frames;) {
         if (lists.empty() || room < particles) {
           lists.emplace_back();
-          room = positions_at_once;
+          room = at_once;
         }
         const int64_t count = std::clamp<int64_t>(room / particles, 1, frames - first);
         lists.back().push_back({s, first, {from + first * particles, static_cast<std::size_t>(count * particles)}});
@@ -305,9 +304,9 @@ void CudaBatch::keep_frames() {
 
 int64_t CudaBatch::kept_frames(std::size_t scene) const { return impl_->kept.of_scene[scene].frames; }
 
-void CudaBatch::read_frames(const std::function<void(const std::vector<FramePiece>&)>& read) {
+void CudaBatch::read_frames(const std::function<void(const std::vector<FramePiece>&)>& read, int64_t at_once) {
   GRAUPEL_CUDA_CHECK(cudaSetDevice(impl_->device));
-  impl_->reader.run(impl_->kept.pieces(), read);
+  impl_->reader.run(impl_->kept.pieces(at_once), read);
 }
 
 }  // namespace graupel::graph

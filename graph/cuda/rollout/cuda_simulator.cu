@@ -57,7 +57,7 @@ struct CudaSimulator::Impl {
   std::unique_ptr<FrameModel> model;
   FeatureConfig config;
   SceneMotion motion;
-  PinnedBuffer<Vec3f> start;             ///< [history + 1, particles]
+  PinnedBuffer<Vec3f> start;            ///< [history + 1, particles]
   Buffer<Vec3f> ring{Device::cuda, 0};  ///< [history + 1 + bundle, particles]
   cudaStream_t stream = nullptr, group_stream = nullptr;
   cudaEvent_t room_beside = nullptr, groups_there = nullptr;
