@@ -6,6 +6,7 @@
 #include <cmath>
 #include <limits>
 #include <nlohmann/json.hpp>
+#include <set>
 
 #include "core/system/error.h"
 #include "mpm/materials/material_parameters.h"
@@ -59,12 +60,36 @@ double of_law(const std::map<MaterialModel, double>& numbers, MaterialModel law,
   return found == numbers.end() ? otherwise : found->second;
 }
 
+/// Of the bodies and streams: others that a scene names set no step.
+std::vector<MaterialConfig> materials_in_use(const Scene& scene) {
+  std::set<std::string> names;
+  for (const Source& source : scene.sources) names.insert(source.material);
+  for (const Emitter& emitter : scene.emitters) names.insert(emitter.material);
+  std::vector<MaterialConfig> used;
+  for (const auto& [name, config] : scene.materials)
+    if (names.contains(name)) used.push_back(config);
+  return used;
+}
+
 /// c T / (C dx) of a material's elastic waves at rest, or of the slowest that count.
 double substeps_of_waves(const Scene& scene, const MaterialConfig& config, const CourantNumbers& log_courant) {
   const double limit = std::exp(of_law(log_courant.waves, config.model, std::log(untrained_courant)));
   const double speed = std::max(mpm::material_parameters<double>(config).elastic_speed,
                                 of_law(log_courant.least_speed, config.model, 0));
   return speed * scene.frame_time / (scene.domain.dx * limit);
+}
+
+/// Mean over the bodies and streams.
+double mean_share(const Scene& scene, const std::map<std::string, double>& shares) {
+  double sum = 0;
+  const auto add = [&](const std::string& material) {
+    const auto found = shares.find(material);
+    sum += found == shares.end() ? 1 : found->second;  // the run will refuse an unknown material
+  };
+  for (const Source& source : scene.sources) add(source.material);
+  for (const Emitter& emitter : scene.emitters) add(emitter.material);
+  const std::size_t count = scene.sources.size() + scene.emitters.size();
+  return count == 0 ? 1 : sum / static_cast<double>(count);
 }
 
 int64_t whole_substeps(double substeps) { return std::max<int64_t>(1, static_cast<int64_t>(std::ceil(substeps))); }
@@ -131,15 +156,13 @@ double CoarseModel::cost(const Scene& of, double resolution, Device device) cons
   Scene reference = of, coarse = constants.scene(of);  // the spacing and the constants alone set the step
   reference.domain.dx = 2 * of.domain.dx;
   coarse.domain.dx = resolution * of.domain.dx;
-  double share = 0;  // of the law with most
-  for (const auto& [name, own] : particle_shares(of, resolution)) share = std::max(share, own);
   return static_cast<double>(wave_substeps(coarse)) / static_cast<double>(largest_step_substeps(reference)) *
-         std::pow(2 / resolution * std::cbrt(share), cost_exponent.at(device));
+         std::pow(2 / resolution * std::cbrt(mean_share(of, particle_shares(of, resolution))), cost_exponent.at(device));
 }
 
 double CoarseModel::resolution(const Scene& of, Device device) const {
-  double least = 1;
-  for (const auto& [name, config] : of.materials) least = std::max(least, of_law(finest, config.model, 1));
+  double least = resolutions.back();
+  for (const MaterialConfig& config : materials_in_use(of)) least = std::min(least, of_law(finest, config.model, 1));
   for (const double resolution : resolutions)
     if (resolution >= least && cost(of, resolution, device) <= 1) return resolution;
   return resolutions.back();
@@ -149,14 +172,14 @@ int64_t CoarseModel::largest_step_substeps(const Scene& scene) const {
   const double frame = scene.frame_time / scene.domain.dx;
   double substeps =
       std::max(expected_speed(scene) * frame / std::exp(log_courant.speed), scripted_speed(scene) * frame);
-  for (const auto& [name, config] : scene.materials)
+  for (const MaterialConfig& config : materials_in_use(scene))
     substeps = std::max(substeps, substeps_of_waves(scene, config, log_courant));
   return whole_substeps(substeps);
 }
 
 int64_t CoarseModel::wave_substeps(const Scene& scene) const {
   double substeps = 0;
-  for (const auto& [name, config] : scene.materials)
+  for (const MaterialConfig& config : materials_in_use(scene))
     substeps = std::max(
         substeps, substeps_of_waves(scene, config, log_courant) * std::exp(of_law(log_safety, config.model, 0)));
   return whole_substeps(substeps);

@@ -40,8 +40,8 @@ struct CoarseModel {
   /// Grid spacings over the scene's that the model chooses from, ascending from 1; the last one where all cost too
   /// much.
   std::vector<double> resolutions = {1, 1.125, 1.25, 1.375, 1.5, 1.625, 1.75, 1.875, 2, 2.25};
-  /// The finest of them that it chooses, by law: on finer grids, with the few substeps that softer matter takes, water
-  /// keeps more of its motion than on the scene's own grid (docs/lab/coarse-mpm.md).
+  /// The finest of them that it chooses, by law, the least of the scene's: on finer grids, with the few substeps that
+  /// softer matter takes, water alone keeps more of its motion than on the scene's own grid (docs/lab/coarse-mpm.md).
   std::map<MaterialModel, double> finest;
   /// Particles a cell over the scene's, by law; at the scene's own spacing its own particles are moved.
   std::map<MaterialModel, double> particle_share;

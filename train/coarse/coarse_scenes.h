@@ -41,8 +41,9 @@ struct CoarseSceneOptions {
   int64_t frames = 120;  ///< horizon
   int64_t stride = 10;   ///< frames between those looked at
   std::vector<double> resolutions = hybrid::CoarseModel().resolutions;
-  std::map<MaterialModel, double> particle_share;  ///< hybrid::CoarseModel's, of all models that run on the scenes
-  Device target = Device::cpu;                     ///< whose cost chooses the grid
+  /// hybrid::CoarseModel's, of all models that run on the scenes.
+  std::map<MaterialModel, double> particle_share = {};
+  Device target = Device::cpu;  ///< whose cost chooses the grid
   Device device = Device::cpu;
   std::function<void(const std::string&)> message = [](const std::string&) {};
   std::function<bool()> should_stop = [] { return false; };
