@@ -6,6 +6,7 @@
 #include <cmath>
 #include <limits>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <set>
 
 #include "core/system/error.h"
@@ -79,17 +80,14 @@ double substeps_of_waves(const Scene& scene, const MaterialConfig& config, const
   return speed * scene.frame_time / (scene.domain.dx * limit);
 }
 
-/// Mean over the bodies and streams.
-double mean_share(const Scene& scene, const std::map<std::string, double>& shares) {
-  double sum = 0;
-  const auto add = [&](const std::string& material) {
-    const auto found = shares.find(material);
-    sum += found == shares.end() ? 1 : found->second;  // the run will refuse an unknown material
-  };
-  for (const Source& source : scene.sources) add(source.material);
-  for (const Emitter& emitter : scene.emitters) add(emitter.material);
-  const std::size_t count = scene.sources.size() + scene.emitters.size();
-  return count == 0 ? 1 : sum / static_cast<double>(count);
+/// The least of the numbers of the laws in use, `otherwise` where nothing is.
+double least_of_laws(const Scene& scene, const std::map<MaterialModel, double>& numbers, double otherwise) {
+  std::optional<double> least;
+  for (const MaterialConfig& config : materials_in_use(scene)) {
+    const double own = of_law(numbers, config.model, otherwise);
+    least = std::min(own, least.value_or(own));
+  }
+  return least.value_or(otherwise);
 }
 
 int64_t whole_substeps(double substeps) { return std::max<int64_t>(1, static_cast<int64_t>(std::ceil(substeps))); }
@@ -137,19 +135,15 @@ void CoarseModel::set_parameters(const std::vector<double>& values) {
 }
 
 Scene CoarseModel::scene(const Scene& of, double resolution) const {
-  Scene coarse = constants.scene(
-      resolution == 1 ? of : mpm::on_coarser_grid(of, resolution, particle_shares(of, resolution)));
+  Scene coarse = constants.scene(resolution == 1 ? of : mpm::on_coarser_grid(of, resolution, share(of, resolution)));
   coarse.time_step.policy = StepPolicy::per_frame;
   coarse.time_step.substeps_per_frame = wave_substeps(coarse);
   coarse.time_step.courant = std::min(1.0, std::exp(log_courant.speed));
   return coarse;
 }
 
-std::map<std::string, double> CoarseModel::particle_shares(const Scene& scene, double resolution) const {
-  std::map<std::string, double> shares;
-  for (const auto& [name, config] : scene.materials)
-    shares[name] = resolution == 1 ? 1 : of_law(particle_share, config.model, 1);
-  return shares;
+double CoarseModel::share(const Scene& scene, double resolution) const {
+  return resolution == 1 ? 1 : least_of_laws(scene, particle_share, 1);
 }
 
 double CoarseModel::cost(const Scene& of, double resolution, Device device) const {
@@ -157,12 +151,11 @@ double CoarseModel::cost(const Scene& of, double resolution, Device device) cons
   reference.domain.dx = 2 * of.domain.dx;
   coarse.domain.dx = resolution * of.domain.dx;
   return static_cast<double>(wave_substeps(coarse)) / static_cast<double>(largest_step_substeps(reference)) *
-         std::pow(2 / resolution * std::cbrt(mean_share(of, particle_shares(of, resolution))), cost_exponent.at(device));
+         std::pow(2 / resolution * std::cbrt(share(of, resolution)), cost_exponent.at(device));
 }
 
 double CoarseModel::resolution(const Scene& of, Device device) const {
-  double least = resolutions.back();
-  for (const MaterialConfig& config : materials_in_use(of)) least = std::min(least, of_law(finest, config.model, 1));
+  const double least = least_of_laws(of, finest, 1);
   for (const double resolution : resolutions)
     if (resolution >= least && cost(of, resolution, device) <= 1) return resolution;
   return resolutions.back();
@@ -180,8 +173,8 @@ int64_t CoarseModel::largest_step_substeps(const Scene& scene) const {
 int64_t CoarseModel::wave_substeps(const Scene& scene) const {
   double substeps = 0;
   for (const MaterialConfig& config : materials_in_use(scene))
-    substeps = std::max(
-        substeps, substeps_of_waves(scene, config, log_courant) * std::exp(of_law(log_safety, config.model, 0)));
+    substeps = std::max(substeps,
+                        substeps_of_waves(scene, config, log_courant) * std::exp(of_law(log_safety, config.model, 0)));
   return whole_substeps(substeps);
 }
 

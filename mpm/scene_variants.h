@@ -2,7 +2,6 @@
 #pragma once
 
 #include <cstdint>
-#include <map>
 #include <optional>
 #include <string>
 #include <vector>
@@ -45,9 +44,8 @@ std::vector<std::size_t> thinned_points(const Scene& scene, std::size_t source, 
 /// The scene on a grid with `ratio` (from 1) times its spacing, or the nearest that leaves whole cells between periodic
 /// walls: walls and obstacles stay where they are, bodies are sampled with as many particles a cell as before, streams
 /// keep their flux (mpm/scene/emission.h), given points are thinned. Fewer substeps a frame, in proportion.
-/// `particle_shares`: particles a cell over those before, by material (default 1, at most as many as the scene has), of
-/// so much less volume each.
-Scene on_coarser_grid(const Scene& scene, double ratio, const std::map<std::string, double>& particle_shares = {});
+/// `particle_share`: particles a cell over those before, at most as many as the scene has.
+Scene on_coarser_grid(const Scene& scene, double ratio, double particle_share = 1);
 
 /// The scene on the variant's grid; the step is still the given one.
 Scene variant_scene(const Scene& scene, const SolverVariant& variant);

@@ -124,14 +124,17 @@ TEST(CoarseModel, AGridHasNoMoreParticlesThanTheScene) {
               0.01 * static_cast<double>(particles_of(scene)));
 }
 
-TEST(CoarseModel, TheCostOfSharesIsThatOfTheMeanBody) {
-  Scene scene = mpm::four_materials();
+TEST(CoarseModel, AScenesShareIsTheLeastOfItsLaws) {
+  Scene scene = mpm::scene_with("taichi_water");
   CoarseModel model;
-  const double before = model.cost(scene, 1.5, Device::cpu);
-  model.particle_share[MaterialModel::water] = 2;
-  const double bodies = static_cast<double>(scene.sources.size());
-  EXPECT_NEAR(model.cost(scene, 1.5, Device::cpu) / before,
-              std::pow((bodies + 1) / bodies, model.cost_exponent.at(Device::cpu) / 3), 1e-12);
+  model.particle_share = {{MaterialModel::water, 1.5}, {MaterialModel::jelly, 0.5}};
+  EXPECT_EQ(model.share(scene, 2), 1.5);
+  scene.materials["taichi_jelly"] = mpm::preset("taichi_jelly");
+  EXPECT_EQ(model.share(scene, 2), 1.5);  // nothing is made of it
+  scene.sources.push_back(scene.sources[0]);
+  scene.sources.back().material = "taichi_jelly";
+  EXPECT_EQ(model.share(scene, 2), 0.5);
+  EXPECT_EQ(model.share(scene, 1), 1);
 }
 
 TEST(CoarseModel, SlowWavesTakeTheSubstepsOfTheSlowestThatCount) {
