@@ -261,7 +261,7 @@ CoarseModel CoarseModel::load(const nn::Weights& weights) {
     for (std::size_t l = 0; l < std::size(trained_laws); ++l) all[trained_laws[l]] = values[l];
     return all;
   };
-  model.log_safety = by_law("log_safety", 0, 6);
+  model.log_safety = by_law("log_safety", -2, 6);
   model.log_courant.least_speed = by_law("least_wave_speeds", 0, 1e4);
   model.particle_share = by_law("particle_shares", 0.125, 8);
   model.finest = by_law("finest_spacings", 1, 8);

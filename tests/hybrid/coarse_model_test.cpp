@@ -232,7 +232,7 @@ TEST(CoarseModel, AFileGivesTheSameModel) {
   CoarseModel model = with("snow.hardening.slope", 0.25);
   model.resolutions = {1, 1.5};
   model.log_courant.speed = -0.5;
-  model.log_safety[MaterialModel::sand] = 0.25;
+  model.log_safety[MaterialModel::sand] = -0.25;
   model.log_courant.least_speed[MaterialModel::snow] = 26;
   model.particle_share[MaterialModel::sand] = 0.5;
   model.finest[MaterialModel::water] = 1.875;
@@ -242,7 +242,7 @@ TEST(CoarseModel, AFileGivesTheSameModel) {
   const CoarseModel again = CoarseModel::load(model.store());
   EXPECT_EQ(again.resolutions, model.resolutions);
   EXPECT_EQ(again.log_courant.speed, -0.5);
-  EXPECT_EQ(again.log_safety.at(MaterialModel::sand), 0.25);
+  EXPECT_EQ(again.log_safety.at(MaterialModel::sand), -0.25);
   EXPECT_EQ(again.log_courant.least_speed.at(MaterialModel::snow), 26);
   EXPECT_EQ(again.particle_share.at(MaterialModel::sand), 0.5);
   EXPECT_EQ(again.particle_share.at(MaterialModel::water), 1);
