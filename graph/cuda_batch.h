@@ -21,14 +21,29 @@ class CudaBatch {
   ~CudaBatch();
 
   /// Rollouts of `frames` frames of scenes with particles, the same lower corner of the domain and laws with a network.
+  /// What earlier batches allocated is used again. On all threads.
   void start(const std::vector<CudaScene>& scenes, int64_t frames);
   /// Predicts all frames. A scene that diverges (step_frame), or of which a particle leaves what the network's grid can
   /// hold, stops alone. `progress`: frames so far of those that go on; what it throws ends the run.
   void run(const std::function<void(int64_t frame)>& progress = {});
   /// Of run() on the GPU, without recording what it launches.
   double seconds() const;
-  /// Positions [frames that the scene has, n] after the start. Valid until the next call.
-  std::span<const Vec3f> frames(std::size_t scene) const;
+
+  /// Takes aside the frames that run() has made, until the next call: another batch may start. Their memory and that of
+  /// the batch that runs take turns: each holds the frames of all scenes, 12 bytes a position.
+  void keep_frames();
+  /// Frames after the start that a scene of those taken aside has.
+  int64_t kept_frames(std::size_t scene) const;
+  /// Successive frames of a scene, on the host.
+  struct FramePiece {
+    std::size_t scene;
+    int64_t first;                    ///< frame after the start
+    std::span<const Vec3f> position;  ///< [frames, n]
+  };
+  /// read(pieces) until all that was taken aside is read, scene by scene and in the order of the frames; no call has
+  /// two pieces of a scene. The next pieces are copied meanwhile: two times `at_once` positions, or one frame, are in
+  /// pinned memory. May run on another thread beside start() and run(), but not beside keep_frames().
+  void read_frames(const std::function<void(const std::vector<FramePiece>&)>& read, int64_t at_once = int64_t{1} << 21);
 
  private:
   struct Impl;

@@ -104,20 +104,25 @@ class LearnedSimulator {
     int64_t frames = 0;  ///< of all scenes
     double seconds = 0;  ///< on the GPU, without what starts, recordings of launches and copies of results take
   };
-  /// The rollouts of all scenes, each with the bits that rollout() gives it. `done` takes each result as soon as it is
-  /// there, in the order of the list but for scenes that run alone, which come last. On a GPU scenes run together where
-  /// the network is an HGN that aggregates activations, nothing of them changes, they have particles, equally many
-  /// frames and the same lower corner of the domain; the others run one after the other, as all do on a CPU. A scene
-  /// that diverges stops alone. Checks all scenes first: throws as rollout(), with the scene's name before the text.
+  /// The rollouts of all scenes, each with the bits that rollout() gives it. `done` takes each result on the calling
+  /// thread, in the order of the list but for scenes that run alone, which come last; those of scenes that ran together
+  /// when the next such batch has run, or not where that throws. At most 2^27 positions of frames are in memory at
+  /// once: of longer rollouts fewer scenes run together. On a GPU scenes run together where the network is an HGN that
+  /// aggregates activations, nothing of them changes, they have particles, equally many frames and the same lower
+  /// corner of the domain; the others run one after the other, as all do on a CPU. A scene that diverges stops alone.
+  /// Checks all scenes first: throws as rollout(), with the scene's name before the text.
   ManyCost rollout_many(const std::vector<SceneRollout>& scenes, const std::function<void(SceneResult&&)>& done,
                         const ManyOptions& options) const;
 
  private:
   /// Checks a scene of rollout_many(). Why it runs alone; "" where it may run with others.
   std::string why_alone(const SceneRollout& scene) const;
-  void rollout_together(const std::vector<SceneRollout>& scenes, const std::vector<std::size_t>& batch,
-                        const std::function<void(SceneResult&&)>& done, const ManyOptions& options,
-                        ManyCost& cost) const;
+  /// Trajectories of a batch of scenes are made while the next one runs.
+  void rollout_batches(const std::vector<SceneRollout>& scenes, const std::vector<std::vector<std::size_t>>& batches,
+                       const std::function<void(SceneResult&&)>& done, const ManyOptions& options,
+                       ManyCost& cost) const;
+  void run_batch(const std::vector<SceneRollout>& scenes, const std::vector<std::size_t>& batch,
+                 const ManyOptions& options) const;
   /// Accelerations of the next config().bundle frames [bundle][n].
   std::vector<std::vector<Vec3f>> predict(const Environment& environment, const std::vector<int32_t>& particle_type,
                                           const std::vector<int32_t>& material,

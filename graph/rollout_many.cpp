@@ -1,6 +1,7 @@
 // Rollouts of many scenes (LearnedSimulator::rollout_many): which of them run together, and their trajectories.
 #include <algorithm>
 #include <array>
+#include <future>
 #include <map>
 #include <span>
 #include <utility>
@@ -17,8 +18,9 @@ namespace graupel::graph {
 
 namespace {
 
-constexpr int64_t most_particles = int64_t{1} << 20;         ///< of a batch: about 7 KB each on the GPU
-constexpr int64_t most_positions = int64_t{1} << 29;         ///< of a batch's frames: 12 bytes each there
+constexpr int64_t most_particles = int64_t{1} << 20;  ///< of a batch: about 7 KB each on the GPU
+/// Of a batch's frames: 12 bytes each on the GPU, for this batch and for the one before, and 24 in its trajectories.
+constexpr int64_t most_positions = int64_t{1} << 27;
 constexpr double most_cells = static_cast<double>(1 << 20);  ///< of the network in a scene's domain
 
 /// Whether the network's sums do not depend on the rows beside them.
@@ -79,23 +81,44 @@ std::vector<std::vector<std::size_t>> batches_of(const std::vector<LearnedSimula
   return batches;
 }
 
-/// Of positions [frames, n] after the start; with velocities, as rollout() has it.
-Trajectory trajectory_of(const LearnedSimulator::SceneRollout& s, std::span<const Vec3f> positions,
-                         const std::string& made_by) {
-  Trajectory trajectory = empty_trajectory(*s.scene, *s.particle_type, made_by);
-  const std::vector<std::vector<Vec3f>>& start = *s.start;
-  const double frame_time = s.scene->frame_time;
-  const std::size_t n = s.particle_type->size(), predicted = positions.size() / n;
-  trajectory.frames.resize(predicted + 1);
-  trajectory.frames[0] = make_frame(s.options.start_time, frame_time, start[start.size() - 2], start.back());
-  for_each_task(predicted, num_threads(), [&](std::size_t f) {
-    const double time = s.options.start_time + static_cast<double>(f + 1) * frame_time;
-    const auto before = f == 0 ? std::span<const Vec3f>(start.back()) : positions.subspan((f - 1) * n, n);
-    trajectory.frames[f + 1] = make_frame(time, frame_time, before, positions.subspan(f * n, n));
+using Scenes = std::vector<LearnedSimulator::SceneRollout>;
+
+/// Of the frames that the batch has taken aside, with velocities, as rollout() has them; of the scenes of `list`.
+std::vector<Trajectory> kept_trajectories(CudaBatch& batch, const Scenes& scenes, const std::vector<std::size_t>& list,
+                                          const std::string& made_by) {
+  std::vector<Trajectory> trajectories(list.size());
+  for_each_pool_task(list.size(), [&](std::size_t k) {
+    const LearnedSimulator::SceneRollout& s = scenes[list[k]];
+    const int64_t frames = batch.kept_frames(k);
+    Trajectory& trajectory = trajectories[k] = empty_trajectory(*s.scene, *s.particle_type, made_by);
+    trajectory.frames.resize(static_cast<std::size_t>(frames) + 1);
+    trajectory.frames[0] =
+        make_frame(s.options.start_time, s.scene->frame_time, (*s.start)[s.start->size() - 2], s.start->back());
+    if (frames < s.options.frames) trajectory.diverged_at_frame = frames + 1;
   });
-  const auto frames = static_cast<int64_t>(predicted);
-  if (frames < s.options.frames) trajectory.diverged_at_frame = frames + 1;
-  return trajectory;
+  using Piece = CudaBatch::FramePiece;
+  batch.read_frames([&](const std::vector<Piece>& pieces) {
+    struct Frame {
+      const Piece* piece;
+      std::size_t of_piece;
+    };
+    std::vector<Frame> frames;
+    for (const Piece& piece : pieces) {
+      const std::size_t n = scenes[list[piece.scene]].particle_type->size();
+      for (std::size_t f = 0; f * n < piece.position.size(); ++f) frames.push_back({&piece, f});
+    }
+    for_each_pool_task(frames.size(), [&](std::size_t i) {
+      const auto& [piece, f] = frames[i];
+      const LearnedSimulator::SceneRollout& s = scenes[list[piece->scene]];
+      std::vector<ParticleFrame>& of_scene = trajectories[piece->scene].frames;
+      const std::size_t n = s.particle_type->size(), frame = static_cast<std::size_t>(piece->first) + f;
+      const double time = s.options.start_time + static_cast<double>(frame + 1) * s.scene->frame_time;
+      const auto before = f == 0 ? std::span<const Vec3f>(of_scene[frame].position)  // made by an earlier call
+                                 : piece->position.subspan((f - 1) * n, n);
+      of_scene[frame + 1] = make_frame(time, s.scene->frame_time, before, piece->position.subspan(f * n, n));
+    });
+  });
+  return trajectories;
 }
 
 }  // namespace
@@ -125,12 +148,11 @@ std::string LearnedSimulator::why_alone(const SceneRollout& s) const {
 LearnedSimulator::ManyCost LearnedSimulator::rollout_many(const std::vector<SceneRollout>& scenes,
                                                           const std::function<void(SceneResult&&)>& done,
                                                           const ManyOptions& options) const {
-  std::vector<std::string> alone;
-  alone.reserve(scenes.size());
-  for (const SceneRollout& s : scenes) alone.push_back(named(s.name, [&] { return why_alone(s); }));
+  std::vector<std::string> alone(scenes.size());
+  for_each_task(scenes.size(), num_threads(),
+                [&](std::size_t i) { alone[i] = named(scenes[i].name, [&] { return why_alone(scenes[i]); }); });
   ManyCost cost;
-  for (const std::vector<std::size_t>& batch : batches_of(scenes, alone, options.most_at_once))
-    rollout_together(scenes, batch, done, options, cost);
+  rollout_batches(scenes, batches_of(scenes, alone, options.most_at_once), done, options, cost);
   for (std::size_t i = 0; i < scenes.size(); ++i) {
     if (alone[i].empty()) continue;
     const SceneRollout& s = scenes[i];
@@ -146,13 +168,42 @@ LearnedSimulator::ManyCost LearnedSimulator::rollout_many(const std::vector<Scen
   return cost;
 }
 
-void LearnedSimulator::rollout_together(const std::vector<SceneRollout>& scenes, const std::vector<std::size_t>& batch,
-                                        const std::function<void(SceneResult&&)>& done, const ManyOptions& options,
-                                        ManyCost& cost) const {
-  std::vector<std::vector<int32_t>> materials;
-  materials.reserve(batch.size());
-  for (const std::size_t i : batch)
-    materials.push_back(seen_materials(*scenes[i].environment, *scenes[i].particle_type, scenes[i].options.material));
+void LearnedSimulator::rollout_batches(const std::vector<SceneRollout>& scenes,
+                                       const std::vector<std::vector<std::size_t>>& batches,
+                                       const std::function<void(SceneResult&&)>& done, const ManyOptions& options,
+                                       ManyCost& cost) const {
+  const std::vector<std::size_t>* last = nullptr;  // of which the trajectories are being made
+  std::future<std::vector<Trajectory>> of_last;    // waits for them when it goes
+  const auto give_last = [&] {
+    if (last == nullptr) return;
+    const std::vector<std::size_t>& list = *std::exchange(last, nullptr);
+    std::vector<Trajectory> trajectories = of_last.get();
+    for (std::size_t k = 0; k < list.size(); ++k) {
+      cost.frames += static_cast<int64_t>(trajectories[k].frames.size()) - 1;
+      done({list[k], std::move(trajectories[k]), ""});
+    }
+  };
+  for (const std::vector<std::size_t>& batch : batches) {
+    run_batch(scenes, batch, options);
+    cost.seconds += batch_->seconds();
+    give_last();
+    batch_->keep_frames();
+    of_last = std::async(std::launch::async, [this, &scenes, &batch, threads = num_threads()] {
+      set_num_threads(threads);  // of the new thread
+      return kept_trajectories(*batch_, scenes, batch, weights_->file);
+    });
+    last = &batch;
+  }
+  give_last();
+}
+
+void LearnedSimulator::run_batch(const std::vector<SceneRollout>& scenes, const std::vector<std::size_t>& batch,
+                                 const ManyOptions& options) const {
+  std::vector<std::vector<int32_t>> materials(batch.size());
+  for_each_task(batch.size(), num_threads(), [&](std::size_t k) {
+    const SceneRollout& s = scenes[batch[k]];
+    materials[k] = seen_materials(*s.environment, *s.particle_type, s.options.material);
+  });
   std::vector<CudaScene> of_batch;
   of_batch.reserve(batch.size());
   for (std::size_t k = 0; k < batch.size(); ++k) {
@@ -168,12 +219,6 @@ void LearnedSimulator::rollout_together(const std::vector<SceneRollout>& scenes,
   if (!batch_) batch_ = std::make_shared<CudaBatch>(*weights_);
   batch_->start(of_batch, scenes[batch.front()].options.frames);
   batch_->run(options.progress);
-  cost.seconds += batch_->seconds();
-  for (std::size_t k = 0; k < batch.size(); ++k) {
-    Trajectory trajectory = trajectory_of(scenes[batch[k]], batch_->frames(k), weights_->file);
-    cost.frames += static_cast<int64_t>(trajectory.frames.size()) - 1;
-    done({batch[k], std::move(trajectory), ""});
-  }
 }
 
 }  // namespace graupel::graph

@@ -17,6 +17,7 @@ namespace {
 bool solves_density_at_once(int64_t, int64_t) { return false; }
 void solve_density(const std::vector<DensitySystem>&, void*) { no_cuda(); }
 
+void flight::start_on_gpu(const Groups&, const std::vector<float>&, float*, void*) { no_cuda(); }
 void flight::find_groups_on_gpu(const std::vector<Groups>&, void*) { no_cuda(); }
 void flight::correct_on_gpu(const std::vector<Correction>&, void*) { no_cuda(); }
 
@@ -42,6 +43,8 @@ CudaBatch::~CudaBatch() = default;
 void CudaBatch::start(const std::vector<CudaScene>&, int64_t) { no_cuda(); }
 void CudaBatch::run(const std::function<void(int64_t)>&) { no_cuda(); }
 double CudaBatch::seconds() const { no_cuda(); }
-std::span<const Vec3f> CudaBatch::frames(std::size_t) const { no_cuda(); }
+void CudaBatch::keep_frames() { no_cuda(); }
+int64_t CudaBatch::kept_frames(std::size_t) const { no_cuda(); }
+void CudaBatch::read_frames(const std::function<void(const std::vector<FramePiece>&)>&, int64_t) { no_cuda(); }
 
 }  // namespace graupel::graph

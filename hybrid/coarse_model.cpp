@@ -6,6 +6,8 @@
 #include <cmath>
 #include <limits>
 #include <nlohmann/json.hpp>
+#include <optional>
+#include <set>
 
 #include "core/system/error.h"
 #include "mpm/materials/material_parameters.h"
@@ -54,11 +56,38 @@ double scripted_speed(const Scene& scene) {
   return fastest;
 }
 
-/// c T / (C dx) of a material's elastic waves at rest.
+double of_law(const std::map<MaterialModel, double>& numbers, MaterialModel law, double otherwise) {
+  const auto found = numbers.find(law);
+  return found == numbers.end() ? otherwise : found->second;
+}
+
+/// Of the bodies and streams: others that a scene names set no step.
+std::vector<MaterialConfig> materials_in_use(const Scene& scene) {
+  std::set<std::string> names;
+  for (const Source& source : scene.sources) names.insert(source.material);
+  for (const Emitter& emitter : scene.emitters) names.insert(emitter.material);
+  std::vector<MaterialConfig> used;
+  for (const auto& [name, config] : scene.materials)
+    if (names.contains(name)) used.push_back(config);
+  return used;
+}
+
+/// c T / (C dx) of a material's elastic waves at rest, or of the slowest that count.
 double substeps_of_waves(const Scene& scene, const MaterialConfig& config, const CourantNumbers& log_courant) {
-  const auto courant = log_courant.waves.find(config.model);
-  const double limit = courant == log_courant.waves.end() ? untrained_courant : std::exp(courant->second);
-  return mpm::material_parameters<double>(config).elastic_speed * scene.frame_time / (scene.domain.dx * limit);
+  const double limit = std::exp(of_law(log_courant.waves, config.model, std::log(untrained_courant)));
+  const double speed = std::max(mpm::material_parameters<double>(config).elastic_speed,
+                                of_law(log_courant.least_speed, config.model, 0));
+  return speed * scene.frame_time / (scene.domain.dx * limit);
+}
+
+/// The least of the numbers of the laws in use, `otherwise` where nothing is.
+double least_of_laws(const Scene& scene, const std::map<MaterialModel, double>& numbers, double otherwise) {
+  std::optional<double> least;
+  for (const MaterialConfig& config : materials_in_use(scene)) {
+    const double own = of_law(numbers, config.model, otherwise);
+    least = std::min(own, least.value_or(own));
+  }
+  return least.value_or(otherwise);
 }
 
 int64_t whole_substeps(double substeps) { return std::max<int64_t>(1, static_cast<int64_t>(std::ceil(substeps))); }
@@ -106,11 +135,15 @@ void CoarseModel::set_parameters(const std::vector<double>& values) {
 }
 
 Scene CoarseModel::scene(const Scene& of, double resolution) const {
-  Scene coarse = constants.scene(resolution == 1 ? of : mpm::on_coarser_grid(of, resolution));
+  Scene coarse = constants.scene(resolution == 1 ? of : mpm::on_coarser_grid(of, resolution, share(of, resolution)));
   coarse.time_step.policy = StepPolicy::per_frame;
   coarse.time_step.substeps_per_frame = wave_substeps(coarse);
   coarse.time_step.courant = std::min(1.0, std::exp(log_courant.speed));
   return coarse;
+}
+
+double CoarseModel::share(const Scene& scene, double resolution) const {
+  return resolution == 1 ? 1 : least_of_laws(scene, particle_share, 1);
 }
 
 double CoarseModel::cost(const Scene& of, double resolution, Device device) const {
@@ -118,12 +151,13 @@ double CoarseModel::cost(const Scene& of, double resolution, Device device) cons
   reference.domain.dx = 2 * of.domain.dx;
   coarse.domain.dx = resolution * of.domain.dx;
   return static_cast<double>(wave_substeps(coarse)) / static_cast<double>(largest_step_substeps(reference)) *
-         std::pow(2 / resolution, cost_exponent.at(device));
+         std::pow(2 / resolution * std::cbrt(share(of, resolution)), cost_exponent.at(device));
 }
 
 double CoarseModel::resolution(const Scene& of, Device device) const {
+  const double least = least_of_laws(of, finest, 1);
   for (const double resolution : resolutions)
-    if (cost(of, resolution, device) <= 1) return resolution;
+    if (resolution >= least && cost(of, resolution, device) <= 1) return resolution;
   return resolutions.back();
 }
 
@@ -131,18 +165,16 @@ int64_t CoarseModel::largest_step_substeps(const Scene& scene) const {
   const double frame = scene.frame_time / scene.domain.dx;
   double substeps =
       std::max(expected_speed(scene) * frame / std::exp(log_courant.speed), scripted_speed(scene) * frame);
-  for (const auto& [name, config] : scene.materials)
+  for (const MaterialConfig& config : materials_in_use(scene))
     substeps = std::max(substeps, substeps_of_waves(scene, config, log_courant));
   return whole_substeps(substeps);
 }
 
 int64_t CoarseModel::wave_substeps(const Scene& scene) const {
   double substeps = 0;
-  for (const auto& [name, config] : scene.materials) {
-    const auto safety = log_safety.find(config.model);
-    substeps = std::max(substeps, substeps_of_waves(scene, config, log_courant) *
-                                      std::exp(safety == log_safety.end() ? 0 : safety->second));
-  }
+  for (const MaterialConfig& config : materials_in_use(scene))
+    substeps = std::max(substeps,
+                        substeps_of_waves(scene, config, log_courant) * std::exp(of_law(log_safety, config.model, 0)));
   return whole_substeps(substeps);
 }
 
@@ -158,9 +190,9 @@ void add(nn::Weights& weights, const char* name, const std::vector<double>& valu
   weights.tensors[name] = nn::Tensor::from_float({values.begin(), values.end()}, {static_cast<int64_t>(values.size())});
 }
 
-std::vector<double> values_by_law(const std::map<MaterialModel, double>& of) {
+std::vector<double> values_by_law(const std::map<MaterialModel, double>& of, double otherwise = 0) {
   std::vector<double> values;
-  for (const MaterialModel law : trained_laws) values.push_back(of.at(law));
+  for (const MaterialModel law : trained_laws) values.push_back(of_law(of, law, otherwise));
   return values;
 }
 
@@ -181,6 +213,9 @@ nn::Weights CoarseModel::store() const {
   add(weights, "parameters", parameters());
   add(weights, "log_courant", courant_values(log_courant));
   add(weights, "log_safety", values_by_law(log_safety));
+  add(weights, "least_wave_speeds", values_by_law(log_courant.least_speed));
+  add(weights, "particle_shares", values_by_law(particle_share, 1));
+  add(weights, "finest_spacings", values_by_law(finest, 1));
   add(weights, "resolutions", resolutions);
   add(weights, "cost_exponents", {cost_exponent.at(Device::cpu), cost_exponent.at(Device::cuda)});
   return weights;
@@ -220,8 +255,16 @@ CoarseModel CoarseModel::load(const nn::Weights& weights) {
   const std::vector<double> courant = numbers("log_courant", std::size(trained_laws) + 1, -6, 6);
   for (std::size_t l = 0; l < std::size(trained_laws); ++l) model.log_courant.waves[trained_laws[l]] = courant[l];
   model.log_courant.speed = courant.back();
-  const std::vector<double> safety = numbers("log_safety", std::size(trained_laws), 0, 6);
-  for (std::size_t l = 0; l < std::size(trained_laws); ++l) model.log_safety[trained_laws[l]] = safety[l];
+  const auto by_law = [&](const char* name, double low, double high) {
+    const std::vector<double> values = numbers(name, std::size(trained_laws), low, high);
+    std::map<MaterialModel, double> all;
+    for (std::size_t l = 0; l < std::size(trained_laws); ++l) all[trained_laws[l]] = values[l];
+    return all;
+  };
+  model.log_safety = by_law("log_safety", -2, 6);
+  model.log_courant.least_speed = by_law("least_wave_speeds", 0, 1e4);
+  model.particle_share = by_law("particle_shares", 0.125, 8);
+  model.finest = by_law("finest_spacings", 1, 8);
   const auto found = weights.tensors.find("resolutions");
   const std::size_t count = found == weights.tensors.end() ? 0 : static_cast<std::size_t>(found->second.count());
   if (count == 0) throw bad("tensor resolutions is missing or empty (allowed: 1 or more spacings)");

@@ -23,6 +23,9 @@ struct CourantNumbers {
   CourantNumbers();
   std::map<MaterialModel, double> waves;
   double speed;
+  /// Waves count as at least this fast [m/s], by law: soft snow and jelly deform until they are stiff, and need as many
+  /// substeps as stiff ones.
+  std::map<MaterialModel, double> least_speed;
 };
 
 struct CoarseModel {
@@ -36,9 +39,15 @@ struct CoarseModel {
                                                 {MaterialModel::jelly, 0.15}};
   /// Grid spacings over the scene's that the model chooses from, ascending from 1; the last one where all cost too
   /// much.
-  std::vector<double> resolutions = {1, 1.125, 1.25, 1.375, 1.5, 1.625, 1.75, 1.875, 2, 2.25};
-  /// A substep on a grid of spacing r dx takes r^-k times as long: k on the CPU and on a GPU.
-  std::map<Device, double> cost_exponent = {{Device::cpu, 2}, {Device::cuda, 0.75}};
+  std::vector<double> resolutions = {1, 1.125, 1.25, 1.375, 1.5, 1.625, 1.75, 1.875, 2, 2.125, 2.25};
+  /// The finest of them that it chooses, by law, the least of the scene's: on finer grids, with the few substeps that
+  /// softer matter takes, water alone keeps more of its motion than on the scene's own grid (docs/lab/coarse-mpm.md).
+  std::map<MaterialModel, double> finest;
+  /// Particles a cell over the scene's, by law, the least of the scene's; at its own spacing its own are moved.
+  std::map<MaterialModel, double> particle_share;
+  /// A substep of n particles takes n^(k/3) times as long, so r^-k times on a grid of spacing r dx: k on the CPU and on
+  /// a GPU.
+  std::map<Device, double> cost_exponent = {{Device::cpu, 2.25}, {Device::cuda, 0.75}};
   nn::TrainedBox trained;                       ///< empty: not told
   std::map<std::string, std::string> metadata;  ///< of the file: provenance
 
@@ -49,7 +58,10 @@ struct CoarseModel {
 
   /// What the solver runs: coarse grid, effective constants, steps by waves, more in frames of fast particles.
   Scene scene(const Scene& of, double resolution) const;
-  /// The finest of `resolutions` whose predicted time is at most that of the scene's own constants on 2 dx.
+  /// Particles a cell over the scene's on a grid of that spacing.
+  double share(const Scene& scene, double resolution) const;
+  /// The finest of `resolutions`, not beyond `finest`, whose predicted time is at most that of the scene's own
+  /// constants on 2 dx.
   double resolution(const Scene& of, Device device) const;
   /// Predicted time of such a run over that on 2 dx.
   double cost(const Scene& of, double resolution, Device device) const;

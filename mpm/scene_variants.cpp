@@ -29,10 +29,10 @@ std::shared_ptr<const std::vector<Vec3d>> corners_around(const std::vector<Vec3d
   return std::make_shared<const std::vector<Vec3d>>(std::move(corners));
 }
 
-/// Gives the emitters of `changed` the flux that they have in `scene`.
-void keep_flux(const Scene& scene, Scene& changed) {
+/// Gives the emitters of `changed` the flux that they have in `scene`, with `share` of the particles a cell.
+void keep_flux(const Scene& scene, Scene& changed, double share = 1) {
   for (std::size_t e = 0; e < scene.emitters.size(); ++e)
-    changed.emitters[e] = with_flux_of(scene.emitters[e], e, scene.domain, changed.domain);
+    changed.emitters[e] = with_flux_of(scene.emitters[e], e, scene.domain, changed.domain, share);
 }
 
 /// The ratio nearest to `ratio` that leaves whole cells between periodic walls.
@@ -149,7 +149,7 @@ std::vector<std::size_t> thinned_points(const Scene& scene, std::size_t source, 
 }
 
 /// The domain's faces move, so that the walls are again a whole number of cells inside.
-Scene on_coarser_grid(const Scene& scene, double wanted_ratio) {
+Scene on_coarser_grid(const Scene& scene, double wanted_ratio, double particle_share) {
   Scene coarse = scene;
   const double ratio = ratio_of_whole_cells(scene.domain, wanted_ratio);
   const Vec3d low = scene.wall_low(), high = scene.wall_high();
@@ -162,10 +162,12 @@ Scene on_coarser_grid(const Scene& scene, double wanted_ratio) {
   coarse.obstacle_voxel = scene.voxel();
   coarse.obstacle_band = std::max(scene.band(), 4 * coarse.domain.dx);
   coarse.time_step.substeps_per_frame = std::max<int64_t>(1, divided(scene.time_step.substeps_per_frame));
-  keep_flux(scene, coarse);
-  const double group = coarse.domain.cell_volume() / scene.domain.cell_volume();
+  const double volumes = coarse.domain.cell_volume() / scene.domain.cell_volume();
+  const double share = std::min(particle_share, volumes), group = volumes / share;
+  keep_flux(scene, coarse, share);
   for (std::size_t s = 0; s < coarse.sources.size(); ++s) {
     Source& source = coarse.sources[s];
+    source.particles_per_cell *= share;
     if (source.shape != Shape::points || !source.points) continue;
     std::vector<Vec3d> kept;
     for (const std::size_t p : thinned_points(scene, s, source.points->size(), group))

@@ -31,7 +31,9 @@ void add_graph(const Command& program) {
   verb.footer(
       "Two states of each scene: as it starts to fall, and after --settle frames, at rest. Times are medians a frame; "
       "what\na network that predicts several frames at once spends on them, and MPM on several scenes, is spread over "
-      "these.\nGFLOP/s: matrix products of the frame in the middle of the run, beside the rate of products alone: of a "
+      "these.\nA network's time on several scenes is the GPU's; beside it is the caller's clock over whole rollouts of "
+      "--frames and\nof ten times as many, with all that starts and results take.\nGFLOP/s: matrix products of the "
+      "frame in the middle of the run, beside the rate of products alone: of a "
       "GPU the peak in\nbf16, of the CPU that of the engine's layers with rows in the cache, measured first. "
       "--libtorch "
       "times that frame's\nnetwork alone, features and grid given: as the papers write it, in libtorch's own "

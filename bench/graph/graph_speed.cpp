@@ -50,10 +50,12 @@ compare::RunCost batch_cost(const Scene& scene, const BenchGraphOptions& options
           .device_bytes = memory.taken() / n};
 }
 
-/// Of one of `count` scenes that a network predicts at once, each sampled by a seed of its own; nothing where they do
-/// not run together. `output` is what starts and results take beside the frames.
-compare::RunCost many_cost(const graph::LearnedSimulator& network, const Scene& scene,
-                           const graph::Environment& environment, const BenchGraphOptions& options, int64_t count) {
+constexpr int64_t longer = 10;  ///< rollouts whose whole time is measured, too
+
+/// Completes the row of `count` scenes that a network predicts at once, each sampled by a seed of its own: the cost of
+/// one. Nothing where they do not run together. `output` is what starts and results take beside the frames.
+void time_many(const graph::LearnedSimulator& network, const Scene& scene, const graph::Environment& environment,
+               const BenchGraphOptions& options, int64_t count, GraphBenchRow& row) {
   const int history = static_cast<int>(network.config().history) + 1;
   const auto run = [&](const std::vector<graph::LearnedSimulator::SceneRollout>& scenes) {
     return network.rollout_many(scenes, [](const graph::LearnedSimulator::SceneResult&) {},
@@ -74,22 +76,29 @@ compare::RunCost many_cost(const graph::LearnedSimulator& network, const Scene& 
     one.device = Device::cuda;
     scenes.push_back({std::to_string(i), &scene, &environment, &starts[i].particle_type, &past[i], one});
   }
-  if (run({scenes[0], scenes[1]}).frames == 0) return {};
-  for (auto& one : scenes) one.options.frames = options.frames;
+  row.cost = {};
+  if (run({scenes[0], scenes[1]}).frames == 0) return;
   DeviceMemoryMeter memory(Device::cuda);
-  std::vector<double> frame, output;
-  constexpr int warm_up = 1, runs = 5;
-  for (int k = 0; k < warm_up + runs; ++k) {
-    const Stopwatch watch;
-    const auto cost = run(scenes);
-    const auto frames = static_cast<double>(cost.frames);
-    if (k < warm_up) continue;
-    frame.push_back(cost.seconds / frames);
-    output.push_back((watch.seconds() - cost.seconds) / frames);
-  }
-  memory.look();
-  return {
-      .frame = median(frame), .output = median(output), .device_bytes = memory.taken() / static_cast<double>(count)};
+  const auto time_runs = [&](int64_t frames, int runs) {
+    for (auto& one : scenes) one.options.frames = frames;
+    std::vector<double> frame, output, whole;
+    constexpr int warm_up = 1;
+    for (int k = 0; k < warm_up + runs; ++k) {
+      const Stopwatch watch;
+      const auto cost = run(scenes);
+      const auto predicted = static_cast<double>(cost.frames);
+      if (k < warm_up) continue;
+      whole.push_back(watch.seconds() / predicted);
+      frame.push_back(cost.seconds / predicted);
+      output.push_back(whole.back() - frame.back());
+    }
+    row.whole[frames] = median(whole);
+    memory.look();
+    return compare::RunCost{
+        .frame = median(frame), .output = median(output), .device_bytes = memory.taken() / static_cast<double>(count)};
+  };
+  row.cost = time_runs(options.frames, 5);
+  time_runs(longer * options.frames, 3);
 }
 
 /// A scene of the recipe's density: floor, groups and obstacles grow with the particles.
@@ -205,7 +214,8 @@ void GraphBench::measure_many(const graph::LearnedSimulator& network, const Scen
                               std::vector<GraphBenchRow>& rows) const {
   for (const int64_t count : options_.batch) {
     row.scenes = count;
-    row.cost = many_cost(network, scene, environment, options_, count);
+    row.whole.clear();
+    time_many(network, scene, environment, options_, count, row);
     if (row.cost.frame > 0) rows.push_back(row);
   }
 }

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <map>
 #include <memory>
 #include <optional>
 #include <string>
@@ -25,7 +26,10 @@ struct GraphBenchRow {
   compare::RunCost cost = {};
   double flop = 0;                            ///< of the network, a frame in the middle of the run; 0 for MPM
   std::optional<LibtorchTime> libtorch = {};  ///< of a row that is the network there; its cost is that alone
-  double over_engine = 0;                     ///< of such a row: its time over the whole frame of Graupel's engine
+  /// Of networks on several scenes, by frames of a rollout: time of a frame of one scene with all that starts and
+  /// results take [s].
+  std::map<int64_t, double> whole = {};
+  double over_engine = 0;  ///< of such a row: its time over the whole frame of Graupel's engine
 
   std::string label() const;
   double flop_per_second() const { return cost.network > 0 ? flop / cost.network : 0; }

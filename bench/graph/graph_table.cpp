@@ -39,11 +39,20 @@ std::string parts_text(const GraphBenchRow& row) {
                      1e3 * c.projection);
 }
 
+/// Of each length of rollout [ms].
+std::string whole_text(const GraphBenchRow& row) {
+  std::string text;
+  for (const auto& [frames, seconds] : row.whole)
+    text += fmt::format("{}{:.3g} ({})", text.empty() ? "" : ", ", 1e3 * seconds, frames);
+  return text;
+}
+
 constexpr const char* table_head =
-    "| particles | state | model | frames or scenes at once | ms a frame | mpm's over it | time over the engine's "
+    "| particles | state | model | frames or scenes at once | ms a frame | with starts and results (frames) | "
+    "mpm's over it | time over the engine's "
     "frame | "
     "features, grid, network, projection [ms] | network's GFLOP/s | of the products' rate | GPU memory [MB] |\n"
-    "|---|---|---|---|---|---|---|---|---|---|---|\n";
+    "|---|---|---|---|---|---|---|---|---|---|---|---|\n";
 
 /// `rate` is the device's of products [FLOP/s]; 0: unknown.
 void print_row(const GraphBenchRow& row, double mpm, double rate) {
@@ -52,8 +61,8 @@ void print_row(const GraphBenchRow& row, double mpm, double rate) {
   const auto text = [](bool known, double value, const char* unit) {
     return known ? fmt::format("{:.3g}{}", value, unit) : std::string();
   };
-  std::printf("| %zu | %s | %s | %.0f | %.3g | %s | %s | %s | %s | %s | %s |\n", row.particles, row.state.c_str(),
-              row.model.c_str(), at_once, 1e3 * row.cost.frame,
+  std::printf("| %zu | %s | %s | %.0f | %.3g | %s | %s | %s | %s | %s | %s | %s |\n", row.particles, row.state.c_str(),
+              row.model.c_str(), at_once, 1e3 * row.cost.frame, whole_text(row).c_str(),
               ratio_text(row.libtorch ? 0 : mpm / row.cost.frame).c_str(), ratio_text(row.over_engine).c_str(),
               parts_text(row).c_str(), text(reached > 0, 1e-9 * reached, "").c_str(),
               text(reached > 0 && rate > 0, 100 * reached / rate, " %").c_str(),
@@ -100,6 +109,8 @@ Json json_of(const GraphBenchRow& row, double mpm) {
   }
   if (c.device_bytes > 0) json["device_bytes"] = c.device_bytes;
   if (c.output > 0 || row.scenes == 1) json["output"] = c.output;
+  for (const auto& [frames, seconds] : row.whole)
+    json["whole"].push_back({{"frames", frames}, {"seconds_per_frame", seconds}});
   if (row.scenes > 1) return json;
   json["peak_bytes"] = c.peak_bytes;
   return json;

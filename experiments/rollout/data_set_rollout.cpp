@@ -24,8 +24,9 @@ namespace {
 namespace fs = std::filesystem;
 using graph::LearnedSimulator;
 
-/// Starts that are in memory at once: as many as a GPU runs together.
-constexpr int64_t scenes_at_once = LearnedSimulator::batch_scenes;
+/// Starts that are in memory at once: several times what a GPU runs together, so that trajectories of some are made
+/// while the next ones run.
+constexpr int64_t scenes_at_once = 4 * LearnedSimulator::batch_scenes;
 
 /// The folder of the trajectories that are not merged yet. It goes with this.
 class PartsFolder {

@@ -131,6 +131,25 @@ struct FindOpenFractions {
   }
 };
 
+/// A grid without matter and pressure. Item i: cell i and entry i of the lists.
+struct StartCells {
+  FindOpenFractions find;
+  int64_t words;  ///< of both colours
+  uint32_t *mass, *word;
+  float* pressure;
+  int32_t* rank;  ///< [words + 1]
+  GRAUPEL_HD int64_t items() const { return find.cells.count() > words ? find.cells.count() : words + 1; }
+  GRAUPEL_HD void operator()(int64_t i) const {
+    if (i < find.cells.count()) {
+      find(i);
+      mass[i] = 0;
+      pressure[i] = 0;
+    }
+    if (i < words) word[i] = 0;
+    if (i <= words) rank[i] = 0;
+  }
+};
+
 /// Spreads a particle's mass; marks the cells that get some.
 struct Spread {
   Cells cells;

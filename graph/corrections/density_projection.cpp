@@ -28,30 +28,49 @@ constexpr float relaxation = 1.7f;
 /// One of the grids, with its pressure.
 class DensityProjection::Lattice {
  public:
-  Lattice(Device device, const Environment& environment, double largest_density, const Cells& cells)
+  explicit Lattice(Device device)
       : device_(device),
-        cells_(cells),
-        unit_(static_cast<uint64_t>(
-            std::clamp(full / (largest_density * std::pow(cells.spacing, 3)), 1.0, std::exp2(31)))),
         scratch_(device),
-        open_fractions_(device, static_cast<std::size_t>(cells.count())),
-        mass_(device, open_fractions_.size()),
-        pressure_(device, open_fractions_.size()),
-        words_(device, static_cast<std::size_t>(2 * cells.words_of_color())),
-        rank_(device, words_.size() + 1),
+        open_fractions_(device, 0),
+        mass_(device, 0),
+        pressure_(device, 0),
+        words_(device, 0),
+        rank_(device, 0),
         cell_(device, 0),
-        equation_(device, 0) {
-    mass_.fill_zero();
-    words_.fill_zero();
-    place(environment);
-    restart();
+        equation_(device, 0) {}
+
+  /// Whether start() allocates nothing for these.
+  bool holds(const Cells& cells) const { return cells.count() <= most_cells_; }
+  void start(const Environment& environment, double largest_density, const Cells& cells, void* stream) {
+    cells_ = cells;
+    most_cells_ = std::max(most_cells_, cells.count());
+    unit_ =
+        static_cast<uint64_t>(std::clamp(full / (largest_density * std::pow(cells.spacing, 3)), 1.0, std::exp2(31)));
+    skip_ = nullptr;
+    const auto count = static_cast<std::size_t>(cells.count());
+    open_fractions_.resize_discard(count);
+    mass_.resize_discard(count);
+    pressure_.resize_discard(count);
+    words_.resize_discard(static_cast<std::size_t>(2 * cells.words_of_color()));
+    rank_.resize_discard(words_.size() + 1);
+    cell_.resize_discard(0);  // its size, which is that of the particles, chooses the solver
+    equation_.resize_discard(0);
+    const StartCells start{fractions_of(environment),
+                           static_cast<int64_t>(words_.size()),
+                           mass_.data(),
+                           words_.data(),
+                           pressure_.data(),
+                           rank_.data()};
+    parallel_for_in(stream, device_, start.items(), start);
+  }
+  /// What frames of n particles allocate.
+  void reserve(int64_t n, void* stream) {
+    resize_lists(n);
+    if (!solves_at_once())
+      count_bits(device_, static_cast<int64_t>(words_.size()), words_.data(), rank_.data(), scratch_, stream);
   }
 
-  void place(const Environment& environment) {
-    parallel_for(device_, cells_.count(),
-                 FindOpenFractions{cells_, environment.view(device_).obstacles, environment.hold_low,
-                                   environment.hold_high, open_fractions_.data()});
-  }
+  void place(const Environment& environment) { parallel_for(device_, cells_.count(), fractions_of(environment)); }
 
   void restart() {
     pressure_.fill_zero();
@@ -112,11 +131,19 @@ class DensityProjection::Lattice {
   /// A few particles are spread by one thread sooner than by several with atomic sums.
   bool is_alone(int64_t n) const { return device_ == Device::cpu && n <= few_particles; }
   void prepare(int64_t n) {
+    if (resize_lists(n)) restart();
+  }
+  /// Whether they were too short; what they held is lost.
+  bool resize_lists(int64_t n) {
     const auto most = static_cast<std::size_t>(std::min(corners * n, cells_.count()));
-    if (most <= cell_.size()) return;
+    if (most <= cell_.size()) return false;
     cell_.resize_discard(most);
     equation_.resize_discard(most);
-    restart();
+    return true;
+  }
+  FindOpenFractions fractions_of(const Environment& environment) {
+    return {cells_, environment.view(device_).obstacles, environment.hold_low, environment.hold_high,
+            open_fractions_.data()};
   }
   void find_cells(void* stream) {
     const auto words = static_cast<int64_t>(words_.size());
@@ -144,8 +171,9 @@ class DensityProjection::Lattice {
   }
 
   Device device_;
-  Cells cells_;
-  uint64_t unit_;  ///< mass of a particle
+  Cells cells_{};
+  int64_t most_cells_ = 0;  ///< that there is memory for
+  uint64_t unit_ = 0;       ///< mass of a particle
   ListScratch scratch_;
   Buffer<OpenFractions> open_fractions_;
   Buffer<uint32_t> mass_;   ///< zero between calls
@@ -157,7 +185,14 @@ class DensityProjection::Lattice {
 };
 
 DensityProjection::DensityProjection(Device device, const Environment& environment, double largest_density,
-                                     double spacing) {
+                                     double spacing)
+    : device_(device) {
+  start(environment, largest_density, spacing);
+  synchronize(device);
+}
+DensityProjection::~DensityProjection() = default;
+
+void DensityProjection::start(const Environment& environment, double largest_density, double spacing, void* stream) {
   GRAUPEL_ASSERT(largest_density > 0 && spacing > 0);
   for (std::size_t k = 0; k < lattices_.size(); ++k) {
     Vec3d low = environment.box_low, high = environment.box_high;
@@ -167,11 +202,18 @@ DensityProjection::DensityProjection(Device device, const Environment& environme
         high[d] += image_cells * spacing;
       }
     const Cells cells = cells_over(low, high, spacing, 0.5 * static_cast<double>(k));
-    check_fits(cells, available_bytes(device));
-    lattices_[k] = std::make_unique<Lattice>(device, environment, largest_density, cells);
+    if (!lattices_[k] || !lattices_[k]->holds(cells)) {
+      lattices_[k].reset();
+      check_fits(cells, available_bytes(device_));
+      lattices_[k] = std::make_unique<Lattice>(device_);
+    }
+    lattices_[k]->start(environment, largest_density, cells, stream);
   }
 }
-DensityProjection::~DensityProjection() = default;
+
+void DensityProjection::reserve(int64_t n, void* stream) {
+  for (const auto& lattice : lattices_) lattice->reserve(n, stream);
+}
 
 void DensityProjection::place(const Environment& environment) {
   for (const auto& lattice : lattices_) lattice->place(environment);

@@ -34,15 +34,20 @@ inline constexpr double image_cells = 4;
 class DensityProjection {
  public:
   /// `largest_density` [particles/m^3]; `spacing` of the cells [m], doubled until each grid has at most 2^26 of them.
-  /// The environment is read here and in place() alone. Throws ConfigError when the cells, 25 bytes each, do not fit
-  /// into the memory.
+  /// The environment is read here, in start() and in place() alone. Throws ConfigError when the cells, 25 bytes each,
+  /// do not fit into the memory.
   DensityProjection(Device device, const Environment& environment, double largest_density, double spacing);
   ~DensityProjection();
 
+  /// As a new one of another scene, in the memory that there is as far as it suffices. In `stream`, without waiting.
+  void start(const Environment& environment, double largest_density, double spacing, void* stream = nullptr);
+  /// Allocates what apply() of n particles needs, before it may be recorded. Pressures and positions stay.
+  void reserve(int64_t n, void* stream);
+
   /// Moves positions [n] in the device's memory, on each grid by at most half a cell along each axis, perhaps a little
   /// into obstacles: push them out afterwards. Particles farther than a cell outside the walls are left alone. Takes
-  /// its place in `stream` (cudaStream_t; null: the default one) and, but for the first call with so many particles,
-  /// allocates nothing.
+  /// its place in `stream` (cudaStream_t; null: the default one) and, but for the first call with so many particles
+  /// without reserve(), allocates nothing.
   void apply(Vec3f* position, int64_t n, void* stream = nullptr);
 
   /// apply() of several scenes on a GPU in parts, for callers that join its first and last step with their own:
@@ -68,6 +73,7 @@ class DensityProjection {
 
  private:
   class Lattice;
+  Device device_;
   std::array<std::unique_ptr<Lattice>, 2> lattices_;
 };
 

@@ -75,9 +75,15 @@ std::vector<float> relative_masses(const Scene& scene, const std::vector<int32_t
   }
   std::vector<float> mass;
   mass.reserve(particle_type.size());
+  int32_t known = 0;  // particles of a type lie side by side
+  float of_known = 0;
   for (const int32_t type : particle_type) {
-    const auto found = density.find(type);
-    mass.push_back(found == density.end() ? 1.0f : static_cast<float>(found->second / largest));
+    if (mass.empty() || type != known) {
+      const auto found = density.find(type);
+      of_known = found == density.end() ? 1.0f : static_cast<float>(found->second / largest);
+      known = type;
+    }
+    mass.push_back(of_known);
   }
   return mass;
 }
@@ -167,8 +173,10 @@ void correct_on_cpu(const Groups& groups, Vec3f* next) {
 }  // namespace
 
 struct FreeFlight::Impl {
-  Impl(Device on, const Scene& scene, const Environment& environment, const std::vector<int32_t>& particle_type)
-      : device(on) {
+  explicit Impl(Device on) : device(on) {}
+
+  void start(const Scene& scene, const Environment& environment, const std::vector<int32_t>& particle_type,
+             void* stream) {
     groups.cells = cells_of(environment);
     const std::size_t nodes = times * static_cast<std::size_t>(groups.cells.count());
     const double contact_distance = contact_cells * environment.normal_spacing;
@@ -176,28 +184,34 @@ struct FreeFlight::Impl {
     groups.low = (environment.hold_low + Vec3d::filled(contact_distance)).cast<float>();
     groups.high = (environment.hold_high - Vec3d::filled(contact_distance)).cast<float>();
     groups.contact_distance = static_cast<float>(contact_distance);
-    groups.obstacles = environment.obstacles.view(on);
+    groups.obstacles = environment.obstacles.view(device);
     groups.period = environment.period.cast<float>();
     groups.box_low = environment.box_low.cast<float>();
     groups.box_high = environment.box_high.cast<float>();
-    matter.upload(std::vector<uint64_t>(nodes, 0));
-    std::vector<int32_t> parents(nodes, nobody);
-    parents[ground] = ground;
-    parent.upload(parents);
-    counters.upload(std::vector<int32_t>(times + 1, 0));
+    matter.resize_discard(nodes);
+    parent.resize_discard(nodes);
+    counters.resize_discard(times + 1);
     slot.resize_discard(nodes / times);
     groups.matter = matter.data();
     groups.parent = parent.data();
     groups.slot = slot.data();
     groups.listed = counters.data();
     groups.finished = counters.data() + times;
-    set_particles(scene, particle_type);
+    resize(particle_type.size());
+    const std::vector<float> masses = relative_masses(scene, particle_type);
+    if (device == Device::cuda) return start_on_gpu(groups, masses, mass.data(), stream);
+    parallel_for_cpu(groups.nodes(), ClearAll{groups}, light);
+    std::copy(masses.begin(), masses.end(), mass.begin());
   }
 
   void set_particles(const Scene& scene, const std::vector<int32_t>& particle_type) {
-    const std::size_t n = particle_type.size();
-    groups.n = static_cast<int64_t>(n);
+    resize(particle_type.size());
     mass.upload(relative_masses(scene, particle_type));
+  }
+
+  void resize(std::size_t n) {
+    groups.n = static_cast<int64_t>(n);
+    mass.resize_discard(n);
     for (Buffer<int32_t>* of_particles : {&group, &origin}) of_particles->resize_discard(n);
     list.resize_discard(times * n);
     sums.resize_discard(n);
@@ -219,8 +233,15 @@ struct FreeFlight::Impl {
 
 FreeFlight::FreeFlight(Device device, const Scene& scene, const Environment& environment,
                        const std::vector<int32_t>& particle_type)
-    : impl_(std::make_unique<Impl>(device, scene, environment, particle_type)) {}
+    : impl_(std::make_unique<Impl>(device)) {
+  start(scene, environment, particle_type);
+}
 FreeFlight::~FreeFlight() = default;
+
+void FreeFlight::start(const Scene& scene, const Environment& environment, const std::vector<int32_t>& particle_type,
+                       void* stream) {
+  impl_->start(scene, environment, particle_type, stream);
+}
 
 void FreeFlight::set_particles(const Scene& scene, const std::vector<int32_t>& particle_type) {
   impl_->set_particles(scene, particle_type);

@@ -33,6 +33,9 @@ class FreeFlight {
   FreeFlight(Device device, const Scene& scene, const Environment& environment,
              const std::vector<int32_t>& particle_type);
   ~FreeFlight();
+  /// As a new one of another scene, in the memory that there is as far as it suffices. In `stream`.
+  void start(const Scene& scene, const Environment& environment, const std::vector<int32_t>& particle_type,
+             void* stream = nullptr);
   /// Other particles, of these types [n].
   void set_particles(const Scene& scene, const std::vector<int32_t>& particle_type);
   /// Obstacles are now where `environment` has them, which must live until the next call.

@@ -140,6 +140,7 @@ struct Groups {
     }
     return x;
   }
+  GRAUPEL_HD int64_t nodes() const { return times * cells.count(); }
   GRAUPEL_HD int32_t first_node(int time) const { return time * static_cast<int32_t>(cells.count()); }
 
   GRAUPEL_HD int32_t node_of(int time, int64_t i) const {
@@ -220,6 +221,18 @@ template <int N>
 GRAUPEL_HD void add_terms(Terms<N>& sum, const Terms<N>& terms) {
   for (int k = 0; k < N; ++k) add_to(sum.value[k], terms.value[k]);
 }
+
+/// Item i: node i as it is between frames, and the counters.
+struct ClearAll {
+  Groups groups;
+  GRAUPEL_HD void operator()(int64_t i) const {
+    groups.matter[i] = 0;
+    groups.parent[i] = i == ground ? ground : nobody;
+    if (i != 0) return;
+    for (int time = 0; time < times; ++time) groups.listed[time] = 0;
+    *groups.finished = 0;
+  }
+};
 
 /// Item i: marks the cells of particle i at both times, each of which hangs on itself or on the ground.
 struct MarkCells {

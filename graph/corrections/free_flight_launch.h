@@ -14,6 +14,8 @@ struct Correction {
   Vec3f* next;
 };
 
+/// Nodes and counters as between frames, and the particles' masses `from`, copied to `mass`, in a stream.
+void start_on_gpu(const Groups& groups, const std::vector<float>& from, float* mass, void* stream);
 /// All of the groups of each scene lies in the GPU's memory. `stream`: a cudaStream_t; null: the default one.
 void find_groups_on_gpu(const std::vector<Groups>& scenes, void* stream);
 void correct_on_gpu(const std::vector<Correction>& scenes, void* stream);

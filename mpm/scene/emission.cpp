@@ -227,7 +227,7 @@ EmittedParticles sample_emitter(const Emitter& emitter, std::size_t index, const
   return particles;
 }
 
-Emitter with_flux_of(const Emitter& emitter, std::size_t index, const Domain& from, const Domain& to) {
+Emitter with_flux_of(const Emitter& emitter, std::size_t index, const Domain& from, const Domain& to, double share) {
   const double volumes = to.cell_volume() / from.cell_volume(), speed = norm(emitter.velocity);
   const auto with_particles = [&](double factor) {  // times as many in a cell
     Emitter other = emitter;
@@ -236,7 +236,7 @@ Emitter with_flux_of(const Emitter& emitter, std::size_t index, const Domain& fr
     other.particle_limit = static_cast<int64_t>(std::ceil(more * limit));
     return other;
   };
-  if (emitter.emission != Emission::stream || !(speed > 0)) return with_particles(1);
+  if (emitter.emission != Emission::stream || !(speed > 0)) return with_particles(share);
   const double rate = emitter.rate.value_or(StreamLattice(emitter, index, from).full_rate(speed));
   const auto with_flux = [&](double factor) {  // the particles' volume decides on the rate
     Emitter other = with_particles(factor);
@@ -246,9 +246,9 @@ Emitter with_flux_of(const Emitter& emitter, std::size_t index, const Domain& fr
   // A lattice covers a little more or less than the body: the nearest number of particles a cell with room for the
   // flux. That of the scene's own particles has.
   constexpr double step = 1.01;
-  const auto steps = static_cast<int>(std::abs(std::log(volumes)) / std::log(step));
+  const auto steps = static_cast<int>(std::abs(std::log(volumes / share)) / std::log(step));
   for (int i = 0; i <= 2 * steps; ++i) {
-    Emitter other = with_flux(std::pow(step, (i % 2 == 0 ? 1 : -1) * ((i + 1) / 2)));
+    Emitter other = with_flux(share * std::pow(step, (i % 2 == 0 ? 1 : -1) * ((i + 1) / 2)));
     if (StreamLattice(other, index, to).full_rate(speed) >= *other.rate) return other;
   }
   return with_flux(volumes);

@@ -18,8 +18,8 @@ struct EmittedParticles {
 EmittedParticles sample_emitter(const Emitter& emitter, std::size_t index, const Domain& domain, uint64_t seed);
 
 /// The emitter of a scene on `from` for the same scene on `to`, a grid of other spacing: its stream has the same volume
-/// a second. It has as many particles a cell as before, or the nearest number whose lattice has room for that flux; its
-/// rate says the rest. Bursts fill the same body.
-Emitter with_flux_of(const Emitter& emitter, std::size_t index, const Domain& from, const Domain& to);
+/// a second. It has `share` times as many particles a cell as before, or the nearest number whose lattice has room for
+/// that flux; its rate says the rest. Bursts fill the same body.
+Emitter with_flux_of(const Emitter& emitter, std::size_t index, const Domain& from, const Domain& to, double share = 1);
 
 }  // namespace graupel::mpm

@@ -98,6 +98,89 @@ TEST(CoarseModel, WhatSofterMatterSavesIsSpentOnAFinerGrid) {
   EXPECT_GT(stiff.cost(scene, stiff.resolutions.back(), Device::cpu), 1);
 }
 
+double mass_of(const Scene& scene) { return mpm::Simulation::create(scene, {})->diagnostics().mass; }
+std::size_t particles_of(const Scene& scene) { return mpm::Simulation::create(scene, {})->particle_count(); }
+
+TEST(CoarseModel, FewerParticlesACellAreHeavierAndBuyAFinerGrid) {
+  const Scene scene = mpm::scene_with("taichi_sand", {0.3, 0.3, 0.3});
+  CoarseModel all, half;
+  half.particle_share[MaterialModel::sand] = 0.5;
+  const Scene many = all.scene(scene, 1.5), few = half.scene(scene, 1.5);
+  EXPECT_NEAR(static_cast<double>(particles_of(few)) / static_cast<double>(particles_of(many)), 0.5, 0.02);
+  EXPECT_NEAR(mass_of(few) / mass_of(many), 1, 0.02);
+  EXPECT_EQ(particles_of(half.scene(scene, 1)), particles_of(scene));  // its own particles
+  EXPECT_NEAR(half.cost(scene, 1.5, Device::cpu) / all.cost(scene, 1.5, Device::cpu),
+              std::pow(0.5, all.cost_exponent.at(Device::cpu) / 3), 1e-12);
+  EXPECT_LT(half.resolution(scene, Device::cpu), all.resolution(scene, Device::cpu));
+  EXPECT_EQ(particles_of(half.scene(mpm::scene_with("taichi_jelly"), 1.5)),
+            particles_of(all.scene(mpm::scene_with("taichi_jelly"), 1.5)));
+}
+
+TEST(CoarseModel, AGridHasNoMoreParticlesThanTheScene) {
+  const Scene scene = mpm::scene_with("taichi_water", {0.3, 0.3, 0.3});
+  CoarseModel model;
+  model.particle_share[MaterialModel::water] = 8;
+  EXPECT_NEAR(static_cast<double>(particles_of(model.scene(scene, 1.5))), static_cast<double>(particles_of(scene)),
+              0.01 * static_cast<double>(particles_of(scene)));
+}
+
+TEST(CoarseModel, AScenesShareIsTheLeastOfItsLaws) {
+  Scene scene = mpm::scene_with("taichi_water");
+  CoarseModel model;
+  model.particle_share = {{MaterialModel::water, 1.5}, {MaterialModel::jelly, 0.5}};
+  EXPECT_EQ(model.share(scene, 2), 1.5);
+  scene.materials["taichi_jelly"] = mpm::preset("taichi_jelly");
+  EXPECT_EQ(model.share(scene, 2), 1.5);  // nothing is made of it
+  scene.sources.push_back(scene.sources[0]);
+  scene.sources.back().material = "taichi_jelly";
+  EXPECT_EQ(model.share(scene, 2), 0.5);
+  EXPECT_EQ(model.share(scene, 1), 1);
+}
+
+TEST(CoarseModel, SlowWavesTakeTheSubstepsOfTheSlowestThatCount) {
+  Scene scene = mpm::scene_with("taichi_jelly");
+  CoarseModel model;
+  model.log_courant.least_speed[MaterialModel::jelly] = 40;
+  const auto substeps = [&](double stiffness) {
+    scene.materials.begin()->second.youngs_modulus = stiffness;
+    return model.wave_substeps(scene);
+  };
+  EXPECT_EQ(substeps(1e3), substeps(1e4));
+  EXPECT_NEAR(static_cast<double>(substeps(1e3)),
+              std::exp(model.log_safety.at(MaterialModel::jelly) - model.log_courant.waves.at(MaterialModel::jelly)) *
+                  40 * scene.frame_time / scene.domain.dx,
+              1);
+  EXPECT_GT(substeps(1e8), 2 * substeps(1e4));
+}
+
+TEST(CoarseModel, MaterialsThatNothingIsMadeOfSetNoStep) {
+  Scene scene = mpm::scene_with("taichi_water");
+  const CoarseModel model;
+  const int64_t alone = model.wave_substeps(scene), largest = model.largest_step_substeps(scene);
+  scene.materials["stiff"] = mpm::preset("taichi_jelly");
+  scene.materials["stiff"].youngs_modulus = 1e8;
+  EXPECT_EQ(model.wave_substeps(scene), alone);
+  EXPECT_EQ(model.largest_step_substeps(scene), largest);
+  scene.sources.push_back(scene.sources[0]);
+  scene.sources.back().material = "stiff";
+  EXPECT_GT(model.wave_substeps(scene), 2 * alone);
+}
+
+TEST(CoarseModel, WaterAloneKeepsItsFinestSpacing) {
+  Scene scene = mpm::scene_with("taichi_water");
+  scene.gravity = {0, 0, 0};
+  CoarseModel soft = with("water.bulk_modulus.offset", -std::log(100));
+  EXPECT_LT(soft.resolution(scene, Device::cpu), 1.5);
+  soft.finest[MaterialModel::water] = 1.7;
+  EXPECT_EQ(soft.resolution(scene, Device::cpu), 1.75);
+  scene.materials["foam"] = mpm::preset("foam");  // a law without a finest spacing
+  scene.materials["foam"].youngs_modulus = 1;
+  EXPECT_EQ(soft.resolution(scene, Device::cpu), 1.75);
+  scene.sources.push_back(scene.sources[0]);
+  scene.sources.back().material = "foam";
+  EXPECT_LT(soft.resolution(scene, Device::cpu), 1.75);
+}
+
 TEST(CoarseModel, FastMotionShortensTheStep) {
   const auto substeps_at = [](double speed) {
     Scene scene = mpm::scene_with("taichi_jelly");
@@ -149,14 +232,21 @@ TEST(CoarseModel, AFileGivesTheSameModel) {
   CoarseModel model = with("snow.hardening.slope", 0.25);
   model.resolutions = {1, 1.5};
   model.log_courant.speed = -0.5;
-  model.log_safety[MaterialModel::sand] = 0.25;
+  model.log_safety[MaterialModel::sand] = -0.25;
+  model.log_courant.least_speed[MaterialModel::snow] = 26;
+  model.particle_share[MaterialModel::sand] = 0.5;
+  model.finest[MaterialModel::water] = 1.875;
   model.cost_exponent[Device::cuda] = 0.75;
   model.metadata["recipe"] = "general";
   model.trained.widen(mpm::four_materials());
   const CoarseModel again = CoarseModel::load(model.store());
   EXPECT_EQ(again.resolutions, model.resolutions);
   EXPECT_EQ(again.log_courant.speed, -0.5);
-  EXPECT_EQ(again.log_safety.at(MaterialModel::sand), 0.25);
+  EXPECT_EQ(again.log_safety.at(MaterialModel::sand), -0.25);
+  EXPECT_EQ(again.log_courant.least_speed.at(MaterialModel::snow), 26);
+  EXPECT_EQ(again.particle_share.at(MaterialModel::sand), 0.5);
+  EXPECT_EQ(again.particle_share.at(MaterialModel::water), 1);
+  EXPECT_EQ(again.finest.at(MaterialModel::water), 1.875);
   EXPECT_EQ(again.cost_exponent.at(Device::cuda), 0.75);
   EXPECT_EQ(again.metadata.at("recipe"), "general");
   EXPECT_EQ(again.trained.ranges, model.trained.ranges);
@@ -196,6 +286,18 @@ TEST(CoarseModel, DamagedFilesAreRefusedByName) {
   EXPECT_THAT(refusal(far.store()), HasSubstr("not ascending"));
   far.resolutions = {};
   EXPECT_THAT(refusal(far.store()), HasSubstr("resolutions is missing or empty"));
+  CoarseModel wrong;
+  wrong.particle_share[MaterialModel::sand] = 20;
+  EXPECT_THAT(refusal(wrong.store()), HasSubstr("particle_shares[1] is 20 (allowed 0.125 to 8)"));
+  wrong.particle_share.clear();
+  wrong.finest[MaterialModel::water] = 0.5;
+  EXPECT_THAT(refusal(wrong.store()), HasSubstr("finest_spacings[0] is 0.5 (allowed 1 to 8)"));
+  wrong.finest.clear();
+  wrong.log_courant.least_speed[MaterialModel::snow] = -1;
+  EXPECT_THAT(refusal(wrong.store()), HasSubstr("least_wave_speeds[2] is -1 (allowed 0 to 10000)"));
+  other = good;
+  other.tensors.erase("particle_shares");
+  EXPECT_THAT(refusal(other), HasSubstr("particle_shares"));
   EXPECT_THAT(refusal(with("sand.cohesion.offset", 100).store()), HasSubstr("is 100 (allowed -12 to 12)"));
   other = good;
   other.tensors["parameters"] = nn::Tensor::from_float({1, 2}, {2});

@@ -68,6 +68,24 @@ TEST(CoarseTraining, TheSameSeedGivesTheSameModelOnAnyNumberOfThreads) {
   EXPECT_NE(one, options.from->parameters());
 }
 
+TEST(CoarseTraining, ScenesHaveTheModelsShareOfParticles) {
+  CoarseSceneOptions options{.count = 1, .seed = 2, .frames = 10};
+  options.resolutions = {1, 2};
+  const CoarseScene all = make_coarse_scenes(tiny(), options).at(0);
+  for (const MaterialModel law : {MaterialModel::water, MaterialModel::sand, MaterialModel::snow, MaterialModel::jelly})
+    options.particle_share[law] = 0.5;
+  const CoarseScene half = make_coarse_scenes(tiny(), options).at(0);
+  const auto volume = [](const mpm::PreparedScene& scene) {
+    double sum = 0;
+    for (const double v : scene.particles.volume) sum += v;
+    return sum;
+  };
+  EXPECT_EQ(half.picked[0].size(), all.picked[0].size());
+  EXPECT_NEAR(static_cast<double>(half.picked[1].size()), 0.5 * static_cast<double>(all.picked[1].size()), 2);
+  EXPECT_EQ(half.picked[1].size(), half.coarse[1].particles.position.size());
+  EXPECT_NEAR(volume(half.coarse[1]) / volume(all.coarse[1]), 1, 0.05);
+}
+
 TEST(CoarseTraining, StopsBeforeTheSearchWhenAsked) {
   CoarseTrainingOptions options = short_search();
   options.should_stop = [] { return true; };

@@ -95,15 +95,16 @@ Scene as_points(const Scene& scene, const mpm::SampledParticles& particles) {
   return mpm::scene_of_points(scene, std::move(points));
 }
 
-/// Particles, of all, that a grid of `ratio` times the spacing moves.
-std::vector<std::size_t> thinned(const Scene& scene, const mpm::SampledParticles& particles, double ratio) {
+/// Particles, of all, that a grid of `ratio` times the spacing with `share` of the particles a cell moves.
+std::vector<std::size_t> thinned(const Scene& scene, const mpm::SampledParticles& particles, double ratio,
+                                 double share = 1) {
+  const double group = std::max(1.0, ratio * ratio * ratio / share);
   std::vector<std::size_t> picked;
   const std::size_t n = particles.position.size();
   for (std::size_t first = 0, end = 0; first < n; first = end) {
     const int32_t source = particles.source[first];
     while (end < n && particles.source[end] == source) ++end;
-    for (const std::size_t p :
-         mpm::thinned_points(scene, static_cast<std::size_t>(source), end - first, ratio * ratio * ratio))
+    for (const std::size_t p : mpm::thinned_points(scene, static_cast<std::size_t>(source), end - first, group))
       picked.push_back(first + p);
   }
   return picked;
@@ -172,9 +173,13 @@ std::vector<CoarseScene> make_coarse_scenes(const CategoryRecipe& recipe, const 
       options);
 
   std::vector<std::vector<mpm::PreparedScene>> coarse;  // [resolutions][scenes]
+  hybrid::CoarseModel sampling;
+  sampling.particle_share = options.particle_share;
   for (const double resolution : options.resolutions)
-    coarse.push_back(prepared(
-        [&](std::size_t s) { return mpm::on_coarser_grid(as_points(scenes[s], fine[s].particles), resolution); }));
+    coarse.push_back(prepared([&](std::size_t s) {
+      return mpm::on_coarser_grid(as_points(scenes[s], fine[s].particles), resolution,
+                                  sampling.share(scenes[s], resolution));
+    }));
   std::vector<CoarseScene> made;
   for (std::size_t s = 0; s < n; ++s) {
     if (truth.diverged[s] || moved.diverged[s] || opponent.diverged[s]) continue;
@@ -183,7 +188,8 @@ std::vector<CoarseScene> make_coarse_scenes(const CategoryRecipe& recipe, const 
     one.opponent_substeps = substeps[s];
     for (std::size_t r = 0; r < coarse.size(); ++r) {
       one.coarse.push_back(std::move(coarse[r][s]));
-      one.picked.push_back(thinned(scenes[s], fine[s].particles, options.resolutions[r]));
+      one.picked.push_back(thinned(scenes[s], fine[s].particles, options.resolutions[r],
+                                   sampling.share(scenes[s], options.resolutions[r])));
     }
     one.truth = truth.positions[s];
     for (const auto& frame : one.truth) one.density.push_back(density_of(scenes[s], frame));

@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -40,6 +41,8 @@ struct CoarseSceneOptions {
   int64_t frames = 120;  ///< horizon
   int64_t stride = 10;   ///< frames between those looked at
   std::vector<double> resolutions = hybrid::CoarseModel().resolutions;
+  /// hybrid::CoarseModel's, of all models that run on the scenes.
+  std::map<MaterialModel, double> particle_share = {};
   Device target = Device::cpu;  ///< whose cost chooses the grid
   Device device = Device::cpu;
   std::function<void(const std::string&)> message = [](const std::string&) {};

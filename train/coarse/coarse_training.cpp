@@ -115,7 +115,10 @@ CoarseTrainingResult train_coarse(const CoarseTrainingOptions& options) {
                             .device = options.device,
                             .message = options.message,
                             .should_stop = options.should_stop};
-  if (options.from) scenes.resolutions = options.from->resolutions;
+  if (options.from) {
+    scenes.resolutions = options.from->resolutions;
+    scenes.particle_share = options.from->particle_share;
+  }
   const Stopwatch data_watch;
   const std::vector<CoarseScene> train = make_coarse_scenes(options.recipe, scenes);
   scenes.split = mpm::Split::valid;

@@ -142,6 +142,13 @@ unsigned blocks_of(int64_t n) { return static_cast<unsigned>((n + threads - 1) /
 
 }  // namespace
 
+void start_on_gpu(const Groups& groups, const std::vector<float>& from, float* mass, void* stream) {
+  parallel_for_in(stream, Device::cuda, groups.nodes(), ClearAll{groups});
+  if (from.empty()) return;
+  GRAUPEL_CUDA_CHECK(cudaMemcpyAsync(mass, from.data(), from.size() * sizeof(float), cudaMemcpyHostToDevice,
+                                     static_cast<cudaStream_t>(stream)));
+}
+
 void find_groups_on_gpu(const std::vector<Groups>& scenes, void* stream) {
   std::vector<Loop<MarkCells>> marks;
   int64_t most = 0;

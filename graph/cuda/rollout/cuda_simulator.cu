@@ -5,6 +5,7 @@
 #include "core/parallel/cuda_check.h"
 #include "core/system/error.h"
 #include "graph/cuda/rollout/frame_model.h"
+#include "graph/cuda/rollout/pinned_buffer.h"
 #include "graph/cuda/rollout/recorded_graph.h"
 #include "graph/cuda/rollout/scene_motion.h"
 
@@ -56,6 +57,8 @@ struct CudaSimulator::Impl {
   std::unique_ptr<FrameModel> model;
   FeatureConfig config;
   SceneMotion motion;
+  PinnedBuffer<Vec3f> start;            ///< [history + 1, particles]
+  Buffer<Vec3f> ring{Device::cuda, 0};  ///< [history + 1 + bundle, particles]
   cudaStream_t stream = nullptr, group_stream = nullptr;
   cudaEvent_t room_beside = nullptr, groups_there = nullptr;
   RecordedGraph graph;
@@ -143,7 +146,13 @@ void CudaSimulator::start(const CudaScene& scene) {
         std::vector<float>(static_cast<std::size_t>(impl.config.output_width()) * particle_type.size()));
     impl.no_fault.upload({0});
   }
-  impl.motion.start(scene, impl.config.bundle, impl.model->position(), impl.stream);
+  impl.wait();
+  const std::size_t n = particle_type.size(), start_frames = static_cast<std::size_t>(impl.motion.start_frames());
+  impl.start.reserve_discard(start_frames * n);
+  impl.ring.resize_discard((start_frames + static_cast<std::size_t>(impl.config.bundle)) * n);
+  impl.motion.prepare(scene, impl.start.data());
+  impl.motion.start(impl.ring.data(), impl.config.bundle, impl.model->position(), impl.stream);
+  impl.wait();
   impl.shown = impl.motion.status().newest;
 }
 

@@ -133,41 +133,57 @@ SceneMotion::SceneMotion(const FeatureConfig& config, const Normalization& norma
 }
 SceneMotion::~SceneMotion() { cudaFreeHost(seen_); }
 
-void SceneMotion::start(const CudaScene& scene, int64_t frames, Vec3f* position, void* stream) {
+void SceneMotion::prepare(const CudaScene& scene, Vec3f* start) {
   scene_ = scene.scene;
   environment_ = scene.environment;
-  environment_->view(Device::cuda);  // uploads the obstacles: no memory may be taken while a frame is recorded
+  particle_type_ = scene.particle_type;
+  materials_ = scene.material;
   laws_ = scene.laws;
-  const std::size_t n = scene.particle_type->size(), known = static_cast<std::size_t>(config_.history) + 1;
+  environment_->view(Device::cuda);  // uploads the obstacles: no memory may be taken while a frame is recorded
+  const std::size_t n = particle_type_->size(), known = static_cast<std::size_t>(start_frames());
   const std::vector<std::vector<Vec3f>>& positions = *scene.positions;
   particles_ = static_cast<int64_t>(n);
-  GRAUPEL_ASSERT(positions.size() >= known);
-  ring_frames_ = static_cast<int32_t>(static_cast<int64_t>(known) + frames);
-  ring_.resize_discard(static_cast<std::size_t>(ring_frames_) * n);
+  GRAUPEL_ASSERT(known >= 2 && positions.size() >= known);
+  GRAUPEL_ASSERT(!config_.material_constants || materials_->size() == n);
   for (std::size_t t = 0; t < known; ++t) {
     const std::vector<Vec3f>& frame = positions[positions.size() - known + t];
     GRAUPEL_ASSERT(frame.size() == n);
-    device_copy(Device::cuda, ring_.data() + t * n, Device::cpu, frame.data(), n * sizeof(Vec3f));
+    std::copy(frame.begin(), frame.end(), start + t * n);
   }
-  before_.upload(positions[positions.size() - 2]);
-  device_copy(Device::cuda, position, Device::cpu, positions.back().data(), n * sizeof(Vec3f));
+  start_ = start;
+  largest_density_ =
+      laws_.density_limit > 0 ? laws_.density_limit * rest_density(*scene_, positions.back(), spacing_) : 0;
+}
+
+void SceneMotion::start(Vec3f* ring, int64_t frames, Vec3f* position, void* stream) {
+  const auto in = static_cast<cudaStream_t>(stream);
+  const auto n = static_cast<std::size_t>(particles_), known = static_cast<std::size_t>(start_frames());
+  const std::size_t frame_bytes = n * sizeof(Vec3f);
+  ring_ = ring;
+  ring_frames_ = static_cast<int32_t>(start_frames() + frames);
+  before_.resize_discard(n);
   next_.resize_discard(n);
-  GRAUPEL_ASSERT(!config_.material_constants || scene.material->size() == n);
-  material_.upload(*scene.material);
+  const auto copy = [&](void* to, const void* from, std::size_t bytes) {
+    if (bytes > 0) GRAUPEL_CUDA_CHECK(cudaMemcpyAsync(to, from, bytes, cudaMemcpyDefault, in));
+  };
+  copy(ring, start_, known * frame_bytes);
+  copy(before_.data(), ring + (known - 2) * n, frame_bytes);
+  copy(position, ring + (known - 1) * n, frame_bytes);
+  if (config_.material_constants) upload_in(stream, material_, *materials_);
   *seen_ = {static_cast<int32_t>(known) - 1, 0, 0, 0};
-  status_.upload({*seen_});
-  flight_.reset();
-  if (laws_.free_flight) flight_.emplace(Device::cuda, *scene_, *environment_, *scene.particle_type);
-  density_.reset();
-  const double rest = rest_density(*scene_, positions.back(), spacing_);
-  if (laws_.density_limit * rest > 0) {
-    density_.emplace(Device::cuda, *environment_, laws_.density_limit * rest, spacing_);
-    // Of nothing, so that all memory is there.
-    next_.upload(std::vector<Vec3f>(n, Vec3f::filled(NAN)));
-    density_->apply(next_.data(), particles_, stream);
+  copy(status_.data(), seen_, sizeof(FrameStatus));
+  if (laws_.free_flight) {
+    if (flight_)
+      flight_->start(*scene_, *environment_, *particle_type_, stream);
+    else
+      flight_.emplace(Device::cuda, *scene_, *environment_, *particle_type_);
   }
-  GRAUPEL_CUDA_CHECK(cudaStreamSynchronize(static_cast<cudaStream_t>(stream)));
-  if (density_) density_->restart();
+  if (!(largest_density_ > 0)) return;
+  if (density_)
+    density_->start(*environment_, largest_density_, spacing_, stream);
+  else
+    density_.emplace(Device::cuda, *environment_, largest_density_, spacing_);
+  density_->reserve(particles_, stream);
 }
 
 Normalization SceneMotion::real_statistics() const {
@@ -178,7 +194,7 @@ Normalization SceneMotion::real_statistics() const {
   return statistics;
 }
 
-FrameRing SceneMotion::ring() { return {ring_.data(), particles_, ring_frames_, &status_.data()->newest}; }
+FrameRing SceneMotion::ring() { return {ring_, particles_, ring_frames_, &status_.data()->newest}; }
 
 FreeFlight::Frame SceneMotion::flight_frame(const Rows& rows) {
   return {&*flight_, before_.data(), rows.position, next_.data()};
@@ -198,7 +214,7 @@ void SceneMotion::launch_features(const std::vector<Placed>& scenes, void* strea
 void SceneMotion::launch_groups(const std::vector<Placed>& scenes, void* stream) {
   std::vector<FreeFlight::Frame> frames;
   for (const auto& [m, rows] : scenes)
-    if (m->flight_) frames.push_back(m->flight_frame(rows));
+    if (m->finds_groups()) frames.push_back(m->flight_frame(rows));
   FreeFlight::find_groups_of_all(frames, stream);
 }
 
@@ -216,11 +232,11 @@ void SceneMotion::launch_move(const std::vector<Placed>& scenes, int64_t frame, 
     steps.push_back({m->particles_,
                      {m->real_statistics(), rows.output + 3 * frame, static_cast<int32_t>(m->config_.output_width()),
                       m->before_.data(), rows.position, limit, rows.fault, m->status_.data(), next}});
-    if (m->flight_) flights.push_back(m->flight_frame(rows));
+    if (m->finds_groups()) flights.push_back(m->flight_frame(rows));
     const PushParticles push{m->environment_->swept_collision(Device::cuda), m->laws_.project, m->ring(), rows.position,
                              next};
     PushLast end{push, rows.fault, m->before_.data(), rows.position, m->status_.data(), m->seen_};
-    if (!m->density_ || frame + 1 < m->config_.bundle) {
+    if (!(m->largest_density_ > 0) || frame + 1 < m->config_.bundle) {
       last.push_back({m->particles_, end});
       continue;
     }

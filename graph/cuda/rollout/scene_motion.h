@@ -40,9 +40,16 @@ class SceneMotion {
     const float* output;   ///< [particles, output_width()]
     const int32_t* fault;  ///< where it is not 0 the output is of no use
   };
-  /// Begins a rollout whose ring keeps the last `frames` frames beside the history. Writes `position`. The scene and
-  /// its environment must live as long as it runs. Waits for `stream`.
-  void start(const CudaScene& scene, int64_t frames, Vec3f* position, void* stream);
+  /// Frames that a rollout starts from.
+  int64_t start_frames() const { return config_.history + 1; }
+  /// The host's part of a start, on any thread: writes the frames to `start` [start_frames(), particles], in pinned
+  /// memory. Scene and `start` must stay as they are until the launches of start() are done, scene and environment as
+  /// long as it runs.
+  void prepare(const CudaScene& scene, Vec3f* start);
+  /// Begins a rollout of what was prepared. `ring` [start_frames() + frames, particles], in the GPU's memory, keeps the
+  /// last `frames` frames beside the start; `position` becomes the newest one. What earlier rollouts allocated is used
+  /// again. In `stream`; waits for nothing where the memory suffices.
+  void start(Vec3f* ring, int64_t frames, Vec3f* position, void* stream);
   int64_t particles() const { return particles_; }
 
   // Launches of all scenes, which may be recorded
@@ -53,7 +60,7 @@ class SceneMotion {
   static void launch_features(const std::vector<Placed>& scenes, void* stream);
   /// Groups of what flies in the newest frame.
   static void launch_groups(const std::vector<Placed>& scenes, void* stream);
-  bool finds_groups() const { return flight_.has_value(); }
+  bool finds_groups() const { return laws_.free_flight; }
   /// From the newest frame to the next one, by the accelerations of a frame of the bundle. Groups of the first one are
   /// those of launch_groups(). The density is held after the last one.
   static void launch_move(const std::vector<Placed>& scenes, int64_t frame, void* stream);
@@ -63,7 +70,7 @@ class SceneMotion {
   /// No further frames, as if the next one diverged: all particles lie at `place`. Waits.
   void stop(const Vec3f& place, Vec3f* position);
   int32_t ring_frames() const { return ring_frames_; }
-  const Vec3f* frame(int32_t of_ring) const { return ring_.data() + of_ring * particles_; }
+  const Vec3f* frame(int32_t of_ring) const { return ring_ + of_ring * particles_; }
   /// Of accelerations; without a network gravity alone.
   Normalization real_statistics() const;
 
@@ -77,17 +84,20 @@ class SceneMotion {
   double spacing_;
   const Scene* scene_ = nullptr;
   const Environment* environment_ = nullptr;
+  const std::vector<int32_t>*particle_type_ = nullptr, *materials_ = nullptr;  ///< until start()
+  const Vec3f* start_ = nullptr;                                               ///< the same
   CudaLaws laws_;
+  double largest_density_ = 0;  ///< [particles/m^3]; 0: any
   int64_t particles_ = 0;
   int32_t ring_frames_ = 0;
   Buffer<int32_t> material_{Device::cuda, 0};  ///< [particles], of networks that see constants
-  Buffer<Vec3f> ring_{Device::cuda, 0};        ///< [ring_frames, particles]
+  Vec3f* ring_ = nullptr;                      ///< [ring_frames, particles]
   Buffer<FrameStatus> status_{Device::cuda, 1};
   FrameStatus* seen_ = nullptr;  ///< the status on the host
   /// The frame before the newest; the one to come, until it is the newest.
   Buffer<Vec3f> before_{Device::cuda, 0}, next_{Device::cuda, 0};
-  std::optional<FreeFlight> flight_;
-  std::optional<DensityProjection> density_;
+  std::optional<FreeFlight> flight_;          ///< of use where finds_groups()
+  std::optional<DensityProjection> density_;  ///< of use where there is a largest density
 };
 
 }  // namespace graupel::graph

@@ -217,6 +217,36 @@ TEST(DensityProjection, DependsOnNeitherThreadsNorOrderNorTheLastRollout) {
   for (std::size_t i = 0; i < order.size(); ++i) ASSERT_EQ(shuffled[i], expected[order[i]]);
 }
 
+/// Smaller and larger ones before.
+TEST(DensityProjection, StartsAsANewOneAfterAnotherScene) {
+  Scene small = box_scene();
+  small.domain.size = {0.5, 0.6, 0.7};
+  const Environment first(scene_with_ball({0.3, 0.3, 0.5}, 0.1)), second(small);
+  const std::vector<Vec3f> start = random_cloud(20000, {0.15, 0.2, 0.2}, {0.35, 0.4, 0.5});
+  for (const Device device : {Device::cpu, Device::cuda}) {
+    if (device == Device::cuda && !cuda_available()) continue;
+    const auto moved = [&](DensityProjection& projection, std::size_t n) {
+      Buffer<Vec3f> position(device, 0);
+      position.upload({start.begin(), start.begin() + static_cast<std::ptrdiff_t>(n)});
+      for (int k = 0; k < 3; ++k) projection.apply(position.data(), static_cast<int64_t>(n));
+      return position.download();
+    };
+    DensityProjection kept(device, first, 0.3 * rest, 0.7 * spacing);
+    moved(kept, start.size());
+    const auto expect_as_new = [&](const Environment& environment, double limit, double of_cells, std::size_t n) {
+      kept.start(environment, limit * rest, of_cells);
+      kept.reserve(static_cast<int64_t>(n), nullptr);
+      DensityProjection fresh(device, environment, limit * rest, of_cells);
+      const std::vector<Vec3f> expected = moved(fresh, n);
+      EXPECT_NE(expected, std::vector<Vec3f>(start.begin(), start.begin() + static_cast<std::ptrdiff_t>(n)));
+      EXPECT_EQ(moved(kept, n), expected) << n;
+    };
+    expect_as_new(second, 0.2, spacing, 5000);
+    expect_as_new(first, 0.4, 0.5 * spacing, start.size());
+    expect_as_new(first, 0.3, 0.7 * spacing, 8000);
+  }
+}
+
 TEST(DensityProjection, ParticlesOutsideAreLeftAlone) {
   const Environment environment(box_scene());
   DensityProjection projection(Device::cpu, environment, rest, spacing);

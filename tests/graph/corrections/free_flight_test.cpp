@@ -271,6 +271,30 @@ TEST(FreeFlight, OrderAndEarlierFramesDoNotMatter) {
   EXPECT_TRUE(same_groups(other.groups, first.groups));
 }
 
+TEST(FreeFlight, StartsAsANewOneAfterAnotherScene) {
+  Scene other = box_scene(false);
+  other.domain.dx *= 1.5;
+  other.gravity = {0, -3, 1};
+  for (const Device device : {Device::cpu, Device::cuda}) {
+    if (device == Device::cuda && !cuda_available()) continue;
+    const Scene scene = box_scene(true);
+    const Environment first(scene), second(other);
+    const Frame frame = crowd(scene), larger = snake(other, 5000);
+    FreeFlight flight(device, scene, first, frame.type);
+    result_of(flight, frame, device);
+    const auto expect_as_new = [&](const Scene& next, const Environment& environment, const Frame& of_next) {
+      const Result expected = result_of(next, of_next, device);
+      EXPECT_FALSE(same_bytes(expected.next, of_next.next));
+      flight.start(next, environment, of_next.type);
+      const Result actual = result_of(flight, of_next, device);
+      EXPECT_TRUE(same_bytes(actual.next, expected.next));
+      EXPECT_TRUE(same_groups(actual.groups, expected.groups));
+    };
+    expect_as_new(other, second, larger);
+    expect_as_new(scene, first, frame);
+  }
+}
+
 TEST(FreeFlight, LongSnakeIsOneGroup) {
   const Scene scene = box_scene();
   Frame frame = snake(scene, 50000);

@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include "graph/cuda/aggregation/pair_aggregation.h"
+#include "graph/cuda_batch.h"
 #include "tests/gpu_only.h"
 #include "tests/graph/many_scenes.h"
 
@@ -89,6 +90,44 @@ TEST_F(CudaBatchTest, BatchesFollowEachOther) {
   EXPECT_EQ(order, (std::vector<std::size_t>{0, 1, 2, 3, 4, 5, 6, 7}));
   expect_together(results);
   scenes.expect_as_alone(simulator, results);
+}
+
+/// They are taken aside before another batch, and come in pieces.
+TEST_F(CudaBatchTest, FramesAreReadWhileAnotherBatchRuns) {
+  GRAUPEL_NEEDS_GPU();
+  const LearnedSimulator simulator = make(2);
+  const ManyScenes scenes = different_scenes(6);
+  const auto results = scenes.run(simulator);
+  CudaBatch batch(simulator.weights());
+  const std::vector<int32_t> no_material;
+  const auto run = [&](std::size_t first, std::size_t end) {
+    std::vector<CudaScene> list;
+    for (std::size_t i = first; i < end; ++i) {
+      const auto& s = scenes.list()[i];
+      list.push_back({s.scene, s.environment, s.particle_type, &no_material, s.start, {}});
+    }
+    batch.start(list, options_.frames);
+    batch.run();
+  };
+  run(0, 6);
+  batch.keep_frames();
+  run(2, 5);
+  for (const int64_t at_once : {1, 900, 5000, 1 << 21}) {
+    std::vector<int64_t> next(6, 0);
+    batch.read_frames(
+        [&](const std::vector<CudaBatch::FramePiece>& pieces) {
+          for (const auto& [scene, first, position] : pieces) {
+            ASSERT_EQ(first, next[scene]);
+            const auto& frames = results[scene].trajectory.frames;
+            const std::size_t n = frames[0].position.size();
+            for (std::size_t i = 0; i < position.size(); ++i)
+              ASSERT_EQ(position[i], frames[static_cast<std::size_t>(first) + 1 + i / n].position[i % n]);
+            next[scene] += static_cast<int64_t>(position.size() / n);
+          }
+        },
+        at_once);
+    EXPECT_EQ(next, std::vector<int64_t>(6, options_.frames));
+  }
 }
 
 TEST_F(CudaBatchTest, MoreScenesThanALaunchTakes) {

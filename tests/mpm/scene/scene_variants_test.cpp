@@ -142,6 +142,10 @@ TEST(SceneVariants, StreamsKeepTheirFluxOnEveryGrid) {
           const Scene coarse = on_coarser_grid(scene, ratio);
           EXPECT_NEAR(emitted(coarse) / expected, 1, 0.04) << width << " " << ratio;
           EXPECT_LE(coarse.emitters[0].particles_per_cell, 2 * emitter.particles_per_cell) << width << " " << ratio;
+          if (ratio < 1.5) continue;
+          const Scene fewer = on_coarser_grid(scene, ratio, 0.6);
+          EXPECT_NEAR(emitted(fewer) / expected, 1, 0.05) << width << " " << ratio;
+          EXPECT_LT(fewer.emitters[0].particles_per_cell, coarse.emitters[0].particles_per_cell);
         }
       }
 }
