@@ -10,7 +10,7 @@
 #include "core/system/error.h"
 #include "graph/features/particle_lifecycle.h"
 #include "tests/gpu_only.h"
-#include "tests/train/changing_data.h"
+#include "tests/train/data/changing_data.h"
 #include "tests/train/gns_cloud.h"
 #include "train/data/device_samples.h"
 #include "train/data/sampling.h"
