@@ -105,8 +105,8 @@ class LearnedSimulator {
     double seconds = 0;  ///< on the GPU, without what starts, recordings of launches and copies of results take
   };
   /// The rollouts of all scenes, each with the bits that rollout() gives it. `done` takes each result on the calling
-  /// thread, in the order of the list but for scenes that run alone, which come last; those of scenes that ran together
-  /// when the next such batch has run, or not where that throws. At most 2^27 positions of frames are in memory at
+  /// thread: batch by batch, in the order of the list within each, then those of scenes that run alone; results of a
+  /// batch when the next one has run, or not where that throws. At most 2^27 positions of frames are in memory at
   /// once: of longer rollouts fewer scenes run together. On a GPU scenes run together where the network is an HGN that
   /// aggregates activations, nothing of them changes, they have particles, equally many frames and the same lower
   /// corner of the domain; the others run one after the other, as all do on a CPU. A scene that diverges stops alone.

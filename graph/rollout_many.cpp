@@ -75,7 +75,8 @@ std::vector<std::vector<std::size_t>> batches_of(const std::vector<LearnedSimula
     particles[place] += n;
   }
   std::erase_if(batches, [&](const std::vector<std::size_t>& batch) {
-    if (batch.size() == 1) alone[batch.front()] = "no other scene is left with its frames and lower corner";
+    if (batch.size() == 1)
+      alone[batch.front()] = "no other scene fits beside it (as many frames, the same lower corner, room)";
     return batch.size() == 1;
   });
   return batches;

@@ -143,7 +143,8 @@ Scene CoarseModel::scene(const Scene& of, double resolution) const {
 }
 
 double CoarseModel::share(const Scene& scene, double resolution) const {
-  return resolution == 1 ? 1 : least_of_laws(scene, particle_share, 1);
+  // on_coarser_grid takes no more particles than the scene has.
+  return resolution == 1 ? 1 : std::min(least_of_laws(scene, particle_share, 1), std::pow(resolution, 3));
 }
 
 double CoarseModel::cost(const Scene& of, double resolution, Device device) const {

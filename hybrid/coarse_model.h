@@ -31,8 +31,8 @@ struct CourantNumbers {
 struct CoarseModel {
   EffectiveConstants constants;
   CourantNumbers log_courant;
-  /// ln of how many more substeps than log_courant asks for the model's own runs take, by law: as many as the largest
-  /// stable step leave larger errors, of snow most (docs/lab/coarse-mpm.md).
+  /// ln of the substeps of the model's own runs over those that log_courant asks for, by law: as many as the largest
+  /// stable step may leave larger errors (docs/lab/coarse-mpm.md).
   std::map<MaterialModel, double> log_safety = {{MaterialModel::water, 0.15},
                                                 {MaterialModel::sand, 0.15},
                                                 {MaterialModel::snow, 0.5},

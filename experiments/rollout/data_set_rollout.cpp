@@ -27,28 +27,37 @@ using graph::LearnedSimulator;
 /// Starts that are in memory at once: several times what a GPU runs together, so that trajectories of some are made
 /// while the next ones run.
 constexpr int64_t scenes_at_once = 4 * LearnedSimulator::batch_scenes;
+/// Or fewer, once the frames that they are compared with hold so many positions (1.6 GB).
+constexpr std::size_t most_positions = std::size_t{1} << 27;
 
-/// The folder of the trajectories that are not merged yet. It goes with this.
+/// The folder of the trajectories that are not merged yet. It goes with this, unless an error left some of them there.
 class PartsFolder {
  public:
   explicit PartsFolder(const std::string& output) : path_(output + ".parts") {
     std::error_code error;
-    fs::remove_all(path_, error);
     if (!fs::create_directory(path_, error))
-      throw IoError(
-          fmt::format("the folder '{}' for unfinished trajectories cannot be made ({}). Choose another output",
-                      path_.string(), error.message()));
+      throw IoError(fmt::format(
+          "the folder '{}' for unfinished trajectories cannot be made ({}). Remove what another run left there, or "
+          "choose another output",
+          path_.string(), error ? error.message() : "it exists"));
   }
   ~PartsFolder() {
     std::error_code ignored;
+    if (!merged_ && !fs::is_empty(path_, ignored) && !ignored) {
+      std::fprintf(stderr, "graupel: the trajectories that were finished are in '%s'\n", path_.c_str());
+      return;
+    }
     fs::remove_all(path_, ignored);
   }
   PartsFolder(const PartsFolder&) = delete;
   PartsFolder& operator=(const PartsFolder&) = delete;
+  /// The trajectories are in the output.
+  void set_merged() { merged_ = true; }
   std::string file(int64_t trajectory) const { return (path_ / fmt::format("{:05d}.h5", trajectory)).string(); }
 
  private:
   fs::path path_;
+  bool merged_ = false;
 };
 
 /// What a trajectory tells at the end.
@@ -74,28 +83,30 @@ class DataSetRollout {
   void run() {
     const auto count = static_cast<int64_t>(rows_.size());
     Progress progress(fmt::format("rollout of {} trajectories", count), count);
-    for (int64_t first = 0; first < count; first += scenes_at_once) {
-      run_scenes(first, std::min(scenes_at_once, count - first));
-      progress.update(std::min(first + scenes_at_once, count));
-    }
+    for (int64_t first = 0; first < count; progress.update(first))
+      first += run_scenes(first, std::min(scenes_at_once, count - first));
     progress.done();
     std::vector<std::string> files;
     files.reserve(rows_.size());
     for (int64_t i = 0; i < count; ++i) files.push_back(parts_.file(i));
     io::merge_trajectories(files, options_.output);
+    parts_.set_merged();
     report();
   }
 
  private:
-  void run_scenes(int64_t first, int64_t count) {
+  /// Runs the trajectories from `first` on, at most `most`; returns how many.
+  int64_t run_scenes(int64_t first, int64_t most) {
     std::vector<RolloutStart> starts;
-    starts.reserve(static_cast<std::size_t>(count));
-    for (int64_t i = 0; i < count; ++i) {
+    starts.reserve(static_cast<std::size_t>(most));
+    std::size_t positions = 0;
+    for (int64_t i = 0; i < most && positions < most_positions; ++i) {
       stop_if_interrupted();
       RolloutOptions one = options_;
       one.trajectory = first + i;
       starts.push_back(rollout_start(one, history_, simulator_.config().material_constants));
       check_scene(starts.back(), options_);
+      positions += starts.back().rest.size() * starts.back().particle_type.size();
       for (const std::string& line : remarks_on(simulator_, starts.back().scene)) remark("graupel: warning: " + line);
       if (leaves_free_flight(options_, starts.back())) remark(std::string("rollout: ") + free_flight_remark);
     }
@@ -119,6 +130,7 @@ class DataSetRollout {
     seconds_ += watch.seconds();
     together_.frames += cost.frames;
     together_.seconds += cost.seconds;
+    return static_cast<int64_t>(starts.size());
   }
   void take(int64_t trajectory, RolloutStart& start, LearnedSimulator::SceneResult&& result) {
     Trajectory& t = result.trajectory;

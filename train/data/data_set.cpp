@@ -115,7 +115,7 @@ graph::ParticleSchedule births_of(const Scene& scene, uint64_t seed, const std::
   if (!fits)
     throw InputError(where + ": the emitters of its scene are of other particles than the trajectory's (" +
                      std::to_string(sampled.position.size()) + " with its seed, " + std::to_string(start.size()) +
-                     " stored). Generate the data set anew");
+                     " stored, which may differ by 1e-4 m at their births). Generate the data set anew");
   return schedule;
 }
 
@@ -301,6 +301,9 @@ graph::Normalization DataSplit::statistics(double noise_std, int threads) const 
   });
   Sums total;
   for (const Sums& one : sums) total.add(one);
+  if (total.count[0] == 0 || total.count[1] == 0)
+    throw InputError("'" + file_ + "' has no particle that moves by itself and is in the run for three frames. " +
+                     "Generate longer runs, or runs of moving material");
   graph::Normalization normalization;
   const bool plane = trajectory(0).context->scene.domain.is_plane();
   const Vec3d noise = {noise_std, noise_std, plane ? 0 : noise_std};

@@ -28,6 +28,14 @@ using Clock = std::chrono::steady_clock;
 
 double seconds_since(Clock::time_point start) { return std::chrono::duration<double>(Clock::now() - start).count(); }
 
+/// Whether weights are those of a teacher, or have learned from them: then their cost has the teacher's already.
+bool has_learned_from(const std::string& file, const std::string& teacher_hash) {
+  if (file_hash(file) == teacher_hash) return true;
+  const auto metadata = nn::read_safetensors(file).metadata;
+  const auto found = metadata.find("training.teacher_hash");
+  return found != metadata.end() && found->second == teacher_hash;
+}
+
 nn::OfflineCost cost_of(const std::string& file) {
   return nn::offline_cost_of(nn::read_safetensors(file).metadata, file);
 }
@@ -192,7 +200,7 @@ void TrainingRun::start_from_weights() {
 nn::OfflineCost TrainingRun::cost_of_start() const {
   nn::OfflineCost cost;
   if (!options_.from.empty()) cost = cost_of(options_.from);
-  if (!teacher_ || (!options_.from.empty() && file_hash(options_.from) == teacher_->hash)) return cost;
+  if (!teacher_ || (!options_.from.empty() && has_learned_from(options_.from, teacher_->hash))) return cost;
   const nn::OfflineCost of_teacher = cost_of(teacher_->file);
   cost.add_data(of_teacher.data);
   cost.training.insert(cost.training.end(), of_teacher.training.begin(), of_teacher.training.end());

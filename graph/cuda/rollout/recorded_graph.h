@@ -25,7 +25,13 @@ class RecordedGraph {
     drop();
     cudaGraph_t captured = nullptr;
     GRAUPEL_CUDA_CHECK(cudaStreamBeginCapture(stream, cudaStreamCaptureModeThreadLocal));
-    launches();
+    try {
+      launches();
+    } catch (...) {  // a stream that goes on recording would hide what went wrong
+      if (cudaStreamEndCapture(stream, &captured) == cudaSuccess) cudaGraphDestroy(captured);
+      cudaGetLastError();
+      throw;
+    }
     GRAUPEL_CUDA_CHECK(cudaStreamEndCapture(stream, &captured));
     GRAUPEL_CUDA_CHECK(cudaGraphInstantiate(&graph_, captured, 0));
     GRAUPEL_CUDA_CHECK(cudaGraphDestroy(captured));
