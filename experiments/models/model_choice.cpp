@@ -35,7 +35,7 @@ ModelChoice parse_model(const std::string& word, std::span<const ModelChoice> be
                                       std::pair{":corrections-only", NetworkParts::corrections_alone}}) {
     if (!word.ends_with(suffix)) continue;
     const std::string file = word.substr(0, word.size() - std::strlen(suffix));
-    const ModelChoice choice = choice_of(file, parts);
+    ModelChoice choice = choice_of(file, parts);
     if (choice.kind != ModelKind::network)
       throw ConfigError("'" + word +
                         "' asks for a part of a model that has no corrections (allowed: graph networks). " + "Name '" +
