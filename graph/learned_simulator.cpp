@@ -170,7 +170,7 @@ Trajectory LearnedSimulator::rollout(const Scene& scene, const Environment& envi
   Frames history(start.end() - static_cast<std::ptrdiff_t>(needed), start.end());
   if (options.schedule != nullptr) add_past_of_born(scene, *options.schedule, options.start_time, history);
   unwrap_periodic(environment, history);
-  MovingEnvironment surroundings(environment);
+  MovingEnvironment moving_environment(environment);
   FrameCorrections corrections(
       scene, environment, matter_at(start.back(), prescribed, lifecycle),
       {options.project, options.density_limit, options.free_flight, config().bundle, network_->spacing()});
@@ -186,7 +186,7 @@ Trajectory LearnedSimulator::rollout(const Scene& scene, const Environment& envi
     const double from = options.start_time + static_cast<double>(frame - 1) * scene.frame_time,
                  to = options.start_time + static_cast<double>(frame) * scene.frame_time;
     LapTimer whole;
-    const Environment& here = surroundings.at(to);
+    const Environment& here = moving_environment.at(to);
     const std::vector<uint8_t> kinematic = prescribed.mask(frame);
     StepParticles step(lifecycle, particle_type, material, history, kinematic);
     if (in_bundle == 0) {

@@ -72,10 +72,10 @@ class LearnedSimulator {
   /// diverged_at_frame. Throws ConfigError when the scene's frame time
   /// or the cell size of the obstacle normals is not the one that the network was trained for, or it has another number
   /// of dimensions.
-  /// Held particles take their given places, or stay where they start; the others see them, and the density is that of
-  /// the others. Obstacles are where their scripts have them in each frame; frames of scenes where particles come and
-  /// go say which are active. Where anything of the scene changes, in a plane and beside kinematic particles, a GPU
-  /// evaluates the network alone.
+  /// Kinematic particles take their given places, or stay where they start; the others see them, and the density is
+  /// that of the others. Obstacles are where their scripts have them in each frame; frames of scenes where particles
+  /// come and go say which are active. Where anything of the scene changes, in a plane and beside kinematic particles,
+  /// a GPU evaluates the network alone.
   Trajectory rollout(const Scene& scene, const Environment& environment, const std::vector<int32_t>& particle_type,
                      const std::vector<std::vector<Vec3f>>& start, const RolloutOptions& options) const;
 

@@ -222,7 +222,7 @@ std::vector<std::size_t> SceneComparison::active_between(std::size_t n) const {
 compare::OneStepError SceneComparison::one_step_of_network(const ComparedModel& model) {
   const graph::LearnedSimulator& network = *model.network;
   const double dt = task_.scene.frame_time;
-  graph::MovingEnvironment surroundings(environment());
+  graph::MovingEnvironment moving_environment(environment());
   const graph::ParticleSchedule schedule = schedule_of(start_);
   const auto accelerations = [&](const graph::Environment& here, const std::vector<int32_t>& type,
                                  const std::vector<int32_t>& material,
@@ -236,7 +236,7 @@ compare::OneStepError SceneComparison::one_step_of_network(const ComparedModel& 
   const int64_t history = network.config().history;
   for (const std::size_t frame : one_step_frames()) {
     const auto n = static_cast<int64_t>(frame);
-    const graph::Environment& here = surroundings.at(static_cast<double>(n + 1) * dt);
+    const graph::Environment& here = moving_environment.at(static_cast<double>(n + 1) * dt);
     std::vector<std::vector<Vec3f>> positions;
     for (int64_t f = n - history; f <= n; ++f) positions.push_back(true_position(f));
     graph::add_past_of_born(task_.scene, schedule, static_cast<double>(n) * dt, positions);

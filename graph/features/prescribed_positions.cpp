@@ -16,7 +16,7 @@ PrescribedPositions::PrescribedPositions(const std::vector<int32_t>& particle_ty
   if (given_ == nullptr) return;
   for (const std::vector<Vec3f>& frame : *given_)
     if (frame.size() != particle_type.size())
-      throw InputError("a frame that gives the places of held particles has another number of particles (" +
+      throw InputError("a frame that gives the places of kinematic particles has another number of particles (" +
                        std::to_string(frame.size()) + ", particle types " + std::to_string(particle_type.size()) +
                        "). Use frames of the same trajectory");
 }

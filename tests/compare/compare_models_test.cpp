@@ -110,17 +110,8 @@ TEST_F(CompareRuns, PartsOfNetworksNeedANetwork) {
 }
 
 TEST_F(CompareRuns, ADivergedNetworkIsHeldAndMarked) {
-  graph::HgnConfig config;
-  config.latent = 8;
-  config.levels = 2;
-  config.message_passing = 1;
-  config.dx = 0.03125;
-  graph::Normalization normalization;
-  normalization.acceleration_mean[0] = 0.6f;  // 0.6 m a frame^2: over a domain edge a frame from the second frame on
-  auto weights = graph::random_weights(config, normalization);
-  graph::silence_decoder(weights);
-  const std::string path = folder_ + "/wild.safetensors";
-  nn::write_safetensors(path, weights);
+  // 0.6 m a frame^2: over a domain edge a frame from the second frame on
+  const std::string path = constant_network("wild", {0.6f, 0, 0});
   CompareOptions o = options({path});
   o.floors = false;
   const auto comparison = make_comparison(o);

@@ -50,16 +50,20 @@ class CompareRuns : public ::testing::Test {
 
   /// A network whose acceleration is g dt^2 whatever it sees.
   std::string ballistic_network() const {
+    return constant_network("ballistic", {0, static_cast<float>(-9.8 / 3600), 0});
+  }
+  /// A network that gives this acceleration [m/frame^2] whatever it sees.
+  std::string constant_network(const std::string& name, const Vec3f& acceleration) const {
     graph::HgnConfig config;
     config.latent = 8;
     config.levels = 2;
     config.message_passing = 1;
     config.dx = 0.03125;
     graph::Normalization normalization;
-    normalization.acceleration_mean[1] = static_cast<float>(-9.8 / 3600);
+    for (int d = 0; d < 3; ++d) normalization.acceleration_mean[d] = acceleration[d];
     auto weights = graph::random_weights(config, normalization);
     graph::silence_decoder(weights);
-    const std::string path = folder_ + "/ballistic.safetensors";
+    const std::string path = folder_ + "/" + name + ".safetensors";
     nn::write_safetensors(path, weights);
     return path;
   }

@@ -27,8 +27,8 @@ SceneGraph newest_graph(const NetworkConfig& config, const graph::Normalization&
   if (present.empty())
     throw InputError("'" + split.file() + "': trajectory 0 has no particle in the run in its last frame (" +
                      std::to_string(newest) + "). Give one that has some");
-  graph::MovingEnvironment surroundings(trajectory.context->environment);
-  return scene_graph(config, normalization, surroundings.at(trajectory.context->time_of(newest + 1)),
+  graph::MovingEnvironment moving_environment(trajectory.context->environment);
+  return scene_graph(config, normalization, moving_environment.at(trajectory.context->time_of(newest + 1)),
                      trajectory.kinds(present), frame_rows(split.history(0, newest, history), present),
                      grid_origin(trajectory, config));
 }

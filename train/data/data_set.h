@@ -101,8 +101,8 @@ class DataSplit {
   std::vector<std::vector<Vec3f>> history(int i, int64_t frame, int64_t history) const;
 
   /// Means and standard deviations of v^t = x^t - x^{t-1} and v^{t+1} - v^t over all particles and frames, sums in
-  /// f64; the training noise enters in quadrature. Held particles and those that are not in the run do not count, and
-  /// nothing varies along z in the plane.
+  /// f64; the training noise enters in quadrature. Kinematic particles and those that are not in the run do not count,
+  /// and nothing varies along z in the plane.
   graph::Normalization statistics(double noise_std, int threads) const;
 
   /// Throws ConfigError when the data were made with another frame time, cell size or number of dimensions than the

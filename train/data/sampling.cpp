@@ -65,8 +65,8 @@ SceneGraph training_graph(const DataSplit& split, const TrainConfig& config, con
   const std::vector<std::vector<Vec3f>> history =
       split.history(draw.key.trajectory, draw.key.frame, rules.features.history);
   const std::vector<std::vector<Vec3f>> ahead = split.positions(draw.key.trajectory, draw.key.frame, rules.bundle + 1);
-  graph::MovingEnvironment surroundings(trajectory.context->environment);
-  const graph::Environment& environment = surroundings.at(draw.time);
+  graph::MovingEnvironment moving_environment(trajectory.context->environment);
+  const graph::Environment& environment = moving_environment.at(draw.time);
   const SampleScene scene{0, draw.stream, draw.symmetry, draw.displacement, draw.drift, environment.view(Device::cpu)};
   const std::vector<int32_t> present = trajectory.present(draw.key.frame);
   SceneGraph graph;

@@ -54,8 +54,8 @@ EvaluationBatch prepare(const NetworkConfig& config, const graph::Normalization&
     const auto history = frame_rows(split.history(key->trajectory, key->frame, features_of(config).history), present);
     const auto truth =
         acceleration_of(particle_rows(split.positions(key->trajectory, key->frame + 1, 1).front(), present), history);
-    graph::MovingEnvironment surroundings(trajectory.context->environment);
-    const graph::Environment& environment = surroundings.at(trajectory.context->time_of(key->frame + 1));
+    graph::MovingEnvironment moving_environment(trajectory.context->environment);
+    const graph::Environment& environment = moving_environment.at(trajectory.context->time_of(key->frame + 1));
     graphs.push_back(scene_graph(config, normalization, environment, trajectory.kinds(present), history,
                                  grid_origin(trajectory, config)));
     prepared.gravity.push_back(trajectory.context->gravity_step());
@@ -99,7 +99,7 @@ void accumulate(const EvaluationBatch& prepared, const std::vector<float>& predi
 struct Rollout {
   Rollout(const DataSplit& split, int number, int64_t history_length)
       : trajectory(split.trajectory(number)),
-        surroundings(trajectory.context->environment),
+        moving_environment(trajectory.context->environment),
         history(split.history(number, 0, history_length)),
         lifecycle(trajectory.context->scene, &trajectory.schedule, history.back(), active_at_start(trajectory), 0) {}
 
@@ -109,12 +109,12 @@ struct Rollout {
     return trajectory.present(0);
   }
   bool is_in_run(std::size_t p) const { return !lifecycle.changes() || lifecycle.active()[p] != 0; }
-  /// To a frame, by accelerations [n] of the particles in the run [m/frame^2]; false when it diverged. Held particles
-  /// go where the `truth` [n] of that frame has them.
+  /// To a frame, by accelerations [n] of the particles in the run [m/frame^2]; false when it diverged. Kinematic
+  /// particles go where the `truth` [n] of that frame has them.
   bool advance(int64_t frame, const std::vector<Vec3f>& acceleration, const std::vector<Vec3f>& truth);
 
   const TrajectoryInfo& trajectory;
-  graph::MovingEnvironment surroundings;
+  graph::MovingEnvironment moving_environment;
   std::vector<std::vector<Vec3f>> history;  ///< newest last
   graph::ParticleLifecycle lifecycle;
   std::vector<std::vector<Vec3f>> predicted;  ///< accelerations [m/frame^2] of a bundle's frames [bundle][n]
@@ -129,7 +129,7 @@ struct Rollout {
 
 bool Rollout::advance(int64_t frame, const std::vector<Vec3f>& acceleration, const std::vector<Vec3f>& truth) {
   const SceneContext& context = *trajectory.context;
-  const graph::Environment& environment = surroundings.at(context.time_of(frame));
+  const graph::Environment& environment = moving_environment.at(context.time_of(frame));
   const std::vector<int32_t> present = this->present();
   const std::vector<Vec3f> current = particle_rows(history.back(), present),
                            before = particle_rows(history[history.size() - 2], present);
@@ -162,7 +162,7 @@ void predict(const NetworkModule& module, const graph::Normalization& normalizat
                              std::vector<Vec3f>(trajectory.type_row.size(), trajectory.context->gravity_step()));
     if (present.empty()) return;
     graphs[static_cast<std::size_t>(s)] = scene_graph(
-        module.config(), normalization, rollout.surroundings.at(trajectory.context->time_of(frame)),
+        module.config(), normalization, rollout.moving_environment.at(trajectory.context->time_of(frame)),
         trajectory.kinds(present), frame_rows(rollout.history, present), grid_origin(trajectory, module.config()));
   });
   std::erase_if(graphs, [](const SceneGraph& graph) { return graph.type_row.empty(); });
