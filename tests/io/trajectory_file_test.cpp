@@ -196,19 +196,6 @@ TEST(TrajectoryFile, ADamagedChunkIsNoticed) {
   expect_error<InputError>([&] { TrajectoryReader(damaged).read(0); }, {"b.h5", "checksum is wrong"});
 }
 
-TEST(TrajectoryFile, ErrorsNameTheTrajectoryOfADataSet) {
-  const TemporaryFolder folder;
-  for (const char* part : {"a.h5", "b.h5"}) write(folder.file(part), 5, 3);
-  merge_trajectories({folder.file("a.h5"), folder.file("b.h5")}, folder.file("set.h5"));
-  {
-    const hdf5::Handle file(H5Fopen(folder.file("set.h5").c_str(), H5F_ACC_RDWR, H5P_DEFAULT), H5Fclose, "cannot open");
-    hdf5::check(H5Ldelete(file, "/00001/particle_type", H5P_DEFAULT), "cannot delete");
-  }
-  const TrajectoryReader reader(folder.file("set.h5"));
-  EXPECT_NO_THROW(reader.header(0));
-  expect_error<InputError>([&] { reader.header(1); }, {"set.h5' (trajectory 1: ", "particle_type"});
-}
-
 TEST(TrajectoryFile, NamesMissingAndForeignFiles) {
   TemporaryFolder folder;
   expect_error<InputError>([&] { TrajectoryReader(folder.file("no.h5")); }, {"no.h5", "No such file"});

@@ -67,7 +67,6 @@ class TrainingRun {
     if (options_.message && comm_.leads()) options_.message(text);
   }
   void check_same_teacher() const;
-  void check_teacher_of_ranks() const;
   void begin_run();
   /// Of which samples of `bundle` frames are drawn, after `push_steps` bundles of the network's own.
   std::unique_ptr<DataSplit> open(const std::string& name, int64_t bundle, int64_t push_steps) const;
@@ -116,7 +115,7 @@ TrainingRun::TrainingRun(const TrainingOptions& options)
     throw ConfigError(std::to_string(comm_.size()) + " ranks are too many for batches of " +
                       std::to_string(config_.batch_scenes) +
                       " scenes (each takes one or more). Start fewer, or set batch_scenes higher");
-  check_teacher_of_ranks();
+  check_equal_teachers(comm_, teacher_.get());
   train_ = open("train.h5", config_.features().bundle, config_.push_steps);
   state_.seed = config_.seed;
   if (comm_.leads()) begin_run();
@@ -131,17 +130,6 @@ void TrainingRun::check_same_teacher() const {
   const auto named = [](const std::string& file) { return file.empty() ? "none" : "'" + file + "'"; };
   throw ConfigError("'" + options_.run + "' began with another teacher (" + named(facts.teacher) + ", here " +
                     named(options_.teacher) + ", or its bytes have changed). Resume it with the same file");
-}
-
-/// Ranks open the file of one name, which may hold other bytes on another machine.
-void TrainingRun::check_teacher_of_ranks() const {
-  const std::string own = teacher_ ? teacher_->hash : "none", first = broadcast_text(comm_, own);
-  const double others = sum_over_ranks(comm_, {own == first ? 0.0 : 1.0}).front();
-  if (others == 0) return;
-  throw ConfigError("rank " + std::to_string(comm_.rank()) + " of " + std::to_string(comm_.size()) + ": the teacher '" +
-                    options_.teacher + "' has the hash " + own + ", that of rank 0 " + first +
-                    " (ranks with another: " + std::to_string(std::lround(others)) +
-                    ", allowed: none). Copy rank 0's file to every machine");
 }
 
 /// What rank 0 does alone: the run folder, the normalisation, the checkpoint to go on from.
