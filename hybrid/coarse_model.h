@@ -32,7 +32,7 @@ struct CourantNumbers {
 /// (N + frame) p^share r^-spacing.
 struct FrameCost {
   double frame = 0;  ///< what a frame takes besides its substeps, in substeps: matter that meets new blocks
-  double share = 0, spacing = 0;  /// exponents
+  double share = 0, spacing = 0;  ///< exponents
 };
 
 struct CoarseModel {
@@ -56,7 +56,7 @@ struct CoarseModel {
   /// Particles a cell over the scene's, by law, the least of the scene's; at its own spacing its own are moved.
   std::map<MaterialModel, double> particle_share;
   /// Measured on the CPU; on a GPU substeps of small scenes hardly depend on their particles.
-  std::map<Device, FrameCost> frame_cost = {{Device::cpu, {3.5, 0.7, 2.44}}, {Device::cuda, {0, 0.25, 0.75}}};
+  std::map<Device, FrameCost> frame_cost = {{Device::cpu, {3.5, 0.7, 2.4}}, {Device::cuda, {0, 0.25, 0.75}}};
   nn::TrainedBox trained;                       ///< empty: not told
   std::map<std::string, std::string> metadata;  ///< of the file: provenance
 
