@@ -31,7 +31,7 @@ struct CourantNumbers {
 /// A frame of N substeps with p times the particles a cell on a grid of spacing r dx takes a time in proportion to
 /// (N + frame) p^share r^-spacing.
 struct FrameCost {
-  double frame = 0;  ///< what a frame takes besides its substeps, in substeps: matter that meets new blocks
+  double frame = 0;               ///< what a frame takes besides its substeps, in substeps: particles are put in order
   double share = 0, spacing = 0;  ///< exponents
 };
 
@@ -55,7 +55,7 @@ struct CoarseModel {
   std::map<MaterialModel, double> finest;
   /// Particles a cell over the scene's, by law, the least of the scene's; at its own spacing its own are moved.
   std::map<MaterialModel, double> particle_share;
-  /// Measured on the CPU; on a GPU substeps of small scenes hardly depend on their particles.
+  /// On a GPU the time of a substep of a small scene hardly depends on its particles.
   std::map<Device, FrameCost> frame_cost = {{Device::cpu, {3.5, 0.7, 2.4}}, {Device::cuda, {0, 0.25, 0.75}}};
   nn::TrainedBox trained;                       ///< empty: not told
   std::map<std::string, std::string> metadata;  ///< of the file: provenance
