@@ -90,7 +90,25 @@ double least_of_laws(const Scene& scene, const std::map<MaterialModel, double>& 
   return least.value_or(otherwise);
 }
 
+/// The scene on that spacing over its own, in all that sets a step.
+Scene with_spacing(Scene scene, double resolution) {
+  scene.domain.dx *= mpm::ratio_of_whole_cells(scene.domain, resolution);
+  return scene;
+}
+
 int64_t whole_substeps(double substeps) { return std::max<int64_t>(1, static_cast<int64_t>(std::ceil(substeps))); }
+
+/// Of the scene's own constants, with e^log_factor times as many for the waves of each law.
+int64_t substeps_of_largest_step(const Scene& scene, const CourantNumbers& log_courant,
+                                 const std::map<MaterialModel, double>& log_factor) {
+  const double frame = scene.frame_time / scene.domain.dx;
+  double substeps =
+      std::max(expected_speed(scene) * frame / std::exp(log_courant.speed), scripted_speed(scene) * frame);
+  for (const MaterialConfig& config : materials_in_use(scene))
+    substeps = std::max(substeps,
+                        substeps_of_waves(scene, config, log_courant) * std::exp(of_law(log_factor, config.model, 0)));
+  return whole_substeps(substeps);
+}
 
 }  // namespace
 
@@ -143,16 +161,22 @@ Scene CoarseModel::scene(const Scene& of, double resolution) const {
 }
 
 double CoarseModel::share(const Scene& scene, double resolution) const {
+  if (resolution == 1) return 1;
   // on_coarser_grid takes no more particles than the scene has.
-  return resolution == 1 ? 1 : std::min(least_of_laws(scene, particle_share, 1), std::pow(resolution, 3));
+  const double ratio = mpm::ratio_of_whole_cells(scene.domain, resolution);
+  return std::min(least_of_laws(scene, particle_share, 1), std::pow(ratio, 3));
 }
 
 double CoarseModel::cost(const Scene& of, double resolution, Device device) const {
-  Scene reference = of, coarse = constants.scene(of);  // the spacing and the constants alone set the step
-  reference.domain.dx = 2 * of.domain.dx;
-  coarse.domain.dx = resolution * of.domain.dx;
-  return static_cast<double>(wave_substeps(coarse)) / static_cast<double>(largest_step_substeps(reference)) *
-         std::pow(2 / resolution * std::cbrt(share(of, resolution)), cost_exponent.at(device));
+  return cost(of, resolution, device, opponent_substeps(of));
+}
+
+double CoarseModel::cost(const Scene& of, double resolution, Device device, int64_t opponent_substeps) const {
+  const FrameCost& of_frame = frame_cost.at(device);
+  const Scene coarse = with_spacing(constants.scene(of), resolution), opponent = with_spacing(of, 2);
+  return (static_cast<double>(wave_substeps(coarse)) + of_frame.frame) /
+         (static_cast<double>(opponent_substeps) + of_frame.frame) * std::pow(share(of, resolution), of_frame.share) *
+         std::pow(opponent.domain.dx / coarse.domain.dx, of_frame.spacing);
 }
 
 double CoarseModel::resolution(const Scene& of, Device device) const {
@@ -163,12 +187,11 @@ double CoarseModel::resolution(const Scene& of, Device device) const {
 }
 
 int64_t CoarseModel::largest_step_substeps(const Scene& scene) const {
-  const double frame = scene.frame_time / scene.domain.dx;
-  double substeps =
-      std::max(expected_speed(scene) * frame / std::exp(log_courant.speed), scripted_speed(scene) * frame);
-  for (const MaterialConfig& config : materials_in_use(scene))
-    substeps = std::max(substeps, substeps_of_waves(scene, config, log_courant));
-  return whole_substeps(substeps);
+  return substeps_of_largest_step(scene, log_courant, {});
+}
+
+int64_t CoarseModel::opponent_substeps(const Scene& of) const {
+  return substeps_of_largest_step(with_spacing(of, 2), log_courant, log_opponent);
 }
 
 int64_t CoarseModel::wave_substeps(const Scene& scene) const {
@@ -214,11 +237,14 @@ nn::Weights CoarseModel::store() const {
   add(weights, "parameters", parameters());
   add(weights, "log_courant", courant_values(log_courant));
   add(weights, "log_safety", values_by_law(log_safety));
+  add(weights, "log_opponent", values_by_law(log_opponent));
   add(weights, "least_wave_speeds", values_by_law(log_courant.least_speed));
   add(weights, "particle_shares", values_by_law(particle_share, 1));
   add(weights, "finest_spacings", values_by_law(finest, 1));
   add(weights, "resolutions", resolutions);
-  add(weights, "cost_exponents", {cost_exponent.at(Device::cpu), cost_exponent.at(Device::cuda)});
+  const FrameCost &cpu = frame_cost.at(Device::cpu), &gpu = frame_cost.at(Device::cuda);
+  add(weights, "frame_costs", {cpu.frame, gpu.frame});
+  add(weights, "cost_exponents", {cpu.share, cpu.spacing, gpu.share, gpu.spacing});
   return weights;
 }
 
@@ -263,6 +289,7 @@ CoarseModel CoarseModel::load(const nn::Weights& weights) {
     return all;
   };
   model.log_safety = by_law("log_safety", -2, 6);
+  model.log_opponent = by_law("log_opponent", -2, 2);
   model.log_courant.least_speed = by_law("least_wave_speeds", 0, 1e4);
   model.particle_share = by_law("particle_shares", 0.125, 8);
   model.finest = by_law("finest_spacings", 1, 8);
@@ -272,8 +299,9 @@ CoarseModel CoarseModel::load(const nn::Weights& weights) {
   model.resolutions = numbers("resolutions", count, 1, 8);
   if (!std::is_sorted(model.resolutions.begin(), model.resolutions.end()))
     throw bad("tensor resolutions is not ascending");
-  const std::vector<double> exponents = numbers("cost_exponents", 2, 0, 4);
-  model.cost_exponent = {{Device::cpu, exponents[0]}, {Device::cuda, exponents[1]}};
+  const std::vector<double> frames = numbers("frame_costs", 2, 0, 100), exponents = numbers("cost_exponents", 4, 0, 4);
+  model.frame_cost = {{Device::cpu, {frames[0], exponents[0], exponents[1]}},
+                      {Device::cuda, {frames[1], exponents[2], exponents[3]}}};
   return model;
 }
 

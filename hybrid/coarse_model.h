@@ -28,9 +28,17 @@ struct CourantNumbers {
   std::map<MaterialModel, double> least_speed = {{MaterialModel::snow, 26}, {MaterialModel::jelly, 22}};
 };
 
-/// Training searches for `constants` and fits `log_courant`, but for `least_speed`. The rest are rules: by default
-/// those of models/coarse-mpm.safetensors, chosen by hand on 57 scenes of split train (docs/lab/coarse-mpm.md, "Where
-/// the error comes from").
+/// A frame of N substeps with p times the particles a cell on a grid of spacing r dx takes a time in proportion to
+/// (N + frame) p^share r^-spacing.
+struct FrameCost {
+  double frame = 0;               ///< what a frame takes besides its substeps, in substeps: particles are put in order
+  double share = 0, spacing = 0;  ///< exponents
+};
+
+/// Training searches for `constants` and fits `log_courant`, but for `least_speed`, and `log_opponent`. The rest are
+/// rules: by default safety factors, least speeds, particle shares and finest spacings of
+/// models/coarse-mpm.safetensors, chosen by hand on 57 scenes of split train (docs/lab/coarse-mpm.md, "Where the error
+/// comes from").
 struct CoarseModel {
   EffectiveConstants constants;
   CourantNumbers log_courant;
@@ -40,6 +48,9 @@ struct CoarseModel {
                                                 {MaterialModel::sand, 0.15},
                                                 {MaterialModel::snow, 0.15},
                                                 {MaterialModel::jelly, -0.4}};
+  /// ln of the substeps that the search for the largest step finds in the mean on 2 dx over those that log_courant asks
+  /// for, by law: log_courant is fitted to be rarely too few.
+  std::map<MaterialModel, double> log_opponent;
   /// Grid spacings over the scene's that the model chooses from, ascending from 1; the last one where all cost too
   /// much.
   std::vector<double> resolutions = {1, 1.125, 1.25, 1.375, 1.5, 1.625, 1.75, 1.875, 2, 2.125, 2.25};
@@ -50,9 +61,8 @@ struct CoarseModel {
   /// them buy a finer grid, but water errs more with fewer.
   std::map<MaterialModel, double> particle_share = {
       {MaterialModel::water, 1.5}, {MaterialModel::sand, 0.5}, {MaterialModel::snow, 0.5}, {MaterialModel::jelly, 0.5}};
-  /// A substep of n particles takes n^(k/3) times as long, so r^-k times on a grid of spacing r dx: k on the CPU and on
-  /// a GPU.
-  std::map<Device, double> cost_exponent = {{Device::cpu, 2.25}, {Device::cuda, 0.75}};
+  /// On a GPU the time of a substep of a small scene hardly depends on its particles.
+  std::map<Device, FrameCost> frame_cost = {{Device::cpu, {3.5, 0.7, 2.4}}, {Device::cuda, {0, 0.25, 0.75}}};
   nn::TrainedBox trained;                       ///< empty: not told
   std::map<std::string, std::string> metadata;  ///< of the file: provenance
 
@@ -68,8 +78,12 @@ struct CoarseModel {
   /// The finest of `resolutions`, not beyond `finest`, whose predicted time is at most that of the scene's own
   /// constants on 2 dx.
   double resolution(const Scene& of, Device device) const;
-  /// Predicted time of such a run over that on 2 dx.
+  /// Predicted time of such a run over that of MPM on 2 dx at its largest stable step.
   double cost(const Scene& of, double resolution, Device device) const;
+  /// The same where that step is known.
+  double cost(const Scene& of, double resolution, Device device, int64_t opponent_substeps) const;
+  /// Substeps a frame that the search for the largest step is expected to find on 2 dx.
+  int64_t opponent_substeps(const Scene& of) const;
   /// Substeps a frame of the largest stable step of a scene on any grid, as predicted from its waves and the fall
   /// through its domain.
   int64_t largest_step_substeps(const Scene& scene) const;

@@ -35,17 +35,6 @@ void keep_flux(const Scene& scene, Scene& changed, double share = 1) {
     changed.emitters[e] = with_flux_of(scene.emitters[e], e, scene.domain, changed.domain, share);
 }
 
-/// The ratio nearest to `ratio` that leaves whole cells between periodic walls.
-double ratio_of_whole_cells(const Domain& domain, double ratio) {
-  int64_t cells = 0;  // greatest common divisor over the periodic axes
-  for (int d = 0; d < domain.axes(); ++d)
-    if (domain.wall(d, 0) == Wall::periodic)
-      cells = std::gcd(cells, std::llround((domain.wall_high()[d] - domain.wall_low()[d]) / domain.dx));
-  if (cells == 0) return ratio;
-  const auto n = static_cast<double>(cells);
-  return n / std::max(1.0, std::round(n / ratio));
-}
-
 struct Word {
   const char* word;
   SolverVariant variant;
@@ -75,6 +64,16 @@ std::string variant_words() {
   std::string all;
   for (const Word& known : words) all += (all.empty() ? "" : ", ") + std::string(known.word);
   return all;
+}
+
+double ratio_of_whole_cells(const Domain& domain, double ratio) {
+  int64_t cells = 0;  // greatest common divisor over the periodic axes
+  for (int d = 0; d < domain.axes(); ++d)
+    if (domain.wall(d, 0) == Wall::periodic)
+      cells = std::gcd(cells, std::llround((domain.wall_high()[d] - domain.wall_low()[d]) / domain.dx));
+  if (cells == 0) return ratio;
+  const auto n = static_cast<double>(cells);
+  return n / std::max(1.0, std::round(n / ratio));
 }
 
 Scene fine_variant(const Scene& scene) {

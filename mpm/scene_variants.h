@@ -41,10 +41,13 @@ Scene scene_of_points(const Scene& scene, std::vector<std::vector<Vec3d>> points
 /// `group`, or about as many, that follow one another.
 std::vector<std::size_t> thinned_points(const Scene& scene, std::size_t source, std::size_t count, double group);
 
-/// The scene on a grid with `ratio` (from 1) times its spacing, or the nearest that leaves whole cells between periodic
-/// walls: walls and obstacles stay where they are, bodies are sampled with as many particles a cell as before, streams
-/// keep their flux (mpm/scene/emission.h), given points are thinned. Fewer substeps a frame, in proportion.
-/// `particle_share`: particles a cell over those before, at most as many as the scene has.
+/// The ratio nearest to `ratio` that leaves whole cells between periodic walls.
+double ratio_of_whole_cells(const Domain& domain, double ratio);
+
+/// The scene on a grid with `ratio` (from 1) times its spacing (ratio_of_whole_cells): walls and obstacles stay where
+/// they are, bodies are sampled with as many particles a cell as before, streams keep their flux
+/// (mpm/scene/emission.h), given points are thinned. Fewer substeps a frame, in proportion. `particle_share`: particles
+/// a cell over those before, at most as many as the scene has.
 Scene on_coarser_grid(const Scene& scene, double ratio, double particle_share = 1);
 
 /// The scene on the variant's grid; the step is still the given one.

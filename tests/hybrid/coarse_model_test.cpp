@@ -8,6 +8,7 @@
 #include <numbers>
 
 #include "core/system/error.h"
+#include "mpm/scene_variants.h"
 #include "mpm/simulation.h"
 #include "tests/mpm/test_scenes.h"
 
@@ -93,7 +94,7 @@ TEST(CoarseModel, WhatSofterMatterSavesIsSpentOnAFinerGrid) {
   scene.gravity = {0, 0, 0};
   CoarseModel own = without_rules();
   own.log_safety[MaterialModel::water] = 0.15;
-  EXPECT_NEAR(own.cost(scene, 2, Device::cpu), std::exp(0.15), 0.05);
+  EXPECT_NEAR(own.cost(scene, 2, Device::cuda), std::exp(0.15), 0.05);
   own.log_safety.clear();
   EXPECT_EQ(own.resolution(scene, Device::cuda), 2);
   EXPECT_NEAR(own.cost(scene, 2, Device::cpu), 1, 1e-12);
@@ -109,6 +110,51 @@ TEST(CoarseModel, WhatSofterMatterSavesIsSpentOnAFinerGrid) {
   EXPECT_GT(stiff.cost(scene, stiff.resolutions.back(), Device::cpu), 1);
 }
 
+TEST(CoarseModel, AFrameTakesTimeBesideItsSubsteps) {
+  Scene scene = mpm::scene_with("taichi_water");
+  scene.gravity = {0, 0, 0};
+  CoarseModel soft = with("water.bulk_modulus.offset", -std::log(16));
+  const auto cost = [&](double frame) {
+    soft.frame_cost[Device::cpu].frame = frame;
+    return soft.cost(scene, 2, Device::cpu);
+  };
+  const auto few = static_cast<double>(soft.wave_substeps(soft.scene(scene, 2))),
+             many = static_cast<double>(soft.opponent_substeps(scene));
+  EXPECT_LT(few, many / 2);
+  EXPECT_NEAR(cost(0), few / many, 1e-12);
+  EXPECT_NEAR(cost(4), (few + 4) / (many + 4), 1e-12);
+  EXPECT_NEAR(soft.cost(scene, 2, Device::cpu, 50), (few + 4) / (50 + 4), 1e-12);
+}
+
+TEST(CoarseModel, TheOpponentsSubstepsAreThoseOfTheMean) {
+  const Scene water = mpm::scene_with("taichi_water"), sand = mpm::scene_with("taichi_sand");
+  CoarseModel model;
+  EXPECT_EQ(model.opponent_substeps(sand), model.largest_step_substeps(mpm::on_coarser_grid(sand, 2)));
+  const auto fitted = static_cast<double>(model.opponent_substeps(sand));
+  const int64_t of_water = model.opponent_substeps(water);
+  const double before = model.cost(sand, 2, Device::cuda);
+  model.log_opponent[MaterialModel::sand] = std::log(2);
+  EXPECT_NEAR(static_cast<double>(model.opponent_substeps(sand)), 2 * fitted, 1);
+  EXPECT_EQ(model.opponent_substeps(water), of_water);
+  EXPECT_NEAR(model.cost(sand, 2, Device::cuda), before / 2, 0.05 * before);
+}
+
+TEST(CoarseModel, PeriodicWallsRoundTheSpacingOfThePrediction) {
+  Scene scene = mpm::scene_with("taichi_sand");
+  scene.gravity = {0, 0, 0};
+  const CoarseModel model = without_rules();
+  const double free = model.cost(scene, 1.5, Device::cuda);
+  scene.domain.faces.x_low = scene.domain.faces.x_high = WallConfig{.kind = Wall::periodic, .friction = {}};
+  const Scene coarse = model.scene(scene, 1.5), opponent = mpm::on_coarser_grid(scene, 2);
+  ASSERT_NE(coarse.domain.dx, 1.5 * scene.domain.dx);
+  EXPECT_NEAR(model.cost(scene, 1.5, Device::cuda),
+              static_cast<double>(coarse.time_step.substeps_per_frame) /
+                  static_cast<double>(model.largest_step_substeps(opponent)) *
+                  std::pow(opponent.domain.dx / coarse.domain.dx, model.frame_cost.at(Device::cuda).spacing),
+              1e-12);
+  EXPECT_NE(model.cost(scene, 1.5, Device::cuda), free);
+}
+
 double mass_of(const Scene& scene) { return mpm::Simulation::create(scene, {})->diagnostics().mass; }
 std::size_t particles_of(const Scene& scene) { return mpm::Simulation::create(scene, {})->particle_count(); }
 
@@ -121,7 +167,7 @@ TEST(CoarseModel, FewerParticlesACellAreHeavierAndBuyAFinerGrid) {
   EXPECT_NEAR(mass_of(few) / mass_of(many), 1, 0.02);
   EXPECT_EQ(particles_of(half.scene(scene, 1)), particles_of(scene));  // its own particles
   EXPECT_NEAR(half.cost(scene, 1.5, Device::cpu) / all.cost(scene, 1.5, Device::cpu),
-              std::pow(0.5, all.cost_exponent.at(Device::cpu) / 3), 1e-12);
+              std::pow(0.5, all.frame_cost.at(Device::cpu).share), 1e-12);
   EXPECT_LT(half.resolution(scene, Device::cpu), all.resolution(scene, Device::cpu));
   EXPECT_EQ(particles_of(half.scene(mpm::scene_with("taichi_jelly"), 1.5)),
             particles_of(all.scene(mpm::scene_with("taichi_jelly"), 1.5)));
@@ -255,7 +301,8 @@ TEST(CoarseModel, AFileGivesTheSameModel) {
   model.log_courant.least_speed[MaterialModel::snow] = 26;
   model.particle_share[MaterialModel::sand] = 0.5;
   model.finest[MaterialModel::water] = 1.875;
-  model.cost_exponent[Device::cuda] = 0.75;
+  model.log_opponent[MaterialModel::sand] = -0.25;
+  model.frame_cost = {{Device::cpu, {3.5, 0.5, 2.5}}, {Device::cuda, {1, 0.25, 0.75}}};
   model.metadata["recipe"] = "general";
   model.trained.widen(mpm::four_materials());
   const CoarseModel again = CoarseModel::load(model.store());
@@ -266,7 +313,13 @@ TEST(CoarseModel, AFileGivesTheSameModel) {
   EXPECT_EQ(again.particle_share.at(MaterialModel::sand), 0.5);
   EXPECT_EQ(again.particle_share.at(MaterialModel::water), 1);
   EXPECT_EQ(again.finest.at(MaterialModel::water), 1.875);
-  EXPECT_EQ(again.cost_exponent.at(Device::cuda), 0.75);
+  EXPECT_EQ(again.log_opponent.at(MaterialModel::sand), -0.25);
+  for (const Device device : {Device::cpu, Device::cuda}) {
+    const FrameCost &same = again.frame_cost.at(device), &cost = model.frame_cost.at(device);
+    EXPECT_EQ(same.frame, cost.frame);
+    EXPECT_EQ(same.share, cost.share);
+    EXPECT_EQ(same.spacing, cost.spacing);
+  }
   EXPECT_EQ(again.metadata.at("recipe"), "general");
   EXPECT_EQ(again.trained.ranges, model.trained.ranges);
   for (std::size_t i = 0; i < model.parameters().size(); ++i)
@@ -314,9 +367,21 @@ TEST(CoarseModel, DamagedFilesAreRefusedByName) {
   wrong.finest.clear();
   wrong.log_courant.least_speed[MaterialModel::snow] = -1;
   EXPECT_THAT(refusal(wrong.store()), HasSubstr("least_wave_speeds[2] is -1 (allowed 0 to 10000)"));
+  wrong.log_courant.least_speed.clear();
+  wrong.log_opponent[MaterialModel::sand] = 3;
+  EXPECT_THAT(refusal(wrong.store()), HasSubstr("log_opponent[1] is 3 (allowed -2 to 2)"));
+  wrong.log_opponent.clear();
+  wrong.frame_cost[Device::cuda].frame = -1;
+  EXPECT_THAT(refusal(wrong.store()), HasSubstr("frame_costs[1] is -1 (allowed 0 to 100)"));
+  wrong.frame_cost[Device::cuda] = {0, 0.25, 5};
+  EXPECT_THAT(refusal(wrong.store()), HasSubstr("cost_exponents[3] is 5 (allowed 0 to 4)"));
   other = good;
   other.tensors.erase("particle_shares");
   EXPECT_THAT(refusal(other), HasSubstr("particle_shares"));
+  other = good;  // a file of a former version
+  other.tensors.erase("frame_costs");
+  other.tensors["cost_exponents"] = nn::Tensor::from_float({2.25F, 0.75F}, {2});
+  EXPECT_THAT(refusal(other), HasSubstr("frame_costs"));
   EXPECT_THAT(refusal(with("sand.cohesion.offset", 100).store()), HasSubstr("is 100 (allowed -12 to 12)"));
   other = good;
   other.tensors["parameters"] = nn::Tensor::from_float({1, 2}, {2});

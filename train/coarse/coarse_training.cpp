@@ -32,10 +32,7 @@ double log_density(const RunErrors& run, const CoarseScene& scene) {
 
 /// ln of the predicted time over that of MPM on 2 dx with the step that was searched for.
 double log_time(const hybrid::CoarseModel& model, const CoarseScene& scene, Device target) {
-  const double resolution = model.resolution(scene.scene, target);
-  return std::log(static_cast<double>(model.scene(scene.scene, resolution).time_step.substeps_per_frame) /
-                  static_cast<double>(scene.opponent_substeps)) +
-         model.cost_exponent.at(target) * std::log(2 / resolution);
+  return std::log(model.cost(scene.scene, model.resolution(scene.scene, target), target, scene.opponent_substeps));
 }
 
 /// Softer matter than the scene's, which takes fewer substeps; snow and jelly lose their shape by it.
@@ -59,22 +56,42 @@ double step_misfit(const hybrid::CoarseModel& model, const std::vector<CoarseSce
   return sum / static_cast<double>(scenes.size());
 }
 
-/// Courant numbers that give the steps which were searched for: one after the other, in ever finer steps.
-void fit_courant_numbers(hybrid::CoarseModel& model, const std::vector<CoarseScene>& scenes) {
-  std::vector<double*> numbers = {&model.log_courant.speed};
-  for (auto& [law, number] : model.log_courant.waves) numbers.push_back(&number);
-  double best = step_misfit(model, scenes);
+/// Mean square of the same distance of the substeps that the opponent is expected to take.
+double opponent_misfit(const hybrid::CoarseModel& model, const std::vector<CoarseScene>& scenes) {
+  double sum = 0;
+  for (const CoarseScene& scene : scenes)
+    sum += std::pow(std::log(static_cast<double>(model.opponent_substeps(scene.scene)) /
+                             static_cast<double>(scene.opponent_substeps)),
+                    2);
+  return sum / static_cast<double>(scenes.size());
+}
+
+/// Changes numbers of a model one after the other, in ever finer steps, while its misfit falls.
+template <typename Misfit>
+void fit_numbers(const std::vector<double*>& numbers, const Misfit& misfit) {
+  double best = misfit();
   for (double change = 0.4; change > 0.02; change /= 2)
     for (int pass = 0; pass < 3; ++pass)
       for (double* const number : numbers)
         for (const double by : {change, -change}) {
           *number += by;
-          const double misfit = step_misfit(model, scenes);
-          if (misfit < best)
-            best = misfit;
+          const double found = misfit();
+          if (found < best)
+            best = found;
           else
             *number -= by;
         }
+}
+
+/// Courant numbers that give the steps which were searched for, and what the opponent's are in the mean.
+void fit_steps(hybrid::CoarseModel& model, const std::vector<CoarseScene>& scenes) {
+  std::vector<double*> courant = {&model.log_courant.speed}, opponent;
+  for (auto& [law, number] : model.log_courant.waves) {
+    courant.push_back(&number);
+    opponent.push_back(&model.log_opponent[law]);
+  }
+  fit_numbers(courant, [&] { return step_misfit(model, scenes); });
+  fit_numbers(opponent, [&] { return opponent_misfit(model, scenes); });
 }
 
 std::vector<const CoarseScene*> pointers(const std::vector<CoarseScene>& scenes) {
@@ -138,7 +155,7 @@ CoarseTrainingResult train_coarse(const CoarseTrainingOptions& options) {
   hybrid::CoarseModel& model = result.model;
   model = start;
   if (!options.from) {
-    fit_courant_numbers(model, train);
+    fit_steps(model, train);
     set_start(model);
   }
   options.message(
