@@ -368,8 +368,8 @@ TEST(CoarseModel, DamagedFilesAreRefusedByName) {
   wrong.log_courant.least_speed[MaterialModel::snow] = -1;
   EXPECT_THAT(refusal(wrong.store()), HasSubstr("least_wave_speeds[2] is -1 (allowed 0 to 10000)"));
   wrong.log_courant.least_speed.clear();
-  wrong.log_opponent[MaterialModel::sand] = 3;
-  EXPECT_THAT(refusal(wrong.store()), HasSubstr("log_opponent[1] is 3 (allowed -2 to 2)"));
+  wrong.log_opponent[MaterialModel::sand] = 7;
+  EXPECT_THAT(refusal(wrong.store()), HasSubstr("log_opponent[1] is 7 (allowed -6 to 6)"));
   wrong.log_opponent.clear();
   wrong.frame_cost[Device::cuda].frame = -1;
   EXPECT_THAT(refusal(wrong.store()), HasSubstr("frame_costs[1] is -1 (allowed 0 to 100)"));
