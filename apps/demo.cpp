@@ -36,13 +36,14 @@ void add_reduced_model(const DemoOptions& options, CompareOptions& compare) {
 }
 
 void demo(const DemoOptions& options) {
-  const fs::path weights = fs::path(options.models) / "hgn.safetensors";
-  if (!fs::exists(weights))
-    throw InputError("'" + weights.string() +
-                     "' is not there. Run the demo in the repository's root, or name the folder with --models");
+  const fs::path folder = options.models, coarse = folder / "coarse-mpm.safetensors", hgn = folder / "hgn.safetensors";
+  for (const fs::path& weights : {coarse, hgn})
+    if (!fs::exists(weights))
+      throw InputError("'" + weights.string() +
+                       "' is not there. Run the demo in the repository's root, or name the folder with --models");
   CompareOptions compare;
   compare.scenes = {fs::path(options.scenes) / "mixed_blocks.json", fs::path(options.scenes) / "water_steps.json"};
-  compare.models = {"mpm", "mpm:coarse", weights};
+  compare.models = {"mpm", "mpm:coarse:fast", coarse, hgn};
   add_reduced_model(options, compare);
   compare.frames = options.frames;
   const fs::path floors = fs::path(options.scenes).parent_path() / "floors" / "demo.json";

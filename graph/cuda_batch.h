@@ -24,7 +24,7 @@ class CudaBatch {
   /// What earlier batches allocated is used again. On all threads.
   void start(const std::vector<CudaScene>& scenes, int64_t frames);
   /// Predicts all frames. A scene that diverges (step_frame), or of which a particle leaves what the network's grid can
-  /// hold, stops alone. `progress`: frames so far of those that go on; what it throws ends the run.
+  /// hold, stops alone. `progress`: frames so far of those that go on, the last ones too; what it throws ends the run.
   void run(const std::function<void(int64_t frame)>& progress = {});
   /// Of run() on the GPU, without recording what it launches.
   double seconds() const;

@@ -96,7 +96,7 @@ class LearnedSimulator {
   static constexpr int64_t batch_scenes = 64;
   struct ManyOptions {
     int64_t most_at_once = batch_scenes;  ///< scenes that a GPU runs together
-    /// Of the scenes that are being run.
+    /// Frames so far of the scenes that are being run, up to and with their last one. What it throws ends all.
     std::function<void(int64_t frame)> progress = {};
   };
   /// Of the scenes that ran together.
@@ -110,7 +110,8 @@ class LearnedSimulator {
   /// once: of longer rollouts fewer scenes run together. On a GPU scenes run together where the network is an HGN that
   /// aggregates activations, nothing of them changes, they have particles, equally many frames and the same lower
   /// corner of the domain; the others run one after the other, as all do on a CPU. A scene that diverges stops alone.
-  /// Checks all scenes first: throws as rollout(), with the scene's name before the text.
+  /// Checks all scenes first: throws as rollout(). Errors begin with the scene's place in the list and its name, or
+  /// with the first and the last of those that ran together. Another call may follow one that has thrown.
   ManyCost rollout_many(const std::vector<SceneRollout>& scenes, const std::function<void(SceneResult&&)>& done,
                         const ManyOptions& options) const;
 

@@ -1,9 +1,13 @@
 // Rollouts of many scenes (LearnedSimulator::rollout_many): which of them run together, and their trajectories.
 #include <algorithm>
 #include <array>
+#include <exception>
+#include <functional>
 #include <future>
 #include <map>
 #include <span>
+#include <stdexcept>
+#include <string>
 #include <utility>
 #include <variant>
 
@@ -30,16 +34,46 @@ bool takes_scenes(const nn::Weights& weights) {
   return hgn != nullptr && hgn->aggregation == Aggregation::activations;
 }
 
-/// Runs `work`; the scene's name goes before the text of errors.
+using Scenes = std::vector<LearnedSimulator::SceneRollout>;
+
+/// What the caller's progress has thrown: no error of a scene.
+struct ThrownByProgress {
+  std::exception_ptr error;
+};
+
+template <typename Progress, typename... Arguments>
+void call_progress(const Progress& progress, const Arguments&... arguments) {
+  if (!progress) return;
+  try {
+    progress(arguments...);
+  } catch (...) {
+    throw ThrownByProgress{std::current_exception()};
+  }
+}
+
+/// A scene by its place in the list and its name.
+std::string words_of(const Scenes& scenes, std::size_t i) { return std::to_string(i) + " '" + scenes[i].name + "'"; }
+std::string one_of(const Scenes& scenes, std::size_t i) { return "scene " + words_of(scenes, i) + ": "; }
+std::string all_of(const Scenes& scenes, const std::vector<std::size_t>& batch) {
+  return "scenes " + words_of(scenes, batch.front()) + " to " + words_of(scenes, batch.back()) + " (" +
+         std::to_string(batch.size()) + " together): ";
+}
+
+/// Runs `work`; `which` scenes goes before the text of errors.
 template <typename Work>
-auto named(const std::string& scene, const Work& work) {
-  const auto text = [&](const Error& error) { return "scene '" + scene + "': " + error.what(); };
+auto named(const std::string& which, const Work& work) {
   try {
     return work();
+  } catch (const ThrownByProgress& thrown) {
+    std::rethrow_exception(thrown.error);
   } catch (const InputError& error) {
-    throw InputError(text(error));
+    throw InputError(which + error.what());
   } catch (const ConfigError& error) {
-    throw ConfigError(text(error));
+    throw ConfigError(which + error.what());
+  } catch (const Error& error) {
+    throw Error(error.code(), which + error.what());
+  } catch (const std::runtime_error& error) {  // of CUDA
+    throw Error(ExitCode::failed, which + error.what());
   }
 }
 
@@ -48,8 +82,8 @@ int64_t particles_of(const LearnedSimulator::SceneRollout& scene) {
 }
 
 /// Lists of scenes that run together, in their order; those that fit no other one are left out.
-std::vector<std::vector<std::size_t>> batches_of(const std::vector<LearnedSimulator::SceneRollout>& scenes,
-                                                 std::vector<std::string>& alone, int64_t most_at_once) {
+std::vector<std::vector<std::size_t>> batches_of(const Scenes& scenes, std::vector<std::string>& alone,
+                                                 int64_t most_at_once) {
   using Key = std::pair<int64_t, std::array<double, 3>>;  // frames, lower corner
   std::map<Key, std::size_t> open;                        // the list that takes more
   std::vector<std::vector<std::size_t>> batches;
@@ -81,8 +115,6 @@ std::vector<std::vector<std::size_t>> batches_of(const std::vector<LearnedSimula
   });
   return batches;
 }
-
-using Scenes = std::vector<LearnedSimulator::SceneRollout>;
 
 /// Of the frames that the batch has taken aside, with velocities, as rollout() has them; of the scenes of `list`.
 std::vector<Trajectory> kept_trajectories(CudaBatch& batch, const Scenes& scenes, const std::vector<std::size_t>& list,
@@ -151,7 +183,7 @@ LearnedSimulator::ManyCost LearnedSimulator::rollout_many(const std::vector<Scen
                                                           const ManyOptions& options) const {
   std::vector<std::string> alone(scenes.size());
   for_each_task(scenes.size(), num_threads(),
-                [&](std::size_t i) { alone[i] = named(scenes[i].name, [&] { return why_alone(scenes[i]); }); });
+                [&](std::size_t i) { alone[i] = named(one_of(scenes, i), [&] { return why_alone(scenes[i]); }); });
   ManyCost cost;
   rollout_batches(scenes, batches_of(scenes, alone, options.most_at_once), done, options, cost);
   for (std::size_t i = 0; i < scenes.size(); ++i) {
@@ -159,11 +191,11 @@ LearnedSimulator::ManyCost LearnedSimulator::rollout_many(const std::vector<Scen
     const SceneRollout& s = scenes[i];
     RolloutOptions own = s.options;
     own.progress = [&](int64_t frame, const FrameTiming& timing) {
-      if (s.options.progress) s.options.progress(frame, timing);
-      if (options.progress) options.progress(frame);
+      call_progress(s.options.progress, frame, timing);
+      call_progress(options.progress, frame);
     };
     Trajectory trajectory =
-        named(s.name, [&] { return rollout(*s.scene, *s.environment, *s.particle_type, *s.start, own); });
+        named(one_of(scenes, i), [&] { return rollout(*s.scene, *s.environment, *s.particle_type, *s.start, own); });
     done({i, std::move(trajectory), alone[i]});
   }
   return cost;
@@ -178,14 +210,14 @@ void LearnedSimulator::rollout_batches(const std::vector<SceneRollout>& scenes,
   const auto give_last = [&] {
     if (last == nullptr) return;
     const std::vector<std::size_t>& list = *std::exchange(last, nullptr);
-    std::vector<Trajectory> trajectories = of_last.get();
+    std::vector<Trajectory> trajectories = named(all_of(scenes, list), [&] { return of_last.get(); });
     for (std::size_t k = 0; k < list.size(); ++k) {
       cost.frames += static_cast<int64_t>(trajectories[k].frames.size()) - 1;
       done({list[k], std::move(trajectories[k]), ""});
     }
   };
   for (const std::vector<std::size_t>& batch : batches) {
-    run_batch(scenes, batch, options);
+    named(all_of(scenes, batch), [&] { run_batch(scenes, batch, options); });
     cost.seconds += batch_->seconds();
     give_last();
     batch_->keep_frames();
@@ -219,7 +251,7 @@ void LearnedSimulator::run_batch(const std::vector<SceneRollout>& scenes, const 
   }
   if (!batch_) batch_ = std::make_shared<CudaBatch>(*weights_);
   batch_->start(of_batch, scenes[batch.front()].options.frames);
-  batch_->run(options.progress);
+  batch_->run([&](int64_t frame) { call_progress(options.progress, frame); });
 }
 
 }  // namespace graupel::graph

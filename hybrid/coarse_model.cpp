@@ -181,8 +181,9 @@ double CoarseModel::cost(const Scene& of, double resolution, Device device, int6
 
 double CoarseModel::resolution(const Scene& of, Device device) const {
   const double least = least_of_laws(of, finest, 1);
+  const int64_t opponent = opponent_substeps(of);
   for (const double resolution : resolutions)
-    if (resolution >= least && cost(of, resolution, device) <= 1) return resolution;
+    if (resolution >= least && cost(of, resolution, device, opponent) <= 1) return resolution;
   return resolutions.back();
 }
 
@@ -289,7 +290,7 @@ CoarseModel CoarseModel::load(const nn::Weights& weights) {
     return all;
   };
   model.log_safety = by_law("log_safety", -2, 6);
-  model.log_opponent = by_law("log_opponent", -2, 2);
+  model.log_opponent = by_law("log_opponent", -6, 6);
   model.log_courant.least_speed = by_law("least_wave_speeds", 0, 1e4);
   model.particle_share = by_law("particle_shares", 0.125, 8);
   model.finest = by_law("finest_spacings", 1, 8);

@@ -24,8 +24,8 @@ struct CourantNumbers {
   std::map<MaterialModel, double> waves;
   double speed;
   /// Waves count as at least this fast [m/s], by law: soft snow and jelly deform until they are stiff, and need as many
-  /// substeps as stiff ones.
-  std::map<MaterialModel, double> least_speed;
+  /// substeps as stiff ones. Not trained: see CoarseModel.
+  std::map<MaterialModel, double> least_speed = {{MaterialModel::snow, 26}, {MaterialModel::jelly, 22}};
 };
 
 /// A frame of N substeps with p times the particles a cell on a grid of spacing r dx takes a time in proportion to
@@ -35,15 +35,19 @@ struct FrameCost {
   double share = 0, spacing = 0;  ///< exponents
 };
 
+/// Training searches for `constants` and fits `log_courant`, but for `least_speed`, and `log_opponent`. The rest are
+/// rules: by default safety factors, least speeds, particle shares and finest spacings of
+/// models/coarse-mpm.safetensors, chosen by hand on 57 scenes of split train (docs/lab/coarse-mpm.md, "Where the error
+/// comes from").
 struct CoarseModel {
   EffectiveConstants constants;
   CourantNumbers log_courant;
   /// ln of the substeps of the model's own runs over those that log_courant asks for, by law: as many as the largest
   /// stable step may leave larger errors (docs/lab/coarse-mpm.md).
-  std::map<MaterialModel, double> log_safety = {{MaterialModel::water, 0.15},
+  std::map<MaterialModel, double> log_safety = {{MaterialModel::water, 0.4},
                                                 {MaterialModel::sand, 0.15},
-                                                {MaterialModel::snow, 0.5},
-                                                {MaterialModel::jelly, 0.15}};
+                                                {MaterialModel::snow, 0.15},
+                                                {MaterialModel::jelly, -0.4}};
   /// ln of the substeps that the search for the largest step finds in the mean on 2 dx over those that log_courant asks
   /// for, by law: log_courant is fitted to be rarely too few.
   std::map<MaterialModel, double> log_opponent;
@@ -52,9 +56,11 @@ struct CoarseModel {
   std::vector<double> resolutions = {1, 1.125, 1.25, 1.375, 1.5, 1.625, 1.75, 1.875, 2, 2.125, 2.25};
   /// The finest of them that it chooses, by law, the least of the scene's: on finer grids, with the few substeps that
   /// softer matter takes, water alone keeps more of its motion than on the scene's own grid (docs/lab/coarse-mpm.md).
-  std::map<MaterialModel, double> finest;
-  /// Particles a cell over the scene's, by law, the least of the scene's; at its own spacing its own are moved.
-  std::map<MaterialModel, double> particle_share;
+  std::map<MaterialModel, double> finest = {{MaterialModel::water, 1.875}};
+  /// Particles a cell over the scene's, by law, the least of the scene's; at its own spacing its own are moved. Half of
+  /// them buy a finer grid, but water errs more with fewer.
+  std::map<MaterialModel, double> particle_share = {
+      {MaterialModel::water, 1.5}, {MaterialModel::sand, 0.5}, {MaterialModel::snow, 0.5}, {MaterialModel::jelly, 0.5}};
   /// On a GPU the time of a substep of a small scene hardly depends on its particles.
   std::map<Device, FrameCost> frame_cost = {{Device::cpu, {3.5, 0.7, 2.4}}, {Device::cuda, {0, 0.25, 0.75}}};
   nn::TrainedBox trained;                       ///< empty: not told

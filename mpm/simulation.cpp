@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/scene/scripts.h"
 #include "core/system/error.h"
 #include "mpm/cpu_batch.h"
 #include "mpm/cuda_simulation.h"
@@ -17,12 +18,10 @@ namespace {
 
 /// What the tuned kernels for GPUs do not know, "" for nothing; the portable ones know all.
 std::string beyond_tuned_kernels(const Scene& scene) {
-  for (const Source& source : scene.sources)
-    if (source.motion) return "led particles";
+  if (has_scripts(scene)) return "led particles";
   if (scene.domain.is_plane()) return "two dimensions";
   if (scene.transfer.spline != Spline::quadratic) return "cubic splines";
   if (scene.has_moving_obstacles()) return "moving obstacles";
-  if (!scene.kinematic_regions.empty()) return "led particles";
   if (!scene.emitters.empty()) return "emitters";
   if (!scene.sinks.empty()) return "sinks";
   if (scene.domain.has_wall(Wall::open)) return "open walls";

@@ -4,6 +4,7 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
+#include "core/scene/scripts.h"
 #include "core/system/error.h"
 
 namespace graupel::nn {
@@ -44,12 +45,10 @@ std::set<std::string> contacts_of(const Scene& scene) {
 }
 
 std::set<std::string> changes_of(const Scene& scene) {
-  bool has_scripts = !scene.kinematic_regions.empty();
-  for (const Source& source : scene.sources) has_scripts = has_scripts || source.motion.has_value();
   const std::pair<bool, const char*> kinds[] = {{scene.has_moving_obstacles(), "moving obstacles"},
                                                 {scene.has_inactive_particles(), "particles that come or go"},
                                                 {scene.domain.has_wall(Wall::periodic), "periodic walls"},
-                                                {has_scripts, "particles that follow a script"}};
+                                                {has_scripts(scene), "particles that follow a script"}};
   std::set<std::string> words;
   for (const auto& [has, word] : kinds)
     if (has) words.insert(word);

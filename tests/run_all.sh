@@ -38,6 +38,7 @@ check_format() {
 if [ -z "$filter" ]; then
   check "format (clang-format)" check_format
   check "tools/convert.py (unittest)" /usr/bin/python3 tests/tools/convert_test.py
+  check "formats of tools/convert.py (unittest)" /usr/bin/python3 tests/tools/convert_formats_test.py
   check "networks in NumPy by docs/reference/networks.md" /usr/bin/python3 tests/tools/numpy_inference.py
   check "Markdown: links, lines, index" /usr/bin/python3 tests/tools/docs_test.py
   if [ -e build/tidy/compile_commands.json ]; then

@@ -2,11 +2,11 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <utility>
 
 #include "core/math/random.h"
 #include "core/scene/kinematic_particles.h"
+#include "core/scene/scripts.h"
 #include "core/system/error.h"
 #include "graph/learned_simulator.h"
 #include "mpm/scene_variants.h"
@@ -30,11 +30,6 @@ StartState start_of(const Scene& scene, uint64_t seed) {
   start.script = particles.script;
   start.scripts = particles.scripts;
   return start;
-}
-
-bool has_scripts(const Scene& scene) {
-  return !scene.kinematic_regions.empty() ||
-         std::any_of(scene.sources.begin(), scene.sources.end(), [](const Source& s) { return s.motion.has_value(); });
 }
 
 std::vector<uint8_t> kinematic_at(const StartState& start, double time) {

@@ -26,8 +26,6 @@ StartState start_of(const Scene& scene, uint64_t seed);
 /// Adds the births and scripts of a scene to a start whose particles are its sampled ones in other states. Those that
 /// are born later have the velocity of their birth. Throws InputError where there is another number of particles.
 void add_schedule(const Scene& scene, uint64_t seed, StartState& start);
-/// Whether some particles follow a script.
-bool has_scripts(const Scene& scene);
 /// [n] 1 for particles that are kinematic at `time` [s], by their type or by a script that has not released them; empty
 /// where none are.
 std::vector<uint8_t> kinematic_at(const StartState& start, double time);

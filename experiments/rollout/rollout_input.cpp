@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "core/scene/scripts.h"
 #include "core/system/error.h"
 #include "experiments/models/start_state.h"
 #include "io/scene/scene_reader.h"

@@ -6,6 +6,7 @@
 
 #include "core/parallel/parallel_for.h"
 #include "core/scene/periodic_walls.h"
+#include "core/scene/scripts.h"
 #include "core/system/error.h"
 
 namespace graupel::graph {
@@ -271,9 +272,7 @@ const Scene& check_training_scene(const Scene& scene) {
   std::string what;
   if (scene.domain.is_plane() && (scene.has_moving_obstacles() || scene.has_inactive_particles()))
     what = "moving obstacles, emitters, sinks or open walls in a plane";
-  for (const Source& source : scene.sources)
-    if (source.motion) what = "particles that follow a script";
-  if (!scene.kinematic_regions.empty()) what = "particles that follow a script";
+  if (has_scripts(scene)) what = "particles that follow a script";
   if (scene.domain.has_wall(Wall::periodic)) what = "periodic walls";
   if (!what.empty())
     throw ConfigError("networks are not trained on this scene (it has " + what +

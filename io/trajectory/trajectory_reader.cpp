@@ -82,6 +82,18 @@ struct TrajectoryReader::Impl {
                        "). The file is damaged, cut short or of another kind; make it again or choose another");
     }
   }
+  /// The same for trajectory i, which errors name in files of several.
+  template <typename Body>
+  auto guarded(int i, Body&& body) const {
+    return guarded([&] {
+      try {
+        return body();
+      } catch (const hdf5::Failure& failure) {
+        if (groups.size() == 1) throw;
+        throw hdf5::Failure("trajectory " + std::to_string(i) + ": " + failure.what());
+      }
+    });
+  }
 };
 
 void TrajectoryReader::Impl::open() {
@@ -224,11 +236,11 @@ bool TrajectoryReader::complete() const {
 }
 
 Trajectory TrajectoryReader::header(int i) const {
-  return impl_->guarded([&] { return impl_->header(i); });
+  return impl_->guarded(i, [&] { return impl_->header(i); });
 }
 
 FieldSet TrajectoryReader::fields(int i) const {
-  return impl_->guarded([&] {
+  return impl_->guarded(i, [&] {
     FieldSet stored;
     for (const auto& [field, dataset] : impl_->trajectory(i).fields) stored.add(field);
     return stored;
@@ -236,15 +248,15 @@ FieldSet TrajectoryReader::fields(int i) const {
 }
 
 std::vector<ParticleFrame> TrajectoryReader::frames(int i, int64_t first, int64_t count, FieldSet wanted) const {
-  return impl_->guarded([&] { return impl_->frames(i, first, count, wanted); });
+  return impl_->guarded(i, [&] { return impl_->frames(i, first, count, wanted); });
 }
 
 std::vector<float> TrajectoryReader::positions(int i, int64_t first, int64_t count) const {
-  return impl_->guarded([&] { return impl_->rows(impl_->trajectory(i).position, 3, first, count); });
+  return impl_->guarded(i, [&] { return impl_->rows(impl_->trajectory(i).position, 3, first, count); });
 }
 
 std::vector<float> TrajectoryReader::velocities(int i, int64_t first, int64_t count) const {
-  return impl_->guarded([&] {
+  return impl_->guarded(i, [&] {
     const auto& velocity = impl_->trajectory(i).velocity;
     if (!velocity) throw hdf5::Failure("it stores no velocities");
     return impl_->rows(*velocity, 3, first, count);
@@ -252,7 +264,7 @@ std::vector<float> TrajectoryReader::velocities(int i, int64_t first, int64_t co
 }
 
 std::vector<float> TrajectoryReader::values(int i, ParticleField field, int64_t first, int64_t count) const {
-  return impl_->guarded([&] {
+  return impl_->guarded(i, [&] {
     const auto& fields = impl_->trajectory(i).fields;
     const auto at = fields.find(field);
     if (at == fields.end()) throw hdf5::Failure("it lacks the field '" + std::string(info_of(field).name) + "'");
@@ -261,7 +273,7 @@ std::vector<float> TrajectoryReader::values(int i, ParticleField field, int64_t 
 }
 
 std::vector<Vec3f> TrajectoryReader::initial_velocity(int i) const {
-  return impl_->guarded([&] {
+  return impl_->guarded(i, [&] {
     const OpenTrajectory& open = impl_->trajectory(i);
     std::vector<Vec3f> values;
     if (!hdf5::has_member(open.group, "initial_velocity")) return values;
@@ -276,7 +288,7 @@ std::vector<Vec3f> TrajectoryReader::initial_velocity(int i) const {
 }
 
 std::vector<uint8_t> TrajectoryReader::active(int i) const {
-  return impl_->guarded([&] {
+  return impl_->guarded(i, [&] {
     const auto& dataset = impl_->trajectory(i).active;
     std::vector<uint8_t> values;
     if (!dataset) return values;
@@ -294,11 +306,11 @@ Trajectory TrajectoryReader::read(int i, FieldSet wanted) const {
 
 std::string TrajectoryReader::attribute(int i, const std::string& name) const {
   return impl_->guarded(
-      [&] { return hdf5::string_attribute(impl_->trajectory(i).group, name).value_or(std::string()); });
+      i, [&] { return hdf5::string_attribute(impl_->trajectory(i).group, name).value_or(std::string()); });
 }
 
 std::vector<NamedValue> TrajectoryReader::parameters(int i) const {
-  return impl_->guarded([&] { return read_parameters(impl_->trajectory(i).group); });
+  return impl_->guarded(i, [&] { return read_parameters(impl_->trajectory(i).group); });
 }
 
 }  // namespace graupel::io

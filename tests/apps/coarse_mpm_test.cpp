@@ -70,6 +70,18 @@ TEST_F(CoarseMpm, DamagedFilesAreRefused) {
   EXPECT_TRUE(run.says("log_courant")) << run.output;
 }
 
+/// In the first line, beside the networks.
+TEST_F(CoarseMpm, TheReportOfTheDemoSaysWhatItWins) {
+  const std::string report = folder_.file("report.html");
+  const Outcome run = graupel("demo --frames 2 --device cpu -o " + report);
+  ASSERT_EQ(run.exit_code, 0) << run.output;
+  const std::string html = read_file(report);
+  const std::size_t first = html.find("<p>", html.find("</h1>"));
+  const std::string line = html.substr(first, html.find("</p>", first) - first);
+  for (const char* text : {"Against mpm:coarse:fast on 3 scenes, coarse-mpm.safetensors ", "; hgn.safetensors "})
+    EXPECT_NE(line.find(text), std::string::npos) << line;
+}
+
 TEST_F(CoarseMpm, TrainingNeedsARecipeOfCategories) {
   if (!training_is_built()) GTEST_SKIP() << "graupel-train is not built (needs libtorch)";
   const Outcome run = graupel(std::string("train coarse --recipe ") + scene + " --out " + folder_.file("run"));

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <deque>
+#include <stdexcept>
 #include <string>
 #include <utility>
 #include <vector>
@@ -12,11 +13,10 @@ namespace graupel::graph {
 
 class ManyScenes {
  public:
-  /// The scene's name is its place in the list.
-  void add(Case c, const LearnedSimulator::RolloutOptions& options) {
+  void add(Case c, const LearnedSimulator::RolloutOptions& options, const std::string& name = "clouds") {
     const Case& kept = cases_.emplace_back(std::move(c));
     const Environment& environment = environments_.emplace_back(kept.scene);
-    list_.push_back({std::to_string(list_.size()), &kept.scene, &environment, &kept.type, &kept.history, options});
+    list_.push_back({name, &kept.scene, &environment, &kept.type, &kept.history, options});
   }
   const std::vector<LearnedSimulator::SceneRollout>& list() const { return list_; }
 
@@ -55,6 +55,19 @@ class ManyScenes {
         EXPECT_EQ(actual.frames[f].time, expected.frames[f].time);
       }
     }
+  }
+  /// What progress throws comes out as it is, and leaves nothing behind: `used` then has the bits of a `fresh` one.
+  void expect_to_go_on_after_an_exception(const LearnedSimulator& used, const LearnedSimulator& fresh) const {
+    struct Stop : std::runtime_error {
+      Stop() : std::runtime_error("asked to stop") {}
+    };
+    EXPECT_THROW(run(used, {.progress = [](int64_t) { throw Stop(); }}), Stop);
+    const LearnedSimulator::SceneRollout& s = list_.front();
+    LearnedSimulator::RolloutOptions options = s.options;
+    options.progress = [](int64_t, const FrameTiming&) { throw Stop(); };
+    EXPECT_THROW(used.rollout(*s.scene, *s.environment, *s.particle_type, *s.start, options), Stop);
+    expect_as_alone(fresh, run(used));
+    expect_as_alone(used, run(fresh));
   }
 
  private:

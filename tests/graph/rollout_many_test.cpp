@@ -54,14 +54,14 @@ TEST_F(RolloutMany, ErrorsNameTheScene) {
       simulator_->rollout_many(scenes.list(), [&](LearnedSimulator::SceneResult&&) { ++results; }, {});
       ADD_FAILURE() << "no error";
     } catch (const Error& error) {
-      EXPECT_NE(std::string(error.what()).find("scene '1': " + text), std::string::npos) << error.what();
+      EXPECT_NE(std::string(error.what()).find("scene 1 'second': " + text), std::string::npos) << error.what();
     }
     EXPECT_EQ(results, 0);
   };
   const auto scenes_with = [&](const Case& second) {
     ManyScenes scenes;
     scenes.add(clouds_at_a_ball(30), options_);
-    scenes.add(second, options_);
+    scenes.add(second, options_, "second");
     return scenes;
   };
   Case c = clouds_at_a_ball(30);
@@ -73,6 +73,38 @@ TEST_F(RolloutMany, ErrorsNameTheScene) {
   c = clouds_at_a_ball(30);
   c.type[4] = 12;
   expect_named(scenes_with(c), "");
+}
+
+TEST_F(RolloutMany, ErrorsWithinARolloutNameTheScene) {
+  ManyScenes scenes;
+  scenes.add(clouds_at_a_ball(30), options_);
+  scenes.add(clouds_at_a_ball(30), options_, "far");
+  const std::vector<std::vector<Vec3f>> other(3, std::vector<Vec3f>(7));  // places of another number of particles
+  LearnedSimulator::SceneRollout far = scenes.list()[1];
+  far.options.given = &other;
+  std::vector<std::size_t> results;
+  try {
+    simulator_->rollout_many({scenes.list()[0], far},
+                             [&](LearnedSimulator::SceneResult&& result) { results.push_back(result.scene); }, {});
+    ADD_FAILURE() << "no error";
+  } catch (const InputError& error) {
+    EXPECT_EQ(std::string(error.what()).find("scene 1 'far': a frame that gives the places"), 0u) << error.what();
+  }
+  EXPECT_EQ(results, (std::vector<std::size_t>{0}));
+}
+
+TEST_F(RolloutMany, ProgressEndsWithTheLastFrame) {
+  ManyScenes scenes;
+  for (const int particles : {40, 7}) scenes.add(clouds_at_a_ball(particles), options_);
+  std::vector<int64_t> frames;
+  scenes.run(*simulator_, {.progress = [&](int64_t frame) { frames.push_back(frame); }});
+  EXPECT_EQ(frames, (std::vector<int64_t>{1, 2, 3, 1, 2, 3}));
+}
+
+TEST_F(RolloutMany, GoesOnAfterAnException) {
+  ManyScenes scenes;
+  for (const int particles : {40, 90}) scenes.add(clouds_at_a_ball(particles), options_);
+  scenes.expect_to_go_on_after_an_exception(*simulator_, file_.read_back(simulator_->weights()));
 }
 
 TEST(WhatChanges, NamesWhatAGpuDoesNotRunWhole) {

@@ -1,8 +1,11 @@
+// Data sets: their metadata, and errors that name a trajectory.
 #include <gtest/gtest.h>
 
 #include <nlohmann/json.hpp>
 
 #include "core/system/error.h"
+#include "expect_error.h"
+#include "io/hdf5/hdf5.h"
 #include "io/trajectory/trajectory_file.h"
 #include "temporary_folder.h"
 
@@ -59,6 +62,19 @@ TEST(DataSetMetadata, HoldsTheKeysAndStatistics) {
 TEST(DataSetMetadata, NeedsATrainingSet) {
   TemporaryFolder folder;
   EXPECT_THROW(write_data_set_metadata(folder.path(), Scene{}, 0.03), InputError);
+}
+
+TEST(DataSet, ErrorsNameTheTrajectory) {
+  const TemporaryFolder folder;
+  for (const char* part : {"a.h5", "b.h5"}) write_set(folder.file(part));
+  merge_trajectories({folder.file("a.h5"), folder.file("b.h5")}, folder.file("set.h5"));
+  {
+    const hdf5::Handle file(H5Fopen(folder.file("set.h5").c_str(), H5F_ACC_RDWR, H5P_DEFAULT), H5Fclose, "cannot open");
+    hdf5::check(H5Ldelete(file, "/00001/particle_type", H5P_DEFAULT), "cannot delete");
+  }
+  const TrajectoryReader reader(folder.file("set.h5"));
+  EXPECT_NO_THROW(reader.header(0));
+  expect_error<InputError>([&] { reader.header(1); }, {"set.h5' (trajectory 1: ", "particle_type"});
 }
 
 }  // namespace

@@ -1,6 +1,7 @@
 // Walls, scripts, emitters, sinks, transfers and steps of a scene: what is read, and every rule once broken.
 #include <gtest/gtest.h>
 
+#include "core/scene/scripts.h"
 #include "core/system/error.h"
 #include "expect_error.h"
 #include "io/scene/scene_reader.h"
@@ -53,6 +54,15 @@ TEST(ScenePhysics, IsReadAndWrittenBack) {
   EXPECT_EQ(scene.time_step.min_step, 1e-6);
   EXPECT_TRUE(scene.has_inactive_particles());
   EXPECT_TRUE(scene.has_moving_obstacles());
+  EXPECT_TRUE(has_scripts(scene));
+  for (const bool of_bodies : {true, false}) {
+    Scene one = scene;
+    if (of_bodies)
+      one.kinematic_regions.clear();
+    else
+      one.sources[0].motion.reset();
+    EXPECT_TRUE(has_scripts(one));
+  }
   const std::string text = scene_to_json(scene);
   EXPECT_EQ(scene_to_json(parse(text)), text);
 }
@@ -64,6 +74,7 @@ TEST(ScenePhysics, OldScenesHaveNoneOfIt) {
   for (int face = 0; face < 6; ++face) EXPECT_EQ(scene.domain.wall(face / 2, face % 2), Wall::stick);
   EXPECT_FALSE(scene.has_inactive_particles());
   EXPECT_FALSE(scene.has_moving_obstacles());
+  EXPECT_FALSE(has_scripts(scene));
   EXPECT_EQ(scene.transfer.scheme, TransferScheme::apic);
 }
 

@@ -86,6 +86,18 @@ TEST(CoarseTraining, ScenesHaveTheModelsShareOfParticles) {
   EXPECT_NEAR(volume(half.coarse[1]) / volume(all.coarse[1]), 1, 0.05);
 }
 
+TEST(CoarseTraining, ANewModelKeepsTheRulesAndFitsItsSteps) {
+  CoarseTrainingOptions options = short_search();
+  options.scenes = options.valid_scenes = 2;
+  options.frames = 10;
+  const hybrid::CoarseModel begins, ends = train_coarse(options).model;
+  EXPECT_EQ(ends.log_safety, begins.log_safety);
+  EXPECT_EQ(ends.particle_share, begins.particle_share);
+  EXPECT_EQ(ends.finest, begins.finest);
+  EXPECT_EQ(ends.log_courant.least_speed, begins.log_courant.least_speed);
+  EXPECT_NE(ends.log_courant.waves, begins.log_courant.waves);
+}
+
 TEST(CoarseTraining, StopsBeforeTheSearchWhenAsked) {
   CoarseTrainingOptions options = short_search();
   options.should_stop = [] { return true; };

@@ -16,6 +16,7 @@
 #include "train/loop/run_folder.h"
 #include "train/loop/training_loop.h"
 #include "train/networks/network_module.h"
+#include "train/networks/teacher.h"
 
 namespace graupel::train {
 namespace {
@@ -300,6 +301,37 @@ TEST_F(Ranks, RankZeroKeepsTheStateWhenAnotherFails) {
   EXPECT_EQ(message_of(errors[1]), "the disk of rank 1 is gone");
   EXPECT_THAT(message_of(errors[0]), HasSubstr("another rank has ended"));
   EXPECT_TRUE(std::filesystem::exists(folder + "/run/checkpoints/step-00000006"));
+  remove_path(folder);
+}
+
+/// The same bytes under another name are the same teacher.
+TEST_F(Ranks, RanksWithDifferentTeachersAreRefused) {
+  const std::string folder = test_folder("ranks_teacher");
+  const auto teacher = [&](const std::string& name, uint64_t seed) {
+    TrainingOptions options = options_of(folder + "/" + name);
+    options.config.steps = 1;
+    options.config.seed = seed;
+    return train_network(options).weights_file;
+  };
+  const std::string first = teacher("first", 1), second = teacher("second", 2), copy = folder + "/copy.safetensors";
+  std::filesystem::copy_file(first, copy);
+  const auto errors = [&](const std::string& of_rank_1, const std::string& run) {
+    return run_ranks(2, [&](Comm& comm) {
+      TrainingOptions options = options_of(folder + "/" + run);
+      options.config.steps = 1;
+      options.comm = &comm;
+      options.teacher = comm.leads() ? first : of_rank_1;
+      train_network(options);
+    });
+  };
+  expect_all_well(errors(copy, "equal"));
+  const auto refused = errors(second, "other");
+  const std::string hashes[] = {file_hash(first), file_hash(second)};
+  EXPECT_THAT(message_of(refused[0]), HasSubstr("rank 0 of 2: the teacher '" + first + "' has the hash " + hashes[0] +
+                                                ", that of rank 0 " + hashes[0] + " (ranks with another: 1"));
+  EXPECT_THAT(message_of(refused[1]), HasSubstr("rank 1 of 2: the teacher '" + second + "' has the hash " + hashes[1] +
+                                                ", that of rank 0 " + hashes[0]));
+  EXPECT_FALSE(std::filesystem::exists(folder + "/other"));
   remove_path(folder);
 }
 

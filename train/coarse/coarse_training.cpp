@@ -132,10 +132,9 @@ CoarseTrainingResult train_coarse(const CoarseTrainingOptions& options) {
                             .device = options.device,
                             .message = options.message,
                             .should_stop = options.should_stop};
-  if (options.from) {
-    scenes.resolutions = options.from->resolutions;
-    scenes.particle_share = options.from->particle_share;
-  }
+  const hybrid::CoarseModel start = options.from.value_or(hybrid::CoarseModel());
+  scenes.resolutions = start.resolutions;
+  scenes.particle_share = start.particle_share;
   const Stopwatch data_watch;
   const std::vector<CoarseScene> train = make_coarse_scenes(options.recipe, scenes);
   scenes.split = mpm::Split::valid;
@@ -154,9 +153,8 @@ CoarseTrainingResult train_coarse(const CoarseTrainingOptions& options) {
   result.train_scenes = train.size();
   result.valid_scenes = valid.size();
   hybrid::CoarseModel& model = result.model;
-  if (options.from) {
-    model = *options.from;
-  } else {
+  model = start;
+  if (!options.from) {
     fit_steps(model, train);
     set_start(model);
   }

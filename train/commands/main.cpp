@@ -254,8 +254,11 @@ int run_evaluation(const Arguments& arguments) {
   DataSplitOptions split_options;
   split_options.threads = num_threads();
   split_options.materials = features_of(config).material_constants;
+  split_options.check = [&](const DataSplit& opened) {
+    opened.check_fits(config, arguments.evaluate);
+    opened.check_samples(1, 0);
+  };
   const DataSplit split(arguments.data + "/" + arguments.split + ".h5", split_options);
-  split.check_fits(config, arguments.evaluate);
   const OneStepErrors errors =
       evaluate_one_step(module, normalization, split, strided_samples(split, arguments.stride),
                         {.which = StateArray::weights, .batch_scenes = 16, .threads = num_threads()});

@@ -143,6 +143,7 @@ DataSplit::DataSplit(const std::string& file, const DataSplitOptions& options)
     : file_(file), reader_(std::make_unique<io::TrajectoryReader>(file)) {
   read_headers(options);
   build_contexts(options);
+  if (options.check) options.check(*this);
   if (options.materials) find_materials(options);
   find_births(options);
   load_positions(options);
@@ -162,7 +163,11 @@ void DataSplit::read_headers(const DataSplitOptions& options) {
     if (header.scene_json.empty())
       throw InputError(where +
                        " has no scene, which the obstacle and wall features need. Use data of 'graupel generate'");
-    for (const int32_t type : header.particle_type) info.type_row.push_back(graph::embedding_row(type));
+    try {
+      for (const int32_t type : header.particle_type) info.type_row.push_back(graph::embedding_row(type));
+    } catch (const InputError& error) {
+      throw InputError(where + ": " + error.what());
+    }
     info.kinematic = kinematic_mask(header.particle_type);
     if (info.kinematic_count() == static_cast<int64_t>(info.type_row.size()))
       throw InputError(where + " has no particle that moves by itself (" + std::to_string(info.type_row.size()) +
@@ -312,12 +317,23 @@ graph::Normalization DataSplit::statistics(double noise_std, int threads) const 
   return normalization;
 }
 
-void DataSplit::check_length(int64_t frames, const std::string& why) const {
-  for (int i = 0; i < count(); ++i)
-    if (trajectory(i).frames < frames)
-      throw ConfigError("'" + file_ + "': trajectory " + std::to_string(i) + " is too short for training (" +
-                        std::to_string(trajectory(i).frames) + " usable frames, needed " + std::to_string(frames) +
-                        " for " + why + "). Lower these, or generate longer runs");
+void DataSplit::check_samples(int64_t bundle, int64_t push_steps) const {
+  const int64_t needed = bundle * (1 + push_steps);  // after the sample's own frame
+  for (int i = 0; i < count(); ++i) {
+    const TrajectoryInfo& info = trajectory(i);
+    const std::string where = "'" + file_ + "': trajectory " + std::to_string(i);
+    if (info.frames <= needed)
+      throw ConfigError(where + " is too short for training (" + std::to_string(info.frames) +
+                        " usable frames, needed " + std::to_string(needed + 1) + " for bundle " +
+                        std::to_string(bundle) + " and push_steps " + std::to_string(push_steps) +
+                        "). Lower these, or generate longer runs");
+    int64_t first = 0;
+    while (first < info.frames - needed && !info.some_count(first, first + bundle)) ++first;
+    if (first == info.frames - needed)
+      throw InputError(where + " has no particle that moves by itself and is in the run for " +
+                       std::to_string(bundle + 1) + " frames (of 0 to " + std::to_string(first - 1 + bundle) +
+                       "). Leave it out, or generate longer runs");
+  }
 }
 
 void DataSplit::check_fits(const NetworkConfig& network_config, const std::string& weights) const {

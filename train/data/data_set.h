@@ -69,20 +69,25 @@ struct TrajectoryInfo {
   ParticleKinds kinds(const std::vector<int32_t>& particles) const;
 };
 
+class DataSplit;
+
 struct DataSplitOptions {
   double memory_limit = 0;  ///< [bytes] of positions kept; the rest is read when needed; 0: half of the machine's
   int processes = 1;        ///< of this machine that open the file; they share the limit
   int threads = 1;
   bool materials = false;  ///< find the particles' materials, for networks that see their constants
+  /// Called when headers and scenes of all trajectories are known, before positions are read: what it throws ends the
+  /// opening.
+  std::function<void(const DataSplit&)> check;
   std::function<void(const std::string& what, int64_t done, int64_t total)> progress;
 };
 
 /// One file of a data set. Immutable once open; may be read from many threads.
 class DataSplit {
  public:
-  /// Throws InputError when the file is missing, damaged, or a trajectory has no scene or fewer than 3 frames, does not
-  /// tell which particles are in the run although its scene lets them come or go, and as mpm::particle_materials where
-  /// materials are asked for; ConfigError for scenes that are not trained on.
+  /// Throws InputError when the file is missing, damaged, or a trajectory has no scene, fewer than 3 frames or
+  /// particles of an unknown type, does not tell which particles are in the run although its scene lets them come or
+  /// go, and as mpm::particle_materials where materials are asked for; ConfigError for scenes that are not trained on.
   explicit DataSplit(const std::string& file, const DataSplitOptions& options = {});
 
   const std::string& file() const { return file_; }
@@ -109,8 +114,10 @@ class DataSplit {
   /// network is for, or with obstacles that it cannot see. `weights`: the file whose settings these are, "" for a run's
   /// own.
   void check_fits(const NetworkConfig& config, const std::string& weights = "") const;
-  /// Throws ConfigError when a trajectory is shorter than `frames`, which training needs for the reason `why`.
-  void check_length(int64_t frames, const std::string& why) const;
+  /// That draw_sample() finds a sample in every trajectory: a target of `bundle` frames after as many bundles of the
+  /// network's own as push_steps says. Throws ConfigError for a trajectory that is too short, InputError for one in
+  /// which no particle counts in so many frames.
+  void check_samples(int64_t bundle, int64_t push_steps) const;
 
  private:
   void read_headers(const DataSplitOptions& options);

@@ -110,14 +110,12 @@ SampleKey draw_sample(const DataSplit& split, uint64_t seed, int64_t step, int64
   SampleKey key;
   key.trajectory = static_cast<int>(random.integer(0, 0, static_cast<uint32_t>(split.count())));
   const TrajectoryInfo& trajectory = split.trajectory(key.trajectory);
-  const int64_t frames = std::max<int64_t>(1, usable(trajectory) - ahead);
+  const int64_t frames = usable(trajectory) - ahead;
+  GRAUPEL_ASSERT(frames > 0);
   key.frame = random.integer(0, 1, static_cast<uint32_t>(frames));
-  for (int64_t tried = 0; tried < frames; ++tried, key.frame = (key.frame + 1) % frames)
-    if (trajectory.some_count(key.frame, key.frame + bundle)) return key;
-  throw InputError("'" + split.file() + "': trajectory " + std::to_string(key.trajectory) +
-                   " has no particle that moves by itself and is in the run for " + std::to_string(bundle + 1) +
-                   " frames (of 0 to " + std::to_string(frames - 1 + bundle) +
-                   "). Leave it out, or generate longer runs");
+  for (int64_t tried = 0; !trajectory.some_count(key.frame, key.frame + bundle); key.frame = (key.frame + 1) % frames)
+    GRAUPEL_ASSERT(++tried < frames);
+  return key;
 }
 
 std::vector<SampleKey> strided_samples(const DataSplit& split, int64_t stride) {

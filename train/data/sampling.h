@@ -26,7 +26,7 @@ uint64_t stream_of(int64_t step, int64_t slot);
 int64_t pushes_of(const TrainConfig& config, int64_t step);
 /// Uniform over trajectories, then over their frames that `ahead` more frames than the next one follow. Where no
 /// particle counts in that frame and the next `bundle` ones (TrajectoryInfo::counts), the next frame in which some do,
-/// the first one after the last. Throws InputError where there is none.
+/// the first one after the last. There must be one (DataSplit::check_samples).
 SampleKey draw_sample(const DataSplit& split, uint64_t seed, int64_t step, int64_t slot, int64_t ahead = 0,
                       int64_t bundle = 1);
 /// `count` samples spread evenly over all frames of a split in which particles count; the same for the same split.

@@ -68,7 +68,8 @@ class TrainingRun {
   }
   void check_same_teacher() const;
   void begin_run();
-  std::unique_ptr<DataSplit> open(const std::string& name) const;
+  /// Of which samples of `bundle` frames are drawn, after `push_steps` bundles of the network's own.
+  std::unique_ptr<DataSplit> open(const std::string& name, int64_t bundle, int64_t push_steps) const;
   void prepare_normalization();
   void start_from_weights();
   nn::OfflineCost cost_of_start() const;
@@ -114,10 +115,8 @@ TrainingRun::TrainingRun(const TrainingOptions& options)
     throw ConfigError(std::to_string(comm_.size()) + " ranks are too many for batches of " +
                       std::to_string(config_.batch_scenes) +
                       " scenes (each takes one or more). Start fewer, or set batch_scenes higher");
-  train_ = open("train.h5");
-  train_->check_length(
-      1 + config_.features().bundle * (1 + config_.push_steps),
-      "bundle " + std::to_string(config_.features().bundle) + " and push_steps " + std::to_string(config_.push_steps));
+  check_equal_teachers(comm_, teacher_.get());
+  train_ = open("train.h5", config_.features().bundle, config_.push_steps);
   state_.seed = config_.seed;
   if (comm_.leads()) begin_run();
   broadcast_value(comm_, normalization_);
@@ -136,7 +135,7 @@ void TrainingRun::check_same_teacher() const {
 /// What rank 0 does alone: the run folder, the normalisation, the checkpoint to go on from.
 void TrainingRun::begin_run() {
   if (fs::exists(options_.data + "/valid.h5"))
-    valid_ = open("valid.h5");
+    valid_ = open("valid.h5", 1, 0);
   else
     say("'" + options_.data + "' has no valid.h5: training without validation");
   if (!options_.resume)
@@ -157,23 +156,25 @@ void TrainingRun::begin_run() {
   metrics_.emplace(options_.run, metric_columns(), state_.step);
 }
 
-std::unique_ptr<DataSplit> TrainingRun::open(const std::string& name) const {
+std::unique_ptr<DataSplit> TrainingRun::open(const std::string& name, int64_t bundle, int64_t push_steps) const {
   DataSplitOptions split;
   split.memory_limit = config_.memory_limit * 1e9;
   split.processes = options_.local_ranks;
   split.threads = options_.threads;
   split.materials =
       config_.features().material_constants || (teacher_ && teacher_->config.features().material_constants);
+  split.check = [&](const DataSplit& opened) {
+    opened.check_fits(config_.network());
+    if (teacher_) opened.check_fits(teacher_->config.network(), teacher_->file);
+    opened.check_samples(bundle, push_steps);
+  };
   auto last = Clock::now();
   split.progress = [&](const std::string& what, int64_t done, int64_t total) {
     if (done < total && seconds_since(last) < 10) return;
     last = Clock::now();
     say(name + ": " + what + " " + std::to_string(done) + "/" + std::to_string(total));
   };
-  auto opened = std::make_unique<DataSplit>(options_.data + "/" + name, split);
-  opened->check_fits(config_.network());
-  if (teacher_) opened->check_fits(teacher_->config.network(), teacher_->file);
-  return opened;
+  return std::make_unique<DataSplit>(options_.data + "/" + name, split);
 }
 
 void TrainingRun::prepare_normalization() {

@@ -1,5 +1,7 @@
 #include "train/networks/teacher.h"
 
+#include <cmath>
+
 #include "core/system/atomic_file.h"
 #include "core/system/error.h"
 #include "core/system/fnv1a.h"
@@ -52,6 +54,16 @@ std::unique_ptr<Teacher> read_teacher(const std::string& file, const TrainConfig
                               config.checkpoint_layers)});
   teacher->module.set_state(StateArray::weights, weights);
   return teacher;
+}
+
+void check_equal_teachers(Comm& ranks, const Teacher* own) {
+  const std::string hash = own != nullptr ? own->hash : "none", first = broadcast_text(ranks, hash);
+  const double others = sum_over_ranks(ranks, {hash == first ? 0.0 : 1.0}).front();
+  if (others == 0) return;
+  throw ConfigError("rank " + std::to_string(ranks.rank()) + " of " + std::to_string(ranks.size()) + ": the teacher '" +
+                    (own != nullptr ? own->file : "") + "' has the hash " + hash + ", that of rank 0 " + first +
+                    " (ranks with another: " + std::to_string(std::lround(others)) +
+                    ", allowed: none). Copy rank 0's file to every machine");
 }
 
 }  // namespace graupel::train

@@ -7,6 +7,7 @@
 #include "graph/features/feature_rules.h"
 #include "train/config/train_config.h"
 #include "train/networks/network_module.h"
+#include "train/parallel/comm.h"
 
 namespace graupel::train {
 
@@ -25,5 +26,9 @@ std::string file_hash(const std::string& file);
 /// with inputs and a grid of its own. Null for "". Throws InputError for files that are no network; ConfigError where
 /// its history or bundle differ from the student's, and where `student` has a share of no teacher.
 std::unique_ptr<Teacher> read_teacher(const std::string& file, const TrainConfig& student, Device device);
+
+/// Throws ConfigError on every rank where those of some ranks have other bytes than rank 0's: ranks open a file of one
+/// name, which may be another one on another machine. Null where there is no teacher.
+void check_equal_teachers(Comm& ranks, const Teacher* own);
 
 }  // namespace graupel::train

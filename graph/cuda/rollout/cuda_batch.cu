@@ -205,21 +205,26 @@ void CudaBatch::Impl::record_bundle() {
 
 /// Until a grid needs more room, or so many bundles are made, or no scene goes on.
 void CudaBatch::Impl::run_recorded(int64_t bundles, const std::function<void(int64_t)>& progress) {
+  const auto report = [&] {  // whether the run goes on
+    const std::size_t scene = going_on();
+    if (scene == scenes || motion[scene]->status().fault != 0) return false;
+    if (progress) progress(frames_of(scene));
+    return true;
+  };
   GRAUPEL_CUDA_CHECK(cudaEventRecord(begun, stream));
   for (int64_t k = 0; k < bundles; ++k) {
     graph.launch(stream);
     GRAUPEL_CUDA_CHECK(cudaEventRecord(launched[k % ahead], stream));
     if (k + 1 < ahead) continue;
     GRAUPEL_CUDA_CHECK(cudaEventSynchronize(launched[(k + 1) % ahead]));
-    const std::size_t scene = going_on();
-    if (scene == scenes || motion[scene]->status().fault != 0) break;
-    if (progress) progress(frames_of(scene));
+    if (!report()) break;
   }
   GRAUPEL_CUDA_CHECK(cudaEventRecord(ended, stream));
   wait();
   float milliseconds = 0;
   GRAUPEL_CUDA_CHECK(cudaEventElapsedTime(&milliseconds, begun, ended));
   seconds += 1e-3 * static_cast<double>(milliseconds);
+  report();
 }
 
 CudaBatch::CudaBatch(const nn::Weights& weights) : impl_(std::make_unique<Impl>(weights)) {}

@@ -3,6 +3,7 @@
 
 #include "graph/cuda/aggregation/pair_aggregation.h"
 #include "graph/cuda_batch.h"
+#include "sparsegrid/hierarchy.h"
 #include "tests/gpu_only.h"
 #include "tests/graph/many_scenes.h"
 
@@ -141,7 +142,19 @@ TEST_F(CudaBatchTest, MoreScenesThanALaunchTakes) {
   scenes.expect_as_alone(simulator, results);
 }
 
-/// One scene needs many times the cells of its first frame, and its pressures go on.
+/// Cells of the finest grids of all scenes, at the places that `at` gives.
+template <typename At>
+std::size_t finest_cells(const ManyScenes& scenes, double spacing, const At& at) {
+  std::size_t cells = 0;
+  for (std::size_t i = 0; i < scenes.list().size(); ++i)
+    cells += sparsegrid::build_hierarchy<3>(at(i), spacing, scenes.list()[i].environment->grid_origin(spacing), 1)
+                 .levels[0]
+                 .size();
+  return cells;
+}
+
+/// One scene needs many times the cells of its first frame, and its pressures go on. The first recording has room for
+/// half as many cells again (LevelCapacity), so that there must be another one.
 TEST_F(CudaBatchTest, GoOnWhereMatterSpreads) {
   GRAUPEL_NEEDS_GPU();
   Case spreading = clouds_at_a_ball(600);
@@ -160,6 +173,10 @@ TEST_F(CudaBatchTest, GoOnWhereMatterSpreads) {
   const auto results = scenes.run(simulator);
   expect_together(results);
   scenes.expect_as_alone(simulator, results);
+  const double spacing = wide_config(Aggregation::activations).spacing;
+  const auto first = [&](std::size_t i) { return results[i].trajectory.frames.front().position; };
+  const auto before_last = [&](std::size_t i) { return results[i].trajectory.frames[10].position; };
+  EXPECT_GT(finest_cells(scenes, spacing, before_last), 3 * finest_cells(scenes, spacing, first) / 2 + 64);
 }
 
 TEST_F(CudaBatchTest, ScenesThatDivergeOrLeaveTheGridStopAlone) {
@@ -206,8 +223,27 @@ TEST_F(CudaBatchTest, ScenesThatDoNotFitRunAloneInTheSameCall) {
   EXPECT_EQ(order, (std::vector<std::size_t>{1, 3, 0, 2}));
   EXPECT_EQ(results[0].alone, "its obstacles move");
   EXPECT_EQ(results[1].alone, "");
-  EXPECT_EQ(results[2].alone, "no other scene is left with its frames and lower corner");
+  EXPECT_EQ(results[2].alone, "no other scene fits beside it (as many frames, the same lower corner, room)");
   scenes.expect_as_alone(simulator, results);
+}
+
+TEST_F(CudaBatchTest, ProgressEndsWithTheLastFrame) {
+  GRAUPEL_NEEDS_GPU();
+  for (const int64_t frames : {1, 2, 7}) {
+    options_.frames = frames;
+    int64_t last = 0;
+    different_scenes(3).run(make(2), {.progress = [&](int64_t frame) {
+                              EXPECT_GE(frame, last);
+                              last = frame;
+                            }});
+    EXPECT_EQ(last, frames);
+  }
+}
+
+TEST_F(CudaBatchTest, GoesOnAfterAnException) {
+  GRAUPEL_NEEDS_GPU();
+  const LearnedSimulator used = make(2), fresh = make(2);
+  different_scenes(3).expect_to_go_on_after_an_exception(used, fresh);
 }
 
 TEST_F(CudaBatchTest, OtherNetworksRunSceneByScene) {

@@ -315,6 +315,71 @@ TEST(ChangingScenes, DataThatCannotBeTrainedOnAreRefusedByName) {
   Trajectory back = stream_trajectory(1);
   back.frames[3].active[0] = 0;
   EXPECT_THAT(refusal(back), HasSubstr("trajectory 0 has particle 0 in the run again in frame 4"));
+  Trajectory unknown = tiny_trajectory(1, 24, 30);
+  unknown.particle_type[3] = 12;
+  EXPECT_THAT(refusal(unknown), HasSubstr("trajectory 0: a particle type is not known to the network (12"));
+}
+
+/// A stream whose particles are all gone from frame `end` on.
+Trajectory stream_until(int64_t end) {
+  Trajectory trajectory = stream_trajectory(1);
+  for (std::size_t t = 0; t < trajectory.frames.size(); ++t)
+    for (uint8_t& active : trajectory.frames[t].active) active = active && static_cast<int64_t>(t) < end;
+  return trajectory;
+}
+
+TEST(ChangingScenes, TrajectoriesWithoutSamplesAreRefusedBeforePositionsAreRead) {
+  const std::string folder = test_folder("no_samples");
+  write_trajectories(folder + "/train.h5", {stream_trajectory(2), stream_until(2)});
+  const auto refused = [&](int64_t bundle, int64_t push_steps) {
+    bool read = false;
+    std::string said;
+    DataSplitOptions options;
+    options.check = [&](const DataSplit& split) { split.check_samples(bundle, push_steps); };
+    options.progress = [&](const std::string& what, int64_t, int64_t) { read = read || what == "positions"; };
+    try {
+      const DataSplit split(folder + "/train.h5", options);
+    } catch (const Error& error) {
+      said = error.what();
+    }
+    EXPECT_EQ(read, said.empty()) << said;
+    return said;
+  };
+  EXPECT_EQ(refused(1, 0), "");
+  EXPECT_THAT(
+      refused(3, 0),
+      HasSubstr("train.h5': trajectory 1 has no particle that moves by itself and is in the run for 4 frames (of "
+                "0 to 39). Leave it out, or generate longer runs"));
+  EXPECT_THAT(refused(4, 9), HasSubstr("train.h5': trajectory 0 is too short for training (40 usable frames, needed 41 "
+                                       "for bundle 4 and push_steps 9). Lower these, or generate longer runs"));
+  remove_path(folder);
+}
+
+/// Training draws none of the bad ones in its only step.
+TEST(ChangingScenes, TrainingRefusesTrajectoriesThatItWouldNotDraw) {
+  const std::string folder = test_folder("not_drawn");
+  write_trajectories(folder + "/train.h5", {stream_trajectory(1), stream_trajectory(2), stream_until(2)});
+  write_trajectories(folder + "/valid.h5", {stream_until(1)});
+  TrainingOptions options;
+  options.data = folder;
+  options.run = folder + "/run";
+  options.config = seeing_contact();
+  options.config.batch_scenes = options.config.steps = 1;
+  options.config.hgn.bundle = 2;
+  options.version = "test";
+  const auto refusal_of = [&] {
+    try {
+      train_network(options);
+    } catch (const Error& error) {
+      return std::string(error.what());
+    }
+    return std::string();
+  };
+  EXPECT_THAT(refusal_of(), HasSubstr("train.h5': trajectory 2 has no particle"));
+  EXPECT_FALSE(std::filesystem::exists(options.run));
+  options.config.hgn.bundle = 1;
+  EXPECT_THAT(refusal_of(), HasSubstr("valid.h5': trajectory 0 has no particle"));
+  remove_path(folder);
 }
 
 }  // namespace

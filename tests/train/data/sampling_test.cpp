@@ -193,9 +193,9 @@ TEST(Sampling, FramesOfABundleFollowItsSamplesAndPushes) {
     for (int64_t slot = 0; slot < 4; ++slot)
       last = std::max(last, draw_training_sample(split, config, step, slot).key.frame + 4 * pushes_of(config, step));
   EXPECT_EQ(last, 29 - 4);
-  EXPECT_NO_THROW(split.check_length(30, "nothing"));
+  EXPECT_NO_THROW(split.check_samples(29, 0));
   try {
-    split.check_length(31, "bundle 10 and push_steps 2");
+    split.check_samples(10, 2);
     ADD_FAILURE();
   } catch (const ConfigError& error) {
     EXPECT_NE(std::string(error.what()).find("30 usable frames, needed 31 for bundle 10 and push_steps 2"),
