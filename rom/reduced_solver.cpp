@@ -15,8 +15,20 @@ namespace graupel::rom {
 
 namespace {
 
+/// A model of the deformation alone takes stress from F and has no affine velocity.
+void check_laws(const Scene& scene) {
+  for (const auto& [name, material] : scene.materials)
+    if (material.model != MaterialModel::jelly && material.model != MaterialModel::neo_hookean &&
+        material.model != MaterialModel::stationary)
+      throw ConfigError(fmt::format(
+          "material '{}' is not elastic, and this reduced model knows no plastic state. Use jelly or neo_hookean, or a "
+          "model of `graupel train nsf`",
+          name));
+}
+
 /// The scene, once its particles are known to be the model's.
 mpm::PreparedScene checked(const ReducedModel& model, mpm::PreparedScene prepared) {
+  if (model.fields->stress_follows_deformation()) check_laws(prepared.scene);
   const auto& position = prepared.particles.position;
   const auto n = static_cast<std::size_t>(model.fields->particles());
   if (position.size() != n)
@@ -73,6 +85,10 @@ void hold_inside(const Scene& scene, const mpm::ParticleView<T>& particles) {
         "parameters nearer to those of the training");
 }
 
+/// One step of Gauss-Newton from where the latent's velocity takes it is exact to rounding in all measurements of
+/// NSF's models; CROM's authors iterate.
+int iterations_of(ProjectionKind projection) { return projection == ProjectionKind::position ? 1 : 20; }
+
 std::vector<int32_t> all_of(int64_t n) {
   std::vector<int32_t> all(static_cast<std::size_t>(n));
   std::iota(all.begin(), all.end(), 0);
@@ -89,6 +105,7 @@ ReducedSolver<T>::ReducedSolver(const ReducedModel& model, mpm::PreparedScene pr
       options_(options),
       step_factor_(options.step_factor.value_or(model.step_factor)),
       manifold_pull_(options.manifold_pull.value_or(model.manifold_pull)),
+      projection_(options.projection.value_or(model.projection)),
       manifold_(model.training_latents, model.latents(), model.training_run,
                 1 + static_cast<int>(model.parameters.size())),
       samples_(options.samples.value_or(model.samples)),
@@ -177,7 +194,7 @@ bool ReducedSolver<T>::try_step(double dt) {
     control_.halve();
     return take_back();
   }
-  const auto lost = static_cast<double>(std::count(lost_.begin(), lost_.end(), true));
+  const auto lost = static_cast<double>(std::count(motion_.lost.begin(), motion_.lost.end(), true));
   constexpr double negligible = 2e-3;  // of dx
   return control_.keep(misfit_, negligible * prepared_.scene.domain.dx / dt,
                        lost / static_cast<double>(samples_.size())) ||
@@ -191,12 +208,13 @@ void ReducedSolver<T>::step(double dt) {
   if (due_) choose_points();
   timing.search += timer.lap();
   fields_->decode(state_, tiles_, grid_.particles());
+  if (model_.fields->stress_follows_deformation()) grid_.take_stress_of_deformation();
   hold_inside(prepared_.scene, grid_.particles());
   timing.decode += timer.lap();
-  sample_field_->evaluate(state_.latent.data(), before_);
-  grid_.step(time_, dt, lost_);
+  sample_field_->evaluate(state_.latent.data(), motion_.before);
+  grid_.step(time_, dt, motion_.lost);
   timing.grid += timer.lap();
-  invert(dt);
+  project_samples(dt);
   timing.inversion += timer.lap();
   time_ += dt;
   ++timing.steps;
@@ -211,44 +229,29 @@ void ReducedSolver<T>::choose_points() {
   grid_.select(tiles_);
 }
 
-/// q <- argmin |g(X_s, q) - x_s|^2 from where the latent's velocity takes it; q' is the change over dt.
+/// The samples' way to the next latent state (rom/projection/projection.h), and what it tells of its error.
 template <typename T>
-void ReducedSolver<T>::invert(double dt) {
-  const auto r = static_cast<Eigen::Index>(state_.latent.size());
+void ReducedSolver<T>::project_samples(double dt) {
   const mpm::ParticleView<T> particles = grid_.particles();
-  target_.resize(before_.size());
+  motion_.after.resize(motion_.before.size());
   double moved2 = 0, furthest = 0;
-  for (Eigen::Index s = 0; s < target_.size() / 3; ++s) {
+  for (Eigen::Index s = 0; s < motion_.after.size() / 3; ++s) {
     const Vec<T, 3> x = particles.position.vec(s), way = static_cast<T>(dt) * particles.velocity.vec(s);
     for (int d = 0; d < 3; ++d) {
       // Without an obstacle or wall in the way, not rounded to the precision of positions: it would count in
       // velocities.
-      const bool free = x[d] == static_cast<T>(before_[3 * s + d]) + way[d];
-      target_[3 * s + d] = free ? before_[3 * s + d] + static_cast<double>(way[d]) : static_cast<double>(x[d]);
+      const double before = motion_.before[3 * s + d];
+      const bool free = x[d] == static_cast<T>(before) + way[d];
+      motion_.after[3 * s + d] = free ? before + static_cast<double>(way[d]) : static_cast<double>(x[d]);
     }
-    const double way2 = (target_.segment<3>(3 * s) - before_.segment<3>(3 * s)).squaredNorm();
+    const double way2 = (motion_.after.segment<3>(3 * s) - motion_.before.segment<3>(3 * s)).squaredNorm();
     moved2 += way2;
     furthest = std::max(furthest, way2);
   }
-  const Eigen::Map<const Eigen::VectorXd> old(state_.latent.data(), r), rate(state_.velocity.data(), r);
-  Eigen::VectorXd latent = old + dt * rate;
-  const FitOptions fit{.iterations = options_.iterations.value_or(1), .linearisation = Linearisation::once};
-  const FitReport report = fit_latent(*sample_field_, target_, lost_, fit, latent);
-  const Eigen::VectorXd velocity = (latent - old) / dt;
+  const FitReport report = project(projection_, *sample_field_, motion_, dt,
+                                   options_.iterations.value_or(iterations_of(projection_)), state_);
   misfit_ = report.distance / dt;
-  Eigen::VectorXd previous = old;
-  if (manifold_pull_ > 0) {
-    const double place = (time_ + dt) / model_.frame_time;
-    const Eigen::VectorXd way =
-        manifold_pull_ *
-        ((curve_.size() > 0 ? nearest_on_curve(curve_, latent, place) : manifold_.project(latent)) - latent);
-    latent += way;
-    previous += way;
-  }
-  state_.last_step = dt;
-  state_.previous.assign(previous.data(), previous.data() + r);
-  state_.latent.assign(latent.data(), latent.data() + r);
-  state_.velocity.assign(velocity.data(), velocity.data() + r);
+  if (manifold_pull_ > 0) pull(dt);
 
   const auto samples = static_cast<double>(samples_.size());
   const double moved = std::sqrt(moved2 / samples), least = 1e-4 * prepared_.scene.domain.dx;
@@ -259,6 +262,19 @@ void ReducedSolver<T>::invert(double dt) {
   iteration_sum_ += report.iterations;
   integration_sum_ += particles.count;
   statistics_.most_integration = std::max(statistics_.most_integration, particles.count);
+}
+
+/// A part of the way to where the training went, without a change of velocity.
+template <typename T>
+void ReducedSolver<T>::pull(double dt) {
+  const auto r = static_cast<Eigen::Index>(state_.latent.size());
+  const Eigen::VectorXd latent = Eigen::Map<const Eigen::VectorXd>(state_.latent.data(), r);
+  const double place = (time_ + dt) / model_.frame_time;
+  const Eigen::VectorXd way =
+      manifold_pull_ *
+      ((curve_.size() > 0 ? nearest_on_curve(curve_, latent, place) : manifold_.project(latent)) - latent);
+  Eigen::Map<Eigen::VectorXd>(state_.latent.data(), r) += way;
+  if (!state_.previous.empty()) Eigen::Map<Eigen::VectorXd>(state_.previous.data(), r) += way;
 }
 
 template <typename T>

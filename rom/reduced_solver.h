@@ -1,6 +1,6 @@
-// Runs a scene in the latent space of a reduced-order model (NSF section 5): decode the fields at the integration
-// particles, advance them on mpm's grid, invert the deformation field at the samples. After the start no step of the
-// full model is taken.
+// Runs a scene in the latent space of a reduced-order model (NSF section 5, CROM algorithm 2): decode the fields at the
+// integration particles, advance them on mpm's grid, project the samples back to the manifold. After the start no step
+// of the full model is taken.
 #pragma once
 
 #include <memory>
@@ -9,8 +9,8 @@
 
 #include "core/scene/trajectory.h"
 #include "mpm/simulation.h"
-#include "rom/projection/gauss_newton.h"
 #include "rom/projection/latent_manifold.h"
+#include "rom/projection/projection.h"
 #include "rom/reduced_model.h"
 #include "rom/solver/error_indicator.h"
 #include "rom/solver/integration_points.h"
@@ -28,9 +28,8 @@ enum class LongSteps {
 struct ReducedOptions {
   std::optional<double> step_factor;            ///< steps over those of the training, instead of the model's
   LongSteps long_steps = LongSteps::shortened;  ///< steps above the training's
-  /// Of the inversion; by default 1: the first step of Gauss-Newton from where the latent's velocity takes it is exact
-  /// to rounding in all measurements.
-  std::optional<int> iterations;
+  std::optional<int> iterations;                ///< of Gauss-Newton at most; by default 1 for NSF, 20 for CROM
+  std::optional<ProjectionKind> projection;     ///< instead of the model's
   std::optional<double> manifold_pull;          ///< instead of the model's
   std::optional<std::vector<int32_t>> samples;  ///< instead of the model's
 };
@@ -77,13 +76,15 @@ class ReducedSolver {
  private:
   void start();
   void choose_points();
-  void invert(double dt);
+  void project_samples(double dt);
+  void pull(double dt);
   bool try_step(double dt);
 
   const ReducedModel& model_;
   mpm::PreparedScene prepared_;
   ReducedOptions options_;
   double step_factor_, manifold_pull_;
+  ProjectionKind projection_;
   LatentManifold manifold_;
   Eigen::MatrixXd curve_;  ///< of the manifold at the run's parameter; may be none
   std::vector<int32_t> samples_;
@@ -94,8 +95,7 @@ class ReducedSolver {
   std::unique_ptr<PointFields<T>> fields_;
   std::unique_ptr<PointPositions<float>> output_;
   LatentState state_;
-  Eigen::VectorXd before_, target_;
-  std::vector<bool> lost_;  ///< samples that the last step threw off
+  SampleMotion motion_;  ///< of the last step
   double time_ = 0;
   bool due_ = true;  ///< integration points are to be found again
   StepControl control_;

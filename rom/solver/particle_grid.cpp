@@ -74,6 +74,19 @@ mpm::ParticleView<T> ParticleGrid<T>::particles() {
 }
 
 template <typename T>
+void ParticleGrid<T>::take_stress_of_deformation() {
+  const mpm::ParticleView<T> p = particles();
+  const mpm::MaterialParameters<T>* materials = grid_.materials.data();
+  const auto body = [=](int64_t slot) {
+    Mat<T, 3> F = mpm::load_matrix<T, 3>(p.deformation_gradient, slot);
+    T internal = p.internal.get(slot);
+    mpm::store_symmetric(p.stress, slot,
+                         mpm::map_and_stress_of_solid(materials[p.material.get(slot)], T(0), F, internal));
+  };
+  parallel_for_cpu(p.count, body);
+}
+
+template <typename T>
 void ParticleGrid<T>::step(double time, double dt, std::vector<bool>& lost) {
   mpm::find_owner_blocks(grid_.view(particles()));
   grid_.blocks.invalidate();

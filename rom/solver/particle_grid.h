@@ -32,6 +32,9 @@ class ParticleGrid {
   /// Slot i of tile j is particle 16 tiles[j] + i of the chosen ones: position,
   /// velocity, affine velocity and stress are to be written before a step.
   mpm::ParticleView<T> particles();
+  /// Gives the points the Kirchhoff stress that their material's law has at
+  /// their F, for elastic solids.
+  void take_stress_of_deformation();
   /// Advances the grid by dt from `time` [s] on; the samples' positions and
   /// velocities are then those after the step. `lost[s]`: sample s is not
   /// finite or would move over one cell, as beside a node with hardly any mass;

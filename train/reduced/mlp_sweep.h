@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "core/parallel/device.h"
-#include "rom/fields/conv_encoder.h"
-#include "rom/fields/mlp.h"
+#include "rom/networks/conv_encoder.h"
+#include "rom/networks/mlp.h"
 #include "train/reduced/mlp/mlp_module.h"
 #include "train/reduced/nsf_snapshots.h"
 

@@ -20,7 +20,7 @@
 #include <optional>
 
 #include "core/system/error.h"
-#include "rom/fields/conv_encoder.h"
+#include "rom/networks/conv_encoder.h"
 #include "train/networks/graph_kernels.h"
 #include "train/reduced/mlp/encoder_layers.h"
 #include "train/reduced/mlp/mlp_parameters.h"

@@ -1,5 +1,5 @@
-// One network of the paper's reduced-order fields (rom/fields/mlp.h) in training on a device, for the deformation with
-// the paper's encoder (rom/fields/conv_encoder.h), or that of a factored field's branch (rom/fields/mlp_map.h):
+// One network of the paper's reduced-order fields (rom/networks/mlp.h) in training on a device, for the deformation with
+// the paper's encoder (rom/networks/conv_encoder.h), or that of a factored field's branch (rom/fields/mlp_map.h):
 // weights, Adam's moments, and the snapshots that it is trained on. No torch type appears here.
 #pragma once
 

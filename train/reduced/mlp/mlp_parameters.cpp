@@ -3,7 +3,7 @@
 #include <cmath>
 
 #include "core/math/random.h"
-#include "rom/fields/conv_encoder.h"
+#include "rom/networks/conv_encoder.h"
 
 namespace graupel::train {
 

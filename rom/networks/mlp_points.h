@@ -6,7 +6,7 @@
 
 #include "core/parallel/buffer.h"
 #include "nn/linear.h"
-#include "rom/fields/mlp.h"
+#include "rom/networks/mlp.h"
 
 namespace graupel::rom {
 
@@ -23,15 +23,23 @@ class MlpPoints {
   void evaluate(const std::vector<double>& state, const std::vector<int32_t>& tiles, T* values) const;
   /// All of them.
   void evaluate(const std::vector<double>& state, T* values) const;
+  /// The same of some tiles, and the derivatives along `directions` of the inputs (X, q, mu) [directions, inputs]:
+  /// slopes[k] in tiles as the values.
+  void evaluate(const std::vector<double>& state, const Mlp::Rows& directions, const std::vector<int32_t>& tiles,
+                T* values, const std::vector<T*>& slopes) const;
   const std::vector<int32_t>& all_tiles() const { return all_tiles_; }
   int64_t bytes() const;
 
  private:
   /// What q and mu add to the first layer, with its bias.
   Buffer<float> first_bias(const std::vector<double>& state) const;
-  /// Some points, slot by slot of `values`.
-  void evaluate_f32(const Buffer<float>& first_bias, const std::vector<int64_t>& points, T* values) const;
-  void evaluate_f64(const std::vector<double>& state, const std::vector<int64_t>& points, T* values) const;
+  /// What a direction of the inputs adds to the first layer, one after the other, [directions, padded width].
+  Buffer<float> first_slopes(const Mlp::Rows& directions) const;
+  /// Some points, slot by slot of `values` and of `slopes`, which may be none.
+  void evaluate_f32(const Buffer<float>& first_bias, const Buffer<float>& first_slopes,
+                    const std::vector<int64_t>& points, T* values, const std::vector<T*>& slopes) const;
+  void evaluate_f64(const std::vector<double>& state, const Mlp::Rows& directions, const std::vector<int64_t>& points,
+                    T* values, const std::vector<T*>& slopes) const;
   T* slot_of(T* values, int64_t slot, std::size_t component) const;
 
   const Mlp& mlp_;
