@@ -11,8 +11,8 @@
 #include "train/reduced/error_calibration.h"
 #include "train/reduced/map_fit.h"
 #include "train/reduced/network_fit.h"
-#include "train/reduced/nsf_snapshots.h"
 #include "train/reduced/pod.h"
+#include "train/reduced/sweep_snapshots.h"
 
 namespace graupel::train {
 
@@ -25,7 +25,7 @@ using Eigen::MatrixXd;
 class FactoredTraining {
  public:
   FactoredTraining(const NsfTrainingOptions& options, NsfReport& report)
-      : options_(options), config_(options.config), report_(report), snapshots_(options.data, config_) {
+      : options_(options), config_(options.config), report_(report), snapshots_(options.data, config_, nsf_fields) {
     const SnapshotSet& set = snapshots_.set();
     report_.snapshots = set.snapshots();
     say(fmt::format("{} runs, {} snapshots of {} particles", set.runs(), set.snapshots(), set.particles()));
@@ -227,7 +227,7 @@ class FactoredTraining {
   const NsfTrainingOptions& options_;
   const NsfConfig& config_;
   NsfReport& report_;
-  NsfSnapshots snapshots_;
+  SweepSnapshots snapshots_;
   MatrixXd latents_;
   MatrixXd rates_;  ///< where the affine field follows the velocity
   rom::ModeTable deformation_;

@@ -145,17 +145,17 @@ TEST(KinematicParticles, AreNotLedOutOfTheWallsNorFasterThanACellInAStep) {
 Scene gripped() {
   Scene scene = torsion();
   Obstacle grip;
-  grip.shape = ShapeKind::box;
+  grip.shape = Shape::box;
   grip.size = {0.1, 0.2, 0.2};
   grip.position = {0.36, 0.5, 0.5};
-  grip.contact = ContactKind::stick;
+  grip.contact = Contact::stick;
   scene.obstacles.push_back(grip);
   return scene;
 }
 
 /// How far the particles between x = 0.41 and 0.44 come.
 double way_of_the_attached(const Scene& scene) {
-  const auto sim = Simulation::create(scene);
+  const auto sim = Simulation::create(scene, {});
   const ParticleFrame start = sim->frame();
   for (int f = 0; f < 6; ++f) sim->advance_frame();
   const ParticleFrame end = sim->frame();
@@ -177,11 +177,11 @@ TEST(KinematicParticles, AStickObstacleAroundThemHoldsWhatIsAttached) {
 }
 
 TEST(KinematicParticles, OnlyThoseWithoutReleaseMayLieInObstacles) {
-  EXPECT_NO_THROW(Simulation::create(gripped()));
+  EXPECT_NO_THROW(Simulation::create(gripped(), {}));
   Scene scene = gripped();
   scene.kinematic_regions[0].release_time = 0.05;
   try {
-    Simulation::create(scene);
+    Simulation::create(scene, {});
     FAIL() << "not refused";
   } catch (const ConfigError& error) {
     EXPECT_THAT(error.what(), testing::HasSubstr("overlaps obstacle 0"));

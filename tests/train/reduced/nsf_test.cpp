@@ -20,6 +20,7 @@
 #include "train/reduced/map_fit.h"
 #include "train/reduced/nsf_training.h"
 #include "train/reduced/pod.h"
+#include "train/reduced/sweep_snapshots.h"
 
 namespace graupel::train {
 namespace {
@@ -330,14 +331,14 @@ TEST_F(NsfTraining, TheTrunkFollowsParticlesThatItDoesNotKnow) {
 }
 
 TEST_F(NsfTraining, RefusesWhatIsNoSweep) {
-  EXPECT_THROW(SnapshotSet("no_such_file.h5"), InputError);
+  EXPECT_THROW(SnapshotSet("no_such_file.h5", nsf_fields), InputError);
   const Trajectory run = run_of(column(30));
   const std::string bare = folder_ + "/bare.h5";
   io::TrajectoryWriter writer(bare, run);
   for (const ParticleFrame& frame : run.frames) writer.append(frame);
   writer.finish();
   try {
-    SnapshotSet set(bare);
+    SnapshotSet set(bare, nsf_fields);
     FAIL() << "accepted a run without stress";
   } catch (const InputError& error) {
     EXPECT_NE(std::string(error.what()).find("lacks the field 'stress'"), std::string::npos) << error.what();
