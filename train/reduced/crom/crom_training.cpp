@@ -11,6 +11,7 @@
 #include "core/system/human_time.h"
 #include "io/config/config_description.h"
 #include "rom/fields/deformation_fields.h"
+#include "train/parallel/blas_threads.h"
 #include "train/reduced/crom/crom_sweep.h"
 
 namespace graupel::train {
@@ -55,6 +56,7 @@ std::optional<rom::ReducedModel> train_crom(const CromTrainingOptions& options, 
   const Stopwatch watch;
   const CromConfig& config = options.config;
   configure_torch(options.threads, config.tf32);
+  const BlasThreads one_thread(1);  // products of width 30 are too small to share
   CromSweep sweep(options.data, config);
   StageRun run(options, io::write_json(io::json_of_struct(config), io::JsonLayout::compact), config.seed,
                {"deformation"});
