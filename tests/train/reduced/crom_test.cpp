@@ -16,32 +16,10 @@
 namespace graupel::train {
 namespace {
 
-MlpShape shape_with_tangents() {
-  MlpShape shape{2, 0, 7, 3};
-  shape.tangents = true;
-  return shape;
-}
-
-MlpModule random_module(NumberType number, StepLaunch launch = StepLaunch::graph) {
-  const MlpShape shape = shape_with_tangents();
-  MlpModule module(shape, Device::cpu, 3, number, launch);
-  nn::Weights weights = module.state(MlpArray::weights);
-  for (auto& [name, tensor] : weights.tensors)
-    if (name.ends_with(".bias"))
-      tensor = nn::Tensor::from_float(noise(static_cast<std::size_t>(tensor.count()), 50), tensor.shape);
-  module.set_state(MlpArray::weights, weights);
-  module.set_points(noise(mlp_points * 3, 1));
-  module.set_states(noise(mlp_snapshots * 2, 2));
-  module.set_rates(noise(mlp_snapshots * 2, 6));
-  module.set_targets(noise(static_cast<std::size_t>(mlp_snapshots * mlp_points * shape.targets()), 3), all_on_device);
-  std::vector<float> weight = noise(static_cast<std::size_t>(shape.targets()), 7);
-  for (float& w : weight) w = w * w + 0.1f;
-  module.set_loss_weights(weight);
-  return module;
-}
+constexpr MlpShape with_tangents{.latents = 2, .width = 7, .outputs = 3, .tangents = true};
 
 TEST(CromTangents, AreDerivativesOfTheNetwork) {
-  const MlpModule module = random_module(NumberType::f64);
+  const MlpModule module = module_of(with_tangents, NumberType::f64);
   const nn::Weights weights = module.state(MlpArray::weights);
   const std::vector<double> zero(5, 0.0), one(5, 1.0);
   const rom::Mlp net(rom::Mlp::load_layers(weights, "", 5, 7, 3), {zero, one}, {{0, 0, 0}, {1, 1, 1}});
@@ -69,12 +47,14 @@ TEST(CromTangents, AreDerivativesOfTheNetwork) {
 }
 
 TEST(CromTangents, GradientIsTheSlopeOfTheLoss) {
-  MlpModule module = random_module(NumberType::f64);
+  MlpModule module = module_of(with_tangents, NumberType::f64);
   expect_slope_of_loss(module, {{0, 2, 3}, {1, 5, 60, 33, 12}});
 }
 
-/// A jelly box that is sheared and stretched by an amount that grows with time, as no forces would do it: x = A X + b.
+/// A jelly box that is sheared and stretched by an amount that grows with time, as no forces would do it:
+/// x = c + A (X - c).
 constexpr int motion_frames = 12;
+const Vec3d center = {0.25, 0.25, 0.25};
 Mat3d map_at(double size, int frame) {
   const double s = size * frame / motion_frames;
   Mat3d map = Mat3d::identity();
@@ -111,7 +91,7 @@ std::string affine_sweep(const std::string& name) {
         const Mat3d map = map_at(size, f);
         std::vector<float>& gradient = frame.fields[ParticleField::deformation_gradient];
         for (std::size_t p = 0; p < frame.position.size(); ++p) {
-          frame.position[p] = (map * start.position[p].cast<double>()).cast<float>();
+          frame.position[p] = (center + map * (start.position[p].cast<double>() - center)).cast<float>();
           for (int i = 0; i < 9; ++i)
             gradient[9 * p + static_cast<std::size_t>(i)] = static_cast<float>(map(i / 3, i % 3));
         }
@@ -154,17 +134,18 @@ class CromTraining : public testing::Test {
 
 TEST_F(CromTraining, LearnsAnAffineMotionWithItsDerivatives) {
   CromTrainingOptions longer = options("crom_affine");
-  longer.config.epochs_scale = 0.6;
+  longer.config.epochs_scale = 1;
+  longer.config.learning_rate = 4e-3;
   CromReport report;
   const auto model = train_crom(longer, report);
   ASSERT_TRUE(model);
   ASSERT_TRUE(report.test);
-  EXPECT_EQ(report.steps, 3315);  // 0.6 * 850 epochs of 52 / 8 steps
+  EXPECT_EQ(report.steps, 5525);  // 850 epochs of 52 / 8 steps
   for (const ReconstructionErrors& errors : {report.training, *report.test}) {
     EXPECT_LT(errors.displacement, 0.02);
-    EXPECT_LT(errors.position, 0.3 * errors.displacement);
+    EXPECT_LT(errors.position, 0.1 * errors.displacement);
     EXPECT_LT(errors.gradient, 0.03);
-    EXPECT_LT(errors.velocity, 0.03);
+    EXPECT_LT(errors.velocity, 0.06);
   }
   const rom::ReducedModel stored = rom::ReducedModel::load(model->store(nn::DType::f32));
   EXPECT_EQ(stored.kind, rom::ReducedKind::crom);

@@ -258,7 +258,7 @@ TEST_F(NsfTraining, SurvivesStorageAndTakesClustersAndLongerSteps) {
   rom::ReducedOptions longer;
   longer.step_factor = 2;
   EXPECT_LT(displacement_error<double>(stored, 31, longer), 0.1);
-  model.take_clusters(rom::make_clusters(SnapshotSet(folder_ + "/train.h5").reference(),
+  model.take_clusters(rom::make_clusters(SnapshotSet(folder_ + "/train.h5", nsf_fields).reference(),
                                          std::vector<int32_t>(static_cast<std::size_t>(model.fields->particles())), 3));
   EXPECT_EQ(factored(model).stress().rows(), model.clusters.count);
   EXPECT_LT(displacement_error<double>(model, 31, {}), 0.1);

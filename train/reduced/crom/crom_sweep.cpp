@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <cmath>
 #include <limits>
 
 #include "core/system/error.h"
@@ -40,6 +42,20 @@ std::vector<float> floats_of(const MatrixXd& m) {
   for (Index i = 0; i < m.rows(); ++i)
     for (Index j = 0; j < m.cols(); ++j) values.push_back(static_cast<float>(m(i, j)));
   return values;
+}
+
+/// Mean 0 and variance 1 for every component; one that hardly varies is scaled as if it did by a thousandth of the one
+/// that varies most, so that errors in it are not larger than the body.
+rom::Standardization displacement_scale(const std::vector<float>& values) {
+  rom::Standardization s = standardization_of(values, 3);
+  double deviation[3] = {}, largest = 0;
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    const double d = static_cast<double>(values[i]) - s.shift[i % 3];
+    deviation[i % 3] += 3 * d * d / static_cast<double>(values.size());
+  }
+  for (double& d : deviation) largest = std::max(largest, d = std::sqrt(d));
+  for (std::size_t c = 0; c < 3 && largest > 0; ++c) s.scale[c] = 1 / std::max(deviation[c], 1e-3 * largest);
+  return s;
 }
 
 }  // namespace
@@ -99,7 +115,7 @@ std::vector<float> CromSweep::targets() {
   std::vector<float> displacement = snapshots_.read(SnapshotField::position);
   const std::size_t row = reference.size(), rows = displacement.size() / 3;
   for (std::size_t i = 0; i < displacement.size(); ++i) displacement[i] -= reference[i % row];
-  output_ = standardization_of(displacement, 3);
+  output_ = displacement_scale(displacement);
   const std::vector<float> gradient = snapshots_.read(SnapshotField::deformation_gradient);
   std::vector<float> targets(rows * 3 * streams, 0.0f);
   const auto put = [&](std::size_t i, std::size_t stream, std::size_t c, double value) {

@@ -52,18 +52,6 @@ struct StepInput {
 
 }  // namespace
 
-const char* name_of(MlpArray array) {
-  switch (array) {
-    case MlpArray::weights:
-      return "weights";
-    case MlpArray::adam_m:
-      return "adam_m";
-    case MlpArray::adam_v:
-      return "adam_v";
-  }
-  return "?";
-}
-
 struct MlpModule::Impl {
   Impl(const MlpShape& s, Device where, uint64_t seed, NumberType number, StepLaunch launch)
       : shape(s),
