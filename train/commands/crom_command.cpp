@@ -48,6 +48,7 @@ int train(ReducedArguments arguments, const std::string& command_line) {
                 {"steps", report.steps},
                 {"loss", report.loss},
                 {"training_errors", json_of(report.training)}};
+  facts["calibration"] = json_of(report.calibration);
   if (report.test) facts["test_errors"] = json_of(*report.test);
   write_reduced_result(arguments, *model, facts, report.run_seconds, options.device, nn::DType::f32);
   return 0;

@@ -49,11 +49,7 @@ void train_modes(const ReducedArguments& arguments, const NsfConfig& config, con
                       {"deformation", json_of(report.deformation)},
                       {"stress", json_of(report.stress)},
                       {"affine", json_of(report.affine)},
-                      {"calibration",
-                       {{"runs", report.calibration.runs},
-                        {"diverged", report.calibration.diverged},
-                        {"seconds", report.calibration.seconds},
-                        {"displacement_relative_errors", report.calibration.errors}}}};
+                      {"calibration", json_of(report.calibration)}};
   make_folder(arguments.out);
   write_file_atomically(arguments.out + "/config.json", config_json + "\n");
   write_reduced_result(arguments, model, facts, report.seconds, Device::cpu, stored_as(config.storage));

@@ -69,6 +69,13 @@ int stopped_run(const StageRunOptions& options, const std::string& verb) {
   return stop_signal() == SIGINT ? static_cast<int>(ExitCode::interrupted) : 0;
 }
 
+nlohmann::ordered_json json_of(const CalibrationReport& calibration) {
+  return {{"runs", calibration.runs},
+          {"diverged", calibration.diverged},
+          {"seconds", calibration.seconds},
+          {"displacement_relative_errors", calibration.errors}};
+}
+
 void write_reduced_result(const ReducedArguments& a, rom::ReducedModel& model, const nlohmann::ordered_json& facts,
                           double seconds, Device device, nn::DType modes) {
   model.provenance["training"] = facts.dump();

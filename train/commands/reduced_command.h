@@ -12,6 +12,7 @@
 #include "nn/weights.h"
 #include "rom/reduced_model.h"
 #include "train/commands/run_log.h"
+#include "train/reduced/error_calibration.h"
 #include "train/reduced/mlp/stage_run.h"
 
 namespace graupel::train {
@@ -51,6 +52,8 @@ void fill_run_options(const ReducedArguments& a, const std::string& command_line
                       RunLog& log, StageRunOptions& options);
 /// Exit code of a run that was stopped, which it tells.
 int stopped_run(const StageRunOptions& options, const std::string& verb);
+
+nlohmann::ordered_json json_of(const CalibrationReport& calibration);
 
 /// The model, what the training tells and `seconds` of all its parts, in the run folder.
 void write_reduced_result(const ReducedArguments& a, rom::ReducedModel& model, const nlohmann::ordered_json& facts,

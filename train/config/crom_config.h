@@ -20,6 +20,7 @@ struct CromConfig {
   Vec3d sample_low = Vec3d::filled(-1e30), sample_high = Vec3d::filled(1e30);
   double step_factor = 1;
   int64_t encoder_particles = 2000;
+  int64_t calibration_runs = 4;
   bool tf32 = true;
   double memory_limit = 40;  ///< [GB]
   int64_t log_interval = 1000, checkpoint_interval = 10000;
@@ -72,6 +73,10 @@ struct CromConfig {
                     Range::positive()});
     count(&C::encoder_particles, "encoder_particles", "",
           "Particles whose positions give the latent of a state, at most", 1e6);
+    visit(&C::calibration_runs,
+          FieldInfo{"calibration_runs", "",
+                    "Training runs that the model rolls out to learn what is usual (0: no verdict on trust)",
+                    Range::between(0, 1000)});
     visit(&C::tf32, FieldInfo{"tf32", "", "TF32 matrix products on a GPU"});
     visit(&C::memory_limit,
           FieldInfo{"memory_limit", "GB", "Targets up to this size lie on the device, else batches are copied",

@@ -8,7 +8,6 @@
 #include "core/system/error.h"
 #include "core/system/stopwatch.h"
 #include "rom/fields/factored_fields.h"
-#include "train/reduced/error_calibration.h"
 #include "train/reduced/map_fit.h"
 #include "train/reduced/network_fit.h"
 #include "train/reduced/pod.h"
@@ -46,25 +45,14 @@ class FactoredTraining {
     model.singular_values = singular_values_;
     snapshots_.describe(latents_, std::vector<double>(static_cast<std::size_t>(latents_.cols()), 1.0), model);
     report_.read_seconds = snapshots_.read_seconds();
-    calibrate(model);
+    calibrate_trust(model,
+                    {snapshots_.set().file(), static_cast<int>(config_.calibration_runs),
+                     [this](const std::string& text) { say(text); }},
+                    report_.calibration);
     return model;
   }
 
  private:
-  /// Data of another machine may lack the meshes that its scenes name; the fields do not need them.
-  void calibrate(rom::ReducedModel& model) {
-    if (config_.calibration_runs == 0) return;
-    CalibrationReport& report = report_.calibration;
-    try {
-      calibrate_trust(model, {snapshots_.set().file(), static_cast<int>(config_.calibration_runs)}, report);
-    } catch (const InputError& error) {
-      say(fmt::format("no verdict on trust: the training runs cannot be rolled out ({})", error.what()));
-      return;
-    }
-    say(fmt::format("trust: {} training runs rolled out in {:.1f} s, error up to {:.3g} % of the displacement",
-                    report.runs, report.seconds, 100 * model.usual_error));
-  }
-
   void say(const std::string& text) const {
     if (options_.message) options_.message(text);
   }

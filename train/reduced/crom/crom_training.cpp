@@ -86,6 +86,7 @@ std::optional<rom::ReducedModel> train_crom(const CromTrainingOptions& options, 
   run.say("training runs: " + text_of(report.training));
   report.test = test_errors(fields->deformation(), sweep, options.data);
   if (report.test) run.say("test runs: " + text_of(*report.test));
+  calibrate_trust(model, {set.file(), static_cast<int>(config.calibration_runs), options.message}, report.calibration);
   report.steps = progress->step;
   report.loss = progress->loss;
   report.read_seconds = sweep.snapshots().read_seconds();

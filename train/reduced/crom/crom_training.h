@@ -7,6 +7,7 @@
 #include "rom/reduced_model.h"
 #include "train/config/crom_config.h"
 #include "train/reduced/crom/reconstruction.h"
+#include "train/reduced/error_calibration.h"
 #include "train/reduced/mlp/stage_run.h"
 
 namespace graupel::train {
@@ -18,8 +19,9 @@ struct CromReport {
   double loss = 0;                ///< since the last line of the log; 0 when an earlier part of the run finished
   ReconstructionErrors training;  ///< of about 64 snapshots
   std::optional<ReconstructionErrors> test;  ///< of all in test.h5, where the data set has it
-  double read_seconds = 0, seconds = 0;      ///< of this part of the run
-  double run_seconds = 0;                    ///< of all its parts
+  CalibrationReport calibration;
+  double read_seconds = 0, seconds = 0;  ///< of this part of the run
+  double run_seconds = 0;                ///< of all its parts
   StopReason reason = StopReason::finished;
 };
 
