@@ -27,6 +27,18 @@ void add_layer(const std::string& name, std::vector<int64_t> weight, int64_t fan
 
 }  // namespace
 
+const char* name_of(MlpArray array) {
+  switch (array) {
+    case MlpArray::weights:
+      return "weights";
+    case MlpArray::adam_m:
+      return "adam_m";
+    case MlpArray::adam_v:
+      return "adam_v";
+  }
+  return "?";
+}
+
 std::vector<MlpParameter> mlp_parameters(const MlpShape& shape) {
   std::vector<MlpParameter> list;
   for (int l = 0; l < Mlp::layer_count; ++l) {
