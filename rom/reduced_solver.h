@@ -5,6 +5,7 @@
 
 #include <memory>
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "core/scene/trajectory.h"
@@ -34,6 +35,14 @@ struct ReducedOptions {
   std::optional<double> manifold_pull;          ///< instead of the model's
   std::optional<std::vector<int32_t>> samples;  ///< instead of the model's
 };
+
+/// The value that a word names; none for an empty word.
+template <typename E>
+std::optional<E> word_choice(const std::string& word) {
+  for (const auto& [name, value] : EnumWords<E>::words)
+    if (word == name) return value;
+  return std::nullopt;
+}
 
 /// Seconds of the parts of steps, summed.
 struct StepTiming {
