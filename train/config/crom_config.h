@@ -14,7 +14,7 @@ struct CromConfig {
   double velocity_weight = 0.01;  ///< [s^2]
   double epochs_scale = 1;
   double learning_rate = 1e-3;
-  int64_t batch_snapshots = 8, batch_particles = 300;
+  int64_t batch_snapshots = 8, batch_particles = 100;
   int64_t samples = 100;
   rom::SampleRule sample_rule = rom::SampleRule::random;
   Vec3d sample_low = Vec3d::filled(-1e30), sample_high = Vec3d::filled(1e30);
