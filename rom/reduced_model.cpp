@@ -40,6 +40,14 @@ void check_indices(const nn::Weights& weights, const std::vector<int32_t>& indic
                                    weights.file, i, what, count - 1));
 }
 
+/// Files of earlier versions lack some: these keep their default.
+template <typename E>
+void read_word(const Json& settings, const char* key, E& value) {
+  const std::string stored = settings.value(key, word_of(value));
+  for (const auto& [word, kind] : EnumWords<E>::words)
+    if (stored == word) value = kind;
+}
+
 void read_settings(const Json& settings, ReducedModel& model) {
   for (const Json& p : settings.at("parameters"))
     model.parameters.push_back({p.at("name"), p.at("unit"), p.at("keys"), p.at("low"), p.at("high")});
@@ -52,9 +60,8 @@ void read_settings(const Json& settings, ReducedModel& model) {
   model.usual_error = settings.value("usual_error", 0.0);
   model.step_factor = settings.value("step_factor", 1.0);
   model.manifold_pull = settings.value("manifold_pull", 0.0);
-  const std::string projection = settings.value("projection", word_of(ProjectionKind::position));
-  for (const auto& [word, kind] : EnumWords<ProjectionKind>::words)
-    if (projection == word) model.projection = kind;
+  read_word(settings, "projection", model.projection);
+  read_word(settings, "quadrature", model.quadrature);
 }
 
 /// Files that need what was removed; their results would be others.

@@ -15,7 +15,7 @@
 #include "rom/networks/conv_encoder.h"
 #include "rom/projection/projection.h"
 #include "rom/solver/error_indicator.h"
-#include "rom/solver/particle_grid.h"
+#include "rom/solver/quadrature.h"
 
 namespace graupel::rom {
 
@@ -63,8 +63,9 @@ struct ReducedModel {
   std::vector<int32_t> samples;  ///< by default
   double manifold_pull = 0;      ///< share of the way back to the training's sheet that a step takes
   double step_factor = 1;        ///< steps over those of the training, by default
-  ProjectionKind projection = ProjectionKind::position;  ///< by default
-  Clusters clusters;                                     ///< integration points; as many as particles: these themselves
+  ProjectionKind projection = ProjectionKind::position;    ///< by default
+  QuadratureKind quadrature = QuadratureKind::lagrangian;  ///< by default
+  Clusters clusters;                        ///< integration points; as many as particles: these themselves
   std::vector<int32_t> encoder;             ///< particles whose positions give the latent, by least squares
   std::optional<ConvEncoder> conv_encoder;  ///< the paper's, which then gives the latent instead
   std::vector<double> start_latent;         ///< mean over the training runs [r]; CROM: of the reference body

@@ -10,6 +10,9 @@
 
 #include "core/system/error.h"
 #include "core/system/stopwatch.h"
+#include "rom/fields/deformation_fields.h"
+#include "rom/solver/eulerian_quadrature.h"
+#include "rom/solver/lagrangian_quadrature.h"
 
 namespace graupel::rom {
 
@@ -110,8 +113,6 @@ ReducedSolver<T>::ReducedSolver(const ReducedModel& model, mpm::PreparedScene pr
                 1 + static_cast<int>(model.parameters.size())),
       samples_(options.samples.value_or(model.samples)),
       grid_(prepared_),
-      points_(*model.fields, model.integration_points(prepared_.particles.volume), samples_,
-              mpm::grid_of<T>(prepared_.scene.domain)),
       sample_field_(model.fields->bind_samples(samples_)),
       output_(model.fields->bind_positions_f32(all_of(model.fields->particles()))),
       control_(halvings_of(model, prepared_.scene.frame_time, step_factor_, options.long_steps)) {
@@ -120,9 +121,24 @@ ReducedSolver<T>::ReducedSolver(const ReducedModel& model, mpm::PreparedScene pr
     throw ConfigError(fmt::format("a time step factor of {} is out of range (above 0). Use 1", step_factor_));
   state_.parameters = std::move(parameters);
   if (state_.parameters.size() == 1) curve_ = manifold_.between(model.run_parameters, state_.parameters.front());
-  grid_.choose(points_.candidates());
-  fields_ = bind_fields<T>(*model_.fields, points_.candidates().particles);
+  quadrature_ = make_quadrature();
   start();
+}
+
+template <typename T>
+std::unique_ptr<Quadrature<T>> ReducedSolver<T>::make_quadrature() {
+  const mpm::GridGeometry<T, 3> geometry = mpm::grid_of<T>(prepared_.scene.domain);
+  if (options_.quadrature.value_or(model_.quadrature) == QuadratureKind::lagrangian)
+    return std::make_unique<LagrangianQuadrature<T>>(
+        *model_.fields, model_.integration_points(prepared_.particles.volume), samples_, geometry, grid_);
+  const auto* const fields = dynamic_cast<const DeformationFields*>(model_.fields.get());
+  if (fields == nullptr)
+    throw ConfigError(
+        "Eulerian quadrature needs a deformation map that knows every material point, and no stress field (a model of "
+        "`graupel train crom`). Use quadrature lagrangian");
+  constexpr int points_per_axis = 2;  // of a cell, as in the paper
+  return std::make_unique<EulerianQuadrature<T>>(fields->deformation(), model_.reference, prepared_.particles, samples_,
+                                                 geometry, points_per_axis, grid_);
 }
 
 /// The latent of the scene's first state, and the velocity along the manifold that is nearest to its velocities.
@@ -205,9 +221,9 @@ template <typename T>
 void ReducedSolver<T>::step(double dt) {
   Stopwatch timer;
   StepTiming& timing = statistics_.timing;
-  if (due_) choose_points();
+  quadrature_->find(state_, grid_);
   timing.search += timer.lap();
-  fields_->decode(state_, tiles_, grid_.particles());
+  quadrature_->fill(state_, grid_);
   if (model_.fields->stress_follows_deformation()) grid_.take_stress_of_deformation();
   hold_inside(prepared_.scene, grid_.particles());
   timing.decode += timer.lap();
@@ -218,15 +234,6 @@ void ReducedSolver<T>::step(double dt) {
   timing.inversion += timer.lap();
   time_ += dt;
   ++timing.steps;
-}
-
-template <typename T>
-void ReducedSolver<T>::choose_points() {
-  due_ = false;
-  std::vector<int32_t> found = points_.find(state_);
-  if (found == tiles_) return;
-  tiles_ = std::move(found);
-  grid_.select(tiles_);
 }
 
 /// The samples' way to the next latent state (rom/projection/projection.h), and what it tells of its error.
@@ -257,7 +264,7 @@ void ReducedSolver<T>::project_samples(double dt) {
   const double moved = std::sqrt(moved2 / samples), least = 1e-4 * prepared_.scene.domain.dx;
   trust_.residual = std::max(trust_.residual, report.distance / std::max(moved, least));
   down_weighted_sum_ += report.down_weighted;
-  due_ = points_.stale_after(std::sqrt(furthest));
+  quadrature_->moved(std::sqrt(furthest));
   statistics_.largest_condition = std::max(statistics_.largest_condition, report.condition);
   iteration_sum_ += report.iterations;
   integration_sum_ += particles.count;
@@ -300,7 +307,7 @@ ReducedStatistics ReducedSolver<T>::statistics() const {
   s.samples = static_cast<int64_t>(samples_.size());
   s.mean_integration = static_cast<double>(integration_sum_) / steps;
   s.mean_iterations = static_cast<double>(iteration_sum_) / steps;
-  s.bytes = grid_.bytes() + points_.bytes() + output_->bytes() + (fields_ ? fields_->bytes() : 0);
+  s.bytes = grid_.bytes() + quadrature_->bytes() + output_->bytes();
   return s;
 }
 

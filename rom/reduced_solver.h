@@ -13,8 +13,8 @@
 #include "rom/projection/projection.h"
 #include "rom/reduced_model.h"
 #include "rom/solver/error_indicator.h"
-#include "rom/solver/integration_points.h"
 #include "rom/solver/particle_grid.h"
+#include "rom/solver/quadrature.h"
 #include "rom/solver/step_control.h"
 
 namespace graupel::rom {
@@ -30,6 +30,7 @@ struct ReducedOptions {
   LongSteps long_steps = LongSteps::shortened;  ///< steps above the training's
   std::optional<int> iterations;                ///< of Gauss-Newton at most; by default 1 for NSF, 20 for CROM
   std::optional<ProjectionKind> projection;     ///< instead of the model's
+  std::optional<QuadratureKind> quadrature;     ///< instead of the model's
   std::optional<double> manifold_pull;          ///< instead of the model's
   std::optional<std::vector<int32_t>> samples;  ///< instead of the model's
 };
@@ -75,7 +76,7 @@ class ReducedSolver {
 
  private:
   void start();
-  void choose_points();
+  std::unique_ptr<Quadrature<T>> make_quadrature();
   void project_samples(double dt);
   void pull(double dt);
   bool try_step(double dt);
@@ -89,15 +90,12 @@ class ReducedSolver {
   Eigen::MatrixXd curve_;  ///< of the manifold at the run's parameter; may be none
   std::vector<int32_t> samples_;
   ParticleGrid<T> grid_;
-  IntegrationPoints<T> points_;
-  std::vector<int32_t> tiles_;  ///< of the integration points' candidates, that take part
+  std::unique_ptr<Quadrature<T>> quadrature_;
   std::unique_ptr<SampleField> sample_field_;
-  std::unique_ptr<PointFields<T>> fields_;
   std::unique_ptr<PointPositions<float>> output_;
   LatentState state_;
   SampleMotion motion_;  ///< of the last step
   double time_ = 0;
-  bool due_ = true;  ///< integration points are to be found again
   StepControl control_;
   double misfit_ = 0;  ///< distance that the last inversion left, over its dt [m/s]
   ErrorIndicator trust_;

@@ -20,6 +20,8 @@ class DeformationPoints {
   /// the change over the state's last step where there was one; and, unless they are null, F = dg/dX row by row.
   virtual void decode(const LatentState& state, const std::vector<int32_t>& tiles, T* position, T* velocity,
                       T* gradient) = 0;
+  /// Other points X [n, 3] [m] in place of those so far.
+  virtual void set_points(const std::vector<float>& points) = 0;
   /// Positions of all points.
   virtual void positions(const LatentState& state, T* position) = 0;
   virtual const std::vector<int32_t>& all_tiles() const = 0;

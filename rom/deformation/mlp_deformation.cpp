@@ -32,28 +32,14 @@ template <typename T>
 class BoundMlp final : public DeformationPoints<T> {
  public:
   BoundMlp(const MlpDeformation& map, const std::vector<float>& points)
-      : points_(points), net_(map.displacement(), points_, vector_order) {
-    const std::size_t slots = net_.all_tiles().size() * static_cast<std::size_t>(tile);
-    base_.assign(3 * slots, T(0));
-    base_gradient_.assign(9 * slots, T(0));
-    if (!map.rest().empty()) {
-      LatentState rest;
-      rest.latent = map.rest();
-      rest.velocity.assign(rest.latent.size(), 0.0);
-      std::vector<T> velocity(base_.size());
-      evaluate(rest, net_.all_tiles(), base_.data(), velocity.data(), base_gradient_.data());
-      for (T& u : base_) u = -u;
-      for (T& f : base_gradient_) f = -f;
-    }
-    const mpm::TiledView<T, 3> base{base_.data()};
-    const mpm::TiledView<T, 9> gradient{base_gradient_.data()};
-    for (int64_t p = 0; p < net_.slots(); ++p)
-      for (int d = 0; d < 3; ++d) {
-        base.at(p)[d * tile] += static_cast<T>(points_[static_cast<std::size_t>(3 * p + d)]);
-        gradient.at(p)[4 * d * tile] += T(1);
-      }
+      : map_(map), net_(map.displacement(), points, vector_order) {
+    set_base(points);
   }
 
+  void set_points(const std::vector<float>& points) override {
+    net_.set_points(points);
+    set_base(points);
+  }
   void decode(const LatentState& state, const std::vector<int32_t>& tiles, T* position, T* velocity,
               T* gradient) override {
     evaluate(state, tiles, position, velocity, gradient);
@@ -66,11 +52,32 @@ class BoundMlp final : public DeformationPoints<T> {
   }
   const std::vector<int32_t>& all_tiles() const override { return net_.all_tiles(); }
   int64_t bytes() const override {
-    return net_.bytes() + static_cast<int64_t>((base_.size() + base_gradient_.size() + slopes_.size()) * sizeof(T) +
-                                               points_.size() * sizeof(float));
+    return net_.bytes() + static_cast<int64_t>((base_.size() + base_gradient_.size() + slopes_.size()) * sizeof(T));
   }
 
  private:
+  void set_base(const std::vector<float>& points) {
+    const std::size_t slots = net_.all_tiles().size() * static_cast<std::size_t>(tile);
+    base_.assign(3 * slots, T(0));
+    base_gradient_.assign(9 * slots, T(0));
+    if (!map_.rest().empty()) {
+      LatentState rest;
+      rest.latent = map_.rest();
+      rest.velocity.assign(rest.latent.size(), 0.0);
+      std::vector<T> velocity(base_.size());
+      evaluate(rest, net_.all_tiles(), base_.data(), velocity.data(), base_gradient_.data());
+      for (T& u : base_) u = -u;
+      for (T& f : base_gradient_) f = -f;
+    }
+    const mpm::TiledView<T, 3> base{base_.data()};
+    const mpm::TiledView<T, 9> gradient{base_gradient_.data()};
+    for (int64_t p = 0; p < net_.slots(); ++p)
+      for (int d = 0; d < 3; ++d) {
+        base.at(p)[d * tile] += static_cast<T>(points[static_cast<std::size_t>(3 * p + d)]);
+        gradient.at(p)[4 * d * tile] += T(1);
+      }
+  }
+
   static void add(const std::vector<T>& base, int components, const std::vector<int32_t>& tiles, T* values) {
     const auto width = static_cast<std::size_t>(components * tile);
     for (std::size_t j = 0; j < tiles.size(); ++j)
@@ -109,7 +116,7 @@ class BoundMlp final : public DeformationPoints<T> {
                       gradient + (9 * t + 3 * c + k) * static_cast<std::size_t>(tile));
   }
 
-  std::vector<float> points_;
+  const MlpDeformation& map_;
   MlpPoints<T> net_;
   std::vector<T> base_, base_gradient_;  ///< X + a(X) and its gradient, in tiles
   std::vector<T> slopes_;

@@ -67,9 +67,8 @@ float* scratch(std::size_t which, std::size_t count) {
 
 template <typename T>
 MlpPoints<T>::MlpPoints(const Mlp& mlp, const std::vector<float>& points, std::vector<int> order)
-    : mlp_(mlp), points_(points), order_(std::move(order)) {
-  all_tiles_.resize(static_cast<std::size_t>(mpm::padded_to_tile(slots()) / tile));
-  std::iota(all_tiles_.begin(), all_tiles_.end(), 0);
+    : mlp_(mlp), order_(std::move(order)) {
+  set_points(points);
   if constexpr (std::is_same_v<T, float>) {
     for (int l = 0; l < Mlp::layer_count; ++l) {
       const MlpLayer& layer = mlp.layers()[static_cast<std::size_t>(l)];
@@ -77,6 +76,13 @@ MlpPoints<T>::MlpPoints(const Mlp& mlp, const std::vector<float>& points, std::v
       bias_.push_back(padded(layer.bias));
     }
   }
+}
+
+template <typename T>
+void MlpPoints<T>::set_points(const std::vector<float>& points) {
+  points_ = points;
+  all_tiles_.resize(static_cast<std::size_t>(mpm::padded_to_tile(slots()) / tile));
+  std::iota(all_tiles_.begin(), all_tiles_.end(), 0);
 }
 
 template <typename T>

@@ -17,6 +17,8 @@ class MlpPoints {
   /// `points` [n, 3] [m]; `order[c]` is the output that stands at place c of the tiles. `mlp` must outlive this.
   MlpPoints(const Mlp& mlp, const std::vector<float>& points, std::vector<int> order);
 
+  /// Other points in place of those so far.
+  void set_points(const std::vector<float>& points);
   int64_t slots() const { return static_cast<int64_t>(points_.size()) / 3; }
   /// y(X_s, q, mu) in tiles of 16 slots (mpm/particles/particles.h), on all threads; `state` is (q, mu), the inputs
   /// after X. Tile j of `values` is tile tiles[j] of the points.

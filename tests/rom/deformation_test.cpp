@@ -5,6 +5,7 @@
 
 #include "core/system/error.h"
 #include "rom/reduced_solver.h"
+#include "rom/solver/eulerian_quadrature.h"
 #include "tests/rom/deformation_model.h"
 #include "tests/rom/random_network.h"
 
@@ -193,6 +194,78 @@ TYPED_TEST(DeformationRun, StressMovesNoMomentum) {
   const double tolerance = sizeof(TypeParam) == 4 ? 1e-4 : 1e-9;
   for (std::size_t d = 0; d < 3; ++d) EXPECT_NEAR(solver.state().velocity[d], 0, tolerance);
   EXPECT_GT(solver.trust().residual, 0.5) << "its particles move, but not as a whole";
+}
+
+/// A stretched block at rest: cells' points find their material points, and their mass is that of the block.
+TEST(EulerianQuadrature, TracesPointsBackAndHasTheBodysMass) {
+  const Scene scene = jelly_block("[0, 0, 0]");
+  Eigen::MatrixXd matrix = translation();
+  matrix(0, 0) = 0.1;
+  matrix(1, 2) = -0.05;
+  const ReducedModel model = deformation_model(scene, linear_network(matrix), {0, 0, 0});
+  const MlpDeformation map(linear_network(matrix));
+  const mpm::PreparedScene prepared(scene, {.seed = scene.seed});
+  ParticleGrid<double> grid(prepared);
+  EulerianQuadrature<double> quadrature(map, model.reference, prepared.particles, model.samples,
+                                        mpm::grid_of<double>(scene.domain), 2, grid);
+  const LatentState state{{0.02, -0.01, 0.03}, {0.5, 0, -0.25}, {}, 0, {}};
+  quadrature.find(state, grid);
+  quadrature.fill(state, grid);
+  const mpm::ParticleView<double> p = grid.particles();
+  const auto samples = static_cast<int64_t>(model.samples.size());
+  double volume = 0, expected = 0;
+  Vec3d center = Vec3d::zero(), expected_center = Vec3d::zero();
+  for (const double v : prepared.particles.volume) expected += v;
+  for (const Vec3d& X : prepared.particles.position)
+    expected_center += (1.0 / static_cast<double>(samples)) *
+                       Vec3d{X[0] * 1.1 + 0.02, X[1] - 0.05 * X[2] - 0.01, X[2] + 0.03 + 0.1 * 0};
+  for (int64_t slot = samples; slot < p.count; ++slot) {
+    const Mat<double, 3> F = mpm::load_matrix<double, 3>(p.deformation_gradient, slot);
+    EXPECT_NEAR(F(0, 0), 1.1, 1e-6);
+    EXPECT_NEAR(F(1, 2), -0.05, 1e-6);
+    EXPECT_NEAR(p.velocity.vec(slot)[0], 0.5, 1e-6);
+    volume += p.volume.get(slot);
+    center += p.volume.get(slot) * p.position.vec(slot);
+  }
+  EXPECT_NEAR(volume, expected, 0.06 * expected);
+  for (int d = 0; d < 3; ++d) EXPECT_NEAR(center[d] / volume, expected_center[d], 0.1 * scene.domain.dx) << d;
+}
+
+TYPED_TEST(DeformationRun, EulerianQuadratureFallsAsFreely) {
+  const Scene scene = jelly_block("[0, -9.8, 0]");
+  const ReducedModel model = deformation_model(scene, linear_network(translation()), {0, 0, 0});
+  ReducedOptions options;
+  options.quadrature = QuadratureKind::eulerian;
+  options.samples = std::vector<int32_t>{3, 40, 77, 150};
+  ReducedSolver<TypeParam> solver(model, mpm::PreparedScene(scene, {.seed = scene.seed}), {}, options);
+  for (int f = 0; f < 3; ++f) solver.advance_frame();
+  const double n = 12, dt = 0.0025;
+  EXPECT_NEAR(solver.state().latent[1], -9.8 * dt * dt * n * (n + 1) / 2, 2e-5);
+  EXPECT_NEAR(solver.state().velocity[1], -9.8 * n * dt, 2e-3);
+}
+
+TEST(ReferenceBody, KnowsWhatIsInside) {
+  const Scene scene = jelly_block("[0, 0, 0]");
+  const ReducedModel model = deformation_model(scene, linear_network(translation()), {0, 0, 0});
+  const mpm::PreparedScene prepared(scene, {.seed = scene.seed});
+  const ReferenceBody body(model.reference, prepared.particles.volume);
+  int64_t inside = 0, right = 0;
+  constexpr int n = 40;
+  for (int i = 0; i < n; ++i)
+    for (int j = 0; j < n; ++j)
+      for (int k = 0; k < n; ++k) {
+        const Vec3d x = Vec3d{0.35 + 0.3 * (i + 0.5) / n, 0.35 + 0.3 * (j + 0.5) / n, 0.35 + 0.3 * (k + 0.5) / n};
+        bool in = true;
+        for (int d = 0; d < 3; ++d) in = in && std::abs(x[d] - 0.5) < 0.1;
+        const int32_t particle = body.particle_at(x);
+        inside += particle >= 0;
+        right += (particle >= 0) == in;
+        if (particle < 0) continue;
+        EXPECT_LT(norm(prepared.particles.position[static_cast<std::size_t>(particle)] - x), 0.04);
+      }
+  EXPECT_NEAR(static_cast<double>(inside) / (n * n * n), 8.0 / 27, 0.015);
+  EXPECT_GT(static_cast<double>(right) / (n * n * n), 0.9);
+  EXPECT_EQ(body.particle_at({0.9, 0.5, 0.5}), -1);
 }
 
 TEST(DeformationModel, SurvivesAFileAndRefusesWhatItCannotKnow) {
