@@ -5,6 +5,7 @@
 
 #include "core/scene/fields.h"
 #include "rom/cubature/sample_selection.h"
+#include "rom/reduced_model.h"
 
 namespace graupel::train {
 
@@ -14,11 +15,13 @@ struct CromConfig {
   double velocity_weight = 0.01;  ///< [s^2]
   double epochs_scale = 1;
   double learning_rate = 1e-3;
-  int64_t batch_snapshots = 8, batch_particles = 300;
+  int64_t batch_snapshots = 8, batch_particles = 100;
   int64_t samples = 100;
   rom::SampleRule sample_rule = rom::SampleRule::random;
   Vec3d sample_low = Vec3d::filled(-1e30), sample_high = Vec3d::filled(1e30);
   double step_factor = 1;
+  rom::ProjectionKind projection = rom::ProjectionKind::position;
+  rom::QuadratureKind quadrature = rom::QuadratureKind::lagrangian;
   int64_t encoder_particles = 2000;
   int64_t calibration_runs = 4;
   bool tf32 = true;
@@ -71,6 +74,9 @@ struct CromConfig {
     visit(&C::step_factor,
           FieldInfo{"step_factor", "", "Time steps of the model over those of its data, unless told otherwise",
                     Range::positive()});
+    visit(&C::projection,
+          FieldInfo{"projection", "", "How a step of the samples becomes one of the latent, unless told otherwise"});
+    visit(&C::quadrature, FieldInfo{"quadrature", "", "What carries mass and stress to the grid"});
     count(&C::encoder_particles, "encoder_particles", "",
           "Particles whose positions give the latent of a state, at most", 1e6);
     visit(&C::calibration_runs,

@@ -76,6 +76,8 @@ std::optional<rom::ReducedModel> train_crom(const CromTrainingOptions& options, 
   rom::ReducedModel model;
   model.kind = rom::ReducedKind::crom;
   model.affine_kind = rom::AffineKind::position;
+  model.projection = config.projection;
+  model.quadrature = config.quadrature;
   model.provenance = options.provenance;
   sweep.describe(model);
   const auto fields = std::make_shared<const rom::DeformationFields>(
