@@ -25,6 +25,11 @@ Vec3d vector_at(const std::vector<T>& values, int64_t slot) {
   for (int d = 0; d < 3; ++d) v[d] = static_cast<double>(at[d * tile]);
   return v;
 }
+Vec3d point_at(const std::vector<float>& points, int64_t p) {
+  Vec3d x;
+  for (int d = 0; d < 3; ++d) x[d] = static_cast<double>(points[static_cast<std::size_t>(3 * p + d)]);
+  return x;
+}
 template <typename T>
 Mat<double, 3> matrix_at(const std::vector<T>& values, int64_t slot) {
   const T* const at = mpm::TiledView<const T, 9>{values.data()}.at(slot);
@@ -77,14 +82,13 @@ EulerianQuadrature<T>::EulerianQuadrature(const Deformation& map, const std::vec
 /// Points of all cells near a sample, each with the guess X = X_s + F_s^-1 (x - x_s).
 template <typename T>
 void EulerianQuadrature<T>::propose() {
-  place_.clear();
-  material_point_.clear();
+  guesses_.clear();
   ++round_;
   const double dx = static_cast<double>(geometry_.dx);
   // Nearest sample first: cells one base cell away are taken before those two away.
   for (int ring = 0; ring <= stencil_reach; ++ring)
     for (int64_t s = 0; s < sample_count_; ++s) {
-      const Vec3d x_s = vector_at(sample_position_, s);
+      const Vec3d x_s = vector_at(sample_position_, s), X_s = point_at(sample_reference_, s);
       const Mat<double, 3> to_reference = inverse(matrix_at(sample_gradient_, s));
       const Vec<int, 3> own = mpm::base_node(geometry_.local(x_s.template cast<T>()));
       for (int i = -ring; i <= ring; ++i)
@@ -107,54 +111,43 @@ void EulerianQuadrature<T>::propose() {
                   const Vec3d within = Vec3d{a + 0.5, b + 0.5, c + 0.5} * (1.0 / per_axis_) + Vec3d::filled(0.5);
                   const Vec3d x =
                       geometry_.origin.template cast<double>() + dx * (cell.template cast<double>() + within);
-                  const Vec3d guess = to_reference * (x - x_s);
-                  place_.push_back(x);
-                  for (int d = 0; d < 3; ++d)
-                    material_point_.push_back(sample_reference_[static_cast<std::size_t>(3 * s + d)] +
-                                              static_cast<float>(guess[d]));
+                  const Vec3d X = X_s + to_reference * (x - x_s);
+                  if (body_.near(X)) guesses_.push_back({x, X});
                 }
           }
     }
 }
 
-/// Newton's method for all points at once, X <- X - F^-1 (g(X, q) - x).
+/// Newton's method, X <- X - F^-1 (g(X, q) - x), for all points at once; those that are there, or lost, drop out.
 template <typename T>
 void EulerianQuadrature<T>::trace_back(const LatentState& state) {
   const double tolerance = newton_tolerance * static_cast<double>(geometry_.dx);
-  const auto n = static_cast<int64_t>(place_.size());
-  std::vector<uint8_t> found(place_.size(), 0);
-  for (int iteration = 0; iteration <= newton_iterations; ++iteration) {
-    points_->set_points(material_point_);
+  found_.clear();
+  for (int iteration = 0; iteration <= newton_iterations && !guesses_.empty(); ++iteration) {
+    material_points_.clear();
+    for (const Guess& guess : guesses_)
+      for (int d = 0; d < 3; ++d) material_points_.push_back(static_cast<float>(guess.material_point[d]));
+    points_->set_points(material_points_);
     const std::size_t slots = points_->all_tiles().size() * static_cast<std::size_t>(tile);
     position_.resize(3 * slots);
     velocity_.resize(3 * slots);
     gradient_.resize(9 * slots);
     points_->decode(state, points_->all_tiles(), position_.data(), velocity_.data(), gradient_.data());
-    bool all = true;
-    for (int64_t p = 0; p < n; ++p) {
-      const auto i = static_cast<std::size_t>(p);
-      const Vec3d miss = vector_at(position_, p) - place_[i];
-      found[i] = norm(miss) <= tolerance;
-      if (found[i]) continue;
-      all = false;
-      if (iteration == newton_iterations) continue;
-      const Vec3d way = inverse(matrix_at(gradient_, p)) * miss;
-      for (int d = 0; d < 3; ++d)
-        if (std::isfinite(way[d])) material_point_[3 * i + static_cast<std::size_t>(d)] -= static_cast<float>(way[d]);
+    std::size_t open = 0;
+    for (std::size_t i = 0; i < guesses_.size(); ++i) {
+      const auto p = static_cast<int64_t>(i);
+      const Vec3d X = point_at(material_points_, p), miss = vector_at(position_, p) - guesses_[i].place;
+      const Mat<double, 3> F = matrix_at(gradient_, p);
+      if (norm(miss) <= tolerance) {
+        const int32_t particle = body_.particle_at(X);
+        if (particle >= 0 && determinant(F) > 0)
+          found_.push_back({guesses_[i].place, vector_at(velocity_, p), F, particle});
+        continue;
+      }
+      const Vec3d next = X - inverse(F) * miss;
+      if (body_.near(next)) guesses_[open++] = {guesses_[i].place, next};
     }
-    if (all) break;
-  }
-  kept_.clear();
-  particle_.clear();
-  for (int64_t p = 0; p < n; ++p) {
-    const auto i = static_cast<std::size_t>(p);
-    if (!found[i] || !(determinant(matrix_at(gradient_, p)) > 0)) continue;
-    Vec3d X;
-    for (int d = 0; d < 3; ++d) X[d] = static_cast<double>(material_point_[3 * i + static_cast<std::size_t>(d)]);
-    const int32_t nearest = body_.particle_at(X);
-    if (nearest < 0) continue;
-    kept_.push_back(p);
-    particle_.push_back(nearest);
+    guesses_.resize(open);
   }
 }
 
@@ -164,7 +157,7 @@ void EulerianQuadrature<T>::find(const LatentState& state, ParticleGrid<T>& grid
                    sample_gradient_.data());
   propose();
   trace_back(state);
-  grid.resize_points(static_cast<int64_t>(kept_.size()));
+  grid.resize_points(static_cast<int64_t>(found_.size()));
 }
 
 template <typename T>
@@ -177,23 +170,24 @@ void EulerianQuadrature<T>::fill(const LatentState&, ParticleGrid<T>& grid) {
     mpm::store_matrix<T, 3>(p.affine_velocity, s, Mat<T, 3>::zero());
   }
   const double volume = std::pow(static_cast<double>(geometry_.dx) / per_axis_, 3);
-  for (std::size_t i = 0; i < kept_.size(); ++i) {
+  for (std::size_t i = 0; i < found_.size(); ++i) {
     const int64_t slot = sample_count_ + static_cast<int64_t>(i);
-    const Mat<double, 3> F = matrix_at(gradient_, kept_[i]);
-    p.position.set_vec(slot, place_[static_cast<std::size_t>(kept_[i])].template cast<T>());
-    p.velocity.set_vec(slot, vector_at(velocity_, kept_[i]).template cast<T>());
-    mpm::store_matrix<T, 3>(p.deformation_gradient, slot, F.template cast<T>());
+    const Point& point = found_[i];
+    p.position.set_vec(slot, point.position.template cast<T>());
+    p.velocity.set_vec(slot, point.velocity.template cast<T>());
+    mpm::store_matrix<T, 3>(p.deformation_gradient, slot, point.gradient.template cast<T>());
     mpm::store_matrix<T, 3>(p.affine_velocity, slot, Mat<T, 3>::zero());
-    p.volume.set(slot, static_cast<T>(volume / determinant(F)));
-    p.material.set(slot, material_[static_cast<std::size_t>(particle_[i])]);
-    p.source_index.set(slot, particle_[i]);
+    p.volume.set(slot, static_cast<T>(volume / determinant(point.gradient)));
+    p.material.set(slot, material_[static_cast<std::size_t>(point.particle)]);
+    p.source_index.set(slot, point.particle);
   }
 }
 
 template <typename T>
 int64_t EulerianQuadrature<T>::bytes() const {
   return body_.bytes() + samples_->bytes() + points_->bytes() +
-         static_cast<int64_t>(stamp_.size() * sizeof(uint32_t) + place_.size() * sizeof(Vec3d) +
+         static_cast<int64_t>(stamp_.size() * sizeof(uint32_t) + guesses_.capacity() * sizeof(Guess) +
+                              found_.capacity() * sizeof(Point) +
                               (position_.size() + velocity_.size() + gradient_.size()) * sizeof(T));
 }
 

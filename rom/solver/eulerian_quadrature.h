@@ -6,6 +6,7 @@
 #include <memory>
 #include <vector>
 
+#include "core/math/mat.h"
 #include "mpm/phases/phases.h"
 #include "mpm/sampling.h"
 #include "rom/deformation/deformation.h"
@@ -43,12 +44,20 @@ class EulerianQuadrature final : public Quadrature<T> {
   Vec<int, 3> cells_;
   std::vector<uint32_t> stamp_;  ///< [cells] round in which a cell was last near a sample
   uint32_t round_ = 0;
-  // Of the points: the place x to find, the guess X, then the converged ones first.
-  std::vector<Vec3d> place_;
-  std::vector<float> material_point_;
-  std::vector<T> position_, velocity_, gradient_;  ///< of material_point_, in tiles
-  std::vector<int64_t> kept_;                      ///< numbers of the points that are inside of the body
-  std::vector<int32_t> particle_;                  ///< nearest to each kept one
+  /// A point on its way back: its place x [m] and the material point X so far.
+  struct Guess {
+    Vec3d place, material_point;
+  };
+  /// A point that was traced back into the body.
+  struct Point {
+    Vec3d position, velocity;
+    Mat<double, 3> gradient;
+    int32_t particle;  ///< nearest to X
+  };
+  std::vector<Guess> guesses_;
+  std::vector<Point> found_;
+  std::vector<float> material_points_;             ///< of guesses_, as the map takes them
+  std::vector<T> position_, velocity_, gradient_;  ///< of these, in tiles
 };
 
 extern template class EulerianQuadrature<float>;

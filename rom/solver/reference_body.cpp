@@ -64,18 +64,28 @@ ReferenceBody::ReferenceBody(const std::vector<float>& reference, const std::vec
   const auto inside = std::min(sorted.size() - 1, static_cast<std::size_t>(std::llround(total / std::pow(width_, 3))));
   std::nth_element(sorted.begin(), sorted.begin() + static_cast<std::ptrdiff_t>(inside), sorted.end());
   const float limit = sorted[inside];
-  for (std::size_t at = 0; at < nearest_.size(); ++at)
-    if (distance[at] > limit) nearest_[at] = -1;
+  inside_.resize(nearest_.size());
+  for (std::size_t at = 0; at < nearest_.size(); ++at) inside_[at] = distance[at] <= limit;
 }
 
-int32_t ReferenceBody::particle_at(const Vec3d& point) const {
+int64_t ReferenceBody::place_of(const Vec3d& point) const {
   Vec<int, 3> at;
   for (int d = 0; d < 3; ++d) {
     const double place = (point[d] - low_[d]) / width_;
     if (!(place >= 0 && place < count_[d])) return -1;
     at[d] = static_cast<int>(place);
   }
-  return nearest_[number(at, count_)];
+  return static_cast<int64_t>(number(at, count_));
+}
+
+int32_t ReferenceBody::particle_at(const Vec3d& point) const {
+  const int64_t at = place_of(point);
+  return at >= 0 && inside_[static_cast<std::size_t>(at)] ? nearest_[static_cast<std::size_t>(at)] : -1;
+}
+
+bool ReferenceBody::near(const Vec3d& point) const {
+  const int64_t at = place_of(point);
+  return at >= 0 && nearest_[static_cast<std::size_t>(at)] >= 0;
 }
 
 }  // namespace graupel::rom

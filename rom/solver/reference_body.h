@@ -17,13 +17,19 @@ class ReferenceBody {
 
   /// The nearest particle of the point's place in the lattice, -1 where the point is outside of the body.
   int32_t particle_at(const Vec3d& point) const;
-  int64_t bytes() const { return static_cast<int64_t>(nearest_.size() * sizeof(int32_t)); }
+  /// Whether the point is inside, or outside by at most about one spacing.
+  bool near(const Vec3d& point) const;
+  int64_t bytes() const { return static_cast<int64_t>(nearest_.size() * sizeof(int32_t) + inside_.size() / 8); }
 
  private:
+  /// In the lattice; -1 outside of it.
+  int64_t place_of(const Vec3d& point) const;
+
   Vec3d low_;
   double width_ = 0;
   Vec<int, 3> count_;
-  std::vector<int32_t> nearest_;  ///< [x, y, z]
+  std::vector<int32_t> nearest_;  ///< [x, y, z]; -1 where none is within 1.5 spacings
+  std::vector<bool> inside_;      ///< [x, y, z]
 };
 
 }  // namespace graupel::rom
