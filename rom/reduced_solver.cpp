@@ -10,6 +10,7 @@
 
 #include "core/system/error.h"
 #include "core/system/stopwatch.h"
+#include "rom/cubature/sample_selection.h"
 #include "rom/fields/deformation_fields.h"
 #include "rom/solver/eulerian_quadrature.h"
 #include "rom/solver/lagrangian_quadrature.h"
@@ -20,6 +21,11 @@ namespace {
 
 /// A model of the deformation alone takes stress from F and has no affine velocity.
 void check_laws(const Scene& scene) {
+  if (scene.transfer.scheme != TransferScheme::pic)
+    throw ConfigError(fmt::format(
+        "the scene's transfers carry affine velocities (transfer.scheme {}), and this reduced model knows none. Train "
+        "and run it with transfer.scheme pic",
+        word_of(scene.transfer.scheme)));
   for (const auto& [name, material] : scene.materials)
     if (material.model != MaterialModel::jelly && material.model != MaterialModel::neo_hookean &&
         material.model != MaterialModel::stationary)
@@ -92,6 +98,14 @@ void hold_inside(const Scene& scene, const mpm::ParticleView<T>& particles) {
 /// NSF's models; CROM's authors iterate.
 int iterations_of(ProjectionKind projection) { return projection == ProjectionKind::position ? 1 : 20; }
 
+std::vector<int32_t> samples_of(const ReducedModel& model, const ReducedOptions& options,
+                                const mpm::SampledParticles& particles) {
+  constexpr int64_t of_each_boundary = 5;
+  std::vector<int32_t> samples = options.samples.value_or(model.samples);
+  if (!model.fields->stress_follows_deformation()) return samples;
+  return with_boundary_samples(std::move(samples), particles.script, of_each_boundary);
+}
+
 std::vector<int32_t> all_of(int64_t n) {
   std::vector<int32_t> all(static_cast<std::size_t>(n));
   std::iota(all.begin(), all.end(), 0);
@@ -111,7 +125,7 @@ ReducedSolver<T>::ReducedSolver(const ReducedModel& model, mpm::PreparedScene pr
       projection_(options.projection.value_or(model.projection)),
       manifold_(model.training_latents, model.latents(), model.training_run,
                 1 + static_cast<int>(model.parameters.size())),
-      samples_(options.samples.value_or(model.samples)),
+      samples_(samples_of(model, options, prepared_.particles)),
       grid_(prepared_),
       sample_field_(model.fields->bind_samples(samples_)),
       output_(model.fields->bind_positions_f32(all_of(model.fields->particles()))),

@@ -53,7 +53,7 @@ inline Scene jelly_block(const std::string& gravity, const std::string& more = "
     "materials": { "jelly": { "preset": "jelly", "youngs_modulus": 12500, "poissons_ratio": 0.3 } },
     "sources": [ { "shape": "box", "size": [0.2, 0.2, 0.2], "position": [0.5, 0.5, 0.5], "material": "jelly" } ],
     "time_step": { "policy": "fixed", "substeps_per_frame": 4 },
-    "frame_time": 0.01, "frames": 4, "seed": 3, "gravity": )" +
+    "transfer": { "scheme": "pic" }, "frame_time": 0.01, "frames": 4, "seed": 3, "gravity": )" +
                              gravity + more + "}",
                          "scene", "");
 }

@@ -1,9 +1,12 @@
 // Models that know their deformation alone: the map's derivatives, projections, and motions that are known.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
+#include <set>
 
 #include "core/system/error.h"
+#include "rom/cubature/sample_selection.h"
 #include "rom/reduced_solver.h"
 #include "rom/solver/eulerian_quadrature.h"
 #include "tests/rom/deformation_model.h"
@@ -268,6 +271,20 @@ TEST(ReferenceBody, KnowsWhatIsInside) {
   EXPECT_EQ(body.particle_at({0.9, 0.5, 0.5}), -1);
 }
 
+TEST(BoundarySamples, AreFiveOfEveryScriptAtLeast) {
+  const std::vector<int32_t> script = {-1, 0, 0, 0, 0, 0, 0, 0, 0, -1, 1, 1, -1};
+  const std::vector<int32_t> samples = with_boundary_samples({0, 3, 9}, script, 5);
+  EXPECT_EQ(std::vector<int32_t>(samples.begin(), samples.begin() + 3), (std::vector<int32_t>{0, 3, 9}));
+  EXPECT_EQ(std::set<int32_t>(samples.begin(), samples.end()).size(), samples.size());
+  const auto led_by = [&](int32_t number) {
+    return std::count_if(samples.begin(), samples.end(),
+                         [&](int32_t p) { return script[static_cast<std::size_t>(p)] == number; });
+  };
+  EXPECT_EQ(led_by(0), 5);
+  EXPECT_EQ(led_by(1), 2) << "there are no more";
+  EXPECT_EQ(with_boundary_samples({4, 2}, {}, 5), (std::vector<int32_t>{4, 2}));
+}
+
 TEST(DeformationModel, SurvivesAFileAndRefusesWhatItCannotKnow) {
   const Scene scene = jelly_block("[0, -9.8, 0]");
   const ReducedModel model = deformation_model(scene, linear_network(translation()), {0, 0, 0});
@@ -293,6 +310,9 @@ TEST(DeformationModel, SurvivesAFileAndRefusesWhatItCannotKnow) {
   } catch (const ConfigError& error) {
     EXPECT_NE(std::string(error.what()).find("material 'jelly' is not elastic"), std::string::npos) << error.what();
   }
+  Scene affine = scene;
+  affine.transfer.scheme = TransferScheme::apic;
+  EXPECT_THROW(ReducedSolver<double>(model, mpm::PreparedScene(affine, {.seed = scene.seed}), {}, {}), ConfigError);
   weights.metadata["architecture"] = "licrom";
   EXPECT_THROW(ReducedModel::load(weights), InputError);
 }
