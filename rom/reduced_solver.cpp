@@ -17,10 +17,7 @@
 
 namespace graupel::rom {
 
-namespace {
-
-/// A model of the deformation alone takes stress from F and has no affine velocity.
-void check_laws(const Scene& scene) {
+void check_deformation_scene(const Scene& scene) {
   if (scene.transfer.scheme != TransferScheme::pic)
     throw ConfigError(fmt::format(
         "the scene's transfers carry affine velocities (transfer.scheme {}), and this reduced model knows none. Train "
@@ -35,9 +32,11 @@ void check_laws(const Scene& scene) {
           name));
 }
 
+namespace {
+
 /// The scene, once its particles are known to be the model's.
 mpm::PreparedScene checked(const ReducedModel& model, mpm::PreparedScene prepared) {
-  if (model.fields->stress_follows_deformation()) check_laws(prepared.scene);
+  if (model.fields->stress_follows_deformation()) check_deformation_scene(prepared.scene);
   const auto& position = prepared.particles.position;
   const auto n = static_cast<std::size_t>(model.fields->particles());
   if (position.size() != n)

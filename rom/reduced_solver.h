@@ -63,6 +63,10 @@ struct ReducedStatistics {
   int64_t bytes = 0;
 };
 
+/// A model of the deformation alone takes stress from F and has no affine velocity. Throws ConfigError for a scene with
+/// other transfers than PIC, or with a law that has a plastic state.
+void check_deformation_scene(const Scene& scene);
+
 template <typename T>
 class ReducedSolver {
  public:

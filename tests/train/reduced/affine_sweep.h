@@ -24,7 +24,7 @@ inline Mat3d map_at(double size, int frame) {
 }
 
 /// The folder `name` of the data set, made anew below the build folder: train.h5 and test.h5.
-inline std::string affine_sweep(const std::string& name) {
+inline std::string affine_sweep(const std::string& name, const std::string& transfer = "pic") {
   const std::string folder = std::string(GRAUPEL_BINARY_DIR) + "/" + name;
   remove_path(folder);
   make_folder(folder);
@@ -34,7 +34,7 @@ inline std::string affine_sweep(const std::string& name) {
                    "particles_per_cell": 2 } ],
     "time_step": { "policy": "fixed", "substeps_per_frame": 1 },
     "frames": 12, "frame_time": 0.01, "seed": 3 })",
-                                      "scene", "");
+                                      "scene", "", {"transfer.scheme=" + transfer});
   const auto simulation = mpm::Simulation::create(scene, {.seed = scene.seed});
   for (const auto& [file, sizes] : {std::pair("train.h5", std::vector<double>{0.2, 0.5, 0.8, 1.1}),
                                     std::pair("test.h5", std::vector<double>{0.65})}) {

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <filesystem>
 
 #include "core/system/atomic_file.h"
 #include "core/system/error.h"
@@ -162,6 +163,11 @@ TEST_F(CromTraining, AsksForTheFieldsThatItNeeds) {
     EXPECT_NE(text.find("lacks the field 'deformation_gradient'"), std::string::npos) << text;
     EXPECT_NE(text.find("crom_*.json"), std::string::npos) << text;
   }
+  CromTrainingOptions apic = options("crom_apic");
+  apic.data = affine_sweep("crom_apic_data", "apic");
+  CromReport unused;
+  EXPECT_THROW(train_crom(apic, unused), ConfigError);  // before it trains
+  EXPECT_FALSE(std::filesystem::exists(apic.run + "/config.json"));
   CromTrainingOptions many = options("crom_many");
   many.config.latents = 32;
   CromReport report;

@@ -7,6 +7,8 @@
 #include <limits>
 
 #include "core/system/error.h"
+#include "io/scene/scene_reader.h"
+#include "rom/reduced_solver.h"
 #include "train/reduced/crom/reconstruction.h"
 #include "train/reduced/mlp/standardize.h"
 
@@ -64,6 +66,8 @@ CromSweep::CromSweep(const std::string& data, const CromConfig& config)
     : config_(config),
       shared_(shared_settings(config)),
       snapshots_(data, shared_, {ParticleField::deformation_gradient}) {
+  const std::string& file = snapshots_.set().file();
+  rom::check_deformation_scene(io::parse_stored_scene(snapshots_.set().scene_json(), file, file));
   const int r = static_cast<int>(config_.latents);
   FieldBlocks positions = snapshots_.blocks(SnapshotField::position, nullptr);
   modes_ = pod(positions, r);

@@ -16,7 +16,8 @@ namespace graupel::train {
 class CromSweep {
  public:
   /// `data`: folder of the data set; its train.h5 is read. `config` must outlive this. Throws InputError as
-  /// SnapshotSet, ConfigError when the snapshots have fewer modes than there are latents.
+  /// SnapshotSet, ConfigError when the snapshots have fewer modes than there are latents, and as
+  /// rom::check_deformation_scene.
   CromSweep(const std::string& data, const CromConfig& config);
 
   const SweepSnapshots& snapshots() const { return snapshots_; }
