@@ -36,6 +36,12 @@ void add_rollout(const Command& app) {
   verb.option("--step-factor", options->step_factor, "Of reduced-order models: steps over those of the training")
       .check(real_number(LowerBound::above_zero));
   verb.flag("--f64", options->f64, "Of reduced-order models: double precision");
+  verb.option("--projection", options->projection,
+              "Of reduced-order models, instead of the model's: position, position_velocity or velocity")
+      .check(one_of({"position", "position_velocity", "velocity"}));
+  verb.option("--quadrature", options->quadrature,
+              "Of reduced-order models, instead of the model's: lagrangian or eulerian")
+      .check(one_of({"lagrangian", "eulerian"}));
   verb.option("--refine", options->refine,
               "Of reduced-order models: write so many points in the volume of every particle (positions alone)")
       .check(whole_number(1, 1000000));

@@ -7,7 +7,8 @@ namespace graupel::apps {
 using namespace experiments;
 
 void add_train(const Command& program) {
-  const Command verb = program.command("train", "Train a model (hgn, gns, nsf or coarse: graupel train hgn --help)");
+  const Command verb =
+      program.command("train", "Train a model (hgn, gns, nsf, crom or coarse: graupel train hgn --help)");
   verb.take_words_as_they_are();
   verb.footer(
       "'graupel train time' measures a graph network in libtorch.\n\n"

@@ -8,9 +8,10 @@
 #include <nlohmann/json.hpp>
 
 #include "core/system/error.h"
+#include "rom/fields/deformation_fields.h"
 #include "rom/fields/factored_fields.h"
 #include "rom/fields/mlp_fields.h"
-#include "rom/fields/tensors.h"
+#include "rom/networks/tensors.h"
 
 namespace graupel::rom {
 
@@ -25,7 +26,7 @@ const std::string& metadata(const nn::Weights& weights, const std::string& key) 
   const auto at = weights.metadata.find(key);
   if (at == weights.metadata.end())
     throw InputError("'" + weights.file + "' is no reduced-order model (it lacks '" + key +
-                     "'). 'graupel train nsf' makes one");
+                     "'). 'graupel train nsf' and 'graupel train crom' make some");
   return at->second;
 }
 
@@ -37,6 +38,14 @@ void check_indices(const nn::Weights& weights, const std::vector<int32_t>& indic
     if (i >= count)
       throw InputError(fmt::format("'{}' names particle {} among its {} (allowed: 0 to {}). Train the model again",
                                    weights.file, i, what, count - 1));
+}
+
+/// Files of earlier versions lack some: these keep their default.
+template <typename E>
+void read_word(const Json& settings, const char* key, E& value) {
+  const std::string stored = settings.value(key, word_of(value));
+  for (const auto& [word, kind] : EnumWords<E>::words)
+    if (stored == word) value = kind;
 }
 
 void read_settings(const Json& settings, ReducedModel& model) {
@@ -51,6 +60,8 @@ void read_settings(const Json& settings, ReducedModel& model) {
   model.usual_error = settings.value("usual_error", 0.0);
   model.step_factor = settings.value("step_factor", 1.0);
   model.manifold_pull = settings.value("manifold_pull", 0.0);
+  read_word(settings, "projection", model.projection);
+  read_word(settings, "quadrature", model.quadrature);
 }
 
 /// Files that need what was removed; their results would be others.
@@ -90,6 +101,14 @@ FactoredFields read_factored(const nn::Weights& weights, int latents, int inputs
     affine_branch = std::make_shared<const MapBranch>(map("affine.branch", inputs, affine.modes));
   return {std::move(deformation),   std::move(closure), std::move(stress),
           std::move(stress_branch), std::move(affine),  std::move(affine_branch)};
+}
+
+ReducedKind read_reduced_kind(const nn::Weights& weights) {
+  const std::string& architecture = metadata(weights, "architecture");
+  for (const auto& [word, kind] : EnumWords<ReducedKind>::words)
+    if (architecture == word) return kind;
+  throw InputError("'" + weights.file + "' is no reduced-order model (architecture '" + architecture +
+                   "', allowed: nsf, crom)");
 }
 
 /// Files of the first version say nothing: their fields are factored.
@@ -148,11 +167,17 @@ void store_judgement(const ReducedModel& model, nn::Weights& weights) {
 
 }  // namespace
 
+bool is_reduced_model(const nn::Weights& weights) {
+  const auto at = weights.metadata.find("architecture");
+  if (at == weights.metadata.end()) return false;
+  for (const auto& [word, kind] : EnumWords<ReducedKind>::words)
+    if (at->second == word) return true;
+  return false;
+}
+
 ReducedModel ReducedModel::load(const nn::Weights& weights) {
   ReducedModel model;
-  if (metadata(weights, "architecture") != nsf_architecture)
-    throw InputError("'" + weights.file + "' is no reduced-order model (architecture '" +
-                     metadata(weights, "architecture") + "', needed '" + nsf_architecture + "')");
+  model.kind = read_reduced_kind(weights);
   model.scene_json = metadata(weights, "scene");
   try {
     const Json settings = Json::parse(metadata(weights, "settings"));
@@ -168,7 +193,10 @@ ReducedModel ReducedModel::load(const nn::Weights& weights) {
   model.clusters = read_clusters(weights);
   const auto n = static_cast<int64_t>(model.clusters.of_particle.size());
   model.reference = weights.get("reference", {n, 3});
-  if (read_kind(weights) == FieldKind::mlp)
+  model.start_latent = doubles(weights.get("latent.start", {latents}));
+  if (model.kind == ReducedKind::crom)
+    model.fields = DeformationFields::load(weights, latents, model.reference, model.start_latent);
+  else if (read_kind(weights) == FieldKind::mlp)
     model.fields = MlpFields::load(weights, latents, static_cast<int>(model.parameters.size()), model.reference);
   else
     model.fields =
@@ -179,7 +207,6 @@ ReducedModel ReducedModel::load(const nn::Weights& weights) {
   check_indices(weights, model.encoder, n, "encoder's particles");
   if (weights.tensors.count("encoder.latent.weight") > 0)
     model.conv_encoder = ConvEncoder::load(weights, "encoder", n, latents);
-  model.start_latent = doubles(weights.get("latent.start", {latents}));
   model.training_latents = weights.get("latent.training", {extent(weights, "latent.training", 0), latents});
   if (weights.tensors.count("latent.run") > 0) {
     model.training_run = get_indices(weights, "latent.run");
@@ -201,13 +228,15 @@ ReducedModel ReducedModel::load(const nn::Weights& weights) {
 nn::Weights ReducedModel::store(nn::DType modes) const {
   nn::Weights weights;
   weights.metadata = provenance;
-  weights.metadata["architecture"] = nsf_architecture;
+  weights.metadata["architecture"] = word_of(kind);
   weights.metadata["field"] = word_of(fields->kind());
   weights.metadata["scene"] = scene_json;
-  Json settings = {{"parameters", Json::array()},  {"substeps_per_frame", substeps_per_frame},
-                   {"frame_time", frame_time},     {"affine", affine_kind == AffineKind::rate ? "rate" : "position"},
-                   {"latent_reach", latent_reach}, {"usual_error", usual_error},
-                   {"step_factor", step_factor},   {"manifold_pull", manifold_pull}};
+  Json settings = {
+      {"parameters", Json::array()},      {"substeps_per_frame", substeps_per_frame},
+      {"frame_time", frame_time},         {"affine", affine_kind == AffineKind::rate ? "rate" : "position"},
+      {"latent_reach", latent_reach},     {"usual_error", usual_error},
+      {"step_factor", step_factor},       {"manifold_pull", manifold_pull},
+      {"projection", word_of(projection)}};
   for (const ModelParameter& p : parameters)
     settings["parameters"].push_back(
         {{"name", p.name}, {"unit", p.unit}, {"keys", p.keys}, {"low", p.low}, {"high", p.high}});

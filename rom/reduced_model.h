@@ -11,10 +11,11 @@
 #include "core/scene/fields.h"
 #include "nn/weights.h"
 #include "rom/cubature/quadrature.h"
-#include "rom/fields/conv_encoder.h"
 #include "rom/fields/fields.h"
+#include "rom/networks/conv_encoder.h"
+#include "rom/projection/projection.h"
 #include "rom/solver/error_indicator.h"
-#include "rom/solver/particle_grid.h"
+#include "rom/solver/quadrature.h"
 
 namespace graupel::rom {
 
@@ -29,7 +30,18 @@ constexpr auto enum_list(AffineKind) {
       {{"rate", AffineKind::rate}, {"position", AffineKind::position}});
 }
 
-inline constexpr const char* nsf_architecture = "nsf";
+/// What a model knows; `architecture` in the metadata of a weights file.
+enum class ReducedKind {
+  nsf,  ///< deformation, stress and affine velocity (Neural Stress Fields)
+  crom  ///< the deformation alone: stress follows from its gradient
+};
+
+constexpr auto enum_list(ReducedKind) {
+  return std::to_array<std::pair<const char*, ReducedKind>>({{"nsf", ReducedKind::nsf}, {"crom", ReducedKind::crom}});
+}
+
+/// Whether weights are a reduced-order model's, of any kind.
+bool is_reduced_model(const nn::Weights& weights);
 
 /// A key of the scene that differs from run to run.
 struct ModelParameter {
@@ -40,20 +52,23 @@ struct ModelParameter {
 };
 
 struct ReducedModel {
+  ReducedKind kind = ReducedKind::nsf;
   std::string scene_json;  ///< of a training run
   std::vector<ModelParameter> parameters;
   int64_t substeps_per_frame = 1;  ///< of the training runs
   double frame_time = 0;           ///< [s]
   AffineKind affine_kind = AffineKind::rate;
   std::shared_ptr<const Fields> fields;
-  std::vector<float> reference;             ///< X, [particles, 3] [m]
-  std::vector<int32_t> samples;             ///< by default
-  double manifold_pull = 0;                 ///< share of the way back to the training's sheet that a step takes
-  double step_factor = 1;                   ///< steps over those of the training, by default
+  std::vector<float> reference;  ///< X, [particles, 3] [m]
+  std::vector<int32_t> samples;  ///< by default
+  double manifold_pull = 0;      ///< share of the way back to the training's sheet that a step takes
+  double step_factor = 1;        ///< steps over those of the training, by default
+  ProjectionKind projection = ProjectionKind::position;    ///< by default
+  QuadratureKind quadrature = QuadratureKind::lagrangian;  ///< by default
   Clusters clusters;                        ///< integration points; as many as particles: these themselves
   std::vector<int32_t> encoder;             ///< particles whose positions give the latent, by least squares
   std::optional<ConvEncoder> conv_encoder;  ///< the paper's, which then gives the latent instead
-  std::vector<double> start_latent;         ///< mean over the training runs [r]
+  std::vector<double> start_latent;         ///< mean over the training runs [r]; CROM: of the reference body
   /// Latents of the training snapshots [n, r], the scale of each axis [r], and the largest distance of a held-out
   /// training run to the others in that scale: beyond it a state is unlike those of the training.
   std::vector<float> training_latents;

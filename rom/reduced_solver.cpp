@@ -10,13 +10,33 @@
 
 #include "core/system/error.h"
 #include "core/system/stopwatch.h"
+#include "rom/cubature/sample_selection.h"
+#include "rom/fields/deformation_fields.h"
+#include "rom/solver/eulerian_quadrature.h"
+#include "rom/solver/lagrangian_quadrature.h"
 
 namespace graupel::rom {
+
+void check_deformation_scene(const Scene& scene) {
+  if (scene.transfer.scheme != TransferScheme::pic)
+    throw ConfigError(fmt::format(
+        "the scene's transfers carry affine velocities (transfer.scheme {}), and this reduced model knows none. Train "
+        "and run it with transfer.scheme pic",
+        word_of(scene.transfer.scheme)));
+  for (const auto& [name, material] : scene.materials)
+    if (material.model != MaterialModel::jelly && material.model != MaterialModel::neo_hookean &&
+        material.model != MaterialModel::stationary)
+      throw ConfigError(fmt::format(
+          "material '{}' is not elastic, and this reduced model knows no plastic state. Use jelly or neo_hookean, or a "
+          "model of `graupel train nsf`",
+          name));
+}
 
 namespace {
 
 /// The scene, once its particles are known to be the model's.
 mpm::PreparedScene checked(const ReducedModel& model, mpm::PreparedScene prepared) {
+  if (model.fields->stress_follows_deformation()) check_deformation_scene(prepared.scene);
   const auto& position = prepared.particles.position;
   const auto n = static_cast<std::size_t>(model.fields->particles());
   if (position.size() != n)
@@ -73,6 +93,18 @@ void hold_inside(const Scene& scene, const mpm::ParticleView<T>& particles) {
         "parameters nearer to those of the training");
 }
 
+/// One step of Gauss-Newton from where the latent's velocity takes it is exact to rounding in all measurements of
+/// NSF's models; CROM's authors iterate.
+int iterations_of(ProjectionKind projection) { return projection == ProjectionKind::position ? 1 : 20; }
+
+std::vector<int32_t> samples_of(const ReducedModel& model, const ReducedOptions& options,
+                                const mpm::SampledParticles& particles) {
+  constexpr int64_t of_each_boundary = 5;
+  std::vector<int32_t> samples = options.samples.value_or(model.samples);
+  if (!model.fields->stress_follows_deformation()) return samples;
+  return with_boundary_samples(std::move(samples), particles.script, of_each_boundary);
+}
+
 std::vector<int32_t> all_of(int64_t n) {
   std::vector<int32_t> all(static_cast<std::size_t>(n));
   std::iota(all.begin(), all.end(), 0);
@@ -89,12 +121,11 @@ ReducedSolver<T>::ReducedSolver(const ReducedModel& model, mpm::PreparedScene pr
       options_(options),
       step_factor_(options.step_factor.value_or(model.step_factor)),
       manifold_pull_(options.manifold_pull.value_or(model.manifold_pull)),
+      projection_(options.projection.value_or(model.projection)),
       manifold_(model.training_latents, model.latents(), model.training_run,
                 1 + static_cast<int>(model.parameters.size())),
-      samples_(options.samples.value_or(model.samples)),
+      samples_(samples_of(model, options, prepared_.particles)),
       grid_(prepared_),
-      points_(*model.fields, model.integration_points(prepared_.particles.volume), samples_,
-              mpm::grid_of<T>(prepared_.scene.domain)),
       sample_field_(model.fields->bind_samples(samples_)),
       output_(model.fields->bind_positions_f32(all_of(model.fields->particles()))),
       control_(halvings_of(model, prepared_.scene.frame_time, step_factor_, options.long_steps)) {
@@ -103,9 +134,24 @@ ReducedSolver<T>::ReducedSolver(const ReducedModel& model, mpm::PreparedScene pr
     throw ConfigError(fmt::format("a time step factor of {} is out of range (above 0). Use 1", step_factor_));
   state_.parameters = std::move(parameters);
   if (state_.parameters.size() == 1) curve_ = manifold_.between(model.run_parameters, state_.parameters.front());
-  grid_.choose(points_.candidates());
-  fields_ = bind_fields<T>(*model_.fields, points_.candidates().particles);
+  quadrature_ = make_quadrature();
   start();
+}
+
+template <typename T>
+std::unique_ptr<Quadrature<T>> ReducedSolver<T>::make_quadrature() {
+  const mpm::GridGeometry<T, 3> geometry = mpm::grid_of<T>(prepared_.scene.domain);
+  if (options_.quadrature.value_or(model_.quadrature) == QuadratureKind::lagrangian)
+    return std::make_unique<LagrangianQuadrature<T>>(
+        *model_.fields, model_.integration_points(prepared_.particles.volume), samples_, geometry, grid_);
+  const auto* const fields = dynamic_cast<const DeformationFields*>(model_.fields.get());
+  if (fields == nullptr)
+    throw ConfigError(
+        "Eulerian quadrature needs a deformation map that knows every material point, and no stress field (a model of "
+        "`graupel train crom`). Use quadrature lagrangian");
+  constexpr int points_per_axis = 2;  // of a cell, as in the paper
+  return std::make_unique<EulerianQuadrature<T>>(fields->deformation(), model_.reference, prepared_.particles, samples_,
+                                                 geometry, points_per_axis, grid_);
 }
 
 /// The latent of the scene's first state, and the velocity along the manifold that is nearest to its velocities.
@@ -177,7 +223,7 @@ bool ReducedSolver<T>::try_step(double dt) {
     control_.halve();
     return take_back();
   }
-  const auto lost = static_cast<double>(std::count(lost_.begin(), lost_.end(), true));
+  const auto lost = static_cast<double>(std::count(motion_.lost.begin(), motion_.lost.end(), true));
   constexpr double negligible = 2e-3;  // of dx
   return control_.keep(misfit_, negligible * prepared_.scene.domain.dx / dt,
                        lost / static_cast<double>(samples_.size())) ||
@@ -188,77 +234,67 @@ template <typename T>
 void ReducedSolver<T>::step(double dt) {
   Stopwatch timer;
   StepTiming& timing = statistics_.timing;
-  if (due_) choose_points();
+  quadrature_->find(state_, grid_);
   timing.search += timer.lap();
-  fields_->decode(state_, tiles_, grid_.particles());
+  quadrature_->fill(state_, grid_);
+  if (model_.fields->stress_follows_deformation()) grid_.take_stress_of_deformation();
   hold_inside(prepared_.scene, grid_.particles());
   timing.decode += timer.lap();
-  sample_field_->evaluate(state_.latent.data(), before_);
-  grid_.step(time_, dt, lost_);
+  sample_field_->evaluate(state_.latent.data(), motion_.before);
+  grid_.step(time_, dt, motion_.lost);
   timing.grid += timer.lap();
-  invert(dt);
+  project_samples(dt);
   timing.inversion += timer.lap();
   time_ += dt;
   ++timing.steps;
 }
 
+/// The samples' way to the next latent state (rom/projection/projection.h), and what it tells of its error.
 template <typename T>
-void ReducedSolver<T>::choose_points() {
-  due_ = false;
-  std::vector<int32_t> found = points_.find(state_);
-  if (found == tiles_) return;
-  tiles_ = std::move(found);
-  grid_.select(tiles_);
-}
-
-/// q <- argmin |g(X_s, q) - x_s|^2 from where the latent's velocity takes it; q' is the change over dt.
-template <typename T>
-void ReducedSolver<T>::invert(double dt) {
-  const auto r = static_cast<Eigen::Index>(state_.latent.size());
+void ReducedSolver<T>::project_samples(double dt) {
   const mpm::ParticleView<T> particles = grid_.particles();
-  target_.resize(before_.size());
+  motion_.after.resize(motion_.before.size());
   double moved2 = 0, furthest = 0;
-  for (Eigen::Index s = 0; s < target_.size() / 3; ++s) {
+  for (Eigen::Index s = 0; s < motion_.after.size() / 3; ++s) {
     const Vec<T, 3> x = particles.position.vec(s), way = static_cast<T>(dt) * particles.velocity.vec(s);
     for (int d = 0; d < 3; ++d) {
       // Without an obstacle or wall in the way, not rounded to the precision of positions: it would count in
       // velocities.
-      const bool free = x[d] == static_cast<T>(before_[3 * s + d]) + way[d];
-      target_[3 * s + d] = free ? before_[3 * s + d] + static_cast<double>(way[d]) : static_cast<double>(x[d]);
+      const double before = motion_.before[3 * s + d];
+      const bool free = x[d] == static_cast<T>(before) + way[d];
+      motion_.after[3 * s + d] = free ? before + static_cast<double>(way[d]) : static_cast<double>(x[d]);
     }
-    const double way2 = (target_.segment<3>(3 * s) - before_.segment<3>(3 * s)).squaredNorm();
+    const double way2 = (motion_.after.segment<3>(3 * s) - motion_.before.segment<3>(3 * s)).squaredNorm();
     moved2 += way2;
     furthest = std::max(furthest, way2);
   }
-  const Eigen::Map<const Eigen::VectorXd> old(state_.latent.data(), r), rate(state_.velocity.data(), r);
-  Eigen::VectorXd latent = old + dt * rate;
-  const FitOptions fit{.iterations = options_.iterations.value_or(1), .linearisation = Linearisation::once};
-  const FitReport report = fit_latent(*sample_field_, target_, lost_, fit, latent);
-  const Eigen::VectorXd velocity = (latent - old) / dt;
+  const FitReport report = project(projection_, *sample_field_, motion_, dt,
+                                   options_.iterations.value_or(iterations_of(projection_)), state_);
   misfit_ = report.distance / dt;
-  Eigen::VectorXd previous = old;
-  if (manifold_pull_ > 0) {
-    const double place = (time_ + dt) / model_.frame_time;
-    const Eigen::VectorXd way =
-        manifold_pull_ *
-        ((curve_.size() > 0 ? nearest_on_curve(curve_, latent, place) : manifold_.project(latent)) - latent);
-    latent += way;
-    previous += way;
-  }
-  state_.last_step = dt;
-  state_.previous.assign(previous.data(), previous.data() + r);
-  state_.latent.assign(latent.data(), latent.data() + r);
-  state_.velocity.assign(velocity.data(), velocity.data() + r);
+  if (manifold_pull_ > 0) pull(dt);
 
   const auto samples = static_cast<double>(samples_.size());
   const double moved = std::sqrt(moved2 / samples), least = 1e-4 * prepared_.scene.domain.dx;
   trust_.residual = std::max(trust_.residual, report.distance / std::max(moved, least));
   down_weighted_sum_ += report.down_weighted;
-  due_ = points_.stale_after(std::sqrt(furthest));
+  quadrature_->moved(std::sqrt(furthest));
   statistics_.largest_condition = std::max(statistics_.largest_condition, report.condition);
   iteration_sum_ += report.iterations;
   integration_sum_ += particles.count;
   statistics_.most_integration = std::max(statistics_.most_integration, particles.count);
+}
+
+/// A part of the way to where the training went, without a change of velocity.
+template <typename T>
+void ReducedSolver<T>::pull(double dt) {
+  const auto r = static_cast<Eigen::Index>(state_.latent.size());
+  const Eigen::VectorXd latent = Eigen::Map<const Eigen::VectorXd>(state_.latent.data(), r);
+  const double place = (time_ + dt) / model_.frame_time;
+  const Eigen::VectorXd way =
+      manifold_pull_ *
+      ((curve_.size() > 0 ? nearest_on_curve(curve_, latent, place) : manifold_.project(latent)) - latent);
+  Eigen::Map<Eigen::VectorXd>(state_.latent.data(), r) += way;
+  if (!state_.previous.empty()) Eigen::Map<Eigen::VectorXd>(state_.previous.data(), r) += way;
 }
 
 template <typename T>
@@ -284,7 +320,7 @@ ReducedStatistics ReducedSolver<T>::statistics() const {
   s.samples = static_cast<int64_t>(samples_.size());
   s.mean_integration = static_cast<double>(integration_sum_) / steps;
   s.mean_iterations = static_cast<double>(iteration_sum_) / steps;
-  s.bytes = grid_.bytes() + points_.bytes() + output_->bytes() + (fields_ ? fields_->bytes() : 0);
+  s.bytes = grid_.bytes() + quadrature_->bytes() + output_->bytes();
   return s;
 }
 

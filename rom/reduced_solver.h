@@ -1,20 +1,21 @@
-// Runs a scene in the latent space of a reduced-order model (NSF section 5): decode the fields at the integration
-// particles, advance them on mpm's grid, invert the deformation field at the samples. After the start no step of the
-// full model is taken.
+// Runs a scene in the latent space of a reduced-order model (NSF section 5, CROM algorithm 2): decode the fields at the
+// integration particles, advance them on mpm's grid, project the samples back to the manifold. After the start no step
+// of the full model is taken.
 #pragma once
 
 #include <memory>
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "core/scene/trajectory.h"
 #include "mpm/simulation.h"
-#include "rom/projection/gauss_newton.h"
 #include "rom/projection/latent_manifold.h"
+#include "rom/projection/projection.h"
 #include "rom/reduced_model.h"
 #include "rom/solver/error_indicator.h"
-#include "rom/solver/integration_points.h"
 #include "rom/solver/particle_grid.h"
+#include "rom/solver/quadrature.h"
 #include "rom/solver/step_control.h"
 
 namespace graupel::rom {
@@ -28,12 +29,20 @@ enum class LongSteps {
 struct ReducedOptions {
   std::optional<double> step_factor;            ///< steps over those of the training, instead of the model's
   LongSteps long_steps = LongSteps::shortened;  ///< steps above the training's
-  /// Of the inversion; by default 1: the first step of Gauss-Newton from where the latent's velocity takes it is exact
-  /// to rounding in all measurements.
-  std::optional<int> iterations;
+  std::optional<int> iterations;                ///< of Gauss-Newton at most; by default 1 for NSF, 20 for CROM
+  std::optional<ProjectionKind> projection;     ///< instead of the model's
+  std::optional<QuadratureKind> quadrature;     ///< instead of the model's
   std::optional<double> manifold_pull;          ///< instead of the model's
   std::optional<std::vector<int32_t>> samples;  ///< instead of the model's
 };
+
+/// The value that a word names; none for an empty word.
+template <typename E>
+std::optional<E> word_choice(const std::string& word) {
+  for (const auto& [name, value] : EnumWords<E>::words)
+    if (word == name) return value;
+  return std::nullopt;
+}
 
 /// Seconds of the parts of steps, summed.
 struct StepTiming {
@@ -53,6 +62,10 @@ struct ReducedStatistics {
   double largest_condition = 0;
   int64_t bytes = 0;
 };
+
+/// A model of the deformation alone takes stress from F and has no affine velocity. Throws ConfigError for a scene with
+/// other transfers than PIC, or with a law that has a plastic state.
+void check_deformation_scene(const Scene& scene);
 
 template <typename T>
 class ReducedSolver {
@@ -76,28 +89,26 @@ class ReducedSolver {
 
  private:
   void start();
-  void choose_points();
-  void invert(double dt);
+  std::unique_ptr<Quadrature<T>> make_quadrature();
+  void project_samples(double dt);
+  void pull(double dt);
   bool try_step(double dt);
 
   const ReducedModel& model_;
   mpm::PreparedScene prepared_;
   ReducedOptions options_;
   double step_factor_, manifold_pull_;
+  ProjectionKind projection_;
   LatentManifold manifold_;
   Eigen::MatrixXd curve_;  ///< of the manifold at the run's parameter; may be none
   std::vector<int32_t> samples_;
   ParticleGrid<T> grid_;
-  IntegrationPoints<T> points_;
-  std::vector<int32_t> tiles_;  ///< of the integration points' candidates, that take part
+  std::unique_ptr<Quadrature<T>> quadrature_;
   std::unique_ptr<SampleField> sample_field_;
-  std::unique_ptr<PointFields<T>> fields_;
   std::unique_ptr<PointPositions<float>> output_;
   LatentState state_;
-  Eigen::VectorXd before_, target_;
-  std::vector<bool> lost_;  ///< samples that the last step threw off
+  SampleMotion motion_;  ///< of the last step
   double time_ = 0;
-  bool due_ = true;  ///< integration points are to be found again
   StepControl control_;
   double misfit_ = 0;  ///< distance that the last inversion left, over its dt [m/s]
   ErrorIndicator trust_;

@@ -71,6 +71,8 @@ class RomBench {
             .box = options_.box,
             .iterations = options_.iterations,
             .manifold_pull = options_.manifold_pull,
+            .projection = rom::word_choice<rom::ProjectionKind>(options_.projection),
+            .quadrature = rom::word_choice<rom::QuadratureKind>(options_.quadrature),
             .arithmetic = options_.f64 ? Arithmetic::f64 : Arithmetic::f32,
             .foreign = options_.other_scene ? ForeignScene::run : ForeignScene::refuse,
             .device = device_of_reduced_models(options_.common.device)};

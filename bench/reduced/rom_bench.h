@@ -24,7 +24,8 @@ struct BenchRomOptions {
   std::vector<double> box;
   std::optional<int> iterations;
   std::optional<double> manifold_pull;
-  double outlier_factor = 0;  ///< removed; 0 alone is allowed
+  std::string projection, quadrature;  ///< empty: the model's
+  double outlier_factor = 0;           ///< removed; 0 alone is allowed
   bool f64 = false, other_scene = false, keep_steps = false;
   int64_t instances = 1;
 };

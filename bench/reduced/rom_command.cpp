@@ -64,8 +64,12 @@ void add_run_flags(const Command& verb, BenchRomOptions& options) {
   verb.option("--manifold-pull", options.manifold_pull,
               "Share of the way back to the states of the training that a step takes, instead of the model's")
       .check(shown_range(0.0, 1.0));
-  verb.option("--iterations", options.iterations, "Gauss-Newton iterations at most (by default 1)")
+  verb.option("--iterations", options.iterations, "Gauss-Newton iterations at most (by default 1, of CROM 20)")
       .check(whole_number(1));
+  verb.option("--projection", options.projection, "Instead of the model's: position, position_velocity or velocity")
+      .check(one_of({"position", "position_velocity", "velocity"}));
+  verb.option("--quadrature", options.quadrature, "Instead of the model's: lagrangian or eulerian")
+      .check(one_of({"lagrangian", "eulerian"}));
   verb.flag("--keep-steps", options.keep_steps, "Repeat no step at half the length where it leaves too much");
   verb.flag("--f64", options.f64, "Double precision");
   verb.option("--instances", options.instances, "With --device cuda: so many runs at once while steps are timed")

@@ -105,6 +105,8 @@ rom::ReducedOptions reduced_options(const RomRunOptions& options, const rom::Red
   reduced.long_steps = options.long_steps;
   reduced.iterations = options.iterations;
   reduced.manifold_pull = options.manifold_pull;
+  reduced.projection = options.projection;
+  reduced.quadrature = options.quadrature;
   if (options.samples == 0) return reduced;
   std::vector<int32_t> candidates = model.clusters.representatives();
   const std::vector<double>& box = options.box;
@@ -131,7 +133,9 @@ RomMeasurement measure_rom(const LoadedModel& model, const StoredRun& truth, con
   const std::vector<Vec3f> reference = truth.reader.frames(truth.run, 0, 1).front().position;
   compare::DisplacementError error(reference);
   std::optional<StressSums> stress;
-  if (truth.reader.fields(truth.run).contains(ParticleField::stress)) stress.emplace(model.model);
+  if (truth.reader.fields(truth.run).contains(ParticleField::stress) &&
+      !model.model.fields->stress_follows_deformation())
+    stress.emplace(model.model);
   try {
     for (int64_t f = 1; f < truth.frames; ++f) {
       stop_if_interrupted();

@@ -21,7 +21,9 @@ struct RomRunOptions {
   rom::SampleRule rule = rom::SampleRule::spread;  ///< of these, as the two below
   std::vector<double> box = {};                    ///< of the reference body that they lie in: low, high [m]; or none
   std::optional<int> iterations = {};
-  std::optional<double> manifold_pull = {};  ///< instead of the model's
+  std::optional<double> manifold_pull = {};  ///< instead of the model's, as the two below
+  std::optional<rom::ProjectionKind> projection = {};
+  std::optional<rom::QuadratureKind> quadrature = {};
   Arithmetic arithmetic = Arithmetic::f32;
   ForeignScene foreign = ForeignScene::refuse;
   Device device = Device::cpu;

@@ -11,9 +11,7 @@ namespace graupel::experiments {
 
 ModelKind kind_of_weights(const nn::Weights& weights) {
   if (hybrid::is_coarse_model(weights)) return ModelKind::coarse;
-  const auto architecture = weights.metadata.find("architecture");
-  const bool reduced = architecture != weights.metadata.end() && architecture->second == rom::nsf_architecture;
-  return reduced ? ModelKind::reduced : ModelKind::network;
+  return rom::is_reduced_model(weights) ? ModelKind::reduced : ModelKind::network;
 }
 
 ModelChoice parse_model(const std::string& word, std::span<const ModelChoice> before) {

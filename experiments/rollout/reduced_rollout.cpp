@@ -23,6 +23,8 @@ namespace {
 rom::ReducedOptions reduced_options(const RolloutOptions& options) {
   rom::ReducedOptions reduced;
   reduced.step_factor = options.step_factor;
+  reduced.projection = rom::word_choice<rom::ProjectionKind>(options.projection);
+  reduced.quadrature = rom::word_choice<rom::QuadratureKind>(options.quadrature);
   return reduced;
 }
 

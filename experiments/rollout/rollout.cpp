@@ -31,11 +31,13 @@ void check_flags(const RolloutOptions& options) {
 
 /// The first flag given that only reduced-order models know; null where there is none.
 const char* flag_of_reduced_models(const RolloutOptions& options) {
-  return options.step_factor   ? "--step-factor"
-         : options.refine      ? "--refine"
-         : options.stride != 1 ? "--stride"
-         : options.f64         ? "--f64"
-                               : nullptr;
+  return options.step_factor           ? "--step-factor"
+         : options.refine              ? "--refine"
+         : options.stride != 1         ? "--stride"
+         : options.f64                 ? "--f64"
+         : !options.projection.empty() ? "--projection"
+         : !options.quadrature.empty() ? "--quadrature"
+                                       : nullptr;
 }
 
 /// Flags that the kind of model does not know.

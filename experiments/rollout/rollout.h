@@ -24,6 +24,7 @@ struct RolloutOptions {
   std::optional<int64_t> refine;        ///< of reduced-order models: points of a particle
   int64_t stride = 1;                   ///< of reduced-order models: frames from one that is written to the next
   bool f64 = false;                     ///< of reduced-order models: double precision
+  std::string projection, quadrature;   ///< of reduced-order models; empty: the model's
 };
 
 /// Predicts, writes the trajectory, prints a summary. Throws ConfigError for flags that the model or the input does not

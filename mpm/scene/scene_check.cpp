@@ -3,6 +3,8 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <cmath>
+
 #include "core/scene/plane_check.h"
 #include "core/system/error.h"
 
@@ -21,6 +23,13 @@ std::string name_of_source(const Scene& scene, int32_t index) {
   }
   const Source& source = scene.sources[s];
   return fmt::format("source {0} (/sources/{0}, {1} of '{2}')", index, word_of(source.shape), source.material);
+}
+
+/// Such particles go where their script leads them, through obstacles too: a `stick` obstacle around them fixes the
+/// nodes that hold what is attached to them.
+bool always_kinematic(const SampledParticles& particles, std::size_t i) {
+  if (particles.script.empty() || particles.script[i] < 0) return false;
+  return std::isinf(particles.scripts[static_cast<std::size_t>(particles.script[i])].release_time);
 }
 
 /// Follows every led particle at 64 times of its script and at its keyframes.
@@ -75,7 +84,7 @@ void check_start(const Scene& scene, const SampledParticles& particles, const sp
             fmt::format("{} reaches outside the walls (particle at {}, allowed: {} to {}). Move or shrink it, or "
                         "enlarge the domain",
                         name_of_source(scene, particles.source[i]), text_of(x), text_of(low), text_of(high)));
-    if (obstacles.count() == 0) continue;
+    if (obstacles.count() == 0 || always_kinematic(particles, i)) continue;
     int nearest = -1;
     const double phi = obstacles.sample(x, &nearest).phi;
     if (phi < -1e-4 * scene.domain.dx)

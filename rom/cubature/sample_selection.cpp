@@ -1,6 +1,8 @@
 #include "rom/cubature/sample_selection.h"
 
 #include <algorithm>
+#include <map>
+#include <set>
 
 #include "core/math/random.h"
 
@@ -58,6 +60,26 @@ std::vector<int32_t> choose_samples(SampleRule rule, const std::vector<int32_t>&
                                  : rule == SampleRule::spread ? spread_samples(candidates, n)
                                                               : patched_samples(candidates, n);
   std::sort(samples.begin(), samples.end());
+  return samples;
+}
+
+std::vector<int32_t> with_boundary_samples(std::vector<int32_t> samples, const std::vector<int32_t>& script,
+                                           int64_t least) {
+  const std::set<int32_t> taken(samples.begin(), samples.end());
+  std::map<int32_t, int64_t> count;
+  std::map<int32_t, std::vector<int32_t>> others;  // of each script
+  for (std::size_t p = 0; p < script.size(); ++p) {
+    if (script[p] < 0) continue;
+    const auto particle = static_cast<int32_t>(p);
+    if (taken.contains(particle))
+      ++count[script[p]];
+    else
+      others[script[p]].push_back(particle);
+  }
+  for (const auto& [number, particles] : others) {
+    const int64_t all = static_cast<int64_t>(particles.size()), missing = std::min(all, least - count[number]);
+    for (int64_t i = 0; i < missing; ++i) samples.push_back(particles[static_cast<std::size_t>(i * all / missing)]);
+  }
   return samples;
 }
 

@@ -29,4 +29,10 @@ std::vector<int32_t> points_within(const std::vector<int32_t>& points, const std
 std::vector<int32_t> choose_samples(SampleRule rule, const std::vector<int32_t>& candidates, int64_t count,
                                     uint64_t seed);
 
+/// The samples and, where a script leads fewer than `least` of them, more of its particles, spread over its list: what
+/// is prescribed at a kinematic boundary must reach the latent (CROM section 3.2.1 asks for five). `script` [particles]
+/// is -1 for particles without one, empty where there is none.
+std::vector<int32_t> with_boundary_samples(std::vector<int32_t> samples, const std::vector<int32_t>& script,
+                                           int64_t least);
+
 }  // namespace graupel::rom

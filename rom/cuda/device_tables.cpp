@@ -172,7 +172,11 @@ InstanceTable instance_table(const ReducedModel& model, mpm::PreparedScene prepa
 
 void check_options(const ReducedModel& model, const ReducedOptions& options) {
   const bool pulled = options.manifold_pull.value_or(model.manifold_pull) > 0;
-  const char* what = options.iterations.value_or(1) > 1 ? "take one iteration of the inversion (iterations)"
+  const bool by_position = options.projection.value_or(model.projection) == ProjectionKind::position,
+             lagrangian = options.quadrature.value_or(model.quadrature) == QuadratureKind::lagrangian;
+  const char* what = !by_position                         ? "project positions alone (projection)"
+                     : !lagrangian                        ? "have Lagrangian quadrature alone (quadrature)"
+                     : options.iterations.value_or(1) > 1 ? "take one iteration of the inversion (iterations)"
                      : pulled && curve_of(model, std::vector<double>(model.parameters.size(), 0)).empty()
                          ? "take no way back to training runs of several parameters or lengths (manifold_pull)"
                          : nullptr;

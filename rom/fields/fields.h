@@ -31,7 +31,8 @@ class PointFields {
  public:
   virtual ~PointFields() = default;
   /// Fills position [m], velocity [m/s], stress [Pa] and affine velocity [1/s] of tiles of 16 slots: tile j of the
-  /// particles is tile tiles[j] of the points that the fields are bound to.
+  /// particles is tile tiles[j] of the points that the fields are bound to. Where the stress follows the deformation
+  /// (Fields), fills F and leaves the stress at zero.
   virtual void decode(const LatentState& state, const std::vector<int32_t>& tiles,
                       const mpm::ParticleView<T>& particles) = 0;
   virtual int64_t bytes() const = 0;
@@ -54,6 +55,8 @@ class Fields {
   virtual ~Fields() = default;
   virtual int latents() const = 0;
   virtual int64_t particles() const = 0;  ///< of the reference body
+  /// Whether points have F = dg/dX instead of a stress, which the material's law then gives.
+  virtual bool stress_follows_deformation() const { return false; }
   /// Stress and affine velocity are zero at points where they are not known.
   virtual std::unique_ptr<PointFields<float>> bind_f32(const std::vector<int32_t>& points) const = 0;
   virtual std::unique_ptr<PointFields<double>> bind_f64(const std::vector<int32_t>& points) const = 0;

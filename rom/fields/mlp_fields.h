@@ -3,8 +3,8 @@
 // form of the factored fields, at 10^5 to 10^6 operations a particle.
 #pragma once
 
+#include "rom/deformation/mlp_deformation.h"
 #include "rom/fields/fields.h"
-#include "rom/fields/mlp.h"
 
 namespace graupel::rom {
 
@@ -29,7 +29,7 @@ class MlpFields final : public Fields {
   static std::shared_ptr<const MlpFields> load(const nn::Weights& weights, int latents, int parameters,
                                                std::vector<float> reference);
 
-  const Mlp& displacement() const { return displacement_; }
+  const MlpDeformation& deformation() const { return deformation_; }
   const Mlp& stress() const { return stress_; }
   const Mlp& affine() const { return affine_; }
   /// X of some particles, [points, 3] [m].
@@ -38,7 +38,8 @@ class MlpFields final : public Fields {
  private:
   int latents_;
   std::vector<float> reference_;
-  Mlp displacement_, stress_, affine_;
+  MlpDeformation deformation_;
+  Mlp stress_, affine_;
 };
 
 }  // namespace graupel::rom

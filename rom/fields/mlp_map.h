@@ -1,5 +1,5 @@
 // A smooth map R^n -> R^m as a small network on top of a linear part,
-//   c(z) = b + L y + N(z),   y = (z - shift) * scale, the network's own standardised input (rom/fields/mlp.h).
+//   c(z) = b + L y + N(z),   y = (z - shift) * scale, the network's own standardised input (rom/networks/mlp.h).
 // The network learns only what the straight line leaves. ELU is asymptotically linear, so that far outside of the data
 // the map goes on as a straight line by itself.
 #pragma once
@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "rom/fields/branch_map.h"
-#include "rom/fields/mlp.h"
+#include "rom/networks/mlp.h"
 
 namespace graupel::rom {
 

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "rom/fields/tensors.h"
+#include "rom/networks/tensors.h"
 
 namespace graupel::rom {
 

@@ -3,6 +3,7 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
+#include <utility>
 #include <vector>
 
 #include "core/system/error.h"
@@ -50,42 +51,92 @@ void SampleField::normal_equations(const std::vector<double>& weight, const Eige
   right.noalias() = weighted.transpose() * residual;
 }
 
-FitReport fit_latent(SampleField& field, const Eigen::VectorXd& target, const std::vector<bool>& lost,
-                     const FitOptions& options, Eigen::VectorXd& latent) {
-  constexpr double ridge = 1e-12;  ///< of the mean diagonal
-  FitReport report;
-  if (2 * std::count(lost.begin(), lost.end(), true) > field.samples())
+namespace {
+
+void refuse_lost(const std::vector<bool>& lost, int samples) {
+  if (2 * std::count(lost.begin(), lost.end(), true) > samples)
     throw DivergedError(
         "more than half of the samples of the reduced model move over one cell in a step, or are not finite. Use a "
         "smaller time step factor, more samples, or parameters nearer to those of the training");
-  Eigen::VectorXd position, residual, right;
+}
+
+void drop_lost(const std::vector<bool>& lost, Eigen::VectorXd& residual) {
+  for (std::size_t s = 0; s < lost.size(); ++s)
+    if (lost[s]) residual.segment<3>(3 * static_cast<Eigen::Index>(s)).setZero();
+}
+
+/// The solution of the normal equations at the field's linearisation; `slope` is their right side.
+Eigen::VectorXd solve_normal_equations(const SampleField& field, const Weighing& weighing,
+                                       const Eigen::VectorXd& residual, Eigen::VectorXd& slope, FitReport& report) {
+  constexpr double ridge = 1e-12;  ///< of the mean diagonal
   Eigen::MatrixXd normal;
-  const auto update_residual = [&] {
-    field.evaluate(latent.data(), position);
-    residual = target - position;
-    for (std::size_t s = 0; s < lost.size(); ++s)
-      if (lost[s]) residual.segment<3>(3 * static_cast<Eigen::Index>(s)).setZero();
+  field.normal_equations(weighing.weight, residual, normal, slope);
+  normal.diagonal().array() += ridge * normal.trace() / static_cast<double>(normal.rows());
+  const Eigen::LLT<Eigen::MatrixXd> factor(normal);
+  const Eigen::VectorXd change = factor.solve(slope);
+  if (factor.info() != Eigen::Success || !change.allFinite())
+    throw DivergedError(
+        "the inversion of the deformation field failed (its normal equations are singular or not finite). Use more "
+        "samples, a smaller time step factor, or parameters nearer to those of the training");
+  const auto diagonal = factor.matrixLLT().diagonal();
+  report.condition = std::pow(diagonal.maxCoeff() / diagonal.minCoeff(), 2);
+  return change;
+}
+
+}  // namespace
+
+FitReport fit_latent(SampleField& field, const Eigen::VectorXd& target, const std::vector<bool>& lost,
+                     const FitOptions& options, Eigen::VectorXd& latent) {
+  constexpr int most_halvings = 40;
+  constexpr double sufficient = 0.25;  ///< of the decrease that the slope tells (Armijo)
+  FitReport report;
+  refuse_lost(lost, field.samples());
+  Eigen::VectorXd position, residual, slope;
+  const auto residual_at = [&](const Eigen::VectorXd& at) {
+    field.evaluate(at.data(), position);
+    Eigen::VectorXd left = target - position;
+    drop_lost(lost, left);
+    return left;
   };
-  update_residual();
+  residual = residual_at(latent);
   while (report.iterations < options.iterations) {
     const Weighing weighing(residual, lost);
     if (report.iterations == 0 || options.linearisation == Linearisation::every_iteration)
       field.linearise(latent.data());
-    field.normal_equations(weighing.weight, residual, normal, right);
-    normal.diagonal().array() += ridge * normal.trace() / static_cast<double>(normal.rows());
-    const Eigen::LLT<Eigen::MatrixXd> factor(normal);
-    const Eigen::VectorXd change = factor.solve(right);
-    if (factor.info() != Eigen::Success || !change.allFinite())
-      throw DivergedError(
-          "the inversion of the deformation field failed (its normal equations are singular or not finite). Use more "
-          "samples, a smaller time step factor, or parameters nearer to those of the training");
-    const auto diagonal = factor.matrixLLT().diagonal();
-    report.condition = std::pow(diagonal.maxCoeff() / diagonal.minCoeff(), 2);
+    Eigen::VectorXd change = solve_normal_equations(field, weighing, residual, slope, report);
+    const double before = residual.squaredNorm();
+    Eigen::VectorXd left = residual_at(latent + change);
+    if (options.search == LineSearch::backtracking)
+      for (int h = 0; h < most_halvings && !(left.squaredNorm() <= before - 2 * sufficient * slope.dot(change)); ++h) {
+        change /= 2;
+        left = residual_at(latent + change);
+      }
     latent += change;
+    residual = std::move(left);
     ++report.iterations;
-    update_residual();
     if (change.norm() <= options.tolerance * (1 + latent.norm())) break;
   }
+  const Weighing last(residual, lost);
+  report.down_weighted = last.down_weighted;
+  report.distance = last.root_mean();
+  return report;
+}
+
+FitReport fit_velocity(SampleField& field, const double* latent, const Eigen::VectorXd& velocity,
+                       const std::vector<bool>& lost, std::vector<double>& rate) {
+  refuse_lost(lost, field.samples());
+  Eigen::VectorXd residual = velocity, slope;
+  drop_lost(lost, residual);
+  const Weighing weighing(residual, lost);
+  FitReport report;
+  report.iterations = 1;
+  field.linearise(latent);
+  const Eigen::VectorXd q = solve_normal_equations(field, weighing, residual, slope, report);
+  rate.assign(q.data(), q.data() + q.size());
+  Eigen::MatrixXd jacobian;
+  field.jacobian(latent, jacobian);
+  residual -= jacobian * q;
+  drop_lost(lost, residual);
   const Weighing last(residual, lost);
   report.down_weighted = last.down_weighted;
   report.distance = last.root_mean();

@@ -35,10 +35,18 @@ enum class Linearisation {
   once  ///< at the first latent: enough for the short way of a time step
 };
 
+/// How far along its direction an iteration goes.
+enum class LineSearch {
+  none,         ///< all the way
+  backtracking  ///< half as far again and again, until the squared distances fall by a quarter of what their slope
+                ///< tells
+};
+
 struct FitOptions {
   int iterations = 3;       ///< at most; 1: the first-order inversion
   double tolerance = 1e-9;  ///< of the latent's change, relative to its size
   Linearisation linearisation = Linearisation::every_iteration;
+  LineSearch search = LineSearch::none;
 };
 
 struct FitReport {
@@ -52,5 +60,10 @@ struct FitReport {
 /// when more than half are lost, or the normal equations are singular or not finite.
 FitReport fit_latent(SampleField& field, const Eigen::VectorXd& target, const std::vector<bool>& lost,
                      const FitOptions& options, Eigen::VectorXd& latent);
+
+/// q' = argmin sum_s w_s |dg/dq(X_s, q) q' - v_s|^2 (CROM eq. 28), which is linear; `velocity` v [3 samples] [m/s].
+/// The report's distance is that of velocities [m/s]. Throws as fit_latent().
+FitReport fit_velocity(SampleField& field, const double* latent, const Eigen::VectorXd& velocity,
+                       const std::vector<bool>& lost, std::vector<double>& rate);
 
 }  // namespace graupel::rom

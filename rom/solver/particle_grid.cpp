@@ -44,8 +44,9 @@ void ParticleGrid<T>::choose(const GridParticles& chosen) {
   select(tiles);
 }
 
+/// What does not change of these tiles.
 template <typename T>
-void ParticleGrid<T>::select(const std::vector<int32_t>& tiles) {
+void ParticleGrid<T>::copy_chosen(const std::vector<int32_t>& tiles) {
   const mpm::ParticleView<T> all = chosen_.view(), to = particles_.view();
   const auto copy = [](const auto& from, const auto& into, int64_t source, int64_t target) {
     const int64_t numbers = from.at(mpm::tile) - from.at(0);
@@ -59,11 +60,30 @@ void ParticleGrid<T>::select(const std::vector<int32_t>& tiles) {
     copy(all.material, to.material, tiles[j], target);
     copy(all.source_index, to.source_index, tiles[j], target);
   }
+}
+
+template <typename T>
+void ParticleGrid<T>::select(const std::vector<int32_t>& tiles) {
+  copy_chosen(tiles);
   const auto tile_count = static_cast<int64_t>(tiles.size());
-  const int64_t missing = tiles.empty() ? 0 : std::max<int64_t>(0, (tiles.back() + 1) * mpm::tile - all.count);
+  const int64_t missing = tiles.empty() ? 0 : std::max<int64_t>(0, (tiles.back() + 1) * mpm::tile - chosen_.count());
   count_ = tile_count * mpm::tile - missing;
-  std::fill_n(grid_.blocks.keys() + count_, all.count - count_,
+  std::fill_n(grid_.blocks.keys() + count_, chosen_.count() - count_,
               -1);  // without a block: they take no part
+}
+
+template <typename T>
+void ParticleGrid<T>::resize_points(int64_t count) {
+  count_ = samples_ + count;
+  if (count_ > particles_.count()) {
+    const int64_t room = count_ + count_ / 4;
+    particles_ = mpm::Particles<T>(Device::cpu, room);
+    grid_.resize(room);
+    std::vector<int32_t> tiles(static_cast<std::size_t>(mpm::padded_to_tile(samples_) / mpm::tile));
+    std::iota(tiles.begin(), tiles.end(), 0);
+    copy_chosen(tiles);
+  }
+  std::fill_n(grid_.blocks.keys() + count_, particles_.count() - count_, -1);
 }
 
 template <typename T>
@@ -71,6 +91,19 @@ mpm::ParticleView<T> ParticleGrid<T>::particles() {
   mpm::ParticleView<T> view = particles_.view();
   view.count = count_;
   return view;
+}
+
+template <typename T>
+void ParticleGrid<T>::take_stress_of_deformation() {
+  const mpm::ParticleView<T> p = particles();
+  const mpm::MaterialParameters<T>* materials = grid_.materials.data();
+  const auto body = [=](int64_t slot) {
+    Mat<T, 3> F = mpm::load_matrix<T, 3>(p.deformation_gradient, slot);
+    T internal = p.internal.get(slot);
+    mpm::store_symmetric(p.stress, slot,
+                         mpm::map_and_stress_of_solid(materials[p.material.get(slot)], T(0), F, internal));
+  };
+  parallel_for_cpu(p.count, body);
 }
 
 template <typename T>

@@ -29,9 +29,15 @@ class ParticleGrid {
   /// From now on these tiles of 16 of the chosen ones take part; ascending,
   /// those of the samples among them.
   void select(const std::vector<int32_t>& tiles);
+  /// Room for so many points after the samples, which were all that was chosen;
+  /// their volume, material and source index are to be written, too.
+  void resize_points(int64_t count);
   /// Slot i of tile j is particle 16 tiles[j] + i of the chosen ones: position,
   /// velocity, affine velocity and stress are to be written before a step.
   mpm::ParticleView<T> particles();
+  /// Gives the points the Kirchhoff stress that their material's law has at
+  /// their F, for elastic solids.
+  void take_stress_of_deformation();
   /// Advances the grid by dt from `time` [s] on; the samples' positions and
   /// velocities are then those after the step. `lost[s]`: sample s is not
   /// finite or would move over one cell, as beside a node with hardly any mass;
@@ -41,6 +47,7 @@ class ParticleGrid {
   int64_t bytes() const;
 
  private:
+  void copy_chosen(const std::vector<int32_t>& tiles);
   void move_samples(const mpm::SolverView<T>& v, T dt, std::vector<bool>& lost);
 
   mpm::PreparedScene const& prepared_;

@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <nlohmann/json.hpp>
+#include <set>
 
 #include "bench/reduced/baselines.h"
 #include "core/system/atomic_file.h"
@@ -66,9 +67,31 @@ TEST_F(LinearRuns, InterpolationOfOtherRunsHasAnError) {
 
 TEST(NaiveRuns, EveryParameterCountsOverItsRange) {
   const std::vector<std::vector<double>> runs = {{0, 0}, {1, 1000}, {0.4, 900}};
-  EXPECT_EQ(bench::nearest_run(runs, {0.5, 800}).first, 2);
-  EXPECT_EQ(bench::nearest_run(runs, {0.9, 950}).first, 1);
-  EXPECT_FALSE(bench::runs_beside(runs, {0.5, 800}));
+  EXPECT_EQ(bench::nearest_run(runs, {0.5, 800}).runs, std::vector<int>{2});
+  EXPECT_EQ(bench::nearest_run(runs, {0.9, 950}).runs, std::vector<int>{1});
+}
+
+/// Of the triangles that hold a point, the one without another run in its circle.
+TEST(NaiveRuns, TheSimplexAroundIsThatOfDelaunay) {
+  const std::vector<std::vector<double>> runs = {{0, 0}, {2, 0}, {0, 20}, {2, 20}, {0.9, 9}, {1, 1}};
+  const std::vector<double> own = {0.9, 5};
+  const auto mix = bench::runs_around(runs, own);
+  ASSERT_TRUE(mix);
+  double sum = 0, first = 0, second = 0;
+  for (std::size_t i = 0; i < 3; ++i) {
+    sum += mix->weights[i];
+    first += mix->weights[i] * runs[static_cast<std::size_t>(mix->runs[i])][0];
+    second += mix->weights[i] * runs[static_cast<std::size_t>(mix->runs[i])][1];
+  }
+  EXPECT_NEAR(sum, 1, 1e-12);
+  EXPECT_NEAR(first, own[0], 1e-12);
+  EXPECT_NEAR(second, own[1], 1e-11);
+  EXPECT_EQ(std::set<int>(mix->runs.begin(), mix->runs.end()), (std::set<int>{0, 4, 5}));
+  EXPECT_FALSE(bench::runs_around(runs, {2.1, 5})) << "outside";
+  EXPECT_FALSE(bench::runs_around({{0, 0}, {1, 1}, {2, 2}}, {1, 1.5})) << "the runs lie on a line";
+  const auto known = bench::runs_around(runs, {1, 1});
+  ASSERT_TRUE(known);
+  for (std::size_t i = 0; i < 3; ++i) EXPECT_NEAR(known->weights[i], known->runs[i] == 5 ? 1 : 0, 1e-12);
 }
 
 /// The model of falling sand and a stored run of it.

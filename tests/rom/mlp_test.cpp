@@ -7,7 +7,7 @@
 #include "core/system/error.h"
 #include "mpm/simulation.h"
 #include "rom/fields/mlp_fields.h"
-#include "rom/fields/mlp_points.h"
+#include "rom/networks/mlp_points.h"
 #include "rom/reduced_solver.h"
 #include "tests/apps/falling_model.h"
 #include "tests/rom/random_network.h"

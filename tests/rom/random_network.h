@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "core/math/random.h"
-#include "rom/fields/mlp.h"
+#include "rom/networks/mlp.h"
 
 namespace graupel::rom::test {
 

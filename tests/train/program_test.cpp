@@ -10,6 +10,7 @@
 #include "graph/config/hgn_config.h"
 #include "nn/offline_cost.h"
 #include "nn/weights.h"
+#include "tests/train/reduced/affine_sweep.h"
 #include "tests/train/reduced/tiny_sweep.h"
 #include "tests/train/started_program.h"
 #include "tests/train/tiny_data.h"
@@ -138,6 +139,26 @@ TEST_F(Program, ReducedModelsTellTheirOfflineCost) {
   ASSERT_EQ(cost.training.size(), 1u);
   EXPECT_GT(cost.training[0].seconds, 0);
   EXPECT_EQ(cost.training[0].device, hardware_name(Device::cpu, 1));
+  remove_path(data);
+}
+
+TEST_F(Program, ATrainingOfADeformationStopsAndGoesOn) {
+  EXPECT_EQ(run({"crom", "--print-defaults"}), 0);
+  EXPECT_EQ(run({"crom", "--out", folder_ + "/crom"}), 2);
+  EXPECT_NE(log().find("crom_gravity.json"), std::string::npos) << log();
+  const std::string data = affine_sweep("crom_program_data"), out = folder_ + "/crom";
+  const pid_t child =
+      start({"crom", "--data", data, "--out", out, "--threads", "1", "--device", "cpu", "--set", "latents=1", "--set",
+             "samples=20", "--set", "epochs_scale=1000", "--set", "checkpoint_interval=10"},
+            folder_ + "/log");
+  for (int i = 0; i < 600 && !has_checkpoint(out); ++i) std::this_thread::sleep_for(std::chrono::milliseconds(50));
+  ::kill(child, SIGTERM);
+  EXPECT_EQ(finish(child), 0) << log();
+  EXPECT_NE(log().find("graupel train crom --resume " + out), std::string::npos) << log();
+  EXPECT_FALSE(fs::exists(out + "/weights.safetensors"));
+  EXPECT_EQ(run({"crom", "--resume", out, "--set", "latents=2"}), 2);
+  ASSERT_EQ(run({"crom", "--resume", out, "--device", "cpu", "--time-limit", "0.01"}), 0) << log();
+  EXPECT_EQ(nn::read_safetensors(out + "/weights.safetensors").metadata.at("architecture"), "crom");
   remove_path(data);
 }
 

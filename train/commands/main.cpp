@@ -19,6 +19,7 @@
 #include "core/system/stop_signal.h"
 #include "graph/features/normalization.h"
 #include "train/commands/coarse_command.h"
+#include "train/commands/crom_command.h"
 #include "train/commands/nsf_command.h"
 #include "train/commands/run_log.h"
 #include "train/commands/time_command.h"
@@ -346,6 +347,7 @@ int run(int argc, char** argv) {
   add_network(of_hgn, "The hierarchical graph network");
   add_network(of_gns, "The graph network simulator that it is compared with (GNS)");
   add_nsf_command(program, command_line, exit_code);
+  add_crom_command(program, command_line, exit_code);
   add_coarse_command(program, command_line, exit_code);
   add_time_command(program, command_line);
   instruction_set();  // its error, before any work

@@ -1,5 +1,7 @@
 #include "train/reduced/error_calibration.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <utility>
@@ -44,9 +46,7 @@ std::vector<rom::ErrorIndicator> roll_out(const rom::ReducedModel& model, const 
   return frames;
 }
 
-}  // namespace
-
-void calibrate_trust(rom::ReducedModel& model, const CalibrationOptions& options, CalibrationReport& report) {
+void roll_out_runs(rom::ReducedModel& model, const CalibrationOptions& options, CalibrationReport& report) {
   const Stopwatch watch;
   const io::TrajectoryReader reader(options.file);
   const int count = std::min(options.runs, reader.count());
@@ -58,6 +58,23 @@ void calibrate_trust(rom::ReducedModel& model, const CalibrationOptions& options
   model.usual = rom::usual_levels(runs);
   model.usual_error = report.errors.empty() ? 0 : *std::max_element(report.errors.begin(), report.errors.end());
   report.seconds = watch.seconds();
+}
+
+}  // namespace
+
+void calibrate_trust(rom::ReducedModel& model, const CalibrationOptions& options, CalibrationReport& report) {
+  if (options.runs == 0) return;
+  const auto say = [&](const std::string& text) {
+    if (options.message) options.message(text);
+  };
+  try {
+    roll_out_runs(model, options, report);
+  } catch (const InputError& error) {
+    say(fmt::format("no verdict on trust: the training runs cannot be rolled out ({})", error.what()));
+    return;
+  }
+  say(fmt::format("trust: {} training runs rolled out in {:.1f} s, error up to {:.3g} % of the displacement",
+                  report.runs, report.seconds, 100 * model.usual_error));
 }
 
 }  // namespace graupel::train

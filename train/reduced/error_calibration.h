@@ -3,19 +3,28 @@
 // run and its parameters, so its error is not that of the fit.
 #pragma once
 
+#include <functional>
 #include <string>
+#include <vector>
 
 #include "rom/reduced_model.h"
-#include "train/reduced/nsf_training.h"
 
 namespace graupel::train {
 
 struct CalibrationOptions {
   std::string file;  ///< train.h5 of the data set
   int runs = 4;      ///< at most, spread over those of the file; 0: none
+  std::function<void(const std::string&)> message = {};
 };
 
-/// Sets model.usual and model.usual_error. A run that diverges counts with the frames before.
+struct CalibrationReport {
+  int runs = 0, diverged = 0;
+  double seconds = 0;
+  std::vector<double> errors;  ///< displacement-relative, of each run that did not diverge
+};
+
+/// Sets model.usual and model.usual_error. A run that diverges counts with the frames before. Data of another machine
+/// may lack the meshes that its scenes name: then there is a message, and no verdict on trust.
 void calibrate_trust(rom::ReducedModel& model, const CalibrationOptions& options, CalibrationReport& report);
 
 }  // namespace graupel::train

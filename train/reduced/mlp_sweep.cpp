@@ -32,7 +32,7 @@ rom::Mlp MlpStage::network(const nn::Weights& weights) const {
 }
 
 MlpSweep::MlpSweep(const std::string& data, const NsfConfig& config, std::function<void(const std::string&)> message)
-    : config_(config), message_(std::move(message)), snapshots_(data, config) {}
+    : config_(config), message_(std::move(message)), snapshots_(data, config, nsf_fields) {}
 
 MlpStage MlpSweep::prepare(int number, Device device) {
   const MlpConfig& mlp = config_.mlp;

@@ -8,10 +8,10 @@
 #include <vector>
 
 #include "core/parallel/device.h"
-#include "rom/fields/conv_encoder.h"
-#include "rom/fields/mlp.h"
+#include "rom/networks/conv_encoder.h"
+#include "rom/networks/mlp.h"
 #include "train/reduced/mlp/mlp_module.h"
-#include "train/reduced/nsf_snapshots.h"
+#include "train/reduced/sweep_snapshots.h"
 
 namespace graupel::train {
 
@@ -30,19 +30,17 @@ struct MlpStage {
   rom::Standardization input, output;
   std::optional<MlpModule> module;
   int64_t points = 0;  ///< that batches are drawn from
-  int64_t step = 0;
-  double seconds = 0;  ///< of training, earlier parts of the run included
 
   rom::Mlp network(const nn::Weights& weights) const;
 };
 
 class MlpSweep {
  public:
-  /// `data` as NsfSnapshots; `config` must outlive this.
+  /// `data` as SweepSnapshots; `config` must outlive this.
   MlpSweep(const std::string& data, const NsfConfig& config, std::function<void(const std::string&)> message);
 
-  NsfSnapshots& snapshots() { return snapshots_; }
-  const NsfSnapshots& snapshots() const { return snapshots_; }
+  SweepSnapshots& snapshots() { return snapshots_; }
+  const SweepSnapshots& snapshots() const { return snapshots_; }
   /// The network of a stage with its data; the latents must be known after the first. Throws ConfigError when the
   /// snapshots have fewer modes than there are latents.
   MlpStage prepare(int stage, Device device);
@@ -51,7 +49,7 @@ class MlpSweep {
   std::optional<rom::ConvEncoder> take_encoder(const MlpStage& stage, const nn::Weights& weights);
   /// Root of the share of squares that the latents' modes leave out.
   double latent_tail() const { return latent_tail_; }
-  /// As NsfSnapshots::describe.
+  /// As SweepSnapshots::describe.
   void describe(rom::ReducedModel& model) const;
   /// X of all particles, [particles, 3].
   std::vector<float> reference() const;
@@ -67,7 +65,7 @@ class MlpSweep {
 
   const NsfConfig& config_;
   std::function<void(const std::string&)> message_;
-  NsfSnapshots snapshots_;
+  SweepSnapshots snapshots_;
   Eigen::MatrixXd latents_;  ///< of the training snapshots
   rom::Standardization position_;
   double latent_tail_ = 0;

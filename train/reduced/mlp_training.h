@@ -3,15 +3,13 @@
 // resumes, keeps to a time limit.
 #pragma once
 
-#include <functional>
-#include <map>
 #include <optional>
 #include <string>
+#include <vector>
 
-#include "core/parallel/device.h"
 #include "rom/reduced_model.h"
 #include "train/config/nsf_config.h"
-#include "train/loop/training_loop.h"
+#include "train/reduced/mlp/stage_run.h"
 
 namespace graupel::train {
 
@@ -35,19 +33,8 @@ struct MlpReport {
   StopReason reason = StopReason::finished;
 };
 
-struct MlpTrainingOptions {
-  std::string data;  ///< folder of the data set; its train.h5 is read
-  std::string run;   ///< run folder (train/loop/run_folder.h)
+struct MlpTrainingOptions : StageRunOptions {
   NsfConfig config;
-  bool resume = false;  ///< go on from the newest sound checkpoint; config must be the run's
-  Device device = Device::cpu;
-  int threads = 1;
-  double time_limit = 0;  ///< [s] of the whole run, divided among the stages as their epochs are; 0: none
-  int64_t stop_step = 0;  ///< stop after this step of the run; 0: do not
-  std::string command_line, version;
-  std::function<void(const std::string&)> message = {};
-  std::function<bool()> should_stop = {};
-  std::map<std::string, std::string> provenance = {};  ///< kept in the weights' metadata
 };
 
 /// Nothing when it was stopped. Throws InputError for a data set that is no sweep, ConfigError for settings that do not

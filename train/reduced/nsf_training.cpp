@@ -8,11 +8,10 @@
 #include "core/system/error.h"
 #include "core/system/stopwatch.h"
 #include "rom/fields/factored_fields.h"
-#include "train/reduced/error_calibration.h"
 #include "train/reduced/map_fit.h"
 #include "train/reduced/network_fit.h"
-#include "train/reduced/nsf_snapshots.h"
 #include "train/reduced/pod.h"
+#include "train/reduced/sweep_snapshots.h"
 
 namespace graupel::train {
 
@@ -25,7 +24,7 @@ using Eigen::MatrixXd;
 class FactoredTraining {
  public:
   FactoredTraining(const NsfTrainingOptions& options, NsfReport& report)
-      : options_(options), config_(options.config), report_(report), snapshots_(options.data, config_) {
+      : options_(options), config_(options.config), report_(report), snapshots_(options.data, config_, nsf_fields) {
     const SnapshotSet& set = snapshots_.set();
     report_.snapshots = set.snapshots();
     say(fmt::format("{} runs, {} snapshots of {} particles", set.runs(), set.snapshots(), set.particles()));
@@ -46,25 +45,14 @@ class FactoredTraining {
     model.singular_values = singular_values_;
     snapshots_.describe(latents_, std::vector<double>(static_cast<std::size_t>(latents_.cols()), 1.0), model);
     report_.read_seconds = snapshots_.read_seconds();
-    calibrate(model);
+    calibrate_trust(model,
+                    {snapshots_.set().file(), static_cast<int>(config_.calibration_runs),
+                     [this](const std::string& text) { say(text); }},
+                    report_.calibration);
     return model;
   }
 
  private:
-  /// Data of another machine may lack the meshes that its scenes name; the fields do not need them.
-  void calibrate(rom::ReducedModel& model) {
-    if (config_.calibration_runs == 0) return;
-    CalibrationReport& report = report_.calibration;
-    try {
-      calibrate_trust(model, {snapshots_.set().file(), static_cast<int>(config_.calibration_runs)}, report);
-    } catch (const InputError& error) {
-      say(fmt::format("no verdict on trust: the training runs cannot be rolled out ({})", error.what()));
-      return;
-    }
-    say(fmt::format("trust: {} training runs rolled out in {:.1f} s, error up to {:.3g} % of the displacement",
-                    report.runs, report.seconds, 100 * model.usual_error));
-  }
-
   void say(const std::string& text) const {
     if (options_.message) options_.message(text);
   }
@@ -227,7 +215,7 @@ class FactoredTraining {
   const NsfTrainingOptions& options_;
   const NsfConfig& config_;
   NsfReport& report_;
-  NsfSnapshots snapshots_;
+  SweepSnapshots snapshots_;
   MatrixXd latents_;
   MatrixXd rates_;  ///< where the affine field follows the velocity
   rom::ModeTable deformation_;

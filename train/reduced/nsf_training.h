@@ -10,6 +10,7 @@
 
 #include "rom/reduced_model.h"
 #include "train/config/nsf_config.h"
+#include "train/reduced/error_calibration.h"
 #include "train/reduced/snapshot_set.h"
 
 namespace graupel::train {
@@ -24,12 +25,6 @@ struct FieldReport {
 };
 
 /// The roll-outs of training runs that tell what is usual.
-struct CalibrationReport {
-  int runs = 0, diverged = 0;
-  double seconds = 0;
-  std::vector<double> errors;  ///< displacement-relative, of each run that did not diverge
-};
-
 struct NsfReport {
   FieldReport deformation, stress, affine;
   CalibrationReport calibration;

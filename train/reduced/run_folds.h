@@ -5,7 +5,7 @@
 #include <Eigen/Core>
 #include <vector>
 
-#include "rom/fields/standardization.h"
+#include "rom/networks/standardization.h"
 
 namespace graupel::train {
 

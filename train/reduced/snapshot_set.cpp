@@ -27,6 +27,8 @@ std::vector<float> read_values(const io::TrajectoryReader& reader, int run, Snap
       return reader.values(run, ParticleField::stress, first, count);
     case SnapshotField::affine:
       return reader.values(run, ParticleField::affine, first, count);
+    case SnapshotField::deformation_gradient:
+      return reader.values(run, ParticleField::deformation_gradient, first, count);
   }
   return {};
 }
@@ -41,25 +43,27 @@ int components_of(SnapshotField field) {
     case SnapshotField::stress:
       return 6;
     case SnapshotField::affine:
+    case SnapshotField::deformation_gradient:
       return 9;
   }
   return 0;
 }
 
-SnapshotSet::SnapshotSet(const std::string& file) : file_(file) {
+SnapshotSet::SnapshotSet(const std::string& file, const FieldSet& fields) : file_(file) {
   const io::TrajectoryReader reader(file);
   if (reader.count() == 0) throw InputError("'" + file + "' holds no run. Make the data set again");
   for (int run = 0; run < reader.count(); ++run) {
     const Trajectory header = reader.header(run);
     const auto wrong = [&](const std::string& what) {
-      return InputError(
-          fmt::format("run {} of '{}' {}. Reduced models train on the runs of a sweep: 'graupel generate "
-                      "scenes/recipes/nsf_*.json'",
-                      run, file, what));
+      return InputError(fmt::format(
+          "run {} of '{}' {}. Reduced models train on the runs of a sweep: 'graupel generate' of a recipe "
+          "with \"fields\": \"{}\", as scenes/recipes/{}_*.json",
+          run, file, what, fields.names(), fields.contains(ParticleField::deformation_gradient) ? "crom" : "nsf"));
     };
     if (header.diverged_at_frame >= 0) throw wrong("diverged");
-    for (const ParticleField field : {ParticleField::stress, ParticleField::affine})
-      if (!reader.fields(run).contains(field)) throw wrong(fmt::format("lacks the field '{}'", info_of(field).name));
+    for (const ParticleField field : all_particle_fields)
+      if (fields.contains(field) && !reader.fields(run).contains(field))
+        throw wrong(fmt::format("lacks the field '{}'", info_of(field).name));
     const ParticleFrame start = reader.frames(run, 0, 1).front();
     if (start.velocity.empty()) throw wrong("lacks velocities");
     if (run == 0) {

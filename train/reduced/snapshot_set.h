@@ -18,15 +18,16 @@ struct SweptParameter {
   std::vector<double> values;     ///< [runs]
 };
 
-enum class SnapshotField { position, velocity, stress, affine };
+enum class SnapshotField { position, velocity, stress, affine, deformation_gradient };
 /// Numbers a particle.
 int components_of(SnapshotField field);
 
 class SnapshotSet {
  public:
-  /// A split of a data set ('graupel generate' of a sweep). Throws InputError when a run lacks a field, has other
-  /// particles or another frame time than the first, or diverged.
-  explicit SnapshotSet(const std::string& file);
+  /// A split of a data set ('graupel generate' of a sweep), of which the training needs `fields` beside positions and
+  /// velocities. Throws InputError when a run lacks a field, has other particles or another frame time than the first,
+  /// or diverged.
+  SnapshotSet(const std::string& file, const FieldSet& fields);
 
   const std::string& file() const { return file_; }
   int runs() const { return static_cast<int>(first_snapshot_.size()) - 1; }

@@ -141,5 +141,52 @@ TEST(KinematicParticles, AreNotLedOutOfTheWallsNorFasterThanACellInAStep) {
   EXPECT_THAT(refused(scene), testing::HasSubstr("cells in a substep"));
 }
 
+/// The bar of torsion(), of which the left end lies in a stick obstacle.
+Scene gripped() {
+  Scene scene = torsion();
+  Obstacle grip;
+  grip.shape = Shape::box;
+  grip.size = {0.1, 0.2, 0.2};
+  grip.position = {0.36, 0.5, 0.5};
+  grip.contact = Contact::stick;
+  scene.obstacles.push_back(grip);
+  return scene;
+}
+
+/// How far the particles between x = 0.41 and 0.44 come.
+double way_of_the_attached(const Scene& scene) {
+  const auto sim = Simulation::create(scene, {});
+  const ParticleFrame start = sim->frame();
+  for (int f = 0; f < 6; ++f) sim->advance_frame();
+  const ParticleFrame end = sim->frame();
+  double sum = 0;
+  int count = 0;
+  for (std::size_t i = 0; i < start.position.size(); ++i)
+    if (start.position[i][0] > 0.411f && start.position[i][0] < 0.44f) {
+      sum += static_cast<double>(end.position[i][0] - start.position[i][0]);
+      ++count;
+    }
+  EXPECT_GT(count, 50);
+  return sum / count;
+}
+
+TEST(KinematicParticles, AStickObstacleAroundThemHoldsWhatIsAttached) {
+  Scene alone = gripped();
+  alone.obstacles.clear();
+  EXPECT_LT(way_of_the_attached(gripped()), 0.5 * way_of_the_attached(alone));
+}
+
+TEST(KinematicParticles, OnlyThoseWithoutReleaseMayLieInObstacles) {
+  EXPECT_NO_THROW(Simulation::create(gripped(), {}));
+  Scene scene = gripped();
+  scene.kinematic_regions[0].release_time = 0.05;
+  try {
+    Simulation::create(scene, {});
+    FAIL() << "not refused";
+  } catch (const ConfigError& error) {
+    EXPECT_THAT(error.what(), testing::HasSubstr("overlaps obstacle 0"));
+  }
+}
+
 }  // namespace
 }  // namespace graupel::mpm

@@ -31,7 +31,13 @@ inline MlpModule module_of(const MlpShape& shape, NumberType number, Device devi
   module.set_state(MlpArray::weights, weights);
   module.set_points(noise(mlp_points * 3, 1));
   module.set_states(noise(static_cast<std::size_t>(mlp_snapshots * (shape.latents + shape.parameters)), 2));
-  module.set_targets(noise(static_cast<std::size_t>(mlp_snapshots * mlp_points * shape.outputs), 3), limit);
+  module.set_targets(noise(static_cast<std::size_t>(mlp_snapshots * mlp_points * shape.targets()), 3), limit);
+  if (shape.tangents) {
+    module.set_rates(noise(static_cast<std::size_t>(mlp_snapshots * shape.latents), 6));
+    std::vector<float> factors = noise(static_cast<std::size_t>(shape.targets()), 7);
+    for (float& w : factors) w = w * w + 0.1f;
+    module.set_loss_weights(factors);
+  }
   if (shape.encoder_particles > 0)
     module.set_encoder_positions(noise(static_cast<std::size_t>(mlp_snapshots * 3 * shape.encoder_particles), 4));
   return module;

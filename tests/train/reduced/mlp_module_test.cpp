@@ -3,8 +3,8 @@
 
 #include <cmath>
 
-#include "rom/fields/conv_encoder.h"
-#include "rom/fields/mlp_points.h"
+#include "rom/networks/conv_encoder.h"
+#include "rom/networks/mlp_points.h"
 #include "tests/train/gradient_check.h"
 #include "tests/train/reduced/mlp_data.h"
 #include "train/reduced/mlp/mlp_batches.h"

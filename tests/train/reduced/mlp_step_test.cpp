@@ -94,6 +94,7 @@ TEST(MlpStep, IsTheSameHoweverItIsLaunched) {
   EXPECT_GT(difference(graph, module_of(shape, NumberType::f32), MlpArray::weights), 5e-3);
 }
 
+constexpr MlpShape with_tangents{.latents = 4, .width = 30, .outputs = 3, .tangents = true};
 constexpr int64_t steps = 20, replayed = steps - CapturedStep::warm_up_runs;
 
 #define GRAUPEL_NEEDS_TRAINING_GPU() \
@@ -115,7 +116,8 @@ void expect_replay_equals_eager(const MlpShape& shape, NumberType number, double
 
 TEST(MlpStepCuda, ReplayedStepsGiveTheWeightsOfEagerOnes) {
   GRAUPEL_NEEDS_TRAINING_GPU();
-  for (const MlpShape& shape : {MlpShape{6, 0, 144, 3}, MlpShape{6, 1, 192, 6}, MlpShape{4, 0, 12, 3, 1000}}) {
+  for (const MlpShape& shape :
+       {MlpShape{6, 0, 144, 3}, MlpShape{6, 1, 192, 6}, MlpShape{4, 0, 12, 3, 1000}, with_tangents}) {
     expect_replay_equals_eager(shape, NumberType::f64, 1e-6);  // the arrays are read as f32
     expect_replay_equals_eager(shape, NumberType::f32, 1e-4);
   }
@@ -123,7 +125,7 @@ TEST(MlpStepCuda, ReplayedStepsGiveTheWeightsOfEagerOnes) {
 
 TEST(MlpStepCuda, EqualsTheCpus) {
   GRAUPEL_NEEDS_TRAINING_GPU();
-  for (const MlpShape& shape : {MlpShape{6, 1, 30, 6}, MlpShape{4, 0, 12, 3, 1000}}) {
+  for (const MlpShape& shape : {MlpShape{6, 1, 30, 6}, MlpShape{4, 0, 12, 3, 1000}, with_tangents}) {
     MlpModule cpu = module_of(shape, NumberType::f64), cuda = module_of(shape, NumberType::f64, Device::cuda);
     train(cpu, 0, steps);
     train(cuda, 0, steps);

@@ -20,6 +20,7 @@
 #include "train/reduced/map_fit.h"
 #include "train/reduced/nsf_training.h"
 #include "train/reduced/pod.h"
+#include "train/reduced/sweep_snapshots.h"
 
 namespace graupel::train {
 namespace {
@@ -257,7 +258,7 @@ TEST_F(NsfTraining, SurvivesStorageAndTakesClustersAndLongerSteps) {
   rom::ReducedOptions longer;
   longer.step_factor = 2;
   EXPECT_LT(displacement_error<double>(stored, 31, longer), 0.1);
-  model.take_clusters(rom::make_clusters(SnapshotSet(folder_ + "/train.h5").reference(),
+  model.take_clusters(rom::make_clusters(SnapshotSet(folder_ + "/train.h5", nsf_fields).reference(),
                                          std::vector<int32_t>(static_cast<std::size_t>(model.fields->particles())), 3));
   EXPECT_EQ(factored(model).stress().rows(), model.clusters.count);
   EXPECT_LT(displacement_error<double>(model, 31, {}), 0.1);
@@ -330,14 +331,14 @@ TEST_F(NsfTraining, TheTrunkFollowsParticlesThatItDoesNotKnow) {
 }
 
 TEST_F(NsfTraining, RefusesWhatIsNoSweep) {
-  EXPECT_THROW(SnapshotSet("no_such_file.h5"), InputError);
+  EXPECT_THROW(SnapshotSet("no_such_file.h5", nsf_fields), InputError);
   const Trajectory run = run_of(column(30));
   const std::string bare = folder_ + "/bare.h5";
   io::TrajectoryWriter writer(bare, run);
   for (const ParticleFrame& frame : run.frames) writer.append(frame);
   writer.finish();
   try {
-    SnapshotSet set(bare);
+    SnapshotSet set(bare, nsf_fields);
     FAIL() << "accepted a run without stress";
   } catch (const InputError& error) {
     EXPECT_NE(std::string(error.what()).find("lacks the field 'stress'"), std::string::npos) << error.what();

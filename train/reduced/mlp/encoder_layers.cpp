@@ -10,7 +10,7 @@
 
 #include <utility>
 
-#include "rom/fields/conv_encoder.h"
+#include "rom/networks/conv_encoder.h"
 
 namespace graupel::train {
 

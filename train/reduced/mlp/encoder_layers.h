@@ -1,4 +1,4 @@
-// The paper's encoder (rom/fields/conv_encoder.h) in training, on libtorch tensors. Internal: only the .cpp files of
+// The paper's encoder (rom/networks/conv_encoder.h) in training, on libtorch tensors. Internal: only the .cpp files of
 // train/ that are compiled with libtorch include this. Backward passes write straight into the flat gradient, as in
 // torch_layers.h.
 #pragma once

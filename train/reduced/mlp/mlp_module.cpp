@@ -20,10 +20,11 @@
 #include <optional>
 
 #include "core/system/error.h"
-#include "rom/fields/conv_encoder.h"
+#include "rom/networks/conv_encoder.h"
 #include "train/networks/graph_kernels.h"
 #include "train/reduced/mlp/encoder_layers.h"
 #include "train/reduced/mlp/mlp_parameters.h"
+#include "train/reduced/mlp/tangent_layers.h"
 
 namespace graupel::train {
 
@@ -39,6 +40,7 @@ struct Record {
   at::Tensor points, states;       ///< of the batch [m, 3], [k, q + mu]
   std::vector<at::Tensor> hidden;  ///< activated, [k m, width]
   EncoderRecord encoder;
+  TangentRecord tangents;
 };
 
 /// What differs from step to step, in the same place of the device as long as the batches have the same size.
@@ -49,18 +51,6 @@ struct StepInput {
 };
 
 }  // namespace
-
-const char* name_of(MlpArray array) {
-  switch (array) {
-    case MlpArray::weights:
-      return "weights";
-    case MlpArray::adam_m:
-      return "adam_m";
-    case MlpArray::adam_v:
-      return "adam_v";
-  }
-  return "?";
-}
 
 struct MlpModule::Impl {
   Impl(const MlpShape& s, Device where, uint64_t seed, NumberType number, StepLaunch launch)
@@ -165,6 +155,28 @@ struct MlpModule::Impl {
     return (grad.unsqueeze(2) * rate).view({-1, shape.outputs});
   }
 
+  at::Tensor forward_tangents(const DeviceRows& rows, TangentRecord& record) const {
+    record.points = at::index_select(points, 0, rows.points);
+    record.states = at::index_select(states, 0, rows.snapshots);
+    record.rates = at::index_select(rates, 0, rows.snapshots);
+    return tangents_forward(layers, record).permute({1, 0, 2}).reshape({-1, shape.targets()});
+  }
+
+  /// The targets' prediction, [rows, targets].
+  at::Tensor predicted(const DeviceRows& rows, Record* record) const {
+    if (!shape.tangents) return times_rates(forward(rows, record), rows);
+    TangentRecord unused;
+    return forward_tangents(rows, record ? record->tangents : unused);
+  }
+  /// Fills the gradient from that with respect to the prediction.
+  void predicted_backward(const Record& record, const at::Tensor& grad, const DeviceRows& rows) {
+    if (shape.tangents)
+      tangents_backward(layers, record.tangents,
+                        grad.view({-1, tangent_streams, shape.outputs}).permute({1, 0, 2}).contiguous());
+    else
+      backward(record, times_rates_backward(grad, rows));
+  }
+
   at::Tensor forward(const DeviceRows& rows, Record* record) const {
     const int64_t k = rows.snapshots.size(0), m = rows.points.size(0);
     const at::Tensor x = at::index_select(points, 0, rows.points);
@@ -225,10 +237,11 @@ struct MlpModule::Impl {
   /// Mean of squares, on the device; its gradient in `gradient`.
   at::Tensor forward_backward(const DeviceRows& rows, const at::Tensor& target) {
     Record record;
-    const at::Tensor difference = times_rates(forward(rows, &record), rows) - target;
+    const at::Tensor difference = predicted(rows, &record) - target;
     const auto count = static_cast<double>(difference.numel());
-    backward(record, times_rates_backward(difference * (2 / count), rows));
-    return at::sum(difference * difference) / count;
+    const at::Tensor weighted = loss_weights.defined() ? difference * loss_weights : difference;
+    predicted_backward(record, weighted * (2 / count), rows);
+    return at::sum(weighted * difference) / count;
   }
 
   /// Writes `input`; sizes that it does not have need another place, so that the recorded step is no longer good.
@@ -292,7 +305,7 @@ struct MlpModule::Impl {
   int64_t steps_in_loss = 0;
   std::vector<LinearLayer> layers;
   std::optional<EncoderLayers> encoder;
-  at::Tensor points, states, rates, targets, positions;
+  at::Tensor points, states, rates, targets, positions, loss_weights;
   StepInput input;
   CapturedStep captured;
 };
@@ -317,7 +330,7 @@ void MlpModule::set_states(const std::vector<float>& states) {
 }
 
 void MlpModule::set_rates(const std::vector<float>& rates) {
-  const int64_t width = impl_->shape.rates;
+  const int64_t width = impl_->shape.state_rates();
   impl_->replace(impl_->rates, impl_->to_device(rates, {static_cast<int64_t>(rates.size()) / width, width}));
 }
 
@@ -334,6 +347,10 @@ void MlpModule::set_encoder_positions(const std::vector<float>& positions) {
   const int64_t n = impl_->shape.encoder_particles;
   impl_->replace(impl_->positions,
                  impl_->to_device(positions, {static_cast<int64_t>(positions.size()) / (3 * n), 3, n}));
+}
+
+void MlpModule::set_loss_weights(const std::vector<float>& weights) {
+  impl_->replace(impl_->loss_weights, impl_->to_device(weights, {static_cast<int64_t>(weights.size())}));
 }
 
 void MlpModule::train_step(const MlpBatch& batch, double learning_rate, int64_t step) {
@@ -357,16 +374,14 @@ double MlpModule::take_loss() {
 MlpModule::Squares MlpModule::squares(const MlpBatch& batch) const {
   const at::NoGradGuard no_grad;
   const DeviceRows rows = impl_->upload(batch);
-  const at::Tensor target = impl_->targets_of(batch, rows),
-                   difference = impl_->times_rates(impl_->forward(rows, nullptr), rows) - target;
+  const at::Tensor target = impl_->targets_of(batch, rows), difference = impl_->predicted(rows, nullptr) - target;
   return {at::sum(difference * difference).item().toDouble(), at::sum(target * target).item().toDouble()};
 }
 
 std::vector<double> MlpModule::predict(const MlpBatch& batch) const {
   const at::NoGradGuard no_grad;
   const DeviceRows rows = impl_->upload(batch);
-  const at::Tensor values =
-      impl_->times_rates(impl_->forward(rows, nullptr), rows).to(at::kCPU, at::kDouble).contiguous();
+  const at::Tensor values = impl_->predicted(rows, nullptr).to(at::kCPU, at::kDouble).contiguous();
   return {values.data_ptr<double>(), values.data_ptr<double>() + values.numel()};
 }
 

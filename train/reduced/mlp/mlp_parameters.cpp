@@ -3,7 +3,7 @@
 #include <cmath>
 
 #include "core/math/random.h"
-#include "rom/fields/conv_encoder.h"
+#include "rom/networks/conv_encoder.h"
 
 namespace graupel::train {
 
@@ -26,6 +26,18 @@ void add_layer(const std::string& name, std::vector<int64_t> weight, int64_t fan
 }
 
 }  // namespace
+
+const char* name_of(MlpArray array) {
+  switch (array) {
+    case MlpArray::weights:
+      return "weights";
+    case MlpArray::adam_m:
+      return "adam_m";
+    case MlpArray::adam_v:
+      return "adam_v";
+  }
+  return "?";
+}
 
 std::vector<MlpParameter> mlp_parameters(const MlpShape& shape) {
   std::vector<MlpParameter> list;

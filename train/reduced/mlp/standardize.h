@@ -4,7 +4,7 @@
 #include <cstddef>
 #include <vector>
 
-#include "rom/fields/standardization.h"
+#include "rom/networks/standardization.h"
 
 namespace graupel::train {
 

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "nn/weights.h"
-#include "rom/fields/standardization.h"
+#include "rom/networks/standardization.h"
 
 namespace graupel::rom {
 

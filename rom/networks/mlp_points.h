@@ -6,7 +6,7 @@
 
 #include "core/parallel/buffer.h"
 #include "nn/linear.h"
-#include "rom/fields/mlp.h"
+#include "rom/networks/mlp.h"
 
 namespace graupel::rom {
 
@@ -17,21 +17,31 @@ class MlpPoints {
   /// `points` [n, 3] [m]; `order[c]` is the output that stands at place c of the tiles. `mlp` must outlive this.
   MlpPoints(const Mlp& mlp, const std::vector<float>& points, std::vector<int> order);
 
+  /// Other points in place of those so far.
+  void set_points(const std::vector<float>& points);
   int64_t slots() const { return static_cast<int64_t>(points_.size()) / 3; }
   /// y(X_s, q, mu) in tiles of 16 slots (mpm/particles/particles.h), on all threads; `state` is (q, mu), the inputs
   /// after X. Tile j of `values` is tile tiles[j] of the points.
   void evaluate(const std::vector<double>& state, const std::vector<int32_t>& tiles, T* values) const;
   /// All of them.
   void evaluate(const std::vector<double>& state, T* values) const;
+  /// The same of some tiles, and the derivatives along `directions` of the inputs (X, q, mu) [directions, inputs]:
+  /// slopes[k] in tiles as the values.
+  void evaluate(const std::vector<double>& state, const Mlp::Rows& directions, const std::vector<int32_t>& tiles,
+                T* values, const std::vector<T*>& slopes) const;
   const std::vector<int32_t>& all_tiles() const { return all_tiles_; }
   int64_t bytes() const;
 
  private:
   /// What q and mu add to the first layer, with its bias.
   Buffer<float> first_bias(const std::vector<double>& state) const;
-  /// Some points, slot by slot of `values`.
-  void evaluate_f32(const Buffer<float>& first_bias, const std::vector<int64_t>& points, T* values) const;
-  void evaluate_f64(const std::vector<double>& state, const std::vector<int64_t>& points, T* values) const;
+  /// What a direction of the inputs adds to the first layer, one after the other, [directions, padded width].
+  Buffer<float> first_slopes(const Mlp::Rows& directions) const;
+  /// Some points, slot by slot of `values` and of `slopes`, which may be none.
+  void evaluate_f32(const Buffer<float>& first_bias, const Buffer<float>& first_slopes,
+                    const std::vector<int64_t>& points, T* values, const std::vector<T*>& slopes) const;
+  void evaluate_f64(const std::vector<double>& state, const Mlp::Rows& directions, const std::vector<int64_t>& points,
+                    T* values, const std::vector<T*>& slopes) const;
   T* slot_of(T* values, int64_t slot, std::size_t component) const;
 
   const Mlp& mlp_;

@@ -16,10 +16,14 @@
 
 namespace graupel::train {
 
-class NsfSnapshots {
+/// What the trainings of Neural Stress Fields need.
+inline const FieldSet nsf_fields = {ParticleField::stress, ParticleField::affine};
+
+class SweepSnapshots {
  public:
-  /// `data`: folder of the data set; its train.h5 is read. Throws InputError as SnapshotSet.
-  NsfSnapshots(const std::string& data, const NsfConfig& config);
+  /// `data`: folder of the data set; its train.h5 is read, for a training that needs `fields`. `config` must outlive
+  /// this. Throws InputError as SnapshotSet.
+  SweepSnapshots(const std::string& data, const NsfConfig& config, const FieldSet& fields);
 
   const SnapshotSet& set() const { return set_; }
   const std::vector<int>& run_of() const { return run_of_; }  ///< [snapshots]

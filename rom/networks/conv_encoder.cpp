@@ -1,4 +1,4 @@
-#include "rom/fields/conv_encoder.h"
+#include "rom/networks/conv_encoder.h"
 
 #include <cmath>
 #include <utility>

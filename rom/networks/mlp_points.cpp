@@ -1,4 +1,4 @@
-#include "rom/fields/mlp_points.h"
+#include "rom/networks/mlp_points.h"
 
 #include <algorithm>
 #include <bit>
@@ -43,6 +43,12 @@ void activate_row(float* y, const float* bias, int width) {
   }
 }
 
+/// t = elu' t, from y = elu: elu' is 1 or y + 1.
+void scale_slopes(const float* y, float* slopes, int width) {
+#pragma omp simd
+  for (int c = 0; c < width; ++c) slopes[c] *= y[c] > 0.0f ? 1.0f : y[c] + 1.0f;
+}
+
 Buffer<float> padded(const std::vector<float>& values) {
   Buffer<float> buffer(Device::cpu, static_cast<std::size_t>(nn::padded_width(static_cast<int>(values.size()))));
   buffer.fill_zero();
@@ -61,9 +67,8 @@ float* scratch(std::size_t which, std::size_t count) {
 
 template <typename T>
 MlpPoints<T>::MlpPoints(const Mlp& mlp, const std::vector<float>& points, std::vector<int> order)
-    : mlp_(mlp), points_(points), order_(std::move(order)) {
-  all_tiles_.resize(static_cast<std::size_t>(mpm::padded_to_tile(slots()) / tile));
-  std::iota(all_tiles_.begin(), all_tiles_.end(), 0);
+    : mlp_(mlp), order_(std::move(order)) {
+  set_points(points);
   if constexpr (std::is_same_v<T, float>) {
     for (int l = 0; l < Mlp::layer_count; ++l) {
       const MlpLayer& layer = mlp.layers()[static_cast<std::size_t>(l)];
@@ -71,6 +76,13 @@ MlpPoints<T>::MlpPoints(const Mlp& mlp, const std::vector<float>& points, std::v
       bias_.push_back(padded(layer.bias));
     }
   }
+}
+
+template <typename T>
+void MlpPoints<T>::set_points(const std::vector<float>& points) {
+  points_ = points;
+  all_tiles_.resize(static_cast<std::size_t>(mpm::padded_to_tile(slots()) / tile));
+  std::iota(all_tiles_.begin(), all_tiles_.end(), 0);
 }
 
 template <typename T>
@@ -88,12 +100,32 @@ Buffer<float> MlpPoints<T>::first_bias(const std::vector<double>& state) const {
 }
 
 template <typename T>
-void MlpPoints<T>::evaluate_f32(const Buffer<float>& first, const std::vector<int64_t>& points, T* values) const {
-  const auto rows = static_cast<int64_t>(points.size());
+Buffer<float> MlpPoints<T>::first_slopes(const Mlp::Rows& directions) const {
+  const MlpLayer& layer = mlp_.layers().front();
+  const auto stride = static_cast<std::size_t>(nn::padded_width(layer.out));
+  Buffer<float> slopes(Device::cpu, static_cast<std::size_t>(directions.rows()) * stride);
+  slopes.fill_zero();
+  for (Eigen::Index k = 0; k < directions.rows(); ++k)
+    for (int o = 0; o < layer.out; ++o) {
+      double sum = 0;
+      for (int i = 0; i < layer.in; ++i)
+        sum += static_cast<double>(layer.weight[static_cast<std::size_t>(o * layer.in + i)]) * directions(k, i) *
+               mlp_.input().scale[static_cast<std::size_t>(i)];
+      slopes[static_cast<std::size_t>(k) * stride + static_cast<std::size_t>(o)] = static_cast<float>(sum);
+    }
+  return slopes;
+}
+
+/// Rows of a block: its points' values, then their derivatives along each direction.
+template <typename T>
+void MlpPoints<T>::evaluate_f32(const Buffer<float>& first, const Buffer<float>& first_slopes,
+                                const std::vector<int64_t>& points, T* values, const std::vector<T*>& slopes) const {
+  const auto n = static_cast<int64_t>(points.size()), directions = static_cast<int64_t>(slopes.size()),
+             rows = n * (1 + directions);
   const int64_t width = nn::padded_width(std::max(mlp_.width(), mlp_.outputs()));
-  const auto count = static_cast<std::size_t>(block * tile * width);
+  const auto count = static_cast<std::size_t>(block * tile * (1 + directions) * width);
   float *x = scratch(0, count), *y = scratch(1, count);
-  for (int64_t r = 0; r < rows; ++r)
+  for (int64_t r = 0; r < n; ++r)
     for (std::size_t d = 0; d < 3; ++d)
       x[r * 3 + static_cast<int64_t>(d)] = static_cast<float>(
           (static_cast<double>(points_[static_cast<std::size_t>(3 * points[static_cast<std::size_t>(r)]) + d]) -
@@ -102,34 +134,55 @@ void MlpPoints<T>::evaluate_f32(const Buffer<float>& first, const std::vector<in
   int64_t stride = 3;
   for (int l = 0; l < Mlp::layer_count; ++l) {
     const nn::Linear& linear = linear_[static_cast<std::size_t>(l)];
-    linear.apply(x, stride, rows, y, width);
+    linear.apply(x, stride, l == 0 ? n : rows, y, width);
+    if (l == 0)  // the derivatives of its inputs are the same at all points
+      for (int64_t k = 0; k < directions; ++k)
+        for (int64_t r = 0; r < n; ++r)
+          std::copy_n(first_slopes.data() + k * linear.width(), linear.width(), y + ((1 + k) * n + r) * width);
     stride = width;
     std::swap(x, y);
     if (l == Mlp::hidden_layers) break;
     const float* bias = l == 0 ? first.data() : bias_[static_cast<std::size_t>(l)].data();
-    for (int64_t r = 0; r < rows; ++r) activate_row(x + r * stride, bias, linear.width());
+    for (int64_t r = 0; r < n; ++r) {
+      activate_row(x + r * stride, bias, linear.width());
+      for (int64_t k = 0; k < directions; ++k)
+        scale_slopes(x + r * stride, x + ((1 + k) * n + r) * stride, linear.width());
+    }
   }
   for (std::size_t c = 0; c < order_.size(); ++c) {
     const auto from = static_cast<std::size_t>(order_[c]);
     const auto scale = static_cast<T>(mlp_.output().scale[from]), shift = static_cast<T>(mlp_.output().shift[from]);
     const float bias = bias_.back()[from];
-    for (int64_t r = 0; r < rows; ++r)
+    for (int64_t r = 0; r < n; ++r)
       *slot_of(values, r, c) = static_cast<T>(x[r * stride + static_cast<int64_t>(from)] + bias) * scale + shift;
+    for (int64_t k = 0; k < directions; ++k)
+      for (int64_t r = 0; r < n; ++r)
+        *slot_of(slopes[static_cast<std::size_t>(k)], r, c) =
+            static_cast<T>(x[((1 + k) * n + r) * stride + static_cast<int64_t>(from)]) * scale;
   }
 }
 
 template <typename T>
-void MlpPoints<T>::evaluate_f64(const std::vector<double>& state, const std::vector<int64_t>& points, T* values) const {
+void MlpPoints<T>::evaluate_f64(const std::vector<double>& state, const Mlp::Rows& directions,
+                                const std::vector<int64_t>& points, T* values, const std::vector<T*>& slopes) const {
   const auto rows = static_cast<Eigen::Index>(points.size());
-  Mlp::Rows z(rows, mlp_.inputs()), y;
+  Mlp::Rows z(rows, mlp_.inputs()), y, jacobian;
   for (Eigen::Index r = 0; r < rows; ++r) {
     for (Eigen::Index d = 0; d < 3; ++d)
       z(r, d) = static_cast<double>(points_[static_cast<std::size_t>(3 * points[static_cast<std::size_t>(r)] + d)]);
     for (std::size_t i = 0; i < state.size(); ++i) z(r, static_cast<Eigen::Index>(3 + i)) = state[i];
   }
-  mlp_.evaluate(z, y);
+  if (slopes.empty())
+    mlp_.evaluate(z, y);
+  else
+    mlp_.evaluate(z, y, jacobian);
   for (std::size_t c = 0; c < order_.size(); ++c)
-    for (Eigen::Index r = 0; r < rows; ++r) *slot_of(values, r, c) = static_cast<T>(y(r, order_[c]));
+    for (Eigen::Index r = 0; r < rows; ++r) {
+      *slot_of(values, r, c) = static_cast<T>(y(r, order_[c]));
+      for (std::size_t k = 0; k < slopes.size(); ++k)
+        *slot_of(slopes[k], r, c) = static_cast<T>(
+            jacobian.row(r * mlp_.outputs() + order_[c]).dot(directions.row(static_cast<Eigen::Index>(k))));
+    }
 }
 
 template <typename T>
@@ -139,25 +192,39 @@ T* MlpPoints<T>::slot_of(T* values, int64_t slot, std::size_t component) const {
 }
 
 template <typename T>
-void MlpPoints<T>::evaluate(const std::vector<double>& state, const std::vector<int32_t>& tiles, T* values) const {
+void MlpPoints<T>::evaluate(const std::vector<double>& state, const Mlp::Rows& directions,
+                            const std::vector<int32_t>& tiles, T* values, const std::vector<T*>& slopes) const {
   GRAUPEL_ASSERT(static_cast<int>(state.size()) + 3 == mlp_.inputs());
-  const Buffer<float> first = std::is_same_v<T, float> ? first_bias(state) : Buffer<float>();
+  GRAUPEL_ASSERT(directions.rows() == static_cast<Eigen::Index>(slopes.size()));
+  const bool single = std::is_same_v<T, float>;
+  const Buffer<float> first = single ? first_bias(state) : Buffer<float>(),
+                      first_slope = single ? first_slopes(directions) : Buffer<float>();
   const auto count = static_cast<int64_t>(tiles.size()), width = static_cast<int64_t>(order_.size()) * tile;
   const auto run = [&](int64_t b) {
     T* to = values + b * block * width;
+    std::vector<T*> slopes_to;
+    for (T* slope : slopes) slopes_to.push_back(slope + b * block * width);
     std::vector<int64_t> points;
     for (int64_t t = b * block; t < std::min((b + 1) * block, count); ++t)
       for (int64_t l = 0; l < tile; ++l) points.push_back(tile * tiles[static_cast<std::size_t>(t)] + l);
     const auto all = static_cast<int64_t>(points.size());
     while (!points.empty() && points.back() >= slots()) points.pop_back();  // the end of the last tile
     if constexpr (std::is_same_v<T, float>)
-      evaluate_f32(first, points, to);
+      evaluate_f32(first, first_slope, points, to, slopes_to);
     else
-      evaluate_f64(state, points, to);
+      evaluate_f64(state, directions, points, to, slopes_to);
     for (auto slot = static_cast<int64_t>(points.size()); slot < all; ++slot)
-      for (std::size_t c = 0; c < order_.size(); ++c) *slot_of(to, slot, c) = T(0);
+      for (std::size_t c = 0; c < order_.size(); ++c) {
+        *slot_of(to, slot, c) = T(0);
+        for (T* slope : slopes_to) *slot_of(slope, slot, c) = T(0);
+      }
   };
   parallel_for_cpu((count + block - 1) / block, run, Grain{1});
+}
+
+template <typename T>
+void MlpPoints<T>::evaluate(const std::vector<double>& state, const std::vector<int32_t>& tiles, T* values) const {
+  evaluate(state, Mlp::Rows(0, mlp_.inputs()), tiles, values, {});
 }
 
 template <typename T>

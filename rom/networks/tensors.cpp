@@ -1,4 +1,4 @@
-#include "rom/fields/tensors.h"
+#include "rom/networks/tensors.h"
 
 #include <cstring>
 

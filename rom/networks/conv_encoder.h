@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "rom/fields/mlp.h"
+#include "rom/networks/mlp.h"
 
 namespace graupel::rom {
 

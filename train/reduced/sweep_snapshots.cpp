@@ -1,4 +1,4 @@
-#include "train/reduced/nsf_snapshots.h"
+#include "train/reduced/sweep_snapshots.h"
 
 #include <fmt/format.h>
 
@@ -17,8 +17,8 @@ namespace graupel::train {
 using Eigen::Index;
 using Eigen::MatrixXd;
 
-NsfSnapshots::NsfSnapshots(const std::string& data, const NsfConfig& config)
-    : config_(config), set_(data + "/train.h5") {
+SweepSnapshots::SweepSnapshots(const std::string& data, const NsfConfig& config, const FieldSet& fields)
+    : config_(config), set_(data + "/train.h5", fields) {
   for (int run = 0; run < set_.runs(); ++run)
     run_of_.insert(run_of_.end(), static_cast<std::size_t>(set_.first_snapshot(run + 1) - set_.first_snapshot(run)),
                    run);
@@ -26,24 +26,24 @@ NsfSnapshots::NsfSnapshots(const std::string& data, const NsfConfig& config)
   representatives_ = clusters_.representatives();
 }
 
-FieldBlocks NsfSnapshots::blocks(SnapshotField field, const rom::Clusters* clusters) const {
+FieldBlocks SweepSnapshots::blocks(SnapshotField field, const rom::Clusters* clusters) const {
   const double bytes =
       config_.memory > 0 ? 1e9 * config_.memory : 0.5 * static_cast<double>(available_bytes(Device::cpu));
   return {set_, field, clusters, bytes};
 }
 
-std::vector<float> NsfSnapshots::whole(SnapshotField field, const rom::Clusters* clusters) {
+std::vector<float> SweepSnapshots::whole(SnapshotField field, const rom::Clusters* clusters) {
   FieldBlocks blocks(set_, field, clusters, std::numeric_limits<double>::infinity());
   const SnapshotMatrix all = blocks.load(0);
   read_seconds_ += blocks.seconds();
   return {all.data(), all.data() + all.size()};
 }
 
-std::vector<float> NsfSnapshots::read(SnapshotField field) { return whole(field, nullptr); }
+std::vector<float> SweepSnapshots::read(SnapshotField field) { return whole(field, nullptr); }
 
-std::vector<float> NsfSnapshots::read_means(SnapshotField field) { return whole(field, &clusters_); }
+std::vector<float> SweepSnapshots::read_means(SnapshotField field) { return whole(field, &clusters_); }
 
-void NsfSnapshots::choose_cluster_points(const std::function<void(const std::string&)>& message) {
+void SweepSnapshots::choose_cluster_points(const std::function<void(const std::string&)>& message) {
   if (config_.cluster == 1 || config_.cluster_point == ClusterPoint::random) return;
   ClusterPoints chosen = match_cluster_points(set_, clusters_, config_.quadrature_snapshots);
   clusters_.points = representatives_ = std::move(chosen.points);
@@ -56,12 +56,12 @@ void NsfSnapshots::choose_cluster_points(const std::function<void(const std::str
                     100 * chosen.before.force, chosen.seconds));
 }
 
-SnapshotMatrix NsfSnapshots::matrix(const std::vector<float>& values) const {
+SnapshotMatrix SweepSnapshots::matrix(const std::vector<float>& values) const {
   const auto rows = static_cast<Index>(set_.snapshots());
   return {values.data(), rows, static_cast<Index>(values.size()) / rows};
 }
 
-MatrixXd NsfSnapshots::inputs(const MatrixXd& latents) const {
+MatrixXd SweepSnapshots::inputs(const MatrixXd& latents) const {
   const auto& parameters = set_.parameters();
   MatrixXd z(latents.rows(), latents.cols() + static_cast<Index>(parameters.size()));
   z.leftCols(latents.cols()) = latents;
@@ -72,7 +72,8 @@ MatrixXd NsfSnapshots::inputs(const MatrixXd& latents) const {
   return z;
 }
 
-void NsfSnapshots::describe(const MatrixXd& latents, const std::vector<double>& scale, rom::ReducedModel& model) const {
+void SweepSnapshots::describe(const MatrixXd& latents, const std::vector<double>& scale,
+                              rom::ReducedModel& model) const {
   model.clusters = clusters_;
   model.scene_json = set_.scene_json();
   model.frame_time = set_.frame_time();
@@ -100,7 +101,7 @@ void NsfSnapshots::describe(const MatrixXd& latents, const std::vector<double>& 
 }
 
 /// Largest distance of a snapshot to the nearest one of another run.
-double NsfSnapshots::reach(const MatrixXd& latents) const {
+double SweepSnapshots::reach(const MatrixXd& latents) const {
   double furthest = 0;
   for (Index i = 0; i < latents.rows(); ++i) {
     double least = std::numeric_limits<double>::infinity();
@@ -112,7 +113,7 @@ double NsfSnapshots::reach(const MatrixXd& latents) const {
   return furthest > 0 ? furthest : 1;
 }
 
-void NsfSnapshots::choose_particles(rom::ReducedModel& model) const {
+void SweepSnapshots::choose_particles(rom::ReducedModel& model) const {
   const auto n = static_cast<int32_t>(set_.particles());
   std::vector<int32_t> order(static_cast<std::size_t>(n));
   std::iota(order.begin(), order.end(), 0);

@@ -1,4 +1,4 @@
-#include "rom/fields/standardization.h"
+#include "rom/networks/standardization.h"
 
 #include <algorithm>
 

@@ -1,10 +1,10 @@
-#include "rom/fields/mlp.h"
+#include "rom/networks/mlp.h"
 
 #include <algorithm>
 #include <cmath>
 
 #include "core/system/error.h"
-#include "rom/fields/tensors.h"
+#include "rom/networks/tensors.h"
 
 namespace graupel::rom {
 
