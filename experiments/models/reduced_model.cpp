@@ -21,14 +21,20 @@ using Json = nlohmann::json;
 const std::set<std::string> free_keys = {"/name",   "/description", "/seed",
                                          "/frames", "/frame_time",  "/time_step/substeps_per_frame"};
 
+/// Loads: what acts on a body whose stress follows its deformation (CROM), and so may be other than in the training.
+const std::set<std::string> load_keys = {"/gravity", "/obstacles"};
+
 std::string pointer_of(std::string key) {
   std::replace(key.begin(), key.end(), '.', '/');
   return "/" + key;
 }
 
-Json without_free_keys(const std::string& scene_json, const rom::ReducedModel& model) {
+/// `also`: more keys that are free.
+Json without_free_keys(const std::string& scene_json, const rom::ReducedModel& model,
+                       const std::set<std::string>& also) {
   Json scene = Json::parse(scene_json);
   std::set<std::string> keys = free_keys;
+  keys.insert(also.begin(), also.end());
   for (const rom::ModelParameter& p : model.parameters)
     for (const std::string& key : p.keys) keys.insert(pointer_of(key));
   for (const std::string& key : keys) {
@@ -86,11 +92,24 @@ std::vector<int32_t> particle_kinds(const rom::ReducedModel& model) {
 
 namespace {
 
+/// What differs between a scene and the training's, apart from free keys and `also`.
+Json differences(const LoadedModel& loaded, const std::string& text, const std::set<std::string>& also) {
+  return Json::diff(without_free_keys(loaded.model.scene_json, loaded.model, also),
+                    without_free_keys(text, loaded.model, also));
+}
+
+/// Models of the deformation alone run with other loads, which is told.
 void check_same_scene(const LoadedModel& loaded, const std::string& text) {
-  const Json own = without_free_keys(text, loaded.model),
-             trained = without_free_keys(loaded.model.scene_json, loaded.model);
-  const Json difference = Json::diff(trained, own);
-  if (difference.empty()) return;
+  const bool any_load = loaded.model.fields->stress_follows_deformation();
+  const Json difference = differences(loaded, text, any_load ? load_keys : std::set<std::string>());
+  if (difference.empty()) {
+    const Json loads = differences(loaded, text, {});
+    if (!loads.empty())
+      std::fprintf(stderr, "graupel: warning: loads differ from those that '%s' was trained on ('%s')\n",
+                   loaded.file.c_str(), loads.front().at("path").get<std::string>().c_str());
+    return;
+  }
+  const Json own = Json::parse(text), trained = Json::parse(loaded.model.scene_json);
   const std::string path = difference.front().at("path");
   const Json::json_pointer pointer(path);
   const auto text_at = [&](const Json& json) { return json.contains(pointer) ? json.at(pointer).dump() : "nothing"; };

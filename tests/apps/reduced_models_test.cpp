@@ -12,6 +12,7 @@
 #include "tests/apps/falling_model.h"
 #include "tests/apps/program.h"
 #include "tests/gpu_only.h"
+#include "tests/rom/deformation_model.h"
 
 namespace graupel::test {
 namespace {
@@ -195,6 +196,34 @@ TEST_F(ReducedModels, AnotherSceneIsRefusedByTheKeyThatDiffers) {
   EXPECT_EQ(compare.exit_code, 2) << compare.output;
   EXPECT_TRUE(compare.says("is for another scene")) << compare.output;
   EXPECT_FALSE(std::filesystem::exists(folder_.file("no.json")));
+}
+
+/// A model of the deformation alone takes any load, and says so; its body and its grid are the training's.
+TEST_F(ReducedModels, OfTheDeformationAloneTakeOtherLoads) {
+  const Scene scene = rom::test::jelly_block("[0, -9.8, 0]");
+  Eigen::MatrixXd translation = Eigen::MatrixXd::Zero(3, 6);
+  translation.rightCols(3).setIdentity();
+  scene_ = folder_.write("block.json", io::scene_to_json(scene));
+  model_ = folder_.file("block.safetensors");
+  nn::write_safetensors(
+      model_,
+      rom::test::deformation_model(scene, rom::test::linear_network(translation), {0, 0, 0}).store(nn::DType::f32));
+  const Outcome own = rollout("--threads 1 --f64");
+  ASSERT_EQ(own.exit_code, 0) << own.output;
+  EXPECT_FALSE(own.says("loads differ")) << own.output;
+  for (const char* flags : {"--quadrature lagrangian --projection velocity", "--quadrature eulerian"}) {
+    const Outcome other = rollout(std::string("--threads 1 --f64 --set gravity=[0,-5,0] ") + flags);
+    ASSERT_EQ(other.exit_code, 0) << other.output;
+    EXPECT_TRUE(other.says("loads differ") && other.says("/gravity/1")) << other.output;
+    const Trajectory run = predicted();
+    const int n = 16;
+    EXPECT_NEAR(run.frames.back().position[0][1] - run.frames[0].position[0][1], -5 * 0.0025 * 0.0025 * n * (n + 1) / 2,
+                1e-4)
+        << flags;
+  }
+  const Outcome grid = rollout("--set domain.dx=0.035");
+  EXPECT_EQ(grid.exit_code, 2) << grid.output;
+  EXPECT_TRUE(grid.says("/domain/dx")) << grid.output;
 }
 
 TEST_F(ReducedModels, CompareHoldsThemBesideMpm) {
