@@ -133,13 +133,10 @@ FitReport fit_velocity(SampleField& field, const double* latent, const Eigen::Ve
   field.linearise(latent);
   const Eigen::VectorXd q = solve_normal_equations(field, weighing, residual, slope, report);
   rate.assign(q.data(), q.data() + q.size());
-  Eigen::MatrixXd jacobian;
-  field.jacobian(latent, jacobian);
-  residual -= jacobian * q;
-  drop_lost(lost, residual);
-  const Weighing last(residual, lost);
-  report.down_weighted = last.down_weighted;
-  report.distance = last.root_mean();
+  // At the least squares' solution |v - J q'|^2 = |v|^2 - (J^T v) . q'.
+  const auto counted = static_cast<double>(field.samples()) * (1 - weighing.down_weighted);
+  report.down_weighted = weighing.down_weighted;
+  report.distance = counted > 0 ? std::sqrt(std::max(0.0, residual.squaredNorm() - slope.dot(q)) / counted) : 0;
   return report;
 }
 

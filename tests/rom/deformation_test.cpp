@@ -220,8 +220,8 @@ TEST(EulerianQuadrature, TracesPointsBackAndHasTheBodysMass) {
   Vec3d center = Vec3d::zero(), expected_center = Vec3d::zero();
   for (const double v : prepared.particles.volume) expected += v;
   for (const Vec3d& X : prepared.particles.position)
-    expected_center += (1.0 / static_cast<double>(samples)) *
-                       Vec3d{X[0] * 1.1 + 0.02, X[1] - 0.05 * X[2] - 0.01, X[2] + 0.03 + 0.1 * 0};
+    expected_center +=
+        (1.0 / static_cast<double>(samples)) * Vec3d{X[0] * 1.1 + 0.02, X[1] - 0.05 * X[2] - 0.01, X[2] + 0.03};
   for (int64_t slot = samples; slot < p.count; ++slot) {
     const Mat<double, 3> F = mpm::load_matrix<double, 3>(p.deformation_gradient, slot);
     EXPECT_NEAR(F(0, 0), 1.1, 1e-6);
