@@ -38,8 +38,8 @@ void add_compare(const Command& app) {
   command
       .option(
           "scenes,--scenes", options.scenes,
-          "Scene files, folders of them, data sets (.h5 or their folders) and recipes; a number takes so many scenes "
-          "of a data set or recipe")
+          "Scene files, folders of them, data sets (.h5 or their folders) and recipes; a number N takes the first N "
+          "scenes of a data set or recipe, FIRST:END those from FIRST to END - 1")
       .required();
   command.option("--split", options.split, "Of recipes and data sets' folders: train, valid or test");
   command

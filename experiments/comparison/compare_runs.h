@@ -14,8 +14,8 @@ namespace graupel::experiments {
 enum class OtherScenes { refuse, leave_out };
 
 struct CompareOptions {
-  /// Scene files, folders of them, data sets (.h5, or their folders) and recipes. A number among them takes so many
-  /// scenes of each recipe and data set, the first ones.
+  /// Scene files, folders of them, data sets (.h5, or their folders) and recipes. "8" among them takes the
+  /// first 8 scenes of each recipe and data set, "8:16" those from 8 to 15.
   std::vector<std::string> scenes;
   std::string split;                ///< of recipes and data sets' folders: train, valid or test
   std::vector<std::string> models;  ///< mpm, mpm:fast, mpm:coarse, weights files

@@ -6,6 +6,7 @@
 #include <charconv>
 #include <filesystem>
 #include <map>
+#include <optional>
 #include <utility>
 
 #include "core/scene/category_recipe.h"
@@ -38,22 +39,30 @@ SceneTask read_scene_file(const std::string& path, const CompareOptions& options
   return task;
 }
 
-/// How many scenes of `there` to take: all without a wish (0). Throws ConfigError for more than there are.
-int64_t number_of(int64_t wanted, int64_t there, const std::string& what) {
-  if (wanted > there)
+/// Which scenes of a recipe or data set --scenes asks for: first <= i < end, to the last one where end is 0.
+struct SceneRange {
+  int64_t first = 0, end = 0;
+  std::string word;  ///< as it was written: "8" or "8:16"; empty without a wish
+};
+
+/// The same with the number of scenes there are. Throws ConfigError for more.
+SceneRange range_within(SceneRange wanted, int64_t there, const std::string& what) {
+  if (wanted.end > there)
     throw ConfigError(
-        fmt::format("--scenes {} is more than {} holds (allowed: 1 to {}). Ask for fewer", wanted, what, there));
-  return wanted > 0 ? wanted : there;
+        fmt::format("--scenes {} is more than {} holds (allowed: 1 to {}, or FIRST:END up to {}). Ask for fewer",
+                    wanted.word, what, there, there));
+  if (wanted.end == 0) wanted.end = there;
+  return wanted;
 }
 
-std::vector<SceneTask> read_data_set(const std::string& path, int64_t wanted, const CompareOptions& options) {
+std::vector<SceneTask> read_data_set(const std::string& path, const SceneRange& wanted, const CompareOptions& options) {
   if (!options.set.empty())
     throw ConfigError("--set cannot change the scenes of a data set ('" + path +
                       "'). Leave it out, or name scene files");
   const io::TrajectoryReader reader(path);
   std::vector<SceneTask> tasks;
-  const auto count = static_cast<int>(number_of(wanted, reader.count(), "'" + path + "'"));
-  for (int i = 0; i < count; ++i) {
+  const SceneRange range = range_within(wanted, reader.count(), "'" + path + "'");
+  for (auto i = static_cast<int>(range.first); i < range.end; ++i) {
     Trajectory trajectory = reader.header(i);
     const std::string source = reader.count() > 1 ? fmt::format("{}#{}", path, i) : path;
     if (trajectory.scene_json.empty())
@@ -100,7 +109,7 @@ mpm::Split needed_split(const std::string& path, const CompareOptions& options) 
   return split_named(options.split);
 }
 
-std::vector<SceneTask> read_recipe(const std::string& path, int64_t wanted, const CompareOptions& options) {
+std::vector<SceneTask> read_recipe(const std::string& path, const SceneRange& wanted, const CompareOptions& options) {
   const mpm::Split split = needed_split(path, options);
   const auto recipe = open_recipe({.recipe = path,
                                    .set = options.set,
@@ -113,9 +122,9 @@ std::vector<SceneTask> read_recipe(const std::string& path, int64_t wanted, cons
         fmt::format("the {} split of '{}' has no scenes. Choose another --split, or raise its count with "
                     "--set counts.{}=N",
                     mpm::name_of(split), path, mpm::name_of(split)));
-  const int64_t count = number_of(wanted, there, fmt::format("the {} split of '{}'", mpm::name_of(split), path));
+  const SceneRange range = range_within(wanted, there, fmt::format("the {} split of '{}'", mpm::name_of(split), path));
   std::vector<SceneTask> tasks;
-  for (int64_t i = 0; i < count; ++i) {
+  for (int64_t i = range.first; i < range.end; ++i) {
     SceneTask task;
     task.scene = recipe->scene({split, i});
     task.source = fmt::format("{}#{}", path, i);
@@ -127,24 +136,38 @@ std::vector<SceneTask> read_recipe(const std::string& path, int64_t wanted, cons
   return tasks;
 }
 
-/// What is named in --scenes: paths, and a number of scenes.
+/// "8" (the first eight) or "8:16" (those from 8 to 15); nothing for other words, which are paths.
+std::optional<SceneRange> range_of(const std::string& word) {
+  SceneRange range{0, 0, word};
+  const char* const last = word.data() + word.size();
+  std::from_chars_result read = std::from_chars(word.data(), last, range.end);
+  if (read.ec == std::errc() && read.ptr != last && *read.ptr == ':') {
+    range.first = range.end;
+    read = std::from_chars(read.ptr + 1, last, range.end);
+  }
+  if (read.ec != std::errc() || read.ptr != last) return {};
+  return range;
+}
+
+/// What is named in --scenes: paths, and which scenes of recipes and data sets.
 struct NamedScenes {
   std::vector<std::string> paths;
-  int64_t number = 0;  ///< 0: none was named
+  SceneRange range;
 };
 
 NamedScenes names_of(const std::vector<std::string>& words) {
   NamedScenes names;
   for (const std::string& word : words) {
-    int64_t number = 0;
-    const auto [end, error] = std::from_chars(word.data(), word.data() + word.size(), number);
-    if (error != std::errc() || end != word.data() + word.size()) {
+    const std::optional<SceneRange> range = range_of(word);
+    if (!range) {
       names.paths.push_back(word);
       continue;
     }
-    if (number < 1 || names.number > 0)
-      throw ConfigError("--scenes " + word + " is no number of scenes (allowed: one number, at least 1). Correct it");
-    names.number = number;
+    if (range->first < 0 || range->end <= range->first || !names.range.word.empty())
+      throw ConfigError("--scenes " + word +
+                        " is no number of scenes (allowed: one number, at least 1, or one range FIRST:END with "
+                        "0 <= FIRST < END). Correct it");
+    names.range = *range;
   }
   return names;
 }
@@ -179,7 +202,7 @@ std::vector<SceneTask> read_scene_tasks(const CompareOptions& options) {
   if (!options.split.empty()) split_named(options.split);
   const NamedScenes names = names_of(options.scenes);
   std::vector<SceneTask> tasks;
-  bool split_used = false, number_used = false;
+  bool split_used = false, range_used = false;
   const auto add = [&](std::vector<SceneTask> more) {
     for (SceneTask& task : more) {
       if (task.frames < 1)
@@ -193,14 +216,14 @@ std::vector<SceneTask> read_scene_tasks(const CompareOptions& options) {
       const fs::path file = of_folder
                                 ? fs::path(path) / (mpm::name_of(needed_split(path, options)) + std::string(".h5"))
                                 : fs::path(path);
-      add(read_data_set(file, names.number, options));
+      add(read_data_set(file, names.range, options));
       split_used = split_used || of_folder;
-      number_used = true;
+      range_used = true;
     } else if (fs::is_directory(path)) {
       for (const std::string& file : scenes_of_folder(path)) add({read_scene_file(file, options)});
     } else if (is_recipe(path)) {
-      add(read_recipe(path, names.number, options));
-      split_used = number_used = true;
+      add(read_recipe(path, names.range, options));
+      split_used = range_used = true;
     } else {
       add({read_scene_file(path, options)});
     }
@@ -210,9 +233,9 @@ std::vector<SceneTask> read_scene_tasks(const CompareOptions& options) {
   if (!options.split.empty() && !split_used)
     throw ConfigError("--split " + options.split +
                       " is for recipes and folders of data sets, and --scenes names none. Leave it out");
-  if (names.number > 0 && !number_used)
+  if (!names.range.word.empty() && !range_used)
     throw ConfigError(fmt::format(
-        "--scenes {} is a number of scenes of recipes and data sets, and none is named. Leave it out", names.number));
+        "--scenes {} chooses scenes of recipes and data sets, and none is named. Leave it out", names.range.word));
   return tasks;
 }
 

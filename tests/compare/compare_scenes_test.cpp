@@ -190,6 +190,11 @@ TEST_F(CompareRuns, RecipesAndDataSetsHaveSplits) {
   o.seed.reset();
   o.scenes = {recipe};
   EXPECT_EQ(read_scene_tasks(o).size(), 9u);
+  o.scenes = {recipe, "7:9"};
+  tasks = read_scene_tasks(o);
+  ASSERT_EQ(tasks.size(), 2u);
+  EXPECT_EQ(tasks[0].source, recipe + "#7");
+  EXPECT_EQ(tasks[1].category, "dam_break");
 
   const auto refusal = [&]() -> std::string {
     try {
@@ -201,8 +206,12 @@ TEST_F(CompareRuns, RecipesAndDataSetsHaveSplits) {
   };
   o.scenes = {recipe, "10"};
   EXPECT_THAT(refusal(), ::testing::AllOf(::testing::HasSubstr("10 is more than"), ::testing::HasSubstr("1 to 9")));
-  o.scenes = {recipe, "0"};
-  EXPECT_THAT(refusal(), ::testing::HasSubstr("at least 1"));
+  o.scenes = {recipe, "8:10"};
+  EXPECT_THAT(refusal(), ::testing::HasSubstr("8:10 is more than"));
+  for (const char* const word : {"0", "-1", "3:3", "4:2"}) {
+    o.scenes = {recipe, word};
+    EXPECT_THAT(refusal(), ::testing::HasSubstr("at least 1")) << word;
+  }
   o.scenes = {recipe};
   o.split = "tset";
   EXPECT_THAT(refusal(), ::testing::HasSubstr("--split 'tset' is unknown (allowed: train, valid, test)"));
@@ -214,7 +223,7 @@ TEST_F(CompareRuns, RecipesAndDataSetsHaveSplits) {
   EXPECT_THAT(refusal(), ::testing::HasSubstr("--split valid is for recipes"));
   o.split = "";
   o.scenes = {scene_, "3"};
-  EXPECT_THAT(refusal(), ::testing::HasSubstr("--scenes 3 is a number of scenes"));
+  EXPECT_THAT(refusal(), ::testing::HasSubstr("--scenes 3 chooses scenes of recipes"));
 
   std::filesystem::create_directory(folder_ + "/set");
   std::ofstream(folder_ + "/set/dataset.json") << "{}";

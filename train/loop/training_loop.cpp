@@ -253,6 +253,10 @@ TrainingResult TrainingRun::execute() {
   } catch (const CommError&) {
     save_checkpoint();  // the state of the last whole step
     throw;
+  } catch (const GpuMemoryError& error) {
+    save_checkpoint();
+    if (!comm_.leads()) throw;
+    throw GpuMemoryError(std::string(error.what()) + ". A new run goes on with --from " + export_weights());
   }
   // A signal leaves little time: the state is saved, nothing more is measured.
   const bool measured = validation_ && validation_->step == state_.step;

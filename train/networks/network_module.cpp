@@ -17,6 +17,7 @@
 
 #include "core/system/error.h"
 #include "core/system/stopwatch.h"
+#include "train/networks/gpu_memory_error.h"
 #include "train/networks/loss.h"
 #include "train/networks/mixed_precision_network.h"
 #include "train/networks/torch_engine.h"
@@ -172,7 +173,8 @@ TimedPrediction NetworkModule::time_prediction(const Batch& batch, StateArray wh
 }
 
 void NetworkModule::Impl::train_step(const DeviceBatch& batch, const StepSettings& settings, Comm& comm) {
-  const at::Tensor loss = join_shards(comm, forward_backward(batch), batch.particles - batch.uncounted);
+  const at::Tensor of_shard = within_gpu_memory(batch.particles, [&] { return forward_backward(batch); });
+  const at::Tensor loss = join_shards(comm, of_shard, batch.particles - batch.uncounted);
   const at::Tensor norm = at::norm(gradient);
   AdamSettings rule;
   rule.learning_rate = settings.learning_rate;
@@ -205,9 +207,12 @@ void NetworkModule::train_step(const SampleArrays& batch, const StepSettings& se
 const float* NetworkModule::predict(const SampleArrays& batch) {
   const at::NoGradGuard no_grad;
   const DeviceBatch on_device = attach(batch, impl_->network->weights(), !is_mixed());
-  impl_->predicted = is_mixed() ? impl_->fused->forward(on_device) : impl_->network->forward(on_device).to(at::kFloat);
-  impl_->predicted = impl_->predicted.contiguous();
-  return impl_->predicted.data_ptr<float>();
+  return within_gpu_memory(on_device.particles, [&] {
+    impl_->predicted =
+        is_mixed() ? impl_->fused->forward(on_device) : impl_->network->forward(on_device).to(at::kFloat);
+    impl_->predicted = impl_->predicted.contiguous();
+    return impl_->predicted.data_ptr<float>();
+  });
 }
 
 StepMeans NetworkModule::take_means() {

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "core/parallel/device.h"
+#include "core/system/error.h"
 #include "graph/plan/layer_plan.h"
 #include "nn/weights.h"
 #include "train/config/network_config.h"
@@ -49,6 +50,11 @@ struct StepMeans {
 struct TimedPrediction {
   std::vector<float> accelerations;  ///< normalised [particles, 3 k], of the last run
   std::vector<double> seconds;       ///< of every run
+};
+
+/// A step that needs more memory than the GPU has (exit 1). Weights and moments are those before it.
+struct GpuMemoryError : Error {
+  explicit GpuMemoryError(const std::string& message) : Error(ExitCode::failed, message) {}
 };
 
 /// Threads and number formats of libtorch, for the whole process. `tf32` allows TF32 in matrix products on a GPU.
