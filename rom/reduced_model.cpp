@@ -59,6 +59,7 @@ void read_settings(const Json& settings, ReducedModel& model) {
   model.latent_reach = settings.at("latent_reach");
   model.usual_error = settings.value("usual_error", 0.0);
   model.step_factor = settings.value("step_factor", 1.0);
+  model.contact_weight = settings.value("contact_weight", 1.0);
   model.manifold_pull = settings.value("manifold_pull", 0.0);
   read_word(settings, "projection", model.projection);
   read_word(settings, "quadrature", model.quadrature);
@@ -229,14 +230,14 @@ nn::Weights ReducedModel::store(nn::DType modes) const {
   nn::Weights weights;
   weights.metadata = provenance;
   weights.metadata["architecture"] = word_of(kind);
-  weights.metadata["field"] = word_of(fields->kind());
+  weights.metadata["field"] = fields->kind();
   weights.metadata["scene"] = scene_json;
   Json settings = {
       {"parameters", Json::array()},      {"substeps_per_frame", substeps_per_frame},
       {"frame_time", frame_time},         {"affine", affine_kind == AffineKind::rate ? "rate" : "position"},
       {"latent_reach", latent_reach},     {"usual_error", usual_error},
       {"step_factor", step_factor},       {"manifold_pull", manifold_pull},
-      {"projection", word_of(projection)}};
+      {"contact_weight", contact_weight}, {"projection", word_of(projection)}};
   for (const ModelParameter& p : parameters)
     settings["parameters"].push_back(
         {{"name", p.name}, {"unit", p.unit}, {"keys", p.keys}, {"low", p.low}, {"high", p.high}});

@@ -63,6 +63,7 @@ struct ReducedModel {
   std::vector<int32_t> samples;  ///< by default
   double manifold_pull = 0;      ///< share of the way back to the training's sheet that a step takes
   double step_factor = 1;        ///< steps over those of the training, by default
+  double contact_weight = 1;     ///< in the projection, of samples that a moving obstacle pushes; others have 1
   ProjectionKind projection = ProjectionKind::position;    ///< by default
   QuadratureKind quadrature = QuadratureKind::lagrangian;  ///< by default
   Clusters clusters;                        ///< integration points; as many as particles: these themselves

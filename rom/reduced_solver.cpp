@@ -223,7 +223,7 @@ bool ReducedSolver<T>::try_step(double dt) {
     control_.halve();
     return take_back();
   }
-  const auto lost = static_cast<double>(std::count(motion_.lost.begin(), motion_.lost.end(), true));
+  const auto lost = static_cast<double>(std::count(motion_.weight.begin(), motion_.weight.end(), 0.0));
   constexpr double negligible = 2e-3;  // of dx
   return control_.keep(misfit_, negligible * prepared_.scene.domain.dx / dt,
                        lost / static_cast<double>(samples_.size())) ||
@@ -241,7 +241,7 @@ void ReducedSolver<T>::step(double dt) {
   hold_inside(prepared_.scene, grid_.particles());
   timing.decode += timer.lap();
   sample_field_->evaluate(state_.latent.data(), motion_.before);
-  grid_.step(time_, dt, motion_.lost);
+  grid_.step(time_, dt, model_.contact_weight, motion_.weight);
   timing.grid += timer.lap();
   project_samples(dt);
   timing.inversion += timer.lap();

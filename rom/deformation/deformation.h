@@ -2,10 +2,14 @@
 // its exact derivatives. Bound to points once, so that what depends on X alone is prepared once.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <memory>
+#include <utility>
 #include <vector>
 
+#include "core/scene/fields.h"
+#include "nn/weights.h"
 #include "rom/projection/gauss_newton.h"
 #include "rom/projection/latent_state.h"
 
@@ -28,15 +32,29 @@ class DeformationPoints {
   virtual int64_t bytes() const = 0;
 };
 
+/// How a map is represented.
+enum class DeformationKind {
+  mlp,   ///< a network (rom/deformation/mlp_deformation.h)
+  modes  ///< a linear subspace (rom/deformation/mode_deformation.h)
+};
+
+constexpr auto enum_list(DeformationKind) {
+  return std::to_array<std::pair<const char*, DeformationKind>>(
+      {{"mlp", DeformationKind::mlp}, {"modes", DeformationKind::modes}});
+}
+
 class Deformation {
  public:
   virtual ~Deformation() = default;
+  virtual DeformationKind kind() const = 0;
   virtual int latents() const = 0;
   /// `points` X [n, 3] [m], any of the body. The deformation must outlive what is bound to it.
   virtual std::unique_ptr<DeformationPoints<float>> bind_f32(const std::vector<float>& points) const = 0;
   virtual std::unique_ptr<DeformationPoints<double>> bind_f64(const std::vector<float>& points) const = 0;
   /// For inversions: g and dg/dq in f64.
   virtual std::unique_ptr<SampleField> bind_samples(const std::vector<float>& points) const = 0;
+  /// Adds the map's tensors.
+  virtual void store(nn::Weights& weights) const = 0;
 };
 
 template <typename T>

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <utility>
 
+#include "rom/deformation/mlp_deformation.h"
+#include "rom/deformation/mode_deformation.h"
 #include "rom/fields/deformed_positions.h"
 
 namespace graupel::rom {
@@ -31,39 +33,41 @@ class DeformedPoints final : public PointFields<T> {
 
 }  // namespace
 
-DeformationFields::DeformationFields(std::vector<float> reference, MlpDeformation map)
+DeformationFields::DeformationFields(std::vector<float> reference, std::shared_ptr<const Deformation> map)
     : reference_(std::move(reference)), map_(std::move(map)) {}
 
 std::unique_ptr<PointFields<float>> DeformationFields::bind_f32(const std::vector<int32_t>& points) const {
-  return std::make_unique<DeformedPoints<float>>(map_, points_of(reference_, points));
+  return std::make_unique<DeformedPoints<float>>(*map_, points_of(reference_, points));
 }
 std::unique_ptr<PointFields<double>> DeformationFields::bind_f64(const std::vector<int32_t>& points) const {
-  return std::make_unique<DeformedPoints<double>>(map_, points_of(reference_, points));
+  return std::make_unique<DeformedPoints<double>>(*map_, points_of(reference_, points));
 }
 std::unique_ptr<PointPositions<float>> DeformationFields::bind_positions_f32(const std::vector<int32_t>& points) const {
-  return std::make_unique<DeformedPositions<float>>(map_, points_of(reference_, points));
+  return std::make_unique<DeformedPositions<float>>(*map_, points_of(reference_, points));
 }
 std::unique_ptr<PointPositions<double>> DeformationFields::bind_positions_f64(
     const std::vector<int32_t>& points) const {
-  return std::make_unique<DeformedPositions<double>>(map_, points_of(reference_, points));
+  return std::make_unique<DeformedPositions<double>>(*map_, points_of(reference_, points));
 }
 std::unique_ptr<SampleField> DeformationFields::bind_samples(const std::vector<int32_t>& samples) const {
-  return map_.bind_samples(points_of(reference_, samples));
+  return map_->bind_samples(points_of(reference_, samples));
 }
 
 std::shared_ptr<const Fields> DeformationFields::with_clusters(const Clusters&) const {
   return std::make_shared<const DeformationFields>(*this);
 }
 
-void DeformationFields::store(nn::Weights& weights, nn::DType) const {
-  map_.displacement().store(weights, "deformation");
-}
+void DeformationFields::store(nn::Weights& weights, nn::DType) const { map_->store(weights); }
 
 std::shared_ptr<const DeformationFields> DeformationFields::load(const nn::Weights& weights, int latents,
                                                                  std::vector<float> reference,
                                                                  std::vector<double> rest) {
-  return std::make_shared<const DeformationFields>(
-      std::move(reference), MlpDeformation(Mlp::load(weights, "deformation", 3 + latents, 3), std::move(rest)));
+  std::shared_ptr<const Deformation> map;
+  if (ModeDeformation::is_in(weights))
+    map = std::make_shared<const ModeDeformation>(ModeDeformation::load(weights, std::move(rest)));
+  else
+    map = std::make_shared<const MlpDeformation>(Mlp::load(weights, "deformation", 3 + latents, 3), std::move(rest));
+  return std::make_shared<const DeformationFields>(std::move(reference), std::move(map));
 }
 
 }  // namespace graupel::rom

@@ -26,7 +26,7 @@ class FactoredFields final : public Fields {
   std::unique_ptr<PointPositions<double>> bind_positions_f64(const std::vector<int32_t>& points) const override;
   std::unique_ptr<SampleField> bind_samples(const std::vector<int32_t>& samples) const override;
 
-  FieldKind kind() const override { return FieldKind::factored; }
+  const char* kind() const override { return word_of(FieldKind::factored); }
   std::shared_ptr<const Fields> with_clusters(const Clusters& clusters) const override;
   void store(nn::Weights& weights, nn::DType modes) const override;
 

@@ -15,7 +15,7 @@
 
 namespace graupel::rom {
 
-/// How the fields are represented; `field` in the metadata of a weights file.
+/// How the fields of a model with stresses are represented.
 enum class FieldKind {
   factored,  ///< spatial modes times coefficients (rom/fields/factored_fields.h)
   mlp        ///< the paper's networks (rom/fields/mlp_fields.h)
@@ -64,7 +64,8 @@ class Fields {
   virtual std::unique_ptr<PointPositions<double>> bind_positions_f64(const std::vector<int32_t>& points) const = 0;
   virtual std::unique_ptr<SampleField> bind_samples(const std::vector<int32_t>& samples) const = 0;
 
-  virtual FieldKind kind() const = 0;
+  /// How they are represented, a word: `field` in the metadata of a weights file.
+  virtual const char* kind() const = 0;
   /// Fields for clusters of particles as integration points, which have their means of stress and affine velocity.
   virtual std::shared_ptr<const Fields> with_clusters(const Clusters& clusters) const = 0;
   /// Adds the fields' tensors; `modes` is the type of the large ones, where there are such.

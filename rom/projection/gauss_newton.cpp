@@ -12,33 +12,25 @@ namespace graupel::rom {
 
 namespace {
 
-/// Distances of the samples and their weights.
+/// The samples' weights, their sum, and the share of those that are lost.
 struct Weighing {
-  std::vector<double> distance2, weight;
-  double down_weighted = 0;
+  std::vector<double> weight;
+  double total = 0, lost = 0;
 
-  Weighing(const Eigen::VectorXd& residual, const std::vector<bool>& lost) {
-    const auto n = static_cast<std::size_t>(residual.size() / 3);
-    distance2.resize(n);
-    weight.assign(n, 1.0);
-    std::size_t beyond = 0;
-    for (std::size_t s = 0; s < n; ++s) {
-      distance2[s] = residual.segment<3>(3 * static_cast<Eigen::Index>(s)).squaredNorm();
-      if (lost.empty() || !lost[s]) continue;
-      weight[s] = 0;
-      ++beyond;
-    }
-    down_weighted = n > 0 ? static_cast<double>(beyond) / static_cast<double>(n) : 0;
+  Weighing(const std::vector<double>& given, int samples) : weight(given) {
+    if (weight.empty()) weight.assign(static_cast<std::size_t>(samples), 1.0);
+    for (const double w : weight) total += w;
+    if (samples > 0) lost = static_cast<double>(std::count(weight.begin(), weight.end(), 0.0)) / samples;
   }
 
-  double root_mean() const {
-    double sum = 0, total = 0;
-    for (std::size_t s = 0; s < weight.size(); ++s) {
-      sum += weight[s] * distance2[s];
-      total += weight[s];
-    }
-    return total > 0 ? std::sqrt(sum / total) : 0;
+  /// sum_s w_s |r_s|^2.
+  double squares(const Eigen::VectorXd& residual) const {
+    double sum = 0;
+    for (std::size_t s = 0; s < weight.size(); ++s)
+      sum += weight[s] * residual.segment<3>(3 * static_cast<Eigen::Index>(s)).squaredNorm();
+    return sum;
   }
+  double root_mean(double squares) const { return total > 0 ? std::sqrt(std::max(0.0, squares) / total) : 0; }
 };
 
 }  // namespace
@@ -53,16 +45,17 @@ void SampleField::normal_equations(const std::vector<double>& weight, const Eige
 
 namespace {
 
-void refuse_lost(const std::vector<bool>& lost, int samples) {
-  if (2 * std::count(lost.begin(), lost.end(), true) > samples)
+void refuse_lost(const Weighing& weighing) {
+  if (weighing.lost > 0.5)
     throw DivergedError(
         "more than half of the samples of the reduced model move over one cell in a step, or are not finite. Use a "
         "smaller time step factor, more samples, or parameters nearer to those of the training");
 }
 
-void drop_lost(const std::vector<bool>& lost, Eigen::VectorXd& residual) {
-  for (std::size_t s = 0; s < lost.size(); ++s)
-    if (lost[s]) residual.segment<3>(3 * static_cast<Eigen::Index>(s)).setZero();
+/// What is lost may not be finite.
+void drop_lost(const Weighing& weighing, Eigen::VectorXd& residual) {
+  for (std::size_t s = 0; s < weighing.weight.size(); ++s)
+    if (weighing.weight[s] == 0) residual.segment<3>(3 * static_cast<Eigen::Index>(s)).setZero();
 }
 
 /// The solution of the normal equations at the field's linearisation; `slope` is their right side.
@@ -85,29 +78,30 @@ Eigen::VectorXd solve_normal_equations(const SampleField& field, const Weighing&
 
 }  // namespace
 
-FitReport fit_latent(SampleField& field, const Eigen::VectorXd& target, const std::vector<bool>& lost,
+FitReport fit_latent(SampleField& field, const Eigen::VectorXd& target, const std::vector<double>& weight,
                      const FitOptions& options, Eigen::VectorXd& latent) {
   constexpr int most_halvings = 40;
   constexpr double sufficient = 0.25;  ///< of the decrease that the slope tells (Armijo)
   FitReport report;
-  refuse_lost(lost, field.samples());
+  const Weighing weighing(weight, field.samples());
+  refuse_lost(weighing);
   Eigen::VectorXd position, residual, slope;
   const auto residual_at = [&](const Eigen::VectorXd& at) {
     field.evaluate(at.data(), position);
     Eigen::VectorXd left = target - position;
-    drop_lost(lost, left);
+    drop_lost(weighing, left);
     return left;
   };
   residual = residual_at(latent);
   while (report.iterations < options.iterations) {
-    const Weighing weighing(residual, lost);
     if (report.iterations == 0 || options.linearisation == Linearisation::every_iteration)
       field.linearise(latent.data());
     Eigen::VectorXd change = solve_normal_equations(field, weighing, residual, slope, report);
-    const double before = residual.squaredNorm();
+    const double before = weighing.squares(residual);
     Eigen::VectorXd left = residual_at(latent + change);
     if (options.search == LineSearch::backtracking)
-      for (int h = 0; h < most_halvings && !(left.squaredNorm() <= before - 2 * sufficient * slope.dot(change)); ++h) {
+      for (int h = 0; h < most_halvings && !(weighing.squares(left) <= before - 2 * sufficient * slope.dot(change));
+           ++h) {
         change /= 2;
         left = residual_at(latent + change);
       }
@@ -116,27 +110,25 @@ FitReport fit_latent(SampleField& field, const Eigen::VectorXd& target, const st
     ++report.iterations;
     if (change.norm() <= options.tolerance * (1 + latent.norm())) break;
   }
-  const Weighing last(residual, lost);
-  report.down_weighted = last.down_weighted;
-  report.distance = last.root_mean();
+  report.down_weighted = weighing.lost;
+  report.distance = weighing.root_mean(weighing.squares(residual));
   return report;
 }
 
 FitReport fit_velocity(SampleField& field, const double* latent, const Eigen::VectorXd& velocity,
-                       const std::vector<bool>& lost, std::vector<double>& rate) {
-  refuse_lost(lost, field.samples());
+                       const std::vector<double>& weight, std::vector<double>& rate) {
+  const Weighing weighing(weight, field.samples());
+  refuse_lost(weighing);
   Eigen::VectorXd residual = velocity, slope;
-  drop_lost(lost, residual);
-  const Weighing weighing(residual, lost);
+  drop_lost(weighing, residual);
   FitReport report;
   report.iterations = 1;
   field.linearise(latent);
   const Eigen::VectorXd q = solve_normal_equations(field, weighing, residual, slope, report);
   rate.assign(q.data(), q.data() + q.size());
-  // At the least squares' solution |v - J q'|^2 = |v|^2 - (J^T v) . q'.
-  const auto counted = static_cast<double>(field.samples()) * (1 - weighing.down_weighted);
-  report.down_weighted = weighing.down_weighted;
-  report.distance = counted > 0 ? std::sqrt(std::max(0.0, residual.squaredNorm() - slope.dot(q)) / counted) : 0;
+  // At the least squares' solution |v - J q'|^2 = |v|^2 - (J^T W v) . q', with squares weighted by W.
+  report.down_weighted = weighing.lost;
+  report.distance = weighing.root_mean(weighing.squares(residual) - slope.dot(q));
   return report;
 }
 

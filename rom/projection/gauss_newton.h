@@ -1,7 +1,7 @@
 // Inversion of the deformation field (NSF eq. 10): the latent whose sample positions lie nearest to those that the grid
 // has moved,
 //   q = argmin sum_s w_s |g(X_s, q) - x_s|^2,
-// by Gauss-Newton in f64. w_s is 0 for samples that are lost and 1 for all others.
+// by Gauss-Newton in f64. w_s is 0 for samples that are lost; 1 for all others, but for those in contact.
 #pragma once
 
 #include <Eigen/Core>
@@ -56,14 +56,14 @@ struct FitReport {
   double condition = 0;      ///< largest over smallest eigenvalue of J^T W J, estimated from its Cholesky factor
 };
 
-/// Improves `latent` from its value on entry. `lost[s]`: sample s does not count (empty: all do). Throws DivergedError
-/// when more than half are lost, or the normal equations are singular or not finite.
-FitReport fit_latent(SampleField& field, const Eigen::VectorXd& target, const std::vector<bool>& lost,
+/// Improves `latent` from its value on entry. `weight` w [samples]; 0: the sample is lost and may not be finite; empty:
+/// all 1. Throws DivergedError when more than half are lost, or the normal equations are singular or not finite.
+FitReport fit_latent(SampleField& field, const Eigen::VectorXd& target, const std::vector<double>& weight,
                      const FitOptions& options, Eigen::VectorXd& latent);
 
 /// q' = argmin sum_s w_s |dg/dq(X_s, q) q' - v_s|^2 (CROM eq. 28), which is linear; `velocity` v [3 samples] [m/s].
 /// The report's distance is that of velocities [m/s]. Throws as fit_latent().
 FitReport fit_velocity(SampleField& field, const double* latent, const Eigen::VectorXd& velocity,
-                       const std::vector<bool>& lost, std::vector<double>& rate);
+                       const std::vector<double>& weight, std::vector<double>& rate);
 
 }  // namespace graupel::rom

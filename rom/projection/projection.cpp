@@ -15,7 +15,7 @@ FitReport position(SampleField& field, const SampleMotion& motion, double dt, in
   const Eigen::VectorXd old = vector_of(state.latent);
   Eigen::VectorXd latent = old + dt * vector_of(state.velocity);
   const FitOptions fit{.iterations = iterations, .linearisation = Linearisation::once};
-  const FitReport report = fit_latent(field, motion.after, motion.lost, fit, latent);
+  const FitReport report = fit_latent(field, motion.after, motion.weight, fit, latent);
   state.last_step = dt;
   state.previous = state.latent;
   vector_of(state.velocity) = (latent - old) / dt;
@@ -28,13 +28,13 @@ FitReport position(SampleField& field, const SampleMotion& motion, double dt, in
 FitReport velocity(SampleField& field, const SampleMotion& motion, double dt, int iterations, bool positions,
                    LatentState& state) {
   FitReport report =
-      fit_velocity(field, state.latent.data(), (motion.after - motion.before) / dt, motion.lost, state.velocity);
+      fit_velocity(field, state.latent.data(), (motion.after - motion.before) / dt, motion.weight, state.velocity);
   report.distance *= dt;
   vector_of(state.latent) += dt * vector_of(state.velocity);
   if (!positions) return report;
   Eigen::VectorXd latent = vector_of(state.latent);
   const FitOptions fit{.iterations = iterations, .search = LineSearch::backtracking};
-  report = fit_latent(field, motion.after, motion.lost, fit, latent);
+  report = fit_latent(field, motion.after, motion.weight, fit, latent);
   vector_of(state.latent) = latent;
   return report;
 }

@@ -29,7 +29,7 @@ constexpr auto enum_list(ProjectionKind) {
 /// The samples after a step.
 struct SampleMotion {
   Eigen::VectorXd before, after;  ///< positions [3 samples] [m]
-  std::vector<bool> lost;         ///< samples that the step threw off: they do not count
+  std::vector<double> weight;     ///< of each sample in the fit; 0: the step threw it off, it does not count
 };
 
 /// Moves `state` by dt [s]: latent and velocity, and with ProjectionKind::position the step that the velocity is a

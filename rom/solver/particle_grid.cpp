@@ -5,8 +5,10 @@
 #include <numeric>
 
 #include "core/system/error.h"
+#include "mpm/bspline.h"
 #include "mpm/materials/material.h"
 #include "mpm/physics/particle_motion.h"
+#include "mpm/physics/stencil.h"
 
 namespace graupel::rom {
 
@@ -107,22 +109,47 @@ void ParticleGrid<T>::take_stress_of_deformation() {
 }
 
 template <typename T>
-void ParticleGrid<T>::step(double time, double dt, std::vector<bool>& lost) {
+void ParticleGrid<T>::step(double time, double dt, double contact_weight, std::vector<double>& weight) {
   mpm::find_owner_blocks(grid_.view(particles()));
   grid_.blocks.invalidate();
   Vec3d scripted = Vec3d::zero();
   const mpm::SolverView<T> v = grid_.move_nodes(particles(), time, dt, scripted);
   mpm::grid_to_particle_slots(v, samples_);
   grid_.lead(v, scripted);
-  move_samples(v, static_cast<T>(dt), lost);
+  weight.assign(static_cast<std::size_t>(samples_), 1);
+  if (contact_weight > 1 && v.moving.count > 0) weigh_contact(v, contact_weight, weight);
+  move_samples(v, static_cast<T>(dt), weight);
 }
 
 template <typename T>
-void ParticleGrid<T>::move_samples(const mpm::SolverView<T>& v, T dt, std::vector<bool>& lost) {
-  lost.assign(static_cast<std::size_t>(samples_), false);
+void ParticleGrid<T>::weigh_contact(const mpm::SolverView<T>& v, double contact_weight,
+                                    std::vector<double>& weight) const {
+  const auto one = [&](int64_t s) {
+    const Vec<T, 3> x = v.particles.position.vec(s), local = v.grid.local(x);
+    const auto stencil = mpm::stencil_at<Spline::quadratic>(local);
+    mpm::AxisWeights<T> axis[3];
+    for (int d = 0; d < 3; ++d) axis[d] = mpm::bspline_weights(stencil.fx[d]);
+    T held = 0;
+    sparsegrid::SignedDistance<T> here;
+    for (int i = 0; i < 3; ++i)
+      for (int j = 0; j < 3; ++j)
+        for (int k = 0; k < 3; ++k) {
+          const Vec<T, 3> node = x + v.grid.dx * (Vec<T, 3>{T(i), T(j), T(k)} - stencil.fx);
+          const int32_t obstacle = mpm::holding_obstacle<3>(v.moving, node, v.grid.dx, here);
+          if (obstacle < 0) continue;
+          const Vec<T, 3> approach = v.moving.step[obstacle].velocity_at(node) - v.particles.velocity.vec(s);
+          if (dot(here.normal, approach) >= T(0)) held += axis[0].w[i] * axis[1].w[j] * axis[2].w[k];
+        }
+    weight[static_cast<std::size_t>(s)] = 1 + (contact_weight - 1) * static_cast<double>(held);
+  };
+  parallel_for_cpu(samples_, one);
+}
+
+template <typename T>
+void ParticleGrid<T>::move_samples(const mpm::SolverView<T>& v, T dt, std::vector<double>& weight) {
   for (int64_t s = 0; s < samples_; ++s) {
     if (mpm::within_a_cell(dt * v.particles.velocity.vec(s), grid_.geometry.dx)) continue;
-    lost[static_cast<std::size_t>(s)] = true;
+    weight[static_cast<std::size_t>(s)] = 0;
     v.particles.velocity.set_vec(s, Vec<T, 3>::zero());
   }
   mpm::SolverView<T> samples = v;

@@ -38,17 +38,18 @@ class ParticleGrid {
   /// Gives the points the Kirchhoff stress that their material's law has at
   /// their F, for elastic solids.
   void take_stress_of_deformation();
-  /// Advances the grid by dt from `time` [s] on; the samples' positions and
-  /// velocities are then those after the step. `lost[s]`: sample s is not
-  /// finite or would move over one cell, as beside a node with hardly any mass;
-  /// it stays.
-  void step(double time, double dt, std::vector<bool>& lost);
+  /// Advances the grid by dt from `time` [s] on; the samples' positions and velocities are then those after the step.
+  /// `weight` [samples]: 0 where a sample is not finite or would move over one cell, as beside a node with hardly any
+  /// mass (it stays); else 1 + (contact_weight - 1) h, where h is the share of the sample's B-spline on nodes that
+  /// moving obstacles hold, if it does not go away from these.
+  void step(double time, double dt, double contact_weight, std::vector<double>& weight);
   int64_t active_nodes() const;
   int64_t bytes() const;
 
  private:
   void copy_chosen(const std::vector<int32_t>& tiles);
-  void move_samples(const mpm::SolverView<T>& v, T dt, std::vector<bool>& lost);
+  void weigh_contact(const mpm::SolverView<T>& v, double contact_weight, std::vector<double>& weight) const;
+  void move_samples(const mpm::SolverView<T>& v, T dt, std::vector<double>& weight);
 
   mpm::PreparedScene const& prepared_;
   mpm::SceneGrid<T> grid_;

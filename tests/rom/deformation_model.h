@@ -6,6 +6,7 @@
 
 #include "io/scene/scene_reader.h"
 #include "mpm/sampling.h"
+#include "rom/deformation/mlp_deformation.h"
 #include "rom/fields/deformation_fields.h"
 #include "rom/reduced_model.h"
 
@@ -71,7 +72,8 @@ inline ReducedModel deformation_model(const Scene& scene, Mlp displacement, std:
   std::iota(model.clusters.of_particle.begin(), model.clusters.of_particle.end(), 0);
   model.samples = model.encoder = model.clusters.of_particle;
   model.start_latent = rest;
-  model.fields = std::make_shared<const DeformationFields>(model.reference, MlpDeformation(displacement, rest));
+  model.fields = std::make_shared<const DeformationFields>(model.reference,
+                                                           std::make_shared<const MlpDeformation>(displacement, rest));
   model.projection = ProjectionKind::position_velocity;
   model.scene_json = io::scene_to_json(scene);
   model.substeps_per_frame = scene.time_step.substeps_per_frame;

@@ -7,6 +7,7 @@
 
 #include "core/system/error.h"
 #include "rom/cubature/sample_selection.h"
+#include "rom/deformation/mode_deformation.h"
 #include "rom/reduced_solver.h"
 #include "rom/solver/eulerian_quadrature.h"
 #include "tests/rom/deformation_model.h"
@@ -57,8 +58,26 @@ struct Decoded {
   }
 };
 
-TEST(Deformation, GradientAndVelocityAreTheSlopesOfPositions) {
-  const MlpDeformation map(random_network(3 + 4, 30, 3, 8), {0.1, -0.2, 0.3, 0});
+const std::vector<double> rest_of_four = {0.1, -0.2, 0.3, 0};
+
+MlpDeformation some_network() { return MlpDeformation(random_network(3 + 4, 30, 3, 8), rest_of_four); }
+
+/// Four random modes on a lattice around some_points().
+ModeDeformation some_modes() {
+  const ModeLattice lattice = ModeLattice::around({-0.5f, -0.5f, -0.5f, 0.5f, 0.5f, 0.5f}, 0.3);
+  std::vector<float> nodes(static_cast<std::size_t>(4 * 3 * lattice.nodes()));
+  for (std::size_t i = 0; i < nodes.size(); ++i) nodes[i] = static_cast<float>(test::network_noise(i));
+  return {lattice, std::move(nodes), rest_of_four};
+}
+
+class DeformationMaps : public testing::TestWithParam<DeformationKind> {
+ protected:
+  const MlpDeformation network_ = some_network();
+  const ModeDeformation modes_ = some_modes();
+  const Deformation& map = GetParam() == DeformationKind::mlp ? static_cast<const Deformation&>(network_) : modes_;
+};
+
+TEST_P(DeformationMaps, GradientAndVelocityAreTheSlopesOfPositions) {
   const LatentState state{{0.5, 0.2, -0.4, 0.1}, {2, -1, 0.5, 3}, {}, 0, {}};
   const std::vector<float> points = some_points(37);
   const Decoded<double> at(map, points, state);
@@ -87,9 +106,8 @@ TEST(Deformation, GradientAndVelocityAreTheSlopesOfPositions) {
     for (int d = 0; d < 3; ++d) EXPECT_NEAR(at.v(p)[d], (after.x(p)[d] - before.x(p)[d]) / (2 * dt), 1e-6);
 }
 
-TEST(Deformation, BothPrecisionsAgreeAndTheBodyStartsUndeformed) {
-  const std::vector<double> rest = {0.1, -0.2, 0.3, 0};
-  const MlpDeformation map(random_network(3 + 4, 30, 3, 8), rest);
+TEST_P(DeformationMaps, BothPrecisionsAgreeAndTheBodyStartsUndeformed) {
+  const std::vector<double>& rest = rest_of_four;
   const std::vector<float> points = some_points(70);
   const LatentState state{{0.5, 0.2, -0.4, 0.1}, {2, -1, 0.5, 3}, {}, 0, {}};
   const Decoded<double> twice(map, points, state), start(map, points, {rest, {0, 0, 0, 0}, {}, 0, {}});
@@ -105,6 +123,49 @@ TEST(Deformation, BothPrecisionsAgreeAndTheBodyStartsUndeformed) {
       EXPECT_NEAR(start.x(p)[r], static_cast<double>(points[static_cast<std::size_t>(3 * p + r)]), 1e-12);
       for (int c = 0; c < 3; ++c) EXPECT_NEAR(start.F(p, r, c), r == c ? 1 : 0, 1e-12);
     }
+}
+
+TEST_P(DeformationMaps, SamplesAreThePointsAndTheirJacobianIsTheSlope) {
+  const std::vector<float> points = some_points(20);
+  const auto samples = map.bind_samples(points);
+  const LatentState state{{0.5, 0.2, -0.4, 0.1}, {2, -1, 0.5, 3}, {}, 0, {}};
+  const Decoded<double> at(map, points, state);
+  Eigen::VectorXd position;
+  Eigen::MatrixXd jacobian;
+  samples->evaluate(state.latent.data(), position);
+  samples->jacobian(state.latent.data(), jacobian);
+  const Eigen::VectorXd velocity = jacobian * Eigen::Map<const Eigen::VectorXd>(state.velocity.data(), 4);
+  for (int64_t p = 0; p < 20; ++p)
+    for (int d = 0; d < 3; ++d) {
+      EXPECT_NEAR(at.x(p)[d], position[3 * p + d], 1e-9);
+      EXPECT_NEAR(at.v(p)[d], velocity[3 * p + d], 1e-9);
+    }
+}
+
+TEST_P(DeformationMaps, AreThoseOfTheirFile) {
+  const std::vector<float> points = some_points(20);
+  nn::Weights weights;
+  map.store(weights);
+  const auto loaded = DeformationFields::load(weights, 4, points, rest_of_four);
+  EXPECT_STREQ(loaded->kind(), word_of(GetParam()));
+  const LatentState state{{0.5, 0.2, -0.4, 0.1}, {2, -1, 0.5, 3}, {}, 0, {}};
+  const Decoded<double> before(map, points, state), after(loaded->deformation(), points, state);
+  for (std::size_t i = 0; i < before.position.size(); ++i) EXPECT_NEAR(after.position[i], before.position[i], 1e-6);
+  for (std::size_t i = 0; i < before.gradient.size(); ++i) EXPECT_NEAR(after.gradient[i], before.gradient[i], 1e-5);
+}
+
+INSTANTIATE_TEST_SUITE_P(Kinds, DeformationMaps, testing::Values(DeformationKind::mlp, DeformationKind::modes),
+                         [](const auto& kind) { return std::string(word_of(kind.param)); });
+
+TEST(ModeDeformation, FilesOfOtherModesAreRefused) {
+  nn::Weights weights;
+  some_modes().store(weights);
+  weights.file = "modes.safetensors";
+  EXPECT_THROW(ModeDeformation::load(weights, {0, 0}), InputError) << "of four latents";
+  weights.tensors["modes.lattice"] = nn::Tensor::from_float({0, 0, 0, -1}, {4});
+  EXPECT_THROW(ModeDeformation::load(weights, rest_of_four), InputError) << "a negative spacing";
+  weights.tensors.erase("modes.lattice");
+  EXPECT_THROW(ModeDeformation::load(weights, rest_of_four), InputError);
 }
 
 TEST(Projection, FindsTheLatentAndItsVelocity) {
@@ -146,10 +207,27 @@ TEST(Projection, LostSamplesDoNotCount) {
     field->evaluate(q.data(), motion.before);
     motion.after = motion.before;
     motion.after.segment<3>(6).array() += 0.3;
-    motion.lost.assign(20, false);
-    motion.lost[2] = true;
+    motion.weight.assign(20, 1);
+    motion.weight[2] = 0;
     project(kind, *field, motion, 1e-3, 20, state);
     for (std::size_t j = 0; j < 4; ++j) EXPECT_NEAR(state.latent[j], q[j], 1e-9) << word_of(kind);
+  }
+}
+
+/// Two samples of a map that can follow one of them alone: the heavier one wins, by its weight.
+TEST(Projection, HeavySamplesAreFollowed) {
+  const MlpDeformation map(linear_network((Eigen::MatrixXd(3, 4) << 0, 0, 0, 1, 0, 0, 0, 0, 0, 0, 0, 0).finished()));
+  const auto field = map.bind_samples({0, 0, 0, 0.5f, 0, 0});
+  for (const ProjectionKind kind : projections) {
+    LatentState state{{0}, {0}, {}, 0, {}};
+    SampleMotion motion;
+    field->evaluate(state.latent.data(), motion.before);
+    motion.after = motion.before;
+    motion.after[0] += 0.01;
+    motion.weight = {9, 1};
+    const FitReport report = project(kind, *field, motion, 1e-3, 20, state);
+    EXPECT_NEAR(state.latent[0], 0.009, 1e-9) << word_of(kind);
+    EXPECT_NEAR(report.distance, std::sqrt(0.9 * 0.1) * 0.01, 1e-9) << word_of(kind);
   }
 }
 
@@ -188,7 +266,8 @@ TYPED_TEST(DeformationRun, StressMovesNoMomentum) {
   matrix(0, 0) = 0.1;  // du_x/dX = 0.1
   matrix(1, 0) = 0.05;
   ReducedModel model = deformation_model(scene, linear_network(matrix), {0, 0, 0});
-  model.fields = std::make_shared<const DeformationFields>(model.reference, MlpDeformation(linear_network(matrix)));
+  model.fields = std::make_shared<const DeformationFields>(
+      model.reference, std::make_shared<const MlpDeformation>(linear_network(matrix)));
   ReducedOptions options;
   options.projection = ProjectionKind::velocity;
   ReducedSolver<TypeParam> solver(model, mpm::PreparedScene(scene, {.seed = scene.seed}), {}, options);

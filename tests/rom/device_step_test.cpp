@@ -199,10 +199,10 @@ struct TwoFits {
     }
     field->evaluate(start.data(), before);
     const Random random(8, RandomPurpose::test);
-    std::vector<bool> lost(static_cast<std::size_t>(samples), false);
+    std::vector<double> weight(static_cast<std::size_t>(samples), 1);
     for (int s = 0; s < samples; ++s) {
       const bool is_lost = lost_every > 0 && s % lost_every == 4;
-      lost[static_cast<std::size_t>(s)] = is_lost;
+      weight[static_cast<std::size_t>(s)] = is_lost ? 0 : 1;
       instance.lost[s] = is_lost ? 1 : 0;
       for (int d = 0; d < 3; ++d) {
         const double noise = random.uniform(static_cast<uint64_t>(3 * s + d), 0, -1, 1);
@@ -213,7 +213,7 @@ struct TwoFits {
       instance.ways->lost += is_lost ? 1 : 0;
     }
     run->backend().solve_equations(run->view());
-    report = fit_latent(*field, target, lost, {.iterations = 1}, latent);
+    report = fit_latent(*field, target, weight, {.iterations = 1}, latent);
     run->backend().fit(run->view());
   }
   void add_way(int row, double way) {

@@ -61,9 +61,9 @@ TEST(GaussNewton, LostSamplesDoNotCount) {
   field.evaluate(truth.data(), target);
   target.segment<3>(30).array() += 5;
   target.segment<3>(90).array() += std::nan("");
-  std::vector<bool> lost(60, false);
-  lost[10] = lost[30] = true;
-  const FitReport report = fit_latent(field, target, lost, {.iterations = 10}, latent);
+  std::vector<double> weight(60, 1);
+  weight[10] = weight[30] = 0;
+  const FitReport report = fit_latent(field, target, weight, {.iterations = 10}, latent);
   EXPECT_LT((latent - truth).norm(), 1e-10);
   EXPECT_DOUBLE_EQ(report.down_weighted, 2.0 / 60);
 }
@@ -72,7 +72,7 @@ TEST(GaussNewton, StopsWhenMostSamplesAreLost) {
   BentField field(10, 4);
   Eigen::VectorXd target, latent = truth;
   field.evaluate(truth.data(), target);
-  EXPECT_THROW(fit_latent(field, target, std::vector<bool>(10, true), {}, latent), DivergedError);
+  EXPECT_THROW(fit_latent(field, target, std::vector<double>(10, 0), {}, latent), DivergedError);
 }
 
 }  // namespace

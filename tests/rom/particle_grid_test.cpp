@@ -39,6 +39,47 @@ void write_state(const ParticleFrame& frame, const std::vector<int32_t>& particl
   }
 }
 
+/// A block that a box pushes from its left; the box goes away at `time` 0.1.
+TEST(ParticleGrid, SamplesThatAnObstaclePushesWeighMore) {
+  const Scene scene = io::parse_scene(R"({
+    "domain": { "size": [1, 1, 1], "dx": 0.04, "walls": "stick" }, "gravity": [0, 0, 0],
+    "materials": { "jelly": { "preset": "jelly" } },
+    "sources": [ { "shape": "box", "size": [0.2, 0.2, 0.2], "position": [0.5, 0.5, 0.5], "material": "jelly" } ],
+    "obstacles": [ { "shape": "box", "size": [0.1, 0.4, 0.4], "position": [0.34, 0.5, 0.5], "contact": "separate",
+      "motion": { "kind": "keyframes", "keyframes": [ { "time": 0.1, "translation": [0.05, 0, 0] },
+                                                      { "time": 0.2, "translation": [0, 0, 0] } ] } } ],
+    "transfer": { "scheme": "pic" }, "time_step": { "policy": "fixed", "substeps_per_frame": 1 }, "frame_time": 0.001,
+    "frames": 1, "seed": 3 })",
+                                      "scene", "");
+  const mpm::PreparedScene prepared(scene, {.seed = scene.seed});
+  GridParticles all;
+  all.samples = static_cast<int64_t>(prepared.particles.position.size());
+  all.particles.resize(prepared.particles.position.size());
+  std::iota(all.particles.begin(), all.particles.end(), 0);
+  all.weight.assign(all.particles.size(), 1);
+  for (const double time : {0.09, 0.11}) {
+    ParticleGrid<double> grid(prepared);
+    grid.choose(all);
+    const mpm::ParticleView<double> p = grid.particles();
+    for (int64_t i = 0; i < p.count; ++i) {
+      p.position.set_vec(i, prepared.particles.position[static_cast<std::size_t>(i)] + Vec3d{0.04, 0, 0});
+      p.velocity.set_vec(i, Vec3d::zero());
+    }
+    std::vector<double> weight;
+    grid.step(time, 0.001, 11, weight);
+    double heaviest = 1;
+    for (int64_t i = 0; i < p.count; ++i) {
+      const double w = weight[static_cast<std::size_t>(i)];
+      heaviest = std::max(heaviest, w);
+      if (p.position.vec(i)[0] > 0.56) {
+        EXPECT_EQ(w, 1) << "far from the box";
+      }
+    }
+    EXPECT_LE(heaviest, 11);
+    EXPECT_EQ(heaviest > 4, time < 0.1) << "heavy while the box comes, not when it goes";
+  }
+}
+
 class ParticleGridTest : public testing::TestWithParam<const char*> {};
 
 TEST_P(ParticleGridTest, WithAllParticlesAStepIsThatOfTheFullModel) {
@@ -57,13 +98,13 @@ TEST_P(ParticleGridTest, WithAllParticlesAStepIsThatOfTheFullModel) {
   for (int i = 0; i < 5; ++i) {
     const ParticleFrame before = mpm::frame_with_fields(*full, fields);
     write_state(before, all.particles, grid.particles());
-    std::vector<bool> lost;
-    grid.step(full->time(), scene.frame_time, lost);
+    std::vector<double> weight;
+    grid.step(full->time(), scene.frame_time, 1, weight);
     full->advance_frame();
     const ParticleFrame after = full->frame();
     double worst = 0, way = 0;
     for (std::size_t p = 0; p < all.particles.size(); ++p) {
-      ASSERT_FALSE(lost[p]);
+      ASSERT_EQ(weight[p], 1);
       const Vec3f x = grid.particles().position.vec(static_cast<int64_t>(p));
       worst = std::max(worst, static_cast<double>(norm(x - after.position[p])));
       way = std::max(way, static_cast<double>(norm(after.position[p] - before.position[p])));

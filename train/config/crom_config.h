@@ -5,12 +5,15 @@
 
 #include "core/scene/fields.h"
 #include "rom/cubature/sample_selection.h"
+#include "rom/deformation/deformation.h"
 #include "rom/reduced_model.h"
 
 namespace graupel::train {
 
 struct CromConfig {
+  rom::DeformationKind map = rom::DeformationKind::mlp;
   int64_t latents = 4, width = 30;
+  double mode_spacing = 1;        ///< [cells]
   double gradient_weight = 0.1;   ///< [m^2]
   double velocity_weight = 0.01;  ///< [s^2]
   double epochs_scale = 1;
@@ -20,6 +23,7 @@ struct CromConfig {
   rom::SampleRule sample_rule = rom::SampleRule::random;
   Vec3d sample_low = Vec3d::filled(-1e30), sample_high = Vec3d::filled(1e30);
   double step_factor = 1;
+  double contact_weight = 10;
   rom::ProjectionKind projection = rom::ProjectionKind::position;
   rom::QuadratureKind quadrature = rom::QuadratureKind::lagrangian;
   int64_t encoder_particles = 2000;
@@ -49,8 +53,13 @@ struct CromConfig {
     const auto count = [&](int64_t C::*member, const char* name, const char* unit, const char* meaning, double most) {
       visit(member, FieldInfo{name, unit, meaning, Range::between(1, most)});
     };
+    visit(&C::map, FieldInfo{"map", "", "What the deformation map is: a network (the paper's), or modes on a lattice"});
     count(&C::latents, "latents", "", "Numbers of the latent state", 32);
-    count(&C::width, "width", "", "Width of the five hidden layers", 1024);
+    visit(&C::width, FieldInfo{"width", "", "Width of the five hidden layers", Range::between(1, 1024)}.only_in("mlp"));
+    visit(&C::mode_spacing, FieldInfo{"mode_spacing", "cells",
+                                      "Distance of the nodes that modes are splines of, over the scene's cell size",
+                                      Range::between(0.25, 16)}
+                                .only_in("modes"));
     visit(&C::gradient_weight,
           FieldInfo{"gradient_weight", "m^2",
                     "Weight of the squared error of the deformation gradient, that of the position being 1",
@@ -74,6 +83,10 @@ struct CromConfig {
     visit(&C::step_factor,
           FieldInfo{"step_factor", "", "Time steps of the model over those of its data, unless told otherwise",
                     Range::positive()});
+    visit(&C::contact_weight,
+          FieldInfo{"contact_weight", "",
+                    "Weight in the projection of samples that a moving obstacle pushes, that of the others being 1",
+                    Range::between(1, 1e6)});
     visit(&C::projection,
           FieldInfo{"projection", "", "How a step of the samples becomes one of the latent, unless told otherwise"});
     visit(&C::quadrature, FieldInfo{"quadrature", "", "What carries mass and stress to the grid"});

@@ -91,8 +91,26 @@ TEST_F(CromTraining, LearnsAnAffineMotionWithItsDerivatives) {
     EXPECT_LT(errors.velocity, 0.06);
   }
   const rom::ReducedModel stored = rom::ReducedModel::load(model->store(nn::DType::f32));
+  EXPECT_EQ(stored.contact_weight, 10);
   EXPECT_EQ(stored.kind, rom::ReducedKind::crom);
   EXPECT_TRUE(stored.fields->stress_follows_deformation());
+}
+
+/// Quadratic splines hold affine motions exactly.
+TEST_F(CromTraining, ModesHoldAnAffineMotion) {
+  CromTrainingOptions modes = options("crom_modes");
+  modes.config.map = rom::DeformationKind::modes;
+  CromReport report;
+  const auto model = train_crom(modes, report);
+  ASSERT_TRUE(model);
+  ASSERT_TRUE(report.test);
+  EXPECT_EQ(report.steps, 0);
+  for (const ReconstructionErrors& errors : {report.training, *report.test}) {
+    EXPECT_LT(errors.displacement, 2e-3);
+    EXPECT_LT(errors.gradient, 5e-3);
+    EXPECT_LT(errors.velocity, 2e-2);
+  }
+  EXPECT_STREQ(rom::ReducedModel::load(model->store(nn::DType::f32)).fields->kind(), "modes");
 }
 
 TEST_F(CromTraining, GradientTermsTeachTheGradients) {

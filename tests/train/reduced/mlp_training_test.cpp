@@ -52,7 +52,7 @@ TEST_F(MlpTraining, LearnsTheSweepAndRollsItOut) {
   EXPECT_LT(report.stages[0].error, 0.6 * before.stages[0].error);
   for (const std::size_t field : {1u, 2u}) EXPECT_LT(report.stages[field].error, 0.95 * before.stages[field].error);
   const rom::ReducedModel stored = rom::ReducedModel::load(model->store(nn::DType::f32));
-  EXPECT_EQ(stored.fields->kind(), rom::FieldKind::mlp);
+  EXPECT_STREQ(stored.fields->kind(), "mlp");
   // A body that stays where it is has an error of 1.
   EXPECT_LT(displacement_error<float>(stored, 29, {}), 0.3);
   EXPECT_LT(displacement_error<double>(*model, 29, {}), 0.3);

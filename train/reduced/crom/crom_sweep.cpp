@@ -9,6 +9,7 @@
 #include "core/system/error.h"
 #include "io/scene/scene_reader.h"
 #include "rom/reduced_solver.h"
+#include "train/reduced/crom/mode_fit.h"
 #include "train/reduced/crom/reconstruction.h"
 #include "train/reduced/mlp/standardize.h"
 
@@ -20,6 +21,7 @@ using Eigen::MatrixXd;
 namespace {
 
 constexpr std::size_t streams = tangent_streams;
+constexpr Index most_decomposed = 1000;  ///< snapshots: the time of a decomposition grows as their cube
 
 NsfConfig shared_settings(const CromConfig& config) {
   NsfConfig shared;
@@ -70,12 +72,14 @@ CromSweep::CromSweep(const std::string& data, const CromConfig& config)
   rom::check_deformation_scene(io::parse_stored_scene(snapshots_.set().scene_json(), file, file));
   const int r = static_cast<int>(config_.latents);
   FieldBlocks positions = snapshots_.blocks(SnapshotField::position, nullptr);
-  modes_ = pod(positions, r);
+  EveryNthBlocks some(positions, (positions.snapshots() + most_decomposed - 1) / most_decomposed);
+  modes_ = pod(some, r);
   snapshots_.add_read_seconds(positions.seconds());
   if (modes_.modes() < r)
     throw ConfigError(fmt::format(
         "{} latents are more than the modes that the snapshots have ({}). Set latents lower, or train on more runs", r,
         modes_.modes()));
+  latents_ = latents_of(snapshots_.set());
   input_ = standardization_of(reference_of(snapshots_.set()), 3);
   input_.shift.resize(static_cast<std::size_t>(3 + r), 0.0);
   input_.scale.resize(static_cast<std::size_t>(3 + r), 1.0);
@@ -162,6 +166,13 @@ std::vector<float> CromSweep::loss_weights() const {
 rom::Mlp CromSweep::network(const nn::Weights& weights) const {
   const MlpShape s = shape();
   return {rom::Mlp::load_layers(weights, "", s.inputs(), s.width, s.outputs), input_, inverse_scale(output_)};
+}
+
+rom::ModeDeformation CromSweep::modes(const std::vector<double>& rest) const {
+  const std::string& file = snapshots_.set().file();
+  const Scene scene = io::parse_stored_scene(snapshots_.set().scene_json(), file, file);
+  return fit_modes(snapshots_, latents(), rest,
+                   {.spacing = config_.mode_spacing * scene.domain.dx, .gradient_weight = config_.gradient_weight});
 }
 
 void CromSweep::describe(rom::ReducedModel& model) const {

@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "rom/deformation/mode_deformation.h"
 #include "rom/networks/mlp.h"
 #include "train/config/crom_config.h"
 #include "train/reduced/mlp/mlp_module.h"
@@ -21,8 +22,9 @@ class CromSweep {
   CromSweep(const std::string& data, const CromConfig& config);
 
   const SweepSnapshots& snapshots() const { return snapshots_; }
-  /// Coefficients of the positions' first modes, [snapshots, r].
-  const Eigen::MatrixXd& latents() const { return modes_.coefficients; }
+  /// Coefficients of the positions' first modes, [snapshots, r]. The modes are those of at most about 1,000 snapshots,
+  /// spread over all; each coefficient has about a mean of 0 and a mean square of 1.
+  const Eigen::MatrixXd& latents() const { return latents_; }
   /// Those of other snapshots of the same particles, by least squares.
   Eigen::MatrixXd latents_of(const SnapshotSet& set) const;
   /// Root of the share of squares that the latents' modes leave out.
@@ -32,6 +34,8 @@ class CromSweep {
   MlpModule module(Device device, NumberType number = NumberType::f32);
   /// Displacement u(X, q) [m] with such weights.
   rom::Mlp network(const nn::Weights& weights) const;
+  /// Modes of these latents, in place of a network.
+  rom::ModeDeformation modes(const std::vector<double>& rest) const;
   /// All of the model but its fields.
   void describe(rom::ReducedModel& model) const;
 
@@ -44,6 +48,7 @@ class CromSweep {
   NsfConfig shared_;  ///< settings that all reduced models have
   SweepSnapshots snapshots_;
   Pod modes_;
+  Eigen::MatrixXd latents_;
   rom::Standardization input_, output_;  ///< of (X, q), and of the displacement
 };
 

@@ -10,15 +10,22 @@
 #include "core/system/error.h"
 #include "core/system/human_time.h"
 #include "io/config/config_description.h"
+#include "rom/deformation/mlp_deformation.h"
 #include "rom/fields/deformation_fields.h"
 #include "train/parallel/blas_threads.h"
 #include "train/reduced/crom/crom_sweep.h"
 
 namespace graupel::train {
 
+using Eigen::MatrixXd;
+
 namespace {
 
-constexpr int64_t judged_snapshots = 64;  ///< of the training, spread over it
+/// Of about 64 snapshots, spread over the file.
+ReconstructionErrors judge(const rom::Deformation& map, const SnapshotSet& set, const MatrixXd& latents) {
+  constexpr int64_t judged = 64;
+  return reconstruction_errors(map, set, latents, std::max<int64_t>(1, set.snapshots() / judged));
+}
 
 StagePlan plan_of(const CromTrainingOptions& options, const MlpBatches& batches) {
   const CromConfig& config = options.config;
@@ -47,7 +54,28 @@ std::optional<ReconstructionErrors> test_errors(const rom::Deformation& map, con
   if (!(set.reference() == sweep.snapshots().set().reference()))
     throw InputError("'" + file + "' starts with other particles than '" + sweep.snapshots().set().file() +
                      "'. Make the data set again, or remove the file");
-  return reconstruction_errors(map, set, sweep.latents_of(set), 1);
+  return judge(map, set, sweep.latents_of(set));
+}
+
+std::shared_ptr<const rom::Deformation> modes_of(const CromSweep& sweep, const std::vector<double>& rest) {
+  return std::make_shared<const rom::ModeDeformation>(sweep.modes(rest));
+}
+
+/// Trained; nothing when it was stopped.
+std::shared_ptr<const rom::Deformation> network_of(CromSweep& sweep, const std::vector<double>& rest,
+                                                   const CromTrainingOptions& options, StageRun& run,
+                                                   CromReport& report) {
+  const CromConfig& config = options.config;
+  const SnapshotSet& set = sweep.snapshots().set();
+  MlpModule module = sweep.module(options.device);
+  MlpBatches batches(config.seed, 0, set.snapshots(), set.particles(), config.batch_snapshots, config.batch_particles);
+  const StagePlan plan = plan_of(options, batches);
+  run.say(fmt::format("{} steps", plan.steps));
+  const auto progress = run.train(0, module, batches, plan);
+  if (!progress) return nullptr;
+  report.steps = progress->step;
+  report.loss = progress->loss;
+  return std::make_shared<const rom::MlpDeformation>(sweep.network(module.state(MlpArray::weights)), rest);
 }
 
 }  // namespace
@@ -63,34 +91,29 @@ std::optional<rom::ReducedModel> train_crom(const CromTrainingOptions& options, 
   const SnapshotSet& set = sweep.snapshots().set();
   report.snapshots = set.snapshots();
   report.latent_tail = sweep.latent_tail();
-  MlpModule module = sweep.module(options.device);
-  MlpBatches batches(config.seed, 0, set.snapshots(), set.particles(), config.batch_snapshots, config.batch_particles);
-  const StagePlan plan = plan_of(options, batches);
-  run.say(fmt::format("{} runs, {} snapshots of {} particles; {} latents leave out {:.3g} %; {} steps", set.runs(),
-                      set.snapshots(), set.particles(), config.latents, 100 * report.latent_tail, plan.steps));
-  const auto progress = run.train(0, module, batches, plan);
-  report.reason = run.reason();
-  report.seconds = watch.seconds();
-  if (!progress) return std::nullopt;
-
+  run.say(fmt::format("{} runs, {} snapshots of {} particles; {} latents leave out {:.3g} %", set.runs(),
+                      set.snapshots(), set.particles(), config.latents, 100 * report.latent_tail));
   rom::ReducedModel model;
   model.kind = rom::ReducedKind::crom;
   model.affine_kind = rom::AffineKind::position;
   model.projection = config.projection;
+  model.contact_weight = config.contact_weight;
   model.quadrature = config.quadrature;
   model.provenance = options.provenance;
   sweep.describe(model);
-  const auto fields = std::make_shared<const rom::DeformationFields>(
-      model.reference, rom::MlpDeformation(sweep.network(module.state(MlpArray::weights)), model.start_latent));
+  const auto map = config.map == rom::DeformationKind::modes
+                       ? modes_of(sweep, model.start_latent)
+                       : network_of(sweep, model.start_latent, options, run, report);
+  report.reason = run.reason();
+  report.seconds = watch.seconds();
+  if (!map) return std::nullopt;
+  const auto fields = std::make_shared<const rom::DeformationFields>(model.reference, map);
   model.fields = fields;
-  report.training = reconstruction_errors(fields->deformation(), set, sweep.latents(),
-                                          std::max<int64_t>(1, set.snapshots() / judged_snapshots));
+  report.training = judge(fields->deformation(), set, sweep.latents());
   run.say("training runs: " + text_of(report.training));
   report.test = test_errors(fields->deformation(), sweep, options.data);
   if (report.test) run.say("test runs: " + text_of(*report.test));
   calibrate_trust(model, {set.file(), static_cast<int>(config.calibration_runs), options.message}, report.calibration);
-  report.steps = progress->step;
-  report.loss = progress->loss;
   report.read_seconds = sweep.snapshots().read_seconds();
   report.run_seconds = run.seconds();
   report.seconds = watch.seconds();
