@@ -7,6 +7,13 @@
 
 namespace graupel::train {
 
+SnapshotMatrix EveryNthBlocks::load(int block) {
+  const SnapshotMatrix all = all_.load(block);
+  chosen_.resize(snapshots(), all.cols());
+  for (Eigen::Index i = 0; i < chosen_.rows(); ++i) chosen_.row(i) = all.row(i * n_);
+  return {chosen_.data(), chosen_.rows(), chosen_.cols()};
+}
+
 FieldBlocks::FieldBlocks(const SnapshotSet& set, SnapshotField field, const rom::Clusters* clusters, double most_bytes)
     : set_(set),
       field_(field),

@@ -42,6 +42,23 @@ class MatrixBlocks final : public SnapshotBlocks {
   SnapshotMatrix matrix_;
 };
 
+/// Every n-th snapshot of others, from the first on.
+class EveryNthBlocks final : public SnapshotBlocks {
+ public:
+  /// `all` must outlive this.
+  EveryNthBlocks(SnapshotBlocks& all, Eigen::Index n) : all_(all), n_(n) {}
+  Eigen::Index snapshots() const override { return (all_.snapshots() + n_ - 1) / n_; }
+  Eigen::Index width() const override { return all_.width(); }
+  int blocks() const override { return all_.blocks(); }
+  Eigen::Index first_column(int block) const override { return all_.first_column(block); }
+  SnapshotMatrix load(int block) override;
+
+ private:
+  SnapshotBlocks& all_;
+  Eigen::Index n_;
+  Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> chosen_;  ///< of the loaded block
+};
+
 /// A field of a sweep, or its means over clusters of particles, which take the memory of the clusters alone. Every
 /// block reads the whole file.
 class FieldBlocks final : public SnapshotBlocks {

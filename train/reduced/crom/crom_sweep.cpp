@@ -20,6 +20,7 @@ using Eigen::MatrixXd;
 namespace {
 
 constexpr std::size_t streams = tangent_streams;
+constexpr Index most_decomposed = 1000;  ///< snapshots: the time of a decomposition grows as their cube
 
 NsfConfig shared_settings(const CromConfig& config) {
   NsfConfig shared;
@@ -70,12 +71,14 @@ CromSweep::CromSweep(const std::string& data, const CromConfig& config)
   rom::check_deformation_scene(io::parse_stored_scene(snapshots_.set().scene_json(), file, file));
   const int r = static_cast<int>(config_.latents);
   FieldBlocks positions = snapshots_.blocks(SnapshotField::position, nullptr);
-  modes_ = pod(positions, r);
+  EveryNthBlocks some(positions, (positions.snapshots() + most_decomposed - 1) / most_decomposed);
+  modes_ = pod(some, r);
   snapshots_.add_read_seconds(positions.seconds());
   if (modes_.modes() < r)
     throw ConfigError(fmt::format(
         "{} latents are more than the modes that the snapshots have ({}). Set latents lower, or train on more runs", r,
         modes_.modes()));
+  latents_ = latents_of(snapshots_.set());
   input_ = standardization_of(reference_of(snapshots_.set()), 3);
   input_.shift.resize(static_cast<std::size_t>(3 + r), 0.0);
   input_.scale.resize(static_cast<std::size_t>(3 + r), 1.0);

@@ -21,8 +21,9 @@ class CromSweep {
   CromSweep(const std::string& data, const CromConfig& config);
 
   const SweepSnapshots& snapshots() const { return snapshots_; }
-  /// Coefficients of the positions' first modes, [snapshots, r].
-  const Eigen::MatrixXd& latents() const { return modes_.coefficients; }
+  /// Coefficients of the positions' first modes, [snapshots, r]. The modes are those of at most about 1,000 snapshots,
+  /// spread over all; each coefficient has about a mean of 0 and a mean square of 1.
+  const Eigen::MatrixXd& latents() const { return latents_; }
   /// Those of other snapshots of the same particles, by least squares.
   Eigen::MatrixXd latents_of(const SnapshotSet& set) const;
   /// Root of the share of squares that the latents' modes leave out.
@@ -44,6 +45,7 @@ class CromSweep {
   NsfConfig shared_;  ///< settings that all reduced models have
   SweepSnapshots snapshots_;
   Pod modes_;
+  Eigen::MatrixXd latents_;
   rom::Standardization input_, output_;  ///< of (X, q), and of the displacement
 };
 

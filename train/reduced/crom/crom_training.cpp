@@ -16,9 +16,15 @@
 
 namespace graupel::train {
 
+using Eigen::MatrixXd;
+
 namespace {
 
-constexpr int64_t judged_snapshots = 64;  ///< of the training, spread over it
+/// Of about 64 snapshots, spread over the file.
+ReconstructionErrors judge(const rom::Deformation& map, const SnapshotSet& set, const MatrixXd& latents) {
+  constexpr int64_t judged = 64;
+  return reconstruction_errors(map, set, latents, std::max<int64_t>(1, set.snapshots() / judged));
+}
 
 StagePlan plan_of(const CromTrainingOptions& options, const MlpBatches& batches) {
   const CromConfig& config = options.config;
@@ -47,7 +53,7 @@ std::optional<ReconstructionErrors> test_errors(const rom::Deformation& map, con
   if (!(set.reference() == sweep.snapshots().set().reference()))
     throw InputError("'" + file + "' starts with other particles than '" + sweep.snapshots().set().file() +
                      "'. Make the data set again, or remove the file");
-  return reconstruction_errors(map, set, sweep.latents_of(set), 1);
+  return judge(map, set, sweep.latents_of(set));
 }
 
 }  // namespace
@@ -83,8 +89,7 @@ std::optional<rom::ReducedModel> train_crom(const CromTrainingOptions& options, 
   const auto fields = std::make_shared<const rom::DeformationFields>(
       model.reference, rom::MlpDeformation(sweep.network(module.state(MlpArray::weights)), model.start_latent));
   model.fields = fields;
-  report.training = reconstruction_errors(fields->deformation(), set, sweep.latents(),
-                                          std::max<int64_t>(1, set.snapshots() / judged_snapshots));
+  report.training = judge(fields->deformation(), set, sweep.latents());
   run.say("training runs: " + text_of(report.training));
   report.test = test_errors(fields->deformation(), sweep, options.data);
   if (report.test) run.say("test runs: " + text_of(*report.test));

@@ -18,7 +18,7 @@ struct CromReport {
   int64_t steps = 0;
   double loss = 0;                ///< since the last line of the log; 0 when an earlier part of the run finished
   ReconstructionErrors training;  ///< of about 64 snapshots
-  std::optional<ReconstructionErrors> test;  ///< of all in test.h5, where the data set has it
+  std::optional<ReconstructionErrors> test;  ///< of about 64 in test.h5, where the data set has it
   CalibrationReport calibration;
   double read_seconds = 0, seconds = 0;  ///< of this part of the run
   double run_seconds = 0;                ///< of all its parts
