@@ -65,6 +65,7 @@ struct ReducedModel {
   double step_factor = 1;        ///< steps over those of the training, by default
   ProjectionKind projection = ProjectionKind::position;    ///< by default
   QuadratureKind quadrature = QuadratureKind::lagrangian;  ///< by default
+  GradientKind gradient = GradientKind::map;               ///< of a model of the deformation alone
   Clusters clusters;                        ///< integration points; as many as particles: these themselves
   std::vector<int32_t> encoder;             ///< particles whose positions give the latent, by least squares
   std::optional<ConvEncoder> conv_encoder;  ///< the paper's, which then gives the latent instead

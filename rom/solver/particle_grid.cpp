@@ -107,14 +107,28 @@ void ParticleGrid<T>::take_stress_of_deformation() {
 }
 
 template <typename T>
-void ParticleGrid<T>::step(double time, double dt, std::vector<bool>& lost) {
+void ParticleGrid<T>::step(double time, double dt, GradientKind gradient, std::vector<bool>& lost) {
   mpm::find_owner_blocks(grid_.view(particles()));
   grid_.blocks.invalidate();
   Vec3d scripted = Vec3d::zero();
   const mpm::SolverView<T> v = grid_.move_nodes(particles(), time, dt, scripted);
-  mpm::grid_to_particle_slots(v, samples_);
+  const bool integrated = gradient == GradientKind::integrated;
+  mpm::grid_to_particle_slots(v, integrated ? count_ : samples_);
   grid_.lead(v, scripted);
+  if (integrated) integrate_gradients(static_cast<T>(dt));
   move_samples(v, static_cast<T>(dt), lost);
+}
+
+/// F <- (1 + dt grad v) F of all points.
+template <typename T>
+void ParticleGrid<T>::integrate_gradients(T dt) {
+  const mpm::ParticleView<T> p = particles();
+  const auto body = [=](int64_t slot) {
+    const Mat<T, 3> F = mpm::load_matrix<T, 3>(p.deformation_gradient, slot);
+    mpm::store_matrix<T, 3>(p.deformation_gradient, slot,
+                            F + dt * (mpm::load_matrix<T, 3>(p.affine_velocity, slot) * F));
+  };
+  parallel_for_cpu(p.count, body);
 }
 
 template <typename T>

@@ -84,6 +84,7 @@ std::optional<rom::ReducedModel> train_crom(const CromTrainingOptions& options, 
   model.affine_kind = rom::AffineKind::position;
   model.projection = config.projection;
   model.quadrature = config.quadrature;
+  model.gradient = config.gradient;
   model.provenance = options.provenance;
   sweep.describe(model);
   const auto fields = std::make_shared<const rom::DeformationFields>(
