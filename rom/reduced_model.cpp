@@ -63,6 +63,7 @@ void read_settings(const Json& settings, ReducedModel& model) {
   model.manifold_pull = settings.value("manifold_pull", 0.0);
   read_word(settings, "projection", model.projection);
   read_word(settings, "quadrature", model.quadrature);
+  read_word(settings, "gradient", model.gradient);
 }
 
 /// Files that need what was removed; their results would be others.
@@ -233,11 +234,12 @@ nn::Weights ReducedModel::store(nn::DType modes) const {
   weights.metadata["field"] = fields->kind();
   weights.metadata["scene"] = scene_json;
   Json settings = {
-      {"parameters", Json::array()},      {"substeps_per_frame", substeps_per_frame},
-      {"frame_time", frame_time},         {"affine", affine_kind == AffineKind::rate ? "rate" : "position"},
-      {"latent_reach", latent_reach},     {"usual_error", usual_error},
-      {"step_factor", step_factor},       {"manifold_pull", manifold_pull},
-      {"contact_weight", contact_weight}, {"projection", word_of(projection)}};
+      {"parameters", Json::array()},       {"substeps_per_frame", substeps_per_frame},
+      {"frame_time", frame_time},          {"affine", affine_kind == AffineKind::rate ? "rate" : "position"},
+      {"latent_reach", latent_reach},      {"usual_error", usual_error},
+      {"step_factor", step_factor},        {"manifold_pull", manifold_pull},
+      {"projection", word_of(projection)}, {"quadrature", word_of(quadrature)},
+      {"gradient", word_of(gradient)},     {"contact_weight", contact_weight}};
   for (const ModelParameter& p : parameters)
     settings["parameters"].push_back(
         {{"name", p.name}, {"unit", p.unit}, {"keys", p.keys}, {"low", p.low}, {"high", p.high}});

@@ -61,7 +61,8 @@ int64_t steps_of(const ReducedModel& model, double frame_time, double factor) {
   return std::max<int64_t>(1, static_cast<int64_t>(std::ceil(frame_time / (training_step * factor) - 1e-6)));
 }
 int halvings_of(const ReducedModel& model, double frame_time, double factor, LongSteps long_steps) {
-  if (long_steps == LongSteps::kept || !(factor > 0)) return 0;
+  // A step that is taken back would have to take back integrated gradients.
+  if (long_steps == LongSteps::kept || model.gradient == GradientKind::integrated || !(factor > 0)) return 0;
   const double step = frame_time / static_cast<double>(steps_of(model, frame_time, factor)),
                training_step = model.frame_time / static_cast<double>(model.substeps_per_frame);
   return std::max(0, static_cast<int>(std::ceil(std::log2(step / training_step) - 1e-6)));
@@ -142,8 +143,13 @@ template <typename T>
 std::unique_ptr<Quadrature<T>> ReducedSolver<T>::make_quadrature() {
   const mpm::GridGeometry<T, 3> geometry = mpm::grid_of<T>(prepared_.scene.domain);
   if (options_.quadrature.value_or(model_.quadrature) == QuadratureKind::lagrangian)
-    return std::make_unique<LagrangianQuadrature<T>>(
-        *model_.fields, model_.integration_points(prepared_.particles.volume), samples_, geometry, grid_);
+    return std::make_unique<LagrangianQuadrature<T>>(*model_.fields,
+                                                     model_.integration_points(prepared_.particles.volume), samples_,
+                                                     geometry, model_.gradient, grid_);
+  if (model_.gradient == GradientKind::integrated)
+    throw ConfigError(
+        "Eulerian quadrature has other points in every step, and no deformation gradients that could be integrated "
+        "(gradient integrated). Use quadrature lagrangian");
   const auto* const fields = dynamic_cast<const DeformationFields*>(model_.fields.get());
   if (fields == nullptr)
     throw ConfigError(
@@ -241,7 +247,7 @@ void ReducedSolver<T>::step(double dt) {
   hold_inside(prepared_.scene, grid_.particles());
   timing.decode += timer.lap();
   sample_field_->evaluate(state_.latent.data(), motion_.before);
-  grid_.step(time_, dt, model_.contact_weight, motion_.weight);
+  grid_.step(time_, dt, model_.gradient, model_.contact_weight, motion_.weight);
   timing.grid += timer.lap();
   project_samples(dt);
   timing.inversion += timer.lap();

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <memory>
+#include <numeric>
 #include <vector>
 
 #include "rom/solver/integration_points.h"
@@ -12,10 +13,13 @@ namespace graupel::rom {
 template <typename T>
 class LagrangianQuadrature final : public Quadrature<T> {
  public:
-  /// As IntegrationPoints; the grid then has these points.
+  /// As IntegrationPoints; the grid then has these points, all of them in every step where their gradients are
+  /// integrated.
   LagrangianQuadrature(const Fields& fields, const GridParticles& all, const std::vector<int32_t>& samples,
-                       const mpm::GridGeometry<T, 3>& geometry, ParticleGrid<T>& grid)
-      : points_(fields, all, samples, geometry), fields_(bind_fields<T>(fields, points_.candidates().particles)) {
+                       const mpm::GridGeometry<T, 3>& geometry, GradientKind gradient, ParticleGrid<T>& grid)
+      : gradient_(gradient),
+        points_(fields, all, samples, geometry),
+        fields_(bind_fields<T>(fields, points_.candidates().particles)) {
     grid.choose(points_.candidates());
   }
 
@@ -23,17 +27,24 @@ class LagrangianQuadrature final : public Quadrature<T> {
     if (!due_) return;
     due_ = false;
     std::vector<int32_t> found = points_.find(state);
+    if (gradient_ == GradientKind::integrated) {
+      found.resize(static_cast<std::size_t>(mpm::padded_to_tile(points_.candidates().particles.size()) / mpm::tile));
+      std::iota(found.begin(), found.end(), 0);
+    }
     if (found == tiles_) return;
     tiles_ = std::move(found);
     grid.select(tiles_);
   }
   void fill(const LatentState& state, ParticleGrid<T>& grid) override {
-    fields_->decode(state, tiles_, grid.particles());
+    mpm::ParticleView<T> particles = grid.particles();
+    if (gradient_ == GradientKind::integrated) particles.deformation_gradient.data = nullptr;  // stays as it is
+    fields_->decode(state, tiles_, particles);
   }
   void moved(double distance) override { due_ = points_.stale_after(distance); }
   int64_t bytes() const override { return points_.bytes() + fields_->bytes(); }
 
  private:
+  GradientKind gradient_;
   IntegrationPoints<T> points_;
   std::unique_ptr<PointFields<T>> fields_;
   std::vector<int32_t> tiles_;  ///< of the candidates, that take part

@@ -109,16 +109,31 @@ void ParticleGrid<T>::take_stress_of_deformation() {
 }
 
 template <typename T>
-void ParticleGrid<T>::step(double time, double dt, double contact_weight, std::vector<double>& weight) {
+void ParticleGrid<T>::step(double time, double dt, GradientKind gradient, double contact_weight,
+                           std::vector<double>& weight) {
   mpm::find_owner_blocks(grid_.view(particles()));
   grid_.blocks.invalidate();
   Vec3d scripted = Vec3d::zero();
   const mpm::SolverView<T> v = grid_.move_nodes(particles(), time, dt, scripted);
-  mpm::grid_to_particle_slots(v, samples_);
+  const bool integrated = gradient == GradientKind::integrated;
+  mpm::grid_to_particle_slots(v, integrated ? count_ : samples_);
   grid_.lead(v, scripted);
+  if (integrated) integrate_gradients(static_cast<T>(dt));
   weight.assign(static_cast<std::size_t>(samples_), 1);
   if (contact_weight > 1 && v.moving.count > 0) weigh_contact(v, contact_weight, weight);
   move_samples(v, static_cast<T>(dt), weight);
+}
+
+/// F <- (1 + dt grad v) F of all points.
+template <typename T>
+void ParticleGrid<T>::integrate_gradients(T dt) {
+  const mpm::ParticleView<T> p = particles();
+  const auto body = [=](int64_t slot) {
+    const Mat<T, 3> F = mpm::load_matrix<T, 3>(p.deformation_gradient, slot);
+    mpm::store_matrix<T, 3>(p.deformation_gradient, slot,
+                            F + dt * (mpm::load_matrix<T, 3>(p.affine_velocity, slot) * F));
+  };
+  parallel_for_cpu(p.count, body);
 }
 
 template <typename T>

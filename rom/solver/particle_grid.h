@@ -1,9 +1,11 @@
 // One step of the full model's grid for some of its particles: their state goes
 // to the active nodes, the nodes move, and the sample particles read their new
 // positions. mpm's own transfers, contact and scripts, on compact arrays; no
-// deformation gradient, no return mapping (NSF section 5.2).
+// return mapping (NSF section 5.2), deformation gradients where they are asked for.
 #pragma once
 
+#include <array>
+#include <utility>
 #include <vector>
 
 #include "mpm/simulation.h"
@@ -18,6 +20,17 @@ struct GridParticles {
                                    ///< only reads the grid
   int64_t samples = 0;
 };
+
+/// Where a model of the deformation alone has F from.
+enum class GradientKind {
+  map,        ///< dg/dX
+  integrated  ///< a state of every particle: F <- (1 + dt grad v) F with the grid's velocity, as in the full order
+};
+
+constexpr auto enum_list(GradientKind) {
+  return std::to_array<std::pair<const char*, GradientKind>>(
+      {{"map", GradientKind::map}, {"integrated", GradientKind::integrated}});
+}
 
 template <typename T>
 class ParticleGrid {
@@ -41,13 +54,14 @@ class ParticleGrid {
   /// Advances the grid by dt from `time` [s] on; the samples' positions and velocities are then those after the step.
   /// `weight` [samples]: 0 where a sample is not finite or would move over one cell, as beside a node with hardly any
   /// mass (it stays); else 1 + (contact_weight - 1) h, where h is the share of the sample's B-spline on nodes that
-  /// moving obstacles hold, if it does not go away from these.
-  void step(double time, double dt, double contact_weight, std::vector<double>& weight);
+  /// moving obstacles hold, if it does not go away from these. `gradient` integrated: F of all points is advanced, too.
+  void step(double time, double dt, GradientKind gradient, double contact_weight, std::vector<double>& weight);
   int64_t active_nodes() const;
   int64_t bytes() const;
 
  private:
   void copy_chosen(const std::vector<int32_t>& tiles);
+  void integrate_gradients(T dt);
   void weigh_contact(const mpm::SolverView<T>& v, double contact_weight, std::vector<double>& weight) const;
   void move_samples(const mpm::SolverView<T>& v, T dt, std::vector<double>& weight);
 

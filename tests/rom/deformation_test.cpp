@@ -246,8 +246,9 @@ TYPED_TEST_SUITE(DeformationRun, Precisions);
 /// Symplectic Euler: after n steps v = g n dt, x = g dt^2 n (n + 1) / 2.
 TYPED_TEST(DeformationRun, ABodyInTheAirFallsFreely) {
   const Scene scene = jelly_block("[0, -9.8, 0]");
-  const ReducedModel model = deformation_model(scene, linear_network(translation()), {0, 0, 0});
+  ReducedModel model = deformation_model(scene, linear_network(translation()), {0, 0, 0});
   for (const ProjectionKind kind : projections) {
+    model.gradient = kind == ProjectionKind::position ? GradientKind::integrated : GradientKind::map;
     ReducedOptions options;
     options.projection = kind;
     ReducedSolver<TypeParam> solver(model, mpm::PreparedScene(scene, {.seed = scene.seed}), {}, options);
@@ -366,14 +367,20 @@ TEST(BoundarySamples, AreFiveOfEveryScriptAtLeast) {
 
 TEST(DeformationModel, SurvivesAFileAndRefusesWhatItCannotKnow) {
   const Scene scene = jelly_block("[0, -9.8, 0]");
-  const ReducedModel model = deformation_model(scene, linear_network(translation()), {0, 0, 0});
+  ReducedModel model = deformation_model(scene, linear_network(translation()), {0, 0, 0});
+  model.gradient = GradientKind::integrated;
   nn::Weights weights = model.store(nn::DType::f32);
   weights.file = "crom.safetensors";
   EXPECT_TRUE(is_reduced_model(weights));
   const ReducedModel again = ReducedModel::load(weights);
   EXPECT_EQ(again.kind, ReducedKind::crom);
   EXPECT_EQ(again.projection, ProjectionKind::position_velocity);
+  EXPECT_EQ(again.gradient, GradientKind::integrated);
   EXPECT_TRUE(again.fields->stress_follows_deformation());
+  ReducedOptions eulerian;
+  eulerian.quadrature = QuadratureKind::eulerian;
+  EXPECT_THROW(ReducedSolver<double>(again, mpm::PreparedScene(scene, {.seed = scene.seed}), {}, eulerian),
+               ConfigError);
   const auto latent_after_a_frame = [&](const ReducedModel& of) {
     ReducedSolver<double> solver(of, mpm::PreparedScene(scene, {.seed = scene.seed}), {}, {});
     solver.advance_frame();

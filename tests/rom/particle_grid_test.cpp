@@ -3,9 +3,11 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <numeric>
 
 #include "io/scene/scene_reader.h"
+#include "tests/rom/deformation_model.h"
 
 namespace graupel::rom {
 namespace {
@@ -66,7 +68,7 @@ TEST(ParticleGrid, SamplesThatAnObstaclePushesWeighMore) {
       p.velocity.set_vec(i, Vec3d::zero());
     }
     std::vector<double> weight;
-    grid.step(time, 0.001, 11, weight);
+    grid.step(time, 0.001, GradientKind::map, 11, weight);
     double heaviest = 1;
     for (int64_t i = 0; i < p.count; ++i) {
       const double w = weight[static_cast<std::size_t>(i)];
@@ -99,7 +101,7 @@ TEST_P(ParticleGridTest, WithAllParticlesAStepIsThatOfTheFullModel) {
     const ParticleFrame before = mpm::frame_with_fields(*full, fields);
     write_state(before, all.particles, grid.particles());
     std::vector<double> weight;
-    grid.step(full->time(), scene.frame_time, 1, weight);
+    grid.step(full->time(), scene.frame_time, GradientKind::map, 1, weight);
     full->advance_frame();
     const ParticleFrame after = full->frame();
     double worst = 0, way = 0;
@@ -121,6 +123,49 @@ INSTANTIATE_TEST_SUITE_P(
                        "motion": { "velocity": [-0.4, 0, 0] } } ])",
                     R"(, "kinematic_regions": [ { "shape": "box", "size": [0.2, 0.05, 0.2],
                        "position": [0.25, 0.24, 0.25], "motion": { "velocity": [0.1, 0, 0], "end_time": 1 } } ])"));
+
+/// A block of jelly that an obstacle pushes.
+TEST(IntegratedGradients, AreThoseOfTheFullModel) {
+  Scene scene = test::jelly_block("[0, 0, 0]", R"(, "obstacles": [ { "shape": "box", "size": [0.3, 0.1, 0.3],
+    "position": [0.5, 0.34, 0.5], "motion": { "velocity": [0, 1, 0] } } ])");
+  scene.time_step.substeps_per_frame = 1;
+  scene.frame_time = 0.0025;
+  const mpm::PreparedScene prepared(scene, {.seed = scene.seed});
+  const auto full = mpm::Simulation::create(prepared);
+  GridParticles all;
+  all.particles.resize(full->particle_count());
+  std::iota(all.particles.begin(), all.particles.end(), 0);
+  all.weight.assign(all.particles.size(), 1);
+  all.samples = 7;
+  ParticleGrid<float> grid(prepared);
+  grid.choose(all);
+  const mpm::ParticleView<float> view = grid.particles();
+  double worst = 0, largest = 0;
+  for (int i = 0; i < 15; ++i) {
+    const ParticleFrame before = full->frame();
+    for (int64_t p = 0; p < view.count; ++p) {
+      view.position.set_vec(p, before.position[static_cast<std::size_t>(p)]);
+      view.velocity.set_vec(p, before.velocity[static_cast<std::size_t>(p)]);
+      mpm::store_matrix<float, 3>(view.affine_velocity, p, Mat<float, 3>{});
+    }
+    grid.take_stress_of_deformation();
+    std::vector<bool> lost;
+    grid.step(full->time(), scene.frame_time, GradientKind::integrated, lost);
+    full->advance_frame();
+    const ParticleFrame after = mpm::frame_with_fields(*full, {ParticleField::deformation_gradient});
+    const std::vector<float>& wanted = after.fields[ParticleField::deformation_gradient];
+    for (int64_t p = 0; p < view.count; ++p) {
+      const Mat<float, 3> F = mpm::load_matrix<float, 3>(view.deformation_gradient, p);
+      for (int k = 0; k < 9; ++k) {
+        const float value = wanted[static_cast<std::size_t>(9 * p + k)];
+        worst = std::max(worst, static_cast<double>(std::abs(F.a[k / 3][k % 3] - value)));
+        largest = std::max(largest, static_cast<double>(std::abs(value - (k % 4 == 0 ? 1.0f : 0.0f))));
+      }
+    }
+  }
+  EXPECT_GT(largest, 0.02);
+  EXPECT_LT(worst, 1e-4 * largest);
+}
 
 }  // namespace
 }  // namespace graupel::rom

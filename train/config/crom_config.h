@@ -26,6 +26,7 @@ struct CromConfig {
   double contact_weight = 10;
   rom::ProjectionKind projection = rom::ProjectionKind::position;
   rom::QuadratureKind quadrature = rom::QuadratureKind::lagrangian;
+  rom::GradientKind gradient = rom::GradientKind::map;
   int64_t encoder_particles = 2000;
   int64_t calibration_runs = 4;
   bool tf32 = true;
@@ -90,6 +91,7 @@ struct CromConfig {
     visit(&C::projection,
           FieldInfo{"projection", "", "How a step of the samples becomes one of the latent, unless told otherwise"});
     visit(&C::quadrature, FieldInfo{"quadrature", "", "What carries mass and stress to the grid"});
+    visit(&C::gradient, FieldInfo{"gradient", "", "Deformation gradient in a step: of the map, or integrated"});
     count(&C::encoder_particles, "encoder_particles", "",
           "Particles whose positions give the latent of a state, at most", 1e6);
     visit(&C::calibration_runs,

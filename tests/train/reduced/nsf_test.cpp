@@ -64,6 +64,23 @@ TEST(Pod, FindsAllModesOfLowRankSnapshots) {
   for (int k = 0; k < 3; ++k) EXPECT_NEAR(modes.coefficients.col(k).squaredNorm() / 20, 1, 1e-9);
 }
 
+TEST(Pod, ModesOfEveryNthSnapshotHoldTheOthers) {
+  constexpr Eigen::Index snapshots = 41, width = 6000, rank = 3;
+  const std::vector<float> values = low_rank(snapshots, width);
+  const SnapshotMatrix all(values.data(), snapshots, width);
+  MatrixBlocks blocks(all);
+  EveryNthBlocks some(blocks, 4);
+  ASSERT_EQ(some.snapshots(), 11);
+  EXPECT_EQ(some.load(0).row(10), all.row(40));
+  const Pod modes = pod(some, rank);
+  using Rows = Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+  const Rows rest = all.rowwise() - Eigen::Map<const Eigen::RowVectorXf>(modes.mean.data(), width);
+  MatrixBlocks others(SnapshotMatrix(rest.data(), snapshots, width));
+  const Rows coefficients = project(others, modes, rank).cast<float>();
+  const SnapshotMatrix basis(modes.basis.data(), width, rank);
+  EXPECT_LT((coefficients * basis.transpose() - rest).norm(), 1e-3f * rest.norm());
+}
+
 TEST(Pod, ProjectionReturnsCoefficients) {
   const std::vector<float> values = low_rank(20, 900);
   MatrixBlocks snapshots(SnapshotMatrix(values.data(), 20, 900));

@@ -99,6 +99,7 @@ std::optional<rom::ReducedModel> train_crom(const CromTrainingOptions& options, 
   model.projection = config.projection;
   model.contact_weight = config.contact_weight;
   model.quadrature = config.quadrature;
+  model.gradient = config.gradient;
   model.provenance = options.provenance;
   sweep.describe(model);
   const auto map = config.map == rom::DeformationKind::modes
