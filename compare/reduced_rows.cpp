@@ -11,6 +11,8 @@ namespace graupel::compare {
 
 namespace {
 
+constexpr const char* unknown = "unknown";  ///< verdict of a model without calibration runs
+
 const ModelResult* result_of(const SceneResult& scene, const std::string& model) {
   const auto found = std::find_if(scene.models.begin(), scene.models.end(),
                                   [&](const ModelResult& result) { return result.model == model; });
@@ -72,6 +74,7 @@ std::string verdicts_text(const std::vector<const SceneResult*>& scenes, const s
   for (const auto& [verdict, times] : count)
     text += (text.empty() ? "" : ", ") + verdict + (count.size() == 1 ? "" : fmt::format(" in {}", times));
   if (count.size() > 1) text += fmt::format(" of {} scenes", scenes.size());
+  if (count.size() == 1 && count.contains(unknown)) return text;
   return fmt::format("{} (errors up to {:.2g} % on training runs)", text,
                      100 * result_of(*scenes.front(), model)->trust->training_error);
 }
@@ -90,6 +93,7 @@ std::string reduced_cell(const ModelResult& result, const ReducedColumn& column)
 
 std::string trust_text(const ModelResult& result) {
   if (!result.trust) return "";
+  if (result.trust->verdict == unknown) return unknown;
   return fmt::format("{} ({:.2f}; {:.2g} %)", result.trust->verdict, result.trust->number,
                      100 * result.trust->training_error);
 }

@@ -77,6 +77,8 @@ std::vector<BaselineRun> baseline_runs(const TrainingRuns* runs, const SceneTask
                     "--training-runs out",
                     task.scene.name, truth.size(), runs->particles(nearest.runs.front())));
   add("nearest-run", nearest);
+  if (runs->parameters()[static_cast<std::size_t>(nearest.runs.front())] == own)
+    baselines.back().note += ": this scene is a training run";
   if (const auto around = runs_around(runs->parameters(), own)) {
     add("between-runs", *around);
   } else if (const auto beyond = runs_beyond(runs->parameters(), own)) {

@@ -119,6 +119,8 @@ std::vector<double> parameter_values(const io::TrajectoryReader& reader, int run
 
 namespace {
 
+constexpr double least_weight = 1e-9;  ///< of a run that counts in a mix
+
 std::string file_of(const std::string& path) {
   return std::filesystem::is_directory(path) ? (std::filesystem::path(path) / "train.h5").string() : path;
 }
@@ -176,6 +178,7 @@ std::size_t TrainingRuns::particles(int run) const { return reader_.header(run).
 std::vector<Vec3d> TrainingRuns::positions(const TrainingMix& mix, int64_t frame) const {
   std::vector<Vec3d> result;
   for (std::size_t i = 0; i < mix.runs.size(); ++i) {
+    if (std::abs(mix.weights[i]) < least_weight) continue;
     const std::vector<Vec3f> x = reader_.frames(mix.runs[i], frame, 1).front().position;
     result.resize(x.size(), Vec3d::zero());
     for (std::size_t p = 0; p < x.size(); ++p) result[p] += mix.weights[i] * x[p].cast<double>();
@@ -186,6 +189,7 @@ std::vector<Vec3d> TrainingRuns::positions(const TrainingMix& mix, int64_t frame
 std::string TrainingRuns::text(const TrainingMix& mix) const {
   std::string text;
   for (std::size_t i = 0; i < mix.runs.size(); ++i) {
+    if (std::abs(mix.weights[i]) < least_weight) continue;
     const auto run = static_cast<std::size_t>(mix.runs[i]);
     if (mix.runs.size() > 1) text += fmt::format("{}{:.3g} x ", text.empty() ? "" : " + ", mix.weights[i]);
     text += named_.size() == 1 ? fmt::format("{:g}", parameters_[run][0]) : fmt::format("run {}", run);

@@ -231,7 +231,9 @@ TEST_F(ReducedModels, CompareHoldsThemBesideMpm) {
       graupel("compare --scenes " + scene_ + " --models mpm," + model_ +
               " --no-floors --threads 1 --set materials.sand.friction_angle=33 --json " + folder_.file("compare.json"));
   ASSERT_EQ(outcome.exit_code, 0) << outcome.output;
-  EXPECT_TRUE(outcome.says("--training-runs FOLDER names")) << outcome.output;
+  EXPECT_TRUE(outcome.says("Left out:")) << outcome.output;
+  const std::string sentence = summary("compare.json")["reduced_models"][0];
+  EXPECT_NE(sentence.find("its verdict on itself: unknown."), std::string::npos) << sentence;
   const auto results = summary("compare.json")["results"];
   ASSERT_EQ(results.size(), 3u);
   EXPECT_EQ(results[2]["model"], "nothing-moves");
@@ -282,6 +284,12 @@ TEST_F(ReducedModels, CompareHoldsThemBesideTheirTrainingRuns) {
   results = summary("compare.json")["results"];
   EXPECT_EQ(results[4]["model"], "beyond-runs");
   EXPECT_EQ(results[1]["remarks"].size(), 1u);
+
+  const Outcome known = compare("--scenes " + scene_ + " --frames 2 --set materials.sand.friction_angle=40");
+  ASSERT_EQ(known.exit_code, 0) << known.output;
+  results = summary("compare.json")["results"];
+  EXPECT_EQ(results[3]["note"], "friction_angle 40: this scene is a training run");
+  EXPECT_EQ(results[4]["note"], "friction_angle 1 x 40");
 
   const Outcome longer = compare("--scenes " + scene_ + " --frames 9");
   EXPECT_EQ(longer.exit_code, 2) << longer.output;

@@ -88,6 +88,13 @@ TEST(ReducedRows, AreInTableJsonCsvAndReport) {
   EXPECT_THAT(headline(comparison), Not(HasSubstr("nearest-run"))) << "baselines are no opponents of MPM";
 }
 
+TEST(ReducedRows, AnUnknownVerdictHasNoNumbers) {
+  ModelResult result;
+  EXPECT_EQ(trust_text(result), "");
+  result.trust = {"unknown", 0, 0};
+  EXPECT_EQ(trust_text(result), "unknown");
+}
+
 TEST(ReducedRows, SayThatTheTrainingRunsAreLeftOut) {
   Comparison comparison = reduced_comparison();
   comparison.training_runs.clear();
