@@ -34,7 +34,8 @@ void compare_verb(CompareVerb& verb) {
 void add_compare(const Command& app) {
   auto verb = std::make_shared<CompareVerb>();
   CompareOptions& options = verb->compare;
-  const Command command = app.command("compare", "Hold learned simulators and cheaper MPM settings against MPM");
+  const Command command =
+      app.command("compare", "Hold learned simulators, reduced-order models and cheaper MPM settings against MPM");
   command
       .option(
           "scenes,--scenes", options.scenes,
@@ -49,6 +50,10 @@ void add_compare(const Command& app) {
                   "WEIGHTS:no-corrections; comma-separated")
       .required()
       .delimiter(',');
+  command.option(
+      "--training-runs", options.training_runs,
+      "Data set of the reduced-order models (folder, or train.h5): adds its nearest run and the interpolation "
+      "between its runs as baselines");
   command.option("--frames", options.frames, "Frames to predict; default the scene's").check(whole_number(1));
   command.option("--set", options.set, "Change a scene key: --set domain.dx=0.02 (repeatable)").one_value_each();
   command.option("--one-step-stride", options.one_step_stride, "Frames between one-step errors")
@@ -77,8 +82,8 @@ void add_compare(const Command& app) {
       "report.html\n"
       "  graupel compare --scenes valid.h5 --models models/hgn.safetensors --frames 100 --json out.json\n"
       "  graupel compare scenes/recipes/general.json --split valid --models mpm:fast,mpm:coarse:fast\n"
-      "  graupel compare --scenes scenes/shared/sand_column.json --models mpm,models/nsf-sand.safetensors --set "
-      "materials.sand.friction_angle=33\n"
+      "  graupel compare data/jelly --split test --models mpm,runs/jelly/weights.safetensors --training-runs "
+      "data/jelly\n"
       "docs/reference/metrics.md defines the metrics.");
   command.callback([verb] { compare_verb(*verb); });
 }

@@ -9,6 +9,20 @@
 
 namespace graupel::compare {
 
+const char* name_of(ModelRole role) {
+  switch (role) {
+    case ModelRole::mpm:
+      return "mpm";
+    case ModelRole::learned:
+      return "learned";
+    case ModelRole::reduced:
+      return "reduced";
+    case ModelRole::baseline:
+      break;
+  }
+  return "baseline";
+}
+
 MetricValues mean_over_scenes(const Comparison& comparison, const std::string& model) {
   MetricValues sum;
   double count = 0;
@@ -56,6 +70,13 @@ std::size_t scenes_of_category(const Comparison& comparison, const std::string& 
 
 namespace {
 
+bool is_baseline(const Comparison& comparison, const std::string& model) {
+  for (const SceneResult& scene : comparison.scenes)
+    for (const ModelResult& result : scene.models)
+      if (result.model == model) return result.role == ModelRole::baseline;
+  return false;
+}
+
 /// "wins in density (0.4) and loses in time (6.4)".
 std::string won_and_lost(const MetricValues& ratios) {
   constexpr double equal = 0.005;  // ratios that round to 1.00
@@ -83,7 +104,7 @@ std::string headline(const Comparison& comparison) {
   const std::vector<std::string> models = models_of(comparison);
   std::string text;
   for (const std::string& model : models) {
-    if (model == opponent || model == "mpm") continue;
+    if (model == opponent || model == "mpm" || is_baseline(comparison, model)) continue;
     const std::string missing = mark_of_missing_scenes(comparison, model);
     text += (text.empty() ? "" : "; ") + short_name(model, models) + (missing.empty() ? "" : " (" + missing + ")") +
             " " + won_and_lost(geometric_mean_over_scenes(comparison, model));

@@ -13,13 +13,32 @@
 
 namespace graupel::compare {
 
+/// What a row of a comparison is.
+enum class ModelRole {
+  mpm,      ///< full order, and its fast and coarse forms
+  learned,  ///< graph networks, corrections alone, coarse MPM with trained constants
+  reduced,  ///< reduced-order models
+  baseline  ///< what needs no model (nothing-moves, nearest-run, between-runs, beyond-runs)
+};
+const char* name_of(ModelRole role);
+
+/// How a reduced-order model judges its own run, without the truth (rom/solver/error_indicator.h).
+struct TrustResult {
+  std::string verdict;        ///< "ok", "doubtful", "do not trust" or "unknown"
+  double number = 0;          ///< indicators over their usual values
+  double training_error = 0;  ///< largest displacement-relative error of rolled-out training runs
+};
+
 struct ModelResult {
   std::string model;  ///< as given: "mpm", "mpm:coarse" or a weights file
+  ModelRole role = ModelRole::mpm;
   MetricValues values;
   std::map<std::string, MetricValues> materials;
   ErrorCurves curves;
-  int64_t diverged_at_frame = -1;  ///< first frame that is not usable; -1 for none
-  std::string one_step_source;     ///< "true history" or "own rollout"; empty: no one-step error
+  std::optional<TrustResult> trust;  ///< of reduced-order models
+  std::string note;                  ///< what the row stands for: the training runs of a baseline
+  int64_t diverged_at_frame = -1;    ///< first frame that is not usable; -1 for none
+  std::string one_step_source;       ///< "true history" or "own rollout"; empty: no one-step error
   /// "better", "worse" or "tie" (within the chaos floor) than the scene's opponent, by metric.
   std::map<std::string, std::string> against_opponent;
   std::vector<std::string> remarks;  ///< what a reader must know of this run, a sentence each
@@ -63,6 +82,7 @@ struct Comparison {
   int threads = 1;
   std::vector<MetricGroup> groups;  ///< parts that were computed
   std::vector<SceneResult> scenes;
+  std::string training_runs;                   ///< data set of the baselines; empty: none was named
   std::map<std::string, OfflineTime> offline;  ///< of models that are made from data, by name
 };
 
@@ -77,7 +97,7 @@ MetricValues geometric_mean_over_scenes(const Comparison& comparison, const std:
 std::vector<std::string> categories_of(const Comparison& comparison);
 std::size_t scenes_of_category(const Comparison& comparison, const std::string& category);
 /// Who wins what over the opponent, by geometric means of the ratios over all scenes, in a sentence; empty without
-/// ratios, and where nothing but `mpm` and the opponent was compared.
+/// ratios, and where nothing but `mpm`, the opponent and baselines was compared.
 std::string headline(const Comparison& comparison);
 /// Metrics in which a model ties with the opponent: "tie in sinkhorn, density_error"; empty for none.
 std::string mark_of_ties(const ModelResult& result);

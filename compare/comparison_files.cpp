@@ -9,6 +9,7 @@
 #include <sstream>
 
 #include "compare/break_even.h"
+#include "compare/reduced_rows.h"
 
 namespace graupel::compare {
 
@@ -25,7 +26,12 @@ Json values_json(const std::vector<MetricInfo>& list, const MetricValues& values
 }
 
 Json model_json(const SceneResult& scene, const ModelResult& result) {
-  Json json = {{"scene", scene.name}, {"model", result.model}};
+  Json json = {{"scene", scene.name}, {"model", result.model}, {"role", name_of(result.role)}};
+  if (!result.note.empty()) json["note"] = result.note;
+  if (result.trust)
+    json["trust"] = {{"verdict", result.trust->verdict},
+                     {"number", result.trust->number},
+                     {"training_error", result.trust->training_error}};
   json["one_step_source"] = result.one_step_source.empty() ? "none" : result.one_step_source;
   if (result.diverged_at_frame >= 0) json["diverged_at_frame"] = result.diverged_at_frame;
   if (!result.remarks.empty()) json["remarks"] = result.remarks;
@@ -99,6 +105,22 @@ std::string category_table(const Comparison& comparison) {
   for (const std::string& category : categories)
     add(fmt::format("{} ({})", category, scenes_of_category(comparison, category)), category);
   add(fmt::format("all ({})", comparison.scenes.size()), "");
+  return table;
+}
+
+/// Of the reduced-order models, what they are held against, and baselines.
+std::string reduced_table(const Comparison& comparison, const SceneResult& scene) {
+  const std::vector<std::string> models = models_of(comparison);
+  std::string table =
+      fmt::format("{}: reduced-order models, what they are held against, and baselines\n  {:<28}", scene.name, "model");
+  for (const ReducedColumn& column : reduced_columns) table += fmt::format(" {:>8}", column.title);
+  table += "  verdict, or runs\n";
+  for (const ModelResult& result : scene.models) {
+    table += fmt::format("  {:<28.28}", short_name(result.model, models));
+    for (const ReducedColumn& column : reduced_columns) table += fmt::format(" {:>8}", reduced_cell(result, column));
+    const std::string last = result.trust ? trust_text(result) : result.note;
+    table += (last.empty() ? "" : "  " + last) + "\n";
+  }
   return table;
 }
 
@@ -193,6 +215,11 @@ Json comparison_json(const Comparison& comparison) {
           values_json(metric_list(), geometric_mean_over_scenes(comparison, model, category));
   }
   if (const std::string sentence = headline(comparison); !sentence.empty()) json["headline"] = sentence;
+  const std::vector<std::string> sentences = reduced_sentences(comparison);
+  if (!sentences.empty()) {
+    json["reduced_models"] = sentences;
+    json["training_runs"] = comparison.training_runs.empty() ? Json() : Json(comparison.training_runs);
+  }
   json["break_even"] = Json::array();
   for (const BreakEven& result : break_evens(comparison))
     json["break_even"].push_back(break_even_json(result, comparison));
@@ -204,7 +231,7 @@ std::string comparison_csv(const Comparison& comparison) {
   for (const SceneResult& scene : comparison.scenes)
     for (const ModelResult& result : scene.models)
       for (const auto& [material, values] : result.materials) materials.insert(material);
-  std::string csv = "scene,model,diverged_at_frame";
+  std::string csv = "scene,model,role,verdict,trust_number,diverged_at_frame";
   for (const MetricInfo& metric : metric_list()) csv += "," + metric.key;
   for (const std::string& material : materials)
     for (const MetricInfo& metric : material_metric_list()) csv += "," + material + "." + metric.key;
@@ -215,7 +242,8 @@ std::string comparison_csv(const Comparison& comparison) {
   };
   for (const SceneResult& scene : comparison.scenes)
     for (const ModelResult& result : scene.models) {
-      csv += quoted(scene.name) + "," + quoted(result.model) + "," +
+      csv += quoted(scene.name) + "," + quoted(result.model) + "," + name_of(result.role) + "," +
+             (result.trust ? fmt::format("{},{}", result.trust->verdict, result.trust->number) : ",") + "," +
              (result.diverged_at_frame >= 0 ? std::to_string(result.diverged_at_frame) : "");
       for (const MetricInfo& metric : metric_list()) csv += cell(result.values, metric.key);
       for (const std::string& material : materials) {
@@ -242,6 +270,7 @@ std::string comparison_table(const Comparison& comparison) {
     if (computed(comparison, MetricGroup::floors)) table += table_row("(chaos floor)", floors_of(scene), "");
     const std::string mark = mark_of_references(scene);
     if (!mark.empty()) table += "  reference runs: " + mark + "\n";
+    if (has_reduced_model(scene)) table += reduced_table(comparison, scene);
   }
   if (comparison.scenes.size() > 1) {
     table += fmt::format("mean of {} scenes\n{}\n", comparison.scenes.size(), header);
@@ -254,6 +283,9 @@ std::string comparison_table(const Comparison& comparison) {
                          mark_of_missing_scenes(comparison, model));
   }
   table += category_table(comparison);
+  const std::vector<std::string> sentences = reduced_sentences(comparison);
+  if (!sentences.empty()) table += wrapped(reduced_legend(comparison));
+  for (const std::string& sentence : sentences) table += wrapped(sentence);
   table += wrapped(headline(comparison));
   for (const BreakEven& result : break_evens(comparison)) table += wrapped(break_even_sentence(result, comparison));
   return table;

@@ -101,7 +101,7 @@ class RomBench {
   const LoadedModel& model_;
   std::string file_;
   io::TrajectoryReader reader_;
-  std::optional<io::TrajectoryReader> train_;
+  std::optional<TrainingRuns> train_;
   std::vector<Baselines> baselines_;  ///< of the runs so far
   Json rows_ = Json::array();
 };

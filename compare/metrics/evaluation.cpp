@@ -275,6 +275,7 @@ MetricValues one_step_values(const OneStepError& error) {
 
 MetricValues cost_values(const RunCost& cost, std::size_t particles, double mpm_frame) {
   constexpr double mib = 1024.0 * 1024.0;
+  const double on_host = std::max(0.0, cost.added_bytes - cost.kept_bytes) + cost.weights_bytes;
   return {{"particles", static_cast<double>(particles)},
           {"frame_ms", 1e3 * cost.frame},
           {"gpu_events_ms", 1e3 * cost.events},
@@ -288,7 +289,8 @@ MetricValues cost_values(const RunCost& cost, std::size_t particles, double mpm_
           {"bundle", cost.bundle},
           {"step_search_s", cost.search},
           {"peak_memory_mib", cost.peak_bytes / mib},
-          {"added_memory_mib", cost.added_bytes / mib}};
+          {"added_memory_mib", cost.added_bytes / mib},
+          {"model_memory_mib", (cost.device_bytes > 0 ? cost.device_bytes : on_host) / mib}};
 }
 
 MetricValues floor_values(const Evaluation& moved, const Evaluation& reseeded) {

@@ -39,11 +39,13 @@ MetricValues one_step_values(const OneStepError& error);
 struct RunCost {
   double frame = 0, network = 0, grid_build = 0, features = 0, projection = 0, output = 0;
   double peak_bytes = 0, added_bytes = 0;
-  double substeps = 1;      ///< mean a frame; 1 for a graph network
-  double bundle = 1;        ///< frames that a graph network predicts at once
-  double search = 0;        ///< wall time of the search for a step before the run [s]
-  double events = 0;        ///< of a frame by events on the GPU, where a network runs there [s]
-  double device_bytes = 0;  ///< of a GPU's memory, beyond what the process had there before
+  double kept_bytes = 0;     ///< of the added ones: frames that the comparison keeps
+  double weights_bytes = 0;  ///< of the weights file, which was read before
+  double substeps = 1;       ///< mean a frame; 1 for a graph network
+  double bundle = 1;         ///< frames that a graph network predicts at once
+  double search = 0;         ///< wall time of the search for a step before the run [s]
+  double events = 0;         ///< of a frame by events on the GPU, where a network runs there [s]
+  double device_bytes = 0;   ///< of a GPU's memory, beyond what the process had there before
 };
 /// Metrics of group cost but loses_to_coarse; `mpm_frame` [s] is the time of a frame of mpm on the same threads.
 MetricValues cost_values(const RunCost& cost, std::size_t particles, double mpm_frame);

@@ -56,6 +56,8 @@ const std::vector<MetricInfo>& metric_list() {
       {"step_search_s", "s", "wall time of the search for the largest stable step, not in frame_ms", cost},
       {"peak_memory_mib", "MiB", "largest resident memory of the process during the run", cost},
       {"added_memory_mib", "MiB", "of it more than before the run", cost},
+      {"model_memory_mib", "MiB", "what the model takes: that without the kept frames, with the weights; a GPU's there",
+       cost},
       {"loses_to_coarse", "",
        "1 when worse than the coarse grid in two of position MSE, Sinkhorn divergence and density error", cost},
       {"floor_position_mse_20", "m^2", "position_mse_20 of MPM with particles moved by 1e-4 dx", floors},

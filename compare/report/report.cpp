@@ -8,6 +8,7 @@
 
 #include "compare/break_even.h"
 #include "compare/comparison_files.h"
+#include "compare/reduced_rows.h"
 #include "compare/report/base64.h"
 #include "compare/report/plot_svg.h"
 #include "compare/report_assets.h"
@@ -115,6 +116,24 @@ std::string category_table(const Comparison& comparison) {
   return html + "</tbody></table></div>\n";
 }
 
+/// Of a scene in which a reduced-order model ran.
+std::string reduced_table(const Comparison& comparison, const SceneResult& scene) {
+  std::string html =
+      "<h3>Reduced-order models, what they are held against, and baselines</h3>\n<div class=\"scroll\"><table><thead>"
+      "<tr><th>model</th><th>kind</th>";
+  for (const ReducedColumn& column : reduced_columns) html += fmt::format("<th>{}</th>", column.title);
+  html += "<th>verdict</th></tr></thead><tbody>\n";
+  for (const ModelResult& result : scene.models) {
+    const bool baseline = result.role == ModelRole::baseline;
+    html += fmt::format("<tr{}><td>{}", baseline ? " class=\"floor\"" : "", escape_markup(result.model));
+    if (!result.note.empty()) html += "<div class=\"note\">" + escape_markup(result.note) + "</div>";
+    html += fmt::format("</td><td>{}</td>", name_of(result.role));
+    for (const ReducedColumn& column : reduced_columns) html += "<td>" + reduced_cell(result, column) + "</td>";
+    html += "<td>" + escape_markup(trust_text(result)) + "</td></tr>\n";
+  }
+  return html + "</tbody></table></div>\n<p class=\"soft\">" + escape_markup(reduced_legend(comparison)) + "</p>\n";
+}
+
 /// Every metric as a row, models as columns.
 std::string full_table(const SceneResult& scene) {
   std::string html = "<details><summary>All metrics</summary><div class=\"scroll\"><table><thead><tr><th>metric</th>";
@@ -199,6 +218,7 @@ std::string scene_section(const Comparison& comparison, const SceneResult& scene
   std::string html = "<h2>" + escape_markup(scene.name) + "</h2>\n";
   html += fmt::format("<p class=\"soft\">{} particles, {} frames of {:.4g} s, from <code>{}</code></p>\n",
                       scene.particles, scene.frames, scene.frame_time, escape_markup(scene.source));
+  if (has_reduced_model(scene)) html += reduced_table(comparison, scene);
   html += scene_table(comparison, scene);
   const std::string mark = mark_of_references(scene);
   if (!mark.empty()) html += "<p class=\"mark\">Reference runs: " + escape_markup(mark) + "</p>\n";
@@ -275,6 +295,8 @@ std::string player_section(const Comparison& comparison) {
 std::string head_section(const Comparison& comparison) {
   const std::string sentence = headline(comparison);
   std::string sentences = sentence.empty() ? "" : "<p><strong>" + escape_markup(sentence) + "</strong></p>\n";
+  for (const std::string& reduced : reduced_sentences(comparison))
+    sentences += "<p><strong>" + escape_markup(reduced) + "</strong></p>\n";
   for (const BreakEven& result : break_evens(comparison))
     sentences += "<p>" + escape_markup(break_even_sentence(result, comparison)) + "</p>\n";
   return fmt::format(

@@ -96,9 +96,9 @@ void check_one_step_only(const std::vector<ModelChoice>& models) {
 }
 
 /// The models that run on a scene. A reduced-order model is for one scene, and which is found out before anything long
-/// is run; warnings about its parameters come here too.
+/// is run.
 std::vector<ComparedModel> models_for(const SceneTask& task, const std::vector<ComparedModel>& models,
-                                      OtherScenes other_scenes) {
+                                      OtherScenes other_scenes, const TrainingRuns* training_runs) {
   std::vector<ComparedModel> fitting;
   for (const ComparedModel& model : models) {
     check_runs_on(model.choice, task.scene);
@@ -108,11 +108,12 @@ std::vector<ComparedModel> models_for(const SceneTask& task, const std::vector<C
           model.network->config().dimensions, task.scene.name, task.scene.domain.dimensions));
     if (!runs_on_all_scenes(model.choice.kind)) {
       try {
-        const ReducedRun runs_here(*model.reduced, task.scene, task.seed, {});
+        const ReducedRun runs_here(*model.reduced, task.scene, task.seed, {}, {.outside = OutsideRange::be_quiet});
       } catch (const ConfigError&) {
         if (other_scenes == OtherScenes::leave_out) continue;
         throw;
       }
+      if (training_runs != nullptr) check_training_runs(*training_runs, *model.reduced, task);
     }
     fitting.push_back(model);
   }
@@ -187,10 +188,19 @@ void compare_scenes(const CompareOptions& options, compare::Comparison& comparis
     const FloorFile known(options.floor_file);  // stale floors are refused before anything long is run
     for (const SceneTask& task : tasks) known.of(task.scene, task.seed, task.frames);
   }
+  const bool any_reduced =
+      std::any_of(models.begin(), models.end(), [](const ComparedModel& model) { return model.reduced != nullptr; });
+  std::optional<TrainingRuns> runs;
+  if (!options.training_runs.empty()) {
+    if (!any_reduced)
+      throw ConfigError(
+          "--training-runs is for baselines of reduced-order models, and --models names none. Leave it out");
+    runs.emplace(options.training_runs);
+  }
   std::vector<std::vector<ComparedModel>> models_of_task;
   models_of_task.reserve(tasks.size());
   for (const SceneTask& task : tasks) {
-    models_of_task.push_back(models_for(task, models, options.other_scenes));
+    models_of_task.push_back(models_for(task, models, options.other_scenes, runs ? &*runs : nullptr));
     check_memory(task, choices, device);
   }
 
@@ -199,6 +209,7 @@ void compare_scenes(const CompareOptions& options, compare::Comparison& comparis
   comparison.machine =
       fmt::format("{}, MPM on {}", processor_name(), device == Device::cuda ? cuda_device_name() : "the CPU");
   comparison.threads = num_threads();
+  comparison.training_runs = options.training_runs;
   comparison.hardware = hardware_name(device, num_threads());
   for (const ComparedModel& model : models)
     if (const auto offline = offline_time_of(model)) comparison.offline[model.choice.name] = *offline;
@@ -206,11 +217,11 @@ void compare_scenes(const CompareOptions& options, compare::Comparison& comparis
   comparison.groups = {one_step};
   if (!options.one_step_only) comparison.groups = {rollout, one_step, cost};
   if (!options.one_step_only && options.floors) comparison.groups.insert(comparison.groups.end(), {floors, ratios});
-  const auto budget = compare::report_budget(tasks.size() * (models.size() + 1));
+  const auto budget = compare::report_budget(tasks.size() * (models.size() + 1 + (any_reduced ? most_baselines : 0)));
   for (std::size_t t = 0; t < tasks.size(); ++t) {
     const SceneTask& task = tasks[t];
     try {
-      SceneComparison scene(options, task, device, budget);
+      SceneComparison scene(options, task, device, budget, runs ? &*runs : nullptr);
       comparison.scenes.push_back(scene.run(models_of_task[t]));
       measured.add(task.scene.name, scene.floors());
     } catch (const DivergedError& error) {

@@ -17,6 +17,7 @@ struct CompareOptions {
   /// Scene files, folders of them, data sets (.h5, or their folders) and recipes. "8" among them takes the
   /// first 8 scenes of each recipe and data set, "8:16" those from 8 to 15.
   std::vector<std::string> scenes;
+  std::string training_runs;        ///< data set of the reduced-order models, for baselines; empty: none
   std::string split;                ///< of recipes and data sets' folders: train, valid or test
   std::vector<std::string> models;  ///< mpm, mpm:fast, mpm:coarse, weights files
   int64_t frames = 0;               ///< 0: the scene's

@@ -87,11 +87,12 @@ StartState start_of_stored(const SceneTask& task, const compare::ParticleRun& tr
 }  // namespace
 
 SceneComparison::SceneComparison(const CompareOptions& options, const SceneTask& task, Device device,
-                                 const compare::ReportBudget& budget)
+                                 const compare::ReportBudget& budget, const TrainingRuns* training_runs)
     : options_(options),
       task_(task),
       device_(device),
       budget_(budget),
+      training_runs_(training_runs),
       obstacles_(fixed_part(task.scene)),
       all_obstacles_(task.scene.has_moving_obstacles() ? sparsegrid::ObstacleSet(task.scene) : obstacles_) {
   result_.name = task.scene.name;
@@ -301,56 +302,75 @@ const TimedRun& SceneComparison::run_of(const ComparedModel& model, TimedRun& ow
   return rerun_ ? *rerun_ : truth_;
 }
 
+void SceneComparison::add_remarks(const ComparedModel& model, compare::ModelResult& result) {
+  std::vector<std::string> lines;
+  if (model.network && model.choice.parts != NetworkParts::corrections_alone)
+    lines = training_remarks(model.network->weights(), task_.scene);
+  if (model.reduced) lines = unlike_training(*model.reduced, task_.scene);
+  if (model.coarse)
+    for (const std::string& line : model.coarse->unlike_training(task_.scene))
+      lines.push_back("outside the training: " + line);
+  for (const std::string& line : lines)
+    std::fprintf(stderr, "graupel: warning: %s: '%s' %s\n", task_.scene.name.c_str(), model.choice.name.c_str(),
+                 line.c_str());
+  result.remarks = std::move(lines);
+}
+
+void SceneComparison::judge(const TimedRun& timed, const compare::RunCost& cost, const std::string& name,
+                            compare::ModelResult& result) {
+  auto evaluation = evaluate_rollout(task_.scene, all_obstacles_, truth_.run, timed.run);
+  if (!compare::same_particles(truth_.run, timed.run))
+    throw InputError("'" + result.model + "' moves other particles than the truth of '" + task_.scene.name +
+                     "'. Use the scene and the seed that it was trained with");
+  result.values = std::move(evaluation.values);
+  result.materials = std::move(evaluation.materials);
+  result.curves = std::move(evaluation.curves);
+  result.diverged_at_frame = timed.run.trajectory.diverged_at_frame;
+  result.trust = timed.trust;
+  result.values.merge(compare::cost_values(cost, timed.moved, truth_.cost.frame));
+  result.values.insert(floors_.values.begin(), floors_.values.end());
+  if (options_.floors) result.values.merge(ratios(result.values, opponent_values_, floors_.values));
+  const bool is_opponent = opponent_run_ && &timed == &*opponent_run_;
+  if (!is_opponent) result.against_opponent = verdicts(result.values, opponent_values_, floors_.values);
+  result.values["loses_to_coarse"] = loses(result.against_opponent) ? 1 : 0;
+  if (!backdrop_) return;
+  const auto frames = compare::picture_frames(truth_.run.predicted());
+  result.picture = compare::encode_png(compare::picture_row(*backdrop_, timed.run, frames, name));
+  const auto thinning = compare::choose_thinning(timed.run.size(), timed.run.predicted(), budget_.track_bytes);
+  result.track = compare::make_track(task_.scene, timed.run, name, thinning);
+}
+
 compare::ModelResult SceneComparison::evaluate(const ComparedModel& model) {
   compare::ModelResult result;
   result.model = model.choice.name;
+  result.role = role_of(model.choice.kind);
   if (has_one_step_error(model.choice.kind)) result.one_step_source = model.network ? "true history" : "own rollout";
   if (task_.stored && model.network && model.network->config().material_constants)
     start_.material =
         mpm::particle_materials(task_.scene, *task_.stored, truth_.run.position(0), "'" + task_.source + "'");
-  if (model.network && model.choice.parts != NetworkParts::corrections_alone)
-    for (const std::string& line : training_remarks(model.network->weights(), task_.scene)) {
-      result.remarks.push_back(line);
-      std::fprintf(stderr, "graupel: warning: %s: '%s' %s\n", task_.scene.name.c_str(), model.choice.name.c_str(),
-                   line.c_str());
-    }
-  if (model.coarse)
-    for (const std::string& line : model.coarse->unlike_training(task_.scene)) {
-      result.remarks.push_back("outside the training: " + line);
-      std::fprintf(stderr, "graupel: warning: %s: '%s' %s\n", task_.scene.name.c_str(), model.choice.name.c_str(),
-                   result.remarks.back().c_str());
-    }
+  add_remarks(model, result);
   if (options_.one_step_only) {
     if (model.network) result.values = compare::one_step_values(one_step_of_network(model));
     return result;
   }
   TimedRun own;  // of the models that are not run already
   const TimedRun& timed = run_of(model, own);
-  auto evaluation = evaluate_rollout(task_.scene, all_obstacles_, truth_.run, timed.run);
-  if (!compare::same_particles(truth_.run, timed.run))
-    throw InputError("'" + model.choice.name + "' moves other particles than the truth of '" + task_.scene.name +
-                     "'. Use the scene and the seed that it was trained with");
-  result.values = std::move(evaluation.values);
-  result.materials = std::move(evaluation.materials);
-  result.curves = std::move(evaluation.curves);
-  result.diverged_at_frame = timed.run.trajectory.diverged_at_frame;
-  result.values.merge(compare::cost_values(timed.cost, timed.moved, truth_.cost.frame));
+  judge(timed, cost_with_weights(timed, model.choice.weights), model.choice.label, result);
   if (has_one_step_error(model.choice.kind))
     result.values.merge(
         compare::one_step_values(model.network ? one_step_of_network(model) : one_step_of_rollout(timed.run)));
-  result.values.insert(floors_.values.begin(), floors_.values.end());
-  if (options_.floors) result.values.merge(ratios(result.values, opponent_values_, floors_.values));
-  const bool is_opponent = model.choice.kind == ModelKind::mpm && model.choice.variant == opponent_;
-  if (!is_opponent) result.against_opponent = verdicts(result.values, opponent_values_, floors_.values);
-  result.values["loses_to_coarse"] = loses(result.against_opponent) ? 1 : 0;
-  if (backdrop_) {
-    const auto frames = compare::picture_frames(truth_.run.predicted());
-    const std::string name = model.choice.label;
-    result.picture = compare::encode_png(compare::picture_row(*backdrop_, timed.run, frames, name));
-    const auto thinning = compare::choose_thinning(timed.run.size(), timed.run.predicted(), budget_.track_bytes);
-    result.track = compare::make_track(task_.scene, timed.run, name, thinning);
-  }
   return result;
+}
+
+void SceneComparison::add_baselines() {
+  for (const BaselineRun& baseline : baseline_runs(training_runs_, task_, truth_.run)) {
+    compare::ModelResult result;
+    result.model = baseline.name;
+    result.role = compare::ModelRole::baseline;
+    result.note = baseline.note;
+    judge(baseline.timed, cost_with_weights(baseline.timed, ""), baseline.name, result);
+    result_.models.push_back(std::move(result));
+  }
 }
 
 compare::SceneResult SceneComparison::run(const std::vector<ComparedModel>& models) {
@@ -360,6 +380,8 @@ compare::SceneResult SceneComparison::run(const std::vector<ComparedModel>& mode
   for (const ComparedModel& model : models) choices.push_back(model.choice);
   if (!options_.one_step_only) make_references(opponent_of(choices));
   for (const ComparedModel& model : models) result_.models.push_back(evaluate(model));
+  if (std::any_of(models.begin(), models.end(), [](const ComparedModel& model) { return model.reduced != nullptr; }))
+    add_baselines();
   return std::move(result_);
 }
 

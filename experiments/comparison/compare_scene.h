@@ -10,6 +10,7 @@
 #include "compare/pictures/backdrop.h"
 #include "compare/pictures/contact_sheet.h"
 #include "compare/report/report.h"
+#include "experiments/comparison/baseline_runs.h"
 #include "experiments/comparison/compare_runs.h"
 #include "experiments/comparison/floor_file.h"
 #include "experiments/comparison/scene_tasks.h"
@@ -32,9 +33,10 @@ struct ComparedModel {
 
 class SceneComparison {
  public:
+  /// `training_runs`: of the scene's reduced-order models, for the baselines; may be null.
   SceneComparison(const CompareOptions& options, const SceneTask& task, Device device,
-                  const compare::ReportBudget& budget);
-  /// Evaluates the models one after the other.
+                  const compare::ReportBudget& budget, const TrainingRuns* training_runs = nullptr);
+  /// Evaluates the models one after the other, and baselines where one of them is a reduced-order model.
   compare::SceneResult run(const std::vector<ComparedModel>& models);
   /// After run(), where the options ask for them.
   const SceneFloors& floors() const { return floors_; }
@@ -50,6 +52,12 @@ class SceneComparison {
   /// The run of a model: one that is there, or `own` once it is made.
   const TimedRun& run_of(const ComparedModel& model, TimedRun& own);
   compare::ModelResult evaluate(const ComparedModel& model);
+  /// What must be known of a model in this scene, said on the terminal too.
+  void add_remarks(const ComparedModel& model, compare::ModelResult& result);
+  /// Metrics, picture and track of a run; `name` stands on the picture.
+  void judge(const TimedRun& timed, const compare::RunCost& cost, const std::string& name,
+             compare::ModelResult& result);
+  void add_baselines();
   const graph::Environment& environment();
   /// Throws ConfigError where the network predicts frames by a gravity that the data do not say.
   compare::OneStepError one_step_of_network(const ComparedModel& model);
@@ -63,6 +71,7 @@ class SceneComparison {
   const SceneTask& task_;
   Device device_;
   compare::ReportBudget budget_;
+  const TrainingRuns* training_runs_;
   sparsegrid::ObstacleSet obstacles_;              ///< those that stay where they are
   sparsegrid::ObstacleSet all_obstacles_;          ///< with those that move
   std::optional<graph::Environment> environment_;  ///< for networks; made when one runs

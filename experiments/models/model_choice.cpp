@@ -9,6 +9,11 @@
 
 namespace graupel::experiments {
 
+compare::ModelRole role_of(ModelKind kind) {
+  if (kind == ModelKind::mpm) return compare::ModelRole::mpm;
+  return kind == ModelKind::reduced ? compare::ModelRole::reduced : compare::ModelRole::learned;
+}
+
 ModelKind kind_of_weights(const nn::Weights& weights) {
   if (hybrid::is_coarse_model(weights)) return ModelKind::coarse;
   return rom::is_reduced_model(weights) ? ModelKind::reduced : ModelKind::network;

@@ -6,12 +6,16 @@
 #include <span>
 #include <string>
 
+#include "compare/comparison.h"
 #include "mpm/scene_variants.h"
 #include "nn/weights.h"
 
 namespace graupel::experiments {
 
 enum class ModelKind { mpm, network, reduced, coarse };  ///< coarse: MPM on a coarse grid with trained constants
+
+/// What a comparison calls it.
+compare::ModelRole role_of(ModelKind kind);
 
 ModelKind kind_of_weights(const nn::Weights& weights);
 

@@ -2,12 +2,12 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <cstdio>
 #include <nlohmann/json.hpp>
 #include <set>
 
 #include "core/system/error.h"
+#include "experiments/models/scene_difference.h"
 #include "io/scene/scene_reader.h"
 #include "rom/solver/material_difference.h"
 
@@ -17,50 +17,23 @@ namespace {
 
 using Json = nlohmann::json;
 
-/// Keys that a reduced run may have otherwise than the training.
-const std::set<std::string> free_keys = {"/name",   "/description", "/seed",
-                                         "/frames", "/frame_time",  "/time_step/substeps_per_frame"};
-
 /// Loads: what acts on a body whose stress follows its deformation (CROM), and so may be other than in the training.
 const std::set<std::string> load_keys = {"/gravity", "/obstacles"};
 
-std::string pointer_of(std::string key) {
-  std::replace(key.begin(), key.end(), '.', '/');
-  return "/" + key;
-}
-
-/// `also`: more keys that are free.
-Json without_free_keys(const std::string& scene_json, const rom::ReducedModel& model,
-                       const std::set<std::string>& also) {
-  Json scene = Json::parse(scene_json);
-  std::set<std::string> keys = free_keys;
-  keys.insert(also.begin(), also.end());
-  for (const rom::ModelParameter& p : model.parameters)
-    for (const std::string& key : p.keys) keys.insert(pointer_of(key));
-  for (const std::string& key : keys) {
-    const Json::json_pointer pointer(key);
-    if (scene.contains(pointer)) scene[pointer] = nullptr;
-  }
-  return scene;
-}
-
-double number_at(const Json& scene, const rom::ModelParameter& parameter, const std::string& file) {
-  const Json::json_pointer pointer(pointer_of(parameter.keys.front()));
-  if (!scene.contains(pointer) || !scene.at(pointer).is_number())
-    throw ConfigError("the scene has no number at '" + parameter.keys.front() + "', which '" + file +
-                      "' was trained on. Use the scene that the model was trained with");
-  return scene.at(pointer).get<double>();
+std::vector<std::string> parameter_keys(const rom::ReducedModel& model) {
+  std::vector<std::string> keys;
+  for (const rom::ModelParameter& p : model.parameters) keys.insert(keys.end(), p.keys.begin(), p.keys.end());
+  return keys;
 }
 
 /// How much of the body has other materials than in the scene of the training with the same parameters.
 double foreign_share(const LoadedModel& loaded, const Scene& scene, const mpm::SampledParticles& particles) {
   const Json own = Json::parse(io::scene_to_json(scene));
   Json trained = Json::parse(loaded.model.scene_json);
-  for (const rom::ModelParameter& p : loaded.model.parameters)
-    for (const std::string& key : p.keys) {
-      const Json::json_pointer pointer(pointer_of(key));
-      if (own.contains(pointer)) trained[pointer] = own.at(pointer);
-    }
+  for (const std::string& key : parameter_keys(loaded.model)) {
+    const Json::json_pointer pointer(pointer_of(key));
+    if (own.contains(pointer)) trained[pointer] = own.at(pointer);
+  }
   const Scene before = io::parse_scene(trained.dump(), "the model's scene", "");
   const mpm::SampledParticles others = mpm::sample_sources(before, before.seed);
   return others.position.size() == particles.position.size()
@@ -92,31 +65,16 @@ std::vector<int32_t> particle_kinds(const rom::ReducedModel& model) {
 
 namespace {
 
-/// What differs between a scene and the training's, apart from free keys and `also`.
-Json differences(const LoadedModel& loaded, const std::string& text, const std::set<std::string>& also) {
-  return Json::diff(without_free_keys(loaded.model.scene_json, loaded.model, also),
-                    without_free_keys(text, loaded.model, also));
-}
-
-/// Models of the deformation alone run with other loads, which is told.
+/// Throws ConfigError for a scene that the model is not for. Models of the deformation alone run with other loads.
 void check_same_scene(const LoadedModel& loaded, const std::string& text) {
   const bool any_load = loaded.model.fields->stress_follows_deformation();
-  const Json difference = differences(loaded, text, any_load ? load_keys : std::set<std::string>());
-  if (difference.empty()) {
-    const Json loads = differences(loaded, text, {});
-    if (!loads.empty())
-      std::fprintf(stderr, "graupel: warning: loads differ from those that '%s' was trained on ('%s')\n",
-                   loaded.file.c_str(), loads.front().at("path").get<std::string>().c_str());
-    return;
-  }
-  const Json own = Json::parse(text), trained = Json::parse(loaded.model.scene_json);
-  const std::string path = difference.front().at("path");
-  const Json::json_pointer pointer(path);
-  const auto text_at = [&](const Json& json) { return json.contains(pointer) ? json.at(pointer).dump() : "nothing"; };
-  throw ConfigError(fmt::format(
-      "'{}' is for another scene ('{}' has {} there, the scene of the training {}). Use that scene; 'graupel inspect' "
-      "shows it",
-      loaded.file, path, text_at(own), text_at(trained)));
+  const auto difference = scene_difference(text, loaded.model.scene_json, parameter_keys(loaded.model),
+                                           any_load ? load_keys : std::set<std::string>());
+  if (difference)
+    throw ConfigError(fmt::format(
+        "'{}' is for another scene ('{}' has {} there, the scene of the training {}). Use that scene; 'graupel "
+        "inspect' shows it",
+        loaded.file, difference->key, difference->own, difference->other));
 }
 
 }  // namespace
@@ -125,9 +83,23 @@ std::vector<double> parameters_of(const LoadedModel& loaded, const Scene& scene,
   const std::string text = io::scene_to_json(scene);
   if (foreign == ForeignScene::refuse) check_same_scene(loaded, text);
   std::vector<double> parameters;
-  const Json whole = Json::parse(text);
-  for (const rom::ModelParameter& p : loaded.model.parameters) parameters.push_back(number_at(whole, p, loaded.file));
+  for (const rom::ModelParameter& p : loaded.model.parameters)
+    parameters.push_back(number_at(text, p.keys.front(), loaded.file));
   return parameters;
+}
+
+std::vector<std::string> unlike_training(const LoadedModel& loaded, const Scene& scene) {
+  const std::string text = io::scene_to_json(scene);
+  std::vector<std::string> lines;
+  for (const std::string& line : outside_range(loaded.model, parameters_of(loaded, scene, ForeignScene::run)))
+    lines.push_back("outside the training: " + line);
+  const auto keys = parameter_keys(loaded.model);
+  const std::string& trained = loaded.model.scene_json;
+  if (!scene_difference(text, trained, keys, load_keys))
+    if (const auto load = scene_difference(text, trained, keys))
+      lines.push_back(fmt::format("loads differ from those of the training: {} is {}, there {}", load->key, load->own,
+                                  load->other));
+  return lines;
 }
 
 std::vector<std::string> outside_range(const rom::ReducedModel& model, const std::vector<double>& parameters) {
@@ -150,11 +122,9 @@ Device device_of_reduced_models(const std::string& word) {
 ReducedRun::ReducedRun(const LoadedModel& loaded, const Scene& scene, uint64_t seed, const rom::ReducedOptions& options,
                        const ReducedRunOptions& how)
     : parameters_(parameters_of(loaded, scene, how.foreign)) {
-  const auto lines =
-      how.outside == OutsideRange::warn ? outside_range(loaded.model, parameters_) : std::vector<std::string>{};
+  const auto lines = how.outside == OutsideRange::warn ? unlike_training(loaded, scene) : std::vector<std::string>{};
   for (const std::string& line : lines)
-    std::fprintf(stderr, "graupel: warning: %s is outside of what '%s' was trained on: %s\n", scene.name.c_str(),
-                 loaded.file.c_str(), line.c_str());
+    std::fprintf(stderr, "graupel: warning: %s: '%s' %s\n", scene.name.c_str(), loaded.file.c_str(), line.c_str());
   mpm::PreparedScene prepared(scene, {.device = Device::cpu, .seed = seed});
   for (const int32_t material : prepared.particles.material)
     particle_type_.push_back(particle_type_of(

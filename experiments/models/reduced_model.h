@@ -39,6 +39,9 @@ std::vector<double> parameters_of(const LoadedModel& model, const Scene& scene,
 /// A line for every parameter outside of the training's range: "friction_angle = 55 degrees, trained on 21 to 38.5".
 std::vector<std::string> outside_range(const rom::ReducedModel& model, const std::vector<double>& parameters);
 
+/// What in the scene the model was not trained on, a line each: parameters outside of the range, other loads.
+std::vector<std::string> unlike_training(const LoadedModel& model, const Scene& scene);
+
 enum class Arithmetic { f32, f64 };
 /// What is said about parameters outside of the training's range.
 enum class OutsideRange { warn, be_quiet };

@@ -26,7 +26,7 @@ struct ReducedTimes {
     search.push_back(current.search - sum.search);
     sum = current;
   }
-  compare::RunCost cost(const MemoryMeter& memory) const {
+  compare::RunCost cost(const MemoryMeter& memory, const DeviceMemoryMeter& device_memory) const {
     const auto frames = static_cast<double>(std::max<std::size_t>(1, frame.size()));
     return {.frame = median(frame),
             .network = median(fields),
@@ -35,7 +35,8 @@ struct ReducedTimes {
             .output = median(output),
             .peak_bytes = memory.peak(),
             .added_bytes = memory.added(),
-            .substeps = static_cast<double>(sum.steps) / frames};
+            .substeps = static_cast<double>(sum.steps) / frames,
+            .device_bytes = device_memory.taken()};
   }
 };
 
@@ -44,6 +45,7 @@ struct ReducedTimes {
 TimedRun run_reduced(const LoadedModel& model, const Scene& scene, uint64_t seed, int64_t frames, Device device,
                      const std::string& label) {
   const MemoryMeter memory;
+  DeviceMemoryMeter device_memory(device);
   ReducedRun run(model, scene, seed, {}, {.outside = OutsideRange::be_quiet, .device = device});
   TimedRun result;
   StartState start = start_of(scene, seed);
@@ -80,7 +82,10 @@ TimedRun run_reduced(const LoadedModel& model, const Scene& scene, uint64_t seed
   }
   if (trajectory.diverged_at_frame < 0) progress.done();
   std::fprintf(stderr, "%s: %s\n", label.c_str(), trust_line(model.model, run.trust_record()).c_str());
-  result.cost = times.cost(memory);
+  device_memory.look();
+  result.cost = times.cost(memory, device_memory);
+  result.trust = {rom::verdict_text(run.trust_record().verdict()), run.trust_record().number(),
+                  model.model.usual_error};
   compare::hold_last_frame(trajectory, static_cast<std::size_t>(frames));
   return result;
 }

@@ -2,8 +2,11 @@
 #pragma once
 
 #include <cstddef>
+#include <optional>
+#include <string>
 #include <vector>
 
+#include "compare/comparison.h"
 #include "compare/metrics/evaluation.h"
 #include "compare/metrics/particle_run.h"
 
@@ -14,7 +17,11 @@ struct TimedRun {
   compare::ParticleRun run;
   compare::RunCost cost;
   std::size_t moved = 0;  ///< particles that the model moves; those of the run, but where it carries tracers
+  std::optional<compare::TrustResult> trust = {};  ///< of reduced-order models
 };
+
+/// The run's cost, with the frames that the comparison keeps and the weights file, if there is one.
+compare::RunCost cost_with_weights(const TimedRun& timed, const std::string& weights);
 
 /// The upper one of the two in the middle; 0 of none.
 double median(std::vector<double> values);

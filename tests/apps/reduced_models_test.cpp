@@ -231,8 +231,13 @@ TEST_F(ReducedModels, CompareHoldsThemBesideMpm) {
       graupel("compare --scenes " + scene_ + " --models mpm," + model_ +
               " --no-floors --threads 1 --set materials.sand.friction_angle=33 --json " + folder_.file("compare.json"));
   ASSERT_EQ(outcome.exit_code, 0) << outcome.output;
+  EXPECT_TRUE(outcome.says("Left out:")) << outcome.output;
+  const std::string sentence = summary("compare.json")["reduced_models"][0];
+  EXPECT_NE(sentence.find("its verdict on itself: unknown."), std::string::npos) << sentence;
   const auto results = summary("compare.json")["results"];
-  ASSERT_EQ(results.size(), 2u);
+  ASSERT_EQ(results.size(), 3u);
+  EXPECT_EQ(results[2]["model"], "nothing-moves");
+  EXPECT_NEAR(results[2]["displacement_relative_error"].get<double>(), 1, 1e-9);
   EXPECT_EQ(results[0]["delta"], 0);
   EXPECT_EQ(results[0]["displacement_relative_error"], 0);
   const auto& model = results[1];
@@ -250,6 +255,59 @@ TEST_F(ReducedModels, CompareHoldsThemBesideMpm) {
   EXPECT_GT(model["grid_build_ms"], 0);
   EXPECT_LT(parts, 1.5 * frame);
   EXPECT_GT(parts, 0.3 * frame);
+}
+
+/// Sand that falls freely does so at every friction angle: the training runs know the answer.
+TEST_F(ReducedModels, CompareHoldsThemBesideTheirTrainingRuns) {
+  const std::string recipe = folder_.write(
+      "sweep.json",
+      R"({ "name": "angles", "scene": "falling.json", "test": [1], "parameters": [ { "name": "friction_angle",
+  "unit": "degrees", "key": "materials.sand.friction_angle", "values": [30, 33, 40] } ] })");
+  const std::string data = folder_.file("data");
+  ASSERT_EQ(graupel("generate " + recipe + " -o " + data).exit_code, 0);
+  const auto compare = [&](const std::string& flags) {
+    return graupel("compare --models mpm," + model_ + " --no-floors --threads 1 --training-runs " + data + " --json " +
+                   folder_.file("compare.json") + " " + flags);
+  };
+  const Outcome inside = compare("--split test --scenes " + data);
+  ASSERT_EQ(inside.exit_code, 0) << inside.output;
+  auto results = summary("compare.json")["results"];
+  ASSERT_EQ(results.size(), 5u);
+  EXPECT_EQ(results[3]["model"], "nearest-run");
+  EXPECT_EQ(results[3]["note"], "friction_angle 30");
+  EXPECT_EQ(results[4]["model"], "between-runs");
+  for (const int i : {3, 4}) EXPECT_LT(results[static_cast<std::size_t>(i)]["displacement_relative_error"], 1e-5);
+  EXPECT_GT(results[1]["model_memory_mib"], 0);
+  const Outcome outside = compare("--scenes " + scene_ + " --set materials.sand.friction_angle=45");
+  ASSERT_EQ(outside.exit_code, 0) << outside.output;
+  EXPECT_TRUE(outside.says("outside the training: friction_angle = 45")) << outside.output;
+  results = summary("compare.json")["results"];
+  EXPECT_EQ(results[4]["model"], "beyond-runs");
+  EXPECT_EQ(results[1]["remarks"].size(), 1u);
+
+  const Outcome known = compare("--scenes " + scene_ + " --frames 2 --set materials.sand.friction_angle=40");
+  ASSERT_EQ(known.exit_code, 0) << known.output;
+  results = summary("compare.json")["results"];
+  EXPECT_EQ(results[3]["note"], "friction_angle 40: this scene is a training run");
+  EXPECT_EQ(results[4]["note"], "friction_angle 1 x 40");
+
+  const Outcome longer = compare("--scenes " + scene_ + " --frames 9");
+  EXPECT_EQ(longer.exit_code, 2) << longer.output;
+  EXPECT_TRUE(longer.says("the number of frames is 9 in the scene and at most 8 in the runs")) << longer.output;
+  const Outcome slower = compare("--scenes " + scene_ + " --set frame_time=0.02");
+  EXPECT_EQ(slower.exit_code, 2) << slower.output;
+  EXPECT_TRUE(slower.says("/frame_time")) << slower.output;
+  const Outcome without = graupel("compare --scenes " + scene_ + " --models mpm --training-runs " + data);
+  EXPECT_EQ(without.exit_code, 2) << without.output;
+  EXPECT_TRUE(without.says("--models names none")) << without.output;
+
+  folder_.write("falling.json", falling_scene(-5));  // of which other training runs are made
+  ASSERT_EQ(graupel("generate " + recipe + " -o " + folder_.file("other")).exit_code, 0);
+  folder_.write("falling.json", falling_scene(-9.8));
+  const Outcome foreign =
+      graupel("compare --scenes " + scene_ + " --models mpm," + model_ + " --training-runs " + folder_.file("other"));
+  EXPECT_EQ(foreign.exit_code, 2) << foreign.output;
+  EXPECT_TRUE(foreign.says("/gravity/1") && foreign.says("--training-runs")) << foreign.output;
 }
 
 TEST_F(ReducedModels, FlagsOfTheOtherKindAreRefused) {

@@ -45,7 +45,8 @@ class LinearRuns : public ::testing::Test {
 };
 
 TEST_F(LinearRuns, InterpolationIsExactForRunsThatAreLinear) {
-  const io::TrajectoryReader train(write("train.h5", {4, 1, 2, 8})), test(write("test.h5", {2.5, 1, 9}));
+  const experiments::TrainingRuns train(write("train.h5", {4, 1, 2, 8}));
+  const io::TrajectoryReader test(write("test.h5", {2.5, 1, 9}));
   const bench::Baselines inside = bench::baselines_of_run(train, test, 0);
   ASSERT_TRUE(inside.linear);
   EXPECT_LT(inside.linear->displacement_relative, 1e-6);
@@ -61,21 +62,34 @@ TEST_F(LinearRuns, InterpolationIsExactForRunsThatAreLinear) {
 }
 
 TEST_F(LinearRuns, InterpolationOfOtherRunsHasAnError) {
-  const io::TrajectoryReader train(write("train.h5", {1, 3}, 0.5)), test(write("test.h5", {2}, 0.5));
+  const experiments::TrainingRuns train(write("train.h5", {1, 3}, 0.5));
+  const io::TrajectoryReader test(write("test.h5", {2}, 0.5));
   EXPECT_GT(bench::baselines_of_run(train, test, 0).linear->displacement_relative, 0.05);
+}
+
+TEST_F(LinearRuns, BeyondTheRunsTheLineIsExtended) {
+  const experiments::TrainingRuns train(write("train.h5", {4, 1, 2, 8}));
+  EXPECT_FALSE(experiments::runs_around(train.parameters(), {9}));
+  const auto beyond = experiments::runs_beyond(train.parameters(), {9});
+  ASSERT_TRUE(beyond);
+  EXPECT_EQ(beyond->runs, (std::vector<int>{3, 0})) << "8 and 4";
+  EXPECT_NEAR(beyond->weights[0], 1.25, 1e-12);
+  EXPECT_NEAR(train.positions(*beyond, 2).front()[0], 1 + 2 * 9, 1e-5);
+  EXPECT_EQ(train.text(*beyond), "mu 1.25 x 8 + -0.25 x 4");
+  EXPECT_FALSE(experiments::runs_beyond({{1}}, {2})) << "one run spans no line";
 }
 
 TEST(NaiveRuns, EveryParameterCountsOverItsRange) {
   const std::vector<std::vector<double>> runs = {{0, 0}, {1, 1000}, {0.4, 900}};
-  EXPECT_EQ(bench::nearest_run(runs, {0.5, 800}).runs, std::vector<int>{2});
-  EXPECT_EQ(bench::nearest_run(runs, {0.9, 950}).runs, std::vector<int>{1});
+  EXPECT_EQ(experiments::nearest_run(runs, {0.5, 800}).runs, std::vector<int>{2});
+  EXPECT_EQ(experiments::nearest_run(runs, {0.9, 950}).runs, std::vector<int>{1});
 }
 
 /// Of the triangles that hold a point, the one without another run in its circle.
 TEST(NaiveRuns, TheSimplexAroundIsThatOfDelaunay) {
   const std::vector<std::vector<double>> runs = {{0, 0}, {2, 0}, {0, 20}, {2, 20}, {0.9, 9}, {1, 1}};
   const std::vector<double> own = {0.9, 5};
-  const auto mix = bench::runs_around(runs, own);
+  const auto mix = experiments::runs_around(runs, own);
   ASSERT_TRUE(mix);
   double sum = 0, first = 0, second = 0;
   for (std::size_t i = 0; i < 3; ++i) {
@@ -87,9 +101,9 @@ TEST(NaiveRuns, TheSimplexAroundIsThatOfDelaunay) {
   EXPECT_NEAR(first, own[0], 1e-12);
   EXPECT_NEAR(second, own[1], 1e-11);
   EXPECT_EQ(std::set<int>(mix->runs.begin(), mix->runs.end()), (std::set<int>{0, 4, 5}));
-  EXPECT_FALSE(bench::runs_around(runs, {2.1, 5})) << "outside";
-  EXPECT_FALSE(bench::runs_around({{0, 0}, {1, 1}, {2, 2}}, {1, 1.5})) << "the runs lie on a line";
-  const auto known = bench::runs_around(runs, {1, 1});
+  EXPECT_FALSE(experiments::runs_around(runs, {2.1, 5})) << "outside";
+  EXPECT_FALSE(experiments::runs_around({{0, 0}, {1, 1}, {2, 2}}, {1, 1.5})) << "the runs lie on a line";
+  const auto known = experiments::runs_around(runs, {1, 1});
   ASSERT_TRUE(known);
   for (std::size_t i = 0; i < 3; ++i) EXPECT_NEAR(known->weights[i], known->runs[i] == 5 ? 1 : 0, 1e-12);
 }

@@ -159,8 +159,9 @@ TEST_F(CompareRuns, AReducedModelRunsOnItsOwnSceneOnly) {
   const compare::Comparison comparison = make_comparison(o);
   ASSERT_EQ(comparison.scenes.size(), 2u);
   EXPECT_EQ(comparison.scenes[0].models.size(), 1u);
-  ASSERT_EQ(comparison.scenes[1].models.size(), 2u);
+  ASSERT_EQ(comparison.scenes[1].models.size(), 3u);
   EXPECT_EQ(comparison.scenes[1].models[1].model, model);
+  EXPECT_EQ(comparison.scenes[1].models[2].model, "nothing-moves");
   EXPECT_TRUE(compare::incomplete_results(comparison).empty());
   EXPECT_THAT(compare::report_html(comparison), ::testing::HasSubstr("1 of 2 scenes"));
 }

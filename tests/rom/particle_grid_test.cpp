@@ -149,8 +149,8 @@ TEST(IntegratedGradients, AreThoseOfTheFullModel) {
       mpm::store_matrix<float, 3>(view.affine_velocity, p, Mat<float, 3>{});
     }
     grid.take_stress_of_deformation();
-    std::vector<bool> lost;
-    grid.step(full->time(), scene.frame_time, GradientKind::integrated, lost);
+    std::vector<double> weight;
+    grid.step(full->time(), scene.frame_time, GradientKind::integrated, 1, weight);
     full->advance_frame();
     const ParticleFrame after = mpm::frame_with_fields(*full, {ParticleField::deformation_gradient});
     const std::vector<float>& wanted = after.fields[ParticleField::deformation_gradient];
