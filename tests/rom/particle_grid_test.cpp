@@ -64,7 +64,7 @@ TEST(ParticleGrid, SamplesThatAnObstaclePushesWeighMore) {
     grid.choose(all);
     const mpm::ParticleView<double> p = grid.particles();
     for (int64_t i = 0; i < p.count; ++i) {
-      p.position.set_vec(i, prepared.particles.position[static_cast<std::size_t>(i)] + Vec3d{0.04, 0, 0});
+      p.position.set_vec(i, prepared.particles.position[static_cast<std::size_t>(i)] + Vec3d{0.02, 0, 0});
       p.velocity.set_vec(i, Vec3d::zero());
     }
     std::vector<double> weight;

@@ -84,10 +84,12 @@ struct CromConfig {
     visit(&C::step_factor,
           FieldInfo{"step_factor", "", "Time steps of the model over those of its data, unless told otherwise",
                     Range::positive()});
-    visit(&C::contact_weight,
-          FieldInfo{"contact_weight", "",
-                    "Weight in the projection of samples that a moving obstacle pushes, that of the others being 1",
-                    Range::between(1, 1e6)});
+    visit(
+        &C::contact_weight,
+        FieldInfo{"contact_weight", "",
+                  "Weight in the projection of samples that a moving obstacle pushes, that of the others being 1, with "
+                  "gradients of the map",
+                  Range::between(1, 1e6)});
     visit(&C::projection,
           FieldInfo{"projection", "", "How a step of the samples becomes one of the latent, unless told otherwise"});
     visit(&C::quadrature, FieldInfo{"quadrature", "", "What carries mass and stress to the grid"});

@@ -97,7 +97,8 @@ std::optional<rom::ReducedModel> train_crom(const CromTrainingOptions& options, 
   model.kind = rom::ReducedKind::crom;
   model.affine_kind = rom::AffineKind::position;
   model.projection = config.projection;
-  model.contact_weight = config.contact_weight;
+  // Integrated gradients have the load of a contact in themselves.
+  model.contact_weight = config.gradient == rom::GradientKind::map ? config.contact_weight : 1;
   model.quadrature = config.quadrature;
   model.gradient = config.gradient;
   model.provenance = options.provenance;
