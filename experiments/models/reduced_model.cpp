@@ -130,9 +130,8 @@ ReducedRun::ReducedRun(const LoadedModel& loaded, const Scene& scene, uint64_t s
     particle_type_.push_back(particle_type_of(
         scene.materials.at(prepared.particles.material_names[static_cast<std::size_t>(material)]).model));
   record_.emplace(loaded.model.usual,
-                  how.foreign == ForeignScene::run ? foreign_share(loaded, prepared.scene, prepared.particles) : 0.0);
-  // A model that is no better than a body at rest on runs of its own training has failed before it starts.
-  if (loaded.model.usual_error >= 1) record_->diverged();
+                  how.foreign == ForeignScene::run ? foreign_share(loaded, prepared.scene, prepared.particles) : 0.0,
+                  loaded.model.usual_error);
   if (how.device == Device::cuda && how.arithmetic == Arithmetic::f64)
     throw ConfigError("reduced models run in single precision on the GPU (asked for: --f64). Use --device cpu");
   if (how.device == Device::cuda)

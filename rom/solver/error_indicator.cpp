@@ -61,8 +61,10 @@ const char* verdict_text(Verdict verdict) {
   return "unknown";
 }
 
-ErrorIndicatorRecord::ErrorIndicatorRecord(TrustLevels usual, double material_difference)
-    : usual_(std::move(usual)), from_materials_(material_difference / usual_material_difference) {}
+ErrorIndicatorRecord::ErrorIndicatorRecord(TrustLevels usual, double material_difference, double training_error)
+    : usual_(std::move(usual)),
+      from_materials_(material_difference / usual_material_difference),
+      training_error_(training_error) {}
 
 double ErrorIndicatorRecord::add(const ErrorIndicator& frame) {
   double number = from_materials_;
@@ -81,8 +83,8 @@ double ErrorIndicatorRecord::add(const ErrorIndicator& frame) {
 }
 
 Verdict ErrorIndicatorRecord::verdict() const {
-  if (diverged_ || largest_ > do_not_trust) return Verdict::do_not_trust;
-  if (largest_ > doubtful) return Verdict::doubtful;
+  if (diverged_ || largest_ > do_not_trust || training_error_ > failed_training) return Verdict::do_not_trust;
+  if (largest_ > doubtful || training_error_ > doubtful_training) return Verdict::doubtful;
   return usual_.empty() || numbers_.empty() ? Verdict::unknown : Verdict::ok;
 }
 

@@ -32,11 +32,14 @@ class ErrorIndicatorRecord {
  public:
   static constexpr int window = 5;                           ///< frames that are averaged: one frame alone tells little
   static constexpr double doubtful = 1.5, do_not_trust = 3;  ///< of the number
+  /// Of the largest error of training runs, over their displacement: what is usual there is no better.
+  static constexpr double doubtful_training = 0.05, failed_training = 0.2;
   /// Of the materials' difference from the training's, shares of the body: what makes the number 1.
   static constexpr double usual_material_difference = 0.005;
 
   /// `material_difference`: of the scene from the model's (rom/solver/material_difference.h).
-  explicit ErrorIndicatorRecord(TrustLevels usual, double material_difference = 0);
+  /// `training_error`: the largest of the training runs that the levels are of, over the displacement.
+  explicit ErrorIndicatorRecord(TrustLevels usual, double material_difference = 0, double training_error = 0);
   /// The next frame, in the order of the run; frames beyond the levels are held against the last of them. Returns its
   /// number, 0 where the levels are unknown.
   double add(const ErrorIndicator& frame);
@@ -48,7 +51,7 @@ class ErrorIndicatorRecord {
 
  private:
   TrustLevels usual_;
-  double from_materials_;
+  double from_materials_, training_error_;
   std::vector<double> numbers_;
   double largest_ = 0;
   bool diverged_ = false;

@@ -26,11 +26,7 @@ class LagrangianQuadrature final : public Quadrature<T> {
   void find(const LatentState& state, ParticleGrid<T>& grid) override {
     if (!due_) return;
     due_ = false;
-    std::vector<int32_t> found = points_.find(state);
-    if (gradient_ == GradientKind::integrated) {
-      found.resize(static_cast<std::size_t>(mpm::padded_to_tile(points_.candidates().particles.size()) / mpm::tile));
-      std::iota(found.begin(), found.end(), 0);
-    }
+    std::vector<int32_t> found = gradient_ == GradientKind::integrated ? all_tiles() : points_.find(state);
     if (found == tiles_) return;
     tiles_ = std::move(found);
     grid.select(tiles_);
@@ -44,6 +40,13 @@ class LagrangianQuadrature final : public Quadrature<T> {
   int64_t bytes() const override { return points_.bytes() + fields_->bytes(); }
 
  private:
+  std::vector<int32_t> all_tiles() const {
+    const auto points = static_cast<int64_t>(points_.candidates().particles.size());
+    std::vector<int32_t> tiles(static_cast<std::size_t>(mpm::padded_to_tile(points) / mpm::tile));
+    std::iota(tiles.begin(), tiles.end(), 0);
+    return tiles;
+  }
+
   GradientKind gradient_;
   IntegrationPoints<T> points_;
   std::unique_ptr<PointFields<T>> fields_;

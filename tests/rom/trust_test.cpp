@@ -77,6 +77,17 @@ TEST_F(Trust, FailuresAndUnknownModels) {
   EXPECT_EQ(foreign.verdict(), Verdict::do_not_trust);
 }
 
+TEST_F(Trust, ModelsThatMissTheirOwnTrainingRunsAreNotTrusted) {
+  const auto verdict_of = [&](double training_error) {
+    ErrorIndicatorRecord record(usual_, 0, training_error);
+    for (const ErrorIndicator& frame : usual_run(0)) record.add(frame);
+    return record.verdict();
+  };
+  EXPECT_EQ(verdict_of(0.04), Verdict::ok);
+  EXPECT_EQ(verdict_of(0.06), Verdict::doubtful);
+  EXPECT_EQ(verdict_of(0.3), Verdict::do_not_trust);
+}
+
 /// Two materials, the second one in `share` of ten particles.
 struct Body {
   Scene scene;
