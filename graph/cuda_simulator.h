@@ -27,7 +27,8 @@ struct CudaLaws {
   bool network = true;
 };
 
-/// A scene and its history + 1 positions, newest last. Scene and environment must live as long as it runs.
+/// A scene and its history + 1 positions, newest last. Scene and environment must live as long as it runs. Its
+/// obstacles may move, but not those of networks that see obstacles as particles.
 struct CudaScene {
   const Scene* scene;
   const Environment* environment;
@@ -35,6 +36,12 @@ struct CudaScene {
   const std::vector<int32_t>* material;  ///< [n] as Network::predict has it; empty for networks that see no constants
   const std::vector<std::vector<Vec3f>>* positions;  ///< [history + 1 or more][n]
   CudaLaws laws;
+  double time = 0;  ///< [s] of the newest position; of use where obstacles move
+  /// Positions [m] whose density is that at rest; null: the newest ones.
+  const std::vector<Vec3f>* matter = nullptr;
+  /// The rollout before goes on with other particles: density at rest and pressures stay.
+  bool continues = false;
+  bool brief = false;  ///< few frames follow: their launches are not worth a recording
 };
 
 class CudaSimulator {

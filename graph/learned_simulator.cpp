@@ -3,10 +3,12 @@
 #include <algorithm>
 #include <cmath>
 #include <utility>
+#include <variant>
 
 #include "core/scene/kinematic_particles.h"
 #include "core/scene/particle_rows.h"
 #include "core/system/error.h"
+#include "graph/config/network_config.h"
 #include "graph/corrections/frame_corrections.h"
 #include "graph/cpu/lap_timer.h"
 #include "graph/cuda_simulator.h"
@@ -21,26 +23,6 @@ namespace graupel::graph {
 namespace {
 
 using Frames = std::vector<std::vector<Vec3f>>;  ///< positions [frames][n]
-
-/// Positions at the start of what is in the run and not kinematic.
-std::vector<Vec3f> matter_at(const std::vector<Vec3f>& start, const PrescribedPositions& prescribed,
-                             const ParticleLifecycle& lifecycle) {
-  const std::vector<uint8_t> kinematic = prescribed.mask(0);
-  std::vector<Vec3f> matter;
-  for (std::size_t i = 0; i < start.size(); ++i)
-    if ((kinematic.empty() || kinematic[i] == 0) && (!lifecycle.changes() || lifecycle.active()[i] != 0))
-      matter.push_back(start[i]);
-  return matter;
-}
-
-/// Accelerations [m/frame^2] of what only falls.
-std::vector<Vec3f> falling(const Scene& scene, const std::vector<int32_t>& particle_type) {
-  const Vec3f fall = (scene.gravity * (scene.frame_time * scene.frame_time)).cast<float>();
-  std::vector<Vec3f> acceleration(particle_type.size(), Vec3f::zero());
-  for (std::size_t i = 0; i < acceleration.size(); ++i)
-    if (moves_by_itself(particle_type[i])) acceleration[i] = fall;
-  return acceleration;
-}
 
 /// The particles of a step: all, where none come or go, else copies of those in the run.
 class StepParticles {
@@ -87,6 +69,13 @@ class StepParticles {
   std::vector<uint8_t> own_kinematic_;
   std::vector<Vec3f> own_rows_;
 };
+
+/// Whether obstacles are particles to the network.
+bool sees_obstacle_particles(const nn::Weights& weights) {
+  const NetworkConfig config = network_config_of(weights);
+  const auto* gns = std::get_if<GnsConfig>(&config);
+  return gns != nullptr && gns->obstacle_particles;
+}
 
 }  // namespace
 
@@ -164,15 +153,20 @@ Trajectory LearnedSimulator::rollout(const Scene& scene, const Environment& envi
   if (options.schedule != nullptr)
     prescribed.add_scripts(*options.schedule, options.start_time, scene.frame_time, environment.plane.has_value());
   ParticleLifecycle lifecycle(scene, options.schedule, start.back(), options.active, options.start_time);
-  if (options.device == Device::cuda && what_changes(environment, prescribed, lifecycle).empty())
-    return rollout_on_gpu(scene, environment, particle_type, material, start, options);
+  if (options.device == Device::cuda) {
+    if (what_changes(environment, prescribed, lifecycle).empty())
+      return rollout_on_gpu(scene, environment, particle_type, material, start, options);
+    if (!prescribed.any() && !environment.is_periodic() && !environment.plane &&
+        !(environment.moves() && sees_obstacle_particles(*weights_)))
+      return rollout_changing_on_gpu(scene, environment, particle_type, material, start, options, lifecycle);
+  }
 
   Frames history(start.end() - static_cast<std::ptrdiff_t>(needed), start.end());
   if (options.schedule != nullptr) add_past_of_born(scene, *options.schedule, options.start_time, history);
   unwrap_periodic(environment, history);
   MovingEnvironment moving_environment(environment);
   FrameCorrections corrections(
-      scene, environment, matter_at(start.back(), prescribed, lifecycle),
+      scene, environment, matter_at(start.back(), prescribed.mask(0), lifecycle),
       {options.project, options.density_limit, options.free_flight, config().bundle, network_->spacing()});
   Trajectory trajectory = empty_trajectory(scene, particle_type, weights_->file);
   trajectory.frames.push_back(
@@ -227,60 +221,6 @@ Trajectory LearnedSimulator::rollout(const Scene& scene, const Environment& envi
     if (options.progress) options.progress(frame, timing);
   }
   return trajectory;
-}
-
-CudaSimulator& LearnedSimulator::gpu_simulator() const {
-  if (!on_gpu_) on_gpu_ = std::make_shared<CudaSimulator>(*weights_);
-  return *on_gpu_;
-}
-
-Trajectory LearnedSimulator::rollout_on_gpu(const Scene& scene, const Environment& environment,
-                                            const std::vector<int32_t>& particle_type,
-                                            const std::vector<int32_t>& material,
-                                            const std::vector<std::vector<Vec3f>>& start,
-                                            const RolloutOptions& options) const {
-  CudaSimulator& simulator = gpu_simulator();
-  simulator.start({&scene,
-                   &environment,
-                   &particle_type,
-                   &material,
-                   &start,
-                   {options.project, options.density_limit, options.free_flight, options.network}});
-  Trajectory trajectory = empty_trajectory(scene, particle_type, weights_->file);
-  std::vector<Vec3f> before = start.back();
-  trajectory.frames.push_back(make_frame(options.start_time, scene.frame_time, start[start.size() - 2], before));
-  for (int64_t frame = 1; frame <= options.frames; ++frame) {
-    LapTimer whole;
-    const bool goes_on = simulator.advance();
-    const double wall = whole.lap();
-    if (!goes_on) {
-      trajectory.diverged_at_frame = frame;
-      break;
-    }
-    std::vector<Vec3f> current = simulator.positions();
-    const double time = options.start_time + static_cast<double>(frame) * scene.frame_time;
-    trajectory.frames.push_back(make_frame(time, scene.frame_time, before, current));
-    before = std::move(current);
-    const CudaFrameTime spent = simulator.frame_time();
-    if (options.progress)
-      options.progress(
-          frame, {spent.features / 1e3, spent.hierarchy / 1e3, spent.network / 1e3, spent.projection / 1e3, wall});
-  }
-  return trajectory;
-}
-
-std::vector<Vec3f> LearnedSimulator::one_step_on_gpu(const Scene& scene, const Environment& environment,
-                                                     const std::vector<int32_t>& particle_type,
-                                                     const std::vector<std::vector<Vec3f>>& positions,
-                                                     const std::vector<int32_t>& material) const {
-  const std::vector<int32_t> seen = seen_materials(environment, particle_type, material);
-  if (!what_changes(environment).empty()) {
-    FrameTiming spent;
-    return std::move(predict(environment, particle_type, seen, positions, Device::cuda, spent).front());
-  }
-  CudaSimulator& simulator = gpu_simulator();
-  simulator.start({&scene, &environment, &particle_type, &seen, &positions, {false, 0, false, true}});
-  return simulator.accelerations();
 }
 
 void LearnedSimulator::check_runs_on(Device device) const {

@@ -10,6 +10,7 @@
 #include "core/scene/scene.h"
 #include "core/scene/trajectory.h"
 #include "graph/features/features.h"
+#include "graph/features/particle_lifecycle.h"
 #include "graph/features/particle_schedule.h"
 #include "graph/network.h"
 
@@ -74,8 +75,9 @@ class LearnedSimulator {
   /// of dimensions.
   /// Kinematic particles take their given places, or stay where they start; the others see them, and the density is
   /// that of the others. Obstacles are where their scripts have them in each frame; frames of scenes where particles
-  /// come and go say which are active. Where anything of the scene changes, in a plane and beside kinematic particles,
-  /// a GPU evaluates the network alone.
+  /// come and go say which are active. In a plane, between periodic walls and beside kinematic particles a GPU
+  /// evaluates the network alone, and also that of obstacle particles where obstacles move. Particles that come or go
+  /// within a bundle on a GPU take part in the corrections from the next one on, or until its end.
   Trajectory rollout(const Scene& scene, const Environment& environment, const std::vector<int32_t>& particle_type,
                      const std::vector<std::vector<Vec3f>>& start, const RolloutOptions& options) const;
 
@@ -136,6 +138,11 @@ class LearnedSimulator {
   Trajectory rollout_on_gpu(const Scene& scene, const Environment& environment,
                             const std::vector<int32_t>& particle_type, const std::vector<int32_t>& material,
                             const std::vector<std::vector<Vec3f>>& start, const RolloutOptions& options) const;
+  /// Of scenes in which obstacles move or particles come and go.
+  Trajectory rollout_changing_on_gpu(const Scene& scene, const Environment& environment,
+                                     const std::vector<int32_t>& particle_type, const std::vector<int32_t>& material,
+                                     const std::vector<std::vector<Vec3f>>& start, const RolloutOptions& options,
+                                     ParticleLifecycle& lifecycle) const;
 
   std::shared_ptr<const Network> network_;
   std::shared_ptr<const nn::Weights> weights_;

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/scene/kinematic_particles.h"
 #include "core/system/error.h"
 
 namespace graupel::graph {
@@ -60,6 +61,23 @@ std::string what_changes(const Environment& environment, const PrescribedPositio
   return lifecycle.changes() ? "its particles come or go"
          : prescribed.any()  ? "it has kinematic particles"
                              : what_changes(environment);
+}
+
+std::vector<Vec3f> matter_at(const std::vector<Vec3f>& start, const std::vector<uint8_t>& kinematic,
+                             const ParticleLifecycle& lifecycle) {
+  std::vector<Vec3f> matter;
+  for (std::size_t i = 0; i < start.size(); ++i)
+    if ((kinematic.empty() || kinematic[i] == 0) && (!lifecycle.changes() || lifecycle.active()[i] != 0))
+      matter.push_back(start[i]);
+  return matter;
+}
+
+std::vector<Vec3f> falling(const Scene& scene, const std::vector<int32_t>& particle_type) {
+  const Vec3f fall = (scene.gravity * (scene.frame_time * scene.frame_time)).cast<float>();
+  std::vector<Vec3f> acceleration(particle_type.size(), Vec3f::zero());
+  for (std::size_t i = 0; i < acceleration.size(); ++i)
+    if (moves_by_itself(particle_type[i])) acceleration[i] = fall;
+  return acceleration;
 }
 
 ParticleFrame make_frame(double time, double frame_time, std::span<const Vec3f> before, std::span<const Vec3f> current,

@@ -29,6 +29,12 @@ std::string what_changes(const Environment& environment);
 std::string what_changes(const Environment& environment, const PrescribedPositions& prescribed,
                          const ParticleLifecycle& lifecycle);
 
+/// Positions at the start of what is in the run and not kinematic (`kinematic` [n], or empty).
+std::vector<Vec3f> matter_at(const std::vector<Vec3f>& start, const std::vector<uint8_t>& kinematic,
+                             const ParticleLifecycle& lifecycle);
+/// Accelerations [m/frame^2] of what only falls.
+std::vector<Vec3f> falling(const Scene& scene, const std::vector<int32_t>& particle_type);
+
 /// Of positions [n] one frame apart. `active`: [n], or empty where all are.
 ParticleFrame make_frame(double time, double frame_time, std::span<const Vec3f> before, std::span<const Vec3f> current,
                          const std::vector<uint8_t>& active = {});

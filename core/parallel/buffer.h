@@ -1,6 +1,7 @@
 // Owning array on a device; copies between host and device are explicit.
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <type_traits>
@@ -48,14 +49,17 @@ class Buffer {
   T& operator[](std::size_t i) { return data_[i]; }  ///< host buffers only
   const T& operator[](std::size_t i) const { return data_[i]; }
 
-  /// Changes the size; the contents are lost when the buffer must grow.
+  /// Changes the size; the contents are lost when the buffer must grow. One that grows again takes a quarter more, of
+  /// at most 32 MiB, so that a size that creeps up seldom allocates.
   void resize_discard(std::size_t n) {
     if (n > capacity_) {
+      constexpr std::size_t most_spare = (std::size_t{32} << 20) / sizeof(T);
+      const std::size_t capacity = std::max(n, capacity_ + std::min(capacity_ / 4, most_spare));
       device_free(device_, data_);
       data_ = nullptr;
       capacity_ = 0;
-      data_ = static_cast<T*>(device_allocate(device_, n * sizeof(T)));
-      capacity_ = n;
+      data_ = static_cast<T*>(device_allocate(device_, capacity * sizeof(T)));
+      capacity_ = capacity;
     }
     size_ = n;
   }

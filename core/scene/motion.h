@@ -43,7 +43,7 @@ struct MotionKey {
 struct RigidMap {
   Mat3d rotation = Mat3d::identity();
   Vec3d translation = {0, 0, 0};  ///< [m]
-  Vec3d operator()(const Vec3d& x) const { return rotation * x + translation; }
+  GRAUPEL_HD Vec3d operator()(const Vec3d& x) const { return rotation * x + translation; }
 };
 
 /// Turns are about `axis` through `center`, which the translation carries along.

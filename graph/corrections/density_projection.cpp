@@ -55,7 +55,9 @@ class DensityProjection::Lattice {
     rank_.resize_discard(words_.size() + 1);
     cell_.resize_discard(0);  // its size, which is that of the particles, chooses the solver
     equation_.resize_discard(0);
-    const StartCells start{fractions_of(environment),
+    low_ = environment.hold_low;
+    high_ = environment.hold_high;
+    const StartCells start{fractions_of(environment.obstacles.view(device_)),
                            static_cast<int64_t>(words_.size()),
                            mass_.data(),
                            words_.data(),
@@ -70,7 +72,9 @@ class DensityProjection::Lattice {
       count_bits(device_, static_cast<int64_t>(words_.size()), words_.data(), rank_.data(), scratch_, stream);
   }
 
-  void place(const Environment& environment) { parallel_for(device_, cells_.count(), fractions_of(environment)); }
+  void place(const sparsegrid::ObstacleSetView& obstacles, void* stream) {
+    parallel_for_in(stream, device_, cells_.count(), fractions_of(obstacles));
+  }
 
   void restart() {
     pressure_.fill_zero();
@@ -141,9 +145,8 @@ class DensityProjection::Lattice {
     equation_.resize_discard(most);
     return true;
   }
-  FindOpenFractions fractions_of(const Environment& environment) {
-    return {cells_, environment.view(device_).obstacles, environment.hold_low, environment.hold_high,
-            open_fractions_.data()};
+  FindOpenFractions fractions_of(const sparsegrid::ObstacleSetView& obstacles) {
+    return {cells_, obstacles, low_, high_, open_fractions_.data()};
   }
   void find_cells(void* stream) {
     const auto words = static_cast<int64_t>(words_.size());
@@ -172,6 +175,7 @@ class DensityProjection::Lattice {
 
   Device device_;
   Cells cells_{};
+  Vec3d low_{}, high_{};    ///< [m] the walls
   int64_t most_cells_ = 0;  ///< that there is memory for
   uint64_t unit_ = 0;       ///< mass of a particle
   ListScratch scratch_;
@@ -215,8 +219,8 @@ void DensityProjection::reserve(int64_t n, void* stream) {
   for (const auto& lattice : lattices_) lattice->reserve(n, stream);
 }
 
-void DensityProjection::place(const Environment& environment) {
-  for (const auto& lattice : lattices_) lattice->place(environment);
+void DensityProjection::place(const sparsegrid::ObstacleSetView& obstacles, void* stream) {
+  for (const auto& lattice : lattices_) lattice->place(obstacles, stream);
 }
 
 void DensityProjection::apply(Vec3f* position, int64_t n, void* stream) {

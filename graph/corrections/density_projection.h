@@ -34,7 +34,7 @@ inline constexpr double image_cells = 4;
 class DensityProjection {
  public:
   /// `largest_density` [particles/m^3]; `spacing` of the cells [m], doubled until each grid has at most 2^26 of them.
-  /// The environment is read here, in start() and in place() alone. Throws ConfigError when the cells, 25 bytes each,
+  /// The environment is read here and in start() alone. Throws ConfigError when the cells, 25 bytes each,
   /// do not fit into the memory.
   DensityProjection(Device device, const Environment& environment, double largest_density, double spacing);
   ~DensityProjection();
@@ -61,8 +61,8 @@ class DensityProjection {
   static void between(const std::vector<Frame>& scenes, void* stream);
   density::MoveParticle moving(Vec3f* position);
 
-  /// Obstacles are now where `environment` has them. In the default stream.
-  void place(const Environment& environment);
+  /// The environment's obstacles are now where `obstacles`, a view for the device, has them. In `stream`.
+  void place(const sparsegrid::ObstacleSetView& obstacles, void* stream = nullptr);
 
   /// What is launched from now on does nothing, and keeps the last frame's pressure, where `flag`, in the device's
   /// memory, is not 0. A GPU that solves in several launches (density_solver.h) drops the pressure instead.

@@ -31,14 +31,14 @@ void FrameCorrections::hold_momentum(const Step& step, std::vector<Vec3f>& next)
   else if (flight_is_stale_)
     flight_->set_particles(scene_, step.particle_type);
   flight_is_stale_ = false;
-  flight_->place(step.environment);
+  flight_->place(step.environment.obstacles.view());
   flight_->find_groups(step.before.data(), step.current.data());
   flight_->correct(step.before.data(), step.current.data(), next.data());
 }
 
 /// Of what is not kinematic, with images beyond periodic walls.
 void FrameCorrections::hold_density(const Step& step, std::vector<Vec3f>& next) {
-  if (step.environment.moves()) density_->place(step.environment);
+  if (step.environment.moves()) density_->place(step.environment.obstacles.view());
   if (step.kinematic.empty() && !step.environment.is_periodic())
     return density_->apply(next.data(), static_cast<int64_t>(next.size()));
   std::vector<std::size_t> place;

@@ -247,9 +247,7 @@ void FreeFlight::set_particles(const Scene& scene, const std::vector<int32_t>& p
   impl_->set_particles(scene, particle_type);
 }
 
-void FreeFlight::place(const Environment& environment) {
-  impl_->groups.obstacles = environment.obstacles.view(impl_->device);
-}
+void FreeFlight::place(const sparsegrid::ObstacleSetView& obstacles) { impl_->groups.obstacles = obstacles; }
 
 void FreeFlight::find_groups(const Vec3f* before, const Vec3f* current, void* stream) {
   Groups& groups = impl_->groups;

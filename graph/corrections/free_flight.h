@@ -38,8 +38,8 @@ class FreeFlight {
              void* stream = nullptr);
   /// Other particles, of these types [n].
   void set_particles(const Scene& scene, const std::vector<int32_t>& particle_type);
-  /// Obstacles are now where `environment` has them, which must live until the next call.
-  void place(const Environment& environment);
+  /// The environment's obstacles are where `obstacles`, a view for the device, has them when groups are found.
+  void place(const sparsegrid::ObstacleSetView& obstacles);
 
   /// Groups of the particles at `current`, and which of them fly: nothing is within contact distance (two cells of
   /// the scene's grid) in the frame to come. All positions [n] [m] lie in the device's memory. Allocates nothing; takes

@@ -60,24 +60,6 @@ bool same(const RigidMap& a, const RigidMap& b) {
   return std::equal(first, first + 9, &b.rotation.a[0][0]) && a.translation == b.translation;
 }
 
-/// A particle's way from `before`, among obstacles of which some have moved since. In the frame of each of these the
-/// particle comes from where that obstacle has carried it.
-bool follow_among_moving(const SweptCollision& way, const std::vector<ObstacleWay>& carriers, const Vec3f& before,
-                         Vec3f& x) {
-  Vec3f from = before;
-  bool moved = false;
-  for (const ObstacleWay& carrier : carriers) {
-    Vec3f carried = carrier.map(before.cast<double>()).cast<float>();
-    SweptCollision alone = way;
-    alone.obstacles = {way.obstacles.obstacles + carrier.obstacle, 1};
-    if (!alone.may_meet_obstacle(carried, x) && !alone.may_meet_obstacle(before, x)) continue;
-    alone.push(carried, carried);  // what touched it may be inside by the rounding of its map
-    moved = alone.follow(carried, x) || moved;
-    from = carried;
-  }
-  return way.follow(from, x) || moved;
-}
-
 }  // namespace
 
 Environment::Environment(const Scene& scene, std::optional<double> spacing)
@@ -147,14 +129,14 @@ EnvironmentPose Environment::pose_at(double when, Device device) const {
           normals.carried_at(when, device)};
 }
 
-std::vector<ObstacleWay> Environment::ways_since(double from) const {
+std::vector<ObstacleWay> Environment::ways_between(double from, double to) const {
   std::vector<ObstacleWay> ways;
   if (!moves()) return ways;
   for (std::size_t i = 0; i < moving->obstacles.size(); ++i) {
     const Obstacle& obstacle = moving->obstacles[i];
     if (!obstacle.motion) continue;
     const RigidMap before = obstacle.motion->at(from, obstacle.position),
-                   now = obstacle.motion->at(time, obstacle.position);
+                   now = obstacle.motion->at(to, obstacle.position);
     if (same(before, now)) continue;
     const Mat3d rotation = now.rotation * transpose(before.rotation);
     ways.push_back({static_cast<int32_t>(i), {rotation, now.translation - rotation * before.translation}});
@@ -178,7 +160,7 @@ const Environment& MovingEnvironment::at(double time) {
   Environment now = placed_ ? *placed_ : start_;
   const double before = now.time;
   now.set_time(time);
-  placed_ = now.ways_since(before).empty() ? std::move(now) : start_.at(time);
+  placed_ = now.ways_between(before, time).empty() ? std::move(now) : start_.at(time);
   return *placed_;
 }
 
@@ -257,12 +239,15 @@ int64_t project_out(const Environment& environment, const std::vector<Vec3f>& be
                     std::optional<double> since) {
   GRAUPEL_ASSERT(before.size() == position.size());
   const SweptCollision way = environment.swept_collision(Device::cpu);
-  const std::vector<ObstacleWay> carriers = since ? environment.ways_since(*since) : std::vector<ObstacleWay>();
+  const std::vector<ObstacleWay> carriers =
+      since ? environment.ways_between(*since, environment.time) : std::vector<ObstacleWay>();
   std::atomic<int64_t> moved = 0;
   parallel_for(Device::cpu, static_cast<int64_t>(position.size()), [&](int64_t i) {
     const auto p = static_cast<std::size_t>(i);
-    const bool moves = carriers.empty() ? way.follow(before[p], position[p])
-                                        : follow_among_moving(way, carriers, before[p], position[p]);
+    const bool moves =
+        carriers.empty()
+            ? way.follow(before[p], position[p])
+            : follow_among_moving(way, carriers.data(), static_cast<int32_t>(carriers.size()), before[p], position[p]);
     if (moves) moved.fetch_add(1, std::memory_order_relaxed);
   });
   return moved;

@@ -16,12 +16,6 @@
 
 namespace graupel::graph {
 
-/// The way of a moving obstacle from one time to another, as a map of the points that it carries.
-struct ObstacleWay {
-  int32_t obstacle;  ///< index in the scene
-  RigidMap map;
-};
-
 /// Moving obstacles at a time, for EnvironmentView.
 struct EnvironmentPose {
   std::vector<sparsegrid::ObstacleView> obstacles;      ///< [obstacles]
@@ -45,8 +39,8 @@ struct Environment {
   Environment at(double time) const;
   /// Whether a script moves an obstacle.
   bool moves() const { return moving != nullptr; }
-  /// Ways of the obstacles that move between `from` [s] and this environment's time.
-  std::vector<ObstacleWay> ways_since(double from) const;
+  /// Ways of the obstacles that move between two times [s].
+  std::vector<ObstacleWay> ways_between(double from, double to) const;
   /// Where a point of an obstacle's surface was `seconds` before this environment's time.
   Vec3f point_before(const Vec3f& point, double seconds) const;
   /// Whether a wall is periodic.

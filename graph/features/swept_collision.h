@@ -1,6 +1,7 @@
 // push_out for ways that may lead through obstacles thinner than they are long, for host and device.
 #pragma once
 
+#include "core/scene/motion.h"
 #include "sparsegrid/obstacle.h"
 #include "sparsegrid/push_out.h"
 
@@ -70,5 +71,29 @@ struct SweptCollision {
     return signed_distance(obstacles, x, nearest).phi / static_cast<float>(sparsegrid::steepest_grid);
   }
 };
+
+/// The way of a moving obstacle from one time to another, as a map of the points that it carries.
+struct ObstacleWay {
+  int32_t obstacle;  ///< index in the scene
+  RigidMap map;
+};
+
+/// SweptCollision::follow among obstacles of which `count` have moved since x was at `before`: `way` has them where
+/// they are now. In the frame of each of these the particle comes from where that obstacle has carried it.
+GRAUPEL_HD inline bool follow_among_moving(const SweptCollision& way, const ObstacleWay* carriers, int32_t count,
+                                           const Vec3f& before, Vec3f& x) {
+  Vec3f from = before;
+  bool moved = false;
+  for (int32_t k = 0; k < count; ++k) {
+    Vec3f carried = carriers[k].map(before.cast<double>()).cast<float>();
+    SweptCollision alone = way;
+    alone.obstacles = {way.obstacles.obstacles + carriers[k].obstacle, 1};
+    if (!alone.may_meet_obstacle(carried, x) && !alone.may_meet_obstacle(before, x)) continue;
+    alone.push(carried, carried);  // what touched it may be inside by the rounding of its map
+    moved = alone.follow(carried, x) || moved;
+    from = carried;
+  }
+  return way.follow(from, x) || moved;
+}
 
 }  // namespace graupel::graph

@@ -50,6 +50,7 @@ struct CudaSimulator::Impl {
   }
   void launch_graph();
   void launch_network();
+  void launch_moves();
   void launch_bundle();
   bool ensure_capacity();
   void record_bundle();
@@ -64,6 +65,8 @@ struct CudaSimulator::Impl {
   RecordedGraph graph;
   cudaEvent_t events[marks] = {};
   bool recording = false;
+  bool brief = false;                ///< CudaScene::brief
+  double time = 0, bundle_time = 0;  ///< [s] of the newest frame; of a bundle
 
   CudaLaws laws;
   /// Where no network runs: accelerations of 0 beside the mean [particles, output_width()], and no fault.
@@ -100,11 +103,15 @@ void CudaSimulator::Impl::launch_network() {
   mark(network_done);
 }
 
+void CudaSimulator::Impl::launch_moves() {
+  for (int64_t frame = 0; frame < config.bundle; ++frame) SceneMotion::launch_move(placed(), frame, stream);
+  mark(end);
+}
+
 void CudaSimulator::Impl::launch_bundle() {
   launch_graph();
   launch_network();
-  for (int64_t frame = 0; frame < config.bundle; ++frame) SceneMotion::launch_move(placed(), frame, stream);
-  mark(end);
+  launch_moves();
 }
 
 /// Capacity for the graph of the newest frame; false when a particle is outside what it can hold.
@@ -134,6 +141,9 @@ void CudaSimulator::start(const CudaScene& scene) {
   Impl& impl = *impl_;
   impl.graph.drop();
   impl.laws = scene.laws;
+  impl.brief = scene.brief;
+  impl.time = scene.time;
+  impl.bundle_time = static_cast<double>(impl.config.bundle) * scene.scene->frame_time;
   const Environment& environment = *scene.environment;
   const std::vector<int32_t>& particle_type = *scene.particle_type;
   std::vector<int32_t> rows;
@@ -166,15 +176,25 @@ bool CudaSimulator::advance() {
   };
   if (show_next()) return true;
   if (seen.diverged != 0) return false;
+  if (impl.motion.moves()) impl.motion.place(impl.time, impl.stream);
   for (bool has_capacity = false;;) {
     if (!impl.graph) {
       if (!impl.ensure_capacity()) return false;
-      impl.record_bundle();
+      if (!impl.brief) impl.record_bundle();
       has_capacity = true;
     }
-    impl.graph.launch(impl.stream);
+    if (impl.graph) {
+      impl.graph.launch(impl.stream);
+    } else {  // the graph of ensure_capacity() is this frame's
+      impl.model->reuse_memory();
+      impl.launch_network();
+      impl.launch_moves();
+    }
     impl.wait();
-    if (seen.fault == 0) return show_next();
+    if (seen.fault == 0) {
+      impl.time += impl.bundle_time;
+      return show_next();
+    }
     GRAUPEL_ASSERT(!has_capacity);
     impl.graph.drop();  // the newest frame is still the same
   }

@@ -3,6 +3,7 @@
 
 #include <cuda_runtime.h>
 
+#include <algorithm>
 #include <cstddef>
 #include <type_traits>
 
@@ -20,9 +21,10 @@ class PinnedBuffer {
   PinnedBuffer(const PinnedBuffer&) = delete;
   PinnedBuffer& operator=(const PinnedBuffer&) = delete;
 
-  /// What it holds is lost where it grows; no copy may be under way.
+  /// What it holds is lost where it grows, the second time by a quarter at least; no copy may be under way.
   void reserve_discard(std::size_t n) {
     if (n <= capacity_) return;
+    n = std::max(n, capacity_ + capacity_ / 4);
     cudaFreeHost(data_);
     data_ = nullptr;
     capacity_ = 0;

@@ -66,22 +66,32 @@ struct StepParticles {
 };
 
 /// Moves `next`, reached from `from`, out of obstacles and into the walls.
+template <bool AmongMoving>
 struct PushParticles {
   SweptCollision way;
+  CarrierView carriers;  ///< since the frame `from`
   bool project;
   FrameRing ring;
   const Vec3f* from;  ///< null: from where the frame to come has them already
   Vec3f* next;
   GRAUPEL_HD Vec3f pushed(int64_t i) const {
     Vec3f x = next[i];
-    if (project) way.follow(from ? from[i] : ring.at(-1, i), x);
+    if (project) follow(from ? from[i] : ring.at(-1, i), x);
     return x;
+  }
+  GRAUPEL_HD void follow(const Vec3f& before, Vec3f& x) const {
+    if constexpr (AmongMoving) {
+      follow_among_moving(way, carriers.way, carriers.way == nullptr ? 0 : *carriers.count, before, x);
+    } else {
+      way.follow(before, x);
+    }
   }
   GRAUPEL_HD void operator()(int64_t i) const { next[i] = ring.at(-1, i) = pushed(i); }
 };
 
+template <bool AmongMoving>
 struct PushAndSpread {
-  PushParticles push;
+  PushParticles<AmongMoving> push;
   density::Spread spread;
   GRAUPEL_HD void operator()(int64_t i) const {
     push(i);
@@ -91,8 +101,9 @@ struct PushAndSpread {
 
 /// The last of it: the frame to come becomes `current`, and `current` becomes `before`, unless the output is of no use
 /// or the scene has diverged. The particle that is finished last makes the frame to come the newest.
+template <bool AmongMoving>
 struct PushLast {
-  PushParticles push;
+  PushParticles<AmongMoving> push;
   const int32_t* fault;
   Vec3f *before, *current;
   FrameStatus* status;
@@ -116,9 +127,10 @@ struct PushLast {
   }
 };
 
+template <bool AmongMoving>
 struct MoveAndPushLast {
   density::MoveParticle move;
-  PushLast push;
+  PushLast<AmongMoving> push;
   GRAUPEL_HD void operator()(int64_t i) const {
     move(i);
     push(i);
@@ -139,7 +151,7 @@ void SceneMotion::prepare(const CudaScene& scene, Vec3f* start) {
   particle_type_ = scene.particle_type;
   materials_ = scene.material;
   laws_ = scene.laws;
-  environment_->view(Device::cuda);  // uploads the obstacles: no memory may be taken while a frame is recorded
+  poses_.start(*environment_, config_.bundle);  // no memory may be taken while a frame is recorded
   const std::size_t n = particle_type_->size(), known = static_cast<std::size_t>(start_frames());
   const std::vector<std::vector<Vec3f>>& positions = *scene.positions;
   particles_ = static_cast<int64_t>(n);
@@ -151,8 +163,12 @@ void SceneMotion::prepare(const CudaScene& scene, Vec3f* start) {
     std::copy(frame.begin(), frame.end(), start + t * n);
   }
   start_ = start;
+  continues_ = scene.continues;
+  if (continues_) return;
   largest_density_ =
-      laws_.density_limit > 0 ? laws_.density_limit * rest_density(*scene_, positions.back(), spacing_) : 0;
+      laws_.density_limit > 0
+          ? laws_.density_limit * rest_density(*scene_, scene.matter ? *scene.matter : positions.back(), spacing_)
+          : 0;
 }
 
 void SceneMotion::start(Vec3f* ring, int64_t frames, Vec3f* position, void* stream) {
@@ -179,10 +195,10 @@ void SceneMotion::start(Vec3f* ring, int64_t frames, Vec3f* position, void* stre
       flight_.emplace(Device::cuda, *scene_, *environment_, *particle_type_);
   }
   if (!(largest_density_ > 0)) return;
-  if (density_)
-    density_->start(*environment_, largest_density_, spacing_, stream);
-  else
+  if (!density_)
     density_.emplace(Device::cuda, *environment_, largest_density_, spacing_);
+  else if (!continues_)
+    density_->start(*environment_, largest_density_, spacing_, stream);
   density_->reserve(particles_, stream);
 }
 
@@ -196,7 +212,8 @@ Normalization SceneMotion::real_statistics() const {
 
 FrameRing SceneMotion::ring() { return {ring_, particles_, ring_frames_, &status_.data()->newest}; }
 
-FreeFlight::Frame SceneMotion::flight_frame(const Rows& rows) {
+FreeFlight::Frame SceneMotion::flight_frame(const Rows& rows, int64_t frame) {
+  flight_->place(poses_.obstacles(frame));
   return {&*flight_, before_.data(), rows.position, next_.data()};
 }
 
@@ -205,8 +222,8 @@ void SceneMotion::launch_features(const std::vector<Placed>& scenes, void* strea
   for (const auto& [m, rows] : scenes) {
     const FeatureRules rules(m->config_, m->normalization_);
     loops.push_back({feature_parts_of_row(rules) * m->particles_,
-                     {rules, m->environment_->view(Device::cuda),
-                      m->config_.material_constants ? m->material_.data() : nullptr, m->ring(), rows.features}});
+                     {rules, m->poses_.environment(0), m->config_.material_constants ? m->material_.data() : nullptr,
+                      m->ring(), rows.features}});
   }
   parallel_loops_in(stream, Device::cuda, loops);
 }
@@ -214,17 +231,27 @@ void SceneMotion::launch_features(const std::vector<Placed>& scenes, void* strea
 void SceneMotion::launch_groups(const std::vector<Placed>& scenes, void* stream) {
   std::vector<FreeFlight::Frame> frames;
   for (const auto& [m, rows] : scenes)
-    if (m->finds_groups()) frames.push_back(m->flight_frame(rows));
+    if (m->finds_groups()) frames.push_back(m->flight_frame(rows, 0));
   FreeFlight::find_groups_of_all(frames, stream);
 }
 
 void SceneMotion::launch_move(const std::vector<Placed>& scenes, int64_t frame, void* stream) {
+  bool some_move = false;
+  for (const Placed& scene : scenes) some_move = some_move || scene.motion->poses_.any();
+  if (some_move)
+    launch_move_of<true>(scenes, frame, stream);
+  else
+    launch_move_of<false>(scenes, frame, stream);
+}
+
+template <bool AmongMoving>
+void SceneMotion::launch_move_of(const std::vector<Placed>& scenes, int64_t frame, void* stream) {
   std::vector<Loop<StepParticles>> steps;
   std::vector<FreeFlight::Frame> flights;
-  std::vector<Loop<PushAndSpread>> spreads;
+  std::vector<Loop<PushAndSpread<AmongMoving>>> spreads;
   std::vector<DensityProjection::Frame> densities;
-  std::vector<Loop<MoveAndPushLast>> last_of_dense;
-  std::vector<Loop<PushLast>> last;
+  std::vector<Loop<MoveAndPushLast<AmongMoving>>> last_of_dense;
+  std::vector<Loop<PushLast<AmongMoving>>> last;
   for (const auto& [m, rows] : scenes) {
     const Vec3d& size = m->scene_->domain.size;
     const auto limit = static_cast<float>(std::max({size[0], size[1], size[2]}));
@@ -232,18 +259,20 @@ void SceneMotion::launch_move(const std::vector<Placed>& scenes, int64_t frame, 
     steps.push_back({m->particles_,
                      {m->real_statistics(), rows.output + 3 * frame, static_cast<int32_t>(m->config_.output_width()),
                       m->before_.data(), rows.position, limit, rows.fault, m->status_.data(), next}});
-    if (m->finds_groups()) flights.push_back(m->flight_frame(rows));
-    const PushParticles push{m->environment_->swept_collision(Device::cuda), m->laws_.project, m->ring(), rows.position,
-                             next};
-    PushLast end{push, rows.fault, m->before_.data(), rows.position, m->status_.data(), m->seen_};
+    if (m->finds_groups()) flights.push_back(m->flight_frame(rows, frame));
+    const PushParticles<AmongMoving> push{
+        m->poses_.swept_collision(frame), m->poses_.carriers(frame), m->laws_.project, m->ring(), rows.position, next};
+    PushLast<AmongMoving> end{push, rows.fault, m->before_.data(), rows.position, m->status_.data(), m->seen_};
     if (!(m->largest_density_ > 0) || frame + 1 < m->config_.bundle) {
       last.push_back({m->particles_, end});
       continue;
     }
+    if (m->poses_.any()) m->density_->place(m->poses_.obstacles(frame), stream);
     m->density_->skip_where(rows.fault);
     spreads.push_back({m->particles_, {push, m->density_->spreading(next, m->particles_)}});
     densities.push_back({&*m->density_, next, m->particles_});
     end.push.from = nullptr;
+    end.push.carriers = {};
     last_of_dense.push_back({m->particles_, {m->density_->moving(next), end}});
   }
   parallel_loops_in(stream, Device::cuda, steps);

@@ -10,6 +10,7 @@
 #include "graph/config/feature_config.h"
 #include "graph/corrections/density_projection.h"
 #include "graph/corrections/free_flight.h"
+#include "graph/cuda/rollout/bundle_poses.h"
 #include "graph/cuda_simulator.h"
 #include "graph/features/normalization.h"
 
@@ -51,6 +52,11 @@ class SceneMotion {
   /// again. In `stream`; waits for nothing where the memory suffices.
   void start(Vec3f* ring, int64_t frames, Vec3f* position, void* stream);
   int64_t particles() const { return particles_; }
+  /// Whether place() must be called before the launches of each bundle.
+  bool moves() const { return poses_.any(); }
+  /// Puts moving obstacles where they are in the frames of the bundle that follows `time` [s]. In `stream`; the
+  /// launches for the bundle before must be done.
+  void place(double time, void* stream) { poses_.place(time, stream); }
 
   // Launches of all scenes, which may be recorded
   struct Placed {
@@ -77,7 +83,10 @@ class SceneMotion {
  private:
   FrameRing ring();
   /// A frame of the bundle, as launch_move() corrects it.
-  FreeFlight::Frame flight_frame(const Rows& rows);
+  FreeFlight::Frame flight_frame(const Rows& rows, int64_t frame);
+  /// Where obstacles of some scene move, and where all rest.
+  template <bool AmongMoving>
+  static void launch_move_of(const std::vector<Placed>& scenes, int64_t frame, void* stream);
 
   FeatureConfig config_;
   Normalization normalization_;
@@ -87,6 +96,8 @@ class SceneMotion {
   const std::vector<int32_t>*particle_type_ = nullptr, *materials_ = nullptr;  ///< until start()
   const Vec3f* start_ = nullptr;                                               ///< the same
   CudaLaws laws_;
+  bool continues_ = false;  ///< CudaScene::continues
+  BundlePoses poses_;
   double largest_density_ = 0;  ///< [particles/m^3]; 0: any
   int64_t particles_ = 0;
   int32_t ring_frames_ = 0;

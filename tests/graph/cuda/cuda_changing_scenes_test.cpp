@@ -36,15 +36,16 @@ double relative_difference(const Trajectory& a, const Trajectory& b) {
 }
 
 class CudaChangingScenes : public ::testing::TestWithParam<const char*> {
- protected:
+ public:
   /// Both devices go the same way.
-  void expect_parity(const LearnedSimulator& simulator, const ChangingCase& c, int64_t frames) const {
+  static void expect_parity(const LearnedSimulator& simulator, const ChangingCase& c, int64_t frames,
+                            bool free_flight = false) {
     const Environment environment(c.scene);
     const auto history = c.history(static_cast<int>(simulator.config().history) + 1);
     LearnedSimulator::RolloutOptions options;
     options.frames = frames;
     options.schedule = &c.schedule;
-    options.free_flight = false;
+    options.free_flight = free_flight;
     const Trajectory expected = simulator.rollout(c.scene, environment, c.type, history, options);
     options.device = Device::cuda;
     const Trajectory actual = simulator.rollout(c.scene, environment, c.type, history, options);
@@ -56,6 +57,8 @@ class CudaChangingScenes : public ::testing::TestWithParam<const char*> {
               actual.frames.back().position)
         << "the same every time";
   }
+
+ protected:
   LearnedSimulator simulator() const { return file_.read_back(weights_of(GetParam())); }
   WeightsFile file_;
 };
@@ -63,6 +66,11 @@ class CudaChangingScenes : public ::testing::TestWithParam<const char*> {
 TEST_P(CudaChangingScenes, MovingObstacles) {
   GRAUPEL_NEEDS_GPU();
   expect_parity(simulator(), moving_paddle(), 5);
+}
+
+TEST_P(CudaChangingScenes, MovingObstaclesWithFreeFlight) {
+  GRAUPEL_NEEDS_GPU();
+  expect_parity(simulator(), moving_paddle(), 5, /*free_flight=*/true);
 }
 
 TEST_P(CudaChangingScenes, EmittersAndSinks) {
@@ -117,6 +125,19 @@ TEST_P(CudaChangingScenes, StaticScenesAfterwardsAreTheSame) {
 INSTANTIATE_TEST_SUITE_P(Networks, CudaChangingScenes,
                          ::testing::Values("activations", "messages", "gns", "gns_of_points"),
                          [](const auto& one) { return std::string(one.param); });
+
+/// What comes or goes within a bundle is corrected with the others from the next one on.
+TEST(CudaChangingBundles, RolloutsFollowThoseOfTheCpu) {
+  GRAUPEL_NEEDS_GPU();
+  HgnConfig config = wide_config(Aggregation::activations);
+  config.bundle = 2;
+  const WeightsFile file;
+  const LearnedSimulator network = file.read_back(random_weights(config, wide_statistics()));
+  for (const bool free_flight : {false, true}) {
+    CudaChangingScenes::expect_parity(network, moving_paddle(), 7, free_flight);
+    CudaChangingScenes::expect_parity(network, emitter_over_a_sink(), 8, free_flight);
+  }
+}
 
 TEST(CudaPlane, RolloutsFollowThoseOfTheCpu) {
   GRAUPEL_NEEDS_GPU();
