@@ -1,5 +1,6 @@
 #include "train/loop/provenance.h"
 
+#include <cmath>
 #include <cstdio>
 #include <filesystem>
 #include <nlohmann/json.hpp>
@@ -59,8 +60,10 @@ std::map<std::string, std::string> training_provenance(const TrainingOptions& op
     char text[32];
     std::snprintf(text, sizeof(text), "%.6e", all.raw_mse(Predictor::network));
     entries["training.validation_one_step_raw"] = text;
-    std::snprintf(text, sizeof(text), "%.6e", validation->rollout_mse);
-    entries["training.validation_rollout_mse"] = text;
+    if (std::isfinite(validation->rollout_mse)) {
+      std::snprintf(text, sizeof(text), "%.6e", validation->rollout_mse);
+      entries["training.validation_rollout_mse"] = text;
+    }
   }
   return entries;
 }
