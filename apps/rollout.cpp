@@ -45,6 +45,11 @@ void add_rollout(const Command& app) {
   verb.option("--refine", options->refine,
               "Of reduced-order models: write so many points in the volume of every particle (positions alone)")
       .check(whole_number(1, 1000000));
+  verb.option(
+          "--load", options->loads,
+          "Of reduced-order models: a force on the matter in a ball, TIME:DURATION:X,Y,Z:RADIUS:FX,FY,FZ in seconds, "
+          "metres and newtons (repeatable)")
+      .one_value_each();
   verb.option("--stride", options->stride, "Of reduced-order models: write every n-th frame")
       .check(whole_number(1))
       .show_default();

@@ -287,6 +287,29 @@ void ReducedModel::take_clusters(Clusters made) {
   if (clusters.count < fields->particles()) fields = fields->with_clusters(clusters);
 }
 
+double scaled_norm(const ReducedModel& model, const std::vector<double>& change) {
+  double sum = 0;
+  for (std::size_t k = 0; k < change.size(); ++k) {
+    const double scaled = change[k] / static_cast<double>(model.latent_scale[k]);
+    sum += scaled * scaled;
+  }
+  return std::sqrt(sum);
+}
+
+double fastest_of_training(const ReducedModel& model) {
+  const auto r = static_cast<std::size_t>(model.latents());
+  double fastest = 0;
+  std::vector<double> change(r);
+  for (std::size_t i = 1; i < model.training_run.size(); ++i) {
+    if (model.training_run[i] != model.training_run[i - 1]) continue;
+    for (std::size_t k = 0; k < r; ++k)
+      change[k] = static_cast<double>(model.training_latents[i * r + k]) -
+                  static_cast<double>(model.training_latents[(i - 1) * r + k]);
+    fastest = std::max(fastest, scaled_norm(model, change) / model.frame_time);
+  }
+  return fastest;
+}
+
 double latent_distance(const ReducedModel& model, const std::vector<double>& latent) {
   const auto r = static_cast<std::size_t>(model.latents());
   double least = std::numeric_limits<double>::infinity();

@@ -96,6 +96,11 @@ struct ReducedModel {
   nn::Weights store(nn::DType modes) const;
 };
 
+/// Length of a change of latents, in the model's scale.
+double scaled_norm(const ReducedModel& model, const std::vector<double>& change);
+/// Largest scaled_norm() of the latents' rates between snapshots of a training run [1/s]; 0 where the file does not
+/// tell.
+double fastest_of_training(const ReducedModel& model);
 /// Distance of a latent to the nearest of the training, in the model's scale.
 double latent_distance(const ReducedModel& model, const std::vector<double>& latent);
 

@@ -240,6 +240,7 @@ template <typename T>
 void ReducedSolver<T>::step(double dt) {
   Stopwatch timer;
   StepTiming& timing = statistics_.timing;
+  push(dt);
   quadrature_->find(state_, grid_);
   timing.search += timer.lap();
   quadrature_->fill(state_, grid_);
@@ -301,6 +302,43 @@ void ReducedSolver<T>::pull(double dt) {
       ((curve_.size() > 0 ? nearest_on_curve(curve_, latent, place) : manifold_.project(latent)) - latent);
   Eigen::Map<Eigen::VectorXd>(state_.latent.data(), r) += way;
   if (!state_.previous.empty()) Eigen::Map<Eigen::VectorXd>(state_.previous.data(), r) += way;
+}
+
+template <typename T>
+LoadResponse ReducedSolver<T>::apply(const Load& load) {
+  std::erase_if(loads_, [&](const BodyLoad& old) { return old.is_over(time_); });
+  const mpm::SampledParticles& all = prepared_.particles;
+  std::vector<double> mass(all.position.size(), 0.0);
+  for (std::size_t p = 0; p < mass.size(); ++p) {
+    const MaterialConfig& material =
+        prepared_.scene.materials.at(all.material_names[static_cast<std::size_t>(all.material[p])]);
+    const bool is_led = !all.script.empty() && all.script[p] >= 0;
+    if (material.model != MaterialModel::stationary && !is_led) mass[p] = material.density * all.volume[p];
+  }
+  const BodyLoad& added = loads_.emplace_back(*model_.fields, load, time_, frame().position, mass);
+  LoadResponse response = added.response(state_.latent.data());
+  const double fastest = fastest_of_training(model_);
+  if (fastest > 0) {
+    const Eigen::VectorXd change = load.duration * added.acceleration(state_.latent.data());
+    std::vector<double> after = state_.velocity;
+    for (std::size_t k = 0; k < after.size(); ++k) after[k] += change[static_cast<Eigen::Index>(k)];
+    response.speed = scaled_norm(model_, after) / fastest;
+  }
+  return response;
+}
+
+/// The loads' impulses in a step. The velocity is also the difference to the latent before.
+template <typename T>
+void ReducedSolver<T>::push(double dt) {
+  for (const BodyLoad& load : loads_) {
+    const double seconds = load.acts(time_, dt);
+    if (seconds == 0) continue;
+    const Eigen::VectorXd change = seconds * load.acceleration(state_.latent.data());
+    for (std::size_t k = 0; k < state_.velocity.size(); ++k) {
+      state_.velocity[k] += change[static_cast<Eigen::Index>(k)];
+      if (!state_.previous.empty()) state_.previous[k] -= state_.last_step * change[static_cast<Eigen::Index>(k)];
+    }
+  }
 }
 
 template <typename T>

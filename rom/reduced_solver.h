@@ -13,6 +13,7 @@
 #include "rom/projection/latent_manifold.h"
 #include "rom/projection/projection.h"
 #include "rom/reduced_model.h"
+#include "rom/solver/body_load.h"
 #include "rom/solver/error_indicator.h"
 #include "rom/solver/particle_grid.h"
 #include "rom/solver/quadrature.h"
@@ -81,6 +82,8 @@ class ReducedSolver {
   void advance_frame();
   /// One step of dt [s], which is kept. Throws DivergedError.
   void step(double dt);
+  /// Puts a force on the body, from the present time on, beside those that act already. Throws ConfigError as BodyLoad.
+  LoadResponse apply(const Load& load);
   /// Positions and velocities of all particles, in the order of the sources.
   ParticleFrame frame() const;
   /// Of the last frame.
@@ -93,6 +96,7 @@ class ReducedSolver {
   void project_samples(double dt);
   void pull(double dt);
   bool try_step(double dt);
+  void push(double dt);
 
   const ReducedModel& model_;
   mpm::PreparedScene prepared_;
@@ -109,6 +113,7 @@ class ReducedSolver {
   LatentState state_;
   SampleMotion motion_;  ///< of the last step
   double time_ = 0;
+  std::vector<BodyLoad> loads_;  ///< that are not over
   StepControl control_;
   double misfit_ = 0;  ///< distance that the last inversion left, over its dt [m/s]
   ErrorIndicator trust_;

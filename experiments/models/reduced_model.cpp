@@ -143,6 +143,11 @@ ReducedRun::ReducedRun(const LoadedModel& loaded, const Scene& scene, uint64_t s
     exact_ = std::make_unique<rom::ReducedSolver<double>>(loaded.model, std::move(prepared), parameters_, options);
 }
 
+rom::LoadResponse ReducedRun::apply(const rom::Load& load) {
+  if (gpu_) throw ConfigError("loads on reduced models act on the CPU alone. Use --device cpu");
+  return single_ ? single_->apply(load) : exact_->apply(load);
+}
+
 void ReducedRun::advance_frame() {
   try {
     if (single_) single_->advance_frame();

@@ -66,6 +66,8 @@ class ReducedRun {
   /// Throws ConfigError as parameters_of, rom::ReducedSolver and rom::ReducedDeviceSolver, and for f64 on a GPU.
   ReducedRun(const LoadedModel& model, const Scene& scene, uint64_t seed, const rom::ReducedOptions& options,
              const ReducedRunOptions& how = {});
+  /// A force on the body from now on (rom::ReducedSolver::apply). Throws ConfigError on a GPU.
+  rom::LoadResponse apply(const rom::Load& load);
   /// Throws DivergedError, which the record on trust then knows.
   void advance_frame();
   double time() const { return gpu_ ? gpu_->time() : single_ ? single_->time() : exact_->time(); }

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstdio>
+#include <cstdlib>
 #include <nlohmann/json.hpp>
 #include <utility>
 
@@ -28,6 +29,38 @@ rom::ReducedOptions reduced_options(const RolloutOptions& options) {
   return reduced;
 }
 
+struct TimedLoad {
+  double time;  ///< [s]
+  rom::Load load;
+  std::string text;
+};
+
+/// "TIME:DURATION:X,Y,Z:RADIUS:FX,FY,FZ". Throws ConfigError.
+TimedLoad parse_load(const std::string& text) {
+  std::vector<double> numbers;
+  std::string shape;  // its separators
+  for (const char* at = text.c_str();;) {
+    char* end = nullptr;
+    numbers.push_back(std::strtod(at, &end));
+    if (end == at || *end == '\0') {
+      if (end == at) shape += '?';
+      break;
+    }
+    shape += *end;
+    at = end + 1;
+  }
+  if (shape != "::,,::,,")
+    throw ConfigError(
+        fmt::format("--load '{}' is not TIME:DURATION:X,Y,Z:RADIUS:FX,FY,FZ, as in "
+                    "0.5:0.1:0.5,0.4,0.5:0.05:2,0,0 (seconds, metres, newtons)",
+                    text));
+  if (!(numbers[0] >= 0))
+    throw ConfigError(fmt::format("--load '{}' begins at {} s (allowed: 0 or later)", text, numbers[0]));
+  return {numbers[0],
+          {{numbers[2], numbers[3], numbers[4]}, numbers[5], {numbers[6], numbers[7], numbers[8]}, numbers[1]},
+          text};
+}
+
 /// A run with its trajectory on the disk: a row of `trust` a frame, the largest of them, and the time.
 class ReducedRollout {
  public:
@@ -48,6 +81,7 @@ class ReducedRollout {
       values.push_back({p.name, p.unit, run_.parameters()[i], p.keys});
     }
     writer_.parameters(values);
+    for (const std::string& text : options.loads) loads_.push_back(parse_load(text));
   }
 
   /// Throws DivergedError once all is written.
@@ -101,11 +135,29 @@ class ReducedRollout {
             std::max(a.latent_distance, b.latent_distance)};
   }
 
+  /// Those that begin in the frame to come, all at its start; says what the model makes of them.
+  void apply_loads() {
+    const double end = run_.time() + scene_.frame_time * (1 - 1e-9);
+    for (const TimedLoad& timed : loads_) {
+      if (timed.time < run_.time() - 1e-9 * scene_.frame_time || timed.time >= end) continue;
+      const rom::LoadResponse response = run_.apply(timed.load);
+      std::fprintf(stderr,
+                   "load %s at %.4g s: %lld particles carry it, the model's motions take %.2g %% of its energy\n",
+                   timed.text.c_str(), run_.time(), static_cast<long long>(response.particles), 100 * response.share);
+      if (!response.is_like_training())
+        std::fprintf(stderr,
+                     "graupel: warning: %s: load %s is outside the training: it drives the latents up to %.2g times as "
+                     "fast as there\n",
+                     scene_.name.c_str(), timed.text.c_str(), response.speed);
+    }
+  }
+
   void advance() {
     Progress progress(fmt::format("rollout {} ({} particles)", scene_.name, run_.particle_type().size()), frames_);
     rom::ErrorIndicator since;
     for (int64_t f = 1; f <= frames_; ++f) {
       stop_if_interrupted(fmt::format("; 'graupel inspect --recover {}' keeps the frames so far", options_.output));
+      apply_loads();
       const Stopwatch watch;
       try {
         run_.advance_frame();
@@ -194,6 +246,7 @@ class ReducedRollout {
   ReducedRun run_;
   std::unique_ptr<RefinedBody> refined_;  ///< where it was asked for
   io::TrajectoryWriter writer_;
+  std::vector<TimedLoad> loads_;
   int64_t written_ = 0;       ///< frames
   std::vector<float> trust_;  ///< [frames, 4]
   rom::ErrorIndicator worst_;

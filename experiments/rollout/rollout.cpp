@@ -37,6 +37,7 @@ const char* flag_of_reduced_models(const RolloutOptions& options) {
          : options.f64                 ? "--f64"
          : !options.projection.empty() ? "--projection"
          : !options.quadrature.empty() ? "--quadrature"
+         : !options.loads.empty()      ? "--load"
                                        : nullptr;
 }
 

@@ -25,6 +25,7 @@ struct RolloutOptions {
   int64_t stride = 1;                   ///< of reduced-order models: frames from one that is written to the next
   bool f64 = false;                     ///< of reduced-order models: double precision
   std::string projection, quadrature;   ///< of reduced-order models; empty: the model's
+  std::vector<std::string> loads;       ///< of reduced-order models: TIME:DURATION:X,Y,Z:RADIUS:FX,FY,FZ
 };
 
 /// Predicts, writes the trajectory, prints a summary. Throws ConfigError for flags that the model or the input does not

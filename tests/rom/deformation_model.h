@@ -47,6 +47,13 @@ inline Mlp linear_network(const Eigen::MatrixXd& matrix) {
   return {std::move(layers), ones(inputs), ones(outputs)};
 }
 
+/// u = q: rigid translations.
+inline Eigen::MatrixXd translation() {
+  Eigen::MatrixXd matrix = Eigen::MatrixXd::Zero(3, 6);
+  matrix.rightCols(3).setIdentity();
+  return matrix;
+}
+
 /// A block of jelly in the air, without walls nearby; `more` are further keys.
 inline Scene jelly_block(const std::string& gravity, const std::string& more = "") {
   return io::parse_scene(R"({

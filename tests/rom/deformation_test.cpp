@@ -231,13 +231,6 @@ TEST(Projection, HeavySamplesAreFollowed) {
   }
 }
 
-/// u = q: rigid translations.
-Eigen::MatrixXd translation() {
-  Eigen::MatrixXd matrix = Eigen::MatrixXd::Zero(3, 6);
-  matrix.rightCols(3).setIdentity();
-  return matrix;
-}
-
 template <typename T>
 class DeformationRun : public testing::Test {};
 using Precisions = testing::Types<float, double>;
