@@ -34,11 +34,12 @@ class CudaSimulation final : public Simulation {
   ParticleFrame frame() const override {
     ParticleFrame f = solver_.frame();
     f.time = time();
+    set_active(f, active());
     return f;
   }
-  ParticleFields fields(FieldSet wanted) const override { return fields_of(solver_.particles(), wanted); }
+  ParticleFields fields(FieldSet wanted) const override { return fields_of(solver_.particles(), wanted, active()); }
   Diagnostics diagnostics() const override {
-    return diagnose(solver_.particles(), solver_.setup(0).material_configs, scene());
+    return diagnose(solver_.particles(), solver_.setup(0).material_configs, scene(), active());
   }
   RunStatistics statistics() const override;
   std::vector<std::byte> save_state() const override { return save_batch(solver_, state_owner(), frames_done_); }
@@ -54,6 +55,7 @@ class CudaSimulation final : public Simulation {
     return entries;
   }
   const Scene& scene() const { return solver_.setup(0).scene; }
+  std::vector<uint8_t> active() const { return solver_.setup(0).lifecycle.active(); }
   StateOwner state_owner() const {
     return {scene_hash(scene(), options_.seed), SolverKind::gpu_tuned, sizeof(float),
             static_cast<int64_t>(particle_count())};
@@ -83,6 +85,7 @@ RunStatistics CudaSimulation<BatchOf>::statistics() const {
   s.last_step = static_cast<double>(c.dt);
   s.pushed_out = c.pushed_out;
   for (int d = 0; d < 3; ++d) s.pushed_out_momentum[d] = static_cast<double>(c.pushed_momentum[d]) * momentum_unit;
+  solver_.setup(0).lifecycle.count(s.born, s.removed);
   s.sound_courant = c.sound_courant;
   s.share_over_courant = static_cast<double>(c.over_courant) / static_cast<double>(particle_count());
   s.active_blocks = solver_.active_blocks();
@@ -125,18 +128,21 @@ class BatchPart {
   std::unique_ptr<BatchOf<CudaBackend>> solver_;
 };
 
-/// Small scenes and the others, each kind with its solver.
+/// Small scenes, those of them that change, and the others, each kind with its solver.
 class CudaBatch final : public SceneBatch {
  public:
   explicit CudaBatch(std::vector<BatchEntry> entries) : divergence_(entries.size()), types_(entries.size()) {
     for (std::size_t i = 0; i < entries.size(); ++i) {
       const auto scene = static_cast<int>(i);
-      if (is_small_scene(entries[i].scene, entries[i].particles.position.size()))
-        small_.add(scene, std::move(entries[i]));
-      else
+      if (!is_small_scene(entries[i].scene, entries[i].particles.position.size()))
         others_.add(scene, std::move(entries[i]));
+      else if (is_changing_scene(entries[i].scene))
+        changing_.add(scene, std::move(entries[i]));
+      else
+        small_.add(scene, std::move(entries[i]));
     }
     small_.begin();
+    changing_.begin();
     others_.begin();
     for_scenes([&](const auto& solver, int number, int scene) {
       types_[static_cast<std::size_t>(scene)] = &solver.setup(number).particle_type;
@@ -154,6 +160,7 @@ class CudaBatch final : public SceneBatch {
   std::vector<ParticleFrame> frames(FieldSet wanted) const override {
     std::vector<ParticleFrame> all(types_.size());
     small_.give_frames(wanted, frames_done_, all);
+    changing_.give_frames(wanted, frames_done_, all);
     others_.give_frames(wanted, frames_done_, all);
     return all;
   }
@@ -163,7 +170,7 @@ class CudaBatch final : public SceneBatch {
       s.substeps = std::max(s.substeps, solver.control(number).substeps);
     });
     s.active_blocks = others_.active_blocks();
-    s.peak_bytes = small_.memory_bytes() + others_.memory_bytes();
+    s.peak_bytes = small_.memory_bytes() + changing_.memory_bytes() + others_.memory_bytes();
     s.solver_seconds = seconds_;
     return s;
   }
@@ -172,12 +179,13 @@ class CudaBatch final : public SceneBatch {
   template <typename Visit>
   void for_scenes(const Visit& visit) const {
     small_.for_scenes(visit);
+    changing_.for_scenes(visit);
     others_.for_scenes(visit);
   }
 
   std::vector<std::optional<std::string>> divergence_;
   std::vector<const std::vector<int32_t>*> types_;
-  BatchPart<SmallSceneSolver> small_;
+  BatchPart<SmallSceneSolver> small_, changing_;
   BatchPart<BatchSolver> others_;
   int64_t frames_done_ = 0;
   double seconds_ = 0;
@@ -186,6 +194,7 @@ class CudaBatch final : public SceneBatch {
 void CudaBatch::advance_frame() {
   const auto begin = std::chrono::steady_clock::now();
   small_.advance_frame();
+  changing_.advance_frame();
   others_.advance_frame();
   seconds_ += std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
   for_scenes([&](const auto& solver, int number, int scene) {

@@ -7,6 +7,7 @@
 #include "core/system/error.h"
 #include "mpm/cpu_batch.h"
 #include "mpm/cuda_simulation.h"
+#include "mpm/gpu/small/small_scene.h"
 #include "mpm/grouped_batch.h"
 #include "mpm/memory_need.h"
 #include "mpm/scene/scene_check.h"
@@ -16,23 +17,24 @@ namespace graupel::mpm {
 
 namespace {
 
-/// What the tuned kernels for GPUs do not know, "" for nothing; the portable ones know all.
-std::string beyond_tuned_kernels(const Scene& scene) {
+/// What the tuned kernels for GPUs do not know, "" for nothing; the portable ones know all. Those for small scenes know
+/// more.
+std::string beyond_tuned_kernels(const Scene& scene, bool small) {
   if (has_scripts(scene)) return "led particles";
   if (scene.domain.is_plane()) return "two dimensions";
   if (scene.transfer.spline != Spline::quadratic) return "cubic splines";
-  if (scene.has_moving_obstacles()) return "moving obstacles";
-  if (!scene.emitters.empty()) return "emitters";
-  if (!scene.sinks.empty()) return "sinks";
-  if (scene.domain.has_wall(Wall::open)) return "open walls";
   if (scene.domain.has_wall(Wall::periodic)) return "periodic walls";
   if (scene.transfer.scheme != TransferScheme::apic) return "other transfers than apic";
-  return scene.transfer.damping == 0 ? "" : "damped transfers";
+  if (scene.transfer.damping != 0) return "damped transfers";
+  if (small) return "";
+  if (scene.has_moving_obstacles()) return "moving obstacles";
+  return scene.has_inactive_particles() ? "emitters, sinks or open walls" : "";
 }
 
 bool runs_tuned(const PreparedScene& prepared) {
   return prepared.options.device == Device::cuda && prepared.options.kernels == Kernels::tuned &&
-         beyond_tuned_kernels(prepared.scene).empty();
+         beyond_tuned_kernels(prepared.scene, is_small_scene(prepared.scene, prepared.particles.position.size()))
+             .empty();
 }
 
 template <typename T>

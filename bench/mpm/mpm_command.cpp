@@ -35,13 +35,19 @@ void add_mpm(const Command& program) {
       .check(one_of({"cpu", "cuda"}))
       .excludes("--recipe");
   verb.flag("--portable", options->portable, "The portable kernels instead of the tuned ones");
+  verb.option(
+          "--category", options->categories,
+          "With --recipe: its test scenes of a category, by the tuned kernels and by the portable ones (repeatable)")
+      .check(one_of(category_words()))
+      .excludes("--portable");
   options->common.add_to(verb);
   verb.footer(
       "Examples:\n  graupel bench mpm --material sand --particles 1000000 --device cuda\n"
       "  graupel bench mpm --particles 39304 --phase late --threads 1 --json speed.json\n"
       "  graupel bench mpm --table cpu --particles 100000 --json cpu.json\n"
       "  graupel bench mpm --table cuda --particles 4096 39304 262144 1000000 10077696 --json gpu.json\n"
-      "  graupel bench mpm --recipe scenes/recipes/hgn.json --batch 1 64 --device cuda");
+      "  graupel bench mpm --recipe scenes/recipes/hgn.json --batch 1 64 --device cuda\n"
+      "  graupel bench mpm --recipe scenes/recipes/general.json --category moving_obstacle stream --batch 1 16");
   verb.callback([options] { print_mpm_table(*options); });
 }
 

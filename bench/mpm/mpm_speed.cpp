@@ -12,6 +12,7 @@
 #include "core/parallel/instruction_set.h"
 #include "core/system/error.h"
 #include "experiments/process/process.h"
+#include "mpm/scene/categories/category_scene.h"
 #include "mpm/scene/scene_recipe.h"
 #include "mpm/simulation.h"
 
@@ -74,15 +75,39 @@ nlohmann::ordered_json measure_cube(const BenchMpmOptions& options, Device devic
   return row;
 }
 
-nlohmann::ordered_json measure_batch(const BenchMpmOptions& options, Device device, int64_t batch) {
-  const SceneRecipe recipe = read_one_kind_recipe(options.recipe);
+std::vector<std::string> category_words() {
+  std::vector<std::string> words;
+  for (const auto& [word, category] : EnumWords<SceneCategory>::words) words.emplace_back(word);
+  return words;
+}
+
+std::vector<mpm::PreparedScene> test_scenes(const BenchMpmOptions& options, Device device, mpm::Kernels kernels,
+                                            const std::string& category, int64_t count) {
   std::vector<mpm::PreparedScene> scenes;
-  for (int64_t i = 0; i < batch; ++i) {
+  const uint64_t seed = options.common.seed;
+  const auto add = [&](const auto& recipe, int64_t i) {
     mpm::SimulationOptions simulation;
     simulation.device = device;
-    simulation.seed = mpm::sampling_seed(options.common.seed, mpm::Split::test, i, 0);
-    scenes.emplace_back(mpm::draw_scene(recipe, options.common.seed, mpm::Split::test, i), simulation);
+    simulation.kernels = kernels;
+    simulation.seed = mpm::sampling_seed(seed, mpm::Split::test, i, 0);
+    scenes.emplace_back(mpm::draw_scene(recipe, seed, mpm::Split::test, i), simulation);
+  };
+  if (category.empty()) {
+    const SceneRecipe recipe = read_one_kind_recipe(options.recipe);
+    for (int64_t i = 0; i < count; ++i) add(recipe, i);
+    return scenes;
   }
+  const CategoryRecipe recipe = io::read_category_recipe(options.recipe);
+  const auto is_one = [&](SceneCategory one) { return category == word_of(one); };
+  if (std::none_of(recipe.categories.begin(), recipe.categories.end(), is_one))
+    throw ConfigError(
+        fmt::format("'{}' has no scenes of category {}. Name one of its categories", options.recipe, category));
+  for (int64_t i = 0; static_cast<int64_t>(scenes.size()) < count; ++i)
+    if (is_one(recipe.category(i))) add(recipe, i);
+  return scenes;
+}
+
+nlohmann::ordered_json measure_batch(const BenchMpmOptions& options, const std::vector<mpm::PreparedScene>& scenes) {
   const auto run = mpm::SceneBatch::create(scenes);
   std::vector<double> seconds;
   int64_t most_blocks = 0;
@@ -99,11 +124,12 @@ nlohmann::ordered_json measure_batch(const BenchMpmOptions& options, Device devi
   const double median = seconds[seconds.size() / 2], n = static_cast<double>(run->particle_count());
   const double substeps = static_cast<double>(run->statistics().substeps) / static_cast<double>(5 + options.frames);
   return {{"recipe", options.recipe},
-          {"scenes", batch},
+          {"scenes", run->scene_count()},
+          {"kernels", scenes.front().options.kernels == mpm::Kernels::portable ? "portable" : "tuned"},
           {"particles", run->particle_count()},
           {"frames", options.frames},
           {"substeps_per_frame", substeps},
-          {"device", name_of(device)},
+          {"device", name_of(scenes.front().options.device)},
           {"seconds_per_frame", median},
           {"slowest_frame", seconds.back()},
           {"seconds_per_substep", median / substeps},

@@ -20,11 +20,12 @@ std::vector<std::string> materials_of(const BenchMpmOptions& options) {
 
 void bench_recipe(BenchMpmOptions& options) {
   const Device device = options.common.apply();
+  const mpm::Kernels kernels = options.portable ? mpm::Kernels::portable : mpm::Kernels::tuned;
   nlohmann::ordered_json rows = nlohmann::ordered_json::array();
   std::printf("%7s %11s %10s %10s %14s %14s\n", "scenes", "particles", "ms/frame", "slowest", "us/substep",
               "G updates/s");
   for (const int64_t batch : options.batch) {
-    const auto row = measure_batch(options, device, batch);
+    const auto row = measure_batch(options, test_scenes(options, device, kernels, "", batch));
     std::printf("%7lld %11lld %10.3f %10.3f %14.2f %14.4f\n", static_cast<long long>(batch),
                 row["particles"].get<long long>(), 1e3 * row["seconds_per_frame"].get<double>(),
                 1e3 * row["slowest_frame"].get<double>(), 1e6 * row["seconds_per_substep"].get<double>(),
@@ -33,6 +34,29 @@ void bench_recipe(BenchMpmOptions& options) {
     rows.push_back(row);
   }
   options.common.write_json({{"rows", rows}});
+}
+
+/// Scenes of categories: the tuned kernels beside the portable ones.
+void bench_categories(BenchMpmOptions& options) {
+  const Device device = options.common.apply();
+  nlohmann::ordered_json rows = nlohmann::ordered_json::array();
+  std::printf("%-17s %7s %11s %14s %14s %14s\n", "category", "scenes", "particles", "tuned ms/frame", "portable",
+              "portable/tuned");
+  for (const std::string& category : options.categories)
+    for (const int64_t batch : options.batch) {
+      double seconds[2];
+      for (const mpm::Kernels kernels : {mpm::Kernels::tuned, mpm::Kernels::portable}) {
+        auto row = measure_batch(options, test_scenes(options, device, kernels, category, batch));
+        row["category"] = category;
+        seconds[kernels == mpm::Kernels::portable ? 1 : 0] = row["seconds_per_frame"].get<double>();
+        rows.push_back(row);
+      }
+      std::printf("%-17s %7lld %11lld %14.3f %14.3f %14.2f\n", category.c_str(), static_cast<long long>(batch),
+                  rows.back()["particles"].get<long long>(), 1e3 * seconds[0], 1e3 * seconds[1],
+                  seconds[1] / seconds[0]);
+      std::fflush(stdout);
+    }
+  options.common.write_json({{"command", command_line()}, {"rows", rows}});
 }
 
 /// All materials in both precisions on one thread and on all: millions of particle-updates a second.
@@ -97,6 +121,9 @@ void bench_cuda_table(BenchMpmOptions& options) {
 }  // namespace
 
 void print_mpm_table(BenchMpmOptions& options) {
+  if (!options.categories.empty() && options.recipe.empty())
+    throw ConfigError("--category needs a recipe of categories. Name one with --recipe (scenes/recipes/general.json)");
+  if (!options.categories.empty()) return bench_categories(options);
   if (!options.recipe.empty()) return bench_recipe(options);
   if (options.table == "cpu") return bench_cpu_table(options);
   if (options.table == "cuda") return bench_cuda_table(options);

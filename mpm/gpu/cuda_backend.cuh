@@ -45,9 +45,9 @@ static __global__ void __launch_bounds__(batch::resident_threads, 2) run_segment
 }
 
 /// Alone on a multiprocessor, a block has registers for everything; two hide more of each other's waiting.
-template <int BlocksAtOnce>
-__global__ void __launch_bounds__(small::threads, BlocksAtOnce) run_frame(SmallBatchView view) {
-  __shared__ small::Shared shared;
+template <int BlocksAtOnce, typename View>
+__global__ void __launch_bounds__(small::threads, BlocksAtOnce) run_frame(View view) {
+  __shared__ small::SharedFor<View> shared;
   small::run_frame(CudaBlock{}, view, shared);
 }
 
@@ -186,9 +186,11 @@ class CudaBackend {
   /// Blocks of run_frame() that fit on the GPU at once, and the warps of each.
   int small_blocks() const { return 2 * processors_; }
   static int small_warps() { return small::warps; }
-  void run_frame(const SmallBatchView& view, int blocks) {
-    launch_cooperative(blocks <= processors_ ? kernels::run_frame<1> : kernels::run_frame<2>, blocks, small::threads, 0,
-                       view);
+  /// `view`: SmallBatchView or ChangingBatchView.
+  template <typename View>
+  void run_frame(const View& view, int blocks) {
+    launch_cooperative(blocks <= processors_ ? kernels::run_frame<1, View> : kernels::run_frame<2, View>, blocks,
+                       small::threads, 0, view);
   }
   void run_segment(const BatchView& view) {
     launch_cooperative(kernels::run_segment, resident_blocks_, batch::resident_threads, sizeof(batch::ResidentShared),

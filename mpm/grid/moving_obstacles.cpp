@@ -13,8 +13,7 @@ MovingObstacles<T>::MovingObstacles(Device device, const Scene& scene, const spa
       obstacles_(obstacles),
       device_index_(device, 0),
       fixed_(device, 0),
-      start_(device, 0),
-      end_(device, 0),
+      poses_(device, 0),
       steps_(device, 0) {
   scene_.domain = scene.domain;
   scene_.obstacles = scene.obstacles;
@@ -44,27 +43,43 @@ ObstacleSetView MovingObstacles<T>::fixed() const {
 }
 
 template <typename T>
-void MovingObstacles<T>::begin_step(double time, double dt) {
-  std::vector<RigidStep<T>> steps(scene_.obstacles.size(), {Mat<T, 3>::zero(), Vec<T, 3>::zero(), Vec<T, 3>::zero()});
-  for (const int32_t i : index_) {
-    const Obstacle& obstacle = scene_.obstacles[static_cast<std::size_t>(i)];
-    RigidStep<T>& step = steps[static_cast<std::size_t>(i)];
-    step = rigid_step<T>(*obstacle.motion, obstacle.position, time, dt);
-    if (scene_.domain.is_plane()) step = in_plane(step);
+ObstacleSteps<T> MovingObstacles<T>::substeps(double time, double dt, int64_t count) const {
+  const std::size_t obstacles = scene_.obstacles.size();
+  ObstacleSteps<T> all;
+  all.poses.reserve(static_cast<std::size_t>(count + 1) * obstacles);
+  all.steps.assign(static_cast<std::size_t>(count) * obstacles,
+                   {Mat<T, 3>::zero(), Vec<T, 3>::zero(), Vec<T, 3>::zero()});
+  for (int64_t s = 0; s <= count; ++s) {
+    const double start = time + static_cast<double>(s) * dt;
+    const std::vector<ObstacleView> poses = obstacles_.views_at(start, device_);
+    all.poses.insert(all.poses.end(), poses.begin(), poses.end());
+    if (s == count) break;
+    for (const int32_t i : index_) {
+      const Obstacle& obstacle = scene_.obstacles[static_cast<std::size_t>(i)];
+      const RigidStep<T> step = rigid_step<T>(*obstacle.motion, obstacle.position, start, dt);
+      all.steps[static_cast<std::size_t>(s) * obstacles + static_cast<std::size_t>(i)] =
+          scene_.domain.is_plane() ? in_plane(step) : step;
+    }
   }
-  start_.upload(obstacles_.views_at(time, device_));
-  end_.upload(obstacles_.views_at(time + dt, device_));
-  steps_.upload(steps);
+  return all;
 }
 
 template <typename T>
-MovingObstacleView<T> MovingObstacles<T>::view() const {
+void MovingObstacles<T>::begin_step(double time, double dt) {
+  const ObstacleSteps<T> one = substeps(time, dt, 1);
+  poses_.upload(one.poses);
+  steps_.upload(one.steps);
+}
+
+template <typename T>
+MovingObstacleView<T> MovingObstacles<T>::view_of(const ObstacleView* poses, const RigidStep<T>* steps) const {
   const sparsegrid::ObstacleCells cells = obstacles_.cells(device_);
+  const int obstacles = any() ? static_cast<int>(scene_.obstacles.size()) : 0;
   return {static_cast<int32_t>(index_.size()),
           device_index_.data(),
-          {start_.data(), static_cast<int>(start_.size()), cells},
-          {end_.data(), static_cast<int>(end_.size()), cells},
-          steps_.data()};
+          {poses, obstacles, cells},
+          {poses + obstacles, obstacles, cells},
+          steps};
 }
 
 template <typename T>

@@ -93,6 +93,12 @@ HostParticles<T> download_particles(Particles<T>& particles) {
   return host;
 }
 
+void set_active(ParticleFrame& frame, std::vector<uint8_t> active) {
+  frame.active = std::move(active);
+  for (std::size_t i = 0; i < frame.active.size(); ++i)
+    if (frame.active[i] == 0) frame.velocity[i] = Vec3f::zero();
+}
+
 template <typename T>
 ParticleFields fields_of(const HostParticles<T>& particles, FieldSet wanted, const std::vector<uint8_t>& active) {
   ParticleFields fields;

@@ -31,6 +31,9 @@ Particles<T> upload_particles(const HostParticles<T>& host, Device device);
 template <typename T>
 HostParticles<T> download_particles(Particles<T>& particles);
 
+/// Marks the particles that are `active` (by source index; empty: all are); the others do not move.
+void set_active(ParticleFrame& frame, std::vector<uint8_t> active);
+
 /// The `wanted` fields in the order of the sources. Particles that are not `active` (by source index; empty: all are)
 /// have no stress and no affine velocity.
 template <typename T>

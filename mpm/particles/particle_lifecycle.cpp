@@ -68,6 +68,17 @@ std::vector<uint8_t> ParticleLifecycle<T>::active() const {
 }
 
 template <typename T>
+void ParticleLifecycle<T>::count(int64_t& born, int64_t& removed) const {
+  born = removed = 0;
+  const std::vector<Presence> presence = presence_.download();
+  const std::vector<double> birth_time = birth_time_.download();
+  for (std::size_t i = 0; i < presence.size(); ++i) {
+    if (birth_time[i] > 0 && presence[i] != Presence::unborn) ++born;
+    if (presence[i] == Presence::gone) ++removed;
+  }
+}
+
+template <typename T>
 double ParticleLifecycle<T>::largest_speed(double from, double to) const {
   double fastest = 0;
   for (std::size_t s = 0; s < scripts_.size(); ++s) {

@@ -58,7 +58,9 @@ class ParticleLifecycle {
   LifecycleView<T> view() const;
   /// [n], 1 for active; empty where all particles always are.
   std::vector<uint8_t> active() const;
-  /// For saving and loading.
+  /// Particles that came and went since the start.
+  void count(int64_t& born, int64_t& removed) const;
+  /// [n] or empty; for saving and loading.
   Buffer<Presence>& presence() { return presence_; }
   const Buffer<Presence>& presence() const { return presence_; }
   /// Largest speed that scripts and emitters give to particles at any time in [from, to] [m/s].

@@ -1,7 +1,8 @@
 // Advection, projection out of obstacles, passage of open and periodic walls, births and sinks, owner blocks, and the
 // step_statistics of the new state; and the copying of particles into another order.
 #include "mpm/particles/slot_range.h"
-#include "mpm/phases/exits.h"
+#include "mpm/phases/phases.h"
+#include "mpm/physics/exits.h"
 #include "mpm/physics/particle_motion.h"
 
 namespace graupel::mpm {
@@ -61,7 +62,8 @@ struct MoveSlots {
     const int32_t particle = p.source_index.get(slot);
     if (view.lifecycle.presence[particle] != Presence::unborn) return false;
     Vec<T, 3> x = p.position.vec(slot);
-    if (!appears(view, view.lifecycle.birth_time[particle], dt, p.velocity.vec(slot), x)) return false;
+    const LifecycleView<T>& lifecycle = view.lifecycle;
+    if (!appears(lifecycle.step_end, lifecycle.birth_time[particle], dt, p.velocity.vec(slot), x)) return false;
     view.lifecycle.presence[particle] = Presence::active;
     p.position.set_vec(slot, x);
     ++found.born;
@@ -82,7 +84,8 @@ struct MoveSlots {
     const T mass = view.materials[p.material.get(slot)].density * p.volume.get(slot);
     if (!move_point<!plain, D, T>(view, view.moving, kinematic, slot, mass, dt, x, slowed, found)) return true;
     if (!(slowed == v)) p.velocity.set_vec(slot, slowed);
-    if (!plain && !kinematic && has_exits(view) && leaves(view, x)) {
+    if (!plain && !kinematic && has_exits(view.walls, view.lifecycle) &&
+        leaves(view.walls, view.lifecycle, view.grid.dx, x)) {
       remove(slot, x, found);
       return false;
     }

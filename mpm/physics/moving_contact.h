@@ -51,17 +51,14 @@ GRAUPEL_HD inline bool near_moving(const MovingObstacleView<T>& moving, const Ve
   return false;
 }
 
-/// Puts x, a particle's place after a substep that began at `before`, out of all obstacles, some of which move; returns
-/// the velocity of the surface that it met.
-template <int D, typename T>
-GRAUPEL_HD inline Vec<T, 3> push_out_of_moving(const SceneView<T>& scene, const MovingObstacleView<T>& moving, T dt,
-                                               const Vec<T, 3>& before, Vec<T, 3>& x) {
+/// Velocity of the surface that a particle meets which went from `before` to x in a substep. In the frame of that
+/// obstacle it comes from where the obstacle would have carried it.
+template <typename T>
+GRAUPEL_HD inline Vec<T, 3> velocity_of_nearest(const MovingObstacleView<T>& moving, const Vec<T, 3>& before,
+                                                const Vec<T, 3>& x) {
   int nearest;
   sparsegrid::signed_distance(moving.end, x, nearest);
-  // In the frame of the obstacle that it met, the particle comes from where that obstacle would have carried it.
-  const Vec<T, 3> surface = nearest >= 0 ? moving.step[nearest].velocity_at(before) : Vec<T, 3>::zero();
-  sparsegrid::push_out<D>(moving.end, scene.walls.particle_low, scene.walls.particle_high, before + dt * surface, x);
-  return surface;
+  return nearest >= 0 ? moving.step[nearest].velocity_at(before) : Vec<T, 3>::zero();
 }
 
 }  // namespace graupel::mpm

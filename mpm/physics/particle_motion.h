@@ -89,12 +89,18 @@ template <bool some_move, int D, typename T, typename Found>
 [[gnu::always_inline]] GRAUPEL_HD inline void keep_out(const SceneView<T>& scene, const MovingObstacleView<T>& moving,
                                                        T mass, T dt, const Vec<T, 3>& before, const Vec<T, 3>& wanted,
                                                        Vec<T, 3>& x, Vec<T, 3>& v, Found& found) {
-  Vec<T, 3> surface_velocity = Vec<T, 3>::zero();
-  if (some_move && scene.push_out && moving.count > 0 && near_moving(moving, x))
-    surface_velocity = push_out_of_moving<D, T>(scene, moving, dt, before, x);
-  else if (scene.push_out && near_surface<D, T>(scene, x))
-    sparsegrid::push_out<D>(scene.obstacle_nodes.obstacles, scene.walls.particle_low, scene.walls.particle_high, before,
-                            x);
+  Vec<T, 3> surface_velocity = Vec<T, 3>::zero(), from = before;
+  const sparsegrid::ObstacleSetView* obstacles = &scene.obstacle_nodes.obstacles;
+  bool near = false;
+  if (some_move && scene.push_out && moving.count > 0 && near_moving(moving, x)) {
+    near = true;
+    obstacles = &moving.end;
+    surface_velocity = velocity_of_nearest(moving, before, x);
+    from = before + dt * surface_velocity;
+  } else {
+    near = scene.push_out && near_surface<D, T>(scene, x);
+  }
+  if (near) sparsegrid::push_out<D>(*obstacles, scene.walls.particle_low, scene.walls.particle_high, from, x);
   if (!(x == wanted)) stop_at_surface(x - wanted, mass, surface_velocity, v, found);
 }
 

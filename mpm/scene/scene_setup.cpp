@@ -15,7 +15,9 @@ SceneSetup<T>::SceneSetup(Scene read_scene, const SampledParticles& particles, c
       grid(grid_of<T>(scene.domain)),
       walls(wall_view<T>(scene)),
       materials(device, 0),
-      obstacle_nodes(device, grid, obstacles.count() > 0 ? obstacles.view(device) : sparsegrid::ObstacleSetView{}) {
+      moving(device, scene, obstacles),
+      lifecycle(device, scene, particles),
+      obstacle_nodes(device, grid, moving.fixed()) {
   std::vector<MaterialParameters<T>> parameters;
   for (const std::string& name : particles.material_names) {
     material_configs.push_back(scene.materials.at(name));
@@ -34,14 +36,23 @@ SceneView<T> SceneSetup<T>::view() const {
   return {grid, walls, scene.gravity.template cast<T>(), scene.push_out, obstacle_nodes.view(), materials.data()};
 }
 
+template <typename T>
+double SceneSetup<T>::fastest(double speed, double from) const {
+  const double to = from + scene.frame_time;
+  return std::max(speed, lifecycle.largest_speed(from, to)) + moving.largest_speed(from, to) +
+         norm(scene.gravity) * scene.frame_time;
+}
+
 StepStatistics survey_start(const SceneSetup<float>& setup, const HostParticles<float>& particles) {
   std::vector<MaterialParameters<float>> parameters;
   for (const MaterialConfig& config : setup.material_configs) parameters.push_back(material_parameters<float>(config));
+  const std::vector<uint8_t> active = setup.lifecycle.active();
   StepStatistics found;
   for (std::size_t i = 0; i < particles.size(); ++i)
-    state_statistics(setup.grid.dx, parameters[static_cast<std::size_t>(particles.material[i])],
-                     static_cast<int64_t>(i), particles.velocity[i], particles.deformation_gradient[i],
-                     particles.internal[i], 0.0f, found);
+    if (active.empty() || active[i] != 0)
+      state_statistics(setup.grid.dx, parameters[static_cast<std::size_t>(particles.material[i])],
+                       static_cast<int64_t>(i), particles.velocity[i], particles.deformation_gradient[i],
+                       particles.internal[i], 0.0f, found);
   return found;
 }
 

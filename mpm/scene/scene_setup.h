@@ -1,8 +1,10 @@
 // What a run keeps of its scene on a device, whatever solver runs it.
 #pragma once
 
+#include "mpm/grid/moving_obstacles.h"
 #include "mpm/grid/scene_view.h"
 #include "mpm/particles/host_particles.h"
+#include "mpm/particles/particle_lifecycle.h"
 #include "mpm/physics/step_report.h"
 
 namespace graupel::mpm {
@@ -12,6 +14,9 @@ struct SceneSetup {
   SceneSetup(Scene read_scene, const SampledParticles& particles, const sparsegrid::ObstacleSet& set, Device device);
 
   SceneView<T> view() const;
+  /// Largest speed in the frame from a time [s] on, for the policy of steps that it settles: of particles whose speed
+  /// is `speed` at its start, emitted ones, scripts, and what gravity adds [m/s].
+  double fastest(double speed, double from) const;
 
   Scene scene;
   sparsegrid::ObstacleSet obstacles;
@@ -22,10 +27,12 @@ struct SceneSetup {
   GridGeometry<T, 3> grid;
   WallView<T> walls;
   Buffer<MaterialParameters<T>> materials;
-  ObstacleNodes<T> obstacle_nodes;
+  MovingObstacles<T> moving;
+  ParticleLifecycle<T> lifecycle;
+  ObstacleNodes<T> obstacle_nodes;  ///< of those at rest
 };
 
-/// StepStatistics of a state on the host.
+/// StepStatistics of a state on the host: of the particles that are in the run.
 StepStatistics survey_start(const SceneSetup<float>& setup, const HostParticles<float>& particles);
 
 /// Adds the particles of `more` after those of `all`.

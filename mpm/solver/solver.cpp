@@ -27,7 +27,9 @@ Solver<T>::Solver(const Scene& scene, const SimulationOptions& options, const Sa
   spare_ = Particles<T>(options.device, particles_.count());
   find_owner_blocks(view());
   step_statistics_ = particle_statistics(view(), grid_.records);
-  check_fixed_step();
+  constexpr double forever = std::numeric_limits<double>::infinity();
+  check_scripted_speed(scene,
+                       std::max(grid_.moving.largest_speed(0, forever), grid_.lifecycle.largest_speed(0, forever)));
 }
 
 template <typename T>
@@ -36,23 +38,6 @@ StateSpeeds Solver<T>::speeds() const {
   return {std::max(std::sqrt(step_statistics_.largest_speed2), grid_.lifecycle.largest_speed(from, to)),
           step_statistics_.largest_sound_speed, diffusivity_, grid_.moving.largest_speed(from, to),
           norm(scene_.gravity) * scene_.frame_time};
-}
-
-/// A fixed step must not let a scripted body cross over one cell.
-template <typename T>
-void Solver<T>::check_fixed_step() const {
-  if (scene_.time_step.policy != StepPolicy::fixed) return;
-  constexpr double forever = std::numeric_limits<double>::infinity();
-  const double dt = scene_.frame_time / static_cast<double>(scene_.time_step.substeps_per_frame);
-  const double speed = std::max(grid_.moving.largest_speed(0, forever), grid_.lifecycle.largest_speed(0, forever));
-  const double cells = speed * dt / scene_.domain.dx;
-  if (cells > 1)
-    throw ConfigError(
-        fmt::format("a scripted body or an emitter moves {:.3g} cells in a "
-                    "substep of {:.4g} s (at {:.4g} m/s, allowed: 1). Use at "
-                    "least {} substeps_per_frame, time_step.policy adaptive, "
-                    "or a slower motion",
-                    cells, dt, speed, static_cast<int64_t>(std::ceil(speed * scene_.frame_time / scene_.domain.dx))));
 }
 
 template <typename T>
@@ -192,15 +177,13 @@ ParticleFrame Solver<T>::frame() const {
   const HostParticles<T> host = particles();
   ParticleFrame frame;
   frame.time = time();
-  frame.active = grid_.lifecycle.active();
   frame.position.resize(particle_count());
   frame.velocity.resize(particle_count());
   for (std::size_t slot = 0; slot < particle_count(); ++slot) {
     frame.position[host.source_index[slot]] = host.position[slot].template cast<float>();
     frame.velocity[host.source_index[slot]] = host.velocity[slot].template cast<float>();
   }
-  for (std::size_t i = 0; i < frame.active.size(); ++i)
-    if (frame.active[i] == 0) frame.velocity[i] = Vec3f::zero();
+  set_active(frame, grid_.lifecycle.active());
   return frame;
 }
 

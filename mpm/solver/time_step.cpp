@@ -44,6 +44,17 @@ double next_step(const TimeStep& policy, double dx, double frame_time, const Sta
   return left / std::max(1.0, std::ceil(left / limit - 1e-9));
 }
 
+void check_scripted_speed(const Scene& scene, double speed) {
+  if (scene.time_step.policy != StepPolicy::fixed) return;
+  const double dt = scene.frame_time / static_cast<double>(scene.time_step.substeps_per_frame);
+  const double cells = speed * dt / scene.domain.dx;
+  if (cells > 1)
+    throw ConfigError(fmt::format(
+        "a scripted body or an emitter moves {:.3g} cells in a substep of {:.4g} s (at {:.4g} m/s, allowed: 1). Use at "
+        "least {} substeps_per_frame, time_step.policy adaptive, or a slower motion",
+        cells, dt, speed, static_cast<int64_t>(std::ceil(speed * scene.frame_time / scene.domain.dx))));
+}
+
 double suggested_step(double dx, const StateSpeeds& speeds, double dt) {
   const double stable = stable_step(0.3, dx, speeds);
   return std::isfinite(stable) ? std::clamp(stable, dt / 8, dt / 2) : dt / 8;

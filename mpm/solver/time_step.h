@@ -26,6 +26,10 @@ double largest_step(const TimeStep& policy, double dx, double frame_time, const 
 /// Throws DivergedError when the frame would need over a million steps.
 double next_step(const TimeStep& policy, double dx, double frame_time, const StateSpeeds& speeds, double left);
 
+/// Throws ConfigError when a fixed step lets a scripted body or an emitted particle of `speed` [m/s] cross over one
+/// cell.
+void check_scripted_speed(const Scene& scene, double speed);
+
 /// Step that a run which diverged with steps of `dt` should try [s]: a courant number of 0.3, between dt/8 and dt/2.
 double suggested_step(double dx, const StateSpeeds& speeds, double dt);
 

@@ -1,8 +1,8 @@
 #include "mpm/solver/tracers.h"
 
 #include "core/system/error.h"
-#include "mpm/phases/exits.h"
 #include "mpm/phases/transfer_form.h"
+#include "mpm/physics/exits.h"
 #include "mpm/physics/particle_motion.h"
 #include "mpm/physics/stencil.h"
 
@@ -120,14 +120,15 @@ struct MoveTracer {
   GRAUPEL_HD void operator()(int64_t i) const {
     Vec<T, 3> x = position[i], v = velocity[i];
     if (presence != nullptr && presence[i] != Presence::active) {
-      if (presence[i] == Presence::gone || !appears(view, birth_time[i], dt, v, x)) return;
+      if (presence[i] == Presence::gone || !appears(view.lifecycle.step_end, birth_time[i], dt, v, x)) return;
       presence[i] = Presence::active;
     } else {
       v = velocity_at(x, v);
     }
     StepStatistics unused;
     move_point<true, D, T>(view, view.moving, false, i, T(1), dt, x, v, unused);
-    if (has_exits(view) && leaves(view, x)) presence[i] = Presence::gone;
+    if (has_exits(view.walls, view.lifecycle) && leaves(view.walls, view.lifecycle, view.grid.dx, x))
+      presence[i] = Presence::gone;
     position[i] = x;
     velocity[i] = v;
   }

@@ -47,5 +47,28 @@ TEST(BenchMpm, RefusesRecipesOfCategories) {
   EXPECT_TRUE(outcome.says("'scenes/recipes/general.json' is a recipe of categories")) << outcome.output;
 }
 
+TEST(BenchMpm, ScenesOfACategoryAreTimedByTheTunedAndThePortableKernels) {
+  const Folder folder;
+  const std::string recipe = "bench mpm --recipe scenes/recipes/general.json --device cpu --frames 1 ";
+  const Outcome outcome = graupel(recipe + "--category stream --json " + folder.file("t.json"));
+  EXPECT_EQ(outcome.exit_code, 0) << outcome.output;
+  std::ifstream file(folder.file("t.json"));
+  const auto rows = nlohmann::json::parse(file)["rows"];
+  ASSERT_EQ(rows.size(), 2U);
+  EXPECT_EQ(rows[0]["kernels"], "tuned");
+  EXPECT_EQ(rows[1]["kernels"], "portable");
+  for (const auto& row : rows) {
+    EXPECT_EQ(row["category"], "stream");
+    EXPECT_EQ(row["particles"], rows[0]["particles"]);
+    EXPECT_GT(row["seconds_per_frame"].get<double>(), 0);
+  }
+  const Outcome both = graupel(recipe + "--category stream --portable");
+  EXPECT_EQ(both.exit_code, 2);
+  EXPECT_TRUE(both.says("--portable excludes --category")) << both.output;
+  const Outcome nameless = graupel("bench mpm --category stream --device cpu");
+  EXPECT_EQ(nameless.exit_code, 2);
+  EXPECT_TRUE(nameless.says("--category needs a recipe of categories")) << nameless.output;
+}
+
 }  // namespace
 }  // namespace graupel::test

@@ -6,7 +6,7 @@
 #include "mpm/scene/scene_hash.h"
 #include "mpm/simulation.h"
 #include "tests/gpu_only.h"
-#include "tests/mpm/test_scenes.h"
+#include "tests/mpm/changing_scenes.h"
 
 namespace graupel::mpm {
 namespace {
@@ -111,9 +111,7 @@ TEST_P(SavedState, SoDoesOneWithEmittersSinksScriptsAndMovingObstacles) {
   EXPECT_GT(whole->statistics().removed, 0);
 }
 
-TEST(SavedStateOnTheGpu, ARestartedRunEqualsAnUninterruptedOneByteForByte) {
-  GRAUPEL_NEEDS_GPU();
-  const Scene scene = falling();
+void expect_same_after_a_restart_on_the_gpu(const Scene& scene) {
   for (const Kernels kernels : {Kernels::tuned, Kernels::portable}) {
     const SimulationOptions options{.device = Device::cuda, .kernels = kernels};
     const auto whole = Simulation::create(scene, options), first = Simulation::create(scene, options),
@@ -127,6 +125,16 @@ TEST(SavedStateOnTheGpu, ARestartedRunEqualsAnUninterruptedOneByteForByte) {
     EXPECT_EQ(second->frame().position, whole->frame().position);
     EXPECT_THROW(Simulation::create(scene, {})->load_state(first->save_state()), InputError);
   }
+}
+
+TEST(SavedStateOnTheGpu, ARestartedRunEqualsAnUninterruptedOneByteForByte) {
+  GRAUPEL_NEEDS_GPU();
+  expect_same_after_a_restart_on_the_gpu(falling());
+}
+
+TEST(SavedStateOnTheGpu, ARestartedRunOfASceneThatChangesEqualsAnUninterruptedOneByteForByte) {
+  GRAUPEL_NEEDS_GPU();
+  for (const auto& [name, scene] : changing_scenes()) expect_same_after_a_restart_on_the_gpu(scene);
 }
 
 std::string input_error(Simulation& sim, const std::vector<std::byte>& state) {

@@ -88,6 +88,12 @@ inline Scene in_the_plane(Scene scene) {
   return scene;
 }
 
+inline FieldSet all_fields() {
+  FieldSet fields;
+  for (const ParticleField field : all_particle_fields) fields.add(field);
+  return fields;
+}
+
 template <typename T, int D>
 Mat<T, D> random_matrix(uint64_t i, double scale) {
   const Random random(11, RandomPurpose::test, D);

@@ -21,9 +21,12 @@ template <typename Batch>
   const SceneProgress& c = batch.control(scene_number);
   const auto& setup = batch.setup(scene_number);
   const Scene& scene = setup.scene;
-  if (c.phase == ScenePhase::too_stiff)
-    next_step(scene.time_step, scene.domain.dx, scene.frame_time, {c.speed, c.sound_speed, setup.diffusivity},
+  if (c.phase == ScenePhase::too_stiff) {
+    const double speed =
+        scene.time_step.policy == StepPolicy::adaptive ? c.speed : setup.fastest(c.speed, time - c.elapsed);
+    next_step(scene.time_step, scene.domain.dx, scene.frame_time, {speed, c.sound_speed, setup.diffusivity},
               scene.frame_time - c.elapsed);  // throws
+  }
   const auto host = batch.particles();
   DivergedParticle bad;
   bad.index = c.bad_particle - batch.first_particle(scene_number);  // that one counts through all scenes
@@ -53,8 +56,16 @@ std::string why_stopped(const Batch& batch, int scene_number, int64_t frames_don
 template <typename Batch>
 std::vector<ParticleFrame> frames_of_scenes(const Batch& batch, FieldSet wanted, int64_t frames_done) {
   const ParticleFrame all = batch.frame();
+  const auto count = static_cast<std::size_t>(batch.first_particle(batch.scene_count()));
+  std::vector<uint8_t> active;  // of all scenes; empty while every one has all its particles
+  for (int i = 0; i < batch.scene_count(); ++i) {
+    const std::vector<uint8_t> own = batch.setup(i).lifecycle.active();
+    if (own.empty()) continue;
+    active.resize(count, 1);
+    std::copy(own.begin(), own.end(), active.begin() + batch.first_particle(i));
+  }
   ParticleFields fields;
-  if (!wanted.empty()) fields = fields_of(batch.particles(), wanted);
+  if (!wanted.empty()) fields = fields_of(batch.particles(), wanted, active);
   std::vector<ParticleFrame> frames(static_cast<std::size_t>(batch.scene_count()));
   for (int i = 0; i < batch.scene_count(); ++i) {
     ParticleFrame& frame = frames[static_cast<std::size_t>(i)];
@@ -65,6 +76,7 @@ std::vector<ParticleFrame> frames_of_scenes(const Batch& batch, FieldSet wanted,
     frame.time = static_cast<double>(frames_done) * batch.setup(i).scene.frame_time;
     frame.position = part(all.position, 1);
     frame.velocity = part(all.velocity, 1);
+    if (batch.setup(i).lifecycle.has_presence()) set_active(frame, part(active, 1));
     for (const ParticleField field : all_particle_fields)
       if (wanted.contains(field)) frame.fields[field] = part(fields[field], info_of(field).components);
   }

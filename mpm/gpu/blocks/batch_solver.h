@@ -41,7 +41,9 @@ class BatchSolver {
   HostParticles<float> particles() const;
   /// The arrays in use, and the scenes' records: what a saved state holds.
   Particles<float>& present_particles() { return particles_[counts_.download().front().current]; }
-  void set_controls(const std::vector<SceneProgress>& controls) {
+  const Buffer<Presence>& presence(int scene) const { return setup(scene).lifecycle.presence(); }
+  Buffer<Presence>& presence(int scene) { return scenes_[static_cast<std::size_t>(scene)]->lifecycle.presence(); }
+  void set_course(const std::vector<SceneProgress>& controls, int64_t /*frames_done*/) {
     controls_.upload(controls);
     host_controls_ = controls;
   }

@@ -51,16 +51,21 @@ GRAUPEL_HD inline int32_t interval_of_sorts(const BatchScene& scene, const Scene
   return interval;
 }
 
-/// Every frame starts with a sort.
-GRAUPEL_HD inline void begin_frame(const BatchScene& scene, SceneProgress& control) {
+/// Every frame starts with a sort. `substeps`: of the frame, where they are equal; 0: over a million.
+GRAUPEL_HD inline void begin_frame(const BatchScene& scene, int64_t substeps, SceneProgress& control) {
   if (control.phase != ScenePhase::frame_done) return;
   control.phase = ScenePhase::unsorted;
   control.elapsed = 0;
   control.frame_substeps = 0;
-  control.equal_substeps = static_cast<int32_t>(equal_substeps(scene.time_step, static_cast<double>(scene.view.grid.dx),
-                                                               scene.frame_time, control.speed + scene.fall_speed));
+  control.equal_substeps = static_cast<int32_t>(substeps);
   choose_step(scene, control);
   control.sort_interval = interval_of_sorts(scene, control);
+}
+GRAUPEL_HD inline void begin_frame(const BatchScene& scene, SceneProgress& control) {
+  begin_frame(scene,
+              equal_substeps(scene.time_step, static_cast<double>(scene.view.grid.dx), scene.frame_time,
+                             control.speed + scene.fall_speed),
+              control);
 }
 
 GRAUPEL_HD inline void clear_report(StepReport& report) {

@@ -1,6 +1,6 @@
 // The solver for small scenes with equal steps on a GPU: many scenes in one launch, a whole frame in one kernel
-// (mpm/gpu/small/small_scene_step.h). A Backend runs the kernel: CUDA's (mpm/gpu/cuda_backend.cuh) or, in tests,
-// fibers.
+// (mpm/gpu/small/small_scene_step.h). All scenes of a launch change during a frame, or none does (small_scene.h). A
+// Backend runs the kernel: CUDA's (mpm/gpu/cuda_backend.cuh) or, in tests, fibers.
 #pragma once
 
 #include <algorithm>
@@ -8,20 +8,14 @@
 #include <memory>
 #include <vector>
 
+#include "core/system/error.h"
 #include "mpm/gpu/blocks/batch_lists.h"
 #include "mpm/gpu/blocks/batch_setup.h"
+#include "mpm/gpu/small/frame_tables.h"
+#include "mpm/gpu/small/small_scene.h"
 #include "mpm/gpu/small/small_scene_step.h"
 
 namespace graupel::mpm {
-
-/// Whether SmallSceneSolver runs a scene of this many particles. It depends on the scene alone, as its bytes must.
-inline bool is_small_scene(const Scene& scene, std::size_t particles) {
-  const Vec<int, 3> blocks = grid_of<float>(scene.domain).blocks;
-  int64_t nodes = 1;
-  for (int d = 0; d < 3; ++d) nodes *= block_width * int64_t(blocks[d]);
-  return scene.time_step.policy != StepPolicy::adaptive && static_cast<int64_t>(particles) <= most_small_particles &&
-         nodes <= most_small_nodes && scene.obstacles.size() < 65000;
-}
 
 /// The contact laws of a scene, in the order of ContactLaw.
 inline std::vector<ContactLaw> laws_of(const SceneSetup<float>& s) {
@@ -36,6 +30,7 @@ inline std::vector<ContactLaw> laws_of(const SceneSetup<float>& s) {
 template <typename Backend>
 class SmallSceneSolver {
  public:
+  /// Throws ConfigError when a fixed step is too long for a script or an emitter.
   SmallSceneSolver(Backend& backend, std::vector<BatchEntry> entries);
 
   /// One frame of every scene that has not diverged.
@@ -47,11 +42,14 @@ class SmallSceneSolver {
   int64_t first_particle(int scene) const { return first_particle_[static_cast<std::size_t>(scene)]; }
   /// Positions [m] and velocities [m/s] of all scenes, in the order of their sources.
   ParticleFrame frame() const;
-  /// State in slot order, which is that of the sources; source_index counts through all scenes.
+  /// State in slot order, which is that of the sources; source_index counts through all scenes. Who is in the run:
+  /// setup(scene).lifecycle.
   HostParticles<float> particles() const { return download_particles(particles_); }
   /// The particle arrays, and the scenes' records: what a saved state holds.
   Particles<float>& present_particles() { return particles_; }
-  void set_controls(const std::vector<SceneProgress>& controls);
+  const Buffer<Presence>& presence(int scene) const { return setup(scene).lifecycle.presence(); }
+  Buffer<Presence>& presence(int scene) { return scenes_[static_cast<std::size_t>(scene)]->lifecycle.presence(); }
+  void set_course(const std::vector<SceneProgress>& controls, int64_t frames_done);
   int64_t memory_bytes() const;
   int64_t active_blocks() const { return 0; }  ///< the grid is kept in full
 
@@ -61,6 +59,8 @@ class SmallSceneSolver {
   void share_out_blocks();
   SmallScene small_scene(int scene) const;
   SmallBatchView view() const;
+  template <typename View>
+  void run_frame(const View& view);
 
   Backend& backend_;
   std::vector<std::unique_ptr<SceneSetup<float>>> scenes_;
@@ -68,6 +68,7 @@ class SmallSceneSolver {
   std::vector<SceneProgress> host_controls_;
   std::vector<int64_t> first_node_;  ///< of every scene's grid, and one past the last scene's
   int32_t groups_ = 1, blocks_ = 1;  ///< of threads, in a group
+  int64_t frames_done_ = 0;
 
   mutable Particles<float> particles_;
   Buffer<BatchScene> batch_scenes_;
@@ -79,6 +80,7 @@ class SmallSceneSolver {
   std::vector<Buffer<ContactLaw>> laws_;  ///< of every scene
   Buffer<int32_t> base_;
   Buffer<uint32_t> arrivals_;
+  std::unique_ptr<FrameTables> tables_;  ///< of scenes that change
 };
 
 template <typename Backend>
@@ -105,6 +107,9 @@ SmallSceneSolver<Backend>::SmallSceneSolver(Backend& backend, std::vector<BatchE
   arrivals_.resize_discard(scenes_.size());
   make_grids();
   share_out_blocks();
+  const bool changes = is_changing_scene(setup(0).scene);
+  for (const auto& s : scenes_) GRAUPEL_ASSERT(is_changing_scene(s->scene) == changes);
+  if (changes) tables_ = std::make_unique<FrameTables>(scenes_, backend_.device());
 }
 
 template <typename Backend>
@@ -123,8 +128,9 @@ void SmallSceneSolver<Backend>::make_grids() {
     laws_.back().upload(laws_of(setup(i)));
     small.push_back(small_scene(i));
     const int64_t first = first_node_[static_cast<std::size_t>(i)];
-    backend_.launch(first_node_[static_cast<std::size_t>(i) + 1] - first,
-                    small::FindContacts{setup(i).view(), small.back().nodes, contact_.data() + first});
+    backend_.launch(
+        first_node_[static_cast<std::size_t>(i) + 1] - first,
+        small::FindContacts{setup(i).view(), small.back().nodes, small.back().first_wall_law, contact_.data() + first});
   }
   small_scenes_.upload(small);
   backend_.wait();
@@ -196,20 +202,35 @@ SmallBatchView SmallSceneSolver<Backend>::view() const {
 }
 
 template <typename Backend>
-void SmallSceneSolver<Backend>::advance_frame() {
+template <typename View>
+void SmallSceneSolver<Backend>::run_frame(const View& v) {
   backend_.segment(0, [&] {
-    const SmallBatchView v = view();
-    backend_.launch(scene_count(), small::BeginFrame{v, blocks_});
+    backend_.launch(scene_count(), small::BeginFrame<View>{v, blocks_});
     backend_.run_frame(v, groups_ * blocks_);
   });
+}
+
+template <typename Backend>
+void SmallSceneSolver<Backend>::advance_frame() {
+  if (tables_) {
+    tables_->make(frames_done_, host_controls_);
+    if (tables_->upload()) backend_.forget();
+    run_frame(ChangingBatchView{view(), tables_->scenes()});
+    tables_->make_early(frames_done_ + 1, host_controls_);
+  } else {
+    run_frame(view());
+  }
+  ++frames_done_;
   backend_.read(controls_.data(), host_controls_.size(), host_controls_.data(), controls_.data(), 0,
                 host_controls_.data());
 }
 
 template <typename Backend>
-void SmallSceneSolver<Backend>::set_controls(const std::vector<SceneProgress>& controls) {
+void SmallSceneSolver<Backend>::set_course(const std::vector<SceneProgress>& controls, int64_t frames_done) {
   controls_.upload(controls);
   host_controls_ = controls;
+  frames_done_ = frames_done;
+  if (tables_) tables_->discard();
   clear_grids();
   backend_.wait();
 }
@@ -225,8 +246,9 @@ ParticleFrame SmallSceneSolver<Backend>::frame() const {
 
 template <typename Backend>
 int64_t SmallSceneSolver<Backend>::memory_bytes() const {
-  return particles_.bytes() + static_cast<int64_t>(sums_.size() * sizeof(UnitPair) +
-                                                   contact_.size() * sizeof(NodeContact) + 4 * base_.size());
+  return particles_.bytes() + (tables_ ? tables_->bytes() : 0) +
+         static_cast<int64_t>(sums_.size() * sizeof(UnitPair) + contact_.size() * sizeof(NodeContact) +
+                              4 * base_.size());
 }
 
 }  // namespace graupel::mpm

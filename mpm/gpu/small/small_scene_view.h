@@ -6,8 +6,9 @@
 // run gives the same bytes, alone or among other scenes.
 #pragma once
 
-#include "core/scene/scene.h"
 #include "mpm/gpu/blocks/batch_view.h"
+#include "mpm/grid/moving_obstacles.h"
+#include "mpm/particles/particle_lifecycle.h"
 
 namespace graupel::mpm {
 
@@ -19,8 +20,11 @@ struct alignas(16) UnitPair {
 /// What holds the material at a node.
 struct alignas(16) NodeContact {
   Vec<float, 3> normal;
-  int32_t code;  ///< law + 1 (0: none) in the low 16 bits; above, bit 2 axis + side: a further wall that holds it
+  int32_t code;  ///< law + 1 (0: none) in the low 16 bits; above, bit 2 axis + side: a further wall that holds it;
+                 ///< held_by_moving
 };
+inline constexpr int32_t held_by_moving = 1
+                                          << 22;  ///< the law is that of a moving obstacle; normal zero deep inside it
 
 /// A contact law: first those of the obstacles, then of the walls (2 axis + side), last that of obstacles deep inside,
 /// where no normal is known and the material stands still.
@@ -29,11 +33,6 @@ struct ContactLaw {
   float friction;
 };
 inline constexpr int laws_of_walls = 6;
-
-/// Most nodes and particles of a small scene: 400 MB of grids; above, sorted blocks are faster
-/// (docs/lab/performance.md).
-inline constexpr int64_t most_small_nodes = int64_t{1} << 22;
-inline constexpr int64_t most_small_particles = 16384;
 
 /// What a scene has beside its BatchScene.
 struct SmallScene {
@@ -47,8 +46,28 @@ struct SmallScene {
   const ContactLaw* laws;  ///< [obstacles + 7]
 };
 
+/// The nodes that a moving obstacle may hold in a substep: a box of the grid, and its first place in the scene's table.
+struct NodeBox {
+  Vec<int, 3> low, size;
+  int32_t first;
+
+  GRAUPEL_HD int32_t count() const { return size[0] * size[1] * size[2]; }
+};
+
+/// What changes in a scene during a frame, known before it.
+struct ChangingScene {
+  int32_t substeps;
+  MovingObstacleView<float> moving;  ///< in the first substep
+  const NodeBox* boxes;              ///< [substeps, moving.count]
+  NodeContact* contact[2];           ///< [nodes of the boxes] each, for even and odd substeps
+  LifecycleView<float> lifecycle;
+  const double* step_end;  ///< [substeps] [s]; where particles come and go
+};
+
 /// Blocks of threads stand in groups; a group takes one scene after the other.
 struct SmallBatchView {
+  static constexpr bool changes = false;
+
   int32_t scene_count, groups;
   const BatchScene* scenes;
   const SmallScene* small;
@@ -57,6 +76,13 @@ struct SmallBatchView {
   ParticleView<float> particles;
   int32_t* base;       ///< [3, n] lowest node of the stencil that a particle last added to each grid, or -1
   uint32_t* arrivals;  ///< [scenes] blocks at the barriers of the present frame
+};
+
+/// Scenes with moving obstacles, or particles that come and go. The others have a kernel without them.
+struct ChangingBatchView : SmallBatchView {
+  static constexpr bool changes = true;
+
+  const ChangingScene* changing;  ///< [scenes]
 };
 
 }  // namespace graupel::mpm

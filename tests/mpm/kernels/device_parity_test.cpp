@@ -7,7 +7,7 @@
 #include "core/system/error.h"
 #include "mpm/simulation.h"
 #include "tests/gpu_only.h"
-#include "tests/mpm/test_scenes.h"
+#include "tests/mpm/changing_scenes.h"
 
 namespace graupel::mpm {
 namespace {
@@ -77,7 +77,7 @@ TEST(DeviceParity, EveryContactAndShapeMovesTheSameOnTheGpu) {
     }
 }
 
-/// What the tuned kernels do not know: Simulation::create takes the portable ones.
+/// What not all tuned kernels know: for most Simulation::create takes the portable ones.
 std::vector<std::pair<std::string, Scene>> scenes_beyond_tuned_kernels() {
   std::vector<std::pair<std::string, Scene>> scenes;
   const auto add = [&](const std::string& name) -> Scene& {
@@ -141,6 +141,30 @@ std::vector<std::pair<std::string, Scene>> scenes_beyond_tuned_kernels() {
 TEST(DeviceParity, WhatTheTunedKernelsDoNotKnowMovesTheSameOnTheGpu) {
   GRAUPEL_NEEDS_GPU();
   for (const auto& [name, scene] : scenes_beyond_tuned_kernels()) expect_parity(scene, Kernels::tuned, name);
+}
+
+/// Obstacles that move, particles that come and go: in the kernel for small scenes, by blocks none of it.
+TEST(DeviceParity, SmallScenesThatChangeMoveTheSameWithTunedAndPortableKernels) {
+  GRAUPEL_NEEDS_GPU();
+  for (const auto& [name, scene] : changing_scenes()) {
+    const auto tuned = Simulation::create(scene, {.device = Device::cuda}),
+               portable = Simulation::create(scene, {.device = Device::cuda, .kernels = Kernels::portable}),
+               cpu = Simulation::create(scene, {});
+    for (int f = 0; f < 3; ++f) {
+      for (Simulation* run : {tuned.get(), portable.get(), cpu.get()}) run->advance_frame();
+      expect_close(portable->frame(), tuned->frame(), name);
+      expect_close(cpu->frame(), tuned->frame(), name + ", CPU");
+    }
+    EXPECT_EQ(tuned->statistics().active_blocks, 0) << name << ": not in the kernel for small scenes";
+    EXPECT_GT(portable->statistics().active_blocks, 0) << name;
+    const RunStatistics a = tuned->statistics(), b = portable->statistics();
+    EXPECT_EQ(a.substeps, b.substeps) << name;
+    EXPECT_EQ(a.born, b.born) << name;
+    EXPECT_EQ(a.removed, b.removed) << name;
+    const auto pushed = static_cast<double>(b.pushed_out);
+    EXPECT_NEAR(static_cast<double>(a.pushed_out), pushed, 0.02 * pushed + 3) << name;
+    EXPECT_NEAR(tuned->diagnostics().mass, portable->diagnostics().mass, 1e-9) << name;
+  }
 }
 
 TEST(DeviceParity, TunedKernelsGiveTheSameBytesInEveryRun) {

@@ -83,10 +83,12 @@ class FiberBackend {
   static constexpr int small_threads = 64;
   static int small_warps() { return small_threads / warp_width; }
   int small_blocks() const { return 4; }
-  void run_frame(const SmallBatchView& view, int blocks) {
-    run_together<small::Shared>(
-        blocks, blocks, small_threads,
-        [&view](const FiberThread& thread, small::Shared& shared) { small::run_frame(thread, view, shared); });
+  template <typename View>
+  void run_frame(const View& view, int blocks) {
+    using Shared = small::SharedFor<View>;
+    run_together<Shared>(blocks, blocks, small_threads, [&view](const FiberThread& thread, Shared& shared) {
+      small::run_frame(thread, view, shared);
+    });
   }
 
  private:

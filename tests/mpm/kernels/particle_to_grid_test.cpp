@@ -95,16 +95,16 @@ struct GpuSmallScene : Portable<float, 3, Spline::quadratic> {
     constexpr int threads = 64;
     FiberBlock(threads).run(0, [&](const FiberThread& thread) {
       small::load_scene(thread, batch, 0, *shared);
-      const small::Worker<FiberThread> worker{thread,
-                                              batch,
-                                              *shared,
-                                              shared->scene,
-                                              shared->small,
-                                              0,
-                                              1,
-                                              0,
-                                              small::chunk_size_for(small.count, threads / warp_width),
-                                              dt};
+      const small::Worker<FiberThread, SmallBatchView> worker{thread,
+                                                              batch,
+                                                              *shared,
+                                                              shared->scene,
+                                                              shared->small,
+                                                              0,
+                                                              1,
+                                                              0,
+                                                              small::chunk_size_for(small.count, threads / warp_width),
+                                                              dt};
       small::scatter_scene(worker, 0);
     });
     NodeSums sums;

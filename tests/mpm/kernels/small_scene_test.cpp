@@ -2,22 +2,12 @@
 // scenes and of how threads share the particles.
 #include <gtest/gtest.h>
 
-#include "mpm/gpu/blocks/batch_state.h"
 #include "mpm/solver/solver.h"
-#include "tests/mpm/kernels/fiber_backend.h"
+#include "tests/mpm/kernels/small_scene_run.h"
 #include "tests/mpm/test_scenes.h"
 
 namespace graupel::mpm {
 namespace {
-
-using SmallSolver = SmallSceneSolver<FiberBackend>;
-
-std::unique_ptr<SmallSolver> solver_of(FiberBackend& backend, const std::vector<Scene>& scenes, uint64_t seed = 3) {
-  std::vector<BatchEntry> entries;
-  for (const Scene& scene : scenes)
-    entries.push_back({scene, sample_sources(scene, seed), sparsegrid::ObstacleSet(scene)});
-  return std::make_unique<SmallSolver>(backend, std::move(entries));
-}
 
 /// four_materials() closer together and with few particles, since fibers are slow.
 Scene mixed_scene() {
@@ -38,18 +28,6 @@ Scene mixed_scene() {
   scene.sources[1].velocity = {0, -6, 0};
   set_steps(scene, 10, 3e-4);
   return scene;
-}
-
-struct Difference {
-  float position = 0, velocity = 0;
-};
-Difference difference(const ParticleFrame& a, const ParticleFrame& b, std::size_t first = 0) {
-  Difference worst;
-  for (std::size_t i = 0; i < a.position.size(); ++i) {
-    worst.position = std::max(worst.position, norm(a.position[i] - b.position[first + i]));
-    worst.velocity = std::max(worst.velocity, norm(a.velocity[i] - b.velocity[first + i]));
-  }
-  return worst;
 }
 
 /// Runs two frames of both.
@@ -191,6 +169,11 @@ TEST(SmallScene, TheSceneAloneDecidesWhetherItIsSmall) {
   scene.domain.dx = scene.domain.size[0] / 512;
   EXPECT_FALSE(is_small_scene(scene, 3600));
   scene = scene_with("taichi_water");
+  EXPECT_FALSE(is_changing_scene(scene));
+  scene.sinks.push_back({});
+  EXPECT_TRUE(is_changing_scene(scene));
+  EXPECT_TRUE(is_small_scene(scene, most_changing_particles));
+  EXPECT_FALSE(is_small_scene(scene, most_changing_particles + 1));
   scene.time_step.policy = StepPolicy::adaptive;
   EXPECT_FALSE(is_small_scene(scene, 3600));
 }

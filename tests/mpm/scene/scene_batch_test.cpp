@@ -5,7 +5,7 @@
 #include "mpm/grouped_batch.h"
 #include "mpm/simulation.h"
 #include "tests/gpu_only.h"
-#include "tests/mpm/test_scenes.h"
+#include "tests/mpm/changing_scenes.h"
 
 namespace graupel::mpm {
 namespace {
@@ -29,12 +29,6 @@ std::vector<PreparedScene> prepared(const std::vector<Scene>& scenes, Device dev
   for (const Scene& scene : scenes)
     out.emplace_back(scene, SimulationOptions{.device = device, .seed = 3 + scene.sources.size()});
   return out;
-}
-
-FieldSet all_fields() {
-  FieldSet fields;
-  for (const ParticleField field : all_particle_fields) fields.add(field);
-  return fields;
 }
 
 void expect_same_frame(const ParticleFrame& a, const ParticleFrame& b) {
@@ -126,6 +120,22 @@ TEST(SceneBatch, GroupsKeepTheOrderOfTheScenes) {
 
 TEST(SceneBatch, ScenesWithoutACommonLaunchAreAsAloneOnTheCpu) {
   expect_single_runs(scenes_that_share_no_launch(), Device::cpu);
+}
+
+/// Scenes that change, among others.
+std::vector<Scene> scenes_of_all_kinds() {
+  std::vector<Scene> scenes = scenes_that_share_no_launch();
+  for (const auto& [name, scene] : changing_scenes()) scenes.push_back(scene);
+  scenes.push_back(turning_paddle());
+  scenes.back().sources[0].velocity = {0, -300, 0};  // diverges
+  return scenes;
+}
+
+TEST(SceneBatch, ScenesThatChangeAreAsAloneOnTheCpu) { expect_single_runs(scenes_of_all_kinds(), Device::cpu); }
+
+TEST(SceneBatch, ScenesThatChangeAreAsAloneOnTheGpu) {
+  GRAUPEL_NEEDS_GPU();
+  expect_single_runs(scenes_of_all_kinds(), Device::cuda);
 }
 
 TEST(SceneBatch, ScenesWithoutACommonLaunchAreAsAloneOnTheGpu) {
