@@ -91,7 +91,7 @@ double BodyLoad::acts(double from, double dt) const {
 void BodyLoad::equations(const double* latent, Eigen::VectorXd& right, Eigen::MatrixXd& matrix) const {
   Eigen::MatrixXd of_carriers;
   Eigen::VectorXd unused;
-  sum_up(*carriers_.field, carriers_.mass, latent, force_ / carriers_.all, of_carriers, right);
+  sum_up(*carriers_.field, carriers_.mass, latent, (1 / carriers_.all) * force_, of_carriers, right);
   sum_up(*body_.field, body_.mass, latent, Vec3d::zero(), matrix, unused);
 }
 
