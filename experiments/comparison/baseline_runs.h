@@ -27,7 +27,8 @@ inline constexpr std::size_t most_baselines = 3;
 void check_training_runs(const TrainingRuns& runs, const LoadedModel& model, const SceneTask& task);
 
 /// Without training runs nothing-moves alone; without between-runs and beyond-runs where the training runs span no
-/// simplex. Throws InputError where the training runs have other particles than the truth.
+/// simplex. Runs of the same body with other particles are carried to the truth's by moving least squares. Throws
+/// InputError where the training runs have other particles than their scene or, on the truth's, than the truth.
 std::vector<BaselineRun> baseline_runs(const TrainingRuns* runs, const SceneTask& task,
                                        const compare::ParticleRun& truth);
 

@@ -7,6 +7,7 @@
 #include <set>
 
 #include "core/system/error.h"
+#include "experiments/models/body_points.h"
 #include "experiments/models/scene_difference.h"
 #include "io/scene/scene_reader.h"
 #include "rom/solver/material_difference.h"
@@ -65,11 +66,18 @@ std::vector<int32_t> particle_kinds(const rom::ReducedModel& model) {
 
 namespace {
 
-/// Throws ConfigError for a scene that the model is not for. Models of the deformation alone run with other loads.
+/// What may be other than in the training for a model of the deformation alone: loads, particles, grid.
+std::set<std::string> keys_of_deformation_models(const LoadedModel& loaded) {
+  std::set<std::string> keys = discretisation_keys(loaded.model.scene_json);
+  keys.insert(load_keys.begin(), load_keys.end());
+  return keys;
+}
+
+/// Throws ConfigError for a scene that the model is not for.
 void check_same_scene(const LoadedModel& loaded, const std::string& text) {
-  const bool any_load = loaded.model.fields->stress_follows_deformation();
-  const auto difference = scene_difference(text, loaded.model.scene_json, parameter_keys(loaded.model),
-                                           any_load ? load_keys : std::set<std::string>());
+  const auto difference = scene_difference(
+      text, loaded.model.scene_json, parameter_keys(loaded.model),
+      loaded.model.fields->stress_follows_deformation() ? keys_of_deformation_models(loaded) : std::set<std::string>());
   if (difference)
     throw ConfigError(fmt::format(
         "'{}' is for another scene ('{}' has {} there, the scene of the training {}). Use that scene; 'graupel "
@@ -95,10 +103,13 @@ std::vector<std::string> unlike_training(const LoadedModel& loaded, const Scene&
     lines.push_back("outside the training: " + line);
   const auto keys = parameter_keys(loaded.model);
   const std::string& trained = loaded.model.scene_json;
-  if (!scene_difference(text, trained, keys, load_keys))
-    if (const auto load = scene_difference(text, trained, keys))
-      lines.push_back(fmt::format("loads differ from those of the training: {} is {}, there {}", load->key, load->own,
-                                  load->other));
+  if (scene_difference(text, trained, keys, keys_of_deformation_models(loaded))) return lines;
+  if (const auto load = scene_difference(text, trained, keys, discretisation_keys(trained)))
+    lines.push_back(
+        fmt::format("loads differ from those of the training: {} is {}, there {}", load->key, load->own, load->other));
+  if (const auto grid = scene_difference(text, trained, keys, load_keys))
+    lines.push_back(fmt::format("particles or grid differ from those of the training: {} is {}, there {}", grid->key,
+                                grid->own, grid->other));
   return lines;
 }
 
@@ -132,6 +143,16 @@ ReducedRun::ReducedRun(const LoadedModel& loaded, const Scene& scene, uint64_t s
   record_.emplace(loaded.model.usual,
                   how.foreign == ForeignScene::run ? foreign_share(loaded, prepared.scene, prepared.particles) : 0.0,
                   loaded.model.usual_error);
+  const auto& position = prepared.particles.position;
+  if (loaded.model.fields->stress_follows_deformation() &&
+      !has_own_particles(loaded.model, prepared.particles, 1e-4 * scene.domain.dx)) {
+    std::vector<float> reference;
+    for (const Vec3d& x : position)
+      for (int d = 0; d < 3; ++d) reference.push_back(static_cast<float>(x[d]));
+    points_ = std::make_unique<PointFrames>(loaded.model.fields->bind_any_points(reference), position.size(),
+                                            PointFrames::Content::positions_and_velocities);
+    prepared.particles = own_particles(loaded.model, prepared.scene);
+  }
   if (how.device == Device::cuda && how.arithmetic == Arithmetic::f64)
     throw ConfigError("reduced models run in single precision on the GPU (asked for: --f64). Use --device cpu");
   if (how.device == Device::cuda)
@@ -146,6 +167,14 @@ ReducedRun::ReducedRun(const LoadedModel& loaded, const Scene& scene, uint64_t s
 rom::LoadResponse ReducedRun::apply(const rom::Load& load) {
   if (gpu_) throw ConfigError("loads on reduced models act on the CPU alone. Use --device cpu");
   return single_ ? single_->apply(load) : exact_->apply(load);
+}
+
+ReducedRun::ReducedRun(ReducedRun&&) noexcept = default;
+ReducedRun::~ReducedRun() = default;
+
+ParticleFrame ReducedRun::frame() const {
+  if (points_) return points_->frame(state(), time());
+  return gpu_ ? gpu_->frame(0) : single_ ? single_->frame() : exact_->frame();
 }
 
 void ReducedRun::advance_frame() {

@@ -42,6 +42,8 @@ std::vector<std::string> outside_range(const rom::ReducedModel& model, const std
 /// What in the scene the model was not trained on, a line each: parameters outside of the range, other loads.
 std::vector<std::string> unlike_training(const LoadedModel& model, const Scene& scene);
 
+class PointFrames;
+
 enum class Arithmetic { f32, f64 };
 /// What is said about parameters outside of the training's range.
 enum class OutsideRange { warn, be_quiet };
@@ -60,19 +62,22 @@ struct ReducedRunOptions {
 /// "trust 0.93, ok; training runs rolled out with errors up to 1.2 % of the displacement".
 std::string trust_line(const rom::ReducedModel& model, const rom::ErrorIndicatorRecord& record);
 
-/// A reduced run of either precision, or on a GPU.
+/// A reduced run of either precision, or on a GPU. A model of the deformation alone also runs in a scene that has its
+/// body with other particles: its own then carry mass and stress on the scene's grid, and frames are of the scene's.
 class ReducedRun {
  public:
   /// Throws ConfigError as parameters_of, rom::ReducedSolver and rom::ReducedDeviceSolver, and for f64 on a GPU.
   ReducedRun(const LoadedModel& model, const Scene& scene, uint64_t seed, const rom::ReducedOptions& options,
              const ReducedRunOptions& how = {});
+  ReducedRun(ReducedRun&&) noexcept;
+  ~ReducedRun();
   /// A force on the body from now on (rom::ReducedSolver::apply). Throws ConfigError on a GPU.
   rom::LoadResponse apply(const rom::Load& load);
   /// Throws DivergedError, which the record on trust then knows.
   void advance_frame();
   double time() const { return gpu_ ? gpu_->time() : single_ ? single_->time() : exact_->time(); }
   rom::LatentState state() const { return gpu_ ? gpu_->state(0) : single_ ? single_->state() : exact_->state(); }
-  ParticleFrame frame() const { return gpu_ ? gpu_->frame(0) : single_ ? single_->frame() : exact_->frame(); }
+  ParticleFrame frame() const;
   rom::ErrorIndicator trust() const { return gpu_ ? gpu_->trust(0) : single_ ? single_->trust() : exact_->trust(); }
   /// Number of the last frame, and the verdict on the run so far.
   double trust_number() const { return trust_number_; }
@@ -91,6 +96,7 @@ class ReducedRun {
   std::unique_ptr<rom::ReducedSolver<float>> single_;
   std::unique_ptr<rom::ReducedSolver<double>> exact_;
   std::unique_ptr<rom::ReducedDeviceSolver> gpu_;
+  std::unique_ptr<PointFrames> points_;  ///< where the scene's particles are not the model's
 };
 
 }  // namespace graupel::experiments

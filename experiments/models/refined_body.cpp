@@ -5,7 +5,6 @@
 #include <algorithm>
 
 #include "core/parallel/memory.h"
-#include "core/parallel/parallel_for.h"
 #include "core/system/error.h"
 
 namespace graupel::experiments {
@@ -32,35 +31,23 @@ RefinedBody::RefinedBody(const LoadedModel& model, const Scene& scene, uint64_t 
   const mpm::SampledParticles sampled = mpm::sample_sources(scene, seed);
   const std::size_t n = sampled.position.size();
   check_refined_size(static_cast<int64_t>(n), times, available_bytes(Device::cpu));
-  rom::MlsParticles particles;
-  particles.kind = particle_kinds(sampled);
+  rom::MlsParticles particles = interpolation_particles(scene, sampled);
   std::vector<double> side;
   for (std::size_t p = 0; p < n; ++p) {
     const auto source = static_cast<std::size_t>(sampled.source[p]);
     side.push_back(scene.domain.spacing(static_cast<double>(scene.sources[source].particles_per_cell)));
-    particles.spacing = std::max(particles.spacing, side.back());
-    particles.numbers.push_back(static_cast<int32_t>(p));
-    particles.reference.push_back(
-        {model.model.reference[3 * p], model.model.reference[3 * p + 1], model.model.reference[3 * p + 2]});
     const std::string& material = sampled.material_names[static_cast<std::size_t>(sampled.material[p])];
     particle_type_.insert(particle_type_.end(), static_cast<std::size_t>(times),
                           particle_type_of(scene.materials.at(material).model));
   }
   rom::ReferencePoints points =
       rom::refined_points(particles, side, static_cast<int>(times), scene.domain.axes(), seed);
-  points_ = std::make_unique<rom::MlsPositions<float>>(*model.model.fields, std::move(particles), std::move(points));
-  tiles_.resize(static_cast<std::size_t>(3 * mpm::padded_to_tile(static_cast<int64_t>(n) * times)));
-}
-
-ParticleFrame RefinedBody::frame(const rom::LatentState& state, double time) {
-  points_->decode(state, tiles_.data());
-  ParticleFrame frame;
-  frame.time = time;
-  frame.position.resize(particle_type_.size());
-  const mpm::TiledView<float, 3> tiles{tiles_.data()};
-  const auto copy = [&](int64_t i) { frame.position[static_cast<std::size_t>(i)] = tiles.vec(i); };
-  parallel_for_cpu(static_cast<int64_t>(particle_type_.size()), copy, Grain{16384});
-  return frame;
+  std::vector<float> reference;
+  for (const Vec3f& x : points.position) reference.insert(reference.end(), x.a, x.a + 3);
+  std::unique_ptr<rom::PointPositions<float>> bound = model.model.fields->bind_any_points(reference);
+  if (!bound)
+    bound = std::make_unique<rom::MlsPositions<float>>(*model.model.fields, std::move(particles), std::move(points));
+  points_ = std::make_unique<PointFrames>(std::move(bound), particle_type_.size(), PointFrames::Content::positions);
 }
 
 }  // namespace graupel::experiments

@@ -7,8 +7,7 @@
 #include <vector>
 
 #include "core/scene/trajectory.h"
-#include "experiments/models/reduced_model.h"
-#include "rom/interpolation/mls_interpolation.h"
+#include "experiments/models/body_points.h"
 
 namespace graupel::experiments {
 
@@ -17,16 +16,16 @@ void check_refined_size(int64_t particles, int64_t times, uint64_t available);
 
 class RefinedBody {
  public:
-  /// `times` points in the volume of every particle. Throws ConfigError when they do not fit into memory.
+  /// `times` points in the volume of every particle of the scene, where the model's map puts them; between particles
+  /// for models that know these alone. Throws ConfigError when they do not fit into memory.
   RefinedBody(const LoadedModel& model, const Scene& scene, uint64_t seed, int64_t times);
   /// Positions of all points.
-  ParticleFrame frame(const rom::LatentState& state, double time);
+  ParticleFrame frame(const rom::LatentState& state, double time) const { return points_->frame(state, time); }
   const std::vector<int32_t>& particle_type() const { return particle_type_; }
 
  private:
-  std::unique_ptr<rom::MlsPositions<float>> points_;
+  std::unique_ptr<PointFrames> points_;
   std::vector<int32_t> particle_type_;
-  std::vector<float> tiles_;  ///< decoded positions
 };
 
 }  // namespace graupel::experiments

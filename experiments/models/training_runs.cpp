@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "core/system/error.h"
+#include "experiments/models/body_points.h"
 #include "experiments/models/scene_difference.h"
 #include "io/scene/scene_reader.h"
 
@@ -156,9 +157,10 @@ std::vector<double> TrainingRuns::parameters_in(const Scene& scene, uint64_t see
   for (const io::NamedValue& p : named_) keys.insert(keys.end(), p.keys.begin(), p.keys.end());
   const std::string own = io::scene_to_json(scene),
                     theirs = io::scene_to_json(io::parse_stored_scene(first.scene_json, file_, file_));
-  if (const auto difference = scene_difference(own, theirs, keys))
+  if (const auto difference = scene_difference(own, theirs, keys, discretisation_keys(theirs)))
     refuse("'" + difference->key + "'", difference->own, difference->other);
-  if (seed != first.seed) refuse("the seed", std::to_string(seed), std::to_string(first.seed));
+  if (seed != first.seed && !scene_difference(own, theirs, keys))
+    refuse("the seed", std::to_string(seed), std::to_string(first.seed));
   if (std::abs(scene.frame_time - first.frame_time) > 1e-9 * scene.frame_time)
     refuse("'/frame_time'", fmt::format("{:g} s", scene.frame_time), fmt::format("{:g} s", first.frame_time));
   if (frames >= frames_) refuse("the number of frames", std::to_string(frames), fmt::format("at most {}", frames_ - 1));
@@ -174,6 +176,13 @@ std::vector<std::string> TrainingRuns::names() const {
 }
 
 std::size_t TrainingRuns::particles(int run) const { return reader_.header(run).particle_count(); }
+
+Scene TrainingRuns::scene() const {
+  const Trajectory first = reader_.header(0);
+  Scene scene = io::parse_stored_scene(first.scene_json, file_, file_);
+  scene.seed = first.seed;
+  return scene;
+}
 
 std::vector<Vec3d> TrainingRuns::positions(const TrainingMix& mix, int64_t frame) const {
   std::vector<Vec3d> result;

@@ -38,13 +38,15 @@ class TrainingRuns {
   explicit TrainingRuns(const std::string& path);
 
   /// The parameters as a scene has them. Throws ConfigError, naming the first thing that differs, for a scene whose
-  /// body, seed, frame time or any key but the parameters is not the runs', and for more frames than they hold.
+  /// body, frame time or any key but the parameters is not the runs', for the same body with another seed, and for more
+  /// frames than they hold. The body may have other particles, or be on another grid.
   std::vector<double> parameters_in(const Scene& scene, uint64_t seed, int64_t frames) const;
 
   std::vector<std::string> names() const;                                             ///< of the parameters
   const std::vector<std::vector<double>>& parameters() const { return parameters_; }  ///< [runs][parameters]
   int64_t frames() const { return frames_; }  ///< of the shortest, with the start
   std::size_t particles(int run) const;
+  Scene scene() const;  ///< of the first run, with its seed
   /// x = sum_i w_i x_i of a frame [particles, 3] [m].
   std::vector<Vec3d> positions(const TrainingMix& mix, int64_t frame) const;
   /// "friction_angle 0.6 x 33.2 + 0.4 x 34.3" with one parameter, else the numbers of the runs.

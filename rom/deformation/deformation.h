@@ -43,14 +43,22 @@ constexpr auto enum_list(DeformationKind) {
       {{"mlp", DeformationKind::mlp}, {"modes", DeformationKind::modes}});
 }
 
+/// What is kept of points between decodings.
+enum class PointTables {
+  kept,  ///< all that depends on X alone: for points that are decoded in every step
+  none   ///< X: for points that change, and for very many that are decoded now and then
+};
+
 class Deformation {
  public:
   virtual ~Deformation() = default;
   virtual DeformationKind kind() const = 0;
   virtual int latents() const = 0;
   /// `points` X [n, 3] [m], any of the body. The deformation must outlive what is bound to it.
-  virtual std::unique_ptr<DeformationPoints<float>> bind_f32(const std::vector<float>& points) const = 0;
-  virtual std::unique_ptr<DeformationPoints<double>> bind_f64(const std::vector<float>& points) const = 0;
+  virtual std::unique_ptr<DeformationPoints<float>> bind_f32(const std::vector<float>& points,
+                                                             PointTables tables) const = 0;
+  virtual std::unique_ptr<DeformationPoints<double>> bind_f64(const std::vector<float>& points,
+                                                              PointTables tables) const = 0;
   /// For inversions: g and dg/dq in f64.
   virtual std::unique_ptr<SampleField> bind_samples(const std::vector<float>& points) const = 0;
   /// Adds the map's tensors.
@@ -58,11 +66,12 @@ class Deformation {
 };
 
 template <typename T>
-std::unique_ptr<DeformationPoints<T>> bind_deformation(const Deformation& map, const std::vector<float>& points) {
+std::unique_ptr<DeformationPoints<T>> bind_deformation(const Deformation& map, const std::vector<float>& points,
+                                                       PointTables tables = PointTables::kept) {
   if constexpr (sizeof(T) == sizeof(float))
-    return map.bind_f32(points);
+    return map.bind_f32(points, tables);
   else
-    return map.bind_f64(points);
+    return map.bind_f64(points, tables);
 }
 
 }  // namespace graupel::rom

@@ -176,10 +176,12 @@ MlpDeformation::MlpDeformation(Mlp displacement, std::vector<double> rest)
   GRAUPEL_ASSERT(rest_.empty() || static_cast<int>(rest_.size()) == latents());
 }
 
-std::unique_ptr<DeformationPoints<float>> MlpDeformation::bind_f32(const std::vector<float>& points) const {
+std::unique_ptr<DeformationPoints<float>> MlpDeformation::bind_f32(const std::vector<float>& points,
+                                                                   PointTables) const {
   return std::make_unique<BoundMlp<float>>(*this, points);
 }
-std::unique_ptr<DeformationPoints<double>> MlpDeformation::bind_f64(const std::vector<float>& points) const {
+std::unique_ptr<DeformationPoints<double>> MlpDeformation::bind_f64(const std::vector<float>& points,
+                                                                    PointTables) const {
   return std::make_unique<BoundMlp<double>>(*this, points);
 }
 std::unique_ptr<SampleField> MlpDeformation::bind_samples(const std::vector<float>& points) const {

@@ -16,8 +16,10 @@ class MlpDeformation final : public Deformation {
 
   DeformationKind kind() const override { return DeformationKind::mlp; }
   int latents() const override { return displacement_.inputs() - 3; }
-  std::unique_ptr<DeformationPoints<float>> bind_f32(const std::vector<float>& points) const override;
-  std::unique_ptr<DeformationPoints<double>> bind_f64(const std::vector<float>& points) const override;
+  std::unique_ptr<DeformationPoints<float>> bind_f32(const std::vector<float>& points,
+                                                     PointTables tables) const override;
+  std::unique_ptr<DeformationPoints<double>> bind_f64(const std::vector<float>& points,
+                                                      PointTables tables) const override;
   std::unique_ptr<SampleField> bind_samples(const std::vector<float>& points) const override;
   void store(nn::Weights& weights) const override { displacement_.store(weights, "deformation"); }
 

@@ -7,6 +7,7 @@
 #include "core/parallel/parallel_for.h"
 #include "core/system/error.h"
 #include "mpm/particles/particles.h"
+#include "rom/deformation/lattice_points.h"
 
 namespace graupel::rom {
 
@@ -104,7 +105,7 @@ class BoundModes final : public DeformationPoints<T> {
   void decode(const LatentState& state, const std::vector<int32_t>& tiles, T* position, T* velocity,
               T* gradient) override {
     if (gradient != nullptr && gradient_.empty()) build_gradient();
-    const std::vector<T> factor = away_from_rest(state.latent), rate = rate_of(state);
+    const std::vector<T> factor = rounded<T>(map_.away_from_rest(state)), rate = rounded<T>(map_.rate_of(state));
     const auto one_tile = [&](int64_t at) {
       const auto j = static_cast<std::size_t>(at), of = static_cast<std::size_t>(tiles[j]);
       T* const x = position + 3 * slots_of_tile * j;
@@ -122,7 +123,7 @@ class BoundModes final : public DeformationPoints<T> {
   }
 
   void positions(const LatentState& state, T* position) override {
-    const std::vector<T> factor = away_from_rest(state.latent);
+    const std::vector<T> factor = rounded<T>(map_.away_from_rest(state));
     const auto one_tile = [&](int64_t at) {
       const auto j = static_cast<std::size_t>(at);
       T* const x = position + 3 * slots_of_tile * j;
@@ -148,18 +149,6 @@ class BoundModes final : public DeformationPoints<T> {
       for (int c = 0; c < 9; ++c) slope[c * tile] = static_cast<T>(sum[c]);
     });
   }
-  std::vector<T> away_from_rest(const std::vector<double>& latent) const {
-    std::vector<double> factor = latent;
-    for (std::size_t k = 0; k < factor.size(); ++k) factor[k] -= map_.rest()[k];
-    return rounded<T>(factor);
-  }
-  static std::vector<T> rate_of(const LatentState& state) {
-    if (state.last_step <= 0) return rounded<T>(state.velocity);
-    std::vector<double> rate = state.latent;
-    for (std::size_t k = 0; k < rate.size(); ++k) rate[k] = (rate[k] - state.previous[k]) / state.last_step;
-    return rounded<T>(rate);
-  }
-
   const ModeDeformation& map_;
   std::vector<float> points_;
   std::vector<int32_t> all_tiles_;
@@ -194,6 +183,13 @@ class ModeSamples final : public SampleField {
   Eigen::VectorXd base_;   ///< g(X, 0)
 };
 
+template <typename T>
+std::unique_ptr<DeformationPoints<T>> bind(const ModeDeformation& map, const std::vector<float>& points,
+                                           PointTables tables) {
+  if (tables == PointTables::none) return std::make_unique<LatticePoints<T>>(map, points);
+  return std::make_unique<BoundModes<T>>(map, points);
+}
+
 }  // namespace
 
 ModeDeformation::ModeDeformation(ModeLattice lattice, std::vector<float> nodes, std::vector<double> rest)
@@ -202,11 +198,26 @@ ModeDeformation::ModeDeformation(ModeLattice lattice, std::vector<float> nodes, 
   GRAUPEL_ASSERT(nodes_.size() == rest_.size() * static_cast<std::size_t>(3 * lattice_.nodes()));
 }
 
-std::unique_ptr<DeformationPoints<float>> ModeDeformation::bind_f32(const std::vector<float>& points) const {
-  return std::make_unique<BoundModes<float>>(*this, points);
+std::unique_ptr<DeformationPoints<float>> ModeDeformation::bind_f32(const std::vector<float>& points,
+                                                                    PointTables tables) const {
+  return bind<float>(*this, points, tables);
 }
-std::unique_ptr<DeformationPoints<double>> ModeDeformation::bind_f64(const std::vector<float>& points) const {
-  return std::make_unique<BoundModes<double>>(*this, points);
+std::unique_ptr<DeformationPoints<double>> ModeDeformation::bind_f64(const std::vector<float>& points,
+                                                                     PointTables tables) const {
+  return bind<double>(*this, points, tables);
+}
+
+std::vector<double> ModeDeformation::away_from_rest(const LatentState& state) const {
+  std::vector<double> factor = state.latent;
+  for (std::size_t k = 0; k < factor.size(); ++k) factor[k] -= rest_[k];
+  return factor;
+}
+
+std::vector<double> ModeDeformation::rate_of(const LatentState& state) {
+  if (state.last_step <= 0) return state.velocity;
+  std::vector<double> rate = state.latent;
+  for (std::size_t k = 0; k < rate.size(); ++k) rate[k] = (rate[k] - state.previous[k]) / state.last_step;
+  return rate;
 }
 std::unique_ptr<SampleField> ModeDeformation::bind_samples(const std::vector<float>& points) const {
   return std::make_unique<ModeSamples>(*this, points);

@@ -18,8 +18,10 @@ class ModeDeformation final : public Deformation {
 
   DeformationKind kind() const override { return DeformationKind::modes; }
   int latents() const override { return static_cast<int>(rest_.size()); }
-  std::unique_ptr<DeformationPoints<float>> bind_f32(const std::vector<float>& points) const override;
-  std::unique_ptr<DeformationPoints<double>> bind_f64(const std::vector<float>& points) const override;
+  std::unique_ptr<DeformationPoints<float>> bind_f32(const std::vector<float>& points,
+                                                     PointTables tables) const override;
+  std::unique_ptr<DeformationPoints<double>> bind_f64(const std::vector<float>& points,
+                                                      PointTables tables) const override;
   std::unique_ptr<SampleField> bind_samples(const std::vector<float>& points) const override;
   void store(nn::Weights& weights) const override;
   /// Throws InputError unless the file has the modes of so many latents on a lattice that fits them.
@@ -29,6 +31,9 @@ class ModeDeformation final : public Deformation {
   const ModeLattice& lattice() const { return lattice_; }
   const std::vector<float>& nodes() const { return nodes_; }
   const std::vector<double>& rest() const { return rest_; }
+  /// Factors of the modes: q - q0, and their rates [1/s], those of the state or over its last step.
+  std::vector<double> away_from_rest(const LatentState& state) const;
+  static std::vector<double> rate_of(const LatentState& state);
 
  private:
   ModeLattice lattice_;

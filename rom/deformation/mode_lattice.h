@@ -23,9 +23,15 @@ struct ModeLattice {
 
   int64_t nodes() const { return static_cast<int64_t>(count[0]) * count[1] * count[2]; }
   int64_t node(int i, int j, int k) const { return (static_cast<int64_t>(i) * count[1] + j) * count[2] + k; }
-  /// Around points [n, 3] [m] with a cell to spare, where points outside of the body may still ask.
-  static ModeLattice around(const std::vector<float>& points, double spacing);
+  /// Around points [n, 3] [m] with a cell to spare, where points outside of the body may still ask. Nodes lie at whole
+  /// spacings from `origin` [m]: with that of MPM's grid and its spacing, the lattice has the grid's own splines.
+  static ModeLattice around(const std::vector<float>& points, double spacing, const Vec3d& origin);
 };
+
+/// First of the three nodes along an axis that a point depends on, u [spacings] from the lattice's low end.
+inline int mode_base(const ModeLattice& lattice, int axis, double u) {
+  return std::clamp(static_cast<int>(std::floor(u - 0.5)), 0, lattice.count[axis] - 3);
+}
 
 /// N_i(X) and dN_i/dX [1/m] of the nodes i that X depends on; beyond the lattice its last splines go on.
 struct ModeStencil {
@@ -38,7 +44,7 @@ struct ModeStencil {
     double w[3][3], slope[3][3];
     for (int d = 0; d < 3; ++d) {
       const double u = (point[d] - lattice.low[d]) / lattice.spacing;
-      base[d] = std::clamp(static_cast<int>(std::floor(u - 0.5)), 0, lattice.count[d] - 3);
+      base[d] = mode_base(lattice, d, u);
       const double fx = u - base[d];
       const mpm::AxisWeights<double> axis = mpm::bspline_weights(fx);
       std::copy_n(axis.w, 3, w[d]);
@@ -57,7 +63,7 @@ struct ModeStencil {
   }
 };
 
-inline ModeLattice ModeLattice::around(const std::vector<float>& points, double spacing) {
+inline ModeLattice ModeLattice::around(const std::vector<float>& points, double spacing, const Vec3d& origin) {
   ModeLattice lattice;
   lattice.spacing = spacing;
   for (int d = 0; d < 3; ++d) {
@@ -66,8 +72,8 @@ inline ModeLattice ModeLattice::around(const std::vector<float>& points, double 
       low = std::min(low, static_cast<double>(points[i]));
       high = std::max(high, static_cast<double>(points[i]));
     }
-    lattice.low[d] = low - 2 * spacing;
-    lattice.count[d] = static_cast<int>(std::ceil((high - low) / spacing)) + 5;
+    lattice.low[d] = origin[d] + spacing * (std::floor((low - origin[d]) / spacing) - 2);
+    lattice.count[d] = static_cast<int>(std::ceil((high - lattice.low[d]) / spacing)) + 3;
   }
   return lattice;
 }

@@ -53,6 +53,10 @@ std::unique_ptr<SampleField> DeformationFields::bind_samples(const std::vector<i
   return map_->bind_samples(points_of(reference_, samples));
 }
 
+std::unique_ptr<PointPositions<float>> DeformationFields::bind_any_points(const std::vector<float>& points) const {
+  return std::make_unique<DeformedPositions<float>>(*map_, points, PointTables::none);
+}
+
 std::shared_ptr<const Fields> DeformationFields::with_clusters(const Clusters&) const {
   return std::make_shared<const DeformationFields>(*this);
 }

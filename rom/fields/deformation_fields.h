@@ -24,6 +24,7 @@ class DeformationFields final : public Fields {
   std::unique_ptr<PointPositions<float>> bind_positions_f32(const std::vector<int32_t>& points) const override;
   std::unique_ptr<PointPositions<double>> bind_positions_f64(const std::vector<int32_t>& points) const override;
   std::unique_ptr<SampleField> bind_samples(const std::vector<int32_t>& samples) const override;
+  std::unique_ptr<PointPositions<float>> bind_any_points(const std::vector<float>& points) const override;
   const char* kind() const override { return word_of(map_->kind()); }
   /// The map knows every point: the same fields.
   std::shared_ptr<const Fields> with_clusters(const Clusters& clusters) const override;

@@ -24,8 +24,8 @@ inline std::vector<float> points_of(const std::vector<float>& reference, const s
 template <typename T>
 class DeformedPositions final : public PointPositions<T> {
  public:
-  DeformedPositions(const Deformation& map, const std::vector<float>& points)
-      : points_(bind_deformation<T>(map, points)) {}
+  DeformedPositions(const Deformation& map, const std::vector<float>& points, PointTables tables = PointTables::kept)
+      : points_(bind_deformation<T>(map, points, tables)) {}
   void decode(const LatentState& state, T* position) override { points_->positions(state, position); }
   void decode(const LatentState& state, T* position, T* velocity) override {
     points_->decode(state, points_->all_tiles(), position, velocity, nullptr);

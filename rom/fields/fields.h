@@ -63,6 +63,8 @@ class Fields {
   virtual std::unique_ptr<PointPositions<float>> bind_positions_f32(const std::vector<int32_t>& points) const = 0;
   virtual std::unique_ptr<PointPositions<double>> bind_positions_f64(const std::vector<int32_t>& points) const = 0;
   virtual std::unique_ptr<SampleField> bind_samples(const std::vector<int32_t>& samples) const = 0;
+  /// The deformation at any material points X [n, 3] [m], for output; null for fields that know particles alone.
+  virtual std::unique_ptr<PointPositions<float>> bind_any_points(const std::vector<float>&) const { return nullptr; }
 
   /// How they are represented, a word: `field` in the metadata of a weights file.
   virtual const char* kind() const = 0;

@@ -177,40 +177,30 @@ int64_t MlsNeighbours::bytes() const {
 }
 
 template <typename T>
-MlsPositions<T>::MlsPositions(const Fields& fields, MlsParticles particles, ReferencePoints points)
-    : particles_(std::move(particles)),
-      points_(std::move(points)),
-      neighbours_(particles_, points_),
-      at_particles_(bind_positions<T>(fields, particles_.numbers)) {
+MlsMotion<T>::MlsMotion(MlsParticles particles, ReferencePoints points)
+    : particles_(std::move(particles)), points_(std::move(points)), neighbours_(particles_, points_) {
   const std::size_t n = particles_.numbers.size();
   GRAUPEL_ASSERT(particles_.reference.size() == n && particles_.kind.size() == n);
-  position_.resize(static_cast<std::size_t>(3 * mpm::padded_to_tile(static_cast<int64_t>(n))));
-  velocity_.resize(position_.size());
   records_.assign(n * trunk_record, T(0));
 }
 
 template <typename T>
-void MlsPositions<T>::decode_particles(const LatentState& state, T* velocity) {
-  if (velocity)
-    at_particles_->decode(state, position_.data(), velocity);
-  else
-    at_particles_->decode(state, position_.data());
+void MlsMotion<T>::take(const T* position, const T* velocity) {
   const auto fill = [&](int64_t p) {
     T* record = records_.data() + p * trunk_record;
-    const Vec<T, 3> reference = particles_.reference[static_cast<std::size_t>(p)].template cast<T>(),
-                    moved = mpm::TiledView<T, 3>{position_.data()}.vec(p) - reference,
-                    rate = velocity ? mpm::TiledView<T, 3>{velocity}.vec(p) : Vec<T, 3>::zero();
+    const T *x = mpm::TiledView<const T, 3>{position}.at(p),
+            *v = velocity ? mpm::TiledView<const T, 3>{velocity}.at(p) : nullptr;
     for (int d = 0; d < 3; ++d) {
-      record[d] = reference[d];
-      record[3 + d] = moved[d];
-      record[6 + d] = rate[d];
+      record[d] = static_cast<T>(particles_.reference[static_cast<std::size_t>(p)][d]);
+      record[3 + d] = x[d * tile] - record[d];
+      record[6 + d] = v ? v[d * tile] : T(0);
     }
   };
   parallel_for_cpu(static_cast<int64_t>(particles_.numbers.size()), fill, Grain{4096});
 }
 
 template <typename T>
-void MlsPositions<T>::interpolate(T* position, T* velocity, T* gradient) const {
+void MlsMotion<T>::carry(T* position, T* velocity, T* gradient) const {
   constexpr int64_t tiles_at_once = 64;
   const auto n = static_cast<int64_t>(points_.position.size());
   const int64_t tiles = mpm::padded_to_tile(n) / tile;
@@ -231,30 +221,49 @@ void MlsPositions<T>::interpolate(T* position, T* velocity, T* gradient) const {
 }
 
 template <typename T>
+int64_t MlsMotion<T>::bytes() const {
+  return neighbours_.bytes() + static_cast<int64_t>(records_.size() * sizeof(T) +
+                                                    points_.position.size() * (sizeof(Vec3f) + sizeof(int32_t)));
+}
+
+template <typename T>
+MlsPositions<T>::MlsPositions(const Fields& fields, MlsParticles particles, ReferencePoints points)
+    : motion_(std::move(particles), std::move(points)),
+      at_particles_(bind_positions<T>(fields, motion_.particles().numbers)) {
+  position_.resize(
+      static_cast<std::size_t>(3 * mpm::padded_to_tile(static_cast<int64_t>(motion_.particles().numbers.size()))));
+  velocity_.resize(position_.size());
+}
+
+template <typename T>
 void MlsPositions<T>::decode(const LatentState& state, T* position) {
-  decode_particles(state, nullptr);
-  interpolate(position, nullptr, nullptr);
+  at_particles_->decode(state, position_.data());
+  motion_.take(position_.data(), nullptr);
+  motion_.carry(position, nullptr, nullptr);
 }
 
 template <typename T>
 void MlsPositions<T>::decode(const LatentState& state, T* position, T* velocity) {
-  decode_particles(state, velocity_.data());
-  interpolate(position, velocity, nullptr);
+  at_particles_->decode(state, position_.data(), velocity_.data());
+  motion_.take(position_.data(), velocity_.data());
+  motion_.carry(position, velocity, nullptr);
 }
 
 template <typename T>
 void MlsPositions<T>::decode_with_gradient(const LatentState& state, T* position, T* gradient) {
-  decode_particles(state, nullptr);
-  interpolate(position, nullptr, gradient);
+  at_particles_->decode(state, position_.data());
+  motion_.take(position_.data(), nullptr);
+  motion_.carry(position, nullptr, gradient);
 }
 
 template <typename T>
 int64_t MlsPositions<T>::bytes() const {
-  return at_particles_->bytes() + neighbours_.bytes() +
-         static_cast<int64_t>((position_.size() + velocity_.size() + records_.size()) * sizeof(T) +
-                              points_.position.size() * (sizeof(Vec3f) + sizeof(int32_t)));
+  return motion_.bytes() + at_particles_->bytes() +
+         static_cast<int64_t>((position_.size() + velocity_.size()) * sizeof(T));
 }
 
+template class MlsMotion<float>;
+template class MlsMotion<double>;
 template class MlsPositions<float>;
 template class MlsPositions<double>;
 

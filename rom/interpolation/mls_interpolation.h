@@ -55,6 +55,28 @@ class MlsNeighbours {
   std::vector<Batch> batches_;
 };
 
+/// Motions of the particles, carried to points of the reference body.
+template <typename T>
+class MlsMotion {
+ public:
+  MlsMotion(MlsParticles particles, ReferencePoints points);
+  /// Takes positions x [m] and, unless they are null, velocities [m/s] of the particles, in tiles of 16 slots x 3.
+  void take(const T* position, const T* velocity);
+  /// At the points, in tiles: position, and unless they are null velocity and F = dx/dX row by row.
+  void carry(T* position, T* velocity, T* gradient) const;
+  const MlsParticles& particles() const { return particles_; }
+  int64_t bytes() const;
+
+ private:
+  MlsParticles particles_;
+  ReferencePoints points_;
+  MlsNeighbours neighbours_;
+  std::vector<T> records_;  ///< of every particle: X, x - X [m], v [m/s]
+};
+
+extern template class MlsMotion<float>;
+extern template class MlsMotion<double>;
+
 /// The deformation at points of the reference body.
 template <typename T>
 class MlsPositions final : public PointPositions<T> {
@@ -67,15 +89,9 @@ class MlsPositions final : public PointPositions<T> {
   int64_t bytes() const override;
 
  private:
-  void decode_particles(const LatentState& state, T* velocity);
-  void interpolate(T* position, T* velocity, T* gradient) const;
-
-  MlsParticles particles_;
-  ReferencePoints points_;
-  MlsNeighbours neighbours_;
+  MlsMotion<T> motion_;
   std::unique_ptr<PointPositions<T>> at_particles_;
   std::vector<T> position_, velocity_;  ///< of the particles, tiled
-  std::vector<T> records_;              ///< of every particle: X, x - X [m], v [m/s]
 };
 
 extern template class MlsPositions<float>;

@@ -39,7 +39,10 @@ void SampleField::normal_equations(const std::vector<double>& weight, const Eige
                                    Eigen::MatrixXd& normal, Eigen::VectorXd& right) const {
   Eigen::MatrixXd weighted = jacobian_;
   for (std::size_t s = 0; s < weight.size(); ++s) weighted.middleRows(3 * static_cast<Eigen::Index>(s), 3) *= weight[s];
-  normal.noalias() = weighted.transpose() * jacobian_;
+  // Half of the symmetric product, which Eigen does not share between threads: these would take longer to meet.
+  normal.setZero(jacobian_.cols(), jacobian_.cols());
+  normal.triangularView<Eigen::Lower>() = weighted.transpose() * jacobian_;
+  normal.triangularView<Eigen::StrictlyUpper>() = normal.transpose();
   right.noalias() = weighted.transpose() * residual;
 }
 

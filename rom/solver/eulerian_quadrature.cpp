@@ -57,7 +57,7 @@ EulerianQuadrature<T>::EulerianQuadrature(const Deformation& map, const std::vec
       material_(particles.material),
       geometry_(geometry),
       per_axis_(per_axis),
-      points_(bind_deformation<T>(map, {})),
+      points_(bind_deformation<T>(map, {}, PointTables::none)),
       sample_count_(static_cast<int64_t>(samples.size())) {
   GridParticles readers;
   readers.particles = samples;

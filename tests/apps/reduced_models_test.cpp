@@ -198,7 +198,7 @@ TEST_F(ReducedModels, AnotherSceneIsRefusedByTheKeyThatDiffers) {
   EXPECT_FALSE(std::filesystem::exists(folder_.file("no.json")));
 }
 
-/// A model of the deformation alone takes any load, and says so; its body and its grid are the training's.
+/// A model of the deformation alone takes any load, and says so.
 TEST_F(ReducedModels, OfTheDeformationAloneTakeOtherLoads) {
   const Scene scene = rom::test::jelly_block("[0, -9.8, 0]");
   Eigen::MatrixXd translation = Eigen::MatrixXd::Zero(3, 6);
@@ -221,9 +221,52 @@ TEST_F(ReducedModels, OfTheDeformationAloneTakeOtherLoads) {
                 1e-4)
         << flags;
   }
-  const Outcome grid = rollout("--set domain.dx=0.035");
-  EXPECT_EQ(grid.exit_code, 2) << grid.output;
-  EXPECT_TRUE(grid.says("/domain/dx")) << grid.output;
+}
+
+/// Its map knows every material point: the body may have other particles, on another grid, and finer output.
+TEST_F(ReducedModels, OfTheDeformationAloneTakeOtherParticlesOfTheirBody) {
+  Scene scene = rom::test::jelly_block("[0, -9.8, 0]");
+  Eigen::MatrixXd translation = Eigen::MatrixXd::Zero(3, 6);
+  translation.rightCols(3).setIdentity();
+  scene_ = folder_.write("block.json", io::scene_to_json(scene));
+  model_ = folder_.file("block.safetensors");
+  rom::ReducedModel model = rom::test::deformation_model(scene, rom::test::linear_network(translation), {0, 0, 0});
+  model.parameters = {{"gravity", "m/s^2", {"gravity.1"}, -10, -5}};
+  nn::write_safetensors(model_, model.store(nn::DType::f32));
+  const std::string finer = "--set domain.dx=0.035 --set sources.0.particles_per_cell=20 --seed 5 ";
+  const int n = 16;
+  const double fall = -9.8 * 0.0025 * 0.0025 * n * (n + 1) / 2;
+  for (const char* flags : {"", "--quadrature eulerian ", "--refine 3 "}) {
+    const Outcome outcome = rollout("--threads 1 --f64 " + finer + flags);
+    ASSERT_EQ(outcome.exit_code, 0) << outcome.output;
+    EXPECT_TRUE(outcome.says("particles or grid differ") && outcome.says("/domain/dx")) << outcome.output;
+    const Trajectory run = predicted();
+    EXPECT_GT(run.particle_count(), 3 * model.reference.size() / 3);
+    for (std::size_t p = 0; p < run.particle_count(); p += 100) {
+      const Vec3f way = run.frames.back().position[p] - run.frames[0].position[p];
+      EXPECT_NEAR(way[1], fall, 1e-4) << flags;
+      EXPECT_NEAR(way[0], 0, 1e-5) << flags;
+    }
+  }
+
+  const std::string recipe =
+      folder_.write("sweep.json", R"({ "name": "falls", "scene": "block.json", "parameters": [ { "name": "gravity",
+  "unit": "m/s^2", "key": "gravity.1", "values": [-5, -9.8, -10] } ] })");
+  const std::string data = folder_.file("falls");
+  ASSERT_EQ(graupel("generate " + recipe + " -o " + data).exit_code, 0);
+  const Outcome compare =
+      graupel("compare --scenes " + scene_ + " --models mpm," + model_ + " " + finer +
+              "--no-floors --threads 1 --training-runs " + data + " --json " + folder_.file("compare.json"));
+  ASSERT_EQ(compare.exit_code, 0) << compare.output;
+  const auto results = summary("compare.json")["results"];
+  ASSERT_EQ(results.size(), 5u);
+  EXPECT_EQ(results[3]["note"], "gravity -9.8: this scene is a training run");
+  for (const std::size_t i : {1u, 3u, 4u})
+    EXPECT_LT(results[i]["displacement_relative_error"].get<double>(), 5e-3) << results[i]["model"];
+
+  const Outcome longer = rollout("--set sources.0.size.0=0.25");
+  EXPECT_EQ(longer.exit_code, 2) << longer.output;
+  EXPECT_TRUE(longer.says("/sources/0/size/0")) << longer.output;
 }
 
 TEST_F(ReducedModels, CompareHoldsThemBesideMpm) {

@@ -36,8 +36,9 @@ template <typename T>
 struct Decoded {
   std::vector<T> position, velocity, gradient;
 
-  Decoded(const Deformation& map, const std::vector<float>& points, const LatentState& state) {
-    const auto bound = bind_deformation<T>(map, points);
+  Decoded(const Deformation& map, const std::vector<float>& points, const LatentState& state,
+          PointTables tables = PointTables::kept) {
+    const auto bound = bind_deformation<T>(map, points, tables);
     const std::size_t slots = 16 * bound->all_tiles().size();
     position.resize(3 * slots);
     velocity.resize(3 * slots);
@@ -64,7 +65,7 @@ MlpDeformation some_network() { return MlpDeformation(random_network(3 + 4, 30, 
 
 /// Four random modes on a lattice around some_points().
 ModeDeformation some_modes() {
-  const ModeLattice lattice = ModeLattice::around({-0.5f, -0.5f, -0.5f, 0.5f, 0.5f, 0.5f}, 0.3);
+  const ModeLattice lattice = ModeLattice::around({-0.5f, -0.5f, -0.5f, 0.5f, 0.5f, 0.5f}, 0.3, Vec3d::filled(-0.5));
   std::vector<float> nodes(static_cast<std::size_t>(4 * 3 * lattice.nodes()));
   for (std::size_t i = 0; i < nodes.size(); ++i) nodes[i] = static_cast<float>(test::network_noise(i));
   return {lattice, std::move(nodes), rest_of_four};
@@ -123,6 +124,39 @@ TEST_P(DeformationMaps, BothPrecisionsAgreeAndTheBodyStartsUndeformed) {
       EXPECT_NEAR(start.x(p)[r], static_cast<double>(points[static_cast<std::size_t>(3 * p + r)]), 1e-12);
       for (int c = 0; c < 3; ++c) EXPECT_NEAR(start.F(p, r, c), r == c ? 1 : 0, 1e-12);
     }
+}
+
+TEST_P(DeformationMaps, AreTheSameWithoutTables) {
+  const std::vector<float> points = some_points(70);
+  const LatentState state{{0.5, 0.2, -0.4, 0.1}, {2, -1, 0.5, 3}, {}, 0, {}};
+  const Decoded<double> tables(map, points, state), without(map, points, state, PointTables::none);
+  const auto bound = bind_deformation<double>(map, points, PointTables::none);
+  std::vector<double> position(tables.position.size());
+  bound->positions(state, position.data());
+  for (int64_t p = 0; p < 70; ++p)
+    for (int r = 0; r < 3; ++r) {
+      EXPECT_NEAR(without.x(p)[r], tables.x(p)[r], 1e-12);
+      EXPECT_NEAR(position[static_cast<std::size_t>((p / 16 * 3 + r) * 16 + p % 16)], tables.x(p)[r], 1e-12);
+      EXPECT_NEAR(without.v(p)[r], tables.v(p)[r], 1e-12);
+      for (int c = 0; c < 3; ++c) EXPECT_NEAR(without.F(p, r, c), tables.F(p, r, c), 1e-11);
+    }
+}
+
+TEST(ModeLattice, HasTheNodesOfAGrid) {
+  const ModeLattice lattice = ModeLattice::around({0.31f, -0.2f, 1.0f, 0.74f, 0.3f, 1.1f}, 0.1, {0.05, 0, 0});
+  for (int d = 0; d < 3; ++d) {
+    const double nodes = (lattice.low[d] - (d == 0 ? 0.05 : 0)) / 0.1;
+    EXPECT_NEAR(nodes, std::round(nodes), 1e-9);
+  }
+  for (const Vec3d& x : {Vec3d{0.31, -0.2, 1}, Vec3d{0.74, 0.3, 1.1}}) {
+    const ModeStencil stencil(lattice, x);
+    double sum = 0;
+    for (int n = 0; n < mode_stencil; ++n) {
+      EXPECT_GE(stencil.weight[n], 0) << "beyond the lattice";
+      sum += stencil.weight[n];
+    }
+    EXPECT_NEAR(sum, 1, 1e-12);
+  }
 }
 
 TEST_P(DeformationMaps, SamplesAreThePointsAndTheirJacobianIsTheSlope) {

@@ -172,7 +172,9 @@ rom::ModeDeformation CromSweep::modes(const std::vector<double>& rest) const {
   const std::string& file = snapshots_.set().file();
   const Scene scene = io::parse_stored_scene(snapshots_.set().scene_json(), file, file);
   return fit_modes(snapshots_, latents(), rest,
-                   {.spacing = config_.mode_spacing * scene.domain.dx, .gradient_weight = config_.gradient_weight});
+                   {.spacing = config_.mode_spacing * scene.domain.dx,
+                    .origin = scene.domain.origin,
+                    .gradient_weight = config_.gradient_weight});
 }
 
 void CromSweep::describe(rom::ReducedModel& model) const {

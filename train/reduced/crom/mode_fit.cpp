@@ -3,10 +3,11 @@
 #include <fmt/format.h>
 
 #include <Eigen/Cholesky>
-#include <Eigen/SparseCholesky>
-#include <Eigen/SparseCore>
+#include <algorithm>
 
+#include "core/parallel/parallel_for.h"
 #include "core/system/error.h"
+#include "train/reduced/crom/conjugate_gradients.h"
 
 namespace graupel::train {
 
@@ -17,9 +18,7 @@ using rom::ModeStencil;
 
 namespace {
 
-using RowMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
-
-constexpr int64_t most_nodes = 200'000;  // the factor of their equations takes some 2 GB
+constexpr int64_t most_nodes = 400'000;  // their equations take some 2 GB
 constexpr double smoothness = 1e-4;      // of the mean diagonal, for second differences of nodes
 
 /// (D^T D)^-1 D^T with D = latents - rest: what makes coefficients of the modes from snapshots.
@@ -38,7 +37,13 @@ RowMatrix slopes_of(const SweepSnapshots& snapshots, SnapshotField field, const 
   RowMatrix slopes(regress.rows(), blocks.width());
   for (int b = 0; b < blocks.blocks(); ++b) {
     const SnapshotMatrix block = blocks.load(b);
-    slopes.middleCols(blocks.first_column(b), block.cols()).noalias() = regress * block.cast<double>();
+    constexpr Index width = 4096;  // columns at once, so that few of them are there in f64
+    const auto some_columns = [&](int64_t part) {
+      const Index first = part * width, count = std::min(width, block.cols() - first);
+      slopes.middleCols(blocks.first_column(b) + first, count).noalias() =
+          regress * block.middleCols(first, count).cast<double>();
+    };
+    parallel_for_cpu((block.cols() + width - 1) / width, some_columns, Grain{1});
   }
   slopes.noalias() -= regress.rowwise().sum() * base;
   return slopes;
@@ -57,28 +62,31 @@ class LatticeEquations {
                                    ((c[0] - r[0] + 2) * across + (c[1] - r[1] + 2)) * across + (c[2] - r[2] + 2))] +=
         value;
   }
-  /// Squares of second differences along each axis, so that nodes without particles go on smoothly.
-  void add_smoothness(double weight) {
+  /// Squares of second differences along each axis, so that nodes beside the body go on smoothly: those that no
+  /// particle depends on but a neighbour's. Nodes further away stay 0. After all else was added.
+  void add_smoothness(double share_of_mean_diagonal) {
+    find_nodes_in_use();
+    const double weight = share_of_mean_diagonal * mean_diagonal();
     constexpr double difference[3] = {1, -2, 1};
     for (int axis = 0; axis < 3; ++axis)
       for (int64_t n = 0; n < lattice_.nodes(); ++n) {
         Vec<int, 3> at = indices(n);
         if (at[axis] + 2 >= lattice_.count[axis]) continue;
         int64_t node[3];
+        bool all_used = true;
         for (int64_t& along : node) {
           along = lattice_.node(at[0], at[1], at[2]);
+          all_used = all_used && used_[static_cast<std::size_t>(along)];
           ++at[axis];
         }
+        if (!all_used) continue;
         for (int i = 0; i < 3; ++i)
           for (int j = 0; j < 3; ++j) add(node[i], node[j], weight * difference[i] * difference[j]);
       }
+    for (int64_t n = 0; n < lattice_.nodes(); ++n)
+      if (!used_[static_cast<std::size_t>(n)]) add(n, n, 1);
   }
-  double mean_diagonal() const {
-    double sum = 0;
-    for (int64_t n = 0; n < lattice_.nodes(); ++n) sum += rows_[static_cast<std::size_t>(n * 125 + 62)];
-    return sum / static_cast<double>(lattice_.nodes());
-  }
-  Eigen::SparseMatrix<double> matrix() const {
+  RowSparse matrix() const {
     std::vector<Eigen::Triplet<double>> entries;
     for (int64_t n = 0; n < lattice_.nodes(); ++n) {
       const Vec<int, 3> at = indices(n);
@@ -91,13 +99,31 @@ class LatticeEquations {
                                    static_cast<int>(lattice_.node(at[0] + i, at[1] + j, at[2] + k)), value);
           }
     }
-    Eigen::SparseMatrix<double> all(static_cast<Index>(lattice_.nodes()), static_cast<Index>(lattice_.nodes()));
+    RowSparse all(static_cast<Index>(lattice_.nodes()), static_cast<Index>(lattice_.nodes()));
     all.setFromTriplets(entries.begin(), entries.end());
     return all;
   }
 
  private:
   static constexpr int64_t across = 5;
+
+  double diagonal(int64_t node) const { return rows_[static_cast<std::size_t>(node * 125 + 62)]; }
+  double mean_diagonal() const {
+    double sum = 0;
+    for (int64_t n = 0; n < lattice_.nodes(); ++n) sum += diagonal(n);
+    return sum / static_cast<double>(std::count(used_.begin(), used_.end(), true));
+  }
+  void find_nodes_in_use() {
+    used_.assign(static_cast<std::size_t>(lattice_.nodes()), false);
+    for (int64_t n = 0; n < lattice_.nodes(); ++n) {
+      if (!(diagonal(n) > 0)) continue;
+      const Vec<int, 3> at = indices(n);
+      for (int i = std::max(0, at[0] - 1); i <= std::min(lattice_.count[0] - 1, at[0] + 1); ++i)
+        for (int j = std::max(0, at[1] - 1); j <= std::min(lattice_.count[1] - 1, at[1] + 1); ++j)
+          for (int k = std::max(0, at[2] - 1); k <= std::min(lattice_.count[2] - 1, at[2] + 1); ++k)
+            used_[static_cast<std::size_t>(lattice_.node(i, j, k))] = true;
+    }
+  }
 
   Vec<int, 3> indices(int64_t node) const {
     const int64_t plane = static_cast<int64_t>(lattice_.count[1]) * lattice_.count[2];
@@ -107,6 +133,7 @@ class LatticeEquations {
 
   const ModeLattice& lattice_;
   std::vector<double> rows_;  ///< [nodes, 5, 5, 5]
+  std::vector<bool> used_;    ///< [nodes]
 };
 
 void refuse_large(const ModeLattice& lattice) {
@@ -121,7 +148,7 @@ rom::ModeDeformation fit_modes(const SweepSnapshots& snapshots, const MatrixXd& 
                                const std::vector<double>& rest, const ModeFit& fit) {
   std::vector<float> points;
   for (const Vec3f& x : snapshots.set().reference()) points.insert(points.end(), x.a, x.a + 3);
-  const ModeLattice lattice = ModeLattice::around(points, fit.spacing);
+  const ModeLattice lattice = ModeLattice::around(points, fit.spacing, fit.origin);
   refuse_large(lattice);
   const auto particles = static_cast<Index>(points.size() / 3);
   Eigen::RowVectorXd identity = Eigen::RowVectorXd::Zero(9 * particles);
@@ -135,7 +162,7 @@ rom::ModeDeformation fit_modes(const SweepSnapshots& snapshots, const MatrixXd& 
 
   const Index r = regress.rows();
   LatticeEquations equations(lattice);
-  MatrixXd right = MatrixXd::Zero(static_cast<Index>(lattice.nodes()), 3 * r);
+  RowMatrix right = RowMatrix::Zero(static_cast<Index>(lattice.nodes()), 3 * r);
   for (Index p = 0; p < particles; ++p) {
     const auto i = static_cast<std::size_t>(3 * p);
     const ModeStencil at(lattice, {static_cast<double>(points[i]), static_cast<double>(points[i + 1]),
@@ -153,11 +180,13 @@ rom::ModeDeformation fit_modes(const SweepSnapshots& snapshots, const MatrixXd& 
         }
     }
   }
-  equations.add_smoothness(smoothness * equations.mean_diagonal());
-  const Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>> factor(equations.matrix());
-  const MatrixXd nodes = factor.solve(right);
-  if (factor.info() != Eigen::Success || !nodes.allFinite())
-    throw ConfigError("the modes' equations have no solution. Raise mode_spacing");
+  equations.add_smoothness(smoothness);
+  constexpr double tolerance = 1e-5;
+  constexpr int most_iterations = 2000;
+  const IterativeSolution solution =
+      solve_by_conjugate_gradients(equations.matrix(), right, tolerance, most_iterations);
+  const RowMatrix& nodes = solution.values;
+  if (!nodes.allFinite()) throw ConfigError("the modes' equations have no solution. Raise mode_spacing");
   std::vector<float> values;
   values.reserve(static_cast<std::size_t>(nodes.size()));
   for (Index k = 0; k < r; ++k)

@@ -12,6 +12,7 @@ namespace graupel::train {
 
 struct ModeFit {
   double spacing = 0;          ///< of the lattice [m]
+  Vec3d origin;                ///< of MPM's grid [m]; nodes lie at whole spacings from it
   double gradient_weight = 0;  ///< [m^2] of the squared error of du/dX, that of u being 1
 };
 

@@ -39,7 +39,7 @@ class Reconstruction {
  public:
   Reconstruction(const rom::Deformation& map, const SnapshotSet& set) : set_(set) {
     for (const Vec3f& x : set.reference()) reference_.insert(reference_.end(), x.a, x.a + 3);
-    points_ = map.bind_f64(reference_);
+    points_ = bind_deformation<double>(map, reference_, rom::PointTables::none);
     const std::size_t slots = points_->all_tiles().size() * static_cast<std::size_t>(mpm::tile);
     position_.resize(3 * slots);
     velocity_.resize(3 * slots);
