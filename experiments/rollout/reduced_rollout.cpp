@@ -146,7 +146,7 @@ class ReducedRollout {
                    timed.text.c_str(), run_.time(), static_cast<long long>(response.particles), 100 * response.share);
       if (!response.is_like_training())
         std::fprintf(stderr,
-                     "graupel: warning: %s: load %s is outside the training: it drives the latents up to %.2g times as "
+                     "graupel: warning: %s: load %s is outside the training: it drives the latents up to %.3g times as "
                      "fast as there\n",
                      scene_.name.c_str(), timed.text.c_str(), response.speed);
     }

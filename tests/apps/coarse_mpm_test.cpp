@@ -48,7 +48,7 @@ TEST_F(CoarseMpm, RollsOutTheScenesOwnParticles) {
 
 TEST_F(CoarseMpm, FlagsOfOtherModelsAreRefused) {
   for (const char* flag : {"--density-limit 1", "--no-project", "--no-free-flight", "--refine 10", "--stride 2",
-                           "--f64", "--step-factor 1", "--start truth:6"}) {
+                           "--f64", "--step-factor 1", "--start truth:6", "--load 0:1:0,0,0:1:1,0,0"}) {
     const Outcome run = rollout(flag);
     EXPECT_EQ(run.exit_code, 2) << flag;
     EXPECT_TRUE(run.says("is coarse MPM. Leave it out")) << run.output;

@@ -104,6 +104,26 @@ TEST_F(ReducedModels, LongerStepsAndDoublePrecision) {
               fallen(2 * falling_steps, 2.0 / 60 / falling_steps), 1e-6);
 }
 
+/// The model knows the way down alone.
+TEST_F(ReducedModels, LoadsPushTheBody) {
+  ASSERT_EQ(rollout("--frames 4 --threads 1").exit_code, 0);
+  const Trajectory free = predicted();
+  const Outcome outcome =
+      rollout("--frames 4 --threads 1 --load 0.01:1:0.5,0.5,0.5:9:0,5,0 --load 0:1:0.5,0.5,0.5:9:5,0,0");
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.output;
+  EXPECT_TRUE(outcome.says("particles carry it")) << outcome.output;
+  const Trajectory pushed = predicted();
+  EXPECT_GT(pushed.frames[4].position[0][1], free.frames[4].position[0][1]);
+  EXPECT_EQ(pushed.frames[4].position[0][0], free.frames[4].position[0][0]);
+  for (const char* load : {"0:1:0,0,0:1:1,0", "0:1:0,0,0:1:1,0,0,", "0:1:0,0,0:1:1,0,x", "", "-1:1:0,0,0:1:1,0,0"}) {
+    const Outcome refused = rollout(std::string("--load '") + load + "'");
+    EXPECT_EQ(refused.exit_code, 2) << load << ": " << refused.output;
+    EXPECT_TRUE(refused.says("--load")) << refused.output;
+  }
+  for (const char* load : {"0:1:0.5,0.5,0.5:0:1,0,0", "0:0:0.5,0.5,0.5:9:1,0,0", "0:1:9,9,9:0.1:1,0,0"})
+    EXPECT_EQ(rollout(std::string("--load ") + load).exit_code, 2) << load;
+}
+
 TEST_F(ReducedModels, ARefinedBodyFallsWithItsParticles) {
   ASSERT_EQ(rollout("--threads 1 --f64").exit_code, 0);
   const Trajectory particles = predicted();
@@ -359,7 +379,7 @@ TEST_F(ReducedModels, FlagsOfTheOtherKindAreRefused) {
     EXPECT_EQ(outcome.exit_code, 2) << flag << ": " << outcome.output;
     EXPECT_TRUE(outcome.says(std::string(flag).substr(0, 7))) << outcome.output;
   }
-  for (const char* flag : {"--step-factor 2", "--f64", "--refine 2", "--stride 2"}) {
+  for (const char* flag : {"--step-factor 2", "--f64", "--refine 2", "--stride 2", "--load 0:1:0,0,0:1:1,0,0"}) {
     const Outcome outcome = graupel("rollout models/hgn.safetensors " + scene_ + " -o " + folder_.file("a.h5 ") + flag);
     EXPECT_EQ(outcome.exit_code, 2) << flag << ": " << outcome.output;
     EXPECT_TRUE(outcome.says("graph network")) << outcome.output;

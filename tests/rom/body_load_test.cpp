@@ -21,7 +21,12 @@ const Vec3d center = {0.5, 0.5, 0.5};
 struct Block {
   Scene scene = jelly_block("[0, 0, 0]");
   ReducedModel model = deformation_model(scene, linear_network(translation()), {0, 0, 0});
-  double mass = scene.materials.at("jelly").density * side * side * side;  // [kg]
+  double mass = 0;  // of the particles [kg]
+
+  Block() {
+    for (const double volume : mpm::sample_sources(scene, scene.seed).volume)
+      mass += scene.materials.at("jelly").density * volume;
+  }
 
   template <typename T>
   ReducedSolver<T> solver(ProjectionKind kind) {

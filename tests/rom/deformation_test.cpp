@@ -20,6 +20,7 @@ using test::deformation_model;
 using test::jelly_block;
 using test::linear_network;
 using test::random_network;
+using test::translation;
 
 constexpr ProjectionKind projections[] = {ProjectionKind::position, ProjectionKind::position_velocity,
                                           ProjectionKind::velocity};
