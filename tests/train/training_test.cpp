@@ -127,6 +127,21 @@ TEST(Training, RunsWithTheNetworksOwnFramesResumeTheSame) {
   remove_path(folder);
 }
 
+TEST(Training, EndsWithItsScheduleByTheClock) {
+  const std::string folder = test_folder("clock");
+  TrainingOptions options = tiny_options(folder);
+  options.config.steps = 1000000;
+  options.config.schedule_minutes = 0.01;
+  const TrainingResult result = train_network(options);
+  EXPECT_EQ(result.reason, StopReason::finished);
+  EXPECT_GT(result.step, 0);
+  EXPECT_LT(result.step, options.config.steps);
+  EXPECT_GE(result.seconds, 0.6);
+  options.resume = true;
+  EXPECT_EQ(train_network(options).step, result.step) << "its time is over";
+  remove_path(folder);
+}
+
 TEST(Training, ABundleOfFramesIsTrainedResumedAndRolledOut) {
   const std::string folder = test_folder("bundle");
   TrainingOptions whole = tiny_options(folder + "/whole"), parts = tiny_options(folder + "/parts");

@@ -15,13 +15,13 @@ const graph::FeatureConfig& TrainConfig::features() const {
   return hgn;
 }
 
-double TrainConfig::rate_at(int64_t step) const {
-  const auto at = static_cast<double>(step), all = static_cast<double>(steps);
+double TrainConfig::rate_at(int64_t step, double share) const {
+  const auto all = static_cast<double>(steps), at = std::max(static_cast<double>(step), share * all);
   const double fraction = schedule == RateSchedule::cosine
                               ? 0.5 * (1 + std::cos(M_PI * std::min(at / all, 1.0)))
                               : std::pow(0.1, at / (decay_steps > 0 ? static_cast<double>(decay_steps) : all / 4));
   const double rate = final_learning_rate + (learning_rate - final_learning_rate) * fraction;
-  return step < warm_up_steps ? rate * (at + 1) / static_cast<double>(warm_up_steps) : rate;
+  return step < warm_up_steps ? rate * static_cast<double>(step + 1) / static_cast<double>(warm_up_steps) : rate;
 }
 
 double TrainConfig::ema_decay_at(int64_t step) const {

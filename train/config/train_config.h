@@ -41,7 +41,8 @@ struct TrainConfig {
   RateSchedule schedule = RateSchedule::exponential;
   double learning_rate = 1e-4;
   double final_learning_rate = 1e-6;
-  int64_t decay_steps = 0;  ///< 0: a quarter of the steps, the paper's proportion
+  int64_t decay_steps = 0;      ///< 0: a quarter of the steps, the paper's proportion
+  double schedule_minutes = 0;  ///< 0: by the steps alone
   int64_t warm_up_steps = 0;
   double clip_norm = 10;
   double ema_decay = 0.999;
@@ -72,8 +73,9 @@ struct TrainConfig {
   /// The network that is trained.
   NetworkConfig network() const;
   const graph::FeatureConfig& features() const;
-  /// Learning rate of a step, counted from 0.
-  double rate_at(int64_t step) const;
+  /// Learning rate of a step, counted from 0, when the schedule is at `share` of its course or, by the steps, beyond
+  /// it.
+  double rate_at(int64_t step, double share = 0) const;
   /// Decay of the moving average in a step, counted from 0: lower at first, so that it forgets the initial weights.
   double ema_decay_at(int64_t step) const;
   /// Width of the grid jitter [m].
@@ -98,6 +100,11 @@ struct TrainConfig {
           FieldInfo{"decay_steps", "", "Steps in which the rate falls to a tenth; 0 for a quarter of `steps`",
                     Range::between(0, 1e9)}
               .only_in("exponential"));
+    visit(&C::schedule_minutes,
+          FieldInfo{"schedule_minutes", "min",
+                    "Wall time in which the schedule comes to its end and the run with it, where `steps` take longer; "
+                    "0: by the steps alone",
+                    Range::not_negative()});
     visit(&C::warm_up_steps,
           FieldInfo{"warm_up_steps", "", "Steps of linear increase before the schedule's rate is reached",
                     Range::between(0, 1e9)});

@@ -76,6 +76,7 @@ class TrainingRun {
   void restore();
   std::unique_ptr<TrainingSteps> make_steps();
   StopReason train(TrainingSteps& steps);
+  void look_at_clock();
   StepSettings step_settings() const;
   /// What follows a step; whether and why to stop.
   std::optional<StopReason> after_step();
@@ -99,6 +100,7 @@ class TrainingRun {
   NetworkModule module_;
   CheckpointState state_;  ///< `seconds` is that of the run's earlier parts
   int64_t saved_step_ = -1;
+  double schedule_share_ = 0;  ///< of schedule_minutes that has passed
   std::optional<Validation> validation_;
   std::optional<MetricsLog> metrics_;  ///< of rank 0
   Clock::time_point start_, last_report_;
@@ -227,10 +229,22 @@ std::unique_ptr<TrainingSteps> TrainingRun::make_steps() {
 
 StopReason TrainingRun::train(TrainingSteps& steps) {
   while (state_.step < config_.steps) {
+    look_at_clock();
+    if (schedule_share_ >= 1) break;
     steps.take(step_settings());
     if (const auto stop = after_step()) return *stop;
   }
   return StopReason::finished;
+}
+
+/// All ranks go by the clock of the first one, or their weights would part.
+void TrainingRun::look_at_clock() {
+  if (!(config_.schedule_minutes > 0)) return;
+  const double share = seconds() / (60 * config_.schedule_minutes);
+  if (comm_.alone())
+    schedule_share_ = share;
+  else if (state_.step % agreement_interval(options_.device) == 0)
+    schedule_share_ = sum_over_ranks(comm_, {comm_.leads() ? share : 0.0}).front();
 }
 
 std::optional<StopReason> TrainingRun::after_step() {
@@ -279,7 +293,7 @@ TrainingResult TrainingRun::execute() {
 
 StepSettings TrainingRun::step_settings() const {
   StepSettings settings;
-  settings.learning_rate = config_.rate_at(state_.step);
+  settings.learning_rate = config_.rate_at(state_.step, schedule_share_);
   settings.clip_norm = config_.clip_norm;
   settings.ema_decay = config_.ema_decay_at(state_.step);
   settings.step = state_.step + 1;
@@ -298,7 +312,7 @@ void TrainingRun::report() {
   progress.steps = config_.steps;
   progress.loss = means.loss;
   progress.loss_average = state_.loss_average;
-  progress.learning_rate = config_.rate_at(state_.step);
+  progress.learning_rate = config_.rate_at(state_.step, schedule_share_);
   progress.steps_per_second = static_cast<double>(means.steps) / std::max(seconds_since(last_report_), 1e-9);
   progress.scenes_per_second = progress.steps_per_second * static_cast<double>(config_.batch_scenes);
   progress.seconds_left = static_cast<double>(config_.steps - state_.step) / std::max(progress.steps_per_second, 1e-9);

@@ -400,6 +400,9 @@ TEST(TrainConfig, RateFallsAsThePapersScaledToTheRun) {
   EXPECT_NEAR(config.rate_at(0), 1e-5, 1e-8);
   EXPECT_NEAR(config.rate_at(2000), 1e-6 + 0.99e-4 * 0.5, 1e-12);
   EXPECT_NEAR(config.rate_at(4000), 1e-6, 1e-12);
+  EXPECT_EQ(config.rate_at(1000, 0.5), config.rate_at(2000)) << "by the clock";
+  EXPECT_EQ(config.rate_at(3000, 0.5), config.rate_at(3000)) << "by the steps";
+  EXPECT_NEAR(config.rate_at(0, 0.5), 0.1 * config.rate_at(2000), 1e-12) << "warm-up is of steps";
 }
 
 }  // namespace
