@@ -315,15 +315,15 @@ LoadResponse ReducedSolver<T>::apply(const Load& load) {
     const bool is_led = !all.script.empty() && all.script[p] >= 0;
     if (material.model != MaterialModel::stationary && !is_led) mass[p] = material.density * all.volume[p];
   }
-  const BodyLoad& added = loads_.emplace_back(*model_.fields, load, time_, frame().position, mass);
+  BodyLoad added(*model_.fields, load, time_, frame().position, mass);
   LoadResponse response = added.response(state_.latent.data());
-  const double fastest = fastest_of_training(model_);
-  if (fastest > 0) {
+  if (const double fastest = fastest_of_training(model_); fastest > 0) {
     const Eigen::VectorXd change = load.duration * added.acceleration(state_.latent.data());
     std::vector<double> after = state_.velocity;
     for (std::size_t k = 0; k < after.size(); ++k) after[k] += change[static_cast<Eigen::Index>(k)];
     response.speed = scaled_norm(model_, after) / fastest;
   }
+  loads_.push_back(std::move(added));
   return response;
 }
 

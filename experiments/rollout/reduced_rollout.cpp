@@ -81,7 +81,14 @@ class ReducedRollout {
       values.push_back({p.name, p.unit, run_.parameters()[i], p.keys});
     }
     writer_.parameters(values);
-    for (const std::string& text : options.loads) loads_.push_back(parse_load(text));
+    const double end = static_cast<double>(frames_) * scene_.frame_time;
+    for (const std::string& text : options.loads) {
+      loads_.push_back(parse_load(text));
+      if (!(loads_.back().time < end))
+        throw ConfigError(
+            fmt::format("--load '{}' begins at {} s, and the rollout ends at {:.4g} s. Give more --frames", text,
+                        loads_.back().time, end));
+    }
   }
 
   /// Throws DivergedError once all is written.

@@ -50,7 +50,6 @@ class BodyLoad {
   Eigen::VectorXd acceleration(const double* latent) const;
   /// At a latent; LoadResponse::speed is left to the caller.
   LoadResponse response(const double* latent) const;
-  double duration() const { return end_ - begin_; }
 
  private:
   struct Points {

@@ -115,7 +115,8 @@ TEST_F(ReducedModels, LoadsPushTheBody) {
   const Trajectory pushed = predicted();
   EXPECT_GT(pushed.frames[4].position[0][1], free.frames[4].position[0][1]);
   EXPECT_EQ(pushed.frames[4].position[0][0], free.frames[4].position[0][0]);
-  for (const char* load : {"0:1:0,0,0:1:1,0", "0:1:0,0,0:1:1,0,0,", "0:1:0,0,0:1:1,0,x", "", "-1:1:0,0,0:1:1,0,0"}) {
+  for (const char* load : {"0:1:0,0,0:1:1,0", "0:1:0,0,0:1:1,0,0,", "0:1:0,0,0:1:1,0,x", "", "-1:1:0,0,0:1:1,0,0",
+                           "99:1:0.5,0.5,0.5:9:1,0,0"}) {
     const Outcome refused = rollout(std::string("--load '") + load + "'");
     EXPECT_EQ(refused.exit_code, 2) << load << ": " << refused.output;
     EXPECT_TRUE(refused.says("--load")) << refused.output;
