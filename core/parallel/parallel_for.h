@@ -12,6 +12,14 @@
 #include "core/parallel/host_device.h"
 #include "core/parallel/thread_pool.h"
 
+/// Inline namespace of templates that launch kernels where their file is compiled as CUDA. A program has files of both
+/// kinds, and the linker keeps one definition of a name: so the names differ.
+#ifdef __CUDACC__
+#define GRAUPEL_FILE_KIND with_cuda
+#else
+#define GRAUPEL_FILE_KIND without_cuda
+#endif
+
 namespace graupel {
 
 #ifdef __CUDACC__
@@ -43,6 +51,8 @@ void parallel_for_cpu(int64_t n, const Body& body, Grain grain = {}) {
              [](const void* chunk, int64_t c) { (*static_cast<const Chunk*>(chunk))(c); });
 }
 
+inline namespace GRAUPEL_FILE_KIND {
+
 template <typename Body>
 void parallel_for(Device device, int64_t n, const Body& body, Grain grain = {}) {
   if (n <= 0) return;
@@ -55,5 +65,7 @@ void parallel_for(Device device, int64_t n, const Body& body, Grain grain = {}) 
   throw std::logic_error("parallel_for: this file was not compiled for CUDA");
 #endif
 }
+
+}  // namespace GRAUPEL_FILE_KIND
 
 }  // namespace graupel

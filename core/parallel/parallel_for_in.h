@@ -11,6 +11,7 @@
 #endif
 
 namespace graupel {
+inline namespace GRAUPEL_FILE_KIND {
 
 /// `stream`: the cudaStream_t to launch on; null: the default one. On the CPU done when it returns.
 template <typename Body>
@@ -69,4 +70,5 @@ void upload_in(void* stream, Buffer<T>& buffer, const std::vector<T>& values) {
   device_copy(buffer.device(), buffer.data(), Device::cpu, values.data(), values.size() * sizeof(T));
 }
 
+}  // namespace GRAUPEL_FILE_KIND
 }  // namespace graupel

@@ -61,6 +61,19 @@ template <typename T, typename Found>
   for (int d = 0; d < 3; ++d) found.pushed_momentum[d] += static_cast<double>(-mass * v_n * normal[d]);
 }
 
+/// a + b that a GPU's compiler does not contract with the product that made b: all uses see one number.
+template <typename T>
+GRAUPEL_HD inline T rounded_sum(T a, T b) {
+#ifdef __CUDA_ARCH__
+  if constexpr (sizeof(T) == sizeof(float))
+    return __fadd_rn(a, b);
+  else
+    return __dadd_rn(a, b);
+#else
+  return a + b;
+#endif
+}
+
 /// Whether a step goes at most one cell along an axis, and along every axis (false for a number that is none).
 template <typename S>
 GRAUPEL_HD inline MaskOf<S> within_a_cell(const S& step, Real<S> dx) {
@@ -112,7 +125,8 @@ template <bool some_move, int D, typename T, typename Found>
                                                          Vec<T, 3>& v, Found& found) {
   const Vec<T, 3> before = x, step = dt * v;
   if (!within_a_cell(step, scene.grid.dx)) return mark_bad(slot, found), false;
-  const Vec<T, 3> wanted = before + step;
+  Vec<T, 3> wanted;
+  for (int d = 0; d < 3; ++d) wanted[d] = rounded_sum(before[d], step[d]);
   x = inside_walls(scene.walls, wanted);
   if (!kinematic) keep_out<some_move, D>(scene, moving, mass, dt, before, wanted, x, v, found);
   return true;
