@@ -47,7 +47,7 @@ void add_compare(const Command& app) {
       .option("--models", options.models,
               mpm::variant_words() +
                   ", weights files of networks, reduced-order models and coarse MPM; corrections-only; a network's "
-                  "WEIGHTS:no-corrections; comma-separated")
+                  "WEIGHTS:no-corrections, a reduced-order model's WEIGHTS:no-pull; comma-separated")
       .required()
       .delimiter(',');
   command.option(

@@ -36,9 +36,10 @@ struct ModelResult {
   std::map<std::string, MetricValues> materials;
   ErrorCurves curves;
   std::optional<TrustResult> trust;  ///< of reduced-order models
-  std::string note;                  ///< what the row stands for: the training runs of a baseline
-  int64_t diverged_at_frame = -1;    ///< first frame that is not usable; -1 for none
-  std::string one_step_source;       ///< "true history" or "own rollout"; empty: no one-step error
+  double manifold_pull = 0;  ///< share of the way to the training runs that each step of a reduced-order model takes
+  std::string note;          ///< what the row stands for: the training runs of a baseline
+  int64_t diverged_at_frame = -1;  ///< first frame that is not usable; -1 for none
+  std::string one_step_source;     ///< "true history" or "own rollout"; empty: no one-step error
   /// "better", "worse" or "tie" (within the chaos floor) than the scene's opponent, by metric.
   std::map<std::string, std::string> against_opponent;
   std::vector<std::string> remarks;  ///< what a reader must know of this run, a sentence each

@@ -32,6 +32,7 @@ Json model_json(const SceneResult& scene, const ModelResult& result) {
     json["trust"] = {{"verdict", result.trust->verdict},
                      {"number", result.trust->number},
                      {"training_error", result.trust->training_error}};
+  if (result.manifold_pull > 0) json["manifold_pull"] = result.manifold_pull;
   json["one_step_source"] = result.one_step_source.empty() ? "none" : result.one_step_source;
   if (result.diverged_at_frame >= 0) json["diverged_at_frame"] = result.diverged_at_frame;
   if (!result.remarks.empty()) json["remarks"] = result.remarks;

@@ -93,9 +93,10 @@ std::string reduced_cell(const ModelResult& result, const ReducedColumn& column)
 
 std::string trust_text(const ModelResult& result) {
   if (!result.trust) return "";
-  if (result.trust->verdict == unknown) return unknown;
-  return fmt::format("{} ({:.2f}; {:.2g} %)", result.trust->verdict, result.trust->number,
-                     100 * result.trust->training_error);
+  const std::string pull = result.manifold_pull > 0 ? fmt::format(", pull {:.2g}", result.manifold_pull) : "";
+  if (result.trust->verdict == unknown) return unknown + pull;
+  return fmt::format("{} ({:.2f}; {:.2g} %){}", result.trust->verdict, result.trust->number,
+                     100 * result.trust->training_error, pull);
 }
 
 std::string reduced_legend(const Comparison& comparison) {
@@ -106,6 +107,14 @@ std::string reduced_legend(const Comparison& comparison) {
       "training "
       "runs, doubtful up to 3. So ok means as good as on training runs, whose largest error stands second in brackets; "
       "it does not say that the model beats the baselines.";
+  if (std::any_of(comparison.scenes.begin(), comparison.scenes.end(), [](const SceneResult& scene) {
+        return std::any_of(scene.models.begin(), scene.models.end(),
+                           [](const ModelResult& result) { return result.manifold_pull > 0; });
+      }))
+    text +=
+        " pull: share of the way to its training runs that each step of the model takes (manifold_pull), so that it "
+        "contains the line between them; the row with :no-pull is the same model without, on whose verdict nothing was "
+        "calibrated.";
   if (comparison.training_runs.empty())
     text +=
         " Left out: the nearest training run and the interpolation between training runs; --training-runs FOLDER names "

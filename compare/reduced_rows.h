@@ -26,8 +26,8 @@ inline constexpr ReducedColumn reduced_columns[] = {{"displacement_relative_erro
 bool has_reduced_model(const SceneResult& scene);
 /// The value of a column in a row, of three digits; "-" where it was not computed.
 std::string reduced_cell(const ModelResult& result, const ReducedColumn& column);
-/// "ok (0.98; 1.1 %)" for a model that judges itself, with the number and the largest error of training runs; empty for
-/// others.
+/// "ok (0.98; 1.1 %)" for a model that judges itself, with the number and the largest error of training runs, and
+/// ", pull 0.1" where its steps go part of the way to the training runs; empty for others.
 std::string trust_text(const ModelResult& result);
 /// What the columns mean, a sentence; with what is left out.
 std::string reduced_legend(const Comparison& comparison);

@@ -55,6 +55,16 @@ std::vector<ModelChoice> parse_models(const std::vector<std::string>& words) {
   return models;
 }
 
+/// The same reduced-order model whose steps do not go part of the way to its training runs.
+ComparedModel without_pull(ComparedModel model) {
+  model.choice.pull = Pull::none;
+  model.choice.name += no_pull_suffix;
+  model.choice.label += no_pull_suffix;
+  return model;
+}
+
+/// The models of --models. After a reduced-order model whose steps are drawn to its training runs comes the same
+/// without: what it knows by itself, which no comparison leaves out.
 std::vector<ComparedModel> load_models(const std::vector<ModelChoice>& choices, Device device) {
   std::vector<ComparedModel> models;
   for (const ModelChoice& choice : choices) {
@@ -69,6 +79,10 @@ std::vector<ComparedModel> load_models(const std::vector<ModelChoice>& choices, 
     if (choice.kind == ModelKind::coarse)
       model.coarse = std::make_shared<const hybrid::CoarseModel>(hybrid::CoarseModel::load(*choice.contents));
     models.push_back(std::move(model));
+    const ComparedModel& last = models.back();
+    const bool pulled = last.reduced && choice.pull == Pull::as_trained && last.reduced->model.manifold_pull > 0;
+    const auto named = [&](const ModelChoice& other) { return other.name == choice.name + no_pull_suffix; };
+    if (pulled && std::none_of(choices.begin(), choices.end(), named)) models.push_back(without_pull(last));
   }
   return models;
 }

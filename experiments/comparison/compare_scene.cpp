@@ -286,7 +286,8 @@ const TimedRun& SceneComparison::run_of(const ComparedModel& model, TimedRun& ow
                                label(choice.label),
                                laws_of(choice.parts, {options_.density_limit, options_.free_flight}));
     case ModelKind::reduced:
-      return own = run_reduced(*model.reduced, task_.scene, task_.seed, task_.frames, device_, label(choice.label));
+      return own = run_reduced(*model.reduced, task_.scene, task_.seed, task_.frames, device_, choice.pull,
+                               label(choice.label));
     case ModelKind::coarse:
       return own = run_coarse_model(*model.coarse, task_.scene,
                                     {.device = device_,
@@ -344,6 +345,7 @@ compare::ModelResult SceneComparison::evaluate(const ComparedModel& model) {
   compare::ModelResult result;
   result.model = model.choice.name;
   result.role = role_of(model.choice.kind);
+  if (model.reduced && model.choice.pull == Pull::as_trained) result.manifold_pull = model.reduced->model.manifold_pull;
   if (has_one_step_error(model.choice.kind)) result.one_step_source = model.network ? "true history" : "own rollout";
   if (task_.stored && model.network && model.network->config().material_constants)
     start_.material =

@@ -45,6 +45,15 @@ ModelChoice parse_model(const std::string& word, std::span<const ModelChoice> be
                         file + "' alone");
     return choice;
   }
+  if (word.ends_with(no_pull_suffix)) {
+    const std::string file = word.substr(0, word.size() - std::strlen(no_pull_suffix));
+    ModelChoice choice = choice_of(file, NetworkParts::all);
+    if (choice.kind != ModelKind::reduced)
+      throw ConfigError("'" + word + "' asks for a model without its pull to training runs (allowed: reduced-order " +
+                        "models). Name '" + file + "' alone");
+    choice.pull = Pull::none;
+    return choice;
+  }
   return choice_of(word, NetworkParts::all);
 }
 

@@ -140,7 +140,9 @@ ReducedRun::ReducedRun(const LoadedModel& loaded, const Scene& scene, uint64_t s
   for (const int32_t material : prepared.particles.material)
     particle_type_.push_back(particle_type_of(
         scene.materials.at(prepared.particles.material_names[static_cast<std::size_t>(material)]).model));
-  record_.emplace(loaded.model.usual,
+  // The levels are of roll-outs with the model's own pull to its training runs.
+  const bool as_calibrated = options.manifold_pull.value_or(loaded.model.manifold_pull) == loaded.model.manifold_pull;
+  record_.emplace(as_calibrated ? loaded.model.usual : rom::TrustLevels{},
                   how.foreign == ForeignScene::run ? foreign_share(loaded, prepared.scene, prepared.particles) : 0.0,
                   loaded.model.usual_error);
   const auto& position = prepared.particles.position;
@@ -192,6 +194,8 @@ void ReducedRun::advance_frame() {
 
 std::string trust_line(const rom::ReducedModel& model, const rom::ErrorIndicatorRecord& record) {
   if (model.usual.empty()) return "trust unknown (the model was trained without calibration_runs)";
+  if (record.verdict() == rom::Verdict::unknown)
+    return "trust unknown (its training was calibrated with another manifold_pull)";
   return fmt::format("trust {:.2f}, {}; training runs were rolled out with errors up to {:.2g} % of the displacement",
                      record.number(), rom::verdict_text(record.verdict()), 100 * model.usual_error);
 }

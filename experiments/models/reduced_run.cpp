@@ -43,10 +43,12 @@ struct ReducedTimes {
 }  // namespace
 
 TimedRun run_reduced(const LoadedModel& model, const Scene& scene, uint64_t seed, int64_t frames, Device device,
-                     const std::string& label) {
+                     Pull pull, const std::string& label) {
   const MemoryMeter memory;
   DeviceMemoryMeter device_memory(device);
-  ReducedRun run(model, scene, seed, {}, {.outside = OutsideRange::be_quiet, .device = device});
+  rom::ReducedOptions options;
+  if (pull == Pull::none) options.manifold_pull = 0;
+  ReducedRun run(model, scene, seed, options, {.outside = OutsideRange::be_quiet, .device = device});
   TimedRun result;
   StartState start = start_of(scene, seed);
   result.run.mass = std::move(start.mass);

@@ -6,13 +6,14 @@
 
 #include "core/parallel/device.h"
 #include "core/scene/scene.h"
+#include "experiments/models/model_choice.h"
 #include "experiments/models/reduced_model.h"
 #include "experiments/models/timed_run.h"
 
 namespace graupel::experiments {
 
-/// From the start of the scene. Frame 0 is the nearest state that the model knows.
+/// From the start of the scene. `pull`: none takes no step towards the training runs. Frame 0 is the nearest state that the model knows.
 TimedRun run_reduced(const LoadedModel& model, const Scene& scene, uint64_t seed, int64_t frames, Device device,
-                     const std::string& label);
+                     Pull pull, const std::string& label);
 
 }  // namespace graupel::experiments

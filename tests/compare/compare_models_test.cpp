@@ -109,6 +109,34 @@ TEST_F(CompareRuns, PartsOfNetworksNeedANetwork) {
               ::testing::ThrowsMessage<ConfigError>(::testing::HasSubstr("that has no corrections")));
 }
 
+TEST_F(CompareRuns, AModelThatIsPulledStandsBesideItselfWithout) {
+  const std::string file = folder_ + "/pulled.safetensors", json = folder_ + "/falling.json";
+  std::ofstream(json) << test::falling_scene();
+  rom::ReducedModel model = test::falling_model(io::read_scene(json));
+  model.manifold_pull = 0.2;
+  nn::write_safetensors(file, model.store(nn::DType::f32));
+  CompareOptions o = options({file});
+  o.scenes = {json};
+  o.frames = 3;
+  o.floors = false;
+  const std::string free = file + ":no-pull";
+  for (const auto& models : {std::vector<std::string>{file}, std::vector<std::string>{free, file}}) {
+    o.models = models;
+    const auto comparison = make_comparison(o);
+    std::map<std::string, double> pull;
+    for (const ModelResult& result : comparison.scenes[0].models)
+      if (result.role == compare::ModelRole::reduced) {
+        pull[result.model] = result.manifold_pull;
+        EXPECT_EQ(result.trust->verdict, "unknown");  // no calibration runs
+      }
+    EXPECT_EQ(pull, (std::map<std::string, double>{{file, 0.2}, {free, 0.0}}));
+    EXPECT_THAT(compare::comparison_table(comparison), ::testing::HasSubstr("pull 0.2"));
+    EXPECT_THAT(compare::comparison_table(comparison), ::testing::HasSubstr("manifold_pull"));
+  }
+  EXPECT_THAT([&] { make_comparison(options({ballistic_network() + ":no-pull"})); },
+              ::testing::ThrowsMessage<ConfigError>(::testing::HasSubstr("without its pull")));
+}
+
 TEST_F(CompareRuns, ADivergedNetworkIsHeldAndMarked) {
   // 0.6 m a frame^2: over a domain edge a frame from the second frame on
   const std::string path = constant_network("wild", {0.6f, 0, 0});
