@@ -18,7 +18,7 @@ InstanceStore::InstanceStore(Device device, const ModelTable& model, InstanceTab
   view_.scene.gravity = scene.gravity.cast<float>();
   view_.scene.push_out = scene.push_out;
   view_.scene.obstacle_nodes = obstacle_nodes_.view();
-  view_.scene.materials = nullptr;  // no kernel asks for the material of a point
+  view_.scene.materials = nullptr;  // only a deformation alone asks for the material of a point
   const int64_t blocks = view_.scene.grid.directory_size();
   set_particles(model);
   const auto moving = moving_.view();
@@ -53,6 +53,7 @@ InstanceStore::InstanceStore(Device device, const ModelTable& model, InstanceTab
   view_.curve = keep(curve_, table_.curve);
   view_.curve_points = static_cast<int32_t>(table_.curve.size() / static_cast<std::size_t>(model.latents));
   view_.coefficient = coefficient_.data();
+  if (model.deformation_alone()) set_elastic(model);
   view_.rate = rate_.data();
   view_.state = state;
 }
@@ -86,6 +87,24 @@ void InstanceStore::set_particles(const ModelTable& model) {
   view_.sample_still = keep(sample_still_, sample_still);
   view_.point_script = scripted ? keep(point_script_, point_script) : nullptr;
   view_.sample_script = scripted ? keep(sample_script_, sample_script) : nullptr;
+}
+
+/// What a model of the deformation alone needs: laws, lists of groups of points, weights of samples.
+void InstanceStore::set_elastic(const ModelTable& model) {
+  const mpm::SampledParticles& all = table_.prepared.particles;
+  std::vector<mpm::MaterialParameters<float>> materials;
+  for (const std::string& name : all.material_names)
+    materials.push_back(mpm::material_parameters<float>(table_.prepared.scene.materials.at(name)));
+  view_.scene.materials = keep(materials_, materials);
+  std::vector<int32_t> material;
+  for (const int32_t p : model.point_particle) material.push_back(all.material[static_cast<std::size_t>(p)]);
+  view_.point_material = keep(point_material_, material);
+  const std::size_t groups = model.point_reference.size() / (3 * warp_width);
+  view_.groups = make(groups_, groups);
+  view_.group_points = make(group_points_, groups);
+  view_.weight = make(weight_, model.samples.size());
+  view_.weighed = make(weighed_, model.samples.size());
+  view_.reached = coefficient_.data();  // they are moved in place
 }
 
 InstanceState InstanceStore::start() const {

@@ -15,17 +15,20 @@
 #include "mpm/materials/material_parameters.h"
 #include "rom/cuda/device_branch.h"
 #include "rom/cuda/device_decode.h"
+#include "rom/cuda/device_elastic.h"
 #include "rom/cuda/device_fit.h"
 #include "rom/cuda/device_gather.h"
+#include "rom/cuda/device_projection.h"
 #include "rom/cuda/device_tables.h"
 
 namespace graupel::rom::device {
 
 struct RunSettings {
   int64_t steps_per_frame = 1;
-  double dt = 0;          ///< [s]
-  double pull = 0;        ///< as RunView has it
-  double curve_step = 0;  ///< as RunView has it
+  double dt = 0;              ///< [s]
+  double pull = 0;            ///< as RunView has it
+  double curve_step = 0;      ///< as RunView has it
+  double contact_weight = 1;  ///< as RunView has it
 };
 
 class DeviceRun {
@@ -115,6 +118,11 @@ class ModelStore {
     view_.stress_map = stress_map_.view();
     view_.affine_map = affine_map_.view();
     view_.affine_is_rate = rate_;
+    view_.deformation_alone = table.deformation_alone();
+    view_.point_modes = keep(floats_, table.point_modes);
+    view_.point_reference = keep(floats_, table.point_reference);
+    view_.inverse = keep(doubles_, table.inverse);
+    view_.condition = table.condition;
   }
   const ModelView& view() const { return view_; }
   int64_t bytes() const { return bytes_ + closure_.bytes() + stress_map_.bytes() + affine_map_.bytes(); }
@@ -152,6 +160,7 @@ class InstanceStore {
 
  private:
   void set_particles(const ModelTable& model);
+  void set_elastic(const ModelTable& model);
   template <typename T>
   T* make(Buffer<T>& buffer, std::size_t n) {
     buffer = Buffer<T>(device_, n);
@@ -178,7 +187,10 @@ class InstanceStore {
   Buffer<mpm::RigidStep<float>> moving_step_;
   Buffer<mpm::ScriptStep<float>> scripts_;
   Buffer<float> point_mass_, point_volume_, sums_;
-  Buffer<int32_t> point_script_, sample_script_;
+  Buffer<int32_t> point_script_, sample_script_, point_material_, groups_, weighed_;
+  Buffer<uint32_t> group_points_;
+  Buffer<float> weight_;
+  Buffer<mpm::MaterialParameters<float>> materials_;
   Buffer<long long> block_mark_;
   Buffer<uint8_t> sample_still_, lost_, point_taken_;
   Buffer<double> parameters_, map_rows_, coefficient_, earlier_, rate_, ahead_, slope_, reached_, gram_, curve_;
@@ -276,15 +288,16 @@ class DeviceRunOn final : public DeviceRun {
   enum Segment { one_step, many_steps, first_kernel };
 
   void launch(int kernel) {
+    const bool alone = view_.model.deformation_alone;
     switch (kernel) {
       case 0:
-        return backend_.branch(view_);
+        return alone ? backend_.prepare(view_) : backend_.branch(view_);
       case 1:
-        return backend_.decode(view_);
+        return alone ? backend_.decode_elastic(view_) : backend_.decode(view_);
       case 2:
         return backend_.gather(view_);
       default:
-        return backend_.fit(view_);
+        return alone ? backend_.project(view_) : backend_.fit(view_);
     }
   }
 
@@ -295,11 +308,14 @@ class DeviceRunOn final : public DeviceRun {
     view_.dt = settings_.dt;
     view_.pull = settings_.pull;
     view_.curve_step = settings_.curve_step;
+    view_.contact_weight = static_cast<float>(settings_.contact_weight);
     const auto blocks_for = [](int items) { return (items + step_warps - 1) / step_warps; };
     // A few blocks a multiprocessor, shared by the instances; but no more than there is work for.
     const int blocks_per_instance = std::max(4, 4 * backend_.processors() / view_.instance_count);
     view_.worker_blocks = std::max(1, std::min(blocks_per_instance, blocks_for(view_.model.points)));
-    view_.decode_blocks = std::max(1, view_.worker_blocks - 1);  // beside that of the equations
+    view_.decode_blocks = view_.model.deformation_alone
+                              ? std::max(1, std::min(blocks_per_instance, view_.model.point_groups()))
+                              : std::max(1, view_.worker_blocks - 1);  // beside that of the equations
     view_.gather_blocks = std::max(1, blocks_for(view_.model.samples));
   }
   void prepare_graphs(int64_t steps) {

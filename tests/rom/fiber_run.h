@@ -35,8 +35,26 @@ class FiberBackend {
   }
   void gather(const RunView& view) {
     GatherShared shared;
-    run(view.instance_count * view.gather_blocks, shared,
-        [&](const FiberThread& thread) { device::gather(thread, view, shared); });
+    run(view.instance_count * view.gather_blocks, shared, [&](const FiberThread& thread) {
+      if (view.model.deformation_alone)
+        device::gather<true>(thread, view, shared);
+      else
+        device::gather<false>(thread, view, shared);
+    });
+  }
+  void prepare(const RunView& view) {
+    BranchShared shared;
+    run(view.instance_count * view.worker_blocks, shared,
+        [&](const FiberThread& thread) { device::prepare(thread, view, shared); });
+  }
+  void decode_elastic(const RunView& view) {
+    ElasticShared shared;
+    run(view.instance_count * view.decode_blocks, shared,
+        [&](const FiberThread& thread) { device::decode_elastic(thread, view, shared); });
+  }
+  void project(const RunView& view) {
+    ProjectionShared shared;
+    run(view.instance_count, shared, [&](const FiberThread& thread) { device::project(thread, view, shared); });
   }
   /// What the first block of decode does for an instance.
   void solve_equations(const RunView& view) {
