@@ -38,11 +38,10 @@ __global__ void __launch_bounds__(step_threads, 4) run_decode(RunView view) {
   await_kernel_before();
   decode(CudaBlock{}, view, shared, equation_room());
 }
-template <bool weighed>
 __global__ void __launch_bounds__(step_threads, 1) run_gather(RunView view) {
   __shared__ GatherShared shared;
   await_kernel_before();
-  gather<weighed>(CudaBlock{}, view, shared);
+  gather<false>(CudaBlock{}, view, shared);
 }
 __global__ void __launch_bounds__(step_threads, 1) run_fit(RunView view) {
   __shared__ FitShared shared;
@@ -59,10 +58,10 @@ __global__ void __launch_bounds__(step_threads, 4) run_decode_elastic(RunView vi
   await_kernel_before();
   decode_elastic(CudaBlock{}, view, shared);
 }
-__global__ void __launch_bounds__(step_threads, 1) run_project(RunView view) {
-  __shared__ ProjectionShared shared;
+__global__ void __launch_bounds__(step_threads, 1) run_gather_and_project(RunView view) {
+  __shared__ GatherAndProjectShared shared;
   await_kernel_before();
-  project(CudaBlock{}, view, shared);
+  gather_and_project(CudaBlock{}, view, shared);
 }
 __global__ void __launch_bounds__(step_threads) run_frame(RunView view, int instance, float* frame) {
   __shared__ DecodeShared shared;
@@ -109,16 +108,15 @@ class CudaBackend {
   void decode(const RunView& view) {
     start(kernels::run_decode, view.instance_count * (1 + view.decode_blocks), view, equation_bytes(view));
   }
-  void gather(const RunView& view) {
-    start(view.model.deformation_alone ? kernels::run_gather<true> : kernels::run_gather<false>,
-          view.instance_count * view.gather_blocks, view);
-  }
+  void gather(const RunView& view) { start(kernels::run_gather, view.instance_count * view.gather_blocks, view); }
   void fit(const RunView& view) { start(kernels::run_fit, view.instance_count, view, equation_bytes(view)); }
   void prepare(const RunView& view) { start(kernels::run_prepare, view.instance_count * view.worker_blocks, view); }
   void decode_elastic(const RunView& view) {
     start(kernels::run_decode_elastic, view.instance_count * view.decode_blocks, view);
   }
-  void project(const RunView& view) { start(kernels::run_project, view.instance_count, view); }
+  void gather_and_project(const RunView& view) {
+    start(kernels::run_gather_and_project, view.instance_count * view.gather_blocks, view);
+  }
   void write_frame(const RunView& view, int instance, float* frame) {
     const int blocks = std::min((view.model.particles + step_warps - 1) / step_warps, 8 * processors_);
     kernels::run_frame<<<static_cast<unsigned>(blocks), step_threads, 0, stream_>>>(view, instance, frame);

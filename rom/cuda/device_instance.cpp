@@ -22,6 +22,7 @@ InstanceStore::InstanceStore(Device device, const ModelTable& model, InstanceTab
   const int64_t blocks = view_.scene.grid.directory_size();
   set_particles(model);
   const auto moving = moving_.view();
+  view_.step_count = static_cast<int32_t>(steps_);
   view_.moving_count = moving.count;
   view_.moving_index = moving.index;
   view_.obstacle_count = moving.count > 0 ? static_cast<int32_t>(scene.obstacles.size()) : 0;

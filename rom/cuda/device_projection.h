@@ -1,12 +1,14 @@
-// The last kernel of a step of a model of the deformation alone by modes, whose map is linear in the latent: with U the
-// modes at the samples and W their weights
+// The last kernel of a step of a model of the deformation alone by modes: samples move (rom/cuda/device_gather.h), and
+// the block that is the last of its instance to be done projects. The map is linear in the latent: with U the modes at
+// the samples and W their weights
 //   dt q' = argmin sum_s w_s |U_s dt q' - way_s|^2 = (U^T W U)^-1 U^T W way,   q <- q + dt q'.
 // The positions' least squares have the same solution, so one solution serves all projections
 // (rom/projection/projection.h). Where all samples have weight 1 the inverse is the model's; else U^T W U differs from
-// U^T U by the samples in contact and those that are lost. All in f64, a block an instance.
+// U^T U by the samples in contact and those that are lost. All in f64.
 #pragma once
 
 #include "rom/cuda/device_equations.h"
+#include "rom/cuda/device_gather.h"
 #include "rom/cuda/device_state.h"
 
 namespace graupel::rom::device {
@@ -95,7 +97,7 @@ struct Projection {
     each(model.latents, [&](int k) { ways.projection[k] = 0; });
     if (block.thread() != 0) return;
     ways.moved2 = ways.weight = ways.weighted2 = 0;
-    ways.furthest = ways.lost = ways.weighed = 0;
+    ways.furthest = ways.lost = ways.weighed = ways.arrived = 0;
   }
 
  private:
@@ -124,12 +126,11 @@ struct Projection {
   }
 };
 
-/// The kernel.
+/// From the ways of all samples to the next state, by a block.
 template <typename Block>
-GRAUPEL_HD void project(const Block& block, const RunView& view, ProjectionShared& shared) {
-  const InstanceView& instance = view.instances[block.index()];
+GRAUPEL_HD void project(const Block& block, const RunView& view, const InstanceView& instance,
+                        ProjectionShared& shared) {
   const ModelView& model = view.model;
-  if (instance.state->status != RunStatus::running) return;
   if (lost_too_many(block, instance, model.samples)) return;
   const Projection<Block> projection{block, model, instance, shared};
   copy_words(block, *instance.state, shared.state);
@@ -154,6 +155,28 @@ GRAUPEL_HD void project(const Block& block, const RunView& view, ProjectionShare
   if (block.thread() == block.threads() - 1) projection.count();
   block.sync();
   copy_words(block, shared.state, *instance.state);
+}
+
+struct GatherAndProjectShared {
+  GatherShared gather;
+  ProjectionShared projection;
+  int is_last;
+};
+
+/// The kernel.
+template <typename Block>
+GRAUPEL_HD void gather_and_project(const Block& block, const RunView& view, GatherAndProjectShared& shared) {
+  const InstanceView& instance = view.instances[block.index() / view.gather_blocks];
+  if (instance.state->status != RunStatus::running) return;
+  gather<true>(block, view, shared.gather);
+  block.fence();
+  block.sync();
+  if (block.thread() == 0)
+    shared.is_last = block.add(&instance.ways->arrived, int32_t{1}) == view.gather_blocks - 1 ? 1 : 0;
+  block.sync();
+  if (shared.is_last == 0) return;
+  block.fence();
+  project(block, view, instance, shared.projection);
 }
 
 }  // namespace graupel::rom::device

@@ -3,7 +3,6 @@
 #pragma once
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <list>
 #include <memory>
@@ -31,6 +30,12 @@ struct RunSettings {
   double contact_weight = 1;  ///< as RunView has it
 };
 
+/// A kernel of the step alone.
+struct KernelTime {
+  const char* name;
+  double seconds;
+};
+
 class DeviceRun {
  public:
   virtual ~DeviceRun() = default;
@@ -38,9 +43,9 @@ class DeviceRun {
   virtual void advance_frame() = 0;
   /// `steps` more steps within a frame, without a word to the host; seconds on the device.
   virtual double timed_steps(int64_t steps) = 0;
-  /// Seconds that each kernel takes on the device, in the order of the step, as a mean over so many. The run is of no
-  /// use afterwards.
-  virtual std::array<double, 4> kernel_seconds(int times) = 0;
+  /// What each kernel takes on the device, in the order of the step, as a mean over so many. The run is of no use
+  /// afterwards.
+  virtual std::vector<KernelTime> kernel_times(int times) = 0;
   virtual const InstanceState& state(int instance) const = 0;
   /// Positions [m] and velocities [m/s] of all particles, [particles, 6].
   virtual std::vector<float> frame(int instance) const = 0;
@@ -245,18 +250,20 @@ class DeviceRunOn final : public DeviceRun {
     backend_.read(states_.data(), host_.size(), host_.data());
     return seconds;
   }
-  std::array<double, 4> kernel_seconds(int times) override {
-    std::array<double, 4> seconds{};
-    for (int kernel = 0; kernel < 4; ++kernel) {
-      backend_.record(first_kernel + kernel, [&] {
-        for (int i = 0; i < times; ++i) launch(kernel);
+  std::vector<KernelTime> kernel_times(int times) override {
+    std::vector<KernelTime> all;
+    const std::vector<Kernel>& kernels = kernels_of_step();
+    for (int k = 0; k < static_cast<int>(kernels.size()); ++k) {
+      const Kernel& kernel = kernels[static_cast<std::size_t>(k)];
+      backend_.record(first_kernel + k, [&] {
+        for (int i = 0; i < times; ++i) (backend_.*kernel.launch)(view_);
       });
       for (InstanceStore& instance : instances_) instance.begin_frame(time_, settings_.dt);
       backend_.launch(view_.instance_count, BeginFrame{states_.data()});
-      backend_.play(first_kernel + kernel);
-      seconds[static_cast<std::size_t>(kernel)] = backend_.timed([&] { backend_.play(first_kernel + kernel); }) / times;
+      backend_.play(first_kernel + k);
+      all.push_back({kernel.name, backend_.timed([&] { backend_.play(first_kernel + k); }) / times});
     }
-    return seconds;
+    return all;
   }
   const InstanceState& state(int instance) const override { return host_[static_cast<std::size_t>(instance)]; }
   std::vector<float> frame(int instance) const override {
@@ -279,7 +286,7 @@ class DeviceRunOn final : public DeviceRun {
     for (InstanceStore& instance : instances_) instance.begin_frame(time_, settings_.dt);
   }
   void step() {
-    for (int kernel = 0; kernel < 4; ++kernel) launch(kernel);
+    for (const Kernel& kernel : kernels_of_step()) (backend_.*kernel.launch)(view_);
   }
 
  private:
@@ -287,18 +294,19 @@ class DeviceRunOn final : public DeviceRun {
   int64_t graph_steps() const { return std::min<int64_t>(settings_.steps_per_frame, 64); }
   enum Segment { one_step, many_steps, first_kernel };
 
-  void launch(int kernel) {
-    const bool alone = view_.model.deformation_alone;
-    switch (kernel) {
-      case 0:
-        return alone ? backend_.prepare(view_) : backend_.branch(view_);
-      case 1:
-        return alone ? backend_.decode_elastic(view_) : backend_.decode(view_);
-      case 2:
-        return backend_.gather(view_);
-      default:
-        return alone ? backend_.project(view_) : backend_.fit(view_);
-    }
+  struct Kernel {
+    const char* name;
+    void (Backend::*launch)(const RunView&);
+  };
+  const std::vector<Kernel>& kernels_of_step() const {
+    static const std::vector<Kernel> with_stress = {{"branch", &Backend::branch},
+                                                    {"decode", &Backend::decode},
+                                                    {"gather", &Backend::gather},
+                                                    {"fit", &Backend::fit}},
+                                     alone = {{"prepare", &Backend::prepare},
+                                              {"decode", &Backend::decode_elastic},
+                                              {"gather and project", &Backend::gather_and_project}};
+    return view_.model.deformation_alone ? alone : with_stress;
   }
 
   void set_view() {

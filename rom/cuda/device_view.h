@@ -91,6 +91,7 @@ struct alignas(8) WaySums {
   // Of a deformation alone, whose samples have weights w; `projection` is then U^T W way.
   double weight, weighted2;  ///< sums of w, and of w times the square of the way
   int32_t weighed;           ///< samples with another weight than 1
+  int32_t arrived;           ///< blocks of samples that are done
 };
 
 /// The least-squares problem of a step's fit, solved for any U^T way (rom/cuda/device_fit.h): dq = P (U^T way) - p.
@@ -106,6 +107,7 @@ struct alignas(8) NormalEquations {
 
 struct InstanceView {
   mpm::SceneView<float> scene;
+  int32_t step_count;  ///< of a frame
   int32_t moving_count, obstacle_count, script_count;
   const int32_t* moving_index;                                ///< [moving_count]
   const sparsegrid::ObstacleView *moving_start, *moving_end;  ///< poses [steps of a frame, obstacles]
@@ -138,8 +140,10 @@ struct InstanceView {
   float* weight;                  ///< [samples]
   int32_t* weighed;               ///< [samples] those with another weight than 1
 
+  /// A step of the frame; beyond it, where kernels are timed alone, its last one.
+  GRAUPEL_HD int64_t known_step(int step) const { return step < step_count ? step : step_count - 1; }
   GRAUPEL_HD mpm::MovingObstacleView<float> moving(int step) const {
-    const int64_t first = int64_t(step) * obstacle_count;
+    const int64_t first = known_step(step) * obstacle_count;
     return {moving_count,
             moving_index,
             {moving_start + first, obstacle_count},
@@ -149,7 +153,7 @@ struct InstanceView {
   /// The motion that leads a particle with this script, or null.
   GRAUPEL_HD const mpm::RigidStep<float>* leader(int32_t script, int step) const {
     if (script < 0) return nullptr;
-    const mpm::ScriptStep<float>& s = scripts[int64_t(step) * script_count + script];
+    const mpm::ScriptStep<float>& s = scripts[known_step(step) * script_count + script];
     return s.leads ? &s.motion : nullptr;
   }
 };

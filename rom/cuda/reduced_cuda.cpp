@@ -90,7 +90,11 @@ double ReducedDeviceSolver::timed_frame() {
   return seconds;
 }
 
-std::array<double, 4> ReducedDeviceSolver::kernel_seconds() { return run_->kernel_seconds(32); }
+std::vector<std::pair<std::string, double>> ReducedDeviceSolver::kernel_seconds() {
+  std::vector<std::pair<std::string, double>> all;
+  for (const device::KernelTime& kernel : run_->kernel_times(32)) all.emplace_back(kernel.name, kernel.seconds);
+  return all;
+}
 
 std::optional<std::string> ReducedDeviceSolver::divergence(int instance) const {
   switch (report(instance).status) {

@@ -35,12 +35,8 @@ class FiberBackend {
   }
   void gather(const RunView& view) {
     GatherShared shared;
-    run(view.instance_count * view.gather_blocks, shared, [&](const FiberThread& thread) {
-      if (view.model.deformation_alone)
-        device::gather<true>(thread, view, shared);
-      else
-        device::gather<false>(thread, view, shared);
-    });
+    run(view.instance_count * view.gather_blocks, shared,
+        [&](const FiberThread& thread) { device::gather<false>(thread, view, shared); });
   }
   void prepare(const RunView& view) {
     BranchShared shared;
@@ -52,9 +48,16 @@ class FiberBackend {
     run(view.instance_count * view.decode_blocks, shared,
         [&](const FiberThread& thread) { device::decode_elastic(thread, view, shared); });
   }
+  void gather_and_project(const RunView& view) {
+    GatherAndProjectShared shared;
+    run(view.instance_count * view.gather_blocks, shared,
+        [&](const FiberThread& thread) { device::gather_and_project(thread, view, shared); });
+  }
+  /// What the last block of gather_and_project does for an instance.
   void project(const RunView& view) {
     ProjectionShared shared;
-    run(view.instance_count, shared, [&](const FiberThread& thread) { device::project(thread, view, shared); });
+    run(view.instance_count, shared,
+        [&](const FiberThread& thread) { device::project(thread, view, view.instances[thread.index()], shared); });
   }
   /// What the first block of decode does for an instance.
   void solve_equations(const RunView& view) {
