@@ -123,6 +123,10 @@ class CudaBackend {
     GRAUPEL_CUDA_CHECK(cudaGetLastError());
   }
 
+  /// Copies to the device after all that was launched.
+  void write(const std::byte* from, std::size_t bytes, std::byte* to) {
+    GRAUPEL_CUDA_CHECK(cudaMemcpyAsync(to, from, bytes, cudaMemcpyHostToDevice, stream_));
+  }
   /// Copies to the host after all that was launched, and waits for it.
   template <typename T>
   void read(const T* from, std::size_t n, T* to) {

@@ -137,7 +137,8 @@ struct ElasticDecode {
     if (!due) return;
     instance.group_points[group] = found;
     if (found == 0) return;
-    instance.groups[block.add(&instance.state->group_count, int32_t{1})] = group;
+    const int32_t place = block.add(&instance.state->group_count, int32_t{1});
+    if (place < model.point_groups()) instance.groups[place] = group;  // kernels that are timed alone find them again
     block.add(&instance.state->point_count, ones_of(found));
   }
 
@@ -165,7 +166,8 @@ GRAUPEL_HD void decode_elastic(const Block& block, const RunView& view, ElasticS
   block.sync();
   const MarkedGrid grid(instance);
   const bool due = instance.state->due != 0;
-  const int32_t count = due ? view.model.point_groups() : instance.state->group_count;
+  const int32_t groups = view.model.point_groups(), listed = instance.state->group_count;
+  const int32_t count = due ? groups : (listed < groups ? listed : groups);
   for (int32_t i = block.index() % view.decode_blocks; i < count; i += view.decode_blocks)
     decode.take_group(grid, due ? i : instance.groups[i], due);
 }

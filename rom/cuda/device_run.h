@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
 #include <list>
 #include <memory>
 #include <utility>
@@ -158,12 +159,21 @@ class InstanceStore {
   InstanceStore(Device device, const ModelTable& model, InstanceTable table, int64_t steps_per_frame,
                 InstanceState* state);
   InstanceView view() const { return view_; }
-  /// Poses of scripted obstacles and velocities of scripted particles in all steps of the frame from `time` [s] on.
-  void begin_frame(double time, double dt);
+  /// Room for what changes from frame to frame: poses of scripted obstacles and velocities of scripted particles in all
+  /// steps of a frame.
+  std::size_t frame_bytes() const { return frame_layout().bytes; }
+  /// Where these will lie on the device.
+  void place_frame(std::byte* device);
+  /// These in the frame from `time` [s] on.
+  void fill_frame(double time, double dt, std::byte* host) const;
   InstanceState start() const;
   int64_t bytes() const { return bytes_; }
 
  private:
+  struct FrameLayout {
+    std::size_t start = 0, end = 0, moves = 0, scripts = 0, bytes = 0;
+  };
+  FrameLayout frame_layout() const;
   void set_particles(const ModelTable& model);
   void set_elastic(const ModelTable& model);
   template <typename T>
@@ -188,9 +198,6 @@ class InstanceStore {
   mpm::ObstacleNodes<float> obstacle_nodes_;
   InstanceView view_{};
   int64_t bytes_ = 0;
-  Buffer<sparsegrid::ObstacleView> moving_start_, moving_end_;
-  Buffer<mpm::RigidStep<float>> moving_step_;
-  Buffer<mpm::ScriptStep<float>> scripts_;
   Buffer<float> point_mass_, point_volume_, sums_;
   Buffer<int32_t> point_script_, sample_script_, point_material_, groups_, weighed_;
   Buffer<uint32_t> group_points_;
@@ -219,14 +226,16 @@ class DeviceRunOn final : public DeviceRun {
         model_(backend_.device(), model),
         states_(backend_.device(), tables.size()),
         views_(backend_.device(), 0),
-        frame_(backend_.device(), 0) {
-    std::vector<InstanceView> views;
+        frame_(backend_.device(), 0),
+        frame_data_(backend_.device(), 0) {
     for (std::size_t i = 0; i < tables.size(); ++i) {
       instances_.emplace_back(backend_.device(), model, std::move(tables[i]), settings.steps_per_frame,
                               states_.data() + i);
-      views.push_back(instances_.back().view());
       host_.push_back(instances_.back().start());
     }
+    place_frames();
+    std::vector<InstanceView> views;
+    for (const InstanceStore& instance : instances_) views.push_back(instance.view());
     views_.upload(views);
     states_.upload(host_);
     set_view();
@@ -234,16 +243,14 @@ class DeviceRunOn final : public DeviceRun {
   }
 
   void advance_frame() override {
-    for (InstanceStore& instance : instances_) instance.begin_frame(time_, settings_.dt);
-    backend_.launch(view_.instance_count, BeginFrame{states_.data()});
+    begin_frame();
     run_steps(settings_.steps_per_frame);
     for (int64_t i = 0; i < settings_.steps_per_frame; ++i) time_ += settings_.dt;
     backend_.read(states_.data(), host_.size(), host_.data());
   }
   double timed_steps(int64_t steps) override {
     GRAUPEL_ASSERT(steps <= settings_.steps_per_frame);
-    for (InstanceStore& instance : instances_) instance.begin_frame(time_, settings_.dt);
-    backend_.launch(view_.instance_count, BeginFrame{states_.data()});
+    begin_frame();
     prepare_graphs(steps);
     const double seconds = backend_.timed([&] { run_steps(steps); });
     for (int64_t i = 0; i < steps; ++i) time_ += settings_.dt;
@@ -258,8 +265,7 @@ class DeviceRunOn final : public DeviceRun {
       backend_.record(first_kernel + k, [&] {
         for (int i = 0; i < times; ++i) (backend_.*kernel.launch)(view_);
       });
-      for (InstanceStore& instance : instances_) instance.begin_frame(time_, settings_.dt);
-      backend_.launch(view_.instance_count, BeginFrame{states_.data()});
+      begin_frame();
       backend_.play(first_kernel + k);
       all.push_back({kernel.name, backend_.timed([&] { backend_.play(first_kernel + k); }) / times});
     }
@@ -283,7 +289,13 @@ class DeviceRunOn final : public DeviceRun {
   Backend& backend() { return backend_; }
   /// The parts of a step, for tests.
   void begin_frame() {
-    for (InstanceStore& instance : instances_) instance.begin_frame(time_, settings_.dt);
+    std::byte* at = frame_host_.data();
+    for (const InstanceStore& instance : instances_) {
+      instance.fill_frame(time_, settings_.dt, at);
+      at += instance.frame_bytes();
+    }
+    if (!frame_host_.empty()) backend_.write(frame_host_.data(), frame_host_.size(), frame_data_.data());
+    backend_.launch(view_.instance_count, BeginFrame{states_.data()});
   }
   void step() {
     for (const Kernel& kernel : kernels_of_step()) (backend_.*kernel.launch)(view_);
@@ -293,6 +305,19 @@ class DeviceRunOn final : public DeviceRun {
   /// Steps of the longer one of the two graphs: a frame's, where these are not too many.
   int64_t graph_steps() const { return std::min<int64_t>(settings_.steps_per_frame, 64); }
   enum Segment { one_step, many_steps, first_kernel };
+
+  /// One copy a frame serves all instances.
+  void place_frames() {
+    std::size_t bytes = 0;
+    for (const InstanceStore& instance : instances_) bytes += instance.frame_bytes();
+    frame_host_.resize(bytes);
+    frame_data_.resize_discard(bytes);
+    std::byte* at = frame_data_.data();
+    for (InstanceStore& instance : instances_) {
+      instance.place_frame(at);
+      at += instance.frame_bytes();
+    }
+  }
 
   struct Kernel {
     const char* name;
@@ -346,6 +371,8 @@ class DeviceRunOn final : public DeviceRun {
   Buffer<InstanceState> states_;
   Buffer<InstanceView> views_;
   mutable Buffer<float> frame_;
+  Buffer<std::byte> frame_data_;  ///< of all instances (InstanceStore::fill_frame)
+  std::vector<std::byte> frame_host_;
   std::vector<InstanceState> host_;
   RunView view_{};
   double time_ = 0;

@@ -142,6 +142,16 @@ TEST(ElasticDeviceRun, InstancesMoveAsTheyDoAlone) {
   EXPECT_GT(std::abs(together->state(0).latent[0] - together->state(2).latent[0]), 1e-4);
 }
 
+/// Timed alone, kernels go beyond the steps of a frame and find points again and again.
+TEST(ElasticDeviceRun, TimesItsKernels) {
+  const Scene scene = two_laws_scene(poking_obstacle);
+  const auto run = fiber_run(mode_model(scene), {scene});
+  const std::vector<device::KernelTime> times = run->kernel_times(steps_of_frame);
+  ASSERT_EQ(times.size(), 3u);
+  EXPECT_STREQ(times[1].name, "decode");
+  EXPECT_GT(run->view().instances[0].state->step, steps_of_frame);
+}
+
 /// A bar with samples at one end: points elsewhere take no part, before and after it has moved by cells.
 TEST(ElasticDeviceRun, TakesThePointsThatReachSamples) {
   const Scene scene = two_laws_scene("", "0.64");

@@ -78,6 +78,7 @@ class FiberBackend {
     DecodeShared shared;
     run(3, shared, [&](const FiberThread& thread) { device::write_frame(thread, view, instance, frame, shared); });
   }
+  void write(const std::byte* from, std::size_t bytes, std::byte* to) { std::copy_n(from, bytes, to); }
   template <typename T>
   void read(const T* from, std::size_t n, T* to) {
     std::copy_n(from, n, to);
