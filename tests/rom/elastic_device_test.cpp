@@ -142,6 +142,21 @@ TEST(ElasticDeviceRun, InstancesMoveAsTheyDoAlone) {
   EXPECT_GT(std::abs(together->state(0).latent[0] - together->state(2).latent[0]), 1e-4);
 }
 
+/// Symplectic Euler: after n steps v = g n dt, x = g dt^2 n (n + 1) / 2, from the start's velocity on.
+TEST(ElasticDeviceRun, ABodyInTheAirFallsFreely) {
+  const Scene scene = two_laws_scene();
+  const ReducedModel model = mode_model(scene, 12, 3);  // translations by 0.1 m
+  const auto run = fiber_run(model, {scene});
+  run->advance_frame();
+  const double n = steps_of_frame, dt = model.frame_time / n;
+  const double velocity[3] = {0.5, -0.3, 0}, gravity[3] = {0, -4, 0};
+  for (std::size_t d = 0; d < 3; ++d) {
+    const double way = velocity[d] * n * dt + gravity[d] * dt * dt * n * (n + 1) / 2;
+    EXPECT_NEAR(0.1 * (run->state(0).latent[d] - model.start_latent[d]), way, 1e-7);
+    EXPECT_NEAR(0.1 * run->state(0).velocity[d], velocity[d] + gravity[d] * n * dt, 1e-5);
+  }
+}
+
 /// Timed alone, kernels go beyond the steps of a frame and find points again and again.
 TEST(ElasticDeviceRun, TimesItsKernels) {
   const Scene scene = two_laws_scene(poking_obstacle);
@@ -275,6 +290,8 @@ TEST(ElasticDeviceTables, RefuseByNameWhatNoKernelKnows) {
   option_is_refused(model, eulerian, "quadrature");
   option_is_refused(model, pulled, "manifold_pull");
   option_is_refused(integrated, {}, "gradient integrated");
+  const ReducedModel large = mode_model(scene, 1, device::most_latents + 1);
+  EXPECT_NE(refusal([&] { device::model_table(large, large.samples); }).find("33 latents"), std::string::npos);
   const ReducedModel network =
       test::deformation_model(scene, test::linear_network(test::translation()), std::vector<double>{0, 0, 0});
   EXPECT_NE(refusal([&] { device::model_table(network, network.samples); }).find("map=modes"), std::string::npos);

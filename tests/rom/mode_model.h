@@ -30,8 +30,7 @@ inline Scene two_laws_scene(const std::string& more = "", const std::string& wid
 }
 
 /// Three translations, three shears and stretches, and waves; every n-th particle is a sample.
-inline ReducedModel mode_model(const Scene& scene, std::size_t every = 12) {
-  constexpr int latents = 10;
+inline ReducedModel mode_model(const Scene& scene, std::size_t every = 12, int latents = 10) {
   std::vector<double> rest;
   for (int k = 0; k < latents; ++k) rest.push_back(0.1 * std::cos(k));
   const mpm::SampledParticles sampled = mpm::sample_sources(scene, scene.seed);
