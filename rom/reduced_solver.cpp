@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <numeric>
@@ -10,48 +9,17 @@
 
 #include "core/system/error.h"
 #include "core/system/stopwatch.h"
-#include "rom/cubature/sample_selection.h"
 #include "rom/fields/deformation_fields.h"
 #include "rom/solver/eulerian_quadrature.h"
 #include "rom/solver/lagrangian_quadrature.h"
 
 namespace graupel::rom {
 
-void check_deformation_scene(const Scene& scene) {
-  if (scene.transfer.scheme != TransferScheme::pic)
-    throw ConfigError(fmt::format(
-        "the scene's transfers carry affine velocities (transfer.scheme {}), and this reduced model knows none. Train "
-        "and run it with transfer.scheme pic",
-        word_of(scene.transfer.scheme)));
-  for (const auto& [name, material] : scene.materials)
-    if (material.model != MaterialModel::jelly && material.model != MaterialModel::neo_hookean &&
-        material.model != MaterialModel::stationary)
-      throw ConfigError(fmt::format(
-          "material '{}' is not elastic, and this reduced model knows no plastic state. Use jelly or neo_hookean, or a "
-          "model of `graupel train nsf`",
-          name));
-}
-
 namespace {
 
 /// The scene, once its particles are known to be the model's.
 mpm::PreparedScene checked(const ReducedModel& model, mpm::PreparedScene prepared) {
-  if (model.fields->stress_follows_deformation()) check_deformation_scene(prepared.scene);
-  const auto& position = prepared.particles.position;
-  const auto n = static_cast<std::size_t>(model.fields->particles());
-  if (position.size() != n)
-    throw ConfigError(fmt::format(
-        "the scene has {} particles, the model {}. Use the scene and the seed that the model was trained with",
-        position.size(), n));
-  const double tolerance = 1e-4 * prepared.scene.domain.dx;
-  for (std::size_t p = 0; p < n; ++p)
-    for (int d = 0; d < 3; ++d)
-      if (!(std::abs(position[p][d] - static_cast<double>(model.reference[3 * p + static_cast<std::size_t>(d)])) <=
-            tolerance))
-        throw ConfigError(fmt::format(
-            "particle {} of the scene starts elsewhere than the model's (coordinate {}: {:.6g} m, the model's {:.6g} "
-            "m). Use the scene and the seed that the model was trained with",
-            p, d, position[p][d], model.reference[3 * p + static_cast<std::size_t>(d)]));
+  check_start(model, prepared);
   return prepared;
 }
 
@@ -62,7 +30,7 @@ int64_t steps_of(const ReducedModel& model, double frame_time, double factor) {
 }
 int halvings_of(const ReducedModel& model, double frame_time, double factor, LongSteps long_steps) {
   // A step that is taken back would have to take back integrated gradients.
-  if (long_steps == LongSteps::kept || model.gradient == GradientKind::integrated || !(factor > 0)) return 0;
+  if (long_steps == LongSteps::kept || model.gradient == GradientKind::integrated) return 0;
   const double step = frame_time / static_cast<double>(steps_of(model, frame_time, factor)),
                training_step = model.frame_time / static_cast<double>(model.substeps_per_frame);
   return std::max(0, static_cast<int>(std::ceil(std::log2(step / training_step) - 1e-6)));
@@ -98,14 +66,6 @@ void hold_inside(const Scene& scene, const mpm::ParticleView<T>& particles) {
 /// NSF's models; CROM's authors iterate.
 int iterations_of(ProjectionKind projection) { return projection == ProjectionKind::position ? 1 : 20; }
 
-std::vector<int32_t> samples_of(const ReducedModel& model, const ReducedOptions& options,
-                                const mpm::SampledParticles& particles) {
-  constexpr int64_t of_each_boundary = 5;
-  std::vector<int32_t> samples = options.samples.value_or(model.samples);
-  if (!model.fields->stress_follows_deformation()) return samples;
-  return with_boundary_samples(std::move(samples), particles.script, of_each_boundary);
-}
-
 std::vector<int32_t> all_of(int64_t n) {
   std::vector<int32_t> all(static_cast<std::size_t>(n));
   std::iota(all.begin(), all.end(), 0);
@@ -120,23 +80,20 @@ ReducedSolver<T>::ReducedSolver(const ReducedModel& model, mpm::PreparedScene pr
     : model_(model),
       prepared_(checked(model, std::move(prepared))),
       options_(options),
-      step_factor_(options.step_factor.value_or(model.step_factor)),
+      step_factor_(step_factor_of(model, options.step_factor)),
       manifold_pull_(options.manifold_pull.value_or(model.manifold_pull)),
       projection_(options.projection.value_or(model.projection)),
       manifold_(model.training_latents, model.latents(), model.training_run,
                 1 + static_cast<int>(model.parameters.size())),
-      samples_(samples_of(model, options, prepared_.particles)),
+      samples_(samples_of_run(model, options.samples, prepared_.particles)),
       grid_(prepared_),
       sample_field_(model.fields->bind_samples(samples_)),
       output_(model.fields->bind_positions_f32(all_of(model.fields->particles()))),
       control_(halvings_of(model, prepared_.scene.frame_time, step_factor_, options.long_steps)) {
   GRAUPEL_ASSERT(parameters.size() == model_.parameters.size());
-  if (!(step_factor_ > 0))
-    throw ConfigError(fmt::format("a time step factor of {} is out of range (above 0). Use 1", step_factor_));
-  state_.parameters = std::move(parameters);
+  state_ = start_of_run(model, prepared_.particles, std::move(parameters));
   if (state_.parameters.size() == 1) curve_ = manifold_.between(model.run_parameters, state_.parameters.front());
   quadrature_ = make_quadrature();
-  start();
 }
 
 template <typename T>
@@ -158,35 +115,6 @@ std::unique_ptr<Quadrature<T>> ReducedSolver<T>::make_quadrature() {
   constexpr int points_per_axis = 2;  // of a cell, as in the paper
   return std::make_unique<EulerianQuadrature<T>>(fields->deformation(), model_.reference, prepared_.particles, samples_,
                                                  geometry, points_per_axis, grid_);
-}
-
-/// The latent of the scene's first state, and the velocity along the manifold that is nearest to its velocities.
-template <typename T>
-void ReducedSolver<T>::start() {
-  const auto encoder = model_.fields->bind_samples(model_.encoder);
-  const auto rows = static_cast<Eigen::Index>(3 * model_.encoder.size());
-  Eigen::VectorXd position(rows), velocity(rows);
-  for (std::size_t i = 0; i < model_.encoder.size(); ++i)
-    for (int d = 0; d < 3; ++d) {
-      const auto p = static_cast<std::size_t>(model_.encoder[i]);
-      position[static_cast<Eigen::Index>(3 * i) + d] = prepared_.particles.position[p][d];
-      velocity[static_cast<Eigen::Index>(3 * i) + d] = prepared_.particles.velocity[p][d];
-    }
-  const auto r = static_cast<Eigen::Index>(model_.start_latent.size());
-  Eigen::VectorXd latent = Eigen::Map<const Eigen::VectorXd>(model_.start_latent.data(), r);
-  if (model_.conv_encoder) {
-    std::vector<double> all;
-    for (const Vec3d& x : prepared_.particles.position) all.insert(all.end(), x.a, x.a + 3);
-    const std::vector<double> encoded = model_.conv_encoder->encode(all);
-    std::copy(encoded.begin(), encoded.end(), latent.data());
-  } else {
-    fit_latent(*encoder, position, {}, {.iterations = 20}, latent);
-  }
-  Eigen::MatrixXd jacobian;
-  encoder->jacobian(latent.data(), jacobian);
-  const Eigen::VectorXd rate = (jacobian.transpose() * jacobian).ldlt().solve(jacobian.transpose() * velocity);
-  state_.latent.assign(latent.data(), latent.data() + r);
-  state_.velocity.assign(rate.data(), rate.data() + r);
 }
 
 template <typename T>

@@ -13,6 +13,7 @@
 #include "rom/projection/latent_manifold.h"
 #include "rom/projection/projection.h"
 #include "rom/reduced_model.h"
+#include "rom/run_start.h"
 #include "rom/solver/body_load.h"
 #include "rom/solver/error_indicator.h"
 #include "rom/solver/particle_grid.h"
@@ -64,10 +65,6 @@ struct ReducedStatistics {
   int64_t bytes = 0;
 };
 
-/// A model of the deformation alone takes stress from F and has no affine velocity. Throws ConfigError for a scene with
-/// other transfers than PIC, or with a law that has a plastic state.
-void check_deformation_scene(const Scene& scene);
-
 template <typename T>
 class ReducedSolver {
  public:
@@ -91,7 +88,6 @@ class ReducedSolver {
   ReducedStatistics statistics() const;
 
  private:
-  void start();
   std::unique_ptr<Quadrature<T>> make_quadrature();
   void project_samples(double dt);
   void pull(double dt);

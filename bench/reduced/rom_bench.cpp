@@ -41,10 +41,11 @@ class RomBench {
   /// Steps on a GPU alone, of as many instances as were asked for.
   Json time_gpu_steps() {
     Json rows = Json::array();
-    const StoredRun first(reader_, 0, file_);
+    std::vector<StoredRun> runs;
+    for (int i = 0; i < reader_.count() && i < options_.instances; ++i) runs.emplace_back(reader_, i, file_);
     for (const double factor : factors()) {
       const GpuSteps steps =
-          time_gpu_steps_of(model_, first, run_options(options_.samples.front(), factor), options_.instances);
+          time_gpu_steps_of(model_, runs, run_options(options_.samples.front(), factor), options_.instances);
       print_gpu_steps(steps);
       rows.push_back(json_of(steps, factor));
     }

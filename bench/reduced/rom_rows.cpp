@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cstdio>
+#include <map>
 #include <nlohmann/json.hpp>
 
 namespace graupel::bench {
@@ -108,7 +109,7 @@ Json json_of(const GpuSteps& steps, double factor) {
           {"us_per_step_high", steps.high},
           {"steps_per_frame", steps.steps_per_frame},
           {"integration_mean", steps.statistics.mean_integration},
-          {"kernel_seconds", steps.kernels},
+          {"kernel_seconds", std::map<std::string, double>(steps.kernels.begin(), steps.kernels.end())},
           {"bytes", steps.statistics.bytes},
           {"diverged", steps.diverged}};
 }
@@ -116,14 +117,13 @@ Json json_of(const GpuSteps& steps, double factor) {
 void print_gpu_steps(const GpuSteps& s) {
   std::printf(
       "on the GPU, %lld instances: %.2f us a step of all (median of %lld frames of %lld steps; %.2f to %.2f), %.3f us "
-      "an "
-      "instance; %lld samples, %.0f integration points, %.2f GB; %lld diverged\n"
-      "each kernel alone: branch %.1f us, decode %.1f, gather %.1f, fit %.1f\n",
+      "an instance; %lld samples, %.0f integration points, %.2f GB; %lld diverged\neach kernel alone [us]:",
       static_cast<long long>(s.instances), s.median, static_cast<long long>(s.frames),
       static_cast<long long>(s.steps_per_frame), s.low, s.high, s.median / static_cast<double>(s.instances),
       static_cast<long long>(s.statistics.samples), s.statistics.mean_integration,
-      1e-9 * static_cast<double>(s.statistics.bytes), static_cast<long long>(s.diverged), 1e6 * s.kernels[0],
-      1e6 * s.kernels[1], 1e6 * s.kernels[2], 1e6 * s.kernels[3]);
+      1e-9 * static_cast<double>(s.statistics.bytes), static_cast<long long>(s.diverged));
+  for (const auto& [name, seconds] : s.kernels) std::printf(" %s %.1f", name.c_str(), 1e6 * seconds);
+  std::printf("\n");
 }
 
 void print_header() {

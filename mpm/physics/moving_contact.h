@@ -40,6 +40,14 @@ GRAUPEL_HD inline int32_t holding_obstacle(const MovingObstacleView<T>& moving, 
   return nearest;
 }
 
+/// Whether a moving obstacle holds a node at x, and material there with velocity v does not go away from it.
+template <typename T>
+GRAUPEL_HD inline bool node_pushes(const MovingObstacleView<T>& moving, const Vec<T, 3>& x, T dx, const Vec<T, 3>& v) {
+  sparsegrid::SignedDistance<T> here{};
+  const int32_t obstacle = holding_obstacle<3>(moving, x, dx, here);
+  return obstacle >= 0 && dot(here.normal, moving.step[obstacle].velocity_at(x) - v) >= T(0);
+}
+
 /// Whether x lies in the box of a moving obstacle at the end of the substep.
 template <typename T>
 GRAUPEL_HD inline bool near_moving(const MovingObstacleView<T>& moving, const Vec<T, 3>& x) {

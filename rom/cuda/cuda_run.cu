@@ -41,12 +41,27 @@ __global__ void __launch_bounds__(step_threads, 4) run_decode(RunView view) {
 __global__ void __launch_bounds__(step_threads, 1) run_gather(RunView view) {
   __shared__ GatherShared shared;
   await_kernel_before();
-  gather(CudaBlock{}, view, shared);
+  gather<false>(CudaBlock{}, view, shared);
 }
 __global__ void __launch_bounds__(step_threads, 1) run_fit(RunView view) {
   __shared__ FitShared shared;
   await_kernel_before();
   fit(CudaBlock{}, view, shared, equation_room());
+}
+__global__ void __launch_bounds__(step_threads, 1) run_prepare(RunView view) {
+  __shared__ BranchShared shared;
+  await_kernel_before();
+  prepare(CudaBlock{}, view, shared);
+}
+__global__ void __launch_bounds__(step_threads, 4) run_decode_elastic(RunView view) {
+  __shared__ ElasticShared shared;
+  await_kernel_before();
+  decode_elastic(CudaBlock{}, view, shared);
+}
+__global__ void __launch_bounds__(step_threads, 1) run_gather_and_project(RunView view) {
+  __shared__ GatherAndProjectShared shared;
+  await_kernel_before();
+  gather_and_project(CudaBlock{}, view, shared);
 }
 __global__ void __launch_bounds__(step_threads) run_frame(RunView view, int instance, float* frame) {
   __shared__ DecodeShared shared;
@@ -95,12 +110,23 @@ class CudaBackend {
   }
   void gather(const RunView& view) { start(kernels::run_gather, view.instance_count * view.gather_blocks, view); }
   void fit(const RunView& view) { start(kernels::run_fit, view.instance_count, view, equation_bytes(view)); }
+  void prepare(const RunView& view) { start(kernels::run_prepare, view.instance_count * view.worker_blocks, view); }
+  void decode_elastic(const RunView& view) {
+    start(kernels::run_decode_elastic, view.instance_count * view.decode_blocks, view);
+  }
+  void gather_and_project(const RunView& view) {
+    start(kernels::run_gather_and_project, view.instance_count * view.gather_blocks, view);
+  }
   void write_frame(const RunView& view, int instance, float* frame) {
     const int blocks = std::min((view.model.particles + step_warps - 1) / step_warps, 8 * processors_);
     kernels::run_frame<<<static_cast<unsigned>(blocks), step_threads, 0, stream_>>>(view, instance, frame);
     GRAUPEL_CUDA_CHECK(cudaGetLastError());
   }
 
+  /// Copies to the device after all that was launched.
+  void write(const std::byte* from, std::size_t bytes, std::byte* to) {
+    GRAUPEL_CUDA_CHECK(cudaMemcpyAsync(to, from, bytes, cudaMemcpyHostToDevice, stream_));
+  }
   /// Copies to the host after all that was launched, and waits for it.
   template <typename T>
   void read(const T* from, std::size_t n, T* to) {

@@ -8,10 +8,10 @@
 
 namespace graupel::rom::device {
 
-inline constexpr int most_inputs = 2 * most_latents;  ///< latents and parameters
+inline constexpr int most_inputs = 2 * most_closure_latents;  ///< latents and parameters
 struct BranchShared {
   double place[most_inputs], inside[most_inputs];  ///< standardised input, and the same clamped to the centres' box
-  double sums[step_warps][1 + most_latents];
+  double sums[step_warps][1 + most_closure_latents];
   int32_t first_place[step_warps];  ///< of the nodes that a warp marks at once
 };
 
@@ -19,7 +19,7 @@ struct BranchShared {
 template <bool slope, typename Block, typename Input>
 GRAUPEL_HD void map_output(const Block& block, const MapView& map, const Input& input, int output, BranchShared& shared,
                            double* to) {
-  constexpr int most = slope ? most_latents : 0;
+  constexpr int most = slope ? most_closure_latents : 0;
   const int lane = block.thread() % warp_width, warp = block.thread() / warp_width;
   for (int j = block.thread(); j < map.inputs; j += block.threads()) {
     shared.place[j] = standardised(map, j, input(j));
@@ -112,7 +112,7 @@ GRAUPEL_HD void deformation_ahead(const Block& block, const RunView& view, const
   const InstanceState& state = *instance.state;
   const int r = view.model.latents;
   const auto input = [&](int j) { return state.latent[j] + view.dt * state.velocity[j]; };
-  double a[1 + most_latents];
+  double a[1 + most_closure_latents];
   if (mode < r) {
     a[0] = input(mode);
     for (int j = 0; j < r; ++j) a[1 + j] = j == mode ? 1.0 : 0.0;

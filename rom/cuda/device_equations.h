@@ -39,6 +39,42 @@ struct EquationCapacity {
   }
 };
 
+/// Gauss-Jordan of the r rows of A, `width` wide, without a search for pivots, for its first r columns are a symmetric
+/// positive matrix, to which a small ridge is added: all that is left of it is its diagonal. An entry a thread.
+template <typename Block>
+GRAUPEL_HD void eliminate(const Block& block, double* A, int r, int width) {
+  constexpr double ridge = 1e-12;  // of the mean diagonal
+  double trace = 0;
+  for (int j = 0; j < r; ++j) trace += A[j * width + j];
+  block.sync();
+  for (int j = block.thread(); j < r; j += block.threads()) A[j * width + j] += ridge * trace / r;
+  block.sync();
+  for (int j = 0; j < r; ++j) {
+    const double inverse = 1 / A[j * width + j];
+    const int right = width - j - 1;  // columns that are not done
+    for (int e = block.thread(); e < (r - 1) * right; e += block.threads()) {
+      const int i = e / right + (e / right >= j ? 1 : 0), c = j + 1 + e % right;
+      A[i * width + c] -= A[i * width + j] * inverse * A[j * width + c];
+    }
+    block.sync();
+  }
+}
+
+/// What the pivots that eliminate() has left say of the matrix.
+struct Pivots {
+  double low, high;
+  bool fine = true;  ///< the matrix was neither singular nor not finite
+  GRAUPEL_HD Pivots(const double* A, int r, int width) : low(A[0]), high(A[0]) {
+    for (int j = 0; j < r; ++j) {
+      const double pivot = A[j * width + j];
+      fine = fine && pivot > 0 && pivot < 1e300;
+      low = pivot < low ? pivot : low;
+      high = pivot > high ? pivot : high;
+    }
+  }
+  GRAUPEL_HD double condition() const { return high / low; }
+};
+
 template <typename Block>
 struct Equations {
   const Block& block;
@@ -66,7 +102,7 @@ struct Equations {
     block.sync();
     assemble();
     block.sync();
-    eliminate();
+    eliminate(block, room.table, model.latents, columns());
     store();
   }
 
@@ -104,28 +140,6 @@ struct Equations {
     each(r * m, [&](int e) { room.table[e / m * columns() + r + e % m] = room.slope[e % m * r + e / m]; });
   }
 
-  /// Gauss-Jordan without a search for pivots, for M, with a ridge, is symmetric and positive: of every row, all that
-  /// is left of M is its diagonal. An entry a thread.
-  GRAUPEL_HD void eliminate() const {
-    constexpr double ridge = 1e-12;  // of the mean diagonal
-    const int r = model.latents, width = columns();
-    double* const A = room.table;
-    double trace = 0;
-    for (int j = 0; j < r; ++j) trace += A[j * width + j];
-    block.sync();
-    each(r, [&](int j) { A[j * width + j] += ridge * trace / r; });
-    block.sync();
-    for (int j = 0; j < r; ++j) {
-      const double inverse = 1 / A[j * width + j];
-      const int right = width - j - 1;  // columns that are not done
-      each((r - 1) * right, [&](int e) {
-        const int i = e / right + (e / right >= j ? 1 : 0), c = j + 1 + e % right;
-        A[i * width + c] -= A[i * width + j] * inverse * A[j * width + c];
-      });
-      block.sync();
-    }
-  }
-
   /// P, p, and whether they can be trusted.
   GRAUPEL_HD void store() const {
     const int r = model.latents, m = model.deformation_modes, width = columns();
@@ -137,16 +151,9 @@ struct Equations {
       (c == m ? to.offset[j] : to.solution[j * m + c]) = x;
     });
     if (block.thread() != 0) return;
-    double low = A[0], high = low;
-    bool fine = true;
-    for (int j = 0; j < r; ++j) {
-      const double pivot = A[j * width + j];
-      fine = fine && pivot > 0 && pivot < 1e300;
-      low = pivot < low ? pivot : low;
-      high = pivot > high ? pivot : high;
-    }
-    to.condition = high / low;
-    to.solved = fine ? 1 : 0;
+    const Pivots pivots(A, r, width);
+    to.condition = pivots.condition();
+    to.solved = pivots.fine ? 1 : 0;
   }
 };
 

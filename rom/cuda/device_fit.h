@@ -5,6 +5,7 @@
 #pragma once
 
 #include "rom/cuda/device_equations.h"
+#include "rom/cuda/device_state.h"
 #include "rom/projection/latent_state.h"
 
 namespace graupel::rom::device {
@@ -14,12 +15,12 @@ inline constexpr int curve_parts = 2 * curve_window + 1;
 struct FitShared {
   InstanceState state;  ///< at work; written back in the end
   WaySums ways;
-  double change[most_latents];                                     ///< dq
-  double seen[most_latents];                                       ///< S^T U^T way
-  double latent[most_latents];                                     ///< q* + dq
+  double change[most_closure_latents];                             ///< dq
+  double seen[most_closure_latents];                               ///< S^T U^T way
+  double latent[most_closure_latents];                             ///< q* + dq
   double along;                                                    ///< d^T U^T way
-  double curve[(curve_parts + 1) * most_latents];                  ///< around the present
-  double way[most_latents];                                        ///< of the way back that the step takes
+  double curve[(curve_parts + 1) * most_closure_latents];          ///< around the present
+  double way[most_closure_latents];                                ///< of the way back that the step takes
   double part_distance2[curve_parts], part_fraction[curve_parts];  ///< of parts of the curve
   int failed;
 };
@@ -39,15 +40,6 @@ struct Fit {
   GRAUPEL_HD void each(int n, const F& f, int first = 0) const {
     for (int i = block.thread() - first; i < n; i += block.threads())
       if (i >= 0) f(i);
-  }
-
-  /// A struct by words of eight bytes.
-  template <typename T>
-  GRAUPEL_HD void copy(const T& from, T& to) const {
-    static_assert(sizeof(T) % 8 == 0 && alignof(T) == 8);
-    each(static_cast<int>(sizeof(T) / 8), [&](int i) {
-      __builtin_memcpy(reinterpret_cast<char*>(&to) + 8 * i, reinterpret_cast<const char*>(&from) + 8 * i, 8);
-    });
   }
 
   /// G without the samples that are lost.
@@ -74,8 +66,8 @@ struct Fit {
   /// All that the step needs, into shared memory at once.
   GRAUPEL_HD void load() const {
     const int r = model.latents, m = model.deformation_modes;
-    copy(*instance.state, shared.state);
-    copy(*instance.ways, shared.ways);
+    copy_words(block, *instance.state, shared.state);
+    copy_words(block, *instance.ways, shared.ways);
     each(m * r, [&](int i) {
       room.slope[i] = instance.slope[i];
       room.turned[i] = instance.equations->solution[i];
@@ -159,7 +151,7 @@ struct Fit {
 
   /// The frame's largest residual: with da = d + S dq to first order, the square of the distance that is left is
   /// way^2 - 2 (U^T way) . da + da^T G da. By a warp.
-  GRAUPEL_HD void take_residual(int lane) const {
+  GRAUPEL_HD void measure_residual(int lane) const {
     const int r = model.latents;
     const NormalEquations& equations = *instance.equations;
     double sum = 0;
@@ -170,32 +162,8 @@ struct Fit {
     if (lane != 0) return;
     const WaySums& ways = shared.ways;
     const double left2 = sum + equations.square - 2 * shared.along + ways.moved2;
-    const double least = 1e-4 * static_cast<double>(instance.scene.grid.dx), counted = model.samples - ways.lost;
-    const double way2 = ways.moved2 / model.samples;
-    const double residual =
-        std::sqrt((left2 > 0 ? left2 : 0.0) / (counted * (way2 > least * least ? way2 : least * least)));
-    InstanceState& state = shared.state;
-    state.residual = residual > state.residual ? residual : state.residual;
-    state.down_weighted += static_cast<double>(ways.lost) / model.samples;
-    state.condition = equations.condition > state.condition ? equations.condition : state.condition;
-  }
-
-  /// Counters, and whether blocks are to be marked anew; one thread.
-  GRAUPEL_HD void count() const {
-    InstanceState& state = shared.state;
-    state.points_sum += state.point_count;
-    state.most_points = state.point_count > state.most_points ? state.point_count : state.most_points;
-    ++state.steps;
-    ++state.step;
-    float furthest2;
-    __builtin_memcpy(&furthest2, &shared.ways.furthest, sizeof furthest2);
-    state.moved += static_cast<double>(std::sqrt(furthest2));
-    // A sample and a point may move towards each other.
-    state.due = 2 * state.moved > static_cast<double>(instance.scene.grid.dx) ? 1 : 0;
-    if (state.due == 0) return;
-    ++state.round;
-    state.moved = 0;
-    state.block_count = state.point_count = 0;
+    take_residual(shared.state, ways, left2, model.samples - ways.lost, model.samples,
+                  static_cast<double>(instance.scene.grid.dx), equations.condition);
   }
 
   /// The new latent, and the coefficients there to first order.
@@ -234,10 +202,7 @@ GRAUPEL_HD void fit(const Block& block, const RunView& view, FitShared& shared, 
   const EquationCapacity room(equation_room, model);
   const Fit<Block> f{block, view, model, instance, shared, room, 1 / view.dt};
   const int lost = instance.ways->lost, warp = block.thread() / warp_width, lane = block.thread() % warp_width;
-  if (2 * lost > model.samples) {
-    if (block.thread() == 0) instance.state->status = RunStatus::samples_lost;
-    return;
-  }
+  if (lost_too_many(block, instance, model.samples)) return;
   if (lost > 0) {
     f.leave_out_lost();
     Equations<Block>{block, model, instance, room}.solve(instance.gram);
@@ -252,14 +217,15 @@ GRAUPEL_HD void fit(const Block& block, const RunView& view, FitShared& shared, 
     return;
   }
   if (view.pull > 0) f.measure_curve();
-  if (warp == 1) f.take_residual(lane);
+  if (warp == 1) f.measure_residual(lane);
   block.sync();
   if (view.pull > 0) f.find_way_back();
-  if (block.thread() == block.threads() - 1) f.count();
+  if (block.thread() == block.threads() - 1)
+    count_step(shared.state, shared.ways, static_cast<double>(instance.scene.grid.dx));
   block.sync();
   f.store();
   block.sync();
-  f.copy(shared.state, *instance.state);
+  copy_words(block, shared.state, *instance.state);
 }
 
 }  // namespace graupel::rom::device

@@ -1,3 +1,4 @@
+#include <cstring>
 #include <numeric>
 
 #include "mpm/scene/scene_setup.h"
@@ -18,19 +19,15 @@ InstanceStore::InstanceStore(Device device, const ModelTable& model, InstanceTab
   view_.scene.gravity = scene.gravity.cast<float>();
   view_.scene.push_out = scene.push_out;
   view_.scene.obstacle_nodes = obstacle_nodes_.view();
-  view_.scene.materials = nullptr;  // no kernel asks for the material of a point
+  view_.scene.materials = nullptr;  // only a deformation alone asks for the material of a point
   const int64_t blocks = view_.scene.grid.directory_size();
   set_particles(model);
   const auto moving = moving_.view();
+  view_.step_count = static_cast<int32_t>(steps_);
   view_.moving_count = moving.count;
   view_.moving_index = moving.index;
   view_.obstacle_count = moving.count > 0 ? static_cast<int32_t>(scene.obstacles.size()) : 0;
   view_.script_count = static_cast<int32_t>(table_.prepared.particles.scripts.size());
-  const auto obstacle_steps = static_cast<std::size_t>(steps_ * view_.obstacle_count);
-  view_.moving_start = make(moving_start_, obstacle_steps);
-  view_.moving_end = make(moving_end_, obstacle_steps);
-  view_.moving_step = make(moving_step_, obstacle_steps);
-  view_.scripts = make(scripts_, static_cast<std::size_t>(steps_ * view_.script_count));
   constexpr int64_t reach = 8;  // blocks that a sample marks
   const auto marked = static_cast<std::size_t>(std::min(blocks, reach * static_cast<int64_t>(model.samples.size())));
   view_.block_mark = make(block_mark_, static_cast<std::size_t>(blocks));
@@ -53,6 +50,7 @@ InstanceStore::InstanceStore(Device device, const ModelTable& model, InstanceTab
   view_.curve = keep(curve_, table_.curve);
   view_.curve_points = static_cast<int32_t>(table_.curve.size() / static_cast<std::size_t>(model.latents));
   view_.coefficient = coefficient_.data();
+  if (model.deformation_alone()) set_elastic(model);
   view_.rate = rate_.data();
   view_.state = state;
 }
@@ -88,6 +86,24 @@ void InstanceStore::set_particles(const ModelTable& model) {
   view_.sample_script = scripted ? keep(sample_script_, sample_script) : nullptr;
 }
 
+/// What a model of the deformation alone needs: laws, lists of groups of points, weights of samples.
+void InstanceStore::set_elastic(const ModelTable& model) {
+  const mpm::SampledParticles& all = table_.prepared.particles;
+  std::vector<mpm::MaterialParameters<float>> materials;
+  for (const std::string& name : all.material_names)
+    materials.push_back(mpm::material_parameters<float>(table_.prepared.scene.materials.at(name)));
+  view_.scene.materials = keep(materials_, materials);
+  std::vector<int32_t> material;
+  for (const int32_t p : model.point_particle) material.push_back(all.material[static_cast<std::size_t>(p)]);
+  view_.point_material = keep(point_material_, material);
+  const std::size_t groups = model.point_reference.size() / (3 * warp_width);
+  view_.groups = make(groups_, groups);
+  view_.group_points = make(group_points_, groups);
+  view_.weight = make(weight_, model.samples.size());
+  view_.weighed = make(weighed_, model.samples.size());
+  view_.reached = coefficient_.data();  // they are moved in place
+}
+
 InstanceState InstanceStore::start() const {
   InstanceState state{};
   std::copy(table_.latent.begin(), table_.latent.end(), state.latent);
@@ -96,29 +112,44 @@ InstanceState InstanceStore::start() const {
   return state;
 }
 
-void InstanceStore::begin_frame(double time, double dt) {
+InstanceStore::FrameLayout InstanceStore::frame_layout() const {
+  const auto obstacles = static_cast<std::size_t>(steps_ * view_.obstacle_count),
+             scripts = static_cast<std::size_t>(steps_ * view_.script_count);
+  const auto aligned = [](std::size_t bytes) { return (bytes + 63) / 64 * 64; };
+  FrameLayout at;
+  at.end = at.start + aligned(obstacles * sizeof(sparsegrid::ObstacleView));
+  at.moves = at.end + aligned(obstacles * sizeof(sparsegrid::ObstacleView));
+  at.scripts = at.moves + aligned(obstacles * sizeof(mpm::RigidStep<float>));
+  at.bytes = at.scripts + aligned(scripts * sizeof(mpm::ScriptStep<float>));
+  return at;
+}
+
+void InstanceStore::place_frame(std::byte* device) {
+  const FrameLayout at = frame_layout();
+  view_.moving_start = reinterpret_cast<const sparsegrid::ObstacleView*>(device + at.start);
+  view_.moving_end = reinterpret_cast<const sparsegrid::ObstacleView*>(device + at.end);
+  view_.moving_step = reinterpret_cast<const mpm::RigidStep<float>*>(device + at.moves);
+  view_.scripts = reinterpret_cast<const mpm::ScriptStep<float>*>(device + at.scripts);
+}
+
+void InstanceStore::fill_frame(double time, double dt, std::byte* host) const {
   const Scene& scene = table_.prepared.scene;
-  std::vector<sparsegrid::ObstacleView> start, end;
-  std::vector<mpm::RigidStep<float>> moves;
-  std::vector<mpm::ScriptStep<float>> scripts;
+  const auto put = [&](std::size_t& place, const auto& value) {
+    std::memcpy(host + place, &value, sizeof value);
+    place += sizeof value;
+  };
+  FrameLayout next = frame_layout();
   for (int64_t i = 0; i < steps_; ++i, time += dt) {
     for (const mpm::Script& script : table_.prepared.particles.scripts)
-      scripts.push_back(
-          {mpm::rigid_step<float>(script.motion, script.body_center, time, dt), time < script.release_time});
+      put(next.scripts, mpm::ScriptStep<float>{mpm::rigid_step<float>(script.motion, script.body_center, time, dt),
+                                               time < script.release_time});
     if (view_.moving_count == 0) continue;
-    const auto from = table_.prepared.obstacles.views_at(time, device_),
-               to = table_.prepared.obstacles.views_at(time + dt, device_);
-    start.insert(start.end(), from.begin(), from.end());
-    end.insert(end.end(), to.begin(), to.end());
+    for (const auto& pose : table_.prepared.obstacles.views_at(time, device_)) put(next.start, pose);
+    for (const auto& pose : table_.prepared.obstacles.views_at(time + dt, device_)) put(next.end, pose);
     for (const Obstacle& obstacle : scene.obstacles)
-      moves.push_back(obstacle.motion ? mpm::rigid_step<float>(*obstacle.motion, obstacle.position, time, dt)
+      put(next.moves, obstacle.motion ? mpm::rigid_step<float>(*obstacle.motion, obstacle.position, time, dt)
                                       : mpm::RigidStep<float>{Mat3f::zero(), Vec3f::zero(), Vec3f::zero()});
   }
-  if (!scripts.empty()) scripts_.upload(scripts);
-  if (moves.empty()) return;
-  moving_start_.upload(start);
-  moving_end_.upload(end);
-  moving_step_.upload(moves);
 }
 
 }  // namespace graupel::rom::device

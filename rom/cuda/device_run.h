@@ -3,8 +3,8 @@
 #pragma once
 
 #include <algorithm>
-#include <array>
 #include <cmath>
+#include <cstddef>
 #include <list>
 #include <memory>
 #include <utility>
@@ -15,17 +15,26 @@
 #include "mpm/materials/material_parameters.h"
 #include "rom/cuda/device_branch.h"
 #include "rom/cuda/device_decode.h"
+#include "rom/cuda/device_elastic.h"
 #include "rom/cuda/device_fit.h"
 #include "rom/cuda/device_gather.h"
+#include "rom/cuda/device_projection.h"
 #include "rom/cuda/device_tables.h"
 
 namespace graupel::rom::device {
 
 struct RunSettings {
   int64_t steps_per_frame = 1;
-  double dt = 0;          ///< [s]
-  double pull = 0;        ///< as RunView has it
-  double curve_step = 0;  ///< as RunView has it
+  double dt = 0;              ///< [s]
+  double pull = 0;            ///< as RunView has it
+  double curve_step = 0;      ///< as RunView has it
+  double contact_weight = 1;  ///< as RunView has it
+};
+
+/// A kernel of the step alone.
+struct KernelTime {
+  const char* name;
+  double seconds;
 };
 
 class DeviceRun {
@@ -35,9 +44,9 @@ class DeviceRun {
   virtual void advance_frame() = 0;
   /// `steps` more steps within a frame, without a word to the host; seconds on the device.
   virtual double timed_steps(int64_t steps) = 0;
-  /// Seconds that each kernel takes on the device, in the order of the step, as a mean over so many. The run is of no
-  /// use afterwards.
-  virtual std::array<double, 4> kernel_seconds(int times) = 0;
+  /// What each kernel takes on the device, in the order of the step, as a mean over so many. The run is of no use
+  /// afterwards.
+  virtual std::vector<KernelTime> kernel_times(int times) = 0;
   virtual const InstanceState& state(int instance) const = 0;
   /// Positions [m] and velocities [m/s] of all particles, [particles, 6].
   virtual std::vector<float> frame(int instance) const = 0;
@@ -115,6 +124,11 @@ class ModelStore {
     view_.stress_map = stress_map_.view();
     view_.affine_map = affine_map_.view();
     view_.affine_is_rate = rate_;
+    view_.deformation_alone = table.deformation_alone();
+    view_.point_modes = keep(floats_, table.point_modes);
+    view_.point_reference = keep(floats_, table.point_reference);
+    view_.inverse = keep(doubles_, table.inverse);
+    view_.condition = table.condition;
   }
   const ModelView& view() const { return view_; }
   int64_t bytes() const { return bytes_ + closure_.bytes() + stress_map_.bytes() + affine_map_.bytes(); }
@@ -145,13 +159,23 @@ class InstanceStore {
   InstanceStore(Device device, const ModelTable& model, InstanceTable table, int64_t steps_per_frame,
                 InstanceState* state);
   InstanceView view() const { return view_; }
-  /// Poses of scripted obstacles and velocities of scripted particles in all steps of the frame from `time` [s] on.
-  void begin_frame(double time, double dt);
+  /// Room for what changes from frame to frame: poses of scripted obstacles and velocities of scripted particles in all
+  /// steps of a frame.
+  std::size_t frame_bytes() const { return frame_layout().bytes; }
+  /// Where these will lie on the device.
+  void place_frame(std::byte* device);
+  /// These in the frame from `time` [s] on.
+  void fill_frame(double time, double dt, std::byte* host) const;
   InstanceState start() const;
   int64_t bytes() const { return bytes_; }
 
  private:
+  struct FrameLayout {
+    std::size_t start = 0, end = 0, moves = 0, scripts = 0, bytes = 0;
+  };
+  FrameLayout frame_layout() const;
   void set_particles(const ModelTable& model);
+  void set_elastic(const ModelTable& model);
   template <typename T>
   T* make(Buffer<T>& buffer, std::size_t n) {
     buffer = Buffer<T>(device_, n);
@@ -174,11 +198,11 @@ class InstanceStore {
   mpm::ObstacleNodes<float> obstacle_nodes_;
   InstanceView view_{};
   int64_t bytes_ = 0;
-  Buffer<sparsegrid::ObstacleView> moving_start_, moving_end_;
-  Buffer<mpm::RigidStep<float>> moving_step_;
-  Buffer<mpm::ScriptStep<float>> scripts_;
   Buffer<float> point_mass_, point_volume_, sums_;
-  Buffer<int32_t> point_script_, sample_script_;
+  Buffer<int32_t> point_script_, sample_script_, point_material_, groups_, weighed_;
+  Buffer<uint32_t> group_points_;
+  Buffer<float> weight_;
+  Buffer<mpm::MaterialParameters<float>> materials_;
   Buffer<long long> block_mark_;
   Buffer<uint8_t> sample_still_, lost_, point_taken_;
   Buffer<double> parameters_, map_rows_, coefficient_, earlier_, rate_, ahead_, slope_, reached_, gram_, curve_;
@@ -202,14 +226,16 @@ class DeviceRunOn final : public DeviceRun {
         model_(backend_.device(), model),
         states_(backend_.device(), tables.size()),
         views_(backend_.device(), 0),
-        frame_(backend_.device(), 0) {
-    std::vector<InstanceView> views;
+        frame_(backend_.device(), 0),
+        frame_data_(backend_.device(), 0) {
     for (std::size_t i = 0; i < tables.size(); ++i) {
       instances_.emplace_back(backend_.device(), model, std::move(tables[i]), settings.steps_per_frame,
                               states_.data() + i);
-      views.push_back(instances_.back().view());
       host_.push_back(instances_.back().start());
     }
+    place_frames();
+    std::vector<InstanceView> views;
+    for (const InstanceStore& instance : instances_) views.push_back(instance.view());
     views_.upload(views);
     states_.upload(host_);
     set_view();
@@ -217,34 +243,33 @@ class DeviceRunOn final : public DeviceRun {
   }
 
   void advance_frame() override {
-    for (InstanceStore& instance : instances_) instance.begin_frame(time_, settings_.dt);
-    backend_.launch(view_.instance_count, BeginFrame{states_.data()});
+    begin_frame();
     run_steps(settings_.steps_per_frame);
     for (int64_t i = 0; i < settings_.steps_per_frame; ++i) time_ += settings_.dt;
     backend_.read(states_.data(), host_.size(), host_.data());
   }
   double timed_steps(int64_t steps) override {
     GRAUPEL_ASSERT(steps <= settings_.steps_per_frame);
-    for (InstanceStore& instance : instances_) instance.begin_frame(time_, settings_.dt);
-    backend_.launch(view_.instance_count, BeginFrame{states_.data()});
+    begin_frame();
     prepare_graphs(steps);
     const double seconds = backend_.timed([&] { run_steps(steps); });
     for (int64_t i = 0; i < steps; ++i) time_ += settings_.dt;
     backend_.read(states_.data(), host_.size(), host_.data());
     return seconds;
   }
-  std::array<double, 4> kernel_seconds(int times) override {
-    std::array<double, 4> seconds{};
-    for (int kernel = 0; kernel < 4; ++kernel) {
-      backend_.record(first_kernel + kernel, [&] {
-        for (int i = 0; i < times; ++i) launch(kernel);
+  std::vector<KernelTime> kernel_times(int times) override {
+    std::vector<KernelTime> all;
+    const std::vector<Kernel>& kernels = kernels_of_step();
+    for (int k = 0; k < static_cast<int>(kernels.size()); ++k) {
+      const Kernel& kernel = kernels[static_cast<std::size_t>(k)];
+      backend_.record(first_kernel + k, [&] {
+        for (int i = 0; i < times; ++i) (backend_.*kernel.launch)(view_);
       });
-      for (InstanceStore& instance : instances_) instance.begin_frame(time_, settings_.dt);
-      backend_.launch(view_.instance_count, BeginFrame{states_.data()});
-      backend_.play(first_kernel + kernel);
-      seconds[static_cast<std::size_t>(kernel)] = backend_.timed([&] { backend_.play(first_kernel + kernel); }) / times;
+      begin_frame();
+      backend_.play(first_kernel + k);
+      all.push_back({kernel.name, backend_.timed([&] { backend_.play(first_kernel + k); }) / times});
     }
-    return seconds;
+    return all;
   }
   const InstanceState& state(int instance) const override { return host_[static_cast<std::size_t>(instance)]; }
   std::vector<float> frame(int instance) const override {
@@ -264,10 +289,16 @@ class DeviceRunOn final : public DeviceRun {
   Backend& backend() { return backend_; }
   /// The parts of a step, for tests.
   void begin_frame() {
-    for (InstanceStore& instance : instances_) instance.begin_frame(time_, settings_.dt);
+    std::byte* at = frame_host_.data();
+    for (const InstanceStore& instance : instances_) {
+      instance.fill_frame(time_, settings_.dt, at);
+      at += instance.frame_bytes();
+    }
+    if (!frame_host_.empty()) backend_.write(frame_host_.data(), frame_host_.size(), frame_data_.data());
+    backend_.launch(view_.instance_count, BeginFrame{states_.data()});
   }
   void step() {
-    for (int kernel = 0; kernel < 4; ++kernel) launch(kernel);
+    for (const Kernel& kernel : kernels_of_step()) (backend_.*kernel.launch)(view_);
   }
 
  private:
@@ -275,17 +306,32 @@ class DeviceRunOn final : public DeviceRun {
   int64_t graph_steps() const { return std::min<int64_t>(settings_.steps_per_frame, 64); }
   enum Segment { one_step, many_steps, first_kernel };
 
-  void launch(int kernel) {
-    switch (kernel) {
-      case 0:
-        return backend_.branch(view_);
-      case 1:
-        return backend_.decode(view_);
-      case 2:
-        return backend_.gather(view_);
-      default:
-        return backend_.fit(view_);
+  /// One copy a frame serves all instances.
+  void place_frames() {
+    std::size_t bytes = 0;
+    for (const InstanceStore& instance : instances_) bytes += instance.frame_bytes();
+    frame_host_.resize(bytes);
+    frame_data_.resize_discard(bytes);
+    std::byte* at = frame_data_.data();
+    for (InstanceStore& instance : instances_) {
+      instance.place_frame(at);
+      at += instance.frame_bytes();
     }
+  }
+
+  struct Kernel {
+    const char* name;
+    void (Backend::*launch)(const RunView&);
+  };
+  const std::vector<Kernel>& kernels_of_step() const {
+    static const std::vector<Kernel> with_stress = {{"branch", &Backend::branch},
+                                                    {"decode", &Backend::decode},
+                                                    {"gather", &Backend::gather},
+                                                    {"fit", &Backend::fit}},
+                                     alone = {{"prepare", &Backend::prepare},
+                                              {"decode", &Backend::decode_elastic},
+                                              {"gather and project", &Backend::gather_and_project}};
+    return view_.model.deformation_alone ? alone : with_stress;
   }
 
   void set_view() {
@@ -295,11 +341,14 @@ class DeviceRunOn final : public DeviceRun {
     view_.dt = settings_.dt;
     view_.pull = settings_.pull;
     view_.curve_step = settings_.curve_step;
+    view_.contact_weight = static_cast<float>(settings_.contact_weight);
     const auto blocks_for = [](int items) { return (items + step_warps - 1) / step_warps; };
     // A few blocks a multiprocessor, shared by the instances; but no more than there is work for.
     const int blocks_per_instance = std::max(4, 4 * backend_.processors() / view_.instance_count);
     view_.worker_blocks = std::max(1, std::min(blocks_per_instance, blocks_for(view_.model.points)));
-    view_.decode_blocks = std::max(1, view_.worker_blocks - 1);  // beside that of the equations
+    view_.decode_blocks = view_.model.deformation_alone
+                              ? std::max(1, std::min(blocks_per_instance, view_.model.point_groups()))
+                              : std::max(1, view_.worker_blocks - 1);  // beside that of the equations
     view_.gather_blocks = std::max(1, blocks_for(view_.model.samples));
   }
   void prepare_graphs(int64_t steps) {
@@ -322,6 +371,8 @@ class DeviceRunOn final : public DeviceRun {
   Buffer<InstanceState> states_;
   Buffer<InstanceView> views_;
   mutable Buffer<float> frame_;
+  Buffer<std::byte> frame_data_;  ///< of all instances (InstanceStore::fill_frame)
+  std::vector<std::byte> frame_host_;
   std::vector<InstanceState> host_;
   RunView view_{};
   double time_ = 0;

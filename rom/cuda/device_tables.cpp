@@ -2,10 +2,15 @@
 
 #include <fmt/format.h>
 
+#include <Eigen/Cholesky>
 #include <algorithm>
+#include <cmath>
 #include <utility>
 
+#include "core/parallel/parallel_for.h"
 #include "core/system/error.h"
+#include "rom/deformation/mode_deformation.h"
+#include "rom/fields/deformation_fields.h"
 #include "rom/fields/factored_fields.h"
 #include "rom/projection/latent_manifold.h"
 #include "rom/reduced_model.h"
@@ -111,7 +116,94 @@ std::vector<double> curve_of(const ReducedModel& model, const std::vector<double
 
 }  // namespace
 
+namespace {
+
+/// u_k of particles, as a table of a field with the reference body as its mean, [particles, 3, modes].
+ModeTable table_of(const ModeDeformation& map, const std::vector<float>& reference) {
+  const auto n = static_cast<int64_t>(reference.size() / 3);
+  ModeTable table;
+  table.components = 3;
+  table.modes = map.latents();
+  table.mean = reference;
+  table.basis.resize(reference.size() * static_cast<std::size_t>(table.modes));
+  const auto one = [&](int64_t p) {
+    const ModeStencil stencil(map.lattice(), point_of(reference, p));
+    for (int k = 0; k < table.modes; ++k) {
+      const Vec3d u = map.mode(stencil, k);
+      for (int c = 0; c < 3; ++c)
+        table.basis[static_cast<std::size_t>((3 * p + c) * table.modes + k)] = static_cast<float>(u[c]);
+    }
+  };
+  parallel_for_cpu(n, one, Grain{64});
+  return table;
+}
+
+/// Modes, their slopes and places of the integration points, in groups of 32.
+void add_points(const ModeDeformation& map, const std::vector<float>& reference, ModelTable& to) {
+  const int64_t groups = (to.points() + warp_width - 1) / warp_width, modes = map.latents();
+  to.point_modes.assign(static_cast<std::size_t>(groups * modes * mode_components * warp_width), 0.0f);
+  to.point_reference.assign(static_cast<std::size_t>(groups * 3 * warp_width), 0.0f);
+  const auto one = [&](int64_t i) {
+    const int64_t group = i / warp_width, lane = i % warp_width;
+    const Vec3d X = point_of(reference, to.point_particle[static_cast<std::size_t>(i)]);
+    const ModeStencil stencil(map.lattice(), X);
+    const auto put = [&](std::vector<float>& into, int64_t row, double value) {
+      into[static_cast<std::size_t>(row * warp_width + lane)] = static_cast<float>(value);
+    };
+    for (int c = 0; c < 3; ++c) put(to.point_reference, 3 * group + c, X[c]);
+    for (int k = 0; k < modes; ++k) {
+      const int64_t row = (group * modes + k) * mode_components;
+      const Vec3d u = map.mode(stencil, k);
+      const Mat3d slope = map.mode_slope(stencil, k);
+      for (int c = 0; c < 3; ++c) put(to.point_modes, row + c, u[c]);
+      for (int c = 0; c < 9; ++c) put(to.point_modes, row + 3 + c, slope(c / 3, c % 3));
+    }
+  };
+  parallel_for_cpu(int64_t{to.points()}, one, Grain{64});
+}
+
+/// (U^T U)^-1, with the ridge that all fits have (rom/projection/gauss_newton.cpp).
+void add_inverse(ModelTable& to) {
+  constexpr double ridge = 1e-12;  // of the mean diagonal
+  const auto m = static_cast<Eigen::Index>(to.deformation_modes);
+  Eigen::MatrixXd gram = Eigen::Map<const Eigen::MatrixXd>(to.gram.data(), m, m);
+  gram.diagonal().array() += ridge * gram.trace() / static_cast<double>(m);
+  const Eigen::LLT<Eigen::MatrixXd> factor(gram);
+  if (factor.info() != Eigen::Success)
+    throw ConfigError(
+        "the samples of the reduced model do not tell its latents apart (their normal equations are singular). Use "
+        "more samples");
+  const Eigen::MatrixXd inverse = factor.solve(Eigen::MatrixXd::Identity(m, m));
+  to.inverse.assign(inverse.data(), inverse.data() + inverse.size());
+  const auto diagonal = factor.matrixLLT().diagonal();
+  to.condition = std::pow(diagonal.maxCoeff() / diagonal.minCoeff(), 2);
+}
+
+ModelTable deformation_table(const ReducedModel& model, const Deformation& deformation,
+                             const std::vector<int32_t>& samples) {
+  const auto* const map = dynamic_cast<const ModeDeformation*>(&deformation);
+  if (map == nullptr)
+    throw ConfigError(
+        "deformation maps that are networks run on the CPU only (allowed on the GPU: map=modes). Use --device cpu, or "
+        "train the model with map=modes");
+  ModelTable table;
+  table.latents = table.deformation_modes = map->latents();
+  check_size("latents", table.latents, most_latents);
+  table.point_particle = model.clusters.representatives();
+  const ModeTable modes = table_of(*map, model.reference);
+  add_deformation(modes, table);
+  add_samples(modes, samples, table);
+  add_gram(table);
+  add_inverse(table);
+  add_points(*map, model.reference, table);
+  return table;
+}
+
+}  // namespace
+
 ModelTable model_table(const ReducedModel& model, const std::vector<int32_t>& samples) {
+  if (const auto* const alone = dynamic_cast<const DeformationFields*>(model.fields.get()))
+    return deformation_table(model, alone->deformation(), samples);
   const auto* const fields = dynamic_cast<const FactoredFields*>(static_cast<const Fields*>(model.fields.get()));
   if (fields == nullptr)
     throw ConfigError(
@@ -122,8 +214,8 @@ ModelTable model_table(const ReducedModel& model, const std::vector<int32_t>& sa
   table.deformation_modes = fields->deformation().modes;
   table.stress_modes = fields->stress().modes;
   table.affine_modes = fields->affine().modes;
-  check_size("latents", table.latents, most_latents);
-  check_size("parameters", static_cast<int>(model.parameters.size()), most_latents);
+  check_size("latents", table.latents, most_closure_latents);
+  check_size("parameters", static_cast<int>(model.parameters.size()), most_closure_latents);
   check_size("modes of the deformation", table.deformation_modes, most_deformation_modes);
   check_size("modes of the stress", table.stress_modes, most_field_modes);
   check_size("modes of the affine velocity", table.affine_modes, most_field_modes);
@@ -154,12 +246,17 @@ void check_scene(const Scene& scene) {
 }
 
 InstanceTable instance_table(const ReducedModel& model, mpm::PreparedScene prepared, const LatentState& state) {
-  const auto& fields = dynamic_cast<const FactoredFields&>(static_cast<const Fields&>(*model.fields));
+  InstanceTable table{std::move(prepared), state.parameters, state.latent, state.velocity, {}, {}, {}, {}};
+  table.point_weight = model.integration_points(table.prepared.particles.volume).weight;
+  if (const auto* const alone = dynamic_cast<const DeformationFields*>(model.fields.get())) {
+    table.coefficient = dynamic_cast<const ModeDeformation&>(alone->deformation()).away_from_rest(state);
+    table.rate = state.velocity;
+    return table;
+  }
+  const auto& fields = dynamic_cast<const FactoredFields&>(*model.fields);
   const ClosureBranch& branch = fields.deformation_branch();
   const auto m = static_cast<std::size_t>(branch.count()), r = static_cast<std::size_t>(branch.latents());
-  InstanceTable table{std::move(prepared), state.parameters, state.latent, state.velocity, {}, {}, {}, {}};
   table.curve = curve_of(model, state.parameters);
-  table.point_weight = model.integration_points(table.prepared.particles.volume).weight;
   table.coefficient.resize(m);
   table.rate.assign(m, 0.0);
   std::vector<double> slope(m * r);
@@ -170,17 +267,29 @@ InstanceTable instance_table(const ReducedModel& model, mpm::PreparedScene prepa
   return table;
 }
 
-void check_options(const ReducedModel& model, const ReducedOptions& options) {
+namespace {
+
+/// What no kernel does for this model, or null.
+const char* unknown_option(const ReducedModel& model, const ReducedOptions& options) {
   const bool pulled = options.manifold_pull.value_or(model.manifold_pull) > 0;
-  const bool by_position = options.projection.value_or(model.projection) == ProjectionKind::position,
-             lagrangian = options.quadrature.value_or(model.quadrature) == QuadratureKind::lagrangian;
-  const char* what = !by_position                         ? "project positions alone (projection)"
-                     : !lagrangian                        ? "have Lagrangian quadrature alone (quadrature)"
-                     : options.iterations.value_or(1) > 1 ? "take one iteration of the inversion (iterations)"
-                     : pulled && curve_of(model, std::vector<double>(model.parameters.size(), 0)).empty()
-                         ? "take no way back to training runs of several parameters or lengths (manifold_pull)"
-                         : nullptr;
-  if (what != nullptr)
+  if (options.quadrature.value_or(model.quadrature) != QuadratureKind::lagrangian)
+    return "have Lagrangian quadrature alone (quadrature)";
+  if (model.fields->stress_follows_deformation()) {
+    if (model.gradient == GradientKind::integrated) return "take F of the map alone (gradient integrated)";
+    return pulled ? "take no way back to training runs where they have no stress field (manifold_pull)" : nullptr;
+  }
+  if (options.projection.value_or(model.projection) != ProjectionKind::position)
+    return "project positions alone where they have a stress field (projection)";
+  if (options.iterations.value_or(1) > 1) return "take one iteration of the inversion (iterations)";
+  return pulled && curve_of(model, std::vector<double>(model.parameters.size(), 0)).empty()
+             ? "take no way back to training runs of several parameters or lengths (manifold_pull)"
+             : nullptr;
+}
+
+}  // namespace
+
+void check_options(const ReducedModel& model, const ReducedOptions& options) {
+  if (const char* const what = unknown_option(model, options))
     throw ConfigError(fmt::format("reduced models on the GPU {}. Use --device cpu, or a model without it", what));
 }
 

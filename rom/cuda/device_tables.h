@@ -34,7 +34,11 @@ struct ModelTable {
   std::vector<double> sample_mean, gram;
   MapTable closure, stress_map, affine_map;
   bool affine_is_rate = false;
+  std::vector<float> point_modes, point_reference;  ///< of a deformation alone, which has no maps
+  std::vector<double> inverse;
+  double condition = 0;
 
+  bool deformation_alone() const { return !point_modes.empty(); }
   int particles() const { return static_cast<int>(deformation_mean.size() / 3); }
   int points() const { return static_cast<int>(point_particle.size()); }
 };
@@ -48,15 +52,15 @@ struct InstanceTable {
   std::vector<double> curve;              ///< where runs go at these parameters [n, latents]; may be empty
 };
 
-/// Throws ConfigError for a model whose fields no kernel knows, or that is too large for them.
+/// Throws ConfigError for a model whose fields no kernel knows (networks), or that is too large for them.
 ModelTable model_table(const ReducedModel& model, const std::vector<int32_t>& samples);
 /// Throws ConfigError for a scene with what no kernel knows: a plane, cubic splines, periodic walls, particles that
 /// come or go.
 void check_scene(const Scene& scene);
 /// `state` is that of the scene's start.
 InstanceTable instance_table(const ReducedModel& model, mpm::PreparedScene prepared, const LatentState& state);
-/// Throws ConfigError for what no kernel does: more than one iteration, and
-/// manifold_pull with more than one parameter.
+/// Throws ConfigError for what no kernel does. NSF: more than one iteration, other projections, manifold_pull with more
+/// than one parameter. A deformation alone: integrated gradients, manifold_pull. Both: Eulerian quadrature.
 void check_options(const ReducedModel& model, const ReducedOptions& options);
 
 }  // namespace device

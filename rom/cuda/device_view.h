@@ -1,21 +1,24 @@
-// What the kernels of a reduced-order model's step read and write (rom/cuda/device_step.h, rom/cuda/device_fit.h): the
-// model's tables, which all instances share, and each instance's scene, grid and latent state.
+// What the kernels of a reduced-order model's step read and write (rom/cuda/device_step.h): the model's tables, which
+// all instances share, and each instance's scene, grid and latent state.
 #pragma once
 
 #include <cstdint>
 
+#include "core/parallel/thread_block.h"
 #include "mpm/grid/moving_obstacles.h"
 #include "mpm/grid/scene_view.h"
 #include "mpm/particles/particle_lifecycle.h"
 
 namespace graupel::rom::device {
 
-inline constexpr int most_latents = 16;
+inline constexpr int most_latents = 32;
+inline constexpr int most_closure_latents = 16;  ///< of models with coefficient maps, whose slopes are in registers
 inline constexpr int most_deformation_modes = 96, most_field_modes = 256;
 inline constexpr int deformation_group = 32;  ///< modes are padded to this: one f32 a lane
 inline constexpr int field_group = 32;        ///< of stress and affine velocity: two f16 a lane of half a warp
 inline constexpr int stress_pairs = 3, affine_pairs = 5;  ///< of components, that a warp reads at once
 inline constexpr int field_components = 15;               ///< stress xx, yy, zz, xy, xz, yz; affine velocity row by row
+inline constexpr int mode_components = 12;                ///< of a deformation alone: u, then du/dX row by row
 inline constexpr int step_threads = 256;
 
 /// A coefficient map (rom/fields/coefficient_map.h).
@@ -45,6 +48,14 @@ struct ModelView {
   const double* sample_mean;  ///< [3 samples] [m]
   /// U^T U, U the modes at the samples, [deformation modes, deformation modes].
   const double* gram;
+
+  // Models of the deformation alone (rom/cuda/device_elastic.h): a mode a latent, with coefficients q - q0; no maps.
+  bool deformation_alone;
+  /// [groups of 32 points, modes, 12, 32] u_k [m] and du_k/dX, of lanes' points; X [m] [groups, 3, 32].
+  const float *point_modes, *point_reference;
+  const double* inverse;  ///< (U^T U)^-1 [modes, modes], of samples that all have weight 1
+  double condition;       ///< largest pivot of U^T U over the smallest
+  GRAUPEL_HD int point_groups() const { return (points + warp_width - 1) / warp_width; }
 };
 
 enum class RunStatus : int32_t {
@@ -67,6 +78,7 @@ struct alignas(8) InstanceState {
   int32_t round;                     ///< of marking
   int32_t block_count, point_count;  ///< marked blocks of nodes; integration points in reach of them
   int32_t most_points;
+  int32_t group_count;  ///< groups of points with some of these, of a deformation alone
 };
 
 /// What a step's fit needs of the samples that are not lost.
@@ -75,21 +87,27 @@ struct alignas(8) WaySums {
   double moved2;                              ///< sum of the squares of the ways [m^2]
   int32_t furthest;                           ///< bits of the longest way's square, a float
   int32_t lost;                               ///< samples
+
+  // Of a deformation alone, whose samples have weights w; `projection` is then U^T W way.
+  double weight, weighted2;  ///< sums of w, and of w times the square of the way
+  int32_t weighed;           ///< samples with another weight than 1
+  int32_t arrived;           ///< blocks of samples that are done
 };
 
 /// The least-squares problem of a step's fit, solved for any U^T way (rom/cuda/device_fit.h): dq = P (U^T way) - p.
 struct alignas(8) NormalEquations {
-  double solution[most_latents * most_deformation_modes];  ///< P = M^-1 S^T [r, modes]
-  double offset[most_latents];                             ///< p = M^-1 S^T G d, d = a(q*) - a_0
-  double turned[most_latents];                             ///< S^T G d
-  double matrix[most_latents * most_latents];              ///< M = S^T G S
-  double square;                                           ///< d^T G d
-  double condition;                                        ///< largest pivot of M over the smallest
-  int64_t solved;                                          ///< 0: M is singular or not finite
+  double solution[most_closure_latents * most_deformation_modes];  ///< P = M^-1 S^T [r, modes]
+  double offset[most_closure_latents];                             ///< p = M^-1 S^T G d, d = a(q*) - a_0
+  double turned[most_closure_latents];                             ///< S^T G d
+  double matrix[most_closure_latents * most_closure_latents];      ///< M = S^T G S
+  double square;                                                   ///< d^T G d
+  double condition;                                                ///< largest pivot of M over the smallest
+  int64_t solved;                                                  ///< 0: M is singular or not finite
 };
 
 struct InstanceView {
   mpm::SceneView<float> scene;
+  int32_t step_count;  ///< of a frame
   int32_t moving_count, obstacle_count, script_count;
   const int32_t* moving_index;                                ///< [moving_count]
   const sparsegrid::ObstacleView *moving_start, *moving_end;  ///< poses [steps of a frame, obstacles]
@@ -115,8 +133,17 @@ struct InstanceView {
   uint8_t* lost;  ///< [samples]
   InstanceState* state;
 
+  // Of a deformation alone.
+  const int32_t* point_material;  ///< [points]
+  int32_t* groups;                ///< [groups of points] numbers of those with a point in reach of a marked block
+  uint32_t* group_points;         ///< [groups of points] bit l: the point of lane l is in such reach
+  float* weight;                  ///< [samples]
+  int32_t* weighed;               ///< [samples] those with another weight than 1
+
+  /// A step of the frame; beyond it, where kernels are timed alone, its last one.
+  GRAUPEL_HD int64_t known_step(int step) const { return step < step_count ? step : step_count - 1; }
   GRAUPEL_HD mpm::MovingObstacleView<float> moving(int step) const {
-    const int64_t first = int64_t(step) * obstacle_count;
+    const int64_t first = known_step(step) * obstacle_count;
     return {moving_count,
             moving_index,
             {moving_start + first, obstacle_count},
@@ -126,7 +153,7 @@ struct InstanceView {
   /// The motion that leads a particle with this script, or null.
   GRAUPEL_HD const mpm::RigidStep<float>* leader(int32_t script, int step) const {
     if (script < 0) return nullptr;
-    const mpm::ScriptStep<float>& s = scripts[int64_t(step) * script_count + script];
+    const mpm::ScriptStep<float>& s = scripts[known_step(step) * script_count + script];
     return s.leads ? &s.motion : nullptr;
   }
 };
@@ -135,10 +162,11 @@ struct RunView {
   ModelView model;
   const InstanceView* instances;
   int instance_count;
-  double dt;          ///< [s]
-  double pull;        ///< share of the way to the curve that a step takes
-  double curve_step;  ///< parts of the curve that a step is
-  int worker_blocks;  ///< of an instance: for clearing and marking nodes
+  double dt;             ///< [s]
+  double pull;           ///< share of the way to the curve that a step takes
+  double curve_step;     ///< parts of the curve that a step is
+  float contact_weight;  ///< of samples of a deformation alone that a moving obstacle pushes
+  int worker_blocks;     ///< of an instance: for clearing and marking nodes
   int decode_blocks, gather_blocks;
 };
 

@@ -20,12 +20,24 @@ void check_device() {
         "--device cpu");
 }
 
-/// The start of a run is the CPU's: it fits the latent to the scene's first state and checks the particles.
-device::InstanceTable start_of(const ReducedModel& model, const ReducedInstance& instance,
-                               const ReducedOptions& options) {
+/// The start of a run is the CPU's.
+device::InstanceTable table_of(const ReducedModel& model, const ReducedInstance& instance) {
   device::check_scene(instance.prepared.scene);
-  const ReducedSolver<float> cpu(model, instance.prepared, instance.parameters, options);
-  return device::instance_table(model, instance.prepared, cpu.state());
+  check_start(model, instance.prepared);
+  return device::instance_table(model, instance.prepared,
+                                start_of_run(model, instance.prepared.particles, instance.parameters));
+}
+
+/// Which all instances must have.
+std::vector<int32_t> samples_of(const ReducedModel& model, const std::vector<ReducedInstance>& instances,
+                                const ReducedOptions& options) {
+  std::vector<int32_t> samples = samples_of_run(model, options.samples, instances.front().prepared.particles);
+  for (const ReducedInstance& instance : instances)
+    if (samples_of_run(model, options.samples, instance.prepared.particles) != samples)
+      throw ConfigError(
+          "runs of a reduced model that advance together need the same scripted particles (kinematic_regions), since "
+          "samples are taken from these. Run them one by one");
+  return samples;
 }
 
 }  // namespace
@@ -36,7 +48,7 @@ ReducedDeviceSolver::ReducedDeviceSolver(const ReducedModel& model, std::vector<
   GRAUPEL_ASSERT(!instances.empty());
   check_device();
   device::check_options(model, options);
-  const std::vector<int32_t>& samples = options.samples ? *options.samples : model.samples;
+  const std::vector<int32_t> samples = samples_of(model, instances, options);
   const device::ModelTable table = device::model_table(model, samples);
   samples_ = static_cast<int64_t>(samples.size());
   const double frame_time = instances.front().prepared.scene.frame_time;
@@ -44,19 +56,19 @@ ReducedDeviceSolver::ReducedDeviceSolver(const ReducedModel& model, std::vector<
   for (const ReducedInstance& instance : instances) {
     if (instance.prepared.scene.frame_time != frame_time)
       throw ConfigError("runs of a reduced model that advance together need one frame_time. Give them the same");
-    tables.push_back(start_of(model, instance, options));
+    tables.push_back(table_of(model, instance));
     parameters_.push_back(instance.parameters);
   }
   const double training_step = model.frame_time / static_cast<double>(model.substeps_per_frame);
-  steps_ = std::max<int64_t>(
-      1, static_cast<int64_t>(
-             std::ceil(frame_time / (training_step * options.step_factor.value_or(model.step_factor)) - 1e-6)));
+  const double wanted = training_step * step_factor_of(model, options.step_factor);
+  steps_ = std::max<int64_t>(1, static_cast<int64_t>(std::ceil(frame_time / wanted - 1e-6)));
   dt_ = frame_time / static_cast<double>(steps_);
   device::RunSettings settings;
   settings.steps_per_frame = steps_;
   settings.dt = dt_;
   settings.pull = options.manifold_pull.value_or(model.manifold_pull);
   settings.curve_step = dt_ / model.frame_time;
+  settings.contact_weight = model.contact_weight;
   run_ = device::make_cuda_run(table, std::move(tables), settings);
 }
 
@@ -78,7 +90,11 @@ double ReducedDeviceSolver::timed_frame() {
   return seconds;
 }
 
-std::array<double, 4> ReducedDeviceSolver::kernel_seconds() { return run_->kernel_seconds(32); }
+std::vector<std::pair<std::string, double>> ReducedDeviceSolver::kernel_seconds() {
+  std::vector<std::pair<std::string, double>> all;
+  for (const device::KernelTime& kernel : run_->kernel_times(32)) all.emplace_back(kernel.name, kernel.seconds);
+  return all;
+}
 
 std::optional<std::string> ReducedDeviceSolver::divergence(int instance) const {
   switch (report(instance).status) {
@@ -101,6 +117,7 @@ LatentState ReducedDeviceSolver::state(int instance) const {
   state.latent.assign(from.latent, from.latent + r);
   state.velocity.assign(from.velocity, from.velocity + r);
   state.parameters = parameters_[static_cast<std::size_t>(instance)];
+  if (model_.fields->stress_follows_deformation()) return state;
   state.last_step = from.steps > 0 ? dt_ : 0;
   if (from.steps > 0)
     for (int j = 0; j < r; ++j) state.previous.push_back(from.latent[j] - dt_ * from.velocity[j]);

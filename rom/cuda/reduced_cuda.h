@@ -3,10 +3,10 @@
 // the CPU, in single precision with Gauss-Newton in double.
 #pragma once
 
-#include <array>
 #include <memory>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "core/scene/trajectory.h"
@@ -41,8 +41,8 @@ class ReducedDeviceSolver {
   void advance_frame();
   /// The same; seconds of its steps on the GPU, by its own clock.
   double timed_frame();
-  /// Seconds on the GPU of each of a step's kernels: branch, decode, gather, fit. The run is of no use afterwards.
-  std::array<double, 4> kernel_seconds();
+  /// What each of a step's kernels takes on the GPU, by name [s]. The run is of no use afterwards.
+  std::vector<std::pair<std::string, double>> kernel_seconds();
   /// Why an instance has diverged; nothing while it has not. Its state is then that before the bad step.
   std::optional<std::string> divergence(int instance) const;
   LatentState state(int instance) const;

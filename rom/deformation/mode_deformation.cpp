@@ -17,20 +17,6 @@ using mpm::tile;
 
 constexpr auto slots_of_tile = static_cast<std::size_t>(tile);
 
-Vec3d point_of(const std::vector<float>& points, std::size_t p) {
-  return {static_cast<double>(points[3 * p]), static_cast<double>(points[3 * p + 1]),
-          static_cast<double>(points[3 * p + 2])};
-}
-
-/// u_k [3] at a point.
-Vec3d value_of(const ModeDeformation& map, const ModeStencil& stencil, std::size_t k) {
-  const float* const mode = map.nodes().data() + 3 * k * static_cast<std::size_t>(map.lattice().nodes());
-  Vec3d u = Vec3d::filled(0);
-  for (int n = 0; n < mode_stencil; ++n)
-    for (int c = 0; c < 3; ++c) u[c] += stencil.weight[n] * static_cast<double>(mode[3 * stencil.node[n] + c]);
-  return u;
-}
-
 /// Tables of numbers that are summed over modes, [tiles, modes, components, 16].
 template <typename T>
 class ModeTable {
@@ -45,7 +31,7 @@ class ModeTable {
     const auto one_tile = [&](int64_t j) {
       const auto first = static_cast<std::size_t>(j) * slots_of_tile;
       for (std::size_t p = first; p < std::min(n, first + slots_of_tile); ++p) {
-        const ModeStencil stencil(lattice, point_of(points, p));
+        const ModeStencil stencil(lattice, point_of(points, static_cast<int64_t>(p)));
         for (std::size_t k = 0; k < modes_; ++k)
           fill(stencil, k,
                values_.data() + (static_cast<std::size_t>(j) * modes_ + k) * components_ * slots_of_tile +
@@ -88,7 +74,7 @@ class BoundModes final : public DeformationPoints<T> {
   void set_points(const std::vector<float>& points) override {
     points_ = points;
     displacement_.build(map_.lattice(), points_, [&](const ModeStencil& stencil, std::size_t k, T* u) {
-      const Vec3d value = value_of(map_, stencil, k);
+      const Vec3d value = map_.mode(stencil, static_cast<int>(k));
       for (int c = 0; c < 3; ++c) u[c * tile] = static_cast<T>(value[c]);
     });
     gradient_.clear();
@@ -140,13 +126,8 @@ class BoundModes final : public DeformationPoints<T> {
  private:
   void build_gradient() {
     gradient_.build(map_.lattice(), points_, [&](const ModeStencil& stencil, std::size_t k, T* slope) {
-      const float* const mode = map_.nodes().data() + 3 * k * static_cast<std::size_t>(map_.lattice().nodes());
-      double sum[9] = {};
-      for (int n = 0; n < mode_stencil; ++n)
-        for (int c = 0; c < 3; ++c)
-          for (int d = 0; d < 3; ++d)
-            sum[3 * c + d] += stencil.gradient[n][d] * static_cast<double>(mode[3 * stencil.node[n] + c]);
-      for (int c = 0; c < 9; ++c) slope[c * tile] = static_cast<T>(sum[c]);
+      const Mat3d sum = map_.mode_slope(stencil, static_cast<int>(k));
+      for (int c = 0; c < 9; ++c) slope[c * tile] = static_cast<T>(sum(c / 3, c % 3));
     });
   }
   const ModeDeformation& map_;
@@ -161,9 +142,9 @@ class ModeSamples final : public SampleField {
   ModeSamples(const ModeDeformation& map, const std::vector<float>& points)
       : slope_(static_cast<Eigen::Index>(points.size()), map.latents()) {
     for (std::size_t p = 0; p < points.size() / 3; ++p) {
-      const ModeStencil stencil(map.lattice(), point_of(points, p));
+      const ModeStencil stencil(map.lattice(), point_of(points, static_cast<int64_t>(p)));
       for (int k = 0; k < map.latents(); ++k) {
-        const Vec3d u = value_of(map, stencil, static_cast<std::size_t>(k));
+        const Vec3d u = map.mode(stencil, k);
         for (int c = 0; c < 3; ++c) slope_(3 * static_cast<Eigen::Index>(p) + c, k) = u[c];
       }
     }
@@ -196,6 +177,24 @@ ModeDeformation::ModeDeformation(ModeLattice lattice, std::vector<float> nodes, 
     : lattice_(lattice), nodes_(std::move(nodes)), rest_(std::move(rest)) {
   GRAUPEL_ASSERT(!rest_.empty());
   GRAUPEL_ASSERT(nodes_.size() == rest_.size() * static_cast<std::size_t>(3 * lattice_.nodes()));
+}
+
+Vec3d ModeDeformation::mode(const ModeStencil& stencil, int k) const {
+  const float* const nodes = nodes_.data() + 3 * k * lattice_.nodes();
+  Vec3d u = Vec3d::zero();
+  for (int n = 0; n < mode_stencil; ++n)
+    for (int c = 0; c < 3; ++c) u[c] += stencil.weight[n] * static_cast<double>(nodes[3 * stencil.node[n] + c]);
+  return u;
+}
+
+Mat3d ModeDeformation::mode_slope(const ModeStencil& stencil, int k) const {
+  const float* const nodes = nodes_.data() + 3 * k * lattice_.nodes();
+  Mat3d slope = Mat3d::zero();
+  for (int n = 0; n < mode_stencil; ++n)
+    for (int c = 0; c < 3; ++c)
+      for (int d = 0; d < 3; ++d)
+        slope(c, d) += stencil.gradient[n][d] * static_cast<double>(nodes[3 * stencil.node[n] + c]);
+  return slope;
 }
 
 std::unique_ptr<DeformationPoints<float>> ModeDeformation::bind_f32(const std::vector<float>& points,

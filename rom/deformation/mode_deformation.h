@@ -31,6 +31,9 @@ class ModeDeformation final : public Deformation {
   const ModeLattice& lattice() const { return lattice_; }
   const std::vector<float>& nodes() const { return nodes_; }
   const std::vector<double>& rest() const { return rest_; }
+  /// u_k [m] and du_k/dX where the stencil is.
+  Vec3d mode(const ModeStencil& stencil, int k) const;
+  Mat3d mode_slope(const ModeStencil& stencil, int k) const;
   /// Factors of the modes: q - q0, and their rates [1/s], those of the state or over its last step.
   std::vector<double> away_from_rest(const LatentState& state) const;
   static std::vector<double> rate_of(const LatentState& state);

@@ -8,6 +8,7 @@
 #include <limits>
 #include <vector>
 
+#include "core/math/mat.h"
 #include "core/math/vec.h"
 #include "mpm/bspline.h"
 
@@ -27,6 +28,12 @@ struct ModeLattice {
   /// spacings from `origin` [m]: with that of MPM's grid and its spacing, the lattice has the grid's own splines.
   static ModeLattice around(const std::vector<float>& points, double spacing, const Vec3d& origin);
 };
+
+/// X of point p of points [n, 3] [m].
+inline Vec3d point_of(const std::vector<float>& points, int64_t p) {
+  const float* const x = points.data() + 3 * p;
+  return {static_cast<double>(x[0]), static_cast<double>(x[1]), static_cast<double>(x[2])};
+}
 
 /// First of the three nodes along an axis that a point depends on, u [spacings] from the lattice's low end.
 inline int mode_base(const ModeLattice& lattice, int axis, double u) {

@@ -145,15 +145,12 @@ void ParticleGrid<T>::weigh_contact(const mpm::SolverView<T>& v, double contact_
     mpm::AxisWeights<T> axis[3];
     for (int d = 0; d < 3; ++d) axis[d] = mpm::bspline_weights(stencil.fx[d]);
     T held = 0;
-    sparsegrid::SignedDistance<T> here;
     for (int i = 0; i < 3; ++i)
       for (int j = 0; j < 3; ++j)
         for (int k = 0; k < 3; ++k) {
           const Vec<T, 3> node = x + v.grid.dx * (Vec<T, 3>{T(i), T(j), T(k)} - stencil.fx);
-          const int32_t obstacle = mpm::holding_obstacle<3>(v.moving, node, v.grid.dx, here);
-          if (obstacle < 0) continue;
-          const Vec<T, 3> approach = v.moving.step[obstacle].velocity_at(node) - v.particles.velocity.vec(s);
-          if (dot(here.normal, approach) >= T(0)) held += axis[0].w[i] * axis[1].w[j] * axis[2].w[k];
+          if (mpm::node_pushes(v.moving, node, v.grid.dx, v.particles.velocity.vec(s)))
+            held += axis[0].w[i] * axis[1].w[j] * axis[2].w[k];
         }
     weight[static_cast<std::size_t>(s)] = 1 + (contact_weight - 1) * static_cast<double>(held);
   };

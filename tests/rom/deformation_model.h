@@ -1,4 +1,4 @@
-// Models of the deformation alone, for tests: networks that are exactly linear, and an elastic block.
+// Models of the deformation alone, for tests: networks that are exactly linear, smooth modes, and elastic blocks.
 #pragma once
 
 #include <numeric>
@@ -67,7 +67,8 @@ inline Scene jelly_block(const std::string& gravity, const std::string& more = "
 }
 
 /// A model of all particles of the scene as samples, with these latents.
-inline ReducedModel deformation_model(const Scene& scene, Mlp displacement, std::vector<double> rest) {
+inline ReducedModel deformation_model(const Scene& scene, std::shared_ptr<const Deformation> map,
+                                      std::vector<double> rest) {
   const mpm::SampledParticles sampled = mpm::sample_sources(scene, scene.seed);
   ReducedModel model;
   model.kind = ReducedKind::crom;
@@ -79,8 +80,7 @@ inline ReducedModel deformation_model(const Scene& scene, Mlp displacement, std:
   std::iota(model.clusters.of_particle.begin(), model.clusters.of_particle.end(), 0);
   model.samples = model.encoder = model.clusters.of_particle;
   model.start_latent = rest;
-  model.fields = std::make_shared<const DeformationFields>(model.reference,
-                                                           std::make_shared<const MlpDeformation>(displacement, rest));
+  model.fields = std::make_shared<const DeformationFields>(model.reference, std::move(map));
   model.projection = ProjectionKind::position_velocity;
   model.scene_json = io::scene_to_json(scene);
   model.substeps_per_frame = scene.time_step.substeps_per_frame;
@@ -89,6 +89,9 @@ inline ReducedModel deformation_model(const Scene& scene, Mlp displacement, std:
   model.latent_scale.assign(rest.size(), 1);
   model.latent_reach = 1;
   return model;
+}
+inline ReducedModel deformation_model(const Scene& scene, Mlp displacement, const std::vector<double>& rest) {
+  return deformation_model(scene, std::make_shared<const MlpDeformation>(std::move(displacement), rest), rest);
 }
 
 }  // namespace graupel::rom::test

@@ -101,7 +101,7 @@ TEST(DeviceRun, TimesItsKernels) {
   const Scene scene = swaying_scene(scenes[2]);  // the obstacle's poses are those of one frame
   const auto run = fiber_run(swaying_model(scene), scene, {33});
   run->advance_frame();
-  for (const double seconds : run->kernel_seconds(2)) EXPECT_GE(seconds, 0);
+  EXPECT_EQ(run->kernel_times(2).size(), 4u);
   EXPECT_LE(run->view().instances[0].state->step, 4 + 2);
 }
 

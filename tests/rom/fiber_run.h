@@ -36,7 +36,28 @@ class FiberBackend {
   void gather(const RunView& view) {
     GatherShared shared;
     run(view.instance_count * view.gather_blocks, shared,
-        [&](const FiberThread& thread) { device::gather(thread, view, shared); });
+        [&](const FiberThread& thread) { device::gather<false>(thread, view, shared); });
+  }
+  void prepare(const RunView& view) {
+    BranchShared shared;
+    run(view.instance_count * view.worker_blocks, shared,
+        [&](const FiberThread& thread) { device::prepare(thread, view, shared); });
+  }
+  void decode_elastic(const RunView& view) {
+    ElasticShared shared;
+    run(view.instance_count * view.decode_blocks, shared,
+        [&](const FiberThread& thread) { device::decode_elastic(thread, view, shared); });
+  }
+  void gather_and_project(const RunView& view) {
+    GatherAndProjectShared shared;
+    run(view.instance_count * view.gather_blocks, shared,
+        [&](const FiberThread& thread) { device::gather_and_project(thread, view, shared); });
+  }
+  /// What the last block of gather_and_project does for an instance.
+  void project(const RunView& view) {
+    ProjectionShared shared;
+    run(view.instance_count, shared,
+        [&](const FiberThread& thread) { device::project(thread, view, view.instances[thread.index()], shared); });
   }
   /// What the first block of decode does for an instance.
   void solve_equations(const RunView& view) {
@@ -57,6 +78,7 @@ class FiberBackend {
     DecodeShared shared;
     run(3, shared, [&](const FiberThread& thread) { device::write_frame(thread, view, instance, frame, shared); });
   }
+  void write(const std::byte* from, std::size_t bytes, std::byte* to) { std::copy_n(from, bytes, to); }
   template <typename T>
   void read(const T* from, std::size_t n, T* to) {
     std::copy_n(from, n, to);
