@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numeric>
 #include <utility>
 
@@ -194,9 +195,10 @@ void ReducedSolver<T>::project_samples(double dt) {
     const Vec<T, 3> x = particles.position.vec(s), way = static_cast<T>(dt) * particles.velocity.vec(s);
     for (int d = 0; d < 3; ++d) {
       // Without an obstacle or wall in the way, not rounded to the precision of positions: it would count in
-      // velocities.
-      const double before = motion_.before[3 * s + d];
-      const bool free = x[d] == static_cast<T>(before) + way[d];
+      // velocities. The particle was decoded in that precision, so it is some units in the last place off.
+      const double before = motion_.before[3 * s + d], moved = static_cast<double>(x[d]) - before,
+                   rounding = 4 * static_cast<double>(std::numeric_limits<T>::epsilon() * std::abs(x[d]));
+      const bool free = std::abs(moved - static_cast<double>(way[d])) <= rounding;
       motion_.after[3 * s + d] = free ? before + static_cast<double>(way[d]) : static_cast<double>(x[d]);
     }
     const double way2 = (motion_.after.segment<3>(3 * s) - motion_.before.segment<3>(3 * s)).squaredNorm();

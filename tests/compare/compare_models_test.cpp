@@ -6,6 +6,7 @@
 #include <fstream>
 
 #include "compare/break_even.h"
+#include "compare/comparison_files.h"
 #include "compare/report/report.h"
 #include "core/parallel/hardware.h"
 #include "core/system/error.h"

@@ -108,8 +108,10 @@ void expect_step_of_the_cpu(const Case& of, double latent, double position, doub
 TEST_P(ElasticDeviceStep, IsTheStepOfTheCpu) {
   if (has_obstacles(GetParam()))
     expect_step_of_the_cpu<float>(GetParam(), 2e-4, 2e-5, 3e-3);
-  else
+  else {
     expect_step_of_the_cpu<double>(GetParam(), 2e-6, 3e-7, 1e-5);
+    expect_step_of_the_cpu<float>(GetParam(), 1e-5, 1e-6, 5e-5);
+  }
 }
 
 TEST(ElasticDeviceRun, SamplesInContactWeighAsTheModelSays) {
