@@ -91,7 +91,7 @@ std::string sweep_markdown() {
          "\"substeps_per_frame\": k }` and a `frame_time` of k steps.\n\n"
          "With `draw` the runs are drawn in the box of the parameters' ranges: for training its 2^n corners and points "
          "of Halton's\nsequence, so that every other run lies among them; for validation and testing at random, by "
-         "`draw.seed`. Keys that follow\na parameter are linear in it.\n\n"
+         "`draw.seed`. Keys that\nfollow a parameter are linear in it.\n\n"
          "    \"draw\": { \"train\": 32, \"valid\": 4, \"test\": 8, \"seed\": 1 },\n"
          "    \"parameters\": [\n"
          "      { \"name\": \"place\", \"unit\": \"m\", \"key\": \"obstacles.0.position.0\", \"range\": [0.3, 0.7] },\n"
