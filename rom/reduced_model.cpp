@@ -79,10 +79,8 @@ void refuse_removed(const nn::Weights& weights, const Json& settings) {
         weights.file, what));
 }
 
-FactoredFields read_factored(const nn::Weights& weights, int latents, int inputs, AffineKind affine_kind,
-                             int64_t particles) {
-  ModeTable deformation = ModeTable::load(weights, "deformation", 3), stress = ModeTable::load(weights, "stress", 6),
-            affine = ModeTable::load(weights, "affine", 9);
+FactoredFields read_factored(const nn::Weights& weights, const ReducedModel& model, int latents, int64_t particles) {
+  ModeTable deformation = ModeTable::load(weights, "deformation", 3);
   if (deformation.modes < latents)
     throw InputError(fmt::format("'{}' has {} latents but {} modes of the deformation. Train the model again",
                                  weights.file, latents, deformation.modes));
@@ -95,9 +93,12 @@ FactoredFields read_factored(const nn::Weights& weights, int latents, int inputs
     return load_branch_map(weights, prefix, kind, from, outputs);
   };
   ClosureBranch closure(latents, map("deformation.branch", latents, deformation.modes - latents));
+  if (model.gradient == GradientKind::integrated) return {std::move(deformation), std::move(closure)};
+  const int inputs = latents + static_cast<int>(model.parameters.size());
+  ModeTable stress = ModeTable::load(weights, "stress", 6), affine = ModeTable::load(weights, "affine", 9);
   MapBranch stress_branch(map("stress.branch", inputs, stress.modes));
   std::shared_ptr<const Branch> affine_branch;
-  if (affine_kind == AffineKind::rate)
+  if (model.affine_kind == AffineKind::rate)
     affine_branch = std::make_shared<const RateBranch>(latents, map("affine.branch", inputs, affine.modes * latents));
   else
     affine_branch = std::make_shared<const MapBranch>(map("affine.branch", inputs, affine.modes));
@@ -191,7 +192,6 @@ ReducedModel ReducedModel::load(const nn::Weights& weights) {
   }
   const auto latents = static_cast<int>(extent(weights, "latent.start", 0));
   if (latents < 1) throw InputError("'" + weights.file + "' has no latent. Train the model again");
-  const int inputs = latents + static_cast<int>(model.parameters.size());
   model.clusters = read_clusters(weights);
   const auto n = static_cast<int64_t>(model.clusters.of_particle.size());
   model.reference = weights.get("reference", {n, 3});
@@ -201,8 +201,7 @@ ReducedModel ReducedModel::load(const nn::Weights& weights) {
   else if (read_kind(weights) == FieldKind::mlp)
     model.fields = MlpFields::load(weights, latents, static_cast<int>(model.parameters.size()), model.reference);
   else
-    model.fields =
-        std::make_shared<const FactoredFields>(read_factored(weights, latents, inputs, model.affine_kind, n));
+    model.fields = std::make_shared<const FactoredFields>(read_factored(weights, model, latents, n));
   model.samples = get_indices(weights, "samples");
   model.encoder = get_indices(weights, "encoder");
   check_indices(weights, model.samples, n, "samples");

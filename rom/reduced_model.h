@@ -66,7 +66,7 @@ struct ReducedModel {
   double contact_weight = 1;     ///< in the projection, of samples that a moving obstacle pushes; others have 1
   ProjectionKind projection = ProjectionKind::position;    ///< by default
   QuadratureKind quadrature = QuadratureKind::lagrangian;  ///< by default
-  GradientKind gradient = GradientKind::map;               ///< of a model of the deformation alone
+  GradientKind gradient = GradientKind::map;               ///< what stress comes from
   Clusters clusters;                        ///< integration points; as many as particles: these themselves
   std::vector<int32_t> encoder;             ///< particles whose positions give the latent, by least squares
   std::optional<ConvEncoder> conv_encoder;  ///< the paper's, which then gives the latent instead

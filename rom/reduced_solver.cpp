@@ -173,7 +173,8 @@ void ReducedSolver<T>::step(double dt) {
   quadrature_->find(state_, grid_);
   timing.search += timer.lap();
   quadrature_->fill(state_, grid_);
-  if (model_.fields->stress_follows_deformation()) grid_.take_stress_of_deformation();
+  if (model_.fields->stress_follows_deformation() && model_.gradient == GradientKind::map)
+    grid_.take_stress_of_deformation();
   hold_inside(prepared_.scene, grid_.particles());
   timing.decode += timer.lap();
   sample_field_->evaluate(state_.latent.data(), motion_.before);

@@ -44,6 +44,13 @@ std::vector<int> by_distance(const std::vector<Eigen::VectorXd>& offsets) {
   return order;
 }
 
+/// Ways to choose `k` of `n`, above most_simplices at least that.
+std::size_t choices(std::size_t n, std::size_t k) {
+  std::size_t count = 1;
+  for (std::size_t i = 1; i <= k && count <= most_simplices * n; ++i) count = count * (n - k + i) / i;
+  return count;
+}
+
 /// w of sum w_i = 1, sum w_i offset_i = 0; none where the runs span no simplex.
 std::optional<std::vector<double>> barycentric(const std::vector<Eigen::VectorXd>& offsets,
                                                const std::vector<int>& corners) {
@@ -67,10 +74,11 @@ std::optional<TrainingMix> runs_around(const std::vector<std::vector<double>>& r
                                        const std::vector<double>& parameters) {
   const std::vector<Eigen::VectorXd> offsets = offsets_of(runs, parameters);
   std::vector<int> near = by_distance(offsets);
-  // With one parameter the neighbours may be far beyond the nearest runs of one side.
-  if (parameters.size() > 1 && near.size() > nearest_runs) near.resize(nearest_runs);
   const std::size_t corners = parameters.size() + 1;
   if (near.size() < corners) return std::nullopt;
+  // With one parameter the neighbours may be far beyond the nearest runs of one side.
+  while (parameters.size() > 1 && near.size() > corners && choices(near.size(), corners) > most_simplices)
+    near.pop_back();
   std::optional<TrainingMix> best;
   double least = std::numeric_limits<double>::infinity();
   std::vector<bool> chosen(near.size(), false);
@@ -96,8 +104,10 @@ std::optional<TrainingMix> runs_beyond(const std::vector<std::vector<double>>& r
                                        const std::vector<double>& parameters) {
   const std::vector<Eigen::VectorXd> offsets = offsets_of(runs, parameters);
   const std::vector<int> near = by_distance(offsets);
-  const std::size_t corners = parameters.size() + 1, candidates = std::min(near.size(), nearest_runs);
+  const std::size_t corners = parameters.size() + 1;
+  std::size_t candidates = near.size();
   if (candidates < corners) return std::nullopt;
+  while (candidates > corners && choices(candidates, corners) > most_simplices) --candidates;
   std::vector<bool> chosen(candidates, false);
   std::fill_n(chosen.begin(), corners, true);
   do {  // the nearest runs come first

@@ -21,11 +21,11 @@ struct TrainingMix {
 /// Nearest of `runs` [runs][parameters], every parameter over its range.
 TrainingMix nearest_run(const std::vector<std::vector<double>>& runs, const std::vector<double>& parameters);
 /// The simplex of parameters + 1 runs around, and the weights that give the parameters there. Of all simplices that
-/// hold them that of the Delaunay triangulation, for which sum_i w_i |mu_i - mu|^2 is least, among the `nearest_runs`
-/// nearest runs. None outside of the runs.
+/// hold them that of the Delaunay triangulation, for which sum_i w_i |mu_i - mu|^2 is least, among the nearest runs
+/// that have at most `most_simplices` of them (40 with three parameters). None outside of these.
 std::optional<TrainingMix> runs_around(const std::vector<std::vector<double>>& runs,
                                        const std::vector<double>& parameters);
-inline constexpr std::size_t nearest_runs = 16;
+inline constexpr std::size_t most_simplices = 100000;
 /// For parameters outside of the runs: linear extrapolation from the nearest parameters + 1 runs that span a simplex,
 /// with weights below 0. None where the runs span none.
 std::optional<TrainingMix> runs_beyond(const std::vector<std::vector<double>>& runs,

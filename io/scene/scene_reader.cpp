@@ -89,6 +89,17 @@ std::string sweep_markdown() {
          "`--set deflate=4` changes a key of the recipe\nand `--set scene.domain.dx=0.03` one of its scene. To store a "
          "frame every k substeps, give the scene\n`\"time_step\": { \"policy\": \"fixed\", "
          "\"substeps_per_frame\": k }` and a `frame_time` of k steps.\n\n"
+         "With `draw` the runs are drawn in the box of the parameters' ranges: for training its 2^n corners and points "
+         "of Halton's\nsequence, so that every other run lies among them; for validation and testing at random, by "
+         "`draw.seed`. Keys that\nfollow a parameter are linear in it.\n\n"
+         "    \"draw\": { \"train\": 32, \"valid\": 4, \"test\": 8, \"seed\": 1 },\n"
+         "    \"parameters\": [\n"
+         "      { \"name\": \"place\", \"unit\": \"m\", \"key\": \"obstacles.0.position.0\", \"range\": [0.3, 0.7] },\n"
+         "      { \"name\": \"depth\", \"unit\": \"m\", \"key\": "
+         "\"obstacles.0.motion.keyframes.0.translation.1\", \"range\": [-0.05, -0.02],\n"
+         "        \"also\": [ { \"key\": \"obstacles.0.motion.keyframes.1.translation.1\", \"range\": [-0.05, -0.02] } "
+         "] }\n"
+         "    ]\n\n"
          "These tables are made from `core/scene/sweep_recipe.h`.\n" +
          description_markdown(describe<SweepRecipe>(), "Top level of a sweep");
 }

@@ -10,6 +10,7 @@
 #include "io/config/config_reader.h"
 #include "io/config/config_writer.h"
 #include "io/scene/scene_reader.h"
+#include "io/scene/sweep_draw.h"
 
 namespace graupel::io {
 
@@ -71,7 +72,8 @@ void check_parameters(const ConfigDocument& document, const SweepRecipe& recipe)
     config_fail(find_place(document, {"parameters"}), "names no parameter", "Give at least one");
   const SweepParameter& first = recipe.parameters.front();
   if (first.values.empty())
-    config_fail(parameter_place(document, 0, {"values"}), "has no value", "Give one for each run");
+    config_fail(parameter_place(document, 0, {"values"}), "has no value",
+                "Give one for each run: values, or range and draw");
   std::set<std::string> names, keys;
   const auto check_key = [&](const ConfigPlace& place, const std::string& key) {
     if (recipe.set.count(key))
@@ -240,6 +242,7 @@ Sweep read_sweep(const std::string& path, const std::vector<std::string>& overri
   for (const std::string& change : changes.scene) add_to_set(document, change);
   Sweep sweep;
   sweep.recipe = read_config<SweepRecipe>(document);
+  draw_runs(document, sweep.recipe);
   check_parameters(document, sweep.recipe);
   check_splits(document, sweep.recipe);
   check_fields(document, sweep.recipe);

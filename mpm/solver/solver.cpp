@@ -9,6 +9,7 @@
 #include "core/system/error.h"
 #include "mpm/cpu/tuned_phases.h"
 #include "mpm/materials/material.h"
+#include "mpm/phases/transfer_scheme.h"
 #include "mpm/solver/divergence.h"
 
 namespace graupel::mpm {
@@ -81,7 +82,7 @@ void Solver<T>::advance_particles(const SolverView<T>& v, double dt) {
     grid_.lead(v, statistics_.scripted_momentum);
     update_deformation(v, step);
   }
-  apply_transfer_scheme(dt);
+  apply_transfer_scheme(view(), scene_.transfer, dt);
   step_statistics_ = move_particles(v, step, grid_.records);
 }
 
@@ -91,18 +92,8 @@ void Solver<T>::advance_particles_portably(const SolverView<T>& v, double dt) {
   grid_to_particle(v);
   grid_.lead(v, statistics_.scripted_momentum);
   update_deformation(v, step);
-  apply_transfer_scheme(dt);
+  apply_transfer_scheme(view(), scene_.transfer, dt);
   step_statistics_ = move_particles(v, step, grid_.records);
-}
-
-template <typename T>
-void Solver<T>::apply_transfer_scheme(double dt) {
-  const TransferConfig& transfer = scene_.transfer;
-  if (transfer.scheme == TransferScheme::apic && transfer.damping == 0) return;
-  const double kept = std::exp(-transfer.damping * dt);
-  const double symmetric = transfer.scheme == TransferScheme::apic ? kept : 0;
-  const double rotation = transfer.scheme == TransferScheme::pic ? 0 : kept;
-  blend_affine(view(), static_cast<T>(symmetric), static_cast<T>(rotation));
 }
 
 template <typename T>

@@ -55,7 +55,6 @@ class Solver final : public Simulation {
  private:
   void reorder_particles();
   void record_step(double dt);
-  void apply_transfer_scheme(double dt);
   void advance_particles(const SolverView<T>& v, double dt);
   void move_tracers(const SolverView<T>& v, double dt);
   void advance_particles_portably(const SolverView<T>& v, double dt);

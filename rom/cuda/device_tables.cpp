@@ -209,6 +209,8 @@ ModelTable model_table(const ReducedModel& model, const std::vector<int32_t>& sa
     throw ConfigError(
         "reduced models with networks for fields run on the CPU only (allowed on the GPU: factored fields). Use "
         "--device cpu");
+  if (!fields->has_stress())
+    throw ConfigError("reduced models without a stress field (stress=law) run on the CPU only. Use --device cpu");
   ModelTable table;
   table.latents = model.latents();
   table.deformation_modes = fields->deformation().modes;

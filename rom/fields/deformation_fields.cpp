@@ -21,6 +21,7 @@ class DeformedPoints final : public PointFields<T> {
               const mpm::ParticleView<T>& particles) override {
     deformation_->decode(state, tiles, particles.position.data, particles.velocity.data,
                          particles.deformation_gradient.data);
+    if (particles.stress.data == nullptr) return;
     const std::size_t slots = tiles.size() * static_cast<std::size_t>(mpm::tile);
     std::fill_n(particles.affine_velocity.data, 9 * slots, T(0));
     std::fill_n(particles.stress.data, 6 * slots, T(0));

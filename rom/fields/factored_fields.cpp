@@ -67,6 +67,7 @@ class FactoredPoints final : public PointFields<T> {
   FactoredPoints(const FactoredFields& fields, const std::vector<int32_t>& points)
       : fields_(fields), deformation_(fields.deformation_branch()) {
     position_.assign(fields.deformation(), points, vector_order);
+    if (!fields.has_stress()) return;
     stress_.assign(fields.stress(), points, stress_order);
     affine_.assign(fields.affine(), points, matrix_order);
   }
@@ -76,11 +77,16 @@ class FactoredPoints final : public PointFields<T> {
     deformation_.update(state);
     position_.set_coefficients(deformation_.a.data());
     position_.set_rates(deformation_.rate.data());
-    stress_.set_coefficients(coefficients_of(fields_.stress_branch(), state).data());
-    affine_.set_coefficients(coefficients_of(fields_.affine_branch(), state).data());
+    const bool with_stress = particles.stress.data != nullptr;
+    GRAUPEL_ASSERT(fields_.has_stress() || !with_stress);
+    if (with_stress) {
+      stress_.set_coefficients(coefficients_of(fields_.stress_branch(), state).data());
+      affine_.set_coefficients(coefficients_of(fields_.affine_branch(), state).data());
+    }
     const auto decode_tile = [&](int64_t to) {
       const int64_t from = tiles[static_cast<std::size_t>(to)], slot = to * mpm::tile;
       position_.evaluate(from, particles.position.at(slot), particles.velocity.at(slot));
+      if (!with_stress) return;
       stress_.evaluate(from, particles.stress.at(slot));
       affine_.evaluate(from, particles.affine_velocity.at(slot));
     };
@@ -195,7 +201,7 @@ FactoredFields::FactoredFields(ModeTable deformation, ClosureBranch deformation_
       stress_branch_(std::move(stress_branch)),
       affine_branch_(std::move(affine_branch)) {
   const BranchKind kind = deformation_branch_.map().kind();
-  GRAUPEL_ASSERT(stress_branch_.map().kind() == kind && affine_branch_->map().kind() == kind);
+  GRAUPEL_ASSERT(stress_branch_->map().kind() == kind && affine_branch_->map().kind() == kind);
 }
 
 std::unique_ptr<PointFields<float>> FactoredFields::bind_f32(const std::vector<int32_t>& points) const {
@@ -214,9 +220,13 @@ std::unique_ptr<SampleField> FactoredFields::bind_samples(const std::vector<int3
   return std::make_unique<FactoredSamples>(*this, samples);
 }
 
+FactoredFields::FactoredFields(ModeTable deformation, ClosureBranch deformation_branch)
+    : deformation_(std::move(deformation)), deformation_branch_(std::move(deformation_branch)) {}
+
 FactoredFields FactoredFields::clustered(const Clusters& clusters) const {
-  return {deformation_,   deformation_branch_,        stress_.averaged(clusters),
-          stress_branch_, affine_.averaged(clusters), affine_branch_};
+  if (!has_stress()) return *this;
+  return {deformation_,    deformation_branch_,        stress_.averaged(clusters),
+          *stress_branch_, affine_.averaged(clusters), affine_branch_};
 }
 
 std::shared_ptr<const Fields> FactoredFields::with_clusters(const Clusters& clusters) const {
@@ -225,12 +235,13 @@ std::shared_ptr<const Fields> FactoredFields::with_clusters(const Clusters& clus
 
 void FactoredFields::store(nn::Weights& weights, nn::DType modes) const {
   deformation_.store(weights, "deformation", modes);
+  deformation_branch_.map().store(weights, "deformation.branch");
+  weights.metadata["branch"] = word_of(deformation_branch_.map().kind());
+  if (!has_stress()) return;
   stress_.store(weights, "stress", modes);
   affine_.store(weights, "affine", modes);
-  deformation_branch_.map().store(weights, "deformation.branch");
-  stress_branch_.map().store(weights, "stress.branch");
+  stress_branch_->map().store(weights, "stress.branch");
   affine_branch_->map().store(weights, "affine.branch");
-  weights.metadata["branch"] = word_of(deformation_branch_.map().kind());
 }
 
 }  // namespace graupel::rom

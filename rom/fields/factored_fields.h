@@ -3,6 +3,8 @@
 // paper's networks take some 10^5 to 10^6 (docs/reference/reduced-order.md).
 #pragma once
 
+#include <optional>
+
 #include "rom/fields/branch.h"
 #include "rom/fields/fields.h"
 #include "rom/fields/mode_table.h"
@@ -14,10 +16,13 @@ class FactoredFields final : public Fields {
   /// The branches are of one kind.
   FactoredFields(ModeTable deformation, ClosureBranch deformation_branch, ModeTable stress, MapBranch stress_branch,
                  ModeTable affine, std::shared_ptr<const Branch> affine_branch);
+  /// Deformation alone, for models whose points follow the material's law (GradientKind::integrated).
+  FactoredFields(ModeTable deformation, ClosureBranch deformation_branch);
   /// The same fields with the means of stress and affine velocity over these clusters at their representatives; so far
   /// they must be known at all particles.
   FactoredFields clustered(const Clusters& clusters) const;
 
+  bool has_stress() const { return stress_branch_.has_value(); }  ///< and affine velocity
   int latents() const override { return deformation_branch_.latents(); }
   int64_t particles() const override { return deformation_.rows(); }
   std::unique_ptr<PointFields<float>> bind_f32(const std::vector<int32_t>& points) const override;
@@ -34,13 +39,13 @@ class FactoredFields final : public Fields {
   const ModeTable& stress() const { return stress_; }            ///< xx, xy, xz, yy, yz, zz [Pa]
   const ModeTable& affine() const { return affine_; }            ///< row by row [1/s]
   const ClosureBranch& deformation_branch() const { return deformation_branch_; }
-  const MapBranch& stress_branch() const { return stress_branch_; }
+  const MapBranch& stress_branch() const { return *stress_branch_; }
   const Branch& affine_branch() const { return *affine_branch_; }
 
  private:
   ModeTable deformation_, stress_, affine_;
   ClosureBranch deformation_branch_;
-  MapBranch stress_branch_;
+  std::optional<MapBranch> stress_branch_;
   std::shared_ptr<const Branch> affine_branch_;
 };
 

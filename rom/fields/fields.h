@@ -32,7 +32,8 @@ class PointFields {
   virtual ~PointFields() = default;
   /// Fills position [m], velocity [m/s], stress [Pa] and affine velocity [1/s] of tiles of 16 slots: tile j of the
   /// particles is tile tiles[j] of the points that the fields are bound to. Where the stress follows the deformation
-  /// (Fields), fills F and leaves the stress at zero.
+  /// (Fields), fills F and leaves the stress at zero. Leaves out fields whose `data` is null: F, or stress and affine
+  /// velocity together.
   virtual void decode(const LatentState& state, const std::vector<int32_t>& tiles,
                       const mpm::ParticleView<T>& particles) = 0;
   virtual int64_t bytes() const = 0;

@@ -33,7 +33,10 @@ class LagrangianQuadrature final : public Quadrature<T> {
   }
   void fill(const LatentState& state, ParticleGrid<T>& grid) override {
     mpm::ParticleView<T> particles = grid.particles();
-    if (gradient_ == GradientKind::integrated) particles.deformation_gradient.data = nullptr;  // stays as it is
+    if (gradient_ == GradientKind::integrated) {  // these stay as the step left them
+      particles.deformation_gradient.data = nullptr;
+      particles.stress.data = particles.affine_velocity.data = nullptr;
+    }
     fields_->decode(state, tiles_, particles);
   }
   void moved(double distance) override { due_ = points_.stale_after(distance); }

@@ -7,6 +7,7 @@
 #include "core/system/error.h"
 #include "mpm/bspline.h"
 #include "mpm/materials/material.h"
+#include "mpm/phases/transfer_scheme.h"
 #include "mpm/physics/particle_motion.h"
 #include "mpm/physics/stencil.h"
 
@@ -41,6 +42,8 @@ void ParticleGrid<T>::choose(const GridParticles& chosen) {
   }
   grid_.resize(n);
   particles_ = mpm::Particles<T>(Device::cpu, n);
+  std::fill_n(particles_.view().affine_velocity.data, 9 * mpm::padded_to_tile(n), T(0));
+  std::fill_n(particles_.view().stress.data, 6 * mpm::padded_to_tile(n), T(0));
   std::vector<int32_t> tiles(static_cast<std::size_t>(mpm::padded_to_tile(n) / mpm::tile));
   std::iota(tiles.begin(), tiles.end(), 0);
   select(tiles);
@@ -118,22 +121,13 @@ void ParticleGrid<T>::step(double time, double dt, GradientKind gradient, double
   const bool integrated = gradient == GradientKind::integrated;
   mpm::grid_to_particle_slots(v, integrated ? count_ : samples_);
   grid_.lead(v, scripted);
-  if (integrated) integrate_gradients(static_cast<T>(dt));
+  if (integrated) {
+    mpm::update_deformation(v, static_cast<T>(dt));
+    mpm::apply_transfer_scheme(v, prepared_.scene.transfer, dt);
+  }
   weight.assign(static_cast<std::size_t>(samples_), 1);
   if (contact_weight > 1 && v.moving.count > 0) weigh_contact(v, contact_weight, weight);
   move_samples(v, static_cast<T>(dt), weight);
-}
-
-/// F <- (1 + dt grad v) F of all points.
-template <typename T>
-void ParticleGrid<T>::integrate_gradients(T dt) {
-  const mpm::ParticleView<T> p = particles();
-  const auto body = [=](int64_t slot) {
-    const Mat<T, 3> F = mpm::load_matrix<T, 3>(p.deformation_gradient, slot);
-    mpm::store_matrix<T, 3>(p.deformation_gradient, slot,
-                            F + dt * (mpm::load_matrix<T, 3>(p.affine_velocity, slot) * F));
-  };
-  parallel_for_cpu(p.count, body);
 }
 
 template <typename T>

@@ -1,6 +1,7 @@
 // graupel bench rom: naive answers, its flags, and what it writes.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <nlohmann/json.hpp>
 #include <set>
 
@@ -106,6 +107,15 @@ TEST(NaiveRuns, TheSimplexAroundIsThatOfDelaunay) {
   const auto known = experiments::runs_around(runs, {1, 1});
   ASSERT_TRUE(known);
   for (std::size_t i = 0; i < 3; ++i) EXPECT_NEAR(known->weights[i], known->runs[i] == 5 ? 1 : 0, 1e-12);
+}
+
+TEST(NaiveRuns, TheSimplexMayHaveRunsBeyondMoreThanSixteenNearerOnes) {
+  std::vector<std::vector<double>> runs = {{0, 0}, {1, 0}, {0, 1}, {1, 1}};
+  for (int i = 0; i < 20; ++i) runs.push_back({0.6, 0.4 + 0.01 * i});
+  const auto mix = experiments::runs_around(runs, {0.5, 0.5});
+  ASSERT_TRUE(mix);
+  EXPECT_LT(*std::min_element(mix->runs.begin(), mix->runs.end()), 4) << "a corner";
+  for (const double weight : mix->weights) EXPECT_GE(weight, -1e-9);
 }
 
 /// The model of falling sand and a stored run of it.

@@ -8,6 +8,7 @@
 #include "io/scene/category_reader.h"
 #include "io/scene/recipe_reader.h"
 #include "io/scene/scene_reader.h"
+#include "io/scene/sweep_draw.h"
 #include "replaced.h"
 #include "temporary_folder.h"
 
@@ -100,6 +101,94 @@ TEST_F(SweepReader, OverridesChangeTheRecipeAndItsScene) {
 TEST_F(SweepReader, ASetForTestingHasNoTrainingRun) {
   const std::string all = replaced(recipe_text, "\"test\": [3, 1]", "\"test\": [0, 3, 1]");
   EXPECT_EQ(read(replaced(all, "\"deflate\": 4", "\"training\": \"none\"")).recipe.training, TrainingRuns::none);
+}
+
+const std::string drawn_text = R"({
+  "scene": "scenes/heap.json",
+  "draw": { "train": 9, "valid": 2, "test": 8, "seed": 3 },
+  "parameters": [
+    { "name": "angle", "unit": "degrees", "key": "materials.sand.friction_angle", "range": [20, 36],
+      "also": [ { "key": "sources.0.velocity", "range": [[0, 1, -2], [2, 1, 2]] },
+                { "key": "materials.sand.density", "range": [1000, 2000] } ] },
+    { "name": "stiffness", "unit": "Pa", "key": "materials.sand.youngs_modulus", "range": [1e5, 3e5] }
+  ]
+})";
+
+TEST_F(SweepReader, HaltonsPointsAreRadicalInverses) {
+  const double base_two[] = {0.5, 0.25, 0.75, 0.125, 0.625}, base_three[] = {1, 2, 1. / 3, 4. / 3, 7. / 3};
+  for (int64_t i = 0; i < 5; ++i) {
+    EXPECT_DOUBLE_EQ(halton(i + 1, 0), base_two[i]);
+    EXPECT_DOUBLE_EQ(halton(i + 1, 1), base_three[i] / 3);
+  }
+}
+
+TEST_F(SweepReader, DrawsRunsInTheBoxOfTheRanges) {
+  const Sweep sweep = read(drawn_text);
+  ASSERT_EQ(sweep.run_count(), 19);
+  EXPECT_EQ(sweep.recipe.valid, (std::vector<int64_t>{9, 10}));
+  EXPECT_EQ(sweep.recipe.test, (std::vector<int64_t>{11, 12, 13, 14, 15, 16, 17, 18}));
+  const auto& angle = sweep.recipe.parameters[0].values;
+  const auto& stiffness = sweep.recipe.parameters[1].values;
+  // Corners, then Halton's points in bases two and three.
+  const double angles[] = {20, 36, 20, 36, 28, 24, 32, 22, 30},
+               parts[] = {0, 0, 1, 1, 1. / 3, 2. / 3, 1. / 9, 4. / 9, 7. / 9};
+  for (std::size_t run = 0; run < 9; ++run) {
+    EXPECT_DOUBLE_EQ(angle[run], angles[run]);
+    EXPECT_DOUBLE_EQ(stiffness[run], 1e5 + 2e5 * parts[run]);
+  }
+  for (std::size_t run = 9; run < 19; ++run) {
+    EXPECT_GT(angle[run], 20);
+    EXPECT_LT(angle[run], 36);
+    EXPECT_NE(angle[run], angle[run - 1]);
+    EXPECT_NE((angle[run] - 20) / 16, (stiffness[run] - 1e5) / 2e5);
+  }
+  for (std::size_t run = 0; run < 19; ++run) {  // followers are linear in their parameter
+    const double t = (angle[run] - 20) / 16;
+    const Scene& scene = sweep.scenes[run];
+    EXPECT_EQ(scene.materials.at("sand").friction_angle, angle[run]);
+    EXPECT_NEAR(norm(scene.sources[0].velocity - Vec3d{2 * t, 1, 4 * t - 2}), 0, 1e-14);
+    EXPECT_NEAR(scene.materials.at("sand").density, 1000 * (1 + t), 1e-9);
+  }
+}
+
+TEST_F(SweepReader, DrawnRunsDependOnTheSeedAndNotOnTheOtherSplits) {
+  const auto angles = [&](const std::vector<std::string>& overrides) {
+    return read(drawn_text, overrides).recipe.parameters[0].values;
+  };
+  const auto runs = angles({}), other = angles({"draw.seed=4"}), more = angles({"draw.train=16", "draw.valid=0"});
+  EXPECT_TRUE(std::equal(runs.begin(), runs.begin() + 9, other.begin()));
+  for (std::size_t run = 9; run < 19; ++run) EXPECT_NE(runs[run], other[run]);
+  EXPECT_TRUE(std::equal(runs.end() - 8, runs.end(), more.end() - 8));
+}
+
+TEST_F(SweepReader, DrawnRecipesRoundTripAsLists) {
+  const Sweep sweep = read(drawn_text);
+  const std::string text = sweep_to_json(sweep.recipe);
+  const Sweep again = read(text);
+  EXPECT_EQ(sweep_to_json(again.recipe), text);
+  for (std::size_t run = 0; run < 19; ++run)
+    EXPECT_EQ(scene_to_json(again.scenes[run]), scene_to_json(sweep.scenes[run]));
+}
+
+TEST_F(SweepReader, RefusesBadDrawsOneRuleEach) {
+  const auto bad = [&](const std::string& from, const std::string& to, const std::vector<std::string>& parts) {
+    expect_error<ConfigError>([&] { read(replaced(drawn_text, from, to)); }, parts);
+  };
+  bad("\"train\": 9", "\"train\": 3",
+      {"sweep.json:3: /draw/train is less than the corners of the box (3, allowed 0, or at least 4 with 2 "
+       "parameters)"});
+  bad("\"range\": [20, 36]", "\"values\": [20, 36]", {"/parameters/0/values has no effect beside 'draw'"});
+  bad("\"range\": [20, 36]", "\"range\": [20, 20]", {"sweep.json:5: /parameters/0/range is missing or empty"});
+  bad("\"range\": [20, 36]", "\"range\": [36, 20]", {"/parameters/0/range"});
+  bad("\"range\": [1000, 2000]", "\"range\": [1000]", {"/parameters/0/also/1/range needs two values, and has 1"});
+  bad("\"range\": [1000, 2000]", "\"range\": [1000, [1]]",
+      {"/parameters/0/also/1/range is not two numbers or two vectors"});
+  bad("\"range\": [1000, 2000]", "\"values\": [1000, 2000]",
+      {"/parameters/0/also/1/values has no effect beside 'draw'"});
+  bad("\"parameters\"", "\"test\": [1], \"parameters\"", {"/test names runs, and 'draw' draws them"});
+  bad("\"draw\": { \"train\": 9, \"valid\": 2, \"test\": 8, \"seed\": 3 },", "",
+      {"/parameters/0/range has no effect without 'draw'"});
+  fails(", \"values\": [1e5, 2e5, 3e5, 4e5]", "", {"sweep.json:9: /parameters/1 has 0 values, and 'angle' 4"});
 }
 
 TEST_F(SweepReader, TellsSweepsFromRandomRecipes) {

@@ -167,5 +167,56 @@ TEST(IntegratedGradients, AreThoseOfTheFullModel) {
   EXPECT_LT(worst, 1e-4 * largest);
 }
 
+/// Points with positions and velocities of the full model's particles, whose law is a plastic one: their stress and
+/// affine velocity follow, also where transfers keep the rotation alone.
+TEST(IntegratedGradients, GiveStressAndAffineVelocityOfAPlasticLaw) {
+  for (const char* transfer : {"", R"(, "transfer": { "scheme": "rpic" })"}) {
+    const Scene scene = column(transfer);
+    const mpm::PreparedScene prepared(scene, {.seed = scene.seed});
+    const auto full = mpm::Simulation::create(prepared);
+    GridParticles all;
+    all.particles.resize(full->particle_count());
+    std::iota(all.particles.begin(), all.particles.end(), 0);
+    all.weight.assign(all.particles.size(), 1);
+    all.samples = 7;
+    ParticleGrid<float> grid(prepared);
+    grid.choose(all);
+    const mpm::ParticleView<float> view = grid.particles();
+    constexpr int frames = 60;
+    std::vector<double> weight;
+    for (int i = 0; i < frames; ++i) {
+      const ParticleFrame before = full->frame();
+      for (int64_t p = 0; p < view.count; ++p) {
+        view.position.set_vec(p, before.position[static_cast<std::size_t>(p)]);
+        view.velocity.set_vec(p, before.velocity[static_cast<std::size_t>(p)]);
+      }
+      grid.step(full->time(), scene.frame_time, GradientKind::integrated, 1, weight);
+      full->advance_frame();
+    }
+    const ParticleFrame after = mpm::frame_with_fields(*full, {ParticleField::stress, ParticleField::affine});
+    const std::vector<float>&tau = after.fields[ParticleField::stress], &C = after.fields[ParticleField::affine];
+    double stress_error = 0, stress = 0, affine_error = 0, affine = 0;
+    for (int64_t p = 0; p < view.count; ++p) {
+      const Vec<float, 6> own = view.stress.vec(p);
+      constexpr int order[] = {0, 3, 4, 1, 5, 2};  // of xx, xy, xz, yy, yz, zz
+      for (int k = 0; k < 6; ++k) {
+        const float wanted = tau[static_cast<std::size_t>(6 * p + k)];
+        stress_error += std::pow(static_cast<double>(own[order[k]] - wanted), 2);
+        stress += std::pow(static_cast<double>(wanted), 2);
+      }
+      const Mat<float, 3> own_affine = mpm::load_matrix<float, 3>(view.affine_velocity, p);
+      for (int k = 0; k < 9; ++k) {
+        const float wanted = C[static_cast<std::size_t>(9 * p + k)];
+        affine_error += std::pow(static_cast<double>(own_affine(k / 3, k % 3) - wanted), 2);
+        affine += std::pow(static_cast<double>(wanted), 2);
+      }
+    }
+    EXPECT_GT(stress, 0);
+    EXPECT_GT(affine, 0);
+    EXPECT_LT(stress_error, 1e-4 * stress) << transfer;
+    EXPECT_LT(affine_error, 1e-4 * affine) << transfer;
+  }
+}
+
 }  // namespace
 }  // namespace graupel::rom

@@ -88,6 +88,10 @@ int train(ReducedArguments arguments, const std::string& command_line) {
   require_one_process("'graupel train nsf'");
   check_reduced_arguments(arguments, "scenes/recipes/nsf_sand_quick.json");
   const auto config = reduced_config<NsfConfig>(arguments);
+  if (config.field == rom::FieldKind::mlp && config.stress == StressKind::law)
+    throw ConfigError(
+        "stress (law) is out of range with field=mlp (allowed: field), whose networks give the stress. Leave stress "
+        "out, or set field=factored");
   set_num_threads(arguments.threads);
   if (config.field == rom::FieldKind::mlp) return train_networks(arguments, config, command_line);
   train_modes(arguments, config, command_line);

@@ -32,10 +32,21 @@ constexpr auto enum_list(ClusterPoint) {
       {{"random", ClusterPoint::random}, {"matched", ClusterPoint::matched}});
 }
 
+/// What the stress of a step comes from.
+enum class StressKind {
+  field,  ///< the stress field h(X, q, mu), and the affine velocity of its own field
+  law     ///< the material's law: the points have deformation gradients and plastic state (GradientKind::integrated)
+};
+
+constexpr auto enum_list(StressKind) {
+  return std::to_array<std::pair<const char*, StressKind>>({{"field", StressKind::field}, {"law", StressKind::law}});
+}
+
 struct NsfConfig {
   rom::FieldKind field = rom::FieldKind::factored;
   int64_t latents = 6;
   int64_t deformation_modes = 32, stress_modes = 64, affine_modes = 64;
+  StressKind stress = StressKind::field;
   rom::AffineKind affine = rom::AffineKind::position;
   rom::BranchKind branch = rom::BranchKind::rbf;
   int64_t centers = 1000, affine_centers = 24;
@@ -74,6 +85,9 @@ struct NsfConfig {
           FieldInfo{"stress_modes", "", "Spatial modes of the stress field, at most", Range::between(1, 512)});
     visit(&C::affine_modes,
           FieldInfo{"affine_modes", "", "Spatial modes of the affine field, at most", Range::between(1, 512)});
+    visit(&C::stress, FieldInfo{"stress", "",
+                                "What the stress of a step comes from: a field of the model, or the material's law "
+                                "whose deformation gradients the points keep"});
     visit(&C::affine, FieldInfo{"affine", "", "What the affine field follows: the latent's velocity, or its position"});
     visit(
         &C::branch,

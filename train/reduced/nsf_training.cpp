@@ -34,12 +34,8 @@ class FactoredTraining {
     rom::ReducedModel model;
     snapshots_.choose_cluster_points(options_.message);
     fit_deformation();
-    rom::ModeTable stress, affine;
-    auto stress_branch = fit_stress(stress);
-    auto affine_branch = fit_affine(affine);
-    model.fields = std::make_shared<const rom::FactoredFields>(std::move(deformation_), *closure_, std::move(stress),
-                                                               std::move(stress_branch), std::move(affine),
-                                                               std::move(affine_branch));
+    model.fields = std::make_shared<const rom::FactoredFields>(fit_fields());
+    if (config_.stress == StressKind::law) model.gradient = rom::GradientKind::integrated;
     model.affine_kind = config_.affine;
     model.provenance = options_.provenance;
     model.singular_values = singular_values_;
@@ -53,6 +49,16 @@ class FactoredTraining {
   }
 
  private:
+  /// Beside the deformation, which is fitted.
+  rom::FactoredFields fit_fields() {
+    if (config_.stress == StressKind::law) return {std::move(deformation_), *closure_};
+    rom::ModeTable stress, affine;
+    auto stress_branch = fit_stress(stress);
+    auto affine_branch = fit_affine(affine);
+    return {std::move(deformation_),  *closure_,         std::move(stress),
+            std::move(stress_branch), std::move(affine), std::move(affine_branch)};
+  }
+
   void say(const std::string& text) const {
     if (options_.message) options_.message(text);
   }

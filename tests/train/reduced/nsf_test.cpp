@@ -218,6 +218,29 @@ TEST_F(NsfTraining, KeepsStressAtTheIntegrationPointsOnly) {
   EXPECT_LT(displacement_error<double>(rom::ReducedModel::load(model.store(nn::DType::f16)), 29, {}), 0.1);
 }
 
+/// Stress by the material's law knows the angle of friction without having been trained on others: here outside of the
+/// training, 24 to 36 degrees.
+TEST_F(NsfTraining, StressByTheMaterialsLawNeedsNoStressField) {
+  NsfReport report;
+  NsfTrainingOptions law = options();
+  law.config.stress = StressKind::law;
+  law.config.latents = law.config.deformation_modes = 16;
+  law.config.samples = 100000;
+  const rom::ReducedModel model = train_factored(law, report);
+  EXPECT_FALSE(factored(model).has_stress());
+  EXPECT_EQ(model.gradient, rom::GradientKind::integrated);
+  const nn::Weights weights = model.store(nn::DType::f32);
+  EXPECT_EQ(weights.tensors.count("stress.basis"), 0u);
+  const rom::ReducedModel stored = rom::ReducedModel::load(weights);
+  const double own = displacement_error<double>(model, 29, {});
+  EXPECT_LT(own, 0.03);
+  EXPECT_NEAR(displacement_error<double>(stored, 29, {}), own, 0.05 * own + 1e-4);
+  EXPECT_LT(displacement_error<float>(stored, 44, {}), 0.06);
+
+  law.config.cluster = 4;
+  EXPECT_LT(displacement_error<float>(train_factored(law, report), 29, {}), 0.15);
+}
+
 TEST_F(NsfTraining, MatchesThePointsOfClusters) {
   NsfReport report;
   NsfTrainingOptions some = options();
