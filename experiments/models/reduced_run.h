@@ -12,7 +12,8 @@
 
 namespace graupel::experiments {
 
-/// From the start of the scene. `pull`: none takes no step towards the training runs. Frame 0 is the nearest state that the model knows.
+/// From the start of the scene. Frame 0 is the nearest state that the model knows. `pull`: none takes no step towards
+/// the training runs.
 TimedRun run_reduced(const LoadedModel& model, const Scene& scene, uint64_t seed, int64_t frames, Device device,
                      Pull pull, const std::string& label);
 

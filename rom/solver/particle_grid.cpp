@@ -6,6 +6,7 @@
 
 #include "core/system/error.h"
 #include "mpm/bspline.h"
+#include "mpm/cpu/tuned_phases.h"
 #include "mpm/materials/material.h"
 #include "mpm/phases/transfer_scheme.h"
 #include "mpm/physics/particle_motion.h"
@@ -118,16 +119,29 @@ void ParticleGrid<T>::step(double time, double dt, GradientKind gradient, double
   grid_.blocks.invalidate();
   Vec3d scripted = Vec3d::zero();
   const mpm::SolverView<T> v = grid_.move_nodes(particles(), time, dt, scripted);
-  const bool integrated = gradient == GradientKind::integrated;
-  mpm::grid_to_particle_slots(v, integrated ? count_ : samples_);
-  grid_.lead(v, scripted);
-  if (integrated) {
-    mpm::update_deformation(v, static_cast<T>(dt));
-    mpm::apply_transfer_scheme(v, prepared_.scene.transfer, dt);
+  if (gradient == GradientKind::integrated) {
+    gather_and_deform(v, static_cast<T>(dt), scripted);
+  } else {
+    mpm::grid_to_particle_slots(v, samples_);
+    grid_.lead(v, scripted);
   }
   weight.assign(static_cast<std::size_t>(samples_), 1);
   if (contact_weight > 1 && v.moving.count > 0) weigh_contact(v, contact_weight, weight);
   move_samples(v, static_cast<T>(dt), weight);
+}
+
+/// G2P, scripts, deformation and return mapping of all points, as Solver::advance_particles has them.
+template <typename T>
+void ParticleGrid<T>::gather_and_deform(const mpm::SolverView<T>& v, T dt, Vec3d& scripted) {
+  const bool deform_apart = grid_.lifecycle.has_scripts() || !grid_.tuned;  // scripts come between
+  if (grid_.tuned)
+    mpm::advance_tuned(v, dt, deform_apart ? mpm::AdvanceParts::gather : mpm::AdvanceParts::gather_and_deform,
+                       grid_.records, grid_.instruction_set);
+  else
+    mpm::grid_to_particle(v);
+  grid_.lead(v, scripted);
+  if (deform_apart) mpm::update_deformation(v, dt);
+  mpm::apply_transfer_scheme(v, prepared_.scene.transfer, static_cast<double>(dt));
 }
 
 template <typename T>

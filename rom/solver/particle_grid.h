@@ -65,6 +65,7 @@ class ParticleGrid {
 
  private:
   void copy_chosen(const std::vector<int32_t>& tiles);
+  void gather_and_deform(const mpm::SolverView<T>& v, T dt, Vec3d& scripted);
   void weigh_contact(const mpm::SolverView<T>& v, double contact_weight, std::vector<double>& weight) const;
   void move_samples(const mpm::SolverView<T>& v, T dt, std::vector<double>& weight);
 

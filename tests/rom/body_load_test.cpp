@@ -50,8 +50,10 @@ TYPED_TEST_SUITE(BodyLoadRun, Precisions);
 TYPED_TEST(BodyLoadRun, TheBodyHasTheImpulseAsItsMomentum) {
   Block block;
   const Vec3d force = {0.5 * block.mass, 2 * block.mass, 0};  // accelerations of 0.5 and 2 m/s^2
-  const double duration = 1.3 * frame_time, tolerance = sizeof(TypeParam) == 4 ? 1e-4 : 1e-6;
-  for (const ProjectionKind kind : projections)
+  const double duration = 1.3 * frame_time;
+  for (const ProjectionKind kind : projections) {
+    // `position` has velocities as differences of decoded positions.
+    const double tolerance = sizeof(TypeParam) == 4 && kind == ProjectionKind::position ? 3e-4 : 1e-6;
     for (const double radius : {everywhere, 0.3 * side}) {
       auto solver = block.solver<TypeParam>(kind);
       solver.advance_frame();
@@ -61,6 +63,7 @@ TYPED_TEST(BodyLoadRun, TheBodyHasTheImpulseAsItsMomentum) {
         EXPECT_NEAR(solver.state().velocity[d], force[static_cast<int>(d)] / block.mass * duration, tolerance)
             << word_of(kind) << " " << radius;
     }
+  }
 }
 
 TEST(BodyLoad, OppositeLoadsLeaveTheBodyAtRest) {
