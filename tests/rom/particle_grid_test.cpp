@@ -24,6 +24,16 @@ Scene column(const std::string& more = "") {
                          "scene", "");
 }
 
+/// Every particle as a point of its own, the first `samples` of them (all: -1) as samples.
+GridParticles all_particles(const mpm::PreparedScene& prepared, int64_t samples = -1) {
+  GridParticles all;
+  all.particles.resize(prepared.particles.position.size());
+  std::iota(all.particles.begin(), all.particles.end(), 0);
+  all.weight.assign(all.particles.size(), 1);
+  all.samples = samples < 0 ? static_cast<int64_t>(all.particles.size()) : samples;
+  return all;
+}
+
 /// Position, velocity, stress and affine velocity of a frame into the slots.
 template <typename T>
 void write_state(const ParticleFrame& frame, const std::vector<int32_t>& particles, const mpm::ParticleView<T>& view) {
@@ -54,11 +64,7 @@ TEST(ParticleGrid, SamplesThatAnObstaclePushesWeighMore) {
     "frames": 1, "seed": 3 })",
                                       "scene", "");
   const mpm::PreparedScene prepared(scene, {.seed = scene.seed});
-  GridParticles all;
-  all.samples = static_cast<int64_t>(prepared.particles.position.size());
-  all.particles.resize(prepared.particles.position.size());
-  std::iota(all.particles.begin(), all.particles.end(), 0);
-  all.weight.assign(all.particles.size(), 1);
+  const GridParticles all = all_particles(prepared);
   for (const double time : {0.09, 0.11}) {
     ParticleGrid<double> grid(prepared);
     grid.choose(all);
@@ -89,11 +95,7 @@ TEST_P(ParticleGridTest, WithAllParticlesAStepIsThatOfTheFullModel) {
   const mpm::PreparedScene prepared(scene, {.seed = scene.seed});
   const auto full = mpm::Simulation::create(prepared);
   for (int i = 0; i < 60; ++i) full->advance_frame();
-  GridParticles all;
-  all.particles.resize(full->particle_count());
-  std::iota(all.particles.begin(), all.particles.end(), 0);
-  all.weight.assign(all.particles.size(), 1);
-  all.samples = static_cast<int64_t>(all.particles.size());
+  const GridParticles all = all_particles(prepared);
   ParticleGrid<float> grid(prepared);
   grid.choose(all);
   const FieldSet fields = {ParticleField::stress, ParticleField::affine};
@@ -132,13 +134,8 @@ TEST(IntegratedGradients, AreThoseOfTheFullModel) {
   scene.frame_time = 0.0025;
   const mpm::PreparedScene prepared(scene, {.seed = scene.seed});
   const auto full = mpm::Simulation::create(prepared);
-  GridParticles all;
-  all.particles.resize(full->particle_count());
-  std::iota(all.particles.begin(), all.particles.end(), 0);
-  all.weight.assign(all.particles.size(), 1);
-  all.samples = 7;
   ParticleGrid<float> grid(prepared);
-  grid.choose(all);
+  grid.choose(all_particles(prepared, 7));
   const mpm::ParticleView<float> view = grid.particles();
   double worst = 0, largest = 0;
   for (int i = 0; i < 15; ++i) {
@@ -174,13 +171,8 @@ TEST(IntegratedGradients, GiveStressAndAffineVelocityOfAPlasticLaw) {
     const Scene scene = column(transfer);
     const mpm::PreparedScene prepared(scene, {.seed = scene.seed});
     const auto full = mpm::Simulation::create(prepared);
-    GridParticles all;
-    all.particles.resize(full->particle_count());
-    std::iota(all.particles.begin(), all.particles.end(), 0);
-    all.weight.assign(all.particles.size(), 1);
-    all.samples = 7;
     ParticleGrid<float> grid(prepared);
-    grid.choose(all);
+    grid.choose(all_particles(prepared, 7));
     const mpm::ParticleView<float> view = grid.particles();
     constexpr int frames = 60;
     std::vector<double> weight;
