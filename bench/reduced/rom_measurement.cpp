@@ -170,7 +170,7 @@ RomMeasurement measure_rom(const LoadedModel& model, const StoredRun& truth, con
 SpeedComparison compare_speed(const LoadedModel& model, const StoredRun& truth, const RomRunOptions& options,
                               const std::string& against) {
   const mpm::SimulationOptions full{
-      .device = Device::cpu,
+      .device = options.device,
       .precision = options.arithmetic == Arithmetic::f64 ? mpm::Precision::f64 : mpm::Precision::f32,
       .seed = truth.seed};
   SpeedComparison result;

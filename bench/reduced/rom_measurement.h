@@ -65,7 +65,7 @@ struct RomMeasurement {
 };
 RomMeasurement measure_rom(const LoadedModel& model, const StoredRun& truth, const RomRunOptions& options);
 
-/// Median seconds a frame of the full-order solver and of the reduced model, whose frames took turns.
+/// Median seconds a frame of the full-order solver and of the reduced model on one device, whose frames took turns.
 struct SpeedComparison {
   std::string against;  ///< mpm, mpm:fast
   double mpm_frame = 0, rom_frame = 0;

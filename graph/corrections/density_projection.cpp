@@ -53,8 +53,7 @@ class DensityProjection::Lattice {
     pressure_.resize_discard(count);
     words_.resize_discard(static_cast<std::size_t>(2 * cells.words_of_color()));
     rank_.resize_discard(words_.size() + 1);
-    cell_.resize_discard(0);  // its size, which is that of the particles, chooses the solver
-    equation_.resize_discard(0);
+    room_ = 0;  // which is that of the particles, and chooses the solver
     low_ = environment.hold_low;
     high_ = environment.hold_high;
     const StartCells start{fractions_of(environment.obstacles.view(device_)),
@@ -64,12 +63,18 @@ class DensityProjection::Lattice {
                            pressure_.data(),
                            rank_.data()};
     parallel_for_in(stream, device_, start.items(), start);
+    if (!solves_at_once()) count_cells(stream);  // takes its memory
   }
-  /// What frames of n particles allocate.
-  void reserve(int64_t n, void* stream) {
-    resize_lists(n);
-    if (!solves_at_once())
-      count_bits(device_, static_cast<int64_t>(words_.size()), words_.data(), rank_.data(), scratch_, stream);
+  /// For the cells that n particles may fill. What was listed last stays: the next solution drops its pressures.
+  void make_room(int64_t n) {
+    room_ = std::max(room_, std::min(corners * n, cells_.count()));
+    const auto room = static_cast<std::size_t>(room_);
+    if (room > cell_.size()) {
+      Buffer<int32_t> longer(device_, std::max(room, cell_.size() + cell_.size() / 4));
+      device_copy(device_, longer.data(), device_, cell_.data(), cell_.size() * sizeof(int32_t));
+      std::swap(cell_, longer);
+    }
+    equation_.resize_discard(room);
   }
 
   void place(const sparsegrid::ObstacleSetView& obstacles, void* stream) {
@@ -99,13 +104,11 @@ class DensityProjection::Lattice {
   }
 
   bool solves_at_once() const {
-    return device_ == Device::cuda &&
-           solves_density_at_once(static_cast<int64_t>(cell_.size()), static_cast<int64_t>(words_.size()));
+    return device_ == Device::cuda && solves_density_at_once(room_, static_cast<int64_t>(words_.size()));
   }
   DensitySystem system() {
-    return {cells_,        sweeps,           relaxation,       open_fractions_.data(),
-            words_.data(), mass_.data(),     rank_.data(),     static_cast<int64_t>(cell_.size()),
-            cell_.data(),  equation_.data(), pressure_.data(), skip_};
+    return {cells_,       sweeps, relaxation,   open_fractions_.data(), words_.data(),    mass_.data(),
+            rank_.data(), room_,  cell_.data(), equation_.data(),       pressure_.data(), skip_};
   }
   /// False where nothing will move.
   bool solve(void* stream) {
@@ -124,7 +127,7 @@ class DensityProjection::Lattice {
   }
 
   Spread spreading(const Vec3f* position, int64_t n) {
-    prepare(n);
+    make_room(n);
     return {cells_, position, unit_, mass_.data(), words_.data(), is_alone(n), skip_};
   }
   MoveParticle moving(Vec3f* position) const {
@@ -134,25 +137,17 @@ class DensityProjection::Lattice {
  private:
   /// A few particles are spread by one thread sooner than by several with atomic sums.
   bool is_alone(int64_t n) const { return device_ == Device::cpu && n <= few_particles; }
-  void prepare(int64_t n) {
-    if (resize_lists(n)) restart();
-  }
-  /// Whether they were too short; what they held is lost.
-  bool resize_lists(int64_t n) {
-    const auto most = static_cast<std::size_t>(std::min(corners * n, cells_.count()));
-    if (most <= cell_.size()) return false;
-    cell_.resize_discard(most);
-    equation_.resize_discard(most);
-    return true;
-  }
   FindOpenFractions fractions_of(const sparsegrid::ObstacleSetView& obstacles) {
     return {cells_, obstacles, low_, high_, open_fractions_.data()};
+  }
+  void count_cells(void* stream) {
+    count_bits(device_, static_cast<int64_t>(words_.size()), words_.data(), rank_.data(), scratch_, stream);
   }
   void find_cells(void* stream) {
     const auto words = static_cast<int64_t>(words_.size());
     parallel_for_in(stream, device_, most_active(0) + most_active(1),
                     DropPressure{active(), mass_.data(), pressure_.data()}, light);
-    count_bits(device_, words, words_.data(), rank_.data(), scratch_, stream);
+    count_cells(stream);
     parallel_for_in(stream, device_, words,
                     ListCells{active(), open_fractions_.data(), words_.data(), mass_.data(), equation_.data()}, light);
   }
@@ -170,7 +165,7 @@ class DensityProjection::Lattice {
   /// No fewer than there are cells of a color that hold matter; the CPU knows how many.
   int64_t most_active(int color) {
     if (device_ == Device::cpu) return active().size(color);
-    return std::min(static_cast<int64_t>(cell_.size()), cells_.count() / 2);
+    return std::min(room_, cells_.count() / 2);
   }
 
   Device device_;
@@ -178,6 +173,7 @@ class DensityProjection::Lattice {
   Vec3d low_{}, high_{};    ///< [m] the walls
   int64_t most_cells_ = 0;  ///< that there is memory for
   uint64_t unit_ = 0;       ///< mass of a particle
+  int64_t room_ = 0;        ///< cells that the lists may hold
   ListScratch scratch_;
   Buffer<OpenFractions> open_fractions_;
   Buffer<uint32_t> mass_;   ///< zero between calls
@@ -215,8 +211,8 @@ void DensityProjection::start(const Environment& environment, double largest_den
   }
 }
 
-void DensityProjection::reserve(int64_t n, void* stream) {
-  for (const auto& lattice : lattices_) lattice->reserve(n, stream);
+void DensityProjection::reserve(int64_t n) {
+  for (const auto& lattice : lattices_) lattice->make_room(n);
 }
 
 void DensityProjection::place(const sparsegrid::ObstacleSetView& obstacles, void* stream) {

@@ -42,7 +42,7 @@ class DensityProjection {
   /// As a new one of another scene, in the memory that there is as far as it suffices. In `stream`, without waiting.
   void start(const Environment& environment, double largest_density, double spacing, void* stream = nullptr);
   /// Allocates what apply() of n particles needs, before it may be recorded. Pressures and positions stay.
-  void reserve(int64_t n, void* stream);
+  void reserve(int64_t n);
 
   /// Moves positions [n] in the device's memory, on each grid by at most half a cell along each axis, perhaps a little
   /// into obstacles: push them out afterwards. Particles farther than a cell outside the walls are left alone. Takes

@@ -199,7 +199,7 @@ void SceneMotion::start(Vec3f* ring, int64_t frames, Vec3f* position, void* stre
     density_.emplace(Device::cuda, *environment_, largest_density_, spacing_);
   else if (!continues_)
     density_->start(*environment_, largest_density_, spacing_, stream);
-  density_->reserve(particles_, stream);
+  density_->reserve(particles_);
 }
 
 Normalization SceneMotion::real_statistics() const {

@@ -235,7 +235,7 @@ TEST(DensityProjection, StartsAsANewOneAfterAnotherScene) {
     moved(kept, start.size());
     const auto expect_as_new = [&](const Environment& environment, double limit, double of_cells, std::size_t n) {
       kept.start(environment, limit * rest, of_cells);
-      kept.reserve(static_cast<int64_t>(n), nullptr);
+      kept.reserve(static_cast<int64_t>(n));
       DensityProjection fresh(device, environment, limit * rest, of_cells);
       const std::vector<Vec3f> expected = moved(fresh, n);
       EXPECT_NE(expected, std::vector<Vec3f>(start.begin(), start.begin() + static_cast<std::ptrdiff_t>(n)));
@@ -244,6 +244,29 @@ TEST(DensityProjection, StartsAsANewOneAfterAnotherScene) {
     expect_as_new(second, 0.2, spacing, 5000);
     expect_as_new(first, 0.4, 0.5 * spacing, start.size());
     expect_as_new(first, 0.3, 0.7 * spacing, 8000);
+  }
+}
+
+/// As of an emitter: the lists grow between two frames, and what they held is still there. The pressures of cells that
+/// hold no matter any more are dropped, and none of others.
+TEST(DensityProjection, KeepsItsPressureWhenMoreParticlesCome) {
+  const Environment environment(box_scene());
+  const std::vector<Vec3f> few = random_cloud(200, {0.6, 0.6, 0.6}, {0.7, 0.7, 0.7}),
+                           many = random_cloud(20000, {0.3, 0.2, 0.3}, {0.5, 0.4, 0.6});
+  for (const Device device : {Device::cpu, Device::cuda}) {
+    if (device == Device::cuda && !cuda_available()) continue;
+    const auto third_frame = [&](bool has_room) {
+      DensityProjection projection(device, environment, 0.1 * rest, spacing);
+      if (has_room) projection.reserve(static_cast<int64_t>(many.size()));
+      Buffer<Vec3f> position(device, 0);
+      for (const auto& frame : {few, many, few}) {
+        if (!has_room) projection.reserve(static_cast<int64_t>(frame.size()));
+        position.upload(frame);
+        projection.apply(position.data(), static_cast<int64_t>(frame.size()));
+      }
+      return position.download();
+    };
+    EXPECT_EQ(third_frame(/*has_room=*/false), third_frame(/*has_room=*/true));
   }
 }
 

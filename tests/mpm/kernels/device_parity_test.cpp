@@ -158,11 +158,14 @@ TEST(DeviceParity, SmallScenesThatChangeMoveTheSameWithTunedAndPortableKernels) 
   for (const auto& [name, scene] : changing_scenes()) {
     const auto tuned = Simulation::create(scene, {.device = Device::cuda}),
                portable = Simulation::create(scene, {.device = Device::cuda, .kernels = Kernels::portable}),
-               cpu = Simulation::create(scene, {});
+               cpu = Simulation::create(scene, {}),
+               in_double = Simulation::create(scene, {.precision = Precision::f64});
     for (int f = 0; f < 3; ++f) {
-      for (Simulation* run : {tuned.get(), portable.get(), cpu.get()}) run->advance_frame();
+      for (Simulation* run : {tuned.get(), portable.get(), cpu.get(), in_double.get()}) run->advance_frame();
       expect_close(portable->frame(), tuned->frame(), name);
-      EXPECT_LT(share_apart(cpu->frame(), tuned->frame()), 0.002) << name << ", CPU";
+      // No more particles than those that rounding alone pushes at another step or to another side.
+      const double by_rounding = share_apart(cpu->frame(), in_double->frame());
+      EXPECT_LE(share_apart(cpu->frame(), tuned->frame()), std::max(0.002, 2 * by_rounding)) << name << ", CPU";
     }
     EXPECT_EQ(tuned->statistics().active_blocks, 0) << name << ": not in the kernel for small scenes";
     EXPECT_GT(portable->statistics().active_blocks, 0) << name;
