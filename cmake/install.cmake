@@ -74,6 +74,8 @@ if(GRAUPEL_SHARED)
     endif()
   endforeach()
 endif()
+# Libraries outside of the system's folders (PyTorch's packages) are found where they were linked.
+set_target_properties(${programs} PROPERTIES INSTALL_RPATH_USE_LINK_PATH ON)
 install(TARGETS ${programs} RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT programs)
 set(share ${CMAKE_INSTALL_DATADIR}/graupel)
 install(DIRECTORY models scenes DESTINATION ${share} COMPONENT data)

@@ -181,7 +181,10 @@ void Solver<T>::throw_diverged(double dt, const StateSpeeds& before) const {
   bad.time = time();
   bad.dt = dt;
   bad.before = before;
-  mpm::throw_diverged(scene_, grid_.material_configs[static_cast<std::size_t>(host.material[slot])], bad);
+  const auto material = static_cast<std::size_t>(host.material[slot]);
+  if (user_laws_.empty() || !user_laws_[material]) mpm::throw_diverged(scene_, grid_.material_configs[material], bad);
+  bad.internal = 1;  // the law's own, no volume ratio
+  mpm::throw_diverged(scene_, scene_.materials.at(grid_.material_configs[material].name), bad);
 }
 
 template <typename T>
