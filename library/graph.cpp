@@ -35,7 +35,7 @@ Trajectory NetworkModel::rollout(const Scene& scene, const NetworkRollout& optio
   if (options.progress) run.progress = [&](int64_t frame, const graph::FrameTiming&) { options.progress(frame); };
   Trajectory trajectory = impl_->simulator.rollout(scene, graph::Environment(scene), start.particle_type,
                                                    experiments::past_of(start, scene, history), run);
-  trajectory.scene_json = scene.source.empty() ? io::scene_to_json(scene) : scene.source;
+  trajectory.scene_json = io::scene_to_json(scene);
   trajectory.seed = seed;
   trajectory.made_by = impl_->file;
   return trajectory;

@@ -78,7 +78,7 @@ Trajectory Simulation::header() const {
   Trajectory header;
   header.particle_type = impl_->run->particle_type();
   header.frame_time = impl_->scene.frame_time;
-  header.scene_json = impl_->scene.source.empty() ? io::scene_to_json(impl_->scene) : impl_->scene.source;
+  header.scene_json = io::scene_to_json(impl_->scene);
   header.seed = impl_->seed;
   header.made_by = "mpm";
   return header;

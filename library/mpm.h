@@ -60,7 +60,7 @@ class Simulation {
 
   /// A copy of the state now with the `wanted` fields, for io::TrajectoryWriter::append().
   ParticleFrame frame(FieldSet wanted = {}) const;
-  /// A trajectory of this run without frames, for io::TrajectoryWriter.
+  /// A trajectory of this run without frames, with the scene as it runs, for io::TrajectoryWriter.
   Trajectory header() const;
 
   /// Whole state between two frames, bit for bit: a restored run goes on exactly as if it had not stopped.

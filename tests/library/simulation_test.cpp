@@ -125,6 +125,16 @@ TEST(PublicSimulation, TrajectoriesAreReadAsTheyWereWritten) {
   std::filesystem::remove(file);
 }
 
+TEST(PublicSimulation, TheStoredSceneIsTheOneThatRan) {
+  Scene scene = io::read_scene(GRAUPEL_SOURCE_DIR "/scenes/shared/water_steps.json");
+  scene.gravity = {0, -3, 0};
+  scene.frames = 7;
+  const Simulation run(scene);
+  const Scene stored = io::parse_stored_scene(run.header().scene_json, "stored", "stored.h5");
+  EXPECT_EQ(stored.gravity[1], -3);
+  EXPECT_EQ(stored.frames, 7);
+}
+
 TEST(PublicSimulation, ErrorsAreByKindWithTheProgramsMessages) {
   EXPECT_THROW(io::read_scene("no_such_scene.json"), InputError);
   EXPECT_THROW(io::TrajectoryReader("no_such.h5"), InputError);
