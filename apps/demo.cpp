@@ -7,6 +7,7 @@
 #include "core/system/error.h"
 #include "experiments/comparison/compare_runs.h"
 #include "experiments/process/common_options.h"
+#include "experiments/process/installed_folder.h"
 #include "experiments/process/process.h"
 
 namespace graupel::apps {
@@ -22,7 +23,7 @@ constexpr int64_t measured_frames = 120;
 
 struct DemoOptions {
   CommonOptions common;
-  std::string output = "report.html", scenes = "scenes/shared", models = "models";
+  std::string output = "report.html", scenes = or_installed("scenes/shared"), models = or_installed("models");
   int64_t frames = measured_frames;
 };
 

@@ -15,7 +15,8 @@ import sys
 
 ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
 DATABASE = os.path.join(ROOT, "build", "tidy")
-MODULES = ["core", "nn", "io", "mpm", "validation", "graph", "sparsegrid", "compare", "experiments", "apps", "bench"]
+MODULES = ["core", "nn", "io", "mpm", "validation", "graph", "sparsegrid", "compare", "experiments", "library", "apps",
+           "bench"]
 LARGEST_GROUP = 12
 # Files that include libtorch or OpenVDB take minutes each in clang-tidy 14; g++'s warnings cover them.
 LEFT_OUT = re.compile(r'#include [<"](openvdb|torch)/')

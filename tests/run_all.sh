@@ -40,6 +40,7 @@ if [ -z "$filter" ]; then
   check "tools/convert.py (unittest)" /usr/bin/python3 tests/tools/convert_test.py
   check "formats of tools/convert.py (unittest)" /usr/bin/python3 tests/tools/convert_formats_test.py
   check "networks in NumPy by docs/reference/networks.md" /usr/bin/python3 tests/tools/numpy_inference.py
+  check "installed package: headers, examples, programs" /usr/bin/python3 tests/package/package_test.py
   check "Markdown: links, lines, index" /usr/bin/python3 tests/tools/docs_test.py
   if [ -e build/tidy/compile_commands.json ]; then
     check "lint (clang-tidy)" /usr/bin/python3 tests/lint.py

@@ -2,6 +2,7 @@
 // in slot order, who is present. All else follows from these and the scene:
 // every frame starts with a sort, scripts and moving obstacles depend on time
 // alone.
+#include "core/system/fnv1a.h"
 #include "mpm/particles/state_bytes.h"
 #include "mpm/scene/scene_hash.h"
 #include "mpm/solver/solver.h"
@@ -28,8 +29,10 @@ SolverKind solver_kind(const SimulationOptions& options, InstructionSet set) {
 
 template <typename T>
 StateOwner Solver<T>::state_owner() const {
-  return {scene_hash(scene_, options_.seed), solver_kind(options_, grid_.instruction_set), sizeof(T),
-          static_cast<int64_t>(particle_count())};
+  uint64_t scene = scene_hash(scene_, options_.seed);
+  for (std::size_t m = 0; m < user_laws_.size(); ++m)
+    if (user_laws_[m]) scene = fnv1a(scene, &m, sizeof(m));
+  return {scene, solver_kind(options_, grid_.instruction_set), sizeof(T), static_cast<int64_t>(particle_count())};
 }
 
 template <typename T>

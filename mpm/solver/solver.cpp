@@ -16,18 +16,25 @@ namespace graupel::mpm {
 
 template <typename T>
 Solver<T>::Solver(const Scene& scene, const SimulationOptions& options, const SampledParticles& sampled,
-                  const sparsegrid::ObstacleSet& obstacles)
+                  const sparsegrid::ObstacleSet& obstacles, const UserMaterials& laws)
     : scene_(scene),
       options_(options),
       obstacles_(obstacles),
-      grid_(options, scene, sampled, obstacles, static_cast<int64_t>(sampled.position.size())) {
+      user_laws_(laws_of(sampled.material_names, laws)),
+      grid_(options, with_carriers(scene, laws), sampled, obstacles, static_cast<int64_t>(sampled.position.size())) {
   for (const MaterialConfig& m : grid_.material_configs)
     if (is_fluid(m.model)) diffusivity_ = std::max(diffusivity_, m.viscosity / m.density);
-  for (const int32_t m : sampled.material) particle_type_.push_back(particle_type_of(grid_.material_configs[m].model));
-  particles_ = upload_particles(initial_particles<T>(sampled, grid_.material_configs), options.device);
+  for (const int32_t m : sampled.material)
+    particle_type_.push_back(particle_type_of(scene.materials.at(sampled.material_names[m]).model));
+  HostParticles<T> initial = initial_particles<T>(sampled, grid_.material_configs);
+  for (std::size_t i = 0; i < initial.size() && !user_laws_.empty(); ++i)
+    if (const auto& law = user_laws_[initial.material[i]])
+      initial.internal[i] = static_cast<T>(law->initial_internal());
+  particles_ = upload_particles(initial, options.device);
   spare_ = Particles<T>(options.device, particles_.count());
   find_owner_blocks(view());
   step_statistics_ = particle_statistics(view(), grid_.records);
+  if (!user_laws_.empty()) add_user_statistics(view(), T(0), user_laws_, step_statistics_);
   constexpr double forever = std::numeric_limits<double>::infinity();
   check_scripted_speed(scene,
                        std::max(grid_.moving.largest_speed(0, forever), grid_.lifecycle.largest_speed(0, forever)));
@@ -73,17 +80,17 @@ template <typename T>
 void Solver<T>::advance_particles(const SolverView<T>& v, double dt) {
   const T step = static_cast<T>(dt);
   const bool keeps_affine = scene_.transfer.scheme == TransferScheme::apic && scene_.transfer.damping == 0;
-  const AdvanceParts parts = grid_.lifecycle.has_scripts()      ? AdvanceParts::gather
+  const bool apart = grid_.lifecycle.has_scripts() || !user_laws_.empty();
+  const AdvanceParts parts = apart                              ? AdvanceParts::gather
                              : keeps_affine && moves_plainly(v) ? AdvanceParts::all
                                                                 : AdvanceParts::gather_and_deform;
   step_statistics_ = advance_tuned(v, step, parts, grid_.records, grid_.instruction_set);
   if (parts == AdvanceParts::all) return;
   if (parts == AdvanceParts::gather) {
     grid_.lead(v, statistics_.scripted_momentum);
-    update_deformation(v, step);
+    deform(v, step);
   }
-  apply_transfer_scheme(view(), scene_.transfer, dt);
-  step_statistics_ = move_particles(v, step, grid_.records);
+  move(v, step, dt);
 }
 
 template <typename T>
@@ -91,9 +98,23 @@ void Solver<T>::advance_particles_portably(const SolverView<T>& v, double dt) {
   const T step = static_cast<T>(dt);
   grid_to_particle(v);
   grid_.lead(v, statistics_.scripted_momentum);
-  update_deformation(v, step);
+  deform(v, step);
+  move(v, step, dt);
+}
+
+template <typename T>
+void Solver<T>::deform(const SolverView<T>& v, T step) const {
+  if (user_laws_.empty())
+    update_deformation(v, step);
+  else
+    update_deformation(v, step, user_laws_);
+}
+
+template <typename T>
+void Solver<T>::move(const SolverView<T>& v, T step, double dt) {
   apply_transfer_scheme(view(), scene_.transfer, dt);
   step_statistics_ = move_particles(v, step, grid_.records);
+  if (!user_laws_.empty()) add_user_statistics(v, step, user_laws_, step_statistics_);
 }
 
 template <typename T>
@@ -160,7 +181,10 @@ void Solver<T>::throw_diverged(double dt, const StateSpeeds& before) const {
   bad.time = time();
   bad.dt = dt;
   bad.before = before;
-  mpm::throw_diverged(scene_, grid_.material_configs[static_cast<std::size_t>(host.material[slot])], bad);
+  const auto material = static_cast<std::size_t>(host.material[slot]);
+  if (user_laws_.empty() || !user_laws_[material]) mpm::throw_diverged(scene_, grid_.material_configs[material], bad);
+  bad.internal = 1;  // the law's own, no volume ratio
+  mpm::throw_diverged(scene_, scene_.materials.at(grid_.material_configs[material].name), bad);
 }
 
 template <typename T>
@@ -185,7 +209,11 @@ ParticleFields Solver<T>::fields(FieldSet wanted) const {
 
 template <typename T>
 Diagnostics Solver<T>::diagnostics() const {
-  return diagnose(particles(), grid_.material_configs, scene_, grid_.lifecycle.active());
+  const HostParticles<T> host = particles();
+  const std::vector<uint8_t> active = grid_.lifecycle.active();
+  Diagnostics sum = diagnose(host, grid_.material_configs, scene_, active);
+  if (!user_laws_.empty()) sum.elastic_energy += user_energy(host, user_laws_, active);
+  return sum;
 }
 
 template <typename T>

@@ -8,6 +8,7 @@
 
 #include "mpm/particles/host_particles.h"
 #include "mpm/particles/state_bytes.h"
+#include "mpm/phases/user_materials.h"
 #include "mpm/sampling.h"
 #include "mpm/simulation.h"
 #include "mpm/solver/scene_grid.h"
@@ -19,8 +20,9 @@ namespace graupel::mpm {
 template <typename T>
 class Solver final : public Simulation {
  public:
+  /// With `laws` of the caller's own, on the CPU. Throws ConfigError as laws_of().
   Solver(const Scene& scene, const SimulationOptions& options, const SampledParticles& particles,
-         const sparsegrid::ObstacleSet& obstacles);
+         const sparsegrid::ObstacleSet& obstacles, const UserMaterials& laws = {});
 
   std::size_t particle_count() const override { return particle_type_.size(); }
   const std::vector<int32_t>& particle_type() const override { return particle_type_; }
@@ -58,6 +60,8 @@ class Solver final : public Simulation {
   void advance_particles(const SolverView<T>& v, double dt);
   void move_tracers(const SolverView<T>& v, double dt);
   void advance_particles_portably(const SolverView<T>& v, double dt);
+  void deform(const SolverView<T>& v, T step) const;
+  void move(const SolverView<T>& v, T step, double dt);
   StateOwner state_owner() const;
   std::size_t state_bytes() const;
   [[noreturn]] void throw_diverged(double dt, const StateSpeeds& before) const;
@@ -65,6 +69,7 @@ class Solver final : public Simulation {
   Scene scene_;
   SimulationOptions options_;
   sparsegrid::ObstacleSet obstacles_;
+  UserLaws user_laws_;  ///< of the materials; empty without any
   std::vector<int32_t> particle_type_;
   double diffusivity_ = 0;  ///< largest kinematic viscosity [m^2/s]
 

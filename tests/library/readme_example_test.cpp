@@ -3,26 +3,33 @@
 
 #include <string>
 
-#include "core/system/atomic_file.h"
 // [README]
-#include "io/scene/scene_reader.h"
-#include "mpm/simulation.h"
+#include <graupel/io.h>
+#include <graupel/mpm.h>
 
 double mean_height_after(const std::string& scene_file, int frames) {
-  const graupel::Scene scene = graupel::io::read_scene(scene_file);
-  const auto run = graupel::mpm::Simulation::create(scene, {.seed = scene.seed});
-  for (int frame = 0; frame < frames; ++frame) run->advance_frame();
+  graupel::Simulation run(graupel::io::read_scene(scene_file));
+  for (int frame = 0; frame < frames; ++frame) run.advance_frame();
   double sum = 0;
-  for (const auto& x : run->frame().position) sum += x[1];  // [m]
-  return sum / static_cast<double>(run->particle_count());
+  for (const graupel::Vec3f& x : run.position()) sum += x[1];  // [m]
+  return sum / static_cast<double>(run.particle_count());
 }
 // [README]
+
+#include <fstream>
+#include <sstream>
 
 namespace graupel {
 namespace {
 
+std::string read_file(const std::string& path) {
+  std::stringstream text;
+  text << std::ifstream(path).rdbuf();
+  return text.str();
+}
+
 TEST(Readme, ExampleIsThisCodeAndRuns) {
-  const std::string here = read_file(GRAUPEL_SOURCE_DIR "/tests/mpm/readme_example_test.cpp"),
+  const std::string here = read_file(GRAUPEL_SOURCE_DIR "/tests/library/readme_example_test.cpp"),
                     readme = read_file(GRAUPEL_SOURCE_DIR "/README.md");
   const std::string mark = "// [README]\n";
   const auto begin = here.find("\n" + mark) + 1 + mark.size(), end = here.find("\n" + mark, begin) + 1;

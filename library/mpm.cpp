@@ -1,0 +1,93 @@
+#include "library/mpm.h"
+
+#include <map>
+#include <utility>
+
+#include "io/scene/scene_reader.h"
+#include "mpm/user_material_run.h"
+
+namespace graupel {
+
+struct Simulation::Impl {
+  Scene scene;
+  uint64_t seed;
+  std::unique_ptr<mpm::Simulation> run;
+  /// Copies of the present state; empty until they are asked for.
+  std::optional<ParticleFrame> frame;
+  std::map<ParticleField, std::vector<float>> fields;
+
+  void forget_copies() {
+    frame.reset();
+    fields.clear();
+  }
+  const ParticleFrame& state() {
+    if (!frame) frame = run->frame();
+    return *frame;
+  }
+};
+
+namespace {
+
+Scene with_names(Scene scene) {
+  for (auto& [name, material] : scene.materials) material.name = name;
+  return scene;
+}
+
+}  // namespace
+
+Simulation::Simulation(const Scene& scene, const SimulationSettings& settings)
+    : impl_(std::make_unique<Impl>(Impl{with_names(scene), settings.seed.value_or(scene.seed), nullptr, {}, {}})) {
+  if (settings.device == Device::cuda) parse_device("cuda");  // says what is missing
+  mpm::SimulationOptions options;
+  options.device = settings.device;
+  options.precision = settings.f64 ? mpm::Precision::f64 : mpm::Precision::f32;
+  options.seed = impl_->seed;
+  impl_->run = mpm::create_with_user_materials({impl_->scene, options}, settings.materials);
+}
+Simulation::Simulation(Simulation&&) noexcept = default;
+Simulation& Simulation::operator=(Simulation&&) noexcept = default;
+Simulation::~Simulation() = default;
+
+void Simulation::advance_frame() {
+  impl_->forget_copies();
+  impl_->run->advance_frame();
+}
+double Simulation::time() const { return impl_->run->time(); }
+int64_t Simulation::substeps() const { return impl_->run->statistics().substeps; }
+const Scene& Simulation::scene() const { return impl_->scene; }
+
+std::size_t Simulation::particle_count() const { return impl_->run->particle_count(); }
+std::span<const int32_t> Simulation::particle_type() const { return impl_->run->particle_type(); }
+std::span<const Vec3f> Simulation::position() const { return impl_->state().position; }
+std::span<const Vec3f> Simulation::velocity() const { return impl_->state().velocity; }
+std::span<const uint8_t> Simulation::active() const { return impl_->state().active; }
+std::span<const float> Simulation::field(ParticleField field) const {
+  auto [place, is_new] = impl_->fields.try_emplace(field);
+  if (is_new) place->second = std::move(impl_->run->fields({field})[field]);
+  return place->second;
+}
+
+Balance Simulation::balance() const {
+  const mpm::Diagnostics d = impl_->run->diagnostics();
+  return {d.mass, d.momentum, d.kinetic_energy, d.elastic_energy, d.potential_energy};
+}
+
+ParticleFrame Simulation::frame(FieldSet wanted) const { return mpm::frame_with_fields(*impl_->run, wanted); }
+
+Trajectory Simulation::header() const {
+  Trajectory header;
+  header.particle_type = impl_->run->particle_type();
+  header.frame_time = impl_->scene.frame_time;
+  header.scene_json = io::scene_to_json(impl_->scene);
+  header.seed = impl_->seed;
+  header.made_by = "mpm";
+  return header;
+}
+
+std::vector<std::byte> Simulation::save_state() const { return impl_->run->save_state(); }
+void Simulation::load_state(const std::vector<std::byte>& state) {
+  impl_->forget_copies();
+  impl_->run->load_state(state);
+}
+
+}  // namespace graupel
