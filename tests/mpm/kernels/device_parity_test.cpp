@@ -163,9 +163,9 @@ TEST(DeviceParity, SmallScenesThatChangeMoveTheSameWithTunedAndPortableKernels) 
     for (int f = 0; f < 3; ++f) {
       for (Simulation* run : {tuned.get(), portable.get(), cpu.get(), in_double.get()}) run->advance_frame();
       expect_close(portable->frame(), tuned->frame(), name);
-      // No more particles than those that rounding alone pushes at another step or to another side.
+      // As many particles as rounding alone pushes at another step or to another side, of which a fiftieth may be.
       const double by_rounding = share_apart(cpu->frame(), in_double->frame());
-      EXPECT_LE(share_apart(cpu->frame(), tuned->frame()), std::max(0.002, 2 * by_rounding)) << name << ", CPU";
+      EXPECT_LE(share_apart(cpu->frame(), tuned->frame()), std::clamp(by_rounding, 0.002, 0.02)) << name << ", CPU";
     }
     EXPECT_EQ(tuned->statistics().active_blocks, 0) << name << ": not in the kernel for small scenes";
     EXPECT_GT(portable->statistics().active_blocks, 0) << name;
