@@ -83,6 +83,10 @@ void finish(const std::string& part, const std::string& path) {
 }  // namespace
 
 void finish_part_file(const std::string& path) {
+  struct stat status {};
+  if (::stat(path.c_str(), &status) == 0 && !S_ISREG(status.st_mode))
+    throw IoError("cannot write '" + path +
+                  "' (it is no regular file, and would be replaced). What was written is in '" + path + ".part'");
   sync_path(path + ".part", O_RDONLY);
   finish(path + ".part", path);
 }

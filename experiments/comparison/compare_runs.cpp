@@ -149,6 +149,13 @@ void check_outputs(const CompareOptions& options) {
   for (const std::string& file : {options.json, options.csv, options.report, options.write_floors})
     check_output_file(file);
   check_output_folder(options.pictures);
+  std::vector<NamedFile> inputs = {{"the floors", options.floor_file}};
+  for (const std::string& scene : options.scenes) inputs.push_back({"the scenes", scene});
+  for (const std::string& model : options.models) inputs.push_back({"the model", model});
+  check_apart(inputs, {{"--json", options.json},
+                       {"--csv", options.csv},
+                       {"--report", options.report},
+                       {"--write-floors", options.write_floors}});
 }
 
 /// One contact sheet a scene and model: the truth above, the model below.

@@ -12,6 +12,7 @@
 #include "core/scene/category_recipe.h"
 #include "core/system/error.h"
 #include "experiments/data/scene_source.h"
+#include "experiments/models/stored_positions.h"
 #include "io/scene/scene_reader.h"
 #include "io/trajectory/trajectory_file.h"
 
@@ -75,6 +76,8 @@ std::vector<SceneTask> read_data_set(const std::string& path, const SceneRange& 
     task.source = source;
     task.seed = trajectory.seed;
     const int64_t stored = static_cast<int64_t>(trajectory.frames.size()) - 1;
+    if (stored < 1)
+      throw InputError(fmt::format("'{}' holds {} frames (at least 2 are compared). Leave it out", source, stored + 1));
     if (options.frames > stored)
       throw ConfigError(
           fmt::format("--frames {} is more than '{}' holds (allowed: 1 to {}). Ask for fewer, or name "
@@ -82,6 +85,7 @@ std::vector<SceneTask> read_data_set(const std::string& path, const SceneRange& 
                       options.frames, source, stored));
     task.frames = options.frames > 0 ? options.frames : stored;
     trajectory.frames = reader.frames(i, 0, task.frames + 1);
+    check_stored_positions(trajectory.frames, 0, "'" + source + "'");
     task.initial_velocity = reader.initial_velocity(i);
     if (task.initial_velocity.empty()) task.initial_velocity = trajectory.frames.front().velocity;
     if (task.initial_velocity.empty())

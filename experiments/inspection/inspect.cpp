@@ -6,6 +6,7 @@
 #include "core/system/error.h"
 #include "experiments/inspection/file_facts.h"
 #include "experiments/inspection/training_curves.h"
+#include "experiments/process/outputs.h"
 #include "io/trajectory/trajectory_file.h"
 
 namespace graupel::experiments {
@@ -24,6 +25,13 @@ Json recover(const std::string& file) {
   return {{"kind", "recovered"}, {"file", whole}, {"frames", frames}};
 }
 
+/// Without control characters, which a file's text could steer the terminal by.
+std::string printable(std::string text) {
+  for (char& c : text)
+    if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f) c = '?';
+  return text;
+}
+
 /// Plain text: one "key: value" a line, nested values indented; long lists of tensors stay in the JSON.
 void print(const Json& value, int indent) {
   for (const auto& [key, item] : value.items()) {
@@ -33,7 +41,7 @@ void print(const Json& value, int indent) {
       print(item, indent + 2);
     } else {
       std::printf("%*s%s: %s\n", indent, "", key.c_str(),
-                  item.is_string() ? item.get<std::string>().c_str() : item.dump().c_str());
+                  item.is_string() ? printable(item.get<std::string>()).c_str() : item.dump().c_str());
     }
   }
 }
@@ -69,6 +77,9 @@ Json inspect_runs(const InspectOptions& options) {
 
 void inspect(InspectOptions& options) {
   options.common.apply();
+  std::vector<NamedFile> files;
+  for (const std::string& file : options.files) files.push_back({"the file", file});
+  check_apart(files, {{"--json", options.common.json}});
   const std::string& first = options.files.front();
   const bool runs = options.files.size() > 1 || is_run_folder(first);
   if (runs && options.recover)
@@ -78,7 +89,7 @@ void inspect(InspectOptions& options) {
   if (!runs && !options.plots.empty())
     throw ConfigError("--plots is for folders of training runs ('" + first + "' is none). Leave it out");
   const Json result = runs ? inspect_runs(options) : options.recover ? recover(first) : file_facts(first);
-  if (!runs) print(result, 0);
+  if (!runs && options.common.json != "-") print(result, 0);
   options.common.write_json(result);
 }
 

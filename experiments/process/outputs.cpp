@@ -21,6 +21,15 @@ void check_writable(const fs::path& folder, const std::string& target) {
                   "). Choose a folder you may write to");
 }
 
+bool is_same_file(const std::string& a, const std::string& b) {
+  if (a.empty() || b.empty() || a == "-" || b == "-") return false;
+  std::error_code code;
+  const fs::file_status status = fs::status(a, code);
+  if (fs::exists(status) && !fs::is_regular_file(status)) return false;
+  if (fs::exists(status) && fs::exists(b, code)) return fs::equivalent(a, b, code);
+  return fs::weakly_canonical(fs::absolute(a), code) == fs::weakly_canonical(fs::absolute(b), code);
+}
+
 }  // namespace
 
 void check_output_file(const std::string& file) {
@@ -34,6 +43,28 @@ void check_output_file(const std::string& file) {
     throw IoError("cannot write '" + file + "' (there is no folder '" + folder.string() +
                   "'). Make it first, or name another");
   check_writable(folder, file);
+}
+
+void check_trajectory_output(const std::string& file) {
+  check_output_file(file);
+  std::error_code code;
+  const fs::file_status status = fs::status(file, code);
+  if (fs::exists(status) && !fs::is_regular_file(status))
+    throw IoError("cannot write a trajectory to '" + file + "' (it is no regular file, as HDF5 needs). Name a file");
+}
+
+void check_apart(const std::vector<NamedFile>& inputs, const std::vector<NamedFile>& outputs) {
+  for (std::size_t k = 0; k < outputs.size(); ++k) {
+    const NamedFile& output = outputs[k];
+    for (const NamedFile& input : inputs)
+      if (is_same_file(output.file, input.file))
+        throw ConfigError(output.name + " '" + output.file + "' would overwrite " + input.name + " '" + input.file +
+                          "'. Give it another name");
+    for (std::size_t j = 0; j < k; ++j)
+      if (is_same_file(output.file, outputs[j].file))
+        throw ConfigError(output.name + " and " + outputs[j].name + " name the same file ('" + output.file +
+                          "'). Give each its own");
+  }
 }
 
 void check_output_folder(const std::string& folder) {

@@ -26,7 +26,9 @@ void check_flags(const RolloutOptions& options) {
   if (options.all && options.trajectory > 0)
     throw ConfigError("--all and --trajectory do not go together (--trajectory " + std::to_string(options.trajectory) +
                       " is one of them). Leave one out");
-  check_output_file(options.output);
+  check_trajectory_output(options.output);
+  check_apart({{"the weights", options.weights}, {"the input", options.input}},
+              {{"--output", options.output}, {"--json", options.common.json}});
 }
 
 /// The first flag given that only reduced-order models know; null where there is none.

@@ -8,6 +8,7 @@
 #include "core/scene/scripts.h"
 #include "core/system/error.h"
 #include "experiments/models/start_state.h"
+#include "experiments/models/stored_positions.h"
 #include "io/scene/scene_reader.h"
 #include "mpm/scene/particle_materials.h"
 
@@ -66,12 +67,14 @@ RolloutStart start_from_scene(const RolloutOptions& options, int history) {
 }
 
 /// Reads usable frames from `first` on, at most `count` of them (-1: all).
-void read_rest(const io::TrajectoryReader& reader, int index, const Trajectory& header, int64_t first, int64_t count,
-               RolloutStart& start) {
+void read_rest(const io::TrajectoryReader& reader, const std::string& what, int index, const Trajectory& header,
+               int64_t first, int64_t count, RolloutStart& start) {
   int64_t usable = static_cast<int64_t>(header.frame_count());
   if (header.diverged_at_frame >= 0) usable = std::min(usable, header.diverged_at_frame);
   const int64_t there = std::max<int64_t>(0, usable - first);
-  for (auto& frame : reader.frames(index, first, count < 0 ? there : std::min(there, count))) {
+  std::vector<ParticleFrame> frames = reader.frames(index, first, count < 0 ? there : std::min(there, count));
+  check_stored_positions(frames, first, what);
+  for (auto& frame : frames) {
     start.rest.push_back(std::move(frame.position));
     start.rest_active.push_back(std::move(frame.active));
   }
@@ -87,6 +90,8 @@ RolloutStart start_from_trajectory(const RolloutOptions& options, int history, b
   const io::TrajectoryReader reader(options.input);
   const Trajectory header = chosen_header(reader, options);
   const int index = static_cast<int>(options.trajectory);
+  if (header.frame_count() == 0)
+    throw InputError(fmt::format("'{}': trajectory {} holds no frames. Name another", options.input, index));
   RolloutStart start;
   start.scene = stored_scene(header, options);
   start.particle_type = header.particle_type;
@@ -107,13 +112,15 @@ RolloutStart start_from_trajectory(const RolloutOptions& options, int history, b
                      "' stores no velocity of the first frame. Use --start truth:" + std::to_string(history));
   add_schedule(start.scene, start.seed, particles);
   start.schedule = schedule_of(particles);
-  read_rest(reader, index, header, from_scene ? 1 : history, options.frames, start);
+  read_rest(reader, fmt::format("'{}': trajectory {}", options.input, index), index, header, from_scene ? 1 : history,
+            options.frames, start);
   if (from_scene) {
     start.active = first.active;
     start.history = past_of(particles, start.scene, history);
     return start;
   }
   std::vector<ParticleFrame> frames = reader.frames(index, 0, history);
+  check_stored_positions(frames, 0, fmt::format("'{}': trajectory {}", options.input, index));
   start.active = frames.back().active;
   for (ParticleFrame& frame : frames) start.history.push_back(std::move(frame.position));
   if (is_timed(start.scene)) start.time = (history - 1) * start.scene.frame_time;

@@ -1,8 +1,8 @@
 #include "experiments/simulation/simulate.h"
 
 #include <cstdio>
-#include <filesystem>
 #include <optional>
+#include <vector>
 
 #include "core/system/error.h"
 #include "experiments/process/outputs.h"
@@ -55,6 +55,14 @@ io::SavedRun take_saved_run(SimulateOptions& options) {
   return saved;
 }
 
+/// What a run reads and must not overwrite. A state may be replaced by a later one of its run.
+std::vector<NamedFile> files_of(const SimulateOptions& options, const Scene& scene) {
+  std::vector<NamedFile> files = {{"the scene", options.scene}};
+  for (const Obstacle& obstacle : scene.obstacles) files.push_back({"the geometry", obstacle.file});
+  for (const Source& source : scene.sources) files.push_back({"the geometry", source.file});
+  return files;
+}
+
 void check_flags(const SimulateOptions& options) {
   if (options.scene.empty() && options.resume.empty())
     throw ConfigError(
@@ -83,11 +91,12 @@ void simulate(SimulateOptions& options) {
   const auto simulation = simulation_options(options, scene, device);
   if (options.dry_run) return print_run_estimate(options, scene, simulation);
   if (options.output.empty()) options.output = default_output(scene);
-  for (const std::string& file : {options.output, options.write_obstacles, options.save_state}) check_output_file(file);
-  if (!options.save_state.empty() && std::filesystem::absolute(options.save_state).lexically_normal() ==
-                                         std::filesystem::absolute(options.output).lexically_normal())
-    throw ConfigError("--save-state and --output name the same file ('" + options.output +
-                      "'). Give the state its own");
+  check_trajectory_output(options.output);
+  for (const std::string& file : {options.write_obstacles, options.save_state}) check_output_file(file);
+  check_apart(files_of(options, scene), {{"--output", options.output},
+                                         {"--save-state", options.save_state},
+                                         {"--write-obstacles", options.write_obstacles},
+                                         {"--json", options.common.json}});
   RecordedRun run(options, scene, simulation, saved);
   run.finish();
   run.report();

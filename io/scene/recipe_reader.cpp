@@ -5,6 +5,7 @@
 #include "io/config/config_reader.h"
 #include "io/config/config_writer.h"
 #include "io/scene/material_start.h"
+#include "io/scene/scene_checks.h"
 
 namespace graupel::io {
 
@@ -32,6 +33,7 @@ void check_recipe(const ConfigDocument& document, const SceneRecipe& recipe) {
   if (recipe.domain.is_plane())
     config_fail(find_place(document, {"domain", "dimensions"}), "must be 3: recipes draw scenes in space (2)",
                 "Leave it out");
+  check_grid(find_place(document, {"domain", "size"}), recipe.domain);
   if (recipe.obstacles.max_size < recipe.obstacles.min_size)
     config_fail(find_place(document, {"obstacles", "max_size"}),
                 "is smaller than min_size (" + number_text(recipe.obstacles.min_size) + ")", "Swap them");

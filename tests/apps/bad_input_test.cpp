@@ -2,6 +2,10 @@
 #include <gtest/gtest.h>
 
 #include <sys/mount.h>
+#include <sys/stat.h>
+
+#include <fstream>
+#include <iterator>
 
 #include "core/parallel/device.h"
 #include "tests/apps/program.h"
@@ -55,6 +59,57 @@ TEST(BadInput, MissingMeshNamesTheResolvedPath) {
   const Outcome outcome = graupel("simulate " + scene);
   EXPECT_EQ(outcome.exit_code, 3);
   EXPECT_TRUE(outcome.says(folder.file("none.obj")) && outcome.says("/obstacles/0/file")) << outcome.output;
+}
+
+std::string read_whole(const std::string& file) {
+  std::ifstream stream(file, std::ios::binary);
+  return {std::istreambuf_iterator<char>(stream), {}};
+}
+
+/// Whatever path names it.
+TEST(BadInput, NoOutputOverwritesAnInputOrAnotherOutput) {
+  const Folder folder;
+  const std::string text = small_scene("");
+  const std::string scene = folder.write("scene.json", text), same = folder.file("./scene.json"),
+                    link = folder.file("link.json"), weights = folder.file("w.safetensors"),
+                    run = folder.file("run.h5");
+  std::filesystem::create_symlink(scene, link);
+  std::filesystem::copy_file(GRAUPEL_SOURCE_DIR "/models/hgn.safetensors", weights);
+  const std::string model = read_whole(weights);
+  const auto expect_refused = [&](const std::string& arguments) {
+    const Outcome outcome = graupel(arguments);
+    EXPECT_EQ(outcome.exit_code, 2) << arguments << outcome.output;
+    EXPECT_TRUE(outcome.says("would overwrite") || outcome.says("same file")) << arguments << outcome.output;
+    EXPECT_EQ(read_whole(scene), text) << arguments;
+    EXPECT_EQ(read_whole(weights), model) << arguments;
+  };
+  expect_refused("simulate " + scene + " --frames 1 -o " + same);
+  expect_refused("simulate " + scene + " --frames 1 -o " + link);
+  expect_refused("simulate " + scene + " --frames 1 -o " + run + " --save-state " + scene);
+  expect_refused("simulate " + scene + " --frames 1 -o " + run + " --json " + run);
+  expect_refused("rollout " + weights + " " + scene + " --frames 1 -o " + weights);
+  expect_refused("rollout " + weights + " " + scene + " --frames 1 -o " + run + " --json " + scene);
+  expect_refused("compare --scenes " + scene + " --models mpm --no-floors --frames 1 --json " + scene);
+  expect_refused("inspect " + scene + " --json " + scene);
+}
+
+/// A pipe stands for a device, which only root can make.
+TEST(BadInput, TrajectoriesReplaceNoDevice) {
+  const Folder folder;
+  const std::string scene = folder.write("scene.json", small_scene("")), pipe = folder.file("pipe");
+  ASSERT_EQ(::mkfifo(pipe.c_str(), 0600), 0);
+  const Outcome outcome = graupel("simulate " + scene + " --frames 1 -o " + pipe);
+  EXPECT_EQ(outcome.exit_code, 5) << outcome.output;
+  EXPECT_TRUE(outcome.says("no regular file")) << outcome.output;
+  EXPECT_TRUE(std::filesystem::is_fifo(pipe));
+}
+
+TEST(BadInput, ARecipeWithTooManyCellsIsRefused) {
+  const Folder folder;
+  const Outcome outcome = graupel("generate scenes/recipes/hgn.json -o " + folder.file("d") +
+                                  " --set domain.size=[1e30,1,1] --set counts.train=1");
+  EXPECT_EQ(outcome.exit_code, 2) << outcome.output;
+  EXPECT_TRUE(outcome.says("too many cells")) << outcome.output;
 }
 
 TEST(BadInput, MissingSceneAndUnknownFlagAndVerb) {
