@@ -15,6 +15,7 @@
 #include "rom/networks/conv_encoder.h"
 #include "rom/projection/projection.h"
 #include "rom/solver/error_indicator.h"
+#include "rom/solver/interpolation_bound.h"
 #include "rom/solver/quadrature.h"
 
 namespace graupel::rom {
@@ -80,6 +81,7 @@ struct ReducedModel {
   double latent_reach = 0;
   TrustLevels usual;       ///< of every frame in roll-outs of training runs
   double usual_error = 0;  ///< largest displacement-relative error of these, over all frames of a run
+  std::optional<InterpolationErrors> interpolation;  ///< of the training runs; none where they cannot be interpolated
   /// Singular values of the snapshots of each field ("deformation", "stress", "affine"), falling.
   std::map<std::string, std::vector<float>> singular_values;
   std::map<std::string, std::string> provenance;  ///< data set, command, errors; kept as it is
