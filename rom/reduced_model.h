@@ -12,10 +12,10 @@
 #include "nn/weights.h"
 #include "rom/cubature/quadrature.h"
 #include "rom/fields/fields.h"
+#include "rom/interpolation_bound.h"
 #include "rom/networks/conv_encoder.h"
 #include "rom/projection/projection.h"
 #include "rom/solver/error_indicator.h"
-#include "rom/solver/interpolation_bound.h"
 #include "rom/solver/quadrature.h"
 
 namespace graupel::rom {

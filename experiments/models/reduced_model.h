@@ -8,9 +8,9 @@
 
 #include "core/scene/scene.h"
 #include "rom/cuda/reduced_cuda.h"
+#include "rom/interpolation_bound.h"
 #include "rom/reduced_solver.h"
 #include "rom/solver/error_indicator.h"
-#include "rom/solver/interpolation_bound.h"
 
 namespace graupel::experiments {
 

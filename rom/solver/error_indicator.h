@@ -1,7 +1,7 @@
 // Whether a reduced run may be trusted, told without the full model's run: what every frame shows of itself, over what
 // the same frame showed in roll-outs of training runs,
 //   number_f = max_i indicator_i(f) / usual_i(f),
-// and a verdict: from a bound on the error where there is one (rom/solver/interpolation_bound.h), else from the largest
+// and a verdict: from a bound on the error where there is one (rom/interpolation_bound.h), else from the largest
 // mean of the number over a few frames.
 #pragma once
 

@@ -1,5 +1,5 @@
 // The bound on a run's error from the interpolation of training runs holds where these bend, in and out of their range.
-#include "rom/solver/interpolation_bound.h"
+#include "rom/interpolation_bound.h"
 
 #include <gtest/gtest.h>
 

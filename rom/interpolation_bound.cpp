@@ -1,4 +1,4 @@
-#include "rom/solver/interpolation_bound.h"
+#include "rom/interpolation_bound.h"
 
 #include <algorithm>
 #include <cmath>
