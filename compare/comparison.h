@@ -24,9 +24,10 @@ const char* name_of(ModelRole role);
 
 /// How a reduced-order model judges its own run, without the truth (rom/solver/error_indicator.h).
 struct TrustResult {
-  std::string verdict;        ///< "ok", "doubtful", "do not trust" or "unknown"
-  double number = 0;          ///< indicators over their usual values
-  double training_error = 0;  ///< largest displacement-relative error of rolled-out training runs
+  std::string verdict;               ///< "ok", "doubtful", "do not trust" or "unknown"
+  double number = 0;                 ///< indicators over their usual values
+  double training_error = 0;         ///< largest displacement-relative error of rolled-out training runs
+  std::optional<double> bound = {};  ///< on the run's own displacement-relative error; it decides where there is one
 };
 
 struct ModelResult {

@@ -31,7 +31,8 @@ Json model_json(const SceneResult& scene, const ModelResult& result) {
   if (result.trust)
     json["trust"] = {{"verdict", result.trust->verdict},
                      {"number", result.trust->number},
-                     {"training_error", result.trust->training_error}};
+                     {"training_error", result.trust->training_error},
+                     {"error_bound", result.trust->bound ? Json(*result.trust->bound) : Json()}};
   if (result.manifold_pull > 0) json["manifold_pull"] = result.manifold_pull;
   json["one_step_source"] = result.one_step_source.empty() ? "none" : result.one_step_source;
   if (result.diverged_at_frame >= 0) json["diverged_at_frame"] = result.diverged_at_frame;
@@ -232,7 +233,7 @@ std::string comparison_csv(const Comparison& comparison) {
   for (const SceneResult& scene : comparison.scenes)
     for (const ModelResult& result : scene.models)
       for (const auto& [material, values] : result.materials) materials.insert(material);
-  std::string csv = "scene,model,role,verdict,trust_number,diverged_at_frame";
+  std::string csv = "scene,model,role,verdict,trust_number,error_bound,diverged_at_frame";
   for (const MetricInfo& metric : metric_list()) csv += "," + metric.key;
   for (const std::string& material : materials)
     for (const MetricInfo& metric : material_metric_list()) csv += "," + material + "." + metric.key;
@@ -245,6 +246,7 @@ std::string comparison_csv(const Comparison& comparison) {
     for (const ModelResult& result : scene.models) {
       csv += quoted(scene.name) + "," + quoted(result.model) + "," + name_of(result.role) + "," +
              (result.trust ? fmt::format("{},{}", result.trust->verdict, result.trust->number) : ",") + "," +
+             (result.trust && result.trust->bound ? fmt::format("{}", *result.trust->bound) : "") + "," +
              (result.diverged_at_frame >= 0 ? std::to_string(result.diverged_at_frame) : "");
       for (const MetricInfo& metric : metric_list()) csv += cell(result.values, metric.key);
       for (const std::string& material : materials) {

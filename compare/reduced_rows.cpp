@@ -75,6 +75,9 @@ std::string verdicts_text(const std::vector<const SceneResult*>& scenes, const s
     text += (text.empty() ? "" : ", ") + verdict + (count.size() == 1 ? "" : fmt::format(" in {}", times));
   if (count.size() > 1) text += fmt::format(" of {} scenes", scenes.size());
   if (count.size() == 1 && count.contains(unknown)) return text;
+  if (std::all_of(scenes.begin(), scenes.end(),
+                  [&](const SceneResult* scene) { return result_of(*scene, model)->trust->bound.has_value(); }))
+    return text;
   return fmt::format("{} (errors up to {:.2g} % on training runs)", text,
                      100 * result_of(*scenes.front(), model)->trust->training_error);
 }
@@ -95,6 +98,8 @@ std::string trust_text(const ModelResult& result) {
   if (!result.trust) return "";
   const std::string pull = result.manifold_pull > 0 ? fmt::format(", pull {:.2g}", result.manifold_pull) : "";
   if (result.trust->verdict == unknown) return unknown + pull;
+  if (result.trust->bound)
+    return fmt::format("{} (bound {:.2g} %){}", result.trust->verdict, 100 * *result.trust->bound, pull);
   return fmt::format("{} ({:.2f}; {:.2g} %){}", result.trust->verdict, result.trust->number,
                      100 * result.trust->training_error, pull);
 }
@@ -103,18 +108,17 @@ std::string reduced_legend(const Comparison& comparison) {
   std::string text =
       "displ. %: distance to the truth over the displacement, 100 for a body at rest. MiB: what the model takes, "
       "without the frames that the comparison keeps. verdict: a reduced-order model's own judgement of the run, made "
-      "without the truth: ok where its error indicator (first in brackets) is at most 1.5 times what it was on "
-      "training "
-      "runs, doubtful up to 3. So ok means as good as on training runs, whose largest error stands second in brackets; "
-      "it does not say that the model beats the baselines.";
+      "without the truth: ok where its bound on displ. % is at most 5, doubtful up to 20. Without a bound, ok where "
+      "its "
+      "error indicator (first in brackets) is at most 1.5 times what it was on training runs, whose largest error "
+      "stands second; doubtful up to 3. It does not say that the model beats the baselines.";
   if (std::any_of(comparison.scenes.begin(), comparison.scenes.end(), [](const SceneResult& scene) {
         return std::any_of(scene.models.begin(), scene.models.end(),
                            [](const ModelResult& result) { return result.manifold_pull > 0; });
       }))
     text +=
         " pull: share of the way to its training runs that each step of the model takes (manifold_pull), so that it "
-        "contains the line between them; the row with :no-pull is the same model without, on whose verdict nothing was "
-        "calibrated.";
+        "contains the line between them; the row with :no-pull is the same model without.";
   if (comparison.training_runs.empty())
     text +=
         " Left out: the nearest training run and the interpolation between training runs; --training-runs FOLDER names "

@@ -58,6 +58,9 @@ void read_settings(const Json& settings, ReducedModel& model) {
     if (affine == word) model.affine_kind = kind;
   model.latent_reach = settings.at("latent_reach");
   model.usual_error = settings.value("usual_error", 0.0);
+  if (settings.contains("interpolation"))
+    model.interpolation = {settings.at("interpolation").at("reconstruction"),
+                           settings.at("interpolation").at("curvature")};
   model.step_factor = settings.value("step_factor", 1.0);
   model.contact_weight = settings.value("contact_weight", 1.0);
   model.manifold_pull = settings.value("manifold_pull", 0.0);
@@ -239,6 +242,9 @@ nn::Weights ReducedModel::store(nn::DType modes) const {
       {"step_factor", step_factor},        {"manifold_pull", manifold_pull},
       {"projection", word_of(projection)}, {"quadrature", word_of(quadrature)},
       {"gradient", word_of(gradient)},     {"contact_weight", contact_weight}};
+  if (interpolation)
+    settings["interpolation"] = {{"reconstruction", interpolation->reconstruction},
+                                 {"curvature", interpolation->curvature}};
   for (const ModelParameter& p : parameters)
     settings["parameters"].push_back(
         {{"name", p.name}, {"unit", p.unit}, {"keys", p.keys}, {"low", p.low}, {"high", p.high}});

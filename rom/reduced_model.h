@@ -12,6 +12,7 @@
 #include "nn/weights.h"
 #include "rom/cubature/quadrature.h"
 #include "rom/fields/fields.h"
+#include "rom/interpolation_bound.h"
 #include "rom/networks/conv_encoder.h"
 #include "rom/projection/projection.h"
 #include "rom/solver/error_indicator.h"
@@ -80,6 +81,7 @@ struct ReducedModel {
   double latent_reach = 0;
   TrustLevels usual;       ///< of every frame in roll-outs of training runs
   double usual_error = 0;  ///< largest displacement-relative error of these, over all frames of a run
+  std::optional<InterpolationErrors> interpolation;  ///< of the training runs; none where they cannot be interpolated
   /// Singular values of the snapshots of each field ("deformation", "stress", "affine"), falling.
   std::map<std::string, std::vector<float>> singular_values;
   std::map<std::string, std::string> provenance;  ///< data set, command, errors; kept as it is

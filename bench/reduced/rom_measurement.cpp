@@ -161,6 +161,7 @@ RomMeasurement measure_rom(const LoadedModel& model, const StoredRun& truth, con
   result.error_cells = error.root_mean_square() / truth.scene.domain.dx;
   if (stress) result.stress = stress->errors();
   result.trust_number = run.trust_record().number();
+  result.error_bound = run.trust_record().bound();
   result.verdict = run.trust_record().verdict();
   result.statistics = run.statistics();
   result.added_bytes = memory.added();

@@ -61,6 +61,7 @@ struct RomMeasurement {
   std::vector<rom::ErrorIndicator> trust;
   std::vector<double> trust_numbers;
   double trust_number = 0;
+  std::optional<double> error_bound;  ///< the model's own, on displacement_relative
   rom::Verdict verdict = rom::Verdict::unknown;
 };
 RomMeasurement measure_rom(const LoadedModel& model, const StoredRun& truth, const RomRunOptions& options);

@@ -53,6 +53,7 @@ Json trust_json(const RomMeasurement& m) {
   }
   frames["number"] = m.trust_numbers;
   return {{"number", m.trust_number},
+          {"error_bound", m.error_bound ? Json(*m.error_bound) : Json()},
           {"verdict", rom::verdict_text(m.verdict)},
           {"residual", worst.residual},
           {"down_weighted", worst.down_weighted},
@@ -127,9 +128,9 @@ void print_gpu_steps(const GpuSteps& s) {
 }
 
 void print_header() {
-  std::printf("%12s %6s %5s %8s %8s %7s %8s | %7s %7s %7s | %6s %-12s | %7s %7s %7s %7s %7s %7s %7s %7s\n",
+  std::printf("%12s %6s %5s %8s %8s %7s %8s | %7s %7s %7s | %6s %7s %-12s | %7s %7s %7s %7s %7s %7s %7s %7s\n",
               "parameters", "factor", "|S|", "delta %", "displ. %", "cells", "stress %", "still %", "near %", "line %",
-              "trust", "verdict", "|N|", "most", "us/step", "decode", "grid", "invert", "search", "MiB");
+              "trust", "bound %", "verdict", "|N|", "most", "us/step", "decode", "grid", "invert", "search", "MiB");
 }
 
 void print_row(const RomMeasurement& m, double factor, const std::optional<Baselines>& naive) {
@@ -145,8 +146,9 @@ void print_row(const RomMeasurement& m, double factor, const std::optional<Basel
   const std::string still = naive ? percent(naive->nothing_moves.displacement_relative) : "-",
                     near = naive ? percent(naive->nearest.displacement_relative) : "-",
                     line = naive && naive->linear ? percent(naive->linear->displacement_relative) : "-";
-  std::printf("%8.4f %8.3f %7.3f %8s | %7s %7s %7s | %6.2f %-12s | ", 100 * m.delta, 100 * m.displacement_relative,
-              m.error_cells, stress.c_str(), still.c_str(), near.c_str(), line.c_str(), m.trust_number,
+  const std::string bound = m.error_bound ? percent(*m.error_bound) : "-";
+  std::printf("%8.4f %8.3f %7.3f %8s | %7s %7s %7s | %6.2f %7s %-12s | ", 100 * m.delta, 100 * m.displacement_relative,
+              m.error_cells, stress.c_str(), still.c_str(), near.c_str(), line.c_str(), m.trust_number, bound.c_str(),
               rom::verdict_text(m.verdict));
   std::printf("%7.0f %7lld %7.0f %7.0f %7.0f %7.0f %7.0f %7.1f\n", m.statistics.mean_integration,
               static_cast<long long>(m.statistics.most_integration), per_step * t.total(), per_step * t.decode,

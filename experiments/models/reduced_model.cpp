@@ -145,6 +145,10 @@ ReducedRun::ReducedRun(const LoadedModel& loaded, const Scene& scene, uint64_t s
   record_.emplace(as_calibrated ? loaded.model.usual : rom::TrustLevels{},
                   how.foreign == ForeignScene::run ? foreign_share(loaded, prepared.scene, prepared.particles) : 0.0,
                   loaded.model.usual_error);
+  const bool same_scene =
+      !scene_difference(io::scene_to_json(scene), loaded.model.scene_json, parameter_keys(loaded.model));
+  if (same_scene && parameters_.size() == 1) bound_ = rom::InterpolationBound::of(loaded.model, parameters_.front());
+  if (how.foreign == ForeignScene::run && !same_scene) record_->foreign_scene();
   const auto& position = prepared.particles.position;
   if (loaded.model.fields->stress_follows_deformation() &&
       !has_own_particles(loaded.model, prepared.particles, 1e-4 * scene.domain.dx)) {
@@ -168,6 +172,8 @@ ReducedRun::ReducedRun(const LoadedModel& loaded, const Scene& scene, uint64_t s
 
 rom::LoadResponse ReducedRun::apply(const rom::Load& load) {
   if (gpu_) throw ConfigError("loads on reduced models act on the CPU alone. Use --device cpu");
+  bound_.reset();  // no training run was pushed
+  record_->set_bound({});
   return single_ ? single_->apply(load) : exact_->apply(load);
 }
 
@@ -190,9 +196,15 @@ void ReducedRun::advance_frame() {
     throw;
   }
   trust_number_ = record_->add(trust());
+  if (!bound_) return;
+  bound_->add(state().latent, time());
+  record_->set_bound(bound_->value());
 }
 
 std::string trust_line(const rom::ReducedModel& model, const rom::ErrorIndicatorRecord& record) {
+  if (record.bound())
+    return fmt::format("trust {}: off by at most about {:.2g} % of the displacement",
+                       rom::verdict_text(record.verdict()), 100 * *record.bound());
   if (model.usual.empty()) return "trust unknown (the model was trained without calibration_runs)";
   if (record.verdict() == rom::Verdict::unknown)
     return "trust unknown (its training was calibrated with another manifold_pull)";

@@ -8,6 +8,7 @@
 
 #include "core/scene/scene.h"
 #include "rom/cuda/reduced_cuda.h"
+#include "rom/interpolation_bound.h"
 #include "rom/reduced_solver.h"
 #include "rom/solver/error_indicator.h"
 
@@ -92,6 +93,7 @@ class ReducedRun {
   std::vector<double> parameters_;
   std::vector<int32_t> particle_type_;
   std::optional<rom::ErrorIndicatorRecord> record_;
+  std::optional<rom::InterpolationBound> bound_;  ///< in the scene of the training, with any parameter
   double trust_number_ = 0;
   std::unique_ptr<rom::ReducedSolver<float>> single_;
   std::unique_ptr<rom::ReducedSolver<double>> exact_;

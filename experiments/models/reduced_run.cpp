@@ -86,8 +86,8 @@ TimedRun run_reduced(const LoadedModel& model, const Scene& scene, uint64_t seed
   std::fprintf(stderr, "%s: %s\n", label.c_str(), trust_line(model.model, run.trust_record()).c_str());
   device_memory.look();
   result.cost = times.cost(memory, device_memory);
-  result.trust = {rom::verdict_text(run.trust_record().verdict()), run.trust_record().number(),
-                  model.model.usual_error};
+  result.trust = {rom::verdict_text(run.trust_record().verdict()), run.trust_record().number(), model.model.usual_error,
+                  run.trust_record().bound()};
   compare::hold_last_frame(trajectory, static_cast<std::size_t>(frames));
   return result;
 }

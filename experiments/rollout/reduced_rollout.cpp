@@ -218,6 +218,7 @@ class ReducedRollout {
     const rom::ReducedStatistics statistics = run_.statistics();
     const rom::StepTiming& t = statistics.timing;
     const auto steps = static_cast<double>(std::max<int64_t>(1, t.steps));
+    const std::optional<double>& bound = run_.trust_record().bound();
     return {{"output", options_.output},
             {"particles", run_.particle_type().size()},
             {"frames", seconds_.size()},
@@ -239,6 +240,7 @@ class ReducedRollout {
               {"down_weighted", worst_.down_weighted},
               {"latent_distance", worst_.latent_distance},
               {"number", run_.trust_record().number()},
+              {"error_bound", bound ? nlohmann::ordered_json(*bound) : nlohmann::ordered_json()},
               {"verdict", rom::verdict_text(run_.trust_record().verdict())}}},
             {"points", refined_ ? refined_->particle_type().size() : 0},
             {"frames_written", written_},

@@ -2,10 +2,21 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 
 #include "rom/networks/tensors.h"
 
 namespace graupel::rom {
+
+namespace {
+
+std::vector<int32_t> first_points(std::size_t count) {
+  std::vector<int32_t> points(count);
+  std::iota(points.begin(), points.end(), 0);
+  return points;
+}
+
+}  // namespace
 
 int64_t ModeTable::row_of(int32_t point) const {
   const auto at = std::lower_bound(points.begin(), points.end(), point);
@@ -50,7 +61,10 @@ ModeTable ModeTable::averaged(const Clusters& clusters) const {
 ModeTable ModeTable::load(const nn::Weights& weights, const std::string& prefix, int components) {
   ModeTable table;
   table.components = components;
-  table.points = get_indices(weights, prefix + ".points");
+  if (weights.tensors.count(prefix + ".points") > 0)
+    table.points = get_indices(weights, prefix + ".points");
+  else
+    table.points = first_points(static_cast<std::size_t>(extent(weights, prefix + ".mean", 0)));
   table.modes = static_cast<int>(extent(weights, prefix + ".amplitude", 0));
   const int64_t rows = table.rows();
   const std::vector<float> amplitude = weights.get(prefix + ".amplitude", {table.modes});
@@ -67,7 +81,7 @@ void ModeTable::store(nn::Weights& weights, const std::string& prefix, nn::DType
   const std::vector<float> largest = amplitude();
   std::vector<float> scaled = basis;
   for (std::size_t i = 0; i < basis.size(); ++i) scaled[i] /= largest[i % m];
-  weights.tensors[prefix + ".points"] = index_tensor(points);
+  if (points != first_points(points.size())) weights.tensors[prefix + ".points"] = index_tensor(points);
   weights.tensors[prefix + ".mean"] = nn::Tensor::from_float(mean, {rows(), components});
   weights.tensors[prefix + ".amplitude"] = nn::Tensor::from_float(largest, {modes});
   weights.tensors[prefix + ".basis"] = nn::Tensor::from_float(scaled, {rows(), components, modes}, dtype);

@@ -32,8 +32,9 @@ struct ModeTable {
   /// of these.
   ModeTable averaged(const Clusters& clusters) const;
 
-  /// Tensors <prefix>.points i32 [rows], .mean f32 [rows, components], .basis [rows, components, modes] (f16 or f32,
-  /// each mode over its largest value) and .amplitude f32 [modes]. Throws InputError as nn::Weights::get.
+  /// Tensors <prefix>.points i32 [rows] (left out where they are 0, 1, 2 ..), .mean f32 [rows, components], .basis
+  /// [rows, components, modes] (f16 or f32, each mode over its largest value) and .amplitude f32 [modes]. Throws
+  /// InputError as nn::Weights::get.
   static ModeTable load(const nn::Weights& weights, const std::string& prefix, int components);
   void store(nn::Weights& weights, const std::string& prefix, nn::DType dtype) const;
 };

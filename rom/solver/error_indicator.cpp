@@ -83,9 +83,11 @@ double ErrorIndicatorRecord::add(const ErrorIndicator& frame) {
 }
 
 Verdict ErrorIndicatorRecord::verdict() const {
-  if (diverged_ || largest_ > do_not_trust || training_error_ > failed_training) return Verdict::do_not_trust;
-  if (largest_ > doubtful || training_error_ > doubtful_training) return Verdict::doubtful;
-  return usual_.empty() || numbers_.empty() ? Verdict::unknown : Verdict::ok;
+  if (diverged_) return Verdict::do_not_trust;
+  const double error = bound_.value_or(training_error_), number = bound_ ? from_materials_ : largest_;
+  if (number > do_not_trust || error > failed_error) return Verdict::do_not_trust;
+  if (number > doubtful || error > doubtful_error || foreign_scene_) return Verdict::doubtful;
+  return !bound_ && (usual_.empty() || numbers_.empty()) ? Verdict::unknown : Verdict::ok;
 }
 
 }  // namespace graupel::rom

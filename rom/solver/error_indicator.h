@@ -1,10 +1,12 @@
 // Whether a reduced run may be trusted, told without the full model's run: what every frame shows of itself, over what
 // the same frame showed in roll-outs of training runs,
 //   number_f = max_i indicator_i(f) / usual_i(f),
-// and a verdict from the largest mean of it over a few frames.
+// and a verdict: from a bound on the error where there is one (rom/interpolation_bound.h), else from the largest
+// mean of the number over a few frames.
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 namespace graupel::rom {
@@ -32,8 +34,9 @@ class ErrorIndicatorRecord {
  public:
   static constexpr int window = 5;                           ///< frames that are averaged: one frame alone tells little
   static constexpr double doubtful = 1.5, do_not_trust = 3;  ///< of the number
-  /// Of the largest error of training runs, over their displacement: what is usual there is no better.
-  static constexpr double doubtful_training = 0.05, failed_training = 0.2;
+  /// Of errors over the displacement: of the bound on the run's own and, without one, of the largest error of training
+  /// runs, as what is usual there is no better.
+  static constexpr double doubtful_error = 0.05, failed_error = 0.2;
   /// Of the materials' difference from the training's, shares of the body: what makes the number 1.
   static constexpr double usual_material_difference = 0.005;
 
@@ -43,6 +46,11 @@ class ErrorIndicatorRecord {
   /// The next frame, in the order of the run; frames beyond the levels are held against the last of them. Returns its
   /// number, 0 where the levels are unknown.
   double add(const ErrorIndicator& frame);
+  /// The run's error so far is at most this, over the displacement; none: unknown.
+  void set_bound(std::optional<double> bound) { bound_ = bound; }
+  const std::optional<double>& bound() const { return bound_; }
+  /// The scene is another one than the training's, whatever its parameters: nothing is known of it.
+  void foreign_scene() { foreign_scene_ = true; }
   /// The run has ended in a failure.
   void diverged() { diverged_ = true; }
 
@@ -54,7 +62,8 @@ class ErrorIndicatorRecord {
   double from_materials_, training_error_;
   std::vector<double> numbers_;
   double largest_ = 0;
-  bool diverged_ = false;
+  std::optional<double> bound_;
+  bool foreign_scene_ = false, diverged_ = false;
 };
 
 }  // namespace graupel::rom

@@ -83,8 +83,8 @@ TEST(ReducedRows, AreInTableJsonCsvAndReport) {
   EXPECT_EQ(json["results"][5]["note"], "side 0.5 x 30 + 0.5 x 60");
   EXPECT_EQ(json["training_runs"], "data/side");
   EXPECT_EQ(json["reduced_models"].size(), 1u);
-  EXPECT_THAT(csv, HasSubstr("scene,model,role,verdict,trust_number,"));
-  EXPECT_THAT(csv, HasSubstr(",runs/nsf.safetensors,reduced,doubtful,2.25,"));
+  EXPECT_THAT(csv, HasSubstr("scene,model,role,verdict,trust_number,error_bound,"));
+  EXPECT_THAT(csv, HasSubstr(",runs/nsf.safetensors,reduced,doubtful,2.25,,"));
   EXPECT_THAT(headline(comparison), Not(HasSubstr("nearest-run"))) << "baselines are no opponents of MPM";
 }
 
@@ -93,6 +93,8 @@ TEST(ReducedRows, AnUnknownVerdictHasNoNumbers) {
   EXPECT_EQ(trust_text(result), "");
   result.trust = {"unknown", 0, 0};
   EXPECT_EQ(trust_text(result), "unknown");
+  result.trust = {"ok", 0, 0.03, 0.024};
+  EXPECT_EQ(trust_text(result), "ok (bound 2.4 %)");
 }
 
 TEST(ReducedRows, SayThatTheTrainingRunsAreLeftOut) {

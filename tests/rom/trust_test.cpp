@@ -88,6 +88,25 @@ TEST_F(Trust, ModelsThatMissTheirOwnTrainingRunsAreNotTrusted) {
   EXPECT_EQ(verdict_of(0.3), Verdict::do_not_trust);
 }
 
+/// What the error is at most says more than how usual the frames are; nothing is known of other scenes.
+TEST_F(Trust, ABoundOnTheErrorDecides) {
+  const auto verdict_of = [&](std::optional<double> bound, bool foreign = false) {
+    ErrorIndicatorRecord record(usual_, 0, 0.3);
+    for (const ErrorIndicator& frame : usual_run(0)) record.add(frame);
+    record.set_bound(bound);
+    if (foreign) record.foreign_scene();
+    return record.verdict();
+  };
+  EXPECT_EQ(verdict_of({}), Verdict::do_not_trust);
+  EXPECT_EQ(verdict_of(0.04), Verdict::ok);
+  EXPECT_EQ(verdict_of(0.04, true), Verdict::doubtful);
+  EXPECT_EQ(verdict_of(0.06), Verdict::doubtful);
+  EXPECT_EQ(verdict_of(0.3), Verdict::do_not_trust);
+  ErrorIndicatorRecord other_materials(usual_, 4 * ErrorIndicatorRecord::usual_material_difference);
+  other_materials.set_bound(0.01);
+  EXPECT_EQ(other_materials.verdict(), Verdict::do_not_trust);
+}
+
 /// Two materials, the second one in `share` of ten particles.
 struct Body {
   Scene scene;

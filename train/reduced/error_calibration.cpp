@@ -46,14 +46,40 @@ std::vector<rom::ErrorIndicator> roll_out(const rom::ReducedModel& model, const 
   return frames;
 }
 
+/// Of a run from its latents in the training, over the displacement.
+double reconstruction_error(const rom::ReducedModel& model, const io::TrajectoryReader& reader, int run) {
+  rom::BoundPoints points(model);
+  const auto r = static_cast<Eigen::Index>(model.latents());
+  const auto start = std::lower_bound(model.training_run.begin(), model.training_run.end(), run);
+  const auto first = static_cast<Eigen::Index>(start - model.training_run.begin());
+  double error2 = 0, displacement2 = 0;
+  for (int64_t f = 1; f < static_cast<int64_t>(reader.header(run).frame_count()); ++f) {
+    const std::vector<Vec3f> truth = reader.frames(run, f, 1).front().position;
+    const Eigen::Map<const Eigen::VectorXf> latent(model.training_latents.data() + (first + f) * r, r);
+    const Eigen::VectorXf x = points.positions(latent.cast<double>());
+    for (std::size_t i = 0; i < points.particles().size(); ++i) {
+      const auto at = static_cast<Eigen::Index>(3 * i);
+      const Vec3f& p = truth[static_cast<std::size_t>(points.particles()[i])];
+      const Eigen::Vector3f true_x(p[0], p[1], p[2]);
+      error2 += (x.segment<3>(at) - true_x).cast<double>().squaredNorm();
+      displacement2 += (true_x - points.reference().segment<3>(at)).cast<double>().squaredNorm();
+    }
+  }
+  return displacement2 > 0 ? std::sqrt(error2 / displacement2) : 0;
+}
+
 void roll_out_runs(rom::ReducedModel& model, const CalibrationOptions& options, CalibrationReport& report) {
   const Stopwatch watch;
   const io::TrajectoryReader reader(options.file);
   const int count = std::min(options.runs, reader.count());
   std::vector<std::vector<rom::ErrorIndicator>> runs;
+  if (const auto curvature = rom::interpolation_curvature(model)) model.interpolation = {0, *curvature};
   for (int i = 0; i < count; ++i) {
     const int run = count > 1 ? i * (reader.count() - 1) / (count - 1) : reader.count() / 2;  // the outermost too
     runs.push_back(roll_out(model, reader, run, options.file, report));
+    if (model.interpolation)
+      model.interpolation->reconstruction =
+          std::max(model.interpolation->reconstruction, reconstruction_error(model, reader, run));
   }
   model.usual = rom::usual_levels(runs);
   model.usual_error = report.errors.empty() ? 0 : *std::max_element(report.errors.begin(), report.errors.end());

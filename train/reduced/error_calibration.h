@@ -23,8 +23,9 @@ struct CalibrationReport {
   std::vector<double> errors;  ///< displacement-relative, of each run that did not diverge
 };
 
-/// Sets model.usual and model.usual_error. A run that diverges counts with the frames before. Data of another machine
-/// may lack the meshes that its scenes name: then there is a message, and no verdict on trust.
+/// Sets model.usual, model.usual_error and, where the runs can be interpolated, model.interpolation. A run that
+/// diverges counts with the frames before. Data of another machine may lack the meshes that its scenes name: then there
+/// is a message, and no verdict on trust.
 void calibrate_trust(rom::ReducedModel& model, const CalibrationOptions& options, CalibrationReport& report);
 
 }  // namespace graupel::train

@@ -198,6 +198,33 @@ TEST_F(NsfTraining, TrustsWhatItKnowsAndNotAStateThatLeavesIt) {
   EXPECT_EQ(record_of(train_factored(without, none), column(24), 24).verdict(), rom::Verdict::unknown);
 }
 
+/// In the range (24 to 36 degrees) the bound is little above the error, also with steps that nothing was calibrated at;
+/// far outside of the range it is large.
+TEST_F(NsfTraining, BoundsTheErrorOfRunsThatItHasNotSeen) {
+  NsfReport report;
+  const rom::ReducedModel model = rom::ReducedModel::load(train_factored(options(), report).store(nn::DType::f32));
+  ASSERT_TRUE(model.interpolation);
+  EXPECT_LT(model.interpolation->reconstruction, 0.01);
+  rom::ReducedOptions rollout;
+  const auto bound_of = [&](double angle) {
+    const Scene scene = column(angle);
+    rom::ReducedSolver<float> solver(model, mpm::PreparedScene(scene, {.seed = scene.seed}), {angle}, rollout);
+    auto bound = rom::InterpolationBound::of(model, angle);
+    for (int64_t f = 0; f < scene.frames; ++f) {
+      solver.advance_frame();
+      bound->add(solver.state().latent, solver.time());
+    }
+    return bound->value().value();
+  };
+  for (const double step_factor : {1.0, 2.0}) {
+    rollout.step_factor = step_factor;
+    const double error = displacement_error<float>(model, 29, rollout), bound = bound_of(29);
+    EXPECT_GE(bound, error) << step_factor;
+    EXPECT_LE(bound, error + 0.02) << step_factor;
+  }
+  EXPECT_GT(bound_of(50), rom::ErrorIndicatorRecord::doubtful_error);
+}
+
 TEST_F(NsfTraining, KeepsTheDecayOfTheModes) {
   NsfReport report;
   const auto values = rom::ReducedModel::load(train_factored(options(), report).store(nn::DType::f32)).singular_values;
