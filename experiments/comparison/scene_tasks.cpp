@@ -12,7 +12,7 @@
 #include "core/scene/category_recipe.h"
 #include "core/system/error.h"
 #include "experiments/data/scene_source.h"
-#include "experiments/models/stored_positions.h"
+#include "experiments/data/stored_positions.h"
 #include "io/scene/scene_reader.h"
 #include "io/trajectory/trajectory_file.h"
 

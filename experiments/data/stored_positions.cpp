@@ -1,4 +1,4 @@
-#include "experiments/models/stored_positions.h"
+#include "experiments/data/stored_positions.h"
 
 #include <fmt/format.h>
 
