@@ -7,8 +7,8 @@
 
 #include "core/scene/scripts.h"
 #include "core/system/error.h"
-#include "experiments/models/start_state.h"
 #include "experiments/data/stored_positions.h"
+#include "experiments/models/start_state.h"
 #include "io/scene/scene_reader.h"
 #include "mpm/scene/particle_materials.h"
 
