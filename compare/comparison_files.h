@@ -24,8 +24,8 @@ inline constexpr Column category_columns[] = {{"frame_ms", "ms/frame"},
                                               {"ratio_frame_ms", "r. time"}};
 
 nlohmann::ordered_json comparison_json(const Comparison& comparison);
-/// One row a scene and model; columns scene, model, role, verdict, trust_number, error_bound, diverged_at_frame, every metric,
-/// "<material>.<metric>".
+/// One row a scene and model; columns scene, model, role, verdict, trust_number, error_bound, diverged_at_frame, every
+/// metric, "<material>.<metric>".
 std::string comparison_csv(const Comparison& comparison);
 /// Main metrics, a block a scene and one of means, at most 120 columns wide.
 std::string comparison_table(const Comparison& comparison);

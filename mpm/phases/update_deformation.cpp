@@ -1,7 +1,6 @@
 // Deformation, return mapping and stress, particle by particle. On the CPU its tuned twin
 // update_deformation_tiles.cpp takes 16 particles at a time.
-#include "mpm/materials/material.h"
-#include "mpm/phases/phases.h"
+#include "mpm/phases/update_particle.h"
 
 namespace graupel::mpm {
 
@@ -11,15 +10,7 @@ template <typename T>
 struct UpdateParticle {
   SolverView<T> view;
   T dt;
-  GRAUPEL_HD void operator()(int64_t slot) const {
-    const ParticleView<T>& p = view.particles;
-    const MaterialParameters<T>& m = view.materials[p.material.get(slot)];
-    Mat<T, 3> F = load_matrix<T, 3>(p.deformation_gradient, slot);
-    T internal = p.internal.get(slot);
-    store_symmetric(p.stress, slot, update_material(m, dt, load_matrix<T, 3>(p.affine_velocity, slot), F, internal));
-    p.internal.set(slot, internal);
-    store_matrix<T, 3>(p.deformation_gradient, slot, F);
-  }
+  GRAUPEL_HD void operator()(int64_t slot) const { update_particle(view, dt, slot); }
 };
 
 }  // namespace

@@ -7,7 +7,7 @@
 
 #include "core/parallel/parallel_tasks.h"
 #include "core/system/error.h"
-#include "mpm/materials/material.h"
+#include "mpm/phases/update_particle.h"
 
 namespace graupel::mpm {
 
@@ -50,12 +50,7 @@ void update_tile(const SolverView<T>& view, T dt, const UserLaws& laws, int64_t 
       follow_law(*law, p, slot, static_cast<double>(dt));
       continue;
     }
-    const MaterialParameters<T>& m = view.materials[p.material.get(slot)];
-    Mat<T, 3> F = load_matrix<T, 3>(p.deformation_gradient, slot);
-    T internal = p.internal.get(slot);
-    store_symmetric(p.stress, slot, update_material(m, dt, load_matrix<T, 3>(p.affine_velocity, slot), F, internal));
-    p.internal.set(slot, internal);
-    store_matrix<T, 3>(p.deformation_gradient, slot, F);
+    update_particle(view, dt, slot);
   }
 }
 
