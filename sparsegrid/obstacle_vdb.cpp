@@ -44,6 +44,7 @@ using Leaf = openvdb::FloatTree::LeafNodeType;
 constexpr int block = Leaf::DIM;
 constexpr int64_t max_blocks = int64_t(1) << 24;  ///< 2 KiB each: 32 GiB when all are in the band
 constexpr int64_t max_voxels = int64_t(1) << 28;  ///< of a file that is read
+constexpr double max_mesh_voxels = 1 << 26;       ///< in the band of a mesh
 constexpr int64_t max_extent = int64_t(1) << 21;  ///< voxels along an axis of a file that is read
 
 constexpr float spare_voxels = 2;  ///< OpenVDB's distances err at the border of the band it is asked for
@@ -147,19 +148,40 @@ void clamp_to_band(FloatGrid& grid, double band) {
   tree.root().setBackground(limit, /*updateChildNodes=*/false);
 }
 
+/// Throws ConfigError where the band of a mesh's level set would have too many voxels, which takes minutes and
+/// gigabytes.
+void check_mesh_size(const Obstacle& obstacle, const std::string& name, double voxel, double width) {
+  double area = 0, extent = 0;
+  for (const Vec3d& v : obstacle.mesh->vertices)
+    for (int d = 0; d < 3; ++d) extent = std::max(extent, std::abs(v[d]));
+  for (const auto& t : obstacle.mesh->triangles) {
+    const Vec3d& a = obstacle.mesh->vertices[static_cast<std::size_t>(t[0])];
+    const Vec3d ab = obstacle.mesh->vertices[static_cast<std::size_t>(t[1])] - a,
+                ac = obstacle.mesh->vertices[static_cast<std::size_t>(t[2])] - a;
+    area += 0.5 * norm(cross(ab, ac));
+  }
+  const double voxels = area / (voxel * voxel) * (2 * width + 1);
+  if (!(voxels <= max_mesh_voxels) || !(extent / voxel <= static_cast<double>(max_extent)))
+    throw ConfigError(name + ": the mesh '" + obstacle.file + "' is too large for its grid (about " +
+                      std::to_string(voxels / 1e6) + " million voxels of " + std::to_string(voxel) +
+                      " m, at most 67 million, coordinates within 2^21 of them). Choose a larger obstacle_voxel, a "
+                      "smaller obstacle_band or another scale");
+}
+
 FloatGrid::Ptr mesh_level_set(const Obstacle& obstacle, const std::string& name, double voxel, double band) {
   if (!obstacle.mesh || obstacle.mesh->triangles.empty())
     throw InputError(name + ": the mesh '" + obstacle.file + "' has no triangles. Give a closed surface");
   if (const int64_t open = open_edges(*obstacle.mesh); open > 0)
     throw InputError(name + ": the mesh '" + obstacle.file + "' is not closed (" + std::to_string(open) +
                      " open edges). Fill its holes, so that it has an inside");
+  const float width = static_cast<float>(band / voxel) + spare_voxels;
+  check_mesh_size(obstacle, name, voxel, static_cast<double>(width));
   std::vector<openvdb::Vec3d> points;
   for (const Vec3d& v : obstacle.mesh->vertices) points.emplace_back(v[0] / voxel, v[1] / voxel, v[2] / voxel);
   std::vector<openvdb::Vec3I> triangles;
   for (const auto& t : obstacle.mesh->triangles) triangles.emplace_back(t[0], t[1], t[2]);
   const openvdb::tools::QuadAndTriangleDataAdapter<openvdb::Vec3d, openvdb::Vec3I> adapter(points, triangles);
   const auto transform = openvdb::math::Transform::createLinearTransform(voxel);
-  const float width = static_cast<float>(band / voxel) + spare_voxels;
   return openvdb::tools::meshToVolume<FloatGrid>(adapter, *transform, width, width);
 }
 

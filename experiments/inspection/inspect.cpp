@@ -4,6 +4,7 @@
 #include <nlohmann/json.hpp>
 
 #include "core/system/error.h"
+#include "core/system/stop_signal.h"
 #include "experiments/inspection/file_facts.h"
 #include "experiments/inspection/training_curves.h"
 #include "experiments/process/outputs.h"
@@ -76,6 +77,7 @@ Json inspect_runs(const InspectOptions& options) {
 }  // namespace
 
 void inspect(InspectOptions& options) {
+  if (!options.recover) release_stop_signals();
   options.common.apply();
   std::vector<NamedFile> files;
   for (const std::string& file : options.files) files.push_back({"the file", file});

@@ -2,6 +2,7 @@
 
 #include <unistd.h>
 
+#include <csignal>
 #include <cstdio>
 #include <cstdlib>
 #include <exception>
@@ -44,7 +45,8 @@ int run_program(int argc, char** argv, const char* name, const char* description
     int exit_code = 0;
     declare(program, exit_code);
     catch_stop_signals();
-    instruction_set();  // its error, before any work
+    std::signal(SIGXFSZ, SIG_IGN);  // a file beyond the limit of its size (ulimit -f) is an error of writing
+    instruction_set();              // its error, before any work
     nn::choose_gemm_precision();
     const int usage = program.run(argc, argv, name);
     return usage != 0 ? usage : exit_code;

@@ -289,6 +289,15 @@ void Dataset::read_rows(hsize_t first, hsize_t count, Element element, void* out
   check(H5Dread(id, memory_type(element), memory_space, file_space, H5P_DEFAULT, out), "cannot read values");
 }
 
+hsize_t Dataset::missing_chunks() const {
+  if (chunk.empty()) return 0;
+  hsize_t expected = 1, there = 0;
+  for (std::size_t d = 0; d < size.size(); ++d) expected *= (size[d] + chunk[d] - 1) / chunk[d];
+  const Handle space(H5Dget_space(id), H5Sclose, "cannot read a size");  // HDF5 1.10 takes no H5S_ALL here
+  if (H5Dget_num_chunks(id, space, &there) < 0) throw Failure("cannot read the list of chunks");
+  return expected > there ? expected - there : 0;
+}
+
 bool Dataset::has_chunks(hsize_t row) const {
   if (chunk.empty()) return true;
   std::vector<hsize_t> at(size.size(), 0);

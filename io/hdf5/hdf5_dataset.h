@@ -38,6 +38,8 @@ struct Dataset {
   void read_rows(hsize_t first, hsize_t count, Element element, void* out) const;
   /// Whether read_rows() expands chunks of this type itself, beside other threads.
   bool expands_chunks(Element element) const;
+  /// Chunks of its size that the file does not hold, which HDF5 would read as zeros.
+  hsize_t missing_chunks() const;
   /// Whether the file holds every chunk of the row of chunks that starts at `row`.
   bool has_chunks(hsize_t row) const;
 

@@ -66,6 +66,7 @@ struct TrajectoryReader::Impl {
   void open();
   const OpenTrajectory& trajectory(int i) const;
   void open_trajectory(int i) const;
+  void check_whole(const hdf5::Dataset& dataset, const std::string& name) const;
   double frame_time(hid_t group) const;
   std::vector<double> read_times(hid_t group, hsize_t frames) const;
   Trajectory header(int i) const;
@@ -133,18 +134,27 @@ std::vector<double> TrajectoryReader::Impl::read_times(hid_t group, hsize_t fram
   return times;
 }
 
+/// Of a file that says that it is whole.
+void TrajectoryReader::Impl::check_whole(const hdf5::Dataset& dataset, const std::string& name) const {
+  if (hdf5::integer_attribute(file, "complete").value_or(1) != 1) return;
+  if (const hsize_t missing = dataset.missing_chunks(); missing > 0)
+    throw hdf5::Failure(std::to_string(missing) + " chunks of '" + name + "' are missing");
+}
+
 void TrajectoryReader::Impl::open_trajectory(int i) const {
   OpenTrajectory next;
   next.number = i;
   next.group = hdf5::Handle(H5Gopen2(file, groups[static_cast<std::size_t>(i)].c_str(), H5P_DEFAULT), H5Gclose,
                             "cannot open a group");
   next.position = hdf5::open_dataset(next.group, "position", 3, hdf5::NumberKind::real, file_size);
+  check_whole(next.position, "position");
   const auto& size = next.position.size;
   if (size[2] != 2 && size[2] != 3) throw hdf5::Failure("'position' is not 2- or 3-dimensional");
   if (size[0] > (hsize_t(1) << 31) || size[1] == 0 || size[1] > (hsize_t(1) << 31))
     throw hdf5::Failure("'position' has a number of frames or particles that is not believable");
   if (hdf5::has_member(next.group, "velocity")) {
     next.velocity = hdf5::open_dataset(next.group, "velocity", 3, hdf5::NumberKind::real, file_size);
+    check_whole(*next.velocity, "velocity");
     if (next.velocity->size != size) throw hdf5::Failure("'velocity' and 'position' have different sizes");
   }
   if (hdf5::has_member(next.group, "active")) {

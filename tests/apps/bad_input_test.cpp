@@ -4,6 +4,7 @@
 #include <sys/mount.h>
 #include <sys/stat.h>
 
+#include <chrono>
 #include <fstream>
 #include <iterator>
 
@@ -102,6 +103,36 @@ TEST(BadInput, TrajectoriesReplaceNoDevice) {
   EXPECT_EQ(outcome.exit_code, 5) << outcome.output;
   EXPECT_TRUE(outcome.says("no regular file")) << outcome.output;
   EXPECT_TRUE(std::filesystem::is_fifo(pipe));
+}
+
+TEST(BadInput, AMeshOnTooFineAGridIsRefusedAtOnce) {
+  for (const char* set : {"obstacle_voxel=1e-4", "obstacle_band=1e9"}) {
+    const Outcome outcome = graupel("simulate scenes/shared/mixed_torus.json --dry-run --set " + std::string(set));
+    EXPECT_EQ(outcome.exit_code, 2) << outcome.output;
+    EXPECT_TRUE(outcome.says("too large for its grid") && outcome.says("obstacle_voxel")) << outcome.output;
+  }
+}
+
+/// An estimate takes seconds whatever the scene asks for.
+TEST(BadInput, ADryRunOfAMillionSubstepsAFrameIsShort) {
+  const Folder folder;
+  const std::string scene = folder.write("scene.json", small_scene(""));
+  const auto begin = std::chrono::steady_clock::now();
+  const Outcome outcome = graupel("simulate " + scene +
+                                  " --dry-run --threads 1 --set time_step.policy=fixed --set "
+                                  "time_step.substeps_per_frame=1000000");
+  EXPECT_EQ(outcome.exit_code, 0) << outcome.output;
+  EXPECT_LT(std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count(), 20);
+}
+
+/// ulimit -f counts blocks of 512 or 1,024 bytes.
+TEST(BadInput, ALimitOnFileSizesIsAnErrorOfWriting) {
+  const Folder folder;
+  const std::string scene = folder.write("scene.json", small_scene(""));
+  const Outcome outcome = run_program("/bin/sh", "-c 'ulimit -f 8; exec " GRAUPEL_BINARY_DIR "/graupel simulate " +
+                                                     scene + " --frames 40 -o " + folder.file("a.h5") + "'");
+  EXPECT_EQ(outcome.exit_code, 5) << outcome.output;
+  EXPECT_TRUE(outcome.says("cannot")) << outcome.output;
 }
 
 TEST(BadInput, ARecipeWithTooManyCellsIsRefused) {

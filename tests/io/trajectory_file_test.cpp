@@ -275,6 +275,16 @@ TEST(TrajectoryFile, RefusesWhatDoesNotFit) {
                     hdf5::create_dataset(g, "position", {.size = {1000000, 100000, 3}, .chunk = {1, 1000, 3}});
                   }),
         "claims more values than the file can hold");
+  // Chunks that nobody wrote would be read as zeros.
+  fails(
+      file_with(folder, "gap.h5",
+                [&](hid_t g) {
+                  const hdf5::Handle gap = hdf5::create_dataset(g, "position", {.size = {0, 4, 3}, .chunk = {1, 4, 3}});
+                  const hsize_t larger[] = {2, 4, 3};
+                  H5Dset_extent(gap, larger);
+                  plain(g, "particle_type", {4}, Element::int32, types.data());
+                }),
+      "2 chunks of 'position' are missing");
 }
 
 TEST(TrajectoryFile, RefusesValuesThatLieElsewhere) {
