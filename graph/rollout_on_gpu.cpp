@@ -1,6 +1,7 @@
 // Rollouts that run on a GPU. Scenes at rest stay there; of scenes that change the host sees to who takes part in the
 // next bundle of frames and where obstacles are.
 #include <algorithm>
+#include <iterator>
 #include <memory>
 #include <numeric>
 #include <utility>
@@ -32,7 +33,12 @@ struct BundleParticles {
     history.clear();
     for (const std::vector<Vec3f>& frame : all_frames) history.push_back(particle_rows(frame, place));
   }
-  bool has(int32_t particle) const { return std::binary_search(place.begin(), place.end(), particle); }
+  /// Those of `present`, ascending, that are not among them.
+  std::vector<int32_t> missing_of(const std::vector<int32_t>& present) const {
+    std::vector<int32_t> missing;
+    std::set_difference(present.begin(), present.end(), place.begin(), place.end(), std::back_inserter(missing));
+    return missing;
+  }
 };
 
 std::vector<int32_t> all_of(std::size_t n) {
@@ -136,8 +142,8 @@ Trajectory LearnedSimulator::rollout_changing_on_gpu(const Scene& scene, const E
     if (lifecycle.changes()) {
       const Environment& here = moving_environment.at(to);
       const SweptCollision way = here.swept_collision(Device::cpu);
-      for (const int32_t particle : lifecycle.present()) {
-        if (on_gpu.has(particle)) continue;  // what has appeared within the bundle falls until the next one
+      // What has appeared within the bundle falls until the next one.
+      for (const int32_t particle : on_gpu.missing_of(lifecycle.present())) {
         const auto i = static_cast<std::size_t>(particle);
         next[i] += next[i] - history[needed - 2][i] + fall[i];
         if (options.project) way.follow(history.back()[i], next[i]);

@@ -14,10 +14,8 @@ bool meets_box(const Vec3d& a, const Vec3d& b, const Vec3d& size) {
   double enter = 0, exit = 1;
   for (int d = 0; d < 3; ++d) {
     const double half = size[d] / 2, way = b[d] - a[d];
-    if (way == 0) {
-      if (std::abs(a[d]) > half) return false;
-      continue;
-    }
+    if (std::max(a[d], b[d]) < -half || std::min(a[d], b[d]) > half) return false;  // most: no quotient is needed
+    if (way == 0) continue;
     const double first = (-half - a[d]) / way, second = (half - a[d]) / way;
     enter = std::max(enter, std::min(first, second));
     exit = std::min(exit, std::max(first, second));

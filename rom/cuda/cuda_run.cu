@@ -28,17 +28,21 @@ __device__ inline double* equation_room() {
   extern __shared__ double room[];
   return room;
 }
-__global__ void __launch_bounds__(step_threads, 1) run_branch(RunView view) {
+template <typename Group>
+__global__ void __launch_bounds__(step_threads, Group::outputs > 1 ? 2 : 1) run_branch(RunView view) {
   __shared__ BranchShared shared;
   await_kernel_before();
-  branch(CudaBlock{}, view, shared);
+  branch<Group>(CudaBlock{}, view, shared);
 }
 __global__ void __launch_bounds__(step_threads, 4) run_decode(RunView view) {
   __shared__ DecodeShared shared;
   await_kernel_before();
   decode(CudaBlock{}, view, shared, equation_room());
 }
-__global__ void __launch_bounds__(step_threads, 1) run_gather(RunView view) {
+/// Blocks that a multiprocessor has at once hide each other's waiting where there are many instances; alone, a spilled
+/// register costs more.
+template <int blocks>
+__global__ void __launch_bounds__(step_threads, blocks) run_gather(RunView view) {
   __shared__ GatherShared shared;
   await_kernel_before();
   gather<false>(CudaBlock{}, view, shared);
@@ -103,12 +107,18 @@ class CudaBackend {
     GRAUPEL_CUDA_CHECK(cudaGetLastError());
   }
   void branch(const RunView& view) {
-    start(kernels::run_branch, view.instance_count * (BranchBlocks(view.model).all() + view.worker_blocks), view);
+    if (has_many_instances(view))
+      start(kernels::run_branch<ManyOutputs>, branch_blocks<ManyOutputs>(view), view);
+    else
+      start(kernels::run_branch<OneOutput>, branch_blocks<OneOutput>(view), view);
   }
   void decode(const RunView& view) {
     start(kernels::run_decode, view.instance_count * (1 + view.decode_blocks), view, equation_bytes(view));
   }
-  void gather(const RunView& view) { start(kernels::run_gather, view.instance_count * view.gather_blocks, view); }
+  void gather(const RunView& view) {
+    start(has_many_instances(view) ? kernels::run_gather<2> : kernels::run_gather<1>,
+          view.instance_count * view.gather_blocks, view);
+  }
   void fit(const RunView& view) { start(kernels::run_fit, view.instance_count, view, equation_bytes(view)); }
   void prepare(const RunView& view) { start(kernels::run_prepare, view.instance_count * view.worker_blocks, view); }
   void decode_elastic(const RunView& view) {

@@ -1,7 +1,7 @@
-// The first kernel of a reduced-order model's step. A block evaluates an output of a coefficient map: of stress and
-// affine velocity at (q, mu), of the deformation's closure at q, at q - dt q', where the step before began, and, with
-// its slope, at q* = q + dt q', where the fit starts. Other blocks clear the sums of nodes or, where that is due, mark
-// the blocks of nodes that samples can read.
+// The first kernel of a reduced-order model's step. A block evaluates one or some outputs of a coefficient map: of
+// stress and affine velocity at (q, mu), of the deformation's closure at q, at q - dt q', where the step before began,
+// and, with its slope, at q* = q + dt q', where the fit starts. Other blocks clear the sums of nodes or, where that is
+// due, mark the blocks of nodes that samples can read.
 #pragma once
 
 #include "rom/cuda/device_step.h"
@@ -9,34 +9,52 @@
 namespace graupel::rom::device {
 
 inline constexpr int most_inputs = 2 * most_closure_latents;  ///< latents and parameters
+/// Outputs of a map that a block evaluates at once, from the same distances to the centres. One at a time is quickest
+/// where an instance is alone: all wait for the slowest block.
+struct OneOutput {
+  static constexpr int outputs = 1, slopes = 1;
+};
+/// Of many instances, whose blocks wait for each other's reads. Sums are the same bits.
+struct ManyOutputs {
+  static constexpr int outputs = 8;  ///< of values alone
+  static constexpr int slopes = 2;   ///< of values with slopes, 1 + r sums each
+};
+inline constexpr int most_sums = ManyOutputs::slopes * (1 + most_closure_latents);
+static_assert(most_sums >= ManyOutputs::outputs);
+
 struct BranchShared {
   double place[most_inputs], inside[most_inputs];  ///< standardised input, and the same clamped to the centres' box
-  double sums[step_warps][1 + most_closure_latents];
+  double sums[step_warps][most_sums];
   int32_t first_place[step_warps];  ///< of the nodes that a warp marks at once
 };
 
-/// c_k(z) and, for `slope`, dc_k/dz_j, by a block, in its first thread. `input(j)` is z_j.
-template <bool slope, typename Block, typename Input>
-GRAUPEL_HD void map_output(const Block& block, const MapView& map, const Input& input, int output, BranchShared& shared,
-                           double* to) {
-  constexpr int most = slope ? most_closure_latents : 0;
+/// c_k(z) and, for `slope`, dc_k/dz_j, of outputs first .. first + group - 1 by a block: to(k, c_k, dc_k/dz) in a
+/// thread each. `input(j)` is z_j.
+template <bool slope, int group, typename Block, typename Input, typename To>
+GRAUPEL_HD void map_outputs(const Block& block, const MapView& map, const Input& input, int first_output,
+                            BranchShared& shared, const To& to) {
+  constexpr int most = slope ? most_closure_latents : 0, sums = 1 + most;
   const int lane = block.thread() % warp_width, warp = block.thread() / warp_width;
   for (int j = block.thread(); j < map.inputs; j += block.threads()) {
     shared.place[j] = standardised(map, j, input(j));
     shared.inside[j] = clamped(map, j, shared.place[j]);
   }
   block.sync();
-  constexpr int batch = 4;  // centres of a thread at once: they are waited for together
-  double radial[1 + most] = {};
-  const double* const weights = map.weights + int64_t(output) * map.count;
+  const int outputs = map.outputs - first_output < group ? map.outputs - first_output : group;
+  constexpr int batch = group == 1 ? 4 : 2;  // centres of a thread at once: they are waited for together
+  double radial[group][sums] = {};
+  const double* weights[group];
+  GRAUPEL_UNROLL
+  for (int o = 0; o < group; ++o) weights[o] = map.weights + int64_t(first_output + (o < outputs ? o : 0)) * map.count;
   for (int first = block.thread(); first < map.count; first += batch * block.threads()) {
     const double* center[batch];
-    double r2[batch] = {}, w[batch];
+    double r2[batch] = {}, w[group][batch];
     GRAUPEL_UNROLL
     for (int b = 0; b < batch; ++b) {
       const int i = first + b * block.threads();
       center[b] = map.centers + (i < map.count ? i : first);
-      w[b] = i < map.count ? weights[i] : 0.0;
+      GRAUPEL_UNROLL
+      for (int o = 0; o < group; ++o) w[o][b] = i < map.count ? weights[o][i] : 0.0;
     }
     for (int j = 0; j < map.inputs; ++j) {
       GRAUPEL_UNROLL
@@ -47,81 +65,114 @@ GRAUPEL_HD void map_output(const Block& block, const MapView& map, const Input& 
     }
     GRAUPEL_UNROLL
     for (int b = 0; b < batch; ++b) {
-      const double r = std::sqrt(r2[b]);
-      radial[0] += w[b] * r2[b] * r;
-      w[b] *= 3 * r;
+      const double r = std::sqrt(r2[b]), cube = r2[b] * r;
+      GRAUPEL_UNROLL
+      for (int o = 0; o < group; ++o) {
+        radial[o][0] += w[o][b] * cube;
+        w[o][b] *= 3 * r;
+      }
     }
     GRAUPEL_UNROLL
     for (int j = 0; j < most; ++j) {
       if (j >= map.inputs) continue;
       GRAUPEL_UNROLL
-      for (int b = 0; b < batch; ++b) radial[1 + j] += w[b] * (shared.inside[j] - center[b][int64_t(j) * map.count]);
+      for (int b = 0; b < batch; ++b) {
+        const double d = shared.inside[j] - center[b][int64_t(j) * map.count];
+        GRAUPEL_UNROLL
+        for (int o = 0; o < group; ++o) radial[o][1 + j] += w[o][b] * d;
+      }
     }
   }
   GRAUPEL_UNROLL
-  for (int j = 0; j <= most; ++j) {
-    if (j > map.inputs) continue;
-    radial[j] = sum_of_warp(block, radial[j]);
-    if (lane == 0) shared.sums[warp][j] = radial[j];
-  }
-  block.sync();
-  if (block.thread() != 0) return;
-  const double* const linear = map.linear + int64_t(output) * (1 + map.inputs);
-  to[0] = linear[0];
-  for (int w = 0; w < step_warps; ++w) to[0] += shared.sums[w][0];
-  for (int j = 0; j < map.inputs; ++j) {
-    to[0] += linear[1 + j] * shared.place[j];
-    if constexpr (slope) {
-      double steep = linear[1 + j];
-      // The radial part is constant where an input is clamped.
-      for (int w = 0; w < step_warps && shared.inside[j] == shared.place[j]; ++w) steep += shared.sums[w][1 + j];
-      to[1 + j] = steep * map.scale[j];
+  for (int o = 0; o < group; ++o) {
+    GRAUPEL_UNROLL
+    for (int j = 0; j < sums; ++j) {
+      if (j > map.inputs) continue;
+      const double sum = sum_of_warp(block, radial[o][j]);
+      if (lane == 0) shared.sums[warp][o * sums + j] = sum;
     }
   }
+  block.sync();
+  if (block.thread() >= outputs) return;
+  const int o = block.thread();
+  const double* const linear = map.linear + int64_t(first_output + o) * (1 + map.inputs);
+  double value = linear[0], steep[sums] = {};
+  for (int w = 0; w < step_warps; ++w) value += shared.sums[w][o * sums];
+  for (int j = 0; j < map.inputs; ++j) {
+    value += linear[1 + j] * shared.place[j];
+    if constexpr (slope) {
+      double sum = linear[1 + j];
+      // The radial part is constant where an input is clamped.
+      for (int w = 0; w < step_warps && shared.inside[j] == shared.place[j]; ++w)
+        sum += shared.sums[w][o * sums + 1 + j];
+      steep[j] = sum * map.scale[j];
+    }
+  }
+  to(first_output + o, value, steep);
 }
 
-/// Blocks of each part, a block an output.
+/// Blocks of each part of an instance.
+template <typename Group>
 struct BranchBlocks {
   int stress, affine, current, earlier, ahead;
   GRAUPEL_HD explicit BranchBlocks(const ModelView& model)
-      : stress(model.stress_map.outputs),
-        affine(model.affine_map.outputs),
-        current(model.deformation_modes),
-        earlier(model.deformation_modes),
-        ahead(model.deformation_modes) {}
+      : stress(blocks_of(model.stress_map.outputs, Group::outputs)),
+        affine(blocks_of(model.affine_map.outputs, Group::outputs)),
+        current(at_least_one(blocks_of(closure_outputs(model), Group::outputs))),
+        earlier(current),
+        ahead(at_least_one(blocks_of(closure_outputs(model), Group::slopes))) {}
   GRAUPEL_HD int all() const { return stress + affine + current + earlier + ahead; }
+
+ private:
+  GRAUPEL_HD static int blocks_of(int outputs, int group) { return (outputs + group - 1) / group; }
+  /// The first block has the modes that are latents.
+  GRAUPEL_HD static int at_least_one(int blocks) { return blocks > 0 ? blocks : 1; }
+  GRAUPEL_HD static int closure_outputs(const ModelView& model) { return model.deformation_modes - model.latents; }
 };
 
-/// Coefficient of a mode of the deformation at the latent `input`; before the first step those of the start stay.
-template <typename Block, typename Input>
+/// Whether a launch takes ManyOutputs, and two blocks of the gather kernel share a multiprocessor.
+inline bool has_many_instances(const RunView& view) {
+  constexpr int few = 3;  // instances whose blocks of an output each are all at work at once
+  return view.instance_count > few;
+}
+/// Blocks of a launch.
+template <typename Group>
+int branch_blocks(const RunView& view) {
+  return view.instance_count * (BranchBlocks<Group>(view.model).all() + view.worker_blocks);
+}
+
+/// Coefficients of the deformation's modes at the latent `input`, a part of the block's number; before the first step
+/// those of the start stay.
+template <int group, typename Block, typename Input>
 GRAUPEL_HD void deformation_at(const Block& block, const RunView& view, const InstanceView& instance,
-                               const Input& input, int mode, BranchShared& shared, double* to) {
+                               const Input& input, int part, BranchShared& shared, double* to) {
   if (instance.state->steps == 0) return;
-  double a[1];
-  if (mode < view.model.latents)
-    a[0] = input(mode);
-  else
-    map_output<false>(block, view.model.closure, input, mode - view.model.latents, shared, a);
-  if (block.thread() == 0) to[mode] = a[0];
+  const int r = view.model.latents;
+  if (part == 0)
+    for (int k = block.thread(); k < r; k += block.threads()) to[k] = input(k);
+  if (part * group >= view.model.deformation_modes - r) return;
+  map_outputs<false, group>(block, view.model.closure, input, part * group, shared,
+                            [&](int k, double value, const double*) { to[r + k] = value; });
 }
 
 /// Coefficients and slopes da/dq where the velocity takes the latent.
-template <typename Block>
-GRAUPEL_HD void deformation_ahead(const Block& block, const RunView& view, const InstanceView& instance, int mode,
+template <int group, typename Block>
+GRAUPEL_HD void deformation_ahead(const Block& block, const RunView& view, const InstanceView& instance, int part,
                                   BranchShared& shared) {
   const InstanceState& state = *instance.state;
   const int r = view.model.latents;
   const auto input = [&](int j) { return state.latent[j] + view.dt * state.velocity[j]; };
-  double a[1 + most_closure_latents];
-  if (mode < r) {
-    a[0] = input(mode);
-    for (int j = 0; j < r; ++j) a[1 + j] = j == mode ? 1.0 : 0.0;
-  } else {
-    map_output<true>(block, view.model.closure, input, mode - r, shared, a);
-  }
-  if (block.thread() != 0) return;
-  instance.ahead[mode] = a[0];
-  for (int j = 0; j < r; ++j) instance.slope[mode * r + j] = a[1 + j];
+  if (part == 0)
+    for (int k = block.thread(); k < r; k += block.threads()) {
+      instance.ahead[k] = input(k);
+      for (int j = 0; j < r; ++j) instance.slope[k * r + j] = j == k ? 1.0 : 0.0;
+    }
+  if (part * group >= view.model.deformation_modes - r) return;
+  map_outputs<true, group>(block, view.model.closure, input, part * group, shared,
+                           [&](int k, double value, const double* steep) {
+                             instance.ahead[r + k] = value;
+                             for (int j = 0; j < r; ++j) instance.slope[(r + k) * r + j] = steep[j];
+                           });
 }
 
 /// Marks a block of nodes a lane, each once, and clears their sums; `number` -1: none. All lanes of the warp must call
@@ -183,25 +234,25 @@ GRAUPEL_HD void prepare_nodes(const Block& block, const RunView& view, const Ins
     instance.sums[i] = 0.0f;
 }
 
-template <typename Block>
+template <typename Group, typename Block>
 GRAUPEL_HD void branch(const Block& block, const RunView& view, BranchShared& shared) {
   const ModelView& model = view.model;
-  const BranchBlocks blocks(model);
+  const BranchBlocks<Group> blocks(model);
   const int per_instance = blocks.all() + view.worker_blocks;
   const InstanceView& instance = view.instances[block.index() / per_instance];
   if (instance.state->status != RunStatus::running) return;
   int part = block.index() % per_instance;
-  if (part < blocks.ahead) return deformation_ahead(block, view, instance, part, shared);
+  if (part < blocks.ahead) return deformation_ahead<Group::slopes>(block, view, instance, part, shared);
   part -= blocks.ahead;
   const InstanceState& state = *instance.state;
   if (part < blocks.current) {
     const auto current = [&](int j) { return state.latent[j]; };
-    return deformation_at(block, view, instance, current, part, shared, instance.coefficient);
+    return deformation_at<Group::outputs>(block, view, instance, current, part, shared, instance.coefficient);
   }
   part -= blocks.current;
   if (part < blocks.earlier) {
     const auto earlier = [&](int j) { return state.latent[j] - view.dt * state.velocity[j]; };
-    return deformation_at(block, view, instance, earlier, part, shared, instance.earlier);
+    return deformation_at<Group::outputs>(block, view, instance, earlier, part, shared, instance.earlier);
   }
   part -= blocks.earlier;
   if (part >= blocks.stress + blocks.affine)
@@ -210,10 +261,10 @@ GRAUPEL_HD void branch(const Block& block, const RunView& view, BranchShared& sh
   const auto input = [&](int j) {
     return j < model.latents ? state.latent[j] : instance.parameters[j - model.latents];
   };
-  double value[1];
-  map_output<false>(block, stress ? model.stress_map : model.affine_map, input, stress ? part : part - blocks.stress,
-                    shared, value);
-  if (block.thread() == 0) instance.map_rows[part] = value[0];
+  double* const rows = instance.map_rows + (stress ? 0 : model.stress_map.outputs);
+  map_outputs<false, Group::outputs>(block, stress ? model.stress_map : model.affine_map, input,
+                                     (stress ? part : part - blocks.stress) * Group::outputs, shared,
+                                     [&](int k, double value, const double*) { rows[k] = value; });
 }
 
 }  // namespace graupel::rom::device

@@ -126,11 +126,15 @@ TEST(DeviceRun, TakesTheSameWayBackToTheTraining) {
 TEST(DeviceRun, InstancesMoveAsTheyDoAlone) {
   const Scene scene = swaying_scene(scenes[1]);
   const ReducedModel model = swaying_model(scene);
-  const auto both = fiber_run(model, scene, {31, 39}), second = fiber_run(model, scene, {39});
-  both->advance_frame();
-  second->advance_frame();
-  for (int j = 0; j < 2; ++j) EXPECT_EQ(both->state(1).latent[j], second->state(0).latent[j]);
-  EXPECT_NE(both->state(0).latent[0], both->state(1).latent[0]);
+  const auto alone = fiber_run(model, scene, {39});
+  alone->advance_frame();
+  for (const std::vector<double>& parameters : {std::vector<double>{31, 39}, {31, 39, 33, 36}}) {  // few and many
+    const auto together = fiber_run(model, scene, parameters);
+    together->advance_frame();
+    EXPECT_EQ(device::has_many_instances(together->view()), parameters.size() == 4);
+    for (int j = 0; j < 2; ++j) EXPECT_EQ(together->state(1).latent[j], alone->state(0).latent[j]);
+    EXPECT_NE(together->state(0).latent[0], together->state(1).latent[0]);
+  }
 }
 
 TEST(DeviceRun, FindsThePointsThatReachSamples) {

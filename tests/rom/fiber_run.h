@@ -23,9 +23,7 @@ class FiberBackend {
     for (int64_t i = 0; i < n; ++i) body(i);
   }
   void branch(const RunView& view) {
-    BranchShared shared;
-    run(view.instance_count * (BranchBlocks(view.model).all() + view.worker_blocks), shared,
-        [&](const FiberThread& thread) { device::branch(thread, view, shared); });
+    has_many_instances(view) ? branch_by<ManyOutputs>(view) : branch_by<OneOutput>(view);
   }
   void decode(const RunView& view) {
     DecodeShared shared;
@@ -95,6 +93,12 @@ class FiberBackend {
   }
 
  private:
+  template <typename Group>
+  void branch_by(const RunView& view) {
+    BranchShared shared;
+    run(branch_blocks<Group>(view), shared,
+        [&](const FiberThread& thread) { device::branch<Group>(thread, view, shared); });
+  }
   static std::vector<double> equation_room(const RunView& view) {
     return std::vector<double>(static_cast<std::size_t>(EquationCapacity::size(view.model)), std::nan(""));
   }
