@@ -84,7 +84,10 @@ RunStatistics CudaSimulation<BatchOf>::statistics() const {
   s.substeps = c.substeps;
   s.last_step = static_cast<double>(c.dt);
   s.pushed_out = c.pushed_out;
-  for (int d = 0; d < 3; ++d) s.pushed_out_momentum[d] = static_cast<double>(c.pushed_momentum[d]) * momentum_unit;
+  for (int d = 0; d < 3; ++d) {
+    s.pushed_out_momentum[d] = static_cast<double>(c.pushed_momentum[d]) * momentum_unit;
+    s.scripted_momentum[d] = static_cast<double>(c.scripted_momentum[d]) * momentum_unit;
+  }
   solver_.setup(0).lifecycle.count(s.born, s.removed);
   s.sound_courant = c.sound_courant;
   s.share_over_courant = static_cast<double>(c.over_courant) / static_cast<double>(particle_count());

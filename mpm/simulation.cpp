@@ -20,13 +20,13 @@ namespace {
 /// What the tuned kernels for GPUs do not know, "" for nothing; the portable ones know all. Those for small scenes know
 /// more.
 std::string beyond_tuned_kernels(const Scene& scene, bool small) {
-  if (has_scripts(scene)) return "led particles";
   if (scene.domain.is_plane()) return "two dimensions";
   if (scene.transfer.spline != Spline::quadratic) return "cubic splines";
   if (scene.domain.has_wall(Wall::periodic)) return "periodic walls";
+  if (small) return "";
+  if (has_scripts(scene)) return "led particles";
   if (scene.transfer.scheme != TransferScheme::apic) return "other transfers than apic";
   if (scene.transfer.damping != 0) return "damped transfers";
-  if (small) return "";
   if (scene.has_moving_obstacles()) return "moving obstacles";
   return scene.has_inactive_particles() ? "emitters, sinks or open walls" : "";
 }

@@ -39,13 +39,17 @@ ParticleLifecycle<T>::ParticleLifecycle(Device device, const Scene& scene, const
 template <typename T>
 void ParticleLifecycle<T>::begin_step(double time, double dt) {
   step_end_ = time + dt;
-  if (!has_scripts()) return;
+  if (has_scripts()) steps_.upload(script_steps(time, dt));
+}
+
+template <typename T>
+std::vector<ScriptStep<T>> ParticleLifecycle<T>::script_steps(double time, double dt) const {
   std::vector<ScriptStep<T>> steps;
   for (const Script& script : scripts_) {
     const RigidStep<T> motion = rigid_step<T>(script.motion, script.body_center, time, dt);
     steps.push_back({plane_ ? in_plane(motion) : motion, time < script.release_time});
   }
-  steps_.upload(steps);
+  return steps;
 }
 
 template <typename T>

@@ -55,6 +55,8 @@ class ParticleLifecycle {
   bool has_presence() const { return presence_.size() > 0; }
   /// Sets the scripts' velocities for the substep of `dt` seconds from `time` on.
   void begin_step(double time, double dt);
+  /// [scripts] these velocities.
+  std::vector<ScriptStep<T>> script_steps(double time, double dt) const;
   LifecycleView<T> view() const;
   /// [n], 1 for active; empty where all particles always are.
   std::vector<uint8_t> active() const;

@@ -1,6 +1,7 @@
-// The part of the affine velocity that a transfer scheme carries on: C <- a sym(C) + b skew(C). APIC keeps both (and
-// does not come here), RPIC the rotation (Jiang et al. 2015), PIC nothing. Called after the deformation has used C.
+// The part of the affine velocity that a transfer scheme carries on. APIC keeps all (and does not come here). Called
+// after the deformation has used C.
 #include "mpm/phases/phases.h"
+#include "mpm/physics/transfer.h"
 
 namespace graupel::mpm {
 
@@ -9,11 +10,10 @@ namespace {
 template <typename T>
 struct BlendParticle {
   SolverView<T> view;
-  T symmetric, rotation;
+  CarriedAffine<T> carried;
   GRAUPEL_HD void operator()(int64_t slot) const {
-    const Mat<T, 3> C = load_matrix<T, 3>(view.particles.affine_velocity, slot), transposed = transpose(C);
     store_matrix<T, 3>(view.particles.affine_velocity, slot,
-                       (T(0.5) * symmetric) * (C + transposed) + (T(0.5) * rotation) * (C - transposed));
+                       carried(load_matrix<T, 3>(view.particles.affine_velocity, slot)));
   }
 };
 
@@ -21,7 +21,7 @@ struct BlendParticle {
 
 template <typename T>
 void blend_affine(const SolverView<T>& view, T symmetric, T rotation) {
-  launch<T>(view.device, view.particles.count, BlendParticle<T>{view, symmetric, rotation}, Grain{1024});
+  launch<T>(view.device, view.particles.count, BlendParticle<T>{view, {false, symmetric, rotation}}, Grain{1024});
 }
 
 template void blend_affine<float>(const SolverView<float>&, float, float);

@@ -5,8 +5,10 @@
 // 4 nodes x 4 channels at a time, so that a compiler uses its widest registers.
 #pragma once
 
+#include <cmath>
 #include <type_traits>
 
+#include "core/scene/transfer_config.h"
 #include "mpm/grid/grid.h"
 #include "mpm/physics/row_lanes.h"
 #include "mpm/physics/stencil.h"
@@ -24,6 +26,28 @@ GRAUPEL_HD inline Mat<S, D> affine_momentum(const S& mass, const S& volume, Real
     Mat<S, D> A = (mass * dx) * C;
     return A += ((-k * dt * inverse_dx) * volume) * tau;
   }
+}
+
+/// What a transfer scheme carries on of the affine velocity after a substep: C <- a sym(C) + b skew(C). APIC keeps
+/// both, RPIC the rotation (Jiang et al. 2015), PIC nothing; damped.
+template <typename T>
+struct CarriedAffine {
+  bool all = true;  ///< APIC without damping: C stays as it is, to the bit
+  T symmetric = 1, rotation = 1;
+
+  GRAUPEL_HD Mat<T, 3> operator()(const Mat<T, 3>& C) const {
+    if (all) return C;
+    const Mat<T, 3> transposed = transpose(C);
+    return (T(0.5) * symmetric) * (C + transposed) + (T(0.5) * rotation) * (C - transposed);
+  }
+};
+/// Of a substep of `dt` [s].
+template <typename T>
+CarriedAffine<T> carried_affine(const TransferConfig& transfer, double dt) {
+  const double kept = std::exp(-transfer.damping * dt);
+  return {transfer.scheme == TransferScheme::apic && transfer.damping == 0,
+          static_cast<T>(transfer.scheme == TransferScheme::apic ? kept : 0),
+          static_cast<T>(transfer.scheme == TransferScheme::pic ? 0 : kept)};
 }
 
 /// Stencil of a particle in the arena of its owner block `block`; `local` in cells from node 0.

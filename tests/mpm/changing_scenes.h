@@ -103,12 +103,45 @@ inline Scene open_walls() {
   return scene;
 }
 
+/// Jelly whose ends are held and twisted, until one is let go between two substeps; PIC.
+inline Scene gripped_jelly() {
+  Scene scene = changing_scene("taichi_jelly", {0.4, 0.3, 0.4}, {0, -1, 0});
+  scene.sources[0].size = {0.16, 0.06, 0.06};
+  scene.transfer.scheme = TransferScheme::pic;
+  KinematicRegion end;
+  end.shape = RegionShape::half_space;
+  end.position = {0.35, 0.3, 0.4};
+  end.normal = {1, 0, 0};
+  end.motion = Motion{};
+  scene.kinematic_regions.push_back(end);
+  end.position[0] = 0.45;
+  end.normal = {-1, 0, 0};
+  end.motion.velocity = {3, 1, 0};
+  end.motion.spin = 60;
+  end.motion.axis = {1, 0, 0};
+  end.release_time = 0.0052;
+  scene.kinematic_regions.push_back(end);
+  return scene;
+}
+
+/// A led block of snow that moves through falling sand; damped RPIC.
+inline Scene led_blocks() {
+  Scene scene = changing_scene("taichi_sand", {0.4, 0.165, 0.4}, {0, -4, 0});
+  scene.transfer.scheme = TransferScheme::rpic;
+  scene.transfer.damping = 40;
+  add_box(scene, "taichi_snow", {0.4, 0.1, 0.4}, 0.06);
+  scene.sources[1].particles_per_cell = 4;
+  scene.sources[1].motion = Motion{};
+  scene.sources[1].motion->velocity = {2, 1, 0};
+  scene.sources[1].motion->end_time = 0.02;
+  return scene;
+}
+
 inline std::vector<std::pair<std::string, Scene>> changing_scenes() {
-  return {{"turning paddle", turning_paddle()},
-          {"sliding box", sliding_box()},
-          {"tilting tray", tilting_tray()},
-          {"emitter and sink", emitter_and_sink()},
-          {"open walls", open_walls()}};
+  return {{"turning paddle", turning_paddle()}, {"sliding box", sliding_box()},
+          {"tilting tray", tilting_tray()},     {"emitter and sink", emitter_and_sink()},
+          {"open walls", open_walls()},         {"gripped jelly", gripped_jelly()},
+          {"led blocks", led_blocks()}};
 }
 
 }  // namespace graupel::mpm

@@ -67,6 +67,8 @@ GRAUPEL_HD void report_block(const Block& block, const View& view, int32_t scene
     block.add(&all.pushed_out, mine.pushed_out);
     for (int d = 0; d < 3; ++d) block.add(&all.pushed_momentum[d], mine.pushed_momentum[d]);
   }
+  for (int d = 0; d < 3; ++d)
+    if (mine.scripted_momentum[d]) block.add(&all.scripted_momentum[d], mine.scripted_momentum[d]);
   block.fence();
   if (block.add(&all.blocks_done, 1) != control.blocks - 1) return;
   block.fence();
@@ -80,7 +82,10 @@ GRAUPEL_HD void report_block(const Block& block, const View& view, int32_t scene
   found.over_courant = block.exchange(&all.over_courant, 0);
   found.bad_particle = block.exchange(&all.bad_particle, no_bad_particle);
   found.pushed_out = block.exchange(&all.pushed_out, 0ull);
-  for (int d = 0; d < 3; ++d) found.pushed_momentum[d] = block.exchange(&all.pushed_momentum[d], 0ull);
+  for (int d = 0; d < 3; ++d) {
+    found.pushed_momentum[d] = block.exchange(&all.pushed_momentum[d], 0ull);
+    found.scripted_momentum[d] = block.exchange(&all.scripted_momentum[d], 0ull);
+  }
   block.exchange(&all.blocks_done, 0);
   if (substeps > 1)
     count_earlier_substeps(view.scenes[scene], substeps - 1, number_of(found.before_speed2),

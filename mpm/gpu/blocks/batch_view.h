@@ -56,9 +56,10 @@ struct StepReport {
   int32_t blocks_done;   ///< blocks that have reported
   unsigned long long pushed_out;
   unsigned long long pushed_momentum[3];  ///< fixed point, so that the order does not matter
+  unsigned long long scripted_momentum[3];
 };
 inline constexpr int32_t no_bad_particle = 0x7fffffff;
-inline constexpr double momentum_unit = 1e-12;  ///< [kg m/s] of pushed_momentum
+inline constexpr double momentum_unit = 1e-12;  ///< [kg m/s] of sums of momentum
 
 /// The course of one scene.
 struct SceneProgress {
@@ -73,7 +74,8 @@ struct SceneProgress {
   double before_speed, before_sound;  ///< of the state before
   int64_t substeps, over_courant, pushed_out;
   double sound_courant;
-  int64_t pushed_momentum[3];  ///< units of momentum_unit
+  int64_t pushed_momentum[3];    ///< units of momentum_unit
+  int64_t scripted_momentum[3];  ///< that scripts gave, in the same
   int32_t bad_particle;
 };
 

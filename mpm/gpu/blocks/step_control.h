@@ -100,7 +100,10 @@ GRAUPEL_HD inline void finish_substep(const BatchScene& scene, const StepReport&
   control.speed = sqrt(static_cast<double>(largest_speed2));
   control.sound_speed = static_cast<double>(largest_sound_speed);
   control.pushed_out += static_cast<int64_t>(found.pushed_out);
-  for (int d = 0; d < 3; ++d) control.pushed_momentum[d] += static_cast<int64_t>(found.pushed_momentum[d]);
+  for (int d = 0; d < 3; ++d) {
+    control.pushed_momentum[d] += static_cast<int64_t>(found.pushed_momentum[d]);
+    control.scripted_momentum[d] += static_cast<int64_t>(found.scripted_momentum[d]);
+  }
   const double courant = control.sound_speed * dt / static_cast<double>(scene.view.grid.dx);
   if (courant > control.sound_courant) control.sound_courant = courant;
   if (found.bad_particle != no_bad_particle) {

@@ -62,10 +62,13 @@ FrameTables::Frame FrameTables::frame_of(const SceneSetup<float>& s, int64_t fra
   frame.substeps =
       static_cast<int32_t>(equal_substeps(s.scene.time_step, s.scene.domain.dx, frame_time, s.fastest(speed, from)));
   const double dt = frame_time / frame.substeps;
-  if (s.lifecycle.has_presence()) {
-    double elapsed = 0;
-    for (int32_t i = 0; i < frame.substeps; ++i, elapsed += dt) frame.step_end.push_back(from + elapsed + dt);
+  double elapsed = 0;
+  for (int32_t i = 0; i < frame.substeps; ++i, elapsed += dt) {
+    if (s.lifecycle.has_presence()) frame.step_end.push_back(from + elapsed + dt);
+    for (const ScriptStep<float>& script : s.lifecycle.script_steps(from + elapsed, dt))
+      frame.scripts.push_back(script);
   }
+  frame.carried = carried_affine<float>(s.scene.transfer, dt);
   if (!s.moving.any() || frame.substeps == 0) return frame;
   frame.obstacles = s.moving.substeps(from, dt, frame.substeps);
   const std::size_t obstacles = s.scene.obstacles.size();
@@ -99,7 +102,7 @@ void FrameTables::make_early(int64_t frames_done, const std::vector<SceneProgres
 
 bool FrameTables::upload() {
   struct Places {
-    std::size_t poses, steps, boxes, step_end;
+    std::size_t poses, steps, boxes, step_end, scripts;
     int64_t held;
   };
   std::vector<Places> places;
@@ -108,7 +111,8 @@ bool FrameTables::upload() {
   for (const Frame& f : frames_) {
     places.push_back({place_for<sparsegrid::ObstacleView>(f.obstacles.poses.size(), end),
                       place_for<RigidStep<float>>(f.obstacles.steps.size(), end),
-                      place_for<NodeBox>(f.boxes.size(), end), place_for<double>(f.step_end.size(), end), held});
+                      place_for<NodeBox>(f.boxes.size(), end), place_for<double>(f.step_end.size(), end),
+                      place_for<ScriptStep<float>>(f.scripts.size(), end), held});
     held += f.held;
   }
   const void *const tables = tables_.data(), *const contacts = held_.data();
@@ -129,15 +133,19 @@ bool FrameTables::upload() {
     const Places& p = places[i];
     NodeContact* const first = held_.data() + p.held;
     scenes.push_back({f.substeps,
+                      f.substeps > 0 ? static_cast<int32_t>(f.scripts.size()) / f.substeps : 0,
                       scenes_[i]->moving.view_of(at(p.poses, f.obstacles.poses), at(p.steps, f.obstacles.steps)),
                       at(p.boxes, f.boxes),
                       {first, first + held},
                       scenes_[i]->lifecycle.view(),
-                      at(p.step_end, f.step_end)});
+                      at(p.step_end, f.step_end),
+                      at(p.scripts, f.scripts),
+                      f.carried});
     put(p.poses, f.obstacles.poses);
     put(p.steps, f.obstacles.steps);
     put(p.boxes, f.boxes);
     put(p.step_end, f.step_end);
+    put(p.scripts, f.scripts);
   }
   put(0, scenes);
   device_copy(tables_.device(), tables_.data(), Device::cpu, packed_.data(), end);

@@ -36,6 +36,8 @@ class FrameTables {
     std::vector<NodeBox> boxes;  ///< [substeps, moving ones]
     int64_t held = 0;            ///< most nodes of the boxes of a substep
     std::vector<double> step_end;
+    std::vector<ScriptStep<float>> scripts;  ///< [substeps, scripts]
+    CarriedAffine<float> carried;
   };
   Frame frame_of(const SceneSetup<float>& scene, int64_t frames_done, double speed) const;
 

@@ -2,6 +2,7 @@
 // bytes must.
 #pragma once
 
+#include "core/scene/scripts.h"
 #include "mpm/grid/grid.h"
 
 namespace graupel::mpm {
@@ -11,11 +12,12 @@ namespace graupel::mpm {
 inline constexpr int64_t most_small_nodes = int64_t{1} << 22;
 inline constexpr int64_t most_small_particles = 16384;
 /// Of one that changes, which has only the portable kernels above.
-inline constexpr int64_t most_changing_particles = 32768;
+inline constexpr int64_t most_changing_particles = 262144;
 
-/// Whether it has moving obstacles, or particles that come and go.
+/// Whether it has moving obstacles, particles that come and go or that scripts lead, or other transfers than APIC.
 inline bool is_changing_scene(const Scene& scene) {
-  return scene.has_moving_obstacles() || scene.has_inactive_particles();
+  return scene.has_moving_obstacles() || scene.has_inactive_particles() || has_scripts(scene) ||
+         scene.transfer.scheme != TransferScheme::apic || scene.transfer.damping != 0;
 }
 
 /// Whether SmallSceneSolver runs a scene of this many particles.

@@ -130,16 +130,52 @@ GRAUPEL_HD inline bool is_born(const W& w, int64_t slot, const Vec<float, 3>& v,
          appears(scene.step_end[w.step], scene.lifecycle.birth_time[slot - w.small.first], w.dt, v, x);
 }
 
+/// The motion that leads a particle in a substep of the frame, or null.
+template <typename W>
+GRAUPEL_HD inline const RigidStep<float>* leader_of(const W& w, int64_t slot, int32_t step) {
+  if constexpr (W::View::changes) {
+    const ChangingScene& scene = w.shared.changing;
+    if (scene.lifecycle.script == nullptr || step >= scene.substeps) return nullptr;
+    const int32_t script = scene.lifecycle.script[slot - w.small.first];
+    if (script < 0) return nullptr;
+    const ScriptStep<float>& of_step = scene.scripts[int64_t(step) * scene.script_count + script];
+    return of_step.leads ? &of_step.motion : nullptr;
+  }
+  return nullptr;
+}
+
+/// A led particle takes its leader's velocity; what that gives it counts where `reports`.
+template <typename W>
+GRAUPEL_HD inline void follow(const W& w, const RigidStep<float>& leader, const Vec<float, 3>& x, float mass,
+                              bool reports, Vec<float, 3>& v) {
+  const Vec<float, 3> led = leader.velocity_at(x), change = led - v;
+  v = led;
+  if (!reports) return;
+  for (int d = 0; d < 3; ++d) {
+    batch::FixedMomentum given;
+    given += static_cast<double>(mass * change[d]);
+    w.block.add(&w.shared.report.scripted_momentum[d], static_cast<unsigned long long>(given.units));
+  }
+}
+
+/// What of the affine velocity is carried on.
+template <typename W>
+GRAUPEL_HD inline Mat<float, 3> carried_on(const W& w, const Mat<float, 3>& C) {
+  if constexpr (W::View::changes) return w.shared.changing.carried(C);
+  return C;
+}
+
 /// Moves a particle as move_point(); whether it left the run. It then speaks of its push-out alone.
 template <typename W>
-[[gnu::always_inline]] GRAUPEL_HD inline bool move_and_leave(const W& w, int32_t place, float mass, Vec<float, 3>& x,
-                                                             Vec<float, 3>& v, batch::ParticleFindings& found) {
+[[gnu::always_inline]] GRAUPEL_HD inline bool move_and_leave(const W& w, bool led, int32_t place, float mass,
+                                                             Vec<float, 3>& x, Vec<float, 3>& v,
+                                                             batch::ParticleFindings& found) {
   const SceneView<float>& scene = w.scene.view;
   const ChangingScene& changing = w.shared.changing;
   const LifecycleView<float>& lifecycle = changing.lifecycle;
   const MovingObstacleView<float>& moving = moving_now(w);
-  if (!move_point<true, 3>(scene, moving, false, place, mass, w.dt, x, v, found)) return false;
-  if (!has_exits(scene.walls, lifecycle) || !leaves(scene.walls, lifecycle, scene.grid.dx, x)) return false;
+  if (!move_point<true, 3>(scene, moving, led, place, mass, w.dt, x, v, found)) return false;
+  if (led || !has_exits(scene.walls, lifecycle) || !leaves(scene.walls, lifecycle, scene.grid.dx, x)) return false;
   found.largest_sound_speed = 0;
   found.over_courant = 0;
   found.bad_slot = -1;

@@ -14,24 +14,35 @@
 
 namespace graupel::mpm::small {
 
+/// affine_momentum() with a particle's stored stress.
+template <typename W>
+GRAUPEL_HD Mat<float, 3> affine_momentum_of(const W& w, float mass, float volume, const Mat<float, 3>& C,
+                                            int64_t slot) {
+  const GridGeometry<float, 3>& grid = w.scene.view.grid;
+  return affine_momentum(mass, volume, w.dt, grid.dx, grid.inverse_dx, C,
+                         load_symmetric(w.view.particles.stress, slot));
+}
 /// affine_momentum() of a particle's stored state.
 template <typename W>
 GRAUPEL_HD Mat<float, 3> stored_affine_momentum(const W& w, int64_t slot, float mass, float volume) {
-  const ParticleView<float>& p = w.view.particles;
-  const GridGeometry<float, 3>& grid = w.scene.view.grid;
-  return affine_momentum(mass, volume, w.dt, grid.dx, grid.inverse_dx, load_matrix<float, 3>(p.affine_velocity, slot),
-                         load_symmetric(p.stress, slot));
+  return affine_momentum_of(w, mass, volume, load_matrix<float, 3>(w.view.particles.affine_velocity, slot), slot);
 }
 
-/// What a particle adds at the start of a frame.
+/// What a particle adds at the start of a frame. `reports`: this lane speaks for it.
 template <typename W>
-GRAUPEL_HD Contribution initial_contribution(const W& w, int64_t slot) {
+GRAUPEL_HD Contribution initial_contribution(const W& w, int64_t slot, bool reports) {
   if (!is_present(w, slot)) return no_contribution();
   const ParticleView<float>& p = w.view.particles;
   const SceneView<float>& scene = w.scene.view;
   const float volume = p.volume.get(slot), mass = scene.materials[p.material.get(slot)].density * volume;
+  const Vec<float, 3> x = p.position.vec(slot);
+  if (const RigidStep<float>* const leader = leader_of(w, slot, 0)) {
+    Vec<float, 3> v = p.velocity.vec(slot);
+    follow(w, *leader, x, mass, reports, v);
+    return contribution_of(scene, w.small, x, v, affine_momentum_of(w, mass, volume, leader->gradient, slot), mass);
+  }
   const Mat<float, 3> A = stored_affine_momentum(w, slot, mass, volume);
-  return contribution_of(scene, w.small, p.position.vec(slot), p.velocity.vec(slot), A, mass);
+  return contribution_of(scene, w.small, x, p.velocity.vec(slot), A, mass);
 }
 
 enum class Keep { motion, everything };  ///< what of a particle's new state is stored
@@ -48,14 +59,15 @@ GRAUPEL_HD Contribution advance(W& w, int64_t slot, const Moment& moment, bool r
   batch::ParticleFindings found;
   Vec<float, 3> x = p.position.vec(slot), v;
   float internal = p.internal.get(slot);
-  Mat<float, 3> F = Mat<float, 3>::identity(), A = Mat<float, 3>::zero();
+  Mat<float, 3> F = Mat<float, 3>::identity(), A = Mat<float, 3>::zero(), tau = A;
+  const RigidStep<float>* const leader = leader_of(w, slot, w.step);
   bool born = false, left = false;
   if constexpr (W::View::changes)
     if (!is_present(w, slot)) {
       born = is_born(w, slot, p.velocity.vec(slot), x);
       if (!born) return no_contribution();
     }
-  if (m.model == MaterialModel::stationary) {  // keeps place and velocity whatever the grid does
+  if (m.model == MaterialModel::stationary && leader == nullptr) {  // keeps place and velocity whatever the grid does
     v = p.velocity.vec(slot);
     state_statistics(dx, m, place, v, F, internal, w.dt, found);
     if (born && reports) p.position.set_vec(slot, x);
@@ -70,8 +82,13 @@ GRAUPEL_HD Contribution advance(W& w, int64_t slot, const Moment& moment, bool r
         v[r] = moment.value[r];
         for (int c = 0; c < 3; ++c) C(r, c) = 4.0f * scene.grid.inverse_dx * moment.value[3 + 3 * r + c];
       }
+      if (leader != nullptr) {
+        follow(w, *leader, x, mass, reports, v);
+        C = leader->gradient;
+      }
       if (keeps_deformation(m.model)) F = load_matrix<float, 3>(p.deformation_gradient, slot);
-      const Mat<float, 3> tau = update_material(m, w.dt, C, F, internal);
+      tau = update_material(m, w.dt, C, F, internal);
+      C = carried_on(w, C);
       A = affine_momentum(mass, volume, w.dt, dx, scene.grid.inverse_dx, C, tau);
       if (reports) {
         if (keeps_deformation(m.model)) store_matrix<float, 3>(p.deformation_gradient, slot, F);
@@ -84,7 +101,7 @@ GRAUPEL_HD Contribution advance(W& w, int64_t slot, const Moment& moment, bool r
     }
     if (!deformation_statistics(dx, m, F, internal, w.dt, found)) mark_bad(place, found);
     if constexpr (W::View::changes)
-      left = move_and_leave(w, place, mass, x, v, found);
+      left = move_and_leave(w, leader != nullptr, place, mass, x, v, found);
     else
       move_point<false, 3>(scene, {}, false, place, mass, w.dt, x, v, found);
     if (left) v = Vec<float, 3>::zero();
@@ -103,7 +120,12 @@ GRAUPEL_HD Contribution advance(W& w, int64_t slot, const Moment& moment, bool r
     if constexpr (W::View::changes)
       if (born || left) presence_of(w, slot) = left ? Presence::gone : Presence::active;
   }
-  return left ? no_contribution() : contribution_of(scene, w.small, x, v, A, mass);
+  if (left) return no_contribution();
+  if (const RigidStep<float>* const next = leader_of(w, slot, w.step + 1)) {
+    follow(w, *next, x, mass, reports, v);
+    A = affine_momentum(mass, volume, w.dt, dx, scene.grid.inverse_dx, next->gradient, tau);
+  }
+  return contribution_of(scene, w.small, x, v, A, mass);
 }
 
 /// The speeds of a substep become those of the substep before.
@@ -143,7 +165,7 @@ template <typename W>
 GRAUPEL_HD void scatter_scene(const W& w, int64_t k) {
   w.for_chunks([&](int32_t first, int32_t count) {
     const int own = w.lane() % w.chunk_size, at = own < count ? own : count - 1;
-    stage(w, first, count, initial_contribution(w, int64_t(w.small.first) + first + at),
+    stage(w, first, count, initial_contribution(w, int64_t(w.small.first) + first + at, w.lane() < count),
           w.view.base + k % 3 * w.view.particles.count);
     scatter_chunk(w, count, w.small.sums[k % 3]);
     w.block.sync_warp();

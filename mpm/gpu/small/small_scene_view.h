@@ -9,6 +9,7 @@
 #include "mpm/gpu/blocks/batch_view.h"
 #include "mpm/grid/moving_obstacles.h"
 #include "mpm/particles/particle_lifecycle.h"
+#include "mpm/physics/transfer.h"
 
 namespace graupel::mpm {
 
@@ -57,11 +58,14 @@ struct NodeBox {
 /// What changes in a scene during a frame, known before it.
 struct ChangingScene {
   int32_t substeps;
+  int32_t script_count;
   MovingObstacleView<float> moving;  ///< in the first substep
   const NodeBox* boxes;              ///< [substeps, moving.count]
   NodeContact* contact[2];           ///< [nodes of the boxes] each, for even and odd substeps
   LifecycleView<float> lifecycle;
-  const double* step_end;  ///< [substeps] [s]; where particles come and go
+  const double* step_end;            ///< [substeps] [s]; where particles come and go
+  const ScriptStep<float>* scripts;  ///< [substeps, script_count]
+  CarriedAffine<float> carried;
 };
 
 /// Blocks of threads stand in groups; a group takes one scene after the other.
@@ -78,7 +82,8 @@ struct SmallBatchView {
   uint32_t* arrivals;  ///< [scenes] blocks at the barriers of the present frame
 };
 
-/// Scenes with moving obstacles, or particles that come and go. The others have a kernel without them.
+/// Scenes with moving obstacles, with particles that come and go or that scripts lead, or with other transfers than
+/// APIC. The others have a kernel without them.
 struct ChangingBatchView : SmallBatchView {
   static constexpr bool changes = true;
 

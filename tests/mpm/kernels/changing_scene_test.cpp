@@ -50,6 +50,10 @@ Both expect_parity(FiberBackend& backend, const Scene& scene, int frames, const 
   EXPECT_EQ(control.substeps, statistics.substeps) << what;
   EXPECT_EQ(born, statistics.born) << what;
   EXPECT_EQ(removed, statistics.removed) << what;
+  for (int axis = 0; axis < 3; ++axis)
+    EXPECT_NEAR(static_cast<double>(control.scripted_momentum[axis]) * momentum_unit,
+                statistics.scripted_momentum[axis], 1e-4 * norm(statistics.scripted_momentum) + 1e-9)
+        << what;
   const auto pushed = static_cast<double>(statistics.pushed_out);
   EXPECT_NEAR(static_cast<double>(control.pushed_out), pushed, 0.02 * pushed + 3) << what;
   EXPECT_NEAR(control.sound_courant, statistics.sound_courant, 1e-4) << what;
@@ -70,6 +74,28 @@ TEST(ChangingScene, FramesEqualThoseOfThePortableKernels) {
     Scene at_rest = scene;
     for (Obstacle& obstacle : at_rest.obstacles) obstacle.motion.reset();
     EXPECT_GT(difference(after_frames(backend, {at_rest}, 3)->frame(), both.small->frame()).position, 1e-3f) << name;
+  }
+}
+
+TEST(ChangingScene, HeldParticlesStandStillAndOtherTransfersAreSeen) {
+  FiberBackend backend;
+  const Scene scene = gripped_jelly();
+  const Both both = expect_parity(backend, scene, 2, "gripped jelly");
+  const std::vector<Vec3f> start = after_frames(backend, {scene}, 0)->frame().position;
+  const ParticleFrame end = both.small->frame();
+  int held = 0;
+  for (std::size_t i = 0; i < start.size(); ++i) {
+    if (start[i][0] < 0.35f - 1e-6f) {
+      ++held;
+      EXPECT_EQ(end.position[i], start[i]);
+    }
+  }
+  EXPECT_GT(held, 100);
+  EXPECT_GT(norm(both.reference->statistics().scripted_momentum), 1e-3);
+  for (const TransferScheme scheme : {TransferScheme::apic, TransferScheme::rpic}) {
+    Scene other = scene;
+    other.transfer.scheme = scheme;
+    EXPECT_GT(difference(after_frames(backend, {other}, 2)->frame(), end).velocity, 1e-2f) << word_of(scheme);
   }
 }
 
