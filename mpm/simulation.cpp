@@ -26,6 +26,8 @@ std::string beyond_tuned_kernels(const Scene& scene, bool small) {
   if (scene.domain.has_wall(Wall::periodic)) return "periodic walls";
   if (scene.transfer.scheme != TransferScheme::apic) return "other transfers than apic";
   if (scene.transfer.damping != 0) return "damped transfers";
+  if (!scene.loads.empty()) return "loads";
+  if (scene.has_changing_gravity()) return "gravity that changes";
   if (small) return "";
   if (scene.has_moving_obstacles()) return "moving obstacles";
   return scene.has_inactive_particles() ? "emitters, sinks or open walls" : "";

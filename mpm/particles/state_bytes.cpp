@@ -9,7 +9,7 @@ namespace graupel::mpm {
 
 namespace {
 
-constexpr uint64_t magic = 0x34304d504d415247ull;  // "GRAMPM04", little endian
+constexpr uint64_t magic = 0x35304d504d415247ull;  // "GRAMPM05", little endian
 
 struct Head {
   uint64_t magic;
