@@ -5,7 +5,7 @@
 #include <cmath>
 #include <filesystem>
 
-#include "core/scene/plane_check.h"
+#include "core/scene/checks/plane_check.h"
 #include "core/system/error.h"
 #include "io/config/config_values.h"
 #include "io/mesh/mesh_file.h"

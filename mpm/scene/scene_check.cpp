@@ -5,7 +5,7 @@
 
 #include <cmath>
 
-#include "core/scene/plane_check.h"
+#include "core/scene/checks/plane_check.h"
 #include "core/system/error.h"
 
 namespace graupel::mpm {

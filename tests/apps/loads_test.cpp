@@ -121,8 +121,12 @@ TEST_F(LoadsOfScenes, ASweepOverAForceTrainsAReducedModel) {
       }
     return std::sqrt(sum / moved);
   };
-  EXPECT_LT(error(""), 0.3);
-  EXPECT_GT(error("--set loads=[]"), 0.9) << "nothing moves without it";
+  EXPECT_LT(error(""), 0.1);
+  EXPECT_GT(error("--set loads.0.force.0=1e-6"), 0.9) << "nothing moves without it";
+  const Outcome without =
+      graupel("rollout " + out + "/weights.safetensors " + data + "/test.h5 -o " + rolled + " --set loads=[]");
+  EXPECT_EQ(without.exit_code, 2);
+  EXPECT_TRUE(without.says("no number at 'loads.0.force.0'")) << without.output;
   const Outcome other = graupel("rollout " + out + "/weights.safetensors " + data + "/test.h5 -o " + rolled +
                                 " --set loads.0.place=[0.44,0.48,0.44]");
   EXPECT_EQ(other.exit_code, 0);

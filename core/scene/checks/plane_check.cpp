@@ -1,4 +1,4 @@
-#include "core/scene/plane_check.h"
+#include "core/scene/checks/plane_check.h"
 
 #include <cmath>
 #include <cstdio>
