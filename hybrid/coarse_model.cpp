@@ -35,7 +35,11 @@ double expected_speed(const Scene& scene) {
   }
   for (const Emitter& emitter : scene.emitters) start = std::max(start, norm(emitter.velocity));
   double fall = 0;
-  for (int d = 0; d < 3; ++d) fall += std::abs(scene.gravity[d]) * scene.domain.size[d];
+  for (int d = 0; d < 3; ++d) {
+    double largest = std::abs(scene.gravity[d]);
+    for (const GravityKey& key : scene.gravity_keyframes) largest = std::max(largest, std::abs(key.gravity[d]));
+    fall += largest * scene.domain.size[d];
+  }
   return std::sqrt(start * start + 2 * fall);
 }
 

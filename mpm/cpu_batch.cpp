@@ -63,6 +63,7 @@ RunStatistics CpuBatch::statistics() const {
     all.substeps = std::max(all.substeps, one.substeps);
     all.active_blocks += one.active_blocks;
     all.peak_bytes += one.peak_bytes;
+    all.loads_without_carriers += one.loads_without_carriers;
   }
   all.solver_seconds = seconds_;
   return all;

@@ -19,13 +19,16 @@ Scene with_substeps(const Scene& scene, int64_t substeps) {
   return changed;
 }
 
-/// Frames until the last stream or burst has begun: before, a trial would look at a part of the scene.
+/// Frames until the last stream, burst or load has begun, and gravity no longer changes: before, a trial would look at
+/// a part of the scene.
 int64_t last_start(const Scene& scene) {
   double last = 0;
   for (const Emitter& emitter : scene.emitters) {
     const bool bursts = emitter.emission == Emission::burst;
     if (!bursts || !emitter.times.empty()) last = std::max(last, bursts ? emitter.times.back() : emitter.start_time);
   }
+  for (const TimedLoad& load : scene.loads) last = std::max(last, load.start);
+  if (scene.has_changing_gravity()) last = std::max(last, scene.gravity_keyframes.back().time);
   return static_cast<int64_t>(std::ceil(last / scene.frame_time));
 }
 

@@ -41,6 +41,7 @@ class GroupedBatch final : public SceneBatch {
       all.substeps = std::max(all.substeps, one.substeps);
       all.active_blocks += one.active_blocks;
       all.peak_bytes += one.peak_bytes;
+      all.loads_without_carriers += one.loads_without_carriers;
       all.solver_seconds += one.solver_seconds;
     }
     return all;

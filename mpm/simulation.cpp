@@ -23,6 +23,8 @@ std::string beyond_tuned_kernels(const Scene& scene, bool small) {
   if (scene.domain.is_plane()) return "two dimensions";
   if (scene.transfer.spline != Spline::quadratic) return "cubic splines";
   if (scene.domain.has_wall(Wall::periodic)) return "periodic walls";
+  if (!scene.loads.empty()) return "loads";
+  if (scene.has_changing_gravity()) return "gravity that changes";
   if (small) return "";
   if (has_scripts(scene)) return "led particles";
   if (scene.transfer.scheme != TransferScheme::apic) return "other transfers than apic";

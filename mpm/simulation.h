@@ -45,6 +45,8 @@ struct RunStatistics {
   Vec3d pushed_out_momentum = {0, 0, 0};  ///< momentum that this took [kg m/s]
   int64_t born = 0, removed = 0;          ///< particles that emitters sent out, and that sinks and open walls took
   Vec3d scripted_momentum = {0, 0, 0};    ///< that scripts gave to the particles they lead [kg m/s]
+  Vec3d load_momentum = {0, 0, 0};        ///< that loads gave to their carriers [kg m/s]
+  int64_t loads_without_carriers = 0;     ///< that began where nothing was that can move
   double sound_courant = 0;               ///< largest c dt / dx seen
   double share_over_courant = 0;          ///< largest share of particles with c dt / dx > 1 in a frame's last substep
   int64_t active_blocks = 0, peak_bytes = 0;
@@ -134,7 +136,8 @@ class SceneBatch {
   virtual std::optional<std::string> divergence(int scene) const = 0;
   /// Of each scene, as Simulation::frame() with the `wanted` fields in it. That of a diverged scene is of no use.
   virtual std::vector<ParticleFrame> frames(FieldSet wanted) const = 0;
-  /// Of all scenes together: active_blocks, peak_bytes, solver_seconds, and substeps (the most of any scene).
+  /// Of all scenes together: active_blocks, peak_bytes, loads_without_carriers, solver_seconds, and substeps (the most
+  /// of any scene).
   virtual RunStatistics statistics() const = 0;
 
   int64_t particle_count() const;  ///< of all scenes

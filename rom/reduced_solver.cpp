@@ -90,6 +90,7 @@ ReducedSolver<T>::ReducedSolver(const ReducedModel& model, mpm::PreparedScene pr
       grid_(prepared_),
       sample_field_(model.fields->bind_samples(samples_)),
       output_(model.fields->bind_positions_f32(all_of(model.fields->particles()))),
+      scene_loads_(prepared_.scene.loads.size()),
       control_(halvings_of(model, prepared_.scene.frame_time, step_factor_, options.long_steps)) {
   GRAUPEL_ASSERT(parameters.size() == model_.parameters.size());
   state_ = start_of_run(model, prepared_.particles, std::move(parameters));
@@ -148,6 +149,8 @@ bool ReducedSolver<T>::try_step(double dt) {
     trust_ = trust;
     time_ = time;
     down_weighted_sum_ = down_weighted;
+    for (std::size_t l = 0; l < scene_loads_.size(); ++l)
+      if (prepared_.scene.loads[l].start >= time) scene_loads_[l] = {};  // that began in the step
     ++statistics_.reduced_steps;
     return false;
   };
@@ -238,15 +241,7 @@ void ReducedSolver<T>::pull(double dt) {
 template <typename T>
 LoadResponse ReducedSolver<T>::apply(const Load& load) {
   std::erase_if(loads_, [&](const BodyLoad& old) { return old.is_over(time_); });
-  const mpm::SampledParticles& all = prepared_.particles;
-  std::vector<double> mass(all.position.size(), 0.0);
-  for (std::size_t p = 0; p < mass.size(); ++p) {
-    const MaterialConfig& material =
-        prepared_.scene.materials.at(all.material_names[static_cast<std::size_t>(all.material[p])]);
-    const bool is_led = !all.script.empty() && all.script[p] >= 0;
-    if (material.model != MaterialModel::stationary && !is_led) mass[p] = material.density * all.volume[p];
-  }
-  BodyLoad added(*model_.fields, load, time_, frame().position, mass);
+  BodyLoad added(*model_.fields, {load, time_}, frame().position, moving_mass());
   LoadResponse response = added.response(state_.latent.data());
   if (const double fastest = fastest_of_training(model_); fastest > 0) {
     const Eigen::VectorXd change = load.duration * added.acceleration(state_.latent.data());
@@ -258,17 +253,50 @@ LoadResponse ReducedSolver<T>::apply(const Load& load) {
   return response;
 }
 
-/// The loads' impulses in a step. The velocity is also the difference to the latent before.
+/// [particles] Mass of those that forces move now, 0 for the others [kg].
+template <typename T>
+std::vector<double> ReducedSolver<T>::moving_mass() const {
+  const mpm::SampledParticles& all = prepared_.particles;
+  std::vector<double> mass(all.position.size(), 0.0);
+  for (std::size_t p = 0; p < mass.size(); ++p) {
+    const MaterialConfig& material =
+        prepared_.scene.materials.at(all.material_names[static_cast<std::size_t>(all.material[p])]);
+    const bool is_led = !all.script.empty() && all.script[p] >= 0 &&
+                        time_ < all.scripts[static_cast<std::size_t>(all.script[p])].release_time;
+    if (material.model != MaterialModel::stationary && !is_led) mass[p] = material.density * all.volume[p];
+  }
+  return mass;
+}
+
+/// The loads' impulses in a step. Those of the scene that begin in it are carried by what is in their ball now.
 template <typename T>
 void ReducedSolver<T>::push(double dt) {
-  for (const BodyLoad& load : loads_) {
-    const double seconds = load.acts(time_, dt);
-    if (seconds == 0) continue;
-    const Eigen::VectorXd change = seconds * load.acceleration(state_.latent.data());
-    for (std::size_t k = 0; k < state_.velocity.size(); ++k) {
-      state_.velocity[k] += change[static_cast<Eigen::Index>(k)];
-      if (!state_.previous.empty()) state_.previous[k] -= state_.last_step * change[static_cast<Eigen::Index>(k)];
-    }
+  for (std::size_t l = 0; l < scene_loads_.size(); ++l)
+    if (scene_loads_[l].phase == LoadPhase::waits && prepared_.scene.loads[l].acts(time_, dt) > 0) begin_load(l);
+  for (const SceneLoad& of_scene : scene_loads_)
+    if (of_scene.load) push_by(*of_scene.load, dt);
+  for (const BodyLoad& load : loads_) push_by(load, dt);
+}
+
+template <typename T>
+void ReducedSolver<T>::begin_load(std::size_t number) {
+  const TimedLoad& load = prepared_.scene.loads[number];
+  SceneLoad& begun = scene_loads_[number];
+  const std::vector<Vec3f> position = frame().position;
+  const std::vector<double> mass = moving_mass();
+  begun.phase = BodyLoad::has_carriers(load, position, mass) ? LoadPhase::acts : LoadPhase::has_no_carriers;
+  if (begun.phase == LoadPhase::acts) begun.load.emplace(*model_.fields, load, position, mass);
+}
+
+/// The velocity is also the difference to the latent before.
+template <typename T>
+void ReducedSolver<T>::push_by(const BodyLoad& load, double dt) {
+  const double seconds = load.acts(time_, dt);
+  if (seconds == 0) return;
+  const Eigen::VectorXd change = seconds * load.acceleration(state_.latent.data());
+  for (std::size_t k = 0; k < state_.velocity.size(); ++k) {
+    state_.velocity[k] += change[static_cast<Eigen::Index>(k)];
+    if (!state_.previous.empty()) state_.previous[k] -= state_.last_step * change[static_cast<Eigen::Index>(k)];
   }
 }
 
@@ -295,6 +323,9 @@ ReducedStatistics ReducedSolver<T>::statistics() const {
   s.samples = static_cast<int64_t>(samples_.size());
   s.mean_integration = static_cast<double>(integration_sum_) / steps;
   s.mean_iterations = static_cast<double>(iteration_sum_) / steps;
+  s.loads_without_carriers = std::count_if(scene_loads_.begin(), scene_loads_.end(), [](const SceneLoad& load) {
+    return load.phase == LoadPhase::has_no_carriers;
+  });
   s.bytes = grid_.bytes() + quadrature_->bytes() + output_->bytes();
   return s;
 }

@@ -62,6 +62,7 @@ struct ReducedStatistics {
   int64_t most_integration = 0;
   double mean_iterations = 0;  ///< of Gauss-Newton
   double largest_condition = 0;
+  int64_t loads_without_carriers = 0;  ///< of the scene, that began where nothing was that can move
   int64_t bytes = 0;
 };
 
@@ -79,7 +80,8 @@ class ReducedSolver {
   void advance_frame();
   /// One step of dt [s], which is kept. Throws DivergedError.
   void step(double dt);
-  /// Puts a force on the body, from the present time on, beside those that act already. Throws ConfigError as BodyLoad.
+  /// Puts a force on the body, from the present time on, beside those that act already and those of the scene. Throws
+  /// ConfigError as BodyLoad.
   LoadResponse apply(const Load& load);
   /// Positions and velocities of all particles, in the order of the sources.
   ParticleFrame frame() const;
@@ -93,6 +95,9 @@ class ReducedSolver {
   void pull(double dt);
   bool try_step(double dt);
   void push(double dt);
+  void push_by(const BodyLoad& load, double dt);
+  void begin_load(std::size_t number);
+  std::vector<double> moving_mass() const;
 
   const ReducedModel& model_;
   mpm::PreparedScene prepared_;
@@ -109,7 +114,13 @@ class ReducedSolver {
   LatentState state_;
   SampleMotion motion_;  ///< of the last step
   double time_ = 0;
-  std::vector<BodyLoad> loads_;  ///< that are not over
+  std::vector<BodyLoad> loads_;  ///< put on it while it runs, that are not over
+  enum class LoadPhase { waits, acts, has_no_carriers };
+  struct SceneLoad {
+    LoadPhase phase = LoadPhase::waits;
+    std::optional<BodyLoad> load;
+  };
+  std::vector<SceneLoad> scene_loads_;  ///< in the order of the scene
   StepControl control_;
   double misfit_ = 0;  ///< distance that the last inversion left, over its dt [m/s]
   ErrorIndicator trust_;

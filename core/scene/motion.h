@@ -10,6 +10,7 @@
 #include "core/math/mat.h"
 #include "core/math/vec.h"
 #include "core/scene/fields.h"
+#include "core/scene/keyframes.h"
 
 namespace graupel {
 
@@ -67,13 +68,7 @@ struct Motion {
       return;
     }
     constexpr double degree = 3.14159265358979323846 / 180;
-    MotionKey before, after;
-    for (const MotionKey& key : keyframes) {
-      after = key;
-      if (key.time > time) break;
-      before = key;
-    }
-    const double fraction = after.time > before.time ? (time - before.time) / (after.time - before.time) : 0;
+    const auto [before, after, fraction] = keys_around(MotionKey{}, keyframes, time);
     translation = before.translation + fraction * (after.translation - before.translation);
     angle = (before.angle + fraction * (after.angle - before.angle)) * degree;
   }

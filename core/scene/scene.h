@@ -12,6 +12,8 @@
 #include "core/scene/body.h"
 #include "core/scene/domain.h"
 #include "core/scene/emitter.h"
+#include "core/scene/gravity.h"
+#include "core/scene/load.h"
 #include "core/scene/material_config.h"
 #include "core/scene/motion.h"
 #include "core/scene/region.h"
@@ -70,7 +72,9 @@ struct Scene {
   std::string description;
   uint64_t seed = 0;  ///< of the particle sampling; --seed overrides it
   Domain domain;
-  Vec3d gravity = {0, -9.8, 0};  ///< [m/s^2]
+  Vec3d gravity = {0, -9.8, 0};  ///< at time 0 [m/s^2]
+  std::vector<GravityKey> gravity_keyframes;
+  std::vector<TimedLoad> loads;
   std::map<std::string, MaterialConfig> materials;
   std::vector<Source> sources;
   std::vector<KinematicRegion> kinematic_regions;
@@ -95,6 +99,10 @@ struct Scene {
   Vec3d wall_high() const { return domain.wall_high(); }
   /// Whether particles may be out of the run for a part of it.
   bool has_inactive_particles() const { return !emitters.empty() || !sinks.empty() || domain.has_wall(Wall::open); }
+  bool has_changing_gravity() const { return !gravity_keyframes.empty(); }
+  Vec3d gravity_at(double time) const { return graupel::gravity_at(gravity, gravity_keyframes, time); }
+  /// Largest magnitude of gravity at any time [m/s^2].
+  double largest_gravity() const { return graupel::largest_gravity(gravity, gravity_keyframes); }
   bool has_moving_obstacles() const {
     for (const Obstacle& obstacle : obstacles)
       if (obstacle.motion) return true;
@@ -107,7 +115,10 @@ struct Scene {
     visit(&S::name, FieldInfo{"name", "", "Short name, used in file names and tables"});
     visit(&S::description, FieldInfo{"description", "", "What the scene shows"});
     visit(&S::domain, FieldInfo{"domain", "", "Domain, grid and walls"});
-    visit(&S::gravity, FieldInfo{"gravity", "m/s^2", "Gravity"});
+    visit(&S::gravity, FieldInfo{"gravity", "m/s^2", "Gravity; with gravity_keyframes that at time 0"});
+    visit(&S::gravity_keyframes,
+          FieldInfo{"gravity_keyframes", "", "Gravity at later times, with straight lines between them"});
+    visit(&S::loads, FieldInfo{"loads", "", "Forces on the matter in a ball, for a time"});
     visit(&S::materials, FieldInfo{"materials", "", "Materials by name"}.mandatory());
     visit(&S::sources, FieldInfo{"sources", "", "Bodies of material at the start"}.mandatory());
     visit(&S::kinematic_regions,

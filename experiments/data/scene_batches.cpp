@@ -198,6 +198,12 @@ void SceneRunner::run_batch(const Jobs& jobs) {
     files = open_files(jobs, scenes, *batch);
     scenes.clear();
     if (!advance(*batch, jobs, files, writing)) return;
+    if (const int64_t missed = batch->statistics().loads_without_carriers; missed > 0)
+      std::fprintf(
+          stderr,
+          "graupel: warning: %lld loads of %s%s began where there was no matter that can move, and did nothing\n",
+          static_cast<long long>(missed), source_.text(jobs.front()).c_str(),
+          jobs.size() > 1 ? fmt::format(" and {} more", jobs.size() - 1).c_str() : "");
     for (int i = 0; i < batch->scene_count(); ++i) {
       divergence.push_back(batch->divergence(i));
       usable.push_back(!divergence.back());

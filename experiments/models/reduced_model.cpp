@@ -19,7 +19,7 @@ namespace {
 using Json = nlohmann::json;
 
 /// Loads: what acts on a body whose stress follows its deformation (CROM), and so may be other than in the training.
-const std::set<std::string> load_keys = {"/gravity", "/obstacles"};
+const std::set<std::string> load_keys = {"/gravity", "/gravity_keyframes", "/loads", "/obstacles"};
 
 std::vector<std::string> parameter_keys(const rom::ReducedModel& model) {
   std::vector<std::string> keys;
@@ -170,7 +170,7 @@ ReducedRun::ReducedRun(const LoadedModel& loaded, const Scene& scene, uint64_t s
     exact_ = std::make_unique<rom::ReducedSolver<double>>(loaded.model, std::move(prepared), parameters_, options);
 }
 
-rom::LoadResponse ReducedRun::apply(const rom::Load& load) {
+rom::LoadResponse ReducedRun::apply(const Load& load) {
   if (gpu_) throw ConfigError("loads on reduced models act on the CPU alone. Use --device cpu");
   bound_.reset();  // no training run was pushed
   record_->set_bound({});

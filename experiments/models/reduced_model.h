@@ -73,7 +73,7 @@ class ReducedRun {
   ReducedRun(ReducedRun&&) noexcept;
   ~ReducedRun();
   /// A force on the body from now on (rom::ReducedSolver::apply). Throws ConfigError on a GPU.
-  rom::LoadResponse apply(const rom::Load& load);
+  rom::LoadResponse apply(const Load& load);
   /// Throws DivergedError, which the record on trust then knows.
   void advance_frame();
   double time() const { return gpu_ ? gpu_->time() : single_ ? single_->time() : exact_->time(); }

@@ -39,7 +39,8 @@ std::optional<SceneDifference> scene_difference(const std::string& own, const st
   for (const std::string& key : parameter_keys) keys.insert(pointer_of(key));
   const Json difference = Json::diff(without(other, keys), without(own, keys));
   if (difference.empty()) return std::nullopt;
-  const std::string path = difference.front().at("path");
+  std::string path = difference.front().at("path");
+  if (path.ends_with("/-")) path.resize(path.size() - 2);  // an item more: the list as a whole
   const Json::json_pointer pointer(path);
   const auto text_at = [&](const std::string& scene) {
     const Json json = Json::parse(scene);

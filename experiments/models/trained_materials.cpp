@@ -159,12 +159,23 @@ std::vector<std::string> unknown_walls(const nn::Weights& weights, const Scene& 
   return lines;
 }
 
+std::vector<std::string> unknown_forces(const Scene& scene) {
+  std::vector<std::string> lines;
+  if (!scene.loads.empty())
+    lines.push_back(
+        fmt::format("the network has no input for loads: it leaves out the scene's {}", scene.loads.size()));
+  if (scene.has_changing_gravity())
+    lines.push_back("the network has no input for gravity that changes: it has that at time 0 throughout");
+  return lines;
+}
+
 std::vector<std::string> training_remarks(const nn::Weights& weights, const Scene& scene) {
   const bool tells_ranges = nn::TrainedBox::load(weights).is_told();
   std::vector<std::string> lines;
   for (const std::string& line : unlike_training(weights, scene))
     lines.push_back((tells_ranges ? "" : "the network knows materials by their type alone: ") + line);
   for (const std::string& line : unknown_walls(weights, scene)) lines.push_back(line);
+  for (const std::string& line : unknown_forces(scene)) lines.push_back(line);
   return lines;
 }
 

@@ -21,7 +21,10 @@ std::vector<std::string> unlike_training(const nn::Weights& weights, const Scene
 /// changes and changed in no scene of the training. None for weights that do not say what they were taught.
 std::vector<std::string> unknown_walls(const nn::Weights& weights, const Scene& scene);
 
-/// Both, as sentences for readers of a run.
+/// A line for loads and one for gravity that changes: no network has an input for them, whatever its training.
+std::vector<std::string> unknown_forces(const Scene& scene);
+
+/// All of these, as sentences for readers of a run.
 std::vector<std::string> training_remarks(const nn::Weights& weights, const Scene& scene);
 
 }  // namespace graupel::experiments

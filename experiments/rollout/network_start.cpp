@@ -65,7 +65,7 @@ bool leaves_free_flight(const RolloutOptions& options, const RolloutStart& start
 }
 
 std::vector<std::string> remarks_on(const graph::LearnedSimulator& simulator, const Scene& scene) {
-  if (!nn::TrainedBox::load(simulator.weights()).is_told()) return {};
+  if (!nn::TrainedBox::load(simulator.weights()).is_told()) return unknown_forces(scene);
   return training_remarks(simulator.weights(), scene);
 }
 

@@ -34,7 +34,7 @@ bool leaves_free_flight(const RolloutOptions& options, const RolloutStart& start
 inline constexpr const char* free_flight_remark =
     "the data do not say their gravity, so that free flight is left to the network; --set gravity=[0,-9.8,0] says it";
 
-/// What of a scene the network was not trained on, as far as the weights tell.
+/// What of a scene the network was not trained on, as far as the weights tell, and forces that it cannot know.
 std::vector<std::string> remarks_on(const graph::LearnedSimulator& simulator, const Scene& scene);
 
 }  // namespace graupel::experiments

@@ -29,14 +29,13 @@ rom::ReducedOptions reduced_options(const RolloutOptions& options) {
   return reduced;
 }
 
-struct TimedLoad {
-  double time;  ///< [s]
-  rom::Load load;
+struct GivenLoad {
+  TimedLoad load;
   std::string text;
 };
 
 /// "TIME:DURATION:X,Y,Z:RADIUS:FX,FY,FZ". Throws ConfigError.
-TimedLoad parse_load(const std::string& text) {
+GivenLoad parse_load(const std::string& text) {
   std::vector<double> numbers;
   std::string shape;  // its separators
   for (const char* at = text.c_str();;) {
@@ -56,9 +55,9 @@ TimedLoad parse_load(const std::string& text) {
                     text));
   if (!(numbers[0] >= 0))
     throw ConfigError(fmt::format("--load '{}' begins at {} s (allowed: 0 or later)", text, numbers[0]));
-  return {numbers[0],
-          {{numbers[2], numbers[3], numbers[4]}, numbers[5], {numbers[6], numbers[7], numbers[8]}, numbers[1]},
-          text};
+  const Load load = {
+      {numbers[2], numbers[3], numbers[4]}, numbers[5], {numbers[6], numbers[7], numbers[8]}, numbers[1]};
+  return {{load, numbers[0]}, text};
 }
 
 /// A run with its trajectory on the disk: a row of `trust` a frame, the largest of them, and the time.
@@ -84,10 +83,10 @@ class ReducedRollout {
     const double end = static_cast<double>(frames_) * scene_.frame_time;
     for (const std::string& text : options.loads) {
       loads_.push_back(parse_load(text));
-      if (!(loads_.back().time < end))
+      if (!(loads_.back().load.start < end))
         throw ConfigError(
             fmt::format("--load '{}' begins at {} s, and the rollout ends at {:.4g} s. Give more --frames", text,
-                        loads_.back().time, end));
+                        loads_.back().load.start, end));
     }
   }
 
@@ -145,17 +144,17 @@ class ReducedRollout {
   /// Those that begin in the frame to come, all at its start; says what the model makes of them.
   void apply_loads() {
     const double end = run_.time() + scene_.frame_time * (1 - 1e-9);
-    for (const TimedLoad& timed : loads_) {
-      if (timed.time < run_.time() - 1e-9 * scene_.frame_time || timed.time >= end) continue;
-      const rom::LoadResponse response = run_.apply(timed.load);
+    for (const GivenLoad& given : loads_) {
+      if (given.load.start < run_.time() - 1e-9 * scene_.frame_time || given.load.start >= end) continue;
+      const rom::LoadResponse response = run_.apply(given.load);
       std::fprintf(stderr,
                    "load %s at %.4g s: %lld particles carry it, the model's motions take %.2g %% of its energy\n",
-                   timed.text.c_str(), run_.time(), static_cast<long long>(response.particles), 100 * response.share);
+                   given.text.c_str(), run_.time(), static_cast<long long>(response.particles), 100 * response.share);
       if (!response.is_like_training())
         std::fprintf(stderr,
                      "graupel: warning: %s: load %s is outside the training: it drives the latents up to %.3g times as "
                      "fast as there\n",
-                     scene_.name.c_str(), timed.text.c_str(), response.speed);
+                     scene_.name.c_str(), given.text.c_str(), response.speed);
     }
   }
 
@@ -208,6 +207,11 @@ class ReducedRollout {
     if (statistics.reduced_steps > 0)
       std::fprintf(stderr, "  %lld of %lld steps were taken back and repeated at half the length\n",
                    static_cast<long long>(statistics.reduced_steps), static_cast<long long>(t.steps));
+    if (statistics.loads_without_carriers > 0)
+      std::fprintf(
+          stderr,
+          "graupel: warning: %lld of %zu loads began where there was no matter that can move, and did nothing\n",
+          static_cast<long long>(statistics.loads_without_carriers), scene_.loads.size());
     std::fprintf(stderr, "  %s\n", trust_line(model_, run_.trust_record()).c_str());
     std::fprintf(stderr, "  trust, largest: residual %.3g, down-weighted %.3g, latent distance %.3g%s\n",
                  worst_.residual, worst_.down_weighted, worst_.latent_distance,
@@ -255,7 +259,7 @@ class ReducedRollout {
   ReducedRun run_;
   std::unique_ptr<RefinedBody> refined_;  ///< where it was asked for
   io::TrajectoryWriter writer_;
-  std::vector<TimedLoad> loads_;
+  std::vector<GivenLoad> loads_;
   int64_t written_ = 0;       ///< frames
   std::vector<float> trust_;  ///< [frames, 4]
   rom::ErrorIndicator worst_;

@@ -130,6 +130,10 @@ void RecordedRun::report() const {
     std::fprintf(stderr,
                  "graupel: warning: the sound CFL reached %.2f, for %.2f%% of the particles over 1 in a substep\n",
                  s.sound_courant, 100 * s.share_over_courant);
+  if (s.loads_without_carriers > 0)
+    std::fprintf(stderr,
+                 "graupel: warning: %lld of %zu loads began where there was no matter that can move, and did nothing\n",
+                 static_cast<long long>(s.loads_without_carriers), scene_.loads.size());
   nlohmann::ordered_json result = {
       {"output", output()},
       {"particles", run_->particle_count()},
@@ -142,6 +146,8 @@ void RecordedRun::report() const {
       {"born", s.born},
       {"removed", s.removed},
       {"scripted_momentum", {s.scripted_momentum[0], s.scripted_momentum[1], s.scripted_momentum[2]}},
+      {"load_momentum", {s.load_momentum[0], s.load_momentum[1], s.load_momentum[2]}},
+      {"loads_without_carriers", s.loads_without_carriers},
       {"sound_courant", s.sound_courant},
       {"share_over_courant", s.share_over_courant},
       {"peak_bytes", s.peak_bytes},

@@ -259,6 +259,8 @@ const Scene& check_training_scene(const Scene& scene) {
     what = "moving obstacles, emitters, sinks or open walls in a plane";
   if (has_scripts(scene)) what = "particles that follow a script";
   if (scene.domain.has_wall(Wall::periodic)) what = "periodic walls";
+  if (!scene.loads.empty()) what = "loads";
+  if (scene.has_changing_gravity()) what = "gravity that changes";
   if (!what.empty())
     throw ConfigError("networks are not trained on this scene (it has " + what +
                       ", allowed: none). Leave it out, of a recipe by its categories (generate --set "

@@ -1,10 +1,11 @@
 // Checks between the keys of a scene, and loading of the geometry it names.
 #include "io/scene/scene_checks.h"
 
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
 
-#include "core/scene/plane_check.h"
+#include "core/scene/checks/plane_check.h"
 #include "core/system/error.h"
 #include "io/config/config_values.h"
 #include "io/mesh/mesh_file.h"
@@ -44,6 +45,16 @@ void check_faces(const ConfigDocument& document, const Domain& domain) {
   }
 }
 
+template <typename Key>
+void check_key_times(const ConfigPlace& place, const std::vector<Key>& keys) {
+  for (std::size_t k = 1; k < keys.size(); ++k)
+    if (!(keys[k].time > keys[k - 1].time))
+      config_fail(place,
+                  "has keyframes out of order (key " + std::to_string(k) + " at " + number_text(keys[k].time) +
+                      " s, above " + number_text(keys[k - 1].time) + " s)",
+                  "Sort them by time, no two at the same");
+}
+
 void check_motion(const ConfigPlace& place, const Motion& motion) {
   if (!(norm(motion.axis) > 0))
     config_fail(place, "has no axis (\"axis\": [0, 0, 0])", "Give the direction of the axis, e.g. [0, 1, 0]");
@@ -54,13 +65,7 @@ void check_motion(const ConfigPlace& place, const Motion& motion) {
                 "Raise end_time");
   if (motion.kind == MotionKind::keyframes && motion.keyframes.empty())
     config_fail(place, "has no poses (\"keyframes\": [], at least 1)", "Add a keyframe");
-  for (std::size_t k = 1; k < motion.keyframes.size(); ++k)
-    if (!(motion.keyframes[k].time > motion.keyframes[k - 1].time))
-      config_fail(place,
-                  "has keyframes out of order (key " + std::to_string(k) + " at " +
-                      number_text(motion.keyframes[k].time) + " s, above " + number_text(motion.keyframes[k - 1].time) +
-                      " s)",
-                  "Sort them by time, no two at the same");
+  check_key_times(place, motion.keyframes);
 }
 
 void check_region(const ConfigDocument& document, const char* list, std::size_t index, const Region& region) {
@@ -120,6 +125,26 @@ void check_emitter(const ConfigDocument& document, std::size_t index, const Emit
                 "must be above start_time (" + number_text(emitter.end_time) + " s, start_time " +
                     number_text(emitter.start_time) + " s)",
                 "Raise end_time");
+}
+
+void check_load(const ConfigDocument& document, std::size_t index, const Scene& scene) {
+  const TimedLoad& load = scene.loads[index];
+  if (!(norm(load.force) > 0))
+    config_fail(body_place(document, "loads", index, "force"), "must not be zero ([0, 0, 0])",
+                "Give the force on all that is in the ball [N]");
+  const double end = static_cast<double>(scene.frames) * scene.frame_time;
+  if (!(load.start < end))
+    config_fail(body_place(document, "loads", index, "start"),
+                "is not within the run (" + number_text(load.start) + " s, which ends at " + number_text(end) + " s)",
+                "Start the load earlier, or give the scene more frames");
+  Vec3d nearest = load.place;
+  for (int d = 0; d < scene.domain.axes(); ++d)
+    nearest[d] = std::clamp(nearest[d], scene.wall_low()[d], scene.wall_high()[d]);
+  if (norm(nearest - load.place) > load.radius)
+    config_fail(body_place(document, "loads", index, "place"),
+                "lies outside the walls (" + number_text(norm(nearest - load.place)) + " m away, radius " +
+                    number_text(load.radius) + " m)",
+                "Move it to the material");
 }
 
 JsonNode& file_node(ConfigDocument& document, const char* list, std::size_t index) {
@@ -188,6 +213,8 @@ void check_scene(const ConfigDocument& document, const Scene& scene) {
     check_region(document, "kinematic_regions", i, scene.kinematic_regions[i]);
     check_motion(body_place(document, "kinematic_regions", i, "motion"), scene.kinematic_regions[i].motion);
   }
+  check_key_times(find_place(document, {"gravity_keyframes"}), scene.gravity_keyframes);
+  for (std::size_t i = 0; i < scene.loads.size(); ++i) check_load(document, i, scene);
   for (std::size_t i = 0; i < scene.sinks.size(); ++i) check_region(document, "sinks", i, scene.sinks[i]);
   for (std::size_t i = 0; i < scene.obstacles.size(); ++i) {
     check_body(document, "obstacles", i, scene.obstacles[i]);

@@ -128,7 +128,8 @@ ParticleFields fields_of(const HostParticles<T>& particles, FieldSet wanted, con
 
 template <typename T>
 Diagnostics diagnose(const HostParticles<T>& particles, const std::vector<MaterialConfig>& materials,
-                     const Scene& scene, const std::vector<uint8_t>& active) {
+                     const Scene& scene, const std::vector<uint8_t>& active, double time) {
+  const Vec3d gravity = scene.gravity_at(time);
   const double dx = scene.domain.dx, second_moment = dx * dx / inverse_moment(scene.transfer.spline);
   std::vector<MaterialParameters<double>> parameters;
   parameters.reserve(materials.size());
@@ -145,7 +146,7 @@ Diagnostics diagnose(const HostParticles<T>& particles, const std::vector<Materi
     sum.momentum += mass * v;
     sum.angular_momentum += mass * (cross(x, v) + second_moment * spin);
     sum.kinetic_energy += 0.5 * mass * norm2(v);
-    sum.potential_energy -= mass * dot(scene.gravity, x);
+    sum.potential_energy -= mass * dot(gravity, x);
     sum.elastic_energy += volume * energy_density(m, particles.deformation_gradient[i].template cast<double>(),
                                                   static_cast<double>(particles.internal[i]));
   }
@@ -159,7 +160,7 @@ Diagnostics diagnose(const HostParticles<T>& particles, const std::vector<Materi
   template HostParticles<T> download_particles<T>(Particles<T>&);                                              \
   template ParticleFields fields_of<T>(const HostParticles<T>&, FieldSet, const std::vector<uint8_t>&);        \
   template Diagnostics diagnose<T>(const HostParticles<T>&, const std::vector<MaterialConfig>&, const Scene&,  \
-                                   const std::vector<uint8_t>&);
+                                   const std::vector<uint8_t>&, double);
 GRAUPEL_INSTANTIATE(float)
 GRAUPEL_INSTANTIATE(double)
 #undef GRAUPEL_INSTANTIATE

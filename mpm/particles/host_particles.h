@@ -39,9 +39,9 @@ void set_active(ParticleFrame& frame, std::vector<uint8_t> active);
 template <typename T>
 ParticleFields fields_of(const HostParticles<T>& particles, FieldSet wanted, const std::vector<uint8_t>& active = {});
 
-/// Sums in f64, over the particles that are `active` (by source index; empty: all).
+/// Sums in f64, over the particles that are `active` (by source index; empty: all), with gravity at `time` [s].
 template <typename T>
 Diagnostics diagnose(const HostParticles<T>& particles, const std::vector<MaterialConfig>& materials,
-                     const Scene& scene, const std::vector<uint8_t>& active = {});
+                     const Scene& scene, const std::vector<uint8_t>& active = {}, double time = 0);
 
 }  // namespace graupel::mpm

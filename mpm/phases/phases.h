@@ -2,6 +2,7 @@
 // Solver::substep (docs/reference/method.md).
 #pragma once
 
+#include "core/scene/load.h"
 #include "mpm/grid/block_table.h"
 #include "mpm/grid/moving_obstacles.h"
 #include "mpm/grid/scene_view.h"
@@ -44,6 +45,24 @@ struct Impulse {
 /// Particles that a script leads take its velocity and gradient; returns the momentum that this gave them [kg m/s].
 template <typename T>
 Vec3d move_kinematic_particles(const SolverView<T>& view, Buffer<Impulse>& records);
+
+/// The particles that carry a load.
+struct CarrierSum {
+  double mass = 0;  ///< [kg]
+  int64_t particles = 0;
+  GRAUPEL_HD void merge(const CarrierSum& o) {
+    mass += o.mass;
+    particles += o.particles;
+  }
+};
+
+/// What is in a load's ball now and can move: in the run, not stationary, led by no script. `carries` [n], by the
+/// particles' place in the order of the sources, becomes 1 for them; null: they are only counted.
+template <typename T>
+CarrierSum choose_carriers(const SolverView<T>& view, const Load& load, uint8_t* carries, Buffer<CarrierSum>& records);
+/// v <- v + gain [m/s] of the carriers that are in the run; returns the momentum that this gave them [kg m/s].
+template <typename T>
+Vec3d push_carriers(const SolverView<T>& view, const uint8_t* carries, const Vec<T, 3>& gain, Buffer<Impulse>& records);
 
 /// Node sums with those of all periodic images, into an array like view.nodes.
 template <typename T>

@@ -5,7 +5,7 @@
 
 #include <cmath>
 
-#include "core/scene/plane_check.h"
+#include "core/scene/checks/plane_check.h"
 #include "core/system/error.h"
 
 namespace graupel::mpm {
@@ -61,6 +61,28 @@ void check_scripts(const Scene& scene, const SampledParticles& particles) {
   }
 }
 
+/// Loads that start with the run; those that start later find what is there then.
+void check_first_loads(const Scene& scene, const SampledParticles& particles) {
+  const auto carries = [&](const Load& load, std::size_t i) {
+    const bool led = !particles.script.empty() && particles.script[i] >= 0 &&
+                     particles.scripts[static_cast<std::size_t>(particles.script[i])].release_time > 0;
+    const bool unborn = !particles.birth_time.empty() && particles.birth_time[i] > 0;
+    const auto& material = particles.material_names[static_cast<std::size_t>(particles.material[i])];
+    return !led && !unborn && scene.materials.at(material).model != MaterialModel::stationary &&
+           norm2(particles.position[i] - load.place) <= load.radius * load.radius;
+  };
+  for (std::size_t l = 0; l < scene.loads.size(); ++l) {
+    const TimedLoad& load = scene.loads[l];
+    bool any = load.start > 0;
+    for (std::size_t i = 0; !any && i < particles.position.size(); ++i) any = carries(load, i);
+    if (!any)
+      throw ConfigError(fmt::format(
+          "load {0} (/loads/{0}) starts at 0 s where there is no matter that can move (place {1}, radius {2:.4g} m). "
+          "Move it, give it a larger radius, or start it later",
+          l, text_of(load.place), load.radius));
+  }
+}
+
 }  // namespace
 
 void check_plane(const Scene& scene) {
@@ -96,6 +118,7 @@ void check_start(const Scene& scene, const SampledParticles& particles, const sp
                       text_of(x), -phi));
   }
   check_scripts(scene, particles);
+  check_first_loads(scene, particles);
 }
 
 }  // namespace graupel::mpm

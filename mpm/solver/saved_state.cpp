@@ -1,5 +1,5 @@
 // Saving and restoring a solver, bit for bit: where the run is, particle arrays
-// in slot order, who is present. All else follows from these and the scene:
+// in slot order, who is present, who carries loads. All else follows from these and the scene:
 // every frame starts with a sort, scripts and moving obstacles depend on time
 // alone.
 #include <cmath>
@@ -76,7 +76,7 @@ template <typename T>
 std::size_t Solver<T>::state_bytes() const {
   std::size_t content = sizeof(Course) + grid_.lifecycle.presence().size() * sizeof(Presence);
   particles_.for_each_buffer([&](const auto& buffer) { content += buffer.size() * sizeof(*buffer.data()); });
-  return content;
+  return content + loads_.state_bytes();
 }
 
 template <typename T>
@@ -87,6 +87,7 @@ std::vector<std::byte> Solver<T>::save_state() const {
   writer.add(course);
   particles_.for_each_buffer([&](const auto& buffer) { writer.add(buffer); });
   writer.add(grid_.lifecycle.presence());
+  loads_.save(writer);
   return writer.finish();
 }
 
@@ -97,7 +98,9 @@ void Solver<T>::load_state(const std::vector<std::byte>& state) {
   reader.get(course);
   particles_.for_each_buffer([&](auto& buffer) { reader.get(buffer); });
   reader.get(grid_.lifecycle.presence());
+  loads_.load(reader);
   check_course(course, scene_.frame_time);
+  loads_.check_state();
   if (options_.device == Device::cpu)
     check_particles(particles_.view(), grid_.lifecycle.presence(), static_cast<int32_t>(scene_.materials.size()),
                     scene_.domain);

@@ -24,6 +24,8 @@ SceneGrid<T>::SceneGrid(const SimulationOptions& options, const Scene& scene, co
       lifecycle(device, scene, sampled),
       obstacle_nodes(device, geometry, moving.fixed(), dimensions),
       records(device, 0),
+      first_gravity_(scene.gravity),
+      gravity_keyframes_(scene.gravity_keyframes),
       arenas_(device, 0),
       nodes_(device, 0),
       joined_(device, 0),
@@ -95,6 +97,8 @@ SolverView<T> SceneGrid<T>::move_nodes(const ParticleView<T>& particles, double 
   const T step = static_cast<T>(dt);
   sort(particles);
   if (moving.any()) moving.begin_step(time, dt);
+  if (!gravity_keyframes_.empty())
+    gravity = mean_gravity(first_gravity_, gravity_keyframes_, time, dt).template cast<T>();
   lifecycle.begin_step(time, dt);
   SolverView<T> v = view(particles);
   lead(v, scripted);

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "core/parallel/instruction_set.h"
+#include "core/scene/gravity.h"
 #include "mpm/phases/phases.h"
 #include "mpm/sampling.h"
 #include "mpm/simulation.h"
@@ -39,7 +40,7 @@ struct SceneGrid {
   InstructionSet instruction_set;
   GridGeometry<T, 3> geometry;
   WallView<T> walls;
-  Vec<T, 3> gravity;
+  Vec<T, 3> gravity;  ///< of the present substep: its mean
   bool push_out, periodic, some_stationary = false;
   int dimensions;
   Spline spline;
@@ -52,6 +53,8 @@ struct SceneGrid {
   Buffer<StepStatistics> records;
 
  private:
+  Vec3d first_gravity_;  ///< at time 0
+  std::vector<GravityKey> gravity_keyframes_;
   Buffer<T> arenas_, nodes_;
   Buffer<T> joined_;  ///< node sums with those of periodic images
   Buffer<Impulse> impulses_;

@@ -21,7 +21,8 @@ Solver<T>::Solver(const Scene& scene, const SimulationOptions& options, const Sa
       options_(options),
       obstacles_(obstacles),
       user_laws_(laws_of(sampled.material_names, laws)),
-      grid_(options, with_carriers(scene, laws), sampled, obstacles, static_cast<int64_t>(sampled.position.size())) {
+      grid_(options, with_carriers(scene, laws), sampled, obstacles, static_cast<int64_t>(sampled.position.size())),
+      loads_(options.device, scene.loads, sampled.position.size()) {
   for (const MaterialConfig& m : grid_.material_configs)
     if (is_fluid(m.model)) diffusivity_ = std::max(diffusivity_, m.viscosity / m.density);
   for (const int32_t m : sampled.material)
@@ -45,17 +46,25 @@ StateSpeeds Solver<T>::speeds() const {
   const double from = time(), to = from + scene_.frame_time;
   return {std::max(std::sqrt(step_statistics_.largest_speed2), grid_.lifecycle.largest_speed(from, to)),
           step_statistics_.largest_sound_speed, diffusivity_, grid_.moving.largest_speed(from, to),
-          norm(scene_.gravity) * scene_.frame_time};
+          scene_.largest_gravity() * scene_.frame_time + loads_.largest_gain(from, scene_.frame_time)};
 }
 
 template <typename T>
 void Solver<T>::substep(double dt) {
+  push_loads(dt);
   const SolverView<T> v = grid_.move_nodes(particles_.view(), time(), dt, statistics_.scripted_momentum);
   if (grid_.tuned)
     advance_particles(v, dt);
   else
     advance_particles_portably(v, dt);
   move_tracers(v, dt);
+}
+
+template <typename T>
+void Solver<T>::push_loads(double dt) {
+  if (!loads_.act(time(), dt)) return;
+  grid_.lifecycle.begin_step(time(), dt);  // who is led
+  statistics_.load_momentum += loads_.push(view(), time(), dt);
 }
 
 /// With the velocities of the nodes, which stay until the next substep.
@@ -122,6 +131,7 @@ void Solver<T>::advance_frame() {
   const auto begin = std::chrono::steady_clock::now();
   reorder_particles();
   const TimeStep& policy = scene_.time_step;
+  loads_.expect(view(), time(), scene_.frame_time);
   const bool equal_steps = policy.policy != StepPolicy::adaptive;
   const double step = largest_step(policy, scene_.domain.dx, scene_.frame_time, speeds());
   const auto substeps = equal_steps ? std::llround(scene_.frame_time / step) : 0;
@@ -211,7 +221,7 @@ template <typename T>
 Diagnostics Solver<T>::diagnostics() const {
   const HostParticles<T> host = particles();
   const std::vector<uint8_t> active = grid_.lifecycle.active();
-  Diagnostics sum = diagnose(host, grid_.material_configs, scene_, active);
+  Diagnostics sum = diagnose(host, grid_.material_configs, scene_, active, time());
   if (!user_laws_.empty()) sum.elastic_energy += user_energy(host, user_laws_, active);
   return sum;
 }
@@ -221,6 +231,7 @@ RunStatistics Solver<T>::statistics() const {
   RunStatistics s = statistics_;
   s.active_blocks = grid_.blocks.view().owner_count;
   s.peak_bytes = memory_bytes();
+  s.loads_without_carriers = loads_.without_carriers();
   return s;
 }
 

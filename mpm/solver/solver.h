@@ -11,6 +11,7 @@
 #include "mpm/phases/user_materials.h"
 #include "mpm/sampling.h"
 #include "mpm/simulation.h"
+#include "mpm/solver/run_loads.h"
 #include "mpm/solver/scene_grid.h"
 #include "mpm/solver/time_step.h"
 #include "mpm/solver/tracers.h"
@@ -56,6 +57,7 @@ class Solver final : public Simulation {
 
  private:
   void reorder_particles();
+  void push_loads(double dt);
   void record_step(double dt);
   void advance_particles(const SolverView<T>& v, double dt);
   void move_tracers(const SolverView<T>& v, double dt);
@@ -77,6 +79,8 @@ class Solver final : public Simulation {
                                ///< const members only read them
   mutable Particles<T> particles_;
   Particles<T> spare_;  ///< target of the next reordering
+
+  RunLoads<T> loads_;
 
   StepStatistics step_statistics_;  ///< of the present state
   int64_t frames_done_ = 0;

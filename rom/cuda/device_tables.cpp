@@ -241,6 +241,8 @@ void check_scene(const Scene& scene) {
                      : scene.transfer.spline != Spline::quadratic ? "cubic splines"
                      : scene.domain.has_wall(Wall::periodic)      ? "periodic walls"
                      : scene.has_inactive_particles()             ? "particles that come or go"
+                     : !scene.loads.empty()                       ? "loads"
+                     : scene.has_changing_gravity()               ? "gravity that changes"
                                                                   : nullptr;
   if (what != nullptr)
     throw ConfigError(

@@ -26,6 +26,8 @@ void check_load(const Load& load) {
     throw ConfigError(fmt::format("a load's duration of {} s is out of range (above 0)", load.duration));
 }
 
+double distance_of(const Load& load, const Vec3f& x) { return std::sqrt(norm2(x.cast<double>() - load.place)); }
+
 /// J^T W J and J^T W a of points with weights W and an acceleration a that is the same for all.
 void sum_up(const SampleField& field, const std::vector<double>& mass, const double* latent, const Vec3d& a,
             Eigen::MatrixXd& matrix, Eigen::VectorXd& right) {
@@ -61,37 +63,39 @@ BodyLoad::Points BodyLoad::points_of(const Fields& fields, std::vector<int32_t> 
   return points;
 }
 
-BodyLoad::BodyLoad(const Fields& fields, const Load& load, double begin, const std::vector<Vec3f>& position,
+bool BodyLoad::has_carriers(const Load& load, const std::vector<Vec3f>& position, const std::vector<double>& mass) {
+  for (std::size_t p = 0; p < position.size(); ++p)
+    if (mass[p] > 0 && distance_of(load, position[p]) <= load.radius) return true;
+  return false;
+}
+
+BodyLoad::BodyLoad(const Fields& fields, const TimedLoad& load, const std::vector<Vec3f>& position,
                    const std::vector<double>& mass)
-    : force_(load.force), begin_(begin), end_(begin + load.duration) {
+    : load_(load) {
   check_load(load);
   std::vector<int32_t> carriers, body;
-  double nearest2 = std::numeric_limits<double>::infinity();
+  double nearest = std::numeric_limits<double>::infinity();
   for (std::size_t p = 0; p < position.size(); ++p) {
     if (mass[p] == 0) continue;
     body.push_back(static_cast<int32_t>(p));
-    const double distance2 = norm2(position[p].cast<double>() - load.place);
-    nearest2 = std::min(nearest2, distance2);
-    if (distance2 <= load.radius * load.radius) carriers.push_back(static_cast<int32_t>(p));
+    const double distance = distance_of(load, position[p]);
+    nearest = std::min(nearest, distance);
+    if (distance <= load.radius) carriers.push_back(static_cast<int32_t>(p));
   }
   if (carriers.empty())
     throw ConfigError(fmt::format(
         "a load at ({:.4g}, {:.4g}, {:.4g}) m with radius {:.4g} m meets no matter that moves (the nearest is {:.4g} m "
         "away). Move it or give it a larger radius",
-        load.place[0], load.place[1], load.place[2], load.radius, std::sqrt(nearest2)));
+        load.place[0], load.place[1], load.place[2], load.radius, nearest));
   particles_ = static_cast<int64_t>(carriers.size());
   carriers_ = points_of(fields, std::move(carriers), mass);
   body_ = points_of(fields, std::move(body), mass);
 }
 
-double BodyLoad::acts(double from, double dt) const {
-  return std::max(0.0, std::min(end_, from + dt) - std::max(begin_, from));
-}
-
 void BodyLoad::equations(const double* latent, Eigen::VectorXd& right, Eigen::MatrixXd& matrix) const {
   Eigen::MatrixXd of_carriers;
   Eigen::VectorXd unused;
-  sum_up(*carriers_.field, carriers_.mass, latent, (1 / carriers_.all) * force_, of_carriers, right);
+  sum_up(*carriers_.field, carriers_.mass, latent, (1 / carriers_.all) * load_.force, of_carriers, right);
   sum_up(*body_.field, body_.mass, latent, Vec3d::zero(), matrix, unused);
 }
 
@@ -110,7 +114,7 @@ LoadResponse BodyLoad::response(const double* latent) const {
   Eigen::VectorXd right;
   Eigen::MatrixXd matrix;
   equations(latent, right, matrix);
-  const double alone = norm2(force_) / carriers_.all;  // twice the energy over the duration squared
+  const double alone = norm2(load_.force) / carriers_.all;  // twice the energy over the duration squared
   const double taken = right.dot(acceleration(latent));
   return {.particles = particles_, .share = alone > 0 ? std::clamp(taken / alone, 0.0, 1.0) : 0.0};
 }

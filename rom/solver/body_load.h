@@ -10,16 +10,10 @@
 #include <vector>
 
 #include "core/math/vec.h"
+#include "core/scene/load.h"
 #include "rom/fields/fields.h"
 
 namespace graupel::rom {
-
-struct Load {
-  Vec3d place;          ///< centre of the ball [m]
-  double radius = 0;    ///< [m]
-  Vec3d force;          ///< [N]
-  double duration = 0;  ///< [s] from the present time on
-};
 
 /// What a model can make of a load.
 struct LoadResponse {
@@ -38,14 +32,16 @@ inline constexpr std::size_t most_load_points = 4096;
 
 class BodyLoad {
  public:
-  /// `position` [n] [m] where the particles are at time `begin` [s]; `mass` [n] [kg], 0 for those that do not move by
+  /// Whether matter that moves by itself is in its ball; arguments as those of the constructor.
+  static bool has_carriers(const Load& load, const std::vector<Vec3f>& position, const std::vector<double>& mass);
+  /// `position` [n] [m] where the particles are at its start; `mass` [n] [kg], 0 for those that do not move by
   /// themselves. Throws ConfigError for a load without a radius, force or duration, and for a ball without matter.
-  BodyLoad(const Fields& fields, const Load& load, double begin, const std::vector<Vec3f>& position,
+  BodyLoad(const Fields& fields, const TimedLoad& load, const std::vector<Vec3f>& position,
            const std::vector<double>& mass);
 
   /// Seconds of [from, from + dt] in which it acts.
-  double acts(double from, double dt) const;
-  bool is_over(double time) const { return time >= end_; }
+  double acts(double from, double dt) const { return load_.acts(from, dt); }
+  bool is_over(double time) const { return time >= load_.end(); }
   /// q'' [r] [1/s^2] at a latent. Throws DivergedError where the map has no motion there.
   Eigen::VectorXd acceleration(const double* latent) const;
   /// At a latent; LoadResponse::speed is left to the caller.
@@ -61,8 +57,7 @@ class BodyLoad {
   /// J^T f [r] and M [r, r].
   void equations(const double* latent, Eigen::VectorXd& right, Eigen::MatrixXd& matrix) const;
 
-  Vec3d force_;
-  double begin_, end_;
+  TimedLoad load_;
   int64_t particles_ = 0;
   Points carriers_, body_;
 };

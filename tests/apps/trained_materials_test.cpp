@@ -110,5 +110,17 @@ TEST(TrainedRanges, TellOfChangesThatTheTrainingDidNotHave) {
   EXPECT_THAT(training_remarks(weights, scene), testing::Contains("the training had no scene with moving obstacles"));
 }
 
+TEST(TrainedRanges, TellOfForcesThatNoNetworkSees) {
+  Scene scene = scene_with("dune", R"({"preset": "taichi_sand", "friction_angle": 33})");
+  scene.domain.wall_friction = 0.3;
+  scene.loads.resize(2);
+  EXPECT_THAT(training_remarks(taught_ranges(true), scene),
+              ElementsAre("the network has no input for loads: it leaves out the scene's 2"));
+  scene.loads.clear();
+  scene.gravity_keyframes = {{1, {0, 0, 0}}};
+  EXPECT_THAT(training_remarks(taught_ranges(true), scene),
+              ElementsAre(testing::HasSubstr("no input for gravity that changes")));
+}
+
 }  // namespace
 }  // namespace graupel::experiments

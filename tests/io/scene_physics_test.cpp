@@ -129,6 +129,89 @@ TEST(ScenePhysics, WhatLeadsOutOfThePlane) {
   fails_in_plane(R"("spline": "cubic")", R"("spline": "cubik")", {"/transfer/spline", "cubic", "quadratic"});
 }
 
+const std::string pushed = R"({
+  "domain": {"dx": 0.02}, "frames": 60, "gravity": [0, -5, 0],
+  "gravity_keyframes": [{"time": 0.5, "gravity": [1, 0, 0]}, {"time": 0.75, "gravity": [0, 0, 3]}],
+  "materials": {"m": {"preset": "jelly"}},
+  "sources": [{"shape": "box", "size": [0.1, 0.1, 0.1], "material": "m", "position": [0.5, 0.5, 0.5]}],
+  "loads": [{"start": 0.25, "duration": 0.5, "place": [0.5, 0.55, 0.5], "radius": 0.05, "force": [2, 0, 1]},
+            {"duration": 9, "place": [0.5, 0.5, 0.5], "radius": 1, "force": [0, 1, 0]}]
+})";
+
+TEST(ScenePhysics, LoadsAndGravityThatChanges) {
+  const Scene scene = parse(pushed);
+  ASSERT_EQ(scene.loads.size(), 2u);
+  EXPECT_EQ(scene.loads[0].start, 0.25);
+  EXPECT_EQ(scene.loads[0].force, (Vec3d{2, 0, 1}));
+  EXPECT_EQ(scene.loads[1].start, 0);
+  EXPECT_EQ(scene_to_json(parse(scene_to_json(scene))), scene_to_json(scene));
+  EXPECT_EQ(scene.gravity_at(0), (Vec3d{0, -5, 0}));
+  EXPECT_EQ(scene.gravity_at(0.25), (Vec3d{0.5, -2.5, 0}));
+  EXPECT_EQ(scene.gravity_at(0.625), (Vec3d{0.5, 0, 1.5}));
+  EXPECT_EQ(scene.gravity_at(2), (Vec3d{0, 0, 3}));
+  EXPECT_EQ(scene.largest_gravity(), 5);
+  EXPECT_FALSE(parse(good).has_changing_gravity());
+}
+
+/// Exact for straight lines, whether keys lie within the interval or not.
+TEST(ScenePhysics, MeanGravityIsTheIntegralOfItsPath) {
+  const Scene scene = parse(pushed);
+  const auto mean = [&](double from, double dt) {
+    return mean_gravity(scene.gravity, scene.gravity_keyframes, from, dt);
+  };
+  const auto expect_near = [](const Vec3d& a, const Vec3d& b) { EXPECT_LT(norm(a - b), 1e-14) << a[0] << " " << a[1]; };
+  expect_near(mean(0, 0.5), {0.5, -2.5, 0});
+  expect_near(mean(0.1, 0.2), scene.gravity_at(0.2));
+  expect_near(mean(0.25, 0.5), {0.5 * 0.75 + 0.5 * 0.5, 0.5 * -1.25, 0.5 * 1.5});
+  expect_near(mean(0, 1), 0.5 * Vec3d{0.5, -2.5, 0} + 0.25 * Vec3d{0.5, 0, 1.5} + 0.25 * Vec3d{0, 0, 3});
+  EXPECT_EQ(mean_gravity({0, -9.8, 0}, {}, 3, 0.1), (Vec3d{0, -9.8, 0}));
+  EXPECT_EQ(mean_gravity({0, -9.8, 0}, {{1, {0, -9.8, 0}}}, 0.3, 0.1), (Vec3d{0, -9.8, 0}));
+}
+
+/// The parts of a load in consecutive steps are its duration; a start at a step's end is the next one's, also where
+/// rounding takes it before.
+TEST(ScenePhysics, ALoadActsForItsDuration) {
+  TimedLoad load;
+  load.start = 0.1;
+  load.duration = 0.25;
+  const double dt = 0.1 / 3;
+  double sum = 0;
+  for (int k = 0; k < 20; ++k) sum += load.acts(k * dt, dt);
+  EXPECT_NEAR(sum, 0.25, 1e-15);
+  EXPECT_EQ(load.acts(0, dt), 0);
+  EXPECT_EQ(load.acts(0.1 - dt, dt * (1 + 1e-12)), 0);
+  EXPECT_EQ(load.acts(0.36, dt), 0);
+  EXPECT_EQ(load.acts(0, 1), 0.35 - 0.1);
+}
+
+TEST(ScenePhysics, LoadsAndGravityThatCannotBe) {
+  const auto fails_pushed = [](const std::string& from, const std::string& to, const std::vector<std::string>& parts) {
+    expect_error<ConfigError>([&] { parse(replaced(pushed, from, to)); }, parts);
+  };
+  fails_pushed(R"("radius": 0.05, )", "", {"/loads/0", "radius"});
+  fails_pushed(R"("radius": 0.05)", R"("radius": 0)", {"/loads/0/radius", "> 0"});
+  fails_pushed(R"(, "force": [2, 0, 1])", "", {"/loads/0", "force"});
+  fails_pushed("[2, 0, 1]", "[0, 0, 0]", {"/loads/0/force", "zero", "[N]"});
+  fails_pushed("[2, 0, 1]", "[2, 0]", {"/loads/0/force", "3"});
+  fails_pushed("[2, 0, 1]", "[1e999, 0, 1]", {"not valid JSON", "1e999"});
+  fails_pushed("[2, 0, 1]", "[NaN, 0, 1]", {"not valid JSON", "\"force\": [N"});
+  fails_pushed(R"("duration": 0.5, )", "", {"/loads/0", "duration"});
+  fails_pushed(R"("duration": 9)", R"("duration": -9)", {"/loads/1/duration", "> 0"});
+  fails_pushed(R"("start": 0.25)", R"("start": -1)", {"/loads/0/start", ">= 0"});
+  fails_pushed(R"("start": 0.25)", R"("start": 1)", {"/loads/0/start", "not within the run", "ends at 1 s", "frames"});
+  fails_pushed("[0.5, 0.55, 0.5]", "[0.5, 1.2, 0.5]", {"/loads/0/place", "outside the walls", "0.26 m"});
+  fails_pushed(R"("time": 0.75)", R"("time": 0.5)", {"/gravity_keyframes", "out of order", "0.5 s, above 0.5 s"});
+  fails_pushed(R"("time": 0.5)", R"("time": 0)", {"/gravity_keyframes/0/time", "> 0"});
+  fails_pushed(R"({"time": 0.5, )", "{", {"/gravity_keyframes/0", "time"});
+  const std::string flat = replaced(plane, R"("transfer")", R"("loads": [{"duration": 1, "place": [0.5, 0.5, 0.05],
+    "radius": 0.1, "force": [1, 0, 0]}], "gravity_keyframes": [{"time": 1, "gravity": [1, 0, 0]}], "transfer")");
+  EXPECT_EQ(parse(flat).loads.size(), 1u);
+  expect_error<ConfigError>([&] { parse(replaced(flat, R"("force": [1, 0, 0])", R"("force": [1, 0, 2])")); },
+                            {"/loads/0/force", "out of the plane"});
+  expect_error<ConfigError>([&] { parse(replaced(flat, R"("gravity": [1, 0, 0])", R"("gravity": [1, 0, 2])")); },
+                            {"/gravity_keyframes/0/gravity", "out of the plane"});
+}
+
 TEST(ScenePhysics, ScriptsThatCannotBe) {
   fails(R"("end_time": 0.2)", R"("end_time": 0.05)", {"/sources/0/motion", "ends before it starts"});
   fails(R"({"time": 1, "angle": 90})", R"({"time": 3, "angle": 90})", {"/obstacles/0/motion", "out of order", "key 1"});

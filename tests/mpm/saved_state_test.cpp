@@ -72,8 +72,8 @@ TEST_P(SavedState, SoDoRunsInThePlaneAndWithCubicSplines) {
 
 INSTANTIATE_TEST_SUITE_P(BothPrecisions, SavedState, testing::Values(Precision::f32, Precision::f64));
 
-/// All that a run may have beside its particles: emitters, sinks, gates, scripts, moving obstacles.
-TEST_P(SavedState, SoDoesOneWithEmittersSinksScriptsAndMovingObstacles) {
+/// All that a run may have beside its particles: emitters, sinks, gates, scripts, loads, moving obstacles.
+TEST_P(SavedState, SoDoesOneWithEmittersSinksScriptsLoadsAndMovingObstacles) {
   Scene scene = falling();
   Emitter emitter;
   emitter.size = {0.06, 0.02, 0.06};
@@ -84,6 +84,16 @@ TEST_P(SavedState, SoDoesOneWithEmittersSinksScriptsAndMovingObstacles) {
   Sink sink;
   sink.position = {0.55, 0.12, 0.5};
   scene.sinks.push_back(sink);
+  for (const double start : {0.0, 2.5, 3.0, 4.5}) {
+    TimedLoad load;
+    load.start = start * scene.frame_time;
+    load.duration = 2 * scene.frame_time;
+    load.place = {0.5, 0.12, 0.5};
+    load.radius = 0.06;
+    load.force = {0.5, 2, 0};
+    scene.loads.push_back(load);
+  }
+  scene.gravity_keyframes = {{2 * scene.frame_time, {0, -5, 0}}, {5 * scene.frame_time, {0, -12, 1}}};
   KinematicRegion region;
   region.position = {0.5, 0.12, 0.5};
   region.size = {0.04, 0.2, 0.2};
@@ -111,6 +121,8 @@ TEST_P(SavedState, SoDoesOneWithEmittersSinksScriptsAndMovingObstacles) {
   EXPECT_EQ(second->frame().active, whole->frame().active);
   EXPECT_GT(whole->statistics().born, 0);
   EXPECT_GT(whole->statistics().removed, 0);
+  EXPECT_EQ(second->statistics().load_momentum, whole->statistics().load_momentum);
+  EXPECT_EQ(whole->statistics().loads_without_carriers, 0);
 }
 
 void expect_same_after_a_restart_on_the_gpu(const Scene& scene) {

@@ -113,5 +113,70 @@ TEST(BodyLoad, LoadsThatCannotBeAreRefused) {
   EXPECT_NEAR(solver.state().velocity[0], 0, 1e-9) << "none of them acts";
 }
 
+/// A load of the scene, from within a step on, is that of a call at its time.
+TYPED_TEST(BodyLoadRun, TheScenesLoadsActAtTheirTimes) {
+  Block block;
+  const Vec3d force = {0.5 * block.mass, 2 * block.mass, 0};
+  TimedLoad load;
+  load.place = center;
+  load.force = force;
+  load.duration = 1.3 * frame_time;
+  for (const ProjectionKind kind : projections) {
+    const double tolerance = sizeof(TypeParam) == 4 && kind == ProjectionKind::position ? 3e-4 : 1e-6;
+    for (const double radius : {everywhere, 0.3 * side}) {
+      load.radius = radius;
+      load.start = frame_time;
+      block.scene.loads = {load};
+      auto by_scene = block.template solver<TypeParam>(kind);
+      block.scene.loads.clear();
+      auto by_call = block.template solver<TypeParam>(kind);
+      for (int f = 0; f < 3; ++f) {
+        if (f == 1) by_call.apply(load);
+        by_scene.advance_frame();
+        by_call.advance_frame();
+      }
+      for (std::size_t d = 0; d < 3; ++d)
+        EXPECT_NEAR(by_scene.state().velocity[d], by_call.state().velocity[d], 1e-9) << word_of(kind) << radius;
+      load.start = 0.77 * frame_time;
+      block.scene.loads = {load};
+      auto within = block.template solver<TypeParam>(kind);
+      for (int f = 0; f < 3; ++f) within.advance_frame();
+      for (std::size_t d = 0; d < 3; ++d)
+        EXPECT_NEAR(within.state().velocity[d], force[static_cast<int>(d)] / block.mass * load.duration, tolerance);
+    }
+  }
+}
+
+TEST(BodyLoad, ALoadOfTheSceneThatMeetsNothingIsTold) {
+  Block block;
+  TimedLoad load;
+  load.place = {0.2, 0.5, 0.5};
+  load.radius = 0.05;
+  load.force = {1, 0, 0};
+  load.start = frame_time;
+  load.duration = 1;
+  block.scene.loads = {load};
+  auto solver = block.exact();
+  solver.advance_frame();
+  EXPECT_EQ(solver.statistics().loads_without_carriers, 0);
+  solver.advance_frame();
+  EXPECT_EQ(solver.statistics().loads_without_carriers, 1);
+  EXPECT_NEAR(solver.state().velocity[0], 0, 1e-9);
+}
+
+/// A model of the block's translations falls as the path says.
+TYPED_TEST(BodyLoadRun, GravityFollowsItsPath) {
+  Block block;
+  block.scene.gravity = {0, -1, 0};
+  block.scene.gravity_keyframes = {{3 * frame_time, {2, 1, 0}}};
+  for (const ProjectionKind kind : projections) {
+    const double tolerance = sizeof(TypeParam) == 4 && kind == ProjectionKind::position ? 3e-4 : 1e-6;
+    auto solver = block.template solver<TypeParam>(kind);
+    for (int f = 0; f < 3; ++f) solver.advance_frame();
+    EXPECT_NEAR(solver.state().velocity[0], 1.5 * 2 * frame_time, tolerance) << word_of(kind);
+    EXPECT_NEAR(solver.state().velocity[1], 0, tolerance) << word_of(kind);
+  }
+}
+
 }  // namespace
 }  // namespace graupel::rom

@@ -292,6 +292,12 @@ TEST(ElasticDeviceTables, RefuseByNameWhatNoKernelKnows) {
   option_is_refused(model, eulerian, "quadrature");
   option_is_refused(model, pulled, "manifold_pull");
   option_is_refused(integrated, {}, "gradient integrated");
+  Scene pushed = scene, swayed = scene;
+  pushed.loads.resize(1);
+  swayed.gravity_keyframes.resize(1);
+  EXPECT_EQ(refusal([&] { device::check_scene(scene); }), "");
+  EXPECT_NE(refusal([&] { device::check_scene(pushed); }).find("loads"), std::string::npos);
+  EXPECT_NE(refusal([&] { device::check_scene(swayed); }).find("gravity that changes"), std::string::npos);
   const ReducedModel large = mode_model(scene, 1, device::most_latents + 1);
   EXPECT_NE(refusal([&] { device::model_table(large, large.samples); }).find("33 latents"), std::string::npos);
   const ReducedModel network =

@@ -59,6 +59,26 @@ TEST(LongSteps, AreShortenedAndEndWithinTheErrorOfTheWantedStep) {
   EXPECT_LE(solver.trust().residual, 1e-3);
 }
 
+/// A step that is taken back takes back the load that began in it: its impulse comes once.
+TEST(LongSteps, GiveTheScenesLoadsOnce) {
+  Fall fall;
+  double mass = 0;
+  for (const double volume : mpm::sample_sources(fall.scene, fall.scene.seed).volume)
+    mass += fall.scene.materials.at("sand").density * volume;
+  TimedLoad load;
+  load.place = {0.5, 0.75, 0.5};
+  load.radius = 9;
+  load.force = {0, -20 * mass, 0};  // 20 m/s^2
+  load.start = 1.57 * fall.scene.frame_time;
+  load.duration = 1;
+  fall.scene.loads = {load};
+  auto solver = fall.solver(4, LongSteps::shortened);
+  for (int f = 0; f < frames; ++f) solver.advance_frame();
+  const double time = frames * fall.scene.frame_time;
+  EXPECT_GT(solver.statistics().reduced_steps, 0);
+  EXPECT_NEAR(solver.frame().velocity[0][1], -gravity * time - 20 * (time - load.start), 1e-3 * gravity * time);
+}
+
 TEST(LongSteps, TheTrainingsOwnStepIsNeverShortened) {
   const Fall fall;
   auto own = fall.solver(1, LongSteps::shortened), kept = fall.solver(1, LongSteps::kept);

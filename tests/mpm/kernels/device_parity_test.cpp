@@ -129,6 +129,17 @@ std::vector<std::pair<std::string, Scene>> scenes_beyond_tuned_kernels() {
   through.domain.faces.x_high = WallConfig{.kind = Wall::periodic, .friction = {}};
   through.domain.faces.x_low = through.domain.faces.x_high;
   through.domain.faces.y_high = WallConfig{.kind = Wall::open, .friction = {}};
+  Scene& pushed = add("loads and gravity that changes");
+  for (const double start : {0.0, 0.7}) {
+    TimedLoad load;
+    load.start = start * pushed.frame_time;
+    load.duration = 0.6 * pushed.frame_time;
+    load.place = pushed.sources[0].position;
+    load.radius = 0.05;
+    load.force = {3, 1, 0};
+    pushed.loads.push_back(load);
+  }
+  pushed.gravity_keyframes = {{1.5 * pushed.frame_time, {1, 5, 0}}};
   add("PIC").transfer.scheme = TransferScheme::pic;
   add("RPIC").transfer.scheme = TransferScheme::rpic;
   add("damped APIC").transfer.damping = 20;

@@ -1,4 +1,4 @@
-#include "core/scene/plane_check.h"
+#include "core/scene/checks/plane_check.h"
 
 #include <cmath>
 #include <cstdio>
@@ -57,6 +57,10 @@ std::optional<OutOfPlane> first_out_of_plane(const Scene& scene) {
   if (!scene.domain.is_plane()) return {};
   Search search;
   search.velocity(scene.gravity, {"gravity"});
+  for (std::size_t i = 0; i < scene.gravity_keyframes.size(); ++i)
+    search.velocity(scene.gravity_keyframes[i].gravity, {"gravity_keyframes", std::to_string(i), "gravity"});
+  for (std::size_t i = 0; i < scene.loads.size(); ++i)
+    search.velocity(scene.loads[i].force, {"loads", std::to_string(i), "force"});
   for (std::size_t i = 0; i < scene.sources.size(); ++i) {
     const Source& source = scene.sources[i];
     const std::string index = std::to_string(i);

@@ -15,8 +15,8 @@ struct OutOfPlane {
   std::string problem, remedy;
 };
 
-/// The first one; none for scenes with three dimensions. Velocities have no z, spins and turns are about z; shapes may
-/// have any pose: the plane cuts them.
+/// The first one; none for scenes with three dimensions. Velocities and forces have no z, spins and turns are about z;
+/// shapes may have any pose: the plane cuts them.
 std::optional<OutOfPlane> first_out_of_plane(const Scene& scene);
 
 }  // namespace graupel
