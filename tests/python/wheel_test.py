@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """The wheel: builds it, takes its libraries in (auditwheel), installs it in a clean virtual environment, runs its tests.
 
-    python3 tests/python/wheel_test.py [--skip-build] [test_scene ..]
+    python3 tests/python/wheel_test.py [--skip-build] [--packages FOLDER] [test_scene ..]
 
 Needs a Python 3.10 or later with its headers and venv, and PyPI. Keeps its folders in build/python-wheel/ and compiles in
 build/python/; prints sizes and seconds. The last line is that of unittest.
@@ -56,6 +56,7 @@ def build_wheel():
 def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n", 1)[0])
     parser.add_argument("--skip-build", action="store_true", help="test the wheel that the last call built")
+    parser.add_argument("--packages", metavar="FOLDER", help="packages that the tests may use beside, such as PyTorch")
     parser.add_argument("tests", nargs="*", help="modules of tests/python (default: all)")
     arguments = parser.parse_args()
     begin = time.monotonic()
@@ -73,6 +74,8 @@ def main():
     shutil.copytree(os.path.dirname(os.path.abspath(__file__)), tests, ignore=shutil.ignore_patterns("__pycache__"))
     names = arguments.tests or sorted(os.path.basename(file)[:-3] for file in glob.glob(os.path.join(tests, "test_*.py")))
     clean = {key: value for key, value in os.environ.items() if key not in ("PYTHONPATH", "LD_LIBRARY_PATH")}
+    if arguments.packages:
+        clean["PYTHONPATH"] = os.path.abspath(arguments.packages)
     sys.exit(subprocess.run([python, "-m", "unittest", *names], cwd=tests, env=clean, check=False).returncode)
 
 
