@@ -56,7 +56,8 @@ def build_wheel():
 def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n", 1)[0])
     parser.add_argument("--skip-build", action="store_true", help="test the wheel that the last call built")
-    parser.add_argument("--packages", metavar="FOLDER", help="packages that the tests may use beside, such as PyTorch")
+    parser.add_argument("--packages", action="append", default=[], metavar="FOLDER",
+                        help="packages that the tests may use beside, such as PyTorch (repeatable)")
     parser.add_argument("tests", nargs="*", help="modules of tests/python (default: all)")
     arguments = parser.parse_args()
     begin = time.monotonic()
@@ -75,7 +76,7 @@ def main():
     names = arguments.tests or sorted(os.path.basename(file)[:-3] for file in glob.glob(os.path.join(tests, "test_*.py")))
     clean = {key: value for key, value in os.environ.items() if key not in ("PYTHONPATH", "LD_LIBRARY_PATH")}
     if arguments.packages:
-        clean["PYTHONPATH"] = os.path.abspath(arguments.packages)
+        clean["PYTHONPATH"] = os.pathsep.join(map(os.path.abspath, arguments.packages))
     sys.exit(subprocess.run([python, "-m", "unittest", *names], cwd=tests, env=clean, check=False).returncode)
 
 
