@@ -30,6 +30,7 @@ from ._graupel import (  # noqa: E402
     open,
     set_num_threads,
 )
+from . import convert  # noqa: E402
 from ._builder import SceneBuilder  # noqa: E402
 from ._runs import rollout, simulate  # noqa: E402
 from ._shared import model_path, scene_path  # noqa: E402
@@ -38,6 +39,6 @@ from ._verbs import compare, generate  # noqa: E402
 __all__ = [
     "ConfigError", "DataSet", "DivergedError", "Error", "Frame", "FrameArrays", "InputError", "IoError", "NetworkModel",
     "ReducedModel", "Scene", "SceneBuilder", "Simulation", "Trajectory", "TrajectoryWriter", "__version__", "compare",
-    "cuda_available", "generate", "instruction_set", "model_path", "num_threads", "open", "rollout", "scene_path",
-    "set_num_threads", "simulate",
+    "convert", "cuda_available", "generate", "instruction_set", "model_path", "num_threads", "open", "rollout",
+    "scene_path", "set_num_threads", "simulate",
 ]
