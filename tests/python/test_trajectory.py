@@ -15,7 +15,8 @@ class TrajectoryTest(unittest.TestCase):
         cls.place = tempfile.TemporaryDirectory()
         cls.file = os.path.join(cls.place.name, "run.h5")
         cls.told = []
-        cls.made = graupel.simulate(block("sand"), cls.file, 3, seed=5, fields="stress,plastic", progress=cls.told.append)
+        cls.made = graupel.simulate(block("sand"), cls.file, 3, seed=5, fields="stress,plastic",
+                                    progress=cls.told.append)
 
     @classmethod
     def tearDownClass(cls):
@@ -128,7 +129,8 @@ class RolloutTest(unittest.TestCase):
         start = graupel.Simulation(scene)
         given = scene.with_particles(start.positions, velocities=start.velocities)
         model = graupel.NetworkModel(graupel.model_path("hgn"))
-        np.testing.assert_allclose(model.rollout(given, 2).positions[2], model.rollout(scene, 2).positions[2], atol=1e-6)
+        np.testing.assert_allclose(model.rollout(given, 2).positions[2], model.rollout(scene, 2).positions[2],
+                                   atol=1e-6)
 
     def test_networks_say_what_they_do_not_know(self):
         scene = graupel.Scene.from_file(graupel.scene_path("shared/water_steps"), {"materials.water.bulk_modulus": 5e5})

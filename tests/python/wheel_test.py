@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
-"""The wheel: builds it, takes its libraries in (auditwheel), installs it in a clean virtual environment, runs its tests.
+"""The wheel: builds it, takes its libraries in (auditwheel), installs it in a clean environment, runs its tests.
 
     python3 tests/python/wheel_test.py [--skip-build] [--packages FOLDER] [test_scene ..]
 
-Needs a Python 3.10 or later with its headers and venv, and PyPI. Keeps its folders in build/python-wheel/ and compiles in
-build/python/; prints sizes and seconds. The last line is that of unittest.
+Needs a Python 3.10 or later with its headers and venv, and PyPI. Keeps its folders in build/python-wheel/ and compiles
+in build/python/; prints sizes and seconds. The last line is that of unittest.
 """
 import argparse
 import glob
@@ -68,12 +68,15 @@ def main():
         wheel = found[0]
     else:
         wheel = build_wheel()
-    print(f"{os.path.basename(wheel)}: {os.path.getsize(wheel) / 1e6:.1f} MB, {time.monotonic() - begin:.0f} s", flush=True)
+    print(f"{os.path.basename(wheel)}: {os.path.getsize(wheel) / 1e6:.1f} MB, {time.monotonic() - begin:.0f} s",
+          flush=True)
     python = os.path.join(environment("clean", [wheel, "h5py"], anew=True), "python")
     tests = os.path.join(WORK, "tests")
     shutil.rmtree(tests, ignore_errors=True)
     shutil.copytree(os.path.dirname(os.path.abspath(__file__)), tests, ignore=shutil.ignore_patterns("__pycache__"))
-    names = arguments.tests or sorted(os.path.basename(file)[:-3] for file in glob.glob(os.path.join(tests, "test_*.py")))
+    shutil.copytree(os.path.join(ROOT, "library", "python", "tutorials"), os.path.join(tests, "tutorials"))
+    names = arguments.tests or sorted(os.path.basename(file)[:-3]
+                                      for file in glob.glob(os.path.join(tests, "test_*.py")))
     clean = {key: value for key, value in os.environ.items() if key not in ("PYTHONPATH", "LD_LIBRARY_PATH")}
     if arguments.packages:
         clean["PYTHONPATH"] = os.pathsep.join(map(os.path.abspath, arguments.packages))

@@ -24,10 +24,11 @@ def check_processor(machine, flags):
     if machine not in ("x86_64", "AMD64"):
         return ""
     if flags and "sse2" not in flags:
-        raise ImportError("graupel needs an x86-64 processor with SSE2, which this one does not report. Use another machine")
+        raise ImportError("graupel needs an x86-64 processor with SSE2, which this one does not report. Use another "
+                          "machine")
     if flags and not {"avx2", "fma"} <= flags:
-        return ("this processor has no AVX2: graupel runs with SSE2, several times slower than with AVX2. Results differ "
-                "from those of other processors in rounding alone")
+        return ("this processor has no AVX2: graupel runs with SSE2, several times slower than with AVX2. Results "
+                "differ from those of other processors in rounding alone")
     return ""
 
 
@@ -42,8 +43,8 @@ def load_module():
         place = os.path.dirname(__file__)
         built = [name for name in os.listdir(place) if name.startswith("_graupel.") and name.endswith(".so")]
         if not built:
-            raise ImportError(f"graupel's extension module is not built in {place}. Install the wheel that 'pip wheel .' "
-                              "makes, and do not import graupel from the folder of its sources") from error
+            raise ImportError(f"graupel's extension module is not built in {place}. Install the wheel that "
+                              "'pip wheel .' makes, and do not import graupel from its sources") from error
         raise ImportError(f"graupel's extension module ({built[0]}) does not load in Python "
                           f"{sys.version_info.major}.{sys.version_info.minor}: {error}") from error
     return _graupel

@@ -16,8 +16,8 @@ def architecture_of(weights) -> str:
                 raise ValueError("a header of over 100 MB")
             return json.loads(file.read(length))["__metadata__"]["architecture"]
     except FileNotFoundError as error:
-        raise InputError(f"cannot read '{os.fspath(weights)}' (there is no such file). Give the path of a weights file, "
-                         "or graupel.model_path(NAME)") from error
+        raise InputError(f"cannot read '{os.fspath(weights)}' (there is no such file). Give the path of a weights "
+                         "file, or graupel.model_path(NAME)") from error
     except (OSError, ValueError, KeyError, TypeError, struct.error) as error:
         raise InputError(f"'{os.fspath(weights)}' holds no model of Graupel ({error}). Give a .safetensors file that "
                          "`graupel train` made") from error

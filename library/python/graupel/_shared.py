@@ -11,8 +11,8 @@ def _path(folder, name, ending):
     if not file.is_file():
         known = sorted(str(found.relative_to(FOLDER / folder))[:-len(ending)]
                        for found in (FOLDER / folder).rglob("*" + ending))
-        raise InputError(f"the package has no '{name}' among its {folder} (there are: {', '.join(known)}). Choose one of "
-                         "these, or give a file's path to the function itself")
+        raise InputError(f"the package has no '{name}' among its {folder} (there are: {', '.join(known)}). Choose one "
+                         "of these, or give a file's path to the function itself")
     return file
 
 

@@ -68,8 +68,8 @@ def generate(recipe, out, *, changes: dict | None = None, fields: str | None = N
     """Makes a data set of random scenes, or of a parameter sweep, in the folder `out`; what was made, as a dict.
 
     recipe: a file (scene_path('recipes/hgn')) or its dict, with absolute paths; changes: {'counts.train': 10}; fields
-    as in simulate(); shard 'I/N': every N-th scene from I on; connectivity_radius [m] for metadata.json. Complete scenes
-    are skipped, so an interrupted call goes on. Raises ConfigError, InputError, DivergedError, IoError.
+    as in simulate(); shard 'I/N': every N-th scene from I on; connectivity_radius [m] for metadata.json. Complete
+    scenes are skipped, so an interrupted call goes on. Raises ConfigError, InputError, DivergedError, IoError.
     """
     with ExitStack() as stack:
         output = run_program("generate", _file_of(recipe, stack, "recipe"), "-o", os.fspath(out), "--json", "-",

@@ -28,7 +28,8 @@ def data_set(source, target, *, format="graupel", types="", split=(), changes=No
     except ImportError as error:
         raise _errors.ConfigError(f"converting data sets needs h5py ({error}). Run pip install h5py") from error
     if format not in FORMATS:
-        raise _errors.ConfigError(f"format '{format}' is not known (allowed: {', '.join(FORMATS)}). Choose one of these")
+        raise _errors.ConfigError(f"format '{format}' is not known (allowed: {', '.join(FORMATS)}). Choose one of "
+                                  "these")
     options = argparse.Namespace(input=os.fspath(source), output=os.fspath(target), format=format, types=types,
                                  split=list(split), connectivity_radius=connectivity_radius,
                                  set=[f"{key}={json.dumps(value)}" for key, value in (changes or {}).items()])

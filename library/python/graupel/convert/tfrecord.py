@@ -85,8 +85,10 @@ def _map_entry(name, value):
 def example_bytes(series, key):
     """The SequenceExample of a trajectory."""
     types = np.ascontiguousarray(series.particle_type, "<i8").tobytes()
-    context = _map_entry("key", _message(3, _message(1, _varint(key)))) + _map_entry("particle_type", _bytes_feature(types))
-    frames = b"".join(_message(1, _bytes_feature(np.ascontiguousarray(frame, "<f4").tobytes())) for frame in series.position)
+    context = _map_entry("key", _message(3, _message(1, _varint(key))))
+    context += _map_entry("particle_type", _bytes_feature(types))
+    frames = b"".join(_message(1, _bytes_feature(np.ascontiguousarray(frame, "<f4").tobytes()))
+                      for frame in series.position)
     return _message(1, context) + _message(2, _map_entry("position", frames))
 
 
@@ -98,8 +100,8 @@ def write_tfrecord_split(path, count, source):
             series = source(i)
             frames = series.frames if frames is None else frames
             if series.frames != frames:
-                raise InputError(f"{series.where} has {series.frames} frames, others have {frames} (TFRecord data sets have "
-                                 "one number). Cut the longer ones, or convert to gns")
+                raise InputError(f"{series.where} has {series.frames} frames, others have {frames} (TFRecord data sets "
+                                 "have one number). Cut the longer ones, or convert to gns")
             record = example_bytes(series, i)
             length = struct.pack("<Q", len(record))
             file.write(length + struct.pack("<I", masked(crc32c(length))))

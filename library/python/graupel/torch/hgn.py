@@ -74,7 +74,8 @@ class HGN(nn.Module):
         self._model = NetworkModel(weights)  # checks the file
         metadata, tensors = read_safetensors(weights)
         if metadata.get("architecture") != "hgn":
-            raise InputError(f"'{weights}' holds no HGN ({metadata.get('architecture')}). Give weights of `graupel train hgn`")
+            raise InputError(f"'{weights}' holds no HGN ({metadata.get('architecture')}). Give weights of "
+                             "`graupel train hgn`")
         setting = lambda name, default=None: metadata.get("hgn." + name, default)  # noqa: E731
         if setting("aggregation", "messages") != "activations":
             raise ConfigError(f"'{weights}' aggregates messages (allowed here: activations). Run it by NetworkModel")
