@@ -74,10 +74,10 @@ void check(const Scene& scene, const ParticleState& state) {
   const Vec3d low = scene.wall_low(), high = scene.wall_high();
   const double tolerance = 1e-6 * scene.domain.dx;
   const bool plane = scene.domain.is_plane();
-  const std::string box = fmt::format("{} to {}, inside the walls", text_of(low), text_of(high));
   check_list("position", state.position, n, [&](const Vec3d& x) {
     for (int d = 0; d < scene.domain.axes(); ++d)
-      if (x[d] < low[d] - tolerance || x[d] > high[d] + tolerance) return box;
+      if (x[d] < low[d] - tolerance || x[d] > high[d] + tolerance)
+        return fmt::format("{} to {}, inside the walls", text_of(low), text_of(high));
     return std::string();
   });
   check_list("velocity", state.velocity, n, [&](const Vec3d& v) {

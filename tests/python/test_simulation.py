@@ -164,6 +164,8 @@ class ThreadsTest(unittest.TestCase):
         self.assertTrue(errors and "another thread" in errors[0])
 
     def test_ctrl_c_ends_a_frame_between_two_substeps(self):
+        self.addCleanup(signal.signal, signal.SIGINT, signal.getsignal(signal.SIGINT))
+        signal.signal(signal.SIGINT, signal.default_int_handler)  # shells let background processes ignore it
         run = graupel.Simulation(large())
         timer = threading.Timer(0.5, os.kill, (os.getpid(), signal.SIGINT))
         begin = time.perf_counter()

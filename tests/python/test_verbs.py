@@ -54,6 +54,7 @@ class VerbsTest(unittest.TestCase):
 
     def test_ctrl_c_ends_the_program_too(self):
         code = ("import graupel, os, signal, threading\n"
+                "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
                 "threading.Timer(2, os.kill, (os.getpid(), signal.SIGINT)).start()\n"
                 "try:\n    graupel.generate(graupel.scene_path('recipes/hgn'), 'data', changes={'counts.train': 500})\n"
                 "except KeyboardInterrupt:\n    print('interrupted')\n")
