@@ -178,6 +178,19 @@ TEST(ParticleState, ErrorsNameParticleValueAndWhatIsAllowed) {
   }
 }
 
+TEST(ParticleState, AStoredSceneSaysThatItLacksTheParticles) {
+  ParticleState state;
+  state.position = {{0.2, 0.2, 0.2}};
+  state.material = {"matter"};
+  const Simulation run(with_particles(spinning_block("jelly"), state));
+  try {
+    io::parse_stored_scene(run.header().scene_json, "stored", "run.h5");
+    FAIL() << "the particles are not in the text";
+  } catch (const InputError& error) {
+    EXPECT_NE(std::string(error.what()).find("in memory are not stored"), std::string::npos) << error.what();
+  }
+}
+
 TEST(ParticleState, InThePlaneNothingLeadsOutOfIt) {
   Scene scene = spinning_block("jelly");
   scene.domain.dimensions = 2;

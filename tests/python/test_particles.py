@@ -1,4 +1,6 @@
 """Runs from arrays of positions, velocities, deformation gradients and materials."""
+import os
+import tempfile
 import unittest
 
 import numpy as np
@@ -84,6 +86,13 @@ class ParticlesTest(unittest.TestCase):
                                  [[0, 1, 2], [1, 0, 3], [2, 1, 3], [0, 2, 3]])
         with self.assertRaisesRegex(graupel.ConfigError, "obstacle 0"):
             graupel.Simulation(inside.with_particles([[0.15, 0.15, 0.15]]))
+
+    def test_the_scene_of_a_file_says_that_it_lacks_them(self):
+        with tempfile.TemporaryDirectory() as folder:
+            made = graupel.simulate(block().with_particles(lattice()), os.path.join(folder, "run.h5"), 1)
+            self.assertEqual(made.particle_count, len(lattice()))
+            with self.assertRaisesRegex(graupel.InputError, "in memory are not stored"):
+                made.scene
 
     def test_two_dimensions_take_pairs(self):
         keys = block().to_dict()
