@@ -80,5 +80,7 @@ install(TARGETS ${programs} RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONEN
 set(share ${CMAKE_INSTALL_DATADIR}/graupel)
 install(DIRECTORY models scenes DESTINATION ${share} COMPONENT data)
 install(DIRECTORY tools DESTINATION ${share} COMPONENT programs PATTERN __pycache__ EXCLUDE)
+install(DIRECTORY library/python/graupel/convert/ DESTINATION ${share}/tools/graupel_convert COMPONENT programs
+  PATTERN __pycache__ EXCLUDE)
 install(DIRECTORY docs examples DESTINATION ${CMAKE_INSTALL_DOCDIR} COMPONENT docs)
 install(FILES README.md CHANGELOG.md LICENSE DESTINATION ${CMAKE_INSTALL_DOCDIR} COMPONENT docs)

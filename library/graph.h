@@ -26,6 +26,19 @@ struct NetworkRollout {
   std::function<void(int64_t frame)> progress = {};
 };
 
+/// Positions of the last frames, newest last: what a network sees of a run.
+struct NetworkHistory {
+  std::vector<int32_t> particle_type;        ///< [n]
+  std::vector<std::vector<Vec3f>> position;  ///< [history + 1][n] [m]
+};
+/// What a network makes of a history; docs/reference/networks.md tells how accelerations follow from it.
+struct NetworkInput {
+  std::size_t width = 0;               ///< of a row of features, without the embedding
+  std::vector<float> features;         ///< [n, width]
+  std::vector<int32_t> embedding_row;  ///< [n] of the tensor embedding.weight
+  Vec3d grid_origin = {0, 0, 0};       ///< [m] of HGN's grid
+};
+
 /// The network of a weights file, for any number of scenes. On a GPU not to be used from several threads at once.
 class NetworkModel {
  public:
@@ -39,6 +52,14 @@ class NetworkModel {
   /// that blows up stops before that frame and says so in diverged_at_frame. Throws ConfigError for a scene with
   /// another frame time or obstacle spacing than the network's, and for what a network cannot run.
   Trajectory rollout(const Scene& scene, const NetworkRollout& options = {}) const;
+  /// The scene's particles at its start with their ballistic past.
+  NetworkHistory start(const Scene& scene, std::optional<uint64_t> seed = {}) const;
+  /// Input of the network in a scene at time 0. Throws ConfigError for a history of another length than the network's
+  /// and for particle types without an embedding.
+  NetworkInput input(const Scene& scene, const NetworkHistory& history) const;
+  /// Accelerations [n] [m/frame^2] of the next frame: x' = 2 x - x_before + a, before all corrections. On the CPU;
+  /// throws as input().
+  std::vector<Vec3f> accelerations(const Scene& scene, const NetworkHistory& history) const;
   /// What of a scene the network was not trained on, a sentence each; empty where the weights do not tell.
   std::vector<std::string> remarks(const Scene& scene) const;
 

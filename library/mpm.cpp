@@ -13,16 +13,16 @@ struct Simulation::Impl {
   uint64_t seed;
   std::unique_ptr<mpm::Simulation> run;
   /// Copies of the present state; empty until they are asked for.
-  std::optional<ParticleFrame> frame;
-  std::map<ParticleField, std::vector<float>> fields;
+  std::shared_ptr<const ParticleFrame> frame;
+  std::map<ParticleField, std::shared_ptr<const std::vector<float>>> fields;
 
   void forget_copies() {
     frame.reset();
     fields.clear();
   }
-  const ParticleFrame& state() {
-    if (!frame) frame = run->frame();
-    return *frame;
+  const std::shared_ptr<const ParticleFrame>& state() {
+    if (!frame) frame = std::make_shared<const ParticleFrame>(run->frame());
+    return frame;
   }
 };
 
@@ -52,18 +52,24 @@ void Simulation::advance_frame() {
   impl_->forget_copies();
   impl_->run->advance_frame();
 }
+bool Simulation::advance_substep() {
+  impl_->forget_copies();
+  return impl_->run->advance_substep();
+}
 double Simulation::time() const { return impl_->run->time(); }
 int64_t Simulation::substeps() const { return impl_->run->statistics().substeps; }
 const Scene& Simulation::scene() const { return impl_->scene; }
 
 std::size_t Simulation::particle_count() const { return impl_->run->particle_count(); }
 std::span<const int32_t> Simulation::particle_type() const { return impl_->run->particle_type(); }
-std::span<const Vec3f> Simulation::position() const { return impl_->state().position; }
-std::span<const Vec3f> Simulation::velocity() const { return impl_->state().velocity; }
-std::span<const uint8_t> Simulation::active() const { return impl_->state().active; }
-std::span<const float> Simulation::field(ParticleField field) const {
+std::span<const Vec3f> Simulation::position() const { return impl_->state()->position; }
+std::span<const Vec3f> Simulation::velocity() const { return impl_->state()->velocity; }
+std::span<const uint8_t> Simulation::active() const { return impl_->state()->active; }
+std::span<const float> Simulation::field(ParticleField field) const { return *shared_field(field); }
+std::shared_ptr<const ParticleFrame> Simulation::shared_frame() const { return impl_->state(); }
+std::shared_ptr<const std::vector<float>> Simulation::shared_field(ParticleField field) const {
   auto [place, is_new] = impl_->fields.try_emplace(field);
-  if (is_new) place->second = std::move(impl_->run->fields({field})[field]);
+  if (is_new) place->second = std::make_shared<const std::vector<float>>(std::move(impl_->run->fields({field})[field]));
   return place->second;
 }
 

@@ -12,6 +12,7 @@
 #include "core/scene/scene.h"
 #include "core/scene/trajectory.h"
 #include "core/system/error.h"
+#include "library/particle_state.h"
 #include "mpm/materials/user_material.h"
 
 namespace graupel {
@@ -42,6 +43,9 @@ class Simulation {
 
   /// One frame of scene().frame_time, in as many substeps as the scene's time step asks for. Throws DivergedError.
   void advance_frame();
+  /// One substep of the frame; true once the frame is done. Frames made of these have the bytes of advance_frame().
+  /// Inside of a frame all else may be called but save_state(). On a GPU a call may take the whole frame.
+  bool advance_substep();
   double time() const;       ///< [s]
   int64_t substeps() const;  ///< so far
   const Scene& scene() const;
@@ -56,6 +60,9 @@ class Simulation {
   std::span<const uint8_t> active() const;
   /// A field now, shape [particles, info_of(field).components]; valid as long as position().
   std::span<const float> field(ParticleField field) const;
+  /// What the spans above look at, for callers that keep it beyond the next frame; it never changes.
+  std::shared_ptr<const ParticleFrame> shared_frame() const;
+  std::shared_ptr<const std::vector<float>> shared_field(ParticleField field) const;
   Balance balance() const;
 
   /// A copy of the state now with the `wanted` fields, for io::TrajectoryWriter::append().

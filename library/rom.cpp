@@ -30,7 +30,7 @@ struct ReducedSimulation::Impl {
   Scene scene;
   uint64_t seed;
   experiments::ReducedRun run;
-  std::optional<ParticleFrame> frame;  ///< a copy of the present state; none until it is asked for
+  std::shared_ptr<const ParticleFrame> frame;  ///< a copy of the present state; none until it is asked for
 
   Impl(const ReducedModel& used, const experiments::LoadedModel& loaded, const Scene& of_run,
        const ReducedSettings& settings)
@@ -50,9 +50,9 @@ struct ReducedSimulation::Impl {
             .outside = experiments::OutsideRange::be_quiet,
             .device = settings.device};
   }
-  const ParticleFrame& state() {
-    if (!frame) frame = run.frame();
-    return *frame;
+  const std::shared_ptr<const ParticleFrame>& state() {
+    if (!frame) frame = std::make_shared<const ParticleFrame>(run.frame());
+    return frame;
   }
 };
 
@@ -69,9 +69,10 @@ void ReducedSimulation::advance_frame() {
 double ReducedSimulation::time() const { return impl_->run.time(); }
 std::size_t ReducedSimulation::particle_count() const { return impl_->run.particle_type().size(); }
 std::span<const int32_t> ReducedSimulation::particle_type() const { return impl_->run.particle_type(); }
-std::span<const Vec3f> ReducedSimulation::position() const { return impl_->state().position; }
-std::span<const Vec3f> ReducedSimulation::velocity() const { return impl_->state().velocity; }
+std::span<const Vec3f> ReducedSimulation::position() const { return impl_->state()->position; }
+std::span<const Vec3f> ReducedSimulation::velocity() const { return impl_->state()->velocity; }
 ParticleFrame ReducedSimulation::frame() const { return impl_->run.frame(); }
+std::shared_ptr<const ParticleFrame> ReducedSimulation::shared_frame() const { return impl_->state(); }
 
 Trajectory ReducedSimulation::header() const {
   Trajectory header;

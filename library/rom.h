@@ -67,6 +67,8 @@ class ReducedSimulation {
   std::span<const Vec3f> position() const;
   std::span<const Vec3f> velocity() const;
   ParticleFrame frame() const;
+  /// What the spans above look at, for callers that keep it beyond the next frame; it never changes.
+  std::shared_ptr<const ParticleFrame> shared_frame() const;
   /// A trajectory of this run without frames, for io::TrajectoryWriter.
   Trajectory header() const;
   /// Error indicator of the last frame: up to 1 as in the training's own runs.

@@ -122,8 +122,32 @@ int32_t material_index(const Scene& scene, const std::string& material, const st
   return static_cast<int32_t>(std::distance(scene.materials.begin(), found));
 }
 
+/// Particles that are given one by one.
+void add_state(const Scene& scene, std::size_t s, const ParticleState& state, SampledParticles& all) {
+  const std::size_t n = state.position.size();
+  all.given.resize(all.position.size());
+  for (std::size_t i = 0; i < n; ++i) {
+    Vec3d x = state.position[i];
+    if (scene.domain.is_plane()) x[2] = scene.domain.plane();
+    all.position.push_back(x);
+    all.velocity.push_back(state.velocity.empty() ? Vec3d::zero() : state.velocity[i]);
+    all.spin.push_back(Vec3d::zero());
+    all.volume.push_back(state.volume.empty() ? scene.domain.cell_volume() / scene.sources[s].particles_per_cell
+                                              : state.volume[i]);
+    all.material.push_back(material_index(scene, state.material.size() == 1 ? state.material[0] : state.material[i],
+                                          fmt::format("particle {}", i)));
+    all.source.push_back(static_cast<int32_t>(s));
+    GivenState given;
+    if (!state.deformation_gradient.empty()) given.deformation_gradient = state.deformation_gradient[i];
+    if (!state.affine_velocity.empty()) given.affine_velocity = state.affine_velocity[i];
+    if (!state.plastic.empty()) given.internal = state.plastic[i];
+    all.given.push_back(given);
+  }
+}
+
 void add_source(const Scene& scene, std::size_t s, uint64_t seed, SampledParticles& all) {
   const Source& source = scene.sources[s];
+  if (source.state) return add_state(scene, s, *source.state, all);
   const int32_t material = material_index(scene, source.material, fmt::format("source {}", s));
   const Mat3d rotation = source.rotation();
   const Vec3d center = source.spin_center.value_or(source.position);
@@ -199,6 +223,7 @@ SampledParticles sample_sources(const Scene& scene, uint64_t seed) {
   for (std::size_t s = 0; s < scene.sources.size(); ++s) add_source(scene, s, seed, all);
   if (!scene.emitters.empty()) all.birth_time.assign(all.position.size(), 0.0);
   for (std::size_t e = 0; e < scene.emitters.size(); ++e) add_emitter(scene, e, seed, all);
+  if (!all.given.empty()) all.given.resize(all.position.size());
   add_scripts(scene, all);
   return all;
 }

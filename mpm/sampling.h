@@ -3,8 +3,10 @@
 
 #include <cstdint>
 #include <limits>
+#include <optional>
 #include <vector>
 
+#include "core/math/mat.h"
 #include "core/math/random.h"
 #include "core/scene/scene.h"
 
@@ -18,6 +20,13 @@ struct Script {
   std::string name;                                               ///< for messages
 };
 
+/// What a particle that was given one by one starts with, beside its position and velocity.
+struct GivenState {
+  Mat3d deformation_gradient = Mat3d::identity();
+  Mat3d affine_velocity = Mat3d::zero();  ///< [1/s]
+  std::optional<double> internal = {};    ///< else of the undeformed state; of fluids det F
+};
+
 /// Particles at the start, source by source, and those that emitters will send out, emitter by emitter. Depends on
 /// (seed, source index, particle index) alone. With two dimensions all lie in the plane: bodies are cut by it, points
 /// are moved into it.
@@ -29,6 +38,7 @@ struct SampledParticles {
   std::vector<int32_t> source;     ///< index into scene.sources; behind them, of scene.emitters
   std::vector<Vec3d> spin;         ///< initial rotation, the antisymmetric part of C [rad/s]
   std::vector<double> birth_time;  ///< [s]; empty without emitters
+  std::vector<GivenState> given;   ///< empty where no source has a state of its own
   std::vector<int32_t> script;     ///< index into scripts or -1; empty without scripts
   std::vector<Script> scripts;
   std::vector<std::string> material_names;  ///< keys of scene.materials, in map order

@@ -90,6 +90,12 @@ class Simulation {
   /// One frame of scene.frame_time. Throws DivergedError (particle, material, step, suggested step) on NaN, det F <= 0
   /// or a particle that moves over one cell in a substep; the state is then that of the bad substep.
   virtual void advance_frame() = 0;
+  /// One substep of the frame; true once the frame is done. Frames made of these have the bytes of advance_frame().
+  /// The tuned kernels for GPUs take the whole frame at once.
+  virtual bool advance_substep() {
+    advance_frame();
+    return true;
+  }
   /// Positions and velocities in source order, whatever the solver's own order; those that are not in the run at their
   /// place of birth, or where they left.
   virtual ParticleFrame frame() const = 0;

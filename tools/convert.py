@@ -3,6 +3,7 @@
 
 `graupel convert` runs this file; `python3 tools/convert.py --help` lists the flags.
 """
+import importlib.util
 import os
 import sys
 
@@ -24,9 +25,29 @@ def need_libraries():
         sys.exit(2)
 
 
+def load_package():
+    """graupel.convert as `graupel_convert`, which needs nothing of the package around it."""
+    here = os.path.dirname(os.path.abspath(__file__))
+    places = [os.path.join(here, *words) for words in (
+        ("graupel_convert",),                               # installed beside
+        ("..", "library", "python", "graupel", "convert"),  # the sources
+        ("..", "..", "..", "convert"))]                     # inside the Python package
+    for place in places:
+        file = os.path.join(place, "__init__.py")
+        if os.path.isfile(file):
+            spec = importlib.util.spec_from_file_location("graupel_convert", file, submodule_search_locations=[place])
+            sys.modules["graupel_convert"] = package = importlib.util.module_from_spec(spec)
+            spec.loader.exec_module(package)
+            return
+    print(f"graupel: the package of 'convert' is not there (looked for in {', '.join(map(os.path.normpath, places))}). "
+          "Install Graupel again", file=sys.stderr)
+    sys.exit(2)
+
+
 if __name__ == "__main__":
     sys.dont_write_bytecode = True
     need_libraries()
+    load_package()
     from graupel_convert.command import main
 
     main(sys.argv[1:])

@@ -16,6 +16,7 @@
 #include "core/scene/load.h"
 #include "core/scene/material_config.h"
 #include "core/scene/motion.h"
+#include "core/scene/particle_state.h"
 #include "core/scene/region.h"
 #include "core/scene/time_step_config.h"
 #include "core/scene/transfer_config.h"
@@ -32,6 +33,8 @@ struct Source : Body {
   std::optional<Vec3d> spin_center;    ///< [m]; default `position`
   std::optional<Motion> motion;        ///< a script that all its particles follow
   std::optional<double> release_time;  ///< [s]; then the particles are free
+  /// Set by with_particles() (library/particle_state.h): what its points carry, in place of the members above.
+  std::shared_ptr<const ParticleState> state;
 
   template <typename Visitor>
   static void fields(Visitor&& visit) {

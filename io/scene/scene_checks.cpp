@@ -156,6 +156,10 @@ void load_body(ConfigDocument& document, const char* list, std::size_t index, co
   if (body.shape != Shape::mesh && body.shape != Shape::vdb && body.shape != Shape::points) return;
   const std::string where = body_place(document, list, index, "file").text();
   const std::string given = body.file;
+  if (given.empty())
+    throw InputError(where +
+                     " is empty (\"\"). Name a file: particles and meshes that a program gave in memory are not "
+                     "stored with its scene");
   body.file = finder.find(given);
   if (!fs::is_regular_file(body.file))
     throw InputError(where + " names a file that does not exist (\"" + given + "\", looked for at '" + body.file +

@@ -5,6 +5,24 @@
 
 namespace graupel::mpm {
 
+namespace {
+
+/// Deformation, internal variable and the stress of both, by an update in which no time passes.
+template <typename T>
+void set_given_state(const GivenState& given, const MaterialConfig& material, std::size_t i, HostParticles<T>& host) {
+  Mat<T, 3>& F = host.deformation_gradient[i];
+  T& internal = host.internal[i];
+  const Mat<T, 3> deformed = given.deformation_gradient.template cast<T>();
+  if (keeps_deformation(material.model)) F = deformed;
+  if (is_fluid(material.model)) internal = determinant(deformed);
+  if (given.internal) internal = static_cast<T>(*given.internal);
+  host.affine_velocity[i] += given.affine_velocity.template cast<T>();
+  host.stress[i] = symmetric_components(
+      update_material(material_parameters<T>(material), T(0), host.affine_velocity[i], F, internal));
+}
+
+}  // namespace
+
 template <typename T>
 HostParticles<T>::HostParticles(std::size_t n)
     : position(n),
@@ -29,6 +47,7 @@ HostParticles<T> initial_particles(const SampledParticles& sampled, const std::v
     host.material[i] = sampled.material[i];
     host.source_index[i] = static_cast<int32_t>(i);
     host.internal[i] = static_cast<T>(initial_internal_variable(materials[sampled.material[i]].model));
+    if (!sampled.given.empty()) set_given_state(sampled.given[i], materials[sampled.material[i]], i, host);
   }
   return host;
 }

@@ -22,7 +22,7 @@ struct HostParticles {
   std::size_t size() const { return position.size(); }
 };
 
-/// Undeformed particles at rest stress, in source order.
+/// Particles with the stress of their deformation, which is none where they are undeformed, in source order.
 template <typename T>
 HostParticles<T> initial_particles(const SampledParticles& sampled, const std::vector<MaterialConfig>& materials);
 

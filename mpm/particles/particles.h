@@ -65,8 +65,12 @@ GRAUPEL_HD inline Mat<T, 3> load_symmetric(const TiledView<T, 6>& view, int64_t 
   return {{{s[0], s[3], s[4]}, {s[3], s[1], s[5]}, {s[4], s[5], s[2]}}};
 }
 template <typename T>
+GRAUPEL_HD inline Vec<T, 6> symmetric_components(const Mat<T, 3>& m) {
+  return {m(0, 0), m(1, 1), m(2, 2), m(0, 1), m(0, 2), m(1, 2)};
+}
+template <typename T>
 GRAUPEL_HD inline void store_symmetric(const TiledView<T, 6>& view, int64_t slot, const Mat<T, 3>& m) {
-  view.set_vec(slot, {m(0, 0), m(1, 1), m(2, 2), m(0, 1), m(0, 2), m(1, 2)});
+  view.set_vec(slot, symmetric_components(m));
 }
 
 /// All particles, for kernels.

@@ -48,6 +48,10 @@ class FieldHash {
     } else if constexpr (std::is_base_of_v<Body, V>) {
       add_struct(value);
       add_geometry(value);
+      if constexpr (std::is_same_v<V, Source>)
+        if (value.state) add_state(*value.state);
+    } else if constexpr (std::is_same_v<V, Mat3d>) {
+      add_bytes(value.a, sizeof(value.a));
     } else {
       add_struct(value);
     }
@@ -73,6 +77,16 @@ class FieldHash {
     if (body.points)
       for (const Vec3d& p : *body.points) add(p);
     if (body.shape == Shape::vdb) add(read_file(body.file));  // wherever it lies
+  }
+
+  void add_state(const ParticleState& state) {
+    add(state.position);
+    add(state.velocity);
+    add(state.deformation_gradient);
+    add(state.affine_velocity);
+    add(state.plastic);
+    add(state.volume);
+    add(state.material);
   }
 
   uint64_t hash_;

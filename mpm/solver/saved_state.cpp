@@ -107,6 +107,7 @@ void Solver<T>::load_state(const std::vector<std::byte>& state) {
   const double seconds = statistics_.solver_seconds;
   frames_done_ = course.frames_done;
   frame_elapsed_ = course.frame_elapsed;
+  in_frame_ = false;
   step_statistics_ = course.step_statistics;
   statistics_ = course.statistics;
   statistics_.solver_seconds = seconds;

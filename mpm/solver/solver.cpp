@@ -14,6 +14,23 @@
 
 namespace graupel::mpm {
 
+namespace {
+
+/// The law's internal variable, and the stress of a deformation that particle i was given.
+template <typename T>
+void start_with_law(const UserMaterial& law, const SampledParticles& sampled, std::size_t i, HostParticles<T>& host) {
+  host.internal[i] = static_cast<T>(law.initial_internal());
+  if (sampled.given.empty()) return;
+  const GivenState& given = sampled.given[i];
+  MaterialState state{given.deformation_gradient, given.internal.value_or(law.initial_internal())};
+  const Mat3d tau = law.stress({0, given.affine_velocity}, state);
+  host.deformation_gradient[i] = state.F.cast<T>();
+  host.internal[i] = static_cast<T>(state.internal);
+  host.stress[i] = symmetric_components(tau.cast<T>());
+}
+
+}  // namespace
+
 template <typename T>
 Solver<T>::Solver(const Scene& scene, const SimulationOptions& options, const SampledParticles& sampled,
                   const sparsegrid::ObstacleSet& obstacles, const UserMaterials& laws)
@@ -29,8 +46,7 @@ Solver<T>::Solver(const Scene& scene, const SimulationOptions& options, const Sa
     particle_type_.push_back(particle_type_of(scene.materials.at(sampled.material_names[m]).model));
   HostParticles<T> initial = initial_particles<T>(sampled, grid_.material_configs);
   for (std::size_t i = 0; i < initial.size() && !user_laws_.empty(); ++i)
-    if (const auto& law = user_laws_[initial.material[i]])
-      initial.internal[i] = static_cast<T>(law->initial_internal());
+    if (const auto& law = user_laws_[initial.material[i]]) start_with_law(*law, sampled, i, initial);
   particles_ = upload_particles(initial, options.device);
   spare_ = Particles<T>(options.device, particles_.count());
   find_owner_blocks(view());
@@ -128,29 +144,52 @@ void Solver<T>::move(const SolverView<T>& v, T step, double dt) {
 
 template <typename T>
 void Solver<T>::advance_frame() {
+  while (!advance_substep()) {
+  }
+}
+
+template <typename T>
+bool Solver<T>::advance_substep() {
   const auto begin = std::chrono::steady_clock::now();
+  if (!in_frame_) begin_frame();
+  if (frame_elapsed_ >= scene_.frame_time) {  // of a state that was saved so
+    end_frame();
+    return true;
+  }
+  const StateSpeeds before = speeds();
+  const double left = scene_.frame_time - frame_elapsed_;
+  const bool equal_steps = equal_step_ > 0;
+  const double dt =
+      equal_steps ? equal_step_ : next_step(scene_.time_step, scene_.domain.dx, scene_.frame_time, before, left);
+  substep(dt);
+  record_step(dt);
+  if (step_statistics_.bad_slot >= 0) throw_diverged(dt, before);
+  const bool last = equal_steps ? --equal_steps_left_ <= 0 : dt >= left * (1 - 1e-9);
+  frame_elapsed_ += dt;
+  if (last) end_frame();
+  statistics_.solver_seconds += std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+  return last;
+}
+
+template <typename T>
+void Solver<T>::begin_frame() {
   reorder_particles();
   const TimeStep& policy = scene_.time_step;
   loads_.expect(view(), time(), scene_.frame_time);
-  const bool equal_steps = policy.policy != StepPolicy::adaptive;
-  const double step = largest_step(policy, scene_.domain.dx, scene_.frame_time, speeds());
-  const auto substeps = equal_steps ? std::llround(scene_.frame_time / step) : 0;
-  for (int64_t i = 0; frame_elapsed_ < scene_.frame_time; ++i) {
-    const StateSpeeds before = speeds();
-    const double left = scene_.frame_time - frame_elapsed_;
-    const double dt = equal_steps ? step : next_step(policy, scene_.domain.dx, scene_.frame_time, before, left);
-    substep(dt);
-    record_step(dt);
-    if (step_statistics_.bad_slot >= 0) throw_diverged(dt, before);
-    const bool last = equal_steps ? i + 1 == substeps : dt >= left * (1 - 1e-9);
-    frame_elapsed_ = last ? scene_.frame_time : frame_elapsed_ + dt;
-  }
+  equal_step_ =
+      policy.policy == StepPolicy::adaptive ? 0 : largest_step(policy, scene_.domain.dx, scene_.frame_time, speeds());
+  equal_steps_left_ = equal_step_ > 0 ? std::llround((scene_.frame_time - frame_elapsed_) / equal_step_) : 0;
+  in_frame_ = true;
+}
+
+template <typename T>
+void Solver<T>::end_frame() {
+  in_frame_ = false;
   ++frames_done_;
   frame_elapsed_ = 0;
   const double n = static_cast<double>(particle_count());
   statistics_.share_over_courant =
       std::max(statistics_.share_over_courant, static_cast<double>(step_statistics_.over_courant) / n);
-  statistics_.solver_seconds += std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
 }
 
 /// Puts the particles into block order in memory. Done at the start of every

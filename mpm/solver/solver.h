@@ -30,6 +30,7 @@ class Solver final : public Simulation {
   const sparsegrid::ObstacleSet& obstacles() const override { return obstacles_; }
   double time() const override { return static_cast<double>(frames_done_) * scene_.frame_time + frame_elapsed_; }
   void advance_frame() override;
+  bool advance_substep() override;
   ParticleFrame frame() const override;
   ParticleFields fields(FieldSet wanted) const override;
   Diagnostics diagnostics() const override;
@@ -56,6 +57,8 @@ class Solver final : public Simulation {
   StateSpeeds speeds() const;
 
  private:
+  void begin_frame();
+  void end_frame();
   void reorder_particles();
   void push_loads(double dt);
   void record_step(double dt);
@@ -85,6 +88,9 @@ class Solver final : public Simulation {
   StepStatistics step_statistics_;  ///< of the present state
   int64_t frames_done_ = 0;
   double frame_elapsed_ = 0;  ///< [s] inside the present frame
+  bool in_frame_ = false;     ///< begin_frame() was called for it
+  double equal_step_ = 0;     ///< of the present frame [s]; 0 where steps adapt
+  int64_t equal_steps_left_ = 0;
   RunStatistics statistics_;
   Tracers<T> tracers_;
   double tracer_seconds_ = 0;

@@ -13,6 +13,9 @@ PROGRAM = os.environ.get("GRAUPEL_PROGRAM", os.path.join(ROOT, "build", "graupel
 sys.dont_write_bytecode = True
 sys.path.insert(0, os.path.join(ROOT, "tools"))
 
+import convert  # noqa: E402
+
+convert.load_package()
 from graupel_convert import series  # noqa: E402
 
 EXAMPLE = {"bounds": [[0.1, 0.9], [0.1, 0.9]], "sequence_length": 320, "default_connectivity_radius": 0.015, "dim": 2,

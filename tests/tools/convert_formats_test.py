@@ -6,6 +6,7 @@ Runs by tests/run_all.sh, or: /usr/bin/python3 tests/tools/convert_formats_test.
 import io
 import os
 import pickle
+import struct
 import unittest
 import zipfile
 
@@ -13,7 +14,7 @@ import h5py
 import numpy as np
 
 from convert_case import Case, objects, sample
-from graupel_convert import errors, gns, hdf5, pickles
+from graupel_convert import errors, gns, hdf5, pickles, tfrecord
 
 
 class Hostile:
@@ -241,6 +242,87 @@ class LagrangeBench(Case):
     def test_needs_one_number_of_frames(self):
         self.refused(errors.InputError, "has 5 frames, those before it 4", hdf5.write_lagrangebench_split, self.path("a.h5"), 2,
                      lambda i: sample(4 + i, 2, 3))
+
+
+def crc_bit_by_bit(data):
+    crc = 0xFFFFFFFF
+    for byte in data:
+        crc ^= byte
+        for _ in range(8):
+            crc = crc >> 1 ^ (0x82F63B78 if crc & 1 else 0)
+    return crc ^ 0xFFFFFFFF
+
+
+def records(data):
+    """The records of a TFRecord file, whose sums are checked."""
+    while data:
+        length, sum_of_length = struct.unpack("<QI", data[:12])
+        record, (sum_of_record,) = data[12:12 + length], struct.unpack("<I", data[12 + length:16 + length])
+        for content, told in ((data[:8], sum_of_length), (record, sum_of_record)):
+            crc = crc_bit_by_bit(content)
+            assert ((crc >> 15 | crc << 17 & 0xFFFFFFFF) + 0xA282EAD8) % (1 << 32) == told
+        yield record
+        data = data[16 + length:]
+
+
+def fields(message):
+    """(number, content) of a protocol buffer's message of lengths and varints."""
+    at = 0
+
+    def varint():
+        nonlocal at
+        value = shift = 0
+        while True:
+            byte = message[at]
+            at += 1
+            value |= (byte & 0x7F) << shift
+            shift += 7
+            if byte < 0x80:
+                return value
+    while at < len(message):
+        tag = varint()
+        if tag & 7 == 0:
+            yield tag >> 3, varint()
+            continue
+        assert tag & 7 == 2
+        length = varint()
+        yield tag >> 3, message[at:at + length]
+        at += length
+
+
+def entries(message):
+    """A map from text to messages."""
+    return {dict(fields(entry))[1].decode(): dict(fields(entry))[2] for _, entry in fields(message)}
+
+
+class TfRecords(Case):
+    def test_sums_are_those_of_the_standard(self):
+        self.assertEqual(tfrecord.crc32c(b"123456789"), 0xE3069283)
+        self.assertEqual(tfrecord.crc32c(b""), 0)
+        data = np.random.default_rng(1).integers(0, 256, 5000, np.uint8).tobytes()
+        for length in (1, 1023, 1024, 2047, 2048, 2049, 5000):
+            self.assertEqual(tfrecord.crc32c(data[:length]), crc_bit_by_bit(data[:length]), length)
+
+    def test_trajectories_are_examples(self):
+        all_series = [sample(4, 5, 3), sample(4, 300, 3, 8.0)]
+        tfrecord.write_tfrecord_split(self.path("train.tfrecord"), 2, all_series.__getitem__)
+        with open(self.path("train.tfrecord"), "rb") as file:
+            found = list(records(file.read()))
+        self.assertEqual(len(found), 2)
+        for key, (record, series) in enumerate(zip(found, all_series)):
+            example = dict(fields(record))
+            context, lists = entries(example[1]), entries(example[2])
+            self.assertEqual(dict(fields(dict(fields(context["key"]))[3]))[1], bytes([key]))
+            types = dict(fields(dict(fields(context["particle_type"]))[1]))[1]
+            np.testing.assert_array_equal(np.frombuffer(types, "<i8"), series.particle_type)
+            frames = [dict(fields(dict(fields(feature))[1]))[1] for _, feature in fields(lists["position"])]
+            positions = np.frombuffer(b"".join(frames), "<f4").reshape(series.position.shape)
+            np.testing.assert_array_equal(positions, series.position)
+
+    def test_other_numbers_of_frames_are_refused(self):
+        all_series = [sample(4, 5, 3), sample(5, 5, 3)]
+        self.refused(errors.InputError, "5 frames, others have 4", tfrecord.write_tfrecord_split,
+                     self.path("train.tfrecord"), 2, all_series.__getitem__)
 
 
 if __name__ == "__main__":

@@ -59,7 +59,7 @@ def long_lines(file, text):
 
 
 def missing_sources(file, text):
-    folders = "apps|bench|compare|core|experiments|graph|io|mpm|nn|rom|sparsegrid|tests|tools|train|validation"
+    folders = "apps|bench|compare|core|experiments|graph|io|library|mpm|nn|rom|sparsegrid|tests|tools|train|validation"
     named = re.findall(rf"`((?:{folders})/[\w/.-]+\.(?:h|cpp|cu|cuh|py|sh))`", text)
     return [f"{file}: {path}" for path in named if not os.path.exists(os.path.join(ROOT, path))]
 

@@ -16,6 +16,7 @@ NAMES = {OBSTACLE: "obstacle", **{number: word for word, number in MATERIALS.ite
 # its own numbers. Rigid bodies (0 of GNS, 3 of LagrangeBench) are no material: users say what they are.
 TABLES = {"gns": {3: 3, 4: 4, 5: 5, 6: 6, 7: 7, 8: 8},
           "lagrangebench": {0: 5, 1: 3, 2: 13, 4: 4, 6: 6, 7: 7, 8: 8}}
+TABLES["tfrecord"] = TABLES["gns"]
 LARGEST_WRITTEN = 8
 
 

@@ -15,7 +15,7 @@ from .scenes import Program
 from .series import SPLITS
 
 FOOTER = """\
-Positions keep their bits. Types: gns 3 obstacle, 4 jelly, 5 water, 6 sand, 7 toothpaste (goop), 8 snow;
+Positions keep their bits. Types: gns and tfrecord 3 obstacle, 4 jelly, 5 water, 6 sand, 7 toothpaste (goop), 8 snow;
 lagrangebench 0 water, 1 obstacle (wall), 2 stationary (moving wall), 4 jelly, 6 sand, 7 toothpaste, 8 snow.
 Other programs' data have no scene: walls come from their bounds, gravity is 0 unless --set says otherwise.
 Their pickles are never executed. The output appears when all of it is written.
@@ -26,6 +26,9 @@ Examples:
   graupel convert WaterDropSample data/water --set gravity=[0,-9.8,0]
   graupel convert 3D_LDC_8160_10kevery100 data/ldc --types 2=obstacle --split train,valid
   graupel convert runs/hgn/weights.safetensors models/hgn.safetensors --numbers f16"""
+
+
+FORMATS = ("graupel", "gns", "lagrangebench", "tfrecord")
 
 
 def above_zero(text):
@@ -45,11 +48,12 @@ class Parser(argparse.ArgumentParser):
 
 def parse(arguments):
     parser = Parser(prog="graupel convert", epilog=FOOTER, formatter_class=argparse.RawDescriptionHelpFormatter,
-                    description="Convert data sets: Graupel's, geoelements/gns, LagrangeBench; shorten weights")
+                    description="Convert data sets: Graupel's, geoelements/gns, LagrangeBench, TFRecord; shorten weights")
     parser.add_argument("input", help="Folder of a data set; its files say which format it has. Or weights, or a scene")
     parser.add_argument("output", help="Folder, or file of weights, to make")
-    parser.add_argument("-f", "--format", choices=("graupel", "gns", "lagrangebench"), default="graupel",
-                        help="Format of the output: graupel (default), gns (.npz) or lagrangebench (.h5)")
+    parser.add_argument("-f", "--format", choices=FORMATS, default="graupel",
+                        help="Format of the output: graupel (default), gns (.npz), lagrangebench (.h5) or tfrecord "
+                             "(learning_to_simulate)")
     parser.add_argument("--types", default="",
                         help="Particle types of the other program: NUMBER=MATERIAL,..., or NUMBER=obstacle; the rest as below")
     parser.add_argument("--split", action="append", default=[], metavar="NAME",
@@ -73,7 +77,7 @@ def parse(arguments):
 
 
 def program_path():
-    beside = os.path.join(os.path.dirname(os.path.abspath(__file__)), "../../build/graupel")
+    beside = os.path.join(os.path.dirname(os.path.abspath(__file__)), "../../../../build/graupel")  # in the sources
     return os.environ.get("GRAUPEL_PROGRAM") or (os.path.normpath(beside) if os.path.exists(beside) else "graupel")
 
 
@@ -106,6 +110,15 @@ def training_settings(scene, radius, network):
     return "".join(f" --set {network}.{word}" for word in words)
 
 
+def result_of(options, conversion):
+    """What was made."""
+    return {"output": options.output, "from": conversion.source, "format": options.format,
+            "splits": {name: {"trajectories": split.trajectories, "most_frames": split.most_frames,
+                              "most_particles": split.most_particles}
+                       for name, split in sorted(conversion.figures.items())},
+            "trajectories_whose_obstacles_are_left_out": conversion.with_obstacles}
+
+
 def report(options, conversion):
     figures = conversion.figures
     counts = ", ".join(f"{figures[name].trajectories} {name}" for name in SPLITS if name in figures)
@@ -117,10 +130,7 @@ def report(options, conversion):
     for network in ("hgn", "gns") if scene else ():
         print(f"Train by: graupel train {network} --data {options.output}"
               + training_settings(scene, conversion.metadata.radius, network), file=sys.stderr)
-    result = {"output": options.output, "from": conversion.source, "format": options.format,
-              "splits": {name: {"trajectories": split.trajectories, "most_frames": split.most_frames,
-                                "most_particles": split.most_particles} for name, split in sorted(figures.items())},
-              "trajectories_whose_obstacles_are_left_out": conversion.with_obstacles}
+    result = result_of(options, conversion)
     if options.json == "-":
         print(json.dumps(result, indent=2))
     elif options.json:

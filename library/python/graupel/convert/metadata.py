@@ -173,6 +173,14 @@ def gns_metadata(metadata, splits, motion, type_names):
     return {**out, **own_keys(metadata, type_names)}
 
 
+def tfrecord_metadata(metadata, splits, motion, type_names):
+    """The keys of learning_to_simulate; sequence_length is the number of frames less one."""
+    most = max(split.most_frames for split in splits.values())
+    return {"case": metadata.name, "bounds": metadata.bounds, "sequence_length": most - 1,
+            "default_connectivity_radius": metadata.radius, "dim": metadata.dimensions, "dt": metadata.frame_time, **motion,
+            **own_keys(metadata, type_names)}
+
+
 def lagrangebench_metadata(metadata, splits, motion, type_names):
     """Sequence lengths are the number of frames less one."""
     most = max(split.most_frames for split in splits.values())

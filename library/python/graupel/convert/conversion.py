@@ -7,15 +7,16 @@ import numpy as np
 from .errors import ConfigError, InputError, OutputError, writing
 from .gns import GnsSplit, write_gns_split
 from .hdf5 import GraupelSplit, LagrangeBenchSplit, is_own, write_graupel_split, write_lagrangebench_split
-from .metadata import SplitFigures, gns_metadata, json_text, lagrangebench_metadata, read_metadata
+from .metadata import SplitFigures, gns_metadata, json_text, lagrangebench_metadata, read_metadata, tfrecord_metadata
 from .scenes import SceneMaker, graupel_metadata, own_metadata
 from .series import SPLITS, Motion, TypeTable, name_of
+from .tfrecord import write_tfrecord_split
 
 READERS = {"graupel": GraupelSplit, "gns": GnsSplit, "lagrangebench": LagrangeBenchSplit}
 
 
 def split_file(form, split):
-    return split + (".npz" if form == "gns" else ".h5")
+    return split + {"gns": ".npz", "tfrecord": ".tfrecord"}.get(form, ".h5")
 
 
 def format_of_folder(folder):
@@ -130,12 +131,13 @@ class Conversion:
         if self.options.set and self.target != "graupel":
             raise ConfigError(f"--set changes the scenes of our own data sets, and --format {self.target} has none. Leave it "
                               "out")
-        if self.target == "gns" and any(self.metadata.periodic):
-            raise InputError(f"'{self.options.input}' has periodic walls, which gns does not know. Convert to lagrangebench or "
+        if self.target in ("gns", "tfrecord") and any(self.metadata.periodic):
+            raise InputError(f"'{self.options.input}' has periodic walls, which {self.target} does not know. Convert to lagrangebench or "
                              "graupel")
 
     def run(self):
-        write = {"gns": write_gns_split, "lagrangebench": write_lagrangebench_split, "graupel": self._write_own}[self.target]
+        write = {"gns": write_gns_split, "lagrangebench": write_lagrangebench_split, "tfrecord": write_tfrecord_split,
+                 "graupel": self._write_own}[self.target]
         with AsideFolder(self.options.output) as folder:
             for name, split in self.splits.items():
                 write(folder.file(split_file(self.target, name)), split.count, lambda i, n=name, s=split: self._next(n, s, i))
@@ -183,7 +185,9 @@ class Conversion:
     def _write_metadata(self, folder):
         """Graupel's own data sets have metadata of their training split alone, as those of `generate`."""
         motion = self.motion.figures()
-        if self.target == "gns":
+        if self.target == "tfrecord":
+            text = tfrecord_metadata(self.metadata, self.figures, motion, self.type_names)
+        elif self.target == "gns":
             text = gns_metadata(self.metadata, self.figures, motion, self.type_names)
         elif self.target == "lagrangebench":
             text = lagrangebench_metadata(self.metadata, self.figures, motion, self.type_names)

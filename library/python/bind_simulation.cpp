@@ -1,0 +1,220 @@
+// Runs of the solver, frame by frame or substep by substep.
+#include "library/mpm.h"
+
+#include <nanobind/stl/optional.h>
+#include <nanobind/stl/string.h>
+
+#include <cstring>
+
+#include "library/io.h"
+#include "library/python/binding.h"
+
+namespace graupel::python {
+
+namespace {
+
+ParticleField field_named(const std::string& name) {
+  for (const ParticleField field : all_particle_fields)
+    if (name == info_of(field).name) return field;
+  FieldSet::parse(name);  // says which there are
+  throw ConfigError("one field at a time ('" + name + "'). Ask for each alone");
+}
+
+class PySimulation {
+ public:
+  PySimulation(const Scene& scene, const std::string& device, const std::string& precision,
+               std::optional<uint64_t> seed) {
+    SimulationSettings settings;
+    settings.device = parse_device(device);
+    if (precision != "f32" && precision != "f64")
+      throw ConfigError("precision is not known ('" + precision + "', allowed: f32, f64). Choose one of these");
+    settings.f64 = precision == "f64";
+    settings.seed = seed;
+    nb::gil_scoped_release release;
+    run_ = std::make_unique<Simulation>(scene, settings);
+  }
+
+  bool step() {
+    const InUse in_use(busy_);
+    nb::gil_scoped_release release;
+    return run_->advance_substep();
+  }
+  void advance_frame() {
+    const InUse in_use(busy_);
+    nb::gil_scoped_release release;
+    advance();
+  }
+  void run(std::optional<int64_t> frames, const nb::object& progress) {
+    const int64_t count = frames.value_or(run_->scene().frames);
+    if (count < 0) throw ConfigError("frames must not be negative (" + std::to_string(count) + "). Use 0 or more");
+    for (int64_t frame = 1; frame <= count; ++frame) {
+      advance_frame();
+      if (!progress.is_none()) progress(frame);
+    }
+  }
+
+  Rows positions() {
+    const InUse in_use(busy_);
+    const auto frame = run_->shared_frame();
+    return rows_of(frame->position, frame);
+  }
+  Rows velocities() {
+    const InUse in_use(busy_);
+    const auto frame = run_->shared_frame();
+    return rows_of(frame->velocity, frame);
+  }
+  nb::ndarray<nb::numpy, const uint8_t> active() {
+    const InUse in_use(busy_);
+    const auto frame = run_->shared_frame();
+    if (frame->active.empty())
+      return array_of(std::vector<uint8_t>(run_->particle_count(), 1), {run_->particle_count()});
+    return array_of(frame->active, {frame->active.size()}, frame);
+  }
+  nb::ndarray<nb::numpy, const float> field(const std::string& name) {
+    const InUse in_use(busy_);
+    const ParticleField wanted = field_named(name);
+    const auto values = run_->shared_field(wanted);
+    return field_array(wanted, *values, values);
+  }
+  nb::ndarray<nb::numpy, const int32_t> particle_types() {
+    const std::span<const int32_t> types = run_->particle_type();
+    return array_of(std::vector<int32_t>(types.begin(), types.end()), {types.size()});
+  }
+  nb::dict balance() {
+    const InUse in_use(busy_);
+    const Balance b = run_->balance();
+    nb::dict sums;
+    sums["mass"] = b.mass;
+    sums["momentum"] = nb::make_tuple(b.momentum[0], b.momentum[1], b.momentum[2]);
+    sums["kinetic"] = b.kinetic;
+    sums["elastic"] = b.elastic;
+    sums["gravitational"] = b.gravitational;
+    return sums;
+  }
+  nb::bytes save_state() {
+    const InUse in_use(busy_);
+    const std::vector<std::byte> state = run_->save_state();
+    return nb::bytes(reinterpret_cast<const char*>(state.data()), state.size());
+  }
+  void load_state(const nb::bytes& state) {
+    const InUse in_use(busy_);
+    std::vector<std::byte> bytes(state.size());
+    std::memcpy(bytes.data(), state.c_str(), state.size());
+    run_->load_state(bytes);
+  }
+  double time() const { return run_->time(); }
+  int64_t substeps() const { return run_->substeps(); }
+  std::size_t particle_count() const { return run_->particle_count(); }
+  const Simulation& simulation() const { return *run_; }
+
+ private:
+  void advance() {
+    SignalPoll poll;
+    while (!run_->advance_substep()) poll();
+    poll();
+  }
+
+  std::unique_ptr<Simulation> run_;
+  std::atomic<bool> busy_ = false;
+};
+
+/// Writes a run to a file while it goes on.
+class PyWriter {
+ public:
+  PyWriter(const nb::object& path, const PySimulation& simulation, const std::string& fields, bool velocity)
+      : fields_(FieldSet::parse(fields)) {
+    io::TrajectoryWriteOptions options;
+    options.velocity = velocity;
+    options.fields = fields_;
+    options.active = simulation.simulation().scene().has_inactive_particles();
+    const std::string file = nb::cast<std::string>(nb::module_::import_("os").attr("fspath")(path));
+    writer_ = std::make_unique<io::TrajectoryWriter>(file, simulation.simulation().header(), options);
+  }
+  void append(const PySimulation& simulation) {
+    io::TrajectoryWriter& writer = open();
+    nb::gil_scoped_release release;
+    writer.append(simulation.simulation().frame(fields_));
+  }
+  void finish(int64_t diverged_at_frame) {
+    open().finish(diverged_at_frame);
+    writer_.reset();
+  }
+  void close() { writer_.reset(); }
+  bool is_open() const { return writer_ != nullptr; }
+
+ private:
+  io::TrajectoryWriter& open() {
+    if (!writer_) throw ConfigError("the writer is finished. Make a new one");
+    return *writer_;
+  }
+  FieldSet fields_;
+  std::unique_ptr<io::TrajectoryWriter> writer_;
+};
+
+}  // namespace
+
+void bind_simulation(nb::module_& module) {
+  using namespace nb::literals;
+  nb::class_<PySimulation>(
+      module, "Simulation",
+      "A run of the material point method, frame by frame.\n\n"
+      "Long calls release the GIL, use all threads (set_num_threads()) and end with Ctrl-C.\n"
+      "One Python thread at a time may use a run; a second one gets a RuntimeError.\n"
+      "Arrays are read-only views without a copy of the state when they were asked for. They stay\n"
+      "valid and unchanged after later frames and after the run's end.")
+      .def(nb::init<const Scene&, const std::string&, const std::string&, std::optional<uint64_t>>(), "scene"_a,
+           "device"_a = "cpu", "precision"_a = "f32", "seed"_a = nb::none(),
+           "Samples the sources and builds the obstacles.\n\n"
+           "device: 'cpu', 'cuda' or 'auto'; precision: 'f32' or 'f64' (CPU alone); seed of the particle sampling,\n"
+           "default the scene's. Raises ConfigError for what cannot run, InputError for geometry that cannot be used.")
+      .def("step", &PySimulation::step,
+           "One substep of the solver; True once the frame is done. On a GPU it may be the whole frame.")
+      .def("advance_frame", &PySimulation::advance_frame,
+           "To the end of the frame: Scene.frame_time seconds. Raises DivergedError.\n\n"
+           "Ctrl-C ends it between two substeps; the next call goes on from there.")
+      .def("run", &PySimulation::run, "frames"_a = nb::none(), "progress"_a = nb::none(),
+           nb::sig("def run(self, frames: int | None = None, progress: Callable[[int], object] | None = None) -> None"),
+           "So many frames, default the scene's; progress(frame) after each.")
+      .def_prop_ro("positions", &PySimulation::positions, nb::rv_policy::automatic,
+                   "f32 [particles, 3], m. The order never changes.")
+      .def_prop_ro("velocities", &PySimulation::velocities, nb::rv_policy::automatic, "f32 [particles, 3], m/s.")
+      .def_prop_ro("active", &PySimulation::active, nb::rv_policy::automatic,
+                   "u8 [particles]: 0 for particles that are not in the run (yet, any more).")
+      .def_prop_ro("particle_types", &PySimulation::particle_types, nb::rv_policy::automatic,
+                   "i32 [particles], ids of the material's model; docs/reference/file_formats.md.")
+      .def("field", &PySimulation::field, "name"_a,
+           "f32: 'stress' [n, 6] Pa (Kirchhoff: xx, xy, xz, yy, yz, zz), 'affine' [n, 3, 3] 1/s,\n"
+           "'deformation_gradient' [n, 3, 3] (elastic part), 'plastic' [n].")
+      .def("balance", &PySimulation::balance, nb::sig("def balance(self) -> dict"),
+           "Sums over all particles: mass kg, momentum kg m/s, kinetic, elastic, gravitational J.")
+      .def("save_state", &PySimulation::save_state,
+           "The whole state between two frames as bytes; a run that loads it goes on exactly.")
+      .def("load_state", &PySimulation::load_state, "state"_a,
+           "Raises InputError when the state is of another scene, seed, precision or device, or damaged.")
+      .def_prop_ro("time", &PySimulation::time, "[s].")
+      .def_prop_ro("substeps", &PySimulation::substeps, "So far.")
+      .def_prop_ro("particle_count", &PySimulation::particle_count)
+      .def_prop_ro("scene", [](const PySimulation& run) { return run.simulation().scene(); });
+
+  nb::class_<PyWriter>(module, "TrajectoryWriter",
+                       "Writes a run to an HDF5 file frame by frame; a context manager.\n\n"
+                       "The file is path.part until finish(); after an exception the frames stay there.")
+      .def(nb::init<const nb::object&, const PySimulation&, const std::string&, bool>(), "path"_a, "simulation"_a,
+           "fields"_a = "", "velocities"_a = true,
+           nb::sig("def __init__(self, path: str | os.PathLike, simulation: Simulation, fields: str = '', velocities: "
+                   "bool = True) -> None"),
+           "fields: names of Simulation.field(), comma-separated. Raises IoError.")
+      .def("append", &PyWriter::append, "simulation"_a, "Adds the state now as a frame. Raises IoError.")
+      .def("finish", &PyWriter::finish, "diverged_at_frame"_a = -1, "Completes the file and gives it its name.")
+      .def(
+          "__enter__", [](PyWriter& writer) -> PyWriter& { return writer; }, nb::rv_policy::reference)
+      .def(
+          "__exit__",
+          [](PyWriter& writer, nb::handle type, nb::handle, nb::handle) {
+            if (type.is_none() && writer.is_open()) writer.finish(-1);
+            writer.close();
+          },
+          "type"_a.none(), "value"_a.none(), "traceback"_a.none());
+}
+
+}  // namespace graupel::python

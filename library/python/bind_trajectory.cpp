@@ -1,0 +1,358 @@
+// Trajectories and data sets: lazy sequences of frames.
+#include <nanobind/stl/optional.h>
+#include <nanobind/stl/shared_ptr.h>
+#include <nanobind/stl/string.h>
+#include <nanobind/stl/vector.h>
+
+#include <mutex>
+
+#include "library/python/trajectory_frames.h"
+#include "mpm/scene/particle_materials.h"
+
+namespace graupel::python {
+
+namespace {
+
+/// A file, which one thread at a time reads.
+struct OpenFile {
+  explicit OpenFile(const std::string& file) : path(file), reader(file) {}
+  std::string path;
+  io::TrajectoryReader reader;
+  std::mutex mutex;
+};
+
+class FileFrames final : public TrajectoryFrames {
+ public:
+  FileFrames(std::shared_ptr<OpenFile> file, int index) : file_(std::move(file)), index_(index) {}
+  std::vector<std::shared_ptr<const ParticleFrame>> frames(int64_t first, int64_t count,
+                                                           FieldSet wanted) const override {
+    nb::gil_scoped_release release;
+    const std::lock_guard lock(file_->mutex);
+    std::vector<std::shared_ptr<const ParticleFrame>> read;
+    for (ParticleFrame& frame : file_->reader.frames(index_, first, count, wanted))
+      read.push_back(std::make_shared<const ParticleFrame>(std::move(frame)));
+    return read;
+  }
+  FieldSet fields() const override {
+    const std::lock_guard lock(file_->mutex);
+    return file_->reader.fields(index_);
+  }
+  bool complete() const override { return file_->reader.complete(); }
+  std::vector<io::NamedValue> parameters() const override {
+    const std::lock_guard lock(file_->mutex);
+    return file_->reader.parameters(index_);
+  }
+  std::string attribute(const std::string& name) const override {
+    const std::lock_guard lock(file_->mutex);
+    return file_->reader.attribute(index_, name);
+  }
+
+ private:
+  std::shared_ptr<OpenFile> file_;
+  int index_;
+};
+
+class MemoryFrames final : public TrajectoryFrames {
+ public:
+  explicit MemoryFrames(std::vector<ParticleFrame> frames) {
+    for (ParticleFrame& frame : frames) frames_.push_back(std::make_shared<const ParticleFrame>(std::move(frame)));
+  }
+  std::vector<std::shared_ptr<const ParticleFrame>> frames(int64_t first, int64_t count, FieldSet) const override {
+    return {frames_.begin() + first, frames_.begin() + first + count};
+  }
+  FieldSet fields() const override { return {}; }
+
+ private:
+  std::vector<std::shared_ptr<const ParticleFrame>> frames_;
+};
+
+std::shared_ptr<OpenFile> open_file(const nb::object& path) {
+  const std::string file = nb::cast<std::string>(nb::module_::import_("os").attr("fspath")(path));
+  nb::gil_scoped_release release;
+  return std::make_shared<OpenFile>(file);
+}
+
+PyTrajectory trajectory_of(const std::shared_ptr<OpenFile>& file, int64_t index) {
+  const int count = file->reader.count();
+  if (index < 0) index += count;
+  if (index < 0 || index >= count)
+    throw nb::index_error(("'" + file->path + "' has " + std::to_string(count) + " trajectories").c_str());
+  const std::lock_guard lock(file->mutex);
+  return {file->reader.header(static_cast<int>(index)), std::make_shared<FileFrames>(file, static_cast<int>(index)),
+          file->path};
+}
+
+int64_t place_of(int64_t index, int64_t size) {
+  const int64_t place = index < 0 ? index + size : index;
+  if (place < 0 || place >= size)
+    throw nb::index_error(("frame " + std::to_string(index) + " of " + std::to_string(size)).c_str());
+  return place;
+}
+
+/// A frame with arrays over its own memory.
+struct PyFrame {
+  std::shared_ptr<const ParticleFrame> frame;
+};
+
+/// One quantity of all frames: [frames, particles, ..], read when it is indexed.
+struct FrameArrays {
+  PyTrajectory trajectory;
+  Quantity quantity;
+  ParticleField wanted = ParticleField::stress;
+
+  nb::object of_frame(const std::shared_ptr<const ParticleFrame>& frame) const {
+    switch (quantity) {
+      case Quantity::position:
+        return nb::cast(rows_of(frame->position, frame));
+      case Quantity::velocity:
+        if (frame->velocity.empty() && !frame->position.empty())
+          throw InputError("the trajectory stores no velocities. Take differences of positions, or write it with them");
+        return nb::cast(rows_of(frame->velocity, frame));
+      case Quantity::active:
+        if (frame->active.empty()) {
+          const std::size_t n = frame->position.size();
+          return nb::cast(array_of(std::vector<uint8_t>(n, 1), {n}));
+        }
+        return nb::cast(array_of(frame->active, {frame->active.size()}, frame));
+      case Quantity::field:
+        break;
+    }
+    return nb::cast(field_array(wanted, frame->fields[wanted], frame));
+  }
+  std::vector<std::shared_ptr<const ParticleFrame>> read(int64_t first, int64_t count) const {
+    return trajectory.frames->frames(first, count, quantity == Quantity::field ? FieldSet{wanted} : FieldSet{});
+  }
+  nb::object get(const nb::object& index) const {
+    if (!nb::isinstance<nb::slice>(index))
+      return of_frame(read(place_of(nb::cast<int64_t>(index), trajectory.size()), 1).front());
+    const auto [start, stop, step, length] =
+        nb::cast<nb::slice>(index).compute(static_cast<std::size_t>(trajectory.size()));
+    nb::list rows;
+    const auto count = static_cast<int64_t>(length), stride = static_cast<int64_t>(step);
+    if (stride == 1 && count > 0) {
+      for (const auto& frame : read(static_cast<int64_t>(start), count)) rows.append(of_frame(frame));
+    } else {
+      for (int64_t i = 0; i < count; ++i)
+        rows.append(of_frame(read(static_cast<int64_t>(start) + i * stride, 1).front()));
+    }
+    const nb::module_ numpy = nb::module_::import_("numpy");
+    if (count > 0) return numpy.attr("stack")(rows);
+    return trajectory.size() > 0
+               ? numpy.attr("stack")(nb::make_tuple(get(nb::int_(0))))
+                     .attr("__getitem__")(nb::slice(nb::int_(0), nb::int_(0), nb::none()))
+               : numpy.attr("zeros")(nb::make_tuple(0, trajectory.header.particle_count(), 3), "float32");
+  }
+  nb::tuple shape() const {
+    const int64_t n = static_cast<int64_t>(trajectory.header.particle_count()), frames = trajectory.size();
+    if (quantity == Quantity::active) return nb::make_tuple(frames, n);
+    const int components = quantity == Quantity::field ? info_of(wanted).components : 3;
+    if (components == 1) return nb::make_tuple(frames, n);
+    if (components == 9) return nb::make_tuple(frames, n, 3, 3);
+    return nb::make_tuple(frames, n, components);
+  }
+};
+
+void write(const PyTrajectory& trajectory, const nb::object& path, bool velocities) {
+  const std::string file = nb::cast<std::string>(nb::module_::import_("os").attr("fspath")(path));
+  io::TrajectoryWriteOptions options;
+  options.fields = trajectory.frames->fields();
+  for (int64_t i = 0; i < trajectory.size(); ++i) {
+    const auto frame = trajectory.frames->frames(i, 1, {}).front();
+    if (i == 0) options.velocity = velocities && !frame->velocity.empty();
+    options.active = options.active || !frame->active.empty();
+  }
+  SignalPoll poll;
+  io::TrajectoryWriter writer(file, trajectory.header, options);
+  for (int64_t i = 0; i < trajectory.size(); ++i) {
+    const auto frame = trajectory.frames->frames(i, 1, options.fields).front();
+    nb::gil_scoped_release release;
+    writer.append(*frame);
+    poll();
+  }
+  writer.finish(trajectory.header.diverged_at_frame);
+}
+
+nb::object scene_dict(const PyTrajectory& trajectory) {
+  if (trajectory.header.scene_json.empty()) return nb::dict();
+  return nb::module_::import_("json").attr("loads")(trajectory.header.scene_json);
+}
+
+nb::ndarray<nb::numpy, const int32_t> materials_of(const PyTrajectory& trajectory) {
+  const std::string where = trajectory.file.empty() ? "the trajectory" : "'" + trajectory.file + "'";
+  if (trajectory.header.scene_json.empty() || trajectory.size() == 0)
+    throw InputError(where + " stores no scene, which names the materials. Use particle_types");
+  const Scene scene = io::parse_stored_scene(trajectory.header.scene_json, where, trajectory.file);
+  std::vector<int32_t> materials =
+      mpm::particle_materials(scene, trajectory.header, trajectory.frames->frames(0, 1, {}).front()->position, where);
+  const std::size_t count = materials.size();
+  return array_of(std::move(materials), {count});
+}
+
+void bind_arrays(nb::module_& module) {
+  using namespace nb::literals;
+  nb::class_<FrameArrays>(module, "FrameArrays",
+                          "A quantity of all frames, read when it is indexed: [frames, particles, ..].\n\n"
+                          "x[i] is frame i, read-only, without a copy of what was read; x[i:j] stacks frames into an\n"
+                          "array of their own; numpy.asarray(x) reads all.")
+      .def("__len__", [](const FrameArrays& arrays) { return arrays.trajectory.size(); })
+      .def("__getitem__", &FrameArrays::get, "index"_a,
+           nb::sig("def __getitem__(self, index: int | slice) -> numpy.ndarray"))
+      .def(
+          "__array__",
+          [](const FrameArrays& arrays, const nb::object& dtype, const nb::object&) {
+            const nb::object all = arrays.get(nb::slice(nb::none(), nb::none(), nb::none()));
+            return dtype.is_none() ? all : nb::object(all.attr("astype")(dtype));
+          },
+          "dtype"_a = nb::none(), "copy"_a = nb::none())
+      .def_prop_ro("shape", &FrameArrays::shape);
+  nb::class_<PyFrame>(module, "Frame", "All particles at one time; arrays are read-only and stay valid.")
+      .def_prop_ro(
+          "time", [](const PyFrame& f) { return f.frame->time; }, "[s].")
+      .def_prop_ro(
+          "positions", [](const PyFrame& f) { return rows_of(f.frame->position, f.frame); }, "f32 [n, 3], m.",
+          nb::rv_policy::automatic)
+      .def_prop_ro(
+          "velocities", [](const PyFrame& f) { return rows_of(f.frame->velocity, f.frame); },
+          "f32 [n, 3], m/s; [0, 3] where none are stored.", nb::rv_policy::automatic)
+      .def_prop_ro(
+          "active",
+          [](const PyFrame& f) {
+            return FrameArrays{{}, Quantity::active}.of_frame(f.frame);
+          },
+          "u8 [n]: 0 for particles that are not in the run.", nb::rv_policy::automatic);
+}
+
+}  // namespace
+
+PyTrajectory in_memory(Trajectory trajectory) {
+  PyTrajectory made;
+  made.header = trajectory;
+  for (ParticleFrame& frame : made.header.frames) frame = {frame.time, {}, {}};
+  made.frames = std::make_shared<MemoryFrames>(std::move(trajectory.frames));
+  return made;
+}
+
+void bind_trajectory(nb::module_& module) {
+  using namespace nb::literals;
+  bind_arrays(module);
+  nb::class_<PyTrajectory>(module, "Trajectory",
+                           "Frames of a run: a file's, read when they are asked for, or a rollout's in memory.\n\n"
+                           "len(t) frames, t[i] and iteration give a Frame each.")
+      .def(
+          "__init__",
+          [](PyTrajectory* place, const nb::object& path, int64_t index) {
+            new (place) PyTrajectory(trajectory_of(open_file(path), index));
+          },
+          "path"_a, "index"_a = 0, nb::sig("def __init__(self, path: str | os.PathLike, index: int = 0) -> None"),
+          "Trajectory number index of a file of Graupel, or in the LagrangeBench layout. Raises InputError.")
+      .def("__len__", &PyTrajectory::size)
+      .def(
+          "__getitem__",
+          [](const PyTrajectory& t, int64_t index) {
+            return PyFrame{t.frames->frames(place_of(index, t.size()), 1, {}).front()};
+          },
+          "index"_a)
+      .def_prop_ro(
+          "positions",
+          [](const PyTrajectory& t) {
+            return FrameArrays{t, Quantity::position};
+          },
+          "f32 [frames, particles, 3], m.", nb::rv_policy::automatic)
+      .def_prop_ro(
+          "velocities",
+          [](const PyTrajectory& t) {
+            return FrameArrays{t, Quantity::velocity};
+          },
+          "f32 [frames, particles, 3], m/s. Raises InputError where none are stored.", nb::rv_policy::automatic)
+      .def_prop_ro(
+          "active",
+          [](const PyTrajectory& t) {
+            return FrameArrays{t, Quantity::active};
+          },
+          "u8 [frames, particles]: 0 for particles that are not in the run in that frame.", nb::rv_policy::automatic)
+      .def(
+          "field",
+          [](const PyTrajectory& t, const std::string& name) {
+            for (const ParticleField field : all_particle_fields)
+              if (name == info_of(field).name && t.frames->fields().contains(field))
+                return FrameArrays{t, Quantity::field, field};
+            throw InputError("the trajectory does not store '" + name + "' (stored: '" + t.frames->fields().names() +
+                             "'). Write it with fields='" + name + "'");
+          },
+          "name"_a, "A stored field of all frames, shapes as Simulation.field().")
+      .def_prop_ro(
+          "times",
+          [](const PyTrajectory& t) {
+            std::vector<double> times;
+            for (const ParticleFrame& frame : t.header.frames) times.push_back(frame.time);
+            const std::size_t count = times.size();
+            return array_of(std::move(times), {count});
+          },
+          "f64 [frames], s.", nb::rv_policy::automatic)
+      .def_prop_ro(
+          "particle_types",
+          [](const PyTrajectory& t) { return array_of(t.header.particle_type, {t.header.particle_type.size()}); },
+          "i32 [particles], ids of the material's model.", nb::rv_policy::automatic)
+      .def_prop_ro("particle_count", [](const PyTrajectory& t) { return t.header.particle_count(); })
+      .def_prop_ro(
+          "particle_materials", &materials_of,
+          "i32 [particles], places in Scene.materials; -1 for none. Raises InputError where files do not tell.",
+          nb::rv_policy::automatic)
+      .def_prop_ro(
+          "has_active",
+          [](const PyTrajectory& t) { return t.size() > 0 && !t.frames->frames(0, 1, {}).front()->active.empty(); },
+          "Whether particles come or go.")
+      .def_prop_ro(
+          "frame_time", [](const PyTrajectory& t) { return t.header.frame_time; }, "[s].")
+      .def_prop_ro(
+          "seed", [](const PyTrajectory& t) { return t.header.seed; }, "Of the particle sampling.")
+      .def_prop_ro(
+          "made_by", [](const PyTrajectory& t) { return t.header.made_by; }, "'mpm', or the weights file.")
+      .def_prop_ro(
+          "diverged_at_frame", [](const PyTrajectory& t) { return t.header.diverged_at_frame; },
+          "First frame that is not usable; -1 for none.")
+      .def_prop_ro(
+          "complete", [](const PyTrajectory& t) { return t.frames->complete(); }, "Whether its run ended.")
+      .def_prop_ro("scene_dict", &scene_dict, nb::sig("def scene_dict(self) -> dict"), "The stored scene; {} for none.")
+      .def_prop_ro(
+          "scene",
+          [](const PyTrajectory& t) { return io::parse_stored_scene(t.header.scene_json, "stored scene", t.file); },
+          "The stored scene, with its meshes read. Raises ConfigError, InputError where they are missing.")
+      .def_prop_ro(
+          "obstacles",
+          [](const PyTrajectory& t) -> nb::object { return scene_dict(t).attr("get")("obstacles", nb::list()); },
+          nb::sig("def obstacles(self) -> list[dict]"), "The obstacles of the stored scene.")
+      .def_prop_ro(
+          "parameters",
+          [](const PyTrajectory& t) {
+            nb::dict values;
+            for (const io::NamedValue& p : t.frames->parameters()) values[p.name.c_str()] = p.value;
+            return values;
+          },
+          nb::sig("def parameters(self) -> dict[str, float]"), "Of the run in its data set, by name.")
+      .def_prop_ro(
+          "verdict", [](const PyTrajectory& t) { return t.verdict; }, nb::sig("def verdict(self) -> str | None"),
+          "Of reduced models: 'ok', 'doubtful', 'do not trust' or 'unknown'.")
+      .def_prop_ro(
+          "trust_number", [](const PyTrajectory& t) { return t.trust_number; },
+          nb::sig("def trust_number(self) -> float | None"),
+          "Error indicator of the last frame; up to 1 as in training.")
+      .def("write", &write, "path"_a, "velocities"_a = true,
+           nb::sig("def write(self, path: str | os.PathLike, velocities: bool = True) -> None"),
+           "Writes all frames to an HDF5 file. Raises IoError.")
+      .def("__repr__", [](const PyTrajectory& t) {
+        return "<graupel.Trajectory: " + std::to_string(t.size()) + " frames of " +
+               std::to_string(t.header.particle_count()) + " particles, made by '" + t.header.made_by + "'>";
+      });
+
+  nb::class_<OpenFile>(module, "DataSet", "The trajectories of a file, a sequence of Trajectory.")
+      .def("__len__", [](const OpenFile& file) { return file.reader.count(); })
+      .def(
+          "__getitem__",
+          [](const std::shared_ptr<OpenFile>& file, int64_t index) { return trajectory_of(file, index); }, "index"_a)
+      .def_prop_ro("complete", [](const OpenFile& file) { return file.reader.complete(); });
+  module.def("open", &open_file, "path"_a, nb::sig("def open(path: str | os.PathLike) -> DataSet"),
+             "Opens a file with one or more trajectories. Raises InputError.");
+}
+
+}  // namespace graupel::python

@@ -1,0 +1,64 @@
+"""Whole runs: of the solver into a file, of learned and reduced models into memory."""
+import json
+import os
+import struct
+
+from ._errors import ConfigError, DivergedError, InputError
+from ._graupel import NetworkModel, ReducedModel, Scene, Simulation, Trajectory, TrajectoryWriter
+
+
+def architecture_of(weights) -> str:
+    """'hgn', 'gns', 'nsf', 'crom', 'coarse_mpm' of a weights file. Raises InputError."""
+    try:
+        with open(weights, "rb") as file:
+            length = struct.unpack("<Q", file.read(8))[0]
+            if length > 100_000_000:
+                raise ValueError("a header of over 100 MB")
+            return json.loads(file.read(length))["__metadata__"]["architecture"]
+    except FileNotFoundError as error:
+        raise InputError(f"cannot read '{os.fspath(weights)}' (there is no such file). Give the path of a weights "
+                         "file, or graupel.model_path(NAME)") from error
+    except (OSError, ValueError, KeyError, TypeError, struct.error) as error:
+        raise InputError(f"'{os.fspath(weights)}' holds no model of Graupel ({error}). Give a .safetensors file that "
+                         "`graupel train` made") from error
+
+
+def load_model(weights):
+    """The NetworkModel or ReducedModel of a weights file. Raises InputError, ConfigError."""
+    architecture = architecture_of(weights)
+    if architecture == "coarse_mpm":
+        raise ConfigError(f"'{os.fspath(weights)}' holds constants of coarse MPM (allowed: graph networks and "
+                          "reduced-order models). Run it by graupel.compare() or `graupel rollout`")
+    return NetworkModel(weights) if architecture in ("hgn", "gns") else ReducedModel(weights)
+
+
+def rollout(weights, scene: Scene, frames: int | None = None, **options) -> Trajectory:
+    """Predicts a scene with the graph network or reduced-order model of a weights file.
+
+    `options` are those of NetworkModel.rollout() or ReducedModel.rollout(), which this calls. For many scenes make the
+    model once.
+    """
+    return load_model(weights).rollout(scene, frames, **options)
+
+
+def simulate(scene: Scene, path, frames: int | None = None, *, device: str = "cpu", precision: str = "f32",
+             seed: int | None = None, fields: str = "", progress=None) -> Trajectory:
+    """Runs a scene with the solver into an HDF5 file and opens it.
+
+    `fields`: of Simulation.field(), comma-separated, stored with every frame; progress(frame) after each frame. A run
+    that blows up ends with DivergedError and leaves the frames before in the file.
+    """
+    run = Simulation(scene, device, precision, seed)
+    writer = TrajectoryWriter(path, run, fields)
+    writer.append(run)
+    for frame in range(1, (scene.frames if frames is None else frames) + 1):
+        try:
+            run.advance_frame()
+        except DivergedError:
+            writer.finish(frame)
+            raise
+        writer.append(run)
+        if progress is not None:
+            progress(frame)
+    writer.finish()
+    return Trajectory(path)
