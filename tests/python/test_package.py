@@ -80,6 +80,10 @@ class PackageTest(unittest.TestCase):
                                   env={**os.environ, "PYTHONPATH": folder}, check=False)
             self.assertIn("pip wheel .", done.stderr)
 
+    def test_the_environment_is_as_before(self):
+        code = "import os; before = dict(os.environ); import graupel; assert dict(os.environ) == before"
+        subprocess.run([sys.executable, "-c", code], check=True)
+
     def test_nothing_is_warned_of_here_or_it_is_avx2(self):
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")

@@ -78,6 +78,7 @@ def main():
     names = arguments.tests or sorted(os.path.basename(file)[:-3]
                                       for file in glob.glob(os.path.join(tests, "test_*.py")))
     clean = {key: value for key, value in os.environ.items() if key not in ("PYTHONPATH", "LD_LIBRARY_PATH")}
+    clean.setdefault("GOMP_SPINCOUNT", "20000")  # waiting OpenMP threads sleep soon, as in tests/run_all.sh
     if arguments.packages:
         clean["PYTHONPATH"] = os.pathsep.join(map(os.path.abspath, arguments.packages))
     sys.exit(subprocess.run([python, "-m", "unittest", *names], cwd=tests, env=clean, check=False).returncode)

@@ -37,6 +37,10 @@ def load_module():
     warning = check_processor(platform.machine(), processor_flags())
     if warning:
         warnings.warn(warning, RuntimeWarning, stacklevel=3)
+    # Waiting OpenMP threads sleep soon: libgomp's default, seconds of spinning, stalls a busy machine. It is read once.
+    limits_spinning = "GOMP_SPINCOUNT" not in os.environ and "OMP_WAIT_POLICY" not in os.environ
+    if limits_spinning:
+        os.environ["GOMP_SPINCOUNT"] = "20000"
     try:
         from . import _graupel
     except ImportError as error:
@@ -47,4 +51,7 @@ def load_module():
                               "'pip wheel .' makes, and do not import graupel from its sources") from error
         raise ImportError(f"graupel's extension module ({built[0]}) does not load in Python "
                           f"{sys.version_info.major}.{sys.version_info.minor}: {error}") from error
+    finally:
+        if limits_spinning:
+            del os.environ["GOMP_SPINCOUNT"]
     return _graupel
