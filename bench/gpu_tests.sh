@@ -1,11 +1,11 @@
 #!/usr/bin/env bash
 # Runs the tests on a machine with an NVIDIA GPU, all modules side by side, and sums them up in bench/gpu_tests.txt.
-#   bench/gpu_tests.sh BUILD_FOLDER COMMIT [OUTPUT]
+#   bench/gpu_tests.sh BUILD_FOLDER COMMIT [OUTPUT]   (GPU_TEST_MODULES="mpm rom": these alone)
 set -uo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 build=${1:?build folder} commit=${2:?commit} output=${3:-bench/gpu_tests.txt}
 export GOMP_SPINCOUNT=${GOMP_SPINCOUNT:-2000}
-modules="core sparsegrid mpm graph rom train apps"
+modules=${GPU_TEST_MODULES:-core sparsegrid mpm graph rom train apps}
 logs=$(mktemp -d)
 for module in $modules; do
   filter='-*Slow*:ExportedSymbols*'  # the latter read object files, which may not have come with the programs
