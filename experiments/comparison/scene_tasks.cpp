@@ -9,7 +9,7 @@
 #include <optional>
 #include <utility>
 
-#include "core/scene/category_recipe.h"
+#include "core/scene/recipes/category_recipe.h"
 #include "core/system/error.h"
 #include "experiments/data/scene_source.h"
 #include "experiments/data/stored_positions.h"

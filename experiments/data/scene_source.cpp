@@ -73,7 +73,7 @@ class RandomScenes : public SceneSource {
   uint64_t seed_;
 };
 
-/// The runs of a sweep (core/scene/sweep_recipe.h), which all start with the same particles.
+/// The runs of a sweep (core/scene/recipes/sweep_recipe.h), which all start with the same particles.
 class SweepScenes : public SceneSource {
  public:
   explicit SweepScenes(const SceneSourceOptions& options) : sweep_(io::read_sweep(options.recipe, options.set)) {

@@ -1,10 +1,10 @@
-// Recipes of categories (core/scene/category_recipe.h): JSON with comments, checked like scenes.
+// Recipes of categories (core/scene/recipes/category_recipe.h): JSON with comments, checked like scenes.
 #pragma once
 
 #include <string>
 #include <vector>
 
-#include "core/scene/category_recipe.h"
+#include "core/scene/recipes/category_recipe.h"
 
 namespace graupel::io {
 

@@ -1,10 +1,10 @@
-// Recipe files (core/scene/scene_recipe.h): JSON with comments, checked like scenes.
+// Recipe files (core/scene/recipes/scene_recipe.h): JSON with comments, checked like scenes.
 #pragma once
 
 #include <string>
 #include <vector>
 
-#include "core/scene/scene_recipe.h"
+#include "core/scene/recipes/scene_recipe.h"
 
 namespace graupel::io {
 

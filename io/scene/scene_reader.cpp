@@ -5,8 +5,8 @@
 #include <iomanip>
 #include <sstream>
 
-#include "core/scene/category_recipe.h"
-#include "core/scene/sweep_recipe.h"
+#include "core/scene/recipes/category_recipe.h"
+#include "core/scene/recipes/sweep_recipe.h"
 #include "core/system/atomic_file.h"
 #include "io/config/config_description.h"
 #include "io/scene/geometry_finder.h"
@@ -100,7 +100,7 @@ std::string sweep_markdown() {
          "        \"also\": [ { \"key\": \"obstacles.0.motion.keyframes.1.translation.1\", \"range\": [-0.05, -0.02] } "
          "] }\n"
          "    ]\n\n"
-         "These tables are made from `core/scene/sweep_recipe.h`.\n" +
+         "These tables are made from `core/scene/recipes/sweep_recipe.h`.\n" +
          description_markdown(describe<SweepRecipe>(), "Top level of a sweep");
 }
 
@@ -108,7 +108,7 @@ std::string sweep_markdown() {
 std::string random_markdown() {
   return "\n# Random scenes\n\n"
          "A recipe without the keys `scene` and `categories` draws scenes of one kind: groups of particles that fall "
-         "among\nobstacles. These tables are made from `core/scene/scene_recipe.h`.\n" +
+         "among\nobstacles. These tables are made from `core/scene/recipes/scene_recipe.h`.\n" +
          description_markdown(describe<SceneRecipe>(), "Top level of random scenes");
 }
 
@@ -135,7 +135,8 @@ std::string category_markdown() {
          "below\n`bodies.size`. Bounding boxes stand for meshes and level sets where places are looked for. All scenes "
          "have the same\n`time_step`. Equal substeps that are too long for the stiffest constants are an error, and "
          "`fixed` ones also where\nthey are too long for the fastest motion.\n\n"
-         "These tables are made from `core/scene/category_recipe.h` and `core/scene/category_parts.h`.\n" +
+         "These tables are made from `core/scene/recipes/category_recipe.h` and "
+         "`core/scene/recipes/category_parts.h`.\n" +
          description_markdown(describe<CategoryRecipe>(), "Top level of categories");
 }
 

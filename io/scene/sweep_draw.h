@@ -1,7 +1,7 @@
 // The runs of a sweep that are drawn in the box of its parameters' ranges, one dimension a parameter.
 #pragma once
 
-#include "core/scene/sweep_recipe.h"
+#include "core/scene/recipes/sweep_recipe.h"
 #include "io/config/config_document.h"
 
 namespace graupel::io {

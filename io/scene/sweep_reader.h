@@ -1,11 +1,12 @@
-// Sweep recipes (core/scene/sweep_recipe.h): JSON with comments, checked like scenes; and the scenes of their runs.
+// Sweep recipes (core/scene/recipes/sweep_recipe.h): JSON with comments, checked like scenes; and the scenes of their
+// runs.
 #pragma once
 
 #include <string>
 #include <vector>
 
+#include "core/scene/recipes/sweep_recipe.h"
 #include "core/scene/scene.h"
-#include "core/scene/sweep_recipe.h"
 
 namespace graupel::io {
 

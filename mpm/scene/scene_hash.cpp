@@ -62,11 +62,19 @@ class FieldHash {
     S::fields([&](auto member, const FieldInfo& info) {
       const bool irrelevant = info.name == "name" || info.name == "description" || info.name == "frames" ||
                               info.name == "file" || info.name == "preset";
-      if (!irrelevant) add(config.*member);
+      if (!irrelevant && !is_unused_addition(config.*member)) add(config.*member);
     });
   }
 
  private:
+  /// Keys that scenes did not have when hashes were first stored (scenes/floors) count where they say something.
+  template <typename V>
+  static bool is_unused_addition(const V& value) {
+    if constexpr (std::is_same_v<V, std::vector<TimedLoad>> || std::is_same_v<V, std::vector<GravityKey>>)
+      return value.empty();
+    return false;
+  }
+
   void add_bytes(const void* bytes, std::size_t n) { hash_ = fnv1a(hash_, bytes, n); }
 
   void add_geometry(const Body& body) {

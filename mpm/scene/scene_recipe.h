@@ -4,8 +4,8 @@
 #include <cstdint>
 #include <string>
 
+#include "core/scene/recipes/scene_recipe.h"
 #include "core/scene/scene.h"
-#include "core/scene/scene_recipe.h"
 
 namespace graupel::mpm {
 

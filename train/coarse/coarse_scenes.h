@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "core/parallel/device.h"
-#include "core/scene/category_recipe.h"
+#include "core/scene/recipes/category_recipe.h"
 #include "hybrid/coarse_model.h"
 #include "mpm/scene/scene_recipe.h"
 #include "mpm/simulation.h"

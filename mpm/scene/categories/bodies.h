@@ -1,7 +1,7 @@
 // Volumes, boxes and sizes of the bodies that categories draw.
 #pragma once
 
-#include "core/scene/category_recipe.h"
+#include "core/scene/recipes/category_recipe.h"
 #include "mpm/scene/placement.h"
 #include "sparsegrid/analytic_shape.h"
 

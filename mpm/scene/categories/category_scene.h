@@ -3,7 +3,7 @@
 
 #include <cstdint>
 
-#include "core/scene/category_recipe.h"
+#include "core/scene/recipes/category_recipe.h"
 #include "mpm/scene/scene_recipe.h"
 
 namespace graupel::mpm {

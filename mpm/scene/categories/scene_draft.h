@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "core/scene/category_recipe.h"
+#include "core/scene/recipes/category_recipe.h"
 #include "mpm/scene/categories/bodies.h"
 #include "mpm/scene/placement.h"
 

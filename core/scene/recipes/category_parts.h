@@ -1,4 +1,4 @@
-// The parts of a recipe of categories (core/scene/category_recipe.h): what each kind of thing is drawn from.
+// The parts of a recipe of categories (core/scene/recipes/category_recipe.h): what each kind of thing is drawn from.
 #pragma once
 
 #include <cstdint>

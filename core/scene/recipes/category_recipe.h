@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
-#include "core/scene/category_parts.h"
-#include "core/scene/scene_recipe.h"
+#include "core/scene/recipes/category_parts.h"
+#include "core/scene/recipes/scene_recipe.h"
 
 namespace graupel {
 
