@@ -17,11 +17,12 @@ using namespace experiments;
 namespace {
 
 /// Throws ConfigError where --numbers is missing or a number does not fit.
-void convert_weights(const std::string& input, const std::string& output, const std::string& numbers) {
+void convert_weights(const std::string& input, const std::string& output, const std::string& numbers,
+                     const std::vector<std::string>& keep) {
   if (numbers.empty())
-    throw ConfigError("'" + input + "' holds weights, which need --numbers (allowed: f32, f16, bf16). Give one");
+    throw ConfigError("'" + input + "' holds weights, which need --numbers (allowed: f32, f16, bf16, i8). Give one");
   nn::Weights weights = nn::read_safetensors(input);
-  nn::set_number_width(weights, numbers);
+  nn::set_number_width(weights, numbers, keep);
   nn::write_safetensors(output, weights);
   std::fprintf(stderr, "%s: %zu tensors in %s\n", output.c_str(), weights.tensors.size(), numbers.c_str());
 }
@@ -30,17 +31,18 @@ void convert_weights(const std::string& input, const std::string& output, const 
 void convert_file(std::vector<std::string> words) {
   CommandLine flags("Convert a file", "graupel convert");
   std::string input, output, numbers;
-  std::vector<std::string> changes;
+  std::vector<std::string> changes, keep;
   CommonOptions common;
   flags.option("input", input, "").required();
   flags.option("output", output, "").required();
-  flags.option("--numbers", numbers, "").check(one_of({"f32", "f16", "bf16"}));
+  flags.option("--numbers", numbers, "").check(one_of({"f32", "f16", "bf16", "i8"}));
+  flags.option("--keep", keep, "").delimiter(',');
   flags.option("--set", changes, "").one_value_each();
   common.add_to(flags);
   flags.parse(std::move(words));
   common.apply();
   if (input.ends_with(".safetensors"))
-    convert_weights(input, output, numbers);
+    convert_weights(input, output, numbers, keep);
   else
     write_file_atomically(output, io::scene_to_json(io::read_scene(input, changes)));
 }

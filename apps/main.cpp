@@ -24,6 +24,8 @@ void add_verbs(const graupel::CommandLine& program, int& exit_code) {
   add_export(program);
   add_convert(program);
   add_inspect(program);
+  add_validate(program);
+  add_doctor(program);
   add_bench(program);
 }
 

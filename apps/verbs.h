@@ -17,6 +17,8 @@ void add_rollout(const Command& program);
 void add_export(const Command& program);
 void add_convert(const Command& program);
 void add_inspect(const Command& program);
+void add_validate(const Command& program);
+void add_doctor(const Command& program);
 void add_bench(const Command& program);
 
 }  // namespace graupel::apps

@@ -10,6 +10,7 @@
 
 #include "core/system/atomic_file.h"
 #include "core/system/error.h"
+#include "nn/quantization.h"
 #include "nn/weights.h"
 
 namespace graupel::nn {
@@ -28,7 +29,7 @@ constexpr const char* metadata_key = "__metadata__";
 
 constexpr std::pair<const char*, DType> dtype_words[] = {
     {"F64", DType::f64}, {"F32", DType::f32}, {"F16", DType::f16}, {"BF16", DType::bf16},
-    {"I64", DType::i64}, {"I32", DType::i32}, {"U8", DType::u8}};
+    {"I64", DType::i64}, {"I32", DType::i32}, {"I8", DType::i8},   {"U8", DType::u8}};
 
 /// A string from the file, quoted, escaped and cut, for messages.
 std::string quoted(const std::string& text) {
@@ -134,7 +135,7 @@ class Reader {
       for (const auto& [text, dtype] : dtype_words)
         if (word.get_ref<const std::string&>() == text) return dtype;
     fail(tensor_name + " has an unknown dtype (" + quoted(word.dump(-1, ' ', true, Json::error_handler_t::replace)) +
-         ", known F64 F32 F16 BF16 I64 I32 U8)");
+         ", known F64 F32 F16 BF16 I64 I32 I8 U8)");
   }
 
   /// Fills tensor.shape and returns the bytes that it needs.
@@ -181,7 +182,11 @@ const char* word_of_dtype(DType dtype) {
 
 }  // namespace
 
-Weights read_safetensors(const std::string& path) { return Reader(path).read(); }
+Weights read_safetensors(const std::string& path) {
+  Weights weights = Reader(path).read();
+  expand_quantized(weights);
+  return weights;
+}
 
 void write_safetensors(const std::string& path, const Weights& weights) {
   Json header = Json::object();

@@ -51,6 +51,7 @@ std::size_t size_of(DType dtype) {
     case DType::f16:
     case DType::bf16:
       return 2;
+    case DType::i8:
     case DType::u8:
       return 1;
   }

@@ -10,7 +10,7 @@
 
 namespace graupel::nn {
 
-enum class DType { f64, f32, f16, bf16, i64, i32, u8 };
+enum class DType { f64, f32, f16, bf16, i64, i32, i8, u8 };
 
 /// Bytes of one element.
 std::size_t size_of(DType dtype);
@@ -42,7 +42,8 @@ struct Weights {
   std::string file;  ///< where it was read from, for messages
 };
 
-/// Throws InputError: missing, truncated, wrong magic, unknown dtype, overlapping or missing ranges, duplicate names.
+/// Matrices in 8 bits (nn/quantization.h) come as f32. Throws InputError: missing, truncated, wrong magic, unknown
+/// dtype, overlapping or missing ranges, duplicate names, 8 bits without scales.
 Weights read_safetensors(const std::string& path);
 /// Written aside, synced, renamed. Throws IoError.
 void write_safetensors(const std::string& path, const Weights& weights);

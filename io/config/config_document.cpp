@@ -101,7 +101,7 @@ JsonNode override_value(const std::string& value, const std::string& where) {
 
 ConfigDocument ConfigDocument::parse(const std::string& text, const std::string& name,
                                      const std::vector<std::string>& overrides) {
-  ConfigDocument document{name, parse_json(text, name)};
+  ConfigDocument document{name, parse_json(text, name), nullptr};
   for (const auto& one : overrides) apply_override(document.root, one, name);
   return document;
 }

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "core/scene/fields.h"
+#include "core/system/error.h"
 #include "io/config/json_node.h"
 
 namespace graupel::io {
@@ -13,6 +14,21 @@ namespace graupel::io {
 struct ConfigDocument {
   std::string name;  ///< stands for the file in messages
   JsonNode root;
+  /// Where set, what is wrong is put here and reading goes on, so that a file's mistakes are found together.
+  std::vector<std::string>* mistakes = nullptr;
+
+  /// Runs `part` of the reading, which may throw ConfigError or InputError; with `mistakes` the error's text goes there
+  /// and the answer is false.
+  template <typename Part>
+  bool attempt(Part part) const {
+    if (!mistakes) return part(), true;
+    try {
+      return part(), true;
+    } catch (const Error& error) {
+      mistakes->push_back(error.what());
+      return false;
+    }
+  }
 
   /// Parses `text` and applies "key.path=value" overrides (list items by number: "sources.0.radius=0.1"; values as
   /// JSON, bare words as strings). Throws ConfigError.

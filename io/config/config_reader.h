@@ -119,13 +119,20 @@ void read_value(const ConfigPlace& place, const FieldInfo& info, T& out) {
 template <ConfigStruct T>
 void read_struct(const ConfigPlace& place, const std::string& key, T& out) {
   check_keys(place, field_names<T>(), removed_fields<T>());
-  ConfigStart<T>::begin(place, key, out);
+  if (!place.document.attempt([&] { ConfigStart<T>::begin(place, key, out); })) return;
   std::vector<KindField> kinds;
+  bool kinds_known = true;  // a mistake in a kind is reported alone, without those that follow from it
   T::fields([&](auto member, const FieldInfo& info) {
     using Field = std::remove_reference_t<decltype(out.*member)>;
-    if (const JsonNode* node = check_field(place, info, kinds))
-      read_value(place.child(info.name, *node), info, out.*member);
-    if constexpr (ConfigEnum<Field>) kinds.push_back({info.name, enum_words<Field>(), word_of(out.*member)});
+    if (!kinds_known && !info.only_for.empty()) return;
+    const bool read = place.document.attempt([&] {
+      if (const JsonNode* node = check_field(place, info, kinds))
+        read_value(place.child(info.name, *node), info, out.*member);
+    });
+    if constexpr (ConfigEnum<Field>) {
+      kinds.push_back({info.name, enum_words<Field>(), word_of(out.*member)});
+      kinds_known = kinds_known && read;
+    }
   });
 }
 

@@ -163,8 +163,10 @@ void check_keys(const ConfigPlace& place, const std::vector<std::string_view>& f
     if (place.pointer.empty() && member.key == "$schema") continue;
     if (is_removed(place.child(member.key, member.value), member.key, removed)) continue;
     if (std::find(fields.begin(), fields.end(), member.key) == fields.end())
-      config_fail(place.child(member.key, member.value), "is not a known key (known here: " + joined(fields) + ")",
-                  "Remove or correct it." + did_you_mean(member.key, fields));
+      place.document.attempt([&] {
+        config_fail(place.child(member.key, member.value), "is not a known key (known here: " + joined(fields) + ")",
+                    "Remove or correct it." + did_you_mean(member.key, fields));
+      });
   }
 }
 

@@ -173,6 +173,14 @@ std::vector<RecipeGeometry> load(const ConfigDocument& document, const char* par
   return all;
 }
 
+/// Checks between keys, and the geometry.
+void complete(const ConfigDocument& document, CategoryRecipe& recipe) {
+  check_recipe(document, recipe);
+  recipe.bodies.geometry = load(document, "bodies", "meshes", recipe.bodies.meshes);
+  recipe.obstacles.mesh_geometry = load(document, "obstacles", "meshes", recipe.obstacles.meshes);
+  recipe.obstacles.level_set_geometry = load(document, "obstacles", "level_sets", recipe.obstacles.level_sets);
+}
+
 }  // namespace
 
 bool is_category_recipe(const std::string& path) {
@@ -182,11 +190,17 @@ bool is_category_recipe(const std::string& path) {
 CategoryRecipe read_category_recipe(const std::string& path, const std::vector<std::string>& overrides) {
   const ConfigDocument document = ConfigDocument::parse(read_file(path, largest_file), path, overrides);
   auto recipe = read_config<CategoryRecipe>(document);
-  check_recipe(document, recipe);
-  recipe.bodies.geometry = load(document, "bodies", "meshes", recipe.bodies.meshes);
-  recipe.obstacles.mesh_geometry = load(document, "obstacles", "meshes", recipe.obstacles.meshes);
-  recipe.obstacles.level_set_geometry = load(document, "obstacles", "level_sets", recipe.obstacles.level_sets);
+  complete(document, recipe);
   return recipe;
+}
+
+std::vector<std::string> category_recipe_mistakes(const std::string& path) {
+  ConfigDocument document = ConfigDocument::parse(read_file(path, largest_file), path);
+  std::vector<std::string> mistakes;
+  document.mistakes = &mistakes;
+  auto recipe = read_config<CategoryRecipe>(document);
+  if (mistakes.empty()) document.attempt([&] { complete(document, recipe); });
+  return mistakes;
 }
 
 std::string category_recipe_to_json(const CategoryRecipe& recipe) {

@@ -48,11 +48,19 @@ bool is_recipe(const std::string& path) {
 }
 
 SceneRecipe read_recipe(const std::string& path, const std::vector<std::string>& overrides) {
-  constexpr std::size_t limit = std::size_t(16) << 20;
-  const ConfigDocument document = ConfigDocument::parse(read_file(path, limit), path, overrides);
+  const ConfigDocument document = ConfigDocument::parse(read_file(path, largest_file), path, overrides);
   SceneRecipe recipe = read_config<SceneRecipe>(document);
   check_recipe(document, recipe);
   return recipe;
+}
+
+std::vector<std::string> recipe_mistakes(const std::string& path) {
+  ConfigDocument document = ConfigDocument::parse(read_file(path, largest_file), path);
+  std::vector<std::string> mistakes;
+  document.mistakes = &mistakes;
+  const auto recipe = read_config<SceneRecipe>(document);
+  if (mistakes.empty()) document.attempt([&] { check_recipe(document, recipe); });
+  return mistakes;
 }
 
 std::string recipe_to_json(const SceneRecipe& recipe) { return write_json(json_of(recipe), JsonLayout::indented); }

@@ -15,6 +15,8 @@ bool is_recipe(const std::string& path);
 /// Reads a recipe; `overrides` are "key.path=value". Throws ConfigError for a bad recipe, InputError for a missing
 /// file.
 SceneRecipe read_recipe(const std::string& path, const std::vector<std::string>& overrides = {});
+/// What is wrong with a recipe file, as scene_mistakes; of the checks between keys the first.
+std::vector<std::string> recipe_mistakes(const std::string& path);
 /// Every field, as JSON that read_recipe reads back to the same recipe.
 std::string recipe_to_json(const SceneRecipe& recipe);
 

@@ -102,7 +102,17 @@ void check_filled(const ConfigDocument& document, const char* list, std::size_t 
               "Use one of them or add it to 'materials'." + did_you_mean(material, names));
 }
 
-void check_emitter(const ConfigDocument& document, std::size_t index, const Emitter& emitter) {
+void check_source(const ConfigDocument& document, std::size_t index, const Scene& scene) {
+  const Source& source = scene.sources[index];
+  check_body(document, "sources", index, source);
+  check_filled(document, "sources", index, source, source.material, scene);
+  if (source.motion) check_motion(body_place(document, "sources", index, "motion"), *source.motion);
+}
+
+void check_emitter(const ConfigDocument& document, std::size_t index, const Scene& scene) {
+  const Emitter& emitter = scene.emitters[index];
+  check_body(document, "emitters", index, emitter);
+  check_filled(document, "emitters", index, emitter, emitter.material, scene);
   if (emitter.shape == Shape::points)
     config_fail(body_place(document, "emitters", index, "shape"), "has no volume (\"points\" is for sources only)",
                 "Use a box, another body or a mesh");
@@ -145,6 +155,24 @@ void check_load(const ConfigDocument& document, std::size_t index, const Scene& 
                 "lies outside the walls (" + number_text(norm(nearest - load.place)) + " m away, radius " +
                     number_text(load.radius) + " m)",
                 "Move it to the material");
+}
+
+void check_obstacle(const ConfigDocument& document, std::size_t index, const Obstacle& obstacle) {
+  check_body(document, "obstacles", index, obstacle);
+  if (obstacle.shape == Shape::points)
+    config_fail(body_place(document, "obstacles", index, "shape"), "has no surface (\"points\" is for sources only)",
+                "Use a mesh or a vdb level set");
+  if (obstacle.motion) check_motion(body_place(document, "obstacles", index, "motion"), *obstacle.motion);
+}
+
+void check_steps(const ConfigDocument& document, const Scene& scene) {
+  if (scene.sources.empty() && scene.emitters.empty())
+    config_fail(find_place(document, {"sources"}), "must not be empty", "Add a source, or there is no material");
+  if (scene.time_step.min_step > scene.time_step.max_step)
+    config_fail(find_place(document, {"time_step", "min_step"}),
+                "must not be above max_step (" + number_text(scene.time_step.min_step) + " s, max_step " +
+                    number_text(scene.time_step.max_step) + " s)",
+                "Lower min_step or raise max_step");
 }
 
 JsonNode& file_node(ConfigDocument& document, const char* list, std::size_t index) {
@@ -192,49 +220,37 @@ void check_grid(const ConfigPlace& place, const Domain& domain) {
 }
 
 void check_scene(const ConfigDocument& document, const Scene& scene) {
-  check_grid(find_place(document, {"domain", "size"}), scene.domain);
-  check_faces(document, scene.domain);
-  if (const auto out = first_out_of_plane(scene))
-    config_fail(find_place(document, out->path), out->problem, out->remedy);
-  if (scene.sources.empty() && scene.emitters.empty())
-    config_fail(find_place(document, {"sources"}), "must not be empty", "Add a source, or there is no material");
-  if (scene.time_step.min_step > scene.time_step.max_step)
-    config_fail(find_place(document, {"time_step", "min_step"}),
-                "must not be above max_step (" + number_text(scene.time_step.min_step) + " s, max_step " +
-                    number_text(scene.time_step.max_step) + " s)",
-                "Lower min_step or raise max_step");
-  for (std::size_t i = 0; i < scene.sources.size(); ++i) {
-    check_body(document, "sources", i, scene.sources[i]);
-    check_filled(document, "sources", i, scene.sources[i], scene.sources[i].material, scene);
-    if (scene.sources[i].motion) check_motion(body_place(document, "sources", i, "motion"), *scene.sources[i].motion);
-  }
-  for (std::size_t i = 0; i < scene.emitters.size(); ++i) {
-    check_body(document, "emitters", i, scene.emitters[i]);
-    check_filled(document, "emitters", i, scene.emitters[i], scene.emitters[i].material, scene);
-    check_emitter(document, i, scene.emitters[i]);
-  }
-  for (std::size_t i = 0; i < scene.kinematic_regions.size(); ++i) {
-    check_region(document, "kinematic_regions", i, scene.kinematic_regions[i]);
-    check_motion(body_place(document, "kinematic_regions", i, "motion"), scene.kinematic_regions[i].motion);
-  }
-  check_key_times(find_place(document, {"gravity_keyframes"}), scene.gravity_keyframes);
-  for (std::size_t i = 0; i < scene.loads.size(); ++i) check_load(document, i, scene);
-  for (std::size_t i = 0; i < scene.sinks.size(); ++i) check_region(document, "sinks", i, scene.sinks[i]);
-  for (std::size_t i = 0; i < scene.obstacles.size(); ++i) {
-    check_body(document, "obstacles", i, scene.obstacles[i]);
-    if (scene.obstacles[i].shape == Shape::points)
-      config_fail(body_place(document, "obstacles", i, "shape"), "has no surface (\"points\" is for sources only)",
-                  "Use a mesh or a vdb level set");
-    if (scene.obstacles[i].motion)
-      check_motion(body_place(document, "obstacles", i, "motion"), *scene.obstacles[i].motion);
-  }
+  const auto check = [&](const auto& part) { document.attempt(part); };
+  check([&] { check_grid(find_place(document, {"domain", "size"}), scene.domain); });
+  check([&] { check_faces(document, scene.domain); });
+  check([&] {
+    if (const auto out = first_out_of_plane(scene))
+      config_fail(find_place(document, out->path), out->problem, out->remedy);
+  });
+  check([&] { check_steps(document, scene); });
+  for (std::size_t i = 0; i < scene.sources.size(); ++i) check([&] { check_source(document, i, scene); });
+  for (std::size_t i = 0; i < scene.emitters.size(); ++i) check([&] { check_emitter(document, i, scene); });
+  for (std::size_t i = 0; i < scene.kinematic_regions.size(); ++i)
+    check([&] {
+      check_region(document, "kinematic_regions", i, scene.kinematic_regions[i]);
+      check_motion(body_place(document, "kinematic_regions", i, "motion"), scene.kinematic_regions[i].motion);
+    });
+  check([&] { check_key_times(find_place(document, {"gravity_keyframes"}), scene.gravity_keyframes); });
+  for (std::size_t i = 0; i < scene.loads.size(); ++i) check([&] { check_load(document, i, scene); });
+  for (std::size_t i = 0; i < scene.sinks.size(); ++i)
+    check([&] { check_region(document, "sinks", i, scene.sinks[i]); });
+  for (std::size_t i = 0; i < scene.obstacles.size(); ++i)
+    check([&] { check_obstacle(document, i, scene.obstacles[i]); });
 }
 
 void load_geometry(ConfigDocument& document, const GeometryFinder& finder, Scene& scene) {
-  for (std::size_t i = 0; i < scene.sources.size(); ++i) load_body(document, "sources", i, finder, scene.sources[i]);
-  for (std::size_t i = 0; i < scene.emitters.size(); ++i) load_body(document, "emitters", i, finder, scene.emitters[i]);
-  for (std::size_t i = 0; i < scene.obstacles.size(); ++i)
-    load_body(document, "obstacles", i, finder, scene.obstacles[i]);
+  const auto load = [&](const char* list, auto& bodies) {
+    for (std::size_t i = 0; i < bodies.size(); ++i)
+      document.attempt([&] { load_body(document, list, i, finder, bodies[i]); });
+  };
+  load("sources", scene.sources);
+  load("emitters", scene.emitters);
+  load("obstacles", scene.obstacles);
 }
 
 }  // namespace graupel::io

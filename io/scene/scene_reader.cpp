@@ -158,6 +158,10 @@ Scene parse(const std::string& text, const std::string& name, const GeometryFind
   return scene;
 }
 
+constexpr std::size_t largest_file = std::size_t(16) << 20;
+
+std::string folder_of(const std::string& path) { return std::filesystem::absolute(path).parent_path().string(); }
+
 }  // namespace
 
 Scene parse_scene(const std::string& text, const std::string& name, const std::string& folder,
@@ -171,11 +175,20 @@ Scene parse_stored_scene(const std::string& text, const std::string& name, const
 }
 
 Scene read_scene(const std::string& path, const std::vector<std::string>& overrides) {
-  constexpr std::size_t limit = std::size_t(16) << 20;
-  const std::string folder = std::filesystem::absolute(path).parent_path().string();
-  Scene scene = parse_scene(read_file(path, limit), path, folder, overrides);
+  Scene scene = parse_scene(read_file(path, largest_file), path, folder_of(path), overrides);
   scene.file = path;
   return scene;
+}
+
+std::vector<std::string> scene_mistakes(const std::string& path, const std::vector<std::string>& overrides) {
+  ConfigDocument document = ConfigDocument::parse(read_file(path, largest_file), path, overrides);
+  std::vector<std::string> mistakes;
+  document.mistakes = &mistakes;
+  Scene scene = read_config<Scene>(document);
+  if (!mistakes.empty()) return mistakes;  // the checks between keys would speak of defaults
+  check_scene(document, scene);
+  load_geometry(document, SceneFolder(folder_of(path)), scene);
+  return mistakes;
 }
 
 std::string with_frames(const std::string& scene_json, int64_t frames) {

@@ -17,6 +17,10 @@ Scene read_scene(const std::string& path, const std::vector<std::string>& overri
 Scene parse_scene(const std::string& text, const std::string& name, const std::string& folder,
                   const std::vector<std::string>& overrides = {});
 
+/// What is wrong with a scene file: the texts of all errors in its keys; where there are none, those between keys and
+/// in its geometry files. Throws ConfigError for text that is no JSON, InputError for a missing file.
+std::vector<std::string> scene_mistakes(const std::string& path, const std::vector<std::string>& overrides = {});
+
 /// The scene that the trajectory or data-set file `file` stores. Its geometry has absolute paths; where a file is not
 /// there any more, the end of its path is looked for beside `file` and in the folders above it, and its name beside it.
 Scene parse_stored_scene(const std::string& text, const std::string& name, const std::string& file,

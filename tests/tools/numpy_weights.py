@@ -7,7 +7,7 @@ import numpy as np
 
 def read_safetensors(path):
     """(metadata, tensors), the tensors as f64."""
-    types = {"F64": "<f8", "F32": "<f4", "F16": "<f2", "BF16": "<u2"}
+    types = {"F64": "<f8", "F32": "<f4", "F16": "<f2", "BF16": "<u2", "I8": "<i1"}
     with open(path, "rb") as file:
         header = json.loads(file.read(struct.unpack("<Q", file.read(8))[0]))
         data = file.read()
@@ -19,6 +19,8 @@ def read_safetensors(path):
         if entry["dtype"] == "BF16":
             values = (values.astype(np.uint32) << 16).view(np.float32)
         tensors[name] = values.astype(np.float64).reshape(entry["shape"])
+    for name in [name for name, entry in header.items() if entry["dtype"] == "I8"]:
+        tensors[name] = (tensors[name] * tensors.pop(name + ".scale")[:, None]).astype(np.float32).astype(np.float64)
     return metadata, tensors
 
 

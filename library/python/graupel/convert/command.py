@@ -19,7 +19,8 @@ Positions keep their bits. Types: gns and tfrecord 3 obstacle, 4 jelly, 5 water,
 lagrangebench 0 water, 1 obstacle (wall), 2 stationary (moving wall), 4 jelly, 6 sand, 7 toothpaste, 8 snow.
 Other programs' data have no scene: walls come from their bounds, gravity is 0 unless --set says otherwise.
 Their pickles are never executed. The output appears when all of it is written.
-Weights (.safetensors) take --numbers f32, f16 or bf16 alone; a scene (.json) is written with every key, after --set.
+Weights (.safetensors) take --numbers f32, f16, bf16 or i8 (8 bits for matrices but those
+that begin with the names of --keep) alone; a scene (.json) is written with every key, after --set.
 
 Examples:
   graupel convert data/hgn data/hgn-gns --format gns
@@ -62,7 +63,9 @@ def parse(arguments):
                         help="Change a key of the scenes that are made: --set gravity=[0,-9.8,0] --set domain.dx=0.02")
     parser.add_argument("--connectivity-radius", type=above_zero, metavar="R",
                         help="Written to metadata.json for graph networks [m]; default the input's")
-    parser.add_argument("--numbers", choices=("f32", "f16", "bf16"), help="Of weights")
+    parser.add_argument("--numbers", choices=("f32", "f16", "bf16", "i8"),
+                        help="Of weights; i8: matrices of a network in 8 bits")
+    parser.add_argument("--keep", metavar="NAMES", help="Of weights in i8: what stays in 16 bits, down.0.,up.0.")
     parser.add_argument("--json", default="", metavar="FILE", help="Write the result as JSON to a file, or - for standard output")
     for name in ("--seed", "--device", "--threads"):  # every verb takes them; they change nothing here
         parser.add_argument(name, help=argparse.SUPPRESS)
@@ -71,7 +74,7 @@ def parse(arguments):
     for name in options.split:
         if name not in SPLITS:
             parser.error(f"--split '{name}' is not known (allowed: {', '.join(SPLITS)})")
-    if options.numbers:
+    if options.numbers or options.keep:
         raise ConfigError(f"--numbers is for weights ('{options.input}' is not a .safetensors file). Leave it out")
     return options
 

@@ -12,7 +12,7 @@ from .._errors import ConfigError, InputError
 from .._graupel import NetworkModel, Scene
 
 SLOPE = 0.01  # of LeakyReLU below 0
-TYPES = {"F64": "<f8", "F32": "<f4", "F16": "<f2", "BF16": "<u2"}
+TYPES = {"F64": "<f8", "F32": "<f4", "F16": "<f2", "BF16": "<u2", "I8": "<i1"}
 
 
 def read_safetensors(path):
@@ -29,6 +29,8 @@ def read_safetensors(path):
         if entry["dtype"] == "BF16":
             values = (values.astype(numpy.uint32) << 16).view(numpy.float32)
         tensors[name] = values.astype(numpy.float32).reshape(entry["shape"])
+    for name in [name for name, entry in header.items() if entry.get("dtype") == "I8"]:
+        tensors[name] *= tensors.pop(name + ".scale")[:, None]  # nn/quantization.h
     return header["__metadata__"], tensors
 
 

@@ -1,0 +1,72 @@
+#include "experiments/inspection/validate.h"
+
+#include <cstdio>
+#include <nlohmann/json.hpp>
+
+#include "core/system/error.h"
+#include "experiments/inspection/file_facts.h"
+#include "experiments/process/outputs.h"
+#include "io/scene/category_reader.h"
+#include "io/scene/recipe_reader.h"
+#include "io/scene/scene_reader.h"
+#include "io/scene/sweep_reader.h"
+#include "io/trajectory/state_file.h"
+
+namespace graupel::experiments {
+
+namespace {
+
+/// Keys that are read together; of what the other readers find, the first.
+std::vector<std::string> mistakes_in_json(const std::string& file) {
+  if (io::is_sweep(file)) return io::read_sweep(file), std::vector<std::string>();
+  if (io::is_category_recipe(file)) return io::category_recipe_mistakes(file);
+  if (io::is_recipe(file)) return io::recipe_mistakes(file);
+  std::vector<std::string> mistakes = io::scene_mistakes(file);
+  if (mistakes.empty()) file_facts(file);  // level sets and the grids of obstacles
+  return mistakes;
+}
+
+bool has_known_ending(const std::string& file) {
+  for (const char* ending : {".json", ".h5", ".safetensors", ".vdb"})
+    if (file.ends_with(ending)) return true;
+  return false;
+}
+
+}  // namespace
+
+std::vector<std::string> mistakes_in(const std::string& file) {
+  const bool state = io::is_state_file(file);
+  try {
+    if (!state && file.ends_with(".json")) return mistakes_in_json(file);
+    file_facts(file);
+  } catch (const Error& error) {
+    if (!state && !has_known_ending(file)) throw;
+    return {error.what()};
+  }
+  return {};
+}
+
+void validate(ValidateOptions& options) {
+  options.common.apply();
+  std::vector<NamedFile> inputs;
+  for (const std::string& file : options.files) inputs.push_back({"the file", file});
+  check_apart(inputs, {{"--json", options.common.json}});
+  nlohmann::ordered_json result = {{"kind", "validation"}, {"files", nlohmann::ordered_json::array()}};
+  std::size_t count = 0;
+  const bool to_screen = options.common.json != "-";
+  for (const std::string& file : options.files) {
+    const std::vector<std::string> mistakes = mistakes_in(file);
+    result["files"].push_back({{"file", file}, {"errors", mistakes}});
+    count += mistakes.size();
+    if (!to_screen) continue;
+    for (const std::string& mistake : mistakes) std::printf("%s\n", mistake.c_str());
+    if (mistakes.empty()) std::printf("%s: ok\n", file.c_str());
+  }
+  options.common.write_json(result);
+  if (count > 0)
+    throw InputError(std::to_string(count) + (count == 1 ? " error" : " errors") + " in " +
+                     std::to_string(options.files.size()) + (options.files.size() == 1 ? " file" : " files") +
+                     ". Correct what is listed above");
+}
+
+}  // namespace graupel::experiments

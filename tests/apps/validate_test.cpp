@@ -1,0 +1,116 @@
+// graupel validate and graupel doctor.
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+
+#include "core/system/atomic_file.h"
+#include "tests/apps/program.h"
+
+namespace graupel::test {
+namespace {
+
+using Json = nlohmann::json;
+
+class Validate : public ::testing::Test {
+ protected:
+  Json report(const std::string& files, int exit_code) const {
+    const std::string json = folder_.file("report.json");
+    const Outcome outcome = graupel("validate " + files + " --json " + json);
+    EXPECT_EQ(outcome.exit_code, exit_code) << outcome.output;
+    return Json::parse(read_file(json));
+  }
+  static std::size_t count_with(const Json& errors, const std::string& text) {
+    std::size_t n = 0;
+    for (const auto& error : errors) n += error.get<std::string>().find(text) != std::string::npos ? 1 : 0;
+    return n;
+  }
+
+  Folder folder_;
+};
+
+TEST_F(Validate, TellsAllMistakesOfAScene) {
+  const std::string file = folder_.write("bad.json", R"({
+  "domain": { "dx": -1, "sise": [1, 1, 1] },
+  "materials": { "water": { "preset": "taichi_water", "viscosity": "thick" }, "sand": { "preset": "sandd" } },
+  "sources": [
+    { "shape": "ball", "radius": 0.1, "position": [0.5, 0.5, 0.5], "material": "water" },
+    { "shape": "sphere", "radius": -0.1, "position": [0.5, 0.5], "material": "water" }
+  ],
+  "frames": 1.5
+})");
+  const Json errors = report(file, 3)["files"][0]["errors"];
+  EXPECT_EQ(count_with(errors, "bad.json:2: /domain/dx is out of range (-1"), 1u) << errors.dump(1);
+  EXPECT_EQ(count_with(errors, "/domain/sise is not a known key"), 1u);
+  EXPECT_EQ(count_with(errors, "/materials/water/viscosity must be a number"), 1u);
+  EXPECT_EQ(count_with(errors, "/materials/sand/preset is not one of its words"), 1u);
+  EXPECT_EQ(count_with(errors, "/sources/0/shape is not one of its words"), 1u);
+  EXPECT_EQ(count_with(errors, "/sources/1/radius is out of range"), 1u);
+  EXPECT_EQ(count_with(errors, "/sources/1/position must be a list of 3 numbers"), 1u);
+  EXPECT_EQ(count_with(errors, "/frames must be a whole number"), 1u);
+  EXPECT_EQ(errors.size(), 8u) << "mistakes that follow from others: " << errors.dump(1);
+}
+
+TEST_F(Validate, TellsAllThatDoesNotFitTogether) {
+  const std::string file = folder_.write("unfit.json", R"({
+  "materials": { "water": { "preset": "taichi_water" } },
+  "sources": [
+    { "shape": "sphere", "radius": 0.1, "position": [0.5, 0.5, 0.5], "material": "watr" },
+    { "shape": "mesh", "file": "nowhere.obj", "position": [0.5, 0.5, 0.5], "material": "water" }
+  ],
+  "obstacles": [ { "shape": "box", "size": [0.1, 0.1, 0.1], "position": [0.5, 0.1, 0.5], "rotation_axis": [0, 0, 0] } ],
+  "time_step": { "min_step": 1e-2, "max_step": 1e-3 }
+})");
+  const Json errors = report(file, 3)["files"][0]["errors"];
+  EXPECT_EQ(count_with(errors, "/sources/0/material names no material of the scene"), 1u) << errors.dump(1);
+  EXPECT_EQ(count_with(errors, "nowhere.obj"), 1u);
+  EXPECT_EQ(count_with(errors, "/obstacles/0/rotation_axis must not be zero"), 1u);
+  EXPECT_EQ(count_with(errors, "/time_step/min_step must not be above max_step"), 1u);
+  EXPECT_EQ(errors.size(), 4u);
+}
+
+TEST_F(Validate, GoodFilesOfEveryKindAreOk) {
+  const Json all = report(
+      "scenes/shared/water_steps.json scenes/recipes/general.json scenes/recipes/hgn.json "
+      "scenes/recipes/nsf_jelly_quick.json models/gns.safetensors",
+      0);
+  for (const auto& file : all["files"]) EXPECT_TRUE(file["errors"].empty()) << file.dump(1);
+  EXPECT_EQ(all["files"].size(), 5u);
+}
+
+TEST_F(Validate, RecipesAndDamagedFiles) {
+  const std::string recipe = folder_.write("recipe.json", R"({ "categories": ["dam_break", "flood"], "frames": -1,
+    "max_particles": "many" })");
+  const std::string damaged = folder_.write("damaged.safetensors", "0123456789");
+  const Json files = report(recipe + " " + damaged, 3)["files"];
+  EXPECT_EQ(files[0]["errors"].size(), 4u) << files.dump(1);
+  EXPECT_EQ(count_with(files[1]["errors"], "is not a valid safetensors file"), 1u);
+  const Outcome unknown = graupel("validate " + folder_.write("note.txt", "x"));
+  EXPECT_EQ(unknown.exit_code, 2) << unknown.output;
+  EXPECT_TRUE(unknown.says("no known ending"));
+}
+
+TEST_F(Validate, JsonOnStandardOutputIsJsonAlone) {
+  const Outcome outcome = graupel("validate scenes/shared/water_steps.json --json - 2> /dev/null");
+  EXPECT_EQ(outcome.exit_code, 0);
+  EXPECT_EQ(Json::parse(outcome.output)["files"][0]["errors"].size(), 0u);
+}
+
+TEST(Doctor, TellsTheMachineAndWhatMakesItSlow) {
+  const Outcome usual = graupel("doctor");
+  ASSERT_EQ(usual.exit_code, 0) << usual.output;
+  for (const char* words : {"processor", "instruction set", "GPU", "libhdf5", "libopenvdb", "times that of one"})
+    EXPECT_TRUE(usual.says(words)) << words << "\n" << usual.output;
+
+  const Outcome slow = run_program("/usr/bin/env", "GRAUPEL_SIMD=baseline GRAUPEL_PRODUCTS=f32 " GRAUPEL_BINARY_DIR
+                                                   "/graupel doctor --threads 1 --json -");
+  ASSERT_EQ(slow.exit_code, 0) << slow.output;
+  const Json report = Json::parse(slow.output.substr(slow.output.find('{')));
+  EXPECT_EQ(report["facts"]["arithmetic of all threads"], "1.0 times that of one");
+  EXPECT_NE(report["facts"]["instruction set"].get<std::string>().find("baseline"), std::string::npos);
+  if (report["facts"]["instruction set"].get<std::string>().find("avx2") != std::string::npos) {
+    EXPECT_NE(slow.output.find("Unset GRAUPEL_SIMD"), std::string::npos) << slow.output;
+  }
+}
+
+}  // namespace
+}  // namespace graupel::test
