@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """The wheel: builds it, takes its libraries in (auditwheel), installs it in a clean environment, runs its tests.
 
-    python3 tests/python/wheel_test.py [--native] [--skip-build] [--packages FOLDER] [test_scene ..]
+    python3 tests/python/wheel_test.py [--skip-build] [--packages FOLDER] [test_scene ..]
 
 Needs a Python 3.10 or later with its headers and venv, and PyPI. Keeps its folders in build/python-wheel/ and compiles
 in build/python/; prints sizes and seconds. The last line is that of unittest.
@@ -38,15 +38,15 @@ def environment(name, packages, anew=False):
     return programs
 
 
-def build_wheel(native):
-    """The repaired wheel's path. `native`: for this machine alone, with the compiler's output of build/ (ccache)."""
+def build_wheel():
+    """The repaired wheel's path."""
     tools = environment("tools", TOOLS)
     built, repaired = os.path.join(WORK, "built"), os.path.join(WORK, "repaired")
     for folder in (built, repaired):
         shutil.rmtree(folder, ignore_errors=True)
     path = {**os.environ, "PATH": tools + os.pathsep + os.environ["PATH"]}
     run(os.path.join(tools, "python"), "-m", "pip", "wheel", ROOT, "--no-deps", "--no-build-isolation", "-w", built,
-        "--disable-pip-version-check", *(["-C", "cmake.define.GRAUPEL_NATIVE=ON"] if native else []), env=path)
+        "--disable-pip-version-check", env=path)
     wheel = glob.glob(os.path.join(built, "*.whl"))[0]
     run(os.path.join(tools, "auditwheel"), "repair", "-w", repaired, wheel, env=path, stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL)
@@ -55,8 +55,6 @@ def build_wheel(native):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n", 1)[0])
-    parser.add_argument("--native", action="store_true",
-                        help="a wheel for this machine alone, which compiles what build/ holds from ccache")
     parser.add_argument("--skip-build", action="store_true", help="test the wheel that the last call built")
     parser.add_argument("--packages", action="append", default=[], metavar="FOLDER",
                         help="packages that the tests may use beside, such as PyTorch (repeatable)")
@@ -69,7 +67,7 @@ def main():
             sys.exit("wheel_test: there is no wheel yet. Leave --skip-build out")
         wheel = found[0]
     else:
-        wheel = build_wheel(arguments.native)
+        wheel = build_wheel()
     print(f"{os.path.basename(wheel)}: {os.path.getsize(wheel) / 1e6:.1f} MB, {time.monotonic() - begin:.0f} s",
           flush=True)
     python = os.path.join(environment("clean", [wheel, "h5py"], anew=True), "python")
