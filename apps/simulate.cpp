@@ -22,6 +22,7 @@ void add_simulate(const Command& app) {
   verb.flag("--no-velocity", options->no_velocity, "Store positions only");
   verb.option("--fields", options->fields,
               "Store these of every frame too: stress,affine,deformation_gradient,plastic");
+  verb.flag("--forces", options->forces, "Store the forces on every obstacle and wall too");
   verb.option("--save-state", options->save_state, "Write the whole state to this file at the end, or when stopped");
   verb.option("--save-every", options->save_every, "Write it every so many frames as well").check(whole_number(1));
   verb.option("--resume", options->resume, "Go on from this state; the scene file may be left out");

@@ -10,6 +10,7 @@
 #include "compare/metrics/evaluation.h"
 #include "compare/metrics/metric_list.h"
 #include "compare/pictures/player_track.h"
+#include "core/scene/contact_force.h"
 
 namespace graupel::compare {
 
@@ -48,6 +49,12 @@ struct ModelResult {
   PlayerTrack track;
 };
 
+/// What the matter of a run did to obstacles and walls.
+struct ContactForces {
+  std::vector<std::string> names;                 ///< contact_names() of the scene; empty: not known
+  std::vector<std::vector<ContactForce>> frames;  ///< [frames + 1, names]
+};
+
 struct SceneResult {
   std::string name, source;  ///< source: file, and number of the trajectory in a data set
   std::string category;      ///< of a recipe of categories; empty for none
@@ -64,7 +71,8 @@ struct SceneResult {
   /// First unusable frame of the runs that all models are held against, where one diverged: the opponent, "moved" and
   /// "reseeded" (the chaos floors).
   std::map<std::string, int64_t> diverged_references;
-  std::string picture;  ///< PNG of the truth's picture row
+  std::string picture;        ///< PNG of the truth's picture row
+  ContactForces true_forces;  ///< of a truth whose file keeps them
   PlayerTrack truth;
   PlayerObstacles obstacles;
   std::vector<ModelResult> models;

@@ -42,6 +42,7 @@ Simulation::Simulation(const Scene& scene, const SimulationSettings& settings)
   options.device = settings.device;
   options.precision = settings.f64 ? mpm::Precision::f64 : mpm::Precision::f32;
   options.seed = impl_->seed;
+  options.contact_forces = settings.contact_forces;
   impl_->run = mpm::create_with_user_materials({impl_->scene, options}, settings.materials);
 }
 Simulation::Simulation(Simulation&&) noexcept = default;
@@ -77,6 +78,8 @@ Balance Simulation::balance() const {
   const mpm::Diagnostics d = impl_->run->diagnostics();
   return {d.mass, d.momentum, d.kinetic_energy, d.elastic_energy, d.potential_energy};
 }
+
+std::vector<ContactForce> Simulation::contact_forces() const { return impl_->run->contact_forces(); }
 
 ParticleFrame Simulation::frame(FieldSet wanted) const { return mpm::frame_with_fields(*impl_->run, wanted); }
 

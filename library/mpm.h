@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "core/parallel/device.h"
+#include "core/scene/contact_force.h"
 #include "core/scene/scene.h"
 #include "core/scene/trajectory.h"
 #include "core/system/error.h"
@@ -22,6 +23,7 @@ struct SimulationSettings {
   bool f64 = false;                   ///< double precision, on the CPU alone
   std::optional<uint64_t> seed = {};  ///< of the particle sampling; else the scene's
   UserMaterials materials = {};       ///< laws in place of those of the scene's materials, on the CPU alone
+  bool contact_forces = false;        ///< keep count of Simulation::contact_forces()
 };
 
 /// Sums over all particles, in f64.
@@ -64,6 +66,9 @@ class Simulation {
   std::shared_ptr<const ParticleFrame> shared_frame() const;
   std::shared_ptr<const std::vector<float>> shared_field(ParticleField field) const;
   Balance balance() const;
+  /// What the matter did to each obstacle and wall in the frame before, in the order of contact_names(scene()); inside
+  /// of a frame since its start, or since load_state(). Empty unless SimulationSettings::contact_forces.
+  std::vector<ContactForce> contact_forces() const;
 
   /// A copy of the state now with the `wanted` fields, for io::TrajectoryWriter::append().
   ParticleFrame frame(FieldSet wanted = {}) const;

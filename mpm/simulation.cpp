@@ -35,6 +35,7 @@ std::string beyond_tuned_kernels(const Scene& scene, bool small) {
 
 bool runs_tuned(const PreparedScene& prepared) {
   return prepared.options.device == Device::cuda && prepared.options.kernels == Kernels::tuned &&
+         !prepared.options.contact_forces &&
          beyond_tuned_kernels(prepared.scene, is_small_scene(prepared.scene, prepared.particles.position.size()))
              .empty();
 }

@@ -9,6 +9,7 @@
 
 #include "core/parallel/device.h"
 #include "core/parallel/instruction_set.h"
+#include "core/scene/contact_force.h"
 #include "core/scene/scene.h"
 #include "core/scene/trajectory.h"
 #include "mpm/sampling.h"
@@ -27,6 +28,8 @@ struct SimulationOptions {
   Kernels kernels = Kernels::tuned;
   /// Of the tuned kernels for the CPU; else instruction_set().
   std::optional<InstructionSet> instruction_set = {};
+  /// Keep count of Simulation::contact_forces(); on a GPU the portable kernels then run.
+  bool contact_forces = false;
 };
 
 /// Conserved and watched quantities [SI]; sums in f64.
@@ -104,6 +107,9 @@ class Simulation {
   virtual ParticleFields fields(FieldSet wanted) const = 0;
   virtual Diagnostics diagnostics() const = 0;
   virtual RunStatistics statistics() const = 0;
+  /// What the matter did to each obstacle and wall in the frame before (inside of a frame: since its start, or since
+  /// load_state()), in the order of contact_names(scene); empty unless SimulationOptions::contact_forces.
+  virtual std::vector<ContactForce> contact_forces() const { return {}; }
 
   /// Carries massless points along with the grid's velocity (mpm/solver/tracers.h), from their positions [m] and
   /// velocities [m/s] now, or, where times of birth are given, from then on [s]. They leave the run where particles do,

@@ -10,6 +10,7 @@
 #include "compare/comparison_files.h"
 #include "compare/reduced_rows.h"
 #include "compare/report/base64.h"
+#include "compare/report/force_plots.h"
 #include "compare/report/plot_svg.h"
 #include "compare/report_assets.h"
 #include "core/system/error.h"
@@ -198,7 +199,9 @@ std::string scene_plots(const SceneResult& scene, const std::vector<std::string>
     density.lines.push_back(curve_line("floor: other seed", scene.floor_density, true));
   }
   energy.lines.push_back(curve_line("truth", scene.true_energy, true));
-  return "<div class=\"plots\">\n" + plot_svg(position) + plot_svg(density) + plot_svg(energy) + "</div>\n";
+  std::string html = "<div class=\"plots\">\n" + plot_svg(position) + plot_svg(density) + plot_svg(energy);
+  for (const Plot& plot : force_plots(scene.true_forces)) html += plot_svg(plot);
+  return html + "</div>\n";
 }
 
 std::string picture(const std::string& png, const std::string& description) {

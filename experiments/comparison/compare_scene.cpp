@@ -103,6 +103,7 @@ SceneComparison::SceneComparison(const CompareOptions& options, const SceneTask&
   result_.low = task.scene.domain.origin;
   result_.size = task.scene.domain.size;
   result_.up = compare::up_axis(task.scene);
+  result_.true_forces = task.forces;
 }
 
 TimedRun SceneComparison::run_variant(const mpm::SolverVariant& variant) {

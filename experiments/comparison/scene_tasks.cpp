@@ -91,6 +91,8 @@ std::vector<SceneTask> read_data_set(const std::string& path, const SceneRange& 
     if (task.initial_velocity.empty())
       throw InputError("'" + source + "' stores no velocity of the first frame. Use a data set made by graupel");
     for (ParticleFrame& frame : trajectory.frames) std::vector<Vec3f>().swap(frame.velocity);
+    task.forces = {reader.contact_names(i), reader.contact_forces(i)};
+    if (!task.forces.names.empty()) task.forces.frames.resize(trajectory.frames.size());
     task.stored = std::move(trajectory);
     tasks.push_back(std::move(task));
   }

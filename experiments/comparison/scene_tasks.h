@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "compare/comparison.h"
 #include "core/scene/scene.h"
 #include "core/scene/trajectory.h"
 #include "experiments/comparison/compare_runs.h"
@@ -21,6 +22,7 @@ struct SceneTask {
   int64_t frames = 0;
   std::optional<Trajectory> stored;     ///< truth of a data set
   std::vector<Vec3f> initial_velocity;  ///< [m/s], of a data set
+  compare::ContactForces forces;        ///< of a data set that keeps them
 };
 
 /// Files, folders and recipes of --scenes, in order. Throws ConfigError (also for an unknown split, one that is missing

@@ -45,7 +45,7 @@ RecordedRun::RecordedRun(const SimulateOptions& options, const Scene& scene, con
   header_.made_by = "mpm";
   if (!saved) {
     writer_ = std::make_unique<io::TrajectoryWriter>(output(), header_, write_);
-    writer_->append(frame());
+    append_frame();
     return;
   }
   restore(*run_, *saved, options.resume, options.scene);
@@ -83,7 +83,12 @@ void RecordedRun::advance() {
                                     frame_, output(), output()));
   }
   ++frame_;
-  writer_->append(frame());
+  append_frame();
+}
+
+void RecordedRun::append_frame() {
+  writer_->append(mpm::frame_with_fields(*run_, write_.fields));
+  if (options_.forces) writer_->append_forces(run_->contact_forces());
 }
 
 void RecordedRun::stop() {
@@ -110,6 +115,7 @@ void RecordedRun::save(const std::vector<ParticleFrame>& recent) const {
   state.velocity = write_.velocity;
   state.active = write_.active;
   state.fields = write_.fields;
+  state.forces = options_.forces;
   state.recent = recent;
   state.state = run_->save_state();
   io::write_state_file(options_.save_state, state);

@@ -30,7 +30,7 @@ class RecordedRun {
 
  private:
   const std::string& output() const { return options_.output; }
-  ParticleFrame frame() const { return mpm::frame_with_fields(*run_, write_.fields); }
+  void append_frame();
   void advance();
   [[noreturn]] void stop();
   void save(const std::vector<ParticleFrame>& recent) const;

@@ -32,6 +32,9 @@ io::SavedRun read_saved_run(const std::string& file, const RunRequest& wishes) {
   check_wish(file, "--fields", wishes.fields, saved.fields.names());
   if (wishes.no_velocity && saved.velocity)
     throw InputError(fmt::format("'{}' is the state of a run that stores velocities. Leave --no-velocity out", file));
+  if (wishes.forces && !saved.forces)
+    throw InputError(
+        fmt::format("'{}' is the state of a run that keeps no forces. Leave --forces out, or start again", file));
   if (saved.device == name_of(Device::cuda) && !cuda_available())
     throw InputError(
         fmt::format("'{}' is the state of a run on a GPU, and there is none here. Resume it on a machine "

@@ -12,7 +12,7 @@ namespace graupel::experiments {
 /// What the user asked of a run that a saved state decides as well; empty where nothing was said.
 struct RunRequest {
   std::string device, precision, seed, fields;
-  bool no_velocity = false;
+  bool no_velocity = false, forces = false;
 };
 
 /// Reads a state. Throws InputError, naming the file, when it is of another version or kind of device, or when the user

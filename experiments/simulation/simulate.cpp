@@ -19,6 +19,7 @@ io::TrajectoryWriteOptions SimulateOptions::write_options(const Scene& scene_to_
   write.velocity = !no_velocity;
   write.active = scene_to_run.has_inactive_particles();
   write.fields = FieldSet::parse(fields);
+  if (forces) write.contacts = contact_names(scene_to_run);
   return write;
 }
 
@@ -28,6 +29,7 @@ mpm::SimulationOptions simulation_options(const SimulateOptions& options, const 
   mpm::SimulationOptions simulation;
   simulation.device = device;
   simulation.precision = options.precision == "f64" ? mpm::Precision::f64 : mpm::Precision::f32;
+  simulation.contact_forces = options.forces;
   simulation.seed = options.common.seed_given ? options.common.seed : scene.seed;
   return simulation;
 }
@@ -44,6 +46,7 @@ io::SavedRun take_saved_run(SimulateOptions& options) {
   if (options.common.seed_given) wishes.seed = std::to_string(options.common.seed);
   wishes.fields = FieldSet::parse(options.fields).names();
   wishes.no_velocity = options.no_velocity;
+  wishes.forces = options.forces;
   io::SavedRun saved = read_saved_run(options.resume, wishes);
   options.common.device = saved.device;
   options.common.seed = saved.seed;
@@ -51,6 +54,7 @@ io::SavedRun take_saved_run(SimulateOptions& options) {
   options.precision = saved.precision;
   options.fields = saved.fields.names();
   options.no_velocity = !saved.velocity;
+  options.forces = saved.forces;
   if (options.output.empty()) options.output = saved.output;
   return saved;
 }

@@ -22,6 +22,7 @@ struct SimulateOptions {
   std::vector<std::string> set;
   int64_t frames = -1, save_every = 0;
   bool dry_run = false, print_defaults = false, no_velocity = false, precision_given = false;
+  bool forces = false;         ///< of the matter on obstacles and walls
   bool deterministic = false;  ///< asked for; every solver is
 
   /// Of the file of the scene, for messages: the state's where no scene was named.

@@ -57,6 +57,7 @@ std::string header_text(const SavedRun& run) {
   header.set("active", JsonNode::of(run.active));
   header.set("fields", JsonNode::of(run.fields.names()));
   header.set("scene_bytes", JsonNode::of(static_cast<uint64_t>(run.scene_json.size())));
+  if (run.forces) header.set("forces", JsonNode::of(true));
   header.set("recent_frames", JsonNode::of(static_cast<uint64_t>(run.recent.size())));
   header.set("state_bytes", JsonNode::of(static_cast<uint64_t>(run.state.size())));
   return write_json(header, JsonLayout::compact);
@@ -74,6 +75,7 @@ class Header {
   }
   std::string text(const char* key) const { return get(key, JsonNode::Kind::string).text; }
   bool boolean(const char* key) const { return get(key, JsonNode::Kind::boolean).boolean; }
+  bool has(const char* key) const { return root_.find(key) != nullptr; }
   uint64_t natural(const char* key) const {
     const JsonNode& node = get(key, JsonNode::Kind::integer);
     if (node.negative && node.magnitude != 0) refuse(path_, std::string("its header has a negative '") + key + "'");
@@ -184,6 +186,7 @@ SavedRun read_state_file(const std::string& path) {
   run.output = header.text("output");
   run.velocity = header.boolean("velocity");
   run.active = header.boolean("active");
+  run.forces = header.has("forces") && header.boolean("forces");
   try {
     run.fields = FieldSet::parse(header.text("fields"));
   } catch (const ConfigError& error) {

@@ -27,6 +27,7 @@ struct SavedRun {
   bool velocity = true;  ///< what the trajectory stores beside positions
   bool active = false;
   FieldSet fields = {};
+  bool forces = false;
   std::vector<ParticleFrame> recent;  ///< last frames that the trajectory may lack (TrajectoryWriter::checkpoint)
   std::vector<std::byte> state;       ///< of the solver
 };

@@ -30,6 +30,7 @@ std::string contents_text(const TrajectoryWriteOptions& options) {
   std::string text = options.velocity ? "position, velocity" : "position";
   if (options.active) text += ", active";
   if (!options.fields.empty()) text += ", " + options.fields.names();
+  if (!options.contacts.empty()) text += ", forces";
   return text;
 }
 

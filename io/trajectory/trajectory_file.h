@@ -1,7 +1,8 @@
 // Trajectories and data sets in HDF5, readable by h5py and in the LagrangeBench layout:
 //   /00000/position f32 [T, N, 3], /00000/particle_type i32 [N], /00000/velocity f32 [T, N, 3] (optional),
 //   /00000/initial_velocity f32 [N, 3], /00000/time f64 [T], /00000/active u8 [T, N] (only where particles come or go;
-//   0: not in the run in that frame), fields that were asked for (core/scene/particle_fields.h); attributes: units,
+//   0: not in the run in that frame), fields that were asked for (core/scene/particle_fields.h), forces that were asked
+//   for (io/trajectory/contact_datasets.h); attributes: units,
 //   scene_json, seed, version, complete. docs/reference/file_formats.md describes it for users.
 // Written as <path>.part, flushed every few frames, synced and renamed, complete=1 last.
 #pragma once
@@ -11,18 +12,24 @@
 #include <string>
 #include <vector>
 
+#include "core/scene/contact_force.h"
 #include "core/scene/scene.h"
 #include "core/scene/trajectory.h"
 
 namespace graupel::io {
 
+/// Obstacles and walls of which one file keeps the forces: their names are one attribute, of 64 KiB at most.
+inline constexpr std::size_t most_contacts = 2048;
+
 struct TrajectoryWriteOptions {
   bool velocity = true;  ///< store every frame's velocity
   bool active = false;   ///< store which particles are in the run in every frame
   FieldSet fields = {};  ///< store these of every frame
-  int deflate = 1;       ///< 0..9
-  int flush_every = 8;   ///< frames between flushes
-  int group = 0;         ///< number of the trajectory in the file, "/00000"
+  /// contact_names() of the obstacles and walls whose forces are stored; at most most_contacts, empty for none.
+  std::vector<std::string> contacts = {};
+  int deflate = 1;      ///< 0..9
+  int flush_every = 8;  ///< frames between flushes
+  int group = 0;        ///< number of the trajectory in the file, "/00000"
 };
 
 /// A parameter that tells a trajectory from the others of its data set.
@@ -64,6 +71,8 @@ class TrajectoryWriter {
   ~TrajectoryWriter();
   /// Throws IoError (disk full: bytes needed and where).
   void append(const ParticleFrame& frame);
+  /// Adds the forces of the frame that append() added last, in the order of TrajectoryWriteOptions::contacts.
+  void append_forces(const std::vector<ContactForce>& forces);
   /// Makes what is written safe on the disk; returns the last frames, which are not written yet. With these a run can
   /// be continued from here, however it ends.
   const std::vector<ParticleFrame>& checkpoint();
@@ -107,7 +116,11 @@ class TrajectoryReader {
   std::vector<uint8_t> active(int i) const;                     ///< of all frames [frames, n]; empty when not stored
   Trajectory read(int i, FieldSet wanted = {}) const;           ///< whole trajectory
   std::string attribute(int i, const std::string& name) const;  ///< "" when absent
-  std::vector<NamedValue> parameters(int i) const;              ///< of the run, in the recipe's order; empty for none
+  /// Obstacles and walls whose forces trajectory i stores; empty for none.
+  std::vector<std::string> contact_names(int i) const;
+  /// Their forces [frames, names]: what the matter did to each in the time before each frame, nothing in the first.
+  std::vector<std::vector<ContactForce>> contact_forces(int i) const;
+  std::vector<NamedValue> parameters(int i) const;  ///< of the run, in the recipe's order; empty for none
 
  private:
   struct Impl;

@@ -7,6 +7,7 @@
 #include "core/system/error.h"
 #include "io/config/json_node.h"
 #include "io/hdf5/hdf5_dataset.h"
+#include "io/trajectory/contact_datasets.h"
 #include "io/trajectory/field_datasets.h"
 #include "io/trajectory/run_parameters.h"
 #include "io/trajectory/trajectory_file.h"
@@ -317,6 +318,27 @@ Trajectory TrajectoryReader::read(int i, FieldSet wanted) const {
 std::string TrajectoryReader::attribute(int i, const std::string& name) const {
   return impl_->guarded(
       i, [&] { return hdf5::string_attribute(impl_->trajectory(i).group, name).value_or(std::string()); });
+}
+
+std::vector<std::string> TrajectoryReader::contact_names(int i) const {
+  return impl_->guarded(i, [&] {
+    const auto contacts = open_contact_datasets(impl_->trajectory(i).group, impl_->file_size);
+    return contacts ? contacts->names : std::vector<std::string>();
+  });
+}
+
+std::vector<std::vector<ContactForce>> TrajectoryReader::contact_forces(int i) const {
+  return impl_->guarded(i, [&] {
+    const OpenTrajectory& open = impl_->trajectory(i);
+    std::vector<FrameForces> forces;
+    const auto contacts = open_contact_datasets(open.group, impl_->file_size);
+    if (!contacts) return forces;
+    if (contacts->row_count() != open.times.size())
+      throw hdf5::Failure("its forces and 'position' have different numbers of frames");
+    for (const hdf5::Dataset& dataset : contacts->datasets) impl_->check_whole(dataset, "the forces");
+    for (hsize_t row = 0; row < contacts->row_count(); ++row) forces.push_back(contacts->read(row));
+    return forces;
+  });
 }
 
 std::vector<NamedValue> TrajectoryReader::parameters(int i) const {

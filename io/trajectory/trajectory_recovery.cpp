@@ -22,7 +22,12 @@ void rewrite(const UnfinishedTrajectory& part, const std::string& path) {
     if (name != "scene_json" && name != "made_by") writer.attribute(name, value);
   writer.parameters(part.parameters());
   writer.attribute("recovered", "1");
-  for_usable_frames(part, [&](const ParticleFrame& frame) { writer.append(frame); });
+  const bool has_forces = !part.contents().contacts.empty();
+  hsize_t row = 0;
+  for_usable_frames(part, [&](const ParticleFrame& frame) {
+    writer.append(frame);
+    if (has_forces) writer.append_forces(part.contact_forces(row++));
+  });
   writer.finish();
 }
 

@@ -10,6 +10,7 @@
 #include "core/system/atomic_file.h"
 #include "core/system/error.h"
 #include "io/hdf5/hdf5_dataset.h"
+#include "io/trajectory/contact_datasets.h"
 #include "io/trajectory/field_datasets.h"
 #include "io/trajectory/part_file.h"
 #include "io/trajectory/run_parameters.h"
@@ -61,6 +62,7 @@ struct TrajectoryWriter::Impl {
   hsize_t chunk_frames = 1;
   hdf5::Handle file, group, time;
   std::vector<FrameDataset> datasets;
+  std::optional<ContactWriter> contacts;
   std::vector<ParticleFrame> pending;  ///< not written yet
   hsize_t written = 0;
   hsize_t flushed = 0;
@@ -185,6 +187,7 @@ void TrajectoryWriter::Impl::start(const Trajectory& header, hdf5::Handle empty_
                                                    .units = "",
                                                    .description = "3 obstacle, 4 jelly, 5 water, 6 sand, 8 snow"});
   hdf5::write_all(types, hdf5::Element::int32, header.particle_type.data());
+  if (!options.contacts.empty()) contacts.emplace(group, options.contacts);
   flush();
 }
 
@@ -271,6 +274,7 @@ void TrajectoryWriter::Impl::close_all(int64_t diverged_at_frame) {
     flush();
     for (FrameDataset& dataset : datasets) dataset.id.close("cannot close a dataset");
     time.close("cannot close a dataset");
+    if (contacts) contacts->close();
     group.close("cannot close a group");
     hdf5::write_attribute(file, "complete", int64_t(1));
     flush();
@@ -283,13 +287,19 @@ void TrajectoryWriter::Impl::continue_from(const Trajectory& header, const Traje
   auto found = find_interrupted(path, header, options, checkpoint);
   if (!found) {
     guarded("start", [&] { start(header, create_part_file(part)); });
-    return append(checkpoint.recent.back());
+    append(checkpoint.recent.back());
+    if (contacts) guarded("write to", [&] { contacts->append(FrameForces(options.contacts.size())); });
+    return;
   }
   std::string aside;
   try {
     guarded("start", [&] { start(header, create_aside_file(part, aside)); });
     copy_kept_frames(*found, checkpoint, header.frame_time, [&](const ParticleFrame& frame) { append(frame); });
-    guarded("write to", [&] { flush(); });
+    guarded("write to", [&] {
+      for (hsize_t row = 0; contacts && row < written + pending.size(); ++row)
+        contacts->append(found->frames.contact_forces(row));
+      flush();
+    });
     found.reset();
     replace_part_file(aside, part);
   } catch (...) {
@@ -305,6 +315,10 @@ void check(const Trajectory& header, const TrajectoryWriteOptions& options) {
   if (options.deflate < 0 || options.deflate > 9)
     throw ConfigError("compression level " + std::to_string(options.deflate) +
                       " does not exist (allowed 0 to 9). Use 1 for speed or 9 for size");
+  if (options.contacts.size() > most_contacts)
+    throw ConfigError("a trajectory cannot keep the forces on " + std::to_string(options.contacts.size()) +
+                      " obstacles and walls (allowed: " + std::to_string(most_contacts) +
+                      "). Join obstacles, or leave the forces out");
 }
 
 }  // namespace
@@ -338,6 +352,11 @@ TrajectoryWriter::~TrajectoryWriter() {
 }
 
 void TrajectoryWriter::append(const ParticleFrame& frame) { impl_->append(frame); }
+
+void TrajectoryWriter::append_forces(const std::vector<ContactForce>& forces) {
+  GRAUPEL_ASSERT(!impl_->closed && impl_->contacts);
+  impl_->guarded("write forces to", [&] { impl_->contacts->append(forces); });
+}
 
 const std::vector<ParticleFrame>& TrajectoryWriter::checkpoint() {
   GRAUPEL_ASSERT(!impl_->closed);

@@ -25,6 +25,7 @@ UnfinishedTrajectory::UnfinishedTrajectory(const std::string& file) : size_(std:
       (active_ && active_->size[1] != particles))
     throw hdf5::Failure("its datasets have different sizes");
   fields_ = open_field_datasets(group_, particles, size_);
+  contacts_ = open_contact_datasets(group_, size_);
 }
 
 Trajectory UnfinishedTrajectory::header() const {
@@ -45,6 +46,7 @@ TrajectoryWriteOptions UnfinishedTrajectory::contents() const {
   options.velocity = velocity_.has_value();
   options.active = active_.has_value();
   for (const auto& [field, dataset] : fields_) options.fields.add(field);
+  if (contacts_) options.contacts = contacts_->names;
   return options;
 }
 
@@ -95,6 +97,10 @@ std::optional<ParticleFrame> UnfinishedTrajectory::read(hsize_t row) const {
     return std::nullopt;
   }
   return frame;
+}
+
+FrameForces UnfinishedTrajectory::contact_forces(hsize_t row) const {
+  return row < contacts_->row_count() ? contacts_->read(row) : FrameForces(contacts_->names.size());
 }
 
 std::map<std::string, std::string> UnfinishedTrajectory::attributes() const {

@@ -6,6 +6,7 @@
 #include <string>
 
 #include "io/hdf5/hdf5_dataset.h"
+#include "io/trajectory/contact_datasets.h"
 #include "io/trajectory/trajectory_file.h"
 
 namespace graupel::io {
@@ -27,6 +28,8 @@ class UnfinishedTrajectory {
   /// The frame at `row`, or nothing when a chunk is missing or fails its checksum. The first one has velocities where
   /// only these are stored.
   std::optional<ParticleFrame> read(hsize_t row) const;
+  /// Forces at `row`, of a file whose contents() has contacts; zeros where they are missing.
+  FrameForces contact_forces(hsize_t row) const;
   /// Text attributes of the trajectory, without those of its parameters.
   std::map<std::string, std::string> attributes() const;
   std::vector<NamedValue> parameters() const;
@@ -39,6 +42,7 @@ class UnfinishedTrajectory {
   hdf5::Dataset position_, time_;
   std::optional<hdf5::Dataset> velocity_, active_;
   std::map<ParticleField, hdf5::Dataset> fields_;
+  std::optional<ContactDatasets> contacts_;
 };
 
 /// Calls `use(frame)` with each frame up to the first that is not usable; returns their number.

@@ -3,6 +3,7 @@
 
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/string.h>
+#include <nanobind/stl/vector.h>
 
 #include <cstring>
 
@@ -20,16 +21,25 @@ ParticleField field_named(const std::string& name) {
   throw ConfigError("one field at a time ('" + name + "'). Ask for each alone");
 }
 
+/// [names, 3].
+nb::ndarray<nb::numpy, const double> array_of(const std::vector<ContactForce>& forces, Vec3d ContactForce::*member) {
+  std::vector<double> values;
+  for (const ContactForce& one : forces)
+    for (int d = 0; d < 3; ++d) values.push_back((one.*member)[d]);
+  return python::array_of(std::move(values), {forces.size(), 3});
+}
+
 class PySimulation {
  public:
   PySimulation(const Scene& scene, const std::string& device, const std::string& precision,
-               std::optional<uint64_t> seed) {
+               std::optional<uint64_t> seed, bool forces) {
     SimulationSettings settings;
     settings.device = parse_device(device);
     if (precision != "f32" && precision != "f64")
       throw ConfigError("precision is not known ('" + precision + "', allowed: f32, f64). Choose one of these");
     settings.f64 = precision == "f64";
     settings.seed = seed;
+    settings.contact_forces = forces;
     nb::gil_scoped_release release;
     run_ = std::make_unique<Simulation>(scene, settings);
   }
@@ -90,6 +100,19 @@ class PySimulation {
     sums["elastic"] = b.elastic;
     sums["gravitational"] = b.gravitational;
     return sums;
+  }
+  nb::dict contact_forces() {
+    const InUse in_use(busy_);
+    const std::vector<ContactForce> forces = run_->contact_forces();
+    if (forces.empty())
+      throw ConfigError("the run keeps no count of forces. Make it with Simulation(scene, forces=True)");
+    nb::dict found;
+    found["names"] = contact_names(run_->scene());
+    found["impulse"] = array_of(forces, &ContactForce::impulse);
+    found["force"] = array_of(forces, &ContactForce::force);
+    found["torque"] = array_of(forces, &ContactForce::torque);
+    found["reference"] = array_of(forces, &ContactForce::reference);
+    return found;
   }
   nb::bytes save_state() {
     const InUse in_use(busy_);
@@ -162,11 +185,12 @@ void bind_simulation(nb::module_& module) {
       "One Python thread at a time may use a run; a second one gets a RuntimeError.\n"
       "Arrays are read-only views without a copy of the state when they were asked for. They stay\n"
       "valid and unchanged after later frames and after the run's end.")
-      .def(nb::init<const Scene&, const std::string&, const std::string&, std::optional<uint64_t>>(), "scene"_a,
-           "device"_a = "cpu", "precision"_a = "f32", "seed"_a = nb::none(),
+      .def(nb::init<const Scene&, const std::string&, const std::string&, std::optional<uint64_t>, bool>(), "scene"_a,
+           "device"_a = "cpu", "precision"_a = "f32", "seed"_a = nb::none(), "forces"_a = false,
            "Samples the sources and builds the obstacles.\n\n"
            "device: 'cpu', 'cuda' or 'auto'; precision: 'f32' or 'f64' (CPU alone); seed of the particle sampling,\n"
-           "default the scene's. Raises ConfigError for what cannot run, InputError for geometry that cannot be used.")
+           "default the scene's; forces: keep count of contact_forces(). Raises ConfigError for what cannot run,\n"
+           "InputError for geometry that cannot be used.")
       .def("step", &PySimulation::step,
            "One substep of the solver; True once the frame is done. On a GPU it may be the whole frame.")
       .def("advance_frame", &PySimulation::advance_frame,
@@ -187,6 +211,11 @@ void bind_simulation(nb::module_& module) {
            "'deformation_gradient' [n, 3, 3] (elastic part), 'plastic' [n].")
       .def("balance", &PySimulation::balance, nb::sig("def balance(self) -> dict"),
            "Sums over all particles: mass kg, momentum kg m/s, kinetic, elastic, gravitational J.")
+      .def(
+          "contact_forces", &PySimulation::contact_forces, nb::sig("def contact_forces(self) -> dict"),
+          "What the matter did to each obstacle and wall in the frame before, with Simulation(scene, forces=True):\n"
+          "'names' [k], and f64 [k, 3] 'impulse' N s, 'force' N and 'torque' N m (means of the frame), 'reference' m,\n"
+          "the point that the torque is about. Raises ConfigError without forces=True.")
       .def("save_state", &PySimulation::save_state,
            "The whole state between two frames as bytes; a run that loads it goes on exactly.")
       .def("load_state", &PySimulation::load_state, "state"_a,

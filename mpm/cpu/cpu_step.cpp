@@ -124,6 +124,14 @@ void particle_to_grid_tuned(const SolverView<T>& view, T dt, InstructionSet set,
 }
 
 template <typename T>
+void update_grid_tuned(const SolverView<T>& view, T dt, InstructionSet set) {
+  const CpuKernels<T>& kernels = cpu_kernels<T>(set);
+  const CpuStep<T> step = cpu_step(view, dt);
+  parallel_for_cpu(
+      view.blocks.node_count, [&](int64_t block) { kernels.update_nodes(step, block); }, Grain{8});
+}
+
+template <typename T>
 StepStatistics advance_tuned(const SolverView<T>& view, T dt, AdvanceParts parts, Buffer<StepStatistics>& records,
                              InstructionSet set) {
   if (view.blocks.owner_count == 0) return {};
@@ -146,6 +154,7 @@ StepStatistics advance_tuned(const SolverView<T>& view, T dt, AdvanceParts parts
 
 #define GRAUPEL_INSTANTIATE(T)                                                                             \
   template void particle_to_grid_tuned<T>(const SolverView<T>&, T, InstructionSet, GridParts);             \
+  template void update_grid_tuned<T>(const SolverView<T>&, T, InstructionSet);                             \
   template StepStatistics advance_tuned<T>(const SolverView<T>&, T, AdvanceParts, Buffer<StepStatistics>&, \
                                            InstructionSet);
 GRAUPEL_INSTANTIATE(float)

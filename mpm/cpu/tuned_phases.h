@@ -15,6 +15,10 @@ enum class GridParts {
 template <typename T>
 void particle_to_grid_tuned(const SolverView<T>& view, T dt, InstructionSet set, GridParts parts);
 
+/// The grid update alone, after GridParts::sums.
+template <typename T>
+void update_grid_tuned(const SolverView<T>& view, T dt, InstructionSet set);
+
 /// G2P, and of deformation and motion what `parts` says; the step_statistics is complete with AdvanceParts::all only,
 /// which is for particles that all take part, with nothing that moves but they (moves_plainly()).
 template <typename T>

@@ -71,11 +71,8 @@ void update_grid_block(const SolverView<T>& view, T dt, int64_t block) {
 
 template <typename T>
 bool touches_moving_obstacle(const SolverView<T>& view, int32_t key) {
-  const Vec<T, 3> low = node_position<3>(view.grid, key, 0),
-                  high = node_position<3>(view.grid, key, nodes_per_block<3> - 1);
-  for (int32_t i = 0; i < view.moving.count; ++i)
-    if (within_reach(view.moving.start.obstacles[view.moving.index[i]], low, high, view.grid.dx)) return true;
-  return false;
+  return any_within_reach(view.moving, node_position<3>(view.grid, key, 0),
+                          node_position<3>(view.grid, key, nodes_per_block<3> - 1), view.grid.dx);
 }
 
 template bool touches_moving_obstacle<float>(const SolverView<float>&, int32_t);

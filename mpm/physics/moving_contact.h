@@ -21,6 +21,15 @@ GRAUPEL_HD inline bool within_reach(const sparsegrid::ObstacleView& obstacle, co
   return meets;
 }
 
+/// The same of any of them.
+template <typename T>
+GRAUPEL_HD inline bool any_within_reach(const MovingObstacleView<T>& moving, const Vec<T, 3>& low,
+                                        const Vec<T, 3>& high, T dx) {
+  for (int32_t i = 0; i < moving.count; ++i)
+    if (within_reach(moving.start.obstacles[moving.index[i]], low, high, dx)) return true;
+  return false;
+}
+
 /// The moving obstacle that is nearest to x, or -1 where none holds the material; as EvaluateNodes does for the others.
 template <int D, typename T>
 GRAUPEL_HD inline int32_t holding_obstacle(const MovingObstacleView<T>& moving, const Vec<T, 3>& x, T dx,

@@ -113,6 +113,7 @@ void Solver<T>::load_state(const std::vector<std::byte>& state) {
   statistics_.solver_seconds = seconds;
   find_owner_blocks(view());
   grid_.blocks.invalidate();
+  if (contacts_) contacts_->begin_frame();
 }
 
 template StateOwner Solver<float>::state_owner() const;

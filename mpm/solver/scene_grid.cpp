@@ -103,7 +103,8 @@ SolverView<T> SceneGrid<T>::move_nodes(const ParticleView<T>& particles, double 
   SolverView<T> v = view(particles);
   lead(v, scripted);
   if (tuned)
-    particle_to_grid_tuned(v, step, instruction_set, periodic ? GridParts::sums : GridParts::velocities);
+    particle_to_grid_tuned(v, step, instruction_set,
+                           periodic || contacts != nullptr ? GridParts::sums : GridParts::velocities);
   else
     particle_to_grid(v, step);
   if (periodic) {
@@ -112,7 +113,11 @@ SolverView<T> SceneGrid<T>::move_nodes(const ParticleView<T>& particles, double 
     std::swap(nodes_, joined_);
     v = view(particles);
   }
-  if (periodic || !tuned) update_grid(v, step);
+  if (contacts != nullptr) contacts->add_nodes(v, time, dt);
+  if (periodic || !tuned)
+    update_grid(v, step);
+  else if (contacts != nullptr)
+    update_grid_tuned(v, step, instruction_set);
   return v;
 }
 

@@ -11,6 +11,7 @@
 #include "mpm/phases/phases.h"
 #include "mpm/sampling.h"
 #include "mpm/simulation.h"
+#include "mpm/solver/contact_recorder.h"
 
 namespace graupel::mpm {
 
@@ -51,6 +52,7 @@ struct SceneGrid {
   ObstacleNodes<T> obstacle_nodes;
   BlockTable blocks;
   Buffer<StepStatistics> records;
+  ContactRecorder<T>* contacts = nullptr;  ///< is told of every grid update; null: nobody asks
 
  private:
   Vec3d first_gravity_;  ///< at time 0

@@ -40,6 +40,8 @@ Solver<T>::Solver(const Scene& scene, const SimulationOptions& options, const Sa
       user_laws_(laws_of(sampled.material_names, laws)),
       grid_(options, with_carriers(scene, laws), sampled, obstacles, static_cast<int64_t>(sampled.position.size())),
       loads_(options.device, scene.loads, sampled.position.size()) {
+  if (options.contact_forces) contacts_ = std::make_unique<ContactRecorder<T>>(options.device, scene);
+  grid_.contacts = contacts_.get();
   for (const MaterialConfig& m : grid_.material_configs)
     if (is_fluid(m.model)) diffusivity_ = std::max(diffusivity_, m.viscosity / m.density);
   for (const int32_t m : sampled.material)
@@ -106,9 +108,10 @@ void Solver<T>::advance_particles(const SolverView<T>& v, double dt) {
   const T step = static_cast<T>(dt);
   const bool keeps_affine = scene_.transfer.scheme == TransferScheme::apic && scene_.transfer.damping == 0;
   const bool apart = grid_.lifecycle.has_scripts() || !user_laws_.empty();
-  const AdvanceParts parts = apart                              ? AdvanceParts::gather
-                             : keeps_affine && moves_plainly(v) ? AdvanceParts::all
-                                                                : AdvanceParts::gather_and_deform;
+  const bool at_once = keeps_affine && moves_plainly(v) && !contacts_;
+  const AdvanceParts parts = apart     ? AdvanceParts::gather
+                             : at_once ? AdvanceParts::all
+                                       : AdvanceParts::gather_and_deform;
   step_statistics_ = advance_tuned(v, step, parts, grid_.records, grid_.instruction_set);
   if (parts == AdvanceParts::all) return;
   if (parts == AdvanceParts::gather) {
@@ -138,6 +141,7 @@ void Solver<T>::deform(const SolverView<T>& v, T step) const {
 template <typename T>
 void Solver<T>::move(const SolverView<T>& v, T step, double dt) {
   apply_transfer_scheme(view(), scene_.transfer, dt);
+  if (contacts_) contacts_->add_push_out(v, time(), dt);
   step_statistics_ = move_particles(v, step, grid_.records);
   if (!user_laws_.empty()) add_user_statistics(v, step, user_laws_, step_statistics_);
 }
@@ -180,6 +184,7 @@ void Solver<T>::begin_frame() {
       policy.policy == StepPolicy::adaptive ? 0 : largest_step(policy, scene_.domain.dx, scene_.frame_time, speeds());
   equal_steps_left_ = equal_step_ > 0 ? std::llround((scene_.frame_time - frame_elapsed_) / equal_step_) : 0;
   in_frame_ = true;
+  if (contacts_) contacts_->begin_frame();
 }
 
 template <typename T>
@@ -272,6 +277,11 @@ RunStatistics Solver<T>::statistics() const {
   s.peak_bytes = memory_bytes();
   s.loads_without_carriers = loads_.without_carriers();
   return s;
+}
+
+template <typename T>
+std::vector<ContactForce> Solver<T>::contact_forces() const {
+  return contacts_ ? contacts_->forces(time()) : std::vector<ContactForce>{};
 }
 
 template <typename T>

@@ -35,6 +35,7 @@ class Solver final : public Simulation {
   ParticleFields fields(FieldSet wanted) const override;
   Diagnostics diagnostics() const override;
   RunStatistics statistics() const override;
+  std::vector<ContactForce> contact_forces() const override;
   void carry_tracers(const std::vector<Vec3f>& position, const std::vector<Vec3f>& velocity,
                      const std::vector<double>& birth_time) override;
   std::vector<Vec3f> tracers() const override { return tracers_.positions(); }
@@ -84,6 +85,7 @@ class Solver final : public Simulation {
   Particles<T> spare_;  ///< target of the next reordering
 
   RunLoads<T> loads_;
+  std::unique_ptr<ContactRecorder<T>> contacts_;  ///< where forces were asked for
 
   StepStatistics step_statistics_;  ///< of the present state
   int64_t frames_done_ = 0;

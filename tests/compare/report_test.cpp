@@ -10,6 +10,7 @@
 
 #include "compare/comparison_files.h"
 #include "compare/report/base64.h"
+#include "compare/report/force_plots.h"
 #include "compare/report/plot_svg.h"
 #include "core/system/atomic_file.h"
 #include "core/system/error.h"
@@ -50,6 +51,24 @@ TEST(PlotSvg, DrawsEveryLineWithItsLabelEscaped) {
   EXPECT_NE(svg.find("a &lt; b &amp; c"), std::string::npos);
   EXPECT_EQ(svg.find("nan"), std::string::npos);
   EXPECT_NE(svg.find("stroke-dasharray"), std::string::npos);
+}
+
+TEST(ForcePlots, ShowTheMostLoadedFirstAndNothingThatIsNotTouched) {
+  EXPECT_TRUE(force_plots({}).empty());
+  ContactForces forces{{"obstacle_0", "obstacle_1", "wall_x_low"}, {}};
+  for (int frame = 0; frame < 4; ++frame) {
+    std::vector<ContactForce> on(3);
+    on[1].force = {0, -4.0 * frame, 3.0 * frame};
+    on[2].force = {7, 0, 0};
+    forces.frames.push_back(on);
+  }
+  const std::vector<Plot> plots = force_plots(forces);
+  ASSERT_EQ(plots.size(), 1u);  // there is no torque
+  ASSERT_EQ(plots[0].lines.size(), 2u);
+  EXPECT_EQ(plots[0].lines[0].label, "obstacle_1");
+  EXPECT_EQ(plots[0].lines[0].y, (std::vector<double>{5, 10, 15}));
+  EXPECT_EQ(plots[0].lines[0].x, (std::vector<double>{1, 2, 3}));
+  EXPECT_EQ(plots[0].lines[1].label, "wall_x_low");
 }
 
 TEST(PlotSvg, PlacesPointsByTheAxis) {

@@ -47,6 +47,23 @@ TEST(PublicSimulation, SumsAreThoseOfTheBlock) {
   EXPECT_NEAR(run.balance().momentum[1] - start.momentum[1], -9.8 / 60 * start.mass, 1e-9);
 }
 
+TEST(PublicSimulation, ForcesOnWallsAreWhatTheBlockLosesOfItsMomentum) {
+  Scene scene = spinning_block("jelly");
+  scene.sources[0].velocity = {0, -5, 0};
+  Simulation run(scene, {.f64 = true, .contact_forces = true});
+  const Balance start = run.balance();
+  Vec3d impulse = {0, 0, 0};
+  for (int frame = 0; frame < 6; ++frame) {
+    run.advance_frame();
+    ASSERT_EQ(run.contact_forces().size(), contact_names(run.scene()).size());
+    for (const ContactForce& on : run.contact_forces()) impulse += on.impulse;
+  }
+  const Vec3d gained = run.balance().momentum - start.momentum;
+  EXPECT_LT(impulse[1], -0.1 * start.mass);
+  EXPECT_NEAR(gained[1] + impulse[1], -9.8 * run.time() * start.mass, 1e-10);
+  EXPECT_TRUE(Simulation(scene).contact_forces().empty());
+}
+
 TEST(PublicSimulation, ASceneMadeInCodeIsTheSceneOfItsText) {
   const Scene made = spinning_block("jelly");
   const Scene read = io::parse_scene(io::scene_to_json(made), "text", ".");

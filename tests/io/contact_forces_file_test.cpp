@@ -1,0 +1,137 @@
+// Forces on obstacles and walls in trajectory files: stored exactly, recovered, continued, exported.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+
+#include "core/system/atomic_file.h"
+#include "core/system/error.h"
+#include "expect_error.h"
+#include "io/export/export.h"
+#include "io/hdf5/hdf5.h"
+#include "io/trajectory/trajectory_file.h"
+#include "sample_trajectory.h"
+#include "temporary_folder.h"
+
+namespace graupel::io {
+namespace {
+
+constexpr std::size_t particles = 30;
+const TrajectoryWriteOptions with_forces{.flush_every = 4, .contacts = {"obstacle_0", "wall_x_low", "wall_x_high"}};
+
+ParticleFrame frame_at(int64_t f) {
+  ParticleFrame frame = sample_frame(particles, static_cast<int>(f));
+  frame.time = 0.1 * static_cast<double>(f);
+  return frame;
+}
+
+std::vector<ContactForce> forces_at(int64_t f) {
+  std::vector<ContactForce> forces(3);
+  for (std::size_t i = 0; i < 3; ++i) {
+    const double v = 0.1 * static_cast<double>(f) + static_cast<double>(i) / 3;
+    forces[i] = {{v, -v, 1e-9 * v}, {10 * v, 2, 3}, {v * v, 4, 5}, {0.1, 0.2, v}};
+  }
+  return forces;
+}
+
+void write_frames(TrajectoryWriter& writer, int64_t first, int64_t last) {
+  for (int64_t f = first; f <= last; ++f) {
+    writer.append(frame_at(f));
+    writer.append_forces(forces_at(f));
+  }
+}
+
+void expect_forces(const std::string& path, int64_t frames) {
+  const TrajectoryReader reader(path);
+  EXPECT_EQ(reader.contact_names(0), with_forces.contacts);
+  const auto forces = reader.contact_forces(0);
+  ASSERT_EQ(forces.size(), static_cast<std::size_t>(frames));
+  for (int64_t f = 0; f < frames; ++f) EXPECT_TRUE(forces[static_cast<std::size_t>(f)] == forces_at(f)) << f;
+  EXPECT_EQ(reader.header(0).frame_count(), static_cast<std::size_t>(frames));
+}
+
+TEST(StoredForces, ReadBackExactly) {
+  const TemporaryFolder folder;
+  TrajectoryWriter writer(folder.file("a.h5"), sample_header(particles), with_forces);
+  write_frames(writer, 0, 20);
+  writer.finish();
+  expect_forces(folder.file("a.h5"), 21);
+}
+
+TEST(StoredForces, AreNotInFilesThatDidNotAskForThem) {
+  const TemporaryFolder folder;
+  TrajectoryWriter writer(folder.file("a.h5"), sample_header(particles), {});
+  writer.append(frame_at(0));
+  writer.finish();
+  const TrajectoryReader reader(folder.file("a.h5"));
+  EXPECT_TRUE(reader.contact_names(0).empty());
+  EXPECT_TRUE(reader.contact_forces(0).empty());
+}
+
+TEST(StoredForces, OfAnUnfinishedFileAreRecovered) {
+  const TemporaryFolder folder;
+  const std::string path = folder.file("a.h5");
+  {
+    TrajectoryWriter writer(path, sample_header(particles), with_forces);
+    write_frames(writer, 0, 13);
+  }
+  const int64_t usable = recover_part_file(path, true);
+  ASSERT_GE(usable, 8);
+  expect_forces(path, usable);
+}
+
+TEST(StoredForces, GoOnWhereTheSavedStateIs) {
+  const TemporaryFolder folder;
+  for (const int64_t saved : {0, 3, 6, 8}) {
+    const std::string path = folder.file("run" + std::to_string(saved) + ".h5");
+    TrajectoryCheckpoint checkpoint;
+    {
+      TrajectoryWriter writer(path, sample_header(particles), with_forces);
+      write_frames(writer, 0, saved);
+      checkpoint = {saved, writer.checkpoint()};
+      if (checkpoint.recent.empty()) checkpoint.recent = {frame_at(saved)};
+      write_frames(writer, saved + 1, 9);
+    }
+    TrajectoryWriter writer(path, sample_header(particles), with_forces, checkpoint);
+    write_frames(writer, saved + 1, 12);
+    writer.finish();
+    expect_forces(path, 13);
+  }
+}
+
+TEST(StoredForces, AFileWithoutThemCannotGoOnWithThem) {
+  const TemporaryFolder folder;
+  const std::string path = folder.file("a.h5");
+  TrajectoryCheckpoint checkpoint;
+  {
+    TrajectoryWriter writer(path, sample_header(particles), {});
+    writer.append(frame_at(0));
+    checkpoint = {0, writer.checkpoint()};
+  }
+  expect_error<InputError>([&] { TrajectoryWriter(path, sample_header(particles), with_forces, checkpoint); },
+                           {"stores position, velocity, and the run position, velocity, forces"});
+}
+
+TEST(StoredForces, MoreObstaclesThanAFileCanNameAreRefused) {
+  const TemporaryFolder folder;
+  TrajectoryWriteOptions options;
+  options.contacts.resize(most_contacts, "obstacle_2047");
+  TrajectoryWriter fits(folder.file("a.h5"), sample_header(particles), options);
+  options.contacts.push_back("one more");
+  expect_error<ConfigError>([&] { TrajectoryWriter(folder.file("b.h5"), sample_header(particles), options); },
+                            {"2049", "2048"});
+}
+
+TEST(StoredForces, CsvHasALineAFrameAndSurfaceWithUnits) {
+  const TemporaryFolder folder;
+  export_forces({{0, 0.1}, {"obstacle_0", "wall_x_low", "wall_x_high"}, {forces_at(0), forces_at(1)}},
+                folder.file("f.csv"));
+  const std::string text = read_file(folder.file("f.csv"), 1 << 20);
+  EXPECT_EQ(std::count(text.begin(), text.end(), '\n'), 7);
+  EXPECT_EQ(text.substr(0, text.find('\n')),
+            "frame,time_s,name,impulse_x_N_s,impulse_y_N_s,impulse_z_N_s,force_x_N,force_y_N,force_z_N,torque_x_N_m,"
+            "torque_y_N_m,torque_z_N_m,reference_x_m,reference_y_m,reference_z_m");
+  EXPECT_NE(text.find("\n1,0.1,obstacle_0,0.1,-0.1,1e-10,1,2,3,"), std::string::npos) << text;
+}
+
+}  // namespace
+}  // namespace graupel::io
